@@ -1,0 +1,43 @@
+#include "core/alloc.h"
+
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+size_t hada_size_product(size_t count, size_t size)
+{
+    return size && count > SIZE_MAX / size ? SIZE_MAX : count * size;
+}
+
+static hada_status no_memory(size_t bytes, const char *what, hada_error *err)
+{
+    return hada_fail(err, HADA_ERROR_MEMORY, "no memory for %s (%.1f MiB); close other programs or work on smaller frames",
+                     what, (double)bytes / (1024.0 * 1024.0));
+}
+
+hada_status hada_alloc(void **out, size_t count, size_t size, const char *what, hada_error *err)
+{
+    size_t bytes = hada_size_product(count, size);
+    *out = bytes > SIZE_MAX / 2 ? NULL : calloc(bytes ? bytes : 1, 1);
+    return *out ? HADA_OK : no_memory(bytes, what, err);
+}
+
+hada_status hada_alloc_raw(void **out, size_t count, size_t size, const char *what, hada_error *err)
+{
+    size_t bytes = hada_size_product(count, size);
+    *out = NULL;
+    if (bytes <= SIZE_MAX / 2) {
+        size_t whole = (bytes + 63) / 64 * 64;
+        *out = aligned_alloc(64, whole ? whole : 64);
+    }
+    return *out ? HADA_OK : no_memory(bytes, what, err);
+}
+
+char *hada_string_copy(const char *text)
+{
+    size_t bytes = strlen(text) + 1;
+    char *copy = malloc(bytes);
+    if (copy)
+        memcpy(copy, text, bytes);
+    return copy;
+}

@@ -1,0 +1,52 @@
+/* A queue slot: one thread's place on a device. It owns three in-order queues, its own kernel objects
+ * (clSetKernelArg on a shared kernel is the one OpenCL call that is not thread-safe) and scratch memory. Internal.
+ *
+ * One slot is used by one thread at a time; different slots of a context are independent. */
+#ifndef HADA_DEVICE_SLOT_H
+#define HADA_DEVICE_SLOT_H
+
+#include "device/device.h"
+
+typedef struct hada_slot_kernel_entry hada_slot_kernel_entry;
+
+typedef struct hada_slot {
+    hada_context *context;
+    cl_command_queue queue;     /* compute */
+    cl_command_queue queue_in;  /* host to device */
+    cl_command_queue queue_out; /* device to host */
+    hada_slot_kernel_entry *kernels;
+} hada_slot;
+
+hada_status hada_slot_create(hada_slot **out, hada_context *context, hada_error *err);
+void hada_slot_destroy(hada_slot **slot); /* waits for what is in flight */
+
+/* A kernel object of this slot: `file` is the kernel file without path and suffix ("hadamard"), `options` the macros
+ * ("-DBATCH=4") or "" for the defaults. Compiled or loaded at first use; owned by the slot. */
+hada_status hada_slot_kernel(hada_slot *slot, const char *file, const char *kernel, const char *options, cl_kernel *out,
+                             hada_error *err);
+
+/* One kernel argument: HADA_ARG(value) for scalars and cl_mem, HADA_ARG_LOCAL(bytes) for local memory. */
+typedef struct hada_arg {
+    size_t size;
+    const void *value;
+} hada_arg;
+#define HADA_ARG(variable) \
+    {                      \
+        sizeof(variable), &(variable) \
+    }
+#define HADA_ARG_LOCAL(bytes) \
+    {                         \
+        (bytes), NULL         \
+    }
+#define HADA_COUNT(array) (sizeof(array) / sizeof *(array))
+
+/* Sets all arguments and enqueues on the compute queue. `global` must be a multiple of `local` in each dimension;
+ * give few, fixed local sizes (PoCL compiles once for each). `name` is used in messages. */
+hada_status hada_slot_launch(hada_slot *slot, cl_kernel kernel, const char *name, unsigned dimensions,
+                             const size_t *global, const size_t *local, const hada_arg *args, size_t arg_count,
+                             hada_error *err);
+
+/* Waits until everything in the compute queue is done. */
+hada_status hada_slot_finish(hada_slot *slot, hada_error *err);
+
+#endif

@@ -1,0 +1,51 @@
+/* Tensors by name with text metadata, in the safetensors format (https://huggingface.co/docs/safetensors). Internal.
+ * Reading maps the file; writing streams, beside the file and renamed at the end. Little-endian. */
+#ifndef HADA_IO_SAFETENSORS_H
+#define HADA_IO_SAFETENSORS_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "core/error.h"
+
+typedef enum hada_dtype { HADA_F32 = 1, HADA_F64 = 2, HADA_F16 = 3, HADA_I32 = 4, HADA_I64 = 5, HADA_U8 = 6, HADA_BF16 = 7 } hada_dtype;
+
+#define HADA_TENSOR_DIMS 8
+typedef struct hada_tensor {
+    const char *name;
+    hada_dtype type;
+    int dims;
+    int64_t shape[HADA_TENSOR_DIMS];
+    const void *data; /* into the mapped file; at least 8-byte aligned, or copied by hada_tensors_copy_f32 */
+    size_t bytes;
+} hada_tensor;
+
+typedef struct hada_tensors hada_tensors;
+/* Checks the whole header (offsets inside the file, no overlap, sizes equal shapes) before anything is used. */
+hada_status hada_tensors_open(hada_tensors **out, const char *path, hada_error *err);
+void hada_tensors_close(hada_tensors **tensors);
+size_t hada_tensors_count(const hada_tensors *tensors);
+const hada_tensor *hada_tensors_at(const hada_tensors *tensors, size_t index);
+const hada_tensor *hada_tensors_find(const hada_tensors *tensors, const char *name); /* NULL where absent */
+/* Metadata value of a key, NULL where absent. */
+const char *hada_tensors_meta(const hada_tensors *tensors, const char *key);
+/* Copies `count` values from `first` as float32, converting from any float type. */
+hada_status hada_tensor_copy_f32(const hada_tensor *tensor, size_t first, size_t count, float *out, hada_error *err);
+
+/* Writing: declare everything, then supply the data in the order declared. */
+typedef struct hada_tensors_writer hada_tensors_writer;
+hada_status hada_tensors_create(hada_tensors_writer **out, const char *path, hada_error *err);
+hada_status hada_tensors_put_meta(hada_tensors_writer *writer, const char *key, const char *value, hada_error *err);
+hada_status hada_tensors_declare(hada_tensors_writer *writer, const char *name, hada_dtype type, int dims,
+                                 const int64_t *shape, hada_error *err);
+/* Appends bytes of the tensors in the order declared; may be called in pieces of any size. */
+hada_status hada_tensors_write(hada_tensors_writer *writer, const void *data, size_t bytes, hada_error *err);
+/* Checks that all declared bytes came, closes, renames; the writer is destroyed also on failure. */
+hada_status hada_tensors_finish(hada_tensors_writer **writer, hada_error *err);
+void hada_tensors_abandon(hada_tensors_writer **writer);
+
+/* IEEE half <-> float on the host, round to nearest even. */
+uint16_t hada_half_from_float(float value);
+float hada_float_from_half(uint16_t half);
+
+#endif

@@ -11,8 +11,9 @@ size_t hada_size_product(size_t count, size_t size)
 
 static hada_status no_memory(size_t bytes, const char *what, hada_error *err)
 {
-    return hada_fail(err, HADA_ERROR_MEMORY, "no memory for %s (%.1f MiB); close other programs or work on smaller frames",
-                     what, (double)bytes / (1024.0 * 1024.0));
+    return hada_fail(err, HADA_ERROR_MEMORY,
+                     "no memory for %s (%.1f MiB); close other programs or work on smaller frames", what,
+                     (double)bytes / (1024.0 * 1024.0));
 }
 
 hada_status hada_alloc(void **out, size_t count, size_t size, const char *what, hada_error *err)

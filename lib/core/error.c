@@ -51,9 +51,10 @@ hada_status hada_fail_cl(hada_error *err, int code, const char *call)
     /* CL_MEM_OBJECT_ALLOCATION_FAILURE, CL_OUT_OF_RESOURCES, CL_OUT_OF_HOST_MEMORY, CL_INVALID_BUFFER_SIZE */
     int memory = code == -4 || code == -5 || code == -6 || code == -61;
     hada_status status = memory ? HADA_ERROR_DEVICE_MEMORY : HADA_ERROR_DEVICE;
-    hada_fail(err, status, "%s failed with %s (%d)%s", call, hada_cl_code_name(code), code,
-              memory ? "; the device is short of memory: use fewer depths, a smaller window, half filters or another device"
-                     : "");
+    hada_fail(
+        err, status, "%s failed with %s (%d)%s", call, hada_cl_code_name(code), code,
+        memory ? "; the device is short of memory: use fewer depths, a smaller window, half filters or another device"
+               : "");
     if (err)
         err->cl_code = code;
     return status;

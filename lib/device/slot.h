@@ -7,7 +7,12 @@
 
 #include "device/device.h"
 
-typedef struct hada_slot_kernel_entry hada_slot_kernel_entry;
+/* A kernel object that the slot owns; program/kernel.c adds them. */
+typedef struct hada_slot_kernel_entry {
+    char *file, *name, *options;
+    cl_kernel kernel;
+    struct hada_slot_kernel_entry *next;
+} hada_slot_kernel_entry;
 
 typedef struct hada_slot {
     hada_context *context;
@@ -20,23 +25,20 @@ typedef struct hada_slot {
 hada_status hada_slot_create(hada_slot **out, hada_context *context, hada_error *err);
 void hada_slot_destroy(hada_slot **slot); /* waits for what is in flight */
 
-/* A kernel object of this slot: `file` is the kernel file without path and suffix ("hadamard"), `options` the macros
- * ("-DBATCH=4") or "" for the defaults. Compiled or loaded at first use; owned by the slot. */
-hada_status hada_slot_kernel(hada_slot *slot, const char *file, const char *kernel, const char *options, cl_kernel *out,
-                             hada_error *err);
+/* Kernel objects of a slot come from hada_slot_kernel() (program/kernel.h). */
 
 /* One kernel argument: HADA_ARG(value) for scalars and cl_mem, HADA_ARG_LOCAL(bytes) for local memory. */
 typedef struct hada_arg {
     size_t size;
     const void *value;
 } hada_arg;
-#define HADA_ARG(variable) \
-    {                      \
-        sizeof(variable), &(variable) \
+#define HADA_ARG(variable)                                                                                             \
+    {                                                                                                                  \
+        sizeof(variable), &(variable)                                                                                  \
     }
-#define HADA_ARG_LOCAL(bytes) \
-    {                         \
-        (bytes), NULL         \
+#define HADA_ARG_LOCAL(bytes)                                                                                          \
+    {                                                                                                                  \
+        (bytes), NULL                                                                                                  \
     }
 #define HADA_COUNT(array) (sizeof(array) / sizeof *(array))
 

@@ -6,7 +6,7 @@
 
 /* The text of a kernel file, includes flattened, embedded in the library at build time (see cmake/embed.cmake). */
 typedef struct hada_kernel_source {
-    const char *file;   /* name without suffix */
+    const char *file; /* name without suffix */
     const char *const *lines;
     size_t line_count;
 } hada_kernel_source;

@@ -1,0 +1,175 @@
+/* Butterflies: forward discrete Fourier transforms of 2, 3, 4, 5, 7, 8 and 16 values in registers, in place and in
+ * natural order. re[] and im[] hold FFT_V: float8 where a work-item carries eight transforms side by side, float where
+ * work-items share one. Odd lengths use the symmetry of cosine and sine: sums and differences of x[k] and x[p-k]. */
+#ifndef INC_FFT_RADIX_H
+#define INC_FFT_RADIX_H
+
+#ifndef FFT_V
+#define FFT_V float8
+#endif
+#define FFT_INLINE static inline __attribute__((always_inline))
+
+/* (re, im) *= c + i d */
+FFT_INLINE void fft_turn(FFT_V *re, FFT_V *im, float c, float d)
+{
+    const FFT_V a = *re;
+    *re = fma(a, (FFT_V)c, -(*im * d));
+    *im = fma(a, (FFT_V)d, *im * c);
+}
+
+FFT_INLINE void fft_radix2(FFT_V *re, FFT_V *im)
+{
+    const FFT_V a = re[0], b = im[0];
+    re[0] = a + re[1];
+    im[0] = b + im[1];
+    re[1] = a - re[1];
+    im[1] = b - im[1];
+}
+
+FFT_INLINE void fft_radix3(FFT_V *re, FFT_V *im)
+{
+    const FFT_V s = 0.866025403784438647f;
+    const FFT_V ar = re[1] + re[2], ai = im[1] + im[2], br = re[1] - re[2], bi = im[1] - im[2];
+    const FFT_V cr = fma(ar, (FFT_V)-0.5f, re[0]), ci = fma(ai, (FFT_V)-0.5f, im[0]);
+    re[0] += ar;
+    im[0] += ai;
+    re[1] = fma(bi, s, cr);
+    im[1] = fma(br, -s, ci);
+    re[2] = fma(bi, -s, cr);
+    im[2] = fma(br, s, ci);
+}
+
+FFT_INLINE void fft_radix4(FFT_V *re, FFT_V *im)
+{
+    const FFT_V ar = re[0] + re[2], ai = im[0] + im[2], br = re[0] - re[2], bi = im[0] - im[2];
+    const FFT_V cr = re[1] + re[3], ci = im[1] + im[3], dr = re[1] - re[3], di = im[1] - im[3];
+    re[0] = ar + cr;
+    im[0] = ai + ci;
+    re[1] = br + di;
+    im[1] = bi - dr;
+    re[2] = ar - cr;
+    im[2] = ai - ci;
+    re[3] = br - di;
+    im[3] = bi + dr;
+}
+
+FFT_INLINE void fft_radix5(FFT_V *re, FFT_V *im)
+{
+    const FFT_V c1 = 0.309016994374947424f, c2 = -0.809016994374947424f;
+    const FFT_V s1 = 0.951056516295153572f, s2 = 0.587785252292473129f;
+    const FFT_V a1r = re[1] + re[4], a1i = im[1] + im[4], b1r = re[1] - re[4], b1i = im[1] - im[4];
+    const FFT_V a2r = re[2] + re[3], a2i = im[2] + im[3], b2r = re[2] - re[3], b2i = im[2] - im[3];
+    const FFT_V p1r = fma(a2r, c2, fma(a1r, c1, re[0])), p1i = fma(a2i, c2, fma(a1i, c1, im[0]));
+    const FFT_V p2r = fma(a2r, c1, fma(a1r, c2, re[0])), p2i = fma(a2i, c1, fma(a1i, c2, im[0]));
+    const FFT_V q1r = fma(b2r, s2, b1r * s1), q1i = fma(b2i, s2, b1i * s1);
+    const FFT_V q2r = fma(b2r, -s1, b1r * s2), q2i = fma(b2i, -s1, b1i * s2);
+    re[0] += a1r + a2r;
+    im[0] += a1i + a2i;
+    re[1] = p1r + q1i;
+    im[1] = p1i - q1r;
+    re[4] = p1r - q1i;
+    im[4] = p1i + q1r;
+    re[2] = p2r + q2i;
+    im[2] = p2i - q2r;
+    re[3] = p2r - q2i;
+    im[3] = p2i + q2r;
+}
+
+FFT_INLINE void fft_radix7(FFT_V *re, FFT_V *im)
+{
+    const float c[3] = {0.623489801858733531f, -0.222520933956314404f, -0.900968867902419126f};
+    const float s[3] = {0.781831482468029809f, 0.974927912181823607f, 0.433883739117558120f};
+    FFT_V ar[3], ai[3], br[3], bi[3];
+#pragma unroll
+    for (int k = 0; k < 3; ++k) {
+        ar[k] = re[1 + k] + re[6 - k];
+        ai[k] = im[1 + k] + im[6 - k];
+        br[k] = re[1 + k] - re[6 - k];
+        bi[k] = im[1 + k] - im[6 - k];
+    }
+    const FFT_V x = re[0], y = im[0];
+    re[0] += ar[0] + ar[1] + ar[2];
+    im[0] += ai[0] + ai[1] + ai[2];
+#pragma unroll
+    for (int m = 1; m <= 3; ++m) {
+        FFT_V pr = x, pi = y, qr = (FFT_V)0.0f, qi = (FFT_V)0.0f;
+#pragma unroll
+        for (int k = 1; k <= 3; ++k) {
+            const int t = m * k % 7;
+            const FFT_V cosine = c[(t < 4 ? t : 7 - t) - 1], sine = t < 4 ? s[t - 1] : -s[6 - t];
+            pr = fma(ar[k - 1], cosine, pr);
+            pi = fma(ai[k - 1], cosine, pi);
+            qr = fma(br[k - 1], sine, qr);
+            qi = fma(bi[k - 1], sine, qi);
+        }
+        re[m] = pr + qi;
+        im[m] = pi - qr;
+        re[7 - m] = pr - qi;
+        im[7 - m] = pi + qr;
+    }
+}
+
+FFT_INLINE void fft_radix8(FFT_V *re, FFT_V *im)
+{
+    const FFT_V h = 0.707106781186547524f;
+    FFT_V er[4] = {re[0], re[2], re[4], re[6]}, ei[4] = {im[0], im[2], im[4], im[6]};
+    FFT_V or[4] = {re[1], re[3], re[5], re[7]}, oi[4] = {im[1], im[3], im[5], im[7]};
+    fft_radix4(er, ei);
+    fft_radix4(or, oi);
+    const FFT_V ur = (or[1] + oi[1]) * h, ui = (oi[1] - or[1]) * h;
+    const FFT_V vr = (oi[3] - or[3]) * h, vi = (or[3] + oi[3]) * h; /* minus vi */
+    re[0] = er[0] + or[0];
+    im[0] = ei[0] + oi[0];
+    re[4] = er[0] - or[0];
+    im[4] = ei[0] - oi[0];
+    re[1] = er[1] + ur;
+    im[1] = ei[1] + ui;
+    re[5] = er[1] - ur;
+    im[5] = ei[1] - ui;
+    re[2] = er[2] + oi[2];
+    im[2] = ei[2] - or[2];
+    re[6] = er[2] - oi[2];
+    im[6] = ei[2] + or[2];
+    re[3] = er[3] + vr;
+    im[3] = ei[3] - vi;
+    re[7] = er[3] - vr;
+    im[7] = ei[3] + vi;
+}
+
+FFT_INLINE void fft_radix16(FFT_V *re, FFT_V *im)
+{
+    const float c = 0.923879532511286756f, s = 0.382683432365089772f, h = 0.707106781186547524f;
+    FFT_V ar[4][4], ai[4][4];
+#pragma unroll
+    for (int j = 0; j < 4; ++j) {
+#pragma unroll
+        for (int k = 0; k < 4; ++k) {
+            ar[j][k] = re[4 * k + j];
+            ai[j][k] = im[4 * k + j];
+        }
+        fft_radix4(ar[j], ai[j]);
+    }
+    fft_turn(&ar[1][1], &ai[1][1], c, -s);
+    fft_turn(&ar[1][2], &ai[1][2], h, -h);
+    fft_turn(&ar[1][3], &ai[1][3], s, -c);
+    fft_turn(&ar[2][1], &ai[2][1], h, -h);
+    fft_turn(&ar[2][3], &ai[2][3], -h, -h);
+    fft_turn(&ar[3][1], &ai[3][1], s, -c);
+    fft_turn(&ar[3][2], &ai[3][2], -h, -h);
+    fft_turn(&ar[3][3], &ai[3][3], -c, s);
+    const FFT_V t = ar[2][2]; /* times -i */
+    ar[2][2] = ai[2][2];
+    ai[2][2] = -t;
+#pragma unroll
+    for (int k = 0; k < 4; ++k) {
+        FFT_V xr[4] = {ar[0][k], ar[1][k], ar[2][k], ar[3][k]}, xi[4] = {ai[0][k], ai[1][k], ai[2][k], ai[3][k]};
+        fft_radix4(xr, xi);
+#pragma unroll
+        for (int j = 0; j < 4; ++j) {
+            re[k + 4 * j] = xr[j];
+            im[k + 4 * j] = xi[j];
+        }
+    }
+}
+
+#endif

@@ -1,0 +1,20 @@
+/* All devices of all platforms, in a fixed order, and the choice among them. Internal. */
+#ifndef HADA_DEVICE_PLATFORM_H
+#define HADA_DEVICE_PLATFORM_H
+
+#include "device/device.h"
+
+typedef struct hada_platform_device {
+    cl_platform_id platform;
+    cl_device_id device;
+} hada_platform_device;
+
+/* *out is freed with free(). */
+hada_status hada_platform_devices(hada_platform_device **out, size_t *count, hada_error *err);
+
+/* The index in `infos` that `words` means: an index, a kind, or a part of a name; NULL or "": the first GPU, else the
+ * first accelerator when binaries are at hand, else the first CPU, else the first of all. */
+hada_status hada_device_choose(const hada_device_info *infos, size_t count, const char *words, int have_binaries,
+                               size_t *out, hada_error *err);
+
+#endif

@@ -1,0 +1,53 @@
+/* Kernel text and the keys of binaries. */
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <xxhash.h>
+
+#include "program/store.h"
+
+char *hada_kernel_text(const char *file)
+{
+    for (size_t i = 0; i < hada_kernel_source_count; i++) {
+        const hada_kernel_source *source = &hada_kernel_sources[i];
+        if (strcmp(source->file, file))
+            continue;
+        size_t bytes = 1;
+        for (size_t l = 0; l < source->line_count; l++)
+            bytes += strlen(source->lines[l]);
+        char *text = malloc(bytes), *end = text;
+        for (size_t l = 0; text && l < source->line_count; l++) {
+            size_t n = strlen(source->lines[l]);
+            memcpy(end, source->lines[l], n);
+            end += n;
+        }
+        if (text)
+            *end = '\0';
+        return text;
+    }
+    return NULL;
+}
+
+void hada_program_key(const hada_context *context, const char *file, const char *options, const char *text, char *out,
+                      size_t size)
+{
+    const char *parts[] = {HADALENS_VERSION,
+                           text,
+                           options,
+                           context->quirks.build_options,
+                           context->info.name,
+                           context->info.vendor,
+                           context->info.driver,
+                           context->info.version,
+                           context->info.platform};
+    XXH3_state_t *state = XXH3_createState();
+    XXH128_hash_t hash = {0, 0};
+    if (state && XXH3_128bits_reset(state) == XXH_OK) {
+        for (size_t i = 0; i < sizeof parts / sizeof *parts; i++)
+            XXH3_128bits_update(state, parts[i], strlen(parts[i]) + 1);
+        hash = XXH3_128bits_digest(state);
+    }
+    XXH3_freeState(state);
+    snprintf(out, size, "%s-%016" PRIx64 "%016" PRIx64 ".bin", file, hash.high64, hash.low64);
+}

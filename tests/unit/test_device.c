@@ -1,0 +1,224 @@
+/* Devices, contexts, slots, buffers, and programs: compiled, cached, offline. */
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "device/platform.h"
+#include "memory/buffer.h"
+#include "program/kernel.h"
+#include "program/program.h"
+#include "program/store.h"
+#include "testing.h"
+
+static void folder_make(char *path)
+{
+    strcpy(path, "/tmp/hadalens-test-XXXXXX");
+    assert_non_null(mkdtemp(path));
+}
+
+static void folder_remove(const char *path)
+{
+    char command[200];
+    snprintf(command, sizeof command, "rm -rf '%s'", path);
+    assert_int_equal(system(command), 0);
+}
+
+static void lists_devices_with_sizes(void **state)
+{
+    (void)state;
+    hada_device_info *infos;
+    size_t count;
+    ASSERT_OK(hada_device_list(&infos, &count, err));
+    assert_true(count >= 1);
+    for (size_t i = 0; i < count; i++) {
+        assert_int_equal(infos[i].index, i);
+        assert_true(infos[i].name[0] != '\0');
+        assert_true(infos[i].compute_units > 0);
+        assert_true(infos[i].max_allocation_bytes > 0);
+    }
+    free(infos);
+}
+
+static void chooses_by_index_kind_and_name(void **state)
+{
+    (void)state;
+    static const hada_device_info infos[] = {
+        {.kind = HADA_DEVICE_CPU, .name = "AMD EPYC", .platform = "Portable Computing Language"},
+        {.kind = HADA_DEVICE_GPU, .name = "NVIDIA H200", .platform = "NVIDIA CUDA"},
+        {.kind = HADA_DEVICE_ACCELERATOR, .name = "Stratix 10", .platform = "Intel FPGA"},
+    };
+    static const hada_device_info no_gpu[] = {
+        {.kind = HADA_DEVICE_CPU, .name = "AMD EPYC"},
+        {.kind = HADA_DEVICE_ACCELERATOR, .name = "Stratix 10"},
+    };
+    static const struct {
+        const char *words;
+        size_t index;
+    } rows[] = {{"0", 0},    {"2", 2},       {"cpu", 0},      {"GPU", 1}, {"accelerator", 2},
+                {"h200", 1}, {"stratix", 2}, {"portable", 0}, {"", 1},    {NULL, 1}};
+    size_t chosen = 99;
+    for (size_t i = 0; i < HADA_COUNT(rows); i++) {
+        ASSERT_OK(hada_device_choose(infos, 3, rows[i].words, 0, &chosen, err));
+        assert_int_equal(chosen, rows[i].index);
+    }
+    ASSERT_OK(hada_device_choose(no_gpu, 2, NULL, 0, &chosen, err));
+    assert_int_equal(chosen, 0);
+    ASSERT_OK(hada_device_choose(no_gpu, 2, NULL, 1, &chosen, err));
+    assert_int_equal(chosen, 1); /* binaries at hand: the FPGA serves */
+    hada_error error;
+    static const char *const wrong[] = {"7", "-1", "teapot", "other"};
+    for (size_t i = 0; i < HADA_COUNT(wrong); i++) {
+        assert_int_equal(hada_device_choose(infos, 3, wrong[i], 0, &chosen, &error), HADA_ERROR_DEVICE_CHOICE);
+        assert_non_null(strstr(error.message, "NVIDIA H200")); /* the message lists what there is */
+    }
+}
+
+static void counts_bytes_and_keeps_the_peak(void **state)
+{
+    (void)state;
+    hada_context *context;
+    hada_buffer a, b;
+    hada_error error;
+    ASSERT_OK(hada_context_create(&context, NULL, err));
+    hada_context_reset_peak(context);
+    assert_int_equal(hada_context_bytes(context), 0);
+    ASSERT_OK(hada_buffer_create(&a, context, 1000, "a", err));
+    ASSERT_OK(hada_buffer_create(&b, context, 5 << 20, "b", err));
+    hada_buffer_destroy(&a);
+    assert_int_equal(hada_context_bytes(context), 5 << 20);
+    assert_int_equal(hada_context_peak_bytes(context), (5 << 20) + 1000);
+    assert_int_equal(hada_buffer_create(&a, context, SIZE_MAX / 2, "the filters", &error), HADA_ERROR_DEVICE_MEMORY);
+    assert_non_null(strstr(error.message, "the filters"));
+    hada_buffer_destroy(&b);
+    hada_buffer_destroy(&b);
+    assert_int_equal(hada_context_bytes(context), 0);
+    hada_context_destroy(&context);
+    assert_null(context);
+}
+
+static void moves_bytes_to_and_fro(void **state)
+{
+    (void)state;
+    hada_context *context;
+    hada_slot *slot;
+    hada_buffer buffer;
+    ASSERT_OK(hada_context_create(&context, NULL, err));
+    ASSERT_OK(hada_slot_create(&slot, context, err));
+    static const size_t sizes[] = {1, 7, 4096, (3 << 20) + 5};
+    for (size_t s = 0; s < HADA_COUNT(sizes); s++) {
+        unsigned char *in = malloc(sizes[s]), *out = malloc(sizes[s]);
+        for (size_t i = 0; i < sizes[s]; i++)
+            in[i] = (unsigned char)(i * 31 + s);
+        ASSERT_OK(hada_buffer_create_from(&buffer, slot, in, sizes[s], "bytes", err));
+        if (sizes[s] > 6)
+            ASSERT_OK(hada_buffer_clear(&buffer, slot, 2, 3, err));
+        ASSERT_OK(hada_buffer_read(&buffer, slot, 0, out, sizes[s], err));
+        if (sizes[s] > 6)
+            in[2] = in[3] = in[4] = 0;
+        assert_memory_equal(in, out, sizes[s]);
+        hada_error error;
+        assert_int_equal(hada_buffer_read(&buffer, slot, 1, out, sizes[s], &error), HADA_ERROR_SIZE);
+        hada_buffer_destroy(&buffer);
+        free(in);
+        free(out);
+    }
+    hada_slot_destroy(&slot);
+    hada_context_destroy(&context);
+}
+
+static void programs_come_from_the_cache_the_second_time(void **state)
+{
+    (void)state;
+    char folder[64];
+    hada_context *context;
+    hada_context_options options;
+    folder_make(folder);
+    hada_context_options_init(&options);
+    options.cache = folder;
+    ASSERT_OK(hada_context_create(&context, &options, err));
+    assert_int_equal(hada_context_programs_compiled(context), 1);
+    hada_context_destroy(&context);
+    ASSERT_OK(hada_context_create(&context, &options, err));
+    assert_int_equal(hada_context_programs_compiled(context), 0);
+    assert_int_equal(hada_context_programs_loaded(context), 1);
+    hada_context_destroy(&context);
+    /* a damaged cache entry is only a slower start */
+    char command[300];
+    snprintf(command, sizeof command,
+             "for f in %s/*; do printf x | dd of=$f bs=1 seek=100 conv=notrunc status=none; done", folder);
+    assert_int_equal(system(command), 0);
+    ASSERT_OK(hada_context_create(&context, &options, err));
+    assert_int_equal(hada_context_programs_compiled(context), 1);
+    hada_context_destroy(&context);
+    folder_remove(folder);
+    /* so is a cache that cannot be written */
+    options.cache = "/proc/none";
+    ASSERT_OK(hada_context_create(&context, &options, err));
+    hada_context_destroy(&context);
+}
+
+static void offline_binaries_need_no_compiler(void **state)
+{
+    (void)state;
+    char folder[64];
+    hada_context *context;
+    hada_context_options options;
+    hada_error error;
+    folder_make(folder);
+    hada_context_options_init(&options);
+    options.cache = "off";
+    options.binaries = folder;
+    assert_int_equal(hada_context_create(&context, &options, &error), HADA_ERROR_BUILD);
+    assert_null(context);
+    assert_non_null(strstr(error.message, "--save-binaries")); /* says what to do */
+    options.binaries = NULL;
+    ASSERT_OK(hada_context_create(&context, &options, err));
+    ASSERT_OK(hada_programs_save(context, folder, err));
+    assert_int_equal(hada_programs_save(context, "/proc/none/x", &error), HADA_ERROR_FILE_WRITE);
+    hada_context_destroy(&context);
+    options.binaries = folder;
+    ASSERT_OK(hada_context_create(&context, &options, err));
+    assert_int_equal(hada_context_programs_compiled(context), 0);
+    hada_slot *slot;
+    cl_kernel kernel;
+    ASSERT_OK(hada_slot_create(&slot, context, err));
+    for (size_t i = 0; i < hada_manifest_count; i++) {
+        cl_program program;
+        if (strcmp(hada_manifest[i].shapes, "groups"))
+            ASSERT_OK(hada_program_get(context, hada_manifest[i].file, hada_manifest[i].options, &program, err));
+    }
+    assert_int_equal(hada_slot_kernel(slot, "selftest", "no_such_kernel", "", &kernel, &error), HADA_ERROR_DEVICE);
+    assert_int_equal(hada_slot_kernel(slot, "no_such_file", "x", "", &kernel, &error), HADA_ERROR_BUILD);
+    assert_int_equal(hada_context_programs_compiled(context), 0);
+    hada_slot_destroy(&slot);
+    hada_context_destroy(&context);
+    folder_remove(folder);
+}
+
+static void a_kernel_that_does_not_build_says_so(void **state)
+{
+    (void)state;
+    hada_context *context;
+    cl_program program;
+    hada_error error;
+    ASSERT_OK(hada_context_create(&context, NULL, err));
+    assert_int_equal(hada_program_compile(context, "broken", "", "__kernel void f(", &program, &error),
+                     HADA_ERROR_BUILD);
+    assert_non_null(strstr(error.message, "broken.cl"));
+    assert_true(error.detail[0] != '\0');
+    hada_context_destroy(&context);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(lists_devices_with_sizes),
+        cmocka_unit_test(chooses_by_index_kind_and_name),
+        cmocka_unit_test(counts_bytes_and_keeps_the_peak),
+        cmocka_unit_test(moves_bytes_to_and_fro),
+        cmocka_unit_test(programs_come_from_the_cache_the_second_time),
+        cmocka_unit_test(offline_binaries_need_no_compiler),
+        cmocka_unit_test(a_kernel_that_does_not_build_says_so),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,76 @@
+/* Hadalens: learning a camera from pairs (raw frame, known scene), exactly, in one pass.
+ *
+ * With a squared error each frequency is its own least-squares problem, so a filter needs only sums over the pairs of
+ * a depth: Sxb = sum X conj(B), Sbb = sum |B|^2, Sxx = sum |X|^2 (docs/filters.md). The sums are streamed: memory does
+ * not grow with the number of pairs. They can be saved, loaded, added to, and merged.
+ * A second pass over some pairs chooses alpha and lambda, and whether refinement pays, by leave-one-out.
+ *
+ * Threads: one fitter is used by one thread at a time. */
+#ifndef HADALENS_FIT_H
+#define HADALENS_FIT_H
+
+#include <hadalens/device.h>
+#include <hadalens/image.h>
+#include <hadalens/model.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct hada_fitter hada_fitter;
+
+typedef struct hada_fit_options {
+    size_t size; /* sizeof(hada_fit_options) */
+    int depths, channels;
+    const double *distances_mm; /* near to far */
+    int raw_rows, raw_cols, window_rows, window_cols;
+    hada_boundary boundary; /* HADA_BOUNDARY_CIRCULAR by default */
+    hada_form form;         /* HADA_FORM_COMPLEX (default) or HADA_FORM_SPLIT */
+    double dark;            /* taken off the raw frames */
+    double alpha, lambda;   /* negative (default): chosen by leave-one-out */
+    int refine_steps;       /* negative (default): chosen by leave-one-out; 0: none */
+} hada_fit_options;
+HADA_API void hada_fit_options_init(hada_fit_options *options);
+
+HADA_API hada_status hada_fitter_create(hada_fitter **out, hada_context *context, const hada_fit_options *options,
+                                        hada_error *err);
+HADA_API void hada_fitter_destroy(hada_fitter **fitter);
+
+/* Bytes of device memory that a fitter holds, whatever the number of pairs. */
+HADA_API uint64_t hada_fitter_bytes(const hada_fitter *fitter);
+
+/* First pass: adds a pair to the sums of a depth. `scene` has the window's size (or the raw frame's, then its centre is
+ * used). Non-finite values are refused (HADA_ERROR_NOT_FINITE) and leave the sums as they were. */
+HADA_API hada_status hada_fitter_add(hada_fitter *fitter, int depth, const hada_image *raw, const hada_image *scene,
+                                     hada_error *err);
+
+/* Sums to and from a file (safetensors); loading adds to what is there, so files from several machines merge. */
+HADA_API hada_status hada_fitter_save_sums(hada_fitter *fitter, const char *path, hada_error *err);
+HADA_API hada_status hada_fitter_load_sums(hada_fitter *fitter, const char *path, hada_error *err);
+
+/* Number of pairs in the sums of a depth. */
+HADA_API int64_t hada_fitter_pairs(const hada_fitter *fitter, int depth);
+
+/* Second pass, optional: gives a pair that is among the sums again; its leave-one-out errors are added to the score
+ * table. Without any, alpha and lambda fall back to stated defaults. */
+HADA_API hada_status hada_fitter_score(hada_fitter *fitter, int depth, const hada_image *raw, const hada_image *scene,
+                                       hada_error *err);
+
+/* A row of the leave-one-out table: mean PSNR of held-out pairs when only their depth is occupied, and when one other
+ * depth is occupied as well; `chosen` marks what the model takes. Refinement rows have steps > 0. */
+typedef struct hada_fit_row {
+    double alpha, lambda;
+    int refine_steps;
+    double refine_rho;
+    double psnr_single, psnr_double;
+    int chosen;
+} hada_fit_row;
+
+/* Chooses, solves W and H, and makes the model. *rows (may be NULL) is freed with free(). */
+HADA_API hada_status hada_fitter_finish(hada_fitter *fitter, hada_model **out, hada_fit_row **rows, size_t *row_count,
+                                        hada_error *err);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

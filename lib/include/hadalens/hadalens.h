@@ -1,0 +1,17 @@
+/* Hadalens: everything at once. The headers can also be included one by one. */
+#ifndef HADALENS_HADALENS_H
+#define HADALENS_HADALENS_H
+
+#include <hadalens/device.h>
+#include <hadalens/fit.h>
+#include <hadalens/focus.h>
+#include <hadalens/image.h>
+#include <hadalens/metrics.h>
+#include <hadalens/model.h>
+#include <hadalens/optics.h>
+#include <hadalens/preview.h>
+#include <hadalens/reconstruct.h>
+#include <hadalens/status.h>
+#include <hadalens/tiff.h>
+
+#endif

@@ -1,0 +1,90 @@
+/* Hadalens: from a raw frame to a refocused stack, an all-in-focus image and a distance map.
+ *
+ * plan = model x device: knows its bytes before it allocates. run = one frame. A plan is used by one thread at a time;
+ * several plans may share a context and a model. Same input, device and build give the same bits. */
+#ifndef HADALENS_RECONSTRUCT_H
+#define HADALENS_RECONSTRUCT_H
+
+#include <hadalens/device.h>
+#include <hadalens/image.h>
+#include <hadalens/model.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Which depths a scene occupies. */
+typedef enum hada_occupied {
+    HADA_OCCUPIED_AUTO = 0, /* found by depth pursuit */
+    HADA_OCCUPIED_ALL = 1,
+    HADA_OCCUPIED_LIST = 2
+} hada_occupied;
+
+typedef enum hada_dark {
+    HADA_DARK_MODEL = 0,
+    HADA_DARK_NONE = 1,
+    HADA_DARK_AUTO = 2,
+    HADA_DARK_LEVEL = 3,
+    HADA_DARK_FRAME = 4
+} hada_dark;
+
+typedef struct hada_plan_options {
+    size_t size;       /* sizeof(hada_plan_options) */
+    const int *depths; /* indices of the depths to compute, ascending; NULL: all */
+    int depth_count;
+    hada_occupied occupied;   /* HADA_OCCUPIED_AUTO by default */
+    const int *occupied_list; /* indices of depths, for HADA_OCCUPIED_LIST */
+    int occupied_count;
+    int refine;                   /* steps; negative (default): auto, 0: linear filters alone */
+    hada_dark dark;               /* HADA_DARK_MODEL by default: what the model says */
+    double dark_level;            /* for HADA_DARK_LEVEL, in units of full scale */
+    const hada_image *dark_frame; /* for HADA_DARK_FRAME; copied */
+    int repair_not_finite;        /* 1: NaN and infinite pixels take the median of their neighbours, with a count in the
+                                     report; 0 (default): such a frame is refused */
+    int half;                     /* 1: filters on the device in half precision */
+    int batch;                    /* depths at once; 0: chosen from the memory */
+    double gamma;                 /* exponent on the finished images; 1 (default): linear */
+} hada_plan_options;
+HADA_API void hada_plan_options_init(hada_plan_options *options);
+
+typedef struct hada_plan hada_plan;
+HADA_API hada_status hada_plan_create(hada_plan **out, hada_context *context, const hada_model *model,
+                                      const hada_plan_options *options, hada_error *err);
+HADA_API void hada_plan_destroy(hada_plan **plan);
+
+/* Device bytes that the plan holds and host bytes that a run adds; hada_plan_estimate needs no device memory yet. */
+HADA_API hada_status hada_plan_estimate(hada_context *context, const hada_model *model,
+                                        const hada_plan_options *options, uint64_t *device_bytes, uint64_t *host_bytes,
+                                        hada_error *err);
+
+/* What happened, with the seconds of each stage. */
+typedef struct hada_report {
+    int occupied_count;
+    unsigned char *occupied; /* per computed depth, owned by the result */
+    int refine_steps;        /* done */
+    double residual_linear;  /* |frame - what the linear result explains| / |frame|; NaN where not computed */
+    double residual;         /* after refinement */
+    double dark;             /* level taken off */
+    size_t repaired_pixels;
+    double seconds_total, seconds_upload, seconds_linear, seconds_pursuit, seconds_refine, seconds_focus,
+        seconds_download;
+} hada_report;
+
+typedef struct hada_result {
+    int depths;
+    double *distances_mm;    /* per computed depth */
+    hada_image *planes;      /* per computed depth: channels x window */
+    hada_image all_in_focus; /* channels x window */
+    hada_image distance_map; /* 1 x window, millimetres, NaN where nothing is in focus */
+    hada_report report;
+} hada_result;
+
+/* Reconstructs one frame (the model's channels and raw size). The result is the caller's: hada_result_destroy. A result
+ * used again for the next frame keeps its memory. */
+HADA_API hada_status hada_plan_run(hada_plan *plan, const hada_image *raw, hada_result *result, hada_error *err);
+HADA_API void hada_result_destroy(hada_result *result);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,9 @@
+#!/bin/sh
+# What a library must not do: leave the process, print, change locale or environment.
+set -eu
+cd "$1"
+if grep -rnE '\b(exit|_exit|abort|printf|puts|perror|setlocale|setenv|putenv|unsetenv|assert) ?\(' lib --include='*.c' |
+    grep -vE '(snprintf|vsnprintf|XMLprintf|TIFFPrint)'; then
+    echo "the library returns errors as values and leaves the process alone"
+    exit 1
+fi

@@ -1,0 +1,310 @@
+/* The check tool: see check.h and README.md.
+ *   check [--op NAME] [--shape TEXT] [--mode correct|bits|time] [--device D] [--seed N] [--shapes FOLDER] [--csv]  */
+#include "check.h"
+
+#include <ctype.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+enum { GUARD = 256 };
+static const float guard_value = -12345.0f;
+
+typedef struct settings {
+    const char *op, *shape, *mode, *device, *folder;
+    uint64_t seed;
+    int csv;
+} settings;
+
+typedef enum verdict { PASSED, FAILED, SKIPPED } verdict;
+
+int check_get(const check_state *state, char letter, int otherwise)
+{
+    for (const char *p = state->shape; *p; p++)
+        if (*p == letter && (isdigit((unsigned char)p[1]) || p[1] == '-'))
+            return atoi(p + 1);
+    return otherwise;
+}
+
+hada_status check_output(check_state *state, size_t count, hada_error *err)
+{
+    state->out_offset = GUARD;
+    state->out_count = count;
+    state->expected = calloc(count ? count : 1, sizeof(double));
+    if (!state->expected)
+        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the expected values");
+    return hada_buffer_create(&state->out, state->slot->context, (count + 2 * GUARD) * sizeof(float), "the output", err);
+}
+
+void check_fill_integers(const check_state *state, uint64_t stream, float *out, size_t count, int largest)
+{
+    hada_random random;
+    hada_random_seed(&random, state->seed, stream);
+    for (size_t i = 0; i < count; i++)
+        out[i] = (float)((int)hada_random_below(&random, 2u * (unsigned)largest + 1) - largest);
+}
+
+void check_fill_normal(const check_state *state, uint64_t stream, float *out, size_t count)
+{
+    hada_random random;
+    hada_random_seed(&random, state->seed, stream);
+    for (size_t i = 0; i < count; i++)
+        out[i] = (float)hada_random_normal(&random);
+}
+
+static hada_status fill_guards(check_state *state, hada_error *err)
+{
+    size_t count = state->out_count + 2 * GUARD;
+    cl_int code = clEnqueueFillBuffer(state->slot->queue, state->out.mem, &guard_value, sizeof guard_value, 0,
+                                      count * sizeof(float), 0, NULL, NULL);
+    return code == CL_SUCCESS ? HADA_OK : hada_fail_cl(err, code, "clEnqueueFillBuffer");
+}
+
+/* Runs the operation once on a fresh output and reads everything back, guard zones included. */
+static hada_status run_once(check_state *state, float *all, hada_error *err)
+{
+    hada_status status = fill_guards(state, err);
+    if (!status)
+        status = state->op->launch(state, err);
+    if (!status)
+        status = hada_buffer_read(&state->out, state->slot, 0, all, (state->out_count + 2 * GUARD) * sizeof(float), err);
+    return status;
+}
+
+static verdict compare(const check_state *state, const float *all, char *note, size_t size)
+{
+    double difference = 0, norm = 0, largest = 0;
+    const float *out = all + GUARD;
+    for (size_t i = 0; i < GUARD; i++)
+        if (all[i] != guard_value || out[state->out_count + i] != guard_value) {
+            snprintf(note, size, "wrote outside its output (%zu %s)", i, all[i] != guard_value ? "before" : "after");
+            return FAILED;
+        }
+    for (size_t i = 0; i < state->out_count; i++) {
+        if (!isfinite(out[i])) {
+            snprintf(note, size, "value %zu is not finite", i);
+            return FAILED;
+        }
+        if (state->unspecified && state->unspecified[i])
+            continue;
+        double d = out[i] - state->expected[i];
+        difference += d * d;
+        norm += state->expected[i] * state->expected[i];
+        if (fabs(d) > largest)
+            largest = fabs(d);
+    }
+    double relative = norm > 0 ? sqrt(difference / norm) : sqrt(difference);
+    snprintf(note, size, "relative error %.2e (allowed %.1e), largest %.2e", relative, state->tolerance, largest);
+    /* a reference of zeros proves nothing */
+    if (norm == 0 && state->out_count > 4) {
+        snprintf(note, size, "the expected output is all zero: not to be trusted");
+        return FAILED;
+    }
+    return relative <= state->tolerance ? PASSED : FAILED;
+}
+
+static verdict check_correct(check_state *state, float *all, char *note, size_t size, hada_error *err)
+{
+    if (run_once(state, all, err)) {
+        snprintf(note, size, "%s", err->message);
+        return FAILED;
+    }
+    return compare(state, all, note, size);
+}
+
+/* Twice the same, then in pieces of one: the same bits each time. */
+static verdict check_bits(check_state *state, float *all, char *note, size_t size, hada_error *err)
+{
+    size_t bytes = (state->out_count + 2 * GUARD) * sizeof(float);
+    float *again = malloc(bytes);
+    static const int limits[] = {0, 0, 1, 2, 3};
+    verdict result = again ? PASSED : FAILED;
+    snprintf(note, size, "same bits in two runs and in batches of 1, 2, 3");
+    for (size_t i = 0; result == PASSED && i < HADA_COUNT(limits); i++) {
+        state->batch_limit = limits[i];
+        if (run_once(state, i ? again : all, err)) {
+            snprintf(note, size, "%s", err->message);
+            result = FAILED;
+        } else if (i && memcmp(all, again, bytes)) {
+            snprintf(note, size, limits[i] ? "other bits in batches of %d" : "other bits in a second run", limits[i]);
+            result = FAILED;
+        }
+    }
+    state->batch_limit = 0;
+    free(again);
+    return result;
+}
+
+static double seconds(void)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
+}
+
+static int by_value(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+static verdict check_time(check_state *state, char *note, size_t size, const settings *how, hada_error *err)
+{
+    enum { RUNS = 200 };
+    double times[RUNS], start = seconds();
+    int n = 0;
+    hada_status status = state->op->launch(state, err);
+    if (!status)
+        status = hada_slot_finish(state->slot, err);
+    while (!status && n < RUNS && (n < 5 || seconds() - start < 1.0)) {
+        double t = seconds();
+        status = state->op->launch(state, err);
+        if (!status)
+            status = hada_slot_finish(state->slot, err);
+        times[n++] = seconds() - t;
+    }
+    if (status) {
+        snprintf(note, size, "%s", err->message);
+        return FAILED;
+    }
+    qsort(times, (size_t)n, sizeof *times, by_value);
+    double median = times[n / 2];
+    if (how->csv)
+        snprintf(note, size, "%.6g,%.6g,%.4g,%.4g,%d", median * 1e3, times[0] * 1e3, state->bytes / median * 1e-9,
+                 state->flops / median * 1e-9, n);
+    else
+        snprintf(note, size, "median %.3f ms, fastest %.3f ms, %.1f GB/s, %.1f GFLOP/s", median * 1e3, times[0] * 1e3,
+                 state->bytes / median * 1e-9, state->flops / median * 1e-9);
+    return PASSED;
+}
+
+static verdict run_case(hada_slot *slot, const check_op *op, const char *shape, const settings *how)
+{
+    check_state state = {.op = op, .shape = shape, .seed = how->seed, .slot = slot};
+    hada_error error = {0};
+    char note[2 * sizeof error.message] = "";
+    verdict result = FAILED;
+    float *all = NULL;
+    hada_status status = op->prepare(&state, &error);
+    if (!status)
+        all = malloc((state.out_count + 2 * GUARD) * sizeof(float));
+    if (status == HADA_ERROR_UNSUPPORTED || status == HADA_ERROR_DEVICE_MEMORY)
+        result = SKIPPED;
+    if (status || !all)
+        snprintf(note, sizeof note, "%s", status ? error.message : "no memory");
+    else if (!strcmp(how->mode, "bits"))
+        result = check_bits(&state, all, note, sizeof note, &error);
+    else if (!strcmp(how->mode, "time"))
+        result = check_time(&state, note, sizeof note, how, &error);
+    else
+        result = check_correct(&state, all, note, sizeof note, &error);
+    clFinish(slot->queue);
+    op->release(&state);
+    hada_buffer_destroy(&state.out);
+    free(state.expected);
+    free(state.unspecified);
+    free(all);
+    if (how->csv && result == PASSED)
+        printf("%s,%s,%s\n", op->name, shape, note);
+    else
+        printf("%-7s %-16s %-28s %s\n", result == PASSED ? "ok" : result == SKIPPED ? "skipped" : "FAILED", op->name, shape,
+               note);
+    if (result == FAILED)
+        printf("        again with: check --op %s --shape %s --mode %s --seed %llu --device %d\n", op->name, shape, how->mode,
+               (unsigned long long)how->seed, slot->context->info.index);
+    fflush(stdout);
+    return result;
+}
+
+static void run_file(hada_slot *slot, const check_op *op, const settings *how, int counts[3])
+{
+    char path[1024], line[256];
+    snprintf(path, sizeof path, "%s/%s.txt", how->folder, op->name);
+    FILE *file = fopen(path, "r");
+    if (!file) {
+        printf("FAILED  %s: the shapes %s cannot be read\n", op->name, path);
+        counts[FAILED]++;
+        return;
+    }
+    while (fgets(line, sizeof line, file)) {
+        char shape[256];
+        /* shapes after a '*' are large: for timing only */
+        int large = line[0] == '*';
+        if (line[0] == '#' || sscanf(line + large, "%255s", shape) != 1 || (large && strcmp(how->mode, "time")))
+            continue;
+        counts[run_case(slot, op, shape, how)]++;
+    }
+    fclose(file);
+}
+
+int main(int count, char **words)
+{
+    settings how = {.mode = "correct", .folder = CHECK_SHAPES, .seed = 1};
+    for (int i = 1; i < count; i++) {
+        const char *value = i + 1 < count ? words[i + 1] : "";
+        if (!strcmp(words[i], "--csv")) {
+            how.csv = 1;
+            continue;
+        }
+        if (!strcmp(words[i], "--op"))
+            how.op = value;
+        else if (!strcmp(words[i], "--shape"))
+            how.shape = value;
+        else if (!strcmp(words[i], "--mode"))
+            how.mode = value;
+        else if (!strcmp(words[i], "--device"))
+            how.device = value;
+        else if (!strcmp(words[i], "--seed"))
+            how.seed = strtoull(value, NULL, 10);
+        else if (!strcmp(words[i], "--shapes"))
+            how.folder = value;
+        else {
+            printf("check [--op NAME] [--shape TEXT] [--mode correct|bits|time] [--device D] [--seed N] [--shapes FOLDER] "
+                   "[--csv]\n");
+            for (size_t o = 0; o < check_op_count; o++)
+                printf("  %-16s %s\n", check_ops[o]->name, check_ops[o]->help);
+            return strcmp(words[i], "--help") ? 2 : 0;
+        }
+        i++;
+    }
+
+    hada_context *context;
+    hada_slot *slot;
+    hada_context_options options;
+    hada_error error;
+    hada_context_options_init(&options);
+    options.device = how.device;
+    if (hada_context_create(&context, &options, &error) || hada_slot_create(&slot, context, &error)) {
+        printf("FAILED  %s\n", error.message);
+        return 1;
+    }
+    int counts[3] = {0, 0, 0}, found = 0;
+    if (how.csv)
+        printf("operation,shape,median_ms,fastest_ms,gb_per_s,gflop_per_s,runs\n");
+    else
+        printf("device %d: %s\n", context->info.index, context->info.name);
+    for (size_t o = 0; o < check_op_count; o++) {
+        if (how.op && strcmp(how.op, check_ops[o]->name))
+            continue;
+        found = 1;
+        if (how.shape)
+            counts[run_case(slot, check_ops[o], how.shape, &how)]++;
+        else
+            run_file(slot, check_ops[o], &how, counts);
+    }
+    hada_slot_destroy(&slot);
+    if (hada_context_bytes(context)) {
+        printf("FAILED  %llu bytes of device memory were not given back\n", (unsigned long long)hada_context_bytes(context));
+        counts[FAILED]++;
+    }
+    hada_context_destroy(&context);
+    if (!found) {
+        printf("FAILED  there is no operation %s\n", how.op);
+        counts[FAILED]++;
+    }
+    if (!how.csv)
+        printf("%d passed, %d failed, %d skipped\n", counts[PASSED], counts[FAILED], counts[SKIPPED]);
+    return counts[FAILED] || !(counts[PASSED] + counts[SKIPPED]);
+}

@@ -1,0 +1,177 @@
+/* Hadalens: cameras by design, their point spread functions, and raw frames by simulation.
+ *
+ * A camera is a mask in front of a bare sensor. Coordinates: millimetres, x to the right, y down, the optical axis at
+ * the origin; on the sensor the axis stands at pixel (rows/2, cols/2), rounding down. A scene is given on the
+ * sensor's grid (one scene pixel moves the pattern by one sensor pixel), in a window whose pixel (window_rows/2,
+ * window_cols/2) stands on the axis; outside the window it is dark. The frame is
+ *     b = sum_z PSF_z * x_z + noise.
+ *
+ * Geometry (thin lenses in the mask plane): a ray from the axis at distance z through point q of the lens centred on
+ * p reaches the sensor, at distance d behind the mask, at p (1 + d/z) + (q - p) (1 + d/z - d/f). So every lens makes
+ * a spot at p (1 + d/z), the magnification, blurred by its own outline scaled by 1 + d/z - d/f, the defocus: zero
+ * where 1/z + 1/d = 1/f. Where lenses overlap, a point of the mask belongs to the nearest lens centre.
+ *
+ * Sources: the thin lens equation; the microlens mask of Tian and Yang, Optics Express 30(19), 34479 (2022), Table 1.
+ *
+ * Threads: cameras are plain values; a simulator is used by one thread at a time. */
+#ifndef HADALENS_OPTICS_H
+#define HADALENS_OPTICS_H
+
+#include <hadalens/device.h>
+#include <hadalens/image.h>
+#include <hadalens/status.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef enum hada_mask {
+    HADA_MASK_MLA = 1 /* microlenses at random places inside a round aperture */
+} hada_mask;
+
+/* What the sensor does with light from a scene whose pattern does not fit on it. */
+typedef enum hada_boundary {
+    HADA_BOUNDARY_CIRCULAR = 0, /* it comes back on the other side: circular convolution, the simplest model */
+    HADA_BOUNDARY_CROP = 1      /* it is lost, as on a real sensor */
+} hada_boundary;
+
+#define HADA_CAMERA_DEPTHS 256 /* most depths of a camera */
+
+/* A camera. Start from hada_camera_init() or a preset, then change what differs. Lengths in millimetres. */
+typedef struct hada_camera {
+    size_t size; /* sizeof(hada_camera) */
+    hada_mask mask;
+    hada_boundary boundary;
+    int rows, cols;               /* of the sensor */
+    int channels;                 /* 1 or 3; the pattern is the same for all */
+    int window_rows, window_cols; /* field of view */
+    double pixel_pitch_mm;
+    double distance_mm; /* from the mask to the sensor */
+
+    /* microlenses */
+    int lenses;
+    double lens_diameter_mm; /* outline of one lens; overlapping lenses share the ground between their centres */
+    double focal_length_mm;
+    double aperture_mm;        /* diameter of the round aperture that holds the whole outline of every lens's centre */
+    double minimum_spacing_mm; /* between lens centres */
+    uint64_t seed;             /* of the lens positions */
+    double blur_pixels;        /* standard deviation of the Gaussian for diffraction, aberration and crosstalk */
+
+    /* distances from the mask, near to far */
+    int depths;
+    double distances_mm[HADA_CAMERA_DEPTHS];
+} hada_camera;
+
+/* A camera with the values of the preset "sim512". */
+HADA_API void hada_camera_init(hada_camera *camera);
+
+/* Presets by workload:
+ *   "sim512"     512 x 512 RGB, window 192 x 192, 14 depths from 100 to 600 mm, 37 lenses
+ *   "sim300"     300 x 400 RGB, window 120 x 120, 4 depths from 100 to 600 mm, 29 lenses
+ *   "paper2022"  1376 x 2064 RGB (24 x 36 mm), window 383 x 383, 14 depths from 100 to 600 mm, 37 lenses of 3 mm,
+ *                f = 15 mm, in a 12 mm aperture 15 mm before the sensor (Table 1 of the paper)
+ * HADA_ERROR_ARGUMENT with the list of names for any other. */
+HADA_API hada_status hada_camera_preset(hada_camera *camera, const char *name, hada_error *err);
+
+/* Sets `count` distances from near to far with equal steps in 1/z. A single depth stands at near. */
+HADA_API hada_status hada_camera_set_depths(hada_camera *camera, double near_mm, double far_mm, int count,
+                                            hada_error *err);
+
+/* Adapts size-bound lengths to another sensor: sets rows and cols, and scales the pixel pitch such that the shorter
+ * side of the sensor keeps its length. The window keeps its share of the shorter side (and stays square when it was),
+ * unless window_rows and window_cols are given (0, 0: keep the share). */
+HADA_API hada_status hada_camera_resize(hada_camera *camera, int rows, int cols, int window_rows, int window_cols,
+                                        hada_error *err);
+
+/* Checks every value; the message names the first that is impossible and says what would do. */
+HADA_API hada_status hada_camera_check(const hada_camera *camera, hada_error *err);
+
+/* The lens centres: camera->lenses values each. The same seed gives the same bits everywhere.
+ * HADA_ERROR_ARGUMENT when the lenses do not fit into the aperture at the spacing asked for. */
+HADA_API hada_status hada_camera_lenses(const hada_camera *camera, double *x_mm, double *y_mm, hada_error *err);
+
+/* Magnification 1 + d/z at a distance. */
+HADA_API double hada_camera_magnification(const hada_camera *camera, double distance_mm);
+
+/* Diameter of the defocus disc of a whole lens at a distance, in pixels. */
+HADA_API double hada_camera_defocus_pixels(const hada_camera *camera, double distance_mm);
+
+/* The point spread function at a distance: one channel of sensor size, created by the call, axis at (rows/2, cols/2).
+ * All light of the mask sums to 1; what falls beyond the sensor is missing from the image. */
+HADA_API hada_status hada_camera_psf(const hada_camera *camera, double distance_mm, hada_image *psf, hada_error *err);
+
+/* As hada_camera_psf, on a grid of any size about the axis (for a padded convolution). */
+HADA_API hada_status hada_camera_psf_sized(const hada_camera *camera, double distance_mm, int rows, int cols,
+                                           hada_image *psf, hada_error *err);
+
+/* First row (or column) of a window of `window` pixels in a frame of `full` pixels: full/2 - window/2, each rounding
+ * down, so that the window's centre pixel stands on the axis. */
+HADA_API int hada_window_origin(int full, int window);
+
+/* Writes the camera as JSON (readable by a person; unknown keys are ignored on reading), beside the file and renamed.
+ * Reading starts from hada_camera_init() and checks the result. */
+HADA_API hada_status hada_camera_save(const hada_camera *camera, const char *path, hada_error *err);
+HADA_API hada_status hada_camera_load(hada_camera *camera, const char *path, hada_error *err);
+
+/* Renders raw frames of a camera on a device. Transfer functions are made at first use of each depth and kept. */
+typedef struct hada_simulator hada_simulator;
+
+/* The camera is copied. */
+HADA_API hada_status hada_simulator_create(hada_simulator **out, hada_context *context, const hada_camera *camera,
+                                           hada_error *err);
+/* As hada_simulator_create, with measured or designed PSFs instead of the geometry: `psf` holds camera->depths images
+ * of sensor size, of one channel or of camera->channels. Used as they are, without normalisation. */
+HADA_API hada_status hada_simulator_create_psf(hada_simulator **out, hada_context *context, const hada_camera *camera,
+                                               const hada_image *psf, hada_error *err);
+HADA_API void hada_simulator_destroy(hada_simulator **simulator);
+HADA_API const hada_camera *hada_simulator_camera(const hada_simulator *simulator);
+
+/* A scene's part at one depth. */
+typedef struct hada_plane {
+    int depth;               /* index into the camera's distances */
+    const hada_image *image; /* of window or of sensor size, camera->channels channels or one (grey) */
+} hada_plane;
+
+/* Renders the frame of a scene of `count` planes (depths may repeat; they add up) into *raw, created by the call, of
+ * sensor size and camera->channels. Noise: Gaussian with standard deviation `noise` times the maximum of the
+ * noise-free frame, from `noise_seed`; 0 for none. Intensities are not clipped. */
+HADA_API hada_status hada_simulator_render(hada_simulator *simulator, const hada_plane *planes, int count, double noise,
+                                           uint64_t noise_seed, hada_image *raw, hada_error *err);
+
+/* The PSF in use at a depth (index): sensor size, channels as it was given (one from geometry). Created by the call. */
+HADA_API hada_status hada_simulator_psf(const hada_simulator *simulator, int depth, hada_image *psf, hada_error *err);
+
+/* Adds Gaussian noise with standard deviation `sigma` (in the image's units). */
+HADA_API void hada_image_add_noise(hada_image *image, double sigma, uint64_t seed);
+
+/* Scenes. All create *out. */
+
+/* A seeded scene without photographs: a coloured 1/f background, and shapes with sharp edges and textures before it.
+ * Values 0 to 1. Its spectrum is broad, so a few such scenes suffice to fit a model. */
+HADA_API hada_status hada_scene_procedural(hada_image *out, uint64_t seed, int channels, int rows, int cols,
+                                           hada_error *err);
+
+/* Cuts the largest centred part of an image with the aspect ratio rows:cols and scales it: mean over area where it
+ * shrinks, bilinear where it grows. Use for photographs of any size. */
+HADA_API hada_status hada_scene_fit(hada_image *out, const hada_image *image, int rows, int cols, hada_error *err);
+
+/* Scales a whole image to rows x cols in the same way. */
+HADA_API hada_status hada_image_resize(hada_image *out, const hada_image *image, int rows, int cols, hada_error *err);
+
+/* Cuts a rectangle out; parts outside the image are zero. */
+HADA_API hada_status hada_image_crop(hada_image *out, const hada_image *image, int row0, int col0, int rows, int cols,
+                                     hada_error *err);
+
+/* Labels 0 .. regions-1 for every pixel: seeded, compact regions with smooth outlines, none of them empty (where
+ * rows * cols allows), for scenes that occupy several depths. `labels` holds rows * cols values. */
+HADA_API hada_status hada_scene_regions(int *labels, uint64_t seed, int regions, int rows, int cols, hada_error *err);
+
+/* The part of an image whose label is `label`; the rest is zero. */
+HADA_API hada_status hada_scene_part(hada_image *out, const hada_image *image, const int *labels, int label,
+                                     hada_error *err);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

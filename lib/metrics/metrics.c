@@ -1,0 +1,100 @@
+#include <hadalens/metrics.h>
+#include <math.h>
+#include <stdlib.h>
+
+#include "core/alloc.h"
+
+static hada_status check_pair(const hada_image *a, const hada_image *b, hada_error *err)
+{
+    if (!a->data || !b->data)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "an image to compare is empty");
+    if (a->channels != b->channels || a->rows != b->rows || a->cols != b->cols)
+        return hada_fail(
+            err, HADA_ERROR_SIZE,
+            "images of %d channels, %d x %d and %d channels, %d x %d cannot be compared; crop or resize one",
+            a->channels, a->rows, a->cols, b->channels, b->rows, b->cols);
+    const size_t bad = hada_image_count_not_finite(a) + hada_image_count_not_finite(b);
+    if (bad)
+        return hada_fail(err, HADA_ERROR_NOT_FINITE, "the images to compare hold %zu NaN or infinite values", bad);
+    return HADA_OK;
+}
+
+/* Mean over the masked pixels of |a - b|^power (1 or 2). */
+static hada_status mean_difference(const hada_image *a, const hada_image *b, const unsigned char *mask, int power,
+                                   double *out, hada_error *err)
+{
+    hada_status status = check_pair(a, b, err);
+    if (status)
+        return status;
+    const size_t pixels = (size_t)a->rows * (size_t)a->cols;
+    double sum = 0.0;
+    size_t used = 0;
+    for (int c = 0; c < a->channels; c++)
+        for (size_t i = 0; i < pixels; i++) {
+            if (mask && !mask[i])
+                continue;
+            const double d = fabs((double)a->data[(size_t)c * pixels + i] - b->data[(size_t)c * pixels + i]);
+            sum += power == 2 ? d * d : d;
+            used++;
+        }
+    if (!used)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "the mask leaves no pixel to compare");
+    *out = sum / (double)used;
+    return HADA_OK;
+}
+
+hada_status hada_metric_mse(const hada_image *a, const hada_image *b, const unsigned char *mask, double *out,
+                            hada_error *err)
+{
+    return mean_difference(a, b, mask, 2, out, err);
+}
+
+hada_status hada_metric_mae(const hada_image *a, const hada_image *b, const unsigned char *mask, double *out,
+                            hada_error *err)
+{
+    return mean_difference(a, b, mask, 1, out, err);
+}
+
+hada_status hada_metric_psnr(const hada_image *a, const hada_image *b, double peak, const unsigned char *mask,
+                             double *out, hada_error *err)
+{
+    if (!(peak > 0.0))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "a peak of %g is not possible; it must be above 0", peak);
+    double mse;
+    hada_status status = mean_difference(a, b, mask, 2, &mse, err);
+    if (status)
+        return status;
+    *out = mse > 0.0 ? 10.0 * log10(peak * peak / mse) : INFINITY;
+    return HADA_OK;
+}
+
+hada_status hada_metric_sharpness(const hada_image *image, const unsigned char *mask, double *out, hada_error *err)
+{
+    hada_status status = check_pair(image, image, err);
+    if (status)
+        return status;
+    const int rows = image->rows, cols = image->cols;
+    double sum = 0.0;
+    size_t used = 0;
+    for (int c = 0; c < image->channels; c++) {
+        const float *x = image->data + (size_t)c * (size_t)rows * (size_t)cols;
+        for (int r = 0; r < rows; r++)
+            for (int k = 0; k < cols; k++) {
+                const size_t i = (size_t)r * (size_t)cols + (size_t)k;
+                if (mask && !mask[i])
+                    continue;
+                const int up = r > 0, down = r + 1 < rows, left = k > 0, right = k + 1 < cols;
+                const double dy = up + down ? ((double)x[i + (size_t)(down * cols)] - x[i - (size_t)(up * cols)]) /
+                                                  (up + down)
+                                            : 0.0,
+                             dx = left + right ? ((double)x[i + (size_t)right] - x[i - (size_t)left]) / (left + right)
+                                               : 0.0;
+                sum += sqrt(dx * dx + dy * dy);
+                used++;
+            }
+    }
+    if (!used)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "the mask leaves no pixel to measure");
+    *out = sum / (double)used;
+    return HADA_OK;
+}

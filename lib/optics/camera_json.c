@@ -1,0 +1,170 @@
+/* Cameras as JSON files. */
+#include <errno.h>
+#include <hadalens/optics.h>
+#include <jansson.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "core/error.h"
+
+/* The fields of a camera that are plain numbers, with their names in the file. */
+typedef struct field {
+    const char *name;
+    int is_integer;
+    size_t offset;
+} field;
+#define INTEGER(name)                                                                                                  \
+    {                                                                                                                  \
+#name, 1, offsetof(hada_camera, name)                                                                          \
+    }
+#define REAL(name)                                                                                                     \
+    {                                                                                                                  \
+#name, 0, offsetof(hada_camera, name)                                                                          \
+    }
+static const field fields[] = {INTEGER(rows),         INTEGER(cols),        INTEGER(channels),
+                               INTEGER(window_rows),  INTEGER(window_cols), REAL(pixel_pitch_mm),
+                               REAL(distance_mm),     INTEGER(lenses),      REAL(lens_diameter_mm),
+                               REAL(focal_length_mm), REAL(aperture_mm),    REAL(minimum_spacing_mm),
+                               REAL(blur_pixels)};
+#undef INTEGER
+#undef REAL
+#define FIELDS (sizeof fields / sizeof *fields)
+
+static json_t *to_json(const hada_camera *camera)
+{
+    json_t *object = json_object();
+    int bad = json_object_set_new(object, "format", json_string("hadalens camera"));
+    bad |= json_object_set_new(object, "mask", json_string("mla"));
+    bad |= json_object_set_new(object, "boundary",
+                               json_string(camera->boundary == HADA_BOUNDARY_CROP ? "crop" : "circular"));
+    for (size_t i = 0; i < FIELDS; i++) {
+        const char *at = (const char *)camera + fields[i].offset;
+        bad |= json_object_set_new(object, fields[i].name,
+                                   fields[i].is_integer ? json_integer(*(const int *)(const void *)at)
+                                                        : json_real(*(const double *)(const void *)at));
+    }
+    /* as text: JSON readers commonly keep integers as doubles, which have 53 bits */
+    char seed[32];
+    snprintf(seed, sizeof seed, "%llu", (unsigned long long)camera->seed);
+    bad |= json_object_set_new(object, "seed", json_string(seed));
+    json_t *distances = json_array();
+    for (int i = 0; i < camera->depths; i++)
+        bad |= json_array_append_new(distances, json_real(camera->distances_mm[i]));
+    bad |= json_object_set_new(object, "distances_mm", distances);
+    if (bad) {
+        json_decref(object);
+        return NULL;
+    }
+    return object;
+}
+
+hada_status hada_camera_save(const hada_camera *camera, const char *path, hada_error *err)
+{
+    hada_status status = hada_camera_check(camera, err);
+    if (status)
+        return status;
+    json_t *object = to_json(camera);
+    char *text = object ? json_dumps(object, JSON_INDENT(2) | JSON_REAL_PRECISION(15)) : NULL;
+    json_decref(object);
+    const size_t room = strlen(path) + 32;
+    char *beside = malloc(room);
+    if (!text || !beside) {
+        free(text);
+        free(beside);
+        return hada_fail(err, HADA_ERROR_MEMORY, "no memory to write '%s'", path);
+    }
+    snprintf(beside, room, "%s.part%ld", path, (long)getpid());
+    FILE *file = fopen(beside, "w");
+    int bad = !file;
+    if (file) {
+        bad = fprintf(file, "%s\n", text) < 0;
+        bad |= fclose(file) != 0;
+    }
+    if (bad || rename(beside, path)) {
+        status = hada_fail(err, HADA_ERROR_FILE_WRITE,
+                           "'%s' could not be written (%s); check that the folder exists, may be written and has room",
+                           path, strerror(errno));
+        if (file)
+            unlink(beside);
+    }
+    free(text);
+    free(beside);
+    return status;
+}
+
+static hada_status read_fields(hada_camera *camera, const json_t *object, const char *path, hada_error *err)
+{
+    for (size_t i = 0; i < FIELDS; i++) {
+        const json_t *value = json_object_get(object, fields[i].name);
+        char *at = (char *)camera + fields[i].offset;
+        if (!value)
+            continue;
+        if (fields[i].is_integer ? !json_is_integer(value) : !json_is_number(value))
+            return hada_fail(err, HADA_ERROR_FILE_FORMAT, "'%s': \"%s\" must be %s number", path, fields[i].name,
+                             fields[i].is_integer ? "a whole" : "a");
+        if (fields[i].is_integer) {
+            const json_int_t number = json_integer_value(value);
+            if (number < 0 || number > 1 << 30)
+                return hada_fail(err, HADA_ERROR_FILE_FORMAT, "'%s': \"%s\" is out of range", path, fields[i].name);
+            *(int *)(void *)at = (int)number;
+        } else
+            *(double *)(void *)at = json_number_value(value);
+    }
+    const json_t *seed = json_object_get(object, "seed");
+    if (json_is_string(seed)) {
+        char *end;
+        camera->seed = strtoull(json_string_value(seed), &end, 10);
+        if (*end || end == json_string_value(seed))
+            return hada_fail(err, HADA_ERROR_FILE_FORMAT, "'%s': \"seed\" must be a whole number", path);
+    } else if (json_is_integer(seed))
+        camera->seed = (uint64_t)json_integer_value(seed);
+    return HADA_OK;
+}
+
+static hada_status read_kinds(hada_camera *camera, const json_t *object, const char *path, hada_error *err)
+{
+    const char *mask = json_string_value(json_object_get(object, "mask")),
+               *boundary = json_string_value(json_object_get(object, "boundary"));
+    if (mask && strcmp(mask, "mla"))
+        return hada_fail(err, HADA_ERROR_UNSUPPORTED, "'%s': mask kind '%s' is not known; use \"mla\"", path, mask);
+    if (boundary && strcmp(boundary, "crop") && strcmp(boundary, "circular"))
+        return hada_fail(err, HADA_ERROR_FILE_FORMAT, "'%s': \"boundary\" must be \"circular\" or \"crop\"", path);
+    if (boundary)
+        camera->boundary = strcmp(boundary, "crop") ? HADA_BOUNDARY_CIRCULAR : HADA_BOUNDARY_CROP;
+    const json_t *distances = json_object_get(object, "distances_mm");
+    if (!distances)
+        return HADA_OK;
+    const size_t count = json_array_size(distances);
+    if (!json_is_array(distances) || count < 1 || count > HADA_CAMERA_DEPTHS)
+        return hada_fail(err, HADA_ERROR_FILE_FORMAT, "'%s': \"distances_mm\" must be a list of 1 to %d distances",
+                         path, HADA_CAMERA_DEPTHS);
+    camera->depths = (int)count;
+    for (size_t i = 0; i < count; i++)
+        camera->distances_mm[i] = json_number_value(json_array_get(distances, i));
+    return HADA_OK;
+}
+
+hada_status hada_camera_load(hada_camera *camera, const char *path, hada_error *err)
+{
+    json_error_t where;
+    hada_camera_init(camera);
+    FILE *file = fopen(path, "r");
+    if (!file)
+        return hada_fail(err, HADA_ERROR_FILE_OPEN, "'%s' could not be opened (%s)", path, strerror(errno));
+    json_t *object = json_loadf(file, JSON_REJECT_DUPLICATES, &where);
+    fclose(file);
+    if (!json_is_object(object)) {
+        json_decref(object);
+        return hada_fail(err, HADA_ERROR_FILE_FORMAT, "'%s' is not a camera in JSON (line %d: %s)", path, where.line,
+                         object ? "an object is expected" : where.text);
+    }
+    hada_status status = read_fields(camera, object, path, err);
+    if (!status)
+        status = read_kinds(camera, object, path, err);
+    if (!status && (status = hada_camera_check(camera, err)))
+        hada_error_prefix(err, "'%s': ", path);
+    json_decref(object);
+    return status;
+}

@@ -1,0 +1,162 @@
+/* Metrics against scikit-image (golden numbers made by tests/oracle/make_metrics_golden.py) and by hand. */
+#include <hadalens/metrics.h>
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+/* The same formulas as in the script: exact in float32. */
+static float value_a(int c, int r, int k)
+{
+    return (float)((r * 37 + k * 91 + c * 53 + (r * k) % 17 * 5) % 256) / 256.0f;
+}
+
+static float value_b(int c, int r, int k)
+{
+    return (float)(0.75 * value_a(c, r, k) + ((r * 13 + k * 7 + c * 29) % 64) / 512.0);
+}
+
+static hada_image fill(int channels, int rows, int cols, float (*value)(int, int, int))
+{
+    hada_image image;
+    assert_int_equal(hada_image_create(&image, channels, rows, cols, NULL), HADA_OK);
+    for (int c = 0; c < channels; c++)
+        for (int r = 0; r < rows; r++)
+            for (int k = 0; k < cols; k++)
+                image.data[((size_t)c * (size_t)rows + (size_t)r) * (size_t)cols + (size_t)k] = value(c, r, k);
+    return image;
+}
+
+static void close_to(double value, double expected, double tolerance)
+{
+    if (!(fabs(value - expected) <= tolerance))
+        fail_msg("%.12g is not within %g of %.12g", value, tolerance, expected);
+}
+
+static void golden(void **state)
+{
+    (void)state;
+    FILE *file = fopen(HADALENS_SOURCE_DIR "/tests/golden/metrics.txt", "r");
+    assert_non_null(file);
+    char line[256];
+    int cases = 0;
+    while (fgets(line, sizeof line, file)) {
+        int channels, rows, cols;
+        double mse, mae, psnr, ssim, sharpness, value;
+        if (line[0] == '#')
+            continue;
+        assert_int_equal(
+            sscanf(line, "%d %d %d %lf %lf %lf %lf %lf", &channels, &rows, &cols, &mse, &mae, &psnr, &ssim, &sharpness),
+            8);
+        hada_image a = fill(channels, rows, cols, value_a), b = fill(channels, rows, cols, value_b);
+        assert_int_equal(hada_metric_mse(&a, &b, NULL, &value, NULL), HADA_OK);
+        close_to(value, mse, 1e-9);
+        assert_int_equal(hada_metric_mae(&a, &b, NULL, &value, NULL), HADA_OK);
+        close_to(value, mae, 1e-9);
+        assert_int_equal(hada_metric_psnr(&a, &b, 1.0, NULL, &value, NULL), HADA_OK);
+        close_to(value, psnr, 1e-6);
+        assert_int_equal(hada_metric_ssim(&a, &b, 1.0, NULL, &value, NULL), HADA_OK);
+        close_to(value, ssim, 1e-6);
+        assert_int_equal(hada_metric_sharpness(&a, NULL, &value, NULL), HADA_OK);
+        close_to(value, sharpness, 1e-7);
+        hada_image_destroy(&a);
+        hada_image_destroy(&b);
+        cases++;
+    }
+    fclose(file);
+    assert_true(cases >= 4);
+}
+
+static void masks(void **state)
+{
+    (void)state;
+    hada_image a = fill(1, 16, 16, value_a), b = fill(1, 16, 16, value_a);
+    unsigned char mask[256];
+    memset(mask, 1, sizeof mask);
+    double value;
+    b.data[3] += 0.5f;
+    assert_int_equal(hada_metric_mse(&a, &b, mask, &value, NULL), HADA_OK);
+    close_to(value, 0.25 / 256.0, 1e-9);
+    mask[3] = 0;
+    assert_int_equal(hada_metric_mse(&a, &b, mask, &value, NULL), HADA_OK);
+    assert_true(value == 0.0);
+    assert_int_equal(hada_metric_psnr(&a, &b, 1.0, mask, &value, NULL), HADA_OK);
+    assert_true(isinf(value));
+    assert_int_equal(hada_metric_ssim(&a, &a, 1.0, mask, &value, NULL), HADA_OK);
+    close_to(value, 1.0, 1e-12);
+    memset(mask, 0, sizeof mask);
+    hada_error err;
+    assert_int_equal(hada_metric_mae(&a, &b, mask, &value, &err), HADA_ERROR_ARGUMENT);
+    assert_int_equal(hada_metric_ssim(&a, &b, 1.0, mask, &value, &err), HADA_ERROR_ARGUMENT);
+    assert_int_equal(hada_metric_sharpness(&a, mask, &value, &err), HADA_ERROR_ARGUMENT);
+    hada_image_destroy(&a);
+    hada_image_destroy(&b);
+}
+
+static void refusals(void **state)
+{
+    (void)state;
+    hada_image a = fill(1, 12, 12, value_a), b = fill(1, 12, 13, value_a), c = fill(1, 12, 12, value_b),
+               small = fill(1, 10, 12, value_a);
+    hada_error err;
+    double value;
+    assert_int_equal(hada_metric_mse(&a, &b, NULL, &value, &err), HADA_ERROR_SIZE);
+    assert_non_null(strstr(err.message, "12 x 13"));
+    c.data[7] = NAN;
+    assert_int_equal(hada_metric_psnr(&a, &c, 1.0, NULL, &value, &err), HADA_ERROR_NOT_FINITE);
+    assert_int_equal(hada_metric_psnr(&a, &a, 0.0, NULL, &value, &err), HADA_ERROR_ARGUMENT);
+    assert_int_equal(hada_metric_ssim(&small, &small, 1.0, NULL, &value, &err), HADA_ERROR_SIZE);
+    hada_image_destroy(&a);
+    hada_image_destroy(&b);
+    hada_image_destroy(&c);
+    hada_image_destroy(&small);
+}
+
+static void depth_index(void **state)
+{
+    (void)state;
+    const double list[] = {100.0, 150.0, 300.0};
+    for (int i = 0; i < 3; i++)
+        close_to(hada_depth_index(list, 3, list[i]), i, 1e-12);
+    close_to(hada_depth_index(list, 3, 120.0), 0.5, 1e-12); /* 1/120 is the middle of 1/100 and 1/150 */
+    close_to(hada_depth_index(list, 3, 200.0), 1.5, 1e-12);
+    close_to(hada_depth_index(list, 3, 600.0), 2.5, 1e-12); /* beyond the end, the same slope */
+    for (double i = -0.5; i < 2.9; i += 0.25)
+        close_to(hada_depth_index(list, 3, hada_depth_distance(list, 3, i)), i, 1e-12);
+    close_to(hada_depth_distance(list, 1, 4.0), 100.0, 0.0);
+}
+
+static void depth_score(void **state)
+{
+    (void)state;
+    const double list[] = {100.0, 150.0, 300.0};
+    const float truth[] = {100, 100, 150, 150, 300, NAN, 300, 100}, map[] = {100, 119, 150, 210, 300, 100, NAN, 150};
+    unsigned char mask[8] = {1, 1, 1, 1, 1, 1, 1, 1};
+    hada_image a = {1, 2, 4, (float *)(uintptr_t)map}, b = {1, 2, 4, (float *)(uintptr_t)truth};
+    hada_depth_score score;
+    assert_int_equal(hada_metric_depth(&a, &b, list, 3, 0.5, mask, &score, NULL), HADA_OK);
+    assert_int_equal(score.pixels, 7);
+    close_to(score.coverage, 6.0 / 7.0, 1e-12);
+    close_to(score.within, 4.0 / 6.0, 1e-12); /* 119 is within half a step, 210 and 150 for 100 are not */
+    close_to(score.mean_error_mm, (0 + 19 + 0 + 60 + 0 + 50) / 6.0, 1e-9);
+    assert_int_equal(hada_metric_depth(&a, &b, NULL, 0, 20.0, mask, &score, NULL), HADA_OK);
+    close_to(score.within, 4.0 / 6.0, 1e-12);
+    mask[3] = mask[7] = 0;
+    assert_int_equal(hada_metric_depth(&a, &b, list, 3, 0.5, mask, &score, NULL), HADA_OK);
+    close_to(score.within, 1.0, 0.0);
+    memset(mask, 0, sizeof mask);
+    assert_int_equal(hada_metric_depth(&a, &b, list, 3, 0.5, mask, &score, NULL), HADA_ERROR_ARGUMENT);
+    assert_int_equal(hada_metric_depth(&a, &b, list, 1, 0.5, NULL, &score, NULL), HADA_ERROR_ARGUMENT);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(golden), cmocka_unit_test(masks), cmocka_unit_test(refusals),
+                                       cmocka_unit_test(depth_index), cmocka_unit_test(depth_score)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,277 @@
+/* Cameras and their point spread functions against the closed forms of geometric optics. */
+#include <hadalens/optics.h>
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+static const char *const presets[] = {"sim512", "sim300", "paper2022"};
+
+static hada_camera preset(const char *name)
+{
+    hada_camera camera;
+    assert_int_equal(hada_camera_preset(&camera, name, NULL), HADA_OK);
+    return camera;
+}
+
+typedef struct moments {
+    double sum, row, col, spread; /* spread: variance along rows and columns, summed */
+} moments;
+
+static moments measure(const hada_image *psf)
+{
+    moments m = {0};
+    double rr = 0.0, cc = 0.0;
+    for (int r = 0; r < psf->rows; r++)
+        for (int k = 0; k < psf->cols; k++) {
+            const double v = psf->data[(size_t)r * (size_t)psf->cols + (size_t)k];
+            m.sum += v;
+            m.row += v * r;
+            m.col += v * k;
+            rr += v * r * r;
+            cc += v * k * k;
+        }
+    m.row /= m.sum;
+    m.col /= m.sum;
+    m.spread = rr / m.sum - m.row * m.row + cc / m.sum - m.col * m.col;
+    return m;
+}
+
+/* One lens alone, so that its spot can be measured. */
+static hada_camera single_lens(void)
+{
+    hada_camera camera = preset("sim512");
+    camera.lenses = 1;
+    camera.rows = 301;
+    camera.cols = 280;
+    camera.window_rows = camera.window_cols = 64;
+    camera.minimum_spacing_mm = 3.0; /* keeps the whole outline inside the aperture */
+    return camera;
+}
+
+static void presets_hold_together(void **state)
+{
+    (void)state;
+    for (size_t p = 0; p < sizeof presets / sizeof *presets; p++) {
+        const hada_camera camera = preset(presets[p]);
+        hada_error err;
+        assert_int_equal(hada_camera_check(&camera, &err), HADA_OK);
+        assert_true(camera.distances_mm[0] == 100.0 && camera.distances_mm[camera.depths - 1] == 600.0);
+        double x[64], y[64], widest = 0.0;
+        assert_int_equal(hada_camera_lenses(&camera, x, y, &err), HADA_OK);
+        for (int i = 0; i < camera.lenses; i++) {
+            widest = fmax(widest, fmax(fabs(x[i]), fabs(y[i])));
+            assert_true(hypot(x[i], y[i]) <= camera.aperture_mm / 2.0);
+            for (int j = 0; j < i; j++)
+                assert_true(hypot(x[i] - x[j], y[i] - y[j]) >= camera.minimum_spacing_mm);
+        }
+        /* the pattern of a full window fits on the sensor at the nearest depth */
+        const double reach = widest * hada_camera_magnification(&camera, 100.0) / camera.pixel_pitch_mm +
+                             camera.window_rows / 2.0 + hada_camera_defocus_pixels(&camera, 100.0) / 2.0;
+        assert_true(reach <= camera.rows / 2.0);
+        /* and the outermost spots move visibly from one depth to the next */
+        for (int i = 1; i < camera.depths; i++) {
+            const double move = widest / camera.pixel_pitch_mm *
+                                (hada_camera_magnification(&camera, camera.distances_mm[i - 1]) -
+                                 hada_camera_magnification(&camera, camera.distances_mm[i]));
+            assert_true(move >= 2.0);
+        }
+    }
+}
+
+static void light_sums_to_one(void **state)
+{
+    (void)state;
+    hada_camera camera = preset("sim300");
+    for (int i = 0; i < camera.depths; i++) {
+        hada_image psf;
+        assert_int_equal(hada_camera_psf(&camera, camera.distances_mm[i], &psf, NULL), HADA_OK);
+        const moments m = measure(&psf);
+        assert_true(fabs(m.sum - 1.0) < 1e-6);
+        hada_image_destroy(&psf);
+    }
+    /* a sensor that is too small loses light, and holds exactly the middle of the larger image */
+    hada_image whole, part, cut;
+    assert_int_equal(hada_camera_psf(&camera, 100.0, &whole, NULL), HADA_OK);
+    assert_int_equal(hada_camera_psf_sized(&camera, 100.0, 101, 90, &part, NULL), HADA_OK);
+    assert_int_equal(
+        hada_image_crop(&cut, &whole, hada_window_origin(300, 101), hada_window_origin(400, 90), 101, 90, NULL),
+        HADA_OK);
+    assert_true(measure(&part).sum < 0.9);
+    assert_memory_equal(part.data, cut.data, hada_image_count(&cut) * sizeof(float));
+    hada_image_destroy(&whole);
+    hada_image_destroy(&part);
+    hada_image_destroy(&cut);
+}
+
+static void spots_stand_where_rays_meet(void **state)
+{
+    (void)state;
+    const hada_camera camera = single_lens();
+    double x, y;
+    assert_int_equal(hada_camera_lenses(&camera, &x, &y, NULL), HADA_OK);
+    assert_true(hypot(x, y) > 0.1);
+    const double distances[] = {60.0, 100.0, 170.0, 400.0, 1e9};
+    for (size_t i = 0; i < sizeof distances / sizeof *distances; i++) {
+        hada_image psf;
+        assert_int_equal(hada_camera_psf(&camera, distances[i], &psf, NULL), HADA_OK);
+        const moments m = measure(&psf);
+        const double magnification = 1.0 + camera.distance_mm / distances[i];
+        assert_true(fabs(m.row - (150 + y * magnification / camera.pixel_pitch_mm)) < 2e-3);
+        assert_true(fabs(m.col - (140 + x * magnification / camera.pixel_pitch_mm)) < 2e-3);
+        /* variance: a disc of radius R has R^2/4 a side, a pixel 1/12 a side, the Gaussian its own */
+        const double radius = hada_camera_defocus_pixels(&camera, distances[i]) / 2.0;
+        const double expected = 2.0 * (radius * radius / 4.0 + camera.blur_pixels * camera.blur_pixels + 1.0 / 12.0);
+        assert_true(fabs(m.spread - expected) < 0.02 * expected);
+        hada_image_destroy(&psf);
+    }
+}
+
+static void focus_is_sharpest(void **state)
+{
+    (void)state;
+    const hada_camera camera = single_lens();
+    /* 1/z = 1/f - 1/d */
+    const double focus = 1.0 / (1.0 / camera.focal_length_mm - 1.0 / camera.distance_mm);
+    assert_true(fabs(focus - 170.0) < 1e-9);
+    assert_true(hada_camera_defocus_pixels(&camera, focus) < 1e-9);
+    const double distances[] = {focus, 0.8 * focus, 1.25 * focus, 0.5 * focus, 3.0 * focus};
+    double spread[5];
+    for (int i = 0; i < 5; i++) {
+        hada_image psf;
+        assert_int_equal(hada_camera_psf(&camera, distances[i], &psf, NULL), HADA_OK);
+        spread[i] = measure(&psf).spread;
+        hada_image_destroy(&psf);
+    }
+    assert_true(spread[0] < spread[1] && spread[0] < spread[2] && spread[1] < spread[3] && spread[2] < spread[4]);
+}
+
+static void overlapping_lenses_share_the_ground(void **state)
+{
+    (void)state;
+    /* Two lenses so large that the line between their centres parts the aperture: out of focus, each image is its part
+     * of the aperture, so at d = f and z -> 0 distance the pattern's area is that of the aperture, not twice. */
+    hada_camera camera = preset("paper2022");
+    hada_camera small = camera;
+    small.lens_diameter_mm = 1.2; /* no overlap at a spacing of 1.2 mm */
+    hada_image shared, apart;
+    assert_int_equal(hada_camera_psf_sized(&camera, 100.0, 800, 800, &shared, NULL), HADA_OK);
+    assert_int_equal(hada_camera_psf_sized(&small, 100.0, 800, 800, &apart, NULL), HADA_OK);
+    assert_true(fabs(measure(&shared).sum - 1.0) < 1e-5);
+    assert_true(fabs(measure(&apart).sum - 1.0) < 1e-5);
+    double peak_shared = 0.0, peak_apart = 0.0;
+    for (size_t i = 0; i < hada_image_count(&shared); i++) {
+        peak_shared = fmax(peak_shared, shared.data[i]);
+        peak_apart = fmax(peak_apart, apart.data[i]);
+    }
+    /* one spot is the scaled ground of its lens, evenly bright: 1 / (all ground in pixels). Unshared 3 mm lenses would
+     * overlap on the sensor at 0.15 scale only at spacings below 0.45 mm, so brightness tells the total ground. */
+    const double pixels = 0.15 * 0.15 / (camera.pixel_pitch_mm * camera.pixel_pitch_mm);
+    const double ground_apart = 37.0 * 3.14159265 * 0.36;
+    assert_true(fabs(peak_apart * pixels * ground_apart - 1.0) < 0.05);
+    const double ground = 1.0 / (peak_shared * pixels);
+    assert_true(ground < 3.14159265 * 36.0 && ground > 0.7 * 3.14159265 * 36.0);
+    hada_image_destroy(&shared);
+    hada_image_destroy(&apart);
+}
+
+static void same_seed_same_mask(void **state)
+{
+    (void)state;
+    hada_camera camera = preset("sim300");
+    double x[2][29], y[2][29];
+    assert_int_equal(hada_camera_lenses(&camera, x[0], y[0], NULL), HADA_OK);
+    assert_int_equal(hada_camera_lenses(&camera, x[1], y[1], NULL), HADA_OK);
+    assert_memory_equal(x[0], x[1], sizeof x[0]);
+    camera.seed++;
+    assert_int_equal(hada_camera_lenses(&camera, x[1], y[1], NULL), HADA_OK);
+    assert_true(memcmp(x[0], x[1], sizeof x[0]) != 0);
+}
+
+static void files(void **state)
+{
+    (void)state;
+    hada_camera camera = preset("paper2022"), back;
+    camera.seed = UINT64_MAX - 5;
+    camera.boundary = HADA_BOUNDARY_CROP;
+    char path[] = "/tmp/hadalens-camera-XXXXXX";
+    const int handle = mkstemp(path);
+    assert_true(handle >= 0);
+    close(handle);
+    hada_error err;
+    assert_int_equal(hada_camera_save(&camera, path, &err), HADA_OK);
+    assert_int_equal(hada_camera_load(&back, path, &err), HADA_OK);
+    assert_true(back.seed == camera.seed && back.boundary == camera.boundary && back.depths == camera.depths);
+    assert_true(back.rows == 1376 && back.cols == 2064 && back.window_rows == 383);
+    assert_true(fabs(back.pixel_pitch_mm / camera.pixel_pitch_mm - 1.0) < 1e-14);
+    for (int i = 0; i < camera.depths; i++)
+        assert_true(fabs(back.distances_mm[i] / camera.distances_mm[i] - 1.0) < 1e-14);
+    const char *const bad[] = {
+        "{", "[1]", "{\"rows\": \"many\"}", "{\"rows\": 100}", "{\"distances_mm\": [3, 2]}", "{\"mask\": \"hole\"}"};
+    const hada_status why[] = {HADA_ERROR_FILE_FORMAT, HADA_ERROR_FILE_FORMAT, HADA_ERROR_FILE_FORMAT,
+                               HADA_ERROR_SIZE,        HADA_ERROR_ARGUMENT,    HADA_ERROR_UNSUPPORTED};
+    for (int i = 0; i < 6; i++) {
+        FILE *file = fopen(path, "w");
+        fputs(bad[i], file);
+        fclose(file);
+        assert_int_equal(hada_camera_load(&back, path, &err), why[i]);
+        assert_non_null(strstr(err.message, path));
+    }
+    unlink(path);
+    assert_int_equal(hada_camera_load(&back, path, &err), HADA_ERROR_FILE_OPEN);
+    assert_int_equal(hada_camera_save(&camera, "/nonexistent/folder/camera.json", &err), HADA_ERROR_FILE_WRITE);
+}
+
+static void refusals(void **state)
+{
+    (void)state;
+    hada_error err;
+    hada_camera camera;
+    assert_int_equal(hada_camera_preset(&camera, "sim9", &err), HADA_ERROR_ARGUMENT);
+    assert_non_null(strstr(err.message, "paper2022"));
+    camera = preset("sim300");
+    assert_int_equal(hada_camera_set_depths(&camera, 600.0, 100.0, 4, &err), HADA_ERROR_ARGUMENT);
+    assert_int_equal(hada_camera_set_depths(&camera, 100.0, 600.0, 0, &err), HADA_ERROR_ARGUMENT);
+    camera.window_rows = 301;
+    assert_int_equal(hada_camera_check(&camera, &err), HADA_ERROR_SIZE);
+    camera = preset("sim300");
+    camera.minimum_spacing_mm = 1.0;
+    double x[29], y[29];
+    assert_int_equal(hada_camera_lenses(&camera, x, y, &err), HADA_ERROR_ARGUMENT);
+    assert_non_null(strstr(err.message, "29 lenses"));
+    camera = preset("sim300");
+    camera.size = 4;
+    assert_int_equal(hada_camera_check(&camera, &err), HADA_ERROR_ARGUMENT);
+}
+
+static void resizing_keeps_the_pattern(void **state)
+{
+    (void)state;
+    hada_camera camera = preset("sim512");
+    assert_int_equal(hada_camera_resize(&camera, 128, 160, 0, 0, NULL), HADA_OK);
+    assert_int_equal(camera.window_rows, 48);
+    assert_int_equal(camera.window_cols, 48);
+    assert_true(fabs(camera.pixel_pitch_mm * 128 - 0.02 * 512) < 1e-12);
+    assert_int_equal(hada_camera_resize(&camera, 128, 160, 129, 40, NULL), HADA_ERROR_SIZE);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(presets_hold_together),
+                                       cmocka_unit_test(light_sums_to_one),
+                                       cmocka_unit_test(spots_stand_where_rays_meet),
+                                       cmocka_unit_test(focus_is_sharpest),
+                                       cmocka_unit_test(overlapping_lenses_share_the_ground),
+                                       cmocka_unit_test(same_seed_same_mask),
+                                       cmocka_unit_test(files),
+                                       cmocka_unit_test(refusals),
+                                       cmocka_unit_test(resizing_keeps_the_pattern)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,151 @@
+/* Scenes: cutting and scaling by hand-made cases, procedural scenes by their statistics. */
+#include <hadalens/metrics.h>
+#include <hadalens/optics.h>
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+static void scaling(void **state)
+{
+    (void)state;
+    float in[] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11};
+    hada_image image = {1, 3, 4, in}, out;
+    assert_int_equal(hada_image_resize(&out, &image, 3, 4, NULL), HADA_OK); /* the same size: the same pixels */
+    assert_memory_equal(out.data, in, sizeof in);
+    hada_image_destroy(&out);
+    assert_int_equal(hada_image_resize(&out, &image, 1, 2, NULL), HADA_OK); /* area means */
+    assert_true(out.data[0] == 4.5f && out.data[1] == 6.5f);
+    hada_image_destroy(&out);
+    assert_int_equal(hada_image_resize(&out, &image, 3, 3, NULL), HADA_OK); /* pixels of 4/3: shares 3/4 and 1/4 */
+    assert_true(fabsf(out.data[0] - 0.25f) < 1e-6f && fabsf(out.data[1] - 1.5f) < 1e-6f);
+    hada_image_destroy(&out);
+    assert_int_equal(hada_image_resize(&out, &image, 3, 8, NULL), HADA_OK); /* bilinear, held at the edges */
+    const float line[] = {0, 0.25f, 0.75f, 1.25f, 1.75f, 2.25f, 2.75f, 3};
+    assert_memory_equal(out.data, line, sizeof line);
+    hada_image_destroy(&out);
+    hada_image point = {1, 1, 1, in + 5};
+    assert_int_equal(hada_image_resize(&out, &point, 2, 3, NULL), HADA_OK);
+    for (int i = 0; i < 6; i++)
+        assert_true(out.data[i] == 5.0f);
+    hada_image_destroy(&out);
+    hada_error err;
+    assert_int_equal(hada_image_resize(&out, &image, 0, 3, &err), HADA_ERROR_ARGUMENT);
+    assert_null(out.data);
+}
+
+static void cutting(void **state)
+{
+    (void)state;
+    float in[12];
+    for (int i = 0; i < 12; i++)
+        in[i] = (float)(i + 1);
+    hada_image image = {1, 3, 4, in}, out;
+    assert_int_equal(hada_image_crop(&out, &image, -1, 2, 3, 3, NULL), HADA_OK);
+    const float part[] = {0, 0, 0, 3, 4, 0, 7, 8, 0};
+    assert_memory_equal(out.data, part, sizeof part);
+    hada_image_destroy(&out);
+    /* 3 x 4 to a square: the middle 3 x 3 */
+    assert_int_equal(hada_scene_fit(&out, &image, 3, 3, NULL), HADA_OK);
+    assert_true(out.data[0] == 1.0f && out.data[2] == 3.0f && out.data[8] == 11.0f);
+    hada_image_destroy(&out);
+    assert_int_equal(hada_scene_fit(&out, &image, 2, 4, NULL), HADA_OK); /* the first two rows of three */
+    assert_true(out.data[0] == 1.0f && out.data[7] == 8.0f);
+    hada_image_destroy(&out);
+    assert_int_equal(hada_window_origin(300, 120), 90);
+    assert_int_equal(hada_window_origin(1376, 383), 688 - 191);
+    assert_int_equal(hada_window_origin(5, 5), 0);
+}
+
+static void procedural(void **state)
+{
+    (void)state;
+    hada_image a, b, c;
+    assert_int_equal(hada_scene_procedural(&a, 1, 3, 120, 140, NULL), HADA_OK);
+    assert_int_equal(hada_scene_procedural(&b, 1, 3, 120, 140, NULL), HADA_OK);
+    assert_int_equal(hada_scene_procedural(&c, 2, 3, 120, 140, NULL), HADA_OK);
+    assert_memory_equal(a.data, b.data, hada_image_count(&a) * sizeof(float));
+    double mae, sum = 0.0, square = 0.0, sharpness;
+    assert_int_equal(hada_metric_mae(&a, &c, NULL, &mae, NULL), HADA_OK);
+    assert_true(mae > 0.1); /* another seed, another scene */
+    for (size_t i = 0; i < hada_image_count(&a); i++) {
+        assert_true(a.data[i] >= 0.0f && a.data[i] <= 1.0f);
+        sum += a.data[i];
+        square += (double)a.data[i] * a.data[i];
+    }
+    const double mean = sum / (double)hada_image_count(&a);
+    assert_true(mean > 0.1 && mean < 0.8);
+    assert_true(sqrt(square / (double)hada_image_count(&a) - mean * mean) > 0.1); /* contrast */
+    assert_int_equal(hada_metric_sharpness(&a, NULL, &sharpness, NULL), HADA_OK);
+    assert_true(sharpness > 0.02); /* edges */
+    hada_image_destroy(&a);
+    hada_image_destroy(&b);
+    hada_image_destroy(&c);
+    hada_error err;
+    assert_int_equal(hada_scene_procedural(&a, 1, 2, 8, 8, &err), HADA_ERROR_ARGUMENT);
+}
+
+static void regions(void **state)
+{
+    (void)state;
+    enum { ROWS = 60, COLS = 80 };
+    static int labels[ROWS * COLS], again[ROWS * COLS];
+    for (int count = 1; count <= 5; count++) {
+        int seen[5] = {0}, borders = 0;
+        assert_int_equal(hada_scene_regions(labels, 7, count, ROWS, COLS, NULL), HADA_OK);
+        assert_int_equal(hada_scene_regions(again, 7, count, ROWS, COLS, NULL), HADA_OK);
+        assert_memory_equal(labels, again, sizeof labels);
+        for (int i = 0; i < ROWS * COLS; i++) {
+            assert_in_range(labels[i], 0, count - 1);
+            seen[labels[i]]++;
+            borders += i % COLS && labels[i] != labels[i - 1];
+        }
+        for (int i = 0; i < count; i++)
+            assert_true(seen[i] > ROWS * COLS / 40);
+        assert_true(borders < ROWS * 3 * count); /* compact, no salt and pepper */
+    }
+    hada_error err;
+    assert_int_equal(hada_scene_regions(labels, 7, 7, 2, 3, &err), HADA_ERROR_ARGUMENT);
+    /* parts add up to the whole */
+    assert_int_equal(hada_scene_regions(labels, 3, 3, ROWS, COLS, NULL), HADA_OK);
+    hada_image scene, part;
+    assert_int_equal(hada_scene_procedural(&scene, 5, 3, ROWS, COLS, NULL), HADA_OK);
+    for (int i = 0; i < 3; i++) {
+        assert_int_equal(hada_scene_part(&part, &scene, labels, i, NULL), HADA_OK);
+        for (size_t j = 0; j < hada_image_count(&scene); j++) {
+            assert_true(part.data[j] == (labels[j % (ROWS * COLS)] == i ? scene.data[j] : part.data[j]));
+            scene.data[j] -= part.data[j];
+        }
+        hada_image_destroy(&part);
+    }
+    for (size_t j = 0; j < hada_image_count(&scene); j++)
+        assert_true(scene.data[j] == 0.0f);
+    hada_image_destroy(&scene);
+}
+
+static void noise(void **state)
+{
+    (void)state;
+    hada_image image;
+    assert_int_equal(hada_image_create(&image, 1, 200, 200, NULL), HADA_OK);
+    hada_image_add_noise(&image, 0.1, 9);
+    double sum = 0.0, square = 0.0;
+    for (int i = 0; i < 40000; i++)
+        sum += image.data[i], square += (double)image.data[i] * image.data[i];
+    assert_true(fabs(sum / 40000) < 0.1 * 5.0 / 200.0);
+    assert_true(fabs(square / 40000 - 0.01) < 0.01 * 5.0 * sqrt(2.0) / 200.0);
+    hada_image_destroy(&image);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(scaling), cmocka_unit_test(cutting),
+                                       cmocka_unit_test(procedural), cmocka_unit_test(regions),
+                                       cmocka_unit_test(noise)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -8,7 +8,27 @@
 
 #include "core/error.h"
 
-typedef enum hada_dtype { HADA_F32 = 1, HADA_F64 = 2, HADA_F16 = 3, HADA_I32 = 4, HADA_I64 = 5, HADA_U8 = 6, HADA_BF16 = 7 } hada_dtype;
+/* Types that Hadalens computes with come first; the rest are read and handed on as bytes. */
+typedef enum hada_dtype {
+    HADA_F32 = 1,
+    HADA_F64 = 2,
+    HADA_F16 = 3,
+    HADA_I32 = 4,
+    HADA_I64 = 5,
+    HADA_U8 = 6,
+    HADA_BF16 = 7,
+    HADA_I8 = 8,
+    HADA_I16 = 9,
+    HADA_U16 = 10,
+    HADA_U32 = 11,
+    HADA_U64 = 12,
+    HADA_BOOL = 13
+} hada_dtype;
+
+/* Bytes of one value, 0 for an unknown type; the name in a file, NULL for an unknown type. */
+size_t hada_dtype_bytes(hada_dtype type);
+const char *hada_dtype_name(hada_dtype type);
+hada_dtype hada_dtype_find(const char *name); /* 0 where unknown */
 
 #define HADA_TENSOR_DIMS 8
 typedef struct hada_tensor {
@@ -16,12 +36,14 @@ typedef struct hada_tensor {
     hada_dtype type;
     int dims;
     int64_t shape[HADA_TENSOR_DIMS];
-    const void *data; /* into the mapped file; at least 8-byte aligned, or copied by hada_tensors_copy_f32 */
+    const void *data; /* into the mapped file; hada_tensor_copy_f32 reads it at any alignment */
     size_t bytes;
 } hada_tensor;
 
 typedef struct hada_tensors hada_tensors;
-/* Checks the whole header (offsets inside the file, no overlap, sizes equal shapes) before anything is used. */
+/* Maps the file and checks the whole header (offsets inside the file, no overlap, sizes equal shapes) before anything is used. Tensors stand
+ * in the order of their data. Several threads may read one hada_tensors. The file must not shrink meanwhile: replace
+ * it by renaming, as this library does. */
 hada_status hada_tensors_open(hada_tensors **out, const char *path, hada_error *err);
 void hada_tensors_close(hada_tensors **tensors);
 size_t hada_tensors_count(const hada_tensors *tensors);
@@ -29,10 +51,11 @@ const hada_tensor *hada_tensors_at(const hada_tensors *tensors, size_t index);
 const hada_tensor *hada_tensors_find(const hada_tensors *tensors, const char *name); /* NULL where absent */
 /* Metadata value of a key, NULL where absent. */
 const char *hada_tensors_meta(const hada_tensors *tensors, const char *key);
-/* Copies `count` values from `first` as float32, converting from any float type. */
+/* Copies `count` values from `first` as float32, converting from any float type (F64 rounds to nearest). */
 hada_status hada_tensor_copy_f32(const hada_tensor *tensor, size_t first, size_t count, float *out, hada_error *err);
 
-/* Writing: declare everything, then supply the data in the order declared. */
+/* Writing: declare everything, then supply the data in the order declared. The data begin at a multiple of 8 bytes and
+ * tensors stand without gaps, as the format asks: declare 8-byte types first, bytes last, to keep each one aligned. */
 typedef struct hada_tensors_writer hada_tensors_writer;
 hada_status hada_tensors_create(hada_tensors_writer **out, const char *path, hada_error *err);
 hada_status hada_tensors_put_meta(hada_tensors_writer *writer, const char *key, const char *value, hada_error *err);

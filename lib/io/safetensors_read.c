@@ -1,0 +1,301 @@
+#include <errno.h>
+#include <fcntl.h>
+#include <jansson.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "core/alloc.h"
+#include "io/safetensors.h"
+
+/* The limit of the reference implementation. */
+#define HEADER_LIMIT ((uint64_t)100000000)
+
+struct hada_tensors {
+    json_t *header;
+    const json_t *meta;
+    hada_tensor *list;
+    size_t count;
+    void *map;
+    size_t map_bytes;
+};
+
+static const struct {
+    const char *name;
+    hada_dtype type;
+    size_t bytes;
+} types[] = {{"F32", HADA_F32, 4}, {"F64", HADA_F64, 8},   {"F16", HADA_F16, 2}, {"I32", HADA_I32, 4}, {"I64", HADA_I64, 8},
+             {"U8", HADA_U8, 1},   {"BF16", HADA_BF16, 2}, {"I8", HADA_I8, 1},   {"I16", HADA_I16, 2}, {"U16", HADA_U16, 2},
+             {"U32", HADA_U32, 4}, {"U64", HADA_U64, 8},   {"BOOL", HADA_BOOL, 1}};
+#define TYPES (sizeof types / sizeof types[0])
+
+size_t hada_dtype_bytes(hada_dtype type)
+{
+    for (size_t i = 0; i < TYPES; i++)
+        if (types[i].type == type)
+            return types[i].bytes;
+    return 0;
+}
+
+const char *hada_dtype_name(hada_dtype type)
+{
+    for (size_t i = 0; i < TYPES; i++)
+        if (types[i].type == type)
+            return types[i].name;
+    return NULL;
+}
+
+hada_dtype hada_dtype_find(const char *name)
+{
+    for (size_t i = 0; i < TYPES; i++)
+        if (!strcmp(types[i].name, name))
+            return types[i].type;
+    return (hada_dtype)0;
+}
+
+static hada_status bad(hada_error *err, const char *name, const char *why)
+{
+    return hada_fail(err, HADA_ERROR_FILE_FORMAT, "the safetensors header is damaged: tensor \"%.200s\" %s; get the file again",
+                     name, why);
+}
+
+/* Checks one entry and fills *tensor; `data` of `data_bytes` is what follows the header. */
+static hada_status read_entry(const char *name, const json_t *entry, const unsigned char *data, uint64_t data_bytes,
+                              hada_tensor *tensor, hada_error *err)
+{
+    const json_t *dtype = json_object_get(entry, "dtype"), *shape = json_object_get(entry, "shape"),
+                 *offsets = json_object_get(entry, "data_offsets");
+    if (!json_is_string(dtype) || !json_is_array(shape) || !json_is_array(offsets) || json_array_size(offsets) != 2)
+        return bad(err, name, "lacks its dtype, shape or data_offsets");
+    tensor->name = name;
+    tensor->type = hada_dtype_find(json_string_value(dtype));
+    if (!tensor->type)
+        return hada_fail(err, HADA_ERROR_UNSUPPORTED,
+                         "tensor \"%.200s\" has the type \"%.40s\", which is not offered; convert it to F32, F16 or BF16", name,
+                         json_string_value(dtype));
+    if (json_array_size(shape) > HADA_TENSOR_DIMS)
+        return hada_fail(err, HADA_ERROR_UNSUPPORTED, "tensor \"%.200s\" has %zu dimensions; at most %d are offered", name,
+                         json_array_size(shape), HADA_TENSOR_DIMS);
+    tensor->dims = (int)json_array_size(shape);
+    uint64_t count = 1;
+    int empty = 0;
+    for (int d = 0; d < tensor->dims; d++) {
+        const json_t *extent = json_array_get(shape, (size_t)d);
+        if (!json_is_integer(extent) || json_integer_value(extent) < 0)
+            return bad(err, name, "has a shape that is not a list of sizes");
+        tensor->shape[d] = json_integer_value(extent);
+        empty |= !tensor->shape[d];
+        if (tensor->shape[d] && count > (uint64_t)INT64_MAX / 8 / (uint64_t)tensor->shape[d])
+            return bad(err, name, "has an impossibly large shape");
+        count *= tensor->shape[d] ? (uint64_t)tensor->shape[d] : 1;
+    }
+    const json_t *first = json_array_get(offsets, 0), *last = json_array_get(offsets, 1);
+    if (!json_is_integer(first) || !json_is_integer(last) || json_integer_value(first) < 0 ||
+        json_integer_value(last) < json_integer_value(first))
+        return bad(err, name, "has data_offsets that are not two ascending sizes");
+    uint64_t begin = (uint64_t)json_integer_value(first), end = (uint64_t)json_integer_value(last);
+    if (end > data_bytes)
+        return hada_fail(err, HADA_ERROR_FILE_READ,
+                         "tensor \"%.200s\" ends at byte %llu of the data, but there are only %llu: the file is cut off; get it again",
+                         name, (unsigned long long)end, (unsigned long long)data_bytes);
+    if (end - begin != (empty ? 0 : count * hada_dtype_bytes(tensor->type)))
+        return bad(err, name, "occupies another number of bytes than its shape and type need");
+    tensor->data = data + begin;
+    tensor->bytes = (size_t)(end - begin);
+    return HADA_OK;
+}
+
+static int by_place(const void *a, const void *b)
+{
+    const hada_tensor *left = a, *right = b;
+    if (left->data != right->data)
+        return left->data < right->data ? -1 : 1;
+    if (left->bytes != right->bytes)
+        return left->bytes < right->bytes ? -1 : 1;
+    return strcmp(left->name, right->name);
+}
+
+static hada_status read_meta(hada_tensors *tensors, hada_error *err)
+{
+    tensors->meta = json_object_get(tensors->header, "__metadata__");
+    if (!tensors->meta)
+        return HADA_OK;
+    if (!json_is_object(tensors->meta))
+        return hada_fail(err, HADA_ERROR_FILE_FORMAT, "the safetensors header is damaged: __metadata__ is not an object");
+    const char *key;
+    json_t *value;
+    json_object_foreach((json_t *)tensors->meta, key, value) if (!json_is_string(value)) return hada_fail(
+        err, HADA_ERROR_FILE_FORMAT, "the safetensors header is damaged: the metadata value of \"%.200s\" is not a text", key);
+    return HADA_OK;
+}
+
+static hada_status parse(hada_tensors *tensors, hada_error *err)
+{
+    const unsigned char *bytes = tensors->map;
+    uint64_t length = 0;
+    for (int i = 7; i >= 0; i--)
+        length = length << 8 | bytes[i];
+    if (length > HEADER_LIMIT || length < 2 || bytes[8] != '{')
+        return hada_fail(err, HADA_ERROR_FILE_FORMAT, "not a safetensors file (no header of a plausible length)");
+    if (length > tensors->map_bytes - 8)
+        return hada_fail(err, HADA_ERROR_FILE_READ,
+                         "the safetensors header has %llu bytes, but the file ends before: it is cut off; get it again",
+                         (unsigned long long)length);
+    json_error_t why;
+    tensors->header = json_loadb((const char *)bytes + 8, (size_t)length, JSON_REJECT_DUPLICATES, &why);
+    if (!json_is_object(tensors->header))
+        return hada_fail(err, HADA_ERROR_FILE_FORMAT, "the safetensors header is damaged: %s at its byte %d", why.text,
+                         why.position);
+    hada_status status = read_meta(tensors, err);
+    if (status)
+        return status;
+    void *list;
+    status = hada_alloc(&list, json_object_size(tensors->header), sizeof(hada_tensor), "the list of tensors", err);
+    if (status)
+        return status;
+    tensors->list = list;
+    const unsigned char *data = bytes + 8 + length;
+    uint64_t data_bytes = tensors->map_bytes - 8 - length;
+    const char *name;
+    json_t *entry;
+    json_object_foreach(tensors->header, name, entry)
+    {
+        if (!strcmp(name, "__metadata__"))
+            continue;
+        status = read_entry(name, entry, data, data_bytes, &tensors->list[tensors->count], err);
+        if (status)
+            return status;
+        tensors->count++;
+    }
+    qsort(tensors->list, tensors->count, sizeof(hada_tensor), by_place);
+    const unsigned char *expected = data;
+    for (size_t i = 0; i < tensors->count; i++) {
+        const unsigned char *at = tensors->list[i].data;
+        if (at != expected)
+            return bad(err, tensors->list[i].name,
+                       at < expected ? "overlaps another tensor" : "does not follow the tensor before it without a gap");
+        expected = at + tensors->list[i].bytes;
+    }
+    if (expected != data + data_bytes)
+        return hada_fail(err, HADA_ERROR_FILE_FORMAT,
+                         "the safetensors file has %llu bytes after its last tensor; get the file again",
+                         (unsigned long long)(data + data_bytes - expected));
+    return HADA_OK;
+}
+
+static hada_status map_file(hada_tensors *tensors, const char *path, hada_error *err)
+{
+    int fd = open(path, O_RDONLY | O_CLOEXEC);
+    if (fd < 0)
+        return hada_fail(err, HADA_ERROR_FILE_OPEN, "cannot be opened: %s", strerror(errno));
+    struct stat info;
+    hada_status status = HADA_OK;
+    if (fstat(fd, &info) || !S_ISREG(info.st_mode))
+        status = hada_fail(err, HADA_ERROR_FILE_OPEN, "is not an ordinary file");
+    else if (info.st_size < 10)
+        status = hada_fail(err, HADA_ERROR_FILE_READ, "%s: not a safetensors file",
+                           info.st_size ? "the file has fewer than 10 bytes" : "the file is empty");
+    if (!status) {
+        void *map = mmap(NULL, (size_t)info.st_size, PROT_READ, MAP_PRIVATE, fd, 0);
+        if (map == MAP_FAILED) {
+            status = hada_fail(err, HADA_ERROR_FILE_READ, "cannot be mapped: %s", strerror(errno));
+        } else {
+            tensors->map = map;
+            tensors->map_bytes = (size_t)info.st_size;
+        }
+    }
+    close(fd);
+    return status;
+}
+
+hada_status hada_tensors_open(hada_tensors **out, const char *path, hada_error *err)
+{
+    *out = NULL;
+    hada_tensors *tensors = calloc(1, sizeof *tensors);
+    if (!tensors)
+        return hada_fail(err, HADA_ERROR_MEMORY, "no memory to open %s", path);
+    hada_status status = map_file(tensors, path, err);
+    if (!status)
+        status = parse(tensors, err);
+    if (status) {
+        hada_error_prefix(err, "%s: ", path);
+        hada_tensors_close(&tensors);
+    }
+    *out = tensors;
+    return status;
+}
+
+void hada_tensors_close(hada_tensors **tensors)
+{
+    hada_tensors *t = tensors ? *tensors : NULL;
+    if (!t)
+        return;
+    if (t->map)
+        munmap(t->map, t->map_bytes);
+    json_decref(t->header);
+    free(t->list);
+    free(t);
+    *tensors = NULL;
+}
+
+size_t hada_tensors_count(const hada_tensors *tensors)
+{
+    return tensors->count;
+}
+
+const hada_tensor *hada_tensors_at(const hada_tensors *tensors, size_t index)
+{
+    return index < tensors->count ? &tensors->list[index] : NULL;
+}
+
+const hada_tensor *hada_tensors_find(const hada_tensors *tensors, const char *name)
+{
+    for (size_t i = 0; i < tensors->count; i++)
+        if (!strcmp(tensors->list[i].name, name))
+            return &tensors->list[i];
+    return NULL;
+}
+
+const char *hada_tensors_meta(const hada_tensors *tensors, const char *key)
+{
+    return json_string_value(json_object_get(tensors->meta, key));
+}
+
+hada_status hada_tensor_copy_f32(const hada_tensor *tensor, size_t first, size_t count, float *out, hada_error *err)
+{
+    size_t size = hada_dtype_bytes(tensor->type), total = size ? tensor->bytes / size : 0;
+    if (first > total || count > total - first)
+        return hada_fail(err, HADA_ERROR_SIZE, "tensor \"%.200s\" has %zu values; %zu from number %zu were asked for",
+                         tensor->name, total, count, first);
+    const unsigned char *from = (const unsigned char *)tensor->data + first * size;
+    switch (tensor->type) {
+    case HADA_F32: memcpy(out, from, count * sizeof *out); return HADA_OK;
+    case HADA_F64:
+        for (size_t i = 0; i < count; i++) {
+            double value;
+            memcpy(&value, from + i * 8, sizeof value);
+            out[i] = (float)value;
+        }
+        return HADA_OK;
+    case HADA_F16:
+        for (size_t i = 0; i < count; i++) {
+            uint16_t half;
+            memcpy(&half, from + i * 2, sizeof half);
+            out[i] = hada_float_from_half(half);
+        }
+        return HADA_OK;
+    case HADA_BF16:
+        for (size_t i = 0; i < count; i++) {
+            uint16_t upper;
+            memcpy(&upper, from + i * 2, sizeof upper);
+            uint32_t bits = (uint32_t)upper << 16;
+            memcpy(out + i, &bits, sizeof bits);
+        }
+        return HADA_OK;
+    default:
+        return hada_fail(err, HADA_ERROR_UNSUPPORTED, "tensor \"%.200s\" holds %s; a float type is needed here", tensor->name,
+                         hada_dtype_name(tensor->type));
+    }
+}

@@ -16,10 +16,10 @@
  * kx > cols/2 (padding of the last block) are unspecified: pointwise kernels may compute on them but sums must leave
  * them out. */
 typedef struct hada_spectrum_layout {
-    int rows, cols;  /* of the real image */
-    int block;       /* columns in a block */
-    int blocks;      /* ceil((cols/2 + 1) / block) */
-    size_t count;    /* complex numbers of one image: blocks * rows * block */
+    int rows, cols; /* of the real image */
+    int block;      /* columns in a block */
+    int blocks;     /* ceil((cols/2 + 1) / block) */
+    size_t count;   /* complex numbers of one image: blocks * rows * block */
 } hada_spectrum_layout;
 
 static inline size_t hada_spectrum_index(const hada_spectrum_layout *layout, int ky, int kx)

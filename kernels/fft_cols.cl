@@ -1,0 +1,235 @@
+/* Transforms along the columns of half spectra: a work-item takes one block of eight columns of one image. The
+ * direction, the rows taken as zero and the order of the input are in the table; while the input is read it can be
+ * multiplied by a filter. Output rows outside row0..row0+rows_out-1 are not computed.
+ *
+ * FFT_PRODUCT: 0 none, 1 complex, 2 split (re*re, im*im). FFT_HALF: the filter is stored as half. */
+#include "inc_fft_lanes.h"
+
+#ifndef FFT_PRODUCT
+#define FFT_PRODUCT 0
+#endif
+#ifndef FFT_HALF
+#define FFT_HALF 0
+#endif
+
+typedef struct fft_columns {
+    __global const float *in;
+#if FFT_HALF
+    __global const half *filter;
+#else
+    __global const float *filter;
+#endif
+    __global float *out;
+    int row0, rows_out;
+} fft_columns;
+
+FFT_INLINE void fft_get(const fft_columns *columns, int row, float8 *re, float8 *im)
+{
+    if (row < 0) {
+        *re = (float8)0.0f;
+        *im = (float8)0.0f;
+        return;
+    }
+    __global const float *p = columns->in + (size_t)row * 16;
+    fft_apart(vload8(0, p), vload8(1, p), re, im);
+#if FFT_PRODUCT
+    float8 wr, wi;
+#if FFT_HALF
+    __global const half *w = columns->filter + (size_t)row * 16;
+    fft_apart(vload_half8(0, w), vload_half8(1, w), &wr, &wi);
+#else
+    __global const float *w = columns->filter + (size_t)row * 16;
+    fft_apart(vload8(0, w), vload8(1, w), &wr, &wi);
+#endif
+#if FFT_PRODUCT == 1
+    const float8 xr = *re, xi = *im;
+    *re = fma(xr, wr, -(xi * wi));
+    *im = fma(xr, wi, xi * wr);
+#else
+    *re *= wr;
+    *im *= wi;
+#endif
+#endif
+}
+
+FFT_INLINE void fft_put(const fft_columns *columns, int row, float8 re, float8 im)
+{
+    const int r = row - columns->row0;
+    if ((uint)r < (uint)columns->rows_out)
+        fft_store(columns->out + (size_t)r * 16, re, im);
+}
+
+FFT_INLINE int fft_wanted(const fft_columns *columns, int row)
+{
+    return (uint)(row - columns->row0) < (uint)columns->rows_out;
+}
+
+/* The first stage, from memory to scratch. */
+FFT_INLINE void fft_first_radix(const int radix, const fft_columns *columns, FFT_MEM float8 *scratch,
+                                __global const int *source, int from, int to)
+{
+    for (int b = from; b < to; ++b) {
+        float8 re[16], im[16];
+#pragma unroll
+        for (int k = 0; k < radix; ++k)
+            fft_get(columns, source[b * radix + k], &re[k], &im[k]);
+        fft_butterfly(radix, re, im);
+        fft_leave(radix, scratch + 2 * b * radix, 1, re, im);
+    }
+}
+
+FFT_INLINE void fft_first(const fft_columns *columns, FFT_MEM float8 *scratch, __global const int *source, int radix,
+                          int from, int to)
+{
+    switch (radix) {
+    case 4: fft_first_radix(4, columns, scratch, source, from, to); break;
+    case 8: fft_first_radix(8, columns, scratch, source, from, to); break;
+    default: fft_first_radix(1, columns, scratch, source, from, to); break;
+    }
+}
+
+/* The last stage, from scratch to memory. */
+FFT_INLINE void fft_last_radix(const int radix, const fft_columns *columns, FFT_MEM float8 *scratch, int span,
+                               __global const float *twiddles)
+{
+    for (int j = 0; j < span; ++j) {
+        float8 re[16], im[16];
+        fft_fetch(radix, scratch + 2 * j, span, re, im);
+        if (span > 1)
+            fft_twiddle(radix, twiddles + 2 * (radix - 1) * j, re, im);
+        fft_butterfly(radix, re, im);
+#pragma unroll
+        for (int k = 0; k < radix; ++k)
+            fft_put(columns, j + k * span, re[k], im[k]);
+    }
+}
+
+FFT_INLINE void fft_last_odd(const fft_columns *columns, FFT_MEM float8 *scratch, int radix, int span,
+                             __global const float *twiddles, __global const float *cosines)
+{
+    for (int j = 0; j < span; ++j) {
+        fft_odd odd;
+        fft_odd_take(&odd, radix, scratch + 2 * j, span, twiddles + (size_t)(2 * (radix - 1)) * (size_t)j);
+        if (fft_wanted(columns, j)) {
+            float8 re, im;
+            fft_odd_first(&odd, radix, &re, &im);
+            fft_put(columns, j, re, im);
+        }
+        for (int m = 1; m <= radix / 2; m += FFT_ODD_GROUP) {
+            const int count = min(FFT_ODD_GROUP, radix / 2 - m + 1);
+            int wanted = 0;
+            for (int g = 0; g < count; ++g)
+                wanted |= fft_wanted(columns, j + (m + g) * span) | fft_wanted(columns, j + (radix - m - g) * span);
+            if (!wanted)
+                continue;
+            fft_odd_group(&odd, radix, m / FFT_ODD_GROUP, cosines);
+            for (int g = 0; g < count; ++g) {
+                fft_put(columns, j + (m + g) * span, odd.low_re[g], odd.low_im[g]);
+                fft_put(columns, j + (radix - m - g) * span, odd.high_re[g], odd.high_im[g]);
+            }
+        }
+    }
+}
+
+FFT_INLINE void fft_last(const fft_columns *columns, FFT_MEM float8 *scratch, __global const int *table,
+                         __global const float *floats)
+{
+    __global const int *stage = table + FFT_HEADER + (table[FFT_STAGES] - 1) * FFT_STAGE_INTS;
+    const int radix = stage[FFT_RADIX], span = stage[FFT_SPAN];
+    __global const float *w = floats + stage[FFT_TWIDDLES];
+    switch (radix) {
+    case 1: fft_last_radix(1, columns, scratch, span, w); break;
+    case 2: fft_last_radix(2, columns, scratch, span, w); break;
+    case 3: fft_last_radix(3, columns, scratch, span, w); break;
+    case 4: fft_last_radix(4, columns, scratch, span, w); break;
+    case 5: fft_last_radix(5, columns, scratch, span, w); break;
+    case 7: fft_last_radix(7, columns, scratch, span, w); break;
+    case 8: fft_last_radix(8, columns, scratch, span, w); break;
+    case 16: fft_last_radix(16, columns, scratch, span, w); break;
+    default: fft_last_odd(columns, scratch, radix, span, w, floats + stage[FFT_COSINES]); break;
+    }
+}
+
+/* Lengths with a large prime factor are done as a convolution with a chirp: input times chirp to scratch, ... */
+FFT_INLINE void fft_chirp_in(const fft_columns *columns, FFT_MEM float8 *scratch, __global const int *table,
+                             __global const float *floats)
+{
+    __global const int *source = table + table[FFT_SOURCE], *place = table + table[FFT_PLACE];
+    __global const float *chirp = floats + table[FFT_CHIRP];
+    for (int i = 0; i < 2 * table[FFT_POINTS]; ++i)
+        scratch[i] = (float8)0.0f;
+    for (int i = 0; i < table[FFT_LENGTH]; ++i) {
+        float8 re, im;
+        fft_get(columns, source[i], &re, &im);
+        fft_turn(&re, &im, chirp[2 * i], chirp[2 * i + 1]);
+        scratch[2 * place[i]] = re;
+        scratch[2 * place[i] + 1] = im;
+    }
+}
+
+/* ... and the result times chirp to memory. */
+FFT_INLINE void fft_chirp_out(const fft_columns *columns, FFT_MEM float8 *scratch, __global const int *table,
+                              __global const float *floats)
+{
+    __global const int *place = table + table[FFT_PLACE];
+    __global const float *chirp = floats + table[FFT_CHIRP];
+    for (int i = columns->row0; i < columns->row0 + columns->rows_out; ++i) {
+        float8 re = scratch[2 * place[i] + 1], im = scratch[2 * place[i]];
+        fft_turn(&re, &im, chirp[2 * i], chirp[2 * i + 1]);
+        fft_put(columns, i, re, im);
+    }
+}
+
+/* The work-items (column block, image) count images fastest, so that a spectrum's block is still in cache when the
+ * next filter is applied to it. Distances and offsets are in complex numbers. */
+__kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
+fft_cols(__global const float *in, ulong in_offset, ulong in_distance, int in_count, int first,
+         __global const void *filter, ulong filter_offset, ulong filter_distance, __global float *out, ulong out_offset, ulong out_distance, int row0,
+         int rows_out, int images, int tasks, __global const int *table, __global const float *floats,
+         FFT_MEM float8 *scratches)
+{
+#if FFT_SCRATCH_GLOBAL
+    __global float8 *scratch = scratches + get_group_id(0) * (size_t)(2 * table[FFT_POINTS]);
+#else
+    __local float8 *scratch = scratches;
+#endif
+    for (int task = get_group_id(0); task < tasks; task += get_num_groups(0)) {
+        const int block = task / images, image = task % images;
+        const int n = table[FFT_LENGTH];
+        fft_columns columns;
+        columns.in =
+            in + 2 * (in_offset + (ulong)((first + image) % in_count) * in_distance + (ulong)block * (ulong)n * 8);
+        columns.out = out + 2 * (out_offset + (ulong)image * out_distance + (ulong)block * (ulong)rows_out * 8);
+        columns.row0 = row0;
+        columns.rows_out = rows_out;
+#if FFT_HALF
+        columns.filter = (__global const half *)filter;
+#else
+        columns.filter = (__global const float *)filter;
+#endif
+#if FFT_PRODUCT
+        columns.filter += 2 * (filter_offset + (ulong)image * filter_distance + (ulong)block * (ulong)n * 8);
+#endif
+        const int chirp = table[FFT_CHIRP] != 0;
+        const int radix = table[FFT_HEADER + FFT_RADIX];
+        if (chirp)
+            fft_chirp_in(&columns, scratch, table, floats);
+        for (int i = 0; i <= table[FFT_POINTS] / table[FFT_CHUNK]; ++i) {
+            fft_part part = fft_part_of(table, i);
+            if (!chirp && part.first == 0) {
+                fft_first(&columns, scratch, table + table[FFT_SOURCE], radix, part.from / radix, part.to / radix);
+                part.first = 1;
+            }
+            if (!chirp && part.last == table[FFT_STAGES])
+                --part.last;
+            for (int s = part.first; s < part.last; ++s)
+                fft_stage(scratch, table, floats, s, part.from, part.to, 0, n);
+        }
+        if (chirp) {
+            fft_convolve(scratch, table, floats);
+            fft_chirp_out(&columns, scratch, table, floats);
+        } else {
+            fft_last(&columns, scratch, table, floats);
+        }
+    }
+}

@@ -1,0 +1,322 @@
+/* Transforms in the lanes of vectors: one work-item carries eight transforms side by side in float8, its scratch memory
+ * holds point i as scratch[2 i] (re) and scratch[2 i + 1] (im). Decimation in time: the input goes to scratch in
+ * digit-reversed order, every stage works in place, the last one hands its output on in natural order. */
+#ifndef INC_FFT_LANES_H
+#define INC_FFT_LANES_H
+
+#define FFT_V float8
+#include "inc_fft_radix.h"
+#include "inc_fft_table.h"
+
+/* FFT_SCRATCH_GLOBAL: scratch lies in global memory, for transforms too long for local memory. */
+#ifndef FFT_SCRATCH_GLOBAL
+#define FFT_SCRATCH_GLOBAL 0
+#endif
+#if FFT_SCRATCH_GLOBAL
+#define FFT_MEM __global
+#else
+#define FFT_MEM __local
+#endif
+
+/* Eight complex numbers from memory into lanes and back. The lanes' order (0 1 4 5 2 3 6 7) is one that a single
+ * shuffle of two registers makes; nothing else depends on it. */
+FFT_INLINE void fft_apart(float8 a, float8 b, float8 *re, float8 *im)
+{
+    *re = (float8)(a.s02, b.s02, a.s46, b.s46);
+    *im = (float8)(a.s13, b.s13, a.s57, b.s57);
+}
+
+FFT_INLINE void fft_store(__global float *p, float8 re, float8 im)
+{
+    vstore8((float8)(re.s0, im.s0, re.s1, im.s1, re.s4, im.s4, re.s5, im.s5), 0, p);
+    vstore8((float8)(re.s2, im.s2, re.s3, im.s3, re.s6, im.s6, re.s7, im.s7), 1, p);
+}
+
+/* Transposes 8 x 8 floats. */
+FFT_INLINE void fft_transpose(float8 *m)
+{
+    float8 a[8], b[8];
+#pragma unroll
+    for (int k = 0; k < 4; ++k) {
+        const float8 x = m[2 * k], y = m[2 * k + 1];
+        a[2 * k] = (float8)(x.s0, y.s0, x.s1, y.s1, x.s4, y.s4, x.s5, y.s5);
+        a[2 * k + 1] = (float8)(x.s2, y.s2, x.s3, y.s3, x.s6, y.s6, x.s7, y.s7);
+    }
+#pragma unroll
+    for (int h = 0; h < 2; ++h) {
+        const float8 p = a[4 * h], q = a[4 * h + 1], u = a[4 * h + 2], v = a[4 * h + 3];
+        b[4 * h] = (float8)(p.s01, u.s01, p.s45, u.s45);
+        b[4 * h + 1] = (float8)(p.s23, u.s23, p.s67, u.s67);
+        b[4 * h + 2] = (float8)(q.s01, v.s01, q.s45, v.s45);
+        b[4 * h + 3] = (float8)(q.s23, v.s23, q.s67, v.s67);
+    }
+#pragma unroll
+    for (int k = 0; k < 4; ++k) {
+        m[k] = (float8)(b[k].lo, b[k + 4].lo);
+        m[k + 4] = (float8)(b[k].hi, b[k + 4].hi);
+    }
+}
+
+/* The radix is a constant at every call, so that all loops over it unroll. */
+FFT_INLINE void fft_butterfly(const int radix, float8 *re, float8 *im)
+{
+    switch (radix) {
+    case 2: fft_radix2(re, im); break;
+    case 3: fft_radix3(re, im); break;
+    case 4: fft_radix4(re, im); break;
+    case 5: fft_radix5(re, im); break;
+    case 7: fft_radix7(re, im); break;
+    case 8: fft_radix8(re, im); break;
+    case 16: fft_radix16(re, im); break;
+    default: break;
+    }
+}
+
+FFT_INLINE void fft_fetch(const int radix, FFT_MEM const float8 *q, int span, float8 *re, float8 *im)
+{
+#pragma unroll
+    for (int k = 0; k < radix; ++k) {
+        re[k] = q[2 * k * span];
+        im[k] = q[2 * k * span + 1];
+    }
+}
+
+FFT_INLINE void fft_leave(const int radix, FFT_MEM float8 *q, int span, const float8 *re, const float8 *im)
+{
+#pragma unroll
+    for (int k = 0; k < radix; ++k) {
+        q[2 * k * span] = re[k];
+        q[2 * k * span + 1] = im[k];
+    }
+}
+
+FFT_INLINE void fft_twiddle(const int radix, __global const float *w, float8 *re, float8 *im)
+{
+#pragma unroll
+    for (int k = 1; k < radix; ++k)
+        fft_turn(&re[k], &im[k], w[2 * k - 2], w[2 * k - 1]);
+}
+
+/* Blocks from..to-1 of a stage, in place. */
+FFT_INLINE void fft_stage_radix(const int radix, FFT_MEM float8 *scratch, int from, int to, int span,
+                                __global const float *twiddles)
+{
+    for (int b = from; b < to; ++b) {
+        FFT_MEM float8 *block = scratch + (size_t)b * (size_t)(2 * radix * span);
+        for (int j = 0; j < span; ++j) {
+            float8 re[16], im[16];
+            fft_fetch(radix, block + 2 * j, span, re, im);
+            if (span > 1)
+                fft_twiddle(radix, twiddles + 2 * (radix - 1) * j, re, im);
+            fft_butterfly(radix, re, im);
+            fft_leave(radix, block + 2 * j, span, re, im);
+        }
+    }
+}
+
+/* The same backwards (decimation in frequency): takes natural order, leaves digit-reversed order. */
+FFT_INLINE void fft_unstage_radix(const int radix, FFT_MEM float8 *scratch, int to, int span,
+                                  __global const float *twiddles)
+{
+    for (int b = 0; b < to; ++b) {
+        FFT_MEM float8 *block = scratch + (size_t)b * (size_t)(2 * radix * span);
+        for (int j = 0; j < span; ++j) {
+            float8 re[16], im[16];
+            fft_fetch(radix, block + 2 * j, span, re, im);
+            fft_butterfly(radix, re, im);
+            if (span > 1)
+                fft_twiddle(radix, twiddles + 2 * (radix - 1) * j, re, im);
+            fft_leave(radix, block + 2 * j, span, re, im);
+        }
+    }
+}
+
+/* One odd-length butterfly, by its definition, in two halves. The first turns the inputs and keeps their sums and
+ * differences; the second sums up FFT_ODD_GROUP outputs m and their mirror images p - m at a time:
+ *     X[m], X[p-m] = x[0] + sum a[k] cos(2 pi m k / p)  -+  i sum b[k] sin(2 pi m k / p). */
+typedef struct fft_odd {
+    float8 re, im;                                             /* x[0] */
+    float8 sums[4 * (FFT_ODD_LARGEST / 2)];                    /* for each k: a re, a im, b re, b im */
+    float8 low_re[FFT_ODD_GROUP], low_im[FFT_ODD_GROUP];       /* X[m] */
+    float8 high_re[FFT_ODD_GROUP], high_im[FFT_ODD_GROUP];     /* X[p-m] */
+} fft_odd;
+
+FFT_INLINE void fft_odd_take(fft_odd *odd, int radix, FFT_MEM const float8 *q, int span, __global const float *w)
+{
+    odd->re = q[0];
+    odd->im = q[1];
+    for (int k = 1; k <= radix / 2; ++k) {
+        FFT_MEM const float8 *low = q + 2 * k * span, *high = q + 2 * (radix - k) * span;
+        float8 xr = low[0], xi = low[1], yr = high[0], yi = high[1];
+        if (span > 1) {
+            fft_turn(&xr, &xi, w[2 * k - 2], w[2 * k - 1]);
+            fft_turn(&yr, &yi, w[2 * (radix - k) - 2], w[2 * (radix - k) - 1]);
+        }
+        float8 *s = odd->sums + 4 * (k - 1);
+        s[0] = xr + yr;
+        s[1] = xi + yi;
+        s[2] = xr - yr;
+        s[3] = xi - yi;
+    }
+}
+
+FFT_INLINE void fft_odd_first(const fft_odd *odd, int radix, float8 *re, float8 *im)
+{
+    *re = odd->re;
+    *im = odd->im;
+    for (int k = 0; k < radix / 2; ++k) {
+        *re += odd->sums[4 * k];
+        *im += odd->sums[4 * k + 1];
+    }
+}
+
+/* Outputs m = 1 + 3 g .. 3 + 3 g and their mirror images. */
+FFT_INLINE void fft_odd_group(fft_odd *odd, int radix, int group, __global const float *cosines)
+{
+    const int half_count = radix / 2;
+    __global const float *c = cosines + (size_t)group * (size_t)(half_count * 2 * FFT_ODD_GROUP);
+    float8 pr0 = odd->re, pr1 = pr0, pr2 = pr0, pi0 = odd->im, pi1 = pi0, pi2 = pi0;
+    float8 qr0 = 0.0f, qr1 = 0.0f, qr2 = 0.0f, qi0 = 0.0f, qi1 = 0.0f, qi2 = 0.0f;
+    for (int k = 0; k < half_count; ++k) {
+        const float8 ar = odd->sums[4 * k], ai = odd->sums[4 * k + 1];
+        const float8 br = odd->sums[4 * k + 2], bi = odd->sums[4 * k + 3];
+        pr0 = fma(ar, (float8)c[0], pr0);
+        pi0 = fma(ai, (float8)c[0], pi0);
+        pr1 = fma(ar, (float8)c[1], pr1);
+        pi1 = fma(ai, (float8)c[1], pi1);
+        pr2 = fma(ar, (float8)c[2], pr2);
+        pi2 = fma(ai, (float8)c[2], pi2);
+        qr0 = fma(br, (float8)c[3], qr0);
+        qi0 = fma(bi, (float8)c[3], qi0);
+        qr1 = fma(br, (float8)c[4], qr1);
+        qi1 = fma(bi, (float8)c[4], qi1);
+        qr2 = fma(br, (float8)c[5], qr2);
+        qi2 = fma(bi, (float8)c[5], qi2);
+        c += 2 * FFT_ODD_GROUP;
+    }
+    odd->low_re[0] = pr0 + qi0;
+    odd->low_im[0] = pi0 - qr0;
+    odd->high_re[0] = pr0 - qi0;
+    odd->high_im[0] = pi0 + qr0;
+    odd->low_re[1] = pr1 + qi1;
+    odd->low_im[1] = pi1 - qr1;
+    odd->high_re[1] = pr1 - qi1;
+    odd->high_im[1] = pi1 + qr1;
+    odd->low_re[2] = pr2 + qi2;
+    odd->low_im[2] = pi2 - qr2;
+    odd->high_re[2] = pr2 - qi2;
+    odd->high_im[2] = pi2 + qr2;
+}
+
+/* An output outside low..low+wanted-1 need not be right (the last stage of a pruned transform). */
+FFT_INLINE void fft_stage_odd(FFT_MEM float8 *scratch, int from, int to, int radix, int span,
+                              __global const float *twiddles, __global const float *cosines, int low, int wanted)
+{
+    for (int b = from; b < to; ++b) {
+        FFT_MEM float8 *block = scratch + (size_t)b * (size_t)(2 * radix * span);
+        for (int j = 0; j < span; ++j) {
+            FFT_MEM float8 *q = block + 2 * j;
+            fft_odd odd;
+            float8 re, im;
+            fft_odd_take(&odd, radix, q, span, twiddles + (size_t)(2 * (radix - 1)) * (size_t)j);
+            fft_odd_first(&odd, radix, &re, &im);
+            q[0] = re;
+            q[1] = im;
+            for (int m = 1; m <= radix / 2; m += FFT_ODD_GROUP) {
+                const int count = min(FFT_ODD_GROUP, radix / 2 - m + 1);
+                int skip = 1;
+                for (int g = 0; g < count; ++g)
+                    skip &= (uint)(j + (m + g) * span - low) >= (uint)wanted &&
+                            (uint)(j + (radix - m - g) * span - low) >= (uint)wanted;
+                if (skip)
+                    continue;
+                fft_odd_group(&odd, radix, m / FFT_ODD_GROUP, cosines);
+                for (int g = 0; g < count; ++g) {
+                    q[2 * (m + g) * span] = odd.low_re[g];
+                    q[2 * (m + g) * span + 1] = odd.low_im[g];
+                    q[2 * (radix - m - g) * span] = odd.high_re[g];
+                    q[2 * (radix - m - g) * span + 1] = odd.high_im[g];
+                }
+            }
+        }
+    }
+}
+
+/* The points from..to-1 through the stage s, in place. */
+FFT_INLINE void fft_stage(FFT_MEM float8 *scratch, __global const int *table, __global const float *floats, int s,
+                          int from_point, int to_point, int low, int wanted)
+{
+    __global const int *stage = table + FFT_HEADER + s * FFT_STAGE_INTS;
+    const int radix = stage[FFT_RADIX], span = stage[FFT_SPAN];
+    const int from = from_point / (radix * span), to = to_point / (radix * span);
+    __global const float *w = floats + stage[FFT_TWIDDLES];
+    switch (radix) {
+    case 1: break;
+    case 2: fft_stage_radix(2, scratch, from, to, span, w); break;
+    case 3: fft_stage_radix(3, scratch, from, to, span, w); break;
+    case 4: fft_stage_radix(4, scratch, from, to, span, w); break;
+    case 5: fft_stage_radix(5, scratch, from, to, span, w); break;
+    case 7: fft_stage_radix(7, scratch, from, to, span, w); break;
+    case 8: fft_stage_radix(8, scratch, from, to, span, w); break;
+    case 16: fft_stage_radix(16, scratch, from, to, span, w); break;
+    default: fft_stage_odd(scratch, from, to, radix, span, w, floats + stage[FFT_COSINES], low, wanted); break;
+    }
+}
+
+/* A walk over the stages: first those of each chunk, chunk by chunk, then the others over all points. Part `part` of
+ * `chunks + 1` is the stages first..last-1 over the points from..to-1. */
+typedef struct fft_part {
+    int first, last, from, to;
+} fft_part;
+
+FFT_INLINE fft_part fft_part_of(__global const int *table, int part)
+{
+    const int points = table[FFT_POINTS], chunk = table[FFT_CHUNK];
+    fft_part p;
+    if (part < points / chunk) {
+        p.first = 0;
+        p.last = table[FFT_CHUNK_STAGES];
+        p.from = part * chunk;
+        p.to = p.from + chunk;
+    } else {
+        p.first = table[FFT_CHUNK_STAGES];
+        p.last = table[FFT_STAGES];
+        p.from = 0;
+        p.to = points;
+    }
+    return p;
+}
+
+FFT_INLINE void fft_unstage(FFT_MEM float8 *scratch, __global const int *table, __global const float *floats, int s)
+{
+    __global const int *stage = table + FFT_HEADER + s * FFT_STAGE_INTS;
+    const int radix = stage[FFT_RADIX], span = stage[FFT_SPAN], to = table[FFT_POINTS] / (radix * span);
+    __global const float *w = floats + stage[FFT_TWIDDLES];
+    switch (radix) {
+    case 2: fft_unstage_radix(2, scratch, to, span, w); break;
+    case 3: fft_unstage_radix(3, scratch, to, span, w); break;
+    case 4: fft_unstage_radix(4, scratch, to, span, w); break;
+    case 5: fft_unstage_radix(5, scratch, to, span, w); break;
+    case 7: fft_unstage_radix(7, scratch, to, span, w); break;
+    case 8: fft_unstage_radix(8, scratch, to, span, w); break;
+    default: break;
+    }
+}
+
+/* Multiplies scratch by the transform of the chirp and leaves its product with real and imaginary parts swapped, so
+ * that a forward transform backwards through the stages is an inverse one. Ends in digit-reversed order, swapped. */
+FFT_INLINE void fft_convolve(FFT_MEM float8 *scratch, __global const int *table, __global const float *floats)
+{
+    const int points = table[FFT_POINTS];
+    __global const float *chirp = floats + table[FFT_CHIRP_SPECTRUM];
+    for (int i = 0; i < points; ++i) {
+        float8 re = scratch[2 * i], im = scratch[2 * i + 1];
+        fft_turn(&re, &im, chirp[2 * i], chirp[2 * i + 1]);
+        scratch[2 * i] = im;
+        scratch[2 * i + 1] = re;
+    }
+    for (int s = table[FFT_STAGES] - 1; s >= 0; --s)
+        fft_unstage(scratch, table, floats, s);
+}
+
+#endif

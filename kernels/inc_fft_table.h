@@ -1,0 +1,29 @@
+/* The run-time description of one pass of transforms: an int table made by the host (lib/fft/fft_pass.c), so that one
+ * program serves every length. A header, then four ints for each stage, then index lists. */
+#ifndef INC_FFT_TABLE_H
+#define INC_FFT_TABLE_H
+
+#define FFT_LENGTH       0 /* of the transform */
+#define FFT_POINTS       1 /* held in scratch: the length, or the longer chirp convolution's */
+#define FFT_STAGES       2 /* two at least */
+#define FFT_CHUNK        3 /* points that the first stages take at a time, to stay in the nearest cache */
+#define FFT_CHUNK_STAGES 4 /* the number of these stages */
+#define FFT_CHIRP        5 /* 0, or the place of the chirp in the float table (then that of its transform follows) */
+#define FFT_CHIRP_SPECTRUM 6
+#define FFT_SOURCE       7 /* place of the list: scratch point -> index of the input (chirp: input -> index), -1 = 0 */
+#define FFT_PLACE        8 /* place of the list: index of the input -> scratch point */
+#define FFT_HEADER       12
+
+/* A stage combines `radix` transforms of `span` points each. */
+#define FFT_STAGE_INTS 4
+#define FFT_RADIX      0
+#define FFT_SPAN       1
+#define FFT_TWIDDLES   2 /* place in the float table: (radix - 1) complex numbers for each j < span */
+#define FFT_COSINES    3 /* place of the cosine table of a radix without a butterfly of its own */
+
+/* Such a radix is an odd number up to this. */
+#define FFT_ODD_LARGEST 127
+/* Outputs of it that are summed up together. */
+#define FFT_ODD_GROUP 3
+
+#endif

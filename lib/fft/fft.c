@@ -1,0 +1,157 @@
+/* Plans: the checks that all back ends share, and the way to the one that serves. */
+#include "fft/fft.h"
+
+#include <stdlib.h>
+
+#include "core/alloc.h"
+#include "fft/fft_internal.h"
+
+static const hada_fft_engine *engine_of(hada_fft_backend backend)
+{
+    return backend == HADA_FFT_CLFFT ? &hada_fft_clfft_engine : &hada_fft_own_engine;
+}
+
+static hada_fft_backend resolve(const hada_context *context, hada_fft_backend backend, int rows, int cols)
+{
+    return backend == HADA_FFT_AUTO ? hada_fft_choose(context, rows, cols) : backend;
+}
+
+hada_spectrum_layout hada_fft_layout(const hada_context *context, int rows, int cols, hada_fft_backend backend)
+{
+    hada_spectrum_layout layout = {.rows = rows, .cols = cols};
+    layout.block = engine_of(resolve(context, backend, rows, cols))->block(context, rows, cols);
+    layout.blocks = (cols / 2 + 1 + layout.block - 1) / layout.block;
+    layout.count = (size_t)layout.blocks * (size_t)rows * (size_t)layout.block;
+    return layout;
+}
+
+static hada_status check_desc(const hada_fft_desc *desc, hada_error *err)
+{
+    const int largest = 1 << 24;
+    if (desc->direction != HADA_FFT_FORWARD && desc->direction != HADA_FFT_INVERSE)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "a transform needs a direction, forward or inverse");
+    if (desc->rows < 1 || desc->cols < 1 || desc->rows > largest || desc->cols > largest)
+        return hada_fail(err, HADA_ERROR_SIZE, "a transform of %d x %d is out of range: give 1 to %d rows and columns",
+                         desc->rows, desc->cols, largest);
+    if (desc->batch < 1)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "a transform of %d images: give 1 at least", desc->batch);
+    if (desc->row0 < 0 || desc->col0 < 0 || desc->real_rows < 1 || desc->real_cols < 1 ||
+        desc->row0 > desc->rows - desc->real_rows || desc->col0 > desc->cols - desc->real_cols)
+        return hada_fail(err, HADA_ERROR_SIZE,
+                         "the rectangle of %d x %d at (%d, %d) does not lie within the transform's %d x %d",
+                         desc->real_rows, desc->real_cols, desc->row0, desc->col0, desc->rows, desc->cols);
+    if (desc->real_pitch < (size_t)desc->real_cols)
+        return hada_fail(err, HADA_ERROR_SIZE, "a pitch of %zu floats is less than the row's %d", desc->real_pitch,
+                         desc->real_cols);
+    if (desc->batch > 1 &&
+        desc->real_distance < (size_t)(desc->real_rows - 1) * desc->real_pitch + (size_t)desc->real_cols)
+        return hada_fail(err, HADA_ERROR_SIZE, "a distance of %zu floats makes images of %d x %d overlap",
+                         desc->real_distance, desc->real_rows, desc->real_cols);
+    if (desc->band_rows < 0 || desc->band_cols < 0 ||
+        (desc->direction == HADA_FFT_FORWARD && (desc->band_rows || desc->band_cols)))
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "a band of %d x %d does not apply: bands are positive and for inverse transforms",
+                         desc->band_rows, desc->band_cols);
+    return HADA_OK;
+}
+
+/* 0, 0 stands for no limit. */
+static void resolve_band(hada_fft_desc *desc)
+{
+    if (!desc->band_rows && !desc->band_cols) {
+        desc->band_rows = desc->rows / 2;
+        desc->band_cols = desc->cols / 2;
+    }
+    if (desc->band_rows > desc->rows / 2)
+        desc->band_rows = desc->rows / 2;
+    if (desc->band_cols > desc->cols / 2)
+        desc->band_cols = desc->cols / 2;
+}
+
+static void resolve_desc(const hada_context *context, hada_fft_desc *desc)
+{
+    desc->backend = resolve(context, desc->backend, desc->rows, desc->cols);
+    resolve_band(desc);
+}
+
+hada_status hada_fft_create(hada_fft **out, hada_slot *slot, const hada_fft_desc *desc, hada_error *err)
+{
+    hada_fft *plan;
+    *out = NULL;
+    hada_status status = check_desc(desc, err);
+    if (!status)
+        status = hada_alloc((void **)&plan, 1, sizeof *plan, "a transform's plan", err);
+    if (status)
+        return status;
+    plan->slot = slot;
+    plan->desc = *desc;
+    resolve_desc(slot->context, &plan->desc);
+    plan->layout = hada_fft_layout(slot->context, desc->rows, desc->cols, plan->desc.backend);
+    plan->engine = engine_of(plan->desc.backend);
+    status = plan->engine->create(plan, err);
+    if (!status)
+        status = hada_fft_check(plan, err);
+    if (status)
+        hada_fft_destroy(&plan);
+    *out = plan;
+    return status;
+}
+
+void hada_fft_destroy(hada_fft **plan)
+{
+    if (!plan || !*plan)
+        return;
+    (*plan)->engine->destroy(*plan);
+    free(*plan);
+    *plan = NULL;
+}
+
+size_t hada_fft_bytes(const hada_context *context, const hada_fft_desc *desc)
+{
+    hada_fft_desc resolved = *desc;
+    if (check_desc(desc, NULL))
+        return 0;
+    resolve_desc(context, &resolved);
+    return engine_of(resolved.backend)->bytes(context, &resolved);
+}
+
+hada_fft_backend hada_fft_serving(const hada_fft *plan)
+{
+    return plan->desc.backend;
+}
+
+const hada_spectrum_layout *hada_fft_plan_layout(const hada_fft *plan)
+{
+    return &plan->layout;
+}
+
+static hada_status check_batch(const hada_fft *plan, hada_fft_direction direction, int batch, hada_error *err)
+{
+    if (plan->desc.direction != direction)
+        return hada_fail(err, HADA_ERROR_STATE, "this plan transforms in the other direction");
+    if (batch < 1 || batch > plan->desc.batch)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "a batch of %d: this plan takes 1 to %d images", batch,
+                         plan->desc.batch);
+    return HADA_OK;
+}
+
+hada_status hada_fft_forward(hada_fft *plan, int batch, cl_mem real, size_t real_offset, cl_mem spectrum,
+                             size_t spectrum_offset, hada_error *err)
+{
+    hada_status status = check_batch(plan, HADA_FFT_FORWARD, batch, err);
+    return status ? status : plan->engine->forward(plan, batch, real, real_offset, spectrum, spectrum_offset, err);
+}
+
+hada_status hada_fft_inverse(hada_fft *plan, int batch, cl_mem spectrum, size_t spectrum_offset, cl_mem real,
+                             size_t real_offset, const hada_fft_filter *filter, hada_error *err)
+{
+    hada_status status = check_batch(plan, HADA_FFT_INVERSE, batch, err);
+    if (status)
+        return status;
+    if (filter && filter->product == HADA_FFT_PLAIN)
+        filter = NULL;
+    if (filter && (!filter->filter || filter->spectrum_count < 1 || filter->filter_first < 0 ||
+                   (filter->product != HADA_FFT_COMPLEX && filter->product != HADA_FFT_SPLIT)))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "a filter product needs filters, a form, and one spectrum at least");
+    return plan->engine->inverse(plan, batch, spectrum, spectrum_offset, real, real_offset, filter, err);
+}

@@ -1,0 +1,228 @@
+/* Tables of a pass: stages, digit-reversed order, twiddle factors, cosines of odd radices, chirps. All computed in
+ * double precision and rounded once. */
+#include "fft/fft_pass.h"
+
+#include <complex.h>
+#include <math.h>
+#include <stdlib.h>
+
+#include "../../kernels/inc_fft_table.h"
+#include "core/alloc.h"
+#include "fft/fft_factor.h"
+
+#define TURN 6.283185307179586476925286766559
+
+/* The points that the first stages take at a time: 16 KiB of the nearest cache. */
+#define CHUNK_POINTS 256
+
+static int has_butterfly(int radix)
+{
+    return radix <= 5 || radix == 7 || radix == 8 || radix == 16;
+}
+
+static int odd_groups(int radix)
+{
+    return (radix / 2 + FFT_ODD_GROUP - 1) / FFT_ODD_GROUP;
+}
+
+/* exp(-2 pi i k / n), exact at the quarter turns. */
+static double complex root(long long k, long long n)
+{
+    k %= n;
+    if (4 * k % n == 0) {
+        static const double complex quarters[4] = {1.0, -1.0 * I, -1.0, 1.0 * I};
+        return quarters[4 * k / n];
+    }
+    double angle = -TURN * (double)k / (double)n;
+    return cos(angle) + sin(angle) * I;
+}
+
+static size_t stage_floats(int radix, int span)
+{
+    size_t count = 2 * (size_t)(radix - 1) * (size_t)span;
+    if (!has_butterfly(radix))
+        count += (size_t)odd_groups(radix) * (size_t)(radix / 2) * 2 * FFT_ODD_GROUP;
+    return count;
+}
+
+static void sizes_of(int n, const hada_fft_stages *stages, size_t *int_count, size_t *float_count)
+{
+    *int_count = FFT_HEADER + (size_t)stages->count * FFT_STAGE_INTS + 2 * (size_t)n;
+    *float_count = 2; /* never empty, and a chirp never stands at 0 */
+    for (int s = 0, span = 1; s < stages->count; span *= stages->radix[s++])
+        *float_count += stage_floats(stages->radix[s], span);
+    if (stages->chirp)
+        *float_count += 2 * ((size_t)n + (size_t)stages->points);
+}
+
+void hada_fft_pass_sizes(int n, hada_fft_pass_kind kind, int *points, size_t *int_count, size_t *float_count)
+{
+    hada_fft_stages stages;
+    hada_fft_factor(n, kind == HADA_PASS_COLUMNS, &stages);
+    *points = stages.points;
+    sizes_of(n, &stages, int_count, float_count);
+}
+
+static float *put(float *out, double complex value)
+{
+    out[0] = (float)creal(value);
+    out[1] = (float)cimag(value);
+    return out + 2;
+}
+
+static float *fill_stage(float *out, int radix, int span)
+{
+    for (int j = 0; j < span; j++)
+        for (int k = 1; k < radix; k++)
+            out = put(out, root((long long)j * k, (long long)span * radix));
+    if (has_butterfly(radix))
+        return out;
+    for (int g = 0; g < odd_groups(radix); g++)
+        for (int k = 1; k <= radix / 2; k++)
+            for (int part = 0; part < 2; part++)
+                for (int i = 1; i <= FFT_ODD_GROUP; i++) {
+                    const int m = g * FFT_ODD_GROUP + i;
+                    double complex w = m <= radix / 2 ? root((long long)m * k, radix) : 0.0;
+                    *out++ = (float)(part ? -cimag(w) : creal(w));
+                }
+    return out;
+}
+
+/* source[p]: which input the digit-reversed order has at scratch point p. */
+static void fill_order(const hada_fft_stages *stages, int *source)
+{
+    const int points = stages->points, first = stages->radix[0], blocks = points / first;
+    for (int b = 0; b < blocks; b++) {
+        int rest = b, weight = blocks, base = 0;
+        for (int t = 1; t < stages->count; t++) {
+            weight /= stages->radix[t];
+            base += rest % stages->radix[t] * weight;
+            rest /= stages->radix[t];
+        }
+        for (int k = 0; k < first; k++)
+            source[b * first + k] = base + k * blocks;
+    }
+}
+
+/* A smooth transform in double, by splitting off the smallest prime; for the tables of chirps. */
+static void transform(int n, const double complex *in, int stride, double complex *out, double complex *work)
+{
+    if (n == 1) {
+        out[0] = in[0];
+        return;
+    }
+    int p = 2;
+    while (n % p)
+        p++;
+    const int m = n / p;
+    for (int k = 0; k < p; k++)
+        transform(m, in + (size_t)k * (size_t)stride, stride * p, work + (size_t)k * (size_t)m, out);
+    for (int j = 0; j < m; j++)
+        for (int q = 0; q < p; q++) {
+            double complex sum = 0.0;
+            for (int k = 0; k < p; k++)
+                sum += work[k * m + j] * root((long long)k * (j + (long long)q * m), n);
+            out[q * m + j] = sum;
+        }
+}
+
+/* exp(-i pi j^2 / n), and the transform of its conjugate, wrapped round, over the points of the convolution. */
+static hada_status fill_chirp(float *chirp, float *spectrum, int n, int points, hada_error *err)
+{
+    double complex *work;
+    hada_status status = hada_alloc((void **)&work, 3 * (size_t)points, sizeof *work, "a table of a transform", err);
+    if (status)
+        return status;
+    for (int j = 0; j < n; j++) {
+        double complex c = root((long long)j * j % (2LL * n), 2LL * n);
+        chirp = put(chirp, c);
+        work[j] = conj(c);
+        if (j)
+            work[points - j] = conj(c);
+    }
+    transform(points, work, 1, work + points, work + 2 * (size_t)points);
+    for (int k = 0; k < points; k++)
+        spectrum = put(spectrum, work[points + k] / (double)points);
+    free(work);
+    return HADA_OK;
+}
+
+static int present(const hada_fft_pass_desc *desc, int row)
+{
+    return (row >= desc->first && row < desc->first + desc->count) || row >= desc->last;
+}
+
+static void fill_header(int32_t *ints, const hada_fft_stages *stages, int n)
+{
+    int chunk = 1, chunk_stages = 0;
+    while (chunk_stages < stages->count && (chunk_stages == 0 || chunk * stages->radix[chunk_stages] <= CHUNK_POINTS))
+        chunk *= stages->radix[chunk_stages++];
+    ints[FFT_LENGTH] = n;
+    ints[FFT_POINTS] = stages->points;
+    ints[FFT_STAGES] = stages->count;
+    ints[FFT_CHUNK] = chunk;
+    ints[FFT_CHUNK_STAGES] = chunk_stages;
+    ints[FFT_SOURCE] = FFT_HEADER + stages->count * FFT_STAGE_INTS;
+    ints[FFT_PLACE] = ints[FFT_SOURCE] + n;
+}
+
+hada_status hada_fft_pass_make(hada_fft_pass *pass, const hada_fft_pass_desc *desc, hada_error *err)
+{
+    const int n = desc->n;
+    hada_fft_stages stages;
+    hada_status status;
+    int *order = NULL;
+    *pass = (hada_fft_pass){.n = n};
+    hada_fft_factor(n, desc->kind == HADA_PASS_COLUMNS, &stages);
+    pass->points = stages.points;
+    sizes_of(n, &stages, &pass->int_count, &pass->float_count);
+    status = hada_alloc((void **)&pass->ints, pass->int_count, sizeof *pass->ints, "a table of a transform", err);
+    if (!status)
+        status =
+            hada_alloc((void **)&pass->floats, pass->float_count, sizeof *pass->floats, "a table of a transform", err);
+    if (!status)
+        status = hada_alloc((void **)&order, (size_t)stages.points, sizeof *order, "a table of a transform", err);
+    if (status)
+        goto done;
+
+    fill_header(pass->ints, &stages, n);
+    float *next = pass->floats + 2;
+    for (int s = 0, span = 1; s < stages.count; span *= stages.radix[s++]) {
+        int32_t *stage = pass->ints + FFT_HEADER + s * FFT_STAGE_INTS;
+        stage[FFT_RADIX] = stages.radix[s];
+        stage[FFT_SPAN] = span;
+        stage[FFT_TWIDDLES] = (int32_t)(next - pass->floats);
+        stage[FFT_COSINES] = stage[FFT_TWIDDLES] + 2 * (stages.radix[s] - 1) * span;
+        next = fill_stage(next, stages.radix[s], span);
+    }
+    if (stages.chirp) {
+        pass->ints[FFT_CHIRP] = (int32_t)(next - pass->floats);
+        pass->ints[FFT_CHIRP_SPECTRUM] = pass->ints[FFT_CHIRP] + 2 * n;
+        status = fill_chirp(next, next + 2 * (size_t)n, n, stages.points, err);
+    }
+
+    /* the place of every input, and the input of every place; a chirp's inputs keep their order in the first list */
+    int32_t *source = pass->ints + pass->ints[FFT_SOURCE], *place = pass->ints + pass->ints[FFT_PLACE];
+    fill_order(&stages, order);
+    for (int p = 0; p < stages.points; p++)
+        if (order[p] < n)
+            place[desc->kind == HADA_PASS_ROWS_INVERSE && order[p] ? n - order[p] : order[p]] = p;
+    for (int p = 0; p < n; p++) {
+        int row = stages.chirp ? p : order[p];
+        if (desc->inverse && row)
+            row = n - row;
+        source[p] = desc->kind != HADA_PASS_COLUMNS || present(desc, row) ? row : -1;
+    }
+done:
+    free(order);
+    if (status)
+        hada_fft_pass_free(pass);
+    return status;
+}
+
+void hada_fft_pass_free(hada_fft_pass *pass)
+{
+    free(pass->ints);
+    free(pass->floats);
+    *pass = (hada_fft_pass){0};
+}

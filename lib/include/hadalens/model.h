@@ -41,7 +41,8 @@ typedef struct hada_model_info {
     hada_form form;
     hada_boundary boundary;
     double alpha, lambda; /* what the fit chose: weight of the other depths, regularisation (relative) */
-    double dark;          /* level taken off every pixel before anything else, in units of full scale */
+    double dark;          /* level taken off every pixel before anything else, in units of full scale; negative: each
+                             frame's own, estimated */
     double noise;         /* standard deviation of the frame's noise that the fit found, 0 where unknown */
     int refine_steps;     /* refinement that pays for this camera; 0: none does */
     double refine_rho;

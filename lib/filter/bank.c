@@ -1,0 +1,224 @@
+#include "filter/bank.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "core/alloc.h"
+#include "filter/layout.h"
+#include "io/safetensors.h"
+
+static uint64_t depth_bytes(const hada_spectrum_layout *layout, int channels, int half)
+{
+    return (uint64_t)layout->count * (uint64_t)channels * (half ? 4u : 8u);
+}
+
+uint64_t hada_bank_bytes(const hada_model_info *info, const hada_spectrum_layout *layout, int depths, int parts,
+                         int half)
+{
+    uint64_t bytes = 0;
+    if (parts & HADA_BANK_FILTERS)
+        bytes += depth_bytes(layout, info->channels, half || info->half);
+    if (parts & HADA_BANK_OTFS)
+        bytes += depth_bytes(layout, info->channels, 0);
+    return bytes * (uint64_t)depths;
+}
+
+/* How many depths go into one buffer, evenly spread over the fewest buffers. */
+static hada_status split(const hada_context *context, uint64_t bytes, int depths, int *per_buffer, hada_error *err)
+{
+    const uint64_t most = context->info.max_allocation_bytes / bytes;
+    if (!most)
+        return hada_fail(err, HADA_ERROR_DEVICE_MEMORY,
+                         "the filters of one depth need %.2f GiB in one piece; %s takes at most %.2f GiB: use half "
+                         "filters, smaller frames or another device",
+                         (double)bytes / 1073741824.0, context->info.name,
+                         (double)context->info.max_allocation_bytes / 1073741824.0);
+    const int fits = most < (uint64_t)depths ? (int)most : depths, buffers = (depths + fits - 1) / fits;
+    *per_buffer = (depths + buffers - 1) / buffers;
+    return HADA_OK;
+}
+
+static hada_status not_finite(const hada_model *model, int depth, const char *what, hada_error *err)
+{
+    return hada_fail(err, HADA_ERROR_MODEL,
+                     "%s: the %s of depth %d holds values that are not finite; the model is damaged, make it again",
+                     *model->info.name ? model->info.name : "the model", what, depth);
+}
+
+static hada_status check_finite(const hada_model *model, int depth, const char *what, const float *values, size_t count,
+                                hada_error *err)
+{
+    /* x - x is 0 for finite x alone, and a sum shows it without a branch in the loop */
+    float sum = 0.0f;
+    for (size_t i = 0; i < count; i++)
+        sum += values[i] - values[i];
+    return sum == 0.0f ? HADA_OK : not_finite(model, depth, what, err);
+}
+
+/* One depth and channel of the filters, in the device's layout and precision, into `out`. `rows` is room for a plane in
+ * half. */
+static hada_status pack_filter(const hada_bank *bank, const hada_model *model, int depth, int channel, uint16_t *rows,
+                               void *out, hada_error *err)
+{
+    const size_t plane = hada_model_plane(model);
+    const size_t first = ((size_t)depth * (size_t)bank->channels + (size_t)channel) * plane * 2;
+    if (!bank->half) {
+        hada_layout_pack(&bank->layout, model->filter + first, out);
+        return check_finite(model, depth, "filter", model->filter + first, plane * 2, err);
+    }
+    const uint16_t *half = model->filter_half ? model->filter_half + first : rows;
+    for (size_t i = 0; !model->filter_half && i < plane * 2; i++)
+        rows[i] = hada_half_from_float(model->filter[first + i]);
+    for (size_t i = 0; i < plane * 2; i++)
+        if ((half[i] & 0x7c00u) == 0x7c00u)
+            return not_finite(model, depth, "half-precision filter", err);
+    hada_layout_pack_half(&bank->layout, half, out);
+    return HADA_OK;
+}
+
+static hada_status upload(hada_bank *bank, hada_slot *slot, const hada_model *model, const int *depths, int otf,
+                          hada_error *err)
+{
+    const int per_buffer = otf ? bank->otf_depths : bank->filter_depths;
+    const int half = bank->half && !otf, buffers = (bank->depths + per_buffer - 1) / per_buffer;
+    const size_t plane = hada_model_plane(model), image_bytes = bank->layout.count * (half ? 4 : 8);
+    hada_buffer *list;
+    void *image = NULL, *rows = NULL;
+    hada_status status = hada_alloc((void **)&list, (size_t)buffers, sizeof *list, "a filter bank", err);
+    if (status)
+        return status;
+    *(otf ? &bank->otfs : &bank->filters) = list;
+    status = hada_alloc_raw(&image, 1, image_bytes, "a filter on its way to the device", err);
+    if (!status && half)
+        status = hada_alloc_raw(&rows, plane, 4, "a filter in half precision", err);
+    for (int b = 0; !status && b < buffers; b++) {
+        const int left = bank->depths - b * per_buffer, here = left < per_buffer ? left : per_buffer;
+        status = hada_buffer_create(&list[b], slot->context, (size_t)here * (size_t)bank->channels * image_bytes,
+                                    otf ? "the transfer functions" : "the filters", err);
+    }
+    for (int i = 0; !status && i < bank->depths * bank->channels; i++) {
+        const int z = i / bank->channels, c = i % bank->channels, depth = depths ? depths[z] : z;
+        if (otf) {
+            const float *from = model->otf + ((size_t)depth * (size_t)bank->channels + (size_t)c) * plane * 2;
+            hada_layout_pack(&bank->layout, from, image);
+            status = check_finite(model, depth, "transfer function", from, plane * 2, err);
+        } else {
+            status = pack_filter(bank, model, depth, c, rows, image, err);
+        }
+        const size_t at = (size_t)((z % per_buffer) * bank->channels + c) * image_bytes;
+        if (!status)
+            status = hada_buffer_write(&list[z / per_buffer], slot, at, image, image_bytes, err);
+    }
+    free(image);
+    free(rows);
+    return status;
+}
+
+hada_status hada_bank_create(hada_bank **out, hada_slot *slot, const hada_model *model,
+                             const hada_spectrum_layout *layout, const int *depths, int count, int parts, int half,
+                             hada_error *err)
+{
+    const hada_model_info *info = &model->info;
+    hada_bank *bank;
+    *out = NULL;
+    if (!depths)
+        count = info->depths;
+    if (count < 1 || layout->rows != info->grid_rows || layout->cols != info->grid_cols)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "a filter bank needs at least one depth and the model's grid");
+    for (int i = 0; depths && i < count; i++)
+        if (depths[i] < 0 || depths[i] >= info->depths)
+            return hada_fail(err, HADA_ERROR_ARGUMENT, "depth %d is not in the model, which has %d (from 0)", depths[i],
+                             info->depths);
+    if ((parts & HADA_BANK_OTFS) && !model->otf)
+        return hada_fail(err, HADA_ERROR_MODEL,
+                         "the model holds no transfer functions, which refinement needs; fit again, or use --refine 0");
+    hada_status status = hada_alloc((void **)&bank, 1, sizeof *bank, "a filter bank", err);
+    if (status)
+        return status;
+    bank->layout = *layout;
+    bank->depths = count;
+    bank->channels = info->channels;
+    bank->parts = parts;
+    bank->half = half || info->half;
+    bank->product = info->form == HADA_FORM_SPLIT ? HADA_FFT_SPLIT : HADA_FFT_COMPLEX;
+    status = split(slot->context, depth_bytes(layout, info->channels, bank->half), count, &bank->filter_depths, err);
+    if (!status)
+        status = split(slot->context, depth_bytes(layout, info->channels, 0), count, &bank->otf_depths, err);
+    if (!status && (parts & HADA_BANK_FILTERS))
+        status = upload(bank, slot, model, depths, 0, err);
+    if (!status && (parts & HADA_BANK_OTFS))
+        status = upload(bank, slot, model, depths, 1, err);
+    if (status)
+        hada_bank_destroy(&bank);
+    *out = bank;
+    return status;
+}
+
+static void free_list(hada_buffer *list, int depths, int per_buffer)
+{
+    for (int i = 0; list && i * per_buffer < depths; i++)
+        hada_buffer_destroy(&list[i]);
+    free(list);
+}
+
+void hada_bank_destroy(hada_bank **pointer)
+{
+    if (!pointer || !*pointer)
+        return;
+    hada_bank *bank = *pointer;
+    *pointer = NULL;
+    free_list(bank->filters, bank->depths, bank->filter_depths);
+    free_list(bank->otfs, bank->depths, bank->otf_depths);
+    free(bank);
+}
+
+static cl_mem find(const hada_bank *bank, const hada_buffer *list, int per_buffer, int depth, size_t *first_image,
+                   int *left)
+{
+    const int buffer = depth / per_buffer, end = (buffer + 1) * per_buffer;
+    *first_image = (size_t)(depth % per_buffer) * (size_t)bank->channels;
+    *left = (end < bank->depths ? end : bank->depths) - depth;
+    return list[buffer].mem;
+}
+
+cl_mem hada_bank_filter(const hada_bank *bank, int depth, size_t *first_image, int *left)
+{
+    return find(bank, bank->filters, bank->filter_depths, depth, first_image, left);
+}
+
+cl_mem hada_bank_otf(const hada_bank *bank, int depth, size_t *first_image, int *left)
+{
+    return find(bank, bank->otfs, bank->otf_depths, depth, first_image, left);
+}
+
+hada_status hada_bank_prior(hada_buffer *out, hada_slot *slot, const hada_model *model,
+                            const hada_spectrum_layout *layout, hada_error *err)
+{
+    const hada_model_info *info = &model->info;
+    const size_t plane = hada_model_plane(model), channels = (size_t)info->channels;
+    float *rows = NULL, *blocks = NULL;
+    double noise = 0.0;
+    *out = (hada_buffer){0};
+    for (size_t i = 0; model->noise_power && i < channels * (size_t)info->depths; i++)
+        noise += model->noise_power[i];
+    if (!model->scene_power || !(noise > 0.0))
+        return HADA_OK;
+    hada_status status = hada_alloc_raw((void **)&rows, plane, sizeof *rows, "the prior", err);
+    if (!status)
+        status = hada_alloc_raw((void **)&blocks, channels * layout->count, sizeof *blocks, "the prior", err);
+    for (size_t c = 0; !status && c < channels; c++) {
+        double mean = 0.0;
+        for (int z = 0; z < info->depths; z++)
+            mean += model->noise_power[(size_t)z * channels + c] / info->depths;
+        /* where no scene had light the prior is as strong as float arithmetic can use */
+        for (size_t i = 0; i < plane; i++)
+            rows[i] = (float)fmin(mean / fmax((double)model->scene_power[i], 1e-30), 1e6);
+        hada_layout_pack_real(layout, rows, blocks + c * layout->count);
+    }
+    if (!status)
+        status =
+            hada_buffer_create_from(out, slot, blocks, channels * layout->count * sizeof *blocks, "the prior", err);
+    free(rows);
+    free(blocks);
+    return status;
+}

@@ -1,0 +1,44 @@
+/* Filters and transfer functions on the device. Internal.
+ *
+ * A bank holds chosen depths of a model in the layout of the transforms, [depth][channel], in as few buffers as the
+ * device's largest allocation allows: depths first ... first + per_buffer - 1 share one buffer. */
+#ifndef HADA_FILTER_BANK_H
+#define HADA_FILTER_BANK_H
+
+#include "fft/fft.h"
+#include "filter/model.h"
+
+enum { HADA_BANK_FILTERS = 1, HADA_BANK_OTFS = 2 };
+
+typedef struct hada_bank {
+    hada_spectrum_layout layout;
+    int depths, channels;
+    int parts; /* HADA_BANK_FILTERS | HADA_BANK_OTFS */
+    int half;  /* the filters are stored as half; transfer functions are always float */
+    hada_fft_product product;
+    int filter_depths, otf_depths; /* depths in one buffer */
+    hada_buffer *filters, *otfs;   /* ceil(depths / ..._depths) of them, NULL where the part was not asked for */
+} hada_bank;
+
+/* Bytes that a bank of `depths` depths will hold. */
+uint64_t hada_bank_bytes(const hada_model_info *info, const hada_spectrum_layout *layout, int depths, int parts,
+                         int half);
+
+/* `depths`: indices into the model, `count` of them; NULL: all. `half` stores filters as half (a half model always
+ * does). Refuses values that are not finite (a damaged file): HADA_ERROR_MODEL. */
+hada_status hada_bank_create(hada_bank **out, hada_slot *slot, const hada_model *model,
+                             const hada_spectrum_layout *layout, const int *depths, int count, int parts, int half,
+                             hada_error *err);
+void hada_bank_destroy(hada_bank **bank); /* the slot's queue must be done with it */
+
+/* Where a depth's filters or transfer functions (its channels one after the other) stand: the buffer and the number of
+ * complex images before them. *left is the number of depths from this one on in the same buffer. */
+cl_mem hada_bank_filter(const hada_bank *bank, int depth, size_t *first_image, int *left);
+cl_mem hada_bank_otf(const hada_bank *bank, int depth, size_t *first_image, int *left);
+
+/* Noise power over scene power per channel and frequency, mean over depths: what refinement takes as its prior,
+ * [channel][layout->count] floats. The buffer stays empty where the model knows neither (made from PSFs, one pair). */
+hada_status hada_bank_prior(hada_buffer *out, hada_slot *slot, const hada_model *model,
+                            const hada_spectrum_layout *layout, hada_error *err);
+
+#endif

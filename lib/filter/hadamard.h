@@ -1,0 +1,48 @@
+/* The Hadamard stage: a frame's spectrum, once per channel, times each depth's filter, inverted in the window.
+ * Internal.
+ *
+ * Tian and Yang, Optics Express 30(19), 34479 (2022), Eqs. 2 and 3. A stage belongs to a slot and holds one frame. */
+#ifndef HADA_FILTER_HADAMARD_H
+#define HADA_FILTER_HADAMARD_H
+
+#include "fft/fft.h"
+#include "filter/bank.h"
+#include "filter/model.h"
+
+typedef struct hada_hadamard {
+    hada_slot *slot;
+    hada_geometry geometry;
+    hada_spectrum_layout layout;
+    int channels, raw_rows, raw_cols, window_rows, window_cols;
+    int batch;            /* depths at once */
+    int has_dark;         /* a dark frame stands in `dark` */
+    hada_buffer raw;      /* channels x raw frame, dark already taken off */
+    hada_buffer dark;     /* a frame, empty until one is set */
+    hada_buffer spectrum; /* channels x layout.count complex numbers */
+    hada_fft *forward, *inverse;
+} hada_hadamard;
+
+/* Bytes of device memory that a stage will hold, without its bank and output. */
+uint64_t hada_hadamard_bytes(const hada_context *context, const hada_model_info *info, int batch);
+
+/* The layout that banks for this model must have. */
+hada_spectrum_layout hada_hadamard_layout(const hada_context *context, const hada_model_info *info);
+
+/* `batch`: depths computed at once, at most. */
+hada_status hada_hadamard_create(hada_hadamard **out, hada_slot *slot, const hada_model_info *info, int batch,
+                                 hada_error *err);
+void hada_hadamard_destroy(hada_hadamard **stage);
+
+/* A dark frame (channels x raw size, planar) that every following frame has taken off, beside the level; NULL: none. */
+hada_status hada_hadamard_set_dark(hada_hadamard *stage, const float *dark, hada_error *err);
+
+/* Uploads a frame (channels x raw size, planar), takes `level` off every pixel, and transforms it: stage->raw and
+ * stage->spectrum are ready. */
+hada_status hada_hadamard_frame(hada_hadamard *stage, const float *raw, double level, hada_error *err);
+
+/* Windows of depths first ... first + count - 1 of the bank into `planes`, [depth][channel][window rows][window cols]
+ * floats from `offset` (in floats) on. Any count; the stage works in batches. Enqueued, not waited for. */
+hada_status hada_hadamard_run(hada_hadamard *stage, const hada_bank *bank, int first, int count, cl_mem planes,
+                              size_t offset, hada_error *err);
+
+#endif

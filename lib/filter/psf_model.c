@@ -1,0 +1,239 @@
+/* Models from point spread functions: transfer functions, matched and Wiener filters. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/alloc.h"
+#include "filter/hadamard.h"
+#include "filter/layout.h"
+
+/* Chosen on frames with 1 % noise and on a real caustic PSF: docs/filters.md. */
+#define DEFAULT_LAMBDA 1e-2
+#define DEFAULT_STEPS  20
+#define DEFAULT_RHO    1e-3
+
+void hada_psf_options_init(hada_psf_options *options)
+{
+    *options = (hada_psf_options){.size = sizeof *options,
+                                  .form = HADA_FORM_WIENER,
+                                  .boundary = HADA_BOUNDARY_PADDED,
+                                  .psf_dark = -1.0,
+                                  .refine_steps = -1};
+}
+
+static int compare_floats(const void *a, const void *b)
+{
+    const float x = *(const float *)a, y = *(const float *)b;
+    return (x > y) - (x < y);
+}
+
+/* The background of a PSF's channel: of the four corner blocks (a sixteenth of the sides) the smallest median. Light
+ * that the mask throws into one corner does not lift it. */
+static double background(const float *image, int rows, int cols, float *room)
+{
+    const int high = rows / 16 ? rows / 16 : 1, wide = cols / 16 ? cols / 16 : 1;
+    double least = INFINITY;
+    for (int corner = 0; corner < 4; corner++) {
+        const int row0 = corner & 1 ? rows - high : 0, col0 = corner & 2 ? cols - wide : 0;
+        size_t n = 0;
+        for (int row = row0; row < row0 + high; row++)
+            for (int col = col0; col < col0 + wide; col++)
+                room[n++] = image[(size_t)row * (size_t)cols + (size_t)col];
+        qsort(room, n, sizeof *room, compare_floats);
+        if (room[n / 2] < least)
+            least = room[n / 2];
+    }
+    return least;
+}
+
+/* A PSF onto the grid: background off, brightness 1 (mean over channels), axis at the origin. `square` takes the sum of
+ * squares of each channel, which is the mean of |OTF|^2. */
+static hada_status place(const hada_image *psf, const hada_model_info *info, double dark, int depth, float *grid,
+                         double *square, float *room, hada_error *err)
+{
+    const size_t area = (size_t)info->grid_rows * (size_t)info->grid_cols;
+    const int row0 = info->grid_rows - psf->rows / 2, col0 = info->grid_cols - psf->cols / 2;
+    double total = 0.0;
+    memset(grid, 0, area * (size_t)psf->channels * sizeof *grid);
+    for (int c = 0; c < psf->channels; c++) {
+        const float *from = psf->data + (size_t)c * (size_t)psf->rows * (size_t)psf->cols;
+        const double level = dark < 0.0 ? background(from, psf->rows, psf->cols, room) : dark;
+        square[c] = 0.0;
+        for (int row = 0; row < psf->rows; row++) {
+            float *to = grid + (size_t)c * area + (size_t)((row0 + row) % info->grid_rows) * (size_t)info->grid_cols;
+            for (int col = 0; col < psf->cols; col++) {
+                const double value = fmax((double)from[(size_t)row * (size_t)psf->cols + (size_t)col] - level, 0.0);
+                to[(col0 + col) % info->grid_cols] = (float)value;
+                total += value;
+                square[c] += value * value;
+            }
+        }
+    }
+    if (!(total > 0.0))
+        return hada_fail(err, HADA_ERROR_NUMERIC,
+                         "the point spread function of depth %d is dark everywhere once its background is taken off; "
+                         "check the file, or give its dark level",
+                         depth);
+    const double scale = psf->channels / total;
+    for (size_t i = 0; i < area * (size_t)psf->channels; i++)
+        grid[i] = (float)(grid[i] * scale);
+    for (int c = 0; c < psf->channels; c++)
+        square[c] *= scale * scale;
+    return HADA_OK;
+}
+
+/* W from H: matched conj(H) / |H(0)|^2, which keeps the mean brightness; Wiener conj(H) / (|H|^2 + lambda mean|H|^2).
+ */
+static void make_filter(const float *otf, size_t plane, hada_form form, double lambda, double mean_square,
+                        float *filter)
+{
+    const double centre = (double)otf[0] * otf[0] + (double)otf[1] * otf[1];
+    for (size_t i = 0; i < plane; i++) {
+        const double re = otf[2 * i], im = otf[2 * i + 1];
+        const double under = form == HADA_FORM_MATCHED ? centre : re * re + im * im + lambda * mean_square;
+        const double gain = under > 0.0 ? 1.0 / under : 0.0;
+        filter[2 * i] = (float)(re * gain);
+        filter[2 * i + 1] = (float)(-im * gain);
+    }
+}
+
+typedef struct psf_work {
+    hada_slot *slot;
+    hada_fft *fft;
+    hada_buffer real, spectrum;
+    float *grid, *blocks, *room;
+    double *square;
+} psf_work;
+
+static hada_status work_create(psf_work *work, hada_context *context, const hada_model_info *info, hada_error *err)
+{
+    const size_t area = (size_t)info->grid_rows * (size_t)info->grid_cols, channels = (size_t)info->channels;
+    const hada_fft_desc desc = {.direction = HADA_FFT_FORWARD,
+                                .rows = info->grid_rows,
+                                .cols = info->grid_cols,
+                                .batch = info->channels,
+                                .real_rows = info->grid_rows,
+                                .real_cols = info->grid_cols,
+                                .real_pitch = (size_t)info->grid_cols,
+                                .real_distance = area};
+    hada_status status = hada_slot_create(&work->slot, context, err);
+    if (!status)
+        status = hada_fft_create(&work->fft, work->slot, &desc, err);
+    if (status)
+        return status;
+    const size_t count = hada_fft_plan_layout(work->fft)->count;
+    status = hada_buffer_create(&work->real, context, channels * area * 4, "a point spread function", err);
+    if (!status)
+        status = hada_buffer_create(&work->spectrum, context, channels * count * 8, "a transfer function", err);
+    if (!status)
+        status = hada_alloc_raw((void **)&work->grid, channels * area, 4, "a point spread function", err);
+    if (!status)
+        status = hada_alloc_raw((void **)&work->blocks, channels * count, 8, "a transfer function", err);
+    if (!status)
+        status = hada_alloc_raw((void **)&work->room, (size_t)info->raw_rows * (size_t)info->raw_cols, 4,
+                                "the corners of a point spread function", err);
+    if (!status)
+        status = hada_alloc((void **)&work->square, channels, sizeof(double), "a point spread function", err);
+    return status;
+}
+
+static void work_destroy(psf_work *work)
+{
+    if (work->slot)
+        hada_slot_finish(work->slot, NULL);
+    hada_fft_destroy(&work->fft);
+    hada_buffer_destroy(&work->real);
+    hada_buffer_destroy(&work->spectrum);
+    free(work->grid);
+    free(work->blocks);
+    free(work->room);
+    free(work->square);
+    hada_slot_destroy(&work->slot);
+}
+
+static hada_status transform_depth(psf_work *work, hada_model *model, const hada_image *psf, double psf_dark, int depth,
+                                   hada_error *err)
+{
+    const hada_model_info *info = &model->info;
+    const hada_spectrum_layout *layout = hada_fft_plan_layout(work->fft);
+    const size_t plane = hada_model_plane(model), area = (size_t)info->grid_rows * (size_t)info->grid_cols;
+    hada_status status = place(psf, info, psf_dark, depth, work->grid, work->square, work->room, err);
+    if (!status)
+        status = hada_buffer_write(&work->real, work->slot, 0, work->grid, (size_t)info->channels * area * 4, err);
+    if (!status)
+        status = hada_fft_forward(work->fft, info->channels, work->real.mem, 0, work->spectrum.mem, 0, err);
+    if (!status)
+        status = hada_buffer_read(&work->spectrum, work->slot, 0, work->blocks,
+                                  (size_t)info->channels * layout->count * 8, err);
+    for (int c = 0; !status && c < info->channels; c++) {
+        const size_t at = ((size_t)depth * (size_t)info->channels + (size_t)c) * plane * 2;
+        hada_layout_unpack(layout, work->blocks + (size_t)c * layout->count * 2, model->otf + at);
+        make_filter(model->otf + at, plane, info->form, info->lambda, work->square[c], model->filter + at);
+    }
+    return status;
+}
+
+static hada_status check_psfs(const hada_image *psfs, int depths, hada_error *err)
+{
+    for (int z = 0; z < depths; z++) {
+        if (!psfs[z].data || psfs[z].channels != psfs->channels || psfs[z].rows != psfs->rows ||
+            psfs[z].cols != psfs->cols)
+            return hada_fail(err, HADA_ERROR_SIZE,
+                             "point spread functions must be of one size: depth %d has %d channels, %d x %d; depth 0 "
+                             "has %d, %d x %d",
+                             z, psfs[z].channels, psfs[z].rows, psfs[z].cols, psfs->channels, psfs->rows, psfs->cols);
+        const size_t bad = hada_image_count_not_finite(&psfs[z]);
+        if (bad)
+            return hada_fail(err, HADA_ERROR_NOT_FINITE,
+                             "the point spread function of depth %d holds %zu NaN or infinite pixels", z, bad);
+    }
+    return HADA_OK;
+}
+
+hada_status hada_model_from_psf(hada_model **out, hada_context *context, const hada_image *psfs, int depths,
+                                const double *distances_mm, const hada_psf_options *options, hada_error *err)
+{
+    hada_psf_options defaults;
+    psf_work work = {0};
+    if (!out || !context || !psfs || depths < 1 || !distances_mm)
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "hada_model_from_psf: out, a context, point spread functions and distances are needed");
+    *out = NULL;
+    hada_psf_options_init(&defaults);
+    if (!options)
+        options = &defaults;
+    if (options->size != sizeof *options)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_model_from_psf: start from hada_psf_options_init()");
+    if (options->form != HADA_FORM_MATCHED && options->form != HADA_FORM_WIENER)
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "a point spread function gives filters of the forms matched and wiener; for complex or split, "
+                         "fit from pairs");
+    if (!isfinite(options->lambda) || options->lambda < 0.0 || !isfinite(options->dark) || !isfinite(options->psf_dark))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "lambda and dark levels must be finite, lambda not negative");
+    hada_status status = check_psfs(psfs, depths, err);
+    if (status)
+        return status;
+    hada_model_info info = {.depths = depths,
+                            .channels = psfs->channels,
+                            .form = options->form,
+                            .boundary = options->boundary,
+                            .lambda = options->lambda > 0.0 ? options->lambda : DEFAULT_LAMBDA,
+                            .dark = options->dark,
+                            .refine_steps = options->refine_steps < 0 ? DEFAULT_STEPS : options->refine_steps,
+                            .refine_rho = DEFAULT_RHO,
+                            .has_otf = 1,
+                            .distances_mm = distances_mm};
+    if (info.form == HADA_FORM_MATCHED)
+        info.lambda = 0.0;
+    status = hada_model_set_sizes(&info, psfs->rows, psfs->cols, options->window_rows, options->window_cols, err);
+    if (!status)
+        status = hada_model_create(out, &info, 0, err);
+    if (!status)
+        status = work_create(&work, context, &info, err);
+    for (int z = 0; !status && z < depths; z++)
+        status = transform_depth(&work, *out, &psfs[z], options->psf_dark, z, err);
+    work_destroy(&work);
+    if (status)
+        hada_model_destroy(out);
+    return status;
+}

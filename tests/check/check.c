@@ -35,7 +35,8 @@ hada_status check_output(check_state *state, size_t count, hada_error *err)
     state->expected = calloc(count ? count : 1, sizeof(double));
     if (!state->expected)
         return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the expected values");
-    return hada_buffer_create(&state->out, state->slot->context, (count + 2 * GUARD) * sizeof(float), "the output", err);
+    return hada_buffer_create(&state->out, state->slot->context, (count + 2 * GUARD) * sizeof(float), "the output",
+                              err);
 }
 
 void check_fill_integers(const check_state *state, uint64_t stream, float *out, size_t count, int largest)
@@ -69,7 +70,8 @@ static hada_status run_once(check_state *state, float *all, hada_error *err)
     if (!status)
         status = state->op->launch(state, err);
     if (!status)
-        status = hada_buffer_read(&state->out, state->slot, 0, all, (state->out_count + 2 * GUARD) * sizeof(float), err);
+        status =
+            hada_buffer_read(&state->out, state->slot, 0, all, (state->out_count + 2 * GUARD) * sizeof(float), err);
     return status;
 }
 
@@ -209,11 +211,14 @@ static verdict run_case(hada_slot *slot, const check_op *op, const char *shape, 
     if (how->csv && result == PASSED)
         printf("%s,%s,%s\n", op->name, shape, note);
     else
-        printf("%-7s %-16s %-28s %s\n", result == PASSED ? "ok" : result == SKIPPED ? "skipped" : "FAILED", op->name, shape,
-               note);
+        printf("%-7s %-16s %-28s %s\n",
+               result == PASSED    ? "ok"
+               : result == SKIPPED ? "skipped"
+                                   : "FAILED",
+               op->name, shape, note);
     if (result == FAILED)
-        printf("        again with: check --op %s --shape %s --mode %s --seed %llu --device %d\n", op->name, shape, how->mode,
-               (unsigned long long)how->seed, slot->context->info.index);
+        printf("        again with: check --op %s --shape %s --mode %s --seed %llu --device %d\n", op->name, shape,
+               how->mode, (unsigned long long)how->seed, slot->context->info.index);
     fflush(stdout);
     return result;
 }
@@ -261,8 +266,9 @@ int main(int count, char **words)
         else if (!strcmp(words[i], "--shapes"))
             how.folder = value;
         else {
-            printf("check [--op NAME] [--shape TEXT] [--mode correct|bits|time] [--device D] [--seed N] [--shapes FOLDER] "
-                   "[--csv]\n");
+            printf(
+                "check [--op NAME] [--shape TEXT] [--mode correct|bits|time] [--device D] [--seed N] [--shapes FOLDER] "
+                "[--csv]\n");
             for (size_t o = 0; o < check_op_count; o++)
                 printf("  %-16s %s\n", check_ops[o]->name, check_ops[o]->help);
             return strcmp(words[i], "--help") ? 2 : 0;
@@ -296,7 +302,8 @@ int main(int count, char **words)
     }
     hada_slot_destroy(&slot);
     if (hada_context_bytes(context)) {
-        printf("FAILED  %llu bytes of device memory were not given back\n", (unsigned long long)hada_context_bytes(context));
+        printf("FAILED  %llu bytes of device memory were not given back\n",
+               (unsigned long long)hada_context_bytes(context));
         counts[FAILED]++;
     }
     hada_context_destroy(&context);

@@ -20,17 +20,17 @@ typedef struct check_state {
 
     /* Filled by prepare: the output with guard zones, and what it must hold. */
     hada_buffer out;
-    size_t out_offset;  /* floats before the output: a guard zone */
-    size_t out_count;   /* floats of the output */
-    double *expected;   /* out_count values, freed by the driver */
+    size_t out_offset;          /* floats before the output: a guard zone */
+    size_t out_count;           /* floats of the output */
+    double *expected;           /* out_count values, freed by the driver */
     unsigned char *unspecified; /* per value: 1 where anything finite may stand; NULL: nowhere; freed by the driver */
-    double tolerance;   /* relative L2; 0: exact */
-    double bytes, flops; /* least traffic and operations of one run, for the timing */
-    void *own;          /* the operation's */
+    double tolerance;           /* relative L2; 0: exact */
+    double bytes, flops;        /* least traffic and operations of one run, for the timing */
+    void *own;                  /* the operation's */
 } check_state;
 
 struct check_op {
-    const char *name, *help; /* help: what the letters of a shape mean */
+    const char *name, *help;                                     /* help: what the letters of a shape mean */
     hada_status (*prepare)(check_state *state, hada_error *err); /* inputs, plan, expected values */
     hada_status (*launch)(check_state *state, hada_error *err);  /* enqueues the operation once */
     void (*release)(check_state *state);

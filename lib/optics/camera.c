@@ -18,18 +18,19 @@ void hada_camera_init(hada_camera *camera)
     hada_camera_preset(camera, "sim512", NULL);
 }
 
-/* In the two small presets the focus stands near the middle of the range in 1/z (1/f = 1/d + 1/170 mm), the widest
- * pattern (at the nearest depth) of a scene that fills the window just fits on the sensor, and the outermost spots move
- * by more than two pixels from depth to depth. */
+/* The two small presets are a 36 x 24 mm sensor, binned, with lenses that resolve about one binned pixel. The focus
+ * stands near the middle of the range in 1/z (1/f = 1/d + 1/170 mm), the widest pattern (at the nearest depth) of a
+ * scene that fills the window just fits on the sensor, and the outermost spots move by more than two pixels from depth
+ * to depth. */
 static const hada_camera small_camera = {
     .size = sizeof(hada_camera),
     .mask = HADA_MASK_MLA,
     .channels = 3,
-    .pixel_pitch_mm = 0.02,
     .distance_mm = 30.0,
     .focal_length_mm = 25.5,
+    .lens_diameter_mm = 0.4,
     .seed = 1,
-    .blur_pixels = 0.7,
+    .blur_pixels = 0.4,
 };
 
 hada_status hada_camera_preset(hada_camera *camera, const char *name, hada_error *err)
@@ -39,17 +40,17 @@ hada_status hada_camera_preset(hada_camera *camera, const char *name, hada_error
     if (!strcmp(name, "sim512")) {
         c.rows = c.cols = 512;
         c.window_rows = c.window_cols = 192;
+        c.pixel_pitch_mm = 0.07;
         c.lenses = 37;
-        c.lens_diameter_mm = 0.4;
-        c.aperture_mm = 5.4;
-        c.minimum_spacing_mm = 0.5;
+        c.aperture_mm = 18.9;
+        c.minimum_spacing_mm = 1.75;
     } else if (!strcmp(name, "sim300")) {
         c.rows = 300, c.cols = 400;
         c.window_rows = c.window_cols = 120;
+        c.pixel_pitch_mm = 0.08;
         c.lenses = 29;
-        c.lens_diameter_mm = 0.32;
-        c.aperture_mm = 3.0;
-        c.minimum_spacing_mm = 0.32;
+        c.aperture_mm = 12.0;
+        c.minimum_spacing_mm = 1.28;
         depths = 4;
     } else if (!strcmp(name, "paper2022")) {
         c.rows = 1376, c.cols = 2064;
@@ -221,5 +222,5 @@ double hada_camera_defocus_pixels(const hada_camera *camera, double distance_mm)
 
 int hada_window_origin(int full, int window)
 {
-    return full / 2 - window / 2;
+    return (full - window) / 2;
 }

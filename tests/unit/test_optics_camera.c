@@ -49,10 +49,11 @@ static hada_camera single_lens(void)
 {
     hada_camera camera = preset("sim512");
     camera.lenses = 1;
+    camera.blur_pixels = 0.8; /* so wide that moments of pixels are those of the light */
     camera.rows = 301;
     camera.cols = 280;
     camera.window_rows = camera.window_cols = 64;
-    camera.minimum_spacing_mm = 3.0; /* keeps the whole outline inside the aperture */
+    camera.minimum_spacing_mm = 10.0; /* keeps the whole outline inside the aperture */
     return camera;
 }
 
@@ -101,9 +102,7 @@ static void light_sums_to_one(void **state)
     hada_image whole, part, cut;
     assert_int_equal(hada_camera_psf(&camera, 100.0, &whole, NULL), HADA_OK);
     assert_int_equal(hada_camera_psf_sized(&camera, 100.0, 101, 90, &part, NULL), HADA_OK);
-    assert_int_equal(
-        hada_image_crop(&cut, &whole, hada_window_origin(300, 101), hada_window_origin(400, 90), 101, 90, NULL),
-        HADA_OK);
+    assert_int_equal(hada_image_crop(&cut, &whole, 150 - 50, 200 - 45, 101, 90, NULL), HADA_OK);
     assert_true(measure(&part).sum < 0.9);
     assert_memory_equal(part.data, cut.data, hada_image_count(&cut) * sizeof(float));
     hada_image_destroy(&whole);
@@ -242,7 +241,7 @@ static void refusals(void **state)
     camera.window_rows = 301;
     assert_int_equal(hada_camera_check(&camera, &err), HADA_ERROR_SIZE);
     camera = preset("sim300");
-    camera.minimum_spacing_mm = 1.0;
+    camera.minimum_spacing_mm = 4.0;
     double x[29], y[29];
     assert_int_equal(hada_camera_lenses(&camera, x, y, &err), HADA_ERROR_ARGUMENT);
     assert_non_null(strstr(err.message, "29 lenses"));
@@ -258,7 +257,7 @@ static void resizing_keeps_the_pattern(void **state)
     assert_int_equal(hada_camera_resize(&camera, 128, 160, 0, 0, NULL), HADA_OK);
     assert_int_equal(camera.window_rows, 48);
     assert_int_equal(camera.window_cols, 48);
-    assert_true(fabs(camera.pixel_pitch_mm * 128 - 0.02 * 512) < 1e-12);
+    assert_true(fabs(camera.pixel_pitch_mm * 128 - 0.07 * 512) < 1e-12);
     assert_int_equal(hada_camera_resize(&camera, 128, 160, 129, 40, NULL), HADA_ERROR_SIZE);
 }
 

@@ -2,9 +2,9 @@
  *
  * A camera is a mask in front of a bare sensor. Coordinates: millimetres, x to the right, y down, the optical axis at
  * the origin; on the sensor the axis stands at pixel (rows/2, cols/2), rounding down. A scene is given on the
- * sensor's grid (one scene pixel moves the pattern by one sensor pixel), in a window whose pixel (window_rows/2,
- * window_cols/2) stands on the axis; outside the window it is dark. The frame is
- *     b = sum_z PSF_z * x_z + noise.
+ * sensor's grid (one scene pixel moves the pattern by one sensor pixel), in a window at the middle of the sensor
+ * (offset (rows - window_rows) / 2, rounding down); outside the window it is dark. The frame is b = sum_z PSF_z * x_z +
+ * noise.
  *
  * Geometry (thin lenses in the mask plane): a ray from the axis at distance z through point q of the lens centred on
  * p reaches the sensor, at distance d behind the mask, at p (1 + d/z) + (q - p) (1 + d/z - d/f). So every lens makes
@@ -105,8 +105,8 @@ HADA_API hada_status hada_camera_psf(const hada_camera *camera, double distance_
 HADA_API hada_status hada_camera_psf_sized(const hada_camera *camera, double distance_mm, int rows, int cols,
                                            hada_image *psf, hada_error *err);
 
-/* First row (or column) of a window of `window` pixels in a frame of `full` pixels: full/2 - window/2, each rounding
- * down, so that the window's centre pixel stands on the axis. */
+/* First row (or column) of a window of `window` pixels in a frame of `full` pixels: (full - window) / 2, rounding down.
+ */
 HADA_API int hada_window_origin(int full, int window);
 
 /* Writes the camera as JSON (readable by a person; unknown keys are ignored on reading), beside the file and renamed.

@@ -25,6 +25,7 @@ void hada_camera_init(hada_camera *camera)
 static const hada_camera small_camera = {
     .size = sizeof(hada_camera),
     .mask = HADA_MASK_MLA,
+    .boundary = HADA_BOUNDARY_CIRCULAR,
     .channels = 3,
     .distance_mm = 30.0,
     .focal_length_mm = 25.5,
@@ -120,7 +121,7 @@ hada_status hada_camera_check(const hada_camera *camera, hada_error *err)
     if (camera->mask != HADA_MASK_MLA)
         return hada_fail(err, HADA_ERROR_UNSUPPORTED, "mask kind %d is not known; use HADA_MASK_MLA",
                          (int)camera->mask);
-    if (camera->boundary != HADA_BOUNDARY_CIRCULAR && camera->boundary != HADA_BOUNDARY_CROP)
+    if (camera->boundary != HADA_BOUNDARY_CIRCULAR && camera->boundary != HADA_BOUNDARY_PADDED)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "boundary kind %d is not known", (int)camera->boundary);
     if (camera->rows < 1 || camera->cols < 1 || camera->rows > 65536 || camera->cols > 65536)
         return hada_fail(err, HADA_ERROR_SIZE, "a sensor of %d x %d pixels is not possible; use 1 to 65536 a side",

@@ -38,7 +38,7 @@ static json_t *to_json(const hada_camera *camera)
     int bad = json_object_set_new(object, "format", json_string("hadalens camera"));
     bad |= json_object_set_new(object, "mask", json_string("mla"));
     bad |= json_object_set_new(object, "boundary",
-                               json_string(camera->boundary == HADA_BOUNDARY_CROP ? "crop" : "circular"));
+                               json_string(camera->boundary == HADA_BOUNDARY_PADDED ? "padded" : "circular"));
     for (size_t i = 0; i < FIELDS; i++) {
         const char *at = (const char *)camera + fields[i].offset;
         bad |= json_object_set_new(object, fields[i].name,
@@ -129,10 +129,10 @@ static hada_status read_kinds(hada_camera *camera, const json_t *object, const c
                *boundary = json_string_value(json_object_get(object, "boundary"));
     if (mask && strcmp(mask, "mla"))
         return hada_fail(err, HADA_ERROR_UNSUPPORTED, "'%s': mask kind '%s' is not known; use \"mla\"", path, mask);
-    if (boundary && strcmp(boundary, "crop") && strcmp(boundary, "circular"))
-        return hada_fail(err, HADA_ERROR_FILE_FORMAT, "'%s': \"boundary\" must be \"circular\" or \"crop\"", path);
+    if (boundary && strcmp(boundary, "padded") && strcmp(boundary, "circular"))
+        return hada_fail(err, HADA_ERROR_FILE_FORMAT, "'%s': \"boundary\" must be \"circular\" or \"padded\"", path);
     if (boundary)
-        camera->boundary = strcmp(boundary, "crop") ? HADA_BOUNDARY_CIRCULAR : HADA_BOUNDARY_CROP;
+        camera->boundary = strcmp(boundary, "padded") ? HADA_BOUNDARY_CIRCULAR : HADA_BOUNDARY_PADDED;
     const json_t *distances = json_object_get(object, "distances_mm");
     if (!distances)
         return HADA_OK;

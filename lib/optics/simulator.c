@@ -123,7 +123,7 @@ static hada_status create(hada_simulator **out, hada_context *context, const had
     s->psf_images = 1;
     s->rows = camera->rows;
     s->cols = camera->cols;
-    if (camera->boundary == HADA_BOUNDARY_CROP) {
+    if (camera->boundary == HADA_BOUNDARY_PADDED) {
         s->rows = hada_fft_good_size(camera->rows + camera->window_rows);
         s->cols = hada_fft_good_size(camera->cols + camera->window_cols);
     }

@@ -199,7 +199,7 @@ static void files(void **state)
     (void)state;
     hada_camera camera = preset("paper2022"), back;
     camera.seed = UINT64_MAX - 5;
-    camera.boundary = HADA_BOUNDARY_CROP;
+    camera.boundary = HADA_BOUNDARY_PADDED;
     char path[] = "/tmp/hadalens-camera-XXXXXX";
     const int handle = mkstemp(path);
     assert_true(handle >= 0);

@@ -81,7 +81,7 @@ static void frames_equal_the_reference(void **state)
     enum { PIXELS = 60 * 72 };
     static float wide[PIXELS];
     static double expected[3][PIXELS];
-    const hada_boundary boundaries[] = {HADA_BOUNDARY_CIRCULAR, HADA_BOUNDARY_CROP};
+    const hada_boundary boundaries[] = {HADA_BOUNDARY_CIRCULAR, HADA_BOUNDARY_PADDED};
     for (int b = 0; b < 2; b++) {
         hada_camera camera = small_camera(boundaries[b]);
         if (b) /* a pattern wider than the sensor */
@@ -138,7 +138,7 @@ static void light_is_kept_or_lost(void **state)
 {
     (void)state;
     for (int b = 0; b < 2; b++) {
-        hada_camera camera = small_camera(b ? HADA_BOUNDARY_CROP : HADA_BOUNDARY_CIRCULAR);
+        hada_camera camera = small_camera(b ? HADA_BOUNDARY_PADDED : HADA_BOUNDARY_CIRCULAR);
         camera.rows = 44;
         camera.cols = 40;
         hada_simulator *simulator;

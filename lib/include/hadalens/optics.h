@@ -19,6 +19,7 @@
 
 #include <hadalens/device.h>
 #include <hadalens/image.h>
+#include <hadalens/model.h>
 #include <hadalens/status.h>
 #include <stdint.h>
 
@@ -30,19 +31,13 @@ typedef enum hada_mask {
     HADA_MASK_MLA = 1 /* microlenses at random places inside a round aperture */
 } hada_mask;
 
-/* What the sensor does with light from a scene whose pattern does not fit on it. */
-typedef enum hada_boundary {
-    HADA_BOUNDARY_CIRCULAR = 0, /* it comes back on the other side: circular convolution, the simplest model */
-    HADA_BOUNDARY_CROP = 1      /* it is lost, as on a real sensor */
-} hada_boundary;
-
 #define HADA_CAMERA_DEPTHS 256 /* most depths of a camera */
 
 /* A camera. Start from hada_camera_init() or a preset, then change what differs. Lengths in millimetres. */
 typedef struct hada_camera {
     size_t size; /* sizeof(hada_camera) */
     hada_mask mask;
-    hada_boundary boundary;
+    hada_boundary boundary;       /* light beyond the sensor comes back in (circular), or is lost (padded) */
     int rows, cols;               /* of the sensor */
     int channels;                 /* 1 or 3; the pattern is the same for all */
     int window_rows, window_cols; /* field of view */

@@ -65,44 +65,62 @@ FFT_INLINE int fft_wanted(const fft_columns *columns, int row)
 }
 
 /* The first stage, from memory to scratch. */
-FFT_INLINE void fft_first_radix(const int radix, const fft_columns *columns, FFT_MEM float8 *scratch,
-                                __global const int *source, int from, int to)
-{
-    for (int b = from; b < to; ++b) {
-        float8 re[16], im[16];
-#pragma unroll
-        for (int k = 0; k < radix; ++k)
-            fft_get(columns, source[b * radix + k], &re[k], &im[k]);
-        fft_butterfly(radix, re, im);
-        fft_leave(radix, scratch + 2 * b * radix, 1, re, im);
+#define FFT_GET(k) fft_get(columns, source[k], &re[k], &im[k]);
+#define FFT_KEEP(k)        \
+    q[2 * (k)] = re[k];    \
+    q[2 * (k) + 1] = im[k];
+#define FFT_FIRST(R)                                                                              \
+    FFT_INLINE void fft_first##R(const fft_columns *columns, FFT_MEM float8 *scratch,             \
+                                 __global const int *source, int from, int to)                    \
+    {                                                                                             \
+        FFT_MEM float8 *q = scratch + 2 * R * from;                                               \
+        source += R * from;                                                                       \
+        for (int b = from; b < to; ++b, q += 2 * R, source += R) {                                \
+            float8 re[R], im[R];                                                                  \
+            FFT_EACH(R, FFT_GET)                                                                  \
+            fft_radix##R(re, im);                                                                 \
+            FFT_EACH(R, FFT_KEEP)                                                                 \
+        }                                                                                         \
     }
-}
+
+FFT_FIRST(1)
+FFT_FIRST(4)
+FFT_FIRST(8)
 
 FFT_INLINE void fft_first(const fft_columns *columns, FFT_MEM float8 *scratch, __global const int *source, int radix,
                           int from, int to)
 {
     switch (radix) {
-    case 4: fft_first_radix(4, columns, scratch, source, from, to); break;
-    case 8: fft_first_radix(8, columns, scratch, source, from, to); break;
-    default: fft_first_radix(1, columns, scratch, source, from, to); break;
+    case 4: fft_first4(columns, scratch, source, from, to); break;
+    case 8: fft_first8(columns, scratch, source, from, to); break;
+    default: fft_first1(columns, scratch, source, from, to); break;
     }
 }
 
 /* The last stage, from scratch to memory. */
-FFT_INLINE void fft_last_radix(const int radix, const fft_columns *columns, FFT_MEM float8 *scratch, int span,
-                               __global const float *twiddles)
-{
-    for (int j = 0; j < span; ++j) {
-        float8 re[16], im[16];
-        fft_fetch(radix, scratch + 2 * j, span, re, im);
-        if (span > 1)
-            fft_twiddle(radix, twiddles + 2 * (radix - 1) * j, re, im);
-        fft_butterfly(radix, re, im);
-#pragma unroll
-        for (int k = 0; k < radix; ++k)
-            fft_put(columns, j + k * span, re[k], im[k]);
+#define FFT_PUT(k) fft_put(columns, j + (k) * span, re[k], im[k]);
+#define FFT_LAST(R)                                                                                     \
+    FFT_INLINE void fft_last##R(const fft_columns *columns, FFT_MEM float8 *scratch, int span,          \
+                                __global const float *w)                                                \
+    {                                                                                                   \
+        FFT_MEM float8 *q = scratch;                                                                    \
+        for (int j = 0; j < span; ++j, q += 2, w += 2 * (R - 1)) {                                      \
+            float8 re[R], im[R];                                                                        \
+            FFT_EACH(R, FFT_FETCH)                                                                      \
+            FFT_TURN_##R(FFT_TURN)                                                                      \
+            fft_radix##R(re, im);                                                                       \
+            FFT_EACH(R, FFT_PUT)                                                                        \
+        }                                                                                               \
     }
-}
+
+FFT_LAST(1)
+FFT_LAST(2)
+FFT_LAST(3)
+FFT_LAST(4)
+FFT_LAST(5)
+FFT_LAST(7)
+FFT_LAST(8)
+FFT_LAST(16)
 
 FFT_INLINE void fft_last_odd(const fft_columns *columns, FFT_MEM float8 *scratch, int radix, int span,
                              __global const float *twiddles, __global const float *cosines)
@@ -138,14 +156,14 @@ FFT_INLINE void fft_last(const fft_columns *columns, FFT_MEM float8 *scratch, __
     const int radix = stage[FFT_RADIX], span = stage[FFT_SPAN];
     __global const float *w = floats + stage[FFT_TWIDDLES];
     switch (radix) {
-    case 1: fft_last_radix(1, columns, scratch, span, w); break;
-    case 2: fft_last_radix(2, columns, scratch, span, w); break;
-    case 3: fft_last_radix(3, columns, scratch, span, w); break;
-    case 4: fft_last_radix(4, columns, scratch, span, w); break;
-    case 5: fft_last_radix(5, columns, scratch, span, w); break;
-    case 7: fft_last_radix(7, columns, scratch, span, w); break;
-    case 8: fft_last_radix(8, columns, scratch, span, w); break;
-    case 16: fft_last_radix(16, columns, scratch, span, w); break;
+    case 1: fft_last1(columns, scratch, span, w); break;
+    case 2: fft_last2(columns, scratch, span, w); break;
+    case 3: fft_last3(columns, scratch, span, w); break;
+    case 4: fft_last4(columns, scratch, span, w); break;
+    case 5: fft_last5(columns, scratch, span, w); break;
+    case 7: fft_last7(columns, scratch, span, w); break;
+    case 8: fft_last8(columns, scratch, span, w); break;
+    case 16: fft_last16(columns, scratch, span, w); break;
     default: fft_last_odd(columns, scratch, radix, span, w, floats + stage[FFT_COSINES]); break;
     }
 }

@@ -57,79 +57,67 @@ FFT_INLINE void fft_transpose(float8 *m)
     }
 }
 
-/* The radix is a constant at every call, so that all loops over it unroll. */
-FFT_INLINE void fft_butterfly(const int radix, float8 *re, float8 *im)
-{
-    switch (radix) {
-    case 2: fft_radix2(re, im); break;
-    case 3: fft_radix3(re, im); break;
-    case 4: fft_radix4(re, im); break;
-    case 5: fft_radix5(re, im); break;
-    case 7: fft_radix7(re, im); break;
-    case 8: fft_radix8(re, im); break;
-    case 16: fft_radix16(re, im); break;
-    default: break;
-    }
-}
+/* Written-out loops over the values of a butterfly, M(0) M(1) ..., and over those that have twiddle factors: compilers
+ * do not reliably unroll them, and re[] and im[] must live in registers. */
+#define FFT_TURN_1(M)
+#define FFT_TURN_2(M)  M(1)
+#define FFT_TURN_3(M)  FFT_TURN_2(M) M(2)
+#define FFT_TURN_4(M)  FFT_TURN_3(M) M(3)
+#define FFT_TURN_5(M)  FFT_TURN_4(M) M(4)
+#define FFT_TURN_7(M)  FFT_TURN_5(M) M(5) M(6)
+#define FFT_TURN_8(M)  FFT_TURN_7(M) M(7)
+#define FFT_TURN_16(M) FFT_TURN_8(M) M(8) M(9) M(10) M(11) M(12) M(13) M(14) M(15)
+#define FFT_EACH(R, M) M(0) FFT_TURN_##R(M)
 
-FFT_INLINE void fft_fetch(const int radix, FFT_MEM const float8 *q, int span, float8 *re, float8 *im)
-{
-#pragma unroll
-    for (int k = 0; k < radix; ++k) {
-        re[k] = q[2 * k * span];
-        im[k] = q[2 * k * span + 1];
-    }
-}
+#define fft_radix1(re, im)
+#define FFT_FETCH(k)                \
+    re[k] = q[2 * (k) * span];      \
+    im[k] = q[2 * (k) * span + 1];
+#define FFT_LEAVE(k)                \
+    q[2 * (k) * span] = re[k];      \
+    q[2 * (k) * span + 1] = im[k];
+#define FFT_TURN(k) fft_turn(&re[k], &im[k], w[2 * (k) - 2], w[2 * (k) - 1]);
 
-FFT_INLINE void fft_leave(const int radix, FFT_MEM float8 *q, int span, const float8 *re, const float8 *im)
-{
-#pragma unroll
-    for (int k = 0; k < radix; ++k) {
-        q[2 * k * span] = re[k];
-        q[2 * k * span + 1] = im[k];
+/* A stage of radix R, in place, on the blocks from..to-1; and the same backwards (decimation in frequency), which takes
+ * natural order and leaves digit-reversed order. */
+#define FFT_STAGE(R)                                                                                        \
+    FFT_INLINE void fft_stage##R(FFT_MEM float8 *scratch, int from, int to, int span,                       \
+                                 __global const float *twiddles)                                            \
+    {                                                                                                       \
+        for (int b = from; b < to; ++b) {                                                                   \
+            FFT_MEM float8 *q = scratch + (size_t)b * (size_t)(2 * R * span);                               \
+            __global const float *w = twiddles;                                                             \
+            for (int j = 0; j < span; ++j, q += 2, w += 2 * (R - 1)) {                                      \
+                float8 re[R], im[R];                                                                        \
+                FFT_EACH(R, FFT_FETCH)                                                                      \
+                FFT_TURN_##R(FFT_TURN)                                                                      \
+                fft_radix##R(re, im);                                                                       \
+                FFT_EACH(R, FFT_LEAVE)                                                                      \
+            }                                                                                               \
+        }                                                                                                   \
+    }                                                                                                       \
+    FFT_INLINE void fft_unstage##R(FFT_MEM float8 *scratch, int to, int span, __global const float *twiddles) \
+    {                                                                                                       \
+        for (int b = 0; b < to; ++b) {                                                                      \
+            FFT_MEM float8 *q = scratch + (size_t)b * (size_t)(2 * R * span);                               \
+            __global const float *w = twiddles;                                                             \
+            for (int j = 0; j < span; ++j, q += 2, w += 2 * (R - 1)) {                                      \
+                float8 re[R], im[R];                                                                        \
+                FFT_EACH(R, FFT_FETCH)                                                                      \
+                fft_radix##R(re, im);                                                                       \
+                FFT_TURN_##R(FFT_TURN)                                                                      \
+                FFT_EACH(R, FFT_LEAVE)                                                                      \
+            }                                                                                               \
+        }                                                                                                   \
     }
-}
 
-FFT_INLINE void fft_twiddle(const int radix, __global const float *w, float8 *re, float8 *im)
-{
-#pragma unroll
-    for (int k = 1; k < radix; ++k)
-        fft_turn(&re[k], &im[k], w[2 * k - 2], w[2 * k - 1]);
-}
-
-/* Blocks from..to-1 of a stage, in place. */
-FFT_INLINE void fft_stage_radix(const int radix, FFT_MEM float8 *scratch, int from, int to, int span,
-                                __global const float *twiddles)
-{
-    for (int b = from; b < to; ++b) {
-        FFT_MEM float8 *block = scratch + (size_t)b * (size_t)(2 * radix * span);
-        for (int j = 0; j < span; ++j) {
-            float8 re[16], im[16];
-            fft_fetch(radix, block + 2 * j, span, re, im);
-            if (span > 1)
-                fft_twiddle(radix, twiddles + 2 * (radix - 1) * j, re, im);
-            fft_butterfly(radix, re, im);
-            fft_leave(radix, block + 2 * j, span, re, im);
-        }
-    }
-}
-
-/* The same backwards (decimation in frequency): takes natural order, leaves digit-reversed order. */
-FFT_INLINE void fft_unstage_radix(const int radix, FFT_MEM float8 *scratch, int to, int span,
-                                  __global const float *twiddles)
-{
-    for (int b = 0; b < to; ++b) {
-        FFT_MEM float8 *block = scratch + (size_t)b * (size_t)(2 * radix * span);
-        for (int j = 0; j < span; ++j) {
-            float8 re[16], im[16];
-            fft_fetch(radix, block + 2 * j, span, re, im);
-            fft_butterfly(radix, re, im);
-            if (span > 1)
-                fft_twiddle(radix, twiddles + 2 * (radix - 1) * j, re, im);
-            fft_leave(radix, block + 2 * j, span, re, im);
-        }
-    }
-}
+FFT_STAGE(2)
+FFT_STAGE(3)
+FFT_STAGE(4)
+FFT_STAGE(5)
+FFT_STAGE(7)
+FFT_STAGE(8)
+FFT_STAGE(16)
 
 /* One odd-length butterfly, by its definition, in two halves. The first turns the inputs and keeps their sums and
  * differences; the second sums up FFT_ODD_GROUP outputs m and their mirror images p - m at a time:
@@ -252,13 +240,13 @@ FFT_INLINE void fft_stage(FFT_MEM float8 *scratch, __global const int *table, __
     __global const float *w = floats + stage[FFT_TWIDDLES];
     switch (radix) {
     case 1: break;
-    case 2: fft_stage_radix(2, scratch, from, to, span, w); break;
-    case 3: fft_stage_radix(3, scratch, from, to, span, w); break;
-    case 4: fft_stage_radix(4, scratch, from, to, span, w); break;
-    case 5: fft_stage_radix(5, scratch, from, to, span, w); break;
-    case 7: fft_stage_radix(7, scratch, from, to, span, w); break;
-    case 8: fft_stage_radix(8, scratch, from, to, span, w); break;
-    case 16: fft_stage_radix(16, scratch, from, to, span, w); break;
+    case 2: fft_stage2(scratch, from, to, span, w); break;
+    case 3: fft_stage3(scratch, from, to, span, w); break;
+    case 4: fft_stage4(scratch, from, to, span, w); break;
+    case 5: fft_stage5(scratch, from, to, span, w); break;
+    case 7: fft_stage7(scratch, from, to, span, w); break;
+    case 8: fft_stage8(scratch, from, to, span, w); break;
+    case 16: fft_stage16(scratch, from, to, span, w); break;
     default: fft_stage_odd(scratch, from, to, radix, span, w, floats + stage[FFT_COSINES], low, wanted); break;
     }
 }
@@ -293,12 +281,12 @@ FFT_INLINE void fft_unstage(FFT_MEM float8 *scratch, __global const int *table, 
     const int radix = stage[FFT_RADIX], span = stage[FFT_SPAN], to = table[FFT_POINTS] / (radix * span);
     __global const float *w = floats + stage[FFT_TWIDDLES];
     switch (radix) {
-    case 2: fft_unstage_radix(2, scratch, to, span, w); break;
-    case 3: fft_unstage_radix(3, scratch, to, span, w); break;
-    case 4: fft_unstage_radix(4, scratch, to, span, w); break;
-    case 5: fft_unstage_radix(5, scratch, to, span, w); break;
-    case 7: fft_unstage_radix(7, scratch, to, span, w); break;
-    case 8: fft_unstage_radix(8, scratch, to, span, w); break;
+    case 2: fft_unstage2(scratch, to, span, w); break;
+    case 3: fft_unstage3(scratch, to, span, w); break;
+    case 4: fft_unstage4(scratch, to, span, w); break;
+    case 5: fft_unstage5(scratch, to, span, w); break;
+    case 7: fft_unstage7(scratch, to, span, w); break;
+    case 8: fft_unstage8(scratch, to, span, w); break;
     default: break;
     }
 }

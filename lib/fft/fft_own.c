@@ -15,8 +15,8 @@
 
 #define ROWS_AT_ONCE 16 /* of the lanes' row kernels: eight pairs */
 
-/* Bytes between the two passes of an inverse transform at a time: about what a last-level cache keeps. */
-#define BETWEEN_BYTES ((size_t)24 << 20)
+/* Bytes between the two passes of an inverse transform at a time: what the cache of a few cores keeps. */
+#define BETWEEN_BYTES ((size_t)4 << 20)
 
 typedef struct own_pass {
     hada_buffer ints, floats, scratch;
@@ -28,7 +28,7 @@ typedef struct own_pass {
 typedef struct own_state {
     own_pass rows, columns;
     hada_buffer between; /* inverse: rows of half spectra */
-    int between_images;
+    int images;          /* that both passes take at a time */
 } own_state;
 
 static size_t scratch_bytes(int points)
@@ -54,7 +54,7 @@ static size_t between_count(const hada_fft_desc *desc)
     return (size_t)(desc->band_cols / HADA_OWN_BLOCK + 1) * (size_t)desc->real_rows * HADA_OWN_BLOCK;
 }
 
-static int between_images(const hada_fft_desc *desc)
+static int images_at_once(const hada_fft_desc *desc)
 {
     size_t images = BETWEEN_BYTES / (between_count(desc) * 2 * sizeof(float));
     if (images < 1)
@@ -99,7 +99,7 @@ static size_t own_bytes(const hada_context *context, const hada_fft_desc *desc)
 {
     size_t bytes = pass_bytes(context, desc->cols, HADA_PASS_ROWS) + pass_bytes(context, desc->rows, HADA_PASS_COLUMNS);
     if (desc->direction == HADA_FFT_INVERSE)
-        bytes += between_count(desc) * (size_t)between_images(desc) * 2 * sizeof(float);
+        bytes += between_count(desc) * (size_t)images_at_once(desc) * 2 * sizeof(float);
     return bytes;
 }
 
@@ -146,10 +146,10 @@ static hada_status own_create(hada_fft *plan, hada_error *err)
     status = make_pass(&state->rows, plan->slot, &rows, err);
     if (!status)
         status = make_pass(&state->columns, plan->slot, &columns, err);
+    state->images = images_at_once(desc);
     if (!status && inverse) {
-        state->between_images = between_images(desc);
         status = hada_buffer_create(&state->between, plan->slot->context,
-                                    between_count(desc) * (size_t)state->between_images * 2 * sizeof(float),
+                                    between_count(desc) * (size_t)state->images * 2 * sizeof(float),
                                     "a transform's scratch", err);
     }
     return status;
@@ -214,15 +214,17 @@ static hada_status run_columns(hada_fft *plan, const columns_io *io, hada_error 
     return launch(plan, &state->columns, "fft_cols", io->options, tasks, args, HADA_COUNT(args), err);
 }
 
-static hada_status own_forward(hada_fft *plan, int batch, cl_mem real, size_t real_offset, cl_mem spectrum,
-                               size_t spectrum_offset, hada_error *err)
+/* The images first..first+images-1 of a batch. */
+static hada_status forward_part(hada_fft *plan, int first, int images, cl_mem real, size_t real_offset, cl_mem spectrum,
+                                size_t spectrum_offset, hada_error *err)
 {
     own_state *state = plan->state;
     const hada_fft_desc *desc = &plan->desc;
-    const cl_ulong in_offset = real_offset, in_distance = desc->real_distance, in_pitch = desc->real_pitch,
-                   out_offset = spectrum_offset, out_distance = plan->layout.count;
+    const size_t at = spectrum_offset + (size_t)first * plan->layout.count;
+    const cl_ulong in_offset = real_offset + (size_t)first * desc->real_distance, in_distance = desc->real_distance,
+                   in_pitch = desc->real_pitch, out_offset = at, out_distance = plan->layout.count;
     const cl_int col0 = desc->col0, cols_in = desc->real_cols, rows_in = desc->real_rows, row0 = desc->row0,
-                 rows = desc->rows, tasks = (desc->real_rows + ROWS_AT_ONCE - 1) / ROWS_AT_ONCE * batch;
+                 rows = desc->rows, tasks = (desc->real_rows + ROWS_AT_ONCE - 1) / ROWS_AT_ONCE * images;
     hada_arg args[] = {HADA_ARG(real),
                        HADA_ARG(in_offset),
                        HADA_ARG(in_distance),
@@ -244,16 +246,28 @@ static hada_status own_forward(hada_fft *plan, int batch, cl_mem real, size_t re
         return status;
     const columns_io io = {.in = spectrum,
                            .out = spectrum,
-                           .in_offset = spectrum_offset,
-                           .out_offset = spectrum_offset,
+                           .in_offset = at,
+                           .out_offset = at,
                            .in_distance = plan->layout.count,
                            .out_distance = plan->layout.count,
-                           .in_count = batch,
+                           .in_count = images,
                            .rows_out = desc->rows,
                            .blocks = plan->layout.blocks,
-                           .images = batch,
+                           .images = images,
                            .options = ""};
     return run_columns(plan, &io, err);
+}
+
+static hada_status own_forward(hada_fft *plan, int batch, cl_mem real, size_t real_offset, cl_mem spectrum,
+                               size_t spectrum_offset, hada_error *err)
+{
+    const own_state *state = plan->state;
+    hada_status status = HADA_OK;
+    for (int first = 0; first < batch && !status; first += state->images) {
+        const int left = batch - first, images = left < state->images ? left : state->images;
+        status = forward_part(plan, first, images, real, real_offset, spectrum, spectrum_offset, err);
+    }
+    return status;
 }
 
 /* The images first..first+images-1 of a batch. */
@@ -317,8 +331,8 @@ static hada_status own_inverse(hada_fft *plan, int batch, cl_mem spectrum, size_
 {
     const own_state *state = plan->state;
     hada_status status = HADA_OK;
-    for (int first = 0; first < batch && !status; first += state->between_images) {
-        const int left = batch - first, images = left < state->between_images ? left : state->between_images;
+    for (int first = 0; first < batch && !status; first += state->images) {
+        const int left = batch - first, images = left < state->images ? left : state->images;
         status = inverse_part(plan, first, images, spectrum, spectrum_offset, real, real_offset, filter, err);
     }
     return status;

@@ -1,0 +1,107 @@
+/* What the refinement's kernels over frequencies share: values of REFINE_WIDTH frequencies side by side (eight in the
+ * vectors of a CPU, one per work-item on a GPU), the slice of frequencies that a work-group takes, and sums over it in
+ * a fixed order. */
+#ifndef INC_REFINE_H
+#define INC_REFINE_H
+
+#ifndef REFINE_WIDTH
+#define REFINE_WIDTH 8
+#endif
+/* Work-items in a group; more than one only with REFINE_WIDTH 1. */
+#ifndef REFINE_GROUP
+#define REFINE_GROUP 1
+#endif
+
+#define REFINE_INLINE static inline __attribute__((always_inline))
+
+#if REFINE_WIDTH == 8
+typedef float8 refine_real;
+
+/* The lanes' order, 0 1 4 5 2 3 6 7, is one that a single shuffle of two registers makes. */
+REFINE_INLINE void refine_get(__global const float *p, size_t i, refine_real *re, refine_real *im)
+{
+    const float8 a = vload8(0, p + 2 * i), b = vload8(1, p + 2 * i);
+    *re = (float8)(a.s02, b.s02, a.s46, b.s46);
+    *im = (float8)(a.s13, b.s13, a.s57, b.s57);
+}
+
+REFINE_INLINE void refine_put(__global float *p, size_t i, refine_real re, refine_real im)
+{
+    vstore8((float8)(re.s0, im.s0, re.s1, im.s1, re.s4, im.s4, re.s5, im.s5), 0, p + 2 * i);
+    vstore8((float8)(re.s2, im.s2, re.s3, im.s3, re.s6, im.s6, re.s7, im.s7), 1, p + 2 * i);
+}
+
+REFINE_INLINE refine_real refine_get_real(__global const float *p, size_t i)
+{
+    return vload8(0, p + i).s01452367;
+}
+
+REFINE_INLINE float refine_sum(refine_real v)
+{
+    const float4 a = v.lo + v.hi;
+    const float2 b = a.lo + a.hi;
+    return b.x + b.y;
+}
+
+/* A frequency's energy counted as often as it stands in the whole spectrum: interior columns of the half spectrum
+ * twice, padding, which may hold anything, not at all. */
+REFINE_INLINE refine_real refine_count(refine_real energy, uint i, uint rows, uint block, uint cols)
+{
+    const int kx = (int)(i / (rows * block) * block + i % block);
+    const int8 k = (int8)(0, 1, 4, 5, 2, 3, 6, 7) + kx;
+    const int8 once = (k == 0) | (2 * k == (int)cols), none = 2 * k > (int)cols;
+    return select(select(2.0f * energy, energy, once), (float8)0.0f, none);
+}
+#else
+typedef float refine_real;
+
+REFINE_INLINE void refine_get(__global const float *p, size_t i, refine_real *re, refine_real *im)
+{
+    const float2 a = vload2(i, p);
+    *re = a.x;
+    *im = a.y;
+}
+
+REFINE_INLINE void refine_put(__global float *p, size_t i, refine_real re, refine_real im)
+{
+    vstore2((float2)(re, im), i, p);
+}
+
+REFINE_INLINE refine_real refine_get_real(__global const float *p, size_t i)
+{
+    return p[i];
+}
+
+REFINE_INLINE float refine_sum(refine_real v)
+{
+    return v;
+}
+
+REFINE_INLINE refine_real refine_count(refine_real energy, uint i, uint rows, uint block, uint cols)
+{
+    const uint k = i / (rows * block) * block + i % block;
+    return k == 0 || 2 * k == cols ? energy : 2 * k > cols ? 0.0f : 2.0f * energy;
+}
+#endif
+
+/* The group's sum, as partial[group]: a tree, the same whatever the device does at once. */
+#if REFINE_GROUP > 1
+#define REFINE_LOCAL __local float refine_tree[REFINE_GROUP];
+#define REFINE_PARTIAL(partial, group, value)                                                                          \
+    {                                                                                                                  \
+        const uint item = get_local_id(0);                                                                             \
+        refine_tree[item] = value;                                                                                     \
+        for (uint step = REFINE_GROUP / 2; step > 0; step /= 2) {                                                      \
+            barrier(CLK_LOCAL_MEM_FENCE);                                                                              \
+            if (item < step)                                                                                           \
+                refine_tree[item] += refine_tree[item + step];                                                         \
+        }                                                                                                              \
+        if (item == 0)                                                                                                 \
+            (partial)[group] = refine_tree[0];                                                                         \
+    }
+#else
+#define REFINE_LOCAL
+#define REFINE_PARTIAL(partial, group, value) (partial)[group] = value;
+#endif
+
+#endif

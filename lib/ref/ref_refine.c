@@ -1,0 +1,182 @@
+#include "ref/ref_refine.h"
+
+#include <stdlib.h>
+
+#include "core/alloc.h"
+#include "ref/ref_fft.h"
+
+/* Images of the whole grid (x, u, d per depth; data, v, e, y once) and half spectra. */
+typedef struct ref_state {
+    const hada_ref_refine *p;
+    size_t pixels, values;
+    double *memory;
+    double *x, *u, *d;         /* [depth][pixels] */
+    double *v, *e, *y, *image; /* [pixels] */
+    double *spectra;           /* [depth][values] complex */
+    double *data;              /* [values] complex */
+} ref_state;
+
+static int in_window(const hada_ref_refine *p, size_t pixel)
+{
+    const int row = (int)(pixel / (size_t)p->cols) - p->window_row0,
+              col = (int)(pixel % (size_t)p->cols) - p->window_col0;
+    return row >= 0 && row < p->window_rows && col >= 0 && col < p->window_cols;
+}
+
+static int in_frame(const hada_ref_refine *p, size_t pixel)
+{
+    const int row = (int)(pixel / (size_t)p->cols) - p->frame_row0,
+              col = (int)(pixel % (size_t)p->cols) - p->frame_col0;
+    return !p->padded || (row >= 0 && row < p->frame_rows && col >= 0 && col < p->frame_cols);
+}
+
+/* X_z: minimises |Y - sum H X|^2 + prior |X|^2 + rho sum |X - V|^2, Y in s->data and V in s->spectra, in place. */
+static void solve(ref_state *s)
+{
+    const hada_ref_refine *p = s->p;
+    for (size_t f = 0; f < s->values; f++) {
+        const double g = p->rho + (p->prior ? p->prior[f] : 0.0);
+        double square = 0.0, t_re = 0.0, t_im = 0.0;
+        for (int z = 0; z < p->depths; z++) { /* c = conj(H) Y + rho V, in place; t = sum H c / (g + sum |H|^2) */
+            const double *h = p->otf + 2 * ((size_t)z * s->values + f);
+            double *c = s->spectra + 2 * ((size_t)z * s->values + f);
+            const double re = h[0] * s->data[2 * f] + h[1] * s->data[2 * f + 1] + p->rho * c[0];
+            const double im = h[0] * s->data[2 * f + 1] - h[1] * s->data[2 * f] + p->rho * c[1];
+            c[0] = re;
+            c[1] = im;
+            square += h[0] * h[0] + h[1] * h[1];
+            t_re += h[0] * re - h[1] * im;
+            t_im += h[0] * im + h[1] * re;
+        }
+        t_re /= g + square;
+        t_im /= g + square;
+        for (int z = 0; z < p->depths; z++) {
+            const double *h = p->otf + 2 * ((size_t)z * s->values + f);
+            double *c = s->spectra + 2 * ((size_t)z * s->values + f);
+            c[0] = (c[0] - (h[0] * t_re + h[1] * t_im)) / g;
+            c[1] = (c[1] - (h[0] * t_im - h[1] * t_re)) / g;
+        }
+    }
+}
+
+/* y = sum PSF * (what s->spectra holds). */
+static hada_status project(ref_state *s, hada_error *err)
+{
+    const hada_ref_refine *p = s->p;
+    for (size_t f = 0; f < s->values; f++) {
+        double re = 0.0, im = 0.0;
+        for (int z = 0; z < p->depths; z++) {
+            const double *h = p->otf + 2 * ((size_t)z * s->values + f);
+            const double *c = s->spectra + 2 * ((size_t)z * s->values + f);
+            re += h[0] * c[0] - h[1] * c[1];
+            im += h[0] * c[1] + h[1] * c[0];
+        }
+        s->data[2 * f] = re;
+        s->data[2 * f + 1] = im;
+    }
+    return hada_ref_fft_inverse(s->data, p->rows, p->cols, s->y, err);
+}
+
+static double energy(const ref_state *s, const double *image)
+{
+    double sum = 0.0;
+    for (size_t i = 0; i < s->pixels; i++)
+        if (in_frame(s->p, i))
+            sum += (s->p->image[i] - image[i]) * (s->p->image[i] - image[i]);
+    return sum;
+}
+
+static hada_status all_forward(ref_state *s, const double *images, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    for (int z = 0; !status && z < s->p->depths; z++)
+        status = hada_ref_fft_forward(images + (size_t)z * s->pixels, s->p->rows, s->p->cols,
+                                      s->spectra + 2 * (size_t)z * s->values, err);
+    return status;
+}
+
+static hada_status step(ref_state *s, double relaxation, hada_error *err)
+{
+    const hada_ref_refine *p = s->p;
+    const size_t all = (size_t)p->depths * s->pixels;
+    for (size_t i = 0; i < s->pixels; i++)
+        s->image[i] = p->padded ? s->v[i] - s->e[i] : p->image[i];
+    for (size_t i = 0; i < all; i++)
+        s->x[i] = s->u[i] - s->d[i];
+    hada_status status = hada_ref_fft_forward(s->image, p->rows, p->cols, s->data, err);
+    if (!status)
+        status = all_forward(s, s->x, err);
+    if (status)
+        return status;
+    solve(s);
+    for (int z = 0; !status && z < p->depths; z++)
+        status = hada_ref_fft_inverse(s->spectra + 2 * (size_t)z * s->values, p->rows, p->cols,
+                                      s->x + (size_t)z * s->pixels, err);
+    if (!status)
+        status = project(s, err);
+    if (status)
+        return status;
+    for (size_t i = 0; i < all; i++) {
+        const double x = relaxation * s->x[i] + (1.0 - relaxation) * s->u[i], w = x + s->d[i];
+        s->u[i] = in_window(p, i % s->pixels) && w > 0.0 ? w : 0.0;
+        s->d[i] = w - s->u[i];
+    }
+    for (size_t i = 0; p->padded && i < s->pixels; i++) {
+        const double y = relaxation * s->y[i] + (1.0 - relaxation) * s->v[i], a = y + s->e[i];
+        s->v[i] = in_frame(p, i) ? (p->image[i] + p->mu * a) / (1.0 + p->mu) : a;
+        s->e[i] = a - s->v[i];
+    }
+    return HADA_OK;
+}
+
+static hada_status start(ref_state *s, const hada_ref_refine *p, hada_error *err)
+{
+    const size_t depths = (size_t)p->depths;
+    *s = (ref_state){
+        .p = p, .pixels = (size_t)p->rows * (size_t)p->cols, .values = (size_t)p->rows * (size_t)(p->cols / 2 + 1)};
+    const size_t count = (3 * depths + 4) * s->pixels + (depths + 1) * 2 * s->values;
+    hada_status status = hada_alloc((void **)&s->memory, count, sizeof(double), "the reference refinement", err);
+    if (status)
+        return status;
+    s->x = s->memory;
+    s->u = s->x + depths * s->pixels;
+    s->d = s->u + depths * s->pixels;
+    s->v = s->d + depths * s->pixels;
+    s->e = s->v + s->pixels;
+    s->y = s->e + s->pixels;
+    s->image = s->y + s->pixels;
+    s->spectra = s->image + s->pixels;
+    s->data = s->spectra + depths * 2 * s->values;
+    for (size_t i = 0; i < s->pixels; i++)
+        s->v[i] = p->image[i];
+    return HADA_OK;
+}
+
+hada_status hada_ref_refine_run(const hada_ref_refine *p, double *planes, double *residual, double *split,
+                                hada_error *err)
+{
+    ref_state s;
+    hada_status status = start(&s, p, err);
+    if (!status && residual)
+        residual[0] = energy(&s, s.y);
+    if (!status && split)
+        split[0] = energy(&s, s.y);
+    for (int k = 0; !status && k < p->steps; k++) {
+        status = step(&s, k ? p->relaxation : 1.0, err);
+        if (!status && split)
+            split[k + 1] = energy(&s, s.v);
+        if (!status && residual) {
+            status = all_forward(&s, s.u, err);
+            if (!status)
+                status = project(&s, err);
+            residual[k + 1] = energy(&s, s.y);
+        }
+    }
+    for (size_t z = 0; !status && z < (size_t)p->depths; z++)
+        for (int row = 0; row < p->window_rows; row++)
+            for (int col = 0; col < p->window_cols; col++)
+                *planes++ = s.u[z * s.pixels + (size_t)(row + p->window_row0) * (size_t)p->cols +
+                                (size_t)(col + p->window_col0)];
+    free(s.memory);
+    return status;
+}

@@ -1,0 +1,225 @@
+#include "refine/admm.h"
+
+#include <stdlib.h>
+
+#include "core/alloc.h"
+#include "refine/admm_steps.h"
+
+void hada_refine_rule_init(hada_refine_rule *rule)
+{
+    *rule = (hada_refine_rule){.steps = 8, .rho = 1e-3, .relaxation = 1.6, .mu = 1.0};
+}
+
+hada_refine_shape hada_refine_shape_of(const hada_model_info *info, int max_depths, int max_steps)
+{
+    hada_refine_shape shape = {.grid_rows = info->grid_rows,
+                               .grid_cols = info->grid_cols,
+                               .frame = {(info->grid_rows - info->raw_rows) / 2, (info->grid_cols - info->raw_cols) / 2,
+                                         info->raw_rows, info->raw_cols},
+                               .boundary = info->boundary,
+                               .channels = info->channels,
+                               .max_sets = 1,
+                               .max_planes = max_depths,
+                               .max_steps = max_steps};
+    shape.window = (hada_refine_rect){shape.frame.row0 + (info->raw_rows - info->window_rows) / 2,
+                                      shape.frame.col0 + (info->raw_cols - info->window_cols) / 2, info->window_rows,
+                                      info->window_cols};
+    return shape;
+}
+
+static int inside(const hada_refine_shape *shape, const hada_refine_rect *rect)
+{
+    return rect->row0 >= 0 && rect->col0 >= 0 && rect->rows > 0 && rect->cols > 0 &&
+           rect->row0 + rect->rows <= shape->grid_rows && rect->col0 + rect->cols <= shape->grid_cols;
+}
+
+static hada_status check_shape(const hada_refine_shape *shape, hada_error *err)
+{
+    if (shape->channels < 1 || shape->max_sets < 1 || shape->max_planes < shape->max_sets || shape->max_steps < 1)
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "refinement: channels, sets, planes and steps must be at least 1 (got %d, %d, %d, %d)",
+                         shape->channels, shape->max_sets, shape->max_planes, shape->max_steps);
+    if (!inside(shape, &shape->window))
+        return hada_fail(err, HADA_ERROR_SIZE, "refinement: the window of %d x %d pixels leaves the grid of %d x %d",
+                         shape->window.rows, shape->window.cols, shape->grid_rows, shape->grid_cols);
+    if (shape->boundary == HADA_BOUNDARY_PADDED && !inside(shape, &shape->frame))
+        return hada_fail(err, HADA_ERROR_SIZE, "refinement: the frame of %d x %d pixels leaves the grid of %d x %d",
+                         shape->frame.rows, shape->frame.cols, shape->grid_rows, shape->grid_cols);
+    return HADA_OK;
+}
+
+static size_t area(const hada_refine_rect *rect)
+{
+    return (size_t)rect->rows * (size_t)rect->cols;
+}
+
+/* Transforms of one rectangle's images, at most HADA_REFINE_BATCH at once, so that the plans' scratch stays small. */
+static hada_fft_desc describe(const hada_refine_shape *shape, const hada_refine_rect *rect, int images,
+                              hada_fft_direction direction)
+{
+    return (hada_fft_desc){.direction = direction,
+                           .rows = shape->grid_rows,
+                           .cols = shape->grid_cols,
+                           .batch = images < HADA_REFINE_BATCH ? images : HADA_REFINE_BATCH,
+                           .row0 = rect->row0,
+                           .col0 = rect->col0,
+                           .real_rows = rect->rows,
+                           .real_cols = rect->cols,
+                           .real_pitch = (size_t)rect->cols,
+                           .real_distance = area(rect)};
+}
+
+/* Bytes of every buffer, in the order of hada_refiner_create(). */
+typedef struct book {
+    size_t spectra, planes, split, dual, list, partial, partials;
+    int slices;
+} book;
+
+static book keep_books(const hada_context *context, const hada_refine_shape *shape)
+{
+    book b = {0};
+    const hada_spectrum_layout layout = hada_fft_layout(context, shape->grid_rows, shape->grid_cols, HADA_FFT_AUTO);
+    const size_t images = (size_t)shape->max_planes * (size_t)shape->channels;
+    const size_t sets = (size_t)shape->max_sets * (size_t)shape->channels;
+    const size_t complex_bytes = 2 * sizeof(float);
+    size_t longest = layout.count;
+    b.spectra = images * layout.count * complex_bytes;
+    b.planes =
+        (images * area(&shape->window) + HADA_REFINE_PAD - 1) / HADA_REFINE_PAD * HADA_REFINE_PAD * sizeof(float);
+    if (shape->boundary == HADA_BOUNDARY_PADDED) {
+        b.split = sets * layout.count * complex_bytes;
+        b.dual = sets * area(&shape->frame) * sizeof(float);
+        if (area(&shape->frame) > longest)
+            longest = area(&shape->frame);
+    }
+    b.list = (size_t)shape->max_planes * sizeof(cl_int);
+    b.slices = (int)((longest + HADA_REFINE_SLICE - 1) / HADA_REFINE_SLICE);
+    b.partials = sets * (size_t)b.slices;
+    b.partial = ((size_t)shape->max_steps + 2) * b.partials * sizeof(float);
+    return b;
+}
+
+size_t hada_refiner_bytes(const hada_context *context, const hada_refine_shape *shape)
+{
+    const book b = keep_books(context, shape);
+    const int images = shape->max_planes * shape->channels, sets = shape->max_sets * shape->channels;
+    hada_fft_desc plans[] = {describe(shape, &shape->window, images, HADA_FFT_FORWARD),
+                             describe(shape, &shape->window, images, HADA_FFT_INVERSE),
+                             describe(shape, &shape->frame, sets, HADA_FFT_FORWARD),
+                             describe(shape, &shape->frame, sets, HADA_FFT_INVERSE)};
+    size_t bytes = 2 * b.spectra + b.planes + 2 * b.split + b.dual + b.list + b.partial;
+    for (int i = 0; i < (shape->boundary == HADA_BOUNDARY_PADDED ? 4 : 2); i++)
+        bytes += hada_fft_bytes(context, &plans[i]);
+    return bytes;
+}
+
+static hada_status make_plans(hada_refiner *refiner, hada_error *err)
+{
+    const hada_refine_shape *shape = &refiner->shape;
+    const int images = shape->max_planes * shape->channels, sets = shape->max_sets * shape->channels;
+    struct {
+        hada_fft **plan;
+        hada_fft_desc desc;
+    } rows[] = {{&refiner->forward, describe(shape, &shape->window, images, HADA_FFT_FORWARD)},
+                {&refiner->inverse, describe(shape, &shape->window, images, HADA_FFT_INVERSE)},
+                {&refiner->frame_forward, describe(shape, &shape->frame, sets, HADA_FFT_FORWARD)},
+                {&refiner->frame_inverse, describe(shape, &shape->frame, sets, HADA_FFT_INVERSE)}};
+    hada_status status = HADA_OK;
+    for (int i = 0; !status && i < (shape->boundary == HADA_BOUNDARY_PADDED ? 4 : 2); i++)
+        status = hada_fft_create(rows[i].plan, refiner->slot, &rows[i].desc, err);
+    return status;
+}
+
+static hada_status make_buffers(hada_refiner *refiner, const book *b, hada_error *err)
+{
+    hada_context *context = refiner->slot->context;
+    struct {
+        hada_buffer *buffer;
+        size_t bytes;
+        const char *what;
+    } rows[] = {{&refiner->now_u, b->spectra, "the spectra of the refined planes"},
+                {&refiner->now_w, b->spectra, "the spectra of the refinement's duals"},
+                {&refiner->planes, b->planes, "the refined planes"},
+                {&refiner->list, b->list, "the list of occupied depths"},
+                {&refiner->partial, b->partial, "the refinement's residuals"},
+                {&refiner->split_a, b->split, "the refinement's split at the frame"},
+                {&refiner->split_e, b->split, "the refinement's split at the frame"},
+                {&refiner->dual, b->dual, "the refinement's split at the frame"}};
+    hada_status status = HADA_OK;
+    for (size_t i = 0; !status && i < HADA_COUNT(rows); i++)
+        if (rows[i].bytes)
+            status = hada_buffer_create(rows[i].buffer, context, rows[i].bytes, rows[i].what, err);
+    if (!status)
+        status = hada_buffer_clear(&refiner->planes, refiner->slot, 0, b->planes, err);
+    return status;
+}
+
+hada_status hada_refiner_create(hada_refiner **out, hada_slot *slot, const hada_refine_shape *shape, hada_error *err)
+{
+    hada_refiner *refiner;
+    *out = NULL;
+    hada_status status = check_shape(shape, err);
+    if (!status)
+        status = hada_alloc((void **)&refiner, 1, sizeof *refiner, "a refiner", err);
+    if (status)
+        return status;
+    const book b = keep_books(slot->context, shape);
+    refiner->slot = slot;
+    refiner->shape = *shape;
+    refiner->layout = hada_fft_layout(slot->context, shape->grid_rows, shape->grid_cols, HADA_FFT_AUTO);
+    refiner->partials = b.partials;
+    refiner->window_area = area(&shape->window);
+    refiner->frame_area = area(&shape->frame);
+    status = hada_alloc((void **)&refiner->energy, ((size_t)shape->max_steps + 1) * (size_t)shape->max_sets,
+                        sizeof *refiner->energy, "the refinement's residuals", err);
+    if (!status)
+        status =
+            hada_alloc((void **)&refiner->host_partial, b.partials, sizeof(float), "the refinement's residuals", err);
+    if (!status)
+        status = make_plans(refiner, err);
+    if (!status)
+        status = make_buffers(refiner, &b, err);
+    if (!status)
+        status = hada_refine_kernels(refiner, err);
+    if (status) {
+        hada_refiner_destroy(&refiner);
+        return status;
+    }
+    *out = refiner;
+    return HADA_OK;
+}
+
+void hada_refiner_destroy(hada_refiner **pointer)
+{
+    if (!pointer || !*pointer)
+        return;
+    hada_refiner *refiner = *pointer;
+    *pointer = NULL;
+    hada_slot_finish(refiner->slot, NULL);
+    hada_fft_destroy(&refiner->forward);
+    hada_fft_destroy(&refiner->inverse);
+    hada_fft_destroy(&refiner->frame_forward);
+    hada_fft_destroy(&refiner->frame_inverse);
+    hada_buffer *buffers[] = {&refiner->now_u,   &refiner->now_w,   &refiner->planes,  &refiner->list,
+                              &refiner->partial, &refiner->split_a, &refiner->split_e, &refiner->dual};
+    for (size_t i = 0; i < HADA_COUNT(buffers); i++)
+        hada_buffer_destroy(buffers[i]);
+    free(refiner->energy);
+    free(refiner->host_partial);
+    free(refiner);
+}
+
+cl_mem hada_refiner_planes(const hada_refiner *refiner)
+{
+    return refiner->planes.mem;
+}
+
+double hada_refiner_energy(const hada_refiner *refiner, int set, int step)
+{
+    return refiner->energy[(size_t)step * (size_t)refiner->shape.max_sets + (size_t)set];
+}
+
+size_t hada_refiner_transforms(const hada_refiner *refiner)
+{
+    return refiner->transforms;
+}

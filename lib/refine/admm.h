@@ -1,0 +1,104 @@
+/* Refinement: the planes of a set of depths that together explain a frame. Internal.
+ *
+ * ADMM for  min 1/2 |b - M sum_z PSF_z * x_z|^2 + 1/2 sum_f prior(f) sum_z |X_z(f)|^2,  x_z >= 0 in the window and 0
+ * outside, M the sensor's frame (circular boundary: everything). docs/refinement.md derives the steps and says why no
+ * array of the whole grid is ever transformed: S. Boyd et al., "Distributed optimization and statistical learning via
+ * ADMM" (2011), sections 3 and 3.4.3; M. Almeida and M. Figueiredo, "Deconvolving images with unknown boundaries
+ * using ADMM", IEEE TIP 22(8), 2013, for the split at the frame.
+ *
+ * Several sets of equally many depths can be refined side by side in one batch on the same frame (depth pursuit). A
+ * refiner belongs to one slot. Results are the same bits at every run and for every number of sets. */
+#ifndef HADA_REFINE_ADMM_H
+#define HADA_REFINE_ADMM_H
+
+#include <hadalens/model.h>
+
+#include "fft/fft.h"
+
+/* A rectangle of the grid: top left pixel and size. */
+typedef struct hada_refine_rect {
+    int row0, col0, rows, cols;
+} hada_refine_rect;
+
+typedef struct hada_refine_shape {
+    int grid_rows, grid_cols;
+    hada_refine_rect frame;  /* what the sensor sees; used with the padded boundary */
+    hada_refine_rect window; /* where the scene may be bright */
+    hada_boundary boundary;
+    int channels;
+    int max_sets;   /* sets in one run, at most */
+    int max_planes; /* sets x depths in one run, at most */
+    int max_steps;
+} hada_refine_shape;
+
+/* The shape for a model: one set of up to max_depths depths. */
+hada_refine_shape hada_refine_shape_of(const hada_model_info *info, int max_depths, int max_steps);
+
+/* What is refined. All spectra in the layout of hada_fft_layout(context, grid_rows, grid_cols, AUTO). */
+typedef struct hada_refine_data {
+    cl_mem spectrum;        /* of the frame (padded: zero outside it), [channel][count] complex */
+    size_t spectrum_offset; /* in complex numbers */
+    cl_mem frame;           /* padded boundary only: [channel][frame rows][frame cols] floats, dark level removed */
+    size_t frame_offset;    /* in floats */
+    cl_mem otf;             /* [depth][channel][count] complex */
+    size_t otf_offset;      /* in complex numbers */
+    int otf_depths;
+    cl_mem prior; /* [channel][count] floats: noise power over scene power; NULL: none */
+    cl_mem doubt; /* [depth][channel][count] floats, hada_refiner_score() only: variance of the OTF estimate over the
+                     noise power (1 / sum |X|^2 of the pairs); NULL: the OTF is exact */
+} hada_refine_data;
+
+/* Where a run starts: the numbers are the kernel's. */
+typedef enum hada_refine_start {
+    HADA_REFINE_COLD = 0, /* from nothing */
+    HADA_REFINE_WARM = 1, /* from the planes that hada_refiner_planes() holds, duals zero */
+    HADA_REFINE_ON = 2    /* from planes and duals as the last run left them */
+} hada_refine_start;
+
+typedef struct hada_refine_rule {
+    int steps;         /* linear steps, 1 to max_steps; the first is the joint linear filter */
+    double rho;        /* > 0, in units of |OTF|^2 */
+    double relaxation; /* 0 < relaxation < 2; 1.6 is usual, 1 none */
+    double mu;         /* > 0: weight of the split at the frame (padded), in units of the data's weight; 1 */
+    double stop;       /* stop when the residual changes by less than this part of itself in a step; 0: never */
+    hada_refine_start start;
+} hada_refine_rule;
+
+void hada_refine_rule_init(hada_refine_rule *rule);
+
+typedef struct hada_refiner hada_refiner;
+
+hada_status hada_refiner_create(hada_refiner **out, hada_slot *slot, const hada_refine_shape *shape, hada_error *err);
+void hada_refiner_destroy(hada_refiner **refiner);
+
+/* Bytes of device memory that a refiner holds: known before creating it. */
+size_t hada_refiner_bytes(const hada_context *context, const hada_refine_shape *shape);
+
+/* Refines `sets` sets of `depths` depths each; list[sets][depths] are depth indices of the OTF buffer. *steps (may be
+ * NULL) takes the number of steps done. Returns when the residuals are known; the planes may still be on their way. */
+hada_status hada_refiner_run(hada_refiner *refiner, const hada_refine_data *data, const hada_refine_rule *rule,
+                             int sets, int depths, const int *list, int *steps, hada_error *err);
+
+/* The planes: [set][place in the set][channel][window rows][window cols] floats, to be read or (for a warm start)
+ * written on the slot's compute queue. */
+cl_mem hada_refiner_planes(const hada_refiner *refiner);
+
+/* Energies that the last run met on its way, sum of squares over pixels and channels. Circular: of
+ * b - sum PSF * u after `step` steps, 0 <= step < steps done. Padded: of b - v within the frame, v the split variable
+ * that converges to sum PSF * u, 1 <= step <= steps done; step 0: of b itself. */
+double hada_refiner_energy(const hada_refiner *refiner, int set, int step);
+
+/* The energy of b - sum PSF * u (within the frame) for the planes as they are now, one value per set. */
+hada_status hada_refiner_residual(hada_refiner *refiner, const hada_refine_data *data, int sets, int depths,
+                                  const int *list, double *energy, hada_error *err);
+
+/* How badly a set explains the frame, one value per set: the energy of b - sum PSF * u plus the prior's term, each
+ * frequency divided by 1 + sum |U|^2 doubt, the growth of its noise through the OTF's own error. Whole grid, also where
+ * the boundary is padded. */
+hada_status hada_refiner_score(hada_refiner *refiner, const hada_refine_data *data, int sets, int depths,
+                               const int *list, double *score, hada_error *err);
+
+/* Two-dimensional transforms of real images that the refiner has enqueued since its creation. */
+size_t hada_refiner_transforms(const hada_refiner *refiner);
+
+#endif

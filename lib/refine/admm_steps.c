@@ -1,0 +1,334 @@
+#include "refine/admm_steps.h"
+
+#include <math.h>
+
+#include "program/kernel.h"
+
+hada_status hada_refine_kernels(hada_refiner *refiner, hada_error *err)
+{
+    hada_slot *slot = refiner->slot;
+    /* vectors need whole ones of eight frequencies in a row of the layout */
+    const char *options = slot->context->shape == HADA_SHAPE_GROUPS ? "-DREFINE_WIDTH=1 -DREFINE_GROUP=64"
+                          : refiner->layout.block % 8               ? "-DREFINE_WIDTH=1"
+                                                                    : "";
+    refiner->group = slot->context->shape == HADA_SHAPE_GROUPS ? HADA_REFINE_GROUP : 1;
+    hada_status status = hada_slot_kernel(slot, "refine_solve", "refine_solve", options, &refiner->solve, err);
+    if (!status)
+        status = hada_slot_kernel(slot, "refine_explain", "refine_explain", options, &refiner->explain, err);
+    if (!status)
+        status = hada_slot_kernel(slot, "refine_frame", "refine_frame", options, &refiner->frame, err);
+    if (!status)
+        status = hada_slot_kernel(slot, "refine_prox", "refine_prox", "", &refiner->prox, err);
+    return status;
+}
+
+static cl_uint slices_of(size_t count)
+{
+    return (cl_uint)((count + HADA_REFINE_SLICE - 1) / HADA_REFINE_SLICE);
+}
+
+/* One run's constants. */
+typedef struct run {
+    hada_refiner *refiner;
+    const hada_refine_data *data;
+    int sets, depths;
+    int padded;
+} run;
+
+/* The sums go to the place of `step`. */
+static hada_status solve(const run *r, const hada_refine_rule *rule, int start, int step, hada_error *err)
+{
+    hada_refiner *refiner = r->refiner;
+    const hada_refine_data *data = r->data;
+    const hada_spectrum_layout *layout = &refiner->layout;
+    cl_ulong otf_offset = data->otf_offset, data_offset = data->spectrum_offset;
+    cl_int depths = r->depths, padded = r->padded, has_prior = data->prior != NULL, first = start;
+    cl_mem split_a = padded ? refiner->split_a.mem : refiner->now_w.mem;
+    cl_mem split_e = padded ? refiner->split_e.mem : refiner->now_u.mem;
+    cl_mem prior = has_prior ? data->prior : data->spectrum;
+    cl_float rho = (float)rule->rho, over = start == HADA_REFINE_ON ? (float)rule->relaxation : 1.0f;
+    cl_uint count = (cl_uint)layout->count, slice = HADA_REFINE_SLICE, rows = (cl_uint)layout->rows;
+    cl_uint block = (cl_uint)layout->block, cols = (cl_uint)layout->cols;
+    cl_uint partial_first = (cl_uint)(refiner->partials * (size_t)step);
+    hada_arg args[] = {HADA_ARG(data->otf),
+                       HADA_ARG(otf_offset),
+                       HADA_ARG(refiner->list.mem),
+                       HADA_ARG(depths),
+                       HADA_ARG(data->spectrum),
+                       HADA_ARG(data_offset),
+                       HADA_ARG(split_a),
+                       HADA_ARG(split_e),
+                       HADA_ARG(padded),
+                       HADA_ARG(prior),
+                       HADA_ARG(has_prior),
+                       HADA_ARG(refiner->now_u.mem),
+                       HADA_ARG(refiner->now_w.mem),
+                       HADA_ARG(rho),
+                       HADA_ARG(over),
+                       HADA_ARG(first),
+                       HADA_ARG(count),
+                       HADA_ARG(slice),
+                       HADA_ARG(rows),
+                       HADA_ARG(block),
+                       HADA_ARG(cols),
+                       HADA_ARG(refiner->partial.mem),
+                       HADA_ARG(partial_first)};
+    const size_t local[3] = {(size_t)refiner->group, 1, 1};
+    const size_t global[3] = {slices_of(count) * local[0], (size_t)refiner->shape.channels, (size_t)r->sets};
+    return hada_slot_launch(refiner->slot, refiner->solve, "refine_solve", 3, global, local, args, HADA_COUNT(args),
+                            err);
+}
+
+static hada_status explain(const run *r, int has_rest, int score, hada_error *err)
+{
+    hada_refiner *refiner = r->refiner;
+    const hada_refine_data *data = r->data;
+    const hada_spectrum_layout *layout = &refiner->layout;
+    cl_ulong otf_offset = data->otf_offset, data_offset = data->spectrum_offset;
+    cl_int depths = r->depths, rest_kept = has_rest;
+    cl_int has_prior = score && data->prior, has_doubt = score && data->doubt;
+    cl_mem rest = has_rest ? refiner->split_a.mem : refiner->now_w.mem;
+    cl_mem prior = has_prior ? data->prior : data->spectrum, doubt = has_doubt ? data->doubt : data->spectrum;
+    cl_uint count = (cl_uint)layout->count, slice = HADA_REFINE_SLICE, rows = (cl_uint)layout->rows;
+    cl_uint block = (cl_uint)layout->block, cols = (cl_uint)layout->cols;
+    hada_arg args[] = {HADA_ARG(data->otf),
+                       HADA_ARG(otf_offset),
+                       HADA_ARG(refiner->list.mem),
+                       HADA_ARG(depths),
+                       HADA_ARG(data->spectrum),
+                       HADA_ARG(data_offset),
+                       HADA_ARG(refiner->now_u.mem),
+                       HADA_ARG(rest),
+                       HADA_ARG(rest_kept),
+                       HADA_ARG(prior),
+                       HADA_ARG(has_prior),
+                       HADA_ARG(doubt),
+                       HADA_ARG(has_doubt),
+                       HADA_ARG(count),
+                       HADA_ARG(slice),
+                       HADA_ARG(rows),
+                       HADA_ARG(block),
+                       HADA_ARG(cols),
+                       HADA_ARG(refiner->partial.mem)};
+    const size_t local[3] = {(size_t)refiner->group, 1, 1};
+    const size_t global[3] = {slices_of(count) * local[0], (size_t)refiner->shape.channels, (size_t)r->sets};
+    return hada_slot_launch(refiner->slot, refiner->explain, "refine_explain", 3, global, local, args, HADA_COUNT(args),
+                            err);
+}
+
+/* dual = scale * (dual - frame), with its energy. */
+static hada_status meet_frame(const run *r, int use_frame, double factor, int step, hada_error *err)
+{
+    hada_refiner *refiner = r->refiner;
+    cl_mem frame = use_frame ? r->data->frame : refiner->planes.mem;
+    cl_ulong frame_offset = r->data->frame_offset;
+    cl_int used = use_frame;
+    cl_uint channels = (cl_uint)refiner->shape.channels, pixels = (cl_uint)refiner->frame_area;
+    cl_uint slice = HADA_REFINE_SLICE, partial_first = (cl_uint)(refiner->partials * (size_t)step);
+    cl_float scale = (float)factor;
+    hada_arg args[] = {HADA_ARG(refiner->dual.mem),
+                       HADA_ARG(frame),
+                       HADA_ARG(frame_offset),
+                       HADA_ARG(used),
+                       HADA_ARG(channels),
+                       HADA_ARG(pixels),
+                       HADA_ARG(slice),
+                       HADA_ARG(scale),
+                       HADA_ARG(refiner->partial.mem),
+                       HADA_ARG(partial_first)};
+    const size_t local[2] = {(size_t)refiner->group, 1};
+    const size_t global[2] = {slices_of(pixels) * local[0], (size_t)(r->sets * refiner->shape.channels)};
+    return hada_slot_launch(refiner->slot, refiner->frame, "refine_frame", 2, global, local, args, HADA_COUNT(args),
+                            err);
+}
+
+static hada_status be_positive(const run *r, hada_error *err)
+{
+    hada_refiner *refiner = r->refiner;
+    const size_t floats = (size_t)(r->sets * r->depths * refiner->shape.channels) * refiner->window_area;
+    const size_t local = HADA_REFINE_PAD / 8;
+    const size_t global = (floats + HADA_REFINE_PAD - 1) / HADA_REFINE_PAD * local;
+    hada_arg args[] = {HADA_ARG(refiner->planes.mem)};
+    return hada_slot_launch(refiner->slot, refiner->prox, "refine_prox", 1, &global, &local, args, 1, err);
+}
+
+/* Transforms `images` images in calls of the plan's batch. */
+static hada_status transform(hada_refiner *refiner, hada_fft *plan, int forward, int images, cl_mem real,
+                             size_t distance, cl_mem spectrum, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    for (int done = 0; !status && done < images; done += HADA_REFINE_BATCH) {
+        const int batch = images - done < HADA_REFINE_BATCH ? images - done : HADA_REFINE_BATCH;
+        const size_t at = (size_t)done * refiner->layout.count, real_at = (size_t)done * distance;
+        status = forward ? hada_fft_forward(plan, batch, real, real_at, spectrum, at, err)
+                         : hada_fft_inverse(plan, batch, spectrum, at, real, real_at, NULL, err);
+    }
+    refiner->transforms += (size_t)images;
+    return status;
+}
+
+static hada_status planes_forward(const run *r, hada_error *err)
+{
+    hada_refiner *refiner = r->refiner;
+    return transform(refiner, refiner->forward, 1, r->sets * r->depths * refiner->shape.channels, refiner->planes.mem,
+                     refiner->window_area, refiner->now_u.mem, err);
+}
+
+static hada_status planes_inverse(const run *r, hada_error *err)
+{
+    hada_refiner *refiner = r->refiner;
+    return transform(refiner, refiner->inverse, 0, r->sets * r->depths * refiner->shape.channels, refiner->planes.mem,
+                     refiner->window_area, refiner->now_w.mem, err);
+}
+
+static hada_status frame_transform(const run *r, int forward, hada_error *err)
+{
+    hada_refiner *refiner = r->refiner;
+    return transform(refiner, forward ? refiner->frame_forward : refiner->frame_inverse, forward,
+                     r->sets * refiner->shape.channels, refiner->dual.mem, refiner->frame_area,
+                     forward ? refiner->split_e.mem : refiner->split_a.mem, err);
+}
+
+/* Parseval: from energies of spectra to energies of images. */
+static double per_pixel(const hada_refiner *refiner)
+{
+    return 1.0 / ((double)refiner->layout.rows * refiner->layout.cols);
+}
+
+/* Adds a step's partial sums up, in order and in double. */
+static hada_status collect(const run *r, int step, cl_uint slices, double factor, double *energy, hada_error *err)
+{
+    hada_refiner *refiner = r->refiner;
+    const size_t each = (size_t)refiner->shape.channels * slices, total = each * (size_t)r->sets;
+    hada_status status =
+        hada_buffer_read(&refiner->partial, refiner->slot, refiner->partials * (size_t)step * sizeof(float),
+                         refiner->host_partial, total * sizeof(float), err);
+    for (int set = 0; !status && set < r->sets; set++) {
+        double sum = 0.0;
+        for (size_t i = 0; i < each; i++)
+            sum += refiner->host_partial[(size_t)set * each + i];
+        energy[set] = sum * factor;
+    }
+    return status;
+}
+
+static hada_status check_run(const run *r, const int *list, hada_error *err)
+{
+    const hada_refine_shape *shape = &r->refiner->shape;
+    if (r->sets < 1 || r->sets > shape->max_sets || r->depths < 1 || r->sets * r->depths > shape->max_planes)
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "refinement: %d sets of %d depths asked for; this refiner takes %d sets and %d planes",
+                         r->sets, r->depths, shape->max_sets, shape->max_planes);
+    for (int i = 0; i < r->sets * r->depths; i++)
+        if (list[i] < 0 || list[i] >= r->data->otf_depths)
+            return hada_fail(err, HADA_ERROR_ARGUMENT, "refinement: depth %d asked for; the model has %d", list[i],
+                             r->data->otf_depths);
+    if (r->padded && !r->data->frame)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "refinement: the padded boundary needs the frame's pixels");
+    return HADA_OK;
+}
+
+static hada_status begin(run *r, hada_refiner *refiner, const hada_refine_data *data, int sets, int depths,
+                         const int *list, hada_error *err)
+{
+    *r = (run){refiner, data, sets, depths, refiner->shape.boundary == HADA_BOUNDARY_PADDED};
+    hada_status status = check_run(r, list, err);
+    if (!status)
+        status =
+            hada_buffer_write(&refiner->list, refiner->slot, 0, list, (size_t)(sets * depths) * sizeof(cl_int), err);
+    return status;
+}
+
+static int settled(const hada_refiner *refiner, int sets, int step, double stop)
+{
+    for (int set = 0; set < sets; set++) {
+        const double now = sqrt(hada_refiner_energy(refiner, set, step));
+        const double before = sqrt(hada_refiner_energy(refiner, set, step - 1));
+        if (fabs(before - now) > stop * now)
+            return 0;
+    }
+    return 1;
+}
+
+hada_status hada_refiner_run(hada_refiner *refiner, const hada_refine_data *data, const hada_refine_rule *rule,
+                             int sets, int depths, const int *list, int *steps, hada_error *err)
+{
+    run r;
+    const hada_spectrum_layout *layout = &refiner->layout;
+    const size_t width = (size_t)refiner->shape.max_sets;
+    hada_status status = begin(&r, refiner, data, sets, depths, list, err);
+    if (!status && (rule->steps < 1 || rule->steps > refiner->shape.max_steps || !(rule->rho > 0.0) ||
+                    !(rule->relaxation > 0.0 && rule->relaxation < 2.0) || !(rule->mu > 0.0)))
+        status = hada_fail(err, HADA_ERROR_ARGUMENT,
+                           "refinement: steps 1 to %d, rho and mu above 0, relaxation between 0 and 2 are possible "
+                           "(got %d, %g, %g, %g)",
+                           refiner->shape.max_steps, rule->steps, rule->rho, rule->mu, rule->relaxation);
+    /* what a step's energies mean: see hada_refiner_energy() */
+    const cl_uint frame_slices = slices_of(refiner->frame_area), slices = slices_of(layout->count);
+    const double frame_factor = rule->mu * rule->mu;
+    int done = 0, read = 0;
+    for (int step = 0; !status && step < rule->steps; step++) {
+        const int start = step ? HADA_REFINE_ON : (int)rule->start;
+        if (start != HADA_REFINE_COLD)
+            status = planes_forward(&r, err);
+        if (!status && r.padded && start == HADA_REFINE_ON)
+            status = frame_transform(&r, 1, err);
+        /* padded: the frame's sums are wanted, of this one only the first; the last place takes the others */
+        if (!status)
+            status = solve(&r, rule, start, r.padded && step ? refiner->shape.max_steps + 1 : step, err);
+        if (!status)
+            status = planes_inverse(&r, err);
+        if (!status)
+            status = be_positive(&r, err);
+        if (!status && r.padded)
+            status = frame_transform(&r, 0, err);
+        if (!status && r.padded)
+            status = meet_frame(&r, 1, 1.0 / (1.0 + rule->mu), step + 1, err);
+        done = step + 1;
+        const int last = done == rule->steps;
+        for (; !status && (last || rule->stop > 0.0) && read < (r.padded ? done + 1 : done); read++)
+            status = r.padded && read
+                         ? collect(&r, read, frame_slices, frame_factor, refiner->energy + read * width, err)
+                         : collect(&r, read, slices, per_pixel(refiner), refiner->energy + read * width, err);
+        if (!status && rule->stop > 0.0 && read >= 3 && settled(refiner, sets, read - 1, rule->stop))
+            break;
+    }
+    if (steps)
+        *steps = done;
+    return status;
+}
+
+hada_status hada_refiner_residual(hada_refiner *refiner, const hada_refine_data *data, int sets, int depths,
+                                  const int *list, double *energy, hada_error *err)
+{
+    run r;
+    hada_status status = begin(&r, refiner, data, sets, depths, list, err);
+    if (!status)
+        status = planes_forward(&r, err);
+    if (!status)
+        status = explain(&r, r.padded, 0, err);
+    if (status)
+        return status;
+    if (!r.padded)
+        return collect(&r, 0, slices_of(refiner->layout.count), per_pixel(refiner), energy, err);
+    status = frame_transform(&r, 0, err);
+    if (!status)
+        status = meet_frame(&r, 0, 1.0, 0, err);
+    if (!status)
+        status = collect(&r, 0, slices_of(refiner->frame_area), 1.0, energy, err);
+    return status;
+}
+
+hada_status hada_refiner_score(hada_refiner *refiner, const hada_refine_data *data, int sets, int depths,
+                               const int *list, double *score, hada_error *err)
+{
+    run r;
+    hada_status status = begin(&r, refiner, data, sets, depths, list, err);
+    if (!status)
+        status = planes_forward(&r, err);
+    if (!status)
+        status = explain(&r, 0, 1, err);
+    if (!status)
+        status = collect(&r, 0, slices_of(refiner->layout.count), per_pixel(refiner), score, err);
+    return status;
+}

@@ -1,0 +1,33 @@
+/* The refinement's kernels and their order. Internal to lib/refine. */
+#ifndef HADA_REFINE_ADMM_STEPS_H
+#define HADA_REFINE_ADMM_STEPS_H
+
+#include "refine/admm.h"
+
+enum {
+    HADA_REFINE_BATCH = 48,   /* images that one transform call takes */
+    HADA_REFINE_PAD = 512,    /* floats: work-group of the proximal step times its vector */
+    HADA_REFINE_SLICE = 2048, /* frequencies or pixels of one work-group: fixes the order of sums on every device */
+    HADA_REFINE_GROUP = 64    /* work-items of a group where groups are used; also in the kernels' options */
+};
+
+struct hada_refiner {
+    hada_slot *slot;
+    hada_refine_shape shape;
+    hada_spectrum_layout layout;
+    hada_fft *forward, *inverse;             /* planes of the window */
+    hada_fft *frame_forward, *frame_inverse; /* padded: of the frame */
+    hada_buffer now_u, now_w, planes, list, partial, split_a, split_e, dual;
+    size_t partials; /* partial sums of one step, at most */
+    float *host_partial;
+    double *energy; /* [step][set] */
+    cl_kernel solve, explain, prox, frame;
+    int group; /* work-items of a group in the kernels with sums */
+    size_t window_area, frame_area;
+    size_t transforms;
+};
+
+/* Takes the kernels in the shape that fits the device and the layout. */
+hada_status hada_refine_kernels(hada_refiner *refiner, hada_error *err);
+
+#endif

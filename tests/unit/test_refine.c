@@ -1,0 +1,497 @@
+/* Refinement: against the reference, its invariances, and what it gains over linear filters. */
+#include "ref/ref_refine.h"
+#include "tiny_camera.h"
+
+/* Relative L2 difference allowed after 8 steps. Every step is two transforms (relative error about 2e-7 each) and a
+ * linear step whose gain is at most 1 for the data and 1 for u - d; errors add up over the steps, and the division by
+ * rho + |H|^2 raises the error of spectra that nearly vanish by up to |Y| / sqrt(rho): 8 x 4e-7 x 10 is 3e-5. */
+#define TOLERANCE 1e-4
+
+typedef struct fixture {
+    tiny_camera camera;
+    tiny_device device;
+    hada_refiner *refiner;
+    double *scenes, *image;
+} fixture;
+
+static void set_up(fixture *f, int frame_rows, int frame_cols, int window_rows, int window_cols, int depths,
+                   int channels, int padded)
+{
+    f->camera = tiny_make(frame_rows, frame_cols, window_rows, window_cols, depths, channels, padded);
+    tiny_upload(&f->device, &f->camera);
+    ASSERT_OK(hada_refiner_create(&f->refiner, f->device.slot, &f->device.shape, err));
+    f->scenes = tiny_zeros((size_t)depths * f->camera.window_area);
+    f->image = tiny_zeros(f->camera.pixels);
+}
+
+static void tear_down(fixture *f)
+{
+    hada_refiner_destroy(&f->refiner);
+    tiny_release(&f->device);
+    tiny_free(&f->camera);
+    free(f->scenes);
+    free(f->image);
+}
+
+/* The left half of one scene at depth a, the right half of another at depth b. */
+static void two_depths(fixture *f, int a, int b)
+{
+    const size_t area = f->camera.window_area, cols = (size_t)f->camera.window.cols;
+    double *left = f->scenes + (size_t)a * area, *right = f->scenes + (size_t)b * area;
+    memset(f->scenes, 0, (size_t)f->camera.depths * area * sizeof *left);
+    tiny_scene(&f->camera, 11, left);
+    tiny_scene(&f->camera, 12, right);
+    for (size_t i = 0; i < area; i++)
+        (i % cols < cols / 2 ? right : left)[i] = 0.0;
+}
+
+static void expose(fixture *f, double noise, double gain)
+{
+    tiny_shoot(&f->camera, f->scenes, noise, 3, f->image);
+    tiny_expose(&f->device, &f->camera, f->image, gain);
+}
+
+static float *read_planes(const fixture *f, int planes)
+{
+    const size_t count = (size_t)(planes * f->camera.channels) * f->camera.window_area;
+    float *values = calloc(count, sizeof *values);
+    assert_non_null(values);
+    const cl_int code = clEnqueueReadBuffer(f->device.slot->queue, hada_refiner_planes(f->refiner), CL_TRUE, 0,
+                                            count * sizeof *values, values, 0, NULL, NULL);
+    assert_int_equal(code, CL_SUCCESS);
+    return values;
+}
+
+static double *doubles(const float *values, size_t count)
+{
+    double *out = tiny_zeros(count);
+    for (size_t i = 0; i < count; i++)
+        out[i] = values[i];
+    return out;
+}
+
+static void assert_near(double got, double expected, double relative)
+{
+    if (!(fabs(got - expected) <= relative * fabs(expected)))
+        fail_msg("%.9g, expected %.9g within %g", got, expected, relative);
+}
+
+/* Runs the same on the device and by the reference, and compares planes and energies. */
+static void compare(fixture *f, const hada_refine_rule *rule, int depths, const int *list, const double *prior)
+{
+    const tiny_camera *camera = &f->camera;
+    const size_t count = camera->values * 2, area = camera->window_area;
+    double *otf = tiny_zeros((size_t)depths * count), *planes = tiny_zeros((size_t)depths * area);
+    double residual[41], split[41], energy;
+    for (int s = 0; s < depths; s++)
+        memcpy(otf + (size_t)s * count, camera->otf + (size_t)list[s] * count, count * sizeof *otf);
+    const hada_ref_refine problem = {.rows = camera->rows,
+                                     .cols = camera->cols,
+                                     .window_row0 = camera->window.row0,
+                                     .window_col0 = camera->window.col0,
+                                     .window_rows = camera->window.rows,
+                                     .window_cols = camera->window.cols,
+                                     .padded = camera->padded,
+                                     .frame_row0 = camera->frame.row0,
+                                     .frame_col0 = camera->frame.col0,
+                                     .frame_rows = camera->frame.rows,
+                                     .frame_cols = camera->frame.cols,
+                                     .depths = depths,
+                                     .otf = otf,
+                                     .prior = prior,
+                                     .image = f->image,
+                                     .rho = rule->rho,
+                                     .relaxation = rule->relaxation,
+                                     .mu = rule->mu,
+                                     .steps = rule->steps};
+    ASSERT_OK(hada_ref_refine_run(&problem, planes, residual, split, err));
+    ASSERT_OK(hada_refiner_run(f->refiner, &f->device.data, rule, 1, depths, list, NULL, err));
+    double channels = 0.0;
+    for (int c = 0; c < camera->channels; c++)
+        channels += 1.0 / ((1 + c) * (1 + c));
+    for (int k = 0; k < rule->steps; k++)
+        assert_near(hada_refiner_energy(f->refiner, 0, k), channels * (camera->padded ? split[k] : residual[k]), 1e-3);
+    float *got = read_planes(f, depths);
+    for (int s = 0; s < depths; s++)
+        for (int c = 0; c < camera->channels; c++) {
+            double error = 0.0, size = 0.0;
+            for (size_t i = 0; i < area; i++) {
+                const double a = got[(size_t)(s * camera->channels + c) * area + i];
+                const double b = planes[(size_t)s * area + i] / (1 + c);
+                assert_true(a >= 0.0);
+                error += (a - b) * (a - b);
+                size += b * b;
+            }
+            if (!(sqrt(error) <= TOLERANCE * sqrt(size)))
+                fail_msg("plane %d, channel %d: relative error %.3g", s, c, sqrt(error / size));
+        }
+    ASSERT_OK(hada_refiner_residual(f->refiner, &f->device.data, 1, depths, list, &energy, err));
+    assert_near(energy, channels * residual[rule->steps], 1e-3);
+    free(got);
+    free(otf);
+    free(planes);
+}
+
+static void equals_the_reference(void **state)
+{
+    (void)state;
+    static const int sizes[][4] = {{48, 64, 20, 24}, {45, 63, 17, 21}, {40, 50, 40, 50}};
+    for (size_t k = 0; k < HADA_COUNT(sizes); k++) {
+        fixture f;
+        hada_refine_rule rule;
+        set_up(&f, sizes[k][0], sizes[k][1], sizes[k][2], sizes[k][3], 4, 2, 0);
+        two_depths(&f, 1, 3);
+        expose(&f, 0.01, 1.0);
+        hada_refine_rule_init(&rule);
+        compare(&f, &rule, 2, (const int[]){1, 3}, NULL);
+        compare(&f, &rule, 1, (const int[]){3}, NULL);
+        rule.relaxation = 1.0;
+        rule.rho = 1e-2;
+        compare(&f, &rule, 4, (const int[]){0, 1, 2, 3}, NULL);
+        /* with a prior that grows with frequency */
+        double *prior = tiny_zeros(f.camera.values);
+        float *rows = calloc(f.camera.values, sizeof *rows), *packed = calloc(f.device.layout.count * 2, sizeof *rows);
+        assert_true(rows && packed);
+        for (size_t i = 0; i < f.camera.values; i++) {
+            rows[i] = 1e-3f * (float)(1 + i % (size_t)(f.camera.cols / 2 + 1));
+            prior[i] = rows[i];
+        }
+        hada_layout_pack_real(&f.device.layout, rows, packed);
+        hada_layout_pack_real(&f.device.layout, rows, packed + f.device.layout.count);
+        ASSERT_OK(hada_buffer_create_from(&f.device.prior, f.device.slot, packed, f.device.layout.count * 8,
+                                          "the prior", err));
+        f.device.data.prior = f.device.prior.mem;
+        rule.relaxation = 1.6;
+        compare(&f, &rule, 3, (const int[]){3, 0, 1}, prior);
+        free(prior);
+        free(rows);
+        free(packed);
+        tear_down(&f);
+    }
+}
+
+static void equals_the_reference_where_the_sensor_crops(void **state)
+{
+    (void)state;
+    fixture f;
+    hada_refine_rule rule;
+    set_up(&f, 40, 48, 36, 44, 3, 2, 1);
+    two_depths(&f, 0, 2);
+    expose(&f, 0.01, 1.0);
+    hada_refine_rule_init(&rule);
+    compare(&f, &rule, 2, (const int[]){0, 2}, NULL);
+    rule.mu = 0.25;
+    compare(&f, &rule, 1, (const int[]){2}, NULL);
+    rule.mu = 3.0;
+    rule.relaxation = 1.0;
+    compare(&f, &rule, 3, (const int[]){0, 1, 2}, NULL);
+    tear_down(&f);
+}
+
+static void gives_the_same_bits_whatever_runs_beside(void **state)
+{
+    (void)state;
+    for (int padded = 0; padded < 2; padded++) {
+        fixture f;
+        hada_refine_rule rule;
+        static const int sets[] = {1, 3, 0, 2, 1, 2}, alone[] = {0, 2};
+        set_up(&f, 40, 48, 20, 24, 4, 2, padded);
+        const size_t two = 2 * 2 * f.camera.window_area, bytes = two * sizeof(float);
+        two_depths(&f, 0, 2);
+        expose(&f, 0.01, 1.0);
+        hada_refine_rule_init(&rule);
+        ASSERT_OK(hada_refiner_run(f.refiner, &f.device.data, &rule, 3, 2, sets, NULL, err));
+        float *beside = read_planes(&f, 6);
+        const double energy = hada_refiner_energy(f.refiner, 1, rule.steps - 1);
+        ASSERT_OK(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, 2, alone, NULL, err));
+        float *first = read_planes(&f, 2);
+        assert_memory_equal(beside + two, first, bytes);
+        assert_true(energy == hada_refiner_energy(f.refiner, 0, rule.steps - 1));
+        /* half the steps, then the other half */
+        rule.steps = 3;
+        ASSERT_OK(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, 2, alone, NULL, err));
+        rule.steps = 5;
+        rule.start = HADA_REFINE_ON;
+        ASSERT_OK(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, 2, alone, NULL, err));
+        float *halves = read_planes(&f, 2);
+        assert_memory_equal(halves, first, bytes);
+        free(halves);
+        free(beside);
+        free(first);
+        tear_down(&f);
+    }
+}
+
+static void scales_with_the_frame(void **state)
+{
+    (void)state;
+    for (int padded = 0; padded < 2; padded++) {
+        fixture f;
+        hada_refine_rule rule;
+        static const int list[] = {0, 2};
+        set_up(&f, 40, 48, 20, 24, 3, 1, padded);
+        const size_t count = 2 * f.camera.window_area;
+        two_depths(&f, 0, 2);
+        hada_refine_rule_init(&rule);
+        expose(&f, 0.01, 1.0);
+        ASSERT_OK(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, 2, list, NULL, err));
+        float *once = read_planes(&f, 2);
+        expose(&f, 0.01, 1024.0); /* a power of two: exact */
+        ASSERT_OK(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, 2, list, NULL, err));
+        float *exact = read_planes(&f, 2);
+        expose(&f, 0.01, 1000.0);
+        ASSERT_OK(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, 2, list, NULL, err));
+        float *thousand = read_planes(&f, 2);
+        double top = 0.0;
+        for (size_t i = 0; i < count; i++)
+            top = fmax(top, once[i]);
+        for (size_t i = 0; i < count; i++) {
+            assert_true(exact[i] == 1024.0f * once[i]);
+            assert_true(fabs(thousand[i] / 1000.0 - once[i]) < 1e-5 * top);
+        }
+        free(once);
+        free(exact);
+        free(thousand);
+        tear_down(&f);
+    }
+}
+
+/* The best of a grid of pooled filters conj(H_z) / (|H_z|^2 + alpha sum of the others + lambda): mean PSNR of planes.
+ */
+static double best_linear(const fixture *f, int depths, const int *list)
+{
+    const tiny_camera *camera = &f->camera;
+    const size_t count = camera->values, area = camera->window_area;
+    double *spectrum = tiny_zeros(2 * count), *x = tiny_zeros(2 * count), *grid = tiny_zeros(camera->pixels);
+    double *plane = tiny_zeros(area), best = -99.0;
+    ASSERT_OK(hada_ref_fft_forward(f->image, camera->rows, camera->cols, spectrum, err));
+    for (double alpha = 0.01; alpha < 2.0; alpha *= 3.0)
+        for (double lambda = 1e-4; lambda < 1.0; lambda *= 3.0) {
+            double mean = 0.0;
+            for (int s = 0; s < depths; s++) {
+                for (size_t i = 0; i < count; i++) {
+                    const double *h = camera->otf + 2 * ((size_t)list[s] * count + i), *b = spectrum + 2 * i;
+                    double g = lambda;
+                    for (int z = 0; z < camera->depths; z++) {
+                        const double *o = camera->otf + 2 * ((size_t)z * count + i);
+                        g += (o[0] * o[0] + o[1] * o[1]) * (z == list[s] ? 1.0 : alpha);
+                    }
+                    x[2 * i] = (h[0] * b[0] + h[1] * b[1]) / g;
+                    x[2 * i + 1] = (h[0] * b[1] - h[1] * b[0]) / g;
+                }
+                ASSERT_OK(hada_ref_fft_inverse(x, camera->rows, camera->cols, grid, err));
+                for (size_t i = 0; i < area; i++)
+                    plane[i] = fmax(
+                        0.0,
+                        grid[(i / (size_t)camera->window.cols + (size_t)camera->window.row0) * (size_t)camera->cols +
+                             i % (size_t)camera->window.cols + (size_t)camera->window.col0]);
+                mean += tiny_psnr(plane, f->scenes + (size_t)list[s] * area, area) / depths;
+            }
+            best = fmax(best, mean);
+        }
+    free(spectrum);
+    free(x);
+    free(grid);
+    free(plane);
+    return best;
+}
+
+static double refined(const fixture *f, int depths, const int *list)
+{
+    const size_t area = f->camera.window_area;
+    float *planes = read_planes(f, depths);
+    double *values = doubles(planes, (size_t)depths * area), mean = 0.0;
+    for (int s = 0; s < depths; s++)
+        mean += tiny_psnr(values + (size_t)s * area, f->scenes + (size_t)list[s] * area, area) / depths;
+    free(planes);
+    free(values);
+    return mean;
+}
+
+/* The Wiener prior of the camera: noise power over the mean power of scenes, on the device. */
+static void add_prior(fixture *f, double noise)
+{
+    const tiny_camera *camera = &f->camera;
+    const double share = (double)camera->window_area / (double)camera->pixels;
+    double *scene = tiny_zeros(camera->window_area), *grid = tiny_zeros(camera->pixels), top = 0.0;
+    double *spectrum = tiny_zeros(2 * camera->values), *power = tiny_zeros(camera->values);
+    float *rows = calloc(camera->values, sizeof *rows);
+    float *packed = calloc(f->device.layout.count, sizeof *packed);
+    assert_true(rows && packed && camera->channels == 1);
+    for (unsigned seed = 50; seed < 58; seed++) {
+        tiny_scene(camera, seed, scene);
+        for (size_t i = 0; i < camera->window_area; i++)
+            grid[(i / (size_t)camera->window.cols + (size_t)camera->window.row0) * (size_t)camera->cols +
+                 i % (size_t)camera->window.cols + (size_t)camera->window.col0] = scene[i];
+        ASSERT_OK(hada_ref_fft_forward(grid, camera->rows, camera->cols, spectrum, err));
+        for (size_t i = 0; i < camera->values; i++)
+            power[i] += (spectrum[2 * i] * spectrum[2 * i] + spectrum[2 * i + 1] * spectrum[2 * i + 1]) / 8.0;
+    }
+    for (size_t i = 0; i < camera->pixels; i++)
+        top = fmax(top, f->image[i]);
+    for (size_t i = 0; i < camera->values; i++)
+        rows[i] = (float)(share * noise * noise * top * top * (double)camera->pixels / power[i]);
+    hada_layout_pack_real(&f->device.layout, rows, packed);
+    hada_buffer_destroy(&f->device.prior);
+    ASSERT_OK(hada_buffer_create_from(&f->device.prior, f->device.slot, packed, f->device.layout.count * 4, "the prior",
+                                      err));
+    f->device.data.prior = f->device.prior.mem;
+    free(scene);
+    free(grid);
+    free(spectrum);
+    free(power);
+    free(rows);
+    free(packed);
+}
+
+static void beats_linear_filters(void **state)
+{
+    (void)state;
+    static const int lists[][2] = {{1, 1}, {0, 3}, {1, 2}};
+    fixture f;
+    hada_refine_rule rule;
+    set_up(&f, 96, 128, 32, 40, 4, 1, 0);
+    hada_refine_rule_init(&rule);
+    rule.steps = 16;
+    for (size_t k = 0; k < HADA_COUNT(lists); k++) {
+        const int depths = lists[k][0] == lists[k][1] ? 1 : 2;
+        if (depths == 2) {
+            two_depths(&f, lists[k][0], lists[k][1]);
+        } else {
+            memset(f.scenes, 0, 4 * f.camera.window_area * sizeof *f.scenes);
+            tiny_scene(&f.camera, 11, f.scenes + f.camera.window_area);
+        }
+        expose(&f, 0.01, 1.0);
+        add_prior(&f, 0.01);
+        ASSERT_OK(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, depths, lists[k], NULL, err));
+        const double linear = best_linear(&f, depths, lists[k]), here = refined(&f, depths, lists[k]);
+        print_message("%d depths %d %d: linear %.2f dB, refined %.2f dB\n", depths, lists[k][0], lists[k][1], linear,
+                      here);
+        assert_true(here > linear + (depths == 2 ? 3.0 : 0.5));
+    }
+    tear_down(&f);
+}
+
+static void explains_more_with_every_step(void **state)
+{
+    (void)state;
+    for (int padded = 0; padded < 2; padded++) {
+        fixture f;
+        hada_refine_rule rule;
+        static const int list[] = {0, 1, 2, 3};
+        set_up(&f, 48, 64, 20, 24, 4, 1, padded);
+        for (int z = 0; z < 4; z++) /* every depth: a slanted plane, one strip a depth */
+            for (size_t i = 0; i < f.camera.window_area; i++)
+                f.scenes[(size_t)z * f.camera.window_area + i] =
+                    i % 24 / 6 == (size_t)z ? 0.3 + 0.7 * ((i / 24 / 3) % 2) : 0.0;
+        expose(&f, 0.003, 1.0);
+        hada_refine_rule_init(&rule);
+        rule.rho = 1e-2;
+        double before = INFINITY, start;
+        for (int steps = 2; steps <= 32; steps *= 2) {
+            double energy;
+            rule.steps = steps;
+            ASSERT_OK(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, 4, list, NULL, err));
+            ASSERT_OK(hada_refiner_residual(f.refiner, &f.device.data, 1, 4, list, &energy, err));
+            assert_true(energy < before);
+            before = energy;
+        }
+        start = hada_refiner_energy(f.refiner, 0, 0);
+        assert_true(before < 1e-3 * start);
+        /* the rule by which it stops */
+        int steps;
+        rule.steps = 40;
+        rule.stop = 0.05;
+        ASSERT_OK(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, 4, list, &steps, err));
+        print_message("stopped after %d steps\n", steps);
+        assert_in_range(steps, 3, 39);
+        tear_down(&f);
+    }
+}
+
+static void black_and_constant_frames_are_fine(void **state)
+{
+    (void)state;
+    for (int padded = 0; padded < 2; padded++) {
+        fixture f;
+        hada_refine_rule rule;
+        static const int list[] = {0, 2};
+        set_up(&f, 40, 48, 20, 24, 3, 1, padded);
+        const size_t count = 2 * f.camera.window_area;
+        hada_refine_rule_init(&rule);
+        rule.stop = 0.01;
+        expose(&f, 0.0, 1.0);
+        ASSERT_OK(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, 2, list, NULL, err));
+        float *planes = read_planes(&f, 2);
+        for (size_t i = 0; i < count; i++)
+            assert_true(planes[i] == 0.0f);
+        free(planes);
+        for (int i = f.camera.frame.row0; i < f.camera.frame.row0 + f.camera.frame.rows; i++)
+            for (int j = f.camera.frame.col0; j < f.camera.frame.col0 + f.camera.frame.cols; j++)
+                f.image[(size_t)i * (size_t)f.camera.cols + (size_t)j] = 0.5;
+        tiny_expose(&f.device, &f.camera, f.image, 1.0);
+        ASSERT_OK(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, 2, list, NULL, err));
+        planes = read_planes(&f, 2);
+        for (size_t i = 0; i < count; i++)
+            assert_true(planes[i] >= 0.0f && planes[i] < 1e3f);
+        free(planes);
+        tear_down(&f);
+    }
+}
+
+static void refuses_what_it_cannot_do(void **state)
+{
+    (void)state;
+    fixture f;
+    hada_refine_rule rule;
+    hada_error error;
+    hada_refiner *none;
+    static const int list[] = {0, 9};
+    set_up(&f, 40, 48, 20, 24, 3, 1, 1);
+    hada_refine_rule_init(&rule);
+    assert_int_equal(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, 2, list, NULL, &error), HADA_ERROR_ARGUMENT);
+    assert_non_null(strstr(error.message, "depth 9"));
+    assert_int_equal(hada_refiner_run(f.refiner, &f.device.data, &rule, 9, 1, list, NULL, &error), HADA_ERROR_ARGUMENT);
+    rule.rho = 0.0;
+    assert_int_equal(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, 1, list, NULL, &error), HADA_ERROR_ARGUMENT);
+    hada_refine_rule_init(&rule);
+    rule.steps = 41;
+    assert_int_equal(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, 1, list, NULL, &error), HADA_ERROR_ARGUMENT);
+    rule.steps = 1;
+    f.device.data.frame = NULL;
+    assert_int_equal(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, 1, list, NULL, &error), HADA_ERROR_ARGUMENT);
+    f.device.shape.window.cols = 999;
+    assert_int_equal(hada_refiner_create(&none, f.device.slot, &f.device.shape, &error), HADA_ERROR_SIZE);
+    assert_null(none);
+    tear_down(&f);
+}
+
+static void holds_the_bytes_it_states(void **state)
+{
+    (void)state;
+    for (int padded = 0; padded < 2; padded++) {
+        fixture f;
+        set_up(&f, 40, 48, 20, 24, 3, 2, padded);
+        const uint64_t with = hada_context_bytes(f.device.context);
+        hada_refiner_destroy(&f.refiner);
+        const uint64_t without = hada_context_bytes(f.device.context);
+        assert_int_equal(with - without, hada_refiner_bytes(f.device.context, &f.device.shape));
+        tear_down(&f);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(equals_the_reference),
+        cmocka_unit_test(equals_the_reference_where_the_sensor_crops),
+        cmocka_unit_test(gives_the_same_bits_whatever_runs_beside),
+        cmocka_unit_test(scales_with_the_frame),
+        cmocka_unit_test(beats_linear_filters),
+        cmocka_unit_test(explains_more_with_every_step),
+        cmocka_unit_test(black_and_constant_frames_are_fine),
+        cmocka_unit_test(refuses_what_it_cannot_do),
+        cmocka_unit_test(holds_the_bytes_it_states),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

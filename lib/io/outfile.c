@@ -30,7 +30,8 @@ hada_status hada_outfile_open(hada_outfile *out, const char *path, hada_error *e
     if (!stat(path, &info)) {
         if (!S_ISREG(info.st_mode))
             return hada_fail(err, HADA_ERROR_FILE_WRITE,
-                             "%s exists and is not an ordinary file (a folder or a device?); choose another name", path);
+                             "%s exists and is not an ordinary file (a folder or a device?); choose another name",
+                             path);
         out->path = realpath(path, NULL);
     }
     if (!out->path)
@@ -76,8 +77,9 @@ hada_status hada_outfile_commit(hada_outfile *out, hada_error *err)
     out->fd = -1;
     if (bad || rename(out->temp, out->path)) {
         int code = errno;
-        hada_status status = hada_fail(err, HADA_ERROR_FILE_WRITE, "%s could not be completed: %s; nothing was left behind",
-                                       out->path, strerror(code));
+        hada_status status =
+            hada_fail(err, HADA_ERROR_FILE_WRITE, "%s could not be completed: %s; nothing was left behind", out->path,
+                      strerror(code));
         hada_outfile_abandon(out);
         return status;
     }

@@ -41,9 +41,9 @@ typedef struct hada_tensor {
 } hada_tensor;
 
 typedef struct hada_tensors hada_tensors;
-/* Maps the file and checks the whole header (offsets inside the file, no overlap, sizes equal shapes) before anything is used. Tensors stand
- * in the order of their data. Several threads may read one hada_tensors. The file must not shrink meanwhile: replace
- * it by renaming, as this library does. */
+/* Maps the file and checks the whole header (offsets inside the file, no overlap, sizes equal shapes) before anything
+ * is used. Tensors stand in the order of their data. Several threads may read one hada_tensors. The file must not
+ * shrink meanwhile: replace it by renaming, as this library does. */
 hada_status hada_tensors_open(hada_tensors **out, const char *path, hada_error *err);
 void hada_tensors_close(hada_tensors **tensors);
 size_t hada_tensors_count(const hada_tensors *tensors);

@@ -26,9 +26,10 @@ static const struct {
     const char *name;
     hada_dtype type;
     size_t bytes;
-} types[] = {{"F32", HADA_F32, 4}, {"F64", HADA_F64, 8},   {"F16", HADA_F16, 2}, {"I32", HADA_I32, 4}, {"I64", HADA_I64, 8},
-             {"U8", HADA_U8, 1},   {"BF16", HADA_BF16, 2}, {"I8", HADA_I8, 1},   {"I16", HADA_I16, 2}, {"U16", HADA_U16, 2},
-             {"U32", HADA_U32, 4}, {"U64", HADA_U64, 8},   {"BOOL", HADA_BOOL, 1}};
+} types[] = {{"F32", HADA_F32, 4},  {"F64", HADA_F64, 8}, {"F16", HADA_F16, 2},   {"I32", HADA_I32, 4},
+             {"I64", HADA_I64, 8},  {"U8", HADA_U8, 1},   {"BF16", HADA_BF16, 2}, {"I8", HADA_I8, 1},
+             {"I16", HADA_I16, 2},  {"U16", HADA_U16, 2}, {"U32", HADA_U32, 4},   {"U64", HADA_U64, 8},
+             {"BOOL", HADA_BOOL, 1}};
 #define TYPES (sizeof types / sizeof types[0])
 
 size_t hada_dtype_bytes(hada_dtype type)
@@ -57,8 +58,8 @@ hada_dtype hada_dtype_find(const char *name)
 
 static hada_status bad(hada_error *err, const char *name, const char *why)
 {
-    return hada_fail(err, HADA_ERROR_FILE_FORMAT, "the safetensors header is damaged: tensor \"%.200s\" %s; get the file again",
-                     name, why);
+    return hada_fail(err, HADA_ERROR_FILE_FORMAT,
+                     "the safetensors header is damaged: tensor \"%.200s\" %s; get the file again", name, why);
 }
 
 /* Checks one entry and fills *tensor; `data` of `data_bytes` is what follows the header. */
@@ -72,12 +73,13 @@ static hada_status read_entry(const char *name, const json_t *entry, const unsig
     tensor->name = name;
     tensor->type = hada_dtype_find(json_string_value(dtype));
     if (!tensor->type)
-        return hada_fail(err, HADA_ERROR_UNSUPPORTED,
-                         "tensor \"%.200s\" has the type \"%.40s\", which is not offered; convert it to F32, F16 or BF16", name,
-                         json_string_value(dtype));
+        return hada_fail(
+            err, HADA_ERROR_UNSUPPORTED,
+            "tensor \"%.200s\" has the type \"%.40s\", which is not offered; convert it to F32, F16 or BF16", name,
+            json_string_value(dtype));
     if (json_array_size(shape) > HADA_TENSOR_DIMS)
-        return hada_fail(err, HADA_ERROR_UNSUPPORTED, "tensor \"%.200s\" has %zu dimensions; at most %d are offered", name,
-                         json_array_size(shape), HADA_TENSOR_DIMS);
+        return hada_fail(err, HADA_ERROR_UNSUPPORTED, "tensor \"%.200s\" has %zu dimensions; at most %d are offered",
+                         name, json_array_size(shape), HADA_TENSOR_DIMS);
     tensor->dims = (int)json_array_size(shape);
     uint64_t count = 1;
     int empty = 0;
@@ -98,7 +100,8 @@ static hada_status read_entry(const char *name, const json_t *entry, const unsig
     uint64_t begin = (uint64_t)json_integer_value(first), end = (uint64_t)json_integer_value(last);
     if (end > data_bytes)
         return hada_fail(err, HADA_ERROR_FILE_READ,
-                         "tensor \"%.200s\" ends at byte %llu of the data, but there are only %llu: the file is cut off; get it again",
+                         "tensor \"%.200s\" ends at byte %llu of the data, but there are only %llu: the file is cut "
+                         "off; get it again",
                          name, (unsigned long long)end, (unsigned long long)data_bytes);
     if (end - begin != (empty ? 0 : count * hada_dtype_bytes(tensor->type)))
         return bad(err, name, "occupies another number of bytes than its shape and type need");
@@ -123,11 +126,13 @@ static hada_status read_meta(hada_tensors *tensors, hada_error *err)
     if (!tensors->meta)
         return HADA_OK;
     if (!json_is_object(tensors->meta))
-        return hada_fail(err, HADA_ERROR_FILE_FORMAT, "the safetensors header is damaged: __metadata__ is not an object");
+        return hada_fail(err, HADA_ERROR_FILE_FORMAT,
+                         "the safetensors header is damaged: __metadata__ is not an object");
     const char *key;
     json_t *value;
     json_object_foreach((json_t *)tensors->meta, key, value) if (!json_is_string(value)) return hada_fail(
-        err, HADA_ERROR_FILE_FORMAT, "the safetensors header is damaged: the metadata value of \"%.200s\" is not a text", key);
+        err, HADA_ERROR_FILE_FORMAT,
+        "the safetensors header is damaged: the metadata value of \"%.200s\" is not a text", key);
     return HADA_OK;
 }
 
@@ -175,7 +180,8 @@ static hada_status parse(hada_tensors *tensors, hada_error *err)
         const unsigned char *at = tensors->list[i].data;
         if (at != expected)
             return bad(err, tensors->list[i].name,
-                       at < expected ? "overlaps another tensor" : "does not follow the tensor before it without a gap");
+                       at < expected ? "overlaps another tensor"
+                                     : "does not follow the tensor before it without a gap");
         expected = at + tensors->list[i].bytes;
     }
     if (expected != data + data_bytes)
@@ -295,7 +301,7 @@ hada_status hada_tensor_copy_f32(const hada_tensor *tensor, size_t first, size_t
         }
         return HADA_OK;
     default:
-        return hada_fail(err, HADA_ERROR_UNSUPPORTED, "tensor \"%.200s\" holds %s; a float type is needed here", tensor->name,
-                         hada_dtype_name(tensor->type));
+        return hada_fail(err, HADA_ERROR_UNSUPPORTED, "tensor \"%.200s\" holds %s; a float type is needed here",
+                         tensor->name, hada_dtype_name(tensor->type));
     }
 }

@@ -45,20 +45,21 @@ hada_status hada_tensors_put_meta(hada_tensors_writer *w, const char *key, const
         return status;
     json_t *text = json_string(value);
     if (!text || json_object_set_new(w->meta, key, text))
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "the metadata \"%.200s\" is not UTF-8 text (or memory ran out)", key);
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "the metadata \"%.200s\" is not UTF-8 text (or memory ran out)",
+                         key);
     return HADA_OK;
 }
 
-hada_status hada_tensors_declare(hada_tensors_writer *w, const char *name, hada_dtype type, int dims, const int64_t *shape,
-                                 hada_error *err)
+hada_status hada_tensors_declare(hada_tensors_writer *w, const char *name, hada_dtype type, int dims,
+                                 const int64_t *shape, hada_error *err)
 {
     hada_status status = not_started(w, "declarations", err);
     if (status)
         return status;
     uint64_t bytes = hada_dtype_bytes(type);
     if (!bytes || dims < 0 || dims > HADA_TENSOR_DIMS || json_object_get(w->header, name))
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "tensor \"%.200s\" is declared twice, or its type or dimensions are not valid",
-                         name);
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "tensor \"%.200s\" is declared twice, or its type or dimensions are not valid", name);
     json_t *extents = json_array();
     for (int d = 0; d < dims; d++) {
         if (shape[d] < 0 || (shape[d] && bytes > (uint64_t)INT64_MAX / 2 / (uint64_t)shape[d])) {
@@ -72,7 +73,8 @@ hada_status hada_tensors_declare(hada_tensors_writer *w, const char *name, hada_
     json_t *entry = json_pack("{s:s, s:o, s:[I, I]}", "dtype", hada_dtype_name(type), "shape", extents, "data_offsets",
                               (json_int_t)w->declared, (json_int_t)end);
     if (!entry || end > INT64_MAX || json_object_set_new(w->header, name, entry))
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "tensor \"%.200s\" could not be declared: its name is not UTF-8 text", name);
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "tensor \"%.200s\" could not be declared: its name is not UTF-8 text", name);
     w->declared = end;
     return HADA_OK;
 }
@@ -103,8 +105,8 @@ static hada_status start(hada_tensors_writer *w, hada_error *err)
 hada_status hada_tensors_write(hada_tensors_writer *w, const void *data, size_t bytes, hada_error *err)
 {
     if (bytes > w->declared - w->written)
-        return hada_fail(err, HADA_ERROR_SIZE, "%s: more data than the declared tensors hold (%llu bytes)", w->file.path,
-                         (unsigned long long)w->declared);
+        return hada_fail(err, HADA_ERROR_SIZE, "%s: more data than the declared tensors hold (%llu bytes)",
+                         w->file.path, (unsigned long long)w->declared);
     hada_status status = start(w, err);
     if (!status)
         status = hada_outfile_write(&w->file, data, bytes, err);

@@ -1,10 +1,13 @@
 /* Hadalens: frames from and to TIFF files.
  *
  * Reads 8, 16 and 32-bit integers and 16, 32 and 64-bit floats, grey and RGB (alpha is dropped), planar or
- * interleaved, either byte order, strips or tiles, every compression that libtiff was built with, many pages,
- * BigTIFF, ImageJ hyperstacks (also those of several GiB that ImageJ writes with a single directory) and OME-TIFF.
- * Files are read page by page: memory does not grow with the number of pages.
- * Writes beside the file and renames at the end: a failed write leaves nothing. */
+ * interleaved, palettes (looked up; in ImageJ files, where they only colour a grey image, left aside), either byte
+ * order, strips or tiles, every compression that libtiff was built with, many pages, BigTIFF, ImageJ hyperstacks (also
+ * those of several GiB that ImageJ writes with a single directory) and OME-TIFF. Where 0 is white, values are turned
+ * round. Thumbnails are passed over. The orientation tag is not applied, as in ImageJ and tifffile: rows are read as
+ * they stand. Readers and writers belong to one thread at a time; several may be in use at once. Files are read page by
+ * page: memory does not grow with the number of pages. Writes beside the file and renames at the end: a failed write
+ * leaves nothing. */
 #ifndef HADALENS_TIFF_H
 #define HADALENS_TIFF_H
 
@@ -19,14 +22,14 @@ typedef struct hada_tiff_reader hada_tiff_reader;
 /* What a file holds. An ImageJ hyperstack whose channels stand on separate pages is offered as frames of `channels`
  * channels. */
 typedef struct hada_tiff_info {
-    int frames;        /* images to read: pages, or pages / channels of a hyperstack */
+    int frames;               /* images to read: pages, or pages / channels of a hyperstack */
     int channels, rows, cols; /* of the first frame */
-    int bits;          /* per sample: 8, 16, 32 or 64 */
+    int bits;                 /* per sample: 8, 16, 32 or 64 */
     int is_float, is_signed;
-    double scale;      /* what a stored number was divided by: 255, 65535, ..., 1 for floats */
+    double scale;      /* what a stored number was divided by: 255, 65535, ..., 1 for floats; signed: 127, 32767, ... */
     int slices, times; /* of a hyperstack; slices * times == frames, 1 and frames otherwise */
     double pixel_width_um, pixel_height_um; /* 0 where the file does not say */
-    double slice_spacing; /* of a hyperstack, 0 where unknown */
+    double slice_spacing;                   /* of a hyperstack, in micrometres, 0 where unknown */
 } hada_tiff_info;
 
 HADA_API hada_status hada_tiff_open(hada_tiff_reader **out, const char *path, hada_error *err);
@@ -49,11 +52,13 @@ typedef enum hada_tiff_layout {
 } hada_tiff_layout;
 
 typedef struct hada_tiff_write_options {
-    size_t size;             /* sizeof(hada_tiff_write_options) */
-    int bits;                /* 32 (float, default), 16 or 8 (integers, clipped to 0..1 times full scale) */
+    size_t size; /* sizeof(hada_tiff_write_options) */
+    int bits;    /* 32 (float, default), 16 or 8 (integers, clipped to 0..1 times full scale) */
     hada_tiff_layout layout;
-    int slices, times;       /* of a hyperstack: frames are written slice by slice within each time */
-    const double *distances_mm; /* per slice, near to far; NULL where none */
+    int slices, times;          /* of a hyperstack: frames are written slice by slice within each time. Of pages: their
+                                   product is how many will come, 0 (default) where that is not known */
+    const double *distances_mm; /* per slice (page), near to far, `slices` of them; copied; NULL where none */
+    double pixel_um;            /* size of a pixel, 0 where unknown */
     double scale;            /* 8 and 16 bits: a value of `scale` becomes full scale; stated in the metadata. 0 = 1 */
     const char *description; /* further lines for the metadata ("key=value\n"), or NULL */
     int compress;            /* 1: deflate with predictor; 0: none (default) */
@@ -62,7 +67,9 @@ typedef struct hada_tiff_write_options {
 HADA_API void hada_tiff_write_options_init(hada_tiff_write_options *options);
 
 typedef struct hada_tiff_writer hada_tiff_writer;
-/* `channels`, `rows`, `cols` hold for all frames; BigTIFF is chosen when the pixels need it. */
+/* `channels`, `rows`, `cols` hold for all frames. BigTIFF is chosen when the pixels need it (3.9 GB and more); that is
+ * decided from slices * times, so a longer file of pages without that count fails where classic TIFF ends. Integer
+ * samples: NaN becomes 0. */
 HADA_API hada_status hada_tiff_create(hada_tiff_writer **out, const char *path, int channels, int rows, int cols,
                                       const hada_tiff_write_options *options, hada_error *err);
 HADA_API hada_status hada_tiff_write(hada_tiff_writer *writer, const hada_image *image, hada_error *err);

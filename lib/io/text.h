@@ -1,0 +1,22 @@
+/* Growing text, independent of the program's locale. Internal. */
+#ifndef HADA_IO_TEXT_H
+#define HADA_IO_TEXT_H
+
+#include <stddef.h>
+
+#include "core/error.h"
+
+typedef struct hada_text {
+    char *data; /* NUL-terminated once something was added; to be freed by the owner */
+    size_t length, room;
+    int failed; /* memory ran out: later additions do nothing */
+} hada_text;
+
+/* Not for floating point, which would follow the locale. */
+void hada_text_add(hada_text *text, const char *format, ...) HADA_PRINTF(2, 3);
+/* The shortest decimal that reads back as `value` to 15 digits. */
+void hada_text_add_number(hada_text *text, double value);
+/* As snprintf with "%*.*e" or "%.*g", with a decimal point. */
+void hada_format_number(char *out, size_t room, const char *format, double value);
+
+#endif

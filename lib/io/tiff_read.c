@@ -1,0 +1,266 @@
+#include <errno.h>
+#include <fcntl.h>
+#include <hadalens/tiff.h>
+#include <limits.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "core/alloc.h"
+#include "io/tiff_chain.h"
+#include "io/tiff_meta.h"
+#include "io/tiff_page.h"
+
+struct hada_tiff_reader {
+    char *path, *description;
+    int fd;
+    hada_tiff_chain chain;
+    hada_tiff_stack stack;
+    hada_tiff_page first;
+    hada_tiff_info info;
+    int grouped;        /* a frame's channels stand on pages of their own */
+    uint64_t raw_at;    /* ImageJ's single directory for many images: where the pixels begin; 0 else */
+    uint64_t raw_bytes; /* of one image there */
+};
+
+/* Opens libtiff at page number `page` and checks it. */
+static hada_status open_page(const hada_tiff_reader *reader, size_t page, hada_tiff_handle *handle, TIFF **tif,
+                             hada_tiff_page *format, hada_error *err)
+{
+    *handle = (hada_tiff_handle){.fd = reader->fd,
+                                 .first = reader->chain.pages[page],
+                                 .swapped = reader->chain.swapped,
+                                 .big = reader->chain.big};
+    *tif = hada_tiff_attach(handle, reader->path, "rm");
+    if (!*tif)
+        return hada_fail(err, HADA_ERROR_FILE_READ,
+                         "the directory cannot be read (%s): the file is damaged; get it again",
+                         *handle->message ? handle->message : "no reason given");
+    return format ? hada_tiff_page_check(*tif, reader->chain.bytes, reader->stack.imagej, format, err) : HADA_OK;
+}
+
+/* ImageJ writes stacks beyond 4 GiB, and tifffile any stack on request, as one directory and the images' pixels one
+ * after the other. */
+static hada_status find_raw_images(hada_tiff_reader *reader, TIFF *tif, hada_error *err)
+{
+    const hada_tiff_stack *stack = &reader->stack;
+    uint64_t *offsets = NULL, bytes = hada_tiff_page_bytes(&reader->first);
+    if (!stack->imagej || reader->chain.count != 1 || stack->images < 2 ||
+        reader->first.compression != COMPRESSION_NONE || TIFFIsTiled(tif) || reader->first.palette ||
+        !TIFFGetField(tif, TIFFTAG_STRIPOFFSETS, &offsets) || !offsets)
+        return HADA_OK;
+    uint32_t strips = TIFFNumberOfStrips(tif);
+    for (uint32_t i = 1; i < strips; i++)
+        if (offsets[i] <= offsets[i - 1] || offsets[i] - offsets[0] >= bytes)
+            return HADA_OK;
+    uint64_t left = reader->chain.bytes > offsets[0] ? reader->chain.bytes - offsets[0] : 0;
+    if (left / bytes < (uint64_t)stack->images)
+        return hada_fail(err, HADA_ERROR_FILE_READ,
+                         "an ImageJ stack of %d images, but the file holds only %llu: it is cut off; get it again",
+                         stack->images, (unsigned long long)(left / bytes));
+    reader->raw_at = offsets[0];
+    reader->raw_bytes = bytes;
+    return HADA_OK;
+}
+
+static void fill_pixel_size(hada_tiff_reader *reader, TIFF *tif)
+{
+    hada_tiff_info *info = &reader->info;
+    float across = 0, down = 0;
+    uint16_t unit = RESUNIT_NONE;
+    TIFFGetField(tif, TIFFTAG_XRESOLUTION, &across);
+    TIFFGetField(tif, TIFFTAG_YRESOLUTION, &down);
+    TIFFGetField(tif, TIFFTAG_RESOLUTIONUNIT, &unit);
+    double um = unit == RESUNIT_INCH ? 25400 : unit == RESUNIT_CENTIMETER ? 10000 : reader->stack.unit_um;
+    info->pixel_width_um = reader->stack.width_um > 0 ? reader->stack.width_um : across > 0 ? um / (double)across : 0;
+    info->pixel_height_um = reader->stack.height_um > 0 ? reader->stack.height_um : down > 0 ? um / (double)down : 0;
+    info->slice_spacing = reader->stack.spacing_um;
+}
+
+static hada_status fill_info(hada_tiff_reader *reader, hada_error *err)
+{
+    hada_tiff_info *info = &reader->info;
+    hada_tiff_stack *stack = &reader->stack;
+    const hada_tiff_page *first = &reader->first;
+    size_t pages = reader->raw_at ? (size_t)stack->images : reader->chain.count;
+    if (pages > INT_MAX)
+        return hada_fail(err, HADA_ERROR_UNSUPPORTED, "the file has %zu pages; at most %d are offered", pages, INT_MAX);
+    /* A text that speaks of other pages than are there says nothing about their order. */
+    stack->known = stack->known && (size_t)stack->images == pages;
+    reader->grouped = stack->known && stack->channels > 1 && first->channels == 1;
+    info->frames = reader->grouped ? (int)pages / stack->channels : (int)pages;
+    info->channels = reader->grouped ? stack->channels : first->channels;
+    info->rows = first->rows;
+    info->cols = first->cols;
+    info->bits = first->bits;
+    info->is_float = first->is_float;
+    info->is_signed = first->is_signed;
+    info->scale = first->scale;
+    info->slices = stack->known && stack->slices * stack->times == info->frames ? stack->slices : 1;
+    info->times = info->frames / info->slices;
+    return HADA_OK;
+}
+
+static hada_status open_file(hada_tiff_reader *reader, hada_error *err)
+{
+    reader->fd = open(reader->path, O_RDONLY | O_CLOEXEC);
+    if (reader->fd < 0)
+        return hada_fail(err, HADA_ERROR_FILE_OPEN, "cannot be opened: %s", strerror(errno));
+    hada_status status = hada_tiff_chain_read(&reader->chain, reader->fd, err);
+    if (status)
+        return status;
+    hada_tiff_handle handle;
+    TIFF *tif;
+    status = open_page(reader, 0, &handle, &tif, NULL, err);
+    if (status)
+        return status;
+    char *text = NULL;
+    TIFFGetField(tif, TIFFTAG_IMAGEDESCRIPTION, &text);
+    reader->description = hada_string_copy(text ? text : "");
+    status = reader->description ? hada_tiff_stack_parse(&reader->stack, reader->description, err)
+                                 : hada_fail(err, HADA_ERROR_MEMORY, "no memory for the description");
+    if (!status)
+        status = hada_tiff_page_check(tif, reader->chain.bytes, reader->stack.imagej, &reader->first, err);
+    if (!status)
+        status = find_raw_images(reader, tif, err);
+    if (!status)
+        status = fill_info(reader, err);
+    if (!status)
+        fill_pixel_size(reader, tif);
+    TIFFClose(tif);
+    return status;
+}
+
+hada_status hada_tiff_open(hada_tiff_reader **out, const char *path, hada_error *err)
+{
+    *out = NULL;
+    hada_tiff_reader *reader = calloc(1, sizeof *reader);
+    if (reader) {
+        reader->fd = -1;
+        reader->path = hada_string_copy(path);
+    }
+    hada_status status =
+        reader && reader->path ? open_file(reader, err) : hada_fail(err, HADA_ERROR_MEMORY, "no memory to open a file");
+    if (status) {
+        hada_error_prefix(err, "%s: ", path);
+        hada_tiff_close(&reader);
+    }
+    *out = reader;
+    return status;
+}
+
+void hada_tiff_close(hada_tiff_reader **reader)
+{
+    hada_tiff_reader *r = reader ? *reader : NULL;
+    if (!r)
+        return;
+    if (r->fd >= 0)
+        close(r->fd);
+    hada_tiff_chain_free(&r->chain);
+    hada_tiff_stack_free(&r->stack);
+    free(r->path);
+    free(r->description);
+    free(r);
+    *reader = NULL;
+}
+
+const hada_tiff_info *hada_tiff_get_info(const hada_tiff_reader *reader)
+{
+    return &reader->info;
+}
+
+const char *hada_tiff_description(const hada_tiff_reader *reader)
+{
+    return reader->description;
+}
+
+size_t hada_tiff_distances(const hada_tiff_reader *reader, double *out, size_t capacity)
+{
+    const char *at = hada_text_line(reader->description, "distances_mm"), *end;
+    size_t count = 0;
+    while (at) {
+        double value = hada_text_number(at, &end);
+        if (end == at)
+            break;
+        if (count < capacity)
+            out[count] = value;
+        count++;
+        at = *end == ',' ? end + 1 : NULL;
+    }
+    return count;
+}
+
+static hada_status read_raw_image(const hada_tiff_reader *reader, size_t number, float *out, hada_error *err)
+{
+    void *buffer;
+    hada_status status = hada_alloc_raw(&buffer, 1, (size_t)reader->raw_bytes, "an image of the stack", err);
+    if (status)
+        return status;
+    if (hada_read_at(reader->fd, buffer, (size_t)reader->raw_bytes, reader->raw_at + number * reader->raw_bytes))
+        status = hada_fail(err, HADA_ERROR_FILE_READ, "image %zu cannot be read: the file is cut off; get it again",
+                           number + 1);
+    else
+        hada_tiff_page_convert(&reader->first, buffer, reader->chain.swapped, out);
+    free(buffer);
+    return status;
+}
+
+/* Reads a page into *image, which is created for the first page of a frame. */
+static hada_status read_page(const hada_tiff_reader *reader, size_t number, int channel, hada_image *image,
+                             hada_error *err)
+{
+    hada_tiff_handle handle;
+    TIFF *tif = NULL;
+    hada_tiff_page page = reader->first;
+    hada_status status = reader->raw_at ? HADA_OK : open_page(reader, number, &handle, &tif, &page, err);
+    if (!status && channel == 0)
+        status = hada_image_create(image, reader->grouped ? reader->info.channels : page.channels, page.rows, page.cols,
+                                   err);
+    if (!status && (page.rows != image->rows || page.cols != image->cols || (reader->grouped && page.channels != 1)))
+        status = hada_fail(err, HADA_ERROR_FILE_FORMAT,
+                           "page %zu has another size (%d x %d) than the first channel (%d x %d)", number + 1,
+                           page.rows, page.cols, image->rows, image->cols);
+    if (!status) {
+        float *out = image->data + (size_t)channel * (size_t)page.rows * (size_t)page.cols;
+        status = reader->raw_at ? read_raw_image(reader, number, out, err)
+                                : hada_tiff_page_read(tif, &handle, &page, out, err);
+    }
+    if (tif)
+        TIFFClose(tif);
+    return status;
+}
+
+hada_status hada_tiff_read(hada_tiff_reader *reader, int index, hada_image *image, hada_error *err)
+{
+    *image = (hada_image){0};
+    const hada_tiff_stack *stack = &reader->stack;
+    if (index < 0 || index >= reader->info.frames)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "%s: frame %d was asked for; the file has %d", reader->path, index,
+                         reader->info.frames);
+    int channels = reader->grouped ? stack->channels : 1;
+    hada_status status = HADA_OK;
+    size_t page = (size_t)index;
+    for (int c = 0; !status && c < channels; c++) {
+        int z = index % reader->info.slices, t = index / reader->info.slices;
+        if (stack->known && (reader->grouped || stack->channels == 1))
+            page = stack->pages ? (size_t)stack->pages[index * channels + c]
+                                : (size_t)(c * stack->channel_step + z * stack->slice_step + t * stack->time_step);
+        status = read_page(reader, page, c, image, err);
+    }
+    if (status) {
+        hada_error_prefix(err, "%s, page %zu: ", reader->path, page + 1);
+        hada_image_destroy(image);
+    }
+    return status;
+}
+
+hada_status hada_tiff_load(const char *path, int index, hada_image *image, hada_error *err)
+{
+    *image = (hada_image){0};
+    hada_tiff_reader *reader;
+    hada_status status = hada_tiff_open(&reader, path, err);
+    if (!status)
+        status = hada_tiff_read(reader, index, image, err);
+    hada_tiff_close(&reader);
+    return status;
+}

@@ -1,0 +1,329 @@
+#include <errno.h>
+#include <float.h>
+#include <hadalens/tiff.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "core/alloc.h"
+#include "io/outfile.h"
+#include "io/text.h"
+#include "io/tiff_chain.h"
+#include "io/tiff_handle.h"
+#include "io/tiff_text.h"
+
+/* Classic TIFF addresses 4 GiB; the rest is room for directories and metadata. */
+#define CLASSIC_LIMIT 3.9e9
+#define STRIP_BYTES   ((size_t)1 << 20)
+
+enum { TAG_IMAGEJ_COUNTS = 50838, TAG_IMAGEJ = 50839 };
+
+struct hada_tiff_writer {
+    hada_outfile file;
+    hada_tiff_handle handle;
+    TIFF *tif;
+    hada_tiff_write_options options;
+    double *distances;
+    hada_tiff_text text;
+    int channels, rows, cols, big;
+    int frames; /* written so far */
+    int strip_rows;
+    void *strip;
+    float low, high; /* of the finite values */
+};
+
+void hada_tiff_write_options_init(hada_tiff_write_options *options)
+{
+    *options = (hada_tiff_write_options){.size = sizeof *options, .bits = 32, .scale = 1};
+}
+
+static hada_status complete_options(hada_tiff_writer *w, const hada_tiff_write_options *given, hada_error *err)
+{
+    hada_tiff_write_options *o = &w->options;
+    hada_tiff_write_options_init(o);
+    if (given) {
+        if (given->size != sizeof *given)
+            return hada_fail(err, HADA_ERROR_ARGUMENT,
+                             "the write options were not made by hada_tiff_write_options_init");
+        *o = *given;
+    }
+    o->bits = o->bits ? o->bits : 32;
+    o->scale = o->scale > 0 ? o->scale : 1;
+    o->description = o->description ? o->description : "";
+    if (o->layout == HADA_TIFF_HYPERSTACK || o->distances_mm) {
+        o->slices = o->slices < 1 ? 1 : o->slices;
+        o->times = o->times < 1 ? 1 : o->times;
+    }
+    if (o->bits != 8 && o->bits != 16 && o->bits != 32)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "%d bits were asked for; 8, 16 and 32 (float) are offered", o->bits);
+    if (w->channels < 1 || w->channels > 4096 || w->rows < 1 || w->cols < 1 || o->slices < 0 || o->times < 0 ||
+        (double)w->channels * (o->slices ? o->slices : 1) * (o->times ? o->times : 1) > 1 << 30)
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "%d channels of %d x %d pixels, %d slices and %d times cannot be written", w->channels,
+                         w->rows, w->cols, o->slices, o->times);
+    if (o->distances_mm) {
+        w->distances = malloc((size_t)o->slices * sizeof(double));
+        if (!w->distances)
+            return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the distances");
+        memcpy(w->distances, o->distances_mm, (size_t)o->slices * sizeof(double));
+        o->distances_mm = w->distances;
+    }
+    return HADA_OK;
+}
+
+static hada_status failed(hada_tiff_writer *w, hada_error *err)
+{
+    if (w->handle.write_code)
+        return hada_fail(err, HADA_ERROR_FILE_WRITE, "writing %s failed: %s; nothing was left behind, free some space",
+                         w->file.path, strerror(w->handle.write_code));
+    return hada_fail(err, HADA_ERROR_FILE_WRITE, "writing %s failed (%s); nothing was left behind", w->file.path,
+                     *w->handle.message ? w->handle.message : "libtiff gives no reason");
+}
+
+static int samples_a_page(const hada_tiff_writer *w)
+{
+    return w->options.layout == HADA_TIFF_HYPERSTACK ? 1 : w->channels;
+}
+
+static hada_status open_output(hada_tiff_writer *w, const char *path, hada_error *err)
+{
+    hada_status status = hada_outfile_open(&w->file, path, err);
+    if (status)
+        return status;
+    double frames = (double)(w->options.slices ? w->options.slices : 1) * (w->options.times ? w->options.times : 1);
+    w->big = frames * w->channels * w->rows * w->cols * (w->options.bits / 8) >= CLASSIC_LIMIT;
+    w->handle.fd = w->file.fd;
+    w->tif = hada_tiff_attach(&w->handle, path, w->big ? "w8" : "w");
+    if (!w->tif)
+        return failed(w, err);
+    size_t row = (size_t)w->cols * (size_t)samples_a_page(w) * (size_t)(w->options.bits / 8);
+    size_t rows = STRIP_BYTES / row ? STRIP_BYTES / row : 1;
+    w->strip_rows = rows < (size_t)w->rows ? (int)rows : w->rows;
+    return hada_alloc(&w->strip, (size_t)w->strip_rows, row, "a piece of the TIFF file", err);
+}
+
+hada_status hada_tiff_create(hada_tiff_writer **out, const char *path, int channels, int rows, int cols,
+                             const hada_tiff_write_options *options, hada_error *err)
+{
+    *out = NULL;
+    hada_tiff_writer *w = calloc(1, sizeof *w);
+    if (!w)
+        return hada_fail(err, HADA_ERROR_MEMORY, "no memory to write %s", path);
+    w->file.fd = -1;
+    w->channels = channels;
+    w->rows = rows;
+    w->cols = cols;
+    w->low = FLT_MAX;
+    w->high = -FLT_MAX;
+    hada_status status = complete_options(w, options, err);
+    if (!status)
+        status = hada_tiff_text_build(&w->text, channels, rows, cols, &w->options, err);
+    if (!status)
+        status = open_output(w, path, err);
+    w->options.description = NULL; /* the caller's */
+    if (status)
+        hada_tiff_abandon(&w);
+    *out = w;
+    return status;
+}
+
+static int set_first_page(hada_tiff_writer *w)
+{
+    static const TIFFFieldInfo fields[] = {
+        {TAG_IMAGEJ_COUNTS, TIFF_VARIABLE2, TIFF_VARIABLE2, TIFF_LONG, FIELD_CUSTOM, 1, 1,
+         (char *)"IJMetadataByteCounts"},
+        {TAG_IMAGEJ, TIFF_VARIABLE2, TIFF_VARIABLE2, TIFF_BYTE, FIELD_CUSTOM, 1, 1, (char *)"IJMetadata"}};
+    int fine = TIFFSetField(w->tif, TIFFTAG_IMAGEDESCRIPTION, w->text.description) &&
+               TIFFSetField(w->tif, TIFFTAG_SOFTWARE, "Hadalens " HADALENS_VERSION);
+    if (w->text.extra)
+        fine = fine && !TIFFMergeFieldInfo(w->tif, fields, 2) &&
+               TIFFSetField(w->tif, TAG_IMAGEJ_COUNTS, w->text.count, w->text.counts) &&
+               TIFFSetField(w->tif, TAG_IMAGEJ, (uint32_t)w->text.extra_bytes, w->text.extra);
+    return fine;
+}
+
+static int set_tags(hada_tiff_writer *w, int first)
+{
+    TIFF *tif = w->tif;
+    int samples = samples_a_page(w), is_float = w->options.bits == 32, fine = 1;
+    fine &= TIFFSetField(tif, TIFFTAG_IMAGEWIDTH, (uint32_t)w->cols);
+    fine &= TIFFSetField(tif, TIFFTAG_IMAGELENGTH, (uint32_t)w->rows);
+    fine &= TIFFSetField(tif, TIFFTAG_BITSPERSAMPLE, w->options.bits);
+    fine &= TIFFSetField(tif, TIFFTAG_SAMPLESPERPIXEL, samples);
+    fine &= TIFFSetField(tif, TIFFTAG_SAMPLEFORMAT, is_float ? SAMPLEFORMAT_IEEEFP : SAMPLEFORMAT_UINT);
+    fine &= TIFFSetField(tif, TIFFTAG_PHOTOMETRIC, samples == 3 ? PHOTOMETRIC_RGB : PHOTOMETRIC_MINISBLACK);
+    fine &= TIFFSetField(tif, TIFFTAG_PLANARCONFIG, PLANARCONFIG_CONTIG);
+    fine &= TIFFSetField(tif, TIFFTAG_ROWSPERSTRIP, (uint32_t)w->strip_rows);
+    fine &= TIFFSetField(tif, TIFFTAG_COMPRESSION, w->options.compress ? COMPRESSION_ADOBE_DEFLATE : COMPRESSION_NONE);
+    if (w->options.compress)
+        fine &= TIFFSetField(tif, TIFFTAG_PREDICTOR, is_float ? PREDICTOR_FLOATINGPOINT : PREDICTOR_HORIZONTAL);
+    if (samples > 1 && samples != 3) {
+        uint16_t *kinds = calloc((size_t)samples - 1, sizeof *kinds); /* 0 = not alpha */
+        fine &= kinds && TIFFSetField(tif, TIFFTAG_EXTRASAMPLES, samples - 1, kinds);
+        free(kinds);
+    }
+    if (w->options.pixel_um > 0) {
+        /* ImageJ takes the unit from its text, in millimetres; elsewhere the tag's centimetres hold. */
+        int stack = w->options.layout == HADA_TIFF_HYPERSTACK;
+        float density = (float)((stack ? 1e3 : 1e4) / w->options.pixel_um);
+        fine &= TIFFSetField(tif, TIFFTAG_RESOLUTIONUNIT, stack ? RESUNIT_NONE : RESUNIT_CENTIMETER);
+        fine &= TIFFSetField(tif, TIFFTAG_XRESOLUTION, density) && TIFFSetField(tif, TIFFTAG_YRESOLUTION, density);
+    }
+    return fine && (!first || set_first_page(w));
+}
+
+/* Rows [row, row + rows) of `samples` channels from `channel` on, interleaved, as they are stored. */
+static void convert(const hada_tiff_writer *w, const hada_image *image, int channel, int samples, int row, int rows)
+{
+    size_t plane = (size_t)w->rows * (size_t)w->cols, count = (size_t)rows * (size_t)w->cols;
+    double full = w->options.bits == 8 ? 255 : 65535, factor = full / w->options.scale;
+    for (int s = 0; s < samples; s++) {
+        const float *from = image->data + (size_t)(channel + s) * plane + (size_t)row * (size_t)w->cols;
+        for (size_t i = 0; i < count; i++) {
+            size_t to = i * (size_t)samples + (size_t)s;
+            if (w->options.bits == 32) {
+                ((float *)w->strip)[to] = from[i];
+                continue;
+            }
+            double value = (double)from[i] * factor;
+            value = value > 0 ? (value < full ? value + 0.5 : full) : 0; /* NaN fails the first comparison */
+            if (w->options.bits == 8)
+                ((uint8_t *)w->strip)[to] = (uint8_t)value;
+            else
+                ((uint16_t *)w->strip)[to] = (uint16_t)value;
+        }
+    }
+}
+
+static hada_status write_page(hada_tiff_writer *w, const hada_image *image, int channel, hada_error *err)
+{
+    int samples = samples_a_page(w);
+    size_t row_bytes = (size_t)w->cols * (size_t)samples * (size_t)(w->options.bits / 8);
+    if (!set_tags(w, w->frames == 0 && channel == 0))
+        return failed(w, err);
+    for (int row = 0, strip = 0; row < w->rows; row += w->strip_rows, strip++) {
+        int rows = w->rows - row < w->strip_rows ? w->rows - row : w->strip_rows;
+        convert(w, image, channel, samples, row, rows);
+        if (TIFFWriteEncodedStrip(w->tif, (uint32_t)strip, w->strip, (tmsize_t)((size_t)rows * row_bytes)) < 0)
+            return failed(w, err);
+    }
+    return TIFFWriteDirectory(w->tif) ? HADA_OK : failed(w, err);
+}
+
+hada_status hada_tiff_write(hada_tiff_writer *w, const hada_image *image, hada_error *err)
+{
+    if (image->channels != w->channels || image->rows != w->rows || image->cols != w->cols)
+        return hada_fail(err, HADA_ERROR_SIZE,
+                         "%s takes frames of %d channels, %d x %d; this one has %d channels, %d x %d", w->file.path,
+                         w->channels, w->rows, w->cols, image->channels, image->rows, image->cols);
+    if (w->options.layout == HADA_TIFF_HYPERSTACK && w->frames >= w->options.slices * w->options.times)
+        return hada_fail(err, HADA_ERROR_STATE, "%s was declared with %d slices and %d times; all are written",
+                         w->file.path, w->options.slices, w->options.times);
+    size_t count = hada_image_count(image);
+    for (size_t i = 0; i < count; i++) {
+        float value = image->data[i];
+        if (isfinite(value)) {
+            w->low = value < w->low ? value : w->low;
+            w->high = value > w->high ? value : w->high;
+        }
+    }
+    int pages = w->options.layout == HADA_TIFF_HYPERSTACK ? w->channels : 1;
+    hada_status status = HADA_OK;
+    for (int channel = 0; !status && channel < pages; channel++)
+        status = write_page(w, image, channel, err);
+    w->frames += !status;
+    return status;
+}
+
+static int write_at(int fd, const void *data, size_t bytes, uint64_t offset)
+{
+    return pwrite(fd, data, bytes, (off_t)offset) == (ssize_t)bytes;
+}
+
+/* Puts the display range, known now, into the places kept for it on the first page. */
+static hada_status write_range(hada_tiff_writer *w, hada_error *err)
+{
+    if (!w->text.range_at || w->low > w->high)
+        return HADA_OK;
+    int fd = w->file.fd, fine;
+    double range[2] = {(double)w->low, (double)w->high};
+    if (w->options.bits < 32) {
+        double full = w->options.bits == 8 ? 255 : 65535;
+        for (int i = 0; i < 2; i++)
+            range[i] = floor(fmin(fmax(range[i] / w->options.scale, 0), 1) * full + 0.5);
+    }
+    struct stat info;
+    uint64_t directory = 0, bytes = 0;
+    uint32_t classic = 0;
+    fine = !fstat(fd, &info) && (w->big ? !hada_read_at(fd, &directory, 8, 8) : !hada_read_at(fd, &classic, 4, 4));
+    directory = w->big ? directory : classic;
+    hada_tiff_chain chain = {.big = w->big, .bytes = fine ? (uint64_t)info.st_size : 0};
+    uint64_t at = fine ? hada_tiff_chain_find(&chain, fd, directory, TIFFTAG_IMAGEDESCRIPTION, &bytes) : 0;
+    for (int i = 0; i < 2 && (fine = fine && at); i++) {
+        char digits[HADA_RANGE_DIGITS + 8];
+        hada_format_number(digits, sizeof digits, "%16.9e", range[i]);
+        fine = write_at(fd, digits, HADA_RANGE_DIGITS,
+                        at + w->text.range_at + (uint64_t)i * (HADA_RANGE_DIGITS + HADA_RANGE_GAP));
+    }
+    at = fine && w->text.extra ? hada_tiff_chain_find(&chain, fd, directory, TAG_IMAGEJ, &bytes) : 0;
+    for (int c = 0; c < w->channels && at && fine; c++)
+        fine = write_at(fd, range, sizeof range, at + w->text.display_at + (uint64_t)c * sizeof range);
+    return fine ? HADA_OK
+                : hada_fail(err, HADA_ERROR_FILE_WRITE, "writing %s failed: %s; nothing was left behind", w->file.path,
+                            strerror(errno));
+}
+
+hada_status hada_tiff_finish(hada_tiff_writer **writer, hada_error *err)
+{
+    hada_tiff_writer *w = *writer;
+    hada_status status = HADA_OK;
+    int expected = w->options.layout == HADA_TIFF_HYPERSTACK ? w->options.slices * w->options.times : 1;
+    if (w->frames < expected)
+        status = hada_fail(err, HADA_ERROR_STATE, "%s: %d of %d frames were written; nothing was left behind",
+                           w->file.path, w->frames, expected);
+    if (!status) {
+        w->handle.message[0] = 0;
+        TIFFClose(w->tif); /* reports nothing: the handle does */
+        w->tif = NULL;
+        if (*w->handle.message || w->handle.write_code)
+            status = failed(w, err);
+    }
+    if (!status)
+        status = write_range(w, err);
+    if (!status)
+        status = hada_outfile_commit(&w->file, err);
+    hada_tiff_abandon(writer);
+    return status;
+}
+
+void hada_tiff_abandon(hada_tiff_writer **writer)
+{
+    hada_tiff_writer *w = writer ? *writer : NULL;
+    if (!w)
+        return;
+    if (w->tif)
+        TIFFClose(w->tif);
+    hada_outfile_abandon(&w->file);
+    hada_tiff_text_free(&w->text);
+    free(w->distances);
+    free(w->strip);
+    free(w);
+    *writer = NULL;
+}
+
+hada_status hada_tiff_save(const char *path, const hada_image *image, const hada_tiff_write_options *options,
+                           hada_error *err)
+{
+    hada_tiff_writer *writer;
+    hada_status status = hada_tiff_create(&writer, path, image->channels, image->rows, image->cols, options, err);
+    if (!status) {
+        status = hada_tiff_write(writer, image, err);
+        if (status)
+            hada_tiff_abandon(&writer);
+        else
+            status = hada_tiff_finish(&writer, err);
+    }
+    return status;
+}

@@ -45,7 +45,7 @@ typedef struct hada_model_info {
                              frame's own, estimated */
     double noise;         /* standard deviation of the frame's noise that the fit found, 0 where unknown */
     int refine_steps;     /* refinement that pays for this camera; 0: none does */
-    double refine_rho;
+    double refine_rho; /* in units of the largest |OTF(0)|^2 of all depths and channels */
     int has_otf;
     int half;                   /* filters are kept in half precision */
     uint64_t bytes;             /* of filters and transfer functions */
@@ -61,6 +61,12 @@ HADA_API const hada_model_info *hada_model_get_info(const hada_model *model);
 /* Converts the filters to half precision (a copy): a quarter of the memory and traffic less; docs/filters.md states
  * the error. */
 HADA_API hada_status hada_model_to_half(hada_model **out, const hada_model *model, hada_error *err);
+
+/* A copy with the fixed filters `matched` or `wiener` made from the model's transfer functions H (HADA_ERROR_MODEL
+ * without any): the baselines of a comparison. Matched: conj(H) / |H(0)|^2, which keeps the mean brightness; Wiener:
+ * conj(H) / (|H|^2 + lambda mean |H|^2), `lambda` > 0. */
+HADA_API hada_status hada_model_with_form(hada_model **out, const hada_model *model, hada_form form, double lambda,
+                                          hada_error *err);
 
 /* From point spread functions: one image per depth (channels x rows x cols, optical axis at (rows/2, cols/2)), forms
  * matched or wiener. The OTF is kept, so refinement works. */

@@ -1,0 +1,95 @@
+/* The command line's own small world: what every command shares. Uses the public headers only. */
+#ifndef HADA_CLI_H
+#define HADA_CLI_H
+
+#include <hadalens/device.h>
+#include <hadalens/status.h>
+#include <jansson.h>
+
+#if defined(__GNUC__)
+#define HADA_CLI_PRINTF(f, a) __attribute__((format(printf, f, a)))
+#else
+#define HADA_CLI_PRINTF(f, a)
+#endif
+
+/* Exit codes; docs/command-line.md and every help text list them. */
+enum {
+    HADA_EXIT_OK = 0,
+    HADA_EXIT_SOME = 1,   /* several files failed, for different reasons */
+    HADA_EXIT_USAGE = 2,  /* the command line itself */
+    HADA_EXIT_FILE = 3,   /* a file or folder is missing, damaged or cannot be written */
+    HADA_EXIT_DATA = 4,   /* files can be read, but what they hold does not fit */
+    HADA_EXIT_DEVICE = 5, /* OpenCL: none, not the one asked for, or it fails */
+    HADA_EXIT_MEMORY = 6,
+    HADA_EXIT_NUMERIC = 7,
+    HADA_EXIT_INTERRUPTED = 130
+};
+
+/* Options that all commands have. The settings of every command begin with this. */
+typedef struct hada_cli_common {
+    int help, json, quiet, verbose;
+    const char *device, *binaries;
+} hada_cli_common;
+
+/* A run of one command. */
+typedef struct hada_cli {
+    const char *command;
+    const hada_cli_common *common;
+    json_t *document; /* what --json prints at the end; filled also without --json, it is small */
+    struct hada_cli_progress *progress;
+} hada_cli;
+
+int hada_cli_exit_code(hada_status status);
+
+/* Fills *err and returns `status`. */
+hada_status hada_cli_error(hada_error *err, hada_status status, const char *format, ...) HADA_CLI_PRINTF(3, 4);
+/* Puts text before a message. */
+void hada_cli_prefix(hada_error *err, const char *format, ...) HADA_CLI_PRINTF(2, 3);
+
+/* Results for a person, on stdout: nothing with --json or --quiet. */
+void hada_cli_say(hada_cli *cli, const char *format, ...) HADA_CLI_PRINTF(2, 3);
+/* Only with --verbose, on stderr. */
+void hada_cli_detail(hada_cli *cli, const char *format, ...) HADA_CLI_PRINTF(2, 3);
+/* On stderr, and in the JSON document's "warnings". */
+void hada_cli_warn(hada_cli *cli, const char *format, ...) HADA_CLI_PRINTF(2, 3);
+/* Prints an error on stderr. */
+void hada_cli_print_error(hada_cli *cli, const hada_error *err);
+/* Ends a command: prints the error, puts it into the document, returns the exit code. */
+int hada_cli_fail(hada_cli *cli, const hada_error *err);
+/* Ends a command that was called wrongly; names --help. */
+int hada_cli_usage(hada_cli *cli, const char *format, ...) HADA_CLI_PRINTF(2, 3);
+
+/* JSON values. Numbers that JSON cannot hold (NaN, infinity) become null. */
+json_t *hada_cli_real(double value);
+json_t *hada_cli_reals(const double *values, int count);
+json_t *hada_cli_error_json(const hada_error *err);
+
+/* Opens the device that --device, --binaries and the environment choose. */
+hada_status hada_cli_open(hada_cli *cli, hada_context **out, hada_error *err);
+/* A device for the document. */
+json_t *hada_cli_device_json(const hada_device_info *device);
+/* "1.5 GiB"; `text` holds at least 16 characters. */
+const char *hada_cli_bytes(char *text, uint64_t bytes);
+
+/* Ctrl-C and SIGTERM let the frame at hand end, so that nothing is left half-written; a second one ends at once. */
+void hada_cli_catch_signals(void);
+int hada_cli_interrupted(void);
+/* HADA_ERROR_CANCELLED when a signal came. */
+hada_status hada_cli_check_signals(hada_error *err);
+
+/* A progress bar on stderr, on a terminal only. */
+typedef struct hada_cli_progress {
+    int shown, drawn;
+    const char *what;
+    long done, total;
+    double started, last;
+} hada_cli_progress;
+void hada_cli_progress_begin(hada_cli *cli, hada_cli_progress *progress, const char *what, long total);
+void hada_cli_progress_step(hada_cli *cli, const char *note);
+void hada_cli_progress_end(hada_cli *cli);
+/* Takes the bar off the screen before another line is printed. */
+void hada_cli_progress_hide(hada_cli *cli);
+
+double hada_cli_seconds(void);
+
+#endif

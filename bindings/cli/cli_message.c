@@ -1,0 +1,183 @@
+#include "cli.h"
+
+#include <math.h>
+#include <signal.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
+
+int hada_cli_exit_code(hada_status status)
+{
+    switch (status) {
+    case HADA_OK: return HADA_EXIT_OK;
+    case HADA_ERROR_ARGUMENT:
+    case HADA_ERROR_STATE:
+    case HADA_ERROR_UNSUPPORTED: return HADA_EXIT_USAGE;
+    case HADA_ERROR_CANCELLED: return HADA_EXIT_INTERRUPTED;
+    case HADA_ERROR_MEMORY:
+    case HADA_ERROR_DEVICE_MEMORY: return HADA_EXIT_MEMORY;
+    case HADA_ERROR_FILE_OPEN:
+    case HADA_ERROR_FILE_READ:
+    case HADA_ERROR_FILE_FORMAT:
+    case HADA_ERROR_FILE_WRITE: return HADA_EXIT_FILE;
+    case HADA_ERROR_SIZE:
+    case HADA_ERROR_NOT_FINITE:
+    case HADA_ERROR_DATASET:
+    case HADA_ERROR_MODEL: return HADA_EXIT_DATA;
+    case HADA_ERROR_NO_DEVICE:
+    case HADA_ERROR_DEVICE_CHOICE:
+    case HADA_ERROR_DEVICE:
+    case HADA_ERROR_BUILD:
+    case HADA_ERROR_SELF_TEST: return HADA_EXIT_DEVICE;
+    case HADA_ERROR_NUMERIC: return HADA_EXIT_NUMERIC;
+    }
+    return HADA_EXIT_SOME;
+}
+
+hada_status hada_cli_error(hada_error *err, hada_status status, const char *format, ...)
+{
+    va_list arguments;
+    err->status = status;
+    err->cl_code = 0;
+    err->detail[0] = '\0';
+    va_start(arguments, format);
+    vsnprintf(err->message, sizeof err->message, format, arguments);
+    va_end(arguments);
+    return status;
+}
+
+void hada_cli_prefix(hada_error *err, const char *format, ...)
+{
+    char old[sizeof err->message], prefix[512];
+    va_list arguments;
+    memcpy(old, err->message, sizeof old);
+    va_start(arguments, format);
+    vsnprintf(prefix, sizeof prefix, format, arguments);
+    va_end(arguments);
+    /* A message that already names the file is not made longer. */
+    if (!strncmp(old, prefix, strlen(prefix)))
+        return;
+    snprintf(err->message, sizeof err->message, "%s%.*s", prefix, (int)(sizeof old - sizeof prefix), old);
+}
+
+void hada_cli_say(hada_cli *cli, const char *format, ...)
+{
+    if (cli->common->json || cli->common->quiet)
+        return;
+    hada_cli_progress_hide(cli);
+    va_list arguments;
+    va_start(arguments, format);
+    vprintf(format, arguments);
+    va_end(arguments);
+    putchar('\n');
+    fflush(stdout);
+}
+
+void hada_cli_detail(hada_cli *cli, const char *format, ...)
+{
+    if (!cli->common->verbose)
+        return;
+    hada_cli_progress_hide(cli);
+    va_list arguments;
+    va_start(arguments, format);
+    vfprintf(stderr, format, arguments);
+    va_end(arguments);
+    fputc('\n', stderr);
+}
+
+void hada_cli_warn(hada_cli *cli, const char *format, ...)
+{
+    char text[1200];
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    hada_cli_progress_hide(cli);
+    if (!cli->common->quiet)
+        fprintf(stderr, "hadalens %s: note: %s\n", cli->command, text);
+    json_t *list = json_object_get(cli->document, "warnings");
+    if (!list) {
+        list = json_array();
+        json_object_set_new(cli->document, "warnings", list);
+    }
+    json_array_append_new(list, json_string(text));
+}
+
+void hada_cli_print_error(hada_cli *cli, const hada_error *err)
+{
+    hada_cli_progress_hide(cli);
+    fprintf(stderr, "hadalens %s: %s\n", cli->command, err->message);
+    if (err->detail[0] && cli->common->verbose)
+        fprintf(stderr, "%s\n", err->detail);
+    else if (err->detail[0])
+        fprintf(stderr, "(--verbose shows more)\n");
+}
+
+int hada_cli_fail(hada_cli *cli, const hada_error *err)
+{
+    hada_cli_print_error(cli, err);
+    json_object_set_new(cli->document, "error", hada_cli_error_json(err));
+    return hada_cli_exit_code(err->status);
+}
+
+int hada_cli_usage(hada_cli *cli, const char *format, ...)
+{
+    hada_error err;
+    char text[900];
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    hada_cli_error(&err, HADA_ERROR_ARGUMENT, "%s", text);
+    hada_cli_fail(cli, &err);
+    fprintf(stderr, "Try 'hadalens %s --help'.\n", cli->command);
+    return HADA_EXIT_USAGE;
+}
+
+json_t *hada_cli_real(double value)
+{
+    return isfinite(value) ? json_real(value) : json_null();
+}
+
+json_t *hada_cli_reals(const double *values, int count)
+{
+    json_t *list = json_array();
+    for (int i = 0; i < count; i++)
+        json_array_append_new(list, hada_cli_real(values[i]));
+    return list;
+}
+
+json_t *hada_cli_error_json(const hada_error *err)
+{
+    json_t *object = json_pack("{s:s, s:i, s:s}", "status", hada_status_name(err->status), "exit_code",
+                               hada_cli_exit_code(err->status), "message", err->message);
+    if (object && err->detail[0])
+        json_object_set_new(object, "detail", json_string(err->detail));
+    /* A message that is not UTF-8 (a file name may be anything) cannot stand in JSON. */
+    return object ? object : json_pack("{s:s}", "status", hada_status_name(err->status));
+}
+
+static volatile sig_atomic_t interrupted;
+
+static void on_signal(int number)
+{
+    interrupted = 1;
+    signal(number, SIG_DFL);
+}
+
+void hada_cli_catch_signals(void)
+{
+    signal(SIGINT, on_signal);
+    signal(SIGTERM, on_signal);
+}
+
+int hada_cli_interrupted(void)
+{
+    return interrupted;
+}
+
+hada_status hada_cli_check_signals(hada_error *err)
+{
+    return interrupted ? hada_cli_error(err, HADA_ERROR_CANCELLED, "stopped; what was at hand was not written")
+                       : HADA_OK;
+}

@@ -1,0 +1,226 @@
+#include "option.h"
+
+#include <popt.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+const hada_cli_option hada_cli_device_options[] = {
+    {HADA_OPTION_GROUP, NULL, 0, NULL, "Device", NULL, 0},
+    {HADA_OPTION_TEXT, "device", 'd', "D", "OpenCL device to work on",
+     "An index as 'hadalens devices' shows it, a kind (cpu, gpu, accelerator) or a part of the name. Without it the "
+     "environment variable HADALENS_DEVICE decides, else the first GPU, else the first accelerator with binaries, else "
+     "the first CPU.",
+     offsetof(hada_cli_common, device)},
+    {HADA_OPTION_TEXT, "binaries", 0, "FOLDER", "take compiled kernels from here",
+     "A folder made by 'hadalens devices --save-binaries'. Nothing is compiled then, as FPGAs need it.",
+     offsetof(hada_cli_common, binaries)},
+    {0},
+};
+
+const hada_cli_option hada_cli_common_options[] = {
+    {HADA_OPTION_GROUP, NULL, 0, NULL, "Output", NULL, 0},
+    {HADA_OPTION_FLAG, "json", 0, NULL, "print one JSON document on stdout, and nothing else there", NULL,
+     offsetof(hada_cli_common, json)},
+    {HADA_OPTION_FLAG, "quiet", 'q', NULL, "print errors only", NULL, offsetof(hada_cli_common, quiet)},
+    {HADA_OPTION_FLAG, "verbose", 'v', NULL, "say more on stderr", NULL, offsetof(hada_cli_common, verbose)},
+    {HADA_OPTION_FLAG, "help", 'h', NULL, "print this help", NULL, offsetof(hada_cli_common, help)},
+    {0},
+};
+
+const hada_cli_command *hada_cli_find_command(const char *name)
+{
+    for (int i = 0; hada_cli_commands[i]; i++)
+        if (!strcmp(hada_cli_commands[i]->name, name))
+            return hada_cli_commands[i];
+    return NULL;
+}
+
+void hada_cli_each_option(const hada_cli_command *command, void (*visit)(void *user, const hada_cli_option *option),
+                          void *user)
+{
+    const hada_cli_option *tables[] = {command->options, command->uses_device ? hada_cli_device_options : NULL,
+                                       hada_cli_common_options};
+    for (size_t t = 0; t < sizeof tables / sizeof *tables; t++)
+        for (const hada_cli_option *option = tables[t]; option && option->help; option++)
+            visit(user, option);
+}
+
+void hada_cli_nearest_try(hada_cli_nearest *nearest, const char *candidate)
+{
+    /* Levenshtein distance with one row kept. */
+    enum { MOST = 40 };
+    int row[MOST + 1];
+    int n = (int)strlen(candidate), m = (int)strlen(nearest->word);
+    if (n > MOST || m > MOST)
+        return;
+    for (int i = 0; i <= n; i++)
+        row[i] = i;
+    for (int j = 1; j <= m; j++) {
+        int corner = row[0];
+        row[0] = j;
+        for (int i = 1; i <= n; i++) {
+            int change = corner + (candidate[i - 1] != nearest->word[j - 1]);
+            corner = row[i];
+            int least = row[i] + 1 < row[i - 1] + 1 ? row[i] + 1 : row[i - 1] + 1;
+            row[i] = change < least ? change : least;
+        }
+    }
+    int allowed = m <= 4 ? 1 : m <= 7 ? 2 : 3;
+    if (row[n] <= allowed && (!nearest->best || row[n] < nearest->distance)) {
+        nearest->best = candidate;
+        nearest->distance = row[n];
+    }
+}
+
+/* The rows that are options, in the order that popt's values count from 1. */
+typedef struct rows {
+    int count;
+    const hada_cli_option *items[64];
+    hada_cli_nearest nearest;
+} rows;
+
+static void collect(void *user, const hada_cli_option *option)
+{
+    rows *all = user;
+    if (option->kind != HADA_OPTION_GROUP && all->count < 64)
+        all->items[all->count++] = option;
+}
+
+static int choice(const char *words, const char *text)
+{
+    size_t length = strlen(text);
+    for (int position = 1; words && *words; position++) {
+        size_t word = strcspn(words, "|");
+        if (word == length && !strncmp(words, text, length))
+            return position;
+        words += word + (words[word] == '|');
+    }
+    return 0;
+}
+
+static hada_status store(const hada_cli_option *option, char *settings, const char *text, hada_error *err)
+{
+    void *target = settings + option->offset;
+    unsigned long long seed;
+    char *end;
+    switch (option->kind) {
+    case HADA_OPTION_GROUP: return HADA_OK;
+    case HADA_OPTION_FLAG: *(int *)target = 1; return HADA_OK;
+    case HADA_OPTION_TEXT:
+        if (!*text)
+            return hada_cli_error(err, HADA_ERROR_ARGUMENT, "--%s needs a value, and got an empty one", option->name);
+        *(const char **)target = text;
+        return HADA_OK;
+    case HADA_OPTION_TEXTS: {
+        hada_cli_texts *texts = target;
+        if (texts->count == HADA_CLI_TEXTS)
+            return hada_cli_error(err, HADA_ERROR_ARGUMENT, "--%s can be given %d times at most", option->name,
+                                  HADA_CLI_TEXTS);
+        texts->items[texts->count++] = text;
+        return HADA_OK;
+    }
+    case HADA_OPTION_REAL:
+        if (hada_cli_read_real(text, target))
+            return HADA_OK;
+        return hada_cli_error(err, HADA_ERROR_ARGUMENT, "--%s takes a number such as 0.5, not '%s'", option->name,
+                              text);
+    case HADA_OPTION_COUNT:
+        if (hada_cli_read_count(text, target))
+            return HADA_OK;
+        return hada_cli_error(err, HADA_ERROR_ARGUMENT, "--%s takes a whole number such as 8, not '%s'", option->name,
+                              text);
+    case HADA_OPTION_SEED:
+        seed = strtoull(text, &end, 10);
+        if (*text < '0' || *text > '9' || *end)
+            return hada_cli_error(err, HADA_ERROR_ARGUMENT, "--%s takes a whole number, not '%s'", option->name, text);
+        *(uint64_t *)target = seed;
+        return HADA_OK;
+    case HADA_OPTION_SIZE:
+        if (hada_cli_read_size(text, target))
+            return HADA_OK;
+        return hada_cli_error(err, HADA_ERROR_ARGUMENT,
+                              "--%s takes HEIGHTxWIDTH in pixels, such as 300x400 (rows first), not '%s'", option->name,
+                              text);
+    case HADA_OPTION_CHOICE:
+        *(int *)target = choice(option->argument, text);
+        if (*(int *)target)
+            return HADA_OK;
+        return hada_cli_error(err, HADA_ERROR_ARGUMENT, "--%s takes one of %s, not '%s'", option->name,
+                              option->argument, text);
+    }
+    return HADA_OK;
+}
+
+static hada_status bad_option(poptContext context, int code, rows *all, hada_error *err)
+{
+    const char *word = poptBadOption(context, POPT_BADOPTION_NOALIAS);
+    if (code == POPT_ERROR_BADOPT) {
+        char plain[64];
+        snprintf(plain, sizeof plain, "%s", word + strspn(word, "-"));
+        plain[strcspn(plain, "=")] = '\0';
+        all->nearest = (hada_cli_nearest){.word = plain};
+        for (int i = 0; i < all->count; i++)
+            hada_cli_nearest_try(&all->nearest, all->items[i]->name);
+        if (all->nearest.best && strlen(plain) > 1)
+            return hada_cli_error(err, HADA_ERROR_ARGUMENT, "there is no option %s; did you mean --%s?", word,
+                                  all->nearest.best);
+        return hada_cli_error(err, HADA_ERROR_ARGUMENT, "there is no option %s", word);
+    }
+    if (code == POPT_ERROR_NOARG)
+        return hada_cli_error(err, HADA_ERROR_ARGUMENT, "%s needs a value", word);
+    return hada_cli_error(err, HADA_ERROR_ARGUMENT, "%s: %s", word, poptStrerror(code));
+}
+
+hada_status hada_cli_parse(hada_cli_parsed *parsed, const hada_cli_command *command, int argc, const char **argv,
+                           hada_error *err)
+{
+    rows all = {0};
+    struct poptOption table[65];
+    hada_status status = HADA_OK;
+    hada_cli_each_option(command, collect, &all);
+    memset(table, 0, sizeof table);
+    for (int i = 0; i < all.count; i++) {
+        table[i].longName = all.items[i]->name;
+        table[i].shortName = all.items[i]->letter;
+        table[i].argInfo = all.items[i]->kind == HADA_OPTION_FLAG ? POPT_ARG_NONE : POPT_ARG_STRING;
+        table[i].val = i + 1;
+    }
+    memset(parsed, 0, sizeof *parsed);
+    parsed->settings = calloc(1, command->settings_size);
+    parsed->texts = calloc((size_t)argc + 1, sizeof *parsed->texts);
+    if (!parsed->settings || !parsed->texts)
+        return hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
+    if (command->defaults)
+        command->defaults(parsed->settings);
+    poptContext context = poptGetContext("hadalens", argc, argv, table, 0);
+    parsed->popt = context;
+    int value;
+    while (!status && (value = poptGetNextOpt(context)) > 0) {
+        char *text = poptGetOptArg(context);
+        if (text)
+            parsed->texts[parsed->text_count++] = text;
+        status = store(all.items[value - 1], parsed->settings, text ? text : "", err);
+    }
+    if (!status && value < -1)
+        status = bad_option(context, value, &all, err);
+    if (status)
+        return status;
+    parsed->arguments = poptGetArgs(context);
+    while (parsed->arguments && parsed->arguments[parsed->count])
+        parsed->count++;
+    return HADA_OK;
+}
+
+void hada_cli_parsed_free(hada_cli_parsed *parsed)
+{
+    for (int i = 0; i < parsed->text_count; i++)
+        free(parsed->texts[i]);
+    free(parsed->texts);
+    free(parsed->settings);
+    if (parsed->popt)
+        poptFreeContext(parsed->popt);
+    memset(parsed, 0, sizeof *parsed);
+}

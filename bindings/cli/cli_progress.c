@@ -1,0 +1,69 @@
+#include "cli.h"
+
+#include <stdio.h>
+#include <string.h>
+#include <time.h>
+#include <unistd.h>
+
+double hada_cli_seconds(void)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
+}
+
+void hada_cli_progress_begin(hada_cli *cli, hada_cli_progress *progress, const char *what, long total)
+{
+    memset(progress, 0, sizeof *progress);
+    progress->shown = isatty(STDERR_FILENO) && !cli->common->quiet;
+    progress->what = what;
+    progress->total = total;
+    progress->started = progress->last = hada_cli_seconds();
+    cli->progress = progress;
+}
+
+static void draw(hada_cli_progress *progress, const char *note)
+{
+    enum { WIDTH = 24 };
+    char bar[WIDTH + 1];
+    double share = progress->total > 0 ? (double)progress->done / (double)progress->total : 0;
+    double passed = hada_cli_seconds() - progress->started;
+    for (int i = 0; i < WIDTH; i++)
+        bar[i] = i < share * WIDTH ? '#' : '.';
+    bar[WIDTH] = '\0';
+    fprintf(stderr, "\r\033[K%s [%s] %ld of %ld", progress->what, bar, progress->done, progress->total);
+    if (share > 0 && share < 1 && passed > 1)
+        fprintf(stderr, ", %.0f s left", passed * (1 - share) / share);
+    if (note)
+        fprintf(stderr, "  %.40s", note);
+    fflush(stderr);
+    progress->drawn = 1;
+}
+
+void hada_cli_progress_step(hada_cli *cli, const char *note)
+{
+    hada_cli_progress *progress = cli->progress;
+    if (!progress)
+        return;
+    progress->done++;
+    double now = hada_cli_seconds();
+    /* Ten times a second is enough for any eye. */
+    if (progress->shown && (now - progress->last > 0.1 || progress->done == 1)) {
+        progress->last = now;
+        draw(progress, note);
+    }
+}
+
+void hada_cli_progress_hide(hada_cli *cli)
+{
+    if (cli->progress && cli->progress->drawn) {
+        fputs("\r\033[K", stderr);
+        cli->progress->drawn = 0;
+    }
+}
+
+void hada_cli_progress_end(hada_cli *cli)
+{
+    hada_cli_progress_hide(cli);
+    cli->progress = NULL;
+}

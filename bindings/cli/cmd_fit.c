@@ -1,0 +1,432 @@
+#include "command.h"
+#include "folder.h"
+#include "pairs.h"
+
+#include <hadalens/fit.h>
+#include <hadalens/optics.h>
+#include <hadalens/tiff.h>
+#include <math.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+typedef struct settings {
+    hada_cli_common common;
+    const char *output, *psf, *dark, *refine, *distances, *sums;
+    hada_cli_texts merge;
+    int form, boundary, half, skip_incomplete, score;
+    int window[2];
+    double alpha, lambda, psf_dark;
+} settings;
+
+#define AT(member) offsetof(settings, member)
+static const hada_cli_option options[] = {
+    {HADA_OPTION_GROUP, NULL, 0, NULL, "What to write", NULL, 0},
+    {HADA_OPTION_TEXT, "output", 'o', "MODEL", "the model file to write (safetensors)", NULL, AT(output)},
+    {HADA_OPTION_FLAG, "half", 0, NULL, "store the filters in half precision: half the size", NULL, AT(half)},
+
+    {HADA_OPTION_GROUP, NULL, 0, NULL, "What to learn from", NULL, 0},
+    {HADA_OPTION_TEXT, "psf", 0, "PSF.tif", "make the model from point spread functions instead of pairs",
+     "A page per depth, near to far, the optical axis at pixel (height/2, width/2). No DATASET is needed then.",
+     AT(psf)},
+    {HADA_OPTION_TEXT, "distances", 0, "LIST", "the distances of the pages of --psf in mm, such as 100,200,400",
+     "Needed where the file does not say them.", AT(distances)},
+    {HADA_OPTION_TEXT, "sums", 0, "FILE", "also save the sums over the pairs",
+     "A later fit adds to them with --merge, without the pairs.", AT(sums)},
+    {HADA_OPTION_TEXTS, "merge", 0, "FILE", "add saved sums; may be given more than once",
+     "They must come from the same camera and depths. So pairs can be added later, or from several machines.",
+     AT(merge)},
+    {HADA_OPTION_FLAG, "skip-incomplete", 0, NULL, "leave out files that have no partner, instead of refusing", NULL,
+     AT(skip_incomplete)},
+
+    {HADA_OPTION_GROUP, NULL, 0, NULL, "How", NULL, 0},
+    {HADA_OPTION_CHOICE, "form", 0, "complex|split|matched|wiener", "how filters act on a frame's spectrum",
+     "From pairs: complex (default), or split, Eq. 3 of Tian and Yang (2022) to the letter. From --psf: wiener "
+     "(default) or matched, their Eq. 2.",
+     AT(form)},
+    {HADA_OPTION_CHOICE, "boundary", 0, "circular|padded", "whether light beyond the sensor comes back in, or is lost",
+     "Without it: what camera.json says; without that, padded, as on a real sensor.", AT(boundary)},
+    {HADA_OPTION_SIZE, "window", 0, "HxW", "field of view, where the scenes or the PSF are as large as the frame", NULL,
+     AT(window)},
+    {HADA_OPTION_TEXT, "dark", 0, "FILE|auto|none|LEVEL", "dark level of the raw frames (default: none)",
+     "Taken off every pixel. FILE: the mean of a dark frame; auto: the darkest that the frames show; LEVEL: a share of "
+     "full scale. The model remembers it.",
+     AT(dark)},
+    {HADA_OPTION_REAL, "psf-dark", 0, "LEVEL", "dark level of the PSF (default: its own background)", NULL,
+     AT(psf_dark)},
+    {HADA_OPTION_REAL, "alpha", 0, "A", "weight of the other depths' light (default: by leave-one-out)", NULL,
+     AT(alpha)},
+    {HADA_OPTION_REAL, "lambda", 0, "L", "regularisation (default: by leave-one-out)", NULL, AT(lambda)},
+    {HADA_OPTION_TEXT, "refine", 0, "N|auto|0", "refinement steps that the model recommends (default: auto)",
+     "auto measures by leave-one-out whether refinement pays for this camera.", AT(refine)},
+    {HADA_OPTION_COUNT, "score", 0, "N", "pairs per depth for leave-one-out (default: 8); 0: none, stated defaults",
+     NULL, AT(score)},
+    {0},
+};
+
+static void defaults(void *user)
+{
+    settings *set = user;
+    set->dark = "none";
+    set->refine = "auto";
+    set->alpha = set->lambda = set->psf_dark = -1;
+    set->score = 8;
+}
+
+static hada_status read_refine(const char *text, int *steps, hada_error *err)
+{
+    *steps = -1;
+    if (!strcmp(text, "auto") || hada_cli_read_count(text, steps))
+        return HADA_OK;
+    return hada_cli_error(err, HADA_ERROR_ARGUMENT, "--refine takes a number of steps or 'auto', not '%s'", text);
+}
+
+/* --- from pairs --- */
+
+static hada_status measure(const char *path, hada_tiff_info *info, hada_error *err)
+{
+    hada_tiff_reader *reader = NULL;
+    hada_status status = hada_tiff_open(&reader, path, err);
+    if (status) {
+        hada_cli_prefix(err, "%s: ", path);
+        return status;
+    }
+    *info = *hada_tiff_get_info(reader);
+    hada_tiff_close(&reader);
+    return HADA_OK;
+}
+
+/* Sizes come from the first pair; the fitter checks that the others agree. */
+static hada_status set_sizes(hada_fit_options *fit, const settings *set, const hada_cli_dataset *data, hada_error *err)
+{
+    const hada_cli_pair *pair = &data->depth[0].pair[0];
+    hada_tiff_info raw, scene;
+    hada_status status = measure(pair->raw, &raw, err);
+    if (!status)
+        status = measure(pair->scene, &scene, err);
+    if (status)
+        return status;
+    fit->channels = raw.channels;
+    fit->raw_rows = raw.rows;
+    fit->raw_cols = raw.cols;
+    fit->window_rows = scene.rows;
+    fit->window_cols = scene.cols;
+    if (!set->window[0] || (set->window[0] == scene.rows && set->window[1] == scene.cols))
+        return HADA_OK;
+    if (scene.rows != raw.rows || scene.cols != raw.cols)
+        return hada_cli_error(
+            err, HADA_ERROR_ARGUMENT,
+            "--window %dx%d: the scenes have %dx%d pixels, which is the window then; a smaller one can "
+            "be cut only from scenes as large as the frame (%dx%d)",
+            set->window[0], set->window[1], scene.rows, scene.cols, raw.rows, raw.cols);
+    fit->window_rows = set->window[0];
+    fit->window_cols = set->window[1];
+    return HADA_OK;
+}
+
+static hada_boundary choose_boundary(hada_cli *cli, const settings *set, const hada_cli_dataset *data)
+{
+    hada_camera camera;
+    hada_error err = {0};
+    if (set->boundary)
+        return set->boundary == 1 ? HADA_BOUNDARY_CIRCULAR : HADA_BOUNDARY_PADDED;
+    if (!data->camera)
+        return HADA_BOUNDARY_PADDED;
+    hada_camera_init(&camera);
+    if (!hada_camera_load(&camera, data->camera, &err))
+        return camera.boundary;
+    hada_cli_warn(cli, "%s is not used: %s", data->camera, err.message);
+    return HADA_BOUNDARY_PADDED;
+}
+
+static hada_status choose_dark(const settings *set, const hada_cli_dataset *data, double *level, hada_error *err)
+{
+    hada_cli_dark dark;
+    hada_status status = hada_cli_dark_read(&dark, set->dark, err);
+    if (status)
+        return status;
+    *level = dark.level;
+    if (dark.kind == HADA_CLI_DARK_AUTO)
+        status = hada_cli_pairs_dark(data, level, err);
+    hada_cli_dark_free(&dark);
+    return status;
+}
+
+static void print_rows(hada_cli *cli, const hada_fit_row *rows, size_t count)
+{
+    json_t *list = json_array();
+    if (count) {
+        hada_cli_say(cli, "\nLeave-one-out, mean PSNR of held-out pairs in dB");
+        hada_cli_say(cli, "  %9s  %9s  %10s  %9s  %10s", "alpha", "lambda", "refinement", "one depth", "two depths");
+    }
+    for (size_t i = 0; i < count; i++) {
+        const hada_fit_row *row = &rows[i];
+        char steps[32] = "-", two[32] = "-";
+        if (row->refine_steps)
+            snprintf(steps, sizeof steps, "%d steps", row->refine_steps);
+        if (isfinite(row->psnr_double))
+            snprintf(two, sizeof two, "%.2f", row->psnr_double);
+        hada_cli_say(cli, "%s %9.3g  %9.3g  %10s  %9.2f  %10s%s", row->chosen ? "*" : " ", row->alpha, row->lambda,
+                     steps, row->psnr_single, two, row->chosen ? "  chosen" : "");
+        json_t *entry = json_pack("{s:f, s:f, s:i, s:b}", "alpha", row->alpha, "lambda", row->lambda, "refine_steps",
+                                  row->refine_steps, "chosen", row->chosen);
+        json_object_set_new(entry, "refine_rho", hada_cli_real(row->refine_rho));
+        json_object_set_new(entry, "psnr_one_depth", hada_cli_real(row->psnr_single));
+        json_object_set_new(entry, "psnr_two_depths", hada_cli_real(row->psnr_double));
+        json_array_append_new(list, entry);
+    }
+    json_object_set_new(cli->document, "leave_one_out", list);
+}
+
+static hada_status learn(hada_cli *cli, const settings *set, const hada_cli_dataset *data, hada_fitter *fitter,
+                         hada_model **model, hada_error *err)
+{
+    hada_fit_row *rows = NULL;
+    size_t row_count = 0;
+    hada_status status = HADA_OK;
+    for (int i = 0; !status && i < set->merge.count; i++) {
+        status = hada_fitter_load_sums(fitter, set->merge.items[i], err);
+        if (status)
+            hada_cli_prefix(err, "%s: ", set->merge.items[i]);
+    }
+    if (!status)
+        status = hada_cli_pairs_add(cli, fitter, data, err);
+    if (!status && set->sums)
+        status = hada_fitter_save_sums(fitter, set->sums, err);
+    /* One pair alone cannot be left out. */
+    if (!status && set->score && (data->least_pairs > 1 || set->merge.count))
+        status = hada_cli_pairs_score(cli, fitter, data, set->score, err);
+    if (!status)
+        status = hada_fitter_finish(fitter, model, &rows, &row_count, err);
+    if (!status) {
+        json_t *pairs = json_array();
+        for (int z = 0; z < data->depths; z++)
+            json_array_append_new(pairs, json_integer(hada_fitter_pairs(fitter, z)));
+        json_object_set_new(cli->document, "pairs", pairs);
+        print_rows(cli, rows, row_count);
+    }
+    free(rows);
+    return status;
+}
+
+static hada_status fit_pairs(hada_cli *cli, const settings *set, const char *folder, hada_context *context,
+                             hada_model **model, hada_error *err)
+{
+    hada_cli_dataset data;
+    hada_fitter *fitter = NULL;
+    hada_fit_options fit;
+    char held[16];
+    hada_fit_options_init(&fit);
+    hada_status status = hada_cli_dataset_scan(&data, folder, set->skip_incomplete, err);
+    if (status)
+        return status;
+    if (data.incomplete)
+        hada_cli_warn(cli, "left out: %s", data.incomplete_text);
+    if (data.least_pairs == 1)
+        hada_cli_warn(cli,
+                      "a depth has a single pair: nothing can be held out there, so the model is a guess; show the "
+                      "camera about eight scenes per depth");
+    fit.depths = data.depths;
+    fit.distances_mm = data.distances_mm;
+    fit.alpha = set->alpha;
+    fit.lambda = set->lambda;
+    fit.form = set->form == 2 ? HADA_FORM_SPLIT : HADA_FORM_COMPLEX;
+    fit.boundary = choose_boundary(cli, set, &data);
+    status = read_refine(set->refine, &fit.refine_steps, err);
+    if (!status)
+        status = set_sizes(&fit, set, &data, err);
+    if (!status)
+        status = choose_dark(set, &data, &fit.dark, err);
+    if (!status)
+        status = hada_fitter_create(&fitter, context, &fit, err);
+    if (!status) {
+        hada_cli_detail(cli, "the sums take %s on the device", hada_cli_bytes(held, hada_fitter_bytes(fitter)));
+        status = learn(cli, set, &data, fitter, model, err);
+    }
+    if (!status)
+        hada_cli_say(cli, "%s%d pairs, %d to each of %d %s", "\n", data.pairs, data.least_pairs, data.depths,
+                     data.depths == 1 ? "depth" : "depths");
+    hada_fitter_destroy(&fitter);
+    hada_cli_dataset_free(&data);
+    return status;
+}
+
+/* --- from point spread functions --- */
+
+static hada_status psf_distances(const settings *set, hada_tiff_reader *reader, const char *path, double *out,
+                                 int pages, hada_error *err)
+{
+    int found = 0;
+    if (set->distances) {
+        hada_status status = hada_cli_read_distances("distances", set->distances, out, pages, &found, err);
+        if (!status && found != pages)
+            status = hada_cli_error(err, HADA_ERROR_ARGUMENT, "--distances names %d %s, but %s has %d %s", found,
+                                    found == 1 ? "distance" : "distances", path, pages, pages == 1 ? "page" : "pages");
+        return status;
+    }
+    if (hada_tiff_distances(reader, out, (size_t)pages) == (size_t)pages)
+        return HADA_OK;
+    return hada_cli_error(err, HADA_ERROR_ARGUMENT,
+                          "%s does not say at which %s its %d %s taken; add --distances with %s in mm", path,
+                          pages == 1 ? "distance" : "distances", pages, pages == 1 ? "page was" : "pages were",
+                          pages == 1 ? "it" : "them");
+}
+
+static hada_status fit_psf(hada_cli *cli, const settings *set, const char *path, hada_context *context,
+                           hada_model **model, hada_error *err)
+{
+    hada_tiff_reader *reader = NULL;
+    hada_psf_options psf;
+    hada_cli_dark dark = {0};
+    hada_psf_options_init(&psf);
+    hada_status status = hada_tiff_open(&reader, path, err);
+    if (status) {
+        hada_cli_prefix(err, "%s: ", path);
+        return status;
+    }
+    int pages = hada_tiff_get_info(reader)->frames;
+    double *distances = calloc((size_t)pages, sizeof *distances);
+    hada_image *images = calloc((size_t)pages, sizeof *images);
+    if (!distances || !images)
+        status = hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
+    if (!status)
+        status = psf_distances(set, reader, path, distances, pages, err);
+    if (!status)
+        status = hada_cli_dark_read(&dark, set->dark, err);
+    if (!status)
+        status = read_refine(set->refine, &psf.refine_steps, err);
+    for (int z = 0; !status && z < pages; z++)
+        status = hada_tiff_read(reader, z, &images[z], err);
+    if (!status) {
+        psf.form = set->form == 3 ? HADA_FORM_MATCHED : HADA_FORM_WIENER;
+        psf.boundary = set->boundary == 1 ? HADA_BOUNDARY_CIRCULAR : HADA_BOUNDARY_PADDED;
+        psf.window_rows = set->window[0];
+        psf.window_cols = set->window[1];
+        psf.lambda = set->lambda > 0 ? set->lambda : 0;
+        psf.psf_dark = set->psf_dark;
+        psf.dark = dark.kind == HADA_CLI_DARK_AUTO ? -1 : dark.level;
+        status = hada_model_from_psf(model, context, images, pages, distances, &psf, err);
+        if (status)
+            hada_cli_prefix(err, "%s: ", path);
+    }
+    for (int z = 0; images && z < pages; z++)
+        hada_image_destroy(&images[z]);
+    hada_cli_dark_free(&dark);
+    free(images);
+    free(distances);
+    hada_tiff_close(&reader);
+    (void)cli;
+    return status;
+}
+
+/* --- both --- */
+
+static hada_status to_half(hada_model **model, hada_error *err)
+{
+    hada_model *half = NULL;
+    hada_status status = hada_model_to_half(&half, *model, err);
+    if (status)
+        return status;
+    hada_model_destroy(model);
+    *model = half;
+    return HADA_OK;
+}
+
+static void print_model(hada_cli *cli, const settings *set, const hada_model *model, double seconds)
+{
+    static const char *const forms[] = {"", "complex", "split", "matched", "wiener"};
+    const hada_model_info *info = hada_model_get_info(model);
+    const char *boundary = info->boundary == HADA_BOUNDARY_PADDED ? "padded" : "circular";
+    char size[16], dark[32] = "found per frame", refine[64] = "no refinement";
+    hada_cli_bytes(size, info->bytes);
+    if (info->dark >= 0)
+        snprintf(dark, sizeof dark, "%.4g", info->dark);
+    if (info->refine_steps)
+        snprintf(refine, sizeof refine, "%d refinement steps", info->refine_steps);
+    hada_cli_say(cli, "%s: %d %s, %dx%d frames, window %dx%d, %s, %s, dark level %s, %s, %s (%.1f s)", set->output,
+                 info->depths, info->depths == 1 ? "depth" : "depths", info->raw_rows, info->raw_cols,
+                 info->window_rows, info->window_cols, forms[info->form], boundary, dark, refine, size, seconds);
+    json_t *entry = json_pack("{s:s, s:s, s:s, s:i, s:[ii], s:[ii], s:[ii], s:i, s:b, s:I}", "file", set->output,
+                              "form", forms[info->form], "boundary", boundary, "channels", info->channels, "frame",
+                              info->raw_rows, info->raw_cols, "grid", info->grid_rows, info->grid_cols, "window",
+                              info->window_rows, info->window_cols, "refine_steps", info->refine_steps, "half",
+                              info->half, "bytes", (json_int_t)info->bytes);
+    json_object_set_new(entry, "distances_mm", hada_cli_reals(info->distances_mm, info->depths));
+    json_object_set_new(entry, "alpha", hada_cli_real(info->alpha));
+    json_object_set_new(entry, "lambda", hada_cli_real(info->lambda));
+    json_object_set_new(entry, "dark", info->dark >= 0 ? hada_cli_real(info->dark) : json_null());
+    json_object_set_new(entry, "noise", hada_cli_real(info->noise));
+    json_object_set_new(cli->document, "model", entry);
+    json_object_set_new(cli->document, "seconds", json_real(seconds));
+}
+
+static int run(hada_cli *cli, void *user, int count, const char **arguments)
+{
+    const settings *set = user;
+    hada_error err = {0};
+    hada_context *context = NULL;
+    hada_model *model = NULL;
+    double start = hada_cli_seconds();
+    if (count > 1)
+        return hada_cli_usage(cli, "one DATASET at a time; '%s' is too many (--merge adds sums of others)",
+                              arguments[1]);
+    if (!count && !set->psf)
+        return hada_cli_usage(cli, "say what to learn from: a DATASET folder, or --psf PSF.tif");
+    if (count && set->psf)
+        return hada_cli_usage(cli, "either the pairs of %s or --psf %s, not both", arguments[0], set->psf);
+    if (!set->output)
+        return hada_cli_usage(cli, "say where the model shall be written, with -o MODEL");
+    if (set->psf && (set->form == 1 || set->form == 2))
+        return hada_cli_usage(cli, "forms complex and split are learned from pairs; with --psf take wiener or matched");
+    if (set->psf && (set->sums || set->merge.count))
+        return hada_cli_usage(cli, "--sums and --merge belong to pairs, not to --psf");
+    hada_status status = hada_cli_check_output(set->output, &err);
+    if (!status && set->sums)
+        status = hada_cli_check_output(set->sums, &err);
+    if (!status && !set->psf && set->form >= 3)
+        return hada_cli_usage(cli, "forms matched and wiener need a PSF: hadalens fit --psf %s/psf.tif -o %s",
+                              arguments[0], set->output);
+    if (!status)
+        status = hada_cli_open(cli, &context, &err);
+    if (!status)
+        status = set->psf ? fit_psf(cli, set, set->psf, context, &model, &err)
+                          : fit_pairs(cli, set, arguments[0], context, &model, &err);
+    if (!status && set->half)
+        status = to_half(&model, &err);
+    if (!status)
+        status = hada_model_save(model, set->output, &err);
+    if (!status)
+        print_model(cli, set, model, hada_cli_seconds() - start);
+    hada_model_destroy(&model);
+    hada_context_destroy(&context);
+    return status ? hada_cli_fail(cli, &err) : HADA_EXIT_OK;
+}
+
+static const hada_cli_example examples[] = {
+    {"hadalens fit camera -o camera.model", "learns from all pairs of the folder camera."},
+    {"hadalens fit --psf psf.tif --distances 250 --dark auto -o hand.model", "from one measured PSF."},
+    {"hadalens fit monday -o m.model --sums monday.sums", "keeps the sums,"},
+    {"hadalens fit tuesday -o both.model --merge monday.sums", "and adds to them."},
+    {0},
+};
+
+const hada_cli_command hada_cli_fit = {
+    .name = "fit",
+    .summary = "learn a camera from pairs of raw frame and known scene, or from its PSF",
+    .synopsis = "DATASET -o MODEL [OPTION...] | --psf PSF.tif -o MODEL [OPTION...]",
+    .description =
+        "Each frequency of each depth is a least-squares problem of its own, so the filters are learned exactly, in "
+        "one "
+        "pass, without random numbers. Memory does not grow with the number of pairs.\n\n"
+        "DATASET is a folder with a folder per depth named z<distance>mm, each with raw/NAME.tif and scene/NAME.tif of "
+        "the same names ('hadalens simulate' writes one). About eight pairs per depth do.\n\n"
+        "A second pass leaves out one pair after the other, and so chooses alpha, lambda and whether refinement pays; "
+        "the table that is printed shows it.",
+    .options = options,
+    .examples = examples,
+    .settings_size = sizeof(settings),
+    .defaults = defaults,
+    .run = run,
+    .uses_device = 1,
+};

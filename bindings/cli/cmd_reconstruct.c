@@ -1,0 +1,342 @@
+#include "command.h"
+#include "folder.h"
+#include "frame_outputs.h"
+#include "frame_report.h"
+#include "pairs.h"
+
+#include <math.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+typedef struct settings {
+    hada_cli_common common;
+    const char *model, *output, *depths, *occupied, *refine, *dark;
+    int method, bits, half, repair, no_preview, batch;
+    double gamma, white, lambda;
+} settings;
+
+#define AT(member) offsetof(settings, member)
+static const hada_cli_option options[] = {
+    {HADA_OPTION_GROUP, NULL, 0, NULL, "Input and output", NULL, 0},
+    {HADA_OPTION_TEXT, "model", 'm', "MODEL", "the camera, from 'hadalens fit'", NULL, AT(model)},
+    {HADA_OPTION_TEXT, "output", 'o', "FOLDER", "where the results go; made when missing", NULL, AT(output)},
+    {HADA_OPTION_CHOICE, "bits", 0, "8|16|32", "bits per value of stack and all-in-focus image (default: 32, float)",
+     "8 and 16 bits hold 0 to 1 (see --white) and cut off what is beyond. The distance map is always float.", AT(bits)},
+    {HADA_OPTION_REAL, "white", 0, "VALUE", "value that becomes full scale in 8 and 16 bits (default: 1)", NULL,
+     AT(white)},
+    {HADA_OPTION_REAL, "gamma", 0, "G", "exponent on the finished images (default: 1, linear)", NULL, AT(gamma)},
+    {HADA_OPTION_FLAG, "no-preview", 0, NULL, "write no NAME_preview.png", NULL, AT(no_preview)},
+
+    {HADA_OPTION_GROUP, NULL, 0, NULL, "Reconstruction", NULL, 0},
+    {HADA_OPTION_TEXT, "depths", 0, "LIST", "depths to compute (default: all)",
+     "Slices counted from 1 (near), such as 1,3-5, or distances, such as 100mm,250mm.", AT(depths)},
+    {HADA_OPTION_TEXT, "occupied", 0, "auto|all|LIST", "depths at which the scene has something (default: auto)",
+     "auto finds the few depths that explain the frame; the others stay linear. LIST as for --depths.", AT(occupied)},
+    {HADA_OPTION_TEXT, "refine", 0, "N|auto|0", "refinement steps on the occupied depths (default: auto)",
+     "auto takes what the fit measured to pay for this camera. 0: the linear filters alone, the quickest.", AT(refine)},
+    {HADA_OPTION_TEXT, "dark", 0, "FILE|auto|none|LEVEL", "dark level of the frames (default: what the model says)",
+     "FILE: a dark frame of the camera; auto: each frame's own; LEVEL: a share of full scale.", AT(dark)},
+    {HADA_OPTION_CHOICE, "method", 0, "hadamard|matched|wiener", "linear filter (default: hadamard, the model's own)",
+     "matched and wiener are made from the model's transfer functions.", AT(method)},
+    {HADA_OPTION_REAL, "lambda", 0, "L", "regularisation of --method wiener (default: 0.01)", NULL, AT(lambda)},
+    {HADA_OPTION_FLAG, "repair", 0, NULL, "fill NaN and infinite pixels from their neighbours",
+     "Without it such a frame is refused.", AT(repair)},
+    {HADA_OPTION_FLAG, "half", 0, NULL, "keep the filters in half precision on the device", NULL, AT(half)},
+    {HADA_OPTION_COUNT, "batch", 0, "N", "depths computed at once (default: by memory)", NULL, AT(batch)},
+    {0},
+};
+
+static void defaults(void *user)
+{
+    settings *set = user;
+    set->occupied = set->refine = "auto";
+    set->bits = 3;
+    set->gamma = 1;
+    set->white = 1;
+    set->lambda = 0.01;
+}
+
+/* What stays the same over all files. */
+typedef struct job {
+    hada_cli *cli;
+    const settings *set;
+    hada_context *context;
+    hada_model *model;
+    hada_plan *plan;
+    hada_result result; /* keeps its memory from frame to frame */
+    hada_cli_dark dark;
+    int *depths, *occupied;
+} job;
+
+static hada_status read_options(job *work, hada_plan_options *plan, hada_error *err)
+{
+    const settings *set = work->set;
+    const hada_model_info *info = hada_model_get_info(work->model);
+    hada_status status = HADA_OK;
+    hada_plan_options_init(plan);
+    work->depths = calloc((size_t)info->depths, sizeof *work->depths);
+    work->occupied = calloc((size_t)info->depths, sizeof *work->occupied);
+    if (!work->depths || !work->occupied)
+        return hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
+    if (set->depths) {
+        status = hada_cli_read_depths("depths", set->depths, info->distances_mm, info->depths, work->depths,
+                                      &plan->depth_count, err);
+        plan->depths = work->depths;
+    }
+    if (!status && !strcmp(set->occupied, "all")) {
+        plan->occupied = HADA_OCCUPIED_ALL;
+    } else if (!status && strcmp(set->occupied, "auto")) {
+        plan->occupied = HADA_OCCUPIED_LIST;
+        status = hada_cli_read_depths("occupied", set->occupied, info->distances_mm, info->depths, work->occupied,
+                                      &plan->occupied_count, err);
+        plan->occupied_list = work->occupied;
+    }
+    plan->refine = -1;
+    if (!status && strcmp(set->refine, "auto") && !hada_cli_read_count(set->refine, &plan->refine))
+        status = hada_cli_error(err, HADA_ERROR_ARGUMENT, "--refine takes a number of steps or 'auto', not '%s'",
+                                set->refine);
+    if (!status && set->dark) {
+        static const hada_dark kinds[] = {HADA_DARK_NONE, HADA_DARK_AUTO, HADA_DARK_LEVEL, HADA_DARK_FRAME};
+        status = hada_cli_dark_read(&work->dark, set->dark, err);
+        plan->dark = kinds[work->dark.kind];
+        plan->dark_level = work->dark.level;
+        plan->dark_frame = work->dark.kind == HADA_CLI_DARK_FILE ? &work->dark.frame : NULL;
+    }
+    plan->repair_not_finite = set->repair;
+    plan->half = set->half;
+    plan->batch = set->batch;
+    plan->gamma = set->gamma;
+    return status;
+}
+
+/* matched and wiener in place of the model's own filters. */
+static hada_status change_form(job *work, hada_error *err)
+{
+    hada_model *other = NULL;
+    if (work->set->method < 2)
+        return HADA_OK;
+    hada_form form = work->set->method == 2 ? HADA_FORM_MATCHED : HADA_FORM_WIENER;
+    hada_status status = hada_model_with_form(&other, work->model, form, work->set->lambda, err);
+    if (status)
+        return status;
+    hada_model_destroy(&work->model);
+    work->model = other;
+    return HADA_OK;
+}
+
+static hada_status prepare(job *work, hada_error *err)
+{
+    hada_cli *cli = work->cli;
+    hada_plan_options plan;
+    uint64_t device = 0, host = 0;
+    char device_text[16], host_text[16];
+    hada_status status = hada_model_load(&work->model, work->set->model, err);
+    if (status)
+        hada_cli_prefix(err, "%s: ", work->set->model);
+    if (!status)
+        status = change_form(work, err);
+    if (!status)
+        status = read_options(work, &plan, err);
+    if (!status)
+        status = hada_cli_make_folder(work->set->output, err);
+    if (!status)
+        status = hada_cli_open(cli, &work->context, err);
+    if (!status)
+        status = hada_plan_estimate(work->context, work->model, &plan, &device, &host, err);
+    if (!status) {
+        hada_cli_detail(cli, "this takes %s on the device and %s of ordinary memory",
+                        hada_cli_bytes(device_text, device), hada_cli_bytes(host_text, host));
+        json_object_set_new(
+            cli->document, "memory",
+            json_pack("{s:I, s:I}", "device_bytes", (json_int_t)device, "host_bytes", (json_int_t)host));
+        status = hada_plan_create(&work->plan, work->context, work->model, &plan, err);
+    }
+    return status;
+}
+
+static hada_status check_size(const job *work, const hada_tiff_info *file, hada_error *err)
+{
+    const hada_model_info *info = hada_model_get_info(work->model);
+    if (file->rows == info->raw_rows && file->cols == info->raw_cols && file->channels == info->channels)
+        return HADA_OK;
+    return hada_cli_error(err, HADA_ERROR_MODEL,
+                          "this frame has %dx%d pixels of %d %s, but the model %s is of a camera with %dx%d pixels of "
+                          "%d; take the model that was fitted to this camera",
+                          file->rows, file->cols, file->channels, file->channels == 1 ? "channel" : "channels",
+                          work->set->model, info->raw_rows, info->raw_cols, info->channels);
+}
+
+/* All frames of an opened file. */
+static hada_status run_frames(job *work, hada_tiff_reader *reader, hada_cli_outputs *out, json_t *frames,
+                              hada_error *err)
+{
+    hada_status status = HADA_OK;
+    for (int t = 0; !status && t < out->frames; t++) {
+        hada_image raw = {0};
+        status = hada_tiff_read(reader, t, &raw, err);
+        if (!status)
+            status = hada_plan_run(work->plan, &raw, &work->result, err);
+        if (status && out->frames > 1)
+            hada_cli_prefix(err, "frame %d of %d: ", t + 1, out->frames);
+        if (!status)
+            status = hada_cli_outputs_add(out, &raw, &work->result, err);
+        hada_image_destroy(&raw);
+        if (!status) {
+            json_array_append_new(frames, hada_cli_frame_json(&work->result));
+            status = hada_cli_check_signals(err);
+        }
+    }
+    return status ? status : hada_cli_outputs_finish(out, err);
+}
+
+static hada_status run_file(job *work, const char *path, const char *name, json_t *entry, hada_error *err)
+{
+    static const char *const keys[] = {"stack", "all_in_focus", "distance_map", "preview"};
+    static const int bits[] = {8, 8, 16, 32};
+    const settings *set = work->set;
+    hada_tiff_reader *reader = NULL;
+    hada_cli_outputs out = {0};
+    json_t *frames = json_array(), *outputs = json_object();
+    char words[400];
+    double start = hada_cli_seconds();
+    int count = 0;
+    hada_status status = hada_tiff_open(&reader, path, err);
+    if (!status)
+        status = check_size(work, hada_tiff_get_info(reader), err);
+    if (!status) {
+        count = hada_tiff_get_info(reader)->frames;
+        status = hada_cli_outputs_begin(&out, set->output, name, set->model, !set->no_preview, count, bits[set->bits],
+                                        set->white, err);
+    }
+    for (int k = 0; !status && k < HADA_CLI_OUTPUTS; k++)
+        if (out.path[k])
+            json_object_set_new(outputs, keys[k], json_string(out.path[k]));
+    if (!status)
+        status = run_frames(work, reader, &out, frames, err);
+    hada_cli_outputs_end(&out);
+    hada_tiff_close(&reader);
+    if (!status) {
+        double seconds = hada_cli_seconds() - start;
+        hada_cli_frame_words(&work->result, words, sizeof words);
+        if (count > 1)
+            hada_cli_say(work->cli, "%s: %d frames, %.2f s each; the last: %s", name, count, seconds / count, words);
+        else
+            hada_cli_say(work->cli, "%s: %s; %.2f s", name, words, seconds);
+        json_object_set(entry, "outputs", outputs);
+        json_object_set(entry, "frames", frames);
+        json_object_set_new(entry, "seconds", json_real(seconds));
+    }
+    json_decref(outputs);
+    json_decref(frames);
+    return status;
+}
+
+/* Does all files; a bad one does not stop the others. */
+static int run_files(job *work, int count, const char **paths, char **names)
+{
+    hada_cli *cli = work->cli;
+    hada_cli_progress progress;
+    json_t *files = json_array();
+    int failed = 0, code = HADA_EXIT_OK;
+    json_object_set_new(cli->document, "files", files);
+    hada_cli_progress_begin(cli, &progress, "frames", count);
+    for (int i = 0; i < count; i++) {
+        hada_error err = {0};
+        json_t *entry = json_object();
+        json_object_set_new(entry, "input", json_string(paths[i]));
+        json_array_append_new(files, entry);
+        hada_status status = run_file(work, paths[i], names[i], entry, &err);
+        json_object_set_new(entry, "ok", json_boolean(!status));
+        if (status) {
+            hada_cli_prefix(&err, "%s: ", paths[i]);
+            hada_cli_print_error(cli, &err);
+            json_object_set_new(entry, "error", hada_cli_error_json(&err));
+            int this_code = hada_cli_exit_code(status);
+            code = !failed || code == this_code ? this_code : HADA_EXIT_SOME;
+            failed++;
+        }
+        if (hada_cli_interrupted()) {
+            code = HADA_EXIT_INTERRUPTED;
+            break;
+        }
+        hada_cli_progress_step(cli, names[i]);
+    }
+    hada_cli_progress_end(cli);
+    if (failed && count > 1 && !hada_cli_interrupted())
+        fprintf(stderr, "hadalens %s: %d of %d files failed\n", cli->command, failed, count);
+    return code;
+}
+
+/* The output names; two inputs must not write the same files. */
+static int make_names(hada_cli *cli, int count, const char **paths, char **names)
+{
+    for (int i = 0; i < count; i++) {
+        names[i] = hada_cli_stem(paths[i]);
+        for (int k = 0; names[i] && k < i; k++)
+            if (!strcmp(names[i], names[k]))
+                return hada_cli_usage(cli,
+                                      "%s and %s would both write %s_stack.tif; reconstruct them into different "
+                                      "folders",
+                                      paths[k], paths[i], names[i]);
+    }
+    return HADA_EXIT_OK;
+}
+
+static int run(hada_cli *cli, void *user, int count, const char **arguments)
+{
+    const settings *set = user;
+    hada_error err = {0};
+    job work = {.cli = cli, .set = set};
+    if (!count)
+        return hada_cli_usage(cli, "name at least one raw frame");
+    if (!set->model)
+        return hada_cli_usage(cli, "say which camera took the frames, with -m MODEL ('hadalens fit' makes one)");
+    if (!set->output)
+        return hada_cli_usage(cli, "say where the results shall go, with -o FOLDER");
+    if (!(set->gamma > 0) || !(set->white > 0) || !(set->lambda > 0))
+        return hada_cli_usage(cli, "--gamma, --white and --lambda must be greater than zero");
+    char **names = calloc((size_t)count, sizeof *names);
+    int code = names ? make_names(cli, count, arguments, names) : HADA_EXIT_MEMORY;
+    if (!code)
+        code = prepare(&work, &err) ? hada_cli_fail(cli, &err) : run_files(&work, count, arguments, names);
+    for (int i = 0; names && i < count; i++)
+        free(names[i]);
+    free(names);
+    hada_result_destroy(&work.result);
+    hada_plan_destroy(&work.plan);
+    hada_model_destroy(&work.model);
+    hada_context_destroy(&work.context);
+    hada_cli_dark_free(&work.dark);
+    free(work.depths);
+    free(work.occupied);
+    return code;
+}
+
+static const hada_cli_example examples[] = {
+    {"hadalens reconstruct frame.tif -m camera.model -o pictures", "one frame, everything automatic."},
+    {"hadalens reconstruct *.tif -m camera.model -o pictures --refine 0", "many frames, quickly."},
+    {"hadalens reconstruct hand.tif -m hand.model -o pictures --dark auto --bits 16", "a sensor with an offset."},
+    {"hadalens reconstruct frame.tif -m camera.model -o pictures --occupied 100mm,250mm", "when the depths are known."},
+    {0},
+};
+
+const hada_cli_command hada_cli_reconstruct = {
+    .name = "reconstruct",
+    .summary = "turn raw frames into refocused stacks, all-in-focus images and distance maps",
+    .synopsis = "RAW.tif... -m MODEL -o FOLDER [OPTION...]",
+    .description =
+        "For each NAME.tif it writes NAME_stack.tif (a refocused image per depth, near to far, as ImageJ hyperstack "
+        "with the distances), NAME_aif.tif (everything in focus), NAME_depth.tif (distances in millimetres, NaN where "
+        "nothing is in focus) and NAME_preview.png, a sheet to look at.\n\n"
+        "A file of many pages is a sequence: its results have as many frames, and memory does not grow with them; the "
+        "preview shows the first. A file that cannot be done is reported and does not stop the others. Results appear "
+        "under their names when they are whole, so nothing half-written is left.",
+    .options = options,
+    .examples = examples,
+    .settings_size = sizeof(settings),
+    .defaults = defaults,
+    .run = run,
+    .uses_device = 1,
+};

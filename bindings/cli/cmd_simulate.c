@@ -1,0 +1,263 @@
+#include "command.h"
+#include "dataset_write.h"
+#include "folder.h"
+
+#include <errno.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+typedef struct settings {
+    hada_cli_common common;
+    const char *output, *scenes, *preset, *test_scenes;
+    int mask, boundary, channels, bits;
+    int size[2], window[2];
+    int depths, lenses, pairs, test, test_depths;
+    double near_mm, far_mm, noise;
+    uint64_t seed;
+} settings;
+
+#define AT(member) offsetof(settings, member)
+static const hada_cli_option options[] = {
+    {HADA_OPTION_GROUP, NULL, 0, NULL, "What to write", NULL, 0},
+    {HADA_OPTION_TEXT, "output", 'o', "DATASET", "the folder to make", "It must not exist yet, or be empty.",
+     AT(output)},
+    {HADA_OPTION_TEXT, "scenes", 0, "FOLDER|procedural", "pictures to show to the camera (default: procedural)",
+     "A folder of TIFF pictures of any size, cut and scaled to the window; or coloured shapes drawn from the seed.",
+     AT(scenes)},
+    {HADA_OPTION_COUNT, "pairs", 0, "N", "pairs of raw frame and scene per depth (default: 8)", NULL, AT(pairs)},
+    {HADA_OPTION_COUNT, "test", 0, "N", "test frames whose scene stands at several depths (default: 0)",
+     "Written to DATASET/test: raw/NAME.tif, and as truth NAME_stack.tif, NAME_aif.tif and NAME_depth.tif, as "
+     "'reconstruct' names its results.",
+     AT(test)},
+    {HADA_OPTION_COUNT, "test-depths", 0, "N", "depths that a test frame occupies (default: 2)", NULL, AT(test_depths)},
+    {HADA_OPTION_TEXT, "test-scenes", 0, "FOLDER", "pictures for the test frames",
+     "Without it they are taken from the end of --scenes, and not used for pairs where there are enough.",
+     AT(test_scenes)},
+    {HADA_OPTION_CHOICE, "bits", 0, "16|32", "raw frames and scenes as 16-bit integers or floats (default: 32)",
+     "A camera writes 16 bits; then noise below zero is cut off.", AT(bits)},
+
+    {HADA_OPTION_GROUP, NULL, 0, NULL, "The camera", NULL, 0},
+    {HADA_OPTION_TEXT, "preset", 0, "NAME", "camera to begin with (default: sim512)",
+     "sim300: 300x400, 4 depths; sim512: 512x512, 14 depths; paper2022: 1376x2064, 14 depths. All see colour and 100 "
+     "to 600 mm.",
+     AT(preset)},
+    {HADA_OPTION_CHOICE, "mask", 0, "mla", "kind of mask: mla, microlenses at random places (default)", NULL, AT(mask)},
+    {HADA_OPTION_COUNT, "lenses", 0, "N", "number of lenses", NULL, AT(lenses)},
+    {HADA_OPTION_SIZE, "size", 0, "HxW", "pixels of the sensor, rows first",
+     "The sensor keeps its length in millimetres, so the pixels change.", AT(size)},
+    {HADA_OPTION_SIZE, "window", 0, "HxW", "field of view: pixels of the scene", NULL, AT(window)},
+    {HADA_OPTION_CHOICE, "channels", 0, "1|2|3", "1 for grey, 3 for colour", NULL, AT(channels)},
+    {HADA_OPTION_COUNT, "depths", 0, "N", "number of distances, equal steps in 1/distance", NULL, AT(depths)},
+    {HADA_OPTION_REAL, "near", 0, "MM", "nearest distance", NULL, AT(near_mm)},
+    {HADA_OPTION_REAL, "far", 0, "MM", "farthest distance", NULL, AT(far_mm)},
+    {HADA_OPTION_CHOICE, "boundary", 0, "circular|padded", "light beyond the sensor comes back in, or is lost",
+     "circular is the simplest model; padded is what a real sensor does. 'fit' reads the choice from camera.json.",
+     AT(boundary)},
+    {HADA_OPTION_REAL, "noise", 0, "SIGMA", "noise, as a share of a frame's maximum (default: 0.01)", NULL, AT(noise)},
+    {HADA_OPTION_SEED, "seed", 0, "N", "seed of lens places, scenes and noise; the same seed gives the same files",
+     NULL, AT(seed)},
+    {0},
+};
+
+static void defaults(void *user)
+{
+    settings *set = user;
+    set->scenes = "procedural";
+    set->preset = "sim512";
+    set->pairs = 8;
+    set->test_depths = 2;
+    set->depths = set->lenses = -1;
+    set->near_mm = set->far_mm = -1;
+    set->noise = 0.01;
+    set->seed = UINT64_MAX;
+}
+
+static hada_status make_camera(hada_camera *camera, const settings *set, hada_error *err)
+{
+    hada_status status = hada_camera_preset(camera, set->preset, err);
+    if (!status && set->size[0])
+        status = hada_camera_resize(camera, set->size[0], set->size[1], set->window[0], set->window[1], err);
+    if (status)
+        return status;
+    if (set->window[0]) {
+        camera->window_rows = set->window[0];
+        camera->window_cols = set->window[1];
+    }
+    if (set->channels)
+        camera->channels = set->channels;
+    if (set->lenses >= 0)
+        camera->lenses = set->lenses;
+    if (set->seed != UINT64_MAX)
+        camera->seed = set->seed;
+    if (set->boundary)
+        camera->boundary = set->boundary == 1 ? HADA_BOUNDARY_CIRCULAR : HADA_BOUNDARY_PADDED;
+    if (set->depths >= 0 || set->near_mm >= 0 || set->far_mm >= 0) {
+        double near_mm = set->near_mm >= 0 ? set->near_mm : camera->distances_mm[0];
+        double far_mm = set->far_mm >= 0 ? set->far_mm : camera->distances_mm[camera->depths - 1];
+        int depths = set->depths >= 0 ? set->depths : camera->depths;
+        status = hada_camera_set_depths(camera, near_mm, far_mm, depths, err);
+    }
+    return status ? status : hada_camera_check(camera, err);
+}
+
+/* Opens the scenes and divides them between pairs and tests. */
+static hada_status make_recipe(hada_cli *cli, hada_cli_recipe *recipe, const settings *set, const hada_camera *camera,
+                               hada_error *err)
+{
+    recipe->pairs = set->pairs;
+    recipe->noise = set->noise;
+    recipe->seed = camera->seed;
+    recipe->bits = set->bits == 1 ? 16 : 32;
+    recipe->tests = set->test;
+    recipe->test_depths = set->test_depths < camera->depths ? set->test_depths : camera->depths;
+    hada_status status = hada_cli_scenes_open(&recipe->scenes, set->scenes, camera->seed, camera->channels,
+                                              camera->window_rows, camera->window_cols, err);
+    if (!status && set->test_scenes) {
+        status = hada_cli_scenes_open(&recipe->test_scenes, set->test_scenes, camera->seed + 1, camera->channels,
+                                      camera->window_rows, camera->window_cols, err);
+        recipe->other_test_scenes = !status;
+    }
+    if (status)
+        return status;
+    recipe->training_count = recipe->scenes.count;
+    if (set->test && !set->test_scenes && recipe->scenes.folder) {
+        if (recipe->scenes.count >= set->pairs + set->test)
+            recipe->training_count = recipe->scenes.count - set->test;
+        else
+            hada_cli_warn(cli,
+                          "%s holds %d pictures, too few to keep some for the tests alone: the tests show scenes "
+                          "that the pairs show too",
+                          set->scenes, recipe->scenes.count);
+    }
+    if (recipe->training_count < recipe->pairs) {
+        hada_cli_warn(cli, "%s holds %d pictures: %d pairs per depth instead of %d", set->scenes,
+                      recipe->training_count, recipe->training_count, recipe->pairs);
+        recipe->pairs = recipe->training_count;
+    }
+    return HADA_OK;
+}
+
+static hada_status simulate(hada_cli *cli, const settings *set, const hada_camera *camera, hada_cli_recipe *recipe,
+                            hada_error *err)
+{
+    hada_context *context = NULL;
+    hada_simulator *simulator = NULL;
+    hada_cli_progress progress;
+    hada_status status = make_recipe(cli, recipe, set, camera, err);
+    if (!status)
+        status = hada_cli_open(cli, &context, err);
+    if (!status)
+        status = hada_simulator_create(&simulator, context, camera, err);
+    if (!status) {
+        hada_cli_progress_begin(cli, &progress, "frames", (long)camera->depths * recipe->pairs + recipe->tests);
+        status = hada_cli_write_dataset(cli, simulator, recipe, err);
+        hada_cli_progress_end(cli);
+    }
+    hada_simulator_destroy(&simulator);
+    hada_context_destroy(&context);
+    hada_cli_scenes_close(&recipe->scenes);
+    hada_cli_scenes_close(&recipe->test_scenes);
+    return status;
+}
+
+/* The data set grows in a folder beside, and takes its name when it is whole. */
+static hada_status write_whole(hada_cli *cli, const settings *set, const hada_camera *camera, hada_cli_recipe *recipe,
+                               hada_error *err)
+{
+    size_t length = strlen(set->output);
+    while (length > 1 && set->output[length - 1] == '/')
+        length--;
+    char *target = strndup(set->output, length);
+    char *beside = target ? hada_cli_text("%s.part-%ld", target, (long)getpid()) : NULL;
+    hada_status status = HADA_OK;
+    if (!beside)
+        status = hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
+    else if (rmdir(target) && errno != ENOENT)
+        status = hada_cli_error(err, HADA_ERROR_FILE_WRITE,
+                                errno == ENOTEMPTY || errno == EEXIST || errno == ENOTDIR
+                                    ? "%s is there already and not an empty folder; choose another name with -o, or "
+                                      "move it away"
+                                    : "the folder %s cannot be used; choose another with -o",
+                                target);
+    if (!status)
+        status = hada_cli_make_folder(beside, err);
+    if (!status) {
+        recipe->folder = beside;
+        status = simulate(cli, set, camera, recipe, err);
+        if (!status && rename(beside, target))
+            status = hada_cli_error(err, HADA_ERROR_FILE_WRITE, "%s cannot be renamed to %s: %s", beside, target,
+                                    strerror(errno));
+        if (status)
+            hada_cli_remove_tree(beside);
+    }
+    free(beside);
+    free(target);
+    return status;
+}
+
+static int run(hada_cli *cli, void *user, int count, const char **arguments)
+{
+    const settings *set = user;
+    hada_error err = {0};
+    hada_camera camera;
+    hada_cli_recipe recipe = {0};
+    double start = hada_cli_seconds();
+    if (count)
+        return hada_cli_usage(cli, "'%s' is one word too many; a folder of pictures is given with --scenes",
+                              arguments[0]);
+    if (!set->output)
+        return hada_cli_usage(cli, "say where the data set shall be written, with -o DATASET");
+    if (set->channels == 2)
+        return hada_cli_usage(cli, "--channels takes 1 or 3");
+    if (!set->pairs || !set->test_depths)
+        return hada_cli_usage(cli, "--%s must be at least 1", set->pairs ? "test-depths" : "pairs");
+    if (set->noise < 0)
+        return hada_cli_usage(cli, "--noise must not be negative");
+    if (make_camera(&camera, set, &err) || write_whole(cli, set, &camera, &recipe, &err))
+        return hada_cli_fail(cli, &err);
+    hada_cli_say(cli,
+                 "%s: %d %s from %g to %g mm, %d pairs each, %dx%d %s frames, window %dx%d, %d lenses, noise %g "
+                 "(%.1f s)",
+                 set->output, camera.depths, camera.depths == 1 ? "depth" : "depths", camera.distances_mm[0],
+                 camera.distances_mm[camera.depths - 1], recipe.pairs, camera.rows, camera.cols,
+                 camera.channels == 1 ? "grey" : "colour", camera.window_rows, camera.window_cols, camera.lenses,
+                 set->noise, hada_cli_seconds() - start);
+    if (set->test)
+        hada_cli_say(cli, "%s/test: %d test frames with %d occupied depths each, and their truth", set->output,
+                     set->test, recipe.test_depths);
+    json_object_update_new(
+        cli->document, json_pack("{s:s, s:i, s:i, s:[ii], s:[ii], s:i, s:i, s:f, s:f}", "dataset", set->output,
+                                 "pairs_per_depth", recipe.pairs, "tests", set->test, "size", camera.rows, camera.cols,
+                                 "window", camera.window_rows, camera.window_cols, "channels", camera.channels,
+                                 "lenses", camera.lenses, "noise", set->noise, "seconds", hada_cli_seconds() - start));
+    json_object_set_new(cli->document, "distances_mm", hada_cli_reals(camera.distances_mm, camera.depths));
+    return HADA_EXIT_OK;
+}
+
+static const hada_cli_example examples[] = {
+    {"hadalens simulate --preset sim300 --test 4 -o camera", "a small camera, drawn scenes, four test frames."},
+    {"hadalens simulate --scenes photographs --depths 6 --near 50 --far 300 -o camera", "your own pictures."},
+    {0},
+};
+
+const hada_cli_command hada_cli_simulate = {
+    .name = "simulate",
+    .summary = "make the data set of a camera that exists only by design",
+    .synopsis = "-o DATASET [--scenes FOLDER] [OPTION...]",
+    .description =
+        "Designs a lensless camera (a mask in front of a bare sensor), shows it pictures at each of its distances and "
+        "writes what its sensor would record.\n\n"
+        "DATASET is a folder with one folder per depth, named z<distance>mm, each with raw/NAME.tif (the frame) and "
+        "scene/NAME.tif (the picture) of the same names. Beside them stand psf.tif, a page per depth with the "
+        "camera's response to a point, and camera.json, the design. Captures of a real camera in the same folders "
+        "serve as well.",
+    .options = options,
+    .examples = examples,
+    .settings_size = sizeof(settings),
+    .defaults = defaults,
+    .run = run,
+    .uses_device = 1,
+};

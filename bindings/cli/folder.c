@@ -1,0 +1,159 @@
+#include "folder.h"
+
+#include <dirent.h>
+#include <errno.h>
+#include <ftw.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+char *hada_cli_text(const char *format, ...)
+{
+    char *text = NULL;
+    va_list arguments;
+    va_start(arguments, format);
+    int length = vasprintf(&text, format, arguments);
+    va_end(arguments);
+    return length < 0 ? NULL : text;
+}
+
+char *hada_cli_stem(const char *path)
+{
+    const char *slash = strrchr(path, '/');
+    const char *base = slash ? slash + 1 : path;
+    const char *dot = strrchr(base, '.');
+    return strndup(base, dot && dot > base ? (size_t)(dot - base) : strlen(base));
+}
+
+int hada_cli_is_folder(const char *path)
+{
+    struct stat what;
+    return !stat(path, &what) && S_ISDIR(what.st_mode);
+}
+
+int hada_cli_is_file(const char *path)
+{
+    struct stat what;
+    return !stat(path, &what) && !S_ISDIR(what.st_mode);
+}
+
+hada_status hada_cli_make_folder(const char *path, hada_error *err)
+{
+    char *whole = strdup(path);
+    if (!whole)
+        return hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
+    int failed = 0;
+    for (char *at = whole + 1; !failed && *at; at++)
+        if (*at == '/') {
+            *at = '\0';
+            failed = mkdir(whole, 0777) && errno != EEXIST;
+            *at = '/';
+        }
+    failed = failed || (mkdir(whole, 0777) && errno != EEXIST);
+    if (failed)
+        hada_cli_error(err, HADA_ERROR_FILE_WRITE, "the folder %s cannot be made: %s", path, strerror(errno));
+    free(whole);
+    if (failed)
+        return err->status;
+    if (!hada_cli_is_folder(path))
+        return hada_cli_error(err, HADA_ERROR_FILE_WRITE, "%s is a file; a folder is needed here", path);
+    /* Tried rather than asked: permissions, read-only mounts and full disks all show. */
+    char *probe = hada_cli_text("%s/.hadalens-XXXXXX", path);
+    int file = probe ? mkstemp(probe) : -1;
+    int code = errno;
+    if (file >= 0) {
+        close(file);
+        unlink(probe);
+    }
+    free(probe);
+    return file >= 0 ? HADA_OK
+                     : hada_cli_error(err, HADA_ERROR_FILE_WRITE,
+                                      "nothing can be written in the folder %s: %s; choose another with -o", path,
+                                      strerror(code));
+}
+
+hada_status hada_cli_check_output(const char *path, hada_error *err)
+{
+    if (hada_cli_is_folder(path))
+        return hada_cli_error(err, HADA_ERROR_FILE_WRITE, "%s is a folder; give the name of a file", path);
+    const char *slash = strrchr(path, '/');
+    char *folder = slash ? strndup(path, slash == path ? 1 : (size_t)(slash - path)) : strdup(".");
+    if (!folder)
+        return hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
+    hada_status status = HADA_OK;
+    if (!hada_cli_is_folder(folder))
+        status =
+            hada_cli_error(err, HADA_ERROR_FILE_WRITE, "%s cannot be written: there is no folder %s", path, folder);
+    else
+        status = hada_cli_make_folder(folder, err);
+    free(folder);
+    return status;
+}
+
+static int by_name(const void *a, const void *b)
+{
+    return strcmp(*(char *const *)a, *(char *const *)b);
+}
+
+static int is_tiff(const char *name)
+{
+    const char *dot = strrchr(name, '.');
+    return name[0] != '.' && dot && (!strcasecmp(dot, ".tif") || !strcasecmp(dot, ".tiff"));
+}
+
+hada_status hada_cli_list_tiffs(const char *folder, char ***names, int *count, hada_error *err)
+{
+    *names = NULL;
+    *count = 0;
+    DIR *open = opendir(folder);
+    if (!open)
+        return hada_cli_error(err, HADA_ERROR_FILE_OPEN, "the folder %s cannot be read: %s", folder, strerror(errno));
+    struct dirent *entry;
+    int room = 0, failed = 0;
+    while (!failed && (entry = readdir(open))) {
+        if (!is_tiff(entry->d_name))
+            continue;
+        if (*count == room) {
+            room = room ? 2 * room : 32;
+            char **more = realloc(*names, (size_t)room * sizeof *more);
+            failed = !more;
+            *names = more ? more : *names;
+        }
+        if (!failed && !((*names)[(*count)++] = strdup(entry->d_name)))
+            failed = 1;
+    }
+    closedir(open);
+    if (failed) {
+        hada_cli_free_names(names, count);
+        return hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
+    }
+    if (*count)
+        qsort(*names, (size_t)*count, sizeof **names, by_name);
+    return HADA_OK;
+}
+
+void hada_cli_free_names(char ***names, int *count)
+{
+    for (int i = 0; i < *count; i++)
+        free((*names)[i]);
+    free(*names);
+    *names = NULL;
+    *count = 0;
+}
+
+static int remove_one(const char *path, const struct stat *what, int flag, struct FTW *where)
+{
+    (void)what;
+    (void)flag;
+    (void)where;
+    return remove(path);
+}
+
+void hada_cli_remove_tree(const char *path)
+{
+    nftw(path, remove_one, 16, FTW_DEPTH | FTW_PHYS);
+}

@@ -1,0 +1,65 @@
+#include "frame_report.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+json_t *hada_cli_frame_json(const hada_result *result)
+{
+    const hada_report *report = &result->report;
+    json_t *frame = json_object(), *occupied = json_array();
+    for (int z = 0; report->occupied && z < result->depths; z++)
+        if (report->occupied[z])
+            json_array_append_new(occupied, hada_cli_real(result->distances_mm[z]));
+    json_object_set_new(frame, "occupied_mm", occupied);
+    json_object_set_new(frame, "refine_steps", json_integer(report->refine_steps));
+    json_object_set_new(frame, "residual_linear", hada_cli_real(report->residual_linear));
+    json_object_set_new(frame, "residual", hada_cli_real(report->residual));
+    json_object_set_new(frame, "dark", hada_cli_real(report->dark));
+    json_object_set_new(frame, "repaired_pixels", json_integer((json_int_t)report->repaired_pixels));
+    json_object_set_new(frame, "seconds",
+                        json_pack("{s:f, s:f, s:f, s:f, s:f, s:f, s:f}", "total", report->seconds_total, "upload",
+                                  report->seconds_upload, "linear", report->seconds_linear, "pursuit",
+                                  report->seconds_pursuit, "refine", report->seconds_refine, "focus",
+                                  report->seconds_focus, "download", report->seconds_download));
+    return frame;
+}
+
+static void add(char *text, size_t size, const char *format, double value)
+{
+    size_t used = strlen(text);
+    snprintf(text + used, size - used, format, value);
+}
+
+void hada_cli_frame_words(const hada_result *result, char *text, size_t size)
+{
+    const hada_report *report = &result->report;
+    int count = 0, shown = 0;
+    *text = '\0';
+    for (int z = 0; report->occupied && z < result->depths; z++)
+        count += report->occupied[z] != 0;
+    if (count == result->depths && count > 1) {
+        add(text, size, "all %.0f depths", count);
+    } else if (count > 8) {
+        add(text, size, "%.0f", count);
+        add(text, size, " of %.0f depths", result->depths);
+    } else if (!count) {
+        add(text, size, "no depth occupied", 0);
+    } else {
+        for (int z = 0; z < result->depths; z++)
+            if (report->occupied[z]) {
+                add(text, size, !shown ? "" : shown == count - 1 ? " and " : ", ", 0);
+                add(text, size, "%.4g", result->distances_mm[z]);
+                shown++;
+            }
+        add(text, size, " mm", 0);
+    }
+    if (report->refine_steps)
+        add(text, size, report->refine_steps == 1 ? "; %.0f refinement step" : "; %.0f refinement steps",
+            report->refine_steps);
+    double residual = isfinite(report->residual) ? report->residual : report->residual_linear;
+    if (isfinite(residual))
+        add(text, size, "; %.2g %% unexplained", 100 * residual);
+    if (report->repaired_pixels)
+        add(text, size, "; %.0f pixels repaired", (double)report->repaired_pixels);
+}

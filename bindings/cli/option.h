@@ -1,0 +1,106 @@
+/* Options as data: one table per command, from which come the parser, --help and the manual pages. */
+#ifndef HADA_CLI_OPTION_H
+#define HADA_CLI_OPTION_H
+
+#include "cli.h"
+
+typedef enum hada_cli_kind {
+    HADA_OPTION_GROUP = 0, /* a heading; only `help` is used */
+    HADA_OPTION_FLAG,      /* int: 1 when given */
+    HADA_OPTION_TEXT,      /* const char * */
+    HADA_OPTION_TEXTS,     /* hada_cli_texts: may be given more than once */
+    HADA_OPTION_REAL,      /* double */
+    HADA_OPTION_COUNT,     /* int, not negative */
+    HADA_OPTION_SEED,      /* uint64_t */
+    HADA_OPTION_SIZE,      /* int[2]: "HxW", rows first */
+    HADA_OPTION_CHOICE     /* int: position in the argument word "a|b|c", from 1; 0 when not given */
+} hada_cli_kind;
+
+typedef struct hada_cli_option {
+    hada_cli_kind kind;
+    const char *name;     /* without the dashes */
+    char letter;          /* 0: none */
+    const char *argument; /* "FILE", "a|b|c"; NULL for flags */
+    const char *help;     /* one line */
+    const char *more;     /* further sentences for --help and the manual, or NULL */
+    size_t offset;        /* of the value in the command's settings */
+} hada_cli_option;
+
+#define HADA_CLI_TEXTS 64
+typedef struct hada_cli_texts {
+    int count;
+    const char *items[HADA_CLI_TEXTS];
+} hada_cli_texts;
+
+typedef struct hada_cli_example {
+    const char *line, *what;
+} hada_cli_example;
+
+typedef struct hada_cli_command {
+    const char *name, *summary, *synopsis;
+    const char *description;          /* paragraphs, each ended by \n\n or the end */
+    const hada_cli_option *options;   /* ended by a row without help */
+    const hada_cli_example *examples; /* ended by a row without line */
+    size_t settings_size;
+    void (*defaults)(void *settings);
+    int (*run)(hada_cli *cli, void *settings, int count, const char **arguments);
+    int uses_device; /* has --device and --binaries */
+} hada_cli_command;
+
+/* Tables that are appended to those of the commands. */
+extern const hada_cli_option hada_cli_device_options[];
+extern const hada_cli_option hada_cli_common_options[];
+
+/* The commands, ended by a row without name. */
+extern const hada_cli_command *const hada_cli_commands[];
+const hada_cli_command *hada_cli_find_command(const char *name);
+
+/* Calls `visit` for every row of a command's tables. */
+void hada_cli_each_option(const hada_cli_command *command, void (*visit)(void *user, const hada_cli_option *option),
+                          void *user);
+
+/* A parsed command line. */
+typedef struct hada_cli_parsed {
+    void *settings;
+    int count;
+    const char **arguments; /* what is not an option */
+    void *popt;
+    char **texts; /* values of options, freed with the rest */
+    int text_count;
+} hada_cli_parsed;
+
+/* Parses; HADA_ERROR_ARGUMENT with a message that names the option and, for a misspelt one, the nearest. */
+hada_status hada_cli_parse(hada_cli_parsed *parsed, const hada_cli_command *command, int argc, const char **argv,
+                           hada_error *err);
+void hada_cli_parsed_free(hada_cli_parsed *parsed);
+
+/* Text for --help and for manual pages. */
+void hada_cli_print_help(const hada_cli_command *command);
+void hada_cli_print_overview(void);
+/* A manual page in troff to a file; command NULL: that of the program itself. */
+void hada_cli_print_man(const hada_cli_command *command, FILE *out);
+
+extern const char *const hada_cli_exit_texts[]; /* "0  all is well", ... ended by NULL */
+
+/* The nearest of some words to a misspelt one, NULL when none is near. */
+typedef struct hada_cli_nearest {
+    const char *word, *best;
+    int distance;
+} hada_cli_nearest;
+void hada_cli_nearest_try(hada_cli_nearest *nearest, const char *candidate);
+
+/* Values. All numbers are read with a point, whatever the locale, and must use the whole text. */
+int hada_cli_read_real(const char *text, double *value);
+int hada_cli_read_count(const char *text, int *value);
+int hada_cli_read_size(const char *text, int size[2]);
+
+/* "1,3-5" (slices counted from 1) or "100mm,250mm" (distances, the nearest within 1 %): indices of a list of
+ * distances, ascending, without repeats. `out` holds `count` values. */
+hada_status hada_cli_read_depths(const char *option, const char *text, const double *distances_mm, int count, int *out,
+                                 int *found, hada_error *err);
+
+/* "100,250.5": distances in millimetres, ascending. */
+hada_status hada_cli_read_distances(const char *option, const char *text, double *out, int capacity, int *found,
+                                    hada_error *err);
+
+#endif

@@ -25,7 +25,7 @@ static double mean_step(const hada_tiff_write_options *options)
                : 0;
 }
 
-static void add_imagej(hada_text *text, int channels, const hada_tiff_write_options *options, size_t *range_at)
+static void add_imagej(hada_text *text, int channels, const hada_tiff_write_options *options, const double *range)
 {
     int images = channels * options->slices * options->times;
     /* The version makes ImageJ read spacing and units the present way. */
@@ -43,8 +43,12 @@ static void add_imagej(hada_text *text, int channels, const hada_tiff_write_opti
         hada_text_add_number(text, step);
         hada_text_add(text, "\n");
     }
-    *range_at = text->length + 4;
-    hada_text_add(text, "min=%*d\nmax=%*d\n", HADA_RANGE_DIGITS, 0, HADA_RANGE_DIGITS, 1);
+    if (range) {
+        char low[40], high[40];
+        hada_format_number(low, sizeof low, "%.9e", range[0]);
+        hada_format_number(high, sizeof high, "%.9e", range[1]);
+        hada_text_add(text, "min=%16s\nmax=%16s\n", low, high);
+    }
 }
 
 static void add_own(hada_text *text, int distances, const hada_tiff_write_options *options)
@@ -171,11 +175,12 @@ static void put_labels(hada_parts *parts, int channels, const hada_tiff_write_op
 
 /* One pass measures (data == NULL), the next fills. */
 static void put_all(hada_parts *parts, int channels, const char *info, const hada_tiff_write_options *options,
-                    size_t *display_at)
+                    const double *range)
 {
     uint32_t labels = options->distances_mm ? (uint32_t)(channels * options->slices * options->times) : 0;
     put_number(parts, 0x494a494a);
-    const uint32_t kinds[][2] = {{0x696e666f, 1}, {0x6c61626c, labels}, {0x72616e67, 1}}; /* info, labl, rang */
+    const uint32_t kinds[][2] = {
+        {0x696e666f, 1}, {0x6c61626c, labels}, {0x72616e67, range ? 1 : 0}}; /* info, labl, rang */
     for (int i = 0; i < 3; i++)
         if (kinds[i][1]) {
             put_number(parts, kinds[i][0]);
@@ -187,18 +192,16 @@ static void put_all(hada_parts *parts, int channels, const char *info, const had
     put_text(parts, info);
     if (labels)
         put_labels(parts, channels, options);
-    *display_at = parts->bytes;
-    for (int c = 0; c < channels; c++) {
-        const double range[2] = {0, 1};
-        put(parts, range, sizeof range);
-    }
-    if (parts->counts)
-        parts->counts[parts->count] = (uint32_t)(parts->bytes - *display_at);
-    parts->count++;
+    size_t before = parts->bytes;
+    for (int c = 0; c < channels && range; c++)
+        put(parts, range, 2 * sizeof *range);
+    if (parts->counts && range)
+        parts->counts[parts->count] = (uint32_t)(parts->bytes - before);
+    parts->count += range != NULL;
 }
 
 static hada_status build_extra(hada_tiff_text *text, int channels, int rows, int cols,
-                               const hada_tiff_write_options *options, hada_error *err)
+                               const hada_tiff_write_options *options, const double *range, hada_error *err)
 {
     hada_text info = {0};
     add_ome(&info, channels, rows, cols, options);
@@ -206,7 +209,7 @@ static hada_status build_extra(hada_tiff_text *text, int channels, int rows, int
     void *data = NULL, *counts = NULL;
     hada_status status = info.failed ? hada_fail(err, HADA_ERROR_MEMORY, "no memory for the metadata") : HADA_OK;
     if (!status) {
-        put_all(&parts, channels, info.data, options, &text->display_at);
+        put_all(&parts, channels, info.data, options, range);
         status = hada_alloc(&data, parts.bytes, 1, "the metadata", err);
     }
     if (!status)
@@ -215,7 +218,7 @@ static hada_status build_extra(hada_tiff_text *text, int channels, int rows, int
     text->counts = counts;
     if (!status) {
         parts = (hada_parts){data, counts, 0, parts.bytes, 0};
-        put_all(&parts, channels, info.data, options, &text->display_at);
+        put_all(&parts, channels, info.data, options, range);
         text->extra_bytes = parts.bytes;
         text->count = parts.count;
     }
@@ -224,13 +227,13 @@ static hada_status build_extra(hada_tiff_text *text, int channels, int rows, int
 }
 
 hada_status hada_tiff_text_build(hada_tiff_text *text, int channels, int rows, int cols,
-                                 const hada_tiff_write_options *options, hada_error *err)
+                                 const hada_tiff_write_options *options, const double *range, hada_error *err)
 {
     *text = (hada_tiff_text){0};
     hada_text lines = {0};
     int stack = options->layout == HADA_TIFF_HYPERSTACK;
     if (stack)
-        add_imagej(&lines, channels, options, &text->range_at);
+        add_imagej(&lines, channels, options, range);
     add_own(&lines, options->slices, options);
     text->description = lines.data;
     if (lines.failed) {
@@ -239,7 +242,7 @@ hada_status hada_tiff_text_build(hada_tiff_text *text, int channels, int rows, i
     }
     hada_status status = HADA_OK;
     if (stack && (double)channels * options->slices * options->times <= MOST_LABELS)
-        status = build_extra(text, channels, rows, cols, options, err);
+        status = build_extra(text, channels, rows, cols, options, range, err);
     if (status)
         hada_tiff_text_free(text);
     return status;

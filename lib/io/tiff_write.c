@@ -4,14 +4,12 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include "core/alloc.h"
 #include "io/outfile.h"
-#include "io/text.h"
-#include "io/tiff_chain.h"
 #include "io/tiff_handle.h"
+#include "io/tiff_stack_write.h"
 #include "io/tiff_text.h"
 
 /* Classic TIFF addresses 4 GiB; the rest is room for directories and metadata. */
@@ -23,9 +21,11 @@ enum { TAG_IMAGEJ_COUNTS = 50838, TAG_IMAGEJ = 50839 };
 struct hada_tiff_writer {
     hada_outfile file;
     hada_tiff_handle handle;
-    TIFF *tif;
+    TIFF *tif; /* NULL: an uncompressed hyperstack, written after `stack` */
+    hada_stack_layout stack;
     hada_tiff_write_options options;
     double *distances;
+    char *description;
     hada_tiff_text text;
     int channels, rows, cols, big;
     int frames; /* written so far */
@@ -63,6 +63,9 @@ static hada_status complete_options(hada_tiff_writer *w, const hada_tiff_write_o
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "%d channels of %d x %d pixels, %d slices and %d times cannot be written", w->channels,
                          w->rows, w->cols, o->slices, o->times);
+    o->description = w->description = hada_string_copy(o->description);
+    if (!w->description)
+        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the description");
     if (o->distances_mm) {
         w->distances = malloc((size_t)o->slices * sizeof(double));
         if (!w->distances)
@@ -94,10 +97,29 @@ static hada_status open_output(hada_tiff_writer *w, const char *path, hada_error
         return status;
     double frames = (double)(w->options.slices ? w->options.slices : 1) * (w->options.times ? w->options.times : 1);
     w->big = frames * w->channels * w->rows * w->cols * (w->options.bits / 8) >= CLASSIC_LIMIT;
-    w->handle.fd = w->file.fd;
-    w->tif = hada_tiff_attach(&w->handle, path, w->big ? "w8" : "w");
-    if (!w->tif)
-        return failed(w, err);
+    if (w->options.layout == HADA_TIFF_HYPERSTACK && !w->options.compress) {
+        const double unknown[2] = {0, 1};
+        status = hada_tiff_text_build(&w->text, w->channels, w->rows, w->cols, &w->options, unknown, err);
+        w->stack = (hada_stack_layout){.big = w->big,
+                                       .rows = w->rows,
+                                       .cols = w->cols,
+                                       .bits = w->options.bits,
+                                       .images = (uint64_t)w->channels * (uint64_t)w->options.slices *
+                                                 (uint64_t)w->options.times,
+                                       .pixel_um = w->options.pixel_um};
+        if (!status)
+            status = hada_stack_layout_place(&w->stack, &w->text, err);
+        if (!status && lseek(w->file.fd, (off_t)w->stack.data_at, SEEK_SET) < 0)
+            status = hada_fail(err, HADA_ERROR_FILE_WRITE, "writing %s failed: %s", path, strerror(errno));
+    } else {
+        status = hada_tiff_text_build(&w->text, w->channels, w->rows, w->cols, &w->options, NULL, err);
+        w->handle.fd = w->file.fd;
+        w->tif = status ? NULL : hada_tiff_attach(&w->handle, path, w->big ? "w8" : "w");
+        if (!status && !w->tif)
+            status = failed(w, err);
+    }
+    if (status)
+        return status;
     size_t row = (size_t)w->cols * (size_t)samples_a_page(w) * (size_t)(w->options.bits / 8);
     size_t rows = STRIP_BYTES / row ? STRIP_BYTES / row : 1;
     w->strip_rows = rows < (size_t)w->rows ? (int)rows : w->rows;
@@ -119,10 +141,7 @@ hada_status hada_tiff_create(hada_tiff_writer **out, const char *path, int chann
     w->high = -FLT_MAX;
     hada_status status = complete_options(w, options, err);
     if (!status)
-        status = hada_tiff_text_build(&w->text, channels, rows, cols, &w->options, err);
-    if (!status)
         status = open_output(w, path, err);
-    w->options.description = NULL; /* the caller's */
     if (status)
         hada_tiff_abandon(&w);
     *out = w;
@@ -201,15 +220,19 @@ static hada_status write_page(hada_tiff_writer *w, const hada_image *image, int 
 {
     int samples = samples_a_page(w);
     size_t row_bytes = (size_t)w->cols * (size_t)samples * (size_t)(w->options.bits / 8);
-    if (!set_tags(w, w->frames == 0 && channel == 0))
+    if (w->tif && !set_tags(w, w->frames == 0 && channel == 0))
         return failed(w, err);
     for (int row = 0, strip = 0; row < w->rows; row += w->strip_rows, strip++) {
         int rows = w->rows - row < w->strip_rows ? w->rows - row : w->strip_rows;
         convert(w, image, channel, samples, row, rows);
-        if (TIFFWriteEncodedStrip(w->tif, (uint32_t)strip, w->strip, (tmsize_t)((size_t)rows * row_bytes)) < 0)
+        size_t bytes = (size_t)rows * row_bytes;
+        if (w->tif && TIFFWriteEncodedStrip(w->tif, (uint32_t)strip, w->strip, (tmsize_t)bytes) < 0)
             return failed(w, err);
+        hada_status status = w->tif ? HADA_OK : hada_outfile_write(&w->file, w->strip, bytes, err);
+        if (status)
+            return status;
     }
-    return TIFFWriteDirectory(w->tif) ? HADA_OK : failed(w, err);
+    return !w->tif || TIFFWriteDirectory(w->tif) ? HADA_OK : failed(w, err);
 }
 
 hada_status hada_tiff_write(hada_tiff_writer *w, const hada_image *image, hada_error *err)
@@ -237,42 +260,19 @@ hada_status hada_tiff_write(hada_tiff_writer *w, const hada_image *image, hada_e
     return status;
 }
 
-static int write_at(int fd, const void *data, size_t bytes, uint64_t offset)
+/* The head and the directories of a hyperstack, now that the range of its values is known. */
+static hada_status finish_stack(hada_tiff_writer *w, hada_error *err)
 {
-    return pwrite(fd, data, bytes, (off_t)offset) == (ssize_t)bytes;
-}
-
-/* Puts the display range, known now, into the places kept for it on the first page. */
-static hada_status write_range(hada_tiff_writer *w, hada_error *err)
-{
-    if (!w->text.range_at || w->low > w->high)
-        return HADA_OK;
-    int fd = w->file.fd, fine;
-    double range[2] = {(double)w->low, (double)w->high};
-    if (w->options.bits < 32) {
+    double range[2] = {0, 1};
+    for (int i = 0; i < 2 && w->low <= w->high; i++) {
         double full = w->options.bits == 8 ? 255 : 65535;
-        for (int i = 0; i < 2; i++)
+        range[i] = (double)(i ? w->high : w->low);
+        if (w->options.bits < 32)
             range[i] = floor(fmin(fmax(range[i] / w->options.scale, 0), 1) * full + 0.5);
     }
-    struct stat info;
-    uint64_t directory = 0, bytes = 0;
-    uint32_t classic = 0;
-    fine = !fstat(fd, &info) && (w->big ? !hada_read_at(fd, &directory, 8, 8) : !hada_read_at(fd, &classic, 4, 4));
-    directory = w->big ? directory : classic;
-    hada_tiff_chain chain = {.big = w->big, .bytes = fine ? (uint64_t)info.st_size : 0};
-    uint64_t at = fine ? hada_tiff_chain_find(&chain, fd, directory, TIFFTAG_IMAGEDESCRIPTION, &bytes) : 0;
-    for (int i = 0; i < 2 && (fine = fine && at); i++) {
-        char digits[HADA_RANGE_DIGITS + 8];
-        hada_format_number(digits, sizeof digits, "%16.9e", range[i]);
-        fine = write_at(fd, digits, HADA_RANGE_DIGITS,
-                        at + w->text.range_at + (uint64_t)i * (HADA_RANGE_DIGITS + HADA_RANGE_GAP));
-    }
-    at = fine && w->text.extra ? hada_tiff_chain_find(&chain, fd, directory, TAG_IMAGEJ, &bytes) : 0;
-    for (int c = 0; c < w->channels && at && fine; c++)
-        fine = write_at(fd, range, sizeof range, at + w->text.display_at + (uint64_t)c * sizeof range);
-    return fine ? HADA_OK
-                : hada_fail(err, HADA_ERROR_FILE_WRITE, "writing %s failed: %s; nothing was left behind", w->file.path,
-                            strerror(errno));
+    hada_tiff_text_free(&w->text);
+    hada_status status = hada_tiff_text_build(&w->text, w->channels, w->rows, w->cols, &w->options, range, err);
+    return status ? status : hada_stack_layout_write(&w->stack, &w->text, &w->file, err);
 }
 
 hada_status hada_tiff_finish(hada_tiff_writer **writer, hada_error *err)
@@ -283,15 +283,15 @@ hada_status hada_tiff_finish(hada_tiff_writer **writer, hada_error *err)
     if (w->frames < expected)
         status = hada_fail(err, HADA_ERROR_STATE, "%s: %d of %d frames were written; nothing was left behind",
                            w->file.path, w->frames, expected);
-    if (!status) {
+    if (!status && !w->tif) {
+        status = finish_stack(w, err);
+    } else if (!status) {
         w->handle.message[0] = 0;
         TIFFClose(w->tif); /* reports nothing: the handle does */
         w->tif = NULL;
         if (*w->handle.message || w->handle.write_code)
             status = failed(w, err);
     }
-    if (!status)
-        status = write_range(w, err);
     if (!status)
         status = hada_outfile_commit(&w->file, err);
     hada_tiff_abandon(writer);
@@ -308,6 +308,7 @@ void hada_tiff_abandon(hada_tiff_writer **writer)
     hada_outfile_abandon(&w->file);
     hada_tiff_text_free(&w->text);
     free(w->distances);
+    free(w->description);
     free(w->strip);
     free(w);
     *writer = NULL;

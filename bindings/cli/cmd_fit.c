@@ -1,4 +1,5 @@
 #include "command.h"
+#include "fit_settings.h"
 #include "folder.h"
 #include "pairs.h"
 
@@ -11,14 +12,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-typedef struct settings {
-    hada_cli_common common;
-    const char *output, *psf, *dark, *refine, *distances, *sums;
-    hada_cli_texts merge;
-    int form, boundary, half, skip_incomplete, score;
-    int window[2];
-    double alpha, lambda, psf_dark;
-} settings;
+typedef hada_cli_fit_settings settings;
 
 #define AT(member) offsetof(settings, member)
 static const hada_cli_option options[] = {
@@ -73,16 +67,6 @@ static void defaults(void *user)
     set->alpha = set->lambda = set->psf_dark = -1;
     set->score = 8;
 }
-
-static hada_status read_refine(const char *text, int *steps, hada_error *err)
-{
-    *steps = -1;
-    if (!strcmp(text, "auto") || hada_cli_read_count(text, steps))
-        return HADA_OK;
-    return hada_cli_error(err, HADA_ERROR_ARGUMENT, "--refine takes a number of steps or 'auto', not '%s'", text);
-}
-
-/* --- from pairs --- */
 
 static hada_status measure(const char *path, hada_tiff_info *info, hada_error *err)
 {
@@ -233,7 +217,7 @@ static hada_status fit_pairs(hada_cli *cli, const settings *set, const char *fol
     fit.lambda = set->lambda;
     fit.form = set->form == 2 ? HADA_FORM_SPLIT : HADA_FORM_COMPLEX;
     fit.boundary = choose_boundary(cli, set, &data);
-    status = read_refine(set->refine, &fit.refine_steps, err);
+    status = hada_cli_read_refine(set->refine, &fit.refine_steps, err);
     if (!status)
         status = set_sizes(&fit, set, &data, err);
     if (!status)
@@ -251,76 +235,6 @@ static hada_status fit_pairs(hada_cli *cli, const settings *set, const char *fol
     hada_cli_dataset_free(&data);
     return status;
 }
-
-/* --- from point spread functions --- */
-
-static hada_status psf_distances(const settings *set, hada_tiff_reader *reader, const char *path, double *out,
-                                 int pages, hada_error *err)
-{
-    int found = 0;
-    if (set->distances) {
-        hada_status status = hada_cli_read_distances("distances", set->distances, out, pages, &found, err);
-        if (!status && found != pages)
-            status = hada_cli_error(err, HADA_ERROR_ARGUMENT, "--distances names %d %s, but %s has %d %s", found,
-                                    found == 1 ? "distance" : "distances", path, pages, pages == 1 ? "page" : "pages");
-        return status;
-    }
-    if (hada_tiff_distances(reader, out, (size_t)pages) == (size_t)pages)
-        return HADA_OK;
-    return hada_cli_error(err, HADA_ERROR_ARGUMENT,
-                          "%s does not say at which %s its %d %s taken; add --distances with %s in mm", path,
-                          pages == 1 ? "distance" : "distances", pages, pages == 1 ? "page was" : "pages were",
-                          pages == 1 ? "it" : "them");
-}
-
-static hada_status fit_psf(hada_cli *cli, const settings *set, const char *path, hada_context *context,
-                           hada_model **model, hada_error *err)
-{
-    hada_tiff_reader *reader = NULL;
-    hada_psf_options psf;
-    hada_cli_dark dark = {0};
-    hada_psf_options_init(&psf);
-    hada_status status = hada_tiff_open(&reader, path, err);
-    if (status) {
-        hada_cli_prefix(err, "%s: ", path);
-        return status;
-    }
-    int pages = hada_tiff_get_info(reader)->frames;
-    double *distances = calloc((size_t)pages, sizeof *distances);
-    hada_image *images = calloc((size_t)pages, sizeof *images);
-    if (!distances || !images)
-        status = hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
-    if (!status)
-        status = psf_distances(set, reader, path, distances, pages, err);
-    if (!status)
-        status = hada_cli_dark_read(&dark, set->dark, err);
-    if (!status)
-        status = read_refine(set->refine, &psf.refine_steps, err);
-    for (int z = 0; !status && z < pages; z++)
-        status = hada_tiff_read(reader, z, &images[z], err);
-    if (!status) {
-        psf.form = set->form == 3 ? HADA_FORM_MATCHED : HADA_FORM_WIENER;
-        psf.boundary = set->boundary == 1 ? HADA_BOUNDARY_CIRCULAR : HADA_BOUNDARY_PADDED;
-        psf.window_rows = set->window[0];
-        psf.window_cols = set->window[1];
-        psf.lambda = set->lambda > 0 ? set->lambda : 0;
-        psf.psf_dark = set->psf_dark;
-        psf.dark = dark.kind == HADA_CLI_DARK_AUTO ? -1 : dark.level;
-        status = hada_model_from_psf(model, context, images, pages, distances, &psf, err);
-        if (status)
-            hada_cli_prefix(err, "%s: ", path);
-    }
-    for (int z = 0; images && z < pages; z++)
-        hada_image_destroy(&images[z]);
-    hada_cli_dark_free(&dark);
-    free(images);
-    free(distances);
-    hada_tiff_close(&reader);
-    (void)cli;
-    return status;
-}
-
-/* --- both --- */
 
 static hada_status to_half(hada_model **model, hada_error *err)
 {
@@ -390,7 +304,7 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
     if (!status)
         status = hada_cli_open(cli, &context, &err);
     if (!status)
-        status = set->psf ? fit_psf(cli, set, set->psf, context, &model, &err)
+        status = set->psf ? hada_cli_fit_psf(set, set->psf, context, &model, &err)
                           : fit_pairs(cli, set, arguments[0], context, &model, &err);
     if (!status && set->half)
         status = to_half(&model, &err);

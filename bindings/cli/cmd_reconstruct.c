@@ -1,4 +1,5 @@
 #include "command.h"
+#include "fit_settings.h"
 #include "folder.h"
 #include "frame_outputs.h"
 #include "frame_report.h"
@@ -93,10 +94,8 @@ static hada_status read_options(job *work, hada_plan_options *plan, hada_error *
                                       &plan->occupied_count, err);
         plan->occupied_list = work->occupied;
     }
-    plan->refine = -1;
-    if (!status && strcmp(set->refine, "auto") && !hada_cli_read_count(set->refine, &plan->refine))
-        status = hada_cli_error(err, HADA_ERROR_ARGUMENT, "--refine takes a number of steps or 'auto', not '%s'",
-                                set->refine);
+    if (!status)
+        status = hada_cli_read_refine(set->refine, &plan->refine, err);
     if (!status && set->dark) {
         static const hada_dark kinds[] = {HADA_DARK_NONE, HADA_DARK_AUTO, HADA_DARK_LEVEL, HADA_DARK_FRAME};
         status = hada_cli_dark_read(&work->dark, set->dark, err);

@@ -198,6 +198,8 @@ hada_status hada_bank_prior(hada_buffer *out, hada_slot *slot, const hada_model 
     const size_t plane = hada_model_plane(model), channels = (size_t)info->channels;
     float *rows = NULL, *blocks = NULL;
     double noise = 0.0;
+    /* noise fills the grid, scenes the window alone: their ratio within the window is what the prior means */
+    const double share = (double)info->window_rows * info->window_cols / ((double)info->grid_rows * info->grid_cols);
     *out = (hada_buffer){0};
     for (size_t i = 0; model->noise_power && i < channels * (size_t)info->depths; i++)
         noise += model->noise_power[i];
@@ -209,7 +211,7 @@ hada_status hada_bank_prior(hada_buffer *out, hada_slot *slot, const hada_model 
     for (size_t c = 0; !status && c < channels; c++) {
         double mean = 0.0;
         for (int z = 0; z < info->depths; z++)
-            mean += model->noise_power[(size_t)z * channels + c] / info->depths;
+            mean += share * model->noise_power[(size_t)z * channels + c] / info->depths;
         /* where no scene had light the prior is as strong as float arithmetic can use */
         for (size_t i = 0; i < plane; i++)
             rows[i] = (float)fmin(mean / fmax((double)model->scene_power[i], 1e-30), 1e6);

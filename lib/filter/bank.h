@@ -36,7 +36,7 @@ void hada_bank_destroy(hada_bank **bank); /* the slot's queue must be done with 
 cl_mem hada_bank_filter(const hada_bank *bank, int depth, size_t *first_image, int *left);
 cl_mem hada_bank_otf(const hada_bank *bank, int depth, size_t *first_image, int *left);
 
-/* Noise power over scene power per channel and frequency, mean over depths: what refinement takes as its prior,
+/* Noise power over scene power within the window, per channel and frequency: what refinement takes as its prior,
  * [channel][layout->count] floats. The buffer stays empty where the model knows neither (made from PSFs, one pair). */
 hada_status hada_bank_prior(hada_buffer *out, hada_slot *slot, const hada_model *model,
                             const hada_spectrum_layout *layout, hada_error *err);

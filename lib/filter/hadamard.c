@@ -119,26 +119,28 @@ hada_status hada_hadamard_set_dark(hada_hadamard *stage, const float *dark, hada
     return status;
 }
 
-static hada_status subtract(hada_hadamard *stage, double level, hada_error *err)
+static hada_status subtract(hada_hadamard *stage, int channel, double level, hada_error *err)
 {
     cl_kernel kernel;
-    const cl_ulong count = stage->raw.bytes / 4;
-    const cl_float offset = (cl_float)level;
+    const cl_ulong count = (cl_ulong)stage->raw_rows * (cl_ulong)stage->raw_cols, offset = (cl_ulong)channel * count;
+    const cl_float taken = (cl_float)level;
     const cl_int framed = stage->has_dark;
     const size_t local = GROUP, global = ((size_t)count + 8 * GROUP - 1) / (8 * GROUP) * GROUP;
     cl_mem dark = framed ? stage->dark.mem : stage->raw.mem; /* not read without a dark frame */
     hada_status status = hada_slot_kernel(stage->slot, "filter_dark", "filter_dark", "", &kernel, err);
-    hada_arg args[] = {HADA_ARG(stage->raw.mem), HADA_ARG(dark), HADA_ARG(framed), HADA_ARG(offset), HADA_ARG(count)};
+    hada_arg args[] = {HADA_ARG(stage->raw.mem), HADA_ARG(dark),  HADA_ARG(offset),
+                       HADA_ARG(framed),         HADA_ARG(taken), HADA_ARG(count)};
     if (!status)
         status = hada_slot_launch(stage->slot, kernel, "filter_dark", 1, &global, &local, args, HADA_COUNT(args), err);
     return status;
 }
 
-hada_status hada_hadamard_frame(hada_hadamard *stage, const float *raw, double level, hada_error *err)
+hada_status hada_hadamard_frame(hada_hadamard *stage, const float *raw, const double *levels, hada_error *err)
 {
     hada_status status = hada_buffer_write(&stage->raw, stage->slot, 0, raw, stage->raw.bytes, err);
-    if (!status && (level != 0.0 || stage->has_dark))
-        status = subtract(stage, level, err);
+    for (int c = 0; !status && c < stage->channels; c++)
+        if (stage->has_dark || (levels && levels[c] != 0.0))
+            status = subtract(stage, c, levels ? levels[c] : 0.0, err);
     if (!status)
         status = hada_fft_forward(stage->forward, stage->channels, stage->raw.mem, 0, stage->spectrum.mem, 0, err);
     return status;

@@ -36,9 +36,9 @@ void hada_hadamard_destroy(hada_hadamard **stage);
 /* A dark frame (channels x raw size, planar) that every following frame has taken off, beside the level; NULL: none. */
 hada_status hada_hadamard_set_dark(hada_hadamard *stage, const float *dark, hada_error *err);
 
-/* Uploads a frame (channels x raw size, planar), takes `level` off every pixel, and transforms it: stage->raw and
- * stage->spectrum are ready. */
-hada_status hada_hadamard_frame(hada_hadamard *stage, const float *raw, double level, hada_error *err);
+/* Uploads a frame (channels x raw size, planar), takes levels[channel] (NULL: nothing) off every pixel, and transforms
+ * it: stage->raw and stage->spectrum are ready. */
+hada_status hada_hadamard_frame(hada_hadamard *stage, const float *raw, const double *levels, hada_error *err);
 
 /* Windows of depths first ... first + count - 1 of the bank into `planes`, [depth][channel][window rows][window cols]
  * floats from `offset` (in floats) on. Any count; the stage works in batches. Enqueued, not waited for. */

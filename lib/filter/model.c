@@ -48,6 +48,17 @@ size_t hada_model_plane(const hada_model *model)
     return hada_model_info_plane(&model->info);
 }
 
+double hada_model_gain(const hada_model *model)
+{
+    const size_t plane = hada_model_plane(model);
+    double gain = 0.0;
+    for (int i = 0; model->otf && i < model->info.depths * model->info.channels; i++) {
+        const float *first = model->otf + (size_t)i * plane * 2;
+        gain = fmax(gain, (double)first[0] * first[0] + (double)first[1] * first[1]);
+    }
+    return gain > 0.0 ? gain : 1.0;
+}
+
 static int not_negative(double value)
 {
     return isfinite(value) && value >= 0.0;

@@ -37,6 +37,9 @@ hada_status hada_geometry_of(const hada_model_info *info, hada_geometry *out, ha
 hada_status hada_model_set_sizes(hada_model_info *info, int raw_rows, int raw_cols, int window_rows, int window_cols,
                                  hada_error *err);
 
+/* The largest |OTF(0)|^2 of all depths and channels: the unit of refine_rho. 1 without transfer functions. */
+double hada_model_gain(const hada_model *model);
+
 /* Number of complex values of one depth and channel. */
 size_t hada_model_plane(const hada_model *model);
 size_t hada_model_info_plane(const hada_model_info *info);

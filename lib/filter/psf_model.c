@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "core/alloc.h"
+#include "filter/dark.h"
 #include "filter/hadamard.h"
 #include "filter/layout.h"
 
@@ -21,31 +22,6 @@ void hada_psf_options_init(hada_psf_options *options)
                                   .refine_steps = -1};
 }
 
-static int compare_floats(const void *a, const void *b)
-{
-    const float x = *(const float *)a, y = *(const float *)b;
-    return (x > y) - (x < y);
-}
-
-/* The background of a PSF's channel: of the four corner blocks (a sixteenth of the sides) the smallest median. Light
- * that the mask throws into one corner does not lift it. */
-static double background(const float *image, int rows, int cols, float *room)
-{
-    const int high = rows / 16 ? rows / 16 : 1, wide = cols / 16 ? cols / 16 : 1;
-    double least = INFINITY;
-    for (int corner = 0; corner < 4; corner++) {
-        const int row0 = corner & 1 ? rows - high : 0, col0 = corner & 2 ? cols - wide : 0;
-        size_t n = 0;
-        for (int row = row0; row < row0 + high; row++)
-            for (int col = col0; col < col0 + wide; col++)
-                room[n++] = image[(size_t)row * (size_t)cols + (size_t)col];
-        qsort(room, n, sizeof *room, compare_floats);
-        if (room[n / 2] < least)
-            least = room[n / 2];
-    }
-    return least;
-}
-
 /* A PSF onto the grid: background off, brightness 1 (mean over channels), axis at the origin. `square` takes the sum of
  * squares of each channel, which is the mean of |OTF|^2. */
 static hada_status place(const hada_image *psf, const hada_model_info *info, double dark, int depth, float *grid,
@@ -57,7 +33,7 @@ static hada_status place(const hada_image *psf, const hada_model_info *info, dou
     memset(grid, 0, area * (size_t)psf->channels * sizeof *grid);
     for (int c = 0; c < psf->channels; c++) {
         const float *from = psf->data + (size_t)c * (size_t)psf->rows * (size_t)psf->cols;
-        const double level = dark < 0.0 ? background(from, psf->rows, psf->cols, room) : dark;
+        const double level = dark < 0.0 ? hada_dark_estimate(from, (size_t)psf->rows * (size_t)psf->cols, room) : dark;
         square[c] = 0.0;
         for (int row = 0; row < psf->rows; row++) {
             float *to = grid + (size_t)c * area + (size_t)((row0 + row) % info->grid_rows) * (size_t)info->grid_cols;
@@ -131,7 +107,7 @@ static hada_status work_create(psf_work *work, hada_context *context, const hada
         status = hada_alloc_raw((void **)&work->blocks, channels * count, 8, "a transfer function", err);
     if (!status)
         status = hada_alloc_raw((void **)&work->room, (size_t)info->raw_rows * (size_t)info->raw_cols, 4,
-                                "the corners of a point spread function", err);
+                                "the background of a point spread function", err);
     if (!status)
         status = hada_alloc((void **)&work->square, channels, sizeof(double), "a point spread function", err);
     return status;

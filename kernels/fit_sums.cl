@@ -1,0 +1,51 @@
+/* Adds to the sums of a fit. `vectors`: groups of four frequencies in one image. */
+#include "inc_fit.h"
+
+/* A pair: scene spectrum x and raw spectrum b, complex numbers from the given offsets. */
+__kernel void fit_pair(__global const float *x, __global const float *b, ulong offset, __global float *sums,
+                       ulong stride, ulong vectors)
+{
+    const size_t i = get_global_id(0);
+    if (i >= vectors)
+        return;
+    const fit_terms terms = fit_terms_of(vload8(i, x + 2 * offset), vload8(i, b + 2 * offset));
+    fit_add(sums, stride, 0, i, terms.cross_re);
+    fit_add(sums, stride, 1, i, terms.cross_im);
+    fit_add(sums, stride, 2, i, terms.raw);
+    fit_add(sums, stride, 3, i, terms.scene);
+#if FIT_SPLIT
+    fit_add(sums, stride, 4, i, terms.split_cross);
+    fit_add(sums, stride, 5, i, terms.split_raw);
+#endif
+}
+
+/* Other sums of the same shape, as high and low parts: sums of several files or machines. */
+__kernel void fit_merge(__global const float *more, __global float *sums, ulong stride, int count, ulong vectors)
+{
+    const size_t i = get_global_id(0);
+    if (i >= vectors)
+        return;
+    for (int k = 0; k < count; k++) {
+        fit_add(sums, stride, k, i, fit_low(more, stride, k, i));
+        fit_add(sums, stride, k, i, fit_high(more, stride, k, i));
+    }
+}
+
+/* Pools over depths, one value per frequency each, at multiples of the stride: 0: sum over depths of |B|^2; 1: the same
+ * divided by the number of pairs of each depth; 2: sum of |X|^2 over the number of pairs. FIT_SPLIT: 3, 4: as 0, 1 for
+ * Re(B)^2. */
+__kernel void fit_pool(__global const float *sums, __global float *pool, ulong stride, float per_pair, ulong vectors)
+{
+    const size_t i = get_global_id(0);
+    if (i >= vectors)
+        return;
+    const float4 raw = fit_high(sums, stride, 2, i), scene = fit_high(sums, stride, 3, i);
+    vstore4(vload4(i, pool) + raw, i, pool);
+    vstore4(vload4(i, pool + stride) + raw * per_pair, i, pool + stride);
+    vstore4(vload4(i, pool + 2 * stride) + scene * per_pair, i, pool + 2 * stride);
+#if FIT_SPLIT
+    const float4 split = fit_high(sums, stride, 5, i);
+    vstore4(vload4(i, pool + 3 * stride) + split, i, pool + 3 * stride);
+    vstore4(vload4(i, pool + 4 * stride) + split * per_pair, i, pool + 4 * stride);
+#endif
+}

@@ -1,0 +1,39 @@
+/* The end of a fit: choose, solve. */
+#include <stdlib.h>
+
+#include "fit/fitter.h"
+
+/* Refinement of a model whose fit did not measure it: what pays with an exact model of the camera (docs/filters.md). */
+#define REFINE_STEPS 12
+#define REFINE_RHO   1e-3
+
+hada_status hada_fitter_finish(hada_fitter *fitter, hada_model **out, hada_fit_row **rows, size_t *row_count,
+                               hada_error *err)
+{
+    int scored;
+    if (!fitter || !out || (rows && !row_count))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_fitter_finish: a fitter, out and row_count are needed");
+    *out = NULL;
+    if (rows) {
+        *rows = NULL;
+        *row_count = 0;
+    }
+    const hada_fit_options *options = &fitter->options;
+    const size_t best = hada_fitter_best(fitter, &scored);
+    double alpha = fitter->alphas[best], lambda = fitter->lambdas[best];
+    if (!scored) {
+        alpha = options->alpha >= 0.0 ? options->alpha : HADA_FIT_ALPHA;
+        lambda = options->lambda >= 0.0 ? options->lambda : HADA_FIT_LAMBDA;
+    }
+    hada_status status = hada_fitter_solve(fitter, alpha, lambda, out, err);
+    if (status)
+        return status;
+    hada_model_info *info = &(*out)->info;
+    info->refine_steps = options->refine_steps < 0 ? REFINE_STEPS : options->refine_steps;
+    info->refine_rho = REFINE_RHO;
+    if (rows && scored)
+        status = hada_fitter_rows(fitter, best, rows, row_count, err);
+    if (status)
+        hada_model_destroy(out);
+    return status;
+}

@@ -1,0 +1,87 @@
+/* The inside of a fitter. Internal.
+ *
+ * The sums of one depth stand on the device, those of the others on the host, in the device's layout: pairs are best
+ * given depth by depth. Kernels and the order of the sums: kernels/inc_fit.h. */
+#ifndef HADA_FIT_FITTER_H
+#define HADA_FIT_FITTER_H
+
+#include <hadalens/fit.h>
+
+#include "fft/fft.h"
+#include "filter/model.h"
+
+enum { HADA_FIT_SUMS = 4, HADA_FIT_SUMS_SPLIT = 6, HADA_FIT_CHUNK = 64 };
+
+/* Where alpha and lambda come from when no pair was scored. */
+#define HADA_FIT_ALPHA  0.0
+#define HADA_FIT_LAMBDA 1e-4
+
+typedef struct hada_fitter_depth {
+    float *sums; /* channels x (2 x sums x stride) floats; NULL while nothing was put here */
+    int64_t pairs, scored;
+    double *raw_energy, *scene_energy; /* per channel: sum of squared pixels of all pairs = mean of Sbb, Sxx */
+    double *own, *others;              /* per setting: leave-one-out errors, summed over scored pairs */
+} hada_fitter_depth;
+
+struct hada_fitter {
+    hada_context *context;
+    hada_slot *slot;
+    hada_fit_options options; /* distances_mm points to info.distances_mm */
+    hada_model_info info;     /* sizes and conventions of the model to be */
+    double *distances;
+    hada_geometry geometry;
+    hada_spectrum_layout layout;
+    size_t vectors; /* groups of four frequencies in an image */
+    size_t stride;  /* floats from one array of sums to the next */
+    int sum_count;
+    const char *macros; /* of the kernels */
+    uint64_t bytes;
+
+    hada_fft *raw_fft, *scene_fft;
+    hada_buffer raw, scene; /* pixels */
+    hada_buffer b, x;       /* spectra, [channel][layout.count] complex */
+    hada_buffer *sums;      /* per channel */
+    hada_buffer *pool;      /* per channel */
+    hada_buffer weights, settings, partial;
+    float *raw_pixels, *scene_pixels, *room; /* a pair on its way to the device */
+    double *raw_energy, *scene_energy;       /* of that pair, per channel */
+
+    hada_fitter_depth *depth;
+    int current; /* depth whose sums stand on the device, -1: none */
+    int changed; /* they differ from the host's copy */
+    int pooled;  /* the pools are up to date */
+
+    int setting_count;
+    double *alphas, *lambdas; /* per setting */
+    int chunks;
+};
+
+/* Brings the sums of a depth to the device. */
+hada_status hada_fitter_select(hada_fitter *fitter, int depth, hada_error *err);
+
+/* Checks a pair, takes the dark level off, and leaves both spectra in fitter->b and fitter->x. */
+hada_status hada_fitter_transform(hada_fitter *fitter, int depth, const hada_image *raw, const hada_image *scene,
+                                  hada_error *err);
+
+/* New sums make old scores and pools worthless. */
+void hada_fitter_forget_scores(hada_fitter *fitter);
+
+/* Makes the pools over depths, unless they are up to date. */
+hada_status hada_fitter_pool(hada_fitter *fitter, hada_error *err);
+
+/* Enqueues a kernel of a file with an item per four frequencies. */
+hada_status hada_fitter_launch(hada_fitter *fitter, const char *file, const char *name, const hada_arg *args,
+                               size_t arg_count, hada_error *err);
+
+/* The setting that the scores prefer, or 0 without scores; *scored says whether there are any. Score: mean over scored
+ * depths of the mean of log E1 and log (E1 + E2), E1 the error of a depth alone, E2 what another depth leaks. */
+size_t hada_fitter_best(const hada_fitter *fitter, int *scored);
+
+/* Rows for the settings; *rows is freed with free(). */
+hada_status hada_fitter_rows(const hada_fitter *fitter, size_t best, hada_fit_row **rows, size_t *count,
+                             hada_error *err);
+
+/* Solves with the given weights into a new model. */
+hada_status hada_fitter_solve(hada_fitter *fitter, double alpha, double lambda, hada_model **out, hada_error *err);
+
+#endif

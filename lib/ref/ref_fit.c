@@ -1,0 +1,91 @@
+#include "ref/ref_fit.h"
+
+#include <math.h>
+
+/* Filter of one frequency from its six sums. */
+static void solve(const double s[HADA_REF_FIT_SUMS], double other, double other_r, double alpha, double ridge,
+                  int split, double w[2])
+{
+    double under[2], over[2] = {s[0], s[1]};
+    under[0] = under[1] = s[2] + alpha * other + ridge;
+    if (split) {
+        over[0] = s[4];
+        over[1] = s[0] - s[4];
+        under[0] = s[5] + alpha * other_r + 0.5 * ridge;
+        under[1] = s[2] - s[5] + alpha * (other - other_r) + 0.5 * ridge;
+    }
+    for (int k = 0; k < 2; k++)
+        w[k] = under[k] > 0.0 ? over[k] / under[k] : 0.0;
+}
+
+static void terms(const double *x, const double *b, double out[HADA_REF_FIT_SUMS])
+{
+    out[0] = x[0] * b[0] + x[1] * b[1];
+    out[1] = x[1] * b[0] - x[0] * b[1];
+    out[2] = b[0] * b[0] + b[1] * b[1];
+    out[3] = x[0] * x[0] + x[1] * x[1];
+    out[4] = x[0] * b[0];
+    out[5] = b[0] * b[0];
+}
+
+void hada_ref_fit_pair(const double *x, const double *b, size_t count, double sign, double *sums)
+{
+    for (size_t i = 0; i < count; i++) {
+        double t[HADA_REF_FIT_SUMS];
+        terms(x + 2 * i, b + 2 * i, t);
+        for (size_t k = 0; k < HADA_REF_FIT_SUMS; k++)
+            sums[k * count + i] += sign * t[k];
+    }
+}
+
+void hada_ref_fit_filter(const double *sums, const double *other, size_t count, double alpha, double ridge, int split,
+                         double *filter)
+{
+    for (size_t i = 0; i < count; i++) {
+        double s[HADA_REF_FIT_SUMS];
+        for (size_t k = 0; k < HADA_REF_FIT_SUMS; k++)
+            s[k] = sums[k * count + i];
+        solve(s, other[i], other[count + i], alpha, ridge, split, filter + 2 * i);
+    }
+}
+
+void hada_ref_fit_transfer(const double *sums, size_t count, double least, double *otf)
+{
+    for (size_t i = 0; i < count; i++) {
+        const double under = fmax(sums[3 * count + i], least);
+        otf[2 * i] = under > 0.0 ? sums[i] / under : 0.0;
+        otf[2 * i + 1] = under > 0.0 ? -sums[count + i] / under : 0.0;
+    }
+}
+
+double hada_ref_fit_leave_one_out(const double *x, const double *b, const double *sums, const double *other,
+                                  const double *seen, const double *weights, size_t count, double alpha, double ridge,
+                                  int split, double *leak)
+{
+    double own = 0.0;
+    *leak = 0.0;
+    for (size_t i = 0; i < count; i++) {
+        double s[HADA_REF_FIT_SUMS], w[2], e[2];
+        const double *xi = x + 2 * i, *bi = b + 2 * i;
+        terms(xi, bi, s);
+        for (size_t k = 0; k < HADA_REF_FIT_SUMS; k++)
+            s[k] = sums[k * count + i] - s[k];
+        solve(s, other[i], other[count + i], alpha, ridge, split, w);
+        e[0] = xi[0] - (split ? w[0] * bi[0] : w[0] * bi[0] - w[1] * bi[1]);
+        e[1] = xi[1] - (split ? w[1] * bi[1] : w[0] * bi[1] + w[1] * bi[0]);
+        own += weights[i] * (e[0] * e[0] + e[1] * e[1]);
+        *leak += weights[i] * (split ? w[0] * w[0] * seen[count + i] + w[1] * w[1] * (seen[i] - seen[count + i])
+                                     : (w[0] * w[0] + w[1] * w[1]) * seen[i]);
+    }
+    return own;
+}
+
+double hada_ref_fit_unexplained(const double *sums, const double *weights, size_t count, double least)
+{
+    double total = 0.0;
+    for (size_t i = 0; i < count; i++) {
+        const double under = fmax(sums[3 * count + i], least), re = sums[i], im = sums[count + i];
+        total += weights[i] * (sums[2 * count + i] - (under > 0.0 ? (re * re + im * im) / under : 0.0));
+    }
+    return total;
+}

@@ -12,13 +12,26 @@
 #define FFT_HALF 0
 #endif
 
+#if FFT_HALF
+typedef ushort filter_value;
+/* Eight finite halves: their bits moved to where float has them, and the exponent's bias set right. As exact as
+ * vload_half8, which some CPU drivers do one by one. */
+FFT_INLINE float8 load_filter(__global const ushort *p)
+{
+    const uint8 bits = convert_uint8(vload8(0, p));
+    return as_float8((bits & 0x7fffu) << 13 | (bits & 0x8000u) << 16) * 0x1p112f;
+}
+#else
+typedef float filter_value;
+FFT_INLINE float8 load_filter(__global const float *p)
+{
+    return vload8(0, p);
+}
+#endif
+
 typedef struct fft_columns {
     __global const float *in;
-#if FFT_HALF
-    __global const half *filter;
-#else
-    __global const float *filter;
-#endif
+    __global const filter_value *filter;
     __global float *out;
     int row0, rows_out;
 } fft_columns;
@@ -34,13 +47,8 @@ FFT_INLINE void fft_get(const fft_columns *columns, int row, float8 *re, float8 
     fft_apart(vload8(0, p), vload8(1, p), re, im);
 #if FFT_PRODUCT
     float8 wr, wi;
-#if FFT_HALF
-    __global const half *w = columns->filter + (size_t)row * 16;
-    fft_apart(vload_half8(0, w), vload_half8(1, w), &wr, &wi);
-#else
-    __global const float *w = columns->filter + (size_t)row * 16;
-    fft_apart(vload8(0, w), vload8(1, w), &wr, &wi);
-#endif
+    __global const filter_value *w = columns->filter + (size_t)row * 16;
+    fft_apart(load_filter(w), load_filter(w + 8), &wr, &wi);
 #if FFT_PRODUCT == 1
     const float8 xr = *re, xi = *im;
     *re = fma(xr, wr, -(xi * wi));
@@ -64,36 +72,37 @@ FFT_INLINE int fft_wanted(const fft_columns *columns, int row)
     return (uint)(row - columns->row0) < (uint)columns->rows_out;
 }
 
-/* The first stage, from memory to scratch. */
-#define FFT_GET(k) fft_get(columns, source[k], &re[k], &im[k]);
+/* The first stage, from memory to scratch: walks through the memory in order, as R streams of rows (which caches fetch
+ * ahead), and puts each butterfly's values in their place of the digit-reversed order. */
+#define FFT_GET(k) fft_get(columns, source[i + (k) * blocks], &re[k], &im[k]);
 #define FFT_KEEP(k)        \
     q[2 * (k)] = re[k];    \
     q[2 * (k) + 1] = im[k];
-#define FFT_FIRST(R)                                                                              \
-    FFT_INLINE void fft_first##R(const fft_columns *columns, FFT_MEM float8 *scratch,             \
-                                 __global const int *source, int from, int to)                    \
-    {                                                                                             \
-        FFT_MEM float8 *q = scratch + 2 * R * from;                                               \
-        source += R * from;                                                                       \
-        for (int b = from; b < to; ++b, q += 2 * R, source += R) {                                \
-            float8 re[R], im[R];                                                                  \
-            FFT_EACH(R, FFT_GET)                                                                  \
-            fft_radix##R(re, im);                                                                 \
-            FFT_EACH(R, FFT_KEEP)                                                                 \
-        }                                                                                         \
+#define FFT_FIRST(R)                                                                                      \
+    FFT_INLINE void fft_first##R(const fft_columns *columns, FFT_MEM float8 *scratch,                     \
+                                 __global const int *source, __global const int *place, int blocks)       \
+    {                                                                                                     \
+        for (int i = 0; i < blocks; ++i) {                                                                \
+            FFT_MEM float8 *q = scratch + 2 * place[i];                                                   \
+            float8 re[R], im[R];                                                                          \
+            FFT_EACH(R, FFT_GET)                                                                          \
+            fft_radix##R(re, im);                                                                         \
+            FFT_EACH(R, FFT_KEEP)                                                                         \
+        }                                                                                                 \
     }
 
 FFT_FIRST(1)
 FFT_FIRST(4)
 FFT_FIRST(8)
 
-FFT_INLINE void fft_first(const fft_columns *columns, FFT_MEM float8 *scratch, __global const int *source, int radix,
-                          int from, int to)
+FFT_INLINE void fft_first(const fft_columns *columns, FFT_MEM float8 *scratch, __global const int *table)
 {
-    switch (radix) {
-    case 4: fft_first4(columns, scratch, source, from, to); break;
-    case 8: fft_first8(columns, scratch, source, from, to); break;
-    default: fft_first1(columns, scratch, source, from, to); break;
+    __global const int *source = table + table[FFT_SOURCE], *place = table + table[FFT_PLACE];
+    const int n = table[FFT_LENGTH];
+    switch (table[FFT_HEADER + FFT_RADIX]) {
+    case 4: fft_first4(columns, scratch, source, place, n / 4); break;
+    case 8: fft_first8(columns, scratch, source, place, n / 8); break;
+    default: fft_first1(columns, scratch, source, place, n); break;
     }
 }
 
@@ -220,24 +229,19 @@ fft_cols(__global const float *in, ulong in_offset, ulong in_distance, int in_co
         columns.out = out + 2 * (out_offset + (ulong)image * out_distance + (ulong)block * (ulong)rows_out * 8);
         columns.row0 = row0;
         columns.rows_out = rows_out;
-#if FFT_HALF
-        columns.filter = (__global const half *)filter;
-#else
-        columns.filter = (__global const float *)filter;
-#endif
+        columns.filter = (__global const filter_value *)filter;
 #if FFT_PRODUCT
         columns.filter += 2 * (filter_offset + (ulong)image * filter_distance + (ulong)block * (ulong)n * 8);
 #endif
         const int chirp = table[FFT_CHIRP] != 0;
-        const int radix = table[FFT_HEADER + FFT_RADIX];
         if (chirp)
             fft_chirp_in(&columns, scratch, table, floats);
+        else
+            fft_first(&columns, scratch, table);
         for (int i = 0; i <= table[FFT_POINTS] / table[FFT_CHUNK]; ++i) {
             fft_part part = fft_part_of(table, i);
-            if (!chirp && part.first == 0) {
-                fft_first(&columns, scratch, table + table[FFT_SOURCE], radix, part.from / radix, part.to / radix);
+            if (!chirp && part.first == 0)
                 part.first = 1;
-            }
             if (!chirp && part.last == table[FFT_STAGES])
                 --part.last;
             for (int s = part.first; s < part.last; ++s)

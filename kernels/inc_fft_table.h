@@ -10,8 +10,8 @@
 #define FFT_CHUNK_STAGES 4 /* the number of these stages */
 #define FFT_CHIRP        5 /* 0, or the place of the chirp in the float table (then that of its transform follows) */
 #define FFT_CHIRP_SPECTRUM 6
-#define FFT_SOURCE       7 /* place of the list: scratch point -> index of the input (chirp: input -> index), -1 = 0 */
-#define FFT_PLACE        8 /* place of the list: index of the input -> scratch point */
+#define FFT_SOURCE       7 /* place of the list: number of an input -> its index in memory, -1 for zero */
+#define FFT_PLACE        8 /* place of the list: number of an input -> its point in scratch */
 #define FFT_HEADER       12
 
 /* A stage combines `radix` transforms of `span` points each. */

@@ -88,8 +88,8 @@ static float *fill_stage(float *out, int radix, int span)
     return out;
 }
 
-/* source[p]: which input the digit-reversed order has at scratch point p. */
-static void fill_order(const hada_fft_stages *stages, int *source)
+/* order[p]: which input the digit-reversed order has at scratch point p. */
+static void fill_order(const hada_fft_stages *stages, int *order)
 {
     const int points = stages->points, first = stages->radix[0], blocks = points / first;
     for (int b = 0; b < blocks; b++) {
@@ -100,7 +100,7 @@ static void fill_order(const hada_fft_stages *stages, int *source)
             rest /= stages->radix[t];
         }
         for (int k = 0; k < first; k++)
-            source[b * first + k] = base + k * blocks;
+            order[b * first + k] = base + k * blocks;
     }
 }
 
@@ -201,17 +201,14 @@ hada_status hada_fft_pass_make(hada_fft_pass *pass, const hada_fft_pass_desc *de
         status = fill_chirp(next, next + 2 * (size_t)n, n, stages.points, err);
     }
 
-    /* the place of every input, and the input of every place; a chirp's inputs keep their order in the first list */
     int32_t *source = pass->ints + pass->ints[FFT_SOURCE], *place = pass->ints + pass->ints[FFT_PLACE];
     fill_order(&stages, order);
     for (int p = 0; p < stages.points; p++)
         if (order[p] < n)
             place[desc->kind == HADA_PASS_ROWS_INVERSE && order[p] ? n - order[p] : order[p]] = p;
-    for (int p = 0; p < n; p++) {
-        int row = stages.chirp ? p : order[p];
-        if (desc->inverse && row)
-            row = n - row;
-        source[p] = desc->kind != HADA_PASS_COLUMNS || present(desc, row) ? row : -1;
+    for (int i = 0; i < n; i++) {
+        const int row = desc->inverse && i ? n - i : i;
+        source[i] = desc->kind != HADA_PASS_COLUMNS || present(desc, row) ? row : -1;
     }
 done:
     free(order);

@@ -1,0 +1,108 @@
+#include "sched/frame.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/alloc.h"
+
+static int by_value(const void *a, const void *b)
+{
+    float x = *(const float *)a, y = *(const float *)b;
+    return (x > y) - (x < y);
+}
+
+/* The median of the finite values, NaN where there is none. The array is sorted. */
+static float median(float *values, size_t count)
+{
+    if (!count)
+        return NAN;
+    qsort(values, count, sizeof *values, by_value);
+    return count % 2 ? values[count / 2] : 0.5f * (values[count / 2 - 1] + values[count / 2]);
+}
+
+static float neighbours_median(const float *plane, int rows, int cols, int row, int col)
+{
+    enum { REACH = 7 };
+    float found[(2 * REACH + 1) * (2 * REACH + 1)];
+    for (int reach = 1; reach <= REACH; reach++) {
+        size_t n = 0;
+        for (int r = row - reach; r <= row + reach; r++)
+            for (int c = col - reach; c <= col + reach; c++)
+                if (r >= 0 && r < rows && c >= 0 && c < cols && isfinite(plane[(size_t)r * (size_t)cols + (size_t)c]))
+                    found[n++] = plane[(size_t)r * (size_t)cols + (size_t)c];
+        if (n)
+            return median(found, n);
+    }
+    return NAN;
+}
+
+static hada_status plane_median(const float *plane, size_t count, float *out, hada_error *err)
+{
+    void *memory;
+    hada_status status = hada_alloc_raw(&memory, count, sizeof(float), "repairing a frame", err);
+    if (status)
+        return status;
+    float *finite = memory;
+    size_t n = 0;
+    for (size_t i = 0; i < count; i++)
+        if (isfinite(plane[i]))
+            finite[n++] = plane[i];
+    *out = n ? median(finite, n) : 0.0f;
+    free(memory);
+    return HADA_OK;
+}
+
+hada_status hada_frame_repair(hada_image *frame, size_t *repaired, hada_error *err)
+{
+    size_t pixels = (size_t)frame->rows * (size_t)frame->cols;
+    *repaired = hada_image_count_not_finite(frame);
+    if (!*repaired)
+        return HADA_OK;
+    hada_image before = {0};
+    hada_status status = hada_image_create(&before, frame->channels, frame->rows, frame->cols, err);
+    if (status)
+        return status;
+    memcpy(before.data, frame->data, hada_image_count(frame) * sizeof(float));
+    for (int channel = 0; !status && channel < frame->channels; channel++) {
+        const float *plane = before.data + (size_t)channel * pixels;
+        float whole = NAN; /* the plane's median, found when first needed */
+        for (size_t i = 0; !status && i < pixels; i++) {
+            if (isfinite(plane[i]))
+                continue;
+            float value = neighbours_median(plane, frame->rows, frame->cols, (int)(i / (size_t)frame->cols),
+                                            (int)(i % (size_t)frame->cols));
+            if (isnan(value)) {
+                if (isnan(whole))
+                    status = plane_median(plane, pixels, &whole, err);
+                value = whole;
+            }
+            frame->data[(size_t)channel * pixels + i] = value;
+        }
+    }
+    hada_image_destroy(&before);
+    return status;
+}
+
+hada_status hada_frame_dark_level(const hada_image *frame, double *level, hada_error *err)
+{
+    enum { ENOUGH = 1 << 18 };
+    if (!frame || !frame->data || !level)
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "hada_frame_dark_level: a frame and a place for the level are needed");
+    size_t count = hada_image_count(frame);
+    size_t step = (count + ENOUGH - 1) / ENOUGH; /* a sample tells a quantile well enough */
+    void *memory;
+    hada_status status = hada_alloc_raw(&memory, count / step + 1, sizeof(float), "the dark level", err);
+    if (status)
+        return status;
+    float *sample = memory;
+    size_t n = 0;
+    for (size_t i = 0; i < count; i += step)
+        if (isfinite(frame->data[i]))
+            sample[n++] = frame->data[i];
+    qsort(sample, n, sizeof *sample, by_value);
+    *level = n ? sample[n / 100] : 0.0;
+    free(memory);
+    return HADA_OK;
+}

@@ -1,0 +1,12 @@
+/* Room for results. Internal. */
+#ifndef HADA_SCHED_RESULT_H
+#define HADA_SCHED_RESULT_H
+
+#include <hadalens/reconstruct.h>
+
+#include "core/error.h"
+
+/* Makes the result fit a model and a number of depths; images that fit already are kept. Empty on failure. */
+hada_status hada_result_fit(hada_result *result, const hada_model_info *info, int depths, hada_error *err);
+
+#endif

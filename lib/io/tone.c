@@ -1,0 +1,129 @@
+#include "io/tone.h"
+
+#include <math.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/alloc.h"
+
+double hada_tone_white(const hada_image *images, int count)
+{
+    /* The upper half of a positive float's bits sorts like the number and holds it to 1 in 128. */
+    size_t *bins = calloc(0x8000, sizeof *bins), total = 0, sum = 0;
+    if (!bins)
+        return 1;
+    for (int k = 0; k < count; k++)
+        for (size_t i = 0, n = hada_image_count(&images[k]); i < n; i++) {
+            float value = images[k].data[i];
+            if (!isfinite(value))
+                continue;
+            uint32_t bits;
+            value = value > 0 ? value : 0;
+            memcpy(&bits, &value, sizeof bits);
+            bins[bits >> 16 & 0x7fffu]++;
+            total++;
+        }
+    uint32_t bin = 0x7f7f, highest = 0;
+    for (; bin > 0 && (sum += bins[bin]) * 1000 <= total; bin--)
+        highest = !highest && bins[bin] ? bin : highest;
+    bin = bin ? bin : highest; /* a few bright pixels on black */
+    free(bins);
+    uint32_t bits = (bin + 1) << 16;
+    float white;
+    memcpy(&white, &bits, sizeof white);
+    return bin && white > 0 && isfinite(white) ? (double)white : 1;
+}
+
+/* Which values of a line of `from` make up pixel `at` of `to`: `first` and `count`, with weights summing to 1. */
+typedef struct hada_span {
+    int first, count;
+    double begin, step; /* area: the pixel covers [begin, begin + step); bilinear: the second weight is begin */
+} hada_span;
+
+static hada_span span_of(int at, int from, int to)
+{
+    if (to >= from) { /* bilinear between centres */
+        double place = (at + 0.5) * from / to - 0.5;
+        place = place < 0 ? 0 : place > from - 1 ? from - 1 : place;
+        int first = (int)place < from - 1 ? (int)place : from - 1;
+        return (hada_span){first, first + 1 < from ? 2 : 1, place - first, 0};
+    }
+    double step = (double)from / to, begin = at * step, end = begin + step;
+    int first = (int)begin, last = (int)ceil(end - 1e-9);
+    last = last > from ? from : last;
+    return (hada_span){first, last - first, begin, step};
+}
+
+static double weight_of(const hada_span *span, int index)
+{
+    if (span->step <= 0)
+        return index ? span->begin : span->count > 1 ? 1 - span->begin : 1;
+    double low = fmax(span->begin, span->first + index), high = fmin(span->begin + span->step, span->first + index + 1);
+    return high > low ? (high - low) / span->step : 0;
+}
+
+/* One plane resampled into out[height * width]; `lines` holds rows * width values between the two passes. */
+static void resample(const float *plane, int rows, int cols, int width, int height, float *lines, float *out)
+{
+    for (int x = 0; x < width; x++) {
+        hada_span span = span_of(x, cols, width);
+        for (int row = 0; row < rows; row++) {
+            double sum = 0;
+            for (int i = 0; i < span.count; i++) {
+                float value = plane[(size_t)row * (size_t)cols + (size_t)(span.first + i)];
+                sum += isfinite(value) ? weight_of(&span, i) * (double)value : 0;
+            }
+            lines[(size_t)row * (size_t)width + (size_t)x] = (float)sum;
+        }
+    }
+    for (int y = 0; y < height; y++) {
+        hada_span span = span_of(y, rows, height);
+        for (int x = 0; x < width; x++) {
+            double sum = 0;
+            for (int i = 0; i < span.count; i++)
+                sum += weight_of(&span, i) * (double)lines[(size_t)(span.first + i) * (size_t)width + (size_t)x];
+            out[(size_t)y * (size_t)width + (size_t)x] = (float)sum;
+        }
+    }
+}
+
+static void show(hada_canvas *canvas, int x, int y, int width, int height, const float *planes, int channels,
+                 double white, double gamma)
+{
+    size_t count = (size_t)width * (size_t)height;
+    for (size_t i = 0; i < count; i++) {
+        int column = x + (int)(i % (size_t)width), row = y + (int)(i / (size_t)width);
+        if (column < 0 || row < 0 || column >= canvas->width || row >= canvas->height)
+            continue;
+        double rgb[3], mean = 0;
+        for (int c = 0; c < channels; c++)
+            mean += (double)planes[(size_t)c * count + i] / channels;
+        for (int c = 0; c < 3; c++) {
+            double value = (channels == 3 ? (double)planes[(size_t)c * count + i] : mean) / white;
+            rgb[c] = pow(fmin(fmax(value, 0), 1), gamma) * 255 + 0.5;
+        }
+        hada_canvas_fill(canvas, column, row, 1, 1,
+                         (hada_colour){(unsigned char)rgb[0], (unsigned char)rgb[1], (unsigned char)rgb[2]});
+    }
+}
+
+hada_status hada_tone_draw(hada_canvas *canvas, int x, int y, int width, int height, const hada_image *image,
+                           double white, double gamma, hada_error *err)
+{
+    size_t pixels = (size_t)width * (size_t)height, plane = (size_t)image->rows * (size_t)image->cols;
+    void *lines = NULL, *out = NULL;
+    hada_status status = hada_alloc_raw(&lines, hada_size_product((size_t)image->rows, (size_t)width), sizeof(float),
+                                        "a preview picture", err);
+    if (!status)
+        status = hada_alloc_raw(&out, hada_size_product(pixels, (size_t)image->channels), sizeof(float),
+                                "a preview picture", err);
+    for (int c = 0; !status && c < image->channels; c++)
+        resample(image->data + (size_t)c * plane, image->rows, image->cols, width, height, lines,
+                 (float *)out + (size_t)c * pixels);
+    if (!status)
+        show(canvas, x, y, width, height, out, image->channels, white > 0 ? white : 1, gamma > 0 ? gamma : 1 / 2.2);
+    free(lines);
+    free(out);
+    return status;
+}

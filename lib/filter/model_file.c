@@ -125,7 +125,7 @@ static int list_parts(const hada_model *model, part parts[PARTS])
 hada_status hada_model_save(const hada_model *model, const char *path, hada_error *err)
 {
     hada_tensors_writer *writer;
-    c_numbers numbers;
+    c_numbers numbers = {0};
     part parts[PARTS];
     if (!model || !path)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_model_save: model and path are needed");
@@ -237,7 +237,7 @@ static hada_status check_part(const hada_tensors *file, const char *path, const 
 static hada_status take_parts(hada_model *model, const hada_tensors *file, const char *path, hada_error *err)
 {
     part parts[PARTS];
-    const void *data;
+    const void *data = NULL;
     hada_status status = HADA_OK;
     const int count = list_parts(model, parts);
     for (int i = 0; !status && i < count; i++) {
@@ -316,7 +316,7 @@ static hada_status load(hada_model **out, hada_tensors *file, const char *path, 
 hada_status hada_model_load(hada_model **out, const char *path, hada_error *err)
 {
     hada_tensors *file;
-    c_numbers numbers;
+    c_numbers numbers = {0};
     if (!out || !path)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_model_load: out and path are needed");
     *out = NULL;

@@ -1,0 +1,229 @@
+/* Model files: what is saved comes back bit for bit, and what is damaged or inconsistent is refused. */
+#include <locale.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "core/random.h"
+#include "filter/model.h"
+#include "io/safetensors.h"
+#include "testing.h"
+
+static const double distances[] = {100.0, 133.25, 600.0 / 7.0 * 3.0};
+
+static hada_model *make(int statistics)
+{
+    hada_model_info info = {.depths = 3,
+                            .channels = 2,
+                            .form = HADA_FORM_SPLIT,
+                            .boundary = HADA_BOUNDARY_PADDED,
+                            .alpha = 0.1,
+                            .lambda = 1.0 / 3.0,
+                            .dark = 0.0625,
+                            .noise = 1e-3,
+                            .refine_steps = 12,
+                            .refine_rho = 3e-3,
+                            .has_otf = 1,
+                            .distances_mm = distances};
+    hada_model *model;
+    hada_random random;
+    ASSERT_OK(hada_model_set_sizes(&info, 10, 13, 4, 6, err));
+    ASSERT_OK(hada_model_create(&model, &info, statistics, err));
+    hada_random_seed(&random, 1, 1);
+    for (size_t i = 0; i < hada_model_plane(model) * 12; i++) {
+        model->filter[i] = (float)hada_random_normal(&random);
+        model->otf[i] = (float)hada_random_normal(&random);
+    }
+    for (size_t i = 0; statistics && i < hada_model_plane(model); i++)
+        model->scene_power[i] = (float)i;
+    for (int i = 0; statistics && i < 6; i++)
+        model->noise_power[i] = i + 0.1;
+    for (int i = 0; statistics && i < 3; i++)
+        model->pairs[i] = i + 5;
+    return model;
+}
+
+static void make_path(char *path)
+{
+    strcpy(path, "/tmp/hadalens-test-XXXXXX");
+    const int file = mkstemp(path);
+    assert_true(file >= 0);
+    close(file);
+}
+
+static void files_come_back_bit_for_bit(void **state)
+{
+    (void)state;
+    char path[64];
+    make_path(path);
+    for (int k = 0; k < 4; k++) {
+        hada_model *model = make(k & 1), *back;
+        if (k & 2) {
+            hada_model *half;
+            ASSERT_OK(hada_model_to_half(&half, model, err));
+            hada_model_destroy(&model);
+            model = half;
+        }
+        ASSERT_OK(hada_model_save(model, path, err));
+        ASSERT_OK(hada_model_load(&back, path, err));
+        const hada_model_info *a = &model->info, *b = hada_model_get_info(back);
+        assert_true(b->depths == 3 && b->channels == 2 && b->form == a->form && b->boundary == a->boundary);
+        assert_true(b->raw_rows == 10 && b->raw_cols == 13 && b->window_rows == 4 && b->window_cols == 6);
+        assert_true(b->grid_rows == a->grid_rows && b->grid_cols == a->grid_cols);
+        assert_true(b->alpha == a->alpha && b->lambda == a->lambda && b->dark == a->dark && b->noise == a->noise);
+        assert_true(b->refine_steps == 12 && b->refine_rho == a->refine_rho && b->has_otf && b->half == a->half);
+        assert_memory_equal(b->distances_mm, distances, sizeof distances);
+        assert_string_equal(b->name, path);
+        assert_int_equal(b->bytes, a->bytes);
+        const size_t values = hada_model_plane(model) * 12;
+        if (a->half)
+            assert_memory_equal(back->filter_half, model->filter_half, values * 2);
+        else
+            assert_memory_equal(back->filter, model->filter, values * 4);
+        assert_memory_equal(back->otf, model->otf, values * 4);
+        assert_int_equal(back->scene_power != NULL, k & 1);
+        if (k & 1) {
+            assert_memory_equal(back->scene_power, model->scene_power, hada_model_plane(model) * 4);
+            assert_memory_equal(back->noise_power, model->noise_power, 6 * sizeof(double));
+            assert_memory_equal(back->pairs, model->pairs, 3 * sizeof(double));
+        }
+        /* what was loaded can be saved again, to another place */
+        char second[70];
+        snprintf(second, sizeof second, "%s-2", path);
+        ASSERT_OK(hada_model_save(back, second, err));
+        unlink(second);
+        hada_model_destroy(&back);
+        assert_null(back);
+        hada_model_destroy(&model);
+    }
+    unlink(path);
+}
+
+/* Rewrites a file with one piece of metadata or one tensor changed. */
+static void rewrite(const char *path, const char *key, const char *value, const char *drop, int cut)
+{
+    hada_tensors *file;
+    hada_tensors_writer *writer;
+    char beside[80];
+    static const char *const keys[] = {"format", "version", "form", "boundary",     "raw",        "grid", "window",
+                                       "alpha",  "lambda",  "dark", "refine_steps", "refine_rho", "noise"};
+    snprintf(beside, sizeof beside, "%s-new", path);
+    ASSERT_OK(hada_tensors_open(&file, path, err));
+    ASSERT_OK(hada_tensors_create(&writer, beside, err));
+    for (size_t i = 0; i < sizeof keys / sizeof *keys; i++) {
+        const char *text = strcmp(keys[i], key) ? hada_tensors_meta(file, keys[i]) : value;
+        if (text)
+            ASSERT_OK(hada_tensors_put_meta(writer, keys[i], text, err));
+    }
+    for (int pass = 0; pass < 2; pass++)
+        for (size_t i = 0; i < hada_tensors_count(file); i++) {
+            const hada_tensor *tensor = hada_tensors_at(file, i);
+            int64_t shape[HADA_TENSOR_DIMS];
+            size_t bytes = tensor->bytes;
+            memcpy(shape, tensor->shape, sizeof shape);
+            if (!strcmp(tensor->name, drop)) {
+                if (!cut)
+                    continue;
+                shape[tensor->dims - 2]--;
+                bytes = bytes / (size_t)tensor->shape[tensor->dims - 2] * (size_t)shape[tensor->dims - 2];
+            }
+            if (pass)
+                ASSERT_OK(hada_tensors_write(writer, tensor->data, bytes, err));
+            else
+                ASSERT_OK(hada_tensors_declare(writer, tensor->name, tensor->type, tensor->dims, shape, err));
+        }
+    hada_tensors_close(&file);
+    ASSERT_OK(hada_tensors_finish(&writer, err));
+    assert_int_equal(rename(beside, path), 0);
+}
+
+static void damaged_files_are_refused(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *key, *value, *drop;
+        int cut;
+        hada_status status;
+    } cases[] = {{"format", "something", "", 0, HADA_ERROR_FILE_FORMAT},
+                 {"format", NULL, "", 0, HADA_ERROR_FILE_FORMAT},
+                 {"version", "2", "", 0, HADA_ERROR_FILE_FORMAT},
+                 {"form", "cubic", "", 0, HADA_ERROR_FILE_FORMAT},
+                 {"boundary", "circular", "", 0, HADA_ERROR_MODEL}, /* the grid is not the frame */
+                 {"boundary", NULL, "", 0, HADA_ERROR_FILE_FORMAT},
+                 {"raw", "10", "", 0, HADA_ERROR_FILE_FORMAT},
+                 {"raw", "3x13", "", 0, HADA_ERROR_MODEL},
+                 {"window", "11x6", "", 0, HADA_ERROR_MODEL},
+                 {"grid", "16x20", "", 0, HADA_ERROR_FILE_FORMAT}, /* not what the tensors have */
+                 {"alpha", "-1", "", 0, HADA_ERROR_MODEL},
+                 {"lambda", "nan", "", 0, HADA_ERROR_FILE_FORMAT},
+                 {"dark", "0.1x", "", 0, HADA_ERROR_FILE_FORMAT},
+                 {"refine_steps", "2.5", "", 0, HADA_ERROR_FILE_FORMAT},
+                 {"", NULL, "filter", 0, HADA_ERROR_FILE_FORMAT},
+                 {"", NULL, "distances_mm", 0, HADA_ERROR_FILE_FORMAT},
+                 {"", NULL, "pairs", 0, HADA_ERROR_FILE_FORMAT},
+                 {"", NULL, "otf", 1, HADA_ERROR_FILE_FORMAT},
+                 {"", NULL, "filter", 1, HADA_ERROR_FILE_FORMAT},
+                 {"", NULL, "scene_power", 1, HADA_ERROR_FILE_FORMAT}};
+    char path[64];
+    make_path(path);
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        hada_model *model = make(1), *back;
+        hada_error error = {0};
+        ASSERT_OK(hada_model_save(model, path, err));
+        rewrite(path, cases[i].key, cases[i].value, cases[i].drop, cases[i].cut);
+        const hada_status status = hada_model_load(&back, path, &error);
+        if (status != cases[i].status)
+            fail_msg("case %zu: status %d (%s), expected %d", i, status, error.message, cases[i].status);
+        assert_null(back);
+        assert_non_null(strstr(error.message, path)); /* the message names the file */
+        hada_model_destroy(&model);
+    }
+    hada_model *back;
+    hada_error error;
+    assert_int_equal(truncate(path, 300), 0);
+    assert_int_not_equal(hada_model_load(&back, path, &error), HADA_OK);
+    assert_int_equal(truncate(path, 0), 0);
+    assert_int_not_equal(hada_model_load(&back, path, &error), HADA_OK);
+    unlink(path);
+    assert_int_equal(hada_model_load(&back, path, &error), HADA_ERROR_FILE_OPEN);
+    hada_model *model = make(0);
+    assert_int_equal(hada_model_save(model, "/nonexistent/model", &error), HADA_ERROR_FILE_WRITE);
+    hada_model_destroy(&model);
+}
+
+/* A program that uses a locale with a decimal comma reads and writes the same files. */
+static void numbers_do_not_depend_on_the_locale(void **state)
+{
+    (void)state;
+    static const char *const locales[] = {"de_DE.UTF-8", "fr_FR.UTF-8", "de_DE.utf8"};
+    int found = 0;
+    for (int i = 0; i < 3 && !found; i++)
+        found = setlocale(LC_NUMERIC, locales[i]) != NULL;
+    if (!found)
+        skip();
+    char path[64];
+    make_path(path);
+    hada_model *model = make(0), *back;
+    ASSERT_OK(hada_model_save(model, path, err));
+    assert_string_equal(localeconv()->decimal_point, ","); /* the program's locale is left alone */
+    hada_tensors *file;
+    ASSERT_OK(hada_tensors_open(&file, path, err));
+    assert_string_equal(hada_tensors_meta(file, "alpha"), "0.10000000000000001");
+    hada_tensors_close(&file);
+    ASSERT_OK(hada_model_load(&back, path, err));
+    assert_true(back->info.lambda == 1.0 / 3.0);
+    setlocale(LC_NUMERIC, "C");
+    hada_model_destroy(&back);
+    hada_model_destroy(&model);
+    unlink(path);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(files_come_back_bit_for_bit),
+        cmocka_unit_test(damaged_files_are_refused),
+        cmocka_unit_test(numbers_do_not_depend_on_the_locale),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

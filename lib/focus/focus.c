@@ -43,7 +43,7 @@ static int window_radius(const hada_focus_options *options)
 void hada_focus_options_init(hada_focus_options *options, int shared)
 {
     *options = (hada_focus_options){.size = sizeof *options,
-                                    .measure = shared ? HADA_FOCUS_ENERGY : HADA_FOCUS_CONTRAST,
+                                    .measure = shared ? HADA_FOCUS_COMBINED : HADA_FOCUS_CONTRAST,
                                     .fuse = shared ? HADA_FOCUS_SUM : HADA_FOCUS_WEIGHTED,
                                     .window_sigma = 2.5,
                                     .false_alarm = 0.01};
@@ -54,7 +54,7 @@ static hada_status check(const hada_focus_desc *desc, hada_error *err)
     const hada_focus_options *o = &desc->options;
     if (o->size != sizeof *o)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "focus options were not started with hada_focus_options_init()");
-    if ((o->measure != HADA_FOCUS_CONTRAST && o->measure != HADA_FOCUS_ENERGY) ||
+    if ((o->measure != HADA_FOCUS_CONTRAST && o->measure != HADA_FOCUS_ENERGY && o->measure != HADA_FOCUS_COMBINED) ||
         (o->fuse != HADA_FOCUS_WEIGHTED && o->fuse != HADA_FOCUS_SUM))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "focus measure %d with fusion %d is not known", (int)o->measure,
                          (int)o->fuse);
@@ -212,14 +212,15 @@ hada_status hada_focus_begin(hada_focus *focus, const unsigned char *competing, 
     return status ? status : hada_buffer_clear(&focus->loser_bins, focus->slot, 0, bytes, err);
 }
 
-/* The windowed measure of one plane. */
-static hada_status measure_plane(hada_focus *f, cl_mem planes, cl_ulong offset, hada_error *err)
+/* The windowed response of one plane (contrast or energy); multiply: its root is multiplied into the measure. */
+static hada_status measure_once(hada_focus *f, cl_mem planes, cl_ulong offset, hada_focus_measure kind, int multiply,
+                                hada_error *err)
 {
     static const char *const options[] = {"", "-DFOCUS_MEASURE=2"};
     cl_kernel measure, down, across;
     hada_status status;
-    if ((status = hada_slot_kernel(f->slot, "focus_measure", "focus_measure",
-                                   options[f->options.measure == HADA_FOCUS_ENERGY], &measure, err)) ||
+    if ((status = hada_slot_kernel(f->slot, "focus_measure", "focus_measure", options[kind == HADA_FOCUS_ENERGY],
+                                   &measure, err)) ||
         (status = hada_slot_kernel(f->slot, "focus_window", "focus_window_down", "", &down, err)) ||
         (status = hada_slot_kernel(f->slot, "focus_window", "focus_window_across", "", &across, err)))
         return status;
@@ -242,9 +243,17 @@ static hada_status measure_plane(hada_focus *f, cl_mem planes, cl_ulong offset, 
     const size_t global_across[2] = {(size_t)up_to(f->vectors, LOCAL), rows};
     const hada_arg args_across[] = {HADA_ARG(f->smooth.mem), HADA_ARG(f->weights.mem), HADA_ARG(f->radius),
                                     HADA_ARG(f->halo),       HADA_ARG(f->pitch),       HADA_ARG(f->vectors),
-                                    HADA_ARG(f->measure.mem)};
+                                    HADA_ARG(multiply),      HADA_ARG(f->measure.mem)};
     return hada_slot_launch(f->slot, across, "focus_window_across", 2, global_across, narrow, args_across,
                             HADA_COUNT(args_across), err);
+}
+
+static hada_status measure_plane(hada_focus *f, cl_mem planes, cl_ulong offset, hada_error *err)
+{
+    if (f->options.measure != HADA_FOCUS_COMBINED)
+        return measure_once(f, planes, offset, f->options.measure, 0, err);
+    hada_status status = measure_once(f, planes, offset, HADA_FOCUS_ENERGY, 0, err);
+    return status ? status : measure_once(f, planes, offset, HADA_FOCUS_CONTRAST, 1, err);
 }
 
 static hada_status select_plane(hada_focus *f, int depth, cl_mem planes, cl_ulong offset, hada_error *err)
@@ -322,6 +331,7 @@ static hada_status thresholds(hada_focus *f, hada_focus_report *report, double *
         goto done;
     double spread;
     hada_focus_bins_spread(bins, base, &spread);
+    /* energy grows with the noise, contrast and the combination with its square */
     const double unit = f->options.measure == HADA_FOCUS_ENERGY ? report->noise : report->noise * report->noise;
     report->margin = z * spread;
     report->threshold = fmax(*base + z * spread, unit * (f->noise_mean + z * f->noise_deviation));

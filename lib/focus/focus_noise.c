@@ -93,16 +93,10 @@ static double window_overlap(const double *weights, int radius, int lag)
     return sum;
 }
 
-void hada_focus_noise_moments(hada_focus_measure measure, const double *weights, int radius, double *mean,
-                              double *deviation)
+/* Contrast: e = gx^2 + gy^2 of normal gx and gy, whose covariance at a lag is twice the sum of the squared
+ * correlations (Isserlis). */
+static void contrast_moments(const double *weights, int radius, double *mean, double *deviation)
 {
-    if (measure == HADA_FOCUS_ENERGY) { /* the positive part of a normal variable, averaged */
-        const double pi = 3.14159265358979324, overlap = window_overlap(weights, radius, 0);
-        *mean = 1.0 / sqrt(2.0 * pi);
-        *deviation = sqrt(0.5 - 0.5 / pi) * overlap;
-        return;
-    }
-    /* e = gx^2 + gy^2 of normal gx, gy: covariance at a lag is twice the sum of the squared correlations (Isserlis) */
     static const double across[3][3] = {{-0.125, 0, 0.125}, {-0.25, 0, 0.25}, {-0.125, 0, 0.125}},
                         along[3][3] = {{-0.125, -0.25, -0.125}, {0, 0, 0}, {0.125, 0.25, 0.125}};
     double variance = 0.0;
@@ -115,4 +109,31 @@ void hada_focus_noise_moments(hada_focus_measure measure, const double *weights,
         }
     *mean = correlation(across, across, 0, 0) + correlation(along, along, 0, 0);
     *deviation = sqrt(variance);
+}
+
+/* Energy: the positive part of a normal variable, averaged. */
+static void energy_moments(const double *weights, int radius, double *mean, double *deviation)
+{
+    const double pi = 3.14159265358979324;
+    *mean = 1.0 / sqrt(2.0 * pi);
+    *deviation = sqrt(0.5 - 0.5 / pi) * window_overlap(weights, radius, 0);
+}
+
+void hada_focus_noise_moments(hada_focus_measure measure, const double *weights, int radius, double *mean,
+                              double *deviation)
+{
+    if (measure == HADA_FOCUS_ENERGY) {
+        energy_moments(weights, radius, mean, deviation);
+        return;
+    }
+    contrast_moments(weights, radius, mean, deviation);
+    if (measure == HADA_FOCUS_CONTRAST)
+        return;
+    /* energy times the root of contrast: value and gradient of white noise are uncorrelated, so to first order the
+     * relative variances add up, the root's being a quarter of the contrast's */
+    double energy, energy_deviation;
+    energy_moments(weights, radius, &energy, &energy_deviation);
+    const double a = energy_deviation / energy, b = *deviation / *mean;
+    *mean = energy * sqrt(*mean);
+    *deviation = *mean * sqrt(a * a + b * b / 4.0);
 }

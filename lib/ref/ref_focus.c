@@ -54,8 +54,9 @@ static double median(double *values, size_t count)
     return count ? values[(count - 1) / 2] : 0.0;
 }
 
-/* Windowed measure of every depth. */
-static void measure_all(const scene *s, const hada_focus_options *options, double *work, double *out)
+/* Windowed response (contrast or energy) of every depth; multiply: its root is multiplied into `out`. */
+static void window_all(const scene *s, const hada_focus_options *options, hada_focus_measure kind, int multiply,
+                       double *work, double *out)
 {
     const int radius = (int)ceil(3.0 * options->window_sigma);
     const double unit = -0.5 / (options->window_sigma * options->window_sigma);
@@ -66,14 +67,23 @@ static void measure_all(const scene *s, const hada_focus_options *options, doubl
         for (int turn = 0; turn < 2; turn++)
             for (int r = 0; r < s->rows; r++)
                 for (int c = 0; c < s->cols; c++) {
+                    const size_t at = (size_t)r * (size_t)s->cols + (size_t)c;
+                    double *to = turn ? out + (size_t)d * (size_t)s->rows * (size_t)s->cols + at : work + at;
                     double sum = 0.0;
                     for (int k = -radius; k <= radius; k++)
                         sum += exp(unit * k * k) / norm *
                                (turn ? work[(size_t)r * (size_t)s->cols + (size_t)clamp(c + k, s->cols)]
-                                     : response(s, d, options->measure, r + k, c));
-                    (turn ? out + (size_t)d * (size_t)s->rows * (size_t)s->cols
-                          : work)[(size_t)r * (size_t)s->cols + (size_t)c] = sum;
+                                     : response(s, d, kind, r + k, c));
+                    *to = turn && multiply ? *to * sqrt(sum) : sum;
                 }
+}
+
+static void measure_all(const scene *s, const hada_focus_options *options, double *work, double *out)
+{
+    const int combined = options->measure == HADA_FOCUS_COMBINED;
+    window_all(s, options, combined ? HADA_FOCUS_ENERGY : options->measure, 0, work, out);
+    if (combined)
+        window_all(s, options, HADA_FOCUS_CONTRAST, 1, work, out);
 }
 
 static double noise_level(const scene *s, const unsigned char *competing, double *work)
@@ -106,9 +116,10 @@ static void noise_moments(const hada_focus_options *options, double *mean, doubl
             lagged[lag] +=
                 exp(unit * ((k - radius) * (k - radius) + (k + lag - radius) * (k + lag - radius))) / norm / norm;
     squares = lagged[0] * lagged[0];
+    const double energy = 1.0 / sqrt(2.0 * pi), spread = sqrt((0.5 - 0.5 / pi) * squares);
     if (options->measure == HADA_FOCUS_ENERGY) {
-        *mean = 1.0 / sqrt(2.0 * pi);
-        *deviation = sqrt((0.5 - 0.5 / pi) * squares);
+        *mean = energy;
+        *deviation = spread;
         return;
     }
     /* correlations of the Sobel responses: outer products of those of (1 2 1)/4 and (-1 0 1)/2 */
@@ -123,6 +134,11 @@ static void noise_moments(const hada_focus_options *options, double *mean, doubl
         }
     *mean = 2.0 * smooth[0] * difference[0];
     *deviation = sqrt(variance);
+    if (options->measure == HADA_FOCUS_COMBINED) { /* E sqrt(C), errors carried to first order */
+        const double root = sqrt(*mean), change = energy / (2.0 * root) * *deviation;
+        *deviation = sqrt(root * spread * root * spread + change * change);
+        *mean = energy * root;
+    }
 }
 
 /* z with P(normal > z) = p, by Newton's method. */

@@ -93,11 +93,13 @@ static void equals_the_reference(void **state)
     (void)state;
     const unsigned char some[DEPTHS] = {1, 1, 0, 1, 1}, one[DEPTHS] = {0, 0, 1, 0, 0};
     for (int channels = 1; channels <= 3; channels += 2)
-        for (int shared = 0; shared < 2; shared++) {
+        for (int measure = HADA_FOCUS_CONTRAST; measure <= HADA_FOCUS_COMBINED; measure++) {
+            const int shared = measure != HADA_FOCUS_CONTRAST;
             hada_image planes[DEPTHS];
             make_planes(planes, channels, 0.01, 5);
             hada_focus_options options;
             hada_focus_options_init(&options, shared);
+            options.measure = (hada_focus_measure)measure;
             compare(planes, NULL, &options);
             compare(planes, some, &options);
             compare(planes, one, &options);
@@ -118,11 +120,12 @@ static void slant(void **state)
     ASSERT_OK(hada_image_create(&truth, 1, ROWS, COLS, err));
     for (int i = 0; i < PIXELS; i++)
         truth.data[i] = (float)hada_depth_distance(distances, DEPTHS, 4.0 * (i % COLS) / (COLS - 1));
-    for (int shared = 0; shared < 2; shared++) {
+    for (int measure = HADA_FOCUS_CONTRAST; measure <= HADA_FOCUS_COMBINED; measure++) {
         hada_focus_options options;
         hada_focus_report report;
         hada_depth_score score;
-        hada_focus_options_init(&options, shared);
+        hada_focus_options_init(&options, 0);
+        options.measure = (hada_focus_measure)measure;
         ASSERT_OK(hada_focus_stack(context, planes, distances, DEPTHS, NULL, &options, &fused, &map, &report, err));
         ASSERT_OK(hada_metric_depth(&map, &truth, distances, DEPTHS, 0.5, NULL, &score, err));
         assert_true(score.coverage > 0.9 && fabs(score.coverage - report.coverage) < 1e-12);
@@ -149,6 +152,7 @@ static void ties_and_occupied(void **state)
             planes[d].data[i] = 1.0f + 0.01f * (float)(i % 3);
     hada_focus_options options;
     hada_focus_options_init(&options, 1);
+    options.measure = HADA_FOCUS_ENERGY;
     unsigned char competing[DEPTHS] = {0, 1, 1, 0, 0};
     ASSERT_OK(hada_focus_stack(context, planes, distances, DEPTHS, competing, &options, &fused, &map, NULL, err));
     for (int i = 0; i < PIXELS; i++) {
@@ -179,10 +183,11 @@ static void noise_is_not_covered(void **state)
         for (int i = 0; i < PIXELS; i++)
             planes[d].data[i] = (float)(0.05 * hada_random_normal(&random));
     }
-    for (int shared = 0; shared < 2; shared++) {
+    for (int measure = HADA_FOCUS_CONTRAST; measure <= HADA_FOCUS_COMBINED; measure++) {
         hada_focus_options options;
         hada_focus_report report;
-        hada_focus_options_init(&options, shared);
+        hada_focus_options_init(&options, 0);
+        options.measure = (hada_focus_measure)measure;
         ASSERT_OK(hada_focus_stack(context, planes, distances, DEPTHS, NULL, &options, &fused, &map, &report, err));
         assert_true(fabs(report.noise / 0.05 - 1.0) < 0.04);
         assert_true(report.coverage < 0.08);

@@ -1,20 +1,23 @@
 /* Hadalens: from a stack of refocused planes to an all-in-focus image and a distance map.
  *
  * Each pixel takes the distance of the plane whose local measure is largest, refined between planes by a parabola
- * through its neighbours (in the index, that is, in 1/z), or NaN where no plane stands out from the noise. Two
- * measures: contrast  local mean of the squared response of an edge filter (Sobel, S. K. Nayar and Y. Nakagawa, "Shape
- * from focus", IEEE Trans. PAMI 16(8), 824 (1994), with another filter): for planes that each hold the whole scene,
- *             sharp at its depth and blurred elsewhere, such as the results of linear filters;
- *   energy    local mean of the intensity: for planes that share out the light among the depths, such as the refined,
- *             non-negative ones. There it names the right depth of more pixels than contrast does (docs/focus.md).
+ * through its neighbours (in the index, that is, in 1/z), or NaN where no plane stands out from the noise.
+ *
+ * The measure `contrast` is the local mean of the squared response of an edge filter (Sobel; the idea: S. K. Nayar and
+ * Y. Nakagawa, "Shape from focus", IEEE Trans. PAMI 16(8), 824 (1994)). It suits planes that each hold the whole scene,
+ * sharp at its depth and blurred elsewhere, such as the results of linear filters.
+ *
+ * The measure `energy` is the local mean of the intensity. It suits planes that share out the light among the depths,
+ * such as the refined, non-negative ones, where it finds the right depth of more pixels than contrast does. `combined`,
+ * energy times the square root of contrast, is as good there, and better where too many depths compete (docs/focus.md).
  *
  * The noise threshold comes from the data. Every pixel of every plane that is not the best at its pixel shows what the
  * measure of a wrong depth looks like. With the median m and the spread s (1.4826 times the median absolute deviation)
  * of these losers, and z the quantile of the normal distribution for `false_alarm` shared out among the competing
  * depths, a pixel is covered when its best measure is above m + z s, and more than z s above every depth that is not
- * next to the best. Besides, it must be above what white noise of the planes' own level gives, with a chance of
- * `false_alarm` (level: J. Immerkaer, "Fast noise variance estimation", Computer Vision and Image Understanding 64(2),
- * 300 (1996), by the median). Ties go to the nearer depth. */
+ * next to the best. Besides, it must be above mean + z standard deviations of the measure of white noise of the planes'
+ * own level (J. Immerkaer, "Fast noise variance estimation", Computer Vision and Image Understanding 64(2), 300 (1996),
+ * by the median). Ties go to the nearer depth. */
 #ifndef HADALENS_FOCUS_H
 #define HADALENS_FOCUS_H
 
@@ -26,7 +29,11 @@
 extern "C" {
 #endif
 
-typedef enum hada_focus_measure { HADA_FOCUS_CONTRAST = 1, HADA_FOCUS_ENERGY = 2 } hada_focus_measure;
+typedef enum hada_focus_measure {
+    HADA_FOCUS_CONTRAST = 1,
+    HADA_FOCUS_ENERGY = 2,
+    HADA_FOCUS_COMBINED = 3
+} hada_focus_measure;
 
 /* How planes become one image. */
 typedef enum hada_focus_fuse {
@@ -42,8 +49,8 @@ typedef struct hada_focus_options {
     double false_alarm;  /* chance that a pixel without an object is covered; above 0, below 0.5 */
 } hada_focus_options;
 
-/* For planes of linear filters: contrast, weighted mean; `shared` not 0: for planes that share out the light: energy,
- * sum. Window 2.5 pixels, false alarm 0.01. */
+/* For planes of linear filters: contrast, weighted mean; `shared` not 0: for planes that share out the light:
+ * combined, sum. Window 2.5 pixels, false alarm 0.01. */
 HADA_API void hada_focus_options_init(hada_focus_options *options, int shared);
 
 /* What the focus step found in the data. */

@@ -66,6 +66,8 @@ json_t *hada_cli_error_json(const hada_error *err);
 
 /* Opens the device that --device, --binaries and the environment choose. */
 hada_status hada_cli_open(hada_cli *cli, hada_context **out, hada_error *err);
+/* Closes it; the document tells how many programs were compiled and loaded (offline runs compile none). */
+void hada_cli_close(hada_cli *cli, hada_context **context);
 /* A device for the document. */
 json_t *hada_cli_device_json(const hada_device_info *device);
 /* "1.5 GiB"; `text` holds at least 16 characters. */

@@ -34,6 +34,16 @@ hada_status hada_cli_open(hada_cli *cli, hada_context **out, hada_error *err)
     return HADA_OK;
 }
 
+void hada_cli_close(hada_cli *cli, hada_context **context)
+{
+    if (!*context)
+        return;
+    json_object_set_new(cli->document, "programs",
+                        json_pack("{s:i, s:i}", "compiled", (int)hada_context_programs_compiled(*context), "loaded",
+                                  (int)hada_context_programs_loaded(*context)));
+    hada_context_destroy(context);
+}
+
 json_t *hada_cli_device_json(const hada_device_info *device)
 {
     return json_pack("{s:i, s:s, s:s, s:s, s:s, s:s, s:s, s:i, s:i, s:I, s:I, s:I, s:I, s:i, s:b, s:b, s:b, s:b, s:b, "

@@ -55,14 +55,14 @@ static int open_device(hada_cli *cli, const settings *set)
     if (set->save_binaries) {
         hada_status status = hada_programs_save(context, set->save_binaries, &err);
         if (status) {
-            hada_context_destroy(&context);
+            hada_cli_close(cli, &context);
             return hada_cli_fail(cli, &err);
         }
         hada_cli_say(cli, "Wrote the binaries to %s; use them with --binaries %s.", set->save_binaries,
                      set->save_binaries);
         json_object_set_new(cli->document, "binaries", json_string(set->save_binaries));
     }
-    hada_context_destroy(&context);
+    hada_cli_close(cli, &context);
     return HADA_EXIT_OK;
 }
 

@@ -229,7 +229,7 @@ static hada_status fit_pairs(hada_cli *cli, const settings *set, const char *fol
         status = learn(cli, set, &data, fitter, model, err);
     }
     if (!status)
-        hada_cli_say(cli, "%s%d pairs, %d to each of %d %s", "\n", data.pairs, data.least_pairs, data.depths,
+        hada_cli_say(cli, "\n%d pairs; at least %d for each of %d %s", data.pairs, data.least_pairs, data.depths,
                      data.depths == 1 ? "depth" : "depths");
     hada_fitter_destroy(&fitter);
     hada_cli_dataset_free(&data);
@@ -313,7 +313,7 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
     if (!status)
         print_model(cli, set, model, hada_cli_seconds() - start);
     hada_model_destroy(&model);
-    hada_context_destroy(&context);
+    hada_cli_close(cli, &context);
     return status ? hada_cli_fail(cli, &err) : HADA_EXIT_OK;
 }
 

@@ -306,7 +306,7 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
     hada_result_destroy(&work.result);
     hada_plan_destroy(&work.plan);
     hada_model_destroy(&work.model);
-    hada_context_destroy(&work.context);
+    hada_cli_close(cli, &work.context);
     hada_cli_dark_free(&work.dark);
     free(work.depths);
     free(work.occupied);

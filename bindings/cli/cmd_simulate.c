@@ -100,7 +100,9 @@ static hada_status make_camera(hada_camera *camera, const settings *set, hada_er
         int depths = set->depths >= 0 ? set->depths : camera->depths;
         status = hada_camera_set_depths(camera, near_mm, far_mm, depths, err);
     }
-    return status ? status : hada_camera_check(camera, err);
+    status = status ? status : hada_camera_check(camera, err);
+    /* Sizes that do not fit are the command line's here, not a file's. */
+    return status == HADA_ERROR_SIZE ? (err->status = HADA_ERROR_ARGUMENT) : status;
 }
 
 /* Opens the scenes and divides them between pairs and tests. */
@@ -157,7 +159,7 @@ static hada_status simulate(hada_cli *cli, const settings *set, const hada_camer
         hada_cli_progress_end(cli);
     }
     hada_simulator_destroy(&simulator);
-    hada_context_destroy(&context);
+    hada_cli_close(cli, &context);
     hada_cli_scenes_close(&recipe->scenes);
     hada_cli_scenes_close(&recipe->test_scenes);
     return status;
@@ -175,12 +177,10 @@ static hada_status write_whole(hada_cli *cli, const settings *set, const hada_ca
     hada_status status = HADA_OK;
     if (!beside)
         status = hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
-    else if (rmdir(target) && errno != ENOENT)
+    else if (!hada_cli_is_vacant(target))
         status = hada_cli_error(err, HADA_ERROR_FILE_WRITE,
-                                errno == ENOTEMPTY || errno == EEXIST || errno == ENOTDIR
-                                    ? "%s is there already and not an empty folder; choose another name with -o, or "
-                                      "move it away"
-                                    : "the folder %s cannot be used; choose another with -o",
+                                "%s is there already and not an empty folder; choose another name with -o, or move it "
+                                "away",
                                 target);
     if (!status)
         status = hada_cli_make_folder(beside, err);

@@ -16,12 +16,15 @@ hada_status hada_cli_read_refine(const char *text, int *steps, hada_error *err)
 static hada_status psf_distances(const hada_cli_fit_settings *set, hada_tiff_reader *reader, const char *path,
                                  double *out, int pages, hada_error *err)
 {
-    int found = 0;
     if (set->distances) {
-        hada_status status = hada_cli_read_distances("distances", set->distances, out, pages, &found, err);
+        double list[256];
+        int found = 0;
+        hada_status status = hada_cli_read_distances("distances", set->distances, list, 256, &found, err);
         if (!status && found != pages)
             status = hada_cli_error(err, HADA_ERROR_ARGUMENT, "--distances names %d %s, but %s has %d %s", found,
                                     found == 1 ? "distance" : "distances", path, pages, pages == 1 ? "page" : "pages");
+        if (!status)
+            memcpy(out, list, (size_t)pages * sizeof *out);
         return status;
     }
     if (hada_tiff_distances(reader, out, (size_t)pages) == (size_t)pages)

@@ -41,6 +41,20 @@ int hada_cli_is_file(const char *path)
     return !stat(path, &what) && !S_ISDIR(what.st_mode);
 }
 
+int hada_cli_is_vacant(const char *path)
+{
+    struct stat what;
+    if (lstat(path, &what))
+        return 1;
+    DIR *open = S_ISDIR(what.st_mode) ? opendir(path) : NULL;
+    int entries = 0;
+    while (open && entries < 3 && readdir(open))
+        entries++;
+    if (open)
+        closedir(open);
+    return open && entries < 3; /* "." and ".." */
+}
+
 hada_status hada_cli_make_folder(const char *path, hada_error *err)
 {
     char *whole = strdup(path);

@@ -12,6 +12,8 @@ char *hada_cli_stem(const char *path);
 
 int hada_cli_is_folder(const char *path);
 int hada_cli_is_file(const char *path);
+/* Whether nothing is there, or an empty folder. */
+int hada_cli_is_vacant(const char *path);
 
 /* Makes a folder with those above it where missing, and checks that files can be made in it. */
 hada_status hada_cli_make_folder(const char *path, hada_error *err);

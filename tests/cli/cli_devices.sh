@@ -1,0 +1,28 @@
+#!/usr/bin/env bash
+# Devices: the list, the choice, none at all.
+. "$(dirname "$0")/cli_testing.sh"
+
+expect 0 'index +kind +name' devices
+expect 0 '"max_allocation_bytes"' devices --json
+is_json 'devices'
+expect 0 'gives the known answers' devices --check
+expect 5 'HADALENS_DEVICE|--device|hadalens devices' devices --check --device nosuchdevice
+expect 5 '' devices --check --device 99
+HADALENS_DEVICE=nosuchdevice expect 5 'nosuchdevice' fit "$camera" -o x
+lacks x
+
+# No OpenCL at all.
+export OCL_ICD_VENDORS=/nonexistent
+expect 5 'pocl-opencl-icd' devices
+expect 5 '"HADA_ERROR_NO_DEVICE"' devices --json
+is_json 'no device'
+expect 5 'pocl-opencl-icd' simulate -o x
+expect 5 'pocl-opencl-icd' fit "$camera" -o x
+expect 5 'pocl-opencl-icd' reconstruct "$camera/test/raw/test01.tif" -m "$model" -o y
+lacks x
+files y 0
+expect 0 '' evaluate "$camera/test/truth" "$camera/test/truth"
+unset OCL_ICD_VENDORS
+
+expect 5 'nosuchfolder' devices --check --binaries nosuchfolder
+finish

@@ -1,0 +1,98 @@
+#!/usr/bin/env bash
+# Learning a camera: pairs, sums, PSF, and data sets that are not in order.
+. "$(dirname "$0")/cli_testing.sh"
+copy() { rm -rf set && mkdir set && cp -r "$camera"/z* "$camera/camera.json" set; }
+
+expect 0 '"leave_one_out"' fit "$camera" -o a.model --json
+is_json fit
+cmp -s a.model "$model" || fail 'the same pairs gave another model'
+if locale -a 2>/dev/null | grep -qi '^de_DE'; then
+    LC_ALL=de_DE.UTF-8 expect 0 '0\.[0-9]' fit "$camera" -o a.model
+    cmp -s a.model "$model" || fail 'the locale changed the model'
+fi
+expect 0 'split' fit "$camera" -o split.model --form split
+expect 0 'padded' fit "$camera" -o padded.model --boundary padded --score 2 --refine 0
+expect 0 'no refinement' fit "$camera" -o plain.model --alpha 0.1 --lambda 0.001 --refine 0
+expect 0 '' fit "$camera" -o half.model --half
+[ "$(stat -c %s half.model)" -lt "$(stat -c %s a.model)" ] || fail '--half did not make the model smaller'
+
+# Sums: the pairs in two parts, merged, give the filters of the whole.
+part() { # part KEEP: leaves in every folder what 'KEEP' of the sorted list leaves
+    copy
+    for folder in set/z*/*/; do
+        find "$folder" -name '*.tif' | sort >all
+        $1 <all >keep
+        comm -23 all keep | xargs rm
+    done
+}
+fixed=(--alpha 0.1 --lambda 0.001 --refine 0)
+part 'head -n 2'
+expect 0 '6 pairs; at least 2' fit set -o part.model --sums part.sums "${fixed[@]}"
+has part.sums
+part 'tail -n 3'
+expect 0 '"pairs": \[ +5, +5, +5 +\]' fit set -o whole.model --merge part.sums "${fixed[@]}" --json
+[ "$(stat -c %s whole.model)" = "$(stat -c %s plain.model)" ] || fail 'merged sums gave a model of another size'
+expect 0 '' reconstruct "$camera/test/raw/test01.tif" -m whole.model -o whole -q
+expect 0 '' reconstruct "$camera/test/raw/test01.tif" -m plain.model -o plain -q
+expect 0 '' evaluate whole plain --json
+psnr=$(grep '"psnr"' stdout | grep -oE '[0-9]+' | sort -n | head -n 1)
+[ "${psnr:-100}" -ge 90 ] || fail "merged sums gave other filters: $psnr dB"
+
+# A dark level.
+copy
+for file in set/z*/raw/*.tif; do "$FRAME_TOOL" offset "$file" moved.tif 0.05 && mv moved.tif "$file"; done
+expect 0 'dark level 0.05,' fit set -o dark.model --dark 0.05
+"$FRAME_TOOL" flat dark.tif 64 80 3 0.05
+expect 0 'dark level 0.05,' fit set -o dark2.model --dark dark.tif
+expect 0 'dark level 0.0' fit set -o dark3.model --dark auto
+expect 3 'nosuch.tif' fit set -o x --dark nosuch.tif
+
+# From the PSF.
+expect 0 'wiener, padded' fit --psf "$camera/psf.tif" -o psf.model
+expect 0 'matched, circular' fit --psf "$camera/psf.tif" -o psf2.model --form matched --boundary circular --window 24x24
+"$FRAME_TOOL" flat plain.tif 32 32 1 0.5
+expect 2 'add --distances' fit --psf plain.tif -o x
+expect 2 'names 2 distances, but plain.tif has 1 page' fit --psf plain.tif --distances 100,200 -o x
+expect 2 "from near to far.*not '200,100'" fit --psf plain.tif --distances 200,100 -o x
+expect 3 'nosuch.tif' fit --psf nosuch.tif -o x
+expect 2 'belong to pairs' fit --psf "$camera/psf.tif" --sums s -o x
+
+# Data sets that are not in order.
+expect 3 'nosuch' fit nosuch -o x
+mkdir empty
+expect 4 'z<distance>mm' fit empty -o x
+copy
+rm set/z100mm/scene/scene0002.tif
+expect 4 'z100mm/raw/scene0002.tif has no scene.*--skip-incomplete' fit set -o x
+expect 0 'left out: .*scene0002.tif' fit set -o skip.model --skip-incomplete
+rm set/z100mm/scene/*.tif
+expect 4 'no pair' fit set -o x --skip-incomplete
+rm -r set/z100mm/raw
+expect 4 "no folder 'raw'" fit set -o x
+copy
+first=$(find set/z100mm/raw -name '*.tif' | sort | head -n 1)
+"$FRAME_TOOL" nan "$first" bad.tif 7 && cp bad.tif "$first"
+expect 4 "$first.* 7 .*(NaN|finite)" fit set -o x
+"$FRAME_TOOL" flat "$first" 60 80 3 0.5
+expect 4 "60.*80" fit set -o x
+copy
+head -c 1000 "$first" >cut.tif && cp cut.tif "$first"
+expect 3 "$first" fit set -o x
+: >"$first"
+expect 3 "$first" fit set -o x
+copy
+for depth in set/z*; do
+    for kind in raw scene; do
+        find "$depth/$kind" -name '*.tif' | sort | tail -n +2 | xargs rm
+    done
+done
+expect 0 'single pair' fit set -o one.model
+has one.model
+expect 2 'window' fit "$camera" -o x --window 9x9
+expect 3 'no folder' fit "$camera" -o nosuch/x
+expect 3 'is a folder' fit "$camera" -o empty
+expect 3 'nosuch.sums' fit "$camera" -o x --merge nosuch.sums
+expect 3 '' fit "$camera" -o x --merge "$camera/camera.json"
+lacks x nosuch
+[ -z "$(find . -name '*.part*' -o -name '.*.tmp*')" ] || fail 'temporary files left'
+finish

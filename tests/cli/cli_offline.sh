@@ -1,0 +1,11 @@
+#!/usr/bin/env bash
+# The way of an FPGA: every kernel to binaries once, then the whole job from those alone.
+. "$(dirname "$0")/cli_testing.sh"
+
+expect 0 'Wrote the binaries' devices --save-binaries kernels
+has kernels
+expect 0 '"compiled": 0' simulate --preset sim300 --size 64x80 --window 24x24 --depths 2 --lenses 9 --pairs 2 -o z \
+    --binaries kernels --json
+expect 0 '"compiled": 0' fit z -o z.model --binaries kernels --json
+expect 0 '"compiled": 0' reconstruct z/z100mm/raw/*.tif -m z.model -o y --binaries kernels --json
+finish

@@ -1,0 +1,96 @@
+#!/usr/bin/env bash
+# Reconstruction: results, options, sequences, and files that cannot be done.
+. "$(dirname "$0")/cli_testing.sh"
+raw="$camera/test/raw"
+
+expect 0 'test01: .*mm.*test02: ' reconstruct "$raw"/*.tif -m "$model" -o out
+files out 8
+has out/test01_{stack,aif,depth}.tif out/test01_preview.png out/test02_stack.tif
+[ "$(info out/test01_stack.tif)" = '3 3 24 24 32' ] || fail "stack: $(info out/test01_stack.tif)"
+[ "$(info out/test01_aif.tif)" = '1 3 24 24 32' ] || fail "aif: $(info out/test01_aif.tif)"
+[ "$(info out/test01_depth.tif)" = '1 1 24 24 32' ] || fail "depth: $(info out/test01_depth.tif)"
+expect 0 '"occupied_mm"' reconstruct "$raw/test01.tif" -m "$model" -o json --json
+is_json reconstruct
+cmp -s out/test01_stack.tif json/test01_stack.tif || fail 'two runs gave different stacks'
+expect 0 '' reconstruct "$raw/test01.tif" -m "$model" -o quiet -q
+[ ! -s stdout ] && [ ! -s stderr ] || fail '--quiet is not quiet'
+"$EXAMPLE" "$model" "$raw/test01.tif" example.tif >stdout 2>stderr || fail 'the example program failed'
+[ "$("$FRAME_TOOL" info example.tif)" = "$("$FRAME_TOOL" info out/test01_aif.tif)" ] || fail 'the example differs'
+
+# Options.
+one=("$raw/test01.tif" -m "$model")
+expect 0 '' reconstruct "${one[@]}" -o depths --depths 1,3 --no-preview
+[ "$(info depths/test01_stack.tif)" = '2 3 24 24 32' ] || fail "--depths: $(info depths/test01_stack.tif)"
+files depths 3
+expect 0 'all 3 depths' reconstruct "${one[@]}" -o a --occupied all
+expect 0 '100 and 600 mm' reconstruct "${one[@]}" -o a --occupied 100mm,600mm --refine 3
+expect 0 '3 refinement steps' reconstruct "${one[@]}" -o a --occupied 1 --refine 3
+expect 0 '"refine_steps": 0' reconstruct "${one[@]}" -o a --refine 0 --json
+expect 0 '' reconstruct "${one[@]}" -o bits --bits 16 --white 2 --gamma 0.5 --half --batch 1
+[ "$(info bits/test01_stack.tif)" = '3 3 24 24 16' ] || fail '--bits 16'
+expect 0 '' reconstruct "${one[@]}" -o bits --bits 8
+expect 0 '' reconstruct "${one[@]}" -o matched --method matched
+expect 0 '' reconstruct "${one[@]}" -o wiener --method wiener
+cmp -s matched/test01_stack.tif wiener/test01_stack.tif && fail '--method changed nothing'
+expect 2 '3 depths from 100 to 600 mm' reconstruct "${one[@]}" -o a --depths 4
+expect 2 "cannot use '150mm'" reconstruct "${one[@]}" -o a --occupied 150mm
+expect 2 '--refine takes' reconstruct "${one[@]}" -o a --refine soon
+expect 2 'greater than zero' reconstruct "${one[@]}" -o a --gamma 0
+
+# Dark: an offset of the sensor, taken off in three ways, gives the frame back.
+"$FRAME_TOOL" offset "$raw/test01.tif" offset.tif 0.25
+"$FRAME_TOOL" flat dark.tif 64 80 3 0.25
+expect 0 '' reconstruct offset.tif -m "$model" -o level --dark 0.25
+expect 0 '' reconstruct offset.tif -m "$model" -o frame --dark dark.tif
+expect 0 '' reconstruct offset.tif -m "$model" -o auto --dark auto
+expect 0 '' evaluate level/offset_aif.tif out/test01_aif.tif --json
+psnr=$(grep '"psnr"' stdout | grep -oE '[0-9]+' | head -n 1)
+[ "${psnr:-100}" -ge 80 ] || fail "--dark LEVEL: $psnr dB"
+"$FRAME_TOOL" flat small.tif 6 8 3 0.25
+expect 4 '' reconstruct offset.tif -m "$model" -o frame --dark small.tif
+
+# A sequence.
+"$FRAME_TOOL" pages "$raw/test01.tif" sequence.tif 3
+expect 0 'sequence: 3 frames' reconstruct sequence.tif -m "$model" -o seq
+[ "$(info seq/sequence_stack.tif)" = '9 3 24 24 32' ] || fail "sequence: $(info seq/sequence_stack.tif)"
+[ "$(info seq/sequence_depth.tif)" = '3 1 24 24 32' ] || fail "sequence: $(info seq/sequence_depth.tif)"
+
+# Bad files do not stop the others, and leave nothing.
+"$FRAME_TOOL" nan "$raw/test01.tif" nan.tif 5
+"$FRAME_TOOL" flat size.tif 60 80 3 0.5
+"$FRAME_TOOL" flat grey.tif 64 80 1 0.5
+head -c 2000 "$raw/test01.tif" >cut.tif
+: >empty.tif
+echo 'not a picture' >text.tif
+expect 4 'nan.tif: .* 5 .*--repair' reconstruct nan.tif -m "$model" -o bad
+expect 4 'size.tif: .*60x80.*64x80' reconstruct size.tif -m "$model" -o bad
+expect 4 'grey.tif: .*1 channel' reconstruct grey.tif -m "$model" -o bad
+expect 3 'cut.tif' reconstruct cut.tif -m "$model" -o bad
+expect 3 'empty.tif' reconstruct empty.tif -m "$model" -o bad
+expect 3 'text.tif' reconstruct text.tif -m "$model" -o bad
+expect 3 'nosuch.tif' reconstruct nosuch.tif -m "$model" -o bad
+files bad 0
+expect 1 '3 of 4 files failed' reconstruct nan.tif cut.tif "$raw/test01.tif" size.tif -m "$model" -o some
+files some 4
+expect 4 '2 of 3 files failed' reconstruct nan.tif "$raw/test01.tif" size.tif -m "$model" -o some --json
+is_json 'files that failed'
+expect 0 '5 pixels repaired' reconstruct nan.tif -m "$model" -o some --repair
+"$FRAME_TOOL" pages nan.tif two.tif 2
+expect 4 'frame 1 of 2' reconstruct two.tif -m "$model" -o bad
+files bad 0
+
+# Bad models, bad folders, one name twice.
+expect 3 'nosuch.model' reconstruct "$raw/test01.tif" -m nosuch.model -o bad
+head -c 500 "$model" >cut.model
+expect 3 'cut.model' reconstruct "$raw/test01.tif" -m cut.model -o bad
+expect 3 '' reconstruct "$raw/test01.tif" -m text.tif -o bad
+expect 3 'is a file' reconstruct "$raw/test01.tif" -m "$model" -o text.tif
+expect 3 'cannot be made' reconstruct "$raw/test01.tif" -m "$model" -o text.tif/out
+mkdir again && cp "$raw/test01.tif" again
+expect 2 'would both write test01_stack.tif' reconstruct again/test01.tif "$raw/test01.tif" -m "$model" -o bad
+files bad 0
+if [ "$(id -u)" != 0 ]; then
+    mkdir locked && chmod 555 locked
+    expect 3 'nothing can be written' reconstruct "$raw/test01.tif" -m "$model" -o locked
+fi
+finish

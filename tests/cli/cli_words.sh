@@ -1,0 +1,54 @@
+#!/usr/bin/env bash
+# Help, manual pages, and command lines that cannot be followed.
+. "$(dirname "$0")/cli_testing.sh"
+
+expect 0 'hadalens [0-9]+\.[0-9]+' --version
+expect 0 'Commands:.*simulate.*reconstruct' --help
+expect 0 'Commands:' help
+expect 2 'Commands:'
+for command in devices simulate fit reconstruct evaluate; do
+    expect 0 "Usage: +hadalens $command.*Examples:.*Exit codes:" "$command" --help
+    expect 0 "Usage: +hadalens $command" help "$command"
+    expect 0 '\.SH NAME.*\.SH OPTIONS.*\.SH EXIT STATUS' --man "$command"
+    if command -v groff >/dev/null; then
+        [ -z "$(groff -man -ww -z -Tutf8 stdout 2>&1)" ] || fail "troff complains about the manual of $command"
+    fi
+    # Every option of the help stands in the manual, and the other way round.
+    cp stdout manual
+    expect 0 '' "$command" --help
+    grep -oE -- '^ +(-., )?--[a-z-]+' stdout | grep -oE -- '--[a-z-]+' | sort >in_help
+    sed 's/\\-/-/g; s/\\fR//g; s/\\fB//g' manual | grep -oE -- '^(-., )?--[a-z-]+' | grep -oE -- '--[a-z-]+' | sort \
+        >in_manual
+    cmp -s in_help in_manual || fail "help and manual of $command name different options"
+done
+expect 0 '\.SH COMMANDS' --man
+expect 2 "no command 'recontsruct'; did you mean 'reconstruct'" recontsruct
+expect 2 "no command 'xyzzy'.*--help" xyzzy
+expect 2 "did you mean --device" devices --devise 0
+expect 2 "there is no option --zzzzzz" devices --zzzzzz
+expect 2 'needs a value' fit -o
+expect 2 'one word too many' devices now
+
+expect 2 'with -o DATASET' simulate
+expect 2 "HEIGHTxWIDTH.*not '300'" simulate -o x --size 300
+expect 2 "whole number.*not '8.5'" simulate -o x --pairs 8.5
+expect 2 "takes a number.*not '1,5'" simulate -o x --near 1,5
+expect 2 "one of circular\|padded, not 'round'" simulate -o x --boundary round
+expect 2 'presets are .*sim300' simulate -o x --preset nosuch
+expect 2 'must not be negative' simulate -o x --noise -1
+expect 2 'DATASET folder, or --psf' fit -o x
+expect 2 'with -o MODEL' fit "$camera"
+expect 2 'not both' fit "$camera" --psf p.tif -o x
+expect 2 'need a PSF' fit "$camera" --form wiener -o x
+expect 2 "number of steps or 'auto', not 'many'" fit "$camera" -o x --refine many
+expect 2 'at least one raw frame' reconstruct -m "$model" -o x
+expect 2 'with -m MODEL' reconstruct a.tif -o x
+expect 2 'with -o FOLDER' reconstruct a.tif -m "$model"
+expect 2 'two names' evaluate a
+lacks x
+# The same in JSON.
+expect 2 '"exit_code": 2' fit --json
+is_json 'usage error'
+expect 2 '"HADA_ERROR_ARGUMENT"' devices --json --nosuch
+is_json 'unknown option'
+finish

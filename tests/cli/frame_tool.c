@@ -1,0 +1,114 @@
+/* Makes the odd TIFF files of the tests.
+ *   frame_tool nan IN OUT N          copy of IN's first frame with N pixels made NaN
+ *   frame_tool pages IN OUT N        N pages, each IN's first frame
+ *   frame_tool flat OUT H W CHANNELS VALUE
+ *   frame_tool offset IN OUT LEVEL   every page of IN plus LEVEL
+ *   frame_tool info IN               "frames channels rows cols bits", and the mean of the finite values */
+#include <hadalens/hadalens.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static hada_status save_pages(const char *in, const char *out, int pages, double offset, hada_error *err)
+{
+    hada_tiff_reader *reader = NULL;
+    hada_tiff_writer *writer = NULL;
+    hada_tiff_write_options options;
+    hada_tiff_write_options_init(&options);
+    hada_status status = hada_tiff_open(&reader, in, err);
+    int have = status ? 0 : hada_tiff_get_info(reader)->frames;
+    int count = pages ? pages : have;
+    for (int t = 0; !status && t < count; t++) {
+        hada_image image = {0};
+        status = hada_tiff_read(reader, pages ? 0 : t, &image, err);
+        if (!status && !writer)
+            status = hada_tiff_create(&writer, out, image.channels, image.rows, image.cols, &options, err);
+        for (size_t i = 0; !status && i < hada_image_count(&image); i++)
+            image.data[i] += (float)offset;
+        if (!status)
+            status = hada_tiff_write(writer, &image, err);
+        hada_image_destroy(&image);
+    }
+    if (!status)
+        status = hada_tiff_finish(&writer, err);
+    if (writer)
+        hada_tiff_abandon(&writer);
+    if (reader)
+        hada_tiff_close(&reader);
+    return status;
+}
+
+static hada_status save_broken(const char *in, const char *out, int count, hada_error *err)
+{
+    hada_image image = {0};
+    hada_tiff_write_options options;
+    hada_tiff_write_options_init(&options);
+    hada_status status = hada_tiff_load(in, 0, &image, err);
+    for (int i = 0; !status && i < count; i++)
+        image.data[(size_t)i * 37 % hada_image_count(&image)] = NAN;
+    if (!status)
+        status = hada_tiff_save(out, &image, &options, err);
+    hada_image_destroy(&image);
+    return status;
+}
+
+static hada_status save_flat(char **argv, hada_error *err)
+{
+    hada_image image = {0};
+    hada_tiff_write_options options;
+    hada_tiff_write_options_init(&options);
+    hada_status status = hada_image_create(&image, atoi(argv[5]), atoi(argv[3]), atoi(argv[4]), err);
+    for (size_t i = 0; !status && i < hada_image_count(&image); i++)
+        image.data[i] = (float)atof(argv[6]);
+    if (!status)
+        status = hada_tiff_save(argv[2], &image, &options, err);
+    hada_image_destroy(&image);
+    return status;
+}
+
+static hada_status print_info(const char *in, hada_error *err)
+{
+    hada_tiff_reader *reader = NULL;
+    hada_status status = hada_tiff_open(&reader, in, err);
+    double sum = 0;
+    long count = 0;
+    if (status)
+        return status;
+    const hada_tiff_info info = *hada_tiff_get_info(reader);
+    for (int t = 0; !status && t < info.frames; t++) {
+        hada_image image = {0};
+        status = hada_tiff_read(reader, t, &image, err);
+        for (size_t i = 0; !status && i < hada_image_count(&image); i++)
+            if (isfinite(image.data[i])) {
+                sum += (double)image.data[i];
+                count++;
+            }
+        hada_image_destroy(&image);
+    }
+    hada_tiff_close(&reader);
+    printf("%d %d %d %d %d\n%.6f\n", info.frames, info.channels, info.rows, info.cols, info.bits,
+           sum / (double)(count ? count : 1));
+    return status;
+}
+
+int main(int argc, char **argv)
+{
+    hada_error err = {0};
+    hada_status status = HADA_ERROR_ARGUMENT;
+    const char *what = argc > 1 ? argv[1] : "";
+    snprintf(err.message, sizeof err.message, "frame_tool: see the head of frame_tool.c");
+    if (!strcmp(what, "nan") && argc == 5)
+        status = save_broken(argv[2], argv[3], atoi(argv[4]), &err);
+    else if (!strcmp(what, "pages") && argc == 5)
+        status = save_pages(argv[2], argv[3], atoi(argv[4]), 0, &err);
+    else if (!strcmp(what, "offset") && argc == 5)
+        status = save_pages(argv[2], argv[3], 0, atof(argv[4]), &err);
+    else if (!strcmp(what, "flat") && argc == 7)
+        status = save_flat(argv, &err);
+    else if (!strcmp(what, "info") && argc == 3)
+        status = print_info(argv[2], &err);
+    if (status)
+        fprintf(stderr, "%s\n", err.message);
+    return status ? 1 : 0;
+}

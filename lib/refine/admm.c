@@ -107,7 +107,7 @@ size_t hada_refiner_bytes(const hada_context *context, const hada_refine_shape *
                              describe(shape, &shape->window, images, HADA_FFT_INVERSE),
                              describe(shape, &shape->frame, sets, HADA_FFT_FORWARD),
                              describe(shape, &shape->frame, sets, HADA_FFT_INVERSE)};
-    size_t bytes = 2 * b.spectra + b.planes + 2 * b.split + b.dual + b.list + b.partial;
+    size_t bytes = 2 * b.spectra + b.planes + 3 * b.split + 2 * b.dual + b.list + b.partial;
     for (int i = 0; i < (shape->boundary == HADA_BOUNDARY_PADDED ? 4 : 2); i++)
         bytes += hada_fft_bytes(context, &plans[i]);
     return bytes;
@@ -144,7 +144,9 @@ static hada_status make_buffers(hada_refiner *refiner, const book *b, hada_error
                 {&refiner->partial, b->partial, "the refinement's residuals"},
                 {&refiner->split_a, b->split, "the refinement's split at the frame"},
                 {&refiner->split_e, b->split, "the refinement's split at the frame"},
-                {&refiner->dual, b->dual, "the refinement's split at the frame"}};
+                {&refiner->dual, b->dual, "the refinement's split at the frame"},
+                {&refiner->rest, b->split, "the refinement's residuals"},
+                {&refiner->rest_frame, b->dual, "the refinement's residuals"}};
     hada_status status = HADA_OK;
     for (size_t i = 0; !status && i < HADA_COUNT(rows); i++)
         if (rows[i].bytes)
@@ -200,8 +202,9 @@ void hada_refiner_destroy(hada_refiner **pointer)
     hada_fft_destroy(&refiner->inverse);
     hada_fft_destroy(&refiner->frame_forward);
     hada_fft_destroy(&refiner->frame_inverse);
-    hada_buffer *buffers[] = {&refiner->now_u,   &refiner->now_w,   &refiner->planes,  &refiner->list,
-                              &refiner->partial, &refiner->split_a, &refiner->split_e, &refiner->dual};
+    hada_buffer *buffers[] = {&refiner->now_u,   &refiner->now_w,     &refiner->planes,  &refiner->list,
+                              &refiner->partial, &refiner->split_a,   &refiner->split_e, &refiner->dual,
+                              &refiner->rest,    &refiner->rest_frame};
     for (size_t i = 0; i < HADA_COUNT(buffers); i++)
         hada_buffer_destroy(buffers[i]);
     free(refiner->energy);

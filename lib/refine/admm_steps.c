@@ -87,7 +87,7 @@ static hada_status explain(const run *r, int has_rest, int score, hada_error *er
     cl_ulong otf_offset = data->otf_offset, data_offset = data->spectrum_offset;
     cl_int depths = r->depths, rest_kept = has_rest;
     cl_int has_prior = score && data->prior, has_doubt = score && data->doubt;
-    cl_mem rest = has_rest ? refiner->split_a.mem : refiner->now_w.mem;
+    cl_mem rest = has_rest ? refiner->rest.mem : refiner->now_w.mem;
     cl_mem prior = has_prior ? data->prior : data->spectrum, doubt = has_doubt ? data->doubt : data->spectrum;
     cl_uint count = (cl_uint)layout->count, slice = HADA_REFINE_SLICE, rows = (cl_uint)layout->rows;
     cl_uint block = (cl_uint)layout->block, cols = (cl_uint)layout->cols;
@@ -116,8 +116,8 @@ static hada_status explain(const run *r, int has_rest, int score, hada_error *er
                             err);
 }
 
-/* dual = scale * (dual - frame), with its energy. */
-static hada_status meet_frame(const run *r, int use_frame, double factor, int step, hada_error *err)
+/* dual = factor * (dual - frame), or factor * dual, with its energy. */
+static hada_status meet_frame(const run *r, cl_mem dual, int use_frame, double factor, int step, hada_error *err)
 {
     hada_refiner *refiner = r->refiner;
     cl_mem frame = use_frame ? r->data->frame : refiner->planes.mem;
@@ -126,15 +126,9 @@ static hada_status meet_frame(const run *r, int use_frame, double factor, int st
     cl_uint channels = (cl_uint)refiner->shape.channels, pixels = (cl_uint)refiner->frame_area;
     cl_uint slice = HADA_REFINE_SLICE, partial_first = (cl_uint)(refiner->partials * (size_t)step);
     cl_float scale = (float)factor;
-    hada_arg args[] = {HADA_ARG(refiner->dual.mem),
-                       HADA_ARG(frame),
-                       HADA_ARG(frame_offset),
-                       HADA_ARG(used),
-                       HADA_ARG(channels),
-                       HADA_ARG(pixels),
-                       HADA_ARG(slice),
-                       HADA_ARG(scale),
-                       HADA_ARG(refiner->partial.mem),
+    hada_arg args[] = {HADA_ARG(dual),         HADA_ARG(frame),    HADA_ARG(frame_offset),
+                       HADA_ARG(used),         HADA_ARG(channels), HADA_ARG(pixels),
+                       HADA_ARG(slice),        HADA_ARG(scale),    HADA_ARG(refiner->partial.mem),
                        HADA_ARG(partial_first)};
     const size_t local[2] = {(size_t)refiner->group, 1};
     const size_t global[2] = {slices_of(pixels) * local[0], (size_t)(r->sets * refiner->shape.channels)};
@@ -181,12 +175,18 @@ static hada_status planes_inverse(const run *r, hada_error *err)
                      refiner->window_area, refiner->now_w.mem, err);
 }
 
-static hada_status frame_transform(const run *r, int forward, hada_error *err)
+static hada_status frame_forward(const run *r, hada_error *err)
 {
     hada_refiner *refiner = r->refiner;
-    return transform(refiner, forward ? refiner->frame_forward : refiner->frame_inverse, forward,
-                     r->sets * refiner->shape.channels, refiner->dual.mem, refiner->frame_area,
-                     forward ? refiner->split_e.mem : refiner->split_a.mem, err);
+    return transform(refiner, refiner->frame_forward, 1, r->sets * refiner->shape.channels, refiner->dual.mem,
+                     refiner->frame_area, refiner->split_e.mem, err);
+}
+
+static hada_status frame_inverse(const run *r, const hada_buffer *spectrum, const hada_buffer *frame, hada_error *err)
+{
+    hada_refiner *refiner = r->refiner;
+    return transform(refiner, refiner->frame_inverse, 0, r->sets * refiner->shape.channels, frame->mem,
+                     refiner->frame_area, spectrum->mem, err);
 }
 
 /* Parseval: from energies of spectra to energies of images. */
@@ -272,7 +272,7 @@ hada_status hada_refiner_run(hada_refiner *refiner, const hada_refine_data *data
         if (start != HADA_REFINE_COLD)
             status = planes_forward(&r, err);
         if (!status && r.padded && start == HADA_REFINE_ON)
-            status = frame_transform(&r, 1, err);
+            status = frame_forward(&r, err);
         /* padded: the frame's sums are wanted, of this one only the first; the last place takes the others */
         if (!status)
             status = solve(&r, rule, start, r.padded && step ? refiner->shape.max_steps + 1 : step, err);
@@ -281,9 +281,9 @@ hada_status hada_refiner_run(hada_refiner *refiner, const hada_refine_data *data
         if (!status)
             status = be_positive(&r, err);
         if (!status && r.padded)
-            status = frame_transform(&r, 0, err);
+            status = frame_inverse(&r, &refiner->split_a, &refiner->dual, err);
         if (!status && r.padded)
-            status = meet_frame(&r, 1, 1.0 / (1.0 + rule->mu), step + 1, err);
+            status = meet_frame(&r, refiner->dual.mem, 1, 1.0 / (1.0 + rule->mu), step + 1, err);
         done = step + 1;
         const int last = done == rule->steps;
         for (; !status && (last || rule->stop > 0.0) && read < (r.padded ? done + 1 : done); read++)
@@ -311,9 +311,9 @@ hada_status hada_refiner_residual(hada_refiner *refiner, const hada_refine_data 
         return status;
     if (!r.padded)
         return collect(&r, 0, slices_of(refiner->layout.count), per_pixel(refiner), energy, err);
-    status = frame_transform(&r, 0, err);
+    status = frame_inverse(&r, &refiner->rest, &refiner->rest_frame, err);
     if (!status)
-        status = meet_frame(&r, 0, 1.0, 0, err);
+        status = meet_frame(&r, refiner->rest_frame.mem, 0, 1.0, 0, err);
     if (!status)
         status = collect(&r, 0, slices_of(refiner->frame_area), 1.0, energy, err);
     return status;

@@ -17,8 +17,10 @@ struct hada_refiner {
     hada_spectrum_layout layout;
     hada_fft *forward, *inverse;             /* planes of the window */
     hada_fft *frame_forward, *frame_inverse; /* padded: of the frame */
-    hada_buffer now_u, now_w, planes, list, partial, split_a, split_e, dual;
-    size_t partials; /* partial sums of one step, at most */
+    hada_buffer now_u, now_w, planes, list, partial;
+    hada_buffer split_a, split_e, dual; /* padded: the split at the frame */
+    hada_buffer rest, rest_frame;       /* padded: what the planes do not explain */
+    size_t partials;                    /* partial sums of one step, at most */
     float *host_partial;
     double *energy; /* [step][set] */
     cl_kernel solve, explain, prox, frame;

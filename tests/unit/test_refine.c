@@ -308,42 +308,6 @@ static double refined(const fixture *f, int depths, const int *list)
     return mean;
 }
 
-/* The Wiener prior of the camera: noise power over the mean power of scenes, on the device. */
-static void add_prior(fixture *f, double noise)
-{
-    const tiny_camera *camera = &f->camera;
-    const double share = (double)camera->window_area / (double)camera->pixels;
-    double *scene = tiny_zeros(camera->window_area), *grid = tiny_zeros(camera->pixels), top = 0.0;
-    double *spectrum = tiny_zeros(2 * camera->values), *power = tiny_zeros(camera->values);
-    float *rows = calloc(camera->values, sizeof *rows);
-    float *packed = calloc(f->device.layout.count, sizeof *packed);
-    assert_true(rows && packed && camera->channels == 1);
-    for (unsigned seed = 50; seed < 58; seed++) {
-        tiny_scene(camera, seed, scene);
-        for (size_t i = 0; i < camera->window_area; i++)
-            grid[(i / (size_t)camera->window.cols + (size_t)camera->window.row0) * (size_t)camera->cols +
-                 i % (size_t)camera->window.cols + (size_t)camera->window.col0] = scene[i];
-        ASSERT_OK(hada_ref_fft_forward(grid, camera->rows, camera->cols, spectrum, err));
-        for (size_t i = 0; i < camera->values; i++)
-            power[i] += (spectrum[2 * i] * spectrum[2 * i] + spectrum[2 * i + 1] * spectrum[2 * i + 1]) / 8.0;
-    }
-    for (size_t i = 0; i < camera->pixels; i++)
-        top = fmax(top, f->image[i]);
-    for (size_t i = 0; i < camera->values; i++)
-        rows[i] = (float)(share * noise * noise * top * top * (double)camera->pixels / power[i]);
-    hada_layout_pack_real(&f->device.layout, rows, packed);
-    hada_buffer_destroy(&f->device.prior);
-    ASSERT_OK(hada_buffer_create_from(&f->device.prior, f->device.slot, packed, f->device.layout.count * 4, "the prior",
-                                      err));
-    f->device.data.prior = f->device.prior.mem;
-    free(scene);
-    free(grid);
-    free(spectrum);
-    free(power);
-    free(rows);
-    free(packed);
-}
-
 static void beats_linear_filters(void **state)
 {
     (void)state;
@@ -362,7 +326,7 @@ static void beats_linear_filters(void **state)
             tiny_scene(&f.camera, 11, f.scenes + f.camera.window_area);
         }
         expose(&f, 0.01, 1.0);
-        add_prior(&f, 0.01);
+        tiny_prior(&f.device, &f.camera, f.image, 0.01);
         ASSERT_OK(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, depths, lists[k], NULL, err));
         const double linear = best_linear(&f, depths, lists[k]), here = refined(&f, depths, lists[k]);
         print_message("%d depths %d %d: linear %.2f dB, refined %.2f dB\n", depths, lists[k][0], lists[k][1], linear,

@@ -226,6 +226,41 @@ static inline void tiny_expose(tiny_device *device, const tiny_camera *camera, c
     free(part);
 }
 
+/* The Wiener prior: power of noise of `noise` times the frame's maximum over the mean power of scenes; one channel. */
+static inline void tiny_prior(tiny_device *device, const tiny_camera *camera, const double *image, double noise)
+{
+    const double share = (double)camera->window_area / (double)camera->pixels;
+    double *scene = tiny_zeros(camera->window_area), *grid = tiny_zeros(camera->pixels), top = 0.0;
+    double *spectrum = tiny_zeros(2 * camera->values), *power = tiny_zeros(camera->values);
+    float *rows = calloc(camera->values, sizeof *rows);
+    float *packed = calloc(device->layout.count, sizeof *packed);
+    assert_true(rows && packed && camera->channels == 1);
+    for (unsigned seed = 50; seed < 58; seed++) {
+        tiny_scene(camera, seed, scene);
+        for (size_t i = 0; i < camera->window_area; i++)
+            grid[(i / (size_t)camera->window.cols + (size_t)camera->window.row0) * (size_t)camera->cols +
+                 i % (size_t)camera->window.cols + (size_t)camera->window.col0] = scene[i];
+        ASSERT_OK(hada_ref_fft_forward(grid, camera->rows, camera->cols, spectrum, err));
+        for (size_t i = 0; i < camera->values; i++)
+            power[i] += (spectrum[2 * i] * spectrum[2 * i] + spectrum[2 * i + 1] * spectrum[2 * i + 1]) / 8.0;
+    }
+    for (size_t i = 0; i < camera->pixels; i++)
+        top = fmax(top, image[i]);
+    for (size_t i = 0; i < camera->values; i++)
+        rows[i] = (float)(share * noise * noise * top * top * (double)camera->pixels / power[i]);
+    hada_layout_pack_real(&device->layout, rows, packed);
+    hada_buffer_destroy(&device->prior);
+    ASSERT_OK(
+        hada_buffer_create_from(&device->prior, device->slot, packed, device->layout.count * 4, "the prior", err));
+    device->data.prior = device->prior.mem;
+    free(scene);
+    free(grid);
+    free(spectrum);
+    free(power);
+    free(rows);
+    free(packed);
+}
+
 static inline void tiny_release(tiny_device *device)
 {
     hada_buffer *buffers[] = {&device->otf, &device->prior, &device->image, &device->frame, &device->spectrum};

@@ -1,0 +1,64 @@
+/* Depth pursuit: which depths a frame contains, found by explaining it on a coarse grid. Internal.
+ *
+ * Starts with no depth; adds the depth whose joint refinement of a few steps leaves least unexplained; after each
+ * addition swaps chosen depths with their neighbours while that helps, and drops depths that the others explain as
+ * well; stops when an addition lowers what is left by less than the part `threshold`. Channels are averaged: colour
+ * says nothing about distance. Scenes that need more than max_depths depths are said to fill all of them, so that a
+ * slanted or continuous scene costs no more. docs/refinement.md has the reasons and the figures.
+ *
+ * A pursuit belongs to one slot. Same input, same bits. */
+#ifndef HADA_REFINE_PURSUIT_H
+#define HADA_REFINE_PURSUIT_H
+
+#include "refine/admm.h"
+
+enum {
+    HADA_PURSUIT_MAX = 8,     /* most depths of a set */
+    HADA_PURSUIT_DEPTHS = 256 /* most depths of a camera */
+};
+
+typedef struct hada_pursuit_options {
+    hada_refine_shape shape; /* of the whole grid; its max_... are not used */
+    int depths;              /* of the camera */
+    double shrink;           /* grid over coarse grid, > 1; 0: 2, more where the grid is large */
+    double rho;              /* of the refinement, in units of |OTF|^2: 3e-2 of the largest |OTF(0)|^2 */
+    double threshold;        /* smallest fall of the unexplained part that counts; 0: from the window's share */
+    int max_depths;          /* a scene that needs more fills all depths; 0: 4, or all of up to 6 */
+    int max_rounds;          /* depths that are added at most, also when they are dropped again; 0: no limit */
+} hada_pursuit_options;
+
+void hada_pursuit_options_init(hada_pursuit_options *options);
+
+typedef struct hada_pursuit_result {
+    int count;                         /* of occupied depths; 0: nothing in the frame */
+    int list[HADA_PURSUIT_MAX];        /* ascending, meaningless where `all` is set */
+    int all;                           /* 1: the scene fills too many depths to tell them apart: take all */
+    int rounds;                        /* additions tried, the last one usually in vain */
+    double fall[2 * HADA_PURSUIT_MAX]; /* part of what was unexplained that each addition explained */
+    double residual;                   /* |unexplained| / |frame|, of the coarse images */
+    size_t transforms;
+    double seconds;
+} hada_pursuit_result;
+
+typedef struct hada_pursuit hada_pursuit;
+
+hada_status hada_pursuit_create(hada_pursuit **out, hada_slot *slot, const hada_pursuit_options *options,
+                                hada_error *err);
+void hada_pursuit_destroy(hada_pursuit **pursuit);
+size_t hada_pursuit_bytes(const hada_context *context, const hada_pursuit_options *options);
+
+/* The camera, in any number of pieces, all before the first run: OTFs of `count` depths from depth `first` on
+ * ([depth][channel][count] complex); the prior of refinement ([channel][count] floats); and, where the OTFs are
+ * estimates, sum |X|^2 of the pairs of each depth ([depth][channel][count] floats), which says how good they are.
+ * Offsets count complex numbers and floats. The buffers are not needed afterwards. */
+hada_status hada_pursuit_set_otf(hada_pursuit *pursuit, int first, int count, cl_mem otf, size_t offset,
+                                 hada_error *err);
+hada_status hada_pursuit_set_prior(hada_pursuit *pursuit, cl_mem prior, hada_error *err);
+hada_status hada_pursuit_set_power(hada_pursuit *pursuit, int first, int count, cl_mem power, size_t offset,
+                                   hada_error *err);
+
+/* Looks at a frame: its spectrum, [channel][count] complex, dark level removed. */
+hada_status hada_pursuit_run(hada_pursuit *pursuit, cl_mem spectrum, size_t offset, hada_pursuit_result *result,
+                             hada_error *err);
+
+#endif

@@ -18,7 +18,8 @@ hada_status hada_cli_outputs_begin(hada_cli_outputs *out, const char *folder, co
         if (!out->path[k])
             return hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
     }
-    out->title = *model ? hada_cli_text("%s, %s", name, model) : strdup(name);
+    const char *slash = strrchr(model, '/');
+    out->title = hada_cli_text("%s, %s", name, slash ? slash + 1 : model);
     return out->title ? HADA_OK : hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
 }
 

@@ -38,7 +38,9 @@ void hada_cli_frame_words(const hada_result *result, char *text, size_t size)
     *text = '\0';
     for (int z = 0; report->occupied && z < result->depths; z++)
         count += report->occupied[z] != 0;
-    if (count == result->depths && count > 1) {
+    if (!report->refine_steps && count == result->depths) {
+        add(text, size, "linear filters alone", 0);
+    } else if (count == result->depths && count > 1) {
         add(text, size, "all %.0f depths", count);
     } else if (count > 8) {
         add(text, size, "%.0f", count);

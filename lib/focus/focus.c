@@ -15,8 +15,9 @@ struct hada_focus {
     hada_slot *slot;
     hada_focus_options options;
     int channels, rows, cols, depths;
-    int radius, halo, pitch; /* of the response: halo + cols + halo, multiples of 8 */
-    int vectors;             /* of 8 columns in the windowed measure */
+    int radius, halo; /* halo: the radius rounded up to vectors of 8 columns */
+    int wide;         /* vectors of 8 columns in a row of the response, with a halo on either side */
+    int vectors;      /* in a row of the measure */
     double noise_mean, noise_deviation;
 
     unsigned char *competing; /* per depth */
@@ -25,7 +26,7 @@ struct hada_focus {
     int last;        /* the last depth that competed, -1: none yet */
 
     hada_buffer weights, inverse_distances;
-    hada_buffer response, smooth, measure;
+    hada_buffer light, response, smooth, measure;
     hada_buffer image[IMAGES], best_depth, fused;
     hada_buffer noise_bins, loser_bins;
 };
@@ -81,18 +82,20 @@ typedef struct part {
     size_t bytes;
     const char *name;
 } part;
-#define PARTS (9 + IMAGES)
+#define PARTS (10 + IMAGES)
 
 static void list_parts(const hada_focus_desc *desc, part *parts)
 {
     const int radius = window_radius(&desc->options), halo = up_to(radius, 8), cols = up_to(desc->cols, 8);
     const size_t rows = (size_t)desc->rows, pixels = rows * (size_t)desc->cols,
-                 wide = rows * (size_t)(cols + 2 * halo) * sizeof(float);
+                 wide = (size_t)(cols + 2 * halo) * sizeof(float), border = 2 * (size_t)radius;
     size_t n = 0;
     parts[n++] = (part){offsetof(hada_focus, weights), (size_t)(2 * radius + 1) * sizeof(float), "the focus window"};
     parts[n++] = (part){offsetof(hada_focus, inverse_distances), (size_t)desc->depths * sizeof(float), "the distances"};
-    parts[n++] = (part){offsetof(hada_focus, response), wide, "the focus response"};
-    parts[n++] = (part){offsetof(hada_focus, smooth), wide, "the focus response"};
+    parts[n++] =
+        (part){offsetof(hada_focus, light), (rows + border + 2) * (wide + 16 * sizeof(float)), "the luminance"};
+    parts[n++] = (part){offsetof(hada_focus, response), (rows + border) * wide, "the focus response"};
+    parts[n++] = (part){offsetof(hada_focus, smooth), rows * wide, "the focus response"};
     parts[n++] = (part){offsetof(hada_focus, measure), rows * (size_t)cols * sizeof(float), "the focus measure"};
     for (size_t i = 0; i < IMAGES; i++)
         parts[n++] = (part){offsetof(hada_focus, image) + i * sizeof(hada_buffer), pixels * sizeof(float),
@@ -163,7 +166,7 @@ hada_status hada_focus_create(hada_focus **out, hada_slot *slot, const hada_focu
                           .radius = window_radius(&desc->options)};
     focus->halo = up_to(focus->radius, 8);
     focus->vectors = up_to(desc->cols, 8) / 8;
-    focus->pitch = 8 * focus->vectors + 2 * focus->halo;
+    focus->wide = focus->vectors + focus->halo / 4;
     if (!(status = hada_alloc(&memory, (size_t)desc->depths, 1, "a focus object", err)))
         focus->competing = memory;
     part parts[PARTS];
@@ -186,8 +189,9 @@ void hada_focus_destroy(hada_focus **focus)
         return;
     *focus = NULL;
     hada_slot_finish(f->slot, NULL);
-    hada_buffer *const buffers[] = {&f->weights, &f->inverse_distances, &f->response,   &f->smooth,    &f->measure,
-                                    &f->fused,   &f->best_depth,        &f->noise_bins, &f->loser_bins};
+    hada_buffer *const buffers[] = {&f->weights,    &f->inverse_distances, &f->light, &f->response,
+                                    &f->smooth,     &f->measure,           &f->fused, &f->best_depth,
+                                    &f->noise_bins, &f->loser_bins};
     for (size_t i = 0; i < HADA_COUNT(buffers); i++)
         hada_buffer_destroy(buffers[i]);
     for (size_t i = 0; i < IMAGES; i++)
@@ -212,9 +216,24 @@ hada_status hada_focus_begin(hada_focus *focus, const unsigned char *competing, 
     return status ? status : hada_buffer_clear(&focus->loser_bins, focus->slot, 0, bytes, err);
 }
 
-/* The windowed response of one plane (contrast or energy); multiply: its root is multiplied into the measure. */
-static hada_status measure_once(hada_focus *f, cl_mem planes, cl_ulong offset, hada_focus_measure kind, int multiply,
-                                hada_error *err)
+/* Luminance of a plane with its edges repeated, as far as window and edge filter reach. */
+static hada_status luminance(hada_focus *f, cl_mem planes, cl_ulong offset, hada_error *err)
+{
+    cl_kernel kernel;
+    hada_status status = hada_slot_kernel(f->slot, "focus_measure", "focus_luminance", "", &kernel, err);
+    if (status)
+        return status;
+    const int border_rows = f->radius + 1, border_cols = f->halo + 8, pitch = 8 * f->wide + 16;
+    const size_t local[2] = {WIDE, 1}, global[2] = {(size_t)up_to(pitch, WIDE), (size_t)(f->rows + 2 * border_rows)};
+    const hada_arg args[] = {HADA_ARG(planes),      HADA_ARG(offset),  HADA_ARG(f->channels),
+                             HADA_ARG(f->rows),     HADA_ARG(f->cols), HADA_ARG(border_rows),
+                             HADA_ARG(border_cols), HADA_ARG(pitch),   HADA_ARG(f->light.mem)};
+    return hada_slot_launch(f->slot, kernel, "focus_luminance", 2, global, local, args, HADA_COUNT(args), err);
+}
+
+/* The windowed response (contrast or energy) of the luminance. second: its root is multiplied into the measure, and the
+ * noise, which the first one counted, is not counted again. */
+static hada_status window(hada_focus *f, hada_focus_measure kind, int second, hada_error *err)
 {
     static const char *const options[] = {"", "-DFOCUS_MEASURE=2"};
     cl_kernel measure, down, across;
@@ -224,36 +243,34 @@ static hada_status measure_once(hada_focus *f, cl_mem planes, cl_ulong offset, h
         (status = hada_slot_kernel(f->slot, "focus_window", "focus_window_down", "", &down, err)) ||
         (status = hada_slot_kernel(f->slot, "focus_window", "focus_window_across", "", &across, err)))
         return status;
-    const size_t rows = (size_t)f->rows, wide[2] = {WIDE, 1}, narrow[2] = {LOCAL, 1};
-    const size_t global_measure[2] = {(size_t)up_to(f->pitch, WIDE), rows};
-    const hada_arg args_measure[] = {HADA_ARG(planes),   HADA_ARG(offset),          HADA_ARG(f->channels),
-                                     HADA_ARG(f->rows),  HADA_ARG(f->cols),         HADA_ARG(f->halo),
-                                     HADA_ARG(f->pitch), HADA_ARG(f->response.mem), HADA_ARG(f->noise_bins.mem)};
-    if ((status = hada_slot_launch(f->slot, measure, "focus_measure", 2, global_measure, wide, args_measure,
-                                   HADA_COUNT(args_measure), err)))
-        return status;
-    const int all = f->pitch / 8;
-    const size_t global_down[2] = {(size_t)up_to(all, LOCAL), rows};
-    const hada_arg args_down[] = {
-        HADA_ARG(f->response.mem), HADA_ARG(f->weights.mem), HADA_ARG(f->radius), HADA_ARG(f->rows), HADA_ARG(all),
-        HADA_ARG(f->smooth.mem)};
-    if ((status = hada_slot_launch(f->slot, down, "focus_window_down", 2, global_down, narrow, args_down,
+    const int border_rows = f->radius + 1, count = !second, pitch = 8 * f->wide;
+    const size_t rows = (size_t)f->rows, all = (size_t)up_to(f->wide, LOCAL), local[2] = {LOCAL, 1};
+    const size_t global_measure[2] = {all, rows + 2 * (size_t)f->radius}, global_down[2] = {all, rows},
+                 global_across[2] = {(size_t)up_to(f->vectors, LOCAL), rows};
+    const hada_arg args_measure[] = {HADA_ARG(f->light.mem), HADA_ARG(f->rows),         HADA_ARG(f->cols),
+                                     HADA_ARG(border_rows),  HADA_ARG(f->halo),         HADA_ARG(f->wide),
+                                     HADA_ARG(count),        HADA_ARG(f->response.mem), HADA_ARG(f->noise_bins.mem)};
+    const hada_arg args_down[] = {HADA_ARG(f->response.mem), HADA_ARG(f->weights.mem), HADA_ARG(f->radius),
+                                  HADA_ARG(f->wide), HADA_ARG(f->smooth.mem)};
+    const hada_arg args_across[] = {HADA_ARG(f->smooth.mem), HADA_ARG(f->weights.mem), HADA_ARG(f->radius),
+                                    HADA_ARG(f->halo),       HADA_ARG(pitch),          HADA_ARG(f->vectors),
+                                    HADA_ARG(second),        HADA_ARG(f->measure.mem)};
+    if ((status = hada_slot_launch(f->slot, measure, "focus_measure", 2, global_measure, local, args_measure,
+                                   HADA_COUNT(args_measure), err)) ||
+        (status = hada_slot_launch(f->slot, down, "focus_window_down", 2, global_down, local, args_down,
                                    HADA_COUNT(args_down), err)))
         return status;
-    const size_t global_across[2] = {(size_t)up_to(f->vectors, LOCAL), rows};
-    const hada_arg args_across[] = {HADA_ARG(f->smooth.mem), HADA_ARG(f->weights.mem), HADA_ARG(f->radius),
-                                    HADA_ARG(f->halo),       HADA_ARG(f->pitch),       HADA_ARG(f->vectors),
-                                    HADA_ARG(multiply),      HADA_ARG(f->measure.mem)};
-    return hada_slot_launch(f->slot, across, "focus_window_across", 2, global_across, narrow, args_across,
+    return hada_slot_launch(f->slot, across, "focus_window_across", 2, global_across, local, args_across,
                             HADA_COUNT(args_across), err);
 }
 
 static hada_status measure_plane(hada_focus *f, cl_mem planes, cl_ulong offset, hada_error *err)
 {
-    if (f->options.measure != HADA_FOCUS_COMBINED)
-        return measure_once(f, planes, offset, f->options.measure, 0, err);
-    hada_status status = measure_once(f, planes, offset, HADA_FOCUS_ENERGY, 0, err);
-    return status ? status : measure_once(f, planes, offset, HADA_FOCUS_CONTRAST, 1, err);
+    hada_status status = luminance(f, planes, offset, err);
+    const int combined = f->options.measure == HADA_FOCUS_COMBINED;
+    if (!status)
+        status = window(f, combined ? HADA_FOCUS_ENERGY : f->options.measure, 0, err);
+    return status || !combined ? status : window(f, HADA_FOCUS_CONTRAST, 1, err);
 }
 
 static hada_status select_plane(hada_focus *f, int depth, cl_mem planes, cl_ulong offset, hada_error *err)

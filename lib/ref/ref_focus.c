@@ -5,6 +5,8 @@
 
 #include "core/alloc.h"
 
+#define REACH 60 /* pixels: the radius of the widest window */
+
 typedef struct scene {
     const float *planes;
     int channels, rows, cols, depths;
@@ -30,8 +32,6 @@ static double light(const scene *s, int depth, int row, int col)
 
 static double response(const scene *s, int depth, hada_focus_measure measure, int row, int col)
 {
-    row = clamp(row, s->rows);
-    col = clamp(col, s->cols);
     if (measure == HADA_FOCUS_ENERGY)
         return fmax(light(s, depth, row, col), 0.0);
     double across = 0.0, along = 0.0;
@@ -54,28 +54,34 @@ static double median(double *values, size_t count)
     return count ? values[(count - 1) / 2] : 0.0;
 }
 
-/* Windowed response (contrast or energy) of every depth; multiply: its root is multiplied into `out`. */
+/* Windowed response (contrast or energy) of every depth; multiply: its root is multiplied into `out`. The image goes on
+ * beyond its edges with its edge pixels, for the edge filter and for the window. `work` holds rows x (cols + 2 radius).
+ */
 static void window_all(const scene *s, const hada_focus_options *options, hada_focus_measure kind, int multiply,
                        double *work, double *out)
 {
-    const int radius = (int)ceil(3.0 * options->window_sigma);
+    const int radius = (int)ceil(3.0 * options->window_sigma), wide = s->cols + 2 * radius;
     const double unit = -0.5 / (options->window_sigma * options->window_sigma);
     double norm = 0.0;
     for (int k = -radius; k <= radius; k++)
         norm += exp(unit * k * k);
-    for (int d = 0; d < s->depths; d++)
-        for (int turn = 0; turn < 2; turn++)
-            for (int r = 0; r < s->rows; r++)
-                for (int c = 0; c < s->cols; c++) {
-                    const size_t at = (size_t)r * (size_t)s->cols + (size_t)c;
-                    double *to = turn ? out + (size_t)d * (size_t)s->rows * (size_t)s->cols + at : work + at;
-                    double sum = 0.0;
-                    for (int k = -radius; k <= radius; k++)
-                        sum += exp(unit * k * k) / norm *
-                               (turn ? work[(size_t)r * (size_t)s->cols + (size_t)clamp(c + k, s->cols)]
-                                     : response(s, d, kind, r + k, c));
-                    *to = turn && multiply ? *to * sqrt(sum) : sum;
-                }
+    for (int d = 0; d < s->depths; d++) {
+        for (int r = 0; r < s->rows; r++)
+            for (int c = 0; c < wide; c++) {
+                double sum = 0.0;
+                for (int k = -radius; k <= radius; k++)
+                    sum += exp(unit * k * k) / norm * response(s, d, kind, r + k, c - radius);
+                work[(size_t)r * (size_t)wide + (size_t)c] = sum;
+            }
+        for (int r = 0; r < s->rows; r++)
+            for (int c = 0; c < s->cols; c++) {
+                double sum = 0.0, *to = out + ((size_t)d * (size_t)s->rows + (size_t)r) * (size_t)s->cols + c;
+                for (int k = 0; k <= 2 * radius; k++)
+                    sum += exp(unit * (k - radius) * (k - radius)) / norm *
+                           work[(size_t)r * (size_t)wide + (size_t)(c + k)];
+                *to = multiply ? *to * sqrt(sum) : sum;
+            }
+    }
 }
 
 static void measure_all(const scene *s, const hada_focus_options *options, double *work, double *out)
@@ -221,7 +227,8 @@ hada_status hada_ref_focus(const float *planes, int channels, int rows, int cols
     void *measure = NULL, *work = NULL;
     hada_status status;
     if ((status = hada_alloc(&measure, pixels * (size_t)depths, sizeof(double), "the reference", err)) ||
-        (status = hada_alloc(&work, pixels * (size_t)depths, sizeof(double), "the reference", err)))
+        (status = hada_alloc(&work, (size_t)rows * ((size_t)cols * (size_t)depths + 2 * REACH), sizeof(double),
+                             "the reference", err)))
         goto done;
     const double *m = measure;
     measure_all(&s, options, work, measure);

@@ -11,8 +11,8 @@ static unsigned char to_srgb(double linear)
 void hada_colormap(double at, unsigned char rgb[3])
 {
     at = fmin(fmax(at, 0), 1);
-    double lightness = 0.25 + 0.67 * at, hue = (340 - 225 * at) * 3.14159265358979323846 / 180;
-    double a = 0.11 * cos(hue), b = 0.11 * sin(hue);
+    double lightness = 0.32 + 0.61 * at, hue = (360 - 260 * at) * 3.14159265358979323846 / 180;
+    double a = 0.115 * cos(hue), b = 0.115 * sin(hue);
     /* Oklab to linear sRGB, with the constants of its definition. */
     double l = pow(lightness + 0.3963377774 * a + 0.2158037573 * b, 3);
     double m = pow(lightness - 0.1055613458 * a - 0.0638541728 * b, 3);

@@ -13,7 +13,8 @@ except ImportError as missing:
     sys.exit(77)
 
 TOOL = sys.argv[1]
-FOLDER = Path(tempfile.mkdtemp(prefix="hadalens-safetensors-"))
+TEMPORARY = tempfile.TemporaryDirectory(prefix="hadalens-safetensors-")
+FOLDER = Path(TEMPORARY.name)
 
 
 def foreign():

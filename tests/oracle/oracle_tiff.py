@@ -13,7 +13,8 @@ except ImportError as missing:
     sys.exit(77)
 
 TOOL = sys.argv[1]
-FOLDER = Path(tempfile.mkdtemp(prefix="hadalens-tiff-"))
+TEMPORARY = tempfile.TemporaryDirectory(prefix="hadalens-tiff-")
+FOLDER = Path(TEMPORARY.name)
 RANDOM = np.random.default_rng(1)
 
 

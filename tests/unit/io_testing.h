@@ -1,0 +1,111 @@
+/* Shared by the file tests: a folder of their own, golden files, files as bytes. */
+#ifndef IO_TESTING_H
+#define IO_TESTING_H
+
+#include <dirent.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+static char io_folder[200];
+
+static inline int io_setup(void **state)
+{
+    (void)state;
+    const char *folder = getenv("TMPDIR");
+    snprintf(io_folder, sizeof io_folder, "%s/hadalens-io-XXXXXX", folder ? folder : P_tmpdir);
+    return !mkdtemp(io_folder);
+}
+
+/* Removes the folder; fails when a test left an unfinished file behind. */
+static inline int io_teardown(void **state)
+{
+    (void)state;
+    int unfinished = 0;
+    DIR *folder = opendir(io_folder);
+    for (struct dirent *entry; folder && (entry = readdir(folder));) {
+        char path[600];
+        snprintf(path, sizeof path, "%s/%s", io_folder, entry->d_name);
+        unfinished += strstr(entry->d_name, ".tmp-") != NULL;
+        if (entry->d_name[0] != '.')
+            unlink(path);
+    }
+    if (folder)
+        closedir(folder);
+    rmdir(io_folder);
+    return unfinished;
+}
+
+/* A path in the folder; a few may be in use at once. */
+static inline const char *io_path(const char *name)
+{
+    static char paths[4][300];
+    static int next;
+    char *path = paths[next++ % 4];
+    snprintf(path, sizeof paths[0], "%s/%s", io_folder, name);
+    return path;
+}
+
+static inline const char *io_golden(const char *name)
+{
+    static char path[1024];
+    snprintf(path, sizeof path, "%s/tests/golden/%s", HADALENS_SOURCE_DIR, name);
+    return path;
+}
+
+static inline int io_exists(const char *path)
+{
+    return access(path, F_OK) == 0;
+}
+
+/* Number of files in the folder. */
+static inline int io_count(void)
+{
+    int count = 0;
+    DIR *folder = opendir(io_folder);
+    for (struct dirent *entry; folder && (entry = readdir(folder));)
+        count += entry->d_name[0] != '.';
+    if (folder)
+        closedir(folder);
+    return count;
+}
+
+static inline unsigned char *io_read_bytes(const char *path, size_t *bytes)
+{
+    FILE *file = fopen(path, "rb");
+    assert_non_null(file);
+    fseek(file, 0, SEEK_END);
+    *bytes = (size_t)ftell(file);
+    rewind(file);
+    unsigned char *data = malloc(*bytes + 1);
+    assert_non_null(data);
+    assert_int_equal(fread(data, 1, *bytes, file), *bytes);
+    fclose(file);
+    return data;
+}
+
+static inline void io_write_bytes(const char *path, const void *data, size_t bytes)
+{
+    unlink(path); /* quicker than truncating: ext4 would write the new content out at once */
+    FILE *file = fopen(path, "wb");
+    assert_non_null(file);
+    if (bytes)
+        assert_int_equal(fwrite(data, 1, bytes, file), bytes);
+    assert_int_equal(fclose(file), 0);
+}
+
+/* A small fixed generator, so that failures repeat. */
+static inline uint32_t io_random(uint64_t *state)
+{
+    *state = *state * 6364136223846793005u + 1442695040888963407u;
+    return (uint32_t)(*state >> 33);
+}
+
+#endif

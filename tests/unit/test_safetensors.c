@@ -1,0 +1,241 @@
+/* Safetensors: a file by the Python package, files of ours, damaged ones; halves. */
+#include <math.h>
+
+#include "io/safetensors.h"
+#include "io_testing.h"
+
+static void test_golden(void **state)
+{
+    (void)state;
+    hada_error err = {0};
+    hada_tensors *tensors;
+    if (hada_tensors_open(&tensors, io_golden("tensors.safetensors"), &err))
+        fail_msg("%s", err.message);
+    assert_int_equal(hada_tensors_count(tensors), 4);
+    assert_string_equal(hada_tensors_meta(tensors, "note"), "gr\xc3\xb6\xc3\x9f"
+                                                            "e \xe2\x9c\x93");
+    assert_null(hada_tensors_meta(tensors, "absent"));
+    assert_null(hada_tensors_find(tensors, "absent"));
+    float values[70];
+    const hada_tensor *weight = hada_tensors_find(tensors, "weight");
+    assert_int_equal(weight->dims, 3);
+    assert_int_equal(weight->shape[0], 2);
+    assert_int_equal(weight->shape[2], 5);
+    assert_int_equal(hada_tensor_copy_f32(weight, 0, 70, values, &err), HADA_OK);
+    for (int i = 0; i < 70; i++)
+        assert_true(values[i] == (float)(i % 35 + 1 + 40 * (i / 35)));
+    const char *names[] = {"half", "wide"};
+    for (int k = 0; k < 2; k++) {
+        assert_int_equal(hada_tensor_copy_f32(hada_tensors_find(tensors, names[k]), 5, 30, values, &err), HADA_OK);
+        for (int i = 0; i < 30; i++)
+            assert_true(values[i] == (float)(i + 6) / 64);
+    }
+    assert_int_equal(hada_tensor_copy_f32(weight, 69, 2, values, &err), HADA_ERROR_SIZE);
+    assert_non_null(strstr(err.message, "70 values"));
+    assert_int_equal(hada_tensor_copy_f32(hada_tensors_find(tensors, "count"), 0, 1, values, &err),
+                     HADA_ERROR_UNSUPPORTED);
+    hada_tensors_close(&tensors);
+    assert_null(tensors);
+}
+
+static void test_round_trip(void **state)
+{
+    (void)state;
+    hada_error err = {0};
+    hada_tensors_writer *writer;
+    const int64_t shape[] = {3, 5}, few[] = {3};
+    float data[15];
+    for (int i = 0; i < 15; i++)
+        data[i] = (float)i * 0.1f - 0.7f;
+    assert_int_equal(hada_tensors_create(&writer, io_path("trip.safetensors"), &err), HADA_OK);
+    assert_int_equal(hada_tensors_put_meta(writer, "a \"key\"", "line\nline", &err), HADA_OK);
+    assert_int_equal(hada_tensors_put_meta(writer, "bad", "\xff\xfe", &err), HADA_ERROR_ARGUMENT);
+    assert_int_equal(hada_tensors_declare(writer, "one", HADA_F32, 2, shape, &err), HADA_OK);
+    assert_int_equal(hada_tensors_declare(writer, "one", HADA_F32, 2, shape, &err), HADA_ERROR_ARGUMENT);
+    assert_int_equal(hada_tensors_declare(writer, "bytes", HADA_U8, 1, few, &err), HADA_OK);
+    assert_int_equal(hada_tensors_declare(writer, "odd", HADA_F32, 0, NULL, &err), HADA_OK);
+    /* In pieces that do not respect the tensors. */
+    assert_int_equal(hada_tensors_write(writer, data, 7, &err), HADA_OK);
+    assert_int_equal(hada_tensors_declare(writer, "late", HADA_U8, 1, few, &err), HADA_ERROR_STATE);
+    assert_int_equal(hada_tensors_write(writer, (char *)data + 7, 53, &err), HADA_OK);
+    assert_int_equal(hada_tensors_write(writer, "abc", 3, &err), HADA_OK);
+    assert_int_equal(hada_tensors_write(writer, data, 4, &err), HADA_OK);
+    assert_int_equal(hada_tensors_write(writer, data, 1, &err), HADA_ERROR_SIZE);
+    assert_false(io_exists(io_path("trip.safetensors")));
+    assert_int_equal(hada_tensors_finish(&writer, &err), HADA_OK);
+    hada_tensors *tensors;
+    assert_int_equal(hada_tensors_open(&tensors, io_path("trip.safetensors"), &err), HADA_OK);
+    assert_int_equal((uintptr_t)hada_tensors_at(tensors, 0)->data % 8, 0);
+    assert_memory_equal(hada_tensors_find(tensors, "one")->data, data, sizeof data);
+    assert_memory_equal(hada_tensors_find(tensors, "bytes")->data, "abc", 3);
+    float odd; /* stands at no multiple of 4 */
+    assert_int_equal(hada_tensor_copy_f32(hada_tensors_find(tensors, "odd"), 0, 1, &odd, &err), HADA_OK);
+    assert_true(odd == data[0]);
+    assert_string_equal(hada_tensors_meta(tensors, "a \"key\""), "line\nline");
+    hada_tensors_close(&tensors);
+    assert_int_equal(hada_tensors_create(&writer, io_path("short.safetensors"), &err), HADA_OK);
+    assert_int_equal(hada_tensors_declare(writer, "one", HADA_F32, 2, shape, &err), HADA_OK);
+    assert_int_equal(hada_tensors_write(writer, data, 8, &err), HADA_OK);
+    assert_int_equal(hada_tensors_finish(&writer, &err), HADA_ERROR_STATE);
+    assert_non_null(strstr(err.message, "8 of 60"));
+    assert_false(io_exists(io_path("short.safetensors")));
+}
+
+/* A file of that header and so many bytes of data. */
+static hada_status open_made(const char *header, size_t data_bytes, hada_error *err)
+{
+    unsigned char file[1024] = {0};
+    size_t length = strlen(header);
+    file[0] = (unsigned char)length;
+    file[1] = (unsigned char)(length >> 8);
+    memcpy(file + 8, header, length);
+    io_write_bytes(io_path("made.safetensors"), file, 8 + length + data_bytes);
+    hada_tensors *tensors;
+    hada_status status = hada_tensors_open(&tensors, io_path("made.safetensors"), err);
+    hada_tensors_close(&tensors);
+    return status;
+}
+
+static void test_damaged(void **state)
+{
+    (void)state;
+    const struct {
+        const char *header;
+        size_t bytes;
+        hada_status status;
+        const char *word;
+    } files[] = {
+        {"{\"a\":{\"dtype\":\"F32\",\"shape\":[2],\"data_offsets\":[0,8]}}", 8, HADA_OK, ""},
+        {"{}", 0, HADA_OK, ""},
+        {"{\"a\":{\"dtype\":\"F32\",\"shape\":[0,7],\"data_offsets\":[0,0]}}   ", 0, HADA_OK, ""},
+        {"{\"a\":{\"dtype\":\"F32\",\"shape\":[2],\"data_offsets\":[0,8]}}", 7, HADA_ERROR_FILE_READ, "cut off"},
+        {"{\"a\":{\"dtype\":\"F32\",\"shape\":[2],\"data_offsets\":[0,8]}}", 9, HADA_ERROR_FILE_FORMAT,
+         "after its last"},
+        {"{\"a\":{\"dtype\":\"F32\",\"shape\":[3],\"data_offsets\":[0,8]}}", 8, HADA_ERROR_FILE_FORMAT,
+         "shape and type"},
+        {"{\"a\":{\"dtype\":\"F32\",\"shape\":[-2],\"data_offsets\":[0,8]}}", 8, HADA_ERROR_FILE_FORMAT,
+         "list of sizes"},
+        {"{\"a\":{\"dtype\":\"F32\",\"shape\":[2.5],\"data_offsets\":[0,8]}}", 8, HADA_ERROR_FILE_FORMAT,
+         "list of sizes"},
+        {"{\"a\":{\"dtype\":\"F32\",\"shape\":[4611686018427387904,4],\"data_offsets\":[0,0]}}", 0,
+         HADA_ERROR_FILE_FORMAT, "large"},
+        {"{\"a\":{\"dtype\":\"F32\",\"shape\":[2],\"data_offsets\":[8,0]}}", 8, HADA_ERROR_FILE_FORMAT, "ascending"},
+        {"{\"a\":{\"dtype\":\"Q7\",\"shape\":[2],\"data_offsets\":[0,8]}}", 8, HADA_ERROR_UNSUPPORTED, "Q7"},
+        {"{\"a\":{\"dtype\":\"F32\",\"data_offsets\":[0,8]}}", 8, HADA_ERROR_FILE_FORMAT, "lacks"},
+        {"{\"a\":{\"dtype\":\"F32\",\"shape\":[1,1,1,1,1,1,1,1,2],\"data_offsets\":[0,8]}}", 8, HADA_ERROR_UNSUPPORTED,
+         "9 dimensions"},
+        {"{\"a\":{\"dtype\":\"F32\",\"shape\":[2],\"data_offsets\":[0,8]},\"b\":{\"dtype\":\"F32\",\"shape\":[2],"
+         "\"data_offsets\":[4,12]}}",
+         12, HADA_ERROR_FILE_FORMAT, "overlaps"},
+        {"{\"a\":{\"dtype\":\"F32\",\"shape\":[2],\"data_offsets\":[0,8]},\"b\":{\"dtype\":\"F32\",\"shape\":[2],"
+         "\"data_offsets\":[12,20]}}",
+         20, HADA_ERROR_FILE_FORMAT, "without a gap"},
+        {"{\"a\":{\"dtype\":\"F32\",\"shape\":[2],\"data_offsets\":[0,8]},\"a\":{\"dtype\":\"F32\",\"shape\":[2],"
+         "\"data_offsets\":[0,8]}}",
+         8, HADA_ERROR_FILE_FORMAT, "duplicate"},
+        {"{\"a\xff\":{\"dtype\":\"F32\",\"shape\":[2],\"data_offsets\":[0,8]}}", 8, HADA_ERROR_FILE_FORMAT, "damaged"},
+        {"{\"a\":7}", 0, HADA_ERROR_FILE_FORMAT, "lacks"},
+        {"{\"__metadata__\":{\"a\":7}}", 0, HADA_ERROR_FILE_FORMAT, "not a text"},
+        {"{\"a\":", 0, HADA_ERROR_FILE_FORMAT, "damaged"},
+        {"[1,2,3]", 0, HADA_ERROR_FILE_FORMAT, "not a safetensors"},
+    };
+    for (size_t i = 0; i < sizeof files / sizeof files[0]; i++) {
+        hada_error err = {0};
+        hada_status status = open_made(files[i].header, files[i].bytes, &err);
+        if (status != files[i].status || !strstr(err.message, files[i].word) ||
+            (status && !strstr(err.message, "made.safetensors")))
+            fail_msg("%s: status %d, \"%s\"; expected %d, \"%s\"", files[i].header, status, err.message,
+                     files[i].status, files[i].word);
+    }
+}
+
+static void expect_bytes(const void *data, size_t bytes, hada_status status, const char *word)
+{
+    hada_error err = {0};
+    hada_tensors *tensors;
+    io_write_bytes(io_path("raw.safetensors"), data, bytes);
+    assert_int_equal(hada_tensors_open(&tensors, io_path("raw.safetensors"), &err), status);
+    assert_null(tensors);
+    assert_non_null(strstr(err.message, word));
+}
+
+static void test_no_header(void **state)
+{
+    (void)state;
+    expect_bytes("", 0, HADA_ERROR_FILE_READ, "empty");
+    expect_bytes("\2\0\0\0", 4, HADA_ERROR_FILE_READ, "fewer");
+    expect_bytes("\377\377\377\377\377\377\377\377{}", 10, HADA_ERROR_FILE_FORMAT, "plausible");
+    expect_bytes("\0\2\0\0\0\0\0\0{}", 10, HADA_ERROR_FILE_READ, "cut off");
+    hada_error err = {0};
+    hada_tensors *tensors;
+    assert_int_equal(hada_tensors_open(&tensors, io_path("absent"), &err), HADA_ERROR_FILE_OPEN);
+    assert_int_equal(hada_tensors_open(&tensors, io_folder, &err), HADA_ERROR_FILE_OPEN);
+}
+
+static void test_cut_and_flipped(void **state)
+{
+    (void)state;
+    size_t bytes;
+    unsigned char *data = io_read_bytes(io_golden("tensors.safetensors"), &bytes);
+    unsigned char *copy = malloc(bytes);
+    assert_non_null(copy);
+    uint64_t random = 3;
+    for (size_t round = 0; round < bytes + 1500; round++) {
+        memcpy(copy, data, bytes);
+        size_t length = round < bytes ? round : bytes;
+        for (int k = 0; round >= bytes && k < 3; k++)
+            copy[io_random(&random) % 420] = (unsigned char)io_random(&random);
+        io_write_bytes(io_path("cut.safetensors"), copy, length);
+        hada_tensors *tensors;
+        hada_error err = {0};
+        if (hada_tensors_open(&tensors, io_path("cut.safetensors"), &err)) {
+            assert_true(*err.message);
+            continue;
+        }
+        assert_true(length == bytes);
+        for (size_t i = 0; i < hada_tensors_count(tensors); i++) {
+            float values[70];
+            const hada_tensor *tensor = hada_tensors_at(tensors, i);
+            size_t count = tensor->bytes / hada_dtype_bytes(tensor->type);
+            hada_tensor_copy_f32(tensor, 0, count < 70 ? count : 70, values, NULL);
+        }
+        hada_tensors_close(&tensors);
+    }
+    free(copy);
+    free(data);
+}
+
+static void test_halves(void **state)
+{
+    (void)state;
+    for (uint32_t half = 0; half < 65536; half++) {
+        float value = hada_float_from_half((uint16_t)half);
+        uint16_t back = hada_half_from_float(value);
+        if (isnan(value))
+            assert_true((back & 0x7c00) == 0x7c00 && (back & 0x3ff));
+        else
+            assert_int_equal(back, half);
+    }
+    /* Between neighbours: the nearest, and the even one from the middle. */
+    for (uint32_t half = 0; half < 0x7bff; half++) {
+        double low = (double)hada_float_from_half((uint16_t)half),
+               high = (double)hada_float_from_half((uint16_t)(half + 1));
+        float middle = (float)((low + high) / 2);
+        assert_int_equal(hada_half_from_float(middle), half + (half & 1));
+        assert_int_equal(hada_half_from_float(nextafterf(middle, 0)), half);
+        assert_int_equal(hada_half_from_float(-nextafterf(middle, INFINITY)), (half + 1) | 0x8000);
+    }
+    assert_int_equal(hada_half_from_float(65519.996f), 0x7bff);
+    assert_int_equal(hada_half_from_float(65520.0f), 0x7c00);
+    assert_int_equal(hada_half_from_float(1e30f), 0x7c00);
+    assert_int_equal(hada_half_from_float(1e-30f), 0);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_golden),    cmocka_unit_test(test_round_trip),      cmocka_unit_test(test_damaged),
+        cmocka_unit_test(test_no_header), cmocka_unit_test(test_cut_and_flipped), cmocka_unit_test(test_halves),
+    };
+    return cmocka_run_group_tests(tests, io_setup, io_teardown);
+}

@@ -1,0 +1,251 @@
+/* Files that tifffile wrote (tests/golden/make_golden.py says what is in them), read without Python. */
+#include <hadalens/tiff.h>
+#include <math.h>
+
+#include "io_testing.h"
+
+/* The pixel of make_golden.py, before the file's own factor. */
+static double golden(int page, int channel, int index)
+{
+    return index + 1 + 3 * page + 40 * channel;
+}
+
+typedef struct golden_case {
+    const char *name;
+    int frames, channels, slices, times, bits;
+    double factor; /* of a pixel as read */
+} golden_case;
+
+static const golden_case cases[] = {
+    {"grey_u1.tif", 1, 1, 1, 1, 8, 1 / 255.0},
+    {"grey_u2.tif", 1, 1, 1, 1, 16, 257 / 65535.0},
+    {"grey_u2_big_endian.tif", 1, 1, 1, 1, 16, 257 / 65535.0},
+    {"grey_u4.tif", 1, 1, 1, 1, 32, 8388608 / 4294967295.0},
+    {"grey_u4_big_endian.tif", 1, 1, 1, 1, 32, 8388608 / 4294967295.0},
+    {"grey_i2.tif", 1, 1, 1, 1, 16, 128 / 32767.0},
+    {"grey_i2_big_endian.tif", 1, 1, 1, 1, 16, 128 / 32767.0},
+    {"grey_f2.tif", 1, 1, 1, 1, 16, 1 / 64.0},
+    {"grey_f2_big_endian.tif", 1, 1, 1, 1, 16, 1 / 64.0},
+    {"grey_f4.tif", 1, 1, 1, 1, 32, 1 / 64.0},
+    {"grey_f4_big_endian.tif", 1, 1, 1, 1, 32, 1 / 64.0},
+    {"grey_f8.tif", 1, 1, 1, 1, 64, 1 / 64.0},
+    {"grey_f8_big_endian.tif", 1, 1, 1, 1, 64, 1 / 64.0},
+    {"rgb_u1.tif", 1, 3, 1, 1, 8, 1 / 255.0},
+    {"rgba_u1.tif", 1, 3, 1, 1, 8, 1 / 255.0},
+    {"rgb_u2_planar.tif", 1, 3, 1, 1, 16, 257 / 65535.0},
+    {"grey_u2_white.tif", 1, 1, 1, 1, 16, 257 / 65535.0},
+    {"grey_u2_strips.tif", 1, 1, 1, 1, 16, 257 / 65535.0},
+    {"rgb_f4_tiles.tif", 1, 3, 1, 1, 32, 1 / 64.0},
+    {"grey_u2_lzw.tif", 1, 1, 1, 1, 16, 257 / 65535.0},
+    {"grey_u1_packbits.tif", 1, 1, 1, 1, 8, 1 / 255.0},
+    {"grey_f4_deflate.tif", 1, 1, 1, 1, 32, 1 / 64.0},
+    {"palette_u1.tif", 1, 3, 1, 1, 8, 1 / 255.0},
+    {"pages_bigtiff.tif", 3, 1, 1, 3, 16, 257 / 65535.0},
+    {"pages_thumbnails.tif", 2, 1, 1, 2, 8, 1 / 255.0},
+    {"imagej.tif", 3, 2, 3, 1, 16, 257 / 65535.0},
+    {"imagej_one_directory.tif", 3, 2, 3, 1, 16, 257 / 65535.0},
+    {"ome.tif", 3, 2, 3, 1, 16, 257 / 65535.0},
+};
+
+static void test_pixels(void **state)
+{
+    (void)state;
+    for (size_t k = 0; k < sizeof cases / sizeof cases[0]; k++) {
+        const golden_case *g = &cases[k];
+        hada_error err = {0};
+        hada_tiff_reader *reader;
+        if (hada_tiff_open(&reader, io_golden(g->name), &err))
+            fail_msg("%s: %s", g->name, err.message);
+        const hada_tiff_info *info = hada_tiff_get_info(reader);
+        if (info->frames != g->frames || info->channels != g->channels || info->rows != 7 || info->cols != 5 ||
+            info->slices != g->slices || info->times != g->times || info->bits != g->bits)
+            fail_msg("%s: %d frames, %d channels, %d x %d, %d slices, %d times, %d bits", g->name, info->frames,
+                     info->channels, info->rows, info->cols, info->slices, info->times, info->bits);
+        /* Backwards, so that pages are reached in another order than they stand. */
+        for (int frame = g->frames - 1; frame >= 0; frame--) {
+            hada_image image;
+            if (hada_tiff_read(reader, frame, &image, &err))
+                fail_msg("%s: %s", g->name, err.message);
+            assert_int_equal(image.channels, g->channels);
+            for (int c = 0; c < image.channels; c++)
+                for (int i = 0; i < 35; i++) {
+                    double expected = golden(frame, c, i) * g->factor, got = (double)image.data[c * 35 + i];
+                    if (fabs(got - expected) > 1e-7 * fabs(expected) + 1e-9)
+                        fail_msg("%s, frame %d, channel %d, pixel %d: %.9g, expected %.9g", g->name, frame, c, i, got,
+                                 expected);
+                }
+            hada_image_destroy(&image);
+        }
+        hada_tiff_close(&reader);
+    }
+}
+
+static void test_sizes_in_the_world(void **state)
+{
+    (void)state;
+    const struct {
+        const char *name;
+        double pixel, spacing;
+    } files[] = {{"imagej.tif", 0.25, 2.5}, {"ome.tif", 6.5, 100}, {"grey_u1.tif", 0, 0}};
+    for (int i = 0; i < 3; i++) {
+        hada_tiff_reader *reader;
+        assert_int_equal(hada_tiff_open(&reader, io_golden(files[i].name), NULL), HADA_OK);
+        assert_float_equal(hada_tiff_get_info(reader)->pixel_width_um, files[i].pixel, 1e-6);
+        assert_float_equal(hada_tiff_get_info(reader)->slice_spacing, files[i].spacing, 1e-6);
+        assert_int_equal(hada_tiff_distances(reader, NULL, 0), 0);
+        hada_tiff_close(&reader);
+    }
+}
+
+static void expect_refusal(const char *path, hada_status status, const char *word, const char *more)
+{
+    hada_error err = {0};
+    hada_image image;
+    hada_status got = hada_tiff_load(path, 0, &image, &err);
+    hada_image_destroy(&image);
+    if (got != status || !strstr(err.message, word) || !strstr(err.message, more) || !strstr(err.message, path))
+        fail_msg("%s: status %d, \"%s\"; expected %d with \"%s\" and \"%s\"", path, got, err.message, status, word,
+                 more);
+}
+
+static void test_refusals(void **state)
+{
+    (void)state;
+    expect_refusal(io_golden("complex.tif"), HADA_ERROR_UNSUPPORTED, "complex", "modulus");
+    expect_refusal(io_golden("grey_u1_jpegxl.tif"), HADA_ERROR_UNSUPPORTED, "JPEG XL", "deflate");
+    expect_refusal(io_golden("missing.tif"), HADA_ERROR_FILE_OPEN, "No such file", "opened");
+    expect_refusal(io_folder, HADA_ERROR_FILE_OPEN, "ordinary", "file");
+    io_write_bytes(io_path("empty.tif"), "", 0);
+    expect_refusal(io_path("empty.tif"), HADA_ERROR_FILE_READ, "empty", "");
+    io_write_bytes(io_path("text.tif"), "This is no picture at all.", 26);
+    expect_refusal(io_path("text.tif"), HADA_ERROR_FILE_FORMAT, "not a TIFF", "convert");
+}
+
+/* Overwrites a tag's inline value in a little-endian classic file. */
+static void set_tag(unsigned char *data, size_t bytes, unsigned tag, uint32_t value)
+{
+    uint32_t at;
+    uint16_t entries, number;
+    memcpy(&at, data + 4, 4);
+    memcpy(&entries, data + at, 2);
+    for (unsigned i = 0; i < entries && at + 14 + 12 * i <= bytes; i++) {
+        unsigned char *entry = data + at + 2 + 12 * i;
+        memcpy(&number, entry, 2);
+        if (number == tag) {
+            const uint16_t type = 4;
+            memcpy(entry + 2, &type, 2);
+            memcpy(entry + 8, &value, 4);
+            return;
+        }
+    }
+    fail_msg("tag %u is not in the file", tag);
+}
+
+static void test_absurd_sizes(void **state)
+{
+    (void)state;
+    size_t bytes;
+    for (int k = 0; k < 3; k++) {
+        unsigned char *data = io_read_bytes(io_golden(k == 2 ? "grey_f4_deflate.tif" : "grey_u2.tif"), &bytes);
+        set_tag(data, bytes, 256, k ? 60000 : 20000000);
+        set_tag(data, bytes, 257, 60000);
+        set_tag(data, bytes, 278, 60000); /* still one strip */
+        io_write_bytes(io_path("absurd.tif"), data, bytes);
+        free(data);
+        if (k)
+            expect_refusal(io_path("absurd.tif"), HADA_ERROR_FILE_READ, "can hold", "get it again");
+        else
+            expect_refusal(io_path("absurd.tif"), HADA_ERROR_FILE_FORMAT, "not plausible", "damaged");
+    }
+}
+
+/* A ring of directories must end. */
+static void test_ring(void **state)
+{
+    (void)state;
+    size_t bytes;
+    unsigned char *data = io_read_bytes(io_golden("grey_u2.tif"), &bytes);
+    uint32_t at;
+    uint16_t entries;
+    memcpy(&at, data + 4, 4);
+    memcpy(&entries, data + at, 2);
+    memcpy(data + at + 2 + 12u * entries, &at, 4);
+    io_write_bytes(io_path("ring.tif"), data, bytes);
+    free(data);
+    expect_refusal(io_path("ring.tif"), HADA_ERROR_FILE_READ, "ring", "damaged");
+}
+
+/* Reads whatever can be read of a damaged file: any status will do, crashes and endless loops will not. */
+static int try_all(const char *path)
+{
+    hada_tiff_reader *reader;
+    hada_error err = {0};
+    int fine = 0;
+    if (hada_tiff_open(&reader, path, &err)) {
+        assert_true(*err.message);
+        return 0;
+    }
+    double distances[4];
+    hada_tiff_distances(reader, distances, 4);
+    int frames = hada_tiff_get_info(reader)->frames;
+    for (int i = 0; i < frames && i < 8; i++) {
+        hada_image image;
+        fine += !hada_tiff_read(reader, i, &image, &err);
+        hada_image_destroy(&image);
+    }
+    hada_tiff_close(&reader);
+    return fine;
+}
+
+static const char *const victims[] = {"imagej.tif",        "imagej_one_directory.tif", "ome.tif",
+                                      "pages_bigtiff.tif", "rgb_f4_tiles.tif",         "grey_u2_lzw.tif",
+                                      "palette_u1.tif",    "pages_thumbnails.tif",     "grey_u1_packbits.tif"};
+
+static void test_truncated(void **state)
+{
+    (void)state;
+    for (size_t k = 0; k < sizeof victims / sizeof victims[0]; k++) {
+        size_t bytes;
+        unsigned char *data = io_read_bytes(io_golden(victims[k]), &bytes);
+        size_t step = bytes > 1000 ? 7 : 1;
+        for (size_t length = 0; length < bytes; length += step) {
+            io_write_bytes(io_path("cut.tif"), data, length);
+            try_all(io_path("cut.tif"));
+        }
+        io_write_bytes(io_path("cut.tif"), data, bytes);
+        assert_true(try_all(io_path("cut.tif")) > 0);
+        free(data);
+    }
+}
+
+static void test_flipped(void **state)
+{
+    (void)state;
+    uint64_t random = 1;
+    for (size_t k = 0; k < sizeof victims / sizeof victims[0]; k++) {
+        size_t bytes;
+        unsigned char *data = io_read_bytes(io_golden(victims[k]), &bytes);
+        unsigned char *copy = malloc(bytes);
+        assert_non_null(copy);
+        for (int round = 0; round < 150; round++) {
+            memcpy(copy, data, bytes);
+            for (int flips = 1 + round % 4; flips > 0; flips--)
+                copy[io_random(&random) % bytes] = (unsigned char)io_random(&random);
+            io_write_bytes(io_path("flipped.tif"), copy, bytes);
+            try_all(io_path("flipped.tif"));
+        }
+        free(copy);
+        free(data);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_pixels),   cmocka_unit_test(test_sizes_in_the_world),
+        cmocka_unit_test(test_refusals), cmocka_unit_test(test_absurd_sizes),
+        cmocka_unit_test(test_ring),     cmocka_unit_test(test_truncated),
+        cmocka_unit_test(test_flipped),
+    };
+    return cmocka_run_group_tests(tests, io_setup, io_teardown);
+}

@@ -1,33 +1,8 @@
 /* Transforms along the columns of half spectra: a work-item takes one block of eight columns of one image. The
  * direction, the rows taken as zero and the order of the input are in the table; while the input is read it can be
- * multiplied by a filter. Output rows outside row0..row0+rows_out-1 are not computed.
- *
- * FFT_PRODUCT: 0 none, 1 complex, 2 split (re*re, im*im). FFT_HALF: the filter is stored as half. */
+ * multiplied by a filter. Output rows outside row0..row0+rows_out-1 are not computed. */
 #include "inc_fft_lanes.h"
-
-#ifndef FFT_PRODUCT
-#define FFT_PRODUCT 0
-#endif
-#ifndef FFT_HALF
-#define FFT_HALF 0
-#endif
-
-#if FFT_HALF
-typedef ushort filter_value;
-/* Eight finite halves: their bits moved to where float has them, and the exponent's bias set right. As exact as
- * vload_half8, which some CPU drivers do one by one. */
-FFT_INLINE float8 load_filter(__global const ushort *p)
-{
-    const uint8 bits = convert_uint8(vload8(0, p));
-    return as_float8((bits & 0x7fffu) << 13 | (bits & 0x8000u) << 16) * 0x1p112f;
-}
-#else
-typedef float filter_value;
-FFT_INLINE float8 load_filter(__global const float *p)
-{
-    return vload8(0, p);
-}
-#endif
+#include "inc_fft_product.h"
 
 typedef struct fft_columns {
     __global const float *in;

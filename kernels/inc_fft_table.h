@@ -12,6 +12,7 @@
 #define FFT_CHIRP_SPECTRUM 6
 #define FFT_SOURCE       7 /* place of the list: number of an input -> its index in memory, -1 for zero */
 #define FFT_PLACE        8 /* place of the list: number of an input -> its point in scratch */
+#define FFT_ODD          9 /* whether a stage has no butterfly of its own */
 #define FFT_HEADER       12
 
 /* A stage combines `radix` transforms of `span` points each. */

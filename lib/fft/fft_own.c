@@ -3,103 +3,42 @@
  * Forward: rows of the rectangle to half spectra in place in the caller's buffer, then its columns in place. Inverse:
  * columns to scratch, only the wanted rows of them and only within the band, times a filter where one is given; then
  * these rows to the image. */
-#include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "core/alloc.h"
 #include "fft/fft_internal.h"
 #include "fft/fft_own.h"
-#include "fft/fft_pass.h"
-#include "program/kernel.h"
 
-#define ROWS_AT_ONCE 16 /* of the lanes' row kernels: eight pairs */
-
-/* Bytes between the two passes at a time: what the caches of a few cores keep. Larger measured slower. */
-#define BETWEEN_BYTES ((size_t)4 << 20)
-
-typedef struct own_pass {
-    hada_buffer ints, floats, scratch;
-    int points;
-    size_t local_bytes; /* of local memory, 0 where scratch lies in global memory */
-    size_t groups;      /* at most in flight, where scratch lies in global memory */
-} own_pass;
+/* Bytes between the two passes at a time. Lanes: what the caches of a few cores keep, larger measured slower. Groups:
+ * work enough for a GPU. */
+#define BETWEEN_BYTES_LANES  ((size_t)4 << 20)
+#define BETWEEN_BYTES_GROUPS ((size_t)64 << 20)
 
 typedef struct own_state {
-    own_pass rows, columns;
+    hada_own_pass rows, columns;
     hada_buffer between; /* inverse: rows of half spectra */
     int images;          /* that both passes take at a time */
 } own_state;
-
-static size_t scratch_bytes(int points)
-{
-    return (size_t)points * 16 * sizeof(float);
-}
-
-/* Local memory is used up to a half MiB: PoCL reports more and aborts. */
-static int fits_local(const hada_context *context, int points)
-{
-    const uint64_t most = (uint64_t)384 << 10;
-    uint64_t limit = context->info.local_memory_bytes;
-    return scratch_bytes(points) <= (limit < most ? limit : most);
-}
-
-static size_t global_groups(const hada_context *context)
-{
-    return context->info.compute_units ? 4 * (size_t)context->info.compute_units : 4;
-}
 
 static size_t between_count(const hada_fft_desc *desc)
 {
     return (size_t)(desc->band_cols / HADA_OWN_BLOCK + 1) * (size_t)desc->real_rows * HADA_OWN_BLOCK;
 }
 
-static int images_at_once(const hada_fft_desc *desc)
+static int images_at_once(const hada_context *context, const hada_fft_desc *desc)
 {
-    size_t images = BETWEEN_BYTES / (between_count(desc) * 2 * sizeof(float));
+    const size_t most = context->shape == HADA_SHAPE_GROUPS ? BETWEEN_BYTES_GROUPS : BETWEEN_BYTES_LANES;
+    size_t images = most / (between_count(desc) * 2 * sizeof(float));
     if (images < 1)
         images = 1;
     return images < (size_t)desc->batch ? (int)images : desc->batch;
 }
 
-static hada_status make_pass(own_pass *pass, hada_slot *slot, const hada_fft_pass_desc *desc, hada_error *err)
-{
-    hada_fft_pass table;
-    hada_status status = hada_fft_pass_make(&table, desc, err);
-    if (status)
-        return status;
-    pass->points = table.points;
-    status = hada_buffer_create_from(&pass->ints, slot, table.ints, table.int_count * sizeof *table.ints,
-                                     "a transform's tables", err);
-    if (!status)
-        status = hada_buffer_create_from(&pass->floats, slot, table.floats, table.float_count * sizeof *table.floats,
-                                         "a transform's tables", err);
-    if (fits_local(slot->context, table.points)) {
-        pass->local_bytes = scratch_bytes(table.points);
-    } else {
-        pass->groups = global_groups(slot->context);
-        if (!status)
-            status = hada_buffer_create(&pass->scratch, slot->context, pass->groups * scratch_bytes(table.points),
-                                        "a transform's scratch", err);
-    }
-    hada_fft_pass_free(&table);
-    return status;
-}
-
-static size_t pass_bytes(const hada_context *context, int n, hada_fft_pass_kind kind)
-{
-    int points;
-    size_t ints, floats;
-    hada_fft_pass_sizes(n, kind, &points, &ints, &floats);
-    size_t bytes = ints * sizeof(int32_t) + floats * sizeof(float);
-    return bytes + (fits_local(context, points) ? 0 : global_groups(context) * scratch_bytes(points));
-}
-
 static size_t own_bytes(const hada_context *context, const hada_fft_desc *desc)
 {
-    size_t bytes = pass_bytes(context, desc->cols, HADA_PASS_ROWS) + pass_bytes(context, desc->rows, HADA_PASS_COLUMNS);
+    size_t bytes = hada_own_pass_bytes(context, desc->cols, 0) + hada_own_pass_bytes(context, desc->rows, 1);
     if (desc->direction == HADA_FFT_INVERSE)
-        bytes += between_count(desc) * (size_t)images_at_once(desc) * 2 * sizeof(float);
+        bytes += between_count(desc) * (size_t)images_at_once(context, desc) * 2 * sizeof(float);
     return bytes;
 }
 
@@ -117,12 +56,8 @@ static void own_destroy(hada_fft *plan)
     if (!state)
         return;
     hada_slot_finish(plan->slot, NULL);
-    own_pass *passes[] = {&state->rows, &state->columns};
-    for (int i = 0; i < 2; i++) {
-        hada_buffer_destroy(&passes[i]->ints);
-        hada_buffer_destroy(&passes[i]->floats);
-        hada_buffer_destroy(&passes[i]->scratch);
-    }
+    hada_own_pass_free(&state->rows);
+    hada_own_pass_free(&state->columns);
     hada_buffer_destroy(&state->between);
     free(state);
     plan->state = NULL;
@@ -143,10 +78,10 @@ static hada_status own_create(hada_fft *plan, hada_error *err)
     columns.first = inverse ? 0 : desc->row0;
     columns.count = inverse ? desc->band_rows + 1 : desc->real_rows;
     columns.last = inverse ? desc->rows - desc->band_rows : desc->rows;
-    status = make_pass(&state->rows, plan->slot, &rows, err);
+    status = hada_own_pass_make(&state->rows, plan->slot, &rows, err);
     if (!status)
-        status = make_pass(&state->columns, plan->slot, &columns, err);
-    state->images = images_at_once(desc);
+        status = hada_own_pass_make(&state->columns, plan->slot, &columns, err);
+    state->images = images_at_once(plan->slot->context, desc);
     if (!status && inverse) {
         status = hada_buffer_create(&state->between, plan->slot->context,
                                     between_count(desc) * (size_t)state->images * 2 * sizeof(float),
@@ -155,27 +90,11 @@ static hada_status own_create(hada_fft *plan, hada_error *err)
     return status;
 }
 
-/* Enqueues `tasks` work-items of a pass: one work-group each, or, where scratch lies in global memory, as many groups
- * as there is scratch for. The last argument, scratch, is set here. */
-static hada_status launch(hada_fft *plan, own_pass *pass, const char *file, const char *options, int tasks,
-                          hada_arg *args, size_t count, hada_error *err)
+/* A task of a row pass takes `width` pairs of rows. */
+static int row_tasks(const own_state *state, const hada_fft_desc *desc)
 {
-    char all[128];
-    const size_t local = 1;
-    size_t global = (size_t)tasks;
-    cl_kernel kernel;
-    snprintf(all, sizeof all, "%s%s%s", options, *options && !pass->local_bytes ? " " : "",
-             pass->local_bytes ? "" : "-DFFT_SCRATCH_GLOBAL=1");
-    hada_status status = hada_slot_kernel(plan->slot, file, file, all, &kernel, err);
-    if (status)
-        return status;
-    if (pass->local_bytes) {
-        args[count - 1] = (hada_arg)HADA_ARG_LOCAL(pass->local_bytes);
-    } else {
-        args[count - 1] = (hada_arg)HADA_ARG(pass->scratch.mem);
-        global = global < pass->groups ? global : pass->groups;
-    }
-    return hada_slot_launch(plan->slot, kernel, file, 1, &global, &local, args, count, err);
+    const int pairs = state->rows.width;
+    return (desc->real_rows + 2 * pairs - 1) / (2 * pairs);
 }
 
 typedef struct columns_io {
@@ -192,7 +111,7 @@ static hada_status run_columns(hada_fft *plan, const columns_io *io, hada_error 
     const cl_ulong in_offset = io->in_offset, in_distance = io->in_distance, filter_offset = io->filter_offset,
                    filter_distance = plan->layout.count, out_offset = io->out_offset, out_distance = io->out_distance;
     const cl_int in_count = io->in_count, first = io->first, row0 = io->row0, rows_out = io->rows_out,
-                 images = io->images, tasks = io->blocks * io->images;
+                 images = io->images, tasks = io->blocks * io->images * (HADA_OWN_BLOCK / state->columns.width);
     hada_arg args[] = {HADA_ARG(io->in),
                        HADA_ARG(in_offset),
                        HADA_ARG(in_distance),
@@ -210,8 +129,8 @@ static hada_status run_columns(hada_fft *plan, const columns_io *io, hada_error 
                        HADA_ARG(tasks),
                        HADA_ARG(state->columns.ints.mem),
                        HADA_ARG(state->columns.floats.mem),
-                       HADA_ARG_LOCAL(0)};
-    return launch(plan, &state->columns, "fft_cols", io->options, tasks, args, HADA_COUNT(args), err);
+                       HADA_OWN_LAST_ARGS};
+    return hada_own_pass_launch(&state->columns, plan->slot, "cols", io->options, tasks, args, HADA_COUNT(args), err);
 }
 
 /* The images first..first+images-1 of a batch. */
@@ -224,7 +143,7 @@ static hada_status forward_part(hada_fft *plan, int first, int images, cl_mem re
     const cl_ulong in_offset = real_offset + (size_t)first * desc->real_distance, in_distance = desc->real_distance,
                    in_pitch = desc->real_pitch, out_offset = at, out_distance = plan->layout.count;
     const cl_int col0 = desc->col0, cols_in = desc->real_cols, rows_in = desc->real_rows, row0 = desc->row0,
-                 rows = desc->rows, tasks = (desc->real_rows + ROWS_AT_ONCE - 1) / ROWS_AT_ONCE * images;
+                 rows = desc->rows, tasks = row_tasks(state, desc) * images;
     hada_arg args[] = {HADA_ARG(real),
                        HADA_ARG(in_offset),
                        HADA_ARG(in_distance),
@@ -240,8 +159,9 @@ static hada_status forward_part(hada_fft *plan, int first, int images, cl_mem re
                        HADA_ARG(tasks),
                        HADA_ARG(state->rows.ints.mem),
                        HADA_ARG(state->rows.floats.mem),
-                       HADA_ARG_LOCAL(0)};
-    hada_status status = launch(plan, &state->rows, "fft_rows_forward", "", tasks, args, HADA_COUNT(args), err);
+                       HADA_OWN_LAST_ARGS};
+    hada_status status =
+        hada_own_pass_launch(&state->rows, plan->slot, "rows_forward", "", tasks, args, HADA_COUNT(args), err);
     if (status)
         return status;
     const columns_io io = {.in = spectrum,
@@ -305,7 +225,7 @@ static hada_status inverse_part(hada_fft *plan, int first, int images, cl_mem sp
                    out_offset = real_offset + (size_t)first * desc->real_distance, out_distance = desc->real_distance,
                    out_pitch = desc->real_pitch;
     const cl_int rows_in = desc->real_rows, band = desc->band_cols, col0 = desc->col0, cols_out = desc->real_cols,
-                 tasks = (desc->real_rows + ROWS_AT_ONCE - 1) / ROWS_AT_ONCE * images;
+                 tasks = row_tasks(state, desc) * images;
     const cl_float scale = (cl_float)(1.0 / ((double)desc->rows * (double)desc->cols));
     hada_arg args[] = {HADA_ARG(state->between.mem),
                        HADA_ARG(in_offset),
@@ -322,8 +242,8 @@ static hada_status inverse_part(hada_fft *plan, int first, int images, cl_mem sp
                        HADA_ARG(tasks),
                        HADA_ARG(state->rows.ints.mem),
                        HADA_ARG(state->rows.floats.mem),
-                       HADA_ARG_LOCAL(0)};
-    return launch(plan, &state->rows, "fft_rows_inverse", "", tasks, args, HADA_COUNT(args), err);
+                       HADA_OWN_LAST_ARGS};
+    return hada_own_pass_launch(&state->rows, plan->slot, "rows_inverse", "", tasks, args, HADA_COUNT(args), err);
 }
 
 static hada_status own_inverse(hada_fft *plan, int batch, cl_mem spectrum, size_t spectrum_offset, cl_mem real,

@@ -55,11 +55,14 @@ static void sizes_of(int n, const hada_fft_stages *stages, size_t *int_count, si
         *float_count += 2 * ((size_t)n + (size_t)stages->points);
 }
 
-void hada_fft_pass_sizes(int n, hada_fft_pass_kind kind, int *points, size_t *int_count, size_t *float_count)
+void hada_fft_pass_sizes(int n, int direct, int *points, int *odd, size_t *int_count, size_t *float_count)
 {
     hada_fft_stages stages;
-    hada_fft_factor(n, kind == HADA_PASS_COLUMNS, &stages);
+    hada_fft_factor(n, direct, &stages);
     *points = stages.points;
+    *odd = 0;
+    for (int s = 0; s < stages.count; s++)
+        *odd |= !has_butterfly(stages.radix[s]);
     sizes_of(n, &stages, int_count, float_count);
 }
 
@@ -164,6 +167,8 @@ static void fill_header(int32_t *ints, const hada_fft_stages *stages, int n)
     ints[FFT_CHUNK_STAGES] = chunk_stages;
     ints[FFT_SOURCE] = FFT_HEADER + stages->count * FFT_STAGE_INTS;
     ints[FFT_PLACE] = ints[FFT_SOURCE] + n;
+    for (int s = 0; s < stages->count; s++)
+        ints[FFT_ODD] |= !has_butterfly(stages->radix[s]);
 }
 
 hada_status hada_fft_pass_make(hada_fft_pass *pass, const hada_fft_pass_desc *desc, hada_error *err)
@@ -173,7 +178,7 @@ hada_status hada_fft_pass_make(hada_fft_pass *pass, const hada_fft_pass_desc *de
     hada_status status;
     int *order = NULL;
     *pass = (hada_fft_pass){.n = n};
-    hada_fft_factor(n, desc->kind == HADA_PASS_COLUMNS, &stages);
+    hada_fft_factor(n, desc->direct, &stages);
     pass->points = stages.points;
     sizes_of(n, &stages, &pass->int_count, &pass->float_count);
     status = hada_alloc((void **)&pass->ints, pass->int_count, sizeof *pass->ints, "a table of a transform", err);

@@ -18,6 +18,7 @@ typedef struct hada_fft_pass_desc {
     hada_fft_pass_kind kind;
     int n;
     int inverse;
+    int direct; /* the first stage reads memory itself: it must be one of those that can */
     /* columns only: the rows first..first+count-1 and last..n-1 are read, the others taken as zero */
     int first, count, last;
 } hada_fft_pass_desc;
@@ -33,7 +34,8 @@ typedef struct hada_fft_pass {
 hada_status hada_fft_pass_make(hada_fft_pass *pass, const hada_fft_pass_desc *desc, hada_error *err);
 void hada_fft_pass_free(hada_fft_pass *pass);
 
-/* The points of scratch and the sizes of the tables that hada_fft_pass_make() would give. */
-void hada_fft_pass_sizes(int n, hada_fft_pass_kind kind, int *points, size_t *int_count, size_t *float_count);
+/* The points of scratch, whether a stage has no butterfly of its own, and the sizes of the tables that
+ * hada_fft_pass_make() would give. */
+void hada_fft_pass_sizes(int n, int direct, int *points, int *odd, size_t *int_count, size_t *float_count);
 
 #endif

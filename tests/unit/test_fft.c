@@ -262,7 +262,7 @@ static void test_long(void **user)
     check_forward(whole(HADA_FFT_FORWARD, 2, 16384, 1));
     check_inverse(whole(HADA_FFT_INVERSE, 2, 16384, 1), HADA_FFT_PLAIN, 0, 1);
     check_forward(whole(HADA_FFT_FORWARD, 12000, 2, 1));
-    check_inverse(whole(HADA_FFT_INVERSE, 12000, 2, 1), HADA_FFT_COMPLEX, 0, 1);
+    check_inverse(whole(HADA_FFT_INVERSE, 12000, 2, 1), HADA_FFT_PLAIN, 0, 1);
 }
 
 static void test_rectangles(void **user)
@@ -301,6 +301,8 @@ static void test_products(void **user)
     (void)user;
     for (int product = HADA_FFT_COMPLEX; product <= HADA_FFT_SPLIT; product++)
         for (int half = 0; half < 2; half++) {
+            if (context->shape == HADA_SHAPE_GROUPS && half != (product == HADA_FFT_COMPLEX))
+                continue; /* the others differ as they do in lanes, and every program costs seconds to compile */
             check_inverse(whole(HADA_FFT_INVERSE, 32, 40, 6), (hada_fft_product)product, half, 3);
             check_inverse(rectangle(whole(HADA_FFT_INVERSE, 86, 131, 4), 20, 33, 40, 50, 3), (hada_fft_product)product,
                           half, 2);

@@ -1,0 +1,57 @@
+/* Half spectra to real rows, by work-groups: a group makes 2 width rows of one image by `width` complex transforms. As
+ * fft_rows_inverse.cl otherwise. */
+#include "inc_fft_groups.h"
+
+__kernel void fft_group_rows_inverse(__global const float *in, ulong in_offset, ulong in_distance, int rows_in,
+                                     int band, __global float *out, ulong out_offset, ulong out_distance,
+                                     ulong out_pitch, int col0, int cols_out, float scale, int tasks,
+                                     __global const int *table, __global const float *floats, int width,
+                                     FFT_MEM float2 *scratches)
+{
+    const int n = table[FFT_LENGTH], points = table[FFT_POINTS], chirped = table[FFT_CHIRP] != 0;
+    const int blocks = band / 8 + 1;
+    const int groups = (rows_in + 2 * width - 1) / (2 * width);
+    __global const int *place = table + table[FFT_PLACE];
+    __global const float *chirp = floats + table[FFT_CHIRP];
+#if FFT_SCRATCH_GLOBAL
+    __global float2 *scratch = scratches + get_group_id(0) * (size_t)(points * width * (table[FFT_ODD] ? 2 : 1));
+#else
+    __local float2 *scratch = scratches;
+#endif
+    for (int task = get_group_id(0); task < tasks; task += get_num_groups(0)) {
+        const int image = task / groups, first = task % groups * 2 * width, count = min(2 * width, rows_in - first);
+        __global const float *p = in + 2 * (in_offset + (ulong)image * in_distance + (ulong)first * 8);
+        FFT_SHARE(i, (chirped || band < n / 2 ? points * width : 0))
+            scratch[i] = (float2)0.0f;
+        FFT_WAIT();
+        FFT_SHARE(i, blocks * width * 8) {
+            const int block = i / 8 / width, w = i / 8 % width, k = 8 * block + i % 8;
+            if (k <= band) {
+                __global const float *q = p + 2 * ((ulong)block * (ulong)rows_in * 8 + (ulong)(i % 8));
+                float2 x = (float2)0.0f, y = (float2)0.0f;
+                if (w < count)
+                    x = vload2(0, q + 16 * w);
+                if (width + w < count)
+                    y = vload2(0, q + 16 * (width + w));
+                /* frequency k is input number n - k of a forward transform; the list of places knows that */
+                if (k == 0 || 2 * k == n) {
+                    fft_put_in(scratch, width, w, place[k], k, (float2)(x.x, y.x), chirped, chirp);
+                } else {
+                    fft_put_in(scratch, width, w, place[k], n - k, (float2)(x.x - y.y, x.y + y.x), chirped, chirp);
+                    fft_put_in(scratch, width, w, place[n - k], k, (float2)(x.x + y.y, y.x - x.y), chirped, chirp);
+                }
+            }
+        }
+        FFT_MEM const float2 *result = fft_transform(scratch, width, table, floats);
+        __global float *q = out + out_offset + (ulong)image * out_distance + (ulong)first * out_pitch;
+        FFT_SHARE(i, cols_out * width) {
+            const int c = i % cols_out, w = i / cols_out, x = col0 + c;
+            const float2 v = fft_take_out(result, width, w, place[x ? n - x : 0], x, chirped, chirp) * scale;
+            if (w < count)
+                q[(ulong)w * out_pitch + c] = v.x;
+            if (width + w < count)
+                q[(ulong)(width + w) * out_pitch + c] = v.y;
+        }
+        FFT_WAIT();
+    }
+}

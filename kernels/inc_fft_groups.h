@@ -1,0 +1,206 @@
+/* Transforms by work-groups: `width` transforms side by side in scratch memory, point i of transform w at
+ * scratch[i * width + w] as (re, im); the work-items share out the butterflies of each stage and meet at a barrier.
+ * Stages work in place; one without a butterfly of its own writes to a second scratch of the same size. */
+#ifndef INC_FFT_GROUPS_H
+#define INC_FFT_GROUPS_H
+
+#define FFT_V float
+#include "inc_fft_radix.h"
+#include "inc_fft_table.h"
+
+/* FFT_SCRATCH_GLOBAL: scratch lies in global memory, for transforms too long for local memory. */
+#ifndef FFT_SCRATCH_GLOBAL
+#define FFT_SCRATCH_GLOBAL 0
+#endif
+#if FFT_SCRATCH_GLOBAL
+#define FFT_MEM    __global
+#define FFT_WAIT() barrier(CLK_GLOBAL_MEM_FENCE)
+#else
+#define FFT_MEM    __local
+#define FFT_WAIT() barrier(CLK_LOCAL_MEM_FENCE)
+#endif
+
+/* i = 0..total-1 shared out among the work-items. Every item makes the same number of rounds: where loops with a test of
+ * their own stand on both sides of a barrier, PoCL threads the tests together and the barrier into their branches. */
+#define FFT_SHARE(i, total)                                                              \
+    for (int i##_round = 0, i = get_local_id(0); i##_round < (total);                    \
+         i##_round += get_local_size(0), i += get_local_size(0))                         \
+        if (i < (total))
+
+FFT_INLINE float2 fft_turned(float2 x, float c, float d)
+{
+    return (float2)(fma(x.x, c, -(x.y * d)), fma(x.x, d, x.y * c));
+}
+
+#define FFT_TURN_1(M)
+#define FFT_TURN_2(M)  M(1)
+#define FFT_TURN_3(M)  FFT_TURN_2(M) M(2)
+#define FFT_TURN_4(M)  FFT_TURN_3(M) M(3)
+#define FFT_TURN_5(M)  FFT_TURN_4(M) M(4)
+#define FFT_TURN_7(M)  FFT_TURN_5(M) M(5) M(6)
+#define FFT_TURN_8(M)  FFT_TURN_7(M) M(7)
+#define FFT_TURN_16(M) FFT_TURN_8(M) M(8) M(9) M(10) M(11) M(12) M(13) M(14) M(15)
+#define FFT_EACH(R, M) M(0) FFT_TURN_##R(M)
+
+#define FFT_FETCH(k)                 \
+    {                                \
+        const float2 v = q[(k) * step]; \
+        re[k] = v.x;                 \
+        im[k] = v.y;                 \
+    }
+#define FFT_LEAVE(k) q[(k) * step] = (float2)(re[k], im[k]);
+#define FFT_TURN(k)  fft_turn(&re[k], &im[k], w[2 * (k) - 2], w[2 * (k) - 1]);
+
+/* A stage of radix R, in place; `back`: decimation in frequency, from natural to digit-reversed order. */
+#define FFT_STAGE(R)                                                                                          \
+    FFT_INLINE void fft_stage##R(FFT_MEM float2 *scratch, int points, int width, int span,                    \
+                                 __global const float *twiddles, int back)                                    \
+    {                                                                                                         \
+        const int step = span * width;                                                                        \
+        FFT_SHARE(i, points / R * width) {                       \
+            const int at = i / width, j = at % span;                                                          \
+            FFT_MEM float2 *q = scratch + (size_t)(at / span * R * span + j) * width + i % width;             \
+            __global const float *w = twiddles + 2 * (R - 1) * j;                                             \
+            float re[R], im[R];                                                                               \
+            FFT_EACH(R, FFT_FETCH)                                                                            \
+            if (!back) {                                                                                      \
+                FFT_TURN_##R(FFT_TURN)                                                                        \
+            }                                                                                                 \
+            fft_radix##R(re, im);                                                                             \
+            if (back) {                                                                                       \
+                FFT_TURN_##R(FFT_TURN)                                                                        \
+            }                                                                                                 \
+            FFT_EACH(R, FFT_LEAVE)                                                                            \
+        }                                                                                                     \
+    }
+
+FFT_STAGE(2)
+FFT_STAGE(3)
+FFT_STAGE(4)
+FFT_STAGE(5)
+FFT_STAGE(7)
+FFT_STAGE(8)
+FFT_STAGE(16)
+
+FFT_INLINE void fft_stage(FFT_MEM float2 *scratch, int points, int width, int radix, int span,
+                          __global const float *w, int back)
+{
+    switch (radix) {
+    case 2: fft_stage2(scratch, points, width, span, w, back); break;
+    case 3: fft_stage3(scratch, points, width, span, w, back); break;
+    case 4: fft_stage4(scratch, points, width, span, w, back); break;
+    case 5: fft_stage5(scratch, points, width, span, w, back); break;
+    case 7: fft_stage7(scratch, points, width, span, w, back); break;
+    case 8: fft_stage8(scratch, points, width, span, w, back); break;
+    case 16: fft_stage16(scratch, points, width, span, w, back); break;
+    default: break;
+    }
+}
+
+FFT_INLINE int fft_has_butterfly(int radix)
+{
+    return radix <= 5 || radix == 7 || radix == 8 || radix == 16;
+}
+
+/* An odd radix by its definition. First, in place: x[k] and x[p-k], turned, become a[k] = x[k] + x[p-k] and
+ * b[k] = x[k] - x[p-k]. */
+FFT_INLINE void fft_odd_pairs(FFT_MEM float2 *scratch, int points, int width, int radix, int span,
+                              __global const float *twiddles)
+{
+    const int pairs = radix / 2, step = span * width;
+    FFT_SHARE(i, points / radix * pairs * width) {
+        const int at = i / width % (points / radix), k = i / width / (points / radix) + 1, j = at % span;
+        FFT_MEM float2 *q = scratch + (size_t)(at / span * radix * span + j) * width + i % width;
+        __global const float *w = twiddles + 2 * (radix - 1) * j;
+        const float2 x = fft_turned(q[k * step], w[2 * k - 2], w[2 * k - 1]);
+        const float2 y = fft_turned(q[(radix - k) * step], w[2 * (radix - k) - 2], w[2 * (radix - k) - 1]);
+        q[k * step] = x + y;
+        q[(radix - k) * step] = x - y;
+    }
+}
+
+/* Then, into the other scratch: X[m], X[p-m] = x[0] + sum a[k] cos(2 pi m k / p)  -+  i sum b[k] sin(2 pi m k / p). */
+FFT_INLINE void fft_odd_sums(FFT_MEM const float2 *scratch, FFT_MEM float2 *out, int points, int width, int radix,
+                             int span, __global const float *cosines)
+{
+    const int pairs = radix / 2, step = span * width;
+    FFT_SHARE(i, points / radix * (pairs + 1) * width) {
+        const int at = i / width % (points / radix), m = i / width / (points / radix), j = at % span;
+        const size_t base = (size_t)(at / span * radix * span + j) * width + i % width;
+        FFT_MEM const float2 *q = scratch + base;
+        float2 p = q[0], s = (float2)0.0f;
+        if (m == 0) {
+            for (int k = 1; k <= pairs; ++k)
+                p += q[k * step];
+            out[base] = p;
+        } else {
+            __global const float *c = cosines + (size_t)((m - 1) / FFT_ODD_GROUP * pairs * 2 * FFT_ODD_GROUP) +
+                                      (m - 1) % FFT_ODD_GROUP;
+            for (int k = 1; k <= pairs; ++k, c += 2 * FFT_ODD_GROUP) {
+                p = fma(q[k * step], (float2)c[0], p);
+                s = fma(q[(radix - k) * step], (float2)c[FFT_ODD_GROUP], s);
+            }
+            out[base + (size_t)(m * step)] = (float2)(p.x + s.y, p.y - s.x);
+            out[base + (size_t)((radix - m) * step)] = (float2)(p.x - s.y, p.y + s.x);
+        }
+    }
+}
+
+/* All stages; input in scratch in digit-reversed order. Returns the scratch that holds the output, in natural order, or
+ * for a chirp in digit-reversed order with real and imaginary parts swapped. */
+FFT_INLINE FFT_MEM float2 *fft_transform(FFT_MEM float2 *scratch, int width, __global const int *table,
+                                         __global const float *floats)
+{
+    const int points = table[FFT_POINTS], stages = table[FFT_STAGES], chirp = table[FFT_CHIRP] != 0;
+    FFT_MEM float2 *other = scratch + (size_t)points * width;
+    for (int s = 0; s < stages; ++s) {
+        __global const int *stage = table + FFT_HEADER + s * FFT_STAGE_INTS;
+        const int radix = stage[FFT_RADIX], span = stage[FFT_SPAN], odd = !fft_has_butterfly(radix);
+        __global const float *w = floats + stage[FFT_TWIDDLES];
+        FFT_WAIT();
+        if (odd)
+            fft_odd_pairs(scratch, points, width, radix, span, w);
+        FFT_WAIT();
+        if (odd) {
+            fft_odd_sums(scratch, other, points, width, radix, span, floats + stage[FFT_COSINES]);
+            FFT_MEM float2 *t = scratch;
+            scratch = other;
+            other = t;
+        } else {
+            fft_stage(scratch, points, width, radix, span, w, 0);
+        }
+    }
+    FFT_WAIT();
+    /* The chirp's transform times this, swapped, so that a forward transform backwards is an inverse one. */
+    FFT_SHARE(i, (chirp ? points * width : 0)) {
+        __global const float *c = floats + table[FFT_CHIRP_SPECTRUM] + 2 * (i / width);
+        const float2 v = fft_turned(scratch[i], c[0], c[1]);
+        scratch[i] = v.yx;
+    }
+    for (int s = (chirp ? stages : 0) - 1; s >= 0; --s) {
+        __global const int *stage = table + FFT_HEADER + s * FFT_STAGE_INTS;
+        FFT_WAIT();
+        fft_stage(scratch, points, width, stage[FFT_RADIX], stage[FFT_SPAN], floats + stage[FFT_TWIDDLES], 1);
+    }
+    FFT_WAIT();
+    return scratch;
+}
+
+/* Puts input number i of transform w in its place. */
+FFT_INLINE void fft_put_in(FFT_MEM float2 *scratch, int width, int w, int place, int i, float2 value, int chirped,
+                           __global const float *chirp)
+{
+    scratch[(size_t)place * width + w] = chirped ? fft_turned(value, chirp[2 * i], chirp[2 * i + 1]) : value;
+}
+
+/* Output number i of transform w; place: that of input i. */
+FFT_INLINE float2 fft_take_out(FFT_MEM const float2 *scratch, int width, int w, int place, int i, int chirped,
+                               __global const float *chirp)
+{
+    if (!chirped)
+        return scratch[(size_t)i * width + w];
+    const float2 v = scratch[(size_t)place * width + w].yx;
+    return fft_turned(v, chirp[2 * i], chirp[2 * i + 1]);
+}
+
+#endif

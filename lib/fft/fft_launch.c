@@ -1,0 +1,130 @@
+/* Passes of the library's own transforms: scratch in local or global memory, and launching. */
+#include <stdio.h>
+
+#include "fft/fft_own.h"
+#include "program/kernel.h"
+
+/* Local memory is used up to here: PoCL reports more, and aborts above 512 KiB. */
+#define LOCAL_BYTES ((uint64_t)384 << 10)
+
+#define GROUP_SIZE_GPU 256
+#define GROUP_SIZE_CPU 64
+
+typedef struct scratch_plan {
+    int width;
+    size_t bytes; /* for a work-group */
+    int local;
+} scratch_plan;
+
+/* Lanes: always eight transforms. Groups: as many as local memory takes, and twice the room where a stage has no
+ * butterfly of its own. */
+static scratch_plan plan_scratch(const hada_context *context, int points, int odd)
+{
+    const int groups = context->shape == HADA_SHAPE_GROUPS;
+    const uint64_t reported = context->info.local_memory_bytes, limit = reported < LOCAL_BYTES ? reported : LOCAL_BYTES;
+    const size_t one = (size_t)points * 2 * sizeof(float) * (groups && odd ? 2 : 1);
+    scratch_plan plan = {.width = HADA_OWN_BLOCK, .bytes = one * HADA_OWN_BLOCK, .local = 1};
+    while (groups && plan.bytes > limit && plan.width > 1) {
+        plan.width /= 2;
+        plan.bytes /= 2;
+    }
+    if (plan.bytes > limit)
+        plan = (scratch_plan){.width = HADA_OWN_BLOCK, .bytes = one * HADA_OWN_BLOCK};
+    return plan;
+}
+
+static size_t group_size(const hada_context *context)
+{
+    if (context->shape != HADA_SHAPE_GROUPS)
+        return 1;
+    size_t size = context->info.kind == HADA_DEVICE_CPU ? GROUP_SIZE_CPU : GROUP_SIZE_GPU;
+    while (size > 1 && size > context->info.max_work_group)
+        size /= 2;
+    return size;
+}
+
+static size_t global_groups(const hada_context *context)
+{
+    return context->info.compute_units ? 4 * (size_t)context->info.compute_units : 4;
+}
+
+static int reads_memory_first(const hada_context *context, int columns)
+{
+    return columns && context->shape != HADA_SHAPE_GROUPS;
+}
+
+hada_status hada_own_pass_make(hada_own_pass *pass, hada_slot *slot, const hada_fft_pass_desc *desc, hada_error *err)
+{
+    const hada_context *context = slot->context;
+    hada_fft_pass_desc full = *desc;
+    hada_fft_pass table;
+    int points, odd;
+    size_t ints, floats;
+    full.direct = reads_memory_first(context, desc->kind == HADA_PASS_COLUMNS);
+    hada_status status = hada_fft_pass_make(&table, &full, err);
+    if (status)
+        return status;
+    hada_fft_pass_sizes(desc->n, full.direct, &points, &odd, &ints, &floats);
+    const scratch_plan plan = plan_scratch(context, points, odd);
+    pass->width = plan.width;
+    status = hada_buffer_create_from(&pass->ints, slot, table.ints, table.int_count * sizeof *table.ints,
+                                     "a transform's tables", err);
+    if (!status)
+        status = hada_buffer_create_from(&pass->floats, slot, table.floats, table.float_count * sizeof *table.floats,
+                                         "a transform's tables", err);
+    if (plan.local) {
+        pass->local_bytes = plan.bytes;
+    } else {
+        pass->groups = global_groups(context);
+        if (!status)
+            status = hada_buffer_create(&pass->scratch, slot->context, pass->groups * plan.bytes,
+                                        "a transform's scratch", err);
+    }
+    hada_fft_pass_free(&table);
+    return status;
+}
+
+void hada_own_pass_free(hada_own_pass *pass)
+{
+    hada_buffer_destroy(&pass->ints);
+    hada_buffer_destroy(&pass->floats);
+    hada_buffer_destroy(&pass->scratch);
+}
+
+size_t hada_own_pass_bytes(const hada_context *context, int n, int columns)
+{
+    int points, odd;
+    size_t ints, floats;
+    hada_fft_pass_sizes(n, reads_memory_first(context, columns), &points, &odd, &ints, &floats);
+    const scratch_plan plan = plan_scratch(context, points, odd);
+    return ints * sizeof(int32_t) + floats * sizeof(float) + (plan.local ? 0 : global_groups(context) * plan.bytes);
+}
+
+hada_status hada_own_pass_launch(const hada_own_pass *pass, hada_slot *slot, const char *name, const char *options,
+                                 int tasks, hada_arg *args, size_t count, hada_error *err)
+{
+    const int shared = slot->context->shape == HADA_SHAPE_GROUPS;
+    const size_t local = group_size(slot->context);
+    const cl_int width = pass->width;
+    size_t groups = (size_t)tasks;
+    char file[64], all[128];
+    cl_kernel kernel;
+    snprintf(file, sizeof file, "fft_%s%s", shared ? "group_" : "", name);
+    snprintf(all, sizeof all, "%s%s%s", options, *options && !pass->local_bytes ? " " : "",
+             pass->local_bytes ? "" : "-DFFT_SCRATCH_GLOBAL=1");
+    hada_status status = hada_slot_kernel(slot, file, file, all, &kernel, err);
+    if (status)
+        return status;
+    if (!shared)
+        count--; /* eight lanes need no width */
+    else
+        args[count - 2] = (hada_arg)HADA_ARG(width);
+    if (pass->local_bytes) {
+        args[count - 1] = (hada_arg)HADA_ARG_LOCAL(pass->local_bytes);
+    } else {
+        args[count - 1] = (hada_arg)HADA_ARG(pass->scratch.mem);
+        groups = groups < pass->groups ? groups : pass->groups;
+    }
+    const size_t global = groups * local;
+    return hada_slot_launch(slot, kernel, file, 1, &global, &local, args, count, err);
+}

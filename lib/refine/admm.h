@@ -55,12 +55,15 @@ typedef enum hada_refine_start {
     HADA_REFINE_ON = 2    /* from planes and duals as the last run left them */
 } hada_refine_start;
 
+/* A `stop` that ended within 0.1 dB of the best number of steps (docs/refinement.md). */
+#define HADA_REFINE_STOP 0.01
+
 typedef struct hada_refine_rule {
     int steps;         /* linear steps, 1 to max_steps; the first is the joint linear filter */
     double rho;        /* > 0, in units of |OTF|^2 */
     double relaxation; /* 0 < relaxation < 2; 1.6 is usual, 1 none */
     double mu;         /* > 0: weight of the split at the frame (padded), in units of the data's weight; 1 */
-    double stop;       /* stop when the residual changes by less than this part of itself in a step; 0: never */
+    double stop;       /* stop when the residual changes by less than this part of itself, twice running; 0: never */
     hada_refine_start start;
 } hada_refine_rule;
 

@@ -239,6 +239,7 @@ static hada_status begin(run *r, hada_refiner *refiner, const hada_refine_data *
     return status;
 }
 
+/* One change may pass zero on its way: ADMM's residual swings, so two in a row are asked for. */
 static int settled(const hada_refiner *refiner, int sets, int step, double stop)
 {
     for (int set = 0; set < sets; set++) {
@@ -290,7 +291,8 @@ hada_status hada_refiner_run(hada_refiner *refiner, const hada_refine_data *data
             status = r.padded && read
                          ? collect(&r, read, frame_slices, frame_factor, refiner->energy + read * width, err)
                          : collect(&r, read, slices, per_pixel(refiner), refiner->energy + read * width, err);
-        if (!status && rule->stop > 0.0 && read >= 3 && settled(refiner, sets, read - 1, rule->stop))
+        if (!status && rule->stop > 0.0 && read >= 4 && settled(refiner, sets, read - 1, rule->stop) &&
+            settled(refiner, sets, read - 2, rule->stop))
             break;
     }
     if (steps)

@@ -27,7 +27,9 @@ __kernel void focus_finish(__global const float *best, __global const int *best_
         step = bend > 0.0f ? clamp(0.5f * (right - left) / bend, -0.5f, 0.5f) : 0.0f;
     }
     const int other = clamp(step < 0.0f ? depth - 1 : depth + 1, 0, depths - 1);
-    const float inverse = mix(inverse_distances[depth], inverse_distances[other], fabs(step));
+    /* without a step the distance itself, which may be 0 (its inverse infinite) */
+    const float inverse = step == 0.0f ? inverse_distances[depth]
+                                       : mix(inverse_distances[depth], inverse_distances[other], fabs(step));
     const int found = best[i] > threshold && best[i] - second[i] > margin;
     distance[distance_offset + (size_t)i] = found ? 1.0f / inverse : as_float(0x7fc00000);
 }

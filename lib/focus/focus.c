@@ -68,7 +68,8 @@ static hada_status check(const hada_focus_desc *desc, hada_error *err)
     if ((desc->channels != 1 && desc->channels != 3) || desc->rows < 1 || desc->cols < 1 || desc->depths < 1)
         return hada_fail(err, HADA_ERROR_SIZE, "a stack of %d depths of %d channels, %d x %d cannot be focused",
                          desc->depths, desc->channels, desc->rows, desc->cols);
-    for (int i = 0; i < desc->depths; i++)
+    /* a camera of one depth may not know its distance: 0 */
+    for (int i = 0; i < desc->depths && !(desc->depths == 1 && desc->distances_mm[0] == 0.0); i++)
         if (!(desc->distances_mm[i] > 0.0) || (i && !(desc->distances_mm[i] > desc->distances_mm[i - 1])))
             return hada_fail(err, HADA_ERROR_ARGUMENT,
                              "distance %d of %d (%g mm) is not possible; distances must be above 0 and rise", i + 1,

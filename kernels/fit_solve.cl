@@ -11,23 +11,23 @@ __kernel void fit_filter(__global const float *sums, __global const float *pool,
     const size_t i = get_global_id(0);
     if (i >= vectors)
         return;
-    const float4 raw = fit_high(sums, stride, 2, i), other = max(vload4(i, pool) - raw, 0.0f);
-    const float4 re = fit_high(sums, stride, 0, i);
-    float8 w;
+    const float8 raw = fit_high(sums, stride, 2, i), other = max(vload8(i, pool) - raw, 0.0f);
+    const float8 re = fit_high(sums, stride, 0, i);
+    float16 w;
 #if FIT_SPLIT
-    const float4 cross = fit_high(sums, stride, 4, i), cross_rest = fit_low(sums, stride, 4, i);
-    const float4 part = fit_high(sums, stride, 5, i), part_rest = fit_low(sums, stride, 5, i);
-    const float4 raw_i = max((raw - part) + (fit_low(sums, stride, 2, i) - part_rest), 0.0f);
-    const float4 cross_i = (re - cross) + (fit_low(sums, stride, 0, i) - cross_rest);
-    const float4 other_r = clamp(vload4(i, pool + 3 * stride) - part, 0.0f, other);
+    const float8 cross = fit_high(sums, stride, 4, i), cross_rest = fit_low(sums, stride, 4, i);
+    const float8 part = fit_high(sums, stride, 5, i), part_rest = fit_low(sums, stride, 5, i);
+    const float8 raw_i = max((raw - part) + (fit_low(sums, stride, 2, i) - part_rest), 0.0f);
+    const float8 cross_i = (re - cross) + (fit_low(sums, stride, 0, i) - cross_rest);
+    const float8 other_r = clamp(vload8(i, pool + 3 * stride) - part, 0.0f, other);
     w.even = fit_divide(cross, part + alpha * other_r + 0.5f * ridge);
     w.odd = fit_divide(cross_i, raw_i + alpha * (other - other_r) + 0.5f * ridge);
 #else
-    const float4 under = raw + alpha * other + ridge;
+    const float8 under = raw + alpha * other + ridge;
     w.even = fit_divide(re, under);
     w.odd = fit_divide(fit_high(sums, stride, 1, i), under);
 #endif
-    vstore8(w, i, filter);
+    vstore16(w, i, filter);
 }
 
 __kernel void fit_transfer(__global const float *sums, ulong stride, float least, __global float *otf, ulong vectors)
@@ -35,9 +35,9 @@ __kernel void fit_transfer(__global const float *sums, ulong stride, float least
     const size_t i = get_global_id(0);
     if (i >= vectors)
         return;
-    const float4 under = max(fit_high(sums, stride, 3, i), least);
-    float8 h;
+    const float8 under = max(fit_high(sums, stride, 3, i), least);
+    float16 h;
     h.even = fit_divide(fit_high(sums, stride, 0, i), under);
     h.odd = fit_divide(-fit_high(sums, stride, 1, i), under);
-    vstore8(h, i, otf);
+    vstore16(h, i, otf);
 }

@@ -1,4 +1,4 @@
-/* Adds to the sums of a fit. `vectors`: groups of four frequencies in one image. */
+/* Adds to the sums of a fit. `vectors`: groups of eight frequencies in one image. */
 #include "inc_fit.h"
 
 /* A pair: scene spectrum x and raw spectrum b, complex numbers from the given offsets. */
@@ -8,7 +8,7 @@ __kernel void fit_pair(__global const float *x, __global const float *b, ulong o
     const size_t i = get_global_id(0);
     if (i >= vectors)
         return;
-    const fit_terms terms = fit_terms_of(vload8(i, x + 2 * offset), vload8(i, b + 2 * offset));
+    const fit_terms terms = fit_terms_of(vload16(i, x + 2 * offset), vload16(i, b + 2 * offset));
     fit_add(sums, stride, 0, i, terms.cross_re);
     fit_add(sums, stride, 1, i, terms.cross_im);
     fit_add(sums, stride, 2, i, terms.raw);
@@ -39,13 +39,13 @@ __kernel void fit_pool(__global const float *sums, __global float *pool, ulong s
     const size_t i = get_global_id(0);
     if (i >= vectors)
         return;
-    const float4 raw = fit_high(sums, stride, 2, i), scene = fit_high(sums, stride, 3, i);
-    vstore4(vload4(i, pool) + raw, i, pool);
-    vstore4(vload4(i, pool + stride) + raw * per_pair, i, pool + stride);
-    vstore4(vload4(i, pool + 2 * stride) + scene * per_pair, i, pool + 2 * stride);
+    const float8 raw = fit_high(sums, stride, 2, i), scene = fit_high(sums, stride, 3, i);
+    vstore8(vload8(i, pool) + raw, i, pool);
+    vstore8(vload8(i, pool + stride) + raw * per_pair, i, pool + stride);
+    vstore8(vload8(i, pool + 2 * stride) + scene * per_pair, i, pool + 2 * stride);
 #if FIT_SPLIT
-    const float4 split = fit_high(sums, stride, 5, i);
-    vstore4(vload4(i, pool + 3 * stride) + split, i, pool + 3 * stride);
-    vstore4(vload4(i, pool + 4 * stride) + split * per_pair, i, pool + 4 * stride);
+    const float8 split = fit_high(sums, stride, 5, i);
+    vstore8(vload8(i, pool + 3 * stride) + split, i, pool + 3 * stride);
+    vstore8(vload8(i, pool + 4 * stride) + split * per_pair, i, pool + 4 * stride);
 #endif
 }

@@ -2,7 +2,8 @@
  * stands for their sum, about 48 bits). A sum k has its floats at sums + 2 k stride, its rests one stride on.
  *
  * 0, 1: sum X conj(B), re and im; 2: sum |B|^2; 3: sum |X|^2. FIT_SPLIT adds 4: sum Xr Br; 5: sum Br^2 (the imaginary
- * ones are the differences 0 - 4 and 2 - 5). All kernels take four frequencies at a time. */
+ * ones are the differences 0 - 4 and 2 - 5). All kernels take
+ * eight frequencies at a time. */
 #ifndef INC_FIT_H
 #define INC_FIT_H
 
@@ -13,48 +14,48 @@
 /* rounding errors are computed exactly below: a fused multiply-add would spoil them */
 #pragma OPENCL FP_CONTRACT OFF
 
-inline float4 fit_high(__global const float *sums, ulong stride, int k, size_t i)
+inline float8 fit_high(__global const float *sums, ulong stride, int k, size_t i)
 {
-    return vload4(i, sums + (size_t)(2 * k) * stride);
+    return vload8(i, sums + (size_t)(2 * k) * stride);
 }
 
-inline float4 fit_low(__global const float *sums, ulong stride, int k, size_t i)
+inline float8 fit_low(__global const float *sums, ulong stride, int k, size_t i)
 {
-    return vload4(i, sums + (size_t)(2 * k + 1) * stride);
+    return vload8(i, sums + (size_t)(2 * k + 1) * stride);
 }
 
 /* Adds a value: D. E. Knuth's two-sum keeps what rounding loses, a second sum puts the pair back in order. */
-inline void fit_add(__global float *sums, ulong stride, int k, size_t i, float4 value)
+inline void fit_add(__global float *sums, ulong stride, int k, size_t i, float8 value)
 {
-    const float4 high = fit_high(sums, stride, k, i), low = fit_low(sums, stride, k, i);
-    const float4 sum = high + value, back = sum - high;
-    const float4 rest = ((high - (sum - back)) + (value - back)) + low;
-    const float4 whole = sum + rest;
-    vstore4(whole, i, sums + (size_t)(2 * k) * stride);
-    vstore4(rest - (whole - sum), i, sums + (size_t)(2 * k + 1) * stride);
+    const float8 high = fit_high(sums, stride, k, i), low = fit_low(sums, stride, k, i);
+    const float8 sum = high + value, back = sum - high;
+    const float8 rest = ((high - (sum - back)) + (value - back)) + low;
+    const float8 whole = sum + rest;
+    vstore8(whole, i, sums + (size_t)(2 * k) * stride);
+    vstore8(rest - (whole - sum), i, sums + (size_t)(2 * k + 1) * stride);
 }
 
 /* A sum without one of its values, rounded once at the end. */
-inline float4 fit_without(__global const float *sums, ulong stride, int k, size_t i, float4 value)
+inline float8 fit_without(__global const float *sums, ulong stride, int k, size_t i, float8 value)
 {
-    const float4 high = fit_high(sums, stride, k, i), low = fit_low(sums, stride, k, i);
-    const float4 sum = high - value, back = sum - high;
+    const float8 high = fit_high(sums, stride, k, i), low = fit_low(sums, stride, k, i);
+    const float8 sum = high - value, back = sum - high;
     return sum + (((high - (sum - back)) - (value + back)) + low);
 }
 
-inline float4 fit_divide(float4 over, float4 under)
+inline float8 fit_divide(float8 over, float8 under)
 {
-    return under > 0.0f ? over / under : (float4)0.0f;
+    return under > 0.0f ? over / under : (float8)0.0f;
 }
 
 /* What a pair gives to the sums. */
 typedef struct fit_terms {
-    float4 cross_re, cross_im, raw, scene, split_cross, split_raw;
+    float8 cross_re, cross_im, raw, scene, split_cross, split_raw;
 } fit_terms;
 
-inline fit_terms fit_terms_of(float8 x, float8 b)
+inline fit_terms fit_terms_of(float16 x, float16 b)
 {
-    const float4 xr = x.even, xi = x.odd, br = b.even, bi = b.odd;
+    const float8 xr = x.even, xi = x.odd, br = b.even, bi = b.odd;
     fit_terms terms;
     terms.split_cross = xr * br;
     terms.split_raw = br * br;

@@ -11,8 +11,17 @@
 
 enum { GROUP = 64 };
 
-static const double alphas[] = {0.0, 0.03, 0.1, 0.3, 1.0};
-static const double lambdas[] = {1e-6, 1e-5, 1e-4, 1e-3, 1e-2};
+/* What is tried: the weight of the other depths makes lambda less important, so not every combination is worth its
+ * time. */
+typedef struct setting {
+    double alpha, lambda;
+} setting;
+static const setting several[] = {{0.0, 1e-6},  {0.0, 1e-5},  {0.0, 1e-4}, {0.0, 1e-3}, {0.0, 1e-2},
+                                  {0.03, 1e-5}, {0.03, 1e-3}, {0.1, 1e-4}, {0.3, 1e-4}, {1.0, 1e-4}};
+static const setting lambdas[] = {{0.0, 1e-6}, {0.0, 1e-5}, {0.0, 3e-5}, {0.0, 1e-4}, {0.0, 3e-4},
+                                  {0.0, 1e-3}, {0.0, 3e-3}, {0.0, 1e-2}, {0.0, 3e-2}, {0.0, 1e-1}};
+static const setting alphas[] = {{0.0, 0.0}, {0.03, 0.0}, {0.1, 0.0}, {0.3, 0.0}, {1.0, 0.0}};
+static const setting one[] = {{0.0, 0.0}};
 
 void hada_fit_options_init(hada_fit_options *options)
 {
@@ -39,20 +48,23 @@ static hada_status check_options(const hada_fit_options *options, hada_error *er
     return HADA_OK;
 }
 
-/* The settings to score: a grid, or what the caller fixed. One depth has no others, so alpha means nothing there. */
+/* The settings to score, less what the caller fixed. One depth has no others, so alpha means nothing there. */
 static hada_status make_settings(hada_fitter *fitter, hada_error *err)
 {
     const hada_fit_options *options = &fitter->options;
     const int fixed_alpha = options->alpha >= 0.0 || options->depths == 1, fixed_lambda = options->lambda >= 0.0;
-    const size_t rows = fixed_alpha ? 1 : HADA_COUNT(alphas), cols = fixed_lambda ? 1 : HADA_COUNT(lambdas);
-    hada_status status = hada_alloc((void **)&fitter->alphas, rows * cols, sizeof(double), "settings", err);
+    const setting *list = fixed_alpha ? (fixed_lambda ? one : lambdas) : fixed_lambda ? alphas : several;
+    fitter->distinct = (int)(list == one ? 1 : list == alphas ? HADA_COUNT(alphas) : HADA_COUNT(several));
+    fitter->setting_count = (fitter->distinct + HADA_FIT_TRIALS - 1) / HADA_FIT_TRIALS * HADA_FIT_TRIALS;
+    const size_t count = (size_t)fitter->setting_count;
+    hada_status status = hada_alloc((void **)&fitter->alphas, count, sizeof(double), "settings", err);
     if (!status)
-        status = hada_alloc((void **)&fitter->lambdas, rows * cols, sizeof(double), "settings", err);
-    for (size_t i = 0; !status && i < rows * cols; i++) {
-        fitter->alphas[i] = fixed_alpha ? fmax(options->alpha, 0.0) : alphas[i / cols];
-        fitter->lambdas[i] = fixed_lambda ? options->lambda : lambdas[i % cols];
+        status = hada_alloc((void **)&fitter->lambdas, count, sizeof(double), "settings", err);
+    for (int i = 0; !status && i < fitter->setting_count; i++) {
+        const setting *from = &list[i < fitter->distinct ? i : fitter->distinct - 1];
+        fitter->alphas[i] = fixed_alpha ? fmax(options->alpha, 0.0) : from->alpha;
+        fitter->lambdas[i] = fixed_lambda ? options->lambda : from->lambda;
     }
-    fitter->setting_count = (int)(rows * cols);
     return status;
 }
 
@@ -79,9 +91,9 @@ static hada_status make_host_side(hada_fitter *fitter, hada_error *err)
         if (!status)
             status = hada_alloc((void **)&depth->scene_energy, channels, sizeof(double), "a fitter", err);
         if (!status)
-            status = hada_alloc((void **)&depth->own, settings, sizeof(double), "a fitter", err);
+            status = hada_alloc((void **)&depth->single, settings, sizeof(double), "a fitter", err);
         if (!status)
-            status = hada_alloc((void **)&depth->others, settings, sizeof(double), "a fitter", err);
+            status = hada_alloc((void **)&depth->twofold, settings, sizeof(double), "a fitter", err);
     }
     return status;
 }
@@ -122,10 +134,10 @@ static hada_status make_device_side(hada_fitter *fitter, hada_error *err)
         return status;
     fitter->bytes += hada_fft_bytes(fitter->context, &raw) + hada_fft_bytes(fitter->context, &scene);
     fitter->layout = *hada_fft_plan_layout(fitter->raw_fft);
-    fitter->vectors = (fitter->layout.count + 3) / 4;
-    fitter->stride = (fitter->vectors + GROUP - 1) / GROUP * GROUP * 4;
+    fitter->vectors = (fitter->layout.count + 7) / 8;
+    fitter->stride = (fitter->vectors + GROUP - 1) / GROUP * GROUP * 8;
     fitter->chunks = (int)((fitter->vectors + HADA_FIT_CHUNK - 1) / HADA_FIT_CHUNK);
-    const size_t pools = fitter->sum_count == HADA_FIT_SUMS ? 3 : 5, spectra = channels * fitter->layout.count * 8 + 32;
+    const size_t pools = fitter->sum_count == HADA_FIT_SUMS ? 3 : 5, spectra = channels * fitter->layout.count * 8 + 64;
     status = make_buffer(fitter, &fitter->raw, channels * raw.real_distance * 4, "a raw frame", err);
     if (!status)
         status = make_buffer(fitter, &fitter->scene, channels * scene.real_distance * 4, "a scene", err);
@@ -142,28 +154,21 @@ static hada_status make_device_side(hada_fitter *fitter, hada_error *err)
     if (!status)
         status = make_buffer(fitter, &fitter->weights, 4 * fitter->stride, "the weights of frequencies", err);
     if (!status)
-        status = make_buffer(fitter, &fitter->settings, 8 * (size_t)fitter->setting_count, "settings", err);
+        status = make_buffer(fitter, &fitter->settings, 8 * HADA_FIT_TRIALS, "settings", err);
+    const size_t sums = (size_t)(fitter->chunks > fitter->info.window_rows ? fitter->chunks : fitter->info.window_rows);
     if (!status)
-        status = make_buffer(fitter, &fitter->partial, 8 * (size_t)fitter->setting_count * (size_t)fitter->chunks,
-                             "leave-one-out errors", err);
+        status = make_buffer(fitter, &fitter->partial, 4 * HADA_FIT_TRIALS * sums, "partial sums", err);
     return status;
 }
 
-static hada_status fill_tables(hada_fitter *fitter, hada_error *err)
+static hada_status fill_weights(hada_fitter *fitter, hada_error *err)
 {
     float *values;
-    const size_t settings = (size_t)fitter->setting_count;
-    hada_status status = hada_alloc((void **)&values, fitter->stride + 2 * settings, 4, "a fitter's tables", err);
+    hada_status status = hada_alloc((void **)&values, fitter->stride, sizeof *values, "the weights", err);
     if (status)
         return status;
     hada_layout_weights(&fitter->layout, values);
-    status = hada_buffer_write(&fitter->weights, fitter->slot, 0, values, 4 * fitter->stride, err);
-    for (size_t i = 0; i < settings; i++) {
-        values[2 * i] = (float)fitter->alphas[i];
-        values[2 * i + 1] = (float)fitter->lambdas[i];
-    }
-    if (!status)
-        status = hada_buffer_write(&fitter->settings, fitter->slot, 0, values, 8 * settings, err);
+    status = hada_buffer_write(&fitter->weights, fitter->slot, 0, values, fitter->stride * sizeof *values, err);
     free(values);
     return status;
 }
@@ -219,7 +224,7 @@ hada_status hada_fitter_create(hada_fitter **out, hada_context *context, const h
     if (!status)
         status = make_device_side(fitter, err);
     if (!status)
-        status = fill_tables(fitter, err);
+        status = fill_weights(fitter, err);
     if (status)
         hada_fitter_destroy(&fitter);
     *out = fitter;
@@ -236,8 +241,9 @@ void hada_fitter_destroy(hada_fitter **pointer)
         hada_slot_finish(fitter->slot, NULL);
     hada_fft_destroy(&fitter->raw_fft);
     hada_fft_destroy(&fitter->scene_fft);
-    hada_buffer *single[] = {&fitter->raw,     &fitter->scene,    &fitter->b,      &fitter->x,
-                             &fitter->weights, &fitter->settings, &fitter->partial};
+    hada_fft_destroy(&fitter->trial_fft);
+    hada_buffer *single[] = {&fitter->raw,      &fitter->scene,   &fitter->b,     &fitter->x,     &fitter->weights,
+                             &fitter->settings, &fitter->partial, &fitter->trial, &fitter->planes};
     for (size_t i = 0; i < HADA_COUNT(single); i++)
         hada_buffer_destroy(single[i]);
     for (int c = 0; c < fitter->info.channels; c++) {
@@ -250,8 +256,8 @@ void hada_fitter_destroy(hada_fitter **pointer)
         free(fitter->depth[z].sums);
         free(fitter->depth[z].raw_energy);
         free(fitter->depth[z].scene_energy);
-        free(fitter->depth[z].own);
-        free(fitter->depth[z].others);
+        free(fitter->depth[z].single);
+        free(fitter->depth[z].twofold);
     }
     void *arrays[] = {fitter->sums,         fitter->pool,       fitter->depth,       fitter->distances,
                       fitter->alphas,       fitter->lambdas,    fitter->room,        fitter->raw_pixels,
@@ -260,6 +266,27 @@ void hada_fitter_destroy(hada_fitter **pointer)
         free(arrays[i]);
     hada_slot_destroy(&fitter->slot);
     free(fitter);
+}
+
+hada_status hada_fitter_prepare_trials(hada_fitter *fitter, hada_error *err)
+{
+    hada_fft_desc desc = describe(fitter, 1);
+    hada_status status = HADA_OK;
+    if (fitter->planes.mem)
+        return HADA_OK;
+    desc.direction = HADA_FFT_INVERSE;
+    desc.batch = HADA_FIT_TRIALS;
+    if (!fitter->trial_fft) {
+        status = hada_fft_create(&fitter->trial_fft, fitter->slot, &desc, err);
+        fitter->bytes += status ? 0 : hada_fft_bytes(fitter->context, &desc);
+    }
+    if (!status && !fitter->trial.mem)
+        status = make_buffer(fitter, &fitter->trial, HADA_FIT_TRIALS * fitter->layout.count * 8 + 64,
+                             "leave-one-out spectra", err);
+    if (!status)
+        status =
+            make_buffer(fitter, &fitter->planes, HADA_FIT_TRIALS * desc.real_distance * 4, "leave-one-out errors", err);
+    return status;
 }
 
 uint64_t hada_fitter_bytes(const hada_fitter *fitter)

@@ -10,7 +10,11 @@
 #include "fft/fft.h"
 #include "filter/model.h"
 
-enum { HADA_FIT_SUMS = 4, HADA_FIT_SUMS_SPLIT = 6, HADA_FIT_CHUNK = 64 };
+enum { HADA_FIT_SUMS = 4, HADA_FIT_SUMS_SPLIT = 6 };
+
+/* As the macros FIT_CHUNK and FIT_SETTINGS of kernels/fit_score.cl: groups of frequencies in a partial sum, settings
+ * tried at once. */
+enum { HADA_FIT_CHUNK = 32, HADA_FIT_TRIALS = 5 };
 
 /* Where alpha and lambda come from when no pair was scored. */
 #define HADA_FIT_ALPHA  0.0
@@ -20,7 +24,7 @@ typedef struct hada_fitter_depth {
     float *sums; /* channels x (2 x sums x stride) floats; NULL while nothing was put here */
     int64_t pairs, scored;
     double *raw_energy, *scene_energy; /* per channel: sum of squared pixels of all pairs = mean of Sbb, Sxx */
-    double *own, *others;              /* per setting: leave-one-out errors, summed over scored pairs */
+    double *single, *twofold;          /* per setting: leave-one-out PSNR, summed over scored pairs */
 } hada_fitter_depth;
 
 struct hada_fitter {
@@ -31,7 +35,7 @@ struct hada_fitter {
     double *distances;
     hada_geometry geometry;
     hada_spectrum_layout layout;
-    size_t vectors; /* groups of four frequencies in an image */
+    size_t vectors; /* groups of eight frequencies in an image */
     size_t stride;  /* floats from one array of sums to the next */
     int sum_count;
     const char *macros; /* of the kernels */
@@ -43,6 +47,8 @@ struct hada_fitter {
     hada_buffer *sums;      /* per channel */
     hada_buffer *pool;      /* per channel */
     hada_buffer weights, settings, partial;
+    hada_fft *trial_fft; /* made at the first score, like its buffers */
+    hada_buffer trial, planes;
     float *raw_pixels, *scene_pixels, *room; /* a pair on its way to the device */
     double *raw_energy, *scene_energy;       /* of that pair, per channel */
 
@@ -51,7 +57,8 @@ struct hada_fitter {
     int changed; /* they differ from the host's copy */
     int pooled;  /* the pools are up to date */
 
-    int setting_count;
+    int setting_count;        /* a multiple of HADA_FIT_TRIALS: the last one may be repeated */
+    int distinct;             /* settings that differ */
     double *alphas, *lambdas; /* per setting */
     int chunks;
 };
@@ -59,9 +66,13 @@ struct hada_fitter {
 /* Brings the sums of a depth to the device. */
 hada_status hada_fitter_select(hada_fitter *fitter, int depth, hada_error *err);
 
-/* Checks a pair, takes the dark level off, and leaves both spectra in fitter->b and fitter->x. */
-hada_status hada_fitter_transform(hada_fitter *fitter, int depth, const hada_image *raw, const hada_image *scene,
-                                  hada_error *err);
+/* Whether a pair fits and is finite. */
+hada_status hada_fitter_check_pair(const hada_fitter *fitter, int depth, const hada_image *raw, const hada_image *scene,
+                                   hada_error *err);
+
+/* Takes the dark level off a checked pair and leaves both spectra in fitter->b and fitter->x, the sums of squared
+ * pixels in fitter->raw_energy and fitter->scene_energy. */
+hada_status hada_fitter_transform(hada_fitter *fitter, const hada_image *raw, const hada_image *scene, hada_error *err);
 
 /* New sums make old scores and pools worthless. */
 void hada_fitter_forget_scores(hada_fitter *fitter);
@@ -69,12 +80,16 @@ void hada_fitter_forget_scores(hada_fitter *fitter);
 /* Makes the pools over depths, unless they are up to date. */
 hada_status hada_fitter_pool(hada_fitter *fitter, hada_error *err);
 
-/* Enqueues a kernel of a file with an item per four frequencies. */
+/* Makes what leave-one-out needs beyond the sums, once. */
+hada_status hada_fitter_prepare_trials(hada_fitter *fitter, hada_error *err);
+
+/* Enqueues a kernel of a file with an item per eight frequencies. */
 hada_status hada_fitter_launch(hada_fitter *fitter, const char *file, const char *name, const hada_arg *args,
                                size_t arg_count, hada_error *err);
 
-/* The setting that the scores prefer, or 0 without scores; *scored says whether there are any. Score: mean over scored
- * depths of the mean of log E1 and log (E1 + E2), E1 the error of a depth alone, E2 what another depth leaks. */
+/* The setting that the scores prefer, or 0 without scores; *scored says whether there are any. Score: the PSNR of a
+ * depth alone plus the PSNR with another depth's light, means over scored depths. In decibels, for the latter alone
+ * would ruin single depths. */
 size_t hada_fitter_best(const hada_fitter *fitter, int *scored);
 
 /* Rows for the settings; *rows is freed with free(). */

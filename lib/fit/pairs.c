@@ -6,8 +6,8 @@
 #include "filter/dark.h"
 #include "fit/fitter.h"
 
-static hada_status check_pair(const hada_fitter *fitter, int depth, const hada_image *raw, const hada_image *scene,
-                              hada_error *err)
+hada_status hada_fitter_check_pair(const hada_fitter *fitter, int depth, const hada_image *raw, const hada_image *scene,
+                                   hada_error *err)
 {
     const hada_model_info *info = &fitter->info;
     if (depth < 0 || depth >= info->depths)
@@ -71,15 +71,11 @@ static void stage(hada_fitter *fitter, const hada_image *raw, const hada_image *
     }
 }
 
-hada_status hada_fitter_transform(hada_fitter *fitter, int depth, const hada_image *raw, const hada_image *scene,
-                                  hada_error *err)
+hada_status hada_fitter_transform(hada_fitter *fitter, const hada_image *raw, const hada_image *scene, hada_error *err)
 {
     hada_slot *slot = fitter->slot;
-    hada_status status = check_pair(fitter, depth, raw, scene, err);
-    if (status)
-        return status;
     stage(fitter, raw, scene);
-    status = hada_buffer_write(&fitter->raw, slot, 0, fitter->raw_pixels, fitter->raw.bytes, err);
+    hada_status status = hada_buffer_write(&fitter->raw, slot, 0, fitter->raw_pixels, fitter->raw.bytes, err);
     if (!status)
         status = hada_buffer_write(&fitter->scene, slot, 0, fitter->scene_pixels, fitter->scene.bytes, err);
     if (!status)
@@ -96,8 +92,8 @@ void hada_fitter_forget_scores(hada_fitter *fitter)
     fitter->pooled = 0;
     for (int z = 0; z < fitter->info.depths; z++) {
         fitter->depth[z].scored = 0;
-        memset(fitter->depth[z].own, 0, bytes);
-        memset(fitter->depth[z].others, 0, bytes);
+        memset(fitter->depth[z].single, 0, bytes);
+        memset(fitter->depth[z].twofold, 0, bytes);
     }
 }
 
@@ -106,7 +102,9 @@ hada_status hada_fitter_add(hada_fitter *fitter, int depth, const hada_image *ra
 {
     if (!fitter)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_fitter_add: a fitter is needed");
-    hada_status status = hada_fitter_transform(fitter, depth, raw, scene, err);
+    hada_status status = hada_fitter_check_pair(fitter, depth, raw, scene, err);
+    if (!status)
+        status = hada_fitter_transform(fitter, raw, scene, err);
     if (!status)
         status = hada_fitter_select(fitter, depth, err);
     if (status)

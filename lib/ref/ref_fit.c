@@ -1,6 +1,10 @@
 #include "ref/ref_fit.h"
 
 #include <math.h>
+#include <stdlib.h>
+
+#include "core/alloc.h"
+#include "ref/ref_fft.h"
 
 /* Filter of one frequency from its six sums. */
 static void solve(const double s[HADA_REF_FIT_SUMS], double other, double other_r, double alpha, double ridge,
@@ -58,25 +62,40 @@ void hada_ref_fit_transfer(const double *sums, size_t count, double least, doubl
     }
 }
 
-double hada_ref_fit_leave_one_out(const double *x, const double *b, const double *sums, const double *other,
-                                  const double *seen, const double *weights, size_t count, double alpha, double ridge,
-                                  int split, double *leak)
+double hada_ref_fit_leave_one_out(const hada_ref_grid *grid, const double *x, const double *b, const double *sums,
+                                  const double *other, const double *seen, const double *weights, double alpha,
+                                  double ridge, int split, double *leak)
 {
-    double own = 0.0;
+    const size_t count = (size_t)grid->rows * (size_t)(grid->cols / 2 + 1);
+    double *error = NULL, *pixels = NULL, own = -1.0;
     *leak = 0.0;
+    if (hada_alloc((void **)&error, 2 * count, sizeof *error, "a spectrum", NULL) ||
+        hada_alloc((void **)&pixels, (size_t)grid->rows * (size_t)grid->cols, sizeof *pixels, "a grid", NULL))
+        goto done;
     for (size_t i = 0; i < count; i++) {
-        double s[HADA_REF_FIT_SUMS], w[2], e[2];
+        double s[HADA_REF_FIT_SUMS], w[2];
         const double *xi = x + 2 * i, *bi = b + 2 * i;
         terms(xi, bi, s);
         for (size_t k = 0; k < HADA_REF_FIT_SUMS; k++)
             s[k] = sums[k * count + i] - s[k];
         solve(s, other[i], other[count + i], alpha, ridge, split, w);
-        e[0] = xi[0] - (split ? w[0] * bi[0] : w[0] * bi[0] - w[1] * bi[1]);
-        e[1] = xi[1] - (split ? w[1] * bi[1] : w[0] * bi[1] + w[1] * bi[0]);
-        own += weights[i] * (e[0] * e[0] + e[1] * e[1]);
+        error[2 * i] = xi[0] - (split ? w[0] * bi[0] : w[0] * bi[0] - w[1] * bi[1]);
+        error[2 * i + 1] = xi[1] - (split ? w[1] * bi[1] : w[0] * bi[1] + w[1] * bi[0]);
         *leak += weights[i] * (split ? w[0] * w[0] * seen[count + i] + w[1] * w[1] * (seen[i] - seen[count + i])
                                      : (w[0] * w[0] + w[1] * w[1]) * seen[i]);
     }
+    if (hada_ref_fft_inverse(error, grid->rows, grid->cols, pixels, NULL))
+        goto done;
+    own = 0.0;
+    for (int row = 0; row < grid->window_rows; row++)
+        for (int col = 0; col < grid->window_cols; col++) {
+            const double value =
+                pixels[(size_t)(grid->window_row + row) * (size_t)grid->cols + (size_t)(grid->window_col + col)];
+            own += value * value;
+        }
+done:
+    free(error);
+    free(pixels);
     return own;
 }
 

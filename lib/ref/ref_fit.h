@@ -7,6 +7,8 @@
 
 #include <stddef.h>
 
+#include "ref/ref_filter.h"
+
 enum { HADA_REF_FIT_SUMS = 6 };
 
 /* Adds `sign` times a pair (-1 takes it out again). */
@@ -20,11 +22,12 @@ void hada_ref_fit_filter(const double *sums, const double *other, size_t count, 
 /* H = conj(Sxb) / max(Sxx, least). */
 void hada_ref_fit_transfer(const double *sums, size_t count, double least, double *otf);
 
-/* By brute force: fits without the pair, and returns sum of weight |X - W B|^2; *leak takes the sum of
- * weight |W|^2 seen (split: part by part), `seen` as `other` but the mean over pairs and other depths. */
-double hada_ref_fit_leave_one_out(const double *x, const double *b, const double *sums, const double *other,
-                                  const double *seen, const double *weights, size_t count, double alpha, double ridge,
-                                  int split, double *leak);
+/* By brute force: fits without the pair, and returns the sum of squared errors in the window of the grid; *leak takes
+ * the sum of weight |W|^2 seen (split: part by part), `seen` as `other` but the mean over pairs and other depths.
+ * Negative without memory. */
+double hada_ref_fit_leave_one_out(const hada_ref_grid *grid, const double *x, const double *b, const double *sums,
+                                  const double *other, const double *seen, const double *weights, double alpha,
+                                  double ridge, int split, double *leak);
 
 /* Sum of weight (Sbb - |Sxb|^2 / max(Sxx, least)). */
 double hada_ref_fit_unexplained(const double *sums, const double *weights, size_t count, double least);

@@ -26,7 +26,8 @@ typedef struct hada_fit_options {
     int raw_rows, raw_cols, window_rows, window_cols;
     hada_boundary boundary; /* HADA_BOUNDARY_CIRCULAR by default */
     hada_form form;         /* HADA_FORM_COMPLEX (default) or HADA_FORM_SPLIT */
-    double dark;            /* taken off the raw frames */
+    double dark;            /* taken off the raw frames; negative: estimated for each frame and channel, as its first
+                               percentile */
     double alpha, lambda;   /* negative (default): chosen by leave-one-out */
     int refine_steps;       /* negative (default): chosen by leave-one-out; 0: none */
 } hada_fit_options;
@@ -52,12 +53,14 @@ HADA_API hada_status hada_fitter_load_sums(hada_fitter *fitter, const char *path
 HADA_API int64_t hada_fitter_pairs(const hada_fitter *fitter, int depth);
 
 /* Second pass, optional: gives a pair that is among the sums again; its leave-one-out errors are added to the score
- * table. Without any, alpha and lambda fall back to stated defaults. */
+ * table. Without any, alpha and lambda fall back to 0 and 1e-4. A few pairs decide, so further ones (beyond 8 in all
+ * and 2 of a depth) are checked and passed over; new pairs in the sums discard the scores so far. */
 HADA_API hada_status hada_fitter_score(hada_fitter *fitter, int depth, const hada_image *raw, const hada_image *scene,
                                        hada_error *err);
 
-/* A row of the leave-one-out table: mean PSNR of held-out pairs when only their depth is occupied, and when one other
- * depth is occupied as well; `chosen` marks what the model takes. Refinement rows have steps > 0. */
+/* A row of the leave-one-out table: mean PSNR in the window of held-out pairs (dB, peak 1) when only their depth is
+ * occupied, and when one other depth is occupied as well (NaN for one depth); the latter counts the other depth's light
+ * over the whole frame, so it is a lower bound. `chosen` marks what the model takes. Refinement rows have steps > 0. */
 typedef struct hada_fit_row {
     double alpha, lambda;
     int refine_steps;

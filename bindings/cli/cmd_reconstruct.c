@@ -185,6 +185,7 @@ static hada_status run_frames(job *work, hada_tiff_reader *reader, hada_cli_outp
         if (!status) {
             json_array_append_new(frames, hada_cli_frame_json(&work->result));
             status = hada_cli_check_signals(err);
+            hada_cli_progress_step(work->cli, NULL);
         }
     }
     return status ? status : hada_cli_outputs_finish(out, err);
@@ -206,6 +207,7 @@ static hada_status run_file(job *work, const char *path, const char *name, json_
         status = check_size(work, hada_tiff_get_info(reader), err);
     if (!status) {
         count = hada_tiff_get_info(reader)->frames;
+        work->cli->progress->total += count - 1;
         status = hada_cli_outputs_begin(&out, set->output, name, set->model, !set->no_preview, count, bits[set->bits],
                                         set->white, err);
     }
@@ -249,6 +251,7 @@ static int run_files(job *work, int count, const char **paths, char **names)
         hada_status status = run_file(work, paths[i], names[i], entry, &err);
         json_object_set_new(entry, "ok", json_boolean(!status));
         if (status) {
+            hada_cli_progress_step(cli, NULL);
             hada_cli_prefix(&err, "%s: ", paths[i]);
             hada_cli_print_error(cli, &err);
             json_object_set_new(entry, "error", hada_cli_error_json(&err));
@@ -260,7 +263,6 @@ static int run_files(job *work, int count, const char **paths, char **names)
             code = HADA_EXIT_INTERRUPTED;
             break;
         }
-        hada_cli_progress_step(cli, names[i]);
     }
     hada_cli_progress_end(cli);
     if (failed && count > 1 && !hada_cli_interrupted())

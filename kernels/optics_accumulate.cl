@@ -1,14 +1,14 @@
 /* The forward model in the frequency domain: sum over depths of transfer function times scene spectrum. */
 
-/* sum[c] (+)= otf[c % otf_images] * scene[c] for images c of `count` complex numbers each; `add` 0 starts the sum. An
+/* sum[c] from `offset` (in complex numbers) (+)= otf[c % otf_images] * scene[c] for images c of `count` complex numbers each; `add` 0 starts the sum. An
  * item takes four complex numbers of one image; items beyond the end do nothing. */
-__kernel void optics_accumulate(__global float *sum, __global const float *otf, __global const float *scene,
-                                const int count, const int otf_images, const int add)
+__kernel void optics_accumulate(__global float *sum, const ulong offset, __global const float *otf,
+                                __global const float *scene, const int count, const int otf_images, const int add)
 {
     const int item = get_global_id(0), c = get_global_id(1), first = 4 * item;
     if (first >= count)
         return;
-    sum += 2 * (size_t)c * count;
+    sum += 2 * (offset + (size_t)c * count);
     scene += 2 * (size_t)c * count;
     otf += 2 * (size_t)(c % otf_images) * count;
     if (first + 4 <= count) {

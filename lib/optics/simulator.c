@@ -5,7 +5,7 @@
 
 #include "core/alloc.h"
 #include "fft/fft.h"
-#include "program/kernel.h"
+#include "optics/accumulate.h"
 
 struct hada_simulator {
     hada_camera camera;
@@ -279,15 +279,8 @@ static hada_status add_plane(hada_simulator *s, const hada_plane *plane, int add
     }
     if (status || (status = hada_fft_forward(s->forward_scene, channels, s->scene.mem, 0, s->spectrum.mem, 0, err)))
         return status;
-    cl_kernel kernel;
-    if ((status = hada_slot_kernel(s->slot, "optics_accumulate", "optics_accumulate", "", &kernel, err)))
-        return status;
-    const int count = (int)s->layout.count;
-    const size_t local[2] = {64, 1}, global[2] = {(s->layout.count / 4 + 64) / 64 * 64, (size_t)channels};
-    const hada_arg args[] = {HADA_ARG(s->sum.mem),      HADA_ARG(s->otf[plane->depth].mem),
-                             HADA_ARG(s->spectrum.mem), HADA_ARG(count),
-                             HADA_ARG(s->psf_images),   HADA_ARG(add)};
-    return hada_slot_launch(s->slot, kernel, "optics_accumulate", 2, global, local, args, HADA_COUNT(args), err);
+    return hada_optics_accumulate(s->slot, s->sum.mem, 0, s->otf[plane->depth].mem, s->psf_images, s->spectrum.mem,
+                                  channels, s->layout.count, add, err);
 }
 
 hada_status hada_simulator_render(hada_simulator *s, const hada_plane *planes, int count, double noise,

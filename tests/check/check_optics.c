@@ -1,0 +1,69 @@
+/* The product-sum of the forward model, exact for small integers. */
+#include <stdlib.h>
+
+#include "check.h"
+#include "optics/accumulate.h"
+
+typedef struct optics_state {
+    hada_buffer otf, scene;
+    int images, otf_images, depths;
+    size_t count;
+} optics_state;
+
+static hada_status prepare(check_state *state, hada_error *err)
+{
+    optics_state *own = calloc(1, sizeof *own);
+    if (!own)
+        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    state->own = own;
+    own->images = check_get(state, 'k', 3);
+    own->otf_images = check_get(state, 'o', 1);
+    own->count = (size_t)check_get(state, 'n', 8);
+    own->depths = check_get(state, 'd', 2);
+    const size_t otf = 2 * own->count * (size_t)own->otf_images, scene = 2 * own->count * (size_t)own->images;
+    float *h = malloc(otf * sizeof *h), *x = malloc(scene * sizeof *x);
+    hada_status status = h && x ? HADA_OK : hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    if (!status && !(status = check_output(state, scene, err))) {
+        check_fill_integers(state, 1, h, otf, 9);
+        check_fill_integers(state, 2, x, scene, 9);
+        for (size_t i = 0; i < scene; i += 2) {
+            const size_t image = i / (2 * own->count),
+                         j = (image % (size_t)own->otf_images) * 2 * own->count + i % (2 * own->count);
+            state->expected[i] = own->depths * ((double)h[j] * x[i] - (double)h[j + 1] * x[i + 1]);
+            state->expected[i + 1] = own->depths * ((double)h[j] * x[i + 1] + (double)h[j + 1] * x[i]);
+        }
+        status = hada_buffer_create_from(&own->otf, state->slot, h, otf * sizeof *h, "transfer functions", err);
+    }
+    if (!status)
+        status = hada_buffer_create_from(&own->scene, state->slot, x, scene * sizeof *x, "a spectrum", err);
+    free(h);
+    free(x);
+    state->bytes = (double)own->depths * (double)(otf + 3 * scene) * sizeof(float);
+    state->flops = (double)own->depths * 4.0 * (double)scene;
+    return status;
+}
+
+/* The same plane `depths` times. */
+static hada_status launch(check_state *state, hada_error *err)
+{
+    optics_state *own = state->own;
+    hada_status status = HADA_OK;
+    for (int d = 0; d < own->depths && !status; d++)
+        status = hada_optics_accumulate(state->slot, state->out.mem, state->out_offset / 2, own->otf.mem,
+                                        own->otf_images, own->scene.mem, own->images, own->count, d > 0, err);
+    return status;
+}
+
+static void release(check_state *state)
+{
+    optics_state *own = state->own;
+    if (!own)
+        return;
+    hada_buffer_destroy(&own->otf);
+    hada_buffer_destroy(&own->scene);
+    free(own);
+}
+
+const check_op check_optics = {"optics_accumulate",
+                               "n complex values of an image, k images, o images of the transfer function, d depths",
+                               prepare, launch, release};

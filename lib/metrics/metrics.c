@@ -60,7 +60,7 @@ hada_status hada_metric_psnr(const hada_image *a, const hada_image *b, double pe
 {
     if (!(peak > 0.0))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a peak of %g is not possible; it must be above 0", peak);
-    double mse;
+    double mse = 0.0;
     hada_status status = mean_difference(a, b, mask, 2, &mse, err);
     if (status)
         return status;

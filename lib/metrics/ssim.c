@@ -47,7 +47,7 @@ static double similarity(const double *m, double c1, double c2)
 hada_status hada_metric_ssim(const hada_image *a, const hada_image *b, double peak, const unsigned char *mask,
                              double *out, hada_error *err)
 {
-    double equal;
+    double equal = 0.0;
     hada_status status = hada_metric_mse(a, b, NULL, &equal, err); /* the checks of a pair */
     if (status)
         return status;

@@ -81,6 +81,11 @@ static hada_status failed(hada_tiff_writer *w, hada_error *err)
     if (w->handle.write_code)
         return hada_fail(err, HADA_ERROR_FILE_WRITE, "writing %s failed: %s; nothing was left behind, free some space",
                          w->file.path, strerror(w->handle.write_code));
+    if (strstr(w->handle.message, "Maximum TIFF file size"))
+        return hada_fail(
+            err, HADA_ERROR_FILE_WRITE,
+            "%s outgrew the 4 GiB of classic TIFF; nothing was left behind, say beforehand how many pages come",
+            w->file.path);
     return hada_fail(err, HADA_ERROR_FILE_WRITE, "writing %s failed (%s); nothing was left behind", w->file.path,
                      *w->handle.message ? w->handle.message : "libtiff gives no reason");
 }

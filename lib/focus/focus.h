@@ -15,6 +15,9 @@ typedef struct hada_focus_desc {
 
 typedef struct hada_focus hada_focus;
 
+/* Whether options, sizes and distances are possible; create checks it as well. */
+hada_status hada_focus_check(const hada_focus_desc *desc, hada_error *err);
+
 /* Bytes of device memory that a focus object holds. */
 size_t hada_focus_bytes(const hada_focus_desc *desc);
 

@@ -2,11 +2,13 @@
  *
  * complex: W = Sxb / (Sbb + alpha * (Sbb of the other depths) + ridge);
  * split: Wr = Srr / (Brr + alpha * other + ridge/2), Wi likewise with the imaginary parts;
- * H = conj(Sxb) / max(Sxx, floor). */
+ * H = conj(Sxb) / max(Sxx, floor).
+ * Results stand at `at`, in complex numbers; values beyond an image's end are written as well, so images are solved in
+ * order. */
 #include "inc_fit.h"
 
 __kernel void fit_filter(__global const float *sums, __global const float *pool, ulong stride, float alpha, float ridge,
-                         __global float *filter, ulong vectors)
+                         __global float *filter, ulong at, ulong vectors)
 {
     const size_t i = get_global_id(0);
     if (i >= vectors)
@@ -27,10 +29,11 @@ __kernel void fit_filter(__global const float *sums, __global const float *pool,
     w.even = fit_divide(re, under);
     w.odd = fit_divide(fit_high(sums, stride, 1, i), under);
 #endif
-    vstore16(w, i, filter);
+    vstore16(w, i, filter + 2 * at);
 }
 
-__kernel void fit_transfer(__global const float *sums, ulong stride, float least, __global float *otf, ulong vectors)
+__kernel void fit_transfer(__global const float *sums, ulong stride, float least, __global float *otf, ulong at,
+                           ulong vectors)
 {
     const size_t i = get_global_id(0);
     if (i >= vectors)
@@ -39,5 +42,5 @@ __kernel void fit_transfer(__global const float *sums, ulong stride, float least
     float16 h;
     h.even = fit_divide(fit_high(sums, stride, 0, i), under);
     h.odd = fit_divide(-fit_high(sums, stride, 1, i), under);
-    vstore16(h, i, otf);
+    vstore16(h, i, otf + 2 * at);
 }

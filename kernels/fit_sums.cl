@@ -1,21 +1,21 @@
 /* Adds to the sums of a fit. `vectors`: groups of eight frequencies in one image. */
 #include "inc_fit.h"
 
-/* A pair: scene spectrum x and raw spectrum b, complex numbers from the given offsets. */
+/* A pair: scene spectrum x and raw spectrum b, complex numbers from the given offset on. sign -1 takes it out again. */
 __kernel void fit_pair(__global const float *x, __global const float *b, ulong offset, __global float *sums,
-                       ulong stride, ulong vectors)
+                       ulong stride, float sign, ulong vectors)
 {
     const size_t i = get_global_id(0);
     if (i >= vectors)
         return;
     const fit_terms terms = fit_terms_of(vload16(i, x + 2 * offset), vload16(i, b + 2 * offset));
-    fit_add(sums, stride, 0, i, terms.cross_re);
-    fit_add(sums, stride, 1, i, terms.cross_im);
-    fit_add(sums, stride, 2, i, terms.raw);
-    fit_add(sums, stride, 3, i, terms.scene);
+    fit_add(sums, stride, 0, i, sign * terms.cross_re);
+    fit_add(sums, stride, 1, i, sign * terms.cross_im);
+    fit_add(sums, stride, 2, i, sign * terms.raw);
+    fit_add(sums, stride, 3, i, sign * terms.scene);
 #if FIT_SPLIT
-    fit_add(sums, stride, 4, i, terms.split_cross);
-    fit_add(sums, stride, 5, i, terms.split_raw);
+    fit_add(sums, stride, 4, i, sign * terms.split_cross);
+    fit_add(sums, stride, 5, i, sign * terms.split_raw);
 #endif
 }
 

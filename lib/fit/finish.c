@@ -33,7 +33,15 @@ hada_status hada_fitter_finish(hada_fitter *fitter, hada_model **out, hada_fit_r
     info->refine_rho = REFINE_RHO;
     if (rows && scored)
         status = hada_fitter_rows(fitter, best, rows, row_count, err);
-    if (status)
+    if (!status && options->refine_steps < 0)
+        status = hada_fit_choose_refinement(fitter, *out, rows, row_count, err);
+    if (status) {
         hada_model_destroy(out);
+        if (rows) {
+            free(*rows);
+            *rows = NULL;
+            *row_count = 0;
+        }
+    }
     return status;
 }

@@ -259,6 +259,7 @@ void hada_fitter_destroy(hada_fitter **pointer)
         free(fitter->depth[z].single);
         free(fitter->depth[z].twofold);
     }
+    hada_fitter_drop_kept(fitter);
     void *arrays[] = {fitter->sums,         fitter->pool,       fitter->depth,       fitter->distances,
                       fitter->alphas,       fitter->lambdas,    fitter->room,        fitter->raw_pixels,
                       fitter->scene_pixels, fitter->raw_energy, fitter->scene_energy};
@@ -308,8 +309,7 @@ hada_status hada_fitter_launch(hada_fitter *fitter, const char *file, const char
     return status ? status : hada_slot_launch(fitter->slot, kernel, name, 1, &global, &local, args, arg_count, err);
 }
 
-/* The sums of the current depth back to the host. */
-static hada_status put_back(hada_fitter *fitter, hada_error *err)
+hada_status hada_fitter_put_back(hada_fitter *fitter, hada_error *err)
 {
     const size_t count = 2 * (size_t)fitter->sum_count * fitter->stride, channels = (size_t)fitter->info.channels;
     hada_fitter_depth *depth = &fitter->depth[fitter->current];
@@ -330,7 +330,7 @@ hada_status hada_fitter_select(hada_fitter *fitter, int depth, hada_error *err)
     if (fitter->current == depth)
         return HADA_OK;
     if (fitter->current >= 0 && fitter->changed)
-        status = put_back(fitter, err);
+        status = hada_fitter_put_back(fitter, err);
     if (status)
         return status;
     fitter->current = -1;

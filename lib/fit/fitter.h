@@ -20,6 +20,13 @@ enum { HADA_FIT_CHUNK = 32, HADA_FIT_TRIALS = 5 };
 #define HADA_FIT_ALPHA  0.0
 #define HADA_FIT_LAMBDA 1e-4
 
+/* Pairs kept for the trial of refinement. */
+enum { HADA_FIT_KEPT = 4 };
+typedef struct hada_fitter_kept {
+    int depth;
+    float *raw, *scene; /* pixels, dark level off */
+} hada_fitter_kept;
+
 typedef struct hada_fitter_depth {
     float *sums; /* channels x (2 x sums x stride) floats; NULL while nothing was put here */
     int64_t pairs, scored;
@@ -57,6 +64,9 @@ struct hada_fitter {
     int changed; /* they differ from the host's copy */
     int pooled;  /* the pools are up to date */
 
+    hada_fitter_kept kept[HADA_FIT_KEPT];
+    int kept_count;
+
     int setting_count;        /* a multiple of HADA_FIT_TRIALS: the last one may be repeated */
     int distinct;             /* settings that differ */
     double *alphas, *lambdas; /* per setting */
@@ -66,13 +76,38 @@ struct hada_fitter {
 /* Brings the sums of a depth to the device. */
 hada_status hada_fitter_select(hada_fitter *fitter, int depth, hada_error *err);
 
+/* The sums of the current depth back to the host. */
+hada_status hada_fitter_put_back(hada_fitter *fitter, hada_error *err);
+
 /* Whether a pair fits and is finite. */
 hada_status hada_fitter_check_pair(const hada_fitter *fitter, int depth, const hada_image *raw, const hada_image *scene,
                                    hada_error *err);
 
-/* Takes the dark level off a checked pair and leaves both spectra in fitter->b and fitter->x, the sums of squared
- * pixels in fitter->raw_energy and fitter->scene_energy. */
-hada_status hada_fitter_transform(hada_fitter *fitter, const hada_image *raw, const hada_image *scene, hada_error *err);
+/* Takes the dark level off a checked pair and transforms it: spectra in fitter->b and fitter->x, pixels in
+ * fitter->raw_pixels and fitter->scene_pixels, sums of squared pixels in fitter->raw_energy and fitter->scene_energy.
+ */
+hada_status hada_fitter_stage(hada_fitter *fitter, const hada_image *raw, const hada_image *scene, hada_error *err);
+
+/* Spectra of pixels whose dark level is off already; scene NULL: of the frame alone. */
+hada_status hada_fitter_transform(hada_fitter *fitter, const float *raw, const float *scene, hada_error *err);
+
+/* Adds the pair in fitter->b and fitter->x to the sums on the device, or (sign -1) takes it out of them. */
+hada_status hada_fitter_accumulate(hada_fitter *fitter, double sign, hada_error *err);
+
+/* Enqueues the filter and the transfer function of one channel of the depth on the device, to complex number `at`. */
+hada_status hada_fitter_solve_filter(hada_fitter *fitter, int channel, double alpha, double ridge, cl_mem out,
+                                     size_t at, hada_error *err);
+hada_status hada_fitter_solve_transfer(hada_fitter *fitter, int channel, double scene_energy, cl_mem out, size_t at,
+                                       hada_error *err);
+
+/* Keeps the pair that was just scored for the trial of refinement, where that wants one of this depth. */
+hada_status hada_fitter_keep(hada_fitter *fitter, int depth, hada_error *err);
+void hada_fitter_drop_kept(hada_fitter *fitter);
+
+/* Whether refinement pays: tries it on kept pairs and sums of two of them, each left out of the sums, and sets the
+ * model's refine_steps and refine_rho. Appends its rows to *rows (may be NULL). Without kept pairs nothing changes. */
+hada_status hada_fit_choose_refinement(hada_fitter *fitter, hada_model *model, hada_fit_row **rows, size_t *row_count,
+                                       hada_error *err);
 
 /* New sums make old scores and pools worthless. */
 void hada_fitter_forget_scores(hada_fitter *fitter);

@@ -53,7 +53,7 @@ static double take(const float *from, size_t pitch, int rows, int cols, double d
     return energy;
 }
 
-static void stage(hada_fitter *fitter, const hada_image *raw, const hada_image *scene)
+static void take_pair(hada_fitter *fitter, const hada_image *raw, const hada_image *scene)
 {
     const hada_model_info *info = &fitter->info;
     const size_t raw_area = (size_t)raw->rows * (size_t)raw->cols, area = (size_t)scene->rows * (size_t)scene->cols;
@@ -71,30 +71,51 @@ static void stage(hada_fitter *fitter, const hada_image *raw, const hada_image *
     }
 }
 
-hada_status hada_fitter_transform(hada_fitter *fitter, const hada_image *raw, const hada_image *scene, hada_error *err)
+hada_status hada_fitter_transform(hada_fitter *fitter, const float *raw, const float *scene, hada_error *err)
 {
     hada_slot *slot = fitter->slot;
-    stage(fitter, raw, scene);
-    hada_status status = hada_buffer_write(&fitter->raw, slot, 0, fitter->raw_pixels, fitter->raw.bytes, err);
-    if (!status)
-        status = hada_buffer_write(&fitter->scene, slot, 0, fitter->scene_pixels, fitter->scene.bytes, err);
+    hada_status status = hada_buffer_write(&fitter->raw, slot, 0, raw, fitter->raw.bytes, err);
     if (!status)
         status = hada_fft_forward(fitter->raw_fft, fitter->info.channels, fitter->raw.mem, 0, fitter->b.mem, 0, err);
-    if (!status)
+    if (!status && scene)
+        status = hada_buffer_write(&fitter->scene, slot, 0, scene, fitter->scene.bytes, err);
+    if (!status && scene)
         status =
             hada_fft_forward(fitter->scene_fft, fitter->info.channels, fitter->scene.mem, 0, fitter->x.mem, 0, err);
     return status;
+}
+
+hada_status hada_fitter_stage(hada_fitter *fitter, const hada_image *raw, const hada_image *scene, hada_error *err)
+{
+    take_pair(fitter, raw, scene);
+    return hada_fitter_transform(fitter, fitter->raw_pixels, fitter->scene_pixels, err);
 }
 
 void hada_fitter_forget_scores(hada_fitter *fitter)
 {
     const size_t bytes = (size_t)fitter->setting_count * sizeof(double);
     fitter->pooled = 0;
+    hada_fitter_drop_kept(fitter);
     for (int z = 0; z < fitter->info.depths; z++) {
         fitter->depth[z].scored = 0;
         memset(fitter->depth[z].single, 0, bytes);
         memset(fitter->depth[z].twofold, 0, bytes);
     }
+}
+
+hada_status hada_fitter_accumulate(hada_fitter *fitter, double sign, hada_error *err)
+{
+    const cl_ulong stride = fitter->stride, vectors = fitter->vectors;
+    const cl_float factor = (cl_float)sign;
+    hada_status status = HADA_OK;
+    for (int c = 0; !status && c < fitter->info.channels; c++) {
+        const cl_ulong offset = (cl_ulong)c * fitter->layout.count;
+        hada_arg args[] = {
+            HADA_ARG(fitter->x.mem), HADA_ARG(fitter->b.mem), HADA_ARG(offset), HADA_ARG(fitter->sums[c].mem),
+            HADA_ARG(stride),        HADA_ARG(factor),        HADA_ARG(vectors)};
+        status = hada_fitter_launch(fitter, "fit_sums", "fit_pair", args, HADA_COUNT(args), err);
+    }
+    return status;
 }
 
 hada_status hada_fitter_add(hada_fitter *fitter, int depth, const hada_image *raw, const hada_image *scene,
@@ -104,20 +125,14 @@ hada_status hada_fitter_add(hada_fitter *fitter, int depth, const hada_image *ra
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_fitter_add: a fitter is needed");
     hada_status status = hada_fitter_check_pair(fitter, depth, raw, scene, err);
     if (!status)
-        status = hada_fitter_transform(fitter, raw, scene, err);
+        status = hada_fitter_stage(fitter, raw, scene, err);
     if (!status)
         status = hada_fitter_select(fitter, depth, err);
     if (status)
         return status;
-    const cl_ulong stride = fitter->stride, vectors = fitter->vectors;
     fitter->changed = 1;
     hada_fitter_forget_scores(fitter);
-    for (int c = 0; !status && c < fitter->info.channels; c++) {
-        const cl_ulong offset = (cl_ulong)c * fitter->layout.count;
-        hada_arg args[] = {HADA_ARG(fitter->x.mem),       HADA_ARG(fitter->b.mem), HADA_ARG(offset),
-                           HADA_ARG(fitter->sums[c].mem), HADA_ARG(stride),        HADA_ARG(vectors)};
-        status = hada_fitter_launch(fitter, "fit_sums", "fit_pair", args, HADA_COUNT(args), err);
-    }
+    status = hada_fitter_accumulate(fitter, 1.0, err);
     hada_fitter_depth *to = &fitter->depth[depth];
     for (int c = 0; !status && c < fitter->info.channels; c++) {
         to->raw_energy[c] += fitter->raw_energy[c];

@@ -134,7 +134,7 @@ hada_status hada_fitter_score(hada_fitter *fitter, int depth, const hada_image *
     if (!status)
         status = hada_fitter_select(fitter, depth, err);
     if (!status)
-        status = hada_fitter_transform(fitter, raw, scene, err);
+        status = hada_fitter_stage(fitter, raw, scene, err);
     if (!status)
         status = hada_alloc_raw((void **)&partial, fitter->partial.bytes, 1, "scores", err);
     if (!status)
@@ -145,6 +145,8 @@ hada_status hada_fitter_score(hada_fitter *fitter, int depth, const hada_image *
         to->single[s] += decibels(fitter, own[s]);
         to->twofold[s] += decibels(fitter, own[s] + own[count + s]);
     }
+    if (!status)
+        status = hada_fitter_keep(fitter, depth, err);
     to->scored += !status;
     free(partial);
     free(own);

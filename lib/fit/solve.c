@@ -63,28 +63,47 @@ static hada_status read_plane(hada_fitter *fitter, solve_work *work, float *to, 
                                    what);
 }
 
+hada_status hada_fitter_solve_filter(hada_fitter *fitter, int channel, double alpha, double ridge, cl_mem out,
+                                     size_t at, hada_error *err)
+{
+    const cl_ulong stride = fitter->stride, vectors = fitter->vectors, offset = at;
+    const cl_float weight = (cl_float)alpha, added = (cl_float)ridge;
+    hada_arg args[] = {HADA_ARG(fitter->sums[channel].mem),
+                       HADA_ARG(fitter->pool[channel].mem),
+                       HADA_ARG(stride),
+                       HADA_ARG(weight),
+                       HADA_ARG(added),
+                       HADA_ARG(out),
+                       HADA_ARG(offset),
+                       HADA_ARG(vectors)};
+    return hada_fitter_launch(fitter, "fit_solve", "fit_filter", args, HADA_COUNT(args), err);
+}
+
+hada_status hada_fitter_solve_transfer(hada_fitter *fitter, int channel, double scene_energy, cl_mem out, size_t at,
+                                       hada_error *err)
+{
+    const cl_ulong stride = fitter->stride, vectors = fitter->vectors, offset = at;
+    const cl_float least = (cl_float)(LEAST_SCENE * scene_energy);
+    hada_arg args[] = {HADA_ARG(fitter->sums[channel].mem),
+                       HADA_ARG(stride),
+                       HADA_ARG(least),
+                       HADA_ARG(out),
+                       HADA_ARG(offset),
+                       HADA_ARG(vectors)};
+    return hada_fitter_launch(fitter, "fit_solve", "fit_transfer", args, HADA_COUNT(args), err);
+}
+
 static hada_status solve_channel(hada_fitter *fitter, solve_work *work, hada_model *model, int z, int c,
                                  hada_error *err)
 {
     const hada_fitter_depth *depth = &fitter->depth[z];
     const size_t plane = hada_model_plane(model), image = (size_t)z * (size_t)model->info.channels + (size_t)c;
-    const cl_ulong stride = fitter->stride, vectors = fitter->vectors;
-    const cl_float alpha = (cl_float)model->info.alpha, ridge = (cl_float)(model->info.lambda * depth->raw_energy[c]);
-    const cl_float least = (cl_float)(LEAST_SCENE * depth->scene_energy[c]);
-    hada_arg filter[] = {HADA_ARG(fitter->sums[c].mem),
-                         HADA_ARG(fitter->pool[c].mem),
-                         HADA_ARG(stride),
-                         HADA_ARG(alpha),
-                         HADA_ARG(ridge),
-                         HADA_ARG(work->out.mem),
-                         HADA_ARG(vectors)};
-    hada_arg transfer[] = {HADA_ARG(fitter->sums[c].mem), HADA_ARG(stride), HADA_ARG(least), HADA_ARG(work->out.mem),
-                           HADA_ARG(vectors)};
-    hada_status status = hada_fitter_launch(fitter, "fit_solve", "fit_filter", filter, HADA_COUNT(filter), err);
+    hada_status status = hada_fitter_solve_filter(fitter, c, model->info.alpha,
+                                                  model->info.lambda * depth->raw_energy[c], work->out.mem, 0, err);
     if (!status)
         status = read_plane(fitter, work, model->filter + image * plane * 2, "a filter", err);
     if (!status)
-        status = hada_fitter_launch(fitter, "fit_solve", "fit_transfer", transfer, HADA_COUNT(transfer), err);
+        status = hada_fitter_solve_transfer(fitter, c, depth->scene_energy[c], work->out.mem, 0, err);
     if (!status)
         status = read_plane(fitter, work, model->otf + image * plane * 2, "a transfer function", err);
     if (!status)

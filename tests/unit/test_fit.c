@@ -302,6 +302,7 @@ static void many_additions_stay_accurate(void **state)
     ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
     const size_t spectrum = (size_t)CHANNELS * fitter->layout.count * 2, count = fitter->layout.count;
     const cl_ulong stride = fitter->stride, vectors = fitter->vectors, offset = 0;
+    const cl_float plus = 1.0f;
     float *x = malloc(spectrum * 4), *b = malloc(spectrum * 4), *sums = malloc(12 * stride * 4);
     hada_random random;
     hada_random_seed(&random, 1, 1);
@@ -312,8 +313,9 @@ static void many_additions_stay_accurate(void **state)
     ASSERT_OK(hada_buffer_write(&fitter->x, fitter->slot, 0, x, spectrum * 4, err));
     ASSERT_OK(hada_buffer_write(&fitter->b, fitter->slot, 0, b, spectrum * 4, err));
     ASSERT_OK(hada_fitter_select(fitter, 0, err));
-    hada_arg args[] = {HADA_ARG(fitter->x.mem),       HADA_ARG(fitter->b.mem), HADA_ARG(offset),
-                       HADA_ARG(fitter->sums[0].mem), HADA_ARG(stride),        HADA_ARG(vectors)};
+    hada_arg args[] = {
+        HADA_ARG(fitter->x.mem), HADA_ARG(fitter->b.mem), HADA_ARG(offset), HADA_ARG(fitter->sums[0].mem),
+        HADA_ARG(stride),        HADA_ARG(plus),          HADA_ARG(vectors)};
     for (int i = 0; i < MANY; i++)
         ASSERT_OK(hada_fitter_launch(fitter, "fit_sums", "fit_pair", args, HADA_COUNT(args), err));
     ASSERT_OK(hada_buffer_read(&fitter->sums[0], fitter->slot, 0, sums, 12 * stride * 4, err));

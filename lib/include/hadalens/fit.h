@@ -60,7 +60,8 @@ HADA_API hada_status hada_fitter_score(hada_fitter *fitter, int depth, const had
 
 /* A row of the leave-one-out table: mean PSNR in the window of held-out pairs (dB, peak 1) when only their depth is
  * occupied, and when one other depth is occupied as well (NaN for one depth); the latter counts the other depth's light
- * over the whole frame, so it is a lower bound. `chosen` marks what the model takes. Refinement rows have steps > 0. */
+ * over the whole frame, so it is a lower bound. `chosen` marks what the model takes. Rows with refine_rho > 0 compare
+ * refinement on a few held-out frames, the first of them without any step. */
 typedef struct hada_fit_row {
     double alpha, lambda;
     int refine_steps;

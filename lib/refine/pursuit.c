@@ -17,7 +17,7 @@ enum {
 
 void hada_pursuit_options_init(hada_pursuit_options *options)
 {
-    *options = (hada_pursuit_options){.rho = 3e-2};
+    *options = (hada_pursuit_options){.rho = 1e-2};
 }
 
 static int coarse_size(int size, double shrink)

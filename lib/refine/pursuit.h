@@ -21,7 +21,7 @@ typedef struct hada_pursuit_options {
     hada_refine_shape shape; /* of the whole grid; its max_... are not used */
     int depths;              /* of the camera */
     double shrink;           /* grid over coarse grid, > 1; 0: 2, more where the grid is large */
-    double rho;              /* of the refinement, in units of |OTF|^2: 3e-2 of the largest |OTF(0)|^2 */
+    double rho;              /* of the refinement, in units of |OTF|^2: 1e-2 of the largest |OTF(0)|^2 */
     double threshold;        /* smallest fall of the unexplained part that counts; 0: from the window's share */
     int max_depths;          /* a scene that needs more fills all depths; 0: 4, or all of up to 6 */
     int max_rounds;          /* depths that are added at most, also when they are dropped again; 0: no limit */

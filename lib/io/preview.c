@@ -83,15 +83,17 @@ static void place_stack(hada_sheet *sheet)
     double shape = aspect(&p->planes[0]);
     int room = WIDTH - 2 * MARGIN;
     for (int columns = 1; columns <= p->depths; columns++) {
-        int width = (room - (columns - 1) * GAP) / columns, rows = (p->depths + columns - 1) / columns;
+        int width = (room - (columns - 1) * GAP) / columns;
         width = width < TILE_MOST ? width : TILE_MOST;
         width = shape < 1 && width > TILE_MOST * shape ? (int)(TILE_MOST * shape) : width;
         width = width < 1 ? 1 : width;
         int height = (int)(width / shape + 0.5);
+        /* Images at their largest may leave room for more of them in a row; rows then share them out evenly. */
+        int fit = (room + GAP) / (width + GAP), rows = (p->depths + fit - 1) / fit;
         sheet->columns = (p->depths + rows - 1) / rows;
         sheet->tile_width = width;
         sheet->tile_height = height < 1 ? 1 : height;
-        if (rows * (height + CAPTION + GAP) <= MOST_ROWS_HEIGHT && columns * (width + GAP) - GAP <= room)
+        if (rows * (height + CAPTION + GAP) <= MOST_ROWS_HEIGHT)
             break;
     }
 }
@@ -156,6 +158,19 @@ static double nice_step(double range, int most)
     return 10 * power;
 }
 
+static void draw_tick(const hada_sheet *sheet, hada_canvas *canvas, int x, int y, int height, double distance)
+{
+    char number[32], label[40];
+    int at = (int)((distance - sheet->near) / (sheet->far - sheet->near) * (height - 1) + 0.5);
+    int text_y = at - HADA_FONT_HEIGHT, last = height - 2 * HADA_FONT_HEIGHT;
+    text_y = text_y > last ? last : text_y;
+    text_y = text_y < 0 ? 0 : text_y;
+    hada_format_number(number, sizeof number, "%.4g", distance);
+    snprintf(label, sizeof label, "%s mm", number);
+    hada_canvas_fill(canvas, x, y + (at < height - 1 ? at : height - 2), 6, 2, dim);
+    hada_canvas_text(canvas, x + 12, y + text_y, 2, BAR_TEXT, ink, label);
+}
+
 static void draw_bar(const hada_sheet *sheet, hada_canvas *canvas, int x, int y, int height)
 {
     double range = sheet->far - sheet->near, step = nice_step(range, height >= 300 ? 8 : 4);
@@ -165,18 +180,12 @@ static void draw_bar(const hada_sheet *sheet, hada_canvas *canvas, int x, int y,
         hada_canvas_fill(canvas, x, y + row, BAR, 1, (hada_colour){rgb[0], rgb[1], rgb[2]});
     }
     hada_canvas_frame(canvas, x, y, BAR, height, 1, line);
-    for (double k = ceil(sheet->near / step - 1e-9); k * step <= sheet->far + range * 1e-9; k++) {
-        char number[32], label[40];
-        int at = y + (int)((k * step - sheet->near) / range * (height - 1) + 0.5);
-        int text_y = at - HADA_FONT_HEIGHT;
-        text_y = text_y < y                                   ? y
-                 : text_y > y + height - 2 * HADA_FONT_HEIGHT ? y + height - 2 * HADA_FONT_HEIGHT
-                                                              : text_y;
-        hada_format_number(number, sizeof number, "%.6g", k * step);
-        snprintf(label, sizeof label, "%s mm", number);
-        hada_canvas_fill(canvas, x + BAR, at, 6, 2, dim);
-        hada_canvas_text(canvas, x + BAR + 12, text_y, 2, BAR_TEXT, ink, label);
-    }
+    draw_tick(sheet, canvas, x + BAR, y, height, sheet->near);
+    draw_tick(sheet, canvas, x + BAR, y, height, sheet->far);
+    /* Round numbers between the ends, where their text does not touch that of the ends. */
+    double clear = 2.5 * HADA_FONT_HEIGHT * range / height;
+    for (double k = ceil((sheet->near + clear) / step); k * step <= sheet->far - clear; k++)
+        draw_tick(sheet, canvas, x + BAR, y, height, k * step);
 }
 
 static hada_status draw_panels(const hada_sheet *sheet, hada_canvas *canvas, hada_error *err)
@@ -199,7 +208,9 @@ static hada_status draw_panels(const hada_sheet *sheet, hada_canvas *canvas, had
         }
     if (!status && p->distance_map) {
         int width = width_of(p->distance_map, height);
-        caption(canvas, x, y, width + BAR + BAR_TEXT, "distance (hatched: nothing in focus)");
+        int room = width + GAP + BAR + BAR_TEXT;
+        const char *text = "distance (hatched: nothing in focus)";
+        caption(canvas, x, y, room, hada_text_width(text, 2) <= room ? text : "distance");
         draw_map(sheet, canvas, x, y, width, height);
         hada_canvas_frame(canvas, x, y, width, height, 1, line);
         draw_bar(sheet, canvas, x + width + GAP, y, height);

@@ -99,10 +99,12 @@ static void show(hada_canvas *canvas, int x, int y, int width, int height, const
         double rgb[3], mean = 0;
         for (int c = 0; c < channels; c++)
             mean += (double)planes[(size_t)c * count + i] / channels;
-        for (int c = 0; c < 3; c++) {
+        for (int c = 0; c < (channels == 3 ? 3 : 1); c++) {
             double value = (channels == 3 ? (double)planes[(size_t)c * count + i] : mean) / white;
             rgb[c] = pow(fmin(fmax(value, 0), 1), gamma) * 255 + 0.5;
         }
+        if (channels != 3)
+            rgb[1] = rgb[2] = rgb[0];
         hada_canvas_fill(canvas, column, row, 1, 1,
                          (hada_colour){(unsigned char)rgb[0], (unsigned char)rgb[1], (unsigned char)rgb[2]});
     }

@@ -205,14 +205,16 @@ static void test_sheets(void **state)
         if (shapes[k][0] > 1)
             assert_true(count_colour(&p, far[0], far[1], far[2]) > 100); /* the map and its scale */
         free(p.rgb);
-        size_t bytes[2];
-        unsigned char *first = io_read_bytes(io_path("sheet.png"), &bytes[0]);
-        assert_int_equal(hada_preview_save(io_path("sheet.png"), &s.preview, NULL), HADA_OK);
-        unsigned char *second = io_read_bytes(io_path("sheet.png"), &bytes[1]);
-        assert_int_equal(bytes[0], bytes[1]);
-        assert_memory_equal(first, second, bytes[0]);
-        free(first);
-        free(second);
+        if (k == 0) { /* the same input gives the same bytes */
+            size_t bytes[2];
+            unsigned char *first = io_read_bytes(io_path("sheet.png"), &bytes[0]);
+            assert_int_equal(hada_preview_save(io_path("sheet.png"), &s.preview, NULL), HADA_OK);
+            unsigned char *second = io_read_bytes(io_path("sheet.png"), &bytes[1]);
+            assert_int_equal(bytes[0], bytes[1]);
+            assert_memory_equal(first, second, bytes[0]);
+            free(first);
+            free(second);
+        }
         drop(&s);
     }
 }

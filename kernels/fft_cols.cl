@@ -104,7 +104,6 @@ FFT_LAST(4)
 FFT_LAST(5)
 FFT_LAST(7)
 FFT_LAST(8)
-FFT_LAST(16)
 
 FFT_INLINE void fft_last_odd(const fft_columns *columns, FFT_MEM float8 *scratch, int radix, int span,
                              __global const float *twiddles, __global const float *cosines)
@@ -147,7 +146,6 @@ FFT_INLINE void fft_last(const fft_columns *columns, FFT_MEM float8 *scratch, __
     case 5: fft_last5(columns, scratch, span, w); break;
     case 7: fft_last7(columns, scratch, span, w); break;
     case 8: fft_last8(columns, scratch, span, w); break;
-    case 16: fft_last16(columns, scratch, span, w); break;
     default: fft_last_odd(columns, scratch, radix, span, w, floats + stage[FFT_COSINES]); break;
     }
 }

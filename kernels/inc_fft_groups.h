@@ -39,7 +39,6 @@ FFT_INLINE float2 fft_turned(float2 x, float c, float d)
 #define FFT_TURN_5(M)  FFT_TURN_4(M) M(4)
 #define FFT_TURN_7(M)  FFT_TURN_5(M) M(5) M(6)
 #define FFT_TURN_8(M)  FFT_TURN_7(M) M(7)
-#define FFT_TURN_16(M) FFT_TURN_8(M) M(8) M(9) M(10) M(11) M(12) M(13) M(14) M(15)
 #define FFT_EACH(R, M) M(0) FFT_TURN_##R(M)
 
 #define FFT_FETCH(k)                 \
@@ -80,7 +79,6 @@ FFT_STAGE(4)
 FFT_STAGE(5)
 FFT_STAGE(7)
 FFT_STAGE(8)
-FFT_STAGE(16)
 
 FFT_INLINE void fft_stage(FFT_MEM float2 *scratch, int points, int width, int radix, int span,
                           __global const float *w, int back)
@@ -92,14 +90,13 @@ FFT_INLINE void fft_stage(FFT_MEM float2 *scratch, int points, int width, int ra
     case 5: fft_stage5(scratch, points, width, span, w, back); break;
     case 7: fft_stage7(scratch, points, width, span, w, back); break;
     case 8: fft_stage8(scratch, points, width, span, w, back); break;
-    case 16: fft_stage16(scratch, points, width, span, w, back); break;
     default: break;
     }
 }
 
 FFT_INLINE int fft_has_butterfly(int radix)
 {
-    return radix <= 5 || radix == 7 || radix == 8 || radix == 16;
+    return radix <= 5 || radix == 7 || radix == 8;
 }
 
 /* An odd radix by its definition. First, in place: x[k] and x[p-k], turned, become a[k] = x[k] + x[p-k] and

@@ -66,7 +66,6 @@ FFT_INLINE void fft_transpose(float8 *m)
 #define FFT_TURN_5(M)  FFT_TURN_4(M) M(4)
 #define FFT_TURN_7(M)  FFT_TURN_5(M) M(5) M(6)
 #define FFT_TURN_8(M)  FFT_TURN_7(M) M(7)
-#define FFT_TURN_16(M) FFT_TURN_8(M) M(8) M(9) M(10) M(11) M(12) M(13) M(14) M(15)
 #define FFT_EACH(R, M) M(0) FFT_TURN_##R(M)
 
 #define fft_radix1(re, im)
@@ -117,7 +116,6 @@ FFT_STAGE(4)
 FFT_STAGE(5)
 FFT_STAGE(7)
 FFT_STAGE(8)
-FFT_STAGE(16)
 
 /* One odd-length butterfly, by its definition, in two halves. The first turns the inputs and keeps their sums and
  * differences; the second sums up FFT_ODD_GROUP outputs m and their mirror images p - m at a time:
@@ -246,7 +244,6 @@ FFT_INLINE void fft_stage(FFT_MEM float8 *scratch, __global const int *table, __
     case 5: fft_stage5(scratch, from, to, span, w); break;
     case 7: fft_stage7(scratch, from, to, span, w); break;
     case 8: fft_stage8(scratch, from, to, span, w); break;
-    case 16: fft_stage16(scratch, from, to, span, w); break;
     default: fft_stage_odd(scratch, from, to, radix, span, w, floats + stage[FFT_COSINES], low, wanted); break;
     }
 }

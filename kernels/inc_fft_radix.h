@@ -1,4 +1,4 @@
-/* Butterflies: forward discrete Fourier transforms of 2, 3, 4, 5, 7, 8 and 16 values in registers, in place and in
+/* Butterflies: forward discrete Fourier transforms of 2, 3, 4, 5, 7 and 8 values in registers, in place and in
  * natural order. re[] and im[] hold FFT_V: float8 where a work-item carries eight transforms side by side, float where
  * work-items share one. Odd lengths use the symmetry of cosine and sine: sums and differences of x[k] and x[p-k]. */
 #ifndef INC_FFT_RADIX_H
@@ -134,42 +134,6 @@ FFT_INLINE void fft_radix8(FFT_V *re, FFT_V *im)
     im[3] = ei[3] - vi;
     re[7] = er[3] - vr;
     im[7] = ei[3] + vi;
-}
-
-FFT_INLINE void fft_radix16(FFT_V *re, FFT_V *im)
-{
-    const float c = 0.923879532511286756f, s = 0.382683432365089772f, h = 0.707106781186547524f;
-    FFT_V ar[4][4], ai[4][4];
-#pragma unroll
-    for (int j = 0; j < 4; ++j) {
-#pragma unroll
-        for (int k = 0; k < 4; ++k) {
-            ar[j][k] = re[4 * k + j];
-            ai[j][k] = im[4 * k + j];
-        }
-        fft_radix4(ar[j], ai[j]);
-    }
-    fft_turn(&ar[1][1], &ai[1][1], c, -s);
-    fft_turn(&ar[1][2], &ai[1][2], h, -h);
-    fft_turn(&ar[1][3], &ai[1][3], s, -c);
-    fft_turn(&ar[2][1], &ai[2][1], h, -h);
-    fft_turn(&ar[2][3], &ai[2][3], -h, -h);
-    fft_turn(&ar[3][1], &ai[3][1], s, -c);
-    fft_turn(&ar[3][2], &ai[3][2], -h, -h);
-    fft_turn(&ar[3][3], &ai[3][3], -c, s);
-    const FFT_V t = ar[2][2]; /* times -i */
-    ar[2][2] = ai[2][2];
-    ai[2][2] = -t;
-#pragma unroll
-    for (int k = 0; k < 4; ++k) {
-        FFT_V xr[4] = {ar[0][k], ar[1][k], ar[2][k], ar[3][k]}, xi[4] = {ai[0][k], ai[1][k], ai[2][k], ai[3][k]};
-        fft_radix4(xr, xi);
-#pragma unroll
-        for (int j = 0; j < 4; ++j) {
-            re[k + 4 * j] = xr[j];
-            im[k + 4 * j] = xi[j];
-        }
-    }
 }
 
 #endif

@@ -17,7 +17,7 @@
 
 static int has_butterfly(int radix)
 {
-    return radix <= 5 || radix == 7 || radix == 8 || radix == 16;
+    return radix <= 5 || radix == 7 || radix == 8;
 }
 
 static int odd_groups(int radix)

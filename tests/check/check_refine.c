@@ -1,0 +1,198 @@
+/* Refinement: planes after a few steps, for several sets side by side, against textbook ADMM. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "check.h"
+#include "filter/layout.h"
+#include "ref/ref_fft.h"
+#include "ref/ref_refine.h"
+#include "refine/admm.h"
+
+enum { MAX_LIST = 64 };
+
+typedef struct refine_state {
+    hada_refiner *refiner;
+    hada_refine_shape shape;
+    hada_refine_data data;
+    hada_refine_rule rule;
+    hada_buffer otf, spectrum, frame;
+    int sets, depths, list[MAX_LIST];
+    size_t set_floats;
+    double *otfs, *image; /* of the reference: all depths, the grid */
+} refine_state;
+
+static void read_shape(const check_state *state, refine_state *own)
+{
+    const int rows = check_get(state, 'r', 24), cols = check_get(state, 'c', 24), padded = check_get(state, 'p', 0);
+    const int window_rows = check_get(state, 'h', rows / 2), window_cols = check_get(state, 'w', cols / 2);
+    own->sets = check_get(state, 's', 1);
+    own->depths = check_get(state, 'd', 2);
+    own->shape =
+        (hada_refine_shape){.grid_rows = rows,
+                            .grid_cols = cols,
+                            .window = {(rows - window_rows) / 2, (cols - window_cols) / 2, window_rows, window_cols},
+                            .frame = {rows / 5, cols / 5, rows - 2 * (rows / 5), cols - 2 * (cols / 5)},
+                            .boundary = padded ? HADA_BOUNDARY_PADDED : HADA_BOUNDARY_CIRCULAR,
+                            .channels = 1,
+                            .max_sets = own->sets,
+                            .max_planes = own->sets * own->depths,
+                            .max_steps = 40};
+    hada_refine_rule_init(&own->rule);
+    own->rule.rho = 1e-2;
+    own->rule.steps = check_get(state, 'n', 6);
+    for (int i = 0; i < own->sets * own->depths; i++)
+        own->list[i] = (i % own->depths + i / own->depths) % (own->depths + 1);
+    own->set_floats = (size_t)own->depths * (size_t)window_rows * (size_t)window_cols;
+}
+
+/* Random point spread functions with |OTF|^2 about 1, and a random frame. */
+static hada_status make_camera(check_state *state, refine_state *own, hada_error *err)
+{
+    const hada_refine_shape *shape = &own->shape;
+    const int rows = shape->grid_rows, cols = shape->grid_cols;
+    const size_t pixels = (size_t)rows * (size_t)cols, values = (size_t)rows * (size_t)(cols / 2 + 1);
+    const hada_spectrum_layout layout = hada_fft_layout(state->slot->context, rows, cols, HADA_FFT_AUTO);
+    const size_t depths = (size_t)own->depths + 1;
+    const hada_refine_rect *frame = &shape->frame;
+    const size_t frame_area = (size_t)frame->rows * (size_t)frame->cols;
+    float *noise = malloc(pixels * sizeof *noise), *half = malloc(2 * values * sizeof *half);
+    float *packed = malloc((depths + 1) * layout.count * 2 * sizeof *packed);
+    float *seen = malloc(frame_area * sizeof *seen);
+    double *spectrum = malloc(2 * values * sizeof *spectrum);
+    own->otfs = malloc(depths * 2 * values * sizeof *own->otfs);
+    own->image = calloc(pixels, sizeof *own->image);
+    hada_status status = noise && half && packed && seen && spectrum && own->otfs && own->image
+                             ? HADA_OK
+                             : hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    for (size_t z = 0; !status && z <= depths; z++) {
+        double *to = z < depths ? own->otfs + z * 2 * values : spectrum;
+        check_fill_normal(state, z, noise, pixels);
+        for (size_t i = 0; i < pixels; i++) {
+            const int row = (int)(i / (size_t)cols) - frame->row0, col = (int)(i % (size_t)cols) - frame->col0;
+            const int inside = row >= 0 && row < frame->rows && col >= 0 && col < frame->cols;
+            if (shape->boundary == HADA_BOUNDARY_PADDED && z == depths && !inside)
+                noise[i] = 0.0f;
+            if (z == depths && inside)
+                seen[(size_t)row * (size_t)frame->cols + (size_t)col] = noise[i];
+            own->image[i] = z < depths ? noise[i] / (float)rows : noise[i];
+        }
+        status = hada_ref_fft_forward(own->image, rows, cols, to, err);
+        for (size_t i = 0; !status && i < 2 * values; i++)
+            half[i] = (float)to[i];
+        if (!status)
+            hada_layout_pack(&layout, half, packed + z * layout.count * 2);
+    }
+    if (!status)
+        status = hada_buffer_create_from(&own->otf, state->slot, packed, depths * layout.count * 8, "the OTFs", err);
+    if (!status)
+        status = hada_buffer_create_from(&own->spectrum, state->slot, packed + depths * layout.count * 2,
+                                         layout.count * 8, "the spectrum", err);
+    if (!status)
+        status = hada_buffer_create_from(&own->frame, state->slot, seen, frame_area * 4, "the frame", err);
+    own->data = (hada_refine_data){
+        .spectrum = own->spectrum.mem, .frame = own->frame.mem, .otf = own->otf.mem, .otf_depths = (int)depths};
+    free(noise);
+    free(half);
+    free(packed);
+    free(seen);
+    free(spectrum);
+    return status;
+}
+
+static hada_status expect(check_state *state, const refine_state *own, hada_error *err)
+{
+    const hada_refine_shape *s = &own->shape;
+    const size_t values = (size_t)s->grid_rows * (size_t)(s->grid_cols / 2 + 1) * 2;
+    double *otf = malloc((size_t)own->depths * values * sizeof *otf);
+    hada_status status = otf ? HADA_OK : hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    for (int set = 0; !status && set < own->sets; set++) {
+        for (int place = 0; place < own->depths; place++)
+            memcpy(otf + (size_t)place * values, own->otfs + (size_t)own->list[set * own->depths + place] * values,
+                   values * sizeof *otf);
+        const hada_ref_refine problem = {.rows = s->grid_rows,
+                                         .cols = s->grid_cols,
+                                         .window_row0 = s->window.row0,
+                                         .window_col0 = s->window.col0,
+                                         .window_rows = s->window.rows,
+                                         .window_cols = s->window.cols,
+                                         .padded = s->boundary == HADA_BOUNDARY_PADDED,
+                                         .frame_row0 = s->frame.row0,
+                                         .frame_col0 = s->frame.col0,
+                                         .frame_rows = s->frame.rows,
+                                         .frame_cols = s->frame.cols,
+                                         .depths = own->depths,
+                                         .otf = otf,
+                                         .image = own->image,
+                                         .rho = own->rule.rho,
+                                         .relaxation = own->rule.relaxation,
+                                         .mu = own->rule.mu,
+                                         .steps = own->rule.steps};
+        status = hada_ref_refine_run(&problem, state->expected + (size_t)set * own->set_floats, NULL, NULL, err);
+    }
+    free(otf);
+    return status;
+}
+
+static hada_status prepare(check_state *state, hada_error *err)
+{
+    refine_state *own = calloc(1, sizeof *own);
+    if (!own)
+        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    state->own = own;
+    read_shape(state, own);
+    if (own->sets * own->depths > MAX_LIST)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "at most %d planes", MAX_LIST);
+    hada_status status = make_camera(state, own, err);
+    if (!status)
+        status = hada_refiner_create(&own->refiner, state->slot, &own->shape, err);
+    if (!status)
+        status = check_output(state, (size_t)own->sets * own->set_floats, err);
+    if (!status)
+        status = expect(state, own, err);
+    const double points = (double)own->shape.grid_rows * own->shape.grid_cols;
+    state->tolerance = 1e-5;
+    /* per step and plane, in bytes per frequency: H, U and W read, W written, and each transform reads and writes */
+    state->bytes = own->rule.steps * own->sets * own->depths * points / 2.0 * (32.0 + 32.0);
+    state->flops = own->rule.steps * own->sets * own->depths * points / 2.0 * 60.0;
+    return status;
+}
+
+static hada_status launch(check_state *state, hada_error *err)
+{
+    refine_state *own = state->own;
+    const size_t bytes = own->set_floats * sizeof(float);
+    hada_status status = HADA_OK;
+    for (int set = 0, n; !status && set < own->sets; set += n) {
+        n = own->sets - set;
+        if (state->batch_limit && state->batch_limit < n)
+            n = state->batch_limit;
+        status = hada_refiner_run(own->refiner, &own->data, &own->rule, n, own->depths, own->list + set * own->depths,
+                                  NULL, err);
+        if (status)
+            break;
+        const cl_int code = clEnqueueCopyBuffer(state->slot->queue, hada_refiner_planes(own->refiner), state->out.mem,
+                                                0, state->out_offset * sizeof(float) + (size_t)set * bytes,
+                                                (size_t)n * bytes, 0, NULL, NULL);
+        if (code != CL_SUCCESS)
+            status = hada_fail_cl(err, code, "clEnqueueCopyBuffer");
+    }
+    return status;
+}
+
+static void release(check_state *state)
+{
+    refine_state *own = state->own;
+    if (!own)
+        return;
+    hada_refiner_destroy(&own->refiner);
+    hada_buffer_destroy(&own->otf);
+    hada_buffer_destroy(&own->spectrum);
+    hada_buffer_destroy(&own->frame);
+    free(own->otfs);
+    free(own->image);
+    free(own);
+}
+
+const check_op check_refine = {
+    "refine", "r rows, c columns, h and w of the window, d depths in a set, s sets, n steps, p1 cropped by the sensor",
+    prepare, launch, release};

@@ -11,7 +11,7 @@
 
 /* Bytes between the two passes at a time. Lanes: what the caches of a few cores keep, larger measured slower. Groups:
  * work enough for a GPU. */
-#define BETWEEN_BYTES_LANES  ((size_t)4 << 20)
+#define BETWEEN_BYTES_LANES  ((size_t)2 << 20)
 #define BETWEEN_BYTES_GROUPS ((size_t)64 << 20)
 
 typedef struct own_state {

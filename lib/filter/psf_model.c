@@ -8,10 +8,13 @@
 #include "filter/hadamard.h"
 #include "filter/layout.h"
 
-/* Chosen on frames with 1 % noise and on a real caustic PSF: docs/filters.md. */
-#define DEFAULT_LAMBDA 1e-2
-#define DEFAULT_STEPS  20
-#define DEFAULT_RHO    1e-3
+/* Chosen on simulated frames with 1 % noise (circular) and on a real caustic PSF whose frame is cropped (padded), where
+ * the light that left the frame counts as noise: docs/filters.md. */
+typedef struct choice {
+    double lambda, rho;
+    int steps;
+} choice;
+static const choice for_circular = {0.2, 3e-3, 12}, for_padded = {2.0, 1e-3, 20};
 
 void hada_psf_options_init(hada_psf_options *options)
 {
@@ -189,14 +192,15 @@ hada_status hada_model_from_psf(hada_model **out, hada_context *context, const h
     hada_status status = check_psfs(psfs, depths, err);
     if (status)
         return status;
+    const choice *chosen = options->boundary == HADA_BOUNDARY_PADDED ? &for_padded : &for_circular;
     hada_model_info info = {.depths = depths,
                             .channels = psfs->channels,
                             .form = options->form,
                             .boundary = options->boundary,
-                            .lambda = options->lambda > 0.0 ? options->lambda : DEFAULT_LAMBDA,
+                            .lambda = options->lambda > 0.0 ? options->lambda : chosen->lambda,
                             .dark = options->dark,
-                            .refine_steps = options->refine_steps < 0 ? DEFAULT_STEPS : options->refine_steps,
-                            .refine_rho = DEFAULT_RHO,
+                            .refine_steps = options->refine_steps < 0 ? chosen->steps : options->refine_steps,
+                            .refine_rho = chosen->rho,
                             .has_otf = 1,
                             .distances_mm = distances_mm};
     if (info.form == HADA_FORM_MATCHED)

@@ -15,6 +15,8 @@ enum { TRIED = sizeof steps_tried / sizeof *steps_tried, MEMBERS = 2 };
 /* Relative to the largest |OTF(0)|^2; flat between 1e-3 and 3e-3 in trials (docs/filters.md). */
 #define RHO 1e-3
 
+#define MOST_OF_THE_GAIN 0.8
+
 /* Depths whose pairs are kept: the first scored ones of HADA_FIT_KEPT depths spread over all. */
 static int kept_depth(const hada_fitter *fitter, int k)
 {
@@ -237,14 +239,25 @@ static double mean(const trial_work *work, int occupied, int i)
     return work->count[occupied] ? work->sum[occupied][i] / work->count[occupied] : 0.0;
 }
 
-/* Ties go to fewer steps: an improvement must be more than a hundredth of a decibel. */
+static double score(const trial_work *work, int i)
+{
+    return mean(work, 0, i) + mean(work, 1, i);
+}
+
+/* A reconstruction stops by itself once its residual has settled, so the number to keep is the largest that still has
+ * most of the best gain over the linear filter; the sum of two whole scenes is a hard case and its curve is uneven.
+ * Where nothing gains more than a hundredth of a decibel, none. */
 static int best_of(const trial_work *work)
 {
-    int best = 0;
+    int best = 0, chosen = 0;
     for (int i = 1; i < TRIED; i++)
-        if (mean(work, 0, i) + mean(work, 1, i) > mean(work, 0, best) + mean(work, 1, best) + 0.01)
+        if (score(work, i) > score(work, best))
             best = i;
-    return best;
+    const double gain = score(work, best) - score(work, 0);
+    for (int i = 1; gain > 0.01 && i < TRIED; i++)
+        if (score(work, i) - score(work, 0) >= MOST_OF_THE_GAIN * gain)
+            chosen = i;
+    return chosen;
 }
 
 static hada_status append_rows(const trial_work *work, int best, hada_fit_row **rows, size_t *row_count,

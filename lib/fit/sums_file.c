@@ -11,18 +11,28 @@
 
 #define FORMAT "hadalens-sums-1"
 
-static hada_status put_metadata(const hada_fitter *fitter, hada_tensors_writer *writer, hada_error *err)
+/* What must agree, as text. */
+typedef struct sizes_text {
+    char text[120];
+} sizes_text;
+
+static sizes_text sizes_of(const hada_model_info *info)
 {
-    const hada_model_info *info = &fitter->info;
-    char sizes[120];
-    snprintf(sizes, sizeof sizes, "raw %dx%d, window %dx%d, grid %dx%d, %s", info->raw_rows, info->raw_cols,
+    sizes_text sizes;
+    snprintf(sizes.text, sizeof sizes.text, "raw %dx%d, window %dx%d, grid %dx%d, %s", info->raw_rows, info->raw_cols,
              info->window_rows, info->window_cols, info->grid_rows, info->grid_cols,
              hada_boundary_name(info->boundary));
+    return sizes;
+}
+
+static hada_status put_metadata(const hada_fitter *fitter, hada_tensors_writer *writer, hada_error *err)
+{
+    const sizes_text sizes = sizes_of(&fitter->info);
     hada_status status = hada_tensors_put_meta(writer, "format", FORMAT, err);
     if (!status)
         status = hada_tensors_put_meta(writer, "library", "hadalens " HADALENS_VERSION, err);
     if (!status)
-        status = hada_tensors_put_meta(writer, "sizes", sizes, err);
+        status = hada_tensors_put_meta(writer, "sizes", sizes.text, err);
     if (!status)
         status = hada_tensors_put_meta(
             writer, "axes",
@@ -169,12 +179,10 @@ static hada_status check_file(const hada_fitter *fitter, const hada_tensors *fil
         (uintptr_t)tensor->data % sizeof(float))
         return hada_fail(err, HADA_ERROR_FILE_FORMAT, "%s: the tensor sums is missing or damaged", path);
     const char *sizes = hada_tensors_meta(file, "sizes");
-    char expected[120];
-    snprintf(expected, sizeof expected, "raw %dx%d, window %dx%d, grid %dx%d, %s", info->raw_rows, info->raw_cols,
-             info->window_rows, info->window_cols, info->grid_rows, info->grid_cols,
-             hada_boundary_name(info->boundary));
-    if (!sizes || strcmp(sizes, expected) || tensor->shape[0] != info->depths || tensor->shape[1] != info->channels ||
-        tensor->shape[4] != info->grid_rows || tensor->shape[5] != info->grid_cols / 2 + 1)
+    const sizes_text expected = sizes_of(info);
+    if (!sizes || strcmp(sizes, expected.text) || tensor->shape[0] != info->depths ||
+        tensor->shape[1] != info->channels || tensor->shape[4] != info->grid_rows ||
+        tensor->shape[5] != info->grid_cols / 2 + 1)
         return foreign(path, "the sizes differ", err);
     if (tensor->shape[2] < fitter->sum_count || tensor->shape[2] > HADA_FIT_SUMS_SPLIT)
         return foreign(path, "they were made for the form complex and lack what split needs", err);

@@ -1,0 +1,111 @@
+/* The choice of refinement by leave-one-out: it pays for a camera that the model describes, and is left out for one
+ * that it does not describe. */
+#include "camera_small.h"
+#include "fit/fitter.h"
+
+enum { ROWS = 48, COLS = 60, WINDOW = 20, DEPTHS = 2, PAIRS = 6 };
+static const double distances[] = {100.0, 300.0};
+
+/* Scenes of bright squares on black: light that must not be negative, so refinement has something to gain. */
+static hada_image squares(uint64_t seed)
+{
+    hada_image scene;
+    hada_random random;
+    ASSERT_OK(hada_image_create(&scene, 1, WINDOW, WINDOW, err));
+    hada_random_seed(&random, seed, 3);
+    for (int k = 0; k < 4; k++) {
+        const int row = (int)hada_random_below(&random, WINDOW - 5), col = (int)hada_random_below(&random, WINDOW - 5);
+        const float value = (float)hada_random_range(&random, 0.3, 1.0);
+        for (int i = 0; i < 25; i++)
+            scene.data[(row + i / 5) * WINDOW + col + i % 5] = value;
+    }
+    return scene;
+}
+
+static hada_model *fit(hada_context *context, int strange, hada_fit_row **rows, size_t *count)
+{
+    hada_fit_options options;
+    hada_fitter *fitter;
+    hada_model *model;
+    hada_image scene[DEPTHS][PAIRS], frame[DEPTHS][PAIRS];
+    hada_fit_options_init(&options);
+    options.depths = DEPTHS;
+    options.channels = 1;
+    options.distances_mm = distances;
+    options.raw_rows = ROWS;
+    options.raw_cols = COLS;
+    options.window_rows = options.window_cols = WINDOW;
+    ASSERT_OK(hada_fitter_create(&fitter, context, &options, err));
+    for (int z = 0; z < DEPTHS; z++)
+        for (int i = 0; i < PAIRS; i++) {
+            /* a strange camera has another mask every time */
+            hada_image psf = small_psf(1, ROWS, COLS, 20, (uint64_t)(strange ? 10 * z + i + 1 : z + 1));
+            scene[z][i] = squares((uint64_t)(20 * z + i));
+            frame[z][i] = small_frame(&psf, &scene[z][i], 0, 0.01, (uint64_t)(40 * z + i));
+            hada_image_destroy(&psf);
+            ASSERT_OK(hada_fitter_add(fitter, z, &frame[z][i], &scene[z][i], err));
+        }
+    for (int z = 0; z < DEPTHS; z++)
+        for (int i = 0; i < PAIRS; i++)
+            ASSERT_OK(hada_fitter_score(fitter, z, &frame[z][i], &scene[z][i], err));
+    assert_int_equal(fitter->kept_count, HADA_FIT_KEPT);
+    ASSERT_OK(hada_fitter_finish(fitter, &model, rows, count, err));
+
+    /* the trial leaves the sums as they were: a second end gives the same model */
+    hada_model *again;
+    ASSERT_OK(hada_fitter_finish(fitter, &again, NULL, NULL, err));
+    const size_t values = hada_model_plane(model) * 2 * DEPTHS;
+    assert_memory_equal(model->filter, again->filter, values * sizeof(float));
+    assert_memory_equal(model->otf, again->otf, values * sizeof(float));
+    assert_int_equal(model->info.refine_steps, again->info.refine_steps);
+    hada_model_destroy(&again);
+    hada_fitter_destroy(&fitter);
+    for (int z = 0; z < DEPTHS; z++)
+        for (int i = 0; i < PAIRS; i++) {
+            hada_image_destroy(&scene[z][i]);
+            hada_image_destroy(&frame[z][i]);
+        }
+    return model;
+}
+
+static void refinement_is_chosen_where_it_pays(void **state)
+{
+    (void)state;
+    hada_context *context;
+    hada_fit_row *rows;
+    size_t count;
+    ASSERT_OK(hada_context_create(&context, NULL, err));
+    for (int strange = 0; strange < 2; strange++) {
+        hada_model *model = fit(context, strange, &rows, &count);
+        double linear = NAN, chosen = NAN;
+        int marked = 0;
+        for (size_t i = 0; i < count; i++)
+            if (rows[i].refine_rho > 0.0) {
+                const double both = rows[i].psnr_single + rows[i].psnr_double;
+                assert_true(isfinite(both));
+                if (!rows[i].refine_steps)
+                    linear = both;
+                if (rows[i].chosen) {
+                    chosen = both;
+                    marked++;
+                    assert_int_equal(rows[i].refine_steps, model->info.refine_steps);
+                }
+            }
+        assert_int_equal(marked, 1);
+        assert_true(chosen >= linear); /* never worse than the linear filter */
+        if (!strange && !(chosen > linear + 2.0))
+            fail_msg("refinement gained only %g dB", chosen - linear);
+        if (!strange)
+            assert_true(model->info.refine_steps > 0);
+        free(rows);
+        hada_model_destroy(&model);
+    }
+    assert_int_equal(hada_context_bytes(context), 0);
+    hada_context_destroy(&context);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(refinement_is_chosen_where_it_pays)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

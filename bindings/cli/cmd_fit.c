@@ -44,8 +44,9 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_SIZE, "window", 0, "HxW", "field of view, where the scenes or the PSF are as large as the frame", NULL,
      AT(window)},
     {HADA_OPTION_TEXT, "dark", 0, "FILE|auto|none|LEVEL", "dark level of the raw frames (default: none)",
-     "Taken off every pixel. FILE: the mean of a dark frame; auto: the darkest that the frames show; LEVEL: a share of "
-     "full scale. The model remembers it.",
+     "Taken off every pixel. FILE: the mean of a dark frame; auto: each frame's own, its darkest percent; LEVEL: a "
+     "share "
+     "of full scale. The model remembers it.",
      AT(dark)},
     {HADA_OPTION_REAL, "psf-dark", 0, "LEVEL", "dark level of the PSF (default: its own background)", NULL,
      AT(psf_dark)},
@@ -54,8 +55,8 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_REAL, "lambda", 0, "L", "regularisation (default: by leave-one-out)", NULL, AT(lambda)},
     {HADA_OPTION_TEXT, "refine", 0, "N|auto|0", "refinement steps that the model recommends (default: auto)",
      "auto measures by leave-one-out whether refinement pays for this camera.", AT(refine)},
-    {HADA_OPTION_COUNT, "score", 0, "N", "pairs per depth for leave-one-out (default: 8); 0: none, stated defaults",
-     NULL, AT(score)},
+    {HADA_OPTION_FLAG, "no-leave-one-out", 0, NULL, "do not try: alpha 0, lambda 1e-4 and no refinement unless given",
+     NULL, AT(no_leave_one_out)},
     {0},
 };
 
@@ -65,7 +66,6 @@ static void defaults(void *user)
     set->dark = "none";
     set->refine = "auto";
     set->alpha = set->lambda = set->psf_dark = -1;
-    set->score = 8;
 }
 
 static hada_status measure(const char *path, hada_tiff_info *info, hada_error *err)
@@ -124,7 +124,7 @@ static hada_boundary choose_boundary(hada_cli *cli, const settings *set, const h
     return HADA_BOUNDARY_PADDED;
 }
 
-static hada_status choose_dark(const settings *set, const hada_cli_dataset *data, double *level, hada_error *err)
+static hada_status choose_dark(const settings *set, double *level, hada_error *err)
 {
     hada_cli_dark dark;
     hada_status status = hada_cli_dark_read(&dark, set->dark, err);
@@ -132,27 +132,35 @@ static hada_status choose_dark(const settings *set, const hada_cli_dataset *data
         return status;
     *level = dark.level;
     if (dark.kind == HADA_CLI_DARK_AUTO)
-        status = hada_cli_pairs_dark(data, level, err);
+        *level = -1; /* each frame's own, here and in the model */
     hada_cli_dark_free(&dark);
     return status;
 }
 
+/* Filters first, then, on a few held-out frames, whether refinement pays. */
 static void print_rows(hada_cli *cli, const hada_fit_row *rows, size_t count)
 {
     json_t *list = json_array();
-    if (count) {
-        hada_cli_say(cli, "\nLeave-one-out, mean PSNR of held-out pairs in dB");
-        hada_cli_say(cli, "  %9s  %9s  %10s  %9s  %10s", "alpha", "lambda", "refinement", "one depth", "two depths");
-    }
     for (size_t i = 0; i < count; i++) {
         const hada_fit_row *row = &rows[i];
-        char steps[32] = "-", two[32] = "-";
+        int trial = row->refine_rho > 0;
+        char steps[32] = "none", two[32] = "-";
+        if (!i && !trial)
+            hada_cli_say(cli, "\nLeave-one-out, mean PSNR of held-out pairs in dB\n  %9s  %9s  %9s  %10s", "alpha",
+                         "lambda", "one depth", "two depths");
+        if (trial && (!i || !(rows[i - 1].refine_rho > 0)))
+            hada_cli_say(cli, "\nDoes refinement pay? On a few held-out frames\n  %20s  %9s  %10s", "steps",
+                         "one depth", "two depths");
         if (row->refine_steps)
-            snprintf(steps, sizeof steps, "%d steps", row->refine_steps);
+            snprintf(steps, sizeof steps, "%d", row->refine_steps);
         if (isfinite(row->psnr_double))
             snprintf(two, sizeof two, "%.2f", row->psnr_double);
-        hada_cli_say(cli, "%s %9.3g  %9.3g  %10s  %9.2f  %10s%s", row->chosen ? "*" : " ", row->alpha, row->lambda,
-                     steps, row->psnr_single, two, row->chosen ? "  chosen" : "");
+        const char *mark = row->chosen ? "*" : " ", *chosen = row->chosen ? "  chosen" : "";
+        if (trial)
+            hada_cli_say(cli, "%s %20s  %9.2f  %10s%s", mark, steps, row->psnr_single, two, chosen);
+        else
+            hada_cli_say(cli, "%s %9.3g  %9.3g  %9.2f  %10s%s", mark, row->alpha, row->lambda, row->psnr_single, two,
+                         chosen);
         json_t *entry = json_pack("{s:f, s:f, s:i, s:b}", "alpha", row->alpha, "lambda", row->lambda, "refine_steps",
                                   row->refine_steps, "chosen", row->chosen);
         json_object_set_new(entry, "refine_rho", hada_cli_real(row->refine_rho));
@@ -179,8 +187,8 @@ static hada_status learn(hada_cli *cli, const settings *set, const hada_cli_data
     if (!status && set->sums)
         status = hada_fitter_save_sums(fitter, set->sums, err);
     /* One pair alone cannot be left out. */
-    if (!status && set->score && (data->least_pairs > 1 || set->merge.count))
-        status = hada_cli_pairs_score(cli, fitter, data, set->score, err);
+    if (!status && !set->no_leave_one_out && (data->least_pairs > 1 || set->merge.count))
+        status = hada_cli_pairs_score(cli, fitter, data, err);
     if (!status)
         status = hada_fitter_finish(fitter, model, &rows, &row_count, err);
     if (!status) {
@@ -221,7 +229,7 @@ static hada_status fit_pairs(hada_cli *cli, const settings *set, const char *fol
     if (!status)
         status = set_sizes(&fit, set, &data, err);
     if (!status)
-        status = choose_dark(set, &data, &fit.dark, err);
+        status = choose_dark(set, &fit.dark, err);
     if (!status)
         status = hada_fitter_create(&fitter, context, &fit, err);
     if (!status) {

@@ -31,10 +31,11 @@ static hada_status open_writer(hada_cli_outputs *out, int which, const hada_imag
     /* Millimetres and NaN need floats. */
     options.bits = which == HADA_CLI_DEPTH ? 32 : out->bits;
     options.scale = out->white;
+    options.slices = 1;
+    options.times = out->frames;
     if (which == HADA_CLI_STACK) {
         options.layout = HADA_TIFF_HYPERSTACK;
         options.slices = result->depths;
-        options.times = out->frames;
         options.distances_mm = result->distances_mm;
     }
     if (which == HADA_CLI_DEPTH)

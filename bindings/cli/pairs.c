@@ -2,7 +2,6 @@
 #include "folder.h"
 #include "option.h"
 
-#include <hadalens/reconstruct.h>
 #include <hadalens/tiff.h>
 #include <math.h>
 #include <string.h>
@@ -92,25 +91,6 @@ hada_status hada_cli_pair_load(const hada_cli_pair *pair, hada_image *raw, hada_
     return status;
 }
 
-hada_status hada_cli_pairs_dark(const hada_cli_dataset *set, double *level, hada_error *err)
-{
-    hada_status status = HADA_OK;
-    *level = INFINITY;
-    for (int z = 0; !status && z < set->depths; z++)
-        for (int i = 0; !status && i < set->depth[z].pairs; i++) {
-            hada_image raw = {0};
-            double here = 0;
-            status = hada_tiff_load(set->depth[z].pair[i].raw, 0, &raw, err);
-            if (!status)
-                status = hada_frame_dark_level(&raw, &here, err);
-            hada_image_destroy(&raw);
-            if (status)
-                hada_cli_prefix(err, "%s: ", set->depth[z].pair[i].raw);
-            *level = here < *level ? here : *level;
-        }
-    return status;
-}
-
 typedef hada_status (*take_pair)(hada_fitter *fitter, int depth, const hada_image *raw, const hada_image *scene,
                                  hada_error *err);
 
@@ -149,11 +129,13 @@ hada_status hada_cli_pairs_add(hada_cli *cli, hada_fitter *fitter, const hada_cl
     return status;
 }
 
-hada_status hada_cli_pairs_score(hada_cli *cli, hada_fitter *fitter, const hada_cli_dataset *set, int most,
-                                 hada_error *err)
+hada_status hada_cli_pairs_score(hada_cli *cli, hada_fitter *fitter, const hada_cli_dataset *set, hada_error *err)
 {
+    /* The fitter takes 8 in all, and 2 of each depth where there are many. */
+    int most = (8 + set->depths - 1) / set->depths;
     hada_cli_progress progress;
     long total = 0;
+    most = most < 2 ? 2 : most;
     for (int z = 0; z < set->depths; z++)
         total += set->depth[z].pairs < most ? set->depth[z].pairs : most;
     hada_cli_progress_begin(cli, &progress, "leave-one-out", total);

@@ -26,14 +26,10 @@ void hada_cli_dark_free(hada_cli_dark *dark);
 /* Loads both images of a pair; errors name the file. */
 hada_status hada_cli_pair_load(const hada_cli_pair *pair, hada_image *raw, hada_image *scene, hada_error *err);
 
-/* The smallest dark level that the raw frames of a data set show. */
-hada_status hada_cli_pairs_dark(const hada_cli_dataset *set, double *level, hada_error *err);
-
 /* First pass: all pairs into the sums. */
 hada_status hada_cli_pairs_add(hada_cli *cli, hada_fitter *fitter, const hada_cli_dataset *set, hada_error *err);
 
-/* Second pass: up to `most` pairs of each depth, evenly spread over the list. */
-hada_status hada_cli_pairs_score(hada_cli *cli, hada_fitter *fitter, const hada_cli_dataset *set, int most,
-                                 hada_error *err);
+/* Second pass: as many pairs as the fitter looks at, evenly spread over the lists. */
+hada_status hada_cli_pairs_score(hada_cli *cli, hada_fitter *fitter, const hada_cli_dataset *set, hada_error *err);
 
 #endif

@@ -23,6 +23,14 @@ static int setup(void **state)
     return 0;
 }
 
+/* As on a GPU: kernels by work-groups, and the layout of spectra that goes with them. */
+static int setup_groups(void **state)
+{
+    setup(state);
+    ((fixture *)*state)->context->shape = HADA_SHAPE_GROUPS;
+    return 0;
+}
+
 static int teardown(void **state)
 {
     fixture *f = *state;
@@ -342,5 +350,10 @@ int main(void)
         cmocka_unit_test(wiener_models_invert_the_camera),
         cmocka_unit_test(bad_psfs_are_refused),
     };
-    return cmocka_run_group_tests(tests, setup, teardown);
+    const struct CMUnitTest by_groups[] = {
+        cmocka_unit_test(linear_path_agrees_with_the_reference),
+        cmocka_unit_test(half_filters_cost_little),
+    };
+    const int failed = cmocka_run_group_tests(tests, setup, teardown);
+    return failed + cmocka_run_group_tests(by_groups, setup_groups, teardown);
 }

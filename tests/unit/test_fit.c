@@ -32,6 +32,14 @@ static int setup(void **state)
     return 0;
 }
 
+/* As on a GPU: kernels by work-groups, and the layout of spectra that goes with them. */
+static int setup_groups(void **state)
+{
+    setup(state);
+    ((fixture *)*state)->context->shape = HADA_SHAPE_GROUPS;
+    return 0;
+}
+
 static int teardown(void **state)
 {
     fixture *f = *state;
@@ -526,5 +534,10 @@ int main(void)
         cmocka_unit_test(equal_inputs_give_equal_models),   cmocka_unit_test(sums_merge_and_go_on),
         cmocka_unit_test(depths_may_come_in_any_order),     cmocka_unit_test(bad_options_are_refused),
     };
-    return cmocka_run_group_tests(tests, setup, teardown);
+    const struct CMUnitTest by_groups[] = {
+        cmocka_unit_test(filters_agree_with_the_reference),
+        cmocka_unit_test(scores_agree_with_brute_force),
+    };
+    const int failed = cmocka_run_group_tests(tests, setup, teardown);
+    return failed + cmocka_run_group_tests(by_groups, setup_groups, teardown);
 }

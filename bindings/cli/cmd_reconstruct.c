@@ -34,7 +34,7 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_TEXT, "depths", 0, "LIST", "depths to compute (default: all)",
      "Slices counted from 1 (near), such as 1,3-5, or distances, such as 100mm,250mm.", AT(depths)},
     {HADA_OPTION_TEXT, "occupied", 0, "auto|all|LIST", "depths at which the scene has something (default: auto)",
-     "auto finds the few depths that explain the frame; the others stay linear. LIST as for --depths.", AT(occupied)},
+     "auto finds the few depths that explain the frame; the others are dark then. LIST as for --depths.", AT(occupied)},
     {HADA_OPTION_TEXT, "refine", 0, "N|auto|0", "refinement steps on the occupied depths (default: auto)",
      "auto takes what the fit measured to pay for this camera. 0: the linear filters alone, the quickest.", AT(refine)},
     {HADA_OPTION_TEXT, "dark", 0, "FILE|auto|none|LEVEL", "dark level of the frames (default: what the model says)",
@@ -202,7 +202,11 @@ static hada_status run_file(job *work, const char *path, const char *name, json_
     char words[400];
     double start = hada_cli_seconds();
     int count = 0;
-    hada_status status = hada_tiff_open(&reader, path, err);
+    hada_status status = HADA_OK;
+    if (hada_cli_is_folder(path))
+        status = hada_cli_error(err, HADA_ERROR_FILE_OPEN, "a folder; name the files in it, such as %s/*.tif", path);
+    if (!status)
+        status = hada_tiff_open(&reader, path, err);
     if (!status)
         status = check_size(work, hada_tiff_get_info(reader), err);
     if (!status) {

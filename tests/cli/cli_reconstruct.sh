@@ -68,6 +68,7 @@ expect 4 'grey.tif: .*1 channel' reconstruct grey.tif -m "$model" -o bad
 expect 3 'cut.tif' reconstruct cut.tif -m "$model" -o bad
 expect 3 'empty.tif' reconstruct empty.tif -m "$model" -o bad
 expect 3 'text.tif' reconstruct text.tif -m "$model" -o bad
+expect 3 'a folder; name the files' reconstruct "$raw" -m "$model" -o bad
 expect 3 'nosuch.tif' reconstruct nosuch.tif -m "$model" -o bad
 files bad 0
 expect 1 '3 of 4 files failed' reconstruct nan.tif cut.tif "$raw/test01.tif" size.tif -m "$model" -o some

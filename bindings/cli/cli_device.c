@@ -27,7 +27,6 @@ hada_status hada_cli_open(hada_cli *cli, hada_context **out, hada_error *err)
     if (status)
         return status;
     const hada_device_info *device = hada_context_device(*out);
-    hada_cli_detail(cli, "device %d: %s (%s)", device->index, device->name, device->platform);
     json_object_set_new(cli->document, "device",
                         json_pack("{s:i, s:s, s:s}", "index", device->index, "kind",
                                   hada_device_kind_name(device->kind), "name", device->name));

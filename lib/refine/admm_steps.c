@@ -140,8 +140,9 @@ static hada_status be_positive(const run *r, hada_error *err)
 {
     hada_refiner *refiner = r->refiner;
     const size_t floats = (size_t)(r->sets * r->depths * refiner->shape.channels) * refiner->window_area;
-    const size_t local = HADA_REFINE_PAD / 8;
-    const size_t global = (floats + HADA_REFINE_PAD - 1) / HADA_REFINE_PAD * local;
+    const size_t group = HADA_REFINE_PAD / 8;
+    const size_t local = refiner->slot->context->info.max_work_group < group ? 1 : group;
+    const size_t global = (floats + HADA_REFINE_PAD - 1) / HADA_REFINE_PAD * group;
     hada_arg args[] = {HADA_ARG(refiner->planes.mem)};
     return hada_slot_launch(refiner->slot, refiner->prox, "refine_prox", 1, &global, &local, args, 1, err);
 }

@@ -7,6 +7,10 @@
  * four steps named a quarter of the wrong depths in the trials of docs/refinement.md, more than eight changed none. */
 enum { LOOK = 8, COMPARE = 12 };
 
+/* The first depth need only beat noise, which one depth explains little of; a rough model of a bright
+ * scene is not darkness. */
+#define FIRST_THRESHOLD 0.2
+
 /* A set of depths and where each place starts from. */
 typedef struct trial {
     int count;
@@ -246,7 +250,7 @@ hada_status hada_pursuit_search(hada_pursuit *p, hada_pursuit_result *result, ha
             left = frame = base;
         const double fall = base > 0.0 ? 1.0 - after / base : 0.0;
         result->fall[result->rounds++] = fall;
-        if (fall < p->options.threshold)
+        if (fall < (set.count ? p->options.threshold : fmin(p->options.threshold, FIRST_THRESHOLD)))
             break;
         set = more;
         left = after;

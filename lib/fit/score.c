@@ -194,8 +194,9 @@ size_t hada_fitter_best(const hada_fitter *fitter, int *scored)
 hada_status hada_fitter_rows(const hada_fitter *fitter, size_t best, hada_fit_row **rows, size_t *count,
                              hada_error *err)
 {
-    *count = (size_t)fitter->distinct;
-    hada_status status = hada_alloc((void **)rows, *count, sizeof **rows, "the leave-one-out table", err);
+    const size_t distinct = (size_t)fitter->distinct;
+    hada_status status = hada_alloc((void **)rows, distinct, sizeof **rows, "the leave-one-out table", err);
+    *count = status ? 0 : distinct;
     for (size_t s = 0; !status && s < *count; s++) {
         hada_fit_row *row = &(*rows)[s];
         row->alpha = fitter->alphas[s];

@@ -13,13 +13,23 @@ static const double distances[] = {100.0, 200.0, 400.0};
 
 typedef struct fixture {
     hada_context *context;
+    char tuning[64];
     hada_image psf[DEPTHS], scene[DEPTHS][PAIRS], frame[DEPTHS][PAIRS];
 } fixture;
 
-static int setup(void **state)
+static int setup_with(void **state, const char *tuning)
 {
     static fixture f;
-    ASSERT_OK(hada_context_create(&f.context, NULL, err));
+    hada_context_options options;
+    hada_context_options_init(&options);
+    if (tuning) {
+        strcpy(f.tuning, "/tmp/hadalens-test-XXXXXX");
+        const int file = mkstemp(f.tuning);
+        assert_int_equal(write(file, tuning, strlen(tuning)), strlen(tuning));
+        close(file);
+        options.tuning = f.tuning;
+    }
+    ASSERT_OK(hada_context_create(&f.context, &options, err));
     for (int z = 0; z < DEPTHS; z++) {
         f.psf[z] = small_psf(CHANNELS, ROWS, COLS, 12, (uint64_t)z + 1);
         for (int i = 0; i < PAIRS; i++) {
@@ -30,6 +40,17 @@ static int setup(void **state)
     }
     *state = &f;
     return 0;
+}
+
+static int setup(void **state)
+{
+    return setup_with(state, NULL);
+}
+
+/* clFFT has spectra in rows, whose number of values is no multiple of what kernels take at a time. */
+static int setup_rows(void **state)
+{
+    return setup_with(state, "fft * * clfft\n");
 }
 
 /* As on a GPU: kernels by work-groups, and the layout of spectra that goes with them. */
@@ -52,6 +73,9 @@ static int teardown(void **state)
     }
     assert_int_equal(hada_context_bytes(f->context), 0);
     hada_context_destroy(&f->context);
+    if (*f->tuning)
+        unlink(f->tuning);
+    *f->tuning = '\0';
     return 0;
 }
 
@@ -538,6 +562,7 @@ int main(void)
         cmocka_unit_test(filters_agree_with_the_reference),
         cmocka_unit_test(scores_agree_with_brute_force),
     };
-    const int failed = cmocka_run_group_tests(tests, setup, teardown);
-    return failed + cmocka_run_group_tests(by_groups, setup_groups, teardown);
+    int failed = cmocka_run_group_tests(tests, setup, teardown);
+    failed += cmocka_run_group_tests(by_groups, setup_groups, teardown);
+    return failed + cmocka_run_group_tests(by_groups, setup_rows, teardown);
 }

@@ -37,7 +37,8 @@ HADA_API hada_status hada_fitter_create(hada_fitter **out, hada_context *context
                                         hada_error *err);
 HADA_API void hada_fitter_destroy(hada_fitter **fitter);
 
-/* Bytes of device memory that a fitter holds, whatever the number of pairs. */
+/* Bytes of device memory that a fitter holds, whatever the number of pairs: more from the first score on, and
+ * hada_fitter_finish() takes room for the trial of refinement while it runs. */
 HADA_API uint64_t hada_fitter_bytes(const hada_fitter *fitter);
 
 /* First pass: adds a pair to the sums of a depth. `scene` has the window's size (or the raw frame's, then its centre is

@@ -23,6 +23,22 @@ FFT_INLINE void load_tile(__global const float *const *rows, int column, int cou
     fft_transpose(tile + 8);
 }
 
+/* One column of a full tile to its place in scratch. */
+#define KEEP(c)                                               \
+    scratch[2 * place[i + (c)]] = tile[c];                    \
+    scratch[2 * place[i + (c)] + 1] = tile[8 + (c)];
+
+/* Takes the spectra of two rows apart, at the frequency k = 8 block + c, from Z[k] and Z[n-k]. */
+#define APART(c)                                                                        \
+    {                                                                                   \
+        const float8 zr = z[2 * (c)] * 0.5f, zi = z[2 * (c) + 1] * 0.5f;                \
+        const float8 wr = w[-2 * (c)], wi = w[1 - 2 * (c)];                             \
+        x[2 * (c)] = fma(wr, (float8)0.5f, zr);                                         \
+        x[2 * (c) + 1] = fma(wi, (float8)-0.5f, zi);                                    \
+        y[2 * (c)] = fma(wi, (float8)0.5f, zi);                                         \
+        y[2 * (c) + 1] = fma(wr, (float8)0.5f, -zr);                                    \
+    }
+
 /* Offsets and distances of the real images count floats, those of spectra complex numbers. The image's columns
  * col0..col0+cols_in-1 are in memory, the others are zero; its rows go to the spectrum's rows row0 and on. */
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
@@ -61,6 +77,11 @@ fft_rows_forward(__global const float *in, ulong in_offset, ulong in_distance, u
             const int start = min(done, max(cols_in - 8, 0)), width = min(8, cols_in - start);
             float8 tile[ROWS];
             load_tile(row, start, width, tile);
+            if (width == 8 && !chirped) {
+                const int i = col0 + start;
+                FFT_EACH(8, KEEP)
+                continue;
+            }
             for (int c = 0; c < width; ++c) {
                 const int i = col0 + start + c;
                 float8 re = tile[c], im = tile[8 + c];
@@ -80,33 +101,38 @@ fft_rows_forward(__global const float *in, ulong in_offset, ulong in_distance, u
 
         for (int block = 0; block <= n / 2 / 8; ++block) {
             float8 x[ROWS], y[ROWS];
-            for (int c = 0; c < 8; ++c) {
-                const int k = 8 * block + c;
-                if (k > n / 2) {
-                    x[2 * c] = x[2 * c + 1] = y[2 * c] = y[2 * c + 1] = (float8)0.0f;
-                    continue;
+            if (!chirped && block > 0 && 8 * block + 7 <= n / 2) {
+                FFT_MEM const float8 *z = scratch + 16 * block, *w = scratch + 2 * (n - 8 * block);
+                FFT_EACH(8, APART)
+            } else {
+                for (int c = 0; c < 8; ++c) {
+                    const int k = 8 * block + c;
+                    if (k > n / 2) {
+                        x[2 * c] = x[2 * c + 1] = y[2 * c] = y[2 * c + 1] = (float8)0.0f;
+                        continue;
+                    }
+                    const int mirror = k ? n - k : 0;
+                    float8 zr, zi, wr, wi;
+                    if (chirped) {
+                        zr = scratch[2 * place[k] + 1];
+                        zi = scratch[2 * place[k]];
+                        wr = scratch[2 * place[mirror] + 1];
+                        wi = scratch[2 * place[mirror]];
+                        fft_turn(&zr, &zi, chirp[2 * k], chirp[2 * k + 1]);
+                        fft_turn(&wr, &wi, chirp[2 * mirror], chirp[2 * mirror + 1]);
+                    } else {
+                        zr = scratch[2 * k];
+                        zi = scratch[2 * k + 1];
+                        wr = scratch[2 * mirror];
+                        wi = scratch[2 * mirror + 1];
+                    }
+                    zr *= 0.5f;
+                    zi *= 0.5f;
+                    x[2 * c] = fma(wr, (float8)0.5f, zr);
+                    x[2 * c + 1] = fma(wi, (float8)-0.5f, zi);
+                    y[2 * c] = fma(wi, (float8)0.5f, zi);
+                    y[2 * c + 1] = fma(wr, (float8)0.5f, -zr);
                 }
-                const int mirror = k ? n - k : 0;
-                float8 zr, zi, wr, wi;
-                if (chirped) {
-                    zr = scratch[2 * place[k] + 1];
-                    zi = scratch[2 * place[k]];
-                    wr = scratch[2 * place[mirror] + 1];
-                    wi = scratch[2 * place[mirror]];
-                    fft_turn(&zr, &zi, chirp[2 * k], chirp[2 * k + 1]);
-                    fft_turn(&wr, &wi, chirp[2 * mirror], chirp[2 * mirror + 1]);
-                } else {
-                    zr = scratch[2 * k];
-                    zi = scratch[2 * k + 1];
-                    wr = scratch[2 * mirror];
-                    wi = scratch[2 * mirror + 1];
-                }
-                zr *= 0.5f;
-                zi *= 0.5f;
-                x[2 * c] = fma(wr, (float8)0.5f, zr);
-                x[2 * c + 1] = fma(wi, (float8)-0.5f, zi);
-                y[2 * c] = fma(wi, (float8)0.5f, zi);
-                y[2 * c + 1] = fma(wr, (float8)0.5f, -zr);
             }
             fft_transpose(x);
             fft_transpose(x + 8);

@@ -18,6 +18,23 @@ FFT_INLINE void keep(FFT_MEM float8 *scratch, __global const int *place, int n, 
     scratch[2 * place[i] + 1] = im;
 }
 
+/* Puts two rows' spectra together, at the frequency k = 8 block + c, to Z[k] and Z[n-k] in their places. */
+#define TOGETHER(c)                                                             \
+    {                                                                           \
+        const float8 xr = x[2 * (c)], xi = x[2 * (c) + 1];                      \
+        const float8 yr = y[2 * (c)], yi = y[2 * (c) + 1];                      \
+        FFT_MEM float8 *z = scratch + 2 * low[c], *w = scratch + 2 * high[-(c)]; \
+        z[0] = xr - yi;                                                         \
+        z[1] = xi + yr;                                                         \
+        w[0] = xr + yi;                                                         \
+        w[1] = yr - xi;                                                         \
+    }
+
+/* One column of a full tile of the output. */
+#define SCALE(c)                           \
+    x[c] = z[2 * (c)] * scale;             \
+    y[c] = z[2 * (c) + 1] * scale;
+
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 fft_rows_inverse(__global const float *in, ulong in_offset, ulong in_distance, int rows_in, int band,
                  __global float *out, ulong out_offset, ulong out_distance, ulong out_pitch, int col0, int cols_out,
@@ -55,6 +72,11 @@ fft_rows_inverse(__global const float *in, ulong in_offset, ulong in_distance, i
             fft_transpose(x + 8);
             fft_transpose(y);
             fft_transpose(y + 8);
+            if (!chirped && block > 0 && 8 * block + 7 <= band && 16 * block + 14 < n) {
+                __global const int *low = place + 8 * block, *high = place + n - 8 * block;
+                FFT_EACH(8, TOGETHER)
+                continue;
+            }
             for (int c = 0; c < 8; ++c) {
                 const int k = 8 * block + c;
                 if (k > band)
@@ -82,21 +104,26 @@ fft_rows_inverse(__global const float *in, ulong in_offset, ulong in_distance, i
         for (int done = 0; done < cols_out; done += 8) {
             const int start = min(done, max(cols_out - 8, 0)), width = min(8, cols_out - start);
             float8 x[8], y[8];
-            for (int c = 0; c < 8; ++c) {
-                const int i = col0 + start + min(c, width - 1);
-                float8 re, im;
-                if (chirped) {
-                    /* outputs stand where the forward order has them: place[(n - i) % n] */
-                    const int at = place[i ? n - i : 0];
-                    re = scratch[2 * at + 1];
-                    im = scratch[2 * at];
-                    fft_turn(&re, &im, chirp[2 * i], chirp[2 * i + 1]);
-                } else {
-                    re = scratch[2 * i];
-                    im = scratch[2 * i + 1];
+            if (width == 8 && !chirped) {
+                FFT_MEM const float8 *z = scratch + 2 * (col0 + start);
+                FFT_EACH(8, SCALE)
+            } else {
+                for (int c = 0; c < 8; ++c) {
+                    const int i = col0 + start + min(c, width - 1);
+                    float8 re, im;
+                    if (chirped) {
+                        /* outputs stand where the forward order has them: place[(n - i) % n] */
+                        const int at = place[i ? n - i : 0];
+                        re = scratch[2 * at + 1];
+                        im = scratch[2 * at];
+                        fft_turn(&re, &im, chirp[2 * i], chirp[2 * i + 1]);
+                    } else {
+                        re = scratch[2 * i];
+                        im = scratch[2 * i + 1];
+                    }
+                    x[c] = re * scale;
+                    y[c] = im * scale;
                 }
-                x[c] = re * scale;
-                y[c] = im * scale;
             }
             fft_transpose(x);
             fft_transpose(y);

@@ -1,0 +1,237 @@
+/* The sums of a fit: accuracy, files, merging, and pairs that must not get in. */
+#include "fit_fixture.h"
+
+/* Ten thousand additions: the sums stay within a few 1e-12 of double precision; float sums would be off by 1e-5. */
+static void many_additions_stay_accurate(void **state)
+{
+    fixture *f = *state;
+    enum { MANY = 10000 };
+    hada_fit_options options = usual(1, HADA_FORM_SPLIT);
+    hada_fitter *fitter;
+    ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
+    const size_t spectrum = (size_t)CHANNELS * fitter->layout.count * 2, count = fitter->layout.count;
+    const cl_ulong stride = fitter->stride, vectors = fitter->vectors, offset = 0;
+    const cl_float plus = 1.0f;
+    float *x = malloc(spectrum * 4), *b = malloc(spectrum * 4), *sums = malloc(12 * stride * 4);
+    hada_random random;
+    hada_random_seed(&random, 1, 1);
+    for (size_t i = 0; i < spectrum; i++) {
+        x[i] = (float)(hada_random_uniform(&random) + 0.1);
+        b[i] = (float)(hada_random_uniform(&random) + 0.1);
+    }
+    ASSERT_OK(hada_buffer_write(&fitter->x, fitter->slot, 0, x, spectrum * 4, err));
+    ASSERT_OK(hada_buffer_write(&fitter->b, fitter->slot, 0, b, spectrum * 4, err));
+    ASSERT_OK(hada_fitter_select(fitter, 0, err));
+    hada_arg args[] = {
+        HADA_ARG(fitter->x.mem), HADA_ARG(fitter->b.mem), HADA_ARG(offset), HADA_ARG(fitter->sums[0].mem),
+        HADA_ARG(stride),        HADA_ARG(plus),          HADA_ARG(vectors)};
+    for (int i = 0; i < MANY; i++)
+        ASSERT_OK(hada_fitter_launch(fitter, "fit_sums", "fit_pair", args, HADA_COUNT(args), err));
+    ASSERT_OK(hada_buffer_read(&fitter->sums[0], fitter->slot, 0, sums, 12 * stride * 4, err));
+    double worst = 0.0;
+    for (size_t i = 0; i < count; i++) {
+        /* what one addition is worth, with the products rounded to float as the device does */
+        const float xr = x[2 * i], xi = x[2 * i + 1], br = b[2 * i], bi = b[2 * i + 1];
+        const float rr = xr * br, ii = xi * bi, bb = br * br, bj = bi * bi, xx = xr * xr, xj = xi * xi;
+        const float one[] = {rr + ii, 0.0f, bb + bj, xx + xj, rr, bb};
+        for (size_t k = 0; k < 6; k++)
+            if (k != 1)
+                worst = fmax(worst, fabs(((double)sums[2 * k * stride + i] + sums[(2 * k + 1) * stride + i]) /
+                                             ((double)one[k] * MANY) -
+                                         1.0));
+    }
+    if (!(worst < 1e-11))
+        fail_msg("relative error %g after %d additions", worst, MANY);
+    free(x);
+    free(b);
+    free(sums);
+    hada_fitter_destroy(&fitter);
+}
+
+static void bad_pairs_leave_the_sums_as_they_were(void **state)
+{
+    fixture *f = *state;
+    hada_fit_options options = usual(1, HADA_FORM_COMPLEX);
+    hada_fitter *fitter;
+    hada_model *before, *after;
+    hada_error error;
+    options.lambda = 1e-3;
+    ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
+    assert_int_equal(hada_fitter_finish(fitter, &before, NULL, NULL, &error), HADA_ERROR_STATE);
+    assert_non_null(strstr(error.message, "100 mm"));
+    add_all(f, fitter, 1, 0, 2);
+    ASSERT_OK(hada_fitter_finish(fitter, &before, NULL, NULL, err));
+    hada_image bad = small_scene(CHANNELS, ROWS, COLS, 1), small = small_scene(CHANNELS, WINDOW - 1, WINDOW, 1);
+    bad.data[77] = NAN;
+    assert_int_equal(hada_fitter_add(fitter, 0, &bad, &f->scene[0][0], &error), HADA_ERROR_NOT_FINITE);
+    bad.data[77] = INFINITY;
+    assert_int_equal(hada_fitter_add(fitter, 0, &f->frame[0][0], &bad, &error), HADA_ERROR_NOT_FINITE);
+    assert_int_equal(hada_fitter_add(fitter, 0, &f->frame[0][0], &small, &error), HADA_ERROR_SIZE);
+    assert_int_equal(hada_fitter_add(fitter, 0, &small, &f->scene[0][0], &error), HADA_ERROR_SIZE);
+    assert_int_equal(hada_fitter_add(fitter, 1, &f->frame[0][0], &f->scene[0][0], &error), HADA_ERROR_ARGUMENT);
+    assert_int_equal(hada_fitter_pairs(fitter, 0), 2);
+    ASSERT_OK(hada_fitter_finish(fitter, &after, NULL, NULL, err));
+    assert_memory_equal(before->filter, after->filter, hada_model_plane(before) * 2 * CHANNELS * sizeof(float));
+    hada_image_destroy(&bad);
+    hada_image_destroy(&small);
+    hada_model_destroy(&before);
+    hada_model_destroy(&after);
+    hada_fitter_destroy(&fitter);
+}
+
+/* A scene of the frame's size counts by its centre; a dark level is taken off; identical pairs change nothing. */
+static void equal_inputs_give_equal_models(void **state)
+{
+    fixture *f = *state;
+    hada_fit_options options = usual(1, HADA_FORM_COMPLEX);
+    hada_model *models[3];
+    options.lambda = 1e-4;
+    for (int k = 0; k < 3; k++) {
+        hada_fitter *fitter;
+        options.dark = k == 1 ? 0.25 : 0.0;
+        ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
+        hada_image frame, scene;
+        ASSERT_OK(hada_image_create(&frame, CHANNELS, ROWS, COLS, err));
+        ASSERT_OK(hada_image_create(&scene, CHANNELS, ROWS, COLS, err));
+        for (int i = 0; i < CHANNELS * ROWS * COLS; i++)
+            frame.data[i] = f->frame[0][0].data[i] + (float)options.dark;
+        for (int c = 0; c < CHANNELS; c++)
+            for (int row = 0; row < WINDOW; row++)
+                memcpy(scene.data + (c * ROWS + row + (ROWS - WINDOW) / 2) * COLS + (COLS - WINDOW) / 2,
+                       f->scene[0][0].data + (c * WINDOW + row) * WINDOW, WINDOW * sizeof(float));
+        for (int i = 0; i < (k == 2 ? 4 : 1); i++)
+            ASSERT_OK(hada_fitter_add(fitter, 0, &frame, k == 1 ? &scene : &f->scene[0][0], err));
+        ASSERT_OK(hada_fitter_finish(fitter, &models[k], NULL, NULL, err));
+        hada_image_destroy(&frame);
+        hada_image_destroy(&scene);
+        hada_fitter_destroy(&fitter);
+    }
+    const size_t values = hada_model_plane(models[0]) * 2 * CHANNELS;
+    double distance[3] = {0};
+    for (int k = 1; k < 3; k++)
+        distance[k] = small_image_distance(models[k]->filter, models[0]->filter, values);
+    assert_true(distance[1] < 1e-4); /* the level costs bits of the frame */
+    assert_true(distance[2] < 1e-6);
+    for (int k = 0; k < 3; k++)
+        hada_model_destroy(&models[k]);
+}
+
+static void sums_merge_and_go_on(void **state)
+{
+    fixture *f = *state;
+    char folder[] = "/tmp/hadalens-test-XXXXXX", path[2][64];
+    assert_non_null(mkdtemp(folder));
+    for (int form = HADA_FORM_COMPLEX; form <= HADA_FORM_SPLIT; form++) {
+        hada_fit_options options = usual(DEPTHS, (hada_form)form);
+        hada_fitter *fitter;
+        hada_model *whole, *resumed, *merged;
+        options.alpha = 0.1;
+        options.lambda = 1e-4;
+        ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
+        add_all(f, fitter, DEPTHS, 0, PAIRS);
+        ASSERT_OK(hada_fitter_finish(fitter, &whole, NULL, NULL, err));
+        hada_fitter_destroy(&fitter);
+        for (int part = 0; part < 2; part++) {
+            snprintf(path[part], sizeof path[part], "%s/%d-%d.safetensors", folder, form, part);
+            ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
+            add_all(f, fitter, DEPTHS, part ? 2 : 0, part ? PAIRS : 2);
+            ASSERT_OK(hada_fitter_save_sums(fitter, path[part], err));
+            hada_fitter_destroy(&fitter);
+        }
+        /* loaded into nothing and continued in the same order: the same bits */
+        ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
+        ASSERT_OK(hada_fitter_load_sums(fitter, path[0], err));
+        assert_int_equal(hada_fitter_pairs(fitter, DEPTHS - 1), 2);
+        add_all(f, fitter, DEPTHS, 2, PAIRS);
+        ASSERT_OK(hada_fitter_finish(fitter, &resumed, NULL, NULL, err));
+        hada_fitter_destroy(&fitter);
+        ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
+        ASSERT_OK(hada_fitter_load_sums(fitter, path[1], err));
+        ASSERT_OK(hada_fitter_load_sums(fitter, path[0], err));
+        ASSERT_OK(hada_fitter_finish(fitter, &merged, NULL, NULL, err));
+        const size_t values = hada_model_plane(whole) * 2 * DEPTHS * CHANNELS;
+        assert_memory_equal(whole->filter, resumed->filter, values * sizeof(float));
+        assert_memory_equal(whole->otf, resumed->otf, values * sizeof(float));
+        assert_true(small_image_distance(merged->filter, whole->filter, values) < 1e-6);
+        assert_true(merged->pairs[0] == PAIRS);
+        hada_model_destroy(&whole);
+        hada_model_destroy(&resumed);
+        hada_model_destroy(&merged);
+
+        /* what does not belong together is refused, and nothing is added */
+        hada_error error;
+        hada_fitter *other;
+        hada_fit_options wrong = options;
+        wrong.window_rows = WINDOW - 2;
+        ASSERT_OK(hada_fitter_create(&other, f->context, &wrong, err));
+        assert_int_equal(hada_fitter_load_sums(other, path[0], &error), HADA_ERROR_SIZE);
+        assert_int_equal(hada_fitter_pairs(other, 0), 0);
+        hada_fitter_destroy(&other);
+        wrong = options;
+        wrong.form = form == HADA_FORM_SPLIT ? HADA_FORM_COMPLEX : HADA_FORM_SPLIT;
+        ASSERT_OK(hada_fitter_create(&other, f->context, &wrong, err));
+        assert_int_equal(hada_fitter_load_sums(other, path[0], &error),
+                         form == HADA_FORM_SPLIT ? HADA_OK : HADA_ERROR_SIZE);
+        hada_fitter_destroy(&other);
+        assert_int_equal(hada_fitter_load_sums(fitter, "/nonexistent/sums", &error), HADA_ERROR_FILE_OPEN);
+        hada_fitter_destroy(&fitter);
+        unlink(path[0]);
+        unlink(path[1]);
+    }
+    rmdir(folder);
+}
+
+/* The order in which depths come changes nothing: sums wait on the host while another depth is at work. */
+static void depths_may_come_in_any_order(void **state)
+{
+    fixture *f = *state;
+    hada_fit_options options = usual(DEPTHS, HADA_FORM_COMPLEX);
+    hada_fitter *a, *b;
+    hada_model *one, *two;
+    options.alpha = 0.3;
+    options.lambda = 1e-4;
+    ASSERT_OK(hada_fitter_create(&a, f->context, &options, err));
+    const uint64_t bytes = hada_fitter_bytes(a);
+    assert_int_equal(hada_context_bytes(f->context), bytes);
+    ASSERT_OK(hada_fitter_create(&b, f->context, &options, err));
+    add_all(f, a, DEPTHS, 0, PAIRS);
+    for (int i = 0; i < PAIRS; i++)
+        for (int z = DEPTHS - 1; z >= 0; z--)
+            ASSERT_OK(hada_fitter_add(b, z, &f->frame[z][i], &f->scene[z][i], err));
+    ASSERT_OK(hada_fitter_finish(a, &one, NULL, NULL, err));
+    ASSERT_OK(hada_fitter_finish(b, &two, NULL, NULL, err));
+    assert_memory_equal(one->filter, two->filter, hada_model_plane(one) * 2 * DEPTHS * CHANNELS * sizeof(float));
+    hada_model_destroy(&one);
+    hada_model_destroy(&two);
+    hada_fitter_destroy(&a);
+    hada_fitter_destroy(&b);
+}
+
+static void bad_options_are_refused(void **state)
+{
+    fixture *f = *state;
+    static const double backwards[] = {300.0, 200.0, 100.0};
+    hada_fitter *fitter;
+    hada_error error;
+    hada_fit_options options = usual(DEPTHS, HADA_FORM_WIENER);
+    assert_int_equal(hada_fitter_create(&fitter, f->context, &options, &error), HADA_ERROR_ARGUMENT);
+    options = usual(DEPTHS, HADA_FORM_COMPLEX);
+    options.distances_mm = backwards;
+    assert_int_equal(hada_fitter_create(&fitter, f->context, &options, &error), HADA_ERROR_MODEL);
+    options = usual(DEPTHS, HADA_FORM_COMPLEX);
+    options.window_rows = ROWS + 1;
+    assert_int_equal(hada_fitter_create(&fitter, f->context, &options, &error), HADA_ERROR_SIZE);
+    options = usual(0, HADA_FORM_COMPLEX);
+    assert_int_equal(hada_fitter_create(&fitter, f->context, &options, &error), HADA_ERROR_MODEL);
+    assert_null(fitter);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(many_additions_stay_accurate),   cmocka_unit_test(bad_pairs_leave_the_sums_as_they_were),
+        cmocka_unit_test(equal_inputs_give_equal_models), cmocka_unit_test(sums_merge_and_go_on),
+        cmocka_unit_test(depths_may_come_in_any_order),   cmocka_unit_test(bad_options_are_refused),
+    };
+    return cmocka_run_group_tests(tests, fit_setup, fit_teardown);
+}

@@ -56,14 +56,11 @@ static void find_range(hada_sheet *sheet)
     }
     const hada_image *map = p->distance_map;
     size_t count = map ? (size_t)map->rows * (size_t)map->cols : 0;
-    for (size_t i = 0; i < count && sheet->far <= sheet->near; i++)
+    const int spread = sheet->far > sheet->near; /* distances that say something are not overruled by the map */
+    for (size_t i = 0; i < count && !spread; i++)
         if (isfinite(map->data[i])) {
-            size_t k = i;
-            for (; k < count; k++)
-                if (isfinite(map->data[k])) {
-                    sheet->near = fmin(sheet->near, (double)map->data[k]);
-                    sheet->far = fmax(sheet->far, (double)map->data[k]);
-                }
+            sheet->near = fmin(sheet->near, (double)map->data[i]);
+            sheet->far = fmax(sheet->far, (double)map->data[i]);
         }
     if (!(sheet->near <= sheet->far)) {
         sheet->near = 0;

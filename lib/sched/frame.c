@@ -83,26 +83,3 @@ hada_status hada_frame_repair(hada_image *frame, size_t *repaired, hada_error *e
     hada_image_destroy(&before);
     return status;
 }
-
-hada_status hada_frame_dark_level(const hada_image *frame, double *level, hada_error *err)
-{
-    enum { ENOUGH = 1 << 18 };
-    if (!frame || !frame->data || !level)
-        return hada_fail(err, HADA_ERROR_ARGUMENT,
-                         "hada_frame_dark_level: a frame and a place for the level are needed");
-    size_t count = hada_image_count(frame);
-    size_t step = (count + ENOUGH - 1) / ENOUGH; /* a sample tells a quantile well enough */
-    void *memory;
-    hada_status status = hada_alloc_raw(&memory, count / step + 1, sizeof(float), "the dark level", err);
-    if (status)
-        return status;
-    float *sample = memory;
-    size_t n = 0;
-    for (size_t i = 0; i < count; i += step)
-        if (isfinite(frame->data[i]))
-            sample[n++] = frame->data[i];
-    qsort(sample, n, sizeof *sample, by_value);
-    *level = n ? sample[n / 100] : 0.0;
-    free(memory);
-    return HADA_OK;
-}

@@ -1,16 +1,13 @@
-/* Making a raw frame ready: checks, repair of broken pixels, dark level. Internal. */
+/* Repairing a raw frame. Internal. */
 #ifndef HADA_SCHED_FRAME_H
 #define HADA_SCHED_FRAME_H
 
 #include <hadalens/image.h>
-#include <hadalens/reconstruct.h>
 
 #include "core/error.h"
 
 /* Replaces NaN and infinite pixels of a plane by the median of the finite pixels in the smallest square around them (up
  * to 15 x 15, else the plane's median, else 0), judged on the frame as it came. Returns how many. */
 hada_status hada_frame_repair(hada_image *frame, size_t *repaired, hada_error *err);
-
-/* hada_frame_dark_level() is public: hadalens/reconstruct.h. */
 
 #endif

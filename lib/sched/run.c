@@ -1,15 +1,15 @@
 /* One frame through a plan. */
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 #include <time.h>
 
+#include "core/alloc.h"
+#include "filter/dark.h"
 #include "program/kernel.h"
 #include "sched/frame.h"
 #include "sched/plan.h"
 #include "sched/result.h"
-
-/* `auto` stops when a step lowers the residual by less than this part of itself (docs/refinement.md). */
-#define AUTO_STOP 0.01
 
 static double seconds(void)
 {
@@ -59,21 +59,24 @@ static double energy_above(const hada_image *frame, const double *levels, const 
     return sum;
 }
 
-static hada_status find_level(hada_plan *plan, const hada_image *frame, hada_report *report, hada_error *err)
+/* Fills plan->levels; the report takes their mean. */
+static hada_status find_levels(hada_plan *plan, const hada_image *frame, hada_report *report, hada_error *err)
 {
     const hada_model_info *info = hada_model_get_info(plan->model);
-    hada_status status = HADA_OK;
-    double level = 0;
-    /* a model can ask for the level of each frame by a dark level below zero */
-    if (plan->options.dark == HADA_DARK_AUTO || (plan->options.dark == HADA_DARK_MODEL && info->dark < 0))
-        status = hada_frame_dark_level(frame, &level, err);
-    else if (plan->options.dark == HADA_DARK_MODEL)
-        level = info->dark;
-    else if (plan->options.dark == HADA_DARK_LEVEL)
-        level = plan->options.dark_level;
-    for (int channel = 0; channel < info->channels; channel++)
-        plan->levels[channel] = level;
-    report->dark = level;
+    const hada_dark dark = plan->options.dark;
+    const size_t pixels = (size_t)frame->rows * (size_t)frame->cols;
+    const double level = dark == HADA_DARK_MODEL   ? info->dark
+                         : dark == HADA_DARK_LEVEL ? plan->options.dark_level
+                                                   : 0.0;
+    /* a model asks for the level of each frame by a dark level below zero */
+    const int each = dark == HADA_DARK_AUTO || (dark == HADA_DARK_MODEL && info->dark < 0);
+    void *room = NULL;
+    hada_status status = each ? hada_alloc_raw(&room, pixels, sizeof(float), "the dark level", err) : HADA_OK;
+    for (int channel = 0; !status && channel < frame->channels; channel++) {
+        plan->levels[channel] = each ? hada_dark_estimate(frame->data + (size_t)channel * pixels, pixels, room) : level;
+        report->dark += plan->levels[channel] / frame->channels;
+    }
+    free(room);
     return status;
 }
 
@@ -91,7 +94,7 @@ static hada_status upload(hada_plan *plan, const hada_image *raw, double *energy
         frame = &repaired;
     }
     if (!status)
-        status = find_level(plan, frame, report, err);
+        status = find_levels(plan, frame, report, err);
     if (!status)
         status = hada_hadamard_frame(plan->stage, frame->data, plan->levels, err);
     if (!status && plan->shape.refined)
@@ -159,7 +162,7 @@ static hada_status refine(hada_plan *plan, int count, double energy, hada_result
     const double gain = hada_model_gain(plan->model);
     rule.steps = plan->shape.steps;
     rule.rho = info->refine_rho * gain;
-    rule.stop = plan->options.refine < 0 ? AUTO_STOP : 0;
+    rule.stop = plan->options.refine < 0 ? HADA_REFINE_STOP : 0;
     hada_status status =
         hada_refiner_run(plan->refiner, &data, &rule, 1, count, plan->occupied, &report->refine_steps, err);
     double left = 0;

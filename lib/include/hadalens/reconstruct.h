@@ -84,11 +84,6 @@ typedef struct hada_result {
 HADA_API hada_status hada_plan_run(hada_plan *plan, const hada_image *raw, hada_result *result, hada_error *err);
 HADA_API void hada_result_destroy(hada_result *result);
 
-/* The dark level of a frame when nobody measured it (HADA_DARK_AUTO), in units of full scale: the level that 1 % of its
- * pixels stay below. A lensless frame spreads light nearly everywhere, so its darkest pixels show the sensor's offset,
- * and a quantile, unlike the minimum, does not hang on one dead pixel. For fitting pairs of a camera with an offset. */
-HADA_API hada_status hada_frame_dark_level(const hada_image *frame, double *level, hada_error *err);
-
 #ifdef __cplusplus
 }
 #endif

@@ -1,0 +1,201 @@
+/* Scenes that are hard to tell apart: slanted, between depths, neighbouring, faint, black, constant, everywhere. */
+#include "learned_camera.h"
+
+static void run(const learned_camera *learned, const hada_plan_options *options, const hada_image *raw,
+                hada_result *result)
+{
+    hada_plan *plan;
+    ASSERT_OK(hada_plan_create(&plan, learned->context, learned->model, options, err));
+    ASSERT_OK(hada_plan_run(plan, raw, result, err));
+    hada_plan_destroy(&plan);
+}
+
+/* A scene whose distance runs from nearest to farthest across the window, each depth a stripe. */
+static void a_slanted_plane_occupies_every_depth(void **state)
+{
+    const learned_camera *learned = *state;
+    hada_image scene = learned_scene(learned, 31), parts[LEARNED_DEPTHS];
+    hada_plane planes[LEARNED_DEPTHS];
+    const int rows = scene.rows, cols = scene.cols;
+    int *labels = malloc((size_t)rows * (size_t)cols * sizeof *labels);
+    for (int i = 0; i < rows * cols; i++)
+        labels[i] = i % cols * LEARNED_DEPTHS / cols;
+    for (int z = 0; z < LEARNED_DEPTHS; z++) {
+        ASSERT_OK(hada_scene_part(&parts[z], &scene, labels, z, err));
+        planes[z] = (hada_plane){z, &parts[z]};
+    }
+    hada_image raw = learned_frame(learned, planes, LEARNED_DEPTHS, 31);
+    hada_result result = {0};
+    run(learned, NULL, &raw, &result);
+    assert_int_equal(result.report.occupied_count, LEARNED_DEPTHS);
+    /* the distance falls into the right stripe for most of what the map covers */
+    size_t seen = 0, right = 0;
+    for (int i = 0; i < rows * cols; i++)
+        if (!isnan(result.distance_map.data[i])) {
+            const double inverse = 1 / result.distance_map.data[i], *mm = learned->camera.distances_mm;
+            int best = 0;
+            for (int z = 1; z < LEARNED_DEPTHS; z++)
+                if (fabs(1 / mm[z] - inverse) < fabs(1 / mm[best] - inverse))
+                    best = z;
+            seen++;
+            right += best == labels[i];
+        }
+    assert_true(seen * 2 >= (size_t)(rows * cols));
+    assert_true((double)right >= 0.85 * (double)seen);
+    assert_true(learned_psnr(&result.all_in_focus, &scene) > 20);
+    for (int z = 0; z < LEARNED_DEPTHS; z++)
+        hada_image_destroy(&parts[z]);
+    free(labels);
+    hada_result_destroy(&result);
+    hada_image_destroy(&raw);
+    hada_image_destroy(&scene);
+}
+
+/* An object between two depths of the model, which knows no such response, shows at its neighbours: most of its light
+ * stands there, and so does the distance map. */
+static void an_object_between_depths_shows_at_its_neighbours(void **state)
+{
+    const learned_camera *learned = *state;
+    hada_camera between = learned->camera;
+    hada_simulator *simulator;
+    between.depths = 1;
+    between.distances_mm[0] = 2 / (1 / learned->camera.distances_mm[1] + 1 / learned->camera.distances_mm[2]);
+    ASSERT_OK(hada_simulator_create(&simulator, learned->context, &between, err));
+    hada_image scene = learned_scene(learned, 32), raw;
+    ASSERT_OK(hada_simulator_render(simulator, &(hada_plane){0, &scene}, 1, learned_noise, 32, &raw, err));
+    hada_result result = {0};
+    run(learned, NULL, &raw, &result);
+    assert_true(result.report.occupied[1] + result.report.occupied[2] >= 1);
+    double light[LEARNED_DEPTHS] = {0}, all = 0;
+    for (int z = 0; z < LEARNED_DEPTHS; z++) {
+        for (size_t i = 0; i < hada_image_count(&scene); i++)
+            light[z] += result.planes[z].data[i];
+        all += light[z];
+    }
+    size_t seen = 0, right = 0;
+    for (size_t i = 0; i < hada_image_count(&scene); i++)
+        if (!isnan(result.distance_map.data[i])) {
+            seen++;
+            right += result.distance_map.data[i] > 0.99 * learned->camera.distances_mm[1] &&
+                     result.distance_map.data[i] < 1.01 * learned->camera.distances_mm[2];
+        }
+    if (fmin(light[1], light[2]) < 1.5 * fmax(light[0], light[3]) || (double)right < 0.9 * (double)seen)
+        fail_msg("light %.2f %.2f %.2f %.2f of %.2f; map right at %zu of %zu", light[0], light[1], light[2], light[3],
+                 all, right, seen);
+    hada_result_destroy(&result);
+    hada_image_destroy(&raw);
+    hada_image_destroy(&scene);
+    hada_simulator_destroy(&simulator);
+}
+
+/* Half of the scene at a twentieth of the other's brightness is still found at its own depth. */
+static void a_faint_object_beside_a_bright_one_is_found(void **state)
+{
+    const learned_camera *learned = *state;
+    hada_image scene = learned_scene(learned, 33), parts[2];
+    hada_plane planes[2];
+    learned_split(learned, &scene, (int[]){0, 3}, 2, 33, parts, planes);
+    for (size_t i = 0; i < hada_image_count(&parts[1]); i++)
+        parts[1].data[i] *= 0.05f;
+    hada_image raw = learned_frame(learned, planes, 2, 33);
+    hada_result result = {0};
+    run(learned, NULL, &raw, &result);
+    assert_int_equal(result.report.occupied[0], 1);
+    assert_int_equal(result.report.occupied[3], 1);
+    for (int i = 0; i < 2; i++)
+        hada_image_destroy(&parts[i]);
+    hada_result_destroy(&result);
+    hada_image_destroy(&raw);
+    hada_image_destroy(&scene);
+}
+
+static void a_black_frame_holds_nothing(void **state)
+{
+    const learned_camera *learned = *state;
+    hada_image raw;
+    hada_result result = {0};
+    ASSERT_OK(hada_image_create(&raw, 1, learned->camera.rows, learned->camera.cols, err));
+    for (int noisy = 0; noisy < 2; noisy++) {
+        if (noisy)
+            hada_image_add_noise(&raw, 1e-3, 3);
+        run(learned, NULL, &raw, &result);
+        assert_int_equal(result.report.occupied_count, 0);
+        for (int z = 0; z < result.depths; z++)
+            for (size_t i = 0; i < hada_image_count(&result.planes[z]); i++)
+                assert_true(result.planes[z].data[i] == 0);
+        for (size_t i = 0; i < hada_image_count(&result.distance_map); i++)
+            assert_true(isnan(result.distance_map.data[i]));
+    }
+    /* the linear filters show the noise as it is, and all of it is finite */
+    hada_plan_options options;
+    hada_plan_options_init(&options);
+    options.refine = 0;
+    run(learned, &options, &raw, &result);
+    assert_int_equal(hada_image_count_not_finite(&result.all_in_focus), 0);
+    hada_result_destroy(&result);
+    hada_image_destroy(&raw);
+}
+
+static void a_constant_frame_stays_finite(void **state)
+{
+    const learned_camera *learned = *state;
+    hada_image raw;
+    hada_result result = {0};
+    ASSERT_OK(hada_image_create(&raw, 1, learned->camera.rows, learned->camera.cols, err));
+    for (size_t i = 0; i < hada_image_count(&raw); i++)
+        raw.data[i] = 0.5f;
+    run(learned, NULL, &raw, &result);
+    for (int z = 0; z < result.depths; z++)
+        assert_int_equal(hada_image_count_not_finite(&result.planes[z]), 0);
+    assert_int_equal(hada_image_count_not_finite(&result.all_in_focus), 0);
+    hada_result_destroy(&result);
+    hada_image_destroy(&raw);
+}
+
+/* Occupied depths by list: only those are refined; the rest is dark. */
+static void a_list_of_occupied_depths_is_obeyed(void **state)
+{
+    const learned_camera *learned = *state;
+    hada_image scene = learned_scene(learned, 34);
+    hada_image raw = learned_frame(learned, &(hada_plane){1, &scene}, 1, 34);
+    hada_result result = {0};
+    hada_plan_options options;
+    for (int refine = -1; refine <= 0; refine++) {
+        hada_plan_options_init(&options);
+        options.refine = refine;
+        options.occupied = HADA_OCCUPIED_LIST;
+        options.occupied_list = (int[]){1, 2};
+        options.occupied_count = 2;
+        run(learned, &options, &raw, &result);
+        for (int z = 0; z < LEARNED_DEPTHS; z++)
+            assert_int_equal(result.report.occupied[z], z == 1 || z == 2);
+        for (size_t i = 0; i < hada_image_count(&scene); i++)
+            assert_true(result.planes[0].data[i] == 0 && result.planes[3].data[i] == 0);
+    }
+    /* computing a few depths alone names them by their distances */
+    hada_plan_options_init(&options);
+    options.depths = (int[]){1, 3};
+    options.depth_count = 2;
+    run(learned, &options, &raw, &result);
+    assert_int_equal(result.depths, 2);
+    assert_true(result.distances_mm[1] == learned->camera.distances_mm[3]);
+    assert_int_equal(result.report.occupied[0], 1);
+    assert_int_equal(result.report.occupied[1], 0);
+    assert_true(learned_psnr(&result.planes[0], &scene) > 25);
+    hada_result_destroy(&result);
+    hada_image_destroy(&raw);
+    hada_image_destroy(&scene);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_slanted_plane_occupies_every_depth),
+        cmocka_unit_test(an_object_between_depths_shows_at_its_neighbours),
+        cmocka_unit_test(a_faint_object_beside_a_bright_one_is_found),
+        cmocka_unit_test(a_black_frame_holds_nothing),
+        cmocka_unit_test(a_constant_frame_stays_finite),
+        cmocka_unit_test(a_list_of_occupied_depths_is_obeyed),
+    };
+    return cmocka_run_group_tests(tests, learned_setup, learned_teardown);
+}

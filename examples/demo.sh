@@ -14,35 +14,11 @@ out=build/demo
 
 say() { printf '\n== %s\n' "$*"; }
 
-install_missing() {
-    local packages=(build-essential cmake ninja-build pkg-config ocl-icd-opencl-dev pocl-opencl-icd libclfft-dev
-        libtiff-dev libpng-dev libjansson-dev libxxhash-dev libpopt-dev libcmocka-dev)
-    local missing=() package root=()
-    if ! command -v dpkg-query >/dev/null; then
-        say "This is not a Debian or Ubuntu system: docs/dependencies.md lists what has to be installed"
-        return
-    fi
-    for package in "${packages[@]}"; do
-        dpkg-query -W -f '${Status}' "$package" 2>/dev/null | grep -q 'ok installed' || missing+=("$package")
-    done
-    [ ${#missing[@]} -gt 0 ] || return 0
-    if [ "$(id -u)" != 0 ]; then
-        if ! command -v sudo >/dev/null; then
-            say "Please install, as root: apt-get install ${missing[*]}"
-            exit 1
-        fi
-        root=(sudo)
-    fi
-    say "Installing: ${missing[*]}"
-    "${root[@]}" apt-get update -qq
-    "${root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" \
-        >/dev/null
-}
-
-install_missing
+source examples/install.sh
+hadalens_install
 
 say "Building (build/release)"
-cmake --preset release >/dev/null
+cmake --preset release -DHADALENS_TESTS=OFF >/dev/null
 cmake --build build/release --target hadalens_cli -j "$(nproc)" | tail -n 1
 
 say "The OpenCL devices here"

@@ -1,6 +1,7 @@
 #include "io/tiff_text.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -131,7 +132,7 @@ typedef struct hada_parts {
 
 static void put(hada_parts *parts, const void *data, size_t bytes)
 {
-    if (parts->data && bytes <= parts->room - parts->bytes)
+    if (parts->data && parts->bytes <= parts->room && bytes <= parts->room - parts->bytes)
         memcpy(parts->data + parts->bytes, data, bytes);
     parts->bytes += bytes;
 }
@@ -163,13 +164,11 @@ static void put_labels(hada_parts *parts, int channels, const hada_tiff_write_op
     for (int t = 0; t < options->times; t++)
         for (int z = 0; z < options->slices; z++)
             for (int c = 0; c < channels; c++) {
-                char number[40];
-                hada_text label = {0};
+                char number[40], label[80];
                 hada_format_number(number, sizeof number, "%.6g", options->distances_mm[z]);
-                hada_text_add(&label, "%s mm%s%s", number, channels > 1 ? " " : "",
-                              channels > 1 ? channel_name(channels, c) : "");
-                put_text(parts, label.data ? label.data : "");
-                free(label.data);
+                snprintf(label, sizeof label, "%s mm%s%s", number, channels > 1 ? " " : "",
+                         channels > 1 ? channel_name(channels, c) : "");
+                put_text(parts, label);
             }
 }
 

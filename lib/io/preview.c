@@ -79,7 +79,8 @@ static void place_stack(hada_sheet *sheet)
         return;
     double shape = aspect(&p->planes[0]);
     int room = WIDTH - 2 * MARGIN;
-    for (int columns = 1; columns <= p->depths; columns++) {
+    /* four side by side are large enough for a look: fewer would leave half the sheet empty */
+    for (int columns = p->depths < 4 ? p->depths : 4; columns <= p->depths; columns++) {
         int width = (room - (columns - 1) * GAP) / columns;
         width = width < TILE_MOST ? width : TILE_MOST;
         width = shape < 1 && width > TILE_MOST * shape ? (int)(TILE_MOST * shape) : width;

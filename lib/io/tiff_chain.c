@@ -63,8 +63,12 @@ static hada_status read_directory(const hada_tiff_chain *chain, int fd, uint64_t
         return cut_off(err, page);
     /* Some writers leave out the link after the last directory when it is the end of the file. */
     uint64_t link = offset + (uint64_t)count_bytes + bytes;
-    *next =
-        hada_read_at(fd, *entries + bytes, (size_t)next_bytes, link) ? 0 : number(chain, *entries + bytes, next_bytes);
+    *next = 0;
+    if (link + (uint64_t)next_bytes > chain->bytes)
+        return HADA_OK;
+    if (hada_read_at(fd, *entries + bytes, (size_t)next_bytes, link))
+        return cut_off(err, page);
+    *next = number(chain, *entries + bytes, next_bytes);
     return HADA_OK;
 }
 

@@ -56,9 +56,9 @@ static void save_to_cache(hada_context *context, const hada_program_store *store
         char *text = hada_kernel_text(entry->file);
         if (!text)
             continue;
-        hada_program_key(context, entry->file, entry->options, text, name, sizeof name);
+        const hada_status keyed = hada_program_key(context, entry->file, entry->options, text, name, sizeof name, NULL);
         free(text);
-        if (hada_program_binary(entry->program, &binary, &bytes, NULL))
+        if (keyed || hada_program_binary(entry->program, &binary, &bytes, NULL))
             continue;
         /* a program that ran at new work-group sizes has grown; an unchanged one is left alone */
         if (!hada_binary_read(store->cache, name, &old, &old_bytes, NULL)) {
@@ -99,13 +99,14 @@ static hada_status make(hada_context *context, hada_program_store *store, const 
     char name[256];
     char *text = hada_kernel_text(file);
     if (!text)
-        return hada_fail(err, HADA_ERROR_BUILD, "there is no kernel file %s.cl in this build", file);
-    hada_program_key(context, file, options, text, name, sizeof name);
+        return hada_kernel_text_missing(file, err);
 
     unsigned char *binary = NULL;
     size_t bytes = 0;
     const char *folder = store->binaries ? store->binaries : store->cache;
-    hada_status status = folder ? hada_binary_read(folder, name, &binary, &bytes, err) : HADA_OK;
+    hada_status status = hada_program_key(context, file, options, text, name, sizeof name, err);
+    if (!status && folder)
+        status = hada_binary_read(folder, name, &binary, &bytes, err);
     if (!status && bytes) {
         status = hada_program_from_binary(context, file, options, binary, bytes, out, err);
         if (!status)

@@ -30,12 +30,11 @@ hada_status hada_programs_save(hada_context *context, const char *folder, hada_e
         if (status)
             break;
         char *text = hada_kernel_text(row->file);
-        if (!text)
-            status = hada_fail(err, HADA_ERROR_MEMORY, "no memory for the text of %s.cl", row->file);
-        else {
-            hada_program_key(context, row->file, row->options, text, name, sizeof name);
+        status = text ? HADA_OK : hada_kernel_text_missing(row->file, err);
+        if (!status)
+            status = hada_program_key(context, row->file, row->options, text, name, sizeof name, err);
+        if (!status)
             status = hada_binary_write(folder, name, binary, bytes, err);
-        }
         free(text);
         free(binary);
     }

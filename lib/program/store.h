@@ -21,10 +21,13 @@ struct hada_program_store {
 /* The embedded text of a kernel file as one string (freed by the caller), NULL where there is none or no memory. */
 char *hada_kernel_text(const char *file);
 
+/* Why hada_kernel_text() gave NULL. */
+hada_status hada_kernel_text_missing(const char *file, hada_error *err);
+
 /* The name under which a program's binary stands in a folder: "<file>-<hash>.bin"; the hash covers the flattened text,
  * the macros, device, driver, platform and the library's version. */
-void hada_program_key(const hada_context *context, const char *file, const char *options, const char *text, char *out,
-                      size_t size);
+hada_status hada_program_key(const hada_context *context, const char *file, const char *options, const char *text,
+                             char *out, size_t size, hada_error *err);
 
 /* Reads a binary written by hada_binary_write(): *bytes is 0 and the status HADA_OK where there is no such file or it
  * is not ours or damaged (the checksum does not hold). *out is freed with free(). */

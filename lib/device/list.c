@@ -80,6 +80,7 @@ static void text(cl_device_id device, cl_device_info what, char *out, size_t siz
     snprintf(out, size, "%s", start);
 }
 
+/* 0 where the device does not know what is asked. */
 static cl_ulong number(cl_device_id device, cl_device_info what, size_t size)
 {
     union {
@@ -90,6 +91,19 @@ static cl_ulong number(cl_device_id device, cl_device_info what, size_t size)
     if (clGetDeviceInfo(device, what, sizeof value, &value, NULL) != CL_SUCCESS)
         return 0;
     return size == sizeof(cl_uint) ? value.u : value.ul;
+}
+
+/* Numbers without which nothing can be planned. */
+static hada_status check_answers(const hada_device_info *info, hada_error *err)
+{
+    if (info->compute_units && info->memory_bytes && info->max_allocation_bytes && info->max_work_group)
+        return HADA_OK;
+    return hada_fail(err, HADA_ERROR_DEVICE,
+                     "device %d (%s) does not say how many units (%u), how much memory (%llu bytes, %llu in one piece) "
+                     "and what work-groups (%zu) it has: its driver is at fault; update it or take it out of "
+                     "/etc/OpenCL/vendors",
+                     info->index, info->name, info->compute_units, (unsigned long long)info->memory_bytes,
+                     (unsigned long long)info->max_allocation_bytes, info->max_work_group);
 }
 
 hada_status hada_device_describe(cl_platform_id platform, cl_device_id device, int index, hada_device_info *info,
@@ -126,7 +140,7 @@ hada_status hada_device_describe(cl_platform_id platform, cl_device_id device, i
     info->has_half_arithmetic = strstr(extensions, "cl_khr_fp16") != NULL;
     hada_quirks quirks;
     hada_quirks_find(info, &quirks);
-    return HADA_OK;
+    return check_answers(info, err);
 }
 
 hada_status hada_device_list(hada_device_info **out, size_t *count, hada_error *err)

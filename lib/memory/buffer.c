@@ -18,6 +18,13 @@ static hada_status too_large(const hada_context *context, size_t bytes, const ch
         (double)context->info.max_allocation_bytes / 1073741824.0);
 }
 
+/* The driver calls it when the last command that uses the buffer is done, also after a failure in between. */
+static void CL_CALLBACK free_pages(cl_mem mem, void *pages)
+{
+    (void)mem;
+    free(pages);
+}
+
 hada_status hada_buffer_create(hada_buffer *buffer, hada_context *context, size_t bytes, const char *what,
                                hada_error *err)
 {
@@ -39,13 +46,18 @@ hada_status hada_buffer_create(hada_buffer *buffer, hada_context *context, size_
         flags |= CL_MEM_USE_HOST_PTR;
     }
     cl_mem mem = clCreateBuffer(context->cl, flags, bytes, pages, &code);
+    const char *call = "clCreateBuffer";
+    if (code == CL_SUCCESS && pages && (code = clSetMemObjectDestructorCallback(mem, free_pages, pages))) {
+        call = "clSetMemObjectDestructorCallback";
+        clReleaseMemObject(mem);
+    }
     if (code != CL_SUCCESS) {
         free(pages);
-        hada_status status = hada_fail_cl(err, code, "clCreateBuffer");
+        hada_status status = hada_fail_cl(err, code, call);
         hada_error_prefix(err, "%s (%.1f MiB): ", what, (double)bytes / 1048576.0);
         return status;
     }
-    *buffer = (hada_buffer){context, mem, bytes, pages};
+    *buffer = (hada_buffer){context, mem, bytes};
     pthread_mutex_lock(&context->lock);
     context->bytes += bytes;
     if (context->bytes > context->peak_bytes)
@@ -70,7 +82,6 @@ void hada_buffer_destroy(hada_buffer *buffer)
     if (!buffer || !buffer->mem)
         return;
     clReleaseMemObject(buffer->mem);
-    free(buffer->pages);
     pthread_mutex_lock(&buffer->context->lock);
     buffer->context->bytes -= buffer->bytes;
     pthread_mutex_unlock(&buffer->context->lock);

@@ -11,7 +11,6 @@ typedef struct hada_buffer {
     hada_context *context;
     cl_mem mem;
     size_t bytes;
-    void *pages; /* host memory behind it, NULL where the driver owns it */
 } hada_buffer;
 
 /* Allocates (uninitialised) and counts. `what` names it in messages ("the filters"). *buffer is zeroed on failure.
@@ -23,7 +22,8 @@ hada_status hada_buffer_create(hada_buffer *buffer, hada_context *context, size_
 hada_status hada_buffer_create_from(hada_buffer *buffer, hada_slot *slot, const void *data, size_t bytes,
                                     const char *what, hada_error *err);
 
-/* Frees; an empty buffer is fine. The slot's queues must not use it any more. */
+/* Frees; an empty buffer is fine. Commands that still use it keep its memory until they are done, as they may after a
+ * failure in their midst. */
 void hada_buffer_destroy(hada_buffer *buffer);
 
 /* Blocking transfers on the compute queue (in order with the kernels). */

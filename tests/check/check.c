@@ -1,5 +1,6 @@
 /* The check tool: see check.h and README.md.
- *   check [--op NAME] [--shape TEXT] [--mode correct|bits|time] [--device D] [--seed N] [--shapes FOLDER] [--csv]  */
+ *   check [--op NAME] [--shape TEXT] [--mode correct|bits|time|compile] [--device D] [--seed N] [--shapes FOLDER]
+ *         [--csv] [--list-kernels]  */
 #include "check.h"
 
 #include <ctype.h>
@@ -9,13 +10,15 @@
 #include <string.h>
 #include <time.h>
 
+#include "program/kernel.h"
+
 enum { GUARD = 256 };
 static const float guard_value = -12345.0f;
 
 typedef struct settings {
     const char *op, *shape, *mode, *device, *folder;
     uint64_t seed;
-    int csv;
+    int csv, list;
 } settings;
 
 typedef enum verdict { PASSED, FAILED, SKIPPED } verdict;
@@ -53,6 +56,43 @@ void check_fill_normal(const check_state *state, uint64_t stream, float *out, si
     hada_random_seed(&random, state->seed, stream);
     for (size_t i = 0; i < count; i++)
         out[i] = (float)hada_random_normal(&random);
+}
+
+hada_status check_region(check_state *state, size_t first, size_t count, cl_mem *region, hada_error *err)
+{
+    const cl_buffer_region part = {(state->out_offset + first) * sizeof(float), count * sizeof(float)};
+    cl_int code = CL_OUT_OF_RESOURCES;
+    if (state->regions < CHECK_REGIONS)
+        *region = clCreateSubBuffer(state->out.mem, CL_MEM_READ_WRITE, CL_BUFFER_CREATE_TYPE_REGION, &part, &code);
+    if (code != CL_SUCCESS)
+        return hada_fail_cl(err, code, "clCreateSubBuffer");
+    state->region[state->regions++] = *region;
+    return HADA_OK;
+}
+
+size_t check_local(const check_state *state, size_t groups)
+{
+    return state->slot->context->shape == HADA_SHAPE_GROUPS ? groups : 1;
+}
+
+hada_status check_kernel(check_state *state, const char *file, const char *name, const char *options, size_t items,
+                         size_t local, const hada_arg *args, size_t arg_count, hada_error *err)
+{
+    const size_t global = (items + local - 1) / local * local;
+    cl_kernel kernel;
+    hada_status status = hada_slot_kernel(state->slot, file, name, options, &kernel, err);
+    return status ? status : hada_slot_launch(state->slot, kernel, name, 1, &global, &local, args, arg_count, err);
+}
+
+hada_status check_clear(check_state *state, size_t first, size_t count, hada_error *err)
+{
+    return hada_buffer_clear(&state->out, state->slot, (state->out_offset + first) * sizeof(float),
+                             count * sizeof(float), err);
+}
+
+hada_status check_upload(check_state *state, hada_buffer *buffer, const void *data, size_t bytes, hada_error *err)
+{
+    return hada_buffer_create_from(buffer, state->slot, data, bytes, "an input", err);
 }
 
 static hada_status fill_guards(check_state *state, hada_error *err)
@@ -185,6 +225,16 @@ static verdict check_time(check_state *state, char *note, size_t size, const set
 static verdict run_case(hada_slot *slot, const check_op *op, const char *shape, const settings *how)
 {
     check_state state = {.op = op, .shape = shape, .seed = how->seed, .slot = slot};
+    const hada_shape own_shape = slot->context->shape;
+    const uint64_t own_local = slot->context->info.local_memory_bytes;
+    slot->context->shape =
+        check_get(&state, 'g', own_shape == HADA_SHAPE_GROUPS) ? HADA_SHAPE_GROUPS : HADA_SHAPE_LANES;
+    if (check_get(&state, 't', 0))
+        slot->context->info.local_memory_bytes = 8;
+    char tuning[1024], *const own_tuning = slot->context->tuning_file;
+    snprintf(tuning, sizeof tuning, "%s/rows.tuning", how->folder);
+    if (check_get(&state, 'u', 0))
+        slot->context->tuning_file = tuning;
     hada_error error = {0};
     char note[2 * sizeof error.message] = "";
     verdict result = FAILED;
@@ -204,6 +254,11 @@ static verdict run_case(hada_slot *slot, const check_op *op, const char *shape, 
         result = check_correct(&state, all, note, sizeof note, &error);
     clFinish(slot->queue);
     op->release(&state);
+    for (int i = 0; i < state.regions; i++)
+        clReleaseMemObject(state.region[i]);
+    slot->context->shape = own_shape;
+    slot->context->info.local_memory_bytes = own_local;
+    slot->context->tuning_file = own_tuning;
     hada_buffer_destroy(&state.out);
     free(state.expected);
     free(state.unspecified);
@@ -249,8 +304,9 @@ int main(int count, char **words)
     settings how = {.mode = "correct", .folder = CHECK_SHAPES, .seed = 1};
     for (int i = 1; i < count; i++) {
         const char *value = i + 1 < count ? words[i + 1] : "";
-        if (!strcmp(words[i], "--csv")) {
-            how.csv = 1;
+        if (!strcmp(words[i], "--csv") || !strcmp(words[i], "--list-kernels")) {
+            how.csv |= !strcmp(words[i], "--csv");
+            how.list |= !strcmp(words[i], "--list-kernels");
             continue;
         }
         if (!strcmp(words[i], "--op"))
@@ -266,9 +322,8 @@ int main(int count, char **words)
         else if (!strcmp(words[i], "--shapes"))
             how.folder = value;
         else {
-            printf(
-                "check [--op NAME] [--shape TEXT] [--mode correct|bits|time] [--device D] [--seed N] [--shapes FOLDER] "
-                "[--csv]\n");
+            printf("check [--op NAME] [--shape TEXT] [--mode correct|bits|time|compile] [--device D] [--seed N] "
+                   "[--shapes FOLDER] [--csv] [--list-kernels]\n");
             for (size_t o = 0; o < check_op_count; o++)
                 printf("  %-16s %s\n", check_ops[o]->name, check_ops[o]->help);
             return strcmp(words[i], "--help") ? 2 : 0;
@@ -291,7 +346,11 @@ int main(int count, char **words)
         printf("operation,shape,median_ms,fastest_ms,gb_per_s,gflop_per_s,runs\n");
     else
         printf("device %d: %s\n", context->info.index, context->info.name);
-    for (size_t o = 0; o < check_op_count; o++) {
+    if (!strcmp(how.mode, "compile")) {
+        counts[FAILED] = check_compile(slot);
+        counts[PASSED] = found = 1;
+    }
+    for (size_t o = 0; o < check_op_count && strcmp(how.mode, "compile"); o++) {
         if (how.op && strcmp(how.op, check_ops[o]->name))
             continue;
         found = 1;
@@ -300,6 +359,9 @@ int main(int count, char **words)
         else
             run_file(slot, check_ops[o], &how, counts);
     }
+    /* a run of everything must have launched everything, unless the device cannot */
+    if (how.list || (!how.op && !how.shape && !strcmp(how.mode, "correct")))
+        counts[FAILED] += check_cover_report(slot, how.list, counts[SKIPPED] > 0);
     hada_slot_destroy(&slot);
     if (hada_context_bytes(context)) {
         printf("FAILED  %llu bytes of device memory were not given back\n",

@@ -11,6 +11,8 @@
 
 typedef struct check_op check_op;
 
+enum { CHECK_REGIONS = 8 };
+
 typedef struct check_state {
     const check_op *op;
     const char *shape; /* the problem as text */
@@ -27,6 +29,9 @@ typedef struct check_state {
     double tolerance;           /* relative L2; 0: exact */
     double bytes, flops;        /* least traffic and operations of one run, for the timing */
     void *own;                  /* the operation's */
+
+    cl_mem region[CHECK_REGIONS]; /* see check_region(); released by the driver */
+    int regions;
 } check_state;
 
 struct check_op {
@@ -39,14 +44,43 @@ struct check_op {
 extern const check_op *const check_ops[];
 extern const size_t check_op_count;
 
+/* Three letters are the driver's: g1 or g0 takes the kernels by work-groups or by lanes whatever the device prefers,
+ * t1 makes it believe that the device has no local memory to speak of, u1 has spectra row-major, as clFFT has them. */
+
 /* The number behind a letter of the shape, or `otherwise` where the letter is absent. */
 int check_get(const check_state *state, char letter, int otherwise);
 
 /* Makes state->out with guard zones for `count` floats, and room for the expected values. */
 hada_status check_output(check_state *state, size_t count, hada_error *err);
 
+/* A part of the output by itself, for kernels that take no offset: `count` floats from `first` (a multiple of 256) on.
+ */
+hada_status check_region(check_state *state, size_t first, size_t count, cl_mem *region, hada_error *err);
+
+/* Enqueues a kernel with at least `items` work-items in groups of `local`. */
+hada_status check_kernel(check_state *state, const char *file, const char *name, const char *options, size_t items,
+                         size_t local, const hada_arg *args, size_t arg_count, hada_error *err);
+
+/* The size of work-groups that the library takes where a kernel has no local memory. */
+size_t check_local(const check_state *state, size_t groups);
+
+/* Fills `count` floats of the output, from `first` on, with zeros (enqueued). */
+hada_status check_clear(check_state *state, size_t first, size_t count, hada_error *err);
+
+/* As hada_buffer_create_from(). */
+hada_status check_upload(check_state *state, hada_buffer *buffer, const void *data, size_t bytes, hada_error *err);
+
 /* Fills with small integers (exact in float32 sums) or normal numbers, from the state's seed and a stream number. */
 void check_fill_integers(const check_state *state, uint64_t stream, float *out, size_t count, int largest);
 void check_fill_normal(const check_state *state, uint64_t stream, float *out, size_t count);
+
+/* Which kernels ran (check_cover.c). check_cover_report() prints them where asked to, and what no operation launched;
+ * returns how many kernels and programs of the manifest are missing. `partial`: shapes were skipped, so that is no
+ * failure. */
+int check_cover_report(const hada_slot *slot, int list, int partial);
+
+/* Each kernel file compiles alone, has the kernels that its text names and stands in the manifest; returns the number
+ * of files that don't. */
+int check_compile(hada_slot *slot);
 
 #endif

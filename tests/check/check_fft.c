@@ -5,6 +5,7 @@
 
 #include "check.h"
 #include "fft/fft.h"
+#include "io/safetensors.h"
 #include "ref/ref_fft.h"
 
 typedef struct fft_state {
@@ -31,7 +32,9 @@ static hada_status make_plan(check_state *state, hada_fft_direction direction, f
                                 .row0 = check_get(state, 'y', 0),
                                 .col0 = check_get(state, 'x', 0),
                                 .real_rows = check_get(state, 'h', rows),
-                                .real_cols = check_get(state, 'w', cols)};
+                                .real_cols = check_get(state, 'w', cols),
+                                .band_rows = check_get(state, 'i', 0),
+                                .band_cols = check_get(state, 'j', 0)};
     own->desc.real_pitch = (size_t)own->desc.real_cols;
     own->desc.real_distance = own->desc.real_pitch * (size_t)own->desc.real_rows;
     hada_status status = hada_fft_create(&own->plan, state->slot, &own->desc, err);
@@ -173,7 +176,11 @@ static hada_status inverse_expected(check_state *state, const float *spectra, co
             for (size_t kx = 0; kx < half; kx++) {
                 size_t at = 2 * hada_spectrum_index(layout, ky, (int)kx);
                 double s[2] = {source[at], source[at + 1]}, w[2] = {filter[at], filter[at + 1]};
-                multiply(own->product.product, s, w, &spectrum[2 * ((size_t)ky * half + kx)]);
+                double *to = &spectrum[2 * ((size_t)ky * half + kx)];
+                const int far = ky < desc->rows - ky ? ky : desc->rows - ky;
+                multiply(own->product.product, s, w, to);
+                if ((desc->band_rows || desc->band_cols) && (far > desc->band_rows || (int)kx > desc->band_cols))
+                    to[0] = to[1] = 0.0;
             }
         status = hada_ref_fft_inverse(spectrum, desc->rows, desc->cols, image, err);
         for (int r = 0; r < desc->real_rows; r++)
@@ -181,6 +188,24 @@ static hada_status inverse_expected(check_state *state, const float *spectra, co
                 state->expected[(size_t)b * desc->real_distance + (size_t)r * desc->real_pitch + (size_t)c] =
                     image[(size_t)(desc->row0 + r) * (size_t)desc->cols + (size_t)(desc->col0 + c)];
     }
+    return status;
+}
+
+/* The filters to the device; as half, the reference takes what is left of them. */
+static hada_status upload_filters(check_state *state, fft_state *own, float *filters, size_t count, hada_error *err)
+{
+    own->product.half = check_get(state, 'q', 0);
+    if (!own->product.half)
+        return check_upload(state, &own->filter, filters, count * sizeof *filters, err);
+    uint16_t *halves = malloc(count * sizeof *halves);
+    if (!halves)
+        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    for (size_t i = 0; i < count; i++) {
+        halves[i] = hada_half_from_float(filters[i]);
+        filters[i] = hada_float_from_half(halves[i]);
+    }
+    hada_status status = check_upload(state, &own->filter, halves, count * sizeof *halves, err);
+    free(halves);
     return status;
 }
 
@@ -210,8 +235,7 @@ static hada_status inverse_prepare(check_state *state, hada_error *err)
         status = hada_buffer_create_from(&own->in, state->slot, spectra,
                                          image_floats * (size_t)own->channels * sizeof(float), "the input", err);
     if (!status)
-        status = hada_buffer_create_from(&own->filter, state->slot, filters,
-                                         image_floats * (size_t)own->batch * sizeof(float), "the filters", err);
+        status = upload_filters(state, own, filters, image_floats * (size_t)own->batch, err);
     if (!status)
         status = check_output(state, desc->real_distance * (size_t)own->batch, err);
     if (!status)
@@ -250,7 +274,8 @@ static hada_status inverse_launch(check_state *state, hada_error *err)
 
 static const char help[] = "r rows, c cols, b batch, y x h w rectangle (top, left, rows, cols), l 1: clFFT";
 static const char inverse_help[] =
-    "as fft_forward; p 1: times complex filters, 2: split filters; s channels that the filters share";
+    "as fft_forward; p 1: times complex filters, 2: split filters; s channels that the filters share; q 1: filters as "
+    "half; i j rows and columns of the band";
 
 const check_op check_fft_forward = {"fft_forward", help, forward_prepare, forward_launch, release};
 const check_op check_fft_inverse = {"fft_inverse", inverse_help, inverse_prepare, inverse_launch, release};

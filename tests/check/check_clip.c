@@ -1,0 +1,48 @@
+/* Clipping of planes at zero: exact. */
+#include <stdlib.h>
+
+#include "check.h"
+
+static hada_status prepare(check_state *state, hada_error *err)
+{
+    const size_t count = (size_t)check_get(state, 'n', 8);
+    float *values = malloc(count * sizeof *values);
+    hada_buffer *in = calloc(1, sizeof *in);
+    state->own = in;
+    if (!values || !in) {
+        free(values);
+        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    }
+    check_fill_integers(state, 1, values, count, 99);
+    hada_status status = check_output(state, count, err);
+    for (size_t i = 0; !status && i < count; i++)
+        state->expected[i] = values[i] > 0.0f ? values[i] : 0.0;
+    if (!status)
+        status = check_upload(state, in, values, count * sizeof *values, err);
+    free(values);
+    state->bytes = 2.0 * (double)count * sizeof(float);
+    state->flops = (double)count;
+    return status;
+}
+
+static hada_status launch(check_state *state, hada_error *err)
+{
+    const hada_buffer *in = state->own;
+    const cl_int code = clEnqueueCopyBuffer(state->slot->queue, in->mem, state->out.mem, 0,
+                                            state->out_offset * sizeof(float), in->bytes, 0, NULL, NULL);
+    const cl_ulong offset = state->out_offset, count = state->out_count;
+    const hada_arg args[] = {HADA_ARG(state->out.mem), HADA_ARG(offset), HADA_ARG(count)};
+    if (code != CL_SUCCESS)
+        return hada_fail_cl(err, code, "clEnqueueCopyBuffer");
+    return check_kernel(state, "sched_clip", "sched_clip", "", (state->out_count + 7) / 8, 64, args, HADA_COUNT(args),
+                        err);
+}
+
+static void release(check_state *state)
+{
+    if (state->own)
+        hada_buffer_destroy(state->own);
+    free(state->own);
+}
+
+const check_op check_clip = {"sched_clip", "n values", prepare, launch, release};

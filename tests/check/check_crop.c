@@ -1,0 +1,121 @@
+/* Spectra brought to a coarse grid (refine_crop): several images, channels averaged, tapers, real values, inverses. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "check.h"
+#include "filter/layout.h"
+#include "program/kernel.h"
+#include "ref/ref_spectrum.h"
+
+typedef struct crop_state {
+    hada_buffer in;
+    hada_spectrum_layout full, coarse;
+    int images, channels, parts, invert, tapers;
+} crop_state;
+
+static hada_spectrum_layout layout_of(int rows, int cols, int block)
+{
+    const int blocks = (cols / 2 + block) / block;
+    return (hada_spectrum_layout){rows, cols, block, blocks, (size_t)blocks * (size_t)rows * (size_t)block};
+}
+
+static void pack(const hada_spectrum_layout *layout, int parts, const float *rows, float *blocks)
+{
+    if (parts == 2)
+        hada_layout_pack(layout, rows, blocks);
+    else
+        hada_layout_pack_real(layout, rows, blocks);
+}
+
+static hada_status prepare(check_state *state, hada_error *err)
+{
+    crop_state *own = calloc(1, sizeof *own);
+    if (!own)
+        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    state->own = own;
+    const int block = check_get(state, 'b', 8);
+    own->full = layout_of(check_get(state, 'r', 24), check_get(state, 'c', 24), block);
+    own->coarse = layout_of(check_get(state, 'h', 12), check_get(state, 'w', 12), block);
+    own->images = check_get(state, 'm', 2);
+    own->channels = check_get(state, 'k', 1);
+    own->parts = check_get(state, 'p', 2);
+    own->invert = check_get(state, 'i', 0);
+    own->tapers = check_get(state, 'a', 0);
+    const size_t parts = (size_t)own->parts, values = (size_t)own->full.rows * (size_t)(own->full.cols / 2 + 1);
+    const size_t small = (size_t)own->coarse.rows * (size_t)(own->coarse.cols / 2 + 1);
+    const size_t in = own->full.count * parts, all = (size_t)(own->images * own->channels);
+    float *rows = malloc((size_t)own->channels * values * parts * sizeof *rows);
+    float *packed = malloc(all * in * sizeof *packed), *rounded = malloc(own->coarse.count * parts * sizeof *rounded);
+    float *expected = malloc(small * parts * sizeof *expected);
+    double *cropped = malloc(small * parts * sizeof *cropped);
+    hada_status status = rows && packed && rounded && expected && cropped
+                             ? HADA_OK
+                             : hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    if (!status)
+        status = check_output(state, (size_t)own->images * own->coarse.count * parts, err);
+    for (size_t m = 0; !status && m < (size_t)own->images; m++) {
+        check_fill_integers(state, m, rows, (size_t)own->channels * values * parts, 99);
+        for (int c = 0; c < own->channels; c++)
+            pack(&own->full, own->parts, rows + (size_t)c * values * parts,
+                 packed + (m * (size_t)own->channels + (size_t)c) * in);
+        hada_ref_crop(rows, own->full.rows, own->full.cols, own->channels, own->coarse.rows, own->coarse.cols,
+                      own->parts, 0.5 * own->channels, own->tapers, own->invert, cropped);
+        /* to the layout by the tested way of the host: what rounding that costs is part of the tolerance */
+        for (size_t i = 0; i < small * parts; i++)
+            expected[i] = (float)cropped[i];
+        pack(&own->coarse, own->parts, expected, rounded);
+        for (size_t i = 0; i < own->coarse.count * parts; i++)
+            state->expected[m * own->coarse.count * parts + i] = rounded[i];
+    }
+    if (!status)
+        status = check_upload(state, &own->in, packed, all * in * sizeof *packed, err);
+    /* half the sum of the channels: exact, unless a power of two is taken */
+    state->tolerance = own->tapers || own->invert ? 1e-6 : 0.0;
+    state->bytes = (double)((size_t)own->images * small * parts) * (own->channels + 1.0) * sizeof(float);
+    free(rows);
+    free(packed);
+    free(rounded);
+    free(expected);
+    free(cropped);
+    return status;
+}
+
+static hada_status launch(check_state *state, hada_error *err)
+{
+    crop_state *own = state->own;
+    const cl_int in_rows = own->full.rows, in_block = own->full.block, rows = own->coarse.rows, cols = own->coarse.cols,
+                 block = own->coarse.block;
+    const cl_uint in_count = (cl_uint)own->full.count, count = (cl_uint)own->coarse.count;
+    const cl_float factor = 0.5f * (cl_float)own->channels, tapers = (cl_float)own->tapers;
+    const size_t local[3] = {block < 8 ? 1 : 8, 1, 1};
+    const size_t width = (size_t)own->coarse.blocks * (size_t)block;
+    cl_kernel kernel;
+    hada_status status = hada_slot_kernel(state->slot, "refine_crop", "refine_crop", "", &kernel, err);
+    for (int m = 0, n; !status && m < own->images; m += n) {
+        n = state->batch_limit && state->batch_limit < own->images - m ? state->batch_limit : own->images - m;
+        const size_t global[3] = {(width + local[0] - 1) / local[0] * local[0], (size_t)rows, (size_t)n};
+        const cl_ulong from = (cl_ulong)m * (cl_ulong)own->channels * in_count;
+        const cl_uint to = (cl_uint)(state->out_offset / (size_t)own->parts) + (cl_uint)m * count;
+        const hada_arg args[] = {
+            HADA_ARG(own->in.mem),   HADA_ARG(from),           HADA_ARG(in_rows), HADA_ARG(in_block),
+            HADA_ARG(in_count),      HADA_ARG(state->out.mem), HADA_ARG(to),      HADA_ARG(rows),
+            HADA_ARG(cols),          HADA_ARG(block),          HADA_ARG(count),   HADA_ARG(own->parts),
+            HADA_ARG(own->channels), HADA_ARG(factor),         HADA_ARG(tapers),  HADA_ARG(own->invert)};
+        status = hada_slot_launch(state->slot, kernel, "refine_crop", 3, global, local, args, HADA_COUNT(args), err);
+    }
+    return status;
+}
+
+static void release(check_state *state)
+{
+    crop_state *own = state->own;
+    if (own)
+        hada_buffer_destroy(&own->in);
+    free(own);
+}
+
+const check_op check_crop = {
+    "refine_crop",
+    "r rows, c columns, h and w of the coarse grid, m images, k channels, b columns of a block, p parts (2 complex, 1 "
+    "real), a tapers, i1 inverted",
+    prepare, launch, release};

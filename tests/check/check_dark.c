@@ -1,0 +1,78 @@
+/* Dark level and dark frame taken off, through the Hadamard stage: exact. */
+#include <stdlib.h>
+
+#include "check.h"
+#include "filter/hadamard.h"
+
+enum { MAX_CHANNELS = 16 };
+
+typedef struct dark_state {
+    hada_hadamard *stage;
+    float *raw;
+    double levels[MAX_CHANNELS];
+} dark_state;
+
+static hada_status prepare(check_state *state, hada_error *err)
+{
+    dark_state *own = calloc(1, sizeof *own);
+    if (!own)
+        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    state->own = own;
+    const int rows = check_get(state, 'r', 8), cols = check_get(state, 'c', 8), channels = check_get(state, 'k', 1);
+    const double distance = 100.0;
+    hada_model_info info = {.depths = 1,
+                            .channels = channels,
+                            .form = HADA_FORM_COMPLEX,
+                            .boundary = HADA_BOUNDARY_CIRCULAR,
+                            .distances_mm = &distance};
+    if (channels > MAX_CHANNELS)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "at most %d channels", MAX_CHANNELS);
+    const size_t area = (size_t)rows * (size_t)cols, count = area * (size_t)channels;
+    float *dark = malloc(count * sizeof *dark);
+    own->raw = malloc(count * sizeof *own->raw);
+    hada_status status = dark && own->raw ? HADA_OK : hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    if (!status)
+        status = hada_model_set_sizes(&info, rows, cols, rows, cols, err);
+    if (!status)
+        status = hada_hadamard_create(&own->stage, state->slot, &info, 1, err);
+    if (!status)
+        status = check_output(state, count, err);
+    if (!status) {
+        const int framed = check_get(state, 'f', 0);
+        check_fill_integers(state, 1, own->raw, count, 99);
+        check_fill_integers(state, 2, dark, count, 9);
+        for (size_t i = 0; i < count; i++) {
+            own->levels[i / area] = (double)(i / area) + 3.0;
+            state->expected[i] = own->raw[i] - own->levels[i / area] - (framed ? dark[i] : 0.0);
+        }
+        status = framed ? hada_hadamard_set_dark(own->stage, dark, err) : HADA_OK;
+    }
+    free(dark);
+    state->bytes = 2.0 * (double)count * sizeof(float);
+    return status;
+}
+
+static hada_status launch(check_state *state, hada_error *err)
+{
+    dark_state *own = state->own;
+    hada_status status = hada_hadamard_frame(own->stage, own->raw, own->levels, err);
+    if (status)
+        return status;
+    const cl_int code =
+        clEnqueueCopyBuffer(state->slot->queue, own->stage->raw.mem, state->out.mem, 0,
+                            state->out_offset * sizeof(float), state->out_count * sizeof(float), 0, NULL, NULL);
+    return code == CL_SUCCESS ? HADA_OK : hada_fail_cl(err, code, "clEnqueueCopyBuffer");
+}
+
+static void release(check_state *state)
+{
+    dark_state *own = state->own;
+    if (!own)
+        return;
+    hada_hadamard_destroy(&own->stage);
+    free(own->raw);
+    free(own);
+}
+
+const check_op check_dark = {"filter_dark", "r rows, c columns, k channels, f1 with a dark frame", prepare, launch,
+                             release};

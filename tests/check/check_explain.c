@@ -1,0 +1,210 @@
+/* What planes do not explain (refine_explain): the rest at every frequency and its weighted energy. */
+#include <stdlib.h>
+
+#include "check.h"
+#include "core/alloc.h"
+#include "filter/layout.h"
+#include "program/kernel.h"
+#include "ref/ref_spectrum.h"
+
+enum { SLICE = 2048, MAX_DEPTHS = 8 };
+
+typedef struct explain_state {
+    hada_buffer otf, data, planes, prior, doubt, list;
+    hada_spectrum_layout layout;
+    int channels, sets, depths, has_prior, has_doubt;
+    size_t slices, partial_first; /* the partial sums' place in the output */
+} explain_state;
+
+typedef struct inputs {
+    float *otf, *data, *planes, *prior, *doubt; /* in the layout, padding included */
+    int list[64];
+} inputs;
+
+static void free_inputs(inputs *in)
+{
+    free(in->otf);
+    free(in->data);
+    free(in->planes);
+    free(in->prior);
+    free(in->doubt);
+}
+
+/* One more depth has an OTF than a set has depths, so that the list matters. */
+static hada_status make_inputs(const check_state *state, const explain_state *own, inputs *in, hada_error *err)
+{
+    const size_t count = own->layout.count, channels = (size_t)own->channels, depths = (size_t)own->depths;
+    const size_t otf = (depths + 1) * channels * count, planes = (size_t)own->sets * depths * channels * count;
+    hada_status status = hada_alloc((void **)&in->otf, 2 * otf, sizeof(float), "the check", err);
+    if (!status)
+        status = hada_alloc((void **)&in->data, 2 * channels * count, sizeof(float), "the check", err);
+    if (!status)
+        status = hada_alloc((void **)&in->planes, 2 * planes, sizeof(float), "the check", err);
+    if (!status)
+        status = hada_alloc((void **)&in->prior, channels * count, sizeof(float), "the check", err);
+    if (!status)
+        status = hada_alloc((void **)&in->doubt, otf, sizeof(float), "the check", err);
+    if (status)
+        return status;
+    check_fill_normal(state, 1, in->otf, 2 * otf);
+    check_fill_normal(state, 2, in->data, 2 * channels * count);
+    check_fill_normal(state, 3, in->planes, 2 * planes);
+    check_fill_normal(state, 4, in->prior, channels * count);
+    check_fill_normal(state, 5, in->doubt, otf);
+    for (size_t i = 0; i < channels * count; i++)
+        in->prior[i] *= in->prior[i];
+    for (size_t i = 0; i < otf; i++)
+        in->doubt[i] *= 0.1f * in->doubt[i];
+    for (int i = 0; i < own->sets * own->depths; i++)
+        in->list[i] = (i % own->depths + i / own->depths) % (own->depths + 1);
+    return HADA_OK;
+}
+
+/* One value of the layout: writes the rest and adds to its slice's sum. */
+static void expect_value(check_state *state, const explain_state *own, const inputs *in, int set, int channel,
+                         size_t at, int often)
+{
+    const size_t count = own->layout.count, plane = (size_t)set * (size_t)own->channels + (size_t)channel;
+    double h[2 * MAX_DEPTHS], u[2 * MAX_DEPTHS], b[2], doubt[MAX_DEPTHS];
+    for (int s = 0; s < own->depths; s++) {
+        const size_t z = (size_t)in->list[set * own->depths + s];
+        const size_t from = (z * (size_t)own->channels + (size_t)channel) * count + at;
+        const size_t place = ((size_t)(set * own->depths + s) * (size_t)own->channels + (size_t)channel) * count + at;
+        for (size_t part = 0; part < 2; part++) {
+            h[2 * (size_t)s + part] = in->otf[2 * from + part];
+            u[2 * (size_t)s + part] = in->planes[2 * place + part];
+        }
+        doubt[s] = in->doubt[from];
+    }
+    for (size_t part = 0; part < 2; part++)
+        b[part] = in->data[2 * ((size_t)channel * count + at) + part];
+    const double energy =
+        hada_ref_explain(own->depths, h, u, b, own->has_prior ? in->prior[(size_t)channel * count + at] : 0.0,
+                         own->has_doubt ? doubt : NULL, state->expected + 2 * (plane * count + at));
+    state->expected[own->partial_first + plane * own->slices + at / SLICE] += often * energy;
+}
+
+static void expect(check_state *state, const explain_state *own, const inputs *in)
+{
+    const hada_spectrum_layout *layout = &own->layout;
+    for (int set = 0; set < own->sets; set++)
+        for (int c = 0; c < own->channels; c++)
+            for (int ky = 0; ky < layout->rows; ky++)
+                for (int kx = 0; kx < layout->blocks * layout->block; kx++) {
+                    const int once = kx == 0 || 2 * kx == layout->cols, padding = kx > layout->cols / 2;
+                    expect_value(state, own, in, set, c, hada_spectrum_index(layout, ky, kx),
+                                 padding ? 0
+                                 : once  ? 1
+                                         : 2);
+                }
+}
+
+static hada_status prepare(check_state *state, hada_error *err)
+{
+    explain_state *own = calloc(1, sizeof *own);
+    inputs in = {0};
+    if (!own)
+        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    state->own = own;
+    const int rows = check_get(state, 'r', 16), cols = check_get(state, 'c', 16), block = check_get(state, 'b', 8);
+    const int blocks = (cols / 2 + block) / block;
+    own->layout = (hada_spectrum_layout){rows, cols, block, blocks, (size_t)blocks * (size_t)rows * (size_t)block};
+    own->channels = check_get(state, 'k', 1);
+    own->sets = check_get(state, 's', 1);
+    own->depths = check_get(state, 'd', 2);
+    own->has_prior = check_get(state, 'p', 0);
+    own->has_doubt = check_get(state, 'q', 0);
+    own->slices = (own->layout.count + SLICE - 1) / SLICE;
+    if (own->depths > MAX_DEPTHS || own->sets * own->depths > (int)HADA_COUNT(in.list))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "at most %d depths", MAX_DEPTHS);
+    const size_t planes = (size_t)(own->sets * own->channels), rest = 2 * planes * own->layout.count;
+    own->partial_first = (rest + 255) / 256 * 256;
+    hada_status status = make_inputs(state, own, &in, err);
+    if (!status)
+        status = check_output(state, own->partial_first + planes * own->slices, err);
+    if (!status)
+        expect(state, own, &in);
+    const size_t count = own->layout.count * (size_t)own->channels, all = count * (size_t)(own->depths + 1);
+    if (!status)
+        status = check_upload(state, &own->otf, in.otf, 8 * all, err);
+    if (!status)
+        status = check_upload(state, &own->data, in.data, 8 * count, err);
+    if (!status)
+        status = check_upload(state, &own->planes, in.planes, 4 * rest * (size_t)own->depths, err);
+    if (!status)
+        status = check_upload(state, &own->prior, in.prior, 4 * count, err);
+    if (!status)
+        status = check_upload(state, &own->doubt, in.doubt, 4 * all, err);
+    if (!status)
+        status = check_upload(state, &own->list, in.list, sizeof in.list, err);
+    free_inputs(&in);
+    state->tolerance = 2e-6; /* the energies weigh most: sums of up to 2048 values, one after the other */
+    state->bytes = (double)rest * (2.0 * own->depths + 2.0) * sizeof(float);
+    state->flops = (double)rest * (6.0 * own->depths + 3.0);
+    return status;
+}
+
+static hada_status launch(check_state *state, hada_error *err)
+{
+    explain_state *own = state->own;
+    const int groups = state->slot->context->shape == HADA_SHAPE_GROUPS;
+    const char *options = groups                  ? "-DREFINE_WIDTH=1 -DREFINE_GROUP=64"
+                          : own->layout.block % 8 ? "-DREFINE_WIDTH=1"
+                                                  : "";
+    const cl_ulong zero = 0;
+    const cl_int yes = 1;
+    const cl_uint count = (cl_uint)own->layout.count, slice = SLICE, rows = (cl_uint)own->layout.rows,
+                  block = (cl_uint)own->layout.block, cols = (cl_uint)own->layout.cols;
+    const size_t local[3] = {check_local(state, 64), 1, 1};
+    const size_t global[3] = {own->slices * local[0], (size_t)own->channels, (size_t)own->sets};
+    cl_kernel kernel;
+    cl_mem rest = state->region[0], partial = state->region[1];
+    hada_status status = HADA_OK;
+    if (!state->regions) {
+        status = check_region(state, 0, own->partial_first, &rest, err);
+        if (!status)
+            status = check_region(state, own->partial_first, state->out_count - own->partial_first, &partial, err);
+    }
+    if (!status)
+        status = check_clear(state, 0, own->partial_first, err);
+    if (!status)
+        status = hada_slot_kernel(state->slot, "refine_explain", "refine_explain", options, &kernel, err);
+    const hada_arg args[] = {HADA_ARG(own->otf.mem),
+                             HADA_ARG(zero),
+                             HADA_ARG(own->list.mem),
+                             HADA_ARG(own->depths),
+                             HADA_ARG(own->data.mem),
+                             HADA_ARG(zero),
+                             HADA_ARG(own->planes.mem),
+                             HADA_ARG(rest),
+                             HADA_ARG(yes),
+                             HADA_ARG(own->prior.mem),
+                             HADA_ARG(own->has_prior),
+                             HADA_ARG(own->doubt.mem),
+                             HADA_ARG(own->has_doubt),
+                             HADA_ARG(count),
+                             HADA_ARG(slice),
+                             HADA_ARG(rows),
+                             HADA_ARG(block),
+                             HADA_ARG(cols),
+                             HADA_ARG(partial)};
+    return status
+               ? status
+               : hada_slot_launch(state->slot, kernel, "refine_explain", 3, global, local, args, HADA_COUNT(args), err);
+}
+
+static void release(check_state *state)
+{
+    explain_state *own = state->own;
+    if (!own)
+        return;
+    hada_buffer *buffers[] = {&own->otf, &own->data, &own->planes, &own->prior, &own->doubt, &own->list};
+    for (size_t i = 0; i < HADA_COUNT(buffers); i++)
+        hada_buffer_destroy(buffers[i]);
+    free(own);
+}
+
+const check_op check_explain = {
+    "refine_explain",
+    "r rows, c columns, b columns of a block, k channels, d depths in a set, s sets, p1 with a prior, q1 with doubt",
+    prepare, launch, release};

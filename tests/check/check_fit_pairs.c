@@ -1,0 +1,86 @@
+#include <stdlib.h>
+
+#include "check_fit.h"
+#include "core/alloc.h"
+
+static hada_status make_room(check_fit *fit, hada_error *err)
+{
+    hada_status status = hada_alloc((void **)&fit->x, 16 * fit->vectors, sizeof(float), "the check", err);
+    if (!status)
+        status = hada_alloc((void **)&fit->b, 16 * fit->vectors, sizeof(float), "the check", err);
+    if (!status)
+        status = hada_alloc((void **)&fit->sums, HADA_REF_FIT_SUMS * fit->count, sizeof(double), "the check", err);
+    if (!status)
+        status = hada_alloc((void **)&fit->other, 2 * fit->count, sizeof(double), "the check", err);
+    if (!status)
+        status = hada_alloc((void **)&fit->device_sums, 2 * (size_t)fit->kept * fit->stride, sizeof(float), "the check",
+                            err);
+    if (!status)
+        status = hada_alloc((void **)&fit->device_pool, 5 * fit->stride, sizeof(float), "the check", err);
+    return status;
+}
+
+/* The device's arrays, and the double ones brought to what these hold. */
+static void to_device(check_fit *fit, int pairs)
+{
+    const size_t n = fit->count;
+    static const int pooled[5] = {2, 2, 3, 5, 5};
+    for (size_t i = 0; i < n; i++) {
+        for (size_t k = 0; k < (size_t)fit->kept; k++) {
+            float *to = fit->device_sums + 2 * k * fit->stride + i;
+            to[0] = (float)fit->sums[k * n + i];
+            to[fit->stride] = (float)(fit->sums[k * n + i] - to[0]);
+            fit->sums[k * n + i] = (double)to[0] + to[fit->stride];
+        }
+        for (size_t k = 0; k < 5; k++) {
+            const double both = fit->sums[(size_t)pooled[k] * n + i] + fit->other[(k > 2 ? n : 0) + i];
+            fit->device_pool[k * fit->stride + i] = (float)(k == 0 || k == 3 ? both : both / pairs);
+        }
+    }
+}
+
+hada_status check_fit_make(check_fit *fit, const check_state *state, size_t count, int pairs, int split,
+                           hada_error *err)
+{
+    const size_t vectors = (count + 7) / 8;
+    *fit = (check_fit){.count = count,
+                       .vectors = vectors,
+                       .stride = (vectors + 63) / 64 * 64 * 8,
+                       .split = split,
+                       .kept = split ? 6 : 4};
+    double *values, *rest = NULL;
+    hada_status status = make_room(fit, err);
+    if (status)
+        return status;
+    status = hada_alloc((void **)&values, 4 * count, sizeof *values, "the check", err);
+    if (!status)
+        status = hada_alloc((void **)&rest, HADA_REF_FIT_SUMS * count, sizeof *rest, "the check", err);
+    for (int p = 0; !status && p < 2 * pairs; p++) { /* those of the other depth come first */
+        check_fill_normal(state, 100 + 2 * (uint64_t)p, fit->x, 2 * count);
+        check_fill_normal(state, 101 + 2 * (uint64_t)p, fit->b, 2 * count);
+        for (size_t i = 0; i < 2 * count; i++) {
+            values[i] = fit->x[i];
+            values[2 * count + i] = fit->b[i] += 0.5f * fit->x[i];
+        }
+        hada_ref_fit_pair(values, values + 2 * count, count, 1.0, p < pairs ? rest : fit->sums);
+    }
+    for (size_t i = 0; !status && i < count; i++) {
+        fit->other[i] = rest[2 * count + i];
+        fit->other[count + i] = rest[5 * count + i];
+    }
+    if (!status)
+        to_device(fit, pairs);
+    free(values);
+    free(rest);
+    return status;
+}
+
+void check_fit_free(check_fit *fit)
+{
+    free(fit->x);
+    free(fit->b);
+    free(fit->sums);
+    free(fit->other);
+    free(fit->device_sums);
+    free(fit->device_pool);
+}

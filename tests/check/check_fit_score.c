@@ -1,0 +1,214 @@
+/* Leave-one-out of one pair at five settings, what no linear camera explains, and the energies of planes. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "check_fit.h"
+#include "core/alloc.h"
+#include "fit/fitter.h"
+#include "program/kernel.h"
+
+enum { SETTINGS = HADA_FIT_TRIALS, CHUNK = 8 * HADA_FIT_CHUNK, PAIRS = 4 };
+static const float settings[2 * SETTINGS] = {0.0f, 0.01f, 0.0f, 0.5f, 0.1f, 0.02f, 0.3f, 0.1f, 1.0f, 1.0f};
+static const float scale = 3.0f, least = 1.5f, per_other = 0.5f;
+
+typedef struct score_state {
+    hada_buffer x, b, sums, pool, weights, settings, planes;
+    check_fit fit;
+    float *weight;
+    int rows, cols; /* of the planes */
+    size_t chunks;
+    size_t leak, unexplained, energy; /* where these stand in the output, behind the error spectra */
+} score_state;
+
+static size_t rounded(size_t n)
+{
+    return (n + 255) / 256 * 256;
+}
+
+/* Error spectra and leaks of one setting, from the filter fitted without the last pair. */
+static void expect_trial(const score_state *own, int s, const double *left, const double *seen, double *filter,
+                         double *error, double *leak)
+{
+    const check_fit *fit = &own->fit;
+    const size_t n = fit->count;
+    hada_ref_fit_filter(left, fit->other, n, settings[2 * s], (double)settings[2 * s + 1] * scale, fit->split, filter);
+    for (size_t i = 0; i < n; i++) {
+        const double wr = filter[2 * i], wi = filter[2 * i + 1], br = fit->b[2 * i], bi = fit->b[2 * i + 1];
+        error[2 * i] = fit->x[2 * i] - (fit->split ? wr * br : wr * br - wi * bi);
+        error[2 * i + 1] = fit->x[2 * i + 1] - (fit->split ? wi * bi : wr * bi + wi * br);
+        leak[i / CHUNK] += own->weight[i] * (fit->split ? wr * wr * seen[n + i] + wi * wi * (seen[i] - seen[n + i])
+                                                        : (wr * wr + wi * wi) * seen[i]);
+    }
+}
+
+static void expect_unexplained(const check_fit *fit, const float *weight, double *out)
+{
+    for (size_t i = 0; i < fit->count; i++) {
+        double one[HADA_REF_FIT_SUMS];
+        const double w = weight[i];
+        for (size_t k = 0; k < HADA_REF_FIT_SUMS; k++)
+            one[k] = fit->sums[k * fit->count + i];
+        out[i / CHUNK] += hada_ref_fit_unexplained(one, &w, 1, least);
+    }
+}
+
+static hada_status expect(check_state *state, const score_state *own, const float *planes, hada_error *err)
+{
+    const check_fit *fit = &own->fit;
+    const size_t n = fit->count;
+    double *room, *pair;
+    hada_status status = hada_alloc((void **)&room, 14 * n, sizeof *room, "the check", err);
+    if (status)
+        return status;
+    double *left = room, *seen = room + HADA_REF_FIT_SUMS * n, *filter = seen + 2 * n;
+    pair = filter + 2 * n;
+    memcpy(left, fit->sums, HADA_REF_FIT_SUMS * n * sizeof *left);
+    for (size_t i = 0; i < 2 * n; i++) {
+        pair[i] = fit->x[i];
+        pair[2 * n + i] = fit->b[i];
+        seen[i] = fit->other[i] / PAIRS * per_other;
+    }
+    hada_ref_fit_pair(pair, pair + 2 * n, n, -1.0, left);
+    for (int s = 0; s < SETTINGS; s++)
+        expect_trial(own, s, left, seen, filter, state->expected + (size_t)s * 2 * n,
+                     state->expected + own->leak + (size_t)s * own->chunks);
+    expect_unexplained(fit, own->weight, state->expected + own->unexplained);
+    for (size_t i = 0; i < (size_t)(SETTINGS * own->rows * own->cols); i++)
+        state->expected[own->energy + i / (size_t)own->cols] += (double)planes[i] * planes[i];
+    free(room);
+    return status;
+}
+
+static hada_status upload(check_state *state, score_state *own, const float *planes, size_t pixels, hada_error *err)
+{
+    const check_fit *fit = &own->fit;
+    hada_status status = check_upload(state, &own->x, fit->x, 64 * fit->vectors, err);
+    if (!status)
+        status = check_upload(state, &own->b, fit->b, 64 * fit->vectors, err);
+    if (!status)
+        status = check_upload(state, &own->sums, fit->device_sums, 8 * (size_t)fit->kept * fit->stride, err);
+    if (!status)
+        status = check_upload(state, &own->pool, fit->device_pool, 20 * fit->stride, err);
+    if (!status)
+        status = check_upload(state, &own->weights, own->weight, 4 * fit->stride, err);
+    if (!status)
+        status = check_upload(state, &own->settings, settings, sizeof settings, err);
+    return status ? status : check_upload(state, &own->planes, planes, pixels * sizeof *planes, err);
+}
+
+static hada_status prepare(check_state *state, hada_error *err)
+{
+    score_state *own = calloc(1, sizeof *own);
+    float *planes = NULL;
+    if (!own)
+        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    state->own = own;
+    check_fit *fit = &own->fit;
+    const size_t n = (size_t)check_get(state, 'n', 16);
+    own->rows = check_get(state, 'r', 5);
+    own->cols = check_get(state, 'c', 19);
+    const size_t pixels = SETTINGS * (size_t)own->rows * (size_t)own->cols;
+    hada_status status = check_fit_make(fit, state, n, PAIRS, check_get(state, 's', 0), err);
+    if (!status)
+        status = hada_alloc((void **)&own->weight, fit->stride, sizeof(float), "the check", err);
+    if (!status)
+        status = hada_alloc((void **)&planes, pixels, sizeof *planes, "the check", err);
+    own->chunks = (fit->vectors + HADA_FIT_CHUNK - 1) / HADA_FIT_CHUNK;
+    own->leak = rounded(SETTINGS * 2 * n);
+    own->unexplained = rounded(own->leak + SETTINGS * own->chunks);
+    own->energy = rounded(own->unexplained + own->chunks);
+    if (!status)
+        status = check_output(state, own->energy + (size_t)(SETTINGS * own->rows), err);
+    if (!status) {
+        check_fill_integers(state, 2, planes, pixels, 9);
+        for (size_t i = 0; i < n; i++)
+            own->weight[i] = (float)(i % 3); /* some are left out */
+        status = expect(state, own, planes, err);
+    }
+    if (!status)
+        status = upload(state, own, planes, pixels, err);
+    free(planes);
+    state->tolerance = 2e-6; /* sums of up to 32 groups of eight, one after the other */
+    state->bytes = (double)n * 4.0 * (4.0 + 2.0 * fit->kept + 4.0 + 2.0 * SETTINGS) + (double)pixels * 4.0;
+    return status;
+}
+
+static hada_status launch_trial(check_state *state, hada_error *err)
+{
+    score_state *own = state->own;
+    const check_fit *fit = &own->fit;
+    const char *macros = fit->split ? "-DFIT_SPLIT=1" : "";
+    const cl_ulong none = 0, stride = fit->stride, count = fit->count, vectors = fit->vectors;
+    const cl_float per_pair = 1.0f / PAIRS;
+    const cl_int chunks = (cl_int)own->chunks;
+    const hada_arg trial[] = {HADA_ARG(own->x.mem),
+                              HADA_ARG(own->b.mem),
+                              HADA_ARG(none),
+                              HADA_ARG(own->sums.mem),
+                              HADA_ARG(own->pool.mem),
+                              HADA_ARG(stride),
+                              HADA_ARG(own->weights.mem),
+                              HADA_ARG(own->settings.mem),
+                              HADA_ARG(scale),
+                              HADA_ARG(per_pair),
+                              HADA_ARG(per_other),
+                              HADA_ARG(state->region[0]),
+                              HADA_ARG(count),
+                              HADA_ARG(state->region[1]),
+                              HADA_ARG(chunks),
+                              HADA_ARG(vectors)};
+    const hada_arg rest[] = {HADA_ARG(own->sums.mem),    HADA_ARG(stride), HADA_ARG(own->weights.mem), HADA_ARG(least),
+                             HADA_ARG(state->region[2]), HADA_ARG(chunks), HADA_ARG(vectors)};
+    const size_t local = check_local(state, 32);
+    hada_status status =
+        check_kernel(state, "fit_score", "fit_trial", macros, own->chunks, local, trial, HADA_COUNT(trial), err);
+    return status ? status
+                  : check_kernel(state, "fit_score", "fit_unexplained", macros, own->chunks, local, rest,
+                                 HADA_COUNT(rest), err);
+}
+
+static hada_status launch_energy(check_state *state, hada_error *err)
+{
+    score_state *own = state->own;
+    const size_t local[] = {check_local(state, 32), 1};
+    const size_t global[] = {((size_t)own->rows + local[0] - 1) / local[0] * local[0], SETTINGS};
+    cl_kernel kernel;
+    hada_status status =
+        hada_slot_kernel(state->slot, "fit_score", "fit_energy", own->fit.split ? "-DFIT_SPLIT=1" : "", &kernel, err);
+    const hada_arg args[] = {HADA_ARG(own->planes.mem), HADA_ARG(own->rows), HADA_ARG(own->cols),
+                             HADA_ARG(state->region[3])};
+    return status ? status
+                  : hada_slot_launch(state->slot, kernel, "fit_energy", 2, global, local, args, HADA_COUNT(args), err);
+}
+
+static hada_status launch(check_state *state, hada_error *err)
+{
+    const score_state *own = state->own;
+    const size_t first[] = {0, own->leak, own->unexplained, own->energy, state->out_count};
+    hada_status status = HADA_OK;
+    for (size_t i = 0; !status && !state->region[3] && i < 4; i++) {
+        cl_mem region;
+        status = check_region(state, first[i], first[i + 1] - first[i], &region, err);
+    }
+    if (!status)
+        status = check_clear(state, 0, state->out_count, err);
+    if (!status)
+        status = launch_trial(state, err);
+    return status ? status : launch_energy(state, err);
+}
+
+static void release(check_state *state)
+{
+    score_state *own = state->own;
+    if (!own)
+        return;
+    hada_buffer *buffers[] = {&own->x, &own->b, &own->sums, &own->pool, &own->weights, &own->settings, &own->planes};
+    for (size_t i = 0; i < HADA_COUNT(buffers); i++)
+        hada_buffer_destroy(buffers[i]);
+    check_fit_free(&own->fit);
+    free(own->weight);
+    free(own);
+}
+
+const check_op check_fit_score = {"fit_score", "n frequencies, r rows and c columns of the planes, s1 split", prepare,
+                                  launch, release};

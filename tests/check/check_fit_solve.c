@@ -1,0 +1,80 @@
+/* Filters and transfer functions from sums. In the output: images of filters, then images of transfer functions; each
+ * image's values beyond its end are overwritten by the next image. */
+#include <stdlib.h>
+
+#include "check_fit.h"
+
+typedef struct solve_state {
+    hada_buffer sums, pool;
+    check_fit fit;
+    int images;
+    float alpha, ridge, least;
+} solve_state;
+
+static hada_status prepare(check_state *state, hada_error *err)
+{
+    solve_state *own = calloc(1, sizeof *own);
+    if (!own)
+        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    state->own = own;
+    check_fit *fit = &own->fit;
+    own->images = check_get(state, 'k', 1);
+    own->alpha = 0.125f * (float)check_get(state, 'a', 1);
+    own->ridge = 0.25f;
+    own->least = 2.0f; /* some of the scenes' sums are below it */
+    const size_t n = (size_t)check_get(state, 'n', 16), all = 2 * n * (size_t)own->images;
+    hada_status status = check_fit_make(fit, state, n, 3, check_get(state, 's', 0), err);
+    if (!status)
+        status = check_output(state, 2 * all + 2 * (8 * fit->vectors - n), err);
+    for (size_t k = 0; !status && k < (size_t)own->images; k++) {
+        /* an image's alpha and floor grow with its number, so that the order of images matters */
+        hada_ref_fit_filter(fit->sums, fit->other, n, (double)own->alpha * (double)(k + 1), own->ridge, fit->split,
+                            state->expected + 2 * n * k);
+        hada_ref_fit_transfer(fit->sums, n, (double)own->least * (double)(k + 1), state->expected + all + 2 * n * k);
+    }
+    if (!status)
+        status = check_upload(state, &own->sums, fit->device_sums, 8 * (size_t)fit->kept * fit->stride, err);
+    if (!status)
+        status = check_upload(state, &own->pool, fit->device_pool, 20 * fit->stride, err);
+    state->tolerance = 1e-6; /* the sums of other depths are a difference of floats */
+    state->bytes = (double)own->images * (double)n * 4.0 * (fit->split ? 13.0 : 10.0);
+    return status;
+}
+
+static hada_status launch(check_state *state, hada_error *err)
+{
+    solve_state *own = state->own;
+    const check_fit *fit = &own->fit;
+    const char *macros = fit->split ? "-DFIT_SPLIT=1" : "";
+    const cl_ulong stride = fit->stride, vectors = fit->vectors;
+    hada_status status = HADA_OK;
+    for (int part = 0; part < 2; part++)
+        for (int k = 0; !status && k < own->images; k++) {
+            const cl_float alpha = own->alpha * (float)(k + 1), least = own->least * (float)(k + 1);
+            const cl_ulong at = state->out_offset / 2 + (cl_ulong)(part * own->images + k) * fit->count;
+            const hada_arg filter[] = {
+                HADA_ARG(own->sums.mem), HADA_ARG(own->pool.mem),  HADA_ARG(stride), HADA_ARG(alpha),
+                HADA_ARG(own->ridge),    HADA_ARG(state->out.mem), HADA_ARG(at),     HADA_ARG(vectors)};
+            const hada_arg transfer[] = {HADA_ARG(own->sums.mem),  HADA_ARG(stride), HADA_ARG(least),
+                                         HADA_ARG(state->out.mem), HADA_ARG(at),     HADA_ARG(vectors)};
+            status = part ? check_kernel(state, "fit_solve", "fit_transfer", macros, fit->vectors, 64, transfer,
+                                         HADA_COUNT(transfer), err)
+                          : check_kernel(state, "fit_solve", "fit_filter", macros, fit->vectors, 64, filter,
+                                         HADA_COUNT(filter), err);
+        }
+    return status;
+}
+
+static void release(check_state *state)
+{
+    solve_state *own = state->own;
+    if (!own)
+        return;
+    hada_buffer_destroy(&own->sums);
+    hada_buffer_destroy(&own->pool);
+    check_fit_free(&own->fit);
+    free(own);
+}
+
+const check_op check_fit_solve = {"fit_solve", "n frequencies, k images, a eighths of alpha, s1 split", prepare, launch,
+                                  release};

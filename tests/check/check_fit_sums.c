@@ -1,0 +1,163 @@
+/* The sums of a fit: pairs added and one taken out again, other sums merged in, pools over depths. Integers: exact,
+ * also beyond the 24 bits of a float, since each sum is kept as two. */
+#include <stdlib.h>
+
+#include "check.h"
+#include "core/alloc.h"
+#include "ref/ref_fit.h"
+
+enum { MAX_PAIRS = 64, POOLS = 5 };
+
+typedef struct sums_state {
+    hada_buffer x, b, more;
+    size_t count, vectors, stride;
+    int pairs, split, kept; /* kept: sums of a depth, 4 or 6 */
+} sums_state;
+
+static const char *macros(const sums_state *own)
+{
+    return own->split ? "-DFIT_SPLIT=1" : "";
+}
+
+/* A sum as the device keeps it: the nearest float, and what that leaves. */
+static void put_pair(double value, size_t stride, double *sums)
+{
+    sums[0] = (float)value;
+    sums[stride] = value - (float)value;
+}
+
+/* In the output stand the sums of all pairs but the first one, plus `more`; then the pools of these, pushed twice. */
+static hada_status expect(check_state *state, const sums_state *own, const float *x, const float *b, float *more,
+                          hada_error *err)
+{
+    const size_t n = own->count;
+    double *values = NULL, *sums = NULL;
+    hada_status status = hada_alloc((void **)&values, 4 * n, sizeof *values, "the check", err);
+    if (!status)
+        status = hada_alloc((void **)&sums, HADA_REF_FIT_SUMS * n, sizeof *sums, "the check", err);
+    for (size_t p = 1; !status && p < (size_t)own->pairs; p++) {
+        for (size_t i = 0; i < 2 * n; i++) {
+            values[i] = x[2 * 8 * own->vectors * p + i];
+            values[2 * n + i] = b[2 * 8 * own->vectors * p + i];
+        }
+        hada_ref_fit_pair(values, values + 2 * n, n, 1.0, sums);
+    }
+    double *pool = state->expected + 2 * (size_t)own->kept * own->stride;
+    static const int pooled[POOLS] = {2, 2, 3, 5, 5};
+    static const double share[POOLS] = {2.0, 0.5, 0.5, 2.0, 0.5};
+    for (size_t i = 0; !status && i < n; i++) {
+        for (size_t k = 0; k < (size_t)own->kept; k++) {
+            double *to = state->expected + 2 * k * own->stride + i;
+            float *from = more + 2 * k * own->stride + i;
+            put_pair(sums[k * n + i] + from[0] + from[own->stride], own->stride, to);
+        }
+        for (size_t k = 0; k < (own->split ? 5u : 3u); k++)
+            pool[k * own->stride + i] = (float)(share[k] * state->expected[2 * (size_t)pooled[k] * own->stride + i]);
+    }
+    free(values);
+    free(sums);
+    return status;
+}
+
+static hada_status prepare(check_state *state, hada_error *err)
+{
+    sums_state *own = calloc(1, sizeof *own);
+    if (!own)
+        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    state->own = own;
+    own->count = (size_t)check_get(state, 'n', 16);
+    own->pairs = check_get(state, 'p', 3);
+    own->split = check_get(state, 's', 0);
+    own->kept = own->split ? 6 : 4;
+    own->vectors = (own->count + 7) / 8;
+    own->stride = (own->vectors + 63) / 64 * 64 * 8;
+    if (own->pairs < 2 || own->pairs > MAX_PAIRS)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "2 to %d pairs", MAX_PAIRS);
+    const size_t image = 16 * own->vectors, all = image * (size_t)own->pairs;
+    const size_t sums = 2 * (size_t)own->kept * own->stride, pools = (own->split ? 5 : 3) * own->stride;
+    float *x, *b = NULL, *more = NULL;
+    hada_status status = hada_alloc((void **)&x, all, sizeof *x, "the check", err);
+    if (!status)
+        status = hada_alloc((void **)&b, all, sizeof *b, "the check", err);
+    if (!status)
+        status = hada_alloc((void **)&more, sums, sizeof *more, "the check", err);
+    if (!status)
+        status = check_output(state, sums + pools, err);
+    for (size_t p = 0; !status && p < (size_t)own->pairs; p++) { /* padding stays 0 */
+        check_fill_integers(state, 2 * p + 1, x + p * image, 2 * own->count, 2000);
+        check_fill_integers(state, 2 * p + 2, b + p * image, 2 * own->count, 2000);
+    }
+    for (size_t k = 0; !status && k < (size_t)own->kept; k++) { /* high part multiples of 16, low part below that */
+        float *high = more + 2 * k * own->stride, *low = high + own->stride;
+        check_fill_integers(state, 1000 + k, high, own->count, 1 << 20);
+        check_fill_integers(state, 2000 + k, low, own->count, 7);
+        for (size_t i = 0; i < own->count; i++)
+            high[i] *= 16.0f;
+    }
+    if (!status)
+        status = expect(state, own, x, b, more, err);
+    if (!status)
+        status = check_upload(state, &own->x, x, all * sizeof *x, err);
+    if (!status)
+        status = check_upload(state, &own->b, b, all * sizeof *b, err);
+    if (!status)
+        status = check_upload(state, &own->more, more, sums * sizeof *more, err);
+    free(x);
+    free(b);
+    free(more);
+    state->bytes = (double)own->count * sizeof(float) * ((own->pairs + 1) * (4.0 + 4.0 * own->kept) + 6.0 * own->kept);
+    return status;
+}
+
+static hada_status add_pair(check_state *state, int pair, float sign, cl_mem sums, hada_error *err)
+{
+    sums_state *own = state->own;
+    const cl_ulong offset = (cl_ulong)pair * 8 * own->vectors, stride = own->stride, vectors = own->vectors;
+    const hada_arg args[] = {HADA_ARG(own->x.mem), HADA_ARG(own->b.mem), HADA_ARG(offset), HADA_ARG(sums),
+                             HADA_ARG(stride),     HADA_ARG(sign),       HADA_ARG(vectors)};
+    return check_kernel(state, "fit_sums", "fit_pair", macros(own), own->vectors, 64, args, HADA_COUNT(args), err);
+}
+
+static hada_status launch(check_state *state, hada_error *err)
+{
+    sums_state *own = state->own;
+    const size_t size = 2 * (size_t)own->kept * own->stride;
+    cl_mem sums = state->region[0], pool = state->region[1];
+    const cl_ulong stride = own->stride, vectors = own->vectors;
+    const cl_float per_pair = 0.25f;
+    const hada_arg merge[] = {HADA_ARG(own->more.mem), HADA_ARG(sums), HADA_ARG(stride), HADA_ARG(own->kept),
+                              HADA_ARG(vectors)};
+    const hada_arg pools[] = {HADA_ARG(sums), HADA_ARG(pool), HADA_ARG(stride), HADA_ARG(per_pair), HADA_ARG(vectors)};
+    hada_status status = HADA_OK;
+    if (!state->regions) {
+        status = check_region(state, 0, size, &sums, err);
+        if (!status)
+            status = check_region(state, size, state->out_count - size, &pool, err);
+    }
+    if (!status)
+        status = check_clear(state, 0, state->out_count, err);
+    for (int p = 0; !status && p < own->pairs; p++)
+        status = add_pair(state, p, 1.0f, sums, err);
+    if (!status)
+        status = add_pair(state, 0, -1.0f, sums, err);
+    if (!status)
+        status =
+            check_kernel(state, "fit_sums", "fit_merge", macros(own), own->vectors, 64, merge, HADA_COUNT(merge), err);
+    for (int depth = 0; !status && depth < 2; depth++)
+        status =
+            check_kernel(state, "fit_sums", "fit_pool", macros(own), own->vectors, 64, pools, HADA_COUNT(pools), err);
+    return status;
+}
+
+static void release(check_state *state)
+{
+    sums_state *own = state->own;
+    if (!own)
+        return;
+    hada_buffer_destroy(&own->x);
+    hada_buffer_destroy(&own->b);
+    hada_buffer_destroy(&own->more);
+    free(own);
+}
+
+const check_op check_fit_sums = {"fit_sums", "n frequencies, p pairs, s1 split", prepare, launch, release};

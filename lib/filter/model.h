@@ -37,6 +37,10 @@ hada_status hada_geometry_of(const hada_model_info *info, hada_geometry *out, ha
 hada_status hada_model_set_sizes(hada_model_info *info, int raw_rows, int raw_cols, int window_rows, int window_cols,
                                  hada_error *err);
 
+/* After the large arrays were copied to a device: those of a loaded model are dropped from memory and come back from
+ * the file when needed. */
+void hada_model_forget(const hada_model *model);
+
 /* The largest |OTF(0)|^2 of all depths and channels: the unit of refine_rho. 1 without transfer functions. */
 double hada_model_gain(const hada_model *model);
 

@@ -332,3 +332,9 @@ hada_status hada_model_load(hada_model **out, const char *path, hada_error *err)
         hada_tensors_close(&file);
     return status;
 }
+
+void hada_model_forget(const hada_model *model)
+{
+    if (model->mapped)
+        hada_tensors_forget(model->mapped);
+}

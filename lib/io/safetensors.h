@@ -46,6 +46,8 @@ typedef struct hada_tensors hada_tensors;
  * shrink meanwhile: replace it by renaming, as this library does. */
 hada_status hada_tensors_open(hada_tensors **out, const char *path, hada_error *err);
 void hada_tensors_close(hada_tensors **tensors);
+/* Gives the memory of pages read so far back to the system; they are read again from the file when touched. */
+void hada_tensors_forget(const hada_tensors *tensors);
 size_t hada_tensors_count(const hada_tensors *tensors);
 const hada_tensor *hada_tensors_at(const hada_tensors *tensors, size_t index);
 const hada_tensor *hada_tensors_find(const hada_tensors *tensors, const char *name); /* NULL where absent */

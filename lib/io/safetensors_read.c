@@ -246,6 +246,11 @@ void hada_tensors_close(hada_tensors **tensors)
     *tensors = NULL;
 }
 
+void hada_tensors_forget(const hada_tensors *tensors)
+{
+    madvise(tensors->map, tensors->map_bytes, MADV_DONTNEED); /* only a hint: nothing is lost when it fails */
+}
+
 size_t hada_tensors_count(const hada_tensors *tensors)
 {
     return tensors->count;

@@ -170,8 +170,9 @@ static hada_status refine(hada_plan *plan, int count, double energy, hada_result
         status = hada_refiner_residual(plan->refiner, &data, 1, count, plan->occupied, &left, err);
     if (!status && energy > 0) {
         report->residual = sqrt(left / energy);
-        if (info->boundary == HADA_BOUNDARY_CIRCULAR)
-            report->residual_linear = sqrt(hada_refiner_energy(plan->refiner, 0, 0) / energy);
+        /* the first step is the joint linear filter; what it left is met in the second */
+        if (info->boundary == HADA_BOUNDARY_CIRCULAR && report->refine_steps > 1)
+            report->residual_linear = sqrt(hada_refiner_energy(plan->refiner, 0, 1) / energy);
     }
     if (!status)
         status = stop_watch(plan, watch, &report->seconds_refine, err);

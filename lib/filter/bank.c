@@ -108,6 +108,7 @@ static hada_status upload(hada_bank *bank, hada_slot *slot, const hada_model *mo
         const size_t at = (size_t)((z % per_buffer) * bank->channels + c) * image_bytes;
         if (!status)
             status = hada_buffer_write(&list[z / per_buffer], slot, at, image, image_bytes, err);
+        hada_model_forget(model); /* copied: the file need not stand in memory beside the device's copy */
     }
     free(image);
     free(rows);

@@ -92,7 +92,6 @@ static hada_status make_parts(hada_plan *plan, hada_error *err)
         status = hada_focus_create(&plan->focus, plan->slot, &focus, err);
     if (!status && shape->refined)
         status = make_refinement(plan, err);
-    hada_model_forget(plan->model); /* the device holds what is needed */
     if (!status && !shape->refined)
         status = hada_buffer_create(&plan->planes, plan->context, plane * (size_t)shape->depths * sizeof(float),
                                     "the refocused planes", err);

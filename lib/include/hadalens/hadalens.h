@@ -13,5 +13,6 @@
 #include <hadalens/reconstruct.h>
 #include <hadalens/status.h>
 #include <hadalens/tiff.h>
+#include <hadalens/tune.h>
 
 #endif

@@ -1,0 +1,195 @@
+/* Measuring the back ends against each other, on request only. */
+#include <hadalens/tune.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <time.h>
+
+#include "core/alloc.h"
+#include "fft/fft_internal.h"
+
+enum { BATCH = 4, ROUNDS = 15, MOST_ROUNDS = 1000, BACKENDS = 2, DIRECTIONS = 2 };
+
+/* clFFT must be clearly faster: it neither prunes nor multiplies by filters while it reads. */
+#define CLEARLY 0.95
+
+typedef struct contest {
+    hada_slot *slot;
+    hada_fft_desc desc;
+    hada_fft *plan[BACKENDS][DIRECTIONS]; /* NULL: does not take part */
+    hada_buffer real, spectrum;
+    double *seconds[BACKENDS][DIRECTIONS];
+} contest;
+
+static const hada_fft_backend backends[BACKENDS] = {HADA_FFT_OWN, HADA_FFT_CLFFT};
+
+const char *hada_tune_backend_name(hada_tune_backend backend)
+{
+    return backend == HADA_TUNE_CLFFT ? "clfft" : "own";
+}
+
+static double now(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+static int ascending(const void *a, const void *b)
+{
+    const double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+static double median_ms(double *seconds, int count)
+{
+    qsort(seconds, (size_t)count, sizeof *seconds, ascending);
+    return 1e3 * 0.5 * (seconds[(count - 1) / 2] + seconds[count / 2]);
+}
+
+static hada_status run(contest *c, int backend, int direction, hada_error *err)
+{
+    hada_fft *plan = c->plan[backend][direction];
+    hada_status status = direction
+                             ? hada_fft_inverse(plan, c->desc.batch, c->spectrum.mem, 0, c->real.mem, 0, NULL, err)
+                             : hada_fft_forward(plan, c->desc.batch, c->real.mem, 0, c->spectrum.mem, 0, err);
+    return status ? status : hada_slot_finish(c->slot, err);
+}
+
+static void leave(contest *c, int backend)
+{
+    for (int d = 0; d < DIRECTIONS; d++)
+        hada_fft_destroy(&c->plan[backend][d]);
+}
+
+/* Makes the plans of a back end, which checks them, and runs each once; whoever fails does not take part. */
+static hada_status enter(contest *c, int backend, char *reason, size_t size, hada_error *err)
+{
+    hada_error local = {0};
+    hada_status status = HADA_OK;
+    for (int d = 0; !status && d < DIRECTIONS; d++) {
+        hada_fft_desc desc = c->desc;
+        desc.backend = backends[backend];
+        desc.direction = d ? HADA_FFT_INVERSE : HADA_FFT_FORWARD;
+        status = hada_fft_create(&c->plan[backend][d], c->slot, &desc, &local);
+        if (!status)
+            status = run(c, backend, d, &local);
+    }
+    if (status) {
+        leave(c, backend);
+        snprintf(reason, size, "%.*s", (int)size - 1, local.message);
+        if (err)
+            *err = local;
+    }
+    return status;
+}
+
+static hada_status make_buffers(contest *c, hada_error *err)
+{
+    hada_context *context = c->slot->context;
+    size_t spectrum = 0;
+    for (int b = 0; b < BACKENDS; b++) {
+        const hada_spectrum_layout layout = hada_fft_layout(context, c->desc.rows, c->desc.cols, backends[b]);
+        spectrum = layout.count > spectrum ? layout.count : spectrum;
+    }
+    const size_t batch = (size_t)c->desc.batch;
+    hada_status status = hada_buffer_create(&c->real, context, c->desc.real_distance * batch * sizeof(float),
+                                            "the images of a measurement", err);
+    if (!status)
+        status = hada_buffer_create(&c->spectrum, context, spectrum * batch * 2 * sizeof(float),
+                                    "the spectra of a measurement", err);
+    /* zeros: as fast as anything else, and free of denormals */
+    if (!status)
+        status = hada_buffer_clear(&c->real, c->slot, 0, c->real.bytes, err);
+    return status ? status : hada_buffer_clear(&c->spectrum, c->slot, 0, c->spectrum.bytes, err);
+}
+
+static hada_status measure(contest *c, int rounds, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    for (int r = 0; !status && r < rounds; r++)
+        for (int k = 0; !status && k < BACKENDS * DIRECTIONS; k++) {
+            /* they take turns, and who goes first changes */
+            const int b = (k + r) % BACKENDS, d = k / BACKENDS;
+            if (!c->plan[b][d])
+                continue;
+            const double start = now();
+            status = run(c, b, d, err);
+            c->seconds[b][d][r] = now() - start;
+        }
+    return status;
+}
+
+static void conclude(contest *c, int rounds, hada_tune_row *row)
+{
+    hada_tune_time *times[BACKENDS] = {&row->own, &row->clfft};
+    for (int b = 0; b < BACKENDS; b++) {
+        if (!c->plan[b][0])
+            continue;
+        times[b]->forward_ms = median_ms(c->seconds[b][0], rounds);
+        times[b]->inverse_ms = median_ms(c->seconds[b][1], rounds);
+    }
+    const double own = row->own.forward_ms + row->own.inverse_ms, other = row->clfft.forward_ms + row->clfft.inverse_ms;
+    row->chosen = isnan(own) || other < CLEARLY * own ? HADA_TUNE_CLFFT : HADA_TUNE_OWN;
+}
+
+static void finish(contest *c)
+{
+    for (int b = 0; b < BACKENDS; b++)
+        leave(c, b);
+    hada_slot_destroy(&c->slot);
+    hada_buffer_destroy(&c->real);
+    hada_buffer_destroy(&c->spectrum);
+    free(c->seconds[0][0]);
+}
+
+/* As many images at once as a quarter of the largest allocation holds. */
+static int batch_for(const hada_context *context, size_t pixels)
+{
+    const uint64_t fit = context->info.max_allocation_bytes / 4 / (pixels * 2 * sizeof(float));
+    return fit < 1 ? 1 : fit < BATCH ? (int)fit : BATCH;
+}
+
+hada_status hada_tune_fft(hada_context *context, int rows, int cols, int rounds, hada_tune_row *row, hada_error *err)
+{
+    if (!context || !row)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_tune_fft: a context and a row are needed");
+    if (rows < 1 || cols < 1 || rows > 1 << 24 || cols > 1 << 24 || rounds < 0 || rounds > MOST_ROUNDS)
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "transforms of %d x %d cannot be measured in %d rounds: give a size from 1 x 1 and at most %d "
+                         "rounds",
+                         rows, cols, rounds, MOST_ROUNDS);
+    rounds = rounds ? rounds : ROUNDS;
+    const size_t pixels = (size_t)rows * (size_t)cols;
+    contest c = {.desc = {.rows = rows,
+                          .cols = cols,
+                          .batch = batch_for(context, pixels),
+                          .real_rows = rows,
+                          .real_cols = cols,
+                          .real_pitch = (size_t)cols,
+                          .real_distance = pixels}};
+    *row = (hada_tune_row){.rows = rows, .cols = cols, .batch = c.desc.batch};
+    row->own.forward_ms = row->own.inverse_ms = row->clfft.forward_ms = row->clfft.inverse_ms = NAN;
+    row->before = hada_fft_choose(context, rows, cols) == HADA_FFT_CLFFT ? HADA_TUNE_CLFFT : HADA_TUNE_OWN;
+    void *seconds;
+    hada_status status =
+        hada_alloc(&seconds, (size_t)rounds * BACKENDS * DIRECTIONS, sizeof(double), "a measurement", err);
+    if (status)
+        return status;
+    for (int k = 0; k < BACKENDS * DIRECTIONS; k++)
+        c.seconds[k / DIRECTIONS][k % DIRECTIONS] = (double *)seconds + k * rounds;
+    status = hada_slot_create(&c.slot, context, err);
+    if (!status)
+        status = make_buffers(&c, err);
+    if (!status) {
+        const hada_status own = enter(&c, 0, row->own.reason, sizeof row->own.reason, err);
+        const hada_status other = enter(&c, 1, row->clfft.reason, sizeof row->clfft.reason, NULL);
+        status = own && other ? own : HADA_OK;
+    }
+    if (!status)
+        status = measure(&c, rounds, err);
+    if (!status)
+        conclude(&c, rounds, row);
+    finish(&c);
+    return status;
+}

@@ -1,0 +1,189 @@
+/* Several threads on one context, each with a plan of its own on one model, and a context for each thread: the same
+ * bits as one thread alone. Run under the thread sanitizer it also finds races (tests/unit/threads.supp names what is
+ * not ours). */
+#include <pthread.h>
+#include <string.h>
+
+#include "camera_small.h"
+
+#include <hadalens/reconstruct.h>
+
+enum { ROWS = 24, COLS = 32, WINDOW = 12, DEPTHS = 3, CHANNELS = 3, FRAMES = 3, THREADS = 4 };
+
+typedef struct fixture {
+    hada_context *context;
+    hada_model *model;
+    hada_image frames[FRAMES];
+    hada_plan_options options[2]; /* linear, refined */
+    hada_result expected[2][FRAMES];
+} fixture;
+
+/* What a thread does and finds; cmocka's assertions belong to the main thread. */
+typedef struct job {
+    const fixture *f;
+    hada_context *context; /* NULL: one of its own */
+    int first;             /* frame to begin with, so that threads do different things at a time */
+    hada_status status;
+    hada_error error;
+    int different;
+} job;
+
+static int same_image(const hada_image *a, const hada_image *b)
+{
+    return a->channels == b->channels && a->rows == b->rows && a->cols == b->cols &&
+           !memcmp(a->data, b->data, hada_image_count(a) * sizeof *a->data);
+}
+
+static int same(const hada_result *a, const hada_result *b)
+{
+    int equal = a->depths == b->depths && same_image(&a->all_in_focus, &b->all_in_focus) &&
+                same_image(&a->distance_map, &b->distance_map) &&
+                a->report.occupied_count == b->report.occupied_count &&
+                a->report.refine_steps == b->report.refine_steps;
+    for (int z = 0; equal && z < a->depths; z++)
+        equal = same_image(&a->planes[z], &b->planes[z]);
+    return equal;
+}
+
+static hada_status work_with(job *j, hada_context *context, const hada_plan_options *options,
+                             const hada_result *expected)
+{
+    hada_plan *plan;
+    hada_result result = {0};
+    hada_status status = hada_plan_create(&plan, context, j->f->model, options, &j->error);
+    for (int i = 0; !status && i < 2 * FRAMES; i++) {
+        const int frame = (i + j->first) % FRAMES;
+        status = hada_plan_run(plan, &j->f->frames[frame], &result, &j->error);
+        if (!status)
+            j->different += !same(&result, &expected[frame]);
+    }
+    hada_result_destroy(&result);
+    hada_plan_destroy(&plan);
+    return status;
+}
+
+static void *work(void *argument)
+{
+    job *j = argument;
+    hada_context *own = NULL;
+    if (!j->context)
+        j->status = hada_context_create(&own, NULL, &j->error);
+    for (int kind = 0; !j->status && kind < 2; kind++)
+        j->status = work_with(j, own ? own : j->context, &j->f->options[kind], j->f->expected[kind]);
+    hada_context_destroy(&own);
+    return NULL;
+}
+
+static void run_threads(const fixture *f, hada_context *context, int count)
+{
+    pthread_t threads[THREADS];
+    job jobs[THREADS];
+    for (int i = 0; i < count; i++) {
+        jobs[i] = (job){.f = f, .context = context, .first = i};
+        assert_int_equal(pthread_create(&threads[i], NULL, work, &jobs[i]), 0);
+    }
+    for (int i = 0; i < count; i++)
+        pthread_join(threads[i], NULL);
+    for (int i = 0; i < count; i++) {
+        if (jobs[i].status)
+            fail_msg("thread %d: %s", i, jobs[i].error.message);
+        assert_int_equal(jobs[i].different, 0);
+    }
+}
+
+static void make_frames(fixture *f)
+{
+    const double distances[DEPTHS] = {100.0, 200.0, 400.0};
+    hada_image psf[DEPTHS];
+    hada_psf_options options;
+    hada_psf_options_init(&options);
+    options.window_rows = options.window_cols = WINDOW;
+    options.boundary = HADA_BOUNDARY_CIRCULAR;
+    for (int z = 0; z < DEPTHS; z++)
+        psf[z] = small_psf(CHANNELS, ROWS, COLS, 12, (uint64_t)z + 1);
+    for (int i = 0; i < FRAMES; i++) {
+        hada_image scene = small_scene(CHANNELS, WINDOW, WINDOW, (uint64_t)i + 1);
+        f->frames[i] = small_frame(&psf[i % DEPTHS], &scene, 0, 0.003, (uint64_t)i + 1);
+        hada_image_destroy(&scene);
+    }
+    ASSERT_OK(hada_model_from_psf(&f->model, f->context, psf, DEPTHS, distances, &options, err));
+    for (int z = 0; z < DEPTHS; z++)
+        hada_image_destroy(&psf[z]);
+}
+
+static int setup(void **state)
+{
+    static fixture f;
+    ASSERT_OK(hada_context_create(&f.context, NULL, err));
+    make_frames(&f);
+    for (int kind = 0; kind < 2; kind++) {
+        hada_plan *plan;
+        hada_plan_options_init(&f.options[kind]);
+        f.options[kind].refine = kind ? 5 : 0;
+        f.options[kind].dark = HADA_DARK_NONE;
+        ASSERT_OK(hada_plan_create(&plan, f.context, f.model, &f.options[kind], err));
+        for (int i = 0; i < FRAMES; i++)
+            ASSERT_OK(hada_plan_run(plan, &f.frames[i], &f.expected[kind][i], err));
+        hada_plan_destroy(&plan);
+    }
+    *state = &f;
+    return 0;
+}
+
+static int teardown(void **state)
+{
+    fixture *f = *state;
+    for (int i = 0; i < FRAMES; i++) {
+        hada_image_destroy(&f->frames[i]);
+        hada_result_destroy(&f->expected[0][i]);
+        hada_result_destroy(&f->expected[1][i]);
+    }
+    hada_model_destroy(&f->model);
+    hada_context_destroy(&f->context);
+    return 0;
+}
+
+/* The frames and the two kinds of work differ, or equal results would prove nothing. */
+static void there_is_something_to_compare(void **state)
+{
+    const fixture *f = *state;
+    assert_true(same(&f->expected[0][0], &f->expected[0][0]));
+    assert_false(same(&f->expected[0][0], &f->expected[0][1]));
+    assert_false(same(&f->expected[0][0], &f->expected[1][0]));
+    assert_true(f->expected[1][0].report.refine_steps > 0);
+}
+
+static void threads_share_a_context(void **state)
+{
+    const fixture *f = *state;
+    const uint64_t before = hada_context_bytes(f->context);
+    run_threads(f, f->context, THREADS);
+    assert_int_equal(hada_context_bytes(f->context), before);
+}
+
+/* Here the threads also meet where programs are made: nothing is compiled yet. */
+static void threads_share_a_new_context(void **state)
+{
+    const fixture *f = *state;
+    hada_context *context;
+    ASSERT_OK(hada_context_create(&context, NULL, err));
+    run_threads(f, context, THREADS);
+    assert_int_equal(hada_context_bytes(context), 0);
+    hada_context_destroy(&context);
+}
+
+static void contexts_are_independent(void **state)
+{
+    run_threads(*state, NULL, 2);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(there_is_something_to_compare),
+        cmocka_unit_test(threads_share_a_context),
+        cmocka_unit_test(threads_share_a_new_context),
+        cmocka_unit_test(contexts_are_independent),
+    };
+    return cmocka_run_group_tests(tests, setup, teardown);
+}

@@ -1,43 +1,5 @@
-/* Real rows to half spectra: a work-item takes sixteen rows of one image, as the real and imaginary parts of eight
- * complex transforms, x + i y, and takes their spectra apart: X[k] = (Z[k] + conj Z[n-k]) / 2 and
- * Y[k] = (Z[k] - conj Z[n-k]) / 2i. */
-#include "inc_fft_lanes.h"
-
-#define ROWS 16
-
-/* Eight columns of sixteen rows, transposed: tile[c] the rows 0..7, tile[8 + c] the rows 8..15. */
-FFT_INLINE void load_tile(__global const float *const *rows, int column, int count, float8 *tile)
-{
-    if (count == 8) {
-        for (int i = 0; i < ROWS; ++i)
-            tile[i] = vload8(0, rows[i] + column);
-    } else {
-        for (int i = 0; i < ROWS; ++i) {
-            float line[8] = {0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f};
-            for (int c = 0; c < count; ++c)
-                line[c] = rows[i][column + c];
-            tile[i] = vload8(0, line);
-        }
-    }
-    fft_transpose(tile);
-    fft_transpose(tile + 8);
-}
-
-/* One column of a full tile to its place in scratch. */
-#define KEEP(c)                                               \
-    scratch[2 * place[i + (c)]] = tile[c];                    \
-    scratch[2 * place[i + (c)] + 1] = tile[8 + (c)];
-
-/* Takes the spectra of two rows apart, at the frequency k = 8 block + c, from Z[k] and Z[n-k]. */
-#define APART(c)                                                                        \
-    {                                                                                   \
-        const float8 zr = z[2 * (c)] * 0.5f, zi = z[2 * (c) + 1] * 0.5f;                \
-        const float8 wr = w[-2 * (c)], wi = w[1 - 2 * (c)];                             \
-        x[2 * (c)] = fma(wr, (float8)0.5f, zr);                                         \
-        x[2 * (c) + 1] = fma(wi, (float8)-0.5f, zi);                                    \
-        y[2 * (c)] = fma(wi, (float8)0.5f, zi);                                         \
-        y[2 * (c) + 1] = fma(wr, (float8)0.5f, -zr);                                    \
-    }
+/* Real rows to half spectra: a work-item takes sixteen rows of one image. */
+#include "inc_fft_rows_forward.h"
 
 /* Offsets and distances of the real images count floats, those of spectra complex numbers. The image's columns
  * col0..col0+cols_in-1 are in memory, the others are zero; its rows go to the spectrum's rows row0 and on. */
@@ -51,103 +13,12 @@ fft_rows_forward(__global const float *in, ulong in_offset, ulong in_distance, u
 #else
     __local float8 *scratch = scratches;
 #endif
-    const int n = table[FFT_LENGTH], points = table[FFT_POINTS], chirped = table[FFT_CHIRP] != 0;
-    __global const int *place = table + table[FFT_PLACE];
-    __global const float *chirp = floats + table[FFT_CHIRP];
     const int groups = (rows_in + ROWS - 1) / ROWS;
     for (int task = get_group_id(0); task < tasks; task += get_num_groups(0)) {
-        const int image = task / groups, first = task % groups * ROWS, count = min(ROWS, rows_in - first);
-        __global const float *row[ROWS];
-        for (int i = 0; i < ROWS; ++i) /* rows beyond the image repeat its last row */
-            row[i] = in + in_offset + (ulong)image * in_distance + (ulong)(first + min(i, count - 1)) * in_pitch;
-
-        if (chirped) {
-            for (int i = 0; i < 2 * points; ++i)
-                scratch[i] = (float8)0.0f;
-        } else if (cols_in < n) {
-            for (int i = 0; i < n; ++i) {
-                if (i >= col0 && i < col0 + cols_in)
-                    continue;
-                scratch[2 * place[i]] = (float8)0.0f;
-                scratch[2 * place[i] + 1] = (float8)0.0f;
-            }
-        }
-        for (int done = 0; done < cols_in; done += 8) {
-            /* the last tile of eight overlaps the one before */
-            const int start = min(done, max(cols_in - 8, 0)), width = min(8, cols_in - start);
-            float8 tile[ROWS];
-            load_tile(row, start, width, tile);
-            if (width == 8 && !chirped) {
-                const int i = col0 + start;
-                FFT_EACH(8, KEEP)
-                continue;
-            }
-            for (int c = 0; c < width; ++c) {
-                const int i = col0 + start + c;
-                float8 re = tile[c], im = tile[8 + c];
-                if (chirped)
-                    fft_turn(&re, &im, chirp[2 * i], chirp[2 * i + 1]);
-                scratch[2 * place[i]] = re;
-                scratch[2 * place[i] + 1] = im;
-            }
-        }
-        for (int i = 0; i <= points / table[FFT_CHUNK]; ++i) {
-            const fft_part part = fft_part_of(table, i);
-            for (int s = part.first; s < part.last; ++s)
-                fft_stage(scratch, table, floats, s, part.from, part.to, 0, points);
-        }
-        if (chirped)
-            fft_convolve(scratch, table, floats);
-
-        for (int block = 0; block <= n / 2 / 8; ++block) {
-            float8 x[ROWS], y[ROWS];
-            if (!chirped && block > 0 && 8 * block + 7 <= n / 2) {
-                FFT_MEM const float8 *z = scratch + 16 * block, *w = scratch + 2 * (n - 8 * block);
-                FFT_EACH(8, APART)
-            } else {
-                for (int c = 0; c < 8; ++c) {
-                    const int k = 8 * block + c;
-                    if (k > n / 2) {
-                        x[2 * c] = x[2 * c + 1] = y[2 * c] = y[2 * c + 1] = (float8)0.0f;
-                        continue;
-                    }
-                    const int mirror = k ? n - k : 0;
-                    float8 zr, zi, wr, wi;
-                    if (chirped) {
-                        zr = scratch[2 * place[k] + 1];
-                        zi = scratch[2 * place[k]];
-                        wr = scratch[2 * place[mirror] + 1];
-                        wi = scratch[2 * place[mirror]];
-                        fft_turn(&zr, &zi, chirp[2 * k], chirp[2 * k + 1]);
-                        fft_turn(&wr, &wi, chirp[2 * mirror], chirp[2 * mirror + 1]);
-                    } else {
-                        zr = scratch[2 * k];
-                        zi = scratch[2 * k + 1];
-                        wr = scratch[2 * mirror];
-                        wi = scratch[2 * mirror + 1];
-                    }
-                    zr *= 0.5f;
-                    zi *= 0.5f;
-                    x[2 * c] = fma(wr, (float8)0.5f, zr);
-                    x[2 * c + 1] = fma(wi, (float8)-0.5f, zi);
-                    y[2 * c] = fma(wi, (float8)0.5f, zi);
-                    y[2 * c + 1] = fma(wr, (float8)0.5f, -zr);
-                }
-            }
-            fft_transpose(x);
-            fft_transpose(x + 8);
-            fft_transpose(y);
-            fft_transpose(y + 8);
-            __global float *p =
-                out + 2 * (out_offset + (ulong)image * out_distance + ((ulong)block * (ulong)rows + row0 + first) * 8);
-            for (int i = 0; i < min(8, count); ++i) {
-                vstore8(x[i], 0, p + 16 * i);
-                vstore8(x[8 + i], 1, p + 16 * i);
-            }
-            for (int i = 8; i < count; ++i) {
-                vstore8(y[i - 8], 0, p + 16 * i);
-                vstore8(y[i], 1, p + 16 * i);
-            }
-        }
+        const int image = task / groups, first = task % groups * ROWS;
+        fft_rows_forward_task(in + in_offset + (ulong)image * in_distance + (ulong)first * in_pitch, in_pitch,
+                              min(ROWS, rows_in - first), col0, cols_in,
+                              out + 2 * (out_offset + (ulong)image * out_distance + (ulong)(row0 + first) * 8), rows,
+                              scratch, table, floats);
     }
 }

@@ -26,11 +26,9 @@ FFT_INLINE void fft_apart(float8 a, float8 b, float8 *re, float8 *im)
     *im = (float8)(a.s13, b.s13, a.s57, b.s57);
 }
 
-FFT_INLINE void fft_store(__global float *p, float8 re, float8 im)
-{
-    vstore8((float8)(re.s0, im.s0, re.s1, im.s1, re.s4, im.s4, re.s5, im.s5), 0, p);
+#define FFT_STORE(p, re, im)                                                                              \
+    vstore8((float8)(re.s0, im.s0, re.s1, im.s1, re.s4, im.s4, re.s5, im.s5), 0, p);                      \
     vstore8((float8)(re.s2, im.s2, re.s3, im.s3, re.s6, im.s6, re.s7, im.s7), 1, p);
-}
 
 /* Transposes 8 x 8 floats. */
 FFT_INLINE void fft_transpose(float8 *m)

@@ -4,9 +4,6 @@
 #include "fft/fft_own.h"
 #include "program/kernel.h"
 
-/* Local memory is used up to here: PoCL reports more, and aborts above 512 KiB. */
-#define LOCAL_BYTES ((uint64_t)384 << 10)
-
 #define GROUP_SIZE_GPU 256
 #define GROUP_SIZE_CPU 64
 
@@ -21,7 +18,8 @@ typedef struct scratch_plan {
 static scratch_plan plan_scratch(const hada_context *context, int points, int odd)
 {
     const int groups = context->shape == HADA_SHAPE_GROUPS;
-    const uint64_t reported = context->info.local_memory_bytes, limit = reported < LOCAL_BYTES ? reported : LOCAL_BYTES;
+    const uint64_t reported = context->info.local_memory_bytes;
+    const uint64_t limit = reported < HADA_OWN_LOCAL_BYTES ? reported : HADA_OWN_LOCAL_BYTES;
     const size_t one = (size_t)points * 2 * sizeof(float) * (groups && odd ? 2 : 1);
     scratch_plan plan = {.width = HADA_OWN_BLOCK, .bytes = one * HADA_OWN_BLOCK, .local = 1};
     while (groups && plan.bytes > limit && plan.width > 1) {
@@ -98,6 +96,15 @@ size_t hada_own_pass_bytes(const hada_context *context, int n, int columns)
     hada_fft_pass_sizes(n, reads_memory_first(context, columns), &points, &odd, &ints, &floats);
     const scratch_plan plan = plan_scratch(context, points, odd);
     return ints * sizeof(int32_t) + floats * sizeof(float) + (plan.local ? 0 : global_groups(context) * plan.bytes);
+}
+
+size_t hada_own_pass_local(const hada_context *context, int n, int columns)
+{
+    int points, odd;
+    size_t ints, floats;
+    hada_fft_pass_sizes(n, reads_memory_first(context, columns), &points, &odd, &ints, &floats);
+    const scratch_plan plan = plan_scratch(context, points, odd);
+    return plan.local ? plan.bytes : 0;
 }
 
 hada_status hada_own_pass_launch(const hada_own_pass *pass, hada_slot *slot, const char *name, const char *options,

@@ -1,4 +1,5 @@
-/* The library's own transforms: a pass along rows and a pass along columns, by kernels that serve every size.
+/* The library's own transforms: a pass along rows and a pass along columns, by kernels that serve every size. Batches
+ * of small images go through both passes in one launch (fft_image.c).
  *
  * Forward: rows of the rectangle to half spectra in place in the caller's buffer, then its columns in place. Inverse:
  * columns to scratch, only the wanted rows of them and only within the band, times a filter where one is given; then
@@ -6,6 +7,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
+#include "fft/fft_image.h"
 #include "fft/fft_internal.h"
 #include "fft/fft_own.h"
 
@@ -18,6 +20,7 @@ typedef struct own_state {
     hada_own_pass rows, columns;
     hada_buffer between; /* inverse: rows of half spectra */
     int images;          /* that both passes take at a time */
+    hada_own_image image;
 } own_state;
 
 static size_t between_count(const hada_fft_desc *desc)
@@ -34,10 +37,17 @@ static int images_at_once(const hada_context *context, const hada_fft_desc *desc
     return images < (size_t)desc->batch ? (int)images : desc->batch;
 }
 
+static size_t image_bytes(const hada_context *context, const hada_fft_desc *desc)
+{
+    const size_t blocks = (size_t)(desc->cols / 2 / HADA_OWN_BLOCK + 1), whole = blocks * (size_t)desc->rows;
+    return hada_own_image_bytes(context, desc,
+                                desc->direction == HADA_FFT_INVERSE ? between_count(desc) : whole * HADA_OWN_BLOCK);
+}
+
 static size_t own_bytes(const hada_context *context, const hada_fft_desc *desc)
 {
     size_t bytes = hada_own_pass_bytes(context, desc->cols, 0) + hada_own_pass_bytes(context, desc->rows, 1);
-    if (desc->direction == HADA_FFT_INVERSE)
+    if (desc->direction == HADA_FFT_INVERSE && !image_bytes(context, desc))
         bytes += between_count(desc) * (size_t)images_at_once(context, desc) * 2 * sizeof(float);
     return bytes;
 }
@@ -82,7 +92,8 @@ static hada_status own_create(hada_fft *plan, hada_error *err)
     if (!status)
         status = hada_own_pass_make(&state->columns, plan->slot, &columns, err);
     state->images = images_at_once(plan->slot->context, desc);
-    if (!status && inverse) {
+    state->image = (hada_own_image){&state->rows, &state->columns, image_bytes(plan->slot->context, desc)};
+    if (!status && inverse && !state->image.local_bytes) {
         status = hada_buffer_create(&state->between, plan->slot->context,
                                     between_count(desc) * (size_t)state->images * 2 * sizeof(float),
                                     "a transform's scratch", err);
@@ -182,12 +193,30 @@ static hada_status own_forward(hada_fft *plan, int batch, cl_mem real, size_t re
                                size_t spectrum_offset, hada_error *err)
 {
     const own_state *state = plan->state;
+    if (state->image.local_bytes) {
+        const hada_own_io io = {.in = real,
+                                .out = spectrum,
+                                .in_offset = real_offset,
+                                .out_offset = spectrum_offset,
+                                .spectrum_distance = plan->layout.count,
+                                .images = batch};
+        return hada_own_image_forward(&state->image, plan->slot, &plan->desc, &io, err);
+    }
     hada_status status = HADA_OK;
     for (int first = 0; first < batch && !status; first += state->images) {
         const int left = batch - first, images = left < state->images ? left : state->images;
         status = forward_part(plan, first, images, real, real_offset, spectrum, spectrum_offset, err);
     }
     return status;
+}
+
+static const char *product_options(const hada_fft_filter *filter)
+{
+    if (!filter)
+        return "";
+    if (filter->product == HADA_FFT_COMPLEX)
+        return filter->half ? "-DFFT_PRODUCT=1 -DFFT_HALF=1" : "-DFFT_PRODUCT=1";
+    return filter->half ? "-DFFT_PRODUCT=2 -DFFT_HALF=1" : "-DFFT_PRODUCT=2";
 }
 
 /* The images first..first+images-1 of a batch. */
@@ -208,14 +237,10 @@ static hada_status inverse_part(hada_fft *plan, int first, int images, cl_mem sp
                      .rows_out = desc->real_rows,
                      .blocks = desc->band_cols / HADA_OWN_BLOCK + 1,
                      .images = images,
-                     .options = ""};
+                     .options = product_options(filter)};
     if (filter) {
         io.filter = filter->filter;
         io.filter_offset = (size_t)(filter->filter_first + first) * plan->layout.count;
-        if (filter->product == HADA_FFT_COMPLEX)
-            io.options = filter->half ? "-DFFT_PRODUCT=1 -DFFT_HALF=1" : "-DFFT_PRODUCT=1";
-        else
-            io.options = filter->half ? "-DFFT_PRODUCT=2 -DFFT_HALF=1" : "-DFFT_PRODUCT=2";
     }
     hada_status status = run_columns(plan, &io, err);
     if (status)
@@ -226,7 +251,7 @@ static hada_status inverse_part(hada_fft *plan, int first, int images, cl_mem sp
                    out_pitch = desc->real_pitch;
     const cl_int rows_in = desc->real_rows, band = desc->band_cols, col0 = desc->col0, cols_out = desc->real_cols,
                  tasks = row_tasks(state, desc) * images;
-    const cl_float scale = (cl_float)(1.0 / ((double)desc->rows * (double)desc->cols));
+    const cl_float scale = hada_own_scale(desc);
     hada_arg args[] = {HADA_ARG(state->between.mem),
                        HADA_ARG(in_offset),
                        HADA_ARG(in_distance),
@@ -250,6 +275,19 @@ static hada_status own_inverse(hada_fft *plan, int batch, cl_mem spectrum, size_
                                size_t real_offset, const hada_fft_filter *filter, hada_error *err)
 {
     const own_state *state = plan->state;
+    if (state->image.local_bytes) {
+        const hada_own_io io = {.in = spectrum,
+                                .out = real,
+                                .filter = filter ? filter->filter : NULL,
+                                .in_offset = spectrum_offset,
+                                .out_offset = real_offset,
+                                .filter_offset = filter ? (size_t)filter->filter_first * plan->layout.count : 0,
+                                .spectrum_distance = plan->layout.count,
+                                .in_count = filter ? filter->spectrum_count : plan->desc.batch,
+                                .images = batch,
+                                .options = product_options(filter)};
+        return hada_own_image_inverse(&state->image, plan->slot, &plan->desc, &io, err);
+    }
     hada_status status = HADA_OK;
     for (int first = 0; first < batch && !status; first += state->images) {
         const int left = batch - first, images = left < state->images ? left : state->images;

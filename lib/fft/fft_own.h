@@ -8,6 +8,9 @@
 
 #define HADA_OWN_BLOCK 8 /* columns of a spectrum's block */
 
+/* Local memory is used up to here: PoCL reports more, and aborts above 512 KiB. */
+#define HADA_OWN_LOCAL_BYTES ((uint64_t)384 << 10)
+
 typedef struct hada_own_pass {
     hada_buffer ints, floats, scratch;
     int width;          /* complex transforms that a work-group does side by side */
@@ -20,6 +23,9 @@ void hada_own_pass_free(hada_own_pass *pass);
 
 /* Bytes of device memory of a pass along rows or columns. */
 size_t hada_own_pass_bytes(const hada_context *context, int n, int columns);
+
+/* Bytes of local memory of such a pass for each group, 0 where its scratch lies in global memory. */
+size_t hada_own_pass_local(const hada_context *context, int n, int columns);
 
 /* The kernels' last arguments, width and scratch, which hada_own_pass_launch() sets. */
 #define HADA_OWN_LAST_ARGS HADA_ARG_LOCAL(0), HADA_ARG_LOCAL(0)

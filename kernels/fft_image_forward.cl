@@ -1,0 +1,35 @@
+/* Real images to half spectra, both passes in one work-item: it takes an image, which stays in local memory between the
+ * passes, that is in the nearest caches of a CPU. For images small enough, in batches that occupy the device. Bit for
+ * bit what fft_rows_forward and fft_cols make. */
+#define FFT_ROWS_OUT __local
+#define FFT_COLS_IN  __local
+#include "inc_fft_cols.h"
+#include "inc_fft_rows_forward.h"
+
+/* Arguments as those of fft_rows_forward and fft_cols. `local_memory`: scratch for the longer of both transforms, then
+ * the rows' half spectra. */
+__kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
+fft_image_forward(__global const float *in, ulong in_offset, ulong in_distance, ulong in_pitch, int col0, int cols_in,
+                  int rows_in, __global float *out, ulong out_offset, ulong out_distance, int row0, int images,
+                  __global const int *row_table, __global const float *row_floats, __global const int *column_table,
+                  __global const float *column_floats, __local float8 *local_memory)
+{
+    const int rows = column_table[FFT_LENGTH], blocks = row_table[FFT_LENGTH] / 2 / 8 + 1;
+    __local float8 *scratch = local_memory;
+    __local float *between =
+        (__local float *)(local_memory + 2 * max(row_table[FFT_POINTS], column_table[FFT_POINTS]));
+    for (int image = get_group_id(0); image < images; image += get_num_groups(0)) {
+        for (int first = 0; first < rows_in; first += ROWS)
+            fft_rows_forward_task(in + in_offset + (ulong)image * in_distance + (ulong)first * in_pitch, in_pitch,
+                                  min(ROWS, rows_in - first), col0, cols_in, between + (row0 + first) * 16, rows,
+                                  scratch, row_table, row_floats);
+        for (int block = 0; block < blocks; ++block) {
+            fft_columns columns;
+            columns.in = between + block * rows * 16;
+            columns.out = out + 2 * (out_offset + (ulong)image * out_distance + (ulong)block * (ulong)rows * 8);
+            columns.row0 = 0;
+            columns.rows_out = rows;
+            fft_columns_block(&columns, scratch, column_table, column_floats);
+        }
+    }
+}

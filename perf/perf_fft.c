@@ -1,8 +1,10 @@
 /* Times the transforms against FFTW (two threads, FFTW_MEASURE) and, when asked for, clFFT: batches of real images,
  * both directions, and the pruned inverse with a filter product that the reconstruction consists of. Peers take turns,
- * so that a busy machine slows them alike; medians, minima and the median of the ratios round by round are printed.
+ * so that a busy machine slows them alike. Printed are medians and minima, and three ratios: the median of those round
+ * by round, that of the minima, and that of the processor time of all threads (medians), which other jobs disturb
+ * least.
  *
- *     perf_fft [--clfft] [--rounds N] [--threads N] [CASE...]        cases: 256 512 1024 paper window half
+ *     perf_fft [--clfft] [--rounds N] [--threads N] [CASE...]        cases: 256 few 512 1024 paper window half
  */
 #include <fftw3.h>
 #include <stdio.h>
@@ -28,11 +30,16 @@ static void must(hada_status status)
     }
 }
 
-static double seconds(void)
+static double seconds_of(clockid_t clock)
 {
     struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
+    clock_gettime(clock, &t);
     return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+static double seconds(void)
+{
+    return seconds_of(CLOCK_MONOTONIC);
 }
 
 static int compare(const void *a, const void *b)
@@ -85,15 +92,13 @@ static device_side make_side(hada_fft_desc desc, hada_fft_backend backend)
     return side;
 }
 
-static double run_side(const device_side *side, const hada_fft_desc *desc)
+static void run_side(const device_side *side, const hada_fft_desc *desc)
 {
-    const double start = seconds();
     if (desc->direction == HADA_FFT_FORWARD)
         must(hada_fft_forward(side->plan, desc->batch, side->real.mem, 0, side->spectrum.mem, 0, &err));
     else
         must(hada_fft_inverse(side->plan, desc->batch, side->spectrum.mem, 0, side->real.mem, 0, NULL, &err));
     must(hada_slot_finish(slot, &err));
-    return seconds() - start;
 }
 
 static void free_side(device_side *side)
@@ -103,14 +108,33 @@ static void free_side(device_side *side)
     hada_buffer_destroy(&side->spectrum);
 }
 
-static void report(const char *name, double *own, double *peer, const char *peer_name, int count)
+typedef struct timing {
+    double wall[MOST_ROUNDS], processor[MOST_ROUNDS];
+} timing;
+
+/* Runs one side, or FFTW's plan, and notes its times. */
+static void run(const device_side *side, const hada_fft_desc *desc, fftwf_plan plan, timing *times, int round)
+{
+    const double start = seconds(), used = seconds_of(CLOCK_PROCESS_CPUTIME_ID);
+    if (side)
+        run_side(side, desc);
+    else
+        fftwf_execute(plan);
+    const int at = round < 0 ? 0 : round;
+    times->processor[at] = seconds_of(CLOCK_PROCESS_CPUTIME_ID) - used;
+    times->wall[at] = seconds() - start;
+}
+
+static void report(const char *name, timing own, timing peer, const char *peer_name)
 {
     double ratios[MOST_ROUNDS];
-    for (int i = 0; i < count; i++)
-        ratios[i] = own[i] / peer[i];
-    const double ratio = median(ratios, count), own_median = median(own, count), peer_median = median(peer, count);
-    printf("%-24s own %8.3f (%8.3f) ms   %-5s %8.3f (%8.3f) ms   own/%s %.2f\n", name, own_median * 1e3, own[0] * 1e3,
-           peer_name, peer_median * 1e3, peer[0] * 1e3, peer_name, ratio);
+    for (int i = 0; i < rounds; i++)
+        ratios[i] = own.wall[i] / peer.wall[i];
+    const double own_median = median(own.wall, rounds), peer_median = median(peer.wall, rounds);
+    printf("%-22s own %8.3f (%8.3f) ms   %-5s %8.3f (%8.3f) ms   own/%s %.2f, minima %.2f, processor %.2f\n", name,
+           own_median * 1e3, own.wall[0] * 1e3, peer_name, peer_median * 1e3, peer.wall[0] * 1e3, peer_name,
+           median(ratios, rounds), own.wall[0] / peer.wall[0],
+           median(own.processor, rounds) / median(peer.processor, rounds));
     fflush(stdout);
 }
 
@@ -138,20 +162,16 @@ static void compare_case(int rows, int cols, int batch, hada_fft_direction direc
     device_side own = make_side(desc, HADA_FFT_OWN), peer = {0};
     if (with_clfft)
         peer = make_side(desc, HADA_FFT_CLFFT);
-    static double own_times[MOST_ROUNDS], copy[MOST_ROUNDS], fftw_times[MOST_ROUNDS], clfft_times[MOST_ROUNDS];
+    static timing own_times, fftw_times, clfft_times;
     for (int i = -3; i < rounds; i++) {
-        const int at = i < 0 ? 0 : i;
-        own_times[at] = run_side(&own, &desc);
-        const double start = seconds();
-        fftwf_execute(plan);
-        fftw_times[at] = seconds() - start;
+        run(&own, &desc, NULL, &own_times, i);
+        run(NULL, &desc, plan, &fftw_times, i);
         if (peer.plan)
-            clfft_times[at] = run_side(&peer, &desc);
+            run(&peer, &desc, NULL, &clfft_times, i);
     }
-    memcpy(copy, own_times, sizeof copy);
-    report(name, own_times, fftw_times, "FFTW", rounds);
+    report(name, own_times, fftw_times, "FFTW");
     if (peer.plan) {
-        report(name, copy, clfft_times, "clFFT", rounds);
+        report(name, own_times, clfft_times, "clFFT");
         free_side(&peer);
     }
     free_side(&own);
@@ -213,7 +233,11 @@ int main(int argc, char **argv)
     static const struct {
         const char *name;
         int rows, cols, batch;
-    } cases[] = {{"256", 256, 256, 42}, {"512", 512, 512, 42}, {"1024", 1024, 1024, 3}, {"paper", 1376, 2064, 3}};
+    } cases[] = {{"256", 256, 256, 42},
+                 {"few", 256, 256, 3},
+                 {"512", 512, 512, 42},
+                 {"1024", 1024, 1024, 3},
+                 {"paper", 1376, 2064, 3}};
     int first = 1;
     for (; first < argc && !strncmp(argv[first], "--", 2); first++) {
         if (!strcmp(argv[first], "--clfft"))
@@ -231,15 +255,15 @@ int main(int argc, char **argv)
            hada_context_device(context)->name, rounds, threads);
     fftwf_init_threads();
     fftwf_plan_with_nthreads(threads);
-    for (int c = 0; c < 6; c++) {
-        const char *name = c < 4 ? cases[c].name : c == 4 ? "window" : "half";
+    for (int c = 0; c < 7; c++) {
+        const char *name = c < 5 ? cases[c].name : c == 5 ? "window" : "half";
         int wanted = first == argc;
         for (int i = first; i < argc; i++)
             wanted |= !strcmp(argv[i], name);
         if (!wanted)
             continue;
-        if (c >= 4) {
-            window_case(c == 5);
+        if (c >= 5) {
+            window_case(c == 6);
             continue;
         }
         compare_case(cases[c].rows, cases[c].cols, cases[c].batch, HADA_FFT_FORWARD);

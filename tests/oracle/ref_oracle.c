@@ -1,0 +1,298 @@
+/* Runs a reference of lib/ref on raw doubles from standard input and writes its results as raw doubles to standard
+ * output, for ref_oracle.py, which computes the same with NumPy and SciPy.
+ *   ref_oracle forward|inverse ROWS COLS
+ *   ref_oracle convolve ROWS COLS            scene, psf
+ *   ref_oracle convolve_crop ROWS COLS PSF_ROWS PSF_COLS
+ *   ref_oracle hadamard SPLIT (ten numbers of hada_ref_grid)      raw frame, filter
+ *   ref_oracle fit COUNT PAIRS SPLIT ALPHA RIDGE LEAST   spectra x and b pair by pair, other (2 x count), weights
+ *   ref_oracle score SPLIT ALPHA RIDGE (ten numbers of hada_ref_grid)   x, b, sums, other, seen, weights
+ *   ref_oracle refine ROWS COLS WINDOW(4) PADDED FRAME(4) DEPTHS STEPS RHO RELAXATION MU   otf, prior, image
+ *   ref_oracle focus MEASURE SUM SIGMA CHANNELS ROWS COLS DEPTHS    planes
+ *   ref_oracle crop IN_ROWS IN_COLS CHANNELS ROWS COLS PARTS FACTOR TAPERS INVERT
+ *   ref_oracle product PRODUCT ROWS COLS BAND_ROWS BAND_COLS   spectrum, filter */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "ref/ref_convolve.h"
+#include "ref/ref_fft.h"
+#include "ref/ref_fit.h"
+#include "ref/ref_focus.h"
+#include "ref/ref_refine.h"
+#include "ref/ref_spectrum.h"
+
+static char **words;
+
+static void quit(const char *why)
+{
+    fprintf(stderr, "ref_oracle: %s\n", why);
+    exit(1);
+}
+
+static double number(void)
+{
+    if (!*words)
+        quit("too few words");
+    return strtod(*words++, NULL);
+}
+
+static int whole(void)
+{
+    return (int)number();
+}
+
+static double *room(size_t count)
+{
+    double *values = calloc(count + 1, sizeof *values);
+    if (!values)
+        quit("no memory");
+    return values;
+}
+
+static double *take(size_t count)
+{
+    double *values = room(count);
+    if (fread(values, sizeof *values, count, stdin) != count)
+        quit("too little input");
+    return values;
+}
+
+static float *take_floats(size_t count)
+{
+    double *values = take(count);
+    float *floats = calloc(count + 1, sizeof *floats);
+    if (!floats)
+        quit("no memory");
+    for (size_t i = 0; i < count; i++)
+        floats[i] = (float)values[i];
+    free(values);
+    return floats;
+}
+
+static void give(const double *values, size_t count)
+{
+    if (fwrite(values, sizeof *values, count, stdout) != count)
+        quit("cannot write");
+}
+
+static void check(hada_status status, const hada_error *error)
+{
+    if (status)
+        quit(error->message);
+}
+
+static size_t half_count(int rows, int cols)
+{
+    return (size_t)rows * (size_t)(cols / 2 + 1);
+}
+
+static void transform(int inverse)
+{
+    hada_error error;
+    const int rows = whole(), cols = whole();
+    const size_t pixels = (size_t)rows * (size_t)cols, values = 2 * half_count(rows, cols);
+    const size_t in = inverse ? values : pixels, out = inverse ? pixels : values;
+    double *from = take(in), *to = room(out);
+    check(inverse ? hada_ref_fft_inverse(from, rows, cols, to, &error)
+                  : hada_ref_fft_forward(from, rows, cols, to, &error),
+          &error);
+    give(to, out);
+    free(from);
+    free(to);
+}
+
+static void convolve(int crop)
+{
+    const int rows = whole(), cols = whole(), psf_rows = crop ? whole() : rows, psf_cols = crop ? whole() : cols;
+    const size_t pixels = (size_t)rows * (size_t)cols;
+    float *scene = take_floats(pixels), *psf = take_floats((size_t)psf_rows * (size_t)psf_cols);
+    double *out = room(pixels);
+    if (crop)
+        hada_ref_convolve_crop(rows, cols, scene, psf_rows, psf_cols, psf, out);
+    else
+        hada_ref_convolve(rows, cols, scene, psf, out);
+    give(out, pixels);
+    free(scene);
+    free(psf);
+    free(out);
+}
+
+static hada_ref_grid take_grid(void)
+{
+    hada_ref_grid grid;
+    int *to[] = {&grid.rows,     &grid.cols,       &grid.raw_row,    &grid.raw_col,     &grid.raw_rows,
+                 &grid.raw_cols, &grid.window_row, &grid.window_col, &grid.window_rows, &grid.window_cols};
+    for (size_t i = 0; i < sizeof to / sizeof *to; i++)
+        *to[i] = whole();
+    return grid;
+}
+
+static void hadamard(void)
+{
+    hada_error error;
+    const int split = whole();
+    const hada_ref_grid grid = take_grid();
+    const size_t values = 2 * half_count(grid.rows, grid.cols),
+                 window = (size_t)grid.window_rows * (size_t)grid.window_cols;
+    float *raw = take_floats((size_t)grid.raw_rows * (size_t)grid.raw_cols), *filter = take_floats(values);
+    double *spectrum = room(values), *out = room(window);
+    check(hada_ref_grid_forward(&grid, raw, grid.raw_row, grid.raw_col, grid.raw_rows, grid.raw_cols, spectrum, &error),
+          &error);
+    check(hada_ref_hadamard(&grid, spectrum, filter, split, out, &error), &error);
+    give(out, window);
+    free(raw);
+    free(filter);
+    free(spectrum);
+    free(out);
+}
+
+static void fit(void)
+{
+    const size_t count = (size_t)whole();
+    const int pairs = whole(), split = whole();
+    const double alpha = number(), ridge = number(), least = number();
+    double *sums = room(HADA_REF_FIT_SUMS * count), *out = room(2 * count);
+    for (int i = 0; i < pairs; i++) {
+        double *x = take(2 * count), *b = take(2 * count);
+        hada_ref_fit_pair(x, b, count, 1.0, sums);
+        free(x);
+        free(b);
+    }
+    double *other = take(2 * count), *weights = take(count);
+    give(sums, HADA_REF_FIT_SUMS * count);
+    hada_ref_fit_filter(sums, other, count, alpha, ridge, split, out);
+    give(out, 2 * count);
+    hada_ref_fit_transfer(sums, count, least, out);
+    give(out, 2 * count);
+    const double unexplained = hada_ref_fit_unexplained(sums, weights, count, least);
+    give(&unexplained, 1);
+    free(sums);
+    free(out);
+    free(other);
+    free(weights);
+}
+
+static void score(void)
+{
+    const int split = whole();
+    const double alpha = number(), ridge = number();
+    const hada_ref_grid grid = take_grid();
+    const size_t count = half_count(grid.rows, grid.cols);
+    double *x = take(2 * count), *b = take(2 * count), *sums = take(HADA_REF_FIT_SUMS * count),
+           *other = take(2 * count), *seen = take(2 * count), *weights = take(count), both[2];
+    both[0] = hada_ref_fit_leave_one_out(&grid, x, b, sums, other, seen, weights, alpha, ridge, split, &both[1]);
+    give(both, 2);
+    double *all[] = {x, b, sums, other, seen, weights};
+    for (size_t i = 0; i < sizeof all / sizeof *all; i++)
+        free(all[i]);
+}
+
+static void refine(void)
+{
+    hada_error error;
+    hada_ref_refine p = {.rows = whole()};
+    int *to[] = {&p.cols,       &p.window_row0, &p.window_col0, &p.window_rows, &p.window_cols, &p.padded,
+                 &p.frame_row0, &p.frame_col0,  &p.frame_rows,  &p.frame_cols,  &p.depths,      &p.steps};
+    for (size_t i = 0; i < sizeof to / sizeof *to; i++)
+        *to[i] = whole();
+    p.rho = number();
+    p.relaxation = number();
+    p.mu = number();
+    const size_t values = half_count(p.rows, p.cols), depths = (size_t)p.depths, steps = (size_t)p.steps;
+    const size_t planes = depths * (size_t)p.window_rows * (size_t)p.window_cols;
+    double *otf = take(2 * depths * values), *prior = take(values), *image = take((size_t)p.rows * (size_t)p.cols);
+    double *out = room(planes), *residual = room(steps + 1), *split = room(steps + 1);
+    p.otf = otf;
+    p.prior = prior;
+    p.image = image;
+    check(hada_ref_refine_run(&p, out, residual, split, &error), &error);
+    give(out, planes);
+    give(residual, steps + 1);
+    give(split, steps + 1);
+    double *all[] = {otf, prior, image, out, residual, split};
+    for (size_t i = 0; i < sizeof all / sizeof *all; i++)
+        free(all[i]);
+}
+
+static void focus(void)
+{
+    hada_error error;
+    hada_focus_options options;
+    hada_focus_report report;
+    double distances[64];
+    hada_focus_options_init(&options, 0);
+    options.measure = (hada_focus_measure)whole();
+    options.fuse = whole() ? HADA_FOCUS_SUM : HADA_FOCUS_WEIGHTED;
+    options.window_sigma = number();
+    const int channels = whole(), rows = whole(), cols = whole(), depths = whole();
+    const size_t pixels = (size_t)rows * (size_t)cols, all = (size_t)channels * pixels;
+    for (int z = 0; z < 64; z++)
+        distances[z] = 100.0 + 10.0 * z;
+    float *planes = take_floats(all * (size_t)depths);
+    double *fused = room(all), *distance = room(pixels), *lead = room(pixels);
+    check(hada_ref_focus(planes, channels, rows, cols, depths, distances, NULL, &options, fused, distance, lead,
+                         &report, &error),
+          &error);
+    give(fused, all);
+    give(distance, pixels);
+    const double numbers[] = {report.noise, report.threshold, report.margin, report.coverage};
+    give(numbers, 4);
+    free(planes);
+    free(fused);
+    free(distance);
+    free(lead);
+}
+
+static void crop(void)
+{
+    const int in_rows = whole(), in_cols = whole(), channels = whole(), rows = whole(), cols = whole();
+    const int parts = whole();
+    const double factor = number(), tapers = number();
+    const size_t out_count = half_count(rows, cols) * (size_t)parts;
+    float *in = take_floats((size_t)channels * half_count(in_rows, in_cols) * (size_t)parts);
+    double *out = room(out_count);
+    hada_ref_crop(in, in_rows, in_cols, channels, rows, cols, parts, factor, tapers, whole(), out);
+    give(out, out_count);
+    free(in);
+    free(out);
+}
+
+static void product(void)
+{
+    const int kind = whole(), rows = whole(), cols = whole(), band_rows = whole(), band_cols = whole();
+    const size_t values = 2 * half_count(rows, cols);
+    float *in = take_floats(values), *filter = take_floats(values);
+    double *out = room(values);
+    hada_ref_product(in, filter, kind, rows, cols, band_rows, band_cols, out);
+    give(out, values);
+    free(in);
+    free(filter);
+    free(out);
+}
+
+int main(int count, char **arguments)
+{
+    const char *what = count > 1 ? arguments[1] : "";
+    words = arguments + (count > 1 ? 2 : 1);
+    if (!strcmp(what, "forward") || !strcmp(what, "inverse"))
+        transform(*what == 'i');
+    else if (!strcmp(what, "convolve") || !strcmp(what, "convolve_crop"))
+        convolve(what[8] == '_');
+    else if (!strcmp(what, "hadamard"))
+        hadamard();
+    else if (!strcmp(what, "fit"))
+        fit();
+    else if (!strcmp(what, "score"))
+        score();
+    else if (!strcmp(what, "refine"))
+        refine();
+    else if (!strcmp(what, "focus"))
+        focus();
+    else if (!strcmp(what, "crop"))
+        crop();
+    else if (!strcmp(what, "product"))
+        product();
+    else
+        quit("see the head of ref_oracle.c");
+    return 0;
+}

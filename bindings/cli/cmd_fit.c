@@ -244,6 +244,38 @@ static hada_status fit_pairs(hada_cli *cli, const settings *set, const char *fol
     return status;
 }
 
+/* A model from saved sums alone: nothing can be left out, so what is not given takes its stated default. */
+static hada_status fit_sums(hada_cli *cli, const settings *set, hada_context *context, hada_model **model,
+                            hada_error *err)
+{
+    hada_fitter *fitter = NULL;
+    hada_fit_options choices;
+    hada_fit_options_init(&choices);
+    choices.alpha = set->alpha;
+    choices.lambda = set->lambda;
+    choices.form = set->form == 2 ? HADA_FORM_SPLIT : HADA_FORM_COMPLEX;
+    hada_status status = hada_cli_read_refine(set->refine, &choices.refine_steps, err);
+    if (!status)
+        status = hada_fitter_create_from_sums(&fitter, context, set->merge.items[0], &choices, err);
+    for (int i = 1; !status && i < set->merge.count; i++)
+        status = hada_fitter_load_sums(fitter, set->merge.items[i], err);
+    if (!status && set->sums)
+        status = hada_fitter_save_sums(fitter, set->sums, err);
+    if (!status)
+        status = hada_fitter_finish(fitter, model, NULL, NULL, err);
+    if (!status) {
+        int64_t pairs = 0;
+        for (int z = 0; z < hada_model_get_info(*model)->depths; z++)
+            pairs += hada_fitter_pairs(fitter, z);
+        hada_cli_say(cli,
+                     "%lld pairs in %d file%s of sums; without pairs to leave out, alpha, lambda and refinement are "
+                     "those given or the defaults",
+                     (long long)pairs, set->merge.count, set->merge.count == 1 ? "" : "s");
+    }
+    hada_fitter_destroy(&fitter);
+    return status;
+}
+
 static hada_status to_half(hada_model **model, hada_error *err)
 {
     hada_model *half = NULL;
@@ -293,8 +325,9 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
     if (count > 1)
         return hada_cli_usage(cli, "one DATASET at a time; '%s' is too many (--merge adds sums of others)",
                               arguments[1]);
-    if (!count && !set->psf)
-        return hada_cli_usage(cli, "say what to learn from: a DATASET folder, or --psf PSF.tif");
+    if (!count && !set->psf && !set->merge.count)
+        return hada_cli_usage(cli,
+                              "say what to learn from: a DATASET folder, --psf PSF.tif, or saved sums with --merge");
     if (count && set->psf)
         return hada_cli_usage(cli, "either the pairs of %s or --psf %s, not both", arguments[0], set->psf);
     if (!set->output)
@@ -308,12 +341,13 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
         status = hada_cli_check_output(set->sums, &err);
     if (!status && !set->psf && set->form >= 3)
         return hada_cli_usage(cli, "forms matched and wiener need a PSF: hadalens fit --psf %s/psf.tif -o %s",
-                              arguments[0], set->output);
+                              count ? arguments[0] : "DATASET", set->output);
     if (!status)
         status = hada_cli_open(cli, &context, &err);
     if (!status)
         status = set->psf ? hada_cli_fit_psf(set, set->psf, context, &model, &err)
-                          : fit_pairs(cli, set, arguments[0], context, &model, &err);
+                 : count  ? fit_pairs(cli, set, arguments[0], context, &model, &err)
+                          : fit_sums(cli, set, context, &model, &err);
     if (!status && set->half)
         status = to_half(&model, &err);
     if (!status)
@@ -330,13 +364,15 @@ static const hada_cli_example examples[] = {
     {"hadalens fit --psf psf.tif --distances 250 --dark auto -o hand.model", "from one measured PSF."},
     {"hadalens fit monday -o m.model --sums monday.sums", "keeps the sums,"},
     {"hadalens fit tuesday -o both.model --merge monday.sums", "and adds to them."},
+    {"hadalens fit --merge a.sums --merge b.sums -o all.model", "merges what two machines have added up."},
     {0},
 };
 
 const hada_cli_command hada_cli_fit = {
     .name = "fit",
     .summary = "learn a camera from pairs of raw frame and known scene, or from its PSF",
-    .synopsis = "DATASET -o MODEL [OPTION...] | --psf PSF.tif -o MODEL [OPTION...]",
+    .synopsis =
+        "DATASET -o MODEL [OPTION...] | --psf PSF.tif -o MODEL [OPTION...] | --merge FILE... -o MODEL [OPTION...]",
     .description =
         "Each frequency of each depth is a least-squares problem of its own, so the filters are learned exactly, in "
         "one "

@@ -33,13 +33,14 @@ hada_status hada_fitter_finish(hada_fitter *fitter, hada_model **out, hada_fit_r
     info->refine_rho = REFINE_RHO;
     if (rows && scored)
         status = hada_fitter_rows(fitter, best, rows, row_count, err);
-    if (!status && options->refine_steps < 0)
+    if (!status && options->refine_steps < 0) {
         status = hada_fit_choose_refinement(fitter, *out, rows, row_count, err);
-    if (status == HADA_ERROR_DEVICE_MEMORY || status == HADA_ERROR_MEMORY) {
-        /* the model is there; only the trial needed more */
-        hada_log(fitter->context, HADA_LOG_WARNING,
-                 "no memory to try refinement on the pairs; the model keeps %d steps untried", info->refine_steps);
-        status = HADA_OK;
+        if (status == HADA_ERROR_DEVICE_MEMORY || status == HADA_ERROR_MEMORY) {
+            /* the model is there; only the trial needed more */
+            hada_log(fitter->context, HADA_LOG_WARNING,
+                     "no memory to try refinement on the pairs; the model keeps %d steps untried", info->refine_steps);
+            status = HADA_OK;
+        }
     }
     if (status) {
         hada_model_destroy(out);

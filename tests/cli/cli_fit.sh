@@ -37,6 +37,9 @@ expect 0 '' reconstruct "$camera/test/raw/test01.tif" -m plain.model -o plain -q
 expect 0 '' evaluate whole plain --json
 psnr=$(grep '"psnr"' stdout | grep -oE '[0-9]+' | sort -n | head -n 1)
 [ "${psnr:-100}" -ge 90 ] || fail "merged sums gave other filters: $psnr dB"
+# Sums alone make a model, without any pair at hand.
+expect 0 '6 pairs in 1 file of sums' fit --merge part.sums -o alone.model
+expect 0 '12 pairs in 2 files of sums' fit --merge part.sums --merge part.sums -o twice.model
 
 # A dark level.
 copy

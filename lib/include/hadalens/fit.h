@@ -50,6 +50,11 @@ HADA_API hada_status hada_fitter_add(hada_fitter *fitter, int depth, const hada_
 HADA_API hada_status hada_fitter_save_sums(hada_fitter *fitter, const char *path, hada_error *err);
 HADA_API hada_status hada_fitter_load_sums(hada_fitter *fitter, const char *path, hada_error *err);
 
+/* A fitter from saved sums alone, for merging without pairs: camera, depths and dark level are the file's; `choices`
+ * says form, alpha, lambda and refine_steps (its other fields are not used); NULL: the defaults. */
+HADA_API hada_status hada_fitter_create_from_sums(hada_fitter **out, hada_context *context, const char *path,
+                                                  const hada_fit_options *choices, hada_error *err);
+
 /* Number of pairs in the sums of a depth. */
 HADA_API int64_t hada_fitter_pairs(const hada_fitter *fitter, int depth);
 

@@ -1,0 +1,37 @@
+/* Faults on purpose: the linker sends the library's calls for memory, OpenCL and files through fault_*.c (--wrap),
+ * which make the n-th of a kind fail and keep books of what is alive. Only calls from the library's own objects pass
+ * here, so drivers and other libraries work undisturbed. */
+#ifndef HADA_TESTS_FAULT_H
+#define HADA_TESTS_FAULT_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+typedef enum fault_kind { FAULT_NONE = 0, FAULT_MEMORY, FAULT_OPENCL, FAULT_FILE, FAULT_KINDS } fault_kind;
+
+/* From now on calls are counted, and the n-th of a kind fails (n = 0: none does). Books start empty. */
+void fault_arm(fault_kind kind, long n);
+/* Back to normal; returns how many calls of that kind there were. */
+long fault_disarm(void);
+
+/* The name of the function that failed, NULL where the run had fewer calls than n. */
+const char *fault_struck(void);
+
+/* What was made since fault_arm() and still lives. */
+long fault_memory_alive(void);
+long fault_objects_alive(void);
+
+/* What a device pretends to be, whether armed or not. Zero: the truth. */
+typedef struct fault_device {
+    int no_platform, no_device; /* nothing is installed; a platform without devices */
+    int no_compiler;
+    uint64_t max_allocation_bytes;
+} fault_device;
+extern fault_device fault_pretend;
+
+/* For the wrappers: whether this call is the one to fail. */
+int fault_here(fault_kind kind, const char *name);
+/* Books of OpenCL objects: +1, -1. */
+void fault_object(int change);
+
+#endif

@@ -1,0 +1,353 @@
+#include "fault_job.h"
+
+#include <hadalens/fit.h>
+#include <hadalens/optics.h>
+#include <hadalens/preview.h>
+#include <hadalens/tiff.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+#include <xxhash.h>
+
+#include "fft/fft.h"
+#include "testing.h"
+
+static const double distances[JOB_DEPTHS] = {100.0, 300.0};
+
+static void add_bytes(fault_job *job, const void *data, size_t bytes)
+{
+    job->sum = XXH3_64bits_withSeed(data, bytes, job->sum);
+}
+
+static void add_image(fault_job *job, const hada_image *image)
+{
+    add_bytes(job, image->data, hada_image_count(image) * sizeof *image->data);
+}
+
+static void path_in(const fault_job *job, char *out, const char *name)
+{
+    snprintf(out, 256, "%s/%s", job->folder, name);
+}
+
+static hada_status camera_make(hada_camera *camera, hada_error *err)
+{
+    hada_camera_init(camera);
+    camera->lenses = 7;
+    camera->channels = 1;
+    hada_status status = hada_camera_set_depths(camera, distances[0], distances[1], JOB_DEPTHS, err);
+    return status ? status : hada_camera_resize(camera, JOB_ROWS, JOB_COLS, JOB_WINDOW, JOB_WINDOW, err);
+}
+
+static hada_status copy(hada_image *out, const hada_image *image, hada_error *err)
+{
+    hada_status status = hada_image_create(out, 1, image->rows, image->cols, err);
+    if (!status)
+        memcpy(out->data, image->data, hada_image_count(image) * sizeof *image->data);
+    return status;
+}
+
+static hada_status simulate(fault_job *job, hada_context *context,
+                            hada_status (*take)(fault_job *, int, int, const hada_image *, const hada_image *,
+                                                hada_error *),
+                            hada_error *err)
+{
+    hada_camera camera;
+    hada_simulator *simulator = NULL;
+    hada_status status = camera_make(&camera, err);
+    if (!status)
+        status = hada_simulator_create(&simulator, context, &camera, err);
+    for (int k = 0; !status && k < JOB_DEPTHS * JOB_PAIRS; k++) {
+        hada_image scene = {0}, raw = {0};
+        status = hada_scene_procedural(&scene, (uint64_t)k + 1, 1, JOB_WINDOW, JOB_WINDOW, err);
+        const hada_plane plane = {k / JOB_PAIRS, &scene};
+        if (!status)
+            status = hada_simulator_render(simulator, &plane, 1, 0.01, (uint64_t)k, &raw, err);
+        if (!status)
+            status = take(job, k / JOB_PAIRS, k % JOB_PAIRS, &scene, &raw, err);
+        hada_image_destroy(&scene);
+        hada_image_destroy(&raw);
+    }
+    hada_simulator_destroy(&simulator);
+    return status;
+}
+
+static hada_status keep(fault_job *job, int z, int i, const hada_image *scene, const hada_image *raw, hada_error *err)
+{
+    hada_status status = copy(&job->scene[z][i], scene, err);
+    return status ? status : copy(&job->frame[z][i], raw, err);
+}
+
+static hada_status only_look(fault_job *job, int z, int i, const hada_image *scene, const hada_image *raw,
+                             hada_error *err)
+{
+    (void)z;
+    (void)i;
+    (void)scene;
+    (void)err;
+    add_image(job, raw);
+    return HADA_OK;
+}
+
+hada_status fault_stage_simulate(fault_job *job, hada_error *err)
+{
+    return simulate(job, job->context, only_look, err);
+}
+
+static hada_status fit(fault_job *job, hada_context *context, hada_model **model, const char *sums, hada_error *err)
+{
+    hada_fit_options options;
+    hada_fitter *fitter = NULL;
+    hada_fit_row *rows = NULL;
+    size_t count = 0;
+    hada_fit_options_init(&options);
+    options.depths = JOB_DEPTHS;
+    options.channels = 1;
+    options.distances_mm = distances;
+    options.raw_rows = JOB_ROWS;
+    options.raw_cols = JOB_COLS;
+    options.window_rows = options.window_cols = JOB_WINDOW;
+    options.refine_steps = 4;
+    hada_status status = hada_fitter_create(&fitter, context, &options, err);
+    for (int k = 0; !status && k < JOB_DEPTHS * JOB_PAIRS; k++)
+        status = hada_fitter_add(fitter, k / JOB_PAIRS, &job->frame[k / JOB_PAIRS][k % JOB_PAIRS],
+                                 &job->scene[k / JOB_PAIRS][k % JOB_PAIRS], err);
+    if (!status && sums)
+        status = hada_fitter_save_sums(fitter, sums, err);
+    if (!status && sums)
+        status = hada_fitter_load_sums(fitter, sums, err);
+    for (int z = 0; !status && z < JOB_DEPTHS; z++)
+        status = hada_fitter_score(fitter, z, &job->frame[z][0], &job->scene[z][0], err);
+    if (!status)
+        status = hada_fitter_finish(fitter, model, &rows, &count, err);
+    if (!status)
+        add_bytes(job, rows, count * sizeof *rows);
+    free(rows);
+    hada_fitter_destroy(&fitter);
+    return status;
+}
+
+hada_status fault_stage_fit(fault_job *job, hada_error *err)
+{
+    hada_model *model = NULL;
+    char sums[256];
+    path_in(job, sums, "new.sums");
+    hada_status status = fit(job, job->context, &model, sums, err);
+    hada_model_destroy(&model);
+    return status;
+}
+
+hada_status fault_stage_psf(fault_job *job, hada_error *err)
+{
+    hada_camera camera;
+    hada_image psf[JOB_DEPTHS] = {{0}};
+    hada_model *model = NULL, *half = NULL, *matched = NULL;
+    hada_psf_options options;
+    hada_psf_options_init(&options);
+    options.window_rows = options.window_cols = JOB_WINDOW;
+    hada_status status = camera_make(&camera, err);
+    for (int z = 0; !status && z < JOB_DEPTHS; z++)
+        status = hada_camera_psf(&camera, distances[z], &psf[z], err);
+    if (!status)
+        status = hada_model_from_psf(&model, job->context, psf, JOB_DEPTHS, distances, &options, err);
+    if (!status)
+        status = hada_model_with_form(&matched, model, HADA_FORM_MATCHED, 0.0, err);
+    if (!status)
+        status = hada_model_to_half(&half, model, err);
+    if (!status)
+        add_bytes(job, &hada_model_get_info(half)->bytes, sizeof(uint64_t));
+    hada_model_destroy(&half);
+    hada_model_destroy(&matched);
+    hada_model_destroy(&model);
+    for (int z = 0; z < JOB_DEPTHS; z++)
+        hada_image_destroy(&psf[z]);
+    return status;
+}
+
+static hada_status reconstruct(fault_job *job, hada_context *context, const hada_model *model, hada_result *result,
+                               hada_error *err)
+{
+    hada_plan_options options;
+    hada_plan *plan = NULL;
+    hada_plan_options_init(&options);
+    options.refine = 3;
+    hada_status status = hada_plan_create(&plan, context, model, &options, err);
+    for (int i = 0; !status && i < JOB_PAIRS; i++)
+        status = hada_plan_run(plan, &job->frame[1][i], result, err);
+    hada_plan_destroy(&plan);
+    for (int z = 0; !status && z < result->depths; z++)
+        add_image(job, &result->planes[z]);
+    if (!status)
+        add_image(job, &result->all_in_focus);
+    return status;
+}
+
+hada_status fault_stage_reconstruct(fault_job *job, hada_error *err)
+{
+    hada_result result = {0};
+    hada_status status = reconstruct(job, job->context, job->model, &result, err);
+    hada_result_destroy(&result);
+    return status;
+}
+
+hada_status fault_stage_model_file(fault_job *job, hada_error *err)
+{
+    char path[256];
+    hada_model *model = NULL;
+    path_in(job, path, "new.model");
+    hada_status status = hada_model_save(job->model, path, err);
+    if (!status)
+        status = hada_model_load(&model, path, err);
+    if (!status)
+        add_bytes(job, &hada_model_get_info(model)->refine_rho, sizeof(double));
+    hada_model_destroy(&model);
+    return status;
+}
+
+static hada_status write_stack(const fault_job *job, const char *path, hada_tiff_layout layout, hada_error *err)
+{
+    hada_tiff_write_options options;
+    hada_tiff_writer *writer = NULL;
+    hada_tiff_write_options_init(&options);
+    options.layout = layout;
+    options.slices = JOB_DEPTHS;
+    options.times = 1;
+    options.distances_mm = distances;
+    options.compress = layout == HADA_TIFF_PAGES;
+    hada_status status = hada_tiff_create(&writer, path, 1, JOB_ROWS, JOB_COLS, &options, err);
+    for (int z = 0; !status && z < JOB_DEPTHS; z++)
+        status = hada_tiff_write(writer, &job->frame[z][0], err);
+    if (!status)
+        status = hada_tiff_finish(&writer, err);
+    hada_tiff_abandon(&writer);
+    return status;
+}
+
+hada_status fault_stage_tiff(fault_job *job, hada_error *err)
+{
+    static const char *const names[] = {"new.tif", "new_pages.tif"};
+    hada_status status = HADA_OK;
+    for (int k = 0; !status && k < 2; k++) {
+        char path[256];
+        hada_image image = {0};
+        path_in(job, path, names[k]);
+        status = write_stack(job, path, k ? HADA_TIFF_PAGES : HADA_TIFF_HYPERSTACK, err);
+        for (int z = 0; !status && z < JOB_DEPTHS; z++) {
+            status = hada_tiff_load(path, z, &image, err);
+            if (!status)
+                add_image(job, &image);
+            hada_image_destroy(&image);
+        }
+    }
+    return status;
+}
+
+hada_status fault_stage_preview(fault_job *job, hada_error *err)
+{
+    char path[256];
+    hada_preview preview = {.size = sizeof preview, .title = "faults"};
+    preview.raw = NULL;
+    preview.planes = job->result.planes;
+    preview.depths = job->result.depths;
+    preview.distances_mm = job->result.distances_mm;
+    preview.distance_map = &job->result.distance_map;
+    path_in(job, path, "new.png");
+    return hada_preview_save(path, &preview, err);
+}
+
+/* One transform forward and back. */
+hada_status fault_stage_clfft(fault_job *job, hada_error *err)
+{
+    hada_slot *slot = NULL;
+    hada_fft *plan = NULL;
+    hada_fft_desc desc = {.direction = HADA_FFT_FORWARD,
+                          .backend = HADA_FFT_CLFFT,
+                          .rows = 16,
+                          .cols = 12,
+                          .batch = 2,
+                          .real_rows = 16,
+                          .real_cols = 12,
+                          .real_pitch = 12,
+                          .real_distance = 16 * 12};
+    hada_status status = hada_slot_create(&slot, job->context, err);
+    for (int k = 0; !status && k < 2; k++) {
+        desc.direction = k ? HADA_FFT_INVERSE : HADA_FFT_FORWARD;
+        status = hada_fft_create(&plan, slot, &desc, err);
+        hada_fft_destroy(&plan);
+    }
+    hada_slot_destroy(&slot);
+    return status;
+}
+
+static hada_status open_context(const fault_job *job, hada_context **context, const char *cache, hada_error *err)
+{
+    hada_context_options options;
+    (void)job;
+    hada_context_options_init(&options);
+    options.cache = cache;
+    return hada_context_create(context, &options, err);
+}
+
+hada_status fault_stage_context(fault_job *job, hada_error *err)
+{
+    hada_context *context = NULL;
+    hada_device_info *list = NULL;
+    size_t count = 0;
+    hada_status status = hada_device_list(&list, &count, err);
+    free(list);
+    if (!status)
+        status = open_context(job, &context, job->cache, err);
+    hada_context_destroy(&context);
+    return status;
+}
+
+hada_status fault_stage_binaries(fault_job *job, hada_error *err)
+{
+    char folder[256];
+    path_in(job, folder, "binaries");
+    return hada_programs_save(job->context, folder, err);
+}
+
+hada_status fault_stage_whole(fault_job *job, hada_error *err)
+{
+    hada_context *context = NULL;
+    hada_model *model = NULL;
+    hada_result result = {0};
+    hada_status status = open_context(job, &context, "off", err);
+    if (!status)
+        status = fit(job, context, &model, NULL, err);
+    if (!status)
+        status = reconstruct(job, context, model, &result, err);
+    hada_result_destroy(&result);
+    hada_model_destroy(&model);
+    if (context)
+        assert_int_equal(hada_context_bytes(context), 0);
+    hada_context_destroy(&context);
+    return status;
+}
+
+void fault_job_begin(fault_job *job)
+{
+    *job = (fault_job){.folder = "/tmp/hadalens-faults-XXXXXX"};
+    assert_non_null(mkdtemp(job->folder));
+    path_in(job, job->cache, "cache");
+    ASSERT_OK(open_context(job, &job->context, "off", err));
+    ASSERT_OK(simulate(job, job->context, keep, err));
+    ASSERT_OK(fit(job, job->context, &job->model, NULL, err));
+    ASSERT_OK(reconstruct(job, job->context, job->model, &job->result, err));
+}
+
+void fault_job_end(fault_job *job)
+{
+    char command[200];
+    hada_result_destroy(&job->result);
+    hada_model_destroy(&job->model);
+    for (int k = 0; k < JOB_DEPTHS * JOB_PAIRS; k++) {
+        hada_image_destroy(&job->scene[k / JOB_PAIRS][k % JOB_PAIRS]);
+        hada_image_destroy(&job->frame[k / JOB_PAIRS][k % JOB_PAIRS]);
+    }
+    assert_int_equal(hada_context_bytes(job->context), 0);
+    hada_context_destroy(&job->context);
+    snprintf(command, sizeof command, "rm -rf '%s'", job->folder);
+    assert_int_equal(system(command), 0);
+}

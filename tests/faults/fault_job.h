@@ -1,0 +1,41 @@
+/* The main job in stages, on a camera so small that a stage takes milliseconds. */
+#ifndef HADA_TESTS_FAULT_JOB_H
+#define HADA_TESTS_FAULT_JOB_H
+
+#include <hadalens/device.h>
+#include <hadalens/image.h>
+#include <hadalens/model.h>
+#include <hadalens/reconstruct.h>
+
+enum { JOB_ROWS = 36, JOB_COLS = 44, JOB_WINDOW = 14, JOB_DEPTHS = 2, JOB_PAIRS = 2 };
+
+/* What the stages work on. `sum` is a checksum of all that the last stage computed. */
+typedef struct fault_job {
+    char folder[128], cache[160];
+    hada_context *context;
+    hada_model *model;
+    hada_result result;
+    hada_image scene[JOB_DEPTHS][JOB_PAIRS], frame[JOB_DEPTHS][JOB_PAIRS];
+    uint64_t sum;
+} fault_job;
+
+typedef hada_status (*fault_stage)(fault_job *job, hada_error *err);
+
+/* Opens the context and computes what the stages start from. Fails the test where that does not succeed. */
+void fault_job_begin(fault_job *job);
+void fault_job_end(fault_job *job);
+
+/* Each stage frees all it made, also when it fails. */
+hada_status fault_stage_context(fault_job *job, hada_error *err);  /* its own context: list, choice, programs, cache */
+hada_status fault_stage_whole(fault_job *job, hada_error *err);    /* the whole job in its own context, no disk cache */
+hada_status fault_stage_binaries(fault_job *job, hada_error *err); /* every kernel to a folder */
+hada_status fault_stage_simulate(fault_job *job, hada_error *err);
+hada_status fault_stage_fit(fault_job *job, hada_error *err);
+hada_status fault_stage_psf(fault_job *job, hada_error *err);
+hada_status fault_stage_reconstruct(fault_job *job, hada_error *err);
+hada_status fault_stage_model_file(fault_job *job, hada_error *err);
+hada_status fault_stage_tiff(fault_job *job, hada_error *err);
+hada_status fault_stage_preview(fault_job *job, hada_error *err);
+hada_status fault_stage_clfft(fault_job *job, hada_error *err); /* transforms by the other back end */
+
+#endif

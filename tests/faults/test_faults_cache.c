@@ -1,0 +1,202 @@
+/* The disk cache of programs is a help, never a need: whatever stands in its place, contexts open and compute. */
+#include <dirent.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "program/store.h"
+#include "testing.h"
+
+enum { PROCESSES = 3 };
+
+typedef struct place {
+    char folder[64], cache[128];
+} place;
+
+static int begin(void **state)
+{
+    static place here;
+    strcpy(here.folder, "/tmp/hadalens-cache-XXXXXX");
+    assert_non_null(mkdtemp(here.folder));
+    snprintf(here.cache, sizeof here.cache, "%s/cache", here.folder);
+    *state = &here;
+    return 0;
+}
+
+static int end(void **state)
+{
+    char command[100];
+    snprintf(command, sizeof command, "rm -rf '%s'", ((place *)*state)->folder);
+    assert_int_equal(system(command), 0);
+    return 0;
+}
+
+/* The self-test of a new context compiles or loads one program. */
+static hada_status open_and_close(const char *cache, unsigned *compiled, unsigned *loaded)
+{
+    hada_context *context;
+    hada_context_options options;
+    hada_error error = {0};
+    hada_context_options_init(&options);
+    options.cache = cache;
+    const hada_status status = hada_context_create(&context, &options, &error);
+    if (status) {
+        print_message("%s\n", error.message);
+        return status;
+    }
+    *compiled = hada_context_programs_compiled(context);
+    *loaded = hada_context_programs_loaded(context);
+    hada_context_destroy(&context);
+    return HADA_OK;
+}
+
+/* Calls `visit` for each file; returns how many are whole binaries, -1 when there are other files too. */
+static int each_file(const char *folder, void (*visit)(const char *folder, const char *name))
+{
+    int count = 0, others = 0;
+    DIR *all = opendir(folder);
+    assert_non_null(all);
+    for (struct dirent *entry; (entry = readdir(all));) {
+        const char *dot = strrchr(entry->d_name, '.');
+        if (*entry->d_name == '.')
+            continue;
+        count++;
+        others += !dot || strcmp(dot, ".bin");
+        if (visit)
+            visit(folder, entry->d_name);
+    }
+    closedir(all);
+    return others ? -1 : count;
+}
+
+/* Several processes, none of which has touched OpenCL yet, start at once. Runs first. */
+static void processes_share_an_empty_folder(void **state)
+{
+    const place *here = *state;
+    unsigned compiled = 9, loaded = 9;
+    pid_t children[PROCESSES];
+    for (int i = 0; i < PROCESSES; i++) {
+        children[i] = fork();
+        if (!children[i])
+            _exit(open_and_close(here->cache, &compiled, &loaded) || compiled + loaded != 1);
+        assert_true(children[i] > 0);
+    }
+    for (int i = 0; i < PROCESSES; i++) {
+        int result;
+        assert_int_equal(waitpid(children[i], &result, 0), children[i]);
+        assert_int_equal(result, 0);
+    }
+    assert_int_equal(each_file(here->cache, NULL), 1);
+    assert_int_equal(open_and_close(here->cache, &compiled, &loaded), HADA_OK);
+    assert_int_equal(compiled, 0);
+    assert_int_equal(loaded, 1);
+}
+
+static void put_noise(const char *folder, const char *name)
+{
+    char path[400];
+    snprintf(path, sizeof path, "%s/%s", folder, name);
+    FILE *file = fopen(path, "wb");
+    assert_non_null(file);
+    for (int i = 0; i < 5000; i++)
+        fputc(i * 37 + 11, file);
+    fclose(file);
+}
+
+static void put_nothing(const char *folder, const char *name)
+{
+    char path[400];
+    snprintf(path, sizeof path, "%s/%s", folder, name);
+    assert_int_equal(truncate(path, 0), 0);
+}
+
+static void put_half(const char *folder, const char *name)
+{
+    char path[400];
+    snprintf(path, sizeof path, "%s/%s", folder, name);
+    assert_int_equal(truncate(path, 300), 0);
+}
+
+static void put_folder(const char *folder, const char *name)
+{
+    char path[400];
+    snprintf(path, sizeof path, "%s/%s", folder, name);
+    assert_int_equal(unlink(path), 0);
+    ASSERT_OK(hada_folder_make(path, err));
+}
+
+/* As our files are, but what the driver gets is nonsense. */
+static void put_sound_nonsense(const char *folder, const char *name)
+{
+    static const unsigned char noise[3000] = {1, 2, 3};
+    ASSERT_OK(hada_binary_write(folder, name, noise, sizeof noise, err));
+}
+
+static void garbage_is_only_a_slower_start(void **state)
+{
+    const place *here = *state;
+    void (*const spoil[])(const char *, const char *) = {put_noise, put_nothing, put_half, put_sound_nonsense,
+                                                         put_folder};
+    for (size_t i = 0; i < sizeof spoil / sizeof *spoil; i++) {
+        unsigned compiled = 9, loaded = 9;
+        each_file(here->cache, spoil[i]);
+        assert_int_equal(open_and_close(here->cache, &compiled, &loaded), HADA_OK);
+        assert_int_equal(compiled, 1);
+        assert_int_equal(loaded, 0);
+        if (spoil[i] == put_folder)
+            continue;
+        assert_int_equal(open_and_close(here->cache, &compiled, &loaded), HADA_OK);
+        assert_int_equal(loaded, 1); /* mended */
+    }
+    assert_int_equal(each_file(here->cache, NULL), 1);
+}
+
+static void a_place_that_cannot_be_written_does_no_harm(void **state)
+{
+    const place *here = *state;
+    char file[200], below[240];
+    snprintf(file, sizeof file, "%s/file", here->folder);
+    snprintf(below, sizeof below, "%s/cache", file);
+    put_noise(here->folder, "file");
+    char too_long[5000];
+    memset(too_long, 'x', sizeof too_long);
+    too_long[sizeof too_long - 1] = '\0';
+    const char *const places[] = {file, below, "/proc/hadalens", too_long, "off", ""};
+    for (size_t i = 0; i < sizeof places / sizeof *places; i++) {
+        unsigned compiled = 9, loaded = 9;
+        assert_int_equal(open_and_close(places[i], &compiled, &loaded), HADA_OK);
+        assert_int_equal(compiled, 1);
+    }
+}
+
+/* A service without a home: no place for a cache, and no need of one. */
+static void works_without_a_home(void **state)
+{
+    (void)state;
+    static const char *const names[] = {"HOME", "XDG_CACHE_HOME", "HADALENS_CACHE"};
+    char *kept[3];
+    unsigned compiled = 9, loaded = 9;
+    for (int i = 0; i < 3; i++) {
+        kept[i] = getenv(names[i]) ? strdup(getenv(names[i])) : NULL;
+        unsetenv(names[i]);
+    }
+    assert_int_equal(open_and_close(NULL, &compiled, &loaded), HADA_OK);
+    assert_int_equal(compiled, 1);
+    for (int i = 0; i < 3; i++) {
+        if (kept[i])
+            setenv(names[i], kept[i], 1);
+        free(kept[i]);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(processes_share_an_empty_folder),
+        cmocka_unit_test(garbage_is_only_a_slower_start),
+        cmocka_unit_test(a_place_that_cannot_be_written_does_no_harm),
+        cmocka_unit_test(works_without_a_home),
+    };
+    return cmocka_run_group_tests(tests, begin, end);
+}

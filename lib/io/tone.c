@@ -7,32 +7,52 @@
 
 #include "core/alloc.h"
 
-double hada_tone_white(const hada_image *images, int count)
+/* The upper half of a positive float's bits sorts like the number and holds it to 1 in 128: 8 bits of exponent, 7 of
+ * mantissa. 0 for what is not above 0, -1 for what is not finite. */
+static int level_of(float value)
 {
-    /* The upper half of a positive float's bits sorts like the number and holds it to 1 in 128. */
-    size_t *bins = calloc(0x8000, sizeof *bins), total = 0, sum = 0;
-    if (!bins)
-        return 1;
+    uint32_t bits;
+    if (!isfinite(value))
+        return -1;
+    value = value > 0 ? value : 0;
+    memcpy(&bits, &value, sizeof bits);
+    return (int)(bits >> 16 & 0x7fffu);
+}
+
+/* Counts exponents, or the mantissas of one exponent. Returns how many values are finite; *top is the highest level. */
+static size_t count_levels(const hada_image *images, int count, int exponent, size_t *bins, int *top)
+{
+    size_t total = 0;
     for (int k = 0; k < count; k++)
         for (size_t i = 0, n = hada_image_count(&images[k]); i < n; i++) {
-            float value = images[k].data[i];
-            if (!isfinite(value))
+            const int level = level_of(images[k].data[i]);
+            if (level < 0)
                 continue;
-            uint32_t bits;
-            value = value > 0 ? value : 0;
-            memcpy(&bits, &value, sizeof bits);
-            bins[bits >> 16 & 0x7fffu]++;
             total++;
+            *top = level > *top ? level : *top;
+            if (exponent < 0)
+                bins[level >> 7]++;
+            else if (level >> 7 == exponent)
+                bins[level & 127]++;
         }
-    uint32_t bin = 0x7f7f, highest = 0;
-    for (; bin > 0 && (sum += bins[bin]) * 1000 <= total; bin--)
-        highest = !highest && bins[bin] ? bin : highest;
-    bin = bin ? bin : highest; /* a few bright pixels on black */
-    free(bins);
-    uint32_t bits = (bin + 1) << 16;
+    return total;
+}
+
+double hada_tone_white(const hada_image *images, int count)
+{
+    size_t exponents[256] = {0}, mantissas[128] = {0}, above = 0;
+    int top = 0, exponent = 255, mantissa = 127;
+    const size_t total = count_levels(images, count, -1, exponents, &top);
+    for (; exponent > 0 && (above + exponents[exponent]) * 1000 <= total; exponent--)
+        above += exponents[exponent];
+    count_levels(images, count, exponent, mantissas, &top);
+    for (; mantissa > 0 && (above += mantissas[mantissa]) * 1000 <= total; mantissa--)
+        ;
+    const int level = exponent << 7 | mantissa;
+    const uint32_t bits = ((uint32_t)(level ? level : top) + 1) << 16; /* 0: a few bright pixels on black */
     float white;
     memcpy(&white, &bits, sizeof white);
-    return bin && white > 0 && isfinite(white) ? (double)white : 1;
+    return (level || top) && white > 0 && isfinite(white) ? (double)white : 1;
 }
 
 /* Which values of a line of `from` make up pixel `at` of `to`: `first` and `count`, with weights summing to 1. */

@@ -168,7 +168,7 @@ static void save_program(hada_context *context, const char *file, const char *fo
     assert_non_null(text);
     ASSERT_OK(hada_program_get(context, file, "", &program, err));
     ASSERT_OK(hada_program_binary(program, &binary, &bytes, err));
-    hada_program_key(context, file, "", text, name, sizeof name);
+    ASSERT_OK(hada_program_key(context, file, "", text, name, sizeof name, err));
     ASSERT_OK(hada_binary_write(folder, name, binary, bytes, err));
     free(binary);
     free(text);

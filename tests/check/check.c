@@ -1,6 +1,6 @@
 /* The check tool: see check.h and README.md.
- *   check [--op NAME] [--shape TEXT] [--mode correct|bits|time|compile] [--device D] [--seed N] [--shapes FOLDER]
- *         [--csv] [--list-kernels]  */
+ *   check [--op NAME] [--shape TEXT] [--mode correct|bits|time|compile] [--device D] [--seed N] [--largest N]
+ *         [--shapes FOLDER] [--csv] [--list-kernels]  */
 #include "check.h"
 
 #include <ctype.h>
@@ -18,7 +18,7 @@ static const float guard_value = -12345.0f;
 typedef struct settings {
     const char *op, *shape, *mode, *device, *folder;
     uint64_t seed;
-    int csv, list;
+    int csv, list, largest; /* largest: 0 all, else shapes with a larger number are left out */
 } settings;
 
 typedef enum verdict { PASSED, FAILED, SKIPPED } verdict;
@@ -278,6 +278,14 @@ static verdict run_case(hada_slot *slot, const check_op *op, const char *shape, 
     return result;
 }
 
+static int larger(const char *shape, int largest)
+{
+    for (const char *p = shape; largest && *p; p++)
+        if (isdigit((unsigned char)*p) && atoi(p) > largest)
+            return 1;
+    return 0;
+}
+
 static void run_file(hada_slot *slot, const check_op *op, const settings *how, int counts[3])
 {
     char path[1024], line[256];
@@ -292,7 +300,8 @@ static void run_file(hada_slot *slot, const check_op *op, const settings *how, i
         char shape[256];
         /* shapes after a '*' are large: for timing only */
         int large = line[0] == '*';
-        if (line[0] == '#' || sscanf(line + large, "%255s", shape) != 1 || (large && strcmp(how->mode, "time")))
+        if (line[0] == '#' || sscanf(line + large, "%255s", shape) != 1 || (large && strcmp(how->mode, "time")) ||
+            larger(shape, how->largest))
             continue;
         counts[run_case(slot, op, shape, how)]++;
     }
@@ -319,11 +328,13 @@ int main(int count, char **words)
             how.device = value;
         else if (!strcmp(words[i], "--seed"))
             how.seed = strtoull(value, NULL, 10);
+        else if (!strcmp(words[i], "--largest"))
+            how.largest = atoi(value);
         else if (!strcmp(words[i], "--shapes"))
             how.folder = value;
         else {
             printf("check [--op NAME] [--shape TEXT] [--mode correct|bits|time|compile] [--device D] [--seed N] "
-                   "[--shapes FOLDER] [--csv] [--list-kernels]\n");
+                   "[--largest N] [--shapes FOLDER] [--csv] [--list-kernels]\n");
             for (size_t o = 0; o < check_op_count; o++)
                 printf("  %-16s %s\n", check_ops[o]->name, check_ops[o]->help);
             return strcmp(words[i], "--help") ? 2 : 0;
@@ -360,7 +371,7 @@ int main(int count, char **words)
             run_file(slot, check_ops[o], &how, counts);
     }
     /* a run of everything must have launched everything, unless the device cannot */
-    if (how.list || (!how.op && !how.shape && !strcmp(how.mode, "correct")))
+    if (how.list || (!how.op && !how.shape && !how.largest && !strcmp(how.mode, "correct")))
         counts[FAILED] += check_cover_report(slot, how.list, counts[SKIPPED] > 0);
     hada_slot_destroy(&slot);
     if (hada_context_bytes(context)) {

@@ -17,7 +17,7 @@ static const quirk_row rows[] = {
      NULL,
      HADA_DEVICE_CPU,
      {.host_pages = 1},
-     "buffers in huge-page host memory: large transforms run up to 1.6 times faster, mapping is free"},
+     "buffers in huge-page host memory: large transforms run up to 1.6 times faster"},
     {"Portable Computing Language",
      NULL,
      0,

@@ -1,4 +1,4 @@
-/* Queue slots: queues and kernel objects of one thread. */
+/* Queue slots: the queue and kernel objects of one thread. */
 #include "device/slot.h"
 
 #include <stdlib.h>
@@ -23,10 +23,6 @@ hada_status hada_slot_create(hada_slot **out, hada_context *context, hada_error 
         return status;
     slot->context = context;
     status = make_queue(context, &slot->queue, err);
-    if (!status)
-        status = make_queue(context, &slot->queue_in, err);
-    if (!status)
-        status = make_queue(context, &slot->queue_out, err);
     if (status) {
         hada_slot_destroy(&slot);
         return status;
@@ -35,23 +31,16 @@ hada_status hada_slot_create(hada_slot **out, hada_context *context, hada_error 
     return HADA_OK;
 }
 
-static void release_queue(cl_command_queue queue)
-{
-    if (queue) {
-        clFinish(queue);
-        clReleaseCommandQueue(queue);
-    }
-}
-
 void hada_slot_destroy(hada_slot **pointer)
 {
     if (!pointer || !*pointer)
         return;
     hada_slot *slot = *pointer;
     *pointer = NULL;
-    release_queue(slot->queue_in);
-    release_queue(slot->queue);
-    release_queue(slot->queue_out);
+    if (slot->queue) {
+        clFinish(slot->queue);
+        clReleaseCommandQueue(slot->queue);
+    }
     while (slot->kernels) {
         hada_slot_kernel_entry *entry = slot->kernels;
         slot->kernels = entry->next;

@@ -1,5 +1,5 @@
-/* A queue slot: one thread's place on a device. It owns three in-order queues, its own kernel objects
- * (clSetKernelArg on a shared kernel is the one OpenCL call that is not thread-safe) and scratch memory. Internal.
+/* A queue slot: one thread's place on a device. It owns an in-order queue, for kernels and transfers, and its own
+ * kernel objects (clSetKernelArg on a shared kernel is the one OpenCL call that is not thread-safe). Internal.
  *
  * One slot is used by one thread at a time; different slots of a context are independent. */
 #ifndef HADA_DEVICE_SLOT_H
@@ -16,9 +16,7 @@ typedef struct hada_slot_kernel_entry {
 
 typedef struct hada_slot {
     hada_context *context;
-    cl_command_queue queue;     /* compute */
-    cl_command_queue queue_in;  /* host to device */
-    cl_command_queue queue_out; /* device to host */
+    cl_command_queue queue;
     hada_slot_kernel_entry *kernels;
 } hada_slot;
 
@@ -42,13 +40,13 @@ typedef struct hada_arg {
     }
 #define HADA_COUNT(array) (sizeof(array) / sizeof *(array))
 
-/* Sets all arguments and enqueues on the compute queue. `global` must be a multiple of `local` in each dimension;
+/* Sets all arguments and enqueues. `global` must be a multiple of `local` in each dimension;
  * give few, fixed local sizes (PoCL compiles once for each). `name` is used in messages. */
 hada_status hada_slot_launch(hada_slot *slot, cl_kernel kernel, const char *name, unsigned dimensions,
                              const size_t *global, const size_t *local, const hada_arg *args, size_t arg_count,
                              hada_error *err);
 
-/* Waits until everything in the compute queue is done. */
+/* Waits until everything in the queue is done. */
 hada_status hada_slot_finish(hada_slot *slot, hada_error *err);
 
 #endif

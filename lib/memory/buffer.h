@@ -1,7 +1,7 @@
 /* Device memory with books: every buffer of a context is counted, so that a plan's stated bytes can be held. Internal.
  *
- * On CPU devices buffers stand in 2 MiB-aligned host memory with huge pages where the system gives them (large
- * transforms run up to 1.6 times faster); hada_buffer_map() is then free of copies. */
+ * On CPU devices buffers stand in 2 MiB-aligned host memory with huge pages where the system gives them: large
+ * transforms run up to 1.6 times faster. */
 #ifndef HADA_MEMORY_BUFFER_H
 #define HADA_MEMORY_BUFFER_H
 

@@ -24,8 +24,8 @@ static hada_status choose_device(hada_context *context, const hada_context_optio
         status = hada_device_describe(devices[i].platform, devices[i].device, (int)i, &infos[i], err);
     if (!status) {
         const char *words = options->device ? options->device : getenv("HADALENS_DEVICE");
-        status =
-            hada_device_choose(infos, count, words, options->binaries || getenv("HADALENS_BINARIES"), &chosen, err);
+        const char *binaries = options->binaries ? options->binaries : getenv("HADALENS_BINARIES");
+        status = hada_device_choose(infos, count, words, binaries && *binaries, &chosen, err);
     }
     if (!status) {
         context->platform = devices[chosen].platform;

@@ -9,6 +9,7 @@
 #include "core/alloc.h"
 #include "fft/fft_internal.h" /* says which OpenCL version, before clFFT does */
 #include "program/kernel.h"
+#include "program/program.h"
 
 #include <clFFT.h>
 
@@ -117,6 +118,11 @@ static hada_status clfft_create(hada_fft *plan, hada_error *err)
         return hada_fail(err, HADA_ERROR_UNSUPPORTED,
                          "clFFT is not used on %s (see 'hadalens devices'): leave the choice to the table",
                          context->info.name);
+    if (!hada_program_can_compile(context))
+        return hada_fail(
+            err, HADA_ERROR_UNSUPPORTED,
+            "clFFT compiles its kernels at run time, which %s does not allow: leave the choice to the table",
+            context->info.has_compiler ? "a folder of offline binaries" : context->info.name);
     if (!hada_clfft_takes(desc->rows) || !hada_clfft_takes(desc->cols))
         return hada_fail(err, HADA_ERROR_UNSUPPORTED,
                          "clFFT takes lengths with prime factors up to 13, not %d x %d: leave the choice to the table "

@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "fft/fft_internal.h"
+#include "program/program.h"
 
 typedef struct choice_row {
     int kind;       /* hada_device_kind, 0: any */
@@ -60,6 +61,7 @@ hada_fft_backend hada_fft_choose(const hada_context *context, int rows, int cols
             row++;
         backend = row->backend;
     }
-    const int possible = !context->quirks.avoid_clfft && hada_clfft_takes(rows) && hada_clfft_takes(cols);
+    const int possible = !context->quirks.avoid_clfft && hada_program_can_compile(context) && hada_clfft_takes(rows) &&
+                         hada_clfft_takes(cols);
     return backend == HADA_FFT_CLFFT && !possible ? HADA_FFT_OWN : backend;
 }

@@ -95,3 +95,10 @@ hada_status hada_binary_write(const char *folder, const char *name, const unsign
     }
     return HADA_OK;
 }
+
+void hada_binary_drop(const char *folder, const char *name)
+{
+    char path[4096];
+    if (join(path, sizeof path, folder, name, ""))
+        unlink(path);
+}

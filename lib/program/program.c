@@ -111,8 +111,11 @@ static hada_status make(hada_context *context, hada_program_store *store, const 
         status = hada_program_from_binary(context, file, options, binary, bytes, out, err);
         if (!status)
             store->loaded++;
-        else if (!store->binaries)
-            bytes = 0; /* a cache entry that does not load is only a slower start */
+        else if (!store->binaries) {
+            /* a cache entry that does not load is only a slower start */
+            hada_binary_drop(store->cache, name);
+            bytes = 0;
+        }
     } else if (!status && store->binaries) {
         status = hada_fail(err, HADA_ERROR_BUILD,
                            "the folder %s holds no binary of %s.cl with macros '%s' for %s; make it with "
@@ -170,6 +173,11 @@ hada_status hada_program_get(hada_context *context, const char *file, const char
     hada_status status = get_locked(context, file, options, out, err);
     pthread_mutex_unlock(&context->programs->lock);
     return status;
+}
+
+int hada_program_can_compile(const hada_context *context)
+{
+    return context->info.has_compiler && !(context->programs && context->programs->binaries);
 }
 
 static unsigned counted(const hada_context *context, const unsigned *value)

@@ -24,6 +24,9 @@ extern const size_t hada_manifest_count;
 hada_status hada_program_store_create(hada_context *context, const hada_context_options *options, hada_error *err);
 void hada_program_store_destroy(hada_context *context);
 
+/* Whether anything can be compiled here: the device has a compiler, and no folder of offline binaries was given. */
+int hada_program_can_compile(const hada_context *context);
+
 /* The program for a file and its macros, made at first use: from the store's memory, from the folder of offline
  * binaries when one was given (then never compiled), from the disk cache, or compiled. Thread-safe. The store keeps
  * the reference. */

@@ -37,6 +37,9 @@ hada_status hada_binary_read(const char *folder, const char *name, unsigned char
 hada_status hada_binary_write(const char *folder, const char *name, const unsigned char *data, size_t bytes,
                               hada_error *err);
 
+/* Removes a binary that does not load, so that the next one can take its place. */
+void hada_binary_drop(const char *folder, const char *name);
+
 /* Makes a folder and its parents. */
 hada_status hada_folder_make(const char *folder, hada_error *err);
 

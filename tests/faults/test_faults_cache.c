@@ -126,10 +126,10 @@ static void put_folder(const char *folder, const char *name)
     ASSERT_OK(hada_folder_make(path, err));
 }
 
-/* As our files are, but what the driver gets is nonsense. */
+/* As our files are, but what the driver gets is nonsense; longer than a true binary. */
 static void put_sound_nonsense(const char *folder, const char *name)
 {
-    static const unsigned char noise[3000] = {1, 2, 3};
+    static const unsigned char noise[3 << 20] = {1, 2, 3};
     ASSERT_OK(hada_binary_write(folder, name, noise, sizeof noise, err));
 }
 

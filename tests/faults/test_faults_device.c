@@ -81,6 +81,11 @@ static void without_a_compiler_only_binaries_serve(void **state)
     reconstruct_one(job, context);
     assert_int_equal(hada_context_programs_compiled(context), 0);
     assert_true(hada_context_programs_loaded(context) > 0);
+    /* nor does clFFT compile behind our back, whatever a tuning file says */
+    fault_job offline = *job;
+    offline.context = context;
+    assert_int_equal(fault_stage_clfft(&offline, &error), HADA_ERROR_UNSUPPORTED);
+    assert_non_null(strstr(error.message, "at run time"));
     hada_context_destroy(&context);
     fault_pretend = (fault_device){0};
 }

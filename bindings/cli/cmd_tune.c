@@ -21,8 +21,8 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_TEXT, "output", 'o', "FILE", "the tuning file to write or to bring up to date (needed)",
      "Lines about other devices and sizes stay as they are.", AT(output)},
     {HADA_OPTION_TEXTS, "size", 0, "HxW", "rows and columns of the transforms; may be given more than once",
-     "Default: 256x256, 512x512 and 1024x1024. Give the grid of your model: the frame's size with the boundary "
-     "'circular', more with 'padded'; 'fit --json' tells it.",
+     "Default: 256x256, 512x512 and 1024x1024. Transforms have the size of a model's grid: the frame's with the "
+     "boundary 'circular', a larger one with 'padded'. The JSON document of 'fit' tells it as grid.",
      AT(sizes)},
     {HADA_OPTION_COUNT, "rounds", 0, "N", "how often each is timed (default: 15)", NULL, AT(rounds)},
     {0},

@@ -36,7 +36,7 @@ expect 2 "takes a number.*not '1,5'" simulate -o x --near 1,5
 expect 2 "one of circular\|padded, not 'round'" simulate -o x --boundary round
 expect 2 'presets are .*sim300' simulate -o x --preset nosuch
 expect 2 'must not be negative' simulate -o x --noise -1
-expect 2 'DATASET folder, or --psf' fit -o x
+expect 2 'DATASET folder, --psf' fit -o x
 expect 2 'with -o MODEL' fit "$camera"
 expect 2 'not both' fit "$camera" --psf p.tif -o x
 expect 2 'need a PSF' fit "$camera" --form wiener -o x

@@ -74,5 +74,7 @@ static void release(check_state *state)
     free(own);
 }
 
-const check_op check_dark = {"filter_dark", "r rows, c columns, k channels, f1 with a dark frame", prepare, launch,
-                             release};
+const check_op check_dark = {
+    "filter_dark",
+    "r rows, c columns, k channels, f1 with a dark frame; times hold the upload and the transform as well", prepare,
+    launch, release};

@@ -1,6 +1,6 @@
-/* Several threads on one context, each with a plan of its own on one model, and a context for each thread: the same bits
- * as one thread alone. Under the thread sanitizer (tests/run.sh tsan) it also finds races; drivers are not built for the
- * sanitizer, so it must leave them out: TSAN_OPTIONS=ignore_noninstrumented_modules=1. */
+/* Several threads on one context, each with a plan of its own on one model, and a context for each thread: the same
+ * bits as one thread alone. Under the thread sanitizer (tests/run.sh tsan) it also finds races; drivers are not built
+ * for the sanitizer, so it must leave them out: TSAN_OPTIONS=ignore_noninstrumented_modules=1. */
 #include <pthread.h>
 #include <string.h>
 

@@ -10,8 +10,10 @@ hadalens_install() {
     fi
     # any OpenCL driver serves; without one, PoCL runs on the CPU
     ls /etc/OpenCL/vendors/*.icd >/dev/null 2>&1 || packages="$packages pocl-opencl-icd"
-    # the tests run on PoCL whatever else is there; the C++ compiler reads the public headers, Python checks JSON
-    [ "${1:-}" != tests ] || packages="$packages pocl-opencl-icd libcmocka-dev g++ python3"
+    # the tests run on PoCL whatever else is there; the C++ compiler reads the public headers; Python and its libraries
+    # check the references and the files independently
+    [ "${1:-}" != tests ] || packages="$packages pocl-opencl-icd libcmocka-dev g++ python3 python3-numpy python3-scipy
+        python3-tifffile"
     for package in $packages; do
         dpkg-query -W -f '${Status}' "$package" 2>/dev/null | grep -q 'install ok installed' || missing="$missing $package"
     done

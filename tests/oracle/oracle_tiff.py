@@ -12,6 +12,11 @@ except ImportError as missing:
     print(f"skipped: {missing}")
     sys.exit(77)
 
+try:  # tifffile's codecs beyond deflate
+    import imagecodecs
+except ImportError:
+    imagecodecs = None
+
 TOOL = sys.argv[1]
 TEMPORARY = tempfile.TemporaryDirectory(prefix="hadalens-tiff-")
 FOLDER = Path(TEMPORARY.name)
@@ -53,7 +58,7 @@ def check(name, path, expected, **more):
 def plain_files():
     """Types, byte orders, layouts and codecs."""
     count = 0
-    codecs = [None, "zlib", "lzw", "packbits", "zstd", "lzma", "lerc"]
+    codecs = [None, "zlib", "lzw", "packbits", "zstd", "lzma", "lerc"] if imagecodecs else [None, "zlib"]
     for kind in "u1 u2 u4 i1 i2 i4 f2 f4 f8".split():
         for order in "<>":
             for codec in codecs:
@@ -63,7 +68,7 @@ def plain_files():
                             continue
                         shape = {"grey": (37, 53), "rgb": (37, 53, 3), "rgba": (37, 53, 4), "planar": (3, 37, 53)}[layout]
                         data = values(shape, kind)
-                        predictor = {"zlib": True, "lzw": True}.get(codec, False) and layout != "planar" and kind != "f2"
+                        predictor = imagecodecs is not None and codec in ("zlib", "lzw") and layout != "planar" and kind != "f2"
                         path = FOLDER / "plain.tif"
                         options = {}
                         if layout != "grey":
@@ -81,7 +86,7 @@ def plain_files():
                             expected = np.moveaxis(expected, -1, 0)[:3]
                         check((kind, order, codec, tile, layout), path, expected.reshape((1, -1, 37, 53)))
                         count += 1
-    assert count > 500, count
+    assert count > (500 if imagecodecs else 200), count
     return count
 
 
@@ -115,6 +120,8 @@ def stacks():
     indices, colours = values((37, 53), "u1"), values((3, 256), "u2")
     tifffile.imwrite(FOLDER / "palette.tif", indices, photometric="palette", colormap=colours, metadata=None)
     check("palette", FOLDER / "palette.tif", as_float(colours)[:, indices][None])
+    if not imagecodecs:
+        return
     ramp = np.stack([np.add.outer(np.arange(37), np.arange(53) * s).astype("u1") for s in (1, 2, 3)], -1)
     tifffile.imwrite(FOLDER / "jpeg.tif", ramp, photometric="rgb", compression="jpeg", compressionargs=dict(level=100), metadata=None)
     got = read(FOLDER / "jpeg.tif")[0]

@@ -225,11 +225,12 @@ static verdict check_time(check_state *state, char *note, size_t size, const set
 static verdict run_case(hada_slot *slot, const check_op *op, const char *shape, const settings *how)
 {
     check_state state = {.op = op, .shape = shape, .seed = how->seed, .slot = slot};
+    state.timing = !strcmp(how->mode, "time");
     const hada_shape own_shape = slot->context->shape;
     const uint64_t own_local = slot->context->info.local_memory_bytes;
     const unsigned own_units = slot->context->info.compute_units;
     /* which kernels serve depends on the number of units: the same ones are checked on every machine */
-    if (strcmp(how->mode, "time"))
+    if (!state.timing)
         slot->context->info.compute_units = 2;
     slot->context->shape =
         check_get(&state, 'g', own_shape == HADA_SHAPE_GROUPS) ? HADA_SHAPE_GROUPS : HADA_SHAPE_LANES;

@@ -18,6 +18,7 @@ typedef struct check_state {
     const char *shape; /* the problem as text */
     uint64_t seed;
     hada_slot *slot;
+    int timing;      /* 1: only the time counts: what the output must hold need not be worked out */
     int batch_limit; /* 0: whole batches; else the operation is to be enqueued in pieces of at most this many */
 
     /* Filled by prepare: the output with guard zones, and what it must hold. */

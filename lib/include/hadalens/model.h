@@ -45,7 +45,7 @@ typedef struct hada_model_info {
                              frame's own, estimated */
     double noise;         /* standard deviation of the frame's noise that the fit found, 0 where unknown */
     int refine_steps;     /* refinement that pays for this camera; 0: none does */
-    double refine_rho; /* in units of the largest |OTF(0)|^2 of all depths and channels */
+    double refine_rho;    /* in units of the largest |OTF(0)|^2 of all depths and channels */
     int has_otf;
     int half;                   /* filters are kept in half precision */
     uint64_t bytes;             /* of filters and transfer functions */

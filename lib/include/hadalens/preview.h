@@ -27,7 +27,8 @@ typedef struct hada_preview {
 HADA_API hada_status hada_preview_save(const char *path, const hada_preview *preview, hada_error *err);
 
 /* One image as PNG; intensities are shown as (value / white)^gamma; white 0 = the 99.9th percentile. */
-HADA_API hada_status hada_png_save(const char *path, const hada_image *image, double white, double gamma, hada_error *err);
+HADA_API hada_status hada_png_save(const char *path, const hada_image *image, double white, double gamma,
+                                   hada_error *err);
 
 #ifdef __cplusplus
 }

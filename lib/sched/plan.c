@@ -71,12 +71,8 @@ static hada_status make_parts(hada_plan *plan, hada_error *err)
     const hada_plan_shape *shape = &plan->shape;
     const hada_spectrum_layout layout = hada_hadamard_layout(plan->context, info);
     const size_t plane = hada_plan_plane(plan), pixels = plane / (size_t)info->channels;
-    const hada_focus_desc focus = {.options = shape->focus,
-                                   .channels = info->channels,
-                                   .rows = info->window_rows,
-                                   .cols = info->window_cols,
-                                   .depths = shape->depths,
-                                   .distances_mm = plan->distances};
+    hada_focus_desc focus = hada_plan_focus_of(info, shape);
+    focus.distances_mm = plan->distances;
     hada_status status = hada_slot_create(&plan->slot, plan->context, err);
     if (!status)
         status = hada_hadamard_create(&plan->stage, plan->slot, info, shape->batch, err);

@@ -51,6 +51,9 @@ struct hada_plan {
 /* Values of one plane: channels x window. */
 size_t hada_plan_plane(const hada_plan *plan);
 
+/* What the focus of a plan works on; its distances are for the caller to set. */
+hada_focus_desc hada_plan_focus_of(const hada_model_info *info, const hada_plan_shape *shape);
+
 /* The pursuit for a model and a number of depths, and making it. */
 hada_pursuit_options hada_plan_pursuit_of(const hada_model *model, int depths);
 hada_status hada_plan_make_pursuit(hada_plan *plan, hada_error *err);

@@ -73,7 +73,7 @@ size_t hada_plan_plane(const hada_plan *plan)
     return (size_t)info->channels * (size_t)info->window_rows * (size_t)info->window_cols;
 }
 
-static hada_focus_desc focus_of(const hada_model_info *info, const hada_plan_shape *shape)
+hada_focus_desc hada_plan_focus_of(const hada_model_info *info, const hada_plan_shape *shape)
 {
     return (hada_focus_desc){.options = shape->focus,
                              .channels = info->channels,
@@ -103,7 +103,7 @@ hada_status hada_plan_estimate(hada_context *context, const hada_model *model, c
         return status;
     const hada_model_info *info = hada_model_get_info(model);
     const hada_spectrum_layout layout = hada_hadamard_layout(context, info);
-    const hada_focus_desc focus = focus_of(info, &shape);
+    const hada_focus_desc focus = hada_plan_focus_of(info, &shape);
     const uint64_t pixels = (uint64_t)info->window_rows * (uint64_t)info->window_cols;
     const uint64_t plane = 4 * pixels * (uint64_t)info->channels;
     const uint64_t frame = 4 * (uint64_t)info->raw_rows * (uint64_t)info->raw_cols * (uint64_t)info->channels;

@@ -28,7 +28,8 @@ static hada_status stop_watch(hada_plan *plan, double *start, double *total, had
     return status;
 }
 
-static hada_status check_frame(const hada_plan *plan, const hada_image *raw, hada_error *err)
+/* *bad: the number of NaN and infinite pixels, above 0 only where the plan repairs them. */
+static hada_status check_frame(const hada_plan *plan, const hada_image *raw, size_t *bad, hada_error *err)
 {
     const hada_model_info *info = hada_model_get_info(plan->model);
     if (raw->channels != info->channels || raw->rows != info->raw_rows || raw->cols != info->raw_cols)
@@ -37,13 +38,13 @@ static hada_status check_frame(const hada_plan *plan, const hada_image *raw, had
             "the frame has %d channel(s) of %d x %d pixels; the model %s is for %d channel(s) of %d x %d: use "
             "the model of this camera, or make one with fit",
             raw->channels, raw->rows, raw->cols, info->name, info->channels, info->raw_rows, info->raw_cols);
-    const size_t bad = hada_image_count_not_finite(raw);
-    if (bad && !plan->options.repair_not_finite)
+    *bad = hada_image_count_not_finite(raw);
+    if (*bad && !plan->options.repair_not_finite)
         return hada_fail(
             err, HADA_ERROR_NOT_FINITE,
             "%zu pixel(s) of the frame are NaN or infinite; repair them from their neighbours with --repair, "
             "or mend the file",
-            bad);
+            *bad);
     return HADA_OK;
 }
 
@@ -80,12 +81,13 @@ static hada_status find_levels(hada_plan *plan, const hada_image *frame, hada_re
     return status;
 }
 
-static hada_status upload(hada_plan *plan, const hada_image *raw, double *energy, hada_report *report, hada_error *err)
+static hada_status upload(hada_plan *plan, const hada_image *raw, size_t bad, double *energy, hada_report *report,
+                          hada_error *err)
 {
     hada_image repaired = {0};
     const hada_image *frame = raw;
     hada_status status = HADA_OK;
-    if (plan->options.repair_not_finite && hada_image_count_not_finite(raw)) {
+    if (bad) {
         status = hada_image_create(&repaired, raw->channels, raw->rows, raw->cols, err);
         if (!status) {
             memcpy(repaired.data, raw->data, hada_image_count(raw) * sizeof(float));
@@ -246,12 +248,12 @@ static void apply_gamma(hada_image *image, double gamma)
         image->data[i] = powf(fmaxf(image->data[i], 0.0f), (float)gamma);
 }
 
-static hada_status run(hada_plan *plan, const hada_image *raw, hada_result *result, hada_error *err)
+static hada_status run(hada_plan *plan, const hada_image *raw, size_t bad, hada_result *result, hada_error *err)
 {
     hada_report *report = &result->report;
     const size_t plane = hada_plan_plane(plan);
     double start = seconds(), watch = start, energy = 0;
-    hada_status status = upload(plan, raw, &energy, report, err);
+    hada_status status = upload(plan, raw, bad, &energy, report, err);
     if (!status)
         status = stop_watch(plan, &watch, &report->seconds_upload, err);
     if (!status)
@@ -278,7 +280,8 @@ hada_status hada_plan_run(hada_plan *plan, const hada_image *raw, hada_result *r
 {
     if (!plan || !raw || !raw->data || !result)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_plan_run: a plan, a frame and a result are needed");
-    hada_status status = check_frame(plan, raw, err);
+    size_t bad = 0;
+    hada_status status = check_frame(plan, raw, &bad, err);
     if (!status)
         status = hada_result_fit(result, hada_model_get_info(plan->model), plan->shape.depths, err);
     if (status)
@@ -286,7 +289,7 @@ hada_status hada_plan_run(hada_plan *plan, const hada_image *raw, hada_result *r
     unsigned char *occupied = result->report.occupied;
     result->report = (hada_report){.occupied = occupied, .residual_linear = NAN, .residual = NAN};
     memcpy(result->distances_mm, plan->distances, (size_t)plan->shape.depths * sizeof(double));
-    status = run(plan, raw, result, err);
+    status = run(plan, raw, bad, result, err);
     if (status) {
         hada_slot_finish(plan->slot, NULL); /* the plan is ready for the next frame */
         hada_result_destroy(result);

@@ -1,0 +1,72 @@
+/* Two-dimensional convolutions (cross-correlations, as every deep-learning library has them), forward and backward.
+ * Internal.
+ *
+ *     y[n][o][r][c] = act(bias[o] + sum_{i,u,v} w[o][i][u][v] x[n][i][r*stride + u - pad_rows][c*stride + v -
+ * pad_cols])
+ *
+ * x is zero outside. Weights and their gradients stand as PyTorch has them: [out][in][kernel rows][kernel cols], for
+ * transposed convolutions [in][out][kernel rows][kernel cols]. Several implementations stand behind one interface,
+ * the plain one (any size) last; all sums run in a fixed order. An object belongs to one slot and holds its own form of
+ * the weights. */
+#ifndef HADA_NET_CONV_H
+#define HADA_NET_CONV_H
+
+#include "net/tensor.h"
+
+typedef enum hada_activation {
+    HADA_ACTIVATION_NONE = 0,
+    HADA_ACTIVATION_RELU = 1,
+    HADA_ACTIVATION_LEAKY_RELU = 2, /* x < 0: slope * x */
+    HADA_ACTIVATION_SIGMOID = 3
+} hada_activation;
+
+/* AUTO: by the table of the device class and the tuning file. WINOGRAD2, WINOGRAD4: F(2x2,3x3), F(4x4,3x3) (Lavin and
+ * Gray, CVPR 2016); 3 x 3, stride 1, pad 1 only. */
+typedef enum hada_conv_method {
+    HADA_CONV_AUTO = 0,
+    HADA_CONV_DIRECT = 1,
+    HADA_CONV_WINOGRAD2 = 2,
+    HADA_CONV_WINOGRAD4 = 3,
+    HADA_CONV_PLAIN = 4
+} hada_conv_method;
+
+typedef struct hada_conv_desc {
+    int images; /* at most */
+    int in_channels, out_channels, in_rows, in_cols;
+    int kernel_rows, kernel_cols, stride, pad_rows, pad_cols;
+    int transposed, output_pad; /* transposed: out = (in - 1) * stride - 2 pad + kernel + output_pad */
+    hada_activation activation;
+    float slope;
+    hada_conv_method method;
+    int training; /* 1: the backward functions will be called */
+} hada_conv_desc;
+
+void hada_conv_output_size(const hada_conv_desc *desc, int *rows, int *cols);
+
+typedef struct hada_conv hada_conv;
+
+/* Device bytes that a convolution will hold: its form of the weights, scratch. */
+size_t hada_conv_bytes(const hada_context *context, const hada_conv_desc *desc);
+hada_status hada_conv_create(hada_conv **out, hada_slot *slot, const hada_conv_desc *desc, hada_error *err);
+void hada_conv_destroy(hada_conv **conv);
+hada_conv_method hada_conv_serving(const hada_conv *conv);
+
+/* Takes over new weights (enqueued); `weights` holds out*in*kernel floats from `offset` on and is not needed
+ * afterwards. */
+hada_status hada_conv_set_weights(hada_conv *conv, cl_mem weights, size_t offset, hada_error *err);
+
+/* y = act(conv(x) + bias); bias NULL: none. `pooled` (NULL: none) takes the 2 x 2 maxima of y as well, odd last rows
+ * and columns dropped. */
+hada_status hada_conv_forward(hada_conv *conv, const hada_tensor *x, cl_mem bias, size_t bias_offset,
+                              const hada_tensor *y, const hada_tensor *pooled, hada_error *err);
+
+/* dx = the gradient of x for dy, the gradient before the activation. `masked_by` (NULL: none): dx is zero where this
+ * tensor, the output of a ReLU that made x, is not above zero. accumulate: dx is added to. */
+hada_status hada_conv_backward_data(hada_conv *conv, const hada_tensor *dy, const hada_tensor *masked_by,
+                                    const hada_tensor *dx, int accumulate, hada_error *err);
+
+/* dw and db (NULL: none) from x and dy, summed over the images; accumulate: added to. */
+hada_status hada_conv_backward_weights(hada_conv *conv, const hada_tensor *x, const hada_tensor *dy, cl_mem dw,
+                                       size_t dw_offset, cl_mem db, size_t db_offset, int accumulate, hada_error *err);
+
+#endif

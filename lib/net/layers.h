@@ -1,0 +1,89 @@
+/* The layers of a net that are not convolutions, forward and backward. Internal.
+ *
+ * Everything is enqueued on the slot and not waited for. Tensors as in net/tensor.h; x and y of a call have the same
+ * number of images. "d" before a name is the gradient of the loss with respect to it. Definitions are PyTorch's; the
+ * references are lib/ref/ref_layers.h. */
+#ifndef HADA_NET_LAYERS_H
+#define HADA_NET_LAYERS_H
+
+#include "net/conv.h"
+
+/* y = act(x); y may be x. Backward needs the output y alone; dx may be dy. */
+hada_status hada_activation_forward(hada_slot *slot, hada_activation activation, float slope, const hada_tensor *x,
+                                    const hada_tensor *y, hada_error *err);
+hada_status hada_activation_backward(hada_slot *slot, hada_activation activation, float slope, const hada_tensor *y,
+                                     const hada_tensor *dy, const hada_tensor *dx, hada_error *err);
+
+/* Pooling without padding, windows of size x size every `stride` pixels; incomplete windows are dropped. The gradient
+ * of a maximum goes to the first of equal values, row by row, as in PyTorch. */
+typedef enum hada_pool { HADA_POOL_MAX = 0, HADA_POOL_MEAN = 1 } hada_pool;
+hada_status hada_pool_forward(hada_slot *slot, hada_pool pool, int size, int stride, const hada_tensor *x,
+                              const hada_tensor *y, hada_error *err);
+hada_status hada_pool_backward(hada_slot *slot, hada_pool pool, int size, int stride, const hada_tensor *x,
+                               const hada_tensor *y, const hada_tensor *dy, const hada_tensor *dx, int accumulate,
+                               hada_error *err);
+
+/* Resizing to the size of y. Nearest and (bi)linear as torch.nn.functional.interpolate without and with align_corners;
+ * cubic with a = -0.75, without antialiasing, likewise. Backward is the transposed operation, by gathering. */
+typedef enum hada_resize {
+    HADA_RESIZE_NEAREST = 0,
+    HADA_RESIZE_LINEAR = 1,
+    HADA_RESIZE_LINEAR_ALIGNED = 2, /* align_corners=True */
+    HADA_RESIZE_CUBIC = 3,
+    HADA_RESIZE_CUBIC_ALIGNED = 4
+} hada_resize;
+hada_status hada_resize_forward(hada_slot *slot, hada_resize resize, const hada_tensor *x, const hada_tensor *y,
+                                hada_error *err);
+hada_status hada_resize_backward(hada_slot *slot, hada_resize resize, const hada_tensor *dy, const hada_tensor *dx,
+                                 int accumulate, hada_error *err);
+
+/* Copies x into y with its top left at (row, col) of y, cropping and filling with zeros (concatenation of odd sizes,
+ * crop, pad); channels of y from first_channel on are written, the others left alone. accumulate: added to. */
+hada_status hada_place(hada_slot *slot, const hada_tensor *x, const hada_tensor *y, int row, int col, int first_channel,
+                       int accumulate, hada_error *err);
+
+/* y += a x + b y, elementwise: y = a x + b y. */
+hada_status hada_blend(hada_slot *slot, float a, const hada_tensor *x, float b, const hada_tensor *y, hada_error *err);
+
+/* Batch normalisation over images, rows and columns (Ioffe and Szegedy 2015). `values` hold, in floats, each `channels`
+ * long: weight, bias, running mean, running variance (as PyTorch's state dict). Training computes the batch's mean and
+ * 1/sqrt(var + eps) into `saved` (2 x channels floats) by fixed-order sums and updates the running values with
+ * `momentum` (unbiased variance). `scratch` holds hada_batch_norm_scratch() bytes. */
+typedef struct hada_batch_norm {
+    cl_mem weight, bias, mean, variance;
+    size_t weight_offset, bias_offset, mean_offset, variance_offset;
+    float eps, momentum;
+} hada_batch_norm;
+size_t hada_batch_norm_scratch(const hada_tensor *x);
+hada_status hada_batch_norm_infer(hada_slot *slot, const hada_batch_norm *norm, const hada_tensor *x,
+                                  const hada_tensor *y, hada_error *err);
+hada_status hada_batch_norm_train(hada_slot *slot, const hada_batch_norm *norm, const hada_tensor *x,
+                                  const hada_tensor *y, cl_mem saved, size_t saved_offset, cl_mem scratch,
+                                  hada_error *err);
+hada_status hada_batch_norm_backward(hada_slot *slot, const hada_batch_norm *norm, const hada_tensor *x, cl_mem saved,
+                                     size_t saved_offset, const hada_tensor *dy, const hada_tensor *dx, cl_mem dweight,
+                                     size_t dweight_offset, cl_mem dbias, size_t dbias_offset, int accumulate,
+                                     cl_mem scratch, hada_error *err);
+
+/* Dropout: y = x * keep / (1 - p), keep drawn from (seed, step, place of the value) by a counter-based generator, so
+ * that backward draws the same again and the layout does not matter. Forward and backward are the same operation. */
+hada_status hada_dropout(hada_slot *slot, float p, uint64_t seed, uint64_t step, const hada_tensor *x,
+                         const hada_tensor *y, hada_error *err);
+
+/* Fully connected: y[n][o] = bias[o] + sum_i w[o][i] x[n][i]; plain arrays of floats, x[images][in]. A tensor becomes
+ * such an array by hada_tensor_store() (channel, row, column order, as torch.flatten). */
+typedef struct hada_linear {
+    int images, in, out;
+} hada_linear;
+typedef struct hada_floats {
+    cl_mem mem;
+    size_t offset;
+} hada_floats;
+hada_status hada_linear_forward(hada_slot *slot, const hada_linear *shape, hada_floats w, hada_floats bias,
+                                hada_floats x, hada_floats y, hada_error *err);
+hada_status hada_linear_backward_data(hada_slot *slot, const hada_linear *shape, hada_floats w, hada_floats dy,
+                                      hada_floats dx, hada_error *err);
+hada_status hada_linear_backward_weights(hada_slot *slot, const hada_linear *shape, hada_floats x, hada_floats dy,
+                                         hada_floats dw, hada_floats dbias, int accumulate, hada_error *err);
+
+#endif

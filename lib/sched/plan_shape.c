@@ -3,7 +3,7 @@
 
 void hada_plan_options_init(hada_plan_options *options)
 {
-    *options = (hada_plan_options){.size = sizeof *options, .refine = -1, .gamma = 1.0};
+    *options = (hada_plan_options){.size = sizeof *options, .refine = -1, .gamma = 1.0, .skip = HADA_SKIP_ALL};
 }
 
 static hada_status check_list(const int *list, int count, int limit, const char *what, hada_error *err)

@@ -6,6 +6,7 @@
 #include <hadalens/fit.h>
 #include <hadalens/focus.h>
 #include <hadalens/image.h>
+#include <hadalens/job.h>
 #include <hadalens/metrics.h>
 #include <hadalens/model.h>
 #include <hadalens/optics.h>

@@ -28,6 +28,20 @@ typedef enum hada_dark {
     HADA_DARK_FRAME = 4
 } hada_dark;
 
+/* Work that a scene does not need. Each kind has a switch; docs/skipping.md says what each saves and why its error is
+ * what is said here. "Bounded" kinds act only under a max_error above 0. */
+typedef enum hada_skip {
+    HADA_SKIP_PRUNE = 1,  /* rows and columns of the inverse transforms outside the window; exact */
+    HADA_SKIP_DEPTHS = 2, /* the occupied depths are found on a small part of the spectrum instead of all of it, and
+                             only their planes are computed; exact as long as both looks decide the same */
+    HADA_SKIP_FREQUENCIES = 4, /* frequencies whose filtered light is negligible; bounded (Parseval) */
+    HADA_SKIP_HALF = 8,        /* half of the filters' bits; bounded */
+    HADA_SKIP_CHANNELS = 16,   /* channels that are black, or equal to one that was done (grey scenes); exact */
+    HADA_SKIP_FRAMES = 32,     /* frames equal to the one before: exact; nearly equal ones: bounded */
+    HADA_SKIP_TILES = 64,      /* tiles of the enhancement net without content, or unchanged; exact */
+    HADA_SKIP_ALL = 127
+} hada_skip;
+
 typedef struct hada_plan_options {
     size_t size;       /* sizeof(hada_plan_options) */
     const int *depths; /* indices of the depths to compute, ascending; NULL: all */
@@ -44,6 +58,11 @@ typedef struct hada_plan_options {
     int half;                     /* 1: filters on the device in half precision */
     int batch;                    /* depths at once; 0: chosen from the memory */
     double gamma;                 /* exponent on the finished images; 1 (default): linear */
+    int queues;                   /* frames or batches in flight on each device, each on a queue of its own with its
+                                     own memory; 0: 1 */
+    unsigned skip;                /* HADA_SKIP_... that may be used; HADA_SKIP_ALL by default, 0: none (a dense run) */
+    double max_error; /* the largest relative L2 change of the stack against the dense run; 0 (default): only
+                         what is exact */
 } hada_plan_options;
 HADA_API void hada_plan_options_init(hada_plan_options *options);
 
@@ -57,6 +76,17 @@ HADA_API hada_status hada_plan_estimate(hada_context *context, const hada_model 
                                         const hada_plan_options *options, uint64_t *device_bytes, uint64_t *host_bytes,
                                         hada_error *err);
 
+/* What was not computed, and what that may have changed. */
+typedef struct hada_skip_report {
+    unsigned kinds;       /* HADA_SKIP_... that saved something in this frame */
+    double bound;         /* of the relative L2 change of the stack; 0: none */
+    int depths, channels; /* not computed */
+    int frame;            /* 1: the result is that of the frame before */
+    double frequencies;   /* share of the spectrum that was not used, 0 to 1 */
+    double tiles;         /* share of the tiles of the enhancement net that was not computed */
+    int again;            /* 1: a bound did not hold when the result was known; the frame was done again in full */
+} hada_skip_report;
+
 /* What happened, with the seconds of each stage. */
 typedef struct hada_report {
     int occupied_count;
@@ -66,6 +96,7 @@ typedef struct hada_report {
     double residual;         /* after refinement */
     double dark;             /* level taken off */
     size_t repaired_pixels;
+    hada_skip_report skipped;
     double seconds_total, seconds_upload, seconds_linear, seconds_pursuit, seconds_refine, seconds_focus,
         seconds_download;
 } hada_report;

@@ -33,6 +33,9 @@ static hada_status choose_device(hada_context *context, const hada_context_optio
         context->info = infos[chosen];
         hada_quirks_find(&context->info, &context->quirks);
         context->shape = context->info.kind == HADA_DEVICE_GPU ? HADA_SHAPE_GROUPS : HADA_SHAPE_LANES;
+        cl_uint floats = 0; /* a device that does not say is one without vectors */
+        clGetDeviceInfo(context->device, CL_DEVICE_NATIVE_VECTOR_WIDTH_FLOAT, sizeof floats, &floats, NULL);
+        context->vector_floats = floats;
     }
     free(devices);
     free(infos);

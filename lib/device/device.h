@@ -32,6 +32,7 @@ struct hada_context {
     cl_context cl;
     hada_device_info info;
     hada_shape shape;
+    unsigned vector_floats; /* how many floats the device's vectors hold, as it says itself */
     hada_quirks quirks;
     hada_program_store *programs;
     char *tuning_file; /* NULL where none */

@@ -1,0 +1,51 @@
+/* Activations in blocks of channels (lib/net/tensor.h): from and to planar floats, and the halo by itself. One
+ * work-item takes `step` pixels of a row of one block: a whole row on CPUs, one pixel on GPUs. Dimensions: pixels over
+ * step, rows, blocks times images. */
+
+/* Rows and columns with the halo; channels beyond the last one and the halo become zero. */
+__kernel void net_tensor_load(__global const float *in, ulong in_offset, ulong in_image, ulong in_channel, ulong in_row,
+                              __global float *out, ulong out_offset, ulong out_image, int channels, int rows, int cols,
+                              int block, int step)
+{
+    const int blocks = (channels + block - 1) / block, b = get_global_id(2) % blocks, image = get_global_id(2) / blocks;
+    const int row = (int)get_global_id(1) - 1, first = (int)get_global_id(0) * step - 1;
+    const int last = min(first + step, cols + 1), present = min(block, channels - b * block);
+    const int inside = row >= 0 && row < rows;
+    __global const float *from = in + in_offset + image * in_image + b * block * in_channel + row * in_row;
+    __global float *to =
+        out + out_offset + image * out_image + ((size_t)b * (rows + 2) + row + 1) * (cols + 2) * block + block;
+    for (int x = first; x < last; ++x) {
+        const int here = inside && x >= 0 && x < cols ? present : 0;
+        for (int k = 0; k < here; ++k)
+            to[x * block + k] = from[k * in_channel + x];
+        for (int k = here; k < block; ++k)
+            to[x * block + k] = 0.0f;
+    }
+}
+
+__kernel void net_tensor_store(__global const float *in, ulong in_offset, ulong in_image, __global float *out,
+                               ulong out_offset, ulong out_image, ulong out_channel, ulong out_row, int channels,
+                               int rows, int cols, int block, int step)
+{
+    const int blocks = (channels + block - 1) / block, b = get_global_id(2) % blocks, image = get_global_id(2) / blocks;
+    const int row = get_global_id(1), first = get_global_id(0) * step, last = min(first + step, cols);
+    const int present = min(block, channels - b * block);
+    __global const float *from =
+        in + in_offset + image * in_image + (((size_t)b * (rows + 2) + row + 1) * (cols + 2) + 1) * block;
+    __global float *to = out + out_offset + image * out_image + b * block * out_channel + row * out_row;
+    for (int k = 0; k < present; ++k)
+        for (int x = first; x < last; ++x)
+            to[k * out_channel + x] = from[x * block + k];
+}
+
+/* Zeros into the halo alone; step does not matter: dimension 0 is one. */
+__kernel void net_tensor_halo(__global float *out, ulong offset, ulong image_stride, int channels, int rows, int cols,
+                              int block)
+{
+    const int blocks = (channels + block - 1) / block, b = get_global_id(2) % blocks, image = get_global_id(2) / blocks;
+    const int row = get_global_id(1), width = (cols + 2) * block, jump = row > 0 && row <= rows ? width - block : block;
+    __global float *to = out + offset + image * image_stride + ((size_t)b * (rows + 2) + row) * width;
+    for (int x = 0; x < width; x += jump)
+        for (int k = 0; k < block; ++k)
+            to[x + k] = 0.0f;
+}

@@ -1,0 +1,121 @@
+/* Memory planned from lifetimes: pieces that live at the same time never overlap, and little is wasted. */
+#include "testing.h"
+
+#include <string.h>
+
+#include "core/random.h"
+#include "memory/lifetimes.h"
+
+enum { MOST = 60, ALIGNMENT = 128 };
+
+static int fill_random(hada_piece *pieces, hada_random *random)
+{
+    const int count = 1 + (int)hada_random_below(random, MOST), steps = 1 + (int)hada_random_below(random, 40);
+    for (int i = 0; i < count; i++) {
+        const int first = (int)hada_random_below(random, (uint32_t)steps);
+        const int length = (int)hada_random_below(random, 1 + (uint32_t)(steps / (1 + hada_random_below(random, 8))));
+        pieces[i] = (hada_piece){"a piece", hada_random_below(random, 100000), first, first + length, -1, 1};
+    }
+    return count;
+}
+
+static void check_plan(const hada_piece *pieces, int count, const hada_arenas *arenas, size_t largest)
+{
+    for (int i = 0; i < count; i++) {
+        const hada_piece *a = &pieces[i];
+        assert_in_range(a->arena, 0, arenas->count - 1);
+        assert_int_equal(a->offset % ALIGNMENT, 0);
+        assert_true(a->offset + a->bytes <= arenas->bytes[a->arena]);
+        for (int k = 0; k < i; k++) {
+            const hada_piece *b = &pieces[k];
+            if (a->arena != b->arena || a->last < b->first || b->last < a->first)
+                continue;
+            assert_true(a->offset + a->bytes <= b->offset || b->offset + b->bytes <= a->offset);
+        }
+    }
+    for (int i = 0; i < arenas->count; i++)
+        assert_true(arenas->bytes[i] <= largest);
+}
+
+static void random_sets_never_overlap_and_stay_near_the_floor(void **state)
+{
+    (void)state;
+    hada_piece pieces[MOST];
+    hada_random random;
+    double ratio = 0.0;
+    enum { SETS = 400 };
+    hada_random_seed(&random, 1, 0);
+    for (int set = 0; set < SETS; set++) {
+        hada_arenas arenas;
+        const int count = fill_random(pieces, &random);
+        ASSERT_OK(hada_lifetimes_plan(pieces, count, ALIGNMENT, SIZE_MAX / 4, &arenas, err));
+        check_plan(pieces, count, &arenas, SIZE_MAX / 4);
+        assert_int_equal(arenas.count, 1);
+        const size_t floor = hada_lifetimes_floor(pieces, count);
+        assert_true(arenas.bytes[0] >= floor);
+        assert_true(arenas.bytes[0] <= floor + floor / 2 + MOST * ALIGNMENT);
+        ratio += floor ? (double)arenas.bytes[0] / (double)floor / SETS : 1.0 / SETS;
+        hada_arenas_free(&arenas);
+    }
+    assert_true(ratio < 1.10);
+}
+
+static void no_buffer_is_larger_than_the_device_takes(void **state)
+{
+    (void)state;
+    hada_piece pieces[MOST];
+    hada_random random;
+    int split = 0;
+    hada_random_seed(&random, 2, 0);
+    for (int set = 0; set < 200; set++) {
+        hada_arenas arenas;
+        const int count = fill_random(pieces, &random);
+        ASSERT_OK(hada_lifetimes_plan(pieces, count, ALIGNMENT, 150000, &arenas, err));
+        check_plan(pieces, count, &arenas, 150000);
+        split += arenas.count > 1;
+        hada_arenas_free(&arenas);
+    }
+    assert_true(split > 50);
+}
+
+static void a_chain_needs_two_pieces_at_once(void **state)
+{
+    (void)state;
+    hada_piece pieces[20];
+    hada_arenas arenas;
+    for (int i = 0; i < 20; i++)
+        pieces[i] = (hada_piece){.what = "an activation", .bytes = 1280, .first = i, .last = i + 1};
+    ASSERT_OK(hada_lifetimes_plan(pieces, 20, ALIGNMENT, SIZE_MAX / 4, &arenas, err));
+    assert_int_equal(arenas.count, 1);
+    assert_int_equal(arenas.bytes[0], 2560);
+    assert_int_equal(hada_lifetimes_floor(pieces, 20), 2560);
+    hada_arenas_free(&arenas);
+}
+
+static void what_cannot_be_is_refused(void **state)
+{
+    (void)state;
+    hada_error error = {0};
+    hada_arenas arenas;
+    hada_piece large = {.what = "the largest level", .bytes = 1000, .first = 0, .last = 3};
+    assert_int_equal(hada_lifetimes_plan(&large, 1, ALIGNMENT, 999, &arenas, &error), HADA_ERROR_DEVICE_MEMORY);
+    assert_non_null(strstr(error.message, "the largest level"));
+    assert_null(arenas.bytes);
+    hada_piece backwards = {.what = "x", .bytes = 4, .first = 2, .last = 1};
+    assert_int_equal(hada_lifetimes_plan(&backwards, 1, ALIGNMENT, 999, &arenas, &error), HADA_ERROR_ARGUMENT);
+    assert_int_equal(hada_lifetimes_plan(&large, 1, 0, 9999, &arenas, &error), HADA_ERROR_ARGUMENT);
+    ASSERT_OK(hada_lifetimes_plan(NULL, 0, ALIGNMENT, 999, &arenas, err));
+    assert_int_equal(arenas.count, 0);
+    hada_arenas_free(&arenas);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(random_sets_never_overlap_and_stay_near_the_floor),
+        cmocka_unit_test(no_buffer_is_larger_than_the_device_takes),
+        cmocka_unit_test(a_chain_needs_two_pieces_at_once),
+        cmocka_unit_test(what_cannot_be_is_refused),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

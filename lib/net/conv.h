@@ -11,24 +11,8 @@
 #ifndef HADA_NET_CONV_H
 #define HADA_NET_CONV_H
 
+#include "net/kinds.h"
 #include "net/tensor.h"
-
-typedef enum hada_activation {
-    HADA_ACTIVATION_NONE = 0,
-    HADA_ACTIVATION_RELU = 1,
-    HADA_ACTIVATION_LEAKY_RELU = 2, /* x < 0: slope * x */
-    HADA_ACTIVATION_SIGMOID = 3
-} hada_activation;
-
-/* AUTO: by the table of the device class and the tuning file. WINOGRAD2, WINOGRAD4: F(2x2,3x3), F(4x4,3x3) (Lavin and
- * Gray, CVPR 2016); 3 x 3, stride 1, pad 1 only. */
-typedef enum hada_conv_method {
-    HADA_CONV_AUTO = 0,
-    HADA_CONV_DIRECT = 1,
-    HADA_CONV_WINOGRAD2 = 2,
-    HADA_CONV_WINOGRAD4 = 3,
-    HADA_CONV_PLAIN = 4
-} hada_conv_method;
 
 typedef struct hada_conv_desc {
     int images; /* at most */

@@ -16,7 +16,6 @@ hada_status hada_activation_backward(hada_slot *slot, hada_activation activation
 
 /* Pooling without padding, windows of size x size every `stride` pixels; incomplete windows are dropped. The gradient
  * of a maximum goes to the first of equal values, row by row, as in PyTorch. */
-typedef enum hada_pool { HADA_POOL_MAX = 0, HADA_POOL_MEAN = 1 } hada_pool;
 hada_status hada_pool_forward(hada_slot *slot, hada_pool pool, int size, int stride, const hada_tensor *x,
                               const hada_tensor *y, hada_error *err);
 hada_status hada_pool_backward(hada_slot *slot, hada_pool pool, int size, int stride, const hada_tensor *x,
@@ -25,13 +24,6 @@ hada_status hada_pool_backward(hada_slot *slot, hada_pool pool, int size, int st
 
 /* Resizing to the size of y. Nearest and (bi)linear as torch.nn.functional.interpolate without and with align_corners;
  * cubic with a = -0.75, without antialiasing, likewise. Backward is the transposed operation, by gathering. */
-typedef enum hada_resize {
-    HADA_RESIZE_NEAREST = 0,
-    HADA_RESIZE_LINEAR = 1,
-    HADA_RESIZE_LINEAR_ALIGNED = 2, /* align_corners=True */
-    HADA_RESIZE_CUBIC = 3,
-    HADA_RESIZE_CUBIC_ALIGNED = 4
-} hada_resize;
 hada_status hada_resize_forward(hada_slot *slot, hada_resize resize, const hada_tensor *x, const hada_tensor *y,
                                 hada_error *err);
 hada_status hada_resize_backward(hada_slot *slot, hada_resize resize, const hada_tensor *dy, const hada_tensor *dx,

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
+#include "device/profile.h"
 
 static hada_status make_queue(hada_context *context, cl_command_queue *queue, hada_error *err)
 {
@@ -37,6 +38,7 @@ void hada_slot_destroy(hada_slot **pointer)
         return;
     hada_slot *slot = *pointer;
     *pointer = NULL;
+    hada_slot_profile(slot, 0, NULL);
     if (slot->queue) {
         clFinish(slot->queue);
         clReleaseCommandQueue(slot->queue);
@@ -69,14 +71,18 @@ hada_status hada_slot_launch(hada_slot *slot, cl_kernel kernel, const char *name
         }
     }
     for (unsigned d = 0; d < dimensions; d++)
-        if (!global[d])
-            return HADA_OK; /* nothing to do */
-    code = clEnqueueNDRangeKernel(slot->queue, kernel, dimensions, NULL, global, local, 0, NULL, NULL);
+        if (!global[d]) { /* nothing to do */
+            hada_slot_cost(slot, 0, 0);
+            return HADA_OK;
+        }
+    code = clEnqueueNDRangeKernel(slot->queue, kernel, dimensions, NULL, global, local, 0, NULL, hada_slot_event(slot));
     if (code != CL_SUCCESS) {
         status = hada_fail_cl(err, code, "clEnqueueNDRangeKernel");
         hada_error_prefix(err, "kernel %s: ", name);
         return status;
     }
+    if (slot->profile)
+        hada_profile_add(slot, name, 0, NULL, slot->event);
     return HADA_OK;
 }
 

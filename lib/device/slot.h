@@ -14,10 +14,16 @@ typedef struct hada_slot_kernel_entry {
     struct hada_slot_kernel_entry *next;
 } hada_slot_kernel_entry;
 
+typedef struct hada_profile hada_profile; /* device/profile.h */
+
 typedef struct hada_slot {
     hada_context *context;
     cl_command_queue queue;
     hada_slot_kernel_entry *kernels;
+    hada_profile *profile; /* NULL: off */
+    const char *stage;     /* what the slot works at, for profiles; a constant text or NULL */
+    double cost_bytes, cost_flops;
+    cl_event event;
 } hada_slot;
 
 hada_status hada_slot_create(hada_slot **out, hada_context *context, hada_error *err);
@@ -48,5 +54,30 @@ hada_status hada_slot_launch(hada_slot *slot, cl_kernel kernel, const char *name
 
 /* Waits until everything in the queue is done. */
 hada_status hada_slot_finish(hada_slot *slot, hada_error *err);
+
+/* For profiles (device/profile.h turns them on). The stage that the following commands belong to: a constant text. */
+static inline void hada_slot_stage(hada_slot *slot, const char *stage)
+{
+    slot->stage = stage;
+}
+
+/* What the next launch needs at least: traffic with the device's memory, and operations. */
+static inline void hada_slot_cost(hada_slot *slot, double bytes, double flops)
+{
+    slot->cost_bytes = bytes;
+    slot->cost_flops = flops;
+}
+
+/* For transfers, which enqueue themselves: where their event goes (NULL: profiling is off), and that it was enqueued.
+ */
+static inline cl_event *hada_slot_event(hada_slot *slot)
+{
+    return slot->profile ? &slot->event : NULL;
+}
+void hada_slot_moved(hada_slot *slot, const char *name, double bytes);
+
+/* For commands that another library enqueues between the two calls: one row of the profile. */
+hada_status hada_slot_span_begin(hada_slot *slot, cl_event *begin, hada_error *err);
+hada_status hada_slot_span_end(hada_slot *slot, const char *name, cl_event begin, hada_error *err);
 
 #endif

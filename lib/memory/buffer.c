@@ -102,8 +102,12 @@ hada_status hada_buffer_write(hada_buffer *buffer, hada_slot *slot, size_t offse
     hada_status status = check_range(buffer, offset, bytes, err);
     if (status || !bytes)
         return status;
-    cl_int code = clEnqueueWriteBuffer(slot->queue, buffer->mem, CL_TRUE, offset, bytes, data, 0, NULL, NULL);
-    return code == CL_SUCCESS ? HADA_OK : hada_fail_cl(err, code, "clEnqueueWriteBuffer");
+    cl_int code =
+        clEnqueueWriteBuffer(slot->queue, buffer->mem, CL_TRUE, offset, bytes, data, 0, NULL, hada_slot_event(slot));
+    if (code != CL_SUCCESS)
+        return hada_fail_cl(err, code, "clEnqueueWriteBuffer");
+    hada_slot_moved(slot, "write", (double)bytes);
+    return HADA_OK;
 }
 
 hada_status hada_buffer_read(const hada_buffer *buffer, hada_slot *slot, size_t offset, void *data, size_t bytes,
@@ -112,8 +116,12 @@ hada_status hada_buffer_read(const hada_buffer *buffer, hada_slot *slot, size_t 
     hada_status status = check_range(buffer, offset, bytes, err);
     if (status || !bytes)
         return status;
-    cl_int code = clEnqueueReadBuffer(slot->queue, buffer->mem, CL_TRUE, offset, bytes, data, 0, NULL, NULL);
-    return code == CL_SUCCESS ? HADA_OK : hada_fail_cl(err, code, "clEnqueueReadBuffer");
+    cl_int code =
+        clEnqueueReadBuffer(slot->queue, buffer->mem, CL_TRUE, offset, bytes, data, 0, NULL, hada_slot_event(slot));
+    if (code != CL_SUCCESS)
+        return hada_fail_cl(err, code, "clEnqueueReadBuffer");
+    hada_slot_moved(slot, "read", (double)bytes);
+    return HADA_OK;
 }
 
 hada_status hada_buffer_clear(hada_buffer *buffer, hada_slot *slot, size_t offset, size_t bytes, hada_error *err)
@@ -125,6 +133,9 @@ hada_status hada_buffer_clear(hada_buffer *buffer, hada_slot *slot, size_t offse
         return status;
     int words = offset % 4 == 0 && bytes % 4 == 0;
     cl_int code = clEnqueueFillBuffer(slot->queue, buffer->mem, words ? (const void *)&zero4 : &zero, words ? 4 : 1,
-                                      offset, bytes, 0, NULL, NULL);
-    return code == CL_SUCCESS ? HADA_OK : hada_fail_cl(err, code, "clEnqueueFillBuffer");
+                                      offset, bytes, 0, NULL, hada_slot_event(slot));
+    if (code != CL_SUCCESS)
+        return hada_fail_cl(err, code, "clEnqueueFillBuffer");
+    hada_slot_moved(slot, "fill", (double)bytes);
+    return HADA_OK;
 }

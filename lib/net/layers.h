@@ -33,14 +33,18 @@ hada_status hada_resize_backward(hada_slot *slot, hada_resize resize, const hada
  * crop, pad); channels of y from first_channel on are written, the others left alone. accumulate: added to. */
 hada_status hada_place(hada_slot *slot, const hada_tensor *x, const hada_tensor *y, int row, int col, int first_channel,
                        int accumulate, hada_error *err);
+/* The transposed operation with the same arguments: dx takes what dy has where x was placed, zeros where it was cut. */
+hada_status hada_place_backward(hada_slot *slot, const hada_tensor *dy, const hada_tensor *dx, int row, int col,
+                                int first_channel, int accumulate, hada_error *err);
 
-/* y += a x + b y, elementwise: y = a x + b y. */
+/* y = a x + b y, elementwise; b = 0: what stood in y does not matter. */
 hada_status hada_blend(hada_slot *slot, float a, const hada_tensor *x, float b, const hada_tensor *y, hada_error *err);
 
 /* Batch normalisation over images, rows and columns (Ioffe and Szegedy 2015). `values` hold, in floats, each `channels`
  * long: weight, bias, running mean, running variance (as PyTorch's state dict). Training computes the batch's mean and
  * 1/sqrt(var + eps) into `saved` (2 x channels floats) by fixed-order sums and updates the running values with
- * `momentum` (unbiased variance). `scratch` holds hada_batch_norm_scratch() bytes. */
+ * `momentum` (unbiased variance; training needs two values a channel). `scratch` holds hada_batch_norm_scratch() bytes.
+ * y may be x, dx may be dy; accumulate: dweight and dbias are added to, dx is replaced. */
 typedef struct hada_batch_norm {
     cl_mem weight, bias, mean, variance;
     size_t weight_offset, bias_offset, mean_offset, variance_offset;

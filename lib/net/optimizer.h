@@ -13,7 +13,8 @@
  *   RMSPROP        v = decay v + (1 - decay) g^2, increment = rate g / sqrt(v + eps) (keras.optimizers.RMSprop)
  *   RMSPROP_TORCH  the same, increment = rate g / (sqrt(v) + eps) (torch.optim.RMSprop)
  *                  both with `centered`: a = decay a + (1 - decay) g, and v - a^2 in the place of v below the root;
- *                  both with momentum > 0: b = momentum b + increment, p -= b; otherwise p -= increment
+ *                  with momentum > 0 the steps add up: Keras b = momentum b + increment, p -= b; PyTorch the same
+ *                  without the rate in b, p -= rate b; otherwise p -= increment
  *   ADAM           m = beta1 m + (1 - beta1) g, v = beta2 v + (1 - beta2) g^2,
  *                  p -= rate / (1 - beta1^t) m / (sqrt(v / (1 - beta2^t)) + eps) (Kingma and Ba 2015, torch.optim.Adam)
  *   ADAMW          the same (Loshchilov and Hutter 2019, torch.optim.AdamW)
@@ -28,11 +29,11 @@ typedef enum hada_optimizer {
 
 typedef struct hada_optimizer_desc {
     hada_optimizer optimizer;
-    float decay;        /* RMSprop */
-    float momentum;     /* RMSprop; 0: none */
-    int centered;       /* RMSprop */
-    float beta1, beta2; /* Adam */
-    float eps, weight_decay;
+    double decay;        /* RMSprop */
+    double momentum;     /* RMSprop; 0: none */
+    int centered;        /* RMSprop */
+    double beta1, beta2; /* Adam */
+    double eps, weight_decay;
 } hada_optimizer_desc;
 
 /* The values that the libraries named above start from: decay 0.9, eps 1e-7 (Keras); decay 0.99, eps 1e-8 (PyTorch);
@@ -44,7 +45,7 @@ void hada_optimizer_desc_init(hada_optimizer_desc *desc, hada_optimizer optimize
 size_t hada_optimizer_state_floats(const hada_optimizer_desc *desc, size_t count);
 
 /* One step on `count` parameters; step counts from 1. Nothing is written where an argument is refused. */
-hada_status hada_optimizer_step(hada_slot *slot, const hada_optimizer_desc *desc, uint64_t step, float rate,
+hada_status hada_optimizer_step(hada_slot *slot, const hada_optimizer_desc *desc, uint64_t step, double rate,
                                 hada_floats gradient, hada_floats parameters, hada_floats state, size_t count,
                                 hada_error *err);
 

@@ -130,6 +130,7 @@ static hada_status subtract(hada_hadamard *stage, int channel, double level, had
     hada_status status = hada_slot_kernel(stage->slot, "filter_dark", "filter_dark", "", &kernel, err);
     hada_arg args[] = {HADA_ARG(stage->raw.mem), HADA_ARG(dark),  HADA_ARG(offset),
                        HADA_ARG(framed),         HADA_ARG(taken), HADA_ARG(count)};
+    hada_slot_cost(stage->slot, (framed ? 12.0 : 8.0) * (double)count, (double)count);
     if (!status)
         status = hada_slot_launch(stage->slot, kernel, "filter_dark", 1, &global, &local, args, HADA_COUNT(args), err);
     return status;

@@ -208,11 +208,13 @@ static hada_status try_frame(trial_work *work, hada_fitter *fitter, const hada_f
         if (status)
             break;
         const cl_int code = clEnqueueReadBuffer(fitter->slot->queue, hada_refiner_planes(work->refiner), CL_TRUE, 0,
-                                                bytes, work->planes, 0, NULL, NULL);
-        if (code != CL_SUCCESS)
+                                                bytes, work->planes, 0, NULL, hada_slot_event(fitter->slot));
+        if (code != CL_SUCCESS) {
             status = hada_fail_cl(err, code, "clEnqueueReadBuffer");
-        else
-            sum[i] += compare(work, fitter, member, members);
+            break;
+        }
+        hada_slot_moved(fitter->slot, "read", (double)bytes);
+        sum[i] += compare(work, fitter, member, members);
     }
     work->count[members - 1] += !status;
     return status;

@@ -361,6 +361,8 @@ hada_status hada_fitter_pool(hada_fitter *fitter, hada_error *err)
         for (int c = 0; !status && c < fitter->info.channels; c++) {
             hada_arg args[] = {HADA_ARG(fitter->sums[c].mem), HADA_ARG(fitter->pool[c].mem), HADA_ARG(stride),
                                HADA_ARG(per_pair), HADA_ARG(vectors)};
+            hada_slot_cost(fitter->slot, (fitter->sum_count > 4 ? 416.0 : 256.0) * (double)vectors,
+                           48.0 * (double)vectors);
             status = hada_fitter_launch(fitter, "fit_sums", "fit_pool", args, HADA_COUNT(args), err);
         }
     }

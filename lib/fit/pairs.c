@@ -113,6 +113,8 @@ hada_status hada_fitter_accumulate(hada_fitter *fitter, double sign, hada_error 
         hada_arg args[] = {
             HADA_ARG(fitter->x.mem), HADA_ARG(fitter->b.mem), HADA_ARG(offset), HADA_ARG(fitter->sums[c].mem),
             HADA_ARG(stride),        HADA_ARG(factor),        HADA_ARG(vectors)};
+        hada_slot_cost(fitter->slot, 128.0 * (1.0 + fitter->sum_count) * (double)vectors,
+                       8.0 * (12.0 + 7.0 * fitter->sum_count) * (double)vectors);
         status = hada_fitter_launch(fitter, "fit_sums", "fit_pair", args, HADA_COUNT(args), err);
     }
     return status;

@@ -63,6 +63,8 @@ static hada_status enqueue_trial(hada_fitter *fitter, int z, int channel, size_t
                        HADA_ARG(fitter->partial.mem),
                        HADA_ARG(chunks),
                        HADA_ARG(vectors)};
+    hada_slot_cost(fitter->slot, 32.0 * (double)vectors * (8.0 + 2.0 * fitter->sum_count + 2.0 * HADA_FIT_TRIALS),
+                   160.0 * (double)vectors * HADA_FIT_TRIALS);
     return status
                ? status
                : hada_slot_launch(fitter->slot, kernel, "fit_trial", 1, &global, &local, args, HADA_COUNT(args), err);
@@ -80,6 +82,7 @@ static hada_status enqueue_energy(hada_fitter *fitter, hada_error *err)
     if (!status)
         status = hada_slot_kernel(fitter->slot, "fit_score", "fit_energy", fitter->macros, &kernel, err);
     hada_arg args[] = {HADA_ARG(fitter->planes.mem), HADA_ARG(rows), HADA_ARG(cols), HADA_ARG(fitter->partial.mem)};
+    hada_slot_cost(fitter->slot, 4.0 * rows * cols * HADA_FIT_TRIALS, 2.0 * rows * cols * HADA_FIT_TRIALS);
     return status ? status
                   : hada_slot_launch(fitter->slot, kernel, "fit_energy", 2, global, local, args, HADA_COUNT(args), err);
 }

@@ -34,6 +34,7 @@ static hada_status noise_power(hada_fitter *fitter, int channel, double least, i
                        HADA_ARG(fitter->partial.mem),
                        HADA_ARG(chunk_count),
                        HADA_ARG(vectors)};
+    hada_slot_cost(fitter->slot, 160.0 * (double)vectors, 64.0 * (double)vectors);
     if (!status)
         status =
             hada_slot_launch(fitter->slot, kernel, "fit_unexplained", 1, &global, &group, args, HADA_COUNT(args), err);
@@ -76,6 +77,7 @@ hada_status hada_fitter_solve_filter(hada_fitter *fitter, int channel, double al
                        HADA_ARG(out),
                        HADA_ARG(offset),
                        HADA_ARG(vectors)};
+    hada_slot_cost(fitter->slot, (fitter->sum_count > 4 ? 384.0 : 192.0) * (double)vectors, 40.0 * (double)vectors);
     return hada_fitter_launch(fitter, "fit_solve", "fit_filter", args, HADA_COUNT(args), err);
 }
 
@@ -90,6 +92,7 @@ hada_status hada_fitter_solve_transfer(hada_fitter *fitter, int channel, double 
                        HADA_ARG(out),
                        HADA_ARG(offset),
                        HADA_ARG(vectors)};
+    hada_slot_cost(fitter->slot, 160.0 * (double)vectors, 24.0 * (double)vectors);
     return hada_fitter_launch(fitter, "fit_solve", "fit_transfer", args, HADA_COUNT(args), err);
 }
 

@@ -213,6 +213,7 @@ static hada_status merge_depth(hada_fitter *fitter, int z, const hada_tensor *su
         hada_arg args[] = {HADA_ARG(more->mem), HADA_ARG(fitter->sums[c].mem), HADA_ARG(stride), HADA_ARG(count),
                            HADA_ARG(vectors)};
         fitter->changed = 1;
+        hada_slot_cost(fitter->slot, 192.0 * count * (double)vectors, 112.0 * count * (double)vectors);
         if (!status)
             status = hada_fitter_launch(fitter, "fit_sums", "fit_merge", args, HADA_COUNT(args), err);
     }

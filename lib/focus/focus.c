@@ -193,6 +193,8 @@ static hada_status luminance(hada_focus *f, cl_mem planes, cl_ulong offset, hada
     const hada_arg args[] = {HADA_ARG(planes),      HADA_ARG(offset),  HADA_ARG(f->channels),
                              HADA_ARG(f->rows),     HADA_ARG(f->cols), HADA_ARG(border_rows),
                              HADA_ARG(border_cols), HADA_ARG(pitch),   HADA_ARG(f->light.mem)};
+    hada_slot_cost(f->slot, 4.0 * ((double)f->channels * f->rows * f->cols + (double)pitch * (double)global[1]),
+                   f->channels == 3 ? 5.0 * f->rows * f->cols : 0);
     return hada_slot_launch(f->slot, kernel, "focus_luminance", 2, global, local, args, HADA_COUNT(args), err);
 }
 
@@ -220,11 +222,17 @@ static hada_status window(hada_focus *f, hada_focus_measure kind, int second, ha
     const hada_arg args_across[] = {HADA_ARG(f->smooth.mem), HADA_ARG(f->weights.mem), HADA_ARG(f->radius),
                                     HADA_ARG(f->halo),       HADA_ARG(pitch),          HADA_ARG(f->vectors),
                                     HADA_ARG(second),        HADA_ARG(f->measure.mem)};
+    const double taps = 2.0 * f->radius + 1, tall = (double)pitch * (double)global_measure[1],
+                 wide = (double)pitch * (double)rows, plane = 8.0 * f->vectors * (double)rows;
+    hada_slot_cost(f->slot, 8.0 * tall, ((kind == HADA_FOCUS_ENERGY ? 1 : 19) + (count ? 11 : 0)) * tall);
     if ((status = hada_slot_launch(f->slot, measure, "focus_measure", 2, global_measure, local, args_measure,
-                                   HADA_COUNT(args_measure), err)) ||
-        (status = hada_slot_launch(f->slot, down, "focus_window_down", 2, global_down, local, args_down,
+                                   HADA_COUNT(args_measure), err)))
+        return status;
+    hada_slot_cost(f->slot, 4.0 * (tall + wide), 2.0 * taps * wide);
+    if ((status = hada_slot_launch(f->slot, down, "focus_window_down", 2, global_down, local, args_down,
                                    HADA_COUNT(args_down), err)))
         return status;
+    hada_slot_cost(f->slot, 4.0 * (wide + (second ? 2.0 : 1.0) * plane), (2.0 * taps + (second ? 2 : 0)) * plane);
     return hada_slot_launch(f->slot, across, "focus_window_across", 2, global_across, local, args_across,
                             HADA_COUNT(args_across), err);
 }
@@ -267,6 +275,10 @@ static hada_status select_plane(hada_focus *f, int depth, cl_mem planes, cl_ulon
                              HADA_ARG(f->fused.mem),
                              HADA_ARG(f->image[WEIGHT_SUM].mem),
                              HADA_ARG(f->loser_bins.mem)};
+    /* in: measure and planes; kept: six images and the depth, the fused image and the weights */
+    const double pixels = (double)f->rows * f->cols, kept = 7.0 + f->channels;
+    hada_slot_cost(f->slot, 4.0 * pixels * (1.0 + f->channels + (first ? 1.0 : 2.0) * kept),
+                   2.0 * pixels * f->channels);
     return hada_slot_launch(f->slot, kernel, "focus_select", 2, global, local, args, HADA_COUNT(args), err);
 }
 
@@ -357,6 +369,8 @@ hada_status hada_focus_finish(hada_focus *focus, cl_mem all_in_focus, size_t all
                              HADA_ARG(aif_at),
                              HADA_ARG(distance_map),
                              HADA_ARG(map_at)};
+    hada_slot_cost(f->slot, 4.0 * pixels * (5.0 + 2.0 * f->channels + (normalise ? 1 : 0) + 1),
+                   pixels * (12.0 + f->channels));
     status = hada_slot_launch(f->slot, kernel, "focus_finish", 1, &global, &local, args, HADA_COUNT(args), err);
     f->begun = 0;
     if (!status && report)

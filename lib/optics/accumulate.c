@@ -20,5 +20,6 @@ hada_status hada_optics_accumulate(hada_slot *slot, cl_mem sum, size_t sum_offse
     const size_t local[2] = {LOCAL, 1}, global[2] = {((count + 3) / 4 + LOCAL - 1) / LOCAL * LOCAL, (size_t)images};
     const hada_arg args[] = {HADA_ARG(sum),    HADA_ARG(offset),     HADA_ARG(otf), HADA_ARG(scene),
                              HADA_ARG(values), HADA_ARG(otf_images), HADA_ARG(add)};
+    hada_slot_cost(slot, 8.0 * (double)count * (otf_images + (add ? 3.0 : 2.0) * images), 8.0 * (double)count * images);
     return hada_slot_launch(slot, kernel, "optics_accumulate", 2, global, local, args, HADA_COUNT(args), err);
 }

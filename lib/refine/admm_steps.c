@@ -35,6 +35,37 @@ typedef struct run {
     int padded;
 } run;
 
+/* Least traffic and operations, for profiles: a transfer function that several sets share is read once. */
+static double frequencies(const run *r)
+{
+    return (double)r->refiner->layout.rows * (r->refiner->layout.cols / 2 + 1.0) * r->refiner->shape.channels;
+}
+
+static double otfs_read(const run *r)
+{
+    const int all = r->sets * r->depths;
+    return all < r->data->otf_depths ? all : r->data->otf_depths;
+}
+
+static void cost_solve(const run *r, int start, int has_prior)
+{
+    const double all = (double)r->sets * r->depths, kept = start == HADA_REFINE_COLD ? 8
+                                                           : start == HADA_REFINE_ON ? 24
+                                                                                     : 16;
+    const double data = r->padded ? (start == HADA_REFINE_ON ? 24.0 * r->sets : 8.0 * r->sets + 8.0) : 8.0;
+    hada_slot_cost(r->refiner->slot, frequencies(r) * (8.0 * otfs_read(r) + kept * all + data + (has_prior ? 4 : 0)),
+                   frequencies(r) * ((start == HADA_REFINE_COLD ? 20.0 : 44.0) * all + 16.0 * r->sets));
+}
+
+static void cost_explain(const run *r, int has_rest, int has_prior, int has_doubt)
+{
+    const double all = (double)r->sets * r->depths;
+    hada_slot_cost(r->refiner->slot,
+                   frequencies(r) * ((has_doubt ? 12.0 : 8.0) * otfs_read(r) + 8.0 * all + 8.0 +
+                                     (has_rest ? 8.0 * r->sets : 0) + (has_prior ? 4 : 0)),
+                   frequencies(r) * ((has_doubt ? 14.0 : 12.0) * all + 6.0 * r->sets));
+}
+
 /* The sums go to the place of `step`. */
 static hada_status solve(const run *r, const hada_refine_rule *rule, int start, int step, hada_error *err)
 {
@@ -75,6 +106,7 @@ static hada_status solve(const run *r, const hada_refine_rule *rule, int start, 
                        HADA_ARG(partial_first)};
     const size_t local[3] = {(size_t)refiner->group, 1, 1};
     const size_t global[3] = {slices_of(count) * local[0], (size_t)refiner->shape.channels, (size_t)r->sets};
+    cost_solve(r, start, has_prior);
     return hada_slot_launch(refiner->slot, refiner->solve, "refine_solve", 3, global, local, args, HADA_COUNT(args),
                             err);
 }
@@ -112,6 +144,7 @@ static hada_status explain(const run *r, int has_rest, int score, hada_error *er
                        HADA_ARG(refiner->partial.mem)};
     const size_t local[3] = {(size_t)refiner->group, 1, 1};
     const size_t global[3] = {slices_of(count) * local[0], (size_t)refiner->shape.channels, (size_t)r->sets};
+    cost_explain(r, has_rest, has_prior, has_doubt);
     return hada_slot_launch(refiner->slot, refiner->explain, "refine_explain", 3, global, local, args, HADA_COUNT(args),
                             err);
 }
@@ -132,6 +165,8 @@ static hada_status meet_frame(const run *r, cl_mem dual, int use_frame, double f
                        HADA_ARG(partial_first)};
     const size_t local[2] = {(size_t)refiner->group, 1};
     const size_t global[2] = {slices_of(pixels) * local[0], (size_t)(r->sets * refiner->shape.channels)};
+    const double all = (double)r->sets * channels * pixels;
+    hada_slot_cost(refiner->slot, 8.0 * all + (use_frame ? 4.0 * channels * pixels : 0), (use_frame ? 4.0 : 3.0) * all);
     return hada_slot_launch(refiner->slot, refiner->frame, "refine_frame", 2, global, local, args, HADA_COUNT(args),
                             err);
 }
@@ -144,6 +179,7 @@ static hada_status be_positive(const run *r, hada_error *err)
     const size_t local = refiner->slot->context->info.max_work_group < group ? 1 : group;
     const size_t global = (floats + HADA_REFINE_PAD - 1) / HADA_REFINE_PAD * group;
     hada_arg args[] = {HADA_ARG(refiner->planes.mem)};
+    hada_slot_cost(refiner->slot, 8.0 * (double)floats, (double)floats);
     return hada_slot_launch(refiner->slot, refiner->prox, "refine_prox", 1, &global, &local, args, 1, err);
 }
 

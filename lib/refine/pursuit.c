@@ -218,6 +218,7 @@ static hada_status crop_images(hada_pursuit *p, const crop *how, cl_mem in, size
     const size_t local[3] = {(size_t)(block < 8 ? 1 : 8), 1, 1};
     const size_t cols_up = ((size_t)coarse->blocks * (size_t)block + local[0] - 1) / local[0] * local[0];
     const size_t global[3] = {cols_up, (size_t)rows, (size_t)images};
+    hada_slot_cost(p->slot, 4.0 * parts * images * (channels + 1.0) * rows * (cols / 2 + 1.0), 0);
     return hada_slot_launch(p->slot, p->crop, "refine_crop", 3, global, local, args, HADA_COUNT(args), err);
 }
 

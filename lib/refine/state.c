@@ -59,9 +59,12 @@ void hada_refine_state_destroy(hada_refine_state *state)
 static hada_status copy(hada_refiner *refiner, const hada_buffer *from, size_t from_at, const hada_buffer *to,
                         size_t to_at, size_t bytes, hada_error *err)
 {
-    const cl_int code =
-        clEnqueueCopyBuffer(refiner->slot->queue, from->mem, to->mem, from_at, to_at, bytes, 0, NULL, NULL);
-    return code == CL_SUCCESS ? HADA_OK : hada_fail_cl(err, code, "clEnqueueCopyBuffer");
+    const cl_int code = clEnqueueCopyBuffer(refiner->slot->queue, from->mem, to->mem, from_at, to_at, bytes, 0, NULL,
+                                            hada_slot_event(refiner->slot));
+    if (code != CL_SUCCESS)
+        return hada_fail_cl(err, code, "clEnqueueCopyBuffer");
+    hada_slot_moved(refiner->slot, "copy", 2.0 * (double)bytes);
+    return HADA_OK;
 }
 
 hada_status hada_refine_state_save(hada_refine_state *state, hada_refiner *refiner, int set, int depths,

@@ -1,5 +1,6 @@
-/* What the options come to for a model, and the bytes of it. */
-#include "sched/plan.h"
+#include "sched/plan_shape.h"
+
+#include "filter/bank.h"
 
 void hada_plan_options_init(hada_plan_options *options)
 {
@@ -57,6 +58,7 @@ hada_status hada_plan_shape_of(const hada_model *model, const hada_plan_options 
     shape->steps = options->refine >= 0 ? options->refine : info->has_otf ? info->refine_steps : 0;
     shape->refined = shape->steps > 0;
     shape->pursuit = shape->refined && options->occupied == HADA_OCCUPIED_AUTO && shape->depths > 1;
+    shape->dark = options->dark == HADA_DARK_FRAME;
     shape->half = options->half || info->half;
     shape->parts = shape->refined ? HADA_BANK_OTFS : HADA_BANK_FILTERS;
     /* more depths at once than this only cost memory: the spectrum stays in the cache either way */
@@ -67,9 +69,8 @@ hada_status hada_plan_shape_of(const hada_model *model, const hada_plan_options 
     return HADA_OK;
 }
 
-size_t hada_plan_plane(const hada_plan *plan)
+size_t hada_plane_values(const hada_model_info *info)
 {
-    const hada_model_info *info = hada_model_get_info(plan->model);
     return (size_t)info->channels * (size_t)info->window_rows * (size_t)info->window_cols;
 }
 
@@ -82,48 +83,12 @@ hada_focus_desc hada_plan_focus_of(const hada_model_info *info, const hada_plan_
                              .depths = shape->depths};
 }
 
-static uint64_t prior_bytes(const hada_model *model, const hada_spectrum_layout *layout)
+hada_pursuit_options hada_plan_pursuit_of(const hada_model *model, const hada_plan_shape *shape)
 {
-    return model->scene_power ? 4 * (uint64_t)hada_model_get_info(model)->channels * (uint64_t)layout->count : 0;
-}
-
-hada_status hada_plan_estimate(hada_context *context, const hada_model *model, const hada_plan_options *options,
-                               uint64_t *device_bytes, uint64_t *host_bytes, hada_error *err)
-{
-    hada_plan_options defaults;
-    hada_plan_shape shape;
-    if (!context || !model || !device_bytes || !host_bytes)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_plan_estimate: an argument is missing");
-    if (!options) {
-        hada_plan_options_init(&defaults);
-        options = &defaults;
-    }
-    hada_status status = hada_plan_shape_of(model, options, &shape, err);
-    if (status)
-        return status;
-    const hada_model_info *info = hada_model_get_info(model);
-    const hada_spectrum_layout layout = hada_hadamard_layout(context, info);
-    const hada_focus_desc focus = hada_plan_focus_of(info, &shape);
-    const uint64_t pixels = (uint64_t)info->window_rows * (uint64_t)info->window_cols;
-    const uint64_t plane = 4 * pixels * (uint64_t)info->channels;
-    const uint64_t frame = 4 * (uint64_t)info->raw_rows * (uint64_t)info->raw_cols * (uint64_t)info->channels;
-    uint64_t bytes = hada_hadamard_bytes(context, info, shape.batch) +
-                     hada_bank_bytes(info, &layout, shape.depths, shape.parts, shape.half) + hada_focus_bytes(&focus) +
-                     plane + 4 * pixels;
-    if (options->dark == HADA_DARK_FRAME)
-        bytes += frame;
-    if (shape.refined) {
-        const hada_refine_shape refine = hada_refine_shape_of(info, shape.depths, shape.steps);
-        bytes += hada_refiner_bytes(context, &refine) + prior_bytes(model, &layout);
-        if (shape.pursuit) {
-            const hada_pursuit_options pursuit = hada_plan_pursuit_of(model, shape.depths);
-            bytes += hada_pursuit_bytes(context, &pursuit);
-        }
-    } else {
-        bytes += plane * (uint64_t)shape.depths;
-    }
-    *device_bytes = bytes;
-    /* the result, and a copy of the frame while broken pixels are repaired */
-    *host_bytes = plane * (uint64_t)shape.depths + plane + 4 * pixels + (options->repair_not_finite ? 2 * frame : 0);
-    return HADA_OK;
+    hada_pursuit_options options;
+    hada_pursuit_options_init(&options);
+    options.shape = hada_refine_shape_of(hada_model_get_info(model), shape->depths, 1);
+    options.depths = shape->depths;
+    options.rho *= hada_model_gain(model);
+    return options;
 }

@@ -1,6 +1,7 @@
 /* Results: made to measure, kept from frame to frame. */
 #include "sched/result.h"
 
+#include <math.h>
 #include <stdlib.h>
 
 #include "core/alloc.h"
@@ -40,6 +41,22 @@ hada_status hada_result_fit(hada_result *result, const hada_model_info *info, in
     if (status)
         hada_result_destroy(result);
     return status;
+}
+
+static void raise(hada_image *image, float gamma)
+{
+    const size_t count = hada_image_count(image);
+    for (size_t i = 0; i < count; i++)
+        image->data[i] = powf(fmaxf(image->data[i], 0.0f), gamma);
+}
+
+void hada_result_apply_gamma(hada_result *result, double gamma)
+{
+    if (gamma == 1.0)
+        return;
+    for (int z = 0; z < result->depths; z++)
+        raise(&result->planes[z], (float)gamma);
+    raise(&result->all_in_focus, (float)gamma);
 }
 
 void hada_result_destroy(hada_result *result)

@@ -1,0 +1,26 @@
+/* The bytes of a plan, from its shape alone. */
+#include "sched/lane.h"
+
+hada_status hada_plan_estimate(hada_context *context, const hada_model *model, const hada_plan_options *options,
+                               uint64_t *device_bytes, uint64_t *host_bytes, hada_error *err)
+{
+    hada_plan_options defaults;
+    hada_plan_shape shape;
+    if (!context || !model || !device_bytes || !host_bytes)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_plan_estimate: an argument is missing");
+    if (!options) {
+        hada_plan_options_init(&defaults);
+        options = &defaults;
+    }
+    hada_status status = hada_plan_shape_of(model, options, &shape, err);
+    if (status)
+        return status;
+    const hada_model_info *info = hada_model_get_info(model);
+    const uint64_t pixels = (uint64_t)info->window_rows * (uint64_t)info->window_cols;
+    const uint64_t plane = 4 * pixels * (uint64_t)info->channels;
+    const uint64_t frame = 4 * (uint64_t)info->raw_rows * (uint64_t)info->raw_cols * (uint64_t)info->channels;
+    *device_bytes = hada_share_bytes(context, model, &shape) + hada_lane_bytes(context, model, &shape);
+    /* the result, and a copy of the frame while broken pixels are repaired */
+    *host_bytes = plane * (uint64_t)shape.depths + plane + 4 * pixels + (options->repair_not_finite ? 2 * frame : 0);
+    return HADA_OK;
+}

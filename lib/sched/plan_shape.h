@@ -1,0 +1,36 @@
+/* What the options of a plan come to for a model: fixed before anything is allocated. Internal. */
+#ifndef HADA_SCHED_PLAN_SHAPE_H
+#define HADA_SCHED_PLAN_SHAPE_H
+
+#include <hadalens/reconstruct.h>
+
+#include "core/error.h"
+#include "focus/focus.h"
+#include "refine/pursuit.h"
+
+typedef struct hada_plan_shape {
+    int depths;  /* computed */
+    int batch;   /* depths at once in the Hadamard stage */
+    int refined; /* 1: planes by refinement of the occupied depths; 0: linear filters */
+    int steps;   /* refinement steps at most */
+    int pursuit; /* 1: the occupied depths are found */
+    int half;    /* filters on the device as half */
+    int parts;   /* of the bank: filters or transfer functions */
+    int dark;    /* 1: a dark frame is taken off */
+    hada_focus_options focus;
+} hada_plan_shape;
+
+/* HADA_ERROR_MODEL or HADA_ERROR_ARGUMENT where the model cannot do what is asked. */
+hada_status hada_plan_shape_of(const hada_model *model, const hada_plan_options *options, hada_plan_shape *shape,
+                               hada_error *err);
+
+/* Values of one plane: channels x window. */
+size_t hada_plane_values(const hada_model_info *info);
+
+/* What the focus works on; its distances are for the caller to set. */
+hada_focus_desc hada_plan_focus_of(const hada_model_info *info, const hada_plan_shape *shape);
+
+/* The pursuit for a model. */
+hada_pursuit_options hada_plan_pursuit_of(const hada_model *model, const hada_plan_shape *shape);
+
+#endif

@@ -1,0 +1,79 @@
+/* The filters, transfer functions and prior of a model on a device. */
+#include "sched/share.h"
+
+#include <stdlib.h>
+
+#include "core/alloc.h"
+#include "filter/hadamard.h"
+
+cl_mem hada_share_otf(const hada_share *share, size_t *offset)
+{
+    size_t first;
+    int together;
+    const cl_mem otf = hada_bank_otf(share->bank, 0, &first, &together);
+    *offset = first * share->bank->layout.count;
+    return otf;
+}
+
+static hada_status check_together(const hada_share *share, hada_error *err)
+{
+    size_t first;
+    int together;
+    hada_bank_otf(share->bank, 0, &first, &together);
+    if (together == share->bank->depths)
+        return HADA_OK;
+    return hada_fail(err, HADA_ERROR_DEVICE_MEMORY,
+                     "refinement needs the transfer functions of %d depths in one buffer, and %s takes %d: compute "
+                     "fewer depths (--depths) or leave refinement out (--refine 0)",
+                     share->bank->depths, share->context->info.name, together);
+}
+
+hada_status hada_share_create(hada_share **out, hada_context *context, const hada_model *model,
+                              const hada_plan_shape *shape, const int *depths, hada_error *err)
+{
+    hada_share *share;
+    hada_slot *slot = NULL;
+    const hada_spectrum_layout layout = hada_hadamard_layout(context, hada_model_get_info(model));
+    *out = NULL;
+    hada_status status = hada_alloc((void **)&share, 1, sizeof *share, "a plan", err);
+    if (status)
+        return status;
+    share->context = context;
+    status = hada_slot_create(&slot, context, err);
+    if (!status)
+        status =
+            hada_bank_create(&share->bank, slot, model, &layout, depths, shape->depths, shape->parts, shape->half, err);
+    if (!status && shape->refined)
+        status = check_together(share, err);
+    if (!status && shape->refined)
+        status = hada_bank_prior(&share->prior, slot, model, &layout, err);
+    /* other queues read what this one wrote */
+    if (!status)
+        status = hada_slot_finish(slot, err);
+    hada_slot_destroy(&slot);
+    if (status)
+        hada_share_destroy(&share);
+    *out = share;
+    return status;
+}
+
+void hada_share_destroy(hada_share **pointer)
+{
+    if (!pointer || !*pointer)
+        return;
+    hada_share *share = *pointer;
+    *pointer = NULL;
+    hada_buffer_destroy(&share->prior);
+    hada_bank_destroy(&share->bank);
+    free(share);
+}
+
+uint64_t hada_share_bytes(const hada_context *context, const hada_model *model, const hada_plan_shape *shape)
+{
+    const hada_model_info *info = hada_model_get_info(model);
+    const hada_spectrum_layout layout = hada_hadamard_layout(context, info);
+    uint64_t bytes = hada_bank_bytes(info, &layout, shape->depths, shape->parts, shape->half);
+    if (shape->refined && model->scene_power)
+        bytes += 4 * (uint64_t)info->channels * (uint64_t)layout.count;
+    return bytes;
+}

@@ -1,0 +1,25 @@
+/* What the lanes of one device share: read-only once it is made. Internal. */
+#ifndef HADA_SCHED_SHARE_H
+#define HADA_SCHED_SHARE_H
+
+#include "filter/bank.h"
+#include "sched/plan_shape.h"
+
+typedef struct hada_share {
+    hada_context *context;
+    hada_bank *bank;
+    hada_buffer prior; /* of refinement; empty where the model knows none */
+} hada_share;
+
+/* `depths`: indices into the model of the depths that are computed. */
+hada_status hada_share_create(hada_share **out, hada_context *context, const hada_model *model,
+                              const hada_plan_shape *shape, const int *depths, hada_error *err);
+void hada_share_destroy(hada_share **share); /* the lanes must be gone */
+
+/* Bytes of device memory that it holds. */
+uint64_t hada_share_bytes(const hada_context *context, const hada_model *model, const hada_plan_shape *shape);
+
+/* The transfer functions of all computed depths, which stand in one buffer; *offset in complex numbers. */
+cl_mem hada_share_otf(const hada_share *share, size_t *offset);
+
+#endif

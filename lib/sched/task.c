@@ -1,0 +1,123 @@
+/* Frames checked, repaired and levelled on the host. */
+#include "sched/task.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/alloc.h"
+#include "core/clock.h"
+#include "filter/dark.h"
+#include "sched/frame.h"
+#include "sched/result.h"
+
+static hada_status check_frame(hada_task *task, hada_error *err)
+{
+    const hada_model_info *info = hada_model_get_info(task->plan->model);
+    const hada_image *raw = task->raw;
+    if (raw->channels != info->channels || raw->rows != info->raw_rows || raw->cols != info->raw_cols)
+        return hada_fail(
+            err, HADA_ERROR_MODEL,
+            "the frame has %d channel(s) of %d x %d pixels; the model %s is for %d channel(s) of %d x %d: use "
+            "the model of this camera, or make one with fit",
+            raw->channels, raw->rows, raw->cols, info->name, info->channels, info->raw_rows, info->raw_cols);
+    task->broken = hada_image_count_not_finite(raw);
+    if (task->broken && !task->plan->options.repair_not_finite)
+        return hada_fail(
+            err, HADA_ERROR_NOT_FINITE,
+            "%zu pixel(s) of the frame are NaN or infinite; repair them from their neighbours with --repair, "
+            "or mend the file",
+            task->broken);
+    return HADA_OK;
+}
+
+hada_status hada_task_begin(hada_task *task, const hada_plan *plan, const hada_image *raw, hada_result *result,
+                            hada_error *err)
+{
+    const hada_model_info *info = hada_model_get_info(plan->model);
+    *task = (hada_task){.plan = plan, .raw = raw, .result = result};
+    hada_status status = check_frame(task, err);
+    if (!status)
+        status = hada_alloc((void **)&task->levels, (size_t)info->channels, sizeof(double), "a frame", err);
+    if (!status)
+        status = hada_result_fit(result, info, plan->shape.depths, err);
+    if (status) {
+        free(task->levels);
+        return status;
+    }
+    unsigned char *occupied = result->report.occupied;
+    result->report = (hada_report){.occupied = occupied, .residual_linear = NAN, .residual = NAN};
+    memcpy(result->distances_mm, plan->distances, (size_t)plan->shape.depths * sizeof(double));
+    task->start = task->watch = hada_seconds();
+    return HADA_OK;
+}
+
+void hada_task_end(hada_task *task, hada_status status)
+{
+    task->result->report.seconds_total = hada_seconds() - task->start;
+    if (status)
+        hada_result_destroy(task->result);
+    hada_image_destroy(&task->repaired);
+    free(task->levels);
+    task->levels = NULL;
+}
+
+const hada_image *hada_task_frame(const hada_task *task)
+{
+    return task->broken ? &task->repaired : task->raw;
+}
+
+static hada_status repair(hada_task *task, hada_error *err)
+{
+    const hada_image *raw = task->raw;
+    hada_status status = hada_image_create(&task->repaired, raw->channels, raw->rows, raw->cols, err);
+    if (status)
+        return status;
+    memcpy(task->repaired.data, raw->data, hada_image_count(raw) * sizeof(float));
+    return hada_frame_repair(&task->repaired, &task->result->report.repaired_pixels, err);
+}
+
+/* The report takes the mean of the channels' levels. */
+static hada_status find_levels(hada_task *task, hada_error *err)
+{
+    const hada_plan *plan = task->plan;
+    const hada_image *frame = hada_task_frame(task);
+    const hada_model_info *info = hada_model_get_info(plan->model);
+    const hada_dark dark = plan->options.dark;
+    const size_t pixels = (size_t)frame->rows * (size_t)frame->cols;
+    const double level = dark == HADA_DARK_MODEL   ? info->dark
+                         : dark == HADA_DARK_LEVEL ? plan->options.dark_level
+                                                   : 0.0;
+    /* a model asks for the level of each frame by a dark level below zero */
+    const int each = dark == HADA_DARK_AUTO || (dark == HADA_DARK_MODEL && info->dark < 0);
+    void *room = NULL;
+    hada_status status = each ? hada_alloc_raw(&room, pixels, sizeof(float), "the dark level", err) : HADA_OK;
+    for (int channel = 0; !status && channel < frame->channels; channel++) {
+        task->levels[channel] = each ? hada_dark_estimate(frame->data + (size_t)channel * pixels, pixels, room) : level;
+        task->result->report.dark += task->levels[channel] / frame->channels;
+    }
+    free(room);
+    return status;
+}
+
+static double energy_above(const hada_image *frame, const double *levels, const hada_image *dark)
+{
+    const size_t pixels = (size_t)frame->rows * (size_t)frame->cols;
+    double sum = 0;
+    for (int channel = 0; channel < frame->channels; channel++)
+        for (size_t i = (size_t)channel * pixels; i < (size_t)(channel + 1) * pixels; i++) {
+            const double value = frame->data[i] - levels[channel] - (dark->data ? dark->data[i] : 0.0f);
+            sum += value * value;
+        }
+    return sum;
+}
+
+hada_status hada_task_prepare(hada_task *task, hada_error *err)
+{
+    hada_status status = task->broken ? repair(task, err) : HADA_OK;
+    if (!status)
+        status = find_levels(task, err);
+    if (!status && task->plan->shape.refined)
+        task->energy = energy_above(hada_task_frame(task), task->levels, &task->plan->dark_frame);
+    return status;
+}

@@ -5,8 +5,9 @@
 
 __kernel void fft_group_cols(__global const float *in, ulong in_offset, ulong in_distance, int in_count, int first,
                              __global const void *filter, ulong filter_offset, ulong filter_distance,
-                             __global float *out, ulong out_offset, ulong out_distance, int row0, int rows_out,
-                             int images, int tasks, __global const int *table, __global const float *floats, int width,
+                             int first_row, int rows_in, int last_row, __global float *out, ulong out_offset,
+                             ulong out_distance, int row0, int rows_out, int images, int tasks,
+                             __global const int *table, __global const float *floats, int width,
                              FFT_MEM float2 *scratches)
 {
     const int n = table[FFT_LENGTH], points = table[FFT_POINTS], chirped = table[FFT_CHIRP] != 0;
@@ -35,7 +36,7 @@ __kernel void fft_group_cols(__global const float *in, ulong in_offset, ulong in
         FFT_SHARE(i, n * width) {
             const int y = i / width, w = i % width, row = source[y];
             float2 v = (float2)0.0f;
-            if (row >= 0) {
+            if ((uint)(row - first_row) < (uint)rows_in || row >= last_row) {
                 v = vload2(0, p + 16 * (size_t)row + 2 * w);
 #if FFT_PRODUCT == 1
                 const float2 h = load_filter_value(f + 16 * (size_t)row + 2 * w);

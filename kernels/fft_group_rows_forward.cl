@@ -4,11 +4,11 @@
 
 __kernel void fft_group_rows_forward(__global const float *in, ulong in_offset, ulong in_distance, ulong in_pitch,
                                      int col0, int cols_in, int rows_in, __global float *out, ulong out_offset,
-                                     ulong out_distance, int row0, int rows, int tasks, __global const int *table,
-                                     __global const float *floats, int width, FFT_MEM float2 *scratches)
+                                     ulong out_distance, int row0, int rows, int blocks, int tasks,
+                                     __global const int *table, __global const float *floats, int width,
+                                     FFT_MEM float2 *scratches)
 {
     const int n = table[FFT_LENGTH], points = table[FFT_POINTS], chirped = table[FFT_CHIRP] != 0;
-    const int blocks = n / 2 / 8 + 1;
     const int groups = (rows_in + 2 * width - 1) / (2 * width);
     __global const int *place = table + table[FFT_PLACE];
     __global const float *chirp = floats + table[FFT_CHIRP];

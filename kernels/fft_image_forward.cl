@@ -10,11 +10,11 @@
  * the rows' half spectra. */
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 fft_image_forward(__global const float *in, ulong in_offset, ulong in_distance, ulong in_pitch, int col0, int cols_in,
-                  int rows_in, __global float *out, ulong out_offset, ulong out_distance, int row0, int images,
+                  int rows_in, __global float *out, ulong out_offset, ulong out_distance, int row0, int blocks, int images,
                   __global const int *row_table, __global const float *row_floats, __global const int *column_table,
                   __global const float *column_floats, __local float8 *local_memory)
 {
-    const int rows = column_table[FFT_LENGTH], blocks = row_table[FFT_LENGTH] / 2 / 8 + 1;
+    const int rows = column_table[FFT_LENGTH];
     __local float8 *scratch = local_memory;
     __local float *between =
         (__local float *)(local_memory + 2 * max(row_table[FFT_POINTS], column_table[FFT_POINTS]));
@@ -22,11 +22,14 @@ fft_image_forward(__global const float *in, ulong in_offset, ulong in_distance, 
         for (int first = 0; first < rows_in; first += ROWS)
             fft_rows_forward_task(in + in_offset + (ulong)image * in_distance + (ulong)first * in_pitch, in_pitch,
                                   min(ROWS, rows_in - first), col0, cols_in, between + (row0 + first) * 16, rows,
-                                  scratch, row_table, row_floats);
+                                  blocks, scratch, row_table, row_floats);
         for (int block = 0; block < blocks; ++block) {
             fft_columns columns;
             columns.in = between + block * rows * 16;
             columns.out = out + 2 * (out_offset + (ulong)image * out_distance + (ulong)block * (ulong)rows * 8);
+            columns.first = row0;
+            columns.count = rows_in;
+            columns.last = rows;
             columns.row0 = 0;
             columns.rows_out = rows;
             fft_columns_block(&columns, scratch, column_table, column_floats);

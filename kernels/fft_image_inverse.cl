@@ -11,7 +11,7 @@
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 fft_image_inverse(__global const float *in, ulong in_offset, ulong in_distance, int in_count,
                   __global const void *filter, ulong filter_offset, ulong filter_distance, int row0, int rows_out,
-                  int band, __global float *out, ulong out_offset, ulong out_distance, ulong out_pitch, int col0,
+                  int band_rows, int band, __global float *out, ulong out_offset, ulong out_distance, ulong out_pitch, int col0,
                   int cols_out, float scale, int images, __global const int *row_table,
                   __global const float *row_floats, __global const int *column_table,
                   __global const float *column_floats, __local float8 *local_memory)
@@ -26,6 +26,9 @@ fft_image_inverse(__global const float *in, ulong in_offset, ulong in_distance, 
             columns.in =
                 in + 2 * (in_offset + (ulong)(image % in_count) * in_distance + (ulong)block * (ulong)rows * 8);
             columns.out = between + block * rows_out * 16;
+            columns.first = 0;
+            columns.count = band_rows + 1;
+            columns.last = rows - band_rows;
             columns.row0 = row0;
             columns.rows_out = rows_out;
             columns.filter = (__global const filter_value *)filter;

@@ -5,8 +5,8 @@
  * col0..col0+cols_in-1 are in memory, the others are zero; its rows go to the spectrum's rows row0 and on. */
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 fft_rows_forward(__global const float *in, ulong in_offset, ulong in_distance, ulong in_pitch, int col0, int cols_in,
-                 int rows_in, __global float *out, ulong out_offset, ulong out_distance, int row0, int rows, int tasks,
-                 __global const int *table, __global const float *floats, FFT_MEM float8 *scratches)
+                 int rows_in, __global float *out, ulong out_offset, ulong out_distance, int row0, int rows, int blocks,
+                 int tasks, __global const int *table, __global const float *floats, FFT_MEM float8 *scratches)
 {
 #if FFT_SCRATCH_GLOBAL
     __global float8 *scratch = scratches + get_group_id(0) * (size_t)(2 * table[FFT_POINTS]);
@@ -19,6 +19,6 @@ fft_rows_forward(__global const float *in, ulong in_offset, ulong in_distance, u
         fft_rows_forward_task(in + in_offset + (ulong)image * in_distance + (ulong)first * in_pitch, in_pitch,
                               min(ROWS, rows_in - first), col0, cols_in,
                               out + 2 * (out_offset + (ulong)image * out_distance + (ulong)(row0 + first) * 8), rows,
-                              scratch, table, floats);
+                              blocks, scratch, table, floats);
     }
 }

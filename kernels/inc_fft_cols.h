@@ -1,6 +1,7 @@
-/* Transforms along the columns of half spectra, a block of eight columns at a time. The direction, the rows taken as
- * zero and the order of the input are in the table; while the input is read it can be multiplied by a filter. Output
- * rows outside row0..row0+rows_out-1 are not computed. */
+/* Transforms along the columns of half spectra, a block of eight columns at a time. The direction and the order of the
+ * input are in the table; while the input is read it can be multiplied by a filter. Input rows that are neither among
+ * first..first+count-1 nor last..n-1 are zero and not read; output rows outside row0..row0+rows_out-1 are not
+ * computed. */
 #ifndef INC_FFT_COLS_H
 #define INC_FFT_COLS_H
 
@@ -19,12 +20,13 @@ typedef struct fft_columns {
     FFT_COLS_IN const float *in;
     __global const filter_value *filter;
     FFT_COLS_OUT float *out;
+    int first, count, last;
     int row0, rows_out;
 } fft_columns;
 
 FFT_INLINE void fft_get(const fft_columns *columns, int row, float8 *re, float8 *im)
 {
-    if (row < 0) {
+    if ((uint)(row - columns->first) >= (uint)columns->count && row < columns->last) {
         *re = (float8)0.0f;
         *im = (float8)0.0f;
         return;

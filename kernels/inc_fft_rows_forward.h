@@ -47,9 +47,10 @@ FFT_INLINE void load_tile(__global const float *const *rows, int column, int cou
     }
 
 /* The first `count` of sixteen rows, of which the columns col0..col0+cols_in-1 are in memory and the others are zero.
- * The half spectra stand in blocks of eight columns by `rows` rows; `out` is the first row's place in the first block. */
+ * The first `blocks` blocks of eight columns by `rows` rows of the half spectra are made; `out` is the first row's
+ * place in the first one. */
 FFT_INLINE void fft_rows_forward_task(__global const float *in, ulong pitch, int count, int col0, int cols_in,
-                                      FFT_ROWS_OUT float *out, int rows, FFT_MEM float8 *scratch,
+                                      FFT_ROWS_OUT float *out, int rows, int blocks, FFT_MEM float8 *scratch,
                                       __global const int *table, __global const float *floats)
 {
     const int n = table[FFT_LENGTH], points = table[FFT_POINTS], chirped = table[FFT_CHIRP] != 0;
@@ -97,7 +98,7 @@ FFT_INLINE void fft_rows_forward_task(__global const float *in, ulong pitch, int
     if (chirped)
         fft_convolve(scratch, table, floats);
 
-    for (int block = 0; block <= n / 2 / 8; ++block) {
+    for (int block = 0; block < blocks; ++block) {
         float8 x[ROWS], y[ROWS];
         if (!chirped && block > 0 && 8 * block + 7 <= n / 2) {
             FFT_MEM const float8 *z = scratch + 16 * block, *w = scratch + 2 * (n - 8 * block);

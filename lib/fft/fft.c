@@ -47,10 +47,8 @@ static hada_status check_desc(const hada_fft_desc *desc, hada_error *err)
         desc->real_distance < (size_t)(desc->real_rows - 1) * desc->real_pitch + (size_t)desc->real_cols)
         return hada_fail(err, HADA_ERROR_SIZE, "a distance of %zu floats makes images of %d x %d overlap",
                          desc->real_distance, desc->real_rows, desc->real_cols);
-    if (desc->band_rows < 0 || desc->band_cols < 0 ||
-        (desc->direction == HADA_FFT_FORWARD && (desc->band_rows || desc->band_cols)))
-        return hada_fail(err, HADA_ERROR_ARGUMENT,
-                         "a band of %d x %d does not apply: bands are positive and for inverse transforms",
+    if (desc->band_rows < 0 || desc->band_cols < 0)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "a band of %d x %d does not apply: bands are positive",
                          desc->band_rows, desc->band_cols);
     return HADA_OK;
 }
@@ -142,6 +140,23 @@ hada_status hada_fft_forward(hada_fft *plan, int batch, cl_mem real, size_t real
     return status ? status : plan->engine->forward(plan, batch, real, real_offset, spectrum, spectrum_offset, err);
 }
 
+static int smaller(int a, int b)
+{
+    return a < b ? a : b;
+}
+
+hada_fft_filter hada_fft_resolve(const hada_fft *plan, const hada_fft_filter *filter)
+{
+    const hada_fft_desc *desc = &plan->desc;
+    hada_fft_filter use = filter ? *filter : (hada_fft_filter){.product = HADA_FFT_PLAIN};
+    if (!use.stride)
+        use.stride = 1;
+    const int whole = !use.band_rows && !use.band_cols;
+    use.band_rows = whole ? desc->band_rows : smaller(use.band_rows, desc->band_rows);
+    use.band_cols = whole ? desc->band_cols : smaller(use.band_cols, desc->band_cols);
+    return use;
+}
+
 hada_status hada_fft_inverse(hada_fft *plan, int batch, cl_mem spectrum, size_t spectrum_offset, cl_mem real,
                              size_t real_offset, const hada_fft_filter *filter, hada_error *err)
 {
@@ -150,7 +165,8 @@ hada_status hada_fft_inverse(hada_fft *plan, int batch, cl_mem spectrum, size_t 
         return status;
     if (filter && filter->product == HADA_FFT_PLAIN)
         filter = NULL;
-    if (filter && (!filter->filter || filter->spectrum_count < 1 || filter->filter_first < 0 ||
+    if (filter && (!filter->filter || filter->spectrum_count < 1 || filter->filter_first < 0 || filter->stride < 0 ||
+                   filter->band_rows < 0 || filter->band_cols < 0 ||
                    (filter->product != HADA_FFT_COMPLEX && filter->product != HADA_FFT_SPLIT)))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a filter product needs filters, a form, and one spectrum at least");
     return plan->engine->inverse(plan, batch, spectrum, spectrum_offset, real, real_offset, filter, err);

@@ -43,8 +43,8 @@ typedef struct hada_fft_desc {
     int row0, col0, real_rows, real_cols;
     size_t real_pitch;    /* floats from row to row */
     size_t real_distance; /* floats from image to image */
-    /* inverse only: values with kx > band_cols or min(ky, rows-ky) > band_rows are taken as zero and not read;
-     * 0, 0 means no band limit */
+    /* Inverse: values with kx > band_cols or min(ky, rows-ky) > band_rows are taken as zero and not read. Forward:
+     * values with kx > band_cols may be left out (unspecified). 0, 0 means no band limit. */
     int band_rows, band_cols;
 } hada_fft_desc;
 
@@ -70,8 +70,8 @@ const hada_spectrum_layout *hada_fft_plan_layout(const hada_fft *plan);
 /* How the spectrum is made while an inverse reads it. With a filter, the plan's input is the product
  *     spectrum[image_of(b)] * filter[filter_of(b)]      (form complex)
  *     Re(s) Re(w) + i Im(s) Im(w)                       (form split)
- * where for batch member b: image_of(b) = b % spectrum_count and filter_of(b) = filter_first + b. Filters have the
- * plan's layout, one after the other, float or half (stored half2 pairs). */
+ * where for batch member b: image_of(b) = b % spectrum_count and filter_of(b) = filter_first + b * stride. Filters have
+ * the plan's layout, one after the other, float or half (stored half2 pairs). */
 typedef enum hada_fft_product { HADA_FFT_PLAIN = 0, HADA_FFT_COMPLEX = 1, HADA_FFT_SPLIT = 2 } hada_fft_product;
 typedef struct hada_fft_filter {
     hada_fft_product product;
@@ -79,6 +79,8 @@ typedef struct hada_fft_filter {
     int half;           /* the filter is stored as half */
     int spectrum_count; /* images in the spectrum buffer (channels) */
     int filter_first;   /* first filter used */
+    int stride; /* member b also writes the stride * b-th real image, as when one of several channels is done; 0: 1 */
+    int band_rows, band_cols; /* a band of this call, at most the plan's; 0, 0: the plan's */
 } hada_fft_filter;
 
 /* Enqueues `batch` (<= desc.batch) transforms on the slot's compute queue. Offsets count floats on the real side and

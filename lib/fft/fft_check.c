@@ -72,7 +72,7 @@ static hada_status check_forward(hada_fft *plan, hada_buffer *real, hada_buffer 
     const hada_fft_desc *desc = &plan->desc;
     point in[POINTS], out[POINTS];
     const int in_count = choose(in, desc->real_rows, desc->real_cols, desc->row0, desc->col0, 1u);
-    const int out_count = choose(out, desc->rows, desc->cols / 2 + 1, 0, 0, 2u);
+    const int out_count = choose(out, desc->rows, desc->band_cols + 1, 0, 0, 2u);
     hada_status status = hada_buffer_clear(real, plan->slot, 0, real->bytes, err);
     for (int i = 0; i < in_count && !status; i++) {
         const float value = (float)in[i].re;

@@ -235,24 +235,34 @@ static hada_status clfft_inverse(hada_fft *plan, int batch, cl_mem spectrum, siz
     const hada_fft_desc *desc = &plan->desc;
     const cl_ulong in_offset = spectrum_offset, half = half_count(desc) * (size_t)batch,
                    filter_offset = filter ? (size_t)filter->filter_first * half_count(desc) : 0;
+    const hada_fft_filter use = hada_fft_resolve(plan, filter);
     const cl_int in_count = filter ? filter->spectrum_count : batch, rows = desc->rows, cols = desc->cols,
-                 band_rows = desc->band_rows, band_cols = desc->band_cols;
+                 band_rows = use.band_rows, band_cols = use.band_cols, filter_step = use.stride;
     const cl_mem filters = filter ? filter->filter : NULL;
     const char *options = "";
     if (filter && filter->product == HADA_FFT_COMPLEX)
         options = filter->half ? "-DFFT_PRODUCT=1 -DFFT_HALF=1" : "-DFFT_PRODUCT=1";
     else if (filter)
         options = filter->half ? "-DFFT_PRODUCT=2 -DFFT_HALF=1" : "-DFFT_PRODUCT=2";
-    hada_arg product[] = {
-        HADA_ARG(spectrum), HADA_ARG(in_offset), HADA_ARG(in_count),  HADA_ARG(filters),   HADA_ARG(filter_offset),
-        HADA_ARG(rows),     HADA_ARG(cols),      HADA_ARG(band_rows), HADA_ARG(band_cols), HADA_ARG(state->half.mem),
-        HADA_ARG(half)};
+    hada_arg product[] = {HADA_ARG(spectrum),
+                          HADA_ARG(in_offset),
+                          HADA_ARG(in_count),
+                          HADA_ARG(filters),
+                          HADA_ARG(filter_offset),
+                          HADA_ARG(filter_step),
+                          HADA_ARG(rows),
+                          HADA_ARG(cols),
+                          HADA_ARG(band_rows),
+                          HADA_ARG(band_cols),
+                          HADA_ARG(state->half.mem),
+                          HADA_ARG(half)};
     hada_status status = launch(plan, "fft_plain_product", options, half, product, HADA_COUNT(product), err);
     if (!status)
         status = transform(plan, CLFFT_BACKWARD, &state->half, &state->grid, err);
     if (status)
         return status;
-    const cl_ulong out_offset = real_offset, out_distance = desc->real_distance, out_pitch = desc->real_pitch,
+    const cl_ulong out_offset = real_offset, out_distance = desc->real_distance * (size_t)use.stride,
+                   out_pitch = desc->real_pitch,
                    count = (cl_ulong)desc->real_rows * (cl_ulong)desc->real_cols * (cl_ulong)batch;
     const cl_int row0 = desc->row0, col0 = desc->col0, rows_out = desc->real_rows, cols_out = desc->real_cols;
     hada_arg crop[] = {

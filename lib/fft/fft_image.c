@@ -39,7 +39,7 @@ hada_status hada_own_image_forward(const hada_own_image *image, hada_slot *slot,
     const cl_ulong in_offset = io->in_offset, in_distance = desc->real_distance, in_pitch = desc->real_pitch,
                    out_offset = io->out_offset, out_distance = io->spectrum_distance;
     const cl_int col0 = desc->col0, cols_in = desc->real_cols, rows_in = desc->real_rows, row0 = desc->row0,
-                 images = io->images;
+                 blocks = desc->band_cols / HADA_OWN_BLOCK + 1, images = io->images;
     const hada_arg args[] = {HADA_ARG(io->in),
                              HADA_ARG(in_offset),
                              HADA_ARG(in_distance),
@@ -51,6 +51,7 @@ hada_status hada_own_image_forward(const hada_own_image *image, hada_slot *slot,
                              HADA_ARG(out_offset),
                              HADA_ARG(out_distance),
                              HADA_ARG(row0),
+                             HADA_ARG(blocks),
                              HADA_ARG(images),
                              HADA_ARG(image->rows->ints.mem),
                              HADA_ARG(image->rows->floats.mem),
@@ -64,10 +65,10 @@ hada_status hada_own_image_inverse(const hada_own_image *image, hada_slot *slot,
                                    const hada_own_io *io, hada_error *err)
 {
     const cl_ulong in_offset = io->in_offset, in_distance = io->spectrum_distance, filter_offset = io->filter_offset,
-                   filter_distance = io->spectrum_distance, out_offset = io->out_offset,
-                   out_distance = desc->real_distance, out_pitch = desc->real_pitch;
-    const cl_int in_count = io->in_count, row0 = desc->row0, rows_out = desc->real_rows, band = desc->band_cols,
-                 col0 = desc->col0, cols_out = desc->real_cols, images = io->images;
+                   filter_distance = io->spectrum_distance * (size_t)io->stride, out_offset = io->out_offset,
+                   out_distance = desc->real_distance * (size_t)io->stride, out_pitch = desc->real_pitch;
+    const cl_int in_count = io->in_count, row0 = desc->row0, rows_out = desc->real_rows, band_rows = io->band_rows,
+                 band = io->band_cols, col0 = desc->col0, cols_out = desc->real_cols, images = io->images;
     const cl_float scale = hada_own_scale(desc);
     const hada_arg args[] = {HADA_ARG(io->in),
                              HADA_ARG(in_offset),
@@ -78,6 +79,7 @@ hada_status hada_own_image_inverse(const hada_own_image *image, hada_slot *slot,
                              HADA_ARG(filter_distance),
                              HADA_ARG(row0),
                              HADA_ARG(rows_out),
+                             HADA_ARG(band_rows),
                              HADA_ARG(band),
                              HADA_ARG(io->out),
                              HADA_ARG(out_offset),

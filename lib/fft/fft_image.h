@@ -17,6 +17,7 @@ typedef struct hada_own_io {
     size_t in_offset, out_offset, filter_offset;
     size_t spectrum_distance;
     int in_count, images;
+    int stride, band_rows, band_cols; /* inverse: as hada_fft_resolve() gives them */
     const char *options;
 } hada_own_io;
 

@@ -26,6 +26,9 @@ struct hada_fft {
 
 extern const hada_fft_engine hada_fft_own_engine, hada_fft_clfft_engine;
 
+/* A call's filter with what its zeros stand for filled in: stride 1, the plan's band. */
+hada_fft_filter hada_fft_resolve(const hada_fft *plan, const hada_fft_filter *filter /* or NULL */);
+
 /* Which back end the table (or the tuning file) names for a size; never AUTO. */
 hada_fft_backend hada_fft_choose(const hada_context *context, int rows, int cols);
 

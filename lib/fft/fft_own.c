@@ -84,10 +84,7 @@ static hada_status own_create(hada_fft *plan, hada_error *err)
 
     hada_fft_pass_desc rows = {
         .kind = inverse ? HADA_PASS_ROWS_INVERSE : HADA_PASS_ROWS, .n = desc->cols, .inverse = inverse};
-    hada_fft_pass_desc columns = {.kind = HADA_PASS_COLUMNS, .n = desc->rows, .inverse = inverse};
-    columns.first = inverse ? 0 : desc->row0;
-    columns.count = inverse ? desc->band_rows + 1 : desc->real_rows;
-    columns.last = inverse ? desc->rows - desc->band_rows : desc->rows;
+    const hada_fft_pass_desc columns = {.kind = HADA_PASS_COLUMNS, .n = desc->rows, .inverse = inverse};
     status = hada_own_pass_make(&state->rows, plan->slot, &rows, err);
     if (!status)
         status = hada_own_pass_make(&state->columns, plan->slot, &columns, err);
@@ -111,7 +108,8 @@ static int row_tasks(const own_state *state, const hada_fft_desc *desc)
 typedef struct columns_io {
     cl_mem in, out, filter;
     size_t in_offset, out_offset, filter_offset;
-    size_t in_distance, out_distance;
+    size_t in_distance, out_distance, filter_distance;
+    int first_row, rows_in, last_row; /* the rows that are read: see kernels/inc_fft_cols.h */
     int in_count, first, row0, rows_out, blocks, images;
     const char *options;
 } columns_io;
@@ -120,9 +118,10 @@ static hada_status run_columns(hada_fft *plan, const columns_io *io, hada_error 
 {
     own_state *state = plan->state;
     const cl_ulong in_offset = io->in_offset, in_distance = io->in_distance, filter_offset = io->filter_offset,
-                   filter_distance = plan->layout.count, out_offset = io->out_offset, out_distance = io->out_distance;
-    const cl_int in_count = io->in_count, first = io->first, row0 = io->row0, rows_out = io->rows_out,
-                 images = io->images, tasks = io->blocks * io->images * (HADA_OWN_BLOCK / state->columns.width);
+                   filter_distance = io->filter_distance, out_offset = io->out_offset, out_distance = io->out_distance;
+    const cl_int in_count = io->in_count, first = io->first, first_row = io->first_row, rows_in = io->rows_in,
+                 last_row = io->last_row, row0 = io->row0, rows_out = io->rows_out, images = io->images,
+                 tasks = io->blocks * io->images * (HADA_OWN_BLOCK / state->columns.width);
     hada_arg args[] = {HADA_ARG(io->in),
                        HADA_ARG(in_offset),
                        HADA_ARG(in_distance),
@@ -131,6 +130,9 @@ static hada_status run_columns(hada_fft *plan, const columns_io *io, hada_error 
                        HADA_ARG(io->filter),
                        HADA_ARG(filter_offset),
                        HADA_ARG(filter_distance),
+                       HADA_ARG(first_row),
+                       HADA_ARG(rows_in),
+                       HADA_ARG(last_row),
                        HADA_ARG(io->out),
                        HADA_ARG(out_offset),
                        HADA_ARG(out_distance),
@@ -154,7 +156,8 @@ static hada_status forward_part(hada_fft *plan, int first, int images, cl_mem re
     const cl_ulong in_offset = real_offset + (size_t)first * desc->real_distance, in_distance = desc->real_distance,
                    in_pitch = desc->real_pitch, out_offset = at, out_distance = plan->layout.count;
     const cl_int col0 = desc->col0, cols_in = desc->real_cols, rows_in = desc->real_rows, row0 = desc->row0,
-                 rows = desc->rows, tasks = row_tasks(state, desc) * images;
+                 rows = desc->rows, blocks = desc->band_cols / HADA_OWN_BLOCK + 1,
+                 tasks = row_tasks(state, desc) * images;
     hada_arg args[] = {HADA_ARG(real),
                        HADA_ARG(in_offset),
                        HADA_ARG(in_distance),
@@ -167,6 +170,7 @@ static hada_status forward_part(hada_fft *plan, int first, int images, cl_mem re
                        HADA_ARG(out_distance),
                        HADA_ARG(row0),
                        HADA_ARG(rows),
+                       HADA_ARG(blocks),
                        HADA_ARG(tasks),
                        HADA_ARG(state->rows.ints.mem),
                        HADA_ARG(state->rows.floats.mem),
@@ -181,9 +185,12 @@ static hada_status forward_part(hada_fft *plan, int first, int images, cl_mem re
                            .out_offset = at,
                            .in_distance = plan->layout.count,
                            .out_distance = plan->layout.count,
+                           .first_row = desc->row0,
+                           .rows_in = desc->real_rows,
+                           .last_row = desc->rows,
                            .in_count = images,
                            .rows_out = desc->rows,
-                           .blocks = plan->layout.blocks,
+                           .blocks = blocks,
                            .images = images,
                            .options = ""};
     return run_columns(plan, &io, err);
@@ -225,31 +232,34 @@ static hada_status inverse_part(hada_fft *plan, int first, int images, cl_mem sp
 {
     own_state *state = plan->state;
     const hada_fft_desc *desc = &plan->desc;
-    const size_t distance = between_count(desc);
+    const hada_fft_filter use = hada_fft_resolve(plan, filter);
+    const size_t distance = between_count(desc), out_step = desc->real_distance * (size_t)use.stride;
     columns_io io = {.in = spectrum,
                      .out = state->between.mem,
                      .in_offset = spectrum_offset,
                      .in_distance = plan->layout.count,
                      .out_distance = distance,
+                     .filter_distance = plan->layout.count * (size_t)use.stride,
+                     .rows_in = use.band_rows + 1,
+                     .last_row = desc->rows - use.band_rows,
                      .in_count = filter ? filter->spectrum_count : desc->batch,
                      .first = first,
                      .row0 = desc->row0,
                      .rows_out = desc->real_rows,
-                     .blocks = desc->band_cols / HADA_OWN_BLOCK + 1,
+                     .blocks = use.band_cols / HADA_OWN_BLOCK + 1,
                      .images = images,
                      .options = product_options(filter)};
     if (filter) {
         io.filter = filter->filter;
-        io.filter_offset = (size_t)(filter->filter_first + first) * plan->layout.count;
+        io.filter_offset = (size_t)(filter->filter_first + first * use.stride) * plan->layout.count;
     }
     hada_status status = run_columns(plan, &io, err);
     if (status)
         return status;
 
-    const cl_ulong in_offset = 0, in_distance = distance,
-                   out_offset = real_offset + (size_t)first * desc->real_distance, out_distance = desc->real_distance,
-                   out_pitch = desc->real_pitch;
-    const cl_int rows_in = desc->real_rows, band = desc->band_cols, col0 = desc->col0, cols_out = desc->real_cols,
+    const cl_ulong in_offset = 0, in_distance = distance, out_offset = real_offset + (size_t)first * out_step,
+                   out_distance = out_step, out_pitch = desc->real_pitch;
+    const cl_int rows_in = desc->real_rows, band = use.band_cols, col0 = desc->col0, cols_out = desc->real_cols,
                  tasks = row_tasks(state, desc) * images;
     const cl_float scale = hada_own_scale(desc);
     hada_arg args[] = {HADA_ARG(state->between.mem),
@@ -275,6 +285,7 @@ static hada_status own_inverse(hada_fft *plan, int batch, cl_mem spectrum, size_
                                size_t real_offset, const hada_fft_filter *filter, hada_error *err)
 {
     const own_state *state = plan->state;
+    const hada_fft_filter use = hada_fft_resolve(plan, filter);
     if (state->image.local_bytes) {
         const hada_own_io io = {.in = spectrum,
                                 .out = real,
@@ -285,6 +296,9 @@ static hada_status own_inverse(hada_fft *plan, int batch, cl_mem spectrum, size_
                                 .spectrum_distance = plan->layout.count,
                                 .in_count = filter ? filter->spectrum_count : plan->desc.batch,
                                 .images = batch,
+                                .stride = use.stride,
+                                .band_rows = use.band_rows,
+                                .band_cols = use.band_cols,
                                 .options = product_options(filter)};
         return hada_own_image_inverse(&state->image, plan->slot, &plan->desc, &io, err);
     }

@@ -150,11 +150,6 @@ static hada_status fill_chirp(float *chirp, float *spectrum, int n, int points, 
     return HADA_OK;
 }
 
-static int present(const hada_fft_pass_desc *desc, int row)
-{
-    return (row >= desc->first && row < desc->first + desc->count) || row >= desc->last;
-}
-
 static void fill_header(int32_t *ints, const hada_fft_stages *stages, int n)
 {
     int chunk = 1, chunk_stages = 0;
@@ -211,10 +206,8 @@ hada_status hada_fft_pass_make(hada_fft_pass *pass, const hada_fft_pass_desc *de
     for (int p = 0; p < stages.points; p++)
         if (order[p] < n)
             place[desc->kind == HADA_PASS_ROWS_INVERSE && order[p] ? n - order[p] : order[p]] = p;
-    for (int i = 0; i < n; i++) {
-        const int row = desc->inverse && i ? n - i : i;
-        source[i] = desc->kind != HADA_PASS_COLUMNS || present(desc, row) ? row : -1;
-    }
+    for (int i = 0; i < n; i++)
+        source[i] = desc->inverse && i ? n - i : i;
 done:
     free(order);
     if (status)

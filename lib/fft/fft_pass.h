@@ -19,8 +19,6 @@ typedef struct hada_fft_pass_desc {
     int n;
     int inverse;
     int direct; /* the first stage reads memory itself: it must be one of those that can */
-    /* columns only: the rows first..first+count-1 and last..n-1 are read, the others taken as zero */
-    int first, count, last;
 } hada_fft_pass_desc;
 
 typedef struct hada_fft_pass {

@@ -163,7 +163,11 @@ hada_status hada_hadamard_run(hada_hadamard *stage, const hada_bank *bank, int f
             here = stage->batch;
         if (here > count - done)
             here = count - done;
-        const hada_fft_filter filter = {bank->product, mem, bank->half, stage->channels, (int)first_image};
+        const hada_fft_filter filter = {.product = bank->product,
+                                        .filter = mem,
+                                        .half = bank->half,
+                                        .spectrum_count = stage->channels,
+                                        .filter_first = (int)first_image};
         status = hada_fft_inverse(stage->inverse, here * stage->channels, stage->spectrum.mem, 0, planes,
                                   offset + (size_t)done * (size_t)stage->channels * window, &filter, err);
         done += here;

@@ -161,8 +161,11 @@ static hada_status linear(trial_work *work, hada_fitter *fitter, int members, ha
     const size_t count = fitter->scene.bytes / sizeof(float);
     hada_status status = HADA_OK;
     for (int m = 0; !status && m < members; m++) {
-        const hada_fft_filter filter = {fitter->sum_count == HADA_FIT_SUMS ? HADA_FFT_COMPLEX : HADA_FFT_SPLIT,
-                                        work->filters.mem, 0, channels, m * channels};
+        const hada_fft_filter filter = {.product =
+                                            fitter->sum_count == HADA_FIT_SUMS ? HADA_FFT_COMPLEX : HADA_FFT_SPLIT,
+                                        .filter = work->filters.mem,
+                                        .spectrum_count = channels,
+                                        .filter_first = m * channels};
         /* the scene's place on the device is free by now */
         status = hada_fft_inverse(work->inverse, channels, fitter->b.mem, 0, fitter->scene.mem, 0, &filter, err);
         if (!status)

@@ -97,7 +97,7 @@ static hada_status forward_prepare(check_state *state, hada_error *err)
                     input[(size_t)b * desc->real_distance + (size_t)r * desc->real_pitch + (size_t)c];
         status = hada_ref_fft_forward(image, desc->rows, desc->cols, spectrum, err);
         for (int ky = 0; !status && ky < desc->rows; ky++)
-            for (size_t kx = 0; kx < half; kx++) {
+            for (size_t kx = 0; kx < half && (!desc->band_cols || (int)kx <= desc->band_cols); kx++) {
                 size_t at = 2 * ((size_t)b * layout->count + hada_spectrum_index(layout, ky, (int)kx));
                 memcpy(&state->expected[at], &spectrum[2 * ((size_t)ky * half + kx)], 2 * sizeof(double));
                 state->unspecified[at] = state->unspecified[at + 1] = 0;
@@ -166,6 +166,7 @@ static hada_status inverse_expected(check_state *state, const float *spectra, co
 {
     fft_state *own = state->own;
     const hada_fft_desc *desc = &own->desc;
+    const hada_fft_filter *call = &own->product;
     const hada_spectrum_layout *layout = hada_fft_plan_layout(own->plan);
     size_t half = (size_t)desc->cols / 2 + 1;
     hada_status status = HADA_OK;
@@ -179,7 +180,8 @@ static hada_status inverse_expected(check_state *state, const float *spectra, co
                 double *to = &spectrum[2 * ((size_t)ky * half + kx)];
                 const int far = ky < desc->rows - ky ? ky : desc->rows - ky;
                 multiply(own->product.product, s, w, to);
-                if ((desc->band_rows || desc->band_cols) && (far > desc->band_rows || (int)kx > desc->band_cols))
+                if (((desc->band_rows || desc->band_cols) && (far > desc->band_rows || (int)kx > desc->band_cols)) ||
+                    ((call->band_rows || call->band_cols) && (far > call->band_rows || (int)kx > call->band_cols)))
                     to[0] = to[1] = 0.0;
             }
         status = hada_ref_fft_inverse(spectrum, desc->rows, desc->cols, image, err);
@@ -219,6 +221,8 @@ static hada_status inverse_prepare(check_state *state, hada_error *err)
     const hada_spectrum_layout *layout = hada_fft_plan_layout(own->plan);
     int product = check_get(state, 'p', 0); /* 0 none, 1 complex, 2 split */
     own->product.product = (hada_fft_product)product;
+    own->product.band_rows = check_get(state, 'm', 0);
+    own->product.band_cols = check_get(state, 'n', 0);
     own->channels = product ? check_get(state, 's', 1) : own->batch;
     size_t n = (size_t)desc->rows * (size_t)desc->cols, half = (size_t)desc->cols / 2 + 1,
            image_floats = 2 * layout->count;
@@ -276,10 +280,11 @@ static hada_status inverse_launch(check_state *state, hada_error *err)
     return status;
 }
 
-static const char help[] = "r rows, c cols, b batch, y x h w rectangle (top, left, rows, cols), l 1: clFFT";
+static const char help[] =
+    "r rows, c cols, b batch, y x h w rectangle (top, left, rows, cols), j columns of the band, l 1: clFFT";
 static const char inverse_help[] =
     "as fft_forward; p 1: times complex filters, 2: split filters; s channels that the filters share; q 1: filters as "
-    "half; i j rows and columns of the band";
+    "half; i j rows and columns of the plan's band, m n of the call's (with filters)";
 
 const check_op check_fft_forward = {"fft_forward", help, forward_prepare, forward_launch, release};
 const check_op check_fft_inverse = {"fft_inverse", inverse_help, inverse_prepare, inverse_launch, release};

@@ -10,7 +10,7 @@
 typedef struct plain_state {
     hada_buffer in, filter;
     int rows, cols, row0, col0, part_rows, part_cols; /* grid and rectangle */
-    int batch, channels, product, half, band_rows, band_cols;
+    int batch, channels, product, half, step, band_rows, band_cols;
 } plain_state;
 
 static hada_status begin(check_state *state, plain_state **out, hada_error *err)
@@ -29,6 +29,7 @@ static hada_status begin(check_state *state, plain_state **out, hada_error *err)
     own->channels = check_get(state, 's', own->batch);
     own->product = check_get(state, 'p', 0);
     own->half = check_get(state, 'q', 0);
+    own->step = check_get(state, 'e', 1);
     own->band_rows = check_get(state, 'i', own->rows);
     own->band_cols = check_get(state, 'j', own->cols);
     return HADA_OK;
@@ -112,28 +113,30 @@ static hada_status product_prepare(check_state *state, hada_error *err)
     uint16_t *halves = NULL;
     hada_status status = begin(state, &own, err);
     const size_t image = (size_t)own->rows * (size_t)(own->cols / 2 + 1) * 2;
-    const size_t ins = image * (size_t)own->channels, all = image * (size_t)own->batch;
+    const size_t ins = image * (size_t)own->channels, all = image * (size_t)own->batch,
+                 filters = all * (size_t)own->step;
     if (!status)
         status = hada_alloc((void **)&in, ins, sizeof *in, "the check", err);
     if (!status)
-        status = hada_alloc((void **)&filter, all, sizeof *filter, "the check", err);
+        status = hada_alloc((void **)&filter, filters, sizeof *filter, "the check", err);
     if (!status)
-        status = hada_alloc((void **)&halves, all, sizeof *halves, "the check", err);
+        status = hada_alloc((void **)&halves, filters, sizeof *halves, "the check", err);
     if (!status)
         status = check_output(state, all, err);
     if (!status) {
         check_fill_integers(state, 1, in, ins, 99);
-        check_fill_integers(state, 2, filter, all, 99);
-        for (size_t i = 0; i < all; i++)
+        check_fill_integers(state, 2, filter, filters, 99);
+        for (size_t i = 0; i < filters; i++)
             halves[i] = hada_half_from_float(filter[i]);
         for (size_t b = 0; b < (size_t)own->batch; b++)
-            hada_ref_product(in + b % (size_t)own->channels * image, filter + b * image, own->product, own->rows,
-                             own->cols, own->band_rows, own->band_cols, state->expected + b * image);
+            hada_ref_product(in + b % (size_t)own->channels * image, filter + b * (size_t)own->step * image,
+                             own->product, own->rows, own->cols, own->band_rows, own->band_cols,
+                             state->expected + b * image);
         status = check_upload(state, &own->in, in, ins * sizeof *in, err);
     }
     if (!status)
-        status = own->half ? check_upload(state, &own->filter, halves, all * sizeof *halves, err)
-                           : check_upload(state, &own->filter, filter, all * sizeof *filter, err);
+        status = own->half ? check_upload(state, &own->filter, halves, filters * sizeof *halves, err)
+                           : check_upload(state, &own->filter, filter, filters * sizeof *filter, err);
     free(in);
     free(filter);
     free(halves);
@@ -150,10 +153,10 @@ static hada_status product_launch(check_state *state, hada_error *err)
     hada_status status = HADA_OK;
     if (!state->regions)
         status = check_region(state, 0, state->out_count, &state->region[0], err);
-    const hada_arg args[] = {HADA_ARG(own->in.mem),      HADA_ARG(offset),         HADA_ARG(own->channels),
-                             HADA_ARG(own->filter.mem),  HADA_ARG(offset),         HADA_ARG(own->rows),
-                             HADA_ARG(own->cols),        HADA_ARG(own->band_rows), HADA_ARG(own->band_cols),
-                             HADA_ARG(state->region[0]), HADA_ARG(count)};
+    const hada_arg args[] = {HADA_ARG(own->in.mem),     HADA_ARG(offset),           HADA_ARG(own->channels),
+                             HADA_ARG(own->filter.mem), HADA_ARG(offset),           HADA_ARG(own->step),
+                             HADA_ARG(own->rows),       HADA_ARG(own->cols),        HADA_ARG(own->band_rows),
+                             HADA_ARG(own->band_cols),  HADA_ARG(state->region[0]), HADA_ARG(count)};
     return status ? status
                   : check_kernel(state, "fft_plain", "fft_plain_product", options[own->half != 0][own->product % 3],
                                  (size_t)count, 64, args, HADA_COUNT(args), err);
@@ -172,7 +175,7 @@ static void release(check_state *state)
 static const char help[] = "r rows, c columns, b batch, y x h w rectangle (top, left, rows, columns)";
 static const char product_help[] =
     "r rows, c columns, b batch, s spectra, p 0 as it is, 1 complex, 2 split filters, q1 as half, i j rows and columns "
-    "of the band";
+    "of the band, e take every e-th filter";
 
 const check_op check_plain_pad = {"fft_plain_pad", help, pad_prepare, pad_launch, release};
 const check_op check_plain_crop = {"fft_plain_crop", help, crop_prepare, crop_launch, release};

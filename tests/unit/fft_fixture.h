@@ -84,7 +84,7 @@ static void report(const char *what, const hada_fft_desc *d, double error)
     assert_true(error <= TOLERANCE);
 }
 
-static void check_forward(hada_fft_desc desc)
+static inline void check_forward(hada_fft_desc desc)
 {
     hada_fft *plan;
     hada_buffer real, spectrum;
@@ -161,7 +161,7 @@ static float from_half(uint16_t h)
 }
 
 /* product 0: none; spectra: how many there are, cycled through by the batch. */
-static void check_inverse(hada_fft_desc desc, hada_fft_product product, int half_filter, int spectra)
+static inline void check_inverse(hada_fft_desc desc, hada_fft_product product, int half_filter, int spectra)
 {
     hada_fft *plan;
     hada_buffer real, spectrum, filter = {0};

@@ -167,7 +167,7 @@ static void test_errors(void **user)
     REFUSE(real_cols, 25, HADA_ERROR_SIZE);
     REFUSE(real_pitch, 23, HADA_ERROR_SIZE);
     REFUSE(real_distance, 100, HADA_ERROR_SIZE);
-    REFUSE(band_rows, 3, HADA_ERROR_ARGUMENT);
+    REFUSE(band_rows, -3, HADA_ERROR_ARGUMENT);
 #undef REFUSE
     ok(hada_fft_create(&plan, slot, &good, &err));
     ok(hada_buffer_create(&a, context, 1 << 16, "a test", &err));

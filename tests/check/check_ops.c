@@ -3,11 +3,12 @@
 
 extern const check_op check_fft_forward, check_fft_inverse, check_plain_pad, check_plain_crop, check_plain_product,
     check_dark, check_hadamard, check_clip, check_focus, check_optics, check_refine, check_explain, check_crop,
-    check_fit_sums, check_fit_solve, check_fit_score;
+    check_fit_sums, check_fit_solve, check_fit_score, check_peak_copy, check_peak_flops;
 
 const check_op *const check_ops[] = {
-    &check_fft_forward, &check_fft_inverse, &check_plain_pad, &check_plain_crop, &check_plain_product, &check_dark,
-    &check_hadamard,    &check_clip,        &check_focus,     &check_optics,     &check_refine,        &check_explain,
-    &check_crop,        &check_fit_sums,    &check_fit_solve, &check_fit_score,
+    &check_fft_forward, &check_fft_inverse, &check_plain_pad,  &check_plain_crop, &check_plain_product,
+    &check_dark,        &check_hadamard,    &check_clip,       &check_focus,      &check_optics,
+    &check_refine,      &check_explain,     &check_crop,       &check_fit_sums,   &check_fit_solve,
+    &check_fit_score,   &check_peak_copy,   &check_peak_flops,
 };
 const size_t check_op_count = HADA_COUNT(check_ops);

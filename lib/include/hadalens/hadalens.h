@@ -11,6 +11,7 @@
 #include <hadalens/model.h>
 #include <hadalens/optics.h>
 #include <hadalens/preview.h>
+#include <hadalens/profile.h>
 #include <hadalens/reconstruct.h>
 #include <hadalens/status.h>
 #include <hadalens/tiff.h>

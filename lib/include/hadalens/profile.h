@@ -30,7 +30,7 @@ typedef struct hada_kernel_time {
     double flops;   /* least additions and multiplications; 0 where a kernel has none to speak of */
 } hada_kernel_time;
 
-/* Measures the ceilings of a context's device by kernels made for it, in about half a second: the traffic of a copy
+/* Measures the ceilings of a context's device by kernels made for it, in a second or two: the traffic of a copy
  * that is larger than caches (bytes read plus bytes written), and float32 arithmetic in registers (a fused multiply-add
  * counts as two). The best of several runs, since a ceiling is wanted. Either pointer may be NULL. */
 HADA_API hada_status hada_device_peaks(hada_context *context, double *copy_bytes_per_second, double *flops_per_second,

@@ -3,6 +3,7 @@
  * text (thread-local, so that the process keeps its own), and a check of every plan, since baking reports success for
  * kernels that do not compile. It has no pruning, bands or products: kernels/fft_plain.cl does these around it. */
 #include <locale.h>
+#include <math.h>
 #include <pthread.h>
 #include <stdlib.h>
 
@@ -200,9 +201,20 @@ static hada_status transform(hada_fft *plan, clfftDirection direction, hada_buff
                              hada_error *err)
 {
     const clfft_state *state = plan->state;
+    const double points = (double)grid_count(&plan->desc), images = plan->desc.batch;
+    cl_event begin;
+    hada_status status = hada_slot_span_begin(plan->slot, &begin, err);
+    if (status)
+        return status;
     clfftStatus code = clfftEnqueueTransform(state->handle, direction, 1, &plan->slot->queue, 0, NULL, NULL, &in->mem,
                                              &out->mem, state->temporary.mem);
-    return code ? fail(err, code, "clfftEnqueueTransform") : HADA_OK;
+    if (code && begin)
+        clReleaseEvent(begin);
+    if (code)
+        return fail(err, code, "clfftEnqueueTransform");
+    hada_slot_cost(plan->slot, images * (4.0 * points + 8.0 * (double)half_count(&plan->desc)),
+                   images * 2.5 * points * log2(points));
+    return hada_slot_span_end(plan->slot, "clfft", begin, err);
 }
 
 static hada_status clfft_forward(hada_fft *plan, int batch, cl_mem real, size_t real_offset, cl_mem spectrum,
@@ -218,14 +230,18 @@ static hada_status clfft_forward(hada_fft *plan, int batch, cl_mem real, size_t 
                        HADA_ARG(in_pitch), HADA_ARG(row0),      HADA_ARG(col0),
                        HADA_ARG(rows_in),  HADA_ARG(cols_in),   HADA_ARG(state->grid.mem),
                        HADA_ARG(rows),     HADA_ARG(cols),      HADA_ARG(count)};
+    hada_slot_cost(plan->slot, 4.0 * batch * (1.0 * rows_in * cols_in + (double)grid_count(desc)), 0);
     hada_status status = launch(plan, "fft_plain_pad", "", count, args, HADA_COUNT(args), err);
     if (!status)
         status = transform(plan, CLFFT_FORWARD, &state->grid, &state->half, err);
     if (status)
         return status;
     cl_int code = clEnqueueCopyBuffer(plan->slot->queue, state->half.mem, spectrum, 0, spectrum_offset * 8,
-                                      half_count(desc) * (size_t)batch * 8, 0, NULL, NULL);
-    return code == CL_SUCCESS ? HADA_OK : hada_fail_cl(err, code, "clEnqueueCopyBuffer");
+                                      half_count(desc) * (size_t)batch * 8, 0, NULL, hada_slot_event(plan->slot));
+    if (code != CL_SUCCESS)
+        return hada_fail_cl(err, code, "clEnqueueCopyBuffer");
+    hada_slot_moved(plan->slot, "copy", 16.0 * (double)half_count(desc) * batch);
+    return HADA_OK;
 }
 
 static hada_status clfft_inverse(hada_fft *plan, int batch, cl_mem spectrum, size_t spectrum_offset, cl_mem real,
@@ -256,6 +272,9 @@ static hada_status clfft_inverse(hada_fft *plan, int batch, cl_mem spectrum, siz
                           HADA_ARG(band_cols),
                           HADA_ARG(state->half.mem),
                           HADA_ARG(half)};
+    const double filtered = !filter ? 0 : filter->half ? 4 : 8;
+    hada_slot_cost(plan->slot, 8.0 * (double)half_count(desc) * in_count + (8.0 + filtered) * (double)half,
+                   filter ? 6.0 * (double)half : 0);
     hada_status status = launch(plan, "fft_plain_product", options, half, product, HADA_COUNT(product), err);
     if (!status)
         status = transform(plan, CLFFT_BACKWARD, &state->half, &state->grid, err);
@@ -269,6 +288,7 @@ static hada_status clfft_inverse(hada_fft *plan, int batch, cl_mem spectrum, siz
         HADA_ARG(state->grid.mem), HADA_ARG(rows),      HADA_ARG(cols), HADA_ARG(real), HADA_ARG(out_offset),
         HADA_ARG(out_distance),    HADA_ARG(out_pitch), HADA_ARG(row0), HADA_ARG(col0), HADA_ARG(rows_out),
         HADA_ARG(cols_out),        HADA_ARG(count)};
+    hada_slot_cost(plan->slot, 8.0 * (double)count, 0);
     return launch(plan, "fft_plain_crop", "", count, crop, HADA_COUNT(crop), err);
 }
 

@@ -9,11 +9,10 @@
 
 #include "fft/fft.h"
 
-/* `images` images through the pass along rows, or along columns; `filter` NULL: none. */
-void hada_fft_cost_rows(hada_slot *slot, const hada_fft_desc *desc, int images);
-void hada_fft_cost_columns(hada_slot *slot, const hada_fft_desc *desc, int images, const hada_fft_filter *filter);
-
-/* Both passes in one launch: nothing is written between them. */
-void hada_fft_cost_image(hada_slot *slot, const hada_fft_desc *desc, int images, const hada_fft_filter *filter);
+/* `images` images through the pass along rows, or along columns, or through both in one launch, where nothing is
+ * written between them. `use`: of an inverse, as hada_fft_resolve() gives it; NULL: forward. */
+void hada_fft_cost_rows(hada_slot *slot, const hada_fft_desc *desc, int images, const hada_fft_filter *use);
+void hada_fft_cost_columns(hada_slot *slot, const hada_fft_desc *desc, int images, const hada_fft_filter *use);
+void hada_fft_cost_image(hada_slot *slot, const hada_fft_desc *desc, int images, const hada_fft_filter *use);
 
 #endif

@@ -7,6 +7,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
+#include "fft/fft_cost.h"
 #include "fft/fft_image.h"
 #include "fft/fft_internal.h"
 #include "fft/fft_own.h"
@@ -175,6 +176,7 @@ static hada_status forward_part(hada_fft *plan, int first, int images, cl_mem re
                        HADA_ARG(state->rows.ints.mem),
                        HADA_ARG(state->rows.floats.mem),
                        HADA_OWN_LAST_ARGS};
+    hada_fft_cost_rows(plan->slot, desc, images, NULL);
     hada_status status =
         hada_own_pass_launch(&state->rows, plan->slot, "rows_forward", "", tasks, args, HADA_COUNT(args), err);
     if (status)
@@ -193,6 +195,7 @@ static hada_status forward_part(hada_fft *plan, int first, int images, cl_mem re
                            .blocks = blocks,
                            .images = images,
                            .options = ""};
+    hada_fft_cost_columns(plan->slot, desc, images, NULL);
     return run_columns(plan, &io, err);
 }
 
@@ -207,6 +210,7 @@ static hada_status own_forward(hada_fft *plan, int batch, cl_mem real, size_t re
                                 .out_offset = spectrum_offset,
                                 .spectrum_distance = plan->layout.count,
                                 .images = batch};
+        hada_fft_cost_image(plan->slot, &plan->desc, batch, NULL);
         return hada_own_image_forward(&state->image, plan->slot, &plan->desc, &io, err);
     }
     hada_status status = HADA_OK;
@@ -253,6 +257,7 @@ static hada_status inverse_part(hada_fft *plan, int first, int images, cl_mem sp
         io.filter = filter->filter;
         io.filter_offset = (size_t)(filter->filter_first + first * use.stride) * plan->layout.count;
     }
+    hada_fft_cost_columns(plan->slot, desc, images, &use);
     hada_status status = run_columns(plan, &io, err);
     if (status)
         return status;
@@ -278,6 +283,7 @@ static hada_status inverse_part(hada_fft *plan, int first, int images, cl_mem sp
                        HADA_ARG(state->rows.ints.mem),
                        HADA_ARG(state->rows.floats.mem),
                        HADA_OWN_LAST_ARGS};
+    hada_fft_cost_rows(plan->slot, desc, images, &use);
     return hada_own_pass_launch(&state->rows, plan->slot, "rows_inverse", "", tasks, args, HADA_COUNT(args), err);
 }
 
@@ -300,6 +306,7 @@ static hada_status own_inverse(hada_fft *plan, int batch, cl_mem spectrum, size_
                                 .band_rows = use.band_rows,
                                 .band_cols = use.band_cols,
                                 .options = product_options(filter)};
+        hada_fft_cost_image(plan->slot, &plan->desc, batch, &use);
         return hada_own_image_inverse(&state->image, plan->slot, &plan->desc, &io, err);
     }
     hada_status status = HADA_OK;

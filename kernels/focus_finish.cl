@@ -2,22 +2,20 @@
 
 /* distance[i]: 1/z between the depths' 1/z by the vertex of the parabola through the measures before, at and after the
  * best depth, less `base` (the level of losing depths); NaN where the best measure is not above `threshold` or not
- * more than `margin` above the best of the depths that are not next to it. At the ends of the list nothing is refined.
- * normalise: the fused sums are divided by their weights. */
+ * more than `margin` above the best of the depths that are not next to it. At the ends of the list nothing is
+ * refined. */
 __kernel void focus_finish(__global const float *best, __global const int *best_depth, __global const float *before,
                            __global const float *after, __global const float *second,
                            __global const float *inverse_distances, const int depths, const int pixels,
-                           const int channels, const int normalise, const float threshold, const float margin,
-                           const float base, __global const float *fused, __global const float *weight_sum,
-                           __global float *all_in_focus, const ulong all_in_focus_offset, __global float *distance,
-                           const ulong distance_offset)
+                           const int channels, const float threshold, const float margin, const float base,
+                           __global const float *fused, __global float *all_in_focus, const ulong all_in_focus_offset,
+                           __global float *distance, const ulong distance_offset)
 {
     const int i = get_global_id(0);
     if (i >= pixels)
         return;
-    const float scale = normalise ? 1.0f / weight_sum[i] : 1.0f;
     for (int c = 0; c < channels; c++)
-        all_in_focus[all_in_focus_offset + (size_t)(c * pixels + i)] = fused[c * pixels + i] * scale;
+        all_in_focus[all_in_focus_offset + (size_t)(c * pixels + i)] = fused[c * pixels + i];
 
     const int depth = best_depth[i];
     const float peak = best[i] - base, left = max(before[i] - base, 0.0f), right = max(after[i] - base, 0.0f);

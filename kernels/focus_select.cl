@@ -5,12 +5,12 @@
  * last. Of every push but the first, each pixel has one loser: the smaller of the new measure and the best so far; its
  * measure is counted in loser_bins by the upper bits of its float pattern.
  *
- * depth: of this push; adjacent: the push before was depth - 1; first: the first push of a frame (state is not read).
- * weighted: all-in-focus weights are the measures, otherwise 1. The tiny extra weight makes the mean over depths of
- * pixels where every measure is 0. */
+ * depth: of this push; adjacent: the push before was depth - 1; seen: pushes of this frame before (0: state is not
+ * read). weighted: all-in-focus is the mean weighted by the measures, kept up to date push by push, which holds at every
+ * scale; where every measure so far is 0, the plain mean. Otherwise the sum. */
 __kernel void focus_select(__global const float *measure, const int measure_pitch, __global const float *planes,
                            const ulong offset, const int channels, const int rows, const int cols, const int depth,
-                           const int adjacent, const int first, const int weighted, __global float *best,
+                           const int adjacent, const int seen, const int weighted, __global float *best,
                            __global int *best_depth, __global float *before, __global float *after,
                            __global float *second, __global float *last, __global float *fused,
                            __global float *weight_sum, __global int *loser_bins)
@@ -20,7 +20,7 @@ __kernel void focus_select(__global const float *measure, const int measure_pitc
         return;
     const int i = row * cols + x, pixels = rows * cols;
     const float value = measure[row * measure_pitch + x];
-    if (first) {
+    if (!seen) {
         best[i] = value;
         best_depth[i] = depth;
         before[i] = after[i] = second[i] = 0.0f;
@@ -40,10 +40,14 @@ __kernel void focus_select(__global const float *measure, const int measure_pitc
             second[i] = max(second[i], value);
     }
     last[i] = value;
-    const float weight = weighted ? value + 1e-30f : 1.0f;
-    for (int c = 0; c < channels; c++) {
-        const float part = weight * planes[offset + (size_t)(c * pixels + i)];
-        fused[c * pixels + i] = first ? part : fused[c * pixels + i] + part;
+    float share = 1.0f;
+    if (weighted) {
+        const float total = seen ? weight_sum[i] + value : value;
+        share = total > 0.0f ? value / total : 1.0f / (float)(seen + 1);
+        weight_sum[i] = total;
     }
-    weight_sum[i] = first ? weight : weight_sum[i] + weight;
+    for (int c = 0; c < channels; c++) {
+        const float light = planes[offset + (size_t)(c * pixels + i)], old = seen ? fused[c * pixels + i] : 0.0f;
+        fused[c * pixels + i] = !seen ? light : weighted ? old + share * (light - old) : old + light;
+    }
 }

@@ -1,7 +1,9 @@
 #include "focus/focus.h"
 
+#include <limits.h>
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "core/alloc.h"
 #include "program/kernel.h"
@@ -24,11 +26,14 @@ struct hada_focus {
     int competing_count;
     int begun, next; /* depths below `next` have come */
     int last;        /* the last depth that competed, -1: none yet */
+    int seen;        /* depths that competed so far */
 
     hada_buffer weights, inverse_distances;
     hada_buffer light, response, smooth, measure;
     hada_buffer image[IMAGES], best_depth, fused;
     hada_buffer noise_bins, loser_bins;
+    int64_t counted;                      /* pixels in the device's counts, which are int */
+    int64_t *noise_counts, *loser_counts; /* the counts before them */
 };
 
 static int up_to(int n, int multiple)
@@ -134,6 +139,10 @@ hada_status hada_focus_create(hada_focus **out, hada_slot *slot, const hada_focu
     focus->wide = focus->vectors + focus->halo / 4;
     if (!(status = hada_alloc(&memory, (size_t)desc->depths, 1, "a focus object", err)))
         focus->competing = memory;
+    if (!status && !(status = hada_alloc(&memory, 2 * HADA_FOCUS_BINS, sizeof(int64_t), "the noise counts", err))) {
+        focus->noise_counts = memory;
+        focus->loser_counts = focus->noise_counts + HADA_FOCUS_BINS;
+    }
     part parts[PARTS];
     list_parts(desc, parts);
     for (size_t i = 0; i < PARTS && !status; i++)
@@ -161,8 +170,33 @@ void hada_focus_destroy(hada_focus **focus)
         hada_buffer_destroy(buffers[i]);
     for (size_t i = 0; i < IMAGES; i++)
         hada_buffer_destroy(&f->image[i]);
+    free(f->noise_counts);
     free(f->competing);
     free(f);
+}
+
+static hada_status clear_counts(hada_focus *f, hada_error *err)
+{
+    const size_t bytes = HADA_FOCUS_BINS * sizeof(cl_int);
+    f->counted = 0;
+    hada_status status = hada_buffer_clear(&f->noise_bins, f->slot, 0, bytes, err);
+    return status ? status : hada_buffer_clear(&f->loser_bins, f->slot, 0, bytes, err);
+}
+
+/* Adds the device's counts to the host's, which are large enough for any stack. */
+static hada_status take_counts(hada_focus *f, hada_error *err)
+{
+    const hada_buffer *const from[] = {&f->noise_bins, &f->loser_bins};
+    int64_t *const to[] = {f->noise_counts, f->loser_counts};
+    int *bins;
+    hada_status status = hada_alloc((void **)&bins, HADA_FOCUS_BINS, sizeof *bins, "the noise counts", err);
+    for (int k = 0; !status && k < 2; k++) {
+        status = hada_buffer_read(from[k], f->slot, 0, bins, HADA_FOCUS_BINS * sizeof *bins, err);
+        for (int i = 0; !status && i < HADA_FOCUS_BINS; i++)
+            to[k][i] += bins[i];
+    }
+    free(bins);
+    return status ? status : clear_counts(f, err);
 }
 
 hada_status hada_focus_begin(hada_focus *focus, const unsigned char *competing, hada_error *err)
@@ -176,9 +210,9 @@ hada_status hada_focus_begin(hada_focus *focus, const unsigned char *competing, 
     focus->begun = 1;
     focus->next = 0;
     focus->last = -1;
-    const size_t bytes = HADA_FOCUS_BINS * sizeof(cl_int);
-    hada_status status = hada_buffer_clear(&focus->noise_bins, focus->slot, 0, bytes, err);
-    return status ? status : hada_buffer_clear(&focus->loser_bins, focus->slot, 0, bytes, err);
+    focus->seen = 0;
+    memset(focus->noise_counts, 0, 2 * HADA_FOCUS_BINS * sizeof *focus->noise_counts);
+    return clear_counts(focus, err);
 }
 
 /* Luminance of a plane with its edges repeated, as far as window and edge filter reach. */
@@ -252,7 +286,7 @@ static hada_status select_plane(hada_focus *f, int depth, cl_mem planes, cl_ulon
     hada_status status = hada_slot_kernel(f->slot, "focus_select", "focus_select", "", &kernel, err);
     if (status)
         return status;
-    const int measure_pitch = 8 * f->vectors, first = f->last < 0, adjacent = !first && f->last == depth - 1,
+    const int measure_pitch = 8 * f->vectors, adjacent = f->last >= 0 && f->last == depth - 1, seen = f->seen,
               weighted = f->options.fuse == HADA_FOCUS_WEIGHTED;
     const size_t local[2] = {WIDE, 1}, global[2] = {(size_t)up_to(f->cols, WIDE), (size_t)f->rows};
     const hada_arg args[] = {HADA_ARG(f->measure.mem),
@@ -264,7 +298,7 @@ static hada_status select_plane(hada_focus *f, int depth, cl_mem planes, cl_ulon
                              HADA_ARG(f->cols),
                              HADA_ARG(depth),
                              HADA_ARG(adjacent),
-                             HADA_ARG(first),
+                             HADA_ARG(seen),
                              HADA_ARG(weighted),
                              HADA_ARG(f->image[BEST].mem),
                              HADA_ARG(f->best_depth.mem),
@@ -277,8 +311,7 @@ static hada_status select_plane(hada_focus *f, int depth, cl_mem planes, cl_ulon
                              HADA_ARG(f->loser_bins.mem)};
     /* in: measure and planes; kept: six images and the depth, the fused image and the weights */
     const double pixels = (double)f->rows * f->cols, kept = 7.0 + f->channels;
-    hada_slot_cost(f->slot, 4.0 * pixels * (1.0 + f->channels + (first ? 1.0 : 2.0) * kept),
-                   2.0 * pixels * f->channels);
+    hada_slot_cost(f->slot, 4.0 * pixels * (1.0 + f->channels + (seen ? 2.0 : 1.0) * kept), 2.0 * pixels * f->channels);
     return hada_slot_launch(f->slot, kernel, "focus_select", 2, global, local, args, HADA_COUNT(args), err);
 }
 
@@ -291,15 +324,21 @@ hada_status hada_focus_push(hada_focus *focus, int first, int count, cl_mem plan
                          "depths %d to %d came to the focus of %d depths, where %d or farther was due", first,
                          first + count - 1, focus->depths, focus->next);
     const size_t plane = (size_t)focus->channels * (size_t)focus->rows * (size_t)focus->cols;
+    const int64_t pixels = (int64_t)focus->rows * focus->cols;
     hada_status status = HADA_OK;
     for (int i = 0; i < count && !status; i++) {
         const int depth = first + i;
         const cl_ulong at = (cl_ulong)(offset + (size_t)i * plane);
         if (!focus->competing[depth])
             continue;
-        if (!(status = measure_plane(focus, planes, at, err)) &&
-            !(status = select_plane(focus, depth, planes, at, err)))
+        if (focus->counted > INT_MAX - pixels)
+            status = take_counts(focus, err);
+        if (!status && !(status = measure_plane(focus, planes, at, err)) &&
+            !(status = select_plane(focus, depth, planes, at, err))) {
             focus->last = depth;
+            focus->seen++;
+            focus->counted += pixels;
+        }
     }
     focus->next = first + count;
     return status;
@@ -308,30 +347,21 @@ hada_status hada_focus_push(hada_focus *focus, int first, int count, cl_mem plan
 /* The thresholds from the counts: see hadalens/focus.h. `base`: the level of losing depths. */
 static hada_status thresholds(hada_focus *f, hada_focus_report *report, double *base, hada_error *err)
 {
-    void *memory;
-    const size_t bytes = HADA_FOCUS_BINS * sizeof(int);
-    hada_status status = hada_alloc(&memory, HADA_FOCUS_BINS, sizeof(int), "the noise counts", err);
-    if (status)
-        return status;
-    int *bins = memory;
     const double z = hada_focus_normal_quantile(f->options.false_alarm / f->competing_count);
     *report = (hada_focus_report){.coverage = NAN};
-    if ((status = hada_buffer_read(&f->noise_bins, f->slot, 0, bins, bytes, err)))
-        goto done;
+    hada_status status = take_counts(f, err);
+    if (status)
+        return status;
     /* Immerkaer's operator has norm 6; the median of |x| of a normal variable is 0.6745 standard deviations */
-    long long total;
-    report->noise = hada_focus_bins_median_positive(bins, &total) / (6.0 * 0.67448975);
-    if ((status = hada_buffer_read(&f->loser_bins, f->slot, 0, bins, bytes, err)))
-        goto done;
+    int64_t total;
+    report->noise = hada_focus_bins_median_positive(f->noise_counts, &total) / (6.0 * 0.67448975);
     double spread;
-    hada_focus_bins_spread(bins, base, &spread);
+    hada_focus_bins_spread(f->loser_counts, base, &spread);
     /* energy grows with the noise, contrast and the combination with its square */
     const double unit = f->options.measure == HADA_FOCUS_ENERGY ? report->noise : report->noise * report->noise;
     report->margin = z * spread;
     report->threshold = fmax(*base + z * spread, unit * (f->noise_mean + z * f->noise_deviation));
-done:
-    free(memory);
-    return status;
+    return HADA_OK;
 }
 
 hada_status hada_focus_finish(hada_focus *focus, cl_mem all_in_focus, size_t all_in_focus_offset, cl_mem distance_map,
@@ -346,7 +376,7 @@ hada_status hada_focus_finish(hada_focus *focus, cl_mem all_in_focus, size_t all
     cl_kernel kernel;
     if (status || (status = hada_slot_kernel(f->slot, "focus_finish", "focus_finish", "", &kernel, err)))
         return status;
-    const int pixels = f->rows * f->cols, normalise = f->options.fuse == HADA_FOCUS_WEIGHTED;
+    const int pixels = f->rows * f->cols;
     const float threshold = (float)found.threshold, margin = (float)found.margin, level = (float)base;
     const cl_ulong aif_at = all_in_focus_offset, map_at = distance_offset;
     const size_t local = WIDE, global = (size_t)up_to(pixels, WIDE);
@@ -359,18 +389,15 @@ hada_status hada_focus_finish(hada_focus *focus, cl_mem all_in_focus, size_t all
                              HADA_ARG(f->depths),
                              HADA_ARG(pixels),
                              HADA_ARG(f->channels),
-                             HADA_ARG(normalise),
                              HADA_ARG(threshold),
                              HADA_ARG(margin),
                              HADA_ARG(level),
                              HADA_ARG(f->fused.mem),
-                             HADA_ARG(f->image[WEIGHT_SUM].mem),
                              HADA_ARG(all_in_focus),
                              HADA_ARG(aif_at),
                              HADA_ARG(distance_map),
                              HADA_ARG(map_at)};
-    hada_slot_cost(f->slot, 4.0 * pixels * (5.0 + 2.0 * f->channels + (normalise ? 1 : 0) + 1),
-                   pixels * (12.0 + f->channels));
+    hada_slot_cost(f->slot, 4.0 * pixels * (6.0 + 2.0 * f->channels), pixels * 12.0);
     status = hada_slot_launch(f->slot, kernel, "focus_finish", 1, &global, &local, args, HADA_COUNT(args), err);
     f->begun = 0;
     if (!status && report)

@@ -3,6 +3,7 @@
 #define HADA_FOCUS_FOCUS_H
 
 #include <hadalens/focus.h>
+#include <stdint.h>
 
 #include "memory/buffer.h"
 
@@ -43,9 +44,9 @@ hada_status hada_focus_finish(hada_focus *focus, cl_mem all_in_focus, size_t all
 #define HADA_FOCUS_BINS 32768
 
 /* Median of the values above 0 (0 when there is none); *total is their number. */
-double hada_focus_bins_median_positive(const int *bins, long long *total);
+double hada_focus_bins_median_positive(const int64_t *bins, int64_t *total);
 /* Median and 1.4826 x median absolute deviation of all values; 0, 0 when there is none. */
-void hada_focus_bins_spread(const int *bins, double *median, double *spread);
+void hada_focus_bins_spread(const int64_t *bins, double *median, double *spread);
 /* The value that a standard normal variable exceeds with probability p, 0 < p < 1. */
 double hada_focus_normal_quantile(double p);
 /* What the windowed measure of white noise with standard deviation 1 looks like: mean and standard deviation. */

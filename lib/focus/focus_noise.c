@@ -17,32 +17,32 @@ static double bin_value(int bin)
 }
 
 /* The bin that holds the value of rank (count - 1) / 2 among bins first .. */
-static int median_bin(const int *bins, int first, long long count)
+static int median_bin(const int64_t *bins, int first, int64_t count)
 {
-    long long seen = 0;
+    int64_t seen = 0;
     int bin = first;
     while (bin < HADA_FOCUS_BINS - 1 && (seen += bins[bin]) * 2 < count)
         bin++;
     return bin;
 }
 
-static long long count_from(const int *bins, int first)
+static int64_t count_from(const int64_t *bins, int first)
 {
-    long long count = 0;
+    int64_t count = 0;
     for (int i = first; i < HADA_FOCUS_BINS; i++)
         count += bins[i];
     return count;
 }
 
-double hada_focus_bins_median_positive(const int *bins, long long *total)
+double hada_focus_bins_median_positive(const int64_t *bins, int64_t *total)
 {
     *total = count_from(bins, 1);
     return *total ? bin_value(median_bin(bins, 1, *total)) : 0.0;
 }
 
-void hada_focus_bins_spread(const int *bins, double *median, double *spread)
+void hada_focus_bins_spread(const int64_t *bins, double *median, double *spread)
 {
-    const long long count = count_from(bins, 0);
+    const int64_t count = count_from(bins, 0);
     *median = *spread = 0.0;
     if (!count)
         return;
@@ -50,7 +50,7 @@ void hada_focus_bins_spread(const int *bins, double *median, double *spread)
     *median = bin_value(middle);
     /* outwards from the median, always the nearer side, until half of the values are passed */
     int low = middle - 1, high = middle + 1;
-    long long passed = bins[middle];
+    int64_t passed = bins[middle];
     double deviation = 0.0;
     while (passed * 2 < count && (low >= 0 || high < HADA_FOCUS_BINS)) {
         const double down = low >= 0 ? *median - bin_value(low) : INFINITY,

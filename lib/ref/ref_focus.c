@@ -236,22 +236,27 @@ hada_status hada_ref_focus(const float *planes, int channels, int rows, int cols
     const limits limit = find_limits(m, pixels, depths, competing, options, noise, work);
     size_t covered = 0;
     for (size_t i = 0; i < pixels; i++) {
-        double weights = 0.0;
+        double weights = 0.0, all = 0.0;
         finish_pixel(m, pixels, i, depths, distances_mm, competing, &limit, &distance[i], &lead[i]);
         covered += !isnan(distance[i]);
-        for (int c = 0; c < channels; c++)
-            all_in_focus[(size_t)c * pixels + i] = 0.0;
-        for (int d = 0; d < depths; d++) {
-            if (competing && !competing[d])
-                continue;
-            const double w = options->fuse == HADA_FOCUS_SUM ? 1.0 : m[(size_t)d * pixels + i] + 1e-30;
-            weights += w;
-            for (int c = 0; c < channels; c++)
-                all_in_focus[(size_t)c * pixels + i] +=
-                    w * planes[((size_t)d * (size_t)channels + (size_t)c) * pixels + i];
+        for (int d = 0; d < depths; d++)
+            if (!competing || competing[d]) {
+                weights += m[(size_t)d * pixels + i];
+                all += 1.0;
+            }
+        for (int c = 0; c < channels; c++) {
+            double sum = 0.0, plain = 0.0;
+            for (int d = 0; d < depths; d++) {
+                const double value = planes[((size_t)d * (size_t)channels + (size_t)c) * pixels + i];
+                if (competing && !competing[d])
+                    continue;
+                sum += m[(size_t)d * pixels + i] * value;
+                plain += value;
+            }
+            all_in_focus[(size_t)c * pixels + i] = options->fuse == HADA_FOCUS_SUM ? plain
+                                                   : weights > 0.0                 ? sum / weights
+                                                                                   : plain / all;
         }
-        for (int c = 0; c < channels && options->fuse == HADA_FOCUS_WEIGHTED; c++)
-            all_in_focus[(size_t)c * pixels + i] /= weights;
     }
     *report = (hada_focus_report){noise, limit.threshold, limit.margin, (double)covered / (double)pixels};
 done:

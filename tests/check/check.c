@@ -228,10 +228,11 @@ static verdict run_case(hada_slot *slot, const check_op *op, const char *shape, 
     state.timing = !strcmp(how->mode, "time");
     const hada_shape own_shape = slot->context->shape;
     const uint64_t own_local = slot->context->info.local_memory_bytes;
-    const unsigned own_units = slot->context->info.compute_units;
+    const unsigned own_units = slot->context->info.compute_units, own_floats = slot->context->vector_floats;
     /* which kernels serve depends on the number of units: the same ones are checked on every machine */
     if (!state.timing)
         slot->context->info.compute_units = 2;
+    slot->context->vector_floats = (unsigned)check_get(&state, 'v', state.timing ? (int)own_floats : 8);
     slot->context->shape =
         check_get(&state, 'g', own_shape == HADA_SHAPE_GROUPS) ? HADA_SHAPE_GROUPS : HADA_SHAPE_LANES;
     if (check_get(&state, 't', 0))
@@ -265,6 +266,7 @@ static verdict run_case(hada_slot *slot, const check_op *op, const char *shape, 
     slot->context->info.local_memory_bytes = own_local;
     slot->context->tuning_file = own_tuning;
     slot->context->info.compute_units = own_units;
+    slot->context->vector_floats = own_floats;
     hada_buffer_destroy(&state.out);
     free(state.expected);
     free(state.unspecified);

@@ -45,8 +45,9 @@ struct check_op {
 extern const check_op *const check_ops[];
 extern const size_t check_op_count;
 
-/* Three letters are the driver's: g1 or g0 takes the kernels by work-groups or by lanes whatever the device prefers,
- * t1 makes it believe that the device has no local memory to speak of, u1 has spectra row-major, as clFFT has them. */
+/* Four letters are the driver's: g1 or g0 takes the kernels by work-groups or by lanes whatever the device prefers,
+ * t1 makes it believe that the device has no local memory to speak of, u1 has spectra row-major, as clFFT has them,
+ * v16 or v8 is the length of its vectors (8 where only the result counts). */
 
 /* The number behind a letter of the shape, or `otherwise` where the letter is absent. */
 int check_get(const check_state *state, char letter, int otherwise);

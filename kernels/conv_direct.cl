@@ -1,0 +1,109 @@
+/* Convolution, transposed or not, by sums in registers: a work-item takes rows of CONV_BLOCKS blocks of output
+ * channels, CONV_PIXELS pixels at a time; each input value is spread over a vector of weights. Shape lanes: work-groups
+ * of one, no local memory.
+ *
+ * Output pixel (step r + phase) takes inputs CONV_STEP r + first + t (inc_conv.h: conv_taps); a convolution has
+ * step 1 and CONV_STEP its stride, a transposed one has step its stride and CONV_STEP 1. Reads stay within the halo of
+ * one: the host sees to it. Weights: [phase][block group][input block][tap row][tap column][input channel][output
+ * channel], as conv_pack.cl writes them. Dimensions: block groups, groups of rows, images. */
+#include "inc_conv.h"
+
+#ifndef CONV_BLOCKS
+#define CONV_BLOCKS 2
+#endif
+#ifndef CONV_PIXELS
+#define CONV_PIXELS 6
+#endif
+#ifndef CONV_STEP
+#define CONV_STEP 1
+#endif
+
+__kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
+conv_direct(__global const float *restrict x, ulong x_offset, ulong x_image, int in_channels, int in_rows, int in_cols,
+            __global const float *restrict weights, __global const float *restrict bias, ulong bias_offset,
+            __global float *restrict y, ulong y_offset, ulong y_image, int out_channels, int out_rows, int out_cols,
+            int kernel_rows, int kernel_cols, int pad_rows, int pad_cols, int step, int rows_each, int flags,
+            int activation, float slope, __global const float *restrict mask, ulong mask_offset, ulong mask_image)
+{
+    const int group = get_global_id(0), image = get_global_id(2);
+    const int in_blocks = (in_channels + NET_BLOCK - 1) / NET_BLOCK;
+    const int out_blocks = (out_channels + NET_BLOCK - 1) / NET_BLOCK, first_block = group * CONV_BLOCKS;
+    const int x_row = (in_cols + 2) * NET_BLOCK, y_row = (out_cols + 2) * NET_BLOCK;
+    const size_t x_plane = (size_t)(in_rows + 2) * x_row, y_plane = (size_t)(out_rows + 2) * y_row;
+    const size_t taps_most = (size_t)((kernel_rows + step - 1) / step) * ((kernel_cols + step - 1) / step);
+    const size_t group_floats = taps_most * in_blocks * NET_BLOCK * NET_BLOCK * CONV_BLOCKS;
+    const int row_end = min((int)(get_global_id(1) + 1) * rows_each, out_rows);
+    const size_t to = first_block * y_plane + y_row + NET_BLOCK;
+    x += x_offset + image * x_image;
+    y += y_offset + image * y_image + to;
+    mask += mask_offset + image * mask_image + to;
+
+    conv_v biases[CONV_BLOCKS];
+    for (int o = 0; o < CONV_BLOCKS; ++o)
+        biases[o] = flags & CONV_HAS_BIAS ? conv_bias(bias + bias_offset + (first_block + o) * NET_BLOCK,
+                                                      out_channels - (first_block + o) * NET_BLOCK)
+                                          : (conv_v)(0.0f);
+    for (int row = get_global_id(1) * rows_each; row < row_end; ++row)
+        for (int phase = 0; phase < step; ++phase) {
+            const conv_taps rows = conv_taps_of(kernel_rows, pad_rows, step, row % step);
+            const conv_taps cols = conv_taps_of(kernel_cols, pad_cols, step, phase);
+            const int width = (out_cols - phase + step - 1) / step;
+            __global const float *restrict w =
+                weights + ((row % step * step + phase) * (size_t)(out_blocks / CONV_BLOCKS) + group) * group_floats;
+            __global const float *restrict x_first =
+                x + (row / step * CONV_STEP + rows.first + 1) * x_row + (cols.first + 1) * NET_BLOCK;
+            for (int col = 0; col < width; col += CONV_PIXELS) {
+                const int start = min(col, width - CONV_PIXELS);
+                conv_v sums[CONV_BLOCKS][CONV_PIXELS];
+#pragma unroll
+                for (int o = 0; o < CONV_BLOCKS; ++o)
+#pragma unroll
+                    for (int p = 0; p < CONV_PIXELS; ++p)
+                        sums[o][p] = biases[o];
+                for (int b = 0; b < in_blocks; ++b) {
+                    const int present = min(NET_BLOCK, in_channels - b * NET_BLOCK);
+                    for (int t = 0; t < rows.count * cols.count; ++t) {
+                        __global const float *restrict xp =
+                            x_first + b * x_plane + t / cols.count * x_row +
+                            (start * CONV_STEP + t % cols.count) * NET_BLOCK;
+                        __global const float *restrict wp =
+                            w + (size_t)(b * rows.count * cols.count + t) * NET_BLOCK * NET_BLOCK * CONV_BLOCKS;
+#pragma nounroll
+                        for (int i = 0; i < present; ++i) {
+                            conv_v wi[CONV_BLOCKS];
+#pragma unroll
+                            for (int o = 0; o < CONV_BLOCKS; ++o)
+                                wi[o] = CONV_LOAD(wp + (i * CONV_BLOCKS + o) * NET_BLOCK);
+#pragma unroll
+                            for (int p = 0; p < CONV_PIXELS; ++p) {
+                                const conv_v xi = (conv_v)(xp[p * CONV_STEP * NET_BLOCK + i]);
+#pragma unroll
+                                for (int o = 0; o < CONV_BLOCKS; ++o)
+                                    sums[o][p] = fma(xi, wi[o], sums[o][p]);
+                            }
+                        }
+                    }
+                }
+#pragma unroll
+                for (int o = 0; o < CONV_BLOCKS; ++o) {
+                    const size_t at = o * y_plane + (size_t)row * y_row + (start * step + phase) * NET_BLOCK;
+                    const int present = out_channels - (first_block + o) * NET_BLOCK;
+#pragma unroll
+                    for (int p = 0; p < CONV_PIXELS; ++p) {
+                        __global float *restrict yp = y + at + p * step * NET_BLOCK;
+                        if (start + p < col) /* done by the tile before, perhaps added to */
+                            continue;
+                        conv_v v = conv_activate(sums[o][p], activation, slope);
+                        if (flags & CONV_HAS_MASK)
+                            v = select((conv_v)(0.0f), v,
+                                       CONV_LOAD(mask + at + p * step * NET_BLOCK) > (conv_v)(0.0f));
+                        if (flags & CONV_ACCUMULATES)
+                            v += CONV_LOAD(yp);
+                        if (present < NET_BLOCK)
+                            v = conv_present(v, present);
+                        CONV_STORE(v, yp);
+                    }
+                }
+            }
+        }
+}

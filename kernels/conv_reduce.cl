@@ -1,0 +1,65 @@
+/* Partial sums added in order: the second half of the gradients of weights and biases. */
+#include "inc_conv.h"
+
+/* dw[coarse][fine][place] from partial[part][place][fine filled up][coarse filled up to `width`]. Dimensions: fine
+ * channels times places, blocks of coarse channels. */
+__kernel void conv_reduce_weights(__global const float *partial, int parts, int fine_filled, int width,
+                                  int coarse_channels, int fine_channels, int places, __global float *dw,
+                                  ulong dw_offset, int accumulate)
+{
+    const int fine = get_global_id(0) / places, place = get_global_id(0) % places, block = get_global_id(1);
+    if (fine >= fine_channels)
+        return;
+    const int present = min(NET_BLOCK, coarse_channels - block * NET_BLOCK);
+    partial += ((size_t)place * fine_filled + fine) * width + block * NET_BLOCK;
+    dw += dw_offset + ((size_t)block * NET_BLOCK * fine_channels + fine) * places + place;
+    conv_v sum = CONV_LOAD(partial);
+    for (int part = 1; part < parts; ++part)
+        sum += CONV_LOAD(partial + (size_t)part * places * fine_filled * width);
+    float lanes[NET_BLOCK];
+    CONV_STORE(sum, lanes);
+    for (int k = 0; k < present; ++k) {
+        __global float *to = dw + (size_t)k * fine_channels * places;
+        *to = accumulate ? *to + lanes[k] : lanes[k];
+    }
+}
+
+/* Sums over rows: partial[part][block][lane] of the rows image * rows + row that belong to a part. Dimensions: blocks,
+ * parts. */
+__kernel void conv_bias_partial(__global const float *dy, ulong offset, ulong image_stride, int images, int rows,
+                                int cols, __global float *partial)
+{
+    const int block = get_global_id(0), part = get_global_id(1), parts = get_global_size(1);
+    const int end = (part + 1) * (images * rows) / parts, pitch = (cols + 2) * NET_BLOCK;
+    conv_v sum = (conv_v)(0.0f);
+    dy += offset + (size_t)block * (rows + 2) * pitch + pitch + NET_BLOCK;
+    for (int line = part * (images * rows) / parts; line < end; ++line) {
+        __global const float *p = dy + line / rows * image_stride + (size_t)(line % rows) * pitch;
+        conv_v a = (conv_v)(0.0f), b = a, c = a, d = a;
+        int col = 0;
+        for (; col + 4 <= cols; col += 4) {
+            a += CONV_LOAD(p + col * NET_BLOCK);
+            b += CONV_LOAD(p + (col + 1) * NET_BLOCK);
+            c += CONV_LOAD(p + (col + 2) * NET_BLOCK);
+            d += CONV_LOAD(p + (col + 3) * NET_BLOCK);
+        }
+        for (; col < cols; ++col)
+            a += CONV_LOAD(p + col * NET_BLOCK);
+        sum += (a + b) + (c + d);
+    }
+    CONV_STORE(sum, partial + ((size_t)part * get_global_size(0) + block) * NET_BLOCK);
+}
+
+/* db from those. One work-item takes a channel. */
+__kernel void conv_reduce_bias(__global const float *partial, int parts, int blocks, int channels, __global float *db,
+                               ulong db_offset, int accumulate)
+{
+    const int channel = get_global_id(0);
+    if (channel >= channels)
+        return;
+    float sum = 0.0f;
+    for (int part = 0; part < parts; ++part)
+        sum += partial[(size_t)part * blocks * NET_BLOCK + channel];
+    db += db_offset + channel;
+    *db = accumulate ? *db + sum : sum;
+}

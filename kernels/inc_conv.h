@@ -1,0 +1,57 @@
+/* What the kernels of convolutions share: vectors of one block of channels, and what is done to a finished sum. */
+#ifndef INC_CONV_H
+#define INC_CONV_H
+
+#include "inc_conv_taps.h"
+
+/* Channels in a block: 8 or 16 (lib/net/tensor.h). */
+#ifndef NET_BLOCK
+#define NET_BLOCK 8
+#endif
+#if NET_BLOCK == 16
+typedef float16 conv_v;
+typedef int16 conv_iv;
+#define CONV_LOAD(p) vload16(0, p)
+#define CONV_STORE(v, p) vstore16(v, 0, p)
+#define CONV_LANES (int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15)
+#else
+typedef float8 conv_v;
+typedef int8 conv_iv;
+#define CONV_LOAD(p) vload8(0, p)
+#define CONV_STORE(v, p) vstore8(v, 0, p)
+#define CONV_LANES (int8)(0, 1, 2, 3, 4, 5, 6, 7)
+#endif
+
+/* hada_activation of lib/net/conv.h. */
+enum { CONV_NONE = 0, CONV_RELU = 1, CONV_LEAKY_RELU = 2, CONV_SIGMOID = 3 };
+
+/* What becomes of a sum: `flags` of a launch. */
+enum { CONV_HAS_BIAS = 1, CONV_HAS_MASK = 2, CONV_ACCUMULATES = 4 };
+
+static inline conv_v conv_activate(conv_v v, int activation, float slope)
+{
+    if (activation == CONV_RELU)
+        v = max(v, (conv_v)(0.0f));
+    else if (activation == CONV_LEAKY_RELU)
+        v = select(v * slope, v, v > (conv_v)(0.0f));
+    else if (activation == CONV_SIGMOID)
+        v = (conv_v)(1.0f) / ((conv_v)(1.0f) + exp(-v));
+    return v;
+}
+
+/* v where the lane is one of the first `present` channels, else zero. */
+static inline conv_v conv_present(conv_v v, int present)
+{
+    return select((conv_v)(0.0f), v, CONV_LANES < (conv_iv)(present));
+}
+
+/* The biases of a block of channels, zero beyond the last of `present`. */
+static inline conv_v conv_bias(__global const float *bias, int present)
+{
+    float lanes[NET_BLOCK];
+    for (int k = 0; k < NET_BLOCK; ++k)
+        lanes[k] = k < present ? bias[k] : 0.0f;
+    return CONV_LOAD(lanes);
+}
+
+#endif

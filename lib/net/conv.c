@@ -1,0 +1,153 @@
+/* Convolutions: objects, and which implementation a call goes to. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/alloc.h"
+#include "net/conv_internal.h"
+#include "program/kernel.h"
+
+static size_t plan_bytes(const hada_conv_plan *plan)
+{
+    size_t floats = plan->scratch_floats;
+    for (int p = 0; p < plan->pass_count; p++)
+        floats += plan->pass[p].weight_floats;
+    return floats * sizeof(float);
+}
+
+size_t hada_conv_bytes(const hada_context *context, const hada_conv_desc *desc)
+{
+    hada_conv_plan plan;
+    return hada_conv_plan_make(&plan, context, desc, NULL) ? 0 : plan_bytes(&plan);
+}
+
+hada_status hada_conv_create(hada_conv **out, hada_slot *slot, const hada_conv_desc *desc, hada_error *err)
+{
+    hada_conv_plan plan;
+    hada_conv *conv;
+    *out = NULL;
+    hada_status status = hada_conv_plan_make(&plan, slot->context, desc, err);
+    if (!status)
+        status = hada_alloc((void **)&conv, 1, sizeof *conv, "a convolution", err);
+    if (status)
+        return status;
+    conv->slot = slot;
+    conv->plan = plan;
+    for (int p = 0; !status && p < plan.pass_count; p++)
+        status = hada_buffer_create(&conv->weights[p], slot->context, plan.pass[p].weight_floats * sizeof(float),
+                                    "the weights of a convolution", err);
+    if (!status && plan.scratch_floats)
+        status = hada_buffer_create(&conv->scratch, slot->context, plan.scratch_floats * sizeof(float),
+                                    "the scratch memory of a convolution", err);
+    if (status) {
+        hada_conv_destroy(&conv);
+        return status;
+    }
+    *out = conv;
+    return HADA_OK;
+}
+
+void hada_conv_destroy(hada_conv **pointer)
+{
+    if (!pointer || !*pointer)
+        return;
+    hada_conv *conv = *pointer;
+    *pointer = NULL;
+    for (int p = 0; p < HADA_CONV_PASSES; p++)
+        hada_buffer_destroy(&conv->weights[p]);
+    hada_buffer_destroy(&conv->scratch);
+    free(conv);
+}
+
+hada_conv_method hada_conv_serving(const hada_conv *conv)
+{
+    return conv->plan.pass[HADA_CONV_FORWARD].method;
+}
+
+hada_status hada_conv_set_weights(hada_conv *conv, cl_mem weights, size_t offset, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    for (int p = 0; !status && p < conv->plan.pass_count; p++)
+        status = hada_conv_pack(conv, p, weights, offset, err);
+    conv->has_weights = !status;
+    return status;
+}
+
+static hada_status tensor_fits(const hada_conv *conv, const hada_tensor *tensor, const char *name, int images,
+                               int channels, int rows, int cols, hada_error *err)
+{
+    if (tensor->images == images && tensor->images >= 1 && tensor->images <= conv->plan.desc.images &&
+        tensor->channels == channels && tensor->rows == rows && tensor->cols == cols &&
+        tensor->block == conv->plan.block)
+        return HADA_OK;
+    return hada_fail(err, HADA_ERROR_SIZE,
+                     "a convolution's %s has %d images of %dx%dx%d in blocks of %d, it takes %d (at most %d) of "
+                     "%dx%dx%d in blocks of %d",
+                     name, tensor->images, tensor->channels, tensor->rows, tensor->cols, tensor->block, images,
+                     conv->plan.desc.images, channels, rows, cols, conv->plan.block);
+}
+
+hada_status hada_conv_run(hada_conv *conv, int index, const hada_tensor *in, const hada_tensor *out,
+                          const hada_conv_finish *finish, hada_error *err)
+{
+    const hada_conv_pass *pass = &conv->plan.pass[index];
+    const char *const names[HADA_CONV_PASSES][2] = {{"x", "y"}, {"dy", "dx"}};
+    if (!conv->has_weights)
+        return hada_fail(err, HADA_ERROR_STATE, "a convolution needs hada_conv_set_weights() first");
+    hada_status status =
+        tensor_fits(conv, in, names[index][0], in->images, pass->in_channels, pass->in_rows, pass->in_cols, err);
+    if (!status)
+        status = tensor_fits(conv, out, names[index][1], in->images, pass->out_channels, pass->out_rows, pass->out_cols,
+                             err);
+    if (!status && finish->mask)
+        status = tensor_fits(conv, finish->mask, "mask", in->images, pass->out_channels, pass->out_rows, pass->out_cols,
+                             err);
+    if (!status && finish->pooled)
+        status = tensor_fits(conv, finish->pooled, "pooled output", in->images, pass->out_channels, pass->out_rows / 2,
+                             pass->out_cols / 2, err);
+    if (status)
+        return status;
+    return pass->method == HADA_CONV_PLAIN ? hada_conv_plain(conv, index, in, out, finish, err)
+                                           : hada_conv_direct(conv, index, in, out, finish, err);
+}
+
+hada_status hada_conv_forward(hada_conv *conv, const hada_tensor *x, cl_mem bias, size_t bias_offset,
+                              const hada_tensor *y, const hada_tensor *pooled, hada_error *err)
+{
+    const hada_conv_desc *d = &conv->plan.desc;
+    const hada_conv_finish finish = {bias, bias_offset, d->activation, d->slope, NULL, pooled, 0};
+    return hada_conv_run(conv, HADA_CONV_FORWARD, x, y, &finish, err);
+}
+
+static hada_status must_train(const hada_conv *conv, hada_error *err)
+{
+    return conv->plan.desc.training
+               ? HADA_OK
+               : hada_fail(err, HADA_ERROR_STATE, "a convolution whose description has no `training` has no gradients");
+}
+
+hada_status hada_conv_backward_data(hada_conv *conv, const hada_tensor *dy, const hada_tensor *masked_by,
+                                    const hada_tensor *dx, int accumulate, hada_error *err)
+{
+    const hada_conv_finish finish = {.mask = masked_by, .accumulate = accumulate};
+    hada_status status = must_train(conv, err);
+    return status ? status : hada_conv_run(conv, HADA_CONV_DATA, dy, dx, &finish, err);
+}
+
+hada_status hada_conv_backward_weights(hada_conv *conv, const hada_tensor *x, const hada_tensor *dy, cl_mem dw,
+                                       size_t dw_offset, cl_mem db, size_t db_offset, int accumulate, hada_error *err)
+{
+    hada_status status = must_train(conv, err);
+    if (status)
+        return status;
+    const hada_conv_pass *forward = &conv->plan.pass[HADA_CONV_FORWARD];
+    status = tensor_fits(conv, x, "x", x->images, forward->in_channels, forward->in_rows, forward->in_cols, err);
+    if (!status)
+        status =
+            tensor_fits(conv, dy, "dy", x->images, forward->out_channels, forward->out_rows, forward->out_cols, err);
+    const int transposed = conv->plan.desc.transposed;
+    if (!status)
+        status = hada_conv_weights(conv, transposed ? x : dy, transposed ? dy : x, dw, dw_offset, accumulate, err);
+    if (!status && db)
+        status = hada_conv_bias(conv, dy, db, db_offset, accumulate, err);
+    return status;
+}

@@ -1,0 +1,89 @@
+/* How a convolution is carried out: plans made from its sizes alone, and the launches of each implementation. Internal
+ * to lib/net/conv*.c.
+ *
+ * "Coarse" is the output of a convolution and the input of a transposed one; "fine" the other. Both have weights
+ * [coarse][fine][kernel row][kernel column], so a convolution's gradient of its input is a transposed convolution of
+ * its output's gradient, and the other way round: two passes, to coarse and to fine, serve everything. */
+#ifndef HADA_NET_CONV_INTERNAL_H
+#define HADA_NET_CONV_INTERNAL_H
+
+#include "net/conv.h"
+
+/* One pass over an image: `out` from `in`. A pass to fine with stride 1 is one to coarse with mirrored weights. */
+typedef struct hada_conv_pass {
+    hada_conv_method method;
+    int to_coarse;
+    int in_channels, in_rows, in_cols, out_channels, out_rows, out_cols;
+    int in_step, step;        /* pixels of the input and of the output from one place of the kernel to the next */
+    int taps_rows, taps_cols; /* padding as conv_taps_of() of kernels/inc_conv.h counts it */
+    int lanes;                /* output channels in a group of the packed weights */
+    int pixels;               /* direct: pixels at a time */
+    size_t weight_floats;
+} hada_conv_pass;
+
+/* The gradient of the weights: sums over strips of rows, shared out to parts. */
+typedef struct hada_conv_gradient {
+    hada_conv_method method;
+    int coarse_channels, coarse_rows, coarse_cols, fine_channels, fine_rows, fine_cols;
+    int blocks, fine_each, cols_each; /* of a work-item */
+    int coarse_groups, fine_groups;
+    int strip_rows, parts, bias_parts; /* at most so many parts */
+    size_t part_floats;
+} hada_conv_gradient;
+
+enum { HADA_CONV_FORWARD = 0, HADA_CONV_DATA = 1, HADA_CONV_PASSES = 2 };
+
+typedef struct hada_conv_plan {
+    hada_conv_desc desc;
+    int block, groups, pass_count;
+    hada_conv_pass pass[HADA_CONV_PASSES];
+    hada_conv_gradient gradient;
+    size_t scratch_floats;
+} hada_conv_plan;
+
+struct hada_conv {
+    hada_slot *slot;
+    hada_conv_plan plan;
+    hada_buffer weights[HADA_CONV_PASSES], scratch;
+    int has_weights;
+};
+
+/* Fills the plan, or says what is wrong with the description. */
+hada_status hada_conv_plan_make(hada_conv_plan *plan, const hada_context *context, const hada_conv_desc *desc,
+                                hada_error *err);
+
+/* Tile sizes and methods that the table of conv_table.c gives. */
+void hada_conv_table_pass(const hada_context *context, const hada_conv_desc *desc, hada_conv_pass *pass);
+void hada_conv_table_gradient(const hada_context *context, const hada_conv_desc *desc, hada_conv_gradient *gradient);
+
+/* What is done with a finished sum (kernels/inc_conv.h). */
+typedef struct hada_conv_finish {
+    cl_mem bias;
+    size_t bias_offset;
+    hada_activation activation;
+    float slope;
+    const hada_tensor *mask, *pooled; /* NULL: none */
+    int accumulate;
+} hada_conv_finish;
+
+/* A launch in three dimensions, and the macro of kernels that know the block alone. */
+hada_status hada_conv_launch(hada_slot *slot, const char *file, const char *name, const char *options,
+                             const size_t *global, const size_t *local, const hada_arg *args, size_t count,
+                             hada_error *err);
+const char *hada_conv_block_option(int block);
+
+hada_status hada_conv_pack(hada_conv *conv, int pass, cl_mem weights, size_t offset, hada_error *err);
+hada_status hada_conv_run(hada_conv *conv, int pass, const hada_tensor *in, const hada_tensor *out,
+                          const hada_conv_finish *finish, hada_error *err);
+
+/* Launches of one implementation; pooling is done in a launch of its own where the implementation does not. */
+hada_status hada_conv_direct(hada_conv *conv, int pass, const hada_tensor *in, const hada_tensor *out,
+                             const hada_conv_finish *finish, hada_error *err);
+hada_status hada_conv_plain(hada_conv *conv, int pass, const hada_tensor *in, const hada_tensor *out,
+                            const hada_conv_finish *finish, hada_error *err);
+hada_status hada_conv_weights(hada_conv *conv, const hada_tensor *coarse, const hada_tensor *fine, cl_mem dw,
+                              size_t offset, int accumulate, hada_error *err);
+hada_status hada_conv_bias(hada_conv *conv, const hada_tensor *dy, cl_mem db, size_t offset, int accumulate,
+                           hada_error *err);
+
+#endif

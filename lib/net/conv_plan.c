@@ -1,0 +1,156 @@
+/* Plans of convolutions: sizes, implementations, bytes; nothing is allocated. */
+#include "net/conv_internal.h"
+
+#include <limits.h>
+
+#include "../../kernels/inc_conv_taps.h"
+
+#define GROUP_LANES    32
+#define STRIP_ROWS     8
+#define MOST_PARTS     64
+#define PARTIAL_FLOATS ((size_t)1 << 20)
+
+static int padded(int channels, int to)
+{
+    return (channels + to - 1) / to * to;
+}
+
+void hada_conv_output_size(const hada_conv_desc *desc, int *rows, int *cols)
+{
+    if (desc->transposed) {
+        *rows = (desc->in_rows - 1) * desc->stride - 2 * desc->pad_rows + desc->kernel_rows + desc->output_pad;
+        *cols = (desc->in_cols - 1) * desc->stride - 2 * desc->pad_cols + desc->kernel_cols + desc->output_pad;
+    } else {
+        const int rest_rows = desc->in_rows + 2 * desc->pad_rows - desc->kernel_rows;
+        const int rest_cols = desc->in_cols + 2 * desc->pad_cols - desc->kernel_cols;
+        *rows = rest_rows < 0 ? 0 : rest_rows / desc->stride + 1;
+        *cols = rest_cols < 0 ? 0 : rest_cols / desc->stride + 1;
+    }
+}
+
+static hada_status validate(const hada_conv_desc *d, hada_error *err)
+{
+    int rows, cols;
+    if (d->images < 1 || d->in_channels < 1 || d->out_channels < 1 || d->in_rows < 1 || d->in_cols < 1 ||
+        d->kernel_rows < 1 || d->kernel_cols < 1 || d->stride < 1 || d->pad_rows < 0 || d->pad_cols < 0)
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "a convolution needs sizes, a kernel and a stride of at least 1 and padding of at least 0");
+    if (d->transposed ? d->output_pad < 0 || d->output_pad >= d->stride : d->output_pad != 0)
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "output padding is for transposed convolutions and smaller than the stride");
+    if ((unsigned)d->activation > HADA_ACTIVATION_SIGMOID || (unsigned)d->method > HADA_CONV_PLAIN)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "a convolution with an unknown activation or method");
+    hada_conv_output_size(d, &rows, &cols);
+    if (rows < 1 || cols < 1)
+        return hada_fail(err, HADA_ERROR_SIZE, "a %dx%d kernel does not fit into %dx%d pixels", d->kernel_rows,
+                         d->kernel_cols, d->in_rows, d->in_cols);
+    return HADA_OK;
+}
+
+/* Whether every read of a pass stays within the input and its halo of one. */
+static int within_halo(int in, int out, int kernel, int pad, int in_step, int step)
+{
+    for (int phase = 0; phase < step && phase < out; phase++) {
+        const conv_taps taps = conv_taps_of(kernel, pad, step, phase);
+        const int last = (out - phase + step - 1) / step - 1;
+        if (taps.count && (taps.first < -1 || last * in_step + taps.first + taps.count - 1 > in))
+            return 0;
+    }
+    return 1;
+}
+
+static void plan_pass(hada_conv_plan *plan, const hada_context *context, hada_conv_pass *pass, int to_coarse)
+{
+    const hada_conv_desc *d = &plan->desc;
+    int rows, cols;
+    hada_conv_output_size(d, &rows, &cols);
+    const int backward = to_coarse == d->transposed;
+    *pass = (hada_conv_pass){.to_coarse = to_coarse,
+                             .in_channels = backward ? d->out_channels : d->in_channels,
+                             .in_rows = backward ? rows : d->in_rows,
+                             .in_cols = backward ? cols : d->in_cols,
+                             .out_channels = backward ? d->in_channels : d->out_channels,
+                             .out_rows = backward ? d->in_rows : rows,
+                             .out_cols = backward ? d->in_cols : cols,
+                             .in_step = to_coarse ? d->stride : 1,
+                             .step = to_coarse ? 1 : d->stride,
+                             .taps_rows = to_coarse ? d->kernel_rows - 1 - d->pad_rows : d->pad_rows,
+                             .taps_cols = to_coarse ? d->kernel_cols - 1 - d->pad_cols : d->pad_cols};
+    const int near =
+        within_halo(pass->in_rows, pass->out_rows, d->kernel_rows, pass->taps_rows, pass->in_step, pass->step) &&
+        within_halo(pass->in_cols, pass->out_cols, d->kernel_cols, pass->taps_cols, pass->in_step, pass->step);
+    hada_conv_table_pass(context, d, pass);
+    if (plan->groups)
+        pass->lanes = GROUP_LANES;
+    pass->method = near && pass->lanes && d->method != HADA_CONV_PLAIN ? HADA_CONV_DIRECT : HADA_CONV_PLAIN;
+    if (pass->method == HADA_CONV_PLAIN) {
+        pass->weight_floats =
+            (size_t)d->in_channels * (size_t)d->out_channels * (size_t)d->kernel_rows * (size_t)d->kernel_cols;
+    } else {
+        const size_t taps = (size_t)((d->kernel_rows + pass->step - 1) / pass->step) *
+                            (size_t)((d->kernel_cols + pass->step - 1) / pass->step);
+        pass->weight_floats = (size_t)(pass->step * pass->step) * taps *
+                              (size_t)padded(pass->in_channels, plan->block) *
+                              (size_t)padded(pass->out_channels, pass->lanes);
+    }
+}
+
+static void plan_gradient(hada_conv_plan *plan, const hada_context *context)
+{
+    const hada_conv_desc *d = &plan->desc;
+    hada_conv_gradient *g = &plan->gradient;
+    int rows, cols;
+    hada_conv_output_size(d, &rows, &cols);
+    *g = d->transposed ? (hada_conv_gradient){.coarse_channels = d->in_channels,
+                                              .coarse_rows = d->in_rows,
+                                              .coarse_cols = d->in_cols,
+                                              .fine_channels = d->out_channels,
+                                              .fine_rows = rows,
+                                              .fine_cols = cols}
+                       : (hada_conv_gradient){.coarse_channels = d->out_channels,
+                                              .coarse_rows = rows,
+                                              .coarse_cols = cols,
+                                              .fine_channels = d->in_channels,
+                                              .fine_rows = d->in_rows,
+                                              .fine_cols = d->in_cols};
+    const int near =
+        within_halo(g->fine_rows, g->coarse_rows, d->kernel_rows, d->kernel_rows - 1 - d->pad_rows, d->stride, 1) &&
+        within_halo(g->fine_cols, g->coarse_cols, d->kernel_cols, d->kernel_cols - 1 - d->pad_cols, d->stride, 1);
+    g->method = near && d->method != HADA_CONV_PLAIN ? HADA_CONV_DIRECT : HADA_CONV_PLAIN;
+    g->bias_parts = MOST_PARTS;
+    const size_t bias = (size_t)MOST_PARTS * (size_t)padded(d->out_channels, plan->block);
+    if (g->method != HADA_CONV_PLAIN) {
+        hada_conv_table_gradient(context, d, g);
+        const int coarse_tile = plan->groups ? GROUP_LANES : g->blocks * plan->block;
+        const int fine_tile = plan->groups ? GROUP_LANES : g->fine_each;
+        if (plan->groups)
+            g->cols_each = 1;
+        g->coarse_groups = padded(g->coarse_channels, coarse_tile) / coarse_tile;
+        g->fine_groups = padded(g->fine_channels, fine_tile) / fine_tile;
+        g->strip_rows = STRIP_ROWS;
+        g->part_floats = (size_t)(g->coarse_groups * coarse_tile) * (size_t)(g->fine_groups * fine_tile) *
+                         (size_t)d->kernel_rows * (size_t)d->kernel_cols;
+        const size_t wanted = PARTIAL_FLOATS / g->part_floats;
+        g->parts = wanted < 1 ? 1 : wanted > MOST_PARTS ? MOST_PARTS : (int)wanted;
+    }
+    const size_t partial = g->part_floats * (size_t)g->parts;
+    plan->scratch_floats = partial > bias ? partial : bias;
+}
+
+hada_status hada_conv_plan_make(hada_conv_plan *plan, const hada_context *context, const hada_conv_desc *desc,
+                                hada_error *err)
+{
+    hada_status status = validate(desc, err);
+    if (status)
+        return status;
+    *plan = (hada_conv_plan){.desc = *desc,
+                             .block = hada_net_block(context),
+                             .groups = context->shape == HADA_SHAPE_GROUPS,
+                             .pass_count = desc->training ? HADA_CONV_PASSES : 1};
+    plan_pass(plan, context, &plan->pass[HADA_CONV_FORWARD], !desc->transposed);
+    if (desc->training) {
+        plan_pass(plan, context, &plan->pass[HADA_CONV_DATA], desc->transposed);
+        plan_gradient(plan, context);
+    }
+    return HADA_OK;
+}

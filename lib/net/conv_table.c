@@ -1,0 +1,52 @@
+/* Which implementation and which tile sizes serve a shape: read, never timed, during a run. */
+#include "net/conv_internal.h"
+
+/* Vectors that a work-item sums in: as many as registers hold besides the operands. */
+typedef struct tile_row {
+    int block, in_step; /* of the device and the pass */
+    int blocks, pixels;
+} tile_row;
+
+/* Rows of one (block, in_step): the one that works out the fewest pixels twice serves, the first of equal ones. */
+static const tile_row tiles[] = {
+    {16, 1, 2, 13}, {16, 1, 2, 8}, {16, 1, 1, 13}, {16, 1, 1, 8}, {16, 1, 1, 1}, {16, 2, 2, 8}, {16, 2, 1, 8},
+    {16, 2, 1, 1},  {8, 1, 2, 6},  {8, 1, 1, 6},   {8, 1, 1, 1},  {8, 2, 2, 6},  {8, 2, 1, 6},  {8, 2, 1, 1},
+};
+
+static int tile_fits(const tile_row *row, int block, const hada_conv_pass *pass)
+{
+    const int out_blocks = (pass->out_channels + block - 1) / block, narrowest = pass->out_cols / pass->step;
+    return row->block == block && row->in_step == pass->in_step && out_blocks % row->blocks == 0 &&
+           (row->pixels <= narrowest || row->pixels == 1);
+}
+
+/* Multiply-adds of a row of pixels, with what tiles that overlap do twice, and what loading a tile's weights costs. */
+static long cost_of(const tile_row *row, const hada_conv_pass *pass)
+{
+    const int width = (pass->out_cols + pass->step - 1) / pass->step;
+    const int steps = (width + row->pixels - 1) / row->pixels;
+    return (long)steps * (row->pixels * row->blocks * 2 + row->pixels + row->blocks) / row->blocks;
+}
+
+void hada_conv_table_pass(const hada_context *context, const hada_conv_desc *desc, hada_conv_pass *pass)
+{
+    const int block = hada_net_block(context);
+    const tile_row *best = NULL;
+    (void)desc;
+    for (size_t i = 0; i < sizeof tiles / sizeof *tiles; i++)
+        if (tile_fits(&tiles[i], block, pass) && (!best || cost_of(&tiles[i], pass) < cost_of(best, pass)))
+            best = &tiles[i];
+    pass->lanes = best ? best->blocks * block : 0;
+    pass->pixels = best ? best->pixels : 0;
+}
+
+void hada_conv_table_gradient(const hada_context *context, const hada_conv_desc *desc, hada_conv_gradient *gradient)
+{
+    const int block = hada_net_block(context), blocks = (gradient->coarse_channels + block - 1) / block;
+    gradient->blocks = blocks % 2 ? 1 : 2;
+    gradient->cols_each = desc->kernel_cols == 3 ? 3 : 1;
+    if (gradient->cols_each == 1)
+        gradient->fine_each = block / 2;
+    else
+        gradient->fine_each = block / 4 * (gradient->blocks == 1 && gradient->fine_channels > block / 4 ? 2 : 1);
+}

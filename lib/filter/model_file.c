@@ -215,7 +215,7 @@ static hada_status get_metadata(const hada_tensors *file, const char *path, hada
 static hada_status check_part(const hada_tensors *file, const char *path, const part *want, const void **data,
                               hada_error *err)
 {
-    const hada_tensor *tensor = hada_tensors_find(file, want->name);
+    const hada_stored_tensor *tensor = hada_tensors_find(file, want->name);
     if (!tensor)
         return missing(path, want->name, err);
     int same = tensor->type == want->type && tensor->dims == want->dims && tensor->bytes == want->bytes;
@@ -271,7 +271,7 @@ static hada_status load(hada_model **out, hada_tensors *file, const char *path, 
     hada_status status = get_metadata(file, path, &info, err);
     if (status)
         return status;
-    const hada_tensor *filter = hada_tensors_find(file, "filter");
+    const hada_stored_tensor *filter = hada_tensors_find(file, "filter");
     if (!filter || filter->dims != 5 || (filter->type != HADA_F32 && filter->type != HADA_F16))
         return missing(path, "the tensor filter (float32 or float16, five dimensions)", err);
     if (filter->shape[0] > 4096 || filter->shape[1] > 64)

@@ -148,14 +148,14 @@ static hada_status foreign(const char *path, const char *what, hada_error *err)
 
 /* Copies the small tensors and holds them against the fitter; finds the sums. */
 static hada_status check_file(const hada_fitter *fitter, const hada_tensors *file, const char *path, small list[SMALL],
-                              const hada_tensor **sums, hada_error *err)
+                              const hada_stored_tensor **sums, hada_error *err)
 {
     const hada_model_info *info = &fitter->info;
     const char *format = hada_tensors_meta(file, "format");
     if (!format || strcmp(format, FORMAT))
         return hada_fail(err, HADA_ERROR_FILE_FORMAT, "%s does not hold the sums of a fit (format %s)", path, FORMAT);
     for (int i = 0; i < SMALL; i++) {
-        const hada_tensor *tensor = hada_tensors_find(file, list[i].name);
+        const hada_stored_tensor *tensor = hada_tensors_find(file, list[i].name);
         if (!tensor || tensor->type != HADA_F64 || tensor->dims != list[i].dims)
             return hada_fail(err, HADA_ERROR_FILE_FORMAT, "%s: the tensor %s is missing or damaged", path,
                              list[i].name);
@@ -174,7 +174,7 @@ static hada_status check_file(const hada_fitter *fitter, const hada_tensors *fil
     }
     if (list[2].values[0] != info->dark)
         return foreign(path, "the dark level differs", err);
-    const hada_tensor *tensor = *sums = hada_tensors_find(file, "sums");
+    const hada_stored_tensor *tensor = *sums = hada_tensors_find(file, "sums");
     if (!tensor || tensor->type != HADA_F32 || tensor->dims != 6 || tensor->shape[3] != 2 ||
         (uintptr_t)tensor->data % sizeof(float))
         return hada_fail(err, HADA_ERROR_FILE_FORMAT, "%s: the tensor sums is missing or damaged", path);
@@ -196,8 +196,8 @@ static hada_status check_file(const hada_fitter *fitter, const hada_tensors *fil
 }
 
 /* Adds the file's sums of one depth to those on the device. */
-static hada_status merge_depth(hada_fitter *fitter, int z, const hada_tensor *sums, hada_buffer *more, float *blocks,
-                               hada_error *err)
+static hada_status merge_depth(hada_fitter *fitter, int z, const hada_stored_tensor *sums, hada_buffer *more,
+                               float *blocks, hada_error *err)
 {
     const size_t plane = hada_model_info_plane(&fitter->info), in_file = (size_t)sums->shape[2];
     const size_t parts = 2 * (size_t)fitter->sum_count;
@@ -223,7 +223,7 @@ static hada_status merge_depth(hada_fitter *fitter, int z, const hada_tensor *su
 hada_status hada_fitter_load_sums(hada_fitter *fitter, const char *path, hada_error *err)
 {
     hada_tensors *file;
-    const hada_tensor *sums = NULL;
+    const hada_stored_tensor *sums = NULL;
     small list[SMALL];
     double *values = NULL;
     float *blocks = NULL;

@@ -16,8 +16,9 @@ static hada_status read_camera(const hada_tensors *file, const char *path, hada_
     int grid_rows, grid_cols;
     char boundary[16];
     const char *sizes = hada_tensors_meta(file, "sizes");
-    const hada_tensor *sums = hada_tensors_find(file, "sums"), *distances = hada_tensors_find(file, "distances_mm"),
-                      *dark = hada_tensors_find(file, "dark");
+    const hada_stored_tensor *sums = hada_tensors_find(file, "sums"),
+                             *distances = hada_tensors_find(file, "distances_mm"),
+                             *dark = hada_tensors_find(file, "dark");
     if (!sizes || !sums || sums->dims != 6 || !distances || distances->type != HADA_F64 || distances->dims != 1 ||
         distances->shape[0] != sums->shape[0] || !dark || dark->type != HADA_F64 || dark->bytes != sizeof(double) ||
         sums->shape[0] < 1 || sums->shape[0] > 100000 || sums->shape[1] < 1 || sums->shape[1] > 100000)

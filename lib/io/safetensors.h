@@ -31,14 +31,14 @@ const char *hada_dtype_name(hada_dtype type);
 hada_dtype hada_dtype_find(const char *name); /* 0 where unknown */
 
 #define HADA_TENSOR_DIMS 8
-typedef struct hada_tensor {
+typedef struct hada_stored_tensor {
     const char *name;
     hada_dtype type;
     int dims;
     int64_t shape[HADA_TENSOR_DIMS];
     const void *data; /* into the mapped file; hada_tensor_copy_f32 reads it at any alignment */
     size_t bytes;
-} hada_tensor;
+} hada_stored_tensor;
 
 typedef struct hada_tensors hada_tensors;
 /* Maps the file and checks the whole header (offsets inside the file, no overlap, sizes equal shapes) before anything
@@ -49,12 +49,13 @@ void hada_tensors_close(hada_tensors **tensors);
 /* Gives the memory of pages read so far back to the system; they are read again from the file when touched. */
 void hada_tensors_forget(const hada_tensors *tensors);
 size_t hada_tensors_count(const hada_tensors *tensors);
-const hada_tensor *hada_tensors_at(const hada_tensors *tensors, size_t index);
-const hada_tensor *hada_tensors_find(const hada_tensors *tensors, const char *name); /* NULL where absent */
+const hada_stored_tensor *hada_tensors_at(const hada_tensors *tensors, size_t index);
+const hada_stored_tensor *hada_tensors_find(const hada_tensors *tensors, const char *name); /* NULL where absent */
 /* Metadata value of a key, NULL where absent. */
 const char *hada_tensors_meta(const hada_tensors *tensors, const char *key);
 /* Copies `count` values from `first` as float32, converting from any float type (F64 rounds to nearest). */
-hada_status hada_tensor_copy_f32(const hada_tensor *tensor, size_t first, size_t count, float *out, hada_error *err);
+hada_status hada_tensor_copy_f32(const hada_stored_tensor *tensor, size_t first, size_t count, float *out,
+                                 hada_error *err);
 
 /* Writing: declare everything, then supply the data in the order declared. The data begin at a multiple of 8 bytes and
  * tensors stand without gaps, as the format asks: declare 8-byte types first, bytes last, to keep each one aligned. */

@@ -16,7 +16,7 @@
 struct hada_tensors {
     json_t *header;
     const json_t *meta;
-    hada_tensor *list;
+    hada_stored_tensor *list;
     size_t count;
     void *map;
     size_t map_bytes;
@@ -64,7 +64,7 @@ static hada_status bad(hada_error *err, const char *name, const char *why)
 
 /* Checks one entry and fills *tensor; `data` of `data_bytes` is what follows the header. */
 static hada_status read_entry(const char *name, const json_t *entry, const unsigned char *data, uint64_t data_bytes,
-                              hada_tensor *tensor, hada_error *err)
+                              hada_stored_tensor *tensor, hada_error *err)
 {
     const json_t *dtype = json_object_get(entry, "dtype"), *shape = json_object_get(entry, "shape"),
                  *offsets = json_object_get(entry, "data_offsets");
@@ -112,7 +112,7 @@ static hada_status read_entry(const char *name, const json_t *entry, const unsig
 
 static int by_place(const void *a, const void *b)
 {
-    const hada_tensor *left = a, *right = b;
+    const hada_stored_tensor *left = a, *right = b;
     if (left->data != right->data)
         return left->data < right->data ? -1 : 1;
     if (left->bytes != right->bytes)
@@ -157,7 +157,8 @@ static hada_status parse(hada_tensors *tensors, hada_error *err)
     if (status)
         return status;
     void *list;
-    status = hada_alloc(&list, json_object_size(tensors->header), sizeof(hada_tensor), "the list of tensors", err);
+    status =
+        hada_alloc(&list, json_object_size(tensors->header), sizeof(hada_stored_tensor), "the list of tensors", err);
     if (status)
         return status;
     tensors->list = list;
@@ -174,7 +175,7 @@ static hada_status parse(hada_tensors *tensors, hada_error *err)
             return status;
         tensors->count++;
     }
-    qsort(tensors->list, tensors->count, sizeof(hada_tensor), by_place);
+    qsort(tensors->list, tensors->count, sizeof(hada_stored_tensor), by_place);
     const unsigned char *expected = data;
     for (size_t i = 0; i < tensors->count; i++) {
         const unsigned char *at = tensors->list[i].data;
@@ -256,12 +257,12 @@ size_t hada_tensors_count(const hada_tensors *tensors)
     return tensors->count;
 }
 
-const hada_tensor *hada_tensors_at(const hada_tensors *tensors, size_t index)
+const hada_stored_tensor *hada_tensors_at(const hada_tensors *tensors, size_t index)
 {
     return index < tensors->count ? &tensors->list[index] : NULL;
 }
 
-const hada_tensor *hada_tensors_find(const hada_tensors *tensors, const char *name)
+const hada_stored_tensor *hada_tensors_find(const hada_tensors *tensors, const char *name)
 {
     for (size_t i = 0; i < tensors->count; i++)
         if (!strcmp(tensors->list[i].name, name))
@@ -274,7 +275,8 @@ const char *hada_tensors_meta(const hada_tensors *tensors, const char *key)
     return json_string_value(json_object_get(tensors->meta, key));
 }
 
-hada_status hada_tensor_copy_f32(const hada_tensor *tensor, size_t first, size_t count, float *out, hada_error *err)
+hada_status hada_tensor_copy_f32(const hada_stored_tensor *tensor, size_t first, size_t count, float *out,
+                                 hada_error *err)
 {
     size_t size = hada_dtype_bytes(tensor->type), total = size ? tensor->bytes / size : 0;
     if (first > total || count > total - first)

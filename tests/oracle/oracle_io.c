@@ -84,7 +84,7 @@ static int read_tensors(const char *path)
     if (status)
         return report(status, &err);
     for (size_t i = 0; i < hada_tensors_count(tensors); i++) {
-        const hada_tensor *tensor = hada_tensors_at(tensors, i);
+        const hada_stored_tensor *tensor = hada_tensors_at(tensors, i);
         printf("%s %s", tensor->name, hada_dtype_name(tensor->type));
         for (int d = 0; d < tensor->dims; d++)
             printf(" %lld", (long long)tensor->shape[d]);

@@ -117,7 +117,7 @@ static void rewrite(const char *path, const char *key, const char *value, const 
     }
     for (int pass = 0; pass < 2; pass++)
         for (size_t i = 0; i < hada_tensors_count(file); i++) {
-            const hada_tensor *tensor = hada_tensors_at(file, i);
+            const hada_stored_tensor *tensor = hada_tensors_at(file, i);
             int64_t shape[HADA_TENSOR_DIMS];
             size_t bytes = tensor->bytes;
             memcpy(shape, tensor->shape, sizeof shape);

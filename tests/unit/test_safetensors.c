@@ -17,7 +17,7 @@ static void test_golden(void **state)
     assert_null(hada_tensors_meta(tensors, "absent"));
     assert_null(hada_tensors_find(tensors, "absent"));
     float values[70];
-    const hada_tensor *weight = hada_tensors_find(tensors, "weight");
+    const hada_stored_tensor *weight = hada_tensors_find(tensors, "weight");
     assert_int_equal(weight->dims, 3);
     assert_int_equal(weight->shape[0], 2);
     assert_int_equal(weight->shape[2], 5);
@@ -195,7 +195,7 @@ static void test_cut_and_flipped(void **state)
         assert_true(length == bytes);
         for (size_t i = 0; i < hada_tensors_count(tensors); i++) {
             float values[70];
-            const hada_tensor *tensor = hada_tensors_at(tensors, i);
+            const hada_stored_tensor *tensor = hada_tensors_at(tensors, i);
             size_t count = tensor->bytes / hada_dtype_bytes(tensor->type);
             hada_tensor_copy_f32(tensor, 0, count < 70 ? count : 70, values, NULL);
         }

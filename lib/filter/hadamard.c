@@ -21,6 +21,18 @@ static hada_fft_desc forward_desc(const hada_model_info *info, const hada_geomet
                            .real_distance = (size_t)info->raw_rows * (size_t)info->raw_cols};
 }
 
+static hada_fft_desc whole_desc(int rows, int cols, int batch)
+{
+    return (hada_fft_desc){.direction = HADA_FFT_INVERSE,
+                           .rows = rows,
+                           .cols = cols,
+                           .batch = batch,
+                           .real_rows = rows,
+                           .real_cols = cols,
+                           .real_pitch = (size_t)cols,
+                           .real_distance = (size_t)rows * (size_t)cols};
+}
+
 static hada_fft_desc inverse_desc(const hada_model_info *info, const hada_geometry *geometry, int batch)
 {
     return (hada_fft_desc){.direction = HADA_FFT_INVERSE,
@@ -50,6 +62,17 @@ uint64_t hada_hadamard_bytes(const hada_context *context, const hada_model_info 
     const uint64_t frame = (uint64_t)info->raw_rows * (uint64_t)info->raw_cols * 4u;
     return (uint64_t)info->channels * (frame + (uint64_t)layout.count * 8u) + hada_fft_bytes(context, &forward) +
            hada_fft_bytes(context, &inverse);
+}
+
+uint64_t hada_hadamard_unpruned_bytes(const hada_context *context, const hada_model_info *info, int batch)
+{
+    hada_geometry geometry;
+    if (hada_geometry_of(info, &geometry, NULL))
+        return 0;
+    const hada_fft_desc pruned = inverse_desc(info, &geometry, batch),
+                        whole = whole_desc(info->grid_rows, info->grid_cols, batch * info->channels);
+    return (uint64_t)whole.batch * whole.real_distance * sizeof(float) + hada_fft_bytes(context, &whole) -
+           hada_fft_bytes(context, &pruned);
 }
 
 hada_status hada_hadamard_create(hada_hadamard **out, hada_slot *slot, const hada_model_info *info, int batch,
@@ -102,7 +125,21 @@ void hada_hadamard_destroy(hada_hadamard **pointer)
     hada_buffer_destroy(&stage->raw);
     hada_buffer_destroy(&stage->dark);
     hada_buffer_destroy(&stage->spectrum);
+    hada_buffer_destroy(&stage->whole);
     free(stage);
+}
+
+hada_status hada_hadamard_unprune(hada_hadamard *stage, hada_error *err)
+{
+    const hada_fft_desc desc = whole_desc(stage->layout.rows, stage->layout.cols, stage->batch * stage->channels);
+    hada_status status = hada_slot_finish(stage->slot, err);
+    hada_fft_destroy(&stage->inverse);
+    if (!status)
+        status = hada_fft_create(&stage->inverse, stage->slot, &desc, err);
+    if (!status)
+        status = hada_buffer_create(&stage->whole, stage->slot->context,
+                                    (size_t)desc.batch * desc.real_distance * sizeof(float), "the whole planes", err);
+    return status;
 }
 
 hada_status hada_hadamard_set_dark(hada_hadamard *stage, const float *dark, hada_error *err)
@@ -136,14 +173,121 @@ static hada_status subtract(hada_hadamard *stage, int channel, double level, had
     return status;
 }
 
+/* Where a channel's spectrum or plane comes from. */
+static int source_of(const int *list, int channel)
+{
+    return list ? list[channel] : channel;
+}
+
+static int all_computed(const hada_hadamard *stage, const int *list)
+{
+    for (int c = 0; c < stage->channels; c++)
+        if (source_of(list, c) != c)
+            return 0;
+    return 1;
+}
+
+/* Spectra of the channels, each by itself where some need no transform. */
+static hada_status transform(hada_hadamard *stage, hada_error *err)
+{
+    const int *list = stage->part.spectra;
+    const size_t frame = (size_t)stage->raw_rows * (size_t)stage->raw_cols, count = stage->layout.count;
+    const float zero = 0.0f;
+    hada_status status = HADA_OK;
+    if (all_computed(stage, list))
+        return hada_fft_forward(stage->forward, stage->channels, stage->raw.mem, 0, stage->spectrum.mem, 0, err);
+    for (int c = 0; !status && c < stage->channels; c++) {
+        const int source = source_of(list, c);
+        const size_t to = (size_t)c * count;
+        cl_int code = CL_SUCCESS;
+        if (source == c)
+            status =
+                hada_fft_forward(stage->forward, 1, stage->raw.mem, (size_t)c * frame, stage->spectrum.mem, to, err);
+        else if (source == HADA_CHANNEL_BLACK)
+            code = clEnqueueFillBuffer(stage->slot->queue, stage->spectrum.mem, &zero, sizeof zero, to * 8, count * 8,
+                                       0, NULL, NULL);
+        else
+            code = clEnqueueCopyBuffer(stage->slot->queue, stage->spectrum.mem, stage->spectrum.mem,
+                                       (size_t)source * count * 8, to * 8, count * 8, 0, NULL, NULL);
+        if (code != CL_SUCCESS)
+            status = hada_fail_cl(err, code, "writing the spectrum of a channel");
+    }
+    return status;
+}
+
 hada_status hada_hadamard_frame(hada_hadamard *stage, const float *raw, const double *levels, hada_error *err)
 {
     hada_status status = hada_buffer_write(&stage->raw, stage->slot, 0, raw, stage->raw.bytes, err);
     for (int c = 0; !status && c < stage->channels; c++)
         if (stage->has_dark || (levels && levels[c] != 0.0))
             status = subtract(stage, c, levels ? levels[c] : 0.0, err);
-    if (!status)
-        status = hada_fft_forward(stage->forward, stage->channels, stage->raw.mem, 0, stage->spectrum.mem, 0, err);
+    return status ? status : transform(stage, err);
+}
+
+/* Inverse transforms of `batch` members into the planes, by way of the whole grid where that is not pruned. */
+static hada_status invert(hada_hadamard *stage, const hada_fft_filter *filter, int batch, size_t spectrum_offset,
+                          cl_mem planes, size_t offset, hada_error *err)
+{
+    const size_t window = (size_t)stage->window_rows * (size_t)stage->window_cols;
+    const size_t cols = (size_t)stage->layout.cols, step = (size_t)(filter->stride ? filter->stride : 1);
+    if (!stage->whole.mem)
+        return hada_fft_inverse(stage->inverse, batch, stage->spectrum.mem, spectrum_offset, planes, offset, filter,
+                                err);
+    hada_status status =
+        hada_fft_inverse(stage->inverse, batch, stage->spectrum.mem, spectrum_offset, stage->whole.mem, 0, filter, err);
+    for (size_t i = 0; !status && i < (size_t)batch; i++) {
+        const size_t from[3] = {(size_t)stage->geometry.window_col * 4, (size_t)stage->geometry.window_row, i * step},
+                     to[3] = {(offset + i * step * window) * 4, 0, 0},
+                     size[3] = {(size_t)stage->window_cols * 4, (size_t)stage->window_rows, 1};
+        const cl_int code =
+            clEnqueueCopyBufferRect(stage->slot->queue, stage->whole.mem, planes, from, to, size, cols * 4,
+                                    (size_t)stage->layout.rows * cols * 4, size[0], 0, 0, NULL, NULL);
+        if (code != CL_SUCCESS)
+            status = hada_fail_cl(err, code, "clEnqueueCopyBufferRect");
+    }
+    return status;
+}
+
+/* Planes of a channel that are not computed, of `depths` depths. */
+static hada_status give_planes(hada_hadamard *stage, int channel, int source, int depths, cl_mem planes, size_t offset,
+                               hada_error *err)
+{
+    const size_t bytes = (size_t)stage->window_rows * (size_t)stage->window_cols * 4,
+                 channels = (size_t)stage->channels;
+    const float zero = 0.0f;
+    cl_int code = CL_SUCCESS;
+    for (size_t z = 0; code == CL_SUCCESS && z < (size_t)depths; z++) {
+        const size_t to = offset * 4 + (z * channels + (size_t)channel) * bytes;
+        if (source == HADA_CHANNEL_BLACK)
+            code = clEnqueueFillBuffer(stage->slot->queue, planes, &zero, sizeof zero, to, bytes, 0, NULL, NULL);
+        else
+            code = clEnqueueCopyBuffer(stage->slot->queue, planes, planes,
+                                       offset * 4 + (z * channels + (size_t)source) * bytes, to, bytes, 0, NULL, NULL);
+    }
+    return code == CL_SUCCESS ? HADA_OK : hada_fail_cl(err, code, "writing the planes of a channel");
+}
+
+/* `here` depths with the filters from `first_image` on. */
+static hada_status run_batch(hada_hadamard *stage, hada_fft_filter *filter, int first_image, int here, cl_mem planes,
+                             size_t offset, hada_error *err)
+{
+    const size_t window = (size_t)stage->window_rows * (size_t)stage->window_cols;
+    const int *list = stage->part.planes;
+    hada_status status = HADA_OK;
+    filter->filter_first = first_image;
+    filter->spectrum_count = stage->channels;
+    filter->stride = 1;
+    if (all_computed(stage, list))
+        return invert(stage, filter, here * stage->channels, 0, planes, offset, err);
+    filter->spectrum_count = 1;
+    filter->stride = stage->channels;
+    for (int c = 0; !status && c < stage->channels; c++) {
+        const int source = source_of(list, c);
+        filter->filter_first = first_image + c;
+        status = source == c ? invert(stage, filter, here, (size_t)c * stage->layout.count, planes,
+                                      offset + (size_t)c * window, err)
+                             : give_planes(stage, c, source, here, planes, offset, err);
+    }
     return status;
 }
 
@@ -163,13 +307,13 @@ hada_status hada_hadamard_run(hada_hadamard *stage, const hada_bank *bank, int f
             here = stage->batch;
         if (here > count - done)
             here = count - done;
-        const hada_fft_filter filter = {.product = bank->product,
-                                        .filter = mem,
-                                        .half = bank->half,
-                                        .spectrum_count = stage->channels,
-                                        .filter_first = (int)first_image};
-        status = hada_fft_inverse(stage->inverse, here * stage->channels, stage->spectrum.mem, 0, planes,
-                                  offset + (size_t)done * (size_t)stage->channels * window, &filter, err);
+        hada_fft_filter filter = {.product = bank->product,
+                                  .filter = mem,
+                                  .half = bank->half,
+                                  .band_rows = stage->part.band_rows,
+                                  .band_cols = stage->part.band_cols};
+        status = run_batch(stage, &filter, (int)first_image, here, planes,
+                           offset + (size_t)done * (size_t)stage->channels * window, err);
         done += here;
     }
     return status;

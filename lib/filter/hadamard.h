@@ -9,6 +9,15 @@
 #include "filter/bank.h"
 #include "filter/model.h"
 
+/* What of a frame is computed; all zero: everything. Where the channels' lists are given, channel c is computed if
+ * list[c] is c, copied from an earlier channel if it is that one's number, and zero if it is HADA_CHANNEL_BLACK. */
+enum { HADA_CHANNEL_BLACK = -1 };
+typedef struct hada_hadamard_part {
+    int band_rows, band_cols; /* frequencies that the planes are made of, as in hada_fft_desc; 0, 0: all */
+    const int *spectra;       /* how the channels' spectra come about; NULL: all are computed */
+    const int *planes;        /* the same for their planes */
+} hada_hadamard_part;
+
 typedef struct hada_hadamard {
     hada_slot *slot;
     hada_geometry geometry;
@@ -19,7 +28,9 @@ typedef struct hada_hadamard {
     hada_buffer raw;      /* channels x raw frame, dark already taken off */
     hada_buffer dark;     /* a frame, empty until one is set */
     hada_buffer spectrum; /* channels x layout.count complex numbers */
+    hada_buffer whole;    /* not pruned: a batch's images of the whole grid */
     hada_fft *forward, *inverse;
+    hada_hadamard_part part; /* of the frame in hand; the caller's to set before each call */
 } hada_hadamard;
 
 /* Bytes of device memory that a stage will hold, without its bank and output. */
@@ -32,6 +43,11 @@ hada_spectrum_layout hada_hadamard_layout(const hada_context *context, const had
 hada_status hada_hadamard_create(hada_hadamard **out, hada_slot *slot, const hada_model_info *info, int batch,
                                  hada_error *err);
 void hada_hadamard_destroy(hada_hadamard **stage);
+
+/* From now on the inverse transforms compute the whole grid, of which the window is cut: to compare with. The bits are
+ * the same. It needs so many more bytes. */
+hada_status hada_hadamard_unprune(hada_hadamard *stage, hada_error *err);
+uint64_t hada_hadamard_unpruned_bytes(const hada_context *context, const hada_model_info *info, int batch);
 
 /* A dark frame (channels x raw size, planar) that every following frame has taken off, beside the level; NULL: none. */
 hada_status hada_hadamard_set_dark(hada_hadamard *stage, const float *dark, hada_error *err);

@@ -20,4 +20,9 @@ void hada_ref_product(const float *in, const float *filter, int product, int row
 double hada_ref_explain(int depths, const double *h, const double *u, const double *b, double prior,
                         const double *doubt, double *rest);
 
+/* The energy of a half spectrum in strips of rows by groups of `wide` columns, [strip][group]: a value adds |in|^2,
+ * twice where its mirror image is not in the half spectrum, to the first strip with min(ky, rows - ky) <= last[strip].
+ */
+void hada_ref_tiles(const float *in, int rows, int cols, int strips, const int *last, int wide, double *out);
+
 #endif

@@ -1,0 +1,120 @@
+#include "filter/tiles.h"
+
+#include <stdlib.h>
+
+#include "core/alloc.h"
+#include "program/kernel.h"
+
+hada_tiles hada_tiles_of(const hada_spectrum_layout *layout)
+{
+    const int rows = layout->rows / 2, cols = layout->cols / 2;
+    hada_tiles tiles = {.layout = *layout, .groups = cols / HADA_TILE_COLS + 1};
+    for (int i = 0; i < HADA_BANDS; i++) {
+        const int groups = ((i + 1) * tiles.groups + HADA_BANDS - 1) / HADA_BANDS;
+        tiles.row_last[i] = (int)((long long)(i + 1) * rows / HADA_BANDS);
+        tiles.col_last[i] = groups * HADA_TILE_COLS - 1 < cols ? groups * HADA_TILE_COLS - 1 : cols;
+    }
+    return tiles;
+}
+
+static int smallest(const int *last, int value)
+{
+    int i = 0;
+    while (i < HADA_BANDS - 1 && last[i] < value)
+        i++;
+    return i;
+}
+
+static int last_column(const hada_tiles *tiles, size_t tile)
+{
+    const int last = (int)(tile % (size_t)tiles->groups) * HADA_TILE_COLS + HADA_TILE_COLS - 1;
+    return last < tiles->layout.cols / 2 ? last : tiles->layout.cols / 2;
+}
+
+size_t hada_tiles_index(const hada_tiles *tiles, int ky, int kx)
+{
+    const int distance = ky < tiles->layout.rows - ky ? ky : tiles->layout.rows - ky;
+    return (size_t)smallest(tiles->row_last, distance) * (size_t)tiles->groups + (size_t)(kx / HADA_TILE_COLS);
+}
+
+int hada_tiles_inside(const hada_tiles *tiles, size_t tile, int band_rows, int band_cols)
+{
+    const size_t strip = tile / (size_t)tiles->groups;
+    return tiles->row_last[strip] <= band_rows && last_column(tiles, tile) <= band_cols;
+}
+
+int hada_tiles_band(const hada_tiles *tiles, size_t tile)
+{
+    const int strip = (int)(tile / (size_t)tiles->groups);
+    const int by_column = smallest(tiles->col_last, last_column(tiles, tile));
+    return strip > by_column ? strip : by_column;
+}
+
+double hada_tiles_share_outside(const hada_tiles *tiles, int band_rows, int band_cols)
+{
+    const int rows = tiles->layout.rows, cols = tiles->layout.cols / 2 + 1;
+    const int high = 2 * band_rows + 1 < rows ? 2 * band_rows + 1 : rows,
+              wide = band_cols + 1 < cols ? band_cols + 1 : cols;
+    return 1.0 - (double)high * wide / ((double)rows * cols);
+}
+
+uint64_t hada_meter_bytes(const hada_spectrum_layout *layout, int channels)
+{
+    const hada_tiles tiles = hada_tiles_of(layout);
+    return (uint64_t)channels * hada_tiles_count(&tiles) * sizeof(float) + sizeof tiles.row_last;
+}
+
+hada_status hada_meter_create(hada_meter **out, hada_slot *slot, const hada_spectrum_layout *layout, int channels,
+                              hada_error *err)
+{
+    hada_meter *meter;
+    *out = NULL;
+    hada_status status = hada_alloc((void **)&meter, 1, sizeof *meter, "the measure of spectra", err);
+    if (status)
+        return status;
+    meter->tiles = hada_tiles_of(layout);
+    meter->slot = slot;
+    meter->channels = channels;
+    status = hada_buffer_create_from(&meter->last, slot, meter->tiles.row_last, sizeof meter->tiles.row_last,
+                                     "the measure of spectra", err);
+    if (!status)
+        status = hada_buffer_create(&meter->energy, slot->context,
+                                    (size_t)channels * hada_tiles_count(&meter->tiles) * sizeof(float),
+                                    "the measure of spectra", err);
+    if (status)
+        hada_meter_destroy(&meter);
+    *out = meter;
+    return status;
+}
+
+void hada_meter_destroy(hada_meter **pointer)
+{
+    if (!pointer || !*pointer)
+        return;
+    hada_meter *meter = *pointer;
+    *pointer = NULL;
+    hada_buffer_destroy(&meter->last);
+    hada_buffer_destroy(&meter->energy);
+    free(meter);
+}
+
+hada_status hada_meter_run(hada_meter *meter, cl_mem spectrum, hada_error *err)
+{
+    const hada_spectrum_layout *layout = &meter->tiles.layout;
+    const cl_ulong channel_count = layout->count;
+    const cl_int rows = layout->rows, cols = layout->cols, block = layout->block, strips = HADA_BANDS,
+                 groups = meter->tiles.groups;
+    const cl_uint count = (cl_uint)(meter->energy.bytes / sizeof(float));
+    const size_t local = 64, global = (count + local - 1) / local * local;
+    cl_kernel kernel;
+    hada_status status = hada_slot_kernel(meter->slot, "filter_tiles", "filter_tiles", "", &kernel, err);
+    const hada_arg args[] = {
+        HADA_ARG(spectrum), HADA_ARG(channel_count),    HADA_ARG(rows),   HADA_ARG(cols),
+        HADA_ARG(block),    HADA_ARG(strips),           HADA_ARG(groups), HADA_ARG(meter->last.mem),
+        HADA_ARG(count),    HADA_ARG(meter->energy.mem)};
+    const double values = (double)layout->count * meter->channels;
+    hada_slot_cost(meter->slot, 8.0 * values, 4.0 * values);
+    return status
+               ? status
+               : hada_slot_launch(meter->slot, kernel, "filter_tiles", 1, &global, &local, args, HADA_COUNT(args), err);
+}

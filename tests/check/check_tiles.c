@@ -1,0 +1,82 @@
+/* The energy of spectra in tiles: whole numbers, exact. What stands in the padding does not count. */
+#include <math.h>
+#include <stdlib.h>
+
+#include "check.h"
+#include "core/alloc.h"
+#include "filter/layout.h"
+#include "filter/tiles.h"
+#include "ref/ref_spectrum.h"
+
+typedef struct tiles_state {
+    hada_meter *meter;
+    hada_buffer in;
+} tiles_state;
+
+static hada_status fill(check_state *state, tiles_state *own, const hada_spectrum_layout *layout, int channels,
+                        hada_error *err)
+{
+    const hada_tiles *tiles = &own->meter->tiles;
+    const size_t plane = (size_t)layout->rows * (size_t)(layout->cols / 2 + 1), count = layout->count;
+    float *rows = NULL, *blocks = NULL;
+    hada_status status = hada_alloc((void **)&rows, 2 * plane, sizeof *rows, "the check", err);
+    if (!status)
+        status = hada_alloc((void **)&blocks, 2 * count * (size_t)channels, sizeof *blocks, "the check", err);
+    for (int c = 0; !status && c < channels; c++) {
+        float *out = blocks + 2 * count * (size_t)c;
+        check_fill_integers(state, (uint64_t)c, rows, 2 * plane, 9);
+        hada_layout_pack(layout, rows, out);
+        for (int ky = 0; ky < layout->rows; ky++)
+            for (int kx = layout->cols / 2 + 1; kx < layout->blocks * layout->block; kx++)
+                out[2 * hada_spectrum_index(layout, ky, kx)] = NAN;
+        hada_ref_tiles(rows, layout->rows, layout->cols, HADA_BANDS, tiles->row_last, HADA_TILE_COLS,
+                       state->expected + (size_t)c * hada_tiles_count(tiles));
+    }
+    if (!status)
+        status = check_upload(state, &own->in, blocks, 8 * count * (size_t)channels, err);
+    free(rows);
+    free(blocks);
+    return status;
+}
+
+static hada_status prepare(check_state *state, hada_error *err)
+{
+    tiles_state *own = calloc(1, sizeof *own);
+    if (!own)
+        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    state->own = own;
+    const int rows = check_get(state, 'r', 16), cols = check_get(state, 'c', 16), block = check_get(state, 'b', 8),
+              channels = check_get(state, 'k', 1);
+    const int blocks = (cols / 2 + block) / block;
+    const hada_spectrum_layout layout = {rows, cols, block, blocks, (size_t)blocks * (size_t)rows * (size_t)block};
+    hada_status status = hada_meter_create(&own->meter, state->slot, &layout, channels, err);
+    if (!status)
+        status = check_output(state, (size_t)channels * hada_tiles_count(&own->meter->tiles), err);
+    state->bytes = 8.0 * (double)layout.count * channels;
+    return status ? status : fill(state, own, &layout, channels, err);
+}
+
+static hada_status launch(check_state *state, hada_error *err)
+{
+    tiles_state *own = state->own;
+    hada_status status = hada_meter_run(own->meter, own->in.mem, err);
+    if (status)
+        return status;
+    const cl_int code =
+        clEnqueueCopyBuffer(state->slot->queue, own->meter->energy.mem, state->out.mem, 0,
+                            state->out_offset * sizeof(float), state->out_count * sizeof(float), 0, NULL, NULL);
+    return code == CL_SUCCESS ? HADA_OK : hada_fail_cl(err, code, "clEnqueueCopyBuffer");
+}
+
+static void release(check_state *state)
+{
+    tiles_state *own = state->own;
+    if (!own)
+        return;
+    hada_meter_destroy(&own->meter);
+    hada_buffer_destroy(&own->in);
+    free(own);
+}
+
+const check_op check_tiles = {"filter_tiles", "r rows, c columns, b block of the layout, k channels", prepare, launch,
+                              release};

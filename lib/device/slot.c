@@ -62,6 +62,8 @@ hada_status hada_slot_launch(hada_slot *slot, cl_kernel kernel, const char *name
 {
     cl_int code;
     hada_status status;
+    if (slot->stop && atomic_load(slot->stop))
+        return hada_fail(err, HADA_ERROR_CANCELLED, "the work was cancelled");
     for (size_t i = 0; i < arg_count; i++) {
         code = clSetKernelArg(kernel, (cl_uint)i, args[i].size, args[i].value);
         if (code != CL_SUCCESS) {

@@ -5,6 +5,8 @@
 #ifndef HADA_DEVICE_SLOT_H
 #define HADA_DEVICE_SLOT_H
 
+#include <stdatomic.h>
+
 #include "device/device.h"
 
 /* A kernel object that the slot owns; program/kernel.c adds them. */
@@ -24,6 +26,7 @@ typedef struct hada_slot {
     const char *stage;     /* what the slot works at, for profiles; a constant text or NULL */
     double cost_bytes, cost_flops;
     cl_event event;
+    const atomic_int *stop; /* where set and not 0, launches are refused: HADA_ERROR_CANCELLED */
 } hada_slot;
 
 hada_status hada_slot_create(hada_slot **out, hada_context *context, hada_error *err);

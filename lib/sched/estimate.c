@@ -19,7 +19,9 @@ hada_status hada_plan_estimate(hada_context *context, const hada_model *model, c
     const uint64_t pixels = (uint64_t)info->window_rows * (uint64_t)info->window_cols;
     const uint64_t plane = 4 * pixels * (uint64_t)info->channels;
     const uint64_t frame = 4 * (uint64_t)info->raw_rows * (uint64_t)info->raw_cols * (uint64_t)info->channels;
-    *device_bytes = hada_share_bytes(context, model, &shape) + hada_lane_bytes(context, model, &shape);
+    const int batch = hada_lane_batch(context, model, &shape, shape.queues);
+    *device_bytes = hada_share_bytes(context, model, &shape) +
+                    (uint64_t)shape.queues * hada_lane_bytes(context, model, &shape, batch);
     /* the result, and a copy of the frame while broken pixels are repaired */
     *host_bytes = plane * (uint64_t)shape.depths + plane + 4 * pixels + (options->repair_not_finite ? 2 * frame : 0);
     return HADA_OK;

@@ -1,10 +1,34 @@
 #include "sched/frame.h"
 
 #include <math.h>
+#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "core/alloc.h"
+
+hada_status hada_frame_check_range(const hada_image *frame, double points, hada_error *err)
+{
+    const size_t count = hada_image_count(frame);
+    uint32_t most = 0; /* patterns of positive floats rise with them, and compilers make vectors of this loop */
+    for (size_t i = 0; i < count; i++) {
+        uint32_t bits;
+        memcpy(&bits, &frame->data[i], sizeof bits);
+        bits &= 0x7fffffffu;
+        bits = bits < 0x7f800000u ? bits : 0;
+        most = bits > most ? bits : most;
+    }
+    float largest;
+    memcpy(&largest, &most, sizeof largest);
+    if ((largest > 0.0f && largest < 0x1p-40f) || largest * points > 0x1p63)
+        return hada_fail(
+            err, HADA_ERROR_NUMERIC,
+            "the frame's brightest pixel, %.2g, is too %s for single precision (%.2g to %.2g at this size); "
+            "multiply frames, and those that the model is fitted with, by a number that brings white to "
+            "about 1",
+            (double)largest, largest < 1.0f ? "small" : "large", 0x1p-40, 0x1p63 / points);
+    return HADA_OK;
+}
 
 static int by_value(const void *a, const void *b)
 {

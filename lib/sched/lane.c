@@ -1,16 +1,14 @@
-/* Making lanes, and the way of a frame through one. */
+/* Making lanes, and their bytes. */
 #include "sched/lane.h"
 
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "core/clock.h"
-#include "sched/result.h"
 
 /* Bytes of the buffers that the lane itself holds. */
-static size_t planes_bytes(const hada_model_info *info, const hada_plan_shape *shape)
+static size_t planes_bytes(const hada_model_info *info, const hada_plan_shape *shape, int batch)
 {
-    return shape->refined ? 0 : hada_plane_values(info) * (size_t)shape->batch * sizeof(float);
+    return shape->refined ? 0 : hada_plane_values(info) * (size_t)batch * sizeof(float);
 }
 
 static size_t pictures_bytes(const hada_model_info *info)
@@ -19,13 +17,13 @@ static size_t pictures_bytes(const hada_model_info *info)
     return (hada_plane_values(info) + pixels) * sizeof(float);
 }
 
-uint64_t hada_lane_bytes(const hada_context *context, const hada_model *model, const hada_plan_shape *shape)
+uint64_t hada_lane_bytes(const hada_context *context, const hada_model *model, const hada_plan_shape *shape, int batch)
 {
     const hada_model_info *info = hada_model_get_info(model);
     const hada_focus_desc focus = hada_plan_focus_of(info, shape);
     const uint64_t frame = 4 * (uint64_t)info->raw_rows * (uint64_t)info->raw_cols * (uint64_t)info->channels;
-    uint64_t bytes = hada_hadamard_bytes(context, info, shape->batch) + hada_focus_bytes(&focus) +
-                     planes_bytes(info, shape) + pictures_bytes(info) + (shape->dark ? frame : 0);
+    uint64_t bytes = hada_hadamard_bytes(context, info, batch) + hada_focus_bytes(&focus) +
+                     planes_bytes(info, shape, batch) + pictures_bytes(info) + (shape->dark ? frame : 0);
     if (shape->refined) {
         const hada_refine_shape refine = hada_refine_shape_of(info, shape->depths, shape->steps);
         bytes += hada_refiner_bytes(context, &refine);
@@ -37,6 +35,19 @@ uint64_t hada_lane_bytes(const hada_context *context, const hada_model *model, c
     return bytes;
 }
 
+int hada_lane_batch(const hada_context *context, const hada_model *model, const hada_plan_shape *shape, int queues)
+{
+    const uint64_t room = context->info.memory_bytes / 4 * 3, share = hada_share_bytes(context, model, shape);
+    int batch = shape->batch;
+    for (; batch > 1; batch = (batch + 1) / 2) {
+        const uint64_t lanes = (uint64_t)queues * hada_lane_bytes(context, model, shape, batch);
+        const size_t planes = planes_bytes(hada_model_get_info(model), shape, batch);
+        if (planes <= context->info.max_allocation_bytes && share + lanes <= room)
+            break;
+    }
+    return batch;
+}
+
 static hada_status make_stages(hada_lane *lane, hada_error *err)
 {
     const hada_plan *plan = lane->plan;
@@ -45,7 +56,7 @@ static hada_status make_stages(hada_lane *lane, hada_error *err)
     hada_context *context = lane->share->context;
     hada_focus_desc focus = hada_plan_focus_of(info, shape);
     focus.distances_mm = plan->distances;
-    hada_status status = hada_hadamard_create(&lane->stage, lane->slot, info, shape->batch, err);
+    hada_status status = hada_hadamard_create(&lane->stage, lane->slot, info, lane->batch, err);
     if (!status && shape->dark)
         status = hada_hadamard_set_dark(lane->stage, plan->dark_frame.data, err);
     if (!status)
@@ -60,11 +71,39 @@ static hada_status make_stages(hada_lane *lane, hada_error *err)
     if (!status && shape->pursuit)
         status = hada_lane_make_pursuit(lane, err);
     if (!status && !shape->refined)
-        status = hada_buffer_create(&lane->planes, context, planes_bytes(info, shape), "the refocused planes", err);
+        status = hada_buffer_create(&lane->planes, context, planes_bytes(info, shape, lane->batch),
+                                    "the refocused planes", err);
     return status;
 }
 
-hada_status hada_lane_create(hada_lane **out, const hada_plan *plan, const hada_share *share, hada_error *err)
+void hada_lane_clear(hada_lane *lane)
+{
+    if (lane->slot)
+        hada_slot_finish(lane->slot, NULL);
+    hada_pursuit_destroy(&lane->pursuit);
+    hada_refiner_destroy(&lane->refiner);
+    hada_focus_destroy(&lane->focus);
+    hada_buffer_destroy(&lane->planes);
+    hada_buffer_destroy(&lane->pictures);
+    hada_hadamard_destroy(&lane->stage);
+    hada_slot_destroy(&lane->slot);
+    lane->holds = 0;
+}
+
+hada_status hada_lane_ready(hada_lane *lane, hada_error *err)
+{
+    if (lane->slot)
+        return HADA_OK;
+    hada_status status = hada_slot_create(&lane->slot, lane->share->context, err);
+    if (!status)
+        status = make_stages(lane, err);
+    if (status)
+        hada_lane_clear(lane);
+    return status;
+}
+
+hada_status hada_lane_create(hada_lane **out, const hada_plan *plan, const hada_share *share, int device, int number,
+                             hada_error *err)
 {
     hada_lane *lane;
     *out = NULL;
@@ -73,11 +112,12 @@ hada_status hada_lane_create(hada_lane **out, const hada_plan *plan, const hada_
         return status;
     lane->plan = plan;
     lane->share = share;
+    lane->info.device = device;
+    lane->number = number;
+    lane->batch = share->batch;
     status = hada_alloc((void **)&lane->occupied, (size_t)plan->shape.depths, sizeof(int), "a plan", err);
     if (!status)
-        status = hada_slot_create(&lane->slot, share->context, err);
-    if (!status)
-        status = make_stages(lane, err);
+        status = hada_lane_ready(lane, err);
     if (status)
         hada_lane_destroy(&lane);
     *out = lane;
@@ -90,62 +130,7 @@ void hada_lane_destroy(hada_lane **pointer)
         return;
     hada_lane *lane = *pointer;
     *pointer = NULL;
-    if (lane->slot)
-        hada_slot_finish(lane->slot, NULL);
-    hada_pursuit_destroy(&lane->pursuit);
-    hada_refiner_destroy(&lane->refiner);
-    hada_focus_destroy(&lane->focus);
-    hada_buffer_destroy(&lane->planes);
-    hada_buffer_destroy(&lane->pictures);
-    hada_hadamard_destroy(&lane->stage);
-    hada_slot_destroy(&lane->slot);
+    hada_lane_clear(lane);
     free(lane->occupied);
     free(lane);
-}
-
-hada_status hada_lane_watch(hada_lane *lane, hada_task *task, double *seconds, hada_error *err)
-{
-    const hada_status status = hada_slot_finish(lane->slot, err);
-    const double now = hada_seconds();
-    *seconds += now - task->watch;
-    task->watch = now;
-    return status;
-}
-
-hada_status hada_lane_upload(hada_lane *lane, hada_task *task, hada_error *err)
-{
-    hada_status status = hada_task_prepare(task, err);
-    if (!status)
-        status = hada_hadamard_frame(lane->stage, hada_task_frame(task)->data, task->levels, err);
-    return status ? status : hada_lane_watch(lane, task, &task->result->report.seconds_upload, err);
-}
-
-hada_status hada_lane_pictures(hada_lane *lane, hada_task *task, hada_error *err)
-{
-    hada_result *result = task->result;
-    const size_t plane = hada_image_count(&result->all_in_focus), map = hada_image_count(&result->distance_map);
-    hada_status status = hada_focus_finish(lane->focus, lane->pictures.mem, 0, lane->pictures.mem, plane, NULL, err);
-    if (!status)
-        status = hada_lane_watch(lane, task, &result->report.seconds_focus, err);
-    if (!status)
-        status =
-            hada_buffer_read(&lane->pictures, lane->slot, 0, result->all_in_focus.data, plane * sizeof(float), err);
-    if (!status)
-        status = hada_buffer_read(&lane->pictures, lane->slot, plane * sizeof(float), result->distance_map.data,
-                                  map * sizeof(float), err);
-    return status;
-}
-
-hada_status hada_lane_run(hada_lane *lane, hada_task *task, hada_error *err)
-{
-    hada_status status = hada_lane_upload(lane, task, err);
-    if (!status)
-        status = lane->plan->shape.refined ? hada_lane_refined(lane, task, err) : hada_lane_linear(lane, task, err);
-    if (!status)
-        hada_result_apply_gamma(task->result, lane->plan->options.gamma);
-    if (!status)
-        status = hada_lane_watch(lane, task, &task->result->report.seconds_download, err);
-    if (status)
-        hada_slot_finish(lane->slot, NULL);
-    return status;
 }

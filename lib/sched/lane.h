@@ -4,6 +4,9 @@
 #ifndef HADA_SCHED_LANE_H
 #define HADA_SCHED_LANE_H
 
+#include <hadalens/job.h>
+#include <pthread.h>
+
 #include "filter/hadamard.h"
 #include "focus/focus.h"
 #include "refine/admm.h"
@@ -14,6 +17,8 @@
 struct hada_lane {
     const hada_plan *plan;
     const hada_share *share;
+    int number; /* among the lanes of its device */
+    int batch;  /* depths at once; becomes smaller where memory is short */
     hada_slot *slot;
     hada_hadamard *stage;
     hada_pursuit *pursuit;
@@ -22,22 +27,47 @@ struct hada_lane {
     hada_buffer planes;   /* linear: a batch, [depth][channel][window] */
     hada_buffer pictures; /* all-in-focus image, then distance map */
     int *occupied;        /* room for a list of computed depths */
+    uint64_t holds;       /* serial of the task whose spectrum stands in the stage; 0: none */
+
+    /* the board's lock guards these */
+    hada_queue_info info;
+    pthread_t thread;
+    int has_thread, idle;
 };
 
-hada_status hada_lane_create(hada_lane **out, const hada_plan *plan, const hada_share *share, hada_error *err);
+/* Lane `number` of a device; `device` counts the plan's contexts. */
+hada_status hada_lane_create(hada_lane **out, const hada_plan *plan, const hada_share *share, int device, int number,
+                             hada_error *err);
 void hada_lane_destroy(hada_lane **lane); /* waits for its queue */
 
 /* Bytes of device memory that a lane holds. */
-uint64_t hada_lane_bytes(const hada_context *context, const hada_model *model, const hada_plan_shape *shape);
+uint64_t hada_lane_bytes(const hada_context *context, const hada_model *model, const hada_plan_shape *shape, int batch);
 
-/* Takes a begun task through all stages; its result is complete then. After a failure the lane is ready for the next
- * one. */
+/* Depths at once that fit a device: its memory and its largest allocation. */
+int hada_lane_batch(const hada_context *context, const hada_model *model, const hada_plan_shape *shape, int queues);
+
+/* Takes a begun task through all stages; its result is complete then. Where the device's memory is short it is tried
+ * again in smaller batches. After a failure the lane is ready for the next one. */
 hada_status hada_lane_run(hada_lane *lane, hada_task *task, hada_error *err);
+
+/* One batch of depths of a frame that another lane has. */
+hada_status hada_lane_help(hada_lane *lane, hada_task *task, hada_error *err);
+
+/* Whether a lane may help with the frames of another: not on the same device, which is busy with them already. */
+int hada_lane_helps(const hada_lane *lane, const hada_lane *owner);
+
+/* The lane's parts are there: made again after hada_lane_clear(). */
+hada_status hada_lane_ready(hada_lane *lane, hada_error *err);
+void hada_lane_clear(hada_lane *lane);
+/* After a failure: nothing is in the queue, and what it left behind is not trusted. */
+void hada_lane_stumble(hada_lane *lane);
 
 /* The stages; each leaves its seconds in the report. */
 
-/* Frame and spectrum stand in the Hadamard stage. */
+/* Frame and spectrum stand in the Hadamard stage; the task is prepared. */
 hada_status hada_lane_upload(hada_lane *lane, hada_task *task, hada_error *err);
+/* The same for a prepared task; nothing is done where the lane has it already. */
+hada_status hada_lane_expose(hada_lane *lane, hada_task *task, hada_error *err);
 
 /* Planes by the linear filters in batches, each into the result and into the focus. */
 hada_status hada_lane_linear(hada_lane *lane, hada_task *task, hada_error *err);

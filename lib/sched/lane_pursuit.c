@@ -57,11 +57,13 @@ hada_status hada_lane_pursue(hada_lane *lane, hada_task *task, int *count, hada_
 {
     const int depths = lane->plan->shape.depths;
     hada_pursuit_result found;
+    hada_slot_stage(lane->slot, "pursuit");
     hada_status status = hada_pursuit_run(lane->pursuit, lane->stage->spectrum.mem, 0, &found, err);
     if (status)
         return status;
     *count = found.all ? depths : found.count;
     for (int i = 0; i < *count; i++)
         lane->occupied[i] = found.all ? i : found.list[i];
+    hada_task_progress(task, 1 + HADA_WORK_PURSUIT);
     return hada_lane_watch(lane, task, &task->result->report.seconds_pursuit, err);
 }

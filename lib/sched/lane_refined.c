@@ -30,6 +30,7 @@ static hada_status refine(hada_lane *lane, hada_task *task, int count, hada_erro
     const hada_refine_data data = data_of(lane);
     const hada_refine_rule rule = rule_of(lane->plan);
     double left = 0;
+    hada_slot_stage(lane->slot, "refine");
     hada_status status =
         hada_refiner_run(lane->refiner, &data, &rule, 1, count, lane->occupied, &report->refine_steps, err);
     if (!status)
@@ -40,6 +41,7 @@ static hada_status refine(hada_lane *lane, hada_task *task, int count, hada_erro
         if (hada_model_get_info(lane->plan->model)->boundary == HADA_BOUNDARY_CIRCULAR && report->refine_steps > 1)
             report->residual_linear = sqrt(hada_refiner_energy(lane->refiner, 0, 1) / task->energy);
     }
+    hada_task_progress(task, task->work - 1);
     return status ? status : hada_lane_watch(lane, task, &report->seconds_refine, err);
 }
 
@@ -48,6 +50,7 @@ static hada_status focus(hada_lane *lane, hada_task *task, int count, hada_error
 {
     const size_t plane = hada_plane_values(hada_model_get_info(lane->plan->model));
     cl_mem planes = hada_refiner_planes(lane->refiner);
+    hada_slot_stage(lane->slot, "focus");
     hada_status status = hada_focus_begin(lane->focus, task->result->report.occupied, err);
     for (int place = 0; !status && place < count; place++)
         status = hada_focus_push(lane->focus, lane->occupied[place], 1, planes, (size_t)place * plane, err);

@@ -5,8 +5,7 @@
 #include <string.h>
 
 #include "core/alloc.h"
-#include "sched/lane.h"
-#include "sched/share.h"
+#include "sched/board.h"
 
 static int listed(const int *list, int count, int depth)
 {
@@ -51,40 +50,80 @@ static hada_status copy_dark(hada_plan *plan, const hada_image *dark, hada_error
                   : HADA_OK;
 }
 
-hada_status hada_plan_create(hada_plan **out, hada_context *context, const hada_model *model,
-                             const hada_plan_options *options, hada_error *err)
+static hada_status make_lanes(hada_plan *plan, hada_context *const *contexts, int count, hada_error *err)
+{
+    const int queues = plan->shape.queues;
+    hada_status status = hada_alloc((void **)&plan->shares, (size_t)count, sizeof *plan->shares, "a plan", err);
+    if (!status)
+        status = hada_alloc((void **)&plan->lanes, (size_t)count * (size_t)queues, sizeof *plan->lanes, "a plan", err);
+    for (int device = 0; !status && device < count; device++) {
+        status =
+            hada_share_create(&plan->shares[device], contexts[device], plan->model, &plan->shape, plan->depths, err);
+        if (status)
+            break;
+        hada_share *share = plan->shares[plan->share_count++];
+        share->batch = hada_lane_batch(share->context, plan->model, &plan->shape, queues);
+        for (int number = 0; !status && number < queues; number++) {
+            status = hada_lane_create(&plan->lanes[plan->lane_count], plan, share, device, number, err);
+            plan->lane_count += !status;
+        }
+        if (status && count * queues > 1)
+            hada_error_prefix(err, "queue %d of device %d: ", plan->lane_count - device * queues, device);
+    }
+    return status ? status : hada_board_create(&plan->board, plan->lanes, plan->lane_count, err);
+}
+
+static hada_status check_contexts(hada_context *const *contexts, int count, hada_error *err)
+{
+    if (!contexts || count < 1)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "a plan needs one context at least");
+    for (int i = 0; i < count; i++)
+        for (int k = 0; k <= i; k++)
+            if (!contexts[i] || (k < i && contexts[k] == contexts[i]))
+                return hada_fail(err, HADA_ERROR_ARGUMENT,
+                                 "a plan's contexts are different ones; for more queues on a device set the options' "
+                                 "queues");
+    return HADA_OK;
+}
+
+hada_status hada_plan_create_on(hada_plan **out, hada_context *const *contexts, int count, const hada_model *model,
+                                const hada_plan_options *options, hada_error *err)
 {
     hada_plan_options defaults;
     hada_plan *plan;
-    if (!out || !context || !model)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_plan_create: out, context and model are needed");
+    if (!out || !model)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "a plan needs out, context and model");
     *out = NULL;
     if (!options) {
         hada_plan_options_init(&defaults);
         options = &defaults;
     }
-    hada_status status = hada_alloc((void **)&plan, 1, sizeof *plan, "a plan", err);
+    hada_status status = check_contexts(contexts, count, err);
+    if (!status)
+        status = hada_alloc((void **)&plan, 1, sizeof *plan, "a plan", err);
     if (status)
         return status;
     plan->model = model;
     plan->options = *options;
+    plan->options.depths = plan->options.occupied_list = NULL;
+    plan->options.dark_frame = NULL;
     status = hada_plan_shape_of(model, options, &plan->shape, err);
     if (!status)
         status = make_lists(plan, options, err);
     if (!status && plan->shape.dark)
         status = copy_dark(plan, options->dark_frame, err);
-    plan->options.depths = plan->options.occupied_list = NULL;
-    plan->options.dark_frame = NULL;
     if (!status)
-        status = hada_share_create(&plan->share, context, model, &plan->shape, plan->depths, err);
-    if (!status)
-        status = hada_lane_create(&plan->lane, plan, plan->share, err);
-    if (status) {
+        status = make_lanes(plan, contexts, count, err);
+    if (status)
         hada_plan_destroy(&plan);
-        return status;
-    }
     *out = plan;
-    return HADA_OK;
+    return status;
+}
+
+hada_status hada_plan_create(hada_plan **out, hada_context *context, const hada_model *model,
+                             const hada_plan_options *options, hada_error *err)
+{
+    return hada_plan_create_on(out, &context, 1, model, options, err);
 }
 
 void hada_plan_destroy(hada_plan **pointer)
@@ -93,9 +132,17 @@ void hada_plan_destroy(hada_plan **pointer)
         return;
     hada_plan *plan = *pointer;
     *pointer = NULL;
-    hada_lane_destroy(&plan->lane);
-    hada_share_destroy(&plan->share);
+    if (plan->board)
+        hada_board_stop(plan->board);
+    for (int i = 0; i < plan->lane_count; i++)
+        hada_lane_destroy(&plan->lanes[i]);
+    for (int i = 0; i < plan->share_count; i++)
+        hada_share_destroy(&plan->shares[i]);
+    if (plan->board)
+        hada_board_release(plan->board);
     hada_image_destroy(&plan->dark_frame);
+    free(plan->lanes);
+    free(plan->shares);
     free(plan->depths);
     free(plan->distances);
     free(plan->listed);

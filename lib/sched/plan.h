@@ -6,6 +6,7 @@
 
 typedef struct hada_lane hada_lane;
 typedef struct hada_share hada_share;
+typedef struct hada_board hada_board;
 
 struct hada_plan {
     const hada_model *model;
@@ -15,8 +16,10 @@ struct hada_plan {
     double *distances;     /* per computed depth */
     unsigned char *listed; /* per computed depth: named by HADA_OCCUPIED_LIST */
     hada_image dark_frame; /* empty where none */
-    hada_share *share;
-    hada_lane *lane;
+    hada_share **shares;   /* one a context */
+    hada_lane **lanes;     /* queues of the first device, of the second, ... */
+    int share_count, lane_count;
+    hada_board *board;
 };
 
 #endif

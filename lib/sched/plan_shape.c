@@ -2,6 +2,8 @@
 
 #include "filter/bank.h"
 
+enum { MOST_QUEUES = 64 };
+
 void hada_plan_options_init(hada_plan_options *options)
 {
     *options = (hada_plan_options){.size = sizeof *options, .refine = -1, .gamma = 1.0, .skip = HADA_SKIP_ALL};
@@ -23,6 +25,9 @@ static hada_status check_options(const hada_model_info *info, const hada_plan_op
         return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: start from hada_plan_options_init()");
     if (options->depth_count < 0 || options->occupied_count < 0 || options->batch < 0 || !(options->gamma > 0))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: counts are not negative and gamma is above 0");
+    if (options->queues < 0 || options->queues > MOST_QUEUES)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: %d queues; a device can have 1 to %d",
+                         options->queues, MOST_QUEUES);
     hada_status status = HADA_OK;
     if (options->depths)
         status = options->depth_count ? check_list(options->depths, options->depth_count, info->depths, "depths", err)
@@ -65,6 +70,7 @@ hada_status hada_plan_shape_of(const hada_model *model, const hada_plan_options 
     shape->batch = options->batch ? options->batch : 8;
     if (shape->batch > shape->depths)
         shape->batch = shape->depths;
+    shape->queues = options->queues ? options->queues : 1;
     hada_focus_options_init(&shape->focus, shape->refined);
     return HADA_OK;
 }

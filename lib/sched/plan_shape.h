@@ -10,7 +10,8 @@
 
 typedef struct hada_plan_shape {
     int depths;  /* computed */
-    int batch;   /* depths at once in the Hadamard stage */
+    int batch;   /* depths at once in the Hadamard stage, at most */
+    int queues;  /* of each device */
     int refined; /* 1: planes by refinement of the occupied depths; 0: linear filters */
     int steps;   /* refinement steps at most */
     int pursuit; /* 1: the occupied depths are found */

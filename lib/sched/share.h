@@ -7,6 +7,7 @@
 
 typedef struct hada_share {
     hada_context *context;
+    int batch; /* depths at once that fit its memory */
     hada_bank *bank;
     hada_buffer prior; /* of refinement; empty where the model knows none */
 } hada_share;

@@ -11,55 +11,50 @@
 #include "sched/frame.h"
 #include "sched/result.h"
 
-static hada_status check_frame(hada_task *task, hada_error *err)
+hada_status hada_task_begin(hada_task *task, const hada_plan *plan, const hada_image *raw, hada_result *result,
+                            hada_error *err)
 {
-    const hada_model_info *info = hada_model_get_info(task->plan->model);
-    const hada_image *raw = task->raw;
+    const hada_model_info *info = hada_model_get_info(plan->model);
+    const hada_plan_shape *shape = &plan->shape;
+    *task = (hada_task){.plan = plan, .raw = raw, .result = result};
+    /* upload and pictures are a unit each; the pursuit takes about as long as some refinement steps */
+    task->work = 2 + (shape->refined ? shape->steps + (shape->pursuit ? HADA_WORK_PURSUIT : 0) : shape->depths);
     if (raw->channels != info->channels || raw->rows != info->raw_rows || raw->cols != info->raw_cols)
         return hada_fail(
             err, HADA_ERROR_MODEL,
             "the frame has %d channel(s) of %d x %d pixels; the model %s is for %d channel(s) of %d x %d: use "
             "the model of this camera, or make one with fit",
             raw->channels, raw->rows, raw->cols, info->name, info->channels, info->raw_rows, info->raw_cols);
-    task->broken = hada_image_count_not_finite(raw);
-    if (task->broken && !task->plan->options.repair_not_finite)
-        return hada_fail(
-            err, HADA_ERROR_NOT_FINITE,
-            "%zu pixel(s) of the frame are NaN or infinite; repair them from their neighbours with --repair, "
-            "or mend the file",
-            task->broken);
-    return HADA_OK;
-}
-
-hada_status hada_task_begin(hada_task *task, const hada_plan *plan, const hada_image *raw, hada_result *result,
-                            hada_error *err)
-{
-    const hada_model_info *info = hada_model_get_info(plan->model);
-    *task = (hada_task){.plan = plan, .raw = raw, .result = result};
-    hada_status status = check_frame(task, err);
+    hada_status status = hada_alloc((void **)&task->levels, (size_t)info->channels, sizeof(double), "a frame", err);
     if (!status)
-        status = hada_alloc((void **)&task->levels, (size_t)info->channels, sizeof(double), "a frame", err);
-    if (!status)
-        status = hada_result_fit(result, info, plan->shape.depths, err);
-    if (status) {
+        status = hada_alloc((void **)&task->depths, (size_t)shape->depths, 1, "a frame", err);
+    if (status)
         free(task->levels);
-        return status;
-    }
-    unsigned char *occupied = result->report.occupied;
-    result->report = (hada_report){.occupied = occupied, .residual_linear = NAN, .residual = NAN};
-    memcpy(result->distances_mm, plan->distances, (size_t)plan->shape.depths * sizeof(double));
-    task->start = task->watch = hada_seconds();
-    return HADA_OK;
+    return status;
 }
 
 void hada_task_end(hada_task *task, hada_status status)
 {
-    task->result->report.seconds_total = hada_seconds() - task->start;
     if (status)
         hada_result_destroy(task->result);
     hada_image_destroy(&task->repaired);
     free(task->levels);
+    free(task->depths);
     task->levels = NULL;
+    task->depths = NULL;
+}
+
+void hada_task_progress(hada_task *task, int done)
+{
+    const int now = (int)((double)done / task->work * HADA_PROGRESS);
+    int before = atomic_load(&task->progress);
+    while (now > before && !atomic_compare_exchange_weak(&task->progress, &before, now))
+        ;
+}
+
+hada_status hada_task_check(hada_task *task, hada_error *err)
+{
+    return atomic_load(&task->cancelled) ? hada_fail(err, HADA_ERROR_CANCELLED, "the job was cancelled") : HADA_OK;
 }
 
 const hada_image *hada_task_frame(const hada_task *task)
@@ -67,10 +62,32 @@ const hada_image *hada_task_frame(const hada_task *task)
     return task->broken ? &task->repaired : task->raw;
 }
 
+/* A result used again keeps its memory. */
+static hada_status fit_result(hada_task *task, hada_error *err)
+{
+    const hada_plan *plan = task->plan;
+    hada_result *result = task->result;
+    hada_status status = hada_result_fit(result, hada_model_get_info(plan->model), plan->shape.depths, err);
+    if (status)
+        return status;
+    unsigned char *occupied = result->report.occupied;
+    result->report = (hada_report){.occupied = occupied, .residual_linear = NAN, .residual = NAN};
+    memcpy(result->distances_mm, plan->distances, (size_t)plan->shape.depths * sizeof(double));
+    return HADA_OK;
+}
+
 static hada_status repair(hada_task *task, hada_error *err)
 {
     const hada_image *raw = task->raw;
-    hada_status status = hada_image_create(&task->repaired, raw->channels, raw->rows, raw->cols, err);
+    hada_status status = HADA_OK;
+    if (!task->plan->options.repair_not_finite)
+        return hada_fail(
+            err, HADA_ERROR_NOT_FINITE,
+            "%zu pixel(s) of the frame are NaN or infinite; repair them from their neighbours with --repair, "
+            "or mend the file",
+            task->broken);
+    if (!task->repaired.data)
+        status = hada_image_create(&task->repaired, raw->channels, raw->rows, raw->cols, err);
     if (status)
         return status;
     memcpy(task->repaired.data, raw->data, hada_image_count(raw) * sizeof(float));
@@ -114,7 +131,11 @@ static double energy_above(const hada_image *frame, const double *levels, const 
 
 hada_status hada_task_prepare(hada_task *task, hada_error *err)
 {
-    hada_status status = task->broken ? repair(task, err) : HADA_OK;
+    task->start = task->watch = hada_seconds();
+    hada_status status = fit_result(task, err);
+    task->broken = hada_image_count_not_finite(task->raw);
+    if (!status && task->broken)
+        status = repair(task, err);
     if (!status)
         status = find_levels(task, err);
     if (!status && task->plan->shape.refined)

@@ -4,8 +4,8 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
+#include "filter/half_filter.h"
 #include "filter/layout.h"
-#include "io/safetensors.h"
 
 static uint64_t depth_bytes(const hada_spectrum_layout *layout, int channels, int half)
 {
@@ -66,9 +66,15 @@ static hada_status pack_filter(const hada_bank *bank, const hada_model *model, i
         hada_layout_pack(&bank->layout, model->filter + first, out);
         return check_finite(model, depth, "filter", model->filter + first, plane * 2, err);
     }
-    const uint16_t *half = model->filter_half ? model->filter_half + first : rows;
-    for (size_t i = 0; !model->filter_half && i < plane * 2; i++)
-        rows[i] = hada_half_from_float(model->filter[first + i]);
+    if (!model->filter_half) {
+        hada_status status = check_finite(model, depth, "filter", model->filter + first, plane * 2, err);
+        if (!status)
+            status = hada_filter_to_half(model->filter + first, plane * 2, rows, err);
+        if (!status)
+            hada_layout_pack_half(&bank->layout, rows, out);
+        return status;
+    }
+    const uint16_t *half = model->filter_half + first;
     for (size_t i = 0; i < plane * 2; i++)
         if ((half[i] & 0x7c00u) == 0x7c00u)
             return not_finite(model, depth, "half-precision filter", err);

@@ -7,6 +7,7 @@
 
 #include "core/alloc.h"
 #include "core/error.h"
+#include "filter/half_filter.h"
 #include "io/safetensors.h"
 
 static const char *const form_names[] = {"", "complex", "split", "matched", "wiener"};
@@ -181,16 +182,11 @@ hada_status hada_model_to_half(hada_model **out, const hada_model *model, hada_e
     const size_t values = images * plane * 2;
     if (model->filter_half)
         memcpy(copy->filter_half, model->filter_half, values * sizeof *copy->filter_half);
-    for (size_t i = 0; model->filter && i < values; i++) {
-        copy->filter_half[i] = hada_half_from_float(model->filter[i]);
-        if ((copy->filter_half[i] & 0x7c00u) == 0x7c00u) {
-            hada_model_destroy(out);
-            return hada_fail(
-                err, HADA_ERROR_NUMERIC,
-                "a filter value of %g does not fit into half precision (65504 at most); keep this model in "
-                "single precision",
-                (double)model->filter[i]);
-        }
+    for (size_t i = 0; !status && model->filter && i < images; i++)
+        status = hada_filter_to_half(model->filter + 2 * i * plane, 2 * plane, copy->filter_half + 2 * i * plane, err);
+    if (status) {
+        hada_model_destroy(out);
+        return status;
     }
     if (model->otf)
         memcpy(copy->otf, model->otf, values * sizeof *copy->otf);

@@ -120,6 +120,32 @@ hada_status hada_fitter_accumulate(hada_fitter *fitter, double sign, hada_error 
     return status;
 }
 
+/* The sums of a depth with the pair on its way stay within single precision: no frequency has more than points times
+ * the mean, and squares of dim frequencies must not vanish. */
+static hada_status check_energy(const hada_fitter *fitter, double energy, double sum, const char *what, hada_error *err)
+{
+    const double points = (double)fitter->info.grid_rows * fitter->info.grid_cols;
+    if ((energy > 0.0 && energy < 0x1p-80) || (energy + sum) * points > 0x1p120)
+        return hada_fail(
+            err, HADA_ERROR_NUMERIC,
+            "the %s of this pair has values too %s for single precision (root of the sum of squares %.2g); "
+            "divide all images of a data set by one number, so that white is about 1",
+            what, energy < 1.0 ? "small" : "large", sqrt(energy));
+    return HADA_OK;
+}
+
+static hada_status check_range(const hada_fitter *fitter, int depth, hada_error *err)
+{
+    const hada_fitter_depth *to = &fitter->depth[depth];
+    hada_status status = HADA_OK;
+    for (int c = 0; !status && c < fitter->info.channels; c++) {
+        status = check_energy(fitter, fitter->raw_energy[c], to->raw_energy[c], "raw frame", err);
+        if (!status)
+            status = check_energy(fitter, fitter->scene_energy[c], to->scene_energy[c], "scene", err);
+    }
+    return status;
+}
+
 hada_status hada_fitter_add(hada_fitter *fitter, int depth, const hada_image *raw, const hada_image *scene,
                             hada_error *err)
 {
@@ -128,6 +154,8 @@ hada_status hada_fitter_add(hada_fitter *fitter, int depth, const hada_image *ra
     hada_status status = hada_fitter_check_pair(fitter, depth, raw, scene, err);
     if (!status)
         status = hada_fitter_stage(fitter, raw, scene, err);
+    if (!status)
+        status = check_range(fitter, depth, err);
     if (!status)
         status = hada_fitter_select(fitter, depth, err);
     if (status)

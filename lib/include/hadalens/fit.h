@@ -42,7 +42,8 @@ HADA_API void hada_fitter_destroy(hada_fitter **fitter);
 HADA_API uint64_t hada_fitter_bytes(const hada_fitter *fitter);
 
 /* First pass: adds a pair to the sums of a depth. `scene` has the window's size (or the raw frame's, then its centre is
- * used). Non-finite values are refused (HADA_ERROR_NOT_FINITE) and leave the sums as they were. */
+ * used). Non-finite values are refused (HADA_ERROR_NOT_FINITE), as are values whose squares leave single precision
+ * (HADA_ERROR_NUMERIC, docs/numerics.md); the sums are then as they were. */
 HADA_API hada_status hada_fitter_add(hada_fitter *fitter, int depth, const hada_image *raw, const hada_image *scene,
                                      hada_error *err);
 

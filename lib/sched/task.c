@@ -131,11 +131,14 @@ static double energy_above(const hada_image *frame, const double *levels, const 
 
 hada_status hada_task_prepare(hada_task *task, hada_error *err)
 {
+    const hada_model_info *info = hada_model_get_info(task->plan->model);
     task->start = task->watch = hada_seconds();
     hada_status status = fit_result(task, err);
     task->broken = hada_image_count_not_finite(task->raw);
     if (!status && task->broken)
         status = repair(task, err);
+    if (!status)
+        status = hada_frame_check_range(hada_task_frame(task), (double)info->grid_rows * info->grid_cols, err);
     if (!status)
         status = find_levels(task, err);
     if (!status && task->plan->shape.refined)

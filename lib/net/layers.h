@@ -62,12 +62,13 @@ hada_status hada_batch_norm_backward(hada_slot *slot, const hada_batch_norm *nor
                                      cl_mem scratch, hada_error *err);
 
 /* Dropout: y = x * keep / (1 - p), keep drawn from (seed, step, place of the value) by a counter-based generator, so
- * that backward draws the same again and the layout does not matter. Forward and backward are the same operation. */
+ * that backward draws the same again and the layout does not matter. Forward and backward are the same operation. Each
+ * layer of a net needs a seed of its own. */
 hada_status hada_dropout(hada_slot *slot, float p, uint64_t seed, uint64_t step, const hada_tensor *x,
                          const hada_tensor *y, hada_error *err);
 
 /* Fully connected: y[n][o] = bias[o] + sum_i w[o][i] x[n][i]; plain arrays of floats, x[images][in]. A tensor becomes
- * such an array by hada_tensor_store() (channel, row, column order, as torch.flatten). */
+ * such an array by hada_tensor_store() (channel, row, column order, as torch.flatten). No bias: its mem is NULL. */
 typedef struct hada_linear {
     int images, in, out;
 } hada_linear;

@@ -1,0 +1,59 @@
+/* Copies channels and pixels of x to another place in y. Channel y_first + k of y takes channel x_first + k of x, for
+ * k below `count`; pixel (r, c) of y takes (r - row, c - col) of x, or 0 where x has none. Blocks of y are counted from
+ * the one that holds y_first. Other channels of y stay as they are; where the copy reaches y's last channel, the lanes
+ * behind it become 0. */
+#include "inc_layers.h"
+
+__kernel void net_place(__global const float *x, ulong x_offset, ulong x_image, int x_rows, int x_cols, int x_channels,
+                        __global float *y, ulong y_offset, ulong y_image, int rows, int cols, int channels, int blocks,
+                        int span, int row, int col, int x_first, int y_first, int count, int accumulate)
+{
+    net_part part = net_part_of(blocks, rows, span);
+    part.block += y_first / NET_BLOCK;
+    /* the lanes that this block of y takes; its first lane is channel `shift` of x from block `low` on */
+    const net_lanes k = NET_LANE_NUMBERS + (part.block * NET_BLOCK - y_first);
+    const int end = y_first + count == channels ? (y_first + count + NET_BLOCK - 1) / NET_BLOCK * NET_BLOCK : 0;
+    const net_lanes copied = (k >= 0) & (k < count);
+    const net_lanes written = copied | ((k >= count) & (k < end - y_first));
+    const int from = part.block * NET_BLOCK - y_first + x_first, x_blocks = (x_channels + NET_BLOCK - 1) / NET_BLOCK;
+    const int low = (from + NET_BLOCK) / NET_BLOCK - 1, shift = from - low * NET_BLOCK;
+    const int has_low = low >= 0 && low < x_blocks, has_high = shift && low + 1 < x_blocks;
+    const int whole = y_first <= part.block * NET_BLOCK && (part.block + 1) * NET_BLOCK <= max(y_first + count, end);
+    const net_vector none = 0.0f;
+    for (int r = part.first; r < part.last; r++) {
+        const int x_row = r - row, inside = x_row >= 0 && x_row < x_rows;
+        /* rows that x does not have are not read; these are places inside it all the same */
+        const int safe = clamp(x_row, 0, x_rows - 1);
+        __global const float *a =
+            x + net_row(x_offset, x_image, part.image, has_low ? low : 0, safe, x_rows, x_cols);
+        __global const float *b =
+            x + net_row(x_offset, x_image, part.image, has_high ? low + 1 : 0, safe, x_rows, x_cols);
+        __global float *out = y + net_row(y_offset, y_image, part.image, part.block, r, rows, cols);
+        NET_EACH_PIXEL (c, cols) {
+            const int x_col = c - col;
+            net_vector v = none;
+            if (inside && x_col >= 0 && x_col < x_cols) {
+                v = has_low ? net_get(a + x_col * NET_BLOCK) : none;
+                if (shift) {
+                    float lane[2 * NET_BLOCK];
+                    const net_vector next = has_high ? net_get(b + x_col * NET_BLOCK) : none;
+#if NET_BLOCK == 16
+                    vstore16(v, 0, lane);
+                    vstore16(next, 1, lane);
+                    v = vload16(0, lane + shift);
+#else
+                    vstore8(v, 0, lane);
+                    vstore8(next, 1, lane);
+                    v = vload8(0, lane + shift);
+#endif
+                }
+                v = select(none, v, copied);
+            }
+            if (accumulate)
+                v += net_get(out + c * NET_BLOCK);
+            else if (!whole)
+                v = select(net_get(out + c * NET_BLOCK), v, written);
+            net_put(v, out + c * NET_BLOCK);
+        }
+    }
+}

@@ -1,0 +1,160 @@
+/* Pooling over windows of size x size every `stride` pixels, without padding, and its gradient. in_rows and in_cols
+ * belong to x, rows and cols to y; the parts of a launch are those of the tensor that is written. */
+#include "inc_layers.h"
+
+__kernel void net_pool_max_forward(__global const float *x, ulong x_offset, ulong x_image, __global float *y,
+                                   ulong y_offset, ulong y_image, int in_rows, int in_cols, int rows, int cols,
+                                   int blocks, int span, int size, int stride)
+{
+    const net_part part = net_part_of(blocks, rows, span);
+    const int pitch = (in_cols + 2) * NET_BLOCK;
+    for (int r = part.first; r < part.last; r++) {
+        __global const float *in = x + net_row(x_offset, x_image, part.image, part.block, r * stride, in_rows, in_cols);
+        __global float *out = y + net_row(y_offset, y_image, part.image, part.block, r, rows, cols);
+        NET_EACH_PIXEL (c, cols) {
+            __global const float *window = in + c * stride * NET_BLOCK;
+            net_vector v;
+            if (size == 2) {
+                v = max(max(net_get(window), net_get(window + NET_BLOCK)),
+                        max(net_get(window + pitch), net_get(window + pitch + NET_BLOCK)));
+            } else {
+                v = net_get(window);
+                for (int i = 0; i < size; i++)
+                    for (int k = 0; k < size; k++)
+                        v = max(v, net_get(window + i * pitch + k * NET_BLOCK));
+            }
+            net_put(v, out + c * NET_BLOCK);
+        }
+    }
+}
+
+__kernel void net_pool_mean_forward(__global const float *x, ulong x_offset, ulong x_image, __global float *y,
+                                    ulong y_offset, ulong y_image, int in_rows, int in_cols, int rows, int cols,
+                                    int blocks, int span, int size, int stride)
+{
+    const net_part part = net_part_of(blocks, rows, span);
+    const int pitch = (in_cols + 2) * NET_BLOCK;
+    const float share = 1.0f / (size * size);
+    for (int r = part.first; r < part.last; r++) {
+        __global const float *in = x + net_row(x_offset, x_image, part.image, part.block, r * stride, in_rows, in_cols);
+        __global float *out = y + net_row(y_offset, y_image, part.image, part.block, r, rows, cols);
+        NET_EACH_PIXEL (c, cols) {
+            __global const float *window = in + c * stride * NET_BLOCK;
+            net_vector v = 0.0f;
+            for (int i = 0; i < size; i++)
+                for (int k = 0; k < size; k++)
+                    v += net_get(window + i * pitch + k * NET_BLOCK);
+            net_put(v * share, out + c * NET_BLOCK);
+        }
+    }
+}
+
+/* The windows that pixel `at` belongs to: from the first to before the last. */
+NET_INLINE int net_window_first(int at, int size, int stride)
+{
+    return at < size ? 0 : (at - size) / stride + 1;
+}
+
+NET_INLINE int net_window_end(int at, int stride, int count)
+{
+    return min(at / stride + 1, count);
+}
+
+/* A window's gradient goes to the first of its values, row by row, that equals its maximum. */
+__kernel void net_pool_max_backward(__global const float *x, ulong x_offset, ulong x_image, __global const float *y,
+                                    ulong y_offset, ulong y_image, __global const float *dy, ulong dy_offset,
+                                    ulong dy_image, __global float *dx, ulong dx_offset, ulong dx_image, int in_rows,
+                                    int in_cols, int rows, int cols, int blocks, int span, int size, int stride,
+                                    int accumulate)
+{
+    const net_part part = net_part_of(blocks, in_rows, span);
+    const int pitch = (in_cols + 2) * NET_BLOCK, out_pitch = (cols + 2) * NET_BLOCK;
+    __global const float *top = x + net_row(x_offset, x_image, part.image, part.block, 0, in_rows, in_cols);
+    __global const float *largest = y + net_row(y_offset, y_image, part.image, part.block, 0, rows, cols);
+    __global const float *from = dy + net_row(dy_offset, dy_image, part.image, part.block, 0, rows, cols);
+    for (int r = part.first; r < part.last; r++) {
+        __global float *to = dx + net_row(dx_offset, dx_image, part.image, part.block, r, in_rows, in_cols);
+        const int row0 = net_window_first(r, size, stride), row1 = net_window_end(r, stride, rows);
+        NET_EACH_PIXEL (c, in_cols) {
+            const net_vector own = net_get(top + r * pitch + c * NET_BLOCK);
+            net_vector sum = accumulate ? net_get(to + c * NET_BLOCK) : (net_vector)0.0f;
+            const int col0 = net_window_first(c, size, stride), col1 = net_window_end(c, stride, cols);
+            for (int i = row0; i < row1; i++)
+                for (int k = col0; k < col1; k++) {
+                    const int at = i * out_pitch + k * NET_BLOCK;
+                    const net_vector m = net_get(largest + at);
+                    net_lanes here = own == m;
+                    for (int u = i * stride; u <= r; u++)
+                        for (int w = k * stride; w < (u < r ? k * stride + size : c); w++)
+                            here &= net_get(top + u * pitch + w * NET_BLOCK) != m;
+                    sum += select((net_vector)0.0f, net_get(from + at), here);
+                }
+            net_put(sum, to + c * NET_BLOCK);
+        }
+    }
+}
+
+/* The same for windows of 2 x 2 that do not overlap: window by window. The parts are rows of windows, the incomplete
+ * ones at the end counted, which get zeros. */
+__kernel void net_pool_max2_backward(__global const float *x, ulong x_offset, ulong x_image, __global const float *y,
+                                     ulong y_offset, ulong y_image, __global const float *dy, ulong dy_offset,
+                                     ulong dy_image, __global float *dx, ulong dx_offset, ulong dx_image, int in_rows,
+                                     int in_cols, int rows, int cols, int blocks, int span, int accumulate)
+{
+    const net_part part = net_part_of(blocks, (in_rows + 1) / 2, span);
+    const int pitch = (in_cols + 2) * NET_BLOCK;
+    for (int r = part.first; r < part.last; r++) {
+        __global const float *in = x + net_row(x_offset, x_image, part.image, part.block, 2 * r, in_rows, in_cols);
+        __global const float *out = y + net_row(y_offset, y_image, part.image, part.block, r, rows, cols);
+        __global const float *from = dy + net_row(dy_offset, dy_image, part.image, part.block, r, rows, cols);
+        __global float *to = dx + net_row(dx_offset, dx_image, part.image, part.block, 2 * r, in_rows, in_cols);
+        NET_EACH_PIXEL (c, (in_cols + 1) / 2) {
+            const int at = 2 * c * NET_BLOCK;
+            if (r < rows && c < cols) {
+                const net_vector m = net_get(out + c * NET_BLOCK), g = net_get(from + c * NET_BLOCK), none = 0.0f;
+                const net_lanes a = net_get(in + at) == m, b = ~a & (net_get(in + at + NET_BLOCK) == m);
+                const net_lanes d = ~(a | b) & (net_get(in + at + pitch) == m);
+                const net_lanes e = ~(a | b | d) & (net_get(in + at + pitch + NET_BLOCK) == m);
+                net_vector ga = select(none, g, a), gb = select(none, g, b);
+                net_vector gd = select(none, g, d), ge = select(none, g, e);
+                if (accumulate) {
+                    ga += net_get(to + at);
+                    gb += net_get(to + at + NET_BLOCK);
+                    gd += net_get(to + at + pitch);
+                    ge += net_get(to + at + pitch + NET_BLOCK);
+                }
+                net_put(ga, to + at);
+                net_put(gb, to + at + NET_BLOCK);
+                net_put(gd, to + at + pitch);
+                net_put(ge, to + at + pitch + NET_BLOCK);
+            } else if (!accumulate) {
+                for (int i = 0; i < min(2, in_rows - 2 * r); i++)
+                    for (int k = 0; k < min(2, in_cols - 2 * c); k++)
+                        net_put((net_vector)0.0f, to + at + i * pitch + k * NET_BLOCK);
+            }
+        }
+    }
+}
+
+__kernel void net_pool_mean_backward(__global const float *dy, ulong dy_offset, ulong dy_image, __global float *dx,
+                                     ulong dx_offset, ulong dx_image, int in_rows, int in_cols, int rows, int cols,
+                                     int blocks, int span, int size, int stride, int accumulate)
+{
+    const net_part part = net_part_of(blocks, in_rows, span);
+    const int out_pitch = (cols + 2) * NET_BLOCK;
+    const float share = 1.0f / (size * size);
+    __global const float *from = dy + net_row(dy_offset, dy_image, part.image, part.block, 0, rows, cols);
+    for (int r = part.first; r < part.last; r++) {
+        __global float *to = dx + net_row(dx_offset, dx_image, part.image, part.block, r, in_rows, in_cols);
+        const int row0 = net_window_first(r, size, stride), row1 = net_window_end(r, stride, rows);
+        NET_EACH_PIXEL (c, in_cols) {
+            const int col0 = net_window_first(c, size, stride), col1 = net_window_end(c, stride, cols);
+            net_vector sum = 0.0f;
+            for (int i = row0; i < row1; i++)
+                for (int k = col0; k < col1; k++)
+                    sum += net_get(from + i * out_pitch + k * NET_BLOCK);
+            sum *= share;
+            net_put(accumulate ? sum + net_get(to + c * NET_BLOCK) : sum, to + c * NET_BLOCK);
+        }
+    }
+}

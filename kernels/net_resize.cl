@@ -1,0 +1,216 @@
+/* Resizing by interpolation, and the transposed operation by gathering. Along each axis value i of the output stands at
+ * a place on the input that is an exact fraction:
+ *     aligned 0: (i + 1/2) in / out - 1/2        aligned 1: i (in - 1) / (out - 1)        nearest: i in / out
+ * Its whole part and remainder are computed with integers, so that no size makes them inexact. Taps outside the input
+ * take its edge. Cubic: Keys 1981 with a = -0.75. */
+#include "inc_layers.h"
+
+/* index + rest / whole */
+typedef struct net_at {
+    int index, rest, whole;
+} net_at;
+
+#define NET_HALF 0
+#define NET_ALIGNED 1
+#define NET_NEAREST 2
+
+NET_INLINE net_at net_at_of(int i, int in, int out, int rule)
+{
+    net_at at;
+    int number;
+    if (rule == NET_ALIGNED) {
+        number = i * (in - 1);
+        at.whole = max(out - 1, 1);
+    } else if (rule == NET_NEAREST) {
+        number = i * in;
+        at.whole = out;
+    } else {
+        number = (2 * i + 1) * in - out;
+        at.whole = 2 * out;
+    }
+    at.index = number < 0 ? -1 : number / at.whole; /* above -1 always */
+    at.rest = number - at.index * at.whole;
+    return at;
+}
+
+/* What `steps` values further along the output adds. */
+NET_INLINE net_at net_step_of(int steps, int in, int out, int rule)
+{
+    net_at step;
+    const int number = steps * (rule == NET_ALIGNED ? in - 1 : rule == NET_NEAREST ? in : 2 * in);
+    step.whole = rule == NET_ALIGNED ? max(out - 1, 1) : rule == NET_NEAREST ? out : 2 * out;
+    step.index = number / step.whole;
+    step.rest = number - step.index * step.whole;
+    return step;
+}
+
+NET_INLINE net_at net_walk(net_at at, net_at step)
+{
+    at.rest += step.rest;
+    const int carry = at.rest >= at.whole;
+    at.index += step.index + carry;
+    at.rest -= carry ? at.whole : 0;
+    return at;
+}
+
+/* The cubic weight of a tap at distance d below 2. */
+NET_INLINE float net_cubic(float d)
+{
+    const float a = -0.75f;
+    return d <= 1.0f ? fma(fma(a + 2.0f, d, -(a + 3.0f)) * d, d, 1.0f)
+                     : fma(fma(fma(a, d, -5.0f * a), d, 8.0f * a), d, -4.0f * a);
+}
+
+__kernel void net_resize_nearest(__global const float *x, ulong x_offset, ulong x_image, __global float *y,
+                                 ulong y_offset, ulong y_image, int in_rows, int in_cols, int rows, int cols,
+                                 int blocks, int span)
+{
+    const net_part part = net_part_of(blocks, rows, span);
+    const net_at first = net_at_of(get_global_id(0), in_cols, cols, NET_NEAREST);
+    const net_at step = net_step_of(get_global_size(0), in_cols, cols, NET_NEAREST);
+    for (int r = part.first; r < part.last; r++) {
+        const int row = net_at_of(r, in_rows, rows, NET_NEAREST).index;
+        __global const float *in = x + net_row(x_offset, x_image, part.image, part.block, row, in_rows, in_cols);
+        __global float *out = y + net_row(y_offset, y_image, part.image, part.block, r, rows, cols);
+        net_at at = first;
+        NET_EACH_PIXEL (c, cols) {
+            net_put(net_get(in + at.index * NET_BLOCK), out + c * NET_BLOCK);
+            at = net_walk(at, step);
+        }
+    }
+}
+
+__kernel void net_resize_linear(__global const float *x, ulong x_offset, ulong x_image, __global float *y,
+                                ulong y_offset, ulong y_image, int in_rows, int in_cols, int rows, int cols,
+                                int blocks, int span, int rule)
+{
+    const net_part part = net_part_of(blocks, rows, span);
+    const net_at first = net_at_of(get_global_id(0), in_cols, cols, rule);
+    const net_at step = net_step_of(get_global_size(0), in_cols, cols, rule);
+    const float unit = 1.0f / first.whole;
+    const int pitch = (in_cols + 2) * NET_BLOCK;
+    for (int r = part.first; r < part.last; r++) {
+        const net_at row = net_at_of(r, in_rows, rows, rule);
+        const net_vector down = (net_vector)(row.rest * (1.0f / row.whole));
+        const int row0 = max(row.index, 0), row1 = min(row.index + 1, in_rows - 1);
+        __global const float *top = x + net_row(x_offset, x_image, part.image, part.block, row0, in_rows, in_cols);
+        __global const float *low = top + (row1 - row0) * pitch;
+        __global float *out = y + net_row(y_offset, y_image, part.image, part.block, r, rows, cols);
+        net_at at = first;
+        NET_EACH_PIXEL (c, cols) {
+            const int col0 = max(at.index, 0) * NET_BLOCK, col1 = min(at.index + 1, in_cols - 1) * NET_BLOCK;
+            const net_vector right = (net_vector)(at.rest * unit);
+            const net_vector a = net_get(top + col0), b = net_get(low + col0);
+            const net_vector upper = fma(right, net_get(top + col1) - a, a);
+            const net_vector lower = fma(right, net_get(low + col1) - b, b);
+            net_put(fma(down, lower - upper, upper), out + c * NET_BLOCK);
+            at = net_walk(at, step);
+        }
+    }
+}
+
+__kernel void net_resize_cubic(__global const float *x, ulong x_offset, ulong x_image, __global float *y,
+                               ulong y_offset, ulong y_image, int in_rows, int in_cols, int rows, int cols, int blocks,
+                               int span, int rule)
+{
+    const net_part part = net_part_of(blocks, rows, span);
+    const net_at first = net_at_of(get_global_id(0), in_cols, cols, rule);
+    const net_at step = net_step_of(get_global_size(0), in_cols, cols, rule);
+    const float unit = 1.0f / first.whole;
+    const int pitch = (in_cols + 2) * NET_BLOCK;
+    __global const float *in = x + net_row(x_offset, x_image, part.image, part.block, 0, in_rows, in_cols);
+    for (int r = part.first; r < part.last; r++) {
+        const net_at row = net_at_of(r, in_rows, rows, rule);
+        const float down = row.rest * (1.0f / row.whole);
+        __global float *out = y + net_row(y_offset, y_image, part.image, part.block, r, rows, cols);
+        net_at at = first;
+        NET_EACH_PIXEL (c, cols) {
+            const float right = at.rest * unit;
+            net_vector sum = 0.0f;
+            for (int i = -1; i < 3; i++) {
+                __global const float *line = in + clamp(row.index + i, 0, in_rows - 1) * pitch;
+                net_vector across = 0.0f;
+                for (int k = -1; k < 3; k++)
+                    across = fma((net_vector)net_cubic(fabs(right - k)),
+                                 net_get(line + clamp(at.index + k, 0, in_cols - 1) * NET_BLOCK), across);
+                sum = fma((net_vector)net_cubic(fabs(down - i)), across, sum);
+            }
+            net_put(sum, out + c * NET_BLOCK);
+            at = net_walk(at, step);
+        }
+    }
+}
+
+/* The first output whose whole part is `index` or above; `out` where there is none. */
+NET_INLINE int net_first_from(int index, int in, int out, int rule)
+{
+    if (index <= (rule == NET_HALF ? -1 : 0))
+        return 0;
+    int first;
+    if (rule == NET_ALIGNED)
+        first = in > 1 ? (index * max(out - 1, 1) + in - 2) / (in - 1) : out;
+    else if (rule == NET_NEAREST)
+        first = (index * out + in - 1) / in;
+    else
+        first = max(0, (2 * index + 1) * out - in + 2 * in - 1) / (2 * in);
+    return min(first, out);
+}
+
+/* The weight with which the output at `at` takes input `to`: 1, 2 or 4 taps, those outside at the edge. */
+NET_INLINE float net_weight(net_at at, float unit, int to, int in, int taps)
+{
+    const float rest = at.rest * unit;
+    if (taps == 1)
+        return 1.0f;
+    if (taps == 2)
+        return (max(at.index, 0) == to ? 1.0f - rest : 0.0f) + (min(at.index + 1, in - 1) == to ? rest : 0.0f);
+    float sum = 0.0f;
+    for (int k = -1; k < 3; k++)
+        sum += clamp(at.index + k, 0, in - 1) == to ? net_cubic(fabs(rest - k)) : 0.0f;
+    return sum;
+}
+
+/* Rows whose weights are worked out at once. */
+#define NET_TALL 16
+
+/* dx (in_rows x in_cols) from dy (rows x cols). */
+__kernel void net_resize_backward(__global const float *dy, ulong dy_offset, ulong dy_image, __global float *dx,
+                                  ulong dx_offset, ulong dx_image, int in_rows, int in_cols, int rows, int cols,
+                                  int blocks, int span, int rule, int taps, int accumulate)
+{
+    const net_part part = net_part_of(blocks, in_rows, span);
+    const int before = taps == 4 ? 1 : 0, behind = taps / 2; /* taps stand at index - before ... index + behind */
+    const int pitch = (cols + 2) * NET_BLOCK;
+    const net_at one = net_step_of(1, in_cols, cols, rule), one_row = net_step_of(1, in_rows, rows, rule);
+    const float unit = 1.0f / one.whole, row_unit = 1.0f / one_row.whole;
+    __global const float *from = dy + net_row(dy_offset, dy_image, part.image, part.block, 0, rows, cols);
+    for (int r = part.first; r < part.last; r++) {
+        __global float *to = dx + net_row(dx_offset, dx_image, part.image, part.block, r, in_rows, in_cols);
+        int first = net_first_from(r - behind, in_rows, rows, rule);
+        const int end = net_first_from(r + before + 1, in_rows, rows, rule);
+        int more = accumulate;
+        do {
+            const int tall = min(end - first, NET_TALL);
+            float weight[NET_TALL];
+            net_at row = net_at_of(first, in_rows, rows, rule);
+            for (int i = 0; i < tall; i++, row = net_walk(row, one_row))
+                weight[i] = net_weight(row, row_unit, r, in_rows, taps);
+            NET_EACH_PIXEL (c, in_cols) {
+                const int col0 = net_first_from(c - behind, in_cols, cols, rule);
+                const int col1 = net_first_from(c + before + 1, in_cols, cols, rule);
+                net_at at = net_at_of(col0, in_cols, cols, rule);
+                net_vector sum = more ? net_get(to + c * NET_BLOCK) : (net_vector)0.0f;
+                for (int k = col0; k < col1; k++, at = net_walk(at, one)) {
+                    __global const float *line = from + first * pitch + k * NET_BLOCK;
+                    net_vector down = 0.0f;
+                    for (int i = 0; i < tall; i++)
+                        down = fma((net_vector)weight[i], net_get(line + i * pitch), down);
+                    sum = fma((net_vector)net_weight(at, unit, c, in_cols, taps), down, sum);
+                }
+                net_put(sum, to + c * NET_BLOCK);
+            }
+            first += tall;
+            more = 1;
+        } while (first < end);
+    }
+}

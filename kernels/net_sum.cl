@@ -1,0 +1,28 @@
+/* Sums of many floats, always in the same order. */
+
+#define SUM_RUN 64
+
+/* out[i] = shift + scale * the sum of run i of SUM_RUN floats. The last call of a sum has one run. */
+__kernel void net_sum(__global const float *in, ulong in_offset, uint in_count, __global float *out, ulong out_offset,
+                      float scale, float shift)
+{
+    const uint run = get_global_id(0), first = run * SUM_RUN, count = min(in_count - first, (uint)SUM_RUN);
+    __global const float *from = in + in_offset + first;
+    float8 lanes = 0.0f;
+    uint i = 0;
+    for (; i + 8 <= count; i += 8)
+        lanes += vload8(0, from + i);
+    const float4 a = lanes.lo + lanes.hi;
+    float sum = (a.x + a.z) + (a.y + a.w);
+    for (; i < count; i++)
+        sum += from[i];
+    out[out_offset + run] = fma(scale, sum, shift);
+}
+
+/* norm[0] becomes its root, norm[1] the factor that brings it down to `limit`; limit 0: 1. */
+__kernel void net_sum_norm(__global float *norm, ulong offset, float limit)
+{
+    const float root = sqrt(norm[offset]);
+    norm[offset] = root;
+    norm[offset + 1] = limit > 0.0f ? min(1.0f, limit / (root + 1e-6f)) : 1.0f;
+}

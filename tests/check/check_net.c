@@ -1,0 +1,191 @@
+#include "check_net.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#define BETWEEN    40 /* floats between images where the letter p asks for some, and what stands there */
+#define BETWEEN_IS 7.0
+#define GONE       (-777.0f) /* what an output holds before it is replaced */
+
+int check_net_block(const check_state *state)
+{
+    return check_get(state, 'v', hada_net_block(state->slot->context));
+}
+
+hada_ref_shape check_net_shape(const check_state *state)
+{
+    return (hada_ref_shape){check_get(state, 'n', 1), check_get(state, 'k', 1), check_get(state, 'r', 8),
+                            check_get(state, 'c', 8)};
+}
+
+hada_status check_net_own(check_state *state, check_net **own,
+                          hada_status (*run)(check_state *, check_net *, int, int, hada_error *), hada_error *err)
+{
+    state->own = *own = calloc(1, sizeof **own);
+    if (!*own)
+        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    (*own)->run = run;
+    (*own)->mode = check_get(state, 'b', 0);
+    (*own)->accumulate = check_get(state, 'a', 0);
+    return HADA_OK;
+}
+
+static hada_tensor tensor_of(const check_state *state, const hada_ref_shape *shape, cl_mem mem, size_t offset)
+{
+    const int block = check_net_block(state);
+    const size_t image = hada_tensor_image_floats(block, shape->channels, shape->rows, shape->cols);
+    return (hada_tensor){.mem = mem,
+                         .offset = offset,
+                         .image_stride = image + (check_get(state, 'p', 0) ? BETWEEN : 0),
+                         .images = shape->images,
+                         .channels = shape->channels,
+                         .rows = shape->rows,
+                         .cols = shape->cols,
+                         .block = block};
+}
+
+static size_t place_of(const hada_tensor *t, int n, int c, int row, int col)
+{
+    const size_t rows = (size_t)t->rows + 2, cols = (size_t)t->cols + 2, block = (size_t)t->block;
+    return (size_t)n * t->image_stride + ((size_t)c / block * rows + (size_t)row + 1) * cols * block +
+           ((size_t)col + 1) * block + (size_t)c % block;
+}
+
+/* Plain values to the places of a tensor at `out`, zeros round them. */
+static void pack(const hada_tensor *t, const double *plain, double *out)
+{
+    const size_t image = hada_tensor_image_floats(t->block, t->channels, t->rows, t->cols);
+    for (int n = 0; n < t->images; n++) {
+        for (size_t i = 0; i < t->image_stride; i++)
+            out[(size_t)n * t->image_stride + i] = i < image ? 0.0 : BETWEEN_IS;
+        for (int c = 0; c < t->channels; c++)
+            for (int row = 0; row < t->rows; row++)
+                for (int col = 0; col < t->cols; col++)
+                    out[place_of(t, n, c, row, col)] = *plain++;
+    }
+}
+
+static hada_status upload(check_state *state, const double *values, size_t count, hada_buffer *buffer, hada_error *err)
+{
+    float *floats = malloc(count * sizeof *floats);
+    hada_status status = floats ? HADA_OK : hada_fail(err, HADA_ERROR_MEMORY, "no memory for an input");
+    for (size_t i = 0; !status && i < count; i++)
+        floats[i] = (float)values[i];
+    if (!status)
+        status = check_upload(state, buffer, floats, count * sizeof *floats, err);
+    free(floats);
+    return status;
+}
+
+static hada_status random_values(check_state *state, uint64_t stream, size_t count, int largest, double **out,
+                                 hada_error *err)
+{
+    float *floats = malloc(count * sizeof *floats);
+    *out = malloc(count * sizeof **out);
+    hada_status status = floats && *out ? HADA_OK : hada_fail(err, HADA_ERROR_MEMORY, "no memory for an input");
+    if (!status && largest)
+        check_fill_integers(state, stream, floats, count, largest);
+    else if (!status)
+        check_fill_normal(state, stream, floats, count);
+    for (size_t i = 0; !status && i < count; i++)
+        (*out)[i] = floats[i];
+    free(floats);
+    return status;
+}
+
+hada_status check_net_input(check_state *state, check_net *own, const hada_ref_shape *shape, int largest,
+                            hada_error *err)
+{
+    const int i = own->inputs++;
+    hada_tensor t = tensor_of(state, shape, NULL, 0);
+    const size_t count = t.image_stride * (size_t)shape->images;
+    hada_status status = random_values(state, (uint64_t)i + 1, hada_ref_values(shape), largest, &own->plain[i], err);
+    double *blocks = malloc(count * sizeof *blocks);
+    if (!status && !blocks)
+        status = hada_fail(err, HADA_ERROR_MEMORY, "no memory for an input");
+    if (!status) {
+        pack(&t, own->plain[i], blocks);
+        status = upload(state, blocks, count, &own->memory[i], err);
+    }
+    free(blocks);
+    t.mem = own->memory[i].mem;
+    own->x[i] = t;
+    return status;
+}
+
+hada_status check_net_floats(check_state *state, check_net *own, size_t count, int largest, hada_error *err)
+{
+    const int i = own->inputs++;
+    hada_status status = random_values(state, (uint64_t)i + 1, count, largest, &own->plain[i], err);
+    return status ? status : upload(state, own->plain[i], count, &own->memory[i], err);
+}
+
+size_t check_net_behind(const check_state *state, const check_net *own)
+{
+    return state->out_offset + own->y.image_stride * (size_t)own->y.images;
+}
+
+hada_status check_net_output(check_state *state, check_net *own, const hada_ref_shape *shape, size_t floats,
+                             int largest, double **plain, hada_error *err)
+{
+    const size_t values = hada_ref_values(shape);
+    own->y = tensor_of(state, shape, NULL, 0);
+    const size_t blocks = own->y.image_stride * (size_t)shape->images;
+    hada_status status = check_output(state, blocks + floats, err);
+    if (!status)
+        status = random_values(state, 99, values + floats, largest, plain, err);
+    double *all = malloc((blocks + floats) * sizeof *all);
+    if (!status && !all)
+        status = hada_fail(err, HADA_ERROR_MEMORY, "no memory for the output");
+    if (!status) {
+        if (!own->accumulate)
+            for (size_t i = 0; i < values + floats; i++)
+                (*plain)[i] = GONE;
+        pack(&own->y, *plain, all);
+        memcpy(all + blocks, *plain + values, floats * sizeof *all);
+        status = upload(state, all, blocks + floats, &own->start, err);
+    }
+    free(all);
+    own->y.mem = state->out.mem;
+    own->y.offset = state->out_offset;
+    return status;
+}
+
+void check_net_expect(check_state *state, const check_net *own, const hada_ref_shape *shape, size_t floats,
+                      const double *plain)
+{
+    pack(&own->y, plain, state->expected);
+    memcpy(state->expected + own->y.image_stride * (size_t)shape->images, plain + hada_ref_values(shape),
+           floats * sizeof *plain);
+}
+
+hada_status check_net_launch(check_state *state, hada_error *err)
+{
+    check_net *own = state->own;
+    hada_status status = HADA_OK;
+    if (!state->timing) {
+        const cl_int code =
+            clEnqueueCopyBuffer(state->slot->queue, own->start.mem, state->out.mem, 0,
+                                state->out_offset * sizeof(float), state->out_count * sizeof(float), 0, NULL, NULL);
+        if (code != CL_SUCCESS)
+            return hada_fail_cl(err, code, "clEnqueueCopyBuffer");
+    }
+    const int piece = state->batch_limit ? state->batch_limit : own->y.images;
+    for (int first = 0; !status && first < own->y.images; first += piece)
+        status = own->run(state, own, first, first + piece > own->y.images ? own->y.images - first : piece, err);
+    return status;
+}
+
+void check_net_release(check_state *state)
+{
+    check_net *own = state->own;
+    if (!own)
+        return;
+    for (int i = 0; i < CHECK_NET_INPUTS; i++) {
+        hada_buffer_destroy(&own->memory[i]);
+        free(own->plain[i]);
+    }
+    hada_buffer_destroy(&own->start);
+    hada_buffer_destroy(&own->scratch);
+    free(own);
+}

@@ -11,35 +11,71 @@ void hada_context_options_init(hada_context_options *options)
     *options = (hada_context_options){.size = sizeof *options, .log_level = HADA_LOG_WARNING};
 }
 
+/* The device that the options and the environment mean, and the part of it. */
+static hada_status find_device(const hada_context_options *options, const hada_device_info *infos, size_t count,
+                               size_t *chosen, int *part, int *parts, hada_error *err)
+{
+    const char *named = options->device ? options->device : getenv("HADALENS_DEVICE");
+    const char *binaries = options->binaries ? options->binaries : getenv("HADALENS_BINARIES");
+    char *words = hada_string_copy(named ? named : "");
+    *part = options->part;
+    *parts = options->parts;
+    if (!words)
+        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for a context");
+    hada_status status = hada_device_part(words, part, parts, err);
+    if (!status)
+        status = hada_device_choose(infos, count, words, binaries && *binaries, chosen, err);
+    free(words);
+    return status;
+}
+
+static hada_status take_part(hada_context *context, int part, int parts, hada_error *err)
+{
+    cl_device_id device;
+    const int index = context->info.index;
+    hada_status status = hada_device_divide(context->device, &context->info, part, parts, &device, err);
+    if (status)
+        return status;
+    context->device = device;
+    context->divided = 1;
+    status = hada_device_describe(context->platform, device, index, &context->info, err);
+    context->info.part = part;
+    context->info.parts = parts;
+    return status;
+}
+
 static hada_status choose_device(hada_context *context, const hada_context_options *options, hada_error *err)
 {
     hada_platform_device *devices = NULL;
     hada_device_info *infos = NULL;
     size_t count, chosen = 0;
+    int part, parts;
     hada_status status = hada_platform_devices(&devices, &count, err);
     if (status)
         return status;
     status = hada_alloc((void **)&infos, count, sizeof *infos, "the list of devices", err);
     for (size_t i = 0; !status && i < count; i++)
         status = hada_device_describe(devices[i].platform, devices[i].device, (int)i, &infos[i], err);
-    if (!status) {
-        const char *words = options->device ? options->device : getenv("HADALENS_DEVICE");
-        const char *binaries = options->binaries ? options->binaries : getenv("HADALENS_BINARIES");
-        status = hada_device_choose(infos, count, words, binaries && *binaries, &chosen, err);
-    }
+    if (!status)
+        status = find_device(options, infos, count, &chosen, &part, &parts, err);
     if (!status) {
         context->platform = devices[chosen].platform;
         context->device = devices[chosen].device;
         context->info = infos[chosen];
-        hada_quirks_find(&context->info, &context->quirks);
-        context->shape = context->info.kind == HADA_DEVICE_GPU ? HADA_SHAPE_GROUPS : HADA_SHAPE_LANES;
-        cl_uint floats = 0; /* a device that does not say is one without vectors */
-        clGetDeviceInfo(context->device, CL_DEVICE_NATIVE_VECTOR_WIDTH_FLOAT, sizeof floats, &floats, NULL);
-        context->vector_floats = floats;
     }
     free(devices);
     free(infos);
-    return status;
+    return !status && (part || parts) ? take_part(context, part, parts, err) : status;
+}
+
+/* What follows from the device. */
+static void look_at_device(hada_context *context)
+{
+    hada_quirks_find(&context->info, &context->quirks);
+    context->shape = context->info.kind == HADA_DEVICE_GPU ? HADA_SHAPE_GROUPS : HADA_SHAPE_LANES;
+    cl_uint floats = 0; /* a device that does not say is one without vectors */
+    clGetDeviceInfo(context->device, CL_DEVICE_NATIVE_VECTOR_WIDTH_FLOAT, sizeof floats, &floats, NULL);
+    context->vector_floats = floats;
 }
 
 hada_status hada_context_create(hada_context **out, const hada_context_options *options, hada_error *err)
@@ -72,6 +108,7 @@ hada_status hada_context_create(hada_context **out, const hada_context_options *
     if (!status)
         status = choose_device(context, options, err);
     if (!status) {
+        look_at_device(context);
         cl_int code;
         cl_context_properties properties[] = {CL_CONTEXT_PLATFORM, (cl_context_properties)context->platform, 0};
         context->cl = clCreateContext(properties, 1, &context->device, NULL, NULL, &code);
@@ -101,6 +138,8 @@ void hada_context_destroy(hada_context **pointer)
     hada_program_store_destroy(context);
     if (context->cl)
         clReleaseContext(context->cl);
+    if (context->divided)
+        clReleaseDevice(context->device);
     pthread_mutex_destroy(&context->lock);
     free(context->tuning_file);
     free(context);

@@ -29,6 +29,7 @@ typedef struct hada_program_store hada_program_store; /* program/program.h */
 struct hada_context {
     cl_platform_id platform;
     cl_device_id device;
+    int divided; /* the device is a sub-device of our own making */
     cl_context cl;
     hada_device_info info;
     hada_shape shape;

@@ -32,6 +32,7 @@ typedef struct hada_device_info {
     int has_local_memory; /* real on-chip local memory, not ordinary memory */
     int has_double, has_half_arithmetic, unified_memory;
     unsigned max_sub_devices;
+    int part, parts; /* a context on a part of a device: which one, from 1 on, of how many; 0, 0: the whole */
     char quirks[1024];
 } hada_device_info;
 
@@ -53,8 +54,11 @@ typedef struct hada_context_options {
     size_t size; /* sizeof(hada_context_options), for later versions */
     /* Which device: its index ("0"), a kind ("cpu", "gpu", "accelerator") or a part of its name, case ignored.
      * NULL: the environment variable HADALENS_DEVICE, else the first GPU, else the first accelerator that has its
-     * binaries, else the first CPU. */
+     * binaries, else the first CPU. A part of a device is named by ":PART/PARTS" behind it, such as "0:1/2". */
     const char *device;
+    /* The part-th (from 1 on) of `parts` sub-devices with as many compute units each, as nearly as that goes; 0, 0:
+     * what `device` says, the whole otherwise. HADA_ERROR_DEVICE_CHOICE where the device cannot be divided so. */
+    int part, parts;
     /* Folder of offline binaries made by hada_programs_save(); NULL: the environment variable HADALENS_BINARIES, else
      * none. When given, nothing is compiled: a kernel missing there is an error. */
     const char *binaries;

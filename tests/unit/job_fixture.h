@@ -1,0 +1,116 @@
+/* A small camera with as many depths as real ones, its frames, and what one lane makes of them: for tests of jobs. */
+#ifndef HADA_TESTS_JOB_FIXTURE_H
+#define HADA_TESTS_JOB_FIXTURE_H
+
+#include <hadalens/job.h>
+#include <string.h>
+
+#include "camera_small.h"
+
+enum { JOB_ROWS = 24, JOB_COLS = 32, JOB_WINDOW = 12, JOB_DEPTHS = 14, JOB_CHANNELS = 3, JOB_FRAMES = 6 };
+enum { JOB_LINEAR, JOB_LISTED, JOB_REFINED, JOB_PURSUED, JOB_KINDS };
+
+typedef struct job_fixture {
+    hada_context *whole, *part[2]; /* the device, and the same in two parts */
+    hada_model *model;
+    hada_image frames[JOB_FRAMES];
+    hada_plan_options options[JOB_KINDS];
+    hada_result expected[JOB_KINDS][JOB_FRAMES];
+} job_fixture;
+
+static inline int job_same_image(const hada_image *a, const hada_image *b)
+{
+    return a->channels == b->channels && a->rows == b->rows && a->cols == b->cols &&
+           !memcmp(a->data, b->data, hada_image_count(a) * sizeof *a->data);
+}
+
+static inline int job_same(const hada_result *a, const hada_result *b)
+{
+    int equal = a->depths == b->depths && job_same_image(&a->all_in_focus, &b->all_in_focus) &&
+                job_same_image(&a->distance_map, &b->distance_map) &&
+                !memcmp(a->report.occupied, b->report.occupied, (size_t)a->depths) &&
+                a->report.refine_steps == b->report.refine_steps;
+    for (int z = 0; equal && z < a->depths; z++)
+        equal = job_same_image(&a->planes[z], &b->planes[z]);
+    return equal;
+}
+
+static inline void job_make_frames(job_fixture *f)
+{
+    hada_image psf[JOB_DEPTHS];
+    double distances[JOB_DEPTHS];
+    hada_psf_options options;
+    hada_psf_options_init(&options);
+    options.window_rows = options.window_cols = JOB_WINDOW;
+    options.boundary = HADA_BOUNDARY_CIRCULAR;
+    for (int z = 0; z < JOB_DEPTHS; z++) {
+        distances[z] = 100.0 * (z + 1);
+        psf[z] = small_psf(JOB_CHANNELS, JOB_ROWS, JOB_COLS, 12, (uint64_t)z + 1);
+    }
+    for (int i = 0; i < JOB_FRAMES; i++) {
+        hada_image scene = small_scene(JOB_CHANNELS, JOB_WINDOW, JOB_WINDOW, (uint64_t)i + 1);
+        f->frames[i] = small_frame(&psf[3 * i % JOB_DEPTHS], &scene, 0, 0.003, (uint64_t)i + 1);
+        hada_image_destroy(&scene);
+    }
+    ASSERT_OK(hada_model_from_psf(&f->model, f->whole, psf, JOB_DEPTHS, distances, &options, err));
+    for (int z = 0; z < JOB_DEPTHS; z++)
+        hada_image_destroy(&psf[z]);
+}
+
+static inline void job_open(job_fixture *f)
+{
+    hada_context_options options;
+    ASSERT_OK(hada_context_create(&f->whole, NULL, err));
+    const hada_device_info *device = hada_context_device(f->whole);
+    const int divisible = device->max_sub_devices >= 2 && device->compute_units >= 2;
+    for (int i = 0; i < 2; i++) {
+        hada_context_options_init(&options);
+        options.part = divisible ? i + 1 : 0; /* else two contexts on the whole device */
+        options.parts = divisible ? 2 : 0;
+        ASSERT_OK(hada_context_create(&f->part[i], &options, err));
+    }
+}
+
+static inline int job_setup(void **state)
+{
+    static const int listed[] = {1, 2, 6, 7, 8, 13};
+    static job_fixture f;
+    job_open(&f);
+    job_make_frames(&f);
+    for (int kind = 0; kind < JOB_KINDS; kind++) {
+        hada_plan *plan;
+        hada_plan_options_init(&f.options[kind]);
+        f.options[kind].refine = kind >= JOB_REFINED ? 4 : 0;
+        f.options[kind].dark = HADA_DARK_NONE;
+        f.options[kind].occupied = kind == JOB_PURSUED  ? HADA_OCCUPIED_AUTO
+                                   : kind == JOB_LINEAR ? HADA_OCCUPIED_ALL
+                                                        : HADA_OCCUPIED_LIST;
+        f.options[kind].occupied_list = listed;
+        f.options[kind].occupied_count = 6;
+        ASSERT_OK(hada_plan_create(&plan, f.whole, f.model, &f.options[kind], err));
+        for (int i = 0; i < JOB_FRAMES; i++)
+            ASSERT_OK(hada_plan_run(plan, &f.frames[i], &f.expected[kind][i], err));
+        hada_plan_destroy(&plan);
+    }
+    *state = &f;
+    return 0;
+}
+
+static inline int job_teardown(void **state)
+{
+    job_fixture *f = *state;
+    for (int i = 0; i < JOB_FRAMES; i++) {
+        hada_image_destroy(&f->frames[i]);
+        for (int kind = 0; kind < JOB_KINDS; kind++)
+            hada_result_destroy(&f->expected[kind][i]);
+    }
+    hada_model_destroy(&f->model);
+    hada_context *contexts[] = {f->whole, f->part[0], f->part[1]};
+    for (int i = 0; i < 3; i++) {
+        assert_int_equal(hada_context_bytes(contexts[i]), 0);
+        hada_context_destroy(&contexts[i]);
+    }
+    return 0;
+}
+
+#endif

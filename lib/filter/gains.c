@@ -4,6 +4,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
+#include "filter/half_filter.h"
 #include "io/safetensors.h"
 
 /* The device sums up at most some thousand squares as floats: each addition rounds by 2^-24 at most. */
@@ -26,7 +27,7 @@ static hada_status make_arrays(hada_gains *gains, hada_error *err)
 typedef struct tile_values {
     float most, half;
     double sum;
-    int count, fits;
+    int count;
 } tile_values;
 
 /* |W|^2 as it acts on |B|^2: the split form multiplies real and imaginary parts apart. */
@@ -47,28 +48,26 @@ static void take_rounding(tile_values *tile, float re, float im, int split)
 {
     const float half_re = hada_float_from_half(hada_half_from_float(re)),
                 half_im = hada_float_from_half(hada_half_from_float(im));
-    if (!isfinite(half_re) || !isfinite(half_im))
-        tile->fits = 0;
-    else
-        tile->half = fmaxf(tile->half, square(re - half_re, im - half_im, split));
+    tile->half = fmaxf(tile->half, square(re - half_re, im - half_im, split));
 }
 
 /* One depth and channel: `values` where the model has floats, else `halves`. */
 static void add_filter(hada_gains *gains, const float *values, const uint16_t *halves, int channel, int split,
-                       tile_values *room)
+                       int with_half, tile_values *room)
 {
     const int rows = gains->tiles.layout.rows, cols = gains->tiles.layout.cols / 2 + 1;
     const size_t count = hada_tiles_count(&gains->tiles), base = (size_t)channel * count;
     float sharp = 0.0f;
     for (size_t t = 0; t < count; t++)
-        room[t] = (tile_values){.fits = 1};
+        room[t] = (tile_values){0};
     for (int ky = 0; ky < rows; ky++)
         for (int kx = 0; kx < cols; kx++) {
             const size_t at = 2 * ((size_t)ky * (size_t)cols + (size_t)kx);
             tile_values *tile = &room[hada_tiles_index(&gains->tiles, ky, kx)];
             if (values) {
                 take_value(tile, values[at], values[at + 1], split);
-                take_rounding(tile, values[at], values[at + 1], split);
+                if (with_half)
+                    take_rounding(tile, values[at], values[at + 1], split);
             } else {
                 take_value(tile, hada_float_from_half(halves[at]), hada_float_from_half(halves[at + 1]), split);
             }
@@ -77,14 +76,31 @@ static void add_filter(hada_gains *gains, const float *values, const uint16_t *h
         gains->most[base + t] += room[t].most;
         gains->half[base + t] += room[t].half;
         gains->mean[base + t] += room[t].count ? room[t].sum / room[t].count : 0.0;
-        gains->fits_half &= room[t].fits;
         sharp = fmaxf(sharp, room[t].most);
     }
     gains->sharp[channel] += sharp;
 }
 
+int hada_gains_fits_half(const hada_model *model, const int *depths, int count)
+{
+    const size_t plane = 2 * hada_model_plane(model);
+    uint16_t *room = NULL;
+    if (model->filter_half)
+        return 1;
+    int fits = !hada_alloc_raw((void **)&room, plane, sizeof *room, "the filters' gains", NULL);
+    for (int i = 0; fits && i < count * model->info.channels; i++) {
+        const int depth = i / model->info.channels;
+        const size_t image = (size_t)(depths ? depths[depth] : depth) * (size_t)model->info.channels +
+                             (size_t)(i % model->info.channels);
+        fits = !hada_filter_to_half(model->filter + image * plane, plane, room, NULL);
+    }
+    hada_model_forget(model);
+    free(room);
+    return fits;
+}
+
 hada_status hada_gains_create(hada_gains **out, const hada_model *model, const hada_spectrum_layout *layout,
-                              const int *depths, int count, hada_error *err)
+                              const int *depths, int count, int with_half, hada_error *err)
 {
     const hada_model_info *info = &model->info;
     const size_t plane = 2 * hada_model_plane(model);
@@ -96,7 +112,6 @@ hada_status hada_gains_create(hada_gains **out, const hada_model *model, const h
         return status;
     gains->tiles = hada_tiles_of(layout);
     gains->channels = info->channels;
-    gains->fits_half = 1;
     status = make_arrays(gains, err);
     if (!status)
         status =
@@ -105,7 +120,8 @@ hada_status hada_gains_create(hada_gains **out, const hada_model *model, const h
         for (int c = 0; c < info->channels; c++) {
             const size_t at = ((size_t)depths[i] * (size_t)info->channels + (size_t)c) * plane;
             add_filter(gains, model->filter ? model->filter + at : NULL,
-                       model->filter_half ? model->filter_half + at : NULL, c, info->form == HADA_FORM_SPLIT, room);
+                       model->filter_half ? model->filter_half + at : NULL, c, info->form == HADA_FORM_SPLIT, with_half,
+                       room);
         }
         hada_model_forget(model);
     }

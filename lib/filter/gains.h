@@ -12,16 +12,18 @@
 typedef struct hada_gains {
     hada_tiles tiles;
     int channels;
-    int fits_half; /* no filter value is too large for half */
     double *most;  /* [channel][tile]: sum over depths of the largest |W|^2 */
     double *mean;  /* of the mean |W|^2 */
     double *half;  /* of the largest |W - half(W)|^2 */
     double *sharp; /* [channel]: sum over depths of the largest |W|^2 of all frequencies */
 } hada_gains;
 
-/* Of `count` depths of a model (indices). */
+/* Whether half filters can be made of `count` depths of a model (indices; NULL: all). */
+int hada_gains_fits_half(const hada_model *model, const int *depths, int count);
+
+/* Of `count` depths. with_half: `half` is filled as well; the filters must fit. */
 hada_status hada_gains_create(hada_gains **out, const hada_model *model, const hada_spectrum_layout *layout,
-                              const int *depths, int count, hada_error *err);
+                              const int *depths, int count, int with_half, hada_error *err);
 void hada_gains_destroy(hada_gains **gains);
 
 /* All of the following are sums of squares over the pixels of all planes (channels and depths); `energy` is what a

@@ -23,7 +23,8 @@ uint64_t hada_lane_bytes(const hada_context *context, const hada_model *model, c
     const hada_focus_desc focus = hada_plan_focus_of(info, shape);
     const uint64_t frame = 4 * (uint64_t)info->raw_rows * (uint64_t)info->raw_cols * (uint64_t)info->channels;
     uint64_t bytes = hada_hadamard_bytes(context, info, batch) + hada_focus_bytes(&focus) +
-                     planes_bytes(info, shape, batch) + pictures_bytes(info) + (shape->dark ? frame : 0);
+                     planes_bytes(info, shape, batch) + pictures_bytes(info) + (shape->dark ? frame : 0) +
+                     hada_lane_skip_bytes(context, info, shape, batch);
     if (shape->refined) {
         const hada_refine_shape refine = hada_refine_shape_of(info, shape->depths, shape->steps);
         bytes += hada_refiner_bytes(context, &refine);
@@ -60,6 +61,8 @@ static hada_status make_stages(hada_lane *lane, hada_error *err)
     if (!status && shape->dark)
         status = hada_hadamard_set_dark(lane->stage, plan->dark_frame.data, err);
     if (!status)
+        status = hada_lane_skip_make(lane, err);
+    if (!status)
         status = hada_buffer_create(&lane->pictures, context, pictures_bytes(info),
                                     "the all-in-focus image and the distance map", err);
     if (!status)
@@ -85,6 +88,7 @@ void hada_lane_clear(hada_lane *lane)
     hada_focus_destroy(&lane->focus);
     hada_buffer_destroy(&lane->planes);
     hada_buffer_destroy(&lane->pictures);
+    hada_meter_destroy(&lane->meter);
     hada_hadamard_destroy(&lane->stage);
     hada_slot_destroy(&lane->slot);
     lane->holds = 0;

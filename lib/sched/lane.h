@@ -21,6 +21,7 @@ struct hada_lane {
     int batch;  /* depths at once; becomes smaller where memory is short */
     hada_slot *slot;
     hada_hadamard *stage;
+    hada_meter *meter; /* NULL where spectra are not measured */
     hada_pursuit *pursuit;
     hada_refiner *refiner;
     hada_focus *focus;

@@ -19,11 +19,14 @@ static hada_status clip(hada_lane *lane, size_t count, hada_error *err)
 }
 
 /* Planes of depths first ... first + count - 1 into lane->planes. */
-static hada_status compute(hada_lane *lane, int first, int count, hada_error *err)
+static hada_status compute(hada_lane *lane, const hada_task *task, int first, int count, hada_error *err)
 {
     const size_t plane = hada_plane_values(hada_model_get_info(lane->plan->model));
     hada_slot_stage(lane->slot, "linear");
-    hada_status status = hada_hadamard_run(lane->stage, lane->share->bank, first, count, lane->planes.mem, 0, err);
+    hada_lane_skip_apply(lane, task);
+    hada_status status = hada_task_skip_dense(task) ? hada_lane_skip_dense(lane, first, count, err)
+                                                    : hada_hadamard_run(lane->stage, lane->share->bank, first, count,
+                                                                        lane->planes.mem, 0, err);
     return status ? status : clip(lane, plane * (size_t)count, err);
 }
 
@@ -59,7 +62,7 @@ static hada_status push(hada_lane *lane, hada_task *task, int first, int count, 
 static hada_status own_batch(hada_lane *lane, hada_task *task, int first, int count, int *next, hada_error *err)
 {
     hada_report *report = &task->result->report;
-    hada_status status = compute(lane, first, count, err);
+    hada_status status = compute(lane, task, first, count, err);
     if (!status)
         status = hada_lane_watch(lane, task, &report->seconds_linear, err);
     if (!status && first == *next) {
@@ -100,6 +103,18 @@ static hada_status all_batches(hada_lane *lane, hada_task *task, hada_error *err
     return status;
 }
 
+static hada_status all_planes(hada_lane *lane, hada_task *task, hada_error *err)
+{
+    const unsigned char *occupied = task->result->report.occupied;
+    hada_status status = hada_focus_begin(lane->focus, occupied, err);
+    if (status)
+        return status;
+    hada_batches_open(task, occupied);
+    status = all_batches(lane, task, err);
+    hada_batches_close(task);
+    return status;
+}
+
 hada_status hada_lane_linear(hada_lane *lane, hada_task *task, hada_error *err)
 {
     hada_result *result = task->result;
@@ -110,12 +125,9 @@ hada_status hada_lane_linear(hada_lane *lane, hada_task *task, hada_error *err)
         if (!report->occupied[z]) /* the user knows that nothing is there */
             memset(result->planes[z].data, 0, hada_image_count(&result->planes[z]) * sizeof(float));
     }
-    hada_status status = hada_focus_begin(lane->focus, report->occupied, err);
-    if (status)
-        return status;
-    hada_batches_open(task, report->occupied);
-    status = all_batches(lane, task, err);
-    hada_batches_close(task);
+    hada_status status = all_planes(lane, task, err);
+    while (!status && hada_task_skip_again(task))
+        status = all_planes(lane, task, err);
     return status ? status : hada_lane_pictures(lane, task, err);
 }
 
@@ -135,7 +147,7 @@ hada_status hada_lane_help(hada_lane *lane, hada_task *task, hada_error *err)
         lane->slot->stop = &task->cancelled;
         status = hada_lane_expose(lane, task, err);
         if (!status)
-            status = compute(lane, first, count, err);
+            status = compute(lane, task, first, count, err);
         if (!status)
             status = read_planes(lane, task, first, count, err);
         if (status)

@@ -18,6 +18,8 @@ hada_status hada_lane_upload(hada_lane *lane, hada_task *task, hada_error *err)
     hada_status status = hada_task_prepare(task, err);
     if (!status)
         status = hada_lane_expose(lane, task, err);
+    if (!status)
+        status = hada_lane_skip_frequencies(lane, task, err);
     hada_task_progress(task, 1);
     return status ? status : hada_lane_watch(lane, task, &task->result->report.seconds_upload, err);
 }
@@ -27,6 +29,7 @@ hada_status hada_lane_expose(hada_lane *lane, hada_task *task, hada_error *err)
     if (lane->holds == task->serial)
         return HADA_OK;
     lane->holds = 0;
+    hada_lane_skip_apply(lane, task);
     hada_status status = hada_hadamard_frame(lane->stage, hada_task_frame(task)->data, task->levels, err);
     if (!status)
         lane->holds = task->serial;
@@ -60,6 +63,8 @@ static hada_status run(hada_lane *lane, hada_task *task, hada_error *err)
         status = lane->plan->shape.refined ? hada_lane_refined(lane, task, err) : hada_lane_linear(lane, task, err);
     if (!status)
         status = hada_task_check(task, err);
+    if (!status)
+        hada_task_skip_report(task);
     if (!status)
         hada_result_apply_gamma(task->result, lane->plan->options.gamma);
     if (!status)

@@ -113,6 +113,9 @@ hada_status hada_plan_create_on(hada_plan **out, hada_context *const *contexts, 
     if (!status && plan->shape.dark)
         status = copy_dark(plan, options->dark_frame, err);
     if (!status)
+        status = hada_plan_skip_make(&plan->skip, contexts[0], model, &plan->shape, plan->depths, plan->listed,
+                                     &plan->dark_frame, err);
+    if (!status)
         status = make_lanes(plan, contexts, count, err);
     if (status)
         hada_plan_destroy(&plan);
@@ -140,6 +143,7 @@ void hada_plan_destroy(hada_plan **pointer)
         hada_share_destroy(&plan->shares[i]);
     if (plan->board)
         hada_board_release(plan->board);
+    hada_plan_skip_free(&plan->skip);
     hada_image_destroy(&plan->dark_frame);
     free(plan->lanes);
     free(plan->shares);

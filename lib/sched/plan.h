@@ -3,8 +3,8 @@
 #define HADA_SCHED_PLAN_H
 
 #include "sched/plan_shape.h"
+#include "sched/skip.h"
 
-typedef struct hada_lane hada_lane;
 typedef struct hada_share hada_share;
 typedef struct hada_board hada_board;
 
@@ -16,8 +16,9 @@ struct hada_plan {
     double *distances;     /* per computed depth */
     unsigned char *listed; /* per computed depth: named by HADA_OCCUPIED_LIST */
     hada_image dark_frame; /* empty where none */
-    hada_share **shares;   /* one a context */
-    hada_lane **lanes;     /* queues of the first device, of the second, ... */
+    hada_plan_skip skip;
+    hada_share **shares; /* one a context */
+    hada_lane **lanes;   /* queues of the first device, of the second, ... */
     int share_count, lane_count;
     hada_board *board;
 };

@@ -1,12 +1,14 @@
 #include "sched/plan_shape.h"
 
 #include "filter/bank.h"
+#include "filter/gains.h"
 
 enum { MOST_QUEUES = 64 };
 
 void hada_plan_options_init(hada_plan_options *options)
 {
-    *options = (hada_plan_options){.size = sizeof *options, .refine = -1, .gamma = 1.0, .skip = HADA_SKIP_ALL};
+    *options =
+        (hada_plan_options){.size = sizeof *options, .refine = -1, .gamma = 1.0, .skip = HADA_SKIP_ALL, .band = 1.0};
 }
 
 static hada_status check_list(const int *list, int count, int limit, const char *what, hada_error *err)
@@ -28,6 +30,11 @@ static hada_status check_options(const hada_model_info *info, const hada_plan_op
     if (options->queues < 0 || options->queues > MOST_QUEUES)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: %d queues; a device can have 1 to %d",
                          options->queues, MOST_QUEUES);
+    if (!(options->max_error >= 0 && options->max_error < 1) || !(options->band > 0 && options->band <= 1) ||
+        options->skip & ~(unsigned)HADA_SKIP_ALL)
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "plan options: max_error is from 0 to below 1, band above 0 and at most 1, and skip made of "
+                         "HADA_SKIP_...");
     hada_status status = HADA_OK;
     if (options->depths)
         status = options->depth_count ? check_list(options->depths, options->depth_count, info->depths, "depths", err)
@@ -51,6 +58,38 @@ static hada_status check_options(const hada_model_info *info, const hada_plan_op
     return status;
 }
 
+/* Half filters change the light on the grid by 2^-11 at most; the planes, which have some of that light, by a few times
+ * as much. Each frame is verified. */
+static const double half_pays = 0x1p-8;
+
+static int at_least_one(double value)
+{
+    return value < 1.0 ? 1 : (int)value;
+}
+
+static hada_status skip_shape(const hada_model *model, const hada_plan_options *options, hada_plan_shape *shape,
+                              hada_error *err)
+{
+    const hada_model_info *info = hada_model_get_info(model);
+    shape->pruned = shape->refined || (options->skip & HADA_SKIP_PRUNE);
+    if (options->band < 1.0 && shape->refined)
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "a band limits the linear filters, but the planes are to be refined: add --refine 0, or leave "
+                         "--band out");
+    if (options->band < 1.0) {
+        shape->band_rows = at_least_one(options->band * (info->grid_rows / 2));
+        shape->band_cols = at_least_one(options->band * (info->grid_cols / 2));
+    }
+    if (options->max_error > 0 && !shape->refined) {
+        shape->half_by_error = (options->skip & HADA_SKIP_HALF) && !shape->half && options->max_error >= half_pays &&
+                               hada_gains_fits_half(model, options->depths, shape->depths);
+        shape->half |= shape->half_by_error;
+        shape->bounded = shape->half_by_error || (options->skip & HADA_SKIP_FREQUENCIES);
+    }
+    shape->measured = shape->bounded || options->band < 1.0;
+    return HADA_OK;
+}
+
 hada_status hada_plan_shape_of(const hada_model *model, const hada_plan_options *options, hada_plan_shape *shape,
                                hada_error *err)
 {
@@ -72,7 +111,7 @@ hada_status hada_plan_shape_of(const hada_model *model, const hada_plan_options 
         shape->batch = shape->depths;
     shape->queues = options->queues ? options->queues : 1;
     hada_focus_options_init(&shape->focus, shape->refined);
-    return HADA_OK;
+    return skip_shape(model, options, shape, err);
 }
 
 size_t hada_plane_values(const hada_model_info *info)

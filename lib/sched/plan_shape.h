@@ -9,15 +9,20 @@
 #include "refine/pursuit.h"
 
 typedef struct hada_plan_shape {
-    int depths;  /* computed */
-    int batch;   /* depths at once in the Hadamard stage, at most */
-    int queues;  /* of each device */
-    int refined; /* 1: planes by refinement of the occupied depths; 0: linear filters */
-    int steps;   /* refinement steps at most */
-    int pursuit; /* 1: the occupied depths are found */
-    int half;    /* filters on the device as half */
-    int parts;   /* of the bank: filters or transfer functions */
-    int dark;    /* 1: a dark frame is taken off */
+    int depths;               /* computed */
+    int batch;                /* depths at once in the Hadamard stage, at most */
+    int queues;               /* of each device */
+    int refined;              /* 1: planes by refinement of the occupied depths; 0: linear filters */
+    int steps;                /* refinement steps at most */
+    int pursuit;              /* 1: the occupied depths are found */
+    int half;                 /* filters on the device as half */
+    int parts;                /* of the bank: filters or transfer functions */
+    int dark;                 /* 1: a dark frame is taken off */
+    int pruned;               /* 1: inverse transforms compute the window alone */
+    int bounded;              /* 1: max_error may change the planes */
+    int measured;             /* 1: the energy of spectra is measured */
+    int half_by_error;        /* 1: max_error chose half */
+    int band_rows, band_cols; /* of the caller; 0, 0: all */
     hada_focus_options focus;
 } hada_plan_shape;
 

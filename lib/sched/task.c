@@ -28,8 +28,12 @@ hada_status hada_task_begin(hada_task *task, const hada_plan *plan, const hada_i
     hada_status status = hada_alloc((void **)&task->levels, (size_t)info->channels, sizeof(double), "a frame", err);
     if (!status)
         status = hada_alloc((void **)&task->depths, (size_t)shape->depths, 1, "a frame", err);
-    if (status)
+    if (!status)
+        status = hada_task_skip_begin(task, err);
+    if (status) {
         free(task->levels);
+        free(task->depths);
+    }
     return status;
 }
 
@@ -40,6 +44,7 @@ void hada_task_end(hada_task *task, hada_status status)
     hada_image_destroy(&task->repaired);
     free(task->levels);
     free(task->depths);
+    hada_task_skip_end(task);
     task->levels = NULL;
     task->depths = NULL;
 }
@@ -143,5 +148,7 @@ hada_status hada_task_prepare(hada_task *task, hada_error *err)
         status = find_levels(task, err);
     if (!status && task->plan->shape.refined)
         task->energy = energy_above(hada_task_frame(task), task->levels, &task->plan->dark_frame);
+    if (!status)
+        hada_task_skip_channels(task);
     return status;
 }

@@ -6,7 +6,7 @@
 
 #include "sched/plan.h"
 
-typedef struct hada_task {
+struct hada_task {
     const hada_plan *plan;
     const hada_image *raw; /* as it came */
     hada_result *result;
@@ -21,7 +21,8 @@ typedef struct hada_task {
     atomic_int progress;   /* of HADA_PROGRESS */
     unsigned char *depths; /* linear, per computed depth: see batches.h; the board's lock guards these three */
     int open, helpers;     /* other lanes may take batches; how many are at it */
-} hada_task;
+    hada_task_skip skip;
+};
 
 enum { HADA_PROGRESS = 1000000, HADA_WORK_PURSUIT = 8 };
 

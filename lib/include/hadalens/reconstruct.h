@@ -61,8 +61,10 @@ typedef struct hada_plan_options {
     int queues;                   /* frames or batches in flight on each device, each on a queue of its own with its
                                      own memory; 0: 1 */
     unsigned skip;                /* HADA_SKIP_... that may be used; HADA_SKIP_ALL by default, 0: none (a dense run) */
-    double max_error; /* the largest relative L2 change of the stack against the dense run; 0 (default): only
-                         what is exact */
+    double max_error; /* the largest relative L2 change of the stack (before gamma) against the dense run, below 1;
+                         0 (default): only what is exact */
+    double band;      /* linear filters: frequencies beyond this share of the sensor's Nyquist limits, in rows and in
+                         columns, are left out, whatever max_error; 1 (default): none. The planes keep their size */
 } hada_plan_options;
 HADA_API void hada_plan_options_init(hada_plan_options *options);
 
@@ -79,7 +81,7 @@ HADA_API hada_status hada_plan_estimate(hada_context *context, const hada_model 
 /* What was not computed, and what that may have changed. */
 typedef struct hada_skip_report {
     unsigned kinds;       /* HADA_SKIP_... that saved something in this frame */
-    double bound;         /* of the relative L2 change of the stack; 0: none */
+    double bound;         /* of the relative L2 change of the stack, by a chosen band as well; 0: none */
     int depths, channels; /* not computed */
     int frame;            /* 1: the result is that of the frame before */
     double frequencies;   /* share of the spectrum that was not used, 0 to 1 */

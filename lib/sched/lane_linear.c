@@ -13,6 +13,7 @@ static hada_status clip(hada_lane *lane, size_t count, hada_error *err)
     const cl_ulong offset = 0, values = count;
     hada_status status = hada_slot_kernel(lane->slot, "sched_clip", "sched_clip", "", &kernel, err);
     hada_arg args[] = {HADA_ARG(lane->planes.mem), HADA_ARG(offset), HADA_ARG(values)};
+    hada_slot_cost(lane->slot, 8.0 * (double)count, (double)count);
     if (!status)
         status = hada_slot_launch(lane->slot, kernel, "sched_clip", 1, &global, &local, args, HADA_COUNT(args), err);
     return status;
@@ -34,6 +35,7 @@ static hada_status read_planes(hada_lane *lane, hada_task *task, int first, int 
 {
     const size_t bytes = hada_plane_values(hada_model_get_info(lane->plan->model)) * sizeof(float);
     hada_status status = HADA_OK;
+    hada_slot_stage(lane->slot, "download");
     for (int i = 0; !status && i < count; i++)
         status = hada_buffer_read(&lane->planes, lane->slot, (size_t)i * bytes, task->result->planes[first + i].data,
                                   bytes, err);

@@ -63,9 +63,11 @@ static hada_status read_planes(hada_lane *lane, hada_task *task, int count, hada
     for (int place = 0; place < count; place++) {
         const cl_int code =
             clEnqueueReadBuffer(lane->slot->queue, hada_refiner_planes(lane->refiner), CL_TRUE, (size_t)place * bytes,
-                                bytes, task->result->planes[lane->occupied[place]].data, 0, NULL, NULL);
+                                bytes, task->result->planes[lane->occupied[place]].data, 0, NULL,
+                                hada_slot_event(lane->slot));
         if (code != CL_SUCCESS)
             return hada_fail_cl(err, code, "clEnqueueReadBuffer");
+        hada_slot_moved(lane->slot, "read", (double)bytes);
     }
     return HADA_OK;
 }

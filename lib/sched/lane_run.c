@@ -40,9 +40,11 @@ hada_status hada_lane_pictures(hada_lane *lane, hada_task *task, hada_error *err
 {
     hada_result *result = task->result;
     const size_t plane = hada_image_count(&result->all_in_focus), map = hada_image_count(&result->distance_map);
+    hada_slot_stage(lane->slot, "focus");
     hada_status status = hada_focus_finish(lane->focus, lane->pictures.mem, 0, lane->pictures.mem, plane, NULL, err);
     if (!status)
         status = hada_lane_watch(lane, task, &result->report.seconds_focus, err);
+    hada_slot_stage(lane->slot, "download");
     if (!status)
         status =
             hada_buffer_read(&lane->pictures, lane->slot, 0, result->all_in_focus.data, plane * sizeof(float), err);

@@ -30,6 +30,13 @@ typedef struct hada_kernel_time {
     double flops;   /* least additions and multiplications; 0 where a kernel has none to speak of */
 } hada_kernel_time;
 
+/* Turns profiling of a plan on, from nothing, or off, which forgets. Off by default. */
+HADA_API hada_status hada_plan_profile(hada_plan *plan, int on, hada_error *err);
+
+/* What the plan's queues did since profiling was turned on: *count rows in the order of first use, freed by the caller
+ * with free(). Of several queues and devices together. HADA_ERROR_STATE while profiling is off. */
+HADA_API hada_status hada_plan_kernel_times(hada_plan *plan, hada_kernel_time **rows, size_t *count, hada_error *err);
+
 /* Measures the ceilings of a context's device by kernels made for it, in a second or two: the traffic of a copy
  * that is larger than caches (bytes read plus bytes written), and float32 arithmetic in registers (a fused multiply-add
  * counts as two). The best of several runs, since a ceiling is wanted. Either pointer may be NULL. */

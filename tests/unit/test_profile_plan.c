@@ -1,0 +1,109 @@
+/* Profiling of plans: the stages of a frame, each launch with its cost, and the same pictures. */
+#include <hadalens/profile.h>
+
+#include "learned_camera.h"
+
+typedef struct sums {
+    double seconds, kernels, bytes, flops;
+    uint64_t launches, transfers;
+} sums;
+
+static sums of_stage(const hada_kernel_time *rows, size_t count, const char *stage)
+{
+    sums s = {0};
+    for (size_t i = 0; i < count; i++) {
+        if (strcmp(rows[i].stage, stage))
+            continue;
+        assert_true(rows[i].launches > 0);
+        assert_true(rows[i].seconds > 0);
+        /* whoever launches has said what it costs */
+        if (!(rows[i].bytes > 0))
+            fail_msg("%s %s has no bytes", stage, rows[i].name);
+        s.seconds += rows[i].seconds;
+        s.bytes += rows[i].bytes;
+        s.flops += rows[i].flops;
+        *(rows[i].transfer ? &s.transfers : &s.launches) += rows[i].launches;
+    }
+    return s;
+}
+
+static void run(const learned_camera *learned, int refine, const char *const *stages, int frames)
+{
+    const int depths[2] = {0, 3};
+    hada_image scene = learned_scene(learned, 900), parts[2];
+    hada_plane planes[2];
+    learned_split(learned, &scene, depths, 2, 1, parts, planes);
+    hada_image raw = learned_frame(learned, planes, 2, 5);
+    hada_plan_options options;
+    hada_plan *plan;
+    hada_result plain = {0}, profiled = {0};
+    hada_kernel_time *rows = NULL;
+    size_t count = 0;
+    hada_error error;
+    hada_plan_options_init(&options);
+    options.refine = refine;
+    ASSERT_OK(hada_plan_create(&plan, learned->context, learned->model, &options, err));
+    ASSERT_OK(hada_plan_run(plan, &raw, &plain, err));
+    assert_int_equal(hada_plan_kernel_times(plan, &rows, &count, &error), HADA_ERROR_STATE);
+    ASSERT_OK(hada_plan_profile(plan, 1, err));
+    ASSERT_OK(hada_plan_kernel_times(plan, &rows, &count, err));
+    assert_int_equal(count, 0);
+    free(rows);
+    double wall = 0;
+    sums first[8] = {0};
+    for (int frame = 1; frame <= frames; frame++) {
+        double seconds = 0;
+        ASSERT_OK(hada_plan_run(plan, &raw, &profiled, err));
+        wall += profiled.report.seconds_total;
+        ASSERT_OK(hada_plan_kernel_times(plan, &rows, &count, err));
+        for (int i = 0; stages[i]; i++) {
+            const sums s = of_stage(rows, count, stages[i]);
+            assert_true(s.launches + s.transfers > 0);
+            if (frame == 1)
+                first[i] = s;
+            /* the same work in every frame */
+            assert_int_equal(s.launches, (uint64_t)frame * first[i].launches);
+            assert_float_equal(s.flops, frame * first[i].flops, 1e-9 * s.flops);
+        }
+        for (size_t i = 0; i < count; i++)
+            seconds += rows[i].seconds;
+        /* a queue in order: its commands do not overlap */
+        assert_true(seconds > 0 && seconds < 1.02 * wall);
+        free(rows);
+    }
+    for (int z = 0; z < plain.depths; z++)
+        assert_memory_equal(plain.planes[z].data, profiled.planes[z].data,
+                            hada_image_count(&plain.planes[z]) * sizeof(float));
+    ASSERT_OK(hada_plan_profile(plan, 0, err));
+    ASSERT_OK(hada_plan_run(plan, &raw, &profiled, err));
+    assert_int_equal(hada_plan_kernel_times(plan, &rows, &count, &error), HADA_ERROR_STATE);
+    assert_null(rows);
+    hada_plan_destroy(&plan);
+    hada_result_destroy(&plain);
+    hada_result_destroy(&profiled);
+    for (int i = 0; i < 2; i++)
+        hada_image_destroy(&parts[i]);
+    hada_image_destroy(&scene);
+    hada_image_destroy(&raw);
+}
+
+static void stages_of_the_linear_way(void **state)
+{
+    static const char *const stages[] = {"upload", "linear", "focus", "download", NULL};
+    run(*state, 0, stages, 3);
+}
+
+static void stages_of_the_refined_way(void **state)
+{
+    static const char *const stages[] = {"upload", "pursuit", "refine", "focus", "download", NULL};
+    run(*state, 6, stages, 2);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(stages_of_the_linear_way),
+        cmocka_unit_test(stages_of_the_refined_way),
+    };
+    return cmocka_run_group_tests(tests, learned_setup, learned_teardown);
+}

@@ -1,0 +1,231 @@
+/* Jobs that end otherwise: cancelled at any time, refused, or with their plan. */
+#include "job_fixture.h"
+
+#include <pthread.h>
+#include <sched.h>
+
+static void make_plan(const job_fixture *f, int kind, int parts, int queues, hada_plan **plan)
+{
+    hada_plan_options options = f->options[kind];
+    options.queues = queues;
+    options.batch = 2; /* many batches */
+    ASSERT_OK(hada_plan_create_on(plan, parts ? f->part : &f->whole, parts ? parts : 1, f->model, &options, err));
+}
+
+/* Either it was in time, or the result is whole. */
+static int was_cancelled(const job_fixture *f, int kind, int frame, hada_job *job, const hada_result *result)
+{
+    hada_error error = {0};
+    const hada_status status = hada_job_wait(job, &error);
+    const hada_job_state state = hada_job_poll(job);
+    if (status == HADA_ERROR_CANCELLED) {
+        assert_int_equal(state, HADA_JOB_CANCELLED);
+        assert_int_equal(error.status, HADA_ERROR_CANCELLED);
+        assert_true(error.message[0]);
+        assert_int_equal(result->depths, 0);
+        assert_null(result->planes);
+        assert_int_equal(hada_job_wait(job, NULL), HADA_ERROR_CANCELLED);
+        return 1;
+    }
+    assert_int_equal(status, HADA_OK);
+    assert_int_equal(state, HADA_JOB_DONE);
+    assert_true(job_same(result, &f->expected[kind][frame]));
+    return 0;
+}
+
+/* Asks a running job to end at each part of its progress. */
+static void ends_at_every_stage(void **state)
+{
+    const job_fixture *f = *state;
+    enum { TRIES = 60 };
+    for (int kind = 0; kind < JOB_KINDS; kind++)
+        for (int parts = 0; parts <= 2; parts += 2) {
+            hada_plan *plan;
+            hada_result result = {0};
+            int cancelled = 0;
+            make_plan(f, kind, parts, 1, &plan);
+            for (int i = 0; i < TRIES; i++) {
+                const double when = (double)(i % 12) / 12;
+                hada_job *job;
+                ASSERT_OK(hada_job_submit(&job, plan, &f->frames[i % JOB_FRAMES], &result, err));
+                while (hada_job_poll(job) == HADA_JOB_WAITING)
+                    sched_yield();
+                while (hada_job_progress(job) < when)
+                    ;
+                hada_job_cancel(job);
+                hada_job_cancel(job);
+                cancelled += was_cancelled(f, kind, i % JOB_FRAMES, job, &result);
+                hada_job_cancel(job); /* too late to change anything */
+                assert_true(hada_job_poll(job) >= HADA_JOB_DONE);
+                hada_job_destroy(&job);
+            }
+            assert_true(cancelled >= 1);
+            /* and the plan works on */
+            ASSERT_OK(hada_plan_run(plan, &f->frames[0], &result, err));
+            assert_true(job_same(&result, &f->expected[kind][0]));
+            hada_result_destroy(&result);
+            hada_plan_destroy(&plan);
+        }
+}
+
+static void ends_while_it_waits(void **state)
+{
+    const job_fixture *f = *state;
+    enum { JOBS = 60, LEFT = 3 };
+    hada_plan *plan;
+    hada_job *jobs[JOBS];
+    hada_result results[JOBS] = {{0}};
+    make_plan(f, JOB_PURSUED, 0, 2, &plan);
+    for (int i = 0; i < JOBS; i++)
+        ASSERT_OK(hada_job_submit(&jobs[i], plan, &f->frames[i % JOB_FRAMES], &results[i], err));
+    for (int i = JOBS - 1; i >= LEFT; i--)
+        hada_job_cancel(jobs[i]);
+    /* the last ones had not begun, so they have ended already */
+    assert_int_equal(hada_job_poll(jobs[JOBS - 1]), HADA_JOB_CANCELLED);
+    int cancelled = 0;
+    for (int i = 0; i < JOBS; i++) {
+        const int late = was_cancelled(f, JOB_PURSUED, i % JOB_FRAMES, jobs[i], &results[i]);
+        assert_true(!late || i >= LEFT);
+        cancelled += late;
+    }
+    assert_true(cancelled >= 1);
+    for (int i = 0; i < JOBS; i++) {
+        hada_job_destroy(&jobs[i]);
+        hada_result_destroy(&results[i]);
+    }
+    hada_plan_destroy(&plan);
+}
+
+typedef struct watch {
+    const hada_job *job;
+    int fell, steps;
+} watch;
+
+static void *watch_progress(void *argument)
+{
+    watch *w = argument;
+    double before = 0;
+    while (hada_job_poll(w->job) < HADA_JOB_DONE) {
+        const double now = hada_job_progress(w->job);
+        w->fell += now < before || now > 1;
+        w->steps += now > before;
+        before = now;
+    }
+    return NULL;
+}
+
+static void progress_never_falls(void **state)
+{
+    const job_fixture *f = *state;
+    int steps = 0;
+    for (int kind = 0; kind < JOB_KINDS; kind++) {
+        hada_plan *plan;
+        make_plan(f, kind, 2, 1, &plan);
+        for (int i = 0; i < JOB_FRAMES; i++) {
+            hada_job *job;
+            hada_result result = {0};
+            pthread_t thread;
+            ASSERT_OK(hada_job_submit(&job, plan, &f->frames[i], &result, err));
+            watch w = {.job = job};
+            assert_int_equal(pthread_create(&thread, NULL, watch_progress, &w), 0);
+            ASSERT_OK(hada_job_wait(job, err));
+            pthread_join(thread, NULL);
+            assert_int_equal(w.fell, 0);
+            steps += w.steps;
+            assert_true(hada_job_progress(job) == 1.0);
+            hada_job_destroy(&job);
+            hada_result_destroy(&result);
+        }
+        hada_plan_destroy(&plan);
+    }
+    assert_true(steps >= JOB_KINDS); /* something was seen on the way */
+}
+
+/* A plan goes while its jobs wait, run, and are done; they are asked afterwards. */
+static void outlives_its_plan(void **state)
+{
+    const job_fixture *f = *state;
+    enum { JOBS = 8 };
+    int cancelled = 0;
+    for (int round = 0; round < 24; round++) {
+        const int kind = round % JOB_KINDS, parts = round % 3 ? 2 : 0;
+        hada_plan *plan;
+        hada_job *jobs[JOBS];
+        hada_result results[JOBS] = {{0}};
+        make_plan(f, kind, parts, 1 + round % 2, &plan);
+        for (int i = 0; i < JOBS; i++)
+            ASSERT_OK(hada_job_submit(&jobs[i], plan, &f->frames[i % JOB_FRAMES], &results[i], err));
+        if (round % 4)
+            while (hada_job_progress(jobs[0]) < 0.25 * (round % 4))
+                sched_yield();
+        hada_plan_destroy(&plan);
+        for (int i = 0; i < JOBS; i++) {
+            assert_true(hada_job_poll(jobs[i]) >= HADA_JOB_DONE);
+            cancelled += was_cancelled(f, kind, i % JOB_FRAMES, jobs[i], &results[i]);
+            hada_job_destroy(&jobs[i]);
+            hada_result_destroy(&results[i]);
+        }
+        assert_int_equal(hada_context_bytes(parts ? f->part[0] : f->whole), 0);
+    }
+    assert_true(cancelled >= 24);
+}
+
+/* What cannot be done is refused at once, or fails alone. */
+static void refuses_what_cannot_be_done(void **state)
+{
+    const job_fixture *f = *state;
+    hada_plan *plan;
+    hada_job *job, *good;
+    hada_error error = {0};
+    hada_result result = {0}, other = {0};
+    hada_image small, broken;
+    hada_context *const twice[] = {f->whole, f->whole};
+    assert_int_equal(hada_plan_create_on(&plan, twice, 2, f->model, NULL, &error), HADA_ERROR_ARGUMENT);
+    assert_null(plan);
+    assert_int_equal(hada_plan_create_on(&plan, twice, 0, f->model, NULL, &error), HADA_ERROR_ARGUMENT);
+    assert_int_equal(hada_plan_create_on(&plan, NULL, 1, f->model, NULL, &error), HADA_ERROR_ARGUMENT);
+    for (int queues = -1; queues <= 1000; queues += 1001) {
+        hada_plan_options options = f->options[0];
+        options.queues = queues;
+        assert_int_equal(hada_plan_create(&plan, f->whole, f->model, &options, &error), HADA_ERROR_ARGUMENT);
+        assert_non_null(strstr(error.message, "queues"));
+    }
+    make_plan(f, JOB_LINEAR, 0, 2, &plan);
+    ASSERT_OK(hada_image_create(&small, JOB_CHANNELS, JOB_ROWS, JOB_COLS - 1, err));
+    assert_int_equal(hada_job_submit(&job, plan, &small, &result, &error), HADA_ERROR_MODEL);
+    assert_null(job);
+    assert_int_equal(hada_job_submit(&job, plan, NULL, &result, &error), HADA_ERROR_ARGUMENT);
+    assert_int_equal(hada_job_submit(&job, plan, &f->frames[0], NULL, &error), HADA_ERROR_ARGUMENT);
+    assert_int_equal(hada_job_submit(&job, NULL, &f->frames[0], &result, &error), HADA_ERROR_ARGUMENT);
+    assert_int_equal(hada_job_submit(NULL, plan, &f->frames[0], &result, &error), HADA_ERROR_ARGUMENT);
+    assert_int_equal(hada_job_wait(NULL, &error), HADA_ERROR_ARGUMENT);
+    hada_job_cancel(NULL);
+    hada_job_destroy(NULL);
+    ASSERT_OK(hada_image_create(&broken, JOB_CHANNELS, JOB_ROWS, JOB_COLS, err));
+    memcpy(broken.data, f->frames[0].data, hada_image_count(&broken) * sizeof(float));
+    broken.data[7] = NAN;
+    ASSERT_OK(hada_job_submit(&job, plan, &broken, &result, err));
+    ASSERT_OK(hada_job_submit(&good, plan, &f->frames[1], &other, err));
+    assert_int_equal(hada_job_wait(job, &error), HADA_ERROR_NOT_FINITE);
+    assert_int_equal(hada_job_poll(job), HADA_JOB_FAILED);
+    assert_non_null(strstr(error.message, "1 pixel"));
+    assert_null(result.planes);
+    ASSERT_OK(hada_job_wait(good, err));
+    assert_true(job_same(&other, &f->expected[JOB_LINEAR][1]));
+    hada_job_destroy(&job);
+    hada_job_destroy(&good);
+    hada_result_destroy(&other);
+    hada_image_destroy(&small);
+    hada_image_destroy(&broken);
+    hada_plan_destroy(&plan);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(ends_at_every_stage),         cmocka_unit_test(ends_while_it_waits),
+        cmocka_unit_test(progress_never_falls),        cmocka_unit_test(outlives_its_plan),
+        cmocka_unit_test(refuses_what_cannot_be_done),
+    };
+    return cmocka_run_group_tests(tests, job_setup, job_teardown);
+}

@@ -1,0 +1,127 @@
+/* Refinement over many steps, at extreme rho, with transfer functions that are zero, against double precision. */
+#include "ref/ref_refine.h"
+#include "stress.h"
+#include "tiny_camera.h"
+
+enum { DEPTHS = 2 };
+
+typedef struct problem {
+    const char *what;
+    int padded, steps;
+    double rho; /* in units of |OTF(0)|^2 = 1 */
+    int zeros;  /* 1: a band of frequencies and (2) the whole second depth are lost */
+    int range;  /* pixels from 1 to 1e12 instead of a scene */
+} problem;
+
+static void make_frame(const problem *p, const tiny_camera *camera, double *image)
+{
+    double *scenes = tiny_zeros(DEPTHS * camera->window_area);
+    tiny_scene(camera, 11, scenes);
+    tiny_scene(camera, 12, scenes + camera->window_area);
+    for (size_t i = 0; i < camera->window_area; i++)
+        scenes[(i % (size_t)camera->window.cols < (size_t)camera->window.cols / 2 ? camera->window_area : 0) + i] = 0.0;
+    tiny_shoot(camera, scenes, 0.01, 3, image);
+    free(scenes);
+    float *range = stress_memory(camera->pixels, sizeof *range);
+    stress_fill_range(range, camera->pixels, 1);
+    for (size_t i = 0; i < camera->pixels; i++)
+        image[i] = (float)(p->range ? (image[i] != 0.0 ? range[i] : 0.0) : image[i]);
+    free(range);
+}
+
+static void lose_frequencies(const problem *p, tiny_camera *camera)
+{
+    const size_t half = (size_t)camera->cols / 2 + 1;
+    for (size_t i = 0; p->zeros && i < camera->values; i++) {
+        double *first = camera->otf + 2 * i, *second = first + 2 * camera->values;
+        if (p->zeros == 2)
+            second[0] = second[1] = 0.0;
+        if (i % half % 5 == 3) /* whole columns, so that the images stay real */
+            first[0] = first[1] = second[0] = second[1] = 0.0;
+    }
+    /* both sides start from the same numbers */
+    for (size_t i = 0; i < 2 * DEPTHS * camera->values; i++)
+        camera->otf[i] = (float)camera->otf[i];
+}
+
+static void refine(const problem *p)
+{
+    const int small = stress_form_now == STRESS_TINY, side = small ? 8 : 24;
+    static const int list[DEPTHS] = {0, 1};
+    const int steps = small ? 4 : stress_form_now == STRESS_BRIEF && p->steps > 100 ? 100 : p->steps;
+    tiny_camera camera = tiny_make(side, side + 8, side / 2, side / 2, DEPTHS, 1, p->padded);
+    tiny_device device;
+    hada_refiner *refiner;
+    hada_refine_rule rule;
+    const size_t area = camera.window_area;
+    double *image = stress_memory(camera.pixels, sizeof *image), *want = stress_memory(DEPTHS * area, sizeof *want);
+    double *residual = stress_memory((size_t)steps + 1, sizeof *residual);
+    float *got = stress_memory(DEPTHS * area, sizeof *got);
+    lose_frequencies(p, &camera);
+    make_frame(p, &camera, image);
+    tiny_upload(&device, &camera);
+    tiny_expose(&device, &camera, image, 1.0);
+    device.shape.max_steps = steps;
+    ASSERT_OK(hada_refiner_create(&refiner, device.slot, &device.shape, err));
+    hada_refine_rule_init(&rule);
+    rule.steps = steps;
+    rule.rho = p->rho;
+    const hada_ref_refine reference = {.rows = camera.rows,
+                                       .cols = camera.cols,
+                                       .window_row0 = camera.window.row0,
+                                       .window_col0 = camera.window.col0,
+                                       .window_rows = camera.window.rows,
+                                       .window_cols = camera.window.cols,
+                                       .padded = p->padded,
+                                       .frame_row0 = camera.frame.row0,
+                                       .frame_col0 = camera.frame.col0,
+                                       .frame_rows = camera.frame.rows,
+                                       .frame_cols = camera.frame.cols,
+                                       .depths = DEPTHS,
+                                       .otf = camera.otf,
+                                       .image = image,
+                                       .rho = rule.rho,
+                                       .relaxation = rule.relaxation,
+                                       .mu = rule.mu,
+                                       .steps = steps};
+    ASSERT_OK(hada_ref_refine_run(&reference, want, residual, NULL, err));
+    ASSERT_OK(hada_refiner_run(refiner, &device.data, &rule, 1, DEPTHS, list, NULL, err));
+    const cl_int code = clEnqueueReadBuffer(device.slot->queue, hada_refiner_planes(refiner), CL_TRUE, 0,
+                                            DEPTHS * area * sizeof *got, got, 0, NULL, NULL);
+    assert_int_equal(code, CL_SUCCESS);
+    double left;
+    ASSERT_OK(hada_refiner_residual(refiner, &device.data, 1, DEPTHS, list, &left, err));
+    /* Each step adds the rounding errors of its transforms to planes and duals, and ADMM lets no error grow: R1. */
+    const double planes = stress_norm_double(want, DEPTHS * area);
+    const double each = 2.0 * stress_fft_bound(camera.rows, camera.cols) + 16.0 * STRESS_U;
+    const double frame = stress_norm_double(image, camera.pixels);
+    const double state = planes + (sqrt(residual[steps]) + each * frame) / rule.rho * DEPTHS;
+    stress_row("R1",
+               stress_not_finite(got, DEPTHS * area) ? INFINITY : stress_distance(got, want, DEPTHS * area) / planes,
+               each * steps * state / planes, "refinement, %s, %d steps", p->what, steps);
+    /* not diverging: what is left unexplained is what double precision leaves */
+    stress_row("R2", fabs(sqrt(left) - sqrt(residual[steps])) / frame, each * steps * state / frame,
+               "refinement, %s, %d steps: residual", p->what, steps);
+    hada_refiner_destroy(&refiner);
+    tiny_release(&device);
+    tiny_free(&camera);
+    free(image);
+    free(want);
+    free(residual);
+    free(got);
+}
+
+void stress_refinement(void **state)
+{
+    (void)state;
+    static const problem problems[] = {{"circular", 0, 1000, 3e-3, 0, 0},
+                                       {"cropped by the sensor", 1, 1000, 3e-3, 0, 0},
+                                       {"rho 1e-4", 0, 50, 1e-4, 0, 0},
+                                       {"rho 1e4", 0, 50, 1e4, 0, 0},
+                                       {"zeros in the transfer functions", 0, 1000, 3e-3, 1, 0},
+                                       {"a depth without light", 0, 50, 3e-3, 2, 0},
+                                       {"pixels from 1 to 1e12", 0, 50, 3e-3, 0, 1}};
+    for (size_t i = 0; i < HADA_COUNT(problems); i++)
+        refine(&problems[i]);
+    stress_end_group();
+}

@@ -26,7 +26,7 @@ typedef int8 conv_iv;
 enum { CONV_NONE = 0, CONV_RELU = 1, CONV_LEAKY_RELU = 2, CONV_SIGMOID = 3 };
 
 /* What becomes of a sum: `flags` of a launch. */
-enum { CONV_HAS_BIAS = 1, CONV_HAS_MASK = 2, CONV_ACCUMULATES = 4 };
+enum { CONV_HAS_BIAS = 1, CONV_HAS_MASK = 2, CONV_ACCUMULATES = 4, CONV_POOLS = 8 };
 
 static inline conv_v conv_activate(conv_v v, int activation, float slope)
 {
@@ -43,6 +43,23 @@ static inline conv_v conv_activate(conv_v v, int activation, float slope)
 static inline conv_v conv_present(conv_v v, int present)
 {
     return select((conv_v)(0.0f), v, CONV_LANES < (conv_iv)(present));
+}
+
+/* A finished sum (bias and all) to y; `floor` is 0 for ReLU, else -INFINITY. Returns what it stored. */
+static inline conv_v conv_put(conv_v v, int flags, int activation, float floor, float slope, int present,
+                            __global const float *mask, __global float *y)
+{
+    if (activation > CONV_RELU)
+        v = conv_activate(v, activation, slope);
+    v = max(v, (conv_v)(floor));
+    if (flags & CONV_HAS_MASK)
+        v = select((conv_v)(0.0f), v, CONV_LOAD(mask) > (conv_v)(0.0f));
+    if (flags & CONV_ACCUMULATES)
+        v += CONV_LOAD(y);
+    if (present < NET_BLOCK)
+        v = conv_present(v, present);
+    CONV_STORE(v, y);
+    return v;
 }
 
 /* The biases of a block of channels, zero beyond the last of `present`. */

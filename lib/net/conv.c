@@ -106,6 +106,8 @@ hada_status hada_conv_run(hada_conv *conv, int index, const hada_tensor *in, con
                              pass->out_cols / 2, err);
     if (status)
         return status;
+    if (pass->tile)
+        return hada_conv_winograd(conv, index, in, out, finish, err);
     return pass->method == HADA_CONV_PLAIN ? hada_conv_plain(conv, index, in, out, finish, err)
                                            : hada_conv_direct(conv, index, in, out, finish, err);
 }

@@ -17,7 +17,11 @@ typedef struct hada_conv_pass {
     int in_step, step;        /* pixels of the input and of the output from one place of the kernel to the next */
     int taps_rows, taps_cols; /* padding as conv_taps_of() of kernels/inc_conv.h counts it */
     int lanes;                /* output channels in a group of the packed weights */
-    int pixels;               /* direct: pixels at a time */
+    int pixels;               /* pixels, or tiles, at a time */
+    int tile;                 /* Winograd: 2 or 4 */
+    int tiles;                /* Winograd in one launch: tiles of a work-item; 0: in three launches */
+    int room;                 /* Winograd in three launches: tiles at most, with what separates rows in caches */
+    size_t scratch_floats;
     size_t weight_floats;
 } hada_conv_pass;
 
@@ -52,7 +56,10 @@ struct hada_conv {
 hada_status hada_conv_plan_make(hada_conv_plan *plan, const hada_context *context, const hada_conv_desc *desc,
                                 hada_error *err);
 
-/* Tile sizes and methods that the table of conv_table.c gives. */
+/* Tile sizes and methods that the table of conv_table.c gives. hada_conv_table_winograd() gives the size of Winograd's
+ * tiles, 0 for another method. */
+int hada_conv_table_winograd(const hada_context *context, const hada_conv_desc *desc, const hada_conv_pass *pass);
+void hada_conv_table_tiles(const hada_context *context, hada_conv_pass *pass);
 void hada_conv_table_pass(const hada_context *context, const hada_conv_desc *desc, hada_conv_pass *pass);
 void hada_conv_table_gradient(const hada_context *context, const hada_conv_desc *desc, hada_conv_gradient *gradient);
 
@@ -72,6 +79,15 @@ hada_status hada_conv_launch(hada_slot *slot, const char *file, const char *name
                              hada_error *err);
 const char *hada_conv_block_option(int block);
 
+/* What kernels take of a finish: flags and the mask's place. */
+typedef struct hada_conv_finish_args {
+    cl_mem bias, mask, pooled;
+    cl_ulong bias_offset, mask_offset, mask_image, pooled_offset, pooled_image;
+    cl_int flags, activation;
+    cl_float slope;
+} hada_conv_finish_args;
+hada_conv_finish_args hada_conv_finish_of(const hada_conv_finish *finish, int pools);
+
 hada_status hada_conv_pack(hada_conv *conv, int pass, cl_mem weights, size_t offset, hada_error *err);
 hada_status hada_conv_run(hada_conv *conv, int pass, const hada_tensor *in, const hada_tensor *out,
                           const hada_conv_finish *finish, hada_error *err);
@@ -81,6 +97,10 @@ hada_status hada_conv_direct(hada_conv *conv, int pass, const hada_tensor *in, c
                              const hada_conv_finish *finish, hada_error *err);
 hada_status hada_conv_plain(hada_conv *conv, int pass, const hada_tensor *in, const hada_tensor *out,
                             const hada_conv_finish *finish, hada_error *err);
+hada_status hada_conv_winograd(hada_conv *conv, int pass, const hada_tensor *in, const hada_tensor *out,
+                               const hada_conv_finish *finish, hada_error *err);
+hada_status hada_conv_winograd_pack(hada_conv *conv, int pass, cl_mem weights, size_t offset, hada_error *err);
+hada_status hada_conv_pool(hada_conv *conv, const hada_tensor *y, const hada_tensor *pooled, hada_error *err);
 hada_status hada_conv_weights(hada_conv *conv, const hada_tensor *coarse, const hada_tensor *fine, cl_mem dw,
                               size_t offset, int accumulate, hada_error *err);
 hada_status hada_conv_bias(hada_conv *conv, const hada_tensor *dy, cl_mem db, size_t offset, int accumulate,

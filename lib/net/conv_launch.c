@@ -5,7 +5,7 @@
 #include "program/kernel.h"
 
 /* kernels/inc_conv.h */
-enum { HAS_BIAS = 1, HAS_MASK = 2, ACCUMULATES = 4 };
+enum { HAS_BIAS = 1, HAS_MASK = 2, ACCUMULATES = 4, POOLS = 8 };
 
 static size_t rounded(size_t count, size_t to)
 {
@@ -31,6 +31,8 @@ hada_status hada_conv_pack(hada_conv *conv, int index, cl_mem weights, size_t of
     const hada_conv_desc *d = &conv->plan.desc;
     const hada_conv_pass *pass = &conv->plan.pass[index];
     const hada_buffer *packed = &conv->weights[index];
+    if (pass->tile)
+        return hada_conv_winograd_pack(conv, index, weights, offset, err);
     if (pass->method == HADA_CONV_PLAIN) {
         const cl_int code = clEnqueueCopyBuffer(conv->slot->queue, weights, packed->mem, offset * sizeof(float), 0,
                                                 pass->weight_floats * sizeof(float), 0, NULL, NULL);
@@ -57,8 +59,7 @@ hada_status hada_conv_pack(hada_conv *conv, int index, cl_mem weights, size_t of
     return hada_conv_launch(conv->slot, "conv_pack", "conv_pack", "", global, local, args, HADA_COUNT(args), err);
 }
 
-/* y's 2 x 2 maxima into pooled. */
-static hada_status pool(hada_conv *conv, const hada_tensor *y, const hada_tensor *pooled, hada_error *err)
+hada_status hada_conv_pool(hada_conv *conv, const hada_tensor *y, const hada_tensor *pooled, hada_error *err)
 {
     const cl_ulong from = y->offset, from_image = y->image_stride, to = pooled->offset, to_image = pooled->image_stride;
     const int groups = conv->plan.groups;
@@ -75,26 +76,23 @@ static hada_status pool(hada_conv *conv, const hada_tensor *y, const hada_tensor
                             HADA_COUNT(args), err);
 }
 
-/* What the kernels of a pass take at the end: flags, activation, slope, mask. */
-typedef struct finish_args {
-    cl_mem bias, mask;
-    cl_ulong bias_offset, mask_offset, mask_image;
-    cl_int flags, activation;
-    cl_float slope;
-} finish_args;
-
-static finish_args finish_of(const hada_conv_finish *finish)
+hada_conv_finish_args hada_conv_finish_of(const hada_conv_finish *finish, int pools)
 {
-    finish_args f = {.bias = finish->bias,
-                     .bias_offset = finish->bias_offset,
-                     .activation = (cl_int)finish->activation,
-                     .slope = finish->slope,
-                     .flags = (finish->bias ? HAS_BIAS : 0) | (finish->mask ? HAS_MASK : 0) |
-                              (finish->accumulate ? ACCUMULATES : 0)};
+    hada_conv_finish_args f = {.bias = finish->bias,
+                               .bias_offset = finish->bias_offset,
+                               .activation = (cl_int)finish->activation,
+                               .slope = finish->slope,
+                               .flags = (finish->bias ? HAS_BIAS : 0) | (finish->mask ? HAS_MASK : 0) |
+                                        (finish->accumulate ? ACCUMULATES : 0) | (pools ? POOLS : 0)};
     if (finish->mask) {
         f.mask = finish->mask->mem;
         f.mask_offset = finish->mask->offset;
         f.mask_image = finish->mask->image_stride;
+    }
+    if (pools) {
+        f.pooled = finish->pooled->mem;
+        f.pooled_offset = finish->pooled->offset;
+        f.pooled_image = finish->pooled->image_stride;
     }
     return f;
 }
@@ -104,7 +102,7 @@ hada_status hada_conv_direct(hada_conv *conv, int index, const hada_tensor *in, 
 {
     const hada_conv_desc *d = &conv->plan.desc;
     const hada_conv_pass *pass = &conv->plan.pass[index];
-    const finish_args f = finish_of(finish);
+    const hada_conv_finish_args f = hada_conv_finish_of(finish, 0);
     const cl_ulong x_offset = in->offset, x_image = in->image_stride, y_offset = out->offset,
                    y_image = out->image_stride;
     const int block = conv->plan.block, groups = conv->plan.groups;
@@ -182,7 +180,7 @@ hada_status hada_conv_direct(hada_conv *conv, int index, const hada_tensor *in, 
         status = hada_conv_launch(conv->slot, "conv_direct", "conv_direct", options, global, local, args,
                                   HADA_COUNT(args), err);
     }
-    return status || !finish->pooled ? status : pool(conv, out, finish->pooled, err);
+    return status || !finish->pooled ? status : hada_conv_pool(conv, out, finish->pooled, err);
 }
 
 hada_status hada_conv_plain(hada_conv *conv, int index, const hada_tensor *in, const hada_tensor *out,
@@ -190,7 +188,7 @@ hada_status hada_conv_plain(hada_conv *conv, int index, const hada_tensor *in, c
 {
     const hada_conv_desc *d = &conv->plan.desc;
     const hada_conv_pass *pass = &conv->plan.pass[index];
-    const finish_args f = finish_of(finish);
+    const hada_conv_finish_args f = hada_conv_finish_of(finish, 0);
     const cl_ulong x_offset = in->offset, x_image = in->image_stride, y_offset = out->offset,
                    y_image = out->image_stride;
     const size_t block = (size_t)conv->plan.block, blocks = rounded((size_t)out->channels, block) / block;
@@ -225,5 +223,5 @@ hada_status hada_conv_plain(hada_conv *conv, int index, const hada_tensor *in, c
                              HADA_ARG(f.mask_image)};
     hada_status status = hada_conv_launch(conv->slot, "conv_plain", "conv_plain", hada_conv_block_option((int)block),
                                           global, local, args, HADA_COUNT(args), err);
-    return status || !finish->pooled ? status : pool(conv, out, finish->pooled, err);
+    return status || !finish->pooled ? status : hada_conv_pool(conv, out, finish->pooled, err);
 }

@@ -9,6 +9,8 @@
 #define STRIP_ROWS     8
 #define MOST_PARTS     64
 #define PARTIAL_FLOATS ((size_t)1 << 20)
+#define STEP_FLOATS    ((size_t)1 << 22)
+#define ROOM_APART     3 /* keeps the places of a tile from falling on one set of a cache */
 
 static int padded(int channels, int to)
 {
@@ -59,6 +61,27 @@ static int within_halo(int in, int out, int kernel, int pad, int in_step, int st
     return 1;
 }
 
+/* In one launch where a work-item's tiles fit into local memory, else in three. */
+static void plan_winograd(hada_conv_plan *plan, const hada_context *context, hada_conv_pass *pass)
+{
+    const size_t places = (size_t)((pass->tile + 2) * (pass->tile + 2));
+    const size_t in = (size_t)padded(pass->in_channels, plan->block);
+    const size_t out = (size_t)padded(pass->out_channels, plan->block);
+    const size_t across = (size_t)padded(pass->out_cols, pass->tile) / (size_t)pass->tile;
+    const size_t all = across * (size_t)(padded(pass->out_rows, pass->tile) / pass->tile);
+    pass->method = pass->tile == 4 ? HADA_CONV_WINOGRAD4 : HADA_CONV_WINOGRAD2;
+    hada_conv_table_tiles(context, pass);
+    pass->weight_floats = places * in * out;
+    if (pass->tiles && (size_t)pass->tiles <= all)
+        return;
+    const size_t floats = places * (in + out), step = (size_t)pass->pixels;
+    const size_t most = STEP_FLOATS / floats / step * step, wanted = all * (size_t)plan->desc.images;
+    const size_t room = most < step ? step : most < wanted ? most : (wanted + step - 1) / step * step;
+    pass->tiles = 0;
+    pass->room = (int)room + ROOM_APART;
+    pass->scratch_floats = floats * (size_t)pass->room;
+}
+
 static void plan_pass(hada_conv_plan *plan, const hada_context *context, hada_conv_pass *pass, int to_coarse)
 {
     const hada_conv_desc *d = &plan->desc;
@@ -83,6 +106,13 @@ static void plan_pass(hada_conv_plan *plan, const hada_context *context, hada_co
     if (plan->groups)
         pass->lanes = GROUP_LANES;
     pass->method = near && pass->lanes && d->method != HADA_CONV_PLAIN ? HADA_CONV_DIRECT : HADA_CONV_PLAIN;
+    const int winograd = d->kernel_rows == 3 && d->kernel_cols == 3 && d->stride == 1 && d->pad_rows == 1 &&
+                         d->pad_cols == 1 && !plan->groups;
+    pass->tile = winograd ? hada_conv_table_winograd(context, d, pass) : 0;
+    if (pass->tile) {
+        plan_winograd(plan, context, pass);
+        return;
+    }
     if (pass->method == HADA_CONV_PLAIN) {
         pass->weight_floats =
             (size_t)d->in_channels * (size_t)d->out_channels * (size_t)d->kernel_rows * (size_t)d->kernel_cols;
@@ -93,6 +123,12 @@ static void plan_pass(hada_conv_plan *plan, const hada_context *context, hada_co
                               (size_t)padded(pass->in_channels, plan->block) *
                               (size_t)padded(pass->out_channels, pass->lanes);
     }
+}
+
+static void need_scratch(hada_conv_plan *plan, size_t floats)
+{
+    if (floats > plan->scratch_floats)
+        plan->scratch_floats = floats;
 }
 
 static void plan_gradient(hada_conv_plan *plan, const hada_context *context)
@@ -134,7 +170,8 @@ static void plan_gradient(hada_conv_plan *plan, const hada_context *context)
         g->parts = wanted < 1 ? 1 : wanted > MOST_PARTS ? MOST_PARTS : (int)wanted;
     }
     const size_t partial = g->part_floats * (size_t)g->parts;
-    plan->scratch_floats = partial > bias ? partial : bias;
+    need_scratch(plan, partial);
+    need_scratch(plan, bias);
 }
 
 hada_status hada_conv_plan_make(hada_conv_plan *plan, const hada_context *context, const hada_conv_desc *desc,
@@ -152,5 +189,7 @@ hada_status hada_conv_plan_make(hada_conv_plan *plan, const hada_context *contex
         plan_pass(plan, context, &plan->pass[HADA_CONV_DATA], desc->transposed);
         plan_gradient(plan, context);
     }
+    for (int p = 0; p < plan->pass_count; p++)
+        need_scratch(plan, plan->pass[p].scratch_floats);
     return HADA_OK;
 }

@@ -40,6 +40,42 @@ void hada_conv_table_pass(const hada_context *context, const hada_conv_desc *des
     pass->pixels = best ? best->pixels : 0;
 }
 
+/* Winograd pays from so many channels on, on vector units (perf/results/conv-cpu.md); fewer leave its transforms
+ * without products to save. */
+#define WINOGRAD_CHANNELS 16
+
+int hada_conv_table_winograd(const hada_context *context, const hada_conv_desc *desc, const hada_conv_pass *pass)
+{
+    int tile = desc->method == HADA_CONV_WINOGRAD2 ? 2 : desc->method == HADA_CONV_WINOGRAD4 ? 4 : 0;
+    if (desc->method == HADA_CONV_AUTO && context->info.kind == HADA_DEVICE_CPU &&
+        pass->in_channels >= WINOGRAD_CHANNELS && pass->out_channels >= WINOGRAD_CHANNELS)
+        tile = 4;
+    return pass->out_rows < tile || pass->out_cols < tile ? 0 : tile;
+}
+
+/* Local memory that drivers for CPUs bear. */
+#define WINOGRAD_LOCAL ((size_t)500 << 10)
+
+void hada_conv_table_tiles(const hada_context *context, hada_conv_pass *pass)
+{
+    const int block = hada_net_block(context), step = block == 16 ? 12 : 6;
+    const int out_blocks = (pass->out_channels + block - 1) / block,
+              in_blocks = (pass->in_channels + block - 1) / block;
+    const int blocks = out_blocks % 2 ? 1 : 2;
+    const size_t local =
+        context->info.local_memory_bytes < WINOGRAD_LOCAL ? context->info.local_memory_bytes : WINOGRAD_LOCAL;
+    const size_t each = (size_t)((pass->tile + 2) * (pass->tile + 2) * (in_blocks + blocks) * block) * sizeof(float);
+    pass->lanes = blocks * block;
+    /* beyond so many channels the weights come from outside the caches for each group of tiles */
+    if (each * (size_t)step <= local && pass->in_channels <= 12 * block) {
+        pass->pixels = step;
+        pass->tiles = each * (size_t)step * 2 <= local / 2 ? 2 * step : step;
+    } else {
+        pass->pixels = block == 16 ? 8 : 6;
+        pass->tiles = 0;
+    }
+}
+
 void hada_conv_table_gradient(const hada_context *context, const hada_conv_desc *desc, hada_conv_gradient *gradient)
 {
     const int block = hada_net_block(context), blocks = (gradient->coarse_channels + block - 1) / block;

@@ -1,0 +1,71 @@
+/* As conv_winograd.cl, in three launches, for many channels: so each weight is read once for all tiles. `tiles` tiles of
+ * all images from tile `begin` on go to scratch as v[place][input block][tile][channel], their products, at m_offset, as
+ * m[place][output block][tile][channel]; both have room for `room` tiles. Shape lanes. */
+#ifndef CONV_BLOCKS
+#define CONV_BLOCKS 2
+#endif
+#ifndef CONV_PIXELS
+#define CONV_PIXELS 6
+#endif
+#define CONV_MEM __global
+#include "inc_conv_winograd.h"
+
+/* Dimension: tiles. */
+__kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
+conv_winograd_in(__global const float *restrict x, ulong x_offset, ulong x_image, int in_blocks, int rows, int cols,
+                 int begin, int room, __global float *restrict v)
+{
+    const int all = (cols + CONV_TILE - 1) / CONV_TILE * ((rows + CONV_TILE - 1) / CONV_TILE);
+    const int tile = get_global_id(0), image = (begin + tile) / all;
+    const conv_place place = conv_place_of((begin + tile) % all, rows, cols);
+    const size_t row_floats = (size_t)(cols + 2) * NET_BLOCK, plane = (rows + 2) * row_floats;
+    const size_t block_floats = (size_t)room * NET_BLOCK;
+    x += x_offset + image * x_image + place.row * row_floats + place.col * NET_BLOCK;
+    for (int b = 0; b < in_blocks; ++b)
+        conv_tile_in(x + b * plane, row_floats, v + b * block_floats + tile * NET_BLOCK, in_blocks * block_floats);
+}
+
+/* Tiles in steps of CONV_PIXELS, the last ones at most `room`. Dimensions: groups of output blocks, places. */
+__kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
+conv_winograd_products(__global float *scratch, ulong m_offset, __global const float *restrict weights, int in_blocks,
+                       int tiles, int room)
+{
+    const int group = get_global_id(0), groups = get_global_size(0), f = get_global_id(1);
+    const size_t block_floats = (size_t)room * NET_BLOCK;
+    const size_t group_floats = (size_t)in_blocks * NET_BLOCK * NET_BLOCK * CONV_BLOCKS;
+    __global const float *restrict v = scratch + f * in_blocks * block_floats;
+    __global float *restrict m = scratch + m_offset + ((size_t)f * groups + group) * CONV_BLOCKS * block_floats;
+    weights += ((size_t)f * groups + group) * group_floats;
+    for (int t = 0; t < tiles; t += CONV_PIXELS)
+        conv_tile_products(v + t * NET_BLOCK, block_floats, weights, in_blocks, m + t * NET_BLOCK, block_floats);
+}
+
+/* Dimension: tiles. */
+__kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
+conv_winograd_out(__global const float *restrict m, ulong m_offset, int begin, int room, __global const float *restrict bias,
+                  ulong bias_offset, __global float *restrict y, ulong y_offset, ulong y_image, int out_channels,
+                  int rows, int cols, int flags, int activation, float slope, __global const float *restrict mask,
+                  ulong mask_offset, ulong mask_image, __global float *restrict pooled, ulong pooled_offset,
+                  ulong pooled_image)
+{
+    const int all = (cols + CONV_TILE - 1) / CONV_TILE * ((rows + CONV_TILE - 1) / CONV_TILE);
+    const int tile = get_global_id(0), image = (begin + tile) / all;
+    const int out_blocks = (out_channels + NET_BLOCK - 1) / NET_BLOCK;
+    const conv_place place = conv_place_of((begin + tile) % all, rows, cols);
+    const size_t row_floats = (size_t)(cols + 2) * NET_BLOCK, plane = (rows + 2) * row_floats;
+    const size_t pooled_row = (size_t)(cols / 2 + 2) * NET_BLOCK, pooled_plane = (rows / 2 + 2) * pooled_row;
+    const size_t at = (place.row + 1) * row_floats + (place.col + 1) * NET_BLOCK, block_floats = (size_t)room * NET_BLOCK;
+    m += m_offset;
+    y += y_offset + image * y_image + at;
+    mask += mask_offset + image * mask_image + at;
+    pooled += pooled_offset + image * pooled_image + (place.row / 2 + 1) * pooled_row + (place.col / 2 + 1) * NET_BLOCK;
+    for (int b = 0; b < out_blocks; ++b) {
+        const int present = out_channels - b * NET_BLOCK;
+        conv_v out[CONV_TILE][CONV_TILE];
+        conv_tile_out(m + b * block_floats + tile * NET_BLOCK, out_blocks * block_floats,
+                      flags & CONV_HAS_BIAS ? conv_bias(bias + bias_offset + b * NET_BLOCK, present) : (conv_v)(0.0f),
+                      out);
+        conv_tile_put(out, place, flags, activation, slope, present, mask + b * plane, y + b * plane, row_floats,
+                      pooled + b * pooled_plane, pooled_row);
+    }
+}

@@ -1,0 +1,182 @@
+/* Winograd's minimal filtering F(m x m, 3 x 3) on blocks of channels (Lavin and Gray, CVPR 2016): tiles of m x m output
+ * pixels and their (m + 2) x (m + 2) inputs are transformed, multiplied place by place, and transformed back. */
+#ifndef INC_CONV_WINOGRAD_H
+#define INC_CONV_WINOGRAD_H
+
+#include "inc_conv.h"
+
+/* m: 2 or 4. */
+#ifndef CONV_TILE
+#define CONV_TILE 4
+#endif
+#define CONV_REACH (CONV_TILE + 2)
+#define CONV_PLACES (CONV_REACH * CONV_REACH)
+
+/* One dimension of the transforms: o = B^T i and o = A^T i. */
+#if CONV_TILE == 4
+static inline void conv_in_1d(const conv_v *i, conv_v *o)
+{
+    const conv_v t0 = fma((conv_v)(-4.0f), i[2], i[4]), t1 = fma((conv_v)(-4.0f), i[1], i[3]);
+    const conv_v t2 = i[4] - i[2], t3 = (i[3] - i[1]) * 2.0f;
+    o[0] = fma((conv_v)(4.0f), i[0], fma((conv_v)(-5.0f), i[2], i[4]));
+    o[1] = t0 + t1;
+    o[2] = t0 - t1;
+    o[3] = t2 + t3;
+    o[4] = t2 - t3;
+    o[5] = fma((conv_v)(4.0f), i[1], fma((conv_v)(-5.0f), i[3], i[5]));
+}
+
+static inline void conv_out_1d(const conv_v *i, conv_v *o)
+{
+    const conv_v s = i[1] + i[2], d = i[1] - i[2], u = i[3] + i[4], v = i[3] - i[4];
+    o[0] = i[0] + s + u;
+    o[1] = fma((conv_v)(2.0f), v, d);
+    o[2] = fma((conv_v)(4.0f), u, s);
+    o[3] = fma((conv_v)(8.0f), v, d) + i[5];
+}
+#else
+static inline void conv_in_1d(const conv_v *i, conv_v *o)
+{
+    o[0] = i[0] - i[2];
+    o[1] = i[1] + i[2];
+    o[2] = i[2] - i[1];
+    o[3] = i[1] - i[3];
+}
+
+static inline void conv_out_1d(const conv_v *i, conv_v *o)
+{
+    o[0] = i[0] + i[1] + i[2];
+    o[1] = i[1] - i[2] - i[3];
+}
+#endif
+
+/* The inputs at x (top left), rows x_row floats apart, to places `pitch` floats apart. */
+static inline void conv_tile_in(__global const float *restrict x, size_t x_row, CONV_MEM float *restrict to,
+                                size_t pitch)
+{
+    conv_v down[CONV_REACH][CONV_REACH];
+#pragma unroll
+    for (int c = 0; c < CONV_REACH; ++c) {
+        conv_v i[CONV_REACH], o[CONV_REACH];
+#pragma unroll
+        for (int r = 0; r < CONV_REACH; ++r)
+            i[r] = CONV_LOAD(x + r * x_row + c * NET_BLOCK);
+        conv_in_1d(i, o);
+#pragma unroll
+        for (int r = 0; r < CONV_REACH; ++r)
+            down[r][c] = o[r];
+    }
+#pragma unroll
+    for (int r = 0; r < CONV_REACH; ++r) {
+        conv_v o[CONV_REACH];
+        conv_in_1d(down[r], o);
+#pragma unroll
+        for (int c = 0; c < CONV_REACH; ++c)
+            CONV_STORE(o[c], to + (r * CONV_REACH + c) * pitch);
+    }
+}
+
+/* The products at `from` back to m x m sums. */
+static inline void conv_tile_out(CONV_MEM const float *restrict from, size_t pitch, conv_v bias,
+                                 conv_v out[CONV_TILE][CONV_TILE])
+{
+    conv_v down[CONV_TILE][CONV_REACH];
+#pragma unroll
+    for (int c = 0; c < CONV_REACH; ++c) {
+        conv_v i[CONV_REACH], o[CONV_TILE];
+#pragma unroll
+        for (int r = 0; r < CONV_REACH; ++r)
+            i[r] = CONV_LOAD(from + (r * CONV_REACH + c) * pitch);
+        conv_out_1d(i, o);
+#pragma unroll
+        for (int r = 0; r < CONV_TILE; ++r)
+            down[r][c] = o[r];
+    }
+#pragma unroll
+    for (int r = 0; r < CONV_TILE; ++r) {
+        conv_out_1d(down[r], out[r]);
+#pragma unroll
+        for (int c = 0; c < CONV_TILE; ++c)
+            out[r][c] += bias;
+    }
+}
+
+/* Products of one place: CONV_PIXELS tiles times CONV_BLOCKS blocks of output channels, over all input channels. v:
+ * [input block][tile][channel], tiles `v_block` floats a block; u: [input channel][output channel]; m: [output
+ * block][tile][channel]. */
+static inline void conv_tile_products(CONV_MEM const float *restrict v, size_t v_block,
+                                      __global const float *restrict u, int in_blocks, CONV_MEM float *restrict m,
+                                      size_t m_block)
+{
+    conv_v sums[CONV_BLOCKS][CONV_PIXELS];
+#pragma unroll
+    for (int o = 0; o < CONV_BLOCKS; ++o)
+#pragma unroll
+        for (int p = 0; p < CONV_PIXELS; ++p)
+            sums[o][p] = (conv_v)(0.0f);
+    for (int b = 0; b < in_blocks; ++b, v += v_block)
+#pragma unroll
+        for (int i = 0; i < NET_BLOCK; ++i, u += CONV_BLOCKS * NET_BLOCK) {
+            conv_v w[CONV_BLOCKS];
+#pragma unroll
+            for (int o = 0; o < CONV_BLOCKS; ++o)
+                w[o] = CONV_LOAD(u + o * NET_BLOCK);
+#pragma unroll
+            for (int p = 0; p < CONV_PIXELS; ++p) {
+                const conv_v x = (conv_v)(v[p * NET_BLOCK + i]);
+#pragma unroll
+                for (int o = 0; o < CONV_BLOCKS; ++o)
+                    sums[o][p] = fma(x, w[o], sums[o][p]);
+            }
+        }
+#pragma unroll
+    for (int o = 0; o < CONV_BLOCKS; ++o)
+#pragma unroll
+        for (int p = 0; p < CONV_PIXELS; ++p)
+            CONV_STORE(sums[o][p], m + o * m_block + p * NET_BLOCK);
+}
+
+/* Where a tile stands: its first output pixel, moved back at the far edges, and how many of its rows and columns the
+ * tiles before have then done. */
+typedef struct conv_place {
+    int row, col, done_rows, done_cols;
+} conv_place;
+
+static inline conv_place conv_place_of(int tile, int rows, int cols)
+{
+    const int across = (cols + CONV_TILE - 1) / CONV_TILE;
+    const int row = tile / across * CONV_TILE, col = tile % across * CONV_TILE;
+    conv_place place = {min(row, rows - CONV_TILE), min(col, cols - CONV_TILE), 0, 0};
+    place.done_rows = row - place.row;
+    place.done_cols = col - place.col;
+    return place;
+}
+
+/* What is done with the sums of a tile: to y, and their 2 x 2 maxima to pooled (for even sizes). Pointers at the tile's
+ * first pixel. */
+static inline void conv_tile_put(conv_v out[CONV_TILE][CONV_TILE], conv_place place, int flags, int activation,
+                                 float slope, int present, __global const float *restrict mask,
+                                 __global float *restrict y, size_t row_floats, __global float *restrict pooled,
+                                 size_t pooled_row)
+{
+    const float floor = activation == CONV_RELU ? 0.0f : -INFINITY;
+#pragma unroll
+    for (int r = 0; r < CONV_TILE; ++r) {
+        if (r < place.done_rows)
+            continue;
+#pragma unroll
+        for (int c = 0; c < CONV_TILE; ++c)
+            if (c >= place.done_cols)
+                out[r][c] = conv_put(out[r][c], flags, activation, floor, slope, present,
+                                     mask + r * row_floats + c * NET_BLOCK, y + r * row_floats + c * NET_BLOCK);
+        if (flags & CONV_POOLS && r % 2) {
+#pragma unroll
+            for (int c = 0; c < CONV_TILE; c += 2)
+                if (c >= place.done_cols)
+                    CONV_STORE(max(max(out[r - 1][c], out[r - 1][c + 1]), max(out[r][c], out[r][c + 1])),
+                               pooled + r / 2 * pooled_row + c / 2 * NET_BLOCK);
+        }
+    }
+}
+
+#endif

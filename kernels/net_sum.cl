@@ -18,11 +18,3 @@ __kernel void net_sum(__global const float *in, ulong in_offset, uint in_count, 
         sum += from[i];
     out[out_offset + run] = fma(scale, sum, shift);
 }
-
-/* norm[0] becomes its root, norm[1] the factor that brings it down to `limit`; limit 0: 1. */
-__kernel void net_sum_norm(__global float *norm, ulong offset, float limit)
-{
-    const float root = sqrt(norm[offset]);
-    norm[offset] = root;
-    norm[offset + 1] = limit > 0.0f ? min(1.0f, limit / (root + 1e-6f)) : 1.0f;
-}

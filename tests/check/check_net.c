@@ -51,13 +51,13 @@ static size_t place_of(const hada_tensor *t, int n, int c, int row, int col)
            ((size_t)col + 1) * block + (size_t)c % block;
 }
 
-/* Plain values to the places of a tensor at `out`, zeros round them. */
-static void pack(const hada_tensor *t, const double *plain, double *out)
+/* Plain values to the places of a tensor at `out`, zeros round them, `between` between images. */
+static void pack(const hada_tensor *t, const double *plain, double between, double *out)
 {
     const size_t image = hada_tensor_image_floats(t->block, t->channels, t->rows, t->cols);
     for (int n = 0; n < t->images; n++) {
         for (size_t i = 0; i < t->image_stride; i++)
-            out[(size_t)n * t->image_stride + i] = i < image ? 0.0 : BETWEEN_IS;
+            out[(size_t)n * t->image_stride + i] = i < image ? 0.0 : between;
         for (int c = 0; c < t->channels; c++)
             for (int row = 0; row < t->rows; row++)
                 for (int col = 0; col < t->cols; col++)
@@ -104,7 +104,7 @@ hada_status check_net_input(check_state *state, check_net *own, const hada_ref_s
     if (!status && !blocks)
         status = hada_fail(err, HADA_ERROR_MEMORY, "no memory for an input");
     if (!status) {
-        pack(&t, own->plain[i], blocks);
+        pack(&t, own->plain[i], BETWEEN_IS, blocks);
         status = upload(state, blocks, count, &own->memory[i], err);
     }
     free(blocks);
@@ -118,6 +118,14 @@ hada_status check_net_floats(check_state *state, check_net *own, size_t count, i
     const int i = own->inputs++;
     hada_status status = random_values(state, (uint64_t)i + 1, count, largest, &own->plain[i], err);
     return status ? status : upload(state, own->plain[i], count, &own->memory[i], err);
+}
+
+hada_status check_net_ignore(check_state *state, size_t first, size_t count, hada_error *err)
+{
+    if (!state->unspecified && !(state->unspecified = calloc(state->out_count, 1)))
+        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    memset(state->unspecified + first, 1, count);
+    return HADA_OK;
 }
 
 size_t check_net_behind(const check_state *state, const check_net *own)
@@ -141,7 +149,7 @@ hada_status check_net_output(check_state *state, check_net *own, const hada_ref_
         if (!own->accumulate)
             for (size_t i = 0; i < values + floats; i++)
                 (*plain)[i] = GONE;
-        pack(&own->y, *plain, all);
+        pack(&own->y, *plain, 0.0, all);
         memcpy(all + blocks, *plain + values, floats * sizeof *all);
         status = upload(state, all, blocks + floats, &own->start, err);
     }
@@ -154,7 +162,7 @@ hada_status check_net_output(check_state *state, check_net *own, const hada_ref_
 void check_net_expect(check_state *state, const check_net *own, const hada_ref_shape *shape, size_t floats,
                       const double *plain)
 {
-    pack(&own->y, plain, state->expected);
+    pack(&own->y, plain, 0.0, state->expected);
     memcpy(state->expected + own->y.image_stride * (size_t)shape->images, plain + hada_ref_values(shape),
            floats * sizeof *plain);
 }

@@ -1,0 +1,115 @@
+/* Optimisers: one step on an array of parameters (lib/net/optimizer.h). Dimension 1 counts runs of OPTIMIZER_RUN
+ * values, dimension 0 the work-items that share a run. */
+
+#define OPTIMIZER_RUN 4096
+
+/* Values of the array as a vector; behind its end nothing is read or written. */
+static inline __attribute__((always_inline)) float8 optimizer_get(__global const float *p, uint first, uint count)
+{
+    if (first + 8 <= count)
+        return vload8(0, p + first);
+    float lane[8];
+    for (uint i = 0; i < 8; i++)
+        lane[i] = first + i < count ? p[first + i] : 0.0f;
+    return vload8(0, lane);
+}
+
+static inline __attribute__((always_inline)) void optimizer_put(float8 v, __global float *p, uint first, uint count)
+{
+    if (first + 8 <= count) {
+        vstore8(v, 0, p + first);
+        return;
+    }
+    float lane[8];
+    vstore8(v, 0, lane);
+    for (uint i = 0; first + i < count; i++)
+        p[first + i] = lane[i];
+}
+
+#define OPTIMIZER_EACH(i, count)                                                                                       \
+    for (uint i = get_global_id(1) * OPTIMIZER_RUN + 8 * get_global_id(0);                                             \
+         i < min((uint)(get_global_id(1) + 1) * OPTIMIZER_RUN, count); i += 8 * get_global_size(0))
+
+/* Keras: eps below the root, decay of the parameters themselves, steps with their rate in the momentum. PyTorch
+ * (`outside`): eps beside the root, decay through the gradient, the rate outside the momentum. State: v, then a where
+ * centered, then b where there is momentum. */
+__kernel void net_optimizer_rmsprop(__global const float *gradient, ulong gradient_offset, __global float *parameters,
+                                    ulong parameters_offset, __global float *state, ulong state_offset, uint count,
+                                    float rate, float decay, float rest, float eps, float momentum,
+                                    float weight_decay, int centered, int outside)
+{
+    __global const float *grad = gradient + gradient_offset;
+    __global float *values = parameters + parameters_offset, *squares = state + state_offset;
+    __global float *means = squares + count, *moving = squares + (centered ? 2 : 1) * (size_t)count;
+    OPTIMIZER_EACH (i, count) {
+        float8 g = optimizer_get(grad, i, count), p = optimizer_get(values, i, count);
+        if (outside)
+            g = fma((float8)weight_decay, p, g);
+        else
+            p = fma((float8)(-rate * weight_decay), p, p);
+        float8 v = fma((float8)decay, optimizer_get(squares, i, count), rest * g * g), centre = v;
+        optimizer_put(v, squares, i, count);
+        if (centered) {
+            const float8 a = fma((float8)decay, optimizer_get(means, i, count), rest * g);
+            optimizer_put(a, means, i, count);
+            centre = fma(-a, a, v);
+        }
+        float8 step = outside ? g / (sqrt(max(centre, 0.0f)) + eps) : rate * g / sqrt(max(centre, 0.0f) + eps);
+        if (momentum > 0.0f) {
+            step = fma((float8)momentum, optimizer_get(moving, i, count), step);
+            optimizer_put(step, moving, i, count);
+        }
+        optimizer_put(outside ? fma((float8)-rate, step, p) : p - step, values, i, count);
+    }
+}
+
+/* rate1 = rate / (1 - beta1^t), root2 = 1 / sqrt(1 - beta2^t); shrink: what decoupled decay leaves of the parameters;
+ * weight_decay through the gradient. State: m, v. */
+__kernel void net_optimizer_adam(__global const float *gradient, ulong gradient_offset, __global float *parameters,
+                                 ulong parameters_offset, __global float *state, ulong state_offset, uint count,
+                                 float rate1, float root2, float beta1, float rest1, float beta2, float rest2,
+                                 float eps, float weight_decay, float shrink)
+{
+    __global const float *grad = gradient + gradient_offset;
+    __global float *values = parameters + parameters_offset, *means = state + state_offset, *squares = means + count;
+    OPTIMIZER_EACH (i, count) {
+        const float8 p = optimizer_get(values, i, count);
+        const float8 g = fma((float8)weight_decay, p, optimizer_get(grad, i, count));
+        const float8 m = fma((float8)beta1, optimizer_get(means, i, count), rest1 * g);
+        const float8 v = fma((float8)beta2, optimizer_get(squares, i, count), rest2 * g * g);
+        optimizer_put(m, means, i, count);
+        optimizer_put(v, squares, i, count);
+        optimizer_put(fma((float8)-rate1, m / fma(sqrt(v), (float8)root2, (float8)eps), p * shrink), values, i, count);
+    }
+}
+
+/* Sums of squares, one per work-item, and the scaling of gradients by norm[1]. */
+__kernel void net_optimizer_squares(__global const float *values, ulong offset, uint count, __global float *sums,
+                                    ulong sums_offset)
+{
+    float8 sum = 0.0f;
+    OPTIMIZER_EACH (i, count) {
+        const float8 v = optimizer_get(values + offset, i, count);
+        sum = fma(v, v, sum);
+    }
+    const float4 a = sum.lo + sum.hi;
+    sums[sums_offset + get_global_id(1) * get_global_size(0) + get_global_id(0)] = (a.x + a.z) + (a.y + a.w);
+}
+
+/* norm[0], a sum of squares, becomes its root, norm[1] the factor that brings it down to `limit`; limit 0: 1. */
+__kernel void net_optimizer_norm(__global float *norm, ulong offset, float limit)
+{
+    const float root = sqrt(norm[offset]);
+    norm[offset] = root;
+    norm[offset + 1] = limit > 0.0f ? min(1.0f, limit / (root + 1e-6f)) : 1.0f;
+}
+
+__kernel void net_optimizer_scale(__global float *values, ulong offset, uint count, __global const float *norm,
+                                  ulong norm_offset)
+{
+    const float factor = norm[norm_offset + 1];
+    if (factor == 1.0f)
+        return;
+    OPTIMIZER_EACH (i, count)
+        optimizer_put(factor * optimizer_get(values + offset, i, count), values + offset, i, count);
+}

@@ -1,0 +1,134 @@
+/* Structural similarity (Wang et al. 2004) of planar images, and its gradient. Windows of 11 x 11 stand wholly inside;
+ * their Gaussian is separable. With local means m of x and y, s of x^2, y^2 and xy,
+ *     S = a1 a2 / (b1 b2), a1 = 2 mx my + c1, a2 = 2 (sxy - mx my) + c2,
+ *     b1 = mx^2 + my^2 + c1, b2 = (sxx - mx^2) + (syy - my^2) + c2,
+ * and the gradient of the sum of S is G'(dS/dmx) + 2 x G'(dS/dsxx) + y G'(dS/dsxy), G' being the transposed filter.
+ *
+ * Four passes: down the columns, along the rows with S and its derivatives, and both back. Vectors of eight columns.
+ * Dimensions: work-items that share a row, rows, planes. Offsets in floats. */
+
+#define SSIM_SIZE 11
+#define SSIM_MARGIN 16 /* zero columns before and behind the derivatives */
+
+__constant float ssim_weight[SSIM_SIZE] = {0.001028380f, 0.007598758f, 0.036000772f, 0.109360690f,
+                                           0.213005538f, 0.266011725f, 0.213005538f, 0.109360690f,
+                                           0.036000772f, 0.007598758f, 0.001028380f};
+
+/* Of each column's eleven values from row r on: the means of x, y, x^2, y^2, xy, at means[plane][5][row][pitch]. x and
+ * y: [plane][rows][pitch]. */
+__kernel void net_ssim_down(__global float *scratch, ulong x_offset, ulong y_offset, ulong means_offset, int rows,
+                            int pitch)
+{
+    const int r = get_global_id(1), out_rows = rows - SSIM_SIZE + 1;
+    const size_t plane = get_global_id(2), step = (size_t)out_rows * pitch;
+    __global const float *x = scratch + x_offset + (plane * rows + r) * pitch;
+    __global const float *y = scratch + y_offset + (plane * rows + r) * pitch;
+    __global float *out = scratch + means_offset + (plane * 5 * out_rows + r) * pitch;
+    for (int c = 8 * get_global_id(0); c < pitch; c += 8 * get_global_size(0)) {
+        float8 mx = 0.0f, my = 0.0f, xx = 0.0f, yy = 0.0f, xy = 0.0f;
+        for (int k = 0; k < SSIM_SIZE; k++) {
+            const float8 a = vload8(0, x + k * pitch + c), b = vload8(0, y + k * pitch + c);
+            const float8 wa = ssim_weight[k] * a, wb = ssim_weight[k] * b;
+            mx += wa;
+            my += wb;
+            xx = fma(wa, a, xx);
+            yy = fma(wb, b, yy);
+            xy = fma(wa, b, xy);
+        }
+        vstore8(mx, 0, out + c);
+        vstore8(my, 0, out + step + c);
+        vstore8(xx, 0, out + 2 * step + c);
+        vstore8(yy, 0, out + 3 * step + c);
+        vstore8(xy, 0, out + 4 * step + c);
+    }
+}
+
+static inline __attribute__((always_inline)) float8 ssim_along(__global const float *p)
+{
+    float8 sum = 0.0f;
+    for (int k = 0; k < SSIM_SIZE; k++)
+        sum = fma((float8)ssim_weight[k], vload8(0, p + k), sum);
+    return sum;
+}
+
+/* S, summed per work-item, and its derivatives by mx, sxx and sxy at slopes[plane][3][row][SSIM_MARGIN + column], zeros
+ * where no window is; a row is pitch + 2 SSIM_MARGIN long. */
+__kernel void net_ssim_along(__global float *scratch, ulong means_offset, ulong slopes_offset, ulong sums_offset,
+                             int cols, int pitch, float c1, float c2)
+{
+    const int r = get_global_id(1), rows = get_global_size(1), wide = pitch + 2 * SSIM_MARGIN;
+    const int out_cols = cols - SSIM_SIZE + 1;
+    const size_t plane = get_global_id(2), step = (size_t)rows * pitch, out_step = (size_t)rows * wide;
+    __global const float *in = scratch + means_offset + (plane * 5 * rows + r) * pitch;
+    __global float *out = scratch + slopes_offset + (plane * 3 * rows + r) * wide;
+    float8 sum = 0.0f;
+    for (int at = 8 * get_global_id(0); at < wide; at += 8 * get_global_size(0)) {
+        const int c = at - SSIM_MARGIN;
+        float8 by_mean = 0.0f, by_square = 0.0f, by_product = 0.0f;
+        if (c >= 0 && c < out_cols) {
+            const float8 mx = ssim_along(in + c), my = ssim_along(in + step + c);
+            const float8 vx = ssim_along(in + 2 * step + c) - mx * mx, vy = ssim_along(in + 3 * step + c) - my * my;
+            const float8 vxy = ssim_along(in + 4 * step + c) - mx * my;
+            const float8 a1 = 2.0f * mx * my + c1, a2 = 2.0f * vxy + c2;
+            const float8 b1 = mx * mx + my * my + c1, b2 = vx + vy + c2, both = 1.0f / (b1 * b2), s = a1 * a2 * both;
+            const int8 inside = (int8)(0, 1, 2, 3, 4, 5, 6, 7) < out_cols - c;
+            sum += select((float8)0.0f, s, inside);
+            by_mean = select((float8)0.0f, 2.0f * (my * (a2 - a1) * both + s * mx * (1.0f / b2 - 1.0f / b1)), inside);
+            by_square = select((float8)0.0f, -s / b2, inside);
+            by_product = select((float8)0.0f, 2.0f * a1 * both, inside);
+        }
+        vstore8(by_mean, 0, out + at);
+        vstore8(by_square, 0, out + out_step + at);
+        vstore8(by_product, 0, out + 2 * out_step + at);
+    }
+    const float4 a = sum.lo + sum.hi;
+    const size_t item = (plane * rows + r) * get_global_size(0) + get_global_id(0);
+    scratch[sums_offset + item] = (a.x + a.z) + (a.y + a.w);
+}
+
+/* The transposed filter along the rows: slopes to [plane][3][row][pitch]. The weights are symmetric. */
+__kernel void net_ssim_back_along(__global float *scratch, ulong slopes_offset, ulong out_offset, int pitch)
+{
+    const int r = get_global_id(1), rows = get_global_size(1), wide = pitch + 2 * SSIM_MARGIN;
+    const size_t plane = get_global_id(2);
+    for (int q = 0; q < 3; q++) {
+        __global const float *in = scratch + slopes_offset + ((plane * 3 + q) * rows + r) * wide + SSIM_MARGIN;
+        __global float *out = scratch + out_offset + ((plane * 3 + q) * rows + r) * pitch;
+        for (int c = 8 * get_global_id(0); c < pitch; c += 8 * get_global_size(0))
+            vstore8(ssim_along(in + c - (SSIM_SIZE - 1)), 0, out + c);
+    }
+}
+
+/* The transposed filter down the columns, and the gradient, times `scale`, into a tensor in blocks (lib/net/tensor.h).
+ * Planes count all lanes of every block: those behind the last channel become zero. */
+__kernel void net_ssim_back_down(__global const float *scratch, ulong x_offset, ulong y_offset, ulong in_offset,
+                                 int rows, int cols, int pitch, __global float *dx, ulong dx_offset, ulong dx_image,
+                                 int channels, int block, float scale, int accumulate)
+{
+    const int r = get_global_id(1), in_rows = rows - SSIM_SIZE + 1;
+    const int lanes = (channels + block - 1) / block * block;
+    const int image = get_global_id(2) / lanes, channel = get_global_id(2) % lanes;
+    const size_t plane = (size_t)image * channels + channel, step = (size_t)in_rows * pitch;
+    __global float *to = dx + dx_offset + image * dx_image +
+                         (((size_t)(channel / block) * (rows + 2) + r + 1) * (cols + 2) + 1) * block + channel % block;
+    __global const float *x = scratch + x_offset + (plane * rows + r) * pitch;
+    __global const float *y = scratch + y_offset + (plane * rows + r) * pitch;
+    __global const float *in = scratch + in_offset + plane * 3 * step;
+    const int first = max(r - SSIM_SIZE + 1, 0), last = min(r, in_rows - 1);
+    for (int c = 8 * get_global_id(0); c < cols; c += 8 * get_global_size(0)) {
+        float8 by_mean = 0.0f, by_square = 0.0f, by_product = 0.0f;
+        if (channel < channels) {
+            for (int k = first; k <= last; k++) {
+                const float8 w = ssim_weight[r - k];
+                by_mean = fma(w, vload8(0, in + (size_t)k * pitch + c), by_mean);
+                by_square = fma(w, vload8(0, in + step + (size_t)k * pitch + c), by_square);
+                by_product = fma(w, vload8(0, in + 2 * step + (size_t)k * pitch + c), by_product);
+            }
+            by_mean = fma(2.0f * vload8(0, x + c), by_square, fma(vload8(0, y + c), by_product, by_mean)) * scale;
+        }
+        float lane[8];
+        vstore8(by_mean, 0, lane);
+        for (int k = 0; k < min(8, cols - c); k++)
+            to[(c + k) * block] = accumulate ? to[(c + k) * block] + lane[k] : lane[k];
+    }
+}

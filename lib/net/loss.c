@@ -1,0 +1,117 @@
+/* Losses that look at single values or neighbours. */
+#include "net/layer_launch.h"
+#include "net/ssim_loss.h"
+#include "program/kernel.h"
+
+static double values_of(const hada_tensor *x)
+{
+    return (double)x->images * x->channels * x->rows * x->cols;
+}
+
+size_t hada_loss_scratch(const hada_loss_desc *desc, const hada_tensor *x)
+{
+    if (desc->loss == HADA_LOSS_SSIM)
+        return hada_ssim_loss_scratch(x);
+    const size_t items = hada_layer_items_at_most(x);
+    return (items + hada_sum_scratch(items)) * sizeof(float);
+}
+
+static hada_status check_loss(const hada_loss_desc *desc, const hada_tensor *x, const hada_tensor *target,
+                              const hada_tensor *dx, hada_error *err)
+{
+    if ((int)desc->loss < HADA_LOSS_MSE || desc->loss > HADA_LOSS_SSIM)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "there is no loss %d", (int)desc->loss);
+    const int alone = desc->loss == HADA_LOSS_TV || desc->loss == HADA_LOSS_TV_SQUARED;
+    if (alone != !target)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, alone ? "total variation has no target" : "the loss needs a target");
+    hada_status status = hada_layer_check("loss", x, target ? target : x, 1, err);
+    if (!status && dx)
+        status = hada_layer_check("gradient of the loss", x, dx, 1, err);
+    return status;
+}
+
+/* Value by value: mean of squares, of absolute values, of logits' entropies; kinds are counted as in net_loss.cl. */
+static hada_status by_value(hada_slot *slot, const hada_loss_desc *desc, const hada_tensor *x,
+                            const hada_tensor *target, const hada_tensor *dx, int accumulate,
+                            const hada_layer_grid *grid, cl_mem scratch, hada_error *err)
+{
+    const hada_tensor *to = dx ? dx : x; /* not written where there is no gradient */
+    const hada_tensor_place at_x = hada_tensor_place_of(x), at_target = hada_tensor_place_of(target);
+    const hada_tensor_place at_dx = hada_tensor_place_of(to);
+    const cl_int blocks = hada_tensor_blocks(x), kind = (cl_int)desc->loss, has_gradient = dx != NULL, add = accumulate;
+    const cl_float scale = (cl_float)(desc->weight / values_of(x));
+    const hada_arg args[] = {HADA_ARG_TENSOR(x, at_x),
+                             HADA_ARG_TENSOR(target, at_target),
+                             HADA_ARG_TENSOR(to, at_dx),
+                             HADA_ARG(x->rows),
+                             HADA_ARG(x->cols),
+                             HADA_ARG(blocks),
+                             HADA_ARG(grid->span),
+                             HADA_ARG(x->channels),
+                             HADA_ARG(kind),
+                             HADA_ARG(scale),
+                             HADA_ARG(has_gradient),
+                             HADA_ARG(add),
+                             HADA_ARG(scratch)};
+    return hada_layer_launch(slot, "net_loss", "net_loss_values", x, grid, args, HADA_COUNT(args), err);
+}
+
+static hada_status variation(hada_slot *slot, const hada_loss_desc *desc, const hada_tensor *x, const hada_tensor *dx,
+                             int accumulate, const hada_layer_grid *grid, cl_mem scratch, hada_error *err)
+{
+    const hada_tensor *to = dx ? dx : x;
+    const hada_tensor_place at_x = hada_tensor_place_of(x), at_dx = hada_tensor_place_of(to);
+    const cl_int blocks = hada_tensor_blocks(x), squared = desc->loss == HADA_LOSS_TV_SQUARED;
+    const cl_int has_gradient = dx != NULL, add = accumulate;
+    const cl_float scale = desc->weight / (cl_float)x->images;
+    const hada_arg args[] = {HADA_ARG_TENSOR(x, at_x), HADA_ARG_TENSOR(to, at_dx),
+                             HADA_ARG(x->rows),        HADA_ARG(x->cols),
+                             HADA_ARG(blocks),         HADA_ARG(grid->span),
+                             HADA_ARG(squared),        HADA_ARG(scale),
+                             HADA_ARG(has_gradient),   HADA_ARG(add),
+                             HADA_ARG(scratch)};
+    return hada_layer_launch(slot, "net_loss", "net_loss_variation", x, grid, args, HADA_COUNT(args), err);
+}
+
+hada_status hada_loss_run(hada_slot *slot, const hada_loss_desc *desc, const hada_tensor *x, const hada_tensor *target,
+                          hada_floats value, const hada_tensor *dx, int accumulate, cl_mem scratch, hada_error *err)
+{
+    hada_status status = check_loss(desc, x, target, dx, err);
+    if (status)
+        return status;
+    if (desc->loss == HADA_LOSS_SSIM)
+        return hada_ssim_loss_run(slot, desc, x, target, value, dx, accumulate, scratch, err);
+    const hada_layer_grid grid = hada_layer_grid_of(slot, x, x->rows, x->cols);
+    double count = values_of(x);
+    if (target) {
+        status = by_value(slot, desc, x, target, dx, accumulate, &grid, scratch, err);
+    } else {
+        status = variation(slot, desc, x, dx, accumulate, &grid, scratch, err);
+        count = x->images;
+    }
+    return status ? status
+                  : hada_sum_floats(slot, scratch, 0, hada_layer_grid_items(&grid), (float)(desc->weight / count), 0.0f,
+                                    value, err);
+}
+
+hada_status hada_loss_logits(hada_slot *slot, float weight, float label, hada_floats x, size_t count, hada_floats value,
+                             const hada_floats *dx, int accumulate, hada_error *err)
+{
+    if (!count || count > HADA_LOGITS_COUNT)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "cross-entropy of %zu plain values: 1 to %d are possible", count,
+                         HADA_LOGITS_COUNT);
+    if (!(label >= 0.0f && label <= 1.0f))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "a label of %g is not possible; it must be from 0 to 1", label);
+    const hada_floats to = dx ? *dx : x;
+    const cl_ulong at_x = x.offset, at_dx = to.offset, at_value = value.offset;
+    const cl_uint values = (cl_uint)count;
+    const cl_int has_gradient = dx != NULL, add = accumulate;
+    const hada_arg args[] = {HADA_ARG(x.mem),  HADA_ARG(at_x),      HADA_ARG(to.mem),  HADA_ARG(at_dx),
+                             HADA_ARG(values), HADA_ARG(label),     HADA_ARG(weight),  HADA_ARG(has_gradient),
+                             HADA_ARG(add),    HADA_ARG(value.mem), HADA_ARG(at_value)};
+    const size_t one = 1;
+    cl_kernel kernel;
+    hada_status status = hada_slot_kernel(slot, "net_loss", "net_loss_logits", "", &kernel, err);
+    return status ? status
+                  : hada_slot_launch(slot, kernel, "net_loss_logits", 1, &one, &one, args, HADA_COUNT(args), err);
+}

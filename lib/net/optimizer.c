@@ -1,0 +1,177 @@
+#include "net/optimizer.h"
+
+#include <limits.h>
+#include <math.h>
+
+#include "net/layer_launch.h"
+#include "program/kernel.h"
+
+/* As in net_optimizer.cl; ROW_ITEMS work-items share a run on GPUs. */
+enum { RUN = 4096, ROW_ITEMS = 32 };
+
+void hada_optimizer_desc_init(hada_optimizer_desc *desc, hada_optimizer optimizer)
+{
+    *desc = (hada_optimizer_desc){.optimizer = optimizer, .beta1 = 0.9, .beta2 = 0.999, .eps = 1e-8};
+    desc->decay = optimizer == HADA_OPTIMIZER_RMSPROP ? 0.9 : 0.99;
+    if (optimizer == HADA_OPTIMIZER_RMSPROP)
+        desc->eps = 1e-7;
+    if (optimizer == HADA_OPTIMIZER_ADAMW)
+        desc->weight_decay = 0.01;
+}
+
+static int is_rmsprop(const hada_optimizer_desc *desc)
+{
+    return desc->optimizer == HADA_OPTIMIZER_RMSPROP || desc->optimizer == HADA_OPTIMIZER_RMSPROP_TORCH;
+}
+
+size_t hada_optimizer_state_floats(const hada_optimizer_desc *desc, size_t count)
+{
+    const size_t arrays = is_rmsprop(desc) ? 1 + (desc->centered != 0) + (desc->momentum > 0.0) : 2;
+    return arrays * count;
+}
+
+static hada_status check_optimizer(const hada_optimizer_desc *desc, uint64_t step, double rate, size_t count,
+                                   hada_error *err)
+{
+    if ((int)desc->optimizer < HADA_OPTIMIZER_RMSPROP || desc->optimizer > HADA_OPTIMIZER_ADAMW)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "there is no optimiser %d", (int)desc->optimizer);
+    if (!step || !count || count > UINT_MAX - RUN)
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "step %llu on %zu parameters: steps count from 1, and an array holds "
+                         "1 to 4 thousand million",
+                         (unsigned long long)step, count);
+    if (!(rate >= 0.0 && isfinite(rate)))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "a learning rate of %g is not possible", rate);
+    const double shares[] = {desc->decay, desc->momentum, desc->beta1, desc->beta2};
+    for (size_t i = 0; i < HADA_COUNT(shares); i++)
+        if (!(shares[i] >= 0.0 && shares[i] < 1.0))
+            return hada_fail(err, HADA_ERROR_ARGUMENT, "decay, momentum and betas must be from 0 to below 1, not %g",
+                             shares[i]);
+    if (!(desc->eps > 0.0 && isfinite(desc->eps)) || !(desc->weight_decay >= 0.0 && isfinite(desc->weight_decay)))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "eps must be above 0 and weight decay at least 0, not %g and %g",
+                         desc->eps, desc->weight_decay);
+    return HADA_OK;
+}
+
+/* A kernel of net_optimizer.cl over an array. */
+static hada_status launch(hada_slot *slot, const char *name, size_t count, const hada_arg *args, size_t arg_count,
+                          hada_error *err)
+{
+    const size_t items = slot->context->shape == HADA_SHAPE_GROUPS ? ROW_ITEMS : 1;
+    const size_t local[2] = {items, 1}, global[2] = {items, (count + RUN - 1) / RUN};
+    cl_kernel kernel;
+    hada_status status = hada_slot_kernel(slot, "net_optimizer", name, "", &kernel, err);
+    return status ? status : hada_slot_launch(slot, kernel, name, 2, global, local, args, arg_count, err);
+}
+
+static hada_status rmsprop(hada_slot *slot, const hada_optimizer_desc *desc, double rate, hada_floats gradient,
+                           hada_floats parameters, hada_floats state, size_t count, hada_error *err)
+{
+    const cl_ulong at_gradient = gradient.offset, at_parameters = parameters.offset, at_state = state.offset;
+    const cl_uint values = (cl_uint)count;
+    const cl_float step = (cl_float)rate, decay = (cl_float)desc->decay, rest = (cl_float)(1.0 - desc->decay);
+    const cl_float eps = (cl_float)desc->eps, momentum = (cl_float)desc->momentum;
+    const cl_float weight_decay = (cl_float)desc->weight_decay;
+    const cl_int centered = desc->centered != 0, outside = desc->optimizer == HADA_OPTIMIZER_RMSPROP_TORCH;
+    const hada_arg args[] = {HADA_ARG(gradient.mem),  HADA_ARG(at_gradient), HADA_ARG(parameters.mem),
+                             HADA_ARG(at_parameters), HADA_ARG(state.mem),   HADA_ARG(at_state),
+                             HADA_ARG(values),        HADA_ARG(step),        HADA_ARG(decay),
+                             HADA_ARG(rest),          HADA_ARG(eps),         HADA_ARG(momentum),
+                             HADA_ARG(weight_decay),  HADA_ARG(centered),    HADA_ARG(outside)};
+    return launch(slot, "net_optimizer_rmsprop", count, args, HADA_COUNT(args), err);
+}
+
+static hada_status adam(hada_slot *slot, const hada_optimizer_desc *desc, uint64_t t, double rate, hada_floats gradient,
+                        hada_floats parameters, hada_floats state, size_t count, hada_error *err)
+{
+    const int decoupled = desc->optimizer == HADA_OPTIMIZER_ADAMW;
+    const cl_ulong at_gradient = gradient.offset, at_parameters = parameters.offset, at_state = state.offset;
+    const cl_uint values = (cl_uint)count;
+    const cl_float rate1 = (cl_float)(rate / (1.0 - pow(desc->beta1, (double)t)));
+    const cl_float root2 = (cl_float)(1.0 / sqrt(1.0 - pow(desc->beta2, (double)t)));
+    const cl_float beta1 = (cl_float)desc->beta1, rest1 = (cl_float)(1.0 - desc->beta1);
+    const cl_float beta2 = (cl_float)desc->beta2, rest2 = (cl_float)(1.0 - desc->beta2), eps = (cl_float)desc->eps;
+    const cl_float weight_decay = decoupled ? 0.0f : (cl_float)desc->weight_decay;
+    const cl_float shrink = decoupled ? (cl_float)(1.0 - rate * desc->weight_decay) : 1.0f;
+    const hada_arg args[] = {
+        HADA_ARG(gradient.mem), HADA_ARG(at_gradient), HADA_ARG(parameters.mem), HADA_ARG(at_parameters),
+        HADA_ARG(state.mem),    HADA_ARG(at_state),    HADA_ARG(values),         HADA_ARG(rate1),
+        HADA_ARG(root2),        HADA_ARG(beta1),       HADA_ARG(rest1),          HADA_ARG(beta2),
+        HADA_ARG(rest2),        HADA_ARG(eps),         HADA_ARG(weight_decay),   HADA_ARG(shrink)};
+    return launch(slot, "net_optimizer_adam", count, args, HADA_COUNT(args), err);
+}
+
+hada_status hada_optimizer_step(hada_slot *slot, const hada_optimizer_desc *desc, uint64_t step, double rate,
+                                hada_floats gradient, hada_floats parameters, hada_floats state, size_t count,
+                                hada_error *err)
+{
+    hada_status status = check_optimizer(desc, step, rate, count, err);
+    if (status)
+        return status;
+    return is_rmsprop(desc) ? rmsprop(slot, desc, rate, gradient, parameters, state, count, err)
+                            : adam(slot, desc, step, rate, gradient, parameters, state, count, err);
+}
+
+static size_t items_of(size_t count, size_t items)
+{
+    return (count + RUN - 1) / RUN * items;
+}
+
+size_t hada_clip_scratch(const hada_gradient_part *parts, int part_count)
+{
+    size_t sums = 0;
+    for (int i = 0; i < part_count; i++)
+        sums += items_of(parts[i].count, ROW_ITEMS);
+    return (sums + hada_sum_scratch(sums) + 1) * sizeof(float);
+}
+
+/* The sums of squares of all parts, one after the other, into scratch; *sums counts them. */
+static hada_status squares(hada_slot *slot, const hada_gradient_part *parts, int part_count, cl_mem scratch,
+                           size_t *sums, hada_error *err)
+{
+    const size_t items = slot->context->shape == HADA_SHAPE_GROUPS ? ROW_ITEMS : 1;
+    hada_status status = HADA_OK;
+    *sums = 0;
+    for (int i = 0; !status && i < part_count; i++) {
+        const cl_ulong offset = parts[i].values.offset, to = *sums;
+        const cl_uint count = (cl_uint)parts[i].count;
+        const hada_arg args[] = {HADA_ARG(parts[i].values.mem), HADA_ARG(offset), HADA_ARG(count), HADA_ARG(scratch),
+                                 HADA_ARG(to)};
+        status = launch(slot, "net_optimizer_squares", count, args, HADA_COUNT(args), err);
+        *sums += items_of(count, items);
+    }
+    return status;
+}
+
+hada_status hada_clip_gradients(hada_slot *slot, const hada_gradient_part *parts, int part_count, float max_norm,
+                                hada_floats norm, cl_mem scratch, hada_error *err)
+{
+    if (part_count < 1 || !(max_norm >= 0.0f))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "clipping %d gradients to a norm of %g is not possible", part_count,
+                         max_norm);
+    for (int i = 0; i < part_count; i++)
+        if (!parts[i].count || parts[i].count > UINT_MAX - RUN)
+            return hada_fail(err, HADA_ERROR_ARGUMENT, "clipping: a gradient of %zu values is not possible",
+                             parts[i].count);
+    size_t sums;
+    hada_status status = squares(slot, parts, part_count, scratch, &sums, err);
+    if (!status)
+        status = hada_sum_floats(slot, scratch, 0, sums, 1.0f, 0.0f, norm, err);
+    const cl_ulong at_norm = norm.offset;
+    const cl_float limit = max_norm;
+    const hada_arg ends[] = {HADA_ARG(norm.mem), HADA_ARG(at_norm), HADA_ARG(limit)};
+    const size_t one[2] = {1, 1};
+    cl_kernel kernel;
+    if (!status)
+        status = hada_slot_kernel(slot, "net_optimizer", "net_optimizer_norm", "", &kernel, err);
+    if (!status)
+        status = hada_slot_launch(slot, kernel, "net_optimizer_norm", 2, one, one, ends, HADA_COUNT(ends), err);
+    for (int i = 0; !status && max_norm > 0.0f && i < part_count; i++) {
+        const cl_ulong offset = parts[i].values.offset;
+        const cl_uint count = (cl_uint)parts[i].count;
+        const hada_arg args[] = {HADA_ARG(parts[i].values.mem), HADA_ARG(offset), HADA_ARG(count), HADA_ARG(norm.mem),
+                                 HADA_ARG(at_norm)};
+        status = launch(slot, "net_optimizer_scale", count, args, HADA_COUNT(args), err);
+    }
+    return status;
+}

@@ -1,0 +1,130 @@
+/* Losses: the gradient as a tensor, and behind it the value; d0: the value alone, d1: the gradient, d2: both are made,
+ * the value is compared. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "check_net.h"
+#include "net/loss.h"
+#include "ref/ref_loss.h"
+
+#define WEIGHT 1.5f
+#define PEAK   2.0f
+
+/* Losses are means over all images, which come in one. */
+static hada_status run(check_state *state, check_net *own, int first, int count, hada_error *err)
+{
+    (void)count;
+    if (first)
+        return HADA_OK;
+    const hada_loss_desc desc = {(hada_loss)own->mode, WEIGHT, PEAK};
+    const hada_floats value = {state->out.mem, check_net_behind(state, own)};
+    return hada_loss_run(state->slot, &desc, &own->x[0], own->inputs > 1 ? &own->x[1] : NULL, value,
+                         check_get(state, 'd', 1) ? &own->y : NULL, own->accumulate, own->scratch.mem, err);
+}
+
+static double expect(const check_net *own, const hada_ref_shape *shape, double *dx)
+{
+    const size_t count = hada_ref_values(shape);
+    const double *x = own->plain[0], *t = own->plain[1];
+    switch (own->mode) {
+    case HADA_LOSS_MSE: return hada_ref_mse(count, WEIGHT, x, t, dx);
+    case HADA_LOSS_L1: return hada_ref_l1(count, WEIGHT, x, t, dx);
+    case HADA_LOSS_LOGITS: return hada_ref_logits(count, WEIGHT, x, t, dx);
+    case HADA_LOSS_SSIM: return hada_ref_ssim(shape, PEAK, WEIGHT, x, t, dx);
+    default: return hada_ref_variation(shape, own->mode == HADA_LOSS_TV_SQUARED, WEIGHT, x, dx);
+    }
+}
+
+static hada_status prepare(check_state *state, hada_error *err)
+{
+    check_net *own;
+    double *out = NULL;
+    const hada_ref_shape shape = check_net_shape(state);
+    const size_t count = hada_ref_values(&shape);
+    hada_status status = check_net_own(state, &own, run, err);
+    if (status)
+        return status;
+    const hada_loss_desc desc = {(hada_loss)own->mode, WEIGHT, PEAK};
+    const int alone = own->mode == HADA_LOSS_TV || own->mode == HADA_LOSS_TV_SQUARED;
+    /* integers, so that neighbours and targets are equal now and then */
+    const int largest = own->mode == HADA_LOSS_L1 || own->mode == HADA_LOSS_TV ? 2 : 0;
+    status = check_net_input(state, own, &shape, largest, err);
+    if (!status && !alone)
+        status = check_net_input(state, own, &shape, largest, err);
+    if (!status)
+        status = check_net_output(state, own, &shape, 1, 0, &out, err);
+    if (!status)
+        status = hada_buffer_create(&own->scratch, state->slot->context, hada_loss_scratch(&desc, &own->x[0]),
+                                    "the sums", err);
+    if (!status && !state->timing) {
+        const int gradient = check_get(state, 'd', 1);
+        if (gradient && !own->accumulate)
+            memset(out, 0, count * sizeof *out);
+        out[count] = expect(own, &shape, gradient ? out : NULL);
+        check_net_expect(state, own, &shape, 1, out);
+        const size_t tensor = state->out_count - 1;
+        status = gradient == 1 ? check_net_ignore(state, tensor, 1, err) : check_net_ignore(state, 0, tensor, err);
+    }
+    free(out);
+    /* single roundings; SSIM's variances are differences of two means of squares */
+    state->tolerance = own->mode == HADA_LOSS_SSIM ? 1e-5 : 1e-6;
+    state->bytes = (alone ? 2.0 : 3.0) * (double)count * sizeof(float);
+    return status;
+}
+
+const check_op check_net_loss = {
+    "net_loss",
+    "n images, k channels, r rows, c columns, v block, p1 gaps between images, b 0 MSE, 1 "
+    "L1, 2 logits, 3 TV, 4 squared TV, "
+    "5 SSIM, d0 the value alone, d1 its gradient compared, d2 the value with it, a1 gradient added to",
+    prepare, check_net_launch, check_net_release};
+
+static hada_status launch_logits(check_state *state, hada_error *err)
+{
+    const check_net *own = state->own;
+    const size_t count = state->out_count - 1;
+    const hada_floats x = {own->memory[0].mem, 0}, value = {state->out.mem, state->out_offset + count};
+    const hada_floats dx = {state->out.mem, state->out_offset};
+    /* where the gradient is added to, it starts as x itself */
+    hada_status status = check_clear(state, 0, count, err);
+    const cl_int code = check_get(state, 'a', 0)
+                            ? clEnqueueCopyBuffer(state->slot->queue, x.mem, dx.mem, 0, dx.offset * sizeof(float),
+                                                  count * sizeof(float), 0, NULL, NULL)
+                            : CL_SUCCESS;
+    if (status || code != CL_SUCCESS)
+        return status ? status : hada_fail_cl(err, code, "clEnqueueCopyBuffer");
+    return hada_loss_logits(state->slot, WEIGHT, 0.75f, x, count, value, check_get(state, 'd', 1) ? &dx : NULL,
+                            check_get(state, 'a', 0), err);
+}
+
+static hada_status prepare_logits(check_state *state, hada_error *err)
+{
+    check_net *own;
+    const size_t count = (size_t)check_get(state, 'n', 1);
+    hada_status status = check_net_own(state, &own, NULL, err);
+    if (!status)
+        status = check_net_floats(state, own, count, 0, err);
+    if (!status)
+        status = check_output(state, count + 1, err);
+    double *label = malloc(count * sizeof *label);
+    if (!status && !label)
+        status = hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    if (!status) {
+        for (size_t i = 0; i < count; i++) {
+            label[i] = 0.75;
+            state->expected[i] = check_get(state, 'a', 0) ? own->plain[0][i] : 0.0;
+        }
+        state->expected[count] =
+            hada_ref_logits(count, WEIGHT, own->plain[0], label, check_get(state, 'd', 1) ? state->expected : NULL);
+    }
+    free(label);
+    if (!status)
+        status =
+            check_get(state, 'd', 1) ? check_net_ignore(state, count, 1, err) : check_net_ignore(state, 0, count, err);
+    state->tolerance = 1e-6;
+    state->bytes = (double)count * sizeof(float);
+    return status;
+}
+
+const check_op check_net_logits = {"net_logits", "n values, d0 the value, 1 the gradient, a1 added to", prepare_logits,
+                                   launch_logits, check_net_release};

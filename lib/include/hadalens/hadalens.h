@@ -9,6 +9,7 @@
 #include <hadalens/job.h>
 #include <hadalens/metrics.h>
 #include <hadalens/model.h>
+#include <hadalens/net.h>
 #include <hadalens/optics.h>
 #include <hadalens/preview.h>
 #include <hadalens/profile.h>

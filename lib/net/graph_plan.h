@@ -1,0 +1,93 @@
+/* What a graph will do and where its memory stands, worked out before anything
+ * is allocated. Internal to lib/net. */
+#ifndef HADA_NET_GRAPH_PLAN_H
+#define HADA_NET_GRAPH_PLAN_H
+
+#include "memory/lifetimes.h"
+#include "net/graph.h"
+
+/* A layer in its graph, and the value that it gives. */
+typedef struct graph_node {
+    const hada_layer *layer;
+    int inputs[HADA_LAYER_INPUTS]; /* as the layer's, where folded layers are
+                                      replaced by what they stand for */
+    int channels, rows, cols;
+    int folded;                 /* its activation belongs to another node: it does nothing and has
+                                   no value of its own */
+    int pooled_by;              /* CONV: the pooling that is done in the same launch; -1: none
+                                 */
+    int pooled;                 /* POOL: done by the convolution before */
+    hada_activation activation; /* of its own or folded into it */
+    float slope;
+    int root, first; /* the node whose memory its value stands in (itself, or a
+                        concatenation), from which channel on */
+    int dropped;     /* computed again for backward */
+    int needs;       /* a gradient of its value is wanted */
+    int masked;      /* 1: those who take its value mask its gradient by its ReLU; else
+                        backward begins with that */
+    /* pieces of memory; -1: none. value and gradient are those of the root. */
+    int value, again, gradient;
+} graph_node;
+
+typedef enum graph_step_kind {
+    GRAPH_FORWARD = 0,
+    GRAPH_LOSS = 1, /* the caller's turn: the output is there, its gradient is written */
+    GRAPH_AGAIN = 2,
+    GRAPH_BACKWARD = 3
+} graph_step_kind;
+
+typedef struct graph_step {
+    graph_step_kind kind;
+    int node;
+    /* BACKWARD, per input */
+    unsigned char wanted[HADA_LAYER_INPUTS], accumulate[HADA_LAYER_INPUTS];
+    int spare; /* BACKWARD: the piece that takes what cannot be added to the
+                  gradient directly; -1: none */
+} graph_step;
+
+/* A piece of memory is a tensor. */
+typedef struct graph_piece {
+    int channels, rows, cols;
+    int shared; /* other pieces stand in its memory: its halo is cleared before
+                   its first step */
+} graph_piece;
+
+typedef struct graph_plan {
+    const hada_net *net;
+    hada_graph_options options;
+    int images; /* of the net: with colours */
+    int block;
+    graph_node *nodes;
+    int node_count, output;
+    graph_step *steps;
+    int step_count;
+    hada_piece *pieces;
+    graph_piece *tensors;
+    int piece_count, piece_room;
+    hada_arenas arenas;
+    /* floats in one more buffer: statistics that batch norms keep, flat values of
+     * linear layers */
+    size_t saved, flat_in, flat_out, unwanted, extras;
+    size_t norm_scratch; /* bytes */
+} graph_plan;
+
+/* Fills *plan; hada_graph_plan_free() also after a failure. */
+hada_status hada_graph_plan_make(graph_plan *plan, const hada_context *context, const hada_net *net,
+                                 const hada_graph_options *options, hada_error *err);
+void hada_graph_plan_free(graph_plan *plan);
+
+/* graph_nodes.c: fills the nodes: sizes, what is folded, pooled, put together
+ * in place, dropped, masked. */
+hada_status hada_graph_nodes_make(graph_plan *plan, hada_error *err);
+
+/* graph_steps.c: the steps, in the order of their work, and the pieces with
+ * their lifetimes. */
+hada_status hada_graph_steps_make(graph_plan *plan, hada_error *err);
+
+/* The convolution of a node. */
+hada_conv_desc hada_graph_conv_desc(const graph_plan *plan, const graph_node *node);
+
+/* Where statistics of a batch norm begin, in floats of the extra buffer. */
+size_t hada_graph_saved_at(const graph_plan *plan, int node, int colour);
+
+#endif

@@ -1,0 +1,23 @@
+/* The nets that the library knows, as lists. Internal. Weights are zero until hada_net_init() or a file fills them. */
+#ifndef HADA_NET_PRESETS_H
+#define HADA_NET_PRESETS_H
+
+#include "net/net_list.h"
+
+/* unet.c; hadalens/net.h says what the options mean. Names: down.<level>.<number>, lift.<level> (transposed
+ * convolutions), up.<level>.<number>, norm, last. */
+hada_status hada_unet_make(hada_net **out, const hada_unet_options *options, hada_error *err);
+
+/* discriminator.c: resizes to 256 x 256, then 3 x 3 convolutions with stride 2 and leaky ReLU 0.2, of widths 32, 64,
+ * 128, 128, 128, and two fully connected layers (256, 1): one logit an image. */
+hada_status hada_discriminator_make(hada_net **out, int channels, hada_error *err);
+
+/* vgg.c: the convolutional part of VGG-16 (Simonyan and Zisserman 2015, configuration D) with torchvision's names,
+ * behind the normalisation that its weights were trained with; takes RGB in 0 ... 1. It ends with the last pooling, so
+ * that its output is what stands before the fully connected layers. */
+hada_status hada_vgg16_make(hada_net **out, hada_error *err);
+
+/* Fills the weights of that normalisation, which no file holds. */
+void hada_vgg16_normalize(hada_net *net);
+
+#endif

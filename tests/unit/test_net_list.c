@@ -1,0 +1,276 @@
+/* Lists of layers: descriptions, parameters, sizes, files. */
+#include "testing.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "net/presets.h"
+#include "net/weights_file.h"
+
+static void presets_have_the_values_they_should(void **state)
+{
+    (void)state;
+    hada_net *net;
+    hada_net_info info;
+    /* the paper's net: 3,745,057 values with the running statistics of three batch norms */
+    ASSERT_OK(hada_net_create_preset(&net, "paper", 3, 1, err));
+    hada_net_get_info(net, &info);
+    assert_int_equal(info.values, 3745057);
+    assert_int_equal(info.trained, 3745057 - 3 * 2 * 64);
+    assert_int_equal(info.channels, 3);
+    assert_int_equal(info.out_channels, 3);
+    assert_true(info.shared);
+    assert_string_equal(net->parameters[hada_net_find(net, "norm.2.running_var") - net->parameters].name,
+                        "norm.2.running_var");
+    hada_net_destroy(&net);
+    ASSERT_OK(hada_net_create_preset(&net, "compact", 3, 1, err));
+    hada_net_get_info(net, &info);
+    size_t trained = 0;
+    const int convs[][2] = {{3, 16},   {16, 16},   {16, 32},   {32, 32},   {32, 64},   {64, 64},
+                            {64, 128}, {128, 128}, {128, 256}, {256, 256}, {384, 128}, {128, 128},
+                            {192, 64}, {64, 64},   {96, 32},   {32, 32},   {48, 16},   {16, 16}};
+    for (size_t i = 0; i < sizeof convs / sizeof *convs; i++)
+        trained += (size_t)(9 * convs[i][0] + 1) * (size_t)convs[i][1];
+    assert_int_equal(info.trained, trained + 16 * 3 + 3);
+    assert_int_equal(info.values, info.trained);
+    assert_false(info.shared);
+    hada_net_destroy(&net);
+    hada_error error;
+    assert_int_equal(hada_net_create_preset(&net, "huge", 3, 1, &error), HADA_ERROR_ARGUMENT);
+    assert_null(net);
+}
+
+static void vgg16_has_the_names_of_torchvision(void **state)
+{
+    (void)state;
+    hada_net *net;
+    static const int numbers[] = {0, 2, 5, 7, 10, 12, 14, 17, 19, 21, 24, 26, 28};
+    ASSERT_OK(hada_vgg16_make(&net, err));
+    for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++) {
+        char name[40];
+        snprintf(name, sizeof name, "features.%d.weight", numbers[i]);
+        assert_non_null(hada_net_find(net, name));
+        snprintf(name, sizeof name, "features.%d.bias", numbers[i]);
+        assert_non_null(hada_net_find(net, name));
+    }
+    assert_int_equal(net->parameter_count, 28);
+    assert_int_equal(net->trained, 14714688 + 12); /* torchvision's features, and the normalisation */
+    hada_net_destroy(&net);
+}
+
+static void check_round_trip(hada_net *net)
+{
+    hada_net *again;
+    char *text, *other;
+    ASSERT_OK(hada_net_describe(net, &text, err));
+    ASSERT_OK(hada_net_create(&again, text, 0, err));
+    ASSERT_OK(hada_net_describe(again, &other, err));
+    assert_string_equal(text, other);
+    assert_int_equal(again->count, net->count);
+    for (int i = 0; i < net->count; i++)
+        assert_memory_equal(&net->layers[i], &again->layers[i], sizeof(hada_layer));
+    assert_int_equal(again->floats, net->floats);
+    free(text);
+    free(other);
+    hada_net_destroy(&again);
+    hada_net_destroy(&net);
+}
+
+static void descriptions_come_back_as_they_were(void **state)
+{
+    (void)state;
+    hada_net *net;
+    hada_unet_options options;
+    ASSERT_OK(hada_net_create_preset(&net, "paper", 3, 1, err));
+    check_round_trip(net);
+    ASSERT_OK(hada_discriminator_make(&net, 3, err));
+    check_round_trip(net);
+    ASSERT_OK(hada_vgg16_make(&net, err));
+    check_round_trip(net);
+    hada_unet_options_init(&options);
+    options.up_by = HADA_UNET_TRANSPOSED;
+    ASSERT_OK(hada_net_create_unet(&net, &options, 1, err));
+    check_round_trip(net);
+}
+
+static void any_unet_gives_the_size_it_takes(void **state)
+{
+    (void)state;
+    static const char *const shapes[][2] = {{"4", ""}, {"4,4|6", "5"}, {"3|4|5,5|6", "|7|"}};
+    for (int up_by = HADA_UNET_LINEAR; up_by <= HADA_UNET_TRANSPOSED; up_by++)
+        for (size_t i = 0; i < sizeof shapes / sizeof *shapes; i++)
+            for (int rows = 8; rows < 20; rows++) {
+                hada_net *net;
+                hada_unet_options options;
+                hada_unet_options_init(&options);
+                options.down = shapes[i][0];
+                options.up = shapes[i][1];
+                options.up_by = (hada_unet_up)up_by;
+                ASSERT_OK(hada_net_create_unet(&net, &options, 1, err));
+                hada_size *sizes = calloc((size_t)net->count, sizeof *sizes);
+                ASSERT_OK(hada_net_sizes(net, rows, 23, sizes, err));
+                assert_int_equal(sizes[net->count - 1].rows, rows);
+                assert_int_equal(sizes[net->count - 1].cols, 23);
+                free(sizes);
+                hada_net_destroy(&net);
+            }
+    hada_net *net;
+    hada_error error;
+    hada_size sizes[64];
+    ASSERT_OK(hada_net_create_preset(&net, "compact", 3, 1, err));
+    assert_int_equal(hada_net_sizes(net, 15, 64, sizes, &error), HADA_ERROR_SIZE);
+    assert_non_null(strstr(error.message, "15 x 64"));
+    hada_net_destroy(&net);
+}
+
+static void wrong_unets_are_refused(void **state)
+{
+    (void)state;
+    static const char *const shapes[][2] = {{"4|5|6", ""}, {"4,|5", "4"}, {"4||5", "4|4"}, {"x", ""},
+                                            {"0|4", "4"},  {"4", "4"},    {"-4|5", "4"},   {"4|5", "4|4"}};
+    for (size_t i = 0; i < sizeof shapes / sizeof *shapes; i++) {
+        hada_net *net;
+        hada_error error;
+        hada_unet_options options;
+        hada_unet_options_init(&options);
+        options.down = shapes[i][0];
+        options.up = shapes[i][1];
+        assert_int_equal(hada_net_create_unet(&net, &options, 1, &error), HADA_ERROR_ARGUMENT);
+        assert_null(net);
+    }
+}
+
+#define LIST(text) "{\"format\":\"hadalens-net-1\",\"layers\":[{\"layer\":\"input\",\"channels\":3}," text "]}"
+
+static void damaged_descriptions_are_refused(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *text, *says;
+    } cases[] = {
+        {"{", "not JSON"},
+        {"[]", "not the description"},
+        {"{\"format\":\"hadalens-net-2\",\"layers\":[]}", "not the description"},
+        {"{\"format\":\"hadalens-net-1\",\"layers\":[]}", "at least one more layer"},
+        {"{\"format\":\"hadalens-net-1\",\"colours\":0,\"layers\":[]}", "1 to 64"},
+        {LIST("7"), "no kind of layer"},
+        {LIST("{\"layer\":\"convolution\"}"), "no kind of layer"},
+        {LIST("{\"layer\":\"conv\",\"name\":\"a\"}"), "number of channels"},
+        {LIST("{\"layer\":\"conv\",\"name\":\"a\",\"channels\":4,\"from\":1}"), "does not stand before"},
+        {LIST("{\"layer\":\"conv\",\"name\":\"a\",\"channels\":4,\"from\":[]}"), "from"},
+        {LIST("{\"layer\":\"conv\",\"name\":\"a\",\"channels\":4,\"colour\":1}"), "nothing that this kind"},
+        {LIST("{\"layer\":\"conv\",\"name\":\"a\",\"channels\":4,\"p\":1}"), "nothing that this kind"},
+        {LIST("{\"layer\":\"conv\",\"name\":\"a\",\"channels\":4.5}"), "whole number"},
+        {LIST("{\"layer\":\"conv\",\"name\":\"a\",\"channels\":4,\"activation\":\"tanh\"}"), "none of the words"},
+        {LIST("{\"layer\":\"conv\",\"name\":\"a\",\"channels\":4,\"output_pad\":1}"), "padding"},
+        {LIST("{\"layer\":\"conv\",\"channels\":4}"), "a name of its own"},
+        {LIST("{\"layer\":\"conv\",\"name\":\"a\",\"channels\":4},"
+              "{\"layer\":\"conv\",\"name\":\"a\",\"channels\":4}"),
+         "a name of its own"},
+        {LIST("{\"layer\":\"pool\",\"kernel\":0}"), "kernel or stride"},
+        {LIST("{\"layer\":\"resize\"}"), "what size"},
+        {LIST("{\"layer\":\"resize\",\"like\":1}"), "what size"},
+        {LIST("{\"layer\":\"norm\",\"name\":\"n\",\"eps\":0}"), "eps"},
+        {LIST("{\"layer\":\"dropout\",\"p\":1}"), "p from 0"},
+        {LIST("{\"layer\":\"linear\",\"name\":\"f\",\"channels\":1}"), "how many values"},
+        {LIST("{\"layer\":\"pool\"},{\"layer\":\"pool\",\"from\":0}"), "taken by no other layer"},
+        {LIST("{\"layer\":\"input\",\"channels\":1}"), "layer 0 is the input"},
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        hada_net *net;
+        hada_error error = {0};
+        assert_int_not_equal(hada_net_create(&net, cases[i].text, 0, &error), HADA_OK);
+        assert_null(net);
+        if (!strstr(error.message, cases[i].says))
+            fail_msg("%s: %s", cases[i].text, error.message);
+    }
+}
+
+static void first_weights_follow_the_seed(void **state)
+{
+    (void)state;
+    hada_net *one, *same, *other;
+    ASSERT_OK(hada_net_create_preset(&one, "compact", 3, 7, err));
+    ASSERT_OK(hada_net_create_preset(&same, "compact", 3, 7, err));
+    ASSERT_OK(hada_net_create_preset(&other, "compact", 3, 8, err));
+    assert_memory_equal(one->values, same->values, one->floats * sizeof(float));
+    assert_memory_not_equal(one->values, other->values, one->floats * sizeof(float));
+    const hada_parameter *weight = hada_net_find(one, "up.0.0.weight"), *bias = hada_net_find(one, "up.0.0.bias");
+    double sum = 0;
+    for (size_t i = 0; i < weight->count; i++)
+        sum += (double)one->values[weight->offset + i] * (double)one->values[weight->offset + i];
+    /* Kaiming: variance 2 / fan_in */
+    assert_true(fabs(sum / (double)weight->count * (9 * 48) / 2 - 1) < 0.1);
+    for (size_t i = 0; i < bias->count; i++)
+        assert_true(one->values[bias->offset + i] == 0.0f);
+    hada_net_destroy(&one);
+    hada_net_destroy(&same);
+    hada_net_destroy(&other);
+}
+
+static void files_come_back_and_others_are_refused(void **state)
+{
+    (void)state;
+    char path[] = "/tmp/hadalens-net-XXXXXX";
+    const int fd = mkstemp(path);
+    assert_true(fd >= 0);
+    close(fd);
+    hada_net *net, *again, *wider;
+    hada_unet_options options;
+    hada_error error = {0};
+    hada_unet_options_init(&options);
+    options.down = "4|6";
+    options.up = "5";
+    options.shared = options.last_norm = 1;
+    ASSERT_OK(hada_net_create_unet(&net, &options, 1, err));
+    ASSERT_OK(hada_net_save(net, path, err));
+    ASSERT_OK(hada_net_load(&again, path, err));
+    assert_memory_equal(net->values, again->values, net->floats * sizeof(float));
+    memset(again->values, 0, again->floats * sizeof(float));
+    ASSERT_OK(hada_net_load_weights(again, path, "", err));
+    assert_memory_equal(net->values, again->values, net->floats * sizeof(float));
+    /* another shape, a prefix that is not there, no net at all: refused, and nothing changed */
+    options.up = "7";
+    ASSERT_OK(hada_net_create_unet(&wider, &options, 2, err));
+    float *before = malloc(wider->floats * sizeof(float));
+    memcpy(before, wider->values, wider->floats * sizeof(float));
+    assert_int_equal(hada_net_load_weights(wider, path, NULL, &error), HADA_ERROR_MODEL);
+    assert_non_null(strstr(error.message, "up.0.0.weight has another shape"));
+    assert_int_equal(hada_net_load_weights(wider, path, "other.", &error), HADA_ERROR_MODEL);
+    assert_non_null(strstr(error.message, "other.down.0.0.weight"));
+    assert_memory_equal(before, wider->values, wider->floats * sizeof(float));
+    again->values[3] = NAN;
+    ASSERT_OK(hada_net_save(again, path, err));
+    assert_int_equal(hada_net_load_weights(net, path, "", &error), HADA_ERROR_NOT_FINITE);
+    hada_net_destroy(&again);
+    assert_int_equal(hada_net_load(&again, "/nowhere/net.safetensors", &error), HADA_ERROR_FILE_OPEN);
+    hada_net *none;
+    hada_tensors_writer *writer;
+    ASSERT_OK(hada_tensors_create(&writer, path, err));
+    ASSERT_OK(hada_net_declare(net, writer, "part.", err));
+    ASSERT_OK(hada_net_write(net, writer, err));
+    ASSERT_OK(hada_tensors_finish(&writer, err));
+    assert_int_equal(hada_net_load(&none, path, &error), HADA_ERROR_FILE_FORMAT);
+    ASSERT_OK(hada_net_load_weights(net, path, "part.", err));
+    free(before);
+    hada_net_destroy(&net);
+    hada_net_destroy(&wider);
+    remove(path);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(presets_have_the_values_they_should),
+        cmocka_unit_test(vgg16_has_the_names_of_torchvision),
+        cmocka_unit_test(descriptions_come_back_as_they_were),
+        cmocka_unit_test(any_unet_gives_the_size_it_takes),
+        cmocka_unit_test(wrong_unets_are_refused),
+        cmocka_unit_test(damaged_descriptions_are_refused),
+        cmocka_unit_test(first_weights_follow_the_seed),
+        cmocka_unit_test(files_come_back_and_others_are_refused),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,8 +1,9 @@
-/* What frequencies can do to the planes of a plan: from the filters and the energy of a frame to bounds of what leaving
- * some of it out changes, before any inverse transform. Internal; docs/skipping.md derives it.
+/* What frequencies can do to the planes of a plan: bounds of what leaving some of them out changes, before any inverse
+ * transform. Internal; docs/skipping.md derives them.
  *
- * With the energy E of a frame's channel in a tile and the largest |W|^2 of a filter there, the tile's part of a plane
- * has a sum of squares over the grid's pixels of at most max |W|^2 E / (rows cols), by Parseval's theorem. */
+ * By Parseval's theorem a frequency k of a frame's channel, B(k), puts |W(k) B(k)|^2 / (rows cols) into the sum of
+ * squares of a plane, taken over the whole grid. Added up over the depths that is gain(k) |B(k)|^2 / (rows cols): one
+ * number a frequency, however many depths there are. */
 #ifndef HADA_FILTER_GAINS_H
 #define HADA_FILTER_GAINS_H
 
@@ -12,34 +13,33 @@
 typedef struct hada_gains {
     hada_tiles tiles;
     int channels;
-    double *most;  /* [channel][tile]: sum over depths of the largest |W|^2 */
-    double *mean;  /* of the mean |W|^2 */
-    double *half;  /* of the largest |W - half(W)|^2 */
-    double *sharp; /* [channel]: sum over depths of the largest |W|^2 of all frequencies */
+    float *gain;   /* [channel], row-major half spectra: sum over depths of |W|^2 */
+    double *most;  /* [channel]: the largest gain */
+    double halved; /* largest ratio of sum |W - half(W)|^2 to sum |W|^2 of all frequencies and channels */
 } hada_gains;
 
 /* Whether half filters can be made of `count` depths of a model (indices; NULL: all). */
 int hada_gains_fits_half(const hada_model *model, const int *depths, int count);
 
-/* Of `count` depths. with_half: `half` is filled as well; the filters must fit. */
+/* Of `count` depths. with_half: `halved` is filled as well; the filters must fit. */
 hada_status hada_gains_create(hada_gains **out, const hada_model *model, const hada_spectrum_layout *layout,
                               const int *depths, int count, int with_half, hada_error *err);
 void hada_gains_destroy(hada_gains **gains);
 
-/* All of the following are sums of squares over the pixels of all planes (channels and depths); `energy` is what a
- * hada_meter measured. */
+/* The gains for a hada_meter of this layout. */
+hada_status hada_gains_upload(const hada_gains *gains, const hada_spectrum_layout *layout, hada_slot *slot,
+                              hada_buffer *buffer, hada_error *err);
 
-/* At most what the planes change by leaving out what a band does not hold: dropped[i] for band i. */
+/* The following are sums of squares over all planes on the whole grid; `energy` is what a hada_meter measured with
+ * the gains. They are rounded up: no less than in exact arithmetic. */
+
+/* What all frequencies put there. */
+double hada_gains_light(const hada_gains *gains, const float *energy);
+
+/* What the frequencies outside band i put there, as dropped[i]. */
 void hada_gains_dropped(const hada_gains *gains, const float *energy, double dropped[HADA_BANDS]);
 
-/* The same for any band. */
+/* The same for any band; tiles that are partly outside count as a whole. */
 double hada_gains_outside(const hada_gains *gains, const float *energy, int band_rows, int band_cols);
-
-/* At most what they change by filters in half precision. */
-double hada_gains_half(const hada_gains *gains, const float *energy);
-
-/* At most what they hold on the whole grid, and about what they hold. */
-double hada_gains_most(const hada_gains *gains, const float *energy);
-double hada_gains_about(const hada_gains *gains, const float *energy);
 
 #endif

@@ -98,7 +98,7 @@ void hada_meter_destroy(hada_meter **pointer)
     free(meter);
 }
 
-hada_status hada_meter_run(hada_meter *meter, cl_mem spectrum, hada_error *err)
+hada_status hada_meter_run(hada_meter *meter, cl_mem spectrum, cl_mem gains, hada_error *err)
 {
     const hada_spectrum_layout *layout = &meter->tiles.layout;
     const cl_ulong channel_count = layout->count;
@@ -108,12 +108,19 @@ hada_status hada_meter_run(hada_meter *meter, cl_mem spectrum, hada_error *err)
     const size_t local = 64, global = (count + local - 1) / local * local;
     cl_kernel kernel;
     hada_status status = hada_slot_kernel(meter->slot, "filter_tiles", "filter_tiles", "", &kernel, err);
-    const hada_arg args[] = {
-        HADA_ARG(spectrum), HADA_ARG(channel_count),    HADA_ARG(rows),   HADA_ARG(cols),
-        HADA_ARG(block),    HADA_ARG(strips),           HADA_ARG(groups), HADA_ARG(meter->last.mem),
-        HADA_ARG(count),    HADA_ARG(meter->energy.mem)};
+    const hada_arg args[] = {HADA_ARG(spectrum),
+                             HADA_ARG(gains),
+                             HADA_ARG(channel_count),
+                             HADA_ARG(rows),
+                             HADA_ARG(cols),
+                             HADA_ARG(block),
+                             HADA_ARG(strips),
+                             HADA_ARG(groups),
+                             HADA_ARG(meter->last.mem),
+                             HADA_ARG(count),
+                             HADA_ARG(meter->energy.mem)};
     const double values = (double)layout->count * meter->channels;
-    hada_slot_cost(meter->slot, 8.0 * values, 4.0 * values);
+    hada_slot_cost(meter->slot, 12.0 * values, 5.0 * values);
     return status
                ? status
                : hada_slot_launch(meter->slot, kernel, "filter_tiles", 1, &global, &local, args, HADA_COUNT(args), err);

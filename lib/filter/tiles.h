@@ -36,7 +36,7 @@ int hada_tiles_band(const hada_tiles *tiles, size_t tile);
 /* Share of the spectrum's values outside a band, 0 to 1. */
 double hada_tiles_share_outside(const hada_tiles *tiles, int band_rows, int band_cols);
 
-/* Measures the energy of spectra on the device. Belongs to a slot. */
+/* Measures the energy of filtered spectra on the device. Belongs to a slot. */
 typedef struct hada_meter {
     hada_tiles tiles;
     hada_slot *slot;
@@ -49,7 +49,8 @@ hada_status hada_meter_create(hada_meter **out, hada_slot *slot, const hada_spec
 void hada_meter_destroy(hada_meter **meter);
 uint64_t hada_meter_bytes(const hada_spectrum_layout *layout, int channels);
 
-/* Enqueues: meter->energy = [channel][tile], sum of |B|^2 over the whole spectrum's values in the tile. */
-hada_status hada_meter_run(hada_meter *meter, cl_mem spectrum, hada_error *err);
+/* Enqueues: meter->energy = [channel][tile], sum of gain |B|^2 over the whole spectrum's values in the tile. `gains`:
+ * [channel][layout.count] floats, finite everywhere. */
+hada_status hada_meter_run(hada_meter *meter, cl_mem spectrum, cl_mem gains, hada_error *err);
 
 #endif

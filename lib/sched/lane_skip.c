@@ -8,7 +8,8 @@
 /* Two runs that add up other frequencies round differently, each by at most this (relative L2, see docs/fft.md). */
 static const double transform_rounding = 3e-7;
 
-/* The planes' norm is known only afterwards. The choice of a band takes this share of the expected light for it. */
+/* The planes' norm is known only afterwards. The choice of a band takes it for this share of what the filters put on
+ * the whole grid. */
 static const double expected_share = 0.25;
 
 uint64_t hada_lane_skip_bytes(const hada_context *context, const hada_model_info *info, const hada_plan_shape *shape,
@@ -59,10 +60,9 @@ static void choose_band(const hada_plan *plan, const float *energy, hada_task_sk
 {
     const hada_plan_shape *shape = &plan->shape;
     const hada_gains *gains = plan->skip.gains;
-    const double half = shape->half_by_error ? sqrt(hada_gains_half(gains, energy)) : 0.0,
-                 rounding = 2.0 * transform_rounding * sqrt(hada_gains_most(gains, energy));
-    const double expected = sqrt(expected_share * hada_gains_about(gains, energy));
-    const double most = expected * plan->options.max_error / (1.0 + plan->options.max_error);
+    const double light = sqrt(hada_gains_light(gains, energy)), rounding = 2.0 * transform_rounding * light,
+                 half = shape->half_by_error ? sqrt(gains->halved) * light : 0.0;
+    const double most = expected_share * light * plan->options.max_error / (1.0 + plan->options.max_error);
     double dropped[HADA_BANDS];
     int band = HADA_BANDS - 1;
     hada_gains_dropped(gains, energy, dropped);
@@ -94,7 +94,7 @@ hada_status hada_lane_skip_frequencies(hada_lane *lane, hada_task *task, hada_er
     hada_status status = hada_alloc_raw((void **)&energy, lane->meter->energy.bytes, 1, "the measure of spectra", err);
     if (status)
         return status;
-    status = hada_meter_run(lane->meter, lane->stage->spectrum.mem, err);
+    status = hada_meter_run(lane->meter, lane->stage->spectrum.mem, lane->share->gains.mem, err);
     if (!status)
         status = hada_buffer_read(&lane->meter->energy, lane->slot, 0, energy, lane->meter->energy.bytes, err);
     if (!status && (shape->band_rows || shape->band_cols)) {

@@ -57,8 +57,8 @@ static hada_status make_lanes(hada_plan *plan, hada_context *const *contexts, in
     if (!status)
         status = hada_alloc((void **)&plan->lanes, (size_t)count * (size_t)queues, sizeof *plan->lanes, "a plan", err);
     for (int device = 0; !status && device < count; device++) {
-        status =
-            hada_share_create(&plan->shares[device], contexts[device], plan->model, &plan->shape, plan->depths, err);
+        status = hada_share_create(&plan->shares[device], contexts[device], plan->model, &plan->shape, plan->depths,
+                                   plan->skip.gains, err);
         if (status)
             break;
         hada_share *share = plan->shares[plan->share_count++];

@@ -29,7 +29,7 @@ static hada_status check_together(const hada_share *share, hada_error *err)
 }
 
 hada_status hada_share_create(hada_share **out, hada_context *context, const hada_model *model,
-                              const hada_plan_shape *shape, const int *depths, hada_error *err)
+                              const hada_plan_shape *shape, const int *depths, const hada_gains *gains, hada_error *err)
 {
     hada_share *share;
     hada_slot *slot = NULL;
@@ -47,6 +47,8 @@ hada_status hada_share_create(hada_share **out, hada_context *context, const had
         status = check_together(share, err);
     if (!status && shape->refined)
         status = hada_bank_prior(&share->prior, slot, model, &layout, err);
+    if (!status && gains)
+        status = hada_gains_upload(gains, &layout, slot, &share->gains, err);
     /* other queues read what this one wrote */
     if (!status)
         status = hada_slot_finish(slot, err);
@@ -64,6 +66,7 @@ void hada_share_destroy(hada_share **pointer)
     hada_share *share = *pointer;
     *pointer = NULL;
     hada_buffer_destroy(&share->prior);
+    hada_buffer_destroy(&share->gains);
     hada_bank_destroy(&share->bank);
     free(share);
 }
@@ -73,7 +76,7 @@ uint64_t hada_share_bytes(const hada_context *context, const hada_model *model, 
     const hada_model_info *info = hada_model_get_info(model);
     const hada_spectrum_layout layout = hada_hadamard_layout(context, info);
     uint64_t bytes = hada_bank_bytes(info, &layout, shape->depths, shape->parts, shape->half);
-    if (shape->refined && model->scene_power)
+    if ((shape->refined && model->scene_power) || shape->measured)
         bytes += 4 * (uint64_t)info->channels * (uint64_t)layout.count;
     return bytes;
 }

@@ -3,6 +3,7 @@
 #define HADA_SCHED_SHARE_H
 
 #include "filter/bank.h"
+#include "filter/gains.h"
 #include "sched/plan_shape.h"
 
 typedef struct hada_share {
@@ -10,11 +11,13 @@ typedef struct hada_share {
     int batch; /* depths at once that fit its memory */
     hada_bank *bank;
     hada_buffer prior; /* of refinement; empty where the model knows none */
+    hada_buffer gains; /* of the filters; empty where spectra are not measured */
 } hada_share;
 
-/* `depths`: indices into the model of the depths that are computed. */
+/* `depths`: indices into the model of the depths that are computed; `gains`: NULL where spectra are not measured. */
 hada_status hada_share_create(hada_share **out, hada_context *context, const hada_model *model,
-                              const hada_plan_shape *shape, const int *depths, hada_error *err);
+                              const hada_plan_shape *shape, const int *depths, const hada_gains *gains,
+                              hada_error *err);
 void hada_share_destroy(hada_share **share); /* the lanes must be gone */
 
 /* Bytes of device memory that it holds. */

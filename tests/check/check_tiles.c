@@ -1,4 +1,4 @@
-/* The energy of spectra in tiles: whole numbers, exact. What stands in the padding does not count. */
+/* The energy of filtered spectra in tiles: whole numbers, exact. What stands in the padding does not count. */
 #include <math.h>
 #include <stdlib.h>
 
@@ -6,11 +6,11 @@
 #include "core/alloc.h"
 #include "filter/layout.h"
 #include "filter/tiles.h"
-#include "ref/ref_spectrum.h"
+#include "ref/ref_light.h"
 
 typedef struct tiles_state {
     hada_meter *meter;
-    hada_buffer in;
+    hada_buffer in, gains;
 } tiles_state;
 
 static hada_status fill(check_state *state, tiles_state *own, const hada_spectrum_layout *layout, int channels,
@@ -18,24 +18,34 @@ static hada_status fill(check_state *state, tiles_state *own, const hada_spectru
 {
     const hada_tiles *tiles = &own->meter->tiles;
     const size_t plane = (size_t)layout->rows * (size_t)(layout->cols / 2 + 1), count = layout->count;
-    float *rows = NULL, *blocks = NULL;
+    float *rows = NULL, *blocks = NULL, *gains = NULL, *packed = NULL;
     hada_status status = hada_alloc((void **)&rows, 2 * plane, sizeof *rows, "the check", err);
     if (!status)
         status = hada_alloc((void **)&blocks, 2 * count * (size_t)channels, sizeof *blocks, "the check", err);
+    if (!status)
+        status = hada_alloc((void **)&gains, plane, sizeof *gains, "the check", err);
+    if (!status)
+        status = hada_alloc((void **)&packed, count * (size_t)channels, sizeof *packed, "the check", err);
     for (int c = 0; !status && c < channels; c++) {
         float *out = blocks + 2 * count * (size_t)c;
-        check_fill_integers(state, (uint64_t)c, rows, 2 * plane, 9);
+        check_fill_integers(state, 2 * (uint64_t)c, rows, 2 * plane, 9);
+        check_fill_integers(state, 2 * (uint64_t)c + 1, gains, plane, 9);
         hada_layout_pack(layout, rows, out);
+        hada_layout_pack_real(layout, gains, packed + count * (size_t)c);
         for (int ky = 0; ky < layout->rows; ky++)
             for (int kx = layout->cols / 2 + 1; kx < layout->blocks * layout->block; kx++)
                 out[2 * hada_spectrum_index(layout, ky, kx)] = NAN;
-        hada_ref_tiles(rows, layout->rows, layout->cols, HADA_BANDS, tiles->row_last, HADA_TILE_COLS,
+        hada_ref_light(rows, gains, layout->rows, layout->cols, HADA_BANDS, tiles->row_last, HADA_TILE_COLS,
                        state->expected + (size_t)c * hada_tiles_count(tiles));
     }
     if (!status)
         status = check_upload(state, &own->in, blocks, 8 * count * (size_t)channels, err);
+    if (!status)
+        status = check_upload(state, &own->gains, packed, 4 * count * (size_t)channels, err);
     free(rows);
     free(blocks);
+    free(gains);
+    free(packed);
     return status;
 }
 
@@ -52,14 +62,14 @@ static hada_status prepare(check_state *state, hada_error *err)
     hada_status status = hada_meter_create(&own->meter, state->slot, &layout, channels, err);
     if (!status)
         status = check_output(state, (size_t)channels * hada_tiles_count(&own->meter->tiles), err);
-    state->bytes = 8.0 * (double)layout.count * channels;
+    state->bytes = 12.0 * (double)layout.count * channels;
     return status ? status : fill(state, own, &layout, channels, err);
 }
 
 static hada_status launch(check_state *state, hada_error *err)
 {
     tiles_state *own = state->own;
-    hada_status status = hada_meter_run(own->meter, own->in.mem, err);
+    hada_status status = hada_meter_run(own->meter, own->in.mem, own->gains.mem, err);
     if (status)
         return status;
     const cl_int code =
@@ -75,6 +85,7 @@ static void release(check_state *state)
         return;
     hada_meter_destroy(&own->meter);
     hada_buffer_destroy(&own->in);
+    hada_buffer_destroy(&own->gains);
     free(own);
 }
 

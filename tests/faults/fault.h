@@ -29,6 +29,17 @@ typedef struct fault_device {
 } fault_device;
 extern fault_device fault_pretend;
 
+/* A device that fails: of the commands to queues of an OpenCL context, and of the calls that make buffers in it, the
+ * n-th and the `count` - 1 after it return `code` (n = 0: none; count 0: all from there on). */
+typedef struct fault_device_loss {
+    void *context; /* a cl_context */
+    long n, count;
+    int code;
+} fault_device_loss;
+void fault_lose(const fault_device_loss *loss); /* NULL: no more; two contexts at once: one call for each */
+/* For the wrappers: the code to return for a command to a context, 0: none. */
+int fault_lost(void *context);
+
 /* For the wrappers: whether this call is the one to fail. */
 int fault_here(fault_kind kind, const char *name);
 /* Books of OpenCL objects: +1, -1. */

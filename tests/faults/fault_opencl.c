@@ -10,6 +10,15 @@ static cl_int fails(const char *name, cl_int code)
     return fault_here(FAULT_OPENCL, name) ? code : CL_SUCCESS;
 }
 
+/* The code of a device that was lost, or of the call's turn to fail. */
+static cl_int queue_fails(cl_command_queue queue, const char *name, cl_int failure)
+{
+    cl_context context = NULL;
+    clGetCommandQueueInfo(queue, CL_QUEUE_CONTEXT, sizeof context, &context, NULL);
+    const cl_int lost = fault_lost(context);
+    return lost ? lost : fails(name, failure);
+}
+
 /* Every wrapper has two prototypes: the true function, and the one that the library reaches. */
 #define CREATES(type, name, failure, parameters, ...)                                                                  \
     type __real_##name parameters;                                                                                     \
@@ -34,6 +43,15 @@ static cl_int fails(const char *name, cl_int code)
         return failed ? failed : __real_##name(__VA_ARGS__);                                                           \
     }
 
+#define COMMANDS(name, parameters, ...)                                                                                \
+    cl_int __real_##name parameters;                                                                                   \
+    cl_int __wrap_##name parameters;                                                                                   \
+    cl_int __wrap_##name parameters                                                                                    \
+    {                                                                                                                  \
+        const cl_int failed = queue_fails(queue, #name, CL_OUT_OF_RESOURCES);                                          \
+        return failed ? failed : __real_##name(__VA_ARGS__);                                                           \
+    }
+
 #define RELEASES(name, type)                                                                                           \
     cl_int __real_##name(type object);                                                                                 \
     cl_int __wrap_##name(type object);                                                                                 \
@@ -50,9 +68,6 @@ CREATES(cl_context, clCreateContext, CL_OUT_OF_HOST_MEMORY,
 CREATES(cl_command_queue, clCreateCommandQueue, CL_OUT_OF_RESOURCES,
         (cl_context context, cl_device_id device, cl_command_queue_properties properties, cl_int *code), context,
         device, properties, code)
-CREATES(cl_mem, clCreateBuffer, CL_MEM_OBJECT_ALLOCATION_FAILURE,
-        (cl_context context, cl_mem_flags flags, size_t size, void *host, cl_int *code), context, flags, size, host,
-        code)
 CREATES(cl_program, clCreateProgramWithSource, CL_OUT_OF_HOST_MEMORY,
         (cl_context context, cl_uint count, const char **texts, const size_t *lengths, cl_int *code), context, count,
         texts, lengths, code)
@@ -69,26 +84,26 @@ CALLS(clBuildProgram, CL_BUILD_PROGRAM_FAILURE,
       program, count, devices, options, notify, user)
 CALLS(clSetKernelArg, CL_OUT_OF_RESOURCES, (cl_kernel kernel, cl_uint index, size_t size, const void *value), kernel,
       index, size, value)
-CALLS(clEnqueueNDRangeKernel, CL_OUT_OF_RESOURCES,
-      (cl_command_queue queue, cl_kernel kernel, cl_uint dimensions, const size_t *offset, const size_t *global,
-       const size_t *local, cl_uint waits, const cl_event *wait, cl_event *event),
-      queue, kernel, dimensions, offset, global, local, waits, wait, event)
-CALLS(clEnqueueReadBuffer, CL_OUT_OF_RESOURCES,
-      (cl_command_queue queue, cl_mem buffer, cl_bool blocking, size_t offset, size_t size, void *to, cl_uint waits,
-       const cl_event *wait, cl_event *event),
-      queue, buffer, blocking, offset, size, to, waits, wait, event)
-CALLS(clEnqueueWriteBuffer, CL_OUT_OF_RESOURCES,
-      (cl_command_queue queue, cl_mem buffer, cl_bool blocking, size_t offset, size_t size, const void *from,
-       cl_uint waits, const cl_event *wait, cl_event *event),
-      queue, buffer, blocking, offset, size, from, waits, wait, event)
-CALLS(clEnqueueFillBuffer, CL_OUT_OF_RESOURCES,
-      (cl_command_queue queue, cl_mem buffer, const void *pattern, size_t pattern_size, size_t offset, size_t size,
-       cl_uint waits, const cl_event *wait, cl_event *event),
-      queue, buffer, pattern, pattern_size, offset, size, waits, wait, event)
-CALLS(clEnqueueCopyBuffer, CL_OUT_OF_RESOURCES,
-      (cl_command_queue queue, cl_mem from, cl_mem to, size_t from_offset, size_t to_offset, size_t size, cl_uint waits,
-       const cl_event *wait, cl_event *event),
-      queue, from, to, from_offset, to_offset, size, waits, wait, event)
+COMMANDS(clEnqueueNDRangeKernel,
+         (cl_command_queue queue, cl_kernel kernel, cl_uint dimensions, const size_t *offset, const size_t *global,
+          const size_t *local, cl_uint waits, const cl_event *wait, cl_event *event),
+         queue, kernel, dimensions, offset, global, local, waits, wait, event)
+COMMANDS(clEnqueueReadBuffer,
+         (cl_command_queue queue, cl_mem buffer, cl_bool blocking, size_t offset, size_t size, void *to, cl_uint waits,
+          const cl_event *wait, cl_event *event),
+         queue, buffer, blocking, offset, size, to, waits, wait, event)
+COMMANDS(clEnqueueWriteBuffer,
+         (cl_command_queue queue, cl_mem buffer, cl_bool blocking, size_t offset, size_t size, const void *from,
+          cl_uint waits, const cl_event *wait, cl_event *event),
+         queue, buffer, blocking, offset, size, from, waits, wait, event)
+COMMANDS(clEnqueueFillBuffer,
+         (cl_command_queue queue, cl_mem buffer, const void *pattern, size_t pattern_size, size_t offset, size_t size,
+          cl_uint waits, const cl_event *wait, cl_event *event),
+         queue, buffer, pattern, pattern_size, offset, size, waits, wait, event)
+COMMANDS(clEnqueueCopyBuffer,
+         (cl_command_queue queue, cl_mem from, cl_mem to, size_t from_offset, size_t to_offset, size_t size,
+          cl_uint waits, const cl_event *wait, cl_event *event),
+         queue, from, to, from_offset, to_offset, size, waits, wait, event)
 CALLS(clGetProgramInfo, CL_OUT_OF_HOST_MEMORY,
       (cl_program program, cl_program_info what, size_t size, void *value, size_t *got), program, what, size, value,
       got)
@@ -100,13 +115,44 @@ RELEASES(clReleaseCommandQueue, cl_command_queue)
 RELEASES(clReleaseMemObject, cl_mem)
 RELEASES(clReleaseProgram, cl_program)
 RELEASES(clReleaseKernel, cl_kernel)
+RELEASES(clReleaseDevice, cl_device_id)
+
+/* A device that is out of use, or short of memory, gives no buffers. */
+cl_mem __real_clCreateBuffer(cl_context context, cl_mem_flags flags, size_t size, void *host, cl_int *code);
+cl_mem __wrap_clCreateBuffer(cl_context context, cl_mem_flags flags, size_t size, void *host, cl_int *code);
+cl_mem __wrap_clCreateBuffer(cl_context context, cl_mem_flags flags, size_t size, void *host, cl_int *code)
+{
+    const cl_int lost = fault_lost(context);
+    *code = lost ? lost : fails("clCreateBuffer", CL_MEM_OBJECT_ALLOCATION_FAILURE);
+    if (*code != CL_SUCCESS)
+        return NULL;
+    cl_mem buffer = __real_clCreateBuffer(context, flags, size, host, code);
+    fault_object(buffer ? 1 : 0);
+    return buffer;
+}
+
+/* Parts of devices are objects, whole devices are not: those are never released. */
+cl_int __real_clCreateSubDevices(cl_device_id device, const cl_device_partition_property *list, cl_uint room,
+                                 cl_device_id *parts, cl_uint *count);
+cl_int __wrap_clCreateSubDevices(cl_device_id device, const cl_device_partition_property *list, cl_uint room,
+                                 cl_device_id *parts, cl_uint *count);
+cl_int __wrap_clCreateSubDevices(cl_device_id device, const cl_device_partition_property *list, cl_uint room,
+                                 cl_device_id *parts, cl_uint *count)
+{
+    if (fails("clCreateSubDevices", CL_OUT_OF_HOST_MEMORY))
+        return CL_OUT_OF_HOST_MEMORY;
+    const cl_int code = __real_clCreateSubDevices(device, list, room, parts, count);
+    for (cl_uint i = 0; code == CL_SUCCESS && i < *count && i < room; i++)
+        fault_object(1);
+    return code;
+}
 
 /* The work is done, and then the driver reports a failure. */
 cl_int __real_clFinish(cl_command_queue queue);
 cl_int __wrap_clFinish(cl_command_queue queue);
 cl_int __wrap_clFinish(cl_command_queue queue)
 {
-    const cl_int code = __real_clFinish(queue), failed = fails("clFinish", CL_OUT_OF_RESOURCES);
+    const cl_int code = __real_clFinish(queue), failed = queue_fails(queue, "clFinish", CL_OUT_OF_RESOURCES);
     return failed ? failed : code;
 }
 

@@ -3,6 +3,7 @@
 #define HADA_TESTS_JOB_FIXTURE_H
 
 #include <hadalens/job.h>
+#include <stdatomic.h>
 #include <string.h>
 
 #include "camera_small.h"
@@ -17,6 +18,15 @@ typedef struct job_fixture {
     hada_plan_options options[JOB_KINDS];
     hada_result expected[JOB_KINDS][JOB_FRAMES];
 } job_fixture;
+
+/* Warnings of all contexts. */
+static atomic_int job_warnings;
+
+static inline void job_log(void *user, hada_log_level level, const char *message)
+{
+    (void)user;
+    job_warnings += level == HADA_LOG_WARNING && *message;
+}
 
 static inline int job_same_image(const hada_image *a, const hada_image *b)
 {
@@ -60,11 +70,12 @@ static inline void job_make_frames(job_fixture *f)
 static inline void job_open(job_fixture *f)
 {
     hada_context_options options;
-    ASSERT_OK(hada_context_create(&f->whole, NULL, err));
+    hada_context_options_init(&options);
+    options.log = job_log;
+    ASSERT_OK(hada_context_create(&f->whole, &options, err));
     const hada_device_info *device = hada_context_device(f->whole);
     const int divisible = device->max_sub_devices >= 2 && device->compute_units >= 2;
     for (int i = 0; i < 2; i++) {
-        hada_context_options_init(&options);
         options.part = divisible ? i + 1 : 0; /* else two contexts on the whole device */
         options.parts = divisible ? 2 : 0;
         ASSERT_OK(hada_context_create(&f->part[i], &options, err));

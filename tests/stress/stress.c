@@ -184,9 +184,10 @@ int main(int count, char **words)
         }
     }
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(stress_transforms), cmocka_unit_test(stress_sizes),   cmocka_unit_test(stress_frames),
-        cmocka_unit_test(stress_broken),     cmocka_unit_test(stress_filters), cmocka_unit_test(stress_fit),
-        cmocka_unit_test(stress_sums),       cmocka_unit_test(stress_focus),   cmocka_unit_test(stress_refinement),
+        cmocka_unit_test(stress_transforms),   cmocka_unit_test(stress_sizes),   cmocka_unit_test(stress_frames),
+        cmocka_unit_test(stress_broken),       cmocka_unit_test(stress_filters), cmocka_unit_test(stress_fit),
+        cmocka_unit_test(stress_sums),         cmocka_unit_test(stress_focus),   cmocka_unit_test(stress_refinement),
+        cmocka_unit_test(stress_convolutions),
     };
     const int failed = cmocka_run_group_tests(tests, NULL, NULL);
     print_table();

@@ -39,6 +39,7 @@ void stress_fit(void **state);
 void stress_sums(void **state);
 void stress_focus(void **state);
 void stress_refinement(void **state);
+void stress_convolutions(void **state);
 
 /* A device of its own for a group. */
 typedef struct stress_device {

@@ -50,8 +50,8 @@ __kernel void conv_bias_partial(__global const float *dy, ulong offset, ulong im
     CONV_STORE(sum, partial + ((size_t)part * get_global_size(0) + block) * NET_BLOCK);
 }
 
-/* db from those. One work-item takes a channel. */
-__kernel void conv_reduce_bias(__global const float *partial, int parts, int blocks, int channels, __global float *db,
+/* db from those, which stand from `offset` on. One work-item takes a channel. */
+__kernel void conv_reduce_bias(__global const float *partial, ulong offset, int parts, int blocks, int channels, __global float *db,
                                ulong db_offset, int accumulate)
 {
     const int channel = get_global_id(0);
@@ -59,7 +59,7 @@ __kernel void conv_reduce_bias(__global const float *partial, int parts, int blo
         return;
     float sum = 0.0f;
     for (int part = 0; part < parts; ++part)
-        sum += partial[(size_t)part * blocks * NET_BLOCK + channel];
+        sum += partial[offset + (size_t)part * blocks * NET_BLOCK + channel];
     db += db_offset + channel;
     *db = accumulate ? *db + sum : sum;
 }

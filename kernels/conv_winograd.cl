@@ -2,14 +2,8 @@
  * neighbouring tiles (a multiple of CONV_PIXELS) through all three steps, in local memory. Shape lanes. Weights: [place]
  * [block group][input channel][output channel], as conv_winograd_pack.cl writes them. The last tiles of a row and the
  * last rows overlap those before; so do the last tiles of an image. Dimensions: groups of tiles, images. */
-#ifndef CONV_BLOCKS
-#define CONV_BLOCKS 2
-#endif
-#ifndef CONV_PIXELS
-#define CONV_PIXELS 6
-#endif
 #define CONV_MEM __local
-#include "inc_conv_winograd.h"
+#include "inc_conv_winograd_products.h"
 
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 conv_winograd(__global const float *restrict x, ulong x_offset, ulong x_image, int in_blocks,
@@ -24,7 +18,9 @@ conv_winograd(__global const float *restrict x, ulong x_offset, ulong x_image, i
     const int first = min(begin, all - tiles), out_blocks = (out_channels + NET_BLOCK - 1) / NET_BLOCK;
     const size_t row_floats = (size_t)(cols + 2) * NET_BLOCK, plane = (rows + 2) * row_floats;
     const size_t pooled_row = (size_t)(cols / 2 + 2) * NET_BLOCK, pooled_plane = (rows / 2 + 2) * pooled_row;
-    const size_t block_floats = (size_t)tiles * NET_BLOCK, group_floats = (size_t)in_blocks * NET_BLOCK * NET_BLOCK * CONV_BLOCKS;
+    const size_t block_floats = (size_t)tiles * NET_BLOCK, v_place = CONV_APART(in_blocks * block_floats);
+    const size_t m_place = CONV_APART(CONV_BLOCKS * block_floats);
+    const size_t group_floats = (size_t)in_blocks * NET_BLOCK * NET_BLOCK * CONV_BLOCKS;
     x += x_offset + image * x_image;
     y += y_offset + image * y_image + row_floats + NET_BLOCK;
     mask += mask_offset + image * mask_image + row_floats + NET_BLOCK;
@@ -34,14 +30,14 @@ conv_winograd(__global const float *restrict x, ulong x_offset, ulong x_image, i
         const conv_place place = conv_place_of(first + t, rows, cols);
         for (int b = 0; b < in_blocks; ++b)
             conv_tile_in(x + b * plane + place.row * row_floats + place.col * NET_BLOCK, row_floats,
-                         v + b * block_floats + t * NET_BLOCK, in_blocks * block_floats);
+                         v + b * block_floats + t * NET_BLOCK, v_place);
     }
     for (int group = 0; group < out_blocks / CONV_BLOCKS; ++group) {
         for (int f = 0; f < CONV_PLACES; ++f)
             for (int t = 0; t < tiles; t += CONV_PIXELS)
-                conv_tile_products(v + f * in_blocks * block_floats + t * NET_BLOCK, block_floats,
+                conv_tile_products(v + f * v_place + t * NET_BLOCK, block_floats,
                                    weights + ((size_t)f * (out_blocks / CONV_BLOCKS) + group) * group_floats,
-                                   in_blocks, m + f * CONV_BLOCKS * block_floats + t * NET_BLOCK, block_floats);
+                                   in_blocks, m + f * m_place + t * NET_BLOCK, block_floats);
         for (int o = 0; o < CONV_BLOCKS; ++o) {
             const int block = group * CONV_BLOCKS + o, present = out_channels - block * NET_BLOCK;
             const conv_v b = flags & CONV_HAS_BIAS ? conv_bias(bias + bias_offset + block * NET_BLOCK, present)
@@ -50,7 +46,7 @@ conv_winograd(__global const float *restrict x, ulong x_offset, ulong x_image, i
                 const conv_place place = conv_place_of(first + t, rows, cols);
                 const size_t at = block * plane + place.row * row_floats + place.col * NET_BLOCK;
                 conv_v out[CONV_TILE][CONV_TILE];
-                conv_tile_out(m + o * block_floats + t * NET_BLOCK, CONV_BLOCKS * block_floats, b, out);
+                conv_tile_out(m + o * block_floats + t * NET_BLOCK, m_place, b, out);
                 conv_tile_put(out, place, flags, activation, slope, present, mask + at, y + at, row_floats,
                               pooled + block * pooled_plane + place.row / 2 * pooled_row + place.col / 2 * NET_BLOCK,
                               pooled_row);

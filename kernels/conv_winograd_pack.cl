@@ -2,12 +2,6 @@
  * [output channel of the group], zero where there is no such channel. Arguments as in conv_pack.cl; the way to fine
  * takes the kernel mirrored. Dimensions: output channels of all groups, input channels of all blocks. */
 #define CONV_MEM __global
-#ifndef CONV_BLOCKS
-#define CONV_BLOCKS 2
-#endif
-#ifndef CONV_PIXELS
-#define CONV_PIXELS 6
-#endif
 #include "inc_conv_winograd.h"
 
 /* One dimension of the weights' transform: o = G g. */

@@ -1,14 +1,8 @@
 /* As conv_winograd.cl, in three launches, for many channels: so each weight is read once for all tiles. `tiles` tiles of
  * all images from tile `begin` on go to scratch as v[place][input block][tile][channel], their products, at m_offset, as
  * m[place][output block][tile][channel]; both have room for `room` tiles. Shape lanes. */
-#ifndef CONV_BLOCKS
-#define CONV_BLOCKS 2
-#endif
-#ifndef CONV_PIXELS
-#define CONV_PIXELS 6
-#endif
 #define CONV_MEM __global
-#include "inc_conv_winograd.h"
+#include "inc_conv_winograd_products.h"
 
 /* Dimension: tiles. */
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
@@ -22,7 +16,8 @@ conv_winograd_in(__global const float *restrict x, ulong x_offset, ulong x_image
     const size_t block_floats = (size_t)room * NET_BLOCK;
     x += x_offset + image * x_image + place.row * row_floats + place.col * NET_BLOCK;
     for (int b = 0; b < in_blocks; ++b)
-        conv_tile_in(x + b * plane, row_floats, v + b * block_floats + tile * NET_BLOCK, in_blocks * block_floats);
+        conv_tile_in(x + b * plane, row_floats, v + b * block_floats + tile * NET_BLOCK,
+                     CONV_APART(in_blocks * block_floats));
 }
 
 /* Tiles in steps of CONV_PIXELS, the last ones at most `room`. Dimensions: groups of output blocks, places. */
@@ -33,8 +28,9 @@ conv_winograd_products(__global float *scratch, ulong m_offset, __global const f
     const int group = get_global_id(0), groups = get_global_size(0), f = get_global_id(1);
     const size_t block_floats = (size_t)room * NET_BLOCK;
     const size_t group_floats = (size_t)in_blocks * NET_BLOCK * NET_BLOCK * CONV_BLOCKS;
-    __global const float *restrict v = scratch + f * in_blocks * block_floats;
-    __global float *restrict m = scratch + m_offset + ((size_t)f * groups + group) * CONV_BLOCKS * block_floats;
+    __global const float *restrict v = scratch + f * CONV_APART(in_blocks * block_floats);
+    __global float *restrict m = scratch + m_offset + f * CONV_APART(groups * CONV_BLOCKS * block_floats) +
+                               group * CONV_BLOCKS * block_floats;
     weights += ((size_t)f * groups + group) * group_floats;
     for (int t = 0; t < tiles; t += CONV_PIXELS)
         conv_tile_products(v + t * NET_BLOCK, block_floats, weights, in_blocks, m + t * NET_BLOCK, block_floats);
@@ -62,7 +58,7 @@ conv_winograd_out(__global const float *restrict m, ulong m_offset, int begin, i
     for (int b = 0; b < out_blocks; ++b) {
         const int present = out_channels - b * NET_BLOCK;
         conv_v out[CONV_TILE][CONV_TILE];
-        conv_tile_out(m + b * block_floats + tile * NET_BLOCK, out_blocks * block_floats,
+        conv_tile_out(m + b * block_floats + tile * NET_BLOCK, CONV_APART(out_blocks * block_floats),
                       flags & CONV_HAS_BIAS ? conv_bias(bias + bias_offset + b * NET_BLOCK, present) : (conv_v)(0.0f),
                       out);
         conv_tile_put(out, place, flags, activation, slope, present, mask + b * plane, y + b * plane, row_floats,

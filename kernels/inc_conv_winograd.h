@@ -12,6 +12,9 @@
 #define CONV_REACH (CONV_TILE + 2)
 #define CONV_PLACES (CONV_REACH * CONV_REACH)
 
+/* From one place to the next: so far apart that the places of a tile do not all fall on one set of a cache. */
+#define CONV_APART(floats) ((floats) + NET_BLOCK)
+
 /* One dimension of the transforms: o = B^T i and o = A^T i. */
 #if CONV_TILE == 4
 static inline void conv_in_1d(const conv_v *i, conv_v *o)
@@ -99,41 +102,6 @@ static inline void conv_tile_out(CONV_MEM const float *restrict from, size_t pit
         for (int c = 0; c < CONV_TILE; ++c)
             out[r][c] += bias;
     }
-}
-
-/* Products of one place: CONV_PIXELS tiles times CONV_BLOCKS blocks of output channels, over all input channels. v:
- * [input block][tile][channel], tiles `v_block` floats a block; u: [input channel][output channel]; m: [output
- * block][tile][channel]. */
-static inline void conv_tile_products(CONV_MEM const float *restrict v, size_t v_block,
-                                      __global const float *restrict u, int in_blocks, CONV_MEM float *restrict m,
-                                      size_t m_block)
-{
-    conv_v sums[CONV_BLOCKS][CONV_PIXELS];
-#pragma unroll
-    for (int o = 0; o < CONV_BLOCKS; ++o)
-#pragma unroll
-        for (int p = 0; p < CONV_PIXELS; ++p)
-            sums[o][p] = (conv_v)(0.0f);
-    for (int b = 0; b < in_blocks; ++b, v += v_block)
-#pragma unroll
-        for (int i = 0; i < NET_BLOCK; ++i, u += CONV_BLOCKS * NET_BLOCK) {
-            conv_v w[CONV_BLOCKS];
-#pragma unroll
-            for (int o = 0; o < CONV_BLOCKS; ++o)
-                w[o] = CONV_LOAD(u + o * NET_BLOCK);
-#pragma unroll
-            for (int p = 0; p < CONV_PIXELS; ++p) {
-                const conv_v x = (conv_v)(v[p * NET_BLOCK + i]);
-#pragma unroll
-                for (int o = 0; o < CONV_BLOCKS; ++o)
-                    sums[o][p] = fma(x, w[o], sums[o][p]);
-            }
-        }
-#pragma unroll
-    for (int o = 0; o < CONV_BLOCKS; ++o)
-#pragma unroll
-        for (int p = 0; p < CONV_PIXELS; ++p)
-            CONV_STORE(sums[o][p], m + o * m_block + p * NET_BLOCK);
 }
 
 /* Where a tile stands: its first output pixel, moved back at the far edges, and how many of its rows and columns the

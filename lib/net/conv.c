@@ -146,10 +146,15 @@ hada_status hada_conv_backward_weights(hada_conv *conv, const hada_tensor *x, co
     if (!status)
         status =
             tensor_fits(conv, dy, "dy", x->images, forward->out_channels, forward->out_rows, forward->out_cols, err);
+    if (status)
+        return status;
     const int transposed = conv->plan.desc.transposed;
-    if (!status)
-        status = hada_conv_weights(conv, transposed ? x : dy, transposed ? dy : x, dw, dw_offset, accumulate, err);
-    if (!status && db)
-        status = hada_conv_bias(conv, dy, db, db_offset, accumulate, err);
-    return status;
+    const hada_tensor *coarse = transposed ? x : dy, *fine = transposed ? dy : x;
+    if (conv->plan.gradient.tile && !transposed)
+        return hada_conv_winograd_weights(conv, coarse, fine, dw, dw_offset, db, db_offset, accumulate, err);
+    if (conv->plan.gradient.tile)
+        status = hada_conv_winograd_weights(conv, coarse, fine, dw, dw_offset, NULL, 0, accumulate, err);
+    else
+        status = hada_conv_weights(conv, coarse, fine, dw, dw_offset, accumulate, err);
+    return status || !db ? status : hada_conv_bias(conv, dy, db, db_offset, accumulate, err);
 }

@@ -89,13 +89,26 @@ hada_status hada_conv_weights(hada_conv *conv, const hada_tensor *coarse, const 
                             local, args, HADA_COUNT(args), err);
 }
 
+hada_status hada_conv_reduce_bias(hada_conv *conv, size_t scratch_offset, int parts, int channels, cl_mem db,
+                                  size_t offset, int accumulate, hada_error *err)
+{
+    const int block = conv->plan.block;
+    const cl_int blocks = (channels + block - 1) / block;
+    const cl_ulong from = scratch_offset, to = offset;
+    const size_t local[3] = {8, 1, 1}, global[3] = {rounded((size_t)channels, 8), 1, 1};
+    const hada_arg args[] = {HADA_ARG(conv->scratch.mem), HADA_ARG(from), HADA_ARG(parts), HADA_ARG(blocks),
+                             HADA_ARG(channels),          HADA_ARG(db),   HADA_ARG(to),    HADA_ARG(accumulate)};
+    return hada_conv_launch(conv->slot, "conv_reduce", "conv_reduce_bias", hada_conv_block_option(block), global, local,
+                            args, HADA_COUNT(args), err);
+}
+
 hada_status hada_conv_bias(hada_conv *conv, const hada_tensor *dy, cl_mem db, size_t offset, int accumulate,
                            hada_error *err)
 {
     const int lines = dy->images * dy->rows, block = conv->plan.block;
     const cl_int parts = conv->plan.gradient.bias_parts < lines ? conv->plan.gradient.bias_parts : lines;
     const cl_int blocks = (dy->channels + block - 1) / block;
-    const cl_ulong from = dy->offset, image = dy->image_stride, to = offset;
+    const cl_ulong from = dy->offset, image = dy->image_stride;
     const size_t local[3] = {1, 1, 1}, global[3] = {(size_t)blocks, (size_t)parts, 1};
     const hada_arg sum[] = {HADA_ARG(dy->mem),          HADA_ARG(from),     HADA_ARG(image),
                             HADA_ARG(dy->images),       HADA_ARG(dy->rows), HADA_ARG(dy->cols),
@@ -104,10 +117,5 @@ hada_status hada_conv_bias(hada_conv *conv, const hada_tensor *dy, cl_mem db, si
                                           global, local, sum, HADA_COUNT(sum), err);
     if (status)
         return status;
-    const size_t last_local[3] = {8, 1, 1}, last[3] = {rounded((size_t)dy->channels, 8), 1, 1};
-    const hada_arg args[] = {HADA_ARG(conv->scratch.mem), HADA_ARG(parts), HADA_ARG(blocks),
-                             HADA_ARG(dy->channels),      HADA_ARG(db),    HADA_ARG(to),
-                             HADA_ARG(accumulate)};
-    return hada_conv_launch(conv->slot, "conv_reduce", "conv_reduce_bias", hada_conv_block_option(block), last,
-                            last_local, args, HADA_COUNT(args), err);
+    return hada_conv_reduce_bias(conv, 0, parts, dy->channels, db, offset, accumulate, err);
 }

@@ -20,7 +20,7 @@ typedef struct hada_conv_pass {
     int pixels;               /* pixels, or tiles, at a time */
     int tile;                 /* Winograd: 2 or 4 */
     int tiles;                /* Winograd in one launch: tiles of a work-item; 0: in three launches */
-    int room;                 /* Winograd in three launches: tiles at most, with what separates rows in caches */
+    int room;                 /* Winograd in three launches: tiles at most */
     size_t scratch_floats;
     size_t weight_floats;
 } hada_conv_pass;
@@ -33,6 +33,9 @@ typedef struct hada_conv_gradient {
     int coarse_groups, fine_groups;
     int strip_rows, parts, bias_parts; /* at most so many parts */
     size_t part_floats;
+    int tile;  /* Winograd: 4, else 0 */
+    int tiles; /* Winograd: tiles at a time in local memory; 0: all steps in launches of their own, through scratch */
+    int room;  /* then: tiles at most */
 } hada_conv_gradient;
 
 enum { HADA_CONV_FORWARD = 0, HADA_CONV_DATA = 1, HADA_CONV_PASSES = 2 };
@@ -60,6 +63,8 @@ hada_status hada_conv_plan_make(hada_conv_plan *plan, const hada_context *contex
  * tiles, 0 for another method. */
 int hada_conv_table_winograd(const hada_context *context, const hada_conv_desc *desc, const hada_conv_pass *pass);
 void hada_conv_table_tiles(const hada_context *context, hada_conv_pass *pass);
+void hada_conv_table_gradient_tiles(const hada_context *context, const hada_conv_desc *desc,
+                                    hada_conv_gradient *gradient);
 void hada_conv_table_pass(const hada_context *context, const hada_conv_desc *desc, hada_conv_pass *pass);
 void hada_conv_table_gradient(const hada_context *context, const hada_conv_desc *desc, hada_conv_gradient *gradient);
 
@@ -103,6 +108,15 @@ hada_status hada_conv_winograd_pack(hada_conv *conv, int pass, cl_mem weights, s
 hada_status hada_conv_pool(hada_conv *conv, const hada_tensor *y, const hada_tensor *pooled, hada_error *err);
 hada_status hada_conv_weights(hada_conv *conv, const hada_tensor *coarse, const hada_tensor *fine, cl_mem dw,
                               size_t offset, int accumulate, hada_error *err);
+/* The programs of conv_winograd_steps.cl whose first step the gradients share. */
+#define HADA_CONV_STEPS_16 "-DNET_BLOCK=16 -DCONV_BLOCKS=2 -DCONV_PIXELS=8 -DCONV_TILE=4"
+#define HADA_CONV_STEPS_8  "-DNET_BLOCK=8 -DCONV_BLOCKS=2 -DCONV_PIXELS=6 -DCONV_TILE=4"
+
+/* Also db (NULL: none) where the coarse image is dy. */
+hada_status hada_conv_winograd_weights(hada_conv *conv, const hada_tensor *coarse, const hada_tensor *fine, cl_mem dw,
+                                       size_t offset, cl_mem db, size_t db_offset, int accumulate, hada_error *err);
+hada_status hada_conv_reduce_bias(hada_conv *conv, size_t scratch_offset, int parts, int channels, cl_mem db,
+                                  size_t offset, int accumulate, hada_error *err);
 hada_status hada_conv_bias(hada_conv *conv, const hada_tensor *dy, cl_mem db, size_t offset, int accumulate,
                            hada_error *err);
 

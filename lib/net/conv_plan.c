@@ -7,10 +7,10 @@
 
 #define GROUP_LANES    32
 #define STRIP_ROWS     8
+#define LEAST_PARTS    8
 #define MOST_PARTS     64
 #define PARTIAL_FLOATS ((size_t)1 << 20)
 #define STEP_FLOATS    ((size_t)1 << 22)
-#define ROOM_APART     3 /* keeps the places of a tile from falling on one set of a cache */
 
 static int padded(int channels, int to)
 {
@@ -61,6 +61,14 @@ static int within_halo(int in, int out, int kernel, int pad, int in_step, int st
     return 1;
 }
 
+/* Whether Winograd's tiles fit the shape at all. */
+static int is_winograd(const hada_conv_plan *plan)
+{
+    const hada_conv_desc *d = &plan->desc;
+    return d->kernel_rows == 3 && d->kernel_cols == 3 && d->stride == 1 && d->pad_rows == 1 && d->pad_cols == 1 &&
+           !d->output_pad && !plan->groups;
+}
+
 /* In one launch where a work-item's tiles fit into local memory, else in three. */
 static void plan_winograd(hada_conv_plan *plan, const hada_context *context, hada_conv_pass *pass)
 {
@@ -78,8 +86,8 @@ static void plan_winograd(hada_conv_plan *plan, const hada_context *context, had
     const size_t most = STEP_FLOATS / floats / step * step, wanted = all * (size_t)plan->desc.images;
     const size_t room = most < step ? step : most < wanted ? most : (wanted + step - 1) / step * step;
     pass->tiles = 0;
-    pass->room = (int)room + ROOM_APART;
-    pass->scratch_floats = floats * (size_t)pass->room;
+    pass->room = (int)room;
+    pass->scratch_floats = floats * room + places * 2 * (size_t)plan->block;
 }
 
 static void plan_pass(hada_conv_plan *plan, const hada_context *context, hada_conv_pass *pass, int to_coarse)
@@ -106,9 +114,7 @@ static void plan_pass(hada_conv_plan *plan, const hada_context *context, hada_co
     if (plan->groups)
         pass->lanes = GROUP_LANES;
     pass->method = near && pass->lanes && d->method != HADA_CONV_PLAIN ? HADA_CONV_DIRECT : HADA_CONV_PLAIN;
-    const int winograd = d->kernel_rows == 3 && d->kernel_cols == 3 && d->stride == 1 && d->pad_rows == 1 &&
-                         d->pad_cols == 1 && !plan->groups;
-    pass->tile = winograd ? hada_conv_table_winograd(context, d, pass) : 0;
+    pass->tile = is_winograd(plan) ? hada_conv_table_winograd(context, d, pass) : 0;
     if (pass->tile) {
         plan_winograd(plan, context, pass);
         return;
@@ -129,6 +135,27 @@ static void need_scratch(hada_conv_plan *plan, size_t floats)
 {
     if (floats > plan->scratch_floats)
         plan->scratch_floats = floats;
+}
+
+/* The transformed gradients of all parts, or of one part and the transformed tiles of a launch. */
+static void plan_gradient_tiles(hada_conv_plan *plan, const hada_context *context, hada_conv_gradient *g)
+{
+    const size_t coarse = (size_t)padded(g->coarse_channels, plan->block);
+    const size_t fine = (size_t)padded(g->fine_channels, plan->block), places = 36;
+    g->method = HADA_CONV_WINOGRAD4;
+    hada_conv_table_gradient_tiles(context, &plan->desc, g);
+    g->part_floats = places * coarse * fine;
+    if (g->tiles) {
+        const size_t wanted = PARTIAL_FLOATS / g->part_floats;
+        g->parts = wanted < LEAST_PARTS ? LEAST_PARTS : wanted > MOST_PARTS ? MOST_PARTS : (int)wanted;
+        need_scratch(plan, (g->part_floats + coarse) * (size_t)g->parts);
+        return;
+    }
+    const size_t all =
+        (size_t)(padded(g->fine_rows, 4) / 4) * (size_t)(padded(g->fine_cols, 4) / 4) * (size_t)plan->desc.images;
+    const size_t most = STEP_FLOATS / (places * (coarse + fine));
+    g->room = (int)(most < 64 ? 64 : most < all ? most : all);
+    need_scratch(plan, places * ((coarse + fine) * (size_t)g->room + 2 * (size_t)plan->block) + g->part_floats);
 }
 
 static void plan_gradient(hada_conv_plan *plan, const hada_context *context)
@@ -155,6 +182,12 @@ static void plan_gradient(hada_conv_plan *plan, const hada_context *context)
     g->method = near && d->method != HADA_CONV_PLAIN ? HADA_CONV_DIRECT : HADA_CONV_PLAIN;
     g->bias_parts = MOST_PARTS;
     const size_t bias = (size_t)MOST_PARTS * (size_t)padded(d->out_channels, plan->block);
+    need_scratch(plan, bias);
+    g->tile = is_winograd(plan) ? hada_conv_table_winograd(context, d, &plan->pass[HADA_CONV_FORWARD]) / 4 * 4 : 0;
+    if (g->tile) {
+        plan_gradient_tiles(plan, context, g);
+        return;
+    }
     if (g->method != HADA_CONV_PLAIN) {
         hada_conv_table_gradient(context, d, g);
         const int coarse_tile = plan->groups ? GROUP_LANES : g->blocks * plan->block;
@@ -169,9 +202,7 @@ static void plan_gradient(hada_conv_plan *plan, const hada_context *context)
         const size_t wanted = PARTIAL_FLOATS / g->part_floats;
         g->parts = wanted < 1 ? 1 : wanted > MOST_PARTS ? MOST_PARTS : (int)wanted;
     }
-    const size_t partial = g->part_floats * (size_t)g->parts;
-    need_scratch(plan, partial);
-    need_scratch(plan, bias);
+    need_scratch(plan, g->part_floats * (size_t)g->parts);
 }
 
 hada_status hada_conv_plan_make(hada_conv_plan *plan, const hada_context *context, const hada_conv_desc *desc,

@@ -8,7 +8,7 @@ typedef struct tile_row {
 } tile_row;
 
 /* Rows of one (block, in_step): the one that works out the fewest pixels twice serves, the first of equal ones. */
-static const tile_row tiles[] = {
+static const tile_row tile_rows[] = {
     {16, 1, 2, 13}, {16, 1, 2, 8}, {16, 1, 1, 13}, {16, 1, 1, 8}, {16, 1, 1, 1}, {16, 2, 2, 8}, {16, 2, 1, 8},
     {16, 2, 1, 1},  {8, 1, 2, 6},  {8, 1, 1, 6},   {8, 1, 1, 1},  {8, 2, 2, 6},  {8, 2, 1, 6},  {8, 2, 1, 1},
 };
@@ -33,9 +33,9 @@ void hada_conv_table_pass(const hada_context *context, const hada_conv_desc *des
     const int block = hada_net_block(context);
     const tile_row *best = NULL;
     (void)desc;
-    for (size_t i = 0; i < sizeof tiles / sizeof *tiles; i++)
-        if (tile_fits(&tiles[i], block, pass) && (!best || cost_of(&tiles[i], pass) < cost_of(best, pass)))
-            best = &tiles[i];
+    for (size_t i = 0; i < sizeof tile_rows / sizeof *tile_rows; i++)
+        if (tile_fits(&tile_rows[i], block, pass) && (!best || cost_of(&tile_rows[i], pass) < cost_of(best, pass)))
+            best = &tile_rows[i];
     pass->lanes = best ? best->blocks * block : 0;
     pass->pixels = best ? best->pixels : 0;
 }
@@ -74,6 +74,21 @@ void hada_conv_table_tiles(const hada_context *context, hada_conv_pass *pass)
         pass->pixels = block == 16 ? 8 : 6;
         pass->tiles = 0;
     }
+}
+
+void hada_conv_table_gradient_tiles(const hada_context *context, const hada_conv_desc *desc,
+                                    hada_conv_gradient *gradient)
+{
+    const int block = hada_net_block(context), coarse = (gradient->coarse_channels + block - 1) / block * block;
+    const int fine = (gradient->fine_channels + block - 1) / block * block;
+    const size_t local =
+        context->info.local_memory_bytes < WINOGRAD_LOCAL ? context->info.local_memory_bytes : WINOGRAD_LOCAL;
+    const size_t tiles = local / ((size_t)(36 * (coarse + fine + 2)) * sizeof(float));
+    (void)desc;
+    gradient->blocks = coarse / block % 2 ? 1 : 2;
+    gradient->fine_each = gradient->blocks == 1 ? block : block / 2;
+    /* more transformed gradients than this fall out of the caches from one group of tiles to the next */
+    gradient->tiles = coarse * fine > 64 * 64 || tiles < 12 ? 0 : tiles > 48 ? 48 : (int)tiles;
 }
 
 void hada_conv_table_gradient(const hada_context *context, const hada_conv_desc *desc, hada_conv_gradient *gradient)

@@ -38,6 +38,12 @@ static void make_options(const hada_conv *conv, const hada_conv_pass *pass, char
              pass->lanes / conv->plan.block, pass->pixels, pass->tile);
 }
 
+/* Places of a work-item's tiles, a block apart (CONV_APART of kernels/inc_conv_winograd.h). */
+static size_t local_bytes(const hada_conv_pass *pass, int channels, int block)
+{
+    return (size_t)places_of(pass) * (size_t)(pass->tiles * channels + block) * sizeof(float);
+}
+
 static hada_status one_launch(hada_conv *conv, int index, const hada_tensor *in, const hada_tensor *out,
                               const hada_conv_finish_args *f, size_t tiles, hada_error *err)
 {
@@ -45,7 +51,6 @@ static hada_status one_launch(hada_conv *conv, int index, const hada_tensor *in,
     const cl_ulong x_offset = in->offset, x_image = in->image_stride, y_offset = out->offset,
                    y_image = out->image_stride;
     const cl_int in_blocks = (cl_int)blocks_of(in->channels, in->block);
-    const size_t place = (size_t)places_of(pass) * (size_t)pass->tiles * sizeof(float);
     const size_t local[3] = {1, 1, 1};
     const size_t global[3] = {(tiles + (size_t)pass->tiles - 1) / (size_t)pass->tiles, (size_t)in->images, 1};
     const hada_arg args[] = {HADA_ARG(in->mem),
@@ -71,8 +76,8 @@ static hada_status one_launch(hada_conv *conv, int index, const hada_tensor *in,
                              HADA_ARG(f->pooled),
                              HADA_ARG(f->pooled_offset),
                              HADA_ARG(f->pooled_image),
-                             HADA_ARG_LOCAL(place * (size_t)in_blocks * (size_t)in->block),
-                             HADA_ARG_LOCAL(place * (size_t)pass->lanes)};
+                             HADA_ARG_LOCAL(local_bytes(pass, in_blocks * in->block, in->block)),
+                             HADA_ARG_LOCAL(local_bytes(pass, pass->lanes, in->block))};
     char options[96];
     make_options(conv, pass, options, sizeof options);
     return hada_conv_launch(conv->slot, "conv_winograd", "conv_winograd", options, global, local, args,
@@ -96,7 +101,7 @@ static hada_status three_launches(hada_conv *conv, int index, const hada_tensor 
         HADA_ARG(in->cols), HADA_ARG(begin),    HADA_ARG(pass->room), HADA_ARG(conv->scratch.mem),
     };
     const cl_ulong m_offset =
-        (cl_ulong)places_of(pass) * (cl_ulong)in_blocks * (cl_ulong)in->block * (cl_ulong)pass->room;
+        (cl_ulong)places_of(pass) * (cl_ulong)in->block * ((cl_ulong)in_blocks * (cl_ulong)pass->room + 1);
     const hada_arg product_args[] = {
         HADA_ARG(conv->scratch.mem), HADA_ARG(m_offset), HADA_ARG(conv->weights[index].mem),
         HADA_ARG(in_blocks),         HADA_ARG(count),    HADA_ARG(pass->room)};
@@ -133,7 +138,7 @@ hada_status hada_conv_winograd(hada_conv *conv, int index, const hada_tensor *in
     if (pass->tiles) {
         status = one_launch(conv, index, in, out, &f, tiles, err);
     } else {
-        const int all = (int)tiles * in->images, most = pass->room / pass->pixels * pass->pixels;
+        const int all = (int)tiles * in->images, most = pass->room;
         for (int begin = 0; !status && begin < all; begin += most)
             status = three_launches(conv, index, in, out, &f, begin, all - begin < most ? all - begin : most, err);
     }

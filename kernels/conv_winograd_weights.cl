@@ -1,0 +1,58 @@
+/* Gradients of the weights of 3 x 3 convolutions, stride 1, padding 1, by Winograd's F(4 x 4, 3 x 3): the gradient of a
+ * transformed weight is the sum over tiles of the transformed input times A dy A^T. The tiles of all images are shared
+ * out to `parts` partial sums, each in groups of `tiles` tiles in local memory: partial[part][coarse
+ * block][fine][place][coarse], and the sums of dy for the biases after all of them as [part][coarse]. "Coarse" and "fine" as in conv_weights.cl. Shape
+ * lanes. Dimension: parts. */
+#define CONV_MEM __local
+#include "inc_conv_winograd_gradient.h"
+
+__kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
+conv_winograd_weights(__global const float *restrict coarse, ulong coarse_offset, ulong coarse_image, int coarse_blocks,
+                      __global const float *restrict fine, ulong fine_offset, ulong fine_image, int fine_blocks,
+                      int images, int rows, int cols, int tiles, __global float *restrict partial,
+                      __local float *restrict v, __local float *restrict d)
+{
+    const int part = get_global_id(0), parts = get_global_size(0);
+    const int all = (cols + CONV_TILE - 1) / CONV_TILE * ((rows + CONV_TILE - 1) / CONV_TILE);
+    const int end = (long)(part + 1) * images * all / parts;
+    const size_t row_floats = (size_t)(cols + 2) * NET_BLOCK, plane = (rows + 2) * row_floats;
+    const size_t block_floats = (size_t)tiles * NET_BLOCK, v_place = CONV_APART(fine_blocks * block_floats);
+    const size_t d_place = CONV_APART(coarse_blocks * block_floats), width = (size_t)coarse_blocks * NET_BLOCK;
+    const int fine_channels = fine_blocks * NET_BLOCK;
+    __global float *restrict sums_of_dy = partial + parts * CONV_PLACES * fine_channels * width + part * width;
+    coarse += coarse_offset + row_floats + NET_BLOCK;
+    fine += fine_offset;
+    partial += part * CONV_PLACES * fine_channels * width;
+
+    int started = 0;
+    for (int first = (long)part * images * all / parts; first < end; first += tiles, started = 1) {
+        const int count = min(tiles, end - first);
+        for (int t = 0; t < count; ++t) {
+            const int image = (first + t) / all;
+            const conv_place place = conv_place_of((first + t) % all, rows, cols);
+            const size_t at = place.row * row_floats + place.col * NET_BLOCK;
+            for (int b = 0; b < fine_blocks; ++b)
+                conv_tile_in(fine + image * fine_image + b * plane + at, row_floats,
+                             v + b * block_floats + t * NET_BLOCK, v_place);
+            for (int b = 0; b < coarse_blocks; ++b)
+                conv_tile_back(coarse + image * coarse_image + b * plane + at, row_floats, place,
+                               d + b * block_floats + t * NET_BLOCK, d_place);
+        }
+        /* the place (1, 1) of A dy A^T is the sum of a tile */
+        for (int b = 0; b < coarse_blocks; ++b) {
+            __local const float *restrict sums = d + (CONV_REACH + 1) * d_place + b * block_floats;
+            conv_v sum = (conv_v)(0.0f);
+            for (int t = 0; t < count; ++t)
+                sum += CONV_LOAD(sums + t * NET_BLOCK);
+            __global float *restrict to = sums_of_dy + b * NET_BLOCK;
+            CONV_STORE(started ? CONV_LOAD(to) + sum : sum, to);
+        }
+        for (int f = 0; f < CONV_PLACES; ++f)
+            for (int o = 0; o < coarse_blocks; o += CONV_BLOCKS)
+                for (int i = 0; i < fine_channels; i += CONV_FINE)
+                    conv_tile_correlate(d + f * d_place + o * block_floats, block_floats,
+                                        v + f * v_place + i / NET_BLOCK * block_floats + i % NET_BLOCK, count, started,
+                                        partial + (((size_t)o * fine_channels + i) * CONV_PLACES + f) * NET_BLOCK,
+                                        fine_channels);
+    }
+}

@@ -10,5 +10,6 @@ extern const hada_cli_command hada_cli_fit;
 extern const hada_cli_command hada_cli_reconstruct;
 extern const hada_cli_command hada_cli_evaluate;
 extern const hada_cli_command hada_cli_tune;
+extern const hada_cli_command hada_cli_bench;
 
 #endif

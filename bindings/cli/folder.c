@@ -108,6 +108,24 @@ hada_status hada_cli_check_output(const char *path, hada_error *err)
     return status;
 }
 
+hada_status hada_cli_write_text(const char *path, const char *text, size_t size, hada_error *err)
+{
+    char *beside = hada_cli_text("%s.part-%ld", path, (long)getpid());
+    FILE *out = beside ? fopen(beside, "w") : NULL;
+    hada_status status = HADA_OK;
+    int failed = !out || fwrite(text, 1, size, out) != size;
+    if (out)
+        failed |= fclose(out) != 0;
+    if (!beside)
+        status = hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
+    else if (failed || rename(beside, path))
+        status = hada_cli_error(err, HADA_ERROR_FILE_WRITE, "%s cannot be written: %s", path, strerror(errno));
+    if (status && out)
+        unlink(beside);
+    free(beside);
+    return status;
+}
+
 static int by_name(const void *a, const void *b)
 {
     return strcmp(*(char *const *)a, *(char *const *)b);

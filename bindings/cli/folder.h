@@ -21,6 +21,9 @@ hada_status hada_cli_make_folder(const char *path, hada_error *err);
 /* Checks that a file could be written: its folder is there and takes files. */
 hada_status hada_cli_check_output(const char *path, hada_error *err);
 
+/* Writes a file beside its place and renames it: all of it, or nothing. */
+hada_status hada_cli_write_text(const char *path, const char *text, size_t size, hada_error *err);
+
 /* The names of a folder's TIFF files (.tif, .tiff in any case; hidden ones left out), sorted. Freed with
  * hada_cli_free_names. */
 hada_status hada_cli_list_tiffs(const char *folder, char ***names, int *count, hada_error *err);

@@ -1,0 +1,182 @@
+/* One frame at a time: seconds, stage by stage and kernel by kernel, and bytes. */
+#include "bench.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { MOST = 256, KERNELS = 96 };
+
+typedef struct latency {
+    hada_bench *bench;
+    hada_plan *plan;
+    const hada_bench_workload *workload;
+    hada_result result;
+    double stage[HADA_BENCH_STAGES][MOST];
+    hada_kernel_time kernel[KERNELS]; /* of the first profiled frame */
+    double seconds[KERNELS][MOST];
+    int kernels;
+} latency;
+
+static hada_status run_frame(void *user, int round, double *value, hada_error *err)
+{
+    latency *work = user;
+    const hada_image *raw = &work->workload->raw[round % work->workload->frames];
+    hada_status status = hada_plan_run(work->plan, raw, &work->result, err);
+    *value = work->result.report.seconds_total;
+    for (int s = 0; !status && s < HADA_BENCH_STAGES; s++)
+        work->stage[s][round] = hada_bench_stage_seconds(&work->result.report, s);
+    return status;
+}
+
+/* Always the first frame, so that every round does the same. */
+static hada_status profile_frame(void *user, int round, double *value, hada_error *err)
+{
+    latency *work = user;
+    hada_kernel_time *rows = NULL;
+    size_t count = 0;
+    hada_status status = hada_plan_profile(work->plan, 1, err);
+    if (!status)
+        status = hada_plan_run(work->plan, &work->workload->raw[0], &work->result, err);
+    if (!status)
+        status = hada_plan_kernel_times(work->plan, &rows, &count, err);
+    *value = 0;
+    for (size_t i = 0; !status && i < count; i++) {
+        int k = 0;
+        while (k < work->kernels &&
+               (strcmp(work->kernel[k].name, rows[i].name) || strcmp(work->kernel[k].stage, rows[i].stage)))
+            k++;
+        if (k == work->kernels && (round || k == KERNELS))
+            continue;
+        if (k == work->kernels)
+            work->kernel[work->kernels++] = rows[i];
+        work->seconds[k][round] = rows[i].seconds;
+        *value += rows[i].seconds;
+    }
+    free(rows);
+    return status;
+}
+
+static hada_status add(latency *work, const char *device, hada_bench_group group, const char *name, const char *unit,
+                       double *values, int count, double factor, hada_error *err)
+{
+    const hada_bench_figure figure = hada_bench_scaled(hada_bench_figure_of(values, count), factor);
+    const hada_bench_row row = hada_bench_row_of(device, work->workload->name, group, name, unit, -1, figure);
+    return hada_bench_add(work->bench, &row, err);
+}
+
+static hada_status add_bytes(latency *work, const char *device, const char *mode, const char *what, uint64_t bytes,
+                             hada_error *err)
+{
+    char name[128];
+    double value = (double)bytes;
+    snprintf(name, sizeof name, "%s, %s", mode, what);
+    return add(work, device, HADA_BENCH_MEMORY, name, "bytes", &value, 1, 1, err);
+}
+
+static hada_status add_latency(latency *work, const char *device, const char *mode, double *values, int count,
+                               hada_error *err)
+{
+    char name[128];
+    double copy[MOST];
+    const double depths = work->result.depths;
+    memcpy(copy, values, (size_t)count * sizeof *copy);
+    snprintf(name, sizeof name, "%s, frame", mode);
+    hada_status status = add(work, device, HADA_BENCH_LATENCY, name, "ms", copy, count, 1e3, err);
+    snprintf(name, sizeof name, "%s, depth", mode);
+    if (!status)
+        status = add(work, device, HADA_BENCH_LATENCY, name, "ms", values, count, 1e3 / depths, err);
+    for (int s = 0; !status && s < HADA_BENCH_STAGES; s++) {
+        snprintf(name, sizeof name, "%s, %s", mode, hada_bench_stage_names[s]);
+        status = add(work, device, HADA_BENCH_STAGE, name, "ms", work->stage[s], count, 1e3 / depths, err);
+    }
+    return status;
+}
+
+static hada_status add_kernels(latency *work, const char *device, const char *mode, int count, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    for (int k = 0; !status && k < work->kernels; k++) {
+        const hada_kernel_time *kernel = &work->kernel[k];
+        char name[160];
+        snprintf(name, sizeof name, "%s, %s, %s", mode, kernel->stage, kernel->name);
+        const hada_bench_figure figure = hada_bench_scaled(hada_bench_figure_of(work->seconds[k], count), 1e3);
+        hada_bench_row row = hada_bench_row_of(device, work->workload->name, HADA_BENCH_KERNEL, name, "ms", -1, figure);
+        row.bytes = kernel->bytes;
+        row.flops = kernel->flops;
+        status = hada_bench_add(work->bench, &row, err);
+    }
+    return status;
+}
+
+static hada_status measure(latency *work, hada_bench_device *device, int mode, hada_error *err)
+{
+    hada_plan_options options;
+    uint64_t stated = 0, host = 0;
+    double values[MOST];
+    int count = 0;
+    const char *name = hada_bench_mode_names[mode];
+    hada_bench_mode_options(mode, &options);
+    const uint64_t before = hada_context_bytes(device->context);
+    hada_context_reset_peak(device->context);
+    hada_status status = hada_plan_estimate(device->context, work->workload->model, &options, &stated, &host, err);
+    if (!status)
+        status = hada_plan_create(&work->plan, device->context, work->workload->model, &options, err);
+    /* once before: the first run of a kernel may compile it */
+    for (int i = 0; !status && i < work->workload->frames; i++)
+        status = run_frame(work, i, values, err);
+    const uint64_t held = hada_context_peak_bytes(device->context) - before;
+    if (!status)
+        status = hada_bench_repeat(work->bench, run_frame, work, work->bench->rounds, values, &count, err);
+    if (!status)
+        status = add_latency(work, device->info.name, name, values, count, err);
+    if (!status)
+        status = add_bytes(work, device->info.name, name, "stated on the device", stated, err);
+    if (!status)
+        status = add_bytes(work, device->info.name, name, "held at most on the device", held, err);
+    if (!status)
+        status = add_bytes(work, device->info.name, name, "stated on the host", host, err);
+    if (!status)
+        status = hada_bench_repeat(work->bench, profile_frame, work, work->bench->rounds, values, &count, err);
+    if (!status)
+        status = add_kernels(work, device->info.name, name, count, err);
+    hada_plan_destroy(&work->plan);
+    hada_result_destroy(&work->result);
+    return status;
+}
+
+hada_status hada_bench_latency(hada_bench *bench, hada_bench_device *device, const hada_bench_workload *workload,
+                               hada_error *err)
+{
+    hada_status status = HADA_OK;
+    for (int mode = 0; !status && mode < HADA_BENCH_MODES; mode++) {
+        /* a model without transfer functions cannot refine */
+        if (mode && !hada_model_get_info(workload->model)->has_otf)
+            break;
+        latency *work = calloc(1, sizeof *work);
+        if (!work)
+            return hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
+        work->bench = bench;
+        work->workload = workload;
+        status = measure(work, device, mode, err);
+        free(work);
+    }
+    return status;
+}
+
+hada_status hada_bench_peaks(hada_bench *bench, hada_bench_device *device, hada_error *err)
+{
+    enum { TIMES = 3 };
+    double copy[TIMES], flops[TIMES];
+    hada_status status = HADA_OK;
+    for (int i = 0; !status && i < TIMES; i++)
+        status = hada_device_peaks(device->context, &copy[i], &flops[i], err);
+    if (status)
+        return status;
+    hada_bench_row row = hada_bench_row_of(device->info.name, "", HADA_BENCH_PEAK, "copy", "GB/s", 1,
+                                           hada_bench_scaled(hada_bench_figure_of(copy, TIMES), 1e-9));
+    status = hada_bench_add(bench, &row, err);
+    row = hada_bench_row_of(device->info.name, "", HADA_BENCH_PEAK, "float32 arithmetic", "GFLOP/s", 1,
+                            hada_bench_scaled(hada_bench_figure_of(flops, TIMES), 1e-9));
+    return status ? status : hada_bench_add(bench, &row, err);
+}

@@ -1,0 +1,278 @@
+/* The figures: latency per depth, kernels against the device's ceilings. bench_plot_error.c has run time against
+ * error. */
+#include "bench_plots.h"
+#include "folder.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { BAR = 26, LABELLED = 9 };
+static const char rest_colour[] = "#cccccc"; /* of a frame's median beyond those of its stages */
+
+static int is(const hada_bench_row *row, const hada_bench_place *place, hada_bench_group group)
+{
+    return row->group == group && !strcmp(row->device, place->device) && !strcmp(row->workload, place->workload);
+}
+
+int hada_bench_rows_of(const hada_bench *bench, const hada_bench_place *place, hada_bench_group group,
+                       const hada_bench_row **out)
+{
+    int count = 0;
+    for (int i = 0; i < bench->count; i++)
+        if (is(&bench->rows[i], place, group))
+            out[count++] = &bench->rows[i];
+    return count;
+}
+
+/* A stacked bar of a mode's stages; returns where it ends. */
+static double stack(hada_plot *plot, const hada_bench *bench, const hada_bench_place *place, int mode, double at)
+{
+    double x = 0;
+    for (int s = 0; s < HADA_BENCH_STAGES; s++) {
+        char name[128];
+        snprintf(name, sizeof name, "%s, %s", hada_bench_mode_names[mode], hada_bench_stage_names[s]);
+        const hada_bench_row *row = hada_bench_find(bench, place->device, place->workload, HADA_BENCH_STAGE, name);
+        const double width = row ? row->value.median : 0;
+        if (width > 0)
+            hada_plot_bar(plot, x, x + width, at + 0.15, at + 0.85, hada_plot_colours[s]);
+        x += width;
+    }
+    return x;
+}
+
+static const hada_bench_row *per_depth(const hada_bench *bench, const hada_bench_place *place, int mode)
+{
+    char name[128];
+    snprintf(name, sizeof name, "%s, depth", hada_bench_mode_names[mode]);
+    return hada_bench_find(bench, place->device, place->workload, HADA_BENCH_LATENCY, name);
+}
+
+/* One panel for a workload: a bar for each device and mode. */
+static double latency_panel(hada_plot *plot, const hada_bench *bench, const hada_bench_place *places, int count,
+                            const char *workload, double top)
+{
+    double longest = 0;
+    int bars = 0, one_device = 1;
+    char title[400];
+    for (int i = 0; i < count; i++)
+        one_device &= !places[i].number;
+    snprintf(title, sizeof title, one_device ? "%s on %s" : "%s", workload, places->device);
+    for (int i = 0; i < count; i++)
+        for (int mode = 0; !strcmp(places[i].workload, workload) && mode < HADA_BENCH_MODES; mode++) {
+            const hada_bench_row *row = per_depth(bench, &places[i], mode);
+            bars += row != NULL;
+            longest = row && row->value.q3 > longest ? row->value.q3 : longest;
+        }
+    /* room behind the longest bar for its number */
+    const double ends[] = {0, longest * 1.22};
+    hada_plot_panel panel = {.left = 210, .top = top, .width = 520, .height = (double)bars * BAR + 8, .title = title};
+    panel.across = hada_plot_axis_for(ends, 2, 0, "milliseconds per depth (median of the frame; whiskers: quartiles)");
+    panel.across.high = ends[1] > 0 ? ends[1] : 1;
+    panel.up = (hada_plot_axis){0, (double)bars + 0.3, 0, 1, NULL};
+    hada_plot_panel_begin(plot, &panel);
+    for (int i = 0; i < count; i++)
+        for (int mode = 0; !strcmp(places[i].workload, workload) && mode < HADA_BENCH_MODES; mode++) {
+            const hada_bench_row *row = per_depth(bench, &places[i], mode);
+            if (!row)
+                continue;
+            char text[64];
+            const double at = --bars, y = panel.top + panel.height * (1 - (at + 0.65) / panel.up.high);
+            const double end = stack(plot, bench, &places[i], mode, at + 0.15);
+            if (row->value.median > end)
+                hada_plot_bar(plot, end, row->value.median, at + 0.3, at + 1, rest_colour);
+            hada_plot_whisker(plot, row->value.q1, row->value.q3, at + 0.65);
+            snprintf(text, sizeof text, "%.3g", row->value.median);
+            hada_plot_text(plot, panel.left + panel.width * row->value.q3 / panel.across.high + 8, y + 4, 'l', 11,
+                           text);
+            if (one_device)
+                snprintf(text, sizeof text, "%s", hada_bench_mode_names[mode]);
+            else
+                snprintf(text, sizeof text, "%.24s, %s", places[i].device, hada_bench_mode_names[mode]);
+            hada_plot_text(plot, panel.left - 8, y + 4, 'r', 11, text);
+        }
+    hada_plot_panel_end(plot);
+    return top + panel.height + 76;
+}
+
+static hada_status plot_latency(const hada_bench *bench, const hada_bench_place *places, int count, const char *folder,
+                                hada_error *err)
+{
+    hada_plot *plot;
+    int workloads = 0;
+    for (int i = 0; i < count; i++)
+        workloads += places[i].first_of_workload;
+    double height = 46 + 84.0 * workloads + (double)count * HADA_BENCH_MODES * BAR, x = 210, top = 62;
+    hada_status status = hada_plot_begin(&plot, 760, height, err);
+    if (status)
+        return status;
+    for (int s = 0; s < HADA_BENCH_STAGES; s++)
+        x = hada_plot_legend(plot, x, 20, NULL, hada_plot_colours[s], hada_bench_stage_names[s]);
+    hada_plot_legend(plot, x, 20, NULL, rest_colour, "rest");
+    for (int i = 0; i < count; i++)
+        if (places[i].first_of_workload)
+            top = latency_panel(plot, bench, places, count, places[i].workload, top);
+    char *path = hada_cli_text("%s/latency.svg", folder);
+    status = hada_plot_save(&plot, path, err);
+    free(path);
+    return status;
+}
+
+static int stage_of(const hada_bench_row *row)
+{
+    for (int s = 0; s < HADA_BENCH_STAGES; s++) {
+        char part[32];
+        snprintf(part, sizeof part, ", %s, ", hada_bench_stage_names[s]);
+        if (strstr(row->name, part))
+            return s;
+    }
+    return 7;
+}
+
+static const char *kernel_of(const hada_bench_row *row)
+{
+    const char *comma = strrchr(row->name, ',');
+    return comma ? comma + 2 : row->name;
+}
+
+static int by_time(const void *a, const void *b)
+{
+    const double x = (*(const hada_bench_row *const *)a)->value.median,
+                 y = (*(const hada_bench_row *const *)b)->value.median;
+    return (x < y) - (x > y);
+}
+
+static void roof(hada_plot *plot, const hada_plot_panel *panel, double copy, double flops)
+{
+    const double ridge = flops / copy;
+    const double x[] = {panel->across.low, ridge, panel->across.high};
+    const double y[] = {panel->across.low * copy, flops, flops};
+    char text[96];
+    hada_plot_line(plot, x, y, 3, "#000000", 0);
+    const hada_plot_axis *a = &panel->across, *u = &panel->up;
+    snprintf(text, sizeof text, "arithmetic %.3g GFLOP/s", flops);
+    hada_plot_note(plot, panel->left + panel->width - 6,
+                   panel->top + panel->height * (1 - log(flops / u->low) / log(u->high / u->low)) - 6, 'r', text);
+    snprintf(text, sizeof text, "copy %.3g GB/s", copy);
+    const double at = sqrt(a->low * (ridge < a->high ? ridge : a->high));
+    hada_plot_note(plot, panel->left + panel->width * log(at / a->low) / log(a->high / a->low) - 10,
+                   panel->top + panel->height * (1 - log(at * copy / u->low) / log(u->high / u->low)) - 8, 'r', text);
+}
+
+/* Kernels as points: operations a byte across, operations a second upwards, the area by the share of a frame's time. */
+static void roofline_points(hada_plot *plot, const hada_bench_row **list, int count)
+{
+    double all[HADA_BENCH_MODES] = {0};
+    for (int i = 0; i < count; i++)
+        for (int mode = 0; mode < HADA_BENCH_MODES; mode++)
+            if (!strncmp(list[i]->name, hada_bench_mode_names[mode], strlen(hada_bench_mode_names[mode])))
+                all[mode] += list[i]->value.median;
+    for (int i = 0; i < count; i++) {
+        const int refined = strncmp(list[i]->name, hada_bench_mode_names[0], strlen(hada_bench_mode_names[0])) != 0;
+        const double share = list[i]->value.median / all[refined];
+        const hada_plot_mark mark = {refined ? HADA_PLOT_DIAMOND : HADA_PLOT_DISC, hada_plot_colours[stage_of(list[i])],
+                                     2.5 + 11 * sqrt(share), 0, 0};
+        const double x = list[i]->flops / list[i]->bytes, y = list[i]->flops / list[i]->value.median * 1e-6;
+        hada_plot_point(plot, x, y, &mark);
+        if (i < LABELLED)
+            hada_plot_label(plot, x, y, kernel_of(list[i]));
+    }
+}
+
+static hada_status plot_roofline(const hada_bench *bench, const hada_bench_place *place, const char *folder,
+                                 hada_error *err)
+{
+    const hada_bench_row *copy = hada_bench_find(bench, place->device, "", HADA_BENCH_PEAK, "copy"),
+                         *flops = hada_bench_find(bench, place->device, "", HADA_BENCH_PEAK, "float32 arithmetic");
+    const hada_bench_row **list = calloc((size_t)bench->count + 1, sizeof *list);
+    double *x = calloc(2 * (size_t)bench->count + 8, sizeof *x), *y = x ? x + bench->count + 4 : NULL;
+    hada_plot *plot = NULL;
+    int count = 0, n = 0;
+    if (!list || !x) {
+        free(list);
+        free(x);
+        return hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
+    }
+    const int all = hada_bench_rows_of(bench, place, HADA_BENCH_KERNEL, list);
+    for (int i = 0; i < all; i++) /* what has operations and traffic has a place on a roofline */
+        if (list[i]->flops > 0 && list[i]->bytes > 0 && list[i]->value.median > 0)
+            list[count++] = list[i];
+    hada_status status = HADA_OK;
+    if (count && copy && flops) {
+        const double bandwidth = copy->value.q3, arithmetic = flops->value.q3, ridge = arithmetic / bandwidth;
+        qsort(list, (size_t)count, sizeof *list, by_time);
+        for (; n < count; n++) {
+            x[n] = list[n]->flops / list[n]->bytes;
+            y[n] = list[n]->flops / list[n]->value.median * 1e-6;
+        }
+        x[n] = ridge * 2;
+        y[n] = arithmetic * 1.6;
+        hada_plot_panel panel = {.left = 76, .top = 56, .width = 600, .height = 390};
+        panel.across = hada_plot_axis_for(x, n + 1, 1, "operations per byte of memory traffic (least of both)");
+        panel.up = hada_plot_axis_for(y, n + 1, 1, "GFLOP/s (event times)");
+        char title[400];
+        snprintf(title, sizeof title, "%s on %s", place->workload, place->device);
+        panel.title = title;
+        status = hada_plot_begin(&plot, 700, 540, err);
+        if (!status) {
+            hada_plot_panel_begin(plot, &panel);
+            roof(plot, &panel, bandwidth, arithmetic);
+            roofline_points(plot, list, count);
+            hada_plot_panel_end(plot);
+            double at = 76;
+            for (int s = 0; s < HADA_BENCH_STAGES; s++)
+                at = hada_plot_legend(plot, at, 508, NULL, hada_plot_colours[s], hada_bench_stage_names[s]);
+            const hada_plot_mark marks[] = {{HADA_PLOT_DISC, "#555555", 5, 0, 0},
+                                            {HADA_PLOT_DIAMOND, "#555555", 5, 0, 0}};
+            at = hada_plot_legend(plot, 76, 528, &marks[0], NULL, "linear");
+            at = hada_plot_legend(plot, at, 528, &marks[1], NULL, "refined");
+            hada_plot_text(plot, at, 532, 'l', 11, "area: share of the frame's time on the device");
+            char *path = hada_cli_text("%s/roofline-%s%s.svg", folder, place->workload, place->suffix);
+            status = hada_plot_save(&plot, path, err);
+            free(path);
+        }
+    }
+    free(list);
+    free(x);
+    return status;
+}
+
+/* Devices and workloads that have rows. */
+static int find_places(const hada_bench *bench, hada_bench_place *places, int most)
+{
+    int count = 0, devices = 0;
+    for (int i = 0; i < bench->count; i++) {
+        const hada_bench_row *row = &bench->rows[i];
+        int known = !*row->workload, device = -1, first = 1;
+        for (int k = 0; k < count; k++) {
+            known |= !strcmp(places[k].device, row->device) && !strcmp(places[k].workload, row->workload);
+            device = !strcmp(places[k].device, row->device) ? places[k].number : device;
+            first &= strcmp(places[k].workload, row->workload) != 0;
+        }
+        if (known || count == most)
+            continue;
+        places[count] = (hada_bench_place){row->device, row->workload, "", device < 0 ? devices++ : device, first};
+        count++;
+    }
+    for (int k = 0; k < count; k++)
+        if (places[k].number)
+            snprintf(places[k].suffix, sizeof places[k].suffix, "-%d", places[k].number);
+    return count;
+}
+
+hada_status hada_bench_plots(const hada_bench *bench, const char *folder, hada_error *err)
+{
+    enum { MOST = 64 };
+    hada_bench_place places[MOST];
+    const int count = find_places(bench, places, MOST);
+    hada_status status = count ? plot_latency(bench, places, count, folder, err) : HADA_OK;
+    for (int i = 0; !status && i < count; i++) {
+        status = plot_roofline(bench, &places[i], folder, err);
+        if (!status)
+            status = hada_bench_plot_error(bench, &places[i], folder, err);
+    }
+    if (!status)
+        hada_cli_say(bench->cli, "Figures: %s/latency.svg, roofline-*.svg, time-error-*.svg.", folder);
+    return status;
+}

@@ -1,0 +1,80 @@
+/* Measured rows, and repeating what is measured. */
+#include "bench.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+const char *const hada_bench_group_names[] = {"peak",   "start",      "latency", "stage", "kernel",
+                                              "memory", "throughput", "sweep",   NULL};
+const char *const hada_bench_mode_names[HADA_BENCH_MODES] = {"linear", "refined"};
+const char *const hada_bench_stage_names[HADA_BENCH_STAGES] = {"upload", "linear", "pursuit",
+                                                               "refine", "focus",  "download"};
+
+double hada_bench_stage_seconds(const hada_report *report, int stage)
+{
+    const double seconds[HADA_BENCH_STAGES] = {report->seconds_upload,  report->seconds_linear,
+                                               report->seconds_pursuit, report->seconds_refine,
+                                               report->seconds_focus,   report->seconds_download};
+    return seconds[stage];
+}
+
+void hada_bench_mode_options(int mode, hada_plan_options *options)
+{
+    hada_plan_options_init(options);
+    if (!mode)
+        options->refine = 0;
+}
+
+hada_bench_row hada_bench_row_of(const char *device, const char *workload, hada_bench_group group, const char *name,
+                                 const char *unit, int better, hada_bench_figure value)
+{
+    hada_bench_row row = {.group = group, .unit = unit, .better = better, .value = value};
+    row.error = row.bound = row.psnr = row.psnr_in_focus = NAN;
+    snprintf(row.device, sizeof row.device, "%s", device);
+    snprintf(row.workload, sizeof row.workload, "%s", workload);
+    snprintf(row.name, sizeof row.name, "%s", name);
+    return row;
+}
+
+hada_status hada_bench_add(hada_bench *bench, const hada_bench_row *row, hada_error *err)
+{
+    if (bench->count == bench->room) {
+        const int room = bench->room ? 2 * bench->room : 64;
+        hada_bench_row *rows = realloc(bench->rows, (size_t)room * sizeof *rows);
+        if (!rows)
+            return hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
+        bench->rows = rows;
+        bench->room = room;
+    }
+    bench->rows[bench->count++] = *row;
+    return HADA_OK;
+}
+
+const hada_bench_row *hada_bench_find(const hada_bench *bench, const char *device, const char *workload,
+                                      hada_bench_group group, const char *name)
+{
+    for (int i = 0; i < bench->count; i++) {
+        const hada_bench_row *row = &bench->rows[i];
+        if (row->group == group && !strcmp(row->device, device) && !strcmp(row->workload, workload) &&
+            !strcmp(row->name, name))
+            return row;
+    }
+    return NULL;
+}
+
+hada_status hada_bench_repeat(const hada_bench *bench, hada_bench_work work, void *user, int rounds, double *values,
+                              int *count, hada_error *err)
+{
+    const double start = hada_cli_seconds();
+    hada_status status = HADA_OK;
+    *count = 0;
+    while (!status && *count < rounds && (*count < 3 || hada_cli_seconds() - start < bench->patience)) {
+        status = work(user, *count, &values[*count], err);
+        if (!status)
+            status = hada_cli_check_signals(err);
+        *count += !status;
+    }
+    return status;
+}

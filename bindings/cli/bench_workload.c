@@ -1,0 +1,202 @@
+/* The cameras that are measured: simulated ones, made by the library itself, or a user's model. */
+#include "bench.h"
+
+#include <hadalens/fit.h>
+#include <hadalens/optics.h>
+#include <hadalens/tiff.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { PAIRS = 8, SCORED = 2, FRAMES = 2, OCCUPIED = 2, SEED = 20220719 };
+static const double noise = 0.01;
+
+const char hada_bench_workload_names[] = "sim300, sim512, paper2022";
+
+int hada_bench_workload_known(const char *name)
+{
+    return !strcmp(name, "sim300") || !strcmp(name, "sim512") || !strcmp(name, "paper2022");
+}
+
+void hada_bench_workload_free(hada_bench_workload *workload)
+{
+    for (int i = 0; workload->raw && i < workload->frames; i++)
+        hada_image_destroy(&workload->raw[i]);
+    for (int i = 0; workload->truth && i < workload->frames * workload->depths; i++)
+        hada_image_destroy(&workload->truth[i]);
+    free(workload->raw);
+    free(workload->truth);
+    hada_model_destroy(&workload->model);
+    *workload = (hada_bench_workload){0};
+}
+
+/* A pair of the fit: a drawn scene at a depth, and its frame. */
+static hada_status pair(hada_simulator *simulator, int z, int i, hada_image *scene, hada_image *raw, hada_error *err)
+{
+    const hada_camera *camera = hada_simulator_camera(simulator);
+    const uint64_t number = (uint64_t)(z * PAIRS + i);
+    hada_status status =
+        hada_scene_procedural(scene, SEED + number, camera->channels, camera->window_rows, camera->window_cols, err);
+    const hada_plane plane = {z, scene};
+    return status ? status : hada_simulator_render(simulator, &plane, 1, noise, SEED + 1000 + number, raw, err);
+}
+
+static hada_status fit(hada_bench *bench, hada_simulator *simulator, hada_context *context, hada_model **model,
+                       hada_error *err)
+{
+    const hada_camera *camera = hada_simulator_camera(simulator);
+    hada_fit_options options;
+    hada_fitter *fitter = NULL;
+    hada_fit_options_init(&options);
+    options.depths = camera->depths;
+    options.channels = camera->channels;
+    options.distances_mm = camera->distances_mm;
+    options.raw_rows = camera->rows;
+    options.raw_cols = camera->cols;
+    options.window_rows = camera->window_rows;
+    options.window_cols = camera->window_cols;
+    options.boundary = camera->boundary;
+    hada_status status = hada_fitter_create(&fitter, context, &options, err);
+    for (int pass = 0; pass < 2; pass++)
+        for (int k = 0; !status && k < camera->depths * (pass ? SCORED : PAIRS); k++) {
+            hada_image scene = {0}, raw = {0};
+            const int z = k % camera->depths, i = k / camera->depths;
+            status = pair(simulator, z, i, &scene, &raw, err);
+            if (!status)
+                status = pass ? hada_fitter_score(fitter, z, &raw, &scene, err)
+                              : hada_fitter_add(fitter, z, &raw, &scene, err);
+            hada_image_destroy(&scene);
+            hada_image_destroy(&raw);
+            if (!status)
+                status = hada_cli_check_signals(err);
+            hada_cli_progress_step(bench->cli, NULL);
+        }
+    if (!status)
+        status = hada_fitter_finish(fitter, model, NULL, NULL, err);
+    hada_fitter_destroy(&fitter);
+    return status;
+}
+
+static hada_status from_psf(hada_simulator *simulator, hada_context *context, hada_model **model, hada_error *err)
+{
+    const hada_camera *camera = hada_simulator_camera(simulator);
+    hada_psf_options options;
+    hada_psf_options_init(&options);
+    options.boundary = camera->boundary;
+    options.window_rows = camera->window_rows;
+    options.window_cols = camera->window_cols;
+    hada_image *psf = calloc((size_t)camera->depths, sizeof *psf);
+    hada_status status = psf ? HADA_OK : hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
+    for (int z = 0; !status && z < camera->depths; z++) {
+        hada_image one = {0};
+        status = hada_camera_psf(camera, camera->distances_mm[z], &one, err);
+        /* the pattern is the same for all channels */
+        if (!status)
+            status = hada_image_create(&psf[z], camera->channels, one.rows, one.cols, err);
+        for (int c = 0; !status && c < camera->channels; c++)
+            memcpy(psf[z].data + (size_t)c * hada_image_count(&one), one.data, hada_image_count(&one) * sizeof(float));
+        hada_image_destroy(&one);
+        if (!status)
+            status = hada_cli_check_signals(err);
+    }
+    if (!status)
+        status = hada_model_from_psf(model, context, psf, camera->depths, camera->distances_mm, &options, err);
+    for (int z = 0; psf && z < camera->depths; z++)
+        hada_image_destroy(&psf[z]);
+    free(psf);
+    return status;
+}
+
+/* A frame whose scene stands at two depths, and its truth. */
+static hada_status draw_frame(hada_bench_workload *workload, hada_simulator *simulator, int frame, hada_error *err)
+{
+    const hada_camera *camera = hada_simulator_camera(simulator);
+    const int occupied = camera->depths < OCCUPIED ? camera->depths : OCCUPIED;
+    const uint64_t seed = SEED + 5000 + (uint64_t)frame;
+    hada_image whole = {0}, *truth = workload->truth + (size_t)frame * (size_t)camera->depths;
+    hada_plane planes[OCCUPIED];
+    int *labels = calloc((size_t)camera->window_rows * (size_t)camera->window_cols, sizeof *labels);
+    hada_status status = labels ? HADA_OK : hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
+    if (!status)
+        status = hada_scene_procedural(&whole, seed, camera->channels, camera->window_rows, camera->window_cols, err);
+    if (!status)
+        status = hada_scene_regions(labels, seed, occupied, camera->window_rows, camera->window_cols, err);
+    for (int k = 0; !status && k < occupied; k++) {
+        /* a third and two thirds of the way, another depth in the next frame */
+        const int z = ((k + 1) * camera->depths / (occupied + 1) + frame) % camera->depths;
+        status = hada_scene_part(&truth[z], &whole, labels, k, err);
+        planes[k] = (hada_plane){z, &truth[z]};
+    }
+    if (!status)
+        status = hada_simulator_render(simulator, planes, occupied, noise, seed, &workload->raw[frame], err);
+    hada_image_destroy(&whole);
+    free(labels);
+    return status;
+}
+
+static hada_status make_room(hada_bench_workload *workload, int frames, int depths, int truth, hada_error *err)
+{
+    workload->frames = frames;
+    workload->depths = depths;
+    workload->raw = calloc((size_t)frames, sizeof *workload->raw);
+    workload->truth = truth ? calloc((size_t)frames * (size_t)depths, sizeof *workload->truth) : NULL;
+    return workload->raw && (!truth || workload->truth) ? HADA_OK
+                                                        : hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
+}
+
+hada_status hada_bench_workload_make(hada_bench *bench, hada_bench_workload *workload, hada_context *context,
+                                     const char *name, hada_error *err)
+{
+    hada_camera camera;
+    hada_simulator *simulator = NULL;
+    hada_cli_progress progress;
+    *workload = (hada_bench_workload){0};
+    snprintf(workload->name, sizeof workload->name, "%s", name);
+    hada_status status = hada_camera_preset(&camera, name, err);
+    if (!status)
+        status = make_room(workload, FRAMES, camera.depths, 1, err);
+    if (!status)
+        status = hada_simulator_create(&simulator, context, &camera, err);
+    const int learned = strcmp(name, "paper2022") != 0;
+    hada_cli_progress_begin(bench->cli, &progress, name, learned ? (long)camera.depths * (PAIRS + SCORED) : 1);
+    if (!status)
+        status = learned ? fit(bench, simulator, context, &workload->model, err)
+                         : from_psf(simulator, context, &workload->model, err);
+    for (int frame = 0; !status && frame < FRAMES; frame++)
+        status = draw_frame(workload, simulator, frame, err);
+    hada_cli_progress_end(bench->cli);
+    hada_simulator_destroy(&simulator);
+    if (status)
+        hada_bench_workload_free(workload);
+    return status;
+}
+
+hada_status hada_bench_workload_load(hada_bench_workload *workload, const char *model, const char *const *files,
+                                     int count, hada_error *err)
+{
+    *workload = (hada_bench_workload){0};
+    const char *slash = strrchr(model, '/');
+    snprintf(workload->name, sizeof workload->name, "%s", slash ? slash + 1 : model);
+    hada_status status = hada_model_load(&workload->model, model, err);
+    if (status) {
+        hada_cli_prefix(err, "%s: ", model);
+        return status;
+    }
+    const hada_model_info *info = hada_model_get_info(workload->model);
+    status = make_room(workload, count, info->depths, 0, err);
+    for (int i = 0; !status && i < count; i++) {
+        hada_image *raw = &workload->raw[i];
+        status = hada_tiff_load(files[i], 0, raw, err);
+        if (!status && (raw->channels != info->channels || raw->rows != info->raw_rows || raw->cols != info->raw_cols))
+            status =
+                hada_cli_error(err, HADA_ERROR_MODEL,
+                               "this frame has %dx%d pixels of %d channel(s), the model is of a camera with %dx%d "
+                               "of %d; take a frame of that camera",
+                               raw->rows, raw->cols, raw->channels, info->raw_rows, info->raw_cols, info->channels);
+        if (status)
+            hada_cli_prefix(err, "%s: ", files[i]);
+    }
+    if (status)
+        hada_bench_workload_free(workload);
+    return status;
+}

@@ -1,0 +1,292 @@
+/* Enhancing planes: memory, and the way of a plane through the net. */
+#include "net/enhance.h"
+
+#include <stdlib.h>
+
+#include "core/alloc.h"
+#include "net/enhance_shape.h"
+#include "net/layer_launch.h"
+
+struct hada_enhance {
+    hada_slot *slot;
+    hada_enhance_desc desc;
+    hada_enhance_shape shape;
+    hada_graph *graph;
+    hada_buffer values, content;
+    hada_buffer window, scaled;         /* resized: tensors at the window's and at the net's size */
+    hada_buffer full_in, full_out, out; /* tiled: planar images of the whole, and of one tile */
+    hada_tensor window_tensor, scaled_tensor;
+    float *map; /* [rows][content_cells] */
+    int computed, left_out;
+};
+
+/* Bytes of the buffers beside the graph, in the order of the struct. */
+enum { BUFFERS = 7 };
+static void sizes_of(const hada_context *context, const hada_enhance_desc *desc, const hada_enhance_shape *shape,
+                     size_t *bytes)
+{
+    const size_t planes = (size_t)desc->channels * sizeof(float);
+    const size_t full = planes * (size_t)shape->full_rows * (size_t)shape->full_cols;
+    bytes[0] = desc->net->floats * sizeof(float);
+    bytes[1] = (size_t)desc->rows * (size_t)shape->content_cells * sizeof(float);
+    bytes[2] = shape->resized ? hada_enhance_window_floats(context, desc) * sizeof(float) : 0;
+    bytes[3] = shape->resized && shape->tiled ? hada_enhance_scaled_floats(context, desc, shape) * sizeof(float) : 0;
+    bytes[4] = bytes[5] = full;
+    bytes[6] = shape->tiled ? planes * (size_t)shape->tile_rows * (size_t)shape->tile_cols : 0;
+}
+
+hada_status hada_enhance_bytes(const hada_context *context, const hada_enhance_desc *desc, size_t *bytes,
+                               hada_error *err)
+{
+    hada_enhance_shape shape;
+    size_t parts[BUFFERS];
+    hada_status status = hada_enhance_shape_of(context, desc, &shape, err);
+    *bytes = 0;
+    if (status)
+        return status;
+    sizes_of(context, desc, &shape, parts);
+    *bytes = shape.graph_bytes;
+    for (int i = 0; i < BUFFERS; i++)
+        *bytes += parts[i];
+    return HADA_OK;
+}
+
+static hada_status make_buffers(hada_enhance *e, hada_error *err)
+{
+    hada_context *context = e->slot->context;
+    const hada_net *net = e->desc.net;
+    hada_buffer *const buffers[BUFFERS] = {&e->values,  &e->content,  &e->window, &e->scaled,
+                                           &e->full_in, &e->full_out, &e->out};
+    size_t bytes[BUFFERS];
+    sizes_of(context, &e->desc, &e->shape, bytes);
+    hada_status status = hada_buffer_create_from(&e->values, e->slot, net->values, bytes[0], "the net's weights", err);
+    for (int i = 1; !status && i < BUFFERS; i++) {
+        if (!bytes[i])
+            continue;
+        status = hada_buffer_create(buffers[i], context, bytes[i], "planes for the net", err);
+        if (!status) /* halos and what fills up stay zero */
+            status = hada_buffer_clear(buffers[i], e->slot, 0, bytes[i], err);
+    }
+    const int channels = net->layers[0].channels;
+    e->window_tensor = hada_tensor_at(context, e->window.mem, 0, net->colours, channels, e->desc.rows, e->desc.cols);
+    e->scaled_tensor = hada_tensor_at(context, e->scaled.mem, 0, net->colours, channels, e->shape.rows, e->shape.cols);
+    return status;
+}
+
+hada_status hada_enhance_create(hada_enhance **out, hada_slot *slot, const hada_enhance_desc *desc, hada_error *err)
+{
+    hada_enhance *e;
+    *out = NULL;
+    hada_status status = hada_alloc((void **)&e, 1, sizeof *e, "the enhancement", err);
+    if (status)
+        return status;
+    e->slot = slot;
+    e->desc = *desc;
+    status = hada_enhance_shape_of(slot->context, desc, &e->shape, err);
+    if (!status)
+        status = hada_alloc((void **)&e->map, (size_t)desc->rows * (size_t)e->shape.content_cells, sizeof *e->map,
+                            "the map of content", err);
+    if (!status)
+        status = hada_graph_create(&e->graph, slot, desc->net, &e->shape.graph, err);
+    if (!status)
+        status = make_buffers(e, err);
+    if (!status)
+        status = hada_graph_set_weights(e->graph, (hada_floats){e->values.mem, 0}, err);
+    if (status)
+        hada_enhance_destroy(&e);
+    *out = e;
+    return status;
+}
+
+void hada_enhance_destroy(hada_enhance **pointer)
+{
+    if (!pointer || !*pointer)
+        return;
+    hada_enhance *e = *pointer;
+    *pointer = NULL;
+    hada_graph_destroy(&e->graph);
+    hada_buffer *const buffers[BUFFERS] = {&e->values,  &e->content,  &e->window, &e->scaled,
+                                           &e->full_in, &e->full_out, &e->out};
+    for (int i = 0; i < BUFFERS; i++)
+        hada_buffer_destroy(buffers[i]);
+    free(e->map);
+    free(e);
+}
+
+void hada_enhance_counts(const hada_enhance *e, int *computed, int *left_out)
+{
+    *computed = e->computed;
+    *left_out = e->left_out;
+}
+
+/* Planar images whose channels are a tensor's, colour by colour, from (row, col) on. */
+static hada_planar planar_of(const hada_enhance *e, cl_mem mem, size_t offset, int rows, int cols, int row, int col)
+{
+    const size_t plane = (size_t)rows * (size_t)cols;
+    return (hada_planar){.mem = mem,
+                         .offset = offset + (size_t)row * (size_t)cols + (size_t)col,
+                         .image_stride = plane * (size_t)e->desc.net->layers[0].channels,
+                         .channel_stride = plane,
+                         .row_stride = (size_t)cols};
+}
+
+/* Part of planar images to part of others, all channels. */
+typedef struct part {
+    cl_mem mem;
+    size_t offset; /* floats */
+    int rows, cols, row, col;
+} part;
+static hada_status copy(const hada_enhance *e, const part *from, const part *to, int rows, int cols, hada_error *err)
+{
+    /* the place in floats goes into the first origin: the start of a plane need not be a multiple of a row */
+    const part *both[2] = {from, to};
+    size_t origin[2][3];
+    for (int i = 0; i < 2; i++) {
+        const size_t first = both[i]->offset + (size_t)both[i]->row * (size_t)both[i]->cols + (size_t)both[i]->col;
+        origin[i][0] = first * sizeof(float);
+        origin[i][1] = origin[i][2] = 0;
+    }
+    const size_t region[3] = {(size_t)cols * sizeof(float), (size_t)rows, (size_t)e->desc.channels};
+    const size_t pitch[2] = {(size_t)from->cols * sizeof(float), (size_t)to->cols * sizeof(float)};
+    const cl_int code = clEnqueueCopyBufferRect(e->slot->queue, from->mem, to->mem, origin[0], origin[1], region,
+                                                pitch[0], pitch[0] * (size_t)from->rows, pitch[1],
+                                                pitch[1] * (size_t)to->rows, 0, NULL, hada_slot_event(e->slot));
+    if (code != CL_SUCCESS)
+        return hada_fail_cl(err, code, "clEnqueueCopyBufferRect");
+    hada_slot_moved(e->slot, "copy", 2.0 * (double)region[0] * (double)region[1] * (double)region[2]);
+    return HADA_OK;
+}
+
+/* Fills the map of content of a plane. */
+static hada_status look(hada_enhance *e, cl_mem planes, size_t offset, hada_error *err)
+{
+    const hada_enhance_desc *d = &e->desc;
+    const cl_ulong first = offset;
+    const cl_int cell = HADA_CONTENT_CELL, cells = e->shape.content_cells;
+    const hada_arg args[] = {HADA_ARG(planes),  HADA_ARG(first), HADA_ARG(d->channels), HADA_ARG(d->rows),
+                             HADA_ARG(d->cols), HADA_ARG(cell),  HADA_ARG(cells),       HADA_ARG(e->content.mem)};
+    hada_status status = hada_layer_launch_flat(e->slot, "net_content", "net_content", 0, (size_t)cells,
+                                                (size_t)d->rows, args, HADA_COUNT(args), err);
+    return status ? status : hada_buffer_read(&e->content, e->slot, 0, e->map, e->content.bytes, err);
+}
+
+/* Whether anything stands in a part of the plane. */
+static int has_content(const hada_enhance *e, int row, int col, int rows, int cols)
+{
+    const int last_row = row + rows < e->desc.rows ? row + rows : e->desc.rows;
+    const int last_col = col + cols < e->desc.cols ? col + cols : e->desc.cols;
+    for (int r = row; r < last_row; r++)
+        for (int c = col / HADA_CONTENT_CELL; c * HADA_CONTENT_CELL < last_col; c++)
+            if (!(e->map[(size_t)r * (size_t)e->shape.content_cells + (size_t)c] <= e->desc.content))
+                return 1;
+    return 0;
+}
+
+/* The graph, from its input to what is not negative in its output. */
+static hada_status run_graph(hada_enhance *e, hada_error *err)
+{
+    const hada_tensor *y = hada_graph_output(e->graph);
+    hada_status status = hada_graph_forward(e->graph, err);
+    return status ? status : hada_activation_forward(e->slot, HADA_ACTIVATION_RELU, 0.0f, y, y, err);
+}
+
+/* The whole plane at once. */
+static hada_status run_whole(hada_enhance *e, cl_mem planes, size_t offset, hada_error *err)
+{
+    const hada_planar plane = planar_of(e, planes, offset, e->desc.rows, e->desc.cols, 0, 0);
+    const hada_tensor *x = hada_graph_input(e->graph), *y = hada_graph_output(e->graph);
+    hada_status status;
+    e->computed++;
+    if (!e->shape.resized) {
+        status = hada_tensor_load(e->slot, &plane, x, err);
+        if (!status)
+            status = run_graph(e, err);
+        return status ? status : hada_tensor_store(e->slot, y, &plane, err);
+    }
+    status = hada_tensor_load(e->slot, &plane, &e->window_tensor, err);
+    if (!status)
+        status = hada_tensor_clear_halo(e->slot, x, err);
+    if (!status)
+        status = hada_resize_forward(e->slot, HADA_RESIZE_LINEAR, &e->window_tensor, x, err);
+    if (!status)
+        status = run_graph(e, err);
+    if (!status)
+        status = hada_resize_forward(e->slot, HADA_RESIZE_LINEAR, y, &e->window_tensor, err);
+    return status ? status : hada_tensor_store(e->slot, &e->window_tensor, &plane, err);
+}
+
+static hada_status run_tile(hada_enhance *e, int down, int right, hada_error *err)
+{
+    const hada_enhance_shape *s = &e->shape;
+    const int row = hada_enhance_tile_at(down, s->core_rows, s->tile_rows, s->full_rows);
+    const int col = hada_enhance_tile_at(right, s->core_cols, s->tile_cols, s->full_cols);
+    const int first_row = hada_enhance_core_at(down, s->core_rows, s->full_rows);
+    const int first_col = hada_enhance_core_at(right, s->core_cols, s->full_cols);
+    const int rows = hada_enhance_core_at(down + 1, s->core_rows, s->full_rows) - first_row;
+    const int cols = hada_enhance_core_at(right + 1, s->core_cols, s->full_cols) - first_col;
+    if (!s->resized && !has_content(e, row, col, s->tile_rows, s->tile_cols)) {
+        e->left_out++;
+        return HADA_OK;
+    }
+    e->computed++;
+    const hada_planar in = planar_of(e, e->full_in.mem, 0, s->full_rows, s->full_cols, row, col);
+    const hada_planar out = planar_of(e, e->out.mem, 0, s->tile_rows, s->tile_cols, 0, 0);
+    const part tile = {e->out.mem, 0, s->tile_rows, s->tile_cols, first_row - row, first_col - col};
+    const part whole = {e->full_out.mem, 0, s->full_rows, s->full_cols, first_row, first_col};
+    hada_status status = hada_tensor_load(e->slot, &in, hada_graph_input(e->graph), err);
+    if (!status)
+        status = run_graph(e, err);
+    if (!status)
+        status = hada_tensor_store(e->slot, hada_graph_output(e->graph), &out, err);
+    return status ? status : copy(e, &tile, &whole, rows, cols, err);
+}
+
+/* Between the plane and the whole image at the net's size. */
+static hada_status bring(hada_enhance *e, cl_mem planes, size_t offset, int back, hada_error *err)
+{
+    const hada_enhance_shape *s = &e->shape;
+    const part plane = {planes, offset, e->desc.rows, e->desc.cols, 0, 0};
+    const part in = {e->full_in.mem, 0, s->full_rows, s->full_cols, 0, 0};
+    const part out = {e->full_out.mem, 0, s->full_rows, s->full_cols, 0, 0};
+    if (!s->resized)
+        return copy(e, back ? &out : &plane, back ? &plane : &in, s->rows, s->cols, err);
+    const hada_planar here = planar_of(e, planes, offset, e->desc.rows, e->desc.cols, 0, 0);
+    const hada_planar there =
+        planar_of(e, back ? e->full_out.mem : e->full_in.mem, 0, s->full_rows, s->full_cols, 0, 0);
+    const hada_tensor *from = back ? &e->scaled_tensor : &e->window_tensor;
+    const hada_tensor *to = back ? &e->window_tensor : &e->scaled_tensor;
+    hada_status status = hada_tensor_load(e->slot, back ? &there : &here, from, err);
+    if (!status)
+        status = hada_resize_forward(e->slot, HADA_RESIZE_LINEAR, from, to, err);
+    return status ? status : hada_tensor_store(e->slot, to, back ? &here : &there, err);
+}
+
+static hada_status run_tiles(hada_enhance *e, cl_mem planes, size_t offset, hada_error *err)
+{
+    hada_status status = bring(e, planes, offset, 0, err);
+    if (!status) /* tiles that are left out are dark */
+        status = hada_buffer_clear(&e->full_out, e->slot, 0, e->full_out.bytes, err);
+    for (int down = 0; !status && down < e->shape.tiles_down; down++)
+        for (int right = 0; !status && right < e->shape.tiles_right; right++)
+            status = run_tile(e, down, right, err);
+    return status ? status : bring(e, planes, offset, 1, err);
+}
+
+hada_status hada_enhance_run(hada_enhance *e, cl_mem planes, size_t offset, int count, hada_error *err)
+{
+    const size_t plane = (size_t)e->desc.channels * (size_t)e->desc.rows * (size_t)e->desc.cols;
+    hada_status status = HADA_OK;
+    e->computed = e->left_out = 0;
+    for (int i = 0; !status && i < count; i++, offset += plane) {
+        status = look(e, planes, offset, err);
+        if (status)
+            break;
+        if (!has_content(e, 0, 0, e->desc.rows, e->desc.cols))
+            e->left_out += e->shape.tiles_down * e->shape.tiles_right;
+        else
+            status = e->shape.tiled ? run_tiles(e, planes, offset, err) : run_whole(e, planes, offset, err);
+    }
+    if (status)
+        hada_error_prefix(err, "enhancement: ");
+    return status;
+}

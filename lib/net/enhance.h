@@ -1,0 +1,40 @@
+/* Enhancing refocused planes by a net, in place. Internal.
+ *
+ * A plane goes to the net's size (bilinear, where that differs from the window's), through the net, and back; what
+ * comes out below zero becomes zero, as intensities are. A plane without content is left alone. Where memory is too
+ * short for the whole plane at once it is run in tiles with a halo of what they depend on: the tiles that are computed
+ * hold the bits that the whole plane at once would have given by direct convolutions, and tiles that see no content at
+ * all, halo included, are dark. Sizes that are no multiple of what tiles need are filled up with zeros then. */
+#ifndef HADA_NET_ENHANCE_H
+#define HADA_NET_ENHANCE_H
+
+#include "net/graph.h"
+
+typedef struct hada_enhance_desc {
+    const hada_net *net;
+    int channels, rows, cols; /* of a plane: the window */
+    int net_rows, net_cols;   /* size at which the net runs; 0: the window's */
+    size_t memory;            /* most bytes of the net's activations; 0: a quarter of the device's memory */
+    int tile_rows, tile_cols; /* at least this many tiles, for tests; 0: one */
+    float content;            /* values of at most this magnitude are no content; 0: only zeros are none */
+    hada_conv_method method;
+} hada_enhance_desc;
+
+typedef struct hada_enhance hada_enhance;
+
+/* HADA_ERROR_MODEL where the net cannot take and give planes like these. */
+hada_status hada_enhance_bytes(const hada_context *context, const hada_enhance_desc *desc, size_t *bytes,
+                               hada_error *err);
+
+/* Copies the weights to the device. The net must live as long as the object. */
+hada_status hada_enhance_create(hada_enhance **out, hada_slot *slot, const hada_enhance_desc *desc, hada_error *err);
+void hada_enhance_destroy(hada_enhance **enhance);
+
+/* Enhances `count` planes [plane][channel][row][col] that begin at float `offset`, in place. Waits for each plane's
+ * content, not for the end. */
+hada_status hada_enhance_run(hada_enhance *enhance, cl_mem planes, size_t offset, int count, hada_error *err);
+
+/* How many tiles the last run computed and left out; a plane that is run at once is a tile. */
+void hada_enhance_counts(const hada_enhance *enhance, int *computed, int *left_out);
+
+#endif

@@ -1,0 +1,139 @@
+#include "net/enhance_shape.h"
+
+#include <stdlib.h>
+
+#include "core/alloc.h"
+#include "net/field.h"
+
+static hada_status check_net(const hada_enhance_desc *desc, int rows, int cols, hada_error *err)
+{
+    hada_net_info info;
+    hada_size *sizes;
+    hada_net_get_info(desc->net, &info);
+    if (info.channels != desc->channels || info.out_channels != desc->channels)
+        return hada_fail(err, HADA_ERROR_MODEL,
+                         "the net for enhancement takes %d channel(s) and gives %d, but the planes have %d",
+                         info.channels, info.out_channels, desc->channels);
+    hada_status status = hada_alloc((void **)&sizes, (size_t)desc->net->count, sizeof *sizes, "a net", err);
+    if (status)
+        return status;
+    status = hada_net_sizes(desc->net, rows, cols, sizes, err);
+    const hada_size out = sizes[desc->net->count - 1];
+    if (!status && (out.rows != rows || out.cols != cols))
+        status = hada_fail(err, HADA_ERROR_MODEL, "the net for enhancement makes %d x %d pixels of %d x %d", out.rows,
+                           out.cols, rows, cols);
+    free(sizes);
+    return status;
+}
+
+/* Whether a graph of this size fits; *bytes is what it needs. */
+static hada_status try_size(const hada_context *context, const hada_enhance_desc *desc, size_t limit,
+                            hada_enhance_shape *shape, int rows, int cols, int *fits, hada_error *err)
+{
+    shape->graph = (hada_graph_options){.images = 1, .rows = rows, .cols = cols, .method = desc->method};
+    if (shape->tiled) /* pixels that do not depend on their place */
+        shape->graph.method = HADA_CONV_DIRECT;
+    hada_status status = hada_graph_bytes(context, desc->net, &shape->graph, &shape->graph_bytes, err);
+    *fits = !status && shape->graph_bytes <= limit;
+    return status == HADA_ERROR_DEVICE_MEMORY ? HADA_OK : status;
+}
+
+static int rounded_up(int value, int to)
+{
+    return (value + to - 1) / to * to;
+}
+
+/* One axis cut in `parts`. */
+static void cut(int full, int parts, const hada_field *field, int *core, int *tile)
+{
+    *core = rounded_up((full + parts - 1) / parts, field->multiple);
+    *tile = *core + 2 * field->halo < full ? *core + 2 * field->halo : full;
+}
+
+static int at_least_one(int value)
+{
+    return value > 1 ? value : 1;
+}
+
+/* The fewest tiles that fit, cutting the longer side first. */
+static hada_status find_tiles(const hada_context *context, const hada_enhance_desc *desc, size_t limit,
+                              hada_enhance_shape *shape, hada_error *err)
+{
+    hada_field field;
+    hada_status status = hada_net_field(desc->net, &field, err);
+    int fits = 0, down = at_least_one(desc->tile_rows), right = at_least_one(desc->tile_cols);
+    if (!status && !field.tiles)
+        return hada_fail(err, HADA_ERROR_DEVICE_MEMORY,
+                         "the net for enhancement does not fit the memory for %d x %d pixels, and its layers do not "
+                         "allow tiles: use a smaller window, or another device",
+                         shape->rows, shape->cols);
+    shape->tiled = 1;
+    shape->full_rows = rounded_up(shape->rows, field.multiple);
+    shape->full_cols = rounded_up(shape->cols, field.multiple);
+    while (!status && !fits) {
+        cut(shape->full_rows, down, &field, &shape->core_rows, &shape->tile_rows);
+        cut(shape->full_cols, right, &field, &shape->core_cols, &shape->tile_cols);
+        status = try_size(context, desc, limit, shape, shape->tile_rows, shape->tile_cols, &fits, err);
+        if (status || fits)
+            break;
+        if (shape->core_rows <= field.multiple && shape->core_cols <= field.multiple)
+            return hada_fail(err, HADA_ERROR_DEVICE_MEMORY,
+                             "the net for enhancement needs %.1f MiB for its smallest tile, %d x %d pixels with halo: "
+                             "leave it out (--no-enhance), or use another device",
+                             (double)shape->graph_bytes / 1048576.0, shape->tile_rows, shape->tile_cols);
+        if (shape->core_rows >= shape->core_cols)
+            down++;
+        else
+            right++;
+    }
+    shape->tiles_down = (shape->full_rows + shape->core_rows - 1) / shape->core_rows;
+    shape->tiles_right = (shape->full_cols + shape->core_cols - 1) / shape->core_cols;
+    return status;
+}
+
+hada_status hada_enhance_shape_of(const hada_context *context, const hada_enhance_desc *desc, hada_enhance_shape *shape,
+                                  hada_error *err)
+{
+    const size_t limit = desc->memory ? desc->memory : (size_t)(context->info.memory_bytes / 4);
+    int fits = 0;
+    *shape = (hada_enhance_shape){.rows = desc->net_rows ? desc->net_rows : desc->rows,
+                                  .cols = desc->net_cols ? desc->net_cols : desc->cols,
+                                  .content_cells = (desc->cols + HADA_CONTENT_CELL - 1) / HADA_CONTENT_CELL,
+                                  .tiles_down = 1,
+                                  .tiles_right = 1};
+    shape->resized = shape->rows != desc->rows || shape->cols != desc->cols;
+    hada_status status = check_net(desc, shape->rows, shape->cols, err);
+    if (!status && desc->tile_rows <= 1 && desc->tile_cols <= 1)
+        status = try_size(context, desc, limit, shape, shape->rows, shape->cols, &fits, err);
+    return status || fits ? status : find_tiles(context, desc, limit, shape, err);
+}
+
+int hada_enhance_core_at(int tile, int core, int full)
+{
+    const int at = tile * core;
+    return at < full ? at : full;
+}
+
+int hada_enhance_tile_at(int tile, int core, int tile_size, int full)
+{
+    /* in the middle of its halo, but inside the image: at the edges the halo on the other side is wider */
+    const int halo = (tile_size - core) / 2, at = tile * core - (halo > 0 ? halo : 0);
+    return at < 0 ? 0 : at > full - tile_size ? full - tile_size : at;
+}
+
+static size_t tensor_floats(const hada_context *context, const hada_enhance_desc *desc, int rows, int cols)
+{
+    const int channels = desc->net->layers[0].channels;
+    return (size_t)desc->net->colours * hada_tensor_image_floats(hada_net_block(context), channels, rows, cols);
+}
+
+size_t hada_enhance_window_floats(const hada_context *context, const hada_enhance_desc *desc)
+{
+    return tensor_floats(context, desc, desc->rows, desc->cols);
+}
+
+size_t hada_enhance_scaled_floats(const hada_context *context, const hada_enhance_desc *desc,
+                                  const hada_enhance_shape *shape)
+{
+    return tensor_floats(context, desc, shape->rows, shape->cols);
+}

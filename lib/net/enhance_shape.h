@@ -1,0 +1,35 @@
+/* What an enhancement comes to: sizes, tiles, bytes. Internal to lib/net. */
+#ifndef HADA_NET_ENHANCE_SHAPE_H
+#define HADA_NET_ENHANCE_SHAPE_H
+
+#include "net/enhance.h"
+
+/* Columns to a cell of the map of content. */
+#define HADA_CONTENT_CELL 32
+
+typedef struct hada_enhance_shape {
+    int rows, cols;           /* at which the net runs */
+    int resized;              /* they are not the window's */
+    int tiled;                /* several tiles; the rest of this is only then */
+    int full_rows, full_cols; /* rows and cols, filled up to multiples */
+    int core_rows, core_cols; /* of a tile's own */
+    int tile_rows, tile_cols; /* with halo */
+    int tiles_down, tiles_right;
+    hada_graph_options graph;
+    size_t graph_bytes;
+    int content_cells; /* in a row of the map of content */
+} hada_enhance_shape;
+
+hada_status hada_enhance_shape_of(const hada_context *context, const hada_enhance_desc *desc, hada_enhance_shape *shape,
+                                  hada_error *err);
+
+/* Where a tile of one axis begins: its own pixels, and those with halo. */
+int hada_enhance_core_at(int tile, int core, int full);
+int hada_enhance_tile_at(int tile, int core, int tile_size, int full);
+
+/* Floats of the tensors in which planes are resized, at the window's and at the net's size. */
+size_t hada_enhance_window_floats(const hada_context *context, const hada_enhance_desc *desc);
+size_t hada_enhance_scaled_floats(const hada_context *context, const hada_enhance_desc *desc,
+                                  const hada_enhance_shape *shape);
+
+#endif

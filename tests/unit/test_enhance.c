@@ -1,0 +1,287 @@
+/* Enhancing planes: the same as the net alone, in tiles bit for bit, nothing where nothing is. */
+#include "net/enhance.h"
+#include "net/field.h"
+#include "net_fixture.h"
+#include "ref/ref_net.h"
+
+static hada_net *unet_of(const char *down, const char *up, int channels, hada_unet_up up_by, int shared)
+{
+    hada_net *net;
+    hada_unet_options options;
+    hada_unet_options_init(&options);
+    options.channels = options.out_channels = channels;
+    options.down = down;
+    options.up = up;
+    options.up_by = up_by;
+    options.shared = options.last_norm = shared;
+    ASSERT_OK(hada_net_create_unet(&net, &options, 5, err));
+    const hada_parameter *bias = hada_net_find(net, "last.bias");
+    for (size_t i = 0; i < bias->count; i++) /* so that not all comes out below zero */
+        net->values[bias->offset + i] = 1.0f;
+    return net;
+}
+
+static float *planes_of(const hada_enhance_desc *desc, int count)
+{
+    const size_t values = (size_t)count * (size_t)desc->channels * (size_t)desc->rows * (size_t)desc->cols;
+    float *out = calloc(values, sizeof *out);
+    net_fill(out, values, 7);
+    for (size_t i = 0; i < values; i++)
+        out[i] = fabsf(out[i]);
+    return out;
+}
+
+/* Enhances `count` planes in place, which stand behind one other float; bytes are as stated. */
+static void run(net_device *device, const hada_enhance_desc *desc, float *planes, int count, int *computed,
+                int *left_out)
+{
+    hada_enhance *enhance;
+    hada_buffer buffer;
+    size_t stated;
+    const size_t values = (size_t)count * (size_t)desc->channels * (size_t)desc->rows * (size_t)desc->cols;
+    const uint64_t before = hada_context_bytes(device->context);
+    ASSERT_OK(hada_enhance_bytes(device->context, desc, &stated, err));
+    ASSERT_OK(hada_enhance_create(&enhance, device->slot, desc, err));
+    assert_int_equal(hada_context_bytes(device->context) - before, stated);
+    ASSERT_OK(hada_buffer_create(&buffer, device->context, (values + 1) * sizeof(float), "planes", err));
+    ASSERT_OK(hada_buffer_write(&buffer, device->slot, sizeof(float), planes, values * sizeof(float), err));
+    ASSERT_OK(hada_enhance_run(enhance, buffer.mem, 1, count, err));
+    ASSERT_OK(hada_buffer_read(&buffer, device->slot, sizeof(float), planes, values * sizeof(float), err));
+    hada_enhance_counts(enhance, computed, left_out);
+    hada_enhance_destroy(&enhance);
+    hada_buffer_destroy(&buffer);
+}
+
+/* Without resizing: what a runner gives, zero where that is negative. */
+static void a_plane_at_once_is_the_net(void **state)
+{
+    net_device *device = *state;
+    for (int shared = 0; shared < 2; shared++) {
+        hada_net *net = unet_of("6|10", "7", 3, HADA_UNET_LINEAR, shared);
+        hada_net_runner *runner;
+        hada_image in, out = {0};
+        const hada_enhance_desc desc = {.net = net, .channels = 3, .rows = 21, .cols = 34};
+        float *planes = planes_of(&desc, 2);
+        const size_t plane = 3 * 21 * 34;
+        int computed, left_out;
+        float *before = malloc(2 * plane * sizeof(float));
+        memcpy(before, planes, 2 * plane * sizeof(float));
+        run(device, &desc, planes, 2, &computed, &left_out);
+        assert_int_equal(computed, 2);
+        assert_int_equal(left_out, 0);
+        ASSERT_OK(hada_net_runner_create(&runner, device->context, net, 21, 34, err));
+        ASSERT_OK(hada_image_create(&in, 3, 21, 34, err));
+        for (int i = 0; i < 2; i++) {
+            memcpy(in.data, before + (size_t)i * plane, plane * sizeof(float));
+            ASSERT_OK(hada_net_run(runner, &in, &out, err));
+            int positive = 0;
+            for (size_t k = 0; k < plane; k++) {
+                assert_true(planes[(size_t)i * plane + k] == fmaxf(out.data[k], 0.0f));
+                positive += out.data[k] > 0;
+            }
+            assert_true(positive > 100);
+        }
+        hada_image_destroy(&in);
+        hada_image_destroy(&out);
+        hada_net_runner_destroy(&runner);
+        hada_net_destroy(&net);
+        free(planes);
+        free(before);
+    }
+}
+
+/* A net between two resizings, as one list. */
+static const char *const between = "{\"format\":\"hadalens-net-1\",\"layers\":["
+                                   "{\"layer\":\"input\",\"channels\":2},"
+                                   "{\"layer\":\"resize\",\"resize\":\"linear\",\"rows\":16,\"cols\":24},"
+                                   "{\"layer\":\"conv\",\"name\":\"a\",\"channels\":9,\"activation\":\"relu\"},"
+                                   "{\"layer\":\"conv\",\"name\":\"b\",\"channels\":2,\"activation\":\"relu\"},"
+                                   "{\"layer\":\"resize\",\"resize\":\"linear\",\"like\":0}]}";
+static const char *const alone = "{\"format\":\"hadalens-net-1\",\"layers\":["
+                                 "{\"layer\":\"input\",\"channels\":2},"
+                                 "{\"layer\":\"conv\",\"name\":\"a\",\"channels\":9,\"activation\":\"relu\"},"
+                                 "{\"layer\":\"conv\",\"name\":\"b\",\"channels\":2,\"activation\":\"relu\"}]}";
+
+static void a_window_of_another_size_goes_there_and_back(void **state)
+{
+    hada_net *list, *net;
+    ASSERT_OK(hada_net_create(&list, between, 6, err));
+    ASSERT_OK(hada_net_create(&net, alone, 6, err));
+    for (int tiles = 1; tiles < 3; tiles++) {
+        const hada_enhance_desc desc = {.net = net,
+                                        .channels = 2,
+                                        .rows = 25,
+                                        .cols = 31,
+                                        .net_rows = 16,
+                                        .net_cols = 24,
+                                        .tile_rows = tiles,
+                                        .tile_cols = tiles};
+        const size_t values = 2 * 25 * 31;
+        float *planes = planes_of(&desc, 1);
+        double *x = calloc(values, sizeof *x), *y = calloc(values, sizeof *y);
+        double *weights = calloc(list->floats, sizeof *weights);
+        for (size_t i = 0; i < values; i++)
+            x[i] = planes[i];
+        for (size_t i = 0; i < list->floats; i++)
+            weights[i] = list->values[i];
+        ASSERT_OK(hada_ref_net_forward(list, weights, 0, 1, 25, 31, x, y, err));
+        int computed, left_out;
+        run(*state, &desc, planes, 1, &computed, &left_out);
+        assert_int_equal(computed, tiles * tiles);
+        assert_true(net_error(planes, y, values) < 2e-6);
+        free(planes);
+        free(x);
+        free(y);
+        free(weights);
+    }
+    hada_net_destroy(&list);
+    hada_net_destroy(&net);
+}
+
+static void tiles_hold_the_bits_of_the_whole(void **state)
+{
+    static const struct {
+        const char *down, *up;
+        hada_unet_up up_by;
+        int shared, rows, cols, tile_rows, tile_cols;
+    } cases[] = {{"8|12", "9", HADA_UNET_LINEAR, 0, 64, 96, 2, 3},
+                 {"8|12", "9", HADA_UNET_NEAREST, 0, 64, 50, 3, 1},
+                 {"16|16", "16", HADA_UNET_TRANSPOSED, 0, 48, 64, 1, 4},
+                 {"5|6,6|8", "7|6", HADA_UNET_LINEAR, 1, 92, 136, 2, 3}};
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        hada_net *net = unet_of(cases[i].down, cases[i].up, 2, cases[i].up_by, cases[i].shared);
+        hada_enhance_desc desc = {
+            .net = net, .channels = 2, .rows = cases[i].rows, .cols = cases[i].cols, .method = HADA_CONV_DIRECT};
+        float *whole = planes_of(&desc, 2), *tiled = planes_of(&desc, 2);
+        const size_t values = 2 * 2 * (size_t)desc.rows * (size_t)desc.cols;
+        int computed, left_out;
+        run(*state, &desc, whole, 2, &computed, &left_out);
+        assert_int_equal(computed, 2);
+        desc.tile_rows = cases[i].tile_rows;
+        desc.tile_cols = cases[i].tile_cols;
+        run(*state, &desc, tiled, 2, &computed, &left_out);
+        assert_int_equal(computed, 2 * desc.tile_rows * desc.tile_cols);
+        assert_memory_equal(whole, tiled, values * sizeof(float));
+        free(whole);
+        free(tiled);
+        hada_net_destroy(&net);
+    }
+}
+
+static void tiles_without_content_are_left_out(void **state)
+{
+    hada_net *net = unet_of("8|12", "9", 1, HADA_UNET_LINEAR, 0);
+    for (int i = 0; i < net->parameter_count; i++) /* so that black does not stay black */
+        if (net->parameters[i].dims == 1)
+            for (size_t k = 0; k < net->parameters[i].count; k++)
+                net->values[net->parameters[i].offset + k] = 0.1f;
+    hada_enhance_desc desc = {.net = net, .channels = 1, .rows = 96, .cols = 256, .method = HADA_CONV_DIRECT};
+    const size_t plane = 96 * 256;
+    float *whole = calloc(2 * plane, sizeof *whole), *tiled = calloc(2 * plane, sizeof *tiled);
+    whole[10 * 256 + 20] = tiled[10 * 256 + 20] = 1.0f;
+    int computed, left_out;
+    run(*state, &desc, whole, 2, &computed, &left_out);
+    assert_int_equal(computed, 1); /* the second plane is black and stays so */
+    assert_int_equal(left_out, 1);
+    desc.tile_rows = 2;
+    desc.tile_cols = 4;
+    run(*state, &desc, tiled, 2, &computed, &left_out);
+    assert_int_equal(computed, 1);
+    assert_int_equal(left_out, 15);
+    for (int row = 0; row < 96; row++)
+        for (int col = 0; col < 256; col++) {
+            const size_t at = (size_t)row * 256 + (size_t)col;
+            assert_true(tiled[at] == (row < 48 && col < 64 ? whole[at] : 0.0f));
+        }
+    for (size_t i = plane; i < 2 * plane; i++)
+        assert_true(whole[i] == 0.0f && tiled[i] == 0.0f);
+    /* what is not above the limit is no content */
+    desc.content = 2.0f;
+    tiled[10 * 256 + 20] = 1.5f;
+    run(*state, &desc, tiled, 1, &computed, &left_out);
+    assert_int_equal(computed, 0);
+    assert_true(tiled[10 * 256 + 20] == 1.5f);
+    free(whole);
+    free(tiled);
+    hada_net_destroy(&net);
+}
+
+static void short_memory_makes_tiles(void **state)
+{
+    net_device *device = *state;
+    hada_error error = {0};
+    size_t whole, tiled;
+    int computed, left_out;
+    hada_net *net = unet_of("8|12", "9", 1, HADA_UNET_LINEAR, 0);
+    hada_enhance_desc desc = {.net = net, .channels = 1, .rows = 400, .cols = 300};
+    ASSERT_OK(hada_enhance_bytes(device->context, &desc, &whole, err));
+    desc.memory = whole / 3;
+    ASSERT_OK(hada_enhance_bytes(device->context, &desc, &tiled, err));
+    assert_true(tiled < whole / 3 + 3 * 400 * 300 * 4 + 100000);
+    float *planes = planes_of(&desc, 1);
+    run(device, &desc, planes, 1, &computed, &left_out);
+    assert_true(computed > 2);
+    desc.memory = 1000;
+    assert_int_equal(hada_enhance_bytes(device->context, &desc, &tiled, &error), HADA_ERROR_DEVICE_MEMORY);
+    assert_non_null(strstr(error.message, "--no-enhance"));
+    free(planes);
+    hada_net_destroy(&net);
+}
+
+static void nets_that_do_not_fit_are_refused(void **state)
+{
+    net_device *device = *state;
+    hada_error error = {0};
+    hada_enhance *enhance;
+    hada_net *net = unet_of("8|12", "9", 1, HADA_UNET_LINEAR, 0);
+    const hada_enhance_desc desc = {.net = net, .channels = 3, .rows = 40, .cols = 30};
+    assert_int_equal(hada_enhance_create(&enhance, device->slot, &desc, &error), HADA_ERROR_MODEL);
+    assert_null(enhance);
+    hada_net_destroy(&net);
+    ASSERT_OK(hada_net_create(&net,
+                              "{\"format\":\"hadalens-net-1\",\"layers\":[{\"layer\":\"input\",\"channels\":1},"
+                              "{\"layer\":\"pool\"}]}",
+                              0, err));
+    const hada_enhance_desc half = {.net = net, .channels = 1, .rows = 40, .cols = 30};
+    assert_int_equal(hada_enhance_create(&enhance, device->slot, &half, &error), HADA_ERROR_MODEL);
+    hada_net_destroy(&net);
+}
+
+static void fields_are_what_layers_reach(void **state)
+{
+    (void)state;
+    hada_field field;
+    hada_net *net = unet_of("8|12", "9", 1, HADA_UNET_LINEAR, 0);
+    ASSERT_OK(hada_net_field(net, &field, err));
+    /* last 0, up 1, resize 1 + 1 coarse, conv 1 coarse, pool 6 fine, conv 1 */
+    assert_true(field.tiles);
+    assert_int_equal(field.multiple, 2);
+    assert_int_equal(field.halo, 8);
+    hada_net_destroy(&net);
+    ASSERT_OK(hada_net_create_preset(&net, "paper", 3, 1, err));
+    ASSERT_OK(hada_net_field(net, &field, err));
+    assert_true(field.tiles);
+    assert_int_equal(field.multiple, 32);
+    hada_net_destroy(&net);
+    ASSERT_OK(hada_net_create(&net,
+                              "{\"format\":\"hadalens-net-1\",\"layers\":[{\"layer\":\"input\",\"channels\":1},"
+                              "{\"layer\":\"resize\",\"rows\":8,\"cols\":8},{\"layer\":\"resize\",\"like\":0}]}",
+                              0, err));
+    ASSERT_OK(hada_net_field(net, &field, err));
+    assert_false(field.tiles);
+    hada_net_destroy(&net);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_plane_at_once_is_the_net),
+        cmocka_unit_test(a_window_of_another_size_goes_there_and_back),
+        cmocka_unit_test(tiles_hold_the_bits_of_the_whole),
+        cmocka_unit_test(tiles_without_content_are_left_out),
+        cmocka_unit_test(short_memory_makes_tiles),
+        cmocka_unit_test(nets_that_do_not_fit_are_refused),
+        cmocka_unit_test(fields_are_what_layers_reach),
+    };
+    return cmocka_run_group_tests(tests, net_device_open, net_device_close);
+}

@@ -52,6 +52,13 @@ REFINE_INLINE refine_real refine_count(refine_real energy, uint i, uint rows, ui
     const int8 once = (k == 0) | (2 * k == (int)cols), none = 2 * k > (int)cols;
     return select(select(2.0f * energy, energy, once), (float8)0.0f, none);
 }
+
+/* 0 at columns beyond a band: 2 kx >= band_cols. */
+REFINE_INLINE refine_real refine_band(refine_real energy, uint i, uint rows, uint block, uint band_cols)
+{
+    const int8 k = (int8)(0, 1, 4, 5, 2, 3, 6, 7) + (int)(i / (rows * block) * block + i % block);
+    return select(energy, (float8)0.0f, 2 * k >= (int)band_cols);
+}
 #else
 typedef float refine_real;
 
@@ -81,6 +88,11 @@ REFINE_INLINE refine_real refine_count(refine_real energy, uint i, uint rows, ui
 {
     const uint k = i / (rows * block) * block + i % block;
     return k == 0 || 2 * k == cols ? energy : 2 * k > cols ? 0.0f : 2.0f * energy;
+}
+
+REFINE_INLINE refine_real refine_band(refine_real energy, uint i, uint rows, uint block, uint band_cols)
+{
+    return 2 * (i / (rows * block) * block + i % block) >= band_cols ? 0.0f : energy;
 }
 #endif
 

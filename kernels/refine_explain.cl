@@ -1,14 +1,11 @@
-/* What the planes of a set do not explain: rest[set][channel] = B - sum over its depths of H U, at every frequency,
- * and as partial[set][channel][slice] the sum over the whole spectrum of
- *     (|rest|^2 + prior sum |U|^2) / (1 + sum doubt |U|^2),
- * prior and doubt being 0 where they are not given. Arguments as in refine_solve; doubt as the OTFs, real. */
+/* What the planes of a set do not explain: rest[set][channel] = B - sum over its depths of H U, at every frequency, and
+ * as partial[set][channel][slice] the sum over the whole spectrum of |rest|^2. Arguments as in refine_solve. */
 #include "inc_refine.h"
 
 __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
 refine_explain(__global const float *otf, ulong otf_offset, __global const int *list, int depths,
                __global const float *data, ulong data_offset, __global const float *now_u,
-               __global float *rest, int has_rest, __global const float *prior, int has_prior,
-               __global const float *doubt, int has_doubt, uint count, uint slice, uint rows, uint block, uint cols,
+               __global float *rest, int has_rest, uint count, uint slice, uint rows, uint block, uint cols,
                __global float *partial)
 {
     REFINE_LOCAL
@@ -19,12 +16,10 @@ refine_explain(__global const float *otf, ulong otf_offset, __global const int *
     __global const float *b = data + 2 * (data_offset + (size_t)channel * count);
     __global const float *u = now_u + 2 * ((size_t)set * (size_t)depths * channels + channel) * count;
     __global const int *z = list + set * (uint)depths;
-    __global const float *p = prior + (has_prior ? (size_t)channel * count : 0);
-    __global const float *q = doubt + (has_doubt ? (size_t)channel * count : 0);
     refine_real sum = (refine_real)0.0f;
 
     for (uint i = from + get_local_id(0) * REFINE_WIDTH; i < to; i += REFINE_GROUP * REFINE_WIDTH) {
-        refine_real r_re, r_im, power = (refine_real)0.0f, unsure = (refine_real)1.0f;
+        refine_real r_re, r_im;
         refine_get(b, i, &r_re, &r_im);
         for (int s = 0; s < depths; ++s) {
             refine_real h_re, h_im, u_re, u_im;
@@ -32,15 +27,8 @@ refine_explain(__global const float *otf, ulong otf_offset, __global const int *
             refine_get(u + 2 * (size_t)s * channels * count, i, &u_re, &u_im);
             r_re = fma(-h_re, u_re, fma(h_im, u_im, r_re));
             r_im = fma(-h_re, u_im, fma(-h_im, u_re, r_im));
-            const refine_real square = fma(u_re, u_re, u_im * u_im);
-            power += square;
-            if (has_doubt)
-                unsure = fma(refine_get_real(q + (size_t)z[s] * channels * count, i), square, unsure);
         }
-        refine_real energy = fma(r_re, r_re, r_im * r_im);
-        if (has_prior)
-            energy = fma(refine_get_real(p, i), power, energy);
-        sum += refine_count(energy / unsure, i, rows, block, cols);
+        sum += refine_count(fma(r_re, r_re, r_im * r_im), i, rows, block, cols);
         if (has_rest)
             refine_put(rest + 2 * plane * count, i, r_re, r_im);
     }

@@ -1,7 +1,7 @@
 /* The linear step of the refinement at every frequency: all depths of a set jointly (Sherman-Morrison).
  *
  * Per depth z of the set, U = F(u) and W = F(x + d) of the last step are read, W of this step is written in place:
- *     V = U - D = 2 U - W
+ *     D = keep (W - U),   V = U - D       (keep: the last step's rho over this one's, as the dual is scaled by rho)
  *     X = argmin |Y - sum H X|^2 + prior |X|^2 + rho sum |X - V|^2
  *       = (rho V + conj(H) e) / g,   e = (g Y - rho sum H V) / (g + sum |H|^2),   g = rho + prior
  *     W = X' + D, X' = over X + (1 - over) U
@@ -19,7 +19,7 @@ __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
 refine_solve(__global const float *otf, ulong otf_offset, __global const int *list, int depths,
              __global const float *data, ulong data_offset, __global float *split_a, __global const float *split_e,
              int padded, __global const float *prior, int has_prior, __global const float *now_u, __global float *now_w,
-             float rho, float over, int start, uint count, uint slice, uint rows, uint block, uint cols,
+             float rho, float keep, float over, int start, uint count, uint slice, uint rows, uint block, uint cols,
              __global float *partial, uint partial_first)
 {
     REFINE_LOCAL
@@ -52,8 +52,8 @@ refine_solve(__global const float *otf, ulong otf_offset, __global const int *li
                 if (start == 2) {
                     refine_real w_re, w_im;
                     refine_get(w + 2 * (size_t)s * step, i, &w_re, &w_im);
-                    v_re = 2.0f * u_re - w_re;
-                    v_im = 2.0f * u_im - w_im;
+                    v_re = fma(-keep, w_re - u_re, u_re);
+                    v_im = fma(-keep, w_im - u_im, u_im);
                 }
                 hu_re = fma(h_re, u_re, fma(-h_im, u_im, hu_re));
                 hu_im = fma(h_re, u_im, fma(h_im, u_re, hu_im));
@@ -82,18 +82,20 @@ refine_solve(__global const float *otf, ulong otf_offset, __global const int *li
             refine_put(a, i, v_re + e_re + over * (y_re - f_re - v_re), v_im + e_im + over * (y_im - f_im - v_im));
         }
         for (int s = 0; s < depths; ++s) {
-            refine_real h_re, h_im, u_re = (refine_real)0.0f, u_im = u_re, w_re = u_re, w_im = u_re;
+            refine_real h_re, h_im, u_re = (refine_real)0.0f, u_im = u_re, d_re = u_re, d_im = u_re;
             refine_get(h + (size_t)z[s] * h_step, i, &h_re, &h_im);
-            if (start > 0) {
+            if (start > 0)
                 refine_get(u + 2 * (size_t)s * step, i, &u_re, &u_im);
-                w_re = u_re;
-                w_im = u_im;
-            }
-            if (start == 2)
+            if (start == 2) {
+                refine_real w_re, w_im;
                 refine_get(w + 2 * (size_t)s * step, i, &w_re, &w_im);
-            const refine_real x_re = fma(h_re, f_re, fma(h_im, f_im, rho * (2.0f * u_re - w_re))) * per_g;
-            const refine_real x_im = fma(h_re, f_im, fma(-h_im, f_re, rho * (2.0f * u_im - w_im))) * per_g;
-            refine_put(w + 2 * (size_t)s * step, i, fma(over, x_re - u_re, w_re), fma(over, x_im - u_im, w_im));
+                d_re = keep * (w_re - u_re);
+                d_im = keep * (w_im - u_im);
+            }
+            const refine_real x_re = fma(h_re, f_re, fma(h_im, f_im, rho * (u_re - d_re))) * per_g;
+            const refine_real x_im = fma(h_re, f_im, fma(-h_im, f_re, rho * (u_im - d_im))) * per_g;
+            refine_put(w + 2 * (size_t)s * step, i, fma(over, x_re - u_re, u_re + d_re),
+                       fma(over, x_im - u_im, u_im + d_im));
         }
     }
     REFINE_PARTIAL(partial, (partial_first + plane * get_num_groups(0) + get_group_id(0)), refine_sum(sum))

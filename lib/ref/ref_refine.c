@@ -1,5 +1,6 @@
 #include "ref/ref_refine.h"
 
+#include <math.h>
 #include <stdlib.h>
 
 #include "core/alloc.h"
@@ -31,17 +32,17 @@ static int in_frame(const hada_ref_refine *p, size_t pixel)
 }
 
 /* X_z: minimises |Y - sum H X|^2 + prior |X|^2 + rho sum |X - V|^2, Y in s->data and V in s->spectra, in place. */
-static void solve(ref_state *s)
+static void solve(ref_state *s, double rho)
 {
     const hada_ref_refine *p = s->p;
     for (size_t f = 0; f < s->values; f++) {
-        const double g = p->rho + (p->prior ? p->prior[f] : 0.0);
+        const double g = rho + (p->prior ? p->prior[f] : 0.0);
         double square = 0.0, t_re = 0.0, t_im = 0.0;
         for (int z = 0; z < p->depths; z++) { /* c = conj(H) Y + rho V, in place; t = sum H c / (g + sum |H|^2) */
             const double *h = p->otf + 2 * ((size_t)z * s->values + f);
             double *c = s->spectra + 2 * ((size_t)z * s->values + f);
-            const double re = h[0] * s->data[2 * f] + h[1] * s->data[2 * f + 1] + p->rho * c[0];
-            const double im = h[0] * s->data[2 * f + 1] - h[1] * s->data[2 * f] + p->rho * c[1];
+            const double re = h[0] * s->data[2 * f] + h[1] * s->data[2 * f + 1] + rho * c[0];
+            const double im = h[0] * s->data[2 * f + 1] - h[1] * s->data[2 * f] + rho * c[1];
             c[0] = re;
             c[1] = im;
             square += h[0] * h[0] + h[1] * h[1];
@@ -95,10 +96,18 @@ static hada_status all_forward(ref_state *s, const double *images, hada_error *e
     return status;
 }
 
-static hada_status step(ref_state *s, double relaxation, hada_error *err)
+static double rho_of(const hada_ref_refine *p, int step)
+{
+    return p->first_rho > 0.0 ? fmin(p->rho, p->first_rho * pow(p->growth, step)) : p->rho;
+}
+
+static hada_status step(ref_state *s, int number, hada_error *err)
 {
     const hada_ref_refine *p = s->p;
     const size_t all = (size_t)p->depths * s->pixels;
+    const double relaxation = number ? p->relaxation : 1.0, rho = rho_of(p, number);
+    for (size_t i = 0; number && i < all; i++) /* the dual is scaled: rho d stays what it is */
+        s->d[i] *= rho_of(p, number - 1) / rho;
     for (size_t i = 0; i < s->pixels; i++)
         s->image[i] = p->padded ? s->v[i] - s->e[i] : p->image[i];
     for (size_t i = 0; i < all; i++)
@@ -108,7 +117,7 @@ static hada_status step(ref_state *s, double relaxation, hada_error *err)
         status = all_forward(s, s->x, err);
     if (status)
         return status;
-    solve(s);
+    solve(s, rho);
     for (int z = 0; !status && z < p->depths; z++)
         status = hada_ref_fft_inverse(s->spectra + 2 * (size_t)z * s->values, p->rows, p->cols,
                                       s->x + (size_t)z * s->pixels, err);
@@ -162,7 +171,7 @@ hada_status hada_ref_refine_run(const hada_ref_refine *p, double *planes, double
     if (!status && split)
         split[0] = energy(&s, s.y);
     for (int k = 0; !status && k < p->steps; k++) {
-        status = step(&s, k ? p->relaxation : 1.0, err);
+        status = step(&s, k, err);
         if (!status && split)
             split[k + 1] = energy(&s, s.v);
         if (!status && residual) {

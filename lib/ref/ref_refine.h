@@ -15,6 +15,7 @@ typedef struct hada_ref_refine {
     const double *prior; /* [rows][cols / 2 + 1], or NULL */
     const double *image; /* [rows][cols]: the data, zero outside the frame */
     double rho, relaxation, mu;
+    double first_rho, growth; /* rho of step k: the smaller of rho and first_rho growth^k; first_rho 0: rho */
     int steps;
 } hada_ref_refine;
 

@@ -52,33 +52,31 @@ void hada_ref_product(const float *in, const float *filter, int product, int row
         }
 }
 
-double hada_ref_explain(int depths, const double *h, const double *u, const double *b, double prior,
-                        const double *doubt, double *rest)
+double hada_ref_explain(int depths, const double *h, const double *u, const double *b, double *rest)
 {
-    double power = 0.0, unsure = 1.0;
     rest[0] = b[0];
     rest[1] = b[1];
     for (int z = 0; z < depths; z++, h += 2, u += 2) {
-        const double square = u[0] * u[0] + u[1] * u[1];
         rest[0] -= h[0] * u[0] - h[1] * u[1];
         rest[1] -= h[0] * u[1] + h[1] * u[0];
-        power += square;
-        unsure += doubt ? doubt[z] * square : 0.0;
     }
-    return (rest[0] * rest[0] + rest[1] * rest[1] + prior * power) / unsure;
+    return rest[0] * rest[0] + rest[1] * rest[1];
 }
 
-void hada_ref_tiles(const float *in, int rows, int cols, int strips, const int *last, int wide, double *out)
+double hada_ref_score(int channels, int depths, const double *h, const double *u, const double *b, const double *prior,
+                      const double *doubt)
 {
-    const int groups = cols / 2 / wide + 1;
-    for (int i = 0; i < strips * groups; i++)
-        out[i] = 0.0;
-    for (int ky = 0; ky < rows; ky++)
-        for (int kx = 0; kx <= cols / 2; kx++, in += 2) {
-            const int distance = ky < rows - ky ? ky : rows - ky, once = kx == 0 || 2 * kx == cols;
-            int strip = 0;
-            while (last[strip] < distance)
-                strip++;
-            out[strip * groups + kx / wide] += (once ? 1.0 : 2.0) * ((double)in[0] * in[0] + (double)in[1] * in[1]);
+    double mean[2] = {0.0, 0.0}, cost = 0.0, unsure = 0.0;
+    for (int c = 0; c < channels; c++) {
+        double rest[2];
+        hada_ref_explain(depths, h + 2 * c * depths, u + 2 * c * depths, b + 2 * c, rest);
+        mean[0] += rest[0] / channels;
+        mean[1] += rest[1] / channels;
+        for (int z = 0; z < depths; z++) {
+            const double *x = u + 2 * (c * depths + z), power = x[0] * x[0] + x[1] * x[1];
+            cost += (prior ? prior[c] : 0.0) * power / channels;
+            unsure += (doubt ? doubt[c * depths + z] : 0.0) * power / channels;
         }
+    }
+    return (mean[0] * mean[0] + mean[1] * mean[1] + cost / channels) / (1.0 + unsure);
 }

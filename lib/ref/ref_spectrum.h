@@ -15,14 +15,14 @@ void hada_ref_crop(const float *in, int in_rows, int in_cols, int channels, int 
 void hada_ref_product(const float *in, const float *filter, int product, int rows, int cols, int band_rows,
                       int band_cols, double *out);
 
-/* What the planes with spectra u do not explain of b at a frequency: rest = b - sum over depths of h u (2 values), and
- * returns (|rest|^2 + prior sum |u|^2) / (1 + sum doubt |u|^2). `h`, `u`: [depth][2], `doubt`: [depth] or NULL. */
-double hada_ref_explain(int depths, const double *h, const double *u, const double *b, double prior,
-                        const double *doubt, double *rest);
+/* What the planes with spectra u do not explain of b at a frequency: rest = b - sum over depths of h u (2 values);
+ * returns |rest|^2. `h`, `u`: [depth][2]. */
+double hada_ref_explain(int depths, const double *h, const double *u, const double *b, double *rest);
 
-/* The energy of a half spectrum in strips of rows by groups of `wide` columns, [strip][group]: a value adds |in|^2,
- * twice where its mirror image is not in the half spectrum, to the first strip with min(ky, rows - ky) <= last[strip].
- */
-void hada_ref_tiles(const float *in, int rows, int cols, int strips, const int *last, int wide, double *out);
+/* The same for what the channels have in common: (|mean rest|^2 + mean(prior sum |u|^2) / channels) / (1 + mean(sum
+ * doubt |u|^2)), means over channels, sums over depths. `h`, `u`: [channel][depth][2], `b`: [channel][2], `prior`:
+ * [channel] or NULL, `doubt`: [channel][depth] or NULL. */
+double hada_ref_score(int channels, int depths, const double *h, const double *u, const double *b, const double *prior,
+                      const double *doubt);
 
 #endif

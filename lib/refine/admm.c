@@ -7,7 +7,7 @@
 
 void hada_refine_rule_init(hada_refine_rule *rule)
 {
-    *rule = (hada_refine_rule){.steps = 8, .rho = 1e-3, .relaxation = 1.6, .mu = 1.0};
+    *rule = (hada_refine_rule){.steps = 8, .rho = 1e-3, .growth = 1.0, .relaxation = 1.6, .mu = 1.0};
 }
 
 hada_refine_shape hada_refine_shape_of(const hada_model_info *info, int max_depths, int max_steps)
@@ -215,6 +215,11 @@ void hada_refiner_destroy(hada_refiner **pointer)
 cl_mem hada_refiner_planes(const hada_refiner *refiner)
 {
     return refiner->planes.mem;
+}
+
+cl_mem hada_refiner_rest(const hada_refiner *refiner)
+{
+    return refiner->rest.mem;
 }
 
 double hada_refiner_energy(const hada_refiner *refiner, int set, int step)

@@ -61,6 +61,8 @@ typedef enum hada_refine_start {
 typedef struct hada_refine_rule {
     int steps;         /* linear steps, 1 to max_steps; the first is the joint linear filter */
     double rho;        /* > 0, in units of |OTF|^2 */
+    double first_rho;  /* of the first step; it grows by the factor `growth` a step up to rho; 0: rho throughout */
+    double growth;     /* >= 1 */
     double relaxation; /* 0 < relaxation < 2; 1.6 is usual, 1 none */
     double mu;         /* > 0: weight of the split at the frame (padded), in units of the data's weight; 1 */
     double stop;       /* stop when the residual changes by less than this part of itself, twice running; 0: never */
@@ -95,11 +97,16 @@ double hada_refiner_energy(const hada_refiner *refiner, int set, int step);
 hada_status hada_refiner_residual(hada_refiner *refiner, const hada_refine_data *data, int sets, int depths,
                                   const int *list, double *energy, hada_error *err);
 
-/* How badly a set explains the frame, one value per set: the energy of b - sum PSF * u plus the prior's term, each
- * frequency divided by 1 + sum |U|^2 doubt, the growth of its noise through the OTF's own error. Whole grid, also where
- * the boundary is padded. */
+/* How badly a set explains what the channels of the frame have in common, one value per set: the energy of the mean
+ * over channels of b - sum PSF * u plus the prior's term, each frequency divided by 1 + sum |U|^2 doubt, the growth of
+ * its noise through the OTF's own error; of the frequencies with 2 |ky| < band_rows and 2 |kx| < band_cols. Whole grid,
+ * also where the boundary is padded. depths 0: of the frame itself (one set, no list). */
 hada_status hada_refiner_score(hada_refiner *refiner, const hada_refine_data *data, int sets, int depths,
-                               const int *list, double *score, hada_error *err);
+                               const int *list, int band_rows, int band_cols, double *energy, hada_error *err);
+
+/* Padded boundary: the spectra [set][channel][count] of what the sets did not explain at the last
+ * hada_refiner_residual(). */
+cl_mem hada_refiner_rest(const hada_refiner *refiner);
 
 /* Two-dimensional transforms of real images that the refiner has enqueued since its creation. */
 size_t hada_refiner_transforms(const hada_refiner *refiner);

@@ -16,6 +16,8 @@ hada_status hada_refine_kernels(hada_refiner *refiner, hada_error *err)
     if (!status)
         status = hada_slot_kernel(slot, "refine_explain", "refine_explain", options, &refiner->explain, err);
     if (!status)
+        status = hada_slot_kernel(slot, "refine_score", "refine_score", options, &refiner->score, err);
+    if (!status)
         status = hada_slot_kernel(slot, "refine_frame", "refine_frame", options, &refiner->frame, err);
     if (!status)
         status = hada_slot_kernel(slot, "refine_prox", "refine_prox", "", &refiner->prox, err);
@@ -57,17 +59,30 @@ static void cost_solve(const run *r, int start, int has_prior)
                    frequencies(r) * ((start == HADA_REFINE_COLD ? 20.0 : 44.0) * all + 16.0 * r->sets));
 }
 
-static void cost_explain(const run *r, int has_rest, int has_prior, int has_doubt)
+static void cost_explain(const run *r, int has_rest)
 {
     const double all = (double)r->sets * r->depths;
     hada_slot_cost(r->refiner->slot,
-                   frequencies(r) * ((has_doubt ? 12.0 : 8.0) * otfs_read(r) + 8.0 * all + 8.0 +
-                                     (has_rest ? 8.0 * r->sets : 0) + (has_prior ? 4 : 0)),
-                   frequencies(r) * ((has_doubt ? 14.0 : 12.0) * all + 6.0 * r->sets));
+                   frequencies(r) * (8.0 * otfs_read(r) + 8.0 * all + 8.0 + (has_rest ? 8.0 * r->sets : 0)),
+                   frequencies(r) * (8.0 * all + 4.0 * r->sets));
 }
 
-/* The sums go to the place of `step`. */
-static hada_status solve(const run *r, const hada_refine_rule *rule, int start, int step, hada_error *err)
+/* share: of the frequencies that are looked at */
+static void cost_score(const run *r, double share, int has_prior, int has_doubt)
+{
+    const double all = (double)r->sets * r->depths, values = share * frequencies(r);
+    hada_slot_cost(r->refiner->slot,
+                   values * ((has_doubt ? 12.0 : 8.0) * otfs_read(r) + 8.0 * all + 8.0 + (has_prior ? 4 : 0)),
+                   values * ((has_doubt ? 14.0 : 12.0) * all + 6.0 * r->sets));
+}
+
+static double rho_at(const hada_refine_rule *rule, int step)
+{
+    return rule->first_rho > 0.0 ? fmin(rule->rho, rule->first_rho * pow(rule->growth, step)) : rule->rho;
+}
+
+/* Linear step `step` of a run. The sums go to the place `sums`. */
+static hada_status solve(const run *r, const hada_refine_rule *rule, int start, int step, int sums, hada_error *err)
 {
     hada_refiner *refiner = r->refiner;
     const hada_refine_data *data = r->data;
@@ -77,10 +92,11 @@ static hada_status solve(const run *r, const hada_refine_rule *rule, int start, 
     cl_mem split_a = padded ? refiner->split_a.mem : refiner->now_w.mem;
     cl_mem split_e = padded ? refiner->split_e.mem : refiner->now_u.mem;
     cl_mem prior = has_prior ? data->prior : data->spectrum;
-    cl_float rho = (float)rule->rho, over = start == HADA_REFINE_ON ? (float)rule->relaxation : 1.0f;
+    cl_float rho = (float)rho_at(rule, step), keep = step ? (float)(rho_at(rule, step - 1) / rho_at(rule, step)) : 1.0f;
+    cl_float over = start == HADA_REFINE_ON ? (float)rule->relaxation : 1.0f;
     cl_uint count = (cl_uint)layout->count, slice = HADA_REFINE_SLICE, rows = (cl_uint)layout->rows;
     cl_uint block = (cl_uint)layout->block, cols = (cl_uint)layout->cols;
-    cl_uint partial_first = (cl_uint)(refiner->partials * (size_t)step);
+    cl_uint partial_first = (cl_uint)(refiner->partials * (size_t)sums);
     hada_arg args[] = {HADA_ARG(data->otf),
                        HADA_ARG(otf_offset),
                        HADA_ARG(refiner->list.mem),
@@ -95,6 +111,7 @@ static hada_status solve(const run *r, const hada_refine_rule *rule, int start, 
                        HADA_ARG(refiner->now_u.mem),
                        HADA_ARG(refiner->now_w.mem),
                        HADA_ARG(rho),
+                       HADA_ARG(keep),
                        HADA_ARG(over),
                        HADA_ARG(first),
                        HADA_ARG(count),
@@ -111,16 +128,14 @@ static hada_status solve(const run *r, const hada_refine_rule *rule, int start, 
                             err);
 }
 
-static hada_status explain(const run *r, int has_rest, int score, hada_error *err)
+static hada_status explain(const run *r, int has_rest, hada_error *err)
 {
     hada_refiner *refiner = r->refiner;
     const hada_refine_data *data = r->data;
     const hada_spectrum_layout *layout = &refiner->layout;
     cl_ulong otf_offset = data->otf_offset, data_offset = data->spectrum_offset;
     cl_int depths = r->depths, rest_kept = has_rest;
-    cl_int has_prior = score && data->prior, has_doubt = score && data->doubt;
     cl_mem rest = has_rest ? refiner->rest.mem : refiner->now_w.mem;
-    cl_mem prior = has_prior ? data->prior : data->spectrum, doubt = has_doubt ? data->doubt : data->spectrum;
     cl_uint count = (cl_uint)layout->count, slice = HADA_REFINE_SLICE, rows = (cl_uint)layout->rows;
     cl_uint block = (cl_uint)layout->block, cols = (cl_uint)layout->cols;
     hada_arg args[] = {HADA_ARG(data->otf),
@@ -132,10 +147,6 @@ static hada_status explain(const run *r, int has_rest, int score, hada_error *er
                        HADA_ARG(refiner->now_u.mem),
                        HADA_ARG(rest),
                        HADA_ARG(rest_kept),
-                       HADA_ARG(prior),
-                       HADA_ARG(has_prior),
-                       HADA_ARG(doubt),
-                       HADA_ARG(has_doubt),
                        HADA_ARG(count),
                        HADA_ARG(slice),
                        HADA_ARG(rows),
@@ -144,8 +155,47 @@ static hada_status explain(const run *r, int has_rest, int score, hada_error *er
                        HADA_ARG(refiner->partial.mem)};
     const size_t local[3] = {(size_t)refiner->group, 1, 1};
     const size_t global[3] = {slices_of(count) * local[0], (size_t)refiner->shape.channels, (size_t)r->sets};
-    cost_explain(r, has_rest, has_prior, has_doubt);
+    cost_explain(r, has_rest);
     return hada_slot_launch(refiner->slot, refiner->explain, "refine_explain", 3, global, local, args, HADA_COUNT(args),
+                            err);
+}
+
+static hada_status score(const run *r, int band_rows, int band_cols, hada_error *err)
+{
+    hada_refiner *refiner = r->refiner;
+    const hada_refine_data *data = r->data;
+    const hada_spectrum_layout *layout = &refiner->layout;
+    cl_ulong otf_offset = data->otf_offset, data_offset = data->spectrum_offset;
+    cl_int depths = r->depths, has_prior = data->prior != NULL, has_doubt = data->doubt != NULL;
+    cl_mem prior = has_prior ? data->prior : data->spectrum, doubt = has_doubt ? data->doubt : data->spectrum;
+    cl_uint channels = (cl_uint)refiner->shape.channels, count = (cl_uint)layout->count, slice = HADA_REFINE_SLICE;
+    cl_uint rows = (cl_uint)layout->rows, block = (cl_uint)layout->block, cols = (cl_uint)layout->cols;
+    cl_uint high = (cl_uint)band_rows, wide = (cl_uint)band_cols;
+    hada_arg args[] = {HADA_ARG(data->otf),
+                       HADA_ARG(otf_offset),
+                       HADA_ARG(refiner->list.mem),
+                       HADA_ARG(depths),
+                       HADA_ARG(data->spectrum),
+                       HADA_ARG(data_offset),
+                       HADA_ARG(refiner->now_u.mem),
+                       HADA_ARG(prior),
+                       HADA_ARG(has_prior),
+                       HADA_ARG(doubt),
+                       HADA_ARG(has_doubt),
+                       HADA_ARG(channels),
+                       HADA_ARG(count),
+                       HADA_ARG(slice),
+                       HADA_ARG(rows),
+                       HADA_ARG(block),
+                       HADA_ARG(cols),
+                       HADA_ARG(high),
+                       HADA_ARG(wide),
+                       HADA_ARG(refiner->partial.mem)};
+    const size_t local[2] = {(size_t)refiner->group, 1};
+    const size_t global[2] = {slices_of(count) * local[0], (size_t)r->sets};
+    cost_score(r, fmin(1.0, (double)band_rows / layout->rows) * fmin(1.0, (double)band_cols / layout->cols), has_prior,
+               has_doubt);
+    return hada_slot_launch(refiner->slot, refiner->score, "refine_score", 2, global, local, args, HADA_COUNT(args),
                             err);
 }
 
@@ -232,11 +282,12 @@ static double per_pixel(const hada_refiner *refiner)
     return 1.0 / ((double)refiner->layout.rows * refiner->layout.cols);
 }
 
-/* Adds a step's partial sums up, in order and in double. */
-static hada_status collect(const run *r, int step, cl_uint slices, double factor, double *energy, hada_error *err)
+/* Adds the partial sums of `parts` images a set up, in order and in double. */
+static hada_status collect_parts(const run *r, int step, int parts, cl_uint slices, double factor, double *energy,
+                                 hada_error *err)
 {
     hada_refiner *refiner = r->refiner;
-    const size_t each = (size_t)refiner->shape.channels * slices, total = each * (size_t)r->sets;
+    const size_t each = (size_t)parts * slices, total = each * (size_t)r->sets;
     hada_status status =
         hada_buffer_read(&refiner->partial, refiner->slot, refiner->partials * (size_t)step * sizeof(float),
                          refiner->host_partial, total * sizeof(float), err);
@@ -247,6 +298,11 @@ static hada_status collect(const run *r, int step, cl_uint slices, double factor
         energy[set] = sum * factor;
     }
     return status;
+}
+
+static hada_status collect(const run *r, int step, cl_uint slices, double factor, double *energy, hada_error *err)
+{
+    return collect_parts(r, step, r->refiner->shape.channels, slices, factor, energy, err);
 }
 
 static hada_status check_run(const run *r, const int *list, hada_error *err)
@@ -296,11 +352,11 @@ hada_status hada_refiner_run(hada_refiner *refiner, const hada_refine_data *data
     const size_t width = (size_t)refiner->shape.max_sets;
     hada_status status = begin(&r, refiner, data, sets, depths, list, err);
     if (!status && (rule->steps < 1 || rule->steps > refiner->shape.max_steps || !(rule->rho > 0.0) ||
-                    !(rule->relaxation > 0.0 && rule->relaxation < 2.0) || !(rule->mu > 0.0)))
+                    !(rule->relaxation > 0.0 && rule->relaxation < 2.0) || !(rule->mu > 0.0) || !(rule->growth >= 1.0)))
         status = hada_fail(err, HADA_ERROR_ARGUMENT,
-                           "refinement: steps 1 to %d, rho and mu above 0, relaxation between 0 and 2 are possible "
-                           "(got %d, %g, %g, %g)",
-                           refiner->shape.max_steps, rule->steps, rule->rho, rule->mu, rule->relaxation);
+                           "refinement: steps 1 to %d, rho and mu above 0, relaxation between 0 and 2, growth from 1 "
+                           "on are possible (got %d, %g, %g, %g, %g)",
+                           refiner->shape.max_steps, rule->steps, rule->rho, rule->mu, rule->relaxation, rule->growth);
     /* what a step's energies mean: see hada_refiner_energy() */
     const cl_uint frame_slices = slices_of(refiner->frame_area), slices = slices_of(layout->count);
     const double frame_factor = rule->mu * rule->mu;
@@ -313,7 +369,7 @@ hada_status hada_refiner_run(hada_refiner *refiner, const hada_refine_data *data
             status = frame_forward(&r, err);
         /* padded: the frame's sums are wanted, of this one only the first; the last place takes the others */
         if (!status)
-            status = solve(&r, rule, start, r.padded && step ? refiner->shape.max_steps + 1 : step, err);
+            status = solve(&r, rule, start, step, r.padded && step ? refiner->shape.max_steps + 1 : step, err);
         if (!status)
             status = planes_inverse(&r, err);
         if (!status)
@@ -345,7 +401,7 @@ hada_status hada_refiner_residual(hada_refiner *refiner, const hada_refine_data 
     if (!status)
         status = planes_forward(&r, err);
     if (!status)
-        status = explain(&r, r.padded, 0, err);
+        status = explain(&r, r.padded, err);
     if (status)
         return status;
     if (!r.padded)
@@ -359,15 +415,15 @@ hada_status hada_refiner_residual(hada_refiner *refiner, const hada_refine_data 
 }
 
 hada_status hada_refiner_score(hada_refiner *refiner, const hada_refine_data *data, int sets, int depths,
-                               const int *list, double *score, hada_error *err)
+                               const int *list, int band_rows, int band_cols, double *energy, hada_error *err)
 {
-    run r;
-    hada_status status = begin(&r, refiner, data, sets, depths, list, err);
-    if (!status)
+    run r = {refiner, data, 1, 0, 0};
+    hada_status status = depths ? begin(&r, refiner, data, sets, depths, list, err) : HADA_OK;
+    if (!status && depths)
         status = planes_forward(&r, err);
     if (!status)
-        status = explain(&r, 0, 1, err);
+        status = score(&r, band_rows, band_cols, err);
     if (!status)
-        status = collect(&r, 0, slices_of(refiner->layout.count), per_pixel(refiner), score, err);
+        status = collect_parts(&r, 0, 1, slices_of(refiner->layout.count), per_pixel(refiner), energy, err);
     return status;
 }

@@ -23,7 +23,7 @@ struct hada_refiner {
     size_t partials;                    /* partial sums of one step, at most */
     float *host_partial;
     double *energy; /* [step][set] */
-    cl_kernel solve, explain, prox, frame;
+    cl_kernel solve, explain, score, prox, frame;
     int group; /* work-items of a group in the kernels with sums */
     size_t window_area, frame_area;
     size_t transforms;

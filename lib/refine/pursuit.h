@@ -1,10 +1,15 @@
-/* Depth pursuit: which depths a frame contains, found by explaining it on a coarse grid. Internal.
+/* Depth pursuit: which depths a frame contains, found by explaining it with as few of them as possible. Internal.
  *
- * Starts with no depth; adds the depth whose joint refinement of a few steps leaves least unexplained; after each
- * addition swaps chosen depths with their neighbours while that helps, and drops depths that the others explain as
- * well; stops when an addition lowers what is left by less than the part `threshold`. Channels are averaged: colour
- * says nothing about distance. Scenes that need more than max_depths depths are said to fill all of them, so that a
- * slanted or continuous scene costs no more. docs/refinement.md has the reasons and the figures.
+ * Starts with no depth; adds the depth whose joint refinement of a few steps leaves least unexplained; moves depths to
+ * neighbours while that helps, drops those that the others explain as well; stops when an addition lowers what is left
+ * by less than the part `threshold`. Scenes that need more than max_depths depths are said to fill all of them, so that
+ * a slanted or continuous scene costs no more.
+ *
+ * It looks on three grids: a very small one puts the candidates in order, a small one decides, both with the channels
+ * averaged; where that decision is close, the sets in question are refined on a finer grid, channel by channel. The
+ * full look (`full`) does all of it on the whole grid, every channel and every candidate: the cheap one is to decide as
+ * it does. For that both weigh the same evidence: what the channels have in common, at the frequencies of the small
+ * grid. docs/refinement.md has the reasons and the figures.
  *
  * A pursuit belongs to one slot. Same input, same bits. */
 #ifndef HADA_REFINE_PURSUIT_H
@@ -20,11 +25,11 @@ enum {
 typedef struct hada_pursuit_options {
     hada_refine_shape shape; /* of the whole grid; its max_... are not used */
     int depths;              /* of the camera */
-    double shrink;           /* grid over coarse grid, > 1; 0: 2, more where the grid is large */
+    double shrink;           /* grid over the small grid, > 1; 0: 2, more where the grid is large */
     double rho;              /* of the refinement, in units of |OTF|^2: 1e-2 of the largest |OTF(0)|^2 */
     double threshold;        /* smallest fall of the unexplained part that counts; 0: from the window's share */
+    int full;                /* 1: the full look, for comparison: many times dearer in time and memory */
     int max_depths;          /* a scene that needs more fills all depths; 0: 4, or all of up to 6 */
-    int max_rounds;          /* depths that are added at most, also when they are dropped again; 0: no limit */
 } hada_pursuit_options;
 
 void hada_pursuit_options_init(hada_pursuit_options *options);
@@ -35,7 +40,8 @@ typedef struct hada_pursuit_result {
     int all;                           /* 1: the scene fills too many depths to tell them apart: take all */
     int rounds;                        /* additions tried, the last one usually in vain */
     double fall[2 * HADA_PURSUIT_MAX]; /* part of what was unexplained that each addition explained */
-    double residual;                   /* |unexplained| / |frame|, of the coarse images */
+    double residual;                   /* |unexplained| / |frame|, of the small images */
+    int closer;                        /* comparisons that took the finer grid */
     size_t transforms;
     double seconds;
 } hada_pursuit_result;

@@ -1,265 +1,358 @@
 #include "refine/pursuit_search.h"
 
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
-/* Steps of a look at an addition and of a comparison of sets. A depth added to a settled set first makes things worse:
- * four steps named a quarter of the wrong depths in the trials of docs/refinement.md, more than eight changed none. */
-enum { LOOK = 8, COMPARE = 12 };
+#include "core/alloc.h"
+
+enum { LOOKS = 3 /* candidates, first in order, that are judged for an addition */ };
+
+/* What a model leaves of a frame that it knows, as a part of the frame's amplitude: eight steps do not come closer, and
+ * transfer functions from pairs are no better. Below it nothing counts. */
+#define FLOOR 0.005
+
+/* Around the threshold, as parts of it, a fall is close, and the finer grid decides; so it does between two sets of
+ * which one leaves less than this times as much as the other. Grids differed by less (docs/refinement.md). */
+#define CLOSE_BELOW 0.6
+#define CLOSE_ABOVE 1.4
+#define CLOSE_RATIO 1.15
 
 /* The first depth need only beat noise, which one depth explains little of; a rough model of a bright
  * scene is not darkness. */
 #define FIRST_THRESHOLD 0.2
 
-/* A set of depths and where each place starts from. */
-typedef struct trial {
-    int count;
-    int depth[HADA_PURSUIT_MAX], kept[HADA_PURSUIT_MAX];
-    hada_refine_from from[HADA_PURSUIT_MAX];
-} trial;
+/* An addition that explains this part may still be one step off: moving helps, and costs most of the time. */
+#define MOVE_FROM 0.1
+#define MOVE_TO   0.35
+
+/* Depths in rising order. */
+typedef struct set {
+    int count, depth[HADA_PURSUIT_MAX];
+} set;
+
+/* A set that was refined, and what it left. */
+typedef struct known {
+    hada_pursuit_look look;
+    set set;
+    double left;
+} known;
 
 typedef struct search {
     hada_pursuit *pursuit;
-    hada_refine_data data;
-    trial trials[HADA_PURSUIT_DEPTHS]; /* variations of a set, all of one size */
-    int count;
-    double energy; /* of the frame itself */
+    hada_pursuit_result *result;
+    known *known;
+    size_t count, room;
+    set variations[HADA_PURSUIT_DEPTHS]; /* of a set, all of one size */
+    double left[HADA_PURSUIT_DEPTHS];    /* by the variations */
+    int varied;
 } search;
 
-static hada_refine_data coarse_data(const hada_pursuit *pursuit)
+static int same(const set *a, const set *b)
 {
-    return (hada_refine_data){.spectrum = pursuit->spectrum.mem,
-                              .frame = pursuit->frame.mem,
-                              .otf = pursuit->otf.mem,
-                              .otf_depths = pursuit->options.depths,
-                              .prior = pursuit->has_prior ? pursuit->prior.mem : NULL,
-                              .doubt = pursuit->has_doubt ? pursuit->doubt.mem : NULL};
+    return a->count == b->count && !memcmp(a->depth, b->depth, (size_t)a->count * sizeof *a->depth);
 }
 
-static hada_status load(const search *s, const hada_refine_state *from, int first, int sets, hada_error *err)
+static int member(const set *s, int depth)
 {
-    hada_status status = HADA_OK;
-    for (int set = 0; !status && set < sets; set++) {
-        const trial *t = &s->trials[first + set];
-        for (int place = 0; !status && place < t->count; place++)
-            status = hada_refine_state_load(from, s->pursuit->refiner, set, t->count, place, t->kept[place],
-                                            t->from[place], err);
-        if (!status)
-            status = hada_refine_state_load_split(from, s->pursuit->refiner, set, err);
-    }
-    return status;
-}
-
-/* Refines all trials by `steps` steps, from the state `from` or (NULL) from nothing. *best takes the one that leaves
- * least, *left how much that is, `keep` (may be NULL, not `from`) its state. */
-static hada_status refine(search *s, const hada_refine_state *from, int steps, hada_refine_state *keep, int *best,
-                          double *left, hada_error *err)
-{
-    hada_refiner *refiner = s->pursuit->refiner;
-    const int places = s->trials[0].count;
-    int list[HADA_PURSUIT_DEPTHS * HADA_PURSUIT_MAX];
-    double scores[HADA_PURSUIT_DEPTHS];
-    hada_refine_rule rule;
-    hada_status status = HADA_OK;
-    hada_refine_rule_init(&rule);
-    rule.rho = s->pursuit->options.rho;
-    rule.steps = steps;
-    rule.start = from ? HADA_REFINE_ON : HADA_REFINE_COLD;
-    *best = 0;
-    *left = INFINITY;
-    for (int first = 0; !status && first < s->count; first += s->pursuit->shape.max_sets) {
-        const int sets = s->count - first < s->pursuit->shape.max_sets ? s->count - first : s->pursuit->shape.max_sets;
-        for (int set = 0; set < sets; set++)
-            memcpy(list + set * places, s->trials[first + set].depth, (size_t)places * sizeof *list);
-        status = from ? load(s, from, first, sets, err) : HADA_OK;
-        if (!status)
-            status = hada_refiner_run(refiner, &s->data, &rule, sets, places, list, NULL, err);
-        /* where the sensor crops, only what is missing within the frame counts */
-        if (!status)
-            status = s->pursuit->shape.boundary == HADA_BOUNDARY_PADDED
-                         ? hada_refiner_residual(refiner, &s->data, sets, places, list, scores, err)
-                         : hada_refiner_score(refiner, &s->data, sets, places, list, scores, err);
-        int winner = -1;
-        for (int set = 0; !status && set < sets; set++)
-            if (scores[set] < *left) {
-                *left = scores[set];
-                *best = first + set;
-                winner = set;
-            }
-        if (!status && keep && winner >= 0)
-            status = hada_refine_state_save(keep, refiner, winner, places, err);
-        s->energy = hada_refiner_energy(refiner, 0, 0);
-    }
-    return status;
-}
-
-static int member(const trial *set, int depth)
-{
-    for (int i = 0; i < set->count; i++)
-        if (set->depth[i] == depth)
+    for (int i = 0; i < s->count; i++)
+        if (s->depth[i] == depth)
             return 1;
     return 0;
 }
 
-/* The set itself, every place from its own kept one. */
-static trial itself(const trial *set)
+static set with(const set *s, int depth)
 {
-    trial same = {.count = set->count};
-    for (int i = 0; i < set->count; i++) {
-        same.depth[i] = set->depth[i];
-        same.kept[i] = i;
-        same.from[i] = HADA_REFINE_FROM_BOTH;
-    }
-    return same;
-}
-
-static trial with(const trial *set, int depth)
-{
-    trial more = itself(set);
-    more.depth[more.count] = depth;
-    more.from[more.count++] = HADA_REFINE_FROM_ZERO;
+    set more = {.count = s->count + 1};
+    int i = 0;
+    for (; i < s->count && s->depth[i] < depth; i++)
+        more.depth[i] = s->depth[i];
+    more.depth[i] = depth;
+    for (; i < s->count; i++)
+        more.depth[i + 1] = s->depth[i];
     return more;
 }
 
-static trial without(const trial *set, int place)
+static set without(const set *s, int place)
 {
-    trial less = {.count = set->count - 1};
-    for (int i = 0; i < less.count; i++) {
-        const int from = i < place ? i : i + 1;
-        less.depth[i] = set->depth[from];
-        less.kept[i] = from;
-        less.from[i] = HADA_REFINE_FROM_BOTH;
-    }
+    set less = {.count = s->count - 1};
+    for (int i = 0; i < less.count; i++)
+        less.depth[i] = s->depth[i < place ? i : i + 1];
     return less;
 }
 
-static hada_status refine_one(search *s, trial one, const hada_refine_state *from, int steps, hada_refine_state *keep,
-                              double *left, hada_error *err)
+/* The looks differ in steps or in grid: where two are the same, the first one's results serve. */
+static hada_pursuit_look plain(const search *s, hada_pursuit_look look)
 {
-    int best;
-    s->trials[0] = one;
-    s->count = 1;
-    return refine(s, from, steps, keep, &best, left, err);
+    for (int i = 0; i < (int)look; i++)
+        if (s->pursuit->looks[i].level == s->pursuit->looks[look].level &&
+            s->pursuit->looks[i].steps == s->pursuit->looks[look].steps)
+            return (hada_pursuit_look)i;
+    return look;
 }
 
-static void exchange(hada_refine_state *a, hada_refine_state *b)
+static const known *find(const search *s, hada_pursuit_look look, const set *wanted)
 {
-    const hada_refine_state kept = *a;
-    *a = *b;
-    *b = kept;
+    for (size_t i = 0; i < s->count; i++)
+        if (s->known[i].look == look && same(&s->known[i].set, wanted))
+            return &s->known[i];
+    return NULL;
 }
 
-/* Moves depths of *set, whose state is `next`, to free neighbours while that leaves less. */
-static hada_status swap(search *s, trial *set, double *left, hada_error *err)
+static hada_status make_room(search *s, size_t more, hada_error *err)
+{
+    if (s->count + more <= s->room)
+        return HADA_OK;
+    const size_t room = 2 * s->room + more;
+    known *larger;
+    hada_status status = hada_alloc((void **)&larger, room, sizeof *larger, "the depth pursuit", err);
+    if (status)
+        return status;
+    if (s->count)
+        memcpy(larger, s->known, s->count * sizeof *larger);
+    free(s->known);
+    s->known = larger;
+    s->room = room;
+    return HADA_OK;
+}
+
+static double energy_of(const search *s, hada_pursuit_look look)
+{
+    return s->pursuit->levels[s->pursuit->looks[look].level].energy;
+}
+
+/* What each of `count` sets of one size leaves to a look; those not yet known are refined side by side. */
+static hada_status refine(search *s, hada_pursuit_look asked, const set *sets, int count, double *left, hada_error *err)
 {
     hada_pursuit *p = s->pursuit;
+    const hada_pursuit_look look = plain(s, asked);
+    int list[HADA_PURSUIT_DEPTHS * HADA_PURSUIT_MAX], missing = 0;
+    double fresh[HADA_PURSUIT_DEPTHS];
+    const int places = sets[0].count;
+    const size_t first = s->count;
+    hada_status status = make_room(s, (size_t)count, err);
+    if (status)
+        return status;
+    if (!places) {
+        left[0] = energy_of(s, look);
+        return HADA_OK;
+    }
+    for (int i = 0; i < count; i++)
+        if (!find(s, look, &sets[i])) {
+            memcpy(list + missing * places, sets[i].depth, (size_t)places * sizeof *list);
+            missing++;
+            s->known[s->count++] = (known){look, sets[i], 0.0};
+        }
+    if (missing)
+        status =
+            hada_level_left(&p->levels[p->looks[look].level], p->looks[look].steps, missing, places, list, fresh, err);
+    for (int i = 0; !status && i < missing; i++)
+        s->known[first + (size_t)i].left = fresh[i];
+    for (int i = 0; !status && i < count; i++)
+        left[i] = find(s, look, &sets[i])->left;
+    return status;
+}
+
+/* The part of what `smaller` leaves that `larger` explains, in one look. */
+static hada_status fall_in(search *s, hada_pursuit_look look, const set *smaller, const set *larger, double *fall,
+                           hada_error *err)
+{
+    const double floor = FLOOR * FLOOR * energy_of(s, look);
+    double before, after;
+    hada_status status = refine(s, look, smaller, 1, &before, err);
+    if (!status)
+        status = refine(s, look, larger, 1, &after, err);
+    if (!status)
+        *fall = before > 0.0 ? (before - after) / (before + floor) : 0.0;
+    return status;
+}
+
+static double threshold_of(const search *s, const set *smaller)
+{
+    const double threshold = s->pursuit->options.threshold;
+    return smaller->count ? threshold : fmin(threshold, FIRST_THRESHOLD);
+}
+
+/* The same, in as many looks as it takes. A larger set settles later, so few steps make its fall too small, never too
+ * large: a fall that is clearly enough is, one that is not is given time. */
+static hada_status fall_of(search *s, const set *smaller, const set *larger, double *fall, hada_error *err)
+{
+    const double high = CLOSE_ABOVE * threshold_of(s, smaller), low = CLOSE_BELOW * threshold_of(s, smaller);
+    hada_status status = fall_in(s, HADA_LOOK_JUDGE, smaller, larger, fall, err);
+    if (status || *fall > high)
+        return status;
+    status = fall_in(s, HADA_LOOK_PATIENT, smaller, larger, fall, err);
+    if (status || *fall > high || *fall < low)
+        return status;
+    s->result->closer++;
+    return fall_in(s, HADA_LOOK_CLOSER, smaller, larger, fall, err);
+}
+
+/* Whether `moved` leaves less than `current`; `closely`: in as many looks as it takes. */
+static hada_status is_better(search *s, const set *current, const set *moved, int closely, int *better, hada_error *err)
+{
     hada_status status = HADA_OK;
-    for (int sweep = 0; !status && sweep < p->options.depths; sweep++) {
-        status = refine_one(s, itself(set), &p->next, LOOK, &p->best, left, err);
+    for (int look = HADA_LOOK_JUDGE; !status && look <= (closely ? HADA_LOOK_CLOSER : HADA_LOOK_JUDGE); look++) {
+        double now, then;
+        s->result->closer += look == HADA_LOOK_CLOSER;
+        status = refine(s, (hada_pursuit_look)look, current, 1, &now, err);
+        if (!status)
+            status = refine(s, (hada_pursuit_look)look, moved, 1, &then, err);
+        *better = !status && then < now;
+        if (then > CLOSE_RATIO * now || now > CLOSE_RATIO * then)
+            break;
+    }
+    return status;
+}
+
+/* The variation that leaves least and was not yet taken (which has left = INFINITY then). */
+static int take_best(search *s, double *left)
+{
+    int best = 0;
+    for (int i = 1; i < s->varied; i++)
+        if (s->left[i] < s->left[best])
+            best = i;
+    *left = s->left[best];
+    s->left[best] = INFINITY;
+    return best;
+}
+
+/* Moves depths of *current to free neighbours while that leaves less; `closely`: with the finer grid's word. */
+static hada_status settle(search *s, set *current, int closely, hada_error *err)
+{
+    const hada_pursuit *p = s->pursuit;
+    hada_status status = HADA_OK;
+    for (int sweep = 0; sweep < 2 * p->options.depths; sweep++) {
+        double now;
+        s->varied = 0;
+        for (int place = 0; place < current->count; place++)
+            for (int side = -1; side <= 1; side += 2) {
+                const int depth = current->depth[place] + side;
+                const set rest = without(current, place);
+                if (depth >= 0 && depth < p->options.depths && !member(current, depth))
+                    s->variations[s->varied++] = with(&rest, depth);
+            }
+        if (!s->varied)
+            return HADA_OK;
+        status = refine(s, HADA_LOOK_JUDGE, current, 1, &now, err);
+        if (!status)
+            status = refine(s, HADA_LOOK_JUDGE, s->variations, s->varied, s->left, err);
+        int better = 0;
+        for (int tried = 0; !status && !better && tried < s->varied; tried++) {
+            double left;
+            const int best = take_best(s, &left);
+            if (left > CLOSE_RATIO * now)
+                break;
+            status = is_better(s, current, &s->variations[best], closely, &better, err);
+            if (better)
+                *current = s->variations[best];
+        }
+        if (status || !better)
+            return status;
+    }
+    return status;
+}
+
+/* Drops depths of *current that the others explain as well. */
+static hada_status drop(search *s, set *current, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    while (!status && current->count > 1) {
+        double least, fall;
+        s->varied = current->count;
+        for (int place = 0; place < current->count; place++)
+            s->variations[place] = without(current, place);
+        status = refine(s, HADA_LOOK_JUDGE, s->variations, s->varied, s->left, err);
         if (status)
             return status;
-        exchange(&p->next, &p->best);
-        s->count = 0;
-        for (int place = 0; place < set->count; place++)
-            for (int side = -1; side <= 1; side += 2) {
-                const int depth = set->depth[place] + side;
-                if (depth < 0 || depth >= p->options.depths || member(set, depth))
-                    continue;
-                trial *moved = &s->trials[s->count++];
-                *moved = itself(set);
-                moved->depth[place] = depth;
-                moved->from[place] = HADA_REFINE_FROM_PLANES;
-            }
-        if (!s->count)
-            return HADA_OK;
-        int best;
-        double moved;
-        status = refine(s, &p->next, COMPARE, &p->best, &best, &moved, err);
-        if (status || !(moved < *left))
+        const set less = s->variations[take_best(s, &least)];
+        status = fall_of(s, &less, current, &fall, err);
+        if (status || fall >= s->pursuit->options.threshold)
             return status;
-        *left = moved;
-        *set = s->trials[best];
-        exchange(&p->next, &p->best);
+        *current = less;
     }
     return status;
 }
 
-/* Drops depths of *set, whose state is `now`, that the others explain as well. */
-static hada_status drop(search *s, trial *set, double *left, hada_error *err)
+/* The best addition to *current: *more is the larger set, moved where that may help. */
+static hada_status grow(search *s, const set *current, set *more, hada_error *err)
 {
-    hada_pursuit *p = s->pursuit;
-    hada_status status = HADA_OK;
-    while (!status && set->count > 2) {
-        int best;
-        double others;
-        s->count = 0;
-        for (int place = 0; place < set->count; place++)
-            s->trials[s->count++] = without(set, place);
-        status = refine(s, &p->now, COMPARE, &p->best, &best, &others, err);
-        if (status || 1.0 - *left / others >= p->options.threshold)
-            return status;
-        *set = s->trials[best];
-        *left = others;
-        exchange(&p->now, &p->best);
-    }
-    return status;
-}
-
-/* One more depth for *set, whose state is `now`: *more is the larger set with its state in `next`, *left what it
- * leaves, *base what the smaller set leaves after as many steps. */
-static hada_status grow(search *s, const trial *set, trial *more, double *left, double *base, hada_error *err)
-{
-    hada_pursuit *p = s->pursuit;
-    const hada_refine_state *from = set->count ? &p->now : NULL;
-    int best;
-    hada_status status;
-    s->count = 0;
+    const hada_pursuit *p = s->pursuit;
+    set first[LOOKS];
+    double left, fall;
+    s->varied = 0;
     for (int depth = 0; depth < p->options.depths; depth++)
-        if (!member(set, depth))
-            s->trials[s->count++] = with(set, depth);
-    status = refine(s, from, LOOK, NULL, &best, left, err);
-    *more = s->trials[best];
-    *base = s->energy;
-    if (!status && from)
-        status = refine_one(s, itself(set), from, COMPARE, NULL, base, err);
-    if (!status)
-        status = refine_one(s, *more, from, COMPARE, &p->next, left, err);
-    if (!status && from)
-        status = swap(s, more, left, err);
+        if (!member(current, depth))
+            s->variations[s->varied++] = with(current, depth);
+    hada_status status = refine(s, HADA_LOOK_ORDER, s->variations, s->varied, s->left, err);
+    if (status)
+        return status;
+    const int looks = s->varied < LOOKS ? s->varied : LOOKS;
+    for (int i = 0; i < looks; i++)
+        first[i] = s->variations[take_best(s, &left)];
+    memcpy(s->variations, first, (size_t)looks * sizeof *first);
+    s->varied = looks;
+    status = refine(s, HADA_LOOK_JUDGE, s->variations, s->varied, s->left, err);
+    if (status)
+        return status;
+    *more = s->variations[take_best(s, &left)];
+    status = fall_in(s, HADA_LOOK_JUDGE, current, more, &fall, err);
+    if (status || !current->count || (!p->options.full && (fall < MOVE_FROM || fall > MOVE_TO)))
+        return status;
+    return settle(s, more, 0, err);
+}
+
+static hada_status run(search *s, set *found, hada_error *err)
+{
+    const hada_pursuit *p = s->pursuit;
+    hada_pursuit_result *result = s->result;
+    hada_status status = HADA_OK;
+    while (!status && found->count < p->options.depths && result->rounds < 2 * HADA_PURSUIT_MAX) {
+        set more;
+        double fall;
+        if (found->count == p->options.max_depths) {
+            result->all = 1;
+            break;
+        }
+        status = grow(s, found, &more, err);
+        if (!status)
+            status = fall_of(s, found, &more, &fall, err);
+        if (status)
+            break;
+        result->fall[result->rounds++] = fall;
+        if (fall >= threshold_of(s, found)) {
+            *found = more;
+            status = drop(s, found, err);
+            continue;
+        }
+        /* nothing to add: unless the set itself is better moved, this is it */
+        const set before = *found;
+        if (found->count)
+            status = settle(s, found, 1, err);
+        if (same(&before, found))
+            break;
+    }
     return status;
 }
 
 hada_status hada_pursuit_search(hada_pursuit *p, hada_pursuit_result *result, hada_error *err)
 {
-    search s = {.pursuit = p, .data = coarse_data(p)};
-    trial set = {0}, more;
-    double left = 0.0, base, frame = 0.0;
-    hada_status status = HADA_OK;
-    const int rounds = p->options.max_rounds && p->options.max_rounds < 2 * HADA_PURSUIT_MAX ? p->options.max_rounds
-                                                                                             : 2 * HADA_PURSUIT_MAX;
-    while (!status && set.count < p->options.depths && result->rounds < rounds) {
-        if (set.count == p->options.max_depths) {
-            result->all = 1;
-            break;
-        }
-        double after;
-        status = grow(&s, &set, &more, &after, &base, err);
-        if (status)
-            break;
-        if (!set.count)
-            left = frame = base;
-        const double fall = base > 0.0 ? 1.0 - after / base : 0.0;
-        result->fall[result->rounds++] = fall;
-        if (fall < (set.count ? p->options.threshold : fmin(p->options.threshold, FIRST_THRESHOLD)))
-            break;
-        set = more;
-        left = after;
-        exchange(&p->now, &p->next);
-        status = drop(&s, &set, &left, err);
-    }
-    result->residual = frame > 0.0 ? sqrt(left / frame) : 0.0;
-    for (int depth = 0; depth < p->options.depths; depth++)
-        if (member(&set, depth))
-            result->list[result->count++] = depth;
+    search *s;
+    set found = {0};
+    double left = 0.0;
+    hada_status status = hada_alloc((void **)&s, 1, sizeof *s, "the depth pursuit", err);
+    if (status)
+        return status;
+    s->pursuit = p;
+    s->result = result;
+    status = run(s, &found, err);
+    if (!status)
+        status = refine(s, HADA_LOOK_JUDGE, &found, 1, &left, err);
+    const double energy = energy_of(s, HADA_LOOK_JUDGE);
+    result->residual = energy > 0.0 ? sqrt(left / energy) : 0.0;
+    result->count = found.count;
+    memcpy(result->list, found.depth, sizeof found.depth);
+    free(s->known);
+    free(s);
     return status;
 }

@@ -2,24 +2,30 @@
 #ifndef HADA_REFINE_PURSUIT_SEARCH_H
 #define HADA_REFINE_PURSUIT_SEARCH_H
 
-#include "refine/pursuit.h"
-#include "refine/state.h"
+#include "refine/pursuit_level.h"
+
+enum { HADA_PURSUIT_LEVELS = 3 };
+
+/* Ways to look, from the quickest to the dearest. */
+typedef enum hada_pursuit_look {
+    HADA_LOOK_ORDER = 0,   /* puts candidates in order */
+    HADA_LOOK_JUDGE = 1,   /* decides what is clear */
+    HADA_LOOK_PATIENT = 2, /* the same with more steps: larger sets take longer to settle */
+    HADA_LOOK_CLOSER = 3,  /* finer */
+    HADA_PURSUIT_LOOKS = 4
+} hada_pursuit_look;
 
 struct hada_pursuit {
     hada_slot *slot;
     hada_pursuit_options options; /* zeros replaced */
-    hada_spectrum_layout full;
-    hada_refine_shape shape; /* coarse, one channel */
-    hada_spectrum_layout coarse;
-    hada_refiner *refiner;
-    hada_fft *frame_inverse; /* padded: the coarse frame from its spectrum */
-    hada_buffer otf, prior, doubt, spectrum, frame;
-    int has_prior, has_doubt;
-    cl_kernel crop;
-    hada_refine_state now, next, best; /* of the chosen set, of the one looked at, of the best variation of it */
+    hada_pursuit_level levels[HADA_PURSUIT_LEVELS];
+    int count; /* of levels */
+    struct {
+        int level, steps;
+    } looks[HADA_PURSUIT_LOOKS];
 };
 
-/* Searches the coarse frame that lies in `spectrum` (and `frame`). */
+/* Searches the frame that the levels have taken. */
 hada_status hada_pursuit_search(hada_pursuit *pursuit, hada_pursuit_result *result, hada_error *err);
 
 #endif

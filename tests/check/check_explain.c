@@ -1,4 +1,4 @@
-/* What planes do not explain (refine_explain): the rest at every frequency and its weighted energy. */
+/* What planes do not explain (refine_explain): the rest at every frequency and its energy. */
 #include <stdlib.h>
 
 #include "check.h"
@@ -10,14 +10,14 @@
 enum { SLICE = 2048, MAX_DEPTHS = 8 };
 
 typedef struct explain_state {
-    hada_buffer otf, data, planes, prior, doubt, list;
+    hada_buffer otf, data, planes, list;
     hada_spectrum_layout layout;
-    int channels, sets, depths, has_prior, has_doubt;
+    int channels, sets, depths;
     size_t slices, partial_first; /* the partial sums' place in the output */
 } explain_state;
 
 typedef struct inputs {
-    float *otf, *data, *planes, *prior, *doubt; /* in the layout, padding included */
+    float *otf, *data, *planes; /* in the layout, padding included */
     int list[64];
 } inputs;
 
@@ -26,8 +26,6 @@ static void free_inputs(inputs *in)
     free(in->otf);
     free(in->data);
     free(in->planes);
-    free(in->prior);
-    free(in->doubt);
 }
 
 /* One more depth has an OTF than a set has depths, so that the list matters. */
@@ -40,21 +38,11 @@ static hada_status make_inputs(const check_state *state, const explain_state *ow
         status = hada_alloc((void **)&in->data, 2 * channels * count, sizeof(float), "the check", err);
     if (!status)
         status = hada_alloc((void **)&in->planes, 2 * planes, sizeof(float), "the check", err);
-    if (!status)
-        status = hada_alloc((void **)&in->prior, channels * count, sizeof(float), "the check", err);
-    if (!status)
-        status = hada_alloc((void **)&in->doubt, otf, sizeof(float), "the check", err);
     if (status)
         return status;
     check_fill_normal(state, 1, in->otf, 2 * otf);
     check_fill_normal(state, 2, in->data, 2 * channels * count);
     check_fill_normal(state, 3, in->planes, 2 * planes);
-    check_fill_normal(state, 4, in->prior, channels * count);
-    check_fill_normal(state, 5, in->doubt, otf);
-    for (size_t i = 0; i < channels * count; i++)
-        in->prior[i] *= in->prior[i];
-    for (size_t i = 0; i < otf; i++)
-        in->doubt[i] *= 0.1f * in->doubt[i];
     for (int i = 0; i < own->sets * own->depths; i++)
         in->list[i] = (i % own->depths + i / own->depths) % (own->depths + 1);
     return HADA_OK;
@@ -65,7 +53,7 @@ static void expect_value(check_state *state, const explain_state *own, const inp
                          size_t at, int often)
 {
     const size_t count = own->layout.count, plane = (size_t)set * (size_t)own->channels + (size_t)channel;
-    double h[2 * MAX_DEPTHS], u[2 * MAX_DEPTHS], b[2], doubt[MAX_DEPTHS];
+    double h[2 * MAX_DEPTHS], u[2 * MAX_DEPTHS], b[2];
     for (int s = 0; s < own->depths; s++) {
         const size_t z = (size_t)in->list[set * own->depths + s];
         const size_t from = (z * (size_t)own->channels + (size_t)channel) * count + at;
@@ -74,13 +62,10 @@ static void expect_value(check_state *state, const explain_state *own, const inp
             h[2 * (size_t)s + part] = in->otf[2 * from + part];
             u[2 * (size_t)s + part] = in->planes[2 * place + part];
         }
-        doubt[s] = in->doubt[from];
     }
     for (size_t part = 0; part < 2; part++)
         b[part] = in->data[2 * ((size_t)channel * count + at) + part];
-    const double energy =
-        hada_ref_explain(own->depths, h, u, b, own->has_prior ? in->prior[(size_t)channel * count + at] : 0.0,
-                         own->has_doubt ? doubt : NULL, state->expected + 2 * (plane * count + at));
+    const double energy = hada_ref_explain(own->depths, h, u, b, state->expected + 2 * (plane * count + at));
     state->expected[own->partial_first + plane * own->slices + at / SLICE] += often * energy;
 }
 
@@ -112,8 +97,6 @@ static hada_status prepare(check_state *state, hada_error *err)
     own->channels = check_get(state, 'k', 1);
     own->sets = check_get(state, 's', 1);
     own->depths = check_get(state, 'd', 2);
-    own->has_prior = check_get(state, 'p', 0);
-    own->has_doubt = check_get(state, 'q', 0);
     own->slices = (own->layout.count + SLICE - 1) / SLICE;
     if (own->depths > MAX_DEPTHS || own->sets * own->depths > (int)HADA_COUNT(in.list))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "at most %d depths", MAX_DEPTHS);
@@ -131,10 +114,6 @@ static hada_status prepare(check_state *state, hada_error *err)
         status = check_upload(state, &own->data, in.data, 8 * count, err);
     if (!status)
         status = check_upload(state, &own->planes, in.planes, 4 * rest * (size_t)own->depths, err);
-    if (!status)
-        status = check_upload(state, &own->prior, in.prior, 4 * count, err);
-    if (!status)
-        status = check_upload(state, &own->doubt, in.doubt, 4 * all, err);
     if (!status)
         status = check_upload(state, &own->list, in.list, sizeof in.list, err);
     free_inputs(&in);
@@ -169,25 +148,10 @@ static hada_status launch(check_state *state, hada_error *err)
         status = check_clear(state, 0, own->partial_first, err);
     if (!status)
         status = hada_slot_kernel(state->slot, "refine_explain", "refine_explain", options, &kernel, err);
-    const hada_arg args[] = {HADA_ARG(own->otf.mem),
-                             HADA_ARG(zero),
-                             HADA_ARG(own->list.mem),
-                             HADA_ARG(own->depths),
-                             HADA_ARG(own->data.mem),
-                             HADA_ARG(zero),
-                             HADA_ARG(own->planes.mem),
-                             HADA_ARG(rest),
-                             HADA_ARG(yes),
-                             HADA_ARG(own->prior.mem),
-                             HADA_ARG(own->has_prior),
-                             HADA_ARG(own->doubt.mem),
-                             HADA_ARG(own->has_doubt),
-                             HADA_ARG(count),
-                             HADA_ARG(slice),
-                             HADA_ARG(rows),
-                             HADA_ARG(block),
-                             HADA_ARG(cols),
-                             HADA_ARG(partial)};
+    const hada_arg args[] = {HADA_ARG(own->otf.mem),  HADA_ARG(zero),  HADA_ARG(own->list.mem),   HADA_ARG(own->depths),
+                             HADA_ARG(own->data.mem), HADA_ARG(zero),  HADA_ARG(own->planes.mem), HADA_ARG(rest),
+                             HADA_ARG(yes),           HADA_ARG(count), HADA_ARG(slice),           HADA_ARG(rows),
+                             HADA_ARG(block),         HADA_ARG(cols),  HADA_ARG(partial)};
     return status
                ? status
                : hada_slot_launch(state->slot, kernel, "refine_explain", 3, global, local, args, HADA_COUNT(args), err);
@@ -198,13 +162,12 @@ static void release(check_state *state)
     explain_state *own = state->own;
     if (!own)
         return;
-    hada_buffer *buffers[] = {&own->otf, &own->data, &own->planes, &own->prior, &own->doubt, &own->list};
+    hada_buffer *buffers[] = {&own->otf, &own->data, &own->planes, &own->list};
     for (size_t i = 0; i < HADA_COUNT(buffers); i++)
         hada_buffer_destroy(buffers[i]);
     free(own);
 }
 
-const check_op check_explain = {
-    "refine_explain",
-    "r rows, c columns, b columns of a block, k channels, d depths in a set, s sets, p1 with a prior, q1 with doubt",
-    prepare, launch, release};
+const check_op check_explain = {"refine_explain",
+                                "r rows, c columns, b columns of a block, k channels, d depths in a set, s sets",
+                                prepare, launch, release};

@@ -39,6 +39,10 @@ static void read_shape(const check_state *state, refine_state *own)
                             .max_steps = 40};
     hada_refine_rule_init(&own->rule);
     own->rule.rho = 1e-2;
+    if (check_get(state, 'q', 0)) {
+        own->rule.first_rho = 1e-3;
+        own->rule.growth = 1.5;
+    }
     own->rule.steps = check_get(state, 'n', 6);
     for (int i = 0; i < own->sets * own->depths; i++)
         own->list[i] = (i % own->depths + i / own->depths) % (own->depths + 1);
@@ -124,6 +128,8 @@ static hada_status expect(check_state *state, const refine_state *own, hada_erro
                                          .otf = otf,
                                          .image = own->image,
                                          .rho = own->rule.rho,
+                                         .first_rho = own->rule.first_rho,
+                                         .growth = own->rule.growth,
                                          .relaxation = own->rule.relaxation,
                                          .mu = own->rule.mu,
                                          .steps = own->rule.steps};
@@ -193,6 +199,8 @@ static void release(check_state *state)
     free(own);
 }
 
-const check_op check_refine = {
-    "refine", "r rows, c columns, h and w of the window, d depths in a set, s sets, n steps, p1 cropped by the sensor",
-    prepare, launch, release};
+const check_op check_refine = {"refine",
+                               "r rows, c columns, h and w of the window, d depths in a set, s sets, n steps, p1 "
+                               "cropped by the sensor, q1 growing "
+                               "rho",
+                               prepare, launch, release};

@@ -1,0 +1,322 @@
+#include "refine/pursuit_level.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "core/alloc.h"
+#include "program/kernel.h"
+
+enum { MARGIN = 2 /* pixels: the window is wider by this on every side, for the blur of its edge */ };
+
+/* The unknown is the scene under a Gaussian window over the frequencies that falls to 2^-TAPER at the grid's last ones:
+ * a scene cut off there would ring, and ringing is not non-negative. */
+#define TAPER 3.0
+
+/* rho begins low, so that depths part early, and grows, so that they settle: eight steps do what a constant one did in
+ * twelve (docs/refinement.md). */
+#define FIRST_RHO 0.05
+#define GROWTH    1.5
+
+static int grid_size(int size, double shrink)
+{
+    return shrink == 1.0 ? size : hada_fft_good_size(2 * (int)lround(size / shrink / 2.0));
+}
+
+/* The rectangle of the small grid round (outward) or within a rectangle of the whole one. */
+static void shrink_span(int first, int size, int full, int small, int outward, int *to_first, int *to_size)
+{
+    const double scale = (double)small / full;
+    int from = outward ? (int)floor(first * scale) - MARGIN : (int)ceil(first * scale);
+    int end = outward ? (int)ceil((first + size) * scale) + MARGIN : (int)floor((first + size) * scale);
+    from = from < 0 ? 0 : from;
+    end = end > small ? small : end;
+    *to_first = from;
+    *to_size = end - from;
+}
+
+static hada_refine_rect shrink_rect(const hada_refine_rect *rect, const hada_refine_shape *full,
+                                    const hada_refine_shape *small, int outward)
+{
+    hada_refine_rect out;
+    shrink_span(rect->row0, rect->rows, full->grid_rows, small->grid_rows, outward, &out.row0, &out.rows);
+    shrink_span(rect->col0, rect->cols, full->grid_cols, small->grid_cols, outward, &out.col0, &out.cols);
+    return out;
+}
+
+static hada_refine_shape shape_of(const hada_pursuit_options *options, const hada_level_spec *spec, double shrink)
+{
+    const hada_refine_shape *full = &options->shape;
+    hada_refine_shape shape = {.grid_rows = grid_size(full->grid_rows, shrink),
+                               .grid_cols = grid_size(full->grid_cols, shrink),
+                               .boundary = full->boundary,
+                               .channels = spec->separate ? full->channels : 1,
+                               .max_sets = spec->max_sets,
+                               .max_planes = spec->max_sets * options->max_depths,
+                               .max_steps = spec->max_steps};
+    shape.window = shrink_rect(&full->window, full, &shape, 1);
+    if (full->boundary == HADA_BOUNDARY_PADDED)
+        shape.frame = shrink_rect(&full->frame, full, &shape, 0);
+    return shape;
+}
+
+static size_t spectrum_bytes(const hada_spectrum_layout *layout, int channels)
+{
+    return (size_t)channels * layout->count * 2 * sizeof(float);
+}
+
+static size_t area(const hada_refine_rect *rect)
+{
+    return (size_t)rect->rows * (size_t)rect->cols;
+}
+
+/* From spectra to the pixels of the frame, padded boundary. */
+static hada_fft_desc frame_plan(const hada_refine_shape *shape, int batch)
+{
+    return (hada_fft_desc){.direction = HADA_FFT_INVERSE,
+                           .rows = shape->grid_rows,
+                           .cols = shape->grid_cols,
+                           .batch = batch,
+                           .row0 = shape->frame.row0,
+                           .col0 = shape->frame.col0,
+                           .real_rows = shape->frame.rows,
+                           .real_cols = shape->frame.cols,
+                           .real_pitch = (size_t)shape->frame.cols,
+                           .real_distance = area(&shape->frame)};
+}
+
+size_t hada_level_bytes(const hada_context *context, const hada_pursuit_options *options, const hada_level_spec *spec)
+{
+    const hada_refine_shape shape = shape_of(options, spec, spec->shrink);
+    const hada_spectrum_layout layout = hada_fft_layout(context, shape.grid_rows, shape.grid_cols, HADA_FFT_AUTO);
+    const size_t spectrum = spectrum_bytes(&layout, shape.channels), depths = (size_t)options->depths;
+    size_t bytes =
+        depths * spectrum + spectrum / 2 + depths * spectrum / 2 + spectrum + hada_refiner_bytes(context, &shape);
+    if (shape.boundary == HADA_BOUNDARY_PADDED) {
+        const hada_refine_shape proof = shape_of(options, spec, spec->evidence);
+        const hada_spectrum_layout small = hada_fft_layout(context, proof.grid_rows, proof.grid_cols, HADA_FFT_AUTO);
+        const hada_fft_desc plan = frame_plan(&shape, shape.channels), sets = frame_plan(&proof, spec->max_sets);
+        bytes += area(&shape.frame) * (size_t)shape.channels * sizeof(float) + hada_fft_bytes(context, &plan);
+        bytes += (size_t)spec->max_sets * (spectrum_bytes(&small, 1) + area(&proof.frame) * sizeof(float)) +
+                 hada_fft_bytes(context, &sets);
+    }
+    return bytes;
+}
+
+/* What the padded boundary needs beside. */
+static hada_status make_frames(hada_pursuit_level *l, hada_error *err)
+{
+    static const char what[] = "the depth pursuit";
+    hada_context *context = l->slot->context;
+    const hada_refine_shape proof = shape_of(l->options, &l->spec, l->spec.evidence);
+    const size_t sets = (size_t)l->spec.max_sets;
+    const hada_fft_desc plan = frame_plan(&l->shape, l->shape.channels), back = frame_plan(&proof, l->spec.max_sets);
+    l->proof_layout = hada_fft_layout(context, proof.grid_rows, proof.grid_cols, HADA_FFT_AUTO);
+    l->proof_area = area(&proof.frame);
+    hada_status status = hada_buffer_create(
+        &l->frame, context, area(&l->shape.frame) * (size_t)l->shape.channels * sizeof(float), what, err);
+    if (!status)
+        status = hada_buffer_create(&l->proof, context, sets * spectrum_bytes(&l->proof_layout, 1), what, err);
+    if (!status)
+        status = hada_buffer_create(&l->proof_frame, context, sets * l->proof_area * sizeof(float), what, err);
+    if (!status)
+        status = hada_alloc((void **)&l->host_proof, sets * l->proof_area, sizeof(float), what, err);
+    if (!status)
+        status = hada_fft_create(&l->frame_inverse, l->slot, &plan, err);
+    return status ? status : hada_fft_create(&l->proof_inverse, l->slot, &back, err);
+}
+
+hada_status hada_level_create(hada_pursuit_level *l, hada_slot *slot, const hada_pursuit_options *options,
+                              const hada_level_spec *spec, hada_error *err)
+{
+    static const char what[] = "the depth pursuit";
+    hada_context *context = slot->context;
+    const hada_refine_shape *full = &options->shape;
+    *l = (hada_pursuit_level){.slot = slot, .options = options, .spec = *spec};
+    l->shape = shape_of(options, spec, spec->shrink);
+    l->full = hada_fft_layout(context, full->grid_rows, full->grid_cols, HADA_FFT_AUTO);
+    l->layout = hada_fft_layout(context, l->shape.grid_rows, l->shape.grid_cols, HADA_FFT_AUTO);
+    const size_t spectrum = spectrum_bytes(&l->layout, l->shape.channels), depths = (size_t)options->depths;
+    hada_status status = hada_refiner_create(&l->refiner, slot, &l->shape, err);
+    if (!status)
+        status = hada_buffer_create(&l->otf, context, depths * spectrum, what, err);
+    if (!status)
+        status = hada_buffer_create(&l->prior, context, spectrum / 2, what, err);
+    if (!status)
+        status = hada_buffer_create(&l->doubt, context, depths * spectrum / 2, what, err);
+    if (!status)
+        status = hada_buffer_create(&l->spectrum, context, spectrum, what, err);
+    if (!status && l->shape.boundary == HADA_BOUNDARY_PADDED)
+        status = make_frames(l, err);
+    if (!status)
+        status = hada_slot_kernel(slot, "refine_crop", "refine_crop", "", &l->crop, err);
+    if (status)
+        hada_level_destroy(l);
+    return status;
+}
+
+void hada_level_destroy(hada_pursuit_level *l)
+{
+    hada_refiner_destroy(&l->refiner);
+    hada_fft_destroy(&l->frame_inverse);
+    hada_fft_destroy(&l->proof_inverse);
+    hada_buffer *buffers[] = {&l->otf, &l->prior, &l->doubt, &l->spectrum, &l->frame, &l->proof, &l->proof_frame};
+    for (size_t i = 0; i < HADA_COUNT(buffers); i++)
+        hada_buffer_destroy(buffers[i]);
+    free(l->host_proof);
+    l->host_proof = NULL;
+}
+
+/* How images of one layout become images of another: see kernels/refine_crop.cl. */
+typedef struct crop {
+    const hada_spectrum_layout *from, *to;
+    int channels; /* of an image that is read; one is written */
+    int parts;    /* 2: complex */
+    double factor, tapers;
+    int invert;
+} crop;
+
+static hada_status crop_images(hada_pursuit_level *l, const crop *how, cl_mem in, size_t in_offset, int images,
+                               const hada_buffer *out, int first_image, hada_error *err)
+{
+    cl_ulong from = in_offset;
+    cl_int in_rows = how->from->rows, in_block = how->from->block, rows = how->to->rows, cols = how->to->cols;
+    cl_int block = how->to->block, parts = how->parts, channels = how->channels, invert = how->invert;
+    cl_uint in_count = (cl_uint)how->from->count, count = (cl_uint)how->to->count;
+    cl_uint to = (cl_uint)((size_t)first_image * how->to->count);
+    cl_float factor = (cl_float)how->factor, tapers = (cl_float)how->tapers;
+    hada_arg args[] = {HADA_ARG(in),       HADA_ARG(from),     HADA_ARG(in_rows), HADA_ARG(in_block),
+                       HADA_ARG(in_count), HADA_ARG(out->mem), HADA_ARG(to),      HADA_ARG(rows),
+                       HADA_ARG(cols),     HADA_ARG(block),    HADA_ARG(count),   HADA_ARG(parts),
+                       HADA_ARG(channels), HADA_ARG(factor),   HADA_ARG(tapers),  HADA_ARG(invert)};
+    const size_t local[3] = {(size_t)(block < 8 ? 1 : 8), 1, 1};
+    const size_t cols_up = ((size_t)how->to->blocks * (size_t)block + local[0] - 1) / local[0] * local[0];
+    const size_t global[3] = {cols_up, (size_t)rows, (size_t)images};
+    hada_slot_cost(l->slot, 4.0 * parts * images * (channels + 1.0) * rows * (cols / 2 + 1.0), 0);
+    return hada_slot_launch(l->slot, l->crop, "refine_crop", 3, global, local, args, HADA_COUNT(args), err);
+}
+
+/* A crop of the camera's images: to one of their mean, or channel by channel. */
+static crop of_camera(const hada_pursuit_level *l, int parts, double tapers)
+{
+    return (crop){.from = &l->full,
+                  .to = &l->layout,
+                  .channels = l->spec.separate ? 1 : l->options->shape.channels,
+                  .parts = parts,
+                  .factor = 1.0,
+                  .tapers = tapers * TAPER};
+}
+
+/* Image values are kept by the ratio of the sizes; OTFs are values already. */
+static double area_ratio(const hada_spectrum_layout *to, const hada_spectrum_layout *from)
+{
+    return (double)to->rows * to->cols / ((double)from->rows * from->cols);
+}
+
+hada_status hada_level_set_otf(hada_pursuit_level *l, int first, int count, cl_mem otf, size_t offset, hada_error *err)
+{
+    const crop how = of_camera(l, 2, -1.0);
+    return crop_images(l, &how, otf, offset, count * l->shape.channels, &l->otf, first * l->shape.channels, err);
+}
+
+hada_status hada_level_set_prior(hada_pursuit_level *l, cl_mem prior, hada_error *err)
+{
+    crop how = of_camera(l, 1, -2.0);
+    how.factor = 1.0 / how.channels; /* the noise of a mean of channels is smaller than theirs */
+    l->has_prior = 1;
+    return crop_images(l, &how, prior, 0, l->shape.channels, &l->prior, 0, err);
+}
+
+hada_status hada_level_set_power(hada_pursuit_level *l, int first, int count, cl_mem power, size_t offset,
+                                 hada_error *err)
+{
+    const double ratio = area_ratio(&l->layout, &l->full);
+    crop how = of_camera(l, 1, 2.0);
+    how.factor = how.channels * ratio * ratio;
+    how.invert = 1;
+    l->has_doubt = 1;
+    return crop_images(l, &how, power, offset, count * l->shape.channels, &l->doubt, first * l->shape.channels, err);
+}
+
+/* Padded: energies within the frame of `sets` spectra [set][channel], at the frequencies of the evidence. */
+static hada_status measure(hada_pursuit_level *l, cl_mem spectra, int sets, double *energy, hada_error *err)
+{
+    const crop how = {.from = &l->layout,
+                      .to = &l->proof_layout,
+                      .channels = l->shape.channels,
+                      .parts = 2,
+                      .factor = area_ratio(&l->proof_layout, &l->layout)};
+    const size_t pixels = l->proof_area;
+    hada_status status = crop_images(l, &how, spectra, 0, sets, &l->proof, 0, err);
+    if (!status)
+        status = hada_fft_inverse(l->proof_inverse, sets, l->proof.mem, 0, l->proof_frame.mem, 0, NULL, err);
+    if (!status)
+        status =
+            hada_buffer_read(&l->proof_frame, l->slot, 0, l->host_proof, (size_t)sets * pixels * sizeof(float), err);
+    for (size_t set = 0; !status && set < (size_t)sets; set++) {
+        energy[set] = 0.0;
+        for (size_t i = set * pixels; i < (set + 1) * pixels; i++)
+            energy[set] += (double)l->host_proof[i] * l->host_proof[i];
+    }
+    return status;
+}
+
+static hada_refine_data data_of(const hada_pursuit_level *l)
+{
+    return (hada_refine_data){.spectrum = l->spectrum.mem,
+                              .frame = l->frame.mem,
+                              .otf = l->otf.mem,
+                              .otf_depths = l->options->depths,
+                              .prior = l->has_prior ? l->prior.mem : NULL,
+                              .doubt = l->has_doubt ? l->doubt.mem : NULL};
+}
+
+/* Rows and columns of the grid whose frequencies count. */
+static void band_of(const hada_pursuit_level *l, int *rows, int *cols)
+{
+    *rows = grid_size(l->options->shape.grid_rows, l->spec.evidence);
+    *cols = grid_size(l->options->shape.grid_cols, l->spec.evidence);
+}
+
+hada_status hada_level_take(hada_pursuit_level *l, cl_mem spectrum, size_t offset, hada_error *err)
+{
+    const hada_refine_data data = data_of(l);
+    crop how = of_camera(l, 2, 0.0);
+    int rows, cols;
+    band_of(l, &rows, &cols);
+    how.factor = area_ratio(&l->layout, &l->full);
+    hada_status status = crop_images(l, &how, spectrum, offset, l->shape.channels, &l->spectrum, 0, err);
+    if (!status && l->frame_inverse)
+        status = hada_fft_inverse(l->frame_inverse, l->shape.channels, l->spectrum.mem, 0, l->frame.mem, 0, NULL, err);
+    if (status)
+        return status;
+    return l->proof_inverse ? measure(l, l->spectrum.mem, 1, &l->energy, err)
+                            : hada_refiner_score(l->refiner, &data, 1, 0, NULL, rows, cols, &l->energy, err);
+}
+
+hada_status hada_level_left(hada_pursuit_level *l, int steps, int sets, int depths, const int *list, double *left,
+                            hada_error *err)
+{
+    const hada_refine_data data = data_of(l);
+    hada_refine_rule rule;
+    int rows, cols;
+    hada_status status = HADA_OK;
+    band_of(l, &rows, &cols);
+    hada_refine_rule_init(&rule);
+    rule.rho = l->options->rho;
+    rule.first_rho = FIRST_RHO * rule.rho;
+    rule.growth = GROWTH;
+    rule.steps = steps;
+    for (int first = 0; !status && first < sets; first += l->spec.max_sets) {
+        const int *part = list + (size_t)first * (size_t)depths;
+        const int n = sets - first < l->spec.max_sets ? sets - first : l->spec.max_sets;
+        status = hada_refiner_run(l->refiner, &data, &rule, n, depths, part, NULL, err);
+        if (!status && !l->proof_inverse)
+            status = hada_refiner_score(l->refiner, &data, n, depths, part, rows, cols, left + first, err);
+        /* where the sensor crops, only what is missing within the frame counts */
+        if (!status && l->proof_inverse)
+            status = hada_refiner_residual(l->refiner, &data, n, depths, part, left + first, err);
+        if (!status && l->proof_inverse)
+            status = measure(l, hada_refiner_rest(l->refiner), n, left + first, err);
+    }
+    return status;
+}

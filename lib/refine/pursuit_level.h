@@ -1,0 +1,55 @@
+/* The grids on which depth pursuit looks at a frame, and how much of the frame a set of depths leaves. Internal to
+ * lib/refine. */
+#ifndef HADA_REFINE_PURSUIT_LEVEL_H
+#define HADA_REFINE_PURSUIT_LEVEL_H
+
+#include "refine/pursuit.h"
+
+/* What a grid is like. */
+typedef struct hada_level_spec {
+    double shrink;   /* whole grid over this one, >= 1 */
+    double evidence; /* whole grid over the one whose frequencies count as evidence, >= shrink or the same grid's */
+    int separate;    /* 1: every channel for itself; 0: their mean */
+    int max_steps;   /* of a refinement */
+    int max_sets;    /* side by side */
+} hada_level_spec;
+
+typedef struct hada_pursuit_level {
+    hada_slot *slot;
+    const hada_pursuit_options *options; /* the pursuit's */
+    hada_level_spec spec;
+    hada_spectrum_layout full, layout, proof_layout;
+    hada_refine_shape shape;
+    hada_refiner *refiner;
+    hada_buffer otf, prior, doubt, spectrum;
+    /* padded: the frame's pixels; what is left of them at the frequencies of the evidence, [set][pixels] */
+    hada_buffer frame, proof, proof_frame;
+    hada_fft *frame_inverse, *proof_inverse;
+    float *host_proof;
+    size_t proof_area;
+    int has_prior, has_doubt;
+    cl_kernel crop;
+    double energy; /* of the frame in hand, as hada_level_left() measures it */
+} hada_pursuit_level;
+
+size_t hada_level_bytes(const hada_context *context, const hada_pursuit_options *options, const hada_level_spec *spec);
+hada_status hada_level_create(hada_pursuit_level *level, hada_slot *slot, const hada_pursuit_options *options,
+                              const hada_level_spec *spec, hada_error *err);
+void hada_level_destroy(hada_pursuit_level *level); /* the slot's queue must be done with it */
+
+/* As hada_pursuit_set_...(); the depths are checked. */
+hada_status hada_level_set_otf(hada_pursuit_level *level, int first, int count, cl_mem otf, size_t offset,
+                               hada_error *err);
+hada_status hada_level_set_prior(hada_pursuit_level *level, cl_mem prior, hada_error *err);
+hada_status hada_level_set_power(hada_pursuit_level *level, int first, int count, cl_mem power, size_t offset,
+                                 hada_error *err);
+
+/* Brings a frame, by its spectrum, to the grid. */
+hada_status hada_level_take(hada_pursuit_level *level, cl_mem spectrum, size_t offset, hada_error *err);
+
+/* left[k]: the energy that set k of list[sets][depths], refined from nothing by `steps` steps, leaves unexplained of
+ * the mean over channels, at the frequencies of the evidence. */
+hada_status hada_level_left(hada_pursuit_level *level, int steps, int sets, int depths, const int *list, double *left,
+                            hada_error *err);
+
+#endif

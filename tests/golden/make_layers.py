@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Layers, losses, optimisers and learning rates by PyTorch in double precision, for tests/unit/test_net_golden.c.
+"""Layers, losses, optimisers and learning rates by PyTorch in double precision, for test_net_layers_golden.c.
 
     pip install torch safetensors
     python3 tests/golden/make_layers.py        # writes layers.safetensors beside it

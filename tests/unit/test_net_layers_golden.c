@@ -1,0 +1,324 @@
+/* The references of layers, losses and optimisers against PyTorch (tests/golden/make_layers.py), in double precision.
+ */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "io/safetensors.h"
+#include "net/optimizer.h"
+#include "ref/ref_layers.h"
+#include "ref/ref_loss.h"
+#include "ref/ref_optimizer.h"
+#include "testing.h"
+
+static hada_tensors *file;
+
+static int open_file(void **state)
+{
+    (void)state;
+    return (int)hada_tensors_open(&file, HADALENS_SOURCE_DIR "/tests/golden/layers.safetensors", NULL);
+}
+
+static int close_file(void **state)
+{
+    (void)state;
+    hada_tensors_close(&file);
+    return 0;
+}
+
+/* The values of CASE.NAME, to be freed, and how many. */
+static double *golden(const char *name, const char *part, size_t *count)
+{
+    char full[128];
+    snprintf(full, sizeof full, "%s.%s", name, part);
+    const hada_stored_tensor *tensor = hada_tensors_find(file, full);
+    if (!tensor)
+        fail_msg("there is no %s in the golden file", full);
+    assert_int_equal(tensor->type, HADA_F64);
+    double *values = malloc(tensor->bytes ? tensor->bytes : 1);
+    assert_non_null(values);
+    memcpy(values, tensor->data, tensor->bytes);
+    if (count)
+        *count = tensor->bytes / sizeof *values;
+    return values;
+}
+
+static hada_ref_shape golden_shape(const char *name, const char *part)
+{
+    char full[128];
+    snprintf(full, sizeof full, "%s.%s", name, part);
+    const hada_stored_tensor *tensor = hada_tensors_find(file, full);
+    assert_non_null(tensor);
+    assert_int_equal(tensor->dims, 4);
+    const int64_t *s = tensor->shape;
+    return (hada_ref_shape){(int)s[0], (int)s[1], (int)s[2], (int)s[3]};
+}
+
+/* Fails where `values` differ from the golden ones by more than rounding. */
+static void same(const char *name, const char *part, const double *values)
+{
+    size_t count;
+    double *expected = golden(name, part, &count);
+    for (size_t i = 0; i < count; i++)
+        if (!(fabs(values[i] - expected[i]) <= 1e-11 * (1.0 + fabs(expected[i]))))
+            fail_msg("%s.%s: value %zu is %.15g, PyTorch has %.15g", name, part, i, values[i], expected[i]);
+    free(expected);
+}
+
+/* A layer's golden x and dy, and room for y and dx. */
+typedef struct layer {
+    hada_ref_shape in, out;
+    size_t in_count, out_count;
+    double *x, *dy, *y, *dx;
+} layer;
+
+static layer begin(const char *name)
+{
+    layer l = {.in = golden_shape(name, "x"), .out = golden_shape(name, "y")};
+    l.x = golden(name, "x", &l.in_count);
+    l.dy = golden(name, "dy", &l.out_count);
+    l.y = calloc(l.out_count, sizeof *l.y);
+    l.dx = calloc(l.in_count, sizeof *l.dx);
+    assert_non_null(l.y);
+    assert_non_null(l.dx);
+    return l;
+}
+
+static void end(const char *name, layer *l)
+{
+    same(name, "y", l->y);
+    same(name, "dx", l->dx);
+    free(l->x);
+    free(l->dy);
+    free(l->y);
+    free(l->dx);
+}
+
+static void activations(void **state)
+{
+    (void)state;
+    layer l = begin("relu");
+    hada_ref_leaky(l.in_count, 0.0, l.x, l.y);
+    hada_ref_leaky_backward(l.in_count, 0.0, l.y, l.dy, l.dx);
+    end("relu", &l);
+    l = begin("leaky");
+    hada_ref_leaky(l.in_count, 0.2, l.x, l.y);
+    hada_ref_leaky_backward(l.in_count, 0.2, l.y, l.dy, l.dx);
+    end("leaky", &l);
+    l = begin("sigmoid");
+    hada_ref_sigmoid(l.in_count, l.x, l.y);
+    hada_ref_sigmoid_backward(l.in_count, l.y, l.dy, l.dx);
+    end("sigmoid", &l);
+}
+
+static void pooling(void **state)
+{
+    (void)state;
+    static const int windows[][2] = {{2, 2}, {3, 2}, {3, 1}, {2, 3}};
+    for (int mean = 0; mean < 2; mean++)
+        for (size_t i = 0; i < HADA_COUNT(windows); i++) {
+            const int size = windows[i][0], stride = windows[i][1];
+            char name[32];
+            snprintf(name, sizeof name, "%s_pool_%d_%d", mean ? "mean" : "max", size, stride);
+            layer l = begin(name);
+            const hada_ref_shape out = hada_ref_pool_shape(&l.in, size, stride);
+            assert_memory_equal(&out, &l.out, sizeof out);
+            hada_ref_pool(&l.in, mean, size, stride, l.x, l.y);
+            hada_ref_pool_backward(&l.in, mean, size, stride, l.x, l.dy, l.dx);
+            end(name, &l);
+        }
+}
+
+static void resizing(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *name;
+        int taps, aligned;
+    } ways[] = {{"nearest", 1, 0}, {"linear", 2, 0}, {"linear", 2, 1}, {"cubic", 4, 0}, {"cubic", 4, 1}};
+    static const int sizes[][4] = {{5, 7, 13, 16}, {9, 8, 4, 5}, {4, 5, 8, 10}, {1, 3, 2, 1}};
+    for (size_t w = 0; w < HADA_COUNT(ways); w++)
+        for (size_t i = 0; i < HADA_COUNT(sizes); i++) {
+            const int *s = sizes[i], taps = ways[w].taps, aligned = ways[w].aligned;
+            char name[64];
+            snprintf(name, sizeof name, "%s_%d_%d_%d_%d_%d", ways[w].name, aligned, s[0], s[1], s[2], s[3]);
+            layer l = begin(name);
+            hada_ref_resize(&l.in, l.out.rows, l.out.cols, taps, aligned, l.x, l.y);
+            hada_ref_resize_backward(&l.in, l.out.rows, l.out.cols, taps, aligned, l.dy, l.dx);
+            end(name, &l);
+        }
+}
+
+static void placing(void **state)
+{
+    (void)state;
+    layer l = begin("place");
+    hada_ref_place(&l.in, &l.out, 1, -2, 2, l.x, l.y);
+    hada_ref_place_backward(&l.in, &l.out, 1, -2, 2, l.dy, l.dx);
+    end("place", &l);
+}
+
+static void batch_norm(void **state)
+{
+    (void)state;
+    layer l = begin("norm");
+    double *weight = golden("norm", "weight", NULL), *bias = golden("norm", "bias", NULL);
+    double *mean = golden("norm", "mean", NULL), *variance = golden("norm", "variance", NULL);
+    double batch_mean[3], batch_variance[3], dweight[3] = {0}, dbias[3] = {0};
+    hada_ref_batch_norm(&l.in, weight, bias, mean, variance, 1e-3, l.x, l.y);
+    same("norm", "infer", l.y);
+    hada_ref_batch_statistics(&l.in, l.x, batch_mean, batch_variance);
+    hada_ref_batch_norm(&l.in, weight, bias, batch_mean, batch_variance, 1e-3, l.x, l.y);
+    ASSERT_OK(hada_ref_batch_norm_backward(&l.in, weight, 1e-3, l.x, l.dy, l.dx, dweight, dbias, err));
+    same("norm", "dweight", dweight);
+    same("norm", "dbias", dbias);
+    /* the running values take the unbiased variance: 2 x 4 x 5 values */
+    for (int c = 0; c < 3; c++) {
+        mean[c] += 0.25 * (batch_mean[c] - mean[c]);
+        variance[c] += 0.25 * (batch_variance[c] * 40.0 / 39.0 - variance[c]);
+    }
+    same("norm", "mean_after", mean);
+    same("norm", "variance_after", variance);
+    end("norm", &l);
+    free(weight);
+    free(bias);
+    free(mean);
+    free(variance);
+}
+
+static void linear(void **state)
+{
+    (void)state;
+    double *x = golden("linear", "x", NULL), *w = golden("linear", "weight", NULL), *b = golden("linear", "bias", NULL);
+    double *dy = golden("linear", "dy", NULL), y[12], dx[21] = {0}, dw[28] = {0}, db[4] = {0};
+    hada_ref_linear(3, 7, 4, w, b, x, y);
+    hada_ref_linear_backward(3, 7, 4, w, x, dy, dx, dw, db);
+    same("linear", "y", y);
+    same("linear", "dx", dx);
+    same("linear", "dweight", dw);
+    same("linear", "dbias", db);
+    free(x);
+    free(w);
+    free(b);
+    free(dy);
+}
+
+static double loss_of(const char *name, const hada_ref_shape *shape, const double *x, const double *t, double *dx)
+{
+    const size_t count = hada_ref_values(shape);
+    if (!strcmp(name, "mse"))
+        return hada_ref_mse(count, 1.5, x, t, dx);
+    if (!strcmp(name, "l1"))
+        return hada_ref_l1(count, 1.5, x, t, dx);
+    if (!strcmp(name, "logits"))
+        return hada_ref_logits(count, 1.5, x, t, dx);
+    if (!strcmp(name, "ssim"))
+        return hada_ref_ssim(shape, 1.0, 1.5, x, t, dx);
+    return hada_ref_variation(shape, !strcmp(name, "tv_squared"), 1.5, x, dx);
+}
+
+static void losses(void **state)
+{
+    (void)state;
+    static const char *const names[] = {"mse", "l1", "logits", "tv", "tv_squared", "ssim"};
+    for (size_t i = 0; i < HADA_COUNT(names); i++) {
+        const hada_ref_shape shape = golden_shape(names[i], "x");
+        double *x = golden(names[i], "x", NULL), *t = golden(names[i], "t", NULL);
+        double *dx = calloc(hada_ref_values(&shape), sizeof *dx);
+        assert_non_null(dx);
+        const double value = loss_of(names[i], &shape, x, t, dx), alone = loss_of(names[i], &shape, x, t, NULL);
+        same(names[i], "value", &value);
+        same(names[i], "value", &alone);
+        same(names[i], "dx", dx);
+        free(x);
+        free(t);
+        free(dx);
+    }
+}
+
+enum { PARAMETERS = 6, STEPS = 4 };
+
+static void optimizer(const char *name, const hada_ref_rmsprop *rmsprop, const hada_ref_adam *adam)
+{
+    double *p = golden(name, "p", NULL), *g = golden(name, "g", NULL), v[PARAMETERS] = {0}, a[PARAMETERS] = {0};
+    double b[PARAMETERS] = {0}, after[STEPS * PARAMETERS];
+    for (int t = 1; t <= STEPS; t++) {
+        const double *gradient = g + (t - 1) * PARAMETERS;
+        if (rmsprop) {
+            hada_ref_rmsprop rule = *rmsprop;
+            rule.rate = 0.01 / t;
+            hada_ref_rmsprop_torch(&rule, PARAMETERS, gradient, p, v, a, b);
+        } else {
+            hada_ref_adam rule = *adam;
+            rule.rate = 0.01 / t;
+            hada_ref_adam_step(&rule, t, PARAMETERS, gradient, p, a, v);
+        }
+        memcpy(after + (t - 1) * PARAMETERS, p, sizeof v);
+    }
+    same(name, "after", after);
+    free(p);
+    free(g);
+}
+
+static void optimizers(void **state)
+{
+    (void)state;
+    const hada_ref_rmsprop plain = {.decay = 0.99, .eps = 1e-8};
+    const hada_ref_rmsprop all = {.decay = 0.8, .eps = 1e-3, .momentum = 0.5, .weight_decay = 0.125, .centered = 1};
+    const hada_ref_adam adam = {.beta1 = 0.9, .beta2 = 0.999, .eps = 1e-8};
+    const hada_ref_adam decay = {.beta1 = 0.5, .beta2 = 0.9, .eps = 1e-3, .weight_decay = 0.125};
+    const hada_ref_adam adamw = {.beta1 = 0.9, .beta2 = 0.999, .eps = 1e-3, .weight_decay = 0.125, .decoupled = 1};
+    optimizer("rmsprop", &plain, NULL);
+    optimizer("rmsprop_all", &all, NULL);
+    optimizer("adam", NULL, &adam);
+    optimizer("adam_decay", NULL, &decay);
+    optimizer("adamw", NULL, &adamw);
+}
+
+/* Keras's RMSprop by hand: v = 0.9 * 0 + 0.1 * 4 = 0.4, then 0.36 + 0.1 * 1 = 0.46. */
+static void keras(void **state)
+{
+    (void)state;
+    const hada_ref_rmsprop rule = {.rate = 0.5, .decay = 0.9, .eps = 0.09, .momentum = 0.25};
+    double p = 1.0, v = 0.0, b = 0.0, g = 2.0;
+    hada_ref_rmsprop_keras(&rule, 1, &g, &p, &v, NULL, &b);
+    const double first = 0.5 * 2.0 / sqrt(0.49);
+    assert_true(fabs(p - (1.0 - first)) < 1e-15);
+    g = -1.0;
+    hada_ref_rmsprop_keras(&rule, 1, &g, &p, &v, NULL, &b);
+    const double second = 0.25 * first - 0.5 / sqrt(0.46 + 0.09);
+    assert_true(fabs(p - (1.0 - first - second)) < 1e-15);
+    assert_true(fabs(v - 0.46) < 1e-15);
+}
+
+static void rates(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *name;
+        hada_schedule schedule;
+    } cases[] = {
+        {"step", {HADA_SCHEDULE_STEP, 0.1, 0.5, 0.0, 3, 0, 0.0}},
+        {"step_warm", {HADA_SCHEDULE_STEP, 0.1, 0.5, 0.0, 3, 4, 0.25}},
+        {"cosine", {HADA_SCHEDULE_COSINE, 0.1, 0.0, 0.01, 12, 0, 0.0}},
+        {"cosine_warm", {HADA_SCHEDULE_COSINE, 0.1, 0.0, 0.01, 9, 3, 0.25}},
+    };
+    for (size_t i = 0; i < HADA_COUNT(cases); i++) {
+        double values[12];
+        ASSERT_OK(hada_schedule_validate(&cases[i].schedule, err));
+        for (uint64_t step = 0; step < 12; step++)
+            values[step] = hada_schedule_rate(&cases[i].schedule, step);
+        same(cases[i].name, "rates", values);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(activations), cmocka_unit_test(pooling),    cmocka_unit_test(resizing),
+        cmocka_unit_test(placing),     cmocka_unit_test(batch_norm), cmocka_unit_test(linear),
+        cmocka_unit_test(losses),      cmocka_unit_test(optimizers), cmocka_unit_test(keras),
+        cmocka_unit_test(rates),
+    };
+    return cmocka_run_group_tests_name("layers golden", tests, open_file, close_file);
+}

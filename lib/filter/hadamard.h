@@ -44,8 +44,8 @@ hada_status hada_hadamard_create(hada_hadamard **out, hada_slot *slot, const had
                                  hada_error *err);
 void hada_hadamard_destroy(hada_hadamard **stage);
 
-/* From now on the inverse transforms compute the whole grid, of which the window is cut: to compare with. The bits are
- * the same. It needs so many more bytes. */
+/* From now on the inverse transforms compute the whole grid, of which the window is cut: to compare with. It rounds
+ * otherwise, since rows are transformed in other pairs. It needs so many more bytes. */
 hada_status hada_hadamard_unprune(hada_hadamard *stage, hada_error *err);
 uint64_t hada_hadamard_unpruned_bytes(const hada_context *context, const hada_model_info *info, int batch);
 

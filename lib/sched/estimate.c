@@ -22,7 +22,9 @@ hada_status hada_plan_estimate(hada_context *context, const hada_model *model, c
     const int batch = hada_lane_batch(context, model, &shape, shape.queues);
     *device_bytes = hada_share_bytes(context, model, &shape) +
                     (uint64_t)shape.queues * hada_lane_bytes(context, model, &shape, batch);
-    /* the result, and a copy of the frame while broken pixels are repaired */
-    *host_bytes = plane * (uint64_t)shape.depths + plane + 4 * pixels + (options->repair_not_finite ? 2 * frame : 0);
+    /* the result, a copy of the frame while broken pixels are repaired, and the frame before with its result */
+    const uint64_t result = plane * (uint64_t)shape.depths + plane + 4 * pixels;
+    *host_bytes = result + (options->repair_not_finite ? 2 * frame : 0) +
+                  (options->skip & HADA_SKIP_FRAMES ? hada_frames_bytes(frame, result) : 0);
     return HADA_OK;
 }

@@ -30,9 +30,11 @@ hada_status hada_job_submit(hada_job **out, hada_plan *plan, const hada_image *r
         free(job);
         return status;
     }
+    status = hada_frames_enter(&plan->frames, &job->task, err);
     hada_board *board = job->board = plan->board;
     pthread_mutex_lock(&board->lock);
-    status = hada_board_start(board, err);
+    if (!status)
+        status = hada_board_start(board, err);
     if (!status) {
         board->references++;
         job->task.serial = ++board->serial;
@@ -141,7 +143,9 @@ static hada_status run_here(hada_plan *plan, uint64_t serial, const hada_image *
     hada_status status = hada_task_begin(&task, plan, raw, result, err);
     if (!status) {
         task.serial = serial;
-        status = hada_lane_run(plan->lanes[0], &task, err);
+        status = hada_frames_enter(&plan->frames, &task, err);
+        if (!status)
+            status = hada_lane_run(plan->lanes[0], &task, err);
         hada_task_end(&task, status);
     }
     leave(plan->board, hada_seconds() - start);

@@ -87,7 +87,11 @@ void hada_lane_stumble(hada_lane *lane)
 hada_status hada_lane_run(hada_lane *lane, hada_task *task, hada_error *err)
 {
     hada_error error = {0};
-    hada_status status = run(lane, task, &error);
+    hada_status status;
+    if (hada_frames_reuse(task, &status, err))
+        return status;
+    hada_frames_begin(task);
+    status = run(lane, task, &error);
     while (status == HADA_ERROR_DEVICE_MEMORY && !lane->plan->shape.refined && lane->batch > 1) {
         lane->batch = (lane->batch + 1) / 2;
         hada_log(lane->share->context, HADA_LOG_WARNING, "%s; trying again with batches of %d depths", error.message,
@@ -95,6 +99,7 @@ hada_status hada_lane_run(hada_lane *lane, hada_task *task, hada_error *err)
         hada_lane_clear(lane);
         status = run(lane, task, &error);
     }
+    hada_frames_done(task, status);
     if (status && err)
         *err = error;
     return status;

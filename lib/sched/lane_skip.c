@@ -8,9 +8,12 @@
 /* Two runs that add up other frequencies round differently, each by at most this (relative L2, see docs/fft.md). */
 static const double transform_rounding = 3e-7;
 
-/* The planes' norm is known only afterwards. The choice of a band takes it for this share of what the filters put on
- * the whole grid. */
-static const double expected_share = 0.25;
+/* The planes' norm is known only afterwards. The choice of a band takes it for what they would have if light spread
+ * evenly over the grid; a scene stands in the window, so that they have more. Returns their share of the L2 norm. */
+static double expected_share(const hada_model_info *info)
+{
+    return sqrt((double)info->window_rows * info->window_cols / ((double)info->grid_rows * info->grid_cols));
+}
 
 uint64_t hada_lane_skip_bytes(const hada_context *context, const hada_model_info *info, const hada_plan_shape *shape,
                               int batch)
@@ -62,7 +65,8 @@ static void choose_band(const hada_plan *plan, const float *energy, hada_task_sk
     const hada_gains *gains = plan->skip.gains;
     const double light = sqrt(hada_gains_light(gains, energy)), rounding = 2.0 * transform_rounding * light,
                  half = shape->half_by_error ? sqrt(gains->halved) * light : 0.0;
-    const double most = expected_share * light * plan->options.max_error / (1.0 + plan->options.max_error);
+    const double most = expected_share(hada_model_get_info(plan->model)) * light * plan->options.max_error /
+                        (1.0 + plan->options.max_error);
     double dropped[HADA_BANDS];
     int band = HADA_BANDS - 1;
     hada_gains_dropped(gains, energy, dropped);

@@ -104,6 +104,7 @@ hada_status hada_plan_create_on(hada_plan **out, hada_context *const *contexts, 
     if (status)
         return status;
     plan->model = model;
+    hada_frames_make(&plan->frames);
     plan->options = *options;
     plan->options.depths = plan->options.occupied_list = NULL;
     plan->options.dark_frame = NULL;
@@ -143,6 +144,7 @@ void hada_plan_destroy(hada_plan **pointer)
         hada_share_destroy(&plan->shares[i]);
     if (plan->board)
         hada_board_release(plan->board);
+    hada_frames_free(&plan->frames);
     hada_plan_skip_free(&plan->skip);
     hada_image_destroy(&plan->dark_frame);
     free(plan->lanes);

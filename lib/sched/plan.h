@@ -2,6 +2,7 @@
 #ifndef HADA_SCHED_PLAN_H
 #define HADA_SCHED_PLAN_H
 
+#include "sched/frames.h"
 #include "sched/plan_shape.h"
 #include "sched/skip.h"
 
@@ -17,6 +18,7 @@ struct hada_plan {
     unsigned char *listed; /* per computed depth: named by HADA_OCCUPIED_LIST */
     hada_image dark_frame; /* empty where none */
     hada_plan_skip skip;
+    hada_frames frames;
     hada_share **shares; /* one a context */
     hada_lane **lanes;   /* queues of the first device, of the second, ... */
     int share_count, lane_count;

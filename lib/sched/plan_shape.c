@@ -84,7 +84,7 @@ static hada_status skip_shape(const hada_model *model, const hada_plan_options *
         shape->half_by_error = (options->skip & HADA_SKIP_HALF) && !shape->half && options->max_error >= half_pays &&
                                hada_gains_fits_half(model, options->depths, shape->depths);
         shape->half |= shape->half_by_error;
-        shape->bounded = shape->half_by_error || (options->skip & HADA_SKIP_FREQUENCIES);
+        shape->bounded = shape->half_by_error || (options->skip & (HADA_SKIP_FREQUENCIES | HADA_SKIP_FRAMES));
     }
     shape->measured = shape->bounded || options->band < 1.0;
     return HADA_OK;

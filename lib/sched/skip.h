@@ -28,6 +28,7 @@ typedef struct hada_task_skip {
     int band_rows, band_cols; /* of the inverse transforms; 0, 0: all */
     double change;            /* of the stack, at most, under max_error: absolute L2 over all pixels */
     double band_change;       /* the same for the band that the caller chose */
+    double norm;              /* of the stack, where max_error is above 0 */
     int limited;              /* 1: max_error left frequencies out */
     int again;                /* 1: bounded kinds are off, since their bound was not kept */
 } hada_task_skip;
@@ -56,6 +57,10 @@ hada_status hada_lane_skip_dense(hada_lane *lane, int first, int count, hada_err
 /* After the planes came home: whether they must be computed again, since what was left out may have changed the stack
  * by more than max_error. */
 int hada_task_skip_again(hada_task *task);
+
+/* A change of the stack by at most `change`, relative to what the stack would be without it, which is at least its norm
+ * - change: L2 over all pixels. Infinite where nothing can be said. */
+double hada_skip_relative(double change, double norm);
 
 /* Into the task's report. */
 void hada_task_skip_report(hada_task *task);

@@ -45,6 +45,7 @@ void hada_task_end(hada_task *task, hada_status status)
     free(task->levels);
     free(task->depths);
     hada_task_skip_end(task);
+    hada_frames_leave(task);
     task->levels = NULL;
     task->depths = NULL;
 }
@@ -99,19 +100,28 @@ static hada_status repair(hada_task *task, hada_error *err)
     return hada_frame_repair(&task->repaired, &task->result->report.repaired_pixels, err);
 }
 
+int hada_task_each_level(const hada_plan *plan)
+{
+    /* a model asks for the level of each frame by a dark level below zero */
+    return plan->options.dark == HADA_DARK_AUTO ||
+           (plan->options.dark == HADA_DARK_MODEL && hada_model_get_info(plan->model)->dark < 0);
+}
+
+double hada_task_fixed_level(const hada_plan *plan)
+{
+    return plan->options.dark == HADA_DARK_MODEL   ? hada_model_get_info(plan->model)->dark
+           : plan->options.dark == HADA_DARK_LEVEL ? plan->options.dark_level
+                                                   : 0.0;
+}
+
 /* The report takes the mean of the channels' levels. */
 static hada_status find_levels(hada_task *task, hada_error *err)
 {
     const hada_plan *plan = task->plan;
     const hada_image *frame = hada_task_frame(task);
-    const hada_model_info *info = hada_model_get_info(plan->model);
-    const hada_dark dark = plan->options.dark;
     const size_t pixels = (size_t)frame->rows * (size_t)frame->cols;
-    const double level = dark == HADA_DARK_MODEL   ? info->dark
-                         : dark == HADA_DARK_LEVEL ? plan->options.dark_level
-                                                   : 0.0;
-    /* a model asks for the level of each frame by a dark level below zero */
-    const int each = dark == HADA_DARK_AUTO || (dark == HADA_DARK_MODEL && info->dark < 0);
+    const double level = hada_task_fixed_level(plan);
+    const int each = hada_task_each_level(plan);
     void *room = NULL;
     hada_status status = each ? hada_alloc_raw(&room, pixels, sizeof(float), "the dark level", err) : HADA_OK;
     for (int channel = 0; !status && channel < frame->channels; channel++) {

@@ -22,6 +22,8 @@ struct hada_task {
     unsigned char *depths; /* linear, per computed depth: see batches.h; the board's lock guards these three */
     int open, helpers;     /* other lanes may take batches; how many are at it */
     hada_task_skip skip;
+    hada_kept *kept, *source; /* see frames.h: this frame's copy, or the frame before that serves */
+    double source_change;     /* what the latter changes at most: L2 */
 };
 
 enum { HADA_PROGRESS = 1000000, HADA_WORK_PURSUIT = 8 };
@@ -36,6 +38,10 @@ hada_status hada_task_prepare(hada_task *task, hada_error *err);
 
 /* The frame to work on, after hada_task_prepare(). */
 const hada_image *hada_task_frame(const hada_task *task);
+
+/* Whether each frame has a dark level of its own, or the level of all. */
+int hada_task_each_level(const hada_plan *plan);
+double hada_task_fixed_level(const hada_plan *plan);
 
 /* So much of task->work is done; the progress never falls. */
 void hada_task_progress(hada_task *task, int done);

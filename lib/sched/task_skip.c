@@ -85,9 +85,7 @@ static double norm_of(const hada_result *result)
     return sqrt(sum);
 }
 
-/* A change of at most `change` is at most this much of what the planes would have been without it, which is at least
- * norm - change. */
-static double relative(double change, double norm)
+double hada_skip_relative(double change, double norm)
 {
     return change == 0.0 ? 0.0 : change < norm ? change / (norm - change) : INFINITY;
 }
@@ -96,9 +94,11 @@ int hada_task_skip_again(hada_task *task)
 {
     hada_task_skip *skip = &task->skip;
     hada_skip_report *report = &task->result->report.skipped;
-    const double norm = skip->change + skip->band_change > 0.0 ? norm_of(task->result) : 0.0;
-    const int again = relative(skip->change, norm) > task->plan->options.max_error;
-    report->bound = relative(skip->change + skip->band_change, norm);
+    const double most = task->plan->options.max_error;
+    const double norm = skip->change + skip->band_change + most > 0.0 ? norm_of(task->result) : 0.0;
+    const int again = hada_skip_relative(skip->change, norm) > most;
+    report->bound = hada_skip_relative(skip->change + skip->band_change, norm);
+    skip->norm = norm;
     if (again) {
         skip->again = 1;
         skip->limited = 0;

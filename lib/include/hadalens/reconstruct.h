@@ -31,7 +31,8 @@ typedef enum hada_dark {
 /* Work that a scene does not need. Each kind has a switch; docs/skipping.md says what each saves and why its error is
  * what is said here. "Bounded" kinds act only under a max_error above 0. */
 typedef enum hada_skip {
-    HADA_SKIP_PRUNE = 1,  /* rows and columns of the inverse transforms outside the window; exact */
+    HADA_SKIP_PRUNE = 1,  /* rows and columns of the inverse transforms outside the window; exact but for rounding, since
+                             a row shares its transform with another one than before */
     HADA_SKIP_DEPTHS = 2, /* the occupied depths are found on a small part of the spectrum instead of all of it, and
                              only their planes are computed; exact as long as both looks decide the same */
     HADA_SKIP_FREQUENCIES = 4, /* frequencies whose filtered light is negligible; bounded (Parseval) */

@@ -1,0 +1,145 @@
+/* Kinds of skipping that are exact: the same bits as without them. */
+#include "skip_fixture.h"
+
+static void run(const skip_fixture *f, int model, const hada_plan_options *options, const hada_image *frame,
+                hada_result *result)
+{
+    hada_plan *plan = skip_plan(f, model, options);
+    ASSERT_OK(hada_plan_run(plan, frame, result, err));
+    hada_plan_destroy(&plan);
+}
+
+/* Pruning alone rounds otherwise. */
+static void pruning_changes_rounding_alone(void **state)
+{
+    const skip_fixture *f = *state;
+    for (int model = 0; model < SKIP_MODELS; model++)
+        for (int which = 0; which < SKIP_FRAMES; which++) {
+            const hada_plan_options whole = skip_options(0, 0.0), pruned = skip_options(HADA_SKIP_PRUNE, 0.0);
+            hada_result a = {0}, b = {0};
+            run(f, model, &whole, &f->frame[which], &a);
+            run(f, model, &pruned, &f->frame[which], &b);
+            /* relative to the light in the window, which may be little of what the transform carries */
+            assert_true(skip_change(&b, &a) <= 1e-5);
+            assert_int_equal(a.report.skipped.kinds, 0);
+            assert_int_equal(b.report.skipped.kinds, HADA_SKIP_PRUNE);
+            hada_result_destroy(&a);
+            hada_result_destroy(&b);
+        }
+}
+
+static void assert_channels(const hada_result *result, int skipped, int by_spectrum)
+{
+    assert_int_equal(result->report.skipped.channels, skipped);
+    assert_int_equal((result->report.skipped.kinds & HADA_SKIP_CHANNELS) != 0, skipped || by_spectrum);
+    assert_true(result->report.skipped.bound == 0.0);
+}
+
+/* Black and equal channels, with filters that are equal in two channels of one model and differ in the others. */
+static void channels_give_the_same_bits(void **state)
+{
+    const skip_fixture *f = *state;
+    for (int model = 0; model < SKIP_MODELS; model++)
+        for (int which = 0; which < SKIP_FRAMES; which++)
+            for (int batch = 1; batch <= SKIP_DEPTHS; batch += SKIP_DEPTHS - 1) {
+                hada_plan_options dense = skip_options(HADA_SKIP_PRUNE, 0.0),
+                                  options = skip_options(HADA_SKIP_PRUNE | HADA_SKIP_CHANNELS, 0.0);
+                hada_result a = {0}, b = {0};
+                dense.batch = options.batch = batch;
+                run(f, model, &dense, &f->frame[which], &a);
+                run(f, model, &options, &f->frame[which], &b);
+                assert_true(skip_same(&a, &b));
+                if (which == SKIP_BLACK)
+                    assert_channels(&b, 3, 0);
+                else if (which == SKIP_ONE_COLOUR || which == SKIP_SPIKE)
+                    assert_channels(&b, 2, 0);
+                else if (which == SKIP_GREY || which == SKIP_CONSTANT)
+                    assert_channels(&b, model == SKIP_SPLIT, 1);
+                else
+                    assert_channels(&b, 0, 0);
+                hada_result_destroy(&a);
+                hada_result_destroy(&b);
+            }
+}
+
+/* Black is what the dark level and the dark frame leave nothing of, to the last bit. */
+static void black_is_counted_from_the_dark_level(void **state)
+{
+    const skip_fixture *f = *state;
+    hada_image frame, dark;
+    ASSERT_OK(hada_image_create(&frame, SKIP_CHANNELS, SKIP_ROWS, SKIP_COLS, err));
+    ASSERT_OK(hada_image_create(&dark, SKIP_CHANNELS, SKIP_ROWS, SKIP_COLS, err));
+    for (size_t i = 0; i < hada_image_count(&dark); i++) {
+        dark.data[i] = 0.01f * (float)(i % 7);
+        frame.data[i] = dark.data[i] + (i / skip_pixels() == 1 ? 0.2f : 0.0f);
+    }
+    for (int kind = 0; kind < 3; kind++) {
+        hada_plan_options dense = skip_options(HADA_SKIP_PRUNE, 0.0), options = skip_options(HADA_SKIP_ALL, 0.0);
+        hada_result a = {0}, b = {0};
+        dense.dark = options.dark = kind == 0 ? HADA_DARK_FRAME : kind == 1 ? HADA_DARK_LEVEL : HADA_DARK_AUTO;
+        dense.dark_frame = options.dark_frame = kind == 0 ? &dark : NULL;
+        dense.dark_level = options.dark_level = 0.05;
+        run(f, SKIP_WIENER, &dense, kind ? &f->frame[SKIP_CONSTANT] : &frame, &a);
+        run(f, SKIP_WIENER, &options, kind ? &f->frame[SKIP_CONSTANT] : &frame, &b);
+        assert_true(skip_same(&a, &b));
+        assert_int_equal(b.report.skipped.channels, kind == 0 ? 2 : kind == 1 ? 0 : 3);
+        hada_result_destroy(&a);
+        hada_result_destroy(&b);
+    }
+    frame.data[5] += 1e-6f; /* one pixel more than black */
+    hada_plan_options options = skip_options(HADA_SKIP_ALL, 0.0);
+    hada_result b = {0};
+    options.dark = HADA_DARK_FRAME;
+    options.dark_frame = &dark;
+    run(f, SKIP_WIENER, &options, &frame, &b);
+    assert_int_equal(b.report.skipped.channels, 1);
+    hada_result_destroy(&b);
+    hada_image_destroy(&frame);
+    hada_image_destroy(&dark);
+}
+
+static void depths_that_are_known_to_be_empty_are_not_computed(void **state)
+{
+    const skip_fixture *f = *state;
+    const int list[] = {1, 3};
+    hada_plan_options options = skip_options(HADA_SKIP_ALL, 0.0);
+    hada_result a = {0};
+    options.occupied = HADA_OCCUPIED_LIST;
+    options.occupied_list = list;
+    options.occupied_count = 2;
+    run(f, SKIP_WIENER, &options, &f->frame[SKIP_BETWEEN], &a);
+    assert_int_equal(a.report.skipped.depths, 2);
+    assert_true(a.report.skipped.kinds & HADA_SKIP_DEPTHS);
+    hada_result_destroy(&a);
+}
+
+/* Refined planes: bounded kinds do not act, exact ones do. */
+static void refinement_takes_exact_kinds_alone(void **state)
+{
+    const skip_fixture *f = *state;
+    for (int which = 0; which < SKIP_FRAMES; which++) {
+        hada_plan_options dense = skip_options(HADA_SKIP_ALL & ~(unsigned)(HADA_SKIP_CHANNELS | HADA_SKIP_FRAMES), 0.0),
+                          options = skip_options(HADA_SKIP_ALL, 0.1);
+        hada_result a = {0}, b = {0};
+        dense.refine = options.refine = 4;
+        run(f, SKIP_WIENER, &dense, &f->frame[which], &a);
+        run(f, SKIP_WIENER, &options, &f->frame[which], &b);
+        assert_true(skip_same(&a, &b));
+        assert_true(b.report.skipped.bound == 0.0);
+        assert_int_equal(b.report.skipped.kinds & (HADA_SKIP_FREQUENCIES | HADA_SKIP_HALF), 0);
+        hada_result_destroy(&a);
+        hada_result_destroy(&b);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(pruning_changes_rounding_alone),
+        cmocka_unit_test(channels_give_the_same_bits),
+        cmocka_unit_test(black_is_counted_from_the_dark_level),
+        cmocka_unit_test(depths_that_are_known_to_be_empty_are_not_computed),
+        cmocka_unit_test(refinement_takes_exact_kinds_alone),
+    };
+    return cmocka_run_group_tests(tests, skip_setup, skip_teardown);
+}

@@ -1,0 +1,174 @@
+/* Frames that equal the one before, or nearly so. */
+#include "skip_fixture.h"
+
+static hada_image copy_of(const hada_image *image)
+{
+    hada_image copy;
+    ASSERT_OK(hada_image_create(&copy, image->channels, image->rows, image->cols, err));
+    memcpy(copy.data, image->data, hada_image_count(image) * sizeof *image->data);
+    return copy;
+}
+
+/* The pixels decide; the caller may have changed or freed the frame and the result in the meantime. */
+static void an_equal_frame_takes_the_result_of_the_one_before(void **state)
+{
+    const skip_fixture *f = *state;
+    for (int refine = 0; refine <= 3; refine += 3) {
+        hada_plan_options options = skip_options(HADA_SKIP_ALL, 0.0);
+        options.refine = refine;
+        options.gamma = 0.5;
+        hada_plan *plan = skip_plan(f, SKIP_WIENER, &options);
+        hada_image frame = copy_of(&f->frame[SKIP_EDGE]);
+        hada_result first = {0}, again = {0}, third = {0};
+        ASSERT_OK(hada_plan_run(plan, &frame, &first, err));
+        assert_int_equal(first.report.skipped.frame, 0);
+        hada_result kept = {0};
+        ASSERT_OK(hada_plan_run(plan, &frame, &kept, err));
+        assert_int_equal(kept.report.skipped.frame, 1);
+        assert_true(kept.report.skipped.kinds & HADA_SKIP_FRAMES);
+        assert_true(kept.report.skipped.bound == 0.0);
+        assert_true(skip_same(&first, &kept));
+        memset(first.planes[0].data, 0xff, hada_image_count(&first.planes[0]) * sizeof(float));
+        hada_image_destroy(&frame);
+        frame = copy_of(&f->frame[SKIP_EDGE]);
+        ASSERT_OK(hada_plan_run(plan, &frame, &again, err));
+        assert_int_equal(again.report.skipped.frame, 1);
+        assert_int_equal(again.report.refine_steps, kept.report.refine_steps);
+        assert_int_equal(again.report.occupied_count, kept.report.occupied_count);
+        assert_true(skip_same(&again, &kept));
+        frame.data[hada_image_count(&frame) - 1] += 1e-7f; /* the last pixel alone */
+        ASSERT_OK(hada_plan_run(plan, &frame, &third, err));
+        assert_int_equal(third.report.skipped.frame, 0);
+        ASSERT_OK(hada_plan_run(plan, &f->frame[SKIP_EDGE], &third, err)); /* not the one before any more */
+        assert_int_equal(third.report.skipped.frame, 0);
+        hada_image_destroy(&frame);
+        hada_result_destroy(&first);
+        hada_result_destroy(&kept);
+        hada_result_destroy(&again);
+        hada_result_destroy(&third);
+        hada_plan_destroy(&plan);
+    }
+}
+
+static void the_switch_is_obeyed(void **state)
+{
+    const skip_fixture *f = *state;
+    const hada_plan_options options = skip_options(HADA_SKIP_ALL & ~(unsigned)HADA_SKIP_FRAMES, 0.1);
+    hada_plan *plan = skip_plan(f, SKIP_WIENER, &options);
+    for (int i = 0; i < 2; i++) {
+        hada_result result = {0};
+        ASSERT_OK(hada_plan_run(plan, &f->frame[SKIP_EDGE], &result, err));
+        assert_int_equal(result.report.skipped.frame, 0);
+        hada_result_destroy(&result);
+    }
+    hada_plan_destroy(&plan);
+}
+
+/* A frame that could not be done serves nobody. */
+static void a_failed_frame_is_not_reused(void **state)
+{
+    const skip_fixture *f = *state;
+    const hada_plan_options options = skip_options(HADA_SKIP_ALL, 0.0);
+    hada_plan *plan = skip_plan(f, SKIP_WIENER, &options);
+    hada_image broken = copy_of(&f->frame[SKIP_EDGE]);
+    broken.data[7] = NAN;
+    for (int i = 0; i < 3; i++) {
+        hada_result result = {0};
+        hada_error err = {0};
+        assert_int_equal(hada_plan_run(plan, &broken, &result, &err), HADA_ERROR_NOT_FINITE);
+        assert_null(result.planes);
+    }
+    hada_image_destroy(&broken);
+    hada_plan_destroy(&plan);
+}
+
+/* A sequence that drifts by less than the error from frame to frame: each result is within the error of its own dense
+ * run, so the drift does not add up unseen. */
+static void nearly_equal_frames_stay_within_the_error(void **state)
+{
+    const skip_fixture *f = *state;
+    const double most = 1e-2;
+    for (int model = 0; model < SKIP_MODELS; model++) {
+        const hada_plan_options plain = skip_options(HADA_SKIP_PRUNE, 0.0), options = skip_options(HADA_SKIP_ALL, most);
+        hada_plan *exact = skip_plan(f, model, &plain), *plan = skip_plan(f, model, &options);
+        hada_image frame = copy_of(&f->frame[SKIP_BETWEEN]);
+        hada_random random;
+        int reused = 0, computed = 0;
+        hada_random_seed(&random, 11, 0);
+        for (int i = 0; i < 40; i++) {
+            hada_result dense = {0}, result = {0};
+            ASSERT_OK(hada_plan_run(exact, &frame, &dense, err));
+            ASSERT_OK(hada_plan_run(plan, &frame, &result, err));
+            const hada_skip_report *report = &result.report.skipped;
+            const double change = skip_change(&result, &dense);
+            if (!(change <= report->bound) || !(report->bound <= most))
+                fail_msg("model %d, frame %d: change %g, bound %g", model, i, change, report->bound);
+            reused += report->frame;
+            computed += !report->frame;
+            hada_result_destroy(&dense);
+            hada_result_destroy(&result);
+            for (size_t k = 0; k < hada_image_count(&frame); k++)
+                frame.data[k] *= (float)(1.0 + 1e-3 * hada_random_uniform(&random));
+        }
+        if (!reused || computed < 2)
+            fail_msg("model %d: %d reused, %d computed", model, reused, computed);
+        hada_image_destroy(&frame);
+        hada_plan_destroy(&exact);
+        hada_plan_destroy(&plan);
+    }
+}
+
+/* The same results, in the same way, however many queues a plan has and however many frames are in flight. */
+static void queues_and_batches_find_the_same(void **state)
+{
+    enum { LONG = 12 };
+    const skip_fixture *f = *state;
+    const int order[LONG] = {0, 1, 1, 2, 2, 2, 8, 8, 8, 3, 9, 9};
+    hada_image frames[LONG];
+    hada_result expected[LONG] = {{0}};
+    for (int i = 0; i < LONG; i++) {
+        frames[i] = copy_of(&f->frame[order[i]]);
+        if (i == 5 || i == 8) /* nearly the one before */
+            frames[i].data[100] *= 1.0f + 1e-5f;
+    }
+    for (int variant = 0; variant < 4; variant++) {
+        hada_plan_options options = skip_options(HADA_SKIP_ALL, 1e-2);
+        hada_job *jobs[LONG];
+        hada_result results[LONG] = {{0}};
+        options.queues = variant ? variant : 1;
+        options.batch = variant == 2 ? 1 : 0;
+        hada_plan *plan = skip_plan(f, SKIP_SMOOTH, &options);
+        for (int i = 0; i < LONG; i++)
+            if (variant)
+                ASSERT_OK(hada_job_submit(&jobs[i], plan, &frames[i], &results[i], err));
+            else
+                ASSERT_OK(hada_plan_run(plan, &frames[i], &expected[i], err));
+        for (int i = 0; variant && i < LONG; i++) {
+            ASSERT_OK(hada_job_wait(jobs[i], err));
+            hada_job_destroy(&jobs[i]);
+            assert_true(skip_same(&results[i], &expected[i]));
+            assert_true(results[i].report.skipped.bound == expected[i].report.skipped.bound);
+            assert_int_equal(results[i].report.skipped.frame, expected[i].report.skipped.frame);
+            hada_result_destroy(&results[i]);
+        }
+        hada_plan_destroy(&plan);
+    }
+    assert_int_equal(expected[2].report.skipped.frame, 1);
+    assert_int_equal(expected[4].report.skipped.frame, 1);
+    for (int i = 0; i < LONG; i++) {
+        hada_image_destroy(&frames[i]);
+        hada_result_destroy(&expected[i]);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(an_equal_frame_takes_the_result_of_the_one_before),
+        cmocka_unit_test(the_switch_is_obeyed),
+        cmocka_unit_test(a_failed_frame_is_not_reused),
+        cmocka_unit_test(nearly_equal_frames_stay_within_the_error),
+        cmocka_unit_test(queues_and_batches_find_the_same),
+    };
+    return cmocka_run_group_tests(tests, skip_setup, skip_teardown);
+}

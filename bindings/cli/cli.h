@@ -68,12 +68,21 @@ json_t *hada_cli_error_json(const hada_error *err);
 hada_status hada_cli_open(hada_cli *cli, hada_context **out, hada_error *err);
 /* Closes it; the document tells how many programs were compiled and loaded (offline runs compile none). */
 void hada_cli_close(hada_cli *cli, hada_context **context);
+/* Several devices: --device takes a list such as "0,1", and "cpu/2" for the CPU in two halves. */
+enum { HADA_CLI_DEVICES = 64 };
+typedef struct hada_cli_contexts {
+    hada_context *contexts[HADA_CLI_DEVICES];
+    int count;
+} hada_cli_contexts;
+hada_status hada_cli_open_all(hada_cli *cli, hada_cli_contexts *devices, hada_error *err);
+void hada_cli_close_all(hada_cli *cli, hada_cli_contexts *devices);
 /* A device for the document. */
 json_t *hada_cli_device_json(const hada_device_info *device);
 /* "1.5 GiB"; `text` holds at least 16 characters. */
 const char *hada_cli_bytes(char *text, uint64_t bytes);
 
-/* Ctrl-C and SIGTERM let the frame at hand end, so that nothing is left half-written; a second one ends at once. */
+/* Ctrl-C and SIGTERM end the work at the next occasion, so that nothing is left half-written; a second one ends at
+ * once. */
 void hada_cli_catch_signals(void);
 int hada_cli_interrupted(void);
 /* HADA_ERROR_CANCELLED when a signal came. */

@@ -1,6 +1,8 @@
-#include "cli.h"
+#include "folder.h"
+#include "option.h"
 
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 static void log_message(void *user, hada_log_level level, const char *message)
@@ -14,33 +16,104 @@ static void log_message(void *user, hada_log_level level, const char *message)
     }
 }
 
-hada_status hada_cli_open(hada_cli *cli, hada_context **out, hada_error *err)
+static hada_status open_one(hada_cli *cli, const char *words, hada_context **out, hada_error *err)
 {
     hada_context_options options;
     hada_context_options_init(&options);
-    options.device = cli->common->device;
+    options.device = words;
     options.binaries = cli->common->binaries;
     options.log = log_message;
     options.log_user = cli;
     options.log_level = cli->common->verbose ? HADA_LOG_INFO : HADA_LOG_WARNING;
-    hada_status status = hada_context_create(out, &options, err);
+    return hada_context_create(out, &options, err);
+}
+
+static json_t *name_json(const hada_device_info *device)
+{
+    json_t *name = json_pack("{s:i, s:s, s:s}", "index", device->index, "kind", hada_device_kind_name(device->kind),
+                             "name", device->name);
+    if (device->parts)
+        json_object_set_new(name, "part", json_pack("[i, i]", device->part, device->parts));
+    return name;
+}
+
+hada_status hada_cli_open(hada_cli *cli, hada_context **out, hada_error *err)
+{
+    hada_status status = open_one(cli, cli->common->device, out, err);
+    if (!status)
+        json_object_set_new(cli->document, "device", name_json(hada_context_device(*out)));
+    return status;
+}
+
+static hada_status add_device(hada_cli *cli, hada_cli_contexts *devices, const char *words, hada_error *err)
+{
+    if (devices->count == HADA_CLI_DEVICES)
+        return hada_cli_error(err, HADA_ERROR_ARGUMENT, "--device names more than %d devices", HADA_CLI_DEVICES);
+    hada_status status = open_one(cli, words, &devices->contexts[devices->count], err);
+    devices->count += !status;
+    return status;
+}
+
+/* One entry of the list; "cpu/2" stands for "cpu:1/2,cpu:2/2". */
+static hada_status add_entry(hada_cli *cli, hada_cli_contexts *devices, const char *entry, hada_error *err)
+{
+    const char *slash = strrchr(entry, '/');
+    int parts = 0;
+    if (!slash || strchr(entry, ':') || !hada_cli_read_count(slash + 1, &parts))
+        return add_device(cli, devices, entry, err);
+    if (parts < 1)
+        return hada_cli_error(err, HADA_ERROR_ARGUMENT, "--device %s: give the number of parts, from 1 on", entry);
+    hada_status status = HADA_OK;
+    for (int part = 1; !status && part <= parts; part++) {
+        char *words = hada_cli_text("%.*s:%d/%d", (int)(slash - entry), entry, part, parts);
+        status = words ? add_device(cli, devices, words, err) : hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
+        free(words);
+    }
+    return status;
+}
+
+hada_status hada_cli_open_all(hada_cli *cli, hada_cli_contexts *devices, hada_error *err)
+{
+    const char *named = cli->common->device ? cli->common->device : getenv("HADALENS_DEVICE");
+    char *list = hada_cli_text("%s", named ? named : "");
+    hada_status status = list ? HADA_OK : hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
+    for (char *entry = list, *next; !status && entry; entry = next) {
+        next = strchr(entry, ',');
+        if (next)
+            *next++ = '\0';
+        status = add_entry(cli, devices, entry, err);
+    }
+    free(list);
     if (status)
         return status;
-    const hada_device_info *device = hada_context_device(*out);
-    json_object_set_new(cli->document, "device",
-                        json_pack("{s:i, s:s, s:s}", "index", device->index, "kind",
-                                  hada_device_kind_name(device->kind), "name", device->name));
+    json_object_set_new(cli->document, "device", name_json(hada_context_device(devices->contexts[0])));
+    if (devices->count > 1) {
+        json_t *all = json_array();
+        for (int i = 0; i < devices->count; i++)
+            json_array_append_new(all, name_json(hada_context_device(devices->contexts[i])));
+        json_object_set_new(cli->document, "devices", all);
+    }
     return HADA_OK;
+}
+
+void hada_cli_close_all(hada_cli *cli, hada_cli_contexts *devices)
+{
+    int compiled = 0, loaded = 0;
+    for (int i = 0; i < devices->count; i++) {
+        compiled += (int)hada_context_programs_compiled(devices->contexts[i]);
+        loaded += (int)hada_context_programs_loaded(devices->contexts[i]);
+        hada_context_destroy(&devices->contexts[i]);
+    }
+    if (devices->count)
+        json_object_set_new(cli->document, "programs", json_pack("{s:i, s:i}", "compiled", compiled, "loaded", loaded));
+    devices->count = 0;
 }
 
 void hada_cli_close(hada_cli *cli, hada_context **context)
 {
-    if (!*context)
-        return;
-    json_object_set_new(cli->document, "programs",
-                        json_pack("{s:i, s:i}", "compiled", (int)hada_context_programs_compiled(*context), "loaded",
-                                  (int)hada_context_programs_loaded(*context)));
-    hada_context_destroy(context);
+    hada_cli_contexts one = {.contexts = {*context}, .count = *context != NULL};
+    hada_cli_close_all(cli, &one);
+    *context = NULL;
 }
 
 json_t *hada_cli_device_json(const hada_device_info *device)

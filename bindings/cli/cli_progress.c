@@ -1,9 +1,13 @@
 #include "cli.h"
 
+#include <pthread.h>
 #include <stdio.h>
 #include <string.h>
 #include <time.h>
 #include <unistd.h>
+
+/* Messages of the library come from the threads of its queues. */
+static pthread_mutex_t screen = PTHREAD_MUTEX_INITIALIZER;
 
 double hada_cli_seconds(void)
 {
@@ -42,28 +46,38 @@ static void draw(hada_cli_progress *progress, const char *note)
 
 void hada_cli_progress_step(hada_cli *cli, const char *note)
 {
+    pthread_mutex_lock(&screen);
     hada_cli_progress *progress = cli->progress;
-    if (!progress)
-        return;
-    progress->done++;
     double now = hada_cli_seconds();
+    if (progress)
+        progress->done++;
     /* Ten times a second is enough for any eye. */
-    if (progress->shown && (now - progress->last > 0.1 || progress->done == 1)) {
+    if (progress && progress->shown && (now - progress->last > 0.1 || progress->done == 1)) {
         progress->last = now;
         draw(progress, note);
+    }
+    pthread_mutex_unlock(&screen);
+}
+
+static void hide(hada_cli_progress *progress)
+{
+    if (progress && progress->drawn) {
+        fputs("\r\033[K", stderr);
+        progress->drawn = 0;
     }
 }
 
 void hada_cli_progress_hide(hada_cli *cli)
 {
-    if (cli->progress && cli->progress->drawn) {
-        fputs("\r\033[K", stderr);
-        cli->progress->drawn = 0;
-    }
+    pthread_mutex_lock(&screen);
+    hide(cli->progress);
+    pthread_mutex_unlock(&screen);
 }
 
 void hada_cli_progress_end(hada_cli *cli)
 {
-    hada_cli_progress_hide(cli);
+    pthread_mutex_lock(&screen);
+    hide(cli->progress);
     cli->progress = NULL;
+    pthread_mutex_unlock(&screen);
 }

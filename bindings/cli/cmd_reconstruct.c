@@ -1,9 +1,10 @@
 #include "command.h"
 #include "fit_settings.h"
 #include "folder.h"
-#include "frame_outputs.h"
-#include "frame_report.h"
+#include "frame_files.h"
 #include "pairs.h"
+
+#include <hadalens/job.h>
 
 #include <math.h>
 #include <stddef.h>
@@ -14,7 +15,7 @@
 typedef struct settings {
     hada_cli_common common;
     const char *model, *output, *depths, *occupied, *refine, *dark;
-    int method, bits, half, repair, no_preview, batch;
+    int method, bits, half, repair, no_preview, batch, queues;
     double gamma, white, lambda;
 } settings;
 
@@ -46,6 +47,10 @@ static const hada_cli_option options[] = {
      "Without it such a frame is refused.", AT(repair)},
     {HADA_OPTION_FLAG, "half", 0, NULL, "keep the filters in half precision on the device", NULL, AT(half)},
     {HADA_OPTION_COUNT, "batch", 0, "N", "depths computed at once (default: by memory)", NULL, AT(batch)},
+    {HADA_OPTION_COUNT, "queues", 0, "N", "frames at once on each device (default: 1)",
+     "With two, the transfers of one frame overlap with computing another; each takes memory of its own. For several "
+     "devices give a list of them, such as 0,1, or cpu/2 for the CPU in two halves.",
+     AT(queues)},
     {0},
 };
 
@@ -63,10 +68,9 @@ static void defaults(void *user)
 typedef struct job {
     hada_cli *cli;
     const settings *set;
-    hada_context *context;
+    hada_cli_contexts devices;
     hada_model *model;
     hada_plan *plan;
-    hada_result result; /* keeps its memory from frame to frame */
     hada_cli_dark dark;
     int *depths, *occupied;
 } job;
@@ -106,6 +110,7 @@ static hada_status read_options(job *work, hada_plan_options *plan, hada_error *
     plan->repair_not_finite = set->repair;
     plan->half = set->half;
     plan->batch = set->batch;
+    plan->queues = set->queues;
     plan->gamma = set->gamma;
     return status;
 }
@@ -125,12 +130,43 @@ static hada_status change_form(job *work, hada_error *err)
     return HADA_OK;
 }
 
+/* Frames in memory at a time: one for each queue, one that is read and one that is written. */
+static int frames_ahead(const hada_plan *plan)
+{
+    return hada_plan_queues(plan, NULL, 0) + 2;
+}
+
+static void tell_memory(const job *work, uint64_t device, uint64_t host)
+{
+    char device_text[16], host_text[16];
+    hada_cli_detail(work->cli, "this takes %s on the device and %s of ordinary memory",
+                    hada_cli_bytes(device_text, device), hada_cli_bytes(host_text, host));
+    json_object_set_new(work->cli->document, "memory",
+                        json_pack("{s:I, s:I}", "device_bytes", (json_int_t)device, "host_bytes", (json_int_t)host));
+}
+
+static hada_status make_plan(job *work, const hada_plan_options *wanted, hada_error *err)
+{
+    const hada_model_info *info = hada_model_get_info(work->model);
+    uint64_t all = 0, device = 0, host = 0;
+    hada_status status = HADA_OK;
+    for (int i = 0; !status && i < work->devices.count; i++) {
+        status = hada_plan_estimate(work->devices.contexts[i], work->model, wanted, &device, &host, err);
+        all += device;
+    }
+    if (!status)
+        status =
+            hada_plan_create_on(&work->plan, work->devices.contexts, work->devices.count, work->model, wanted, err);
+    if (!status) {
+        const uint64_t raw = 4 * (uint64_t)info->channels * (uint64_t)info->raw_rows * (uint64_t)info->raw_cols;
+        tell_memory(work, all, (uint64_t)frames_ahead(work->plan) * (host + raw));
+    }
+    return status;
+}
+
 static hada_status prepare(job *work, hada_error *err)
 {
-    hada_cli *cli = work->cli;
     hada_plan_options plan;
-    uint64_t device = 0, host = 0;
-    char device_text[16], host_text[16];
     hada_status status = hada_model_load(&work->model, work->set->model, err);
     if (status)
         hada_cli_prefix(err, "%s: ", work->set->model);
@@ -141,137 +177,21 @@ static hada_status prepare(job *work, hada_error *err)
     if (!status)
         status = hada_cli_make_folder(work->set->output, err);
     if (!status)
-        status = hada_cli_open(cli, &work->context, err);
-    if (!status)
-        status = hada_plan_estimate(work->context, work->model, &plan, &device, &host, err);
-    if (!status) {
-        hada_cli_detail(cli, "this takes %s on the device and %s of ordinary memory",
-                        hada_cli_bytes(device_text, device), hada_cli_bytes(host_text, host));
-        json_object_set_new(
-            cli->document, "memory",
-            json_pack("{s:I, s:I}", "device_bytes", (json_int_t)device, "host_bytes", (json_int_t)host));
-        status = hada_plan_create(&work->plan, work->context, work->model, &plan, err);
-    }
-    return status;
+        status = hada_cli_open_all(work->cli, &work->devices, err);
+    return status ? status : make_plan(work, &plan, err);
 }
 
-static hada_status check_size(const job *work, const hada_tiff_info *file, hada_error *err)
-{
-    const hada_model_info *info = hada_model_get_info(work->model);
-    if (file->rows == info->raw_rows && file->cols == info->raw_cols && file->channels == info->channels)
-        return HADA_OK;
-    return hada_cli_error(err, HADA_ERROR_MODEL,
-                          "this frame has %dx%d pixels of %d %s, but the model %s is of a camera with %dx%d pixels of "
-                          "%d; take the model that was fitted to this camera",
-                          file->rows, file->cols, file->channels, file->channels == 1 ? "channel" : "channels",
-                          work->set->model, info->raw_rows, info->raw_cols, info->channels);
-}
-
-/* All frames of an opened file. */
-static hada_status run_frames(job *work, hada_tiff_reader *reader, hada_cli_outputs *out, json_t *frames,
-                              hada_error *err)
-{
-    hada_status status = HADA_OK;
-    for (int t = 0; !status && t < out->frames; t++) {
-        hada_image raw = {0};
-        status = hada_tiff_read(reader, t, &raw, err);
-        if (!status)
-            status = hada_plan_run(work->plan, &raw, &work->result, err);
-        if (status && out->frames > 1)
-            hada_cli_prefix(err, "frame %d of %d: ", t + 1, out->frames);
-        if (!status)
-            status = hada_cli_outputs_add(out, &raw, &work->result, err);
-        hada_image_destroy(&raw);
-        if (!status) {
-            json_array_append_new(frames, hada_cli_frame_json(&work->result));
-            status = hada_cli_check_signals(err);
-            hada_cli_progress_step(work->cli, NULL);
-        }
-    }
-    return status ? status : hada_cli_outputs_finish(out, err);
-}
-
-static hada_status run_file(job *work, const char *path, const char *name, json_t *entry, hada_error *err)
-{
-    static const char *const keys[] = {"stack", "all_in_focus", "distance_map", "preview"};
-    static const int bits[] = {8, 8, 16, 32};
-    const settings *set = work->set;
-    hada_tiff_reader *reader = NULL;
-    hada_cli_outputs out = {0};
-    json_t *frames = json_array(), *outputs = json_object();
-    char words[400];
-    double start = hada_cli_seconds();
-    int count = 0;
-    hada_status status = HADA_OK;
-    if (hada_cli_is_folder(path))
-        status = hada_cli_error(err, HADA_ERROR_FILE_OPEN, "a folder; name the files in it, such as %s/*.tif", path);
-    if (!status)
-        status = hada_tiff_open(&reader, path, err);
-    if (!status)
-        status = check_size(work, hada_tiff_get_info(reader), err);
-    if (!status) {
-        count = hada_tiff_get_info(reader)->frames;
-        work->cli->progress->total += count - 1;
-        status = hada_cli_outputs_begin(&out, set->output, name, set->model, !set->no_preview, count, bits[set->bits],
-                                        set->white, err);
-    }
-    for (int k = 0; !status && k < HADA_CLI_OUTPUTS; k++)
-        if (out.path[k])
-            json_object_set_new(outputs, keys[k], json_string(out.path[k]));
-    if (!status)
-        status = run_frames(work, reader, &out, frames, err);
-    hada_cli_outputs_end(&out);
-    hada_tiff_close(&reader);
-    if (!status) {
-        double seconds = hada_cli_seconds() - start;
-        hada_cli_frame_words(&work->result, words, sizeof words);
-        if (count > 1)
-            hada_cli_say(work->cli, "%s: %d frames, %.2f s each; the last: %s", name, count, seconds / count, words);
-        else
-            hada_cli_say(work->cli, "%s: %s; %.2f s", name, words, seconds);
-        json_object_set(entry, "outputs", outputs);
-        json_object_set(entry, "frames", frames);
-        json_object_set_new(entry, "seconds", json_real(seconds));
-    }
-    json_decref(outputs);
-    json_decref(frames);
-    return status;
-}
-
-/* Does all files; a bad one does not stop the others. */
 static int run_files(job *work, int count, const char **paths, char **names)
 {
-    hada_cli *cli = work->cli;
-    hada_cli_progress progress;
-    json_t *files = json_array();
-    int failed = 0, code = HADA_EXIT_OK;
-    json_object_set_new(cli->document, "files", files);
-    hada_cli_progress_begin(cli, &progress, "frames", count);
-    for (int i = 0; i < count; i++) {
-        hada_error err = {0};
-        json_t *entry = json_object();
-        json_object_set_new(entry, "input", json_string(paths[i]));
-        json_array_append_new(files, entry);
-        hada_status status = run_file(work, paths[i], names[i], entry, &err);
-        json_object_set_new(entry, "ok", json_boolean(!status));
-        if (status) {
-            hada_cli_progress_step(cli, NULL);
-            hada_cli_prefix(&err, "%s: ", paths[i]);
-            hada_cli_print_error(cli, &err);
-            json_object_set_new(entry, "error", hada_cli_error_json(&err));
-            int this_code = hada_cli_exit_code(status);
-            code = !failed || code == this_code ? this_code : HADA_EXIT_SOME;
-            failed++;
-        }
-        if (hada_cli_interrupted()) {
-            code = HADA_EXIT_INTERRUPTED;
-            break;
-        }
-    }
-    hada_cli_progress_end(cli);
-    if (failed && count > 1 && !hada_cli_interrupted())
-        fprintf(stderr, "hadalens %s: %d of %d files failed\n", cli->command, failed, count);
-    return code;
+    static const int bits[] = {8, 8, 16, 32};
+    const settings *set = work->set;
+    const hada_cli_frame_settings frames = {.folder = set->output,
+                                            .model = set->model,
+                                            .preview = !set->no_preview,
+                                            .bits = bits[set->bits],
+                                            .white = set->white};
+    return hada_cli_frame_files(work->cli, work->plan, work->model, &frames, count, paths, names,
+                                frames_ahead(work->plan));
 }
 
 /* The output names; two inputs must not write the same files. */
@@ -309,10 +229,9 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
     for (int i = 0; names && i < count; i++)
         free(names[i]);
     free(names);
-    hada_result_destroy(&work.result);
     hada_plan_destroy(&work.plan);
     hada_model_destroy(&work.model);
-    hada_cli_close(cli, &work.context);
+    hada_cli_close_all(cli, &work.devices);
     hada_cli_dark_free(&work.dark);
     free(work.depths);
     free(work.occupied);
@@ -324,6 +243,7 @@ static const hada_cli_example examples[] = {
     {"hadalens reconstruct *.tif -m camera.model -o pictures --refine 0", "many frames, quickly."},
     {"hadalens reconstruct hand.tif -m hand.model -o pictures --dark auto --bits 16", "a sensor with an offset."},
     {"hadalens reconstruct frame.tif -m camera.model -o pictures --occupied 100mm,250mm", "when the depths are known."},
+    {"hadalens reconstruct movie.tif -m camera.model -o pictures --device 0,1 --queues 2", "on two devices at once."},
     {0},
 };
 

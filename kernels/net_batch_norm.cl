@@ -40,12 +40,13 @@ NET_INLINE uint net_part_index(net_part part)
 }
 
 /* Of each part: its mean, the sum of squares about it, the number of values. Two walks over the part, the second in the
- * cache, so that nothing cancels. */
+ * cache, so that nothing cancels; what the first mean is off by is seen in the second (Chan, Golub,
+ * LeVeque 1983). */
 __kernel void net_batch_norm_statistics(__global const float *x, ulong x_offset, ulong x_image, int rows, int cols,
                                         int blocks, int span, __global float *parts, uint part_count)
 {
     const net_part part = net_part_of(blocks, rows, span);
-    net_vector sum = 0.0f, squares = 0.0f;
+    net_vector sum = 0.0f, squares = 0.0f, off = 0.0f;
     int count = 0;
     for (int r = part.first; r < part.last; r++) {
         __global const float *in = x + net_row(x_offset, x_image, part.image, part.block, r, rows, cols);
@@ -60,11 +61,13 @@ __kernel void net_batch_norm_statistics(__global const float *x, ulong x_offset,
         NET_EACH_PIXEL (c, cols) {
             const net_vector d = net_get(in + c * NET_BLOCK) - mean;
             squares = fma(d, d, squares);
+            off += d;
         }
     }
+    off /= (float)max(count, 1);
     __global float *to = parts + net_part_place(part.block, part_count, net_part_index(part), 3);
-    net_put(mean, to);
-    net_put(squares, to + NET_BLOCK);
+    net_put(mean + off, to);
+    net_put(fma(-(float)count * off, off, squares), to + NET_BLOCK);
     net_put((net_vector)(float)count, to + 2 * NET_BLOCK);
 }
 

@@ -1,0 +1,331 @@
+/* Optimisers, clipping, learning rates and first weights as training uses them. */
+#include "net/init.h"
+#include "net/loss.h"
+#include "net/optimizer.h"
+#include "net_fixture.h"
+
+enum { COUNT = 5000 };
+
+/* Arrays of parameters, gradients and state, and a rule. */
+typedef struct trainee {
+    hada_buffer parameters, gradients, state;
+    hada_optimizer_desc desc;
+} trainee;
+
+static trainee begin(net_device *device, hada_optimizer optimizer)
+{
+    trainee t;
+    hada_optimizer_desc_init(&t.desc, optimizer);
+    if (optimizer == HADA_OPTIMIZER_RMSPROP) {
+        t.desc.momentum = 0.5;
+        t.desc.centered = 1;
+    }
+    const size_t state = hada_optimizer_state_floats(&t.desc, COUNT) * sizeof(float);
+    float *start = calloc(COUNT, sizeof *start);
+    assert_non_null(start);
+    net_fill(start, COUNT, 1);
+    ASSERT_OK(hada_buffer_create_from(&t.parameters, device->slot, start, COUNT * sizeof(float), "parameters", err));
+    ASSERT_OK(hada_buffer_create(&t.gradients, device->context, COUNT * sizeof(float), "gradients", err));
+    ASSERT_OK(hada_buffer_create(&t.state, device->context, state, "state", err));
+    ASSERT_OK(hada_buffer_clear(&t.state, device->slot, 0, state, err));
+    free(start);
+    return t;
+}
+
+static void end(trainee *t)
+{
+    hada_buffer_destroy(&t->parameters);
+    hada_buffer_destroy(&t->gradients);
+    hada_buffer_destroy(&t->state);
+}
+
+static double read(net_device *device, const trainee *t, float *out)
+{
+    double norm = 0.0;
+    ASSERT_OK(hada_buffer_read(&t->parameters, device->slot, 0, out, COUNT * sizeof(float), err));
+    for (size_t i = 0; i < COUNT; i++)
+        norm += (double)out[i] * out[i];
+    return norm;
+}
+
+/* Steps first ... last with the gradient of |p|^2 / 2 plus noise of the step. */
+static void steps(net_device *device, trainee *t, int first, int last)
+{
+    static float p[COUNT], noise[COUNT];
+    for (int step = first; step <= last; step++) {
+        read(device, t, p);
+        net_fill(noise, COUNT, (uint64_t)step);
+        for (size_t i = 0; i < COUNT; i++)
+            p[i] += 0.01f * noise[i];
+        ASSERT_OK(hada_buffer_write(&t->gradients, device->slot, 0, p, sizeof p, err));
+        ASSERT_OK(hada_optimizer_step(device->slot, &t->desc, (uint64_t)step, 0.02, (hada_floats){t->gradients.mem, 0},
+                                      (hada_floats){t->parameters.mem, 0}, (hada_floats){t->state.mem, 0}, COUNT, err));
+    }
+}
+
+static void optimizers_go_down(void **state)
+{
+    net_device *device = *state;
+    static float p[COUNT];
+    for (int kind = HADA_OPTIMIZER_RMSPROP; kind <= HADA_OPTIMIZER_ADAMW; kind++) {
+        trainee t = begin(device, (hada_optimizer)kind);
+        const double before = read(device, &t, p);
+        steps(device, &t, 1, 60);
+        assert_true(read(device, &t, p) < 0.5 * before);
+        end(&t);
+    }
+}
+
+/* Saved in the midst and gone on with elsewhere: the same bits. */
+static void training_resumes(void **state)
+{
+    net_device *device = *state;
+    static float straight[COUNT], resumed[COUNT];
+    for (int kind = HADA_OPTIMIZER_RMSPROP; kind <= HADA_OPTIMIZER_ADAMW; kind++) {
+        trainee a = begin(device, (hada_optimizer)kind), b = begin(device, (hada_optimizer)kind);
+        const size_t bytes = hada_optimizer_state_floats(&a.desc, COUNT) * sizeof(float);
+        float *saved = malloc(bytes);
+        assert_non_null(saved);
+        steps(device, &a, 1, 4);
+        read(device, &a, resumed);
+        ASSERT_OK(hada_buffer_read(&a.state, device->slot, 0, saved, bytes, err));
+        ASSERT_OK(hada_buffer_write(&b.parameters, device->slot, 0, resumed, sizeof resumed, err));
+        ASSERT_OK(hada_buffer_write(&b.state, device->slot, 0, saved, bytes, err));
+        steps(device, &a, 5, 8);
+        steps(device, &b, 5, 8);
+        read(device, &a, straight);
+        read(device, &b, resumed);
+        assert_memory_equal(straight, resumed, sizeof straight);
+        free(saved);
+        end(&a);
+        end(&b);
+    }
+}
+
+/* An array in two parts, at odd offsets, gives what it gives in one. */
+static void arrays_may_be_split(void **state)
+{
+    net_device *device = *state;
+    static float whole[COUNT], parts[COUNT];
+    const size_t cut = 1237;
+    trainee a = begin(device, HADA_OPTIMIZER_ADAM), b = begin(device, HADA_OPTIMIZER_ADAM);
+    net_fill(parts, COUNT, 3);
+    ASSERT_OK(hada_buffer_write(&a.gradients, device->slot, 0, parts, sizeof parts, err));
+    ASSERT_OK(hada_buffer_write(&b.gradients, device->slot, 0, parts, sizeof parts, err));
+    for (uint64_t step = 1; step <= 3; step++) {
+        ASSERT_OK(hada_optimizer_step(device->slot, &a.desc, step, 0.1, (hada_floats){a.gradients.mem, 0},
+                                      (hada_floats){a.parameters.mem, 0}, (hada_floats){a.state.mem, 0}, COUNT, err));
+        ASSERT_OK(hada_optimizer_step(device->slot, &b.desc, step, 0.1, (hada_floats){b.gradients.mem, 0},
+                                      (hada_floats){b.parameters.mem, 0}, (hada_floats){b.state.mem, 0}, cut, err));
+        ASSERT_OK(hada_optimizer_step(device->slot, &b.desc, step, 0.1, (hada_floats){b.gradients.mem, cut},
+                                      (hada_floats){b.parameters.mem, cut}, (hada_floats){b.state.mem, 2 * cut},
+                                      COUNT - cut, err));
+    }
+    read(device, &a, whole);
+    read(device, &b, parts);
+    assert_memory_equal(whole, parts, sizeof whole);
+    end(&a);
+    end(&b);
+}
+
+static void no_gradient_is_no_trouble(void **state)
+{
+    net_device *device = *state;
+    static float p[COUNT], after[COUNT];
+    float norm[2];
+    for (int kind = HADA_OPTIMIZER_RMSPROP; kind <= HADA_OPTIMIZER_ADAM; kind++) {
+        trainee t = begin(device, (hada_optimizer)kind);
+        const hada_gradient_part part = {{t.gradients.mem, 0}, COUNT};
+        hada_buffer scratch;
+        ASSERT_OK(hada_buffer_create(&scratch, device->context, hada_clip_scratch(&part, 1) + sizeof norm, "", err));
+        ASSERT_OK(hada_buffer_clear(&t.gradients, device->slot, 0, COUNT * sizeof(float), err));
+        const hada_floats to = {scratch.mem, hada_clip_scratch(&part, 1) / sizeof(float)};
+        ASSERT_OK(hada_clip_gradients(device->slot, &part, 1, 1.0f, to, scratch.mem, err));
+        ASSERT_OK(hada_buffer_read(&scratch, device->slot, to.offset * sizeof(float), norm, sizeof norm, err));
+        assert_true(norm[0] == 0.0f && norm[1] == 1.0f);
+        read(device, &t, p);
+        ASSERT_OK(hada_optimizer_step(device->slot, &t.desc, 1, 0.1, part.values, (hada_floats){t.parameters.mem, 0},
+                                      (hada_floats){t.state.mem, 0}, COUNT, err));
+        read(device, &t, after);
+        assert_memory_equal(p, after, sizeof p);
+        hada_buffer_destroy(&scratch);
+        end(&t);
+    }
+}
+
+/* A layer learns to tell two heaps of points apart: linear layer, cross-entropy, RMSprop. */
+static void a_layer_learns(void **state)
+{
+    net_device *device = *state;
+    enum {
+        IMAGES = 32,
+        IN = 5,
+        FLOATS = 4096,
+        W = 0,
+        BIAS = 16,
+        X = 32,
+        Y = 512,
+        DY = 576,
+        DW = 640,
+        VALUE = 700,
+        S = 800
+    };
+    static float all[FLOATS];
+    hada_slot *slot = device->slot;
+    hada_buffer memory;
+    net_fill(all + X, 2 * IMAGES * IN, 1);
+    for (int i = 0; i < 2 * IMAGES * IN; i++)
+        all[X + i] += i < IMAGES * IN ? 0.7f : -0.7f;
+    ASSERT_OK(hada_buffer_create_from(&memory, slot, all, sizeof all, "everything", err));
+    const cl_mem mem = memory.mem;
+#define AT(place) ((hada_floats){mem, (place)})
+    const hada_linear shape = {2 * IMAGES, IN, 1};
+    hada_optimizer_desc desc;
+    hada_optimizer_desc_init(&desc, HADA_OPTIMIZER_RMSPROP);
+    float first[2], last[2];
+    for (uint64_t step = 1; step <= 100; step++) {
+        const hada_floats good = AT(DY), bad = AT(DY + IMAGES);
+        ASSERT_OK(hada_linear_forward(slot, &shape, AT(W), AT(BIAS), AT(X), AT(Y), err));
+        ASSERT_OK(hada_loss_logits(slot, 1.0f, 1.0f, AT(Y), IMAGES, AT(VALUE), &good, 0, err));
+        ASSERT_OK(hada_loss_logits(slot, 1.0f, 0.0f, AT(Y + IMAGES), IMAGES, AT(VALUE + 1), &bad, 0, err));
+        ASSERT_OK(hada_linear_backward_weights(slot, &shape, AT(X), AT(DY), AT(DW), AT(DW + BIAS), 0, err));
+        ASSERT_OK(hada_optimizer_step(slot, &desc, step, 0.02, AT(DW), AT(W), AT(S), 17, err));
+        ASSERT_OK(hada_buffer_read(&memory, slot, VALUE * sizeof(float), step == 1 ? first : last, sizeof last, err));
+    }
+    assert_true(fabsf(first[0] - 0.693147f) < 1e-5f && fabsf(first[1] - 0.693147f) < 1e-5f);
+    assert_true(last[0] < 0.25f && last[1] < 0.25f);
+    hada_buffer_destroy(&memory);
+}
+
+static void first_weights(void **state)
+{
+    (void)state;
+    enum { MANY = 20000 };
+    static float a[MANY], b[MANY];
+    const int64_t shape[4] = {64, 32, 3, 5};
+    hada_init_desc desc = {.value = 0.0};
+    ASSERT_OK(hada_init_fans(shape, 4, &desc.fan_in, &desc.fan_out, err));
+    assert_true(desc.fan_in == 480.0 && desc.fan_out == 960.0);
+    /* standard deviations, and bounds of the uniform ones */
+    const double deviation[] = {sqrt(2.0 / 1440.0), sqrt(2.0 / 1440.0), sqrt(2.0 / 480.0), sqrt(2.0 / 480.0),
+                                1.0 / sqrt(3.0 * 480.0)};
+    for (int init = HADA_INIT_XAVIER_UNIFORM; init <= HADA_INIT_TORCH; init++) {
+        hada_init found;
+        ASSERT_OK(hada_init_find(hada_init_name((hada_init)init), &found, err));
+        assert_int_equal(found, init);
+        desc.init = found;
+        ASSERT_OK(hada_init_fill(a, MANY, &desc, "down1.0.weight", 5, err));
+        const double expected = deviation[init - HADA_INIT_XAVIER_UNIFORM];
+        const int normal = init == HADA_INIT_XAVIER_NORMAL || init == HADA_INIT_KAIMING_NORMAL;
+        double mean = 0.0, square = 0.0, largest = 0.0;
+        for (int i = 0; i < MANY; i++) {
+            mean += a[i] / (double)MANY;
+            square += (double)a[i] * a[i] / MANY;
+            largest = fmax(largest, fabs((double)a[i]));
+        }
+        assert_true(fabs(mean) < 5.0 * expected / sqrt((double)MANY));
+        assert_true(fabs(sqrt(square) / expected - 1.0) < 5.0 / sqrt((double)MANY));
+        assert_true(normal ? largest > 3.0 * expected : largest < 1.733 * expected && largest > 1.7 * expected);
+        /* the same again; other seeds and other names are other numbers */
+        ASSERT_OK(hada_init_fill(b, MANY, &desc, "down1.0.weight", 5, err));
+        assert_memory_equal(a, b, sizeof a);
+        ASSERT_OK(hada_init_fill(b, MANY, &desc, "down1.0.weight", 6, err));
+        assert_true(a[0] != b[0] && a[1] != b[1]);
+        ASSERT_OK(hada_init_fill(b, MANY, &desc, "down1.0.bias", 5, err));
+        assert_true(a[0] != b[0] && a[1] != b[1]);
+    }
+    desc.init = HADA_INIT_CONSTANT;
+    desc.value = -2.5;
+    ASSERT_OK(hada_init_fill(a, 3, &desc, "bias", 5, err));
+    assert_true(a[0] == -2.5f && a[2] == -2.5f);
+    desc.init = HADA_INIT_ZEROS;
+    ASSERT_OK(hada_init_fill(a, 3, &desc, "bias", 5, err));
+    assert_true(a[0] == 0.0f && a[2] == 0.0f);
+}
+
+/* Bits that every machine must give; an implementation of the generators in Python gave the same. */
+static void first_weights_are_the_same_everywhere(void **state)
+{
+    (void)state;
+    hada_init_desc desc = {.init = HADA_INIT_KAIMING_NORMAL, .fan_in = 27.0, .fan_out = 144.0};
+    float values[4];
+    uint32_t bits[4];
+    ASSERT_OK(hada_init_fill(values, 4, &desc, "conv.weight", 2022, err));
+    memcpy(bits, values, sizeof bits);
+    static const uint32_t normal[4] = {0x3e175fde, 0x3e823bc2, 0xbeb3be75, 0x3ee399dd};
+    static const uint32_t uniform[4] = {0x3d93e019, 0x3dfe722f, 0xbd256e65, 0x3d517a3e};
+    assert_memory_equal(bits, normal, sizeof bits);
+    desc.init = HADA_INIT_TORCH;
+    ASSERT_OK(hada_init_fill(values, 4, &desc, "conv.weight", 2022, err));
+    memcpy(bits, values, sizeof bits);
+    assert_memory_equal(bits, uniform, sizeof bits);
+}
+
+static void rates(void **state)
+{
+    (void)state;
+    hada_schedule schedule = {.kind = HADA_SCHEDULE_CONSTANT, .rate = 0.5, .warmup = 4};
+    ASSERT_OK(hada_schedule_validate(&schedule, err));
+    assert_true(hada_schedule_rate(&schedule, 0) == 0.0 && hada_schedule_rate(&schedule, 2) == 0.25);
+    assert_true(hada_schedule_rate(&schedule, 4) == 0.5 && hada_schedule_rate(&schedule, UINT64_MAX) == 0.5);
+    schedule = (hada_schedule){.kind = HADA_SCHEDULE_COSINE, .rate = 0.5, .last = 0.125, .period = 10};
+    assert_true(hada_schedule_rate(&schedule, 0) == 0.5 && hada_schedule_rate(&schedule, 10) == 0.125);
+    assert_true(hada_schedule_rate(&schedule, 11) == 0.125);
+    assert_true(fabs(hada_schedule_rate(&schedule, 5) - 0.3125) < 1e-12);
+}
+
+static void what_makes_no_sense_is_refused(void **state)
+{
+    net_device *device = *state;
+    hada_error error;
+    const hada_schedule wrong[] = {
+        {.kind = HADA_SCHEDULE_STEP, .rate = 0.1, .factor = 0.5},
+        {.kind = HADA_SCHEDULE_CONSTANT, .rate = -1.0},
+        {.kind = HADA_SCHEDULE_CONSTANT, .rate = NAN},
+        {.kind = HADA_SCHEDULE_CONSTANT, .rate = 0.1, .warmup_from = 2.0},
+        {.kind = (hada_schedule_kind)7, .rate = 0.1},
+    };
+    for (size_t i = 0; i < HADA_COUNT(wrong); i++)
+        assert_int_equal(hada_schedule_validate(&wrong[i], &error), HADA_ERROR_ARGUMENT);
+    hada_init init;
+    assert_int_equal(hada_init_find("xaver", &init, &error), HADA_ERROR_ARGUMENT);
+    assert_non_null(strstr(error.message, "xavier_uniform"));
+    const int64_t line[1] = {5}, empty[2] = {0, 3};
+    double in, out;
+    assert_int_equal(hada_init_fans(line, 1, &in, &out, &error), HADA_ERROR_SIZE);
+    assert_int_equal(hada_init_fans(empty, 2, &in, &out, &error), HADA_ERROR_SIZE);
+    float value;
+    const hada_init_desc no_fan = {.init = HADA_INIT_KAIMING_NORMAL};
+    assert_int_equal(hada_init_fill(&value, 1, &no_fan, "w", 1, &error), HADA_ERROR_ARGUMENT);
+    trainee t = begin(device, HADA_OPTIMIZER_ADAM);
+    const hada_floats p = {t.parameters.mem, 0};
+    hada_optimizer_desc desc = t.desc;
+    assert_int_equal(hada_optimizer_step(device->slot, &desc, 0, 0.1, p, p, p, 1, &error), HADA_ERROR_ARGUMENT);
+    assert_int_equal(hada_optimizer_step(device->slot, &desc, 1, NAN, p, p, p, 1, &error), HADA_ERROR_ARGUMENT);
+    assert_int_equal(hada_optimizer_step(device->slot, &desc, 1, 0.1, p, p, p, 0, &error), HADA_ERROR_ARGUMENT);
+    desc.beta2 = 1.0;
+    assert_int_equal(hada_optimizer_step(device->slot, &desc, 1, 0.1, p, p, p, 1, &error), HADA_ERROR_ARGUMENT);
+    desc = t.desc;
+    desc.eps = 0.0;
+    assert_int_equal(hada_optimizer_step(device->slot, &desc, 1, 0.1, p, p, p, 1, &error), HADA_ERROR_ARGUMENT);
+    const hada_gradient_part part = {p, 1}, nothing = {p, 0};
+    assert_int_equal(hada_clip_gradients(device->slot, &part, 1, -1.0f, p, p.mem, &error), HADA_ERROR_ARGUMENT);
+    assert_int_equal(hada_clip_gradients(device->slot, &nothing, 1, 1.0f, p, p.mem, &error), HADA_ERROR_ARGUMENT);
+    end(&t);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(optimizers_go_down),
+        cmocka_unit_test(training_resumes),
+        cmocka_unit_test(arrays_may_be_split),
+        cmocka_unit_test(no_gradient_is_no_trouble),
+        cmocka_unit_test(a_layer_learns),
+        cmocka_unit_test(first_weights),
+        cmocka_unit_test(first_weights_are_the_same_everywhere),
+        cmocka_unit_test(rates),
+        cmocka_unit_test(what_makes_no_sense_is_refused),
+    };
+    return cmocka_run_group_tests_name("training", tests, net_device_open, net_device_close);
+}

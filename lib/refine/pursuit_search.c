@@ -10,7 +10,7 @@ enum { LOOKS = 3 /* candidates, first in order, that are judged for an addition 
 
 /* What a model leaves of a frame that it knows, as a part of the frame's amplitude: eight steps do not come closer, and
  * transfer functions from pairs are no better. Below it nothing counts. */
-#define FLOOR 0.005
+#define FLOOR 0.008
 
 /* Around the threshold, as parts of it, a fall is close, and the finer grid decides; so it does between two sets of
  * which one leaves less than this times as much as the other. Grids differed by less (docs/refinement.md). */
@@ -274,63 +274,81 @@ static hada_status drop(search *s, set *current, hada_error *err)
     return status;
 }
 
+/* The additions to *current that come first in order, LOOKS of them at most, into s->variations. */
+static hada_status order(search *s, const set *current, hada_error *err)
+{
+    set first[LOOKS];
+    double left;
+    s->varied = 0;
+    for (int depth = 0; depth < s->pursuit->options.depths; depth++)
+        if (!member(current, depth))
+            s->variations[s->varied++] = with(current, depth);
+    hada_status status = refine(s, HADA_LOOK_ORDER, s->variations, s->varied, s->left, err);
+    const int taken = s->varied < LOOKS ? s->varied : LOOKS;
+    for (int i = 0; !status && i < taken; i++)
+        first[i] = s->variations[take_best(s, &left)];
+    if (!status)
+        memcpy(s->variations, first, (size_t)taken * sizeof *first);
+    s->varied = taken;
+    return status;
+}
+
 /* The best addition to *current: *more is the larger set, moved where that may help. */
 static hada_status grow(search *s, const set *current, set *more, hada_error *err)
 {
     const hada_pursuit *p = s->pursuit;
-    set first[LOOKS];
+    const int last = current->count + 1 == p->options.max_depths && p->options.max_depths < p->options.depths;
     double left, fall;
-    s->varied = 0;
-    for (int depth = 0; depth < p->options.depths; depth++)
-        if (!member(current, depth))
-            s->variations[s->varied++] = with(current, depth);
-    hada_status status = refine(s, HADA_LOOK_ORDER, s->variations, s->varied, s->left, err);
-    if (status)
-        return status;
-    const int looks = s->varied < LOOKS ? s->varied : LOOKS;
-    for (int i = 0; i < looks; i++)
-        first[i] = s->variations[take_best(s, &left)];
-    memcpy(s->variations, first, (size_t)looks * sizeof *first);
-    s->varied = looks;
-    status = refine(s, HADA_LOOK_JUDGE, s->variations, s->varied, s->left, err);
+    hada_status status = order(s, current, err);
+    /* the last one that there is room for: that it is needed says enough, which one it is does not matter */
+    if (!status && last) {
+        *more = s->variations[0];
+        status = fall_in(s, HADA_LOOK_JUDGE, current, more, &fall, err);
+        if (status || fall > CLOSE_ABOVE * p->options.threshold)
+            return status;
+    }
+    if (!status)
+        status = refine(s, HADA_LOOK_JUDGE, s->variations, s->varied, s->left, err);
     if (status)
         return status;
     *more = s->variations[take_best(s, &left)];
     status = fall_in(s, HADA_LOOK_JUDGE, current, more, &fall, err);
-    if (status || !current->count || (!p->options.full && (fall < MOVE_FROM || fall > MOVE_TO)))
+    if (status || !current->count || fall < MOVE_FROM || fall > MOVE_TO)
         return status;
     return settle(s, more, 0, err);
 }
 
 static hada_status run(search *s, set *found, hada_error *err)
 {
-    const hada_pursuit *p = s->pursuit;
+    const hada_pursuit_options *o = &s->pursuit->options;
     hada_pursuit_result *result = s->result;
     hada_status status = HADA_OK;
-    while (!status && found->count < p->options.depths && result->rounds < 2 * HADA_PURSUIT_MAX) {
+    while (!status && result->rounds < 2 * HADA_PURSUIT_MAX) {
+        const int room = found->count < o->max_depths;
         set more;
-        double fall;
-        if (found->count == p->options.max_depths) {
-            result->all = 1;
-            break;
+        double fall = 0.0;
+        if (room) {
+            status = grow(s, found, &more, err);
+            if (!status)
+                status = fall_of(s, found, &more, &fall, err);
+            if (status)
+                break;
+            result->fall[result->rounds++] = fall;
+            if (fall >= threshold_of(s, found)) {
+                *found = more;
+                continue;
+            }
         }
-        status = grow(s, found, &more, err);
-        if (!status)
-            status = fall_of(s, found, &more, &fall, err);
-        if (status)
-            break;
-        result->fall[result->rounds++] = fall;
-        if (fall >= threshold_of(s, found)) {
-            *found = more;
-            status = drop(s, found, err);
-            continue;
-        }
-        /* nothing to add: unless the set itself is better moved, this is it */
+        /* nothing to add, or no room: unless a smaller set or a moved one is better, this is it */
         const set before = *found;
         if (found->count)
+            status = drop(s, found, err);
+        if (!status && found->count && room)
             status = settle(s, found, 1, err);
-        if (same(&before, found))
+        if (!status && same(&before, found)) {
+            result->all = !room && o->max_depths < o->depths;
             break;
+        }
     }
     return status;
 }

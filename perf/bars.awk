@@ -16,7 +16,8 @@ function width(v) { return high > 50 * low ? 20 + 480 * log(v / low) / log(high 
 END {
     printf "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"960\" height=\"%d\"", 40 + 16 * count
     print " font-family=\"sans-serif\" font-size=\"11\"><rect width=\"100%\" height=\"100%\" fill=\"white\"/>"
-    printf "<text x=\"10\" y=\"20\" font-size=\"14\">%s%s</text>\n", clean(title), high > 50 * low ? ", logarithmic" : ""
+    scale = high > 50 * low ? ", logarithmic" : ""
+    printf "<text x=\"10\" y=\"20\" font-size=\"14\">%s%s</text>\n", clean(title), scale
     for (i = 1; i <= count; i++) {
         y = 30 + 16 * i
         printf "<text x=\"330\" y=\"%d\" text-anchor=\"end\">%s</text>", y, clean(label[i])

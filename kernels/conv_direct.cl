@@ -18,6 +18,26 @@
 #define CONV_STEP 1
 #endif
 
+/* The products of one tap and one block of input channels. */
+static inline void conv_add(__global const float *restrict x, __global const float *restrict w, int present,
+                            conv_v sums[CONV_BLOCKS][CONV_PIXELS])
+{
+#pragma nounroll
+    for (int i = 0; i < present; ++i) {
+        conv_v wi[CONV_BLOCKS];
+#pragma unroll
+        for (int o = 0; o < CONV_BLOCKS; ++o)
+            wi[o] = CONV_LOAD(w + (i * CONV_BLOCKS + o) * NET_BLOCK);
+#pragma unroll
+        for (int p = 0; p < CONV_PIXELS; ++p) {
+            const conv_v xi = (conv_v)(x[p * CONV_STEP * NET_BLOCK + i]);
+#pragma unroll
+            for (int o = 0; o < CONV_BLOCKS; ++o)
+                sums[o][p] = fma(xi, wi[o], sums[o][p]);
+        }
+    }
+}
+
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 conv_direct(__global const float *restrict x, ulong x_offset, ulong x_image, int in_channels, int in_rows, int in_cols,
             __global const float *restrict weights, __global const float *restrict bias, ulong bias_offset,
@@ -60,29 +80,13 @@ conv_direct(__global const float *restrict x, ulong x_offset, ulong x_image, int
 #pragma unroll
                     for (int p = 0; p < CONV_PIXELS; ++p)
                         sums[o][p] = biases[o];
+                __global const float *restrict wp = w;
                 for (int b = 0; b < in_blocks; ++b) {
                     const int present = min(NET_BLOCK, in_channels - b * NET_BLOCK);
-                    for (int t = 0; t < rows.count * cols.count; ++t) {
-                        __global const float *restrict xp =
-                            x_first + b * x_plane + t / cols.count * x_row +
-                            (start * CONV_STEP + t % cols.count) * NET_BLOCK;
-                        __global const float *restrict wp =
-                            w + (size_t)(b * rows.count * cols.count + t) * NET_BLOCK * NET_BLOCK * CONV_BLOCKS;
-#pragma nounroll
-                        for (int i = 0; i < present; ++i) {
-                            conv_v wi[CONV_BLOCKS];
-#pragma unroll
-                            for (int o = 0; o < CONV_BLOCKS; ++o)
-                                wi[o] = CONV_LOAD(wp + (i * CONV_BLOCKS + o) * NET_BLOCK);
-#pragma unroll
-                            for (int p = 0; p < CONV_PIXELS; ++p) {
-                                const conv_v xi = (conv_v)(xp[p * CONV_STEP * NET_BLOCK + i]);
-#pragma unroll
-                                for (int o = 0; o < CONV_BLOCKS; ++o)
-                                    sums[o][p] = fma(xi, wi[o], sums[o][p]);
-                            }
-                        }
-                    }
+                    for (int r = 0; r < rows.count; ++r)
+                        for (int c = 0; c < cols.count; ++c, wp += NET_BLOCK * NET_BLOCK * CONV_BLOCKS)
+                            conv_add(x_first + b * x_plane + r * x_row + (start * CONV_STEP + c) * NET_BLOCK, wp,
+                                     present, sums);
                 }
 #pragma unroll
                 for (int o = 0; o < CONV_BLOCKS; ++o) {

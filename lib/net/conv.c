@@ -106,6 +106,7 @@ hada_status hada_conv_run(hada_conv *conv, int index, const hada_tensor *in, con
                              pass->out_cols / 2, err);
     if (status)
         return status;
+    hada_conv_cost(conv, pass->to_coarse ? out : in, pass->to_coarse ? in : out);
     if (pass->tile)
         return hada_conv_winograd(conv, index, in, out, finish, err);
     return pass->method == HADA_CONV_PLAIN ? hada_conv_plain(conv, index, in, out, finish, err)
@@ -150,6 +151,7 @@ hada_status hada_conv_backward_weights(hada_conv *conv, const hada_tensor *x, co
         return status;
     const int transposed = conv->plan.desc.transposed;
     const hada_tensor *coarse = transposed ? x : dy, *fine = transposed ? dy : x;
+    hada_conv_cost(conv, coarse, fine);
     if (conv->plan.gradient.tile && !transposed)
         return hada_conv_winograd_weights(conv, coarse, fine, dw, dw_offset, db, db_offset, accumulate, err);
     if (conv->plan.gradient.tile)

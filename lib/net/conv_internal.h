@@ -18,6 +18,7 @@ typedef struct hada_conv_pass {
     int taps_rows, taps_cols; /* padding as conv_taps_of() of kernels/inc_conv.h counts it */
     int lanes;                /* output channels in a group of the packed weights */
     int pixels;               /* pixels, or tiles, at a time */
+    int rows_each;            /* direct: rows of a work-item */
     int tile;                 /* Winograd: 2 or 4 */
     int tiles;                /* Winograd in one launch: tiles of a work-item; 0: in three launches */
     int room;                 /* Winograd in three launches: tiles at most */
@@ -62,6 +63,8 @@ hada_status hada_conv_plan_make(hada_conv_plan *plan, const hada_context *contex
 /* Tile sizes and methods that the table of conv_table.c gives. hada_conv_table_winograd() gives the size of Winograd's
  * tiles, 0 for another method. */
 int hada_conv_table_winograd(const hada_context *context, const hada_conv_desc *desc, const hada_conv_pass *pass);
+int hada_conv_table_gradient_winograd(const hada_context *context, const hada_conv_desc *desc,
+                                      const hada_conv_gradient *gradient);
 void hada_conv_table_tiles(const hada_context *context, hada_conv_pass *pass);
 void hada_conv_table_gradient_tiles(const hada_context *context, const hada_conv_desc *desc,
                                     hada_conv_gradient *gradient);
@@ -83,6 +86,9 @@ hada_status hada_conv_launch(hada_slot *slot, const char *file, const char *name
                              const size_t *global, const size_t *local, const hada_arg *args, size_t count,
                              hada_error *err);
 const char *hada_conv_block_option(int block);
+
+/* States what the next launch needs at least, for profiles: the products of the definition. */
+void hada_conv_cost(hada_conv *conv, const hada_tensor *coarse, const hada_tensor *fine);
 
 /* What kernels take of a finish: flags and the mask's place. */
 typedef struct hada_conv_finish_args {

@@ -21,6 +21,15 @@ hada_status hada_conv_launch(hada_slot *slot, const char *file, const char *name
     return status ? status : hada_slot_launch(slot, kernel, name, 3, global, local, args, count, err);
 }
 
+void hada_conv_cost(hada_conv *conv, const hada_tensor *coarse, const hada_tensor *fine)
+{
+    const hada_conv_desc *d = &conv->plan.desc;
+    const double pixels = (double)coarse->rows * coarse->cols * coarse->images;
+    const double weights = (double)d->in_channels * d->out_channels * d->kernel_rows * d->kernel_cols;
+    const double values = pixels * coarse->channels + (double)fine->rows * fine->cols * fine->images * fine->channels;
+    hada_slot_cost(conv->slot, (values + weights) * sizeof(float), 2.0 * pixels * weights);
+}
+
 const char *hada_conv_block_option(int block)
 {
     return block == 16 ? "-DNET_BLOCK=16" : "";
@@ -145,9 +154,9 @@ hada_status hada_conv_direct(hada_conv *conv, int index, const hada_tensor *in, 
         status = hada_conv_launch(conv->slot, "conv_group", "conv_group", hada_conv_block_option(block), global, local,
                                   args, HADA_COUNT(args), err);
     } else {
-        const cl_int rows_each = 1;
         const size_t local[3] = {1, 1, 1};
-        const size_t global[3] = {out_groups, (size_t)out->rows, (size_t)in->images};
+        const size_t global[3] = {out_groups, (size_t)((out->rows + pass->rows_each - 1) / pass->rows_each),
+                                  (size_t)in->images};
         const hada_arg args[] = {HADA_ARG(in->mem),
                                  HADA_ARG(x_offset),
                                  HADA_ARG(x_image),
@@ -168,7 +177,7 @@ hada_status hada_conv_direct(hada_conv *conv, int index, const hada_tensor *in, 
                                  HADA_ARG(pass->taps_rows),
                                  HADA_ARG(pass->taps_cols),
                                  HADA_ARG(pass->step),
-                                 HADA_ARG(rows_each),
+                                 HADA_ARG(pass->rows_each),
                                  HADA_ARG(f.flags),
                                  HADA_ARG(f.activation),
                                  HADA_ARG(f.slope),

@@ -183,7 +183,7 @@ static void plan_gradient(hada_conv_plan *plan, const hada_context *context)
     g->bias_parts = MOST_PARTS;
     const size_t bias = (size_t)MOST_PARTS * (size_t)padded(d->out_channels, plan->block);
     need_scratch(plan, bias);
-    g->tile = is_winograd(plan) ? hada_conv_table_winograd(context, d, &plan->pass[HADA_CONV_FORWARD]) / 4 * 4 : 0;
+    g->tile = is_winograd(plan) ? hada_conv_table_gradient_winograd(context, d, g) : 0;
     if (g->tile) {
         plan_gradient_tiles(plan, context, g);
         return;

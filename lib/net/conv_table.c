@@ -13,6 +13,8 @@ static const tile_row tile_rows[] = {
     {16, 2, 1, 1},  {8, 1, 2, 6},  {8, 1, 1, 6},   {8, 1, 1, 1},  {8, 2, 2, 6},  {8, 2, 1, 6},  {8, 2, 1, 1},
 };
 
+#define LEAST_ITEMS 64
+
 static int tile_fits(const tile_row *row, int block, const hada_conv_pass *pass)
 {
     const int out_blocks = (pass->out_channels + block - 1) / block, narrowest = pass->out_cols / pass->step;
@@ -38,19 +40,42 @@ void hada_conv_table_pass(const hada_context *context, const hada_conv_desc *des
             best = &tile_rows[i];
     pass->lanes = best ? best->blocks * block : 0;
     pass->pixels = best ? best->pixels : 0;
+    /* rows in turn share weights in the nearest cache; enough groups of them are left to share out */
+    const long groups = best ? (pass->out_channels + pass->lanes - 1) / pass->lanes : 1;
+    const long rows = groups * pass->out_rows / LEAST_ITEMS;
+    pass->rows_each = rows < 1 ? 1 : (int)rows;
 }
 
-/* Winograd pays from so many channels on, on vector units (perf/results/conv-cpu.md); fewer leave its transforms
- * without products to save. */
-#define WINOGRAD_CHANNELS 16
+/* Winograd pays from so many channels on, on vector units (perf/results/conv-cpu.md): fewer leave its transforms
+ * without products to save. Its transformed weights are four times larger, so small images pay more for reading them
+ * than they save. Whether it serves depends on one image alone: results do not change with the batch. */
+#define WINOGRAD_CHANNELS        16
+#define WINOGRAD_PIXELS          144
+#define WINOGRAD_GRADIENT_PIXELS 512
+
+static int winograd_pays(const hada_context *context, int in_channels, int out_channels)
+{
+    return context->info.kind == HADA_DEVICE_CPU && in_channels >= WINOGRAD_CHANNELS &&
+           out_channels >= WINOGRAD_CHANNELS;
+}
 
 int hada_conv_table_winograd(const hada_context *context, const hada_conv_desc *desc, const hada_conv_pass *pass)
 {
     int tile = desc->method == HADA_CONV_WINOGRAD2 ? 2 : desc->method == HADA_CONV_WINOGRAD4 ? 4 : 0;
-    if (desc->method == HADA_CONV_AUTO && context->info.kind == HADA_DEVICE_CPU &&
-        pass->in_channels >= WINOGRAD_CHANNELS && pass->out_channels >= WINOGRAD_CHANNELS)
+    if (desc->method == HADA_CONV_AUTO && winograd_pays(context, pass->in_channels, pass->out_channels) &&
+        pass->out_rows * pass->out_cols >= WINOGRAD_PIXELS)
         tile = 4;
     return pass->out_rows < tile || pass->out_cols < tile ? 0 : tile;
+}
+
+int hada_conv_table_gradient_winograd(const hada_context *context, const hada_conv_desc *desc,
+                                      const hada_conv_gradient *gradient)
+{
+    const int pays = winograd_pays(context, gradient->fine_channels, gradient->coarse_channels) &&
+                     gradient->coarse_rows * gradient->coarse_cols >= WINOGRAD_GRADIENT_PIXELS;
+    if (gradient->coarse_rows < 4 || gradient->coarse_cols < 4)
+        return 0;
+    return desc->method == HADA_CONV_WINOGRAD4 || (desc->method == HADA_CONV_AUTO && pays) ? 4 : 0;
 }
 
 /* Local memory that drivers for CPUs bear. */

@@ -98,6 +98,7 @@ hada_status hada_model_create_head(hada_model **out, const hada_model_info *info
         return status;
     const size_t depths = (size_t)info->depths;
     model->info = *info;
+    model->info.enhance = model->info.enhance_rows = model->info.enhance_cols = 0; /* until it has the net */
     status = hada_alloc((void **)&model->distances, depths, sizeof *model->distances, "the distances", err);
     if (!status && !(model->name = hada_string_copy(info->name ? info->name : "")))
         status = hada_fail(err, HADA_ERROR_MEMORY, "no memory for a model");
@@ -156,6 +157,7 @@ void hada_model_destroy(hada_model **pointer)
         free(model->otf);
         free(model->scene_power);
     }
+    hada_net_destroy(&model->enhance);
     free(model->noise_power);
     free(model->pairs);
     free(model->distances);
@@ -195,5 +197,8 @@ hada_status hada_model_to_half(hada_model **out, const hada_model *model, hada_e
         memcpy(copy->noise_power, model->noise_power, images * sizeof *copy->noise_power);
         memcpy(copy->pairs, model->pairs, (size_t)info.depths * sizeof *copy->pairs);
     }
-    return HADA_OK;
+    status = hada_model_copy_enhance(copy, model, err);
+    if (status)
+        hada_model_destroy(out);
+    return status;
 }

@@ -19,7 +19,8 @@ struct hada_model {
     float *scene_power;
     double *noise_power;
     double *pairs;
-    void *mapped; /* non-NULL: the large arrays stand in this opened file (hada_tensors), not freed one by one */
+    hada_net *enhance; /* NULL where none */
+    void *mapped;      /* non-NULL: the large arrays stand in this opened file (hada_tensors), not freed one by one */
 };
 
 /* Where things stand on the grid, in pixels from its top left. */
@@ -57,6 +58,12 @@ hada_status hada_model_create_head(hada_model **out, const hada_model_info *info
 
 /* Room for the arrays that hada_model_create_head leaves out. */
 hada_status hada_model_create_arrays(hada_model *model, int with_statistics, hada_error *err);
+
+/* Gives a model a net, which becomes its own (also on failure), with the size at which it runs. */
+hada_status hada_model_own_enhance(hada_model *model, hada_net *net, int rows, int cols, hada_error *err);
+
+/* Gives a copy of a model its net, where it has one. */
+hada_status hada_model_copy_enhance(hada_model *copy, const hada_model *model, hada_error *err);
 
 /* Whether an info makes sense: counts, sizes, numbers, distances in order. Messages begin with "the model". */
 hada_status hada_model_info_check(const hada_model_info *info, hada_error *err);

@@ -9,6 +9,7 @@
 #include "core/alloc.h"
 #include "core/error.h"
 #include "filter/model.h"
+#include "filter/model_enhance.h"
 #include "io/safetensors.h"
 
 #define FORMAT         "hadalens-model"
@@ -140,8 +141,12 @@ hada_status hada_model_save(const hada_model *model, const char *path, hada_erro
     const int count = list_parts(model, parts);
     for (int i = 0; !status && i < count; i++)
         status = hada_tensors_declare(writer, parts[i].name, parts[i].type, parts[i].dims, parts[i].shape, err);
+    if (!status)
+        status = hada_model_declare_enhance(model, writer, err);
     for (int i = 0; !status && i < count; i++)
         status = hada_tensors_write(writer, parts[i].data, parts[i].bytes, err);
+    if (!status)
+        status = hada_model_write_enhance(model, writer, err);
     if (!status)
         return hada_tensors_finish(&writer, err);
     hada_tensors_abandon(&writer);
@@ -300,6 +305,8 @@ static hada_status load(hada_model **out, hada_tensors *file, const char *path, 
         status = take_parts(model, file, path, err);
     if (!status) {
         status = hada_model_info_check(&model->info, err);
+        if (!status)
+            status = hada_model_read_enhance(model, file, err);
         if (status)
             hada_error_prefix(err, "%s: ", path);
     }

@@ -257,6 +257,20 @@ hada_status hada_net_finish(hada_net *net, hada_error *err)
     return status ? status : make_parameters(net, err);
 }
 
+hada_status hada_net_copy(hada_net **out, const hada_net *net, hada_error *err)
+{
+    hada_status status = hada_net_begin(out, net->colours, err);
+    for (int i = 0; !status && i < net->count; i++)
+        status = hada_net_add(*out, &net->layers[i], NULL, err);
+    if (!status)
+        status = hada_net_finish(*out, err);
+    if (!status)
+        memcpy((*out)->values, net->values, net->floats * sizeof *net->values);
+    if (status)
+        hada_net_destroy(out);
+    return status;
+}
+
 const hada_parameter *hada_net_find(const hada_net *net, const char *name)
 {
     for (int i = 0; i < net->parameter_count; i++)

@@ -85,6 +85,9 @@ typedef struct hada_size {
 } hada_size;
 hada_status hada_net_sizes(const hada_net *net, int rows, int cols, hada_size *sizes, hada_error *err);
 
+/* A copy with its values. */
+hada_status hada_net_copy(hada_net **out, const hada_net *net, hada_error *err);
+
 /* The parameter of a name, NULL where there is none. */
 const hada_parameter *hada_net_find(const hada_net *net, const char *name);
 

@@ -13,6 +13,7 @@
 
 #include <hadalens/device.h>
 #include <hadalens/image.h>
+#include <hadalens/net.h>
 #include <stdint.h>
 
 #ifdef __cplusplus
@@ -47,10 +48,12 @@ typedef struct hada_model_info {
     int refine_steps;     /* refinement that pays for this camera; 0: none does */
     double refine_rho;    /* in units of the largest |OTF(0)|^2 of all depths and channels */
     int has_otf;
-    int half;                   /* filters are kept in half precision */
-    uint64_t bytes;             /* of filters and transfer functions */
-    const double *distances_mm; /* per depth, owned by the model */
-    const char *name;           /* file name it was loaded from, or "" */
+    int half;                       /* filters are kept in half precision */
+    int enhance;                    /* 1: it holds a net that enhances refocused planes */
+    int enhance_rows, enhance_cols; /* size at which that net runs; 0, 0: the window's */
+    uint64_t bytes;                 /* of filters and transfer functions */
+    const double *distances_mm;     /* per depth, owned by the model */
+    const char *name;               /* file name it was loaded from, or "" */
 } hada_model_info;
 
 HADA_API hada_status hada_model_load(hada_model **out, const char *path, hada_error *err);
@@ -64,9 +67,18 @@ HADA_API hada_status hada_model_to_half(hada_model **out, const hada_model *mode
 
 /* A copy with the fixed filters `matched` or `wiener` made from the model's transfer functions H (HADA_ERROR_MODEL
  * without any): the baselines of a comparison. Matched: conj(H) / |H(0)|^2, which keeps the mean brightness; Wiener:
- * conj(H) / (|H|^2 + lambda mean |H|^2), `lambda` > 0. */
+ * conj(H) / (|H|^2 + lambda mean |H|^2), `lambda` > 0. A net for enhancement, which belongs to the filters that it was
+ * trained behind, is left out. */
 HADA_API hada_status hada_model_with_form(hada_model **out, const hada_model *model, hada_form form, double lambda,
                                           hada_error *err);
+
+/* A copy with a net (copied) that enhances refocused planes, run at rows x cols (0, 0: the window's size); net NULL: a
+ * copy without one. HADA_ERROR_MODEL where the net's channels are not the model's. */
+HADA_API hada_status hada_model_with_enhance(hada_model **out, const hada_model *model, const hada_net *net, int rows,
+                                             int cols, hada_error *err);
+
+/* The net of a model, owned by it; NULL where it has none. */
+HADA_API const hada_net *hada_model_get_enhance(const hada_model *model);
 
 /* From point spread functions: one image per depth (channels x rows x cols, optical axis at (rows/2, cols/2)), forms
  * matched or wiener. The OTF is kept, so refinement works. */

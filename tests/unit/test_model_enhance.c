@@ -1,0 +1,198 @@
+/* Models with a net for enhancement: copies and files. */
+#include "testing.h"
+
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "core/random.h"
+#include "filter/model.h"
+#include "net/weights_file.h"
+
+static const double distances[] = {100.0, 200.0};
+
+static hada_model *make_model(void)
+{
+    hada_model_info info = {.depths = 2,
+                            .channels = 2,
+                            .form = HADA_FORM_COMPLEX,
+                            .boundary = HADA_BOUNDARY_CIRCULAR,
+                            .has_otf = 1,
+                            .distances_mm = distances};
+    hada_model *model;
+    hada_random random;
+    ASSERT_OK(hada_model_set_sizes(&info, 10, 12, 6, 8, err));
+    ASSERT_OK(hada_model_create(&model, &info, 1, err));
+    hada_random_seed(&random, 1, 1);
+    for (size_t i = 0; i < hada_model_plane(model) * 8; i++) {
+        model->filter[i] = (float)hada_random_normal(&random);
+        model->otf[i] = (float)hada_random_normal(&random);
+    }
+    return model;
+}
+
+static hada_net *make_net(int channels)
+{
+    hada_net *net;
+    hada_unet_options options;
+    hada_unet_options_init(&options);
+    options.channels = options.out_channels = channels;
+    options.down = "4|5";
+    options.up = "6";
+    options.shared = options.last_norm = 1;
+    ASSERT_OK(hada_net_create_unet(&net, &options, 2, err));
+    return net;
+}
+
+static void expect_same_net(const hada_model *model, const hada_net *net, int rows, int cols)
+{
+    const hada_model_info *info = hada_model_get_info(model);
+    const hada_net *own = hada_model_get_enhance(model);
+    assert_true(info->enhance);
+    assert_int_equal(info->enhance_rows, rows);
+    assert_int_equal(info->enhance_cols, cols);
+    assert_non_null(own);
+    assert_ptr_not_equal(own, net);
+    assert_int_equal(own->floats, net->floats);
+    assert_memory_equal(own->values, net->values, net->floats * sizeof(float));
+    assert_int_equal(own->count, net->count);
+    for (int i = 0; i < net->count; i++)
+        assert_memory_equal(&own->layers[i], &net->layers[i], sizeof(hada_layer));
+}
+
+static void make_path(char *path)
+{
+    strcpy(path, "/tmp/hadalens-test-XXXXXX");
+    const int file = mkstemp(path);
+    assert_true(file >= 0);
+    close(file);
+}
+
+static void the_net_goes_with_files_and_copies(void **state)
+{
+    (void)state;
+    char path[64];
+    make_path(path);
+    for (int sized = 0; sized < 2; sized++) {
+        hada_model *model = make_model(), *with, *back, *half, *fixed, *without;
+        hada_net *net = make_net(2);
+        const int rows = sized ? 16 : 0, cols = sized ? 20 : 0;
+        ASSERT_OK(hada_model_with_enhance(&with, model, net, rows, cols, err));
+        expect_same_net(with, net, rows, cols);
+        assert_memory_equal(with->filter, model->filter, hada_model_plane(model) * 8 * sizeof(float));
+        assert_null(hada_model_get_enhance(model));
+        assert_false(hada_model_get_info(model)->enhance);
+        ASSERT_OK(hada_model_save(with, path, err));
+        ASSERT_OK(hada_model_load(&back, path, err));
+        expect_same_net(back, net, rows, cols);
+        ASSERT_OK(hada_model_to_half(&half, back, err));
+        expect_same_net(half, net, rows, cols);
+        ASSERT_OK(hada_model_save(half, path, err));
+        hada_model_destroy(&back);
+        ASSERT_OK(hada_model_load(&back, path, err));
+        expect_same_net(back, net, rows, cols);
+        ASSERT_OK(hada_model_with_form(&fixed, with, HADA_FORM_MATCHED, 0, err));
+        assert_null(hada_model_get_enhance(fixed));
+        assert_false(hada_model_get_info(fixed)->enhance);
+        ASSERT_OK(hada_model_with_enhance(&without, back, NULL, 0, 0, err));
+        assert_null(hada_model_get_enhance(without));
+        assert_memory_equal(without->filter_half, half->filter_half, hada_model_plane(model) * 8 * 2);
+        hada_model *all[] = {model, with, back, half, fixed, without};
+        for (size_t i = 0; i < sizeof all / sizeof *all; i++)
+            hada_model_destroy(&all[i]);
+        hada_net_destroy(&net);
+    }
+    remove(path);
+}
+
+static void nets_that_do_not_fit_are_refused(void **state)
+{
+    (void)state;
+    hada_model *model = make_model(), *with;
+    hada_net *net = make_net(3);
+    hada_error error = {0};
+    assert_int_equal(hada_model_with_enhance(&with, model, net, 0, 0, &error), HADA_ERROR_MODEL);
+    assert_non_null(strstr(error.message, "3 channel"));
+    assert_null(with);
+    hada_net_destroy(&net);
+    net = make_net(2);
+    assert_int_equal(hada_model_with_enhance(&with, model, net, 16, 0, &error), HADA_ERROR_MODEL);
+    hada_model_destroy(&model);
+    hada_net_destroy(&net);
+}
+
+/* A model's file with another text under a key of its metadata, or without one of its tensors. */
+static void rewrite(const char *from, const char *to, const char *key, const char *value, const char *without)
+{
+    static const char *const keys[] = {"format",     "version",      "library", "form",        "boundary", "raw",
+                                       "grid",       "window",       "alpha",   "lambda",      "dark",     "noise",
+                                       "refine_rho", "refine_steps", "enhance", "enhance_size"};
+    hada_tensors *file;
+    hada_tensors_writer *writer;
+    ASSERT_OK(hada_tensors_open(&file, from, err));
+    ASSERT_OK(hada_tensors_create(&writer, to, err));
+    for (size_t i = 0; i < sizeof keys / sizeof *keys; i++) {
+        const char *text = strcmp(keys[i], key) ? hada_tensors_meta(file, keys[i]) : value;
+        if (text)
+            ASSERT_OK(hada_tensors_put_meta(writer, keys[i], text, err));
+    }
+    for (int data = 0; data < 2; data++)
+        for (size_t i = 0; i < hada_tensors_count(file); i++) {
+            const hada_stored_tensor *t = hada_tensors_at(file, i);
+            if (!strcmp(t->name, without))
+                continue;
+            if (data)
+                ASSERT_OK(hada_tensors_write(writer, t->data, t->bytes, err));
+            else
+                ASSERT_OK(hada_tensors_declare(writer, t->name, t->type, t->dims, t->shape, err));
+        }
+    ASSERT_OK(hada_tensors_finish(&writer, err));
+    hada_tensors_close(&file);
+}
+
+static void damaged_files_are_refused(void **state)
+{
+    (void)state;
+    char good[64], bad[64];
+    make_path(good);
+    make_path(bad);
+    hada_model *model = make_model(), *with, *back;
+    hada_net *net = make_net(2);
+    hada_error error = {0};
+    ASSERT_OK(hada_model_with_enhance(&with, model, net, 16, 20, err));
+    ASSERT_OK(hada_model_save(with, good, err));
+    rewrite(good, bad, "", NULL, "");
+    ASSERT_OK(hada_model_load(&back, bad, err));
+    expect_same_net(back, net, 16, 20);
+    hada_model_destroy(&back);
+    rewrite(good, bad, "enhance", NULL, ""); /* tensors that no description names */
+    ASSERT_OK(hada_model_load(&back, bad, err));
+    assert_null(hada_model_get_enhance(back));
+    hada_model_destroy(&back);
+    rewrite(good, bad, "enhance_size", "16", "");
+    assert_int_equal(hada_model_load(&back, bad, &error), HADA_ERROR_FILE_FORMAT);
+    rewrite(good, bad, "enhance_size", "0x4", "");
+    assert_int_equal(hada_model_load(&back, bad, &error), HADA_ERROR_MODEL);
+    rewrite(good, bad, "enhance", "{}", "");
+    assert_int_equal(hada_model_load(&back, bad, &error), HADA_ERROR_MODEL);
+    rewrite(good, bad, "", NULL, "enhance.up.0.0.bias");
+    assert_int_equal(hada_model_load(&back, bad, &error), HADA_ERROR_MODEL);
+    assert_non_null(strstr(error.message, "enhance.up.0.0.bias"));
+    assert_non_null(strstr(error.message, bad));
+    assert_null(back);
+    hada_model_destroy(&model);
+    hada_model_destroy(&with);
+    hada_net_destroy(&net);
+    remove(good);
+    remove(bad);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(the_net_goes_with_files_and_copies),
+        cmocka_unit_test(nets_that_do_not_fit_are_refused),
+        cmocka_unit_test(damaged_files_are_refused),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -192,21 +192,21 @@ static inline void tiny_upload(tiny_device *device, const tiny_camera *camera)
                                       .otf_depths = camera->depths};
 }
 
-/* Puts a frame on the device. */
-static inline void tiny_expose(tiny_device *device, const tiny_camera *camera, const double *image, double gain)
+/* Puts a frame on the device: images[channel][grid]. */
+static inline void tiny_expose_colours(tiny_device *device, const tiny_camera *camera, const double *images)
 {
     float *whole = calloc(camera->pixels * (size_t)camera->channels, sizeof *whole);
     float *part = calloc(camera->frame_area * (size_t)camera->channels, sizeof *part);
     float *to = part;
     assert_true(whole && part);
-    for (int c = 0; c < camera->channels; c++) {
-        float *from = whole + (size_t)c * camera->pixels;
-        for (size_t i = 0; i < camera->pixels; i++)
-            from[i] = (float)(image[i] * gain / (1 + c));
+    for (size_t i = 0; i < camera->pixels * (size_t)camera->channels; i++)
+        whole[i] = (float)images[i];
+    for (int c = 0; c < camera->channels; c++)
         for (int i = 0; i < camera->frame.rows; i++, to += camera->frame.cols)
-            memcpy(to, from + (size_t)(camera->frame.row0 + i) * (size_t)camera->cols + (size_t)camera->frame.col0,
+            memcpy(to,
+                   whole + (size_t)c * camera->pixels + (size_t)(camera->frame.row0 + i) * (size_t)camera->cols +
+                       (size_t)camera->frame.col0,
                    (size_t)camera->frame.cols * sizeof *to);
-    }
     hada_fft *plan;
     const hada_fft_desc desc = {.direction = HADA_FFT_FORWARD,
                                 .rows = camera->rows,
@@ -226,15 +226,27 @@ static inline void tiny_expose(tiny_device *device, const tiny_camera *camera, c
     free(part);
 }
 
-/* The Wiener prior: power of noise of `noise` times the frame's maximum over the mean power of scenes; one channel. */
+/* One image in every channel, channel c scaled by gain / (1 + c). */
+static inline void tiny_expose(tiny_device *device, const tiny_camera *camera, const double *image, double gain)
+{
+    double *images = tiny_zeros(camera->pixels * (size_t)camera->channels);
+    for (int c = 0; c < camera->channels; c++)
+        for (size_t i = 0; i < camera->pixels; i++)
+            images[(size_t)c * camera->pixels + i] = image[i] * gain / (1 + c);
+    tiny_expose_colours(device, camera, images);
+    free(images);
+}
+
+/* The Wiener prior: power of noise of `noise` times the frame's maximum over the mean power of scenes; the same for all
+ * channels. */
 static inline void tiny_prior(tiny_device *device, const tiny_camera *camera, const double *image, double noise)
 {
     const double share = (double)camera->window_area / (double)camera->pixels;
     double *scene = tiny_zeros(camera->window_area), *grid = tiny_zeros(camera->pixels), top = 0.0;
     double *spectrum = tiny_zeros(2 * camera->values), *power = tiny_zeros(camera->values);
     float *rows = calloc(camera->values, sizeof *rows);
-    float *packed = calloc(device->layout.count, sizeof *packed);
-    assert_true(rows && packed && camera->channels == 1);
+    float *packed = calloc(device->layout.count * (size_t)camera->channels, sizeof *packed);
+    assert_true(rows && packed);
     for (unsigned seed = 50; seed < 58; seed++) {
         tiny_scene(camera, seed, scene);
         for (size_t i = 0; i < camera->window_area; i++)
@@ -248,10 +260,11 @@ static inline void tiny_prior(tiny_device *device, const tiny_camera *camera, co
         top = fmax(top, image[i]);
     for (size_t i = 0; i < camera->values; i++)
         rows[i] = (float)(share * noise * noise * top * top * (double)camera->pixels / power[i]);
-    hada_layout_pack_real(&device->layout, rows, packed);
+    for (size_t c = 0; c < (size_t)camera->channels; c++)
+        hada_layout_pack_real(&device->layout, rows, packed + c * device->layout.count);
     hada_buffer_destroy(&device->prior);
-    ASSERT_OK(
-        hada_buffer_create_from(&device->prior, device->slot, packed, device->layout.count * 4, "the prior", err));
+    ASSERT_OK(hada_buffer_create_from(&device->prior, device->slot, packed,
+                                      device->layout.count * (size_t)camera->channels * 4, "the prior", err));
     device->data.prior = device->prior.mem;
     free(scene);
     free(grid);

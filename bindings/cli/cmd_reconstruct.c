@@ -3,6 +3,7 @@
 #include "folder.h"
 #include "frame_files.h"
 #include "pairs.h"
+#include "skip_words.h"
 
 #include <hadalens/job.h>
 
@@ -14,9 +15,9 @@
 
 typedef struct settings {
     hada_cli_common common;
-    const char *model, *output, *depths, *occupied, *refine, *dark;
+    const char *model, *output, *depths, *occupied, *refine, *dark, *skip;
     int method, bits, half, repair, no_preview, batch, queues;
-    double gamma, white, lambda;
+    double gamma, white, lambda, max_error, band;
 } settings;
 
 #define AT(member) offsetof(settings, member)
@@ -46,6 +47,15 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_FLAG, "repair", 0, NULL, "fill NaN and infinite pixels from their neighbours",
      "Without it such a frame is refused.", AT(repair)},
     {HADA_OPTION_FLAG, "half", 0, NULL, "keep the filters in half precision on the device", NULL, AT(half)},
+    {HADA_OPTION_REAL, "max-error", 0, "E", "relative change of the stack that may be traded for time (default: 0)",
+     "Root of the sum of squares over all pixels, such as 0.01. Acts with --refine 0; each frame says what was "
+     "skipped and how much it may have changed.",
+     AT(max_error)},
+    {HADA_OPTION_TEXT, "skip", 0, "all|none|LIST", "what may be skipped where a scene does not need it (default: all)",
+     "LIST of prune, depths, frequencies, half, channels, frames, tiles. Without --max-error only what is exact.",
+     AT(skip)},
+    {HADA_OPTION_REAL, "band", 0, "B", "share of the sensor's Nyquist frequency that is used (default: 1)",
+     "With --refine 0, for optics that resolve less than the sensor: 0.7 leaves half of the frequencies.", AT(band)},
     {HADA_OPTION_COUNT, "batch", 0, "N", "depths computed at once (default: by memory)", NULL, AT(batch)},
     {HADA_OPTION_COUNT, "queues", 0, "N", "frames at once on each device (default: 1)",
      "With two, the transfers of one frame overlap with computing another; each takes memory of its own. For several "
@@ -58,6 +68,8 @@ static void defaults(void *user)
 {
     settings *set = user;
     set->occupied = set->refine = "auto";
+    set->skip = "all";
+    set->band = 1;
     set->bits = 3;
     set->gamma = 1;
     set->white = 1;
@@ -107,6 +119,10 @@ static hada_status read_options(job *work, hada_plan_options *plan, hada_error *
         plan->dark_level = work->dark.level;
         plan->dark_frame = work->dark.kind == HADA_CLI_DARK_FILE ? &work->dark.frame : NULL;
     }
+    if (!status)
+        status = hada_cli_read_skip(set->skip, &plan->skip, err);
+    plan->max_error = set->max_error;
+    plan->band = set->band;
     plan->repair_not_finite = set->repair;
     plan->half = set->half;
     plan->batch = set->batch;
@@ -222,6 +238,8 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
         return hada_cli_usage(cli, "say where the results shall go, with -o FOLDER");
     if (!(set->gamma > 0) || !(set->white > 0) || !(set->lambda > 0))
         return hada_cli_usage(cli, "--gamma, --white and --lambda must be greater than zero");
+    if (!(set->max_error >= 0 && set->max_error < 1) || !(set->band > 0 && set->band <= 1))
+        return hada_cli_usage(cli, "--max-error takes 0 to below 1, --band a share above 0 and at most 1");
     char **names = calloc((size_t)count, sizeof *names);
     int code = names ? make_names(cli, count, arguments, names) : HADA_EXIT_MEMORY;
     if (!code)

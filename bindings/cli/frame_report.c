@@ -1,4 +1,5 @@
 #include "frame_report.h"
+#include "skip_words.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -17,6 +18,7 @@ json_t *hada_cli_frame_json(const hada_result *result)
     json_object_set_new(frame, "residual", hada_cli_real(report->residual));
     json_object_set_new(frame, "dark", hada_cli_real(report->dark));
     json_object_set_new(frame, "repaired_pixels", json_integer((json_int_t)report->repaired_pixels));
+    json_object_set_new(frame, "skipped", hada_cli_skip_json(result));
     json_object_set_new(frame, "seconds",
                         json_pack("{s:f, s:f, s:f, s:f, s:f, s:f, s:f}", "total", report->seconds_total, "upload",
                                   report->seconds_upload, "linear", report->seconds_linear, "pursuit",
@@ -64,4 +66,5 @@ void hada_cli_frame_words(const hada_result *result, char *text, size_t size)
         add(text, size, "; %.2g %% unexplained", 100 * residual);
     if (report->repaired_pixels)
         add(text, size, "; %.0f pixels repaired", (double)report->repaired_pixels);
+    hada_cli_skip_words(result, text, size);
 }

@@ -1,0 +1,280 @@
+/* Convolutions against PyTorch (tests/golden/make_conv.py): the references in double precision, and the device; and
+ * what the interface promises: bytes, errors. */
+#include "net_fixture.h"
+
+#include "io/safetensors.h"
+#include "net/conv.h"
+#include "ref/ref_conv.h"
+
+static const char *const names[] = {"same", "strided", "one", "large", "flat", "doubling", "growing", "channels"};
+
+typedef struct values {
+    size_t count;
+    double *exact;
+    float *single;
+    const int64_t *shape;
+} values;
+
+static values part_of(const hada_tensors *file, const char *name, const char *part)
+{
+    char full[64];
+    snprintf(full, sizeof full, "%s.%s", name, part);
+    const hada_stored_tensor *tensor = hada_tensors_find(file, full);
+    if (!tensor)
+        fail_msg("there is no %s in the golden file", full);
+    assert_int_equal(tensor->type, HADA_F64);
+    values v = {tensor->bytes / sizeof(double), malloc(tensor->bytes), malloc(tensor->bytes), tensor->shape};
+    assert_non_null(v.exact);
+    assert_non_null(v.single);
+    memcpy(v.exact, tensor->data, tensor->bytes);
+    for (size_t i = 0; i < v.count; i++)
+        v.single[i] = (float)v.exact[i];
+    return v;
+}
+
+enum { X, W, B, Y, DY, DX, DW, DB, HOW, PARTS };
+
+typedef struct golden_case {
+    values part[PARTS];
+    hada_conv_desc desc;
+    int rows, cols; /* of y */
+} golden_case;
+
+static golden_case open_case(const char *name)
+{
+    static const char *const parts[PARTS] = {"x", "w", "b", "y", "dy", "dx", "dw", "db", "how"};
+    golden_case c;
+    hada_tensors *file;
+    ASSERT_OK(hada_tensors_open(&file, HADALENS_SOURCE_DIR "/tests/golden/conv.safetensors", err));
+    for (int i = 0; i < PARTS; i++)
+        c.part[i] = part_of(file, name, parts[i]);
+    const int64_t *x = c.part[X].shape, *w = c.part[W].shape, *y = c.part[Y].shape;
+    const double *how = c.part[HOW].exact;
+    c.desc = (hada_conv_desc){.images = (int)x[0],
+                              .in_channels = (int)x[1],
+                              .out_channels = (int)y[1],
+                              .in_rows = (int)x[2],
+                              .in_cols = (int)x[3],
+                              .kernel_rows = (int)w[2],
+                              .kernel_cols = (int)w[3],
+                              .stride = (int)how[0],
+                              .pad_rows = (int)how[1],
+                              .pad_cols = (int)how[2],
+                              .transposed = (int)how[3],
+                              .output_pad = (int)how[4],
+                              .training = 1};
+    hada_conv_output_size(&c.desc, &c.rows, &c.cols);
+    assert_int_equal(c.rows, y[2]);
+    assert_int_equal(c.cols, y[3]);
+    hada_tensors_close(&file);
+    return c;
+}
+
+static void close_case(golden_case *c)
+{
+    for (int i = 0; i < PARTS; i++) {
+        free(c->part[i].exact);
+        free(c->part[i].single);
+    }
+}
+
+static void same(const char *name, const char *what, const double *got, const values *expected)
+{
+    for (size_t i = 0; i < expected->count; i++)
+        if (!(fabs(got[i] - expected->exact[i]) <= 1e-11 * (1.0 + fabs(expected->exact[i]))))
+            fail_msg("%s: %s: value %zu is %.15g, PyTorch has %.15g", name, what, i, got[i], expected->exact[i]);
+}
+
+static void references(void **state)
+{
+    (void)state;
+    for (size_t n = 0; n < HADA_COUNT(names); n++) {
+        golden_case c = open_case(names[n]);
+        const hada_conv_desc *d = &c.desc;
+        hada_ref_conv shape = {.coarse_channels = d->out_channels,
+                               .coarse_rows = c.rows,
+                               .coarse_cols = c.cols,
+                               .fine_channels = d->in_channels,
+                               .fine_rows = d->in_rows,
+                               .fine_cols = d->in_cols,
+                               .kernel_rows = d->kernel_rows,
+                               .kernel_cols = d->kernel_cols,
+                               .stride = d->stride,
+                               .pad_rows = d->pad_rows,
+                               .pad_cols = d->pad_cols};
+        if (d->transposed) {
+            shape.coarse_channels = d->in_channels;
+            shape.coarse_rows = d->in_rows;
+            shape.coarse_cols = d->in_cols;
+            shape.fine_channels = d->out_channels;
+            shape.fine_rows = c.rows;
+            shape.fine_cols = c.cols;
+        }
+        const size_t images = (size_t)d->images, in = c.part[X].count / images, out = c.part[Y].count / images;
+        const size_t pixels = out / (size_t)d->out_channels;
+        double *y = calloc(c.part[Y].count, sizeof *y), *dx = calloc(c.part[X].count, sizeof *dx);
+        double *dw = calloc(c.part[W].count, sizeof *dw), *db = calloc(c.part[B].count, sizeof *db);
+        for (size_t i = 0; i < images; i++) {
+            const float *x = c.part[X].single + i * in, *dy = c.part[DY].single + i * out, *w = c.part[W].single;
+            if (d->transposed) {
+                hada_ref_conv_to_fine(&shape, w, x, y + i * out);
+                hada_ref_conv_to_coarse(&shape, w, dy, dx + i * in);
+                hada_ref_conv_weights(&shape, x, dy, dw);
+            } else {
+                hada_ref_conv_to_coarse(&shape, w, x, y + i * out);
+                hada_ref_conv_to_fine(&shape, w, dy, dx + i * in);
+                hada_ref_conv_weights(&shape, dy, x, dw);
+            }
+            hada_ref_conv_bias(dy, d->out_channels, (int)pixels, db);
+            for (size_t k = 0; k < out; k++)
+                y[i * out + k] += c.part[B].exact[k / pixels];
+        }
+        same(names[n], "y", y, &c.part[Y]);
+        same(names[n], "dx", dx, &c.part[DX]);
+        same(names[n], "dw", dw, &c.part[DW]);
+        same(names[n], "db", db, &c.part[DB]);
+        free(y);
+        free(dx);
+        free(dw);
+        free(db);
+        close_case(&c);
+    }
+}
+
+/* Loads planes into a tensor of its own; values NULL: nothing in it. */
+static hada_tensor load(net_device *device, hada_buffer *buffer, const values *v, int channels, int rows, int cols)
+{
+    hada_buffer planes;
+    hada_tensor tensor =
+        hada_tensor_at(device->context, NULL, 0, (int)(v->count / ((size_t)channels * (size_t)rows * (size_t)cols)),
+                       channels, rows, cols);
+    ASSERT_OK(hada_buffer_create(buffer, device->context, tensor.image_stride * (size_t)tensor.images * sizeof(float),
+                                 "a tensor", err));
+    ASSERT_OK(hada_buffer_create_from(&planes, device->slot, v->single, v->count * sizeof(float), "planes", err));
+    tensor.mem = buffer->mem;
+    const hada_planar planar = net_planar(planes.mem, channels, rows, cols);
+    ASSERT_OK(hada_tensor_load(device->slot, &planar, &tensor, err));
+    hada_buffer_destroy(&planes);
+    return tensor;
+}
+
+static void near_golden(net_device *device, const char *name, const hada_tensor *tensor, const values *expected,
+                        double most)
+{
+    hada_buffer planes;
+    float *got = calloc(expected->count, sizeof *got);
+    ASSERT_OK(hada_buffer_create(&planes, device->context, expected->count * sizeof(float), "planes", err));
+    const hada_planar planar = net_planar(planes.mem, tensor->channels, tensor->rows, tensor->cols);
+    ASSERT_OK(hada_tensor_store(device->slot, tensor, &planar, err));
+    ASSERT_OK(hada_buffer_read(&planes, device->slot, 0, got, expected->count * sizeof(float), err));
+    const double error = net_error(got, expected->exact, expected->count);
+    if (!(error <= most))
+        fail_msg("%s: error %g against PyTorch", name, error);
+    hada_buffer_destroy(&planes);
+    free(got);
+}
+
+static void on_device(net_device *device, hada_conv_method method)
+{
+    for (size_t n = 0; n < HADA_COUNT(names); n++) {
+        golden_case c = open_case(names[n]);
+        hada_conv_desc *d = &c.desc;
+        hada_buffer x, y, dy, dx, w, b, dw;
+        hada_conv *conv;
+        d->method = method;
+        const hada_tensor tx = load(device, &x, &c.part[X], d->in_channels, d->in_rows, d->in_cols);
+        const hada_tensor tdy = load(device, &dy, &c.part[DY], d->out_channels, c.rows, c.cols);
+        /* what is written over is not what is expected */
+        const hada_tensor ty = load(device, &y, &c.part[DY], d->out_channels, c.rows, c.cols);
+        const hada_tensor tdx = load(device, &dx, &c.part[X], d->in_channels, d->in_rows, d->in_cols);
+        const size_t weights = c.part[W].count, biases = c.part[B].count;
+        float *gradients = calloc(weights + biases, sizeof *gradients);
+        ASSERT_OK(hada_buffer_create_from(&w, device->slot, c.part[W].single, weights * sizeof(float), "w", err));
+        ASSERT_OK(hada_buffer_create_from(&b, device->slot, c.part[B].single, biases * sizeof(float), "b", err));
+        ASSERT_OK(hada_buffer_create(&dw, device->context, (weights + biases) * sizeof(float), "dw", err));
+        const uint64_t before = hada_context_bytes(device->context);
+        ASSERT_OK(hada_conv_create(&conv, device->slot, d, err));
+        assert_int_equal(hada_context_bytes(device->context) - before, hada_conv_bytes(device->context, d));
+        ASSERT_OK(hada_conv_set_weights(conv, w.mem, 0, err));
+        ASSERT_OK(hada_conv_forward(conv, &tx, b.mem, 0, &ty, NULL, err));
+        ASSERT_OK(hada_conv_backward_data(conv, &tdy, NULL, &tdx, 0, err));
+        ASSERT_OK(hada_conv_backward_weights(conv, &tx, &tdy, dw.mem, 0, dw.mem, weights, 0, err));
+        ASSERT_OK(hada_buffer_read(&dw, device->slot, 0, gradients, (weights + biases) * sizeof(float), err));
+        const double most = hada_conv_serving(conv) == HADA_CONV_WINOGRAD4 ? 5e-6 : 1e-6;
+        near_golden(device, names[n], &ty, &c.part[Y], most);
+        near_golden(device, names[n], &tdx, &c.part[DX], most);
+        assert_true(net_error(gradients, c.part[DW].exact, weights) <= most);
+        assert_true(net_error(gradients + weights, c.part[DB].exact, biases) <= 1e-6);
+        hada_conv_destroy(&conv);
+        hada_buffer *const buffers[] = {&x, &y, &dy, &dx, &w, &b, &dw};
+        for (size_t i = 0; i < HADA_COUNT(buffers); i++)
+            hada_buffer_destroy(buffers[i]);
+        free(gradients);
+        close_case(&c);
+    }
+}
+
+static void automatic(void **state)
+{
+    on_device(*state, HADA_CONV_AUTO);
+}
+
+static void plain(void **state)
+{
+    on_device(*state, HADA_CONV_PLAIN);
+}
+
+static void mistakes(void **state)
+{
+    net_device *device = *state;
+    hada_context *context = device->context;
+    const hada_conv_desc good = {.images = 1,
+                                 .in_channels = 4,
+                                 .out_channels = 5,
+                                 .in_rows = 6,
+                                 .in_cols = 7,
+                                 .kernel_rows = 3,
+                                 .kernel_cols = 3,
+                                 .stride = 1,
+                                 .pad_rows = 1,
+                                 .pad_cols = 1};
+    hada_conv *conv;
+    hada_conv_desc bad = good;
+    bad.stride = 0;
+    assert_int_equal(hada_conv_create(&conv, device->slot, &bad, NULL), HADA_ERROR_ARGUMENT);
+    assert_null(conv);
+    assert_int_equal(hada_conv_bytes(context, &bad), 0);
+    bad = good;
+    bad.output_pad = 1;
+    assert_int_equal(hada_conv_create(&conv, device->slot, &bad, NULL), HADA_ERROR_ARGUMENT);
+    bad = good;
+    bad.in_rows = 1;
+    bad.kernel_rows = 5;
+    assert_int_equal(hada_conv_create(&conv, device->slot, &bad, NULL), HADA_ERROR_SIZE);
+
+    hada_buffer buffer;
+    hada_tensor x = hada_tensor_at(context, NULL, 0, 1, 4, 6, 7), y = hada_tensor_at(context, NULL, 0, 1, 5, 6, 7);
+    ASSERT_OK(hada_buffer_create(&buffer, context, (x.image_stride + y.image_stride) * sizeof(float), "tensors", err));
+    x.mem = y.mem = buffer.mem;
+    y.offset = x.image_stride;
+    ASSERT_OK(hada_conv_create(&conv, device->slot, &good, err));
+    assert_int_equal(hada_conv_forward(conv, &x, NULL, 0, &y, NULL, NULL), HADA_ERROR_STATE); /* no weights */
+    ASSERT_OK(hada_conv_set_weights(conv, buffer.mem, 0, err));
+    assert_int_equal(hada_conv_forward(conv, &y, NULL, 0, &x, NULL, NULL), HADA_ERROR_SIZE);
+    assert_int_equal(hada_conv_backward_data(conv, &y, NULL, &x, 0, NULL), HADA_ERROR_STATE); /* not for training */
+    assert_int_equal(hada_conv_backward_weights(conv, &x, &y, buffer.mem, 0, NULL, 0, 0, NULL), HADA_ERROR_STATE);
+    hada_tensor two = x;
+    two.images = 2;
+    assert_int_equal(hada_conv_forward(conv, &two, NULL, 0, &y, NULL, NULL), HADA_ERROR_SIZE);
+    ASSERT_OK(hada_slot_finish(device->slot, err));
+    hada_conv_destroy(&conv);
+    hada_conv_destroy(&conv);
+    hada_buffer_destroy(&buffer);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(references), cmocka_unit_test(automatic),
+                                       cmocka_unit_test(plain), cmocka_unit_test(mistakes)};
+    return cmocka_run_group_tests(tests, net_device_open, net_device_close);
+}

@@ -109,6 +109,34 @@ static void a_faint_object_beside_a_bright_one_is_found(void **state)
     hada_image_destroy(&scene);
 }
 
+/* Nothing skipped: the occupied depths are found on the whole spectrum of every channel, and are the same ones. */
+static void the_full_look_finds_the_same_depths(void **state)
+{
+    static const int lists[][2] = {{1, 2}, {0, 3}, {2, 3}};
+    const learned_camera *learned = *state;
+    hada_plan_options full;
+    hada_plan_options_init(&full);
+    full.skip = HADA_SKIP_ALL & ~(unsigned)HADA_SKIP_DEPTHS;
+    for (int k = 0; k < 3; k++) {
+        hada_image scene = learned_scene(learned, 35 + (unsigned)k), parts[2];
+        hada_plane planes[2];
+        learned_split(learned, &scene, lists[k], 2, 35 + (unsigned)k, parts, planes);
+        hada_image raw = learned_frame(learned, planes, 2, 35 + (unsigned)k);
+        hada_result quick = {0}, slow = {0};
+        run(learned, NULL, &raw, &quick);
+        run(learned, &full, &raw, &slow);
+        assert_memory_equal(quick.report.occupied, slow.report.occupied, LEARNED_DEPTHS);
+        for (int z = 0; z < LEARNED_DEPTHS; z++)
+            assert_int_equal(quick.report.occupied[z], z == lists[k][0] || z == lists[k][1]);
+        for (int i = 0; i < 2; i++)
+            hada_image_destroy(&parts[i]);
+        hada_result_destroy(&quick);
+        hada_result_destroy(&slow);
+        hada_image_destroy(&raw);
+        hada_image_destroy(&scene);
+    }
+}
+
 static void a_black_frame_holds_nothing(void **state)
 {
     const learned_camera *learned = *state;
@@ -193,6 +221,7 @@ int main(void)
         cmocka_unit_test(a_slanted_plane_occupies_every_depth),
         cmocka_unit_test(an_object_between_depths_shows_at_its_neighbours),
         cmocka_unit_test(a_faint_object_beside_a_bright_one_is_found),
+        cmocka_unit_test(the_full_look_finds_the_same_depths),
         cmocka_unit_test(a_black_frame_holds_nothing),
         cmocka_unit_test(a_constant_frame_stays_finite),
         cmocka_unit_test(a_list_of_occupied_depths_is_obeyed),

@@ -1,6 +1,6 @@
 /* Fully connected layers on plain arrays: y[n][o] = bias[o] + sum_i w[o][i] x[n][i], and the gradients. Four images are
- * worked on at once, so that weights are read once for them. CPUs: vectors of eight, work-groups of one; GPUs:
- * LINEAR_WIDTH 1, and LINEAR_GROUP work-items sum one output. */
+ * worked on at once, and four outputs, so that values read serve four times. CPUs: vectors of eight, work-groups of
+ * one; GPUs: LINEAR_WIDTH 1, and LINEAR_GROUP work-items sum the products of an output. */
 #ifndef LINEAR_WIDTH
 #define LINEAR_WIDTH 8
 #endif
@@ -9,6 +9,7 @@
 #endif
 
 #define LINEAR_IMAGES 4
+#define LINEAR_OUTPUTS 4
 
 #define LINEAR_INLINE static inline __attribute__((always_inline))
 
@@ -50,95 +51,135 @@ LINEAR_INLINE float linear_sum(linear_vector v)
 }
 #endif
 
-/* Dimensions: outputs times LINEAR_GROUP, images over LINEAR_IMAGES. Images beyond the last one repeat it. */
+/* sum[o][n]: rows[o] times x[n], as far as this work-item of its group goes; `images` is known when it is compiled. */
+LINEAR_INLINE void linear_products(__global const float *const *rows, __global const float *const *x, int images,
+                                   int in, int item, float sum[LINEAR_OUTPUTS][LINEAR_IMAGES])
+{
+    linear_vector lanes[LINEAR_OUTPUTS][LINEAR_IMAGES];
+#pragma unroll
+    for (int o = 0; o < LINEAR_OUTPUTS; o++)
+#pragma unroll
+        for (int n = 0; n < images; n++)
+            lanes[o][n] = 0.0f;
+    for (int i = item * LINEAR_WIDTH; i + LINEAR_WIDTH <= in; i += LINEAR_GROUP * LINEAR_WIDTH) {
+        linear_vector v[LINEAR_IMAGES];
+#pragma unroll
+        for (int n = 0; n < images; n++)
+            v[n] = linear_get(x[n] + i);
+#pragma unroll
+        for (int o = 0; o < LINEAR_OUTPUTS; o++) {
+            const linear_vector w = linear_get(rows[o] + i);
+#pragma unroll
+            for (int n = 0; n < images; n++)
+                lanes[o][n] = fma(w, v[n], lanes[o][n]);
+        }
+    }
+#pragma unroll
+    for (int o = 0; o < LINEAR_OUTPUTS; o++)
+#pragma unroll
+        for (int n = 0; n < images; n++) {
+            sum[o][n] = linear_sum(lanes[o][n]);
+#if LINEAR_WIDTH > 1
+            for (int i = in / LINEAR_WIDTH * LINEAR_WIDTH; i < in; i++)
+                sum[o][n] = fma(rows[o][i], x[n][i], sum[o][n]);
+#endif
+        }
+}
+
+/* Dimension 0: outputs over LINEAR_OUTPUTS, times LINEAR_GROUP. Images: all of them one after the other, so that
+ * weights stay in the cache; in groups, dimension 1 counts LINEAR_IMAGES of them each. Outputs and images beyond the
+ * last one repeat it. */
 __kernel __attribute__((reqd_work_group_size(LINEAR_GROUP, 1, 1))) void
 net_linear_forward(__global const float *w, ulong w_offset, __global const float *bias, ulong bias_offset,
                    int has_bias, __global const float *x, ulong x_offset, __global float *y, ulong y_offset,
                    int images, int in, int out)
 {
-    const int item = get_local_id(0), o = get_group_id(0), first = get_global_id(1) * LINEAR_IMAGES;
-    __global const float *row = w + w_offset + (size_t)o * in;
-    __global const float *image[LINEAR_IMAGES];
-    linear_vector lanes[LINEAR_IMAGES];
-    float sum[LINEAR_IMAGES];
+    const int item = get_local_id(0), to = get_group_id(0) * LINEAR_OUTPUTS;
+    __global const float *rows[LINEAR_OUTPUTS], *image[LINEAR_IMAGES];
+    float sum[LINEAR_OUTPUTS][LINEAR_IMAGES] = {{0.0f}};
+    for (int o = 0; o < LINEAR_OUTPUTS; o++)
+        rows[o] = w + w_offset + (size_t)min(to + o, out - 1) * in;
 #if LINEAR_GROUP > 1
-    __local float tree[LINEAR_GROUP * LINEAR_IMAGES];
+    __local float tree[LINEAR_GROUP];
+    const int first = get_global_id(1) * LINEAR_IMAGES;
+#else
+    for (int first = 0; first < images; first += LINEAR_IMAGES)
 #endif
-    for (int n = 0; n < LINEAR_IMAGES; n++) {
-        image[n] = x + x_offset + (size_t)min(first + n, images - 1) * in;
-        lanes[n] = 0.0f;
-    }
-    for (int i = item * LINEAR_WIDTH; i + LINEAR_WIDTH <= in; i += LINEAR_GROUP * LINEAR_WIDTH) {
-        const linear_vector v = linear_get(row + i);
+    {
         for (int n = 0; n < LINEAR_IMAGES; n++)
-            lanes[n] = fma(v, linear_get(image[n] + i), lanes[n]);
-    }
-    for (int n = 0; n < LINEAR_IMAGES; n++)
-        sum[n] = linear_sum(lanes[n]);
-#if LINEAR_WIDTH > 1
-    for (int i = in / LINEAR_WIDTH * LINEAR_WIDTH; i < in; i++)
-        for (int n = 0; n < LINEAR_IMAGES; n++)
-            sum[n] = fma(row[i], image[n][i], sum[n]);
-#endif
+            image[n] = x + x_offset + (size_t)min(first + n, images - 1) * in;
+        if (images - first == 1)
+            linear_products(rows, image, 1, in, item, sum);
+        else
+            linear_products(rows, image, LINEAR_IMAGES, in, item, sum);
 #if LINEAR_GROUP > 1
-    for (int n = 0; n < LINEAR_IMAGES; n++)
-        tree[n * LINEAR_GROUP + item] = sum[n];
-    for (int step = LINEAR_GROUP / 2; step > 0; step /= 2) {
-        barrier(CLK_LOCAL_MEM_FENCE);
-        if (item < step)
-            for (int n = 0; n < LINEAR_IMAGES; n++)
-                tree[n * LINEAR_GROUP + item] += tree[n * LINEAR_GROUP + item + step];
-    }
-    for (int n = 0; n < LINEAR_IMAGES; n++)
-        sum[n] = tree[n * LINEAR_GROUP];
+        for (int k = 0; k < LINEAR_OUTPUTS * LINEAR_IMAGES; k++) {
+            tree[item] = sum[k / LINEAR_IMAGES][k % LINEAR_IMAGES];
+            for (int step = LINEAR_GROUP / 2; step > 0; step /= 2) {
+                barrier(CLK_LOCAL_MEM_FENCE);
+                if (item < step)
+                    tree[item] += tree[item + step];
+            }
+            barrier(CLK_LOCAL_MEM_FENCE);
+            sum[k / LINEAR_IMAGES][k % LINEAR_IMAGES] = tree[0];
+            barrier(CLK_LOCAL_MEM_FENCE);
+        }
 #endif
-    if (item == 0)
-        for (int n = 0; n < min(LINEAR_IMAGES, images - first); n++)
-            y[y_offset + (size_t)(first + n) * out + o] = sum[n] + (has_bias ? bias[bias_offset + o] : 0.0f);
+        for (int o = 0; o < (item ? 0 : min(LINEAR_OUTPUTS, out - to)); o++)
+            for (int n = 0; n < min(LINEAR_IMAGES, images - first); n++)
+                y[y_offset + (size_t)(first + n) * out + to + o] =
+                    sum[o][n] + (has_bias ? bias[bias_offset + to + o] : 0.0f);
+    }
 }
 
-/* Vectors of inputs that a work-item takes. */
+/* Inputs that a work-item takes. */
 #if LINEAR_WIDTH > 1
-#define LINEAR_ACROSS 4
+#define LINEAR_COLUMNS 256
 #else
-#define LINEAR_ACROSS 1
+#define LINEAR_COLUMNS 1
 #endif
-#define LINEAR_COLUMNS (LINEAR_ACROSS * LINEAR_WIDTH)
 
-/* dx[n][i] = sum_o w[o][i] dy[n][o]. Dimensions: inputs over LINEAR_COLUMNS, images over LINEAR_IMAGES. */
+/* dx[n][i] = sum_o w[o][i] dy[n][o]. Dimension 0: inputs over LINEAR_COLUMNS; images as above, in groups by dimension
+ * 1.
+ * Sums stand in private memory, so that a long piece of a row of weights is read at once. */
 __kernel void net_linear_data(__global const float *w, ulong w_offset, __global const float *dy, ulong dy_offset,
                               __global float *dx, ulong dx_offset, int images, int in, int out)
 {
-    const int i = get_global_id(0) * LINEAR_COLUMNS, first = get_global_id(1) * LINEAR_IMAGES;
-    const int here = min(LINEAR_IMAGES, images - first);
-    __global const float *column = w + w_offset + i;
-    __global float *to = dx + dx_offset + (size_t)first * in + i;
-    __global const float *from[LINEAR_IMAGES];
+    const int i = get_global_id(0) * LINEAR_COLUMNS, columns = min(LINEAR_COLUMNS, in - i);
+    const int whole = columns / LINEAR_WIDTH;
     if (i >= in)
         return;
-    for (int n = 0; n < LINEAR_IMAGES; n++)
-        from[n] = dy + dy_offset + (size_t)min(first + n, images - 1) * out;
-    if (i + LINEAR_COLUMNS <= in) {
-        linear_vector sum[LINEAR_IMAGES][LINEAR_ACROSS];
+    for (int first = get_global_id(1) * LINEAR_IMAGES; first < images; first += get_global_size(1) * LINEAR_IMAGES) {
+        __global const float *column = w + w_offset + i, *from[LINEAR_IMAGES];
+        __global float *to = dx + dx_offset + (size_t)first * in + i;
+        linear_vector sum[LINEAR_COLUMNS / LINEAR_WIDTH][LINEAR_IMAGES];
+        const int here = min(LINEAR_IMAGES, images - first);
         for (int n = 0; n < LINEAR_IMAGES; n++)
-            for (int k = 0; k < LINEAR_ACROSS; k++)
-                sum[n][k] = 0.0f;
-        for (int o = 0; o < out; o++, column += in)
-            for (int k = 0; k < LINEAR_ACROSS; k++) {
-                const linear_vector v = linear_get(column + k * LINEAR_WIDTH);
+            from[n] = dy + dy_offset + (size_t)min(first + n, images - 1) * out;
+        for (int k = 0; k < whole; k++)
+            for (int n = 0; n < LINEAR_IMAGES; n++)
+                sum[k][n] = 0.0f;
+        int o = 0;
+        for (; o + 2 <= out; o += 2, column += 2 * (size_t)in)
+            for (int k = 0; k < whole; k++) {
+                const linear_vector a = linear_get(column + k * LINEAR_WIDTH);
+                const linear_vector b = linear_get(column + in + k * LINEAR_WIDTH);
+#pragma unroll
                 for (int n = 0; n < LINEAR_IMAGES; n++)
-                    sum[n][k] = fma((linear_vector)from[n][o], v, sum[n][k]);
+                    sum[k][n] = fma((linear_vector)from[n][o + 1], b, fma((linear_vector)from[n][o], a, sum[k][n]));
             }
+        for (int k = 0; o < out && k < whole; k++)
+            for (int n = 0; n < LINEAR_IMAGES; n++)
+                sum[k][n] = fma((linear_vector)from[n][o], linear_get(column + k * LINEAR_WIDTH), sum[k][n]);
         for (int n = 0; n < here; n++)
-            for (int k = 0; k < LINEAR_ACROSS; k++)
-                linear_put(sum[n][k], to + (size_t)n * in + k * LINEAR_WIDTH);
-    } else {
+            for (int k = 0; k < whole; k++)
+                linear_put(sum[k][n], to + (size_t)n * in + k * LINEAR_WIDTH);
         for (int n = 0; n < here; n++)
-            for (int k = 0; k < in - i; k++) {
-                float sum = 0.0f;
-                for (int o = 0; o < out; o++)
-                    sum = fma(from[n][o], column[(size_t)o * in + k], sum);
-                to[(size_t)n * in + k] = sum;
+            for (int k = whole * LINEAR_WIDTH; k < columns; k++) {
+                float rest = 0.0f;
+                for (o = 0; o < out; o++)
+                    rest = fma(from[n][o], w[w_offset + (size_t)o * in + i + k], rest);
+                to[(size_t)n * in + k] = rest;
             }
     }
 }

@@ -17,36 +17,23 @@ __kernel void net_place(__global const float *x, ulong x_offset, ulong x_image, 
     const net_lanes written = copied | ((k >= count) & (k < end - y_first));
     const int from = part.block * NET_BLOCK - y_first + x_first, x_blocks = (x_channels + NET_BLOCK - 1) / NET_BLOCK;
     const int low = (from + NET_BLOCK) / NET_BLOCK - 1, shift = from - low * NET_BLOCK;
-    const int has_low = low >= 0 && low < x_blocks, has_high = shift && low + 1 < x_blocks;
+    const net_lanes from_low = NET_LANE_NUMBERS < NET_BLOCK - shift;
     const int whole = y_first <= part.block * NET_BLOCK && (part.block + 1) * NET_BLOCK <= max(y_first + count, end);
     const net_vector none = 0.0f;
     for (int r = part.first; r < part.last; r++) {
         const int x_row = r - row, inside = x_row >= 0 && x_row < x_rows;
-        /* rows that x does not have are not read; these are places inside it all the same */
-        const int safe = clamp(x_row, 0, x_rows - 1);
-        __global const float *a =
-            x + net_row(x_offset, x_image, part.image, has_low ? low : 0, safe, x_rows, x_cols);
-        __global const float *b =
-            x + net_row(x_offset, x_image, part.image, has_high ? low + 1 : 0, safe, x_rows, x_cols);
+        /* rows and blocks that x does not have are not copied; these are places inside it all the same */
+        const int safe = clamp(x_row, 0, x_rows - 1), high = min(low + 1, x_blocks - 1);
+        __global const float *a = x + net_row(x_offset, x_image, part.image, max(low, 0), safe, x_rows, x_cols);
+        __global const float *b = x + net_row(x_offset, x_image, part.image, high, safe, x_rows, x_cols);
         __global float *out = y + net_row(y_offset, y_image, part.image, part.block, r, rows, cols);
         NET_EACH_PIXEL (c, cols) {
             const int x_col = c - col;
             net_vector v = none;
             if (inside && x_col >= 0 && x_col < x_cols) {
-                v = has_low ? net_get(a + x_col * NET_BLOCK) : none;
-                if (shift) {
-                    float lane[2 * NET_BLOCK];
-                    const net_vector next = has_high ? net_get(b + x_col * NET_BLOCK) : none;
-#if NET_BLOCK == 16
-                    vstore16(v, 0, lane);
-                    vstore16(next, 1, lane);
-                    v = vload16(0, lane + shift);
-#else
-                    vstore8(v, 0, lane);
-                    vstore8(next, 1, lane);
-                    v = vload8(0, lane + shift);
-#endif
-                }
+                v = net_get(a + x_col * NET_BLOCK + shift);
+                if (shift) /* lanes that are another pixel's are taken from neither; the halo makes them safe to read */
+                    v = select(net_get(b + x_col * NET_BLOCK + shift - NET_BLOCK), v, from_low);
                 v = select(none, v, copied);
             }
             if (accumulate)

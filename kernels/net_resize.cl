@@ -122,18 +122,23 @@ __kernel void net_resize_cubic(__global const float *x, ulong x_offset, ulong x_
     for (int r = part.first; r < part.last; r++) {
         const net_at row = net_at_of(r, in_rows, rows, rule);
         const float down = row.rest * (1.0f / row.whole);
+        __global const float *line[4];
+        net_vector weight[4];
+        for (int i = 0; i < 4; i++) {
+            line[i] = in + clamp(row.index + i - 1, 0, in_rows - 1) * pitch;
+            weight[i] = (net_vector)net_cubic(fabs(down - (i - 1)));
+        }
         __global float *out = y + net_row(y_offset, y_image, part.image, part.block, r, rows, cols);
         net_at at = first;
         NET_EACH_PIXEL (c, cols) {
             const float right = at.rest * unit;
             net_vector sum = 0.0f;
-            for (int i = -1; i < 3; i++) {
-                __global const float *line = in + clamp(row.index + i, 0, in_rows - 1) * pitch;
-                net_vector across = 0.0f;
-                for (int k = -1; k < 3; k++)
-                    across = fma((net_vector)net_cubic(fabs(right - k)),
-                                 net_get(line + clamp(at.index + k, 0, in_cols - 1) * NET_BLOCK), across);
-                sum = fma((net_vector)net_cubic(fabs(down - i)), across, sum);
+            for (int k = 0; k < 4; k++) {
+                const int col = clamp(at.index + k - 1, 0, in_cols - 1) * NET_BLOCK;
+                net_vector across = weight[0] * net_get(line[0] + col);
+                for (int i = 1; i < 4; i++)
+                    across = fma(weight[i], net_get(line[i] + col), across);
+                sum = fma((net_vector)net_cubic(fabs(right - (k - 1))), across, sum);
             }
             net_put(sum, out + c * NET_BLOCK);
             at = net_walk(at, step);
@@ -195,12 +200,18 @@ __kernel void net_resize_backward(__global const float *dy, ulong dy_offset, ulo
             net_at row = net_at_of(first, in_rows, rows, rule);
             for (int i = 0; i < tall; i++, row = net_walk(row, one_row))
                 weight[i] = net_weight(row, row_unit, r, in_rows, taps);
+            int col0 = net_first_from((int)get_global_id(0) - behind, in_cols, cols, rule);
+            net_at at0 = net_at_of(col0, in_cols, cols, rule);
             NET_EACH_PIXEL (c, in_cols) {
-                const int col0 = net_first_from(c - behind, in_cols, cols, rule);
-                const int col1 = net_first_from(c + before + 1, in_cols, cols, rule);
-                net_at at = net_at_of(col0, in_cols, cols, rule);
+                if (get_global_size(0) > 1) { /* far from the last pixel */
+                    col0 = net_first_from(c - behind, in_cols, cols, rule);
+                    at0 = net_at_of(col0, in_cols, cols, rule);
+                }
+                for (; col0 < cols && at0.index < c - behind; col0++)
+                    at0 = net_walk(at0, one);
+                net_at at = at0;
                 net_vector sum = more ? net_get(to + c * NET_BLOCK) : (net_vector)0.0f;
-                for (int k = col0; k < col1; k++, at = net_walk(at, one)) {
+                for (int k = col0; k < cols && at.index <= c + before; k++, at = net_walk(at, one)) {
                     __global const float *line = from + first * pitch + k * NET_BLOCK;
                     net_vector down = 0.0f;
                     for (int i = 0; i < tall; i++)

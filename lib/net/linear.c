@@ -3,23 +3,30 @@
 #include "program/kernel.h"
 
 /* As in net_linear.cl. */
-enum { WIDTH = 8, ACROSS = 4, IMAGES = 4, GROUP = 64, RUN = 2048 };
+enum { COLUMNS = 256, IMAGES = 4, OUTPUTS = 4, GROUP = 64, RUN = 2048 };
 
 static size_t divide_up(size_t a, size_t b)
 {
     return (a + b - 1) / b;
 }
 
-static hada_status launch(hada_slot *slot, const char *name, size_t items, size_t lines, int group,
+/* A kernel over `items` things (`summed`: a work-group for each, on GPUs) times `lines`. */
+static hada_status launch(hada_slot *slot, const char *name, size_t items, size_t lines, int summed,
                           const hada_arg *args, size_t arg_count, hada_error *err)
 {
     const int groups = slot->context->shape == HADA_SHAPE_GROUPS;
     const size_t local[2] = {groups ? GROUP : 1, 1};
-    const size_t global[2] = {groups && group ? items * GROUP : divide_up(items, local[0]) * local[0], lines};
+    const size_t global[2] = {groups && summed ? items * GROUP : divide_up(items, local[0]) * local[0], lines};
     cl_kernel kernel;
     hada_status status =
         hada_slot_kernel(slot, "net_linear", name, groups ? "-DLINEAR_WIDTH=1 -DLINEAR_GROUP=64" : "", &kernel, err);
     return status ? status : hada_slot_launch(slot, kernel, name, 2, global, local, args, arg_count, err);
+}
+
+/* Images side by side; on CPUs a work-item takes them one after the other. */
+static size_t lines_of(const hada_slot *slot, const hada_linear *shape)
+{
+    return slot->context->shape == HADA_SHAPE_GROUPS ? divide_up((size_t)shape->images, IMAGES) : 1;
 }
 
 static hada_status check_linear(const hada_linear *shape, hada_error *err)
@@ -44,7 +51,7 @@ hada_status hada_linear_forward(hada_slot *slot, const hada_linear *shape, hada_
     const hada_arg args[] = {HADA_ARG(w.mem),    HADA_ARG(at_w),          HADA_ARG(some_bias), HADA_ARG(at_bias),
                              HADA_ARG(has_bias), HADA_ARG(x.mem),         HADA_ARG(at_x),      HADA_ARG(y.mem),
                              HADA_ARG(at_y),     HADA_ARG(shape->images), HADA_ARG(shape->in), HADA_ARG(shape->out)};
-    return launch(slot, "net_linear_forward", (size_t)shape->out, divide_up((size_t)shape->images, IMAGES), 1, args,
+    return launch(slot, "net_linear_forward", divide_up((size_t)shape->out, OUTPUTS), lines_of(slot, shape), 1, args,
                   HADA_COUNT(args), err);
 }
 
@@ -58,9 +65,9 @@ hada_status hada_linear_backward_data(hada_slot *slot, const hada_linear *shape,
     const hada_arg args[] = {HADA_ARG(w.mem),         HADA_ARG(at_w),      HADA_ARG(dy.mem),
                              HADA_ARG(at_dy),         HADA_ARG(dx.mem),    HADA_ARG(at_dx),
                              HADA_ARG(shape->images), HADA_ARG(shape->in), HADA_ARG(shape->out)};
-    const size_t columns = slot->context->shape == HADA_SHAPE_GROUPS ? 1 : WIDTH * ACROSS;
-    return launch(slot, "net_linear_data", divide_up((size_t)shape->in, columns),
-                  divide_up((size_t)shape->images, IMAGES), 0, args, HADA_COUNT(args), err);
+    const size_t columns = slot->context->shape == HADA_SHAPE_GROUPS ? 1 : COLUMNS;
+    return launch(slot, "net_linear_data", divide_up((size_t)shape->in, columns), lines_of(slot, shape), 0, args,
+                  HADA_COUNT(args), err);
 }
 
 hada_status hada_linear_backward_weights(hada_slot *slot, const hada_linear *shape, hada_floats x, hada_floats dy,

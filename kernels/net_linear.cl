@@ -139,9 +139,8 @@ net_linear_forward(__global const float *w, ulong w_offset, __global const float
 #define LINEAR_COLUMNS 1
 #endif
 
-/* dx[n][i] = sum_o w[o][i] dy[n][o]. Dimension 0: inputs over LINEAR_COLUMNS; images as above, in groups by dimension
- * 1.
- * Sums stand in private memory, so that a long piece of a row of weights is read at once. */
+/* dx[n][i] = sum_o w[o][i] dy[n][o]. Dimension 0: inputs over LINEAR_COLUMNS; images as above, side by side in
+ * dimension 1 in groups. Sums stand in private memory, so that a long piece of a row of weights is read at once. */
 __kernel void net_linear_data(__global const float *w, ulong w_offset, __global const float *dy, ulong dy_offset,
                               __global float *dx, ulong dx_offset, int images, int in, int out)
 {

@@ -113,6 +113,17 @@ size_t hada_fft_bytes(const hada_context *context, const hada_fft_desc *desc)
     return engine_of(resolved.backend)->bytes(context, &resolved);
 }
 
+hada_status hada_fft_note(const hada_context *context, const hada_fft_desc *desc, hada_room *room, hada_error *err)
+{
+    hada_fft_desc resolved = *desc;
+    hada_status status = check_desc(desc, err);
+    if (status)
+        return status;
+    resolve_desc(context, &resolved);
+    const size_t bytes = engine_of(resolved.backend)->scratch(context, &resolved);
+    return bytes ? hada_room_note(room, bytes, "a transform's scratch", err) : HADA_OK;
+}
+
 hada_fft_backend hada_fft_serving(const hada_fft *plan)
 {
     return plan->desc.backend;

@@ -8,7 +8,7 @@
 #ifndef HADA_FFT_FFT_H
 #define HADA_FFT_FFT_H
 
-#include "memory/buffer.h"
+#include "memory/room.h"
 
 /* Where the complex value (ky, kx), kx <= cols/2, of a half spectrum stands, in complex numbers from the start of its
  * image: ((kx / block) * rows + ky) * block + kx % block. Columns are kept in blocks so that a column pass streams;
@@ -63,6 +63,12 @@ void hada_fft_destroy(hada_fft **plan);
 
 /* Bytes of device memory that the plan will hold (tables, scratch): known before creating it. */
 size_t hada_fft_bytes(const hada_context *context, const hada_fft_desc *desc);
+
+/* Bytes that hada_fft_create() needs beside, while it runs the plan against known answers. */
+size_t hada_fft_check_bytes(const hada_context *context, const hada_fft_desc *desc);
+
+/* Notes the scratch that a plan made on a slot with this room will take from it. */
+hada_status hada_fft_note(const hada_context *context, const hada_fft_desc *desc, hada_room *room, hada_error *err);
 
 hada_fft_backend hada_fft_serving(const hada_fft *plan); /* which back end serves */
 const hada_spectrum_layout *hada_fft_plan_layout(const hada_fft *plan);

@@ -138,13 +138,22 @@ static hada_status check_inverse(hada_fft *plan, hada_buffer *real, hada_buffer 
     return status;
 }
 
+static size_t real_bytes(const hada_fft_desc *desc)
+{
+    return ((size_t)(desc->real_rows - 1) * desc->real_pitch + (size_t)desc->real_cols) * sizeof(float);
+}
+
+size_t hada_fft_check_bytes(const hada_context *context, const hada_fft_desc *desc)
+{
+    const hada_spectrum_layout layout = hada_fft_layout(context, desc->rows, desc->cols, desc->backend);
+    return real_bytes(desc) + layout.count * 2 * sizeof(float);
+}
+
 hada_status hada_fft_check(hada_fft *plan, hada_error *err)
 {
     const hada_fft_desc *desc = &plan->desc;
     hada_buffer real = {0}, spectrum = {0};
-    const size_t floats = (size_t)(desc->real_rows - 1) * desc->real_pitch + (size_t)desc->real_cols;
-    hada_status status =
-        hada_buffer_create(&real, plan->slot->context, floats * sizeof(float), "a transform's check", err);
+    hada_status status = hada_buffer_create(&real, plan->slot->context, real_bytes(desc), "a transform's check", err);
     if (!status)
         status = hada_buffer_create(&spectrum, plan->slot->context, plan->layout.count * 2 * sizeof(float),
                                     "a transform's check", err);

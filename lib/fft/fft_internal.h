@@ -14,6 +14,7 @@ typedef struct hada_fft_engine {
                            size_t real_offset, const hada_fft_filter *filter, hada_error *err);
     size_t (*bytes)(const hada_context *context, const hada_fft_desc *desc);
     int (*block)(const hada_context *context, int rows, int cols);
+    size_t (*scratch)(const hada_context *context, const hada_fft_desc *desc); /* of the bytes, taken from the room */
 } hada_fft_engine;
 
 struct hada_fft {

@@ -45,12 +45,16 @@ static size_t image_bytes(const hada_context *context, const hada_fft_desc *desc
                                 desc->direction == HADA_FFT_INVERSE ? between_count(desc) : whole * HADA_OWN_BLOCK);
 }
 
+static size_t own_scratch(const hada_context *context, const hada_fft_desc *desc)
+{
+    const int between = desc->direction == HADA_FFT_INVERSE && !image_bytes(context, desc);
+    return between ? between_count(desc) * (size_t)images_at_once(context, desc) * 2 * sizeof(float) : 0;
+}
+
 static size_t own_bytes(const hada_context *context, const hada_fft_desc *desc)
 {
-    size_t bytes = hada_own_pass_bytes(context, desc->cols, 0) + hada_own_pass_bytes(context, desc->rows, 1);
-    if (desc->direction == HADA_FFT_INVERSE && !image_bytes(context, desc))
-        bytes += between_count(desc) * (size_t)images_at_once(context, desc) * 2 * sizeof(float);
-    return bytes;
+    const size_t bytes = hada_own_pass_bytes(context, desc->cols, 0) + hada_own_pass_bytes(context, desc->rows, 1);
+    return bytes + own_scratch(context, desc);
 }
 
 static int own_block(const hada_context *context, int rows, int cols)
@@ -92,9 +96,9 @@ static hada_status own_create(hada_fft *plan, hada_error *err)
     state->images = images_at_once(plan->slot->context, desc);
     state->image = (hada_own_image){&state->rows, &state->columns, image_bytes(plan->slot->context, desc)};
     if (!status && inverse && !state->image.local_bytes) {
-        status = hada_buffer_create(&state->between, plan->slot->context,
-                                    between_count(desc) * (size_t)state->images * 2 * sizeof(float),
-                                    "a transform's scratch", err);
+        status = hada_scratch_create(&state->between, plan->slot,
+                                     between_count(desc) * (size_t)state->images * 2 * sizeof(float),
+                                     "a transform's scratch", err);
     }
     return status;
 }
@@ -318,5 +322,5 @@ static hada_status own_inverse(hada_fft *plan, int batch, cl_mem spectrum, size_
 }
 
 const hada_fft_engine hada_fft_own_engine = {
-    own_create, own_destroy, own_forward, own_inverse, own_bytes, own_block,
+    own_create, own_destroy, own_forward, own_inverse, own_bytes, own_block, own_scratch,
 };

@@ -75,6 +75,35 @@ uint64_t hada_hadamard_unpruned_bytes(const hada_context *context, const hada_mo
            hada_fft_bytes(context, &pruned);
 }
 
+uint64_t hada_hadamard_check_bytes(const hada_context *context, const hada_model_info *info)
+{
+    hada_geometry geometry;
+    if (hada_geometry_of(info, &geometry, NULL))
+        return 0;
+    const hada_fft_desc forward = forward_desc(info, &geometry);
+    /* the stage's spectrum is made after them */
+    const uint64_t checks = hada_fft_check_bytes(context, &forward),
+                   spectrum = (uint64_t)info->channels * hada_hadamard_layout(context, info).count * 8u;
+    return checks > spectrum ? checks - spectrum : 0;
+}
+
+hada_status hada_hadamard_note(const hada_context *context, const hada_model_info *info, int batch, hada_room *room,
+                               int first, int raw_last, int last, hada_error *err)
+{
+    hada_geometry geometry;
+    hada_status status = hada_geometry_of(info, &geometry, err);
+    if (status)
+        return status;
+    const hada_fft_desc forward = forward_desc(info, &geometry), inverse = inverse_desc(info, &geometry, batch);
+    hada_room_steps(room, first, last);
+    status = hada_fft_note(context, &forward, room, err);
+    if (!status)
+        status = hada_fft_note(context, &inverse, room, err);
+    hada_room_steps(room, first, raw_last);
+    return status ? status
+                  : hada_room_note(room, (size_t)info->channels * forward.real_distance * 4, "the raw frame", err);
+}
+
 hada_status hada_hadamard_create(hada_hadamard **out, hada_slot *slot, const hada_model_info *info, int batch,
                                  hada_error *err)
 {
@@ -101,8 +130,8 @@ hada_status hada_hadamard_create(hada_hadamard **out, hada_slot *slot, const had
         status = hada_fft_create(&stage->inverse, slot, &inverse, err);
     if (!status) {
         stage->layout = *hada_fft_plan_layout(stage->forward);
-        status = hada_buffer_create(&stage->raw, slot->context, (size_t)info->channels * forward.real_distance * 4,
-                                    "the raw frame", err);
+        status = hada_scratch_create(&stage->raw, slot, (size_t)info->channels * forward.real_distance * 4,
+                                     "the raw frame", err);
     }
     if (!status)
         status = hada_buffer_create(&stage->spectrum, slot->context, (size_t)info->channels * stage->layout.count * 8,

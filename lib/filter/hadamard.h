@@ -39,6 +39,14 @@ uint64_t hada_hadamard_bytes(const hada_context *context, const hada_model_info 
 /* The layout that banks for this model must have. */
 hada_spectrum_layout hada_hadamard_layout(const hada_context *context, const hada_model_info *info);
 
+/* Bytes needed while a stage is made, for checks of its transforms, beyond what it holds in the end. */
+uint64_t hada_hadamard_check_bytes(const hada_context *context, const hada_model_info *info);
+
+/* Notes what a stage will take from its slot's room: the raw frame, needed in the steps first ... raw_last, and scratch
+ * that is needed in first ... last. */
+hada_status hada_hadamard_note(const hada_context *context, const hada_model_info *info, int batch, hada_room *room,
+                               int first, int raw_last, int last, hada_error *err);
+
 /* `batch`: depths computed at once, at most. */
 hada_status hada_hadamard_create(hada_hadamard **out, hada_slot *slot, const hada_model_info *info, int batch,
                                  hada_error *err);

@@ -87,6 +87,18 @@ size_t hada_focus_bytes(const hada_focus_desc *desc)
     return bytes;
 }
 
+enum { TABLES = 2 }; /* the first parts stay as they are from frame to frame; the others are scratch */
+
+hada_status hada_focus_note(const hada_focus_desc *desc, hada_room *room, hada_error *err)
+{
+    part parts[PARTS];
+    hada_status status = HADA_OK;
+    list_parts(desc, parts);
+    for (size_t i = TABLES; i < PARTS && !status; i++)
+        status = hada_room_note(room, parts[i].bytes, parts[i].name, err);
+    return status;
+}
+
 /* The window's weights and the distances go to the device; what noise does to the measure is worked out. */
 static hada_status fill_tables(hada_focus *focus, const hada_focus_desc *desc, hada_error *err)
 {
@@ -145,9 +157,11 @@ hada_status hada_focus_create(hada_focus **out, hada_slot *slot, const hada_focu
     }
     part parts[PARTS];
     list_parts(desc, parts);
-    for (size_t i = 0; i < PARTS && !status; i++)
-        status = hada_buffer_create((hada_buffer *)(void *)((char *)focus + parts[i].offset), slot->context,
-                                    parts[i].bytes, parts[i].name, err);
+    for (size_t i = 0; i < PARTS && !status; i++) {
+        hada_buffer *buffer = (hada_buffer *)(void *)((char *)focus + parts[i].offset);
+        status = i < TABLES ? hada_buffer_create(buffer, slot->context, parts[i].bytes, parts[i].name, err)
+                            : hada_scratch_create(buffer, slot, parts[i].bytes, parts[i].name, err);
+    }
     if (!status)
         status = fill_tables(focus, desc, err);
     if (status)

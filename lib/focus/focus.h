@@ -5,7 +5,7 @@
 #include <hadalens/focus.h>
 #include <stdint.h>
 
-#include "memory/buffer.h"
+#include "memory/room.h"
 
 typedef struct hada_focus_desc {
     hada_focus_options options;
@@ -21,6 +21,9 @@ hada_status hada_focus_check(const hada_focus_desc *desc, hada_error *err);
 
 /* Bytes of device memory that a focus object holds. */
 size_t hada_focus_bytes(const hada_focus_desc *desc);
+
+/* Notes what a focus object will take from its slot's room. */
+hada_status hada_focus_note(const hada_focus_desc *desc, hada_room *room, hada_error *err);
 
 hada_status hada_focus_create(hada_focus **out, hada_slot *slot, const hada_focus_desc *desc, hada_error *err);
 void hada_focus_destroy(hada_focus **focus);

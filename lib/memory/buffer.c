@@ -57,7 +57,7 @@ hada_status hada_buffer_create(hada_buffer *buffer, hada_context *context, size_
         hada_error_prefix(err, "%s (%.1f MiB): ", what, (double)bytes / 1048576.0);
         return status;
     }
-    *buffer = (hada_buffer){context, mem, bytes};
+    *buffer = (hada_buffer){.context = context, .mem = mem, .bytes = bytes};
     pthread_mutex_lock(&context->lock);
     context->bytes += bytes;
     if (context->bytes > context->peak_bytes)
@@ -77,23 +77,42 @@ hada_status hada_buffer_create_from(hada_buffer *buffer, hada_slot *slot, const 
     return status;
 }
 
-void hada_buffer_destroy(hada_buffer *buffer)
-{
-    if (!buffer || !buffer->mem)
-        return;
-    clReleaseMemObject(buffer->mem);
-    pthread_mutex_lock(&buffer->context->lock);
-    buffer->context->bytes -= buffer->bytes;
-    pthread_mutex_unlock(&buffer->context->lock);
-    *buffer = (hada_buffer){0};
-}
-
 static hada_status check_range(const hada_buffer *buffer, size_t offset, size_t bytes, hada_error *err)
 {
     if (offset > buffer->bytes || bytes > buffer->bytes - offset)
         return hada_fail(err, HADA_ERROR_SIZE, "a transfer of %zu bytes at %zu leaves a buffer of %zu bytes", bytes,
                          offset, buffer->bytes);
     return HADA_OK;
+}
+
+hada_status hada_buffer_part(hada_buffer *part, const hada_buffer *whole, size_t offset, size_t bytes, const char *what,
+                             hada_error *err)
+{
+    const cl_buffer_region region = {offset, bytes};
+    cl_int code;
+    *part = (hada_buffer){0};
+    hada_status status = check_range(whole, offset, bytes, err);
+    if (status)
+        return status;
+    cl_mem mem = clCreateSubBuffer(whole->mem, CL_MEM_READ_WRITE, CL_BUFFER_CREATE_TYPE_REGION, &region, &code);
+    if (code != CL_SUCCESS) {
+        status = hada_fail_cl(err, code, "clCreateSubBuffer");
+        hada_error_prefix(err, "%s (%.1f MiB): ", what, (double)bytes / 1048576.0);
+        return status;
+    }
+    *part = (hada_buffer){.context = whole->context, .mem = mem, .bytes = bytes, .part = 1};
+    return HADA_OK;
+}
+
+void hada_buffer_destroy(hada_buffer *buffer)
+{
+    if (!buffer || !buffer->mem)
+        return;
+    clReleaseMemObject(buffer->mem);
+    pthread_mutex_lock(&buffer->context->lock);
+    buffer->context->bytes -= buffer->part ? 0 : buffer->bytes;
+    pthread_mutex_unlock(&buffer->context->lock);
+    *buffer = (hada_buffer){0};
 }
 
 hada_status hada_buffer_write(hada_buffer *buffer, hada_slot *slot, size_t offset, const void *data, size_t bytes,

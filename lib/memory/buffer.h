@@ -11,6 +11,7 @@ typedef struct hada_buffer {
     hada_context *context;
     cl_mem mem;
     size_t bytes;
+    int part; /* 1: stands in another buffer, which is counted */
 } hada_buffer;
 
 /* Allocates (uninitialised) and counts. `what` names it in messages ("the filters"). *buffer is zeroed on failure.
@@ -21,6 +22,10 @@ hada_status hada_buffer_create(hada_buffer *buffer, hada_context *context, size_
 /* As hada_buffer_create, with the given content. */
 hada_status hada_buffer_create_from(hada_buffer *buffer, hada_slot *slot, const void *data, size_t bytes,
                                     const char *what, hada_error *err);
+
+/* A part of another buffer, which it keeps alive; `offset` is aligned as the device needs it. */
+hada_status hada_buffer_part(hada_buffer *part, const hada_buffer *whole, size_t offset, size_t bytes, const char *what,
+                             hada_error *err);
 
 /* Frees; an empty buffer is fine. Commands that still use it keep its memory until they are done, as they may after a
  * failure in their midst. */

@@ -1,6 +1,8 @@
 #include "refine/admm.h"
 
+#include <stddef.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "core/alloc.h"
 #include "refine/admm_steps.h"
@@ -69,7 +71,7 @@ static hada_fft_desc describe(const hada_refine_shape *shape, const hada_refine_
                            .real_distance = area(rect)};
 }
 
-/* Bytes of every buffer, in the order of hada_refiner_create(). */
+/* Bytes of every buffer. */
 typedef struct book {
     size_t spectra, planes, split, dual, list, partial, partials;
     int slices;
@@ -99,58 +101,96 @@ static book keep_books(const hada_context *context, const hada_refine_shape *sha
     return b;
 }
 
+/* A buffer of a refiner, where it stands in the object, and how large it is: one list serves the plan of the memory and
+ * the allocation. */
+typedef struct row {
+    size_t offset, bytes;
+    const char *what;
+} row;
+enum { ROWS = 10, PLANS = 4 };
+
+static void list_buffers(const book *b, row *rows)
+{
+    const row list[ROWS] = {{offsetof(hada_refiner, planes), b->planes, "the refined planes"},
+                            {offsetof(hada_refiner, now_u), b->spectra, "the spectra of the refined planes"},
+                            {offsetof(hada_refiner, now_w), b->spectra, "the spectra of the refinement's duals"},
+                            {offsetof(hada_refiner, list), b->list, "the list of occupied depths"},
+                            {offsetof(hada_refiner, partial), b->partial, "the refinement's residuals"},
+                            {offsetof(hada_refiner, split_a), b->split, "the refinement's split at the frame"},
+                            {offsetof(hada_refiner, split_e), b->split, "the refinement's split at the frame"},
+                            {offsetof(hada_refiner, dual), b->dual, "the refinement's split at the frame"},
+                            {offsetof(hada_refiner, rest), b->split, "the refinement's residuals"},
+                            {offsetof(hada_refiner, rest_frame), b->dual, "the refinement's residuals"}};
+    memcpy(rows, list, sizeof list);
+}
+
+/* The transforms of a refiner; returns how many. */
+static int list_plans(const hada_refine_shape *shape, hada_fft_desc *plans)
+{
+    const int images = shape->max_planes * shape->channels, sets = shape->max_sets * shape->channels;
+    plans[0] = describe(shape, &shape->window, images, HADA_FFT_FORWARD);
+    plans[1] = describe(shape, &shape->window, images, HADA_FFT_INVERSE);
+    plans[2] = describe(shape, &shape->frame, sets, HADA_FFT_FORWARD);
+    plans[3] = describe(shape, &shape->frame, sets, HADA_FFT_INVERSE);
+    return shape->boundary == HADA_BOUNDARY_PADDED ? PLANS : 2;
+}
+
 size_t hada_refiner_bytes(const hada_context *context, const hada_refine_shape *shape)
 {
     const book b = keep_books(context, shape);
-    const int images = shape->max_planes * shape->channels, sets = shape->max_sets * shape->channels;
-    hada_fft_desc plans[] = {describe(shape, &shape->window, images, HADA_FFT_FORWARD),
-                             describe(shape, &shape->window, images, HADA_FFT_INVERSE),
-                             describe(shape, &shape->frame, sets, HADA_FFT_FORWARD),
-                             describe(shape, &shape->frame, sets, HADA_FFT_INVERSE)};
-    size_t bytes = 2 * b.spectra + b.planes + 3 * b.split + 2 * b.dual + b.list + b.partial;
-    for (int i = 0; i < (shape->boundary == HADA_BOUNDARY_PADDED ? 4 : 2); i++)
+    hada_fft_desc plans[PLANS];
+    row rows[ROWS];
+    size_t bytes = 0;
+    const int count = list_plans(shape, plans);
+    list_buffers(&b, rows);
+    for (int i = 0; i < count; i++)
         bytes += hada_fft_bytes(context, &plans[i]);
+    for (int i = 0; i < ROWS; i++)
+        bytes += rows[i].bytes;
     return bytes;
+}
+
+hada_status hada_refiner_note(const hada_context *context, const hada_refine_shape *shape, hada_room *room, int first,
+                              int last, int planes_last, hada_error *err)
+{
+    const book b = keep_books(context, shape);
+    hada_fft_desc plans[PLANS];
+    row rows[ROWS];
+    hada_status status = HADA_OK;
+    const int count = list_plans(shape, plans);
+    list_buffers(&b, rows);
+    hada_room_steps(room, first, last);
+    for (int i = 0; !status && i < count; i++)
+        status = hada_fft_note(context, &plans[i], room, err);
+    for (int i = 0; !status && i < ROWS; i++) {
+        hada_room_steps(room, first, i ? last : planes_last);
+        if (rows[i].bytes)
+            status = hada_room_note(room, rows[i].bytes, rows[i].what, err);
+    }
+    return status;
 }
 
 static hada_status make_plans(hada_refiner *refiner, hada_error *err)
 {
-    const hada_refine_shape *shape = &refiner->shape;
-    const int images = shape->max_planes * shape->channels, sets = shape->max_sets * shape->channels;
-    struct {
-        hada_fft **plan;
-        hada_fft_desc desc;
-    } rows[] = {{&refiner->forward, describe(shape, &shape->window, images, HADA_FFT_FORWARD)},
-                {&refiner->inverse, describe(shape, &shape->window, images, HADA_FFT_INVERSE)},
-                {&refiner->frame_forward, describe(shape, &shape->frame, sets, HADA_FFT_FORWARD)},
-                {&refiner->frame_inverse, describe(shape, &shape->frame, sets, HADA_FFT_INVERSE)}};
+    hada_fft **const made[PLANS] = {&refiner->forward, &refiner->inverse, &refiner->frame_forward,
+                                    &refiner->frame_inverse};
+    hada_fft_desc plans[PLANS];
     hada_status status = HADA_OK;
-    for (int i = 0; !status && i < (shape->boundary == HADA_BOUNDARY_PADDED ? 4 : 2); i++)
-        status = hada_fft_create(rows[i].plan, refiner->slot, &rows[i].desc, err);
+    const int count = list_plans(&refiner->shape, plans);
+    for (int i = 0; !status && i < count; i++)
+        status = hada_fft_create(made[i], refiner->slot, &plans[i], err);
     return status;
 }
 
 static hada_status make_buffers(hada_refiner *refiner, const book *b, hada_error *err)
 {
-    hada_context *context = refiner->slot->context;
-    struct {
-        hada_buffer *buffer;
-        size_t bytes;
-        const char *what;
-    } rows[] = {{&refiner->now_u, b->spectra, "the spectra of the refined planes"},
-                {&refiner->now_w, b->spectra, "the spectra of the refinement's duals"},
-                {&refiner->planes, b->planes, "the refined planes"},
-                {&refiner->list, b->list, "the list of occupied depths"},
-                {&refiner->partial, b->partial, "the refinement's residuals"},
-                {&refiner->split_a, b->split, "the refinement's split at the frame"},
-                {&refiner->split_e, b->split, "the refinement's split at the frame"},
-                {&refiner->dual, b->dual, "the refinement's split at the frame"},
-                {&refiner->rest, b->split, "the refinement's residuals"},
-                {&refiner->rest_frame, b->dual, "the refinement's residuals"}};
+    row rows[ROWS];
     hada_status status = HADA_OK;
-    for (size_t i = 0; !status && i < HADA_COUNT(rows); i++)
+    list_buffers(b, rows);
+    for (int i = 0; !status && i < ROWS; i++)
         if (rows[i].bytes)
-            status = hada_buffer_create(rows[i].buffer, context, rows[i].bytes, rows[i].what, err);
+            status = hada_scratch_create((hada_buffer *)(void *)((char *)refiner + rows[i].offset), refiner->slot,
+                                         rows[i].bytes, rows[i].what, err);
     if (!status)
         status = hada_buffer_clear(&refiner->planes, refiner->slot, 0, b->planes, err);
     return status;

@@ -79,6 +79,11 @@ void hada_refiner_destroy(hada_refiner **refiner);
 /* Bytes of device memory that a refiner holds: known before creating it. */
 size_t hada_refiner_bytes(const hada_context *context, const hada_refine_shape *shape);
 
+/* Notes what a refiner will take from its slot's room: the planes, needed up to the step planes_last, and what is
+ * needed in first ... last alone. */
+hada_status hada_refiner_note(const hada_context *context, const hada_refine_shape *shape, hada_room *room, int first,
+                              int last, int planes_last, hada_error *err);
+
 /* Refines `sets` sets of `depths` depths each; list[sets][depths] are depth indices of the OTF buffer. *steps (may be
  * NULL) takes the number of steps done. Returns when the residuals are known; the planes may still be on their way. */
 hada_status hada_refiner_run(hada_refiner *refiner, const hada_refine_data *data, const hada_refine_rule *rule,

@@ -91,6 +91,19 @@ size_t hada_pursuit_bytes(const hada_context *context, const hada_pursuit_option
     return bytes;
 }
 
+/* The camera on the grids stays from frame to frame: it is not among these. */
+hada_status hada_pursuit_note(const hada_context *context, const hada_pursuit_options *options, hada_room *room,
+                              int first, hada_error *err)
+{
+    hada_pursuit p = {.options = complete(options)};
+    hada_level_spec specs[HADA_PURSUIT_LEVELS];
+    hada_status status = HADA_OK;
+    choose_levels(&p, specs);
+    for (int i = 0; !status && i < p.count; i++)
+        status = hada_level_note(context, &p.options, &specs[i], room, first + i, err);
+    return status;
+}
+
 hada_status hada_pursuit_create(hada_pursuit **out, hada_slot *slot, const hada_pursuit_options *options,
                                 hada_error *err)
 {

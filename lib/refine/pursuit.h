@@ -18,6 +18,7 @@
 #include "refine/admm.h"
 
 enum {
+    HADA_PURSUIT_LEVELS = 3,  /* grids that it looks at, at most */
     HADA_PURSUIT_MAX = 8,     /* most depths of a set */
     HADA_PURSUIT_DEPTHS = 256 /* most depths of a camera */
 };
@@ -52,6 +53,10 @@ hada_status hada_pursuit_create(hada_pursuit **out, hada_slot *slot, const hada_
                                 hada_error *err);
 void hada_pursuit_destroy(hada_pursuit **pursuit);
 size_t hada_pursuit_bytes(const hada_context *context, const hada_pursuit_options *options);
+
+/* Notes what a pursuit will take from its slot's room, in the steps first ... first + HADA_PURSUIT_LEVELS - 1. */
+hada_status hada_pursuit_note(const hada_context *context, const hada_pursuit_options *options, hada_room *room,
+                              int first, hada_error *err);
 
 /* The camera, in any number of pieces, all before the first run: OTFs of `count` depths from depth `first` on
  * ([depth][channel][count] complex); the prior of refinement ([channel][count] floats); and, where the OTFs are

@@ -102,6 +102,20 @@ size_t hada_level_bytes(const hada_context *context, const hada_pursuit_options 
     return bytes;
 }
 
+hada_status hada_level_note(const hada_context *context, const hada_pursuit_options *options,
+                            const hada_level_spec *spec, hada_room *room, int step, hada_error *err)
+{
+    const hada_refine_shape shape = shape_of(options, spec, spec->shrink);
+    hada_status status = hada_refiner_note(context, &shape, room, step, step, step, err);
+    if (status || shape.boundary != HADA_BOUNDARY_PADDED)
+        return status;
+    const hada_refine_shape proof = shape_of(options, spec, spec->evidence);
+    const hada_fft_desc plan = frame_plan(&shape, shape.channels), back = frame_plan(&proof, spec->max_sets);
+    hada_room_steps(room, step, step);
+    status = hada_fft_note(context, &plan, room, err);
+    return status ? status : hada_fft_note(context, &back, room, err);
+}
+
 /* What the padded boundary needs beside. */
 static hada_status make_frames(hada_pursuit_level *l, hada_error *err)
 {

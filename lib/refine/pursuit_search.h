@@ -4,8 +4,6 @@
 
 #include "refine/pursuit_level.h"
 
-enum { HADA_PURSUIT_LEVELS = 3 };
-
 /* Ways to look, from the quickest to the dearest. */
 typedef enum hada_pursuit_look {
     HADA_LOOK_ORDER = 0,   /* puts candidates in order */

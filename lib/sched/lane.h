@@ -20,6 +20,7 @@ struct hada_lane {
     int number; /* among the lanes of its device */
     int batch;  /* depths at once; becomes smaller where memory is short */
     hada_slot *slot;
+    hada_room room; /* scratch of the parts below */
     hada_hadamard *stage;
     hada_meter *meter; /* NULL where spectra are not measured */
     hada_pursuit *pursuit;
@@ -41,8 +42,15 @@ hada_status hada_lane_create(hada_lane **out, const hada_plan *plan, const hada_
                              hada_error *err);
 void hada_lane_destroy(hada_lane **lane); /* waits for its queue */
 
-/* Bytes of device memory that a lane holds. */
-uint64_t hada_lane_bytes(const hada_context *context, const hada_model *model, const hada_plan_shape *shape, int batch);
+/* Places for all scratch of a lane, by the steps that need it; nothing is allocated. */
+hada_status hada_lane_plan_memory(hada_room *room, const hada_context *context, const hada_model *model,
+                                  const hada_plan_shape *shape, int batch, hada_error *err);
+size_t hada_lane_planes_bytes(const hada_model_info *info, const hada_plan_shape *shape, int batch);
+size_t hada_lane_pictures_bytes(const hada_model_info *info);
+
+/* Bytes of device memory that a lane holds, and would hold if no buffers shared room. */
+hada_status hada_lane_bytes(const hada_context *context, const hada_model *model, const hada_plan_shape *shape,
+                            int batch, uint64_t *bytes, uint64_t *apart, hada_error *err);
 
 /* Depths at once that fit a device: its memory and its largest allocation. */
 int hada_lane_batch(const hada_context *context, const hada_model *model, const hada_plan_shape *shape, int queues);

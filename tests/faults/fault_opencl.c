@@ -131,6 +131,10 @@ cl_mem __wrap_clCreateBuffer(cl_context context, cl_mem_flags flags, size_t size
     return buffer;
 }
 
+CREATES(cl_mem, clCreateSubBuffer, CL_MEM_OBJECT_ALLOCATION_FAILURE,
+        (cl_mem buffer, cl_mem_flags flags, cl_buffer_create_type type, const void *region, cl_int *code), buffer,
+        flags, type, region, code)
+
 /* Parts of devices are objects, whole devices are not: those are never released. */
 cl_int __real_clCreateSubDevices(cl_device_id device, const cl_device_partition_property *list, cl_uint room,
                                  cl_device_id *parts, cl_uint *count);

@@ -172,6 +172,12 @@ static void holds_the_bytes_it_states(void **state)
             ASSERT_OK(hada_plan_estimate(f->whole, f->model, &options, &device, &host, err));
             hada_context_reset_peak(f->whole);
             ASSERT_OK(hada_plan_create(&plan, f->whole, f->model, &options, err));
+            uint64_t exact, apart;
+            hada_plan_memory(plan, &exact, &apart);
+            assert_true(exact <= apart);
+            if (exact != hada_context_bytes(f->whole))
+                fail_msg("kind %d, %d queues: %llu bytes told, %llu held", kind, queues, (unsigned long long)exact,
+                         (unsigned long long)hada_context_bytes(f->whole));
             submit_all(f, plan, jobs, results);
             check_all(f, kind, "queues", queues, jobs, results);
             const double held = (double)hada_context_peak_bytes(f->whole);

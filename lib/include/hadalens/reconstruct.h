@@ -74,10 +74,15 @@ HADA_API hada_status hada_plan_create(hada_plan **out, hada_context *context, co
                                       const hada_plan_options *options, hada_error *err);
 HADA_API void hada_plan_destroy(hada_plan **plan);
 
-/* Device bytes that the plan holds and host bytes that a run adds; hada_plan_estimate needs no device memory yet. */
+/* Device bytes that a plan on one device needs, the most at any time, and host bytes that a run adds; no device memory
+ * is needed to say it. */
 HADA_API hada_status hada_plan_estimate(hada_context *context, const hada_model *model,
                                         const hada_plan_options *options, uint64_t *device_bytes, uint64_t *host_bytes,
                                         hada_error *err);
+
+/* Device bytes that a plan holds on all its devices and queues, and that it would hold if buffers which are never needed
+ * at the same time did not share room (docs/scheduling.md). Either may be NULL. */
+HADA_API void hada_plan_memory(const hada_plan *plan, uint64_t *held, uint64_t *apart);
 
 /* What was not computed, and what that may have changed. */
 typedef struct hada_skip_report {

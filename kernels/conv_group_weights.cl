@@ -26,7 +26,7 @@ conv_group_weights(__global const float *restrict coarse, ulong coarse_offset, u
     const int fine_group = get_group_id(0) % fine_groups, place = get_group_id(0) / fine_groups;
     const int places = get_num_groups(0) / fine_groups, part = get_global_id(2), parts = get_global_size(2);
     const int strips = (coarse_rows + strip_rows - 1) / strip_rows, first = part * (images * strips) / parts;
-    const int end = (part + 1) * (images * strips) / parts, width = get_global_size(1) * CONV_TILE;
+    const int end = (part + 1) * (images * strips) / parts, fine_filled = fine_groups * CONV_TILE;
     const int coarse_row = (coarse_cols + 2) * NET_BLOCK, fine_row = (fine_cols + 2) * NET_BLOCK;
     const int my_coarse = get_global_id(1) * CONV_TILE + eight, my_fine = fine_group * CONV_TILE + eight;
     /* channels that fill up the last block are zero; beyond it there is nothing */
@@ -66,8 +66,11 @@ conv_group_weights(__global const float *restrict coarse, ulong coarse_offset, u
         for (int i = 0; i < 4; ++i)
             sums[i] += strip_sums[i];
     }
-    partial += ((size_t)part * places + place) * fine_groups * CONV_TILE * width;
+    const int my_lane = get_global_id(1) * CONV_TILE + tx * 4;
+    partial += (((size_t)part * get_global_size(1) * CONV_TILE + my_lane / NET_BLOCK * NET_BLOCK) * fine_filled +
+                (fine_group * CONV_TILE + ty * 4) * NET_BLOCK) *
+                   places +
+               place * NET_BLOCK + my_lane % NET_BLOCK;
     for (int i = 0; i < 4; ++i)
-        vstore4(sums[i], 0,
-                partial + (size_t)(fine_group * CONV_TILE + ty * 4 + i) * width + get_global_id(1) * CONV_TILE + tx * 4);
+        vstore4(sums[i], 0, partial + i * places * NET_BLOCK);
 }

@@ -1,26 +1,29 @@
 /* Partial sums added in order: the second half of the gradients of weights and biases. */
 #include "inc_conv.h"
 
-/* dw[coarse][fine][place] from partial[part][place][fine filled up][coarse filled up to `width`]. Dimensions: fine
- * channels times places, blocks of coarse channels. */
-__kernel void conv_reduce_weights(__global const float *partial, int parts, int fine_filled, int width,
+/* dw[coarse][fine][place] from partial[part][coarse block][fine filled up][place][coarse], `blocks` coarse blocks.
+ * Dimensions: fine channels, blocks of coarse channels. */
+__kernel void conv_reduce_weights(__global const float *partial, int parts, int fine_filled, int blocks,
                                   int coarse_channels, int fine_channels, int places, __global float *dw,
                                   ulong dw_offset, int accumulate)
 {
-    const int fine = get_global_id(0) / places, place = get_global_id(0) % places, block = get_global_id(1);
+    const int fine = get_global_id(0), block = get_global_id(1);
+    const int present = min(NET_BLOCK, coarse_channels - block * NET_BLOCK);
+    const size_t part_floats = (size_t)blocks * fine_filled * places * NET_BLOCK;
     if (fine >= fine_channels)
         return;
-    const int present = min(NET_BLOCK, coarse_channels - block * NET_BLOCK);
-    partial += ((size_t)place * fine_filled + fine) * width + block * NET_BLOCK;
-    dw += dw_offset + ((size_t)block * NET_BLOCK * fine_channels + fine) * places + place;
-    conv_v sum = CONV_LOAD(partial);
-    for (int part = 1; part < parts; ++part)
-        sum += CONV_LOAD(partial + (size_t)part * places * fine_filled * width);
-    float lanes[NET_BLOCK];
-    CONV_STORE(sum, lanes);
-    for (int k = 0; k < present; ++k) {
-        __global float *to = dw + (size_t)k * fine_channels * places;
-        *to = accumulate ? *to + lanes[k] : lanes[k];
+    partial += ((size_t)block * fine_filled + fine) * places * NET_BLOCK;
+    dw += dw_offset + ((size_t)block * NET_BLOCK * fine_channels + fine) * places;
+    for (int place = 0; place < places; ++place) {
+        conv_v sum = CONV_LOAD(partial + place * NET_BLOCK);
+        for (int part = 1; part < parts; ++part)
+            sum += CONV_LOAD(partial + part * part_floats + place * NET_BLOCK);
+        float lanes[NET_BLOCK];
+        CONV_STORE(sum, lanes);
+        for (int k = 0; k < present; ++k) {
+            __global float *to = dw + (size_t)k * fine_channels * places + place;
+            *to = accumulate ? *to + lanes[k] : lanes[k];
+        }
     }
 }
 

@@ -3,8 +3,9 @@
  * `parts` partial sums; conv_reduce.cl adds those in order. Reads stay within the halo of one. Shape lanes.
  *
  * A work-item takes CONV_BLOCKS blocks of coarse channels, CONV_FINE fine channels, CONV_COLS neighbouring places of
- * one kernel row: partial[part][u][v][fine][coarse], channels filled up to whole tiles. Dimensions: kernel places over
- * CONV_COLS times groups of fine channels, groups of coarse blocks, parts. */
+ * CONV_ROWS kernel rows (more than one: all of them): partial[part][coarse block][fine][u][v][coarse], channels filled
+ * up to whole tiles. Dimensions: kernel places over CONV_ROWS * CONV_COLS times groups of fine channels, groups of
+ * coarse blocks, parts. */
 #include "inc_conv.h"
 
 #ifndef CONV_BLOCKS
@@ -16,6 +17,9 @@
 #ifndef CONV_COLS
 #define CONV_COLS 3
 #endif
+#ifndef CONV_ROWS
+#define CONV_ROWS 1
+#endif
 
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 conv_weights(__global const float *restrict coarse, ulong coarse_offset, ulong coarse_image, int coarse_rows,
@@ -23,29 +27,30 @@ conv_weights(__global const float *restrict coarse, ulong coarse_offset, ulong c
              int fine_cols, int images, int kernel_cols, int pad_rows, int pad_cols, int stride, int strip_rows,
              int fine_groups, __global float *restrict partial)
 {
-    const int fine_group = get_global_id(0) % fine_groups, place = get_global_id(0) / fine_groups * CONV_COLS;
+    const int fine_group = get_global_id(0) % fine_groups;
+    const int place = get_global_id(0) / fine_groups * CONV_ROWS * CONV_COLS;
     const int group = get_global_id(1), part = get_global_id(2), parts = get_global_size(2);
-    const int places = get_global_size(0) / fine_groups * CONV_COLS;
+    const int places = get_global_size(0) / fine_groups * CONV_ROWS * CONV_COLS;
     const int coarse_row = (coarse_cols + 2) * NET_BLOCK, fine_row = (fine_cols + 2) * NET_BLOCK;
     const size_t coarse_plane = (size_t)(coarse_rows + 2) * coarse_row, fine_plane = (size_t)(fine_rows + 2) * fine_row;
     const int strips = (coarse_rows + strip_rows - 1) / strip_rows, first_fine = fine_group * CONV_FINE;
     const int end = (part + 1) * (images * strips) / parts;
-    const size_t width = (size_t)get_global_size(1) * CONV_BLOCKS * NET_BLOCK;
+    const size_t block_floats = (size_t)fine_groups * CONV_FINE * places * NET_BLOCK;
     coarse += coarse_offset + group * CONV_BLOCKS * coarse_plane + coarse_row + NET_BLOCK;
     fine += fine_offset + first_fine / NET_BLOCK * fine_plane + first_fine % NET_BLOCK +
             (place / kernel_cols - pad_rows + 1) * fine_row + (place % kernel_cols - pad_cols + 1) * NET_BLOCK;
-    partial += (((size_t)part * places + place) * fine_groups * CONV_FINE + first_fine) * width +
-               group * CONV_BLOCKS * NET_BLOCK;
+    partial += ((size_t)part * get_global_size(1) + group) * CONV_BLOCKS * block_floats +
+               ((size_t)first_fine * places + place) * NET_BLOCK;
 
     int first = 1;
     for (int strip = part * (images * strips) / parts; strip < end; ++strip, first = 0) {
         const int image = strip / strips, row_begin = strip % strips * strip_rows;
         const int row_end = min(row_begin + strip_rows, coarse_rows);
-        conv_v sums[CONV_BLOCKS][CONV_COLS][CONV_FINE];
+        conv_v sums[CONV_BLOCKS][CONV_ROWS * CONV_COLS][CONV_FINE];
 #pragma unroll
         for (int o = 0; o < CONV_BLOCKS; ++o)
 #pragma unroll
-            for (int k = 0; k < CONV_COLS; ++k)
+            for (int k = 0; k < CONV_ROWS * CONV_COLS; ++k)
 #pragma unroll
                 for (int i = 0; i < CONV_FINE; ++i)
                     sums[o][k][i] = (conv_v)(0.0f);
@@ -59,10 +64,11 @@ conv_weights(__global const float *restrict coarse, ulong coarse_offset, ulong c
                 for (int o = 0; o < CONV_BLOCKS; ++o)
                     c[o] = CONV_LOAD(cp + o * coarse_plane + col * NET_BLOCK);
 #pragma unroll
-                for (int k = 0; k < CONV_COLS; ++k)
+                for (int k = 0; k < CONV_ROWS * CONV_COLS; ++k)
 #pragma unroll
                     for (int i = 0; i < CONV_FINE; ++i) {
-                        const conv_v f = (conv_v)(fp[(col * stride + k) * NET_BLOCK + i]);
+                        const conv_v f = (conv_v)(
+                            fp[k / CONV_COLS * fine_row + (col * stride + k % CONV_COLS) * NET_BLOCK + i]);
 #pragma unroll
                         for (int o = 0; o < CONV_BLOCKS; ++o)
                             sums[o][k][i] = fma(f, c[o], sums[o][k][i]);
@@ -70,13 +76,12 @@ conv_weights(__global const float *restrict coarse, ulong coarse_offset, ulong c
             }
         }
 #pragma unroll
-        for (int k = 0; k < CONV_COLS; ++k)
+        for (int o = 0; o < CONV_BLOCKS; ++o)
 #pragma unroll
             for (int i = 0; i < CONV_FINE; ++i)
 #pragma unroll
-                for (int o = 0; o < CONV_BLOCKS; ++o) {
-                    __global float *restrict to =
-                        partial + ((size_t)k * fine_groups * CONV_FINE + i) * width + o * NET_BLOCK;
+                for (int k = 0; k < CONV_ROWS * CONV_COLS; ++k) {
+                    __global float *restrict to = partial + o * block_floats + (i * places + k) * NET_BLOCK;
                     CONV_STORE(first ? sums[o][k][i] : CONV_LOAD(to) + sums[o][k][i], to);
                 }
     }

@@ -35,7 +35,8 @@ static hada_status partial_weights(hada_conv *conv, const hada_tensor *coarse, c
     const hada_conv_gradient *g = &conv->plan.gradient;
     const cl_ulong coarse_offset = coarse->offset, coarse_image = coarse->image_stride, fine_offset = fine->offset,
                    fine_image = fine->image_stride;
-    const size_t items = (size_t)(d->kernel_rows * d->kernel_cols / g->cols_each) * (size_t)g->fine_groups;
+    const size_t items =
+        (size_t)(d->kernel_rows * d->kernel_cols / (g->rows_each * g->cols_each)) * (size_t)g->fine_groups;
     char options[96];
     if (conv->plan.groups) {
         const size_t local[3] = {64, 1, 1}, global[3] = {items * 64, (size_t)g->coarse_groups, parts};
@@ -55,8 +56,8 @@ static hada_status partial_weights(hada_conv *conv, const hada_tensor *coarse, c
                              HADA_ARG(fine->cols),    HADA_ARG(coarse->images), HADA_ARG(d->kernel_cols),
                              HADA_ARG(d->pad_rows),   HADA_ARG(d->pad_cols),    HADA_ARG(d->stride),
                              HADA_ARG(g->strip_rows), HADA_ARG(g->fine_groups), HADA_ARG(conv->scratch.mem)};
-    snprintf(options, sizeof options, "-DNET_BLOCK=%d -DCONV_BLOCKS=%d -DCONV_FINE=%d -DCONV_COLS=%d", conv->plan.block,
-             g->blocks, g->fine_each, g->cols_each);
+    snprintf(options, sizeof options, "-DNET_BLOCK=%d -DCONV_BLOCKS=%d -DCONV_FINE=%d -DCONV_COLS=%d -DCONV_ROWS=%d",
+             conv->plan.block, g->blocks, g->fine_each, g->cols_each, g->rows_each);
     return hada_conv_launch(conv->slot, "conv_weights", "conv_weights", options, global, local, args, HADA_COUNT(args),
                             err);
 }
@@ -75,16 +76,15 @@ hada_status hada_conv_weights(hada_conv *conv, const hada_tensor *coarse, const 
     if (status)
         return status;
     const cl_int places = d->kernel_rows * d->kernel_cols;
-    const cl_int width =
-        (cl_int)rounded((size_t)coarse->channels, (size_t)(conv->plan.groups ? 32 : g->blocks * block));
-    const cl_int filled = (cl_int)(g->part_floats / (size_t)(width * places));
+    const cl_int blocks = g->coarse_groups * (conv->plan.groups ? GROUP_LANES / block : g->blocks);
+    const cl_int filled = g->fine_groups * (conv->plan.groups ? GROUP_LANES : g->fine_each);
     const cl_ulong to = offset;
     const size_t local[3] = {8, 1, 1};
-    const size_t global[3] = {rounded((size_t)fine->channels * (size_t)places, 8),
+    const size_t global[3] = {rounded((size_t)fine->channels, 8),
                               rounded((size_t)coarse->channels, (size_t)block) / (size_t)block, 1};
     const hada_arg args[] = {
-        HADA_ARG(conv->scratch.mem), HADA_ARG(parts),  HADA_ARG(filled), HADA_ARG(width), HADA_ARG(coarse->channels),
-        HADA_ARG(fine->channels),    HADA_ARG(places), HADA_ARG(dw),     HADA_ARG(to),    HADA_ARG(accumulate)};
+        HADA_ARG(conv->scratch.mem), HADA_ARG(parts),  HADA_ARG(filled), HADA_ARG(blocks), HADA_ARG(coarse->channels),
+        HADA_ARG(fine->channels),    HADA_ARG(places), HADA_ARG(dw),     HADA_ARG(to),     HADA_ARG(accumulate)};
     return hada_conv_launch(conv->slot, "conv_reduce", "conv_reduce_weights", hada_conv_block_option(block), global,
                             local, args, HADA_COUNT(args), err);
 }

@@ -9,6 +9,9 @@
 
 #include "net/conv.h"
 
+/* Channels in the tiles of work-groups. */
+#define GROUP_LANES 32
+
 /* One pass over an image: `out` from `in`. A pass to fine with stride 1 is one to coarse with mirrored weights. */
 typedef struct hada_conv_pass {
     hada_conv_method method;
@@ -30,7 +33,7 @@ typedef struct hada_conv_pass {
 typedef struct hada_conv_gradient {
     hada_conv_method method;
     int coarse_channels, coarse_rows, coarse_cols, fine_channels, fine_rows, fine_cols;
-    int blocks, fine_each, cols_each; /* of a work-item */
+    int blocks, fine_each, cols_each, rows_each; /* of a work-item; columns and rows of the kernel */
     int coarse_groups, fine_groups;
     int strip_rows, parts, bias_parts; /* at most so many parts */
     size_t part_floats;

@@ -5,7 +5,6 @@
 
 #include "../../kernels/inc_conv_taps.h"
 
-#define GROUP_LANES    32
 #define STRIP_ROWS     8
 #define LEAST_PARTS    8
 #define MOST_PARTS     64
@@ -193,7 +192,7 @@ static void plan_gradient(hada_conv_plan *plan, const hada_context *context)
         const int coarse_tile = plan->groups ? GROUP_LANES : g->blocks * plan->block;
         const int fine_tile = plan->groups ? GROUP_LANES : g->fine_each;
         if (plan->groups)
-            g->cols_each = 1;
+            g->cols_each = g->rows_each = 1;
         g->coarse_groups = padded(g->coarse_channels, coarse_tile) / coarse_tile;
         g->fine_groups = padded(g->fine_channels, fine_tile) / fine_tile;
         g->strip_rows = STRIP_ROWS;

@@ -51,7 +51,7 @@ void hada_conv_table_pass(const hada_context *context, const hada_conv_desc *des
  * than they save. Whether it serves depends on one image alone: results do not change with the batch. */
 #define WINOGRAD_CHANNELS        16
 #define WINOGRAD_PIXELS          144
-#define WINOGRAD_GRADIENT_PIXELS 512
+#define WINOGRAD_GRADIENT_PIXELS 256
 
 static int winograd_pays(const hada_context *context, int in_channels, int out_channels)
 {
@@ -116,13 +116,23 @@ void hada_conv_table_gradient_tiles(const hada_context *context, const hada_conv
     gradient->tiles = coarse * fine > 64 * 64 || tiles < 12 ? 0 : tiles > 48 ? 48 : (int)tiles;
 }
 
+/* One row serves a kernel of 3 columns, the other any kernel; few fine channels take all rows of a 3 x 3 kernel at
+ * once.
+ */
 void hada_conv_table_gradient(const hada_context *context, const hada_conv_desc *desc, hada_conv_gradient *gradient)
 {
     const int block = hada_net_block(context), blocks = (gradient->coarse_channels + block - 1) / block;
+    const int fine = gradient->fine_channels, three = desc->kernel_cols == 3;
     gradient->blocks = blocks % 2 ? 1 : 2;
-    gradient->cols_each = desc->kernel_cols == 3 ? 3 : 1;
-    if (gradient->cols_each == 1)
+    gradient->cols_each = three ? 3 : 1;
+    gradient->rows_each = 1;
+    if (!three) {
         gradient->fine_each = block / 2;
-    else
-        gradient->fine_each = block / 4 * (gradient->blocks == 1 && gradient->fine_channels > block / 4 ? 2 : 1);
+    } else if (desc->kernel_rows == 3 && (fine == 1 || (fine == 3 && block == 16))) {
+        gradient->rows_each = 3;
+        gradient->fine_each = fine;
+        gradient->blocks = 1;
+    } else {
+        gradient->fine_each = block / 4 * (gradient->blocks == 1 && fine > block / 4 ? 2 : 1);
+    }
 }

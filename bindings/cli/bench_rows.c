@@ -23,6 +23,8 @@ double hada_bench_stage_seconds(const hada_report *report, int stage)
 void hada_bench_mode_options(int mode, hada_plan_options *options)
 {
     hada_plan_options_init(options);
+    /* every frame is measured, also one that is like the one before */
+    options->skip &= ~(unsigned)HADA_SKIP_FRAMES;
     if (!mode)
         options->refine = 0;
 }

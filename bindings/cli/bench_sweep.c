@@ -32,17 +32,18 @@ static const char *const method_names[] = {"hadamard", "matched", "wiener", "ref
 /* Skipping without an error, and with a bound. */
 typedef struct skipping {
     const char *name;
-    unsigned kinds;
+    unsigned kinds; /* never frames that are like the one before: every frame is measured */
     double max_error;
     int always; /* tried for every method; the others for the model's own alone */
 } skipping;
+enum { ALL = HADA_SKIP_ALL & ~HADA_SKIP_FRAMES };
 static const skipping skippings[] = {
     {"dense", 0, 0, 1},
-    {"exact", HADA_SKIP_ALL, 0, 1},
-    {"error 1e-4", HADA_SKIP_ALL, 1e-4, 0},
-    {"error 1e-3", HADA_SKIP_ALL, 1e-3, 0},
-    {"error 1e-2", HADA_SKIP_ALL, 1e-2, 1},
-    {"error 1e-1", HADA_SKIP_ALL, 1e-1, 0},
+    {"exact", ALL, 0, 1},
+    {"error 1e-4", ALL, 1e-4, 0},
+    {"error 1e-3", ALL, 1e-3, 0},
+    {"error 1e-2", ALL, 1e-2, 1},
+    {"error 1e-1", ALL, 1e-1, 0},
     {"bands 1e-2", HADA_SKIP_PRUNE | HADA_SKIP_FREQUENCIES, 1e-2, 0},
 };
 enum { SKIPPINGS = sizeof skippings / sizeof *skippings };
@@ -69,30 +70,42 @@ static int large(const sweep *w)
     return (double)info->grid_rows * info->grid_cols * info->channels * info->depths > 40e6;
 }
 
-/* The settings, dense ones first within each method and number of steps. A large camera has fewer of them, so that the
- * whole stays within minutes. */
+/* Everything of a small camera; of a large one, or in a quick run, enough to see where it goes, so that the whole stays
+ * within minutes. `k` counts the skippings. */
+static int wanted(const sweep *w, hada_bench_method method, int half, int refine, int k)
+{
+    const int big = large(w), few = big || w->bench->quick, always = skippings[k].always, exact = k == 1;
+    if (method == HADA_BENCH_REFINED)
+        return big ? exact && refine != 2 && refine != 8 : few ? k < 2 && refine != 2 : k != 2 && k != SKIPPINGS - 1;
+    if (method == HADA_BENCH_OWN)
+        return always || !few || (!half && !big);
+    return few ? exact && !half : always;
+}
+
+static void put_skippings(sweep *w, hada_bench_method method, int half, int refine)
+{
+    for (int k = 0; k < SKIPPINGS; k++)
+        if (wanted(w, method, half, refine, k))
+            put(w, method, half, refine, &skippings[k], 0);
+}
+
+/* The settings, dense ones first within each method and number of steps. */
 static void fill_list(sweep *w)
 {
     static const int steps[] = {1, 2, 4, 8, 16};
-    const int few = w->bench->quick || large(w);
-    const hada_form form = hada_model_get_info(w->workload->model)->form;
-    const int has_otf = hada_model_get_info(w->workload->model)->has_otf;
-    for (int m = 0; m < (has_otf ? 3 : 1); m++) {
-        if ((m == HADA_BENCH_MATCHED && form == HADA_FORM_MATCHED) ||
-            (m == HADA_BENCH_WIENER && form == HADA_FORM_WIENER))
-            continue; /* the model's own */
-        for (int half = 0; half < 2; half++)
-            for (int k = 0; k < SKIPPINGS; k++)
-                if (m == HADA_BENCH_OWN ? !few || skippings[k].always || !half
-                                        : skippings[k].always && (!few || (!half && k < 2)))
-                    put(w, (hada_bench_method)m, half, 0, &skippings[k], 0);
-        if (m == HADA_BENCH_OWN && w->clfft)
-            put(w, HADA_BENCH_OWN, 0, 0, &skippings[1], 1);
-    }
-    for (int i = 0; has_otf && i < 5; i++) {
-        for (int k = 0; k < SKIPPINGS - 1; k++)
-            if (few ? k < 2 && steps[i] != 2 : k != 2)
-                put(w, HADA_BENCH_REFINED, 0, steps[i], &skippings[k], 0);
+    const hada_model_info *info = hada_model_get_info(w->workload->model);
+    for (int half = 0; half < 2; half++)
+        put_skippings(w, HADA_BENCH_OWN, half, 0);
+    if (w->clfft)
+        put(w, HADA_BENCH_OWN, 0, 0, &skippings[1], 1);
+    if (!info->has_otf)
+        return;
+    for (int half = 0; half < 2 && info->form != HADA_FORM_MATCHED; half++)
+        put_skippings(w, HADA_BENCH_MATCHED, half, 0);
+    for (int half = 0; half < 2 && info->form != HADA_FORM_WIENER; half++)
+        put_skippings(w, HADA_BENCH_WIENER, half, 0);
+    for (int i = 0; i < 5; i++) {
+        put_skippings(w, HADA_BENCH_REFINED, 0, steps[i]);
         if (w->clfft && steps[i] == 8)
             put(w, HADA_BENCH_REFINED, 0, 8, &skippings[1], 1);
     }

@@ -38,7 +38,7 @@ static hada_status run_round(void *user, int round, double *value, hada_error *e
     return status;
 }
 
-/* Seconds a frame with a number of queues; *kernels: seconds of kernels in a frame. */
+/* Seconds a frame with a number of queues; *kernels (may be NULL): seconds of kernels in a frame. */
 static hada_status measure(hada_bench *bench, hada_bench_device *device, stream *s, int mode, int queues,
                            double *values, int *count, double *kernels, hada_error *err)
 {
@@ -49,20 +49,21 @@ static hada_status measure(hada_bench *bench, hada_bench_device *device, stream 
     options.queues = queues;
     hada_status status = hada_plan_create(&s->plan, device->context, s->workload->model, &options, err);
     double first = 0;
-    s->frames = 2 * queues;
+    s->frames = queues; /* every queue once: it may compile */
     if (!status)
         status = run_round(s, 0, &first, err);
     /* rounds of a second or so, of a slow device a few frames */
-    s->frames = first > 0.3 ? 4 : FRAMES;
+    s->frames = first > 0.3 ? 2 : FRAMES;
     if (!status)
         status = hada_bench_repeat(bench, run_round, s, bench->rounds, values, count, err);
-    if (!status)
+    if (!status && kernels)
         status = hada_plan_profile(s->plan, 1, err);
-    if (!status)
+    if (!status && kernels)
         status = run_round(s, 0, &first, err);
-    if (!status)
+    if (!status && kernels)
         status = hada_plan_kernel_times(s->plan, &rows, &row_count, err);
-    *kernels = 0;
+    if (kernels)
+        *kernels = 0;
     for (size_t i = 0; i < row_count; i++)
         if (!rows[i].transfer)
             *kernels += rows[i].seconds / s->frames;
@@ -94,11 +95,11 @@ static hada_status add_overlap(hada_bench *bench, hada_bench_device *device, str
 
 static hada_status of_mode(hada_bench *bench, hada_bench_device *device, stream *s, int mode, hada_error *err)
 {
-    double values[QUEUES][MOST], rates[MOST], kernels[QUEUES];
+    double values[QUEUES][MOST], rates[MOST], kernels = 0;
     int count[QUEUES] = {0};
     hada_status status = HADA_OK;
     for (int q = 0; !status && q < QUEUES; q++) {
-        status = measure(bench, device, s, mode, q + 1, values[q], &count[q], &kernels[q], err);
+        status = measure(bench, device, s, mode, q + 1, values[q], &count[q], q ? NULL : &kernels, err);
         char name[128];
         snprintf(name, sizeof name, "%s, %d %s", hada_bench_mode_names[mode], q + 1, q ? "queues" : "queue");
         for (int i = 0; i < count[q]; i++)
@@ -110,7 +111,7 @@ static hada_status of_mode(hada_bench *bench, hada_bench_device *device, stream 
     }
     if (!status)
         status = add_overlap(bench, device, s, hada_bench_mode_names[mode], values[0], count[0], values[1], count[1],
-                             kernels[0], err);
+                             kernels, err);
     return status;
 }
 

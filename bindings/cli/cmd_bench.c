@@ -133,21 +133,22 @@ static void tell_apart(hada_bench_device *devices, int count)
 static hada_status measure_workload(hada_bench *bench, const settings *set, hada_bench_device *devices, int count,
                                     const hada_bench_workload *workload, int first, hada_error *err)
 {
+    typedef hada_status (*part)(hada_bench *, hada_bench_device *, const hada_bench_workload *, hada_error *);
+    static const part parts[] = {hada_bench_latency, hada_bench_throughput, hada_bench_sweep, hada_bench_start};
+    static const char *const names[] = {"latency", "throughput", "run time against error", "starts"};
+    const int wanted[] = {1, 1, !set->no_sweep, first && !set->no_start};
     hada_status status = HADA_OK;
-    for (int d = 0; !status && d < count; d++) {
-        const double start = hada_cli_seconds();
-        status = hada_bench_latency(bench, &devices[d], workload, err);
-        if (!status)
-            status = hada_bench_throughput(bench, &devices[d], workload, err);
-        if (!status && !set->no_sweep)
-            status = hada_bench_sweep(bench, &devices[d], workload, err);
-        if (!status && first && !set->no_start)
-            status = hada_bench_start(bench, &devices[d], workload, err);
-        if (status)
-            hada_cli_prefix(err, "device %s, %s: ", devices[d].index, workload->name);
-        hada_cli_detail(bench->cli, "%s on device %s took %.1f s", workload->name, devices[d].index,
-                        hada_cli_seconds() - start);
-    }
+    for (int d = 0; !status && d < count; d++)
+        for (int i = 0; !status && i < 4; i++) {
+            const double start = hada_cli_seconds();
+            if (wanted[i])
+                status = parts[i](bench, &devices[d], workload, err);
+            if (status)
+                hada_cli_prefix(err, "device %s, %s: ", devices[d].index, workload->name);
+            else if (wanted[i])
+                hada_cli_detail(bench->cli, "%s, %s on device %s: %.1f s", workload->name, names[i], devices[d].index,
+                                hada_cli_seconds() - start);
+        }
     return status;
 }
 

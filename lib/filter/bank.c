@@ -207,6 +207,7 @@ hada_status hada_bank_prior(hada_buffer *out, hada_slot *slot, const hada_model 
     double noise = 0.0;
     /* noise fills the grid, scenes the window alone: their ratio within the window is what the prior means */
     const double share = (double)info->window_rows * info->window_cols / ((double)info->grid_rows * info->grid_cols);
+    const double most = 1e6 * hada_model_gain(model);
     *out = (hada_buffer){0};
     for (size_t i = 0; model->noise_power && i < channels * (size_t)info->depths; i++)
         noise += model->noise_power[i];
@@ -219,9 +220,9 @@ hada_status hada_bank_prior(hada_buffer *out, hada_slot *slot, const hada_model 
         double mean = 0.0;
         for (int z = 0; z < info->depths; z++)
             mean += share * model->noise_power[(size_t)z * channels + c] / info->depths;
-        /* where no scene had light the prior is as strong as float arithmetic can use */
+        /* where no scene had light the prior is as strong as float arithmetic can use beside |H|^2 */
         for (size_t i = 0; i < plane; i++)
-            rows[i] = (float)fmin(mean / fmax((double)model->scene_power[i], 1e-30), 1e6);
+            rows[i] = mean > 0.0 ? (float)fmin(mean / model->scene_power[i], most) : 0.0f;
         hada_layout_pack_real(layout, rows, blocks + c * layout->count);
     }
     if (!status)

@@ -30,12 +30,12 @@ hada_status hada_focus_check(const hada_focus_desc *desc, hada_error *err)
     if ((desc->channels != 1 && desc->channels != 3) || desc->rows < 1 || desc->cols < 1 || desc->depths < 1)
         return hada_fail(err, HADA_ERROR_SIZE, "a stack of %d depths of %d channels, %d x %d cannot be focused",
                          desc->depths, desc->channels, desc->rows, desc->cols);
-    /* kernels count pixels as int */
-    if ((int64_t)desc->channels * desc->rows * desc->cols > INT_MAX)
+    /* kernels count pixels as int, in whole groups */
+    if ((int64_t)desc->channels * desc->rows * desc->cols > INT_MAX - 256)
         return hada_fail(err, HADA_ERROR_SIZE,
                          "planes of %d channels, %d x %d are too large to be focused: %d values "
                          "at most",
-                         desc->channels, desc->rows, desc->cols, INT_MAX);
+                         desc->channels, desc->rows, desc->cols, INT_MAX - 256);
     /* a camera of one depth may not know its distance: 0 */
     for (int i = 0; i < desc->depths && !(desc->depths == 1 && desc->distances_mm[0] == 0.0); i++)
         if (!(desc->distances_mm[i] > 0.0) || (i && !(desc->distances_mm[i] > desc->distances_mm[i - 1])))

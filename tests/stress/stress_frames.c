@@ -1,6 +1,8 @@
 /* Whole frames through a plan: linear filters against double precision, refinement against itself at other scales. */
+#include <hadalens/fit.h>
 #include <hadalens/reconstruct.h>
 
+#include "camera_small.h"
 #include "fft/fft.h"
 #include "filter/model.h"
 #include "ref/ref_filter.h"
@@ -125,6 +127,73 @@ static void scales(const stress_device *device, const stress_camera *camera, int
     hada_plan_destroy(&plan);
 }
 
+enum { FIT_DEPTHS = 2, FIT_PAIRS = 3, FIT_ROWS = 24, FIT_COLS = 32, FIT_WINDOW = 12 };
+
+/* The refined planes of a camera that was fitted with frames times 2^power, of a frame times 2^power. */
+static void fit_and_run(const stress_device *device, int power, hada_result *result)
+{
+    static const double distances[] = {100.0, 200.0};
+    hada_fit_options options;
+    hada_plan_options plan_options;
+    hada_fitter *fitter;
+    hada_model *model;
+    hada_plan *plan;
+    hada_image last = {0};
+    hada_fit_options_init(&options);
+    options.depths = FIT_DEPTHS;
+    options.channels = 1;
+    options.distances_mm = distances;
+    options.raw_rows = FIT_ROWS;
+    options.raw_cols = FIT_COLS;
+    options.window_rows = options.window_cols = FIT_WINDOW;
+    options.lambda = 1e-4;
+    options.refine_steps = 6;
+    ASSERT_OK(hada_fitter_create(&fitter, device->context, &options, err));
+    for (int z = 0; z < FIT_DEPTHS; z++) {
+        hada_image psf = small_psf(1, FIT_ROWS, FIT_COLS, 6, (uint64_t)z + 1);
+        for (int i = 0; i < FIT_PAIRS; i++) {
+            const uint64_t seed = (uint64_t)(10 * z + i);
+            hada_image scene = small_scene(1, FIT_WINDOW, FIT_WINDOW, seed);
+            /* no light at all outside the window, and with a scene of one column at many frequencies neither */
+            for (int k = 0; z == 0 && k < FIT_WINDOW * FIT_WINDOW; k++)
+                scene.data[k] = k % FIT_WINDOW == FIT_WINDOW / 2 ? scene.data[k] : 0.0f;
+            hada_image frame = small_frame(&psf, &scene, 0, 0.01, seed);
+            for (size_t k = 0; k < hada_image_count(&frame); k++)
+                frame.data[k] = ldexpf(frame.data[k], power);
+            ASSERT_OK(hada_fitter_add(fitter, z, &frame, &scene, err));
+            hada_image_destroy(&scene);
+            hada_image_destroy(&last);
+            last = frame;
+        }
+        hada_image_destroy(&psf);
+    }
+    ASSERT_OK(hada_fitter_finish(fitter, &model, NULL, NULL, err));
+    hada_plan_options_init(&plan_options);
+    plan_options.refine = 6;
+    plan_options.occupied = HADA_OCCUPIED_ALL;
+    ASSERT_OK(hada_plan_create(&plan, device->context, model, &plan_options, err));
+    ASSERT_OK(hada_plan_run(plan, &last, result, err));
+    hada_plan_destroy(&plan);
+    hada_model_destroy(&model);
+    hada_fitter_destroy(&fitter);
+    hada_image_destroy(&last);
+}
+
+/* A camera learned and used in other units of light gives the same pictures. */
+static void units(const stress_device *device, int power)
+{
+    hada_result plain = {0}, scaled = {0};
+    size_t differ = 0;
+    fit_and_run(device, 0, &plain);
+    fit_and_run(device, power, &scaled);
+    for (int z = 0; z < plain.depths; z++)
+        for (size_t i = 0; i < hada_image_count(&plain.planes[z]); i++)
+            differ += plain.planes[z].data[i] != scaled.planes[z].data[i];
+    stress_none("L2", differ, "fit and refined planes, all frames times 2^%d: pixels that differ", power);
+    hada_result_destroy(&plain);
+    hada_result_destroy(&scaled);
+}
+
 void stress_frames(void **state)
 {
     (void)state;
@@ -138,6 +207,9 @@ void stress_frames(void **state)
         if (stress_form_now != STRESS_TINY)
             scales(&device, &camera, 6, powers[i]);
     }
+    for (int power = -30; power <= 30 && stress_form_now != STRESS_TINY; power += 15)
+        if (power)
+            units(&device, power);
     stress_camera_free(&camera);
     stress_close(&device);
     stress_end_group();

@@ -138,23 +138,19 @@ typedef struct part {
 } part;
 static hada_status copy(const hada_enhance *e, const part *from, const part *to, int rows, int cols, hada_error *err)
 {
-    /* the place in floats goes into the first origin: the start of a plane need not be a multiple of a row */
     const part *both[2] = {from, to};
-    size_t origin[2][3];
+    cl_ulong offset[2], row[2], channel[2];
     for (int i = 0; i < 2; i++) {
-        const size_t first = both[i]->offset + (size_t)both[i]->row * (size_t)both[i]->cols + (size_t)both[i]->col;
-        origin[i][0] = first * sizeof(float);
-        origin[i][1] = origin[i][2] = 0;
+        row[i] = (cl_ulong)both[i]->cols;
+        channel[i] = row[i] * (cl_ulong)both[i]->rows;
+        offset[i] = both[i]->offset + (cl_ulong)both[i]->row * row[i] + (cl_ulong)both[i]->col;
     }
-    const size_t region[3] = {(size_t)cols * sizeof(float), (size_t)rows, (size_t)e->desc.channels};
-    const size_t pitch[2] = {(size_t)from->cols * sizeof(float), (size_t)to->cols * sizeof(float)};
-    const cl_int code = clEnqueueCopyBufferRect(e->slot->queue, from->mem, to->mem, origin[0], origin[1], region,
-                                                pitch[0], pitch[0] * (size_t)from->rows, pitch[1],
-                                                pitch[1] * (size_t)to->rows, 0, NULL, hada_slot_event(e->slot));
-    if (code != CL_SUCCESS)
-        return hada_fail_cl(err, code, "clEnqueueCopyBufferRect");
-    hada_slot_moved(e->slot, "copy", 2.0 * (double)region[0] * (double)region[1] * (double)region[2]);
-    return HADA_OK;
+    const hada_arg args[] = {HADA_ARG(from->mem), HADA_ARG(offset[0]), HADA_ARG(row[0]), HADA_ARG(channel[0]),
+                             HADA_ARG(to->mem),   HADA_ARG(offset[1]), HADA_ARG(row[1]), HADA_ARG(channel[1]),
+                             HADA_ARG(rows),      HADA_ARG(cols)};
+    const size_t runs = ((size_t)cols + HADA_PART_COLS - 1) / HADA_PART_COLS;
+    return hada_layer_launch_flat(e->slot, "net_part", "net_part", 0, runs, (size_t)rows * (size_t)e->desc.channels,
+                                  args, HADA_COUNT(args), err);
 }
 
 /* Fills the map of content of a plane. */

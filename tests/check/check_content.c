@@ -1,4 +1,4 @@
-/* The map of content of planar images: exact. */
+/* The map of content of planar images, and parts of them copied: exact. */
 #include <math.h>
 #include <stdlib.h>
 
@@ -56,3 +56,61 @@ static void release(check_state *state)
 
 const check_op check_net_content = {"net_content", "k channels, r rows, c columns, w columns to a cell", prepare,
                                     launch, release};
+
+typedef struct part_state {
+    hada_buffer in;
+    int channels, rows, cols, row, col; /* of the part, and its place in images of 3 rows and 5 columns more */
+} part_state;
+
+static hada_status prepare_part(check_state *state, hada_error *err)
+{
+    part_state *own = calloc(1, sizeof *own);
+    if (!own)
+        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    state->own = own;
+    own->channels = check_get(state, 'k', 1);
+    own->rows = check_get(state, 'r', 8);
+    own->cols = check_get(state, 'c', 8);
+    own->row = check_get(state, 'y', 0);
+    own->col = check_get(state, 'x', 0);
+    const size_t row = (size_t)own->cols + 5, plane = row * ((size_t)own->rows + 3);
+    const size_t pixels = (size_t)own->rows * (size_t)own->cols, count = pixels * (size_t)own->channels;
+    float *values = malloc(plane * (size_t)own->channels * sizeof *values);
+    if (!values)
+        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    check_fill_integers(state, 1, values, plane * (size_t)own->channels, 99);
+    hada_status status = check_output(state, count, err);
+    for (size_t i = 0; !status && i < count; i++) {
+        const size_t c = i / pixels, r = i % pixels / (size_t)own->cols, x = i % (size_t)own->cols;
+        state->expected[i] = values[c * plane + (r + (size_t)own->row) * row + x + (size_t)own->col];
+    }
+    if (!status)
+        status = check_upload(state, &own->in, values, plane * (size_t)own->channels * sizeof *values, err);
+    free(values);
+    state->bytes = 2.0 * (double)count * sizeof(float);
+    return status;
+}
+
+static hada_status launch_part(check_state *state, hada_error *err)
+{
+    const part_state *own = state->own;
+    const cl_ulong row = (cl_ulong)own->cols + 5, channel = row * ((cl_ulong)own->rows + 3);
+    const cl_ulong offset = (cl_ulong)own->row * row + (cl_ulong)own->col;
+    const cl_ulong to = state->out_offset, to_row = (cl_ulong)own->cols, to_channel = to_row * (cl_ulong)own->rows;
+    const hada_arg args[] = {HADA_ARG(own->in.mem),    HADA_ARG(offset),   HADA_ARG(row),    HADA_ARG(channel),
+                             HADA_ARG(state->out.mem), HADA_ARG(to),       HADA_ARG(to_row), HADA_ARG(to_channel),
+                             HADA_ARG(own->rows),      HADA_ARG(own->cols)};
+    return hada_layer_launch_flat(state->slot, "net_part", "net_part", 0, ((size_t)own->cols + 63) / 64,
+                                  (size_t)own->rows * (size_t)own->channels, args, HADA_COUNT(args), err);
+}
+
+static void release_part(check_state *state)
+{
+    part_state *own = state->own;
+    if (own)
+        hada_buffer_destroy(&own->in);
+    free(own);
+}
+
+const check_op check_net_part = {"net_part", "k channels, r rows, c columns, y row and x column of the part",
+                                 prepare_part, launch_part, release_part};

@@ -31,7 +31,7 @@ static float *planes_of(const hada_enhance_desc *desc, int count)
     return out;
 }
 
-/* Enhances `count` planes in place, which stand behind one other float; bytes are as stated. */
+/* Enhances `count` planes in place, which stand behind one other float in a part of a buffer; bytes are as stated. */
 static void run(net_device *device, const hada_enhance_desc *desc, float *planes, int count, int *computed,
                 int *left_out)
 {
@@ -43,11 +43,18 @@ static void run(net_device *device, const hada_enhance_desc *desc, float *planes
     ASSERT_OK(hada_enhance_bytes(device->context, desc, &stated, err));
     ASSERT_OK(hada_enhance_create(&enhance, device->slot, desc, err));
     assert_int_equal(hada_context_bytes(device->context) - before, stated);
-    ASSERT_OK(hada_buffer_create(&buffer, device->context, (values + 1) * sizeof(float), "planes", err));
-    ASSERT_OK(hada_buffer_write(&buffer, device->slot, sizeof(float), planes, values * sizeof(float), err));
-    ASSERT_OK(hada_enhance_run(enhance, buffer.mem, 1, count, err));
-    ASSERT_OK(hada_buffer_read(&buffer, device->slot, sizeof(float), planes, values * sizeof(float), err));
+    const cl_buffer_region region = {4096, (values + 1) * sizeof(float)};
+    cl_int code;
+    ASSERT_OK(hada_buffer_create(&buffer, device->context, region.origin + region.size, "planes", err));
+    ASSERT_OK(
+        hada_buffer_write(&buffer, device->slot, region.origin + sizeof(float), planes, values * sizeof(float), err));
+    cl_mem part = clCreateSubBuffer(buffer.mem, CL_MEM_READ_WRITE, CL_BUFFER_CREATE_TYPE_REGION, &region, &code);
+    assert_int_equal(code, CL_SUCCESS);
+    ASSERT_OK(hada_enhance_run(enhance, part, 1, count, err));
+    ASSERT_OK(
+        hada_buffer_read(&buffer, device->slot, region.origin + sizeof(float), planes, values * sizeof(float), err));
     hada_enhance_counts(enhance, computed, left_out);
+    clReleaseMemObject(part);
     hada_enhance_destroy(&enhance);
     hada_buffer_destroy(&buffer);
 }

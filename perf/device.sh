@@ -188,9 +188,12 @@ bench() {
     "$hadalens" bench --quick -o "$out/bench-quick" && "$hadalens" bench -o "$out/bench"
 }
 check_time() { "$build/tests/check/check" --mode time --csv >"$out/check-time.csv"; }
-# bars FILE COLUMN UNIT TITLE: a column of the check tool's times
+# bars FILE COLUMN UNIT TITLE: a column of the check tool's times, for the slowest shape of each operation
 bars() {
-    awk -F, -v column="$2" 'NR > 1 && $column > 0 { print $1 " " $2 "," $column }' "$out/check-time.csv" |
+    awk -F, -v column="$2" '
+        NR > 1 && !($1 in slowest) { order[++count] = $1 }
+        NR > 1 && $3 > slowest[$1] { slowest[$1] = $3; bar[$1] = $1 " " $2 "," $column }
+        END { for (i = 1; i <= count; i++) print bar[order[i]] }' "$out/check-time.csv" |
         awk -v title="$4" -v unit="$3" -f "$source/perf/bars.awk" >"$out/$1"
 }
 # each program of perf with its defaults; what it prints is its table

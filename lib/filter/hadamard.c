@@ -253,26 +253,44 @@ hada_status hada_hadamard_frame(hada_hadamard *stage, const float *raw, const do
     return status ? status : transform(stage, err);
 }
 
+/* Windows of `batch` whole images to the planes, each `distance` floats from the other. */
+static hada_status crop(hada_hadamard *stage, int batch, cl_mem planes, size_t offset, size_t distance, hada_error *err)
+{
+    const cl_int rows = stage->layout.rows, cols = stage->layout.cols, row0 = stage->geometry.window_row,
+                 col0 = stage->geometry.window_col, rows_out = stage->window_rows, cols_out = stage->window_cols;
+    const cl_ulong out_offset = offset, out_distance = distance, out_pitch = (cl_ulong)cols_out,
+                   count = (cl_ulong)batch * (cl_ulong)rows_out * (cl_ulong)cols_out;
+    const size_t local = GROUP, global = ((size_t)count + GROUP - 1) / GROUP * GROUP;
+    cl_kernel kernel;
+    hada_status status = hada_slot_kernel(stage->slot, "fft_plain", "fft_plain_crop", "", &kernel, err);
+    const hada_arg args[] = {HADA_ARG(stage->whole.mem), HADA_ARG(rows),       HADA_ARG(cols),
+                             HADA_ARG(planes),           HADA_ARG(out_offset), HADA_ARG(out_distance),
+                             HADA_ARG(out_pitch),        HADA_ARG(row0),       HADA_ARG(col0),
+                             HADA_ARG(rows_out),         HADA_ARG(cols_out),   HADA_ARG(count)};
+    hada_slot_cost(stage->slot, 8.0 * (double)count, 0.0);
+    return status ? status
+                  : hada_slot_launch(stage->slot, kernel, "fft_plain_crop", 1, &global, &local, args, HADA_COUNT(args),
+                                     err);
+}
+
 /* Inverse transforms of `batch` members into the planes, by way of the whole grid where that is not pruned. */
 static hada_status invert(hada_hadamard *stage, const hada_fft_filter *filter, int batch, size_t spectrum_offset,
                           cl_mem planes, size_t offset, hada_error *err)
 {
     const size_t window = (size_t)stage->window_rows * (size_t)stage->window_cols;
-    const size_t cols = (size_t)stage->layout.cols, step = (size_t)(filter->stride ? filter->stride : 1);
     if (!stage->whole.mem)
         return hada_fft_inverse(stage->inverse, batch, stage->spectrum.mem, spectrum_offset, planes, offset, filter,
                                 err);
-    hada_status status =
-        hada_fft_inverse(stage->inverse, batch, stage->spectrum.mem, spectrum_offset, stage->whole.mem, 0, filter, err);
-    for (size_t i = 0; !status && i < (size_t)batch; i++) {
-        const size_t from[3] = {(size_t)stage->geometry.window_col * 4, (size_t)stage->geometry.window_row, i * step},
-                     to[3] = {(offset + i * step * window) * 4, 0, 0},
-                     size[3] = {(size_t)stage->window_cols * 4, (size_t)stage->window_rows, 1};
-        const cl_int code =
-            clEnqueueCopyBufferRect(stage->slot->queue, stage->whole.mem, planes, from, to, size, cols * 4,
-                                    (size_t)stage->layout.rows * cols * 4, size[0], 0, 0, NULL, NULL);
-        if (code != CL_SUCCESS)
-            status = hada_fail_cl(err, code, "clEnqueueCopyBufferRect");
+    /* images that stand apart are done one by one */
+    const int step = filter->stride, at_once = step == 1 ? batch : 1;
+    hada_fft_filter here = *filter;
+    hada_status status = HADA_OK;
+    for (int i = 0; !status && i < batch; i += at_once) {
+        here.filter_first = filter->filter_first + i * step;
+        status = hada_fft_inverse(stage->inverse, at_once, stage->spectrum.mem, spectrum_offset, stage->whole.mem, 0,
+                                  &here, err);
+        if (!status)
+            status = crop(stage, at_once, planes, offset + (size_t)(i * step) * window, window, err);
     }
     return status;
 }

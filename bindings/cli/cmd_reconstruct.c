@@ -16,7 +16,7 @@
 typedef struct settings {
     hada_cli_common common;
     const char *model, *output, *depths, *occupied, *refine, *dark, *skip;
-    int method, bits, half, repair, no_preview, batch, queues;
+    int method, bits, half, repair, no_enhance, no_preview, batch, queues;
     double gamma, white, lambda, max_error, band;
 } settings;
 
@@ -46,6 +46,7 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_REAL, "lambda", 0, "L", "regularisation of --method wiener (default: 0.01)", NULL, AT(lambda)},
     {HADA_OPTION_FLAG, "repair", 0, NULL, "fill NaN and infinite pixels from their neighbours",
      "Without it such a frame is refused.", AT(repair)},
+    {HADA_OPTION_FLAG, "no-enhance", 0, NULL, "leave out the net that the model holds", NULL, AT(no_enhance)},
     {HADA_OPTION_FLAG, "half", 0, NULL, "keep the filters in half precision on the device", NULL, AT(half)},
     {HADA_OPTION_REAL, "max-error", 0, "E", "relative change of the stack that may be traded for time (default: 0)",
      "Root of the sum of squares over all pixels, such as 0.01. Acts with --refine 0; each frame says what was "
@@ -125,6 +126,7 @@ static hada_status read_options(job *work, hada_plan_options *plan, hada_error *
     plan->band = set->band;
     plan->repair_not_finite = set->repair;
     plan->half = set->half;
+    plan->enhance = !set->no_enhance;
     plan->batch = set->batch;
     plan->queues = set->queues;
     plan->gamma = set->gamma;

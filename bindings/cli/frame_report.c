@@ -17,13 +17,15 @@ json_t *hada_cli_frame_json(const hada_result *result)
     json_object_set_new(frame, "residual_linear", hada_cli_real(report->residual_linear));
     json_object_set_new(frame, "residual", hada_cli_real(report->residual));
     json_object_set_new(frame, "dark", hada_cli_real(report->dark));
+    json_object_set_new(frame, "enhanced", json_integer(report->enhanced));
     json_object_set_new(frame, "repaired_pixels", json_integer((json_int_t)report->repaired_pixels));
     json_object_set_new(frame, "skipped", hada_cli_skip_json(result));
     json_object_set_new(frame, "seconds",
-                        json_pack("{s:f, s:f, s:f, s:f, s:f, s:f, s:f}", "total", report->seconds_total, "upload",
+                        json_pack("{s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f}", "total", report->seconds_total, "upload",
                                   report->seconds_upload, "linear", report->seconds_linear, "pursuit",
-                                  report->seconds_pursuit, "refine", report->seconds_refine, "focus",
-                                  report->seconds_focus, "download", report->seconds_download));
+                                  report->seconds_pursuit, "refine", report->seconds_refine, "enhance",
+                                  report->seconds_enhance, "focus", report->seconds_focus, "download",
+                                  report->seconds_download));
     return frame;
 }
 
@@ -64,6 +66,8 @@ void hada_cli_frame_words(const hada_result *result, char *text, size_t size)
     double residual = isfinite(report->residual) ? report->residual : report->residual_linear;
     if (isfinite(residual))
         add(text, size, "; %.2g %% unexplained", 100 * residual);
+    if (report->enhanced)
+        add(text, size, report->enhanced == 1 ? "; %.0f plane enhanced" : "; %.0f planes enhanced", report->enhanced);
     if (report->repaired_pixels)
         add(text, size, "; %.0f pixels repaired", (double)report->repaired_pixels);
     hada_cli_skip_words(result, text, size);

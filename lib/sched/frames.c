@@ -233,7 +233,7 @@ int hada_frames_reuse(hada_task *task, hada_status *status, hada_error *err)
     if (*status)
         return 1;
     report->seconds_upload = report->seconds_linear = report->seconds_pursuit = report->seconds_refine =
-        report->seconds_focus = report->seconds_download = 0.0;
+        report->seconds_enhance = report->seconds_focus = report->seconds_download = 0.0;
     report->skipped.kinds |= HADA_SKIP_FRAMES;
     report->skipped.frame = 1;
     if (task->source_change > 0.0)

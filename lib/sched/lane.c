@@ -64,6 +64,7 @@ void hada_lane_clear(hada_lane *lane)
     hada_pursuit_destroy(&lane->pursuit);
     hada_refiner_destroy(&lane->refiner);
     hada_focus_destroy(&lane->focus);
+    hada_enhance_destroy(&lane->enhance);
     hada_buffer_destroy(&lane->planes);
     hada_buffer_destroy(&lane->pictures);
     hada_meter_destroy(&lane->meter);
@@ -84,6 +85,8 @@ hada_status hada_lane_ready(hada_lane *lane, hada_error *err)
         status = make_parts(lane, err);
     if (lane->slot)
         lane->slot->room = NULL;
+    if (!status)
+        status = hada_lane_enhance_make(lane, err);
     if (status)
         hada_lane_clear(lane);
     return status;

@@ -67,6 +67,10 @@ static hada_status own_batch(hada_lane *lane, hada_task *task, int first, int co
     hada_status status = compute(lane, task, first, count, err);
     if (!status)
         status = hada_lane_watch(lane, task, &report->seconds_linear, err);
+    if (!status)
+        status = hada_lane_enhance(lane, task, lane->planes.mem, count, err);
+    if (!status)
+        status = hada_lane_watch(lane, task, &report->seconds_enhance, err);
     if (!status && first == *next) {
         status = push(lane, task, first, count, err);
         *next += count;
@@ -150,6 +154,8 @@ hada_status hada_lane_help(hada_lane *lane, hada_task *task, hada_error *err)
         status = hada_lane_expose(lane, task, err);
         if (!status)
             status = compute(lane, task, first, count, err);
+        if (!status)
+            status = hada_lane_enhance(lane, task, lane->planes.mem, count, err);
         if (!status)
             status = read_planes(lane, task, first, count, err);
         if (status)

@@ -68,7 +68,8 @@ static uint64_t bytes_apart(const hada_context *context, const hada_model *model
     const uint64_t frame = 4 * (uint64_t)info->raw_rows * (uint64_t)info->raw_cols * (uint64_t)info->channels;
     uint64_t bytes = hada_hadamard_bytes(context, info, batch) + hada_focus_bytes(&focus) +
                      hada_lane_planes_bytes(info, shape, batch) + hada_lane_pictures_bytes(info) +
-                     (shape->dark ? frame : 0) + hada_lane_skip_bytes(context, info, shape, batch);
+                     (shape->dark ? frame : 0) + hada_lane_skip_bytes(context, info, shape, batch) +
+                     hada_lane_enhance_bytes(context, model, shape);
     if (shape->refined) {
         const hada_refine_shape refine = hada_refine_shape_of(info, shape->depths, shape->steps);
         bytes += hada_refiner_bytes(context, &refine);

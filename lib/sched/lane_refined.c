@@ -61,10 +61,9 @@ static hada_status read_planes(hada_lane *lane, hada_task *task, int count, hada
 {
     const size_t bytes = hada_plane_values(hada_model_get_info(lane->plan->model)) * sizeof(float);
     for (int place = 0; place < count; place++) {
-        const cl_int code =
-            clEnqueueReadBuffer(lane->slot->queue, hada_refiner_planes(lane->refiner), CL_TRUE, (size_t)place * bytes,
-                                bytes, task->result->planes[lane->occupied[place]].data, 0, NULL,
-                                hada_slot_event(lane->slot));
+        const cl_int code = clEnqueueReadBuffer(
+            lane->slot->queue, hada_refiner_planes(lane->refiner), CL_TRUE, (size_t)place * bytes, bytes,
+            task->result->planes[lane->occupied[place]].data, 0, NULL, hada_slot_event(lane->slot));
         if (code != CL_SUCCESS)
             return hada_fail_cl(err, code, "clEnqueueReadBuffer");
         hada_slot_moved(lane->slot, "read", (double)bytes);
@@ -119,6 +118,10 @@ hada_status hada_lane_refined(hada_lane *lane, hada_task *task, hada_error *err)
         return HADA_OK;
     }
     status = refine(lane, task, count, err);
+    if (!status)
+        status = hada_lane_enhance(lane, task, hada_refiner_planes(lane->refiner), count, err);
+    if (!status)
+        status = hada_lane_watch(lane, task, &task->result->report.seconds_enhance, err);
     if (!status)
         status = focus(lane, task, count, err);
     return status ? status : read_planes(lane, task, count, err);

@@ -7,8 +7,8 @@ enum { MOST_QUEUES = 64 };
 
 void hada_plan_options_init(hada_plan_options *options)
 {
-    *options =
-        (hada_plan_options){.size = sizeof *options, .refine = -1, .gamma = 1.0, .skip = HADA_SKIP_ALL, .band = 1.0};
+    *options = (hada_plan_options){
+        .size = sizeof *options, .refine = -1, .enhance = 1, .gamma = 1.0, .skip = HADA_SKIP_ALL, .band = 1.0};
 }
 
 static hada_status check_list(const int *list, int count, int limit, const char *what, hada_error *err)
@@ -71,6 +71,7 @@ static hada_status skip_shape(const hada_model *model, const hada_plan_options *
                               hada_error *err)
 {
     const hada_model_info *info = hada_model_get_info(model);
+    shape->full_look = shape->pursuit && !(options->skip & HADA_SKIP_DEPTHS);
     shape->pruned = shape->refined || (options->skip & HADA_SKIP_PRUNE);
     if (options->band < 1.0 && shape->refined)
         return hada_fail(err, HADA_ERROR_ARGUMENT,
@@ -80,7 +81,8 @@ static hada_status skip_shape(const hada_model *model, const hada_plan_options *
         shape->band_rows = at_least_one(options->band * (info->grid_rows / 2));
         shape->band_cols = at_least_one(options->band * (info->grid_cols / 2));
     }
-    if (options->max_error > 0 && !shape->refined) {
+    /* how much a net makes of a change of its planes is not known */
+    if (options->max_error > 0 && !shape->refined && !shape->enhance) {
         shape->half_by_error = (options->skip & HADA_SKIP_HALF) && !shape->half && options->max_error >= half_pays &&
                                hada_gains_fits_half(model, options->depths, shape->depths);
         shape->half |= shape->half_by_error;
@@ -103,6 +105,7 @@ hada_status hada_plan_shape_of(const hada_model *model, const hada_plan_options 
     shape->refined = shape->steps > 0;
     shape->pursuit = shape->refined && options->occupied == HADA_OCCUPIED_AUTO && shape->depths > 1;
     shape->dark = options->dark == HADA_DARK_FRAME;
+    shape->enhance = options->enhance && info->enhance;
     shape->half = options->half || info->half;
     shape->parts = shape->refined ? HADA_BANK_OTFS : HADA_BANK_FILTERS;
     /* more depths at once than this only cost memory: the spectrum stays in the cache either way */
@@ -135,5 +138,6 @@ hada_pursuit_options hada_plan_pursuit_of(const hada_model *model, const hada_pl
     options.shape = hada_refine_shape_of(hada_model_get_info(model), shape->depths, 1);
     options.depths = shape->depths;
     options.rho *= hada_model_gain(model);
+    options.full = shape->full_look;
     return options;
 }

@@ -18,6 +18,8 @@ typedef struct hada_plan_shape {
     int half;                 /* filters on the device as half */
     int parts;                /* of the bank: filters or transfer functions */
     int dark;                 /* 1: a dark frame is taken off */
+    int enhance;              /* 1: planes go through the model's net */
+    int full_look;            /* of the pursuit: 1: on the whole grid */
     int pruned;               /* 1: inverse transforms compute the window alone */
     int bounded;              /* 1: max_error may change the planes */
     int measured;             /* 1: the energy of spectra is measured */

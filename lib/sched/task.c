@@ -148,6 +148,9 @@ hada_status hada_task_prepare(hada_task *task, hada_error *err)
 {
     const hada_model_info *info = hada_model_get_info(task->plan->model);
     task->start = task->watch = hada_seconds();
+    atomic_store(&task->enhanced, 0);
+    atomic_store(&task->tiles, 0);
+    atomic_store(&task->tiles_left_out, 0);
     hada_status status = fit_result(task, err);
     task->broken = hada_image_count_not_finite(task->raw);
     if (!status && task->broken)

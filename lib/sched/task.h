@@ -21,6 +21,7 @@ struct hada_task {
     atomic_int progress;   /* of HADA_PROGRESS */
     unsigned char *depths; /* linear, per computed depth: see batches.h; the board's lock guards these three */
     int open, helpers;     /* other lanes may take batches; how many are at it */
+    atomic_int enhanced, tiles, tiles_left_out; /* planes and tiles of the net, by all lanes */
     hada_task_skip skip;
     hada_kept *kept, *source; /* see frames.h: this frame's copy, or the frame before that serves */
     double source_change;     /* what the latter changes at most: L2 */

@@ -98,6 +98,8 @@ int hada_task_skip_again(hada_task *task)
     const double norm = skip->change + skip->band_change + most > 0.0 ? norm_of(task->result) : 0.0;
     const int again = hada_skip_relative(skip->change, norm) > most;
     report->bound = hada_skip_relative(skip->change + skip->band_change, norm);
+    if (task->plan->shape.enhance && report->bound > 0.0)
+        report->bound = INFINITY; /* the net may make anything of it */
     skip->norm = norm;
     if (again) {
         skip->again = 1;
@@ -116,14 +118,17 @@ void hada_task_skip_report(hada_task *task)
     hada_skip_report *report = &task->result->report.skipped;
     const hada_gains *gains = task->plan->skip.gains;
     const int banded = skip->band_rows || skip->band_cols;
+    const int left_out = atomic_load(&task->tiles_left_out), tiles = left_out + atomic_load(&task->tiles);
     report->depths = shape->depths - task->result->report.occupied_count;
+    report->tiles = tiles ? (double)left_out / tiles : 0.0;
     report->channels = skip->channels;
     report->again = skip->again;
     report->frequencies = banded ? hada_tiles_share_outside(&gains->tiles, skip->band_rows, skip->band_cols) : 0.0;
-    report->kinds = (shape->pruned ? HADA_SKIP_PRUNE : 0u) | (report->depths ? HADA_SKIP_DEPTHS : 0u) |
-                    (skip->limited ? HADA_SKIP_FREQUENCIES : 0u) |
-                    (shape->half_by_error && !skip->again ? HADA_SKIP_HALF : 0u) |
-                    (skip->channels ? HADA_SKIP_CHANNELS : 0u);
+    report->kinds =
+        (shape->pruned ? HADA_SKIP_PRUNE : 0u) | (report->depths && !shape->full_look ? HADA_SKIP_DEPTHS : 0u) |
+        (skip->limited ? HADA_SKIP_FREQUENCIES : 0u) | (shape->half_by_error && !skip->again ? HADA_SKIP_HALF : 0u) |
+        (skip->channels ? HADA_SKIP_CHANNELS : 0u) | (left_out ? HADA_SKIP_TILES : 0u);
+    task->result->report.enhanced = atomic_load(&task->enhanced);
     for (int c = 0; c < hada_model_get_info(task->plan->model)->channels; c++)
         if (skip->spectra[c] != c)
             report->kinds |= HADA_SKIP_CHANNELS;

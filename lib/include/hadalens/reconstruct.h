@@ -57,6 +57,7 @@ typedef struct hada_plan_options {
     int repair_not_finite;        /* 1: NaN and infinite pixels take the median of their neighbours, with a count in the
                                      report; 0 (default): such a frame is refused */
     int half;                     /* 1: filters on the device in half precision */
+    int enhance;                  /* 1 (default): planes go through the model's net, where it has one; 0: not */
     int batch;                    /* depths at once; 0: chosen from the memory */
     double gamma;                 /* exponent on the finished images; 1 (default): linear */
     int queues;                   /* frames or batches in flight on each device, each on a queue of its own with its
@@ -105,8 +106,9 @@ typedef struct hada_report {
     double dark;             /* level taken off */
     size_t repaired_pixels;
     hada_skip_report skipped;
-    double seconds_total, seconds_upload, seconds_linear, seconds_pursuit, seconds_refine, seconds_focus,
-        seconds_download;
+    int enhanced;            /* planes that went through the model's net */
+    double seconds_total, seconds_upload, seconds_linear, seconds_pursuit, seconds_refine, seconds_enhance,
+        seconds_focus, seconds_download;
 } hada_report;
 
 typedef struct hada_result {

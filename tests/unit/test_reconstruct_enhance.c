@@ -1,0 +1,239 @@
+/* Plans whose model holds a net: its planes are the net's of the planes without it, on every path; the rest of the plan
+ * knows of it. */
+#include "camera_small.h"
+
+#include <hadalens/job.h>
+
+#include "net/enhance.h"
+
+enum { ROWS = 24, COLS = 32, WINDOW_ROWS = 14, WINDOW_COLS = 18, DEPTHS = 5, CHANNELS = 3 };
+
+typedef struct fixture {
+    hada_context *context;
+    hada_slot *slot;
+    hada_model *plain, *model;
+    hada_net *net;
+    hada_image frame;
+} fixture;
+
+static int setup(void **state)
+{
+    static fixture f;
+    hada_image psf[DEPTHS], scene;
+    double distances[DEPTHS];
+    hada_psf_options options;
+    hada_unet_options unet;
+    ASSERT_OK(hada_context_create(&f.context, NULL, err));
+    ASSERT_OK(hada_slot_create(&f.slot, f.context, err));
+    hada_psf_options_init(&options);
+    options.window_rows = WINDOW_ROWS;
+    options.window_cols = WINDOW_COLS;
+    options.boundary = HADA_BOUNDARY_CIRCULAR;
+    for (int z = 0; z < DEPTHS; z++) {
+        distances[z] = 100.0 * (z + 1);
+        psf[z] = small_psf(CHANNELS, ROWS, COLS, 12, (uint64_t)z + 1);
+    }
+    scene = small_scene(CHANNELS, WINDOW_ROWS, WINDOW_COLS, 1);
+    f.frame = small_frame(&psf[2], &scene, 0, 0.003, 1);
+    ASSERT_OK(hada_model_from_psf(&f.plain, f.context, psf, DEPTHS, distances, &options, err));
+    hada_unet_options_init(&unet);
+    unet.down = "8|10";
+    unet.up = "7";
+    unet.shared = unet.last_norm = 1;
+    ASSERT_OK(hada_net_create_unet(&f.net, &unet, 3, err));
+    ASSERT_OK(hada_model_with_enhance(&f.model, f.plain, f.net, 0, 0, err));
+    for (int z = 0; z < DEPTHS; z++)
+        hada_image_destroy(&psf[z]);
+    hada_image_destroy(&scene);
+    *state = &f;
+    return 0;
+}
+
+static int teardown(void **state)
+{
+    fixture *f = *state;
+    hada_image_destroy(&f->frame);
+    hada_model_destroy(&f->plain);
+    hada_model_destroy(&f->model);
+    hada_net_destroy(&f->net);
+    hada_slot_destroy(&f->slot);
+    assert_int_equal(hada_context_bytes(f->context), 0);
+    hada_context_destroy(&f->context);
+    return 0;
+}
+
+/* The paths: linear filters in batches, a list of depths, refined, refined with the depths found. */
+enum { PATHS = 4 };
+static hada_plan_options options_of(int path)
+{
+    static const int listed[] = {1, 2, 4};
+    hada_plan_options options;
+    hada_plan_options_init(&options);
+    options.dark = HADA_DARK_NONE;
+    options.batch = 2;
+    options.refine = path >= 2 ? 3 : 0;
+    options.occupied = path == 0 ? HADA_OCCUPIED_ALL : path == 3 ? HADA_OCCUPIED_AUTO : HADA_OCCUPIED_LIST;
+    options.occupied_list = listed;
+    options.occupied_count = 3;
+    return options;
+}
+
+/* Runs a frame; the bytes held are those that were stated. */
+static hada_result run(const fixture *f, const hada_model *model, const hada_plan_options *options,
+                       const hada_image *frame)
+{
+    hada_plan *plan;
+    hada_result result = {0};
+    uint64_t device, host;
+    const uint64_t before = hada_context_bytes(f->context);
+    ASSERT_OK(hada_plan_estimate(f->context, model, options, &device, &host, err));
+    ASSERT_OK(hada_plan_create(&plan, f->context, model, options, err));
+    assert_int_equal(hada_context_bytes(f->context) - before, device);
+    ASSERT_OK(hada_plan_run(plan, frame, &result, err));
+    hada_plan_destroy(&plan);
+    return result;
+}
+
+static void apply_net(const fixture *f, int rows, int cols, hada_image *plane)
+{
+    const hada_enhance_desc desc = {.net = f->net,
+                                    .channels = CHANNELS,
+                                    .rows = WINDOW_ROWS,
+                                    .cols = WINDOW_COLS,
+                                    .net_rows = rows,
+                                    .net_cols = cols};
+    const size_t bytes = hada_image_count(plane) * sizeof(float);
+    hada_enhance *enhance;
+    hada_buffer buffer;
+    ASSERT_OK(hada_enhance_create(&enhance, f->slot, &desc, err));
+    ASSERT_OK(hada_buffer_create_from(&buffer, f->slot, plane->data, bytes, "a plane", err));
+    ASSERT_OK(hada_enhance_run(enhance, buffer.mem, 0, 1, err));
+    ASSERT_OK(hada_buffer_read(&buffer, f->slot, 0, plane->data, bytes, err));
+    hada_enhance_destroy(&enhance);
+    hada_buffer_destroy(&buffer);
+}
+
+static int same(const hada_image *a, const hada_image *b)
+{
+    return hada_image_count(a) == hada_image_count(b) && !memcmp(a->data, b->data, hada_image_count(a) * sizeof(float));
+}
+
+static void planes_are_the_nets_on_every_path(void **state)
+{
+    const fixture *f = *state;
+    for (int path = 0; path < PATHS; path++)
+        for (int sized = 0; sized < 2; sized++) {
+            hada_model *model;
+            hada_plan_options options = options_of(path);
+            ASSERT_OK(hada_model_with_enhance(&model, f->plain, f->net, sized * 12, sized * 20, err));
+            hada_result with = run(f, model, &options, &f->frame);
+            options.enhance = 0;
+            hada_result without = run(f, model, &options, &f->frame);
+            assert_int_equal(with.report.enhanced, with.report.occupied_count);
+            assert_int_equal(without.report.enhanced, 0);
+            assert_true(with.report.occupied_count > 0);
+            assert_memory_equal(with.report.occupied, without.report.occupied, DEPTHS);
+            for (int z = 0; z < DEPTHS; z++) {
+                if (with.report.occupied[z]) {
+                    assert_false(same(&with.planes[z], &without.planes[z]));
+                    apply_net(f, sized * 12, sized * 20, &without.planes[z]);
+                }
+                assert_true(same(&with.planes[z], &without.planes[z]));
+            }
+            assert_false(same(&with.all_in_focus, &without.all_in_focus));
+            hada_result_destroy(&with);
+            hada_result_destroy(&without);
+            hada_model_destroy(&model);
+        }
+}
+
+static void models_without_a_net_are_as_before(void **state)
+{
+    const fixture *f = *state;
+    for (int path = 0; path < PATHS; path++) {
+        hada_plan_options options = options_of(path);
+        hada_result asked = run(f, f->plain, &options, &f->frame);
+        options.enhance = 0;
+        hada_result left_out = run(f, f->model, &options, &f->frame);
+        assert_int_equal(asked.report.enhanced, 0);
+        for (int z = 0; z < DEPTHS; z++)
+            assert_true(same(&asked.planes[z], &left_out.planes[z]));
+        assert_true(same(&asked.all_in_focus, &left_out.all_in_focus));
+        hada_result_destroy(&asked);
+        hada_result_destroy(&left_out);
+    }
+}
+
+static void black_planes_are_left_out(void **state)
+{
+    const fixture *f = *state;
+    hada_image black;
+    hada_plan_options options = options_of(0);
+    ASSERT_OK(hada_image_create(&black, CHANNELS, ROWS, COLS, err));
+    options.skip = HADA_SKIP_ALL;
+    hada_result skipped = run(f, f->model, &options, &black);
+    assert_true(skipped.report.skipped.tiles == 1.0);
+    assert_true(skipped.report.skipped.kinds & HADA_SKIP_TILES);
+    for (size_t i = 0; i < hada_image_count(&skipped.planes[1]); i++)
+        assert_true(skipped.planes[1].data[i] == 0.0f);
+    options.skip = 0;
+    hada_result dense = run(f, f->model, &options, &black);
+    assert_true(dense.report.skipped.tiles == 0.0);
+    assert_false(dense.report.skipped.kinds & HADA_SKIP_TILES);
+    /* light: everything is computed either way */
+    options.skip = HADA_SKIP_TILES;
+    hada_result some = run(f, f->model, &options, &f->frame);
+    options.skip = 0;
+    hada_result all = run(f, f->model, &options, &f->frame);
+    for (int z = 0; z < DEPTHS; z++)
+        assert_true(same(&some.planes[z], &all.planes[z]));
+    hada_result *results[] = {&skipped, &dense, &some, &all};
+    for (int i = 0; i < 4; i++)
+        hada_result_destroy(results[i]);
+    hada_image_destroy(&black);
+}
+
+/* Nothing is known of what a net makes of a small change, so there is none. */
+static void only_what_is_exact_is_skipped_before_a_net(void **state)
+{
+    const fixture *f = *state;
+    hada_plan_options options = options_of(0);
+    hada_result exact = run(f, f->model, &options, &f->frame);
+    options.max_error = 0.5;
+    hada_result allowed = run(f, f->model, &options, &f->frame);
+    for (int z = 0; z < DEPTHS; z++)
+        assert_true(same(&exact.planes[z], &allowed.planes[z]));
+    assert_true(allowed.report.skipped.bound == 0.0);
+    hada_result_destroy(&exact);
+    hada_result_destroy(&allowed);
+}
+
+/* Frames in flight on two queues, with helpers, give the same bits. */
+static void queues_give_the_same(void **state)
+{
+    const fixture *f = *state;
+    for (int path = 0; path < PATHS; path++) {
+        hada_plan_options options = options_of(path);
+        hada_result one = run(f, f->model, &options, &f->frame);
+        options.queues = 2;
+        hada_result two = run(f, f->model, &options, &f->frame);
+        for (int z = 0; z < DEPTHS; z++)
+            assert_true(same(&one.planes[z], &two.planes[z]));
+        assert_true(same(&one.all_in_focus, &two.all_in_focus));
+        assert_true(same(&one.distance_map, &two.distance_map));
+        hada_result_destroy(&one);
+        hada_result_destroy(&two);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(planes_are_the_nets_on_every_path),
+        cmocka_unit_test(models_without_a_net_are_as_before),
+        cmocka_unit_test(black_planes_are_left_out),
+        cmocka_unit_test(only_what_is_exact_is_skipped_before_a_net),
+        cmocka_unit_test(queues_give_the_same),
+    };
+    return cmocka_run_group_tests(tests, setup, teardown);
+}

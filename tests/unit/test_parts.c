@@ -1,0 +1,107 @@
+/* Parts of a device as devices of their own: words, refusals, and what a context on a part is. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "device/platform.h"
+#include "memory/buffer.h"
+#include "testing.h"
+
+static void reads_words(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *words, *rest;
+        int part, parts;
+    } rows[] = {{"0:1/2", "0", 1, 2},       {"cpu:3/8", "cpu", 3, 8}, {"a:b:2/2", "a:b", 2, 2},
+                {"0", "0", 0, 0},           {"", "", 0, 0},           {"0:1", "0:1", 0, 0},
+                {"0:1/2x", "0:1/2x", 0, 0}, {"0/2", "0/2", 0, 0},     {"name: x", "name: x", 0, 0}};
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++) {
+        char words[32];
+        int part = 0, parts = 0;
+        strcpy(words, rows[i].words);
+        ASSERT_OK(hada_device_part(words, &part, &parts, err));
+        assert_string_equal(words, rows[i].rest);
+        assert_int_equal(part, rows[i].part);
+        assert_int_equal(parts, rows[i].parts);
+    }
+    static const char *const wrong[] = {"0:0/2", "0:3/2", "0:1/0", "0:-1/2", "0:1/-2"};
+    for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
+        char words[32];
+        int part = 0, parts = 0;
+        hada_error error = {0};
+        strcpy(words, wrong[i]);
+        assert_int_equal(hada_device_part(words, &part, &parts, &error), HADA_ERROR_DEVICE_CHOICE);
+        assert_non_null(strstr(error.message, "no part of a device"));
+    }
+    char words[] = "0:1/2";
+    int part = 2, parts = 3;
+    assert_int_equal(hada_device_part(words, &part, &parts, NULL), HADA_ERROR_ARGUMENT);
+}
+
+static hada_status open_part(hada_context **context, const char *device, int part, int parts, hada_error *err)
+{
+    hada_context_options options;
+    hada_context_options_init(&options);
+    options.device = device;
+    options.part = part;
+    options.parts = parts;
+    return hada_context_create(context, &options, err);
+}
+
+static void refuses_what_cannot_be_divided(void **state)
+{
+    (void)state;
+    hada_context *context;
+    hada_error error = {0};
+    static const int wrong[][2] = {{0, 2}, {3, 2}, {-1, 2}, {1, 0}, {1, -1}};
+    for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
+        assert_int_equal(open_part(&context, NULL, wrong[i][0], wrong[i][1], &error), HADA_ERROR_ARGUMENT);
+        assert_null(context);
+    }
+    assert_int_equal(open_part(&context, NULL, 1, 100000, &error), HADA_ERROR_DEVICE_CHOICE);
+    assert_non_null(strstr(error.message, "cannot be divided into 100000 parts"));
+    assert_int_equal(open_part(&context, "0:1/2", 1, 2, &error), HADA_ERROR_ARGUMENT);
+    /* a device that offers no parts is not asked for any: drivers have crashed there */
+    const hada_device_info none = {.name = "a device", .compute_units = 8, .max_sub_devices = 0};
+    cl_device_id device;
+    assert_int_equal(hada_device_divide(NULL, &none, 1, 2, &device, &error), HADA_ERROR_DEVICE_CHOICE);
+    assert_non_null(strstr(error.message, "at most 0 parts"));
+}
+
+static void divides(void **state)
+{
+    (void)state;
+    hada_context *whole, *part;
+    ASSERT_OK(hada_context_create(&whole, NULL, err));
+    const hada_device_info *device = hada_context_device(whole);
+    assert_int_equal(device->parts, 0);
+    unsigned most = device->max_sub_devices < device->compute_units ? device->max_sub_devices : device->compute_units;
+    for (int parts = 1; parts <= (int)most && parts <= 3; parts++) {
+        unsigned units = 0;
+        for (int k = 1; k <= parts; k++) {
+            char words[32];
+            snprintf(words, sizeof words, "%d:%d/%d", device->index, k, parts);
+            ASSERT_OK(open_part(&part, k % 2 ? words : NULL, k % 2 ? 0 : k, k % 2 ? 0 : parts, err));
+            const hada_device_info *info = hada_context_device(part);
+            assert_int_equal(info->part, k);
+            assert_int_equal(info->parts, parts);
+            assert_int_equal(info->index, device->index);
+            assert_string_equal(info->name, device->name);
+            assert_true(info->compute_units >= device->compute_units / (unsigned)parts);
+            units += info->compute_units;
+            hada_context_destroy(&part);
+        }
+        assert_int_equal(units, device->compute_units);
+    }
+    hada_context_destroy(&whole);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(reads_words),
+        cmocka_unit_test(refuses_what_cannot_be_divided),
+        cmocka_unit_test(divides),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

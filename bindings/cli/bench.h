@@ -125,7 +125,7 @@ extern const char *const hada_bench_mode_names[HADA_BENCH_MODES];
 void hada_bench_mode_options(int mode, hada_plan_options *options);
 
 /* Stages of hada_report, in order. */
-enum { HADA_BENCH_STAGES = 6 };
+enum { HADA_BENCH_STAGES = 7 };
 extern const char *const hada_bench_stage_names[HADA_BENCH_STAGES];
 double hada_bench_stage_seconds(const hada_report *report, int stage);
 

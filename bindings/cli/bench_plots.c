@@ -103,7 +103,7 @@ static hada_status plot_latency(const hada_bench *bench, const hada_bench_place 
     int workloads = 0;
     for (int i = 0; i < count; i++)
         workloads += places[i].first_of_workload;
-    double height = 46 + 84.0 * workloads + (double)count * HADA_BENCH_MODES * BAR, x = 210, top = 62;
+    double height = 46 + 84.0 * workloads + (double)count * HADA_BENCH_MODES * BAR, x = 60, top = 62;
     hada_status status = hada_plot_begin(&plot, 760, height, err);
     if (status)
         return status;

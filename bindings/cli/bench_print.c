@@ -67,8 +67,11 @@ static void print_kernels(const hada_bench *bench, const char *device, const cha
     for (int i = 0; i < count && i < SHOWN_KERNELS; i++) {
         const double seconds = list[i]->value.median * 1e-3;
         const double least = fmax(list[i]->bytes / copy, list[i]->flops / flops);
-        hada_cli_say(bench->cli, "    %-44s %9.3f %9.1f %9.1f %7.1f", list[i]->name, list[i]->value.median,
-                     list[i]->bytes / seconds * 1e-9, list[i]->flops / seconds * 1e-9, seconds / least);
+        char floor_text[16] = "-"; /* of kernels that do not say what they need */
+        if (least > 0)
+            snprintf(floor_text, sizeof floor_text, "%.1f", seconds / least);
+        hada_cli_say(bench->cli, "    %-44s %9.3f %9.1f %9.1f %7s", list[i]->name, list[i]->value.median,
+                     list[i]->bytes / seconds * 1e-9, list[i]->flops / seconds * 1e-9, floor_text);
     }
     free(list);
 }

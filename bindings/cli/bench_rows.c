@@ -9,14 +9,14 @@
 const char *const hada_bench_group_names[] = {"peak",   "start",      "latency", "stage", "kernel",
                                               "memory", "throughput", "sweep",   NULL};
 const char *const hada_bench_mode_names[HADA_BENCH_MODES] = {"linear", "refined"};
-const char *const hada_bench_stage_names[HADA_BENCH_STAGES] = {"upload", "linear", "pursuit",
-                                                               "refine", "focus",  "download"};
+const char *const hada_bench_stage_names[HADA_BENCH_STAGES] = {"upload",  "linear", "pursuit", "refine",
+                                                               "enhance", "focus",  "download"};
 
 double hada_bench_stage_seconds(const hada_report *report, int stage)
 {
-    const double seconds[HADA_BENCH_STAGES] = {report->seconds_upload,  report->seconds_linear,
-                                               report->seconds_pursuit, report->seconds_refine,
-                                               report->seconds_focus,   report->seconds_download};
+    const double seconds[HADA_BENCH_STAGES] = {
+        report->seconds_upload,  report->seconds_linear, report->seconds_pursuit, report->seconds_refine,
+        report->seconds_enhance, report->seconds_focus,  report->seconds_download};
     return seconds[stage];
 }
 

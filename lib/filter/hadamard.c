@@ -234,12 +234,15 @@ static hada_status transform(hada_hadamard *stage, hada_error *err)
                 hada_fft_forward(stage->forward, 1, stage->raw.mem, (size_t)c * frame, stage->spectrum.mem, to, err);
         else if (source == HADA_CHANNEL_BLACK)
             code = clEnqueueFillBuffer(stage->slot->queue, stage->spectrum.mem, &zero, sizeof zero, to * 8, count * 8,
-                                       0, NULL, NULL);
+                                       0, NULL, hada_slot_event(stage->slot));
         else
             code = clEnqueueCopyBuffer(stage->slot->queue, stage->spectrum.mem, stage->spectrum.mem,
-                                       (size_t)source * count * 8, to * 8, count * 8, 0, NULL, NULL);
+                                       (size_t)source * count * 8, to * 8, count * 8, 0, NULL,
+                                       hada_slot_event(stage->slot));
         if (code != CL_SUCCESS)
             status = hada_fail_cl(err, code, "writing the spectrum of a channel");
+        else if (source != c)
+            hada_slot_moved(stage->slot, source == HADA_CHANNEL_BLACK ? "fill" : "copy", 8.0 * (double)count);
     }
     return status;
 }
@@ -306,10 +309,14 @@ static hada_status give_planes(hada_hadamard *stage, int channel, int source, in
     for (size_t z = 0; code == CL_SUCCESS && z < (size_t)depths; z++) {
         const size_t to = offset * 4 + (z * channels + (size_t)channel) * bytes;
         if (source == HADA_CHANNEL_BLACK)
-            code = clEnqueueFillBuffer(stage->slot->queue, planes, &zero, sizeof zero, to, bytes, 0, NULL, NULL);
+            code = clEnqueueFillBuffer(stage->slot->queue, planes, &zero, sizeof zero, to, bytes, 0, NULL,
+                                       hada_slot_event(stage->slot));
         else
             code = clEnqueueCopyBuffer(stage->slot->queue, planes, planes,
-                                       offset * 4 + (z * channels + (size_t)source) * bytes, to, bytes, 0, NULL, NULL);
+                                       offset * 4 + (z * channels + (size_t)source) * bytes, to, bytes, 0, NULL,
+                                       hada_slot_event(stage->slot));
+        if (code == CL_SUCCESS)
+            hada_slot_moved(stage->slot, source == HADA_CHANNEL_BLACK ? "fill" : "copy", (double)bytes);
     }
     return code == CL_SUCCESS ? HADA_OK : hada_fail_cl(err, code, "writing the planes of a channel");
 }

@@ -22,7 +22,8 @@ extern "C" {
 /* A kernel, or a kind of transfer, within a stage. */
 typedef struct hada_kernel_time {
     char name[64];  /* the kernel's; of transfers "write" (to the device), "read", "copy", "fill" */
-    char stage[32]; /* as in hada_report: "upload", "linear", "pursuit", "refine", "focus", "download"; or "other" */
+    char stage[32]; /* as in hada_report: "upload", "linear", "pursuit", "refine", "enhance", "focus", "download"; or
+                       "other" */
     int transfer;   /* 1: no kernel */
     uint64_t launches;
     double seconds; /* event start to event end, added up */

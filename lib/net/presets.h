@@ -17,7 +17,8 @@ hada_status hada_discriminator_make(hada_net **out, int channels, hada_error *er
  * that its output is what stands before the fully connected layers. */
 hada_status hada_vgg16_make(hada_net **out, hada_error *err);
 
-/* Fills the weights of that normalisation, which no file holds. */
-void hada_vgg16_normalize(hada_net *net);
+/* The same with the weights of a file, such as torchvision's: "features.N.weight" and so on; the normalisation, which
+ * such a file does not hold, has its values already, and what else the file holds is ignored. */
+hada_status hada_vgg16_load(hada_net **out, const char *path, hada_error *err);
 
 #endif

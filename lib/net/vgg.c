@@ -2,6 +2,7 @@
 #include <stdio.h>
 
 #include "net/presets.h"
+#include "net/weights_file.h"
 
 /* Widths of the convolutions; 0: a pooling. */
 static const int widths[] = {64, 64, 0, 128, 128, 0, 256, 256, 256, 0, 512, 512, 512, 0, 512, 512, 512, 0};
@@ -35,7 +36,7 @@ static hada_status add_all(hada_net *net, hada_error *err)
     return status ? status : hada_net_finish(net, err);
 }
 
-void hada_vgg16_normalize(hada_net *net)
+static void normalize(hada_net *net)
 {
     /* of ImageNet, as torchvision.models.VGG16_Weights says */
     static const double mean[3] = {0.485, 0.456, 0.406}, deviation[3] = {0.229, 0.224, 0.225};
@@ -55,6 +56,24 @@ hada_status hada_vgg16_make(hada_net **out, hada_error *err)
     if (status)
         hada_net_destroy(out);
     else
-        hada_vgg16_normalize(*out);
+        normalize(*out);
+    return status;
+}
+
+hada_status hada_vgg16_load(hada_net **out, const char *path, hada_error *err)
+{
+    hada_tensors *file;
+    *out = NULL;
+    hada_status status = hada_tensors_open(&file, path, err);
+    if (status)
+        return status;
+    status = hada_vgg16_make(out, err);
+    if (!status)
+        status = hada_net_read_but(*out, file, "", "normalize.", err);
+    if (status) {
+        hada_error_prefix(err, "%s: ", path);
+        hada_net_destroy(out);
+    }
+    hada_tensors_close(&file);
     return status;
 }

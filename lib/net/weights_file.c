@@ -26,7 +26,8 @@ static hada_status find(const hada_parameter *parameter, const hada_tensors *fil
     return HADA_OK;
 }
 
-hada_status hada_net_read(hada_net *net, const hada_tensors *file, const char *prefix, hada_error *err)
+hada_status hada_net_read_but(hada_net *net, const hada_tensors *file, const char *prefix, const char *own,
+                              hada_error *err)
 {
     float *values = NULL;
     hada_status status = hada_alloc((void **)&values, net->floats, sizeof *values, "the weights", err);
@@ -34,6 +35,10 @@ hada_status hada_net_read(hada_net *net, const hada_tensors *file, const char *p
         const hada_parameter *parameter = &net->parameters[i];
         const hada_stored_tensor *tensor = NULL;
         float *at = values + parameter->offset;
+        if (own && !strncmp(parameter->name, own, strlen(own))) {
+            memcpy(at, net->values + parameter->offset, parameter->count * sizeof *at);
+            continue;
+        }
         status = find(parameter, file, prefix, &tensor, err);
         if (!status)
             status = hada_tensor_copy_f32(tensor, 0, parameter->count, at, err);
@@ -46,6 +51,11 @@ hada_status hada_net_read(hada_net *net, const hada_tensors *file, const char *p
         memcpy(net->values, values, net->floats * sizeof *values);
     free(values);
     return status;
+}
+
+hada_status hada_net_read(hada_net *net, const hada_tensors *file, const char *prefix, hada_error *err)
+{
+    return hada_net_read_but(net, file, prefix, NULL, err);
 }
 
 hada_status hada_net_from_file(hada_net **out, const char *description, const hada_tensors *file, const char *prefix,

@@ -12,6 +12,10 @@
  * float type. Tensors that the net does not name are ignored. The values are unchanged on failure. */
 hada_status hada_net_read(hada_net *net, const hada_tensors *file, const char *prefix, hada_error *err);
 
+/* The same, where parameters whose names begin with `own` keep their values: a file does not hold them. */
+hada_status hada_net_read_but(hada_net *net, const hada_tensors *file, const char *prefix, const char *own,
+                              hada_error *err);
+
 /* A net from its description and the tensors of a file. */
 hada_status hada_net_from_file(hada_net **out, const char *description, const hada_tensors *file, const char *prefix,
                                hada_error *err);

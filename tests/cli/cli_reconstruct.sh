@@ -32,6 +32,12 @@ expect 0 '' reconstruct "${one[@]}" -o bits --bits 8
 expect 0 '' reconstruct "${one[@]}" -o matched --method matched --refine 0
 expect 0 '' reconstruct "${one[@]}" -o wiener --method wiener --refine 0
 cmp -s matched/test01_stack.tif wiener/test01_stack.tif && fail '--method changed nothing'
+# A net in the model: planes go through it, or not.
+"$FRAME_TOOL" enhance "$model" enhance.model || fail 'no model with a net'
+expect 0 'plane[s]* enhanced' reconstruct "$raw/test01.tif" -m enhance.model -o enhanced
+cmp -s out/test01_stack.tif enhanced/test01_stack.tif && fail 'the net changed nothing'
+expect 0 '"enhanced": 0' reconstruct "$raw/test01.tif" -m enhance.model -o plain --no-enhance --json
+cmp -s out/test01_stack.tif plain/test01_stack.tif || fail '--no-enhance is not the model without its net'
 expect 2 '3 depths from 100 to 600 mm' reconstruct "${one[@]}" -o a --depths 4
 expect 2 "cannot use '150mm'" reconstruct "${one[@]}" -o a --occupied 150mm
 expect 2 '--refine takes' reconstruct "${one[@]}" -o a --refine soon

@@ -1,8 +1,9 @@
-/* Makes the odd TIFF files of the tests.
+/* Makes the odd files of the tests.
  *   frame_tool nan IN OUT N          copy of IN's first frame with N pixels made NaN
  *   frame_tool pages IN OUT N        N pages, each IN's first frame
  *   frame_tool flat OUT H W CHANNELS VALUE
  *   frame_tool offset IN OUT LEVEL   every page of IN plus LEVEL
+ *   frame_tool enhance MODEL OUT     the model with a net (preset compact, random weights)
  *   frame_tool info IN               "frames channels rows cols bits", and the mean of the finite values */
 #include <hadalens/hadalens.h>
 #include <math.h>
@@ -92,6 +93,23 @@ static hada_status print_info(const char *in, hada_error *err)
     return status;
 }
 
+static hada_status save_enhanced(const char *in, const char *out, hada_error *err)
+{
+    hada_model *model = NULL, *with = NULL;
+    hada_net *net = NULL;
+    hada_status status = hada_model_load(&model, in, err);
+    if (!status)
+        status = hada_net_create_preset(&net, "compact", hada_model_get_info(model)->channels, 1, err);
+    if (!status)
+        status = hada_model_with_enhance(&with, model, net, 0, 0, err);
+    if (!status)
+        status = hada_model_save(with, out, err);
+    hada_net_destroy(&net);
+    hada_model_destroy(&with);
+    hada_model_destroy(&model);
+    return status;
+}
+
 int main(int argc, char **argv)
 {
     hada_error err = {0};
@@ -106,6 +124,8 @@ int main(int argc, char **argv)
         status = save_pages(argv[2], argv[3], 0, atof(argv[4]), &err);
     else if (!strcmp(what, "flat") && argc == 7)
         status = save_flat(argv, &err);
+    else if (!strcmp(what, "enhance") && argc == 4)
+        status = save_enhanced(argv[2], argv[3], &err);
     else if (!strcmp(what, "info") && argc == 3)
         status = print_info(argv[2], &err);
     if (status)

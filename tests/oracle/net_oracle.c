@@ -2,6 +2,7 @@
  *
  *     net_oracle make KIND CHANNELS NET      a net with random weights: paper, compact, discriminator, vgg16, or a
  *                                            U-net's "DOWN/UP[/linear|nearest|transposed[/norm]]"
+ *     net_oracle vgg16 FILE NET              VGG-16 with the weights of torchvision's file
  *     net_oracle forward NET IN OUT          x of IN [images][channels][rows][cols] -> y of OUT
  *     net_oracle backward NET IN OUT [again] x and dy of IN -> y, dx, and "grad." + each parameter of OUT, and the
  *                                            running statistics by their names; "again": with recomputation */
@@ -34,9 +35,11 @@ static hada_net *make(const char *kind, int channels)
     }
     if (!strcmp(kind, "discriminator") || !strcmp(kind, "vgg16")) {
         must(*kind == 'd' ? hada_discriminator_make(&net, channels, &err) : hada_vgg16_make(&net, &err));
+        float *before = net->values + (*kind == 'v' ? hada_net_find(net, "normalize.weight")->offset : 0), keep[12];
+        memcpy(keep, before, sizeof keep);
         must(hada_net_init(net, 1, &err));
         if (*kind == 'v')
-            hada_vgg16_normalize(net);
+            memcpy(before, keep, sizeof keep);
         return net;
     }
     snprintf(text, sizeof text, "%s", kind);
@@ -122,6 +125,12 @@ int main(int argc, char **argv)
     if (argc == 5 && !strcmp(argv[1], "make")) {
         net = make(argv[2], atoi(argv[3]));
         must(hada_net_save(net, argv[4], &err));
+        hada_net_destroy(&net);
+        return 0;
+    }
+    if (argc == 4 && !strcmp(argv[1], "vgg16")) {
+        must(hada_vgg16_load(&net, argv[2], &err));
+        must(hada_net_save(net, argv[3], &err));
         hada_net_destroy(&net);
         return 0;
     }

@@ -39,13 +39,19 @@ def compare(name, got, want, tolerance):
 def check(kind, channels, images, rows, cols, folder, again=False):
     net, data, out = (os.path.join(folder, f + ".safetensors") for f in ("net", "in", "out"))
     run("make", kind, channels, net)
+    torch.manual_seed(len(kind) + rows)
     module = {"discriminator": lambda: torch_nets.Discriminator(channels), "vgg16": torch_nets.VGG16}.get(
         kind, lambda: torch_nets.unet(kind, channels))()
     state = load_file(net)
-    torch.manual_seed(len(kind) + rows)
     for name in state:  # biases and statistics that are not 0 and 1
         if state[name].dim() == 1 and not name.startswith("normalize"):
-            state[name] = torch.rand_like(state[name]) * 0.5 + (0.5 if "running_var" in name else -0.2)
+            state[name] = torch.rand_like(state[name]) * 0.5 + (0.5 if "running_var" in name or name == "last.bias" else -0.2)
+    if kind == "vgg16":  # as torchvision's file: without the normalisation, with a classifier
+        given = {key: value for key, value in state.items() if key.startswith("features")}
+        given["classifier.0.weight"] = torch.zeros(4, 25088)
+        save_file(given, data)
+        run("vgg16", data, net)
+        assert all(torch.equal(state[key], value) for key, value in load_file(net).items())
     missing = module.load_state_dict(state, strict=False)
     assert not missing.unexpected_keys and all("num_batches" in k for k in missing.missing_keys), missing
     with safe_open(net, "pt") as file:

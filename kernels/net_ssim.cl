@@ -9,6 +9,7 @@
 
 #define SSIM_SIZE 11
 #define SSIM_MARGIN 16 /* zero columns before and behind the derivatives */
+#define SSIM_BLOCK 16  /* the most channels in a block */
 
 __constant float ssim_weight[SSIM_SIZE] = {0.001028380f, 0.007598758f, 0.036000772f, 0.109360690f,
                                            0.213005538f, 0.266011725f, 0.213005538f, 0.109360690f,
@@ -100,35 +101,43 @@ __kernel void net_ssim_back_along(__global float *scratch, ulong slopes_offset, 
 }
 
 /* The transposed filter down the columns, and the gradient, times `scale`, into a tensor in blocks (lib/net/tensor.h).
- * Planes count all lanes of every block: those behind the last channel become zero. */
+ * Dimension 2 counts blocks and images; eight pixels of a block are put together first, so that memory is written once.
+ */
 __kernel void net_ssim_back_down(__global const float *scratch, ulong x_offset, ulong y_offset, ulong in_offset,
                                  int rows, int cols, int pitch, __global float *dx, ulong dx_offset, ulong dx_image,
                                  int channels, int block, float scale, int accumulate)
 {
-    const int r = get_global_id(1), in_rows = rows - SSIM_SIZE + 1;
-    const int lanes = (channels + block - 1) / block * block;
-    const int image = get_global_id(2) / lanes, channel = get_global_id(2) % lanes;
-    const size_t plane = (size_t)image * channels + channel, step = (size_t)in_rows * pitch;
-    __global float *to = dx + dx_offset + image * dx_image +
-                         (((size_t)(channel / block) * (rows + 2) + r + 1) * (cols + 2) + 1) * block + channel % block;
-    __global const float *x = scratch + x_offset + (plane * rows + r) * pitch;
-    __global const float *y = scratch + y_offset + (plane * rows + r) * pitch;
-    __global const float *in = scratch + in_offset + plane * 3 * step;
+    const int r = get_global_id(1), in_rows = rows - SSIM_SIZE + 1, blocks = (channels + block - 1) / block;
+    const int image = get_global_id(2) / blocks, b = get_global_id(2) % blocks;
+    const int present = min(block, channels - b * block);
+    const size_t first_plane = (size_t)image * channels + b * block, step = (size_t)in_rows * pitch;
+    __global float *to =
+        dx + dx_offset + image * dx_image + (((size_t)b * (rows + 2) + r + 1) * (cols + 2) + 1) * block;
     const int first = max(r - SSIM_SIZE + 1, 0), last = min(r, in_rows - 1);
+    float pixels[8 * SSIM_BLOCK];
+    for (int i = 0; i < 8 * block; i++)
+        pixels[i] = 0.0f;
     for (int c = 8 * get_global_id(0); c < cols; c += 8 * get_global_size(0)) {
-        float8 by_mean = 0.0f, by_square = 0.0f, by_product = 0.0f;
-        if (channel < channels) {
+        for (int lane = 0; lane < present; lane++) {
+            const size_t plane = first_plane + lane;
+            __global const float *in = scratch + in_offset + plane * 3 * step + c;
+            float8 by_mean = 0.0f, by_square = 0.0f, by_product = 0.0f;
             for (int k = first; k <= last; k++) {
                 const float8 w = ssim_weight[r - k];
-                by_mean = fma(w, vload8(0, in + (size_t)k * pitch + c), by_mean);
-                by_square = fma(w, vload8(0, in + step + (size_t)k * pitch + c), by_square);
-                by_product = fma(w, vload8(0, in + 2 * step + (size_t)k * pitch + c), by_product);
+                by_mean = fma(w, vload8(0, in + (size_t)k * pitch), by_mean);
+                by_square = fma(w, vload8(0, in + step + (size_t)k * pitch), by_square);
+                by_product = fma(w, vload8(0, in + 2 * step + (size_t)k * pitch), by_product);
             }
-            by_mean = fma(2.0f * vload8(0, x + c), by_square, fma(vload8(0, y + c), by_product, by_mean)) * scale;
+            const float8 x = vload8(0, scratch + x_offset + (plane * rows + r) * pitch + c);
+            const float8 y = vload8(0, scratch + y_offset + (plane * rows + r) * pitch + c);
+            float column[8];
+            vstore8(fma(2.0f * x, by_square, fma(y, by_product, by_mean)) * scale, 0, column);
+            for (int k = 0; k < 8; k++)
+                pixels[k * block + lane] = column[k];
         }
-        float lane[8];
-        vstore8(by_mean, 0, lane);
-        for (int k = 0; k < min(8, cols - c); k++)
-            to[(c + k) * block] = accumulate ? to[(c + k) * block] + lane[k] : lane[k];
+        for (int i = 0; i < min(8, cols - c) * block; i += 8) {
+            const float8 v = vload8(0, pixels + i);
+            vstore8(accumulate ? v + vload8(0, to + c * block + i) : v, 0, to + c * block + i);
+        }
     }
 }

@@ -89,7 +89,7 @@ static hada_status gradient(hada_slot *slot, const places *p, float factor, cons
         HADA_ARG(dx->channels), HADA_ARG(dx->block), HADA_ARG(scale),    HADA_ARG(add)};
     hada_status status = launch(slot, "net_ssim_back_along", p->out_rows, p->planes, along, HADA_COUNT(along), err);
     return status ? status
-                  : launch(slot, "net_ssim_back_down", p->rows, dx->images * hada_tensor_blocks(dx) * dx->block, down,
+                  : launch(slot, "net_ssim_back_down", p->rows, dx->images * hada_tensor_blocks(dx), down,
                            HADA_COUNT(down), err);
 }
 

@@ -8,11 +8,13 @@
 /* Two runs that add up other frequencies round differently, each by at most this (relative L2, see docs/fft.md). */
 static const double transform_rounding = 3e-7;
 
-/* The planes' norm is known only afterwards. The choice of a band takes it for what they would have if light spread
- * evenly over the grid; a scene stands in the window, so that they have more. Returns their share of the L2 norm. */
+/* The planes' norm is known only afterwards; the choice of a band takes it for this share of what the filters put on
+ * the grid. Light that spread evenly over the grid would leave the window the root of its share; scenes stand in the
+ * window, and a little less than halfway between that and all of it was kept by all frames tried (docs/skipping.md). */
 static double expected_share(const hada_model_info *info)
 {
-    return sqrt((double)info->window_rows * info->window_cols / ((double)info->grid_rows * info->grid_cols));
+    const double area = (double)info->window_rows * info->window_cols / ((double)info->grid_rows * info->grid_cols);
+    return 0.7 * sqrt(sqrt(area));
 }
 
 uint64_t hada_lane_skip_bytes(const hada_context *context, const hada_model_info *info, const hada_plan_shape *shape,

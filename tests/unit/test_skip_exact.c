@@ -113,6 +113,27 @@ static void depths_that_are_known_to_be_empty_are_not_computed(void **state)
     hada_result_destroy(&a);
 }
 
+/* The look on small grids finds what the full look finds. */
+static void both_looks_find_the_same_depths(void **state)
+{
+    const skip_fixture *f = *state;
+    for (int which = SKIP_TINY; which <= SKIP_ONE_COLOUR; which++) {
+        hada_plan_options full = skip_options(HADA_SKIP_ALL & ~(unsigned)HADA_SKIP_DEPTHS, 0.0),
+                          options = skip_options(HADA_SKIP_ALL, 0.0);
+        hada_result a = {0}, b = {0};
+        full.refine = options.refine = 4;
+        run(f, SKIP_WIENER, &full, &f->frame[which], &a);
+        run(f, SKIP_WIENER, &options, &f->frame[which], &b);
+        assert_int_equal(a.report.skipped.kinds & HADA_SKIP_DEPTHS, 0);
+        for (int z = 0; z < SKIP_DEPTHS; z++)
+            assert_int_equal(a.report.occupied[z], b.report.occupied[z]);
+        assert_int_equal(b.report.skipped.depths, SKIP_DEPTHS - b.report.occupied_count);
+        assert_true(skip_same(&a, &b));
+        hada_result_destroy(&a);
+        hada_result_destroy(&b);
+    }
+}
+
 /* Refined planes: bounded kinds do not act, exact ones do. */
 static void refinement_takes_exact_kinds_alone(void **state)
 {
@@ -139,6 +160,7 @@ int main(void)
         cmocka_unit_test(channels_give_the_same_bits),
         cmocka_unit_test(black_is_counted_from_the_dark_level),
         cmocka_unit_test(depths_that_are_known_to_be_empty_are_not_computed),
+        cmocka_unit_test(both_looks_find_the_same_depths),
         cmocka_unit_test(refinement_takes_exact_kinds_alone),
     };
     return cmocka_run_group_tests(tests, skip_setup, skip_teardown);

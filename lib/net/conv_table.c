@@ -7,12 +7,13 @@ typedef struct tile_row {
     int blocks, pixels;
 } tile_row;
 
-/* Rows of one (block, in_step): the one that works out the fewest pixels twice serves, the first of equal ones. */
+/* Rows of one (block, in_step): the quickest for a row of pixels (cost_of) serves, the first of equal ones. */
 static const tile_row tile_rows[] = {
     {16, 1, 2, 13}, {16, 1, 2, 8}, {16, 1, 1, 13}, {16, 1, 1, 8}, {16, 1, 1, 1}, {16, 2, 2, 8}, {16, 2, 1, 8},
     {16, 2, 1, 1},  {8, 1, 2, 6},  {8, 1, 1, 6},   {8, 1, 1, 1},  {8, 2, 2, 6},  {8, 2, 1, 6},  {8, 2, 1, 1},
 };
 
+/* So many work-items at least are left to share out. */
 #define LEAST_ITEMS 64
 
 static int tile_fits(const tile_row *row, int block, const hada_conv_pass *pass)
@@ -22,12 +23,14 @@ static int tile_fits(const tile_row *row, int block, const hada_conv_pass *pass)
            (row->pixels <= narrowest || row->pixels == 1);
 }
 
-/* Multiply-adds of a row of pixels, with what tiles that overlap do twice, and what loading a tile's weights costs. */
+/* Time of a row of pixels for an input channel, with what tiles that overlap do twice: a tile takes as long as its
+ * multiply-adds, its loads, or the wait for one sum, and a little more. */
 static long cost_of(const tile_row *row, const hada_conv_pass *pass)
 {
     const int width = (pass->out_cols + pass->step - 1) / pass->step;
-    const int steps = (width + row->pixels - 1) / row->pixels;
-    return (long)steps * (row->pixels * row->blocks * 2 + row->pixels + row->blocks) / row->blocks;
+    const long steps = (width + row->pixels - 1) / row->pixels, sums = (long)row->pixels * row->blocks;
+    const long loads = row->pixels + row->blocks, work = sums > loads ? sums : loads;
+    return steps * ((work > 8 ? work : 8) + 2) * 2 / row->blocks;
 }
 
 void hada_conv_table_pass(const hada_context *context, const hada_conv_desc *desc, hada_conv_pass *pass)

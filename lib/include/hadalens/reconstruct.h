@@ -1,7 +1,8 @@
 /* Hadalens: from a raw frame to a refocused stack, an all-in-focus image and a distance map.
  *
- * plan = model x device: knows its bytes before it allocates. run = one frame. A plan is used by one thread at a time;
- * several plans may share a context and a model. Same input, device and build give the same bits. */
+ * plan = model x device: knows its bytes before it allocates. run = one frame; hadalens/job.h has many in flight, on
+ * several queues and devices. Frames may be run from any threads, but a plan is destroyed by one, when nobody waits in
+ * hada_plan_run(); several plans may share a context and a model. Same input, device and build give the same bits. */
 #ifndef HADALENS_RECONSTRUCT_H
 #define HADALENS_RECONSTRUCT_H
 
@@ -121,7 +122,7 @@ typedef struct hada_result {
 } hada_result;
 
 /* Reconstructs one frame (the model's channels and raw size). The result is the caller's: hada_result_destroy. A result
- * used again for the next frame keeps its memory. */
+ * used again for the next frame keeps its memory; after a failure in the work itself it is empty. */
 HADA_API hada_status hada_plan_run(hada_plan *plan, const hada_image *raw, hada_result *result, hada_error *err);
 HADA_API void hada_result_destroy(hada_result *result);
 

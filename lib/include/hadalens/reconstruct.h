@@ -32,8 +32,8 @@ typedef enum hada_dark {
 /* Work that a scene does not need. Each kind has a switch; docs/skipping.md says what each saves and why its error is
  * what is said here. "Bounded" kinds act only under a max_error above 0. */
 typedef enum hada_skip {
-    HADA_SKIP_PRUNE = 1,  /* rows and columns of the inverse transforms outside the window; exact but for rounding, since
-                             a row shares its transform with another one than before */
+    HADA_SKIP_PRUNE = 1, /* rows and columns of the inverse transforms outside the window; exact but for rounding, since
+                            a row shares its transform with another one than before */
     HADA_SKIP_DEPTHS = 2, /* the occupied depths are found on a small part of the spectrum instead of all of it, and
                              only their planes are computed; exact as long as both looks decide the same */
     HADA_SKIP_FREQUENCIES = 4, /* frequencies whose filtered light is negligible; bounded (Parseval) */
@@ -82,8 +82,8 @@ HADA_API hada_status hada_plan_estimate(hada_context *context, const hada_model 
                                         const hada_plan_options *options, uint64_t *device_bytes, uint64_t *host_bytes,
                                         hada_error *err);
 
-/* Device bytes that a plan holds on all its devices and queues, and that it would hold if buffers which are never needed
- * at the same time did not share room (docs/scheduling.md). Either may be NULL. */
+/* Device bytes that a plan holds on all its devices and queues, and that it would hold if buffers which are never
+ * needed at the same time did not share room (docs/scheduling.md). Either may be NULL. */
 HADA_API void hada_plan_memory(const hada_plan *plan, uint64_t *held, uint64_t *apart);
 
 /* What was not computed, and what that may have changed. */
@@ -107,7 +107,7 @@ typedef struct hada_report {
     double dark;             /* level taken off */
     size_t repaired_pixels;
     hada_skip_report skipped;
-    int enhanced;            /* planes that went through the model's net */
+    int enhanced; /* planes that went through the model's net */
     double seconds_total, seconds_upload, seconds_linear, seconds_pursuit, seconds_refine, seconds_enhance,
         seconds_focus, seconds_download;
 } hada_report;

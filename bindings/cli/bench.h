@@ -105,6 +105,10 @@ typedef hada_status (*hada_bench_work)(void *user, int round, double *value, had
 hada_status hada_bench_repeat(const hada_bench *bench, hada_bench_work work, void *user, int rounds, double *values,
                               int *count, hada_error *err);
 
+/* Whether a measurement failed because the device has too little memory, or lacks something, for it: that is told, and
+ * the others go on. */
+int hada_bench_left_out(const hada_bench *bench, hada_status status, const char *what, const hada_error *err);
+
 /* The measurements; each adds its rows. */
 hada_status hada_bench_peaks(hada_bench *bench, hada_bench_device *device, hada_error *err);
 hada_status hada_bench_latency(hada_bench *bench, hada_bench_device *device, const hada_bench_workload *workload,

@@ -80,3 +80,11 @@ hada_status hada_bench_repeat(const hada_bench *bench, hada_bench_work work, voi
     }
     return status;
 }
+
+int hada_bench_left_out(const hada_bench *bench, hada_status status, const char *what, const hada_error *err)
+{
+    if (status != HADA_ERROR_DEVICE_MEMORY && status != HADA_ERROR_UNSUPPORTED)
+        return 0;
+    hada_cli_warn(bench->cli, "%s is left out: %s", what, err->message);
+    return 1;
+}

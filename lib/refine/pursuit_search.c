@@ -22,9 +22,11 @@ enum { LOOKS = 3 /* candidates, first in order, that are judged for an addition 
  * scene is not darkness. */
 #define FIRST_THRESHOLD 0.2
 
-/* An addition that explains this part may still be one step off: moving helps, and costs most of the time. */
-#define MOVE_FROM 0.1
-#define MOVE_TO   0.35
+/* An addition may stand one step off, or the first depth between two true ones: moving helps, unless the addition
+ * explains next to nothing, or, beyond a pair, already a good part. */
+#define MOVE_FROM    0.1
+#define MOVE_PAIR_TO 0.9
+#define MOVE_TO      0.5
 
 /* Depths in rising order. */
 typedef struct set {
@@ -217,7 +219,7 @@ static int take_best(search *s, double *left)
     return best;
 }
 
-/* Moves depths of *current to free neighbours while that leaves less; `closely`: with the finer grid's word. */
+/* Moves depths of *current to free neighbours while that leaves less; `closely`: in as many looks as it takes. */
 static hada_status settle(search *s, set *current, int closely, hada_error *err)
 {
     const hada_pursuit *p = s->pursuit;
@@ -274,37 +276,37 @@ static hada_status drop(search *s, set *current, hada_error *err)
     return status;
 }
 
-/* The additions to *current that come first in order, LOOKS of them at most, into s->variations. */
-static hada_status order(search *s, const set *current, hada_error *err)
+/* Keeps the LOOKS variations that come first in the order of the smallest grid. */
+static hada_status keep_first(search *s, hada_error *err)
 {
     set first[LOOKS];
     double left;
-    s->varied = 0;
-    for (int depth = 0; depth < s->pursuit->options.depths; depth++)
-        if (!member(current, depth))
-            s->variations[s->varied++] = with(current, depth);
     hada_status status = refine(s, HADA_LOOK_ORDER, s->variations, s->varied, s->left, err);
-    const int taken = s->varied < LOOKS ? s->varied : LOOKS;
-    for (int i = 0; !status && i < taken; i++)
+    const int count = s->varied < LOOKS ? s->varied : LOOKS;
+    for (int i = 0; !status && i < count; i++)
         first[i] = s->variations[take_best(s, &left)];
     if (!status)
-        memcpy(s->variations, first, (size_t)taken * sizeof *first);
-    s->varied = taken;
+        memcpy(s->variations, first, (size_t)count * sizeof *first);
+    s->varied = count;
     return status;
 }
 
 /* The best addition to *current: *more is the larger set, moved where that may help. */
 static hada_status grow(search *s, const set *current, set *more, hada_error *err)
 {
-    const hada_pursuit *p = s->pursuit;
-    const int last = current->count + 1 == p->options.max_depths && p->options.max_depths < p->options.depths;
+    const hada_pursuit_options *o = &s->pursuit->options;
+    const int last = current->count + 1 == o->max_depths && o->max_depths < o->depths;
     double left, fall;
-    hada_status status = order(s, current, err);
+    s->varied = 0;
+    for (int depth = 0; depth < o->depths; depth++)
+        if (!member(current, depth))
+            s->variations[s->varied++] = with(current, depth);
+    hada_status status = keep_first(s, err);
     /* the last one that there is room for: that it is needed says enough, which one it is does not matter */
     if (!status && last) {
         *more = s->variations[0];
         status = fall_in(s, HADA_LOOK_JUDGE, current, more, &fall, err);
-        if (status || fall > CLOSE_ABOVE * p->options.threshold)
+        if (status || fall > CLOSE_ABOVE * o->threshold)
             return status;
     }
     if (!status)
@@ -313,7 +315,7 @@ static hada_status grow(search *s, const set *current, set *more, hada_error *er
         return status;
     *more = s->variations[take_best(s, &left)];
     status = fall_in(s, HADA_LOOK_JUDGE, current, more, &fall, err);
-    if (status || !current->count || fall < MOVE_FROM || fall > MOVE_TO)
+    if (status || !current->count || fall < MOVE_FROM || fall > (current->count == 1 ? MOVE_PAIR_TO : MOVE_TO))
         return status;
     return settle(s, more, 0, err);
 }

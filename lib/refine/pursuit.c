@@ -8,10 +8,9 @@
 #include "refine/pursuit_search.h"
 
 enum {
-    SMALL_SIDE =
-        128,         /* pixels: the longer side of the small grid's frame, where the whole one has twice that or more */
-    ORDER_SIDE = 64, /* pixels: candidates are not put in order on grids smaller than this */
-    ORDER_STEPS = 4, /* steps of refinement of each look: docs/refinement.md */
+    SMALL_SIDE = 128, /* pixels: the longer side of the small grid's frame: see complete() */
+    ORDER_SIDE = 64,  /* pixels: candidates are not put in order on grids smaller than this */
+    ORDER_STEPS = 4,  /* steps of refinement of each look: docs/refinement.md */
     JUDGE_STEPS = 8,
     PATIENT_STEPS = 20,
     JUDGE_SETS = 16, /* sets side by side */
@@ -35,8 +34,9 @@ static hada_pursuit_options complete(const hada_pursuit_options *options)
 {
     hada_pursuit_options o = *options;
     const hada_refine_shape *full = &o.shape;
+    /* half the size, or less where many pixels allow it (docs/refinement.md) */
     if (o.shrink == 0.0)
-        o.shrink = fmax(2.0, (double)longer_side(&o) / SMALL_SIDE);
+        o.shrink = longer_side(&o) < 4 * SMALL_SIDE ? 2.0 : (double)longer_side(&o) / SMALL_SIDE;
     if (o.threshold == 0.0) {
         /* a depth that is not there explains about the window's share of white noise: be clearly above that */
         const hada_refine_rect *frame = &full->frame;

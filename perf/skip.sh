@@ -3,7 +3,7 @@
 # filters, paper2022 with learned ones (perf/perf_skip.c).
 #   perf/skip.sh BUILD WORK [ROUNDS]       WORK: a folder for the data sets, 1.5 GB; what is there is used again
 set -euo pipefail
-build=$1 work=$2 rounds=${3:-5}
+build=$(realpath "$1") work=$2 rounds=${3:-5}
 hadalens=$build/bindings/cli/hadalens
 mkdir -p "$work"
 cd "$work"

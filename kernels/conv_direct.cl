@@ -99,8 +99,7 @@ conv_direct(__global const float *restrict x, ulong x_offset, ulong x_image, int
                             continue;
                         conv_v v = conv_activate(sums[o][p], activation, slope);
                         if (flags & CONV_HAS_MASK)
-                            v = select((conv_v)(0.0f), v,
-                                       CONV_LOAD(mask + at + p * step * NET_BLOCK) > (conv_v)(0.0f));
+                            v = select((conv_v)(0.0f), v, CONV_LOAD(mask + at + p * step * NET_BLOCK) > (conv_v)(0.0f));
                         if (flags & CONV_ACCUMULATES)
                             v += CONV_LOAD(yp);
                         if (present < NET_BLOCK)

@@ -5,7 +5,7 @@
  * channels, images times phases. */
 #include "inc_conv.h"
 
-#define CONV_GROUP 64
+#define CONV_GROUP     64
 #define CONV_LANES_OUT 32
 
 __kernel __attribute__((reqd_work_group_size(CONV_GROUP, 1, 1))) void
@@ -70,8 +70,8 @@ conv_group(__global const float *restrict x, ulong x_offset, ulong x_image, int 
         if (pixel >= pixels || block >= blocks)
             continue;
         const int row = pixel / width * step + phase_row, col = pixel % width * step + phase_col;
-        const size_t at = ((size_t)(block * (out_rows + 2) + row + 1) * (out_cols + 2) + col + 1) * NET_BLOCK +
-                          first % NET_BLOCK;
+        const size_t at =
+            ((size_t)(block * (out_rows + 2) + row + 1) * (out_cols + 2) + col + 1) * NET_BLOCK + first % NET_BLOCK;
         __global float *to = y + y_offset + image * y_image + at;
         float8 v = sums[p] + b;
         if (activation == CONV_SIGMOID)
@@ -79,8 +79,7 @@ conv_group(__global const float *restrict x, ulong x_offset, ulong x_image, int 
         else if (activation != CONV_NONE)
             v = max(v, (float8)(0.0f)) + (activation == CONV_RELU ? 0.0f : slope) * min(v, (float8)(0.0f));
         if (flags & CONV_HAS_MASK)
-            v = select((float8)(0.0f), v,
-                       vload8(0, mask + mask_offset + image * mask_image + at) > (float8)(0.0f));
+            v = select((float8)(0.0f), v, vload8(0, mask + mask_offset + image * mask_image + at) > (float8)(0.0f));
         if (flags & CONV_ACCUMULATES)
             v += vload8(0, to);
         vstore8(select((float8)(0.0f), v, (int8)(0, 1, 2, 3, 4, 5, 6, 7) < (int8)(present)), 0, to);

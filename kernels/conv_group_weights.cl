@@ -5,7 +5,7 @@
 #include "inc_conv.h"
 
 #define CONV_GROUP 64
-#define CONV_TILE 32
+#define CONV_TILE  32
 #define CONV_SLICE 16
 
 /* Eight channels of a pixel, or zeros. */

@@ -1,6 +1,6 @@
-/* Convolutions of any size, by their definition, with tests at the edges: what serves where nothing faster does. Weights
- * as w[coarse][fine][kernel row][kernel column]; coarse pixel r and kernel place u meet fine pixel
- * stride * r + u - pad. */
+/* Convolutions of any size, by their definition, with tests at the edges: what serves where nothing faster does.
+ * Weights as w[coarse][fine][kernel row][kernel column]; coarse pixel r and kernel place u meet fine pixel stride * r +
+ * u - pad. */
 #include "inc_conv.h"
 
 /* One work-item takes one pixel of one block of output channels. Dimensions: columns, rows, blocks times images. */
@@ -64,7 +64,8 @@ __kernel void conv_plain_weights(__global const float *coarse, ulong coarse_offs
     if (b >= fine_channels)
         return;
     const int u = place / kernel_cols - pad_rows, v = place % kernel_cols - pad_cols;
-    coarse += coarse_offset + (size_t)(a / NET_BLOCK) * (coarse_rows + 2) * (coarse_cols + 2) * NET_BLOCK + a % NET_BLOCK;
+    coarse +=
+        coarse_offset + (size_t)(a / NET_BLOCK) * (coarse_rows + 2) * (coarse_cols + 2) * NET_BLOCK + a % NET_BLOCK;
     fine += fine_offset + (size_t)(b / NET_BLOCK) * (fine_rows + 2) * (fine_cols + 2) * NET_BLOCK + b % NET_BLOCK;
     float sum = 0.0f;
     for (int image = 0; image < images; ++image)
@@ -74,10 +75,10 @@ __kernel void conv_plain_weights(__global const float *coarse, ulong coarse_offs
             for (int c = 0; c < coarse_cols && row >= 0 && row < fine_rows; ++c) {
                 const int col = c * stride + v;
                 if (col >= 0 && col < fine_cols)
-                    row_sum = fma(
-                        coarse[image * coarse_image + ((size_t)(r + 1) * (coarse_cols + 2) + c + 1) * NET_BLOCK],
-                        fine[image * fine_image + ((size_t)(row + 1) * (fine_cols + 2) + col + 1) * NET_BLOCK],
-                        row_sum);
+                    row_sum =
+                        fma(coarse[image * coarse_image + ((size_t)(r + 1) * (coarse_cols + 2) + c + 1) * NET_BLOCK],
+                            fine[image * fine_image + ((size_t)(row + 1) * (fine_cols + 2) + col + 1) * NET_BLOCK],
+                            row_sum);
             }
             sum += row_sum;
         }

@@ -54,8 +54,8 @@ __kernel void conv_bias_partial(__global const float *dy, ulong offset, ulong im
 }
 
 /* db from those, which stand from `offset` on. One work-item takes a channel. */
-__kernel void conv_reduce_bias(__global const float *partial, ulong offset, int parts, int blocks, int channels, __global float *db,
-                               ulong db_offset, int accumulate)
+__kernel void conv_reduce_bias(__global const float *partial, ulong offset, int parts, int blocks, int channels,
+                               __global float *db, ulong db_offset, int accumulate)
 {
     const int channel = get_global_id(0);
     if (channel >= channels)

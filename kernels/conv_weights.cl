@@ -67,8 +67,8 @@ conv_weights(__global const float *restrict coarse, ulong coarse_offset, ulong c
                 for (int k = 0; k < CONV_ROWS * CONV_COLS; ++k)
 #pragma unroll
                     for (int i = 0; i < CONV_FINE; ++i) {
-                        const conv_v f = (conv_v)(
-                            fp[k / CONV_COLS * fine_row + (col * stride + k % CONV_COLS) * NET_BLOCK + i]);
+                        const conv_v f =
+                            (conv_v)(fp[k / CONV_COLS * fine_row + (col * stride + k % CONV_COLS) * NET_BLOCK + i]);
 #pragma unroll
                         for (int o = 0; o < CONV_BLOCKS; ++o)
                             sums[o][k][i] = fma(f, c[o], sums[o][k][i]);

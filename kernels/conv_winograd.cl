@@ -1,7 +1,7 @@
 /* 3 x 3 convolutions, stride 1, padding 1, by Winograd's F(m x m, 3 x 3), all in one launch: a work-item takes `tiles`
- * neighbouring tiles (a multiple of CONV_PIXELS) through all three steps, in local memory. Shape lanes. Weights: [place]
- * [block group][input channel][output channel], as conv_winograd_pack.cl writes them. The last tiles of a row and the
- * last rows overlap those before; so do the last tiles of an image. Dimensions: groups of tiles, images. */
+ * neighbouring tiles (a multiple of CONV_PIXELS) through all three steps, in local memory. Shape lanes. Weights:
+ * [place] [block group][input channel][output channel], as conv_winograd_pack.cl writes them. The last tiles of a row
+ * and the last rows overlap those before; so do the last tiles of an image. Dimensions: groups of tiles, images. */
 #define CONV_MEM __local
 #include "inc_conv_winograd_products.h"
 
@@ -9,9 +9,9 @@ __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 conv_winograd(__global const float *restrict x, ulong x_offset, ulong x_image, int in_blocks,
               __global const float *restrict weights, __global const float *restrict bias, ulong bias_offset,
               __global float *restrict y, ulong y_offset, ulong y_image, int out_channels, int rows, int cols,
-              int tiles, int flags, int activation, float slope, __global const float *restrict mask,
-              ulong mask_offset, ulong mask_image, __global float *restrict pooled, ulong pooled_offset,
-              ulong pooled_image, __local float *restrict v, __local float *restrict m)
+              int tiles, int flags, int activation, float slope, __global const float *restrict mask, ulong mask_offset,
+              ulong mask_image, __global float *restrict pooled, ulong pooled_offset, ulong pooled_image,
+              __local float *restrict v, __local float *restrict m)
 {
     const int image = get_global_id(1), begin = get_global_id(0) * tiles;
     const int all = (cols + CONV_TILE - 1) / CONV_TILE * ((rows + CONV_TILE - 1) / CONV_TILE);
@@ -36,12 +36,12 @@ conv_winograd(__global const float *restrict x, ulong x_offset, ulong x_image, i
         for (int f = 0; f < CONV_PLACES; ++f)
             for (int t = 0; t < tiles; t += CONV_PIXELS)
                 conv_tile_products(v + f * v_place + t * NET_BLOCK, block_floats,
-                                   weights + ((size_t)f * (out_blocks / CONV_BLOCKS) + group) * group_floats,
-                                   in_blocks, m + f * m_place + t * NET_BLOCK, block_floats);
+                                   weights + ((size_t)f * (out_blocks / CONV_BLOCKS) + group) * group_floats, in_blocks,
+                                   m + f * m_place + t * NET_BLOCK, block_floats);
         for (int o = 0; o < CONV_BLOCKS; ++o) {
             const int block = group * CONV_BLOCKS + o, present = out_channels - block * NET_BLOCK;
-            const conv_v b = flags & CONV_HAS_BIAS ? conv_bias(bias + bias_offset + block * NET_BLOCK, present)
-                                                   : (conv_v)(0.0f);
+            const conv_v b =
+                flags & CONV_HAS_BIAS ? conv_bias(bias + bias_offset + block * NET_BLOCK, present) : (conv_v)(0.0f);
             for (int t = begin - first; t < tiles; ++t) {
                 const conv_place place = conv_place_of(first + t, rows, cols);
                 const size_t at = block * plane + place.row * row_floats + place.col * NET_BLOCK;

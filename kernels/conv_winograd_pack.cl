@@ -1,6 +1,6 @@
-/* Weights for Winograd's F(m x m, 3 x 3): G g G^T for each pair of channels, [place][group][input channel of all blocks]
- * [output channel of the group], zero where there is no such channel. Arguments as in conv_pack.cl; the way to fine
- * takes the kernel mirrored. Dimensions: output channels of all groups, input channels of all blocks. */
+/* Weights for Winograd's F(m x m, 3 x 3): G g G^T for each pair of channels, [place][group][input channel of all
+ * blocks] [output channel of the group], zero where there is no such channel. Arguments as in conv_pack.cl; the way to
+ * fine takes the kernel mirrored. Dimensions: output channels of all groups, input channels of all blocks. */
 #define CONV_MEM __global
 #include "inc_conv_winograd.h"
 

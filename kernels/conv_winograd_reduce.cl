@@ -1,6 +1,6 @@
 /* Gradients of weights from those of their transforms: partial sums added in order, then G^T dU G. partial[part]
- * [coarse block][fine][place][coarse] from `offset` on, channels filled up to blocks of NET_BLOCK; dw[coarse][fine][3][3]. Dimensions: fine channels, blocks
- * of coarse channels. */
+ * [coarse block][fine][place][coarse] from `offset` on, channels filled up to blocks of NET_BLOCK;
+ * dw[coarse][fine][3][3]. Dimensions: fine channels, blocks of coarse channels. */
 #define CONV_MEM __global
 #include "inc_conv_winograd.h"
 

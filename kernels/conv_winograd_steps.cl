@@ -1,6 +1,6 @@
-/* As conv_winograd.cl, in three launches, for many channels: so each weight is read once for all tiles. `tiles` tiles of
- * all images from tile `begin` on go to scratch as v[place][input block][tile][channel], their products, at m_offset, as
- * m[place][output block][tile][channel]; both have room for `room` tiles. Shape lanes. */
+/* As conv_winograd.cl, in three launches, for many channels: so each weight is read once for all tiles. `tiles` tiles
+ * of all images from tile `begin` on go to scratch as v[place][input block][tile][channel], their products, at
+ * m_offset, as m[place][output block][tile][channel]; both have room for `room` tiles. Shape lanes. */
 #define CONV_MEM __global
 #include "inc_conv_winograd_products.h"
 
@@ -29,8 +29,8 @@ conv_winograd_products(__global float *scratch, ulong m_offset, __global const f
     const size_t block_floats = (size_t)room * NET_BLOCK;
     const size_t group_floats = (size_t)in_blocks * NET_BLOCK * NET_BLOCK * CONV_BLOCKS;
     __global const float *restrict v = scratch + f * CONV_APART(in_blocks * block_floats);
-    __global float *restrict m = scratch + m_offset + f * CONV_APART(groups * CONV_BLOCKS * block_floats) +
-                               group * CONV_BLOCKS * block_floats;
+    __global float *restrict m =
+        scratch + m_offset + f * CONV_APART(groups * CONV_BLOCKS * block_floats) + group * CONV_BLOCKS * block_floats;
     weights += ((size_t)f * groups + group) * group_floats;
     for (int t = 0; t < tiles; t += CONV_PIXELS)
         conv_tile_products(v + t * NET_BLOCK, block_floats, weights, in_blocks, m + t * NET_BLOCK, block_floats);
@@ -38,11 +38,11 @@ conv_winograd_products(__global float *scratch, ulong m_offset, __global const f
 
 /* Dimension: tiles. */
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
-conv_winograd_out(__global const float *restrict m, ulong m_offset, int begin, int room, __global const float *restrict bias,
-                  ulong bias_offset, __global float *restrict y, ulong y_offset, ulong y_image, int out_channels,
-                  int rows, int cols, int flags, int activation, float slope, __global const float *restrict mask,
-                  ulong mask_offset, ulong mask_image, __global float *restrict pooled, ulong pooled_offset,
-                  ulong pooled_image)
+conv_winograd_out(__global const float *restrict m, ulong m_offset, int begin, int room,
+                  __global const float *restrict bias, ulong bias_offset, __global float *restrict y, ulong y_offset,
+                  ulong y_image, int out_channels, int rows, int cols, int flags, int activation, float slope,
+                  __global const float *restrict mask, ulong mask_offset, ulong mask_image,
+                  __global float *restrict pooled, ulong pooled_offset, ulong pooled_image)
 {
     const int all = (cols + CONV_TILE - 1) / CONV_TILE * ((rows + CONV_TILE - 1) / CONV_TILE);
     const int tile = get_global_id(0), image = (begin + tile) / all;
@@ -50,7 +50,8 @@ conv_winograd_out(__global const float *restrict m, ulong m_offset, int begin, i
     const conv_place place = conv_place_of((begin + tile) % all, rows, cols);
     const size_t row_floats = (size_t)(cols + 2) * NET_BLOCK, plane = (rows + 2) * row_floats;
     const size_t pooled_row = (size_t)(cols / 2 + 2) * NET_BLOCK, pooled_plane = (rows / 2 + 2) * pooled_row;
-    const size_t at = (place.row + 1) * row_floats + (place.col + 1) * NET_BLOCK, block_floats = (size_t)room * NET_BLOCK;
+    const size_t at = (place.row + 1) * row_floats + (place.col + 1) * NET_BLOCK,
+                 block_floats = (size_t)room * NET_BLOCK;
     m += m_offset;
     y += y_offset + image * y_image + at;
     mask += mask_offset + image * mask_image + at;

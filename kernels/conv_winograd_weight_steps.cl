@@ -1,7 +1,7 @@
 /* As conv_winograd_weights.cl, for many channels: the inputs of `tiles` tiles from conv_winograd_in
  * (conv_winograd_steps.cl) stand in scratch as v[place][fine block][tile][channel], `room` tiles apart; A dy A^T goes
- * behind them, at d_offset, and what they make is added to the transformed gradient du[coarse block][fine][place][coarse],
- * at du_offset. Shape lanes. */
+ * behind them, at d_offset, and what they make is added to the transformed gradient du[coarse
+ * block][fine][place][coarse], at du_offset. Shape lanes. */
 #define CONV_MEM __global
 #include "inc_conv_winograd_gradient.h"
 
@@ -28,10 +28,10 @@ conv_winograd_correlate(__global float *scratch, ulong d_offset, ulong du_offset
     const int fine = get_global_id(0) * CONV_FINE, group = get_global_id(1), f = get_global_id(2);
     const size_t block_floats = (size_t)room * NET_BLOCK, fine_channels = get_global_size(0) * CONV_FINE;
     const size_t width = get_global_size(1) * CONV_BLOCKS * NET_BLOCK;
-    __global const float *restrict d = scratch + d_offset + f * CONV_APART(width * room) +
-                                       group * CONV_BLOCKS * block_floats;
-    __global const float *restrict v = scratch + f * CONV_APART(fine_channels * room) +
-                                       fine / NET_BLOCK * block_floats + fine % NET_BLOCK;
+    __global const float *restrict d =
+        scratch + d_offset + f * CONV_APART(width * room) + group * CONV_BLOCKS * block_floats;
+    __global const float *restrict v =
+        scratch + f * CONV_APART(fine_channels * room) + fine / NET_BLOCK * block_floats + fine % NET_BLOCK;
     conv_tile_correlate(d, block_floats, v, tiles, adds,
                         scratch + du_offset +
                             ((group * CONV_BLOCKS * fine_channels + fine) * CONV_PLACES + f) * NET_BLOCK,

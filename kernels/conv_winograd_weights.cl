@@ -1,8 +1,8 @@
 /* Gradients of the weights of 3 x 3 convolutions, stride 1, padding 1, by Winograd's F(4 x 4, 3 x 3): the gradient of a
  * transformed weight is the sum over tiles of the transformed input times A dy A^T. The tiles of all images are shared
  * out to `parts` partial sums, each in groups of `tiles` tiles in local memory: partial[part][coarse
- * block][fine][place][coarse], and the sums of dy for the biases after all of them as [part][coarse]. "Coarse" and "fine" as in conv_weights.cl. Shape
- * lanes. Dimension: parts. */
+ * block][fine][place][coarse], and the sums of dy for the biases after all of them as [part][coarse]. "Coarse" and
+ * "fine" as in conv_weights.cl. Shape lanes. Dimension: parts. */
 #define CONV_MEM __local
 #include "inc_conv_winograd_gradient.h"
 

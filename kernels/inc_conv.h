@@ -11,15 +11,15 @@
 #if NET_BLOCK == 16
 typedef float16 conv_v;
 typedef int16 conv_iv;
-#define CONV_LOAD(p) vload16(0, p)
+#define CONV_LOAD(p)     vload16(0, p)
 #define CONV_STORE(v, p) vstore16(v, 0, p)
-#define CONV_LANES (int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15)
+#define CONV_LANES       (int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15)
 #else
 typedef float8 conv_v;
 typedef int8 conv_iv;
-#define CONV_LOAD(p) vload8(0, p)
+#define CONV_LOAD(p)     vload8(0, p)
 #define CONV_STORE(v, p) vstore8(v, 0, p)
-#define CONV_LANES (int8)(0, 1, 2, 3, 4, 5, 6, 7)
+#define CONV_LANES       (int8)(0, 1, 2, 3, 4, 5, 6, 7)
 #endif
 
 /* hada_activation of lib/net/conv.h. */
@@ -47,7 +47,7 @@ static inline conv_v conv_present(conv_v v, int present)
 
 /* A finished sum (bias and all) to y; `floor` is 0 for ReLU, else -INFINITY. Returns what it stored. */
 static inline conv_v conv_put(conv_v v, int flags, int activation, float floor, float slope, int present,
-                            __global const float *mask, __global float *y)
+                              __global const float *mask, __global float *y)
 {
     if (activation > CONV_RELU)
         v = conv_activate(v, activation, slope);

@@ -9,7 +9,7 @@
 #ifndef CONV_TILE
 #define CONV_TILE 4
 #endif
-#define CONV_REACH (CONV_TILE + 2)
+#define CONV_REACH  (CONV_TILE + 2)
 #define CONV_PLACES (CONV_REACH * CONV_REACH)
 
 /* From one place to the next: so far apart that the places of a tile do not all fall on one set of a cache. */

@@ -51,8 +51,8 @@ static inline void conv_tile_back(__global const float *restrict dy, size_t row_
     }
 }
 
-/* The gradient of transformed weights at one place: CONV_BLOCKS blocks of coarse channels times CONV_FINE fine channels,
- * summed over `count` tiles; d: [coarse block][tile][channel], v: [tile][channel]; `adds`: to what is there.
+/* The gradient of transformed weights at one place: CONV_BLOCKS blocks of coarse channels times CONV_FINE fine
+ * channels, summed over `count` tiles; d: [coarse block][tile][channel], v: [tile][channel]; `adds`: to what is there.
  * Gradients stand as [coarse block][fine channel][place][coarse channel of the block]. */
 static inline void conv_tile_correlate(CONV_MEM const float *restrict d, size_t d_block,
                                        CONV_MEM const float *restrict v, int count, int adds,

@@ -1,0 +1,151 @@
+/* Nets: lists and their files, a model that holds one, a training step, a plane in tiles. */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "fault_job.h"
+#include "net/enhance.h"
+
+static void add(fault_job *job, const void *data, size_t bytes)
+{
+    const unsigned char *at = data;
+    for (size_t i = 0; i < bytes; i++)
+        job->sum = (job->sum ^ at[i]) * 1099511628211u;
+}
+
+static hada_status make_net(const fault_job *job, hada_net **net, hada_error *err)
+{
+    hada_unet_options options;
+    hada_unet_options_init(&options);
+    options.channels = options.out_channels = hada_model_get_info(job->model)->channels;
+    options.down = "4|5";
+    options.up = "4";
+    options.shared = options.last_norm = 1;
+    return hada_net_create_unet(net, &options, 1, err);
+}
+
+/* To a file and back, by itself and in a model; `with` is the model with the net. */
+static hada_status files(fault_job *job, const hada_net *net, hada_model **with, hada_error *err)
+{
+    char path[200];
+    hada_net *back = NULL;
+    hada_model *model = NULL;
+    snprintf(path, sizeof path, "%s/net.model", job->folder);
+    hada_status status = hada_net_save(net, path, err);
+    if (!status)
+        status = hada_net_load(&back, path, err);
+    if (!status)
+        add(job, back->values, back->floats * sizeof(float));
+    if (!status)
+        status = hada_model_with_enhance(&model, job->model, back, 16, 18, err);
+    if (!status)
+        status = hada_model_save(model, path, err);
+    if (!status)
+        status = hada_model_load(with, path, err);
+    hada_model_destroy(&model);
+    hada_net_destroy(&back);
+    return status;
+}
+
+static hada_status run_step(fault_job *job, const hada_net *net, hada_slot *slot, hada_graph *graph,
+                            hada_buffer *values, hada_buffer *gradients, hada_error *err)
+{
+    float *host = calloc(net->trained, sizeof *host);
+    if (!host)
+        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the gradients");
+    const hada_tensor *x = hada_graph_input(graph);
+    /* the weights serve as an image and as the gradient of the output */
+    const hada_planar image = {values->mem, 0, 0, 0, (size_t)x->cols};
+    hada_status status = hada_graph_set_weights(graph, (hada_floats){values->mem, 0}, err);
+    if (!status)
+        status = hada_graph_load(graph, &image, err);
+    if (!status)
+        status = hada_graph_forward(graph, err);
+    if (!status)
+        status = hada_graph_load_gradient(graph, &image, err);
+    if (!status)
+        status = hada_graph_backward(graph, (hada_floats){gradients->mem, 0}, 0, err);
+    if (!status)
+        status = hada_buffer_read(gradients, slot, 0, host, net->trained * sizeof *host, err);
+    if (!status)
+        add(job, host, net->trained * sizeof *host);
+    free(host);
+    return status;
+}
+
+static hada_status train(fault_job *job, const hada_net *net, hada_error *err)
+{
+    const hada_graph_options options = {
+        .images = 1, .rows = 9, .cols = 10, .training = 1, .weight_gradients = 1, .input_gradient = 1, .recompute = 1};
+    hada_slot *slot = NULL;
+    hada_graph *graph = NULL;
+    hada_buffer values = {0}, gradients = {0};
+    hada_status status = hada_slot_create(&slot, job->context, err);
+    if (!status)
+        status = hada_graph_create(&graph, slot, net, &options, err);
+    if (!status)
+        status = hada_buffer_create_from(&values, slot, net->values, net->floats * sizeof(float), "weights", err);
+    if (!status)
+        status = hada_buffer_create(&gradients, job->context, net->trained * sizeof(float), "gradients", err);
+    if (!status)
+        status = run_step(job, net, slot, graph, &values, &gradients, err);
+    if (slot)
+        hada_slot_finish(slot, NULL);
+    hada_graph_destroy(&graph);
+    hada_buffer_destroy(&values);
+    hada_buffer_destroy(&gradients);
+    hada_slot_destroy(&slot);
+    return status;
+}
+
+/* A plane through the net in tiles. */
+static hada_status enhance(fault_job *job, const hada_model *with, hada_error *err)
+{
+    enum { ROWS = 40, COLS = 44 };
+    const int channels = hada_model_get_info(with)->channels;
+    const hada_enhance_desc desc = {
+        .net = hada_model_get_enhance(with), .channels = channels, .rows = ROWS, .cols = COLS, .tile_rows = 2};
+    const size_t count = (size_t)channels * ROWS * COLS;
+    hada_slot *slot = NULL;
+    hada_enhance *enhance = NULL;
+    hada_buffer planes = {0};
+    hada_image image;
+    hada_status status = hada_image_create(&image, channels, ROWS, COLS, err);
+    for (size_t i = 0; !status && i < count; i++)
+        image.data[i] = (float)(i % 7);
+    if (!status)
+        status = hada_slot_create(&slot, job->context, err);
+    if (!status)
+        status = hada_enhance_create(&enhance, slot, &desc, err);
+    if (!status)
+        status = hada_buffer_create_from(&planes, slot, image.data, count * sizeof(float), "planes", err);
+    if (!status)
+        status = hada_enhance_run(enhance, planes.mem, 0, 1, err);
+    if (!status)
+        status = hada_buffer_read(&planes, slot, 0, image.data, count * sizeof(float), err);
+    if (!status)
+        add(job, image.data, count * sizeof(float));
+    if (slot)
+        hada_slot_finish(slot, NULL);
+    hada_enhance_destroy(&enhance);
+    hada_buffer_destroy(&planes);
+    hada_slot_destroy(&slot);
+    hada_image_destroy(&image);
+    return status;
+}
+
+hada_status fault_stage_net(fault_job *job, hada_error *err)
+{
+    hada_net *net = NULL;
+    hada_model *with = NULL;
+    hada_status status = make_net(job, &net, err);
+    if (!status)
+        status = files(job, net, &with, err);
+    if (!status)
+        status = train(job, net, err);
+    if (!status)
+        status = enhance(job, with, err);
+    hada_model_destroy(&with);
+    hada_net_destroy(&net);
+    return status;
+}

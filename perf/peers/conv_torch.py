@@ -1,7 +1,8 @@
 """Convolutions against PyTorch on the CPU (oneDNN), taking turns with `perf_conv --serve`: both layouts of PyTorch, the
 better one counts. Forward with bias and ReLU here, with bias there; without autograd. Prints median (fastest)
 milliseconds and the ratios of the fastest times and of the median processor times.
-   python3 perf/peers/conv_torch.py build/perf/perf_conv [--rounds N] [--methods auto,direct] [--threads N] [WHAT...]
+   python3 perf/peers/conv_torch.py build/perf/perf_conv [--rounds N] [--methods auto,direct] [--threads N]
+                                    [--what forward,data] [--layers 0,1]
 On a machine that others use too, --threads 1 and the processors' time are what can be compared."""
 import argparse
 import os
@@ -53,7 +54,7 @@ def main():
     parser.add_argument("--methods", default="auto,direct")
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--layers", default="")
-    parser.add_argument("what", nargs="*", default=["forward", "data", "weights"])
+    parser.add_argument("--what", default="forward,data,weights")
     chosen = parser.parse_args()
     torch.set_num_threads(chosen.threads)
     torch.set_grad_enabled(False)
@@ -69,7 +70,7 @@ def main():
           "ratios own/PyTorch of the fastest, and of the processors' median time")
     for layer in [LAYERS[int(n)] for n in chosen.layers.split(",")] if chosen.layers else LAYERS:
         made = peers(layer)
-        for what in chosen.what:
+        for what in chosen.what.split(","):
             text = f"{what:8s} {layer[0]:3d} -> {layer[1]:3d} at {layer[2]:3d}, {layer[3]}x{layer[3]}"
             text += (f" stride {layer[4]}" if layer[4] > 1 else "") + (" transposed" if layer[6] else "")
             print(f"{text:48s}", end="", flush=True)

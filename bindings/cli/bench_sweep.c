@@ -75,8 +75,12 @@ static int large(const sweep *w)
 static int wanted(const sweep *w, hada_bench_method method, int half, int refine, int k)
 {
     const int big = large(w), few = big || w->bench->quick, always = skippings[k].always, exact = k == 1;
-    if (method == HADA_BENCH_REFINED)
-        return big ? exact && refine != 2 && refine != 8 : few ? k < 2 && refine != 2 : k != 2 && k != SKIPPINGS - 1;
+    if (method == HADA_BENCH_REFINED) {
+        /* dense runs look for the depths in full and take many times as long: a few of them show it */
+        if (k == 0)
+            return !big && (refine == 4 || (refine == 8 && !few));
+        return few ? exact && refine != 2 : always || (refine == 8 && k != 2 && k != SKIPPINGS - 1);
+    }
     if (method == HADA_BENCH_OWN)
         return always || !few || (!half && !big);
     return few ? exact && !half : always;

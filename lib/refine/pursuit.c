@@ -34,9 +34,10 @@ static hada_pursuit_options complete(const hada_pursuit_options *options)
 {
     hada_pursuit_options o = *options;
     const hada_refine_shape *full = &o.shape;
-    /* half the size, or less where many pixels allow it (docs/refinement.md) */
+    /* many depths are told apart on less than half the grid only where it has many pixels (docs/refinement.md) */
+    const int dense = o.depths > 6 && longer_side(&o) < 4 * SMALL_SIDE;
     if (o.shrink == 0.0)
-        o.shrink = longer_side(&o) < 4 * SMALL_SIDE ? 2.0 : (double)longer_side(&o) / SMALL_SIDE;
+        o.shrink = dense ? 2.0 : fmax(2.0, (double)longer_side(&o) / SMALL_SIDE);
     if (o.threshold == 0.0) {
         /* a depth that is not there explains about the window's share of white noise: be clearly above that */
         const hada_refine_rect *frame = &full->frame;

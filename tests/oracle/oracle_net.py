@@ -1,5 +1,5 @@
-"""Nets against PyTorch: weights written here load there and the other way round; outputs, gradients of weights and input,
-and running statistics agree. Argument: the program net_oracle."""
+"""Nets against PyTorch: weights written here load there and the other way round; outputs, gradients of weights and
+input, and running statistics agree. Argument: the program net_oracle."""
 import os
 import subprocess
 import sys

@@ -19,7 +19,7 @@
 #endif
 
 /* The products of one tap and one block of input channels. */
-static inline void conv_add(__global const float *restrict x, __global const float *restrict w, int present,
+static inline void conv_add(__global const float *x, __global const float *w, int present,
                             conv_v sums[CONV_BLOCKS][CONV_PIXELS])
 {
 #pragma nounroll

@@ -54,9 +54,8 @@ static inline void conv_tile_back(__global const float *restrict dy, size_t row_
 /* The gradient of transformed weights at one place: CONV_BLOCKS blocks of coarse channels times CONV_FINE fine
  * channels, summed over `count` tiles; d: [coarse block][tile][channel], v: [tile][channel]; `adds`: to what is there.
  * Gradients stand as [coarse block][fine channel][place][coarse channel of the block]. */
-static inline void conv_tile_correlate(CONV_MEM const float *restrict d, size_t d_block,
-                                       CONV_MEM const float *restrict v, int count, int adds,
-                                       __global float *restrict to, int fine_channels)
+static inline void conv_tile_correlate(CONV_MEM const float *d, size_t d_block, CONV_MEM const float *v, int count,
+                                       int adds, __global float *to, int fine_channels)
 {
     conv_v sums[CONV_BLOCKS][CONV_FINE];
 #pragma unroll

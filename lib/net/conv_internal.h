@@ -69,9 +69,8 @@ int hada_conv_table_winograd(const hada_context *context, const hada_conv_desc *
 int hada_conv_table_gradient_winograd(const hada_context *context, const hada_conv_desc *desc,
                                       const hada_conv_gradient *gradient);
 void hada_conv_table_tiles(const hada_context *context, hada_conv_pass *pass);
-void hada_conv_table_gradient_tiles(const hada_context *context, const hada_conv_desc *desc,
-                                    hada_conv_gradient *gradient);
-void hada_conv_table_pass(const hada_context *context, const hada_conv_desc *desc, hada_conv_pass *pass);
+void hada_conv_table_gradient_tiles(const hada_context *context, hada_conv_gradient *gradient);
+void hada_conv_table_pass(const hada_context *context, hada_conv_pass *pass);
 void hada_conv_table_gradient(const hada_context *context, const hada_conv_desc *desc, hada_conv_gradient *gradient);
 
 /* What is done with a finished sum (kernels/inc_conv.h). */

@@ -109,7 +109,7 @@ static void plan_pass(hada_conv_plan *plan, const hada_context *context, hada_co
     const int near =
         within_halo(pass->in_rows, pass->out_rows, d->kernel_rows, pass->taps_rows, pass->in_step, pass->step) &&
         within_halo(pass->in_cols, pass->out_cols, d->kernel_cols, pass->taps_cols, pass->in_step, pass->step);
-    hada_conv_table_pass(context, d, pass);
+    hada_conv_table_pass(context, pass);
     if (plan->groups)
         pass->lanes = GROUP_LANES;
     pass->method = near && pass->lanes && d->method != HADA_CONV_PLAIN ? HADA_CONV_DIRECT : HADA_CONV_PLAIN;
@@ -142,7 +142,7 @@ static void plan_gradient_tiles(hada_conv_plan *plan, const hada_context *contex
     const size_t coarse = (size_t)padded(g->coarse_channels, plan->block);
     const size_t fine = (size_t)padded(g->fine_channels, plan->block), places = 36;
     g->method = HADA_CONV_WINOGRAD4;
-    hada_conv_table_gradient_tiles(context, &plan->desc, g);
+    hada_conv_table_gradient_tiles(context, g);
     g->part_floats = places * coarse * fine;
     if (g->tiles) {
         const size_t wanted = PARTIAL_FLOATS / g->part_floats;

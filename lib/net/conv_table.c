@@ -33,11 +33,10 @@ static long cost_of(const tile_row *row, const hada_conv_pass *pass)
     return steps * ((work > 8 ? work : 8) + 2) * 2 / row->blocks;
 }
 
-void hada_conv_table_pass(const hada_context *context, const hada_conv_desc *desc, hada_conv_pass *pass)
+void hada_conv_table_pass(const hada_context *context, hada_conv_pass *pass)
 {
     const int block = hada_net_block(context);
     const tile_row *best = NULL;
-    (void)desc;
     for (size_t i = 0; i < sizeof tile_rows / sizeof *tile_rows; i++)
         if (tile_fits(&tile_rows[i], block, pass) && (!best || cost_of(&tile_rows[i], pass) < cost_of(best, pass)))
             best = &tile_rows[i];
@@ -104,15 +103,13 @@ void hada_conv_table_tiles(const hada_context *context, hada_conv_pass *pass)
     }
 }
 
-void hada_conv_table_gradient_tiles(const hada_context *context, const hada_conv_desc *desc,
-                                    hada_conv_gradient *gradient)
+void hada_conv_table_gradient_tiles(const hada_context *context, hada_conv_gradient *gradient)
 {
     const int block = hada_net_block(context), coarse = (gradient->coarse_channels + block - 1) / block * block;
     const int fine = (gradient->fine_channels + block - 1) / block * block;
     const size_t local =
         context->info.local_memory_bytes < WINOGRAD_LOCAL ? context->info.local_memory_bytes : WINOGRAD_LOCAL;
     const size_t tiles = local / ((size_t)(36 * (coarse + fine + 2)) * sizeof(float));
-    (void)desc;
     gradient->blocks = coarse / block % 2 ? 1 : 2;
     gradient->fine_each = gradient->blocks == 1 ? block : block / 2;
     /* more transformed gradients than this fall out of the caches from one group of tiles to the next */

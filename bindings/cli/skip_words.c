@@ -1,5 +1,6 @@
 #include "skip_words.h"
 
+#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -51,9 +52,10 @@ json_t *hada_cli_skip_json(const hada_result *result)
         depths && channels && !skipped->frame
             ? (double)(depths - skipped->depths) * (channels - skipped->channels) / ((double)depths * channels)
             : 0.0;
-    return json_pack("{s:o, s:f, s:f, s:i, s:i, s:b, s:f, s:f, s:b}", "kinds", list, "bound", skipped->bound, "planes",
-                     1.0 - computed, "depths", skipped->depths, "channels", skipped->channels, "frame", skipped->frame,
-                     "frequencies", skipped->frequencies, "tiles", skipped->tiles, "again", skipped->again);
+    return json_pack("{s:o, s:o, s:f, s:i, s:i, s:b, s:f, s:f, s:b}", "kinds", list, "bound",
+                     hada_cli_real(skipped->bound), "planes", 1.0 - computed, "depths", skipped->depths, "channels",
+                     skipped->channels, "frame", skipped->frame, "frequencies", skipped->frequencies, "tiles",
+                     skipped->tiles, "again", skipped->again);
 }
 
 static void add(char *text, size_t size, const char *format, double value)
@@ -74,7 +76,7 @@ void hada_cli_skip_words(const hada_result *result, char *text, size_t size)
         add(text, size, "; %.0f %% of the frequencies left out", 100 * skipped->frequencies);
     if (skipped->kinds & HADA_SKIP_HALF)
         add(text, size, "; half filters", 0);
-    if (skipped->bound > 0)
+    if (skipped->bound > 0 && isfinite(skipped->bound))
         add(text, size, "; at most %.2g %% change", 100 * skipped->bound);
     if (skipped->again)
         add(text, size, "; done again in full", 0);

@@ -1,6 +1,6 @@
 /* Frames through a plan of one lane, of two queues on the device, and of two halves of the device, in turns: time per
  * frame of a sequence, latency of a frame alone, memory. Prints Markdown tables; medians over the rounds.
- *    perf_queues MODEL ROUNDS RAW.tif...      the tables
+ *    perf_queues MODEL ROUNDS RAW.tif...      the tables; sequences of all frames, refined ones of 8
  *    perf_queues --alone MODEL RAW.tif...     seconds that one lane needs for all frames, as one number each for
  *                                             --refine 0 and auto */
 #include <hadalens/hadalens.h>
@@ -11,7 +11,7 @@
 
 #include "core/clock.h"
 
-enum { MOST_FRAMES = 64, MOST_ROUNDS = 100, WAYS = 3, MOST_AHEAD = 8 };
+enum { MOST_FRAMES = 64, MOST_ROUNDS = 100, WAYS = 3, MOST_AHEAD = 8, REFINED_FRAMES = 8 };
 
 typedef struct way {
     const char *name;
@@ -22,7 +22,7 @@ typedef struct way {
 
 static hada_error error;
 static hada_image frames[MOST_FRAMES];
-static int frame_count;
+static int frame_count, count_in_use;
 
 static void must(hada_status status)
 {
@@ -75,21 +75,21 @@ static double run_sequence(way *w)
     hada_job *jobs[MOST_AHEAD] = {NULL};
     const int ahead = hada_plan_queues(w->plan, NULL, 0) + 2;
     const double start = hada_seconds();
-    for (int i = 0; i < frame_count + ahead; i++) {
+    for (int i = 0; i < count_in_use + ahead; i++) {
         hada_job **job = &jobs[i % ahead];
         if (*job)
             must(hada_job_wait(*job, &error));
         hada_job_destroy(job);
-        if (i < frame_count)
+        if (i < count_in_use)
             must(hada_job_submit(job, w->plan, &frames[i], &w->results[i % ahead], &error));
     }
-    return (hada_seconds() - start) / frame_count;
+    return (hada_seconds() - start) / count_in_use;
 }
 
 static double run_alone(way *w, int frame)
 {
     const double start = hada_seconds();
-    must(hada_plan_run(w->plan, &frames[frame % frame_count], &w->results[0], &error));
+    must(hada_plan_run(w->plan, &frames[frame % count_in_use], &w->results[0], &error));
     return hada_seconds() - start;
 }
 
@@ -111,6 +111,7 @@ static void print_table(const char *title, way *ways, int rounds)
                1e3 * median(ways[k].sequence, rounds), median(of_sequence, rounds), 1e3 * median(ways[k].alone, rounds),
                median(of_alone, rounds), (double)held / 1048576.0, (double)apart / 1048576.0);
     }
+    fflush(stdout);
 }
 
 static void compare(hada_context *const *contexts, const hada_model *model, int refine, int rounds, const char *title)
@@ -143,7 +144,7 @@ static void alone(hada_context *context, const hada_model *model)
         way one = {.plan = make(&context, 1, model, refine, 1)};
         run_alone(&one, 0);
         const double start = hada_seconds();
-        for (int i = 0; i < frame_count; i++)
+        for (int i = 0; i < count_in_use; i++)
             run_alone(&one, i);
         printf("%.3f\n", hada_seconds() - start);
         hada_result_destroy(&one.results[0]);
@@ -163,6 +164,7 @@ int main(int argc, char **argv)
     must(hada_model_load(&model, argv[only ? 2 : 1], &error));
     for (int i = first; i < argc && frame_count < MOST_FRAMES; i++)
         must(hada_tiff_load(argv[i], 0, &frames[frame_count++], &error));
+    count_in_use = frame_count;
     hada_context *contexts[WAYS] = {open_part(0, 0), NULL, NULL};
     if (only) {
         alone(contexts[0], model);
@@ -172,6 +174,7 @@ int main(int argc, char **argv)
         if (rounds < 1 || rounds > MOST_ROUNDS)
             return 2;
         compare(contexts, model, 0, rounds, "Linear filters alone:");
+        count_in_use = frame_count < REFINED_FRAMES ? frame_count : REFINED_FRAMES;
         compare(contexts, model, -1, rounds, "Depths found and refined:");
     }
     for (int i = 0; i < WAYS; i++)

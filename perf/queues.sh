@@ -13,7 +13,7 @@ hadalens="$build/bindings/cli/hadalens"
 "$hadalens" fit "$work/camera" -q -o "$work/camera.model"
 raws=("$work"/camera/test/raw/*.tif)
 
-"$build/perf/perf_queues" "$work/camera.model" "$rounds" "${raws[@]:0:8}"
+"$build/perf/perf_queues" "$work/camera.model" "$rounds" "${raws[@]:0:32}"
 
 # Seconds from the first frame to the last, opening the device and making the plan left out.
 stream() {

@@ -28,10 +28,10 @@ struct hada_lane {
     hada_refiner *refiner;
     hada_focus *focus;
     hada_enhance *enhance; /* NULL where no net is used */
-    hada_buffer planes;   /* linear: a batch, [depth][channel][window] */
-    hada_buffer pictures; /* all-in-focus image, then distance map */
-    int *occupied;        /* room for a list of computed depths */
-    uint64_t holds;       /* serial of the task whose spectrum stands in the stage; 0: none */
+    hada_buffer planes;    /* linear: a batch, [depth][channel][window] */
+    hada_buffer pictures;  /* all-in-focus image, then distance map */
+    int *occupied;         /* room for a list of computed depths */
+    uint64_t holds;        /* serial of the task whose spectrum stands in the stage; 0: none */
 
     /* the board's lock guards these */
     hada_queue_info info;
@@ -90,8 +90,8 @@ hada_status hada_lane_refined(hada_lane *lane, hada_task *task, hada_error *err)
 hada_status hada_lane_pursue(hada_lane *lane, hada_task *task, int *count, hada_error *err);
 hada_status hada_lane_make_pursuit(hada_lane *lane, hada_error *err);
 
-/* The model's net: a lane's own, the bytes of that, and `count` planes of a frame through it, in place. Nothing where the
- * plan uses none. */
+/* The model's net: a lane's own, the bytes of that, and `count` planes of a frame through it, in place. Nothing where
+ * the plan uses none. */
 hada_status hada_lane_enhance_make(hada_lane *lane, hada_error *err);
 uint64_t hada_lane_enhance_bytes(const hada_context *context, const hada_model *model, const hada_plan_shape *shape);
 hada_status hada_lane_enhance(hada_lane *lane, hada_task *task, cl_mem planes, int count, hada_error *err);

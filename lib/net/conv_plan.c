@@ -10,6 +10,8 @@
 #define MOST_PARTS     64
 #define PARTIAL_FLOATS ((size_t)1 << 20)
 #define STEP_FLOATS    ((size_t)1 << 22)
+/* tiles that one step of a gradient of weights adds up in one running sum: more lose accuracy (1024: 6e-6) */
+#define MOST_TILES 256
 
 static int padded(int channels, int to)
 {
@@ -152,8 +154,9 @@ static void plan_gradient_tiles(hada_conv_plan *plan, const hada_context *contex
     }
     const size_t all =
         (size_t)(padded(g->fine_rows, 4) / 4) * (size_t)(padded(g->fine_cols, 4) / 4) * (size_t)plan->desc.images;
-    const size_t most = STEP_FLOATS / (places * (coarse + fine));
-    g->room = (int)(most < 64 ? 64 : most < all ? most : all);
+    size_t most = STEP_FLOATS / (places * (coarse + fine));
+    most = most < 64 ? 64 : most < MOST_TILES ? most : MOST_TILES;
+    g->room = (int)(most < all ? most : all);
     need_scratch(plan, places * ((coarse + fine) * (size_t)g->room + 2 * (size_t)plan->block) + g->part_floats);
 }
 

@@ -10,9 +10,9 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/wait.h>
-#include <time.h>
 #include <unistd.h>
 
+#include "core/clock.h"
 #include "net/graph.h"
 #include "net/loss.h"
 #include "net/optimizer.h"
@@ -30,13 +30,6 @@ static void must(hada_status status)
         fprintf(stderr, "perf_unet: %s\n%s\n", err.message, err.detail);
         exit(1);
     }
-}
-
-static double milliseconds(void)
-{
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return 1e3 * (double)t.tv_sec + 1e-6 * (double)t.tv_nsec;
 }
 
 static int compare(const void *a, const void *b)
@@ -165,7 +158,7 @@ static void free_side(side *s)
 
 static double run_side(side *s)
 {
-    const double start = milliseconds();
+    const double start = hada_seconds();
     must(hada_graph_load(s->graph, &s->planar, &err));
     must(hada_graph_forward(s->graph, &err));
     if (s->state.mem) {
@@ -178,7 +171,7 @@ static double run_side(side *s)
         must(hada_graph_set_weights(s->graph, values, &err));
     }
     must(hada_slot_finish(slot, &err));
-    return milliseconds() - start;
+    return 1e3 * (hada_seconds() - start);
 }
 
 static const struct test_case {

@@ -3,9 +3,9 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
-#include <time.h>
 
 #include "core/alloc.h"
+#include "core/clock.h"
 #include "fft/fft_internal.h"
 
 enum { BATCH = 4, ROUNDS = 15, MOST_ROUNDS = 1000, BACKENDS = 2, DIRECTIONS = 2 };
@@ -26,13 +26,6 @@ static const hada_fft_backend backends[BACKENDS] = {HADA_FFT_OWN, HADA_FFT_CLFFT
 const char *hada_tune_backend_name(hada_tune_backend backend)
 {
     return backend == HADA_TUNE_CLFFT ? "clfft" : "own";
-}
-
-static double now(void)
-{
-    struct timespec t;
-    clock_gettime(CLOCK_MONOTONIC, &t);
-    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
 static int ascending(const void *a, const void *b)
@@ -113,9 +106,9 @@ static hada_status measure(contest *c, int rounds, hada_error *err)
             const int b = (k + r) % BACKENDS, d = k / BACKENDS;
             if (!c->plan[b][d])
                 continue;
-            const double start = now();
+            const double start = hada_seconds();
             status = run(c, b, d, err);
-            c->seconds[b][d][r] = now() - start;
+            c->seconds[b][d][r] = hada_seconds() - start;
         }
     return status;
 }

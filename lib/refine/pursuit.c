@@ -2,9 +2,9 @@
 
 #include <math.h>
 #include <stdlib.h>
-#include <time.h>
 
 #include "core/alloc.h"
+#include "core/clock.h"
 #include "refine/pursuit_search.h"
 
 enum {
@@ -190,17 +190,15 @@ static size_t transforms(const hada_pursuit *p)
 hada_status hada_pursuit_run(hada_pursuit *p, cl_mem spectrum, size_t offset, hada_pursuit_result *result,
                              hada_error *err)
 {
-    struct timespec start, end;
+    const double start = hada_seconds();
     const size_t before = transforms(p);
     hada_status status = HADA_OK;
     *result = (hada_pursuit_result){0};
-    clock_gettime(CLOCK_MONOTONIC, &start);
     for (int i = 0; !status && i < p->count; i++)
         status = hada_level_take(&p->levels[i], spectrum, offset, err);
     if (!status)
         status = hada_pursuit_search(p, result, err);
-    clock_gettime(CLOCK_MONOTONIC, &end);
-    result->seconds = (double)(end.tv_sec - start.tv_sec) + 1e-9 * (double)(end.tv_nsec - start.tv_nsec);
+    result->seconds = hada_seconds() - start;
     result->transforms = transforms(p) - before;
     return status;
 }

@@ -8,8 +8,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
+#include "core/clock.h"
 #include "program/kernel.h"
 
 enum { GUARD = 256 };
@@ -179,13 +179,6 @@ static verdict check_bits(check_state *state, float *all, char *note, size_t siz
     return result;
 }
 
-static double seconds(void)
-{
-    struct timespec now;
-    clock_gettime(CLOCK_MONOTONIC, &now);
-    return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
-}
-
 static int by_value(const void *a, const void *b)
 {
     double x = *(const double *)a, y = *(const double *)b;
@@ -195,17 +188,17 @@ static int by_value(const void *a, const void *b)
 static verdict check_time(check_state *state, char *note, size_t size, const settings *how, hada_error *err)
 {
     enum { RUNS = 200 };
-    double times[RUNS], start = seconds();
+    double times[RUNS], start = hada_seconds();
     int n = 0;
     hada_status status = state->op->launch(state, err);
     if (!status)
         status = hada_slot_finish(state->slot, err);
-    while (!status && n < RUNS && (n < 5 || seconds() - start < 1.0)) {
-        double t = seconds();
+    while (!status && n < RUNS && (n < 5 || hada_seconds() - start < 1.0)) {
+        double t = hada_seconds();
         status = state->op->launch(state, err);
         if (!status)
             status = hada_slot_finish(state->slot, err);
-        times[n++] = seconds() - t;
+        times[n++] = hada_seconds() - t;
     }
     if (status) {
         snprintf(note, size, "%s", err->message);

@@ -2,7 +2,8 @@
 #include "bench.h"
 
 #include <hadalens/fit.h>
-#include <hadalens/optics.h>
+#include <hadalens/scene.h>
+#include <hadalens/simulate.h>
 #include <hadalens/tiff.h>
 #include <stdio.h>
 #include <stdlib.h>

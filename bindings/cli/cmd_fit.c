@@ -4,7 +4,7 @@
 #include "pairs.h"
 
 #include <hadalens/fit.h>
-#include <hadalens/optics.h>
+#include <hadalens/camera.h>
 #include <hadalens/tiff.h>
 #include <math.h>
 #include <stddef.h>

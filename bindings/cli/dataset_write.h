@@ -4,7 +4,8 @@
 
 #include "scene_source.h"
 
-#include <hadalens/optics.h>
+#include <hadalens/scene.h>
+#include <hadalens/simulate.h>
 
 typedef struct hada_cli_recipe {
     const char *folder; /* made by the caller */

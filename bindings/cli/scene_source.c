@@ -1,7 +1,7 @@
 #include "scene_source.h"
 #include "folder.h"
 
-#include <hadalens/optics.h>
+#include <hadalens/scene.h>
 #include <hadalens/tiff.h>
 #include <limits.h>
 #include <stdlib.h>

@@ -1,4 +1,4 @@
-#include <hadalens/optics.h>
+#include <hadalens/camera.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,6 +1,6 @@
 /* Cameras as JSON files. */
 #include <errno.h>
-#include <hadalens/optics.h>
+#include <hadalens/camera.h>
 #include <jansson.h>
 #include <stdio.h>
 #include <stdlib.h>

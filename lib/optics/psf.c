@@ -1,6 +1,6 @@
 /* Point spread functions by geometric optics: the mask is sampled by rays, each of which lands as a small Gaussian
  * integrated over the pixels. */
-#include <hadalens/optics.h>
+#include <hadalens/camera.h>
 #include <math.h>
 #include <stdlib.h>
 

@@ -1,5 +1,5 @@
 /* Cutting and scaling images on the host. */
-#include <hadalens/optics.h>
+#include <hadalens/scene.h>
 #include <math.h>
 #include <stdlib.h>
 

@@ -1,5 +1,6 @@
 /* Procedural scenes and regions: what to look at when there are no photographs. */
-#include <hadalens/optics.h>
+#include <hadalens/scene.h>
+#include <hadalens/simulate.h>
 #include <math.h>
 #include <stdlib.h>
 

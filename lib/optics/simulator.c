@@ -1,5 +1,6 @@
 /* Raw frames on a device: b = sum_z PSF_z * x_z + noise. */
-#include <hadalens/optics.h>
+#include <hadalens/scene.h>
+#include <hadalens/simulate.h>
 #include <stdlib.h>
 #include <string.h>
 

@@ -3,7 +3,8 @@
 #include <fcntl.h>
 #include <hadalens/fit.h>
 #include <hadalens/job.h>
-#include <hadalens/optics.h>
+#include <hadalens/scene.h>
+#include <hadalens/simulate.h>
 #include <hadalens/preview.h>
 #include <hadalens/tiff.h>
 #include <stdio.h>

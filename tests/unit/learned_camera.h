@@ -4,7 +4,8 @@
 
 #include <hadalens/fit.h>
 #include <hadalens/metrics.h>
-#include <hadalens/optics.h>
+#include <hadalens/scene.h>
+#include <hadalens/simulate.h>
 #include <hadalens/reconstruct.h>
 #include <math.h>
 #include <stdlib.h>

@@ -1,5 +1,5 @@
 /* Cameras and their point spread functions against the closed forms of geometric optics. */
-#include <hadalens/optics.h>
+#include <hadalens/camera.h>
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>

@@ -1,6 +1,6 @@
 /* Scenes: cutting and scaling by hand-made cases, procedural scenes by their statistics. */
 #include <hadalens/metrics.h>
-#include <hadalens/optics.h>
+#include <hadalens/scene.h>
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>

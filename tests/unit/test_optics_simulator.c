@@ -1,6 +1,7 @@
 /* Simulated frames: against convolution by its definition in double precision, and by what light does. */
 #include <hadalens/metrics.h>
-#include <hadalens/optics.h>
+#include <hadalens/scene.h>
+#include <hadalens/simulate.h>
 #include <math.h>
 #include <string.h>
 

@@ -2,6 +2,7 @@
 #ifndef HADALENS_HADALENS_H
 #define HADALENS_HADALENS_H
 
+#include <hadalens/camera.h>
 #include <hadalens/device.h>
 #include <hadalens/fit.h>
 #include <hadalens/focus.h>
@@ -10,10 +11,11 @@
 #include <hadalens/metrics.h>
 #include <hadalens/model.h>
 #include <hadalens/net.h>
-#include <hadalens/optics.h>
 #include <hadalens/preview.h>
 #include <hadalens/profile.h>
 #include <hadalens/reconstruct.h>
+#include <hadalens/scene.h>
+#include <hadalens/simulate.h>
 #include <hadalens/status.h>
 #include <hadalens/tiff.h>
 #include <hadalens/tune.h>

@@ -1,4 +1,4 @@
-/* Hadalens: cameras by design, their point spread functions, and raw frames by simulation.
+/* Hadalens: cameras by design, and their point spread functions.
  *
  * A camera is a mask in front of a bare sensor. Coordinates: millimetres, x to the right, y down, the optical axis at
  * the origin; on the sensor the axis stands at pixel (rows/2, cols/2), rounding down. A scene is given on the
@@ -13,9 +13,9 @@
  *
  * Sources: the thin lens equation; the microlens mask of Tian and Yang, Optics Express 30(19), 34479 (2022), Table 1.
  *
- * Threads: cameras are plain values; a simulator is used by one thread at a time. */
-#ifndef HADALENS_OPTICS_H
-#define HADALENS_OPTICS_H
+ * Threads: cameras are plain values. */
+#ifndef HADALENS_CAMERA_H
+#define HADALENS_CAMERA_H
 
 #include <hadalens/device.h>
 #include <hadalens/image.h>
@@ -108,63 +108,6 @@ HADA_API int hada_window_origin(int full, int window);
  * Reading starts from hada_camera_init() and checks the result. */
 HADA_API hada_status hada_camera_save(const hada_camera *camera, const char *path, hada_error *err);
 HADA_API hada_status hada_camera_load(hada_camera *camera, const char *path, hada_error *err);
-
-/* Renders raw frames of a camera on a device. Transfer functions are made at first use of each depth and kept. */
-typedef struct hada_simulator hada_simulator;
-
-/* The camera is copied. */
-HADA_API hada_status hada_simulator_create(hada_simulator **out, hada_context *context, const hada_camera *camera,
-                                           hada_error *err);
-/* As hada_simulator_create, with measured or designed PSFs instead of the geometry: `psf` holds camera->depths images
- * of sensor size, of one channel or of camera->channels. Used as they are, without normalisation. */
-HADA_API hada_status hada_simulator_create_psf(hada_simulator **out, hada_context *context, const hada_camera *camera,
-                                               const hada_image *psf, hada_error *err);
-HADA_API void hada_simulator_destroy(hada_simulator **simulator);
-HADA_API const hada_camera *hada_simulator_camera(const hada_simulator *simulator);
-
-/* A scene's part at one depth. */
-typedef struct hada_plane {
-    int depth;               /* index into the camera's distances */
-    const hada_image *image; /* of window or of sensor size, camera->channels channels or one (grey) */
-} hada_plane;
-
-/* Renders the frame of a scene of `count` planes (depths may repeat; they add up) into *raw, created by the call, of
- * sensor size and camera->channels. Noise: Gaussian with standard deviation `noise` times the maximum of the
- * noise-free frame, from `noise_seed`; 0 for none. Intensities are not clipped. */
-HADA_API hada_status hada_simulator_render(hada_simulator *simulator, const hada_plane *planes, int count, double noise,
-                                           uint64_t noise_seed, hada_image *raw, hada_error *err);
-
-/* The PSF in use at a depth (index): sensor size, channels as it was given (one from geometry). Created by the call. */
-HADA_API hada_status hada_simulator_psf(const hada_simulator *simulator, int depth, hada_image *psf, hada_error *err);
-
-/* Adds Gaussian noise with standard deviation `sigma` (in the image's units). */
-HADA_API void hada_image_add_noise(hada_image *image, double sigma, uint64_t seed);
-
-/* Scenes. All create *out. */
-
-/* A seeded scene without photographs: a coloured 1/f background, and shapes with sharp edges and textures before it.
- * Values 0 to 1. Its spectrum is broad, so a few such scenes suffice to fit a model. */
-HADA_API hada_status hada_scene_procedural(hada_image *out, uint64_t seed, int channels, int rows, int cols,
-                                           hada_error *err);
-
-/* Cuts the largest centred part of an image with the aspect ratio rows:cols and scales it: mean over area where it
- * shrinks, bilinear where it grows. Use for photographs of any size. */
-HADA_API hada_status hada_scene_fit(hada_image *out, const hada_image *image, int rows, int cols, hada_error *err);
-
-/* Scales a whole image to rows x cols in the same way. */
-HADA_API hada_status hada_image_resize(hada_image *out, const hada_image *image, int rows, int cols, hada_error *err);
-
-/* Cuts a rectangle out; parts outside the image are zero. */
-HADA_API hada_status hada_image_crop(hada_image *out, const hada_image *image, int row0, int col0, int rows, int cols,
-                                     hada_error *err);
-
-/* Labels 0 .. regions-1 for every pixel: seeded, compact regions with smooth outlines, none of them empty (where
- * rows * cols allows), for scenes that occupy several depths. `labels` holds rows * cols values. */
-HADA_API hada_status hada_scene_regions(int *labels, uint64_t seed, int regions, int rows, int cols, hada_error *err);
-
-/* The part of an image whose label is `label`; the rest is zero. */
-HADA_API hada_status hada_scene_part(hada_image *out, const hada_image *image, const int *labels, int label,
-                                     hada_error *err);
 
 #ifdef __cplusplus
 }

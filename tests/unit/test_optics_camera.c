@@ -1,5 +1,6 @@
 /* Cameras and their point spread functions against the closed forms of geometric optics. */
 #include <hadalens/camera.h>
+#include <hadalens/scene.h>
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>

@@ -1,6 +1,7 @@
 /* Scenes: cutting and scaling by hand-made cases, procedural scenes by their statistics. */
 #include <hadalens/metrics.h>
 #include <hadalens/scene.h>
+#include <hadalens/simulate.h>
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>

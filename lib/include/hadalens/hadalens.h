@@ -18,6 +18,7 @@
 #include <hadalens/simulate.h>
 #include <hadalens/status.h>
 #include <hadalens/tiff.h>
+#include <hadalens/train.h>
 #include <hadalens/tune.h>
 
 #endif

@@ -1,0 +1,85 @@
+/* One device's share of training: parameters, a step's gradients, the update. Internal.
+ *
+ * Parameters stand in groups, each an array of floats with an optimiser state of its own: the net; the discriminator
+ * (critic); the filters of each depth (a depth's filters are updated only in steps that show it, with a count of steps
+ * of their own). Gradients of several calls of hada_engine_backward add up until they are cleared.
+ *
+ * The gradient of a filter (docs/training.md): with x = crop(irfft(W B)), N pixels of the grid, and G =
+ * rfft(pad(dL/dx)), dL/dW = m / N conj(B) G for the form complex (m: 2 for columns that stand for two, else 1), and
+ * dL/dWr = m / N Re(B) Re(G), dL/dWi = m / N Im(B) Im(G) for split. */
+#ifndef HADA_TRAIN_ENGINE_H
+#define HADA_TRAIN_ENGINE_H
+
+#include <hadalens/train.h>
+
+#include "device/slot.h"
+
+typedef enum hada_group { HADA_GROUP_NET = 0, HADA_GROUP_CRITIC = 1, HADA_GROUP_FILTERS = 2 } hada_group;
+/* HADA_GROUP_FILTERS + z: the filters of depth z. */
+
+/* What stands in a group. */
+typedef enum hada_content { HADA_CONTENT_VALUES = 0, HADA_CONTENT_GRADIENT = 1, HADA_CONTENT_STATE = 2 } hada_content;
+
+typedef struct hada_engine hada_engine;
+
+/* A pair on its way through a step. FILTERS and JOINT: `input` is the raw frame (dark level taken off). The other
+ * stages: what the net sees, at the window's size (ENHANCE, ADVERSARIAL: a reconstructed plane; CONVENTIONAL: the raw
+ * frame, resized). */
+typedef struct hada_sample {
+    int depth;
+    const hada_image *input, *scene; /* scene: the window */
+} hada_sample;
+
+/* Sums over the samples of weighted terms; 0 where a term is off. */
+typedef struct hada_terms {
+    double mse, perceptual, adversarial, variation, critic;
+} hada_terms;
+
+/* `net`, `critic` and `vgg` may be NULL where the stage has none; copied values, lists must live as long. `model`: for
+ * FILTERS and JOINT the start of the filters (random where the options say so). */
+typedef struct hada_engine_desc {
+    const hada_model *model;
+    const hada_train_options *options;
+    const hada_net *net, *critic, *vgg;
+    int at_once; /* samples of one call, at most */
+} hada_engine_desc;
+
+hada_status hada_engine_bytes(const hada_context *context, const hada_engine_desc *desc, size_t *bytes,
+                              hada_error *err);
+hada_status hada_engine_create(hada_engine **out, hada_slot *slot, const hada_engine_desc *desc, hada_error *err);
+void hada_engine_destroy(hada_engine **engine);
+
+/* Groups that this stage trains: the net's and the critic's counts may be 0. */
+int hada_engine_groups(const hada_engine *engine);
+size_t hada_engine_count(const hada_engine *engine, int group, hada_content content); /* floats */
+
+/* Clears the gradients of all groups (enqueued). */
+hada_status hada_engine_clear(hada_engine *engine, hada_error *err);
+
+/* Forward and backward of up to at_once samples. `weight`: of each sample in the step's mean (1 / batch). `step` names
+ * the random numbers of dropout; critic_only: only the critic's gradients are wanted. Terms are known when it returns.
+ * `touched` (per depth, may be NULL) is set to 1 where a depth's filters have a gradient. */
+hada_status hada_engine_backward(hada_engine *engine, const hada_sample *samples, int count, double weight,
+                                 uint64_t step, int critic_only, hada_terms *terms, unsigned char *touched,
+                                 hada_error *err);
+
+/* The norm over the gradients of net and filters (groups that are touched), and of the critic by itself. */
+hada_status hada_engine_norm(hada_engine *engine, const unsigned char *touched, double *norm, double *critic_norm,
+                             hada_error *err);
+
+/* One update of a group from its gradient, times `scale` (clipping); step counts from 1. */
+hada_status hada_engine_update(hada_engine *engine, int group, uint64_t step, double rate, double scale,
+                               hada_error *err);
+
+/* Contents from and to the host (blocking). Filters are in model order: [channel][rows][cols / 2 + 1] complex, whatever
+ * the device's layout, so that devices with different layouts average, and files fit every device. */
+hada_status hada_engine_read(hada_engine *engine, int group, hada_content content, float *out, hada_error *err);
+hada_status hada_engine_write(hada_engine *engine, int group, hada_content content, const float *values,
+                              hada_error *err);
+
+/* Forward alone, as reconstruction does it: batch norms with their running statistics, no dropout. `before` (FILTERS,
+ * JOINT: the linear plane; else the input; may be NULL) and `after` are created by the call at the window's size. */
+hada_status hada_engine_forward(hada_engine *engine, const hada_sample *sample, hada_image *before, hada_image *after,
+                                hada_error *err);
+
+#endif

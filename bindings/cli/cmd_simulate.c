@@ -1,3 +1,4 @@
+#include "camera_options.h"
 #include "command.h"
 #include "dataset_write.h"
 #include "folder.h"
@@ -10,13 +11,10 @@
 #include <unistd.h>
 
 typedef struct settings {
-    hada_cli_common common;
-    const char *output, *scenes, *preset, *test_scenes;
-    int mask, boundary, channels, bits;
-    int size[2], window[2];
-    int depths, lenses, pairs, test, test_depths;
-    double near_mm, far_mm, noise;
-    uint64_t seed;
+    hada_cli_camera_settings camera;
+    const char *output, *scenes, *test_scenes;
+    int bits, pairs, test, test_depths;
+    double noise;
 } settings;
 
 #define AT(member) offsetof(settings, member)
@@ -39,26 +37,7 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_CHOICE, "bits", 0, "16|32", "raw frames and scenes as 16-bit integers or floats (default: 32)",
      "A camera writes 16 bits; then noise below zero is cut off.", AT(bits)},
 
-    {HADA_OPTION_GROUP, NULL, 0, NULL, "The camera", NULL, 0},
-    {HADA_OPTION_TEXT, "preset", 0, "NAME", "camera to begin with (default: sim512)",
-     "sim300: 300x400, 4 depths; sim512: 512x512, 14 depths; paper2022: 1376x2064, 14 depths. All see colour and 100 "
-     "to 600 mm.",
-     AT(preset)},
-    {HADA_OPTION_CHOICE, "mask", 0, "mla", "kind of mask: mla, microlenses at random places (default)", NULL, AT(mask)},
-    {HADA_OPTION_COUNT, "lenses", 0, "N", "number of lenses", NULL, AT(lenses)},
-    {HADA_OPTION_SIZE, "size", 0, "HxW", "pixels of the sensor, rows first",
-     "The sensor keeps its length in millimetres, so the pixels change.", AT(size)},
-    {HADA_OPTION_SIZE, "window", 0, "HxW", "field of view: pixels of the scene", NULL, AT(window)},
-    {HADA_OPTION_CHOICE, "channels", 0, "1|2|3", "1 for grey, 3 for colour", NULL, AT(channels)},
-    {HADA_OPTION_COUNT, "depths", 0, "N", "number of distances, equal steps in 1/distance", NULL, AT(depths)},
-    {HADA_OPTION_REAL, "near", 0, "MM", "nearest distance", NULL, AT(near_mm)},
-    {HADA_OPTION_REAL, "far", 0, "MM", "farthest distance", NULL, AT(far_mm)},
-    {HADA_OPTION_CHOICE, "boundary", 0, "circular|padded", "light beyond the sensor comes back in, or is lost",
-     "circular is the simplest model; padded is what a real sensor does. 'fit' reads the choice from camera.json.",
-     AT(boundary)},
     {HADA_OPTION_REAL, "noise", 0, "SIGMA", "noise, as a share of a frame's maximum (default: 0.01)", NULL, AT(noise)},
-    {HADA_OPTION_SEED, "seed", 0, "N", "seed of lens places, scenes and noise; the same seed gives the same files",
-     NULL, AT(seed)},
     {0},
 };
 
@@ -66,43 +45,10 @@ static void defaults(void *user)
 {
     settings *set = user;
     set->scenes = "procedural";
-    set->preset = "sim512";
+    hada_cli_camera_defaults(&set->camera);
     set->pairs = 8;
     set->test_depths = 2;
-    set->depths = set->lenses = -1;
-    set->near_mm = set->far_mm = -1;
     set->noise = 0.01;
-    set->seed = UINT64_MAX;
-}
-
-static hada_status make_camera(hada_camera *camera, const settings *set, hada_error *err)
-{
-    hada_status status = hada_camera_preset(camera, set->preset, err);
-    if (!status && set->size[0])
-        status = hada_camera_resize(camera, set->size[0], set->size[1], set->window[0], set->window[1], err);
-    if (status)
-        return status;
-    if (set->window[0]) {
-        camera->window_rows = set->window[0];
-        camera->window_cols = set->window[1];
-    }
-    if (set->channels)
-        camera->channels = set->channels;
-    if (set->lenses >= 0)
-        camera->lenses = set->lenses;
-    if (set->seed != UINT64_MAX)
-        camera->seed = set->seed;
-    if (set->boundary)
-        camera->boundary = set->boundary == 1 ? HADA_BOUNDARY_CIRCULAR : HADA_BOUNDARY_PADDED;
-    if (set->depths >= 0 || set->near_mm >= 0 || set->far_mm >= 0) {
-        double near_mm = set->near_mm >= 0 ? set->near_mm : camera->distances_mm[0];
-        double far_mm = set->far_mm >= 0 ? set->far_mm : camera->distances_mm[camera->depths - 1];
-        int depths = set->depths >= 0 ? set->depths : camera->depths;
-        status = hada_camera_set_depths(camera, near_mm, far_mm, depths, err);
-    }
-    status = status ? status : hada_camera_check(camera, err);
-    /* Sizes that do not fit are the command line's here, not a file's. */
-    return status == HADA_ERROR_SIZE ? (err->status = HADA_ERROR_ARGUMENT) : status;
 }
 
 /* Opens the scenes and divides them between pairs and tests. */
@@ -210,13 +156,11 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
                               arguments[0]);
     if (!set->output)
         return hada_cli_usage(cli, "say where the data set shall be written, with -o DATASET");
-    if (set->channels == 2)
-        return hada_cli_usage(cli, "--channels takes 1 or 3");
     if (!set->pairs || !set->test_depths)
         return hada_cli_usage(cli, "--%s must be at least 1", set->pairs ? "test-depths" : "pairs");
     if (set->noise < 0)
         return hada_cli_usage(cli, "--noise must not be negative");
-    if (make_camera(&camera, set, &err) || write_whole(cli, set, &camera, &recipe, &err))
+    if (hada_cli_make_camera(&camera, &set->camera, &err) || write_whole(cli, set, &camera, &recipe, &err))
         return hada_cli_fail(cli, &err);
     hada_cli_say(cli,
                  "%s: %d %s from %g to %g mm, %d pairs each, %dx%d %s frames, window %dx%d, %d lenses, noise %g "
@@ -260,4 +204,5 @@ const hada_cli_command hada_cli_simulate = {
     .defaults = defaults,
     .run = run,
     .uses_device = 1,
+    .designs_camera = 1,
 };

@@ -44,10 +44,12 @@ typedef struct hada_cli_command {
     size_t settings_size;
     void (*defaults)(void *settings);
     int (*run)(hada_cli *cli, void *settings, int count, const char **arguments);
-    int uses_device; /* has --device and --binaries */
+    int uses_device;    /* has --device and --binaries */
+    int designs_camera; /* has the options of camera_options.h */
 } hada_cli_command;
 
 /* Tables that are appended to those of the commands. */
+extern const hada_cli_option hada_cli_camera_options[];
 extern const hada_cli_option hada_cli_device_options[];
 extern const hada_cli_option hada_cli_common_options[];
 

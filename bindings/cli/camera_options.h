@@ -1,0 +1,26 @@
+/* The options that describe a camera, shared by the commands that design one. */
+#ifndef HADA_CLI_CAMERA_OPTIONS_H
+#define HADA_CLI_CAMERA_OPTIONS_H
+
+#include "option.h"
+
+#include <hadalens/camera.h>
+
+/* The settings of a command with `designs_camera` begin with this. */
+typedef struct hada_cli_camera_settings {
+    hada_cli_common common;
+    const char *preset;
+    int mask, boundary, channels;
+    int size[2], window[2];
+    int depths, lenses;
+    double near_mm, far_mm;
+    uint64_t seed;
+} hada_cli_camera_settings;
+
+/* What the members hold when no option is given. */
+void hada_cli_camera_defaults(hada_cli_camera_settings *set);
+
+/* The camera that the options describe, checked. */
+hada_status hada_cli_make_camera(hada_camera *camera, const hada_cli_camera_settings *set, hada_error *err);
+
+#endif

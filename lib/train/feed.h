@@ -1,25 +1,44 @@
 /* Pairs for training in a fixed order, changed on their way, ready ahead of time. Internal.
  *
  * Which pair stands at which place, and how it is changed, are pure functions of the seed and the place: resuming needs
- * nothing but the number of pairs that were taken. */
+ * nothing but the number of places that were passed. */
 #ifndef HADA_TRAIN_FEED_H
 #define HADA_TRAIN_FEED_H
 
 #include <hadalens/train.h>
 
+/* Pairs of all depths. */
+uint64_t hada_pairs_total(const hada_pairs *pairs);
+
+/* The depth and the number within it of the pair that is the `index`-th over all depths, near to far. */
+void hada_pairs_find(const hada_pairs *pairs, uint64_t index, int *depth, int *pair);
+
+/* Reads and checks a pair, and cuts the centre out of a scene that has the raw frame's size. Errors name the pair. */
+hada_status hada_pairs_read(const hada_pairs *pairs, const hada_model_info *info, int depth, int pair, hada_image *raw,
+                            hada_image *scene, hada_error *err);
+
 /* The pair at a place of the endless list: all pairs of all depths once, shuffled by (seed, round), then all of them
- * again in another order. */
+ * again in another order. At least one pair is needed. */
 void hada_order_pair(const hada_pairs *pairs, uint64_t seed, uint64_t place, int *depth, int *pair);
 
-/* Changes a pair by (seed, place) as the options say; window sizes as in a model. */
-hada_status hada_augment_pair(const hada_augment *augment, uint64_t seed, uint64_t place, hada_image *raw,
+/* Changes a pair by (seed, place): shift, flips, exposure, noise, in this order. `dark` is the level of the raw frame
+ * that is no light, and not scaled (hada_model_info; negative counts as 0). */
+hada_status hada_augment_pair(const hada_augment *augment, double dark, uint64_t seed, uint64_t place, hada_image *raw,
                               hada_image *scene, hada_error *err);
+
+/* plane_flips: flips a reconstructed plane and its scene together. */
+void hada_augment_plane(const hada_augment *augment, uint64_t seed, uint64_t place, hada_image *plane,
+                        hada_image *scene);
+
+/* Whether options make sense for a camera; the message says what to change. */
+hada_status hada_augment_check(const hada_augment *augment, const hada_model_info *info, hada_error *err);
 
 /* A ring that a thread of its own fills in order. */
 typedef struct hada_feed hada_feed;
 typedef struct hada_fed {
+    uint64_t place;
     int depth, pair;
-    hada_image raw, scene; /* owned by the feed until the next call */
+    hada_image raw, scene; /* owned by the feed until the next call; empty where `known` said so */
 } hada_fed;
 
 typedef struct hada_feed_desc {
@@ -27,12 +46,17 @@ typedef struct hada_feed_desc {
     const hada_model_info *info;
     hada_augment augment;
     uint64_t seed, first; /* place to begin at */
-    int ahead;            /* pairs kept ready */
+    int ahead;            /* pairs kept in memory, with those handed out */
+    /* Whether the caller keeps what it makes of a pair, which then isn't read again; asked from the feed's thread.
+     * NULL: every pair is read. */
+    int (*known)(void *user, int depth, int pair);
+    void *user;
 } hada_feed_desc;
 hada_status hada_feed_create(hada_feed **out, const hada_feed_desc *desc, hada_error *err);
 void hada_feed_destroy(hada_feed **feed);
 
-/* The next `count` pairs, in order; an error of reading a pair is given here and names it. */
-hada_status hada_feed_take(hada_feed *feed, int count, hada_fed *out, hada_error *err);
+/* The next `count` pairs (at most `ahead`), in order: pointers in `out`, good until the next call. An error of reading
+ * a pair is given when its turn comes, and again ever after. */
+hada_status hada_feed_take(hada_feed *feed, int count, hada_fed **out, hada_error *err);
 
 #endif

@@ -143,6 +143,15 @@ static hada_status squares(hada_slot *slot, const hada_gradient_part *parts, int
     return status;
 }
 
+hada_status hada_scale_gradient(hada_slot *slot, const hada_gradient_part *part, hada_floats norm, hada_error *err)
+{
+    const cl_ulong offset = part->values.offset, at_norm = norm.offset;
+    const cl_uint count = (cl_uint)part->count;
+    const hada_arg args[] = {HADA_ARG(part->values.mem), HADA_ARG(offset), HADA_ARG(count), HADA_ARG(norm.mem),
+                             HADA_ARG(at_norm)};
+    return launch(slot, "net_optimizer_scale", count, args, HADA_COUNT(args), err);
+}
+
 hada_status hada_clip_gradients(hada_slot *slot, const hada_gradient_part *parts, int part_count, float max_norm,
                                 hada_floats norm, cl_mem scratch, hada_error *err)
 {
@@ -166,12 +175,7 @@ hada_status hada_clip_gradients(hada_slot *slot, const hada_gradient_part *parts
         status = hada_slot_kernel(slot, "net_optimizer", "net_optimizer_norm", "", &kernel, err);
     if (!status)
         status = hada_slot_launch(slot, kernel, "net_optimizer_norm", 2, one, one, ends, HADA_COUNT(ends), err);
-    for (int i = 0; !status && max_norm > 0.0f && i < part_count; i++) {
-        const cl_ulong offset = parts[i].values.offset;
-        const cl_uint count = (cl_uint)parts[i].count;
-        const hada_arg args[] = {HADA_ARG(parts[i].values.mem), HADA_ARG(offset), HADA_ARG(count), HADA_ARG(norm.mem),
-                                 HADA_ARG(at_norm)};
-        status = launch(slot, "net_optimizer_scale", count, args, HADA_COUNT(args), err);
-    }
+    for (int i = 0; !status && max_norm > 0.0f && i < part_count; i++)
+        status = hada_scale_gradient(slot, &parts[i], norm, err);
     return status;
 }

@@ -60,6 +60,9 @@ size_t hada_clip_scratch(const hada_gradient_part *parts, int part_count);
 hada_status hada_clip_gradients(hada_slot *slot, const hada_gradient_part *parts, int part_count, float max_norm,
                                 hada_floats norm, cl_mem scratch, hada_error *err);
 
+/* Scales a gradient by the factor norm[1]. */
+hada_status hada_scale_gradient(hada_slot *slot, const hada_gradient_part *part, hada_floats norm, hada_error *err);
+
 /* Learning rates: the rate of a step, counted from 0, by a pure function on the host.
  *   CONSTANT  rate
  *   STEP      rate * factor^(step / period)

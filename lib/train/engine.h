@@ -30,13 +30,18 @@ typedef struct hada_sample {
     const hada_image *input, *scene; /* scene: the window */
 } hada_sample;
 
-/* Sums over the samples of weighted terms; 0 where a term is off. */
+/* Terms of a loss: each is its mean over the samples of a call, times its weight of the options, times `weight` and the
+ * number of samples, so that those of the calls of a step add up to the step's mean. 0 where a term is off. `critic` is
+ * the discriminator's own loss: cross-entropy of real images (label 1) plus that of the net's (label 0); 2 ln 2 where
+ * it cannot tell them apart. */
 typedef struct hada_terms {
     double mse, perceptual, adversarial, variation, critic;
 } hada_terms;
 
-/* `net`, `critic` and `vgg` may be NULL where the stage has none; copied values, lists must live as long. `model`: for
- * FILTERS and JOINT the start of the filters (random where the options say so). */
+/* `net`, `critic` and `vgg` may be NULL where the stage has none; copied values, lists must live as long. `model` gives
+ * the sizes, and for FILTERS and JOINT the start of the filters; with `random_start` those of FILTERS start from normal
+ * numbers (real and imaginary parts, deviation 0.05: planes of about a twentieth of the frames' contrast), symmetric as
+ * those of a real kernel. It may go once the engine is made. */
 typedef struct hada_engine_desc {
     const hada_model *model;
     const hada_train_options *options;
@@ -51,14 +56,20 @@ void hada_engine_destroy(hada_engine **engine);
 
 /* Groups that this stage trains: the net's and the critic's counts may be 0. */
 int hada_engine_groups(const hada_engine *engine);
+/* VALUES of a net are its parameters with the running statistics of batch norms behind them. */
 size_t hada_engine_count(const hada_engine *engine, int group, hada_content content); /* floats */
 
 /* Clears the gradients of all groups (enqueued). */
 hada_status hada_engine_clear(hada_engine *engine, hada_error *err);
 
 /* Forward and backward of up to at_once samples. `weight`: of each sample in the step's mean (1 / batch). `step` names
- * the random numbers of dropout; critic_only: only the critic's gradients are wanted. Terms are known when it returns.
- * `touched` (per depth, may be NULL) is set to 1 where a depth's filters have a gradient. */
+ * the random numbers of dropout, for the call (images are counted from its first); critic_only: only the critic's
+ * gradients are wanted. Terms are known when it returns. `touched` (per depth, may be NULL) is set to 1 where a depth's
+ * filters have a gradient.
+ *
+ * Gradients add up sample by sample in order, the same bits at every run. Batch norms take the statistics of the
+ * samples of a call, so nets that have them depend on at_once; a call with fewer than at_once samples takes as long as
+ * a full one (the samples are repeated to fill up, for the statistics alone). */
 hada_status hada_engine_backward(hada_engine *engine, const hada_sample *samples, int count, double weight,
                                  uint64_t step, int critic_only, hada_terms *terms, unsigned char *touched,
                                  hada_error *err);
@@ -67,7 +78,9 @@ hada_status hada_engine_backward(hada_engine *engine, const hada_sample *samples
 hada_status hada_engine_norm(hada_engine *engine, const unsigned char *touched, double *norm, double *critic_norm,
                              hada_error *err);
 
-/* One update of a group from its gradient, times `scale` (clipping); step counts from 1. */
+/* One update of a group from its gradient, which is multiplied by `scale` before (clipping); step counts from 1. The
+ * rule's eps is negligible for filters, whose gradients are far smaller than those of nets, and filters know no weight
+ * decay. */
 hada_status hada_engine_update(hada_engine *engine, int group, uint64_t step, double rate, double scale,
                                hada_error *err);
 
@@ -77,8 +90,10 @@ hada_status hada_engine_read(hada_engine *engine, int group, hada_content conten
 hada_status hada_engine_write(hada_engine *engine, int group, hada_content content, const float *values,
                               hada_error *err);
 
-/* Forward alone, as reconstruction does it: batch norms with their running statistics, no dropout. `before` (FILTERS,
- * JOINT: the linear plane; else the input; may be NULL) and `after` are created by the call at the window's size. */
+/* Forward alone, as reconstruction does it: batch norms with their running statistics, no dropout, and what is below
+ * zero becomes zero (training looks at what the net and, in FILTERS, the filters give without that). `before` (FILTERS,
+ * JOINT: the linear plane; else the input; may be NULL) and `after` are created by the call at the window's size where
+ * they are empty; FILTERS has the same in both. */
 hada_status hada_engine_forward(hada_engine *engine, const hada_sample *sample, hada_image *before, hada_image *after,
                                 hada_error *err);
 

@@ -1,0 +1,246 @@
+/* Groups of parameters: first values, norms, updates, ways to and from the host. */
+#include <stdlib.h>
+
+#include "core/alloc.h"
+#include "filter/layout.h"
+#include "train/engine_parts.h"
+
+static hada_status make(hada_engine *engine, hada_buffer *buffer, size_t floats, hada_error *err)
+{
+    hada_status status =
+        hada_buffer_create(buffer, engine->slot->context, floats * sizeof(float), "the parameters", err);
+    return status ? status : hada_buffer_clear(buffer, engine->slot, 0, floats * sizeof(float), err);
+}
+
+static hada_status first_values(hada_engine *engine, const hada_engine_desc *desc, int group, hada_error *err)
+{
+    engine_group *it = &engine->groups[group];
+    const size_t bytes = it->floats * sizeof(float);
+    const hada_net *net = group == HADA_GROUP_NET ? engine->net : engine->critic;
+    float *values;
+    if (group < HADA_GROUP_FILTERS)
+        return hada_buffer_write(&it->values, engine->slot, 0, net->values, bytes, err);
+    hada_status status = hada_alloc((void **)&values, it->floats, sizeof *values, "a depth's filters", err);
+    if (!status)
+        status = hada_engine_first_filters(engine, desc, group - HADA_GROUP_FILTERS, values, err);
+    if (!status)
+        status = hada_buffer_write(&it->values, engine->slot, 0, values, bytes, err);
+    free(values);
+    return status;
+}
+
+hada_status hada_engine_groups_make(hada_engine *engine, const hada_engine_desc *desc, hada_error *err)
+{
+    const engine_shape *shape = &engine->shape;
+    hada_status status =
+        hada_alloc((void **)&engine->groups, (size_t)shape->groups, sizeof *engine->groups, "the parameters", err);
+    for (int group = 0; !status && group < shape->groups; group++) {
+        engine_group *it = &engine->groups[group];
+        it->rule = hada_engine_rule(&engine->options, group);
+        hada_engine_group_sizes(shape, desc, group, &it->floats, &it->trained);
+        if (!it->trained)
+            continue;
+        status = make(engine, &it->values, it->floats, err);
+        if (!status)
+            status = make(engine, &it->gradient, it->trained, err);
+        if (!status)
+            status = make(engine, &it->state, hada_optimizer_state_floats(&it->rule, it->trained), err);
+        if (!status)
+            status = first_values(engine, desc, group, err);
+    }
+    return status;
+}
+
+void hada_engine_groups_free(hada_engine *engine)
+{
+    for (int group = 0; engine->groups && group < engine->shape.groups; group++) {
+        hada_buffer_destroy(&engine->groups[group].values);
+        hada_buffer_destroy(&engine->groups[group].gradient);
+        hada_buffer_destroy(&engine->groups[group].state);
+    }
+    free(engine->groups);
+}
+
+int hada_engine_groups(const hada_engine *engine)
+{
+    return engine->shape.groups;
+}
+
+static int has_group(const hada_engine *engine, int group)
+{
+    return group >= 0 && group < engine->shape.groups && engine->groups[group].trained;
+}
+
+static hada_status no_group(int group, hada_error *err)
+{
+    return hada_fail(err, HADA_ERROR_ARGUMENT, "training: there is no group %d of parameters", group);
+}
+
+static hada_buffer *content_of(const hada_engine *engine, int group, hada_content content)
+{
+    engine_group *it = &engine->groups[group];
+    return content == HADA_CONTENT_VALUES ? &it->values : content == HADA_CONTENT_GRADIENT ? &it->gradient : &it->state;
+}
+
+/* Complex numbers of a channel's filter in model order. */
+static size_t row_major(const hada_engine *engine)
+{
+    const hada_spectrum_layout *layout = &engine->shape.layout;
+    return (size_t)layout->rows * (size_t)(layout->cols / 2 + 1);
+}
+
+size_t hada_engine_count(const hada_engine *engine, int group, hada_content content)
+{
+    if (!has_group(engine, group))
+        return 0;
+    const size_t floats = content_of(engine, group, content)->bytes / sizeof(float);
+    return group < HADA_GROUP_FILTERS ? floats : floats / engine->shape.layout.count * row_major(engine);
+}
+
+hada_status hada_engine_clear(hada_engine *engine, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    for (int group = 0; !status && group < engine->shape.groups; group++) {
+        hada_buffer *gradient = &engine->groups[group].gradient;
+        if (gradient->mem)
+            status = hada_buffer_clear(gradient, engine->slot, 0, gradient->bytes, err);
+    }
+    return status;
+}
+
+/* The norm over `count` parts into ENGINE_TERMS; without any it is 0. */
+static hada_status norm_of(hada_engine *engine, const hada_gradient_part *parts, int count, size_t at, hada_error *err)
+{
+    const hada_floats norm = {engine->buffers[ENGINE_TERMS].mem, ENGINE_NORM + at};
+    if (count)
+        return hada_clip_gradients(engine->slot, parts, count, 0.0f, norm, engine->buffers[ENGINE_SUMS].mem, err);
+    return hada_buffer_clear(&engine->buffers[ENGINE_TERMS], engine->slot, norm.offset * sizeof(float),
+                             2 * sizeof(float), err);
+}
+
+hada_status hada_engine_norm(hada_engine *engine, const unsigned char *touched, double *norm, double *critic_norm,
+                             hada_error *err)
+{
+    float values[4] = {0.0f};
+    hada_gradient_part *parts;
+    int count = 0, critic = 0;
+    hada_slot_stage(engine->slot, "update");
+    hada_status status =
+        hada_alloc((void **)&parts, (size_t)engine->shape.groups + 1, sizeof *parts, "the norm of gradients", err);
+    for (int group = 0; !status && group < engine->shape.groups; group++) {
+        const engine_group *it = &engine->groups[group];
+        if (group == HADA_GROUP_CRITIC || !it->trained ||
+            (group >= HADA_GROUP_FILTERS && touched && !touched[group - HADA_GROUP_FILTERS]))
+            continue;
+        parts[count++] = (hada_gradient_part){{it->gradient.mem, 0}, it->trained};
+    }
+    if (!status)
+        status = norm_of(engine, parts, count, 0, err);
+    if (!status && engine->groups[HADA_GROUP_CRITIC].trained) {
+        const engine_group *it = &engine->groups[HADA_GROUP_CRITIC];
+        parts[critic++] = (hada_gradient_part){{it->gradient.mem, 0}, it->trained};
+    }
+    if (!status)
+        status = norm_of(engine, parts, critic, 2, err);
+    if (!status)
+        status = hada_buffer_read(&engine->buffers[ENGINE_TERMS], engine->slot, ENGINE_NORM * sizeof(float), values,
+                                  sizeof values, err);
+    *norm = values[0];
+    *critic_norm = values[2];
+    free(parts);
+    return status;
+}
+
+static void changed(hada_engine *engine, int group)
+{
+    if (group == HADA_GROUP_NET)
+        engine->new_train = engine->new_look = 1;
+    else if (group == HADA_GROUP_CRITIC)
+        engine->new_judge = 1;
+}
+
+/* Multiplies a gradient. */
+static hada_status scale_gradient(hada_engine *engine, const engine_group *it, float factor, hada_error *err)
+{
+    const hada_floats norm = {engine->buffers[ENGINE_TERMS].mem, ENGINE_NORM};
+    const hada_gradient_part part = {{it->gradient.mem, 0}, it->trained};
+    const cl_int code =
+        clEnqueueFillBuffer(engine->slot->queue, norm.mem, &factor, sizeof factor, (ENGINE_NORM + 1) * sizeof factor,
+                            sizeof factor, 0, NULL, hada_slot_event(engine->slot));
+    if (code != CL_SUCCESS)
+        return hada_fail_cl(err, code, "clEnqueueFillBuffer");
+    hada_slot_moved(engine->slot, "fill", sizeof factor);
+    return hada_scale_gradient(engine->slot, &part, norm, err);
+}
+
+hada_status hada_engine_update(hada_engine *engine, int group, uint64_t step, double rate, double scale,
+                               hada_error *err)
+{
+    hada_status status = HADA_OK;
+    if (!has_group(engine, group))
+        return no_group(group, err);
+    const engine_group *it = &engine->groups[group];
+    hada_slot_stage(engine->slot, "update");
+    if (scale != 1.0)
+        status = scale_gradient(engine, it, (float)scale, err);
+    changed(engine, group);
+    return status ? status
+                  : hada_optimizer_step(engine->slot, &it->rule, step, rate, (hada_floats){it->gradient.mem, 0},
+                                        (hada_floats){it->values.mem, 0}, (hada_floats){it->state.mem, 0}, it->trained,
+                                        err);
+}
+
+/* Floats of a buffer of filters to and from the model's order, channel by channel. */
+static size_t images_of(const hada_engine *engine, const hada_buffer *buffer)
+{
+    return buffer->bytes / (2 * sizeof(float) * engine->shape.layout.count);
+}
+
+static hada_status write_filters(hada_engine *engine, hada_buffer *buffer, const float *values, hada_error *err)
+{
+    const hada_spectrum_layout *layout = &engine->shape.layout;
+    float *device;
+    hada_status status = hada_alloc_raw((void **)&device, 1, buffer->bytes, "a depth's filters", err);
+    if (status)
+        return status;
+    for (size_t i = 0; i < images_of(engine, buffer); i++)
+        hada_layout_pack(layout, values + 2 * i * row_major(engine), device + 2 * i * layout->count);
+    status = hada_buffer_write(buffer, engine->slot, 0, device, buffer->bytes, err);
+    free(device);
+    return status;
+}
+
+static hada_status read_filters(hada_engine *engine, const hada_buffer *buffer, float *out, hada_error *err)
+{
+    const hada_spectrum_layout *layout = &engine->shape.layout;
+    float *device;
+    hada_status status = hada_alloc_raw((void **)&device, 1, buffer->bytes, "a depth's filters", err);
+    if (status)
+        return status;
+    status = hada_buffer_read(buffer, engine->slot, 0, device, buffer->bytes, err);
+    for (size_t i = 0; !status && i < images_of(engine, buffer); i++)
+        hada_layout_unpack(layout, device + 2 * i * layout->count, out + 2 * i * row_major(engine));
+    free(device);
+    return status;
+}
+
+hada_status hada_engine_read(hada_engine *engine, int group, hada_content content, float *out, hada_error *err)
+{
+    if (!has_group(engine, group))
+        return no_group(group, err);
+    const hada_buffer *buffer = content_of(engine, group, content);
+    return group < HADA_GROUP_FILTERS ? hada_buffer_read(buffer, engine->slot, 0, out, buffer->bytes, err)
+                                      : read_filters(engine, buffer, out, err);
+}
+
+hada_status hada_engine_write(hada_engine *engine, int group, hada_content content, const float *values,
+                              hada_error *err)
+{
+    if (!has_group(engine, group))
+        return no_group(group, err);
+    hada_buffer *buffer = content_of(engine, group, content);
+    if (content == HADA_CONTENT_VALUES)
+        changed(engine, group);
+    return group < HADA_GROUP_FILTERS ? hada_buffer_write(buffer, engine->slot, 0, values, buffer->bytes, err)
+                                      : write_filters(engine, buffer, values, err);
+}

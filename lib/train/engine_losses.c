@@ -1,0 +1,204 @@
+/* The losses of a net's output, with their gradients: of the output, and of the critic.
+ *
+ * Graphs run on at_once images; the terms look at the first `count` of them, and the others' gradients are zero. */
+#include "train/engine_parts.h"
+
+/* A call in hand. */
+typedef struct judged {
+    hada_engine *engine;
+    int count;
+    double weight; /* of a mean over the count */
+    hada_tensor x, target, dx;
+} judged;
+
+static hada_floats term(const judged *j, int which)
+{
+    return (hada_floats){j->engine->buffers[ENGINE_TERMS].mem, (size_t)which};
+}
+
+/* The first `count` of at_once images. */
+static hada_tensor first_images(const judged *j, const hada_tensor *tensor)
+{
+    return hada_tensor_images(tensor, 0, tensor->images / j->engine->shape.at_once * j->count);
+}
+
+/* Zero into the gradients of the other images; `finite` is any tensor of that shape. */
+static hada_status clear_rest(const judged *j, const hada_tensor *finite, const hada_tensor *gradient, hada_error *err)
+{
+    const int done = gradient->images / j->engine->shape.at_once * j->count, rest = gradient->images - done;
+    if (!rest)
+        return HADA_OK;
+    const hada_tensor from = hada_tensor_images(finite, done, rest), to = hada_tensor_images(gradient, done, rest);
+    return hada_blend(j->engine->slot, 0.0f, &from, 0.0f, &to, err);
+}
+
+static hada_status squared_error(const judged *j, hada_error *err)
+{
+    hada_engine *engine = j->engine;
+    const hada_loss_desc loss = {.loss = HADA_LOSS_MSE, .weight = (float)(engine->options.mse * j->weight)};
+    const hada_planar scenes = hada_engine_plain(&engine->target, engine->buffers[ENGINE_SCENES].mem, 0);
+    hada_status status = hada_tensor_load(engine->slot, &scenes, &engine->target, err);
+    if (!status)
+        status = hada_loss_run(engine->slot, &loss, &j->x, &j->target, term(j, ENGINE_MSE), &j->dx, 0,
+                               engine->buffers[ENGINE_SUMS].mem, err);
+    return status ? status : clear_rest(j, &engine->target, hada_engine_output_gradient(engine), err);
+}
+
+static hada_status variation(const judged *j, hada_error *err)
+{
+    hada_engine *engine = j->engine;
+    /* the mean is over images, and colours are images to the loss */
+    const hada_loss_desc loss = {.loss = engine->options.variation_squared ? HADA_LOSS_TV_SQUARED : HADA_LOSS_TV,
+                                 .weight = (float)(engine->options.variation * j->weight * engine->net->colours)};
+    if (engine->options.variation <= 0.0)
+        return HADA_OK;
+    return hada_loss_run(engine->slot, &loss, &j->x, NULL, term(j, ENGINE_VARIATION), &j->dx, 1,
+                         engine->buffers[ENGINE_SUMS].mem, err);
+}
+
+/* Plain images of the window to the input of VGG (repeated: one channel for all three) or of the critic. */
+static hada_status show(const judged *j, hada_graph *graph, int repeated, cl_mem mem, hada_error *err)
+{
+    const size_t plane = j->engine->shape.plane, pixels = j->engine->shape.pixels;
+    const hada_planar images = {.mem = mem,
+                                .image_stride = plane,
+                                .channel_stride = repeated ? 0 : pixels,
+                                .row_stride = (size_t)j->engine->shape.cols};
+    return hada_graph_load(graph, &images, err);
+}
+
+/* Adds the gradient that a graph has of its input to that of the output. */
+static hada_status take_share(const judged *j, hada_graph *graph, int channels, hada_error *err)
+{
+    hada_engine *engine = j->engine;
+    const size_t pixels = engine->shape.pixels;
+    const cl_mem flat = engine->buffers[ENGINE_FLAT].mem;
+    const hada_planar all = {.mem = flat,
+                             .image_stride = (size_t)channels * pixels,
+                             .channel_stride = pixels,
+                             .row_stride = (size_t)engine->shape.cols};
+    hada_status status = hada_graph_store_gradient(graph, &all, err);
+    /* a channel that was repeated has as many gradients */
+    const int repeats = channels / engine->shape.channels;
+    for (int i = 0; !status && i < repeats; i++) {
+        hada_planar part = hada_engine_plain(&engine->share, flat, (size_t)i * pixels);
+        part.image_stride *= (size_t)repeats;
+        status = hada_tensor_load(engine->slot, &part, &engine->share, err);
+        if (!status)
+            status = hada_blend(engine->slot, 1.0f, &engine->share, 1.0f, hada_engine_output_gradient(engine), err);
+    }
+    return status;
+}
+
+/* The output as plain floats in ENGINE_FLAT. */
+static hada_status store_output(const judged *j, hada_error *err)
+{
+    const hada_tensor *y = hada_engine_output(j->engine);
+    const hada_planar flat = hada_engine_plain(y, j->engine->buffers[ENGINE_FLAT].mem, 0);
+    return hada_tensor_store(j->engine->slot, y, &flat, err);
+}
+
+/* MSE between what VGG-16 makes of the output and of the scene. */
+static hada_status perceptual(const judged *j, hada_error *err)
+{
+    hada_engine *engine = j->engine;
+    hada_graph *see = engine->see;
+    const int repeated = engine->shape.channels == 1;
+    const hada_tensor *y = hada_graph_output(see), *dy = hada_graph_output_gradient(see);
+    const hada_tensor x = first_images(j, y), target = first_images(j, &engine->features), dx = first_images(j, dy);
+    const hada_loss_desc loss = {.loss = HADA_LOSS_MSE, .weight = (float)(engine->options.perceptual * j->weight)};
+    hada_slot_stage(engine->slot, "perceptual");
+    hada_status status = show(j, see, repeated, engine->buffers[ENGINE_SCENES].mem, err);
+    if (!status)
+        status = hada_graph_forward(see, err);
+    if (!status)
+        status = hada_blend(engine->slot, 1.0f, y, 0.0f, &engine->features, err);
+    if (!status)
+        status = store_output(j, err);
+    if (!status)
+        status = show(j, see, repeated, engine->buffers[ENGINE_FLAT].mem, err);
+    if (!status)
+        status = hada_graph_forward(see, err);
+    if (!status)
+        status = hada_loss_run(engine->slot, &loss, &x, &target, term(j, ENGINE_PERCEPTUAL), &dx, 0,
+                               engine->buffers[ENGINE_SUMS].mem, err);
+    if (!status)
+        status = clear_rest(j, &engine->features, dy, err);
+    if (!status)
+        status = hada_graph_backward(see, (hada_floats){0}, 0, err);
+    return status ? status : take_share(j, see, 3, err);
+}
+
+/* The critic on the images of `mem`, as far as the gradient of its logits. */
+static hada_status judge(const judged *j, cl_mem mem, float label, double weight, int which, hada_error *err)
+{
+    hada_engine *engine = j->engine;
+    const size_t at_once = (size_t)engine->shape.at_once;
+    const hada_floats logits = {engine->buffers[ENGINE_LOGITS].mem, 0}, gradient = {logits.mem, at_once};
+    const hada_planar plain = {.mem = logits.mem, .image_stride = 1, .channel_stride = 1, .row_stride = 1};
+    hada_planar fall = plain;
+    fall.offset = at_once;
+    hada_status status = show(j, engine->judge, 0, mem, err);
+    if (!status)
+        status = hada_graph_forward(engine->judge, err);
+    if (!status)
+        status = hada_graph_store(engine->judge, &plain, err);
+    if (!status && j->count < engine->shape.at_once)
+        status = hada_buffer_clear(&engine->buffers[ENGINE_LOGITS], engine->slot, at_once * sizeof(float),
+                                   at_once * sizeof(float), err);
+    if (!status)
+        status = hada_loss_logits(engine->slot, (float)weight, label, logits, (size_t)j->count, term(j, which),
+                                  &gradient, 0, err);
+    return status ? status : hada_graph_load_gradient(engine->judge, &fall, err);
+}
+
+static hada_status adversarial(const judged *j, uint64_t step, int critic_only, hada_error *err)
+{
+    hada_engine *engine = j->engine;
+    const engine_group *group = &engine->groups[HADA_GROUP_CRITIC];
+    const hada_floats gradient = {group->gradient.mem, 0}, none = {0};
+    const cl_mem flat = engine->buffers[ENGINE_FLAT].mem, scenes = engine->buffers[ENGINE_SCENES].mem;
+    hada_status status = HADA_OK;
+    hada_slot_stage(engine->slot, "critic");
+    if (engine->new_judge)
+        status = hada_graph_set_weights(engine->judge, (hada_floats){group->values.mem, 0}, err);
+    if (!status)
+        engine->new_judge = 0;
+    hada_graph_set_step(engine->judge, engine->options.seed + 1, step);
+    if (!status)
+        status = judge(j, scenes, 1.0f, j->weight, ENGINE_REAL, err);
+    if (!status)
+        status = hada_graph_backward(engine->judge, gradient, 1, err);
+    if (!status)
+        status = store_output(j, err);
+    if (!status)
+        status = judge(j, flat, 0.0f, j->weight, ENGINE_FAKE, err);
+    if (!status)
+        status = hada_graph_backward(engine->judge, gradient, 1, err);
+    if (status || critic_only || engine->options.adversarial <= 0.0)
+        return status;
+    /* backward overwrites what it passes, so the net's images are looked at again for its own loss */
+    status = judge(j, flat, 1.0f, engine->options.adversarial * j->weight, ENGINE_ADVERSARIAL, err);
+    if (!status)
+        status = hada_graph_backward(engine->judge, none, 0, err);
+    return status ? status : take_share(j, engine->judge, engine->shape.channels, err);
+}
+
+hada_status hada_engine_losses(hada_engine *engine, int count, double weight, uint64_t step, int critic_only,
+                               hada_error *err)
+{
+    judged j = {.engine = engine, .count = count, .weight = weight * count};
+    j.x = first_images(&j, hada_engine_output(engine));
+    j.target = first_images(&j, &engine->target);
+    j.dx = first_images(&j, hada_engine_output_gradient(engine));
+    hada_status status = HADA_OK;
+    hada_slot_stage(engine->slot, "losses");
+    if (!critic_only) {
+        status = squared_error(&j, err);
+        if (!status)
+            status = variation(&j, err);
+        if (!status && engine->shape.vgg)
+            status = perceptual(&j, err);
+    }
+    return status || !engine->shape.critic ? status : adversarial(&j, step, critic_only, err);
+}

@@ -1,6 +1,9 @@
 #include "camera_options.h"
 
 #include <stddef.h>
+#include <stdio.h>
+
+#define MASKS "mla|grid|diffuser|contour|aperture" /* in the order of hada_mask */
 
 #define AT(member) offsetof(hada_cli_camera_settings, member)
 const hada_cli_option hada_cli_camera_options[] = {
@@ -9,8 +12,7 @@ const hada_cli_option hada_cli_camera_options[] = {
      "sim300: 300x400, 4 depths; sim512: 512x512, 14 depths; paper2022: 1376x2064, 14 depths. All see colour and 100 "
      "to 600 mm.",
      AT(preset)},
-    {HADA_OPTION_CHOICE, "mask", 0, "mla", "kind of mask: mla, microlenses at random places (default)", NULL, AT(mask)},
-    {HADA_OPTION_COUNT, "lenses", 0, "N", "number of lenses", NULL, AT(lenses)},
+    {HADA_OPTION_TEXT, "camera", 0, "FILE", "camera.json to begin with, instead of a preset", NULL, AT(file)},
     {HADA_OPTION_SIZE, "size", 0, "HxW", "pixels of the sensor, rows first",
      "The sensor keeps its length in millimetres, so the pixels change.", AT(size)},
     {HADA_OPTION_SIZE, "window", 0, "HxW", "field of view: pixels of the scene", NULL, AT(window)},
@@ -21,23 +23,74 @@ const hada_cli_option hada_cli_camera_options[] = {
     {HADA_OPTION_CHOICE, "boundary", 0, "circular|padded", "light beyond the sensor comes back in, or is lost",
      "circular is the simplest model; padded is what a real sensor does. 'fit' reads the choice from camera.json.",
      AT(boundary)},
+    {HADA_OPTION_CHOICE, "optics", 0, "geometry|wave", "how the camera's response to a point is made",
+     "geometry (the preset's): rays, the same for all colours. wave: Fresnel diffraction, for each colour by its "
+     "wavelength.",
+     AT(optics)},
+    {HADA_OPTION_TEXT, "wavelengths", 0, "R,G,B", "wavelengths in nanometres, for wave optics (default: 610,530,460)",
+     NULL, AT(wavelengths)},
     {HADA_OPTION_SEED, "seed", 0, "N", "seed of all that is drawn at random; the same seed gives the same files", NULL,
      AT(seed)},
+
+    {HADA_OPTION_GROUP, NULL, 0, NULL, "The mask", NULL, 0},
+    {HADA_OPTION_CHOICE, "mask", 0, MASKS, "kind of mask (default: mla)",
+     "mla: microlenses at random places; grid: microlenses in rows and columns; diffuser: a smooth random surface; "
+     "contour: a phase mask that draws the contour lines of a random landscape; aperture: holes in an opaque plate. "
+     "Another kind than the preset's takes dimensions that suit the camera.",
+     AT(mask)},
+    {HADA_OPTION_COUNT, "lenses", 0, "N", "number of lenses or round holes", NULL, AT(lenses)},
+    {HADA_OPTION_REAL, "lens-diameter", 0, "MM", "diameter of lenses or holes, width of contour strips", NULL,
+     AT(diameter_mm)},
+    {HADA_OPTION_REAL, "fill", 0, "SHARE", "share of the aperture that is open; sets the diameter", NULL, AT(fill)},
+    {HADA_OPTION_REAL, "spacing", 0, "MM", "least distance of lens centres; grid: the period", NULL, AT(spacing_mm)},
+    {HADA_OPTION_REAL, "max-spacing", 0, "MM", "greatest distance to the nearest of the other lenses", NULL,
+     AT(most_spacing_mm)},
+    {HADA_OPTION_REAL, "aperture", 0, "MM", "diameter of the round aperture", NULL, AT(aperture_mm)},
+    {HADA_OPTION_REAL, "distance", 0, "MM", "from the mask to the sensor", NULL, AT(distance_mm)},
+    {HADA_OPTION_REAL, "pitch", 0, "MM", "of the sensor's pixels", NULL, AT(pitch_mm)},
+    {HADA_OPTION_REAL, "focal-length", 0, "MM", "of the lenses, at 587.6 nm", NULL, AT(focal_length_mm)},
+    {HADA_OPTION_REAL, "curvature", 0, "MM", "radius of curvature; sets the focal length R / (n - 1)", NULL,
+     AT(curvature_mm)},
+    {HADA_OPTION_REAL, "index", 0, "N", "refractive index at 587.6 nm (default: 1.43)", NULL, AT(index)},
+    {HADA_OPTION_REAL, "abbe", 0, "V", "Abbe number (default: 50); 0: the same index for all colours", NULL, AT(abbe)},
+    {HADA_OPTION_REAL, "correlation", 0, "MM", "diffuser, contour: correlation length of the random surface", NULL,
+     AT(correlation_mm)},
+    {HADA_OPTION_REAL, "deflection", 0, "MRAD", "diffuser: rms angle that rays are turned by, along each axis", NULL,
+     AT(deflection_mrad)},
+    {HADA_OPTION_REAL, "cell", 0, "MM", "aperture: random square cells of this side instead of round holes", NULL,
+     AT(cell_mm)},
+    {HADA_OPTION_REAL, "open", 0, "SHARE", "aperture: share of the cells that are open (default: 0.5)", NULL,
+     AT(open_fraction)},
     {0},
 };
 
 void hada_cli_camera_defaults(hada_cli_camera_settings *set)
 {
-    set->preset = "sim512";
+    double *unset[] = {&set->near_mm,      &set->far_mm,         &set->pitch_mm,        &set->distance_mm,
+                       &set->aperture_mm,  &set->spacing_mm,     &set->most_spacing_mm, &set->diameter_mm,
+                       &set->fill,         &set->curvature_mm,   &set->focal_length_mm, &set->index,
+                       &set->abbe,         &set->correlation_mm, &set->deflection_mrad, &set->cell_mm,
+                       &set->open_fraction};
+    for (size_t i = 0; i < sizeof unset / sizeof *unset; i++)
+        *unset[i] = -1;
     set->depths = set->lenses = -1;
-    set->near_mm = set->far_mm = -1;
     set->seed = UINT64_MAX;
 }
 
-hada_status hada_cli_make_camera(hada_camera *camera, const hada_cli_camera_settings *set, hada_error *err)
+static hada_status begin(hada_camera *camera, const hada_cli_camera_settings *set, hada_error *err)
 {
-    hada_status status = hada_camera_preset(camera, set->preset, err);
-    if (!status && set->size[0])
+    if (set->file && set->preset)
+        return hada_cli_error(err, HADA_ERROR_ARGUMENT,
+                              "a camera begins with --camera or with --preset, not with both");
+    if (set->file)
+        return hada_camera_load(camera, set->file, err);
+    return hada_camera_preset(camera, set->preset ? set->preset : "sim512", err);
+}
+
+static hada_status set_sensor(hada_camera *camera, const hada_cli_camera_settings *set, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    if (set->size[0])
         status = hada_camera_resize(camera, set->size[0], set->size[1], set->window[0], set->window[1], err);
     if (!status && set->channels == 2)
         status = hada_cli_error(err, HADA_ERROR_ARGUMENT, "--channels takes 1 or 3");
@@ -49,18 +102,71 @@ hada_status hada_cli_make_camera(hada_camera *camera, const hada_cli_camera_sett
     }
     if (set->channels)
         camera->channels = set->channels;
-    if (set->lenses >= 0)
-        camera->lenses = set->lenses;
     if (set->seed != UINT64_MAX)
         camera->seed = set->seed;
     if (set->boundary)
         camera->boundary = set->boundary == 1 ? HADA_BOUNDARY_CIRCULAR : HADA_BOUNDARY_PADDED;
+    if (set->optics)
+        camera->optics = set->optics == 1 ? HADA_OPTICS_GEOMETRY : HADA_OPTICS_WAVE;
     if (set->depths >= 0 || set->near_mm >= 0 || set->far_mm >= 0) {
         double near_mm = set->near_mm >= 0 ? set->near_mm : camera->distances_mm[0];
         double far_mm = set->far_mm >= 0 ? set->far_mm : camera->distances_mm[camera->depths - 1];
         int depths = set->depths >= 0 ? set->depths : camera->depths;
         status = hada_camera_set_depths(camera, near_mm, far_mm, depths, err);
     }
+    if (!status && set->wavelengths) {
+        double *nm = camera->wavelengths_nm;
+        int end = 0;
+        if (sscanf(set->wavelengths, "%lf,%lf,%lf%n", &nm[0], &nm[1], &nm[2], &end) != 3 || set->wavelengths[end])
+            status = hada_cli_error(err, HADA_ERROR_ARGUMENT,
+                                    "--wavelengths takes three numbers for red, green and blue, such as 610,530,460");
+    }
+    return status;
+}
+
+/* What is not negative was given. */
+static void take(double *to, double given)
+{
+    if (given >= 0)
+        *to = given;
+}
+
+static hada_status set_mask(hada_camera *camera, const hada_cli_camera_settings *set, hada_error *err)
+{
+    if (set->lenses >= 0)
+        camera->lenses = set->lenses;
+    /* the frame of a mask, before the dimensions that suit it */
+    take(&camera->pixel_pitch_mm, set->pitch_mm);
+    take(&camera->distance_mm, set->distance_mm);
+    take(&camera->aperture_mm, set->aperture_mm);
+    take(&camera->refractive_index, set->index);
+    take(&camera->abbe_number, set->abbe);
+    hada_status status = HADA_OK;
+    if (set->mask)
+        status = hada_camera_set_mask(camera, (hada_mask)set->mask, err);
+    take(&camera->minimum_spacing_mm, set->spacing_mm);
+    take(&camera->maximum_spacing_mm, set->most_spacing_mm);
+    take(&camera->lens_diameter_mm, set->diameter_mm);
+    take(&camera->focal_length_mm, set->focal_length_mm);
+    if (set->curvature_mm >= 0)
+        camera->focal_length_mm = set->curvature_mm / (camera->refractive_index - 1.0);
+    take(&camera->correlation_mm, set->correlation_mm);
+    take(&camera->deflection_mrad, set->deflection_mrad);
+    take(&camera->cell_mm, set->cell_mm);
+    take(&camera->open_fraction, set->open_fraction);
+    if (!status && set->fill >= 0)
+        status = hada_camera_set_fill_factor(camera, set->fill, err);
+    return status;
+}
+
+hada_status hada_cli_make_camera(hada_camera *camera, const hada_cli_camera_settings *set, hada_error *err)
+{
+    hada_status status = begin(camera, set, err);
+    if (status)
+        return status;
+    status = set_sensor(camera, set, err);
+    if (!status)
+        status = set_mask(camera, set, err);
     status = status ? status : hada_camera_check(camera, err);
     /* Sizes that do not fit are the command line's here, not a file's. */
     return status == HADA_ERROR_SIZE ? (err->status = HADA_ERROR_ARGUMENT) : status;

@@ -9,11 +9,15 @@
 /* The settings of a command with `designs_camera` begin with this. */
 typedef struct hada_cli_camera_settings {
     hada_cli_common common;
-    const char *preset;
-    int mask, boundary, channels;
+    const char *preset, *file, *wavelengths;
+    int mask, boundary, channels, optics;
     int size[2], window[2];
     int depths, lenses;
     double near_mm, far_mm;
+    double pitch_mm, distance_mm, aperture_mm;
+    double spacing_mm, most_spacing_mm, diameter_mm, fill;
+    double focal_length_mm, curvature_mm, index, abbe;
+    double correlation_mm, deflection_mrad, cell_mm, open_fraction;
     uint64_t seed;
 } hada_cli_camera_settings;
 

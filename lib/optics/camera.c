@@ -3,14 +3,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/alloc.h"
-#include "core/random.h"
-
-#define SEQUENCE_LENSES 1 /* of the generator: see core/random.h */
-
-/* Full darts thrown again from the start, and darts for one lens, before the lenses are said not to fit. */
-#define PLACEMENTS 64
-#define DARTS      4000
+#include "core/error.h"
+#include "optics/mask.h"
 
 void hada_camera_init(hada_camera *camera)
 {
@@ -30,6 +24,10 @@ static const hada_camera small_camera = {
     .distance_mm = 30.0,
     .focal_length_mm = 25.5,
     .lens_diameter_mm = 0.4,
+    .refractive_index = 1.43,
+    .abbe_number = 50.0, /* of silicones and plastics of low index; the paper names none */
+    .open_fraction = 0.5,
+    .wavelengths_nm = {610.0, 530.0, 460.0},
     .seed = 1,
     .blur_pixels = 0.4,
 };
@@ -109,105 +107,66 @@ hada_status hada_camera_resize(hada_camera *camera, int rows, int cols, int wind
     return HADA_OK;
 }
 
-static int positive(double x)
+static const struct {
+    hada_mask mask;
+    const char *word;
+} masks[] = {{HADA_MASK_MLA, "mla"},
+             {HADA_MASK_GRID, "grid"},
+             {HADA_MASK_DIFFUSER, "diffuser"},
+             {HADA_MASK_CONTOUR, "contour"},
+             {HADA_MASK_APERTURE, "aperture"}};
+#define MASKS (sizeof masks / sizeof *masks)
+
+const char *hada_mask_word(hada_mask mask)
 {
-    return isfinite(x) && x > 0.0;
+    for (size_t i = 0; i < MASKS; i++)
+        if (masks[i].mask == mask)
+            return masks[i].word;
+    return NULL;
 }
 
-hada_status hada_camera_check(const hada_camera *camera, hada_error *err)
+hada_mask hada_mask_from_word(const char *word)
 {
-    if (camera->size != sizeof *camera)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "a camera description was not started with hada_camera_init()");
-    if (camera->mask != HADA_MASK_MLA)
-        return hada_fail(err, HADA_ERROR_UNSUPPORTED, "mask kind %d is not known; use HADA_MASK_MLA",
-                         (int)camera->mask);
-    if (camera->boundary != HADA_BOUNDARY_CIRCULAR && camera->boundary != HADA_BOUNDARY_PADDED)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "boundary kind %d is not known", (int)camera->boundary);
-    if (camera->rows < 1 || camera->cols < 1 || camera->rows > 65536 || camera->cols > 65536)
-        return hada_fail(err, HADA_ERROR_SIZE, "a sensor of %d x %d pixels is not possible; use 1 to 65536 a side",
-                         camera->rows, camera->cols);
-    if (camera->channels != 1 && camera->channels != 3)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "a camera of %d channels is not possible; use 1 or 3",
-                         camera->channels);
-    if (camera->window_rows < 1 || camera->window_cols < 1 || camera->window_rows > camera->rows ||
-        camera->window_cols > camera->cols)
-        return hada_fail(err, HADA_ERROR_SIZE,
-                         "a window of %d x %d does not fit in a sensor of %d x %d; choose a smaller window",
-                         camera->window_rows, camera->window_cols, camera->rows, camera->cols);
-    const struct {
-        const char *name;
-        double value;
-    } lengths[] = {{"pixel pitch", camera->pixel_pitch_mm},
-                   {"distance to the sensor", camera->distance_mm},
-                   {"lens diameter", camera->lens_diameter_mm},
-                   {"focal length", camera->focal_length_mm},
-                   {"aperture", camera->aperture_mm}};
-    for (size_t i = 0; i < sizeof lengths / sizeof *lengths; i++)
-        if (!positive(lengths[i].value))
-            return hada_fail(err, HADA_ERROR_ARGUMENT, "a %s of %g mm is not possible; it must be above 0",
-                             lengths[i].name, lengths[i].value);
-    if (camera->lenses < 1 || camera->lenses > 4096)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "%d lenses are not possible; use 1 to 4096", camera->lenses);
-    if (!(camera->minimum_spacing_mm >= 0.0) || !(camera->minimum_spacing_mm < camera->aperture_mm))
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "a lens spacing of %g mm does not fit in an aperture of %g mm",
-                         camera->minimum_spacing_mm, camera->aperture_mm);
-    if (!(camera->blur_pixels >= 0.25) || !(camera->blur_pixels <= 64.0))
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "a blur of %g pixels is not possible; use 0.25 to 64",
-                         camera->blur_pixels);
-    if (camera->depths < 1 || camera->depths > HADA_CAMERA_DEPTHS)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "%d depths are not possible; use 1 to %d", camera->depths,
-                         HADA_CAMERA_DEPTHS);
-    for (int i = 0; i < camera->depths; i++)
-        if (!positive(camera->distances_mm[i]) || (i && !(camera->distances_mm[i] > camera->distances_mm[i - 1])))
-            return hada_fail(err, HADA_ERROR_ARGUMENT,
-                             "distance %d of %d (%g mm) is not possible; distances must be above 0 and rise", i + 1,
-                             camera->depths, camera->distances_mm[i]);
+    for (size_t i = 0; i < MASKS; i++)
+        if (!strcmp(masks[i].word, word))
+            return masks[i].mask;
+    return 0;
+}
+
+hada_status hada_camera_set_mask(hada_camera *camera, hada_mask mask, hada_error *err)
+{
+    if (!hada_mask_word(mask))
+        return hada_fail(err, HADA_ERROR_UNSUPPORTED, "mask kind %d is not known; see hada_mask", (int)mask);
+    if (mask == camera->mask)
+        return HADA_OK;
+    camera->mask = mask;
+    if (mask == HADA_MASK_GRID) {
+        camera->minimum_spacing_mm = camera->aperture_mm / (2.0 * hada_lattice_radius(camera->lenses) + 1.0);
+        camera->maximum_spacing_mm = 0.0;
+    } else if (mask == HADA_MASK_DIFFUSER) {
+        camera->correlation_mm = camera->aperture_mm / 40.0;
+        camera->deflection_mrad = 600.0 * camera->correlation_mm / camera->distance_mm;
+    } else if (mask == HADA_MASK_CONTOUR)
+        camera->correlation_mm = camera->aperture_mm / 12.0;
+    else if (mask == HADA_MASK_APERTURE)
+        camera->lens_diameter_mm = sqrt(2.44e-6 * camera->wavelengths_nm[1] * camera->distance_mm);
     return HADA_OK;
 }
 
-/* A point spread evenly over a disc, drawn from the square round it. */
-static void dart(hada_random *random, double radius, double *x, double *y)
+double hada_camera_refractive_index(const hada_camera *camera, double wavelength_nm)
 {
-    do {
-        *x = hada_random_range(random, -radius, radius);
-        *y = hada_random_range(random, -radius, radius);
-    } while (*x * *x + *y * *y > radius * radius);
+    if (!(camera->abbe_number > 0.0))
+        return camera->refractive_index;
+    /* the Fraunhofer lines d, F and C, in nanometres */
+    const double d = 587.5618, f = 486.1327, c = 656.2725;
+    const double b = (camera->refractive_index - 1.0) / camera->abbe_number / (1.0 / (f * f) - 1.0 / (c * c));
+    return camera->refractive_index + b * (1.0 / (wavelength_nm * wavelength_nm) - 1.0 / (d * d));
 }
 
-static int place(hada_random *random, double radius, double spacing, int lenses, double *x, double *y)
+double hada_camera_focal_length(const hada_camera *camera, double wavelength_nm)
 {
-    for (int i = 0; i < lenses; i++) {
-        int darts = 0, fits = 0;
-        while (!fits && darts++ < DARTS) {
-            dart(random, radius, &x[i], &y[i]);
-            fits = 1;
-            for (int j = 0; j < i && fits; j++) {
-                const double dx = x[i] - x[j], dy = y[i] - y[j];
-                fits = dx * dx + dy * dy >= spacing * spacing;
-            }
-        }
-        if (!fits)
-            return 0;
-    }
-    return 1;
-}
-
-hada_status hada_camera_lenses(const hada_camera *camera, double *x_mm, double *y_mm, hada_error *err)
-{
-    hada_status status = hada_camera_check(camera, err);
-    if (status)
-        return status;
-    hada_random random;
-    hada_random_seed(&random, camera->seed, SEQUENCE_LENSES);
-    const double radius = (camera->aperture_mm - camera->minimum_spacing_mm) / 2.0;
-    for (int attempt = 0; attempt < PLACEMENTS; attempt++)
-        if (place(&random, radius, camera->minimum_spacing_mm, camera->lenses, x_mm, y_mm))
-            return HADA_OK;
-    return hada_fail(err, HADA_ERROR_ARGUMENT,
-                     "%d lenses at least %g mm apart do not fit at random into an aperture of %g mm; use fewer lenses, "
-                     "a smaller spacing (about %.3g mm) or a larger aperture",
-                     camera->lenses, camera->minimum_spacing_mm, camera->aperture_mm,
-                     0.6 * camera->aperture_mm / sqrt(camera->lenses));
+    return camera->focal_length_mm * (camera->refractive_index - 1.0) /
+           (hada_camera_refractive_index(camera, wavelength_nm) - 1.0);
 }
 
 double hada_camera_magnification(const hada_camera *camera, double distance_mm)
@@ -217,8 +176,14 @@ double hada_camera_magnification(const hada_camera *camera, double distance_mm)
 
 double hada_camera_defocus_pixels(const hada_camera *camera, double distance_mm)
 {
-    const double scale = 1.0 + camera->distance_mm / distance_mm - camera->distance_mm / camera->focal_length_mm;
-    return camera->lens_diameter_mm * fabs(scale) / camera->pixel_pitch_mm;
+    if (camera->mask == HADA_MASK_DIFFUSER)
+        return 0.0;
+    double scale = 1.0 + camera->distance_mm / distance_mm, width = camera->lens_diameter_mm;
+    if (camera->mask != HADA_MASK_APERTURE)
+        scale -= camera->distance_mm / camera->focal_length_mm;
+    else if (camera->cell_mm > 0.0)
+        width = camera->cell_mm;
+    return width * fabs(scale) / camera->pixel_pitch_mm;
 }
 
 int hada_window_origin(int full, int window)

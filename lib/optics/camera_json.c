@@ -23,10 +23,25 @@ typedef struct field {
     {                                                                                                                  \
 #name, 0, offsetof(hada_camera, name)                                                                          \
     }
-static const field fields[] = {INTEGER(rows),         INTEGER(cols),        INTEGER(channels),
-                               INTEGER(window_rows),  INTEGER(window_cols), REAL(pixel_pitch_mm),
-                               REAL(distance_mm),     INTEGER(lenses),      REAL(lens_diameter_mm),
-                               REAL(focal_length_mm), REAL(aperture_mm),    REAL(minimum_spacing_mm),
+static const field fields[] = {INTEGER(rows),
+                               INTEGER(cols),
+                               INTEGER(channels),
+                               INTEGER(window_rows),
+                               INTEGER(window_cols),
+                               REAL(pixel_pitch_mm),
+                               REAL(distance_mm),
+                               INTEGER(lenses),
+                               REAL(lens_diameter_mm),
+                               REAL(focal_length_mm),
+                               REAL(aperture_mm),
+                               REAL(minimum_spacing_mm),
+                               REAL(maximum_spacing_mm),
+                               REAL(refractive_index),
+                               REAL(abbe_number),
+                               REAL(correlation_mm),
+                               REAL(deflection_mrad),
+                               REAL(cell_mm),
+                               REAL(open_fraction),
                                REAL(blur_pixels)};
 #undef INTEGER
 #undef REAL
@@ -36,7 +51,8 @@ static json_t *to_json(const hada_camera *camera)
 {
     json_t *object = json_object();
     int bad = json_object_set_new(object, "format", json_string("hadalens camera"));
-    bad |= json_object_set_new(object, "mask", json_string("mla"));
+    bad |= json_object_set_new(object, "mask", json_string(hada_mask_word(camera->mask)));
+    bad |= json_object_set_new(object, "optics", json_string(camera->optics == HADA_OPTICS_WAVE ? "wave" : "geometry"));
     bad |= json_object_set_new(object, "boundary",
                                json_string(camera->boundary == HADA_BOUNDARY_PADDED ? "padded" : "circular"));
     for (size_t i = 0; i < FIELDS; i++) {
@@ -49,7 +65,10 @@ static json_t *to_json(const hada_camera *camera)
     char seed[32];
     snprintf(seed, sizeof seed, "%llu", (unsigned long long)camera->seed);
     bad |= json_object_set_new(object, "seed", json_string(seed));
-    json_t *distances = json_array();
+    json_t *wavelengths = json_array(), *distances = json_array();
+    for (int i = 0; i < 3; i++)
+        bad |= json_array_append_new(wavelengths, json_real(camera->wavelengths_nm[i]));
+    bad |= json_object_set_new(object, "wavelengths_nm", wavelengths);
     for (int i = 0; i < camera->depths; i++)
         bad |= json_array_append_new(distances, json_real(camera->distances_mm[i]));
     bad |= json_object_set_new(object, "distances_mm", distances);
@@ -126,13 +145,26 @@ static hada_status read_fields(hada_camera *camera, const json_t *object, const 
 static hada_status read_kinds(hada_camera *camera, const json_t *object, const char *path, hada_error *err)
 {
     const char *mask = json_string_value(json_object_get(object, "mask")),
-               *boundary = json_string_value(json_object_get(object, "boundary"));
-    if (mask && strcmp(mask, "mla"))
-        return hada_fail(err, HADA_ERROR_UNSUPPORTED, "'%s': mask kind '%s' is not known; use \"mla\"", path, mask);
+               *boundary = json_string_value(json_object_get(object, "boundary")),
+               *optics = json_string_value(json_object_get(object, "optics"));
+    if (mask && !(camera->mask = hada_mask_from_word(mask)))
+        return hada_fail(err, HADA_ERROR_UNSUPPORTED,
+                         "'%s': mask kind '%s' is not known; use \"mla\", \"grid\", \"diffuser\", \"contour\" or "
+                         "\"aperture\"",
+                         path, mask);
+    if (optics && strcmp(optics, "wave") && strcmp(optics, "geometry"))
+        return hada_fail(err, HADA_ERROR_FILE_FORMAT, "'%s': \"optics\" must be \"geometry\" or \"wave\"", path);
+    if (optics)
+        camera->optics = strcmp(optics, "wave") ? HADA_OPTICS_GEOMETRY : HADA_OPTICS_WAVE;
     if (boundary && strcmp(boundary, "padded") && strcmp(boundary, "circular"))
         return hada_fail(err, HADA_ERROR_FILE_FORMAT, "'%s': \"boundary\" must be \"circular\" or \"padded\"", path);
     if (boundary)
         camera->boundary = strcmp(boundary, "padded") ? HADA_BOUNDARY_CIRCULAR : HADA_BOUNDARY_PADDED;
+    const json_t *wavelengths = json_object_get(object, "wavelengths_nm");
+    if (wavelengths && json_array_size(wavelengths) != 3)
+        return hada_fail(err, HADA_ERROR_FILE_FORMAT, "'%s': \"wavelengths_nm\" must be a list of 3 numbers", path);
+    for (size_t i = 0; wavelengths && i < 3; i++)
+        camera->wavelengths_nm[i] = json_number_value(json_array_get(wavelengths, i));
     const json_t *distances = json_object_get(object, "distances_mm");
     if (!distances)
         return HADA_OK;

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
+#include "optics/mask.h"
 
 #define RAYS_ACROSS_LENS 24  /* at least */
 #define RAY_STEP_PIXELS  0.4 /* on the sensor, at most: far below the width of a pixel with its blur */
@@ -68,7 +69,9 @@ static int belongs(const hada_camera *camera, const double *x, const double *y, 
 static double trace(const hada_camera *camera, const double *x, const double *y, double distance, const splat *s)
 {
     const double magnification = 1.0 + camera->distance_mm / distance,
-                 defocus = magnification - camera->distance_mm / camera->focal_length_mm,
+                 defocus = camera->mask == HADA_MASK_APERTURE
+                               ? magnification
+                               : magnification - camera->distance_mm / camera->focal_length_mm,
                  radius = camera->lens_diameter_mm / 2.0, pitch = camera->pixel_pitch_mm;
     int half = RAYS_ACROSS_LENS / 2;
     const double wanted = radius * fabs(defocus) / (RAY_STEP_PIXELS * pitch);
@@ -89,6 +92,24 @@ static double trace(const hada_camera *camera, const double *x, const double *y,
     return rays;
 }
 
+static hada_status trace_lenses(const hada_camera *camera, double distance_mm, int rows, int cols, double *sum,
+                                hada_error *err)
+{
+    void *centres = NULL;
+    hada_status status = hada_alloc(&centres, (size_t)camera->lenses, 2 * sizeof(double), "the lens positions", err);
+    if (status)
+        return status;
+    double *x = centres, *y = x + camera->lenses;
+    if (!(status = hada_camera_lenses(camera, x, y, err))) {
+        const splat s = {sum, rows, cols, camera->blur_pixels, (int)ceil(6.0 * camera->blur_pixels) + 1};
+        const double rays = trace(camera, x, y, distance_mm, &s);
+        for (size_t i = 0; i < (size_t)rows * (size_t)cols; i++)
+            sum[i] /= rays;
+    }
+    free(centres);
+    return status;
+}
+
 hada_status hada_camera_psf_sized(const hada_camera *camera, double distance_mm, int rows, int cols, hada_image *psf,
                                   hada_error *err)
 {
@@ -99,21 +120,16 @@ hada_status hada_camera_psf_sized(const hada_camera *camera, double distance_mm,
     if (!(distance_mm > 0.0))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a distance of %g mm is not possible; it must be above 0",
                          distance_mm);
-    void *centres = NULL, *sum = NULL;
+    void *sum = NULL;
     const size_t count = hada_size_product((size_t)rows, (size_t)cols);
-    if ((status = hada_alloc(&centres, (size_t)camera->lenses, 2 * sizeof(double), "the lens positions", err)) ||
-        (status = hada_alloc(&sum, count, sizeof(double), "a point spread function", err)) ||
+    if ((status = hada_alloc(&sum, count, sizeof(double), "a point spread function", err)) ||
         (status = hada_image_create(psf, 1, rows, cols, err)))
         goto done;
-    double *x = centres, *y = x + camera->lenses;
-    if ((status = hada_camera_lenses(camera, x, y, err)))
-        goto done;
-    const splat s = {sum, rows, cols, camera->blur_pixels, (int)ceil(6.0 * camera->blur_pixels) + 1};
-    const double rays = trace(camera, x, y, distance_mm, &s);
-    for (size_t i = 0; i < count; i++)
-        psf->data[i] = (float)(s.sum[i] / rays);
+    status = hada_mask_has_lenses(camera) ? trace_lenses(camera, distance_mm, rows, cols, sum, err)
+                                          : hada_psf_rays(camera, distance_mm, rows, cols, sum, err);
+    for (size_t i = 0; i < count && !status; i++)
+        psf->data[i] = (float)((double *)sum)[i];
 done:
-    free(centres);
     free(sum);
     if (status)
         hada_image_destroy(psf);

@@ -1,0 +1,92 @@
+/* What a mask does to light at a point. Internal. */
+#ifndef HADA_OPTICS_MASK_H
+#define HADA_OPTICS_MASK_H
+
+#include <hadalens/camera.h>
+
+/* Sequences of the random generator (core/random.h), one a purpose. */
+enum { HADA_SEQUENCE_LENSES = 1, HADA_SEQUENCE_SURFACE = 2, HADA_SEQUENCE_CELLS = 3 };
+
+/* Whether the mask is made of lenses or round holes, each with a centre. */
+static inline int hada_mask_has_lenses(const hada_camera *camera)
+{
+    return camera->mask == HADA_MASK_MLA || camera->mask == HADA_MASK_GRID ||
+           (camera->mask == HADA_MASK_APERTURE && !(camera->cell_mm > 0.0));
+}
+
+/* Bending power of a lens, 1/f, at 587.6 nm: 0 for a hole. */
+static inline double hada_mask_power(const hada_camera *camera)
+{
+    return camera->mask == HADA_MASK_APERTURE ? 0.0 : 1.0 / camera->focal_length_mm;
+}
+
+/* How far from the axis the outermost of a square lattice's nodes nearest to it stands, in periods. */
+double hada_lattice_radius(int nodes);
+
+/* A smooth random surface on a lattice, between whose nodes cubic B-splines stand: twice differentiable, of mean 0 and
+ * variance 1 at the nodes, with an autocorrelation of nearly exp(-r^2 / l^2). Made with IEEE operations only, so a seed
+ * gives the same bits everywhere. */
+typedef struct hada_surface {
+    double *node; /* count x count */
+    int count;
+    double origin, step; /* node i stands at origin + i step, on both axes */
+} hada_surface;
+
+hada_status hada_surface_make(hada_surface *surface, uint64_t seed, double correlation, double half_width,
+                              hada_error *err);
+void hada_surface_free(hada_surface *surface);
+/* The value, and the gradient where asked for (NULL: not); |x|, |y| <= half_width. */
+double hada_surface_at(const hada_surface *surface, double x, double y, double gradient[2]);
+
+/* Points of a plane, found by place. */
+typedef struct hada_sites {
+    double *x, *y;
+    int count;
+    int *first, *order; /* of each bucket; buckets lie row by row over a square */
+    int buckets;        /* a side */
+    double half, size;  /* of the square; of a bucket */
+} hada_sites;
+
+/* Takes over x and y (malloc), also on failure; they lie within |x|, |y| <= half_width. */
+hada_status hada_sites_make(hada_sites *sites, double *x, double *y, int count, double half_width, hada_error *err);
+void hada_sites_free(hada_sites *sites);
+/* The site nearest to a point (the first of equals), and the square of its distance. */
+int hada_sites_nearest(const hada_sites *sites, double x, double y, double *square);
+
+/* Points along the surface's level lines at 0, about `step` apart, in malloc'ed arrays. */
+hada_status hada_contour_points(const hada_surface *surface, double half_width, double step, double **x, double **y,
+                                int *count, hada_error *err);
+
+typedef struct hada_mask_design {
+    hada_camera camera;
+    hada_surface surface; /* diffuser */
+    double height;        /* diffuser: optical path of one unit of the surface */
+    hada_sites sites;     /* lenses, holes, contour points */
+    unsigned char *open;  /* aperture of cells: 1 where open */
+    int cells;            /* a side */
+    double slope;         /* a bound of the path's slope */
+    double bend;          /* a typical large value of its second derivative: how far neighbouring rays part */
+} hada_mask_design;
+
+typedef struct hada_mask_point {
+    double edge;     /* distance to where the mask turns opaque: positive where it is open */
+    double path;     /* optical path at 587.6 nm, relative; the mask is thin */
+    double slope[2]; /* its gradient, along x and y */
+} hada_mask_point;
+
+hada_status hada_mask_make(hada_mask_design *design, const hada_camera *camera, hada_error *err);
+void hada_mask_free(hada_mask_design *design);
+void hada_mask_at(const hada_mask_design *design, double x, double y, hada_mask_point *point);
+
+/* How much of a sample of width `step` is open, by the distance to the edge. */
+static inline double hada_mask_open(double edge, double step)
+{
+    const double share = 0.5 + edge / step;
+    return share < 0.0 ? 0.0 : share > 1.0 ? 1.0 : share;
+}
+
+/* PSF of a mask without lenses by rays (psf_rays.c): adds to `sum`, rows x cols, all rays making 1. */
+hada_status hada_psf_rays(const hada_camera *camera, double distance_mm, int rows, int cols, double *sum,
+                          hada_error *err);
+
+#endif

@@ -10,9 +10,9 @@
 
 typedef struct settings {
     hada_cli_common common;
-    const char *distances;
+    const char *distances, *window, *mask, *lpips, *lpips_heads;
     double peak, tolerance;
-    int match_gain;
+    int match_gain, authors, lpips_net;
 } settings;
 
 #define AT(member) offsetof(settings, member)
@@ -26,6 +26,29 @@ static const hada_cli_option options[] = {
      AT(tolerance)},
     {HADA_OPTION_TEXT, "distances", 0, "LIST", "the camera's distances in mm, which say what a depth step is",
      "Without it they are read from NAME_stack.tif beside NAME_depth.tif.", AT(distances)},
+    {HADA_OPTION_FLAG, "authors", 0, NULL, "show PSNR and SSIM also as the code of the 2022 paper computes them",
+     "The mean of each pixel's PSNR, and SSIM with twice the data range: for comparing with that paper's figures "
+     "alone. "
+     "--json always has them.",
+     AT(authors)},
+    {HADA_OPTION_GROUP, NULL, 0, NULL, "Where", NULL, 0},
+    {HADA_OPTION_TEXT, "window", 0, "HxW[+ROW+COL]", "compare within this rectangle alone",
+     "It stands at the centre where the row and column of its top left are not given. Nothing outside it is looked at.",
+     AT(window)},
+    {HADA_OPTION_TEXT, "mask", 0, "FILE", "compare only where this image is not 0",
+     "A TIFF file of the size of the images, first page. SSIM and sharpness still see the neighbours of the pixels "
+     "that "
+     "count.",
+     AT(mask)},
+    {HADA_OPTION_GROUP, NULL, 0, NULL, "LPIPS", NULL, 0},
+    {HADA_OPTION_TEXT, "lpips", 0, "FILE", "weights of VGG-16 or AlexNet (safetensors): adds the perceptual distance",
+     "docs/metrics.md tells how to make the file from the packages torchvision and lpips; none comes with this "
+     "program.",
+     AT(lpips)},
+    {HADA_OPTION_TEXT, "lpips-heads", 0, "FILE", "the linear heads, where they stand in a file of their own", NULL,
+     AT(lpips_heads)},
+    {HADA_OPTION_CHOICE, "lpips-net", 0, "vgg|alex", "insist on this net (default: what the file holds)", NULL,
+     AT(lpips_net)},
     {0},
 };
 
@@ -147,6 +170,9 @@ static json_t *row_json(const row *one)
     json_object_set_new(entry, "mae", hada_cli_real(score->mae));
     json_object_set_new(entry, "sharpness", hada_cli_real(score->sharpness));
     json_object_set_new(entry, "sharpness_truth", hada_cli_real(score->sharpness_truth));
+    json_object_set_new(entry, "lpips", hada_cli_real(score->lpips));
+    json_object_set_new(entry, "authors_psnr", hada_cli_real(score->authors_psnr));
+    json_object_set_new(entry, "authors_ssim", hada_cli_real(score->authors_ssim));
     return entry;
 }
 
@@ -160,35 +186,71 @@ static const char *number(char text[24], const char *format, double value)
     return text;
 }
 
+/* What the tables of images show. */
+typedef struct column {
+    const char *title, *format;
+    int width;
+    size_t offset;
+} column;
+
+#define COLUMN(member) offsetof(hada_cli_score, member)
+enum { ALWAYS = 5, COLUMNS = 8 };
+static const column columns[COLUMNS] = {{"PSNR dB", "%.2f", 7, COLUMN(psnr)},
+                                        {"SSIM", "%.3f", 6, COLUMN(ssim)},
+                                        {"MAE", "%.4f", 7, COLUMN(mae)},
+                                        {"sharpness", "%.4f", 9, COLUMN(sharpness)},
+                                        {"(truth)", "%.4f", 9, COLUMN(sharpness_truth)},
+                                        {"LPIPS", "%.4f", 7, COLUMN(lpips)},
+                                        {"authors' PSNR", "%.2f", 13, COLUMN(authors_psnr)},
+                                        {"authors' SSIM", "%.3f", 13, COLUMN(authors_ssim)}};
+
+static int is_shown(const settings *set, int k)
+{
+    return k < ALWAYS || (k == ALWAYS ? set->lpips != NULL : set->authors);
+}
+
+static double value_of(const hada_cli_score *score, int k)
+{
+    return *(const double *)((const char *)score + columns[k].offset);
+}
+
+/* A line of a table; values NULL: the titles. */
+static void print_line(hada_cli *cli, const settings *set, const char *before, int width, const char *name,
+                       const double *values)
+{
+    char line[256] = "", text[24];
+    size_t used = 0;
+    for (int k = 0; k < COLUMNS; k++)
+        if (is_shown(set, k))
+            used += (size_t)snprintf(line + used, sizeof line - used, "  %*s", columns[k].width,
+                                     values ? number(text, columns[k].format, values[k]) : columns[k].title);
+    hada_cli_say(cli, "%s%-*s%s", before, width, name, line);
+}
+
 /* Means by kind, over files. */
-static void print_kind(hada_cli *cli, const table *all, hada_cli_what what, int width)
+static void print_kind(hada_cli *cli, const settings *set, const table *all, hada_cli_what what, int width)
 {
     static const char *const titles[] = {"All-in-focus and other images", "Stacks (occupied planes)"};
-    double sum[5] = {0};
+    double sum[COLUMNS] = {0};
     int count = 0;
-    char text[5][24];
     for (int i = 0; i < all->count; i++) {
         const hada_cli_score *score = &all->rows[i].score;
+        double values[COLUMNS];
         if (score->what != what)
             continue;
         if (!count++)
-            hada_cli_say(cli, "%s%-*s  %7s  %6s  %7s  %9s  %9s", i ? "\n" : "", width, titles[what], "PSNR dB", "SSIM",
-                         "MAE", "sharpness", "(truth)");
-        const double values[] = {score->psnr, score->ssim, score->mae, score->sharpness, score->sharpness_truth};
-        for (int k = 0; k < 5; k++)
-            sum[k] += values[k];
-        hada_cli_say(cli, "  %-*s  %7s  %6s  %7s  %9s  %9s", width - 2, all->rows[i].name,
-                     number(text[0], "%.2f", values[0]), number(text[1], "%.3f", values[1]),
-                     number(text[2], "%.4f", values[2]), number(text[3], "%.4f", values[3]),
-                     number(text[4], "%.4f", values[4]));
+            print_line(cli, set, i ? "\n" : "", width, titles[what], NULL);
+        for (int k = 0; k < COLUMNS; k++)
+            sum[k] += values[k] = value_of(score, k);
+        print_line(cli, set, "  ", width - 2, all->rows[i].name, values);
         if (score->missing)
             hada_cli_warn(cli, "%s lacks %d occupied %s of the truth", all->rows[i].result, score->missing,
                           score->missing == 1 ? "plane" : "planes");
     }
+    for (int k = 0; k < COLUMNS; k++)
+        sum[k] /= count;
     if (count > 1)
-        hada_cli_say(cli, "  %-*s  %7s  %6s  %7s  %9s  %9s", width - 2, "mean", number(text[0], "%.2f", sum[0] / count),
-                     number(text[1], "%.3f", sum[1] / count), number(text[2], "%.4f", sum[2] / count),
-                     number(text[3], "%.4f", sum[3] / count), number(text[4], "%.4f", sum[4] / count));
+        print_line(cli, set, "  ", width - 2, "mean", sum);
 }
 
 static void print_maps(hada_cli *cli, const table *all, int width, double tolerance)
@@ -211,37 +273,66 @@ static void print_maps(hada_cli *cli, const table *all, int width, double tolera
         hada_cli_say(cli, "  right: share of the covered pixels within %g depth steps", tolerance);
 }
 
-static void print_table(hada_cli *cli, const table *all, double tolerance)
+static void print_table(hada_cli *cli, const settings *set, const table *all)
 {
     size_t width = 30;
     for (int i = 0; i < all->count; i++)
         width = strlen(all->rows[i].name) + 2 > width ? strlen(all->rows[i].name) + 2 : width;
-    print_kind(cli, all, HADA_CLI_IMAGES, (int)width);
-    print_kind(cli, all, HADA_CLI_STACKS, (int)width);
-    print_maps(cli, all, (int)width, tolerance);
+    print_kind(cli, set, all, HADA_CLI_IMAGES, (int)width);
+    print_kind(cli, set, all, HADA_CLI_STACKS, (int)width);
+    print_maps(cli, all, (int)width, set->tolerance);
 }
 
-static hada_status evaluate(hada_cli *cli, const settings *set, table *all, const char **paths, hada_error *err)
+static hada_status compare_all(hada_cli *cli, table *all, const hada_cli_yardstick *yardstick, hada_error *err)
 {
-    double distances[4096];
-    hada_cli_yardstick yardstick = {set->peak, set->tolerance, distances, 0, set->match_gain};
     hada_status status = HADA_OK;
-    if (set->distances)
-        status = hada_cli_read_distances("distances", set->distances, distances, 4096, &yardstick.distances, err);
-    if (!status)
-        status = list(cli, all, paths[0], paths[1], err);
-    if (status)
-        return status;
     json_t *files = json_array();
     json_object_set_new(cli->document, "files", files);
     for (int i = 0; !status && i < all->count; i++) {
         row *one = &all->rows[i];
-        status = hada_cli_compare(&one->score, one->result, one->truth, &yardstick, err);
+        status = hada_cli_compare(&one->score, one->result, one->truth, yardstick, err);
         if (!status)
             json_array_append_new(files, row_json(one));
         if (!status)
             status = hada_cli_check_signals(err);
     }
+    return status;
+}
+
+static hada_status open_lpips(hada_cli *cli, const settings *set, hada_context **context, hada_lpips **lpips,
+                              hada_error *err)
+{
+    static const char *const names[] = {"", "vgg", "alex"};
+    hada_status status = hada_cli_open(cli, context, err);
+    if (!status)
+        status = hada_lpips_create(lpips, *context, (hada_lpips_net)set->lpips_net, set->lpips, set->lpips_heads, err);
+    if (!status)
+        json_object_set_new(cli->document, "lpips_net", json_string(names[hada_lpips_get_net(*lpips)]));
+    return status;
+}
+
+static hada_status evaluate(hada_cli *cli, const settings *set, table *all, const char **paths, hada_error *err)
+{
+    double distances[4096];
+    hada_context *context = NULL;
+    hada_cli_yardstick yardstick = {.peak = set->peak,
+                                    .tolerance = set->tolerance,
+                                    .distances_mm = distances,
+                                    .match_gain = set->match_gain,
+                                    .authors = set->authors || set->common.json};
+    hada_status status = hada_cli_region_read(&yardstick.region, set->window, set->mask, err);
+    if (!status && set->distances)
+        status = hada_cli_read_distances("distances", set->distances, distances, 4096, &yardstick.distances, err);
+    if (!status)
+        status = list(cli, all, paths[0], paths[1], err);
+    if (!status && set->lpips)
+        status = open_lpips(cli, set, &context, &yardstick.lpips, err);
+    if (!status)
+        status = compare_all(cli, all, &yardstick, err);
+    hada_lpips_destroy(&yardstick.lpips);
+    if (set->lpips)
+        hada_cli_close(cli, &context);
+    hada_cli_region_free(&yardstick.region);
     return status;
 }
 
@@ -254,9 +345,11 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
         return hada_cli_usage(cli, "two names are needed, the result and the truth, not %d", count);
     if (!(set->peak > 0) || !(set->tolerance > 0))
         return hada_cli_usage(cli, "--peak and --tolerance must be greater than zero");
+    if ((set->lpips_heads || set->lpips_net) && !set->lpips)
+        return hada_cli_usage(cli, "--lpips-heads and --lpips-net need --lpips FILE");
     hada_status status = evaluate(cli, set, &all, arguments, &err);
     if (!status)
-        print_table(cli, &all, set->tolerance);
+        print_table(cli, set, &all);
     table_free(&all);
     return status ? hada_cli_fail(cli, &err) : HADA_EXIT_OK;
 }
@@ -264,12 +357,13 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
 static const hada_cli_example examples[] = {
     {"hadalens evaluate pictures camera/test/truth", "all results of a folder that have a truth."},
     {"hadalens evaluate pictures/a_aif.tif a.tif --match-gain", "one image, whatever its scale."},
+    {"hadalens evaluate pictures truth --window 192x192 --lpips vgg.safetensors", "the centre, and LPIPS as well."},
     {0},
 };
 
 const hada_cli_command hada_cli_evaluate = {
     .name = "evaluate",
-    .summary = "compare results with the truth: PSNR, SSIM, MAE, sharpness, distances",
+    .summary = "compare results with the truth: PSNR, SSIM, MAE, LPIPS, sharpness, distances",
     .synopsis = "RESULT TRUTH [OPTION...]",
     .description =
         "RESULT and TRUTH are two files or two folders. In folders, files of the same name are compared, and "
@@ -281,4 +375,5 @@ const hada_cli_command hada_cli_evaluate = {
     .settings_size = sizeof(settings),
     .defaults = defaults,
     .run = run,
+    .uses_device = 1,
 };

@@ -89,102 +89,153 @@ static hada_status files_open(files *open, const char *result, const char *truth
     return equal ? HADA_OK : match_slices(open, err);
 }
 
-static hada_status read_pair(files *open, int t, hada_image *result, hada_image *truth, hada_error *err)
+/* A page of the truth, what belongs to it, and which pixels count. */
+typedef struct page {
+    hada_image result, truth; /* result: empty where there is none */
+    unsigned char *mask;      /* NULL: all */
+} page;
+
+static void page_free(page *one)
 {
+    hada_image_destroy(&one->result);
+    hada_image_destroy(&one->truth);
+    free(one->mask);
+}
+
+static hada_status page_read(page *one, files *open, int t, const hada_cli_region *region, hada_error *err)
+{
+    *one = (page){0};
+    hada_image *result = &one->result, *truth = &one->truth;
     hada_status status = hada_tiff_read(open->truth, t, truth, err);
+    if (!status)
+        status = hada_cli_region_mask(region, truth->rows, truth->cols, &one->mask, err);
     if (status) {
         hada_cli_prefix(err, "%s: ", open->truth_path);
         return status;
     }
-    if (open->page[t] < 0)
-        return HADA_OK;
-    status = hada_tiff_read(open->result, open->page[t], result, err);
-    if (status)
-        hada_cli_prefix(err, "%s: ", open->result_path);
-    else if (result->channels != truth->channels || result->rows != truth->rows || result->cols != truth->cols)
-        status =
-            hada_cli_error(err, HADA_ERROR_SIZE, "%s is %dx%d with %d %s, but %s is %dx%d with %d", open->result_path,
-                           result->rows, result->cols, result->channels, result->channels == 1 ? "channel" : "channels",
-                           open->truth_path, truth->rows, truth->cols, truth->channels);
+    if (open->page[t] >= 0) {
+        status = hada_tiff_read(open->result, open->page[t], result, err);
+        if (status)
+            hada_cli_prefix(err, "%s: ", open->result_path);
+        else if (result->channels != truth->channels || result->rows != truth->rows || result->cols != truth->cols)
+            status = hada_cli_error(err, HADA_ERROR_SIZE, "%s is %dx%d with %d %s, but %s is %dx%d with %d",
+                                    open->result_path, result->rows, result->cols, result->channels,
+                                    result->channels == 1 ? "channel" : "channels", open->truth_path, truth->rows,
+                                    truth->cols, truth->channels);
+    }
+    if (!status && result->data)
+        status = hada_cli_region_cut(region, result, err);
+    if (!status)
+        status = hada_cli_region_cut(region, truth, err);
     return status;
 }
 
-static int is_dark(const hada_image *image)
+/* Whether a value of an image counts. */
+static int counts(const page *one, size_t i)
 {
-    for (size_t i = 0; i < hada_image_count(image); i++)
-        if (image->data[i] != 0.0f)
+    return !one->mask || one->mask[i % ((size_t)one->truth.rows * (size_t)one->truth.cols)];
+}
+
+static int is_dark(const page *one)
+{
+    for (size_t i = 0; i < hada_image_count(&one->truth); i++)
+        if (one->truth.data[i] != 0.0f && counts(one, i))
             return 0;
     return 1;
 }
 
 /* The factor that brings the result nearest to the truth. */
-static hada_status find_gain(files *open, double *gain, hada_error *err)
+static hada_status find_gain(files *open, const hada_cli_region *region, double *gain, hada_error *err)
 {
     double cross = 0, square = 0;
     hada_status status = HADA_OK;
     for (int t = 0; !status && t < open->count; t++) {
-        hada_image result = {0}, truth = {0};
-        status = read_pair(open, t, &result, &truth, err);
-        for (size_t i = 0; !status && result.data && i < hada_image_count(&truth); i++) {
-            cross += (double)result.data[i] * (double)truth.data[i];
-            square += (double)result.data[i] * (double)result.data[i];
+        page one;
+        status = page_read(&one, open, t, region, err);
+        for (size_t i = 0; !status && one.result.data && i < hada_image_count(&one.truth); i++) {
+            const double result = (double)one.result.data[i];
+            if (counts(&one, i)) {
+                cross += result * (double)one.truth.data[i];
+                square += result * result;
+            }
         }
-        hada_image_destroy(&result);
-        hada_image_destroy(&truth);
+        page_free(&one);
     }
     *gain = square > 0 && isfinite(cross / square) ? cross / square : 1;
     return status;
 }
 
-static hada_status add_page(hada_cli_score *score, hada_image *result, const hada_image *truth, double peak,
-                            double *square, hada_error *err)
+/* What yardsticks say of one page. */
+typedef struct marks {
+    double mse, psnr, mae, ssim, sharpness, sharpness_truth, lpips, authors_psnr, authors_ssim;
+} marks;
+
+static hada_status measure(marks *of, const page *one, const hada_cli_yardstick *by, hada_error *err)
 {
-    double mse = 0, psnr = 0, mae = 0, ssim = NAN, sharp = 0, sharp_truth = 0;
-    for (size_t i = 0; score->gain != 1 && i < hada_image_count(result); i++)
-        result->data[i] = (float)((double)result->data[i] * score->gain);
-    hada_status status = hada_metric_mse(result, truth, NULL, &mse, err);
+    const hada_image *result = &one->result, *truth = &one->truth;
+    const unsigned char *mask = one->mask;
+    const int ssim = truth->rows >= 11 && truth->cols >= 11;
+    *of = (marks){.ssim = NAN, .lpips = NAN, .authors_psnr = NAN, .authors_ssim = NAN};
+    hada_status status = hada_metric_mse(result, truth, mask, &of->mse, err);
     if (!status)
-        status = hada_metric_psnr(result, truth, peak, NULL, &psnr, err);
+        status = hada_metric_psnr(result, truth, by->peak, mask, &of->psnr, err);
     if (!status)
-        status = hada_metric_mae(result, truth, NULL, &mae, err);
-    if (!status && truth->rows >= 11 && truth->cols >= 11)
-        status = hada_metric_ssim(result, truth, peak, NULL, &ssim, err);
+        status = hada_metric_mae(result, truth, mask, &of->mae, err);
+    if (!status && ssim)
+        status = hada_metric_ssim(result, truth, by->peak, mask, &of->ssim, err);
     if (!status)
-        status = hada_metric_sharpness(result, NULL, &sharp, err);
+        status = hada_metric_sharpness(result, mask, &of->sharpness, err);
     if (!status)
-        status = hada_metric_sharpness(truth, NULL, &sharp_truth, err);
+        status = hada_metric_sharpness(truth, mask, &of->sharpness_truth, err);
+    if (!status && by->lpips)
+        status = hada_lpips_run(by->lpips, result, truth, by->peak, mask, &of->lpips, err);
+    if (!status && by->authors)
+        status = hada_metric_authors_psnr(result, truth, by->peak, mask, &of->authors_psnr, err);
+    if (!status && by->authors && ssim)
+        status = hada_metric_authors_ssim(result, truth, by->peak, mask, &of->authors_ssim, err);
+    return status;
+}
+
+static hada_status add_page(hada_cli_score *score, page *one, const hada_cli_yardstick *by, double *square,
+                            hada_error *err)
+{
+    marks of;
+    for (size_t i = 0; score->gain != 1 && i < hada_image_count(&one->result); i++)
+        one->result.data[i] = (float)((double)one->result.data[i] * score->gain);
+    hada_status status = measure(&of, one, by, err);
     if (status)
         return status;
     score->pages++;
-    *square += mse;
+    *square += of.mse;
     /* Dark planes of a stack say how clean it is, not how good the picture. */
-    if (score->what == HADA_CLI_STACKS && is_dark(truth))
+    if (score->what == HADA_CLI_STACKS && is_dark(one))
         return HADA_OK;
     score->occupied++;
-    score->psnr += psnr;
-    score->ssim += ssim;
-    score->mae += mae;
-    score->sharpness += sharp;
-    score->sharpness_truth += sharp_truth;
+    score->psnr += of.psnr;
+    score->ssim += of.ssim;
+    score->mae += of.mae;
+    score->sharpness += of.sharpness;
+    score->sharpness_truth += of.sharpness_truth;
+    score->lpips += of.lpips;
+    score->authors_psnr += of.authors_psnr;
+    score->authors_ssim += of.authors_ssim;
     return HADA_OK;
 }
 
-static hada_status compare_images(hada_cli_score *score, files *open, const hada_cli_yardstick *yardstick,
-                                  hada_error *err)
+static hada_status compare_images(hada_cli_score *score, files *open, const hada_cli_yardstick *by, hada_error *err)
 {
     double square = 0;
     hada_status status = HADA_OK;
-    if (yardstick->match_gain)
-        status = find_gain(open, &score->gain, err);
+    if (by->match_gain)
+        status = find_gain(open, &by->region, &score->gain, err);
     for (int t = 0; !status && t < open->count; t++) {
-        hada_image result = {0}, truth = {0};
-        status = read_pair(open, t, &result, &truth, err);
-        if (!status && !result.data)
-            score->missing += !is_dark(&truth);
-        else if (!status && (status = add_page(score, &result, &truth, yardstick->peak, &square, err)))
+        page one;
+        status = page_read(&one, open, t, &by->region, err);
+        if (!status && !one.result.data)
+            score->missing += !is_dark(&one);
+        else if (!status && (status = add_page(score, &one, by, &square, err)))
             hada_cli_prefix(err, "%s and %s: ", open->result_path, open->truth_path);
-        hada_image_destroy(&result);
-        hada_image_destroy(&truth);
+        page_free(&one);
     }
     double count = score->occupied ? score->occupied : NAN;
     score->psnr /= count;
@@ -192,7 +243,10 @@ static hada_status compare_images(hada_cli_score *score, files *open, const hada
     score->mae /= count;
     score->sharpness /= count;
     score->sharpness_truth /= count;
-    score->psnr_all = 10 * log10(yardstick->peak * yardstick->peak / (square / score->pages));
+    score->lpips /= count;
+    score->authors_psnr /= count;
+    score->authors_ssim /= count;
+    score->psnr_all = 10 * log10(by->peak * by->peak / (square / score->pages));
     return status;
 }
 
@@ -232,23 +286,22 @@ static hada_status compare_maps(hada_cli_score *score, files *open, const hada_c
     score->steps_known = count >= 2;
     hada_status status = HADA_OK;
     for (int t = 0; !status && t < open->count; t++) {
-        hada_image result = {0}, truth = {0};
-        hada_depth_score page;
-        status = read_pair(open, t, &result, &truth, err);
+        page one;
+        hada_depth_score depth;
+        status = page_read(&one, open, t, &yardstick->region, err);
         if (!status)
-            status = hada_metric_depth(&result, &truth, score->steps_known ? distances : NULL,
-                                       score->steps_known ? count : 0, yardstick->tolerance, NULL, &page, err);
-        hada_image_destroy(&result);
-        hada_image_destroy(&truth);
+            status = hada_metric_depth(&one.result, &one.truth, score->steps_known ? distances : NULL,
+                                       score->steps_known ? count : 0, yardstick->tolerance, one.mask, &depth, err);
+        page_free(&one);
         if (status)
             break;
-        double here = page.coverage * (double)page.pixels;
-        pixels += (double)page.pixels;
+        double here = depth.coverage * (double)depth.pixels;
+        pixels += (double)depth.pixels;
         covered += here;
         if (here > 0) {
-            within += page.within * here;
-            error += page.mean_error_mm * here;
-            steps += score->steps_known ? page.mean_steps * here : 0;
+            within += depth.within * here;
+            error += depth.mean_error_mm * here;
+            steps += score->steps_known ? depth.mean_steps * here : 0;
         }
         score->pages++;
     }

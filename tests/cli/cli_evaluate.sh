@@ -32,4 +32,34 @@ expect 4 'a.tif is 20x20.*c.tif is 20x21' evaluate a.tif c.tif
 expect 4 '1 image .*3' evaluate a.tif "$truth/test01_stack.tif"
 expect 3 'nosuch.tif' evaluate nosuch.tif a.tif
 expect 2 'two files or two folders' evaluate out a.tif
+# Windows: at the centre or anywhere; masks of the whole image's size.
+expect 0 '20\.00' evaluate a.tif b.tif --window 11x13
+expect 0 '20\.00' evaluate a.tif b.tif --window 3x4+17+16
+expect 4 'does not lie within 20x20' evaluate a.tif b.tif --window 3x4+17+17
+expect 2 '--window 3x is not a window' evaluate a.tif b.tif --window 3x
+expect 2 '--window 3x4\+1 is not' evaluate a.tif b.tif --window 3x4+1
+"$FRAME_TOOL" nan a.tif spoilt.tif 1
+expect 4 'NaN' evaluate spoilt.tif b.tif
+expect 0 '20\.00' evaluate spoilt.tif b.tif --window 10x10+5+5
+expect 0 '20\.00' evaluate a.tif b.tif --mask a.tif
+"$FRAME_TOOL" flat none.tif 20 20 1 0
+expect 4 'mask leaves no pixel' evaluate a.tif b.tif --mask none.tif
+expect 4 'mask is 20x21' evaluate a.tif b.tif --mask c.tif
+expect 3 'nosuch.tif' evaluate a.tif b.tif --mask nosuch.tif
+expect 0 '100.0% +- +5 mm' evaluate a_depth.tif b_depth.tif --mask a.tif --window 4x4
+# The figures of the 2022 paper's code: equal errors at all pixels, so both PSNR agree.
+expect 0 "authors' PSNR.*20\.00 .* 20\.00 " evaluate a.tif b.tif --authors
+expect 0 '"authors_psnr": 19.99' evaluate a.tif b.tif --json
+is_json 'evaluate --json'
+# LPIPS, by a net with random weights.
+"$FRAME_TOOL" lpips alex.safetensors
+"$FRAME_TOOL" flat grey.tif 40 32 1 0.5
+expect 0 'LPIPS.* inf .* 0\.0000' evaluate grey.tif grey.tif --lpips alex.safetensors
+expect 0 '"lpips_net": "alex".*"lpips": -?[0-9.e-]+,' evaluate "$camera/test/raw/test01.tif" "$camera/test/raw/test02.tif" \
+    --json --lpips alex.safetensors --peak 2 --lpips-net alex
+expect 4 'at least 31 x 31, not 20 x 20' evaluate a.tif b.tif --lpips alex.safetensors
+expect 4 'shape than that of VGG-16' evaluate a.tif b.tif --lpips alex.safetensors --lpips-net vgg
+expect 4 'no tensor features.0.weight' evaluate a.tif b.tif --lpips "$model"
+expect 3 'nosuch' evaluate a.tif b.tif --lpips nosuch
+expect 2 'need --lpips' evaluate a.tif b.tif --lpips-net vgg
 finish

@@ -4,6 +4,7 @@
  *   frame_tool flat OUT H W CHANNELS VALUE
  *   frame_tool offset IN OUT LEVEL   every page of IN plus LEVEL
  *   frame_tool enhance MODEL OUT     the model with a net (preset compact, random weights)
+ *   frame_tool lpips OUT             AlexNet and the heads of LPIPS, random weights
  *   frame_tool info IN               "frames channels rows cols bits", and the mean of the finite values */
 #include <hadalens/hadalens.h>
 #include <math.h>
@@ -110,6 +111,30 @@ static hada_status save_enhanced(const char *in, const char *out, hada_error *er
     return status;
 }
 
+/* A net whose file holds what LPIPS looks for. */
+static hada_status save_lpips(const char *out, hada_error *err)
+{
+    static const char list[] =
+        "{\"format\": \"hadalens-net-1\", \"layers\": [{\"layer\": \"input\", \"channels\": 3},"
+        "{\"layer\": \"conv\", \"name\": \"features.0\", \"channels\": 64, \"kernel\": 11},"
+        "{\"layer\": \"conv\", \"name\": \"features.3\", \"channels\": 192, \"kernel\": 5},"
+        "{\"layer\": \"conv\", \"name\": \"features.6\", \"channels\": 384},"
+        "{\"layer\": \"conv\", \"name\": \"features.8\", \"channels\": 256},"
+        "{\"layer\": \"conv\", \"name\": \"features.10\", \"channels\": 256},"
+        "{\"layer\": \"conv\", \"name\": \"lin0.model.1\", \"from\": [1], \"channels\": 1, \"kernel\": 1, \"pad\": 0},"
+        "{\"layer\": \"conv\", \"name\": \"lin1.model.1\", \"from\": [2], \"channels\": 1, \"kernel\": 1, \"pad\": 0},"
+        "{\"layer\": \"conv\", \"name\": \"lin2.model.1\", \"from\": [3], \"channels\": 1, \"kernel\": 1, \"pad\": 0},"
+        "{\"layer\": \"conv\", \"name\": \"lin3.model.1\", \"from\": [4], \"channels\": 1, \"kernel\": 1, \"pad\": 0},"
+        "{\"layer\": \"conv\", \"name\": \"lin4.model.1\", \"from\": [5], \"channels\": 1, \"kernel\": 1, \"pad\": 0},"
+        "{\"layer\": \"concat\", \"from\": [6, 7, 8, 9, 10]}]}";
+    hada_net *net = NULL;
+    hada_status status = hada_net_create(&net, list, 1, err);
+    if (!status)
+        status = hada_net_save(net, out, err);
+    hada_net_destroy(&net);
+    return status;
+}
+
 int main(int argc, char **argv)
 {
     hada_error err = {0};
@@ -126,6 +151,8 @@ int main(int argc, char **argv)
         status = save_flat(argv, &err);
     else if (!strcmp(what, "enhance") && argc == 4)
         status = save_enhanced(argv[2], argv[3], &err);
+    else if (!strcmp(what, "lpips") && argc == 3)
+        status = save_lpips(argv[2], &err);
     else if (!strcmp(what, "info") && argc == 3)
         status = print_info(argv[2], &err);
     if (status)

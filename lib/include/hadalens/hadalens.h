@@ -8,6 +8,7 @@
 #include <hadalens/focus.h>
 #include <hadalens/image.h>
 #include <hadalens/job.h>
+#include <hadalens/lpips.h>
 #include <hadalens/metrics.h>
 #include <hadalens/model.h>
 #include <hadalens/net.h>

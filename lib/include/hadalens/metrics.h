@@ -6,6 +6,9 @@
  * Pixels that are not finite are an error (HADA_ERROR_NOT_FINITE) except in distance maps, where NaN means "nothing in
  * focus here".
  *
+ * To compare within a window, crop both images (hada_image_crop() of scene.h): structural similarity and gradients
+ * then see nothing outside it. A mask chooses pixels and leaves their neighbours in sight. LPIPS has a header of its own, lpips.h.
+ *
  * Thread-safe: no state. */
 #ifndef HADALENS_METRICS_H
 #define HADALENS_METRICS_H
@@ -37,6 +40,19 @@ HADA_API hada_status hada_metric_psnr(const hada_image *a, const hada_image *b, 
  * 11 x 11. With a mask, the mean is over the masked pixels of that inner part; their windows still see all pixels. */
 HADA_API hada_status hada_metric_ssim(const hada_image *a, const hada_image *b, double peak, const unsigned char *mask,
                                       double *out, hada_error *err);
+
+/* What the code that belongs to F. Tian and W. Yang, Optics Express 30(19), 34479 (2022) calls PSNR and SSIM, for
+ * comparing with its figures; not the yardsticks of those names above.
+ *   hada_metric_authors_psnr: at each pixel the squared error is averaged over the channels and turned into
+ *     10 ln(peak^2 / error) / 2.303 dB; the mean of these over the pixels is taken. It lies above the true PSNR (the
+ *     mean of a logarithm), by more the more the errors differ from pixel to pixel, and is infinite as soon as one
+ *     pixel is exact. 2.303 stands for ln 10: 0.02 % below decibels.
+ *   hada_metric_authors_ssim: structural similarity as above with a data range of 2 peak where the images span one:
+ *     the constants are four times as large, so the value lies nearer to 1. */
+HADA_API hada_status hada_metric_authors_psnr(const hada_image *a, const hada_image *b, double peak,
+                                              const unsigned char *mask, double *out, hada_error *err);
+HADA_API hada_status hada_metric_authors_ssim(const hada_image *a, const hada_image *b, double peak,
+                                              const unsigned char *mask, double *out, hada_error *err);
 
 /* Sharpness of one image: the mean magnitude of the gradient, by central differences inside and one-sided ones at the
  * edges (NumPy's gradient). In intensity per pixel. */

@@ -68,14 +68,3 @@ hada_status hada_ref_train_filter(const hada_ref_grid *grid, const double *spect
     free(whole);
     return status;
 }
-
-double hada_ref_train_error(const double *x, const double *target, size_t count, double weight, double *gradient)
-{
-    double sum = 0.0;
-    for (size_t i = 0; i < count; i++) {
-        const double d = x[i] - target[i];
-        sum += d * d;
-        gradient[i] = 2.0 * weight / (double)count * d;
-    }
-    return weight * sum / (double)count;
-}

@@ -4,8 +4,6 @@
 #ifndef HADA_REF_TRAIN_H
 #define HADA_REF_TRAIN_H
 
-#include <stddef.h>
-
 #include "ref/ref_filter.h"
 
 /* window = crop(inverse(spectrum * filter)), as hada_ref_hadamard(), with a filter in double precision. */
@@ -16,8 +14,5 @@ hada_status hada_ref_train_plane(const hada_ref_grid *grid, const double *spectr
  * given that by the window's pixels. */
 hada_status hada_ref_train_filter(const hada_ref_grid *grid, const double *spectrum, const double *window_gradient,
                                   int split, double *gradient, hada_error *err);
-
-/* weight times the mean of (x - target)^2, and its gradient. */
-double hada_ref_train_error(const double *x, const double *target, size_t count, double weight, double *gradient);
 
 #endif

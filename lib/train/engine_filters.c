@@ -7,6 +7,7 @@
 #include "io/safetensors.h"
 #include "net/layer_launch.h"
 #include "program/kernel.h"
+#include "train/clip.h"
 #include "train/engine_parts.h"
 
 /* Of the real and imaginary parts of a random start. */
@@ -62,20 +63,6 @@ hada_status hada_engine_first_filters(const hada_engine *engine, const hada_engi
     return status;
 }
 
-/* Light is not negative, and reconstruction says so before a net. */
-static hada_status clip(hada_engine *engine, size_t count, hada_error *err)
-{
-    const cl_ulong offset = 0, values = count;
-    const size_t local = 64, global = (count + 8 * local - 1) / (8 * local) * local;
-    const hada_arg args[] = {HADA_ARG(engine->buffers[ENGINE_PLANES].mem), HADA_ARG(offset), HADA_ARG(values)};
-    cl_kernel kernel;
-    hada_status status = hada_slot_kernel(engine->slot, "sched_clip", "sched_clip", "", &kernel, err);
-    hada_slot_cost(engine->slot, 8.0 * (double)count, (double)count);
-    return status
-               ? status
-               : hada_slot_launch(engine->slot, kernel, "sched_clip", 1, &global, &local, args, HADA_COUNT(args), err);
-}
-
 hada_status hada_engine_refocus(hada_engine *engine, const hada_sample *samples, int count, int clipped,
                                 hada_error *err)
 {
@@ -99,7 +86,9 @@ hada_status hada_engine_refocus(hada_engine *engine, const hada_sample *samples,
         status = hada_fft_inverse(engine->inverse, shape->channels, spectra->mem, (size_t)i * values,
                                   engine->buffers[ENGINE_PLANES].mem, (size_t)i * shape->plane, &here, err);
     }
-    return status || !clipped ? status : clip(engine, (size_t)count * shape->plane, err);
+    if (status || !clipped)
+        return status;
+    return hada_train_clip(engine->slot, engine->buffers[ENGINE_PLANES].mem, (size_t)count * shape->plane, err);
 }
 
 /* Adds the gradient of one plane, whose spectrum stands in ENGINE_FLOW. */

@@ -1,0 +1,169 @@
+#include "train/planes.h"
+
+#include <stdlib.h>
+
+#include "core/alloc.h"
+#include "filter/bank.h"
+#include "filter/dark.h"
+#include "filter/hadamard.h"
+#include "refine/admm.h"
+#include "train/clip.h"
+
+struct hada_planes {
+    hada_slot *slot;
+    const hada_model *model;
+    const hada_model_info *info;
+    hada_hadamard *stage;
+    hada_bank *bank;
+    hada_refiner *refiner;     /* NULL: linear */
+    hada_buffer prior, planes; /* refined; linear */
+    double *levels;
+    float *room; /* a channel of a frame, for its dark level */
+};
+
+static int is_refined(const hada_model_info *info)
+{
+    return info->has_otf && info->refine_steps > 0;
+}
+
+static size_t plane_bytes(const hada_model_info *info)
+{
+    return (size_t)info->channels * (size_t)info->window_rows * (size_t)info->window_cols * sizeof(float);
+}
+
+hada_status hada_planes_bytes(const hada_context *context, const hada_model *model, size_t *bytes, hada_error *err)
+{
+    const hada_model_info *info = hada_model_get_info(model);
+    const int refined = is_refined(info);
+    hada_geometry geometry;
+    *bytes = 0;
+    hada_status status = hada_geometry_of(info, &geometry, err);
+    if (status)
+        return status;
+    const hada_spectrum_layout layout = hada_hadamard_layout(context, info);
+    const hada_refine_shape shape = hada_refine_shape_of(info, 1, refined ? info->refine_steps : 1);
+    uint64_t all = hada_hadamard_bytes(context, info, 1) +
+                   hada_bank_bytes(info, &layout, info->depths, refined ? HADA_BANK_OTFS : HADA_BANK_FILTERS, 0);
+    if (refined && model->scene_power)
+        all += (uint64_t)info->channels * layout.count * sizeof(float);
+    all += refined ? hada_refiner_bytes(context, &shape) : plane_bytes(info);
+    *bytes = (size_t)all;
+    return HADA_OK;
+}
+
+hada_status hada_planes_create(hada_planes **out, hada_slot *slot, const hada_model *model, hada_error *err)
+{
+    hada_planes *planes;
+    const hada_model_info *info = hada_model_get_info(model);
+    const int refined = is_refined(info);
+    *out = NULL;
+    hada_status status = hada_alloc((void **)&planes, 1, sizeof *planes, "planes for training", err);
+    if (status)
+        return status;
+    planes->slot = slot;
+    planes->model = model;
+    planes->info = info;
+    status = hada_alloc((void **)&planes->levels, (size_t)info->channels, sizeof(double), "dark levels", err);
+    if (!status)
+        status = hada_alloc((void **)&planes->room, (size_t)info->raw_rows * (size_t)info->raw_cols, sizeof(float),
+                            "dark levels", err);
+    if (!status)
+        status = hada_hadamard_create(&planes->stage, slot, info, 1, err);
+    if (!status)
+        status = hada_bank_create(&planes->bank, slot, model, &planes->stage->layout, NULL, info->depths,
+                                  refined ? HADA_BANK_OTFS : HADA_BANK_FILTERS, 0, err);
+    if (!status && refined)
+        status = hada_bank_prior(&planes->prior, slot, model, &planes->stage->layout, err);
+    if (!status && refined) {
+        const hada_refine_shape shape = hada_refine_shape_of(info, 1, info->refine_steps);
+        status = hada_refiner_create(&planes->refiner, slot, &shape, err);
+    }
+    if (!status && !refined)
+        status = hada_buffer_create(&planes->planes, slot->context, plane_bytes(info), "a plane", err);
+    if (status)
+        hada_planes_destroy(&planes);
+    *out = planes;
+    return status;
+}
+
+void hada_planes_destroy(hada_planes **pointer)
+{
+    if (!pointer || !*pointer)
+        return;
+    hada_planes *planes = *pointer;
+    *pointer = NULL;
+    hada_slot_finish(planes->slot, NULL);
+    hada_refiner_destroy(&planes->refiner);
+    hada_bank_destroy(&planes->bank);
+    hada_hadamard_destroy(&planes->stage);
+    hada_buffer_destroy(&planes->prior);
+    hada_buffer_destroy(&planes->planes);
+    free(planes->levels);
+    free(planes->room);
+    free(planes);
+}
+
+/* The model's dark level, or that of each channel of the frame. */
+static hada_status expose(hada_planes *planes, const hada_image *raw, hada_error *err)
+{
+    const hada_model_info *info = planes->info;
+    const size_t pixels = (size_t)info->raw_rows * (size_t)info->raw_cols;
+    if (raw->channels != info->channels || raw->rows != info->raw_rows || raw->cols != info->raw_cols)
+        return hada_fail(err, HADA_ERROR_SIZE,
+                         "the frame has %d channel(s) of %d x %d pixels; the model is for %d of %d x %d", raw->channels,
+                         raw->rows, raw->cols, info->channels, info->raw_rows, info->raw_cols);
+    if (hada_image_count_not_finite(raw))
+        return hada_fail(err, HADA_ERROR_NOT_FINITE, "%zu pixel(s) of the frame are NaN or infinite",
+                         hada_image_count_not_finite(raw));
+    for (int c = 0; c < info->channels; c++)
+        planes->levels[c] =
+            info->dark < 0 ? hada_dark_estimate(raw->data + (size_t)c * pixels, pixels, planes->room) : info->dark;
+    return hada_hadamard_frame(planes->stage, raw->data, planes->levels, err);
+}
+
+static hada_status refine(hada_planes *planes, int depth, hada_error *err)
+{
+    const hada_model_info *info = planes->info;
+    hada_refine_data data = {
+        .spectrum = planes->stage->spectrum.mem, .frame = planes->stage->raw.mem, .prior = planes->prior.mem};
+    hada_refine_rule rule;
+    size_t image;
+    const int list[1] = {0};
+    data.otf = hada_bank_otf(planes->bank, depth, &image, &data.otf_depths);
+    data.otf_offset = image * planes->stage->layout.count;
+    hada_refine_rule_init(&rule);
+    rule.steps = info->refine_steps;
+    rule.rho = info->refine_rho * hada_model_gain(planes->model);
+    rule.stop = HADA_REFINE_STOP;
+    return hada_refiner_run(planes->refiner, &data, &rule, 1, 1, list, NULL, err);
+}
+
+static hada_status filter(hada_planes *planes, int depth, hada_error *err)
+{
+    const cl_mem out = planes->planes.mem;
+    hada_status status = hada_hadamard_run(planes->stage, planes->bank, depth, 1, out, 0, err);
+    return status ? status : hada_train_clip(planes->slot, out, planes->planes.bytes / sizeof(float), err);
+}
+
+hada_status hada_planes_make(hada_planes *planes, int depth, const hada_image *raw, hada_image *out, hada_error *err)
+{
+    const hada_model_info *info = planes->info;
+    if (depth < 0 || depth >= info->depths)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "a plane of depth %d of %d", depth, info->depths);
+    hada_status status = expose(planes, raw, err);
+    if (!status)
+        status = planes->refiner ? refine(planes, depth, err) : filter(planes, depth, err);
+    if (!status && hada_image_count(out) * sizeof(float) != plane_bytes(info)) {
+        hada_image_destroy(out);
+        status = hada_image_create(out, info->channels, info->window_rows, info->window_cols, err);
+    }
+    if (status)
+        return status;
+    const cl_mem from = planes->refiner ? hada_refiner_planes(planes->refiner) : planes->planes.mem;
+    const cl_int code = clEnqueueReadBuffer(planes->slot->queue, from, CL_TRUE, 0, plane_bytes(info), out->data, 0,
+                                            NULL, hada_slot_event(planes->slot));
+    if (code != CL_SUCCESS)
+        return hada_fail_cl(err, code, "clEnqueueReadBuffer");
+    hada_slot_moved(planes->slot, "read", (double)plane_bytes(info));
+    return HADA_OK;
+}

@@ -1,0 +1,302 @@
+/* Training of filters: gradients against the reference, the reference against differences, convergence. */
+#include "train_fixture.h"
+
+typedef struct filter_case {
+    int channels, rows, cols, window_rows, window_cols, padded, split;
+} filter_case;
+
+/* Even and odd columns, both boundaries, both forms, the window as large as the frame. */
+static const filter_case cases[] = {
+    {1, 12, 16, 8, 10, 0, 0},  {2, 11, 13, 7, 6, 0, 1}, {3, 12, 15, 6, 7, 1, 0},
+    {1, 10, 14, 10, 14, 0, 1}, {2, 9, 12, 5, 8, 1, 1},  {1, 13, 11, 13, 11, 0, 0},
+};
+
+static hada_model *model_of(const filter_case *c)
+{
+    return train_model(c->channels, c->rows, c->cols, c->window_rows, c->window_cols, c->padded, c->split);
+}
+
+/* The filters' gradient of depth z by the reference. */
+static void expected_gradient(const train_case *c, int depth, double *gradient)
+{
+    const hada_ref_grid grid = train_grid(c->info);
+    const size_t spectrum = 2 * hada_model_info_plane(c->info), frame = (size_t)grid.raw_rows * (size_t)grid.raw_cols;
+    const size_t window = (size_t)grid.window_rows * (size_t)grid.window_cols,
+                 plane = window * (size_t)c->info->channels;
+    double *b = calloc(spectrum, sizeof *b), *x = train_output(c), *t = train_scenes(c);
+    double *dx = calloc(plane * (size_t)c->count, sizeof *dx);
+    memset(gradient, 0, spectrum * (size_t)c->info->channels * sizeof *gradient);
+    hada_ref_mse(plane * (size_t)c->count, c->options->mse, x, t, dx);
+    for (int i = 0; i < c->count; i++)
+        for (size_t k = 0; c->samples[i].depth == depth && k < (size_t)c->info->channels; k++) {
+            ASSERT_OK(hada_ref_grid_forward(&grid, c->samples[i].input->data + k * frame, grid.raw_row, grid.raw_col,
+                                            grid.raw_rows, grid.raw_cols, b, err));
+            ASSERT_OK(hada_ref_train_filter(&grid, b, dx + (size_t)i * plane + k * window,
+                                            c->info->form == HADA_FORM_SPLIT, gradient + k * spectrum, err));
+        }
+    free(b);
+    free(x);
+    free(t);
+    free(dx);
+}
+
+static double relative(const float *got, const double *expected, size_t count)
+{
+    double error = 0.0, size = 0.0;
+    for (size_t i = 0; i < count; i++) {
+        error += (got[i] - expected[i]) * (got[i] - expected[i]);
+        size += expected[i] * expected[i];
+    }
+    assert_true(size > 0.0);
+    return sqrt(error / size);
+}
+
+static train_case case_of(const hada_model *model, const hada_train_options *options, const train_pairs *pairs)
+{
+    const hada_model_info *info = hada_model_get_info(model);
+    train_case c = {.info = info, .options = options, .samples = pairs->samples, .count = TRAIN_PAIRS};
+    const size_t floats = 2 * hada_model_plane(model) * (size_t)info->channels;
+    for (size_t z = 0; z < TRAIN_DEPTHS; z++)
+        c.filters[z] = train_doubles(model->filter + z * floats, floats);
+    return c;
+}
+
+static void case_free(train_case *c)
+{
+    for (int z = 0; z < TRAIN_DEPTHS; z++)
+        free(c->filters[z]);
+    free(c->values);
+    free(c->critic_values);
+}
+
+static void gradients_are_the_references(void **state)
+{
+    for (size_t i = 0; i < HADA_COUNT(cases); i++) {
+        hada_model *model = model_of(&cases[i]);
+        const hada_train_options options = train_options(HADA_STAGE_FILTERS);
+        const hada_engine_desc desc = {.model = model, .options = &options, .at_once = TRAIN_PAIRS};
+        train_pairs pairs;
+        hada_terms terms;
+        unsigned char touched[TRAIN_DEPTHS] = {0};
+        train_pairs_make(&pairs, hada_model_get_info(model), 1);
+        train_case c = case_of(model, &options, &pairs);
+        hada_engine *engine = train_engine(*state, &desc);
+        ASSERT_OK(hada_engine_clear(engine, err));
+        ASSERT_OK(
+            hada_engine_backward(engine, pairs.samples, TRAIN_PAIRS, 1.0 / TRAIN_PAIRS, 1, 0, &terms, touched, err));
+        const double loss = train_terms(&c).mse;
+        assert_true(fabs(terms.mse - loss) < 1e-5 * loss);
+        for (int z = 0; z < TRAIN_DEPTHS; z++) {
+            const size_t count = hada_engine_count(engine, HADA_GROUP_FILTERS + z, HADA_CONTENT_GRADIENT);
+            double *expected = calloc(count, sizeof *expected);
+            assert_int_equal(touched[z], 1);
+            expected_gradient(&c, z, expected);
+            float *got = train_read(engine, HADA_GROUP_FILTERS + z, HADA_CONTENT_GRADIENT);
+            assert_true(relative(got, expected, count) < 2e-6);
+            free(expected);
+            free(got);
+        }
+        hada_engine_destroy(&engine);
+        case_free(&c);
+        train_pairs_free(&pairs);
+        hada_model_destroy(&model);
+    }
+}
+
+static void the_reference_is_the_difference(void **state)
+{
+    (void)state;
+    for (size_t i = 0; i < HADA_COUNT(cases); i++) {
+        hada_model *model = model_of(&cases[i]);
+        const hada_train_options options = train_options(HADA_STAGE_FILTERS);
+        const size_t count = 2 * hada_model_plane(model) * (size_t)cases[i].channels;
+        train_pairs pairs;
+        train_pairs_make(&pairs, hada_model_get_info(model), 1);
+        train_case c = case_of(model, &options, &pairs);
+        double *gradient = calloc(count, sizeof *gradient);
+        float *floats = calloc(count, sizeof *floats);
+        for (int z = 0; z < TRAIN_DEPTHS; z++) {
+            expected_gradient(&c, z, gradient);
+            for (size_t k = 0; k < count; k++)
+                floats[k] = (float)gradient[k];
+            train_difference(&c, c.filters[z], floats, count, 0);
+        }
+        free(gradient);
+        free(floats);
+        case_free(&c);
+        train_pairs_free(&pairs);
+        hada_model_destroy(&model);
+    }
+}
+
+/* One call with three pairs, three with one each, and the first again. */
+static void pieces_add_up_and_repeat(void **state)
+{
+    hada_model *model = model_of(&cases[2]);
+    const hada_train_options options = train_options(HADA_STAGE_FILTERS);
+    train_pairs pairs;
+    float *gradients[3];
+    train_pairs_make(&pairs, hada_model_get_info(model), 1);
+    size_t count = 0;
+    for (int run = 0; run < 3; run++) {
+        const int at_once = run == 1 ? 1 : TRAIN_PAIRS;
+        const hada_engine_desc desc = {.model = model, .options = &options, .at_once = at_once};
+        hada_engine *engine = train_engine(*state, &desc);
+        hada_terms terms;
+        ASSERT_OK(hada_engine_clear(engine, err));
+        for (int i = 0; i < TRAIN_PAIRS; i += at_once)
+            ASSERT_OK(hada_engine_backward(engine, pairs.samples + i, at_once, 0.25, 1, 0, &terms, NULL, err));
+        gradients[run] = train_read(engine, HADA_GROUP_FILTERS + 1, HADA_CONTENT_GRADIENT);
+        count = hada_engine_count(engine, HADA_GROUP_FILTERS + 1, HADA_CONTENT_GRADIENT);
+        hada_engine_destroy(&engine);
+    }
+    double *first = train_doubles(gradients[0], count);
+    assert_true(relative(gradients[1], first, count) < 1e-6);
+    assert_memory_equal(gradients[0], gradients[2], count * sizeof(float));
+    free(first);
+    for (int run = 0; run < 3; run++)
+        free(gradients[run]);
+    train_pairs_free(&pairs);
+    hada_model_destroy(&model);
+}
+
+/* Random starts belong to the seed; values, gradients and state come back as they were written. */
+static void starts_and_contents(void **state)
+{
+    hada_model *model = model_of(&cases[0]);
+    hada_train_options options = train_options(HADA_STAGE_FILTERS);
+    float *starts[3];
+    size_t count = 0;
+    options.random_start = 1;
+    for (int i = 0; i < 3; i++) {
+        const hada_engine_desc desc = {.model = model, .options = &options, .at_once = 1};
+        options.seed = i == 2 ? 6 : 5;
+        options.rule = HADA_RULE_ADAM;
+        hada_engine *engine = train_engine(*state, &desc);
+        starts[i] = train_read(engine, HADA_GROUP_FILTERS, HADA_CONTENT_VALUES);
+        count = hada_engine_count(engine, HADA_GROUP_FILTERS, HADA_CONTENT_VALUES);
+        assert_int_equal(hada_engine_groups(engine), HADA_GROUP_FILTERS + TRAIN_DEPTHS);
+        assert_int_equal(hada_engine_count(engine, HADA_GROUP_NET, HADA_CONTENT_VALUES), 0);
+        for (hada_content content = HADA_CONTENT_VALUES; content <= HADA_CONTENT_STATE; content++) {
+            const size_t values = hada_engine_count(engine, HADA_GROUP_FILTERS + 1, content);
+            float *in = calloc(values, sizeof *in);
+            assert_int_equal(values, content == HADA_CONTENT_STATE ? 2 * count : count);
+            train_fill(in, values, 0.0, 1.0, 9);
+            ASSERT_OK(hada_engine_write(engine, HADA_GROUP_FILTERS + 1, content, in, err));
+            float *out = train_read(engine, HADA_GROUP_FILTERS + 1, content);
+            assert_memory_equal(in, out, values * sizeof *in);
+            free(in);
+            free(out);
+        }
+        hada_engine_destroy(&engine);
+    }
+    assert_memory_equal(starts[0], starts[1], count * sizeof(float));
+    assert_memory_not_equal(starts[0], starts[2], count * sizeof(float));
+    for (int i = 0; i < 3; i++)
+        free(starts[i]);
+    hada_model_destroy(&model);
+}
+
+/* Scenes that a known filter makes of the frames: training from a random start finds a filter that does the same, by
+ * each rule; `forward` shows it, clipped. */
+static void random_starts_converge(void **state)
+{
+    for (int run = 0; run < 4; run++) {
+        hada_model *model = train_model(1, 12, 14, 8, 10, 0, run & 1);
+        const hada_model_info *info = hada_model_get_info(model);
+        hada_train_options options = train_options(HADA_STAGE_FILTERS);
+        train_pairs pairs;
+        hada_terms terms;
+        double first = 0.0;
+        options.mse = 1.0;
+        options.random_start = 1;
+        options.form = info->form;
+        options.rule = run < 2 ? HADA_RULE_RMSPROP : HADA_RULE_ADAM;
+        train_pairs_make(&pairs, info, 1);
+        train_case c = case_of(model, &options, &pairs);
+        for (int i = 0; i < TRAIN_PAIRS; i++) {
+            double plane[80];
+            train_plane(&c, &pairs.samples[i], plane);
+            for (size_t k = 0; k < 80; k++)
+                pairs.scene[i].data[k] = (float)plane[k];
+        }
+        const hada_engine_desc desc = {.model = model, .options = &options, .at_once = TRAIN_PAIRS};
+        hada_engine *engine = train_engine(*state, &desc);
+        for (uint64_t step = 1; step <= 600; step++) {
+            const double rate = 0.02 * pow(0.99, (double)step);
+            ASSERT_OK(hada_engine_clear(engine, err));
+            ASSERT_OK(hada_engine_backward(engine, pairs.samples, TRAIN_PAIRS, 1.0 / TRAIN_PAIRS, step, 0, &terms, NULL,
+                                           err));
+            first = step == 1 ? terms.mse : first;
+            for (int z = 0; z < TRAIN_DEPTHS; z++)
+                ASSERT_OK(hada_engine_update(engine, HADA_GROUP_FILTERS + z, step, rate, 1.0, err));
+        }
+        if (!(terms.mse < 5e-3 * first))
+            fail_msg("run %d: from %g to %g", run, first, terms.mse);
+        hada_image before = {0}, after = {0};
+        ASSERT_OK(hada_engine_forward(engine, &pairs.samples[0], &before, &after, err));
+        for (size_t k = 0; k < 80; k++) {
+            assert_true(before.data[k] == after.data[k] && after.data[k] >= 0.0f);
+            assert_true(fabs(after.data[k] - fmax(pairs.scene[0].data[k], 0.0)) < 0.1);
+        }
+        hada_image_destroy(&before);
+        hada_image_destroy(&after);
+        hada_engine_destroy(&engine);
+        case_free(&c);
+        train_pairs_free(&pairs);
+        hada_model_destroy(&model);
+    }
+}
+
+static void what_does_not_fit_is_refused(void **state)
+{
+    train_device *device = *state;
+    hada_model *model = model_of(&cases[1]);
+    hada_train_options options = train_options(HADA_STAGE_FILTERS);
+    hada_engine_desc desc = {.model = model, .options = &options, .at_once = 0};
+    hada_engine *engine;
+    hada_error error;
+    size_t bytes;
+    assert_int_equal(hada_engine_create(&engine, device->slot, &desc, &error), HADA_ERROR_ARGUMENT);
+    assert_null(engine);
+    desc.at_once = 2;
+    options.form = HADA_FORM_COMPLEX; /* the model is split */
+    assert_int_equal(hada_engine_bytes(device->context, &desc, &bytes, &error), HADA_ERROR_MODEL);
+    assert_non_null(strstr(error.message, "split"));
+    options.form = HADA_FORM_WIENER;
+    assert_int_equal(hada_engine_bytes(device->context, &desc, &bytes, &error), HADA_ERROR_ARGUMENT);
+    options.form = HADA_FORM_SPLIT;
+    options.stage = HADA_STAGE_JOINT; /* without a net */
+    assert_int_equal(hada_engine_bytes(device->context, &desc, &bytes, &error), HADA_ERROR_ARGUMENT);
+    options.stage = HADA_STAGE_FILTERS;
+    engine = train_engine(device, &desc);
+    train_pairs pairs;
+    hada_terms terms;
+    train_pairs_make(&pairs, hada_model_get_info(model), 1);
+    assert_int_equal(hada_engine_backward(engine, pairs.samples, 3, 1.0, 1, 0, &terms, NULL, &error),
+                     HADA_ERROR_ARGUMENT);
+    assert_int_equal(hada_engine_backward(engine, pairs.samples, 1, 1.0, 1, 1, &terms, NULL, &error),
+                     HADA_ERROR_ARGUMENT);
+    pairs.samples[0].depth = TRAIN_DEPTHS;
+    assert_int_equal(hada_engine_backward(engine, pairs.samples, 1, 1.0, 1, 0, &terms, NULL, &error),
+                     HADA_ERROR_ARGUMENT);
+    pairs.samples[0].depth = 0;
+    pairs.samples[0].input = &pairs.scene[0];
+    assert_int_equal(hada_engine_backward(engine, pairs.samples, 1, 1.0, 1, 0, &terms, NULL, &error), HADA_ERROR_SIZE);
+    assert_int_equal(hada_engine_update(engine, HADA_GROUP_NET, 1, 1.0, 1.0, &error), HADA_ERROR_ARGUMENT);
+    assert_int_equal(hada_engine_update(engine, HADA_GROUP_FILTERS + TRAIN_DEPTHS, 1, 1.0, 1.0, &error),
+                     HADA_ERROR_ARGUMENT);
+    train_pairs_free(&pairs);
+    hada_engine_destroy(&engine);
+    hada_model_destroy(&model);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(gradients_are_the_references), cmocka_unit_test(the_reference_is_the_difference),
+        cmocka_unit_test(pieces_add_up_and_repeat),     cmocka_unit_test(starts_and_contents),
+        cmocka_unit_test(random_starts_converge),       cmocka_unit_test(what_does_not_fit_is_refused),
+    };
+    return cmocka_run_group_tests(tests, train_open, train_close);
+}

@@ -16,6 +16,7 @@
 #include <hadalens/profile.h>
 #include <hadalens/reconstruct.h>
 #include <hadalens/scene.h>
+#include <hadalens/sensor.h>
 #include <hadalens/simulate.h>
 #include <hadalens/status.h>
 #include <hadalens/tiff.h>

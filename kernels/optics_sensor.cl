@@ -1,0 +1,81 @@
+/* From light to what a sensor reads: exposure, vignetting, shot noise, read noise, dark level, saturation, rounding.
+ * <hadalens/sensor.h> tells the model. */
+#include "inc_philox.h"
+
+#define SENSOR_EXACT 16.0f /* electrons; below, Poisson numbers are exact */
+
+/* Poisson numbers of large means: the expansion of a normal number by Cornish and Fisher (1938) to the second order, with
+ * the variance less the 1/12 that rounding adds. */
+static inline float8 sensor_many(float8 mean, float8 normal)
+{
+    const float8 square = normal * normal;
+    const float8 off = sqrt(mean - 1.0f / 12.0f) * normal + (square - 1.0f) / 6.0f +
+                       (normal - square * normal) / (72.0f * sqrt(mean));
+    return max(0.0f, rint(mean + off));
+}
+
+/* Poisson numbers of small means: how many uniform numbers can be multiplied until the product is no more than exp(-mean)
+ * (Knuth, The Art of Computer Programming 2, 3.4.1). All eight go on until the last is done. */
+static inline float8 sensor_few(float8 mean, philox_words counter, uint key0, uint key1)
+{
+    const float8 least = exp(-mean);
+    float8 product = 1.0f, count = 0.0f;
+    int8 going = 1;
+    while (any(going != 0)) {
+        counter.w2++;
+        const philox_words word = philox(counter, key0, key1);
+        const uint8 draws[4] = {word.w0, word.w1, word.w2, word.w3};
+        for (int i = 0; i < 4; i++) {
+            product *= philox_unit(draws[i]);
+            going = product > least;
+            count += select((float8)0.0f, (float8)1.0f, going);
+        }
+    }
+    return count;
+}
+
+/* `values` of `pixels` a channel, in place; an item takes eight. `gain` holds the vignetting where `vignetted`; `levels`
+ * is 2^bits - 1, 0 where values are not rounded. */
+__kernel void optics_sensor(__global float *values, const ulong offset, __global const float *gain, const int vignetted,
+                            const ulong pixels, const ulong count, const float exposure, const float full_well,
+                            const float read_noise, const float dark_level, const int saturate, const float levels,
+                            const uint key0, const uint key1)
+{
+    const ulong first = 8 * (ulong)get_global_id(0);
+    if (first >= count)
+        return;
+    const int here = (int)min((ulong)8, count - first);
+    float lane[8] = {0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f};
+    values += offset + first;
+    for (int i = 0; i < here; i++)
+        lane[i] = max(0.0f, values[i]) * (vignetted ? gain[(first + i) % pixels] : 1.0f);
+    float8 y = exposure * vload8(0, lane);
+    if (full_well > 0.0f || read_noise > 0.0f) {
+        philox_words counter = {(uint)first + (uint8)(0, 1, 2, 3, 4, 5, 6, 7), (uint)(first >> 32), 0, 0};
+        const philox_words word = philox(counter, key0, key1);
+        const float8 radius = sqrt(-2.0f * log(philox_unit(word.w0))), turn = 2.0f * philox_unit(word.w1);
+        const float8 read = read_noise * radius * sinpi(turn);
+        if (full_well > 0.0f) {
+            const float8 mean = y * full_well;
+            const int8 few = mean < SENSOR_EXACT;
+            float8 electrons = sensor_many(max(mean, SENSOR_EXACT), radius * cospi(turn));
+            if (any(few))
+                electrons = select(electrons, sensor_few(select((float8)0.0f, mean, few), counter, key0, key1), few);
+            if (saturate)
+                electrons = min(electrons, full_well);
+            y = (electrons + read) / full_well;
+        } else {
+            y = (saturate ? min(y, 1.0f) : y) + read;
+        }
+    } else if (saturate) {
+        y = min(y, 1.0f);
+    }
+    y += dark_level;
+    if (saturate)
+        y = min(y, 1.0f);
+    if (levels > 0.0f)
+        y = clamp(rint(y * levels), 0.0f, levels) / levels;
+    vstore8(y, 0, lane);
+    for (int i = 0; i < here; i++)
+        values[i] = lane[i];
+}

@@ -1,0 +1,32 @@
+/* The light of single lenses: which part of a PSF a lens makes, and through which points it looks. Internal.
+ *
+ * A point q of the mask that belongs to the lens on p lands at p m + (q - p)(m - d/f), m = 1 + d/z. q is nearer to p
+ * than to any other centre, and as long as |m - d/f| <= m, where it lands is nearer to p m than to any other spot. So
+ * the PSF is parted exactly by the nearest spot, but for the tails of the blur over the borders of touching lenses; and
+ * this holds for PSFs from elsewhere (measured, wave optics, in colour) as well as for those of the geometry. */
+#ifndef HADA_OPTICS_LENS_LIGHT_H
+#define HADA_OPTICS_LENS_LIGHT_H
+
+#include <hadalens/camera.h>
+
+#include "core/error.h"
+
+typedef struct hada_lenses {
+    int count;
+    double *x, *y; /* centres, mm; one block, freed with x */
+} hada_lenses;
+
+/* The places that a camera looks from. HADA_ERROR_ARGUMENT for masks that are not made of lenses or round holes. */
+hada_status hada_lenses_create(hada_lenses *lenses, const hada_camera *camera, hada_error *err);
+void hada_lenses_destroy(hada_lenses *lenses);
+
+/* labels[rows x cols]: the lens whose spot at a distance is nearest to a pixel, with the axis at (axis_row, axis_col).
+ * The first of equally near ones. */
+void hada_lens_labels(const hada_camera *camera, const hada_lenses *lenses, double distance_mm, int rows, int cols,
+                      double axis_row, double axis_col, int *labels);
+
+/* Points of a lens's outline relative to its centre (mm), on a square grid of 2 half + 1 across its diameter: those
+ * that are in the aperture and nearer to no other centre. `x` and `y` hold (2 half + 1)^2; returns how many. */
+int hada_lens_outline(const hada_camera *camera, const hada_lenses *lenses, int lens, int half, double *x, double *y);
+
+#endif

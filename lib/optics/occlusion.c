@@ -1,0 +1,123 @@
+#include "optics/occlusion.h"
+
+#include <hadalens/simulate.h>
+#include <math.h>
+#include <stdlib.h>
+
+#include "core/alloc.h"
+#include "program/kernel.h"
+
+#define LOCAL         64 /* columns in a work-group */
+#define OUTLINE_LEAST 4  /* points of the outline on either side of the middle, at least and at most */
+#define OUTLINE_MOST  48
+
+void hada_camera_parallax(const hada_camera *camera, double near_mm, double far_mm, double x_mm, double y_mm,
+                          double *cols, double *rows)
+{
+    const double scale = camera->distance_mm * (1.0 / near_mm - 1.0 / far_mm) / camera->pixel_pitch_mm;
+    *cols = x_mm * scale;
+    *rows = y_mm * scale;
+}
+
+/* Two points for each pixel that the outline is wide on the nearer plane. */
+static int outline_half(const hada_camera *camera, double near_mm, double far_mm)
+{
+    double wide, high;
+    hada_camera_parallax(camera, near_mm, far_mm, camera->lens_diameter_mm, 0.0, &wide, &high);
+    const double half = ceil(fabs(wide));
+    return half < OUTLINE_LEAST ? OUTLINE_LEAST : half < OUTLINE_MOST ? (int)half : OUTLINE_MOST;
+}
+
+static void range(const double *value, int count, int *first, int *length)
+{
+    double least = value[0], most = value[0];
+    for (int i = 1; i < count; i++) {
+        least = fmin(least, value[i]);
+        most = fmax(most, value[i]);
+    }
+    *first = (int)floor(least);
+    *length = (int)floor(most) + 2 - *first;
+}
+
+/* Where the rays through the points of the outline meet the nearer plane: pixels from where they started. */
+static void move_outline(const hada_camera *camera, const hada_lenses *lenses, int lens, double near_mm, double far_mm,
+                         int count, double *x, double *y)
+{
+    for (int i = 0; i < count; i++) {
+        double cols, rows;
+        hada_camera_parallax(camera, near_mm, far_mm, lenses->x[lens] + x[i], lenses->y[lens] + y[i], &cols, &rows);
+        x[i] = -cols;
+        y[i] = -rows;
+    }
+}
+
+/* Shares every ray out to four pixels. */
+static hada_status share_out(hada_taps *taps, int count, const double *x, const double *y, hada_error *err)
+{
+    void *sums, *weight = NULL;
+    const size_t size = hada_size_product((size_t)taps->rows, (size_t)taps->cols);
+    hada_status status = hada_alloc(&sums, size, sizeof(double), "the view of a lens", err);
+    if (status || (status = hada_alloc(&weight, size, sizeof(float), "the view of a lens", err))) {
+        free(sums);
+        return status;
+    }
+    taps->weight = weight;
+    for (int i = 0; i < count; i++) {
+        const int r = (int)floor(y[i]), c = (int)floor(x[i]);
+        const double fy = y[i] - r, fx = x[i] - c;
+        double *at = (double *)sums + (size_t)(r - taps->row0) * (size_t)taps->cols + (c - taps->col0);
+        at[0] += (1.0 - fy) * (1.0 - fx);
+        at[1] += (1.0 - fy) * fx;
+        at[taps->cols] += fy * (1.0 - fx);
+        at[taps->cols + 1] += fy * fx;
+    }
+    for (size_t i = 0; i < size; i++)
+        taps->weight[i] = (float)(((double *)sums)[i] / count);
+    free(sums);
+    return HADA_OK;
+}
+
+hada_status hada_taps_create(hada_taps *taps, const hada_camera *camera, const hada_lenses *lenses, int lens,
+                             double near_mm, double far_mm, hada_error *err)
+{
+    *taps = (hada_taps){0};
+    const int half = outline_half(camera, near_mm, far_mm), room = (2 * half + 1) * (2 * half + 1);
+    void *points;
+    hada_status status = hada_alloc(&points, (size_t)room, 2 * sizeof(double), "the outline of a lens", err);
+    if (status)
+        return status;
+    double *x = points, *y = x + room;
+    const int count = hada_lens_outline(camera, lenses, lens, half, x, y);
+    move_outline(camera, lenses, lens, near_mm, far_mm, count, x, y);
+    range(x, count, &taps->col0, &taps->cols);
+    range(y, count, &taps->row0, &taps->rows);
+    status = share_out(taps, count, x, y, err);
+    free(points);
+    return status;
+}
+
+void hada_taps_destroy(hada_taps *taps)
+{
+    free(taps->weight);
+    *taps = (hada_taps){0};
+}
+
+hada_status hada_optics_hide(hada_slot *slot, cl_mem light, cl_mem seen, size_t seen_offset, cl_mem opacity,
+                             size_t opacity_offset, cl_mem weights, const hada_taps *taps, int channels, int rows,
+                             int cols, hada_error *err)
+{
+    cl_kernel kernel;
+    hada_status status = hada_slot_kernel(slot, "optics_hide", "optics_hide", "", &kernel, err);
+    if (status)
+        return status;
+    const cl_ulong to = seen_offset, from = opacity_offset;
+    const size_t local[2] = {LOCAL, 1},
+                 global[2] = {(((size_t)cols + 7) / 8 + LOCAL - 1) / LOCAL * LOCAL, (size_t)rows};
+    const hada_arg args[] = {HADA_ARG(light),      HADA_ARG(seen),       HADA_ARG(to),         HADA_ARG(opacity),
+                             HADA_ARG(from),       HADA_ARG(weights),    HADA_ARG(taps->row0), HADA_ARG(taps->col0),
+                             HADA_ARG(taps->rows), HADA_ARG(taps->cols), HADA_ARG(channels),   HADA_ARG(rows),
+                             HADA_ARG(cols)};
+    const double pixels = (double)rows * cols;
+    hada_slot_cost(slot, pixels * (8.0 * channels + 4.0), pixels * (2.0 * taps->rows * taps->cols + channels));
+    return hada_slot_launch(slot, kernel, "optics_hide", 2, global, local, args, HADA_COUNT(args), err);
+}

@@ -1,0 +1,57 @@
+/* What the files of the simulator share. Internal. */
+#ifndef HADA_OPTICS_SIMULATOR_H
+#define HADA_OPTICS_SIMULATOR_H
+
+#include <hadalens/simulate.h>
+
+#include "fft/fft.h"
+
+typedef struct hada_extent {
+    int rows, cols;
+} hada_extent;
+
+struct hada_simulator {
+    hada_camera camera;
+    hada_image *psf;          /* given ones, one a depth; NULL: from geometry */
+    int psf_images;           /* channels of each PSF */
+    hada_extent shift, field; /* of the options; the field at least the window */
+    int rows, cols;           /* of the transform: the sensor, or larger where light is cropped */
+
+    hada_slot *slot;
+    hada_fft *forward_psf, *forward_scene, *inverse;
+    hada_spectrum_layout layout;
+    hada_buffer real;     /* a PSF on the transform's grid, or the frame */
+    hada_buffer scene;    /* a plane, channels x field */
+    hada_buffer spectrum; /* of a plane */
+    hada_buffer sum;      /* of the frame */
+    hada_buffer *otf;     /* per depth, empty until first used */
+};
+
+/* HADA_ERROR_ARGUMENT where the camera has no such depth. */
+hada_status hada_simulator_check_depth(const hada_simulator *simulator, int depth, hada_error *err);
+
+/* The PSF of a depth on a grid about the axis, moved by the sensor's shift; created by the call. */
+hada_status hada_simulator_place_psf(const hada_simulator *simulator, int depth, int rows, int cols, hada_image *psf,
+                                     hada_error *err);
+
+/* Transfer functions (psf->channels of them) of a placed PSF of the transform's size into `otf`, created where empty.
+ * With labels, of the light of lens `lens` alone (lens_light.h). */
+hada_status hada_simulator_make_otf(hada_simulator *simulator, const hada_image *psf, const int *labels, int lens,
+                                    hada_buffer *otf, hada_error *err);
+
+/* HADA_ERROR_SIZE and others where an image cannot be shown. */
+hada_status hada_simulator_check_plane(const hada_simulator *simulator, const hada_plane *plane, hada_error *err);
+
+/* A plane of window or field size to the middle of a field on the device, `channels` of them (a grey one is repeated).
+ */
+hada_status hada_simulator_upload(hada_simulator *simulator, const hada_image *image, int channels, hada_buffer *to,
+                                  size_t offset, hada_error *err);
+
+/* Adds a plane's part to the frame's spectrum, unhidden, through all lenses. */
+hada_status hada_simulator_add_plane(hada_simulator *simulator, const hada_plane *plane, int add, hada_error *err);
+
+/* From the frame's spectrum to the frame, with noise as hada_simulator_render says. */
+hada_status hada_simulator_finish(hada_simulator *simulator, double noise, uint64_t seed, hada_image *raw,
+                                  hada_error *err);
+
+#endif

@@ -1,0 +1,83 @@
+/* PSFs of a simulator: where they stand, and their transfer functions. */
+#include <hadalens/scene.h>
+#include <stdlib.h>
+
+#include "core/alloc.h"
+#include "optics/simulator.h"
+
+hada_status hada_simulator_check_depth(const hada_simulator *s, int depth, hada_error *err)
+{
+    if (depth < 0 || depth >= s->camera.depths)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "depth %d is not among the camera's %d depths (0 to %d)", depth,
+                         s->camera.depths, s->camera.depths - 1);
+    return HADA_OK;
+}
+
+hada_status hada_simulator_place_psf(const hada_simulator *s, int depth, int rows, int cols, hada_image *psf,
+                                     hada_error *err)
+{
+    const hada_extent shift = s->shift;
+    if (s->psf) { /* stands about the axis: what is beyond it is dark */
+        const hada_image *given = &s->psf[depth];
+        return hada_image_crop(psf, given, given->rows / 2 - rows / 2 + shift.rows,
+                               given->cols / 2 - cols / 2 + shift.cols, rows, cols, err);
+    }
+    const double distance = s->camera.distances_mm[depth];
+    if (!shift.rows && !shift.cols)
+        return hada_camera_psf_sized(&s->camera, distance, rows, cols, psf, err);
+    const int down = abs(shift.rows), across = abs(shift.cols);
+    hada_image wide;
+    hada_status status = hada_camera_psf_sized(&s->camera, distance, rows + 2 * down, cols + 2 * across, &wide, err);
+    if (status)
+        return status;
+    status = hada_image_crop(psf, &wide, down + shift.rows, across + shift.cols, rows, cols, err);
+    hada_image_destroy(&wide);
+    return status;
+}
+
+hada_status hada_simulator_psf(const hada_simulator *s, int depth, hada_image *psf, hada_error *err)
+{
+    *psf = (hada_image){0};
+    hada_status status = hada_simulator_check_depth(s, depth, err);
+    return status ? status : hada_simulator_place_psf(s, depth, s->camera.rows, s->camera.cols, psf, err);
+}
+
+/* A PSF of the transform's size with the axis moved from the middle to pixel (0, 0). */
+static hada_status upload_psf(hada_simulator *s, const hada_image *psf, int channel, const int *labels, int lens,
+                              hada_error *err)
+{
+    void *memory;
+    const size_t pixels = (size_t)s->rows * (size_t)s->cols;
+    hada_status status = hada_alloc(&memory, pixels, sizeof(float), "a PSF", err);
+    if (status)
+        return status;
+    float *turned = memory;
+    for (int r = 0; r < psf->rows; r++) {
+        const size_t to = (size_t)((r - psf->rows / 2 + s->rows) % s->rows) * (size_t)s->cols,
+                     from = (size_t)r * (size_t)psf->cols;
+        for (int c = 0; c < psf->cols; c++)
+            if (!labels || labels[from + (size_t)c] == lens)
+                turned[to + (size_t)((c - psf->cols / 2 + s->cols) % s->cols)] =
+                    psf->data[(size_t)channel * pixels + from + (size_t)c];
+    }
+    status = hada_buffer_write(&s->real, s->slot, 0, turned, pixels * sizeof(float), err);
+    free(turned);
+    return status;
+}
+
+hada_status hada_simulator_make_otf(hada_simulator *s, const hada_image *psf, const int *labels, int lens,
+                                    hada_buffer *otf, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    if (!otf->mem)
+        status = hada_buffer_create(otf, s->slot->context, s->layout.count * 2 * sizeof(float) * (size_t)psf->channels,
+                                    "a transfer function", err);
+    for (int c = 0; c < psf->channels && !status; c++)
+        if (!(status = upload_psf(s, psf, c, labels, lens, err)))
+            status = hada_fft_forward(s->forward_psf, 1, s->real.mem, 0, otf->mem, (size_t)c * s->layout.count, err);
+    if (!status)
+        status = hada_slot_finish(s->slot, err);
+    if (status)
+        hada_buffer_destroy(otf);
+    return status;
+}

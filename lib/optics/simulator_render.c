@@ -1,0 +1,130 @@
+/* Raw frames on a device: b = sum_z PSF_z * x_z + noise. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/alloc.h"
+#include "optics/accumulate.h"
+#include "optics/simulator.h"
+
+hada_status hada_simulator_check_plane(const hada_simulator *s, const hada_plane *plane, hada_error *err)
+{
+    const hada_camera *c = &s->camera;
+    const hada_image *image = plane->image;
+    hada_status status = hada_simulator_check_depth(s, plane->depth, err);
+    if (status)
+        return status;
+    const int window = image->rows == c->window_rows && image->cols == c->window_cols,
+              field = image->rows == s->field.rows && image->cols == s->field.cols;
+    if ((!window && !field) || (image->channels != 1 && image->channels != c->channels))
+        return hada_fail(err, HADA_ERROR_SIZE,
+                         "a scene of %d channels, %d x %d does not fit the camera's window of %d channels, %d x %d "
+                         "(field: %d x %d); crop or resize it",
+                         image->channels, image->rows, image->cols, c->channels, c->window_rows, c->window_cols,
+                         s->field.rows, s->field.cols);
+    if (hada_image_count_not_finite(image))
+        return hada_fail(err, HADA_ERROR_NOT_FINITE, "a scene holds NaN or infinite values");
+    return HADA_OK;
+}
+
+hada_status hada_simulator_upload(hada_simulator *s, const hada_image *image, int channels, hada_buffer *to,
+                                  size_t offset, hada_error *err)
+{
+    const hada_extent field = s->field;
+    const size_t pixels = (size_t)field.rows * (size_t)field.cols, bytes = pixels * sizeof(float);
+    const int whole = image->rows == field.rows && image->cols == field.cols;
+    void *memory = NULL;
+    hada_status status = HADA_OK;
+    if (!whole && (status = hada_alloc(&memory, pixels, sizeof(float), "a scene", err)))
+        return status;
+    float *wide = memory;
+    const int row0 = hada_window_origin(field.rows, image->rows), col0 = hada_window_origin(field.cols, image->cols);
+    for (int c = 0; c < channels && !status; c++) {
+        const float *from =
+            image->data + (image->channels == 1 ? 0 : (size_t)c * (size_t)image->rows * (size_t)image->cols);
+        for (int r = 0; r < image->rows && !whole; r++)
+            memcpy(wide + (size_t)(row0 + r) * (size_t)field.cols + col0, from + (size_t)r * (size_t)image->cols,
+                   (size_t)image->cols * sizeof(float));
+        status = hada_buffer_write(to, s->slot, (offset + (size_t)c * pixels) * sizeof(float), whole ? from : wide,
+                                   bytes, err);
+    }
+    free(memory);
+    return status;
+}
+
+hada_status hada_simulator_add_plane(hada_simulator *s, const hada_plane *plane, int add, hada_error *err)
+{
+    const int channels = s->camera.channels, depth = plane->depth;
+    hada_status status = HADA_OK;
+    if (!s->otf[depth].mem) {
+        hada_image psf;
+        if ((status = hada_simulator_place_psf(s, depth, s->rows, s->cols, &psf, err)))
+            return status;
+        status = hada_simulator_make_otf(s, &psf, NULL, 0, &s->otf[depth], err);
+        hada_image_destroy(&psf);
+    }
+    if (status || (status = hada_simulator_upload(s, plane->image, channels, &s->scene, 0, err)) ||
+        (status = hada_fft_forward(s->forward_scene, channels, s->scene.mem, 0, s->spectrum.mem, 0, err)))
+        return status;
+    return hada_optics_accumulate(s->slot, s->sum.mem, 0, s->otf[depth].mem, s->psf_images, s->spectrum.mem, channels,
+                                  s->layout.count, add, err);
+}
+
+static float maximum(const hada_image *image)
+{
+    float most = 0.0f;
+    for (size_t i = 0; i < hada_image_count(image); i++)
+        most = image->data[i] > most ? image->data[i] : most;
+    return most;
+}
+
+hada_status hada_simulator_finish(hada_simulator *s, double noise, uint64_t seed, hada_image *raw, hada_error *err)
+{
+    const hada_camera *c = &s->camera;
+    hada_status status = hada_fft_inverse(s->inverse, c->channels, s->sum.mem, 0, s->real.mem, 0, NULL, err);
+    if (status || (status = hada_image_create(raw, c->channels, c->rows, c->cols, err)))
+        return status;
+    if ((status = hada_buffer_read(&s->real, s->slot, 0, raw->data, hada_image_count(raw) * sizeof(float), err))) {
+        hada_image_destroy(raw);
+        return status;
+    }
+    if (noise > 0.0)
+        hada_image_add_noise(raw, noise * maximum(raw), seed);
+    return HADA_OK;
+}
+
+hada_status hada_simulator_render(hada_simulator *s, const hada_plane *planes, int count, double noise,
+                                  uint64_t noise_seed, hada_image *raw, hada_error *err)
+{
+    *raw = (hada_image){0};
+    if (count < 1 || !(noise >= 0.0))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "a scene of %d planes with noise %g is not possible", count, noise);
+    hada_status status = HADA_OK;
+    for (int i = 0; i < count && !status; i++)
+        status = hada_simulator_check_plane(s, &planes[i], err);
+    for (int i = 0; i < count && !status; i++)
+        status = hada_simulator_add_plane(s, &planes[i], i > 0, err);
+    return status ? status : hada_simulator_finish(s, noise, noise_seed, raw, err);
+}
+
+hada_status hada_simulator_white_exposure(hada_simulator *s, double share, double *exposure, hada_error *err)
+{
+    hada_image white;
+    hada_status status = hada_image_create(&white, 1, s->camera.window_rows, s->camera.window_cols, err);
+    float most = 0.0f;
+    for (size_t i = 0; !status && i < hada_image_count(&white); i++)
+        white.data[i] = 1.0f;
+    for (int z = 0; z < s->camera.depths && !status; z++) {
+        hada_image raw;
+        if (!(status = hada_simulator_render(s, &(hada_plane){z, &white}, 1, 0.0, 0, &raw, err))) {
+            most = maximum(&raw) > most ? maximum(&raw) : most;
+            hada_image_destroy(&raw);
+        }
+    }
+    hada_image_destroy(&white);
+    if (!status && !(most > 0.0f))
+        status =
+            hada_fail(err, HADA_ERROR_NUMERIC, "no light of the window reaches the sensor: is its shift too large?");
+    if (!status)
+        *exposure = share / most;
+    return status;
+}

@@ -1,0 +1,78 @@
+/* Opaque planes: weights that are multiples of 1/64 with opacities 0 and 1, exact. */
+#include <stdlib.h>
+
+#include "check.h"
+#include "optics/occlusion.h"
+#include "ref/ref_forward.h"
+
+typedef struct hide_state {
+    hada_buffer light, opacity, weights;
+    hada_taps taps;
+    int channels, rows, cols;
+} hide_state;
+
+static hada_status prepare(check_state *state, hada_error *err)
+{
+    hide_state *own = calloc(1, sizeof *own);
+    if (!own)
+        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    state->own = own;
+    own->channels = check_get(state, 'k', 1);
+    own->rows = check_get(state, 'r', 4);
+    own->cols = check_get(state, 'c', 4);
+    own->taps.rows = check_get(state, 'h', 2);
+    own->taps.cols = check_get(state, 'w', 2);
+    own->taps.row0 = check_get(state, 'y', 0) - check_get(state, 'm', 0);
+    own->taps.col0 = check_get(state, 'x', 0) - check_get(state, 'n', 0);
+    const size_t pixels = (size_t)own->rows * (size_t)own->cols, count = pixels * (size_t)own->channels,
+                 taps = (size_t)own->taps.rows * (size_t)own->taps.cols;
+    float *light = malloc(count * sizeof *light), *opacity = malloc(pixels * sizeof *opacity),
+          *weight = malloc(taps * sizeof *weight);
+    double *in = malloc(count * sizeof *in);
+    hada_status status =
+        light && opacity && weight && in ? HADA_OK : hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    if (!status && !(status = check_output(state, count, err))) {
+        check_fill_integers(state, 1, light, count, 9);
+        check_fill_integers(state, 2, opacity, pixels, 1);
+        check_fill_integers(state, 3, weight, taps, 9);
+        for (size_t i = 0; i < taps; i++)
+            weight[i] /= 64.0f;
+        for (size_t i = 0; i < count; i++)
+            in[i] = light[i];
+        hada_ref_hide(in, opacity, own->channels, own->rows, own->cols, weight, own->taps.row0, own->taps.col0,
+                      own->taps.rows, own->taps.cols, state->expected);
+        status = check_upload(state, &own->light, light, count * sizeof *light, err);
+    }
+    if (!status)
+        status = check_upload(state, &own->opacity, opacity, pixels * sizeof *opacity, err);
+    if (!status)
+        status = check_upload(state, &own->weights, weight, taps * sizeof *weight, err);
+    free(light);
+    free(opacity);
+    free(weight);
+    free(in);
+    state->bytes = (double)pixels * (8.0 * own->channels + 4.0);
+    state->flops = (double)pixels * (2.0 * (double)taps + own->channels);
+    return status;
+}
+
+static hada_status launch(check_state *state, hada_error *err)
+{
+    hide_state *own = state->own;
+    return hada_optics_hide(state->slot, own->light.mem, state->out.mem, state->out_offset, own->opacity.mem, 0,
+                            own->weights.mem, &own->taps, own->channels, own->rows, own->cols, err);
+}
+
+static void release(check_state *state)
+{
+    hide_state *own = state->own;
+    if (!own)
+        return;
+    hada_buffer_destroy(&own->light);
+    hada_buffer_destroy(&own->opacity);
+    hada_buffer_destroy(&own->weights);
+    free(own);
+}
+
+const check_op check_hide = {"optics_hide", "k channels of r x c pixels, h x w weights from row y - m, column x - n on",
+                             prepare, launch, release};

@@ -1,5 +1,5 @@
 /* Transforms along the columns of half spectra, by work-groups: a group takes `width` columns of one block of one image
- * (width: 1, 2, 4 or 8). As fft_cols.cl otherwise. */
+ * (width: 1, 2, 4 or 8). As fft_rows_cols.cl otherwise. */
 #include "inc_fft_groups.h"
 #include "inc_fft_product.h"
 

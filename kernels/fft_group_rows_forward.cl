@@ -1,5 +1,5 @@
 /* Real rows to half spectra, by work-groups: a group takes 2 width rows of one image as `width` complex transforms. As
- * fft_rows_forward.cl otherwise. */
+ * fft_rows_cols.cl otherwise. */
 #include "inc_fft_groups.h"
 
 __kernel void fft_group_rows_forward(__global const float *in, ulong in_offset, ulong in_distance, ulong in_pitch,

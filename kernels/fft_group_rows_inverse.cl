@@ -1,5 +1,5 @@
 /* Half spectra to real rows, by work-groups: a group makes 2 width rows of one image by `width` complex transforms. As
- * fft_rows_inverse.cl otherwise. */
+ * fft_rows_cols.cl otherwise. */
 #include "inc_fft_groups.h"
 
 __kernel void fft_group_rows_inverse(__global const float *in, ulong in_offset, ulong in_distance, int rows_in,

@@ -1,3 +1,5 @@
+/* Images in and out of blocks of channels, and what is done to them as they are. */
+
 /* Activations in blocks of channels (lib/net/tensor.h): from and to planar floats, and the halo by itself. One
  * work-item takes `step` pixels of a row of one block: a whole row on CPUs, one pixel on GPUs. Dimensions: pixels over
  * step, rows, blocks times images. */
@@ -48,4 +50,50 @@ __kernel void net_tensor_halo(__global float *out, ulong offset, ulong image_str
     for (int x = 0; x < width; x += jump)
         for (int k = 0; k < block; ++k)
             to[x + k] = 0.0f;
+}
+
+/* How much light stands where: the largest magnitude over all channels in cells of one row by `cell` columns of planar
+ * images [channel][row][col], so that parts of an image without any can be left out. */
+
+/* Work-item (cell, row); out[row][cell], `cells` in a row. */
+__kernel void net_content(__global const float *image, ulong offset, int channels, int rows, int cols, int cell,
+                          int cells, __global float *out)
+{
+    const int which = get_global_id(0), row = get_global_id(1);
+    if (which < cells) {
+        const int first = which * cell, last = min(first + cell, cols);
+        float8 most = 0.0f;
+        for (int c = 0; c < channels; c++) {
+            __global const float *p = image + offset + ((size_t)c * rows + row) * cols;
+            int x = first;
+            for (; x + 8 <= last; x += 8)
+                most = max(most, fabs(vload8(0, p + x)));
+            for (; x < last; x++)
+                most.s0 = max(most.s0, fabs(p[x]));
+        }
+        const float4 four = max(most.lo, most.hi);
+        const float2 two = max(four.lo, four.hi);
+        out[(size_t)row * cells + which] = max(two.x, two.y);
+    }
+}
+
+/* Parts of planar images [channel][row][col] to parts of others: tiles and what they are cut from. */
+
+#ifndef NET_PART_COLS
+#define NET_PART_COLS 64 /* of a work-item */
+#endif
+
+/* Work-item (run of columns, row and channel). Offsets, rows and channels of each side as distances in floats. */
+__kernel void net_part(__global const float *from, ulong from_offset, ulong from_row, ulong from_channel,
+                       __global float *to, ulong to_offset, ulong to_row, ulong to_channel, int rows, int cols)
+{
+    const int first = get_global_id(0) * NET_PART_COLS, last = min(first + NET_PART_COLS, cols);
+    const ulong row = get_global_id(1) % rows, channel = get_global_id(1) / rows;
+    __global const float *a = from + from_offset + row * from_row + channel * from_channel;
+    __global float *b = to + to_offset + row * to_row + channel * to_channel;
+    int x = first;
+    for (; x + 8 <= last; x += 8)
+        vstore8(vload8(0, a + x), 0, b + x);
+    for (; x < last; x++)
+        b[x] = a[x];
 }

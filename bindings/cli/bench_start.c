@@ -17,10 +17,11 @@ extern char **environ;
 enum { STEPS = 5, MOST = 16, COLD = 2, WARM = 5 };
 static const char *const step_names[STEPS] = {"whole process", "open", "plan", "first frame", "close"};
 
-/* Where drivers keep what they have compiled. */
-static const char *const cache_variables[] = {"POCL_CACHE_DIR", "HADALENS_CACHE",      "CUDA_CACHE_PATH",
-                                              "NEO_CACHE_DIR",  "AMD_COMGR_CACHE_DIR", "MESA_SHADER_CACHE_DIR",
-                                              "XDG_CACHE_HOME"};
+/* Where drivers and the library keep what they have compiled. */
+static const char *const cache_variables[] = {"POCL_CACHE_DIR",      "CUDA_CACHE_PATH",       "NEO_CACHE_DIR",
+                                              "AMD_COMGR_CACHE_DIR", "MESA_SHADER_CACHE_DIR", "XDG_CACHE_HOME"};
+/* Goes: the library's own choice of a cache is what is measured. */
+static const char own_variable[] = "HADALENS_CACHE=";
 enum { VARIABLES = sizeof cache_variables / sizeof *cache_variables };
 
 hada_status hada_bench_first_frame(hada_cli *cli, const char *model_path, const char *frame, int linear,
@@ -81,7 +82,7 @@ static char **environment_with(const char *folder)
         if (!(all[n] = hada_cli_text("%s=%s", cache_variables[n], folder)))
             return all;
     for (size_t i = 0; all && i < count; i++) {
-        int replaced = 0;
+        int replaced = !strncmp(environ[i], own_variable, strlen(own_variable));
         for (size_t k = 0; k < VARIABLES; k++) {
             const size_t length = strlen(cache_variables[k]);
             replaced |= !strncmp(environ[i], cache_variables[k], length) && environ[i][length] == '=';

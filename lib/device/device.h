@@ -18,10 +18,9 @@ typedef enum hada_shape {
 /* What the library does differently on a device; filled from the table in quirks.c. */
 typedef struct hada_quirks {
     const char *build_options;      /* extra options for every program */
-    unsigned own_disk_cache : 1;    /* the driver caches programs well itself: keep ours off */
-    unsigned avoid_clfft : 1;       /* clFFT gives wrong results or cannot build here */
-    unsigned host_pages : 1;        /* buffers in huge-page host memory (CL_MEM_USE_HOST_PTR) are faster */
-    unsigned run_before_binary : 1; /* a binary taken before the first run is not the final one */
+    unsigned own_disk_cache : 1; /* the driver caches programs well itself: keep ours off */
+    unsigned avoid_clfft : 1;    /* clFFT gives wrong results or cannot build here */
+    unsigned host_pages : 1;     /* buffers in huge-page host memory (CL_MEM_USE_HOST_PTR) are faster */
 } hada_quirks;
 
 typedef struct hada_program_store hada_program_store; /* program/program.h */

@@ -21,8 +21,8 @@ static const quirk_row rows[] = {
     {"Portable Computing Language",
      NULL,
      0,
-     {.run_before_binary = 1},
-     "PoCL compiles at the first launch: binaries are saved after a run (a binary saved before does not avoid it)"},
+     {.own_disk_cache = 1},
+     "PoCL caches what it compiles itself, and compiles all again for a binary: our disk cache stays off"},
     {"NVIDIA",
      NULL,
      HADA_DEVICE_GPU,
@@ -60,7 +60,6 @@ void hada_quirks_find(hada_device_info *info, hada_quirks *quirks)
         quirks->own_disk_cache |= row->set.own_disk_cache;
         quirks->avoid_clfft |= row->set.avoid_clfft;
         quirks->host_pages |= row->set.host_pages;
-        quirks->run_before_binary |= row->set.run_before_binary;
         if (row->set.build_options)
             quirks->build_options = row->set.build_options;
         int n = snprintf(info->quirks + used, sizeof info->quirks - used, "%s%s", used ? "; " : "", row->reason);

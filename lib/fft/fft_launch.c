@@ -114,12 +114,12 @@ hada_status hada_own_pass_launch(const hada_own_pass *pass, hada_slot *slot, con
     const size_t local = group_size(slot->context);
     const cl_int width = pass->width;
     size_t groups = (size_t)tasks;
-    char file[64], all[128];
+    char kernel_name[64], all[128];
     cl_kernel kernel;
-    snprintf(file, sizeof file, "fft_%s%s", shared ? "group_" : "", name);
+    snprintf(kernel_name, sizeof kernel_name, "fft_%s%s", shared ? "group_" : "", name);
     snprintf(all, sizeof all, "%s%s%s", options, *options && !pass->local_bytes ? " " : "",
              pass->local_bytes ? "" : "-DFFT_SCRATCH_GLOBAL=1");
-    hada_status status = hada_slot_kernel(slot, file, file, all, &kernel, err);
+    hada_status status = hada_slot_kernel(slot, shared ? kernel_name : "fft_rows_cols", kernel_name, all, &kernel, err);
     if (status)
         return status;
     if (!shared)
@@ -133,5 +133,5 @@ hada_status hada_own_pass_launch(const hada_own_pass *pass, hada_slot *slot, con
         groups = groups < pass->groups ? groups : pass->groups;
     }
     const size_t global = groups * local;
-    return hada_slot_launch(slot, kernel, file, 1, &global, &local, args, count, err);
+    return hada_slot_launch(slot, kernel, kernel_name, 1, &global, &local, args, count, err);
 }

@@ -233,7 +233,7 @@ hada_status hada_focus_begin(hada_focus *focus, const unsigned char *competing, 
 static hada_status luminance(hada_focus *f, cl_mem planes, cl_ulong offset, hada_error *err)
 {
     cl_kernel kernel;
-    hada_status status = hada_slot_kernel(f->slot, "focus_measure", "focus_luminance", "", &kernel, err);
+    hada_status status = hada_slot_kernel(f->slot, "focus", "focus_luminance", "", &kernel, err);
     if (status)
         return status;
     const int border_rows = f->radius + 1, border_cols = f->halo + 8, pitch = 8 * f->wide + 16;
@@ -250,21 +250,20 @@ static hada_status luminance(hada_focus *f, cl_mem planes, cl_ulong offset, hada
  * noise, which the first one counted, is not counted again. */
 static hada_status window(hada_focus *f, hada_focus_measure kind, int second, hada_error *err)
 {
-    static const char *const options[] = {"", "-DFOCUS_MEASURE=2"};
     cl_kernel measure, down, across;
     hada_status status;
-    if ((status = hada_slot_kernel(f->slot, "focus_measure", "focus_measure", options[kind == HADA_FOCUS_ENERGY],
-                                   &measure, err)) ||
-        (status = hada_slot_kernel(f->slot, "focus_window", "focus_window_down", "", &down, err)) ||
-        (status = hada_slot_kernel(f->slot, "focus_window", "focus_window_across", "", &across, err)))
+    if ((status = hada_slot_kernel(f->slot, "focus", "focus_measure", "", &measure, err)) ||
+        (status = hada_slot_kernel(f->slot, "focus", "focus_window_down", "", &down, err)) ||
+        (status = hada_slot_kernel(f->slot, "focus", "focus_window_across", "", &across, err)))
         return status;
-    const int border_rows = f->radius + 1, count = !second, pitch = 8 * f->wide;
+    const int border_rows = f->radius + 1, energy = kind == HADA_FOCUS_ENERGY, count = !second, pitch = 8 * f->wide;
     const size_t rows = (size_t)f->rows, all = (size_t)up_to(f->wide, LOCAL), local[2] = {LOCAL, 1};
     const size_t global_measure[2] = {all, rows + 2 * (size_t)f->radius}, global_down[2] = {all, rows},
                  global_across[2] = {(size_t)up_to(f->vectors, LOCAL), rows};
-    const hada_arg args_measure[] = {HADA_ARG(f->light.mem), HADA_ARG(f->rows),         HADA_ARG(f->cols),
-                                     HADA_ARG(border_rows),  HADA_ARG(f->halo),         HADA_ARG(f->wide),
-                                     HADA_ARG(count),        HADA_ARG(f->response.mem), HADA_ARG(f->noise_bins.mem)};
+    const hada_arg args_measure[] = {HADA_ARG(f->light.mem),     HADA_ARG(f->rows), HADA_ARG(f->cols),
+                                     HADA_ARG(border_rows),      HADA_ARG(f->halo), HADA_ARG(f->wide),
+                                     HADA_ARG(energy),           HADA_ARG(count),   HADA_ARG(f->response.mem),
+                                     HADA_ARG(f->noise_bins.mem)};
     const hada_arg args_down[] = {HADA_ARG(f->response.mem), HADA_ARG(f->weights.mem), HADA_ARG(f->radius),
                                   HADA_ARG(f->wide), HADA_ARG(f->smooth.mem)};
     const hada_arg args_across[] = {HADA_ARG(f->smooth.mem), HADA_ARG(f->weights.mem), HADA_ARG(f->radius),
@@ -272,7 +271,7 @@ static hada_status window(hada_focus *f, hada_focus_measure kind, int second, ha
                                     HADA_ARG(second),        HADA_ARG(f->measure.mem)};
     const double taps = 2.0 * f->radius + 1, tall = (double)pitch * (double)global_measure[1],
                  wide = (double)pitch * (double)rows, plane = 8.0 * f->vectors * (double)rows;
-    hada_slot_cost(f->slot, 8.0 * tall, ((kind == HADA_FOCUS_ENERGY ? 1 : 19) + (count ? 11 : 0)) * tall);
+    hada_slot_cost(f->slot, 8.0 * tall, ((energy ? 1 : 19) + (count ? 11 : 0)) * tall);
     if ((status = hada_slot_launch(f->slot, measure, "focus_measure", 2, global_measure, local, args_measure,
                                    HADA_COUNT(args_measure), err)))
         return status;
@@ -297,7 +296,7 @@ static hada_status measure_plane(hada_focus *f, cl_mem planes, cl_ulong offset, 
 static hada_status select_plane(hada_focus *f, int depth, cl_mem planes, cl_ulong offset, hada_error *err)
 {
     cl_kernel kernel;
-    hada_status status = hada_slot_kernel(f->slot, "focus_select", "focus_select", "", &kernel, err);
+    hada_status status = hada_slot_kernel(f->slot, "focus", "focus_select", "", &kernel, err);
     if (status)
         return status;
     const int measure_pitch = 8 * f->vectors, adjacent = f->last >= 0 && f->last == depth - 1, seen = f->seen,
@@ -388,7 +387,7 @@ hada_status hada_focus_finish(hada_focus *focus, cl_mem all_in_focus, size_t all
     double base;
     hada_status status = thresholds(f, &found, &base, err);
     cl_kernel kernel;
-    if (status || (status = hada_slot_kernel(f->slot, "focus_finish", "focus_finish", "", &kernel, err)))
+    if (status || (status = hada_slot_kernel(f->slot, "focus", "focus_finish", "", &kernel, err)))
         return status;
     const int pixels = f->rows * f->cols;
     const float threshold = (float)found.threshold, margin = (float)found.margin, level = (float)base;

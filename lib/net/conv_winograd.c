@@ -28,8 +28,8 @@ hada_status hada_conv_winograd_pack(hada_conv *conv, int index, cl_mem weights, 
                              HADA_ARG(pass->to_coarse),
                              HADA_ARG(pass->lanes),
                              HADA_ARG(conv->weights[index].mem)};
-    return hada_conv_launch(conv->slot, "conv_winograd_pack", "conv_winograd_pack",
-                            pass->tile == 4 ? "" : "-DCONV_TILE=2", global, local, args, HADA_COUNT(args), err);
+    return hada_conv_launch(conv->slot, "conv_pack", "conv_winograd_pack", pass->tile == 4 ? "" : "-DCONV_TILE=2",
+                            global, local, args, HADA_COUNT(args), err);
 }
 
 static void make_options(const hada_conv *conv, const hada_conv_pass *pass, char *options, size_t size)

@@ -149,7 +149,7 @@ static hada_status copy(const hada_enhance *e, const part *from, const part *to,
                              HADA_ARG(to->mem),   HADA_ARG(offset[1]), HADA_ARG(row[1]), HADA_ARG(channel[1]),
                              HADA_ARG(rows),      HADA_ARG(cols)};
     const size_t runs = ((size_t)cols + HADA_PART_COLS - 1) / HADA_PART_COLS;
-    return hada_layer_launch_flat(e->slot, "net_part", "net_part", 0, runs, (size_t)rows * (size_t)e->desc.channels,
+    return hada_layer_launch_flat(e->slot, "net_tensor", "net_part", 0, runs, (size_t)rows * (size_t)e->desc.channels,
                                   args, HADA_COUNT(args), err);
 }
 
@@ -161,7 +161,7 @@ static hada_status look(hada_enhance *e, cl_mem planes, size_t offset, hada_erro
     const cl_int cell = HADA_CONTENT_CELL, cells = e->shape.content_cells;
     const hada_arg args[] = {HADA_ARG(planes),  HADA_ARG(first), HADA_ARG(d->channels), HADA_ARG(d->rows),
                              HADA_ARG(d->cols), HADA_ARG(cell),  HADA_ARG(cells),       HADA_ARG(e->content.mem)};
-    hada_status status = hada_layer_launch_flat(e->slot, "net_content", "net_content", 0, (size_t)cells,
+    hada_status status = hada_layer_launch_flat(e->slot, "net_tensor", "net_content", 0, (size_t)cells,
                                                 (size_t)d->rows, args, HADA_COUNT(args), err);
     return status ? status : hada_buffer_read(&e->content, e->slot, 0, e->map, e->content.bytes, err);
 }

@@ -12,15 +12,15 @@ hada_status hada_refine_kernels(hada_refiner *refiner, hada_error *err)
                           : refiner->layout.block % 8               ? "-DREFINE_WIDTH=1"
                                                                     : "";
     refiner->group = slot->context->shape == HADA_SHAPE_GROUPS ? HADA_REFINE_GROUP : 1;
-    hada_status status = hada_slot_kernel(slot, "refine_solve", "refine_solve", options, &refiner->solve, err);
+    hada_status status = hada_slot_kernel(slot, "refine", "refine_solve", options, &refiner->solve, err);
     if (!status)
-        status = hada_slot_kernel(slot, "refine_explain", "refine_explain", options, &refiner->explain, err);
+        status = hada_slot_kernel(slot, "refine", "refine_explain", options, &refiner->explain, err);
     if (!status)
-        status = hada_slot_kernel(slot, "refine_score", "refine_score", options, &refiner->score, err);
+        status = hada_slot_kernel(slot, "refine", "refine_score", options, &refiner->score, err);
     if (!status)
-        status = hada_slot_kernel(slot, "refine_frame", "refine_frame", options, &refiner->frame, err);
+        status = hada_slot_kernel(slot, "refine", "refine_frame", options, &refiner->frame, err);
     if (!status)
-        status = hada_slot_kernel(slot, "refine_prox", "refine_prox", "", &refiner->prox, err);
+        status = hada_slot_kernel(slot, "refine", "refine_prox", options, &refiner->prox, err);
     return status;
 }
 

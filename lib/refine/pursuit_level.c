@@ -162,7 +162,7 @@ hada_status hada_level_create(hada_pursuit_level *l, hada_slot *slot, const hada
     if (!status && l->shape.boundary == HADA_BOUNDARY_PADDED)
         status = make_frames(l, err);
     if (!status)
-        status = hada_slot_kernel(slot, "refine_crop", "refine_crop", "", &l->crop, err);
+        status = hada_slot_kernel(slot, "refine", "refine_crop", "", &l->crop, err);
     if (status)
         hada_level_destroy(l);
     return status;
@@ -180,7 +180,7 @@ void hada_level_destroy(hada_pursuit_level *l)
     l->host_proof = NULL;
 }
 
-/* How images of one layout become images of another: see kernels/refine_crop.cl. */
+/* How images of one layout become images of another: see refine_crop in kernels/refine.cl. */
 typedef struct crop {
     const hada_spectrum_layout *from, *to;
     int channels; /* of an image that is read; one is written */

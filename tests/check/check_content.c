@@ -43,7 +43,7 @@ static hada_status launch(check_state *state, hada_error *err)
     const hada_arg args[] = {HADA_ARG(in->mem), HADA_ARG(before), HADA_ARG(channels), HADA_ARG(rows),
                              HADA_ARG(cols),    HADA_ARG(cell),   HADA_ARG(cells),    HADA_ARG(out)};
     return status ? status
-                  : hada_layer_launch_flat(state->slot, "net_content", "net_content", 0, (size_t)cells, (size_t)rows,
+                  : hada_layer_launch_flat(state->slot, "net_tensor", "net_content", 0, (size_t)cells, (size_t)rows,
                                            args, HADA_COUNT(args), err);
 }
 
@@ -100,7 +100,7 @@ static hada_status launch_part(check_state *state, hada_error *err)
     const hada_arg args[] = {HADA_ARG(own->in.mem),    HADA_ARG(offset),   HADA_ARG(row),    HADA_ARG(channel),
                              HADA_ARG(state->out.mem), HADA_ARG(to),       HADA_ARG(to_row), HADA_ARG(to_channel),
                              HADA_ARG(own->rows),      HADA_ARG(own->cols)};
-    return hada_layer_launch_flat(state->slot, "net_part", "net_part", 0, ((size_t)own->cols + 63) / 64,
+    return hada_layer_launch_flat(state->slot, "net_tensor", "net_part", 0, ((size_t)own->cols + 63) / 64,
                                   (size_t)own->rows * (size_t)own->channels, args, HADA_COUNT(args), err);
 }
 

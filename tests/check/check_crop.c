@@ -90,7 +90,7 @@ static hada_status launch(check_state *state, hada_error *err)
     const size_t local[3] = {block < 8 ? 1 : 8, 1, 1};
     const size_t width = (size_t)own->coarse.blocks * (size_t)block;
     cl_kernel kernel;
-    hada_status status = hada_slot_kernel(state->slot, "refine_crop", "refine_crop", "", &kernel, err);
+    hada_status status = hada_slot_kernel(state->slot, "refine", "refine_crop", "", &kernel, err);
     for (int m = 0, n; !status && m < own->images; m += n) {
         n = state->batch_limit && state->batch_limit < own->images - m ? state->batch_limit : own->images - m;
         const size_t global[3] = {(width + local[0] - 1) / local[0] * local[0], (size_t)rows, (size_t)n};

@@ -147,7 +147,7 @@ static hada_status launch(check_state *state, hada_error *err)
     if (!status)
         status = check_clear(state, 0, own->partial_first, err);
     if (!status)
-        status = hada_slot_kernel(state->slot, "refine_explain", "refine_explain", options, &kernel, err);
+        status = hada_slot_kernel(state->slot, "refine", "refine_explain", options, &kernel, err);
     const hada_arg args[] = {HADA_ARG(own->otf.mem),  HADA_ARG(zero),  HADA_ARG(own->list.mem),   HADA_ARG(own->depths),
                              HADA_ARG(own->data.mem), HADA_ARG(zero),  HADA_ARG(own->planes.mem), HADA_ARG(rest),
                              HADA_ARG(yes),           HADA_ARG(count), HADA_ARG(slice),           HADA_ARG(rows),

@@ -160,7 +160,7 @@ static hada_status launch(check_state *state, hada_error *err)
     if (!state->regions)
         status = check_region(state, 0, state->out_count, &partial, err);
     if (!status)
-        status = hada_slot_kernel(state->slot, "refine_score", "refine_score", options, &kernel, err);
+        status = hada_slot_kernel(state->slot, "refine", "refine_score", options, &kernel, err);
     const hada_arg args[] = {HADA_ARG(own->otf.mem),    HADA_ARG(zero),           HADA_ARG(own->list.mem),
                              HADA_ARG(own->depths),     HADA_ARG(own->data.mem),  HADA_ARG(zero),
                              HADA_ARG(own->planes.mem), HADA_ARG(own->prior.mem), HADA_ARG(own->has_prior),

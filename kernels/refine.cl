@@ -1,0 +1,265 @@
+/* The refinement's steps, over frequencies and over pixels. One program: a refinement needs nearly all of them. */
+#include "inc_refine.h"
+#include "inc_spectrum.h"
+
+/* The linear step of the refinement at every frequency: all depths of a set jointly (Sherman-Morrison).
+ *
+ * Per depth z of the set, U = F(u) and W = F(x + d) of the last step are read, W of this step is written in place:
+ *     D = keep (W - U),   V = U - D       (keep: the last step's rho over this one's, as the dual is scaled by rho)
+ *     X = argmin |Y - sum H X|^2 + prior |X|^2 + rho sum |X - V|^2
+ *       = (rho V + conj(H) e) / g,   e = (g Y - rho sum H V) / (g + sum |H|^2),   g = rho + prior
+ *     W = X' + D, X' = over X + (1 - over) U
+ * The data Y is the frame's spectrum B. Where a sensor crops (padded), it is Y = v - e' of the further split
+ * v = sum H X, kept as A = F(Hx + e') and E = F(e'): Y = A - 2 E, and A is written for this step.
+ *
+ * Dimensions: slices of frequencies, channels, sets. OTFs stand as [depth][channel][count], U and W as
+ * [set][place in the set][channel][count], A and E as [set][channel][count], B and prior as [channel][count].
+ * start: 0 the first step from u = d = 0, 1 the first step from U (d = 0), 2 a further step.
+ * partial[set][channel][slice]: sum of |B - sum H U|^2 over the whole spectrum (of the start's U: not padded, or
+ * start). */
+__kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
+refine_solve(__global const float *otf, ulong otf_offset, __global const int *list, int depths,
+             __global const float *data, ulong data_offset, __global float *split_a, __global const float *split_e,
+             int padded, __global const float *prior, int has_prior, __global const float *now_u, __global float *now_w,
+             float rho, float keep, float over, int start, uint count, uint slice, uint rows, uint block, uint cols,
+             __global float *partial, uint partial_first)
+{
+    REFINE_LOCAL
+    const uint channel = get_global_id(1), channels = get_global_size(1), set = get_global_id(2);
+    const uint from = get_group_id(0) * slice, to = min(count, from + slice);
+    const size_t first = ((size_t)set * (size_t)depths * channels + channel) * count, step = (size_t)channels * count;
+    const size_t plane = (size_t)set * channels + channel;
+    __global const float *h = otf + 2 * (otf_offset + (size_t)channel * count);
+    __global const float *b = data + 2 * (data_offset + (size_t)channel * count);
+    __global float *a = split_a + (padded ? 2 * plane * count : 0);
+    __global const float *e = split_e + (padded ? 2 * plane * count : 0);
+    __global const float *u = now_u + 2 * first;
+    __global float *w = now_w + 2 * first;
+    __global const float *p = prior + (has_prior ? (size_t)channel * count : 0);
+    __global const int *z = list + set * (uint)depths;
+    const size_t h_step = 2 * (size_t)channels * count;
+    refine_real sum = (refine_real)0.0f;
+
+    for (uint i = from + get_local_id(0) * REFINE_WIDTH; i < to; i += REFINE_GROUP * REFINE_WIDTH) {
+        refine_real square = (refine_real)0.0f, hv_re = square, hv_im = square, hu_re = square, hu_im = square;
+        for (int s = 0; s < depths; ++s) {
+            refine_real h_re, h_im;
+            refine_get(h + (size_t)z[s] * h_step, i, &h_re, &h_im);
+            square = fma(h_re, h_re, fma(h_im, h_im, square));
+            if (start > 0) {
+                refine_real u_re, u_im, v_re, v_im;
+                refine_get(u + 2 * (size_t)s * step, i, &u_re, &u_im);
+                v_re = u_re;
+                v_im = u_im;
+                if (start == 2) {
+                    refine_real w_re, w_im;
+                    refine_get(w + 2 * (size_t)s * step, i, &w_re, &w_im);
+                    v_re = fma(-keep, w_re - u_re, u_re);
+                    v_im = fma(-keep, w_im - u_im, u_im);
+                }
+                hu_re = fma(h_re, u_re, fma(-h_im, u_im, hu_re));
+                hu_im = fma(h_re, u_im, fma(h_im, u_re, hu_im));
+                hv_re = fma(h_re, v_re, fma(-h_im, v_im, hv_re));
+                hv_im = fma(h_re, v_im, fma(h_im, v_re, hv_im));
+            }
+        }
+        refine_real y_re, y_im, e_re = (refine_real)0.0f, e_im = e_re;
+        if (padded && start == 2) {
+            refine_get(a, i, &y_re, &y_im);
+            refine_get(e, i, &e_re, &e_im);
+            y_re -= 2.0f * e_re;
+            y_im -= 2.0f * e_im;
+        } else {
+            refine_get(b, i, &y_re, &y_im);
+        }
+        const refine_real r_re = y_re - hu_re, r_im = y_im - hu_im;
+        sum += refine_count(fma(r_re, r_re, r_im * r_im), i, rows, block, cols);
+
+        const refine_real g = has_prior ? rho + refine_get_real(p, i) : (refine_real)rho;
+        const refine_real per_g = 1.0f / g, per_all = 1.0f / (g + square);
+        const refine_real f_re = (g * y_re - rho * hv_re) * per_all, f_im = (g * y_im - rho * hv_im) * per_all;
+        if (padded) {
+            /* sum H X = Y - f; relaxed against v = Y + E; then A = that + E */
+            const refine_real v_re = y_re + e_re, v_im = y_im + e_im;
+            refine_put(a, i, v_re + e_re + over * (y_re - f_re - v_re), v_im + e_im + over * (y_im - f_im - v_im));
+        }
+        for (int s = 0; s < depths; ++s) {
+            refine_real h_re, h_im, u_re = (refine_real)0.0f, u_im = u_re, d_re = u_re, d_im = u_re;
+            refine_get(h + (size_t)z[s] * h_step, i, &h_re, &h_im);
+            if (start > 0)
+                refine_get(u + 2 * (size_t)s * step, i, &u_re, &u_im);
+            if (start == 2) {
+                refine_real w_re, w_im;
+                refine_get(w + 2 * (size_t)s * step, i, &w_re, &w_im);
+                d_re = keep * (w_re - u_re);
+                d_im = keep * (w_im - u_im);
+            }
+            const refine_real x_re = fma(h_re, f_re, fma(h_im, f_im, rho * (u_re - d_re))) * per_g;
+            const refine_real x_im = fma(h_re, f_im, fma(-h_im, f_re, rho * (u_im - d_im))) * per_g;
+            refine_put(w + 2 * (size_t)s * step, i, fma(over, x_re - u_re, u_re + d_re),
+                       fma(over, x_im - u_im, u_im + d_im));
+        }
+    }
+    REFINE_PARTIAL(partial, (partial_first + plane * get_num_groups(0) + get_group_id(0)), refine_sum(sum))
+}
+
+/* What the planes of a set do not explain: rest[set][channel] = B - sum over its depths of H U, at every frequency, and
+ * as partial[set][channel][slice] the sum over the whole spectrum of |rest|^2. Arguments as in refine_solve. */
+__kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
+refine_explain(__global const float *otf, ulong otf_offset, __global const int *list, int depths,
+               __global const float *data, ulong data_offset, __global const float *now_u,
+               __global float *rest, int has_rest, uint count, uint slice, uint rows, uint block, uint cols,
+               __global float *partial)
+{
+    REFINE_LOCAL
+    const uint channel = get_global_id(1), channels = get_global_size(1), set = get_global_id(2);
+    const uint from = get_group_id(0) * slice, to = min(count, from + slice);
+    const size_t plane = (size_t)set * channels + channel;
+    __global const float *h = otf + 2 * (otf_offset + (size_t)channel * count);
+    __global const float *b = data + 2 * (data_offset + (size_t)channel * count);
+    __global const float *u = now_u + 2 * ((size_t)set * (size_t)depths * channels + channel) * count;
+    __global const int *z = list + set * (uint)depths;
+    refine_real sum = (refine_real)0.0f;
+
+    for (uint i = from + get_local_id(0) * REFINE_WIDTH; i < to; i += REFINE_GROUP * REFINE_WIDTH) {
+        refine_real r_re, r_im;
+        refine_get(b, i, &r_re, &r_im);
+        for (int s = 0; s < depths; ++s) {
+            refine_real h_re, h_im, u_re, u_im;
+            refine_get(h + 2 * (size_t)z[s] * channels * count, i, &h_re, &h_im);
+            refine_get(u + 2 * (size_t)s * channels * count, i, &u_re, &u_im);
+            r_re = fma(-h_re, u_re, fma(h_im, u_im, r_re));
+            r_im = fma(-h_re, u_im, fma(-h_im, u_re, r_im));
+        }
+        sum += refine_count(fma(r_re, r_re, r_im * r_im), i, rows, block, cols);
+        if (has_rest)
+            refine_put(rest + 2 * plane * count, i, r_re, r_im);
+    }
+    REFINE_PARTIAL(partial, (plane * get_num_groups(0) + get_group_id(0)), refine_sum(sum))
+}
+
+/* How badly a set explains what the channels have in common, within a band: partial[set][slice] is the sum, over the
+ * frequencies of the whole spectrum with 2 |ky| < band_rows and 2 |kx| < band_cols, of
+ *     (|mean rest|^2 + mean(prior sum |U|^2) / channels) / (1 + mean(sum doubt |U|^2)),     rest = B - sum H U,
+ * means over channels, sums over the set's depths; prior and doubt are 0 where they are not given. With depths 0 it is
+ * the energy of the frame's own mean. Dimensions: slices of frequencies, sets. Arrays as in refine_solve; doubt as the
+ * OTFs, real. */
+__kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
+refine_score(__global const float *otf, ulong otf_offset, __global const int *list, int depths,
+             __global const float *data, ulong data_offset, __global const float *now_u, __global const float *prior,
+             int has_prior, __global const float *doubt, int has_doubt, uint channels, uint count, uint slice,
+             uint rows, uint block, uint cols, uint band_rows, uint band_cols, __global float *partial)
+{
+    REFINE_LOCAL
+    const uint set = get_global_id(1);
+    const uint from = get_group_id(0) * slice, to = min(count, from + slice);
+    __global const int *z = list + set * (uint)depths;
+    const float share = 1.0f / (float)channels;
+    refine_real sum = (refine_real)0.0f;
+
+    for (uint i = from + get_local_id(0) * REFINE_WIDTH; i < to; i += REFINE_GROUP * REFINE_WIDTH) {
+        const uint ky = i / block % rows; /* the same for all lanes: vectors need blocks of eight columns */
+        if (2 * min(ky, rows - ky) >= band_rows || 2 * (i / (rows * block) * block + i % block) >= band_cols)
+            continue;
+        refine_real r_re = (refine_real)0.0f, r_im = r_re, cost = r_re, unsure = r_re;
+        for (uint c = 0; c < channels; ++c) {
+            refine_real b_re, b_im, power = (refine_real)0.0f;
+            refine_get(data + 2 * (data_offset + (size_t)c * count), i, &b_re, &b_im);
+            r_re += b_re;
+            r_im += b_im;
+            for (int s = 0; s < depths; ++s) {
+                const size_t at = ((size_t)z[s] * channels + c) * count;
+                refine_real h_re, h_im, u_re, u_im;
+                refine_get(otf + 2 * (otf_offset + at), i, &h_re, &h_im);
+                refine_get(now_u + 2 * (((size_t)set * (uint)depths + (uint)s) * channels + c) * count, i, &u_re,
+                           &u_im);
+                r_re = fma(-h_re, u_re, fma(h_im, u_im, r_re));
+                r_im = fma(-h_re, u_im, fma(-h_im, u_re, r_im));
+                const refine_real square = fma(u_re, u_re, u_im * u_im);
+                power += square;
+                if (has_doubt)
+                    unsure = fma(refine_get_real(doubt + at, i), square, unsure);
+            }
+            if (has_prior)
+                cost = fma(refine_get_real(prior + (size_t)c * count, i), power, cost);
+        }
+        const refine_real energy = (fma(r_re, r_re, r_im * r_im) + cost) * (share * share) / fma(unsure, share, 1.0f);
+        sum += refine_count(refine_band(energy, i, rows, block, band_cols), i, rows, block, cols);
+    }
+    REFINE_PARTIAL(partial, ((size_t)set * get_num_groups(0) + get_group_id(0)), refine_sum(sum))
+}
+
+/* The data step where a sensor crops: a (the split variable plus its dual, within the frame) becomes the dual
+ *     e = scale (a - b),   scale = 1 / (1 + mu),
+ * in place; b is the frame (use_frame 0: b is taken as 0, for plain energies). partial[plane][slice]: sum of e^2.
+ * Dimensions: slices of pixels, planes; plane p belongs to channel p % channels of the frame. */
+__kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
+refine_frame(__global float *a, __global const float *frame, ulong frame_offset, int use_frame, uint channels,
+             uint pixels, uint slice, float scale, __global float *partial,
+             uint partial_first)
+{
+    REFINE_LOCAL
+    const uint plane = get_global_id(1);
+    const uint from = get_group_id(0) * slice, to = min(pixels, from + slice);
+    __global float *e = a + (size_t)plane * pixels;
+    __global const float *b = frame + (use_frame ? frame_offset + (size_t)(plane % channels) * pixels : 0);
+    float sum = 0.0f;
+#if REFINE_WIDTH == 8
+    float8 sums = (float8)0.0f;
+    const uint whole = from + (to - from) / 8 * 8;
+    for (uint i = from; i < whole; i += 8) {
+        float8 v = vload8(0, e + i);
+        if (use_frame)
+            v -= vload8(0, b + i);
+        v *= scale;
+        vstore8(v, 0, e + i);
+        sums = fma(v, v, sums);
+    }
+    sum = refine_sum(sums);
+    for (uint i = whole; i < to; ++i) {
+#else
+    for (uint i = from + get_local_id(0); i < to; i += REFINE_GROUP) {
+#endif
+        const float v = (use_frame ? e[i] - b[i] : e[i]) * scale;
+        e[i] = v;
+        sum = fma(v, v, sum);
+    }
+    REFINE_PARTIAL(partial, (partial_first + (size_t)plane * get_num_groups(0) + get_group_id(0)), sum)
+}
+
+/* The proximal step, over an array of vectors: the planes, one after the other, padded at the end. u = max(0, w) in
+ * place: w = x + d in the window. Outside it u is 0 and nothing is stored. */
+__kernel void refine_prox(__global float *w)
+{
+    const size_t i = get_global_id(0);
+    vstore8(max(vload8(i, w), 0.0f), i, w);
+}
+
+/* From spectra of the whole grid to those of a coarse grid, channels averaged: out[image] = factor * mean over its
+ * channels of in[image][channel], at the frequencies that both grids have. A Gaussian window over the frequencies,
+ * 2^-(fy^2 + fx^2) with f = 1 at the coarse grid's last frequency, is applied `tapers` times (negative: divided out).
+ * The coarse grid's Nyquist row and column and its padding become 0. Dimensions: columns of all blocks, rows, images.
+ * parts: 2 for complex values, 1 for real ones. invert: 1 / out. */
+__kernel void refine_crop(__global const float *in, ulong in_offset, int in_rows, int in_block, uint in_count,
+                          __global float *out, uint out_offset, int rows, int cols, int block, uint count, int parts,
+                          int channels, float factor, float tapers, int invert)
+{
+    const int kx = get_global_id(0), ky = get_global_id(1), image = get_global_id(2);
+    if (kx >= (cols / 2 + block) / block * block)
+        return;
+    const int sy = 2 * ky < rows ? ky : ky - rows;
+    const int known = 2 * kx < cols && 2 * sy > -rows;
+    const float fy = 2.0f * (float)sy / (float)rows, fx = 2.0f * (float)kx / (float)cols;
+    const float scale = factor / (float)channels * exp2(-tapers * (fy * fy + fx * fx));
+    const size_t from = known ? spectrum_index(in_rows, in_block, sy < 0 ? sy + in_rows : sy, kx) : 0;
+    const size_t to = spectrum_index(rows, block, ky, kx);
+    for (int part = 0; part < parts; ++part) {
+        float sum = 0.0f;
+        for (int c = 0; c < channels; ++c)
+            sum += in[(in_offset + (size_t)(image * channels + c) * in_count + from) * parts + part];
+        sum *= scale;
+        if (invert)
+            sum = sum > 0.0f ? 1.0f / sum : 0.0f;
+        out[((size_t)out_offset + (size_t)image * count + to) * parts + part] = known ? sum : 0.0f;
+    }
+}

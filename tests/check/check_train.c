@@ -1,0 +1,239 @@
+/* Training: gradients of filters, the squared error of planes, the gradient of clipping. Integers: exact. */
+#include <math.h>
+#include <stdlib.h>
+
+#include "check.h"
+#include "core/alloc.h"
+#include "program/kernel.h"
+
+enum { RUN = 1024, MAX_PAIRS = 16 };
+
+typedef struct train_state {
+    hada_buffer a, b, weights;
+    size_t count; /* frequencies of a channel; values of planes */
+    int channels, pairs, split;
+} train_state;
+
+static hada_status begin(check_state *state, train_state **out, hada_error *err)
+{
+    hada_status status = hada_alloc((void **)out, 1, sizeof **out, "the check", err);
+    state->own = *out;
+    if (!status) {
+        (*out)->count = (size_t)check_get(state, 'n', 16);
+        (*out)->channels = check_get(state, 'k', 1);
+        (*out)->pairs = check_get(state, 'p', 2);
+        (*out)->split = check_get(state, 's', 0);
+        if ((*out)->pairs < 1 || (*out)->pairs > MAX_PAIRS)
+            status = hada_fail(err, HADA_ERROR_ARGUMENT, "1 to %d pairs", MAX_PAIRS);
+    }
+    return status;
+}
+
+static void release(check_state *state)
+{
+    train_state *own = state->own;
+    if (!own)
+        return;
+    hada_buffer_destroy(&own->a);
+    hada_buffer_destroy(&own->b);
+    hada_buffer_destroy(&own->weights);
+    free(own);
+}
+
+/* How often a frequency counts: 2, 1, 0. */
+static float weight_of(size_t i)
+{
+    static const float weights[] = {2.0f, 2.0f, 1.0f, 2.0f, 0.0f};
+    return weights[i % HADA_COUNT(weights)];
+}
+
+/* What the pairs p = 0, 1, ... give to frequency i of a channel, times 1/2; a and b as on the device. */
+static void add_pair(const train_state *own, const float *a, const float *b, size_t i, double weight, double *sum)
+{
+    const double ar = a[2 * i], ai = a[2 * i + 1], br = b[2 * i], bi = b[2 * i + 1];
+    sum[0] += 0.5 * weight * (own->split ? ar * br : ar * br + ai * bi);
+    sum[1] += 0.5 * weight * (own->split ? ai * bi : ar * bi - ai * br);
+}
+
+static hada_status prepare_filter(check_state *state, hada_error *err)
+{
+    train_state *own;
+    float *a = NULL, *b = NULL, *weights = NULL;
+    hada_status status = begin(state, &own, err);
+    if (status)
+        return status;
+    const size_t n = own->count, image = n * (size_t)own->channels, all = image * (size_t)own->pairs;
+    status = hada_alloc((void **)&a, 2 * all, sizeof *a, "the check", err);
+    if (!status)
+        status = hada_alloc((void **)&b, 2 * image, sizeof *b, "the check", err);
+    if (!status)
+        status = hada_alloc((void **)&weights, n, sizeof *weights, "the check", err);
+    if (!status)
+        status = check_output(state, 2 * image, err);
+    if (!status) {
+        check_fill_integers(state, 1, a, 2 * all, 99);
+        check_fill_integers(state, 2, b, 2 * image, 99);
+        for (size_t i = 0; i < n; i++)
+            weights[i] = weight_of(i);
+        for (size_t p = 0; p < (size_t)own->pairs; p++)
+            for (size_t i = 0; i < image; i++) {
+                float *raw = a + 2 * (p * image + i);
+                if (weights[i % n] == 0.0f) /* padding holds anything */
+                    raw[0] = raw[1] = b[2 * i] = p ? INFINITY : NAN;
+                else
+                    add_pair(own, a + 2 * p * image, b, i, weights[i % n], state->expected + 2 * i);
+            }
+        status = check_upload(state, &own->a, a, 2 * all * sizeof *a, err);
+    }
+    if (!status)
+        status = check_upload(state, &own->b, b, 2 * image * sizeof *b, err);
+    if (!status)
+        status = check_upload(state, &own->weights, weights, n * sizeof *weights, err);
+    free(a);
+    free(b);
+    free(weights);
+    state->bytes = (double)image * own->pairs * 32.0;
+    state->flops = (double)image * own->pairs * 10.0;
+    return status;
+}
+
+static hada_status launch_filter(check_state *state, hada_error *err)
+{
+    train_state *own = state->own;
+    cl_mem out = state->region[0];
+    const cl_ulong count = own->count;
+    const cl_float scale = 0.5f;
+    const size_t local[2] = {64, 1}, global[2] = {(own->count + 511) / 512 * 64, (size_t)own->channels};
+    cl_kernel kernel;
+    hada_status status = hada_slot_kernel(state->slot, "train_filter", "train_filter",
+                                          own->split ? "-DTRAIN_SPLIT=1" : "", &kernel, err);
+    if (!status && !state->regions)
+        status = check_region(state, 0, state->out_count, &out, err);
+    if (!status)
+        status = check_clear(state, 0, state->out_count, err);
+    for (int p = 0; !status && p < own->pairs; p++) {
+        const cl_ulong offset = (cl_ulong)p * count * (cl_ulong)own->channels;
+        const hada_arg args[] = {
+            HADA_ARG(own->a.mem), HADA_ARG(offset), HADA_ARG(own->b.mem), HADA_ARG(own->weights.mem),
+            HADA_ARG(out),        HADA_ARG(count),  HADA_ARG(scale)};
+        status = hada_slot_launch(state->slot, kernel, "train_filter", 2, global, local, args, HADA_COUNT(args), err);
+    }
+    return status;
+}
+
+/* Two arrays of `count` integers on the device. */
+static hada_status prepare_planes(check_state *state, train_state *own, float **a, float **b, hada_error *err)
+{
+    hada_status status = hada_alloc((void **)a, own->count, sizeof **a, "the check", err);
+    if (!status)
+        status = hada_alloc((void **)b, own->count, sizeof **b, "the check", err);
+    if (status)
+        return status;
+    check_fill_integers(state, 1, *a, own->count, 20);
+    check_fill_integers(state, 2, *b, own->count, 20);
+    status = check_upload(state, &own->a, *a, own->count * sizeof **a, err);
+    return status ? status : check_upload(state, &own->b, *b, own->count * sizeof **b, err);
+}
+
+static size_t items_of(const train_state *own)
+{
+    return (own->count + RUN - 1) / RUN;
+}
+
+/* Where the sums stand in the output, behind the planes. */
+static size_t sums_at(const train_state *own)
+{
+    return (own->count + 255) / 256 * 256;
+}
+
+static hada_status prepare_error(check_state *state, hada_error *err)
+{
+    train_state *own;
+    float *x = NULL, *target = NULL;
+    hada_status status = begin(state, &own, err);
+    if (!status)
+        status = prepare_planes(state, own, &x, &target, err);
+    if (!status)
+        status = check_output(state, sums_at(own) + items_of(own), err);
+    for (size_t i = 0; !status && i < own->count; i++) {
+        const double d = (double)x[i] - target[i];
+        state->expected[i] = 0.25 * d;
+        state->expected[sums_at(own) + i / RUN] += d * d;
+    }
+    free(x);
+    free(target);
+    state->bytes = 12.0 * (state->own ? (double)own->count : 0.0);
+    return status;
+}
+
+/* The first values of the output are those of a buffer. */
+static hada_status put(check_state *state, const hada_buffer *from, cl_mem to, hada_error *err)
+{
+    const cl_int code = clEnqueueCopyBuffer(state->slot->queue, from->mem, to, 0, 0, from->bytes, 0, NULL, NULL);
+    return code == CL_SUCCESS ? HADA_OK : hada_fail_cl(err, code, "clEnqueueCopyBuffer");
+}
+
+static size_t local_of(const check_state *state)
+{
+    return check_local(state, 64);
+}
+
+static hada_status launch_error(check_state *state, hada_error *err)
+{
+    train_state *own = state->own;
+    cl_mem x = state->region[0], sums = state->region[1];
+    const cl_ulong count = own->count;
+    const cl_float scale = 0.25f;
+    hada_status status = HADA_OK;
+    if (!state->regions) {
+        status = check_region(state, 0, own->count, &x, err);
+        if (!status)
+            status = check_region(state, sums_at(own), items_of(own), &sums, err);
+    }
+    if (!status)
+        status = check_clear(state, 0, state->out_count, err);
+    if (!status)
+        status = put(state, &own->a, x, err);
+    const hada_arg args[] = {HADA_ARG(x), HADA_ARG(own->b.mem), HADA_ARG(count), HADA_ARG(scale), HADA_ARG(sums)};
+    return status ? status
+                  : check_kernel(state, "train_planes", "train_error", "", items_of(own), local_of(state), args,
+                                 HADA_COUNT(args), err);
+}
+
+static hada_status prepare_mask(check_state *state, hada_error *err)
+{
+    train_state *own;
+    float *plane = NULL, *gradient = NULL;
+    hada_status status = begin(state, &own, err);
+    if (!status)
+        status = prepare_planes(state, own, &plane, &gradient, err);
+    if (!status)
+        status = check_output(state, own->count, err);
+    for (size_t i = 0; !status && i < own->count; i++)
+        state->expected[i] = plane[i] > 0.0f ? gradient[i] : 0.0;
+    free(plane);
+    free(gradient);
+    state->bytes = 12.0 * (state->own ? (double)own->count : 0.0);
+    return status;
+}
+
+static hada_status launch_mask(check_state *state, hada_error *err)
+{
+    train_state *own = state->own;
+    cl_mem out = state->region[0];
+    const cl_ulong count = own->count;
+    hada_status status = HADA_OK;
+    if (!state->regions)
+        status = check_region(state, 0, own->count, &out, err);
+    if (!status)
+        status = put(state, &own->b, out, err);
+    const hada_arg args[] = {HADA_ARG(own->a.mem), HADA_ARG(out), HADA_ARG(count)};
+    return status ? status
+                  : check_kernel(state, "train_planes", "train_mask", "", items_of(own), local_of(state), args,
+                                 HADA_COUNT(args), err);
+}
+
+const check_op check_train_filter = {"train_filter", "n frequencies, k channels, p pairs, s1 split", prepare_filter,
+                                     launch_filter, release};
+const check_op check_train_error = {"train_error", "n values", prepare_error, launch_error, release};
+const check_op check_train_mask = {"train_mask", "n values", prepare_mask, launch_mask, release};

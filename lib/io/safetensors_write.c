@@ -1,7 +1,9 @@
+#include <errno.h>
 #include <jansson.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "core/alloc.h"
 #include "io/outfile.h"
@@ -113,6 +115,14 @@ hada_status hada_tensors_write(hada_tensors_writer *w, const void *data, size_t 
     if (!status)
         w->written += bytes;
     return status;
+}
+
+hada_status hada_tensors_sync(hada_tensors_writer *writer, hada_error *err)
+{
+    if (!fsync(writer->file.fd))
+        return HADA_OK;
+    return hada_fail(err, HADA_ERROR_FILE_WRITE, "%s cannot be brought to the disk: %s", writer->file.path,
+                     strerror(errno));
 }
 
 hada_status hada_tensors_finish(hada_tensors_writer **writer, hada_error *err)

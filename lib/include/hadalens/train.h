@@ -20,6 +20,7 @@
 #define HADALENS_TRAIN_H
 
 #include <hadalens/device.h>
+#include <hadalens/fit.h>
 #include <hadalens/image.h>
 #include <hadalens/model.h>
 #include <hadalens/net.h>
@@ -38,8 +39,9 @@ typedef enum hada_stage {
 } hada_stage;
 
 /* Where pairs come from. `read` fills two empty images (the model's raw size; its window's size, or the raw frame's, of
- * which the centre is used). It is called from one other thread, never from two at once. `user` and `counts` must live
- * as long as the trainer. */
+ * which the centre is used). Pairs to learn from are read from one other thread, held-out pairs from the threads of
+ * validation, one at a time; the two may meet. What was read is kept in memory as long as there is room (a gibibyte),
+ * where no augmentation changes it. `user` and `counts` must live as long as the trainer. */
 typedef struct hada_pairs {
     int depths;        /* as the model has */
     const int *counts; /* pairs of each depth; may be 0 */
@@ -66,7 +68,8 @@ typedef struct hada_train_options {
     uint64_t seed;
 
     /* what is trained */
-    hada_form form;   /* FILTERS: HADA_FORM_COMPLEX (default) or HADA_FORM_SPLIT */
+    hada_form form;   /* FILTERS: HADA_FORM_COMPLEX or HADA_FORM_SPLIT; 0 (default): complex for a random start, else
+                         the model's */
     int random_start; /* FILTERS: 1: random filters; 0 (default): the model's */
     const char *net;  /* preset of a new net ("compact", "paper"), used where the model has none or `new_net` is 1 */
     const hada_net *net_given; /* instead of a preset; copied; NULL: none */
@@ -78,17 +81,19 @@ typedef struct hada_train_options {
     int batch;      /* pairs of a step */
     int at_once;    /* pairs computed together on a device; fewer need less memory (gradients add up); 0: chosen */
     int recompute;  /* 1: keep less for backward, compute it again */
-    hada_rule rule; /* 0: HADA_RULE_RMSPROP, the paper's */
+    hada_rule rule; /* HADA_RULE_RMSPROP is the paper's */
     double rate, filter_rate, critic_rate; /* of the net, the filters, the discriminator */
     hada_rate schedule;
-    double last_rate;      /* COSINE: at the end, as a share of the rate; STEP: factor at each of `rate_steps` */
+    double last_rate;      /* COSINE: at the end, as a share of the rate; STEP: factor after each period */
     uint64_t rate_period;  /* STEP */
     uint64_t warmup;       /* steps in which the rate rises from a tenth */
     double clip;           /* largest norm of a step's gradient; 0: as it is */
     double weight_decay;   /* ADAMW */
-    uint64_t critic_steps; /* ADVERSARIAL: steps of the discriminator alone before the first of the net */
+    uint64_t critic_steps; /* steps (of `steps`) of the discriminator alone, before the first of the net */
 
-    /* losses: weights; the paper's code by default: 1.5, 0.1, 8e-3, 5e-7 */
+    /* losses: weights; those of the paper's code by default: 1.5, 0.1, 8e-3, 5e-7; JOINT: adversarial 0, and with
+       more it has a discriminator as ADVERSARIAL has; the other stages know no adversarial term. FILTERS: the mean
+       squared error alone. */
     double mse, perceptual, adversarial, variation;
     int variation_squared; /* 1: the paper's formula; 0 (default): absolute values, as its code */
     const char *vgg;       /* safetensors file of VGG-16; NULL: the perceptual term is off */
@@ -105,7 +110,21 @@ typedef struct hada_trainer hada_trainer;
 HADA_API hada_status hada_trainer_create(hada_trainer **out, hada_context *context, const hada_model *model,
                                          const hada_pairs *pairs, const hada_pairs *held_out,
                                          const hada_train_options *options, hada_error *err);
+/* The same on several devices, a context each, which share the pairs of a step. */
+HADA_API hada_status hada_trainer_create_on(hada_trainer **out, hada_context *const *contexts, int count,
+                                            const hada_model *model, const hada_pairs *pairs,
+                                            const hada_pairs *held_out, const hada_train_options *options,
+                                            hada_error *err);
 HADA_API void hada_trainer_destroy(hada_trainer **trainer);
+
+/* A model of zero filters with the sizes, distances, form, boundary and dark level of `sizes`: something to start
+ * FILTERS from at random, or CONVENTIONAL. */
+HADA_API hada_status hada_model_blank(hada_model **out, const hada_fit_options *sizes, hada_error *err);
+
+/* Options as the trainer understood them (what was left open is filled in), and the net that is trained (owned by it,
+ * with its first values; NULL: none). */
+HADA_API const hada_train_options *hada_trainer_get_options(const hada_trainer *trainer);
+HADA_API const hada_net *hada_trainer_get_net(const hada_trainer *trainer);
 
 /* Device bytes that training needs on each device; nothing is allocated. */
 HADA_API hada_status hada_trainer_bytes(hada_context *context, const hada_model *model,
@@ -142,15 +161,21 @@ HADA_API hada_status hada_trainer_validate(hada_trainer *trainer, int most, hada
 HADA_API hada_status hada_trainer_show(hada_trainer *trainer, int pair, hada_image *raw, hada_image *before,
                                        hada_image *after, hada_image *truth, hada_error *err);
 
-/* The parameters as they are now, as a model; CONVENTIONAL has none, but a net. FILTERS: no OTF is changed. */
+/* The parameters as they are now, as a model; CONVENTIONAL has none, but a net. FILTERS and JOINT: no OTF is changed,
+ * and the model recommends no refinement, which would pass the trained filters by. */
 HADA_API hada_status hada_trainer_model(hada_trainer *trainer, hada_model **out, hada_error *err);
 HADA_API hada_status hada_trainer_net(hada_trainer *trainer, hada_net **out, hada_error *err);
 
 /* Checkpoints: everything that going on with the same bits needs (safetensors), written beside and renamed, so that the
- * file is whole at any moment. Loading takes the trainer to that step; it must have been created with the same model
- * sizes, stage, nets, seed and batch (HADA_ERROR_MODEL says what differs). */
+ * file is whole at any moment. Where the parameters are not finite, saving first goes back to the last good ones.
+ * Loading takes the trainer to that step; it must have been created with the same model, stage, nets, rule, seed and
+ * batch (HADA_ERROR_MODEL says what differs); rates, losses and the number of steps may differ. */
 HADA_API hada_status hada_trainer_save(hada_trainer *trainer, const char *path, hada_error *err);
 HADA_API hada_status hada_trainer_load(hada_trainer *trainer, const char *path, hada_error *err);
+
+/* Steps done; pairs seen on the way. */
+HADA_API uint64_t hada_trainer_steps(const hada_trainer *trainer);
+HADA_API uint64_t hada_trainer_seen(const hada_trainer *trainer);
 
 #ifdef __cplusplus
 }

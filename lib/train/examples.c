@@ -1,0 +1,85 @@
+#include "train/examples.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/alloc.h"
+
+void hada_example_free(hada_example *example)
+{
+    hada_image_destroy(&example->input);
+    hada_image_destroy(&example->scene);
+}
+
+static hada_status copy(hada_image *out, const hada_image *image, hada_error *err)
+{
+    hada_status status = hada_image_create(out, image->channels, image->rows, image->cols, err);
+    if (!status)
+        memcpy(out->data, image->data, hada_image_count(image) * sizeof(float));
+    return status;
+}
+
+hada_status hada_example_copy(hada_example *out, const hada_example *example, hada_error *err)
+{
+    *out = (hada_example){0};
+    hada_status status = copy(&out->input, &example->input, err);
+    if (!status)
+        status = copy(&out->scene, &example->scene, err);
+    if (status)
+        hada_example_free(out);
+    return status;
+}
+
+hada_status hada_examples_create(hada_examples *examples, const hada_pairs *pairs, size_t most, hada_error *err)
+{
+    *examples = (hada_examples){.pairs = pairs, .most = most};
+    hada_status status = hada_alloc((void **)&examples->kept, (size_t)hada_pairs_total(pairs), sizeof *examples->kept,
+                                    "the list of pairs", err);
+    if (!status)
+        pthread_mutex_init(&examples->lock, NULL);
+    return status;
+}
+
+void hada_examples_free(hada_examples *examples)
+{
+    if (!examples->kept)
+        return;
+    const uint64_t total = hada_pairs_total(examples->pairs);
+    for (uint64_t i = 0; i < total; i++)
+        hada_example_free(&examples->kept[i]);
+    free(examples->kept);
+    pthread_mutex_destroy(&examples->lock);
+    *examples = (hada_examples){0};
+}
+
+static hada_example *place_of(hada_examples *examples, int depth, int pair)
+{
+    hada_example *at = examples->kept + pair;
+    for (int z = 0; z < depth; z++)
+        at += examples->pairs->counts[z];
+    return at;
+}
+
+const hada_example *hada_examples_find(hada_examples *examples, int depth, int pair)
+{
+    hada_example *at = place_of(examples, depth, pair);
+    pthread_mutex_lock(&examples->lock);
+    const int kept = at->input.data != NULL;
+    pthread_mutex_unlock(&examples->lock);
+    return kept ? at : NULL;
+}
+
+const hada_example *hada_examples_add(hada_examples *examples, int depth, int pair, hada_example *example)
+{
+    hada_example *at = place_of(examples, depth, pair);
+    const size_t bytes = (hada_image_count(&example->input) + hada_image_count(&example->scene)) * sizeof(float);
+    pthread_mutex_lock(&examples->lock);
+    if (!at->input.data && bytes <= examples->most - examples->bytes) {
+        examples->bytes += bytes;
+        *at = *example;
+        *example = (hada_example){0};
+    }
+    const int kept = at->input.data != NULL;
+    pthread_mutex_unlock(&examples->lock);
+    return kept ? at : NULL;
+}

@@ -1,0 +1,152 @@
+/* What a stage needs, defaults, and whether options make sense. */
+#include <math.h>
+#include <string.h>
+
+#include "net/optimizer.h"
+#include "train/trainer.h"
+
+int hada_stage_has_net(hada_stage stage)
+{
+    return stage != HADA_STAGE_FILTERS;
+}
+
+int hada_stage_has_critic(const hada_train_options *options)
+{
+    return options->stage == HADA_STAGE_ADVERSARIAL ||
+           (options->stage == HADA_STAGE_JOINT && options->adversarial > 0.0);
+}
+
+int hada_stage_has_planes(hada_stage stage)
+{
+    return stage == HADA_STAGE_ENHANCE || stage == HADA_STAGE_ADVERSARIAL;
+}
+
+void hada_train_options_init(hada_train_options *options, hada_stage stage)
+{
+    *options = (hada_train_options){.size = sizeof *options,
+                                    .stage = stage,
+                                    .seed = 1,
+                                    .net = "compact",
+                                    .steps = 1000,
+                                    .batch = 4,
+                                    .rule = HADA_RULE_ADAM,
+                                    .rate = 1e-3,
+                                    .filter_rate = 1e-3,
+                                    .critic_rate = 1e-4,
+                                    .schedule = HADA_RATE_COSINE,
+                                    .last_rate = 0.02,
+                                    .warmup = 20,
+                                    .clip = 1.0,
+                                    .mse = 1.5,
+                                    .perceptual = 0.1,
+                                    .adversarial = stage == HADA_STAGE_ADVERSARIAL ? 8e-3 : 0.0,
+                                    .variation = 5e-7,
+                                    .critic_steps = stage == HADA_STAGE_ADVERSARIAL ? 50 : 0};
+    if (hada_stage_has_planes(stage))
+        options->augment.plane_flips = 3;
+}
+
+static int is_rate(double rate)
+{
+    return isfinite(rate) && rate > 0.0;
+}
+
+static int is_weight(double weight)
+{
+    return isfinite(weight) && weight >= 0.0;
+}
+
+static hada_schedule schedule_of(const hada_train_options *options)
+{
+    const uint64_t after = options->steps > options->warmup ? options->steps - options->warmup : 1;
+    return (hada_schedule){.kind = (hada_schedule_kind)options->schedule,
+                           .rate = 1.0,
+                           .factor = options->last_rate,
+                           .last = options->last_rate,
+                           .period = options->schedule == HADA_RATE_COSINE ? after : options->rate_period,
+                           .warmup = options->warmup,
+                           .warmup_from = 0.1};
+}
+
+double hada_train_rate(const hada_train_options *options, uint64_t step)
+{
+    const hada_schedule schedule = schedule_of(options);
+    return hada_schedule_rate(&schedule, step);
+}
+
+static hada_status check_numbers(const hada_train_options *options, hada_error *err)
+{
+    if (!options->steps)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "training needs at least one step");
+    if (options->batch < 1 || options->batch > 4096 || options->at_once < 0 || options->at_once > options->batch)
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "a step takes 1 to 4096 pairs, and at most as many at once; not %d and %d", options->batch,
+                         options->at_once);
+    if ((int)options->rule < HADA_RULE_RMSPROP || options->rule > HADA_RULE_ADAMW)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "there is no rule %d", (int)options->rule);
+    if (!is_rate(options->rate) || !is_rate(options->filter_rate) || !is_rate(options->critic_rate))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "learning rates are above 0; not %g, %g, %g", options->rate,
+                         options->filter_rate, options->critic_rate);
+    if (!is_weight(options->clip) || !is_weight(options->weight_decay) || !is_weight(options->last_rate))
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "clipping, weight decay and the last rate are not below 0; not %g, %g, %g", options->clip,
+                         options->weight_decay, options->last_rate);
+    if (!is_weight(options->mse) || !is_weight(options->perceptual) || !is_weight(options->adversarial) ||
+        !is_weight(options->variation))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "weights of losses are not below 0; not %g, %g, %g, %g",
+                         options->mse, options->perceptual, options->adversarial, options->variation);
+    if (options->net_rows < 0 || options->net_cols < 0 || !options->net_rows != !options->net_cols)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "a net cannot run at %d x %d pixels", options->net_rows,
+                         options->net_cols);
+    const hada_schedule schedule = schedule_of(options);
+    return hada_schedule_validate(&schedule, err);
+}
+
+/* FILTERS: the form that is trained. */
+static hada_status settle_form(hada_train_options *options, const hada_model_info *info, hada_error *err)
+{
+    const hada_form own = info->form == HADA_FORM_SPLIT ? HADA_FORM_SPLIT : HADA_FORM_COMPLEX;
+    if (options->random_start && options->stage != HADA_STAGE_FILTERS)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "a random start is for the stage that trains filters alone");
+    if (!options->form)
+        options->form = options->random_start ? HADA_FORM_COMPLEX : own;
+    if (options->form != HADA_FORM_COMPLEX && options->form != HADA_FORM_SPLIT)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "filters of the forms complex and split can be trained");
+    if (!options->random_start && options->form != own)
+        return hada_fail(err, HADA_ERROR_MODEL, "the model's filters have the form %s: train that, or start at random",
+                         own == HADA_FORM_SPLIT ? "split" : "complex");
+    return HADA_OK;
+}
+
+hada_status hada_train_options_settle(hada_train_options *options, const hada_model *model, hada_error *err)
+{
+    const hada_model_info *info = hada_model_get_info(model);
+    if (options->size != sizeof *options)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "set the options up with hada_train_options_init()");
+    if ((int)options->stage < HADA_STAGE_FILTERS || options->stage > HADA_STAGE_CONVENTIONAL)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "there is no stage %d", (int)options->stage);
+    hada_status status = check_numbers(options, err);
+    if (!status)
+        status = hada_augment_check(&options->augment, info, err);
+    if (!status)
+        status = settle_form(options, info, err);
+    if (status)
+        return status;
+    if (!options->vgg)
+        options->perceptual = 0.0;
+    if (!hada_stage_has_critic(options)) {
+        options->adversarial = 0.0;
+        options->critic_steps = 0;
+    }
+    if (options->stage == HADA_STAGE_FILTERS)
+        options->perceptual = options->variation = 0.0;
+    if (options->stage == HADA_STAGE_CONVENTIONAL || !info->enhance)
+        options->new_net = 1;
+    if (!options->net_rows && !options->new_net) {
+        options->net_rows = info->enhance_rows;
+        options->net_cols = info->enhance_cols;
+    }
+    return options->mse + options->perceptual + options->adversarial + options->variation > 0.0
+               ? HADA_OK
+               : hada_fail(err, HADA_ERROR_ARGUMENT, "all losses are off; give one of them a weight");
+}

@@ -1,0 +1,102 @@
+/* Workers, and what they make of a pair. */
+#include <hadalens/scene.h>
+#include <pthread.h>
+#include <signal.h>
+#include <stdlib.h>
+
+#include "core/alloc.h"
+#include "filter/dark.h"
+#include "train/trainer.h"
+
+typedef struct task {
+    hada_trainer *trainer;
+    int worker;
+    hada_work work;
+    void *user;
+    pthread_t thread;
+    int started;
+} task;
+
+static void *run(void *user)
+{
+    const task *own = user;
+    hada_worker *worker = &own->trainer->workers[own->worker];
+    worker->status = own->work(own->trainer, own->worker, own->user, &worker->error);
+    return NULL;
+}
+
+hada_status hada_workers_run(hada_trainer *trainer, hada_work work, void *user, hada_error *err)
+{
+    const int count = trainer->worker_count;
+    task *tasks;
+    sigset_t all, before;
+    if (count == 1)
+        return work(trainer, 0, user, err);
+    hada_status status = hada_alloc((void **)&tasks, (size_t)count, sizeof *tasks, "threads", err);
+    if (status)
+        return status;
+    sigfillset(&all); /* signals are for the program's own threads */
+    pthread_sigmask(SIG_SETMASK, &all, &before);
+    for (int i = 0; i < count; i++) {
+        tasks[i] = (task){.trainer = trainer, .worker = i, .work = work, .user = user};
+        tasks[i].started = i && !pthread_create(&tasks[i].thread, NULL, run, &tasks[i]);
+    }
+    pthread_sigmask(SIG_SETMASK, &before, NULL);
+    /* What has no thread is done here. */
+    for (int i = 0; i < count; i++)
+        if (!tasks[i].started)
+            run(&tasks[i]);
+    for (int i = 0; i < count; i++)
+        if (tasks[i].started)
+            pthread_join(tasks[i].thread, NULL);
+    free(tasks);
+    for (int i = 0; i < count; i++)
+        if (trainer->workers[i].status) {
+            if (err)
+                *err = trainer->workers[i].error;
+            return trainer->workers[i].status;
+        }
+    return HADA_OK;
+}
+
+static hada_status take_dark_off(hada_image *raw, double level, hada_error *err)
+{
+    const size_t area = (size_t)raw->rows * (size_t)raw->cols;
+    float *room = NULL;
+    hada_status status = HADA_OK;
+    if (level < 0.0)
+        status = hada_alloc((void **)&room, area, sizeof *room, "a frame's dark level", err);
+    for (int c = 0; !status && c < raw->channels; c++) {
+        float *at = raw->data + (size_t)c * area;
+        const double dark = room ? hada_dark_estimate(at, area, room) : level;
+        for (size_t i = 0; dark != 0.0 && i < area; i++)
+            at[i] = (float)((double)at[i] - dark);
+    }
+    free(room);
+    return status;
+}
+
+hada_status hada_example_make(hada_example *out, hada_trainer *trainer, hada_worker *worker, int depth, hada_image *raw,
+                              hada_image *scene, hada_error *err)
+{
+    const hada_stage stage = trainer->options.stage;
+    hada_status status;
+    *out = (hada_example){0};
+    if (hada_stage_has_planes(stage))
+        status = hada_planes_make(worker->planes, depth, raw, &out->input, err);
+    else
+        status = take_dark_off(raw, trainer->info.dark, err);
+    if (!status && stage == HADA_STAGE_CONVENTIONAL) {
+        status = hada_image_resize(&out->input, raw, trainer->info.window_rows, trainer->info.window_cols, err);
+    } else if (!status && !hada_stage_has_planes(stage)) {
+        out->input = *raw;
+        *raw = (hada_image){0};
+    }
+    if (status) {
+        hada_example_free(out);
+        return status;
+    }
+    out->scene = *scene;
+    *scene = (hada_image){0};
+    return HADA_OK;
+}

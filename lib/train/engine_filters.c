@@ -95,7 +95,7 @@ hada_status hada_engine_refocus(hada_engine *engine, const hada_sample *samples,
 static hada_status add_gradient(hada_engine *engine, int image, int depth, hada_error *err)
 {
     const engine_shape *shape = &engine->shape;
-    const char *options = shape->form == HADA_FORM_SPLIT ? "-DTRAIN_SPLIT=1" : "";
+    const cl_int split = shape->form == HADA_FORM_SPLIT;
     const cl_ulong count = shape->layout.count, offset = (cl_ulong)image * (cl_ulong)shape->channels * count;
     const cl_float scale = (cl_float)(1.0 / ((double)shape->layout.rows * shape->layout.cols));
     const size_t local[2] = {64, 1}, global[2] = {((size_t)count + 511) / 512 * 64, (size_t)shape->channels};
@@ -105,9 +105,10 @@ static hada_status add_gradient(hada_engine *engine, int image, int depth, hada_
                              HADA_ARG(engine->buffers[ENGINE_COLUMNS].mem),
                              HADA_ARG(engine->groups[HADA_GROUP_FILTERS + depth].gradient.mem),
                              HADA_ARG(count),
-                             HADA_ARG(scale)};
+                             HADA_ARG(scale),
+                             HADA_ARG(split)};
     cl_kernel kernel;
-    hada_status status = hada_slot_kernel(engine->slot, "train_filter", "train_filter", options, &kernel, err);
+    hada_status status = hada_slot_kernel(engine->slot, "train", "train_filter", "", &kernel, err);
     hada_slot_cost(engine->slot, 32.0 * (double)count * shape->channels, 10.0 * (double)count * shape->channels);
     return status
                ? status
@@ -144,7 +145,7 @@ hada_status hada_engine_plane_error(hada_engine *engine, int count, double weigh
     hada_slot_stage(engine->slot, "losses");
     hada_slot_cost(engine->slot, 12.0 * (double)values, 4.0 * (double)values);
     hada_status status =
-        hada_layer_launch_flat(engine->slot, "train_planes", "train_error", 0, items, 1, args, HADA_COUNT(args), err);
+        hada_layer_launch_flat(engine->slot, "train", "train_error", 0, items, 1, args, HADA_COUNT(args), err);
     return status ? status : hada_sum_floats(engine->slot, sums, 0, items, (float)share, 0.0f, value, err);
 }
 
@@ -155,6 +156,6 @@ hada_status hada_engine_mask(hada_engine *engine, hada_error *err)
     const hada_arg args[] = {HADA_ARG(engine->buffers[ENGINE_PLANES].mem), HADA_ARG(engine->buffers[ENGINE_FLAT].mem),
                              HADA_ARG(floats)};
     hada_slot_cost(engine->slot, 12.0 * (double)values, (double)values);
-    return hada_layer_launch_flat(engine->slot, "train_planes", "train_mask", 0, (values + ENGINE_RUN - 1) / ENGINE_RUN,
-                                  1, args, HADA_COUNT(args), err);
+    return hada_layer_launch_flat(engine->slot, "train", "train_mask", 0, (values + ENGINE_RUN - 1) / ENGINE_RUN, 1,
+                                  args, HADA_COUNT(args), err);
 }

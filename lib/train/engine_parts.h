@@ -35,7 +35,7 @@ enum {
     ENGINE_BUFFERS
 };
 
-/* Floats of a work-item of train_planes.cl. */
+/* Floats of a work-item of train.cl. */
 enum { ENGINE_RUN = 1024 };
 
 /* Values in ENGINE_TERMS. */

@@ -105,8 +105,7 @@ static hada_status launch_filter(check_state *state, hada_error *err)
     const cl_float scale = 0.5f;
     const size_t local[2] = {64, 1}, global[2] = {(own->count + 511) / 512 * 64, (size_t)own->channels};
     cl_kernel kernel;
-    hada_status status = hada_slot_kernel(state->slot, "train_filter", "train_filter",
-                                          own->split ? "-DTRAIN_SPLIT=1" : "", &kernel, err);
+    hada_status status = hada_slot_kernel(state->slot, "train", "train_filter", "", &kernel, err);
     if (!status && !state->regions)
         status = check_region(state, 0, state->out_count, &out, err);
     if (!status)
@@ -115,7 +114,7 @@ static hada_status launch_filter(check_state *state, hada_error *err)
         const cl_ulong offset = (cl_ulong)p * count * (cl_ulong)own->channels;
         const hada_arg args[] = {
             HADA_ARG(own->a.mem), HADA_ARG(offset), HADA_ARG(own->b.mem), HADA_ARG(own->weights.mem),
-            HADA_ARG(out),        HADA_ARG(count),  HADA_ARG(scale)};
+            HADA_ARG(out),        HADA_ARG(count),  HADA_ARG(scale),      HADA_ARG(own->split)};
         status = hada_slot_launch(state->slot, kernel, "train_filter", 2, global, local, args, HADA_COUNT(args), err);
     }
     return status;
@@ -196,7 +195,7 @@ static hada_status launch_error(check_state *state, hada_error *err)
         status = put(state, &own->a, x, err);
     const hada_arg args[] = {HADA_ARG(x), HADA_ARG(own->b.mem), HADA_ARG(count), HADA_ARG(scale), HADA_ARG(sums)};
     return status ? status
-                  : check_kernel(state, "train_planes", "train_error", "", items_of(own), local_of(state), args,
+                  : check_kernel(state, "train", "train_error", "", items_of(own), local_of(state), args,
                                  HADA_COUNT(args), err);
 }
 
@@ -229,7 +228,7 @@ static hada_status launch_mask(check_state *state, hada_error *err)
         status = put(state, &own->b, out, err);
     const hada_arg args[] = {HADA_ARG(own->a.mem), HADA_ARG(out), HADA_ARG(count)};
     return status ? status
-                  : check_kernel(state, "train_planes", "train_mask", "", items_of(own), local_of(state), args,
+                  : check_kernel(state, "train", "train_mask", "", items_of(own), local_of(state), args,
                                  HADA_COUNT(args), err);
 }
 

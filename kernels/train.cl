@@ -1,0 +1,100 @@
+/* What training does beside transforms and nets (docs/training.md): gradients of Hadamard filters, the squared error of
+ * planes, the gradient of clipping. */
+
+/* Adds the gradient of filters: scale m conj(B) G (form complex), or scale m (Re(B) Re(G), Im(B) Im(G)) (split), for
+ * spectra B of a frame and G of the gradient of a plane. m, from `weights`, says how often a value of the half spectrum
+ * stands in the whole one; where it is 0 (padding, which holds anything) nothing is added. */
+inline float16 train_add(float16 b, float16 g, float8 m, int split, float16 sum)
+{
+    const int8 there = m > 0.0f;
+    const float8 re = split ? b.even * g.even : fma(b.even, g.even, b.odd * g.odd);
+    const float8 im = split ? b.odd * g.odd : fma(b.even, g.odd, -(b.odd * g.even));
+    sum.even = select(sum.even, fma(m, re, sum.even), there);
+    sum.odd = select(sum.odd, fma(m, im, sum.odd), there);
+    return sum;
+}
+
+/* Dimension 0: groups of eight of the `count` frequencies, dimension 1: channels. `offset`: complex numbers before B. */
+__kernel void train_filter(__global const float *b, ulong offset, __global const float *g,
+                           __global const float *weights, __global float *gradient, ulong count, float scale, int split)
+{
+    const size_t first = 8 * get_global_id(0), at = get_global_id(1) * count + first;
+    if (first >= count)
+        return;
+    __global const float *raw = b + 2 * (offset + at), *plane = g + 2 * at;
+    __global float *to = gradient + 2 * at;
+    if (first + 8 <= count) {
+        const float8 m = scale * vload8(0, weights + first);
+        vstore16(train_add(vload16(0, raw), vload16(0, plane), m, split, vload16(0, to)), 0, to);
+        return;
+    }
+    /* the last frequencies may not fill a group, and the next channel follows */
+    float lanes[4][16] = {{0.0f}};
+    const size_t left = count - first;
+    for (size_t i = 0; i < 2 * left; i++) {
+        lanes[0][i] = raw[i];
+        lanes[1][i] = plane[i];
+        lanes[2][i] = to[i];
+        lanes[3][i / 2] = scale * weights[first + i / 2];
+    }
+    vstore16(train_add(vload16(0, lanes[0]), vload16(0, lanes[1]), vload8(0, lanes[3]), split, vload16(0, lanes[2])), 0,
+             lanes[2]);
+    for (size_t i = 0; i < 2 * left; i++)
+        to[i] = lanes[2][i];
+}
+
+/* Planes as plain floats. */
+#define TRAIN_RUN 1024
+
+/* A work-item's values: TRAIN_RUN of them, the last one what is left of `count`. */
+#define TRAIN_EACH(i, count)                                                                                           \
+    for (size_t i = get_global_id(0) * TRAIN_RUN,                                                                      \
+                train_end = min(i + TRAIN_RUN, (size_t)(count));                                                       \
+         i < train_end; i += 8)
+
+inline float8 train_get(__global const float *p, size_t i, ulong count)
+{
+    if (i + 8 <= count)
+        return vload8(0, p + i);
+    float lanes[8] = {0.0f};
+    for (size_t k = 0; i + k < count; k++)
+        lanes[k] = p[i + k];
+    return vload8(0, lanes);
+}
+
+inline void train_put(float8 v, __global float *p, size_t i, ulong count)
+{
+    if (i + 8 <= count) {
+        vstore8(v, 0, p + i);
+        return;
+    }
+    float lanes[8];
+    vstore8(v, 0, lanes);
+    for (size_t k = 0; i + k < count; k++)
+        p[i + k] = lanes[k];
+}
+
+/* x becomes scale (x - target); sums[work-item] = the sum of (x - target)^2 over its values. */
+__kernel void train_error(__global float *x, __global const float *target, ulong count, float scale,
+                          __global float *sums)
+{
+    float8 sum = 0.0f;
+    if (get_global_id(0) * TRAIN_RUN >= count)
+        return;
+    TRAIN_EACH (i, count) {
+        const float8 d = train_get(x, i, count) - train_get(target, i, count);
+        sum = fma(d, d, sum);
+        train_put(scale * d, x, i, count);
+    }
+    const float4 a = sum.lo + sum.hi;
+    sums[get_global_id(0)] = (a.x + a.z) + (a.y + a.w);
+}
+
+/* The gradient of max(plane, 0): nothing flows where the clipped plane is 0. */
+__kernel void train_mask(__global const float *plane, __global float *gradient, ulong count)
+{
+    TRAIN_EACH (i, count) {
+        const float8 g = train_get(gradient, i, count);
+        train_put(select((float8)0.0f, g, train_get(plane, i, count) > 0.0f), gradient, i, count);
+    }
+}

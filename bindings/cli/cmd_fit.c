@@ -1,11 +1,10 @@
 #include "command.h"
 #include "fit_settings.h"
+#include "fit_sizes.h"
 #include "folder.h"
 #include "pairs.h"
 
 #include <hadalens/fit.h>
-#include <hadalens/camera.h>
-#include <hadalens/tiff.h>
 #include <math.h>
 #include <stddef.h>
 #include <stdio.h>
@@ -66,75 +65,6 @@ static void defaults(void *user)
     set->dark = "none";
     set->refine = "auto";
     set->alpha = set->lambda = set->psf_dark = -1;
-}
-
-static hada_status measure(const char *path, hada_tiff_info *info, hada_error *err)
-{
-    hada_tiff_reader *reader = NULL;
-    hada_status status = hada_tiff_open(&reader, path, err);
-    if (status) {
-        hada_cli_prefix(err, "%s: ", path);
-        return status;
-    }
-    *info = *hada_tiff_get_info(reader);
-    hada_tiff_close(&reader);
-    return HADA_OK;
-}
-
-/* Sizes come from the first pair; the fitter checks that the others agree. */
-static hada_status set_sizes(hada_fit_options *fit, const settings *set, const hada_cli_dataset *data, hada_error *err)
-{
-    const hada_cli_pair *pair = &data->depth[0].pair[0];
-    hada_tiff_info raw, scene;
-    hada_status status = measure(pair->raw, &raw, err);
-    if (!status)
-        status = measure(pair->scene, &scene, err);
-    if (status)
-        return status;
-    fit->channels = raw.channels;
-    fit->raw_rows = raw.rows;
-    fit->raw_cols = raw.cols;
-    fit->window_rows = scene.rows;
-    fit->window_cols = scene.cols;
-    if (!set->window[0] || (set->window[0] == scene.rows && set->window[1] == scene.cols))
-        return HADA_OK;
-    if (scene.rows != raw.rows || scene.cols != raw.cols)
-        return hada_cli_error(
-            err, HADA_ERROR_ARGUMENT,
-            "--window %dx%d: the scenes have %dx%d pixels, which is the window then; a smaller one can "
-            "be cut only from scenes as large as the frame (%dx%d)",
-            set->window[0], set->window[1], scene.rows, scene.cols, raw.rows, raw.cols);
-    fit->window_rows = set->window[0];
-    fit->window_cols = set->window[1];
-    return HADA_OK;
-}
-
-static hada_boundary choose_boundary(hada_cli *cli, const settings *set, const hada_cli_dataset *data)
-{
-    hada_camera camera;
-    hada_error err = {0};
-    if (set->boundary)
-        return set->boundary == 1 ? HADA_BOUNDARY_CIRCULAR : HADA_BOUNDARY_PADDED;
-    if (!data->camera)
-        return HADA_BOUNDARY_PADDED;
-    hada_camera_init(&camera);
-    if (!hada_camera_load(&camera, data->camera, &err))
-        return camera.boundary;
-    hada_cli_warn(cli, "%s is not used: %s", data->camera, err.message);
-    return HADA_BOUNDARY_PADDED;
-}
-
-static hada_status choose_dark(const settings *set, double *level, hada_error *err)
-{
-    hada_cli_dark dark;
-    hada_status status = hada_cli_dark_read(&dark, set->dark, err);
-    if (status)
-        return status;
-    *level = dark.level;
-    if (dark.kind == HADA_CLI_DARK_AUTO)
-        *level = -1; /* each frame's own, here and in the model */
-    hada_cli_dark_free(&dark);
-    return status;
 }
 
 /* Filters first, then, on a few held-out frames, whether refinement pays. */
@@ -219,17 +149,15 @@ static hada_status fit_pairs(hada_cli *cli, const settings *set, const char *fol
         hada_cli_warn(cli,
                       "a depth has a single pair: nothing can be held out there, so the model is a guess; show the "
                       "camera about eight scenes per depth");
-    fit.depths = data.depths;
-    fit.distances_mm = data.distances_mm;
     fit.alpha = set->alpha;
     fit.lambda = set->lambda;
     fit.form = set->form == 2 ? HADA_FORM_SPLIT : HADA_FORM_COMPLEX;
-    fit.boundary = choose_boundary(cli, set, &data);
+    fit.boundary = hada_cli_fit_boundary(cli, set->boundary, &data);
     status = hada_cli_read_refine(set->refine, &fit.refine_steps, err);
     if (!status)
-        status = set_sizes(&fit, set, &data, err);
+        status = hada_cli_fit_sizes(&fit, &data, set->window, err);
     if (!status)
-        status = choose_dark(set, &fit.dark, err);
+        status = hada_cli_fit_dark(set->dark, &fit.dark, err);
     if (!status)
         status = hada_fitter_create(&fitter, context, &fit, err);
     if (!status) {

@@ -64,6 +64,7 @@ static hada_status make_contour(hada_mask_design *design, hada_error *err)
     status = hada_contour_points(&landscape, half, fmax(step, camera->aperture_mm / 8192.0), &x, &y, &count, err);
     hada_surface_free(&landscape);
     design->bend = 1.0 / camera->focal_length_mm;
+    design->feature = fmin(camera->lens_diameter_mm, camera->aperture_mm);
     return status ? status : hada_sites_make(&design->sites, x, y, count, half, err);
 }
 
@@ -71,6 +72,7 @@ static hada_status make_cells(hada_mask_design *design, hada_error *err)
 {
     const hada_camera *camera = &design->camera;
     design->cells = (int)ceil(camera->aperture_mm / camera->cell_mm);
+    design->feature = camera->cell_mm;
     void *memory;
     const size_t count = (size_t)design->cells * (size_t)design->cells;
     hada_status status = hada_alloc(&memory, count, 1, "the cells of a mask", err);
@@ -84,19 +86,27 @@ static hada_status make_cells(hada_mask_design *design, hada_error *err)
     return HADA_OK;
 }
 
-/* The steepest slope where light passes. */
-static double find_slope(const hada_mask_design *design)
+/* The steepest slope where light passes, and how far the ground of a lens reaches. */
+static void find_bounds(hada_mask_design *design)
 {
     const double half = design->camera.aperture_mm / 2.0;
-    double most = 0.0;
+    double most = 0.0, far = 0.0;
     for (int r = 0; r < SCAN; r++)
         for (int c = 0; c < SCAN; c++) {
             hada_mask_point point;
             hada_mask_at(design, ((c + 0.5) / SCAN - 0.5) * 2.0 * half, ((r + 0.5) / SCAN - 0.5) * 2.0 * half, &point);
-            if (point.edge > 0.0)
-                most = fmax(most, point.slope[0] * point.slope[0] + point.slope[1] * point.slope[1]);
+            if (!(point.edge > 0.0))
+                continue;
+            most = fmax(most, point.slope[0] * point.slope[0] + point.slope[1] * point.slope[1]);
+            far = fmax(far, point.square);
         }
-    return sqrt(most);
+    design->slope = sqrt(most);
+    if (!design->sites.count)
+        return;
+    /* a point may lie between those of the scan */
+    const double radius = design->camera.lens_diameter_mm / 2.0, gap = 2.0 * half / SCAN;
+    design->reach = fmin(radius, sqrt(far) + gap);
+    design->slope = hada_mask_power(&design->camera) * design->reach;
 }
 
 hada_status hada_mask_make(hada_mask_design *design, const hada_camera *camera, hada_error *err)
@@ -107,6 +117,7 @@ hada_status hada_mask_make(hada_mask_design *design, const hada_camera *camera, 
         return status;
     if (hada_mask_has_lenses(camera)) {
         design->bend = hada_mask_power(camera);
+        design->feature = fmin(camera->lens_diameter_mm, camera->aperture_mm);
         status = make_lenses(design, err);
     } else if (camera->mask == HADA_MASK_DIFFUSER)
         status = make_diffuser(design, err);
@@ -117,7 +128,7 @@ hada_status hada_mask_make(hada_mask_design *design, const hada_camera *camera, 
     if (status)
         hada_mask_free(design);
     else
-        design->slope = find_slope(design);
+        find_bounds(design);
     return status;
 }
 
@@ -160,6 +171,7 @@ void hada_mask_at(const hada_mask_design *design, double x, double y, hada_mask_
         const int i = hada_sites_nearest(&design->sites, x, y, &square);
         const double power = hada_mask_power(camera);
         point->edge = fmin(point->edge, camera->lens_diameter_mm / 2.0 - sqrt(square));
+        point->square = square;
         point->path = -0.5 * power * square;
         point->slope[0] = -power * (x - design->sites.x[i]);
         point->slope[1] = -power * (y - design->sites.y[i]);

@@ -65,6 +65,8 @@ typedef struct hada_mask_design {
     unsigned char *open;  /* aperture of cells: 1 where open */
     int cells;            /* a side */
     double slope;         /* a bound of the path's slope */
+    double reach;         /* lenses, holes: from a centre to the farthest point that belongs to it */
+    double feature;       /* width of the smallest opening; 0: the aperture alone */
     double bend;          /* a typical large value of its second derivative: how far neighbouring rays part */
 } hada_mask_design;
 
@@ -72,6 +74,7 @@ typedef struct hada_mask_point {
     double edge;     /* distance to where the mask turns opaque: positive where it is open */
     double path;     /* optical path at 587.6 nm, relative; the mask is thin */
     double slope[2]; /* its gradient, along x and y */
+    double square;   /* lenses, holes, contours: squared distance to the nearest centre or line */
 } hada_mask_point;
 
 hada_status hada_mask_make(hada_mask_design *design, const hada_camera *camera, hada_error *err);

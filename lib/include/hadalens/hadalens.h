@@ -12,6 +12,7 @@
 #include <hadalens/metrics.h>
 #include <hadalens/model.h>
 #include <hadalens/net.h>
+#include <hadalens/optics.h>
 #include <hadalens/preview.h>
 #include <hadalens/profile.h>
 #include <hadalens/reconstruct.h>

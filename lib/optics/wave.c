@@ -1,0 +1,134 @@
+/* PSFs by wave optics: one channel after the other, lens by lens or the whole mask. */
+#include "optics/wave.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "core/alloc.h"
+
+void hada_wave_options_init(hada_wave_options *options)
+{
+    *options = (hada_wave_options){.size = sizeof *options, .stray = 0.002};
+}
+
+static int by_lens(const hada_wave *wave)
+{
+    return wave->design.sites.count && hada_mask_has_lenses(&wave->camera) && !wave->options.coherent;
+}
+
+static hada_status upload_lenses(hada_wave *wave, hada_error *err)
+{
+    hada_wave_lens *lenses;
+    hada_wave_plane *planes;
+    int count;
+    hada_status status = hada_wave_lens_tables(&wave->design, &lenses, &planes, &count, err);
+    if (status)
+        return status;
+    status = hada_buffer_create_from(&wave->lenses, wave->slot, lenses,
+                                     (size_t)wave->design.sites.count * sizeof *lenses, "the lenses", err);
+    if (!status) /* one more than there are: a buffer is never empty */
+        status = hada_buffer_create_from(&wave->planes, wave->slot, planes, (size_t)(count + 1) * sizeof *planes,
+                                         "the lenses", err);
+    free(lenses);
+    free(planes);
+    return status;
+}
+
+hada_status hada_wave_create(hada_wave **out, hada_context *context, const hada_camera *camera,
+                             const hada_wave_options *options, hada_error *err)
+{
+    *out = NULL;
+    hada_wave_options plain;
+    hada_wave_options_init(&plain);
+    if (!options)
+        options = &plain;
+    if (options->size != sizeof *options)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "options were not started with hada_wave_options_init()");
+    if (options->stray != 0.0 && !(options->stray >= 1e-5 && options->stray <= 0.2))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "stray light of %g is not possible; use 1e-5 to 0.2",
+                         options->stray);
+    void *memory;
+    hada_status status = hada_alloc(&memory, 1, sizeof(hada_wave), "wave optics", err);
+    if (status)
+        return status;
+    hada_wave *wave = memory;
+    wave->camera = *camera;
+    wave->options = *options;
+    if (wave->options.stray == 0.0)
+        wave->options.stray = plain.stray;
+    status = hada_mask_make(&wave->design, camera, err);
+    if (!status)
+        status = hada_slot_create(&wave->slot, context, err);
+    if (!status && by_lens(wave))
+        status = upload_lenses(wave, err);
+    if (status)
+        hada_wave_destroy(&wave);
+    *out = wave;
+    return status;
+}
+
+void hada_wave_destroy(hada_wave **wave)
+{
+    hada_wave *w = wave ? *wave : NULL;
+    if (!w)
+        return;
+    *wave = NULL;
+    if (w->slot)
+        hada_slot_finish(w->slot, NULL);
+    hada_buffer_destroy(&w->lenses);
+    hada_buffer_destroy(&w->planes);
+    hada_slot_destroy(&w->slot);
+    hada_mask_free(&w->design);
+    free(w);
+}
+
+hada_status hada_wave_psf(hada_wave *wave, double distance_mm, int rows, int cols, hada_image *psf, hada_error *err)
+{
+    const hada_camera *camera = &wave->camera;
+    const size_t count = hada_size_product((size_t)rows, (size_t)cols);
+    void *sum = NULL;
+    *psf = (hada_image){0};
+    if (!(distance_mm > 0.0))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "a distance of %g mm is not possible; it must be above 0",
+                         distance_mm);
+    hada_status status = hada_image_create(psf, camera->channels, rows, cols, err);
+    if (!status)
+        status = hada_alloc(&sum, count, sizeof(double), "a point spread function", err);
+    for (int c = 0; c < camera->channels && !status; c++) {
+        const double nm = camera->wavelengths_nm[camera->channels == 1 ? 1 : c];
+        const double path_scale = (hada_camera_refractive_index(camera, nm) - 1.0) / (camera->refractive_index - 1.0);
+        double light = 0.0, *values = sum;
+        for (size_t i = 0; i < count; i++)
+            values[i] = 0.0;
+        status = by_lens(wave)
+                     ? hada_wave_by_lens(wave, distance_mm, nm * 1e-6, path_scale, rows, cols, values, &light, err)
+                     : hada_wave_whole(wave, distance_mm, nm * 1e-6, path_scale, rows, cols, values, &light, err);
+        for (size_t i = 0; i < count && !status; i++)
+            psf->data[(size_t)c * count + i] = (float)(values[i] / light);
+    }
+    free(sum);
+    if (status)
+        hada_image_destroy(psf);
+    return status;
+}
+
+hada_status hada_camera_psf_stack(hada_context *context, const hada_camera *camera, hada_image *psf, hada_error *err)
+{
+    hada_wave *wave = NULL;
+    hada_status status = hada_camera_check(camera, err);
+    if (status)
+        return status;
+    for (int z = 0; z < camera->depths; z++)
+        psf[z] = (hada_image){0};
+    if (camera->optics == HADA_OPTICS_WAVE && !context)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "wave optics need a device; give a context");
+    if (camera->optics == HADA_OPTICS_WAVE)
+        status = hada_wave_create(&wave, context, camera, NULL, err);
+    for (int z = 0; z < camera->depths && !status; z++)
+        status = wave ? hada_wave_psf(wave, camera->distances_mm[z], camera->rows, camera->cols, &psf[z], err)
+                      : hada_camera_psf(camera, camera->distances_mm[z], &psf[z], err);
+    hada_wave_destroy(&wave);
+    for (int z = 0; z < camera->depths && status; z++)
+        hada_image_destroy(&psf[z]);
+    return status;
+}

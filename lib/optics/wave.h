@@ -1,0 +1,86 @@
+/* PSFs by wave optics: what the two ways of computing them share. Internal to lib/optics. */
+#ifndef HADA_OPTICS_WAVE_H
+#define HADA_OPTICS_WAVE_H
+
+#include <hadalens/optics.h>
+
+#include "fft/fft.h"
+#include "optics/mask.h"
+
+#define HADA_WAVE_BLOCK 8 /* columns of a block of the library's own transforms, which serve here */
+
+/* A lens, and what bounds its ground, for the kernel of optics_wave_lens.cl. */
+typedef struct hada_wave_lens {
+    float x, y;
+    int first, planes;
+} hada_wave_lens;
+
+typedef struct hada_wave_plane {
+    float a, b, c, unused;
+} hada_wave_plane;
+
+/* A stretch of samples on a pixel, for the kernels of optics_wave_whole.cl. */
+typedef struct hada_wave_pixel {
+    int first, count;
+    float begin, end;
+} hada_wave_pixel;
+
+struct hada_wave {
+    hada_camera camera;
+    hada_wave_options options;
+    hada_slot *slot;
+    hada_mask_design design;
+    hada_buffer lenses, planes; /* lens by lens */
+};
+
+/* How the spot of a lens is sampled at a distance and a wavelength: a pixel is `samples` x `samples` values of the
+ * field, the square round the spot `pixels` x `pixels`, the transform n = pixels samples; a lens `points` x `points`
+ * samples, `step` apart. */
+typedef struct hada_wave_spot {
+    int pixels, samples, n, points, pitch;
+    double step;
+    double chirp; /* 1/z + 1/d - 1/f: the field behind a lens is exp(i pi chirp u^2 / lambda) */
+} hada_wave_spot;
+
+/* Sizes of a spot: HADA_ERROR_UNSUPPORTED where they are too large. */
+hada_status hada_wave_spot_size(const hada_wave *wave, double distance_mm, double wavelength_mm, double path_scale,
+                                hada_wave_spot *spot, hada_error *err);
+
+/* The phase of a lens along an axis, `points` complex values (interleaved) and zeros up to `pitch`: its chirp, and a
+ * slope that puts the spot `shift` samples (of the field on the sensor) from where the transform has its middle. */
+void hada_wave_phase(const hada_wave_spot *spot, double wavelength_mm, double shift, float *phase);
+
+/* The lenses and the lines between them. */
+hada_status hada_wave_lens_tables(const hada_mask_design *design, hada_wave_lens **lenses, hada_wave_plane **planes,
+                                  int *plane_count, hada_error *err);
+
+/* Launches, each a kernel. Buffers as the kernels' heads say. */
+hada_status hada_wave_launch_pupil(hada_slot *slot, cl_mem field, cl_mem phase, cl_mem lenses, cl_mem planes, int first,
+                                   int count, const hada_wave_spot *spot, double radius, double aperture,
+                                   hada_error *err);
+hada_status hada_wave_launch_spots(hada_slot *slot, cl_mem image, cl_mem part, cl_mem spectra, int count, int pixels,
+                                   int samples, hada_error *err);
+hada_status hada_wave_launch_mask(hada_slot *slot, cl_mem field, cl_mem path, cl_mem open, int n, double waves,
+                                  hada_error *err);
+hada_status hada_wave_launch_travel(hada_slot *slot, cl_mem spectrum, cl_mem across, cl_mem down, int rows, int blocks,
+                                    hada_error *err);
+hada_status hada_wave_launch_sensor(hada_slot *slot, cl_mem image, cl_mem part, cl_mem field, cl_mem across,
+                                    cl_mem down, int rows, int cols, int pixel_rows, int pixel_cols, hada_error *err);
+
+/* Samples of width `step`, the first of which begins at `begin`, under pixels of width `width`, the first of which
+ * begins at `pixel`: `samples` and `pixels` of them. */
+void hada_wave_share(hada_wave_pixel *table, int pixels, double pixel, double width, int samples, double begin,
+                     double step);
+
+/* Phase of free space over `distance` for frequencies 0 .. count - 1 (negative above n/2) of n samples of `step`: the
+ * transfer function exp(-i pi lambda distance f^2), interleaved. */
+void hada_wave_travel_phase(float *phase, int count, int n, double step, double wavelength_mm, double distance_mm);
+
+/* A channel of a PSF, added to `sum` (rows x cols); *light: what all light of the mask adds up to. path_scale: the
+ * mask's optical path at the wavelength, over that at 587.6 nm. */
+hada_status hada_wave_by_lens(hada_wave *wave, double distance_mm, double wavelength_mm, double path_scale, int rows,
+                              int cols, double *sum, double *light, hada_error *err);
+hada_status hada_wave_whole(hada_wave *wave, double distance_mm, double wavelength_mm, double path_scale, int rows,
+                            int cols, double *sum, double *light, hada_error *err);
+
+#endif

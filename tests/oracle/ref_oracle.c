@@ -9,6 +9,7 @@
  *   ref_oracle refine ROWS COLS WINDOW(4) PADDED FRAME(4) DEPTHS STEPS RHO RELAXATION MU   otf, prior, image
  *   ref_oracle focus MEASURE SUM SIGMA CHANNELS ROWS COLS DEPTHS    planes
  *   ref_oracle crop IN_ROWS IN_COLS CHANNELS ROWS COLS PARTS FACTOR TAPERS INVERT
+ *   ref_oracle train SPLIT (ten numbers of hada_ref_grid)   raw frame, filter, gradient of the window
  *   ref_oracle product PRODUCT ROWS COLS BAND_ROWS BAND_COLS   spectrum, filter */
 #include <stdio.h>
 #include <stdlib.h>
@@ -20,6 +21,7 @@
 #include "ref/ref_focus.h"
 #include "ref/ref_refine.h"
 #include "ref/ref_spectrum.h"
+#include "ref/ref_train.h"
 
 static char **words;
 
@@ -144,6 +146,29 @@ static void hadamard(void)
     free(filter);
     free(spectrum);
     free(out);
+}
+
+/* The plane of a filter, and the gradient of the filter. */
+static void train(void)
+{
+    hada_error error;
+    const int split = whole();
+    const hada_ref_grid grid = take_grid();
+    const size_t values = 2 * half_count(grid.rows, grid.cols),
+                 window = (size_t)grid.window_rows * (size_t)grid.window_cols;
+    float *raw = take_floats((size_t)grid.raw_rows * (size_t)grid.raw_cols);
+    double *filter = take(values), *fall = take(window);
+    double *spectrum = room(values), *out = room(window), *gradient = room(values);
+    check(hada_ref_grid_forward(&grid, raw, grid.raw_row, grid.raw_col, grid.raw_rows, grid.raw_cols, spectrum, &error),
+          &error);
+    check(hada_ref_train_plane(&grid, spectrum, filter, split, out, &error), &error);
+    check(hada_ref_train_filter(&grid, spectrum, fall, split, gradient, &error), &error);
+    give(out, window);
+    give(gradient, values);
+    double *all[] = {filter, fall, spectrum, out, gradient};
+    for (size_t i = 0; i < sizeof all / sizeof *all; i++)
+        free(all[i]);
+    free(raw);
 }
 
 static void fit(void)
@@ -290,6 +315,8 @@ int main(int count, char **arguments)
         focus();
     else if (!strcmp(what, "crop"))
         crop();
+    else if (!strcmp(what, "train"))
+        train();
     else if (!strcmp(what, "product"))
         product();
     else

@@ -348,6 +348,34 @@ def spectra():
             check(("band", kind), band, got)
 
 
+def training():
+    """Gradients of filters against PyTorch's autograd."""
+    try:
+        import torch
+    except ImportError as missing:
+        print(f"gradients of filters skipped: {missing}")
+        return
+    # frames on the grid, windows on it: even and odd sizes, a window as large as the grid, a padded frame
+    grids = [((8, 10), (0, 0, 8, 10), (2, 3, 4, 4)), ((9, 11), (0, 0, 9, 11), (0, 0, 9, 11)),
+             ((12, 15), (2, 3, 7, 9), (3, 4, 5, 6)), ((15, 12), (4, 1, 8, 10), (5, 3, 6, 5))]
+    for (rows, cols), raw, window in grids:
+        for split in (0, 1):
+            half = cols // 2 + 1
+            frame, w, fall = single(normal(raw[2], raw[3])), spectrum(rows, half), normal(window[2], window[3])
+            words = ["train", split, rows, cols, *raw[:2], *raw[2:], *window[:2], *window[2:]]
+            plane, gradient = run(words, frame, w, fall, outputs=[(window[2], window[3]), (rows, half, 2)])
+            grid = torch.zeros(rows, cols, dtype=torch.float64)
+            grid[raw[0]:raw[0] + raw[2], raw[1]:raw[1] + raw[3]] = torch.from_numpy(frame)
+            b = torch.fft.rfft2(grid)
+            filters = torch.from_numpy(w).requires_grad_(True)
+            x = torch.complex(b.real * filters.real, b.imag * filters.imag) if split else b * filters
+            image = torch.fft.irfft2(x, s=(rows, cols))
+            image = image[window[0]:window[0] + window[2], window[1]:window[1] + window[3]]
+            (image * torch.from_numpy(fall)).sum().backward()
+            check(("plane", split), plane, image.detach().numpy())
+            check(("gradient of a filter", split), as_complex(gradient), filters.grad.numpy())
+
+
 transforms()
 convolutions()
 hadamard()
@@ -357,4 +385,5 @@ refine(False)
 refine(True)
 focus()
 spectra()
+training()
 print("all references agree")

@@ -7,6 +7,7 @@ extern const check_op check_fft_forward, check_fft_inverse, check_plain_pad, che
 extern const check_op check_train_filter, check_train_error, check_train_mask;
 extern const check_op check_hide, check_sensor;
 extern const check_op check_wave_pupil, check_wave_spots, check_wave_mask, check_wave_travel, check_wave_sensor;
+extern const check_op check_classic;
 extern const check_op check_tensor, check_conv_forward, check_conv_data, check_conv_weights;
 extern const check_op check_net_activation, check_net_blend, check_net_dropout, check_net_pool, check_net_resize,
     check_net_place, check_net_batch_norm, check_net_linear;
@@ -21,6 +22,7 @@ const check_op *const check_ops[] = {
     &check_train_filter,   &check_train_error,  &check_train_mask,
     &check_hide,           &check_sensor,
     &check_wave_pupil,     &check_wave_spots,  &check_wave_mask, &check_wave_travel,  &check_wave_sensor,
+    &check_classic,
     &check_tensor,         &check_conv_forward, &check_conv_data, &check_conv_weights, &check_net_activation,
     &check_net_blend,      &check_net_dropout,  &check_net_pool,  &check_net_resize,   &check_net_place,
     &check_net_batch_norm, &check_net_linear,   &check_net_loss,  &check_net_logits,   &check_net_optimizer,

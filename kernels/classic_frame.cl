@@ -1,0 +1,43 @@
+/* What a prediction y of the frame becomes where the sensor sees it, in place. b is the frame.
+ *     mode 1: y = max(b, 0) / max(y, scale)                       Richardson-Lucy
+ *     mode 2: e = scale (b - s - 2 y), s = -e - y, y = e           ADMM; scale = 1 / (1 + mu)
+ * Mode 2 is the split v = sum PSF * x that meets the data (unknown boundaries): with its scaled dual d, v minimises
+ * |b - v|^2 + mu |v - y - d|^2, and s = d - v is all that has to be kept: docs/rivals.md.
+ * Dimensions: slices of pixels, channels. */
+#include "inc_classic.h"
+
+__kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
+classic_frame(__global float *images, __global const float *frame, __global float *state, int mode, float scale,
+              uint pixels, uint slice)
+{
+    const uint from = get_group_id(0) * slice, to = min(pixels, from + slice);
+    const size_t plane = (size_t)get_global_id(1) * pixels;
+    __global float *y = images + plane;
+    __global const float *b = frame + plane;
+
+    for (uint i = from + get_local_id(0) * REFINE_WIDTH; i < to; i += REFINE_GROUP * REFINE_WIDTH) {
+        const refine_real seen = image_get(b, i), made = image_get(y, i);
+        if (mode == 1) {
+            image_put(y, i, max(seen, 0.0f) / max(made, scale));
+        } else {
+            const refine_real e = scale * (seen - image_get(state, plane + i) - 2.0f * made);
+            image_put(state, plane + i, -e - made);
+            image_put(y, i, e);
+        }
+    }
+}
+
+/* partial[channel][slice]: sums of squares. */
+__kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
+classic_energy(__global const float *images, uint pixels, uint slice, __global float *partial)
+{
+    REFINE_LOCAL
+    const uint from = get_group_id(0) * slice, to = min(pixels, from + slice);
+    __global const float *y = images + (size_t)get_global_id(1) * pixels;
+    refine_real sum = (refine_real)0.0f;
+    for (uint i = from + get_local_id(0) * REFINE_WIDTH; i < to; i += REFINE_GROUP * REFINE_WIDTH) {
+        const refine_real value = image_get(y, i);
+        sum = fma(value, value, sum);
+    }
+    REFINE_PARTIAL(partial, IMAGE_PLACE(0), refine_sum(sum))
+}

@@ -1,0 +1,90 @@
+/* What the kernels over images of the classic methods share. Images stand with rows of `pitch` floats, a multiple of 8;
+ * what lies between a row's `cols` pixels and its pitch is 0 and stays so. Values of REFINE_WIDTH pixels side by side,
+ * sums in a fixed order: as in inc_refine.h. */
+#ifndef INC_CLASSIC_H
+#define INC_CLASSIC_H
+
+#include "inc_refine.h"
+
+#if REFINE_WIDTH == 8
+#define IMAGE_LANES ((int8)(0, 1, 2, 3, 4, 5, 6, 7))
+
+REFINE_INLINE refine_real image_get(__global const float *p, size_t i)
+{
+    return vload8(0, p + i);
+}
+
+REFINE_INLINE void image_put(__global float *p, size_t i, refine_real v)
+{
+    vstore8(v, 0, p + i);
+}
+
+/* The pixels to the left and to the right of `here`, given the one before the first and the one after the last. */
+REFINE_INLINE refine_real image_left(refine_real here, float before)
+{
+    return (float8)(before, here.s0123, here.s456);
+}
+
+REFINE_INLINE refine_real image_right(refine_real here, float after)
+{
+    return (float8)(here.s1234, here.s567, after);
+}
+
+/* v, but w at column `col`, and 0 from column `cols` on; the first of v stands at column j. */
+REFINE_INLINE refine_real image_set(refine_real v, float w, int j, int col)
+{
+    return select(v, (float8)w, IMAGE_LANES + j == col);
+}
+
+REFINE_INLINE refine_real image_cut(refine_real v, int j, int first, int cols)
+{
+    return select((float8)0.0f, v, (IMAGE_LANES + j >= first) & (IMAGE_LANES + j < cols));
+}
+#else
+REFINE_INLINE refine_real image_get(__global const float *p, size_t i)
+{
+    return p[i];
+}
+
+REFINE_INLINE void image_put(__global float *p, size_t i, refine_real v)
+{
+    p[i] = v;
+}
+
+REFINE_INLINE refine_real image_left(refine_real here, float before)
+{
+    return before;
+}
+
+REFINE_INLINE refine_real image_right(refine_real here, float after)
+{
+    return after;
+}
+
+REFINE_INLINE refine_real image_set(refine_real v, float w, int j, int col)
+{
+    return j == col ? w : v;
+}
+
+REFINE_INLINE refine_real image_cut(refine_real v, int j, int first, int cols)
+{
+    return j >= first && j < cols ? v : 0.0f;
+}
+#endif
+
+/* For several sums of one kernel, one after the other. */
+#if REFINE_GROUP > 1
+#define IMAGE_PARTIAL(partial, place, value)                                                                           \
+    {                                                                                                                  \
+        barrier(CLK_LOCAL_MEM_FENCE);                                                                                  \
+        REFINE_PARTIAL(partial, place, value)                                                                          \
+    }
+#else
+#define IMAGE_PARTIAL(partial, place, value) REFINE_PARTIAL(partial, place, value)
+#endif
+
+/* Which sum of which slice and plane. */
+#define IMAGE_PLACE(sum)                                                                                               \
+    (((size_t)(sum)*get_global_size(1) + get_global_id(1)) * get_num_groups(0) + get_group_id(0))
+
+#endif

@@ -1,0 +1,70 @@
+/* The classic methods: planes that together explain a frame, by other people's iterations. Internal.
+ *
+ * hadalens/classic.h says what they minimise, docs/rivals.md how each iteration goes. Images stand with rows of a pitch
+ * that is a multiple of 8 floats. */
+#ifndef HADA_CLASSIC_CLASSIC_H
+#define HADA_CLASSIC_CLASSIC_H
+
+#include <hadalens/classic.h>
+
+#include "refine/admm.h"
+
+typedef struct hada_classic_shape {
+    hada_refine_shape place;      /* max_planes: the most depths of a run */
+    hada_refine_rect support;     /* where planes may be bright while the method works */
+    hada_classic_options options; /* nothing in it is left open */
+} hada_classic_shape;
+
+void hada_classic_options_init(hada_classic_options *options);
+
+/* The shape for a model. HADA_ERROR_ARGUMENT where the options make no sense, HADA_ERROR_MODEL where the model has no
+ * transfer functions. */
+hada_status hada_classic_shape_of(const hada_model_info *info, int depths, const hada_classic_options *options,
+                                  hada_classic_shape *shape, hada_error *err);
+
+/* What the methods must know of a camera and a set of its depths. */
+typedef struct hada_classic_camera {
+    double gain;        /* the largest |OTF(0)|^2 of the whole model */
+    double mean_square; /* mean of |OTF|^2 over frequencies, channels and the set's depths */
+    double *largest;    /* [channel]: the largest sum of |OTF|^2 over the set's depths */
+} hada_classic_camera;
+
+hada_status hada_classic_camera_of(hada_classic_camera *camera, const hada_model *model, const int *depths, int count,
+                                   hada_error *err);
+void hada_classic_camera_free(hada_classic_camera *camera);
+
+typedef struct hada_classic hada_classic;
+
+hada_status hada_classic_create(hada_classic **out, hada_slot *slot, const hada_classic_shape *shape, hada_error *err);
+void hada_classic_destroy(hada_classic **classic);
+
+/* Bytes of device memory that it holds: known before creating it. */
+size_t hada_classic_bytes(const hada_context *context, const hada_classic_shape *shape);
+
+/* Notes what it will take from its slot's room: the planes until the step planes_last, the rest in first ... last. */
+hada_status hada_classic_note(const hada_context *context, const hada_classic_shape *shape, hada_room *room, int first,
+                              int last, int planes_last, hada_error *err);
+
+typedef struct hada_classic_job {
+    const hada_refine_data *data; /* prior and doubt are not looked at; the frame is read by padded ADMM and by RL */
+    const hada_classic_camera *camera;
+    int depths; /* of this run */
+    const int *list;
+    double brightness; /* of the frame, root of the mean square over its pixels and channels */
+    void (*progress)(void *user, int iterations); /* may be NULL */
+    void *user;
+} hada_classic_job;
+
+typedef struct hada_classic_result {
+    int iterations;
+    double energy; /* of b - sum PSF * x within the frame, x the planes */
+} hada_classic_result;
+
+/* Runs the method from nothing. The planes may still be on their way when it returns. */
+hada_status hada_classic_run(hada_classic *classic, const hada_classic_job *job, hada_classic_result *result,
+                             hada_error *err);
+
+/* [place in the list][channel][window rows][window cols] floats. */
+cl_mem hada_classic_planes(const hada_classic *classic);
+
+#endif

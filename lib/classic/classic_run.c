@@ -1,0 +1,115 @@
+/* A run of a classic method. */
+#include <math.h>
+
+#include "classic/classic_steps.h"
+#include "core/clock.h"
+
+/* Iterations that may be in the queue, so that a run can be cancelled between them. */
+enum { QUEUED = 8 };
+
+typedef struct method {
+    hada_classic_begin_call begin;
+    hada_classic_step_call step;
+} method;
+static const method methods[] = {[HADA_METHOD_RL] = {hada_classic_rl_begin, hada_classic_rl_step},
+                                 [HADA_METHOD_FISTA] = {hada_classic_fista_begin, hada_classic_fista_step},
+                                 [HADA_METHOD_ADMM] = {hada_classic_admm_begin, hada_classic_admm_step}};
+
+/* The frame's channels, each with its pitch. */
+static hada_status copy_frame(hada_classic *classic, hada_error *err)
+{
+    const hada_refine_data *data = classic->job->data;
+    const hada_classic_image *frame = &classic->frame;
+    const size_t row = (size_t)frame->cols * sizeof(float), pitch = (size_t)frame->pitch * sizeof(float);
+    for (size_t c = 0; c < (size_t)classic->shape.place.channels; c++) {
+        const size_t from[3] = {(data->frame_offset + c * (size_t)frame->rows * (size_t)frame->cols) * sizeof(float), 0,
+                                0};
+        const size_t to[3] = {c * frame->pixels * sizeof(float), 0, 0}, region[3] = {row, (size_t)frame->rows, 1};
+        const cl_int code =
+            clEnqueueCopyBufferRect(classic->slot->queue, data->frame, classic->part[HADA_CLASSIC_SEEN].mem, from, to,
+                                    region, row, 0, pitch, 0, 0, NULL, hada_slot_event(classic->slot));
+        if (code != CL_SUCCESS)
+            return hada_fail_cl(err, code, "clEnqueueCopyBufferRect");
+        hada_slot_moved(classic->slot, "copy", (double)row * frame->rows);
+    }
+    return HADA_OK;
+}
+
+static hada_status check_job(const hada_classic *classic, const hada_classic_job *job, hada_error *err)
+{
+    if (job->depths < 1 || job->depths > classic->shape.place.max_planes)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "%d depths asked for; %d were planned", job->depths,
+                         classic->shape.place.max_planes);
+    for (int i = 0; i < job->depths; i++)
+        if (job->list[i] < 0 || job->list[i] >= job->data->otf_depths)
+            return hada_fail(err, HADA_ERROR_ARGUMENT, "depth %d asked for; there are %d", job->list[i],
+                             job->data->otf_depths);
+    if (classic->bytes[HADA_CLASSIC_SEEN] && !job->data->frame)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "this method needs the frame's pixels");
+    return HADA_OK;
+}
+
+/* Room that other parts of a lane used meanwhile. */
+static hada_status begin(hada_classic *classic, const hada_classic_job *job, hada_error *err)
+{
+    hada_status status = check_job(classic, job, err);
+    classic->job = job;
+    classic->planes = job->depths * classic->shape.place.channels;
+    classic->momentum = 1.0;
+    for (int i = 0; !status && i < HADA_CLASSIC_PARTS; i++)
+        if (i != HADA_CLASSIC_LIST && i != HADA_CLASSIC_WINDOW && i != HADA_CLASSIC_TABLE && i != HADA_CLASSIC_SPECTRA)
+            status = hada_classic_clear(classic, (hada_classic_part)i, err);
+    if (!status)
+        status = hada_buffer_write(&classic->part[HADA_CLASSIC_LIST], classic->slot, 0, job->list,
+                                   (size_t)job->depths * sizeof(cl_int), err);
+    if (!status && classic->bytes[HADA_CLASSIC_SEEN])
+        status = copy_frame(classic, err);
+    return status;
+}
+
+static hada_status wiener(hada_classic *classic, hada_error *err)
+{
+    const double noise = classic->shape.options.lambda * classic->job->camera->mean_square;
+    hada_classic_wave(classic, 1);
+    hada_status status = hada_buffer_write(&classic->part[HADA_CLASSIC_TABLE], classic->slot, 0, classic->table,
+                                           classic->bytes[HADA_CLASSIC_TABLE], err);
+    if (!status)
+        status = hada_classic_solve(classic, 1, 1.0, 0.0, noise, err);
+    return status ? status : hada_classic_inverse(classic, HADA_CLASSIC_X, err);
+}
+
+static hada_status iterate(hada_classic *classic, int *done, hada_error *err)
+{
+    const hada_classic_options *o = &classic->shape.options;
+    const method *m = &methods[o->method];
+    const hada_classic_job *job = classic->job;
+    const double start = hada_seconds();
+    int settled = 0;
+    hada_status status = m->begin(classic, err);
+    for (*done = 0; !status && *done < o->iterations && settled < 2;) {
+        double sums[2] = {1.0, 1.0};
+        status = m->step(classic, *done, o->stop > 0.0, sums, err);
+        ++*done;
+        settled = o->stop > 0.0 && sqrt(sums[0]) <= o->stop * sqrt(sums[1]) ? settled + 1 : 0;
+        if (!status && (o->seconds > 0.0 || *done % QUEUED == 0))
+            status = hada_slot_finish(classic->slot, err);
+        if (o->seconds > 0.0 && hada_seconds() - start >= o->seconds)
+            break;
+        if (job->progress && *done % QUEUED == 0)
+            job->progress(job->user, *done);
+    }
+    return status;
+}
+
+hada_status hada_classic_run(hada_classic *classic, const hada_classic_job *job, hada_classic_result *result,
+                             hada_error *err)
+{
+    hada_status status = begin(classic, job, err);
+    *result = (hada_classic_result){0};
+    if (!status)
+        status = classic->shape.options.method == HADA_METHOD_WIENER ? wiener(classic, err)
+                                                                     : iterate(classic, &result->iterations, err);
+    if (!status)
+        status = hada_classic_crop(classic, err);
+    return status ? status : hada_classic_energy(classic, &result->energy, err);
+}

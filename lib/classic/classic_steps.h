@@ -1,0 +1,116 @@
+/* What the classic methods do, operation by operation. Internal to lib/classic. */
+#ifndef HADA_CLASSIC_STEPS_H
+#define HADA_CLASSIC_STEPS_H
+
+#include "classic/classic.h"
+
+enum {
+    HADA_CLASSIC_BATCH = 48,   /* images that one transform call takes */
+    HADA_CLASSIC_SLICE = 2048, /* frequencies or pixels of one work-group: fixes the order of sums on every device */
+    HADA_CLASSIC_GROUP = 64    /* work-items of a group where groups are used; also in the kernels' options */
+};
+
+/* The buffers of a hada_classic; a method has those that it needs. "Planes" are images of the support, a depth and
+ * channel each; "channels" are images of the frame or spectra, a channel each. */
+typedef enum hada_classic_part {
+    HADA_CLASSIC_WINDOW,   /* the result */
+    HADA_CLASSIC_LIST,     /* depth indices */
+    HADA_CLASSIC_PARTIAL,  /* sums of slices */
+    HADA_CLASSIC_SPECTRA,  /* of planes */
+    HADA_CLASSIC_SUM,      /* spectra of channels: what the planes make of the frame, or leave of it */
+    HADA_CLASSIC_X,        /* planes */
+    HADA_CLASSIC_SEEN,     /* channels: the frame */
+    HADA_CLASSIC_MADE,     /* channels: what the planes make of it */
+    HADA_CLASSIC_BEFORE,   /* planes of the iteration before (RL, ADMM) */
+    HADA_CLASSIC_START,    /* planes: where an iteration starts (RL, FISTA) */
+    HADA_CLASSIC_GRADIENT, /* planes (FISTA) */
+    HADA_CLASSIC_NORM,     /* planes (RL) */
+    HADA_CLASSIC_TURN,     /* planes: the last direction (RL) */
+    HADA_CLASSIC_SMOOTH,   /* planes: result of the TV step (FISTA) */
+    HADA_CLASSIC_DUAL,     /* planes x 2: duals of TV (FISTA, ADMM) */
+    HADA_CLASSIC_DUAL2,    /* the same: their momentum (FISTA), the next ones (ADMM) */
+    HADA_CLASSIC_PYRAMID,  /* planes x levels: means of the wavelets (FISTA) */
+    HADA_CLASSIC_SHADOW,   /* planes: dual of non-negativity (ADMM) */
+    HADA_CLASSIC_STATE,    /* channels: dual of the data's split (ADMM) */
+    HADA_CLASSIC_SPLIT,    /* spectra of channels: what that split adds (ADMM) */
+    HADA_CLASSIC_TABLE,    /* steps per channel (FISTA); the gradient's |.|^2 by row and column (ADMM, Wiener) */
+    HADA_CLASSIC_PARTS
+} hada_classic_part;
+
+/* Images with a pitch. */
+typedef struct hada_classic_image {
+    int rows, cols, pitch, band; /* band: rows that a work-group takes */
+    size_t pixels;               /* rows x pitch */
+} hada_classic_image;
+
+struct hada_classic {
+    hada_slot *slot;
+    hada_classic_shape shape;
+    hada_spectrum_layout layout;
+    hada_fft *forward, *inverse;             /* of the support */
+    hada_fft *frame_forward, *frame_inverse; /* of the frame, where HADA_CLASSIC_MADE is there */
+    hada_classic_image plane, frame;
+    hada_buffer part[HADA_CLASSIC_PARTS];
+    size_t bytes[HADA_CLASSIC_PARTS];
+    float *sums; /* on the host */
+    const char *spectrum_options, *image_options;
+    int group; /* work-items of a group */
+
+    /* of the run in hand */
+    const hada_classic_job *job;
+    int planes; /* depths x channels */
+    double momentum;
+    float *table; /* on the host, what goes into HADA_CLASSIC_TABLE */
+};
+
+/* Swaps two buffers of the same size. */
+void hada_classic_swap(hada_classic *classic, hada_classic_part a, hada_classic_part b);
+hada_status hada_classic_clear(hada_classic *classic, hada_classic_part part, hada_error *err);
+
+/* planes -> HADA_CLASSIC_SPECTRA and back; HADA_CLASSIC_MADE -> spectrum (SUM or SPLIT), HADA_CLASSIC_SUM -> MADE. */
+hada_status hada_classic_forward(hada_classic *classic, hada_classic_part planes, hada_error *err);
+hada_status hada_classic_inverse(hada_classic *classic, hada_classic_part planes, hada_error *err);
+hada_status hada_classic_frame_forward(hada_classic *classic, hada_classic_part spectrum, hada_error *err);
+hada_status hada_classic_frame_inverse(hada_classic *classic, hada_error *err);
+
+/* HADA_CLASSIC_SUM = sum H X, or (rest) B - sum H X; HADA_CLASSIC_SPECTRA = conj(H) HADA_CLASSIC_SUM. */
+hada_status hada_classic_project(hada_classic *classic, int rest, hada_error *err);
+hada_status hada_classic_back(hada_classic *classic, hada_error *err);
+
+/* The joint least-squares step of kernels/classic_spectrum.cl. first: HADA_CLASSIC_SPECTRA counts as 0. */
+hada_status hada_classic_solve(hada_classic *classic, int first, double m, double mu2, double mu3, hada_error *err);
+
+/* Mode 1 (ratios) or 2 (ADMM's data split) of kernels/classic_frame.cl on HADA_CLASSIC_MADE. */
+hada_status hada_classic_meet(hada_classic *classic, int mode, double scale, hada_error *err);
+
+/* Launches a kernel over the rows or the pixels of all planes, in bands or slices. */
+hada_status hada_classic_rows(hada_classic *classic, const char *file, const char *name, const hada_arg *args,
+                              size_t count, hada_error *err);
+hada_status hada_classic_pixels(hada_classic *classic, const char *file, const char *name, const hada_arg *args,
+                                size_t count, hada_error *err);
+
+/* The first `count` sums that the last such launch left (rows: 1, pixels: 0), added up in double; waits. */
+hada_status hada_classic_sums(hada_classic *classic, int rows, int count, double *sums, hada_error *err);
+
+/* Of HADA_CLASSIC_X, in place: nothing outside the window, nothing negative; HADA_CLASSIC_WINDOW takes the window. */
+hada_status hada_classic_crop(hada_classic *classic, hada_error *err);
+
+/* The energy of what HADA_CLASSIC_X does not explain; waits. */
+hada_status hada_classic_energy(hada_classic *classic, double *energy, hada_error *err);
+
+/* The gradient's |transfer function|^2 by row and column into the host's table, or zeros. */
+void hada_classic_wave(hada_classic *classic, int zero);
+
+/* Each method: what comes before the first iteration; one iteration, which leaves the sums of changes in *sums
+ * (squared change, squared size) where `wanted`. ADMM's are those of the iteration before. */
+typedef hada_status (*hada_classic_begin_call)(hada_classic *classic, hada_error *err);
+typedef hada_status (*hada_classic_step_call)(hada_classic *classic, int number, int wanted, double sums[2],
+                                              hada_error *err);
+hada_status hada_classic_rl_begin(hada_classic *classic, hada_error *err);
+hada_status hada_classic_rl_step(hada_classic *classic, int number, int wanted, double sums[2], hada_error *err);
+hada_status hada_classic_fista_begin(hada_classic *classic, hada_error *err);
+hada_status hada_classic_fista_step(hada_classic *classic, int number, int wanted, double sums[2], hada_error *err);
+hada_status hada_classic_admm_begin(hada_classic *classic, hada_error *err);
+hada_status hada_classic_admm_step(hada_classic *classic, int number, int wanted, double sums[2], hada_error *err);
+
+#endif

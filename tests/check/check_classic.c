@@ -1,0 +1,269 @@
+/* The classic methods: planes after a few iterations against the references, and their proximal steps, frames and
+ * transposes with them. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "check.h"
+#include "classic/classic.h"
+#include "filter/layout.h"
+#include "ref/ref_classic.h"
+#include "ref/ref_fft.h"
+
+enum { MAX_DEPTHS = 16 };
+
+typedef struct classic_state {
+    hada_classic *classic;
+    hada_classic_shape shape;
+    hada_refine_data data;
+    hada_classic_camera camera;
+    hada_classic_job job;
+    hada_buffer otf, spectrum, frame;
+    int depths, channels, list[MAX_DEPTHS];
+    size_t pixels, values, floats; /* of the grid, its half spectrum, the window of all planes */
+    double *otfs;                  /* [depth][channel][values] complex */
+    double *images;                /* [channel][pixels] */
+} classic_state;
+
+static hada_status read_shape(const check_state *state, classic_state *own, hada_error *err)
+{
+    static const double distances[MAX_DEPTHS + 1] = {0};
+    const int rows = check_get(state, 'r', 24), cols = check_get(state, 'c', 24), padded = check_get(state, 'p', 0);
+    const int high = check_get(state, 'h', rows / 2), wide = check_get(state, 'w', cols / 2);
+    own->depths = check_get(state, 'd', 2);
+    own->channels = check_get(state, 'b', 2);
+    own->pixels = (size_t)rows * (size_t)cols;
+    own->values = (size_t)rows * (size_t)(cols / 2 + 1);
+    own->floats = (size_t)(own->depths * own->channels * high * wide);
+    if (own->depths > MAX_DEPTHS)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "at most %d depths", MAX_DEPTHS);
+    const hada_model_info info = {.depths = own->depths + 1,
+                                  .channels = own->channels,
+                                  .raw_rows = padded ? rows - 2 * (rows / 5) : rows,
+                                  .raw_cols = padded ? cols - 2 * (cols / 5) : cols,
+                                  .grid_rows = rows,
+                                  .grid_cols = cols,
+                                  .window_rows = high,
+                                  .window_cols = wide,
+                                  .boundary = padded ? HADA_BOUNDARY_PADDED : HADA_BOUNDARY_CIRCULAR,
+                                  .has_otf = 1,
+                                  .distances_mm = distances,
+                                  .name = ""};
+    hada_classic_options options;
+    hada_classic_options_init(&options);
+    options.method = (hada_method)check_get(state, 'm', HADA_METHOD_ADMM);
+    options.iterations = check_get(state, 'n', 5);
+    options.prior = (hada_prior)(check_get(state, 'x', 0) + 1);
+    options.weight = 3e-3;
+    options.support = check_get(state, 's', 0) ? HADA_SUPPORT_GRID : HADA_SUPPORT_WINDOW;
+    options.accelerate = check_get(state, 'a', 1);
+    options.levels = check_get(state, 'l', 3);
+    options.mu2 = options.mu3 = 0.03;
+    for (int i = 0; i < own->depths; i++)
+        own->list[i] = (i + 1) % (own->depths + 1);
+    return hada_classic_shape_of(&info, own->depths, &options, &own->shape, err);
+}
+
+/* Sparse point spread functions of brightness 1, and frames without negative values: image `number`. */
+static void fill_image(const check_state *state, const classic_state *own, size_t number, int is_frame, float *out)
+{
+    const hada_refine_rect *frame = &own->shape.place.frame;
+    const size_t cols = (size_t)own->shape.place.grid_cols;
+    const int cut = is_frame && own->shape.place.boundary == HADA_BOUNDARY_PADDED;
+    double sum = 0.0;
+    check_fill_normal(state, number, out, own->pixels);
+    for (size_t i = 0; i < own->pixels; i++) {
+        const int row = (int)(i / cols) - frame->row0, col = (int)(i % cols) - frame->col0;
+        const int inside = row >= 0 && row < frame->rows && col >= 0 && col < frame->cols;
+        out[i] = is_frame ? (cut && !inside ? 0.0f : fabsf(out[i])) : fmaxf(out[i] - 1.0f, 0.0f);
+        sum += out[i];
+    }
+    for (size_t i = 0; !is_frame && i < own->pixels; i++)
+        out[i] = (float)(out[i] / sum);
+}
+
+static hada_status make_camera(check_state *state, classic_state *own, hada_error *err)
+{
+    const hada_refine_shape *place = &own->shape.place;
+    const hada_spectrum_layout layout =
+        hada_fft_layout(state->slot->context, place->grid_rows, place->grid_cols, HADA_FFT_AUTO);
+    const hada_refine_rect *frame = &place->frame;
+    const size_t channels = (size_t)own->channels, otfs = ((size_t)own->depths + 1) * channels;
+    const size_t frame_area = (size_t)frame->rows * (size_t)frame->cols;
+    float *image = malloc(own->pixels * sizeof *image), *half = malloc(2 * own->values * sizeof *half);
+    float *packed = malloc((otfs + channels) * layout.count * 2 * sizeof *packed);
+    float *seen = malloc(channels * frame_area * sizeof *seen);
+    double *spectrum = malloc(2 * own->values * sizeof *spectrum);
+    own->otfs = malloc(otfs * 2 * own->values * sizeof *own->otfs);
+    own->images = malloc((channels + 1) * own->pixels * sizeof *own->images);
+    own->camera.largest = calloc(channels, sizeof *own->camera.largest);
+    hada_status status = image && half && packed && seen && spectrum && own->otfs && own->images && own->camera.largest
+                             ? HADA_OK
+                             : hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    for (size_t k = 0; !status && k < otfs + channels; k++) {
+        const int is_frame = k >= otfs;
+        double *to = is_frame ? spectrum : own->otfs + k * 2 * own->values;
+        double *grid = own->images + (is_frame ? k - otfs : channels) * own->pixels;
+        fill_image(state, own, k, is_frame, image);
+        for (size_t i = 0; i < own->pixels; i++)
+            grid[i] = image[i];
+        for (size_t i = 0; is_frame && i < frame_area; i++)
+            seen[(k - otfs) * frame_area + i] =
+                image[((size_t)frame->row0 + i / (size_t)frame->cols) * (size_t)place->grid_cols + (size_t)frame->col0 +
+                      i % (size_t)frame->cols];
+        status = hada_ref_fft_forward(grid, place->grid_rows, place->grid_cols, to, err);
+        for (size_t i = 0; !status && i < 2 * own->values; i++)
+            half[i] = (float)to[i];
+        if (!status)
+            hada_layout_pack(&layout, half, packed + k * layout.count * 2);
+    }
+    if (!status)
+        status = hada_buffer_create_from(&own->otf, state->slot, packed, otfs * layout.count * 8, "the OTFs", err);
+    if (!status)
+        status = hada_buffer_create_from(&own->spectrum, state->slot, packed + otfs * layout.count * 2,
+                                         channels * layout.count * 8, "the spectrum", err);
+    if (!status)
+        status = hada_buffer_create_from(&own->frame, state->slot, seen, channels * frame_area * 4, "the frame", err);
+    own->data = (hada_refine_data){
+        .spectrum = own->spectrum.mem, .frame = own->frame.mem, .otf = own->otf.mem, .otf_depths = own->depths + 1};
+    free(image);
+    free(half);
+    free(packed);
+    free(seen);
+    free(spectrum);
+    return status;
+}
+
+/* One channel's transfer functions, in the order of the list; its largest sum of squares. */
+static void gather(classic_state *own, int channel, double *otf)
+{
+    for (int s = 0; s < own->depths; s++)
+        memcpy(otf + (size_t)s * 2 * own->values,
+               own->otfs + (size_t)(own->list[s] * own->channels + channel) * 2 * own->values,
+               2 * own->values * sizeof *otf);
+    for (size_t f = 0; f < own->values; f++) {
+        double square = 0.0;
+        for (int s = 0; s < own->depths; s++) {
+            const double *h = otf + 2 * ((size_t)s * own->values + f);
+            square += h[0] * h[0] + h[1] * h[1];
+        }
+        own->camera.largest[channel] = fmax(own->camera.largest[channel], square);
+    }
+}
+
+static hada_ref_classic problem_of(const classic_state *own, int channel, const double *otf)
+{
+    static const hada_ref_method methods[] = {0, HADA_REF_WIENER, HADA_REF_RL, HADA_REF_FISTA, HADA_REF_ADMM};
+    static const hada_ref_prior priors[] = {0, HADA_REF_NONE, HADA_REF_TV, HADA_REF_WAVELET, HADA_REF_HAAR};
+    const hada_classic_options *o = &own->shape.options;
+    const hada_refine_shape *place = &own->shape.place;
+    const hada_refine_rect *f = &place->frame, *s = &own->shape.support;
+    const int padded = place->boundary == HADA_BOUNDARY_PADDED;
+    const double mu1 = padded ? o->mu1 : 1.0;
+    return (hada_ref_classic){.method = methods[o->method],
+                              .rows = place->grid_rows,
+                              .cols = place->grid_cols,
+                              .depths = own->depths,
+                              .padded = padded,
+                              .frame = {f->row0, f->col0, f->rows, f->cols},
+                              .support = {s->row0, s->col0, s->rows, s->cols},
+                              .otf = otf,
+                              .image = own->images + (size_t)channel * own->pixels,
+                              .iterations = o->iterations,
+                              .prior = priors[o->prior],
+                              .weight = o->prior == HADA_PRIOR_NONE ? 0.0 : o->weight,
+                              .step = o->step / own->camera.largest[channel],
+                              .inner = o->inner,
+                              .levels = o->levels,
+                              .accelerate = o->accelerate,
+                              .floor = 1e-5,
+                              .seen = 1e-3,
+                              .mu1 = mu1,
+                              .mu2 = o->prior == HADA_PRIOR_TV ? o->mu2 * mu1 : 0.0,
+                              .mu3 = o->mu3 * mu1,
+                              .lambda = o->lambda};
+}
+
+static hada_status expect(check_state *state, classic_state *own, hada_error *err)
+{
+    const hada_refine_rect *window = &own->shape.place.window;
+    const size_t area = (size_t)window->rows * (size_t)window->cols, cols = (size_t)own->shape.place.grid_cols;
+    double *otf = malloc((size_t)own->depths * 2 * own->values * sizeof *otf);
+    double *planes = malloc((size_t)own->depths * own->pixels * sizeof *planes);
+    hada_status status = otf && planes ? HADA_OK : hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    for (int c = 0; !status && c < own->channels; c++) {
+        gather(own, c, otf);
+        const hada_ref_classic problem = problem_of(own, c, otf);
+        status = hada_ref_classic_run(&problem, planes, NULL, err);
+        for (size_t z = 0; !status && z < (size_t)own->depths; z++)
+            for (size_t i = 0; i < area; i++) {
+                const size_t row = (size_t)window->row0 + i / (size_t)window->cols;
+                const size_t col = (size_t)window->col0 + i % (size_t)window->cols;
+                state->expected[(z * (size_t)own->channels + (size_t)c) * area + i] =
+                    fmax(0.0, planes[z * own->pixels + row * cols + col]);
+            }
+    }
+    free(otf);
+    free(planes);
+    return status;
+}
+
+static hada_status prepare(check_state *state, hada_error *err)
+{
+    classic_state *own = calloc(1, sizeof *own);
+    if (!own)
+        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    state->own = own;
+    own->camera.gain = own->camera.mean_square = 1.0;
+    hada_status status = read_shape(state, own, err);
+    if (!status)
+        status = make_camera(state, own, err);
+    if (!status)
+        status = hada_classic_create(&own->classic, state->slot, &own->shape, err);
+    if (!status)
+        status = check_output(state, own->floats, err);
+    if (!status)
+        status = expect(state, own, err);
+    own->job = (hada_classic_job){
+        .data = &own->data, .camera = &own->camera, .depths = own->depths, .list = own->list, .brightness = 1.0};
+    state->tolerance = 3e-6;
+    /* per iteration: four transforms that read and write, and about three passes over planes and spectra */
+    const double all = (double)own->shape.options.iterations * own->depths * own->channels * (double)own->pixels;
+    state->bytes = all * 64.0;
+    state->flops = all * 60.0;
+    return status;
+}
+
+static hada_status launch(check_state *state, hada_error *err)
+{
+    classic_state *own = state->own;
+    hada_classic_result result;
+    hada_status status = hada_classic_run(own->classic, &own->job, &result, err);
+    if (status)
+        return status;
+    const cl_int code =
+        clEnqueueCopyBuffer(state->slot->queue, hada_classic_planes(own->classic), state->out.mem, 0,
+                            state->out_offset * sizeof(float), own->floats * sizeof(float), 0, NULL, NULL);
+    return code == CL_SUCCESS ? HADA_OK : hada_fail_cl(err, code, "clEnqueueCopyBuffer");
+}
+
+static void release(check_state *state)
+{
+    classic_state *own = state->own;
+    if (!own)
+        return;
+    hada_classic_destroy(&own->classic);
+    hada_classic_camera_free(&own->camera);
+    hada_buffer_destroy(&own->otf);
+    hada_buffer_destroy(&own->spectrum);
+    hada_buffer_destroy(&own->frame);
+    free(own->otfs);
+    free(own->images);
+    free(own);
+}
+
+const check_op check_classic = {"classic",
+                                "m1 Wiener, m2 Richardson-Lucy (a1 accelerated), m3 FISTA, m4 ADMM; x0 no prior, x1 "
+                                "TV, x2 and x3 wavelets (l levels); r rows, c columns, h and w of the window, d "
+                                "depths, b channels, n iterations, p1 cropped by the sensor, s1 planes on the grid",
+                                prepare, launch, release};

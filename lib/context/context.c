@@ -5,6 +5,7 @@
 #include "core/alloc.h"
 #include "device/platform.h"
 #include "program/program.h"
+#include "program/tuning.h"
 
 void hada_context_options_init(hada_context_options *options)
 {
@@ -100,11 +101,8 @@ hada_status hada_context_create(hada_context **out, const hada_context_options *
     context->log_level = options->log_level;
 
     const char *tuning = options->tuning ? options->tuning : getenv("HADALENS_TUNING");
-    if (tuning && *tuning) {
-        context->tuning_file = hada_string_copy(tuning);
-        if (!context->tuning_file)
-            status = hada_fail(err, HADA_ERROR_MEMORY, "no memory for a context");
-    }
+    if (tuning && *tuning)
+        status = hada_tuning_read(&context->tuning, tuning, err);
     if (!status)
         status = choose_device(context, options, err);
     if (!status) {
@@ -141,6 +139,6 @@ void hada_context_destroy(hada_context **pointer)
     if (context->divided)
         clReleaseDevice(context->device);
     pthread_mutex_destroy(&context->lock);
-    free(context->tuning_file);
+    hada_tuning_destroy(&context->tuning);
     free(context);
 }

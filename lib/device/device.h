@@ -17,13 +17,14 @@ typedef enum hada_shape {
 
 /* What the library does differently on a device; filled from the table in quirks.c. */
 typedef struct hada_quirks {
-    const char *build_options;      /* extra options for every program */
+    const char *build_options;   /* extra options for every program */
     unsigned own_disk_cache : 1; /* the driver caches programs well itself: keep ours off */
     unsigned avoid_clfft : 1;    /* clFFT gives wrong results or cannot build here */
     unsigned host_pages : 1;     /* buffers in huge-page host memory (CL_MEM_USE_HOST_PTR) are faster */
 } hada_quirks;
 
 typedef struct hada_program_store hada_program_store; /* program/program.h */
+typedef struct hada_tuning hada_tuning;               /* program/tuning.h */
 
 struct hada_context {
     cl_platform_id platform;
@@ -35,7 +36,7 @@ struct hada_context {
     unsigned vector_floats; /* how many floats the device's vectors hold, as it says itself */
     hada_quirks quirks;
     hada_program_store *programs;
-    char *tuning_file; /* NULL where none */
+    hada_tuning *tuning; /* NULL where none */
 
     hada_log_function log;
     void *log_user;

@@ -7,6 +7,7 @@
 #include "core/alloc.h"
 #include "core/clock.h"
 #include "fft/fft_internal.h"
+#include "program/tuning.h"
 
 enum { BATCH = 4, ROUNDS = 15, MOST_ROUNDS = 1000, BACKENDS = 2, DIRECTIONS = 2 };
 
@@ -184,5 +185,28 @@ hada_status hada_tune_fft(hada_context *context, int rows, int cols, int rounds,
     if (!status)
         conclude(&c, rounds, row);
     finish(&c);
+    return status;
+}
+
+hada_status hada_tune_save(const hada_context *context, const char *path, const hada_tune_row *rows, size_t count,
+                           hada_error *err)
+{
+    enum { SHAPE = 32 };
+    if (!context || !path || !*path || (count && !rows))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_tune_save: a context, a file name and rows are needed");
+    char *shapes;
+    const char **words = NULL;
+    hada_status status = hada_alloc((void **)&shapes, count + 1, SHAPE, "the rows of a tuning file", err);
+    if (!status)
+        status = hada_alloc((void **)&words, 2 * count + 1, sizeof *words, "the rows of a tuning file", err);
+    for (size_t i = 0; !status && i < count; i++) {
+        snprintf(shapes + i * SHAPE, SHAPE, "%dx%d", rows[i].rows, rows[i].cols);
+        words[i] = shapes + i * SHAPE;
+        words[count + i] = hada_tune_backend_name(rows[i].chosen);
+    }
+    if (!status)
+        status = hada_tuning_write(context, path, "fft", words, words + count, count, err);
+    free(shapes);
+    free(words);
     return status;
 }

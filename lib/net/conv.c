@@ -17,15 +17,21 @@ static size_t plan_bytes(const hada_conv_plan *plan)
 size_t hada_conv_bytes(const hada_context *context, const hada_conv_desc *desc)
 {
     hada_conv_plan plan;
-    return hada_conv_plan_make(&plan, context, desc, NULL) ? 0 : plan_bytes(&plan);
+    return hada_conv_plan_make(&plan, context, desc, NULL, NULL) ? 0 : plan_bytes(&plan);
 }
 
 hada_status hada_conv_create(hada_conv **out, hada_slot *slot, const hada_conv_desc *desc, hada_error *err)
 {
+    return hada_conv_create_chosen(out, slot, desc, NULL, err);
+}
+
+hada_status hada_conv_create_chosen(hada_conv **out, hada_slot *slot, const hada_conv_desc *desc,
+                                    const hada_conv_choice *forced, hada_error *err)
+{
     hada_conv_plan plan;
     hada_conv *conv;
     *out = NULL;
-    hada_status status = hada_conv_plan_make(&plan, slot->context, desc, err);
+    hada_status status = hada_conv_plan_make(&plan, slot->context, desc, forced, err);
     if (!status)
         status = hada_alloc((void **)&conv, 1, sizeof *conv, "a convolution", err);
     if (status)

@@ -8,6 +8,7 @@
 #define HADA_NET_CONV_INTERNAL_H
 
 #include "net/conv.h"
+#include "program/tuning.h"
 
 /* Channels in the tiles of work-groups. */
 #define GROUP_LANES 32
@@ -42,6 +43,15 @@ typedef struct hada_conv_gradient {
     int room;  /* then: tiles at most */
 } hada_conv_gradient;
 
+/* What the tuning file, or the tuner, has chosen for a pass; AUTO: nothing, the table decides. Negative: as the table
+ * has it. */
+typedef struct hada_conv_choice {
+    hada_conv_method method;
+    int blocks;       /* of output channels in a work-item */
+    int pixels, rows; /* direct: pixels at a time, rows of a work-item */
+    int tiles;        /* Winograd: tiles of a work-item, 0: in three launches */
+} hada_conv_choice;
+
 enum { HADA_CONV_FORWARD = 0, HADA_CONV_DATA = 1, HADA_CONV_PASSES = 2 };
 
 typedef struct hada_conv_plan {
@@ -59,9 +69,29 @@ struct hada_conv {
     int has_weights;
 };
 
-/* Fills the plan, or says what is wrong with the description. */
+/* Fills the plan, or says what is wrong with the description. `forced` (NULL: none) is for the forward pass, instead of
+ * what the tuning file says. */
 hada_status hada_conv_plan_make(hada_conv_plan *plan, const hada_context *context, const hada_conv_desc *desc,
-                                hada_error *err);
+                                const hada_conv_choice *forced, hada_error *err);
+
+/* As hada_conv_create(), with a choice for the forward pass. */
+hada_status hada_conv_create_chosen(hada_conv **out, hada_slot *slot, const hada_conv_desc *desc,
+                                    const hada_conv_choice *forced, hada_error *err);
+
+/* The words of a pass in the tuning file (conv_choice.c): its shape, and what serves it. */
+void hada_conv_shape_text(const hada_conv_plan *plan, int pass, char *text, size_t size);
+void hada_conv_choice_text(const hada_conv_plan *plan, int pass, char *text, size_t size);
+
+/* What the tuning file says of a pass; *row is its row, NULL where there is none. */
+hada_status hada_conv_choice_find(const hada_context *context, const hada_conv_plan *plan, const hada_conv_pass *pass,
+                                  hada_conv_choice *choice, const hada_tuning_row **row, hada_error *err);
+
+/* NULL where a choice can serve a pass, else why not. `near`: its reads stay within the halo. */
+const char *hada_conv_choice_misfit(const hada_context *context, const hada_conv_plan *plan, const hada_conv_pass *pass,
+                                    int near, const hada_conv_choice *choice);
+
+/* Whether Winograd's tiles fit the shape at all. */
+int hada_conv_is_winograd(const hada_conv_plan *plan);
 
 /* Tile sizes and methods that the table of conv_table.c gives. hada_conv_table_winograd() gives the size of Winograd's
  * tiles, 0 for another method. */
@@ -69,6 +99,14 @@ int hada_conv_table_winograd(const hada_context *context, const hada_conv_desc *
 int hada_conv_table_gradient_winograd(const hada_context *context, const hada_conv_desc *desc,
                                       const hada_conv_gradient *gradient);
 void hada_conv_table_tiles(const hada_context *context, hada_conv_pass *pass);
+/* Whether there is a direct kernel for so many blocks and pixels that takes the pass; number `index` of those that do,
+ * 0 when there are no more; tiles that Winograd's kernels for one launch and for three take at a time, and whether a
+ * work-item's tiles find room. */
+int hada_conv_table_direct(const hada_context *context, const hada_conv_pass *pass, int blocks, int pixels);
+int hada_conv_table_direct_at(const hada_context *context, const hada_conv_pass *pass, int index, int *blocks,
+                              int *pixels);
+int hada_conv_table_step(int block, int three_launches);
+int hada_conv_table_tiles_fit(const hada_context *context, const hada_conv_pass *pass, int blocks, int tiles);
 void hada_conv_table_gradient_tiles(const hada_context *context, hada_conv_gradient *gradient);
 void hada_conv_table_pass(const hada_context *context, hada_conv_pass *pass);
 void hada_conv_table_gradient(const hada_context *context, const hada_conv_desc *desc, hada_conv_gradient *gradient);

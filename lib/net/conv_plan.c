@@ -62,8 +62,7 @@ static int within_halo(int in, int out, int kernel, int pad, int in_step, int st
     return 1;
 }
 
-/* Whether Winograd's tiles fit the shape at all. */
-static int is_winograd(const hada_conv_plan *plan)
+int hada_conv_is_winograd(const hada_conv_plan *plan)
 {
     const hada_conv_desc *d = &plan->desc;
     return d->kernel_rows == 3 && d->kernel_cols == 3 && d->stride == 1 && d->pad_rows == 1 && d->pad_cols == 1 &&
@@ -71,7 +70,8 @@ static int is_winograd(const hada_conv_plan *plan)
 }
 
 /* In one launch where a work-item's tiles fit into local memory, else in three. */
-static void plan_winograd(hada_conv_plan *plan, const hada_context *context, hada_conv_pass *pass)
+static void plan_winograd(hada_conv_plan *plan, const hada_context *context, hada_conv_pass *pass,
+                          const hada_conv_choice *choice)
 {
     const size_t places = (size_t)((pass->tile + 2) * (pass->tile + 2));
     const size_t in = (size_t)padded(pass->in_channels, plan->block);
@@ -80,9 +80,15 @@ static void plan_winograd(hada_conv_plan *plan, const hada_context *context, had
     const size_t all = across * (size_t)(padded(pass->out_rows, pass->tile) / pass->tile);
     pass->method = pass->tile == 4 ? HADA_CONV_WINOGRAD4 : HADA_CONV_WINOGRAD2;
     hada_conv_table_tiles(context, pass);
+    if (choice->method && choice->blocks > 0)
+        pass->lanes = choice->blocks * plan->block;
+    if (choice->method && choice->tiles >= 0)
+        pass->tiles = choice->tiles;
     pass->weight_floats = places * in * out;
+    pass->pixels = hada_conv_table_step(plan->block, 0);
     if (pass->tiles && (size_t)pass->tiles <= all)
         return;
+    pass->pixels = hada_conv_table_step(plan->block, 1);
     const size_t floats = places * (in + out), step = (size_t)pass->pixels;
     const size_t most = STEP_FLOATS / floats / step * step, wanted = all * (size_t)plan->desc.images;
     const size_t room = most < step ? step : most < wanted ? most : (wanted + step - 1) / step * step;
@@ -91,9 +97,27 @@ static void plan_winograd(hada_conv_plan *plan, const hada_context *context, had
     pass->scratch_floats = floats * room + places * 2 * (size_t)plan->block;
 }
 
-static void plan_pass(hada_conv_plan *plan, const hada_context *context, hada_conv_pass *pass, int to_coarse)
+/* What the tuning file says, or `forced`: nothing where the description names a method itself. */
+static hada_status choose(const hada_conv_plan *plan, const hada_context *context, const hada_conv_pass *pass, int near,
+                          const hada_conv_choice *forced, hada_conv_choice *choice, hada_error *err)
+{
+    const hada_tuning_row *row = NULL;
+    hada_status status = HADA_OK;
+    *choice = forced ? *forced : (hada_conv_choice){.method = HADA_CONV_AUTO};
+    if (plan->desc.method == HADA_CONV_AUTO && !forced)
+        status = hada_conv_choice_find(context, plan, pass, choice, &row, err);
+    const char *reason = status ? NULL : hada_conv_choice_misfit(context, plan, pass, near, choice);
+    if (reason)
+        status =
+            row ? hada_tuning_refuse(context, row, reason, err) : hada_fail(err, HADA_ERROR_UNSUPPORTED, "%s", reason);
+    return status;
+}
+
+static hada_status plan_pass(hada_conv_plan *plan, const hada_context *context, hada_conv_pass *pass, int to_coarse,
+                             const hada_conv_choice *forced, hada_error *err)
 {
     const hada_conv_desc *d = &plan->desc;
+    hada_conv_choice choice;
     int rows, cols;
     hada_conv_output_size(d, &rows, &cols);
     const int backward = to_coarse == d->transposed;
@@ -111,14 +135,25 @@ static void plan_pass(hada_conv_plan *plan, const hada_context *context, hada_co
     const int near =
         within_halo(pass->in_rows, pass->out_rows, d->kernel_rows, pass->taps_rows, pass->in_step, pass->step) &&
         within_halo(pass->in_cols, pass->out_cols, d->kernel_cols, pass->taps_cols, pass->in_step, pass->step);
+    const hada_status status = choose(plan, context, pass, near, forced, &choice, err);
+    if (status)
+        return status;
     hada_conv_table_pass(context, pass);
     if (plan->groups)
         pass->lanes = GROUP_LANES;
-    pass->method = near && pass->lanes && d->method != HADA_CONV_PLAIN ? HADA_CONV_DIRECT : HADA_CONV_PLAIN;
-    pass->tile = is_winograd(plan) ? hada_conv_table_winograd(context, d, pass) : 0;
+    if (choice.method == HADA_CONV_DIRECT && !plan->groups) {
+        pass->lanes = choice.blocks > 0 ? choice.blocks * plan->block : pass->lanes;
+        pass->pixels = choice.pixels > 0 ? choice.pixels : pass->pixels;
+        pass->rows_each = choice.rows > 0 ? choice.rows : pass->rows_each;
+    }
+    const hada_conv_method method = choice.method ? choice.method : d->method;
+    hada_conv_desc wanted = *d;
+    wanted.method = method;
+    pass->method = near && pass->lanes && method != HADA_CONV_PLAIN ? HADA_CONV_DIRECT : HADA_CONV_PLAIN;
+    pass->tile = hada_conv_is_winograd(plan) ? hada_conv_table_winograd(context, &wanted, pass) : 0;
     if (pass->tile) {
-        plan_winograd(plan, context, pass);
-        return;
+        plan_winograd(plan, context, pass, &choice);
+        return HADA_OK;
     }
     if (pass->method == HADA_CONV_PLAIN) {
         pass->weight_floats =
@@ -130,6 +165,7 @@ static void plan_pass(hada_conv_plan *plan, const hada_context *context, hada_co
                               (size_t)padded(pass->in_channels, plan->block) *
                               (size_t)padded(pass->out_channels, pass->lanes);
     }
+    return HADA_OK;
 }
 
 static void need_scratch(hada_conv_plan *plan, size_t floats)
@@ -185,7 +221,7 @@ static void plan_gradient(hada_conv_plan *plan, const hada_context *context)
     g->bias_parts = MOST_PARTS;
     const size_t bias = (size_t)MOST_PARTS * (size_t)padded(d->out_channels, plan->block);
     need_scratch(plan, bias);
-    g->tile = is_winograd(plan) ? hada_conv_table_gradient_winograd(context, d, g) : 0;
+    g->tile = hada_conv_is_winograd(plan) ? hada_conv_table_gradient_winograd(context, d, g) : 0;
     if (g->tile) {
         plan_gradient_tiles(plan, context, g);
         return;
@@ -208,7 +244,7 @@ static void plan_gradient(hada_conv_plan *plan, const hada_context *context)
 }
 
 hada_status hada_conv_plan_make(hada_conv_plan *plan, const hada_context *context, const hada_conv_desc *desc,
-                                hada_error *err)
+                                const hada_conv_choice *forced, hada_error *err)
 {
     hada_status status = validate(desc, err);
     if (status)
@@ -217,12 +253,12 @@ hada_status hada_conv_plan_make(hada_conv_plan *plan, const hada_context *contex
                              .block = hada_net_block(context),
                              .groups = context->shape == HADA_SHAPE_GROUPS,
                              .pass_count = desc->training ? HADA_CONV_PASSES : 1};
-    plan_pass(plan, context, &plan->pass[HADA_CONV_FORWARD], !desc->transposed);
-    if (desc->training) {
-        plan_pass(plan, context, &plan->pass[HADA_CONV_DATA], desc->transposed);
+    status = plan_pass(plan, context, &plan->pass[HADA_CONV_FORWARD], !desc->transposed, forced, err);
+    if (!status && desc->training)
+        status = plan_pass(plan, context, &plan->pass[HADA_CONV_DATA], desc->transposed, NULL, err);
+    if (!status && desc->training)
         plan_gradient(plan, context);
-    }
     for (int p = 0; p < plan->pass_count; p++)
         need_scratch(plan, plan->pass[p].scratch_floats);
-    return HADA_OK;
+    return status;
 }

@@ -33,6 +33,28 @@ static long cost_of(const tile_row *row, const hada_conv_pass *pass)
     return steps * ((work > 8 ? work : 8) + 2) * 2 / row->blocks;
 }
 
+int hada_conv_table_direct_at(const hada_context *context, const hada_conv_pass *pass, int index, int *blocks,
+                              int *pixels)
+{
+    const int block = hada_net_block(context);
+    for (size_t i = 0; i < sizeof tile_rows / sizeof *tile_rows; i++)
+        if (tile_fits(&tile_rows[i], block, pass) && index-- == 0) {
+            *blocks = tile_rows[i].blocks;
+            *pixels = tile_rows[i].pixels;
+            return 1;
+        }
+    return 0;
+}
+
+int hada_conv_table_direct(const hada_context *context, const hada_conv_pass *pass, int blocks, int pixels)
+{
+    int b, p;
+    for (int i = 0; hada_conv_table_direct_at(context, pass, i, &b, &p); i++)
+        if (b == blocks && p == pixels)
+            return 1;
+    return 0;
+}
+
 void hada_conv_table_pass(const hada_context *context, hada_conv_pass *pass)
 {
     const int block = hada_net_block(context);
@@ -83,33 +105,41 @@ int hada_conv_table_gradient_winograd(const hada_context *context, const hada_co
 /* Local memory that drivers for CPUs bear. */
 #define WINOGRAD_LOCAL ((size_t)500 << 10)
 
+static size_t winograd_local(const hada_context *context)
+{
+    return context->info.local_memory_bytes < WINOGRAD_LOCAL ? context->info.local_memory_bytes : WINOGRAD_LOCAL;
+}
+
+int hada_conv_table_step(int block, int three_launches)
+{
+    return block != 16 ? 6 : three_launches ? 8 : 12;
+}
+
+int hada_conv_table_tiles_fit(const hada_context *context, const hada_conv_pass *pass, int blocks, int tiles)
+{
+    const int block = hada_net_block(context), reach = pass->tile + 2;
+    const size_t in_blocks = (size_t)((pass->in_channels + block - 1) / block);
+    const size_t each = (size_t)(reach * reach) * (in_blocks + (size_t)blocks) * (size_t)block * sizeof(float);
+    return (size_t)tiles <= winograd_local(context) / each;
+}
+
 void hada_conv_table_tiles(const hada_context *context, hada_conv_pass *pass)
 {
-    const int block = hada_net_block(context), step = block == 16 ? 12 : 6;
-    const int out_blocks = (pass->out_channels + block - 1) / block,
-              in_blocks = (pass->in_channels + block - 1) / block;
-    const int blocks = out_blocks % 2 ? 1 : 2;
-    const size_t local =
-        context->info.local_memory_bytes < WINOGRAD_LOCAL ? context->info.local_memory_bytes : WINOGRAD_LOCAL;
-    const size_t each = (size_t)((pass->tile + 2) * (pass->tile + 2) * (in_blocks + blocks) * block) * sizeof(float);
+    const int block = hada_net_block(context), step = hada_conv_table_step(block, 0);
+    const int out_blocks = (pass->out_channels + block - 1) / block, blocks = out_blocks % 2 ? 1 : 2;
     pass->lanes = blocks * block;
     /* beyond so many channels the weights come from outside the caches for each group of tiles */
-    if (each * (size_t)step <= local && pass->in_channels <= 12 * block) {
-        pass->pixels = step;
-        pass->tiles = each * (size_t)step * 2 <= local / 2 ? 2 * step : step;
-    } else {
-        pass->pixels = block == 16 ? 8 : 6;
+    if (!hada_conv_table_tiles_fit(context, pass, blocks, step) || pass->in_channels > 12 * block)
         pass->tiles = 0;
-    }
+    else /* a work-item shares its cache with others' weights */
+        pass->tiles = hada_conv_table_tiles_fit(context, pass, blocks, 4 * step) ? 2 * step : step;
 }
 
 void hada_conv_table_gradient_tiles(const hada_context *context, hada_conv_gradient *gradient)
 {
     const int block = hada_net_block(context), coarse = (gradient->coarse_channels + block - 1) / block * block;
     const int fine = (gradient->fine_channels + block - 1) / block * block;
-    const size_t local =
-        context->info.local_memory_bytes < WINOGRAD_LOCAL ? context->info.local_memory_bytes : WINOGRAD_LOCAL;
-    const size_t tiles = local / ((size_t)(36 * (coarse + fine + 2)) * sizeof(float));
+    const size_t tiles = winograd_local(context) / ((size_t)(36 * (coarse + fine + 2)) * sizeof(float));
     gradient->blocks = coarse / block % 2 ? 1 : 2;
     gradient->fine_each = gradient->blocks == 1 ? block : block / 2;
     /* more transformed gradients than this fall out of the caches from one group of tiles to the next */

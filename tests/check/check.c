@@ -11,6 +11,7 @@
 
 #include "core/clock.h"
 #include "program/kernel.h"
+#include "program/tuning.h"
 
 enum { GUARD = 256 };
 static const float guard_value = -12345.0f;
@@ -230,14 +231,19 @@ static verdict run_case(hada_slot *slot, const check_op *op, const char *shape, 
         check_get(&state, 'g', own_shape == HADA_SHAPE_GROUPS) ? HADA_SHAPE_GROUPS : HADA_SHAPE_LANES;
     if (check_get(&state, 't', 0))
         slot->context->info.local_memory_bytes = 8;
-    char tuning[1024], *const own_tuning = slot->context->tuning_file;
-    snprintf(tuning, sizeof tuning, "%s/rows.tuning", how->folder);
-    if (check_get(&state, 'u', 0))
-        slot->context->tuning_file = tuning;
     hada_error error = {0};
+    char tuning_path[1024];
+    hada_tuning *tuning = NULL, *const own_tuning = slot->context->tuning;
+    snprintf(tuning_path, sizeof tuning_path, "%s/rows.tuning", how->folder);
     char note[2 * sizeof error.message] = "";
     verdict result = FAILED;
     float *all = NULL;
+    if (check_get(&state, 'u', 0) && hada_tuning_read(&tuning, tuning_path, &error)) {
+        fprintf(stderr, "%s\n", error.message);
+        exit(1);
+    }
+    if (tuning)
+        slot->context->tuning = tuning;
     hada_status status = op->prepare(&state, &error);
     if (!status)
         all = malloc((state.out_count + 2 * GUARD) * sizeof(float));
@@ -257,7 +263,8 @@ static verdict run_case(hada_slot *slot, const check_op *op, const char *shape, 
         clReleaseMemObject(state.region[i]);
     slot->context->shape = own_shape;
     slot->context->info.local_memory_bytes = own_local;
-    slot->context->tuning_file = own_tuning;
+    slot->context->tuning = own_tuning;
+    hada_tuning_destroy(&tuning);
     slot->context->info.compute_units = own_units;
     slot->context->vector_floats = own_floats;
     hada_buffer_destroy(&state.out);

@@ -13,6 +13,7 @@
 #include <cmocka.h>
 
 #include "fft/fft.h"
+#include "program/tuning.h"
 #include "ref/ref_fft.h"
 
 enum { ROWS = 16, COLS = 24, HALF = COLS / 2 + 1, BATCH = 3, SMALL = 7, COUNT = ROWS * HALF };
@@ -161,22 +162,23 @@ static void test_choice(void **user)
 {
     (void)user;
     char name[] = "/tmp/hadalens-tuning-XXXXXX";
-    char *before = context->tuning_file;
+    hada_tuning *const before = context->tuning;
     const int file = mkstemp(name);
     assert_true(file >= 0);
     FILE *text = fdopen(file, "w");
     fputs("# a comment\nfft gpu * clfft\nfft cpu 16x24 clfft\nfft cpu 34x24 clfft\nfft * 32x32 clfft\n"
-          "fft cpu 32x32 own\nfft cpu 8x8 other\nnonsense\n",
+          "fft cpu 32x32 own\n",
           text);
     fclose(text);
     assert_int_equal(hada_fft_layout(context, 16, 24, HADA_FFT_AUTO).block, 8);
-    context->tuning_file = name;
+    assert_int_equal(hada_tuning_read(&context->tuning, name, &err), HADA_OK);
     assert_int_equal(hada_fft_layout(context, 16, 24, HADA_FFT_AUTO).block, 13);
     assert_int_equal(hada_fft_layout(context, 24, 16, HADA_FFT_AUTO).block, 8);
     assert_int_equal(hada_fft_layout(context, 34, 24, HADA_FFT_AUTO).block, 8); /* clFFT cannot */
     assert_int_equal(hada_fft_layout(context, 32, 32, HADA_FFT_AUTO).block, 8); /* the last line wins */
     assert_int_equal(hada_fft_layout(context, 8, 8, HADA_FFT_AUTO).block, 8);
-    context->tuning_file = before;
+    hada_tuning_destroy(&context->tuning);
+    context->tuning = before;
     remove(name);
 }
 

@@ -1,6 +1,5 @@
-/* Writing a tuning file: what it says of other devices and sizes stays. fft_table.c reads it. */
+/* Writing a tuning file: what it says of other devices and shapes stays. */
 #include <errno.h>
-#include <hadalens/tune.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -8,31 +7,42 @@
 #include <unistd.h>
 
 #include "core/alloc.h"
-#include "fft/fft_internal.h"
+#include "program/tuning.h"
 
-/* Whether a line names this kind and one of these sizes, and nothing wider. */
-static int superseded(const char *line, const char *kind, const hada_tune_row *rows, size_t count)
+typedef struct news {
+    const char *operation, *kind;
+    const char *const *shapes, *const *choices;
+    size_t count;
+} news;
+
+/* The value of "block=" among the words behind a shape, 0 where it is not given. */
+static int block_of(const char *words)
 {
-    char word[32], size[64];
-    if (sscanf(line, " fft %31s %63s", word, size) != 2 || strcmp(word, kind))
+    const char *at = strstr(words, " block=");
+    return at ? atoi(at + strlen(" block=")) : 0;
+}
+
+/* Whether a line is about this operation and kind and one of these shapes, and nothing wider. */
+static int superseded(const char *line, const news *now)
+{
+    char operation[HADA_TUNING_WORD], kind[HADA_TUNING_WORD], shape[HADA_TUNING_WORD];
+    if (sscanf(line, " %63s %63s %63s", operation, kind, shape) != 3 || strcmp(operation, now->operation) ||
+        strcmp(kind, now->kind))
         return 0;
-    for (size_t i = 0; i < count; i++) {
-        char wanted[64];
-        snprintf(wanted, sizeof wanted, "%dx%d", rows[i].rows, rows[i].cols);
-        if (!strcmp(size, wanted))
+    for (size_t i = 0; i < now->count; i++)
+        if (!strcmp(shape, now->shapes[i]) && block_of(line) == block_of(now->choices[i]))
             return 1;
-    }
     return 0;
 }
 
 /* Copies what stays. Lines may be of any length: only their head is looked at. */
-static int copy_rest(FILE *from, FILE *to, const char *kind, const hada_tune_row *rows, size_t count)
+static int copy_rest(FILE *from, FILE *to, const news *now)
 {
-    char part[256];
+    char part[HADA_TUNING_LINE];
     int first = 1, keep = 1, ended = 1;
     while (fgets(part, sizeof part, from)) {
         if (first)
-            keep = !superseded(part, kind, rows, count);
+            keep = !superseded(part, now);
         if (keep && fputs(part, to) < 0)
             return 0;
         first = strchr(part, '\n') != NULL;
@@ -41,12 +51,11 @@ static int copy_rest(FILE *from, FILE *to, const char *kind, const hada_tune_row
     return !ferror(from) && (ended || fputc('\n', to) != EOF);
 }
 
-static int write_rows(FILE *to, const char *kind, const hada_tune_row *rows, size_t count)
+static int write_rows(FILE *to, const news *now)
 {
     int good = 1;
-    for (size_t i = 0; good && i < count; i++)
-        good = fprintf(to, "fft %s %dx%d %s\n", kind, rows[i].rows, rows[i].cols,
-                       hada_tune_backend_name(rows[i].chosen)) > 0;
+    for (size_t i = 0; good && i < now->count; i++)
+        good = fprintf(to, "%s %s %s %s\n", now->operation, now->kind, now->shapes[i], now->choices[i]) > 0;
     return good;
 }
 
@@ -56,8 +65,7 @@ static hada_status failed(const char *path, int code, hada_error *err)
                      strerror(code));
 }
 
-static hada_status write_beside(const char *beside, const char *path, const char *kind, const hada_tune_row *rows,
-                                size_t count, hada_error *err)
+static hada_status write_beside(const char *beside, const char *path, const news *now, hada_error *err)
 {
     FILE *old = fopen(path, "r");
     if (!old && errno != ENOENT)
@@ -66,10 +74,10 @@ static hada_status write_beside(const char *beside, const char *path, const char
     FILE *file = fopen(beside, "w");
     int good = file != NULL;
     if (good && !old)
-        good = fprintf(file, "# Hadalens: which back end serves a transform (docs/fft.md)\n") > 0;
+        good = fprintf(file, "# Hadalens: which of several ways serves a shape (docs/devices.md)\n") > 0;
     if (good && old)
-        good = copy_rest(old, file, kind, rows, count);
-    good = good && write_rows(file, kind, rows, count);
+        good = copy_rest(old, file, now);
+    good = good && write_rows(file, now);
     int code = errno;
     if (file && fclose(file) && good) {
         good = 0;
@@ -86,11 +94,10 @@ static hada_status write_beside(const char *beside, const char *path, const char
     return good ? HADA_OK : failed(path, code, err);
 }
 
-hada_status hada_tune_save(const hada_context *context, const char *path, const hada_tune_row *rows, size_t count,
-                           hada_error *err)
+hada_status hada_tuning_write(const hada_context *context, const char *path, const char *operation,
+                              const char *const *shapes, const char *const *choices, size_t count, hada_error *err)
 {
-    if (!context || !path || !*path || (count && !rows))
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_tune_save: a context, a file name and rows are needed");
+    const news now = {operation, hada_device_kind_name(context->info.kind), shapes, choices, count};
     struct stat info;
     if (!stat(path, &info) && !S_ISREG(info.st_mode))
         return hada_fail(err, HADA_ERROR_FILE_WRITE, "%s is not an ordinary file: choose another name", path);
@@ -100,7 +107,7 @@ hada_status hada_tune_save(const hada_context *context, const char *path, const 
     if (status)
         return status;
     snprintf(beside, bytes, "%s.tmp-%ld-%p", path, (long)getpid(), (const void *)&info);
-    status = write_beside(beside, path, hada_device_kind_name(context->info.kind), rows, count, err);
+    status = write_beside(beside, path, &now, err);
     free(beside);
     return status;
 }

@@ -1,0 +1,108 @@
+/* Convolutions in the tuning file: the words of a pass, and whether a choice can serve it. A shape is
+ * KERNELxKERNEL/STEP OF THE INPUT/STEP OF THE OUTPUT:CHANNELS>CHANNELS:ROWSxCOLS of the output: a convolution with
+ * stride 2 is 3x3/2/1, a transposed one 2x2/1/2; a gradient of the input is a pass as any other. */
+#include <stdio.h>
+#include <string.h>
+
+#include "net/conv_internal.h"
+
+static const char *const methods[] = {"auto", "direct", "winograd2", "winograd4", "plain"};
+
+static void shape_text(const hada_conv_desc *d, const hada_conv_pass *pass, char *text, size_t size)
+{
+    snprintf(text, size, "%dx%d/%d/%d:%d>%d:%dx%d", d->kernel_rows, d->kernel_cols, pass->in_step, pass->step,
+             pass->in_channels, pass->out_channels, pass->out_rows, pass->out_cols);
+}
+
+void hada_conv_shape_text(const hada_conv_plan *plan, int pass, char *text, size_t size)
+{
+    shape_text(&plan->desc, &plan->pass[pass], text, size);
+}
+
+void hada_conv_choice_text(const hada_conv_plan *plan, int index, char *text, size_t size)
+{
+    const hada_conv_pass *pass = &plan->pass[index];
+    const int block = plan->block, blocks = pass->lanes / block;
+    if (pass->method == HADA_CONV_PLAIN || plan->groups)
+        snprintf(text, size, "%s", methods[pass->method]);
+    else if (pass->method == HADA_CONV_DIRECT)
+        snprintf(text, size, "direct block=%d blocks=%d pixels=%d rows=%d", block, blocks, pass->pixels,
+                 pass->rows_each);
+    else
+        snprintf(text, size, "%s block=%d blocks=%d tiles=%d", methods[pass->method], block, blocks, pass->tiles);
+}
+
+hada_status hada_conv_choice_find(const hada_context *context, const hada_conv_plan *plan, const hada_conv_pass *pass,
+                                  hada_conv_choice *choice, const hada_tuning_row **row, hada_error *err)
+{
+    char shape[HADA_TUNING_WORD];
+    if (!context->tuning)
+        return HADA_OK;
+    shape_text(&plan->desc, pass, shape, sizeof shape);
+    *row = hada_tuning_find(context, "conv", shape, plan->block);
+    if (!*row)
+        return HADA_OK;
+    const int *options = (*row)->options;
+    for (int m = HADA_CONV_DIRECT; m <= HADA_CONV_PLAIN; m++)
+        if (!strcmp((*row)->choice, methods[m]))
+            choice->method = (hada_conv_method)m;
+    choice->blocks = options[HADA_TUNING_BLOCKS];
+    choice->pixels = options[HADA_TUNING_PIXELS];
+    choice->rows = options[HADA_TUNING_ROWS];
+    choice->tiles = options[HADA_TUNING_TILES];
+    const int direct = choice->method == HADA_CONV_DIRECT, winograd = !direct && choice->method != HADA_CONV_PLAIN;
+    if ((!direct && (choice->pixels >= 0 || choice->rows >= 0)) || (!winograd && choice->tiles >= 0) ||
+        (!direct && !winograd && choice->blocks >= 0))
+        return hada_tuning_refuse(context, *row, "pixels and rows are for direct, tiles for winograd, blocks for both",
+                                  err);
+    if (!choice->blocks || !choice->pixels || !choice->rows)
+        return hada_tuning_refuse(context, *row, "blocks, pixels and rows are numbers from 1 on", err);
+    return HADA_OK;
+}
+
+static const char *direct_misfit(const hada_context *context, const hada_conv_plan *plan, const hada_conv_pass *pass,
+                                 int near, const hada_conv_choice *choice)
+{
+    if (!near)
+        return "direct convolutions read at most one pixel beyond the image";
+    if (plan->groups)
+        return choice->blocks > 0 || choice->pixels > 0 || choice->rows > 0
+                   ? "direct convolutions in work-groups have no options"
+                   : NULL;
+    if ((choice->blocks > 0) != (choice->pixels > 0))
+        return "blocks and pixels of direct convolutions go together";
+    if (choice->blocks > 0 && !hada_conv_table_direct(context, pass, choice->blocks, choice->pixels))
+        return "no direct kernel has so many blocks and pixels, or they do not fit the shape";
+    return NULL;
+}
+
+static const char *winograd_misfit(const hada_context *context, const hada_conv_plan *plan, const hada_conv_pass *pass,
+                                   const hada_conv_choice *choice)
+{
+    hada_conv_pass with = *pass;
+    const int out_blocks = (pass->out_channels + plan->block - 1) / plan->block;
+    const int blocks = choice->blocks > 0 ? choice->blocks : out_blocks % 2 ? 1 : 2;
+    with.tile = choice->method == HADA_CONV_WINOGRAD2 ? 2 : 4;
+    if (!hada_conv_is_winograd(plan) || pass->out_rows < with.tile || pass->out_cols < with.tile)
+        return "Winograd's convolutions take 3 x 3 kernels with stride 1 and padding 1, on CPUs and accelerators, and "
+               "images of a tile at least";
+    if (blocks > 2 || out_blocks % blocks)
+        return "Winograd's convolutions take one block of output channels or, where their number is even, two";
+    if (choice->tiles > 0 && (choice->tiles % hada_conv_table_step(plan->block, 0) ||
+                              !hada_conv_table_tiles_fit(context, &with, blocks, choice->tiles)))
+        return "Winograd's tiles are multiples of 12 (6 for blocks of 8), as many as local memory holds";
+    if (!choice->tiles && with.tile == 2)
+        return "winograd2 in three launches is not offered";
+    return NULL;
+}
+
+const char *hada_conv_choice_misfit(const hada_context *context, const hada_conv_plan *plan, const hada_conv_pass *pass,
+                                    int near, const hada_conv_choice *choice)
+{
+    switch (choice->method) {
+    case HADA_CONV_DIRECT: return direct_misfit(context, plan, pass, near, choice);
+    case HADA_CONV_WINOGRAD2:
+    case HADA_CONV_WINOGRAD4: return winograd_misfit(context, plan, pass, choice);
+    default: return NULL;
+    }
+}

@@ -29,6 +29,7 @@ static const struct stage {
     {"reconstruct", fault_stage_reconstruct, 100},
     {"jobs", fault_stage_jobs, 50},
     {"net", fault_stage_net, 60},
+    {"engine", fault_stage_engine, 60},
     {"model_file", fault_stage_model_file, 100},
     {"tiff", fault_stage_tiff, 100},
     {"preview", fault_stage_preview, 100},

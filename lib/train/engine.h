@@ -40,7 +40,7 @@ typedef struct hada_terms {
 
 /* `net`, `critic` and `vgg` may be NULL where the stage has none; copied values, lists must live as long. `model` gives
  * the sizes, and for FILTERS and JOINT the start of the filters; with `random_start` those of FILTERS start from normal
- * numbers (real and imaginary parts, deviation 0.05: planes of about a twentieth of the frames' contrast), symmetric as
+ * numbers (real and imaginary parts, deviation 0.05: planes of about 7 % of the frames' contrast), symmetric as
  * those of a real kernel. It may go once the engine is made. */
 typedef struct hada_engine_desc {
     const hada_model *model;

@@ -16,6 +16,7 @@
 #include <hadalens/preview.h>
 #include <hadalens/profile.h>
 #include <hadalens/reconstruct.h>
+#include <hadalens/register.h>
 #include <hadalens/scene.h>
 #include <hadalens/sensor.h>
 #include <hadalens/simulate.h>

@@ -1,0 +1,151 @@
+/* Registration of the pairs of one depth; registered scenes. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "register/register_search.h"
+
+/* The best orientation must explain this many times as much (in log residual) as the second best, and this much. */
+#define CLEARLY 1.5
+#define LEAST   0.01
+
+void hada_register_options_init(hada_register_options *options)
+{
+    *options = (hada_register_options){.size = sizeof *options, .most_rotation_deg = 15.0};
+}
+
+static hada_status check_options(hada_register_options *options, const hada_image *raws, const hada_image *scenes,
+                                 hada_error *err)
+{
+    const double frame = raws->rows > raws->cols ? raws->rows : raws->cols;
+    const double scene = scenes->rows > scenes->cols ? scenes->rows : scenes->cols;
+    if (options->size != sizeof *options)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "registration: start from hada_register_options_init()");
+    if (options->least_magnification == 0.0 && options->most_magnification == 0.0) {
+        options->least_magnification = 0.15 * frame / scene;
+        options->most_magnification = 2.5 * frame / scene;
+    }
+    if (!(options->least_magnification > 0.0) || !(options->most_magnification >= options->least_magnification) ||
+        !(options->most_magnification <= 1000.0 * options->least_magnification))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "magnifications from %g to %g cannot be searched",
+                         options->least_magnification, options->most_magnification);
+    if (!(options->most_rotation_deg >= 0.0 && options->most_rotation_deg <= 45.0))
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "a rotation of %g degrees to either side: 0 to 45 are searched, about every quarter turn",
+                         options->most_rotation_deg);
+    return HADA_OK;
+}
+
+static void keep_best(hada_registration *best, double *scores, int count)
+{
+    for (int i = 1; i < count; i++)
+        for (int k = i; k && scores[k] < scores[k - 1]; k--) {
+            const hada_registration one = best[k];
+            const double score = scores[k];
+            best[k] = best[k - 1];
+            scores[k] = scores[k - 1];
+            best[k - 1] = one;
+            scores[k - 1] = score;
+        }
+}
+
+/* All orientations on the coarse grid; the best three refined there. */
+static hada_status search(const hada_register_set *set, const hada_register_options *options, hada_registration *out,
+                          hada_error *err)
+{
+    enum { REFINED = 3 };
+    hada_register_level level;
+    hada_registration best[8];
+    double scores[8];
+    hada_status status = hada_register_level_create(&level, set, HADA_REGISTER_COARSE, err);
+    if (status)
+        return status;
+    status = hada_register_scan(&level, options, best, scores, err);
+    keep_best(best, scores, 8);
+    for (int o = 0; !status && o < REFINED; o++)
+        status = hada_register_refine(&level, options, 0.5 * HADA_REGISTER_STEP, &best[o], &scores[o], err);
+    keep_best(best, scores, REFINED);
+    hada_register_level_destroy(&level);
+    if (status)
+        return status;
+    *out = best[0];
+    out->explained = 1.0 - exp(scores[0]);
+    out->explained_otherwise = 1.0 - exp(scores[1]);
+    if (-scores[0] < LEAST || -scores[0] < CLEARLY * -scores[1])
+        return hada_fail(err, HADA_ERROR_DATASET,
+                         "the pairs do not tell how the scenes stand: the best transform explains %.1f %% of the "
+                         "frames' structure, another orientation %.1f %%. More pairs help, and scenes with more detail "
+                         "and without symmetry; scenes may also belong to other frames, or stand outside the range "
+                         "searched (magnification %.3g to %.3g)",
+                         100.0 * out->explained, 100.0 * out->explained_otherwise, options->least_magnification,
+                         options->most_magnification);
+    return HADA_OK;
+}
+
+hada_status hada_register_pairs(hada_registration *out, const hada_image *raws, const hada_image *scenes, int count,
+                                const hada_register_options *given, hada_error *err)
+{
+    hada_register_options options;
+    hada_register_set set;
+    if (!out)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_register_pairs: an argument is missing");
+    *out = (hada_registration){.magnification = 1.0};
+    hada_register_options_init(&options);
+    if (given)
+        options = *given;
+    hada_status status = hada_register_set_create(&set, raws, scenes, count, err);
+    if (status)
+        return status;
+    status = check_options(&options, raws, scenes, err);
+    if (!status)
+        status = search(&set, &options, out, err);
+    for (int size = 2 * HADA_REGISTER_COARSE; !status && size <= HADA_REGISTER_FINEST && size <= 1.2 * set.frame_side;
+         size *= 2) {
+        hada_register_level level;
+        double score;
+        status = hada_register_level_create(&level, &set, size, err);
+        if (!status)
+            status = hada_register_refine(&level, &options, 0.25 * HADA_REGISTER_STEP * HADA_REGISTER_COARSE / size,
+                                          out, &score, err);
+        hada_register_level_destroy(&level);
+    }
+    hada_register_set_destroy(&set);
+    return status;
+}
+
+void hada_register_size(const hada_registration *registration, int scene_rows, int scene_cols, int *rows, int *cols)
+{
+    const int turned = registration->quarter_turns & 1;
+    const double height = registration->magnification * (turned ? scene_cols : scene_rows);
+    const double width = registration->magnification * (turned ? scene_rows : scene_cols);
+    *rows = height < 1.0 ? 1 : (int)floor(height + 0.5);
+    *cols = width < 1.0 ? 1 : (int)floor(width + 0.5);
+}
+
+hada_status hada_register_apply(hada_image *out, const hada_image *scene, const hada_registration *registration,
+                                int rows, int cols, hada_error *err)
+{
+    double matrix[2][2], inverse[2][2];
+    if (!out || !scene || !scene->data || !registration || !(registration->magnification > 0.0))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_register_apply: an argument is missing or not possible");
+    hada_status status = hada_image_create(out, scene->channels, rows, cols, err);
+    hada_register_matrix(registration, matrix);
+    hada_register_invert(matrix, inverse);
+    for (int c = 0; !status && c < scene->channels; c++) {
+        hada_register_plane plane;
+        hada_register_view view = {0};
+        status = hada_register_plane_create(&plane, scene->data + (size_t)c * (size_t)scene->rows * (size_t)scene->cols,
+                                            scene->rows, scene->cols, err);
+        if (status)
+            break;
+        status = hada_register_view_create(&view, &plane, 1.0 / registration->magnification, err);
+        if (!status)
+            hada_register_sample(&view, inverse, 1.0, registration->offset_row, registration->offset_col, rows, cols,
+                                 out->data + (size_t)c * (size_t)rows * (size_t)cols, cols, 1);
+        hada_register_view_destroy(&view);
+        hada_register_plane_destroy(&plane);
+    }
+    if (status)
+        hada_image_destroy(out);
+    return status;
+}

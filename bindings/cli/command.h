@@ -7,6 +7,7 @@
 extern const hada_cli_command hada_cli_devices;
 extern const hada_cli_command hada_cli_simulate;
 extern const hada_cli_command hada_cli_fit;
+extern const hada_cli_command hada_cli_train;
 extern const hada_cli_command hada_cli_reconstruct;
 extern const hada_cli_command hada_cli_evaluate;
 extern const hada_cli_command hada_cli_tune;

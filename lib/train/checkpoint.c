@@ -94,37 +94,66 @@ static hada_status put_metadata(hada_trainer *trainer, hada_tensors_writer *writ
     return status;
 }
 
-/* Calls `each` for the arrays of the snapshot, in the order of the file. */
-typedef hada_status (*array_work)(void *user, const char *name, float *data, size_t count, hada_error *err);
+/* Calls `work` for the arrays of all groups, in the order of the file. */
+typedef struct array {
+    char name[NAME];
+    int group;
+    hada_content content;
+    size_t count;
+} array;
+typedef hada_status (*array_work)(hada_trainer *trainer, const array *what, void *user, hada_error *err);
 static hada_status each_array(hada_trainer *trainer, array_work work, void *user, hada_error *err)
 {
-    hada_engine *engine = trainer->workers->engine;
+    static const struct {
+        hada_content content;
+        const char *word;
+    } parts[] = {{HADA_CONTENT_VALUES, "values"}, {HADA_CONTENT_STATE, "state"}};
     hada_status status = HADA_OK;
-    for (int g = 0; !status && g < trainer->groups; g++) {
-        char name[NAME];
-        if (!hada_trainer_has(trainer, g))
-            continue;
-        name_of(g, "values", name);
-        status = work(user, name, trainer->snapshot.values[g], hada_engine_count(engine, g, HADA_CONTENT_VALUES), err);
-        name_of(g, "state", name);
-        if (!status)
-            status =
-                work(user, name, trainer->snapshot.states[g], hada_engine_count(engine, g, HADA_CONTENT_STATE), err);
-    }
+    for (int g = 0; !status && g < trainer->groups; g++)
+        for (int i = 0; !status && i < 2 && hada_trainer_has(trainer, g); i++) {
+            array what = {.group = g, .content = parts[i].content};
+            name_of(g, parts[i].word, what.name);
+            what.count = hada_engine_count(trainer->workers->engine, g, what.content);
+            status = work(trainer, &what, user, err);
+        }
     return status;
 }
 
-static hada_status declare(void *user, const char *name, float *data, size_t count, hada_error *err)
+static hada_status declare(hada_trainer *trainer, const array *what, void *user, hada_error *err)
 {
-    const int64_t shape[] = {(int64_t)count};
-    (void)data;
-    return hada_tensors_declare(user, name, HADA_F32, 1, shape, err);
+    const int64_t shape[] = {(int64_t)what->count};
+    (void)trainer;
+    return hada_tensors_declare(user, what->name, HADA_F32, 1, shape, err);
 }
 
-static hada_status write_array(void *user, const char *name, float *data, size_t count, hada_error *err)
+/* An array of the first worker's, to be freed; all workers have the same. */
+static hada_status fetch(hada_trainer *trainer, const array *what, float **out, hada_error *err)
 {
-    (void)name;
-    return hada_tensors_write(user, data, count * sizeof *data, err);
+    hada_status status = hada_alloc_raw((void **)out, what->count, sizeof **out, "a checkpoint", err);
+    return status ? status : hada_engine_read(trainer->workers->engine, what->group, what->content, *out, err);
+}
+
+static hada_status write_array(hada_trainer *trainer, const array *what, void *user, hada_error *err)
+{
+    float *values;
+    hada_status status = fetch(trainer, what, &values, err);
+    if (!status)
+        status = hada_tensors_write(user, values, what->count * sizeof *values, err);
+    free(values);
+    return status;
+}
+
+static hada_status is_finite(hada_trainer *trainer, const array *what, void *user, hada_error *err)
+{
+    int *finite = user;
+    float *values = NULL;
+    if (!*finite || what->content != HADA_CONTENT_VALUES)
+        return HADA_OK;
+    hada_status status = fetch(trainer, what, &values, err);
+    for (size_t i = 0; !status && *finite && i < what->count; i++)
+        *finite = isfinite(values[i]);
+    free(values);
+    return status;
 }
 
 static hada_status write_all(hada_trainer *trainer, hada_tensors_writer *writer, hada_error *err)
@@ -141,37 +170,15 @@ static hada_status write_all(hada_trainer *trainer, hada_tensors_writer *writer,
     return status ? status : each_array(trainer, write_array, writer, err);
 }
 
-/* Whether the device's values are finite. The snapshot itself is not touched before that is known. */
-static hada_status are_finite(hada_trainer *trainer, int *finite, hada_error *err)
-{
-    hada_engine *engine = trainer->workers->engine;
-    float *room = NULL;
-    hada_status status = HADA_OK;
-    *finite = 1;
-    for (int g = 0; !status && *finite && g < trainer->groups; g++) {
-        const size_t count = hada_engine_count(engine, g, HADA_CONTENT_VALUES);
-        if (!count || !trainer->snapshot.dirty[g])
-            continue;
-        status = hada_alloc_raw((void **)&room, count, sizeof *room, "a checkpoint", err);
-        if (!status)
-            status = hada_engine_read(engine, g, HADA_CONTENT_VALUES, room, err);
-        for (size_t i = 0; !status && *finite && i < count; i++)
-            *finite = isfinite(room[i]);
-        free(room);
-    }
-    return status;
-}
-
+/* The snapshot stays as it is: it holds values that were seen to give finite numbers, these here were not yet. */
 hada_status hada_trainer_save(hada_trainer *trainer, const char *path, hada_error *err)
 {
     hada_tensors_writer *writer;
     int finite = 1;
     if (!trainer || !path)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_trainer_save: trainer and path are needed");
-    hada_status status = are_finite(trainer, &finite, err);
-    if (!status && finite) {
-        status = hada_snapshot_take(trainer, err);
-    } else if (!status) {
+    hada_status status = each_array(trainer, is_finite, &finite, err);
+    if (!status && !finite) {
         status = hada_snapshot_restore(trainer, err);
         trainer->progress.halvings++;
         trainer->progress.bad++;
@@ -246,16 +253,20 @@ static hada_status get_number(const hada_tensors *file, const char *key, uint64_
     return *end ? damaged(key, err) : HADA_OK;
 }
 
-static hada_status check_array(void *user, const char *name, float *data, size_t count, hada_error *err)
+static hada_status check_array(hada_trainer *trainer, const array *what, void *user, hada_error *err)
 {
-    const hada_stored_tensor *tensor = hada_tensors_find(user, name);
-    (void)data;
-    return tensor && tensor->type == HADA_F32 && tensor->bytes == count * sizeof(float) ? HADA_OK : damaged(name, err);
+    const hada_stored_tensor *tensor = hada_tensors_find(user, what->name);
+    (void)trainer;
+    return tensor && tensor->type == HADA_F32 && tensor->bytes == what->count * sizeof(float)
+               ? HADA_OK
+               : damaged(what->name, err);
 }
 
-static hada_status read_array(void *user, const char *name, float *data, size_t count, hada_error *err)
+static hada_status read_array(hada_trainer *trainer, const array *what, void *user, hada_error *err)
 {
-    return hada_tensor_copy_f32(hada_tensors_find(user, name), 0, count, data, err);
+    hada_snapshot *shot = &trainer->snapshot;
+    float *to = what->content == HADA_CONTENT_VALUES ? shot->values[what->group] : shot->states[what->group];
+    return hada_tensor_copy_f32(hada_tensors_find(user, what->name), 0, what->count, to, err);
 }
 
 /* Everything is checked before anything changes. */

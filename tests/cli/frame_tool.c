@@ -4,6 +4,7 @@
  *   frame_tool flat OUT H W CHANNELS VALUE
  *   frame_tool offset IN OUT LEVEL   every page of IN plus LEVEL
  *   frame_tool enhance MODEL OUT     the model with a net (preset compact, random weights)
+ *   frame_tool net OUT CHANNELS      a U-net of a few weights
  *   frame_tool lpips OUT             AlexNet and the heads of LPIPS, random weights
  *   frame_tool info IN               "frames channels rows cols bits", and the mean of the finite values */
 #include <hadalens/hadalens.h>
@@ -111,6 +112,21 @@ static hada_status save_enhanced(const char *in, const char *out, hada_error *er
     return status;
 }
 
+static hada_status save_net(const char *out, int channels, hada_error *err)
+{
+    hada_unet_options options;
+    hada_net *net = NULL;
+    hada_unet_options_init(&options);
+    options.channels = options.out_channels = channels;
+    options.down = "4|8";
+    options.up = "4";
+    hada_status status = hada_net_create_unet(&net, &options, 1, err);
+    if (!status)
+        status = hada_net_save(net, out, err);
+    hada_net_destroy(&net);
+    return status;
+}
+
 /* A net whose file holds what LPIPS looks for. */
 static hada_status save_lpips(const char *out, hada_error *err)
 {
@@ -147,6 +163,8 @@ int main(int argc, char **argv)
         status = save_pages(argv[2], argv[3], atoi(argv[4]), 0, &err);
     else if (!strcmp(what, "offset") && argc == 5)
         status = save_pages(argv[2], argv[3], 0, atof(argv[4]), &err);
+    else if (!strcmp(what, "net") && argc == 4)
+        status = save_net(argv[2], atoi(argv[3]), &err);
     else if (!strcmp(what, "flat") && argc == 7)
         status = save_flat(argv, &err);
     else if (!strcmp(what, "enhance") && argc == 4)

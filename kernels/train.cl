@@ -14,7 +14,8 @@ inline float16 train_add(float16 b, float16 g, float8 m, int split, float16 sum)
     return sum;
 }
 
-/* Dimension 0: groups of eight of the `count` frequencies, dimension 1: channels. `offset`: complex numbers before B. */
+/* Dimension 0: groups of eight of the `count` frequencies, dimension 1: channels. `offset`: complex numbers before
+ * B. */
 __kernel void train_filter(__global const float *b, ulong offset, __global const float *g,
                            __global const float *weights, __global float *gradient, ulong count, float scale,
                            int split)

@@ -31,7 +31,6 @@ void hada_train_options_init(hada_train_options *options, hada_stage stage)
                                     .batch = 4,
                                     .rule = HADA_RULE_ADAM,
                                     .rate = 1e-3,
-                                    .filter_rate = 1e-3,
                                     .critic_rate = 1e-4,
                                     .schedule = HADA_RATE_COSINE,
                                     .last_rate = 0.02,
@@ -125,6 +124,8 @@ hada_status hada_train_options_settle(hada_train_options *options, const hada_mo
         return hada_fail(err, HADA_ERROR_ARGUMENT, "set the options up with hada_train_options_init()");
     if ((int)options->stage < HADA_STAGE_FILTERS || options->stage > HADA_STAGE_CONVENTIONAL)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "there is no stage %d", (int)options->stage);
+    if (options->filter_rate == 0.0) /* filters have values around 1; those of a fit need little */
+        options->filter_rate = options->random_start ? 0.1 : 1e-3;
     hada_status status = check_numbers(options, err);
     if (!status)
         status = hada_augment_check(&options->augment, info, err);

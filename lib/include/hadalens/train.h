@@ -82,7 +82,8 @@ typedef struct hada_train_options {
     int at_once;    /* pairs computed together on a device; fewer need less memory (gradients add up); 0: chosen */
     int recompute;  /* 1: keep less for backward, compute it again */
     hada_rule rule; /* HADA_RULE_RMSPROP is the paper's */
-    double rate, filter_rate, critic_rate; /* of the net, the filters, the discriminator */
+    double rate, filter_rate, critic_rate; /* of the net, the filters (0: 0.1 for a random start, else 1e-3), the
+                                              discriminator */
     hada_rate schedule;
     double last_rate;      /* COSINE: at the end, as a share of the rate; STEP: factor after each period */
     uint64_t rate_period;  /* STEP */

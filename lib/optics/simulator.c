@@ -148,7 +148,11 @@ hada_status hada_simulator_create_with(hada_simulator **out, hada_context *conte
         s->rows = hada_fft_good_size(camera->rows + s->field.rows);
         s->cols = hada_fft_good_size(camera->cols + s->field.cols);
     }
+    const int waves = !psf && camera->optics == HADA_OPTICS_WAVE;
+    if (waves)
+        s->psf_images = camera->channels;
     if ((psf && (status = keep_psf(s, psf, err))) ||
+        (waves && (status = hada_wave_create(&s->wave, context, camera, NULL, err))) ||
         (status = hada_alloc(&memory, (size_t)camera->depths, sizeof(hada_buffer), "the transfer functions", err)))
         goto done;
     s->otf = memory;
@@ -184,6 +188,7 @@ void hada_simulator_destroy(hada_simulator **simulator)
     *simulator = NULL;
     if (s->slot)
         hada_slot_finish(s->slot, NULL);
+    hada_wave_destroy(&s->wave);
     hada_fft_destroy(&s->forward_psf);
     hada_fft_destroy(&s->forward_scene);
     hada_fft_destroy(&s->inverse);

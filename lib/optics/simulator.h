@@ -2,6 +2,7 @@
 #ifndef HADA_OPTICS_SIMULATOR_H
 #define HADA_OPTICS_SIMULATOR_H
 
+#include <hadalens/optics.h>
 #include <hadalens/simulate.h>
 
 #include "fft/fft.h"
@@ -12,7 +13,8 @@ typedef struct hada_extent {
 
 struct hada_simulator {
     hada_camera camera;
-    hada_image *psf;          /* given ones, one a depth; NULL: from geometry */
+    hada_image *psf;          /* given ones, one a depth; NULL: by the camera's optics */
+    hada_wave *wave;          /* makes them by wave optics; NULL: geometry */
     int psf_images;           /* channels of each PSF */
     hada_extent shift, field; /* of the options; the field at least the window */
     int rows, cols;           /* of the transform: the sensor, or larger where light is cropped */

@@ -13,6 +13,15 @@ hada_status hada_simulator_check_depth(const hada_simulator *s, int depth, hada_
     return HADA_OK;
 }
 
+/* By the camera's optics. */
+static hada_status designed_psf(const hada_simulator *s, int depth, int rows, int cols, hada_image *psf,
+                                hada_error *err)
+{
+    const double distance = s->camera.distances_mm[depth];
+    return s->wave ? hada_wave_psf(s->wave, distance, rows, cols, psf, err)
+                   : hada_camera_psf_sized(&s->camera, distance, rows, cols, psf, err);
+}
+
 hada_status hada_simulator_place_psf(const hada_simulator *s, int depth, int rows, int cols, hada_image *psf,
                                      hada_error *err)
 {
@@ -22,12 +31,11 @@ hada_status hada_simulator_place_psf(const hada_simulator *s, int depth, int row
         return hada_image_crop(psf, given, given->rows / 2 - rows / 2 + shift.rows,
                                given->cols / 2 - cols / 2 + shift.cols, rows, cols, err);
     }
-    const double distance = s->camera.distances_mm[depth];
     if (!shift.rows && !shift.cols)
-        return hada_camera_psf_sized(&s->camera, distance, rows, cols, psf, err);
+        return designed_psf(s, depth, rows, cols, psf, err);
     const int down = abs(shift.rows), across = abs(shift.cols);
     hada_image wide;
-    hada_status status = hada_camera_psf_sized(&s->camera, distance, rows + 2 * down, cols + 2 * across, &wide, err);
+    hada_status status = designed_psf(s, depth, rows + 2 * down, cols + 2 * across, &wide, err);
     if (status)
         return status;
     status = hada_image_crop(psf, &wide, down + shift.rows, across + shift.cols, rows, cols, err);

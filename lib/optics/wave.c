@@ -24,6 +24,7 @@ static hada_status upload_lenses(hada_wave *wave, hada_error *err)
     hada_status status = hada_wave_lens_tables(&wave->design, &lenses, &planes, &count, err);
     if (status)
         return status;
+    wave->area = hada_wave_lens_area(&wave->design, lenses, planes);
     status = hada_buffer_create_from(&wave->lenses, wave->slot, lenses,
                                      (size_t)wave->design.sites.count * sizeof *lenses, "the lenses", err);
     if (!status) /* one more than there are: a buffer is never empty */

@@ -31,6 +31,7 @@ struct hada_wave {
     hada_slot *slot;
     hada_mask_design design;
     hada_buffer lenses, planes; /* lens by lens */
+    double area;                /* of all lenses, square millimetres */
 };
 
 /* How the spot of a lens is sampled at a distance and a wavelength: a pixel is `samples` x `samples` values of the
@@ -54,6 +55,9 @@ void hada_wave_phase(const hada_wave_spot *spot, double wavelength_mm, double sh
 hada_status hada_wave_lens_tables(const hada_mask_design *design, hada_wave_lens **lenses, hada_wave_plane **planes,
                                   int *plane_count, hada_error *err);
 
+/* The area of all lenses. */
+double hada_wave_lens_area(const hada_mask_design *design, const hada_wave_lens *lenses, const hada_wave_plane *planes);
+
 /* Launches, each a kernel. Buffers as the kernels' heads say. */
 hada_status hada_wave_launch_pupil(hada_slot *slot, cl_mem field, cl_mem phase, cl_mem lenses, cl_mem planes, int first,
                                    int count, const hada_wave_spot *spot, double radius, double aperture,
@@ -73,8 +77,9 @@ void hada_wave_share(hada_wave_pixel *table, int pixels, double pixel, double wi
                      double step);
 
 /* Phase of free space over `distance` for frequencies 0 .. count - 1 (negative above n/2) of n samples of `step`: the
- * transfer function exp(-i pi lambda distance f^2), interleaved. */
-void hada_wave_travel_phase(float *phase, int count, int n, double step, double wavelength_mm, double distance_mm);
+ * transfer function exp(-i pi lambda distance f^2), interleaved; 0 beyond the frequency `limit`. */
+void hada_wave_travel_phase(float *phase, int count, int n, double step, double wavelength_mm, double distance_mm,
+                            double limit);
 
 /* A channel of a PSF, added to `sum` (rows x cols); *light: what all light of the mask adds up to. path_scale: the
  * mask's optical path at the wavelength, over that at 587.6 nm. */

@@ -110,6 +110,23 @@ hada_status hada_wave_lens_tables(const hada_mask_design *design, hada_wave_lens
     return HADA_OK;
 }
 
+double hada_wave_lens_area(const hada_mask_design *design, const hada_wave_lens *lenses, const hada_wave_plane *planes)
+{
+    const int across = design->sites.count > 256 ? 64 : 256;
+    const double reach = design->reach, step = 2.0 * reach / across, radius = design->camera.lens_diameter_mm / 2.0;
+    double sum = 0.0;
+    for (int l = 0; l < design->sites.count; l++)
+        for (int i = 0; i < across * across; i++) {
+            const double u = (i % across + 0.5) * step - reach, v = (i / across + 0.5) * step - reach;
+            double edge = fmin(radius - sqrt(u * u + v * v),
+                               design->camera.aperture_mm / 2.0 - hypot(lenses[l].x + u, lenses[l].y + v));
+            for (int p = lenses[l].first; p < lenses[l].first + lenses[l].planes; p++)
+                edge = fmin(edge, planes[p].c - planes[p].a * u - planes[p].b * v);
+            sum += hada_mask_open(edge, step);
+        }
+    return sum * step * step;
+}
+
 typedef struct work {
     hada_fft *fft;
     hada_buffer field, phase, spectra, part, image;
@@ -181,14 +198,12 @@ static int spot_place(double position_mm, double pitch, int middle, int samples,
     return (int)pixel;
 }
 
-static void add_spot(const float *image, const hada_wave_spot *spot, int row, int col, int rows, int cols, double *sum,
-                     double *light)
+static void add_spot(const float *image, const hada_wave_spot *spot, int row, int col, int rows, int cols, double *sum)
 {
     for (int r = 0; r < spot->pixels; r++)
         for (int c = 0; c < spot->pixels; c++) {
             const double value = image[(size_t)r * (size_t)spot->pixels + (size_t)c];
             const int at_row = row + r - spot->pixels / 2, at_col = col + c - spot->pixels / 2;
-            *light += value;
             if (at_row >= 0 && at_row < rows && at_col >= 0 && at_col < cols)
                 sum[(size_t)at_row * (size_t)cols + (size_t)at_col] += value;
         }
@@ -240,10 +255,13 @@ hada_status hada_wave_by_lens(hada_wave *wave, double distance_mm, double wavele
             double shift;
             const int col = spot_place(sites->x[first + i] * magnification, pitch, cols / 2, spot.samples, &shift);
             const int row = spot_place(sites->y[first + i] * magnification, pitch, rows / 2, spot.samples, &shift);
-            add_spot(w.images + (size_t)i * (size_t)spot.pixels * (size_t)spot.pixels, &spot, row, col, rows, cols, sum,
-                     light);
+            add_spot(w.images + (size_t)i * (size_t)spot.pixels * (size_t)spot.pixels, &spot, row, col, rows, cols,
+                     sum);
         }
     }
     work_free(&w);
+    /* Parseval, with the true area: what the softened edges lack in |P|^2 is the light beyond the square round a spot
+     */
+    *light = (double)spot.n * spot.n * wave->area / (spot.step * spot.step);
     return status;
 }

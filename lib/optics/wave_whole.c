@@ -1,21 +1,23 @@
 /* Wave optics of a whole mask. Light from a point at distance z that has passed the mask T travels to the sensor at d
  * as a plane wave would over d z / (d + z), in coordinates shrunk by the magnification M = 1 + d/z (the Fresnel scaling
- * theorem); pixels are that much smaller there. Free space is a product in the frequency domain, on a grid so wide that
- * the steepest frequency it holds does not reach round its edge. */
+ * theorem); pixels are that much smaller there. Free space is a product in the frequency domain, without the
+ * frequencies whose light would leave the grid (K. Matsushima, T. Shimobaba, Optics Express 17(22), 19662 (2009)). */
 #include <math.h>
 #include <stdlib.h>
 
 #include "core/alloc.h"
 #include "optics/wave.h"
 
+#define STRAY_FACTOR 9.8696044 /* pi^2: see wave_lens.c */
 #define PI           3.14159265358979323846
 #define OVERSAMPLING 1.25 /* of the steepest slope of the mask */
-#define PIXEL_PARTS  8    /* samples on a pixel, at least, a side */
-#define EDGE_PARTS   24 /* samples on a hole, a cell or a strip, at least */
+#define PIXEL_PARTS  8    /* samples on a pixel or on the light's finest detail, whichever is larger */
+#define EDGE_PARTS   48   /* samples on a hole, a cell or a strip, at least */
 
 typedef struct grid {
     int points, n;      /* samples of the mask, of the transform, a side */
     double step, reach; /* reach: the distance that light travels, shrunk */
+    double limit;       /* of frequencies: light beyond would leave the grid, and is left out */
 } grid;
 
 static hada_status size_grid(const hada_wave *wave, double distance_mm, double wavelength_mm, double path_scale,
@@ -23,16 +25,24 @@ static hada_status size_grid(const hada_wave *wave, double distance_mm, double w
 {
     const hada_camera *c = &wave->camera;
     const double magnification = hada_camera_magnification(c, distance_mm);
+    const double slope = wave->design.slope * path_scale, feature = wave->design.feature;
+    const double pixel = c->pixel_pitch_mm / magnification;
     g->reach = c->distance_mm / magnification;
-    g->step = c->pixel_pitch_mm / (PIXEL_PARTS * magnification);
-    const double slope = wave->design.slope * path_scale;
+    /* the finest detail of the light: of a lens or hole, or what slopes in both directions make */
+    double detail = feature > 0.0 ? wavelength_mm * g->reach / feature : wavelength_mm / (2.0 * slope + 1e-9);
+    g->step = fmax(pixel, detail) / PIXEL_PARTS;
     if (slope > 0.0)
         g->step = fmin(g->step, wavelength_mm / (2.0 * OVERSAMPLING * slope));
-    if (wave->design.feature > 0.0)
-        g->step = fmin(g->step, wave->design.feature / EDGE_PARTS);
+    if (feature > 0.0)
+        g->step = fmin(g->step, feature / EDGE_PARTS);
     g->points = (int)ceil(c->aperture_mm / g->step);
-    const double wide = c->aperture_mm + g->reach * wavelength_mm / g->step; /* reach lambda / 2 step on either side */
-    const double n = ceil(wide / g->step);
+    /* how far light goes aside: by slopes and, as an Airy pattern's tail, from edges */
+    double aside = OVERSAMPLING * slope + 2.0 * wavelength_mm / (c->aperture_mm * STRAY_FACTOR * wave->options.stray);
+    if (feature > 0.0)
+        aside += 2.0 * wavelength_mm / (feature * STRAY_FACTOR * wave->options.stray);
+    aside = fmin(aside, wavelength_mm / (2.0 * g->step));
+    g->limit = aside / wavelength_mm;
+    const double n = ceil((c->aperture_mm + 2.0 * g->reach * aside) / g->step);
     const hada_device_info *info = &wave->slot->context->info;
     /* mask and opening, two parts, two spectra (the transform's scratch as much again), a spectrum in one piece */
     const double bytes = 4.0 * (2.0 * g->points * (double)g->points + 8.0 * n * n), piece = 8.0 * n * (n + 16.0);
@@ -64,13 +74,15 @@ void hada_wave_share(hada_wave_pixel *table, int pixels, double pixel, double wi
     }
 }
 
-void hada_wave_travel_phase(float *phase, int count, int n, double step, double wavelength_mm, double distance_mm)
+void hada_wave_travel_phase(float *phase, int count, int n, double step, double wavelength_mm, double distance_mm,
+                            double limit)
 {
     for (int k = 0; k < count; k++) {
         const double frequency = (k <= n / 2 ? k : k - n) / (n * step);
         const double angle = -PI * wavelength_mm * distance_mm * frequency * frequency;
-        phase[2 * k] = (float)cos(angle);
-        phase[2 * k + 1] = (float)sin(angle);
+        const double passes = fabs(frequency) <= limit;
+        phase[2 * k] = (float)(passes * cos(angle));
+        phase[2 * k + 1] = (float)(passes * sin(angle));
     }
 }
 
@@ -106,7 +118,7 @@ static hada_status upload_mask(const hada_wave *wave, work *w, const grid *g, do
             const float share = (float)hada_mask_open(point.edge, g->step);
             ((float *)path)[at] = (float)point.path;
             ((float *)open)[at] = share;
-            *light += (double)share * share;
+            *light += share; /* the area; |T|^2 of softened edges lacks what they scatter */
         }
     if (!status)
         status = hada_buffer_create_from(&w->path, wave->slot, path, count * sizeof(float), "a mask", err);
@@ -142,9 +154,9 @@ static hada_status spread(const hada_wave *wave, work *w, const grid *g, double 
         hada_alloc(&phase, 2 * (size_t)(columns > g->n ? columns : g->n), sizeof(float), "phases", err);
     if (status)
         return status;
-    hada_wave_travel_phase(phase, columns, g->n, g->step, wavelength_mm, g->reach);
+    hada_wave_travel_phase(phase, columns, g->n, g->step, wavelength_mm, g->reach, g->limit);
     status = hada_buffer_create_from(&w->across, slot, phase, 2 * (size_t)columns * sizeof(float), "phases", err);
-    hada_wave_travel_phase(phase, g->n, g->n, g->step, wavelength_mm, g->reach);
+    hada_wave_travel_phase(phase, g->n, g->n, g->step, wavelength_mm, g->reach, g->limit);
     if (!status)
         status = hada_buffer_create_from(&w->down, slot, phase, 2 * (size_t)g->n * sizeof(float), "phases", err);
     free(phase);

@@ -25,8 +25,8 @@ typedef struct hada_wave_options {
      * which pixels wider than that average out, as does the bandwidth of a colour. 1: all light of the mask together,
      * as always for other masks; takes far more memory. */
     int coherent;
-    double stray; /* lens by lens: about the share of light that may be placed wrongly, since it spreads farther than
-                     the square that is computed round a spot; 0: 0.002 */
+    double stray; /* about the share of light that may be left out, scattered at the edges of lenses or openings so
+                     far that it leaves the grid that is computed; 0: 0.002 */
 } hada_wave_options;
 
 HADA_API void hada_wave_options_init(hada_wave_options *options);

@@ -18,10 +18,10 @@ extern "C" {
 /* Renders raw frames of a camera on a device. Transfer functions are made at first use of each depth and kept. */
 typedef struct hada_simulator hada_simulator;
 
-/* The camera is copied. */
+/* The camera is copied. PSFs are made by its `optics`. */
 HADA_API hada_status hada_simulator_create(hada_simulator **out, hada_context *context, const hada_camera *camera,
                                            hada_error *err);
-/* As hada_simulator_create, with measured or designed PSFs instead of the geometry: `psf` holds camera->depths images
+/* As hada_simulator_create, with measured or designed PSFs instead of the camera's own: `psf` holds camera->depths images
  * of sensor size, of one channel or of camera->channels. Used as they are, without normalisation. */
 HADA_API hada_status hada_simulator_create_psf(hada_simulator **out, hada_context *context, const hada_camera *camera,
                                                const hada_image *psf, hada_error *err);
@@ -29,7 +29,7 @@ HADA_API hada_status hada_simulator_create_psf(hada_simulator **out, hada_contex
 /* What a simulator can differ in. Start from hada_simulator_options_init(). */
 typedef struct hada_simulator_options {
     size_t size;                /* sizeof(hada_simulator_options) */
-    const hada_image *psf;      /* as for hada_simulator_create_psf; NULL (default): from the geometry */
+    const hada_image *psf;      /* as for hada_simulator_create_psf; NULL (default): the camera's own */
     int shift_rows, shift_cols; /* where the sensor's middle stands from the optical axis, in pixels: the frame holds
                                    at pixel (r, c) what it would hold at (r + shift_rows, c + shift_cols) */
     int field_rows, field_cols; /* scenes may be this large, about the middle of the window, so that light from beyond
@@ -78,8 +78,8 @@ HADA_API hada_status hada_simulator_expose(hada_simulator *simulator, const hada
 HADA_API hada_status hada_simulator_white_exposure(hada_simulator *simulator, double share, double *exposure,
                                                    hada_error *err);
 
-/* The PSF in use at a depth (index), as the sensor sees it where it stands: sensor size, channels as it was given (one
- * from geometry). Created by the call. */
+/* The PSF in use at a depth (index), as the sensor sees it where it stands: sensor size, channels as it was given (by
+ * geometry one, by waves the camera's). Created by the call. */
 HADA_API hada_status hada_simulator_psf(const hada_simulator *simulator, int depth, hada_image *psf, hada_error *err);
 
 /* Adds Gaussian noise with standard deviation `sigma` (in the image's units). */

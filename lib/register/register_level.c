@@ -37,14 +37,17 @@ static hada_status take_frame(hada_register_plane *plane, const float *data, int
     return status;
 }
 
+/* Standard deviation; 0 where only rounding makes values differ. */
 static double deviation(const float *data, size_t count)
 {
-    double mean = 0.0, square = 0.0;
-    for (size_t i = 0; i < count; i++)
+    double mean = 0.0, square = 0.0, largest = 0.0;
+    for (size_t i = 0; i < count; i++) {
         mean += data[i] / (double)count;
+        largest = fmax(largest, fabs(data[i]));
+    }
     for (size_t i = 0; i < count; i++)
         square += (data[i] - mean) * (data[i] - mean) / (double)count;
-    return sqrt(square);
+    return sqrt(square) > 1e-6 * largest ? sqrt(square) : 0.0;
 }
 
 /* The channel with the most structure in frames and scenes; -1: there is none. */
@@ -96,12 +99,13 @@ hada_status hada_register_set_create(hada_register_set *set, const hada_image *r
                                      int count, hada_error *err)
 {
     *set = (hada_register_set){0};
-    if (!raws || !scenes || count < 2)
+    if (!raws || !scenes || count < 1)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "registration needs pairs of a frame and a scene");
+    if (count < 2)
         return hada_fail(
-            err, HADA_ERROR_ARGUMENT,
-            "%d %s cannot tell how scenes stand on the sensor: the PSF is unknown, so any transform explains "
-            "one pair; give two or more, better five",
-            count, count == 1 ? "pair" : "pairs");
+            err, HADA_ERROR_DATASET,
+            "one pair cannot tell how scenes stand on the sensor: the PSF is unknown, so any transform explains "
+            "it; give two or more, better five");
     count = count < HADA_REGISTER_PAIRS ? count : HADA_REGISTER_PAIRS;
     hada_status status = check_pairs(raws, scenes, count, err);
     if (status)

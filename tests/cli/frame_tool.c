@@ -6,6 +6,8 @@
  *   frame_tool enhance MODEL OUT     the model with a net (preset compact, random weights)
  *   frame_tool net OUT CHANNELS      a U-net of a few weights
  *   frame_tool lpips OUT             AlexNet and the heads of LPIPS, random weights
+ *   frame_tool turn IN OUT MAGNIFICATION DEGREES QUARTERS MIRRORED ROWS COLS    as hada_register_apply(), moved by
+ *                                    ROWS and COLS
  *   frame_tool info IN               "frames channels rows cols bits", and the mean of the finite values */
 #include <hadalens/hadalens.h>
 #include <math.h>
@@ -127,6 +129,29 @@ static hada_status save_net(const char *out, int channels, hada_error *err)
     return status;
 }
 
+static hada_status save_turned(char **argv, hada_error *err)
+{
+    const hada_registration by = {.magnification = atof(argv[4]),
+                                  .rotation_deg = atof(argv[5]),
+                                  .quarter_turns = atoi(argv[6]),
+                                  .mirrored = atoi(argv[7]),
+                                  .offset_row = atof(argv[8]),
+                                  .offset_col = atof(argv[9])};
+    hada_image image = {0}, out = {0};
+    hada_tiff_write_options options;
+    int rows, cols;
+    hada_tiff_write_options_init(&options);
+    hada_status status = hada_tiff_load(argv[2], 0, &image, err);
+    hada_register_size(&by, image.rows, image.cols, &rows, &cols);
+    if (!status)
+        status = hada_register_apply(&out, &image, &by, rows, cols, err);
+    if (!status)
+        status = hada_tiff_save(argv[3], &out, &options, err);
+    hada_image_destroy(&image);
+    hada_image_destroy(&out);
+    return status;
+}
+
 /* A net whose file holds what LPIPS looks for. */
 static hada_status save_lpips(const char *out, hada_error *err)
 {
@@ -171,6 +196,8 @@ int main(int argc, char **argv)
         status = save_enhanced(argv[2], argv[3], &err);
     else if (!strcmp(what, "lpips") && argc == 3)
         status = save_lpips(argv[2], &err);
+    else if (!strcmp(what, "turn") && argc == 10)
+        status = save_turned(argv, &err);
     else if (!strcmp(what, "info") && argc == 3)
         status = print_info(argv[2], &err);
     if (status)

@@ -49,8 +49,8 @@ HADA_API void hada_register_options_init(hada_register_options *options);
 
 /* Finds the transform from the pairs of one depth, two or more: all raw frames of one size, of at least 32 pixels on
  * the longer side, all scenes of one size. The channel with the most structure is used. `options` may be NULL.
- * HADA_ERROR_ARGUMENT for a single pair; HADA_ERROR_DATASET when the pairs cannot tell: scenes without structure, or no
- * transform explains them clearly better than those of other orientations do. */
+ * HADA_ERROR_DATASET when the pairs cannot tell: a single one, scenes without structure, or no transform explains them
+ * clearly better than those of other orientations do. */
 HADA_API hada_status hada_register_pairs(hada_registration *out, const hada_image *raws, const hada_image *scenes,
                                          int count, const hada_register_options *options, hada_error *err);
 

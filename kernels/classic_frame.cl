@@ -41,3 +41,11 @@ classic_energy(__global const float *images, uint pixels, uint slice, __global f
     }
     REFINE_PARTIAL(partial, IMAGE_PLACE(0), refine_sum(sum))
 }
+
+/* The frame, [channel][rows][cols] floats, with the pitch of images. Dimensions: columns up to the pitch, rows,
+ * channels. */
+__kernel void classic_seen(__global const float *frame, ulong offset, __global float *images, int cols)
+{
+    const size_t row = (size_t)get_global_id(2) * get_global_size(1) + get_global_id(1), j = get_global_id(0);
+    images[row * get_global_size(0) + j] = j < (size_t)cols ? frame[offset + row * (size_t)cols + j] : 0.0f;
+}

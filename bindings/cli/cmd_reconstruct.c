@@ -2,6 +2,7 @@
 #include "fit_settings.h"
 #include "folder.h"
 #include "frame_files.h"
+#include "method_options.h"
 #include "pairs.h"
 #include "skip_words.h"
 
@@ -16,8 +17,9 @@
 typedef struct settings {
     hada_cli_common common;
     const char *model, *output, *depths, *occupied, *refine, *dark, *skip;
-    int method, bits, half, repair, no_enhance, no_preview, batch, queues;
-    double gamma, white, lambda, max_error, band;
+    int bits, half, repair, no_enhance, no_preview, batch, queues;
+    double gamma, white, max_error, band;
+    hada_cli_method_settings method;
 } settings;
 
 #define AT(member) offsetof(settings, member)
@@ -41,9 +43,6 @@ static const hada_cli_option options[] = {
      "auto takes what the fit measured to pay for this camera. 0: the linear filters alone, the quickest.", AT(refine)},
     {HADA_OPTION_TEXT, "dark", 0, "FILE|auto|none|LEVEL", "dark level of the frames (default: what the model says)",
      "FILE: a dark frame of the camera; auto: each frame's own; LEVEL: a share of full scale.", AT(dark)},
-    {HADA_OPTION_CHOICE, "method", 0, "hadamard|matched|wiener", "linear filter (default: hadamard, the model's own)",
-     "matched and wiener are made from the model's transfer functions.", AT(method)},
-    {HADA_OPTION_REAL, "lambda", 0, "L", "regularisation of --method wiener (default: 0.01)", NULL, AT(lambda)},
     {HADA_OPTION_FLAG, "repair", 0, NULL, "fill NaN and infinite pixels from their neighbours",
      "Without it such a frame is refused.", AT(repair)},
     {HADA_OPTION_FLAG, "no-enhance", 0, NULL, "leave out the net that the model holds", NULL, AT(no_enhance)},
@@ -62,6 +61,33 @@ static const hada_cli_option options[] = {
      "With two, the transfers of one frame overlap with computing another; each takes memory of its own. For several "
      "devices give a list of them, such as 0,1, or cpu/2 for the CPU in two halves.",
      AT(queues)},
+
+    {HADA_OPTION_GROUP, NULL, 0, NULL, "Other methods, on the model's transfer functions", NULL, 0},
+    {HADA_OPTION_CHOICE, "method", 0, "hadamard|matched|wiener|rl|fista|admm", "what to do (default: hadamard)",
+     "hadamard: the model's own filters, then --refine. matched: the transposed optics. wiener: the linear filter for "
+     "all depths jointly. rl (Richardson-Lucy), fista and admm iterate, without --refine and without looking for the "
+     "occupied depths: all of --depths, or those of --occupied.",
+     AT(method.method)},
+    {HADA_OPTION_COUNT, "iterations", 0, "N", "iterations at most (default: 100)", NULL, AT(method.iterations)},
+    {HADA_OPTION_REAL, "stop", 0, "R", "stop when the planes change by less than this share, twice (default: never)",
+     NULL, AT(method.stop)},
+    {HADA_OPTION_REAL, "seconds", 0, "S", "stop after so much time for a frame (default: never)",
+     "The result then depends on how fast the machine is.", AT(method.seconds)},
+    {HADA_OPTION_CHOICE, "prior", 0, "none|tv|wavelet|haar", "beside non-negativity (default: admm tv, else none)",
+     "tv: total variation. For fista also Haar wavelets, translation-invariant (wavelet) or orthonormal (haar).",
+     AT(method.prior)},
+    {HADA_OPTION_REAL, "weight", 0, "W", "weight of the prior (default: 0.001; rl 0.002)", NULL, AT(method.weight)},
+    {HADA_OPTION_REAL, "tv", 0, "W", "the same as --prior tv --weight W", NULL, AT(method.tv)},
+    {HADA_OPTION_CHOICE, "support", 0, "window|grid", "where light may come from (default: admm grid, else window)",
+     NULL, AT(method.support)},
+    {HADA_OPTION_REAL, "lambda", 0, "L", "noise that wiener reckons with, in mean |OTF|^2 (default: 0.01)", NULL,
+     AT(method.lambda)},
+    {HADA_OPTION_FLAG, "no-accelerate", 0, NULL, "rl: without Biggs and Andrews' acceleration", NULL, AT(method.plain)},
+    {HADA_OPTION_REAL, "step", 0, "S", "fista: step of the gradient, below 2 (default: 1)", NULL, AT(method.step)},
+    {HADA_OPTION_COUNT, "inner", 0, "N", "fista: iterations of the tv step (default: 5)", NULL, AT(method.inner)},
+    {HADA_OPTION_COUNT, "levels", 0, "N", "fista: levels of wavelets (default: 3)", NULL, AT(method.levels)},
+    {HADA_OPTION_TEXT, "mu", 0, "M1,M2,M3", "admm: weights of the splits of data, gradient and planes", NULL,
+     AT(method.mu)},
     {0},
 };
 
@@ -74,7 +100,7 @@ static void defaults(void *user)
     set->bits = 3;
     set->gamma = 1;
     set->white = 1;
-    set->lambda = 0.01;
+    hada_cli_method_defaults(&set->method);
 }
 
 /* What stays the same over all files. */
@@ -122,6 +148,8 @@ static hada_status read_options(job *work, hada_plan_options *plan, hada_error *
     }
     if (!status)
         status = hada_cli_read_skip(set->skip, &plan->skip, err);
+    if (!status)
+        status = hada_cli_read_method(&set->method, &plan->classic, err);
     plan->max_error = set->max_error;
     plan->band = set->band;
     plan->repair_not_finite = set->repair;
@@ -133,14 +161,13 @@ static hada_status read_options(job *work, hada_plan_options *plan, hada_error *
     return status;
 }
 
-/* matched and wiener in place of the model's own filters. */
+/* matched in place of the model's own filters. */
 static hada_status change_form(job *work, hada_error *err)
 {
     hada_model *other = NULL;
-    if (work->set->method < 2)
+    if (work->set->method.method != HADA_CLI_METHOD_MATCHED)
         return HADA_OK;
-    hada_form form = work->set->method == 2 ? HADA_FORM_MATCHED : HADA_FORM_WIENER;
-    hada_status status = hada_model_with_form(&other, work->model, form, work->set->lambda, err);
+    hada_status status = hada_model_with_form(&other, work->model, HADA_FORM_MATCHED, 0, err);
     if (status)
         return status;
     hada_model_destroy(&work->model);
@@ -238,8 +265,8 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
         return hada_cli_usage(cli, "say which camera took the frames, with -m MODEL ('hadalens fit' makes one)");
     if (!set->output)
         return hada_cli_usage(cli, "say where the results shall go, with -o FOLDER");
-    if (!(set->gamma > 0) || !(set->white > 0) || !(set->lambda > 0))
-        return hada_cli_usage(cli, "--gamma, --white and --lambda must be greater than zero");
+    if (!(set->gamma > 0) || !(set->white > 0))
+        return hada_cli_usage(cli, "--gamma and --white must be greater than zero");
     if (!(set->max_error >= 0 && set->max_error < 1) || !(set->band > 0 && set->band <= 1))
         return hada_cli_usage(cli, "--max-error takes 0 to below 1, --band a share above 0 and at most 1");
     char **names = calloc((size_t)count, sizeof *names);
@@ -263,6 +290,7 @@ static const hada_cli_example examples[] = {
     {"hadalens reconstruct *.tif -m camera.model -o pictures --refine 0", "many frames, quickly."},
     {"hadalens reconstruct hand.tif -m hand.model -o pictures --dark auto --bits 16", "a sensor with an offset."},
     {"hadalens reconstruct frame.tif -m camera.model -o pictures --occupied 100mm,250mm", "when the depths are known."},
+    {"hadalens reconstruct frame.tif -m camera.model -o pictures --method admm --tv 0.002", "what others use."},
     {"hadalens reconstruct movie.tif -m camera.model -o pictures --device 0,1 --queues 2", "on two devices at once."},
     {0},
 };

@@ -5,6 +5,9 @@
 #include <stdio.h>
 #include <string.h>
 
+/* In the order of hada_method. */
+static const char *const methods[] = {"model", "wiener", "rl", "fista", "admm"};
+
 json_t *hada_cli_frame_json(const hada_result *result)
 {
     const hada_report *report = &result->report;
@@ -13,6 +16,7 @@ json_t *hada_cli_frame_json(const hada_result *result)
         if (report->occupied[z])
             json_array_append_new(occupied, hada_cli_real(result->distances_mm[z]));
     json_object_set_new(frame, "occupied_mm", occupied);
+    json_object_set_new(frame, "method", json_string(methods[report->method]));
     json_object_set_new(frame, "refine_steps", json_integer(report->refine_steps));
     json_object_set_new(frame, "residual_linear", hada_cli_real(report->residual_linear));
     json_object_set_new(frame, "residual", hada_cli_real(report->residual));
@@ -42,7 +46,7 @@ void hada_cli_frame_words(const hada_result *result, char *text, size_t size)
     *text = '\0';
     for (int z = 0; report->occupied && z < result->depths; z++)
         count += report->occupied[z] != 0;
-    if (!report->refine_steps && count == result->depths) {
+    if (!report->refine_steps && report->method == HADA_METHOD_MODEL && count == result->depths) {
         add(text, size, "linear filters alone", 0);
     } else if (count == result->depths && count > 1) {
         add(text, size, "all %.0f depths", count);
@@ -60,9 +64,15 @@ void hada_cli_frame_words(const hada_result *result, char *text, size_t size)
             }
         add(text, size, " mm", 0);
     }
-    if (report->refine_steps)
+    if (report->method != HADA_METHOD_MODEL) {
+        add(text, size, "; ", 0);
+        add(text, size, methods[report->method], 0);
+        if (report->refine_steps)
+            add(text, size, report->refine_steps == 1 ? ", %.0f iteration" : ", %.0f iterations", report->refine_steps);
+    } else if (report->refine_steps) {
         add(text, size, report->refine_steps == 1 ? "; %.0f refinement step" : "; %.0f refinement steps",
             report->refine_steps);
+    }
     double residual = isfinite(report->residual) ? report->residual : report->residual_linear;
     if (isfinite(residual))
         add(text, size, "; %.2g %% unexplained", 100 * residual);

@@ -15,26 +15,6 @@ static const method methods[] = {[HADA_METHOD_RL] = {hada_classic_rl_begin, hada
                                  [HADA_METHOD_FISTA] = {hada_classic_fista_begin, hada_classic_fista_step},
                                  [HADA_METHOD_ADMM] = {hada_classic_admm_begin, hada_classic_admm_step}};
 
-/* The frame's channels, each with its pitch. */
-static hada_status copy_frame(hada_classic *classic, hada_error *err)
-{
-    const hada_refine_data *data = classic->job->data;
-    const hada_classic_image *frame = &classic->frame;
-    const size_t row = (size_t)frame->cols * sizeof(float), pitch = (size_t)frame->pitch * sizeof(float);
-    for (size_t c = 0; c < (size_t)classic->shape.place.channels; c++) {
-        const size_t from[3] = {(data->frame_offset + c * (size_t)frame->rows * (size_t)frame->cols) * sizeof(float), 0,
-                                0};
-        const size_t to[3] = {c * frame->pixels * sizeof(float), 0, 0}, region[3] = {row, (size_t)frame->rows, 1};
-        const cl_int code =
-            clEnqueueCopyBufferRect(classic->slot->queue, data->frame, classic->part[HADA_CLASSIC_SEEN].mem, from, to,
-                                    region, row, 0, pitch, 0, 0, NULL, hada_slot_event(classic->slot));
-        if (code != CL_SUCCESS)
-            return hada_fail_cl(err, code, "clEnqueueCopyBufferRect");
-        hada_slot_moved(classic->slot, "copy", (double)row * frame->rows);
-    }
-    return HADA_OK;
-}
-
 static hada_status check_job(const hada_classic *classic, const hada_classic_job *job, hada_error *err)
 {
     if (job->depths < 1 || job->depths > classic->shape.place.max_planes)
@@ -57,13 +37,14 @@ static hada_status begin(hada_classic *classic, const hada_classic_job *job, had
     classic->planes = job->depths * classic->shape.place.channels;
     classic->momentum = 1.0;
     for (int i = 0; !status && i < HADA_CLASSIC_PARTS; i++)
-        if (i != HADA_CLASSIC_LIST && i != HADA_CLASSIC_WINDOW && i != HADA_CLASSIC_TABLE && i != HADA_CLASSIC_SPECTRA)
+        if (i != HADA_CLASSIC_LIST && i != HADA_CLASSIC_WINDOW && i != HADA_CLASSIC_TABLE &&
+            i != HADA_CLASSIC_SPECTRA && i != HADA_CLASSIC_SEEN)
             status = hada_classic_clear(classic, (hada_classic_part)i, err);
     if (!status)
         status = hada_buffer_write(&classic->part[HADA_CLASSIC_LIST], classic->slot, 0, job->list,
                                    (size_t)job->depths * sizeof(cl_int), err);
     if (!status && classic->bytes[HADA_CLASSIC_SEEN])
-        status = copy_frame(classic, err);
+        status = hada_classic_see(classic, err);
     return status;
 }
 

@@ -186,6 +186,25 @@ hada_status hada_classic_meet(hada_classic *classic, int mode, double scale, had
                   classic->shape.place.channels, args, HADA_COUNT(args), err);
 }
 
+hada_status hada_classic_see(hada_classic *classic, hada_error *err)
+{
+    cl_kernel kernel;
+    const hada_refine_data *data = classic->job->data;
+    const hada_classic_image *frame = &classic->frame;
+    const size_t local[3] = {8, 1, 1};
+    const size_t global[3] = {(size_t)frame->pitch, (size_t)frame->rows, (size_t)classic->shape.place.channels};
+    cl_ulong offset = data->frame_offset;
+    cl_int cols = frame->cols;
+    hada_arg args[] = {HADA_ARG(data->frame), HADA_ARG(offset), HADA_ARG(classic->part[HADA_CLASSIC_SEEN].mem),
+                       HADA_ARG(cols)};
+    hada_status status =
+        hada_slot_kernel(classic->slot, "classic_frame", "classic_seen", classic->image_options, &kernel, err);
+    hada_slot_cost(classic->slot, 8.0 * (double)frame->pixels * (double)global[2], 0.0);
+    return status
+               ? status
+               : hada_slot_launch(classic->slot, kernel, "classic_seen", 3, global, local, args, HADA_COUNT(args), err);
+}
+
 static size_t parts_of(const hada_classic *classic, int rows)
 {
     return rows ? groups((size_t)classic->plane.rows, (size_t)classic->plane.band)

@@ -80,6 +80,9 @@ hada_status hada_classic_back(hada_classic *classic, hada_error *err);
 /* The joint least-squares step of kernels/classic_spectrum.cl. first: HADA_CLASSIC_SPECTRA counts as 0. */
 hada_status hada_classic_solve(hada_classic *classic, int first, double m, double mu2, double mu3, hada_error *err);
 
+/* HADA_CLASSIC_SEEN = the frame. */
+hada_status hada_classic_see(hada_classic *classic, hada_error *err);
+
 /* Mode 1 (ratios) or 2 (ADMM's data split) of kernels/classic_frame.cl on HADA_CLASSIC_MADE. */
 hada_status hada_classic_meet(hada_classic *classic, int mode, double scale, hada_error *err);
 

@@ -34,7 +34,9 @@ static hada_status make_parts(hada_lane *lane, hada_error *err)
                                      "the all-in-focus image and the distance map", err);
     if (!status)
         status = hada_focus_create(&lane->focus, lane->slot, &focus, err);
-    if (!status && shape->refined) {
+    if (!status && shape->classic)
+        status = hada_classic_create(&lane->classic, lane->slot, &shape->method, err);
+    if (!status && shape->refined && !shape->classic) {
         const hada_refine_shape refine = hada_refine_shape_of(info, shape->depths, shape->steps);
         status = hada_refiner_create(&lane->refiner, lane->slot, &refine, err);
     }
@@ -63,6 +65,7 @@ void hada_lane_clear(hada_lane *lane)
         hada_slot_finish(lane->slot, NULL);
     hada_pursuit_destroy(&lane->pursuit);
     hada_refiner_destroy(&lane->refiner);
+    hada_classic_destroy(&lane->classic);
     hada_focus_destroy(&lane->focus);
     hada_enhance_destroy(&lane->enhance);
     hada_buffer_destroy(&lane->planes);

@@ -7,6 +7,7 @@
 #include <hadalens/job.h>
 #include <pthread.h>
 
+#include "classic/classic.h"
 #include "filter/hadamard.h"
 #include "focus/focus.h"
 #include "net/enhance.h"
@@ -25,7 +26,8 @@ struct hada_lane {
     hada_hadamard *stage;
     hada_meter *meter; /* NULL where spectra are not measured */
     hada_pursuit *pursuit;
-    hada_refiner *refiner;
+    hada_refiner *refiner; /* this or the next, or neither */
+    hada_classic *classic;
     hada_focus *focus;
     hada_enhance *enhance; /* NULL where no net is used */
     hada_buffer planes;    /* linear: a batch, [depth][channel][window] */
@@ -85,6 +87,12 @@ hada_status hada_lane_linear(hada_lane *lane, hada_task *task, hada_error *err);
 
 /* Planes of the occupied depths, refined jointly, into the result and into the focus. */
 hada_status hada_lane_refined(hada_lane *lane, hada_task *task, hada_error *err);
+
+/* Planes of the `count` depths in lane->occupied by a classic method, in hada_classic_planes(lane->classic). */
+hada_status hada_lane_classic(hada_lane *lane, hada_task *task, int count, hada_error *err);
+
+/* The transfer functions, the spectrum and the frame that stands in the stage. */
+hada_refine_data hada_lane_refine_data(const hada_lane *lane);
 
 /* Which computed depths the frame in the stage occupies: lane->occupied[0 .. *count - 1], ascending. */
 hada_status hada_lane_pursue(hada_lane *lane, hada_task *task, int *count, hada_error *err);

@@ -29,8 +29,9 @@ static hada_status note(hada_room *room, const hada_context *context, const hada
 {
     const hada_model_info *info = hada_model_get_info(model);
     const hada_focus_desc focus = hada_plan_focus_of(info, shape);
-    /* where the sensor crops, refinement compares with the frame itself */
-    const int raw_last = shape->refined && info->boundary == HADA_BOUNDARY_PADDED ? COMPUTE : UPLOAD;
+    /* where the sensor crops, refinement compares with the frame itself; some classic methods do in any case */
+    const int raw_last =
+        shape->classic || (shape->refined && info->boundary == HADA_BOUNDARY_PADDED) ? COMPUTE : UPLOAD;
     hada_status status = hada_hadamard_note(context, info, batch, room, UPLOAD, raw_last, COMPUTE, err);
     hada_room_steps(room, FOCUS, DOWNLOAD);
     if (!status)
@@ -38,7 +39,9 @@ static hada_status note(hada_room *room, const hada_context *context, const hada
     hada_room_steps(room, shape->refined ? FOCUS : COMPUTE, FOCUS);
     if (!status)
         status = hada_focus_note(&focus, room, err);
-    if (!status && shape->refined) {
+    if (!status && shape->classic)
+        status = hada_classic_note(context, &shape->method, room, COMPUTE, COMPUTE, DOWNLOAD, err);
+    if (!status && shape->refined && !shape->classic) {
         const hada_refine_shape refine = hada_refine_shape_of(info, shape->depths, shape->steps);
         status = hada_refiner_note(context, &refine, room, COMPUTE, COMPUTE, DOWNLOAD, err);
     }
@@ -70,7 +73,9 @@ static uint64_t bytes_apart(const hada_context *context, const hada_model *model
                      hada_lane_planes_bytes(info, shape, batch) + hada_lane_pictures_bytes(info) +
                      (shape->dark ? frame : 0) + hada_lane_skip_bytes(context, info, shape, batch) +
                      hada_lane_enhance_bytes(context, model, shape);
-    if (shape->refined) {
+    if (shape->classic)
+        bytes += hada_classic_bytes(context, &shape->method);
+    if (shape->refined && !shape->classic) {
         const hada_refine_shape refine = hada_refine_shape_of(info, shape->depths, shape->steps);
         bytes += hada_refiner_bytes(context, &refine);
     }

@@ -1,10 +1,11 @@
-/* The refined path: the occupied depths, whose planes explain the frame jointly. */
+/* The refined path: the occupied depths, whose planes explain the frame jointly, by refinement or by a classic method.
+ */
 #include <math.h>
 #include <string.h>
 
 #include "sched/lane.h"
 
-static hada_refine_data data_of(const hada_lane *lane)
+hada_refine_data hada_lane_refine_data(const hada_lane *lane)
 {
     hada_refine_data data = {.spectrum = lane->stage->spectrum.mem,
                              .frame = lane->stage->raw.mem,
@@ -27,7 +28,7 @@ static hada_refine_rule rule_of(const hada_plan *plan)
 static hada_status refine(hada_lane *lane, hada_task *task, int count, hada_error *err)
 {
     hada_report *report = &task->result->report;
-    const hada_refine_data data = data_of(lane);
+    const hada_refine_data data = hada_lane_refine_data(lane);
     const hada_refine_rule rule = rule_of(lane->plan);
     double left = 0;
     hada_slot_stage(lane->slot, "refine");
@@ -45,11 +46,16 @@ static hada_status refine(hada_lane *lane, hada_task *task, int count, hada_erro
     return status ? status : hada_lane_watch(lane, task, &report->seconds_refine, err);
 }
 
-/* The refined planes stand in the order of lane->occupied. */
+static cl_mem planes_of(const hada_lane *lane)
+{
+    return lane->classic ? hada_classic_planes(lane->classic) : hada_refiner_planes(lane->refiner);
+}
+
+/* The planes stand in the order of lane->occupied. */
 static hada_status focus(hada_lane *lane, hada_task *task, int count, hada_error *err)
 {
     const size_t plane = hada_plane_values(hada_model_get_info(lane->plan->model));
-    cl_mem planes = hada_refiner_planes(lane->refiner);
+    cl_mem planes = planes_of(lane);
     hada_slot_stage(lane->slot, "focus");
     hada_status status = hada_focus_begin(lane->focus, task->result->report.occupied, err);
     for (int place = 0; !status && place < count; place++)
@@ -61,9 +67,9 @@ static hada_status read_planes(hada_lane *lane, hada_task *task, int count, hada
 {
     const size_t bytes = hada_plane_values(hada_model_get_info(lane->plan->model)) * sizeof(float);
     for (int place = 0; place < count; place++) {
-        const cl_int code = clEnqueueReadBuffer(
-            lane->slot->queue, hada_refiner_planes(lane->refiner), CL_TRUE, (size_t)place * bytes, bytes,
-            task->result->planes[lane->occupied[place]].data, 0, NULL, hada_slot_event(lane->slot));
+        const cl_int code =
+            clEnqueueReadBuffer(lane->slot->queue, planes_of(lane), CL_TRUE, (size_t)place * bytes, bytes,
+                                task->result->planes[lane->occupied[place]].data, 0, NULL, hada_slot_event(lane->slot));
         if (code != CL_SUCCESS)
             return hada_fail_cl(err, code, "clEnqueueReadBuffer");
         hada_slot_moved(lane->slot, "read", (double)bytes);
@@ -117,9 +123,9 @@ hada_status hada_lane_refined(hada_lane *lane, hada_task *task, hada_error *err)
         nothing_there(task->result);
         return HADA_OK;
     }
-    status = refine(lane, task, count, err);
+    status = lane->classic ? hada_lane_classic(lane, task, count, err) : refine(lane, task, count, err);
     if (!status)
-        status = hada_lane_enhance(lane, task, hada_refiner_planes(lane->refiner), count, err);
+        status = hada_lane_enhance(lane, task, planes_of(lane), count, err);
     if (!status)
         status = hada_lane_watch(lane, task, &task->result->report.seconds_enhance, err);
     if (!status)

@@ -39,6 +39,21 @@ static hada_status make_lists(hada_plan *plan, const hada_plan_options *options,
     return HADA_OK;
 }
 
+/* The constants of the listed depths. */
+static hada_status look_at_camera(hada_plan *plan, hada_error *err)
+{
+    int *list, count = 0;
+    hada_status status = hada_alloc((void **)&list, (size_t)plan->shape.depths, sizeof *list, "a plan", err);
+    if (status)
+        return status;
+    for (int z = 0; z < plan->shape.depths; z++)
+        if (plan->listed[z])
+            list[count++] = plan->depths[z];
+    status = hada_classic_camera_of(&plan->camera, plan->model, list, count, err);
+    free(list);
+    return status;
+}
+
 static hada_status copy_dark(hada_plan *plan, const hada_image *dark, hada_error *err)
 {
     hada_status status = hada_image_create(&plan->dark_frame, dark->channels, dark->rows, dark->cols, err);
@@ -111,6 +126,8 @@ hada_status hada_plan_create_on(hada_plan **out, hada_context *const *contexts, 
     status = hada_plan_shape_of(model, options, &plan->shape, err);
     if (!status)
         status = make_lists(plan, options, err);
+    if (!status && plan->shape.classic)
+        status = look_at_camera(plan, err);
     if (!status && plan->shape.dark)
         status = copy_dark(plan, options->dark_frame, err);
     if (!status)
@@ -147,6 +164,7 @@ void hada_plan_destroy(hada_plan **pointer)
     hada_frames_free(&plan->frames);
     hada_plan_skip_free(&plan->skip);
     hada_image_destroy(&plan->dark_frame);
+    hada_classic_camera_free(&plan->camera);
     free(plan->lanes);
     free(plan->shares);
     free(plan->depths);

@@ -13,10 +13,11 @@ struct hada_plan {
     const hada_model *model;
     hada_plan_options options; /* its pointers are not kept: the arrays below are */
     hada_plan_shape shape;
-    int *depths;           /* indices into the model */
-    double *distances;     /* per computed depth */
-    unsigned char *listed; /* per computed depth: named by HADA_OCCUPIED_LIST */
-    hada_image dark_frame; /* empty where none */
+    int *depths;                /* indices into the model */
+    double *distances;          /* per computed depth */
+    unsigned char *listed;      /* per computed depth: named by HADA_OCCUPIED_LIST */
+    hada_classic_camera camera; /* of the listed depths, for a classic method */
+    hada_image dark_frame;      /* empty where none */
     hada_plan_skip skip;
     hada_frames frames;
     hada_share **shares; /* one a context */

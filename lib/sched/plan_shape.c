@@ -9,6 +9,7 @@ void hada_plan_options_init(hada_plan_options *options)
 {
     *options = (hada_plan_options){
         .size = sizeof *options, .refine = -1, .enhance = 1, .gamma = 1.0, .skip = HADA_SKIP_ALL, .band = 1.0};
+    hada_classic_options_init(&options->classic);
 }
 
 static hada_status check_list(const int *list, int count, int limit, const char *what, hada_error *err)
@@ -74,9 +75,9 @@ static hada_status skip_shape(const hada_model *model, const hada_plan_options *
     shape->full_look = shape->pursuit && !(options->skip & HADA_SKIP_DEPTHS);
     shape->pruned = shape->refined || (options->skip & HADA_SKIP_PRUNE);
     if (options->band < 1.0 && shape->refined)
-        return hada_fail(err, HADA_ERROR_ARGUMENT,
-                         "a band limits the linear filters, but the planes are to be refined: add --refine 0, or leave "
-                         "--band out");
+        return hada_fail(
+            err, HADA_ERROR_ARGUMENT, "a band limits the linear filters, but the planes are to %s, or leave --band out",
+            shape->classic ? "come from another method: take the model's own filters" : "be refined: add --refine 0");
     if (options->band < 1.0) {
         shape->band_rows = at_least_one(options->band * (info->grid_rows / 2));
         shape->band_cols = at_least_one(options->band * (info->grid_cols / 2));
@@ -92,6 +93,20 @@ static hada_status skip_shape(const hada_model *model, const hada_plan_options *
     return HADA_OK;
 }
 
+/* The planes come from a classic method, all depths of the list at once. */
+static hada_status classic_shape(const hada_model_info *info, const hada_plan_options *options, hada_plan_shape *shape,
+                                 hada_error *err)
+{
+    const int listed = options->occupied == HADA_OCCUPIED_LIST && options->occupied_count < shape->depths;
+    shape->classic = options->classic.method != HADA_METHOD_MODEL;
+    if (!shape->classic)
+        return HADA_OK;
+    hada_status status = hada_classic_shape_of(info, listed ? options->occupied_count : shape->depths,
+                                               &options->classic, &shape->method, err);
+    shape->steps = shape->method.options.iterations;
+    return status;
+}
+
 hada_status hada_plan_shape_of(const hada_model *model, const hada_plan_options *options, hada_plan_shape *shape,
                                hada_error *err)
 {
@@ -102,10 +117,13 @@ hada_status hada_plan_shape_of(const hada_model *model, const hada_plan_options 
     *shape = (hada_plan_shape){.depths = options->depths ? options->depth_count : info->depths};
     /* auto: what leave-one-out found to pay for this camera */
     shape->steps = options->refine >= 0 ? options->refine : info->has_otf ? info->refine_steps : 0;
+    status = classic_shape(info, options, shape, err);
+    if (status)
+        return status;
     shape->refined = shape->steps > 0;
-    shape->pursuit = shape->refined && options->occupied == HADA_OCCUPIED_AUTO && shape->depths > 1;
+    shape->pursuit = shape->refined && !shape->classic && options->occupied == HADA_OCCUPIED_AUTO && shape->depths > 1;
     shape->dark = options->dark == HADA_DARK_FRAME;
-    shape->enhance = options->enhance && info->enhance;
+    shape->enhance = options->enhance && info->enhance && !shape->classic;
     shape->half = options->half || info->half;
     shape->parts = shape->refined ? HADA_BANK_OTFS : HADA_BANK_FILTERS;
     /* more depths at once than this only cost memory: the spectrum stays in the cache either way */

@@ -4,6 +4,7 @@
 
 #include <hadalens/reconstruct.h>
 
+#include "classic/classic.h"
 #include "core/error.h"
 #include "focus/focus.h"
 #include "refine/pursuit.h"
@@ -12,8 +13,10 @@ typedef struct hada_plan_shape {
     int depths;               /* computed */
     int batch;                /* depths at once in the Hadamard stage, at most */
     int queues;               /* of each device */
-    int refined;              /* 1: planes by refinement of the occupied depths; 0: linear filters */
-    int steps;                /* refinement steps at most */
+    int refined;              /* 1: planes that explain the frame jointly, by refinement of the occupied depths or a
+                                 classic method; 0: linear filters */
+    int classic;              /* 1: by a classic method */
+    int steps;                /* refinement steps or iterations at most */
     int pursuit;              /* 1: the occupied depths are found */
     int half;                 /* filters on the device as half */
     int parts;                /* of the bank: filters or transfer functions */
@@ -26,6 +29,7 @@ typedef struct hada_plan_shape {
     int half_by_error;        /* 1: max_error chose half */
     int band_rows, band_cols; /* of the caller; 0, 0: all */
     hada_focus_options focus;
+    hada_classic_shape method; /* of the classic method */
 } hada_plan_shape;
 
 /* HADA_ERROR_MODEL or HADA_ERROR_ARGUMENT where the model cannot do what is asked. */

@@ -22,10 +22,11 @@ static hada_status check_together(const hada_share *share, hada_error *err)
     hada_bank_otf(share->bank, 0, &first, &together);
     if (together == share->bank->depths)
         return HADA_OK;
-    return hada_fail(err, HADA_ERROR_DEVICE_MEMORY,
-                     "refinement needs the transfer functions of %d depths in one buffer, and %s takes %d: compute "
-                     "fewer depths (--depths) or leave refinement out (--refine 0)",
-                     share->bank->depths, share->context->info.name, together);
+    return hada_fail(
+        err, HADA_ERROR_DEVICE_MEMORY,
+        "planes that explain the frame jointly need the transfer functions of %d depths in one buffer, and "
+        "%s takes %d: compute fewer depths (--depths), or use linear filters (--refine 0)",
+        share->bank->depths, share->context->info.name, together);
 }
 
 hada_status hada_share_create(hada_share **out, hada_context *context, const hada_model *model,
@@ -45,7 +46,7 @@ hada_status hada_share_create(hada_share **out, hada_context *context, const had
             hada_bank_create(&share->bank, slot, model, &layout, depths, shape->depths, shape->parts, shape->half, err);
     if (!status && shape->refined)
         status = check_together(share, err);
-    if (!status && shape->refined)
+    if (!status && shape->refined && !shape->classic)
         status = hada_bank_prior(&share->prior, slot, model, &layout, err);
     if (!status && gains)
         status = hada_gains_upload(gains, &layout, slot, &share->gains, err);
@@ -76,7 +77,7 @@ uint64_t hada_share_bytes(const hada_context *context, const hada_model *model, 
     const hada_model_info *info = hada_model_get_info(model);
     const hada_spectrum_layout layout = hada_hadamard_layout(context, info);
     uint64_t bytes = hada_bank_bytes(info, &layout, shape->depths, shape->parts, shape->half);
-    if ((shape->refined && model->scene_power) || shape->measured)
+    if ((shape->refined && !shape->classic && model->scene_power) || shape->measured)
         bytes += 4 * (uint64_t)info->channels * (uint64_t)layout.count;
     return bytes;
 }

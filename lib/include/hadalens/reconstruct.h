@@ -6,6 +6,7 @@
 #ifndef HADALENS_RECONSTRUCT_H
 #define HADALENS_RECONSTRUCT_H
 
+#include <hadalens/classic.h>
 #include <hadalens/device.h>
 #include <hadalens/image.h>
 #include <hadalens/model.h>
@@ -68,6 +69,8 @@ typedef struct hada_plan_options {
                          0 (default): only what is exact */
     double band;      /* linear filters: frequencies beyond this share of the sensor's Nyquist limits, in rows and in
                          columns, are left out, whatever max_error; 1 (default): none. The planes keep their size */
+    hada_classic_options classic; /* another method in place of the model's filters and refinement; the depths are all
+                                     that are computed, or those of the list, and no net follows */
 } hada_plan_options;
 HADA_API void hada_plan_options_init(hada_plan_options *options);
 
@@ -101,7 +104,8 @@ typedef struct hada_skip_report {
 typedef struct hada_report {
     int occupied_count;
     unsigned char *occupied; /* per computed depth, owned by the result */
-    int refine_steps;        /* done */
+    hada_method method;
+    int refine_steps;        /* refinement steps, or iterations of a classic method, that were done */
     double residual_linear;  /* |frame - what the linear result explains| / |frame|; NaN where not computed */
     double residual;         /* after refinement */
     double dark;             /* level taken off */

@@ -1,7 +1,8 @@
 /* Times a step of training against its net alone (weights, forward, squared error, backward, update), in turns, and
  * shows which stage takes what; and a step of filters against its transforms.
  *
- *     perf_train [--rounds N] [--at-once N] [CASE...]      cases: compact192 compact512 paper256 joint192 filters512
+ *     perf_train [--rounds N] [--at-once N] [CASE...]      cases: compact192 compact512 paper256 adversarial192
+ *                                                             joint192 filters512
  */
 #include <stdio.h>
 #include <stdlib.h>
@@ -24,8 +25,11 @@ typedef struct perf_case {
     int frame, window;
 } perf_case;
 static const perf_case cases[] = {
-    {"compact192", "compact", HADA_STAGE_ENHANCE, 192, 192}, {"compact512", "compact", HADA_STAGE_ENHANCE, 512, 512},
-    {"paper256", "paper", HADA_STAGE_ENHANCE, 256, 256},     {"joint192", "compact", HADA_STAGE_JOINT, 512, 192},
+    {"compact192", "compact", HADA_STAGE_ENHANCE, 192, 192},
+    {"compact512", "compact", HADA_STAGE_ENHANCE, 512, 512},
+    {"paper256", "paper", HADA_STAGE_ENHANCE, 256, 256},
+    {"joint192", "compact", HADA_STAGE_JOINT, 512, 192},
+    {"adversarial192", "compact", HADA_STAGE_ADVERSARIAL, 192, 192},
     {"filters512", NULL, HADA_STAGE_FILTERS, 512, 192},
 };
 
@@ -182,20 +186,32 @@ static hada_model *make_model(const perf_case *c)
 static void run(const perf_case *c, int rounds, int at_once)
 {
     hada_model *model = make_model(c);
-    hada_net *net = NULL;
+    hada_net *net = NULL, *critic = NULL, *vgg = NULL;
     hada_engine *engine;
     alone net_alone = {0};
-    hada_image input = noise(3, c->stage == HADA_STAGE_ENHANCE ? c->window : c->frame,
-                             c->stage == HADA_STAGE_ENHANCE ? c->window : c->frame, 3),
-               scene = noise(3, c->window, c->window, 4);
+    hada_image input = noise(3, c->frame, c->frame, 3), scene = noise(3, c->window, c->window, 4);
     hada_sample *samples = calloc((size_t)at_once, sizeof *samples);
     double step[MOST_ROUNDS], ratio[MOST_ROUNDS];
-    const hada_train_options options = {.size = sizeof options, .stage = c->stage, .mse = 1.5, .variation = 5e-7};
+    const hada_train_options options = {.size = sizeof options,
+                                        .stage = c->stage,
+                                        .mse = 1.5,
+                                        .perceptual = 0.1,
+                                        .adversarial = 8e-3,
+                                        .variation = 5e-7};
     for (int i = 0; samples && i < at_once; i++)
         samples[i] = (hada_sample){0, &input, &scene};
     if (c->net)
         must(hada_net_create_preset(&net, c->net, 3, 1, &err));
-    const hada_engine_desc desc = {.model = model, .options = &options, .net = net, .at_once = at_once};
+    if (c->stage == HADA_STAGE_ADVERSARIAL) {
+        must(hada_discriminator_make(&critic, 3, &err));
+        must(hada_vgg16_make(&vgg, &err));
+        must(hada_net_init(critic, 1, &err));
+        must(hada_net_init(vgg, 1, &err));
+    }
+    const hada_engine_desc desc = {
+        .model = model, .options = &options, .net = net, .critic = critic, .vgg = vgg, .at_once = at_once};
+    size_t bytes;
+    must(hada_engine_bytes(context, &desc, &bytes, &err));
     must(hada_engine_create(&engine, slot, &desc, &err));
     if (net)
         net_alone = make_alone(net, at_once, c->window);
@@ -210,7 +226,7 @@ static void run(const perf_case *c, int rounds, int at_once)
             ratio[i - 1] = (middle - start) / (hada_seconds() - middle);
         }
     }
-    printf("%-12s a step of %d: %8.2f ms", c->name, at_once, 1e3 * median(step, rounds));
+    printf("%-14s a step of %d: %8.2f ms, %.0f MB", c->name, at_once, 1e3 * median(step, rounds), (double)bytes / 1e6);
     if (net)
         printf(", %.3f times its net alone", median(ratio, rounds));
     printf("\n");
@@ -219,6 +235,8 @@ static void run(const perf_case *c, int rounds, int at_once)
     if (net)
         free_alone(&net_alone);
     hada_net_destroy(&net);
+    hada_net_destroy(&critic);
+    hada_net_destroy(&vgg);
     hada_model_destroy(&model);
     hada_image_destroy(&input);
     hada_image_destroy(&scene);

@@ -41,8 +41,7 @@ hada_status hada_wave_launch_spots(hada_slot *slot, cl_mem image, cl_mem part, c
     const hada_arg second[] = {HADA_ARG(image), HADA_ARG(part), HADA_ARG(pixels), HADA_ARG(samples), HADA_ARG(blocks)};
     const double values = 8.0 * count * blocks * (double)pixels * samples;
     hada_slot_cost(slot, 16.0 * values, 12.0 * values);
-    hada_status status =
-        launch(slot, "optics_wave_lens", "optics_wave_spot_rows", down, first, HADA_COUNT(first), err);
+    hada_status status = launch(slot, "optics_wave_lens", "optics_wave_spot_rows", down, first, HADA_COUNT(first), err);
     if (status)
         return status;
     hada_slot_cost(slot, 64.0 * count * blocks * (double)pixels, 16.0 * count * blocks * (double)pixels);

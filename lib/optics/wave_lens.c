@@ -12,7 +12,7 @@
 #define OVERSAMPLING      1.5 /* of the field of a lens on the sensor, beyond lambda d / diameter, at least */
 #define OVERSAMPLING_MOST 4.0
 #define SAMPLES_GOOD      8                  /* on a pixel: with so many, the least oversampling serves */
-#define SAMPLES_LEAST     2                  /* on a pixel */
+#define SAMPLES_LEAST     3                  /* on a pixel */
 #define SPOT_MOST         4096               /* samples of the square round a spot, a side */
 #define SPOT_BYTES        ((size_t)48 << 20) /* of spectra at a time */
 

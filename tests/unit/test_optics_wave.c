@@ -111,7 +111,7 @@ static void integral(void **state)
             const double angle = -3.14159265358979 * square / (lambda * camera.focal_length_mm);
             field[2 * (r * N + c)] = open * cos(angle);
             field[2 * (r * N + c) + 1] = open * sin(angle);
-            all += open * open * step * step;
+            all += open * step * step;
         }
     for (int i = 0; i < 2; i++) {
         const double m = hada_camera_magnification(&camera, distances[i]), pitch = camera.pixel_pitch_mm;

@@ -1,6 +1,7 @@
 /* Convolutions in the tuning file: the words of a pass, and whether a choice can serve it. A shape is
- * KERNELxKERNEL/STEP OF THE INPUT/STEP OF THE OUTPUT:CHANNELS>CHANNELS:ROWSxCOLS of the output: a convolution with
- * stride 2 is 3x3/2/1, a transposed one 2x2/1/2; a gradient of the input is a pass as any other. */
+ * KERNELxKERNEL/STEP OF THE INPUT/STEP OF THE OUTPUT+PADDING:CHANNELS>CHANNELS:ROWSxCOLS of the output: a convolution
+ * with stride 2 is 3x3/2/1, a transposed one 2x2/1/2; a gradient of the input is a pass as any other. The padding is
+ * that of the transposed pass: 1 for 3 x 3 kernels that keep the size. */
 #include <stdio.h>
 #include <string.h>
 
@@ -10,8 +11,8 @@ static const char *const methods[] = {"auto", "direct", "winograd2", "winograd4"
 
 static void shape_text(const hada_conv_desc *d, const hada_conv_pass *pass, char *text, size_t size)
 {
-    snprintf(text, size, "%dx%d/%d/%d:%d>%d:%dx%d", d->kernel_rows, d->kernel_cols, pass->in_step, pass->step,
-             pass->in_channels, pass->out_channels, pass->out_rows, pass->out_cols);
+    snprintf(text, size, "%dx%d/%d/%d+%d:%d>%d:%dx%d", d->kernel_rows, d->kernel_cols, pass->in_step, pass->step,
+             pass->taps_rows, pass->in_channels, pass->out_channels, pass->out_rows, pass->out_cols);
 }
 
 void hada_conv_shape_text(const hada_conv_plan *plan, int pass, char *text, size_t size)
@@ -91,8 +92,9 @@ static const char *winograd_misfit(const hada_context *context, const hada_conv_
     if (choice->tiles > 0 && (choice->tiles % hada_conv_table_step(plan->block, 0) ||
                               !hada_conv_table_tiles_fit(context, &with, blocks, choice->tiles)))
         return "Winograd's tiles are multiples of 12 (6 for blocks of 8), as many as local memory holds";
-    if (!choice->tiles && with.tile == 2)
-        return "winograd2 in three launches is not offered";
+    const int all = ((pass->out_rows + 1) / 2) * ((pass->out_cols + 1) / 2);
+    if (with.tile == 2 && (choice->tiles <= 0 || choice->tiles > all))
+        return "winograd2 needs tiles, no more than the image has: it is not offered in three launches";
     return NULL;
 }
 

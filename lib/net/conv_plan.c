@@ -152,8 +152,12 @@ static hada_status plan_pass(hada_conv_plan *plan, const hada_context *context, 
     pass->method = near && pass->lanes && method != HADA_CONV_PLAIN ? HADA_CONV_DIRECT : HADA_CONV_PLAIN;
     pass->tile = hada_conv_is_winograd(plan) ? hada_conv_table_winograd(context, &wanted, pass) : 0;
     if (pass->tile) {
+        const hada_conv_pass direct = *pass;
         plan_winograd(plan, context, pass, &choice);
-        return HADA_OK;
+        if (pass->tiles || pass->tile == 4)
+            return HADA_OK;
+        *pass = direct; /* there are no three launches for tiles of 2 x 2 */
+        pass->tile = 0;
     }
     if (pass->method == HADA_CONV_PLAIN) {
         pass->weight_floats =

@@ -10,14 +10,14 @@
 
 /* What rows may say; the operations know what it means. */
 typedef struct operation_form {
-    const char *name, *form; /* of shapes: 'n' a number from 1 on, other characters themselves */
+    const char *name, *form; /* of shapes: 'n' a number from 1 on, 'm' from 0 on, other characters themselves */
     const char *choices[8], *options[HADA_TUNING_OPTIONS + 1];
 } operation_form;
 
 static const operation_form operations[] = {
     {"fft", "nxn", {"own", "clfft"}, {NULL}},
     {"conv",
-     "nxn/n/n:n>n:nxn",
+     "nxn/n/n+m:n>n:nxn",
      {"direct", "winograd2", "winograd4", "plain"},
      {"block", "blocks", "pixels", "rows", "tiles"}},
 };
@@ -47,8 +47,8 @@ static int has_form(const char *shape, const char *form)
         char *end;
         if (!strcmp(shape, "*"))
             return 1;
-        if (*form == 'n') {
-            if (number(shape, &end) < 1)
+        if (*form == 'n' || *form == 'm') {
+            if (number(shape, &end) < (*form == 'n'))
                 return 0;
             shape = end;
         } else if (*shape++ != *form) {

@@ -1,0 +1,97 @@
+/* The convolutions of a net, each once, and their choices in a tuning file. */
+#include <hadalens/tune.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/alloc.h"
+#include "net/conv_internal.h"
+#include "net/conv_tune.h"
+#include "net/net_list.h"
+
+static int same(const hada_tune_conv_row *a, const hada_tune_conv_row *b)
+{
+    return a->in_channels == b->in_channels && a->out_channels == b->out_channels && a->in_rows == b->in_rows &&
+           a->in_cols == b->in_cols && a->kernel == b->kernel && a->stride == b->stride && a->pad == b->pad &&
+           a->transposed == b->transposed && a->output_pad == b->output_pad;
+}
+
+static hada_status name_of(const hada_context *context, hada_tune_conv_row *row, hada_error *err)
+{
+    const hada_conv_desc desc = hada_tune_conv_desc(row);
+    hada_conv_plan plan;
+    hada_status status = hada_conv_plan_make(&plan, context, &desc, NULL, err);
+    if (status)
+        return status;
+    hada_conv_shape_text(&plan, HADA_CONV_FORWARD, row->shape, sizeof row->shape);
+    hada_conv_choice_text(&plan, HADA_CONV_FORWARD, row->before, sizeof row->before);
+    return HADA_OK;
+}
+
+hada_status hada_tune_net(hada_context *context, const hada_net *net, int rows, int cols, hada_tune_conv_row **out,
+                          size_t *count, hada_error *err)
+{
+    if (!context || !net || !out || !count)
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "hada_tune_net: a context, a net and places for the rows are needed");
+    hada_size *sizes;
+    hada_tune_conv_row *all = NULL;
+    *out = NULL;
+    *count = 0;
+    hada_status status = hada_alloc((void **)&sizes, (size_t)net->count, sizeof *sizes, "the sizes of a net", err);
+    if (!status)
+        status = hada_alloc((void **)&all, (size_t)net->count, sizeof *all, "the convolutions of a net", err);
+    if (!status)
+        status = hada_net_sizes(net, rows, cols, sizes, err);
+    size_t n = 0;
+    for (int i = 1; !status && i < net->count; i++) {
+        const hada_layer *layer = &net->layers[i];
+        if (layer->kind != HADA_LAYER_CONV)
+            continue;
+        const int from = layer->inputs[0];
+        all[n] = (hada_tune_conv_row){.in_channels = net->layers[from].channels,
+                                      .out_channels = layer->channels,
+                                      .in_rows = sizes[from].rows,
+                                      .in_cols = sizes[from].cols,
+                                      .kernel = layer->kernel,
+                                      .stride = layer->stride,
+                                      .pad = layer->pad,
+                                      .transposed = layer->transposed,
+                                      .output_pad = layer->output_pad,
+                                      .layers = 1};
+        size_t k = 0;
+        while (k < n && !same(&all[k], &all[n]))
+            k++;
+        if (k < n) {
+            all[k].layers++;
+        } else {
+            status = name_of(context, &all[n], err);
+            n++;
+        }
+    }
+    free(sizes);
+    if (status) {
+        free(all);
+        return status;
+    }
+    *out = all;
+    *count = n;
+    return HADA_OK;
+}
+
+hada_status hada_tune_save_convs(const hada_context *context, const char *path, const hada_tune_conv_row *rows,
+                                 size_t count, hada_error *err)
+{
+    const char **words;
+    if (!context || !path || !*path || (count && !rows))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_tune_save_convs: a context, a file name and rows are needed");
+    hada_status status = hada_alloc((void **)&words, 2 * count + 1, sizeof *words, "the rows of a tuning file", err);
+    if (status)
+        return status;
+    for (size_t i = 0; i < count; i++) {
+        words[i] = rows[i].shape;
+        words[count + i] = rows[i].chosen;
+    }
+    status = hada_tuning_write(context, path, "conv", words, words + count, count, err);
+    free(words);
+    return status;
+}

@@ -216,7 +216,7 @@ hada_status hada_refiner_create(hada_refiner **out, hada_slot *slot, const hada_
                         sizeof *refiner->energy, "the refinement's residuals", err);
     if (!status)
         status =
-            hada_alloc((void **)&refiner->host_partial, b.partials, sizeof(float), "the refinement's residuals", err);
+            hada_alloc((void **)&refiner->host_partial, b.partial / sizeof(float), sizeof(float), "the refinement's residuals", err);
     if (!status)
         status = make_plans(refiner, err);
     if (!status)

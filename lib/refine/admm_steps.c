@@ -282,27 +282,34 @@ static double per_pixel(const hada_refiner *refiner)
     return 1.0 / ((double)refiner->layout.rows * refiner->layout.cols);
 }
 
-/* Adds the partial sums of `parts` images a set up, in order and in double. */
-static hada_status collect_parts(const run *r, int step, int parts, cl_uint slices, double factor, double *energy,
-                                 hada_error *err)
+/* Brings the partial sums of `count` steps to the host. */
+static hada_status fetch(const run *r, int step, int count, hada_error *err)
 {
     hada_refiner *refiner = r->refiner;
-    const size_t each = (size_t)parts * slices, total = each * (size_t)r->sets;
-    hada_status status =
-        hada_buffer_read(&refiner->partial, refiner->slot, refiner->partials * (size_t)step * sizeof(float),
-                         refiner->host_partial, total * sizeof(float), err);
-    for (int set = 0; !status && set < r->sets; set++) {
-        double sum = 0.0;
-        for (size_t i = 0; i < each; i++)
-            sum += refiner->host_partial[(size_t)set * each + i];
-        energy[set] = sum * factor;
-    }
-    return status;
+    const size_t first = refiner->partials * (size_t)step, floats = refiner->partials * (size_t)count;
+    return hada_buffer_read(&refiner->partial, refiner->slot, first * sizeof(float), refiner->host_partial + first,
+                            floats * sizeof(float), err);
 }
 
-static hada_status collect(const run *r, int step, cl_uint slices, double factor, double *energy, hada_error *err)
+/* Adds a step's partial sums, those of `parts` images a set, up, in order and in double. */
+static void add_up(const run *r, int step, int parts, cl_uint slices, double factor, double *energy)
 {
-    return collect_parts(r, step, r->refiner->shape.channels, slices, factor, energy, err);
+    const size_t each = (size_t)parts * slices;
+    const float *partial = r->refiner->host_partial + r->refiner->partials * (size_t)step;
+    for (int set = 0; set < r->sets; set++) {
+        double sum = 0.0;
+        for (size_t i = 0; i < each; i++)
+            sum += partial[(size_t)set * each + i];
+        energy[set] = sum * factor;
+    }
+}
+
+static hada_status collect(const run *r, int parts, cl_uint slices, double factor, double *energy, hada_error *err)
+{
+    hada_status status = fetch(r, 0, 1, err);
+    if (!status)
+        add_up(r, 0, parts, slices, factor, energy);
+    return status;
 }
 
 static hada_status check_run(const run *r, const int *list, hada_error *err)
@@ -380,10 +387,13 @@ hada_status hada_refiner_run(hada_refiner *refiner, const hada_refine_data *data
             status = meet_frame(&r, refiner->dual.mem, 1, 1.0 / (1.0 + rule->mu), step + 1, err);
         done = step + 1;
         const int last = done == rule->steps;
-        for (; !status && (last || rule->stop > 0.0) && read < (r.padded ? done + 1 : done); read++)
-            status = r.padded && read
-                         ? collect(&r, read, frame_slices, frame_factor, refiner->energy + read * width, err)
-                         : collect(&r, read, slices, per_pixel(refiner), refiner->energy + read * width, err);
+        const int known = r.padded ? done + 1 : done;
+        if (!status && (last || rule->stop > 0.0)) {
+            status = fetch(&r, read, known - read, err);
+            for (; !status && read < known; read++)
+                add_up(&r, read, refiner->shape.channels, r.padded && read ? frame_slices : slices,
+                       r.padded && read ? frame_factor : per_pixel(refiner), refiner->energy + (size_t)read * width);
+        }
         if (!status && rule->stop > 0.0 && read >= 4 && settled(refiner, sets, read - 1, rule->stop) &&
             settled(refiner, sets, read - 2, rule->stop))
             break;
@@ -405,12 +415,12 @@ hada_status hada_refiner_residual(hada_refiner *refiner, const hada_refine_data 
     if (status)
         return status;
     if (!r.padded)
-        return collect(&r, 0, slices_of(refiner->layout.count), per_pixel(refiner), energy, err);
+        return collect(&r, refiner->shape.channels, slices_of(refiner->layout.count), per_pixel(refiner), energy, err);
     status = frame_inverse(&r, &refiner->rest, &refiner->rest_frame, err);
     if (!status)
         status = meet_frame(&r, refiner->rest_frame.mem, 0, 1.0, 0, err);
     if (!status)
-        status = collect(&r, 0, slices_of(refiner->frame_area), 1.0, energy, err);
+        status = collect(&r, refiner->shape.channels, slices_of(refiner->frame_area), 1.0, energy, err);
     return status;
 }
 
@@ -424,6 +434,6 @@ hada_status hada_refiner_score(hada_refiner *refiner, const hada_refine_data *da
     if (!status)
         status = score(&r, band_rows, band_cols, err);
     if (!status)
-        status = collect_parts(&r, 0, 1, slices_of(refiner->layout.count), per_pixel(refiner), energy, err);
+        status = collect(&r, 1, slices_of(refiner->layout.count), per_pixel(refiner), energy, err);
     return status;
 }

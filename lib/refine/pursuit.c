@@ -61,16 +61,16 @@ static void choose_levels(hada_pursuit *p, hada_level_spec *specs)
     int order = 0, judge = 0, closer = 0;
     p->count = 0;
     if (o->full) {
-        specs[p->count++] = (hada_level_spec){1.0, shrink, 1, PATIENT_STEPS, CLOSER_SETS};
+        specs[p->count++] = (hada_level_spec){1.0, shrink, 1, PATIENT_STEPS, CLOSER_SETS, 0};
     } else {
-        specs[p->count++] = (hada_level_spec){shrink, shrink, 0, PATIENT_STEPS, JUDGE_SETS};
+        specs[p->count++] = (hada_level_spec){shrink, shrink, 0, PATIENT_STEPS, JUDGE_SETS, 1};
         if (longer_side(o) / shrink >= 2 * ORDER_SIDE) {
             order = p->count++;
-            specs[order] = (hada_level_spec){2.0 * shrink, 2.0 * shrink, 0, ORDER_STEPS, JUDGE_SETS};
+            specs[order] = (hada_level_spec){2.0 * shrink, 2.0 * shrink, 0, ORDER_STEPS, JUDGE_SETS, 0};
         }
         if (shrink > 1.0) {
             closer = p->count++;
-            specs[closer] = (hada_level_spec){fmax(1.0, shrink / 2.0), shrink, 1, PATIENT_STEPS, CLOSER_SETS};
+            specs[closer] = (hada_level_spec){fmax(1.0, shrink / 2.0), shrink, 1, PATIENT_STEPS, CLOSER_SETS, 0};
         }
     }
     p->looks[HADA_LOOK_ORDER].level = order;
@@ -192,12 +192,10 @@ hada_status hada_pursuit_run(hada_pursuit *p, cl_mem spectrum, size_t offset, ha
 {
     const double start = hada_seconds();
     const size_t before = transforms(p);
-    hada_status status = HADA_OK;
     *result = (hada_pursuit_result){0};
-    for (int i = 0; !status && i < p->count; i++)
-        status = hada_level_take(&p->levels[i], spectrum, offset, err);
-    if (!status)
-        status = hada_pursuit_search(p, result, err);
+    for (int i = 0; i < p->count; i++)
+        hada_level_show(&p->levels[i], spectrum, offset);
+    hada_status status = hada_pursuit_search(p, result, err);
     result->seconds = hada_seconds() - start;
     result->transforms = transforms(p) - before;
     return status;

@@ -46,12 +46,13 @@ static hada_refine_rect shrink_rect(const hada_refine_rect *rect, const hada_ref
 static hada_refine_shape shape_of(const hada_pursuit_options *options, const hada_level_spec *spec, double shrink)
 {
     const hada_refine_shape *full = &options->shape;
+    const int planes = spec->max_sets * options->max_depths;
     hada_refine_shape shape = {.grid_rows = grid_size(full->grid_rows, shrink),
                                .grid_cols = grid_size(full->grid_cols, shrink),
                                .boundary = full->boundary,
                                .channels = spec->separate ? full->channels : 1,
                                .max_sets = spec->max_sets,
-                               .max_planes = spec->max_sets * options->max_depths,
+                               .max_planes = spec->all_depths && options->depths > planes ? options->depths : planes,
                                .max_steps = spec->max_steps};
     shape.window = shrink_rect(&full->window, full, &shape, 1);
     if (full->boundary == HADA_BOUNDARY_PADDED)
@@ -291,20 +292,38 @@ static void band_of(const hada_pursuit_level *l, int *rows, int *cols)
     *cols = grid_size(l->options->shape.grid_cols, l->spec.evidence);
 }
 
-hada_status hada_level_take(hada_pursuit_level *l, cl_mem spectrum, size_t offset, hada_error *err)
+void hada_level_show(hada_pursuit_level *l, cl_mem spectrum, size_t offset)
+{
+    l->whole = spectrum;
+    l->whole_offset = offset;
+    l->taken = 0;
+}
+
+/* Brings the frame in hand to the grid, unless it is there. */
+static hada_status take(hada_pursuit_level *l, hada_error *err)
 {
     const hada_refine_data data = data_of(l);
     crop how = of_camera(l, 2, 0.0);
     int rows, cols;
+    if (l->taken)
+        return HADA_OK;
     band_of(l, &rows, &cols);
     how.factor = area_ratio(&l->layout, &l->full);
-    hada_status status = crop_images(l, &how, spectrum, offset, l->shape.channels, &l->spectrum, 0, err);
+    hada_status status = crop_images(l, &how, l->whole, l->whole_offset, l->shape.channels, &l->spectrum, 0, err);
     if (!status && l->frame_inverse)
         status = hada_fft_inverse(l->frame_inverse, l->shape.channels, l->spectrum.mem, 0, l->frame.mem, 0, NULL, err);
-    if (status)
-        return status;
-    return l->proof_inverse ? measure(l, l->spectrum.mem, 1, &l->energy, err)
-                            : hada_refiner_score(l->refiner, &data, 1, 0, NULL, rows, cols, &l->energy, err);
+    if (!status)
+        status = l->proof_inverse ? measure(l, l->spectrum.mem, 1, &l->energy, err)
+                                  : hada_refiner_score(l->refiner, &data, 1, 0, NULL, rows, cols, &l->energy, err);
+    l->taken = !status;
+    return status;
+}
+
+hada_status hada_level_energy(hada_pursuit_level *l, double *energy, hada_error *err)
+{
+    hada_status status = take(l, err);
+    *energy = l->energy;
+    return status;
 }
 
 hada_status hada_level_left(hada_pursuit_level *l, int steps, int sets, int depths, const int *list, double *left,
@@ -313,7 +332,7 @@ hada_status hada_level_left(hada_pursuit_level *l, int steps, int sets, int dept
     const hada_refine_data data = data_of(l);
     hada_refine_rule rule;
     int rows, cols;
-    hada_status status = HADA_OK;
+    hada_status status = take(l, err);
     band_of(l, &rows, &cols);
     hada_refine_rule_init(&rule);
     rule.rho = l->options->rho;

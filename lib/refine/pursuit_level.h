@@ -12,6 +12,7 @@ typedef struct hada_level_spec {
     int separate;    /* 1: every channel for itself; 0: their mean */
     int max_steps;   /* of a refinement */
     int max_sets;    /* side by side */
+    int all_depths;  /* 1: a set of all depths of the camera is refined as well */
 } hada_level_spec;
 
 typedef struct hada_pursuit_level {
@@ -29,7 +30,11 @@ typedef struct hada_pursuit_level {
     size_t proof_area;
     int has_prior, has_doubt;
     cl_kernel crop;
-    double energy; /* of the frame in hand, as hada_level_left() measures it */
+    /* the frame in hand: its spectrum, whether it was brought to this grid, its energy there */
+    cl_mem whole;
+    size_t whole_offset;
+    int taken;
+    double energy;
 } hada_pursuit_level;
 
 size_t hada_level_bytes(const hada_context *context, const hada_pursuit_options *options, const hada_level_spec *spec);
@@ -47,8 +52,12 @@ hada_status hada_level_set_prior(hada_pursuit_level *level, cl_mem prior, hada_e
 hada_status hada_level_set_power(hada_pursuit_level *level, int first, int count, cl_mem power, size_t offset,
                                  hada_error *err);
 
-/* Brings a frame, by its spectrum, to the grid. */
-hada_status hada_level_take(hada_pursuit_level *level, cl_mem spectrum, size_t offset, hada_error *err);
+/* The frame to look at from now on, by its spectrum, which must stay as it is meanwhile. It is brought to the grid when
+ * something is asked about it. */
+void hada_level_show(hada_pursuit_level *level, cl_mem spectrum, size_t offset);
+
+/* The frame's own energy, as hada_level_left() measures it. */
+hada_status hada_level_energy(hada_pursuit_level *level, double *energy, hada_error *err);
 
 /* left[k]: the energy that set k of list[sets][depths], refined from nothing by `steps` steps, leaves unexplained of
  * the mean over channels, at the frequencies of the evidence. */

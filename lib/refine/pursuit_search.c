@@ -1,4 +1,4 @@
-#include "refine/pursuit_search.h"
+#include "refine/pursuit_sets.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -28,148 +28,36 @@ enum { LOOKS = 3 /* candidates, first in order, that are judged for an addition 
 #define MOVE_PAIR_TO 0.9
 #define MOVE_TO      0.5
 
-/* Depths in rising order. */
-typedef struct set {
-    int count, depth[HADA_PURSUIT_MAX];
-} set;
-
-/* A set that was refined, and what it left. */
-typedef struct known {
-    hada_pursuit_look look;
-    set set;
-    double left;
-} known;
+/* A scene of many depths: what k of them leave, unmoved, is above MANY_LEAVE / k of the frame's amplitude, and all
+ * depths together leave less than the part ALL_LEAVE of the energy that the largest set leaves. */
+#define MANY_LEAVE 0.12
+#define ALL_LEAVE  0.55
 
 typedef struct search {
     hada_pursuit *pursuit;
     hada_pursuit_result *result;
-    known *known;
-    size_t count, room;
-    set variations[HADA_PURSUIT_DEPTHS]; /* of a set, all of one size */
-    double left[HADA_PURSUIT_DEPTHS];    /* by the variations */
+    hada_looks looks;
+    hada_set variations[HADA_PURSUIT_DEPTHS]; /* of a set, all of one size */
+    double left[HADA_PURSUIT_DEPTHS];         /* by the variations */
     int varied;
 } search;
 
-static int same(const set *a, const set *b)
-{
-    return a->count == b->count && !memcmp(a->depth, b->depth, (size_t)a->count * sizeof *a->depth);
-}
-
-static int member(const set *s, int depth)
-{
-    for (int i = 0; i < s->count; i++)
-        if (s->depth[i] == depth)
-            return 1;
-    return 0;
-}
-
-static set with(const set *s, int depth)
-{
-    set more = {.count = s->count + 1};
-    int i = 0;
-    for (; i < s->count && s->depth[i] < depth; i++)
-        more.depth[i] = s->depth[i];
-    more.depth[i] = depth;
-    for (; i < s->count; i++)
-        more.depth[i + 1] = s->depth[i];
-    return more;
-}
-
-static set without(const set *s, int place)
-{
-    set less = {.count = s->count - 1};
-    for (int i = 0; i < less.count; i++)
-        less.depth[i] = s->depth[i < place ? i : i + 1];
-    return less;
-}
-
-/* The looks differ in steps or in grid: where two are the same, the first one's results serve. */
-static hada_pursuit_look plain(const search *s, hada_pursuit_look look)
-{
-    for (int i = 0; i < (int)look; i++)
-        if (s->pursuit->looks[i].level == s->pursuit->looks[look].level &&
-            s->pursuit->looks[i].steps == s->pursuit->looks[look].steps)
-            return (hada_pursuit_look)i;
-    return look;
-}
-
-static const known *find(const search *s, hada_pursuit_look look, const set *wanted)
-{
-    for (size_t i = 0; i < s->count; i++)
-        if (s->known[i].look == look && same(&s->known[i].set, wanted))
-            return &s->known[i];
-    return NULL;
-}
-
-static hada_status make_room(search *s, size_t more, hada_error *err)
-{
-    if (s->count + more <= s->room)
-        return HADA_OK;
-    const size_t room = 2 * s->room + more;
-    known *larger;
-    hada_status status = hada_alloc((void **)&larger, room, sizeof *larger, "the depth pursuit", err);
-    if (status)
-        return status;
-    if (s->count)
-        memcpy(larger, s->known, s->count * sizeof *larger);
-    free(s->known);
-    s->known = larger;
-    s->room = room;
-    return HADA_OK;
-}
-
-static double energy_of(const search *s, hada_pursuit_look look)
-{
-    return s->pursuit->levels[s->pursuit->looks[look].level].energy;
-}
-
-/* What each of `count` sets of one size leaves to a look; those not yet known are refined side by side. */
-static hada_status refine(search *s, hada_pursuit_look asked, const set *sets, int count, double *left, hada_error *err)
-{
-    hada_pursuit *p = s->pursuit;
-    const hada_pursuit_look look = plain(s, asked);
-    int list[HADA_PURSUIT_DEPTHS * HADA_PURSUIT_MAX], missing = 0;
-    double fresh[HADA_PURSUIT_DEPTHS];
-    const int places = sets[0].count;
-    const size_t first = s->count;
-    hada_status status = make_room(s, (size_t)count, err);
-    if (status)
-        return status;
-    if (!places) {
-        left[0] = energy_of(s, look);
-        return HADA_OK;
-    }
-    for (int i = 0; i < count; i++)
-        if (!find(s, look, &sets[i])) {
-            memcpy(list + missing * places, sets[i].depth, (size_t)places * sizeof *list);
-            missing++;
-            s->known[s->count++] = (known){look, sets[i], 0.0};
-        }
-    if (missing)
-        status =
-            hada_level_left(&p->levels[p->looks[look].level], p->looks[look].steps, missing, places, list, fresh, err);
-    for (int i = 0; !status && i < missing; i++)
-        s->known[first + (size_t)i].left = fresh[i];
-    for (int i = 0; !status && i < count; i++)
-        left[i] = find(s, look, &sets[i])->left;
-    return status;
-}
-
 /* The part of what `smaller` leaves that `larger` explains, in one look. */
-static hada_status fall_in(search *s, hada_pursuit_look look, const set *smaller, const set *larger, double *fall,
-                           hada_error *err)
+static hada_status fall_in(search *s, hada_pursuit_look look, const hada_set *smaller, const hada_set *larger,
+                           double *fall, hada_error *err)
 {
-    const double floor = FLOOR * FLOOR * energy_of(s, look);
-    double before, after;
-    hada_status status = refine(s, look, smaller, 1, &before, err);
+    double energy, before, after;
+    hada_status status = hada_looks_energy(&s->looks, look, &energy, err);
     if (!status)
-        status = refine(s, look, larger, 1, &after, err);
+        status = hada_looks_left(&s->looks, look, smaller, 1, &before, err);
     if (!status)
-        *fall = before > 0.0 ? (before - after) / (before + floor) : 0.0;
+        status = hada_looks_left(&s->looks, look, larger, 1, &after, err);
+    if (!status)
+        *fall = before > 0.0 ? (before - after) / (before + FLOOR * FLOOR * energy) : 0.0;
     return status;
 }
 
-static double threshold_of(const search *s, const set *smaller)
+static double threshold_of(const search *s, const hada_set *smaller)
 {
     const double threshold = s->pursuit->options.threshold;
     return smaller->count ? threshold : fmin(threshold, FIRST_THRESHOLD);
@@ -177,7 +65,7 @@ static double threshold_of(const search *s, const set *smaller)
 
 /* The same, in as many looks as it takes. A larger set settles later, so few steps make its fall too small, never too
  * large: a fall that is clearly enough is, one that is not is given time. */
-static hada_status fall_of(search *s, const set *smaller, const set *larger, double *fall, hada_error *err)
+static hada_status fall_of(search *s, const hada_set *smaller, const hada_set *larger, double *fall, hada_error *err)
 {
     const double high = CLOSE_ABOVE * threshold_of(s, smaller), low = CLOSE_BELOW * threshold_of(s, smaller);
     hada_status status = fall_in(s, HADA_LOOK_JUDGE, smaller, larger, fall, err);
@@ -191,15 +79,16 @@ static hada_status fall_of(search *s, const set *smaller, const set *larger, dou
 }
 
 /* Whether `moved` leaves less than `current`; `closely`: in as many looks as it takes. */
-static hada_status is_better(search *s, const set *current, const set *moved, int closely, int *better, hada_error *err)
+static hada_status is_better(search *s, const hada_set *current, const hada_set *moved, int closely, int *better,
+                             hada_error *err)
 {
     hada_status status = HADA_OK;
     for (int look = HADA_LOOK_JUDGE; !status && look <= (closely ? HADA_LOOK_CLOSER : HADA_LOOK_JUDGE); look++) {
         double now, then;
         s->result->closer += look == HADA_LOOK_CLOSER;
-        status = refine(s, (hada_pursuit_look)look, current, 1, &now, err);
+        status = hada_looks_left(&s->looks, (hada_pursuit_look)look, current, 1, &now, err);
         if (!status)
-            status = refine(s, (hada_pursuit_look)look, moved, 1, &then, err);
+            status = hada_looks_left(&s->looks, (hada_pursuit_look)look, moved, 1, &then, err);
         *better = !status && then < now;
         if (then > CLOSE_RATIO * now || now > CLOSE_RATIO * then)
             break;
@@ -220,7 +109,7 @@ static int take_best(search *s, double *left)
 }
 
 /* Moves depths of *current to free neighbours while that leaves less; `closely`: in as many looks as it takes. */
-static hada_status settle(search *s, set *current, int closely, hada_error *err)
+static hada_status settle(search *s, hada_set *current, int closely, hada_error *err)
 {
     const hada_pursuit *p = s->pursuit;
     hada_status status = HADA_OK;
@@ -230,15 +119,15 @@ static hada_status settle(search *s, set *current, int closely, hada_error *err)
         for (int place = 0; place < current->count; place++)
             for (int side = -1; side <= 1; side += 2) {
                 const int depth = current->depth[place] + side;
-                const set rest = without(current, place);
-                if (depth >= 0 && depth < p->options.depths && !member(current, depth))
-                    s->variations[s->varied++] = with(&rest, depth);
+                const hada_set rest = hada_set_without(current, place);
+                if (depth >= 0 && depth < p->options.depths && !hada_set_has(current, depth))
+                    s->variations[s->varied++] = hada_set_with(&rest, depth);
             }
         if (!s->varied)
             return HADA_OK;
-        status = refine(s, HADA_LOOK_JUDGE, current, 1, &now, err);
+        status = hada_looks_left(&s->looks, HADA_LOOK_JUDGE, current, 1, &now, err);
         if (!status)
-            status = refine(s, HADA_LOOK_JUDGE, s->variations, s->varied, s->left, err);
+            status = hada_looks_left(&s->looks, HADA_LOOK_JUDGE, s->variations, s->varied, s->left, err);
         int better = 0;
         for (int tried = 0; !status && !better && tried < s->varied; tried++) {
             double left;
@@ -256,18 +145,18 @@ static hada_status settle(search *s, set *current, int closely, hada_error *err)
 }
 
 /* Drops depths of *current that the others explain as well. */
-static hada_status drop(search *s, set *current, hada_error *err)
+static hada_status drop(search *s, hada_set *current, hada_error *err)
 {
     hada_status status = HADA_OK;
     while (!status && current->count > 1) {
         double least, fall;
         s->varied = current->count;
         for (int place = 0; place < current->count; place++)
-            s->variations[place] = without(current, place);
-        status = refine(s, HADA_LOOK_JUDGE, s->variations, s->varied, s->left, err);
+            s->variations[place] = hada_set_without(current, place);
+        status = hada_looks_left(&s->looks, HADA_LOOK_JUDGE, s->variations, s->varied, s->left, err);
         if (status)
             return status;
-        const set less = s->variations[take_best(s, &least)];
+        const hada_set less = s->variations[take_best(s, &least)];
         status = fall_of(s, &less, current, &fall, err);
         if (status || fall >= s->pursuit->options.threshold)
             return status;
@@ -279,9 +168,9 @@ static hada_status drop(search *s, set *current, hada_error *err)
 /* Keeps the LOOKS variations that come first in the order of the smallest grid. */
 static hada_status keep_first(search *s, hada_error *err)
 {
-    set first[LOOKS];
+    hada_set first[LOOKS];
     double left;
-    hada_status status = refine(s, HADA_LOOK_ORDER, s->variations, s->varied, s->left, err);
+    hada_status status = hada_looks_left(&s->looks, HADA_LOOK_ORDER, s->variations, s->varied, s->left, err);
     const int count = s->varied < LOOKS ? s->varied : LOOKS;
     for (int i = 0; !status && i < count; i++)
         first[i] = s->variations[take_best(s, &left)];
@@ -291,17 +180,68 @@ static hada_status keep_first(search *s, hada_error *err)
     return status;
 }
 
-/* The best addition to *current: *more is the larger set, moved where that may help. */
-static hada_status grow(search *s, const set *current, set *more, hada_error *err)
+/* All sets of one depth more than *current, the most promising alone. */
+static hada_status list_additions(search *s, const hada_set *current, hada_error *err)
+{
+    s->varied = 0;
+    for (int depth = 0; depth < s->pursuit->options.depths; depth++)
+        if (!hada_set_has(current, depth))
+            s->variations[s->varied++] = hada_set_with(current, depth);
+    return keep_first(s, err);
+}
+
+/* Of the variations the one that leaves least; *left (may be NULL) takes how much. */
+static hada_status judge(search *s, hada_set *best, double *left, hada_error *err)
+{
+    double least;
+    hada_status status = hada_looks_left(&s->looks, HADA_LOOK_JUDGE, s->variations, s->varied, s->left, err);
+    if (!status)
+        *best = s->variations[take_best(s, &least)];
+    if (!status && left)
+        *left = least;
+    return status;
+}
+
+/* Whether the frame holds more depths than a set has room for, found out at a pair, before any set is moved: depths
+ * are added as they come, and must leave much at every size; all depths together must leave much less than the largest
+ * set. *many is then that set. */
+static hada_status look_for_many(search *s, const hada_set *pair, hada_set *many, int *found, hada_error *err)
+{
+    const hada_pursuit_options *o = &s->pursuit->options;
+    double energy, left, all;
+    *found = 0;
+    if (o->full || o->max_depths == o->depths)
+        return HADA_OK;
+    *many = *pair;
+    hada_status status = hada_looks_energy(&s->looks, HADA_LOOK_JUDGE, &energy, err);
+    if (!status)
+        status = hada_looks_left(&s->looks, HADA_LOOK_JUDGE, pair, 1, &left, err);
+    while (!status) {
+        const double much = MANY_LEAVE / many->count;
+        if (left < much * much * energy)
+            return HADA_OK;
+        if (many->count == o->max_depths)
+            break;
+        status = list_additions(s, many, err);
+        if (!status)
+            status = judge(s, many, &left, err);
+    }
+    if (!status)
+        status = hada_looks_all(&s->looks, &all, err);
+    *found = !status && all < ALL_LEAVE * left;
+    return status;
+}
+
+/* The best addition to *current: *more is the larger set, moved where that may help. *many: there are more depths than
+ * a set has room for. */
+static hada_status grow(search *s, const hada_set *current, hada_set *more, int *many, hada_error *err)
 {
     const hada_pursuit_options *o = &s->pursuit->options;
     const int last = current->count + 1 == o->max_depths && o->max_depths < o->depths;
-    double left, fall;
-    s->varied = 0;
-    for (int depth = 0; depth < o->depths; depth++)
-        if (!member(current, depth))
-            s->variations[s->varied++] = with(current, depth);
-    hada_status status = keep_first(s, err);
+    hada_set full;
+    double fall;
+    hada_status status = list_additions(s, current, err);
+    *many = 0;
     /* the last one that there is room for: that it is needed says enough, which one it is does not matter */
     if (!status && last) {
         *more = s->variations[0];
@@ -310,29 +250,34 @@ static hada_status grow(search *s, const set *current, set *more, hada_error *er
             return status;
     }
     if (!status)
-        status = refine(s, HADA_LOOK_JUDGE, s->variations, s->varied, s->left, err);
-    if (status)
-        return status;
-    *more = s->variations[take_best(s, &left)];
-    status = fall_in(s, HADA_LOOK_JUDGE, current, more, &fall, err);
-    if (status || !current->count || fall < MOVE_FROM || fall > (current->count == 1 ? MOVE_PAIR_TO : MOVE_TO))
+        status = judge(s, more, NULL, err);
+    if (!status && more->count == 2)
+        status = look_for_many(s, more, &full, many, err);
+    if (!status && *many)
+        *more = full;
+    if (!status && !*many)
+        status = fall_in(s, HADA_LOOK_JUDGE, current, more, &fall, err);
+    if (status || *many || !current->count || fall < MOVE_FROM || fall > (current->count == 1 ? MOVE_PAIR_TO : MOVE_TO))
         return status;
     return settle(s, more, 0, err);
 }
 
-static hada_status run(search *s, set *found, hada_error *err)
+static hada_status run(search *s, hada_set *found, hada_error *err)
 {
     const hada_pursuit_options *o = &s->pursuit->options;
     hada_pursuit_result *result = s->result;
     hada_status status = HADA_OK;
     while (!status && result->rounds < 2 * HADA_PURSUIT_MAX) {
         const int room = found->count < o->max_depths;
-        set more;
+        hada_set more;
         double fall = 0.0;
         if (room) {
-            status = grow(s, found, &more, err);
-            if (!status)
-                status = fall_of(s, found, &more, &fall, err);
+            status = grow(s, found, &more, &result->all, err);
+            if (!status && result->all)
+                *found = more;
+            if (status || result->all)
+                break;
+            status = fall_of(s, found, &more, &fall, err);
             if (status)
                 break;
             result->fall[result->rounds++] = fall;
@@ -342,12 +287,12 @@ static hada_status run(search *s, set *found, hada_error *err)
             }
         }
         /* nothing to add, or no room: unless a smaller set or a moved one is better, this is it */
-        const set before = *found;
+        const hada_set before = *found;
         if (found->count)
             status = drop(s, found, err);
         if (!status && found->count && room)
             status = settle(s, found, 1, err);
-        if (!status && same(&before, found)) {
+        if (!status && hada_set_same(&before, found)) {
             result->all = !room && o->max_depths < o->depths;
             break;
         }
@@ -358,21 +303,22 @@ static hada_status run(search *s, set *found, hada_error *err)
 hada_status hada_pursuit_search(hada_pursuit *p, hada_pursuit_result *result, hada_error *err)
 {
     search *s;
-    set found = {0};
-    double left = 0.0;
+    hada_set found = {0};
+    double energy = 0.0, left = 0.0;
     hada_status status = hada_alloc((void **)&s, 1, sizeof *s, "the depth pursuit", err);
     if (status)
         return status;
-    s->pursuit = p;
+    s->pursuit = s->looks.pursuit = p;
     s->result = result;
     status = run(s, &found, err);
     if (!status)
-        status = refine(s, HADA_LOOK_JUDGE, &found, 1, &left, err);
-    const double energy = energy_of(s, HADA_LOOK_JUDGE);
+        status = hada_looks_energy(&s->looks, HADA_LOOK_JUDGE, &energy, err);
+    if (!status)
+        status = hada_looks_left(&s->looks, HADA_LOOK_JUDGE, &found, 1, &left, err);
     result->residual = energy > 0.0 ? sqrt(left / energy) : 0.0;
     result->count = found.count;
     memcpy(result->list, found.depth, sizeof found.depth);
-    free(s->known);
+    hada_looks_free(&s->looks);
     free(s);
     return status;
 }

@@ -36,6 +36,7 @@ hada_status fault_stage_reconstruct(fault_job *job, hada_error *err);
 hada_status fault_stage_jobs(fault_job *job, hada_error *err);   /* frames in flight on two queues and half a device */
 hada_status fault_stage_net(fault_job *job, hada_error *err);    /* fault_net.c */
 hada_status fault_stage_engine(fault_job *job, hada_error *err); /* fault_engine.c */
+hada_status fault_stage_trainer(fault_job *job, hada_error *err);
 hada_status fault_stage_model_file(fault_job *job, hada_error *err);
 hada_status fault_stage_tiff(fault_job *job, hada_error *err);
 hada_status fault_stage_preview(fault_job *job, hada_error *err);

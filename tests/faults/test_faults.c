@@ -30,6 +30,7 @@ static const struct stage {
     {"jobs", fault_stage_jobs, 50},
     {"net", fault_stage_net, 60},
     {"engine", fault_stage_engine, 60},
+    {"trainer", fault_stage_trainer, 60},
     {"model_file", fault_stage_model_file, 100},
     {"tiff", fault_stage_tiff, 100},
     {"preview", fault_stage_preview, 100},

@@ -233,6 +233,9 @@ static void report(hada_cli *cli, const hada_cli_dataset *data, const depth *all
                           "%s: its PSF is not like that of the depth before (%.2f), so the shift between them is "
                           "not known",
                           data->depth[z].folder, one->likeness);
+        if (r->explained < 0.05)
+            hada_cli_warn(cli, "%s: only %.1f %% of the frames' structure is explained, so these figures are rough",
+                          data->depth[z].folder, 100 * r->explained);
         if (z && (r->mirrored != all[0].found.mirrored || r->quarter_turns != all[0].found.quarter_turns))
             hada_cli_warn(cli, "%s stands in another orientation than %s", data->depth[z].folder,
                           data->depth[0].folder);

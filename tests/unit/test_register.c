@@ -133,15 +133,21 @@ static void expose(hada_image *raw, const hada_image *scene, const hole *holes, 
     }
 }
 
-static pairs make_pairs(const hada_registration *truth, int count, double scale, double noise, uint64_t seed)
+static const hole *mask_holes(void)
 {
-    pairs all = {.count = count};
-    hole holes[SPOTS];
+    static hole holes[SPOTS];
     hada_random random;
-    hada_random_seed(&random, 11, 0); /* one mask */
+    hada_random_seed(&random, 11, 0);
     for (int h = 0; h < SPOTS; h++)
         holes[h] = (hole){hada_random_range(&random, -25, 25), hada_random_range(&random, -32, 32),
                           hada_random_range(&random, 0.05, 0.15)};
+    return holes;
+}
+
+static pairs make_pairs(const hada_registration *truth, int count, double scale, double noise, uint64_t seed)
+{
+    pairs all = {.count = count};
+    hada_random random;
     hada_random_seed(&random, seed, 1);
     const double m = truth->magnification;
     const int turned = truth->quarter_turns % 2;
@@ -152,7 +158,7 @@ static pairs make_pairs(const hada_registration *truth, int count, double scale,
                                         (int)((turned ? WINDOW_ROWS : WINDOW_COLS) / m), err));
         ASSERT_OK(hada_register_apply(&stands, &all.scenes[i], truth, WINDOW_ROWS + 10, WINDOW_COLS + 10, err));
         ASSERT_OK(hada_image_create(&all.raws[i], 1, ROWS, COLS, err));
-        expose(&all.raws[i], &stands, holes, scale);
+        expose(&all.raws[i], &stands, mask_holes(), scale);
         for (int k = 0; k < ROWS * COLS; k++) /* noise, and stray light that is the same in all frames */
             all.raws[i].data[k] += (float)(noise * hada_random_normal(&random) + 0.2 * sin(k / 2000.0));
         hada_image_destroy(&stands);
@@ -275,6 +281,21 @@ static void refusals(void **state)
         all.scenes[i] = all.scenes[i + 1];
     all.scenes[PAIRS - 1] = first;
     assert_int_equal(hada_register_pairs(&found, all.raws, all.scenes, PAIRS, &options, &why), HADA_ERROR_DATASET);
+    /* scenes that are their own mirror images stand as well mirrored as not */
+    hada_registration flip = {.magnification = 1.0, .mirrored = 1};
+    for (int i = 0; i < PAIRS; i++) {
+        hada_image mirrored, stands;
+        ASSERT_OK(hada_register_apply(&mirrored, &all.scenes[i], &flip, WINDOW_ROWS, WINDOW_COLS, err));
+        for (size_t k = 0; k < hada_image_count(&mirrored); k++)
+            all.scenes[i].data[k] = 0.5f * (all.scenes[i].data[k] + mirrored.data[k]);
+        ASSERT_OK(hada_register_apply(&stands, &all.scenes[i], &truth, WINDOW_ROWS, WINDOW_COLS, err));
+        memset(all.raws[i].data, 0, hada_image_count(&all.raws[i]) * sizeof(float));
+        expose(&all.raws[i], &stands, mask_holes(), 1.0);
+        hada_image_destroy(&mirrored);
+        hada_image_destroy(&stands);
+    }
+    assert_int_equal(hada_register_pairs(&found, all.raws, all.scenes, PAIRS, &options, &why), HADA_ERROR_DATASET);
+    assert_non_null(strstr(why.message, "without symmetry"));
     /* sizes, values, flat scenes */
     all.raws[1].rows--;
     assert_int_equal(hada_register_pairs(&found, all.raws, all.scenes, PAIRS, &options, &why), HADA_ERROR_SIZE);

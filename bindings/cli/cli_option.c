@@ -44,6 +44,7 @@ void hada_cli_each_option(const hada_cli_command *command, void (*visit)(void *u
                           void *user)
 {
     const hada_cli_option *tables[] = {command->options, command->designs_camera ? hada_cli_camera_options : NULL,
+                                       command->records_frames ? hada_cli_sensor_options : NULL,
                                        command->uses_device ? hada_cli_device_options : NULL, hada_cli_common_options};
     for (size_t t = 0; t < sizeof tables / sizeof *tables; t++)
         for (const hada_cli_option *option = tables[t]; option && option->help; option++)

@@ -1,7 +1,7 @@
-#include "camera_options.h"
 #include "command.h"
 #include "dataset_write.h"
 #include "folder.h"
+#include "sensor_options.h"
 
 #include <errno.h>
 #include <stddef.h>
@@ -11,10 +11,9 @@
 #include <unistd.h>
 
 typedef struct settings {
-    hada_cli_camera_settings camera;
+    hada_cli_sensor_settings frame;
     const char *output, *scenes, *test_scenes;
     int bits, pairs, test, test_depths;
-    double noise;
 } settings;
 
 #define AT(member) offsetof(settings, member)
@@ -36,8 +35,6 @@ static const hada_cli_option options[] = {
      AT(test_scenes)},
     {HADA_OPTION_CHOICE, "bits", 0, "16|32", "raw frames and scenes as 16-bit integers or floats (default: 32)",
      "A camera writes 16 bits; then noise below zero is cut off.", AT(bits)},
-
-    {HADA_OPTION_REAL, "noise", 0, "SIGMA", "noise, as a share of a frame's maximum (default: 0.01)", NULL, AT(noise)},
     {0},
 };
 
@@ -45,10 +42,9 @@ static void defaults(void *user)
 {
     settings *set = user;
     set->scenes = "procedural";
-    hada_cli_camera_defaults(&set->camera);
+    hada_cli_sensor_defaults(&set->frame);
     set->pairs = 8;
     set->test_depths = 2;
-    set->noise = 0.01;
 }
 
 /* Opens the scenes and divides them between pairs and tests. */
@@ -56,16 +52,18 @@ static hada_status make_recipe(hada_cli *cli, hada_cli_recipe *recipe, const set
                                hada_error *err)
 {
     recipe->pairs = set->pairs;
-    recipe->noise = set->noise;
     recipe->seed = camera->seed;
     recipe->bits = set->bits == 1 ? 16 : 32;
     recipe->tests = set->test;
     recipe->test_depths = set->test_depths < camera->depths ? set->test_depths : camera->depths;
-    hada_status status = hada_cli_scenes_open(&recipe->scenes, set->scenes, camera->seed, camera->channels,
-                                              camera->window_rows, camera->window_cols, err);
+    const hada_simulator_options *wanted = &recipe->sensor->options;
+    const int rows = wanted->field_rows ? wanted->field_rows : camera->window_rows,
+              cols = wanted->field_rows ? wanted->field_cols : camera->window_cols;
+    hada_status status =
+        hada_cli_scenes_open(&recipe->scenes, set->scenes, camera->seed, camera->channels, rows, cols, err);
     if (!status && set->test_scenes) {
-        status = hada_cli_scenes_open(&recipe->test_scenes, set->test_scenes, camera->seed + 1, camera->channels,
-                                      camera->window_rows, camera->window_cols, err);
+        status = hada_cli_scenes_open(&recipe->test_scenes, set->test_scenes, camera->seed + 1, camera->channels, rows,
+                                      cols, err);
         recipe->other_test_scenes = !status;
     }
     if (status)
@@ -98,7 +96,11 @@ static hada_status simulate(hada_cli *cli, const settings *set, const hada_camer
     if (!status)
         status = hada_cli_open(cli, &context, err);
     if (!status)
-        status = hada_simulator_create(&simulator, context, camera, err);
+        status = hada_simulator_create_with(&simulator, context, camera, &recipe->sensor->options, err);
+    if (status == HADA_ERROR_SIZE) /* a field that does not fit: the command line's, not a file's */
+        status = err->status = HADA_ERROR_ARGUMENT;
+    if (!status && recipe->sensor->used && recipe->sensor->auto_exposure)
+        status = hada_simulator_white_exposure(simulator, HADA_CLI_WHITE, &recipe->sensor->sensor.exposure, err);
     if (!status) {
         hada_cli_progress_begin(cli, &progress, "frames", (long)camera->depths * recipe->pairs + recipe->tests);
         status = hada_cli_write_dataset(cli, simulator, recipe, err);
@@ -149,7 +151,8 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
     const settings *set = user;
     hada_error err = {0};
     hada_camera camera;
-    hada_cli_recipe recipe = {0};
+    hada_cli_sensor sensor = {0};
+    hada_cli_recipe recipe = {.sensor = &sensor};
     double start = hada_cli_seconds();
     if (count)
         return hada_cli_usage(cli, "'%s' is one word too many; a folder of pictures is given with --scenes",
@@ -158,9 +161,13 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
         return hada_cli_usage(cli, "say where the data set shall be written, with -o DATASET");
     if (!set->pairs || !set->test_depths)
         return hada_cli_usage(cli, "--%s must be at least 1", set->pairs ? "test-depths" : "pairs");
-    if (set->noise < 0)
-        return hada_cli_usage(cli, "--noise must not be negative");
-    if (hada_cli_make_camera(&camera, &set->camera, &err) || write_whole(cli, set, &camera, &recipe, &err))
+    hada_status status = hada_cli_make_camera(&camera, &set->frame.camera, &err);
+    if (!status)
+        status = hada_cli_make_sensor(&sensor, &set->frame, &err);
+    if (!status)
+        status = write_whole(cli, set, &camera, &recipe, &err);
+    hada_cli_sensor_free(&sensor);
+    if (status)
         return hada_cli_fail(cli, &err);
     hada_cli_say(cli,
                  "%s: %d %s from %g to %g mm, %d pairs each, %dx%d %s frames, window %dx%d, %d lenses, noise %g "
@@ -168,15 +175,18 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
                  set->output, camera.depths, camera.depths == 1 ? "depth" : "depths", camera.distances_mm[0],
                  camera.distances_mm[camera.depths - 1], recipe.pairs, camera.rows, camera.cols,
                  camera.channels == 1 ? "grey" : "colour", camera.window_rows, camera.window_cols, camera.lenses,
-                 set->noise, hada_cli_seconds() - start);
+                 sensor.noise, hada_cli_seconds() - start);
     if (set->test)
         hada_cli_say(cli, "%s/test: %d test frames with %d occupied depths each, and their truth", set->output,
                      set->test, recipe.test_depths);
-    json_object_update_new(
-        cli->document, json_pack("{s:s, s:i, s:i, s:[ii], s:[ii], s:i, s:i, s:f, s:f}", "dataset", set->output,
-                                 "pairs_per_depth", recipe.pairs, "tests", set->test, "size", camera.rows, camera.cols,
-                                 "window", camera.window_rows, camera.window_cols, "channels", camera.channels,
-                                 "lenses", camera.lenses, "noise", set->noise, "seconds", hada_cli_seconds() - start));
+    json_object_update_new(cli->document,
+                           json_pack("{s:s, s:i, s:i, s:[ii], s:[ii], s:i, s:i, s:f, s:f}", "dataset", set->output,
+                                     "pairs_per_depth", recipe.pairs, "tests", set->test, "size", camera.rows,
+                                     camera.cols, "window", camera.window_rows, camera.window_cols, "channels",
+                                     camera.channels, "lenses", camera.lenses, "noise", sensor.noise, "seconds",
+                                     hada_cli_seconds() - start));
+    if (sensor.used)
+        json_object_set_new(cli->document, "exposure", hada_cli_real(sensor.sensor.exposure));
     json_object_set_new(cli->document, "distances_mm", hada_cli_reals(camera.distances_mm, camera.depths));
     return HADA_EXIT_OK;
 }
@@ -184,6 +194,8 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
 static const hada_cli_example examples[] = {
     {"hadalens simulate --preset sim300 --test 4 -o camera", "a small camera, drawn scenes, four test frames."},
     {"hadalens simulate --scenes photographs --depths 6 --near 50 --far 300 -o camera", "your own pictures."},
+    {"hadalens simulate --full-well 10000 --read-noise 5 --adc-bits 12 --dark 0.02 --bits 16 -o camera",
+     "a sensor as one can buy it."},
     {0},
 };
 
@@ -205,4 +217,5 @@ const hada_cli_command hada_cli_simulate = {
     .run = run,
     .uses_device = 1,
     .designs_camera = 1,
+    .records_frames = 1,
 };

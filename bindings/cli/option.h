@@ -46,10 +46,12 @@ typedef struct hada_cli_command {
     int (*run)(hada_cli *cli, void *settings, int count, const char **arguments);
     int uses_device;    /* has --device and --binaries */
     int designs_camera; /* has the options of camera_options.h */
+    int records_frames; /* and of sensor_options.h */
 } hada_cli_command;
 
 /* Tables that are appended to those of the commands. */
 extern const hada_cli_option hada_cli_camera_options[];
+extern const hada_cli_option hada_cli_sensor_options[];
 extern const hada_cli_option hada_cli_device_options[];
 extern const hada_cli_option hada_cli_common_options[];
 

@@ -48,10 +48,10 @@ hada_status hada_train_nets_make(hada_train_nets *nets, const hada_train_options
     if (!status && hada_stage_has_critic(options))
         status = make_critic(&nets->critic, options, channels, err);
     if (!status && options->perceptual > 0.0) {
-        if (channels != 3)
+        if (channels != 1 && channels != 3)
             status = hada_fail(err, HADA_ERROR_ARGUMENT,
-                               "VGG-16 looks at red, green and blue; this camera has %d channel(s): leave the "
-                               "perceptual term out",
+                               "VGG-16 looks at grey or at red, green and blue; this camera has %d channels: leave "
+                               "the perceptual term out",
                                channels);
         else
             status = hada_vgg16_load(&nets->vgg, options->vgg, err);

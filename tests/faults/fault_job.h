@@ -37,6 +37,8 @@ hada_status fault_stage_jobs(fault_job *job, hada_error *err);   /* frames in fl
 hada_status fault_stage_net(fault_job *job, hada_error *err);    /* fault_net.c */
 hada_status fault_stage_engine(fault_job *job, hada_error *err); /* fault_engine.c */
 hada_status fault_stage_trainer(fault_job *job, hada_error *err);
+hada_status fault_stage_register(fault_job *job, hada_error *err); /* fault_compare.c */
+hada_status fault_stage_lpips(fault_job *job, hada_error *err);
 hada_status fault_stage_model_file(fault_job *job, hada_error *err);
 hada_status fault_stage_tiff(fault_job *job, hada_error *err);
 hada_status fault_stage_preview(fault_job *job, hada_error *err);

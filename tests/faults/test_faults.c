@@ -31,6 +31,8 @@ static const struct stage {
     {"net", fault_stage_net, 60},
     {"engine", fault_stage_engine, 60},
     {"trainer", fault_stage_trainer, 60},
+    {"register", fault_stage_register, 10},
+    {"lpips", fault_stage_lpips, 10},
     {"model_file", fault_stage_model_file, 100},
     {"tiff", fault_stage_tiff, 100},
     {"preview", fault_stage_preview, 100},

@@ -6,6 +6,7 @@
 
 extern const hada_cli_command hada_cli_devices;
 extern const hada_cli_command hada_cli_simulate;
+extern const hada_cli_command hada_cli_optics;
 extern const hada_cli_command hada_cli_register;
 extern const hada_cli_command hada_cli_fit;
 extern const hada_cli_command hada_cli_train;

@@ -6,7 +6,7 @@ expect 0 'hadalens [0-9]+\.[0-9]+' --version
 expect 0 'Commands:.*simulate.*reconstruct' --help
 expect 0 'Commands:' help
 expect 2 'Commands:'
-for command in devices simulate register fit train reconstruct evaluate tune bench; do
+for command in devices optics simulate register fit train reconstruct evaluate tune bench; do
     expect 0 "Usage: +hadalens $command.*Examples:.*Exit codes:" "$command" --help
     expect 0 "Usage: +hadalens $command" help "$command"
     expect 0 '\.SH NAME.*\.SH OPTIONS.*\.SH EXIT STATUS' --man "$command"

@@ -52,6 +52,48 @@ HADA_API hada_status hada_wave_psf(hada_wave *wave, double distance_mm, int rows
 HADA_API hada_status hada_camera_psf_stack(hada_context *context, const hada_camera *camera, hada_image *psf,
                                            hada_error *err);
 
+/* What a camera resolves at a distance, by its design and by its PSF. Lateral lengths on the sensor are in pixels,
+ * which are those of the scene as well; times pitch z / d they are millimetres at the object. NaN: does not apply. */
+typedef struct hada_optics_row {
+    double distance_mm;
+    double magnification;   /* 1 + d/z: how much wider than the mask the pattern stands on the sensor */
+    double defocus_pixels;  /* diameter of a lens's blur by geometry: D |1 + d/z - d/f|, in green light */
+    double airy_pixels;     /* radius of the Airy disc of a lens of diameter D in green: 1.22 lambda d / D */
+    double object_pixel_mm; /* what a pixel is at the object: pitch z / d */
+    double light;           /* share of the mask's light in the PSF's image */
+    double spot_pixels;     /* full width at half maximum of the self-correlation's peak, over sqrt(2): of a spot */
+    double sidelobe;        /* highest self-correlation beyond the peak (twice its full width), relative to it */
+    double cutoff;          /* cycles per pixel: above, the mean MTF of a ring stays below the threshold */
+    double support;         /* share of all frequencies whose MTF reaches the threshold */
+    double lateral_mm;      /* spot_pixels at the object */
+    double axial_mm;        /* towards farther distances (the last: nearer): where PSFs correlate by one half,
+                               interpolated in 1/z between the distances of the stack */
+    double axial_design_mm; /* by design: the distance step that moves a spot at the edge of the aperture by its width:
+                               z^2 spot pitch / (d aperture / 2) */
+    double occupancy; /* V = N R M^2: N lenses or holes, R the area of an object over that of the sensor, M = d/z its
+                         scale on the sensor: how often its images cover the sensor. The object fills the window
+                         at the nearest distance */
+} hada_optics_row;
+
+typedef struct hada_optics_report {
+    int depths, frequencies, lags;
+    double threshold;     /* of the MTF, for cutoff and support */
+    hada_optics_row *row; /* by depth, filled as PSFs are added */
+    double *mtf;          /* [depth][frequency]: mean of |OTF| over a ring about (i + 0.5) / (2 frequencies) cycles per
+                             pixel; 1 at 0 */
+    double *self;         /* [depth][lag]: largest self-correlation of the PSF at that many pixels; 1 at 0 */
+    double *correlation;  /* [depth][depth]: of PSFs, <a, b> / (|a| |b|) */
+    void *state;
+} hada_optics_report;
+
+/* Begins a report on a camera, whose PSFs are added from near to far; `threshold` 0: 0.05. Ended by
+ * hada_optics_report_end(), also after a failure. */
+HADA_API hada_status hada_optics_report_begin(hada_optics_report *report, hada_context *context,
+                                              const hada_camera *camera, double threshold, hada_error *err);
+/* The PSF of the next depth, of sensor size, designed or measured; the mean of its channels counts. */
+HADA_API hada_status hada_optics_report_add(hada_optics_report *report, const hada_image *psf, hada_error *err);
+HADA_API void hada_optics_report_end(hada_optics_report *report);
+
 #ifdef __cplusplus
 }
 #endif

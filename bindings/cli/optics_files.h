@@ -1,0 +1,21 @@
+/* What the command `optics` writes. */
+#ifndef HADA_CLI_OPTICS_FILES_H
+#define HADA_CLI_OPTICS_FILES_H
+
+#include "cli.h"
+
+#include <hadalens/optics.h>
+
+/* depths.csv, mtf.csv, self_correlation.csv, correlation.csv. */
+hada_status hada_cli_optics_tables(const hada_optics_report *report, const char *folder, hada_error *err);
+
+/* The rows, for --json. */
+json_t *hada_cli_optics_json(const hada_optics_report *report);
+
+/* mtf.svg, self_correlation.svg, correlation.svg, depths.svg. */
+hada_status hada_cli_optics_plots(const hada_optics_report *report, const char *folder, hada_error *err);
+
+/* mask.png: the mask's thickness where it is open, or its openings. */
+hada_status hada_cli_optics_mask(const hada_camera *camera, const char *folder, hada_error *err);
+
+#endif

@@ -1,0 +1,227 @@
+/* What a camera resolves: its PSFs, one after the other, become rows of tables. */
+#include <hadalens/optics.h>
+#include <math.h>
+#include <stdlib.h>
+
+#include "core/alloc.h"
+#include "optics/mask.h"
+#include "optics/mtf.h"
+
+#define RINGS 256
+
+typedef struct report_state {
+    hada_camera camera;
+    hada_mtf mtf;
+    int done;
+    hada_image *mean; /* of the channels of each PSF so far */
+    double *norm;
+} report_state;
+
+hada_status hada_optics_report_begin(hada_optics_report *report, hada_context *context, const hada_camera *camera,
+                                     double threshold, hada_error *err)
+{
+    *report = (hada_optics_report){.threshold = threshold > 0.0 ? threshold : 0.05};
+    hada_status status = hada_camera_check(camera, err);
+    if (status)
+        return status;
+    const size_t depths = (size_t)camera->depths;
+    const int lags = (camera->rows < camera->cols ? camera->rows : camera->cols) / 2;
+    report->depths = camera->depths;
+    report->frequencies = RINGS;
+    report->lags = lags > 0 ? lags : 1;
+    const struct {
+        void **at;
+        size_t count, size;
+    } rooms[] = {{(void **)&report->row, depths, sizeof(hada_optics_row)},
+                 {(void **)&report->mtf, depths * RINGS, sizeof(double)},
+                 {(void **)&report->self, depths * (size_t)report->lags, sizeof(double)},
+                 {(void **)&report->correlation, depths * depths, sizeof(double)},
+                 {&report->state, 1, sizeof(report_state)}};
+    for (size_t i = 0; i < sizeof rooms / sizeof *rooms && !status; i++)
+        status = hada_alloc(rooms[i].at, rooms[i].count, rooms[i].size, "a report", err);
+    report_state *state = report->state;
+    void *memory = NULL;
+    if (status)
+        return status;
+    state->camera = *camera;
+    if (!(status = hada_alloc(&memory, depths, sizeof(hada_image), "a report", err))) {
+        state->mean = memory;
+        status = hada_alloc(&memory, depths, sizeof(double), "a report", err);
+        state->norm = memory;
+    }
+    return status ? status : hada_mtf_create(&state->mtf, context, camera->rows, camera->cols, err);
+}
+
+void hada_optics_report_end(hada_optics_report *report)
+{
+    report_state *state = report->state;
+    if (state) {
+        for (int z = 0; state->mean && z < report->depths; z++)
+            hada_image_destroy(&state->mean[z]);
+        free(state->mean);
+        free(state->norm);
+        hada_mtf_destroy(&state->mtf);
+    }
+    free(report->row);
+    free(report->mtf);
+    free(report->self);
+    free(report->correlation);
+    free(state);
+    *report = (hada_optics_report){0};
+}
+
+static hada_status mean_of_channels(hada_image *mean, const hada_image *psf, hada_error *err)
+{
+    const size_t count = (size_t)psf->rows * (size_t)psf->cols;
+    hada_status status = hada_image_create(mean, 1, psf->rows, psf->cols, err);
+    for (size_t i = 0; i < count && !status; i++) {
+        double sum = 0.0;
+        for (int c = 0; c < psf->channels; c++)
+            sum += psf->data[(size_t)c * count + i];
+        mean->data[i] = (float)(sum / psf->channels);
+    }
+    return status;
+}
+
+static double product(const hada_image *a, const hada_image *b)
+{
+    double sum = 0.0;
+    for (size_t i = 0; i < hada_image_count(a); i++)
+        sum += (double)a->data[i] * b->data[i];
+    return sum;
+}
+
+/* Closed forms. */
+static void fill_design(const hada_camera *c, double distance, hada_optics_row *row)
+{
+    const double green = c->wavelengths_nm[1] * 1e-6, pitch = c->pixel_pitch_mm, d = c->distance_mm;
+    hada_camera in_green = *c;
+    in_green.focal_length_mm = hada_camera_focal_length(c, c->wavelengths_nm[1]);
+    const int cells = c->mask == HADA_MASK_APERTURE && c->cell_mm > 0.0, diffuser = c->mask == HADA_MASK_DIFFUSER;
+    const double width = cells ? c->cell_mm : c->lens_diameter_mm;
+    const double shrink = c->distances_mm[0] / distance; /* M / (M at the nearest distance) */
+    *row = (hada_optics_row){.distance_mm = distance, .magnification = hada_camera_magnification(c, distance)};
+    row->defocus_pixels = diffuser ? NAN : hada_camera_defocus_pixels(&in_green, distance);
+    row->airy_pixels = diffuser ? NAN : 1.21967 * green * d / (width * pitch);
+    row->object_pixel_mm = pitch * distance / d;
+    row->occupancy = NAN;
+    if (hada_mask_has_lenses(c))
+        row->occupancy =
+            c->lenses * ((double)c->window_rows * c->window_cols) / ((double)c->rows * c->cols) * shrink * shrink;
+}
+
+/* The largest self-correlation at each distance in pixels, rounded. */
+static void fill_self(const hada_mtf *mtf, int lags, double *self)
+{
+    for (int i = 0; i < lags; i++)
+        self[i] = 0.0;
+    for (int r = 0; r < lags; r++) /* the other half is the same, turned round */
+        for (int c = -lags + 1; c < lags; c++) {
+            const int lag = (int)lrint(sqrt((double)r * r + (double)c * c));
+            if (lag < lags)
+                self[lag] = fmax(self[lag], hada_mtf_self(mtf, r, c));
+        }
+}
+
+/* Full width at half maximum of the peak: of the circle whose area is that of the places above one half about lag 0,
+ * found along 64 rays. */
+static double peak_width(const hada_mtf *mtf, int lags)
+{
+    enum { RAYS = 64 };
+    double squares = 0.0;
+    for (int i = 0; i < RAYS; i++) {
+        const double y = sin(3.14159265358979 * i / RAYS), x = cos(3.14159265358979 * i / RAYS);
+        double before = 1.0, at = 0.0;
+        for (double step = 0.0625, away = step; away < lags - 2; away += step) {
+            const double row = y * away, col = x * away, r = floor(row), c = floor(col), u = row - r, v = col - c;
+            const int i0 = (int)r, j0 = (int)c;
+            const double here = (1 - u) * ((1 - v) * hada_mtf_self(mtf, i0, j0) + v * hada_mtf_self(mtf, i0, j0 + 1)) +
+                                u * ((1 - v) * hada_mtf_self(mtf, i0 + 1, j0) + v * hada_mtf_self(mtf, i0 + 1, j0 + 1));
+            at = away;
+            if (here < 0.5) {
+                at = away - step * (0.5 - here) / (before - here);
+                break;
+            }
+            before = here;
+        }
+        squares += at * at;
+    }
+    return 2.0 * sqrt(squares / RAYS);
+}
+
+static void fill_measured(hada_optics_report *report, int z, double support)
+{
+    const report_state *state = report->state;
+    const hada_camera *c = &state->camera;
+    hada_optics_row *row = &report->row[z];
+    double *self = report->self + (size_t)z * (size_t)report->lags;
+    const double *mtf = report->mtf + (size_t)z * RINGS;
+    fill_self(&state->mtf, report->lags, self);
+    const double width = peak_width(&state->mtf, report->lags);
+    row->spot_pixels = width / sqrt(2.0);
+    row->support = support;
+    for (int i = 0; i < RINGS; i++)
+        if (mtf[i] >= report->threshold)
+            row->cutoff = (i + 1) / (2.0 * RINGS);
+    for (int lag = (int)ceil(2.0 * width); lag < report->lags; lag++)
+        row->sidelobe = fmax(row->sidelobe, self[lag]);
+    row->lateral_mm = row->spot_pixels * row->object_pixel_mm;
+    row->axial_design_mm = row->distance_mm * row->distance_mm * row->spot_pixels * c->pixel_pitch_mm /
+                           (c->distance_mm * c->aperture_mm / 2.0);
+    row->axial_mm = NAN;
+}
+
+/* Where the correlation of depth z with those on one side falls to a half: the step of the distance. NaN where it does
+ * not. */
+static double axial(const hada_optics_report *report, int z, int side)
+{
+    const double near = 1.0 / report->row[z].distance_mm;
+    for (int i = z + side; i >= 0 && i < report->depths; i += side) {
+        const double *line = report->correlation + (size_t)z * (size_t)report->depths;
+        if (line[i] >= 0.5)
+            continue;
+        const double from = 1.0 / report->row[i - side].distance_mm, to = 1.0 / report->row[i].distance_mm;
+        const double inverse = from + (to - from) * (line[i - side] - 0.5) / (line[i - side] - line[i]);
+        return fabs(1.0 / inverse - 1.0 / near);
+    }
+    return NAN;
+}
+
+hada_status hada_optics_report_add(hada_optics_report *report, const hada_image *psf, hada_error *err)
+{
+    report_state *state = report->state;
+    const hada_camera *c = &state->camera;
+    const int z = state->done;
+    double support = 0.0;
+    if (z >= report->depths)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "the report has all %d depths of the camera already", z);
+    if (psf->rows != c->rows || psf->cols != c->cols || psf->channels < 1)
+        return hada_fail(err, HADA_ERROR_SIZE, "a PSF of %d x %d does not fit a camera of %d x %d", psf->rows,
+                         psf->cols, c->rows, c->cols);
+    if (hada_image_count_not_finite(psf))
+        return hada_fail(err, HADA_ERROR_NOT_FINITE, "PSF %d holds NaN or infinite values", z + 1);
+    hada_status status = mean_of_channels(&state->mean[z], psf, err);
+    if (status)
+        return status;
+    state->norm[z] = sqrt(product(&state->mean[z], &state->mean[z]));
+    fill_design(c, c->distances_mm[z], &report->row[z]);
+    for (size_t i = 0; i < hada_image_count(&state->mean[z]); i++)
+        report->row[z].light += state->mean[z].data[i];
+    if (!(state->norm[z] > 0.0))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "PSF %d is dark", z + 1);
+    status = hada_mtf_measure(&state->mtf, &state->mean[z], report->threshold, RINGS, report->mtf + (size_t)z * RINGS,
+                              &support, err);
+    if (status)
+        return status;
+    fill_measured(report, z, support);
+    const size_t depths = (size_t)report->depths;
+    for (int i = 0; i <= z; i++) {
+        const double value = product(&state->mean[i], &state->mean[z]) / (state->norm[i] * state->norm[z]);
+        report->correlation[(size_t)i * depths + (size_t)z] = report->correlation[(size_t)z * depths + (size_t)i] =
+            value;
+    }
+    if (++state->done == report->depths)
+        for (int i = 0; i < report->depths; i++)
+            report->row[i].axial_mm = axial(report, i, i + 1 < report->depths ? 1 : -1);
+    return HADA_OK;
+}

@@ -1,106 +1,6 @@
 /* Training of nets: every gradient against differences of the terms in double precision, alone, against a
- * discriminator, and together with filters; the forward run against reconstruction. */
-#include <hadalens/job.h>
-
-#include "net/enhance.h"
-#include "train_fixture.h"
-
-typedef struct engine_case {
-    const char *name;
-    hada_stage stage;
-    int channels, shared, norm, net_rows, net_cols, vgg, critic, squared, padded, split;
-} engine_case;
-
-static const engine_case cases[] = {
-    {"plain", HADA_STAGE_ENHANCE, 2, 0, 0, 0, 0, 0, 0, 0, 0, 0},
-    {"shared, batch norm, squared variation", HADA_STAGE_ENHANCE, 3, 1, 1, 0, 0, 0, 0, 1, 0, 0},
-    {"another size, perceptual", HADA_STAGE_ENHANCE, 3, 1, 0, 10, 8, 1, 0, 0, 0, 0},
-    {"grey, perceptual", HADA_STAGE_ENHANCE, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0},
-    {"adversarial", HADA_STAGE_ADVERSARIAL, 3, 0, 1, 0, 0, 0, 1, 0, 0, 0},
-    {"adversarial, shared, perceptual", HADA_STAGE_ADVERSARIAL, 3, 1, 0, 16, 12, 1, 1, 0, 0, 0},
-    {"joint", HADA_STAGE_JOINT, 3, 0, 0, 0, 0, 0, 0, 0, 0, 0},
-    {"joint, split, padded, shared, another size", HADA_STAGE_JOINT, 3, 1, 1, 9, 11, 0, 0, 0, 1, 1},
-    {"joint, adversarial", HADA_STAGE_JOINT, 1, 0, 0, 0, 0, 1, 1, 1, 0, 0},
-    {"conventional", HADA_STAGE_CONVENTIONAL, 3, 0, 0, 0, 0, 0, 0, 0, 0, 0},
-};
-enum { ROWS = 15, COLS = 18, WINDOW_ROWS = 12, WINDOW_COLS = 14 };
-
-/* A case made ready; the engine looks at all pairs at once. */
-typedef struct engine_run {
-    hada_model *model;
-    hada_net *net, *critic, *vgg;
-    hada_train_options options;
-    train_pairs pairs;
-    hada_engine_desc desc;
-} engine_run;
-
-static hada_net *net_from(const char *description, uint64_t seed)
-{
-    hada_net *net;
-    ASSERT_OK(hada_net_create(&net, description, seed, err));
-    return net;
-}
-
-/* Batch norms that do something, biases that are not zero. */
-static void shake(hada_net *net, uint64_t stream)
-{
-    hada_random random;
-    hada_random_seed(&random, 21, stream);
-    for (size_t i = 0; i < net->trained; i++)
-        net->values[i] += (float)(0.05 * hada_random_normal(&random));
-}
-
-static void run_make(engine_run *run, const engine_case *c)
-{
-    static const char critic[] =
-        "{\"format\": \"hadalens-net-1\", \"layers\": [{\"layer\": \"input\", \"channels\": %d},"
-        "{\"layer\": \"conv\", \"name\": \"a\", \"channels\": 5, \"stride\": 2, \"activation\": \"leaky_relu\","
-        " \"slope\": 0.2}, {\"layer\": \"linear\", \"name\": \"b\", \"in\": 210, \"channels\": 1}]}";
-    static const char vgg[] =
-        "{\"format\": \"hadalens-net-1\", \"layers\": [{\"layer\": \"input\", \"channels\": 3},"
-        "{\"layer\": \"conv\", \"name\": \"a\", \"channels\": 6, \"activation\": \"relu\"}, {\"layer\": \"pool\"},"
-        "{\"layer\": \"conv\", \"name\": \"b\", \"channels\": 9, \"activation\": \"relu\"}]}";
-    char text[512];
-    hada_unet_options unet;
-    memset(run, 0, sizeof *run);
-    run->model = train_model(c->channels, ROWS, COLS, WINDOW_ROWS, WINDOW_COLS, c->padded, c->split);
-    hada_unet_options_init(&unet);
-    unet.channels = unet.out_channels = c->channels;
-    unet.down = "5|6";
-    unet.up = "4";
-    unet.shared = c->shared;
-    unet.last_norm = c->norm;
-    ASSERT_OK(hada_net_create_unet(&run->net, &unet, 3, err));
-    shake(run->net, 1);
-    if (c->critic) {
-        snprintf(text, sizeof text, critic, c->channels);
-        run->critic = net_from(text, 4);
-    }
-    if (c->vgg) {
-        run->vgg = net_from(vgg, 5);
-        shake(run->vgg, 2);
-    }
-    run->options = train_options(c->stage);
-    run->options.net_rows = c->net_rows;
-    run->options.net_cols = c->net_cols;
-    run->options.variation_squared = c->squared;
-    train_pairs_make(&run->pairs, hada_model_get_info(run->model), c->stage == HADA_STAGE_JOINT);
-    run->desc = (hada_engine_desc){.model = run->model,
-                                   .options = &run->options,
-                                   .net = run->net,
-                                   .critic = run->critic,
-                                   .vgg = run->vgg,
-                                   .at_once = TRAIN_PAIRS};
-}
-
-static void run_free(engine_run *run)
-{
-    train_pairs_free(&run->pairs);
-    hada_model_destroy(&run->model);
-    hada_net_destroy(&run->net);
-    hada_net_destroy(&run->critic);
-    hada_net_destroy(&run->vgg);
-}
+ * discriminator, and together with filters; norms and updates. */
+#include "train_run.h"
 
 static train_case case_of(const engine_run *run, int count)
 {
@@ -154,14 +54,14 @@ static void check_group(hada_engine *engine, const train_case *c, int group, dou
 
 static void gradients_are_differences(void **state)
 {
-    for (size_t i = 0; i < HADA_COUNT(cases); i++) {
+    for (size_t i = 0; i < HADA_COUNT(train_cases); i++) {
         engine_run run;
         hada_terms terms;
         unsigned char touched[TRAIN_DEPTHS] = {0};
-        run_make(&run, &cases[i]);
+        run_make(&run, &train_cases[i]);
         train_case c = case_of(&run, TRAIN_PAIRS);
         hada_engine *engine = train_engine(*state, &run.desc);
-        print_message("%s\n", cases[i].name);
+        print_message("%s\n", train_cases[i].name);
         ASSERT_OK(hada_engine_clear(engine, err));
         ASSERT_OK(hada_engine_backward(engine, run.pairs.samples, TRAIN_PAIRS, 1.0 / TRAIN_PAIRS, 1, 0, &terms, touched,
                                        err));
@@ -171,7 +71,7 @@ static void gradients_are_differences(void **state)
         if (run.critic)
             check_group(engine, &c, HADA_GROUP_CRITIC, c.critic_values);
         for (int z = 0; z < TRAIN_DEPTHS; z++) {
-            assert_int_equal(touched[z], cases[i].stage == HADA_STAGE_JOINT);
+            assert_int_equal(touched[z], train_cases[i].stage == HADA_STAGE_JOINT);
             if (touched[z])
                 check_group(engine, &c, HADA_GROUP_FILTERS + z, c.filters[z]);
         }
@@ -186,7 +86,7 @@ static void fewer_samples_count_alone(void **state)
 {
     static const int which[] = {2, 4, 6, 8};
     for (size_t i = 0; i < HADA_COUNT(which); i++) {
-        engine_case without_norm = cases[which[i]];
+        engine_case without_norm = train_cases[which[i]];
         engine_run run;
         hada_terms terms;
         without_norm.norm = 0;
@@ -221,7 +121,7 @@ static double distance(const float *a, const float *b, size_t count)
 /* All at once twice, with less kept, and one by one. */
 static void pieces_and_recomputing(void **state)
 {
-    engine_case without_norm = cases[7];
+    engine_case without_norm = train_cases[7];
     float *gradients[2][4];
     size_t counts[2] = {0, 0};
     without_norm.norm = 0;
@@ -263,7 +163,7 @@ static void the_critic_alone(void **state)
 {
     engine_run run;
     hada_terms both, alone;
-    run_make(&run, &cases[5]);
+    run_make(&run, &train_cases[5]);
     hada_engine *engine = train_engine(*state, &run.desc);
     const size_t count = hada_engine_count(engine, HADA_GROUP_CRITIC, HADA_CONTENT_GRADIENT);
     ASSERT_OK(hada_engine_clear(engine, err));
@@ -292,7 +192,7 @@ static void norms_and_updates(void **state)
     double norm, critic_norm, sums[3] = {0.0};
     const unsigned char touched[TRAIN_DEPTHS] = {0, 1};
     const int groups[3] = {HADA_GROUP_NET, HADA_GROUP_FILTERS + 1, HADA_GROUP_CRITIC};
-    run_make(&run, &cases[8]);
+    run_make(&run, &train_cases[8]);
     hada_engine *engine = train_engine(*state, &run.desc);
     ASSERT_OK(hada_engine_clear(engine, err));
     ASSERT_OK(hada_engine_backward(engine, run.pairs.samples, TRAIN_PAIRS, 1.0, 1, 0, &terms, NULL, err));
@@ -323,125 +223,12 @@ static void norms_and_updates(void **state)
     run_free(&run);
 }
 
-/* What reconstruction makes of the same plane, bit for bit, also after the weights were changed. */
-static void forward_is_the_enhancement(void **state)
-{
-    static const int which[] = {0, 1, 2, 9};
-    train_device *device = *state;
-    for (size_t i = 0; i < HADA_COUNT(which); i++) {
-        engine_run run;
-        hada_terms terms;
-        hada_image before = {0}, after = {0};
-        run_make(&run, &cases[which[i]]);
-        hada_engine *engine = train_engine(device, &run.desc);
-        ASSERT_OK(hada_engine_clear(engine, err));
-        ASSERT_OK(hada_engine_backward(engine, run.pairs.samples, TRAIN_PAIRS, 1.0, 1, 0, &terms, NULL, err));
-        ASSERT_OK(hada_engine_update(engine, HADA_GROUP_NET, 1, 1e-3, 1.0, err));
-        hada_image *input = &run.pairs.input[0];
-        ASSERT_OK(hada_engine_forward(engine, &run.pairs.samples[0], &before, &after, err));
-        assert_memory_equal(before.data, input->data, hada_image_count(input) * sizeof(float));
-        ASSERT_OK(hada_engine_read(engine, HADA_GROUP_NET, HADA_CONTENT_VALUES, run.net->values, err));
-        const hada_enhance_desc desc = {.net = run.net,
-                                        .channels = cases[which[i]].channels,
-                                        .rows = WINDOW_ROWS,
-                                        .cols = WINDOW_COLS,
-                                        .net_rows = run.options.net_rows,
-                                        .net_cols = run.options.net_cols};
-        hada_enhance *enhance;
-        hada_buffer buffer;
-        const size_t bytes = hada_image_count(input) * sizeof(float);
-        ASSERT_OK(hada_enhance_create(&enhance, device->slot, &desc, err));
-        ASSERT_OK(hada_buffer_create_from(&buffer, device->slot, input->data, bytes, "a plane", err));
-        ASSERT_OK(hada_enhance_run(enhance, buffer.mem, 0, 1, err));
-        ASSERT_OK(hada_buffer_read(&buffer, device->slot, 0, before.data, bytes, err));
-        assert_memory_equal(before.data, after.data, bytes);
-        memset(input->data, 0, bytes);
-        ASSERT_OK(hada_engine_forward(engine, &run.pairs.samples[0], NULL, &after, err));
-        assert_memory_equal(input->data, after.data, bytes);
-        hada_enhance_destroy(&enhance);
-        hada_buffer_destroy(&buffer);
-        hada_image_destroy(&before);
-        hada_image_destroy(&after);
-        hada_engine_destroy(&engine);
-        run_free(&run);
-    }
-}
-
-/* Joint: what the model with that net reconstructs, bit for bit. */
-static void forward_is_the_reconstruction(void **state)
-{
-    train_device *device = *state;
-    static const int listed[] = {1};
-    for (int i = 6; i <= 8; i++) {
-        engine_run run;
-        hada_model *model;
-        hada_plan *plan;
-        hada_plan_options options;
-        hada_result result = {0};
-        hada_image before = {0}, after = {0};
-        run_make(&run, &cases[i]);
-        hada_engine *engine = train_engine(device, &run.desc);
-        ASSERT_OK(hada_engine_forward(engine, &run.pairs.samples[0], &before, &after, err));
-        ASSERT_OK(hada_model_with_enhance(&model, run.model, run.net, run.options.net_rows, run.options.net_cols, err));
-        hada_plan_options_init(&options);
-        options.occupied = HADA_OCCUPIED_LIST;
-        options.occupied_list = listed;
-        options.occupied_count = 1;
-        for (int enhance = 0; enhance < 2; enhance++) {
-            options.enhance = enhance;
-            ASSERT_OK(hada_plan_create(&plan, device->context, model, &options, err));
-            ASSERT_OK(hada_plan_run(plan, &run.pairs.input[0], &result, err));
-            assert_memory_equal(result.planes[1].data, enhance ? after.data : before.data,
-                                hada_image_count(&after) * sizeof(float));
-            hada_plan_destroy(&plan);
-        }
-        hada_result_destroy(&result);
-        hada_image_destroy(&before);
-        hada_image_destroy(&after);
-        hada_model_destroy(&model);
-        hada_engine_destroy(&engine);
-        run_free(&run);
-    }
-}
-
-static void nets_that_do_not_fit_are_refused(void **state)
-{
-    train_device *device = *state;
-    engine_run run;
-    hada_error error;
-    size_t bytes;
-    run_make(&run, &cases[5]);
-    hada_engine_desc desc = run.desc;
-    desc.net = run.vgg; /* gives nine channels */
-    assert_int_equal(hada_engine_bytes(device->context, &desc, &bytes, &error), HADA_ERROR_MODEL);
-    desc = run.desc;
-    desc.critic = run.net;
-    assert_int_equal(hada_engine_bytes(device->context, &desc, &bytes, &error), HADA_ERROR_MODEL);
-    desc.critic = NULL;
-    assert_int_equal(hada_engine_bytes(device->context, &desc, &bytes, &error), HADA_ERROR_ARGUMENT);
-    desc = run.desc;
-    run.options.size = 0;
-    assert_int_equal(hada_engine_bytes(device->context, &desc, &bytes, &error), HADA_ERROR_ARGUMENT);
-    run_free(&run);
-    run_make(&run, &cases[0]);
-    desc = run.desc;
-    assert_int_equal(hada_net_create_preset(&run.vgg, "compact", 3, 1, &error), HADA_OK);
-    desc.vgg = run.vgg; /* two channels are no colours */
-    assert_int_equal(hada_engine_bytes(device->context, &desc, &bytes, &error), HADA_ERROR_MODEL);
-    run_free(&run);
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(gradients_are_differences),
-        cmocka_unit_test(fewer_samples_count_alone),
-        cmocka_unit_test(pieces_and_recomputing),
-        cmocka_unit_test(the_critic_alone),
+        cmocka_unit_test(gradients_are_differences), cmocka_unit_test(fewer_samples_count_alone),
+        cmocka_unit_test(pieces_and_recomputing),    cmocka_unit_test(the_critic_alone),
         cmocka_unit_test(norms_and_updates),
-        cmocka_unit_test(forward_is_the_enhancement),
-        cmocka_unit_test(forward_is_the_reconstruction),
-        cmocka_unit_test(nets_that_do_not_fit_are_refused),
     };
     return cmocka_run_group_tests(tests, train_open, train_close);
 }

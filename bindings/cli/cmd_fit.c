@@ -49,6 +49,7 @@ static const hada_cli_option options[] = {
      AT(dark)},
     {HADA_OPTION_REAL, "psf-dark", 0, "LEVEL", "dark level of the PSF (default: its own background)", NULL,
      AT(psf_dark)},
+    {HADA_OPTION_FLAG, "colour", 0, NULL, "a grey PSF serves red, green and blue alike", NULL, AT(colour)},
     {HADA_OPTION_REAL, "alpha", 0, "A", "weight of the other depths' light (default: by leave-one-out)", NULL,
      AT(alpha)},
     {HADA_OPTION_REAL, "lambda", 0, "L", "regularisation (default: by leave-one-out)", NULL, AT(lambda)},

@@ -35,6 +35,23 @@ static hada_status psf_distances(const hada_cli_fit_settings *set, hada_tiff_rea
                           pages == 1 ? "it" : "them");
 }
 
+/* A grey image becomes one of three equal channels. */
+static hada_status to_colour(hada_image *image, hada_error *err)
+{
+    if (image->channels != 1)
+        return HADA_OK;
+    const size_t area = hada_image_count(image);
+    hada_image colour = {0};
+    hada_status status = hada_image_create(&colour, 3, image->rows, image->cols, err);
+    if (status)
+        return status;
+    for (int c = 0; c < 3; c++)
+        memcpy(colour.data + (size_t)c * area, image->data, area * sizeof(float));
+    hada_image_destroy(image);
+    *image = colour;
+    return HADA_OK;
+}
+
 hada_status hada_cli_fit_psf(const hada_cli_fit_settings *set, const char *path, hada_context *context,
                              hada_model **model, hada_error *err)
 {
@@ -58,8 +75,11 @@ hada_status hada_cli_fit_psf(const hada_cli_fit_settings *set, const char *path,
         status = hada_cli_dark_read(&dark, set->dark, err);
     if (!status)
         status = hada_cli_read_refine(set->refine, &psf.refine_steps, err);
-    for (int z = 0; !status && z < pages; z++)
+    for (int z = 0; !status && z < pages; z++) {
         status = hada_tiff_read(reader, z, &images[z], err);
+        if (!status && set->colour)
+            status = to_colour(&images[z], err);
+    }
     if (!status) {
         psf.form = set->form == 3 ? HADA_FORM_MATCHED : HADA_FORM_WIENER;
         psf.boundary = set->boundary == 1 ? HADA_BOUNDARY_CIRCULAR : HADA_BOUNDARY_PADDED;

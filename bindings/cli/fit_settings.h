@@ -13,6 +13,7 @@ typedef struct hada_cli_fit_settings {
     int form, boundary, half, skip_incomplete, no_leave_one_out;
     int window[2];
     double alpha, lambda, psf_dark;
+    int colour;
 } hada_cli_fit_settings;
 
 /* "8", "auto" (-1) or "0" of --refine. */

@@ -1,0 +1,258 @@
+#!/usr/bin/env python3
+"""Every method on the same scenes: quality and time, in one table, with pictures. Simulated cameras (learned from pairs; the
+classic methods get the designer's own PSFs, the best case for them, and the learned ones), and real captures where
+folders are given. Weights of total variation are chosen for the best PSNR on a frame that is not scored.
+   perf/comparison.py [--build build/release] [--scenes FOLDER --test-scenes FOLDER] [--pairs FOLDER] [--hand FOLDER]
+                      [--out docs/comparison.md] [--pictures docs/pictures] [--preset sim300] [--frames 6]
+--pairs: a data set of real pairs, each left out in turn. --hand: psf_sample.tif and rawdata_hand_sample.tif.
+Needs NumPy and tifffile."""
+import argparse
+import json
+import pathlib
+import shutil
+import struct
+import subprocess
+import sys
+import tempfile
+import zlib
+
+import numpy as np
+import tifffile
+
+here = pathlib.Path(__file__).resolve().parent
+parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+parser.add_argument("--build", default=str(here.parent / "build" / "release"))
+parser.add_argument("--scenes", default="procedural")
+parser.add_argument("--test-scenes", default="")
+parser.add_argument("--pairs", default="")
+parser.add_argument("--hand", default="")
+parser.add_argument("--preset", default="sim300")
+parser.add_argument("--frames", type=int, default=6)
+parser.add_argument("--iterations", type=int, default=100)
+parser.add_argument("--seed", default="1")
+parser.add_argument("--out", default="")
+parser.add_argument("--pictures", default="")
+o = parser.parse_args()
+hadalens = f"{o.build}/bindings/cli/hadalens"
+WEIGHTS = ["0.0001", "0.0003", "0.001", "0.003", "0.01"]
+lines = []
+
+
+def say(line=""):
+    lines.append(line)
+    print(line, flush=True)
+
+
+def run(*words):
+    done = subprocess.run([hadalens, *map(str, words)], capture_output=True, text=True)
+    if done.returncode:
+        raise SystemExit(f"hadalens {' '.join(map(str, words))}\n{done.stderr}")
+    return done.stdout
+
+
+# A way: its name, whether it takes the designer's PSFs, and its options; TV is replaced by the weight that serves best.
+ITERATIONS = ["--iterations", o.iterations]
+CLASSIC = [
+    ("Wiener", ["--method", "wiener"]),
+    ("Richardson-Lucy, TV", ["--method", "rl", *ITERATIONS, "--tv", "TV"]),
+    ("FISTA, non-negative", ["--method", "fista", *ITERATIONS]),
+    ("FISTA, TV", ["--method", "fista", *ITERATIONS, "--tv", "TV"]),
+    ("ADMM, TV", ["--method", "admm", *ITERATIONS, "--tv", "TV"]),
+]
+
+
+def png(path, image):
+    """8-bit RGB, rows x cols x 3, values 0 to 1."""
+    pixels = (255 * np.clip(image, 0, 1) ** (1 / 2.2) + 0.5).astype(np.uint8)
+    raw = b"".join(b"\0" + row.tobytes() for row in pixels)
+
+    def chunk(kind, data):
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+    head = struct.pack(">IIBBBBB", pixels.shape[1], pixels.shape[0], 8, 2, 0, 0, 0)
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", zlib.compress(raw, 9)) + chunk(b"IEND", b""))
+
+
+def picture(path):
+    """A TIFF image as rows x cols x 3 of floats."""
+    image = np.asarray(tifffile.imread(path), float)
+    image = image[None] if image.ndim == 2 else image
+    image = image if image.shape[-1] in (1, 3) else np.moveaxis(image, 0, -1)
+    return np.repeat(image, 3, -1) if image.shape[-1] == 1 else image
+
+
+def sheet(name, panels, side, per_row=4):
+    """Panels side by side, in rows, each scaled to its own brightness where it has no truth (gain given)."""
+    if not o.pictures:
+        return
+    def scaled(image):
+        rows = np.arange(side) * image.shape[0] // side
+        cols = np.arange(side) * image.shape[1] // side
+        return image[rows][:, cols]
+    panels = [scaled(p) for p in panels]
+    panels += [np.ones_like(panels[0])] * (-len(panels) % per_row)
+    grid = [np.concatenate(panels[k:k + per_row], 1) for k in range(0, len(panels), per_row)]
+    folder = pathlib.Path(o.pictures)
+    folder.mkdir(parents=True, exist_ok=True)
+    png(folder / name, np.concatenate(grid, 0))
+
+
+def reconstruct(files, model, out, options):
+    shutil.rmtree(out, ignore_errors=True)
+    report = json.loads(run("reconstruct", *files, "-m", model, "-o", out, "--no-preview", "--json", *options))
+    seconds = sorted(f["frames"][0]["seconds"]["total"] for f in report["files"][1:] or report["files"])
+    return seconds[len(seconds) // 2]
+
+
+def evaluate(out, truth, *options):
+    rows = json.loads(run("evaluate", out, truth, "--json", *options))["files"]
+
+    def mean(kind, key):
+        values = [r[key] for r in rows if r["kind"] == kind and r.get(key) is not None]
+        return sum(values) / len(values) if values else float("nan")
+    kind = "stack" if any(r["kind"] == "stack" for r in rows) else "images"
+    return mean(kind, "psnr"), mean(kind, "ssim"), mean("distance_map", "within")
+
+
+def best_weight(options, tune):
+    """The options with the weight that serves best; `tune` scores them."""
+    if "TV" not in options:
+        return options
+    tried = [[w if x == "TV" else x for x in options] for w in WEIGHTS]
+    return max(tried, key=tune)
+
+
+def simulated(title, camera, models, truth_depths, name):
+    files = sorted((camera / "test" / "raw").glob("*.tif"))
+    tune_file, files = files[0], files[1:]
+    truth = camera / "test" / "truth"
+    say(f"\n## {title}\n")
+    say("| method | OTF | depths | PSNR, dB | SSIM | map right | ms a frame |")
+    say("|---|---|---|---|---|---|---|")
+    shown, out = [picture(files[0])], folder / "out"
+    learned, designed = models
+    ways = [("learned filters", learned, "learned", "all", ["--refine", 0, "--occupied", "all"]),
+            ("**learned, refined**", learned, "learned", "found", [])]
+    for method, options in CLASSIC:
+        ways.append((method, designed, "designed", "all", options))
+        ways.append((method, learned, "learned", "all", options))
+        if truth_depths > 1 or method.startswith("ADMM"):
+            ways.append((method, designed, "designed", "told", options))
+    ways.append(("learned, refined", learned, "learned", "told", []))
+    for method, model, otf, depths, options in ways:
+        def told(file):
+            values = tifffile.imread(truth / f"{file.stem}_depth.tif")
+            return ",".join(f"{v:g}mm" for v in np.unique(values[np.isfinite(values)]))
+
+        def do(some, chosen):
+            """Frames by the depths that they are told, as each may have others."""
+            times = []
+            for k, file in enumerate(some):
+                more = ["--occupied", told(file)] if depths == "told" else []
+                times.append(reconstruct([file] if depths == "told" else some, model, out / str(k), [*chosen, *more]))
+                if depths != "told":
+                    break
+            scores = [evaluate(p, truth) for p in sorted(out.iterdir())]
+            shutil.move(out / "0", folder / "first") if not (folder / "first").exists() else None
+            shutil.rmtree(out)
+            return np.mean(np.array(scores), 0), float(np.median(times))
+        shutil.rmtree(folder / "first", ignore_errors=True)
+        chosen = best_weight(options, lambda trial: do([tune_file], trial)[0][0])
+        shutil.rmtree(folder / "first", ignore_errors=True)
+        (psnr, ssim, right), seconds = do(files, chosen)
+        weight = f", {chosen[chosen.index('--tv') + 1]}" if "--tv" in chosen else ""
+        say(f"| {method}{weight} | {otf} | {depths} | {psnr:.2f} | {ssim:.3f} | {100 * right:.1f} % | {1e3 * seconds:.0f} |")
+        if otf == "designed" and depths == "all" or "learned" in method and depths != "told":
+            shown.append(picture(folder / "first" / f"{files[0].stem}_aif.tif"))
+    shown.append(picture(truth / f"{files[0].stem}_aif.tif"))
+    sheet(f"comparison-{name}.png", shown, 192)
+    say(f"\n![{title}](pictures/comparison-{name}.png)\n")
+    say("In rows: the raw frame, learned filters, learned and refined, Wiener, Richardson-Lucy, FISTA non-negative, FISTA "
+        "with TV, ADMM with TV (designed OTF, all depths), the truth. All-in-focus images of the first frame.")
+
+
+def real_pairs(source):
+    """Each pair left out in turn; gains matched, since a capture's scale is arbitrary for methods that are given a PSF."""
+    depth = next(pathlib.Path(source).glob("z*mm"))
+    names = sorted(p.name for p in (depth / "raw").glob("*.tif"))
+    say("\n## Real pairs (DiffuserCam), each left out in turn\n")
+    say("| method | OTF | PSNR, dB | ms a frame |")
+    say("|---|---|---|---|")
+    scores, shown = {}, None
+    for left in names:
+        camera = folder / "left"
+        shutil.rmtree(camera, ignore_errors=True)
+        for kind in ("raw", "scene"):
+            (camera / depth.name / kind).mkdir(parents=True)
+            for name in names:
+                if name != left:
+                    (camera / depth.name / kind / name).symlink_to((depth / kind / name).resolve())
+        run("fit", camera, "-o", folder / "left.model", "--boundary", "padded", "--dark", "auto", "--quiet")
+        truth = folder / "truth"
+        shutil.rmtree(truth, ignore_errors=True)
+        truth.mkdir()
+        (truth / left).symlink_to((depth / "scene" / left).resolve())
+        panels = [picture(depth / "raw" / left)]
+        for method, options in [("learned filters", ["--refine", 0]), ("learned, what the fit chose", []), *CLASSIC]:
+            def do(chosen):
+                seconds = reconstruct([depth / "raw" / left], folder / "left.model", folder / "out", ["--occupied", "all", *chosen])
+                return evaluate(folder / "out", truth, "--match-gain")[0], seconds
+            options = best_weight(options, lambda trial: do(trial)[0]) if left == names[0] else \
+                [scores[method][1] if x == "TV" else x for x in options]
+            psnr, seconds = do(options)
+            weight = options[options.index("--tv") + 1] if "--tv" in options else ""
+            scores.setdefault(method, ([], weight, []))[0].append(psnr)
+            scores[method][2].append(seconds)
+            panels.append(picture(next((folder / "out").glob("*_aif.tif"))))
+        shown = shown or [*panels, picture(depth / "scene" / left)]
+    for method, (values, weight, seconds) in scores.items():
+        say(f"| {method}{', ' + weight if weight else ''} | learned | {np.mean(values):.2f} | {1e3 * np.median(seconds):.0f} |")
+    sheet("comparison-pairs.png", [shown[0], *shown[1:]], 192)
+    say("\n![Real pairs](pictures/comparison-pairs.png)\n")
+    say("In rows: the raw frame, learned filters, what the fit chose, Wiener, Richardson-Lucy, FISTA non-negative, FISTA with "
+        "TV, ADMM with TV, the truth, of the first pair. The weight of TV is the best for that pair.")
+
+
+def real_hand(source):
+    source = pathlib.Path(source)
+    model, raw = folder / "hand.model", source / "rawdata_hand_sample.tif"
+    run("fit", "--psf", source / "psf_sample.tif", "--distances", 300, "-o", model, "--quiet")
+    say("\n## A real capture with a measured PSF (DiffuserCam, a hand; 1200 x 1600)\n")
+    say("| method | ms a frame |")
+    say("|---|---|")
+    panels = [picture(raw)]
+    panels[0] = panels[0] / panels[0].max()
+    for method, options in [("refinement", []), *[(m, [("0.001" if x == "TV" else x) for x in w]) for m, w in CLASSIC]]:
+        seconds = reconstruct([raw], model, folder / "out", ["--dark", "auto", "--occupied", "all", *options])
+        say(f"| {method} | {1e3 * seconds:.0f} |")
+        image = picture(next((folder / "out").glob("*_aif.tif")))
+        panels.append(image / np.percentile(image, 99.9))
+    sheet("comparison-hand.png", panels, 256)
+    say("\n![The hand](pictures/comparison-hand.png)\n")
+    say("In rows: the raw frame, refinement, Wiener, Richardson-Lucy, FISTA non-negative, FISTA with TV, ADMM with TV "
+        "(weight 0.001). There is no truth to score against; each is shown at its own scale.")
+
+
+with tempfile.TemporaryDirectory() as scratch:
+    folder = pathlib.Path(scratch)
+    say("# Comparison")
+    say(f"\nMade by `perf/comparison.py`: {o.iterations} iterations, weights of total variation chosen on a frame that is not "
+        "scored. `designed`: the OTFs that the simulation used, which nobody has of a real camera; `learned`: estimated from "
+        "8 pairs a depth. Depths: `all` of the camera, `told` (those that the scene occupies), or `found` by pursuit. PSNR "
+        "and SSIM of the occupied planes, peak 1.")
+    for title, depths, name in (("Flat scenes", 1, "flat"), ("Scenes at two depths", 2, "two-depths")):
+        camera = folder / name
+        words = ["simulate", "--preset", o.preset, "--pairs", 8, "--test", o.frames + 1, "--test-depths", depths, "--seed", o.seed,
+                 "--scenes", o.scenes, "-o", camera, "--quiet"]
+        run(*words, *(["--test-scenes", o.test_scenes] if o.test_scenes else []))
+        learned, designed = folder / f"{name}.model", folder / f"{name}-designed.model"
+        run("fit", camera, "-o", learned, "--quiet")
+        facts = json.load(open(camera / "camera.json"))
+        run("fit", "--psf", camera / "psf.tif", "--distances", ",".join(f"{d:g}" for d in facts["distances_mm"]), "--boundary",
+            "circular", "--window", f"{facts['window_rows']}x{facts['window_cols']}", "--psf-dark", "0", "--colour", "-o", designed, "--quiet")
+        simulated(f"{title}, {o.preset}", camera, (learned, designed), depths, name)
+    if o.pairs:
+        real_pairs(o.pairs)
+    if o.hand:
+        real_hand(o.hand)
+if o.out:
+    pathlib.Path(o.out).write_text("\n".join(lines) + "\n")

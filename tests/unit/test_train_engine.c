@@ -123,7 +123,7 @@ static void pieces_and_recomputing(void **state)
 {
     engine_case without_norm = train_cases[7];
     float *gradients[2][4];
-    size_t counts[2] = {0, 0};
+    size_t counts[2] = {0, 0}, bytes[4];
     without_norm.norm = 0;
     for (int way = 0; way < 4; way++) {
         engine_run run;
@@ -131,6 +131,7 @@ static void pieces_and_recomputing(void **state)
         run_make(&run, &without_norm);
         run.desc.at_once = way == 3 ? 1 : TRAIN_PAIRS;
         run.options.recompute = way == 2;
+        ASSERT_OK(hada_engine_bytes(((train_device *)*state)->context, &run.desc, &bytes[way], err));
         hada_engine *engine = train_engine(*state, &run.desc);
         ASSERT_OK(hada_engine_clear(engine, err));
         for (int i = 0; i < TRAIN_PAIRS; i += run.desc.at_once) {
@@ -149,6 +150,7 @@ static void pieces_and_recomputing(void **state)
         hada_engine_destroy(&engine);
         run_free(&run);
     }
+    assert_true(bytes[3] < bytes[0]);
     for (int g = 0; g < 2; g++) {
         assert_memory_equal(gradients[g][0], gradients[g][1], counts[g] * sizeof(float));
         assert_memory_equal(gradients[g][0], gradients[g][2], counts[g] * sizeof(float));

@@ -12,14 +12,14 @@ void hada_classic_options_init(hada_classic_options *options)
 {
     *options = (hada_classic_options){.iterations = 100,
                                       .weight = -1.0,
-                                      .lambda = 0.01,
+                                      .lambda = 0.1,
                                       .accelerate = 1,
                                       .step = 1.0,
                                       .inner = 5,
                                       .levels = 3,
                                       .mu1 = 1.0,
-                                      .mu2 = 1e-2,
-                                      .mu3 = 1e-3};
+                                      .mu2 = 3e-3,
+                                      .mu3 = 3e-4};
 }
 
 static hada_status check_options(const hada_classic_options *o, hada_error *err)
@@ -52,7 +52,7 @@ static double own_weight(const hada_classic_options *o)
 {
     if (o->prior == HADA_PRIOR_NONE)
         return 0.0;
-    return o->method == HADA_METHOD_RL ? 2e-3 : 1e-3;
+    return o->method == HADA_METHOD_RL || o->prior == HADA_PRIOR_WAVELET ? 5e-3 : 3e-3;
 }
 
 hada_status hada_classic_shape_of(const hada_model_info *info, int depths, const hada_classic_options *options,

@@ -10,10 +10,10 @@ static const double least_made = 1e-5, least_seen = 1e-3;
 /* So far at most goes the extrapolation (Biggs and Andrews: below 1). */
 static const double most_momentum = 0.999;
 
-static hada_status fill(hada_classic *classic, hada_classic_part part, hada_error *err)
+static hada_status fill(hada_classic *classic, hada_classic_part part, double number, hada_error *err)
 {
-    const cl_float one = 1.0f;
-    const cl_int code = clEnqueueFillBuffer(classic->slot->queue, classic->part[part].mem, &one, sizeof one, 0,
+    const cl_float value = (float)number;
+    const cl_int code = clEnqueueFillBuffer(classic->slot->queue, classic->part[part].mem, &value, sizeof value, 0,
                                             classic->bytes[part], 0, NULL, hada_slot_event(classic->slot));
     if (code != CL_SUCCESS)
         return hada_fail_cl(err, code, "clEnqueueFillBuffer");
@@ -21,11 +21,12 @@ static hada_status fill(hada_classic *classic, hada_classic_part part, hada_erro
     return HADA_OK;
 }
 
-/* Planes of 1 to start from, and the transpose of the frame. The scale of the start does not matter: the first step
- * takes it away. */
+/* Flat planes to start from, and the transpose of the sensor's frame. The first step takes the scale of the start away,
+ * but the extrapolation sees it: it goes with the frame's brightness. */
 hada_status hada_classic_rl_begin(hada_classic *classic, hada_error *err)
 {
-    hada_status status = fill(classic, HADA_CLASSIC_MADE, err);
+    const double flat = classic->job->brightness / sqrt(classic->job->camera->gain);
+    hada_status status = fill(classic, HADA_CLASSIC_MADE, 1.0, err);
     if (!status)
         status = hada_classic_frame_forward(classic, HADA_CLASSIC_SUM, err);
     if (!status)
@@ -33,9 +34,9 @@ hada_status hada_classic_rl_begin(hada_classic *classic, hada_error *err)
     if (!status)
         status = hada_classic_inverse(classic, HADA_CLASSIC_NORM, err);
     if (!status)
-        status = fill(classic, HADA_CLASSIC_START, err);
+        status = fill(classic, HADA_CLASSIC_START, flat, err);
     if (!status)
-        status = fill(classic, HADA_CLASSIC_BEFORE, err);
+        status = fill(classic, HADA_CLASSIC_BEFORE, flat, err);
     return status ? status : hada_classic_clear(classic, HADA_CLASSIC_MADE, err);
 }
 

@@ -169,7 +169,7 @@ static hada_status lucy(work *w, double *x, double *change, hada_error *err)
         image[i] = seen(p, i);
     status = transpose(w, image, norm, err);
     for (size_t i = 0; i < w->all; i++)
-        x[i] = y[i] = inside(&p->support, p, i % w->pixels);
+        x[i] = y[i] = inside(&p->support, p, i % w->pixels) ? p->flat : 0.0;
     for (int k = 0; !status && k < p->iterations; k++) {
         status = project(w, y, image, err);
         for (size_t i = 0; i < w->pixels; i++)

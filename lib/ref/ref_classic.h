@@ -28,6 +28,7 @@ typedef struct hada_ref_classic {
     double step;          /* FISTA: of the gradient */
     int inner, levels;    /* FISTA: iterations of the TV step; levels of the wavelets */
     int accelerate;       /* RL */
+    double flat;          /* RL: what planes start from */
     double floor, seen;   /* RL: smallest prediction of a pixel, smallest share of light that is seen */
     double mu1, mu2, mu3; /* ADMM: weights of the splits of data, gradient, planes */
     double lambda;        /* Wiener: added to the sum of |H|^2 */

@@ -176,6 +176,7 @@ static hada_ref_classic problem_of(const classic_state *own, int channel, const 
                               .inner = o->inner,
                               .levels = o->levels,
                               .accelerate = o->accelerate,
+                              .flat = 1.0,
                               .floor = 1e-5,
                               .seen = 1e-3,
                               .mu1 = mu1,

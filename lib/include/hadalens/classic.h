@@ -44,7 +44,7 @@ typedef struct hada_classic_options {
     hada_prior prior;
     double weight; /* of the prior, see docs/rivals.md; negative (default): the method's own */
     hada_support support;
-    double lambda;  /* Wiener: noise in units of the mean |H|^2 of a depth, > 0; 0.01 by default */
+    double lambda;  /* Wiener: noise in units of the mean |H|^2 of a depth, > 0; 0.1 by default */
     int accelerate; /* Richardson-Lucy: 1 (default): Biggs and Andrews' vector extrapolation */
     double step;    /* FISTA: of the gradient in units of 1 / the largest sum of |H|^2; 0 < step < 2, 1 by default */
     int inner;      /* FISTA: iterations of the TV step, 5 by default */

@@ -1,0 +1,316 @@
+/* Classic methods in plans: what they converge to, their stopping rules, settings, memory, and jobs that end early. */
+#include <hadalens/job.h>
+#include <math.h>
+#include <sched.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "camera_small.h"
+#include "filter/model.h"
+
+enum { ROWS = 40, COLS = 48, WINDOW = 16, DEPTHS = 3, CHANNELS = 3 };
+
+typedef struct fixture {
+    hada_context *context;
+    hada_model *model[2]; /* circular, padded */
+    hada_image scene[2];  /* at the first and the last depth */
+    hada_image frame;     /* of both, without noise: no light leaves it */
+} fixture;
+
+/* Blocks of light on black: what total variation is made for. */
+static hada_image blocks(uint64_t seed)
+{
+    hada_image scene = small_scene(CHANNELS, WINDOW, WINDOW, seed);
+    for (int c = 0; c < CHANNELS; c++)
+        for (int i = 0; i < WINDOW; i++)
+            for (int j = 0; j < WINDOW; j++) {
+                const int inside = (int)seed == 1 ? i >= 2 && i < 8 && j >= 3 && j < 10 : i >= 8 && i < 14 && j >= 5;
+                scene.data[(c * WINDOW + i) * WINDOW + j] = inside ? 0.4f + 0.2f * (float)c : 0.0f;
+            }
+    return scene;
+}
+
+static int setup(void **state)
+{
+    fixture *f = calloc(1, sizeof *f);
+    hada_image psf[DEPTHS];
+    double distances[DEPTHS];
+    hada_psf_options options;
+    ASSERT_OK(hada_context_create(&f->context, NULL, err));
+    hada_psf_options_init(&options);
+    options.window_rows = options.window_cols = WINDOW;
+    options.psf_dark = options.dark = 0;
+    for (int z = 0; z < DEPTHS; z++) {
+        distances[z] = 100.0 * (z + 1);
+        psf[z] = small_psf(CHANNELS, ROWS, COLS, 8, (uint64_t)z + 1);
+    }
+    for (int padded = 0; padded < 2; padded++) {
+        options.boundary = padded ? HADA_BOUNDARY_PADDED : HADA_BOUNDARY_CIRCULAR;
+        ASSERT_OK(hada_model_from_psf(&f->model[padded], f->context, psf, DEPTHS, distances, &options, err));
+    }
+    f->scene[0] = blocks(1);
+    f->scene[1] = blocks(2);
+    f->frame = small_frame(&psf[0], &f->scene[0], 0, 0, 1);
+    hada_image other = small_frame(&psf[DEPTHS - 1], &f->scene[1], 0, 0, 1);
+    for (size_t i = 0; i < hada_image_count(&f->frame); i++)
+        f->frame.data[i] += other.data[i];
+    hada_image_destroy(&other);
+    for (int z = 0; z < DEPTHS; z++)
+        hada_image_destroy(&psf[z]);
+    *state = f;
+    return 0;
+}
+
+static int teardown(void **state)
+{
+    fixture *f = *state;
+    hada_model_destroy(&f->model[0]);
+    hada_model_destroy(&f->model[1]);
+    hada_image_destroy(&f->scene[0]);
+    hada_image_destroy(&f->scene[1]);
+    hada_image_destroy(&f->frame);
+    hada_context_destroy(&f->context);
+    free(f);
+    return 0;
+}
+
+static hada_plan_options options_of(hada_method method, int iterations)
+{
+    static const int both[] = {0, DEPTHS - 1};
+    hada_plan_options options;
+    hada_plan_options_init(&options);
+    options.classic.method = method;
+    options.classic.iterations = iterations;
+    options.occupied = HADA_OCCUPIED_LIST;
+    options.occupied_list = both;
+    options.occupied_count = 2;
+    options.skip = 0;
+    return options;
+}
+
+static void run(const fixture *f, int padded, const hada_plan_options *options, hada_result *result)
+{
+    hada_plan *plan;
+    ASSERT_OK(hada_plan_create(&plan, f->context, f->model[padded], options, err));
+    ASSERT_OK(hada_plan_run(plan, &f->frame, result, err));
+    hada_plan_destroy(&plan);
+}
+
+static double error_of(const fixture *f, const hada_result *result)
+{
+    const size_t count = hada_image_count(&f->scene[0]);
+    return fmax(small_image_distance(result->planes[0].data, f->scene[0].data, count),
+                small_image_distance(result->planes[DEPTHS - 1].data, f->scene[1].data, count));
+}
+
+/* All methods come near the scene at both depths, better with iterations; the depth between them stays dark. */
+static void finds_both_depths(void **state)
+{
+    static const struct {
+        hada_method method;
+        hada_prior prior;
+        double weight, allowed; /* error of the worse plane */
+    } cases[] = {{HADA_METHOD_RL, HADA_PRIOR_NONE, 0, 0.10},          {HADA_METHOD_RL, HADA_PRIOR_TV, 2e-3, 0.10},
+                 {HADA_METHOD_FISTA, HADA_PRIOR_NONE, 0, 0.10},       {HADA_METHOD_FISTA, HADA_PRIOR_TV, 1e-5, 0.10},
+                 {HADA_METHOD_FISTA, HADA_PRIOR_WAVELET, 1e-5, 0.10}, {HADA_METHOD_FISTA, HADA_PRIOR_HAAR, 1e-5, 0.10},
+                 {HADA_METHOD_ADMM, HADA_PRIOR_NONE, 0, 0.10},        {HADA_METHOD_ADMM, HADA_PRIOR_TV, 1e-5, 0.10}};
+    const fixture *f = *state;
+    for (int padded = 0; padded < 2; padded++)
+        for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+            hada_plan_options options = options_of(cases[i].method, 20);
+            hada_result few = {0}, many = {0};
+            options.classic.prior = cases[i].prior;
+            options.classic.weight = cases[i].weight;
+            options.classic.support = HADA_SUPPORT_WINDOW;
+            run(f, padded, &options, &few);
+            options.classic.iterations = 300;
+            run(f, padded, &options, &many);
+            if (error_of(f, &many) > cases[i].allowed)
+                fail_msg("method %d, prior %d, boundary %d: error %.3g", cases[i].method, cases[i].prior, padded,
+                         error_of(f, &many));
+            assert_true(error_of(f, &many) < error_of(f, &few));
+            assert_true(many.report.residual < few.report.residual && many.report.residual < 0.02);
+            assert_int_equal(few.report.refine_steps, 20);
+            assert_int_equal(many.report.method, cases[i].method);
+            assert_int_equal(many.report.occupied_count, 2);
+            for (size_t k = 0; k < hada_image_count(&many.planes[1]); k++)
+                assert_true(many.planes[1].data[k] == 0);
+            hada_result_destroy(&few);
+            hada_result_destroy(&many);
+        }
+}
+
+/* Without other depths and without iterations: the Wiener filter of the model itself, clipped. */
+static void wiener_of_one_depth_is_the_models(void **state)
+{
+    const fixture *f = *state;
+    static const int one = 1;
+    for (int padded = 0; padded < 2; padded++) {
+        hada_plan_options options = options_of(HADA_METHOD_WIENER, 0), linear;
+        hada_result joint = {0}, single = {0};
+        hada_model *wiener;
+        hada_plan *plan;
+        options.depths = &one;
+        options.depth_count = 1;
+        options.occupied = HADA_OCCUPIED_ALL;
+        options.classic.lambda = 0.05;
+        run(f, padded, &options, &joint);
+        ASSERT_OK(hada_model_with_form(&wiener, f->model[padded], HADA_FORM_WIENER, 0.05, err));
+        linear = options;
+        linear.classic.method = HADA_METHOD_MODEL;
+        linear.refine = 0;
+        ASSERT_OK(hada_plan_create(&plan, f->context, wiener, &linear, err));
+        ASSERT_OK(hada_plan_run(plan, &f->frame, &single, err));
+        /* the model reckons with each channel's mean |H|^2, the joint filter with that of all: here nearly the same */
+        assert_true(small_image_distance(joint.planes[0].data, single.planes[0].data,
+                                         hada_image_count(&single.planes[0])) < 0.01);
+        assert_int_equal(joint.report.refine_steps, 0);
+        hada_plan_destroy(&plan);
+        hada_model_destroy(&wiener);
+        hada_result_destroy(&joint);
+        hada_result_destroy(&single);
+    }
+}
+
+/* A frame a thousand times as bright gives planes a thousand times as bright; two runs give the same bits. */
+static void scales_and_repeats(void **state)
+{
+    const fixture *f = *state;
+    const size_t count = hada_image_count(&f->scene[0]);
+    hada_image bright;
+    ASSERT_OK(hada_image_create(&bright, CHANNELS, ROWS, COLS, err));
+    for (size_t i = 0; i < hada_image_count(&bright); i++)
+        bright.data[i] = 1024 * f->frame.data[i];
+    for (int method = HADA_METHOD_WIENER; method <= HADA_METHOD_ADMM; method++) {
+        const hada_plan_options options = options_of((hada_method)method, 12);
+        hada_plan *plan;
+        hada_result first = {0}, again = {0}, scaled = {0};
+        uint64_t device, host, held;
+        ASSERT_OK(hada_plan_estimate(f->context, f->model[1], &options, &device, &host, err));
+        ASSERT_OK(hada_plan_create(&plan, f->context, f->model[1], &options, err));
+        hada_plan_memory(plan, &held, NULL);
+        assert_true(held > 0 && held <= device);
+        ASSERT_OK(hada_plan_run(plan, &f->frame, &first, err));
+        ASSERT_OK(hada_plan_run(plan, &bright, &scaled, err));
+        ASSERT_OK(hada_plan_run(plan, &f->frame, &again, err));
+        for (int z = 0; z < DEPTHS; z++)
+            assert_memory_equal(first.planes[z].data, again.planes[z].data, count * sizeof(float));
+        for (size_t i = 0; i < count; i++)
+            scaled.planes[0].data[i] /= 1024;
+        assert_true(small_image_distance(scaled.planes[0].data, first.planes[0].data, count) < 1e-5);
+        hada_result_destroy(&first);
+        hada_result_destroy(&again);
+        hada_result_destroy(&scaled);
+        hada_plan_destroy(&plan);
+    }
+    hada_image_destroy(&bright);
+}
+
+static void stops_by_rule(void **state)
+{
+    const fixture *f = *state;
+    for (int method = HADA_METHOD_RL; method <= HADA_METHOD_ADMM; method++) {
+        hada_plan_options options = options_of((hada_method)method, 400);
+        hada_result loose = {0}, tight = {0}, timed = {0};
+        options.classic.stop = 3e-2;
+        run(f, 1, &options, &loose);
+        options.classic.stop = 3e-3;
+        run(f, 1, &options, &tight);
+        assert_in_range(loose.report.refine_steps, 3, 200);
+        assert_in_range(tight.report.refine_steps, loose.report.refine_steps, 399);
+        options.classic.stop = 0;
+        options.classic.seconds = 1e-9; /* one iteration and no more */
+        run(f, 1, &options, &timed);
+        assert_int_equal(timed.report.refine_steps, 1);
+        hada_result_destroy(&loose);
+        hada_result_destroy(&tight);
+        hada_result_destroy(&timed);
+    }
+}
+
+static void darkness_stays_dark(void **state)
+{
+    const fixture *f = *state;
+    hada_image black;
+    ASSERT_OK(hada_image_create(&black, CHANNELS, ROWS, COLS, err));
+    for (int method = HADA_METHOD_WIENER; method <= HADA_METHOD_ADMM; method++) {
+        const hada_plan_options options = options_of((hada_method)method, 5);
+        hada_plan *plan;
+        hada_result result = {0};
+        ASSERT_OK(hada_plan_create(&plan, f->context, f->model[1], &options, err));
+        ASSERT_OK(hada_plan_run(plan, &black, &result, err));
+        for (size_t i = 0; i < hada_image_count(&result.planes[0]); i++)
+            assert_true(fabsf(result.planes[0].data[i]) <= 1e-30f);
+        hada_result_destroy(&result);
+        hada_plan_destroy(&plan);
+    }
+    hada_image_destroy(&black);
+}
+
+static void refuse(const fixture *f, const hada_plan_options *options, hada_status expected, const char *words)
+{
+    hada_plan *plan;
+    hada_error error = {0};
+    assert_int_equal(hada_plan_create(&plan, f->context, f->model[0], options, &error), expected);
+    assert_null(plan);
+    if (!strstr(error.message, words))
+        fail_msg("no '%s' in: %s", words, error.message);
+}
+
+static void refuses_what_makes_no_sense(void **state)
+{
+    const fixture *f = *state;
+    hada_plan_options options = options_of(HADA_METHOD_RL, 0);
+    options.classic.prior = HADA_PRIOR_WAVELET;
+    refuse(f, &options, HADA_ERROR_ARGUMENT, "no such prior");
+    options = options_of(HADA_METHOD_FISTA, -1);
+    refuse(f, &options, HADA_ERROR_ARGUMENT, "stopping rules");
+    options = options_of(HADA_METHOD_FISTA, 0);
+    options.classic.step = 2;
+    refuse(f, &options, HADA_ERROR_ARGUMENT, "step");
+    options = options_of(HADA_METHOD_ADMM, 0);
+    options.classic.mu3 = 0;
+    refuse(f, &options, HADA_ERROR_ARGUMENT, "mu3");
+    options = options_of((hada_method)9, 0);
+    refuse(f, &options, HADA_ERROR_ARGUMENT, "method");
+    options = options_of(HADA_METHOD_ADMM, 0);
+    options.band = 0.5;
+    refuse(f, &options, HADA_ERROR_ARGUMENT, "band");
+    options = options_of(HADA_METHOD_ADMM, 0);
+    hada_model *const model = f->model[0];
+    model->info.has_otf = 0;
+    refuse(f, &options, HADA_ERROR_MODEL, "no transfer functions");
+    model->info.has_otf = 1;
+}
+
+/* A run that would take minutes ends when it is asked to, and the plan works on. */
+static void can_be_cancelled(void **state)
+{
+    const fixture *f = *state;
+    hada_plan_options options = options_of(HADA_METHOD_ADMM, 10000000);
+    hada_plan *plan;
+    hada_job *job;
+    hada_result result = {0};
+    ASSERT_OK(hada_plan_create(&plan, f->context, f->model[1], &options, err));
+    for (int i = 0; i < 2; i++) {
+        ASSERT_OK(hada_job_submit(&job, plan, &f->frame, &result, err));
+        while (!(hada_job_progress(job) > 0))
+            sched_yield();
+        hada_job_cancel(job);
+        assert_int_equal(hada_job_wait(job, NULL), HADA_ERROR_CANCELLED);
+        assert_null(result.planes);
+        hada_job_destroy(&job);
+    }
+    hada_plan_destroy(&plan);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(finds_both_depths),   cmocka_unit_test(wiener_of_one_depth_is_the_models),
+        cmocka_unit_test(scales_and_repeats),  cmocka_unit_test(stops_by_rule),
+        cmocka_unit_test(darkness_stays_dark), cmocka_unit_test(refuses_what_makes_no_sense),
+        cmocka_unit_test(can_be_cancelled),
+    };
+    return cmocka_run_group_tests(tests, setup, teardown);
+}

@@ -63,9 +63,11 @@ typedef struct hada_context_options {
      * none. When given, nothing is compiled: a kernel missing there is an error. */
     const char *binaries;
     /* Folder of the disk cache of compiled programs. NULL: HADALENS_CACHE, else $XDG_CACHE_HOME/hadalens, else
-     * ~/.cache/hadalens; "" or the value "off": no cache. A cache that cannot be used is never an error. */
+     * ~/.cache/hadalens, but none where the driver has a cache of its own; "" or the value "off": no cache. A cache
+     * that cannot be used is never an error. */
     const char *cache;
-    /* Text file of tuning choices that override the shipped table; NULL: HADALENS_TUNING, else none. */
+    /* Text file of tuning choices that override the shipped tables (hadalens/tune.h); NULL: HADALENS_TUNING, else none.
+     * A file that is not there is none; a line that cannot be understood is HADA_ERROR_FILE_FORMAT. */
     const char *tuning;
     hada_log_function log;
     void *log_user;

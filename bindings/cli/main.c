@@ -6,8 +6,8 @@
 #include <sys/stat.h>
 
 const hada_cli_command *const hada_cli_commands[] = {
-    &hada_cli_devices,     &hada_cli_optics, &hada_cli_simulate, &hada_cli_register, &hada_cli_fit,   &hada_cli_train,
-    &hada_cli_reconstruct, &hada_cli_evaluate, &hada_cli_tune,     &hada_cli_bench, NULL,
+    &hada_cli_devices,     &hada_cli_optics,   &hada_cli_simulate, &hada_cli_register, &hada_cli_fit, &hada_cli_train,
+    &hada_cli_reconstruct, &hada_cli_evaluate, &hada_cli_tune,     &hada_cli_bench,    NULL,
 };
 
 static int unknown_command(const char *name)

@@ -200,6 +200,7 @@ hada_status hada_optics_report_add(hada_optics_report *report, const hada_image 
                          psf->cols, c->rows, c->cols);
     if (hada_image_count_not_finite(psf))
         return hada_fail(err, HADA_ERROR_NOT_FINITE, "PSF %d holds NaN or infinite values", z + 1);
+    hada_image_destroy(&state->mean[z]); /* of an earlier try */
     hada_status status = mean_of_channels(&state->mean[z], psf, err);
     if (status)
         return status;

@@ -3,8 +3,9 @@
 looking costs, against refining every depth (--occupied all), in turns. Prints a Markdown table, and every frame whose
 set of depths was not found.
    perf/pursuit.py [--build build/release] [--preset sim512] [--seed 1] [--frames 30] [--depths 1,2,3,14] [--rounds 2]
-                   [--noise 0.01] [--full 0]
-Needs NumPy and tifffile. Times are medians of the rounds over a row's frames, without the first frame of a run."""
+                   [--noise 0.01] [--full 0] [--made 0]
+With --made N, also N scenes of each kind of pursuit_scenes.py, made to be hard; --depths "" leaves the others out. Needs
+NumPy and tifffile. Times are medians (and 90th percentiles of the looking) of the rounds over a row's frames, without the first frame of a run."""
 import argparse
 import json
 import pathlib
@@ -13,6 +14,8 @@ import tempfile
 
 import numpy as np
 import tifffile
+
+import pursuit_scenes
 
 here = pathlib.Path(__file__).resolve().parent
 arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -25,6 +28,7 @@ arguments.add_argument("--depths", default="1,2,3,14", help="occupied depths of 
 arguments.add_argument("--rounds", type=int, default=2)
 arguments.add_argument("--noise", default="0.01")
 arguments.add_argument("--full", type=int, default=0, help="frames of each row that the full look decides as well")
+arguments.add_argument("--made", type=int, default=0, help="scenes of each hard kind (circular boundary)")
 arguments = arguments.parse_args()
 hadalens = f"{arguments.build}/bindings/cli/hadalens"
 NOT_DEPTHS = "prune,frequencies,half,channels,frames,tiles"
@@ -67,10 +71,10 @@ with tempfile.TemporaryDirectory() as folder:
     run("fit", folder / "camera", "-o", folder / "model", "--quiet")
     distances = np.array(json.load(open(folder / "camera" / "camera.json"))["distances_mm"])
     misses, equal, compared = [], 0, 0
-    print("| occupied depths | frames | exact | one step off | one too many | all | other | pursuit, ms | total, ms |"
+    print("| occupied depths | frames | exact | one step off | one too many | all | other | pursuit, ms | slowest tenth, ms | total, ms |"
           " all depths: refinement, ms | total, ms | ratio of totals | pursuit / refinement of all |")
-    print("|---|---|---|---|---|---|---|---|---|---|---|---|---|")
-    for count in map(int, arguments.depths.split(",")):
+    print("|---|---|---|---|---|---|---|---|---|---|---|---|---|---|")
+    for count in map(int, filter(None, arguments.depths.split(","))):
         scenes = folder / f"scenes{count}"
         run("simulate", *design, "-o", scenes, "--pairs", 1, "--test", arguments.frames, "--test-depths", count, "--quiet")
         files = sorted((scenes / "test" / "raw").glob("*.tif"))
@@ -91,11 +95,21 @@ with tempfile.TemporaryDirectory() as folder:
                        for f, (mm, _), s in zip(files, full, same) if not s]
         ms = {(who, stage): 1e3 * float(np.median([seconds[stage] for _, seconds in table]))
               for who, table in (("auto", auto), ("all", dense)) for stage in ("pursuit", "refine", "total")}
+        slow = 1e3 * float(np.quantile([seconds["pursuit"] for _, seconds in auto], 0.9))
         print(f"| {count} | {len(files)} | " + " | ".join(str(kinds.count(k)) for k in
               ("exact", "one step off", "one too many", "all", "other")) +
-              f" | {ms['auto', 'pursuit']:.1f} | {ms['auto', 'total']:.0f} | {ms['all', 'refine']:.0f} |"
+              f" | {ms['auto', 'pursuit']:.1f} | {slow:.1f} | {ms['auto', 'total']:.0f} | {ms['all', 'refine']:.0f} |"
               f" {ms['all', 'total']:.0f} | {ms['all', 'total'] / ms['auto', 'total']:.1f} |"
               f" {100 * ms['auto', 'pursuit'] / ms['all', 'refine']:.1f} % |", flush=True)
+    if arguments.made:
+        print("\n| made-up scenes | frames | exact | all | other |\n|---|---|---|---|---|")
+    for name in pursuit_scenes.KINDS if arguments.made else ():
+        files, wanted = pursuit_scenes.write(name, arguments.made, folder / "camera", folder / name)
+        found = [near(mm, distances) for mm, _ in reconstruct(files, folder / "model", folder / "out")]
+        kinds = [kind(f, w, len(distances)) for f, w in zip(found, wanted)]
+        exact, every = kinds.count("exact"), kinds.count("all")
+        print(f"| {name} | {len(files)} | {exact} | {every} | {len(files) - exact - every} |", flush=True)
+        misses += [(name, f.name, w, g, k) for f, w, g, k in zip(files, wanted, found, kinds) if k != "exact"]
     if arguments.full:
         print(f"\nThe full look decided the same on {equal} of {compared} frames.")
     print()

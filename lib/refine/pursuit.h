@@ -3,7 +3,8 @@
  * Starts with no depth; adds the depth whose joint refinement of a few steps leaves least unexplained; moves depths to
  * neighbours while that helps, drops those that the others explain as well; stops when an addition lowers what is left
  * by less than the part `threshold`. Scenes that need more than max_depths depths are said to fill all of them, so that
- * a slanted or continuous scene costs no more; most of them are known as such at the first pair, before any set is moved.
+ * a slanted or continuous scene costs no more; most of them are known as such at the first pair, before any set is
+ * moved.
  *
  * It looks on three grids: a very small one puts the candidates in order, a small one decides, both with the channels
  * averaged; where that decision is close, the sets in question are refined on a finer grid, channel by channel. The

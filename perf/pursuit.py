@@ -5,7 +5,8 @@ set of depths was not found.
    perf/pursuit.py [--build build/release] [--preset sim512] [--seed 1] [--frames 30] [--depths 1,2,3,14] [--rounds 2]
                    [--noise 0.01] [--full 0] [--made 0]
 With --made N, also N scenes of each kind of pursuit_scenes.py, made to be hard; --depths "" leaves the others out. Needs
-NumPy and tifffile. Times are medians (and 90th percentiles of the looking) of the rounds over a row's frames, without the first frame of a run."""
+NumPy and tifffile. Times are medians (and 90th percentiles of the looking) of the rounds over a row's frames, without the
+first frame of a run."""
 import argparse
 import json
 import pathlib
@@ -71,7 +72,8 @@ with tempfile.TemporaryDirectory() as folder:
     run("fit", folder / "camera", "-o", folder / "model", "--quiet")
     distances = np.array(json.load(open(folder / "camera" / "camera.json"))["distances_mm"])
     misses, equal, compared = [], 0, 0
-    print("| occupied depths | frames | exact | one step off | one too many | all | other | pursuit, ms | slowest tenth, ms | total, ms |"
+    print("| occupied depths | frames | exact | one step off | one too many | all | other |"
+          " pursuit, ms | slowest tenth, ms | total, ms |"
           " all depths: refinement, ms | total, ms | ratio of totals | pursuit / refinement of all |")
     print("|---|---|---|---|---|---|---|---|---|---|---|---|---|---|")
     for count in map(int, filter(None, arguments.depths.split(","))):

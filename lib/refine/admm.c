@@ -215,8 +215,8 @@ hada_status hada_refiner_create(hada_refiner **out, hada_slot *slot, const hada_
     status = hada_alloc((void **)&refiner->energy, ((size_t)shape->max_steps + 1) * (size_t)shape->max_sets,
                         sizeof *refiner->energy, "the refinement's residuals", err);
     if (!status)
-        status =
-            hada_alloc((void **)&refiner->host_partial, b.partial / sizeof(float), sizeof(float), "the refinement's residuals", err);
+        status = hada_alloc((void **)&refiner->host_partial, b.partial / sizeof(float), sizeof(float),
+                            "the refinement's residuals", err);
     if (!status)
         status = make_plans(refiner, err);
     if (!status)

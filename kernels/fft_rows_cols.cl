@@ -3,8 +3,11 @@
 #include "inc_fft_rows_forward.h"
 #include "inc_fft_rows_inverse.h"
 
-/* Real rows to half spectra: a work-item takes sixteen rows of one image. Offsets and distances of the real images count floats, those of spectra complex numbers. The image's columns
- * col0..col0+cols_in-1 are in memory, the others are zero; its rows go to the spectrum's rows row0 and on. */
+#if !FFT_PRODUCT /* products are for columns alone */
+
+/* Real rows to half spectra: a work-item takes sixteen rows of one image. Offsets and distances of the real images count
+ * floats, those of spectra complex numbers. The image's columns col0..col0+cols_in-1 are in memory, the others are zero;
+ * its rows go to the spectrum's rows row0 and on. */
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 fft_rows_forward(__global const float *in, ulong in_offset, ulong in_distance, ulong in_pitch, int col0, int cols_in,
                  int rows_in, __global float *out, ulong out_offset, ulong out_distance, int row0, int rows, int blocks,
@@ -48,6 +51,8 @@ fft_rows_inverse(__global const float *in, ulong in_offset, ulong in_distance, i
                               col0, cols_out, scale, scratch, table, floats);
     }
 }
+
+#endif
 
 /* Transforms along the columns of half spectra: a work-item takes one block of eight columns of one image. */
 

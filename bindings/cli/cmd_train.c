@@ -88,7 +88,7 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_TEXT, "log", 0, "FOLDER", "for log, figure, pictures, checkpoint (default: MODEL2.log)", NULL,
      AT(log)},
     {HADA_OPTION_FLAG, "resume", 0, NULL, "go on from the checkpoint in the log folder",
-     "Give what the training began with; rates, losses and --steps may differ.", AT(resume)},
+     "Give what the training began with; rates, losses and the number of steps may differ.", AT(resume)},
     {HADA_OPTION_FLAG, "restart", 0, NULL, "begin anew where the log folder holds a checkpoint", NULL, AT(restart)},
     {HADA_OPTION_COUNT, "validate-every", 0, "N", "steps between validations (default: a twentieth of all); 0: none",
      NULL, AT(validate_every)},
@@ -199,6 +199,10 @@ static hada_status train(hada_cli_train_run *run, const hada_cli_contexts *devic
     if (!status)
         status = hada_trainer_create_on(&run->trainer, devices->contexts, devices->count, model, &run->data->pairs,
                                         run->data->held ? &run->data->held_out : NULL, &use, err);
+    if (status == HADA_ERROR_DEVICE_MEMORY)
+        hada_cli_prefix(err,
+                        "training needs more memory than the device has; try --at-once 1, --recompute or a smaller "
+                        "--net-size: ");
     run->steps = use.steps;
     if (!status)
         tell(run, devices);

@@ -54,7 +54,10 @@ static hada_status write_output(const hada_cli_train_run *run, hada_error *err)
 static void print_row(loop *own, uint64_t step, const hada_validation *result, int better)
 {
     hada_cli *cli = own->run->cli;
-    char left[32] = "", loss[32] = "-", before[32] = "";
+    char left[32] = "", loss[32] = "-";
+    if (!own->headed && own->run->set->stage != HADA_STAGE_FILTERS && isfinite(result->psnr_before))
+        hada_cli_say(cli, "Held-out planes before the net: %.2f dB, SSIM %.4f, sharpness %.5f; their truth's is %.5f",
+                     result->psnr_before, result->ssim_before, result->sharpness_before, result->sharpness_truth);
     if (!own->headed)
         hada_cli_say(cli, "\n  %8s  %10s  %13s  %7s  %8s  %9s  %s", "step", "loss", "held-out PSNR", "SSIM", "MAE",
                      "sharpness", "left");
@@ -63,9 +66,8 @@ static void print_row(loop *own, uint64_t step, const hada_validation *result, i
         snprintf(loss, sizeof loss, "%.3e", own->last.loss);
         duration(left, sizeof left, (double)(own->run->steps - step) * own->step_seconds);
     }
-    hada_cli_say(cli, "%s %8llu  %10s  %10.2f dB  %7.4f  %8.5f  %9.5f  %s%s", better ? "*" : " ",
-                 (unsigned long long)step, loss, result->psnr, result->ssim, result->mae, result->sharpness, left,
-                 before);
+    hada_cli_say(cli, "%s %8llu  %10s  %10.2f dB  %7.4f  %8.5f  %9.5f  %s", better ? "*" : " ",
+                 (unsigned long long)step, loss, result->psnr, result->ssim, result->mae, result->sharpness, left);
 }
 
 static hada_status validate(loop *own, uint64_t step, hada_error *err)
@@ -266,11 +268,10 @@ static hada_status steps(loop *own, hada_error *err)
 {
     const hada_cli_train_run *run = own->run;
     hada_status status = HADA_OK;
-    if (!own->first) {
+    if (!own->first && own->validate_every != UINT64_MAX)
         status = validate(own, 0, err);
-        if (!status && own->show_every != UINT64_MAX)
-            status = show(own, 0, err);
-    }
+    if (!status && !own->first && own->show_every != UINT64_MAX)
+        status = show(own, 0, err);
     uint64_t step = own->first;
     while (!status && step < run->steps) {
         if (hada_cli_interrupted())

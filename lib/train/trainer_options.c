@@ -23,6 +23,7 @@ int hada_stage_has_planes(hada_stage stage)
 
 void hada_train_options_init(hada_train_options *options, hada_stage stage)
 {
+    const int goes_on = stage == HADA_STAGE_ADVERSARIAL || stage == HADA_STAGE_JOINT; /* with a net that knows much */
     *options = (hada_train_options){.size = sizeof *options,
                                     .stage = stage,
                                     .seed = 1,
@@ -30,17 +31,17 @@ void hada_train_options_init(hada_train_options *options, hada_stage stage)
                                     .steps = 1000,
                                     .batch = 4,
                                     .rule = HADA_RULE_ADAM,
-                                    .rate = 1e-3,
-                                    .critic_rate = 1e-4,
+                                    .rate = goes_on ? 1e-4 : 1e-3,
+                                    .critic_rate = 3e-4,
                                     .schedule = HADA_RATE_COSINE,
                                     .last_rate = 0.02,
                                     .warmup = 20,
-                                    .clip = 1.0,
+                                    .clip = stage == HADA_STAGE_FILTERS ? 0.0 : 0.1,
                                     .mse = 1.5,
                                     .perceptual = 0.1,
                                     .adversarial = stage == HADA_STAGE_ADVERSARIAL ? 8e-3 : 0.0,
                                     .variation = 5e-7,
-                                    .critic_steps = stage == HADA_STAGE_ADVERSARIAL ? 50 : 0};
+                                    .critic_steps = stage == HADA_STAGE_ADVERSARIAL ? 100 : 0};
     if (hada_stage_has_planes(stage))
         options->augment.plane_flips = 3;
 }

@@ -1,0 +1,133 @@
+/* Checkpoints: training goes on with the same bits, and what does not fit is refused. */
+#include "testing.h"
+
+#include "trainer_fixture.h"
+
+static void going_on_gives_the_same_bits(void **state)
+{
+    (void)state;
+    for (int devices = 1; devices <= 2; devices++)
+        for (hada_stage stage = HADA_STAGE_FILTERS; stage <= HADA_STAGE_CONVENTIONAL; stage++) {
+            hada_train_options options = options_of(stage);
+            options.augment.noise = 0.01;
+            options.augment.exposure = 0.1;
+            hada_trainer *trainer = make(&options, devices);
+            steps(trainer, 6);
+            save(trainer, 0);
+            hada_trainer_destroy(&trainer);
+            trainer = make(&options, devices);
+            steps(trainer, 3);
+            save(trainer, 1);
+            assert_false(same_files());
+            hada_trainer_destroy(&trainer);
+            trainer = make(&options, devices);
+            steps(trainer, 1); /* loading leaves nothing of it */
+            ASSERT_OK(hada_trainer_load(trainer, f.path[1], err));
+            assert_int_equal(hada_trainer_steps(trainer), 3);
+            steps(trainer, 3);
+            save(trainer, 1);
+            assert_true(same_files());
+            hada_trainer_destroy(&trainer);
+        }
+}
+
+static void fewer_filters_at_once_give_the_same_bits(void **state)
+{
+    (void)state;
+    for (int i = 0; i < 2; i++) {
+        hada_train_options options = options_of(HADA_STAGE_FILTERS);
+        options.at_once = i ? 1 : 4;
+        hada_trainer *trainer = make(&options, 1);
+        steps(trainer, 4);
+        save(trainer, i);
+        hada_trainer_destroy(&trainer);
+    }
+    assert_true(same_files());
+}
+
+static void checkpoints_of_others_are_refused(void **state)
+{
+    (void)state;
+    hada_train_options options = options_of(HADA_STAGE_ENHANCE), other;
+    hada_trainer *trainer = make(&options, 1);
+    hada_error error = {0};
+    steps(trainer, 1);
+    save(trainer, 0);
+    hada_trainer_destroy(&trainer);
+    for (int kind = 0; kind < 6; kind++) {
+        static const char *const words[] = {"the stage is enhance there and conventional here",
+                                            "the seed is 1 there and 2 here",
+                                            "the batch is 4 there and 3 here",
+                                            "the rule is adam there and rmsprop here",
+                                            "the net differs",
+                                            "depths, channels and sizes"};
+        other = options_of(kind == 0 ? HADA_STAGE_CONVENTIONAL : HADA_STAGE_ENHANCE);
+        other.seed += kind == 1;
+        other.batch -= kind == 2;
+        other.rule = kind == 3 ? HADA_RULE_RMSPROP : HADA_RULE_ADAM;
+        other.net_given = kind == 4 ? NULL : f.net;
+        if (kind == 5) {
+            other = options_of(HADA_STAGE_FILTERS);
+            other.form = HADA_FORM_SPLIT;
+            trainer = make(&other, 1);
+            save(trainer, 1);
+            hada_trainer_destroy(&trainer);
+            other.form = HADA_FORM_COMPLEX;
+        }
+        trainer = make(&other, 1);
+        assert_int_equal(hada_trainer_load(trainer, f.path[kind == 5], &error), HADA_ERROR_MODEL);
+        assert_non_null(strstr(error.message, words[kind]));
+        assert_non_null(strstr(error.message, f.path[kind == 5]));
+        assert_int_equal(hada_trainer_steps(trainer), 0);
+        steps(trainer, 1);
+        hada_trainer_destroy(&trainer);
+    }
+    /* the same sizes, but another camera */
+    hada_model *flat;
+    hada_train_options joint = options_of(HADA_STAGE_JOINT);
+    trainer = make(&joint, 1);
+    save(trainer, 0);
+    ASSERT_OK(hada_trainer_model(trainer, &flat, err));
+    steps(trainer, 1);
+    hada_model_destroy(&flat);
+    ASSERT_OK(hada_trainer_model(trainer, &flat, err));
+    hada_trainer_destroy(&trainer);
+    ASSERT_OK(hada_trainer_create(&trainer, f.whole, flat, &pairs, NULL, &joint, err));
+    assert_int_equal(hada_trainer_load(trainer, f.path[0], &error), HADA_ERROR_MODEL);
+    assert_non_null(strstr(error.message, "filters differs"));
+    hada_trainer_destroy(&trainer);
+    hada_model_destroy(&flat);
+}
+
+static void damaged_checkpoints_are_refused(void **state)
+{
+    (void)state;
+    hada_train_options options = options_of(HADA_STAGE_ENHANCE);
+    hada_trainer *trainer = make(&options, 1);
+    hada_error error = {0};
+    steps(trainer, 1);
+    save(trainer, 0);
+    FILE *file = fopen(f.path[0], "r+b");
+    assert_non_null(file);
+    assert_int_equal(ftruncate(fileno(file), 2000), 0);
+    fclose(file);
+    assert_int_not_equal(hada_trainer_load(trainer, f.path[0], &error), HADA_OK);
+    ASSERT_OK(hada_net_save(f.net, f.path[0], err));
+    assert_int_equal(hada_trainer_load(trainer, f.path[0], &error), HADA_ERROR_FILE_FORMAT);
+    assert_int_equal(hada_trainer_load(trainer, "/nowhere/at/all", &error), HADA_ERROR_FILE_OPEN);
+    assert_int_equal(hada_trainer_save(trainer, "/nowhere/at/all", &error), HADA_ERROR_FILE_WRITE);
+    assert_int_equal(hada_trainer_steps(trainer), 1);
+    steps(trainer, 1);
+    hada_trainer_destroy(&trainer);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(going_on_gives_the_same_bits),
+        cmocka_unit_test(fewer_filters_at_once_give_the_same_bits),
+        cmocka_unit_test(checkpoints_of_others_are_refused),
+        cmocka_unit_test(damaged_checkpoints_are_refused),
+    };
+    return cmocka_run_group_tests(tests, setup, teardown);
+}

@@ -1,6 +1,6 @@
 /* 3 x 3 convolutions, stride 1, padding 1, by Winograd's F(m x m, 3 x 3), all in one launch: a work-item takes `tiles`
  * neighbouring tiles (a multiple of CONV_PIXELS) through all three steps, in local memory. Shape lanes. Weights:
- * [place] [block group][input channel][output channel], as conv_winograd_pack.cl writes them. The last tiles of a row
+ * [place] [block group][input channel][output channel], as conv_pack.cl writes them. The last tiles of a row
  * and the last rows overlap those before; so do the last tiles of an image. Dimensions: groups of tiles, images. */
 #define CONV_MEM __local
 #include "inc_conv_winograd_products.h"

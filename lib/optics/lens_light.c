@@ -3,12 +3,18 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
+#include "optics/mask.h"
 
 hada_status hada_lenses_create(hada_lenses *lenses, const hada_camera *camera, hada_error *err)
 {
     *lenses = (hada_lenses){0};
+    if (!hada_mask_has_lenses(camera))
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "what stands behind opaque objects is rendered lens by lens, and a mask of kind '%s' has no "
+                         "lenses; use lenses or round holes",
+                         hada_mask_word(camera->mask));
     void *memory;
-    hada_status status = hada_alloc(&memory, (size_t)(camera->lenses > 0 ? camera->lenses : 1), 2 * sizeof(double), "the lens positions", err);
+    hada_status status = hada_alloc(&memory, (size_t)camera->lenses, 2 * sizeof(double), "the lens positions", err);
     if (status)
         return status;
     *lenses = (hada_lenses){camera->lenses, memory, (double *)memory + camera->lenses};

@@ -45,6 +45,7 @@ expect 2 'field of 90 x 100' simulate "${small[@]}" --field 90x100 -o f
 expect 2 'converter of 17' simulate "${small[@]}" --adc-bits 17 -o f
 expect 2 'full well' simulate "${small[@]}" --full-well 1e9 -o f
 expect 3 'nosuch.tif' simulate "${small[@]}" --vignetting nosuch.tif -o f
+expect 2 'diffuser.*round holes' simulate "${small[@]}" --mask diffuser --occlude -o f
 "$FRAME_TOOL" flat gain.tif 10 10 1 1
 expect 4 '10 x 10' simulate "${small[@]}" --vignetting gain.tif -o f
 lacks f f.part-*

@@ -159,6 +159,11 @@ static void a_slanted_plane(void **state)
     for (int z = 1; z < FINE_DEPTHS; z++)
         put(f, 41, z, 0, WINDOW, z * WINDOW / FINE_DEPTHS, WINDOW, 1.0, 7);
     look(f, "slanted", "all", &result);
+    assert_int_equal(result.rounds, 1); /* told at the pair, before it was added */
+    background(f, 0);
+    put(f, 42, 2 * 3, 0, WINDOW, WINDOW / 3, WINDOW, 1.0, 7);
+    put(f, 43, 2 * 6, 0, WINDOW, 2 * WINDOW / 3, WINDOW, 1.0, 7);
+    look(f, "three strips", "0 3 6", &result);
 }
 
 static void an_object_in_one_colour(void **state)

@@ -7,6 +7,13 @@
 #include "lpips/lpips_stage.h"
 #include "net/graph.h"
 
+/* What stands where for images of one size. */
+typedef struct lpips_plan {
+    hada_size input[HADA_LPIPS_STAGES], size[HADA_LPIPS_STAGES]; /* of the convolutions; what a stage gives */
+    size_t map_at[HADA_LPIPS_STAGES + 1];                        /* a stage's distances; the count of all */
+    size_t in_floats, pooled_floats;
+} lpips_plan;
+
 struct hada_lpips {
     hada_context *context;
     hada_slot *slot;
@@ -18,16 +25,15 @@ struct hada_lpips {
 
     /* For images of one size, kept for the next ones; rows 0: none. */
     int rows, cols;
+    lpips_plan plan;
     hada_graph *graph[HADA_LPIPS_STAGES];
-    hada_buffer in, distances;
-    size_t map_at[HADA_LPIPS_STAGES + 1]; /* a stage's distances; the count of all */
-    hada_size size[HADA_LPIPS_STAGES];
+    hada_buffer in, pooled, distances;
     float *pair, *maps; /* on the host: two images, the distances */
 };
 
-static hada_graph_options options_for(int rows, int cols)
+static hada_graph_options options_for(hada_size size)
 {
-    return (hada_graph_options){.images = 2, .rows = rows, .cols = cols};
+    return (hada_graph_options){.images = 2, .rows = size.rows, .cols = size.cols};
 }
 
 static void forget_size(hada_lpips *lpips)
@@ -35,6 +41,7 @@ static void forget_size(hada_lpips *lpips)
     for (int k = 0; k < HADA_LPIPS_STAGES; k++)
         hada_graph_destroy(&lpips->graph[k]);
     hada_buffer_destroy(&lpips->in);
+    hada_buffer_destroy(&lpips->pooled);
     hada_buffer_destroy(&lpips->distances);
     free(lpips->pair);
     free(lpips->maps);
@@ -42,9 +49,15 @@ static void forget_size(hada_lpips *lpips)
     lpips->rows = lpips->cols = 0;
 }
 
-/* What each stage gives for images of rows x cols, and where its distances stand. */
-static hada_status plan_size(const hada_lpips *lpips, int rows, int cols, hada_size *size, size_t *map_at,
-                             hada_error *err)
+/* The tensor between pooling and a convolution that wants more zeros around than a tensor has. */
+static hada_tensor pooled_tensor(const hada_lpips *lpips, int stage, hada_size input, cl_mem mem)
+{
+    const int border = hada_lpips_stage_entry(lpips->net, stage).border;
+    return hada_tensor_at(lpips->context, mem, 0, 2, hada_lpips_stage_channels(lpips->net, stage - 1),
+                          input.rows - 2 * border, input.cols - 2 * border);
+}
+
+static hada_status plan_size(const hada_lpips *lpips, int rows, int cols, lpips_plan *plan, hada_error *err)
 {
     enum { MOST_LAYERS = 16 };
     hada_size sizes[MOST_LAYERS];
@@ -53,39 +66,57 @@ static hada_status plan_size(const hada_lpips *lpips, int rows, int cols, hada_s
         return hada_fail(err, HADA_ERROR_SIZE, "LPIPS by %s needs images of at least %d x %d, not %d x %d",
                          lpips->net == HADA_LPIPS_ALEX ? "AlexNet" : "VGG-16", least, least, rows, cols);
     hada_status status = HADA_OK;
-    map_at[0] = 0;
+    *plan = (lpips_plan){0};
     for (int k = 0; !status && k < HADA_LPIPS_STAGES; k++) {
-        const hada_size in = k ? size[k - 1] : (hada_size){rows, cols};
-        status = hada_net_sizes(lpips->stage[k], in.rows, in.cols, sizes, err);
+        const hada_lpips_entry entry = hada_lpips_stage_entry(lpips->net, k);
+        plan->input[k] = hada_lpips_stage_input(lpips->net, k, k ? plan->size[k - 1] : (hada_size){rows, cols});
+        if (entry.pool && entry.border) {
+            const hada_tensor pooled = pooled_tensor(lpips, k, plan->input[k], NULL);
+            plan->pooled_floats = 2 * pooled.image_stride;
+        }
+        status = hada_net_sizes(lpips->stage[k], plan->input[k].rows, plan->input[k].cols, sizes, err);
         if (status)
             break;
-        size[k] = sizes[lpips->stage[k]->count - 1];
-        map_at[k + 1] = map_at[k] + (size_t)size[k].rows * (size_t)size[k].cols;
+        plan->size[k] = sizes[lpips->stage[k]->count - 1];
+        plan->map_at[k + 1] = plan->map_at[k] + (size_t)plan->size[k].rows * (size_t)plan->size[k].cols;
+    }
+    plan->in_floats =
+        2 * (size_t)hada_lpips_fill_channels(lpips->net) * (size_t)plan->input[0].rows * (size_t)plan->input[0].cols;
+    return status;
+}
+
+static hada_status make_graphs(hada_lpips *lpips, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    for (int k = 0; !status && k < HADA_LPIPS_STAGES; k++) {
+        const hada_graph_options options = options_for(lpips->plan.input[k]);
+        status = hada_graph_create(&lpips->graph[k], lpips->slot, lpips->stage[k], &options, err);
+        if (!status)
+            status = hada_graph_set_weights(lpips->graph[k], (hada_floats){lpips->values[k].mem, 0}, err);
     }
     return status;
 }
 
 static hada_status make_size(hada_lpips *lpips, int rows, int cols, hada_error *err)
 {
-    const size_t values = 6 * (size_t)rows * (size_t)cols;
-    hada_status status = plan_size(lpips, rows, cols, lpips->size, lpips->map_at, err);
-    for (int k = 0; !status && k < HADA_LPIPS_STAGES; k++) {
-        const hada_size in = k ? lpips->size[k - 1] : (hada_size){rows, cols};
-        const hada_graph_options options = options_for(in.rows, in.cols);
-        status = hada_graph_create(&lpips->graph[k], lpips->slot, lpips->stage[k], &options, err);
-        if (!status)
-            status = hada_graph_set_weights(lpips->graph[k], (hada_floats){lpips->values[k].mem, 0}, err);
-    }
+    hada_status status = plan_size(lpips, rows, cols, &lpips->plan, err);
+    const size_t in = lpips->plan.in_floats, pooled = lpips->plan.pooled_floats * sizeof(float);
+    const size_t distances = lpips->plan.map_at[HADA_LPIPS_STAGES];
     if (!status)
-        status = hada_buffer_create(&lpips->in, lpips->context, values * sizeof(float), "the images to compare", err);
+        status = make_graphs(lpips, err);
     if (!status)
-        status = hada_buffer_create(&lpips->distances, lpips->context, lpips->map_at[HADA_LPIPS_STAGES] * sizeof(float),
+        status = hada_buffer_create(&lpips->in, lpips->context, in * sizeof(float), "the images to compare", err);
+    if (!status && pooled)
+        status = hada_buffer_create(&lpips->pooled, lpips->context, pooled, "pooled features", err);
+    if (!status && pooled)
+        status = hada_buffer_clear(&lpips->pooled, lpips->slot, 0, pooled, err);
+    if (!status)
+        status = hada_buffer_create(&lpips->distances, lpips->context, distances * sizeof(float),
                                     "distances of features", err);
     if (!status)
-        status = hada_alloc_raw((void **)&lpips->pair, values, sizeof(float), "the images to compare", err);
+        status = hada_alloc_raw((void **)&lpips->pair, in, sizeof(float), "the images to compare", err);
     if (!status)
-        status = hada_alloc_raw((void **)&lpips->maps, lpips->map_at[HADA_LPIPS_STAGES], sizeof(float),
-                                "distances of features", err);
+        status = hada_alloc_raw((void **)&lpips->maps, distances, sizeof(float), "distances of features", err);
     lpips->rows = rows;
     lpips->cols = cols;
     if (status)
@@ -110,14 +141,19 @@ static hada_status check(const hada_image *a, const hada_image *b, double peak, 
                : HADA_OK;
 }
 
-static void take(float *to, const hada_image *image, double peak)
+/* What a stage gives to the input of the next one. */
+static hada_status enter(hada_lpips *lpips, int stage, hada_error *err)
 {
-    const size_t plane = (size_t)image->rows * (size_t)image->cols;
-    for (int c = 0; c < 3; c++) {
-        const float *from = image->data + (image->channels == 3 ? (size_t)c * plane : 0);
-        for (size_t i = 0; i < plane; i++)
-            *to++ = (float)(from[i] / peak);
-    }
+    const hada_lpips_entry entry = hada_lpips_stage_entry(lpips->net, stage);
+    const hada_tensor *from = hada_graph_output(lpips->graph[stage - 1]), *to = hada_graph_input(lpips->graph[stage]);
+    const hada_tensor pooled = pooled_tensor(lpips, stage, lpips->plan.input[stage], lpips->pooled.mem);
+    const hada_tensor *between = entry.border ? &pooled : to;
+    hada_status status = hada_tensor_clear_halo(lpips->slot, to, err); /* other things may have stood there */
+    if (!status && entry.pool)
+        status = hada_pool_forward(lpips->slot, HADA_POOL_MAX, entry.pool, entry.pool_stride, from, between, err);
+    if (!status && (!entry.pool || entry.border))
+        status = hada_place(lpips->slot, entry.pool ? between : from, to, entry.border, entry.border, 0, 0, err);
+    return status;
 }
 
 /* The distances of all stages into lpips->maps. */
@@ -130,25 +166,23 @@ static hada_status compare(hada_lpips *lpips, const hada_image *a, const hada_im
     }
     if (status)
         return status;
-    const size_t plane = (size_t)a->rows * (size_t)a->cols;
-    const hada_planar in = {lpips->in.mem, 0, 3 * plane, plane, (size_t)a->cols};
-    take(lpips->pair, a, peak);
-    take(lpips->pair + 3 * plane, b, peak);
+    const hada_size input = lpips->plan.input[0];
+    const size_t plane = (size_t)input.rows * (size_t)input.cols, image = lpips->plan.in_floats / 2;
+    const hada_planar in = {lpips->in.mem, 0, image, plane, (size_t)input.cols};
+    hada_lpips_fill(lpips->net, a, peak, input, lpips->pair);
+    hada_lpips_fill(lpips->net, b, peak, input, lpips->pair + image);
     status = hada_buffer_write(&lpips->in, lpips->slot, 0, lpips->pair, lpips->in.bytes, err);
     if (!status)
         status = hada_graph_load(lpips->graph[0], &in, err);
     for (int k = 0; !status && k < HADA_LPIPS_STAGES; k++) {
-        if (k) /* a graph's input may stand where other things stood before */
-            status = hada_tensor_clear_halo(lpips->slot, hada_graph_input(lpips->graph[k]), err);
-        if (!status && k)
-            status = hada_place(lpips->slot, hada_graph_output(lpips->graph[k - 1]), hada_graph_input(lpips->graph[k]),
-                                0, 0, 0, 0, err);
+        if (k)
+            status = enter(lpips, k, err);
         if (!status)
             status = hada_graph_forward(lpips->graph[k], err);
         if (!status)
             status = hada_lpips_distance(lpips->slot, hada_graph_output(lpips->graph[k]),
                                          (hada_floats){lpips->heads.mem, lpips->head_at[k]},
-                                         (hada_floats){lpips->distances.mem, lpips->map_at[k]}, err);
+                                         (hada_floats){lpips->distances.mem, lpips->plan.map_at[k]}, err);
     }
     if (!status)
         status = hada_buffer_read(&lpips->distances, lpips->slot, 0, lpips->maps, lpips->distances.bytes, err);
@@ -180,7 +214,7 @@ static double distance_at(const hada_lpips *lpips, int row, int col)
 {
     double sum = 0.0;
     for (int k = 0; k < HADA_LPIPS_STAGES; k++)
-        sum += resized(lpips->maps + lpips->map_at[k], lpips->size[k], row, col, lpips->rows, lpips->cols);
+        sum += resized(lpips->maps + lpips->plan.map_at[k], lpips->plan.size[k], row, col, lpips->rows, lpips->cols);
     return sum;
 }
 
@@ -208,9 +242,9 @@ hada_status hada_lpips_run(hada_lpips *lpips, const hada_image *a, const hada_im
     }
     for (int k = 0; k < HADA_LPIPS_STAGES; k++) {
         double sum = 0.0;
-        for (size_t i = lpips->map_at[k]; i < lpips->map_at[k + 1]; i++)
+        for (size_t i = lpips->plan.map_at[k]; i < lpips->plan.map_at[k + 1]; i++)
             sum += lpips->maps[i];
-        all += sum / (double)(lpips->map_at[k + 1] - lpips->map_at[k]);
+        all += sum / (double)(lpips->plan.map_at[k + 1] - lpips->plan.map_at[k]);
     }
     *out = all;
     return HADA_OK;
@@ -234,44 +268,22 @@ hada_status hada_lpips_map(hada_lpips *lpips, const hada_image *a, const hada_im
 
 hada_status hada_lpips_bytes(const hada_lpips *lpips, int rows, int cols, uint64_t *bytes, hada_error *err)
 {
-    hada_size size[HADA_LPIPS_STAGES];
-    size_t map_at[HADA_LPIPS_STAGES + 1];
+    lpips_plan sizes;
     if (!lpips || !bytes)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_lpips_bytes: an argument is missing");
     *bytes = 0;
-    hada_status status = plan_size(lpips, rows, cols, size, map_at, err);
+    hada_status status = plan_size(lpips, rows, cols, &sizes, err);
     uint64_t sum = lpips->heads.bytes;
     for (int k = 0; !status && k < HADA_LPIPS_STAGES; k++) {
-        const hada_size in = k ? size[k - 1] : (hada_size){rows, cols};
-        const hada_graph_options options = options_for(in.rows, in.cols);
+        const hada_graph_options options = options_for(sizes.input[k]);
         size_t graph;
         status = hada_graph_bytes(lpips->context, lpips->stage[k], &options, &graph, err);
         if (!status)
             sum += graph + lpips->values[k].bytes;
     }
     if (!status)
-        *bytes = sum + (6 * (uint64_t)rows * (uint64_t)cols + map_at[HADA_LPIPS_STAGES]) * sizeof(float);
+        *bytes = sum + (sizes.in_floats + sizes.pooled_floats + sizes.map_at[HADA_LPIPS_STAGES]) * sizeof(float);
     return status;
-}
-
-/* VGG-16 begins with kernels of 3 x 3, AlexNet with 11 x 11. */
-static hada_status find_net(const hada_tensors *file, hada_lpips_net *net, hada_error *err)
-{
-    const hada_stored_tensor *first = hada_tensors_find(file, "features.0.weight");
-    if (!first)
-        return hada_fail(err, HADA_ERROR_MODEL,
-                         "the file holds no tensor features.0.weight; LPIPS takes the weights of VGG-16 or AlexNet by "
-                         "torchvision's names");
-    const hada_lpips_net found = first->dims == 4 && first->shape[3] == 3    ? HADA_LPIPS_VGG
-                                 : first->dims == 4 && first->shape[3] == 11 ? HADA_LPIPS_ALEX
-                                                                             : HADA_LPIPS_AUTO;
-    if (!found || (*net && *net != found))
-        return hada_fail(err, HADA_ERROR_MODEL, "the tensor features.0.weight has another shape than that of %s",
-                         *net == HADA_LPIPS_VGG    ? "VGG-16"
-                         : *net == HADA_LPIPS_ALEX ? "AlexNet"
-                                                   : "VGG-16 and AlexNet");
-    *net = found;
-    return HADA_OK;
 }
 
 static hada_status read_backbone(hada_lpips *lpips, const char *path, hada_error *err)
@@ -280,7 +292,7 @@ static hada_status read_backbone(hada_lpips *lpips, const char *path, hada_error
     hada_status status = hada_tensors_open(&file, path, err);
     if (status)
         return status;
-    status = find_net(file, &lpips->net, err);
+    status = hada_lpips_find_net(file, &lpips->net, err);
     for (int k = 0; !status && k < HADA_LPIPS_STAGES; k++) {
         status = hada_lpips_stage_make(&lpips->stage[k], lpips->net, k, file, err);
         if (!status)
@@ -295,39 +307,11 @@ static hada_status read_backbone(hada_lpips *lpips, const char *path, hada_error
 
 static hada_status read_heads(hada_lpips *lpips, const char *path, hada_error *err)
 {
-    hada_tensors *file;
-    float weights[2048];
-    size_t count = 0;
-    hada_status status = hada_tensors_open(&file, path, err);
-    if (status)
-        return status;
-    for (int k = 0; !status && k < HADA_LPIPS_STAGES; k++) {
-        const int channels = hada_lpips_stage_channels(lpips->net, k);
-        char name[] = "lin0.model.1.weight";
-        name[3] = (char)('0' + k);
-        const hada_stored_tensor *head = hada_tensors_find(file, name);
-        int64_t values = head ? 1 : 0;
-        for (int d = 0; head && d < head->dims; d++)
-            values *= head->shape[d];
-        if (values != channels)
-            status = hada_fail(err, HADA_ERROR_MODEL, "%s %s of %d values; the heads of LPIPS for %s are needed",
-                               head ? "the file holds another tensor" : "the file holds no tensor", name, channels,
-                               lpips->net == HADA_LPIPS_ALEX ? "AlexNet" : "VGG-16");
-        lpips->head_at[k] = count;
-        if (!status)
-            status = hada_tensor_copy_f32(head, 0, (size_t)channels, weights + count, err);
-        for (int i = 0; !status && i < channels; i++)
-            if (!isfinite(weights[count + (size_t)i]))
-                status = hada_fail(err, HADA_ERROR_NOT_FINITE, "the tensor %s holds values that are not finite", name);
-        count += (size_t)channels;
-    }
-    if (!status)
-        status = hada_buffer_create_from(&lpips->heads, lpips->slot, weights, count * sizeof(float),
-                                         "the heads of LPIPS", err);
-    if (status)
-        hada_error_prefix(err, "%s: ", path);
-    hada_tensors_close(&file);
-    return status;
+    float weights[HADA_LPIPS_CHANNELS];
+    hada_status status = hada_lpips_read_heads(path, lpips->net, weights, lpips->head_at, err);
+    return status ? status
+                  : hada_buffer_create_from(&lpips->heads, lpips->slot, weights, sizeof weights, "the heads of LPIPS",
+                                            err);
 }
 
 hada_status hada_lpips_create(hada_lpips **out, hada_context *context, hada_lpips_net net, const char *backbone,

@@ -126,6 +126,9 @@ static hada_status write_all(hada_cli *cli, const settings *set, const hada_came
     free(path);
     if (!status)
         status = hada_cli_optics_mask(camera, folder, err);
+    const int holes = camera->mask == HADA_MASK_APERTURE && !(camera->cell_mm > 0.0);
+    if (!status && (camera->mask == HADA_MASK_MLA || camera->mask == HADA_MASK_GRID || holes))
+        status = hada_cli_optics_lenses(camera, folder, err);
     if (!status)
         status = hada_cli_open(cli, &context, err);
     if (!status)
@@ -269,7 +272,8 @@ const hada_cli_command hada_cli_optics = {
         "follows from it.\n\n"
         "FOLDER holds depths.csv (magnification, defocus, diffraction, resolution, occupancy), mtf.csv (modulation "
         "transfer), self_correlation.csv, correlation.csv (of PSFs at different distances), the same as figures "
-        "(.svg), psf.tif and psf_z<distance>mm.png, mask.png and camera.json. docs/optics.md says what each number "
+        "(.svg), psf.tif and psf_z<distance>mm.png, mask.png, lenses.csv (where they stand) and camera.json. "
+        "docs/optics.md says what each number "
         "means.\n\n"
         "camera.json serves 'simulate --camera'.",
     .options = options,

@@ -15,6 +15,9 @@ json_t *hada_cli_optics_json(const hada_optics_report *report);
 /* mtf.svg, self_correlation.svg, correlation.svg, depths.svg. */
 hada_status hada_cli_optics_plots(const hada_optics_report *report, const char *folder, hada_error *err);
 
+/* lenses.csv: where the lenses or holes stand; for masks that have them. */
+hada_status hada_cli_optics_lenses(const hada_camera *camera, const char *folder, hada_error *err);
+
 /* mask.png: the mask's thickness where it is open, or its openings. */
 hada_status hada_cli_optics_mask(const hada_camera *camera, const char *folder, hada_error *err);
 

@@ -132,6 +132,25 @@ hada_status hada_cli_optics_tables(const hada_optics_report *report, const char 
     return status;
 }
 
+hada_status hada_cli_optics_lenses(const hada_camera *camera, const char *folder, hada_error *err)
+{
+    const size_t count = (size_t)camera->lenses, size = 64 * (count + 1);
+    double *x = calloc(2 * count + 1, sizeof *x);
+    char *text = malloc(size), *path = hada_cli_text("%s/lenses.csv", folder);
+    hada_status status = x && text && path ? hada_camera_lenses(camera, x, x + count, err)
+                                           : hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
+    if (!status) {
+        size_t end = (size_t)snprintf(text, size, "x_mm,y_mm\n");
+        for (size_t i = 0; i < count; i++)
+            end += (size_t)snprintf(text + end, size - end, "%.15g,%.15g\n", x[i], x[count + i]);
+        status = hada_cli_write_text(path, text, end, err);
+    }
+    free(x);
+    free(text);
+    free(path);
+    return status;
+}
+
 hada_status hada_cli_optics_mask(const hada_camera *camera, const char *folder, hada_error *err)
 {
     enum { SIDE = 720 };

@@ -9,9 +9,10 @@ column() {
 }
 
 expect 0 'lateral' optics "${small[@]}" -o plain
-files plain 14
+files plain 15
 has plain/{camera.json,psf.tif,mask.png,depths.csv,mtf.csv,self_correlation.csv,correlation.csv}
 has plain/{mtf,self_correlation,correlation,depths}.svg plain/psf_z100mm.png plain/psf_z600mm.png
+[ "$(wc -l <plain/lenses.csv)" = 6 ] || fail 'lenses.csv'
 [ "$(info plain/psf.tif)" = '3 1 75 100 32' ] || fail "psf.tif: $(info plain/psf.tif)"
 # 1 + d/z, d = 30 mm, z = 100, 171.4, 600 mm
 [ "$(column plain/depths.csv magnification | tr '\n' ' ')" = '1.3 1.175 1.05 ' ] || fail 'magnification'

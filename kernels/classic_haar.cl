@@ -3,8 +3,8 @@
  * "Translation-invariant de-noising", 1995, done a level at a time with holes ("a trous").
  *
  * Level l works with spacing s = 2^l. a_0 is the image, a_(l+1) the mean over 2 x 2 pixels of a_l, s apart. The way
- * down makes all a_l; the way up what thresholding changes, y_l = (threshold(d) - d of this level, synthesised) + y_(l+1),
- * and the result is a_0 + y_0. Pixels beyond an edge are the edge's. Coefficients here are means: those of the
+ * down makes all a_l; the way up what thresholding changes, y_l = (threshold(d) - d of this level, synthesised) +
+ * y_(l+1), and the result is a_0 + y_0. Pixels beyond an edge are the edge's. Coefficients here are means: those of the
  * orthonormal transform over 2^(l+1). Offsets count floats. Dimensions: bands of rows, planes. */
 #include "inc_classic.h"
 

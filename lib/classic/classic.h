@@ -33,6 +33,11 @@ hada_status hada_classic_camera_of(hada_classic_camera *camera, const hada_model
                                    hada_error *err);
 void hada_classic_camera_free(hada_classic_camera *camera);
 
+/* Transfer functions [image][layout->count] in place: their point spread functions without negative values and without
+ * what is taken for noise, of the same sum. For Richardson-Lucy. */
+hada_status hada_classic_positive(hada_slot *slot, const hada_spectrum_layout *layout, int images, cl_mem otf,
+                                  size_t offset, hada_error *err);
+
 typedef struct hada_classic hada_classic;
 
 hada_status hada_classic_create(hada_classic **out, hada_slot *slot, const hada_classic_shape *shape, hada_error *err);

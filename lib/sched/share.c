@@ -46,6 +46,12 @@ hada_status hada_share_create(hada_share **out, hada_context *context, const had
             hada_bank_create(&share->bank, slot, model, &layout, depths, shape->depths, shape->parts, shape->half, err);
     if (!status && shape->refined)
         status = check_together(share, err);
+    if (!status && shape->classic && shape->method.options.method == HADA_METHOD_RL) {
+        size_t offset;
+        const cl_mem otf = hada_share_otf(share, &offset);
+        const int images = share->bank->depths * share->bank->channels;
+        status = hada_classic_positive(slot, &share->bank->layout, images, otf, offset, err);
+    }
     if (!status && shape->refined && !shape->classic)
         status = hada_bank_prior(&share->prior, slot, model, &layout, err);
     if (!status && gains)

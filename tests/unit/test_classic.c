@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "camera_small.h"
+#include "core/random.h"
 #include "filter/model.h"
 
 enum { ROWS = 40, COLS = 48, WINDOW = 16, DEPTHS = 3, CHANNELS = 3 };
@@ -138,6 +139,32 @@ static void finds_both_depths(void **state)
             hada_result_destroy(&few);
             hada_result_destroy(&many);
         }
+}
+
+/* Transfer functions that were learned have noise, which gives point spread functions negative values: Richardson-Lucy
+ * takes them for noise instead of dividing by them. */
+static void lucy_stands_noisy_optics(void **state)
+{
+    const fixture *f = *state;
+    hada_model *const model = f->model[0];
+    const size_t values = hada_model_plane(model) * (size_t)(DEPTHS * CHANNELS) * 2;
+    const hada_plan_options options = options_of(HADA_METHOD_RL, 60);
+    hada_result clean = {0}, noisy = {0};
+    hada_random random;
+    float *kept = malloc(values * sizeof *kept);
+    assert_non_null(kept);
+    memcpy(kept, model->otf, values * sizeof *kept);
+    hada_random_seed(&random, 5, 0);
+    run(f, 0, &options, &clean);
+    for (size_t i = 0; i < values; i++)
+        model->otf[i] += i % hada_model_plane(model) ? 0.03f * (float)hada_random_normal(&random) : 0.0f;
+    run(f, 0, &options, &noisy);
+    memcpy(model->otf, kept, values * sizeof *kept);
+    assert_true(clean.report.residual < 0.01 && noisy.report.residual < 0.1);
+    assert_true(error_of(f, &noisy) < 0.4);
+    free(kept);
+    hada_result_destroy(&clean);
+    hada_result_destroy(&noisy);
 }
 
 /* Without other depths and without iterations: the Wiener filter of the model itself, clipped. */
@@ -310,7 +337,7 @@ int main(void)
         cmocka_unit_test(finds_both_depths),   cmocka_unit_test(wiener_of_one_depth_is_the_models),
         cmocka_unit_test(scales_and_repeats),  cmocka_unit_test(stops_by_rule),
         cmocka_unit_test(darkness_stays_dark), cmocka_unit_test(refuses_what_makes_no_sense),
-        cmocka_unit_test(can_be_cancelled),
+        cmocka_unit_test(can_be_cancelled),    cmocka_unit_test(lucy_stands_noisy_optics),
     };
     return cmocka_run_group_tests(tests, setup, teardown);
 }

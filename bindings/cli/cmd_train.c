@@ -188,6 +188,19 @@ static hada_status resume(hada_cli_train_run *run, hada_error *err)
     return status;
 }
 
+/* The planes of these stages are linear, in training and afterwards. */
+static void warn_linear(hada_cli_train_run *run, const hada_model *model)
+{
+    const hada_stage stage = hada_cli_train_stage(run->set);
+    const int steps = hada_model_get_info(model)->refine_steps;
+    if (steps > 0 && (stage == HADA_STAGE_JOINT || (stage == HADA_STAGE_FILTERS && !run->set->random)))
+        hada_cli_warn(
+            run->cli,
+            "the model refines its planes (%d steps); this stage trains linear filters and leaves that out, so "
+            "its pictures may be worse than the model's own",
+            steps);
+}
+
 static hada_status train(hada_cli_train_run *run, const hada_cli_contexts *devices, hada_error *err)
 {
     hada_train_options use;
@@ -203,6 +216,8 @@ static hada_status train(hada_cli_train_run *run, const hada_cli_contexts *devic
         hada_cli_prefix(err,
                         "training needs more memory than the device has; try --at-once 1, --recompute or a smaller "
                         "--net-size: ");
+    if (!status)
+        warn_linear(run, model);
     run->steps = use.steps;
     if (!status)
         tell(run, devices);

@@ -35,7 +35,9 @@ static const hada_cli_option options[] = {
      "Default, without --model and --size: compact:512x512 and paper:256x256.", AT(nets)},
     {HADA_OPTION_COUNT, "rounds", 0, "N", "how often each transform is timed (default: 15)", NULL, AT(rounds)},
     {HADA_OPTION_REAL, "seconds", 0, "S", "about how long convolutions may take in all (default: 300)",
-     "Compiling counts, and takes most of a first run: variants for which there is no time are left out.", AT(seconds)},
+     "Compiling counts, and takes most of a first run; what the plain convolutions take comes on top. Variants for "
+     "which there is no time are left out.",
+     AT(seconds)},
     {0},
 };
 

@@ -257,7 +257,6 @@ static void finish(contest *c)
 hada_status hada_conv_tune(hada_slot *slot, hada_tune_conv_row *row, double seconds, hada_conv_tune_look look,
                            void *user, hada_error *err)
 {
-    const double start = hada_seconds();
     contest c = {.slot = slot, .desc = hada_tune_conv_desc(row), .row = row, .look = look, .user = user};
     hada_conv_plan plan;
     row->measured = row->refused = row->skipped = 0;
@@ -271,6 +270,7 @@ hada_status hada_conv_tune(hada_slot *slot, hada_tune_conv_row *row, double seco
     status = hada_alloc((void **)&c.all, (size_t)count + 1, sizeof *c.all, "a measurement", err);
     if (!status)
         status = make_values(&c, err);
+    const double start = hada_seconds(); /* the plain one may take longer than all others */
     if (!status)
         status = enter(&c, NULL, err);
     /* the first half goes to compiling and checking */

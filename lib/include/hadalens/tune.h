@@ -66,10 +66,10 @@ HADA_API hada_status hada_tune_net(hada_context *context, const hada_net *net, i
                                    hada_tune_conv_row **out, size_t *count, hada_error *err);
 
 /* Measures the implementations, tile sizes and shares of work that can serve a convolution (forward, with bias and
- * ReLU), taking turns, for about `seconds`. Each is first held against the plain one, which is the definition, on
- * random values: relative rms 2e-6, Winograd's F(4x4,3x3) 6e-6; one that differs by more is left out. What serves
- * already is always measured, and stays unless another needs less than 97 % of its time. New programs are compiled,
- * which takes seconds each and counts. */
+ * ReLU), taking turns, for about `seconds` and what the plain one takes once. Each is first held against the plain one,
+ * which is the definition, on random values: relative rms 2e-6, Winograd's F(4x4,3x3) 6e-6; one that differs by more is
+ * left out. What serves already is always measured, and stays unless another needs less than 97 % of its time. New
+ * programs are compiled, which takes seconds each and counts. */
 HADA_API hada_status hada_tune_conv(hada_context *context, hada_tune_conv_row *row, double seconds, hada_error *err);
 
 /* As hada_tune_save(), for convolutions: the shape, and what was chosen. */

@@ -238,7 +238,7 @@ static hada_status tune_net(hada_cli *cli, hada_context *context, const work *to
         const double left = (end - hada_cli_seconds()) / (double)(count - i);
         status = hada_cli_check_signals(err);
         if (!status)
-            status = hada_tune_conv(context, &rows[i], left > 0.01 ? left : 0.01, err);
+            status = hada_tune_conv(context, &rows[i], left > 1e-6 ? left : 1e-6, err);
         if (!status)
             status = hada_tune_save_convs(context, todo->output, &rows[i], 1, err);
         if (status)

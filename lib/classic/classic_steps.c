@@ -257,7 +257,8 @@ hada_status hada_classic_crop(hada_classic *classic, hada_error *err)
                        HADA_ARG(cols)};
     const size_t local[3] = {8, 1, 1};
     const size_t global[3] = {(size_t)pitch, (size_t)classic->plane.rows, (size_t)classic->planes};
-    hada_status status = hada_slot_kernel(classic->slot, "classic_crop", "classic_crop", "", &kernel, err);
+    hada_status status =
+        hada_slot_kernel(classic->slot, "classic_frame", "classic_crop", classic->image_options, &kernel, err);
     hada_slot_cost(classic->slot, 12.0 * (double)classic->plane.pixels * classic->planes, 0.0);
     return status
                ? status

@@ -42,7 +42,8 @@ double hada_surface_at(const hada_surface *surface, double x, double y, double g
 typedef struct hada_sites {
     double *x, *y;
     int count;
-    int *first, *order; /* of each bucket; buckets lie row by row over a square */
+    int *first, *order; /* of each bucket: the sites that are nearest to some point of it, perhaps; buckets lie row by
+                           row over a square */
     int buckets;        /* a side */
     double half, size;  /* of the square; of a bucket */
 } hada_sites;

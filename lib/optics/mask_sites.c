@@ -5,6 +5,8 @@
 #include "core/alloc.h"
 #include "optics/mask.h"
 
+#define BUCKETS_MOST 512 /* a side */
+
 static int bucket_of(const hada_sites *sites, double position)
 {
     const int bucket = (int)((position + sites->half) / sites->size);
@@ -16,28 +18,23 @@ static int bucket_at(const hada_sites *sites, int i)
     return bucket_of(sites, sites->y[i]) * sites->buckets + bucket_of(sites, sites->x[i]);
 }
 
-hada_status hada_sites_make(hada_sites *sites, double *x, double *y, int count, double half_width, hada_error *err)
+/* Sites by buckets: counting sort, from the last to the first, so that a bucket's stand in their order. */
+static hada_status sort(hada_sites *sites, hada_error *err)
 {
-    *sites = (hada_sites){.x = x, .y = y, .count = count, .half = half_width};
-    sites->buckets = (int)ceil(sqrt((double)count));
-    sites->size = 2.0 * half_width / sites->buckets;
     const size_t all = (size_t)sites->buckets * (size_t)sites->buckets;
     void *first, *order = NULL;
     hada_status status = hada_alloc(&first, all + 1, sizeof(int), "places of a mask", err);
     if (!status)
-        status = hada_alloc(&order, (size_t)count, sizeof(int), "places of a mask", err);
+        status = hada_alloc(&order, (size_t)sites->count, sizeof(int), "places of a mask", err);
     sites->first = first;
     sites->order = order;
-    if (status) {
-        hada_sites_free(sites);
+    if (status)
         return status;
-    }
-    /* counting sort, from the last to the first, so that a bucket's sites stand in their order */
-    for (int i = 0; i < count; i++)
+    for (int i = 0; i < sites->count; i++)
         sites->first[bucket_at(sites, i)]++;
-    for (size_t b = 1; b <= all; b++)
-        sites->first[b] += sites->first[b - 1];
-    for (int i = count - 1; i >= 0; i--)
+    for (size_t k = 1; k <= all; k++)
+        sites->first[k] += sites->first[k - 1];
+    for (int i = sites->count - 1; i >= 0; i--)
         sites->order[--sites->first[bucket_at(sites, i)]] = i;
     return HADA_OK;
 }
@@ -72,7 +69,7 @@ static void look(const hada_sites *sites, int row, int col, search *s)
 }
 
 /* Rings of buckets round the point's own, until none nearer can be left. */
-int hada_sites_nearest(const hada_sites *sites, double x, double y, double *square)
+static double nearest_square(const hada_sites *sites, double x, double y)
 {
     search s = {x, y, HUGE_VAL, -1};
     const int row = bucket_of(sites, y), col = bucket_of(sites, x);
@@ -86,6 +83,79 @@ int hada_sites_nearest(const hada_sites *sites, double x, double y, double *squa
                 look(sites, row + i, col + j, &s);
         }
     }
+    return s.square;
+}
+
+/* The sites that may be nearest to a point of a bucket: none is farther from its middle than the nearest, and the
+ * bucket's diagonal. Counts them, and writes them where there is room. */
+static int candidates(const hada_sites *sites, int row, int col, int *to)
+{
+    const double x = (col + 0.5) * sites->size - sites->half, y = (row + 0.5) * sites->size - sites->half;
+    const double limit = sqrt(nearest_square(sites, x, y)) + 1.4143 * sites->size;
+    const int low_row = bucket_of(sites, y - limit), high_row = bucket_of(sites, y + limit),
+              low_col = bucket_of(sites, x - limit), high_col = bucket_of(sites, x + limit);
+    int count = 0;
+    for (int r = low_row; r <= high_row; r++)
+        for (int c = low_col; c <= high_col; c++)
+            for (int k = sites->first[r * sites->buckets + c]; k < sites->first[r * sites->buckets + c + 1]; k++) {
+                const int i = sites->order[k];
+                const double dx = sites->x[i] - x, dy = sites->y[i] - y;
+                if (dx * dx + dy * dy > limit * limit)
+                    continue;
+                if (to)
+                    to[count] = i;
+                count++;
+            }
+    return count;
+}
+
+/* From the sites in each bucket to those that matter to it, which a search then goes through. */
+static hada_status replace_by_candidates(hada_sites *sites, hada_error *err)
+{
+    const int all = sites->buckets * sites->buckets;
+    void *first, *order = NULL;
+    hada_status status = hada_alloc(&first, (size_t)all + 1, sizeof(int), "places of a mask", err);
+    if (status)
+        return status;
+    int *begin = first;
+    for (int b = 0; b < all; b++)
+        begin[b + 1] = begin[b] + candidates(sites, b / sites->buckets, b % sites->buckets, NULL);
+    if ((status = hada_alloc(&order, (size_t)begin[all], sizeof(int), "places of a mask", err))) {
+        free(first);
+        return status;
+    }
+    for (int b = 0; b < all; b++)
+        candidates(sites, b / sites->buckets, b % sites->buckets, (int *)order + begin[b]);
+    free(sites->first);
+    free(sites->order);
+    sites->first = first;
+    sites->order = order;
+    return HADA_OK;
+}
+
+hada_status hada_sites_make(hada_sites *sites, double *x, double *y, int count, double half_width, hada_error *err)
+{
+    /* a little wider, so that points that round to its border lie inside */
+    *sites = (hada_sites){.x = x, .y = y, .count = count, .half = 1.02 * half_width};
+    sites->buckets = (int)ceil(sqrt((double)count));
+    sites->buckets = sites->buckets < BUCKETS_MOST ? sites->buckets : BUCKETS_MOST;
+    sites->size = 2.0 * sites->half / sites->buckets;
+    hada_status status = sort(sites, err);
+    if (!status)
+        status = replace_by_candidates(sites, err);
+    if (status)
+        hada_sites_free(sites);
+    return status;
+}
+
+int hada_sites_nearest(const hada_sites *sites, double x, double y, double *square)
+{
+    search s = {x, y, HUGE_VAL, -1};
+    if (fabs(x) <= sites->half && fabs(y) <= sites->half)
+        look(sites, bucket_of(sites, y), bucket_of(sites, x), &s);
+    else /* no bucket's: all of them */
+        for (int b = 0; b < sites->buckets * sites->buckets; b++)
+            look(sites, b / sites->buckets, b % sites->buckets, &s);
     *square = s.square;
     return s.best;
 }

@@ -8,4 +8,7 @@ expect 0 '"compiled": 0' simulate --preset sim300 --size 64x80 --window 24x24 --
     --binaries kernels --json
 expect 0 '"compiled": 0' fit z -o z.model --binaries kernels --json
 expect 0 '"compiled": 0' reconstruct z/z100mm/raw/*.tif -m z.model -o y --binaries kernels --json
+"$FRAME_TOOL" lpips alex.safetensors
+expect 0 '"compiled": 0' evaluate z/z100mm/raw/scene0001.tif z/z100mm/raw/scene0002.tif --lpips alex.safetensors \
+    --binaries kernels --json
 finish

@@ -159,6 +159,8 @@ static hada_status write_all(hada_cli *cli, const settings *set, const hada_came
         status = hada_cli_optics_tables(report, folder, err);
     if (!status)
         status = hada_cli_optics_plots(report, folder, err);
+    if (status)
+        hada_optics_report_end(report);
     source_close(&from);
     hada_cli_close(cli, &context);
     return status;

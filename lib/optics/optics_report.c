@@ -221,8 +221,10 @@ hada_status hada_optics_report_add(hada_optics_report *report, const hada_image 
         report->correlation[(size_t)i * depths + (size_t)z] = report->correlation[(size_t)z * depths + (size_t)i] =
             value;
     }
-    if (++state->done == report->depths)
-        for (int i = 0; i < report->depths; i++)
-            report->row[i].axial_mm = axial(report, i, i + 1 < report->depths ? 1 : -1);
+    if (++state->done < report->depths)
+        return HADA_OK;
+    for (int i = 0; i < report->depths; i++)
+        report->row[i].axial_mm = axial(report, i, i + 1 < report->depths ? 1 : -1);
+    hada_mtf_destroy(&state->mtf); /* the device has done its part */
     return HADA_OK;
 }

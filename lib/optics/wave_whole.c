@@ -50,7 +50,7 @@ static hada_status size_grid(const hada_wave *wave, double distance_mm, double w
         return hada_fail(
             err, HADA_ERROR_UNSUPPORTED,
             "the waves of the whole mask need %.0f x %.0f samples (%.1f GiB), more than the device has room "
-            "for; compute lens by lens, or use a smaller aperture, larger pixels or gentler slopes",
+            "for; use a smaller aperture, larger pixels or gentler slopes, and compute lenses one by one",
             n, n, bytes / (1 << 30));
     g->n = hada_fft_good_size((int)n);
     return HADA_OK;

@@ -7,7 +7,8 @@
  * focus here".
  *
  * To compare within a window, crop both images (hada_image_crop() of scene.h): structural similarity and gradients
- * then see nothing outside it. A mask chooses pixels and leaves their neighbours in sight. LPIPS has a header of its own, lpips.h.
+ * then see nothing outside it. A mask chooses pixels and leaves their neighbours in sight. LPIPS has a header of its
+ * own, lpips.h.
  *
  * Thread-safe: no state. */
 #ifndef HADALENS_METRICS_H

@@ -55,6 +55,10 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_REAL, "lambda", 0, "L", "regularisation (default: by leave-one-out)", NULL, AT(lambda)},
     {HADA_OPTION_TEXT, "refine", 0, "N|auto|0", "refinement steps that the model recommends (default: auto)",
      "auto measures by leave-one-out whether refinement pays for this camera.", AT(refine)},
+    {HADA_OPTION_CHOICE, "psf-sign", 0, "nonnegative|free", "what is known of the camera's point spread functions",
+     "nonnegative (default): light adds up, so they are nowhere negative; this fills in frequencies of which the pairs "
+     "say too little. free: from the pairs alone. Refinement and the search for occupied depths use them.",
+     AT(psf_sign)},
     {HADA_OPTION_FLAG, "no-leave-one-out", 0, NULL, "do not try: alpha 0, lambda 1e-4 and no refinement unless given",
      NULL, AT(no_leave_one_out)},
     {0},
@@ -151,6 +155,7 @@ static hada_status fit_pairs(hada_cli *cli, const settings *set, const char *fol
                       "a depth has a single pair: nothing can be held out there, so the model is a guess; show the "
                       "camera about eight scenes per depth");
     fit.alpha = set->alpha;
+    fit.nonnegative = set->psf_sign != 2;
     fit.lambda = set->lambda;
     fit.form = set->form == 2 ? HADA_FORM_SPLIT : HADA_FORM_COMPLEX;
     fit.boundary = hada_cli_fit_boundary(cli, set->boundary, &data);
@@ -181,6 +186,7 @@ static hada_status fit_sums(hada_cli *cli, const settings *set, hada_context *co
     hada_fit_options choices;
     hada_fit_options_init(&choices);
     choices.alpha = set->alpha;
+    choices.nonnegative = set->psf_sign != 2;
     choices.lambda = set->lambda;
     choices.form = set->form == 2 ? HADA_FORM_SPLIT : HADA_FORM_COMPLEX;
     hada_status status = hada_cli_read_refine(set->refine, &choices.refine_steps, err);
@@ -263,6 +269,8 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
         return hada_cli_usage(cli, "say where the model shall be written, with -o MODEL");
     if (set->psf && (set->form == 1 || set->form == 2))
         return hada_cli_usage(cli, "forms complex and split are learned from pairs; with --psf take wiener or matched");
+    if (set->psf && set->psf_sign)
+        return hada_cli_usage(cli, "--psf-sign belongs to pairs; what --psf gives is made non-negative anyway");
     if (set->psf && (set->sums || set->merge.count))
         return hada_cli_usage(cli, "--sums and --merge belong to pairs, not to --psf");
     hada_status status = hada_cli_check_output(set->output, &err);

@@ -7,6 +7,37 @@
 #define REFINE_STEPS 12
 #define REFINE_RHO   1e-3
 
+/* Solves, and tries on pairs held out whether refinement pays. */
+static hada_status solve_and_try(hada_fitter *fitter, double alpha, double lambda, int scored, size_t best,
+                                 hada_model **out, hada_fit_row **rows, size_t *row_count, hada_error *err)
+{
+    const hada_fit_options *options = &fitter->options;
+    const hada_model_info *shape = &fitter->info;
+    hada_status status = HADA_OK;
+    if (options->nonnegative)
+        status = hada_nonnegative_create(&fitter->nonnegative, fitter->slot, shape->grid_rows, shape->grid_cols,
+                                         shape->channels, err);
+    if (!status)
+        status = hada_fitter_solve(fitter, alpha, lambda, out, err);
+    if (status)
+        return status;
+    hada_model_info *info = &(*out)->info;
+    info->refine_steps = options->refine_steps < 0 ? REFINE_STEPS : options->refine_steps;
+    info->refine_rho = REFINE_RHO;
+    if (rows && scored)
+        status = hada_fitter_rows(fitter, best, rows, row_count, err);
+    if (!status && options->refine_steps < 0) {
+        status = hada_fit_choose_refinement(fitter, *out, rows, row_count, err);
+        if (status == HADA_ERROR_DEVICE_MEMORY || status == HADA_ERROR_MEMORY) {
+            /* the model is there; only the trial needed more */
+            hada_log(fitter->context, HADA_LOG_WARNING,
+                     "no memory to try refinement on the pairs; the model keeps %d steps untried", info->refine_steps);
+            status = HADA_OK;
+        }
+    }
+    return status;
+}
+
 hada_status hada_fitter_finish(hada_fitter *fitter, hada_model **out, hada_fit_row **rows, size_t *row_count,
                                hada_error *err)
 {
@@ -25,23 +56,8 @@ hada_status hada_fitter_finish(hada_fitter *fitter, hada_model **out, hada_fit_r
         alpha = options->alpha >= 0.0 ? options->alpha : HADA_FIT_ALPHA;
         lambda = options->lambda >= 0.0 ? options->lambda : HADA_FIT_LAMBDA;
     }
-    hada_status status = hada_fitter_solve(fitter, alpha, lambda, out, err);
-    if (status)
-        return status;
-    hada_model_info *info = &(*out)->info;
-    info->refine_steps = options->refine_steps < 0 ? REFINE_STEPS : options->refine_steps;
-    info->refine_rho = REFINE_RHO;
-    if (rows && scored)
-        status = hada_fitter_rows(fitter, best, rows, row_count, err);
-    if (!status && options->refine_steps < 0) {
-        status = hada_fit_choose_refinement(fitter, *out, rows, row_count, err);
-        if (status == HADA_ERROR_DEVICE_MEMORY || status == HADA_ERROR_MEMORY) {
-            /* the model is there; only the trial needed more */
-            hada_log(fitter->context, HADA_LOG_WARNING,
-                     "no memory to try refinement on the pairs; the model keeps %d steps untried", info->refine_steps);
-            status = HADA_OK;
-        }
-    }
+    const hada_status status = solve_and_try(fitter, alpha, lambda, scored, best, out, rows, row_count, err);
+    hada_nonnegative_destroy(&fitter->nonnegative);
     if (status) {
         hada_model_destroy(out);
         if (rows) {

@@ -65,6 +65,7 @@ typedef struct trial_work {
     hada_buffer filters, otfs; /* [member][channel][count] complex */
     hada_buffer prior;
     float *raw, *planes;
+    double *scene_energy; /* per channel, without a pair */
     double sum[2][TRIED]; /* decibels: one depth, two depths */
     int count[2];
 } trial_work;
@@ -98,6 +99,8 @@ static hada_status work_create(trial_work *work, hada_fitter *fitter, hada_error
         status = hada_alloc_raw((void **)&work->raw, fitter->raw.bytes, 1, "a raw frame", err);
     if (!status)
         status = hada_alloc_raw((void **)&work->planes, images * window, sizeof(float), "planes on trial", err);
+    if (!status)
+        status = hada_alloc((void **)&work->scene_energy, (size_t)info->channels, sizeof(double), "a fitter", err);
     return status;
 }
 
@@ -111,6 +114,15 @@ static void work_destroy(trial_work *work, hada_fitter *fitter)
     hada_buffer_destroy(&work->prior);
     free(work->raw);
     free(work->planes);
+    free(work->scene_energy);
+}
+
+static double energy(const float *values, size_t count)
+{
+    double sum = 0.0;
+    for (size_t i = 0; i < count; i++)
+        sum += (double)values[i] * values[i];
+    return sum;
 }
 
 /* Filters and transfer functions of a member's depth without its pair. The pool still counts the pair; that matters
@@ -120,6 +132,7 @@ static hada_status hold_out(trial_work *work, hada_fitter *fitter, const hada_fi
 {
     const hada_fitter_depth *depth = &fitter->depth[kept->depth];
     const size_t channels = (size_t)fitter->info.channels;
+    const size_t window = (size_t)fitter->info.window_rows * (size_t)fitter->info.window_cols;
     hada_status status = hada_fitter_select(fitter, kept->depth, err);
     if (!status && fitter->changed)
         status = hada_fitter_put_back(fitter, err);
@@ -132,9 +145,12 @@ static hada_status hold_out(trial_work *work, hada_fitter *fitter, const hada_fi
         const size_t at = ((size_t)member * channels + c) * fitter->layout.count;
         const double ridge = work->model->info.lambda * depth->raw_energy[c];
         status = hada_fitter_solve_filter(fitter, (int)c, work->model->info.alpha, ridge, work->filters.mem, at, err);
-        if (!status)
-            status = hada_fitter_solve_transfer(fitter, (int)c, depth->scene_energy[c], work->otfs.mem, at, err);
     }
+    for (size_t c = 0; !status && c < channels; c++)
+        work->scene_energy[c] = fmax(depth->scene_energy[c] - energy(kept->scene + c * window, window), 0.0);
+    if (!status)
+        status = hada_fitter_solve_transfers(fitter, work->scene_energy, work->otfs.mem,
+                                             (size_t)member * channels * fitter->layout.count, err);
     return status;
 }
 

@@ -30,7 +30,8 @@ void hada_fit_options_init(hada_fit_options *options)
                                   .form = HADA_FORM_COMPLEX,
                                   .alpha = -1.0,
                                   .lambda = -1.0,
-                                  .refine_steps = -1};
+                                  .refine_steps = -1,
+                                  .nonnegative = 1};
 }
 
 static hada_status check_options(const hada_fit_options *options, hada_error *err)
@@ -242,6 +243,7 @@ void hada_fitter_destroy(hada_fitter **pointer)
     hada_fft_destroy(&fitter->raw_fft);
     hada_fft_destroy(&fitter->scene_fft);
     hada_fft_destroy(&fitter->trial_fft);
+    hada_nonnegative_destroy(&fitter->nonnegative);
     hada_buffer *single[] = {&fitter->raw,      &fitter->scene,   &fitter->b,     &fitter->x,     &fitter->weights,
                              &fitter->settings, &fitter->partial, &fitter->trial, &fitter->planes};
     for (size_t i = 0; i < HADA_COUNT(single); i++)

@@ -9,6 +9,7 @@
 
 #include "fft/fft.h"
 #include "filter/model.h"
+#include "fit/nonnegative.h"
 
 enum { HADA_FIT_SUMS = 4, HADA_FIT_SUMS_SPLIT = 6 };
 
@@ -56,6 +57,7 @@ struct hada_fitter {
     hada_buffer weights, settings, partial;
     hada_fft *trial_fft; /* made at the first score, like its buffers */
     hada_buffer trial, planes;
+    hada_nonnegative *nonnegative; /* while a fit is finished; NULL: transfer functions from the pairs alone */
     float *raw_pixels, *scene_pixels, *room; /* a pair on its way to the device */
     double *raw_energy, *scene_energy;       /* of that pair, per channel */
 
@@ -94,11 +96,12 @@ hada_status hada_fitter_transform(hada_fitter *fitter, const float *raw, const f
 /* Adds the pair in fitter->b and fitter->x to the sums on the device, or (sign -1) takes it out of them. */
 hada_status hada_fitter_accumulate(hada_fitter *fitter, double sign, hada_error *err);
 
-/* Enqueues the filter and the transfer function of one channel of the depth on the device, to complex number `at`. */
+/* Enqueues the filter of one channel, or the transfer functions of all channels, of the depth on the device, to complex
+ * number `at`. scene_energy: per channel, of the pairs in the sums. */
 hada_status hada_fitter_solve_filter(hada_fitter *fitter, int channel, double alpha, double ridge, cl_mem out,
                                      size_t at, hada_error *err);
-hada_status hada_fitter_solve_transfer(hada_fitter *fitter, int channel, double scene_energy, cl_mem out, size_t at,
-                                       hada_error *err);
+hada_status hada_fitter_solve_transfers(hada_fitter *fitter, const double *scene_energy, cl_mem out, size_t at,
+                                        hada_error *err);
 
 /* Keeps the pair that was just scored for the trial of refinement, where that wants one of this depth. */
 hada_status hada_fitter_keep(hada_fitter *fitter, int depth, hada_error *err);

@@ -46,11 +46,12 @@ static hada_status noise_power(hada_fitter *fitter, int channel, double least, i
     return status;
 }
 
-static hada_status read_plane(hada_fitter *fitter, solve_work *work, float *to, const char *what, hada_error *err)
+/* The spectrum of that number in work->out. */
+static hada_status read_plane(hada_fitter *fitter, solve_work *work, size_t number, float *to, const char *what,
+                              hada_error *err)
 {
-    const size_t plane = hada_model_info_plane(&fitter->info);
-    hada_status status =
-        hada_buffer_read(&work->out, fitter->slot, 0, work->blocks, fitter->layout.count * 2 * sizeof(float), err);
+    const size_t plane = hada_model_info_plane(&fitter->info), bytes = fitter->layout.count * 2 * sizeof(float);
+    hada_status status = hada_buffer_read(&work->out, fitter->slot, number * bytes, work->blocks, bytes, err);
     if (status)
         return status;
     hada_layout_unpack(&fitter->layout, work->blocks, to);
@@ -81,8 +82,9 @@ hada_status hada_fitter_solve_filter(hada_fitter *fitter, int channel, double al
     return hada_fitter_launch(fitter, "fit_solve", "fit_filter", args, HADA_COUNT(args), err);
 }
 
-hada_status hada_fitter_solve_transfer(hada_fitter *fitter, int channel, double scene_energy, cl_mem out, size_t at,
-                                       hada_error *err)
+/* From the pairs alone. */
+static hada_status free_transfer(hada_fitter *fitter, int channel, double scene_energy, cl_mem out, size_t at,
+                                 hada_error *err)
 {
     const cl_ulong stride = fitter->stride, vectors = fitter->vectors, offset = at;
     const cl_float least = (cl_float)(LEAST_SCENE * scene_energy);
@@ -96,22 +98,40 @@ hada_status hada_fitter_solve_transfer(hada_fitter *fitter, int channel, double 
     return hada_fitter_launch(fitter, "fit_solve", "fit_transfer", args, HADA_COUNT(args), err);
 }
 
-static hada_status solve_channel(hada_fitter *fitter, solve_work *work, hada_model *model, int z, int c,
-                                 hada_error *err)
+hada_status hada_fitter_solve_transfers(hada_fitter *fitter, const double *scene_energy, cl_mem out, size_t at,
+                                        hada_error *err)
+{
+    hada_nonnegative_rule rule;
+    hada_status status = HADA_OK;
+    hada_nonnegative_rule_init(&rule);
+    if (fitter->nonnegative)
+        return hada_nonnegative_solve(fitter->nonnegative, &rule, fitter->info.channels, fitter->sums, fitter->stride,
+                                      scene_energy, out, at, err);
+    for (int c = 0; !status && c < fitter->info.channels; c++)
+        status = free_transfer(fitter, c, scene_energy[c], out, at + (size_t)c * fitter->layout.count, err);
+    return status;
+}
+
+/* The depth on the device: filters, transfer functions and noise of its channels. */
+static hada_status solve_depth(hada_fitter *fitter, solve_work *work, hada_model *model, int z, hada_error *err)
 {
     const hada_fitter_depth *depth = &fitter->depth[z];
-    const size_t plane = hada_model_plane(model), image = (size_t)z * (size_t)model->info.channels + (size_t)c;
-    hada_status status = hada_fitter_solve_filter(fitter, c, model->info.alpha,
-                                                  model->info.lambda * depth->raw_energy[c], work->out.mem, 0, err);
+    const size_t plane = hada_model_plane(model), channels = (size_t)model->info.channels;
+    const size_t first = (size_t)z * channels;
+    hada_status status = HADA_OK;
+    for (size_t c = 0; !status && c < channels; c++) {
+        status = hada_fitter_solve_filter(fitter, (int)c, model->info.alpha, model->info.lambda * depth->raw_energy[c],
+                                          work->out.mem, 0, err);
+        if (!status)
+            status = read_plane(fitter, work, 0, model->filter + (first + c) * plane * 2, "a filter", err);
+        if (!status)
+            status = noise_power(fitter, (int)c, LEAST_SCENE * depth->scene_energy[c], depth->pairs,
+                                 &model->noise_power[first + c], work->blocks, err);
+    }
     if (!status)
-        status = read_plane(fitter, work, model->filter + image * plane * 2, "a filter", err);
-    if (!status)
-        status = hada_fitter_solve_transfer(fitter, c, depth->scene_energy[c], work->out.mem, 0, err);
-    if (!status)
-        status = read_plane(fitter, work, model->otf + image * plane * 2, "a transfer function", err);
-    if (!status)
-        status = noise_power(fitter, c, LEAST_SCENE * depth->scene_energy[c], depth->pairs, &model->noise_power[image],
-                             work->blocks, err);
+        status = hada_fitter_solve_transfers(fitter, depth->scene_energy, work->out.mem, 0, err);
+    for (size_t c = 0; !status && c < channels; c++)
+        status = read_plane(fitter, work, c, model->otf + (first + c) * plane * 2, "a transfer function", err);
     return status;
 }
 
@@ -149,22 +169,23 @@ hada_status hada_fitter_solve(hada_fitter *fitter, double alpha, double lambda, 
     if (status)
         return status;
     hada_model *model = *out;
-    const size_t plane = hada_model_plane(model);
+    const size_t plane = hada_model_plane(model), channels = (size_t)info.channels;
     /* `blocks` also takes the partial sums of a reduction, which are fewer */
     status = hada_alloc_raw((void **)&work.blocks, 2 * fitter->stride, sizeof(float), "a filter", err);
     if (!status)
         status = hada_alloc_raw((void **)&work.rows, plane, sizeof(float), "the scenes' power", err);
     if (!status)
-        status = hada_buffer_create(&work.out, fitter->context, 2 * fitter->stride * sizeof(float), "a filter", err);
+        status = hada_buffer_create(&work.out, fitter->context, channels * fitter->layout.count * 8 + 64,
+                                    "a depth's filters", err);
     if (!status)
         status = hada_fitter_pool(fitter, err);
     double noise = 0.0;
     for (int z = 0; !status && z < info.depths; z++) {
         status = hada_fitter_select(fitter, z, err);
-        for (int c = 0; !status && c < info.channels; c++) {
-            status = solve_channel(fitter, &work, model, z, c, err);
-            noise += model->noise_power[(size_t)z * (size_t)info.channels + (size_t)c];
-        }
+        if (!status)
+            status = solve_depth(fitter, &work, model, z, err);
+        for (size_t c = 0; !status && c < channels; c++)
+            noise += model->noise_power[(size_t)z * channels + c];
         model->pairs[z] = (double)fitter->depth[z].pairs;
     }
     if (!status)

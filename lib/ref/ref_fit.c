@@ -62,6 +62,53 @@ void hada_ref_fit_transfer(const double *sums, size_t count, double least, doubl
     }
 }
 
+/* (S + weight G) / (Sxx / mean + weight), S = conj(Sxb) / mean; G may be what is written. */
+static void blend(const double *sums, size_t count, double mean, double weight, const double *guess, double *otf)
+{
+    for (size_t i = 0; i < count; i++) {
+        const double under = sums[3 * count + i] / mean + weight;
+        otf[2 * i] = (sums[i] / mean + weight * guess[2 * i]) / under;
+        otf[2 * i + 1] = (-sums[count + i] / mean + weight * guess[2 * i + 1]) / under;
+    }
+}
+
+hada_status hada_ref_fit_nonnegative(const double *sums, int rows, int cols, double mean, int steps,
+                                     const double *weights, double relaxation, double trust, double *otf,
+                                     hada_error *err)
+{
+    const size_t count = (size_t)rows * (size_t)(cols / 2 + 1), pixels = (size_t)rows * (size_t)cols;
+    double *x = NULL, *u = NULL, *d = NULL;
+    hada_status status = hada_alloc((void **)&x, pixels, sizeof *x, "an image", err);
+    if (!status)
+        status = hada_alloc((void **)&u, pixels, sizeof *u, "an image", err);
+    if (!status)
+        status = hada_alloc((void **)&d, pixels, sizeof *d, "an image", err);
+    for (int step = 0; !status && step < steps; step++) {
+        for (size_t i = 0; i < pixels; i++) {
+            d[i] *= step ? weights[step - 1] / weights[step] : 1.0; /* scaled by the weight */
+            x[i] = u[i] - d[i];
+        }
+        status = hada_ref_fft_forward(x, rows, cols, otf, err);
+        if (!status) {
+            blend(sums, count, mean, weights[step], otf, otf);
+            status = hada_ref_fft_inverse(otf, rows, cols, x, err);
+        }
+        for (size_t i = 0; !status && i < pixels; i++) {
+            const double relaxed = relaxation * x[i] + (1.0 - relaxation) * u[i];
+            u[i] = fmax(relaxed + d[i], 0.0);
+            d[i] += relaxed - u[i];
+        }
+    }
+    if (!status)
+        status = hada_ref_fft_forward(u, rows, cols, otf, err);
+    if (!status)
+        blend(sums, count, mean, trust, otf, otf);
+    free(x);
+    free(u);
+    free(d);
+    return status;
+}
+
 double hada_ref_fit_leave_one_out(const hada_ref_grid *grid, const double *x, const double *b, const double *sums,
                                   const double *other, const double *seen, const double *weights, double alpha,
                                   double ridge, int split, double *leak)

@@ -7,6 +7,7 @@
 
 #include <stddef.h>
 
+#include "core/error.h"
 #include "ref/ref_filter.h"
 
 enum { HADA_REF_FIT_SUMS = 6 };
@@ -21,6 +22,12 @@ void hada_ref_fit_filter(const double *sums, const double *other, size_t count, 
 
 /* H = conj(Sxb) / max(Sxx, least). */
 void hada_ref_fit_transfer(const double *sums, size_t count, double least, double *otf);
+
+/* Transfer functions of non-negative images: lib/fit/nonnegative.h, by textbook ADMM with x, u and d by themselves.
+ * `sums` of a half spectrum in rows, rows x (cols/2 + 1); `weights`: of the steps. */
+hada_status hada_ref_fit_nonnegative(const double *sums, int rows, int cols, double mean, int steps,
+                                     const double *weights, double relaxation, double trust, double *otf,
+                                     hada_error *err);
 
 /* By brute force: fits without the pair, and returns the sum of squared errors in the window of the grid; *leak takes
  * the sum of weight |W|^2 seen (split: part by part), `seen` as `other` but the mean over pairs and other depths.

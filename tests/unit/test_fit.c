@@ -73,15 +73,29 @@ static void reference_free(reference *r)
     free(r->weights);
 }
 
+/* By the library's rule, with its weights written out. `energy`: of the channel's scenes. */
+static void reference_nonnegative(const reference *r, const double *sums, double energy, double *otf)
+{
+    hada_nonnegative_rule rule;
+    double weights[64];
+    hada_nonnegative_rule_init(&rule);
+    assert_true(rule.steps > 1 && rule.steps <= 64);
+    for (int i = 0; i < rule.steps; i++)
+        weights[i] = rule.first * pow(rule.last / rule.first, i / (rule.steps - 1.0));
+    ASSERT_OK(hada_ref_fit_nonnegative(sums, r->grid.rows, r->grid.cols, energy, rule.steps, weights, rule.relaxation,
+                                       rule.trust, otf, err));
+}
+
 static void filters_agree_with_the_reference(void **state)
 {
     fixture *f = *state;
-    for (int k = 0; k < 4; k++) {
+    for (int k = 0; k < 8; k++) {
         const int split = k & 1;
         hada_fit_options options = usual(DEPTHS, split ? HADA_FORM_SPLIT : HADA_FORM_COMPLEX);
         options.boundary = k & 2 ? HADA_BOUNDARY_PADDED : HADA_BOUNDARY_CIRCULAR;
         options.alpha = 0.2;
         options.lambda = 1e-3;
+        options.nonnegative = k >> 2;
         hada_fitter *fitter;
         hada_model *model;
         ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
@@ -105,6 +119,8 @@ static void filters_agree_with_the_reference(void **state)
                 if (!(error < 2e-6))
                     fail_msg("case %d, depth %d, channel %d: relative error %g of the filter", k, z, c, error);
                 hada_ref_fit_transfer(reference_sums(&r, z, c), r.plane, least, expected);
+                if (options.nonnegative)
+                    reference_nonnegative(&r, reference_sums(&r, z, c), least * 1e6, expected);
                 assert_true(small_distance(model->otf + image * r.plane * 2, expected, r.plane * 2) < 2e-6);
                 const double noise = hada_ref_fit_unexplained(reference_sums(&r, z, c), r.weights, r.plane, least) /
                                      ((double)model->info.grid_rows * model->info.grid_cols) / (PAIRS - 1);
@@ -202,6 +218,7 @@ static void a_camera_without_noise_is_recovered(void **state)
     for (int pairs = 1; pairs <= 3; pairs += 2) {
         hada_fit_options options = usual(1, HADA_FORM_COMPLEX);
         options.lambda = 0.0;
+        options.nonnegative = 0;
         options.window_rows = options.window_cols = 0; /* scenes of the frame's size */
         hada_fitter *fitter;
         hada_model *model;

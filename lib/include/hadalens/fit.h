@@ -30,6 +30,8 @@ typedef struct hada_fit_options {
                                percentile */
     double alpha, lambda;   /* negative (default): chosen by leave-one-out */
     int refine_steps;       /* negative (default): chosen by leave-one-out; 0: none */
+    int nonnegative;        /* 1 (default): transfer functions are those of point spread functions that are nowhere
+                               negative, as light's are, where the pairs say too little; 0: from the pairs alone */
 } hada_fit_options;
 HADA_API void hada_fit_options_init(hada_fit_options *options);
 
@@ -38,7 +40,7 @@ HADA_API hada_status hada_fitter_create(hada_fitter **out, hada_context *context
 HADA_API void hada_fitter_destroy(hada_fitter **fitter);
 
 /* Bytes of device memory that a fitter holds, whatever the number of pairs: more from the first score on, and
- * hada_fitter_finish() takes room for the trial of refinement while it runs. */
+ * hada_fitter_finish() takes room for transfer functions and for the trial of refinement while it runs. */
 HADA_API uint64_t hada_fitter_bytes(const hada_fitter *fitter);
 
 /* First pass: adds a pair to the sums of a depth. `scene` has the window's size (or the raw frame's, then its centre is
@@ -52,7 +54,7 @@ HADA_API hada_status hada_fitter_save_sums(hada_fitter *fitter, const char *path
 HADA_API hada_status hada_fitter_load_sums(hada_fitter *fitter, const char *path, hada_error *err);
 
 /* A fitter from saved sums alone, for merging without pairs: camera, depths and dark level are the file's; `choices`
- * says form, alpha, lambda and refine_steps (its other fields are not used); NULL: the defaults. */
+ * says form, alpha, lambda, refine_steps and nonnegative (its other fields are not used); NULL: the defaults. */
 HADA_API hada_status hada_fitter_create_from_sums(hada_fitter **out, hada_context *context, const char *path,
                                                   const hada_fit_options *choices, hada_error *err);
 

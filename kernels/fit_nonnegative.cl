@@ -1,0 +1,56 @@
+/* Transfer functions of point spread functions that are nowhere negative: the steps of lib/fit/nonnegative.c.
+ *
+ * Frequencies are taken eight at a time; where the last eight reach beyond an image's end, one by one, since another
+ * image may stand there. */
+#include "inc_fit.h"
+
+/* Between the pairs and a guess G, each by its weight: H = (S + weight G) / (w + weight), S = conj(Sxb) scale,
+ * w = Sxx scale. Written to `out`; G stands at `guess` and may be what is written. guessed 0: G = 0. */
+__kernel void fit_blend(__global const float *sums, ulong stride, float scale, float weight, __global const float *guess,
+                        ulong guess_at, int guessed, __global float *out, ulong at, ulong count)
+{
+    const size_t i = get_global_id(0), first = 8 * i;
+    if (first >= count)
+        return;
+    const float8 under = fma(max(fit_high(sums, stride, 3, i), 0.0f), (float8)scale, (float8)weight);
+    float16 h;
+    h.even = fit_high(sums, stride, 0, i) * scale;
+    h.odd = fit_high(sums, stride, 1, i) * -scale;
+    __global const float *g = guess + 2 * guess_at;
+    __global float *to = out + 2 * at;
+    if (first + 8 <= count) {
+        if (guessed)
+            h = fma(vload16(i, g), (float16)weight, h);
+        h.even /= under;
+        h.odd /= under;
+        vstore16(h, i, to);
+        return;
+    }
+    float over[16], by[8];
+    vstore16(h, 0, over);
+    vstore8(under, 0, by);
+    for (size_t k = 0; first + k < count; ++k)
+        for (size_t part = 2 * k; part < 2 * k + 2; ++part) {
+            if (guessed)
+                over[part] = fma(g[2 * first + part], weight, over[part]);
+            to[2 * first + part] = over[part] / by[k];
+        }
+}
+
+/* A step at eight pixels. v holds u = max(v, 0), the non-negative image, and d = min(v, 0), the scaled dual; x comes in
+ * as the image of H. The new v is over x + (1 - over) u + d, its d times `keep` (the last weight over the next one);
+ * x goes out as the next guess: u - d, or (last) u. start: v is not read, u = d = 0. */
+__kernel void fit_clip(__global float *x, __global float *v, float over, float keep, int start, int last, ulong vectors)
+{
+    const size_t i = get_global_id(0);
+    if (i >= vectors)
+        return;
+    float8 next = over * vload8(i, x);
+    if (!start) {
+        const float8 now = vload8(i, v);
+        next = fma(max(now, 0.0f), (float8)(1.0f - over), next) + min(now, 0.0f);
+    }
+    const float8 u = max(next, 0.0f), d = min(next, 0.0f) * keep;
+    vstore8(u + d, i, v);
+    vstore8(last ? u : u - d, i, x);
+}

@@ -1,0 +1,39 @@
+/* Transfer functions whose point spread functions are nowhere negative, as those of light are. Internal.
+ *
+ * Per channel, with S = conj(Sxb) / m, w = Sxx / m and m the mean of Sxx over all frequencies: the image u >= 0 of
+ *     min_u  sum over frequencies of  w |S / w - F(u)|^2
+ * by ADMM, a fixed number of steps whose weight falls (Boyd et al., sections 3.1, 3.4.1 and 3.4.3, as in
+ * refine/admm.h), and then H = (S + q F(u)) / (w + q): the pairs where they say something, elsewhere the image.
+ * docs/filters.md tells what was measured. Results are the same bits at every run. */
+#ifndef HADA_FIT_NONNEGATIVE_H
+#define HADA_FIT_NONNEGATIVE_H
+
+#include "fft/fft.h"
+
+typedef struct hada_nonnegative_rule {
+    int steps;          /* at least 1 */
+    double first, last; /* > 0: the weight of the constraint at the first step and the last, a geometric series */
+    double relaxation;  /* 1 <= relaxation < 2 */
+    double trust;       /* q > 0 */
+} hada_nonnegative_rule;
+
+/* What did best (docs/filters.md). */
+void hada_nonnegative_rule_init(hada_nonnegative_rule *rule);
+
+typedef struct hada_nonnegative hada_nonnegative;
+
+/* For grids of rows x cols, `channels` at once. Spectra in the layout of hada_fft_layout(context, rows, cols, AUTO). */
+hada_status hada_nonnegative_create(hada_nonnegative **out, hada_slot *slot, int rows, int cols, int channels,
+                                    hada_error *err);
+void hada_nonnegative_destroy(hada_nonnegative **plan);
+
+/* Bytes of device memory that it holds: known before creating it. */
+size_t hada_nonnegative_bytes(const hada_context *context, int rows, int cols, int channels);
+
+/* Enqueues the transfer functions of `channels` (<= the plan's) channels, to out[channel][count] from complex number
+ * `at` on. sums: per channel, as kernels/inc_fit.h has them; mean: per channel, m. */
+hada_status hada_nonnegative_solve(hada_nonnegative *plan, const hada_nonnegative_rule *rule, int channels,
+                                   const hada_buffer *sums, size_t stride, const double *mean, cl_mem out, size_t at,
+                                   hada_error *err);
+
+#endif

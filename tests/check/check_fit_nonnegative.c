@@ -1,0 +1,176 @@
+/* Transfer functions of non-negative point spread functions: the library's loop on the device, sums to result. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "check.h"
+#include "filter/layout.h"
+#include "fit/nonnegative.h"
+#include "ref/ref_fft.h"
+#include "ref/ref_fit.h"
+
+enum { MAX_CHANNELS = 4 };
+
+typedef struct nonnegative_state {
+    hada_nonnegative *plan;
+    hada_nonnegative_rule rule;
+    hada_spectrum_layout layout;
+    size_t stride;
+    int channels;
+    hada_buffer sums[MAX_CHANNELS];
+    double mean[MAX_CHANNELS];
+} nonnegative_state;
+
+/* Sums as of pairs of a camera whose point spread function is partly negative: random spectra of real images, so that
+ * all of them belong to real images. z: frequencies of which the pairs say nothing. Arrays `values` in rows. */
+static hada_status make_sums(const check_state *state, nonnegative_state *own, int c, double *values, hada_error *err)
+{
+    const int rows = own->layout.rows, cols = own->layout.cols;
+    const size_t count = (size_t)rows * (size_t)(cols / 2 + 1), pixels = (size_t)rows * (size_t)cols;
+    float *noise = malloc(2 * pixels * sizeof *noise);
+    double *image = malloc(pixels * sizeof *image), *scene = malloc(2 * count * sizeof *scene);
+    double *psf = malloc(2 * count * sizeof *psf), total = 0.0;
+    hada_status status =
+        noise && image && scene && psf ? HADA_OK : hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    if (!status)
+        check_fill_normal(state, 10 + (uint64_t)c, noise, 2 * pixels);
+    for (size_t i = 0; !status && i < pixels; i++)
+        image[i] = noise[i];
+    if (!status)
+        status = hada_ref_fft_forward(image, rows, cols, scene, err);
+    for (size_t i = 0; !status && i < pixels; i++) {
+        image[i] = 0.5 + noise[pixels + i];
+        total += (double)noise[i] * noise[i];
+    }
+    if (!status)
+        status = hada_ref_fft_forward(image, rows, cols, psf, err);
+    for (size_t i = 0; !status && i < count; i++) {
+        const double *x = scene + 2 * i, *h = psf + 2 * i;
+        const int known = !check_get(state, 'z', 0) || i % (size_t)(cols / 2 + 1) < 3;
+        const double power = known ? x[0] * x[0] + x[1] * x[1] : 0.0;
+        const double sums[] = {h[0] * power, -h[1] * power, 1.0, power};
+        for (size_t k = 0; k < 4; k++)
+            values[k * count + i] = (float)sums[k]; /* what the device sees */
+    }
+    own->mean[c] = total;
+    free(noise);
+    free(image);
+    free(scene);
+    free(psf);
+    return status;
+}
+
+static hada_status prepare_channel(check_state *state, nonnegative_state *own, int c, hada_error *err)
+{
+    const hada_spectrum_layout *layout = &own->layout;
+    const size_t count = (size_t)layout->rows * (size_t)(layout->cols / 2 + 1);
+    double *values = malloc(4 * count * sizeof *values), *otf = malloc(2 * count * sizeof *otf), weights[64];
+    float *packed = calloc(8 * own->stride, sizeof *packed), *rows = malloc(2 * count * sizeof *rows);
+    float *blocks = malloc(2 * layout->count * sizeof *blocks);
+    hada_status status = values && otf && packed && rows && blocks
+                             ? make_sums(state, own, c, values, err)
+                             : hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    for (size_t k = 0; !status && k < 4; k++) {
+        for (size_t i = 0; i < count; i++)
+            rows[i] = (float)values[k * count + i];
+        hada_layout_pack_real(layout, rows, packed + 2 * k * own->stride);
+    }
+    for (int i = 0; i < own->rule.steps; i++)
+        weights[i] = own->rule.steps > 1
+                         ? own->rule.first * pow(own->rule.last / own->rule.first, i / (own->rule.steps - 1.0))
+                         : own->rule.first;
+    if (!status)
+        status = hada_ref_fit_nonnegative(values, layout->rows, layout->cols, own->mean[c], own->rule.steps, weights,
+                                          own->rule.relaxation, own->rule.trust, otf, err);
+    for (size_t i = 0; !status && i < 2 * count; i++)
+        rows[i] = (float)otf[i];
+    if (!status) {
+        hada_layout_pack(layout, rows, blocks);
+        for (size_t i = 0; i < 2 * layout->count; i++)
+            state->expected[2 * (size_t)c * layout->count + i] = blocks[i];
+        status = check_upload(state, &own->sums[c], packed, 8 * own->stride * sizeof *packed, err);
+    }
+    free(values);
+    free(otf);
+    free(packed);
+    free(rows);
+    free(blocks);
+    return status;
+}
+
+/* Padding of the layout holds anything. */
+static hada_status mark_padding(check_state *state, const nonnegative_state *own, hada_error *err)
+{
+    const size_t count = own->layout.count;
+    float *weights = malloc(count * sizeof *weights);
+    state->unspecified = calloc(state->out_count, 1);
+    if (!weights || !state->unspecified) {
+        free(weights);
+        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    }
+    hada_layout_weights(&own->layout, weights);
+    for (size_t i = 0; i < state->out_count; i++)
+        state->unspecified[i] = weights[i / 2 % count] == 0.0f;
+    free(weights);
+    return HADA_OK;
+}
+
+static hada_status prepare(check_state *state, hada_error *err)
+{
+    nonnegative_state *own = calloc(1, sizeof *own);
+    if (!own)
+        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    state->own = own;
+    const int rows = check_get(state, 'r', 8), cols = check_get(state, 'c', 8);
+    own->channels = check_get(state, 'k', 1);
+    if (own->channels > MAX_CHANNELS)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "at most %d channels", MAX_CHANNELS);
+    hada_nonnegative_rule_init(&own->rule);
+    own->rule.steps = check_get(state, 'n', 6);
+    own->layout = hada_fft_layout(state->slot->context, rows, cols, HADA_FFT_AUTO);
+    own->stride = ((own->layout.count + 7) / 8 + 63) / 64 * 64 * 8;
+    const uint64_t held = hada_context_bytes(state->slot->context);
+    const size_t stated = hada_nonnegative_bytes(state->slot->context, rows, cols, own->channels);
+    hada_status status = hada_nonnegative_create(&own->plan, state->slot, rows, cols, own->channels, err);
+    if (!status && hada_context_bytes(state->slot->context) - held != stated)
+        status = hada_fail(err, HADA_ERROR_STATE, "holds %llu bytes, states %zu",
+                           (unsigned long long)(hada_context_bytes(state->slot->context) - held), stated);
+    if (!status)
+        status = check_output(state, 2 * (size_t)own->channels * own->layout.count, err);
+    for (int c = 0; !status && c < own->channels; c++)
+        status = prepare_channel(state, own, c, err);
+    if (!status)
+        status = mark_padding(state, own, err);
+    /* steps contract, so what counts is the rounding of a few transforms, each below 1e-6 of its result; clipping does
+     * not grow it, and the last step's weight lets a dual's error in by 1.8 times 1.25 */
+    state->tolerance = 1e-5;
+    state->bytes = (double)own->channels * own->rule.steps * ((double)own->layout.count * 44.0 + 40.0 * rows * cols);
+    return status;
+}
+
+static hada_status launch(check_state *state, hada_error *err)
+{
+    nonnegative_state *own = state->own;
+    hada_status status = HADA_OK;
+    for (int c = 0, n; !status && c < own->channels; c += n) {
+        n = state->batch_limit && state->batch_limit < own->channels - c ? state->batch_limit : own->channels - c;
+        status = hada_nonnegative_solve(own->plan, &own->rule, n, own->sums + c, own->stride, own->mean + c,
+                                        state->out.mem, state->out_offset / 2 + (size_t)c * own->layout.count, err);
+    }
+    return status;
+}
+
+static void release(check_state *state)
+{
+    nonnegative_state *own = state->own;
+    if (!own)
+        return;
+    hada_nonnegative_destroy(&own->plan);
+    for (int c = 0; c < MAX_CHANNELS; c++)
+        hada_buffer_destroy(&own->sums[c]);
+    free(own);
+}
+
+const check_op check_fit_nonnegative = {"fit_nonnegative",
+                                        "r rows, c columns, k channels, n steps, z1 only a few frequencies known",
+                                        prepare, launch, release};

@@ -60,7 +60,6 @@ static hada_status make_worker(hada_trainer *trainer, int number, hada_context *
                                    .critic = trainer->critic,
                                    .vgg = trainer->vgg,
                                    .at_once = options->at_once};
-    worker->context = context;
     hada_status status = hada_slot_create(&worker->slot, context, err);
     if (!status)
         status = hada_engine_create(&worker->engine, worker->slot, &desc, err);

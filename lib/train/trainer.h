@@ -30,7 +30,6 @@ typedef struct hada_snapshot {
 } hada_snapshot;
 
 typedef struct hada_worker {
-    hada_context *context;
     hada_slot *slot;
     hada_engine *engine;
     hada_planes *planes;  /* NULL where the stage needs none */

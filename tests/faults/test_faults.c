@@ -27,6 +27,7 @@ static const struct stage {
     {"fit", fault_stage_fit, 100},
     {"psf", fault_stage_psf, 100},
     {"reconstruct", fault_stage_reconstruct, 100},
+    {"classic", fault_stage_classic, 60},
     {"jobs", fault_stage_jobs, 50},
     {"net", fault_stage_net, 60},
     {"engine", fault_stage_engine, 60},

@@ -65,8 +65,8 @@ typedef struct trial_work {
     hada_buffer filters, otfs; /* [member][channel][count] complex */
     hada_buffer prior;
     float *raw, *planes;
-    double *scene_energy; /* per channel, without a pair */
-    double sum[2][TRIED]; /* decibels: one depth, two depths */
+    double *scene_energy, *trust; /* per channel; without a pair, and the model's */
+    double sum[2][TRIED];         /* decibels: one depth, two depths */
     int count[2];
 } trial_work;
 
@@ -101,6 +101,8 @@ static hada_status work_create(trial_work *work, hada_fitter *fitter, hada_error
         status = hada_alloc_raw((void **)&work->planes, images * window, sizeof(float), "planes on trial", err);
     if (!status)
         status = hada_alloc((void **)&work->scene_energy, (size_t)info->channels, sizeof(double), "a fitter", err);
+    if (!status)
+        status = hada_alloc((void **)&work->trust, (size_t)info->channels, sizeof(double), "a fitter", err);
     return status;
 }
 
@@ -115,6 +117,7 @@ static void work_destroy(trial_work *work, hada_fitter *fitter)
     free(work->raw);
     free(work->planes);
     free(work->scene_energy);
+    free(work->trust);
 }
 
 static double energy(const float *values, size_t count)
@@ -146,10 +149,13 @@ static hada_status hold_out(trial_work *work, hada_fitter *fitter, const hada_fi
         const double ridge = work->model->info.lambda * depth->raw_energy[c];
         status = hada_fitter_solve_filter(fitter, (int)c, work->model->info.alpha, ridge, work->filters.mem, at, err);
     }
-    for (size_t c = 0; !status && c < channels; c++)
+    for (size_t c = 0; !status && c < channels; c++) {
+        const double noise = work->model->noise_power[(size_t)kept->depth * channels + c];
         work->scene_energy[c] = fmax(depth->scene_energy[c] - energy(kept->scene + c * window, window), 0.0);
+        work->trust[c] = hada_nonnegative_trust(noise, depth->raw_energy[c]);
+    }
     if (!status)
-        status = hada_fitter_solve_transfers(fitter, work->scene_energy, work->otfs.mem,
+        status = hada_fitter_solve_transfers(fitter, work->scene_energy, work->trust, work->otfs.mem,
                                              (size_t)member * channels * fitter->layout.count, err);
     return status;
 }

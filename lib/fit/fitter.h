@@ -97,11 +97,11 @@ hada_status hada_fitter_transform(hada_fitter *fitter, const float *raw, const f
 hada_status hada_fitter_accumulate(hada_fitter *fitter, double sign, hada_error *err);
 
 /* Enqueues the filter of one channel, or the transfer functions of all channels, of the depth on the device, to complex
- * number `at`. scene_energy: per channel, of the pairs in the sums. */
+ * number `at`. scene_energy: per channel, of the pairs in the sums; trust: hada_nonnegative_trust(). */
 hada_status hada_fitter_solve_filter(hada_fitter *fitter, int channel, double alpha, double ridge, cl_mem out,
                                      size_t at, hada_error *err);
-hada_status hada_fitter_solve_transfers(hada_fitter *fitter, const double *scene_energy, cl_mem out, size_t at,
-                                        hada_error *err);
+hada_status hada_fitter_solve_transfers(hada_fitter *fitter, const double *scene_energy, const double *trust,
+                                        cl_mem out, size_t at, hada_error *err);
 
 /* Keeps the pair that was just scored for the trial of refinement, where that wants one of this depth. */
 hada_status hada_fitter_keep(hada_fitter *fitter, int depth, hada_error *err);

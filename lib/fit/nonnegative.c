@@ -11,6 +11,10 @@
 
 enum { GROUP = 64 };
 
+/* Frames whose energy is less than this many times the noise's leave the image as good as what the pairs say where
+ * scenes have their mean power: by measurement (docs/filters.md). */
+#define LEAST_RATIO 1e4
+
 struct hada_nonnegative {
     hada_slot *slot;
     int channels;
@@ -24,7 +28,13 @@ struct hada_nonnegative {
 
 void hada_nonnegative_rule_init(hada_nonnegative_rule *rule)
 {
-    *rule = (hada_nonnegative_rule){.steps = 12, .first = 0.3, .last = 0.03, .relaxation = 1.8, .trust = 1.0};
+    *rule = (hada_nonnegative_rule){.steps = 12, .first = 0.3, .last = 0.03, .relaxation = 1.8};
+}
+
+double hada_nonnegative_trust(double noise, double raw_energy)
+{
+    const double trust = LEAST_RATIO * noise / fmax(raw_energy, DBL_MIN);
+    return noise > 0.0 && trust < 1.0 ? fmax(trust, 1e-6) : 1.0;
 }
 
 static hada_fft_desc describe(int rows, int cols, int channels, hada_fft_direction direction)
@@ -109,17 +119,19 @@ void hada_nonnegative_destroy(hada_nonnegative **pointer)
     free(plan);
 }
 
-/* Every channel's transfer function, between its sums and (guessed) the plan's spectra. */
+/* Every channel's transfer function, between its sums and (guessed) the plan's spectra. weight: of all channels, times
+ * that of each (or NULL). */
 static hada_status blend(hada_nonnegative *plan, int channels, const hada_buffer *sums, size_t stride,
-                         const double *mean, double weight, int guessed, cl_mem out, size_t at, hada_error *err)
+                         const double *mean, double weight, const double *weights, int guessed, cl_mem out, size_t at,
+                         hada_error *err)
 {
     const size_t local = GROUP, global = ((plan->layout.count + 7) / 8 + GROUP - 1) / GROUP * GROUP;
     const cl_ulong step = stride, count = plan->layout.count;
-    const cl_float share = (cl_float)weight;
     const cl_int has_guess = guessed;
     hada_status status = HADA_OK;
     for (int c = 0; !status && c < channels; c++) {
         const cl_float scale = mean[c] > FLT_MIN ? (cl_float)(1.0 / mean[c]) : 0.0f; /* 0: scenes were dark */
+        const cl_float share = (cl_float)(weights ? weight * weights[c] : weight);
         const cl_ulong guess_at = (cl_ulong)c * count, to = at + guess_at;
         const hada_arg args[] = {
             HADA_ARG(sums[c].mem), HADA_ARG(step),      HADA_ARG(scale), HADA_ARG(share), HADA_ARG(plan->spectrum.mem),
@@ -147,13 +159,12 @@ static hada_status clip(hada_nonnegative *plan, int channels, double over, doubl
 }
 
 hada_status hada_nonnegative_solve(hada_nonnegative *plan, const hada_nonnegative_rule *rule, int channels,
-                                   const hada_buffer *sums, size_t stride, const double *mean, cl_mem out, size_t at,
-                                   hada_error *err)
+                                   const hada_buffer *sums, size_t stride, const double *mean, const double *trust,
+                                   cl_mem out, size_t at, hada_error *err)
 {
     const double factor = rule->steps > 1 ? pow(rule->last / rule->first, 1.0 / (rule->steps - 1)) : 1.0;
     hada_status status = HADA_OK;
-    if (rule->steps < 1 || !(rule->first > 0.0) || !(rule->last > 0.0) || !(rule->trust > 0.0) || channels < 1 ||
-        channels > plan->channels)
+    if (rule->steps < 1 || !(rule->first > 0.0) || !(rule->last > 0.0) || channels < 1 || channels > plan->channels)
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "non-negative point spread functions: steps, weights and channels "
                          "must be positive, channels at most %d",
@@ -161,7 +172,7 @@ hada_status hada_nonnegative_solve(hada_nonnegative *plan, const hada_nonnegativ
     double weight = rule->first;
     for (int i = 0; !status && i < rule->steps; i++, weight *= factor) {
         const int last = i + 1 == rule->steps;
-        status = blend(plan, channels, sums, stride, mean, weight, i > 0, plan->spectrum.mem, 0, err);
+        status = blend(plan, channels, sums, stride, mean, weight, NULL, i > 0, plan->spectrum.mem, 0, err);
         if (!status)
             status = hada_fft_inverse(plan->inverse, channels, plan->spectrum.mem, 0, plan->image.mem, 0, NULL, err);
         if (!status)
@@ -169,5 +180,5 @@ hada_status hada_nonnegative_solve(hada_nonnegative *plan, const hada_nonnegativ
         if (!status)
             status = hada_fft_forward(plan->forward, channels, plan->image.mem, 0, plan->spectrum.mem, 0, err);
     }
-    return status ? status : blend(plan, channels, sums, stride, mean, rule->trust, 1, out, at, err);
+    return status ? status : blend(plan, channels, sums, stride, mean, 1.0, trust, 1, out, at, err);
 }

@@ -14,8 +14,11 @@ typedef struct hada_nonnegative_rule {
     int steps;          /* at least 1 */
     double first, last; /* > 0: the weight of the constraint at the first step and the last, a geometric series */
     double relaxation;  /* 1 <= relaxation < 2 */
-    double trust;       /* q > 0 */
 } hada_nonnegative_rule;
+
+/* q: the image's weight against the pairs, which is the less the more exact they are; at most 1. noise: of a channel,
+ * |N|^2 (0: not known); raw_energy: mean over frequencies of Sbb. */
+double hada_nonnegative_trust(double noise, double raw_energy);
 
 /* What did best (docs/filters.md). */
 void hada_nonnegative_rule_init(hada_nonnegative_rule *rule);
@@ -31,9 +34,9 @@ void hada_nonnegative_destroy(hada_nonnegative **plan);
 size_t hada_nonnegative_bytes(const hada_context *context, int rows, int cols, int channels);
 
 /* Enqueues the transfer functions of `channels` (<= the plan's) channels, to out[channel][count] from complex number
- * `at` on. sums: per channel, as kernels/inc_fit.h has them; mean: per channel, m. */
+ * `at` on. sums: per channel, as kernels/inc_fit.h has them; mean and trust: per channel, m and q > 0. */
 hada_status hada_nonnegative_solve(hada_nonnegative *plan, const hada_nonnegative_rule *rule, int channels,
-                                   const hada_buffer *sums, size_t stride, const double *mean, cl_mem out, size_t at,
-                                   hada_error *err);
+                                   const hada_buffer *sums, size_t stride, const double *mean, const double *trust,
+                                   cl_mem out, size_t at, hada_error *err);
 
 #endif

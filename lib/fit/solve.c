@@ -13,6 +13,7 @@
 typedef struct solve_work {
     hada_buffer out;
     float *blocks, *rows;
+    double *trust; /* per channel */
 } solve_work;
 
 /* Mean over frequencies of what no linear camera explains, per degree of freedom: the noise's |N|^2. */
@@ -98,15 +99,15 @@ static hada_status free_transfer(hada_fitter *fitter, int channel, double scene_
     return hada_fitter_launch(fitter, "fit_solve", "fit_transfer", args, HADA_COUNT(args), err);
 }
 
-hada_status hada_fitter_solve_transfers(hada_fitter *fitter, const double *scene_energy, cl_mem out, size_t at,
-                                        hada_error *err)
+hada_status hada_fitter_solve_transfers(hada_fitter *fitter, const double *scene_energy, const double *trust,
+                                        cl_mem out, size_t at, hada_error *err)
 {
     hada_nonnegative_rule rule;
     hada_status status = HADA_OK;
     hada_nonnegative_rule_init(&rule);
     if (fitter->nonnegative)
         return hada_nonnegative_solve(fitter->nonnegative, &rule, fitter->info.channels, fitter->sums, fitter->stride,
-                                      scene_energy, out, at, err);
+                                      scene_energy, trust, out, at, err);
     for (int c = 0; !status && c < fitter->info.channels; c++)
         status = free_transfer(fitter, c, scene_energy[c], out, at + (size_t)c * fitter->layout.count, err);
     return status;
@@ -128,8 +129,10 @@ static hada_status solve_depth(hada_fitter *fitter, solve_work *work, hada_model
             status = noise_power(fitter, (int)c, LEAST_SCENE * depth->scene_energy[c], depth->pairs,
                                  &model->noise_power[first + c], work->blocks, err);
     }
+    for (size_t c = 0; !status && c < channels; c++)
+        work->trust[c] = hada_nonnegative_trust(model->noise_power[first + c], depth->raw_energy[c]);
     if (!status)
-        status = hada_fitter_solve_transfers(fitter, depth->scene_energy, work->out.mem, 0, err);
+        status = hada_fitter_solve_transfers(fitter, depth->scene_energy, work->trust, work->out.mem, 0, err);
     for (size_t c = 0; !status && c < channels; c++)
         status = read_plane(fitter, work, c, model->otf + (first + c) * plane * 2, "a transfer function", err);
     return status;
@@ -175,6 +178,8 @@ hada_status hada_fitter_solve(hada_fitter *fitter, double alpha, double lambda, 
     if (!status)
         status = hada_alloc_raw((void **)&work.rows, plane, sizeof(float), "the scenes' power", err);
     if (!status)
+        status = hada_alloc((void **)&work.trust, channels, sizeof(double), "a fit", err);
+    if (!status)
         status = hada_buffer_create(&work.out, fitter->context, channels * fitter->layout.count * 8 + 64,
                                     "a depth's filters", err);
     if (!status)
@@ -196,6 +201,7 @@ hada_status hada_fitter_solve(hada_fitter *fitter, double alpha, double lambda, 
     hada_buffer_destroy(&work.out);
     free(work.blocks);
     free(work.rows);
+    free(work.trust);
     if (status)
         hada_model_destroy(out);
     return status;

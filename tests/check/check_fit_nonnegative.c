@@ -18,7 +18,7 @@ typedef struct nonnegative_state {
     size_t stride;
     int channels;
     hada_buffer sums[MAX_CHANNELS];
-    double mean[MAX_CHANNELS];
+    double mean[MAX_CHANNELS], trust[MAX_CHANNELS];
 } nonnegative_state;
 
 /* Sums as of pairs of a camera whose point spread function is partly negative: random spectra of real images, so that
@@ -53,6 +53,7 @@ static hada_status make_sums(const check_state *state, nonnegative_state *own, i
             values[k * count + i] = (float)sums[k]; /* what the device sees */
     }
     own->mean[c] = total;
+    own->trust[c] = 1.0 / (1 + 3 * c);
     free(noise);
     free(image);
     free(scene);
@@ -81,7 +82,7 @@ static hada_status prepare_channel(check_state *state, nonnegative_state *own, i
                          : own->rule.first;
     if (!status)
         status = hada_ref_fit_nonnegative(values, layout->rows, layout->cols, own->mean[c], own->rule.steps, weights,
-                                          own->rule.relaxation, own->rule.trust, otf, err);
+                                          own->rule.relaxation, own->trust[c], otf, err);
     for (size_t i = 0; !status && i < 2 * count; i++)
         rows[i] = (float)otf[i];
     if (!status) {
@@ -154,8 +155,9 @@ static hada_status launch(check_state *state, hada_error *err)
     hada_status status = HADA_OK;
     for (int c = 0, n; !status && c < own->channels; c += n) {
         n = state->batch_limit && state->batch_limit < own->channels - c ? state->batch_limit : own->channels - c;
-        status = hada_nonnegative_solve(own->plan, &own->rule, n, own->sums + c, own->stride, own->mean + c,
-                                        state->out.mem, state->out_offset / 2 + (size_t)c * own->layout.count, err);
+        status =
+            hada_nonnegative_solve(own->plan, &own->rule, n, own->sums + c, own->stride, own->mean + c, own->trust + c,
+                                   state->out.mem, state->out_offset / 2 + (size_t)c * own->layout.count, err);
     }
     return status;
 }

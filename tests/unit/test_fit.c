@@ -1,5 +1,6 @@
 /* The exact fit against the double reference, and what it is for: recovering a camera. */
 #include "fit_fixture.h"
+#include "ref/ref_fft.h"
 #include "ref/ref_filter.h"
 #include "ref/ref_fit.h"
 
@@ -73,8 +74,9 @@ static void reference_free(reference *r)
     free(r->weights);
 }
 
-/* By the library's rule, with its weights written out. `energy`: of the channel's scenes. */
-static void reference_nonnegative(const reference *r, const double *sums, double energy, double *otf)
+/* By the library's rule, with its weights written out. `energy`: of the channel's scenes; `ratio`: the noise's power
+ * over that of the frames. */
+static void reference_nonnegative(const reference *r, const double *sums, double energy, double ratio, double *otf)
 {
     hada_nonnegative_rule rule;
     double weights[64];
@@ -83,7 +85,7 @@ static void reference_nonnegative(const reference *r, const double *sums, double
     for (int i = 0; i < rule.steps; i++)
         weights[i] = rule.first * pow(rule.last / rule.first, i / (rule.steps - 1.0));
     ASSERT_OK(hada_ref_fit_nonnegative(sums, r->grid.rows, r->grid.cols, energy, rule.steps, weights, rule.relaxation,
-                                       rule.trust, otf, err));
+                                       fmin(1e4 * ratio, 1.0), otf, err));
 }
 
 static void filters_agree_with_the_reference(void **state)
@@ -119,11 +121,11 @@ static void filters_agree_with_the_reference(void **state)
                 if (!(error < 2e-6))
                     fail_msg("case %d, depth %d, channel %d: relative error %g of the filter", k, z, c, error);
                 hada_ref_fit_transfer(reference_sums(&r, z, c), r.plane, least, expected);
-                if (options.nonnegative)
-                    reference_nonnegative(&r, reference_sums(&r, z, c), least * 1e6, expected);
-                assert_true(small_distance(model->otf + image * r.plane * 2, expected, r.plane * 2) < 2e-6);
                 const double noise = hada_ref_fit_unexplained(reference_sums(&r, z, c), r.weights, r.plane, least) /
                                      ((double)model->info.grid_rows * model->info.grid_cols) / (PAIRS - 1);
+                if (options.nonnegative)
+                    reference_nonnegative(&r, reference_sums(&r, z, c), least * 1e6, noise / scale, expected);
+                assert_true(small_distance(model->otf + image * r.plane * 2, expected, r.plane * 2) < 2e-6);
                 assert_true(fabs(model->noise_power[image] / noise - 1.0) < 1e-3);
             }
         if (!(k & 2)) /* with circular convolution the model is exact and the noise is what the frames were given */
@@ -243,6 +245,46 @@ static void a_camera_without_noise_is_recovered(void **state)
     }
 }
 
+/* Noisy pairs of scenes with little fine detail: what is missing comes from the sign of light. */
+static void point_spread_functions_are_nowhere_negative(void **state)
+{
+    fixture *f = *state;
+    double *image = calloc(ROWS * COLS, sizeof *image), *truth = malloc(ROWS * (COLS / 2 + 1) * 2 * sizeof *truth);
+    for (int p = 0; p < ROWS * COLS; p++) { /* the axis comes to (0, 0) */
+        const int row = (p / COLS + ROWS / 2) % ROWS, col = (p % COLS + COLS / 2) % COLS;
+        image[p] = f->psf[0].data[row * COLS + col];
+    }
+    ASSERT_OK(hada_ref_fft_forward(image, ROWS, COLS, truth, err));
+    double error[2];
+    for (int nonnegative = 0; nonnegative < 2; nonnegative++) {
+        hada_fit_options options = usual(1, HADA_FORM_COMPLEX);
+        options.nonnegative = nonnegative;
+        hada_fitter *fitter;
+        hada_model *model;
+        ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
+        for (int i = 0; i < 2; i++) {
+            hada_image scene = small_scene(CHANNELS, WINDOW, WINDOW, (uint64_t)(70 + i));
+            for (size_t k = 0; k + 1 < hada_image_count(&scene); k++)
+                scene.data[k] = 0.5f * (scene.data[k] + scene.data[k + 1]);
+            hada_image frame = small_frame(&f->psf[0], &scene, 0, 0.02, (uint64_t)i + 1);
+            ASSERT_OK(hada_fitter_add(fitter, 0, &frame, &scene, err));
+            hada_image_destroy(&scene);
+            hada_image_destroy(&frame);
+        }
+        const uint64_t held = hada_context_bytes(f->context);
+        ASSERT_OK(hada_fitter_finish(fitter, &model, NULL, NULL, err));
+        assert_int_equal(hada_context_bytes(f->context), held);
+        error[nonnegative] = small_distance(model->otf, truth, hada_model_plane(model) * 2);
+        hada_model_destroy(&model);
+        hada_fitter_destroy(&fitter);
+    }
+    free(image);
+    free(truth);
+    if (!(error[1] < 0.25 * error[0]))
+        fail_msg("error of the transfer function: %g, from the pairs alone %g", error[1], error[0]);
+    print_message("error %.3f, from the pairs alone %.3f\n", error[1], error[0]);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -250,6 +292,7 @@ int main(void)
         cmocka_unit_test(scores_agree_with_brute_force),
         cmocka_unit_test(the_table_marks_the_best_row),
         cmocka_unit_test(a_camera_without_noise_is_recovered),
+        cmocka_unit_test(point_spread_functions_are_nowhere_negative),
     };
     const struct CMUnitTest numbers[] = {
         cmocka_unit_test(filters_agree_with_the_reference),

@@ -29,6 +29,7 @@ parser.add_argument("--hand", default="")
 parser.add_argument("--preset", default="sim300")
 parser.add_argument("--frames", type=int, default=6)
 parser.add_argument("--iterations", type=int, default=100)
+parser.add_argument("--train-steps", type=int, default=400, help="of the net of the enhanced row; 0: no such row")
 parser.add_argument("--seed", default="1")
 parser.add_argument("--out", default="")
 parser.add_argument("--pictures", default="")
@@ -121,7 +122,7 @@ def best_weight(options, tune):
     return max(tried, key=tune)
 
 
-def simulated(title, camera, models, truth_depths, name):
+def simulated(title, camera, models, name):
     files = sorted((camera / "test" / "raw").glob("*.tif"))
     tune_file, files = files[0], files[1:]
     truth = camera / "test" / "truth"
@@ -129,14 +130,17 @@ def simulated(title, camera, models, truth_depths, name):
     say("| method | OTF | depths | PSNR, dB | SSIM | map right | ms a frame |")
     say("|---|---|---|---|---|---|---|")
     shown, out = [picture(files[0])], folder / "out"
-    learned, designed = models
+    learned, designed, enhanced = models
     ways = [("learned filters", learned, "learned", "all", ["--refine", 0, "--occupied", "all"]),
             ("**learned, refined**", learned, "learned", "found", [])]
+    if enhanced:
+        ways.append(("**learned, refined, enhanced**", enhanced, "learned", "found", []))
     for method, options in CLASSIC:
         ways.append((method, designed, "designed", "all", options))
         ways.append((method, learned, "learned", "all", options))
-        if truth_depths > 1 or method.startswith("ADMM"):
+        if method.startswith("ADMM"):
             ways.append((method, designed, "designed", "told", options))
+            ways.append((method, learned, "learned", "told", options))
     ways.append(("learned, refined", learned, "learned", "told", []))
     for method, model, otf, depths, options in ways:
         def told(file):
@@ -166,7 +170,7 @@ def simulated(title, camera, models, truth_depths, name):
     shown.append(picture(truth / f"{files[0].stem}_aif.tif"))
     sheet(f"comparison-{name}.png", shown, 192)
     say(f"\n![{title}](pictures/comparison-{name}.png)\n")
-    say("In rows: the raw frame, learned filters, learned and refined, Wiener, Richardson-Lucy, FISTA non-negative, FISTA "
+    say("In rows: the raw frame, learned filters, learned and refined, " + ("the same enhanced, " if enhanced else "") + "Wiener, Richardson-Lucy, FISTA non-negative, FISTA "
         "with TV, ADMM with TV (designed OTF, all depths), the truth. All-in-focus images of the first frame.")
 
 
@@ -237,7 +241,7 @@ with tempfile.TemporaryDirectory() as scratch:
     say("# Comparison")
     say(f"\nMade by `perf/comparison.py`: {o.iterations} iterations, weights of total variation chosen on a frame that is not "
         "scored. `designed`: the OTFs that the simulation used, which nobody has of a real camera; `learned`: estimated from "
-        "8 pairs a depth. Depths: `all` of the camera, `told` (those that the scene occupies), or `found` by pursuit. PSNR "
+        "8 pairs a depth. The net of the enhanced row learned from the same pairs. Depths: `all` of the camera, `told` (those that the scene occupies), or `found` by pursuit. PSNR "
         "and SSIM of the occupied planes, peak 1.")
     for title, depths, name in (("Flat scenes", 1, "flat"), ("Scenes at two depths", 2, "two-depths")):
         camera = folder / name
@@ -249,7 +253,10 @@ with tempfile.TemporaryDirectory() as scratch:
         facts = json.load(open(camera / "camera.json"))
         run("fit", "--psf", camera / "psf.tif", "--distances", ",".join(f"{d:g}" for d in facts["distances_mm"]), "--boundary",
             "circular", "--window", f"{facts['window_rows']}x{facts['window_cols']}", "--psf-dark", "0", "--colour", "-o", designed, "--quiet")
-        simulated(f"{title}, {o.preset}", camera, (learned, designed), depths, name)
+        enhanced = folder / f"{name}-enhanced.model" if o.train_steps else None
+        if enhanced:
+            run("train", camera, "-m", learned, "-o", enhanced, "--steps", o.train_steps, "--quiet")
+        simulated(f"{title}, {o.preset}", camera, (learned, designed, enhanced), name)
     if o.pairs:
         real_pairs(o.pairs)
     if o.hand:

@@ -26,7 +26,6 @@ class Experiment:
         parser.add_argument("--frames", type=int, default=defaults.pop("frames", 12), help="to judge by")
         parser.add_argument("--seed", type=int, default=1)
         parser.add_argument("--lpips", default="", help="weights for LPIPS (safetensors)")
-        parser.add_argument("--lpips-net", default="alex")
         parser.add_argument("--pictures", default="", help="folder that takes pictures")
         for name, value in defaults.items():
             parser.add_argument("--" + name.replace("_", "-"), type=type(value), default=value)
@@ -79,7 +78,7 @@ class Experiment:
         seconds = sorted(f["frames"][0]["seconds"]["total"] for f in report["files"][1:] or report["files"])
         words = ["evaluate", out, camera / "test" / "truth"]
         if self.options.lpips:
-            words += ["--lpips", self.options.lpips, "--lpips-net", self.options.lpips_net]
+            words += ["--lpips", self.options.lpips]
         rows = self.json(*words)["files"]
 
         def mean(kind, key):

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
 """Does enhancement help beyond its own spread? Nets from several seeds behind the same refined filters, on frames that no
 training has seen: with a squared error alone, and with the adversarial stage after it.
-   perf/paper/seeds.py [--seeds 5] [--steps 1500] [--adversarial-steps 500]"""
+   perf/paper/seeds.py [--seeds 5] [--steps 400] [--adversarial-steps 300]"""
 from experiment import Experiment, spread, table
 
-e = Experiment(__doc__, seeds=5, steps=1500, adversarial_steps=500)
+e = Experiment(__doc__, seeds=5, steps=400, adversarial_steps=300)
 o = e.options
 camera = e.camera()
 exact, _ = e.fit(camera)

@@ -2,42 +2,96 @@
 #define CONV_MEM __global
 #include "inc_conv_winograd.h"
 
+/* Output and input channels of a work-item: 1, or 8 where a CPU's vectors hold them (shape lanes). */
+#ifndef CONV_PACK
+#define CONV_PACK 1
+#endif
+#if CONV_PACK == 8
+typedef float8 conv_pack_v;
+#define CONV_PACK_STORE(v, p) vstore8(v, 0, p)
+#else
+typedef float conv_pack_v;
+#define CONV_PACK_STORE(v, p) (*(p) = (v))
+#endif
+
+/* Where the kernels of a work-item's pairs of channels stand: CONV_PACK output channels, `out_step` floats apart. Those
+ * beyond the last of `present` are read as the last, and then made zero. */
+typedef struct conv_kernels {
+    __global const float *first;
+    size_t out_step;
+    int present;
+} conv_kernels;
+
+static inline conv_kernels conv_kernels_of(__global const float *w, int in, int in_channels, int out_channels,
+                                           int to_coarse, int places)
+{
+    const int out = get_global_id(0) * CONV_PACK;
+    conv_kernels kernels;
+    kernels.out_step = (size_t)(to_coarse ? in_channels : 1) * places;
+    kernels.present = in < in_channels ? clamp(out_channels - out, 0, CONV_PACK) : 0;
+    kernels.first = w;
+    if (kernels.present)
+        kernels.first += out * kernels.out_step + (size_t)in * (to_coarse ? 1 : out_channels) * places;
+    return kernels;
+}
+
+/* One place of all of them. */
+static inline conv_pack_v conv_kernels_at(const conv_kernels *kernels, int place)
+{
+#if CONV_PACK == 8
+    const __global float *at = kernels->first + place;
+    const size_t step = kernels->out_step;
+    const int last = kernels->present - 1;
+    if (last == 7)
+        return (float8)(at[0], at[step], at[2 * step], at[3 * step], at[4 * step], at[5 * step], at[6 * step],
+                        at[7 * step]);
+    float lanes[8];
+    for (int k = 0; k < 8; ++k)
+        lanes[k] = k <= last ? at[k * step] : 0.0f;
+    return vload8(0, lanes);
+#else
+    return kernels->present ? kernels->first[place] : 0.0f;
+#endif
+}
+
 /* Weights for direct convolutions, from w[coarse][fine][kernel row][kernel column]
  * (lib/net/conv.h): [phase][group][input block][tap row][tap column][input channel of the block][output channel of the
  * group], zero where there is no such channel. Phases and taps: inc_conv.h. Dimensions: output channels of all groups,
- * input channels of all blocks. */
+ * input channels of all blocks, CONV_PACK of each to a work-item. */
 __kernel void conv_pack(__global const float *w, ulong w_offset, int in_channels, int out_channels, int to_coarse,
                         int kernel_rows, int kernel_cols, int pad_rows, int pad_cols, int step, int block, int lanes,
                         __global float *packed)
 {
-    const int out = get_global_id(0), in = get_global_id(1);
-    const int in_blocks = (in_channels + block - 1) / block, groups = get_global_size(0) / lanes;
-    const int known = out < out_channels && in < in_channels, places = kernel_rows * kernel_cols;
-    const size_t from =
-        w_offset + (to_coarse ? (size_t)out * in_channels + in : (size_t)in * out_channels + out) * places;
+    const int out = get_global_id(0) * CONV_PACK, first = get_global_id(1) * CONV_PACK;
+    const int in_blocks = (in_channels + block - 1) / block, groups = get_global_size(0) * CONV_PACK / lanes;
     const size_t tap_floats = (size_t)block * lanes, taps_rows = (kernel_rows + step - 1) / step;
     const size_t group_floats = taps_rows * ((kernel_cols + step - 1) / step) * in_blocks * tap_floats;
-    for (int phase = 0; phase < step * step; ++phase) {
-        const conv_taps rows = conv_taps_of(kernel_rows, pad_rows, step, phase / step);
-        const conv_taps cols = conv_taps_of(kernel_cols, pad_cols, step, phase % step);
-        __global float *to = packed + ((size_t)phase * groups + out / lanes) * group_floats +
-                             (size_t)(in / block) * rows.count * cols.count * tap_floats + in % block * lanes +
-                             out % lanes;
-        for (int r = 0; r < rows.count; ++r)
-            for (int c = 0; c < cols.count; ++c) {
-                /* a convolution's taps run with the places of its kernel, a transposed one's against them */
-                const int u = to_coarse ? r : rows.u0 - step * r, v = to_coarse ? c : cols.u0 - step * c;
-                to[(r * cols.count + c) * tap_floats] = known ? w[from + u * kernel_cols + v] : 0.0f;
-            }
+    for (int in = first; in < first + CONV_PACK; ++in) {
+        const conv_kernels kernels =
+            conv_kernels_of(w + w_offset, in, in_channels, out_channels, to_coarse, kernel_rows * kernel_cols);
+        for (int phase = 0; phase < step * step; ++phase) {
+            const conv_taps rows = conv_taps_of(kernel_rows, pad_rows, step, phase / step);
+            const conv_taps cols = conv_taps_of(kernel_cols, pad_cols, step, phase % step);
+            __global float *to = packed + ((size_t)phase * groups + out / lanes) * group_floats +
+                                 (size_t)(in / block) * rows.count * cols.count * tap_floats + in % block * lanes +
+                                 out % lanes;
+            for (int r = 0; r < rows.count; ++r)
+                for (int c = 0; c < cols.count; ++c) {
+                    /* a convolution's taps run with the places of its kernel, a transposed one's against them */
+                    const int u = to_coarse ? r : rows.u0 - step * r, v = to_coarse ? c : cols.u0 - step * c;
+                    CONV_PACK_STORE(conv_kernels_at(&kernels, u * kernel_cols + v),
+                                    to + (r * cols.count + c) * tap_floats);
+                }
+        }
     }
 }
 
 /* One dimension of the weights' transform: o = G g. */
-static inline void conv_weights_1d(const float *g, int step, float *o)
+static inline void conv_weights_1d(const conv_pack_v *g, int step, conv_pack_v *o)
 {
-    const float a = g[0], b = g[step], c = g[2 * step];
+    const conv_pack_v a = g[0], b = g[step], c = g[2 * step];
 #if CONV_TILE == 4
-    const float s = (a + c) * (1.0f / 6.0f), q = fma(c, 1.0f / 6.0f, a * (1.0f / 24.0f));
+    const conv_pack_v s = (a + c) * (1.0f / 6.0f), q = fma(c, (conv_pack_v)(1.0f / 6.0f), a * (1.0f / 24.0f));
     o[0] = 0.25f * a;
     o[1] = -s - b * (1.0f / 6.0f);
     o[2] = -s + b * (1.0f / 6.0f);
@@ -54,23 +108,25 @@ static inline void conv_weights_1d(const float *g, int step, float *o)
 
 /* Weights for Winograd's F(m x m, 3 x 3): G g G^T for each pair of channels, [place][group][input channel of all
  * blocks] [output channel of the group], zero where there is no such channel. Arguments as in conv_pack; the way to
- * fine takes the kernel mirrored. Dimensions: output channels of all groups, input channels of all blocks. */
+ * fine takes the kernel mirrored. Dimensions as in conv_pack. */
 __kernel void conv_winograd_pack(__global const float *w, ulong w_offset, int in_channels, int out_channels,
                                  int to_coarse, int lanes, __global float *packed)
 {
-    const int out = get_global_id(0), in = get_global_id(1), groups = get_global_size(0) / lanes;
-    const int known = out < out_channels && in < in_channels;
-    const size_t from = w_offset + (to_coarse ? (size_t)out * in_channels + in : (size_t)in * out_channels + out) * 9;
-    float g[9], across[3 * CONV_REACH];
-    for (int i = 0; i < 9; ++i)
-        g[i] = known ? w[from + (to_coarse ? i : 8 - i)] : 0.0f;
-    for (int r = 0; r < 3; ++r)
-        conv_weights_1d(g + 3 * r, 1, across + CONV_REACH * r);
-    for (int c = 0; c < CONV_REACH; ++c) {
-        float down[CONV_REACH];
-        conv_weights_1d(across + c, CONV_REACH, down);
-        for (int r = 0; r < CONV_REACH; ++r)
-            packed[((size_t)((r * CONV_REACH + c) * groups + out / lanes) * get_global_size(1) + in) * lanes +
-                   out % lanes] = down[r];
+    const int out = get_global_id(0) * CONV_PACK, first = get_global_id(1) * CONV_PACK;
+    const size_t ins = get_global_size(1) * CONV_PACK, place = get_global_size(0) * CONV_PACK * ins;
+    for (int in = first; in < first + CONV_PACK; ++in) {
+        const conv_kernels kernels = conv_kernels_of(w + w_offset, in, in_channels, out_channels, to_coarse, 9);
+        __global float *to = packed + (out / lanes * ins + in) * lanes + out % lanes;
+        conv_pack_v g[9], across[3 * CONV_REACH];
+        for (int i = 0; i < 9; ++i)
+            g[i] = conv_kernels_at(&kernels, to_coarse ? i : 8 - i);
+        for (int r = 0; r < 3; ++r)
+            conv_weights_1d(g + 3 * r, 1, across + CONV_REACH * r);
+        for (int c = 0; c < CONV_REACH; ++c) {
+            conv_pack_v down[CONV_REACH];
+            conv_weights_1d(across + c, CONV_REACH, down);
+            for (int r = 0; r < CONV_REACH; ++r)
+                CONV_PACK_STORE(down[r], to + (r * CONV_REACH + c) * place);
+        }
     }
 }

@@ -62,10 +62,12 @@ hada_status hada_conv_pack(hada_conv *conv, int index, cl_mem weights, size_t of
                              HADA_ARG(block),
                              HADA_ARG(pass->lanes),
                              HADA_ARG(packed->mem)};
-    const size_t local[3] = {8, 1, 1};
-    const size_t global[3] = {rounded((size_t)pass->out_channels, (size_t)pass->lanes),
-                              rounded((size_t)pass->in_channels, (size_t)block), 1};
-    return hada_conv_launch(conv->slot, "conv_pack", "conv_pack", "", global, local, args, HADA_COUNT(args), err);
+    const size_t each = conv->plan.groups ? 1 : 8;
+    const size_t local[3] = {8 / each, 1, 1};
+    const size_t global[3] = {rounded((size_t)pass->out_channels, (size_t)pass->lanes) / each,
+                              rounded((size_t)pass->in_channels, (size_t)block) / each, 1};
+    return hada_conv_launch(conv->slot, "conv_pack", "conv_pack", each == 1 ? "" : "-DCONV_PACK=8", global, local, args,
+                            HADA_COUNT(args), err);
 }
 
 hada_status hada_conv_pool(hada_conv *conv, const hada_tensor *y, const hada_tensor *pooled, hada_error *err)

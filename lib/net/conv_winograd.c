@@ -18,9 +18,9 @@ hada_status hada_conv_winograd_pack(hada_conv *conv, int index, cl_mem weights, 
     const hada_conv_pass *pass = &conv->plan.pass[index];
     const size_t block = (size_t)conv->plan.block;
     const cl_ulong from = offset;
-    const size_t local[3] = {8, 1, 1};
-    const size_t global[3] = {blocks_of(pass->out_channels, conv->plan.block) * block,
-                              blocks_of(pass->in_channels, conv->plan.block) * block, 1};
+    const size_t local[3] = {1, 1, 1};
+    const size_t global[3] = {blocks_of(pass->out_channels, conv->plan.block) * block / 8,
+                              blocks_of(pass->in_channels, conv->plan.block) * block / 8, 1};
     const hada_arg args[] = {HADA_ARG(weights),
                              HADA_ARG(from),
                              HADA_ARG(pass->in_channels),
@@ -28,8 +28,9 @@ hada_status hada_conv_winograd_pack(hada_conv *conv, int index, cl_mem weights, 
                              HADA_ARG(pass->to_coarse),
                              HADA_ARG(pass->lanes),
                              HADA_ARG(conv->weights[index].mem)};
-    return hada_conv_launch(conv->slot, "conv_pack", "conv_winograd_pack", pass->tile == 4 ? "" : "-DCONV_TILE=2",
-                            global, local, args, HADA_COUNT(args), err);
+    return hada_conv_launch(conv->slot, "conv_pack", "conv_winograd_pack",
+                            pass->tile == 4 ? "-DCONV_PACK=8" : "-DCONV_PACK=8 -DCONV_TILE=2", global, local, args,
+                            HADA_COUNT(args), err);
 }
 
 static void make_options(const hada_conv *conv, const hada_conv_pass *pass, char *options, size_t size)

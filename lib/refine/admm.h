@@ -55,8 +55,12 @@ typedef enum hada_refine_start {
     HADA_REFINE_ON = 2    /* from planes and duals as the last run left them */
 } hada_refine_start;
 
-/* A `stop` that ended within 0.1 dB of the best number of steps (docs/refinement.md). */
-#define HADA_REFINE_STOP 0.01
+/* A `stop` that ended within 0.1 dB of the best number of steps (docs/refinement.md). Padded, what is known of a step
+ * is |b - v| within the frame, which settles before the planes do. */
+static inline double hada_refine_stop(hada_boundary boundary)
+{
+    return boundary == HADA_BOUNDARY_PADDED ? 0.003 : 0.01;
+}
 
 typedef struct hada_refine_rule {
     int steps;         /* linear steps, 1 to max_steps; the first is the joint linear filter */

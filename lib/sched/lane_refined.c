@@ -21,7 +21,7 @@ static hada_refine_rule rule_of(const hada_plan *plan)
     hada_refine_rule_init(&rule);
     rule.steps = plan->shape.steps;
     rule.rho = hada_model_get_info(plan->model)->refine_rho * hada_model_gain(plan->model);
-    rule.stop = plan->options.refine < 0 ? HADA_REFINE_STOP : 0;
+    rule.stop = plan->options.refine < 0 ? hada_refine_stop(hada_model_get_info(plan->model)->boundary) : 0;
     return rule;
 }
 

@@ -134,7 +134,7 @@ static hada_status refine(hada_planes *planes, int depth, hada_error *err)
     hada_refine_rule_init(&rule);
     rule.steps = info->refine_steps;
     rule.rho = info->refine_rho * hada_model_gain(planes->model);
-    rule.stop = HADA_REFINE_STOP;
+    rule.stop = hada_refine_stop(info->boundary);
     return hada_refiner_run(planes->refiner, &data, &rule, 1, 1, list, NULL, err);
 }
 

@@ -3,7 +3,8 @@
 
 #include "net/conv_internal.h"
 
-enum { PLACES = 36 };
+/* A part has so many tiles at least: its sums are written once, however few it has. */
+enum { PLACES = 36, LEAST_TILES = 12 };
 
 static size_t blocks_of(const hada_tensor *tensor)
 {
@@ -102,7 +103,7 @@ hada_status hada_conv_winograd_weights(hada_conv *conv, const hada_tensor *coars
     const int all = ((coarse->rows + 3) / 4) * ((coarse->cols + 3) / 4) * coarse->images;
     hada_status status = HADA_OK;
     if (g->tiles) {
-        const cl_int parts = g->parts < all ? g->parts : all;
+        const cl_int most = (all + LEAST_TILES - 1) / LEAST_TILES, parts = g->parts < most ? g->parts : most;
         status = by_parts(conv, coarse, fine, parts, err);
         if (!status)
             status = reduce(conv, coarse, fine, 0, parts, dw, offset, accumulate, err);

@@ -152,6 +152,7 @@ static void fit(const stress_device *device, pair_kind kind, int64_t pairs, cons
         options.raw_cols = options.window_cols = cols;
         options.lambda = lambdas[k];
         options.refine_steps = 0;
+        options.nonnegative = 0; /* F1 bounds the quotient of the sums */
         ASSERT_OK(hada_fitter_create(&fitter, device->context, &options, err));
         for (int64_t i = 0; i < pairs; i++) {
             fill_pair(kind, i, &raw, &scene);

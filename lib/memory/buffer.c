@@ -143,6 +143,28 @@ hada_status hada_buffer_read(const hada_buffer *buffer, hada_slot *slot, size_t 
     return HADA_OK;
 }
 
+hada_status hada_buffer_map(const hada_buffer *buffer, hada_slot *slot, void **data, hada_error *err)
+{
+    cl_int code;
+    *data = clEnqueueMapBuffer(slot->queue, buffer->mem, CL_TRUE, CL_MAP_READ | CL_MAP_WRITE, 0, buffer->bytes, 0, NULL,
+                               hada_slot_event(slot), &code);
+    if (code != CL_SUCCESS) {
+        *data = NULL;
+        return hada_fail_cl(err, code, "clEnqueueMapBuffer");
+    }
+    hada_slot_moved(slot, "map", (double)buffer->bytes);
+    return HADA_OK;
+}
+
+hada_status hada_buffer_unmap(const hada_buffer *buffer, hada_slot *slot, void *data, hada_error *err)
+{
+    const cl_int code = clEnqueueUnmapMemObject(slot->queue, buffer->mem, data, 0, NULL, hada_slot_event(slot));
+    if (code != CL_SUCCESS)
+        return hada_fail_cl(err, code, "clEnqueueUnmapMemObject");
+    hada_slot_moved(slot, "unmap", (double)buffer->bytes);
+    return HADA_OK;
+}
+
 hada_status hada_buffer_clear(hada_buffer *buffer, hada_slot *slot, size_t offset, size_t bytes, hada_error *err)
 {
     const cl_uchar zero = 0;

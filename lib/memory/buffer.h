@@ -37,6 +37,11 @@ hada_status hada_buffer_write(hada_buffer *buffer, hada_slot *slot, size_t offse
 hada_status hada_buffer_read(const hada_buffer *buffer, hada_slot *slot, size_t offset, void *data, size_t bytes,
                              hada_error *err);
 
+/* The whole buffer as memory of the host, to read and write, until it is unmapped (enqueued); waits for what is in the
+ * queue. On devices whose memory is the host's nothing is copied. */
+hada_status hada_buffer_map(const hada_buffer *buffer, hada_slot *slot, void **data, hada_error *err);
+hada_status hada_buffer_unmap(const hada_buffer *buffer, hada_slot *slot, void *data, hada_error *err);
+
 /* Fills with zero bytes (enqueued). */
 hada_status hada_buffer_clear(hada_buffer *buffer, hada_slot *slot, size_t offset, size_t bytes, hada_error *err);
 

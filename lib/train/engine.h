@@ -90,6 +90,12 @@ hada_status hada_engine_read(hada_engine *engine, int group, hada_content conten
 hada_status hada_engine_write(hada_engine *engine, int group, hada_content content, const float *values,
                               hada_error *err);
 
+/* The same, to read and change it until it is closed; no other call in between. A net's stand where they are if the
+ * device's memory is the host's, filters in `room`, which takes hada_engine_count() floats. *values: NULL on failure. */
+hada_status hada_engine_open(hada_engine *engine, int group, hada_content content, float *room, float **values,
+                             hada_error *err);
+hada_status hada_engine_close(hada_engine *engine, int group, hada_content content, float *values, hada_error *err);
+
 /* Forward alone, as reconstruction does it: batch norms with their running statistics, no dropout, and what is below
  * zero becomes zero (training looks at what the net and, in FILTERS, the filters give without that). `before` (FILTERS,
  * JOINT: the linear plane; else the input; may be NULL) and `after` are created by the call at the window's size where

@@ -244,3 +244,27 @@ hada_status hada_engine_write(hada_engine *engine, int group, hada_content conte
     return group < HADA_GROUP_FILTERS ? hada_buffer_write(buffer, engine->slot, 0, values, buffer->bytes, err)
                                       : write_filters(engine, buffer, values, err);
 }
+
+hada_status hada_engine_open(hada_engine *engine, int group, hada_content content, float *room, float **values,
+                             hada_error *err)
+{
+    void *mapped = room;
+    *values = NULL;
+    if (!has_group(engine, group))
+        return no_group(group, err);
+    const hada_buffer *buffer = content_of(engine, group, content);
+    const hada_status status = group < HADA_GROUP_FILTERS ? hada_buffer_map(buffer, engine->slot, &mapped, err)
+                                                          : read_filters(engine, buffer, room, err);
+    if (!status)
+        *values = mapped;
+    return status;
+}
+
+hada_status hada_engine_close(hada_engine *engine, int group, hada_content content, float *values, hada_error *err)
+{
+    if (group >= HADA_GROUP_FILTERS)
+        return hada_engine_write(engine, group, content, values, err);
+    if (content == HADA_CONTENT_VALUES)
+        changed(engine, group);
+    return hada_buffer_unmap(content_of(engine, group, content), engine->slot, values, err);
+}

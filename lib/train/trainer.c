@@ -74,17 +74,17 @@ static hada_status make_worker(hada_trainer *trainer, int number, hada_context *
     return status;
 }
 
-/* Room for what workers exchange: the largest group. */
+/* Room for what workers exchange: a depth's filters. */
 static hada_status make_exchange(hada_trainer *trainer, hada_error *err)
 {
     size_t most = 0;
     hada_status status = HADA_OK;
-    for (int g = 0; g < trainer->groups; g++) {
+    for (int g = HADA_GROUP_FILTERS; g < trainer->groups; g++) {
         const size_t count = hada_engine_count(trainer->workers->engine, g, HADA_CONTENT_VALUES);
         most = count > most ? count : most;
     }
-    for (int i = 0; !status && trainer->worker_count > 1 && i < trainer->worker_count; i++)
-        status = hada_alloc_raw((void **)&trainer->workers[i].values, most, sizeof(float), "averaging", err);
+    for (int i = 0; !status && most && trainer->worker_count > 1 && i < trainer->worker_count; i++)
+        status = hada_alloc_raw((void **)&trainer->workers[i].room, most, sizeof(float), "averaging", err);
     return status;
 }
 
@@ -214,7 +214,7 @@ static void free_worker(const hada_trainer *trainer, hada_worker *worker)
     free(worker->samples);
     free(worker->own);
     free(worker->touched);
-    free(worker->values);
+    free(worker->room);
 }
 
 void hada_trainer_destroy(hada_trainer **pointer)

@@ -38,7 +38,8 @@ typedef struct hada_worker {
     int count;
     hada_terms terms;
     unsigned char *touched; /* depths, of the step */
-    float *values;          /* room for the largest group, where there are several workers */
+    float *values;          /* of a group, while it is averaged */
+    float *room;            /* for a depth's filters, where there are several workers */
     hada_status status;
     hada_error error;
 } hada_worker;

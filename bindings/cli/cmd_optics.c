@@ -166,34 +166,17 @@ static hada_status write_all(hada_cli *cli, const settings *set, const hada_came
     return status;
 }
 
-/* The folder grows beside, and takes its name when it is whole. */
-static hada_status write_whole(hada_cli *cli, const settings *set, const hada_camera *camera,
-                               hada_optics_report *report, hada_error *err)
+typedef struct writing {
+    hada_cli *cli;
+    const settings *set;
+    const hada_camera *camera;
+    hada_optics_report *report;
+} writing;
+
+static hada_status fill_folder(void *user, const char *folder, hada_error *err)
 {
-    size_t length = strlen(set->output);
-    while (length > 1 && set->output[length - 1] == '/')
-        length--;
-    char *target = strndup(set->output, length);
-    char *beside = target ? hada_cli_text("%s.part-%ld", target, (long)getpid()) : NULL;
-    hada_status status = HADA_OK;
-    if (!beside)
-        status = hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
-    else if (!hada_cli_is_vacant(target))
-        status = hada_cli_error(err, HADA_ERROR_FILE_WRITE,
-                                "%s is there already and not an empty folder; choose another name with -o, or move it "
-                                "away",
-                                target);
-    if (!status && !(status = hada_cli_make_folder(beside, err))) {
-        status = write_all(cli, set, camera, report, beside, err);
-        if (!status && rename(beside, target))
-            status = hada_cli_error(err, HADA_ERROR_FILE_WRITE, "%s cannot be renamed to %s: %s", beside, target,
-                                    strerror(errno));
-        if (status)
-            hada_cli_remove_tree(beside);
-    }
-    free(beside);
-    free(target);
-    return status;
+    const writing *w = user;
+    return write_all(w->cli, w->set, w->camera, w->report, folder, err);
 }
 
 static const char *number(char *text, size_t size, double value, const char *format)
@@ -238,7 +221,8 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
         return hada_cli_usage(cli, "--threshold takes a number from 0 to 1");
     if (hada_cli_make_camera(&camera, &set->camera, &err))
         return hada_cli_fail(cli, &err);
-    if (write_whole(cli, set, &camera, &report, &err)) {
+    writing w = {.cli = cli, .set = set, .camera = &camera, .report = &report};
+    if (hada_cli_write_folder(set->output, fill_folder, &w, &err)) {
         hada_optics_report_end(&report);
         return hada_cli_fail(cli, &err);
     }

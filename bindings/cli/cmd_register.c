@@ -278,33 +278,42 @@ static hada_status choose_window(const settings *set, const hada_cli_dataset *da
     return status;
 }
 
-/* Everything under the output's name, or nothing. */
-static hada_status write_whole(hada_cli *cli, const settings *set, const hada_cli_dataset *data, const depth *all,
-                               hada_error *err)
-{
+typedef struct writing {
+    hada_cli *cli;
+    const hada_cli_dataset *data;
+    const hada_registration *applied;
     int window[2];
+} writing;
+
+static hada_status fill_folder(void *user, const char *folder, hada_error *err)
+{
+    const writing *w = user;
     hada_cli_progress progress;
+    hada_cli_progress_begin(w->cli, &progress, "pairs", w->data->pairs);
+    hada_status status = hada_cli_register_write(w->cli, w->data, w->applied, w->window[0], w->window[1], folder, err);
+    hada_cli_progress_end(w->cli);
+    return status;
+}
+
+static hada_status write_registered(hada_cli *cli, const settings *set, const hada_cli_dataset *data, const depth *all,
+                                    hada_error *err)
+{
     hada_registration *applied = calloc((size_t)data->depths, sizeof *applied);
-    hada_status status =
-        applied ? choose_window(set, data, all, window, err) : hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
+    if (!applied)
+        return hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
+    for (int z = 0; z < data->depths; z++)
+        applied[z] = all[z].applied;
+    writing w = {.cli = cli, .data = data, .applied = applied};
+    hada_status status = choose_window(set, data, all, w.window, err);
     if (!status)
-        status = hada_cli_make_folder(set->output, err);
-    if (!status) {
-        for (int z = 0; z < data->depths; z++)
-            applied[z] = all[z].applied;
-        hada_cli_progress_begin(cli, &progress, "pairs", data->pairs);
-        status = hada_cli_register_write(cli, data, applied, window[0], window[1], set->output, err);
-        hada_cli_progress_end(cli);
-        if (status)
-            hada_cli_remove_tree(set->output);
-    }
+        status = hada_cli_write_folder(set->output, fill_folder, &w, err);
     free(applied);
     if (!status) {
         hada_cli_say(cli, "%s: %d %s at %d %s, scenes of %dx%d", set->output, data->pairs,
                      data->pairs == 1 ? "pair" : "pairs", data->depths, data->depths == 1 ? "distance" : "distances",
-                     window[0], window[1]);
+                     w.window[0], w.window[1]);
         json_object_set_new(cli->document, "output", json_string(set->output));
-        json_object_set_new(cli->document, "window", json_pack("[i, i]", window[0], window[1]));
+        json_object_set_new(cli->document, "window", json_pack("[i, i]", w.window[0], w.window[1]));
     }
     return status;
 }
@@ -328,7 +337,7 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
     if (!status)
         report(cli, &data, all);
     if (!status && set->output)
-        status = write_whole(cli, set, &data, all, &err);
+        status = write_registered(cli, set, &data, all, &err);
     free(all);
     hada_cli_dataset_free(&data);
     return status ? hada_cli_fail(cli, &err) : HADA_EXIT_OK;

@@ -113,37 +113,18 @@ static hada_status simulate(hada_cli *cli, const settings *set, const hada_camer
     return status;
 }
 
-/* The data set grows in a folder beside, and takes its name when it is whole. */
-static hada_status write_whole(hada_cli *cli, const settings *set, const hada_camera *camera, hada_cli_recipe *recipe,
-                               hada_error *err)
+typedef struct writing {
+    hada_cli *cli;
+    const settings *set;
+    const hada_camera *camera;
+    hada_cli_recipe *recipe;
+} writing;
+
+static hada_status fill_folder(void *user, const char *folder, hada_error *err)
 {
-    size_t length = strlen(set->output);
-    while (length > 1 && set->output[length - 1] == '/')
-        length--;
-    char *target = strndup(set->output, length);
-    char *beside = target ? hada_cli_text("%s.part-%ld", target, (long)getpid()) : NULL;
-    hada_status status = HADA_OK;
-    if (!beside)
-        status = hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
-    else if (!hada_cli_is_vacant(target))
-        status = hada_cli_error(err, HADA_ERROR_FILE_WRITE,
-                                "%s is there already and not an empty folder; choose another name with -o, or move it "
-                                "away",
-                                target);
-    if (!status)
-        status = hada_cli_make_folder(beside, err);
-    if (!status) {
-        recipe->folder = beside;
-        status = simulate(cli, set, camera, recipe, err);
-        if (!status && rename(beside, target))
-            status = hada_cli_error(err, HADA_ERROR_FILE_WRITE, "%s cannot be renamed to %s: %s", beside, target,
-                                    strerror(errno));
-        if (status)
-            hada_cli_remove_tree(beside);
-    }
-    free(beside);
-    free(target);
-    return status;
+    const writing *w = user;
+    w->recipe->folder = folder;
+    return simulate(w->cli, w->set, w->camera, w->recipe, err);
 }
 
 static int run(hada_cli *cli, void *user, int count, const char **arguments)
@@ -165,7 +146,8 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
     if (!status)
         status = hada_cli_make_sensor(&sensor, &set->frame, &err);
     if (!status)
-        status = write_whole(cli, set, &camera, &recipe, &err);
+        status = hada_cli_write_folder(set->output, fill_folder,
+                                       &(writing){.cli = cli, .set = set, .camera = &camera, .recipe = &recipe}, &err);
     hada_cli_sensor_free(&sensor);
     if (status)
         return hada_cli_fail(cli, &err);

@@ -189,3 +189,33 @@ void hada_cli_remove_tree(const char *path)
 {
     nftw(path, remove_one, 16, FTW_DEPTH | FTW_PHYS);
 }
+
+hada_status hada_cli_write_folder(const char *path,
+                                  hada_status (*fill)(void *user, const char *folder, hada_error *err), void *user,
+                                  hada_error *err)
+{
+    size_t length = strlen(path);
+    while (length > 1 && path[length - 1] == '/')
+        length--;
+    char *target = strndup(path, length);
+    char *beside = target ? hada_cli_text("%s.part-%ld", target, (long)getpid()) : NULL;
+    hada_status status = HADA_OK;
+    if (!beside)
+        status = hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
+    else if (!hada_cli_is_vacant(target))
+        status = hada_cli_error(err, HADA_ERROR_FILE_WRITE,
+                                "%s is there already and not an empty folder; choose another name with -o, or move it "
+                                "away",
+                                target);
+    if (!status && !(status = hada_cli_make_folder(beside, err))) {
+        status = fill(user, beside, err);
+        if (!status && rename(beside, target))
+            status = hada_cli_error(err, HADA_ERROR_FILE_WRITE, "%s cannot be renamed to %s: %s", beside, target,
+                                    strerror(errno));
+        if (status)
+            hada_cli_remove_tree(beside);
+    }
+    free(beside);
+    free(target);
+    return status;
+}

@@ -24,6 +24,12 @@ hada_status hada_cli_check_output(const char *path, hada_error *err);
 /* Writes a file beside its place and renames it: all of it, or nothing. */
 hada_status hada_cli_write_text(const char *path, const char *text, size_t size, hada_error *err);
 
+/* Makes a folder that is not there yet, or empty: `fill` writes into one beside, which takes the name when it is whole
+ * and goes away where it is not. */
+hada_status hada_cli_write_folder(const char *path,
+                                  hada_status (*fill)(void *user, const char *folder, hada_error *err), void *user,
+                                  hada_error *err);
+
 /* The names of a folder's TIFF files (.tif, .tiff in any case; hidden ones left out), sorted. Freed with
  * hada_cli_free_names. */
 hada_status hada_cli_list_tiffs(const char *folder, char ***names, int *count, hada_error *err);

@@ -3,54 +3,15 @@
  *   classic_oracle run METHOD ROWS COLS DEPTHS PADDED FRAME(4) SUPPORT(4) ITERATIONS PRIOR WEIGHT STEP INNER LEVELS
  *                      ACCELERATE FLAT FLOOR SEEN MU1 MU2 MU3 LAMBDA     otf, image
  *   classic_oracle tv|haar ROWS COLS WEIGHT INNER|LEVELS PLAIN           image */
-#include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
+#include "oracle_words.h"
 #include "ref/ref_classic.h"
 
-static char **words;
-
-static void quit(const char *why)
+static void give_checked(hada_status status, const hada_error *error, double *values, size_t count)
 {
-    fprintf(stderr, "classic_oracle: %s\n", why);
-    exit(1);
-}
-
-static double number(void)
-{
-    if (!*words)
-        quit("too few words");
-    return strtod(*words++, NULL);
-}
-
-static int whole(void)
-{
-    return (int)number();
-}
-
-static double *room(size_t count)
-{
-    double *values = calloc(count + 1, sizeof *values);
-    if (!values)
-        quit("no memory");
-    return values;
-}
-
-static double *take(size_t count)
-{
-    double *values = room(count);
-    if (fread(values, sizeof *values, count, stdin) != count)
-        quit("too little input");
-    return values;
-}
-
-static void give(hada_status status, const hada_error *error, double *values, size_t count)
-{
-    if (status)
-        quit(error->message);
-    if (fwrite(values, sizeof *values, count, stdout) != count)
-        quit("cannot write");
+    check(status, error);
+    give(values, count);
     free(values);
 }
 
@@ -93,7 +54,7 @@ static void run(void)
     double *planes = room(depths * pixels);
     p.otf = otf;
     p.image = image;
-    give(hada_ref_classic_run(&p, planes, NULL, &error), &error, planes, depths * pixels);
+    give_checked(hada_ref_classic_run(&p, planes, NULL, &error), &error, planes, depths * pixels);
     free(otf);
     free(image);
 }
@@ -108,7 +69,7 @@ static void proximal(int tv)
     double *image = take(pixels), *duals = room(2 * pixels);
     const hada_status status = tv ? hada_ref_tv(image, duals, rows, cols, weight, count, &error)
                                   : hada_ref_haar(image, rows, cols, weight, count, plain, &error);
-    give(status, &error, image, pixels);
+    give_checked(status, &error, image, pixels);
     free(duals);
 }
 

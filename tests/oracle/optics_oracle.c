@@ -7,62 +7,14 @@
  *   optics_oracle mask COUNT WAVES                          path, open
  *   optics_oracle travel ROWS BLOCKS                        spectra, across, down
  *   optics_oracle sensor ROWS COLS ROW COL WIDTH PIXEL_ROWS PIXEL_COLS   real and imaginary part */
-#include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
+#include "oracle_words.h"
 #include "ref/ref_optics.h"
 
-static char **words;
-
-static double number(void)
+static void give_away(double *values, size_t count)
 {
-    if (!*words) {
-        fprintf(stderr, "optics_oracle: too few words\n");
-        exit(2);
-    }
-    return atof(*words++);
-}
-
-static int whole(void)
-{
-    return (int)number();
-}
-
-static double *room(size_t count)
-{
-    double *values = calloc(count + 1, sizeof *values);
-    if (!values) {
-        fprintf(stderr, "optics_oracle: no memory\n");
-        exit(2);
-    }
-    return values;
-}
-
-static double *take(size_t count)
-{
-    double *values = room(count);
-    if (fread(values, sizeof *values, count, stdin) != count) {
-        fprintf(stderr, "optics_oracle: too little input\n");
-        exit(2);
-    }
-    return values;
-}
-
-/* Values that are floats, as devices have them. */
-static float *take_floats(size_t count)
-{
-    double *values = take(count);
-    float *floats = (float *)(void *)room(count);
-    for (size_t i = 0; i < count; i++)
-        floats[i] = (float)values[i];
-    free(values);
-    return floats;
-}
-
-static void give(double *values, size_t count)
-{
-    fwrite(values, sizeof *values, count, stdout);
+    give(values, count);
     free(values);
 }
 
@@ -79,7 +31,7 @@ static void points(int pixel)
             out[i] = hada_ref_wave_pixel(field, n, step, x, y, lambda, z, d, at[2 * i], at[2 * i + 1], width, parts);
         else
             hada_ref_fresnel(field, n, step, x, y, lambda, z, d, at[2 * i], at[2 * i + 1], out + 2 * i);
-    give(out, (size_t)each * (size_t)count);
+    give_away(out, (size_t)each * (size_t)count);
     free(field);
     free(at);
 }
@@ -92,7 +44,7 @@ static void pupil(void)
     float *phase = take_floats(4 * (size_t)pitch), *bounds = take_floats(4 * (size_t)planes);
     double *out = room(2 * (size_t)n * (size_t)pitch);
     hada_ref_wave_pupil(phase, x, y, bounds, planes, n, pitch, step, radius, aperture, out);
-    give(out, 2 * (size_t)n * (size_t)pitch);
+    give_away(out, 2 * (size_t)n * (size_t)pitch);
     free(phase);
     free(bounds);
 }
@@ -104,7 +56,7 @@ static void spot(void)
     float *spectra = take_floats(2 * half);
     double *out = room((size_t)pixels * (size_t)pixels);
     hada_ref_wave_spot(spectra, spectra + half, pixels, samples, out);
-    give(out, (size_t)pixels * (size_t)pixels);
+    give_away(out, (size_t)pixels * (size_t)pixels);
     free(spectra);
 }
 
@@ -115,7 +67,7 @@ static void mask(void)
     float *path = take_floats(count), *open = take_floats(count);
     double *out = room(2 * count);
     hada_ref_wave_mask(path, open, count, waves, out);
-    give(out, 2 * count);
+    give_away(out, 2 * count);
     free(path);
     free(open);
 }
@@ -128,7 +80,7 @@ static void travel(void)
           *down = take_floats(2 * (size_t)rows);
     double *out = room(2 * count);
     hada_ref_wave_travel(spectra, spectra + count, across, down, rows, blocks, out);
-    give(out, 2 * count);
+    give_away(out, 2 * count);
     free(spectra);
     free(across);
     free(down);
@@ -143,7 +95,7 @@ static void sensor(void)
     float *field = take_floats(2 * count);
     double *out = room(pixels);
     hada_ref_wave_sensor(field, field + count, rows, cols, row, col, width, pixel_rows, pixel_cols, out);
-    give(out, pixels);
+    give_away(out, pixels);
     free(field);
 }
 

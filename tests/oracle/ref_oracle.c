@@ -11,10 +11,9 @@
  *   ref_oracle crop IN_ROWS IN_COLS CHANNELS ROWS COLS PARTS FACTOR TAPERS INVERT
  *   ref_oracle train SPLIT (ten numbers of hada_ref_grid)   raw frame, filter, gradient of the window
  *   ref_oracle product PRODUCT ROWS COLS BAND_ROWS BAND_COLS   spectrum, filter */
-#include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
+#include "oracle_words.h"
 #include "ref/ref_convolve.h"
 #include "ref/ref_fft.h"
 #include "ref/ref_fit.h"
@@ -22,66 +21,6 @@
 #include "ref/ref_refine.h"
 #include "ref/ref_spectrum.h"
 #include "ref/ref_train.h"
-
-static char **words;
-
-static void quit(const char *why)
-{
-    fprintf(stderr, "ref_oracle: %s\n", why);
-    exit(1);
-}
-
-static double number(void)
-{
-    if (!*words)
-        quit("too few words");
-    return strtod(*words++, NULL);
-}
-
-static int whole(void)
-{
-    return (int)number();
-}
-
-static double *room(size_t count)
-{
-    double *values = calloc(count + 1, sizeof *values);
-    if (!values)
-        quit("no memory");
-    return values;
-}
-
-static double *take(size_t count)
-{
-    double *values = room(count);
-    if (fread(values, sizeof *values, count, stdin) != count)
-        quit("too little input");
-    return values;
-}
-
-static float *take_floats(size_t count)
-{
-    double *values = take(count);
-    float *floats = calloc(count + 1, sizeof *floats);
-    if (!floats)
-        quit("no memory");
-    for (size_t i = 0; i < count; i++)
-        floats[i] = (float)values[i];
-    free(values);
-    return floats;
-}
-
-static void give(const double *values, size_t count)
-{
-    if (fwrite(values, sizeof *values, count, stdout) != count)
-        quit("cannot write");
-}
-
-static void check(hada_status status, const hada_error *error)
-{
-    if (status)
-        quit(error->message);
-}
 
 static size_t half_count(int rows, int cols)
 {

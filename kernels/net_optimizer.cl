@@ -30,19 +30,20 @@ static inline __attribute__((always_inline)) void optimizer_put(float8 v, __glob
     for (uint i = get_global_id(1) * OPTIMIZER_RUN + 8 * get_global_id(0);                                             \
          i < min((uint)(get_global_id(1) + 1) * OPTIMIZER_RUN, count); i += 8 * get_global_size(0))
 
-/* Keras: eps below the root, decay of the parameters themselves, steps with their rate in the momentum. PyTorch
+/* `scale` multiplies the gradient before all else.
+ * Keras: eps below the root, decay of the parameters themselves, steps with their rate in the momentum. PyTorch
  * (`outside`): eps beside the root, decay through the gradient, the rate outside the momentum. State: v, then a where
  * centered, then b where there is momentum. */
 __kernel void net_optimizer_rmsprop(__global const float *gradient, ulong gradient_offset, __global float *parameters,
                                     ulong parameters_offset, __global float *state, ulong state_offset, uint count,
-                                    float rate, float decay, float rest, float eps, float momentum,
+                                    float scale, float rate, float decay, float rest, float eps, float momentum,
                                     float weight_decay, int centered, int outside)
 {
     __global const float *grad = gradient + gradient_offset;
     __global float *values = parameters + parameters_offset, *squares = state + state_offset;
     __global float *means = squares + count, *moving = squares + (centered ? 2 : 1) * (size_t)count;
     OPTIMIZER_EACH (i, count) {
-        float8 g = optimizer_get(grad, i, count), p = optimizer_get(values, i, count);
+        float8 g = scale * optimizer_get(grad, i, count), p = optimizer_get(values, i, count);
         if (outside)
             g = fma((float8)weight_decay, p, g);
         else
@@ -67,14 +68,14 @@ __kernel void net_optimizer_rmsprop(__global const float *gradient, ulong gradie
  * weight_decay through the gradient. State: m, v. */
 __kernel void net_optimizer_adam(__global const float *gradient, ulong gradient_offset, __global float *parameters,
                                  ulong parameters_offset, __global float *state, ulong state_offset, uint count,
-                                 float rate1, float root2, float beta1, float rest1, float beta2, float rest2,
-                                 float eps, float weight_decay, float shrink)
+                                 float scale, float rate1, float root2, float beta1, float rest1, float beta2,
+                                 float rest2, float eps, float weight_decay, float shrink)
 {
     __global const float *grad = gradient + gradient_offset;
     __global float *values = parameters + parameters_offset, *means = state + state_offset, *squares = means + count;
     OPTIMIZER_EACH (i, count) {
         const float8 p = optimizer_get(values, i, count);
-        const float8 g = fma((float8)weight_decay, p, optimizer_get(grad, i, count));
+        const float8 g = fma((float8)weight_decay, p, scale * optimizer_get(grad, i, count));
         const float8 m = fma((float8)beta1, optimizer_get(means, i, count), rest1 * g);
         const float8 v = fma((float8)beta2, optimizer_get(squares, i, count), rest2 * g * g);
         optimizer_put(m, means, i, count);

@@ -11,7 +11,7 @@ enum { RUN = 4096, ROW_ITEMS = 32 };
 
 void hada_optimizer_desc_init(hada_optimizer_desc *desc, hada_optimizer optimizer)
 {
-    *desc = (hada_optimizer_desc){.optimizer = optimizer, .beta1 = 0.9, .beta2 = 0.999, .eps = 1e-8};
+    *desc = (hada_optimizer_desc){.optimizer = optimizer, .beta1 = 0.9, .beta2 = 0.999, .eps = 1e-8, .scale = 1.0};
     desc->decay = optimizer == HADA_OPTIMIZER_RMSPROP ? 0.9 : 0.99;
     if (optimizer == HADA_OPTIMIZER_RMSPROP)
         desc->eps = 1e-7;
@@ -47,6 +47,8 @@ static hada_status check_optimizer(const hada_optimizer_desc *desc, uint64_t ste
         if (!(shares[i] >= 0.0 && shares[i] < 1.0))
             return hada_fail(err, HADA_ERROR_ARGUMENT, "decay, momentum and betas must be from 0 to below 1, not %g",
                              shares[i]);
+    if (!isfinite(desc->scale))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "a gradient cannot be scaled by %g", desc->scale);
     if (!(desc->eps > 0.0 && isfinite(desc->eps)) || !(desc->weight_decay >= 0.0 && isfinite(desc->weight_decay)))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "eps must be above 0 and weight decay at least 0, not %g and %g",
                          desc->eps, desc->weight_decay);
@@ -69,15 +71,16 @@ static hada_status rmsprop(hada_slot *slot, const hada_optimizer_desc *desc, dou
 {
     const cl_ulong at_gradient = gradient.offset, at_parameters = parameters.offset, at_state = state.offset;
     const cl_uint values = (cl_uint)count;
+    const cl_float scale = (cl_float)desc->scale;
     const cl_float step = (cl_float)rate, decay = (cl_float)desc->decay, rest = (cl_float)(1.0 - desc->decay);
     const cl_float eps = (cl_float)desc->eps, momentum = (cl_float)desc->momentum;
     const cl_float weight_decay = (cl_float)desc->weight_decay;
     const cl_int centered = desc->centered != 0, outside = desc->optimizer == HADA_OPTIMIZER_RMSPROP_TORCH;
-    const hada_arg args[] = {HADA_ARG(gradient.mem),  HADA_ARG(at_gradient), HADA_ARG(parameters.mem),
-                             HADA_ARG(at_parameters), HADA_ARG(state.mem),   HADA_ARG(at_state),
-                             HADA_ARG(values),        HADA_ARG(step),        HADA_ARG(decay),
-                             HADA_ARG(rest),          HADA_ARG(eps),         HADA_ARG(momentum),
-                             HADA_ARG(weight_decay),  HADA_ARG(centered),    HADA_ARG(outside)};
+    const hada_arg args[] = {
+        HADA_ARG(gradient.mem), HADA_ARG(at_gradient),  HADA_ARG(parameters.mem), HADA_ARG(at_parameters),
+        HADA_ARG(state.mem),    HADA_ARG(at_state),     HADA_ARG(values),         HADA_ARG(scale),
+        HADA_ARG(step),         HADA_ARG(decay),        HADA_ARG(rest),           HADA_ARG(eps),
+        HADA_ARG(momentum),     HADA_ARG(weight_decay), HADA_ARG(centered),       HADA_ARG(outside)};
     return launch(slot, "net_optimizer_rmsprop", count, args, HADA_COUNT(args), err);
 }
 
@@ -87,17 +90,19 @@ static hada_status adam(hada_slot *slot, const hada_optimizer_desc *desc, uint64
     const int decoupled = desc->optimizer == HADA_OPTIMIZER_ADAMW;
     const cl_ulong at_gradient = gradient.offset, at_parameters = parameters.offset, at_state = state.offset;
     const cl_uint values = (cl_uint)count;
+    const cl_float scale = (cl_float)desc->scale;
     const cl_float rate1 = (cl_float)(rate / (1.0 - pow(desc->beta1, (double)t)));
     const cl_float root2 = (cl_float)(1.0 / sqrt(1.0 - pow(desc->beta2, (double)t)));
     const cl_float beta1 = (cl_float)desc->beta1, rest1 = (cl_float)(1.0 - desc->beta1);
     const cl_float beta2 = (cl_float)desc->beta2, rest2 = (cl_float)(1.0 - desc->beta2), eps = (cl_float)desc->eps;
     const cl_float weight_decay = decoupled ? 0.0f : (cl_float)desc->weight_decay;
     const cl_float shrink = decoupled ? (cl_float)(1.0 - rate * desc->weight_decay) : 1.0f;
-    const hada_arg args[] = {
-        HADA_ARG(gradient.mem), HADA_ARG(at_gradient), HADA_ARG(parameters.mem), HADA_ARG(at_parameters),
-        HADA_ARG(state.mem),    HADA_ARG(at_state),    HADA_ARG(values),         HADA_ARG(rate1),
-        HADA_ARG(root2),        HADA_ARG(beta1),       HADA_ARG(rest1),          HADA_ARG(beta2),
-        HADA_ARG(rest2),        HADA_ARG(eps),         HADA_ARG(weight_decay),   HADA_ARG(shrink)};
+    const hada_arg args[] = {HADA_ARG(gradient.mem),  HADA_ARG(at_gradient), HADA_ARG(parameters.mem),
+                             HADA_ARG(at_parameters), HADA_ARG(state.mem),   HADA_ARG(at_state),
+                             HADA_ARG(values),        HADA_ARG(scale),       HADA_ARG(rate1),
+                             HADA_ARG(root2),         HADA_ARG(beta1),       HADA_ARG(rest1),
+                             HADA_ARG(beta2),         HADA_ARG(rest2),       HADA_ARG(eps),
+                             HADA_ARG(weight_decay),  HADA_ARG(shrink)};
     return launch(slot, "net_optimizer_adam", count, args, HADA_COUNT(args), err);
 }
 
@@ -143,7 +148,7 @@ static hada_status squares(hada_slot *slot, const hada_gradient_part *parts, int
     return status;
 }
 
-hada_status hada_scale_gradient(hada_slot *slot, const hada_gradient_part *part, hada_floats norm, hada_error *err)
+static hada_status scale_part(hada_slot *slot, const hada_gradient_part *part, hada_floats norm, hada_error *err)
 {
     const cl_ulong offset = part->values.offset, at_norm = norm.offset;
     const cl_uint count = (cl_uint)part->count;
@@ -176,6 +181,6 @@ hada_status hada_clip_gradients(hada_slot *slot, const hada_gradient_part *parts
     if (!status)
         status = hada_slot_launch(slot, kernel, "net_optimizer_norm", 2, one, one, ends, HADA_COUNT(ends), err);
     for (int i = 0; !status && max_norm > 0.0f && i < part_count; i++)
-        status = hada_scale_gradient(slot, &parts[i], norm, err);
+        status = scale_part(slot, &parts[i], norm, err);
     return status;
 }

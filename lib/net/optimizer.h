@@ -34,6 +34,7 @@ typedef struct hada_optimizer_desc {
     int centered;        /* RMSprop */
     double beta1, beta2; /* Adam */
     double eps, weight_decay;
+    double scale; /* of the gradient, before all else; 1 */
 } hada_optimizer_desc;
 
 /* The values that the libraries named above start from: decay 0.9, eps 1e-7 (Keras); decay 0.99, eps 1e-8 (PyTorch);
@@ -59,9 +60,6 @@ typedef struct hada_gradient_part {
 size_t hada_clip_scratch(const hada_gradient_part *parts, int part_count);
 hada_status hada_clip_gradients(hada_slot *slot, const hada_gradient_part *parts, int part_count, float max_norm,
                                 hada_floats norm, cl_mem scratch, hada_error *err);
-
-/* Scales a gradient by the factor norm[1]. */
-hada_status hada_scale_gradient(hada_slot *slot, const hada_gradient_part *part, hada_floats norm, hada_error *err);
 
 /* Learning rates: the rate of a step, counted from 0, by a pure function on the host.
  *   CONSTANT  rate

@@ -159,35 +159,18 @@ static void changed(hada_engine *engine, int group)
         engine->new_judge = 1;
 }
 
-/* Multiplies a gradient. */
-static hada_status scale_gradient(hada_engine *engine, const engine_group *it, float factor, hada_error *err)
-{
-    const hada_floats norm = {engine->buffers[ENGINE_TERMS].mem, ENGINE_NORM};
-    const hada_gradient_part part = {{it->gradient.mem, 0}, it->trained};
-    const cl_int code =
-        clEnqueueFillBuffer(engine->slot->queue, norm.mem, &factor, sizeof factor, (ENGINE_NORM + 1) * sizeof factor,
-                            sizeof factor, 0, NULL, hada_slot_event(engine->slot));
-    if (code != CL_SUCCESS)
-        return hada_fail_cl(err, code, "clEnqueueFillBuffer");
-    hada_slot_moved(engine->slot, "fill", sizeof factor);
-    return hada_scale_gradient(engine->slot, &part, norm, err);
-}
-
 hada_status hada_engine_update(hada_engine *engine, int group, uint64_t step, double rate, double scale,
                                hada_error *err)
 {
-    hada_status status = HADA_OK;
     if (!has_group(engine, group))
         return no_group(group, err);
     const engine_group *it = &engine->groups[group];
+    hada_optimizer_desc rule = it->rule;
+    rule.scale = scale;
     hada_slot_stage(engine->slot, "update");
-    if (scale != 1.0)
-        status = scale_gradient(engine, it, (float)scale, err);
     changed(engine, group);
-    return status ? status
-                  : hada_optimizer_step(engine->slot, &it->rule, step, rate, (hada_floats){it->gradient.mem, 0},
-                                        (hada_floats){it->values.mem, 0}, (hada_floats){it->state.mem, 0}, it->trained,
-                                        err);
+    return hada_optimizer_step(engine->slot, &rule, step, rate, (hada_floats){it->gradient.mem, 0},
+                               (hada_floats){it->values.mem, 0}, (hada_floats){it->state.mem, 0}, it->trained, err);
 }
 
 /* Floats of a buffer of filters to and from the model's order, channel by channel. */

@@ -11,7 +11,7 @@
 enum { STEPS = 3 };
 #define RATE 0.01
 
-/* Letters: b the optimiser, c1 centered, m1 momentum, w1 weight decay. */
+/* Letters: b the optimiser, c1 centered, m1 momentum, w1 weight decay, f1 gradients scaled. */
 static hada_optimizer_desc desc_of(const check_state *state)
 {
     hada_optimizer_desc desc;
@@ -19,6 +19,7 @@ static hada_optimizer_desc desc_of(const check_state *state)
     desc.centered = check_get(state, 'c', 0);
     desc.momentum = check_get(state, 'm', 0) ? 0.5 : 0.0;
     desc.weight_decay = check_get(state, 'w', 0) ? 0.125 : 0.0;
+    desc.scale = check_get(state, 'f', 0) ? 0.375 : 1.0;
     desc.eps = 1e-3; /* large enough to see where it stands */
     return desc;
 }
@@ -86,6 +87,8 @@ static hada_status prepare(check_state *state, hada_error *err)
     }
     if (!status)
         status = hada_buffer_write(&own->memory[0], state->slot, 0, small, count * sizeof *small, err);
+    for (size_t i = 0; !status && i < count * STEPS; i++)
+        own->plain[1][i] *= desc.scale;
     if (!status && !state->timing)
         expect(&desc, count, own->plain[1], state->expected);
     if (!status)
@@ -99,7 +102,8 @@ static hada_status prepare(check_state *state, hada_error *err)
 
 const check_op check_net_optimizer = {"net_optimizer",
                                       "n parameters, b 0 RMSprop (Keras), 1 RMSprop (PyTorch), 2 Adam, 3 AdamW, c1 "
-                                      "centered, m1 momentum, w1 weight decay, s1 the state compared",
+                                      "centered, m1 momentum, w1 weight decay, f1 gradients scaled, s1 the "
+                                      "state compared",
                                       prepare, launch, check_net_release};
 
 /* Two parts of the output clipped together; behind them norm and factor. */

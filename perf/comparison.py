@@ -35,6 +35,7 @@ parser.add_argument("--out", default="")
 parser.add_argument("--pictures", default="")
 o = parser.parse_args()
 hadalens = f"{o.build}/bindings/cli/hadalens"
+MARK = "<!-- below this line: perf/comparison.py -->"
 WEIGHTS = ["0.0001", "0.0003", "0.001", "0.003", "0.01"]
 lines = []
 
@@ -238,7 +239,6 @@ def real_hand(source):
 
 with tempfile.TemporaryDirectory() as scratch:
     folder = pathlib.Path(scratch)
-    say("# Comparison")
     say(f"\nMade by `perf/comparison.py`: {o.iterations} iterations, weights of total variation chosen on a frame that is not "
         "scored. `designed`: the OTFs that the simulation used, which nobody has of a real camera; `learned`: estimated from "
         "8 pairs a depth. The net of the enhanced row learned from the same pairs. Depths: `all` of the camera, `told` (those that the scene occupies), or `found` by pursuit. PSNR "
@@ -262,4 +262,6 @@ with tempfile.TemporaryDirectory() as scratch:
     if o.hand:
         real_hand(o.hand)
 if o.out:
-    pathlib.Path(o.out).write_text("\n".join(lines) + "\n")
+    out = pathlib.Path(o.out)  # what a person wrote above the mark stays
+    above = out.read_text().split(MARK)[0] if out.exists() and MARK in out.read_text() else "# Comparison\n\n"
+    out.write_text(above + MARK + "\n" + "\n".join(lines) + "\n")

@@ -40,7 +40,10 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_TEXT, "occupied", 0, "auto|all|LIST", "depths at which the scene has something (default: auto)",
      "auto finds the few depths that explain the frame; the others are dark then. LIST as for --depths.", AT(occupied)},
     {HADA_OPTION_TEXT, "refine", 0, "N|auto|0", "refinement steps on the occupied depths (default: auto)",
-     "auto takes what the fit measured to pay for this camera. 0: the linear filters alone, the quickest.", AT(refine)},
+     "auto takes what the fit measured to pay for this camera. 0: the linear filters alone, the quickest; the default "
+     "with "
+     "--method matched.",
+     AT(refine)},
     {HADA_OPTION_TEXT, "dark", 0, "FILE|auto|none|LEVEL", "dark level of the frames (default: what the model says)",
      "FILE: a dark frame of the camera; auto: each frame's own; LEVEL: a share of full scale.", AT(dark)},
     {HADA_OPTION_FLAG, "repair", 0, NULL, "fill NaN and infinite pixels from their neighbours",
@@ -95,7 +98,7 @@ static const hada_cli_option options[] = {
 static void defaults(void *user)
 {
     settings *set = user;
-    set->occupied = set->refine = "auto";
+    set->occupied = "auto";
     set->skip = "all";
     set->band = 1;
     set->bits = 3;
@@ -138,8 +141,10 @@ static hada_status read_options(job *work, hada_plan_options *plan, hada_error *
                                       &plan->occupied_count, err);
         plan->occupied_list = work->occupied;
     }
+    /* The transposed optics are a way of their own: refinement would take their place. */
+    const char *refine = set->method.method == HADA_CLI_METHOD_MATCHED ? "0" : "auto";
     if (!status)
-        status = hada_cli_read_refine(set->refine, &plan->refine, err);
+        status = hada_cli_read_refine(set->refine ? set->refine : refine, &plan->refine, err);
     if (!status && set->dark) {
         static const hada_dark kinds[] = {HADA_DARK_NONE, HADA_DARK_AUTO, HADA_DARK_LEVEL, HADA_DARK_FRAME};
         status = hada_cli_dark_read(&work->dark, set->dark, err);

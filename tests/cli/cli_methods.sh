@@ -15,6 +15,13 @@ for method in wiener rl fista admm; do
 done
 cmp -s rl/test01_stack.tif fista/test01_stack.tif && fail 'rl and fista gave the same'
 
+# The transposed optics are not refined unless that is asked for.
+expect 0 '' reconstruct "${one[@]}" -o matched --method matched
+expect 0 '' reconstruct "${one[@]}" -o again --method matched --refine 0
+expect 0 '' reconstruct "${one[@]}" -o own
+cmp -s matched/test01_stack.tif again/test01_stack.tif || fail '--method matched is refined'
+cmp -s matched/test01_stack.tif own/test01_stack.tif && fail '--method matched changed nothing'
+
 # Priors, in both ways of saying them.
 expect 0 '' reconstruct "${one[@]}" -o tv --method fista --iterations 8 --tv 0.01
 expect 0 '' reconstruct "${one[@]}" -o same --method fista --iterations 8 --prior tv --weight 0.01

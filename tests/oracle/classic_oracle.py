@@ -1,27 +1,18 @@
 """The references of the classic methods against other software: scikit-image (Richardson-Lucy, Wiener), SciPy's solvers
 and dense matrices, and the iterations of LenslessPiCam in NumPy. Usage: classic_oracle.py CLASSIC_ORACLE"""
-import subprocess
 import sys
 
 try:
     import numpy as np
     import scipy.optimize as optimize
+    from oracle_tool import call
 except ImportError as missing:
     print(f"skipped: {missing}")
     sys.exit(77)
 
-TOOL = sys.argv[1]
 RANDOM = np.random.default_rng(3)
 METHODS = {"wiener": 0, "rl": 1, "fista": 2, "admm": 3}
 PRIORS = {"none": 0, "tv": 1, "wavelet": 2, "haar": 3}
-
-
-def tool(words, *arrays):
-    done = subprocess.run([TOOL, *map(str, words)], input=b"".join(np.ascontiguousarray(a).tobytes() for a in arrays),
-                          capture_output=True, check=False)
-    if done.returncode:
-        raise AssertionError(f"{words}: {done.stderr.decode()}")
-    return np.frombuffer(done.stdout, np.float64)
 
 
 def run(method, psfs, image, frame=None, support=None, iterations=10, prior="none", weight=0.0, step=1.0, inner=5,
@@ -31,7 +22,7 @@ def run(method, psfs, image, frame=None, support=None, iterations=10, prior="non
     whole = (0, 0, rows, cols)
     words = ["run", METHODS[method], rows, cols, depths, int(frame is not None), *(frame or whole), *(support or whole),
              iterations, PRIORS[prior], weight, step, inner, levels, accelerate, flat, floor, seen, *mu, lam]
-    return tool(words, np.fft.rfft2(psfs).view(np.float64), image.astype(np.float64)).reshape(psfs.shape)
+    return call(words, np.fft.rfft2(psfs).view(np.float64), image.astype(np.float64)).reshape(psfs.shape)
 
 
 def compare(name, got, expected, tolerance):
@@ -122,7 +113,7 @@ def dense_solutions():
 def proximal_steps():
     rows, cols, weight = 11, 9, 0.15
     image = RANDOM.standard_normal((rows, cols)) + 0.5
-    got = tool(["tv", rows, cols, weight, 5000, 0], image).reshape(rows, cols)
+    got = call(["tv", rows, cols, weight, 5000, 0], image).reshape(rows, cols)
     # optimality of min 1/2 |x - z|^2 + w |D x|_1, x >= 0: by the same problem as a bounded quadratic one in its dual
     pixels = np.eye(rows * cols).reshape(-1, rows, cols)
     d = np.array([np.concatenate([np.diff(e, axis=k).ravel() for k in (0, 1)]) for e in pixels]).T
@@ -160,10 +151,10 @@ def proximal_steps():
             m = size >> k
             out[:m, :m] = w[k].T @ out[:m, :m] @ w[k]
         return out
-    got = tool(["haar", size, size, weight, 3, 1], image).reshape(size, size)
+    got = call(["haar", size, size, weight, 3, 1], image).reshape(size, size)
     compare("Haar step, orthonormal matrices", got, plain(image, 3), 1e-12)
     shifts = [np.roll(plain(np.roll(image, (-r, -c), (0, 1)), 3), (r, c), (0, 1)) for r in range(8) for c in range(8)]
-    got = tool(["haar", size, size, weight, 3, 0], image).reshape(size, size)
+    got = call(["haar", size, size, weight, 3, 0], image).reshape(size, size)
     middle = slice(8, size - 8)
     compare("Haar step, mean over all shifts", got[middle, middle], np.mean(shifts, 0)[middle, middle], 1e-12)
 

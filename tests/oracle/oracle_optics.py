@@ -1,25 +1,20 @@
 """The references of wave optics against NumPy and SciPy, by formulas of their own. Usage: oracle_optics.py OPTICS_ORACLE"""
-import subprocess
 import sys
 
 try:
     import numpy as np
     import scipy.fft as fft
     import scipy.special as special
+    from oracle_tool import call
 except ImportError as missing:
     print(f"skipped: {missing}")
     sys.exit(77)
 
-TOOL = sys.argv[1]
 RANDOM = np.random.default_rng(1)
 
 
 def run(words, *arrays, shape):
-    flat = [np.ascontiguousarray(a) for a in arrays]
-    data = b"".join((a.view(np.float64) if np.iscomplexobj(a) else a.astype(np.float64)).tobytes() for a in flat)
-    done = subprocess.run([TOOL, *map(str, words)], input=data, capture_output=True, check=False)
-    assert not done.returncode, (words, done.stderr.decode())
-    return np.frombuffer(done.stdout, np.float64).reshape(shape)
+    return call(words, *arrays).reshape(shape)
 
 
 def check(name, got, expected, tolerance=1e-12):

@@ -1,5 +1,4 @@
 """The references of lib/ref against NumPy and SciPy, by formulas of their own. Usage: ref_oracle.py REF_ORACLE"""
-import subprocess
 import sys
 
 try:
@@ -7,22 +6,17 @@ try:
     import scipy.ndimage as ndimage
     import scipy.signal as signal
     import scipy.stats as stats
+    from oracle_tool import call
 except ImportError as missing:
     print(f"skipped: {missing}")
     sys.exit(77)
 
-TOOL = sys.argv[1]
 RANDOM = np.random.default_rng(1)
 
 
 def run(words, *arrays, outputs):
     """Runs the tool; `outputs` are the shapes of its results."""
-    flat = [np.ascontiguousarray(a) for a in arrays]
-    data = b"".join((a.view(np.float64) if np.iscomplexobj(a) else a.astype(np.float64)).tobytes() for a in flat)
-    done = subprocess.run([TOOL, *map(str, words)], input=data, capture_output=True, check=False)
-    if done.returncode:
-        raise AssertionError(f"{words}: {done.stderr.decode()}")
-    values = np.frombuffer(done.stdout, np.float64)
+    values = call(words, *arrays)
     results, at = [], 0
     for shape in outputs:
         count = int(np.prod(shape))

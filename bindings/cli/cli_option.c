@@ -11,10 +11,9 @@ const hada_cli_option hada_cli_device_options[] = {
     {HADA_OPTION_GROUP, NULL, 0, NULL, "Device", NULL, 0},
     {HADA_OPTION_TEXT, "device", 'd', "D", "OpenCL device to work on",
      "An index as 'hadalens devices' shows it, a kind (cpu, gpu, accelerator) or a part of the name; 0:1/2 is the "
-     "first "
-     "half of device 0. reconstruct takes a list, such as 0,1 or cpu/2 (the CPU in two halves). Without it the "
-     "environment variable HADALENS_DEVICE decides, else the first GPU, else the first accelerator with binaries, else "
-     "the first CPU.",
+     "first half of device 0. reconstruct takes a list, such as 0,1 or cpu/2 (the CPU in two halves). Without it the "
+     "environment variable HADALENS_DEVICE decides, else the first GPU, else the first accelerator with binaries, "
+     "else the first CPU.",
      offsetof(hada_cli_common, device)},
     {HADA_OPTION_TEXT, "binaries", 0, "FOLDER", "take compiled kernels from here",
      "A folder made by 'hadalens devices --save-binaries'. Nothing is compiled then, as FPGAs need it.",

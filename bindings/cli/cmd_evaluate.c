@@ -28,8 +28,7 @@ static const hada_cli_option options[] = {
      "Without it they are read from NAME_stack.tif beside NAME_depth.tif.", AT(distances)},
     {HADA_OPTION_FLAG, "authors", 0, NULL, "show PSNR and SSIM also as the code of the 2022 paper computes them",
      "The mean of each pixel's PSNR, and SSIM with twice the data range: for comparing with that paper's figures "
-     "alone. "
-     "--json always has them.",
+     "alone. --json always has them.",
      AT(authors)},
     {HADA_OPTION_GROUP, NULL, 0, NULL, "Where", NULL, 0},
     {HADA_OPTION_TEXT, "window", 0, "HxW[+ROW+COL]", "compare within this rectangle alone",
@@ -37,8 +36,7 @@ static const hada_cli_option options[] = {
      AT(window)},
     {HADA_OPTION_TEXT, "mask", 0, "FILE", "compare only where this image is not 0",
      "A TIFF file of the size of the images, first page. SSIM and sharpness still see the neighbours of the pixels "
-     "that "
-     "count.",
+     "that count.",
      AT(mask)},
     {HADA_OPTION_GROUP, NULL, 0, NULL, "LPIPS", NULL, 0},
     {HADA_OPTION_TEXT, "lpips", 0, "FILE", "weights of VGG-16 or AlexNet (safetensors): adds the perceptual distance",

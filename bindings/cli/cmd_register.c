@@ -357,12 +357,11 @@ const hada_cli_command hada_cli_register = {
         "For pairs captured from a display, whose scene files are the pictures that were shown: finds for each depth "
         "how they are turned, mirrored and magnified on the sensor, without knowing the camera's PSF, and shifts "
         "between the depths. Only with the right transform does one convolution explain all pairs; 'explained' says "
-        "how "
-        "much of the frames' structure it explains when learned from the other pairs, 'otherwise' how much the best "
-        "transform in another orientation does.\n\n"
-        "A shift that all depths share cannot be found, nor does it matter: the PSF takes it up. The first depth stays "
-        "where it is; the others are moved so that their PSFs are scaled copies of its PSF about the middle of the "
-        "frame. Two pairs per depth are the least, five or more are better.",
+        "how much of the frames' structure it explains when learned from the other pairs, 'otherwise' how much the "
+        "best transform in another orientation does.\n\n"
+        "A shift that all depths share cannot be found, nor does it matter: the PSF takes it up. The first depth "
+        "stays where it is; the others are moved so that their PSFs are scaled copies of its PSF about the middle of "
+        "the frame. Two pairs per depth are the least, five or more are better.",
     .options = options,
     .examples = examples,
     .settings_size = sizeof(settings),

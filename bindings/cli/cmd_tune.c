@@ -327,13 +327,11 @@ const hada_cli_command hada_cli_tune = {
     .synopsis = "-o FILE [-m MODEL] [--size HxW]... [--net NAME:HxW]... [OPTION...]",
     .description =
         "Times the own transforms against those of clFFT, which take turns, and writes the faster one for each size; "
-        "and "
-        "for each convolution of a net the methods, tile sizes and shares of work that can serve it. What cannot "
-        "serve, "
-        "or fails its check (known answers, the plain convolution), is left out.\n\n"
+        "and for each convolution of a net the methods, tile sizes and shares of work that can serve it. What cannot "
+        "serve, or fails its check (known answers, the plain convolution), is left out.\n\n"
         "Nothing is ever measured without this command: shipped tables decide, or the tuning file that the "
-        "environment variable HADALENS_TUNING names, so that results stay the same from run to run. Compiling clFFT's "
-        "kernels for a new size can take half a minute.",
+        "environment variable HADALENS_TUNING names, so that results stay the same from run to run. Compiling "
+        "clFFT's kernels for a new size can take half a minute.",
     .options = options,
     .examples = examples,
     .settings_size = sizeof(settings),

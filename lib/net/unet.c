@@ -39,8 +39,7 @@ static hada_status read_widths(const char *text, widths *out, hada_error *err)
             at = *end == ',' ? end + 1 : end;
         } else {
             return hada_fail(err, HADA_ERROR_ARGUMENT,
-                             "the widths \"%.200s\" of a U-net cannot be read at \"%.20s\"; write "
-                             "them as "
+                             "the widths \"%.200s\" of a U-net cannot be read at \"%.20s\"; write them as "
                              "\"16,16|32,32|64,64\", at most %d levels of %d convolutions",
                              text, at, MOST_LEVELS, MOST_CONVS);
         }

@@ -1,32 +1,27 @@
-/* Random numbers that are a function of key and counter alone, for eight counters side by side: Philox4x32 with 10
- * rounds (Salmon, Moraes, Dror, Shaw: "Parallel random numbers: as easy as 1, 2, 3", SC 2011). */
+/* Random numbers that are a function of key and counter alone, for several counters side by side: Philox4x32 (Salmon,
+ * Moraes, Dror, Shaw: "Parallel random numbers: as easy as 1, 2, 3", SC 2011). Its authors recommend 10 rounds; 7 are
+ * the fewest that passed their tests. */
 #ifndef INC_PHILOX_H
 #define INC_PHILOX_H
 
-/* The four words of a counter. */
-typedef struct philox_words {
-    uint8 w0, w1, w2, w3;
-} philox_words;
+/* What holds a word of each counter: a vector of uint. */
+#ifndef PHILOX_BITS
+#define PHILOX_BITS uint8
+#endif
 
-static inline philox_words philox(philox_words c, uint key0, uint key1)
+/* Takes the four words of a counter to four words of random bits. */
+static inline __attribute__((always_inline)) void philox(PHILOX_BITS word[4], int rounds, uint key0, uint key1)
 {
-    for (int round = 0; round < 10; round++) {
-        const uint8 high0 = mul_hi(c.w0, (uint8)0xD2511F53u), low0 = c.w0 * 0xD2511F53u;
-        const uint8 high1 = mul_hi(c.w2, (uint8)0xCD9E8D57u), low1 = c.w2 * 0xCD9E8D57u;
-        c.w0 = high1 ^ c.w1 ^ key0;
-        c.w1 = low1;
-        c.w2 = high0 ^ c.w3 ^ key1;
-        c.w3 = low0;
+    for (int round = 0; round < rounds; round++) {
+        const PHILOX_BITS high0 = mul_hi(word[0], (PHILOX_BITS)0xD2511F53u), low0 = word[0] * 0xD2511F53u;
+        const PHILOX_BITS high1 = mul_hi(word[2], (PHILOX_BITS)0xCD9E8D57u), low1 = word[2] * 0xCD9E8D57u;
+        word[0] = high1 ^ word[1] ^ key0;
+        word[1] = low1;
+        word[2] = high0 ^ word[3] ^ key1;
+        word[3] = low0;
         key0 += 0x9E3779B9u;
         key1 += 0xBB67AE85u;
     }
-    return c;
-}
-
-/* From words to multiples of 2^-24, above 0 and at most 1, exact in single precision. */
-static inline float8 philox_unit(uint8 word)
-{
-    return convert_float8((word >> 8) + 1) * 0x1p-24f;
 }
 
 #endif

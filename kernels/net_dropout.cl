@@ -1,23 +1,10 @@
 /* Dropout: y = x * scale where a random number of 24 bits is at least `threshold`, 0 elsewhere.
  *
- * The numbers come from Philox4x32 with 7 rounds (Salmon, Moraes, Dror, Shaw: "Parallel random numbers: as easy as
- * 1, 2, 3", SC 2011), a function of key and counter alone: the key is the seed (its upper half mixed with that of the
+ * The numbers come from Philox4x32 with 7 rounds: the key is the seed (its upper half mixed with that of the
  * step), the counter (four pixels of a row, channel, image, step); the four words that it makes serve the pixels. */
 #include "inc_layers.h"
-
-NET_INLINE void net_philox(net_bits counter[4], uint key0, uint key1)
-{
-    for (int round = 0; round < 7; round++) {
-        const net_bits high0 = mul_hi(counter[0], (net_bits)0xD2511F53u), low0 = counter[0] * 0xD2511F53u;
-        const net_bits high1 = mul_hi(counter[2], (net_bits)0xCD9E8D57u), low1 = counter[2] * 0xCD9E8D57u;
-        counter[0] = high1 ^ counter[1] ^ key0;
-        counter[1] = low1;
-        counter[2] = high0 ^ counter[3] ^ key1;
-        counter[3] = low0;
-        key0 += 0x9E3779B9u;
-        key1 += 0xBB67AE85u;
-    }
-}
+#define PHILOX_BITS net_bits
+#include "inc_philox.h"
 
 __kernel void net_dropout(__global const float *x, ulong x_offset, ulong x_image, __global float *y, ulong y_offset,
                           ulong y_image, int rows, int cols, int blocks, int span, uint key0, uint key1, uint step,
@@ -34,7 +21,7 @@ __kernel void net_dropout(__global const float *x, ulong x_offset, ulong x_image
             word[1] = NET_AS_BITS(NET_LANE_NUMBERS + part.block * NET_BLOCK);
             word[2] = (net_bits)(uint)part.image;
             word[3] = (net_bits)step;
-            net_philox(word, key0, key1);
+            philox(word, 7, key0, key1);
             for (int k = 0; k < min(4, cols - 4 * quad); k++) {
                 const int at = (4 * quad + k) * NET_BLOCK;
                 const net_vector v = scale * net_get(in + at);

@@ -2,7 +2,14 @@
  * <hadalens/sensor.h> tells the model. */
 #include "inc_philox.h"
 
-#define SENSOR_EXACT 16.0f /* electrons; below, Poisson numbers are exact */
+#define SENSOR_ROUNDS 10 /* of Philox */
+#define SENSOR_EXACT  16.0f /* electrons; below, Poisson numbers are exact */
+
+/* From words to multiples of 2^-24, above 0 and at most 1, exact in single precision. */
+static inline float8 sensor_unit(uint8 word)
+{
+    return convert_float8((word >> 8) + 1) * 0x1p-24f;
+}
 
 /* Poisson numbers of large means: the expansion of a normal number by Cornish and Fisher (1938) to the second order, with
  * the variance less the 1/12 that rounding adds. */
@@ -16,17 +23,16 @@ static inline float8 sensor_many(float8 mean, float8 normal)
 
 /* Poisson numbers of small means: how many uniform numbers can be multiplied until the product is no more than exp(-mean)
  * (Knuth, The Art of Computer Programming 2, 3.4.1). All eight go on until the last is done. */
-static inline float8 sensor_few(float8 mean, philox_words counter, uint key0, uint key1)
+static inline float8 sensor_few(float8 mean, const uint8 counter[4], uint key0, uint key1)
 {
     const float8 least = exp(-mean);
     float8 product = 1.0f, count = 0.0f;
     int8 going = 1;
-    while (any(going != 0)) {
-        counter.w2++;
-        const philox_words word = philox(counter, key0, key1);
-        const uint8 draws[4] = {word.w0, word.w1, word.w2, word.w3};
+    for (uint turn = 1; any(going != 0); turn++) {
+        uint8 word[4] = {counter[0], counter[1], counter[2] + turn, counter[3]};
+        philox(word, SENSOR_ROUNDS, key0, key1);
         for (int i = 0; i < 4; i++) {
-            product *= philox_unit(draws[i]);
+            product *= sensor_unit(word[i]);
             going = product > least;
             count += select((float8)0.0f, (float8)1.0f, going);
         }
@@ -51,9 +57,10 @@ __kernel void optics_sensor(__global float *values, const ulong offset, __global
         lane[i] = max(0.0f, values[i]) * (vignetted ? gain[(first + i) % pixels] : 1.0f);
     float8 y = exposure * vload8(0, lane);
     if (full_well > 0.0f || read_noise > 0.0f) {
-        philox_words counter = {(uint)first + (uint8)(0, 1, 2, 3, 4, 5, 6, 7), (uint)(first >> 32), 0, 0};
-        const philox_words word = philox(counter, key0, key1);
-        const float8 radius = sqrt(-2.0f * log(philox_unit(word.w0))), turn = 2.0f * philox_unit(word.w1);
+        const uint8 counter[4] = {(uint)first + (uint8)(0, 1, 2, 3, 4, 5, 6, 7), (uint8)(uint)(first >> 32), 0, 0};
+        uint8 word[4] = {counter[0], counter[1], counter[2], counter[3]};
+        philox(word, SENSOR_ROUNDS, key0, key1);
+        const float8 radius = sqrt(-2.0f * log(sensor_unit(word[0]))), turn = 2.0f * sensor_unit(word[1]);
         const float8 read = read_noise * radius * sinpi(turn);
         if (full_well > 0.0f) {
             const float8 mean = y * full_well;

@@ -11,21 +11,6 @@
 enum { BAR = 26, LABELLED = 9 };
 static const char rest_colour[] = "#cccccc"; /* of a frame's median beyond those of its stages */
 
-static int is(const hada_bench_row *row, const hada_bench_place *place, hada_bench_group group)
-{
-    return row->group == group && !strcmp(row->device, place->device) && !strcmp(row->workload, place->workload);
-}
-
-int hada_bench_rows_of(const hada_bench *bench, const hada_bench_place *place, hada_bench_group group,
-                       const hada_bench_row **out)
-{
-    int count = 0;
-    for (int i = 0; i < bench->count; i++)
-        if (is(&bench->rows[i], place, group))
-            out[count++] = &bench->rows[i];
-    return count;
-}
-
 /* A stacked bar of a mode's stages; returns where it ends. */
 static double stack(hada_plot *plot, const hada_bench *bench, const hada_bench_place *place, int mode, double at)
 {

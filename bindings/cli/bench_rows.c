@@ -1,5 +1,5 @@
 /* Measured rows, and repeating what is measured. */
-#include "bench.h"
+#include "bench_plots.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -87,4 +87,16 @@ int hada_bench_left_out(const hada_bench *bench, hada_status status, const char 
         return 0;
     hada_cli_warn(bench->cli, "%s is left out: %s", what, err->message);
     return 1;
+}
+
+int hada_bench_rows_of(const hada_bench *bench, const hada_bench_place *place, hada_bench_group group,
+                       const hada_bench_row **out)
+{
+    int count = 0;
+    for (int i = 0; i < bench->count; i++) {
+        const hada_bench_row *row = &bench->rows[i];
+        if (row->group == group && !strcmp(row->device, place->device) && !strcmp(row->workload, place->workload))
+            out[count++] = row;
+    }
+    return count;
 }

@@ -91,7 +91,12 @@ const char *hada_conv_choice_misfit(const hada_context *context, const hada_conv
                                     int near, const hada_conv_choice *choice);
 
 /* Whether Winograd's tiles fit the shape at all. */
-int hada_conv_is_winograd(const hada_conv_plan *plan);
+static inline int hada_conv_is_winograd(const hada_conv_plan *plan)
+{
+    const hada_conv_desc *d = &plan->desc;
+    return d->kernel_rows == 3 && d->kernel_cols == 3 && d->stride == 1 && d->pad_rows == 1 && d->pad_cols == 1 &&
+           !d->output_pad && !plan->groups;
+}
 
 /* Tile sizes and methods that the table of conv_table.c gives. hada_conv_table_winograd() gives the size of Winograd's
  * tiles, 0 for another method. */

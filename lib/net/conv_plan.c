@@ -62,13 +62,6 @@ static int within_halo(int in, int out, int kernel, int pad, int in_step, int st
     return 1;
 }
 
-int hada_conv_is_winograd(const hada_conv_plan *plan)
-{
-    const hada_conv_desc *d = &plan->desc;
-    return d->kernel_rows == 3 && d->kernel_cols == 3 && d->stride == 1 && d->pad_rows == 1 && d->pad_cols == 1 &&
-           !d->output_pad && !plan->groups;
-}
-
 /* In one launch where a work-item's tiles fit into local memory, else in three. */
 static void plan_winograd(hada_conv_plan *plan, const hada_context *context, hada_conv_pass *pass,
                           const hada_conv_choice *choice)

@@ -1,5 +1,6 @@
 /* What a prediction y of the frame becomes where the sensor sees it, in place. b is the frame.
  *     mode 1: y = max(b, 0) / max(y, scale)                       Richardson-Lucy
+ *     mode 3: y = b - y                           what is left
  *     mode 2: e = scale (b - s - 2 y), s = -e - y, y = e           ADMM; scale = 1 / (1 + mu)
  * Mode 2 is the split v = sum PSF * x that meets the data (unknown boundaries): with its scaled dual d, v minimises
  * |b - v|^2 + mu |v - y - d|^2, and s = d - v is all that has to be kept: docs/rivals.md.
@@ -19,6 +20,8 @@ classic_frame(__global float *images, __global const float *frame, __global floa
         const refine_real seen = image_get(b, i), made = image_get(y, i);
         if (mode == 1) {
             image_put(y, i, max(seen, 0.0f) / max(made, scale));
+        } else if (mode == 3) {
+            image_put(y, i, seen - made);
         } else {
             const refine_real e = scale * (seen - image_get(state, plane + i) - 2.0f * made);
             image_put(state, plane + i, -e - made);

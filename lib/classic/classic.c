@@ -84,13 +84,13 @@ hada_status hada_classic_shape_of(const hada_model_info *info, int depths, const
 }
 
 /* Where planes stand in memory: ADMM has its gradients on the whole grid. */
-static hada_refine_rect plane_rect(const hada_classic_shape *shape)
+hada_refine_rect hada_classic_plane_rect(const hada_classic_shape *shape)
 {
     const hada_refine_rect grid = {0, 0, shape->place.grid_rows, shape->place.grid_cols};
     return shape->options.method == HADA_METHOD_ADMM ? grid : shape->support;
 }
 
-static hada_refine_rect frame_rect(const hada_classic_shape *shape)
+hada_refine_rect hada_classic_frame_rect(const hada_classic_shape *shape)
 {
     const hada_refine_rect grid = {0, 0, shape->place.grid_rows, shape->place.grid_cols};
     return shape->place.boundary == HADA_BOUNDARY_PADDED ? shape->place.frame : grid;
@@ -126,12 +126,23 @@ static int has_frame(const hada_classic_shape *shape)
     return shape->place.boundary == HADA_BOUNDARY_PADDED || shape->options.method == HADA_METHOD_RL;
 }
 
+/* Whether its transforms are taken together with what lies between them (classic_fused.c). */
+static int fuses(const hada_context *context, const hada_classic_shape *shape)
+{
+    const hada_method method = shape->options.method;
+    return has_frame(shape) && (method == HADA_METHOD_RL || method == HADA_METHOD_FISTA) &&
+           hada_fft_fuses(context, shape->place.grid_rows, shape->place.grid_cols, shape->place.max_planes > 1 ? 2 : 1);
+}
+
 enum { PLANS = 4 };
 
-static int list_plans(const hada_classic_shape *shape, hada_fft_desc *plans)
+/* Transforms of their own; none where the passes are fused. */
+static int list_plans(const hada_context *context, const hada_classic_shape *shape, hada_fft_desc *plans)
 {
-    const hada_refine_rect plane = plane_rect(shape), frame = frame_rect(shape);
+    const hada_refine_rect plane = hada_classic_plane_rect(shape), frame = hada_classic_frame_rect(shape);
     const int images = shape->place.max_planes * shape->place.channels;
+    if (fuses(context, shape))
+        return 0;
     plans[0] = describe(shape, &plane, images, HADA_FFT_FORWARD);
     plans[1] = describe(shape, &plane, images, HADA_FFT_INVERSE);
     plans[2] = describe(shape, &frame, shape->place.channels, HADA_FFT_FORWARD);
@@ -157,13 +168,14 @@ static size_t partials(const hada_classic_shape *shape, const hada_spectrum_layo
     size_t most = channels * groups(layout->count, HADA_CLASSIC_SLICE);
     most = larger(most, channels * groups(frame->pixels, HADA_CLASSIC_SLICE));
     most = larger(most, images * MOST_SUMS * groups(plane->pixels, HADA_CLASSIC_SLICE));
+    most = larger(most, images * MOST_SUMS * groups((size_t)plane->rows, HADA_CLASSIC_ROWS));
     return larger(most, images * MOST_SUMS * groups((size_t)plane->rows, (size_t)plane->band));
 }
 
 /* Bytes of every buffer; 0: the method has none. */
 static void keep_books(const hada_context *context, const hada_classic_shape *shape, size_t *bytes)
 {
-    const hada_refine_rect plane_at = plane_rect(shape), frame_at = frame_rect(shape);
+    const hada_refine_rect plane_at = hada_classic_plane_rect(shape), frame_at = hada_classic_frame_rect(shape);
     const hada_classic_image plane = image_of(&plane_at), frame = image_of(&frame_at);
     const hada_spectrum_layout layout =
         hada_fft_layout(context, shape->place.grid_rows, shape->place.grid_cols, HADA_FFT_AUTO);
@@ -175,14 +187,18 @@ static void keep_books(const hada_context *context, const hada_classic_shape *sh
     const size_t channels = (size_t)shape->place.channels, images = channels * (size_t)shape->place.max_planes;
     const size_t planes = images * plane.pixels * sizeof(float), frames = channels * frame.pixels * sizeof(float);
     const size_t spectrum = layout.count * 2 * sizeof(float);
+    /* fused passes keep half spectra of the images' rows alone */
+    const size_t row = (size_t)layout.blocks * (size_t)layout.block * 2 * sizeof(float);
+    const size_t plane_spectrum = fuses(context, shape) ? (size_t)plane.rows * row : spectrum;
+    const size_t frame_spectrum = fuses(context, shape) ? (size_t)frame.rows * row : spectrum;
     const size_t list[HADA_CLASSIC_PARTS] = {
         [HADA_CLASSIC_WINDOW] = images * (size_t)window->rows * (size_t)window->cols * sizeof(float),
         [HADA_CLASSIC_LIST] = (size_t)shape->place.max_planes * sizeof(cl_int),
         [HADA_CLASSIC_PARTIAL] = partials(shape, &layout, &plane, &frame) * sizeof(float),
-        [HADA_CLASSIC_SPECTRA] = images * spectrum,
-        [HADA_CLASSIC_SUM] = channels * spectrum,
+        [HADA_CLASSIC_SPECTRA] = images * plane_spectrum,
+        [HADA_CLASSIC_SUM] = channels * frame_spectrum,
         [HADA_CLASSIC_X] = planes,
-        [HADA_CLASSIC_SEEN] = rl || (admm && met) ? frames : 0,
+        [HADA_CLASSIC_SEEN] = met ? frames : 0,
         [HADA_CLASSIC_MADE] = met ? frames : 0,
         [HADA_CLASSIC_BEFORE] = rl || admm ? planes : 0,
         [HADA_CLASSIC_START] = rl || fista ? planes : 0,
@@ -208,8 +224,10 @@ size_t hada_classic_bytes(const hada_context *context, const hada_classic_shape 
 {
     size_t bytes[HADA_CLASSIC_PARTS], sum = 0;
     hada_fft_desc plans[PLANS];
-    const int count = list_plans(shape, plans);
+    const int count = list_plans(context, shape, plans);
     keep_books(context, shape, bytes);
+    if (fuses(context, shape))
+        sum += hada_fft_fused_bytes(context, shape->place.grid_rows, shape->place.grid_cols);
     for (int i = 0; i < count; i++)
         sum += hada_fft_bytes(context, &plans[i]);
     for (int i = 0; i < HADA_CLASSIC_PARTS; i++)
@@ -225,7 +243,7 @@ hada_status hada_classic_note(const hada_context *context, const hada_classic_sh
     size_t bytes[HADA_CLASSIC_PARTS];
     hada_fft_desc plans[PLANS];
     hada_status status = HADA_OK;
-    const int count = list_plans(shape, plans);
+    const int count = list_plans(context, shape, plans);
     keep_books(context, shape, bytes);
     hada_room_steps(room, first, last);
     for (int i = 0; !status && i < count; i++)
@@ -244,11 +262,14 @@ static hada_status make(hada_classic *classic, hada_error *err)
     hada_fft **const made[PLANS] = {&classic->forward, &classic->inverse, &classic->frame_forward,
                                     &classic->frame_inverse};
     hada_fft_desc plans[PLANS];
-    const int count = list_plans(&classic->shape, plans);
+    const hada_refine_shape *place = &classic->shape.place;
+    const int count = list_plans(slot->context, &classic->shape, plans);
     hada_status status = hada_alloc((void **)&classic->sums, classic->bytes[HADA_CLASSIC_PARTIAL] / sizeof(float),
                                     sizeof(float), what, err);
     if (!status)
         status = hada_alloc((void **)&classic->table, classic->bytes[HADA_CLASSIC_TABLE] + 1, 1, what, err);
+    if (!status && classic->fuses)
+        status = hada_fft_fused_make(&classic->fused, slot, place->grid_rows, place->grid_cols, err);
     for (int i = 0; !status && i < count; i++)
         status = hada_fft_create(made[i], slot, &plans[i], err);
     for (int i = 0; !status && i < HADA_CLASSIC_PARTS; i++)
@@ -260,7 +281,7 @@ static hada_status make(hada_classic *classic, hada_error *err)
 hada_status hada_classic_create(hada_classic **out, hada_slot *slot, const hada_classic_shape *shape, hada_error *err)
 {
     hada_classic *classic;
-    const hada_refine_rect plane = plane_rect(shape), frame = frame_rect(shape);
+    const hada_refine_rect plane = hada_classic_plane_rect(shape), frame = hada_classic_frame_rect(shape);
     const int in_groups = slot->context->shape == HADA_SHAPE_GROUPS;
     *out = NULL;
     hada_status status = hada_alloc((void **)&classic, 1, sizeof *classic, what, err);
@@ -275,6 +296,8 @@ hada_status hada_classic_create(hada_classic **out, hada_slot *slot, const hada_
     classic->image_options = in_groups ? "-DREFINE_WIDTH=1 -DREFINE_GROUP=64" : "";
     /* vectors need whole ones of eight frequencies in a row of the layout */
     classic->spectrum_options = !in_groups && classic->layout.block % 8 ? "-DREFINE_WIDTH=1" : classic->image_options;
+    classic->met = has_frame(shape);
+    classic->fuses = fuses(slot->context, shape);
     keep_books(slot->context, shape, classic->bytes);
     status = make(classic, err);
     if (status)
@@ -294,6 +317,7 @@ void hada_classic_destroy(hada_classic **pointer)
     hada_fft_destroy(&classic->inverse);
     hada_fft_destroy(&classic->frame_forward);
     hada_fft_destroy(&classic->frame_inverse);
+    hada_fft_fused_free(&classic->fused);
     for (int i = 0; i < HADA_CLASSIC_PARTS; i++)
         hada_buffer_destroy(&classic->part[i]);
     free(classic->sums);

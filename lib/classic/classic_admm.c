@@ -79,11 +79,11 @@ hada_status hada_classic_admm_step(hada_classic *classic, int number, int wanted
     const int cropped = classic->bytes[HADA_CLASSIC_SPLIT] != 0;
     hada_status status = split(classic, err);
     if (!status && wanted && number)
-        status = hada_classic_sums(classic, 1, 2, sums, err);
+        status = hada_classic_sums(classic, hada_classic_bands(classic), 2, sums, err);
     if (!status && cropped && number) /* at first SUM is 0, and so is what it makes of the frame */
         status = hada_classic_frame_inverse(classic, err);
     if (!status && cropped)
-        status = hada_classic_meet(classic, 2, 1.0 / (1.0 + mu1(classic)), err);
+        status = hada_classic_meet(classic, HADA_CLASSIC_ADMM, 1.0 / (1.0 + mu1(classic)), err);
     if (!status && cropped)
         status = hada_classic_frame_forward(classic, HADA_CLASSIC_SPLIT, err);
     if (!status && number)

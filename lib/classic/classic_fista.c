@@ -11,8 +11,12 @@ static double advance(double *t)
     return beta;
 }
 
+/* The first start is 0, and so are its half spectra. */
 hada_status hada_classic_fista_begin(hada_classic *classic, hada_error *err)
 {
+    hada_status status = hada_classic_clear(classic, HADA_CLASSIC_SPECTRA, err);
+    if (status)
+        return status;
     for (int c = 0; c < classic->shape.place.channels; c++)
         classic->table[c] = (float)(classic->shape.options.step / classic->job->camera->largest[c]);
     return hada_buffer_write(&classic->part[HADA_CLASSIC_TABLE], classic->slot, 0, classic->table,
@@ -28,17 +32,17 @@ static double weight(const hada_classic *classic)
 /* HADA_CLASSIC_GRADIENT = transpose of what START leaves of the frame. */
 static hada_status gradient(hada_classic *classic, hada_error *err)
 {
-    const int cropped = classic->bytes[HADA_CLASSIC_MADE] != 0;
-    hada_status status = hada_classic_forward(classic, HADA_CLASSIC_START, err);
-    if (!status)
-        status = hada_classic_project(classic, 1, err);
-    if (!status && cropped)
-        status = hada_classic_frame_inverse(classic, err);
-    if (!status && cropped)
-        status = hada_classic_frame_forward(classic, HADA_CLASSIC_SUM, err);
-    if (!status)
-        status = hada_classic_back(classic, err);
-    return status ? status : hada_classic_inverse(classic, HADA_CLASSIC_GRADIENT, err);
+    hada_status status;
+    if (classic->met) {
+        status = hada_classic_predict(classic, HADA_CLASSIC_START, err);
+        if (!status)
+            status = hada_classic_judge(classic, HADA_CLASSIC_REST, 0.0, 1, err);
+    } else {
+        status = hada_classic_forward(classic, HADA_CLASSIC_START, err);
+        if (!status)
+            status = hada_classic_project(classic, 1, err);
+    }
+    return status ? status : hada_classic_transpose(classic, HADA_CLASSIC_GRADIENT, err);
 }
 
 static hada_status descend(hada_classic *classic, hada_error *err)
@@ -55,12 +59,12 @@ static hada_status descend(hada_classic *classic, hada_error *err)
     return hada_classic_pixels(classic, "classic_step", "classic_descend", args, HADA_COUNT(args), err);
 }
 
-static hada_status momentum(hada_classic *classic, hada_classic_part from, int direct, hada_error *err)
+static hada_status momentum(hada_classic *classic, hada_classic_part from, int direct, double factor, hada_error *err)
 {
     cl_uint channels = (cl_uint)classic->shape.place.channels, pixels = (cl_uint)classic->plane.pixels;
     cl_uint slice = HADA_CLASSIC_SLICE;
     cl_int plain = direct;
-    cl_float beta = (float)advance(&classic->momentum);
+    cl_float beta = (float)factor;
     const double all = (double)pixels * classic->planes;
     hada_arg args[] = {HADA_ARG(classic->part[HADA_CLASSIC_X].mem),
                        HADA_ARG(classic->part[HADA_CLASSIC_START].mem),
@@ -202,12 +206,28 @@ static hada_status wavelets(hada_classic *classic, hada_error *err)
     return status;
 }
 
+/* Without a prior every part of a step is fused, and leaves the half spectra of the next start. */
+static hada_status whole_step(hada_classic *classic, double beta, int wanted, double sums[2], hada_error *err)
+{
+    hada_status status = hada_classic_fused_columns(classic, 0, err);
+    if (!status)
+        status = hada_classic_judge(classic, HADA_CLASSIC_REST, 0.0, 1, err);
+    if (!status)
+        status = hada_classic_fused_columns(classic, 1, err);
+    if (!status)
+        status = hada_classic_fused_momentum(classic, beta, err);
+    return !status && wanted ? hada_classic_sums(classic, hada_classic_tasks(classic), 2, sums, err) : status;
+}
+
 hada_status hada_classic_fista_step(hada_classic *classic, int number, int wanted, double sums[2], hada_error *err)
 {
     const hada_prior prior = classic->shape.options.prior;
     const hada_classic_part from = prior == HADA_PRIOR_NONE ? HADA_CLASSIC_GRADIENT
                                    : prior == HADA_PRIOR_TV ? HADA_CLASSIC_SMOOTH
                                                             : HADA_CLASSIC_PYRAMID;
+    const double beta = advance(&classic->momentum);
+    if (classic->fuses && prior == HADA_PRIOR_NONE)
+        return whole_step(classic, beta, wanted, sums, err);
     (void)number;
     hada_status status = gradient(classic, err);
     if (!status && prior != HADA_PRIOR_NONE)
@@ -217,6 +237,6 @@ hada_status hada_classic_fista_step(hada_classic *classic, int number, int wante
     else if (!status && prior != HADA_PRIOR_NONE)
         status = wavelets(classic, err);
     if (!status)
-        status = momentum(classic, from, prior == HADA_PRIOR_NONE, err);
-    return !status && wanted ? hada_classic_sums(classic, 0, 2, sums, err) : status;
+        status = momentum(classic, from, prior == HADA_PRIOR_NONE, beta, err);
+    return !status && wanted ? hada_classic_sums(classic, hada_classic_slices(classic), 2, sums, err) : status;
 }

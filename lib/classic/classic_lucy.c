@@ -28,11 +28,10 @@ hada_status hada_classic_rl_begin(hada_classic *classic, hada_error *err)
     const double flat = classic->job->brightness / sqrt(classic->job->camera->gain);
     hada_status status = fill(classic, HADA_CLASSIC_MADE, 1.0, err);
     if (!status)
-        status = hada_classic_frame_forward(classic, HADA_CLASSIC_SUM, err);
+        status = classic->fuses ? hada_classic_fused_frame(classic, 0, 1, 0, 0.0, err)
+                                : hada_classic_frame_forward(classic, HADA_CLASSIC_SUM, err);
     if (!status)
-        status = hada_classic_back(classic, err);
-    if (!status)
-        status = hada_classic_inverse(classic, HADA_CLASSIC_NORM, err);
+        status = hada_classic_transpose(classic, HADA_CLASSIC_NORM, err);
     if (!status)
         status = fill(classic, HADA_CLASSIC_START, flat, err);
     if (!status)
@@ -82,26 +81,19 @@ static hada_status go_on(hada_classic *classic, double momentum, hada_error *err
 hada_status hada_classic_rl_step(hada_classic *classic, int number, int wanted, double sums[2], hada_error *err)
 {
     const int accelerate = classic->shape.options.accelerate;
+    const double least = fmax(least_made * classic->job->brightness, 1e-30);
     double all[4] = {0}, factor = 0.0;
     if (number)
         hada_classic_swap(classic, HADA_CLASSIC_X, HADA_CLASSIC_BEFORE);
-    hada_status status = hada_classic_forward(classic, HADA_CLASSIC_START, err);
+    hada_status status = hada_classic_predict(classic, HADA_CLASSIC_START, err);
     if (!status)
-        status = hada_classic_project(classic, 0, err);
+        status = hada_classic_judge(classic, HADA_CLASSIC_RATIO, least, 1, err);
     if (!status)
-        status = hada_classic_frame_inverse(classic, err);
-    if (!status)
-        status = hada_classic_meet(classic, 1, fmax(least_made * classic->job->brightness, 1e-30), err);
-    if (!status)
-        status = hada_classic_frame_forward(classic, HADA_CLASSIC_SUM, err);
-    if (!status)
-        status = hada_classic_back(classic, err);
-    if (!status)
-        status = hada_classic_inverse(classic, HADA_CLASSIC_X, err);
+        status = hada_classic_transpose(classic, HADA_CLASSIC_X, err);
     if (!status)
         status = multiply(classic, err);
     if (!status && (accelerate || wanted))
-        status = hada_classic_sums(classic, 1, 4, all, err);
+        status = hada_classic_sums(classic, hada_classic_bands(classic), 4, all, err);
     if (accelerate && all[1] > 0.0)
         factor = fmax(0.0, fmin(all[0] / all[1], most_momentum));
     if (wanted) {

@@ -167,11 +167,12 @@ static size_t frame_slices(const hada_classic *classic)
     return groups(classic->frame.pixels, HADA_CLASSIC_SLICE);
 }
 
-hada_status hada_classic_meet(hada_classic *classic, int mode, double scale, hada_error *err)
+hada_status hada_classic_meet(hada_classic *classic, hada_classic_meeting mode, double number, hada_error *err)
 {
-    cl_mem state = classic->part[mode == 2 ? HADA_CLASSIC_STATE : HADA_CLASSIC_MADE].mem;
-    cl_int how = mode;
-    cl_float factor = (float)scale;
+    const int admm = mode == HADA_CLASSIC_ADMM;
+    cl_mem state = classic->part[admm ? HADA_CLASSIC_STATE : HADA_CLASSIC_MADE].mem;
+    cl_int how = (cl_int)mode;
+    cl_float factor = (float)number;
     cl_uint pixels = (cl_uint)classic->frame.pixels, slice = HADA_CLASSIC_SLICE;
     hada_arg args[] = {HADA_ARG(classic->part[HADA_CLASSIC_MADE].mem),
                        HADA_ARG(classic->part[HADA_CLASSIC_SEEN].mem),
@@ -181,9 +182,37 @@ hada_status hada_classic_meet(hada_classic *classic, int mode, double scale, had
                        HADA_ARG(pixels),
                        HADA_ARG(slice)};
     const double all = (double)pixels * classic->shape.place.channels;
-    hada_slot_cost(classic->slot, (mode == 2 ? 20.0 : 12.0) * all, 6.0 * all);
+    hada_slot_cost(classic->slot, (admm ? 20.0 : 12.0) * all, 6.0 * all);
     return launch(classic, "classic_frame", "classic_frame", classic->image_options, frame_slices(classic),
                   classic->shape.place.channels, args, HADA_COUNT(args), err);
+}
+
+hada_status hada_classic_predict(hada_classic *classic, hada_classic_part planes, hada_error *err)
+{
+    hada_status status = classic->fuses ? hada_classic_fused_planes(classic, planes, 1, err)
+                                        : hada_classic_forward(classic, planes, err);
+    if (status)
+        return status;
+    return classic->fuses ? hada_classic_fused_columns(classic, 0, err) : hada_classic_project(classic, 0, err);
+}
+
+hada_status hada_classic_judge(hada_classic *classic, hada_classic_meeting mode, double number, int on, hada_error *err)
+{
+    if (classic->fuses)
+        return hada_classic_fused_frame(classic, 1, on, (int)mode, number, err);
+    hada_status status = hada_classic_frame_inverse(classic, err);
+    if (!status)
+        status = hada_classic_meet(classic, mode, number, err);
+    return !status && on ? hada_classic_frame_forward(classic, HADA_CLASSIC_SUM, err) : status;
+}
+
+hada_status hada_classic_transpose(hada_classic *classic, hada_classic_part planes, hada_error *err)
+{
+    hada_status status = classic->fuses ? hada_classic_fused_columns(classic, 1, err) : hada_classic_back(classic, err);
+    if (status)
+        return status;
+    return classic->fuses ? hada_classic_fused_planes(classic, planes, 0, err)
+                          : hada_classic_inverse(classic, planes, err);
 }
 
 hada_status hada_classic_see(hada_classic *classic, hada_error *err)
@@ -205,22 +234,33 @@ hada_status hada_classic_see(hada_classic *classic, hada_error *err)
                : hada_slot_launch(classic->slot, kernel, "classic_seen", 3, global, local, args, HADA_COUNT(args), err);
 }
 
-static size_t parts_of(const hada_classic *classic, int rows)
+size_t hada_classic_bands(const hada_classic *classic)
 {
-    return rows ? groups((size_t)classic->plane.rows, (size_t)classic->plane.band)
-                : groups(classic->plane.pixels, HADA_CLASSIC_SLICE);
+    return groups((size_t)classic->plane.rows, (size_t)classic->plane.band);
+}
+
+size_t hada_classic_slices(const hada_classic *classic)
+{
+    return groups(classic->plane.pixels, HADA_CLASSIC_SLICE);
+}
+
+size_t hada_classic_tasks(const hada_classic *classic)
+{
+    return groups((size_t)classic->plane.rows, HADA_CLASSIC_ROWS);
 }
 
 hada_status hada_classic_rows(hada_classic *classic, const char *file, const char *name, const hada_arg *args,
                               size_t count, hada_error *err)
 {
-    return launch(classic, file, name, classic->image_options, parts_of(classic, 1), classic->planes, args, count, err);
+    return launch(classic, file, name, classic->image_options, hada_classic_bands(classic), classic->planes, args,
+                  count, err);
 }
 
 hada_status hada_classic_pixels(hada_classic *classic, const char *file, const char *name, const hada_arg *args,
                                 size_t count, hada_error *err)
 {
-    return launch(classic, file, name, classic->image_options, parts_of(classic, 0), classic->planes, args, count, err);
+    return launch(classic, file, name, classic->image_options, hada_classic_slices(classic), classic->planes, args,
+                  count, err);
 }
 
 /* Each sum over `each` partial ones, in order and in double. */
@@ -236,9 +276,9 @@ static hada_status add_up(hada_classic *classic, size_t each, int count, double 
     return status;
 }
 
-hada_status hada_classic_sums(hada_classic *classic, int rows, int count, double *sums, hada_error *err)
+hada_status hada_classic_sums(hada_classic *classic, size_t each, int count, double *sums, hada_error *err)
 {
-    return add_up(classic, parts_of(classic, rows) * (size_t)classic->planes, count, sums, err);
+    return add_up(classic, each * (size_t)classic->planes, count, sums, err);
 }
 
 hada_status hada_classic_crop(hada_classic *classic, hada_error *err)
@@ -268,10 +308,11 @@ hada_status hada_classic_crop(hada_classic *classic, hada_error *err)
 hada_status hada_classic_energy(hada_classic *classic, double *energy, hada_error *err)
 {
     const size_t channels = (size_t)classic->shape.place.channels;
-    hada_status status = hada_classic_forward(classic, HADA_CLASSIC_X, err);
-    if (!status)
-        status = hada_classic_project(classic, 1, err);
-    if (classic->shape.place.boundary == HADA_BOUNDARY_CIRCULAR) { /* Parseval */
+    hada_status status;
+    if (!classic->met) { /* Parseval */
+        status = hada_classic_forward(classic, HADA_CLASSIC_X, err);
+        if (!status)
+            status = hada_classic_project(classic, 1, err);
         if (!status)
             status = add_up(classic, channels * groups(classic->layout.count, HADA_CLASSIC_SLICE), 1, energy, err);
         *energy /= (double)classic->layout.rows * classic->layout.cols;
@@ -280,8 +321,9 @@ hada_status hada_classic_energy(hada_classic *classic, double *energy, hada_erro
     cl_uint pixels = (cl_uint)classic->frame.pixels, slice = HADA_CLASSIC_SLICE;
     hada_arg args[] = {HADA_ARG(classic->part[HADA_CLASSIC_MADE].mem), HADA_ARG(pixels), HADA_ARG(slice),
                        HADA_ARG(classic->part[HADA_CLASSIC_PARTIAL].mem)};
+    status = hada_classic_predict(classic, HADA_CLASSIC_X, err);
     if (!status)
-        status = hada_classic_frame_inverse(classic, err);
+        status = hada_classic_judge(classic, HADA_CLASSIC_REST, 0.0, 0, err);
     if (!status)
         status = launch(classic, "classic_frame", "classic_energy", classic->image_options, frame_slices(classic),
                         (int)channels, args, HADA_COUNT(args), err);

@@ -1,0 +1,66 @@
+/* What planes make of a frame, and what a frame gives back to planes, along the columns of their half spectra, which
+ * stand as [image][block of eight columns][row of the image][8]: forward transform, product with the transfer functions
+ * and inverse transform of a block of columns while it stands in the cache. Whole spectra stand nowhere.
+ *     back 0: frames = sum over depths of H planes        back 1: planes = conj(H) frames
+ * A work-item takes one block of columns of one channel. `scratch`: a column block, two where depths > 1. */
+#include "inc_fft_convolve.h"
+
+FFT_INLINE fft_columns image_block(__global float *images, size_t number, int row0, int rows)
+{
+    fft_columns columns;
+    __global float *start = images + number * (size_t)rows * 16;
+    columns.in = start - row0 * 16;
+    columns.out = start;
+    columns.first = row0;
+    columns.count = rows;
+    columns.last = INT_MAX;
+    columns.row0 = row0;
+    columns.rows_out = rows;
+    return columns;
+}
+
+__kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
+classic_columns(__global float *planes, int plane_row0, int plane_rows, __global float *frames, int frame_row0,
+                int frame_rows, __global const float *otf, ulong otf_offset, __global const int *list, int depths,
+                int channels, int blocks, int back, __global const int *table, __global const float *floats,
+                __local float8 *scratch)
+{
+    const int channel = get_group_id(0) % channels, block = get_group_id(0) / channels;
+    const int n = table[FFT_LENGTH], stages = table[FFT_STAGES];
+    const float sign = back ? -1.0f : 1.0f;
+    const size_t image = (size_t)blocks * n * 16; /* floats of a transfer function */
+    __global const float *h = otf + 2 * otf_offset + channel * image + block * (size_t)n * 16;
+    const fft_columns frame =
+        image_block(frames, (size_t)channel * blocks + block, frame_row0, frame_rows);
+    __local float8 *other = scratch + 2 * n;
+
+    if (back && depths > 1)
+        fft_enter(&frame, scratch, table, floats, stages);
+    for (int s = 0; s < depths; ++s) {
+        const fft_columns plane =
+            image_block(planes, ((size_t)s * channels + channel) * blocks + block, plane_row0, plane_rows);
+        __global const float *here = h + (size_t)list[s] * channels * image;
+        if (depths == 1) {
+            fft_enter(back ? &frame : &plane, scratch, table, floats, stages - 1);
+            fft_middle(scratch, table, floats, here, sign);
+            fft_leave(back ? &plane : &frame, scratch, table, floats, stages - 1);
+            return;
+        }
+        if (!back)
+            fft_enter(&plane, scratch, table, floats, stages);
+        for (int i = 0; i < n; ++i) {
+            float8 re = scratch[2 * i], im = scratch[2 * i + 1];
+            fft_multiply(here, i, sign, &re, &im);
+            if (!back && s > 0) {
+                re += other[2 * i];
+                im += other[2 * i + 1];
+            }
+            other[2 * i] = re;
+            other[2 * i + 1] = im;
+        }
+        if (back)
+            fft_leave(&plane, other, table, floats, stages);
+    }
+    if (!back)
+        fft_leave(&frame, other, table, floats, stages);
+}

@@ -1,0 +1,26 @@
+/* The tables of the library's own transforms, for kernels outside this folder that take a pass of a transform together
+ * with what comes before and after it, while its data stand in the cache. Internal.
+ *
+ * Such kernels are those of the lanes (kernels/inc_fft_convolve.h, inc_fft_rows_*.h) with scratch in local memory, and
+ * they know the radices that have butterflies. */
+#ifndef HADA_FFT_FUSED_H
+#define HADA_FFT_FUSED_H
+
+#include "fft/fft.h"
+#include "fft/fft_own.h"
+
+typedef struct hada_fft_fused {
+    hada_own_pass rows, rows_back; /* forward and inverse along rows */
+    hada_own_pass columns;         /* forward along columns */
+} hada_fft_fused;
+
+/* Whether there can be such kernels for transforms of rows x cols, with `blocks` blocks of columns in local memory. */
+int hada_fft_fuses(const hada_context *context, int rows, int cols, int blocks);
+
+hada_status hada_fft_fused_make(hada_fft_fused *fused, hada_slot *slot, int rows, int cols, hada_error *err);
+void hada_fft_fused_free(hada_fft_fused *fused); /* the slot's queue must be done with it */
+
+/* Bytes of device memory of the tables. */
+size_t hada_fft_fused_bytes(const hada_context *context, int rows, int cols);
+
+#endif

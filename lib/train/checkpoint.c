@@ -126,11 +126,11 @@ static hada_status declare(hada_trainer *trainer, const array *what, void *user,
     return hada_tensors_declare(user, what->name, HADA_F32, 1, shape, err);
 }
 
-/* An array of the first worker's, to be freed; all workers have the same. */
+/* An array, to be freed. */
 static hada_status fetch(hada_trainer *trainer, const array *what, float **out, hada_error *err)
 {
     hada_status status = hada_alloc_raw((void **)out, what->count, sizeof **out, "a checkpoint", err);
-    return status ? status : hada_engine_read(trainer->workers->engine, what->group, what->content, *out, err);
+    return status ? status : hada_trainer_read(trainer, what->group, what->content, *out, err);
 }
 
 static hada_status write_array(hada_trainer *trainer, const array *what, void *user, hada_error *err)

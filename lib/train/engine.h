@@ -47,6 +47,9 @@ typedef struct hada_engine_desc {
     const hada_train_options *options;
     const hada_net *net, *critic, *vgg;
     int at_once; /* samples of one call, at most */
+    /* Several engines update the same values: of the nets' values this one updates share number `share` of `shares` (0:
+     * all), and holds the optimiser's states of these alone; of filters it updates all. */
+    int share, shares;
 } hada_engine_desc;
 
 hada_status hada_engine_bytes(const hada_context *context, const hada_engine_desc *desc, size_t *bytes,
@@ -56,10 +59,16 @@ void hada_engine_destroy(hada_engine **engine);
 
 /* Groups that this stage trains: the net's and the critic's counts may be 0. */
 int hada_engine_groups(const hada_engine *engine);
-/* VALUES of a net are its parameters with the running statistics of batch norms behind them. */
+/* VALUES of a net are its parameters with the running statistics of batch norms behind them. STATE: of all shares. */
 size_t hada_engine_count(const hada_engine *engine, int group, hada_content content); /* floats */
 
-/* Clears the gradients of all groups (enqueued). */
+/* Floats of a group that are trained; those of them that this engine updates are `count` from `first` on. */
+typedef struct hada_part {
+    size_t first, count;
+} hada_part;
+hada_part hada_engine_part(const hada_engine *engine, int group);
+
+/* The gradients of all groups begin anew: what comes first replaces what stands there. */
 hada_status hada_engine_clear(hada_engine *engine, hada_error *err);
 
 /* Forward and backward of up to at_once samples. `weight`: of each sample in the step's mean (1 / batch). `step` names
@@ -78,20 +87,23 @@ hada_status hada_engine_backward(hada_engine *engine, const hada_sample *samples
 hada_status hada_engine_norm(hada_engine *engine, const unsigned char *touched, double *norm, double *critic_norm,
                              hada_error *err);
 
-/* One update of a group from its gradient, which is multiplied by `scale` before (clipping); step counts from 1. The
- * rule's eps is negligible for filters, whose gradients are far smaller than those of nets, and filters know no weight
- * decay. */
+/* One update of a group, or of this engine's part of it, from its gradient, which is multiplied by `scale` before
+ * (clipping); step counts from 1. The rule's eps is negligible for filters, whose gradients are far smaller than those
+ * of nets, and filters know no weight decay. */
 hada_status hada_engine_update(hada_engine *engine, int group, uint64_t step, double rate, double scale,
                                hada_error *err);
 
 /* Contents from and to the host (blocking). Filters are in model order: [channel][rows][cols / 2 + 1] complex, whatever
- * the device's layout, so that devices with different layouts average, and files fit every device. */
+ * the device's layout, so that devices with different layouts average, and files fit every device. STATE: of all
+ * shares, of which this engine's part alone is written to `out`, and read from `values`. */
 hada_status hada_engine_read(hada_engine *engine, int group, hada_content content, float *out, hada_error *err);
 hada_status hada_engine_write(hada_engine *engine, int group, hada_content content, const float *values,
                               hada_error *err);
 
-/* The same, to read and change it until it is closed; no other call in between. A net's stand where they are if the
- * device's memory is the host's, filters in `room`, which takes hada_engine_count() floats. *values: NULL on failure. */
+/* VALUES or GRADIENT, to read and change until it is closed; no other call in between. A net's stand where they are if
+ * the device's memory is the host's, filters in `room`, which takes hada_engine_count() floats. *values: NULL on
+ * failure.
+ */
 hada_status hada_engine_open(hada_engine *engine, int group, hada_content content, float *room, float **values,
                              hada_error *err);
 hada_status hada_engine_close(hada_engine *engine, int group, hada_content content, float *values, hada_error *err);

@@ -125,6 +125,8 @@ hada_status hada_engine_filter_gradients(hada_engine *engine, const hada_sample 
         status = hada_fft_forward(engine->back, shape->channels, mem, (size_t)i * shape->plane,
                                   engine->buffers[ENGINE_FLOW].mem, 0, err);
         if (!status)
+            status = hada_engine_settle(engine, HADA_GROUP_FILTERS + samples[i].depth, err);
+        if (!status)
             status = add_gradient(engine, i, samples[i].depth, err);
         if (touched)
             touched[samples[i].depth] = 1;

@@ -38,13 +38,14 @@ hada_status hada_engine_groups_make(hada_engine *engine, const hada_engine_desc 
         engine_group *it = &engine->groups[group];
         it->rule = hada_engine_rule(&engine->options, group);
         hada_engine_group_sizes(shape, desc, group, &it->floats, &it->trained);
+        it->part = hada_engine_part_of(desc, group, it->trained);
         if (!it->trained)
             continue;
         status = make(engine, &it->values, it->floats, err);
         if (!status)
             status = make(engine, &it->gradient, it->trained, err);
-        if (!status)
-            status = make(engine, &it->state, hada_optimizer_state_floats(&it->rule, it->trained), err);
+        if (!status && it->part.count)
+            status = make(engine, &it->state, hada_optimizer_state_floats(&it->rule, it->part.count), err);
         if (!status)
             status = first_values(engine, desc, group, err);
     }
@@ -93,18 +94,40 @@ size_t hada_engine_count(const hada_engine *engine, int group, hada_content cont
 {
     if (!has_group(engine, group))
         return 0;
-    const size_t floats = content_of(engine, group, content)->bytes / sizeof(float);
+    const engine_group *it = &engine->groups[group];
+    const size_t floats = content == HADA_CONTENT_VALUES     ? it->floats
+                          : content == HADA_CONTENT_GRADIENT ? it->trained
+                                                             : hada_optimizer_state_floats(&it->rule, it->trained);
     return group < HADA_GROUP_FILTERS ? floats : floats / engine->shape.layout.count * row_major(engine);
+}
+
+hada_part hada_engine_part(const hada_engine *engine, int group)
+{
+    return has_group(engine, group) ? engine->groups[group].part : (hada_part){0, 0};
 }
 
 hada_status hada_engine_clear(hada_engine *engine, hada_error *err)
 {
-    hada_status status = HADA_OK;
-    for (int group = 0; !status && group < engine->shape.groups; group++) {
-        hada_buffer *gradient = &engine->groups[group].gradient;
-        if (gradient->mem)
-            status = hada_buffer_clear(gradient, engine->slot, 0, gradient->bytes, err);
-    }
+    (void)err;
+    for (int group = 0; group < engine->shape.groups; group++)
+        engine->groups[group].clear = engine->groups[group].trained > 0;
+    return HADA_OK;
+}
+
+int hada_engine_accumulates(hada_engine *engine, int group)
+{
+    const int adds = !engine->groups[group].clear;
+    engine->groups[group].clear = 0;
+    return adds;
+}
+
+hada_status hada_engine_settle(hada_engine *engine, int group, hada_error *err)
+{
+    engine_group *it = &engine->groups[group];
+    if (!it->clear)
+        return HADA_OK;
+    const hada_status status = hada_buffer_clear(&it->gradient, engine->slot, 0, it->gradient.bytes, err);
+    it->clear = status != HADA_OK;
     return status;
 }
 
@@ -132,11 +155,13 @@ hada_status hada_engine_norm(hada_engine *engine, const unsigned char *touched, 
         if (group == HADA_GROUP_CRITIC || !it->trained ||
             (group >= HADA_GROUP_FILTERS && touched && !touched[group - HADA_GROUP_FILTERS]))
             continue;
+        status = hada_engine_settle(engine, group, err);
         parts[count++] = (hada_gradient_part){{it->gradient.mem, 0}, it->trained};
     }
     if (!status)
         status = norm_of(engine, parts, count, 0, err);
     if (!status && engine->groups[HADA_GROUP_CRITIC].trained) {
+        status = hada_engine_settle(engine, HADA_GROUP_CRITIC, err);
         const engine_group *it = &engine->groups[HADA_GROUP_CRITIC];
         parts[critic++] = (hada_gradient_part){{it->gradient.mem, 0}, it->trained};
     }
@@ -169,8 +194,12 @@ hada_status hada_engine_update(hada_engine *engine, int group, uint64_t step, do
     rule.scale = scale;
     hada_slot_stage(engine->slot, "update");
     changed(engine, group);
-    return hada_optimizer_step(engine->slot, &rule, step, rate, (hada_floats){it->gradient.mem, 0},
-                               (hada_floats){it->values.mem, 0}, (hada_floats){it->state.mem, 0}, it->trained, err);
+    hada_status status = hada_engine_settle(engine, group, err);
+    if (status || !it->part.count)
+        return status;
+    return hada_optimizer_step(engine->slot, &rule, step, rate, (hada_floats){it->gradient.mem, it->part.first},
+                               (hada_floats){it->values.mem, it->part.first}, (hada_floats){it->state.mem, 0},
+                               it->part.count, err);
 }
 
 /* Floats of a buffer of filters to and from the model's order, channel by channel. */
@@ -207,13 +236,44 @@ static hada_status read_filters(hada_engine *engine, const hada_buffer *buffer, 
     return status;
 }
 
+/* The arrays of a net's state, of which the engine has a part each. */
+static size_t state_arrays(const engine_group *it)
+{
+    return hada_optimizer_state_floats(&it->rule, 1);
+}
+
+static hada_status read_state(hada_engine *engine, const engine_group *it, float *out, hada_error *err)
+{
+    const size_t bytes = it->part.count * sizeof *out;
+    hada_status status = HADA_OK;
+    for (size_t i = 0; !status && bytes && i < state_arrays(it); i++)
+        status =
+            hada_buffer_read(&it->state, engine->slot, i * bytes, out + i * it->trained + it->part.first, bytes, err);
+    return status;
+}
+
+static hada_status write_state(hada_engine *engine, engine_group *it, const float *values, hada_error *err)
+{
+    const size_t bytes = it->part.count * sizeof *values;
+    hada_status status = HADA_OK;
+    for (size_t i = 0; !status && bytes && i < state_arrays(it); i++)
+        status = hada_buffer_write(&it->state, engine->slot, i * bytes, values + i * it->trained + it->part.first,
+                                   bytes, err);
+    return status;
+}
+
 hada_status hada_engine_read(hada_engine *engine, int group, hada_content content, float *out, hada_error *err)
 {
     if (!has_group(engine, group))
         return no_group(group, err);
     const hada_buffer *buffer = content_of(engine, group, content);
-    return group < HADA_GROUP_FILTERS ? hada_buffer_read(buffer, engine->slot, 0, out, buffer->bytes, err)
-                                      : read_filters(engine, buffer, out, err);
+    hada_status status = content == HADA_CONTENT_GRADIENT ? hada_engine_settle(engine, group, err) : HADA_OK;
+    if (status)
+        return status;
+    if (group >= HADA_GROUP_FILTERS)
+        return read_filters(engine, buffer, out, err);
+    return content == HADA_CONTENT_STATE ? read_state(engine, &engine->groups[group], out, err)
+                                         : hada_buffer_read(buffer, engine->slot, 0, out, buffer->bytes, err);
 }
 
 hada_status hada_engine_write(hada_engine *engine, int group, hada_content content, const float *values,
@@ -224,8 +284,12 @@ hada_status hada_engine_write(hada_engine *engine, int group, hada_content conte
     hada_buffer *buffer = content_of(engine, group, content);
     if (content == HADA_CONTENT_VALUES)
         changed(engine, group);
-    return group < HADA_GROUP_FILTERS ? hada_buffer_write(buffer, engine->slot, 0, values, buffer->bytes, err)
-                                      : write_filters(engine, buffer, values, err);
+    if (content == HADA_CONTENT_GRADIENT)
+        engine->groups[group].clear = 0;
+    if (group >= HADA_GROUP_FILTERS)
+        return write_filters(engine, buffer, values, err);
+    return content == HADA_CONTENT_STATE ? write_state(engine, &engine->groups[group], values, err)
+                                         : hada_buffer_write(buffer, engine->slot, 0, values, buffer->bytes, err);
 }
 
 hada_status hada_engine_open(hada_engine *engine, int group, hada_content content, float *room, float **values,
@@ -235,9 +299,11 @@ hada_status hada_engine_open(hada_engine *engine, int group, hada_content conten
     *values = NULL;
     if (!has_group(engine, group))
         return no_group(group, err);
-    const hada_buffer *buffer = content_of(engine, group, content);
-    const hada_status status = group < HADA_GROUP_FILTERS ? hada_buffer_map(buffer, engine->slot, &mapped, err)
-                                                          : read_filters(engine, buffer, room, err);
+    hada_status status = content == HADA_CONTENT_GRADIENT ? hada_engine_settle(engine, group, err) : HADA_OK;
+    if (!status && group >= HADA_GROUP_FILTERS)
+        status = read_filters(engine, content_of(engine, group, content), room, err);
+    else if (!status)
+        status = hada_buffer_map(content_of(engine, group, content), engine->slot, &mapped, err);
     if (!status)
         *values = mapped;
     return status;

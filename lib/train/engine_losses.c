@@ -168,13 +168,13 @@ static hada_status adversarial(const judged *j, uint64_t step, int critic_only, 
     if (!status)
         status = judge(j, scenes, 1.0f, j->weight, ENGINE_REAL, err);
     if (!status)
-        status = hada_graph_backward(engine->judge, gradient, 1, err);
+        status = hada_graph_backward(engine->judge, gradient, hada_engine_accumulates(engine, HADA_GROUP_CRITIC), err);
     if (!status)
         status = store_output(j, err);
     if (!status)
         status = judge(j, flat, 0.0f, j->weight, ENGINE_FAKE, err);
     if (!status)
-        status = hada_graph_backward(engine->judge, gradient, 1, err);
+        status = hada_graph_backward(engine->judge, gradient, hada_engine_accumulates(engine, HADA_GROUP_CRITIC), err);
     if (status || critic_only || engine->options.adversarial <= 0.0)
         return status;
     /* backward overwrites what it passes, so the net's images are looked at again for its own loss */

@@ -68,7 +68,7 @@ hada_status hada_engine_net_backward(hada_engine *engine, hada_error *err)
         status = hada_resize_backward(engine->slot, HADA_RESIZE_LINEAR, &engine->fall,
                                       hada_graph_output_gradient(engine->train), 0, err);
     if (!status)
-        status = hada_graph_backward(engine->train, gradient, 1, err);
+        status = hada_graph_backward(engine->train, gradient, hada_engine_accumulates(engine, HADA_GROUP_NET), err);
     if (status || !engine->shape.filters)
         return status;
     const hada_tensor *fall = hada_graph_input_gradient(engine->train);

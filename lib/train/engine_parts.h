@@ -73,6 +73,8 @@ typedef struct engine_group {
     hada_buffer values, gradient, state;
     size_t trained, floats; /* on the device */
     hada_optimizer_desc rule;
+    hada_part part;         /* of the trained ones, which are updated here */
+    int clear;              /* the gradient begins anew: what stands there does not count */
 } engine_group;
 
 struct hada_engine {
@@ -95,7 +97,8 @@ hada_status hada_engine_shape_of(const hada_context *context, const hada_engine_
 void hada_engine_group_sizes(const engine_shape *shape, const hada_engine_desc *desc, int group, size_t *floats,
                              size_t *trained);
 hada_optimizer_desc hada_engine_rule(const hada_train_options *options, int group);
-/* Images of the window for a net, and what VGG makes of them. */
+hada_part hada_engine_part_of(const hada_engine_desc *desc, int group, size_t trained);
+/* Images of the window for a net, and what the critic and VGG make of them. */
 hada_tensor hada_engine_tensor(const hada_context *context, const engine_shape *shape, const hada_net *net, cl_mem mem);
 hada_tensor hada_engine_features(const hada_context *context, const engine_shape *shape, const hada_net *vgg,
                                  cl_mem mem);
@@ -132,4 +135,8 @@ hada_status hada_engine_losses(hada_engine *engine, int count, double weight, ui
 hada_status hada_engine_groups_make(hada_engine *engine, const hada_engine_desc *desc, hada_error *err);
 void hada_engine_groups_free(hada_engine *engine);
 
+/* Whether what comes next is added to a net's gradient; from then on it is. */
+int hada_engine_accumulates(hada_engine *engine, int group);
+/* A gradient that begins anew and to which nothing came becomes zero (enqueued). */
+hada_status hada_engine_settle(hada_engine *engine, int group, hada_error *err);
 #endif

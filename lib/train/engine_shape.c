@@ -17,6 +17,17 @@ hada_optimizer_desc hada_engine_rule(const hada_train_options *options, int grou
     return rule;
 }
 
+/* Whole vectors and lines of the cache. */
+hada_part hada_engine_part_of(const hada_engine_desc *desc, int group, size_t trained)
+{
+    enum { UNIT = 64 };
+    if (desc->shares < 2 || group >= HADA_GROUP_FILTERS)
+        return (hada_part){0, trained};
+    const size_t units = trained / UNIT, share = (size_t)desc->share, shares = (size_t)desc->shares;
+    const size_t first = units * share / shares * UNIT;
+    return (hada_part){first, (share + 1 < shares ? units * (share + 1) / shares * UNIT : trained) - first};
+}
+
 void hada_engine_group_sizes(const engine_shape *shape, const hada_engine_desc *desc, int group, size_t *floats,
                              size_t *trained)
 {
@@ -306,7 +317,8 @@ hada_status hada_engine_bytes(const hada_context *context, const hada_engine_des
         size_t floats, trained;
         const hada_optimizer_desc rule = hada_engine_rule(desc->options, group);
         hada_engine_group_sizes(&shape, desc, group, &floats, &trained);
-        *bytes += (floats + trained + hada_optimizer_state_floats(&rule, trained)) * sizeof(float);
+        const hada_part part = hada_engine_part_of(desc, group, trained);
+        *bytes += (floats + trained + hada_optimizer_state_floats(&rule, part.count)) * sizeof(float);
     }
     if (shape.filters)
         *bytes += hada_fft_bytes(context, &shape.forward) + hada_fft_bytes(context, &shape.inverse) +

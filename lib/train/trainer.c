@@ -59,7 +59,9 @@ static hada_status make_worker(hada_trainer *trainer, int number, hada_context *
                                    .net = trainer->net,
                                    .critic = trainer->critic,
                                    .vgg = trainer->vgg,
-                                   .at_once = options->at_once};
+                                   .at_once = options->at_once,
+                                   .share = number,
+                                   .shares = trainer->worker_count};
     hada_status status = hada_slot_create(&worker->slot, context, err);
     if (!status)
         status = hada_engine_create(&worker->engine, worker->slot, &desc, err);
@@ -101,7 +103,8 @@ static hada_status make_workers(hada_trainer *trainer, hada_context *const *cont
                                    .options = &trainer->options,
                                    .net = trainer->net,
                                    .critic = trainer->critic,
-                                   .vgg = trainer->vgg};
+                                   .vgg = trainer->vgg,
+                                   .shares = count};
     const int share = share_of(&trainer->options, count);
     int at_once = share;
     hada_status status =
@@ -112,8 +115,10 @@ static hada_status make_workers(hada_trainer *trainer, hada_context *const *cont
         at_once = own < at_once ? own : at_once;
     }
     trainer->options.at_once = at_once;
+    trainer->worker_count = status ? 0 : count;
+    if (!status && count > 1)
+        status = hada_crew_create(&trainer->crew, count, err);
     for (int i = 0; !status && i < count; i++) {
-        trainer->worker_count = i + 1;
         status = make_worker(trainer, i, contexts[i], err);
         if (status && count > 1)
             hada_error_prefix(err, "device %d: ", i);
@@ -225,6 +230,7 @@ void hada_trainer_destroy(hada_trainer **pointer)
     *pointer = NULL;
     hada_feed_destroy(&trainer->feed);
     hada_snapshot_free(trainer);
+    hada_crew_destroy(&trainer->crew);
     for (int i = 0; i < trainer->worker_count; i++)
         free_worker(trainer, &trainer->workers[i]);
     hada_examples_free(&trainer->known);

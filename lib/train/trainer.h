@@ -2,12 +2,14 @@
  *
  * A trainer has a worker for each device: a slot, an engine and, where the stage needs one, a maker of planes. A step
  * is made of waves: each worker takes up to at_once samples of a wave, in a thread of its own where there are several.
- * What a checkpoint holds is hada_progress and the groups of the first worker's engine; the others have the same
- * values. */
+ * What a checkpoint holds is hada_progress, the values, which are the same on all workers, and the optimiser's states:
+ * each worker updates a share of the values of a net, has the states of these alone, and gives the new values to the
+ * others. */
 #ifndef HADA_TRAIN_TRAINER_H
 #define HADA_TRAIN_TRAINER_H
 
 #include "net/net_list.h"
+#include "train/crew.h"
 #include "train/engine.h"
 #include "train/examples.h"
 #include "train/planes.h"
@@ -38,8 +40,9 @@ typedef struct hada_worker {
     int count;
     hada_terms terms;
     unsigned char *touched; /* depths, of the step */
-    float *values;          /* of a group, while it is averaged */
+    float *values;          /* of a group, while workers exchange them */
     float *room;            /* for a depth's filters, where there are several workers */
+    double squares;         /* the sum of squares of this worker's part of a gradient */
     hada_status status;
     hada_error error;
 } hada_worker;
@@ -52,6 +55,7 @@ struct hada_trainer {
     hada_net *net, *critic, *vgg; /* net and critic: first values; NULL where the stage has none */
     hada_worker *workers;
     int worker_count, groups;
+    hada_crew *crew;           /* where there are several workers */
     hada_examples known, held; /* held.kept NULL: nothing is held out */
     hada_feed *feed;           /* NULL: to be started at progress.place */
     hada_fed **fed;            /* of the wave */
@@ -86,10 +90,14 @@ hada_status hada_workers_run(hada_trainer *trainer, hada_work work, void *user, 
 hada_status hada_example_make(hada_example *out, hada_trainer *trainer, hada_worker *worker, int depth, hada_image *raw,
                               hada_image *scene, hada_error *err);
 
-/* trainer_average.c. Sums the workers' gradients of a group and gives the sum to all; likewise the mean of the running
- * statistics of the net's batch norms. Nothing for one worker. */
-hada_status hada_train_sum_gradients(hada_trainer *trainer, int group, hada_error *err);
-hada_status hada_train_mean_statistics(hada_trainer *trainer, hada_error *err);
+/* trainer_exchange.c; nothing to do for one worker. A group's gradients become their sum, in the workers' order, which
+ * every worker keeps of the part that it updates (filters: all of it); adds the sum of its squares to *squares. */
+hada_status hada_train_sum_gradients(hada_trainer *trainer, int group, double *squares, hada_error *err);
+/* Gives each worker the values of a net that the others have updated; running statistics of batch norms become their
+ * means. Filters are the same everywhere. */
+hada_status hada_train_share_values(hada_trainer *trainer, int group, hada_error *err);
+/* Values or states of a group, in room for hada_engine_count() floats: states stand with the workers that need them. */
+hada_status hada_trainer_read(hada_trainer *trainer, int group, hada_content content, float *out, hada_error *err);
 
 /* trainer_snapshot.c */
 hada_status hada_snapshot_create(hada_trainer *trainer, hada_error *err);

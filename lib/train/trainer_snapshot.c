@@ -57,14 +57,13 @@ void hada_snapshot_free(hada_trainer *trainer)
 hada_status hada_snapshot_take(hada_trainer *trainer, hada_error *err)
 {
     hada_snapshot *shot = &trainer->snapshot;
-    hada_engine *engine = trainer->workers->engine;
     hada_status status = HADA_OK;
     for (int g = 0; !status && g < trainer->groups; g++) {
         if (!shot->dirty[g] || !hada_trainer_has(trainer, g))
             continue;
-        status = hada_engine_read(engine, g, HADA_CONTENT_VALUES, shot->values[g], err);
+        status = hada_trainer_read(trainer, g, HADA_CONTENT_VALUES, shot->values[g], err);
         if (!status)
-            status = hada_engine_read(engine, g, HADA_CONTENT_STATE, shot->states[g], err);
+            status = hada_trainer_read(trainer, g, HADA_CONTENT_STATE, shot->states[g], err);
         shot->dirty[g] = (unsigned char)(status != HADA_OK);
     }
     if (status)

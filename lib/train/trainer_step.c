@@ -92,12 +92,14 @@ static hada_status compute(hada_trainer *trainer, int number, void *user, hada_e
                                 trainer->fed[first]->place, all->critic_only, &worker->terms, worker->touched, err);
 }
 
-static hada_status clear(hada_trainer *trainer, int number, void *user, hada_error *err)
+static hada_status clear(hada_trainer *trainer, hada_error *err)
 {
-    hada_worker *worker = &trainer->workers[number];
-    (void)user;
-    memset(worker->touched, 0, (size_t)trainer->info.depths);
-    return hada_engine_clear(worker->engine, err);
+    hada_status status = HADA_OK;
+    for (int i = 0; !status && i < trainer->worker_count; i++) {
+        memset(trainer->workers[i].touched, 0, (size_t)trainer->info.depths);
+        status = hada_engine_clear(trainer->workers[i].engine, err);
+    }
+    return status;
 }
 
 static void add_terms(hada_terms *sum, const hada_terms *terms)
@@ -113,7 +115,7 @@ static void add_terms(hada_terms *sum, const hada_terms *terms)
 static hada_status gather(hada_trainer *trainer, int critic_only, hada_terms *terms, hada_error *err)
 {
     const int most = trainer->options.at_once * trainer->worker_count;
-    hada_status status = hada_workers_run(trainer, clear, NULL, err);
+    hada_status status = clear(trainer, err);
     for (int left = trainer->options.batch; !status && left;) {
         wave all = {left < most ? left : most, critic_only};
         status = hada_feed_take(trainer->feed, all.count, trainer->fed, err);
@@ -138,6 +140,21 @@ static int takes_part(const hada_trainer *trainer, int group, int critic_only)
     if (group == HADA_GROUP_CRITIC || critic_only)
         return group == HADA_GROUP_CRITIC;
     return group == HADA_GROUP_NET || trainer->workers->touched[group - HADA_GROUP_FILTERS];
+}
+
+/* One gradient of all workers', and its norms. */
+static hada_status sum_up(hada_trainer *trainer, int critic_only, double *norm, double *critic_norm, hada_error *err)
+{
+    double squares = 0.0, critic = 0.0;
+    hada_status status = HADA_OK;
+    if (trainer->worker_count == 1)
+        return hada_engine_norm(trainer->workers->engine, trainer->workers->touched, norm, critic_norm, err);
+    for (int g = 0; !status && g < trainer->groups; g++)
+        if (takes_part(trainer, g, critic_only))
+            status = hada_train_sum_gradients(trainer, g, g == HADA_GROUP_CRITIC ? &critic : &squares, err);
+    *norm = sqrt(squares);
+    *critic_norm = sqrt(critic);
+    return status;
 }
 
 typedef struct change {
@@ -171,9 +188,14 @@ static hada_status update(hada_trainer *trainer, int critic_only, double share, 
         change what = {g, rate * share, scale_for(critic ? critic_norm : norm, options->clip)};
         trainer->snapshot.dirty[g] = 1;
         status = hada_workers_run(trainer, update_one, &what, err);
+        if (!status)
+            status = hada_train_share_values(trainer, g, err);
         trainer->progress.group_steps[g] += !status;
     }
-    return status ? status : hada_train_mean_statistics(trainer, err);
+    /* batch norms have looked at pairs without the net's being updated */
+    if (!status && critic_only)
+        status = hada_train_share_values(trainer, HADA_GROUP_NET, err);
+    return status;
 }
 
 static hada_status roll_back(hada_trainer *trainer, hada_step_report *report, hada_error *err)
@@ -223,11 +245,8 @@ static hada_status step(hada_trainer *trainer, hada_step_report *report, hada_er
     hada_status status = trainer->feed ? HADA_OK : start_feed(trainer, err);
     if (!status)
         status = gather(trainer, critic_only, &terms, err);
-    for (int g = 0; !status && g < trainer->groups; g++)
-        if (takes_part(trainer, g, critic_only))
-            status = hada_train_sum_gradients(trainer, g, err);
     if (!status)
-        status = hada_engine_norm(trainer->workers->engine, trainer->workers->touched, &norm, &critic_norm, err);
+        status = sum_up(trainer, critic_only, &norm, &critic_norm, err);
     if (status)
         return status;
     if (critic_only)

@@ -1,7 +1,5 @@
 /* Workers, and what they make of a pair. */
 #include <hadalens/scene.h>
-#include <pthread.h>
-#include <signal.h>
 #include <stdlib.h>
 
 #include "core/alloc.h"
@@ -10,47 +8,23 @@
 
 typedef struct task {
     hada_trainer *trainer;
-    int worker;
     hada_work work;
     void *user;
-    pthread_t thread;
-    int started;
 } task;
 
-static void *run(void *user)
+static void run(void *user, int number)
 {
-    const task *own = user;
-    hada_worker *worker = &own->trainer->workers[own->worker];
-    worker->status = own->work(own->trainer, own->worker, own->user, &worker->error);
-    return NULL;
+    const task *what = user;
+    hada_worker *worker = &what->trainer->workers[number];
+    worker->status = what->work(what->trainer, number, what->user, &worker->error);
 }
 
 hada_status hada_workers_run(hada_trainer *trainer, hada_work work, void *user, hada_error *err)
 {
-    const int count = trainer->worker_count;
-    task *tasks;
-    sigset_t all, before;
-    if (count == 1)
+    if (trainer->worker_count == 1)
         return work(trainer, 0, user, err);
-    hada_status status = hada_alloc((void **)&tasks, (size_t)count, sizeof *tasks, "threads", err);
-    if (status)
-        return status;
-    sigfillset(&all); /* signals are for the program's own threads */
-    pthread_sigmask(SIG_SETMASK, &all, &before);
-    for (int i = 0; i < count; i++) {
-        tasks[i] = (task){.trainer = trainer, .worker = i, .work = work, .user = user};
-        tasks[i].started = i && !pthread_create(&tasks[i].thread, NULL, run, &tasks[i]);
-    }
-    pthread_sigmask(SIG_SETMASK, &before, NULL);
-    /* What has no thread is done here. */
-    for (int i = 0; i < count; i++)
-        if (!tasks[i].started)
-            run(&tasks[i]);
-    for (int i = 0; i < count; i++)
-        if (tasks[i].started)
-            pthread_join(tasks[i].thread, NULL);
-    free(tasks);
-    for (int i = 0; i < count; i++)
+    hada_crew_run(trainer->crew, run, &(task){trainer, work, user});
+    for (int i = 0; i < trainer->worker_count; i++)
         if (trainer->workers[i].status) {
             if (err)
                 *err = trainer->workers[i].error;

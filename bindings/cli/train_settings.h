@@ -11,7 +11,7 @@ typedef struct hada_cli_train_settings {
     hada_cli_common common;
     const char *model, *output, *net, *vgg, *log, *hold_out, *dark;
     int stage, random, form, boundary, window[2], net_size[2], skip_incomplete;
-    int steps, epochs, batch, at_once, recompute, critic_steps;
+    int steps, epochs, batch, at_once, recompute, critic, critic_steps;
     int rule, schedule, period, warmup;
     double rate, filter_rate, critic_rate, last_rate, clip, decay;
     double mse, perceptual, adversarial, variation;

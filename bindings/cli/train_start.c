@@ -98,6 +98,7 @@ hada_status hada_cli_train_options(hada_cli *cli, const hada_cli_train_settings 
     options->net_cols = set->net_size[1];
     options->at_once = set->at_once;
     options->recompute = set->recompute;
+    options->critic = set->critic == 2 ? "paper" : "patch";
     take_count(set->batch, &options->batch);
     take_steps(set->critic_steps, &options->critic_steps);
     take_rates(set, options);

@@ -54,6 +54,24 @@ static hada_tensor window_tensor(const hada_engine *engine, int buffer)
     return hada_engine_tensor(engine->slot->context, &engine->shape, engine->net, engine->buffers[buffer].mem);
 }
 
+static hada_status make_labels(hada_engine *engine, hada_error *err)
+{
+    hada_buffer *ones = &engine->buffers[ENGINE_TRUE];
+    const size_t count = ones->bytes / sizeof(float);
+    float *values;
+    hada_status status = hada_alloc_raw((void **)&values, count, sizeof *values, "labels", err);
+    if (status)
+        return status;
+    for (size_t i = 0; i < count; i++)
+        values[i] = 1.0f;
+    status = hada_buffer_write(ones, engine->slot, 0, values, ones->bytes, err);
+    free(values);
+    for (int label = 0; label < 2; label++)
+        engine->labels[label] =
+            hada_engine_logits(engine->slot->context, &engine->shape, engine->buffers[ENGINE_FALSE + label].mem);
+    return status;
+}
+
 static hada_status fill(hada_engine *engine, hada_error *err)
 {
     const engine_shape *shape = &engine->shape;
@@ -74,6 +92,8 @@ static hada_status fill(hada_engine *engine, hada_error *err)
         if (!status)
             status = hada_graph_set_weights(engine->see, (hada_floats){weights->mem, 0}, err);
     }
+    if (!status && shape->critic)
+        status = make_labels(engine, err);
     if (status || !shape->filters)
         return status;
     status = hada_alloc((void **)&columns, shape->layout.count, sizeof *columns, "a half spectrum", err);

@@ -130,26 +130,20 @@ static hada_status perceptual(const judged *j, hada_error *err)
 }
 
 /* The critic on the images of `mem`, as far as the gradient of its logits. */
-static hada_status judge(const judged *j, cl_mem mem, float label, double weight, int which, hada_error *err)
+static hada_status judge(const judged *j, cl_mem mem, int label, double weight, int which, hada_error *err)
 {
     hada_engine *engine = j->engine;
-    const size_t at_once = (size_t)engine->shape.at_once;
-    const hada_floats logits = {engine->buffers[ENGINE_LOGITS].mem, 0}, gradient = {logits.mem, at_once};
-    const hada_planar plain = {.mem = logits.mem, .image_stride = 1, .channel_stride = 1, .row_stride = 1};
-    hada_planar fall = plain;
-    fall.offset = at_once;
+    const hada_tensor *y = hada_graph_output(engine->judge), *dy = hada_graph_output_gradient(engine->judge);
+    const hada_tensor x = first_images(j, y), target = first_images(j, &engine->labels[label]);
+    const hada_tensor dx = first_images(j, dy);
+    const hada_loss_desc loss = {.loss = HADA_LOSS_LOGITS, .weight = (float)weight};
     hada_status status = show(j, engine->judge, 0, mem, err);
     if (!status)
         status = hada_graph_forward(engine->judge, err);
     if (!status)
-        status = hada_graph_store(engine->judge, &plain, err);
-    if (!status && j->count < engine->shape.at_once)
-        status = hada_buffer_clear(&engine->buffers[ENGINE_LOGITS], engine->slot, at_once * sizeof(float),
-                                   at_once * sizeof(float), err);
-    if (!status)
-        status = hada_loss_logits(engine->slot, (float)weight, label, logits, (size_t)j->count, term(j, which),
-                                  &gradient, 0, err);
-    return status ? status : hada_graph_load_gradient(engine->judge, &fall, err);
+        status = hada_loss_run(engine->slot, &loss, &x, &target, term(j, which), &dx, 0,
+                               engine->buffers[ENGINE_SUMS].mem, err);
+    return status ? status : clear_rest(j, &engine->labels[0], dy, err);
 }
 
 static hada_status adversarial(const judged *j, uint64_t step, int critic_only, hada_error *err)
@@ -166,19 +160,19 @@ static hada_status adversarial(const judged *j, uint64_t step, int critic_only, 
         engine->new_judge = 0;
     hada_graph_set_step(engine->judge, engine->options.seed + 1, step);
     if (!status)
-        status = judge(j, scenes, 1.0f, j->weight, ENGINE_REAL, err);
+        status = judge(j, scenes, 1, j->weight, ENGINE_REAL, err);
     if (!status)
         status = hada_graph_backward(engine->judge, gradient, hada_engine_accumulates(engine, HADA_GROUP_CRITIC), err);
     if (!status)
         status = store_output(j, err);
     if (!status)
-        status = judge(j, flat, 0.0f, j->weight, ENGINE_FAKE, err);
+        status = judge(j, flat, 0, j->weight, ENGINE_FAKE, err);
     if (!status)
         status = hada_graph_backward(engine->judge, gradient, hada_engine_accumulates(engine, HADA_GROUP_CRITIC), err);
     if (status || critic_only || engine->options.adversarial <= 0.0)
         return status;
     /* backward overwrites what it passes, so the net's images are looked at again for its own loss */
-    status = judge(j, flat, 1.0f, engine->options.adversarial * j->weight, ENGINE_ADVERSARIAL, err);
+    status = judge(j, flat, 1, engine->options.adversarial * j->weight, ENGINE_ADVERSARIAL, err);
     if (!status)
         status = hada_graph_backward(engine->judge, none, 0, err);
     return status ? status : take_share(j, engine->judge, engine->shape.channels, err);

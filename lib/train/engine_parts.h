@@ -29,7 +29,8 @@ enum {
     ENGINE_SHARE,    /* critic, VGG: a gradient that comes back from them */
     ENGINE_FEATURES, /* VGG: features of the scenes */
     ENGINE_VGG,      /* its weights */
-    ENGINE_LOGITS,   /* critic: what it gives for each image, then the gradient of that */
+    ENGINE_FALSE,    /* critic: labels of what the net made, 0 */
+    ENGINE_TRUE,     /* of scenes, 1 */
     ENGINE_TERMS,    /* values of the terms, then norms */
     ENGINE_SUMS,     /* scratch of sums */
     ENGINE_BUFFERS
@@ -63,7 +64,7 @@ typedef struct engine_shape {
     hada_spectrum_layout layout;
     hada_fft_desc forward, inverse, back; /* frames; planes; gradients of planes */
     int net_rows, net_cols, resized;
-    hada_size features;
+    hada_size features, logits;
     hada_graph_options train, look, judge, see; /* of the net, of the net for one image, of the critic, of VGG */
     size_t bytes[ENGINE_BUFFERS];
     int groups;
@@ -72,9 +73,9 @@ typedef struct engine_shape {
 typedef struct engine_group {
     hada_buffer values, gradient, state;
     size_t trained, floats; /* on the device */
-    hada_optimizer_desc rule;
     hada_part part;         /* of the trained ones, which are updated here */
     int clear;              /* the gradient begins anew: what stands there does not count */
+    hada_optimizer_desc rule;
 } engine_group;
 
 struct hada_engine {
@@ -86,7 +87,7 @@ struct hada_engine {
     hada_buffer buffers[ENGINE_BUFFERS];
     hada_fft *forward, *inverse, *back;
     hada_graph *train, *look, *judge, *see;
-    hada_tensor in, out, fall, target, share, features;
+    hada_tensor in, out, fall, target, share, features, labels[2];
     int new_train, new_look, new_judge; /* weights changed since the graph took them */
 };
 
@@ -100,6 +101,7 @@ hada_optimizer_desc hada_engine_rule(const hada_train_options *options, int grou
 hada_part hada_engine_part_of(const hada_engine_desc *desc, int group, size_t trained);
 /* Images of the window for a net, and what the critic and VGG make of them. */
 hada_tensor hada_engine_tensor(const hada_context *context, const engine_shape *shape, const hada_net *net, cl_mem mem);
+hada_tensor hada_engine_logits(const hada_context *context, const engine_shape *shape, cl_mem mem);
 hada_tensor hada_engine_features(const hada_context *context, const engine_shape *shape, const hada_net *vgg,
                                  cl_mem mem);
 
@@ -133,10 +135,10 @@ hada_status hada_engine_losses(hada_engine *engine, int count, double weight, ui
 
 /* engine_groups.c */
 hada_status hada_engine_groups_make(hada_engine *engine, const hada_engine_desc *desc, hada_error *err);
-void hada_engine_groups_free(hada_engine *engine);
-
 /* Whether what comes next is added to a net's gradient; from then on it is. */
 int hada_engine_accumulates(hada_engine *engine, int group);
 /* A gradient that begins anew and to which nothing came becomes zero (enqueued). */
 hada_status hada_engine_settle(hada_engine *engine, int group, hada_error *err);
+void hada_engine_groups_free(hada_engine *engine);
+
 #endif

@@ -47,6 +47,11 @@ hada_tensor hada_engine_tensor(const hada_context *context, const engine_shape *
                           shape->cols);
 }
 
+hada_tensor hada_engine_logits(const hada_context *context, const engine_shape *shape, cl_mem mem)
+{
+    return hada_tensor_at(context, mem, 0, shape->at_once, 1, shape->logits.rows, shape->logits.cols);
+}
+
 hada_tensor hada_engine_features(const hada_context *context, const engine_shape *shape, const hada_net *vgg,
                                  cl_mem mem)
 {
@@ -168,7 +173,6 @@ static hada_status net_shape(const hada_engine_desc *desc, engine_shape *shape, 
 static hada_status judge_shapes(const hada_engine_desc *desc, engine_shape *shape, hada_error *err)
 {
     hada_net_info info;
-    hada_size one = {1, 1};
     hada_status status = HADA_OK;
     const hada_graph_options options = {.images = shape->at_once,
                                         .rows = shape->rows,
@@ -180,9 +184,11 @@ static hada_status judge_shapes(const hada_engine_desc *desc, engine_shape *shap
     shape->judge.weight_gradients = 1;
     if (shape->critic) {
         hada_net_get_info(desc->critic, &info);
-        status = check_net(desc->critic, "discriminator", shape->channels, shape->rows, shape->cols, &one, err);
-        if (!status && (info.out_channels != 1 || one.rows != 1 || one.cols != 1))
-            status = hada_fail(err, HADA_ERROR_MODEL, "a discriminator gives one value an image");
+        status =
+            check_net(desc->critic, "discriminator", shape->channels, shape->rows, shape->cols, &shape->logits, err);
+        if (!status && info.out_channels != 1)
+            status = hada_fail(err, HADA_ERROR_MODEL, "a discriminator gives one channel of logits, not %d",
+                               info.out_channels);
     }
     if (status || !shape->vgg)
         return status;
@@ -228,8 +234,11 @@ static void net_buffers(const hada_context *context, const hada_engine_desc *des
     at_least(&bytes[ENGINE_SUMS], hada_loss_scratch(&loss, &out));
     if (shape->critic || shape->vgg)
         bytes[ENGINE_SHARE] = tensor;
-    if (shape->critic)
-        bytes[ENGINE_LOGITS] = 2 * at_once * sizeof(float);
+    if (shape->critic) {
+        const hada_tensor logits = hada_engine_logits(context, shape, NULL);
+        bytes[ENGINE_FALSE] = bytes[ENGINE_TRUE] = tensor_bytes(&logits);
+        at_least(&bytes[ENGINE_SUMS], hada_loss_scratch(&loss, &logits));
+    }
     if (!shape->vgg)
         return;
     const hada_tensor features = hada_engine_features(context, shape, desc->vgg, NULL);

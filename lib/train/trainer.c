@@ -194,7 +194,7 @@ hada_status hada_trainer_create_on(hada_trainer **out, hada_context *const *cont
         trainer->held_out = *held_out;
     status = make(trainer, contexts, count, err);
     /* What the caller owns is not looked at any more. */
-    trainer->options.net = trainer->options.vgg = NULL;
+    trainer->options.net = trainer->options.vgg = trainer->options.critic = NULL;
     trainer->options.net_given = NULL;
     if (status)
         hada_trainer_destroy(&trainer);

@@ -33,7 +33,7 @@ static hada_status make_net(hada_net **out, const hada_train_options *options, c
 
 static hada_status make_critic(hada_net **out, const hada_train_options *options, int channels, hada_error *err)
 {
-    hada_status status = hada_discriminator_make(out, channels, err);
+    hada_status status = hada_discriminator_make(out, options->critic, channels, err);
     return status ? status : hada_net_init(*out, options->seed, err);
 }
 

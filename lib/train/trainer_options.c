@@ -28,6 +28,7 @@ void hada_train_options_init(hada_train_options *options, hada_stage stage)
                                     .stage = stage,
                                     .seed = 1,
                                     .net = "compact",
+                                    .critic = "patch",
                                     .steps = 1000,
                                     .batch = 4,
                                     .rule = HADA_RULE_ADAM,

@@ -1,9 +1,8 @@
 /* Nets run here, for comparison with PyTorch: files of tensors in, files of tensors out.
  *
- *     net_oracle make KIND CHANNELS NET      a net with random weights: paper, compact, discriminator, vgg16, or a
- *                                            U-net's "DOWN/UP[/linear|nearest|transposed[/norm]]"
- *     net_oracle vgg16 FILE NET              VGG-16 with the weights of torchvision's file
- *     net_oracle forward NET IN OUT          x of IN [images][channels][rows][cols] -> y of OUT
+ *     net_oracle make KIND CHANNELS NET      a net with random weights: paper, compact, discriminator, patch, vgg16, or
+ * a U-net's "DOWN/UP[/linear|nearest|transposed[/norm]]" net_oracle vgg16 FILE NET              VGG-16 with the weights
+ * of torchvision's file net_oracle forward NET IN OUT          x of IN [images][channels][rows][cols] -> y of OUT
  *     net_oracle backward NET IN OUT [again] x and dy of IN -> y, dx, and "grad." + each parameter of OUT, and the
  *                                            running statistics by their names; "again": with recomputation */
 #include <stdio.h>
@@ -33,8 +32,9 @@ static hada_net *make(const char *kind, int channels)
         must(hada_net_create_preset(&net, kind, channels, 1, &err));
         return net;
     }
-    if (!strcmp(kind, "discriminator") || !strcmp(kind, "vgg16")) {
-        must(*kind == 'd' ? hada_discriminator_make(&net, channels, &err) : hada_vgg16_make(&net, &err));
+    if (!strcmp(kind, "discriminator") || !strcmp(kind, "patch") || !strcmp(kind, "vgg16")) {
+        must(*kind == 'v' ? hada_vgg16_make(&net, &err)
+                          : hada_discriminator_make(&net, *kind == 'p' ? kind : "paper", channels, &err));
         float *before = net->values + (*kind == 'v' ? hada_net_find(net, "normalize.weight")->offset : 0), keep[12];
         memcpy(keep, before, sizeof keep);
         must(hada_net_init(net, 1, &err));

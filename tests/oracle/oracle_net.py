@@ -40,8 +40,8 @@ def check(kind, channels, images, rows, cols, folder, again=False):
     net, data, out = (os.path.join(folder, f + ".safetensors") for f in ("net", "in", "out"))
     run("make", kind, channels, net)
     torch.manual_seed(len(kind) + rows)
-    module = {"discriminator": lambda: torch_nets.Discriminator(channels), "vgg16": torch_nets.VGG16}.get(
-        kind, lambda: torch_nets.unet(kind, channels))()
+    module = {"discriminator": lambda: torch_nets.Discriminator(channels), "patch": lambda: torch_nets.Patches(channels),
+              "vgg16": torch_nets.VGG16}.get(kind, lambda: torch_nets.unet(kind, channels))()
     state = load_file(net)
     for name in state:  # biases and statistics that are not 0 and 1
         if state[name].dim() == 1 and not name.startswith("normalize"):
@@ -103,6 +103,7 @@ cases = [
     ("paper", 3, 1, 64, 64, False),
     ("paper", 3, 1, 65, 71, True),
     ("discriminator", 3, 2, 40, 48, False),
+    ("patch", 3, 2, 21, 34, False),
     ("vgg16", 3, 1, 64, 64, False),
 ]
 with tempfile.TemporaryDirectory() as folder:

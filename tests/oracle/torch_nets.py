@@ -102,6 +102,18 @@ class Discriminator(nn.Module):
         return self.full[1](x)[:, :, None, None]
 
 
+class Patches(nn.Module):
+    def __init__(self, channels):
+        super().__init__()
+        sizes, strides = [channels, 32, 64, 128, 128, 1], [1, 2, 2, 1, 1]
+        self.conv = nn.ModuleList(nn.Conv2d(a, b, 3, stride=s, padding=1) for a, b, s in zip(sizes, sizes[1:], strides))
+
+    def forward(self, x):
+        for conv in self.conv[:-1]:
+            x = F.leaky_relu(conv(x), 0.2)
+        return self.conv[-1](x)
+
+
 class VGG16(nn.Module):
     """The `features` of torchvision.models.vgg16 behind the normalisation of its weights."""
 

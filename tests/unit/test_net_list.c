@@ -85,7 +85,9 @@ static void descriptions_come_back_as_they_were(void **state)
     hada_unet_options options;
     ASSERT_OK(hada_net_create_preset(&net, "paper", 3, 1, err));
     check_round_trip(net);
-    ASSERT_OK(hada_discriminator_make(&net, 3, err));
+    ASSERT_OK(hada_discriminator_make(&net, "paper", 3, err));
+    check_round_trip(net);
+    ASSERT_OK(hada_discriminator_make(&net, "patch", 1, err));
     check_round_trip(net);
     ASSERT_OK(hada_vgg16_make(&net, err));
     check_round_trip(net);

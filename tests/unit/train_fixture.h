@@ -250,15 +250,21 @@ static inline double *train_features(const train_case *c, const double *images, 
     return features;
 }
 
+/* Cross-entropy of the critic's logits: one an image, or one a patch. */
 static inline double train_logits(const train_case *c, const double *images, double label, double weight)
 {
-    double labels[TRAIN_PAIRS];
-    for (int i = 0; i < TRAIN_PAIRS; i++)
+    const int rows = c->info->window_rows, cols = c->info->window_cols;
+    hada_size sizes[64];
+    ASSERT_OK(hada_net_sizes(c->critic, rows, cols, sizes, err));
+    const hada_size last = sizes[c->critic->count - 1];
+    const size_t count = (size_t)c->count * (size_t)last.rows * (size_t)last.cols;
+    double *labels = calloc(count, sizeof *labels);
+    for (size_t i = 0; i < count; i++)
         labels[i] = label;
-    double *logits = train_run(c->critic, c->critic_values, c->count, c->info->window_rows, c->info->window_cols,
-                               images, (size_t)c->count);
-    const double loss = hada_ref_logits((size_t)c->count, weight, logits, labels, NULL);
+    double *logits = train_run(c->critic, c->critic_values, c->count, rows, cols, images, count);
+    const double loss = hada_ref_logits(count, weight, logits, labels, NULL);
     free(logits);
+    free(labels);
     return loss;
 }
 

@@ -4,6 +4,7 @@
 
 #include "train_fixture.h"
 
+/* critic: 1 gives one logit an image, 2 one a patch. */
 typedef struct engine_case {
     const char *name;
     hada_stage stage;
@@ -16,10 +17,10 @@ static const engine_case train_cases[] = {
     {"another size, perceptual", HADA_STAGE_ENHANCE, 3, 1, 0, 10, 8, 1, 0, 0, 0, 0},
     {"grey, perceptual", HADA_STAGE_ENHANCE, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0},
     {"adversarial", HADA_STAGE_ADVERSARIAL, 3, 0, 1, 0, 0, 0, 1, 0, 0, 0},
-    {"adversarial, shared, perceptual", HADA_STAGE_ADVERSARIAL, 3, 1, 0, 16, 12, 1, 1, 0, 0, 0},
+    {"adversarial of patches, shared, perceptual", HADA_STAGE_ADVERSARIAL, 3, 1, 0, 16, 12, 1, 2, 0, 0, 0},
     {"joint", HADA_STAGE_JOINT, 3, 0, 0, 0, 0, 0, 0, 0, 0, 0},
     {"joint, split, padded, shared, another size", HADA_STAGE_JOINT, 3, 1, 1, 9, 11, 0, 0, 0, 1, 1},
-    {"joint, adversarial", HADA_STAGE_JOINT, 1, 0, 0, 0, 0, 1, 1, 1, 0, 0},
+    {"joint, adversarial of patches", HADA_STAGE_JOINT, 1, 0, 0, 0, 0, 1, 2, 1, 0, 0},
     {"conventional", HADA_STAGE_CONVENTIONAL, 3, 0, 0, 0, 0, 0, 0, 0, 0, 0},
 };
 enum { ROWS = 15, COLS = 18, WINDOW_ROWS = 12, WINDOW_COLS = 14 };
@@ -54,7 +55,8 @@ static inline void run_make(engine_run *run, const engine_case *c)
     static const char critic[] =
         "{\"format\": \"hadalens-net-1\", \"layers\": [{\"layer\": \"input\", \"channels\": %d},"
         "{\"layer\": \"conv\", \"name\": \"a\", \"channels\": 5, \"stride\": 2, \"activation\": \"leaky_relu\","
-        " \"slope\": 0.2}, {\"layer\": \"linear\", \"name\": \"b\", \"in\": 210, \"channels\": 1}]}";
+        " \"slope\": 0.2}, {%s, \"name\": \"b\", \"channels\": 1}]}";
+    static const char *const ends[] = {"\"layer\": \"linear\", \"in\": 210", "\"layer\": \"conv\""};
     static const char vgg[] =
         "{\"format\": \"hadalens-net-1\", \"layers\": [{\"layer\": \"input\", \"channels\": 3},"
         "{\"layer\": \"conv\", \"name\": \"a\", \"channels\": 6, \"activation\": \"relu\"}, {\"layer\": \"pool\"},"
@@ -72,7 +74,7 @@ static inline void run_make(engine_run *run, const engine_case *c)
     ASSERT_OK(hada_net_create_unet(&run->net, &unet, 3, err));
     shake(run->net, 1);
     if (c->critic) {
-        snprintf(text, sizeof text, critic, c->channels);
+        snprintf(text, sizeof text, critic, c->channels, ends[c->critic - 1]);
         run->critic = net_from(text, 4);
     }
     if (c->vgg) {

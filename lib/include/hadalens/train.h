@@ -74,6 +74,8 @@ typedef struct hada_train_options {
     const char *net;  /* preset of a new net ("compact", "paper"), used where the model has none or `new_net` is 1 */
     const hada_net *net_given; /* instead of a preset; copied; NULL: none */
     int new_net;
+    const char *critic;     /* preset of the discriminator: "patch" (default) looks at patches at the window's own size,
+                               "paper" at the whole image at 256 x 256 */
     int net_rows, net_cols; /* size at which the net runs; 0, 0: the window's */
 
     /* steps */

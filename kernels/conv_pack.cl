@@ -54,6 +54,40 @@ static inline conv_pack_v conv_kernels_at(const conv_kernels *kernels, int place
 #endif
 }
 
+#if CONV_PACK == 8
+/* The rows i and i + 4 in turns, value by value: three times this turns 8 rows of 8 into columns. */
+static inline void conv_interleave(const float8 *from, float8 *to)
+{
+#pragma unroll
+    for (int i = 0; i < 4; ++i) {
+        const float8 a = from[i], b = from[i + 4];
+        to[2 * i] = (float8)(a.s0, b.s0, a.s1, b.s1, a.s2, b.s2, a.s3, b.s3);
+        to[2 * i + 1] = (float8)(a.s4, b.s4, a.s5, b.s5, a.s6, b.s6, a.s7, b.s7);
+    }
+}
+#endif
+
+/* All nine places of kernels of 3 x 3. */
+static inline void conv_kernels_nine(const conv_kernels *kernels, conv_pack_v *nine)
+{
+#if CONV_PACK == 8
+    if (kernels->present == 8) {
+        float8 rows[8], turned[8];
+#pragma unroll
+        for (int k = 0; k < 8; ++k)
+            rows[k] = vload8(0, kernels->first + k * kernels->out_step);
+        conv_interleave(rows, turned);
+        conv_interleave(turned, rows);
+        conv_interleave(rows, nine);
+        nine[8] = conv_kernels_at(kernels, 8);
+        return;
+    }
+#endif
+#pragma unroll
+    for (int i = 0; i < 9; ++i)
+        nine[i] = conv_kernels_at(kernels, i);
+}
+
 /* Weights for direct convolutions, from w[coarse][fine][kernel row][kernel column]
  * (lib/net/conv.h): [phase][group][input block][tap row][tap column][input channel of the block][output channel of the
  * group], zero where there is no such channel. Phases and taps: inc_conv.h. Dimensions: output channels of all groups,
@@ -64,20 +98,29 @@ __kernel void conv_pack(__global const float *w, ulong w_offset, int in_channels
 {
     const int out = get_global_id(0) * CONV_PACK, first = get_global_id(1) * CONV_PACK;
     const int in_blocks = (in_channels + block - 1) / block, groups = get_global_size(0) * CONV_PACK / lanes;
+    const int places = kernel_rows * kernel_cols;
     const size_t tap_floats = (size_t)block * lanes, taps_rows = (kernel_rows + step - 1) / step;
     const size_t group_floats = taps_rows * ((kernel_cols + step - 1) / step) * in_blocks * tap_floats;
     for (int in = first; in < first + CONV_PACK; ++in) {
-        const conv_kernels kernels =
-            conv_kernels_of(w + w_offset, in, in_channels, out_channels, to_coarse, kernel_rows * kernel_cols);
+        const conv_kernels kernels = conv_kernels_of(w + w_offset, in, in_channels, out_channels, to_coarse, places);
+        __global float *at = packed + (size_t)(in % block) * lanes + out % lanes;
+        /* a convolution's taps run with the places of its kernel, a transposed one's against them */
+        if (places == 9 && step == 1) {
+            conv_pack_v nine[9];
+            __global float *to = at + out / lanes * group_floats + in / block * 9 * tap_floats;
+            conv_kernels_nine(&kernels, nine);
+#pragma unroll
+            for (int i = 0; i < 9; ++i)
+                CONV_PACK_STORE(nine[i], to + (to_coarse ? i : 8 - i) * tap_floats);
+            continue;
+        }
         for (int phase = 0; phase < step * step; ++phase) {
             const conv_taps rows = conv_taps_of(kernel_rows, pad_rows, step, phase / step);
             const conv_taps cols = conv_taps_of(kernel_cols, pad_cols, step, phase % step);
-            __global float *to = packed + ((size_t)phase * groups + out / lanes) * group_floats +
-                                 (size_t)(in / block) * rows.count * cols.count * tap_floats + in % block * lanes +
-                                 out % lanes;
+            __global float *to = at + ((size_t)phase * groups + out / lanes) * group_floats +
+                                 (size_t)(in / block) * rows.count * cols.count * tap_floats;
             for (int r = 0; r < rows.count; ++r)
                 for (int c = 0; c < cols.count; ++c) {
-                    /* a convolution's taps run with the places of its kernel, a transposed one's against them */
                     const int u = to_coarse ? r : rows.u0 - step * r, v = to_coarse ? c : cols.u0 - step * c;
                     CONV_PACK_STORE(conv_kernels_at(&kernels, u * kernel_cols + v),
                                     to + (r * cols.count + c) * tap_floats);
@@ -118,10 +161,9 @@ __kernel void conv_winograd_pack(__global const float *w, ulong w_offset, int in
         const conv_kernels kernels = conv_kernels_of(w + w_offset, in, in_channels, out_channels, to_coarse, 9);
         __global float *to = packed + (out / lanes * ins + in) * lanes + out % lanes;
         conv_pack_v g[9], across[3 * CONV_REACH];
-        for (int i = 0; i < 9; ++i)
-            g[i] = conv_kernels_at(&kernels, to_coarse ? i : 8 - i);
+        conv_kernels_nine(&kernels, g);
         for (int r = 0; r < 3; ++r)
-            conv_weights_1d(g + 3 * r, 1, across + CONV_REACH * r);
+            conv_weights_1d(to_coarse ? g + 3 * r : g + 8 - 3 * r, to_coarse ? 1 : -1, across + CONV_REACH * r);
         for (int c = 0; c < CONV_REACH; ++c) {
             conv_pack_v down[CONV_REACH];
             conv_weights_1d(across + c, CONV_REACH, down);

@@ -7,8 +7,10 @@
 
 #define STRIP_ROWS     8
 #define LEAST_PARTS    8
+#define PARTS_OF_UNIT  2
 #define MOST_PARTS     64
 #define PARTIAL_FLOATS ((size_t)1 << 20)
+#define CACHED_FLOATS  ((size_t)1 << 16)
 #define STEP_FLOATS    ((size_t)1 << 22)
 /* tiles that one step of a gradient of weights adds up in one running sum: more lose accuracy (1024: 6e-6) */
 #define MOST_TILES 256
@@ -180,8 +182,12 @@ static void plan_gradient_tiles(hada_conv_plan *plan, const hada_context *contex
     hada_conv_table_gradient_tiles(context, g);
     g->part_floats = places * coarse * fine;
     if (g->tiles) {
-        const size_t wanted = PARTIAL_FLOATS / g->part_floats;
-        g->parts = wanted < LEAST_PARTS ? LEAST_PARTS : wanted > MOST_PARTS ? MOST_PARTS : (int)wanted;
+        /* parts are all that compute units share out, and each writes its sums */
+        const size_t wanted = PARTIAL_FLOATS / g->part_floats, units = context->info.compute_units;
+        const size_t most = units < 2 ? 1 : PARTS_OF_UNIT * units < MOST_PARTS ? PARTS_OF_UNIT * units : MOST_PARTS;
+        g->parts = (int)(wanted < LEAST_PARTS ? LEAST_PARTS : wanted);
+        if ((size_t)g->parts > most)
+            g->parts = (int)most;
         need_scratch(plan, (g->part_floats + coarse) * (size_t)g->parts);
         return;
     }
@@ -234,8 +240,13 @@ static void plan_gradient(hada_conv_plan *plan, const hada_context *context)
         g->strip_rows = STRIP_ROWS;
         g->part_floats = (size_t)(g->coarse_groups * coarse_tile) * (size_t)(g->fine_groups * fine_tile) *
                          (size_t)d->kernel_rows * (size_t)d->kernel_cols;
-        const size_t wanted = PARTIAL_FLOATS / g->part_floats;
-        g->parts = wanted < 1 ? 1 : wanted > MOST_PARTS ? MOST_PARTS : (int)wanted;
+        /* a part's images stay in the nearest cache; more parts would only write more sums */
+        const size_t wanted = PARTIAL_FLOATS / g->part_floats, images = (size_t)d->images;
+        const size_t values = (size_t)(g->coarse_channels * g->coarse_rows) * (size_t)g->coarse_cols +
+                              (size_t)(g->fine_channels * g->fine_rows) * (size_t)g->fine_cols;
+        const size_t useful = plan->groups ? MOST_PARTS : (values * images + CACHED_FLOATS - 1) / CACHED_FLOATS;
+        g->parts = (int)(wanted < useful ? wanted : useful);
+        g->parts = g->parts < 1 ? 1 : g->parts > MOST_PARTS ? MOST_PARTS : g->parts;
     }
     need_scratch(plan, g->part_floats * (size_t)g->parts);
 }

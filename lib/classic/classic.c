@@ -80,19 +80,31 @@ hada_status hada_classic_shape_of(const hada_model_info *info, int depths, const
         o->support = o->method == HADA_METHOD_ADMM ? HADA_SUPPORT_GRID : HADA_SUPPORT_WINDOW;
     shape->support = o->support == HADA_SUPPORT_GRID ? (hada_refine_rect){0, 0, info->grid_rows, info->grid_cols}
                                                      : shape->place.window;
+    shape->grid_rows = info->grid_rows;
+    shape->grid_cols = info->grid_cols;
+    shape->reach = (hada_refine_rect){0};
     return HADA_OK;
 }
 
-/* Where planes stand in memory: ADMM has its gradients on the whole grid. */
+static hada_refine_rect at_top_left(const hada_refine_rect *rect)
+{
+    return (hada_refine_rect){0, 0, rect->rows, rect->cols};
+}
+
+/* ADMM has its gradients on the whole grid. */
 hada_refine_rect hada_classic_plane_rect(const hada_classic_shape *shape)
 {
-    const hada_refine_rect grid = {0, 0, shape->place.grid_rows, shape->place.grid_cols};
+    const hada_refine_rect grid = {0, 0, shape->grid_rows, shape->grid_cols};
+    if (shape->reach.rows)
+        return at_top_left(&shape->support);
     return shape->options.method == HADA_METHOD_ADMM ? grid : shape->support;
 }
 
 hada_refine_rect hada_classic_frame_rect(const hada_classic_shape *shape)
 {
-    const hada_refine_rect grid = {0, 0, shape->place.grid_rows, shape->place.grid_cols};
+    const hada_refine_rect grid = {0, 0, shape->grid_rows, shape->grid_cols};
+    if (shape->reach.rows)
+        return at_top_left(&shape->place.frame);
     return shape->place.boundary == HADA_BOUNDARY_PADDED ? shape->place.frame : grid;
 }
 
@@ -109,8 +121,8 @@ static hada_fft_desc describe(const hada_classic_shape *shape, const hada_refine
 {
     const hada_classic_image image = image_of(rect);
     return (hada_fft_desc){.direction = direction,
-                           .rows = shape->place.grid_rows,
-                           .cols = shape->place.grid_cols,
+                           .rows = shape->grid_rows,
+                           .cols = shape->grid_cols,
                            .batch = images < HADA_CLASSIC_BATCH ? images : HADA_CLASSIC_BATCH,
                            .row0 = rect->row0,
                            .col0 = rect->col0,
@@ -131,7 +143,7 @@ static int fuses(const hada_context *context, const hada_classic_shape *shape)
 {
     const hada_method method = shape->options.method;
     return has_frame(shape) && (method == HADA_METHOD_RL || method == HADA_METHOD_FISTA) &&
-           hada_fft_fuses(context, shape->place.grid_rows, shape->place.grid_cols, shape->place.max_planes > 1 ? 2 : 1);
+           hada_fft_fuses(context, shape->grid_rows, shape->grid_cols, shape->place.max_planes > 1 ? 2 : 1);
 }
 
 enum { PLANS = 4 };
@@ -177,8 +189,7 @@ static void keep_books(const hada_context *context, const hada_classic_shape *sh
 {
     const hada_refine_rect plane_at = hada_classic_plane_rect(shape), frame_at = hada_classic_frame_rect(shape);
     const hada_classic_image plane = image_of(&plane_at), frame = image_of(&frame_at);
-    const hada_spectrum_layout layout =
-        hada_fft_layout(context, shape->place.grid_rows, shape->place.grid_cols, HADA_FFT_AUTO);
+    const hada_spectrum_layout layout = hada_fft_layout(context, shape->grid_rows, shape->grid_cols, HADA_FFT_AUTO);
     const hada_classic_options *o = &shape->options;
     const hada_refine_rect *window = &shape->place.window;
     const int rl = o->method == HADA_METHOD_RL, fista = o->method == HADA_METHOD_FISTA,
@@ -227,7 +238,7 @@ size_t hada_classic_bytes(const hada_context *context, const hada_classic_shape 
     const int count = list_plans(context, shape, plans);
     keep_books(context, shape, bytes);
     if (fuses(context, shape))
-        sum += hada_fft_fused_bytes(context, shape->place.grid_rows, shape->place.grid_cols);
+        sum += hada_fft_fused_bytes(context, shape->grid_rows, shape->grid_cols);
     for (int i = 0; i < count; i++)
         sum += hada_fft_bytes(context, &plans[i]);
     for (int i = 0; i < HADA_CLASSIC_PARTS; i++)
@@ -262,14 +273,13 @@ static hada_status make(hada_classic *classic, hada_error *err)
     hada_fft **const made[PLANS] = {&classic->forward, &classic->inverse, &classic->frame_forward,
                                     &classic->frame_inverse};
     hada_fft_desc plans[PLANS];
-    const hada_refine_shape *place = &classic->shape.place;
     const int count = list_plans(slot->context, &classic->shape, plans);
     hada_status status = hada_alloc((void **)&classic->sums, classic->bytes[HADA_CLASSIC_PARTIAL] / sizeof(float),
                                     sizeof(float), what, err);
     if (!status)
         status = hada_alloc((void **)&classic->table, classic->bytes[HADA_CLASSIC_TABLE] + 1, 1, what, err);
     if (!status && classic->fuses)
-        status = hada_fft_fused_make(&classic->fused, slot, place->grid_rows, place->grid_cols, err);
+        status = hada_fft_fused_make(&classic->fused, slot, classic->shape.grid_rows, classic->shape.grid_cols, err);
     for (int i = 0; !status && i < count; i++)
         status = hada_fft_create(made[i], slot, &plans[i], err);
     for (int i = 0; !status && i < HADA_CLASSIC_PARTS; i++)
@@ -289,7 +299,7 @@ hada_status hada_classic_create(hada_classic **out, hada_slot *slot, const hada_
         return status;
     classic->slot = slot;
     classic->shape = *shape;
-    classic->layout = hada_fft_layout(slot->context, shape->place.grid_rows, shape->place.grid_cols, HADA_FFT_AUTO);
+    classic->layout = hada_fft_layout(slot->context, shape->grid_rows, shape->grid_cols, HADA_FFT_AUTO);
     classic->plane = image_of(&plane);
     classic->frame = image_of(&frame);
     classic->group = in_groups ? HADA_CLASSIC_GROUP : 1;

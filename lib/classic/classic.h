@@ -13,6 +13,8 @@ typedef struct hada_classic_shape {
     hada_refine_shape place;      /* max_planes: the most depths of a run */
     hada_refine_rect support;     /* where planes may be bright while the method works */
     hada_classic_options options; /* nothing in it is left open */
+    int grid_rows, grid_cols;     /* of the method's transforms: the model's, or smaller ones */
+    hada_refine_rect reach; /* on a smaller grid: the lags at which point spread functions are not 0; else empty */
 } hada_classic_shape;
 
 void hada_classic_options_init(hada_classic_options *options);
@@ -33,10 +35,19 @@ hada_status hada_classic_camera_of(hada_classic_camera *camera, const hada_model
                                    hada_error *err);
 void hada_classic_camera_free(hada_classic_camera *camera);
 
-/* Transfer functions [image][layout->count] in place: their point spread functions without negative values and without
- * what is taken for noise, of the same sum. For Richardson-Lucy. */
-hada_status hada_classic_positive(hada_slot *slot, const hada_spectrum_layout *layout, int images, cl_mem otf,
-                                  size_t offset, hada_error *err);
+/* Makes the grid of the transforms as small as the point spread functions of the given depths (indices into the model;
+ * NULL: the first `count`) allow for the same planes up to rounding: classic_grid.c. Where nothing is to be gained the
+ * shape stays as it is. */
+hada_status hada_classic_fit_grid(hada_classic_shape *shape, hada_context *context, const hada_model *model,
+                                  const int *depths, int count, hada_error *err);
+
+/* Whether a method takes transfer functions of its own, [depth][channel] on its grid: on a smaller one, or for
+ * Richardson-Lucy, which wants point spread functions without negative values and without what is taken for noise (of
+ * the same sum). Their bytes, and they themselves; complete when it returns. */
+int hada_classic_has_optics(const hada_classic_shape *shape);
+uint64_t hada_classic_optics_bytes(const hada_context *context, const hada_classic_shape *shape, int count);
+hada_status hada_classic_optics(hada_buffer *out, hada_context *context, const hada_classic_shape *shape,
+                                const hada_model *model, const int *depths, int count, hada_error *err);
 
 typedef struct hada_classic hada_classic;
 

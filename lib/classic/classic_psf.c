@@ -1,15 +1,21 @@
-/* Point spread functions without negative values, which Richardson-Lucy cannot do without: those that were learned from
- * pairs have noise on both sides of zero. */
+/* Point spread functions, as a method takes them: from the model's transfer functions by an inverse transform. */
+#include "classic/classic_psf.h"
+
 #include <math.h>
 #include <stdlib.h>
 
-#include "classic/classic.h"
 #include "core/alloc.h"
+#include "filter/layout.h"
+#include "filter/model.h"
+
+static const char what[] = "a point spread function";
 
 /* Values below so many times the noise are taken for noise: of a million normal ones less than one is above. */
 static const double noises = 5.0;
 
-/* The noise is what the negative values say; the sum, which is what the frame's brightness fixes best, is kept. */
+/* Richardson-Lucy cannot do with negative values; functions that were learned from pairs have noise on both sides of
+ * zero. The noise is what the negative values say; the sum, which is what the frame's brightness fixes best, is kept.
+ */
 static void make_positive(float *psf, size_t count)
 {
     double square = 0.0, before = 0.0, after = 0.0;
@@ -31,48 +37,106 @@ static void make_positive(float *psf, size_t count)
         psf[i] = (float)(psf[i] * (before / after));
 }
 
-hada_status hada_classic_positive(hada_slot *slot, const hada_spectrum_layout *layout, int images, cl_mem otf,
-                                  size_t offset, hada_error *err)
+static hada_fft_desc describe(const hada_psf_reader *reader, hada_fft_direction direction)
 {
-    const size_t count = (size_t)layout->rows * (size_t)layout->cols;
-    hada_fft_desc desc = {.direction = HADA_FFT_INVERSE,
-                          .rows = layout->rows,
-                          .cols = layout->cols,
-                          .batch = 1,
-                          .real_rows = layout->rows,
-                          .real_cols = layout->cols,
-                          .real_pitch = (size_t)layout->cols,
-                          .real_distance = count};
-    hada_fft *inverse = NULL, *forward = NULL;
-    hada_buffer image = {0};
-    float *psf = NULL;
-    hada_status status = hada_fft_create(&inverse, slot, &desc, err);
-    desc.direction = HADA_FFT_FORWARD;
+    const int rows = reader->layout.rows, cols = reader->layout.cols;
+    return (hada_fft_desc){.direction = direction,
+                           .rows = rows,
+                           .cols = cols,
+                           .batch = 1,
+                           .real_rows = rows,
+                           .real_cols = cols,
+                           .real_pitch = (size_t)cols,
+                           .real_distance = reader->pixels};
+}
+
+hada_status hada_psf_reader_open(hada_psf_reader *reader, hada_context *context, const hada_model *model, int positive,
+                                 hada_error *err)
+{
+    const hada_model_info *info = hada_model_get_info(model);
+    *reader = (hada_psf_reader){.model = model, .positive = positive};
+    reader->layout = hada_fft_layout(context, info->grid_rows, info->grid_cols, HADA_FFT_AUTO);
+    reader->pixels = (size_t)info->grid_rows * (size_t)info->grid_cols;
+    const hada_fft_desc inverse = describe(reader, HADA_FFT_INVERSE), forward = describe(reader, HADA_FFT_FORWARD);
+    hada_status status = hada_slot_create(&reader->slot, context, err);
     if (!status)
-        status = hada_fft_create(&forward, slot, &desc, err);
+        status = hada_fft_create(&reader->inverse, reader->slot, &inverse, err);
     if (!status)
-        status = hada_buffer_create(&image, slot->context, count * sizeof(float), "a point spread function", err);
+        status = hada_fft_create(&reader->forward, reader->slot, &forward, err);
     if (!status)
-        status = hada_alloc_raw((void **)&psf, count, sizeof *psf, "a point spread function", err);
-    for (int i = 0; !status && i < images; i++) {
-        const size_t at = offset + (size_t)i * layout->count;
-        status = hada_fft_inverse(inverse, 1, otf, at, image.mem, 0, NULL, err);
-        if (!status)
-            status = hada_buffer_read(&image, slot, 0, psf, count * sizeof *psf, err);
-        if (!status) {
-            make_positive(psf, count);
-            status = hada_buffer_write(&image, slot, 0, psf, count * sizeof *psf, err);
-        }
-        if (!status)
-            status = hada_fft_forward(forward, 1, image.mem, 0, otf, at, err);
-    }
+        status = hada_buffer_create(&reader->image, context, reader->pixels * sizeof(float), what, err);
     if (!status)
-        status = hada_slot_finish(slot, err);
-    else
-        hada_slot_finish(slot, NULL);
-    hada_fft_destroy(&inverse);
-    hada_fft_destroy(&forward);
-    hada_buffer_destroy(&image);
-    free(psf);
+        status = hada_buffer_create(&reader->spectrum, context, reader->layout.count * 2 * sizeof(float), what, err);
+    if (!status)
+        status = hada_alloc_raw((void **)&reader->psf, reader->pixels, sizeof(float), what, err);
+    if (!status)
+        status = hada_alloc_raw((void **)&reader->values, reader->layout.count, 2 * sizeof(float), what, err);
+    if (status)
+        hada_psf_reader_close(reader);
+    return status;
+}
+
+void hada_psf_reader_close(hada_psf_reader *reader)
+{
+    if (reader->slot)
+        hada_slot_finish(reader->slot, NULL);
+    hada_fft_destroy(&reader->inverse);
+    hada_fft_destroy(&reader->forward);
+    hada_buffer_destroy(&reader->image);
+    hada_buffer_destroy(&reader->spectrum);
+    hada_slot_destroy(&reader->slot);
+    free(reader->psf);
+    free(reader->values);
+    *reader = (hada_psf_reader){0};
+}
+
+static double square_of(const float *value)
+{
+    return (double)value[0] * value[0] + (double)value[1] * value[1];
+}
+
+hada_status hada_psf_read(hada_psf_reader *reader, int depth, int channel, hada_error *err)
+{
+    const hada_model_info *info = hada_model_get_info(reader->model);
+    const size_t plane = hada_model_plane(reader->model);
+    const float *otf = reader->model->otf + ((size_t)depth * (size_t)info->channels + (size_t)channel) * plane * 2;
+    float sum = 0.0f; /* x - x is 0 for finite x alone */
+    for (size_t i = 0; i < 2 * plane; i++)
+        sum += otf[i] - otf[i];
+    if (sum != 0.0f)
+        return hada_fail(err, HADA_ERROR_MODEL,
+                         "%s: the transfer function of depth %d holds values that are not finite; the model is "
+                         "damaged, make it again",
+                         *info->name ? info->name : "the model", depth);
+    reader->largest = 0.0;
+    for (size_t i = 0; i < plane; i++)
+        reader->largest = fmax(reader->largest, square_of(otf + 2 * i));
+    reader->largest = sqrt(reader->largest);
+    hada_layout_pack(&reader->layout, otf, reader->values);
+    hada_model_forget(reader->model);
+    hada_status status =
+        hada_buffer_write(&reader->spectrum, reader->slot, 0, reader->values, reader->spectrum.bytes, err);
+    if (!status)
+        status = hada_fft_inverse(reader->inverse, 1, reader->spectrum.mem, 0, reader->image.mem, 0, NULL, err);
+    if (!status)
+        status = hada_buffer_read(&reader->image, reader->slot, 0, reader->psf, reader->image.bytes, err);
+    if (!status && reader->positive)
+        make_positive(reader->psf, reader->pixels);
+    return status;
+}
+
+hada_status hada_psf_largest(hada_psf_reader *reader, double *largest, hada_error *err)
+{
+    const hada_spectrum_layout *layout = &reader->layout;
+    hada_status status = hada_buffer_write(&reader->image, reader->slot, 0, reader->psf, reader->image.bytes, err);
+    if (!status)
+        status = hada_fft_forward(reader->forward, 1, reader->image.mem, 0, reader->spectrum.mem, 0, err);
+    if (!status)
+        status = hada_buffer_read(&reader->spectrum, reader->slot, 0, reader->values, reader->spectrum.bytes, err);
+    *largest = 0.0;
+    for (int ky = 0; !status && ky < layout->rows; ky++)
+        for (int kx = 0; kx <= layout->cols / 2; kx++)
+            *largest = fmax(*largest, square_of(reader->values + 2 * hada_spectrum_index(layout, ky, kx)));
+    *largest = sqrt(*largest);
     return status;
 }

@@ -1,5 +1,8 @@
 #include "fft/fft_fused.h"
 
+#include <math.h>
+
+#include "fft/fft_factor.h"
 #include "fft/fft_internal.h"
 
 int hada_fft_fuses(const hada_context *context, int rows, int cols, int blocks)
@@ -34,4 +37,39 @@ void hada_fft_fused_free(hada_fft_fused *fused)
 size_t hada_fft_fused_bytes(const hada_context *context, int rows, int cols)
 {
     return 2 * hada_own_pass_bytes(context, cols, 0) + hada_own_pass_bytes(context, rows, 1);
+}
+
+/* Time of a stage for each point, about, in that of a stage of radix 2; 0: no butterfly. */
+static double stage_cost(int radix)
+{
+    static const double costs[] = {[1] = 0.5, [2] = 1.0, [3] = 1.2, [4] = 1.25, [5] = 1.6, [7] = 2.2, [8] = 1.6};
+    return radix < (int)(sizeof costs / sizeof *costs) ? costs[radix] : 0.0;
+}
+
+static double time_of(int n)
+{
+    hada_fft_stages stages;
+    double sum = 0.0;
+    hada_fft_factor(n, 1, &stages);
+    for (int s = 0; s < stages.count; s++) {
+        const double one = stage_cost(stages.radix[s]);
+        if (stages.chirp || !(one > 0.0))
+            return INFINITY;
+        sum += one;
+    }
+    return n * sum;
+}
+
+int hada_fft_quick_size(int n)
+{
+    int best = hada_fft_good_size(n);
+    double least = time_of(best);
+    for (int size = n; size <= n + n / 4; size++) {
+        const double time = time_of(size);
+        if (time < least) {
+            least = time;
+            best = size;
+        }
+    }
+    return best;
 }

@@ -13,6 +13,8 @@ hada_status hada_plan_estimate(hada_context *context, const hada_model *model, c
         options = &defaults;
     }
     hada_status status = hada_plan_shape_of(model, options, &shape, err);
+    if (!status && shape.classic)
+        status = hada_classic_fit_grid(&shape.method, context, model, options->depths, shape.depths, err);
     if (status)
         return status;
     const hada_model_info *info = hada_model_get_info(model);

@@ -39,8 +39,8 @@ static hada_status make_lists(hada_plan *plan, const hada_plan_options *options,
     return HADA_OK;
 }
 
-/* The constants of the listed depths. */
-static hada_status look_at_camera(hada_plan *plan, hada_error *err)
+/* The constants of the listed depths, and the grid of a method's transforms. */
+static hada_status look_at_camera(hada_plan *plan, hada_context *context, hada_error *err)
 {
     int *list, count = 0;
     hada_status status = hada_alloc((void **)&list, (size_t)plan->shape.depths, sizeof *list, "a plan", err);
@@ -51,7 +51,9 @@ static hada_status look_at_camera(hada_plan *plan, hada_error *err)
             list[count++] = plan->depths[z];
     status = hada_classic_camera_of(&plan->camera, plan->model, list, count, err);
     free(list);
-    return status;
+    return status ? status
+                  : hada_classic_fit_grid(&plan->shape.method, context, plan->model, plan->depths, plan->shape.depths,
+                                          err);
 }
 
 static hada_status copy_dark(hada_plan *plan, const hada_image *dark, hada_error *err)
@@ -127,7 +129,7 @@ hada_status hada_plan_create_on(hada_plan **out, hada_context *const *contexts, 
     if (!status)
         status = make_lists(plan, options, err);
     if (!status && plan->shape.classic)
-        status = look_at_camera(plan, err);
+        status = look_at_camera(plan, contexts[0], err);
     if (!status && plan->shape.dark)
         status = copy_dark(plan, options->dark_frame, err);
     if (!status)

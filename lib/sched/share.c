@@ -10,9 +10,18 @@ cl_mem hada_share_otf(const hada_share *share, size_t *offset)
 {
     size_t first;
     int together;
+    *offset = 0;
+    if (share->optics.mem)
+        return share->optics.mem;
     const cl_mem otf = hada_bank_otf(share->bank, 0, &first, &together);
     *offset = first * share->bank->layout.count;
     return otf;
+}
+
+/* A classic method may have transfer functions of its own in place of the model's. */
+static int has_optics(const hada_plan_shape *shape)
+{
+    return shape->classic && hada_classic_has_optics(&shape->method);
 }
 
 static hada_status check_together(const hada_share *share, hada_error *err)
@@ -42,16 +51,12 @@ hada_status hada_share_create(hada_share **out, hada_context *context, const had
     share->context = context;
     status = hada_slot_create(&slot, context, err);
     if (!status)
-        status =
-            hada_bank_create(&share->bank, slot, model, &layout, depths, shape->depths, shape->parts, shape->half, err);
-    if (!status && shape->refined)
+        status = hada_bank_create(&share->bank, slot, model, &layout, depths, shape->depths,
+                                  has_optics(shape) ? 0 : shape->parts, shape->half, err);
+    if (!status && has_optics(shape))
+        status = hada_classic_optics(&share->optics, context, &shape->method, model, depths, shape->depths, err);
+    else if (!status && shape->refined)
         status = check_together(share, err);
-    if (!status && shape->classic && shape->method.options.method == HADA_METHOD_RL) {
-        size_t offset;
-        const cl_mem otf = hada_share_otf(share, &offset);
-        const int images = share->bank->depths * share->bank->channels;
-        status = hada_classic_positive(slot, &share->bank->layout, images, otf, offset, err);
-    }
     if (!status && shape->refined && !shape->classic)
         status = hada_bank_prior(&share->prior, slot, model, &layout, err);
     if (!status && gains)
@@ -74,6 +79,7 @@ void hada_share_destroy(hada_share **pointer)
     *pointer = NULL;
     hada_buffer_destroy(&share->prior);
     hada_buffer_destroy(&share->gains);
+    hada_buffer_destroy(&share->optics);
     hada_bank_destroy(&share->bank);
     free(share);
 }
@@ -82,7 +88,8 @@ uint64_t hada_share_bytes(const hada_context *context, const hada_model *model, 
 {
     const hada_model_info *info = hada_model_get_info(model);
     const hada_spectrum_layout layout = hada_hadamard_layout(context, info);
-    uint64_t bytes = hada_bank_bytes(info, &layout, shape->depths, shape->parts, shape->half);
+    uint64_t bytes = has_optics(shape) ? hada_classic_optics_bytes(context, &shape->method, shape->depths)
+                                       : hada_bank_bytes(info, &layout, shape->depths, shape->parts, shape->half);
     if ((shape->refined && !shape->classic && model->scene_power) || shape->measured)
         bytes += 4 * (uint64_t)info->channels * (uint64_t)layout.count;
     return bytes;

@@ -11,6 +11,7 @@ typedef struct hada_share {
     int batch; /* depths at once that fit its memory */
     hada_bank *bank;
     hada_buffer prior; /* of refinement; empty where the model knows none */
+    hada_buffer optics; /* transfer functions of a classic method's own; empty where it takes the bank's */
     hada_buffer gains; /* of the filters; empty where spectra are not measured */
 } hada_share;
 

@@ -5,10 +5,13 @@
 
 #include "core/alloc.h"
 #include "ref/ref_fft.h"
+#include "ref/ref_tv.h"
 
-/* Images of the whole grid (x, u, d per depth; data, v, e, y once) and half spectra. */
+/* A channel: images of the whole grid (x, u, d per depth; data, v, e, y once) and half spectra. */
 typedef struct ref_state {
     const hada_ref_refine *p;
+    const double *given; /* [pixels] */
+    size_t channel;
     size_t pixels, values;
     double *memory;
     double *x, *u, *d;         /* [depth][pixels] */
@@ -17,13 +20,6 @@ typedef struct ref_state {
     double *data;              /* [values] complex */
 } ref_state;
 
-static int in_window(const hada_ref_refine *p, size_t pixel)
-{
-    const int row = (int)(pixel / (size_t)p->cols) - p->window_row0,
-              col = (int)(pixel % (size_t)p->cols) - p->window_col0;
-    return row >= 0 && row < p->window_rows && col >= 0 && col < p->window_cols;
-}
-
 static int in_frame(const hada_ref_refine *p, size_t pixel)
 {
     const int row = (int)(pixel / (size_t)p->cols) - p->frame_row0,
@@ -31,15 +27,20 @@ static int in_frame(const hada_ref_refine *p, size_t pixel)
     return !p->padded || (row >= 0 && row < p->frame_rows && col >= 0 && col < p->frame_cols);
 }
 
+static const double *otf_of(const ref_state *s, int z)
+{
+    return s->p->otf + 2 * ((size_t)z * (size_t)s->p->channels + s->channel) * s->values;
+}
+
 /* X_z: minimises |Y - sum H X|^2 + prior |X|^2 + rho sum |X - V|^2, Y in s->data and V in s->spectra, in place. */
 static void solve(ref_state *s, double rho)
 {
     const hada_ref_refine *p = s->p;
     for (size_t f = 0; f < s->values; f++) {
-        const double g = rho + (p->prior ? p->prior[f] : 0.0);
+        const double g = rho + (p->prior ? p->prior[s->channel * s->values + f] : 0.0);
         double square = 0.0, t_re = 0.0, t_im = 0.0;
         for (int z = 0; z < p->depths; z++) { /* c = conj(H) Y + rho V, in place; t = sum H c / (g + sum |H|^2) */
-            const double *h = p->otf + 2 * ((size_t)z * s->values + f);
+            const double *h = otf_of(s, z) + 2 * f;
             double *c = s->spectra + 2 * ((size_t)z * s->values + f);
             const double re = h[0] * s->data[2 * f] + h[1] * s->data[2 * f + 1] + rho * c[0];
             const double im = h[0] * s->data[2 * f + 1] - h[1] * s->data[2 * f] + rho * c[1];
@@ -52,7 +53,7 @@ static void solve(ref_state *s, double rho)
         t_re /= g + square;
         t_im /= g + square;
         for (int z = 0; z < p->depths; z++) {
-            const double *h = p->otf + 2 * ((size_t)z * s->values + f);
+            const double *h = otf_of(s, z) + 2 * f;
             double *c = s->spectra + 2 * ((size_t)z * s->values + f);
             c[0] = (c[0] - (h[0] * t_re + h[1] * t_im)) / g;
             c[1] = (c[1] - (h[0] * t_im - h[1] * t_re)) / g;
@@ -67,7 +68,7 @@ static hada_status project(ref_state *s, hada_error *err)
     for (size_t f = 0; f < s->values; f++) {
         double re = 0.0, im = 0.0;
         for (int z = 0; z < p->depths; z++) {
-            const double *h = p->otf + 2 * ((size_t)z * s->values + f);
+            const double *h = otf_of(s, z) + 2 * f;
             const double *c = s->spectra + 2 * ((size_t)z * s->values + f);
             re += h[0] * c[0] - h[1] * c[1];
             im += h[0] * c[1] + h[1] * c[0];
@@ -83,7 +84,7 @@ static double energy(const ref_state *s, const double *image)
     double sum = 0.0;
     for (size_t i = 0; i < s->pixels; i++)
         if (in_frame(s->p, i))
-            sum += (s->p->image[i] - image[i]) * (s->p->image[i] - image[i]);
+            sum += (s->given[i] - image[i]) * (s->given[i] - image[i]);
     return sum;
 }
 
@@ -101,7 +102,8 @@ static double rho_of(const hada_ref_refine *p, int step)
     return p->first_rho > 0.0 ? fmin(p->rho, p->first_rho * pow(p->growth, step)) : p->rho;
 }
 
-static hada_status step(ref_state *s, int number, hada_error *err)
+/* The linear step; x becomes the relaxed x plus the dual. */
+static hada_status linear(ref_state *s, int number, hada_error *err)
 {
     const hada_ref_refine *p = s->p;
     const size_t all = (size_t)p->depths * s->pixels;
@@ -109,7 +111,7 @@ static hada_status step(ref_state *s, int number, hada_error *err)
     for (size_t i = 0; number && i < all; i++) /* the dual is scaled: rho d stays what it is */
         s->d[i] *= rho_of(p, number - 1) / rho;
     for (size_t i = 0; i < s->pixels; i++)
-        s->image[i] = p->padded ? s->v[i] - s->e[i] : p->image[i];
+        s->image[i] = p->padded ? s->v[i] - s->e[i] : s->given[i];
     for (size_t i = 0; i < all; i++)
         s->x[i] = s->u[i] - s->d[i];
     hada_status status = hada_ref_fft_forward(s->image, p->rows, p->cols, s->data, err);
@@ -125,24 +127,57 @@ static hada_status step(ref_state *s, int number, hada_error *err)
         status = project(s, err);
     if (status)
         return status;
-    for (size_t i = 0; i < all; i++) {
-        const double x = relaxation * s->x[i] + (1.0 - relaxation) * s->u[i], w = x + s->d[i];
-        s->u[i] = in_window(p, i % s->pixels) && w > 0.0 ? w : 0.0;
-        s->d[i] = w - s->u[i];
-    }
+    for (size_t i = 0; i < all; i++)
+        s->x[i] = relaxation * s->x[i] + (1.0 - relaxation) * s->u[i] + s->d[i];
     for (size_t i = 0; p->padded && i < s->pixels; i++) {
         const double y = relaxation * s->y[i] + (1.0 - relaxation) * s->v[i], a = y + s->e[i];
-        s->v[i] = in_frame(p, i) ? (p->image[i] + p->mu * a) / (1.0 + p->mu) : a;
+        s->v[i] = in_frame(p, i) ? (s->given[i] + p->mu * a) / (1.0 + p->mu) : a;
         s->e[i] = a - s->v[i];
     }
     return HADA_OK;
 }
 
-static hada_status start(ref_state *s, const hada_ref_refine *p, hada_error *err)
+/* The proximal step from x to u, all channels, and the duals. */
+typedef struct tv_room {
+    double *w, *u; /* [channel][window]: a depth's */
+    double *duals; /* [depth][channel][2][window] */
+} tv_room;
+
+static size_t window_pixel(const hada_ref_refine *p, size_t i)
+{
+    const size_t row = i / (size_t)p->window_cols + (size_t)p->window_row0;
+    return row * (size_t)p->cols + i % (size_t)p->window_cols + (size_t)p->window_col0;
+}
+
+static hada_status proximal(ref_state *states, int number, const tv_room *tv, hada_error *err)
+{
+    const hada_ref_refine *p = states->p;
+    const size_t channels = (size_t)p->channels, area = (size_t)p->window_rows * (size_t)p->window_cols;
+    hada_status status = HADA_OK;
+    for (size_t z = 0; !status && z < (size_t)p->depths; z++) {
+        for (size_t i = 0; i < channels * area; i++)
+            tv->w[i] = states[i / area].x[z * states->pixels + window_pixel(p, i % area)];
+        if (p->tv > 0.0)
+            status = hada_ref_tv_coupled(tv->w, p->channels, p->window_rows, p->window_cols, p->tv / rho_of(p, number),
+                                         p->tv_length, p->tv_steps, tv->duals + z * 2 * channels * area, tv->u, err);
+        for (size_t i = 0; i < channels * area; i++)
+            states[i / area].u[z * states->pixels + window_pixel(p, i % area)] =
+                p->tv > 0.0 ? tv->u[i] : fmax(tv->w[i], 0.0);
+    }
+    for (size_t c = 0; c < channels; c++)
+        for (size_t i = 0; i < (size_t)p->depths * states->pixels; i++)
+            states[c].d[i] = states[c].x[i] - states[c].u[i];
+    return status;
+}
+
+static hada_status start(ref_state *s, const hada_ref_refine *p, size_t channel, hada_error *err)
 {
     const size_t depths = (size_t)p->depths;
-    *s = (ref_state){
-        .p = p, .pixels = (size_t)p->rows * (size_t)p->cols, .values = (size_t)p->rows * (size_t)(p->cols / 2 + 1)};
+    *s = (ref_state){.p = p,
+                     .channel = channel,
+                     .pixels = (size_t)p->rows * (size_t)p->cols,
+                     .values = (size_t)p->rows * (size_t)(p->cols / 2 + 1)};
+    s->given = p->image + channel * s->pixels;
     const size_t count = (3 * depths + 4) * s->pixels + (depths + 1) * 2 * s->values;
     hada_status status = hada_alloc((void **)&s->memory, count, sizeof(double), "the reference refinement", err);
     if (status)
@@ -157,35 +192,61 @@ static hada_status start(ref_state *s, const hada_ref_refine *p, hada_error *err
     s->spectra = s->image + s->pixels;
     s->data = s->spectra + depths * 2 * s->values;
     for (size_t i = 0; i < s->pixels; i++)
-        s->v[i] = p->image[i];
+        s->v[i] = s->given[i];
     return HADA_OK;
+}
+
+static hada_status run(ref_state *states, const tv_room *tv, double *residual, double *split, hada_error *err)
+{
+    const hada_ref_refine *p = states->p;
+    hada_status status = HADA_OK;
+    for (int k = 0; !status && k <= p->steps; k++) {
+        if (residual)
+            residual[k] = 0.0;
+        if (split)
+            split[k] = 0.0;
+        for (int c = 0; !status && k && c < p->channels; c++)
+            status = linear(states + c, k - 1, err);
+        if (!status && k)
+            status = proximal(states, k - 1, tv, err);
+        for (int c = 0; !status && c < p->channels; c++) {
+            ref_state *s = states + c;
+            if (split)
+                split[k] += energy(s, k ? s->v : s->y);
+            if (!residual)
+                continue;
+            status = all_forward(s, s->u, err);
+            if (!status)
+                status = project(s, err);
+            residual[k] += energy(s, s->y);
+        }
+    }
+    return status;
 }
 
 hada_status hada_ref_refine_run(const hada_ref_refine *p, double *planes, double *residual, double *split,
                                 hada_error *err)
 {
-    ref_state s;
-    hada_status status = start(&s, p, err);
-    if (!status && residual)
-        residual[0] = energy(&s, s.y);
-    if (!status && split)
-        split[0] = energy(&s, s.y);
-    for (int k = 0; !status && k < p->steps; k++) {
-        status = step(&s, k, err);
-        if (!status && split)
-            split[k + 1] = energy(&s, s.v);
-        if (!status && residual) {
-            status = all_forward(&s, s.u, err);
-            if (!status)
-                status = project(&s, err);
-            residual[k + 1] = energy(&s, s.y);
-        }
+    const size_t channels = (size_t)p->channels, depths = (size_t)p->depths;
+    const size_t area = (size_t)p->window_rows * (size_t)p->window_cols;
+    ref_state *states;
+    double *memory;
+    hada_status status = hada_alloc((void **)&states, channels, sizeof *states, "the reference refinement", err);
+    if (status)
+        return status;
+    status = hada_alloc((void **)&memory, (2 + 2 * depths) * channels * area, sizeof *memory,
+                        "the reference refinement", err);
+    for (size_t c = 0; !status && c < channels; c++)
+        status = start(states + c, p, c, err);
+    if (!status) {
+        const tv_room tv = {memory, memory + channels * area, memory + 2 * channels * area};
+        status = run(states, &tv, residual, split, err);
     }
-    for (size_t z = 0; !status && z < (size_t)p->depths; z++)
-        for (int row = 0; row < p->window_rows; row++)
-            for (int col = 0; col < p->window_cols; col++)
-                *planes++ = s.u[z * s.pixels + (size_t)(row + p->window_row0) * (size_t)p->cols +
-                                (size_t)(col + p->window_col0)];
-    free(s.memory);
+    for (size_t i = 0; !status && i < depths * channels * area; i++)
+        planes[i] = states[i / area % channels].u[i / area / channels * states->pixels + window_pixel(p, i % area)];
+    for (size_t c = 0; c < channels; c++)
+        free(states[c].memory);
+    free(states);
+    free(memory);
     return status;
 }

@@ -1,5 +1,5 @@
-/* Reference of the refinement: textbook ADMM on the whole grid with explicit dual images, one channel, in double
- * precision. It shares no shortcut with lib/refine. Internal. */
+/* Reference of the refinement: textbook ADMM on the whole grid with explicit dual images, in double precision. It
+ * shares no shortcut with lib/refine. Internal. */
 #ifndef HADA_REF_REFINE_H
 #define HADA_REF_REFINE_H
 
@@ -10,17 +10,20 @@ typedef struct hada_ref_refine {
     int window_row0, window_col0, window_rows, window_cols; /* where planes may be bright */
     int padded;                                             /* 0: data everywhere (circular) */
     int frame_row0, frame_col0, frame_rows, frame_cols;     /* padded: where data is known */
-    int depths;
-    const double *otf;   /* [depth][rows][cols / 2 + 1] complex, row-major */
-    const double *prior; /* [rows][cols / 2 + 1], or NULL */
-    const double *image; /* [rows][cols]: the data, zero outside the frame */
+    int depths, channels;
+    const double *otf;   /* [depth][channel][rows][cols / 2 + 1] complex, row-major */
+    const double *prior; /* [channel][rows][cols / 2 + 1], or NULL */
+    const double *image; /* [channel][rows][cols]: the data, zero outside the frame */
     double rho, relaxation, mu;
     double first_rho, growth; /* rho of step k: the smaller of rho and first_rho growth^k; first_rho 0: rho */
     int steps;
+    double tv; /* weight of total variation, the channels coupled; 0: none */
+    double tv_length;
+    int tv_steps; /* of its proximal step (ref_tv.h), whose duals go on from step to step */
 } hada_ref_refine;
 
-/* planes[depth][window_rows][window_cols]; residual (may be NULL) takes steps + 1 energies of b - sum PSF * u within
- * the frame, split (padded, may be NULL) as many of b - v; place 0 is that of b. */
+/* planes[depth][channel][window_rows][window_cols]; residual (may be NULL) takes steps + 1 energies of b - sum PSF * u
+ * within the frame, split (padded, may be NULL) as many of b - v; place 0 is that of b. */
 hada_status hada_ref_refine_run(const hada_ref_refine *problem, double *planes, double *residual, double *split,
                                 hada_error *err);
 

@@ -73,7 +73,7 @@ static hada_fft_desc describe(const hada_refine_shape *shape, const hada_refine_
 
 /* Bytes of every buffer. */
 typedef struct book {
-    size_t spectra, planes, split, dual, list, partial, partials;
+    size_t spectra, planes, split, dual, list, partial, partials, tv;
     int slices;
 } book;
 
@@ -86,8 +86,10 @@ static book keep_books(const hada_context *context, const hada_refine_shape *sha
     const size_t complex_bytes = 2 * sizeof(float);
     size_t longest = layout.count;
     b.spectra = images * layout.count * complex_bytes;
+    /* total variation's loads reach a vector beyond the last image */
     b.planes =
-        (images * area(&shape->window) + HADA_REFINE_PAD - 1) / HADA_REFINE_PAD * HADA_REFINE_PAD * sizeof(float);
+        (images * area(&shape->window) + 8 + HADA_REFINE_PAD - 1) / HADA_REFINE_PAD * HADA_REFINE_PAD * sizeof(float);
+    b.tv = shape->tv ? (2 * images * area(&shape->window) + 8) * sizeof(float) : 0;
     if (shape->boundary == HADA_BOUNDARY_PADDED) {
         b.split = sets * layout.count * complex_bytes;
         b.dual = sets * area(&shape->frame) * sizeof(float);
@@ -107,7 +109,7 @@ typedef struct row {
     size_t offset, bytes;
     const char *what;
 } row;
-enum { ROWS = 10, PLANS = 4 };
+enum { ROWS = 12, PLANS = 4 };
 
 static void list_buffers(const book *b, row *rows)
 {
@@ -120,7 +122,9 @@ static void list_buffers(const book *b, row *rows)
                             {offsetof(hada_refiner, split_e), b->split, "the refinement's split at the frame"},
                             {offsetof(hada_refiner, dual), b->dual, "the refinement's split at the frame"},
                             {offsetof(hada_refiner, rest), b->split, "the refinement's residuals"},
-                            {offsetof(hada_refiner, rest_frame), b->dual, "the refinement's residuals"}};
+                            {offsetof(hada_refiner, rest_frame), b->dual, "the refinement's residuals"},
+                            {offsetof(hada_refiner, tv[0]), b->tv, "the refinement's total variation"},
+                            {offsetof(hada_refiner, tv[1]), b->tv, "the refinement's total variation"}};
     memcpy(rows, list, sizeof list);
 }
 
@@ -223,6 +227,8 @@ hada_status hada_refiner_create(hada_refiner **out, hada_slot *slot, const hada_
         status = make_buffers(refiner, &b, err);
     if (!status)
         status = hada_refine_kernels(refiner, err);
+    if (!status && shape->tv)
+        status = hada_refine_tv_kernels(refiner, err);
     if (status) {
         hada_refiner_destroy(&refiner);
         return status;
@@ -242,9 +248,9 @@ void hada_refiner_destroy(hada_refiner **pointer)
     hada_fft_destroy(&refiner->inverse);
     hada_fft_destroy(&refiner->frame_forward);
     hada_fft_destroy(&refiner->frame_inverse);
-    hada_buffer *buffers[] = {&refiner->now_u,   &refiner->now_w,     &refiner->planes,  &refiner->list,
-                              &refiner->partial, &refiner->split_a,   &refiner->split_e, &refiner->dual,
-                              &refiner->rest,    &refiner->rest_frame};
+    hada_buffer *buffers[] = {&refiner->now_u,   &refiner->now_w,      &refiner->planes,  &refiner->list,
+                              &refiner->partial, &refiner->split_a,    &refiner->split_e, &refiner->dual,
+                              &refiner->rest,    &refiner->rest_frame, &refiner->tv[0],   &refiner->tv[1]};
     for (size_t i = 0; i < HADA_COUNT(buffers); i++)
         hada_buffer_destroy(buffers[i]);
     free(refiner->energy);

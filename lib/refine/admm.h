@@ -1,7 +1,8 @@
 /* Refinement: the planes of a set of depths that together explain a frame. Internal.
  *
- * ADMM for  min 1/2 |b - M sum_z PSF_z * x_z|^2 + 1/2 sum_f prior(f) sum_z |X_z(f)|^2,  x_z >= 0 in the window and 0
- * outside, M the sensor's frame (circular boundary: everything). docs/refinement.md derives the steps and says why no
+ * ADMM for  min 1/2 |b - M sum_z PSF_z * x_z|^2 + 1/2 sum_f prior(f) sum_z |X_z(f)|^2 + tv sum_z TV(x_z),  x_z >= 0
+ * in the window and 0 outside, M the sensor's frame (circular boundary: everything), TV the total variation in the
+ * window with its channels coupled. docs/refinement.md derives the steps and says why no
  * array of the whole grid is ever transformed: S. Boyd et al., "Distributed optimization and statistical learning via
  * ADMM" (2011), sections 3 and 3.4.3; M. Almeida and M. Figueiredo, "Deconvolving images with unknown boundaries
  * using ADMM", IEEE TIP 22(8), 2013, for the split at the frame.
@@ -29,6 +30,7 @@ typedef struct hada_refine_shape {
     int max_sets;   /* sets in one run, at most */
     int max_planes; /* sets x depths in one run, at most */
     int max_steps;
+    int tv; /* 1: rules may ask for total variation */
 } hada_refine_shape;
 
 /* The shape for a model: one set of up to max_depths depths. */
@@ -69,11 +71,17 @@ typedef struct hada_refine_rule {
     double growth;     /* >= 1 */
     double relaxation; /* 0 < relaxation < 2; 1.6 is usual, 1 none */
     double mu;         /* > 0: weight of the split at the frame (padded), in units of the data's weight; 1 */
+    double tv;         /* weight of total variation, in units of OTF x frame; 0: none. See hada_refine_tv() */
     double stop;       /* stop when the residual changes by less than this part of itself, twice running; 0: never */
     hada_refine_start start;
 } hada_refine_rule;
 
 void hada_refine_rule_init(hada_refine_rule *rule);
+
+/* What a step's total variation is made with (kernels/refine_tv.cl): projected gradients on its dual, which goes on
+ * from step to step, each of this length. */
+enum { HADA_REFINE_TV_STEPS = 6 };
+#define HADA_REFINE_TV_LENGTH 0.2
 
 typedef struct hada_refiner hada_refiner;
 

@@ -364,6 +364,8 @@ hada_status hada_refiner_run(hada_refiner *refiner, const hada_refine_data *data
                            "refinement: steps 1 to %d, rho and mu above 0, relaxation between 0 and 2, growth from 1 "
                            "on are possible (got %d, %g, %g, %g, %g)",
                            refiner->shape.max_steps, rule->steps, rule->rho, rule->mu, rule->relaxation, rule->growth);
+    if (!status && rule->tv > 0.0 && !refiner->shape.tv)
+        status = hada_fail(err, HADA_ERROR_ARGUMENT, "refinement: this refiner was made without total variation");
     /* what a step's energies mean: see hada_refiner_energy() */
     const cl_uint frame_slices = slices_of(refiner->frame_area), slices = slices_of(layout->count);
     const double frame_factor = rule->mu * rule->mu;
@@ -380,7 +382,9 @@ hada_status hada_refiner_run(hada_refiner *refiner, const hada_refine_data *data
         if (!status)
             status = planes_inverse(&r, err);
         if (!status)
-            status = be_positive(&r, err);
+            status = rule->tv > 0.0 ? hada_refine_tv_step(refiner, sets * depths, rule->tv / rho_at(rule, step),
+                                                          start != HADA_REFINE_ON, err)
+                                    : be_positive(&r, err);
         if (!status && r.padded)
             status = frame_inverse(&r, &refiner->split_a, &refiner->dual, err);
         if (!status && r.padded)

@@ -22,8 +22,9 @@ struct hada_refiner {
     hada_buffer rest, rest_frame;       /* padded: what the planes do not explain */
     size_t partials;                    /* partial sums of one step, at most */
     float *host_partial;
-    double *energy; /* [step][set] */
-    cl_kernel solve, explain, score, prox, frame;
+    double *energy;    /* [step][set] */
+    hada_buffer tv[2]; /* total variation: its duals, and where the next ones go */
+    cl_kernel solve, explain, score, prox, frame, tv_duals, tv_planes;
     int group; /* work-items of a group in the kernels with sums */
     size_t window_area, frame_area;
     size_t transforms;
@@ -31,5 +32,10 @@ struct hada_refiner {
 
 /* Takes the kernels in the shape that fits the device and the layout. */
 hada_status hada_refine_kernels(hada_refiner *refiner, hada_error *err);
+hada_status hada_refine_tv_kernels(hada_refiner *refiner, hada_error *err);
+
+/* The proximal step of total variation and non-negativity on the planes, sets x depths in number. theta: weight over
+ * rho. fresh: its duals are not those of a step before. */
+hada_status hada_refine_tv_step(hada_refiner *refiner, int planes, double theta, int fresh, hada_error *err);
 
 #endif

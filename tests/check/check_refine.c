@@ -16,7 +16,7 @@ typedef struct refine_state {
     hada_refine_data data;
     hada_refine_rule rule;
     hada_buffer otf, spectrum, frame;
-    int sets, depths, list[MAX_LIST];
+    int sets, depths, channels, list[MAX_LIST];
     size_t set_floats;
     double *otfs, *image; /* of the reference: all depths, the grid */
 } refine_state;
@@ -27,18 +27,21 @@ static void read_shape(const check_state *state, refine_state *own)
     const int window_rows = check_get(state, 'h', rows / 2), window_cols = check_get(state, 'w', cols / 2);
     own->sets = check_get(state, 's', 1);
     own->depths = check_get(state, 'd', 2);
+    own->channels = check_get(state, 'k', 1);
     own->shape =
         (hada_refine_shape){.grid_rows = rows,
                             .grid_cols = cols,
                             .window = {(rows - window_rows) / 2, (cols - window_cols) / 2, window_rows, window_cols},
                             .frame = {rows / 5, cols / 5, rows - 2 * (rows / 5), cols - 2 * (cols / 5)},
                             .boundary = padded ? HADA_BOUNDARY_PADDED : HADA_BOUNDARY_CIRCULAR,
-                            .channels = 1,
+                            .channels = own->channels,
                             .max_sets = own->sets,
                             .max_planes = own->sets * own->depths,
-                            .max_steps = 40};
+                            .max_steps = 40,
+                            .tv = check_get(state, 'y', 0) > 0};
     hada_refine_rule_init(&own->rule);
     own->rule.rho = 1e-2;
+    own->rule.tv = 1e-3 * check_get(state, 'y', 0);
     if (check_get(state, 'q', 0)) {
         own->rule.first_rho = 1e-3;
         own->rule.growth = 1.5;
@@ -46,7 +49,7 @@ static void read_shape(const check_state *state, refine_state *own)
     own->rule.steps = check_get(state, 'n', 6);
     for (int i = 0; i < own->sets * own->depths; i++)
         own->list[i] = (i % own->depths + i / own->depths) % (own->depths + 1);
-    own->set_floats = (size_t)own->depths * (size_t)window_rows * (size_t)window_cols;
+    own->set_floats = (size_t)own->depths * (size_t)own->channels * (size_t)window_rows * (size_t)window_cols;
 }
 
 /* Random point spread functions with |OTF|^2 about 1, and a random frame. */
@@ -56,57 +59,61 @@ static hada_status make_camera(check_state *state, refine_state *own, hada_error
     const int rows = shape->grid_rows, cols = shape->grid_cols;
     const size_t pixels = (size_t)rows * (size_t)cols, values = (size_t)rows * (size_t)(cols / 2 + 1);
     const hada_spectrum_layout layout = hada_fft_layout(state->slot->context, rows, cols, HADA_FFT_AUTO);
-    const size_t depths = (size_t)own->depths + 1;
+    const size_t channels = (size_t)own->channels, images = ((size_t)own->depths + 1) * channels;
     const hada_refine_rect *frame = &shape->frame;
     const size_t frame_area = (size_t)frame->rows * (size_t)frame->cols;
     float *noise = malloc(pixels * sizeof *noise), *half = malloc(2 * values * sizeof *half);
-    float *packed = malloc((depths + 1) * layout.count * 2 * sizeof *packed);
-    float *seen = malloc(frame_area * sizeof *seen);
-    double *spectrum = malloc(2 * values * sizeof *spectrum);
-    own->otfs = malloc(depths * 2 * values * sizeof *own->otfs);
-    own->image = calloc(pixels, sizeof *own->image);
-    hada_status status = noise && half && packed && seen && spectrum && own->otfs && own->image
+    float *packed = malloc((images + channels) * layout.count * 2 * sizeof *packed);
+    float *seen = malloc(channels * frame_area * sizeof *seen);
+    double *spectrum = malloc(2 * values * sizeof *spectrum), *drawn = malloc(pixels * sizeof *drawn);
+    own->otfs = malloc(images * 2 * values * sizeof *own->otfs);
+    own->image = calloc(channels * pixels, sizeof *own->image);
+    hada_status status = noise && half && packed && seen && spectrum && drawn && own->otfs && own->image
                              ? HADA_OK
                              : hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
-    for (size_t z = 0; !status && z <= depths; z++) {
-        double *to = z < depths ? own->otfs + z * 2 * values : spectrum;
-        check_fill_normal(state, z, noise, pixels);
+    for (size_t k = 0; !status && k < images + channels; k++) { /* the OTFs' images, then the frame's */
+        const int is_frame = k >= images;
+        double *to = is_frame ? spectrum : own->otfs + k * 2 * values;
+        check_fill_normal(state, k, noise, pixels);
         for (size_t i = 0; i < pixels; i++) {
             const int row = (int)(i / (size_t)cols) - frame->row0, col = (int)(i % (size_t)cols) - frame->col0;
             const int inside = row >= 0 && row < frame->rows && col >= 0 && col < frame->cols;
-            if (shape->boundary == HADA_BOUNDARY_PADDED && z == depths && !inside)
+            if (shape->boundary == HADA_BOUNDARY_PADDED && is_frame && !inside)
                 noise[i] = 0.0f;
-            if (z == depths && inside)
-                seen[(size_t)row * (size_t)frame->cols + (size_t)col] = noise[i];
-            own->image[i] = z < depths ? noise[i] / (float)rows : noise[i];
+            if (is_frame && inside)
+                seen[(k - images) * frame_area + (size_t)row * (size_t)frame->cols + (size_t)col] = noise[i];
+            drawn[i] = is_frame ? noise[i] : noise[i] / (float)rows;
+            if (is_frame)
+                own->image[(k - images) * pixels + i] = drawn[i];
         }
-        status = hada_ref_fft_forward(own->image, rows, cols, to, err);
+        status = hada_ref_fft_forward(drawn, rows, cols, to, err);
         for (size_t i = 0; !status && i < 2 * values; i++)
             half[i] = (float)to[i];
         if (!status)
-            hada_layout_pack(&layout, half, packed + z * layout.count * 2);
+            hada_layout_pack(&layout, half, packed + k * layout.count * 2);
     }
     if (!status)
-        status = hada_buffer_create_from(&own->otf, state->slot, packed, depths * layout.count * 8, "the OTFs", err);
+        status = hada_buffer_create_from(&own->otf, state->slot, packed, images * layout.count * 8, "the OTFs", err);
     if (!status)
-        status = hada_buffer_create_from(&own->spectrum, state->slot, packed + depths * layout.count * 2,
-                                         layout.count * 8, "the spectrum", err);
+        status = hada_buffer_create_from(&own->spectrum, state->slot, packed + images * layout.count * 2,
+                                         channels * layout.count * 8, "the spectrum", err);
     if (!status)
-        status = hada_buffer_create_from(&own->frame, state->slot, seen, frame_area * 4, "the frame", err);
+        status = hada_buffer_create_from(&own->frame, state->slot, seen, channels * frame_area * 4, "the frame", err);
     own->data = (hada_refine_data){
-        .spectrum = own->spectrum.mem, .frame = own->frame.mem, .otf = own->otf.mem, .otf_depths = (int)depths};
+        .spectrum = own->spectrum.mem, .frame = own->frame.mem, .otf = own->otf.mem, .otf_depths = own->depths + 1};
     free(noise);
     free(half);
     free(packed);
     free(seen);
     free(spectrum);
+    free(drawn);
     return status;
 }
 
 static hada_status expect(check_state *state, const refine_state *own, hada_error *err)
 {
     const hada_refine_shape *s = &own->shape;
-    const size_t values = (size_t)s->grid_rows * (size_t)(s->grid_cols / 2 + 1) * 2;
+    const size_t values = (size_t)s->grid_rows * (size_t)(s->grid_cols / 2 + 1) * 2 * (size_t)own->channels;
     double *otf = malloc((size_t)own->depths * values * sizeof *otf);
     hada_status status = otf ? HADA_OK : hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
     for (int set = 0; !status && set < own->sets; set++) {
@@ -125,6 +132,10 @@ static hada_status expect(check_state *state, const refine_state *own, hada_erro
                                          .frame_rows = s->frame.rows,
                                          .frame_cols = s->frame.cols,
                                          .depths = own->depths,
+                                         .channels = own->channels,
+                                         .tv = own->rule.tv,
+                                         .tv_length = HADA_REFINE_TV_LENGTH,
+                                         .tv_steps = HADA_REFINE_TV_STEPS,
                                          .otf = otf,
                                          .image = own->image,
                                          .rho = own->rule.rho,
@@ -201,6 +212,5 @@ static void release(check_state *state)
 
 const check_op check_refine = {"refine",
                                "r rows, c columns, h and w of the window, d depths in a set, s sets, n steps, p1 "
-                               "cropped by the sensor, q1 growing "
-                               "rho",
+                               "cropped by the sensor, q1 growing rho, k channels, y total variation (thousandths)",
                                prepare, launch, release};

@@ -154,7 +154,7 @@ static void score(void)
 static void refine(void)
 {
     hada_error error;
-    hada_ref_refine p = {.rows = whole()};
+    hada_ref_refine p = {.rows = whole(), .channels = 1};
     int *to[] = {&p.cols,       &p.window_row0, &p.window_col0, &p.window_rows, &p.window_cols, &p.padded,
                  &p.frame_row0, &p.frame_col0,  &p.frame_rows,  &p.frame_cols,  &p.depths,      &p.steps};
     for (size_t i = 0; i < sizeof to / sizeof *to; i++)

@@ -80,6 +80,7 @@ static void refine(const problem *p)
                                        .frame_rows = camera.frame.rows,
                                        .frame_cols = camera.frame.cols,
                                        .depths = DEPTHS,
+                                       .channels = 1,
                                        .otf = camera.otf,
                                        .image = image,
                                        .rho = rule.rho,

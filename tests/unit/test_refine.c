@@ -98,6 +98,7 @@ static void compare(fixture *f, const hada_refine_rule *rule, int depths, const 
                                      .frame_rows = camera->frame.rows,
                                      .frame_cols = camera->frame.cols,
                                      .depths = depths,
+                                     .channels = 1,
                                      .otf = otf,
                                      .prior = prior,
                                      .image = f->image,

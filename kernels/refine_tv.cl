@@ -1,0 +1,131 @@
+/* The proximal step of total variation with non-negativity, in the window, channels coupled: for each depth
+ *     min over u >= 0 of  1/2 |u - w|^2 + theta sum over pixels of sqrt(sum over channels of |grad u|^2)
+ * by projected gradients on its dual (A. Chambolle, "Total variation minimization and a class of binary MRF models",
+ * 2005; coupled channels: X. Bresson and T. Chan, Inverse Problems and Imaging 2(4), 2008; bounds as in Beck and
+ * Teboulle, IEEE TIP 18(11), 2009): with p a vector per pixel and channel,
+ *     u = max(0, w + theta div p),   p' = q / max(1, |q|),   q = p + step / theta grad u,
+ * |q| over both directions and all channels of a pixel. Differences are forward, 0 at the far edges, so p is 0 there.
+ *
+ * Planes stand as [place][channel][rows][cols], duals as [place][channel][2][rows][cols] (along columns, along rows).
+ * Loads reach a value beyond an image: both arrays have room behind. A row's last vector overlaps the one before, so
+ * REFINE_WIDTH 8 wants windows of at least eight columns. Dimensions: bands of rows, places. */
+#include "inc_refine.h"
+
+#if REFINE_WIDTH == 8
+REFINE_INLINE refine_real tv_get(__global const float *p, size_t i)
+{
+    return vload8(0, p + i);
+}
+
+REFINE_INLINE void tv_put(__global float *p, size_t i, refine_real v)
+{
+    vstore8(v, 0, p + i);
+}
+
+/* 0 at the last of a row's pixels */
+REFINE_INLINE refine_real tv_end(refine_real v, int last)
+{
+    if (last)
+        v.s7 = 0.0f;
+    return v;
+}
+
+/* v where a vector that overlaps the one before is new, kept elsewhere */
+REFINE_INLINE refine_real tv_rest(refine_real kept, refine_real v, int done)
+{
+    return select(v, kept, (int8)(0, 1, 2, 3, 4, 5, 6, 7) < done);
+}
+#else
+REFINE_INLINE refine_real tv_get(__global const float *p, size_t i)
+{
+    return p[i];
+}
+
+REFINE_INLINE void tv_put(__global float *p, size_t i, refine_real v)
+{
+    p[i] = v;
+}
+
+REFINE_INLINE refine_real tv_end(refine_real v, int last)
+{
+    return last ? 0.0f : v;
+}
+
+REFINE_INLINE refine_real tv_rest(refine_real kept, refine_real v, int done)
+{
+    return v;
+}
+#endif
+
+/* u at the pixels from `at` on, all of one row; what stands before a row or an image is 0 but for the row above the
+ * first. */
+REFINE_INLINE refine_real tv_plane(__global const float *w, __global const float *p, int area, int cols, int at,
+                                   float theta)
+{
+    __global const float *pj = p + area;
+    const refine_real up = at < cols ? (refine_real)0.0f : tv_get(p, at - cols);
+    const refine_real div = (tv_get(p, at) - up) + (tv_get(pj, at) - tv_get(pj, at - 1));
+    return max(fma((refine_real)theta, div, tv_get(w, at)), 0.0f);
+}
+
+/* p' from p; fresh: p is 0 */
+__kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
+refine_tv_duals(__global const float *given, __global const float *old, __global float *next, int fresh, int channels,
+                int rows, int cols, int band, float theta, float step)
+{
+    const int from = get_group_id(0) * band, to = min(rows, from + band), area = rows * cols;
+    const size_t first = (size_t)get_global_id(1) * channels * area;
+    for (int i = from; i < to; ++i) {
+        for (int j = get_local_id(0) * REFINE_WIDTH; j < cols; j += REFINE_GROUP * REFINE_WIDTH) {
+            const int col = min(j, cols - REFINE_WIDTH), at = i * cols + col, down = i + 1 < rows ? at + cols : at;
+            refine_real square = (refine_real)0.0f;
+            for (int c = 0; c < channels; ++c) {
+                __global const float *w = given + first + (size_t)c * area, *p = old + 2 * (first + (size_t)c * area);
+                __global float *q = next + 2 * (first + (size_t)c * area);
+                refine_real here, below, right, qi = (refine_real)0.0f, qj = qi;
+                if (fresh) {
+                    here = max(tv_get(w, at), 0.0f);
+                    below = max(tv_get(w, down), 0.0f);
+                    right = max(tv_get(w, at + 1), 0.0f);
+                } else {
+                    here = tv_plane(w, p, area, cols, at, theta);
+                    below = tv_plane(w, p, area, cols, down, theta);
+                    /* beyond the end of a row it is not used */
+                    right = tv_plane(w, p, area, cols, at + 1, theta);
+                    qi = tv_get(p, at);
+                    qj = tv_get(p, at + area);
+                }
+                qi = fma((refine_real)step, below - here, qi);
+                qj = tv_end(fma((refine_real)step, right - here, qj), col + REFINE_WIDTH == cols);
+                tv_put(q, at, qi);
+                tv_put(q, at + area, qj);
+                square = fma(qi, qi, fma(qj, qj, square));
+            }
+            const refine_real scale = 1.0f / max(sqrt(square), 1.0f);
+            for (int c = 0; c < channels; ++c) {
+                __global float *q = next + 2 * (first + (size_t)c * area);
+                tv_put(q, at, scale * tv_get(q, at));
+                tv_put(q, at + area, scale * tv_get(q, at + area));
+            }
+        }
+    }
+}
+
+/* u in the place of w. */
+__kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
+refine_tv_planes(__global float *planes, __global const float *duals, int channels, int rows, int cols, int band,
+                 float theta)
+{
+    const int from = get_group_id(0) * band, to = min(rows, from + band), area = rows * cols;
+    const size_t first = (size_t)get_global_id(1) * channels * area;
+    for (int c = 0; c < channels; ++c) {
+        __global float *w = planes + first + (size_t)c * area;
+        __global const float *p = duals + 2 * (first + (size_t)c * area);
+        for (int i = from; i < to; ++i) {
+            for (int j = get_local_id(0) * REFINE_WIDTH; j < cols; j += REFINE_GROUP * REFINE_WIDTH) {
+                const int col = min(j, cols - REFINE_WIDTH), at = i * cols + col;
+                tv_put(w, at, tv_rest(tv_get(w, at), tv_plane(w, p, area, cols, at, theta), j - col));
+            }
+        }
+    }
+}

@@ -7,6 +7,7 @@
 #include "check.h"
 #include "classic/classic.h"
 #include "filter/layout.h"
+#include "filter/model.h"
 #include "ref/ref_classic.h"
 #include "ref/ref_fft.h"
 
@@ -19,6 +20,7 @@ typedef struct classic_state {
     hada_classic_camera camera;
     hada_classic_job job;
     hada_buffer otf, spectrum, frame;
+    hada_model model; /* what is needed to make the grid smaller: sizes and transfer functions */
     int depths, channels, list[MAX_DEPTHS];
     size_t pixels, values, floats; /* of the grid, its half spectrum, the window of all planes */
     double *otfs;                  /* [depth][channel][values] complex */
@@ -37,18 +39,18 @@ static hada_status read_shape(const check_state *state, classic_state *own, hada
     own->floats = (size_t)(own->depths * own->channels * high * wide);
     if (own->depths > MAX_DEPTHS)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "at most %d depths", MAX_DEPTHS);
-    const hada_model_info info = {.depths = own->depths + 1,
-                                  .channels = own->channels,
-                                  .raw_rows = padded ? rows - 2 * (rows / 5) : rows,
-                                  .raw_cols = padded ? cols - 2 * (cols / 5) : cols,
-                                  .grid_rows = rows,
-                                  .grid_cols = cols,
-                                  .window_rows = high,
-                                  .window_cols = wide,
-                                  .boundary = padded ? HADA_BOUNDARY_PADDED : HADA_BOUNDARY_CIRCULAR,
-                                  .has_otf = 1,
-                                  .distances_mm = distances,
-                                  .name = ""};
+    own->model.info = (hada_model_info){.depths = own->depths + 1,
+                                        .channels = own->channels,
+                                        .raw_rows = padded ? rows - 2 * (rows / 5) : rows,
+                                        .raw_cols = padded ? cols - 2 * (cols / 5) : cols,
+                                        .grid_rows = rows,
+                                        .grid_cols = cols,
+                                        .window_rows = high,
+                                        .window_cols = wide,
+                                        .boundary = padded ? HADA_BOUNDARY_PADDED : HADA_BOUNDARY_CIRCULAR,
+                                        .has_otf = 1,
+                                        .distances_mm = distances,
+                                        .name = ""};
     hada_classic_options options;
     hada_classic_options_init(&options);
     options.method = (hada_method)check_get(state, 'm', HADA_METHOD_ADMM);
@@ -61,7 +63,15 @@ static hada_status read_shape(const check_state *state, classic_state *own, hada
     options.mu2 = options.mu3 = 0.03;
     for (int i = 0; i < own->depths; i++)
         own->list[i] = (i + 1) % (own->depths + 1);
-    return hada_classic_shape_of(&info, own->depths, &options, &own->shape, err);
+    return hada_classic_shape_of(&own->model.info, own->depths, &options, &own->shape, err);
+}
+
+/* Whether a point spread function is not 0 here: within o x q pixels from (y, z) on, round the edges. */
+static int within(const check_state *state, const classic_state *own, int row, int col)
+{
+    const int rows = own->shape.place.grid_rows, cols = own->shape.place.grid_cols;
+    return (row + rows - check_get(state, 'y', 0)) % rows < check_get(state, 'o', rows) &&
+           (col + cols - check_get(state, 'z', 0)) % cols < check_get(state, 'q', cols);
 }
 
 /* Sparse point spread functions of brightness 1, and frames without negative values: image `number`. */
@@ -76,10 +86,23 @@ static void fill_image(const check_state *state, const classic_state *own, size_
         const int row = (int)(i / cols) - frame->row0, col = (int)(i % cols) - frame->col0;
         const int inside = row >= 0 && row < frame->rows && col >= 0 && col < frame->cols;
         out[i] = is_frame ? (cut && !inside ? 0.0f : fabsf(out[i])) : fmaxf(out[i] - 1.0f, 0.0f);
+        if (!is_frame && !within(state, own, (int)(i / cols), (int)(i % cols)))
+            out[i] = 0.0f;
         sum += out[i];
     }
     for (size_t i = 0; !is_frame && i < own->pixels; i++)
         out[i] = (float)(out[i] / sum);
+}
+
+/* The grid as small as the point spread functions allow, and the transfer functions on it. */
+static hada_status make_smaller(check_state *state, classic_state *own, hada_error *err)
+{
+    hada_context *context = state->slot->context;
+    hada_status status = hada_classic_fit_grid(&own->shape, context, &own->model, NULL, own->depths + 1, err);
+    if (status || !own->shape.reach.rows)
+        return status;
+    hada_buffer_destroy(&own->otf);
+    return hada_classic_optics(&own->otf, context, &own->shape, &own->model, NULL, own->depths + 1, err);
 }
 
 static hada_status make_camera(check_state *state, classic_state *own, hada_error *err)
@@ -90,7 +113,8 @@ static hada_status make_camera(check_state *state, classic_state *own, hada_erro
     const hada_refine_rect *frame = &place->frame;
     const size_t channels = (size_t)own->channels, otfs = ((size_t)own->depths + 1) * channels;
     const size_t frame_area = (size_t)frame->rows * (size_t)frame->cols;
-    float *image = malloc(own->pixels * sizeof *image), *half = malloc(2 * own->values * sizeof *half);
+    float *image = malloc(own->pixels * sizeof *image);
+    float *half = malloc((otfs + channels) * 2 * own->values * sizeof *half);
     float *packed = malloc((otfs + channels) * layout.count * 2 * sizeof *packed);
     float *seen = malloc(channels * frame_area * sizeof *seen);
     double *spectrum = malloc(2 * own->values * sizeof *spectrum);
@@ -113,9 +137,9 @@ static hada_status make_camera(check_state *state, classic_state *own, hada_erro
                       i % (size_t)frame->cols];
         status = hada_ref_fft_forward(grid, place->grid_rows, place->grid_cols, to, err);
         for (size_t i = 0; !status && i < 2 * own->values; i++)
-            half[i] = (float)to[i];
+            half[2 * k * own->values + i] = (float)to[i];
         if (!status)
-            hada_layout_pack(&layout, half, packed + k * layout.count * 2);
+            hada_layout_pack(&layout, half + 2 * k * own->values, packed + k * layout.count * 2);
     }
     if (!status)
         status = hada_buffer_create_from(&own->otf, state->slot, packed, otfs * layout.count * 8, "the OTFs", err);
@@ -124,10 +148,14 @@ static hada_status make_camera(check_state *state, classic_state *own, hada_erro
                                          channels * layout.count * 8, "the spectrum", err);
     if (!status)
         status = hada_buffer_create_from(&own->frame, state->slot, seen, channels * frame_area * 4, "the frame", err);
+    own->model.otf = half;
+    if (!status && check_get(state, 'o', 0))
+        status = make_smaller(state, own, err);
     own->data = (hada_refine_data){
         .spectrum = own->spectrum.mem, .frame = own->frame.mem, .otf = own->otf.mem, .otf_depths = own->depths + 1};
     free(image);
     free(half);
+    own->model.otf = NULL;
     free(packed);
     free(seen);
     free(spectrum);
@@ -266,5 +294,7 @@ static void release(check_state *state)
 const check_op check_classic = {"classic",
                                 "m1 Wiener, m2 Richardson-Lucy (a1 accelerated), m3 FISTA, m4 ADMM; x0 no prior, x1 "
                                 "TV, x2 and x3 wavelets (l levels); r rows, c columns, h and w of the window, d "
-                                "depths, b channels, n iterations, p1 cropped by the sensor, s1 planes on the grid",
+                                "depths, b channels, n iterations, p1 cropped by the sensor, s1 planes on the grid; "
+                                "o and q rows and columns of point spread functions from (y, z) on, on the grid that "
+                                "they allow",
                                 prepare, launch, release};

@@ -16,7 +16,7 @@
 
 typedef struct settings {
     hada_cli_common common;
-    const char *model, *output, *depths, *occupied, *refine, *dark, *skip;
+    const char *model, *output, *depths, *occupied, *refine, *refine_tv, *dark, *skip;
     int bits, half, repair, no_enhance, no_preview, batch, queues;
     double gamma, white, max_error, band;
     hada_cli_method_settings method;
@@ -44,6 +44,8 @@ static const hada_cli_option options[] = {
      "with "
      "--method matched.",
      AT(refine)},
+    {HADA_OPTION_TEXT, "refine-tv", 0, "W|auto|0", "weight of total variation in refinement (default: auto)",
+     "auto takes what the fit measured to pay, which goes with the noise; more is smoother.", AT(refine_tv)},
     {HADA_OPTION_TEXT, "dark", 0, "FILE|auto|none|LEVEL", "dark level of the frames (default: what the model says)",
      "FILE: a dark frame of the camera; auto: each frame's own; LEVEL: a share of full scale.", AT(dark)},
     {HADA_OPTION_FLAG, "repair", 0, NULL, "fill NaN and infinite pixels from their neighbours",
@@ -99,6 +101,7 @@ static void defaults(void *user)
 {
     settings *set = user;
     set->occupied = "auto";
+    set->refine_tv = "auto";
     set->skip = "all";
     set->band = 1;
     set->bits = 3;
@@ -145,6 +148,8 @@ static hada_status read_options(job *work, hada_plan_options *plan, hada_error *
     const char *refine = set->method.method == HADA_CLI_METHOD_MATCHED ? "0" : "auto";
     if (!status)
         status = hada_cli_read_refine(set->refine ? set->refine : refine, &plan->refine, err);
+    if (!status)
+        status = hada_cli_read_refine_tv(set->refine_tv, &plan->refine_tv, err);
     if (!status && set->dark) {
         static const hada_dark kinds[] = {HADA_DARK_NONE, HADA_DARK_AUTO, HADA_DARK_LEVEL, HADA_DARK_FRAME};
         status = hada_cli_dark_read(&work->dark, set->dark, err);

@@ -13,6 +13,15 @@ hada_status hada_cli_read_refine(const char *text, int *steps, hada_error *err)
     return hada_cli_error(err, HADA_ERROR_ARGUMENT, "--refine takes a number of steps or 'auto', not '%s'", text);
 }
 
+hada_status hada_cli_read_refine_tv(const char *text, double *weight, hada_error *err)
+{
+    *weight = -1.0;
+    if (!strcmp(text, "auto") || (hada_cli_read_real(text, weight) && *weight >= 0.0))
+        return HADA_OK;
+    return hada_cli_error(err, HADA_ERROR_ARGUMENT,
+                          "--refine-tv takes a weight, such as 0.003, 0 for none, or 'auto', not '%s'", text);
+}
+
 static hada_status psf_distances(const hada_cli_fit_settings *set, hada_tiff_reader *reader, const char *path,
                                  double *out, int pages, hada_error *err)
 {

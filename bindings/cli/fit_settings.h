@@ -19,6 +19,9 @@ typedef struct hada_cli_fit_settings {
 /* "8", "auto" (-1) or "0" of --refine. */
 hada_status hada_cli_read_refine(const char *text, int *steps, hada_error *err);
 
+/* "0.003", "auto" (-1) or "0" of --refine-tv. */
+hada_status hada_cli_read_refine_tv(const char *text, double *weight, hada_error *err);
+
 /* A model from the pages of a PSF file. */
 hada_status hada_cli_fit_psf(const hada_cli_fit_settings *set, const char *path, hada_context *context,
                              hada_model **model, hada_error *err);

@@ -75,7 +75,8 @@ hada_status hada_model_info_check(const hada_model_info *info, hada_error *err)
     if (!*hada_form_name(info->form) || !*hada_boundary_name(info->boundary))
         return hada_fail(err, HADA_ERROR_MODEL, "the model's form or boundary is unknown");
     if (!not_negative(info->alpha) || !not_negative(info->lambda) || !not_negative(info->noise) ||
-        !not_negative(info->refine_rho) || !isfinite(info->dark) || info->refine_steps < 0)
+        !not_negative(info->refine_rho) || !not_negative(info->refine_tv) || !isfinite(info->dark) ||
+        info->refine_steps < 0)
         return hada_fail(err, HADA_ERROR_MODEL,
                          "the model's alpha, lambda, noise, dark level or refinement settings are not usable numbers");
     if (info->distances_mm)

@@ -82,8 +82,10 @@ static hada_status put_metadata(hada_tensors_writer *writer, const hada_model_in
     const struct {
         const char *key;
         double value;
-    } numbers[] = {{"alpha", info->alpha}, {"lambda", info->lambda},         {"dark", info->dark},
-                   {"noise", info->noise}, {"refine_rho", info->refine_rho}, {"refine_steps", info->refine_steps}};
+    } numbers[] = {
+        {"alpha", info->alpha},        {"lambda", info->lambda},         {"dark", info->dark},
+        {"noise", info->noise},        {"refine_rho", info->refine_rho}, {"refine_steps", info->refine_steps},
+        {"refine_tv", info->refine_tv}};
     for (size_t i = 0; !status && i < sizeof numbers / sizeof *numbers; i++)
         status = put_number(writer, numbers[i].key, numbers[i].value, err);
     for (size_t i = 0; !status && i < sizeof conventions / sizeof *conventions; i++)
@@ -210,6 +212,8 @@ static hada_status get_metadata(const hada_tensors *file, const char *path, hada
                    {"noise", &info->noise}, {"refine_rho", &info->refine_rho}, {"refine_steps", &steps}};
     for (size_t i = 0; !status && i < sizeof numbers / sizeof *numbers; i++)
         status = get_number(file, path, numbers[i].key, numbers[i].out, err);
+    if (!status && hada_tensors_meta(file, "refine_tv")) /* models of before have none */
+        status = get_number(file, path, "refine_tv", &info->refine_tv, err);
     if (!status && (steps < 0 || steps > 100000 || steps != floor(steps)))
         status = missing(path, "refine_steps", err);
     info->refine_steps = (int)steps;

@@ -1,5 +1,6 @@
 #include "refine/admm.h"
 
+#include <math.h>
 #include <stddef.h>
 #include <stdlib.h>
 #include <string.h>
@@ -10,6 +11,17 @@
 void hada_refine_rule_init(hada_refine_rule *rule)
 {
     *rule = (hada_refine_rule){.steps = 8, .rho = 1e-3, .growth = 1.0, .relaxation = 1.6, .mu = 1.0};
+}
+
+void hada_refine_rule_weigh(hada_refine_rule *rule, const hada_model_info *info, double tv, double gain,
+                            double mean_square)
+{
+    const int same = (tv > 0.0) == (info->refine_tv > 0.0);
+    rule->rho = (same ? info->refine_rho : hada_refine_rho(tv)) * gain;
+    rule->tv = tv * sqrt(info->channels * gain * mean_square);
+    /* so faint that the step on the dual would leave single precision: black */
+    if (!(rule->tv / rule->rho > 1e-36))
+        rule->tv = 0.0;
 }
 
 hada_refine_shape hada_refine_shape_of(const hada_model_info *info, int max_depths, int max_steps)

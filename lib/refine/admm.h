@@ -45,7 +45,8 @@ typedef struct hada_refine_data {
     cl_mem otf;             /* [depth][channel][count] complex */
     size_t otf_offset;      /* in complex numbers */
     int otf_depths;
-    cl_mem prior; /* [channel][count] floats: noise power over scene power; NULL: none */
+    cl_mem prior; /* [channel][count] floats: noise power over scene power; NULL: none. Where a rule has total variation
+                     that is the prior, and this one is not used */
     cl_mem doubt; /* [depth][channel][count] floats, hada_refiner_score() only: variance of the OTF estimate over the
                      noise power (1 / sum |X|^2 of the pairs); NULL: the OTF is exact */
 } hada_refine_data;
@@ -77,6 +78,18 @@ typedef struct hada_refine_rule {
 } hada_refine_rule;
 
 void hada_refine_rule_init(hada_refine_rule *rule);
+
+/* rho with total variation of weight tv or without, in units of the largest |OTF(0)|^2 (docs/refinement.md). */
+static inline double hada_refine_rho(double tv)
+{
+    return tv > 0.0 ? 3e-3 : 1e-3;
+}
+
+/* rho and tv for a frame of this mean square (over pixels and channels). tv: the weight in units of
+ * sqrt(channels gain mean square), so that a brighter frame gives the same planes, brighter, and a grey scene the same
+ * ones in one channel or three; gain: hada_model_gain(). Where tv is 0 on one side only, rho is not the model's. */
+void hada_refine_rule_weigh(hada_refine_rule *rule, const hada_model_info *info, double tv, double gain,
+                            double mean_square);
 
 /* What a step's total variation is made with (kernels/refine_tv.cl): projected gradients on its dual, which goes on
  * from step to step, each of this length. */

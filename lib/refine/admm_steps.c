@@ -88,7 +88,7 @@ static hada_status solve(const run *r, const hada_refine_rule *rule, int start, 
     const hada_refine_data *data = r->data;
     const hada_spectrum_layout *layout = &refiner->layout;
     cl_ulong otf_offset = data->otf_offset, data_offset = data->spectrum_offset;
-    cl_int depths = r->depths, padded = r->padded, has_prior = data->prior != NULL, first = start;
+    cl_int depths = r->depths, padded = r->padded, has_prior = data->prior && !(rule->tv > 0.0), first = start;
     cl_mem split_a = padded ? refiner->split_a.mem : refiner->now_w.mem;
     cl_mem split_e = padded ? refiner->split_e.mem : refiner->now_u.mem;
     cl_mem prior = has_prior ? data->prior : data->spectrum;

@@ -37,7 +37,7 @@ static hada_status make_parts(hada_lane *lane, hada_error *err)
     if (!status && shape->classic)
         status = hada_classic_create(&lane->classic, lane->slot, &shape->method, err);
     if (!status && shape->refined && !shape->classic) {
-        const hada_refine_shape refine = hada_refine_shape_of(info, shape->depths, shape->steps);
+        const hada_refine_shape refine = hada_plan_refine_of(plan->model, shape);
         status = hada_refiner_create(&lane->refiner, lane->slot, &refine, err);
     }
     if (!status && shape->pursuit)

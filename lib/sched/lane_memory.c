@@ -42,7 +42,7 @@ static hada_status note(hada_room *room, const hada_context *context, const hada
     if (!status && shape->classic)
         status = hada_classic_note(context, &shape->method, room, COMPUTE, COMPUTE, DOWNLOAD, err);
     if (!status && shape->refined && !shape->classic) {
-        const hada_refine_shape refine = hada_refine_shape_of(info, shape->depths, shape->steps);
+        const hada_refine_shape refine = hada_plan_refine_of(model, shape);
         status = hada_refiner_note(context, &refine, room, COMPUTE, COMPUTE, DOWNLOAD, err);
     }
     if (!status && shape->pursuit) {
@@ -76,7 +76,7 @@ static uint64_t bytes_apart(const hada_context *context, const hada_model *model
     if (shape->classic)
         bytes += hada_classic_bytes(context, &shape->method);
     if (shape->refined && !shape->classic) {
-        const hada_refine_shape refine = hada_refine_shape_of(info, shape->depths, shape->steps);
+        const hada_refine_shape refine = hada_plan_refine_of(model, shape);
         bytes += hada_refiner_bytes(context, &refine);
     }
     if (shape->pursuit) {

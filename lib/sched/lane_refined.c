@@ -15,13 +15,16 @@ hada_refine_data hada_lane_refine_data(const hada_lane *lane)
     return data;
 }
 
-static hada_refine_rule rule_of(const hada_plan *plan)
+/* energy: of the frame */
+static hada_refine_rule rule_of(const hada_plan *plan, double energy)
 {
+    const hada_model_info *info = hada_model_get_info(plan->model);
     hada_refine_rule rule;
     hada_refine_rule_init(&rule);
     rule.steps = plan->shape.steps;
-    rule.rho = hada_model_get_info(plan->model)->refine_rho * hada_model_gain(plan->model);
-    rule.stop = plan->options.refine < 0 ? hada_refine_stop(hada_model_get_info(plan->model)->boundary) : 0;
+    hada_refine_rule_weigh(&rule, info, plan->shape.tv, hada_model_gain(plan->model),
+                           energy / ((double)info->channels * info->raw_rows * info->raw_cols));
+    rule.stop = plan->options.refine < 0 ? hada_refine_stop(info->boundary) : 0;
     return rule;
 }
 
@@ -29,7 +32,7 @@ static hada_status refine(hada_lane *lane, hada_task *task, int count, hada_erro
 {
     hada_report *report = &task->result->report;
     const hada_refine_data data = hada_lane_refine_data(lane);
-    const hada_refine_rule rule = rule_of(lane->plan);
+    const hada_refine_rule rule = rule_of(lane->plan, task->energy);
     double left = 0;
     hada_slot_stage(lane->slot, "refine");
     hada_status status =

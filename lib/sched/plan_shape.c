@@ -1,5 +1,7 @@
 #include "sched/plan_shape.h"
 
+#include <math.h>
+
 #include "filter/bank.h"
 #include "filter/gains.h"
 
@@ -7,8 +9,13 @@ enum { MOST_QUEUES = 64 };
 
 void hada_plan_options_init(hada_plan_options *options)
 {
-    *options = (hada_plan_options){
-        .size = sizeof *options, .refine = -1, .enhance = 1, .gamma = 1.0, .skip = HADA_SKIP_ALL, .band = 1.0};
+    *options = (hada_plan_options){.size = sizeof *options,
+                                   .refine = -1,
+                                   .refine_tv = -1.0,
+                                   .enhance = 1,
+                                   .gamma = 1.0,
+                                   .skip = HADA_SKIP_ALL,
+                                   .band = 1.0};
     hada_classic_options_init(&options->classic);
 }
 
@@ -28,6 +35,8 @@ static hada_status check_options(const hada_model_info *info, const hada_plan_op
         return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: start from hada_plan_options_init()");
     if (options->depth_count < 0 || options->occupied_count < 0 || options->batch < 0 || !(options->gamma > 0))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: counts are not negative and gamma is above 0");
+    if (!isfinite(options->refine_tv))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: the weight of total variation is not a number");
     if (options->queues < 0 || options->queues > MOST_QUEUES)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: %d queues; a device can have 1 to %d",
                          options->queues, MOST_QUEUES);
@@ -117,6 +126,7 @@ hada_status hada_plan_shape_of(const hada_model *model, const hada_plan_options 
     *shape = (hada_plan_shape){.depths = options->depths ? options->depth_count : info->depths};
     /* auto: what leave-one-out found to pay for this camera */
     shape->steps = options->refine >= 0 ? options->refine : info->has_otf ? info->refine_steps : 0;
+    shape->tv = options->refine_tv >= 0 ? options->refine_tv : info->refine_tv;
     status = classic_shape(info, options, shape, err);
     if (status)
         return status;
@@ -147,6 +157,13 @@ hada_focus_desc hada_plan_focus_of(const hada_model_info *info, const hada_plan_
                              .rows = info->window_rows,
                              .cols = info->window_cols,
                              .depths = shape->depths};
+}
+
+hada_refine_shape hada_plan_refine_of(const hada_model *model, const hada_plan_shape *shape)
+{
+    hada_refine_shape refine = hada_refine_shape_of(hada_model_get_info(model), shape->depths, shape->steps);
+    refine.tv = shape->tv > 0;
+    return refine;
 }
 
 hada_pursuit_options hada_plan_pursuit_of(const hada_model *model, const hada_plan_shape *shape)

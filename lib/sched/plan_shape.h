@@ -16,6 +16,7 @@ typedef struct hada_plan_shape {
     int refined;              /* 1: planes that explain the frame jointly, by refinement of the occupied depths or a
                                  classic method; 0: linear filters */
     int classic;              /* 1: by a classic method */
+    double tv;                /* of refinement: weight of total variation */
     int steps;                /* refinement steps or iterations at most */
     int pursuit;              /* 1: the occupied depths are found */
     int half;                 /* filters on the device as half */
@@ -41,6 +42,9 @@ size_t hada_plane_values(const hada_model_info *info);
 
 /* What the focus works on; its distances are for the caller to set. */
 hada_focus_desc hada_plan_focus_of(const hada_model_info *info, const hada_plan_shape *shape);
+
+/* What refines its planes. */
+hada_refine_shape hada_plan_refine_of(const hada_model *model, const hada_plan_shape *shape);
 
 /* The pursuit for a model. */
 hada_pursuit_options hada_plan_pursuit_of(const hada_model *model, const hada_plan_shape *shape);

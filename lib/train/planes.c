@@ -26,6 +26,13 @@ static int is_refined(const hada_model_info *info)
     return info->has_otf && info->refine_steps > 0;
 }
 
+static hada_refine_shape refine_shape(const hada_model_info *info)
+{
+    hada_refine_shape shape = hada_refine_shape_of(info, 1, is_refined(info) ? info->refine_steps : 1);
+    shape.tv = info->refine_tv > 0;
+    return shape;
+}
+
 static size_t plane_bytes(const hada_model_info *info)
 {
     return (size_t)info->channels * (size_t)info->window_rows * (size_t)info->window_cols * sizeof(float);
@@ -41,7 +48,7 @@ hada_status hada_planes_bytes(const hada_context *context, const hada_model *mod
     if (status)
         return status;
     const hada_spectrum_layout layout = hada_hadamard_layout(context, info);
-    const hada_refine_shape shape = hada_refine_shape_of(info, 1, refined ? info->refine_steps : 1);
+    const hada_refine_shape shape = refine_shape(info);
     uint64_t all = hada_hadamard_bytes(context, info, 1) +
                    hada_bank_bytes(info, &layout, info->depths, refined ? HADA_BANK_OTFS : HADA_BANK_FILTERS, 0);
     if (refined && model->scene_power)
@@ -75,7 +82,7 @@ hada_status hada_planes_create(hada_planes **out, hada_slot *slot, const hada_mo
     if (!status && refined)
         status = hada_bank_prior(&planes->prior, slot, model, &planes->stage->layout, err);
     if (!status && refined) {
-        const hada_refine_shape shape = hada_refine_shape_of(info, 1, info->refine_steps);
+        const hada_refine_shape shape = refine_shape(info);
         status = hada_refiner_create(&planes->refiner, slot, &shape, err);
     }
     if (!status && !refined)
@@ -121,7 +128,19 @@ static hada_status expose(hada_planes *planes, const hada_image *raw, hada_error
     return hada_hadamard_frame(planes->stage, raw->data, planes->levels, err);
 }
 
-static hada_status refine(hada_planes *planes, int depth, hada_error *err)
+/* Of the frame above its dark levels. */
+static double mean_square(const hada_planes *planes, const hada_image *raw)
+{
+    const size_t pixels = (size_t)raw->rows * (size_t)raw->cols, count = (size_t)raw->channels * pixels;
+    double sum = 0.0;
+    for (size_t i = 0; i < count; i++) {
+        const double light = raw->data[i] - planes->levels[i / pixels];
+        sum += light * light;
+    }
+    return sum / (double)count;
+}
+
+static hada_status refine(hada_planes *planes, int depth, const hada_image *raw, hada_error *err)
 {
     const hada_model_info *info = planes->info;
     hada_refine_data data = {
@@ -133,7 +152,7 @@ static hada_status refine(hada_planes *planes, int depth, hada_error *err)
     data.otf_offset = image * planes->stage->layout.count;
     hada_refine_rule_init(&rule);
     rule.steps = info->refine_steps;
-    rule.rho = info->refine_rho * hada_model_gain(planes->model);
+    hada_refine_rule_weigh(&rule, info, info->refine_tv, hada_model_gain(planes->model), mean_square(planes, raw));
     rule.stop = hada_refine_stop(info->boundary);
     return hada_refiner_run(planes->refiner, &data, &rule, 1, 1, list, NULL, err);
 }
@@ -152,7 +171,7 @@ hada_status hada_planes_make(hada_planes *planes, int depth, const hada_image *r
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a plane of depth %d of %d", depth, info->depths);
     hada_status status = expose(planes, raw, err);
     if (!status)
-        status = planes->refiner ? refine(planes, depth, err) : filter(planes, depth, err);
+        status = planes->refiner ? refine(planes, depth, raw, err) : filter(planes, depth, err);
     if (!status && hada_image_count(out) * sizeof(float) != plane_bytes(info)) {
         hada_image_destroy(out);
         status = hada_image_create(out, info->channels, info->window_rows, info->window_cols, err);

@@ -23,6 +23,7 @@ static hada_model *make(int statistics)
                             .noise = 1e-3,
                             .refine_steps = 12,
                             .refine_rho = 3e-3,
+                            .refine_tv = 2e-3,
                             .has_otf = 1,
                             .distances_mm = distances};
     hada_model *model;
@@ -71,7 +72,7 @@ static void files_come_back_bit_for_bit(void **state)
         assert_true(b->raw_rows == 10 && b->raw_cols == 13 && b->window_rows == 4 && b->window_cols == 6);
         assert_true(b->grid_rows == a->grid_rows && b->grid_cols == a->grid_cols);
         assert_true(b->alpha == a->alpha && b->lambda == a->lambda && b->dark == a->dark && b->noise == a->noise);
-        assert_true(b->refine_steps == 12 && b->refine_rho == a->refine_rho && b->has_otf && b->half == a->half);
+        assert_true(b->refine_steps == 12 && b->refine_rho == a->refine_rho && b->refine_tv == a->refine_tv && b->has_otf && b->half == a->half);
         assert_memory_equal(b->distances_mm, distances, sizeof distances);
         assert_string_equal(b->name, path);
         assert_int_equal(b->bytes, a->bytes);
@@ -106,7 +107,7 @@ static void rewrite(const char *path, const char *key, const char *value, const 
     hada_tensors_writer *writer;
     char beside[80];
     static const char *const keys[] = {"format", "version", "form", "boundary",     "raw",        "grid", "window",
-                                       "alpha",  "lambda",  "dark", "refine_steps", "refine_rho", "noise"};
+                                       "alpha",  "lambda",  "dark", "refine_steps", "refine_rho", "refine_tv", "noise"};
     snprintf(beside, sizeof beside, "%s-new", path);
     ASSERT_OK(hada_tensors_open(&file, path, err));
     ASSERT_OK(hada_tensors_create(&writer, beside, err));
@@ -158,6 +159,8 @@ static void damaged_files_are_refused(void **state)
                  {"lambda", "nan", "", 0, HADA_ERROR_FILE_FORMAT},
                  {"dark", "0.1x", "", 0, HADA_ERROR_FILE_FORMAT},
                  {"refine_steps", "2.5", "", 0, HADA_ERROR_FILE_FORMAT},
+                 {"refine_tv", "-1e-3", "", 0, HADA_ERROR_MODEL},
+                 {"refine_tv", "much", "", 0, HADA_ERROR_FILE_FORMAT},
                  {"", NULL, "filter", 0, HADA_ERROR_FILE_FORMAT},
                  {"", NULL, "distances_mm", 0, HADA_ERROR_FILE_FORMAT},
                  {"", NULL, "pairs", 0, HADA_ERROR_FILE_FORMAT},

@@ -47,6 +47,8 @@ typedef struct hada_model_info {
     double noise;         /* standard deviation of the frame's noise that the fit found, 0 where unknown */
     int refine_steps;     /* refinement that pays for this camera; 0: none does */
     double refine_rho;    /* in units of the largest |OTF(0)|^2 of all depths and channels */
+    double refine_tv;     /* weight of total variation in it, docs/refinement.md; 0: none, but the prior that the pairs
+                             give */
     int has_otf;
     int half;                       /* filters are kept in half precision */
     int enhance;                    /* 1: it holds a net that enhances refocused planes */

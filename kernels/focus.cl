@@ -1,175 +1,282 @@
-/* Depth from focus: how much a refocused plane has to say at each pixel, averaged by a window, the running best over the
- * planes, and what follows from it. */
+/* Depth from focus: how much the planes have to say at each pixel, averaged by a window (focus_measure across it,
+ * focus_select down it), the running best over the planes (focus_select), and what follows from it (focus_finish).
+ *
+ * Vectors of FOCUS_WIDTH pixels side by side in work-groups of one, or one pixel in groups of FOCUS_GROUP. Rows of
+ * responses and of the running best stand `pitch` apart, whole vectors, so that only planes have a ragged end. */
+#include "inc_focus.h"
 
-/* light[i][x]: luminance (Rec. 709) at row i - border_rows, column x - border_cols; beyond the image its edge pixels are
- * repeated. `pitch` columns. */
-__kernel void focus_luminance(__global const float *planes, const ulong offset, const int channels, const int rows,
-                              const int cols, const int border_rows, const int border_cols, const int pitch,
-                              __global float *light)
+/* Luminance (Rec. 709) of LIGHT_ROWS rows from `top` on and `wide` columns from `left` on; the image's edge pixels are
+ * repeated. */
+FOCUS_INLINE void make_light(__global const float *plane, int channels, int rows, int cols, int top, int left, int wide,
+                             __local float *light)
 {
-    const int x = get_global_id(0), i = get_global_id(1);
-    if (x >= pitch)
-        return;
-    const int pixels = rows * cols,
-              at = clamp(i - border_rows, 0, rows - 1) * cols + clamp(x - border_cols, 0, cols - 1);
-    __global const float *plane = planes + offset;
-    light[(size_t)i * pitch + x] =
-        channels == 3 ? 0.2126f * plane[at] + 0.7152f * plane[at + pixels] + 0.0722f * plane[at + 2 * pixels] : plane[at];
-}
-
-/* How much a refocused plane has to say at each pixel, which a window then averages: response[i][8 x ..] from
- * light[i + 1][8 + 8 x ..] and its neighbours, eight columns at a time, `vectors` to a row. energy 0: the squared edge
- * response (contrast), 1: intensity. With `count`, noise_bins counts the absolute response of Immerkaer's noise operator
- * at the image's inner pixels by the upper bits of its float pattern (integer counts: the order of the additions does
- * not matter). */
-__kernel void focus_measure(__global const float *light, const int rows, const int cols, const int border_rows,
-                            const int halo, const int vectors, const int energy, const int count,
-                            __global float *response, __global int *noise_bins)
-{
-    const int x = get_global_id(0), i = get_global_id(1), pitch = 8 * vectors + 16;
-    if (x >= vectors)
-        return;
-    __global const float *up = light + (size_t)i * pitch + 8 + 8 * x, *here = up + pitch, *down = here + pitch;
-    const float8 e = vload8(0, here);
-    const float8 across = (vload8(0, up + 1) - vload8(0, up - 1) + 2.0f * (vload8(0, here + 1) - vload8(0, here - 1)) +
-                           vload8(0, down + 1) - vload8(0, down - 1)) *
-                          0.125f;
-    const float8 along = (vload8(0, down - 1) - vload8(0, up - 1) + 2.0f * (vload8(0, down) - vload8(0, up)) +
-                          vload8(0, down + 1) - vload8(0, up + 1)) *
-                         0.125f;
-    vstore8(energy ? max(e, (float8)(0.0f)) : fma(across, across, along * along), (size_t)i * vectors + x, response);
-    const int row = i + 1 - border_rows;
-    if (count && row > 0 && row < rows - 1) {
-        const float8 second = vload8(0, up - 1) + vload8(0, up + 1) + vload8(0, down - 1) + vload8(0, down + 1) -
-                              2.0f * (vload8(0, up) + vload8(0, down) + vload8(0, here - 1) + vload8(0, here + 1)) +
-                              4.0f * e;
-        uint bins[8];
-        vstore8(as_uint8(fabs(second)) >> 16, 0, bins);
-        for (int k = 0; k < 8; k++) {
-            const int col = 8 * x + k - halo;
-            if (col > 0 && col < cols - 1)
-                atomic_inc(noise_bins + bins[k]);
+    const size_t pixels = (size_t)rows * cols;
+    for (int i = 0; i < LIGHT_ROWS; i++) {
+        __global const float *row = plane + (size_t)clamp(top + i, 0, rows - 1) * cols;
+        for (int x = FOCUS_WIDTH * get_local_id(0); x < wide; x += FOCUS_WIDTH * FOCUS_GROUP) {
+            real value = load_row(row, left + x, cols);
+            if (channels == 3)
+                value = 0.2126f * value + 0.7152f * load_row(row + pixels, left + x, cols) +
+                        0.0722f * load_row(row + 2 * pixels, left + x, cols);
+            STORE(value, light + i * LIGHT_PITCH + x);
         }
     }
 }
 
-/* Local mean with a separable window, eight columns at a time. */
-
-/* out[row][x] = sum of weights[k] in[row + k][x]; `vectors` of eight columns, 2 radius more rows in `in`. */
-__kernel void focus_window_down(__global const float *in, __global const float *weights, const int radius,
-                                const int vectors, __global float *out)
+/* Responses from luminance that begins a row and a column earlier: the squared edge response (Sobel) and, or, the
+ * intensity. `noise`: where the absolute response of Immerkaer's noise operator is counted at the image's inner pixels.
+ * Column x here is column left + x of the image; the tile's own columns are left + radius .. end - 1. */
+FOCUS_INLINE void make_edges(__local const float *light, int measure, int rows, int cols, int top, int left, int radius,
+                             int end, int wide, __local float *contrast, __local float *energy, __global int *noise)
 {
-    const int x = get_global_id(0), row = get_global_id(1);
-    if (x >= vectors)
-        return;
-    float8 sum = (float8)(0.0f);
-    for (int k = 0; k <= 2 * radius; k++)
-        sum = fma((float8)(weights[k]), vload8((size_t)(row + k) * vectors + x, in), sum);
-    vstore8(sum, (size_t)row * vectors + x, out);
-}
-
-/* out[row][8 x ..] = sum of weights[k] in[row][halo + 8 x + k - radius ..]; `in` has `pitch` columns, with a halo of at
- * least `radius`, `out` has 8 * vectors. multiply: the root of the sum is multiplied into what stands in `out`. */
-__kernel void focus_window_across(__global const float *in, __global const float *weights, const int radius,
-                                  const int halo, const int pitch, const int vectors, const int multiply,
-                                  __global float *out)
-{
-    const int x = get_global_id(0), row = get_global_id(1);
-    if (x >= vectors)
-        return;
-    __global const float *from = in + (size_t)row * pitch + halo + 8 * x - radius;
-    float8 sum = (float8)(0.0f);
-    for (int k = 0; k <= 2 * radius; k++)
-        sum = fma((float8)(weights[k]), vload8(0, from + k), sum);
-    if (multiply)
-        sum = sqrt(sum) * vload8((size_t)row * vectors + x, out);
-    vstore8(sum, (size_t)row * vectors + x, out);
-}
-
-/* The running best over depths, near to far, and the all-in-focus sums. */
-
-/* State images of rows x cols: best measure and its depth, the measures of the depths before and after it (0 where
- * these do not compete), the largest measure of a depth that is not next to it, and the measure of the depth pushed
- * last. Of every push but the first, each pixel has one loser: the smaller of the new measure and the best so far; its
- * measure is counted in loser_bins by the upper bits of its float pattern.
- *
- * depth: of this push; adjacent: the push before was depth - 1; seen: pushes of this frame before (0: state is not
- * read). weighted: all-in-focus is the mean weighted by the measures, kept up to date push by push, which holds at every
- * scale; where every measure so far is 0, the plain mean. Otherwise the sum. */
-__kernel void focus_select(__global const float *measure, const int measure_pitch, __global const float *planes,
-                           const ulong offset, const int channels, const int rows, const int cols, const int depth,
-                           const int adjacent, const int seen, const int weighted, __global float *best,
-                           __global int *best_depth, __global float *before, __global float *after,
-                           __global float *second, __global float *last, __global float *fused,
-                           __global float *weight_sum, __global int *loser_bins)
-{
-    const int x = get_global_id(0), row = get_global_id(1);
-    if (x >= cols)
-        return;
-    const int i = row * cols + x, pixels = rows * cols;
-    const float value = measure[row * measure_pitch + x];
-    if (!seen) {
-        best[i] = value;
-        best_depth[i] = depth;
-        before[i] = after[i] = second[i] = 0.0f;
-    } else {
-        const float old = best[i];
-        const int next = best_depth[i] == depth - 1;
-        atomic_inc(loser_bins + (as_uint(max(min(value, old), 0.0f)) >> 16));
-        if (value > old) { /* strictly: ties go to the nearer depth */
-            second[i] = next ? max(second[i], before[i]) : old;
-            before[i] = adjacent ? last[i] : 0.0f;
-            after[i] = 0.0f;
-            best[i] = value;
-            best_depth[i] = depth;
-        } else if (next)
-            after[i] = value;
-        else
-            second[i] = max(second[i], value);
-    }
-    last[i] = value;
-    float share = 1.0f;
-    if (weighted) {
-        const float total = seen ? weight_sum[i] + value : value;
-        share = total > 0.0f ? value / total : 1.0f / (float)(seen + 1);
-        weight_sum[i] = total;
-    }
-    for (int c = 0; c < channels; c++) {
-        const float light = planes[offset + (size_t)(c * pixels + i)], old = seen ? fused[c * pixels + i] : 0.0f;
-        fused[c * pixels + i] = !seen ? light : weighted ? old + share * (light - old) : old + light;
+    for (int i = 0; i < FOCUS_ROWS; i++) {
+        const int row = top + i, counts = row > 0 && row < rows - 1;
+        for (int x = FOCUS_WIDTH * get_local_id(0); x < wide; x += FOCUS_WIDTH * FOCUS_GROUP) {
+            __local const float *up = light + i * LIGHT_PITCH + x, *here = up + LIGHT_PITCH, *down = here + LIGHT_PITCH;
+            const real a = LOAD(up), b = LOAD(up + 1), c = LOAD(up + 2), d = LOAD(here), e = LOAD(here + 1),
+                       f = LOAD(here + 2), g = LOAD(down), h = LOAD(down + 1), j = LOAD(down + 2);
+            if (measure & CONTRAST) {
+                const real across = (c - a + 2.0f * (f - d) + j - g) * 0.125f,
+                           along = (g - a + 2.0f * (h - b) + j - c) * 0.125f;
+                STORE(fma(across, across, along * along), contrast + i * EDGES_PITCH + x);
+            }
+            if (measure & ENERGY)
+                STORE(max(e, (real)0.0f), energy + i * EDGES_PITCH + x);
+            if (counts)
+                count_values(noise, fabs(a + c + g + j - 2.0f * (b + h + d + f) + 4.0f * e), left + x,
+                             max(left + radius, 1), min(end, cols - 1));
+        }
     }
 }
 
-/* From the running best to the distance map and the all-in-focus image. */
-
-/* distance[i]: 1/z between the depths' 1/z by the vertex of the parabola through the measures before, at and after the
- * best depth, less `base` (the level of losing depths); NaN where the best measure is not above `threshold` or not
- * more than `margin` above the best of the depths that are not next to it. At the ends of the list nothing is
- * refined. */
-__kernel void focus_finish(__global const float *best, __global const int *best_depth, __global const float *before,
-                           __global const float *after, __global const float *second,
-                           __global const float *inverse_distances, const int depths, const int pixels,
-                           const int channels, const float threshold, const float margin, const float base,
-                           __global const float *fused, __global float *all_in_focus, const ulong all_in_focus_offset,
-                           __global float *distance, const ulong distance_offset)
+/* The window across `wide` columns of FOCUS_ROWS rows of responses, of which `count` are in the image; four rows at a
+ * time, so that no sum waits for itself. */
+FOCUS_INLINE void window_across(__local const float *edges, __global const float *weights, int radius, int count,
+                                int wide, int pitch, __global float *out)
 {
-    const int i = get_global_id(0);
-    if (i >= pixels)
-        return;
-    for (int c = 0; c < channels; c++)
-        all_in_focus[all_in_focus_offset + (size_t)(c * pixels + i)] = fused[c * pixels + i];
+    for (int i = 0; i < count; i += 4)
+        for (int x = FOCUS_WIDTH * get_local_id(0); x < wide; x += FOCUS_WIDTH * FOCUS_GROUP) {
+            __local const float *from = edges + i * EDGES_PITCH + x;
+            real a = (real)0.0f, b = a, c = a, d = a;
+            for (int k = 0; k <= 2 * radius; k++, from++) {
+                const real weight = (real)weights[k];
+                a = fma(weight, LOAD(from), a);
+                b = fma(weight, LOAD(from + EDGES_PITCH), b);
+                c = fma(weight, LOAD(from + 2 * EDGES_PITCH), c);
+                d = fma(weight, LOAD(from + 3 * EDGES_PITCH), d);
+            }
+            __global float *to = out + (size_t)i * pitch + x;
+            STORE(a, to);
+            if (i + 1 < count)
+                STORE(b, to + pitch);
+            if (i + 2 < count)
+                STORE(c, to + 2 * pitch);
+            if (i + 3 < count)
+                STORE(d, to + 3 * pitch);
+        }
+}
 
-    const int depth = best_depth[i];
-    const float peak = best[i] - base, left = max(before[i] - base, 0.0f), right = max(after[i] - base, 0.0f);
-    float step = 0.0f;
-    if (depth > 0 && depth < depths - 1) {
-        const float bend = 2.0f * peak - left - right;
-        step = bend > 0.0f ? clamp(0.5f * (right - left) / bend, -0.5f, 0.5f) : 0.0f;
+/* Responses of planes place[0 .. count - 1] of a stack, averaged across. measure: CONTRAST, ENERGY or COMBINED (both).
+ * response[plane][kind: contrast, energy][rows + 2][pitch]: the image's rows and one more at either end, which stands
+ * for all rows beyond. bins[group][0]: counts of the noise operator. */
+__kernel __attribute__((reqd_work_group_size(FOCUS_GROUP, 1, 1))) void
+focus_measure(__global const float *planes, const ulong offset, const int4 place, const int count, const int channels,
+              const int rows, const int cols, __global const float *weights, const int radius, const int measure,
+              const int pitch, __global float *response, __global int *bins)
+{
+    __local float light[LIGHT_ROWS * LIGHT_PITCH];
+    __local float contrast[FOCUS_ROWS * EDGES_PITCH], energy[FOCUS_ROWS * EDGES_PITCH];
+    const int down = (rows + 2 + FOCUS_ROWS - 1) / FOCUS_ROWS, across = (cols + FOCUS_COLS - 1) / FOCUS_COLS;
+    const size_t image = (size_t)(rows + 2) * pitch;
+    int places[FOCUS_DEPTHS];
+    vstore4(place, 0, places);
+    FOR_TILES(t, count * down * across)
+    {
+        const int plane = t / (down * across), i = t / across % down * FOCUS_ROWS, x = t % across * FOCUS_COLS;
+        const int end = min(x + FOCUS_COLS, cols), wide = end - x + 2 * radius;
+        __global float *out = response + (size_t)plane * (measure == COMBINED ? 2 : 1) * image + (size_t)i * pitch + x;
+        make_light(planes + offset + (size_t)places[plane] * channels * rows * cols, channels, rows, cols, i - 2,
+                   x - radius - 1, wide + 2, light);
+        WAIT;
+        make_edges(light, measure, rows, cols, i - 1, x - radius, radius, end, wide, contrast, energy, OWN_BINS(bins));
+        WAIT;
+        const int height = min(FOCUS_ROWS, rows + 2 - i);
+        if (measure & CONTRAST)
+            window_across(contrast, weights, radius, height, end - x, pitch, out);
+        if (measure & ENERGY)
+            window_across(energy, weights, radius, height, end - x, pitch, out + (measure == COMBINED ? image : 0));
     }
-    const int other = clamp(step < 0.0f ? depth - 1 : depth + 1, 0, depths - 1);
+}
+
+/* The window down: image row r and its neighbours, at FOCUS_SIDE vectors of a response. */
+FOCUS_INLINE void window_down(__global const float *response, __global const float *weights, int radius, int r,
+                              int rows, int pitch, real *sum)
+{
+    for (int v = 0; v < FOCUS_SIDE; v++)
+        sum[v] = (real)0.0f;
+    for (int k = 0; k <= 2 * radius; k++) {
+        __global const float *from = response + (size_t)clamp(r + 1 - radius + k, 0, rows + 1) * pitch;
+        const real weight = (real)weights[k];
+        EACH_SIDE
+        for (int v = 0; v < FOCUS_SIDE; v++)
+            sum[v] = fma(weight, LOAD(from + v * FOCUS_WIDTH), sum[v]);
+    }
+}
+
+/* What is kept from push to push: images of rows x pitch, in this order, then the all-in-focus sums of each channel.
+ * Best measure and its depth, the measures of the depths before and after it (0 where these do not compete), the
+ * largest measure of a depth that is not next to it, the measure of the depth pushed last, and the sum of all measures.
+ */
+enum { BEST, BEST_DEPTH, BEFORE, AFTER, SECOND, LAST, WEIGHTS, FUSED };
+
+/* The running best over `count` planes, near to far, of depth[0 ..], and the all-in-focus sums. Of every plane but the
+ * first, each pixel has one loser: the smaller of the new measure and the best so far; bins[group][1] counts them.
+ * seen: planes of this frame before (0: `kept` is not read), the last of them of depth `last_depth`. weighted:
+ * all-in-focus is the mean weighted by the measures, kept up to date plane by plane, which holds at every scale; where
+ * every measure so far is 0, the plain mean. Otherwise the sum. */
+__kernel __attribute__((reqd_work_group_size(FOCUS_GROUP, 1, 1))) void
+focus_select(__global const float *response, __global const float *weights, const int radius, const int measure,
+             __global const float *planes, const ulong offset, const int4 place, const int4 depth, const int count,
+             const int channels, const int rows, const int cols, const int pitch, const int seen, const int last_depth,
+             const int weighted, __global float *kept, __global int *bins)
+{
+    const size_t pixels = (size_t)rows * cols, image = (size_t)rows * pitch, whole_image = (size_t)(rows + 2) * pitch;
+    const int down = (rows + FOCUS_BAND - 1) / FOCUS_BAND, step = FOCUS_SIDE * FOCUS_WIDTH * FOCUS_GROUP,
+              across = (cols + step - 1) / step, kinds = measure == COMBINED ? 2 : 1;
+    __global int *losers = OWN_BINS(bins) + FOCUS_BINS;
+    int places[FOCUS_DEPTHS], depths[FOCUS_DEPTHS];
+    vstore4(place, 0, places);
+    vstore4(depth, 0, depths);
+    FOR_TILES(t, down * across)
+    {
+        const int first = t / across * FOCUS_BAND, x = t % across * step + FOCUS_SIDE * FOCUS_WIDTH * get_local_id(0);
+        for (int r = first; r < min(first + FOCUS_BAND, rows) && x < cols; r++) {
+            real value[FOCUS_DEPTHS][FOCUS_SIDE]; /* the measure, then the plane's share in the all-in-focus image */
+            for (int p = 0; p < count; p++) {
+                __global const float *from = response + (size_t)p * kinds * whole_image + x;
+                window_down(from, weights, radius, r, rows, pitch, value[p]);
+                if (measure == COMBINED) {
+                    real energy[FOCUS_SIDE];
+                    window_down(from + whole_image, weights, radius, r, rows, pitch, energy);
+                    for (int v = 0; v < FOCUS_SIDE; v++)
+                        value[p][v] = sqrt(value[p][v]) * energy[v];
+                }
+            }
+            __global float *at = kept + (size_t)r * pitch + x;
+            for (int v = 0; v < FOCUS_SIDE; v++, at += FOCUS_WIDTH) {
+                real best = (real)0.0f, best_depth = best, before = best, after = best, second = best, last = best,
+                     total = best;
+                if (seen) {
+                    best = LOAD(at);
+                    best_depth = LOAD(at + BEST_DEPTH * image);
+                    before = LOAD(at + BEFORE * image);
+                    after = LOAD(at + AFTER * image);
+                    second = LOAD(at + SECOND * image);
+                    last = LOAD(at + LAST * image);
+                    total = LOAD(at + WEIGHTS * image);
+                }
+                for (int p = 0; p < count; p++) {
+                    const real now = value[p][v], number = (real)(float)depths[p];
+                    if (seen + p == 0) {
+                        best = now;
+                        best_depth = number;
+                    } else {
+                        const int adjacent = (p ? depths[p - 1] : last_depth) == depths[p] - 1;
+                        const whole next = best_depth == number - 1.0f, wins = now > best; /* ties: the nearer depth */
+                        count_values(losers, max(min(now, best), (real)0.0f), x + v * FOCUS_WIDTH, 0, cols);
+                        second = select(select(max(second, now), second, next), select(best, max(second, before), next),
+                                        wins);
+                        before = select(before, adjacent ? last : (real)0.0f, wins);
+                        after = select(select(after, now, next), (real)0.0f, wins);
+                        best = select(best, now, wins);
+                        best_depth = select(best_depth, number, wins);
+                    }
+                    last = now;
+                    if (weighted) {
+                        total += now;
+                        value[p][v] = select((real)(1.0f / (float)(seen + p + 1)), now / total, total > (real)0.0f);
+                    }
+                }
+                STORE(best, at);
+                STORE(best_depth, at + BEST_DEPTH * image);
+                STORE(before, at + BEFORE * image);
+                STORE(after, at + AFTER * image);
+                STORE(second, at + SECOND * image);
+                STORE(last, at + LAST * image);
+                STORE(total, at + WEIGHTS * image);
+            }
+            for (int c = 0; c < channels; c++) {
+                __global const float *row = planes + offset + (size_t)c * pixels + (size_t)r * cols;
+                at = kept + (FUSED + c) * image + (size_t)r * pitch + x;
+                for (int v = 0; v < FOCUS_SIDE && x + v * FOCUS_WIDTH < cols; v++, at += FOCUS_WIDTH) {
+                    real fused = seen ? LOAD(at) : (real)0.0f;
+                    for (int p = 0; p < count; p++) {
+                        const real light =
+                            load_row(row + (size_t)places[p] * channels * pixels, x + v * FOCUS_WIDTH, cols);
+                        fused = seen + p == 0 ? light
+                                : weighted    ? fused + value[p][v] * (light - fused)
+                                              : fused + light;
+                    }
+                    STORE(fused, at);
+                }
+            }
+        }
+    }
+}
+
+/* counts[i]: the sum over the groups' bins; the noise operator's, then the losers'. Each group takes `share` of them.
+ */
+__kernel __attribute__((reqd_work_group_size(FOCUS_GROUP, 1, 1))) void
+focus_counts(__global const int *bins, const int groups, const int share, __global int *counts)
+{
+    const int first = share * (int)get_group_id(0);
+    for (int i = first + FOCUS_WIDTH * get_local_id(0); i < first + share; i += FOCUS_WIDTH * FOCUS_GROUP) {
+        whole sum = LOAD(bins + i);
+        for (int g = 1; g < groups; g++)
+            sum += LOAD(bins + (size_t)g * 2 * FOCUS_BINS + i);
+        STORE(sum, counts + i);
+    }
+}
+
+/* 1/z between the depths' 1/z by the vertex of the parabola through the measures before, at and after the best depth,
+ * less `base` (the level of losing depths). At the ends of the list nothing is refined. */
+FOCUS_INLINE real between_depths(real best, real before, real after, real best_depth, int depths, float base,
+                                 __global const float *inverse_distances)
+{
+    const whole depth = TO_WHOLE(best_depth);
+    const real left = max(before - base, (real)0.0f), right = max(after - base, (real)0.0f),
+               bend = 2.0f * (best - base) - left - right;
+    const whole inside = (depth > 0) & (depth < depths - 1) & (bend > 0.0f);
+    const real step = select((real)0.0f, clamp(0.5f * (right - left) / bend, (real)-0.5f, (real)0.5f), inside);
+    const whole other = clamp(select(depth + 1, depth - 1, step < 0.0f), (whole)0, (whole)(depths - 1));
+    const real here = look_up(inverse_distances, depth), there = look_up(inverse_distances, other);
     /* without a step the distance itself, which may be 0 (its inverse infinite) */
-    const float inverse = step == 0.0f ? inverse_distances[depth]
-                                       : mix(inverse_distances[depth], inverse_distances[other], fabs(step));
-    const int found = best[i] > threshold && best[i] - second[i] > margin;
-    distance[distance_offset + (size_t)i] = found ? 1.0f / inverse : as_float(0x7fc00000);
+    return select(mix(here, there, fabs(step)), here, step == 0.0f);
+}
+
+/* The distance of each pixel, row by row; NaN where the best measure is not above `threshold` or not more than `margin`
+ * above the best of the depths that are not next to it. The all-in-focus image from its sums. */
+__kernel __attribute__((reqd_work_group_size(FOCUS_GROUP, 1, 1))) void
+focus_finish(__global const float *kept, __global const float *inverse_distances, const int depths, const int rows,
+             const int cols, const int pitch, const int channels, const float threshold, const float margin,
+             const float base, __global float *all_in_focus, const ulong all_in_focus_offset, __global float *distance,
+             const ulong distance_offset)
+{
+    const size_t image = (size_t)rows * pitch, pixels = (size_t)rows * cols;
+    FOR_TILES(r, rows)
+    {
+        for (int x = FOCUS_WIDTH * get_local_id(0); x < cols; x += FOCUS_WIDTH * FOCUS_GROUP) {
+            __global const float *at = kept + (size_t)r * pitch + x;
+            const size_t i = (size_t)r * cols + x;
+            const real best = LOAD(at);
+            const real inverse = between_depths(best, LOAD(at + BEFORE * image), LOAD(at + AFTER * image),
+                                                LOAD(at + BEST_DEPTH * image), depths, base, inverse_distances);
+            const whole found = (best > threshold) & (best - LOAD(at + SECOND * image) > margin);
+            store_row(select((real)as_float(0x7fc00000), 1.0f / inverse, found), distance + distance_offset + i,
+                      cols - x);
+            for (int c = 0; c < channels; c++)
+                store_row(LOAD(at + (FUSED + c) * image), all_in_focus + all_in_focus_offset + c * pixels + i,
+                          cols - x);
+        }
+    }
 }

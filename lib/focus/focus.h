@@ -20,10 +20,10 @@ typedef struct hada_focus hada_focus;
 hada_status hada_focus_check(const hada_focus_desc *desc, hada_error *err);
 
 /* Bytes of device memory that a focus object holds. */
-size_t hada_focus_bytes(const hada_focus_desc *desc);
+size_t hada_focus_bytes(const hada_context *context, const hada_focus_desc *desc);
 
 /* Notes what a focus object will take from its slot's room. */
-hada_status hada_focus_note(const hada_focus_desc *desc, hada_room *room, hada_error *err);
+hada_status hada_focus_note(const hada_context *context, const hada_focus_desc *desc, hada_room *room, hada_error *err);
 
 hada_status hada_focus_create(hada_focus **out, hada_slot *slot, const hada_focus_desc *desc, hada_error *err);
 void hada_focus_destroy(hada_focus **focus);
@@ -34,6 +34,10 @@ hada_status hada_focus_begin(hada_focus *focus, const unsigned char *competing, 
 /* Enqueues planes of depths first .. first + count - 1, each channels x rows x cols floats, one after the other from
  * `offset` (in floats). Depths must come near to far; those that do not compete are passed over (and need not come). */
 hada_status hada_focus_push(hada_focus *focus, int first, int count, cl_mem planes, size_t offset, hada_error *err);
+
+/* The same for planes of the depths listed, near to far. */
+hada_status hada_focus_push_list(hada_focus *focus, const int *depths, int count, cl_mem planes, size_t offset,
+                                 hada_error *err);
 
 /* Writes channels x rows x cols floats of the all-in-focus image and rows x cols floats of the distance map at the
  * given offsets (in floats). Waits for the queue, since the thresholds are taken from what was pushed. `report` may be

@@ -38,7 +38,7 @@ static hada_status note(hada_room *room, const hada_context *context, const hada
         status = hada_room_note(room, hada_lane_pictures_bytes(info), "the pictures", err);
     hada_room_steps(room, shape->refined ? FOCUS : COMPUTE, FOCUS);
     if (!status)
-        status = hada_focus_note(&focus, room, err);
+        status = hada_focus_note(context, &focus, room, err);
     if (!status && shape->classic)
         status = hada_classic_note(context, &shape->method, room, COMPUTE, COMPUTE, DOWNLOAD, err);
     if (!status && shape->refined && !shape->classic) {
@@ -69,7 +69,7 @@ static uint64_t bytes_apart(const hada_context *context, const hada_model *model
     const hada_model_info *info = hada_model_get_info(model);
     const hada_focus_desc focus = hada_plan_focus_of(info, shape);
     const uint64_t frame = 4 * (uint64_t)info->raw_rows * (uint64_t)info->raw_cols * (uint64_t)info->channels;
-    uint64_t bytes = hada_hadamard_bytes(context, info, batch) + hada_focus_bytes(&focus) +
+    uint64_t bytes = hada_hadamard_bytes(context, info, batch) + hada_focus_bytes(context, &focus) +
                      hada_lane_planes_bytes(info, shape, batch) + hada_lane_pictures_bytes(info) +
                      (shape->dark ? frame : 0) + hada_lane_skip_bytes(context, info, shape, batch) +
                      hada_lane_enhance_bytes(context, model, shape);

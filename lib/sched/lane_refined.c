@@ -57,12 +57,10 @@ static cl_mem planes_of(const hada_lane *lane)
 /* The planes stand in the order of lane->occupied. */
 static hada_status focus(hada_lane *lane, hada_task *task, int count, hada_error *err)
 {
-    const size_t plane = hada_plane_values(hada_model_get_info(lane->plan->model));
-    cl_mem planes = planes_of(lane);
     hada_slot_stage(lane->slot, "focus");
     hada_status status = hada_focus_begin(lane->focus, task->result->report.occupied, err);
-    for (int place = 0; !status && place < count; place++)
-        status = hada_focus_push(lane->focus, lane->occupied[place], 1, planes, (size_t)place * plane, err);
+    if (!status)
+        status = hada_focus_push_list(lane->focus, lane->occupied, count, planes_of(lane), 0, err);
     return status ? status : hada_lane_pictures(lane, task, err);
 }
 

@@ -29,6 +29,7 @@ static hada_status prepare(check_state *state, hada_error *err)
     hada_focus_options_init(&desc.options, 0);
     desc.options.measure = (hada_focus_measure)check_get(state, 'm', HADA_FOCUS_CONTRAST);
     desc.options.fuse = check_get(state, 's', 0) ? HADA_FOCUS_SUM : HADA_FOCUS_WEIGHTED;
+    desc.options.window_sigma = check_get(state, 'w', 25) / 10.0;
     own->depths = desc.depths;
     const size_t pixels = (size_t)desc.rows * (size_t)desc.cols, all = pixels * (size_t)(desc.channels * desc.depths);
     own->plane = pixels * (size_t)desc.channels;
@@ -81,5 +82,6 @@ static void release(check_state *state)
 }
 
 const check_op check_focus = {
-    "focus", "d depths, k channels, r rows, c columns, m measure (1 contrast, 2 energy, 3 combined), s1 sum", prepare,
-    launch, release};
+    "focus",
+    "d depths, k channels, r rows, c columns, m measure (1 contrast, 2 energy, 3 combined), s1 sum, w window (tenths of a pixel)",
+    prepare, launch, release};

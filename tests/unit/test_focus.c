@@ -201,7 +201,7 @@ static void noise_is_not_covered(void **state)
 static void batches(void **state)
 {
     (void)state;
-    static float packed[DEPTHS * 3 * PIXELS], out[2][4 * PIXELS];
+    static float packed[DEPTHS * 3 * PIXELS], out[3][4 * PIXELS];
     hada_image planes[DEPTHS];
     make_planes(planes, 3, 0.01, 21);
     for (int d = 0; d < DEPTHS; d++)
@@ -215,12 +215,16 @@ static void batches(void **state)
     ASSERT_OK(hada_slot_create(&slot, context, err));
     ASSERT_OK(hada_focus_create(&focus, slot, &desc, err));
     const uint64_t held = hada_context_bytes(context) - before;
-    assert_true(held >= hada_focus_bytes(&desc) && held < hada_focus_bytes(&desc) * 11 / 10 + (1u << 26));
+    assert_true(held >= hada_focus_bytes(context, &desc) &&
+                held < hada_focus_bytes(context, &desc) * 11 / 10 + (1u << 26));
     ASSERT_OK(hada_buffer_create_from(&stack, slot, packed, sizeof packed, "a stack", err));
     ASSERT_OK(hada_buffer_create(&results, context, sizeof out[0], "results", err));
-    for (int turn = 0; turn < 2; turn++) {
+    const int all[DEPTHS] = {0, 1, 2, 3, 4};
+    for (int turn = 0; turn < 3; turn++) {
         ASSERT_OK(hada_focus_begin(focus, NULL, err));
-        if (turn)
+        if (turn == 2)
+            ASSERT_OK(hada_focus_push_list(focus, all, DEPTHS, stack.mem, 0, err));
+        else if (turn)
             ASSERT_OK(hada_focus_push(focus, 0, DEPTHS, stack.mem, 0, err));
         else
             for (int d = 0; d < DEPTHS; d++)
@@ -228,6 +232,22 @@ static void batches(void **state)
         ASSERT_OK(hada_focus_finish(focus, results.mem, 0, results.mem, 3 * PIXELS, NULL, err));
         ASSERT_OK(hada_buffer_read(&results, slot, 0, out[turn], sizeof out[0], err));
     }
+    assert_memory_equal(out[0], out[1], sizeof out[0]);
+    assert_memory_equal(out[0], out[2], sizeof out[0]);
+    /* planes of some depths, packed: the same as those of all with the others left out */
+    const unsigned char some[DEPTHS] = {1, 0, 1, 0, 1};
+    const int list[3] = {0, 2, 4};
+    ASSERT_OK(hada_focus_begin(focus, some, err));
+    ASSERT_OK(hada_focus_push(focus, 0, DEPTHS, stack.mem, 0, err));
+    ASSERT_OK(hada_focus_finish(focus, results.mem, 0, results.mem, 3 * PIXELS, NULL, err));
+    ASSERT_OK(hada_buffer_read(&results, slot, 0, out[0], sizeof out[0], err));
+    for (int i = 0; i < 3; i++)
+        ASSERT_OK(hada_buffer_write(&stack, slot, (size_t)i * 3 * PIXELS * sizeof(float), planes[list[i]].data,
+                                    3 * PIXELS * sizeof(float), err));
+    ASSERT_OK(hada_focus_begin(focus, some, err));
+    ASSERT_OK(hada_focus_push_list(focus, list, 3, stack.mem, 0, err));
+    ASSERT_OK(hada_focus_finish(focus, results.mem, 0, results.mem, 3 * PIXELS, NULL, err));
+    ASSERT_OK(hada_buffer_read(&results, slot, 0, out[1], sizeof out[1], err));
     assert_memory_equal(out[0], out[1], sizeof out[0]);
     hada_error error;
     ASSERT_OK(hada_focus_begin(focus, NULL, err));

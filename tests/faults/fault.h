@@ -7,7 +7,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-typedef enum fault_kind { FAULT_NONE = 0, FAULT_MEMORY, FAULT_OPENCL, FAULT_FILE, FAULT_KINDS } fault_kind;
+/* FAULT_MAP: memory of a device that becomes the host's for a while; few calls, so they are counted by themselves. */
+typedef enum fault_kind { FAULT_NONE = 0, FAULT_MEMORY, FAULT_OPENCL, FAULT_MAP, FAULT_FILE, FAULT_KINDS } fault_kind;
 
 /* From now on calls are counted, and the n-th of a kind fails (n = 0: none does). Books start empty. */
 void fault_arm(fault_kind kind, long n);

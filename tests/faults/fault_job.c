@@ -403,6 +403,7 @@ void fault_job_begin(fault_job *job)
     assert_non_null(mkdtemp(job->folder));
     path_in(job, job->cache, "cache");
     ASSERT_OK(open_context(job, &job->context, "off", err));
+    ASSERT_OK(open_part(job, &job->part, err));
     ASSERT_OK(simulate(job, job->context, keep, err));
     ASSERT_OK(fit(job, job->context, &job->model, NULL, err));
     /* whichever queue does which job, its programs have been made */
@@ -421,6 +422,7 @@ void fault_job_end(fault_job *job)
     }
     assert_int_equal(hada_context_bytes(job->context), 0);
     hada_context_destroy(&job->context);
+    hada_context_destroy(&job->part);
     snprintf(command, sizeof command, "rm -rf '%s'", job->folder);
     assert_int_equal(system(command), 0);
 }

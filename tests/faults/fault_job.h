@@ -12,7 +12,7 @@ enum { JOB_ROWS = 36, JOB_COLS = 44, JOB_WINDOW = 14, JOB_DEPTHS = 2, JOB_PAIRS 
 /* What the stages work on. `sum` is a checksum of all that the last stage computed. */
 typedef struct fault_job {
     char folder[128], cache[160];
-    hada_context *context;
+    hada_context *context, *part; /* the other: half a device, where it can be divided */
     hada_model *model;
     hada_result result;
     hada_image scene[JOB_DEPTHS][JOB_PAIRS], frame[JOB_DEPTHS][JOB_PAIRS];
@@ -37,7 +37,8 @@ hada_status fault_stage_classic(fault_job *job, hada_error *err); /* fault_class
 hada_status fault_stage_jobs(fault_job *job, hada_error *err);   /* frames in flight on two queues and half a device */
 hada_status fault_stage_net(fault_job *job, hada_error *err);    /* fault_net.c */
 hada_status fault_stage_engine(fault_job *job, hada_error *err); /* fault_engine.c */
-hada_status fault_stage_trainer(fault_job *job, hada_error *err);
+hada_status fault_stage_trainer(fault_job *job, hada_error *err); /* fault_trainer.c: on one device, and on two */
+hada_status fault_stage_devices(fault_job *job, hada_error *err);
 hada_status fault_stage_register(fault_job *job, hada_error *err); /* fault_compare.c */
 hada_status fault_stage_lpips(fault_job *job, hada_error *err);
 hada_status fault_stage_model_file(fault_job *job, hada_error *err);

@@ -1,4 +1,5 @@
 /* The books, and the wrappers of the allocator. */
+#include <errno.h>
 #include <pthread.h>
 #include <stdlib.h>
 
@@ -152,4 +153,12 @@ void __wrap_free(void *pointer)
 {
     died(pointer);
     __real_free(pointer);
+}
+
+/* A system that is short of memory gives no threads either. */
+int __real_pthread_create(pthread_t *thread, const pthread_attr_t *how, void *(*work)(void *), void *user);
+int __wrap_pthread_create(pthread_t *thread, const pthread_attr_t *how, void *(*work)(void *), void *user);
+int __wrap_pthread_create(pthread_t *thread, const pthread_attr_t *how, void *(*work)(void *), void *user)
+{
+    return fault_here(FAULT_MEMORY, "pthread_create") ? EAGAIN : __real_pthread_create(thread, how, work, user);
 }

@@ -11,12 +11,17 @@ static cl_int fails(const char *name, cl_int code)
 }
 
 /* The code of a device that was lost, or of the call's turn to fail. */
-static cl_int queue_fails(cl_command_queue queue, const char *name, cl_int failure)
+static cl_int kind_fails(fault_kind kind, cl_command_queue queue, const char *name, cl_int failure)
 {
     cl_context context = NULL;
     clGetCommandQueueInfo(queue, CL_QUEUE_CONTEXT, sizeof context, &context, NULL);
     const cl_int lost = fault_lost(context);
-    return lost ? lost : fails(name, failure);
+    return lost ? lost : fault_here(kind, name) ? failure : CL_SUCCESS;
+}
+
+static cl_int queue_fails(cl_command_queue queue, const char *name, cl_int failure)
+{
+    return kind_fails(FAULT_OPENCL, queue, name, failure);
 }
 
 /* Every wrapper has two prototypes: the true function, and the one that the library reaches. */
@@ -104,6 +109,39 @@ COMMANDS(clEnqueueCopyBuffer,
          (cl_command_queue queue, cl_mem from, cl_mem to, size_t from_offset, size_t to_offset, size_t size,
           cl_uint waits, const cl_event *wait, cl_event *event),
          queue, from, to, from_offset, to_offset, size, waits, wait, event)
+/* What is mapped is an object until it is unmapped. */
+void *__real_clEnqueueMapBuffer(cl_command_queue queue, cl_mem buffer, cl_bool blocking, cl_map_flags flags,
+                                size_t offset, size_t size, cl_uint waits, const cl_event *wait, cl_event *event,
+                                cl_int *code);
+void *__wrap_clEnqueueMapBuffer(cl_command_queue queue, cl_mem buffer, cl_bool blocking, cl_map_flags flags,
+                                size_t offset, size_t size, cl_uint waits, const cl_event *wait, cl_event *event,
+                                cl_int *code);
+void *__wrap_clEnqueueMapBuffer(cl_command_queue queue, cl_mem buffer, cl_bool blocking, cl_map_flags flags,
+                                size_t offset, size_t size, cl_uint waits, const cl_event *wait, cl_event *event,
+                                cl_int *code)
+{
+    *code = kind_fails(FAULT_MAP, queue, "clEnqueueMapBuffer", CL_MAP_FAILURE);
+    if (*code != CL_SUCCESS)
+        return NULL;
+    void *mapped = __real_clEnqueueMapBuffer(queue, buffer, blocking, flags, offset, size, waits, wait, event, code);
+    fault_object(mapped ? 1 : 0);
+    return mapped;
+}
+
+/* Done, and then the driver reports a failure. */
+cl_int __real_clEnqueueUnmapMemObject(cl_command_queue queue, cl_mem buffer, void *mapped, cl_uint waits,
+                                      const cl_event *wait, cl_event *event);
+cl_int __wrap_clEnqueueUnmapMemObject(cl_command_queue queue, cl_mem buffer, void *mapped, cl_uint waits,
+                                      const cl_event *wait, cl_event *event);
+cl_int __wrap_clEnqueueUnmapMemObject(cl_command_queue queue, cl_mem buffer, void *mapped, cl_uint waits,
+                                      const cl_event *wait, cl_event *event)
+{
+    const cl_int code = __real_clEnqueueUnmapMemObject(queue, buffer, mapped, waits, wait, event);
+    const cl_int failed = kind_fails(FAULT_MAP, queue, "clEnqueueUnmapMemObject", CL_OUT_OF_RESOURCES);
+    fault_object(-1);
+    return failed ? failed : code;
+}
+
 CALLS(clGetProgramInfo, CL_OUT_OF_HOST_MEMORY,
       (cl_program program, cl_program_info what, size_t size, void *value, size_t *got), program, what, size, value,
       got)

@@ -60,7 +60,8 @@ static hada_status use(fault_job *job, hada_trainer *trainer, const char *path, 
     return status;
 }
 
-static hada_status train(fault_job *job, hada_stage stage, const hada_net *net, const char *path, hada_error *err)
+static hada_status train(fault_job *job, hada_context *const *contexts, int count, hada_stage stage,
+                         const hada_net *net, const char *path, hada_error *err)
 {
     static const int counts[JOB_DEPTHS] = {JOB_PAIRS, JOB_PAIRS};
     const hada_pairs pairs = {JOB_DEPTHS, counts, read_pair, job};
@@ -68,16 +69,16 @@ static hada_status train(fault_job *job, hada_stage stage, const hada_net *net, 
     hada_trainer *trainer;
     hada_train_options_init(&options, stage);
     options.net_given = net;
-    options.batch = 2;
+    options.batch = count == 1 ? 2 : 3;
     options.augment.noise = stage == HADA_STAGE_JOINT ? 0.01 : 0.0;
-    hada_status status = hada_trainer_create(&trainer, job->context, job->model, &pairs, &pairs, &options, err);
+    hada_status status = hada_trainer_create_on(&trainer, contexts, count, job->model, &pairs, &pairs, &options, err);
     if (!status)
         status = use(job, trainer, path, err);
     hada_trainer_destroy(&trainer);
     return status;
 }
 
-hada_status fault_stage_trainer(fault_job *job, hada_error *err)
+static hada_status train_both(fault_job *job, hada_context *const *contexts, int count, hada_error *err)
 {
     hada_unet_options unet;
     hada_net *net = NULL;
@@ -87,11 +88,24 @@ hada_status fault_stage_trainer(fault_job *job, hada_error *err)
     unet.channels = unet.out_channels = 1;
     unet.down = "4|4";
     unet.up = "4";
+    unet.last_norm = count > 1; /* statistics, which devices average */
     hada_status status = hada_net_create_unet(&net, &unet, 1, err);
     if (!status)
-        status = train(job, HADA_STAGE_ENHANCE, net, path, err);
+        status = train(job, contexts, count, HADA_STAGE_ENHANCE, net, path, err);
     if (!status)
-        status = train(job, HADA_STAGE_JOINT, net, path, err);
+        status = train(job, contexts, count, HADA_STAGE_JOINT, net, path, err);
     hada_net_destroy(&net);
     return status;
+}
+
+hada_status fault_stage_trainer(fault_job *job, hada_error *err)
+{
+    return train_both(job, &job->context, 1, err);
+}
+
+/* Gradients and values go between two devices. */
+hada_status fault_stage_devices(fault_job *job, hada_error *err)
+{
+    hada_context *contexts[2] = {job->context, job->part};
+    return train_both(job, contexts, 2, err);
 }

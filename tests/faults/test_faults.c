@@ -13,7 +13,7 @@
 #include "fault_job.h"
 #include "testing.h"
 
-static const char *const kinds[FAULT_KINDS] = {"none", "memory", "opencl", "file"};
+static const char *const kinds[FAULT_KINDS] = {"none", "memory", "opencl", "map", "file"};
 
 static const struct stage {
     const char *name;
@@ -32,6 +32,7 @@ static const struct stage {
     {"net", fault_stage_net, 60},
     {"engine", fault_stage_engine, 60},
     {"trainer", fault_stage_trainer, 60},
+    {"devices", fault_stage_devices, 60},
     {"register", fault_stage_register, 10},
     {"lpips", fault_stage_lpips, 10},
     {"model_file", fault_stage_model_file, 100},
@@ -81,8 +82,8 @@ static const char *struck_name(void)
     return fault_struck() ? fault_struck() : "nothing";
 }
 
-/* Pieces of memory that stay alive: a driver may give a buffer's memory back from a thread of its own, a moment after the
- * last command that used it. */
+/* Pieces of memory that stay alive: a driver may give a buffer's memory back from a thread of its own, a moment after
+ * the last command that used it. */
 static long memory_left(void)
 {
     for (int i = 0; fault_memory_alive() && i < 200; i++)
@@ -94,7 +95,7 @@ static long memory_left(void)
 static int run_one(fault_job *job, const struct stage *stage, fault_kind kind, long n, uint64_t expected, int *wrong)
 {
     hada_error error = {0};
-    const uint64_t before = hada_context_bytes(job->context);
+    const uint64_t before = hada_context_bytes(job->context) + hada_context_bytes(job->part);
     const int wrong_before = *wrong;
     if (getenv("FAULT_TRACE"))
         fprintf(stderr, "FAULT_ONLY=%s:%s:%ld\n", stage->name, kinds[kind], n);
@@ -105,7 +106,7 @@ static int run_one(fault_job *job, const struct stage *stage, fault_kind kind, l
     fault_disarm();
     *wrong += memory != 0;
     *wrong += objects != 0;
-    *wrong += hada_context_bytes(job->context) != before;
+    *wrong += hada_context_bytes(job->context) + hada_context_bytes(job->part) != before;
     *wrong += sweep(job->folder) != 0;
     if (status) {
         *wrong += !fits(kind, status);
@@ -118,7 +119,8 @@ static int run_one(fault_job *job, const struct stage *stage, fault_kind kind, l
         print_message("FAULT_ONLY=%s:%s:%ld (%s): %s '%s'; alive: %ld pieces of memory, %ld objects, %llu bytes on the "
                       "device; results %s\n",
                       stage->name, kinds[kind], n, struck_name(), hada_status_name(status), error.message, memory,
-                      objects, (unsigned long long)(hada_context_bytes(job->context) - before),
+                      objects,
+                      (unsigned long long)(hada_context_bytes(job->context) + hada_context_bytes(job->part) - before),
                       status || job->sum == expected ? "as they should be" : "wrong");
     return status != HADA_OK;
 }
@@ -160,6 +162,8 @@ static void every_call_may_fail(void **state)
             }
             const int single = only && strlen(only) > strlen(name);
             runs = single ? 1 : runs_of(stage, calls);
+            if (!calls)
+                continue;
             for (long r = 0; r < runs; r++) {
                 n = single ? atol(only + strlen(name)) : 1 + r * calls / runs;
                 noticed += run_one(job, stage, kind, n, expected, &wrong);

@@ -310,6 +310,8 @@ hada_status hada_classic_create(hada_classic **out, hada_slot *slot, const hada_
     classic->fuses = fuses(slot->context, shape);
     keep_books(slot->context, shape, classic->bytes);
     status = make(classic, err);
+    if (!status && classic->fuses)
+        status = hada_classic_check(classic, err);
     if (status)
         hada_classic_destroy(&classic);
     *out = classic;

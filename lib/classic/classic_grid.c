@@ -28,12 +28,14 @@ typedef struct axis {
     int grid, low, high;  /* lags that are used */
     int first, last;      /* those where something is; first > last: nothing yet */
     int least;            /* pixels of frame and of window */
+    int columns;          /* transforms run down the grid */
     unsigned char *state; /* of each place on the grid: 1 used, 2 within reach */
 } axis;
 
-static axis axis_of(int grid, int plane0, int plane, int frame0, int frame)
+static axis axis_of(int grid, int columns, int plane0, int plane, int frame0, int frame)
 {
-    axis a = {.grid = grid, .low = frame0 - (plane0 + plane - 1), .high = frame0 + frame - 1 - plane0};
+    axis a = {
+        .grid = grid, .columns = columns, .low = frame0 - (plane0 + plane - 1), .high = frame0 + frame - 1 - plane0};
     a.first = a.high + 1;
     a.last = a.low - 1;
     a.least = plane > frame ? plane : frame;
@@ -50,7 +52,7 @@ static int size_for(const axis *a)
     int least = a->least;
     if (a->first <= a->last)
         least = larger(least, larger(a->high - a->first, a->last - a->low) + 1);
-    least = hada_fft_quick_size(least);
+    least = hada_fft_quick_size(least, a->columns);
     return least < a->grid ? least : a->grid;
 }
 
@@ -152,8 +154,8 @@ hada_status hada_classic_fit_grid(hada_classic_shape *shape, hada_context *conte
     const hada_refine_shape *place = &shape->place;
     const hada_refine_rect *plane = &shape->support, *frame = &place->frame;
     const hada_method method = shape->options.method;
-    axis rows = axis_of(place->grid_rows, plane->row0, plane->rows, frame->row0, frame->rows);
-    axis cols = axis_of(place->grid_cols, plane->col0, plane->cols, frame->col0, frame->cols);
+    axis rows = axis_of(place->grid_rows, 1, plane->row0, plane->rows, frame->row0, frame->rows);
+    axis cols = axis_of(place->grid_cols, 0, plane->col0, plane->cols, frame->col0, frame->cols);
     int small = pays(&rows, &cols);
     if ((method != HADA_METHOD_RL && method != HADA_METHOD_FISTA) || place->boundary != HADA_BOUNDARY_PADDED || !small)
         return HADA_OK;

@@ -23,7 +23,7 @@ void hada_fft_fused_free(hada_fft_fused *fused); /* the slot's queue must be don
 /* Bytes of device memory of the tables. */
 size_t hada_fft_fused_bytes(const hada_context *context, int rows, int cols);
 
-/* The size >= n whose stages cost such kernels the least. */
-int hada_fft_quick_size(int n);
+/* The size >= n that costs such kernels the least, along columns or along rows. */
+int hada_fft_quick_size(int n, int columns);
 
 #endif

@@ -130,8 +130,8 @@ static void becomes_as_small_as_can_be(void **state)
             ASSERT_OK(hada_classic_shape_of(info, DEPTHS, &options.classic, &shape, err));
             planes_of(&shape, model, large, count * sizeof *large);
             ASSERT_OK(hada_classic_fit_grid(&shape, context, model, NULL, DEPTHS, err));
-            assert_int_equal(shape.grid_rows, hada_fft_quick_size(c->rows));
-            assert_int_equal(shape.grid_cols, hada_fft_quick_size(c->cols));
+            assert_int_equal(shape.grid_rows, hada_fft_quick_size(c->rows, 1));
+            assert_int_equal(shape.grid_cols, hada_fft_quick_size(c->cols, 0));
             assert_true(shape.grid_rows < info->grid_rows && shape.grid_cols < info->grid_cols);
             planes_of(&shape, model, small, count * sizeof *small);
             planes_of(&shape, model, again, count * sizeof *again);
@@ -160,7 +160,7 @@ static void minds_faint_light(void **state)
         const hada_plan_options options = options_of(HADA_METHOD_FISTA);
         hada_plan *plan;
         ASSERT_OK(hada_plan_create(&plan, context, model, &options, err));
-        const int expected = hada_fft_quick_size(i < 2 ? ROWS - 1 + ROWS / 2 + 1 : ROWS + 5);
+        const int expected = hada_fft_quick_size(i < 2 ? ROWS - 1 + ROWS / 2 + 1 : ROWS + 5, 1);
         assert_int_equal(plan->shape.method.grid_rows, expected);
         hada_plan_destroy(&plan);
         hada_model_destroy(&model);

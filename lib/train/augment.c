@@ -117,14 +117,14 @@ hada_status hada_augment_pair(const hada_augment *augment, double dark, uint64_t
     return HADA_OK;
 }
 
-void hada_augment_plane(const hada_augment *augment, uint64_t seed, uint64_t place, hada_image *plane,
-                        hada_image *scene)
+int hada_augment_plane(const hada_augment *augment, uint64_t seed, uint64_t place, hada_image *plane, hada_image *scene)
 {
     hada_random random;
     begin(&random, seed, PLANE, place);
     const int sides = toss(&random, augment->plane_flips);
     flip(plane, sides);
     flip(scene, sides);
+    return sides;
 }
 
 hada_status hada_augment_check(const hada_augment *augment, const hada_model_info *info, hada_error *err)

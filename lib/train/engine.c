@@ -130,6 +130,8 @@ hada_status hada_engine_create(hada_engine **out, hada_slot *slot, const hada_en
         status = hada_engine_groups_make(engine, desc, err);
     if (!status)
         status = fill(engine, err);
+    if (!status)
+        status = hada_engine_features_make(engine, desc, err);
     if (status)
         hada_engine_destroy(&engine);
     *out = engine;
@@ -152,6 +154,7 @@ void hada_engine_destroy(hada_engine **pointer)
     for (int i = 0; i < ENGINE_BUFFERS; i++)
         hada_buffer_destroy(&engine->buffers[i]);
     hada_engine_groups_free(engine);
+    hada_features_free(&engine->kept);
     free(engine);
 }
 
@@ -202,6 +205,7 @@ static hada_status net_step(hada_engine *engine, const hada_sample *samples, int
     hada_status status = hada_alloc((void **)&all, (size_t)at_once, sizeof *all, "the pairs of a step", err);
     for (int i = 0; !status && i < at_once; i++)
         all[i] = samples[i % count];
+    engine->samples = all;
     if (!status)
         status = take_samples(engine, all, at_once, err);
     if (!status)
@@ -214,6 +218,7 @@ static hada_status net_step(hada_engine *engine, const hada_sample *samples, int
         status = hada_engine_mask(engine, err);
     if (!status && !critic_only && engine->shape.filters)
         status = hada_engine_filter_gradients(engine, all, at_once, engine->buffers[ENGINE_FLAT].mem, touched, err);
+    engine->samples = NULL;
     free(all);
     return status;
 }

@@ -28,6 +28,7 @@ typedef struct hada_engine hada_engine;
 typedef struct hada_sample {
     int depth;
     const hada_image *input, *scene; /* scene: the window */
+    size_t scene_number;             /* the same one always means the same scene; 0: it may change */
 } hada_sample;
 
 /* Terms of a loss: each is its mean over the samples of a call, times its weight of the options, times `weight` and the
@@ -50,6 +51,9 @@ typedef struct hada_engine_desc {
     /* Several engines update the same values: of the nets' values this one updates share number `share` of `shares` (0:
      * all), and holds the optimiser's states of these alone; of filters it updates all. */
     int share, shares;
+    /* Features of the scenes number 1 ... `scenes` are kept on the host, up to so many bytes: the perceptual term then
+     * runs VGG-16 once instead of twice, with the same bits. 0: none are. */
+    size_t scenes, feature_bytes;
 } hada_engine_desc;
 
 hada_status hada_engine_bytes(const hada_context *context, const hada_engine_desc *desc, size_t *bytes,

@@ -98,6 +98,23 @@ static hada_status store_output(const judged *j, hada_error *err)
     return hada_tensor_store(j->engine->slot, y, &flat, err);
 }
 
+/* What VGG-16 makes of the scenes, into ENGINE_FEATURES. */
+static hada_status scene_features(const judged *j, int repeated, hada_error *err)
+{
+    hada_engine *engine = j->engine;
+    hada_graph *see = engine->see;
+    int found;
+    hada_status status = hada_engine_features_find(engine, &found, err);
+    if (status || found)
+        return status;
+    status = show(j, see, repeated, engine->buffers[ENGINE_SCENES].mem, err);
+    if (!status)
+        status = hada_graph_forward(see, err);
+    if (!status)
+        status = hada_blend(engine->slot, 1.0f, hada_graph_output(see), 0.0f, &engine->features, err);
+    return status ? status : hada_engine_features_keep(engine, err);
+}
+
 /* MSE between what VGG-16 makes of the output and of the scene. */
 static hada_status perceptual(const judged *j, hada_error *err)
 {
@@ -108,11 +125,7 @@ static hada_status perceptual(const judged *j, hada_error *err)
     const hada_tensor x = first_images(j, y), target = first_images(j, &engine->features), dx = first_images(j, dy);
     const hada_loss_desc loss = {.loss = HADA_LOSS_MSE, .weight = (float)(engine->options.perceptual * j->weight)};
     hada_slot_stage(engine->slot, "perceptual");
-    hada_status status = show(j, see, repeated, engine->buffers[ENGINE_SCENES].mem, err);
-    if (!status)
-        status = hada_graph_forward(see, err);
-    if (!status)
-        status = hada_blend(engine->slot, 1.0f, y, 0.0f, &engine->features, err);
+    hada_status status = scene_features(j, repeated, err);
     if (!status)
         status = store_output(j, err);
     if (!status)

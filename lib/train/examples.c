@@ -52,12 +52,17 @@ void hada_examples_free(hada_examples *examples)
     *examples = (hada_examples){0};
 }
 
+size_t hada_examples_number(const hada_examples *examples, int depth, int pair)
+{
+    size_t number = (size_t)pair;
+    for (int z = 0; z < depth; z++)
+        number += (size_t)examples->pairs->counts[z];
+    return number;
+}
+
 static hada_example *place_of(hada_examples *examples, int depth, int pair)
 {
-    hada_example *at = examples->kept + pair;
-    for (int z = 0; z < depth; z++)
-        at += examples->pairs->counts[z];
-    return at;
+    return examples->kept + hada_examples_number(examples, depth, pair);
 }
 
 const hada_example *hada_examples_find(hada_examples *examples, int depth, int pair)

@@ -8,8 +8,9 @@
 #include "core/alloc.h"
 #include "filter/model.h"
 
-/* What is kept of pairs, held-out ones included. */
-#define KEPT_BYTES ((size_t)1 << 30)
+/* What is kept of pairs, held-out ones included, and of what VGG-16 makes of them. */
+#define KEPT_BYTES    ((size_t)1 << 30)
+#define KEPT_FEATURES (KEPT_BYTES / 4) /* where there is a perceptual term */
 
 static hada_status check_pairs(const hada_pairs *pairs, const hada_model_info *info, const char *what, hada_error *err)
 {
@@ -54,6 +55,8 @@ static hada_status make_worker(hada_trainer *trainer, int number, hada_context *
     hada_worker *worker = &trainer->workers[number];
     const hada_train_options *options = &trainer->options;
     const size_t most = (size_t)options->at_once;
+    const size_t scenes =
+        hada_stage_keeps(&options->augment) ? HADA_FLIPPED_WAYS * (size_t)hada_pairs_total(&trainer->pairs) : 0;
     const hada_engine_desc desc = {.model = trainer->model,
                                    .options = options,
                                    .net = trainer->net,
@@ -61,7 +64,9 @@ static hada_status make_worker(hada_trainer *trainer, int number, hada_context *
                                    .vgg = trainer->vgg,
                                    .at_once = options->at_once,
                                    .share = number,
-                                   .shares = trainer->worker_count};
+                                   .shares = trainer->worker_count,
+                                   .scenes = scenes,
+                                   .feature_bytes = KEPT_FEATURES / (size_t)trainer->worker_count};
     hada_status status = hada_slot_create(&worker->slot, context, err);
     if (!status)
         status = hada_engine_create(&worker->engine, worker->slot, &desc, err);
@@ -137,7 +142,8 @@ static hada_status make_lists(hada_trainer *trainer, hada_error *err)
         status = hada_alloc((void **)&trainer->progress.group_steps, (size_t)trainer->groups, sizeof(uint64_t),
                             "a trainer", err);
     if (!status)
-        status = hada_examples_create(&trainer->known, &trainer->pairs, KEPT_BYTES / 4 * 3, err);
+        status = hada_examples_create(&trainer->known, &trainer->pairs,
+                                      KEPT_BYTES / 4 * 3 - (trainer->vgg ? KEPT_FEATURES : 0), err);
     if (!status && trainer->held_out.read)
         status = hada_examples_create(&trainer->held, &trainer->held_out, KEPT_BYTES / 4, err);
     return status;

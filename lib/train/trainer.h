@@ -70,6 +70,10 @@ hada_status hada_train_options_settle(hada_train_options *options, const hada_mo
 int hada_stage_has_net(hada_stage stage);
 int hada_stage_has_critic(const hada_train_options *options);
 int hada_stage_has_planes(hada_stage stage);
+/* Nothing but the pair itself decides what the engine sees (flips of planes apart), so it can be kept. */
+int hada_stage_keeps(const hada_augment *augment);
+/* Ways in which a scene is flipped: features of each are kept. */
+enum { HADA_FLIPPED_WAYS = 4 };
 /* The share of the rates at a step (counted from 0), before any rollback. */
 double hada_train_rate(const hada_train_options *options, uint64_t step);
 

@@ -21,6 +21,11 @@ int hada_stage_has_planes(hada_stage stage)
     return stage == HADA_STAGE_ENHANCE || stage == HADA_STAGE_ADVERSARIAL;
 }
 
+int hada_stage_keeps(const hada_augment *augment)
+{
+    return !augment->shift && !augment->flips && augment->noise <= 0.0 && augment->exposure <= 0.0;
+}
+
 void hada_train_options_init(hada_train_options *options, hada_stage stage)
 {
     const int goes_on = stage == HADA_STAGE_ADVERSARIAL || stage == HADA_STAGE_JOINT; /* with a net that knows much */

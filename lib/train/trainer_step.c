@@ -8,12 +8,6 @@
 
 enum { SNAPSHOT_EVERY = 25, MOST_ROLLBACKS = 10 };
 
-/* Nothing but the pair itself decides what the engine sees, so it can be kept. */
-static int keeps(const hada_augment *augment)
-{
-    return !augment->shift && !augment->flips && augment->noise <= 0.0 && augment->exposure <= 0.0;
-}
-
 static int is_known(void *user, int depth, int pair)
 {
     return hada_examples_find(user, depth, pair) != NULL;
@@ -29,25 +23,26 @@ static hada_status start_feed(hada_trainer *trainer, hada_error *err)
                                  .seed = options->seed,
                                  .first = trainer->progress.place,
                                  .ahead = 2 * wave,
-                                 .known = keeps(&options->augment) ? is_known : NULL,
+                                 .known = hada_stage_keeps(&options->augment) ? is_known : NULL,
                                  .user = &trainer->known};
     return hada_feed_create(&trainer->feed, &desc, err);
 }
 
-/* The example of a fed pair: a kept one, or *own. Flipping needs a copy of a kept one. */
-static hada_status example_of(hada_trainer *trainer, hada_worker *worker, hada_fed *fed, hada_example *own,
-                              const hada_example **out, hada_error *err)
+/* What the engine sees of a fed pair: a kept example, or *own. Flipping needs a copy of a kept one. */
+static hada_status sample_of(hada_trainer *trainer, hada_worker *worker, hada_fed *fed, hada_example *own,
+                             hada_sample *out, hada_error *err)
 {
     const hada_augment *augment = &trainer->options.augment;
     const int flips = hada_stage_has_planes(trainer->options.stage) && augment->plane_flips;
     const hada_example *known = fed->raw.data ? NULL : hada_examples_find(&trainer->known, fed->depth, fed->pair);
     hada_status status = HADA_OK;
+    int sides = 0;
     hada_example_free(own);
     if (!known) {
         status = hada_example_make(own, trainer, worker, fed->depth, &fed->raw, &fed->scene, err);
         if (status)
             return status;
-        if (keeps(augment))
+        if (hada_stage_keeps(augment))
             known = hada_examples_add(&trainer->known, fed->depth, fed->pair, own);
     }
     if (known && flips) {
@@ -56,8 +51,12 @@ static hada_status example_of(hada_trainer *trainer, hada_worker *worker, hada_f
         known = NULL;
     }
     if (!status && flips)
-        hada_augment_plane(augment, trainer->options.seed, fed->place, &own->input, &own->scene);
-    *out = known ? known : own;
+        sides = hada_augment_plane(augment, trainer->options.seed, fed->place, &own->input, &own->scene);
+    const hada_example *example = known ? known : own;
+    *out = (hada_sample){.depth = fed->depth, .input = &example->input, .scene = &example->scene};
+    if (hada_stage_keeps(augment))
+        out->scene_number =
+            1 + HADA_FLIPPED_WAYS * hada_examples_number(&trainer->known, fed->depth, fed->pair) + (size_t)sides;
     return status;
 }
 
@@ -80,11 +79,7 @@ static hada_status compute(hada_trainer *trainer, int number, void *user, hada_e
     hada_status status = HADA_OK;
     memset(&worker->terms, 0, sizeof worker->terms);
     for (int i = 0; !status && i < count; i++) {
-        hada_fed *fed = trainer->fed[first + i];
-        const hada_example *example;
-        status = example_of(trainer, worker, fed, &worker->own[i], &example, err);
-        if (!status)
-            worker->samples[i] = (hada_sample){fed->depth, &example->input, &example->scene};
+        status = sample_of(trainer, worker, trainer->fed[first + i], &worker->own[i], &worker->samples[i], err);
     }
     if (status || !count)
         return status;

@@ -59,7 +59,7 @@ static hada_status look(hada_trainer *trainer, int worker, uint64_t index, int w
     *what = (seen){0};
     hada_pairs_find(&trainer->held_out, index, &depth, &pair);
     hada_status status = find_example(trainer, &trainer->workers[worker], depth, pair, with_raw, what, err);
-    const hada_sample sample = {depth, &what->example->input, &what->example->scene};
+    const hada_sample sample = {depth, &what->example->input, &what->example->scene, 0};
     if (!status)
         status = hada_engine_forward(trainer->workers[worker].engine, &sample, &what->before, &what->after, err);
     if (status)

@@ -36,8 +36,8 @@ static hada_status make_nets(nets *all, hada_error *err)
 static hada_status step(fault_job *job, hada_engine *engine, hada_error *err)
 {
     static const unsigned char touched[JOB_DEPTHS] = {1, 1};
-    const hada_sample samples[2] = {{0, &job->frame[0][0], &job->scene[0][0]},
-                                    {1, &job->frame[1][0], &job->scene[1][0]}};
+    const hada_sample samples[2] = {{0, &job->frame[0][0], &job->scene[0][0], 1},
+                                    {1, &job->frame[1][0], &job->scene[1][0], 2}};
     hada_terms terms;
     hada_image before = {0}, after = {0};
     double norms[2];
@@ -91,7 +91,9 @@ static hada_status train(fault_job *job, hada_slot *slot, hada_stage stage, cons
                                    .net = all->net,
                                    .critic = all->critic,
                                    .vgg = all->vgg,
-                                   .at_once = 2};
+                                   .at_once = 2,
+                                   .scenes = 2,
+                                   .feature_bytes = 1 << 20};
     hada_engine *engine;
     hada_status status = hada_engine_create(&engine, slot, &desc, err);
     if (!status)

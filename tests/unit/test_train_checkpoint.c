@@ -31,6 +31,38 @@ static void going_on_gives_the_same_bits(void **state)
         }
 }
 
+/* States stand on the devices that update their values: files hold them whole, and serve any number of devices. */
+static void devices_may_be_more_or_fewer(void **state)
+{
+    (void)state;
+    for (hada_stage stage = HADA_STAGE_ADVERSARIAL; stage <= HADA_STAGE_JOINT; stage++) {
+        const hada_train_options options = options_of(stage);
+        hada_trainer *one = make(&options, 1), *two = make(&options, 2);
+        steps(two, 4);
+        save(two, 0);
+        ASSERT_OK(hada_trainer_load(one, f.path[0], err));
+        assert_int_equal(hada_trainer_steps(one), 4);
+        save(one, 1);
+        assert_true(same_files());
+        steps(one, 2);
+        save(one, 1);
+        ASSERT_OK(hada_trainer_load(two, f.path[1], err));
+        save(two, 0);
+        assert_true(same_files());
+        for (int group = HADA_GROUP_NET; group <= HADA_GROUP_CRITIC; group++) {
+            const size_t all = hada_engine_count(one->workers->engine, group, HADA_CONTENT_GRADIENT);
+            const hada_part whole = hada_engine_part(one->workers->engine, group);
+            const hada_part first = hada_engine_part(two->workers[0].engine, group);
+            const hada_part second = hada_engine_part(two->workers[1].engine, group);
+            assert_true(whole.first == 0 && whole.count == all && first.first == 0);
+            assert_true(second.first == first.count && first.count + second.count == all);
+            assert_true(!all || (first.count > all / 3 && second.count > all / 3));
+        }
+        hada_trainer_destroy(&one);
+        hada_trainer_destroy(&two);
+    }
+}
+
 static void fewer_filters_at_once_give_the_same_bits(void **state)
 {
     (void)state;
@@ -125,6 +157,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(going_on_gives_the_same_bits),
+        cmocka_unit_test(devices_may_be_more_or_fewer),
         cmocka_unit_test(fewer_filters_at_once_give_the_same_bits),
         cmocka_unit_test(checkpoints_of_others_are_refused),
         cmocka_unit_test(damaged_checkpoints_are_refused),

@@ -201,6 +201,39 @@ static void pairs_are_read_once_where_nothing_changes_them(void **state)
     hada_trainer_destroy(&trainer);
 }
 
+/* Kept features rest on that: a number stands for one scene, flipped in one way. */
+static void scenes_have_numbers(void **state)
+{
+    enum { MOST = DEPTHS * PAIRS * HADA_FLIPPED_WAYS };
+    hada_image known[MOST + 1] = {{0}};
+    (void)state;
+    for (int changing = 0; changing < 2; changing++) {
+        hada_train_options options = options_of(HADA_STAGE_ENHANCE);
+        int numbers = 0;
+        options.augment.noise = changing ? 0.01 : 0.0;
+        hada_trainer *trainer = make(&options, 2);
+        for (int i = 0; i < 40; i++) {
+            steps(trainer, 1);
+            for (int k = 0; k < options.batch; k++) {
+                const hada_worker *worker = &trainer->workers[k % 2];
+                const hada_sample *sample = &worker->samples[k / 2];
+                hada_image *own = &known[sample->scene_number];
+                assert_true(sample->scene_number <= MOST && (sample->scene_number == 0) == changing);
+                if (changing)
+                    continue;
+                numbers += !own->data;
+                if (!own->data)
+                    ASSERT_OK(give(sample->scene, own, err));
+                assert_memory_equal(own->data, sample->scene->data, hada_image_count(own) * sizeof(float));
+            }
+        }
+        assert_true(changing ? !numbers : numbers > MOST * 3 / 4);
+        hada_trainer_destroy(&trainer);
+    }
+    for (int i = 0; i <= MOST; i++)
+        hada_image_destroy(&known[i]);
+}
+
 static void stages_follow_one_another(void **state)
 {
     (void)state;
@@ -294,6 +327,7 @@ int main(void)
         cmocka_unit_test(broken_numbers_are_rolled_back),
         cmocka_unit_test(a_rate_that_is_too_high_is_halved),
         cmocka_unit_test(pairs_are_read_once_where_nothing_changes_them),
+        cmocka_unit_test(scenes_have_numbers),
         cmocka_unit_test(stages_follow_one_another),
         cmocka_unit_test(options_that_make_no_sense_are_refused),
     };

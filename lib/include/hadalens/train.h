@@ -40,8 +40,9 @@ typedef enum hada_stage {
 
 /* Where pairs come from. `read` fills two empty images (the model's raw size; its window's size, or the raw frame's, of
  * which the centre is used). Pairs to learn from are read from one other thread, held-out pairs from the threads of
- * validation, one at a time; the two may meet. What was read is kept in memory as long as there is room (a gibibyte),
- * where no augmentation changes it. `user` and `counts` must live as long as the trainer. */
+ * validation, one at a time; the two may meet. What was read, and what VGG-16 makes of the scenes for the perceptual
+ * term, is kept in the host's memory as long as there is room (a gibibyte for both), where no augmentation other than
+ * plane_flips changes it. `user` and `counts` must live as long as the trainer. */
 typedef struct hada_pairs {
     int depths;        /* as the model has */
     const int *counts; /* pairs of each depth; may be 0 */

@@ -55,6 +55,9 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_REAL, "lambda", 0, "L", "regularisation (default: by leave-one-out)", NULL, AT(lambda)},
     {HADA_OPTION_TEXT, "refine", 0, "N|auto|0", "refinement steps that the model recommends (default: auto)",
      "auto measures by leave-one-out whether refinement pays for this camera.", AT(refine)},
+    {HADA_OPTION_TEXT, "refine-tv", 0, "W|auto|0", "weight of total variation in refinement (default: auto)",
+     "auto compares a few weights by leave-one-out, with --refine auto; otherwise, and with --psf, none.",
+     AT(refine_tv)},
     {HADA_OPTION_CHOICE, "psf-sign", 0, "nonnegative|free", "what is known of the camera's point spread functions",
      "nonnegative (default): light adds up, so they are nowhere negative; this fills in frequencies of which the pairs "
      "say too little. free: from the pairs alone. Refinement and the search for occupied depths use them.",
@@ -68,7 +71,7 @@ static void defaults(void *user)
 {
     settings *set = user;
     set->dark = "none";
-    set->refine = "auto";
+    set->refine = set->refine_tv = "auto";
     set->alpha = set->lambda = set->psf_dark = -1;
 }
 
@@ -84,21 +87,23 @@ static void print_rows(hada_cli *cli, const hada_fit_row *rows, size_t count)
             hada_cli_say(cli, "\nLeave-one-out, mean PSNR of held-out pairs in dB\n  %9s  %9s  %9s  %10s", "alpha",
                          "lambda", "one depth", "two depths");
         if (trial && (!i || !(rows[i - 1].refine_rho > 0)))
-            hada_cli_say(cli, "\nDoes refinement pay? On a few held-out frames\n  %20s  %9s  %10s", "steps",
-                         "one depth", "two depths");
+            hada_cli_say(cli, "\nDoes refinement pay? On a few held-out frames\n  %9s  %9s  %9s  %10s", "steps",
+                         "variation", "one depth", "two depths");
         if (row->refine_steps)
             snprintf(steps, sizeof steps, "%d", row->refine_steps);
         if (isfinite(row->psnr_double))
             snprintf(two, sizeof two, "%.2f", row->psnr_double);
         const char *mark = row->chosen ? "*" : " ", *chosen = row->chosen ? "  chosen" : "";
         if (trial)
-            hada_cli_say(cli, "%s %20s  %9.2f  %10s%s", mark, steps, row->psnr_single, two, chosen);
+            hada_cli_say(cli, "%s %9s  %9.2g  %9.2f  %10s%s", mark, steps, row->refine_tv, row->psnr_single, two,
+                         chosen);
         else
             hada_cli_say(cli, "%s %9.3g  %9.3g  %9.2f  %10s%s", mark, row->alpha, row->lambda, row->psnr_single, two,
                          chosen);
         json_t *entry = json_pack("{s:f, s:f, s:i, s:b}", "alpha", row->alpha, "lambda", row->lambda, "refine_steps",
                                   row->refine_steps, "chosen", row->chosen);
         json_object_set_new(entry, "refine_rho", hada_cli_real(row->refine_rho));
+        json_object_set_new(entry, "refine_tv", hada_cli_real(row->refine_tv));
         json_object_set_new(entry, "psnr_one_depth", hada_cli_real(row->psnr_single));
         json_object_set_new(entry, "psnr_two_depths", hada_cli_real(row->psnr_double));
         json_array_append_new(list, entry);
@@ -161,6 +166,8 @@ static hada_status fit_pairs(hada_cli *cli, const settings *set, const char *fol
     fit.boundary = hada_cli_fit_boundary(cli, set->boundary, &data);
     status = hada_cli_read_refine(set->refine, &fit.refine_steps, err);
     if (!status)
+        status = hada_cli_read_refine_tv(set->refine_tv, &fit.refine_tv, err);
+    if (!status)
         status = hada_cli_fit_sizes(&fit, &data, set->window, err);
     if (!status)
         status = hada_cli_fit_dark(set->dark, &fit.dark, err);
@@ -190,6 +197,8 @@ static hada_status fit_sums(hada_cli *cli, const settings *set, hada_context *co
     choices.lambda = set->lambda;
     choices.form = set->form == 2 ? HADA_FORM_SPLIT : HADA_FORM_COMPLEX;
     hada_status status = hada_cli_read_refine(set->refine, &choices.refine_steps, err);
+    if (!status)
+        status = hada_cli_read_refine_tv(set->refine_tv, &choices.refine_tv, err);
     if (!status)
         status = hada_fitter_create_from_sums(&fitter, context, set->merge.items[0], &choices, err);
     for (int i = 1; !status && i < set->merge.count; i++)
@@ -232,7 +241,9 @@ static void print_model(hada_cli *cli, const settings *set, const hada_model *mo
     if (info->dark >= 0)
         snprintf(dark, sizeof dark, "%.4g", info->dark);
     if (info->refine_steps)
-        snprintf(refine, sizeof refine, "%d refinement steps", info->refine_steps);
+        snprintf(refine, sizeof refine,
+                 info->refine_tv > 0 ? "%d refinement steps, total variation %.2g" : "%d refinement steps",
+                 info->refine_steps, info->refine_tv);
     hada_cli_say(cli, "%s: %d %s, %dx%d frames, window %dx%d, %s, %s, dark level %s, %s, %s (%.1f s)", set->output,
                  info->depths, info->depths == 1 ? "depth" : "depths", info->raw_rows, info->raw_cols,
                  info->window_rows, info->window_cols, forms[info->form], boundary, dark, refine, size, seconds);
@@ -245,6 +256,7 @@ static void print_model(hada_cli *cli, const settings *set, const hada_model *mo
     json_object_set_new(entry, "alpha", hada_cli_real(info->alpha));
     json_object_set_new(entry, "lambda", hada_cli_real(info->lambda));
     json_object_set_new(entry, "dark", info->dark >= 0 ? hada_cli_real(info->dark) : json_null());
+    json_object_set_new(entry, "refine_tv", hada_cli_real(info->refine_tv));
     json_object_set_new(entry, "noise", hada_cli_real(info->noise));
     json_object_set_new(cli->document, "model", entry);
     json_object_set_new(cli->document, "seconds", json_real(seconds));

@@ -66,6 +66,7 @@ hada_status hada_cli_fit_psf(const hada_cli_fit_settings *set, const char *path,
 {
     hada_tiff_reader *reader = NULL;
     hada_psf_options psf;
+    double weight = -1;
     hada_cli_dark dark = {0};
     hada_psf_options_init(&psf);
     hada_status status = hada_tiff_open(&reader, path, err);
@@ -84,6 +85,8 @@ hada_status hada_cli_fit_psf(const hada_cli_fit_settings *set, const char *path,
         status = hada_cli_dark_read(&dark, set->dark, err);
     if (!status)
         status = hada_cli_read_refine(set->refine, &psf.refine_steps, err);
+    if (!status)
+        status = hada_cli_read_refine_tv(set->refine_tv, &weight, err);
     for (int z = 0; !status && z < pages; z++) {
         status = hada_tiff_read(reader, z, &images[z], err);
         if (!status && set->colour)
@@ -95,6 +98,7 @@ hada_status hada_cli_fit_psf(const hada_cli_fit_settings *set, const char *path,
         psf.window_rows = set->window[0];
         psf.window_cols = set->window[1];
         psf.lambda = set->lambda > 0 ? set->lambda : 0;
+        psf.refine_tv = weight > 0 ? weight : 0;
         psf.psf_dark = set->psf_dark;
         psf.dark = dark.kind == HADA_CLI_DARK_AUTO ? -1 : dark.level;
         status = hada_model_from_psf(model, context, images, pages, distances, &psf, err);

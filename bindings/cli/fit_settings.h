@@ -8,7 +8,7 @@
 
 typedef struct hada_cli_fit_settings {
     hada_cli_common common;
-    const char *output, *psf, *dark, *refine, *distances, *sums;
+    const char *output, *psf, *dark, *refine, *refine_tv, *distances, *sums;
     hada_cli_texts merge;
     int form, boundary, half, skip_incomplete, no_leave_one_out, psf_sign;
     int window[2];

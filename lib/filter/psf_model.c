@@ -187,8 +187,10 @@ hada_status hada_model_from_psf(hada_model **out, hada_context *context, const h
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "a point spread function gives filters of the forms matched and wiener; for complex or split, "
                          "fit from pairs");
-    if (!isfinite(options->lambda) || options->lambda < 0.0 || !isfinite(options->dark) || !isfinite(options->psf_dark))
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "lambda and dark levels must be finite, lambda not negative");
+    if (!isfinite(options->lambda) || options->lambda < 0.0 || !isfinite(options->refine_tv) ||
+        options->refine_tv < 0.0 || !isfinite(options->dark) || !isfinite(options->psf_dark))
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "lambda, refine_tv and dark levels must be finite, the first two not negative");
     hada_status status = check_psfs(psfs, depths, err);
     if (status)
         return status;
@@ -201,6 +203,7 @@ hada_status hada_model_from_psf(hada_model **out, hada_context *context, const h
                             .dark = options->dark,
                             .refine_steps = options->refine_steps < 0 ? chosen->steps : options->refine_steps,
                             .refine_rho = chosen->rho,
+                            .refine_tv = options->refine_tv,
                             .has_otf = 1,
                             .distances_mm = distances_mm};
     if (info.form == HADA_FORM_MATCHED)

@@ -2,10 +2,10 @@
 #include <stdlib.h>
 
 #include "fit/fitter.h"
+#include "refine/admm.h"
 
 /* Refinement of a model whose fit did not measure it: what pays with an exact model of the camera (docs/filters.md). */
 #define REFINE_STEPS 12
-#define REFINE_RHO   1e-3
 
 /* Solves, and tries on pairs held out whether refinement pays. */
 static hada_status solve_and_try(hada_fitter *fitter, double alpha, double lambda, int scored, size_t best,
@@ -23,7 +23,8 @@ static hada_status solve_and_try(hada_fitter *fitter, double alpha, double lambd
         return status;
     hada_model_info *info = &(*out)->info;
     info->refine_steps = options->refine_steps < 0 ? REFINE_STEPS : options->refine_steps;
-    info->refine_rho = REFINE_RHO;
+    info->refine_tv = options->refine_tv > 0.0 ? options->refine_tv : 0.0;
+    info->refine_rho = hada_refine_rho(info->refine_tv);
     if (rows && scored)
         status = hada_fitter_rows(fitter, best, rows, row_count, err);
     if (!status && options->refine_steps < 0) {

@@ -1,4 +1,5 @@
-/* Does refinement pay for this camera? Measured by leave-one-out on a few pairs, alone and two depths at once. */
+/* Does refinement pay for this camera, and which weight of total variation? Measured by leave-one-out on a few pairs,
+ * alone and two depths at once. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -12,8 +13,14 @@
 static const int steps_tried[] = {0, 4, 8, 12, 16};
 enum { TRIED = sizeof steps_tried / sizeof *steps_tried, MEMBERS = 2 };
 
-/* Relative to the largest |OTF(0)|^2; flat between 1e-3 and 3e-3 in trials (docs/filters.md). */
-#define RHO 1e-3
+/* Weights of total variation that are tried, by what the noise says: the best of simulated cameras with 0.3 to 3 %
+ * noise were about 0.1 of its standard deviation over the rms of the pairs' frames (docs/refinement.md). 0: the prior
+ * of the pairs. A few steps on one depth rank them as many on two do. */
+static const double tv_tried[] = {0.0, 0.63, 1.0, 1.6};
+enum { TV_TRIED = sizeof tv_tried / sizeof *tv_tried, TV_STEPS = 6 };
+#define TV_PER_NOISE 0.1
+#define TV_UNKNOWN   0.003
+#define TV_LEAST     1e-5
 
 #define MOST_OF_THE_GAIN 0.8
 
@@ -68,13 +75,18 @@ typedef struct trial_work {
     double *scene_energy, *trust; /* per channel; without a pair, and the model's */
     double sum[2][TRIED];         /* decibels: one depth, two depths */
     int count[2];
+    double tv;            /* what is refined with */
+    double tvs[TV_TRIED]; /* weights compared, and decibels after TV_STEPS steps */
+    double tv_sum[TV_TRIED];
+    int tv_count;
 } trial_work;
 
 static hada_status work_create(trial_work *work, hada_fitter *fitter, hada_error *err)
 {
     const hada_model_info *info = &fitter->info;
     const size_t images = MEMBERS * (size_t)info->channels, bytes = images * fitter->layout.count * 8 + 64;
-    const hada_refine_shape shape = hada_refine_shape_of(info, MEMBERS, steps_tried[TRIED - 1]);
+    hada_refine_shape shape = hada_refine_shape_of(info, MEMBERS, steps_tried[TRIED - 1]);
+    shape.tv = fitter->options.refine_tv != 0.0;
     const size_t window = (size_t)info->window_rows * (size_t)info->window_cols;
     const hada_fft_desc desc = {.direction = HADA_FFT_INVERSE,
                                 .rows = info->grid_rows,
@@ -160,34 +172,58 @@ static hada_status hold_out(trial_work *work, hada_fitter *fitter, const hada_fi
     return status;
 }
 
+/* A frame on trial: of one pair, or the sum of two, whose filters stand at the places from `first` on. */
+typedef struct trial_frame {
+    const hada_fitter_kept *member[MEMBERS];
+    int members, first;
+} trial_frame;
+
 /* PSNR of planes (negative light clipped, as reconstruction does) against the members' scenes, mean over members. */
-static double compare(const trial_work *work, const hada_fitter *fitter, const hada_fitter_kept *const *member,
-                      int members)
+static double compare(const trial_work *work, const hada_fitter *fitter, const trial_frame *frame)
 {
     const size_t count = fitter->scene.bytes / sizeof(float);
     double total = 0.0;
-    for (int m = 0; m < members; m++) {
+    for (int m = 0; m < frame->members; m++) {
         double sum = 0.0;
         for (size_t i = 0; i < count; i++) {
-            const double error = fmax((double)work->planes[(size_t)m * count + i], 0.0) - member[m]->scene[i];
+            const double error = fmax((double)work->planes[(size_t)m * count + i], 0.0) - frame->member[m]->scene[i];
             sum += error * error;
         }
         total -= 10.0 * log10(fmax(sum / (double)count, 1e-20));
     }
-    return total / members;
+    return total / frame->members;
 }
 
-static hada_status linear(trial_work *work, hada_fitter *fitter, int members, hada_error *err)
+static hada_status hold_out_members(trial_work *work, hada_fitter *fitter, const trial_frame *frame, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    for (int m = 0; !status && m < frame->members; m++)
+        status = hold_out(work, fitter, frame->member[m], frame->first + m, err);
+    return status;
+}
+
+/* The frame's pixels and spectrum. */
+static hada_status expose(trial_work *work, hada_fitter *fitter, const trial_frame *frame, hada_error *err)
+{
+    const size_t raw = fitter->raw.bytes / sizeof(float);
+    memset(work->raw, 0, fitter->raw.bytes);
+    for (int m = 0; m < frame->members; m++)
+        for (size_t i = 0; i < raw; i++)
+            work->raw[i] += frame->member[m]->raw[i];
+    return hada_fitter_transform(fitter, work->raw, NULL, err);
+}
+
+static hada_status linear(trial_work *work, hada_fitter *fitter, const trial_frame *frame, hada_error *err)
 {
     const int channels = fitter->info.channels;
     const size_t count = fitter->scene.bytes / sizeof(float);
     hada_status status = HADA_OK;
-    for (int m = 0; !status && m < members; m++) {
+    for (int m = 0; !status && m < frame->members; m++) {
         const hada_fft_filter filter = {.product =
                                             fitter->sum_count == HADA_FIT_SUMS ? HADA_FFT_COMPLEX : HADA_FFT_SPLIT,
                                         .filter = work->filters.mem,
                                         .spectrum_count = channels,
-                                        .filter_first = m * channels};
+                                        .filter_first = (frame->first + m) * channels};
         /* the scene's place on the device is free by now */
         status = hada_fft_inverse(work->inverse, channels, fitter->b.mem, 0, fitter->scene.mem, 0, &filter, err);
         if (!status)
@@ -197,26 +233,12 @@ static hada_status linear(trial_work *work, hada_fitter *fitter, int members, ha
     return status;
 }
 
-/* One frame, of one pair or the sum of two: every number of steps. */
-static hada_status try_frame(trial_work *work, hada_fitter *fitter, const hada_fitter_kept *const *member, int members,
-                             hada_error *err)
+/* `steps` further steps of refinement with weight tv, or the first ones; the planes come to the host. */
+static hada_status refine(trial_work *work, hada_fitter *fitter, const trial_frame *frame, double tv, int steps,
+                          int cold, hada_error *err)
 {
-    static const int list[MEMBERS] = {0, 1};
-    const size_t raw = fitter->raw.bytes / sizeof(float), bytes = (size_t)members * fitter->scene.bytes;
-    double *sum = work->sum[members - 1];
-    hada_status status = HADA_OK;
-    memset(work->raw, 0, fitter->raw.bytes);
-    for (int m = 0; !status && m < members; m++) {
-        for (size_t i = 0; i < raw; i++)
-            work->raw[i] += member[m]->raw[i];
-        status = hold_out(work, fitter, member[m], m, err);
-    }
-    if (!status)
-        status = hada_fitter_transform(fitter, work->raw, NULL, err);
-    if (!status)
-        status = linear(work, fitter, members, err);
-    if (!status)
-        sum[0] += compare(work, fitter, member, members);
+    const size_t raw = fitter->raw.bytes / sizeof(float), bytes = (size_t)frame->members * fitter->scene.bytes;
+    const int list[MEMBERS] = {frame->first, frame->first + 1};
     const hada_refine_data data = {.spectrum = fitter->b.mem,
                                    .frame = fitter->raw.mem,
                                    .otf = work->otfs.mem,
@@ -224,39 +246,108 @@ static hada_status try_frame(trial_work *work, hada_fitter *fitter, const hada_f
                                    .prior = work->prior.mem};
     hada_refine_rule rule;
     hada_refine_rule_init(&rule);
-    rule.rho = RHO * hada_model_gain(work->model);
+    hada_refine_rule_weigh(&rule, &work->model->info, tv, hada_model_gain(work->model),
+                           energy(work->raw, raw) / (double)raw);
     rule.stop = 0.0;
+    rule.steps = steps;
+    rule.start = cold ? HADA_REFINE_COLD : HADA_REFINE_ON;
+    hada_status status = hada_refiner_run(work->refiner, &data, &rule, 1, frame->members, list, NULL, err);
+    if (status)
+        return status;
+    const cl_int code = clEnqueueReadBuffer(fitter->slot->queue, hada_refiner_planes(work->refiner), CL_TRUE, 0, bytes,
+                                            work->planes, 0, NULL, hada_slot_event(fitter->slot));
+    if (code != CL_SUCCESS)
+        return hada_fail_cl(err, code, "clEnqueueReadBuffer");
+    hada_slot_moved(fitter->slot, "read", (double)bytes);
+    return HADA_OK;
+}
+
+/* Every number of steps. */
+static hada_status try_frame(trial_work *work, hada_fitter *fitter, const trial_frame *frame, hada_error *err)
+{
+    double *sum = work->sum[frame->members - 1];
+    hada_status status = expose(work, fitter, frame, err);
+    if (!status)
+        status = linear(work, fitter, frame, err);
+    if (!status)
+        sum[0] += compare(work, fitter, frame);
     for (int i = 1; !status && i < TRIED; i++) {
-        rule.steps = steps_tried[i] - steps_tried[i - 1];
-        rule.start = i == 1 ? HADA_REFINE_COLD : HADA_REFINE_ON;
-        status = hada_refiner_run(work->refiner, &data, &rule, 1, members, list, NULL, err);
-        if (status)
-            break;
-        const cl_int code = clEnqueueReadBuffer(fitter->slot->queue, hada_refiner_planes(work->refiner), CL_TRUE, 0,
-                                                bytes, work->planes, 0, NULL, hada_slot_event(fitter->slot));
-        if (code != CL_SUCCESS) {
-            status = hada_fail_cl(err, code, "clEnqueueReadBuffer");
-            break;
-        }
-        hada_slot_moved(fitter->slot, "read", (double)bytes);
-        sum[i] += compare(work, fitter, member, members);
+        status = refine(work, fitter, frame, work->tv, steps_tried[i] - steps_tried[i - 1], i == 1, err);
+        if (!status)
+            sum[i] += compare(work, fitter, frame);
     }
-    work->count[members - 1] += !status;
+    work->count[frame->members - 1] += !status;
+    return status;
+}
+
+/* The weights to compare, by the noise of the camera and the light of a frame. */
+static void list_weights(trial_work *work, const hada_fitter *fitter, const trial_frame *frame)
+{
+    const size_t raw = fitter->raw.bytes / sizeof(float);
+    const size_t images = (size_t)fitter->info.depths * (size_t)fitter->info.channels;
+    const double light = energy(frame->member[0]->raw, raw) / (double)fitter->info.channels;
+    double noise = 0.0;
+    for (size_t i = 0; i < images; i++)
+        noise += work->model->noise_power[i] / (double)images;
+    double guess = noise > 0.0 && light > 0.0 ? TV_PER_NOISE * sqrt(noise / light) : TV_UNKNOWN;
+    guess = fmax(guess, TV_LEAST);
+    for (int i = 0; i < TV_TRIED; i++)
+        work->tvs[i] = tv_tried[i] * guess;
+    work->tv_count = TV_TRIED;
+}
+
+/* Chooses the weight on frames of one pair each, whose filters are held out by now. */
+static hada_status weigh(trial_work *work, hada_fitter *fitter, const trial_frame *frames, int count, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    int best = 0;
+    list_weights(work, fitter, frames);
+    for (int k = 0; !status && k < count; k++) {
+        status = expose(work, fitter, &frames[k], err);
+        for (int i = 0; !status && i < work->tv_count; i++) {
+            status = refine(work, fitter, &frames[k], work->tvs[i], TV_STEPS, 1, err);
+            if (!status)
+                work->tv_sum[i] += compare(work, fitter, &frames[k]) / count;
+        }
+    }
+    for (int i = 1; i < work->tv_count; i++)
+        if (work->tv_sum[i] > work->tv_sum[best])
+            best = i;
+    work->tv = work->tvs[best];
+    return status;
+}
+
+/* Frames of one pair, MEMBERS at a time: the weight is chosen on the first of them. */
+static hada_status try_singles(trial_work *work, hada_fitter *fitter, hada_error *err)
+{
+    const int step = fitter->info.depths == 1 ? 1 : HADA_FIT_KEPT - 1;
+    hada_status status = HADA_OK;
+    for (int k = 0; !status && k < fitter->kept_count;) {
+        trial_frame frames[MEMBERS];
+        const int first = k == 0;
+        int count = 0;
+        for (; !status && count < MEMBERS && k < fitter->kept_count; k += step, count++) {
+            frames[count] = (trial_frame){{&fitter->kept[k]}, 1, count};
+            status = hold_out_members(work, fitter, &frames[count], err);
+        }
+        if (!status && first && fitter->options.refine_tv < 0.0)
+            status = weigh(work, fitter, frames, count, err);
+        for (int i = 0; !status && i < count; i++)
+            status = try_frame(work, fitter, &frames[i], err);
+    }
     return status;
 }
 
 static hada_status try_all(trial_work *work, hada_fitter *fitter, hada_error *err)
 {
-    hada_status status = HADA_OK;
-    for (int k = 0; !status && k < fitter->kept_count; k++) {
-        const hada_fitter_kept *one = &fitter->kept[k];
-        if (fitter->info.depths == 1 || k % (HADA_FIT_KEPT - 1) == 0)
-            status = try_frame(work, fitter, &one, 1, err);
-    }
+    hada_status status = try_singles(work, fitter, err);
     for (int k = 0; !status && k + 2 < fitter->kept_count; k++) {
-        const hada_fitter_kept *two[] = {&fitter->kept[k], &fitter->kept[k + 2]};
-        if (two[0]->depth != two[1]->depth)
-            status = try_frame(work, fitter, two, 2, err);
+        const trial_frame two = {{&fitter->kept[k], &fitter->kept[k + 2]}, 2, 0};
+        if (two.member[0]->depth == two.member[1]->depth)
+            continue;
+        status = hold_out_members(work, fitter, &two, err);
+        if (!status)
+            status = try_frame(work, fitter, &two, err);
     }
     return status;
 }
@@ -287,28 +378,34 @@ static int best_of(const trial_work *work)
     return chosen;
 }
 
+/* The numbers of steps, then the weights that were compared. */
 static hada_status append_rows(const trial_work *work, int best, hada_fit_row **rows, size_t *row_count,
                                hada_error *err)
 {
-    hada_fit_row *all = realloc(*rows, (*row_count + TRIED) * sizeof *all);
+    hada_fit_row *all = realloc(*rows, (*row_count + TRIED + TV_TRIED) * sizeof *all);
     if (!all)
         return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the leave-one-out table");
     *rows = all;
-    for (int i = 0; i < TRIED; i++)
+    for (int i = 0; i < TRIED + work->tv_count; i++) {
+        const int weights = i >= TRIED, k = weights ? i - TRIED : i;
+        const double tv = weights ? work->tvs[k] : k ? work->tv : 0.0;
+        const double alone = weights ? work->tv_sum[k] : work->count[0] ? mean(work, 0, k) : NAN;
         all[(*row_count)++] = (hada_fit_row){.alpha = work->model->info.alpha,
                                              .lambda = work->model->info.lambda,
-                                             .refine_steps = steps_tried[i],
-                                             .refine_rho = RHO,
-                                             .psnr_single = work->count[0] ? mean(work, 0, i) : NAN,
-                                             .psnr_double = work->count[1] ? mean(work, 1, i) : NAN,
-                                             .chosen = i == best};
+                                             .refine_steps = weights ? TV_STEPS : steps_tried[k],
+                                             .refine_rho = hada_refine_rho(tv),
+                                             .refine_tv = tv,
+                                             .psnr_single = alone,
+                                             .psnr_double = !weights && work->count[1] ? mean(work, 1, k) : NAN,
+                                             .chosen = !weights && k == best};
+    }
     return HADA_OK;
 }
 
 hada_status hada_fit_choose_refinement(hada_fitter *fitter, hada_model *model, hada_fit_row **rows, size_t *row_count,
                                        hada_error *err)
 {
-    trial_work work = {.model = model};
+    trial_work work = {.model = model, .tv = fmax(fitter->options.refine_tv, 0.0)};
     if (!fitter->kept_count)
         return HADA_OK;
     hada_status status = work_create(&work, fitter, err);
@@ -319,6 +416,7 @@ hada_status hada_fit_choose_refinement(hada_fitter *fitter, hada_model *model, h
         return status;
     const int best = best_of(&work);
     model->info.refine_steps = steps_tried[best];
-    model->info.refine_rho = RHO;
+    model->info.refine_tv = best ? work.tv : 0.0;
+    model->info.refine_rho = hada_refine_rho(model->info.refine_tv);
     return rows ? append_rows(&work, best, rows, row_count, err) : HADA_OK;
 }

@@ -31,6 +31,7 @@ void hada_fit_options_init(hada_fit_options *options)
                                   .alpha = -1.0,
                                   .lambda = -1.0,
                                   .refine_steps = -1,
+                                  .refine_tv = -1.0,
                                   .nonnegative = 1};
 }
 
@@ -44,7 +45,8 @@ static hada_status check_options(const hada_fit_options *options, hada_error *er
                          "spread functions");
     if (!options->distances_mm)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "the distances of the depths are needed");
-    if (!isfinite(options->alpha) || !isfinite(options->lambda) || !isfinite(options->dark))
+    if (!isfinite(options->alpha) || !isfinite(options->lambda) || !isfinite(options->refine_tv) ||
+        !isfinite(options->dark))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "alpha, lambda and the dark level must be finite");
     return HADA_OK;
 }

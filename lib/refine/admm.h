@@ -58,11 +58,12 @@ typedef enum hada_refine_start {
     HADA_REFINE_ON = 2    /* from planes and duals as the last run left them */
 } hada_refine_start;
 
-/* A `stop` that ended within 0.1 dB of the best number of steps (docs/refinement.md). Padded, what is known of a step
- * is |b - v| within the frame, which settles before the planes do. */
-static inline double hada_refine_stop(hada_boundary boundary)
+/* A `stop` that ended within 0.1 dB of the best number of steps, with total variation of weight tv or without
+ * (docs/refinement.md). Padded, what is known of a step is |b - v| within the frame, which settles before the planes
+ * do. */
+static inline double hada_refine_stop(hada_boundary boundary, double tv)
 {
-    return boundary == HADA_BOUNDARY_PADDED ? 0.003 : 0.01;
+    return boundary == HADA_BOUNDARY_PADDED ? 0.003 : tv > 0.0 ? 0.006 : 0.01;
 }
 
 typedef struct hada_refine_rule {

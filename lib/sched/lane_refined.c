@@ -24,7 +24,7 @@ static hada_refine_rule rule_of(const hada_plan *plan, double energy)
     rule.steps = plan->shape.steps;
     hada_refine_rule_weigh(&rule, info, plan->shape.tv, hada_model_gain(plan->model),
                            energy / ((double)info->channels * info->raw_rows * info->raw_cols));
-    rule.stop = plan->options.refine < 0 ? hada_refine_stop(info->boundary) : 0;
+    rule.stop = plan->options.refine < 0 ? hada_refine_stop(info->boundary, rule.tv) : 0;
     return rule;
 }
 

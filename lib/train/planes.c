@@ -153,7 +153,7 @@ static hada_status refine(hada_planes *planes, int depth, const hada_image *raw,
     hada_refine_rule_init(&rule);
     rule.steps = info->refine_steps;
     hada_refine_rule_weigh(&rule, info, info->refine_tv, hada_model_gain(planes->model), mean_square(planes, raw));
-    rule.stop = hada_refine_stop(info->boundary);
+    rule.stop = hada_refine_stop(info->boundary, rule.tv);
     return hada_refiner_run(planes->refiner, &data, &rule, 1, 1, list, NULL, err);
 }
 

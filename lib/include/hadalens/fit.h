@@ -30,6 +30,8 @@ typedef struct hada_fit_options {
                                percentile */
     double alpha, lambda;   /* negative (default): chosen by leave-one-out */
     int refine_steps;       /* negative (default): chosen by leave-one-out; 0: none */
+    double refine_tv;       /* weight of total variation in refinement; negative (default): chosen with the steps, none
+                               where these are given; 0: none */
     int nonnegative;        /* 1 (default): transfer functions are those of point spread functions that are nowhere
                                negative, as light's are, where the pairs say too little; 0: from the pairs alone */
 } hada_fit_options;
@@ -54,7 +56,7 @@ HADA_API hada_status hada_fitter_save_sums(hada_fitter *fitter, const char *path
 HADA_API hada_status hada_fitter_load_sums(hada_fitter *fitter, const char *path, hada_error *err);
 
 /* A fitter from saved sums alone, for merging without pairs: camera, depths and dark level are the file's; `choices`
- * says form, alpha, lambda, refine_steps and nonnegative (its other fields are not used); NULL: the defaults. */
+ * says form, alpha, lambda, refine_steps, refine_tv and nonnegative (its other fields are not used); NULL: the defaults. */
 HADA_API hada_status hada_fitter_create_from_sums(hada_fitter **out, hada_context *context, const char *path,
                                                   const hada_fit_options *choices, hada_error *err);
 
@@ -74,7 +76,7 @@ HADA_API hada_status hada_fitter_score(hada_fitter *fitter, int depth, const had
 typedef struct hada_fit_row {
     double alpha, lambda;
     int refine_steps;
-    double refine_rho;
+    double refine_rho, refine_tv;
     double psnr_single, psnr_double;
     int chosen;
 } hada_fit_row;

@@ -93,6 +93,7 @@ typedef struct hada_psf_options {
     double psf_dark;  /* taken off the PSF's pixels; negative: estimated from its background */
     double dark;      /* of the frames, kept in the model; negative: per frame, estimated */
     int refine_steps; /* negative: chosen */
+    double refine_tv; /* weight of total variation in refinement; 0 (default): none */
 } hada_psf_options;
 HADA_API void hada_psf_options_init(hada_psf_options *options);
 

@@ -90,10 +90,10 @@ struct hada_engine {
     hada_graph *train, *look, *judge, *see;
     hada_tensor in, out, fall, target, share, features, labels[2];
     int new_train, new_look, new_judge; /* weights changed since the graph took them */
-};
-
     hada_features kept;                 /* of scenes */
     const hada_sample *samples;         /* of a step of a net: at_once */
+};
+
 /* engine_shape.c */
 hada_status hada_engine_shape_of(const hada_context *context, const hada_engine_desc *desc, engine_shape *shape,
                                  hada_error *err);
@@ -132,14 +132,14 @@ hada_status hada_engine_net_look(hada_engine *engine, hada_error *err);
 const hada_tensor *hada_engine_output(const hada_engine *engine);
 const hada_tensor *hada_engine_output_gradient(const hada_engine *engine);
 
-/* engine_losses.c: terms of `count` images of the output, and the gradient of the output. */
-hada_status hada_engine_losses(hada_engine *engine, int count, double weight, uint64_t step, int critic_only,
 /* engine_features.c: features of the scenes of engine->samples, into ENGINE_FEATURES if all are kept (found); and from
  * there to be kept. */
 hada_status hada_engine_features_make(hada_engine *engine, const hada_engine_desc *desc, hada_error *err);
 hada_status hada_engine_features_find(hada_engine *engine, int *found, hada_error *err);
 hada_status hada_engine_features_keep(hada_engine *engine, hada_error *err);
 
+/* engine_losses.c: terms of `count` images of the output, and the gradient of the output. */
+hada_status hada_engine_losses(hada_engine *engine, int count, double weight, uint64_t step, int critic_only,
                                hada_error *err);
 
 /* engine_groups.c */

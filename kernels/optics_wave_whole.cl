@@ -1,19 +1,35 @@
 /* Wave optics of a whole mask (lib/optics/wave_whole.c): what the mask makes of a plane wave, how it goes on, and its
  * light on each pixel. A field stands as its real and imaginary part, two real images. */
 
-/* Both parts, n x n values each, of open * exp(2 pi i waves path). Items: columns, rows. */
+/* Both parts, n x n values each, of open * exp(2 pi i waves path). Items: eights of columns, rows. */
 __kernel void optics_wave_mask(__global float *field, __global const float *path, __global const float *open,
                                const int n, const float waves)
 {
-    const int col = get_global_id(0), row = get_global_id(1);
+    const int col = 8 * get_global_id(0), row = get_global_id(1);
     if (col >= n || row >= n)
         return;
-    const size_t at = (size_t)row * (size_t)n + (size_t)col;
-    float turns = path[at] * waves;
-    turns -= rint(turns); /* exact: a large angle would lose its last digits */
-    const float angle = 6.28318530717958648f * turns;
-    field[at] = open[at] * cos(angle);
-    field[(size_t)n * (size_t)n + at] = open[at] * sin(angle);
+    const size_t at = (size_t)row * (size_t)n + (size_t)col, all = (size_t)n * (size_t)n;
+    const int count = min(n - col, 8);
+    float list[8] = {0};
+    if (count < 8)
+        for (int i = 0; i < count; i++)
+            list[i] = path[at + i];
+    const float8 turns = (count < 8 ? vload8(0, list) : vload8(0, path + at)) * waves;
+    /* without whole turns, which is exact: a large angle would lose its last digits */
+    const float8 angle = 6.28318530717958648f * (turns - rint(turns)), real = cos(angle), imaginary = sin(angle);
+    if (count == 8) {
+        const float8 share = vload8(0, open + at);
+        vstore8(share * real, 0, field + at);
+        vstore8(share * imaginary, 0, field + all + at);
+        return;
+    }
+    float other[8];
+    vstore8(real, 0, list);
+    vstore8(imaginary, 0, other);
+    for (int i = 0; i < count; i++) {
+        field[at + i] = open[at + i] * list[i];
+        field[all + at + i] = open[at + i] * other[i];
+    }
 }
 
 /* Free space: both half spectra times across[column] down[row], complex numbers that are even in the frequency, so that

@@ -4,6 +4,7 @@
 
 #include "core/alloc.h"
 #include "optics/simulator.h"
+#include "optics/wave.h"
 
 hada_status hada_simulator_check_depth(const hada_simulator *s, int depth, hada_error *err)
 {
@@ -18,8 +19,11 @@ static hada_status designed_psf(const hada_simulator *s, int depth, int rows, in
                                 hada_error *err)
 {
     const double distance = s->camera.distances_mm[depth];
-    return s->wave ? hada_wave_psf(s->wave, distance, rows, cols, psf, err)
-                   : hada_camera_psf_sized(&s->camera, distance, rows, cols, psf, err);
+    if (!s->wave)
+        return hada_camera_psf_sized(&s->camera, distance, rows, cols, psf, err);
+    const hada_status status = hada_wave_psf(s->wave, distance, rows, cols, psf, err);
+    hada_wave_rest(s->wave); /* the next depth is asked for when frames need it, which need the memory too */
+    return status;
 }
 
 hada_status hada_simulator_place_psf(const hada_simulator *s, int depth, int rows, int cols, hada_image *psf,

@@ -11,6 +11,13 @@ void hada_wave_options_init(hada_wave_options *options)
     *options = (hada_wave_options){.size = sizeof *options, .stray = 0.002};
 }
 
+void hada_wave_colour(const hada_camera *camera, int channel, double *wavelength_mm, double *path_scale)
+{
+    const double nm = camera->wavelengths_nm[camera->channels == 1 ? 1 : channel];
+    *wavelength_mm = nm * 1e-6;
+    *path_scale = (hada_camera_refractive_index(camera, nm) - 1.0) / (camera->refractive_index - 1.0);
+}
+
 static int by_lens(const hada_wave *wave)
 {
     return wave->design.sites.count && hada_mask_has_lenses(&wave->camera) && !wave->options.coherent;
@@ -76,6 +83,7 @@ void hada_wave_destroy(hada_wave **wave)
     *wave = NULL;
     if (w->slot)
         hada_slot_finish(w->slot, NULL);
+    hada_wave_rest(w);
     hada_buffer_destroy(&w->lenses);
     hada_buffer_destroy(&w->planes);
     hada_slot_destroy(&w->slot);
@@ -96,14 +104,13 @@ hada_status hada_wave_psf(hada_wave *wave, double distance_mm, int rows, int col
     if (!status)
         status = hada_alloc(&sum, count, sizeof(double), "a point spread function", err);
     for (int c = 0; c < camera->channels && !status; c++) {
-        const double nm = camera->wavelengths_nm[camera->channels == 1 ? 1 : c];
-        const double path_scale = (hada_camera_refractive_index(camera, nm) - 1.0) / (camera->refractive_index - 1.0);
-        double light = 0.0, *values = sum;
+        double wavelength, path_scale, light = 0.0, *values = sum;
+        hada_wave_colour(camera, c, &wavelength, &path_scale);
         for (size_t i = 0; i < count; i++)
             values[i] = 0.0;
         status = by_lens(wave)
-                     ? hada_wave_by_lens(wave, distance_mm, nm * 1e-6, path_scale, rows, cols, values, &light, err)
-                     : hada_wave_whole(wave, distance_mm, nm * 1e-6, path_scale, rows, cols, values, &light, err);
+                     ? hada_wave_by_lens(wave, distance_mm, wavelength, path_scale, rows, cols, values, &light, err)
+                     : hada_wave_whole(wave, distance_mm, wavelength, path_scale, rows, cols, values, &light, err);
         for (size_t i = 0; i < count && !status; i++)
             psf->data[(size_t)c * count + i] = (float)(values[i] / light);
     }

@@ -30,9 +30,16 @@ struct hada_wave {
     hada_wave_options options;
     hada_slot *slot;
     hada_mask_design design;
-    hada_buffer lenses, planes; /* lens by lens */
-    double area;                /* of all lenses, square millimetres */
+    hada_buffer lenses, planes;  /* lens by lens */
+    double area;                 /* of all lenses, square millimetres */
+    struct hada_wave_work *work; /* the whole mask: what stays from call to call (wave_whole.c) */
 };
+
+/* Gives back what the whole mask keeps; the next call makes it again. */
+void hada_wave_rest(hada_wave *wave);
+
+/* A colour's wavelength, and the mask's optical path at it over that at 587.6 nm. */
+void hada_wave_colour(const hada_camera *camera, int channel, double *wavelength_mm, double *path_scale);
 
 /* How the spot of a lens is sampled at a distance and a wavelength: a pixel is `samples` x `samples` values of the
  * field, the square round the spot `pixels` x `pixels`, the transform n = pixels samples; a lens `points` x `points`

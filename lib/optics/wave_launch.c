@@ -52,7 +52,7 @@ hada_status hada_wave_launch_mask(hada_slot *slot, cl_mem field, cl_mem path, cl
                                   hada_error *err)
 {
     const float turns = (float)waves;
-    const size_t items[3] = {(size_t)n, (size_t)n, 1};
+    const size_t items[3] = {((size_t)n + 7) / 8, (size_t)n, 1};
     const hada_arg args[] = {HADA_ARG(field), HADA_ARG(path), HADA_ARG(open), HADA_ARG(n), HADA_ARG(turns)};
     hada_slot_cost(slot, 16.0 * n * (double)n, 40.0 * n * (double)n);
     return launch(slot, "optics_wave_whole", "optics_wave_mask", items, args, HADA_COUNT(args), err);

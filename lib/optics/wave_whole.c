@@ -15,36 +15,69 @@
 #define EDGE_PARTS   48   /* samples on a hole, a cell or a strip, at least */
 
 typedef struct grid {
-    int points, n;      /* samples of the mask, of the transform, a side */
-    double step, reach; /* reach: the distance that light travels, shrunk */
-    double limit;       /* of frequencies: light beyond would leave the grid, and is left out */
+    int points, n; /* samples of the mask, of the transform, a side */
+    double step;
 } grid;
 
-static hada_status size_grid(const hada_wave *wave, double distance_mm, double wavelength_mm, double path_scale,
-                             grid *g, hada_error *err)
+/* How light of a wavelength goes on from the mask. */
+typedef struct travel {
+    double wavelength;
+    double slope; /* the mask's steepest */
+    double reach; /* the distance, shrunk */
+} travel;
+
+static travel travel_of(const hada_wave *wave, double distance_mm, double wavelength_mm, double path_scale)
 {
     const hada_camera *c = &wave->camera;
-    const double magnification = hada_camera_magnification(c, distance_mm);
-    const double slope = wave->design.slope * path_scale, feature = wave->design.feature;
-    const double pixel = c->pixel_pitch_mm / magnification;
-    g->reach = c->distance_mm / magnification;
+    return (travel){wavelength_mm, wave->design.slope * path_scale,
+                    c->distance_mm / hada_camera_magnification(c, distance_mm)};
+}
+
+static double step_for(const hada_wave *wave, const travel *t)
+{
+    const double feature = wave->design.feature;
+    const double pixel = wave->camera.pixel_pitch_mm * t->reach / wave->camera.distance_mm;
     /* the finest detail of the light: of a lens or hole, or what slopes in both directions make */
-    double detail = feature > 0.0 ? wavelength_mm * g->reach / feature : wavelength_mm / (2.0 * slope + 1e-9);
-    g->step = fmax(pixel, detail) / PIXEL_PARTS;
-    if (slope > 0.0)
-        g->step = fmin(g->step, wavelength_mm / (2.0 * OVERSAMPLING * slope));
-    if (feature > 0.0)
-        g->step = fmin(g->step, feature / EDGE_PARTS);
+    double detail = feature > 0.0 ? t->wavelength * t->reach / feature : t->wavelength / (2.0 * t->slope + 1e-9);
+    double step = fmax(pixel, detail) / PIXEL_PARTS;
+    if (t->slope > 0.0)
+        step = fmin(step, t->wavelength / (2.0 * OVERSAMPLING * t->slope));
+    return feature > 0.0 ? fmin(step, feature / EDGE_PARTS) : step;
+}
+
+/* How far light goes aside, as an angle: by slopes and, as an Airy pattern's tail, from edges. */
+static double aside_of(const hada_wave *wave, const travel *t, double step)
+{
+    const double tail = 2.0 * t->wavelength / (STRAY_FACTOR * wave->options.stray);
+    double aside = OVERSAMPLING * t->slope + tail / wave->camera.aperture_mm;
+    if (wave->design.feature > 0.0)
+        aside += tail / wave->design.feature;
+    return fmin(aside, t->wavelength / (2.0 * step));
+}
+
+/* One grid for all colours and all of the camera's distances, so that the mask is sampled once; a distance beyond the
+ * camera's has one of its own. */
+static hada_status size_grid(const hada_wave *wave, double distance_mm, grid *g, hada_error *err)
+{
+    const hada_camera *c = &wave->camera;
+    const int inside = distance_mm >= c->distances_mm[0] && distance_mm <= c->distances_mm[c->depths - 1];
+    const double ends[2] = {inside ? c->distances_mm[0] : distance_mm,
+                            inside ? c->distances_mm[c->depths - 1] : distance_mm};
+    double n = 0.0;
+    g->step = HUGE_VAL;
+    for (int pass = 0; pass < 2; pass++) /* the step, then the number; both change one way with the distance */
+        for (int i = 0; i < 2 * c->channels; i++) {
+            double wavelength, path_scale;
+            hada_wave_colour(c, i / 2, &wavelength, &path_scale);
+            const travel t = travel_of(wave, ends[i % 2], wavelength, path_scale);
+            if (!pass)
+                g->step = fmin(g->step, step_for(wave, &t));
+            else
+                n = fmax(n, ceil((c->aperture_mm + 2.0 * t.reach * aside_of(wave, &t, g->step)) / g->step));
+        }
     g->points = (int)ceil(c->aperture_mm / g->step);
-    /* how far light goes aside: by slopes and, as an Airy pattern's tail, from edges */
-    double aside = OVERSAMPLING * slope + 2.0 * wavelength_mm / (c->aperture_mm * STRAY_FACTOR * wave->options.stray);
-    if (feature > 0.0)
-        aside += 2.0 * wavelength_mm / (feature * STRAY_FACTOR * wave->options.stray);
-    aside = fmin(aside, wavelength_mm / (2.0 * g->step));
-    g->limit = aside / wavelength_mm;
-    const double n = ceil((c->aperture_mm + 2.0 * g->reach * aside) / g->step);
     const hada_device_info *info = &wave->slot->context->info;
-    /* mask and opening, two parts, two spectra (the transform's scratch as much again), a spectrum in one piece */
+    /* mask and opening, two parts, two spectra (the transforms' scratch twice as much), a spectrum in one piece */
     const double bytes = 4.0 * (2.0 * g->points * (double)g->points + 8.0 * n * n), piece = 8.0 * n * (n + 16.0);
     if (n > 32768.0 || bytes > 0.8 * (double)info->memory_bytes || piece > (double)info->max_allocation_bytes)
         return hada_fail(
@@ -86,24 +119,40 @@ void hada_wave_travel_phase(float *phase, int count, int n, double step, double 
     }
 }
 
-typedef struct work {
-    hada_fft *forward, *inverse;
-    hada_buffer path, open, field, spectrum, across, down, table_across, table_down, part, image;
-} work;
+/* The samples and pixels that lie on each other along an axis: of `pixels` about the pixel pixels/2, `first` and on. */
+typedef struct overlap {
+    int first, count;         /* pixels */
+    int sample, sample_count; /* samples, of the transform's */
+} overlap;
 
-static void work_free(work *w)
+/* What stays from colour to colour and from distance to distance. */
+struct hada_wave_work {
+    grid grid;
+    double light; /* what passes the mask */
+    hada_fft *forward, *inverse;
+    overlap down, across; /* of the inverse transform */
+    hada_buffer path, open, field, spectrum;
+};
+
+void hada_wave_rest(hada_wave *wave)
 {
-    hada_buffer *buffers[] = {&w->path, &w->open,         &w->field,      &w->spectrum, &w->across,
-                              &w->down, &w->table_across, &w->table_down, &w->part,     &w->image};
+    struct hada_wave_work *w = wave->work;
+    if (!w)
+        return;
+    wave->work = NULL;
+    hada_slot_finish(wave->slot, NULL);
     hada_fft_destroy(&w->forward);
     hada_fft_destroy(&w->inverse);
+    hada_buffer *buffers[] = {&w->path, &w->open, &w->field, &w->spectrum};
     for (size_t i = 0; i < HADA_COUNT(buffers); i++)
         hada_buffer_destroy(buffers[i]);
+    free(w);
 }
 
-/* The mask on its grid; *light: what passes. */
-static hada_status upload_mask(const hada_wave *wave, work *w, const grid *g, double *light, hada_error *err)
+/* The mask on its grid. */
+static hada_status upload_mask(const hada_wave *wave, struct hada_wave_work *w, hada_error *err)
 {
+    const grid *g = &w->grid;
     const size_t count = (size_t)g->points * (size_t)g->points;
     void *path = NULL, *open = NULL;
     hada_status status = hada_alloc_raw(&path, count, sizeof(float), "a mask", err);
@@ -118,7 +167,7 @@ static hada_status upload_mask(const hada_wave *wave, work *w, const grid *g, do
             const float share = (float)hada_mask_open(point.edge, g->step);
             ((float *)path)[at] = (float)point.path;
             ((float *)open)[at] = share;
-            *light += share; /* the area; |T|^2 of softened edges lacks what they scatter */
+            w->light += share; /* the area; |T|^2 of softened edges lacks what they scatter */
         }
     if (!status)
         status = hada_buffer_create_from(&w->path, wave->slot, path, count * sizeof(float), "a mask", err);
@@ -129,11 +178,28 @@ static hada_status upload_mask(const hada_wave *wave, work *w, const grid *g, do
     return status;
 }
 
-/* From the mask to the transform of the field on the sensor. */
-static hada_status spread(const hada_wave *wave, work *w, const grid *g, double wavelength_mm, double path_scale,
-                          hada_error *err)
+/* The field on the mask, or on the samples that the sensor sees: two parts. */
+static hada_status make_field(const hada_wave *wave, struct hada_wave_work *w, size_t samples, hada_error *err)
 {
+    if (w->field.bytes >= 2 * samples * sizeof(float))
+        return HADA_OK;
+    hada_buffer_destroy(&w->field);
+    return hada_buffer_create(&w->field, wave->slot->context, 2 * samples * sizeof(float), "a field", err);
+}
+
+/* The mask, its field, and the transform from it. */
+static hada_status make_work(hada_wave *wave, const grid *g, hada_error *err)
+{
+    void *memory;
+    if (wave->work && wave->work->grid.step == g->step && wave->work->grid.n == g->n)
+        return HADA_OK;
+    hada_wave_rest(wave);
+    hada_status status = hada_alloc(&memory, 1, sizeof(struct hada_wave_work), "wave optics", err);
+    if (status)
+        return status;
+    struct hada_wave_work *w = wave->work = memory;
     hada_slot *slot = wave->slot;
+    w->grid = *g;
     const int off = (g->n - g->points) / 2;
     const size_t points = (size_t)g->points * (size_t)g->points;
     const hada_fft_desc desc = {.direction = HADA_FFT_FORWARD,
@@ -148,43 +214,50 @@ static hada_status spread(const hada_wave *wave, work *w, const grid *g, double 
                                 .real_pitch = (size_t)g->points,
                                 .real_distance = points};
     const hada_spectrum_layout layout = hada_fft_layout(slot->context, g->n, g->n, HADA_FFT_OWN);
-    const int columns = layout.blocks * HADA_WAVE_BLOCK;
-    void *phase;
-    hada_status status =
-        hada_alloc(&phase, 2 * (size_t)(columns > g->n ? columns : g->n), sizeof(float), "phases", err);
-    if (status)
-        return status;
-    hada_wave_travel_phase(phase, columns, g->n, g->step, wavelength_mm, g->reach, g->limit);
-    status = hada_buffer_create_from(&w->across, slot, phase, 2 * (size_t)columns * sizeof(float), "phases", err);
-    hada_wave_travel_phase(phase, g->n, g->n, g->step, wavelength_mm, g->reach, g->limit);
-    if (!status)
-        status = hada_buffer_create_from(&w->down, slot, phase, 2 * (size_t)g->n * sizeof(float), "phases", err);
-    free(phase);
-    if (!status)
-        status = hada_buffer_create(&w->field, slot->context, 2 * points * sizeof(float), "a field", err);
-    if (!status)
-        status = hada_buffer_create(&w->spectrum, slot->context, 4 * layout.count * sizeof(float), "a field", err);
-    if (!status)
+    if (!(status = upload_mask(wave, w, err)) && !(status = make_field(wave, w, points, err)) &&
+        !(status = hada_buffer_create(&w->spectrum, slot->context, 4 * layout.count * sizeof(float), "a field", err)))
         status = hada_fft_create(&w->forward, slot, &desc, err);
-    if (!status)
-        status = hada_wave_launch_mask(slot, w->field.mem, w->path.mem, w->open.mem, g->points,
-                                       path_scale / wavelength_mm, err);
-    if (!status)
-        status = hada_fft_forward(w->forward, 2, w->field.mem, 0, w->spectrum.mem, 0, err);
-    if (!status)
-        status = hada_wave_launch_travel(slot, w->spectrum.mem, w->across.mem, w->down.mem, g->n, layout.blocks, err);
-    if (!status)
-        status = hada_slot_finish(slot, err);
-    hada_fft_destroy(&w->forward);
-    hada_buffer_destroy(&w->field);
+    if (status)
+        hada_wave_rest(wave);
     return status;
 }
 
-/* The samples and pixels that lie on each other along an axis: of `pixels` about the pixel pixels/2, `first` and on. */
-typedef struct overlap {
-    int first, count;         /* pixels */
-    int sample, sample_count; /* samples, of the transform's */
-} overlap;
+/* The phases of free space, down or across, go to the device. */
+static hada_status upload_phase(const hada_wave *wave, hada_buffer *to, int count, const travel *t, double limit,
+                                hada_error *err)
+{
+    const grid *g = &wave->work->grid;
+    void *phase;
+    hada_status status = hada_alloc(&phase, 2 * (size_t)count, sizeof(float), "phases", err);
+    if (status)
+        return status;
+    hada_wave_travel_phase(phase, count, g->n, g->step, t->wavelength, t->reach, limit);
+    status = hada_buffer_create_from(to, wave->slot, phase, 2 * (size_t)count * sizeof(float), "phases", err);
+    free(phase);
+    return status;
+}
+
+/* From the mask to the transform of the field on the sensor. */
+static hada_status spread(const hada_wave *wave, const travel *t, double path_scale, hada_error *err)
+{
+    struct hada_wave_work *w = wave->work;
+    hada_slot *slot = wave->slot;
+    const grid *g = &w->grid;
+    const int blocks = hada_fft_layout(slot->context, g->n, g->n, HADA_FFT_OWN).blocks;
+    const double limit = aside_of(wave, t, g->step) / t->wavelength; /* light beyond would leave the grid */
+    hada_buffer across = {0}, down = {0};
+    hada_status status;
+    if (!(status = upload_phase(wave, &across, blocks * HADA_WAVE_BLOCK, t, limit, err)) &&
+        !(status = upload_phase(wave, &down, g->n, t, limit, err)) &&
+        !(status = hada_wave_launch_mask(slot, w->field.mem, w->path.mem, w->open.mem, g->points,
+                                         path_scale / t->wavelength, err)) &&
+        !(status = hada_fft_forward(w->forward, 2, w->field.mem, 0, w->spectrum.mem, 0, err)) &&
+        !(status = hada_wave_launch_travel(slot, w->spectrum.mem, across.mem, down.mem, g->n, blocks, err)))
+        status = hada_slot_finish(slot, err);
+    hada_buffer_destroy(&across);
+    hada_buffer_destroy(&down);
+    return status;
+}
 
 static overlap overlap_of(const grid *g, int pixels, double width)
 {
@@ -198,9 +271,10 @@ static overlap overlap_of(const grid *g, int pixels, double width)
     return o;
 }
 
-static hada_status upload_shares(const hada_wave *wave, hada_buffer *buffer, const grid *g, const overlap *o,
-                                 int pixels, double width, hada_error *err)
+static hada_status upload_shares(const hada_wave *wave, hada_buffer *buffer, const overlap *o, int pixels, double width,
+                                 hada_error *err)
 {
+    const grid *g = &wave->work->grid;
     void *table;
     hada_status status = hada_alloc(&table, (size_t)o->count, sizeof(hada_wave_pixel), "pixels", err);
     if (status)
@@ -214,52 +288,59 @@ static hada_status upload_shares(const hada_wave *wave, hada_buffer *buffer, con
     return status;
 }
 
-/* From the transform of the field to pixels. */
-static hada_status collect(const hada_wave *wave, work *w, const grid *g, double width, int rows, int cols, double *sum,
-                           hada_error *err)
+/* The transform back, to samples that the sensor sees. */
+static hada_status make_inverse(const hada_wave *wave, const overlap *down, const overlap *across, hada_error *err)
 {
-    hada_slot *slot = wave->slot;
-    const overlap down = overlap_of(g, rows, width), across = overlap_of(g, cols, width);
-    const size_t samples = (size_t)down.sample_count * (size_t)across.sample_count;
-    const size_t pixels = (size_t)down.count * (size_t)across.count;
+    struct hada_wave_work *w = wave->work;
+    const size_t samples = (size_t)down->sample_count * (size_t)across->sample_count;
     const hada_fft_desc desc = {.direction = HADA_FFT_INVERSE,
                                 .backend = HADA_FFT_OWN,
-                                .rows = g->n,
-                                .cols = g->n,
+                                .rows = w->grid.n,
+                                .cols = w->grid.n,
                                 .batch = 2,
-                                .row0 = down.sample,
-                                .col0 = across.sample,
-                                .real_rows = down.sample_count,
-                                .real_cols = across.sample_count,
-                                .real_pitch = (size_t)across.sample_count,
+                                .row0 = down->sample,
+                                .col0 = across->sample,
+                                .real_rows = down->sample_count,
+                                .real_cols = across->sample_count,
+                                .real_pitch = (size_t)across->sample_count,
                                 .real_distance = samples};
+    hada_status status = make_field(wave, w, samples, err);
+    if (status || (w->inverse && w->down.sample == down->sample && w->down.sample_count == down->sample_count &&
+                   w->across.sample == across->sample && w->across.sample_count == across->sample_count))
+        return status;
+    hada_fft_destroy(&w->inverse);
+    w->down = *down;
+    w->across = *across;
+    return hada_fft_create(&w->inverse, wave->slot, &desc, err);
+}
+
+/* From the transform of the field to pixels. */
+static hada_status collect(const hada_wave *wave, double width, int rows, int cols, double *sum, hada_error *err)
+{
+    struct hada_wave_work *w = wave->work;
+    hada_slot *slot = wave->slot;
+    const overlap down = overlap_of(&w->grid, rows, width), across = overlap_of(&w->grid, cols, width);
+    const size_t pixels = (size_t)down.count * (size_t)across.count;
+    hada_buffer table_down = {0}, table_across = {0}, part = {0}, pixel = {0};
     void *image = NULL;
     hada_status status = hada_alloc(&image, pixels, sizeof(float), "a point spread function", err);
-    if (!status)
-        status = upload_shares(wave, &w->table_down, g, &down, rows, width, err);
-    if (!status)
-        status = upload_shares(wave, &w->table_across, g, &across, cols, width, err);
-    if (!status)
-        status = hada_buffer_create(&w->field, slot->context, 2 * samples * sizeof(float), "a field", err);
-    if (!status)
-        status = hada_fft_create(&w->inverse, slot, &desc, err);
-    if (!status)
-        status = hada_fft_inverse(w->inverse, 2, w->spectrum.mem, 0, w->field.mem, 0, NULL, err);
-    if (!status)
-        status = hada_buffer_create(&w->part, slot->context,
-                                    (size_t)down.sample_count * (size_t)across.count * sizeof(float), "pixels", err);
-    if (!status)
-        status = hada_buffer_create(&w->image, slot->context, pixels * sizeof(float), "pixels", err);
-    if (!status)
-        status = hada_wave_launch_sensor(slot, w->image.mem, w->part.mem, w->field.mem, w->table_across.mem,
-                                         w->table_down.mem, down.sample_count, across.sample_count, down.count,
-                                         across.count, err);
-    if (!status)
-        status = hada_buffer_read(&w->image, slot, 0, image, pixels * sizeof(float), err);
+    if (!status && !(status = upload_shares(wave, &table_down, &down, rows, width, err)) &&
+        !(status = upload_shares(wave, &table_across, &across, cols, width, err)) &&
+        !(status = make_inverse(wave, &down, &across, err)) &&
+        !(status = hada_fft_inverse(w->inverse, 2, w->spectrum.mem, 0, w->field.mem, 0, NULL, err)) &&
+        !(status = hada_buffer_create(
+              &part, slot->context, (size_t)down.sample_count * (size_t)across.count * sizeof(float), "pixels", err)) &&
+        !(status = hada_buffer_create(&pixel, slot->context, pixels * sizeof(float), "pixels", err)) &&
+        !(status = hada_wave_launch_sensor(slot, pixel.mem, part.mem, w->field.mem, table_across.mem, table_down.mem,
+                                           down.sample_count, across.sample_count, down.count, across.count, err)))
+        status = hada_buffer_read(&pixel, slot, 0, image, pixels * sizeof(float), err);
     for (int r = 0; r < down.count && !status; r++)
         for (int c = 0; c < across.count; c++)
             sum[(size_t)(down.first + r) * (size_t)cols + (size_t)(across.first + c)] +=
                 ((float *)image)[(size_t)r * (size_t)across.count + (size_t)c];
+    hada_buffer *buffers[] = {&table_down, &table_across, &part, &pixel};
+    for (size_t i = 0; i < HADA_COUNT(buffers); i++)
+        hada_buffer_destroy(buffers[i]);
     free(image);
     return status;
 }
@@ -267,19 +348,14 @@ static hada_status collect(const hada_wave *wave, work *w, const grid *g, double
 hada_status hada_wave_whole(hada_wave *wave, double distance_mm, double wavelength_mm, double path_scale, int rows,
                             int cols, double *sum, double *light, hada_error *err)
 {
-    grid g = {0};
-    work w = {0};
-    hada_status status = size_grid(wave, distance_mm, wavelength_mm, path_scale, &g, err);
-    if (!status)
-        status = upload_mask(wave, &w, &g, light, err);
-    if (!status)
-        status = spread(wave, &w, &g, wavelength_mm, path_scale, err);
-    if (!status) {
-        hada_buffer_destroy(&w.path);
-        hada_buffer_destroy(&w.open);
-        const double width = wave->camera.pixel_pitch_mm / hada_camera_magnification(&wave->camera, distance_mm);
-        status = collect(wave, &w, &g, width, rows, cols, sum, err);
-    }
-    work_free(&w);
+    grid g;
+    const travel t = travel_of(wave, distance_mm, wavelength_mm, path_scale);
+    const double width = wave->camera.pixel_pitch_mm / hada_camera_magnification(&wave->camera, distance_mm);
+    hada_status status;
+    if (!(status = size_grid(wave, distance_mm, &g, err)) && !(status = make_work(wave, &g, err)) &&
+        !(status = spread(wave, &t, path_scale, err)) && !(status = collect(wave, width, rows, cols, sum, err)))
+        *light += wave->work->light;
+    if (status) /* nothing half made is kept */
+        hada_wave_rest(wave);
     return status;
 }

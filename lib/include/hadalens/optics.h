@@ -35,7 +35,8 @@ HADA_API void hada_wave_options_init(hada_wave_options *options);
 typedef struct hada_wave hada_wave;
 
 /* The camera is copied. `options` NULL: the defaults. HADA_ERROR_UNSUPPORTED, with the size, where a mask needs finer
- * sampling than the device has memory for. */
+ * sampling than the device has memory for. A mask that is computed as a whole keeps its samples and transforms on the
+ * device from one PSF to the next, until the object is destroyed. */
 HADA_API hada_status hada_wave_create(hada_wave **out, hada_context *context, const hada_camera *camera,
                                       const hada_wave_options *options, hada_error *err);
 HADA_API void hada_wave_destroy(hada_wave **wave);

@@ -7,6 +7,7 @@
  *   ref_oracle fit COUNT PAIRS SPLIT ALPHA RIDGE LEAST   spectra x and b pair by pair, other (2 x count), weights
  *   ref_oracle score SPLIT ALPHA RIDGE (ten numbers of hada_ref_grid)   x, b, sums, other, seen, weights
  *   ref_oracle refine ROWS COLS WINDOW(4) PADDED FRAME(4) DEPTHS STEPS RHO RELAXATION MU   otf, prior, image
+ *   ref_oracle variation CHANNELS ROWS COLS THETA LENGTH STEPS   planes; gives planes, duals
  *   ref_oracle focus MEASURE SUM SIGMA CHANNELS ROWS COLS DEPTHS    planes
  *   ref_oracle crop IN_ROWS IN_COLS CHANNELS ROWS COLS PARTS FACTOR TAPERS INVERT
  *   ref_oracle train SPLIT (ten numbers of hada_ref_grid)   raw frame, filter, gradient of the window
@@ -21,6 +22,7 @@
 #include "ref/ref_refine.h"
 #include "ref/ref_spectrum.h"
 #include "ref/ref_train.h"
+#include "ref/ref_tv.h"
 
 static size_t half_count(int rows, int cols)
 {
@@ -178,6 +180,22 @@ static void refine(void)
         free(all[i]);
 }
 
+static void variation(void)
+{
+    hada_error error;
+    const int channels = whole(), rows = whole(), cols = whole();
+    const double theta = number(), length = number();
+    const int steps = whole();
+    const size_t values = (size_t)channels * (size_t)rows * (size_t)cols;
+    double *w = take(values), *duals = room(2 * values), *u = room(values);
+    check(hada_ref_tv_coupled(w, channels, rows, cols, theta, length, steps, duals, u, &error), &error);
+    give(u, values);
+    give(duals, 2 * values);
+    free(w);
+    free(duals);
+    free(u);
+}
+
 static void focus(void)
 {
     hada_error error;
@@ -250,6 +268,8 @@ int main(int count, char **arguments)
         score();
     else if (!strcmp(what, "refine"))
         refine();
+    else if (!strcmp(what, "variation"))
+        variation();
     else if (!strcmp(what, "focus"))
         focus();
     else if (!strcmp(what, "crop"))

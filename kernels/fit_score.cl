@@ -9,25 +9,6 @@
 #define FIT_SETTINGS 5
 #endif
 
-inline float fit_total(float8 value)
-{
-    const float4 half_sum = value.lo + value.hi;
-    return (half_sum.x + half_sum.y) + (half_sum.z + half_sum.w);
-}
-
-/* The last values of an image may not fill a group, and the next image follows. */
-inline void fit_put(float16 value, size_t i, ulong count, __global float *image)
-{
-    if (8 * i + 8 <= count) {
-        vstore16(value, i, image);
-    } else {
-        float each[16];
-        vstore16(value, 0, each);
-        for (size_t k = 0; k < 2 * (count - 8 * i); k++)
-            image[16 * i + k] = each[k];
-    }
-}
-
 /* Takes a pair (spectra x, b) out of its sums, fits FIT_SETTINGS filters (alpha, lambda; the ridge is lambda * scale)
  * without it and tries them on it: error[setting] = spectrum of scene - filtered frame, `count` complex numbers each,
  * and leak[setting][chunk] = sum of weight |W|^2 * mean |B|^2 of the other depths. */

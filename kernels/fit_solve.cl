@@ -13,23 +13,17 @@ __kernel void fit_filter(__global const float *sums, __global const float *pool,
     const size_t i = get_global_id(0);
     if (i >= vectors)
         return;
-    const float8 raw = fit_high(sums, stride, 2, i), other = max(vload8(i, pool) - raw, 0.0f);
     const float8 re = fit_high(sums, stride, 0, i);
-    float16 w;
+    float16 cross;
 #if FIT_SPLIT
-    const float8 cross = fit_high(sums, stride, 4, i), cross_rest = fit_low(sums, stride, 4, i);
-    const float8 part = fit_high(sums, stride, 5, i), part_rest = fit_low(sums, stride, 5, i);
-    const float8 raw_i = max((raw - part) + (fit_low(sums, stride, 2, i) - part_rest), 0.0f);
-    const float8 cross_i = (re - cross) + (fit_low(sums, stride, 0, i) - cross_rest);
-    const float8 other_r = clamp(vload8(i, pool + 3 * stride) - part, 0.0f, other);
-    w.even = fit_divide(cross, part + alpha * other_r + 0.5f * ridge);
-    w.odd = fit_divide(cross_i, raw_i + alpha * (other - other_r) + 0.5f * ridge);
+    cross.even = fit_high(sums, stride, 4, i);
+    cross.odd = (re - cross.even) + (fit_low(sums, stride, 0, i) - fit_low(sums, stride, 4, i));
 #else
-    const float8 under = raw + alpha * other + ridge;
-    w.even = fit_divide(re, under);
-    w.odd = fit_divide(fit_high(sums, stride, 1, i), under);
+    cross.even = re;
+    cross.odd = fit_high(sums, stride, 1, i);
 #endif
-    vstore16(w, i, filter + 2 * at);
+    const fit_under under = fit_under_of(sums, pool, stride, alpha, ridge, i);
+    vstore16(fit_divide_parts(cross, under.whole), i, filter + 2 * at);
 }
 
 __kernel void fit_transfer(__global const float *sums, ulong stride, float least, __global float *otf, ulong at,

@@ -48,6 +48,58 @@ inline float8 fit_divide(float8 over, float8 under)
     return under > 0.0f ? over / under : (float8)0.0f;
 }
 
+inline float16 fit_divide_parts(float16 over, float16 under)
+{
+    float16 result;
+    result.even = fit_divide(over.even, under.even);
+    result.odd = fit_divide(over.odd, under.odd);
+    return result;
+}
+
+inline float fit_total(float8 value)
+{
+    const float4 half_sum = value.lo + value.hi;
+    return (half_sum.x + half_sum.y) + (half_sum.z + half_sum.w);
+}
+
+/* The last values of an image may not fill a group, and the next image follows. */
+inline void fit_put(float16 value, size_t i, ulong count, __global float *image)
+{
+    if (8 * i + 8 <= count) {
+        vstore16(value, i, image);
+    } else {
+        float each[16];
+        vstore16(value, 0, each);
+        for (size_t k = 0; k < 2 * (count - 8 * i); k++)
+            image[16 * i + k] = each[k];
+    }
+}
+
+/* What stands under a filter's fraction, for its real (even) and imaginary (odd) part: own |B|^2 + alpha * that of the
+ * other depths + ridge; split: of the parts by themselves, with half the ridge. */
+typedef struct fit_under {
+    float16 own, whole;
+} fit_under;
+
+inline fit_under fit_under_of(__global const float *sums, __global const float *pool, ulong stride, float alpha,
+                              float ridge, size_t i)
+{
+    const float8 raw = fit_high(sums, stride, 2, i), other = max(vload8(i, pool) - raw, 0.0f);
+    fit_under under;
+#if FIT_SPLIT
+    const float8 part = fit_high(sums, stride, 5, i);
+    const float8 other_r = clamp(vload8(i, pool + 3 * stride) - part, 0.0f, other);
+    under.own.even = part;
+    under.own.odd = max((raw - part) + (fit_low(sums, stride, 2, i) - fit_low(sums, stride, 5, i)), 0.0f);
+    under.whole.even = part + alpha * other_r + 0.5f * ridge;
+    under.whole.odd = under.own.odd + alpha * (other - other_r) + 0.5f * ridge;
+#else
+    under.own.even = under.own.odd = raw;
+    under.whole.even = under.whole.odd = raw + alpha * other + ridge;
+#endif
+    return under;
+}
+
 /* What a pair gives to the sums. */
 typedef struct fit_terms {
     float8 cross_re, cross_im, raw, scene, split_cross, split_raw;

@@ -35,7 +35,10 @@ static void draw(hada_cli_progress *progress, const char *note)
     for (int i = 0; i < WIDTH; i++)
         bar[i] = i < share * WIDTH ? '#' : '.';
     bar[WIDTH] = '\0';
-    fprintf(stderr, "\r\033[K%s [%s] %ld of %ld", progress->what, bar, progress->done, progress->total);
+    if (progress->total > 0)
+        fprintf(stderr, "\r\033[K%s [%s] %ld of %ld", progress->what, bar, progress->done, progress->total);
+    else /* not known beforehand */
+        fprintf(stderr, "\r\033[K%ld %s", progress->done, progress->what);
     if (share > 0 && share < 1 && passed > 1)
         fprintf(stderr, ", %.0f s left", passed * (1 - share) / share);
     if (note)

@@ -53,6 +53,10 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_REAL, "alpha", 0, "A", "weight of the other depths' light (default: by leave-one-out)", NULL,
      AT(alpha)},
     {HADA_OPTION_REAL, "lambda", 0, "L", "regularisation (default: by leave-one-out)", NULL, AT(lambda)},
+    {HADA_OPTION_REAL, "outside", 0, "W",
+     "weight of what a filter makes outside the window, 0.01 to 1 (default: by leave-one-out)",
+     "Below 1 filters are judged in the window, which takes several looks at every pair; with 1 the fit is one pass.",
+     AT(outside)},
     {HADA_OPTION_TEXT, "refine", 0, "N|auto|0", "refinement steps that the model recommends (default: auto)",
      "auto measures by leave-one-out whether refinement pays for this camera.", AT(refine)},
     {HADA_OPTION_TEXT, "refine-tv", 0, "W|auto|0", "weight of total variation in refinement (default: auto)",
@@ -62,8 +66,8 @@ static const hada_cli_option options[] = {
      "nonnegative (default): light adds up, so they are nowhere negative; this fills in frequencies of which the pairs "
      "say too little. free: from the pairs alone. Refinement and the search for occupied depths use them.",
      AT(psf_sign)},
-    {HADA_OPTION_FLAG, "no-leave-one-out", 0, NULL, "do not try: alpha 0, lambda 1e-4 and no refinement unless given",
-     NULL, AT(no_leave_one_out)},
+    {HADA_OPTION_FLAG, "no-leave-one-out", 0, NULL,
+     "do not try: alpha 0, lambda 1e-4, outside 1 and no refinement unless given", NULL, AT(no_leave_one_out)},
     {0},
 };
 
@@ -72,7 +76,7 @@ static void defaults(void *user)
     settings *set = user;
     set->dark = "none";
     set->refine = set->refine_tv = "auto";
-    set->alpha = set->lambda = set->psf_dark = -1;
+    set->alpha = set->lambda = set->outside = set->psf_dark = -1;
 }
 
 /* Filters first, then, on a few held-out frames, whether refinement pays. */
@@ -83,7 +87,10 @@ static void print_rows(hada_cli *cli, const hada_fit_row *rows, size_t count)
         const hada_fit_row *row = &rows[i];
         int trial = row->refine_rho > 0;
         char steps[32] = "none", two[32] = "-";
-        if (!i && !trial)
+        if (row->outside > 0 && (!i || !(rows[i - 1].outside > 0)))
+            hada_cli_say(cli, "\nWeight of what filters make outside the window, on a few held-out pairs\n  %20s  %9s",
+                         "outside", "one depth");
+        if (!i && !trial && !(row->outside > 0))
             hada_cli_say(cli, "\nLeave-one-out, mean PSNR of held-out pairs in dB\n  %9s  %9s  %9s  %10s", "alpha",
                          "lambda", "one depth", "two depths");
         if (trial && (!i || !(rows[i - 1].refine_rho > 0)))
@@ -94,7 +101,9 @@ static void print_rows(hada_cli *cli, const hada_fit_row *rows, size_t count)
         if (isfinite(row->psnr_double))
             snprintf(two, sizeof two, "%.2f", row->psnr_double);
         const char *mark = row->chosen ? "*" : " ", *chosen = row->chosen ? "  chosen" : "";
-        if (trial)
+        if (row->outside > 0)
+            hada_cli_say(cli, "%s %20.3g  %9.2f%s", mark, row->outside, row->psnr_single, chosen);
+        else if (trial)
             hada_cli_say(cli, "%s %9s  %9.2g  %9.2f  %10s%s", mark, steps, row->refine_tv, row->psnr_single, two,
                          chosen);
         else
@@ -102,6 +111,7 @@ static void print_rows(hada_cli *cli, const hada_fit_row *rows, size_t count)
                          chosen);
         json_t *entry = json_pack("{s:f, s:f, s:i, s:b}", "alpha", row->alpha, "lambda", row->lambda, "refine_steps",
                                   row->refine_steps, "chosen", row->chosen);
+        json_object_set_new(entry, "outside", row->outside > 0 ? hada_cli_real(row->outside) : json_null());
         json_object_set_new(entry, "refine_rho", hada_cli_real(row->refine_rho));
         json_object_set_new(entry, "refine_tv", hada_cli_real(row->refine_tv));
         json_object_set_new(entry, "psnr_one_depth", hada_cli_real(row->psnr_single));
@@ -129,6 +139,9 @@ static hada_status learn(hada_cli *cli, const settings *set, const hada_cli_data
     /* One pair alone cannot be left out. */
     if (!status && !set->no_leave_one_out && (data->least_pairs > 1 || set->merge.count))
         status = hada_cli_pairs_score(cli, fitter, data, err);
+    /* Merged sums bring no pairs to look at again. */
+    if (!status && !set->merge.count && !(set->no_leave_one_out && set->outside < 0))
+        status = hada_cli_pairs_judge(cli, fitter, data, err);
     if (!status)
         status = hada_fitter_finish(fitter, model, &rows, &row_count, err);
     if (!status) {
@@ -162,6 +175,7 @@ static hada_status fit_pairs(hada_cli *cli, const settings *set, const char *fol
     fit.alpha = set->alpha;
     fit.nonnegative = set->psf_sign != 2;
     fit.lambda = set->lambda;
+    fit.outside = set->outside;
     fit.form = set->form == 2 ? HADA_FORM_SPLIT : HADA_FORM_COMPLEX;
     fit.boundary = hada_cli_fit_boundary(cli, set->boundary, &data);
     status = hada_cli_read_refine(set->refine, &fit.refine_steps, err);
@@ -283,6 +297,11 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
         return hada_cli_usage(cli, "forms complex and split are learned from pairs; with --psf take wiener or matched");
     if (set->psf && set->psf_sign)
         return hada_cli_usage(cli, "--psf-sign belongs to pairs; what --psf gives is made non-negative anyway");
+    if (set->outside >= 0 && set->psf)
+        return hada_cli_usage(cli, "--outside belongs to pairs, not to --psf");
+    if (set->outside >= 0 && set->outside < 1 && set->merge.count)
+        return hada_cli_usage(cli, "--outside below 1 looks at every pair several times, and sums (--merge) have none; "
+                                   "give all pairs in one DATASET");
     if (set->psf && (set->sums || set->merge.count))
         return hada_cli_usage(cli, "--sums and --merge belong to pairs, not to --psf");
     hada_status status = hada_cli_check_output(set->output, &err);

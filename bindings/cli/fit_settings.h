@@ -12,7 +12,7 @@ typedef struct hada_cli_fit_settings {
     hada_cli_texts merge;
     int form, boundary, half, skip_incomplete, no_leave_one_out, psf_sign;
     int window[2];
-    double alpha, lambda, psf_dark;
+    double alpha, lambda, outside, psf_dark;
     int colour;
 } hada_cli_fit_settings;
 

@@ -143,3 +143,37 @@ hada_status hada_cli_pairs_score(hada_cli *cli, hada_fitter *fitter, const hada_
     hada_cli_progress_end(cli);
     return status;
 }
+
+/* The pair that is shown, until the next one is. */
+typedef struct shown {
+    hada_cli *cli;
+    const hada_cli_dataset *set;
+    hada_image raw, scene;
+} shown;
+
+static hada_status show(void *user, int depth, int64_t number, const hada_image **raw, const hada_image **scene,
+                        hada_error *err)
+{
+    shown *at = user;
+    hada_image_destroy(&at->raw);
+    hada_image_destroy(&at->scene);
+    hada_status status = hada_cli_check_signals(err);
+    if (!status)
+        status = hada_cli_pair_load(&at->set->depth[depth].pair[number], &at->raw, &at->scene, err);
+    hada_cli_progress_step(at->cli, NULL);
+    *raw = &at->raw;
+    *scene = &at->scene;
+    return status;
+}
+
+hada_status hada_cli_pairs_judge(hada_cli *cli, hada_fitter *fitter, const hada_cli_dataset *set, hada_error *err)
+{
+    shown at = {.cli = cli, .set = set};
+    hada_cli_progress progress;
+    hada_cli_progress_begin(cli, &progress, "looks at pairs, to judge in the window", 0);
+    hada_status status = hada_fitter_judge(fitter, show, &at, err);
+    hada_cli_progress_end(cli);
+    hada_image_destroy(&at.raw);
+    hada_image_destroy(&at.scene);
+    return status;
+}

@@ -32,4 +32,7 @@ hada_status hada_cli_pairs_add(hada_cli *cli, hada_fitter *fitter, const hada_cl
 /* Second pass: as many pairs as the fitter looks at, evenly spread over the lists. */
 hada_status hada_cli_pairs_score(hada_cli *cli, hada_fitter *fitter, const hada_cli_dataset *set, hada_error *err);
 
+/* Further passes: filters judged in the window, which may choose the weight outside it by leaving pairs out. */
+hada_status hada_cli_pairs_judge(hada_cli *cli, hada_fitter *fitter, const hada_cli_dataset *set, hada_error *err);
+
 #endif

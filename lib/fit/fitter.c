@@ -30,6 +30,7 @@ void hada_fit_options_init(hada_fit_options *options)
                                   .form = HADA_FORM_COMPLEX,
                                   .alpha = -1.0,
                                   .lambda = -1.0,
+                                  .outside = -1.0,
                                   .refine_steps = -1,
                                   .refine_tv = -1.0,
                                   .nonnegative = 1};
@@ -48,6 +49,11 @@ static hada_status check_options(const hada_fit_options *options, hada_error *er
     if (!isfinite(options->alpha) || !isfinite(options->lambda) || !isfinite(options->refine_tv) ||
         !isfinite(options->dark))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "alpha, lambda and the dark level must be finite");
+    if (!(options->outside <= 1.0) || (options->outside >= 0.0 && options->outside < HADA_FIT_LEAST_OUTSIDE))
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "the weight outside the window is %g; it must lie between %g and 1, or be negative to have it "
+                         "chosen",
+                         options->outside, HADA_FIT_LEAST_OUTSIDE);
     return HADA_OK;
 }
 
@@ -101,12 +107,12 @@ static hada_status make_host_side(hada_fitter *fitter, hada_error *err)
     return status;
 }
 
-static hada_fft_desc describe(const hada_fitter *fitter, int window)
+hada_fft_desc hada_fitter_describe(const hada_fitter *fitter, hada_fft_direction direction, int window)
 {
     const hada_model_info *info = &fitter->info;
     const hada_geometry *at = &fitter->geometry;
     const int rows = window ? info->window_rows : info->raw_rows, cols = window ? info->window_cols : info->raw_cols;
-    return (hada_fft_desc){.direction = HADA_FFT_FORWARD,
+    return (hada_fft_desc){.direction = direction,
                            .rows = info->grid_rows,
                            .cols = info->grid_cols,
                            .batch = info->channels,
@@ -128,7 +134,8 @@ static hada_status make_buffer(hada_fitter *fitter, hada_buffer *buffer, size_t 
 
 static hada_status make_device_side(hada_fitter *fitter, hada_error *err)
 {
-    const hada_fft_desc raw = describe(fitter, 0), scene = describe(fitter, 1);
+    const hada_fft_desc raw = hada_fitter_describe(fitter, HADA_FFT_FORWARD, 0);
+    const hada_fft_desc scene = hada_fitter_describe(fitter, HADA_FFT_FORWARD, 1);
     const size_t channels = (size_t)fitter->info.channels;
     hada_status status = hada_fft_create(&fitter->raw_fft, fitter->slot, &raw, err);
     if (!status)
@@ -264,6 +271,7 @@ void hada_fitter_destroy(hada_fitter **pointer)
         free(fitter->depth[z].twofold);
     }
     hada_fitter_drop_kept(fitter);
+    hada_fitter_drop_judged(fitter);
     void *arrays[] = {fitter->sums,         fitter->pool,       fitter->depth,       fitter->distances,
                       fitter->alphas,       fitter->lambdas,    fitter->room,        fitter->raw_pixels,
                       fitter->scene_pixels, fitter->raw_energy, fitter->scene_energy};
@@ -275,11 +283,10 @@ void hada_fitter_destroy(hada_fitter **pointer)
 
 hada_status hada_fitter_prepare_trials(hada_fitter *fitter, hada_error *err)
 {
-    hada_fft_desc desc = describe(fitter, 1);
+    hada_fft_desc desc = hada_fitter_describe(fitter, HADA_FFT_INVERSE, 1);
     hada_status status = HADA_OK;
     if (fitter->planes.mem)
         return HADA_OK;
-    desc.direction = HADA_FFT_INVERSE;
     desc.batch = HADA_FIT_TRIALS;
     if (!fitter->trial_fft) {
         status = hada_fft_create(&fitter->trial_fft, fitter->slot, &desc, err);

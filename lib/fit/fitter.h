@@ -21,6 +21,18 @@ enum { HADA_FIT_CHUNK = 32, HADA_FIT_TRIALS = 5 };
 #define HADA_FIT_ALPHA  0.0
 #define HADA_FIT_LAMBDA 1e-4
 
+/* The least weight of what filters make outside the window: rounds would not settle below it. */
+#define HADA_FIT_LEAST_OUTSIDE 0.01
+
+/* What judging in the window left: filters in the place of the exact fit's, and what was tried. */
+enum { HADA_FIT_JUDGED = 6 };
+typedef struct hada_fitter_judged {
+    float *filters; /* as in a model; NULL: the exact fit's serve */
+    int count;      /* weights that were compared; 0: none */
+    int chosen;
+    double outside[HADA_FIT_JUDGED], psnr[HADA_FIT_JUDGED];
+} hada_fitter_judged;
+
 /* Pairs kept for the trial of refinement. */
 enum { HADA_FIT_KEPT = 4 };
 typedef struct hada_fitter_kept {
@@ -68,12 +80,16 @@ struct hada_fitter {
 
     hada_fitter_kept kept[HADA_FIT_KEPT];
     int kept_count;
+    hada_fitter_judged judged;
 
     int setting_count;        /* a multiple of HADA_FIT_TRIALS: the last one may be repeated */
     int distinct;             /* settings that differ */
     double *alphas, *lambdas; /* per setting */
     int chunks;
 };
+
+/* The transform of frames (0) or of what stands in the window (1), of all channels. */
+hada_fft_desc hada_fitter_describe(const hada_fitter *fitter, hada_fft_direction direction, int window);
 
 /* Brings the sums of a depth to the device. */
 hada_status hada_fitter_select(hada_fitter *fitter, int depth, hada_error *err);
@@ -85,9 +101,11 @@ hada_status hada_fitter_put_back(hada_fitter *fitter, hada_error *err);
 hada_status hada_fitter_check_pair(const hada_fitter *fitter, int depth, const hada_image *raw, const hada_image *scene,
                                    hada_error *err);
 
-/* Takes the dark level off a checked pair and transforms it: spectra in fitter->b and fitter->x, pixels in
- * fitter->raw_pixels and fitter->scene_pixels, sums of squared pixels in fitter->raw_energy and fitter->scene_energy.
- */
+/* Takes the dark level off a checked pair: pixels in fitter->raw_pixels and fitter->scene_pixels, sums of squared
+ * pixels in fitter->raw_energy and fitter->scene_energy. */
+void hada_fitter_take(hada_fitter *fitter, const hada_image *raw, const hada_image *scene);
+
+/* The same, and transforms it: spectra in fitter->b and fitter->x. */
 hada_status hada_fitter_stage(hada_fitter *fitter, const hada_image *raw, const hada_image *scene, hada_error *err);
 
 /* Spectra of pixels whose dark level is off already; scene NULL: of the frame alone. */
@@ -106,6 +124,15 @@ hada_status hada_fitter_solve_transfers(hada_fitter *fitter, const double *scene
 /* Keeps the pair that was just scored for the trial of refinement, where that wants one of this depth. */
 hada_status hada_fitter_keep(hada_fitter *fitter, int depth, hada_error *err);
 void hada_fitter_drop_kept(hada_fitter *fitter);
+void hada_fitter_drop_judged(hada_fitter *fitter);
+
+/* The weights that the scores prefer, the caller's, or the defaults; as hada_fitter_best(). */
+size_t hada_fitter_choice(const hada_fitter *fitter, double *alpha, double *lambda, int *scored);
+
+/* One spectrum on the device, at complex number `at` of `from`, in rows; `blocks`: 2 layout.count floats. `what` names
+ * it where it is not finite. */
+hada_status hada_fitter_read_plane(hada_fitter *fitter, const hada_buffer *from, size_t at, float *blocks, float *to,
+                                   const char *what, hada_error *err);
 
 /* Whether refinement pays: tries it on kept pairs and sums of two of them, each left out of the sums, and sets the
  * model's refine_steps and refine_rho. Appends its rows to *rows (may be NULL). Without kept pairs nothing changes. */
@@ -130,8 +157,9 @@ hada_status hada_fitter_launch(hada_fitter *fitter, const char *file, const char
  * would ruin single depths. */
 size_t hada_fitter_best(const hada_fitter *fitter, int *scored);
 
-/* Rows for the settings; *rows is freed with free(). */
-hada_status hada_fitter_rows(const hada_fitter *fitter, size_t best, hada_fit_row **rows, size_t *count,
+/* Rows for the settings (where scored) and for the weights outside the window that were compared; *rows is freed with
+ * free(). */
+hada_status hada_fitter_rows(const hada_fitter *fitter, size_t best, int scored, hada_fit_row **rows, size_t *count,
                              hada_error *err);
 
 /* Solves with the given weights into a new model. */

@@ -53,7 +53,7 @@ static double take(const float *from, size_t pitch, int rows, int cols, double d
     return energy;
 }
 
-static void take_pair(hada_fitter *fitter, const hada_image *raw, const hada_image *scene)
+void hada_fitter_take(hada_fitter *fitter, const hada_image *raw, const hada_image *scene)
 {
     const hada_model_info *info = &fitter->info;
     const size_t raw_area = (size_t)raw->rows * (size_t)raw->cols, area = (size_t)scene->rows * (size_t)scene->cols;
@@ -87,7 +87,7 @@ hada_status hada_fitter_transform(hada_fitter *fitter, const float *raw, const f
 
 hada_status hada_fitter_stage(hada_fitter *fitter, const hada_image *raw, const hada_image *scene, hada_error *err)
 {
-    take_pair(fitter, raw, scene);
+    hada_fitter_take(fitter, raw, scene);
     return hada_fitter_transform(fitter, fitter->raw_pixels, fitter->scene_pixels, err);
 }
 
@@ -96,6 +96,7 @@ void hada_fitter_forget_scores(hada_fitter *fitter)
     const size_t bytes = (size_t)fitter->setting_count * sizeof(double);
     fitter->pooled = 0;
     hada_fitter_drop_kept(fitter);
+    hada_fitter_drop_judged(fitter);
     for (int z = 0; z < fitter->info.depths; z++) {
         fitter->depth[z].scored = 0;
         memset(fitter->depth[z].single, 0, bytes);

@@ -131,6 +131,7 @@ hada_status hada_fitter_score(hada_fitter *fitter, int depth, const hada_image *
     if (to->pairs < 2 || to->scored >= (share > PAIRS_PER_DEPTH ? share : PAIRS_PER_DEPTH))
         return HADA_OK;
     const size_t count = (size_t)fitter->setting_count;
+    hada_fitter_drop_judged(fitter); /* alpha and lambda may change */
     status = hada_fitter_prepare_trials(fitter, err);
     if (!status)
         status = hada_fitter_pool(fitter, err);
@@ -194,13 +195,31 @@ size_t hada_fitter_best(const hada_fitter *fitter, int *scored)
     return best;
 }
 
-hada_status hada_fitter_rows(const hada_fitter *fitter, size_t best, hada_fit_row **rows, size_t *count,
+size_t hada_fitter_choice(const hada_fitter *fitter, double *alpha, double *lambda, int *scored)
+{
+    const hada_fit_options *options = &fitter->options;
+    const size_t best = hada_fitter_best(fitter, scored);
+    *alpha = fitter->alphas[best];
+    *lambda = fitter->lambdas[best];
+    if (!*scored) {
+        *alpha = options->alpha >= 0.0 ? options->alpha : HADA_FIT_ALPHA;
+        *lambda = options->lambda >= 0.0 ? options->lambda : HADA_FIT_LAMBDA;
+    }
+    return best;
+}
+
+hada_status hada_fitter_rows(const hada_fitter *fitter, size_t best, int scored, hada_fit_row **rows, size_t *count,
                              hada_error *err)
 {
-    const size_t distinct = (size_t)fitter->distinct;
-    hada_status status = hada_alloc((void **)rows, distinct, sizeof **rows, "the leave-one-out table", err);
-    *count = status ? 0 : distinct;
-    for (size_t s = 0; !status && s < *count; s++) {
+    const hada_fitter_judged *judged = &fitter->judged;
+    const size_t settings = scored ? (size_t)fitter->distinct : 0, all = settings + (size_t)judged->count;
+    *rows = NULL;
+    *count = 0;
+    hada_status status = all ? hada_alloc((void **)rows, all, sizeof **rows, "the leave-one-out table", err) : HADA_OK;
+    if (status)
+        return status;
+    *count = all;
+    for (size_t s = 0; s < settings; s++) {
         hada_fit_row *row = &(*rows)[s];
         row->alpha = fitter->alphas[s];
         row->lambda = fitter->lambdas[s];
@@ -210,5 +229,14 @@ hada_status hada_fitter_rows(const hada_fitter *fitter, size_t best, hada_fit_ro
         if (fitter->info.depths == 1)
             row->psnr_double = NAN;
     }
-    return status;
+    for (int s = 0; s < judged->count; s++) {
+        hada_fit_row *row = &(*rows)[settings + (size_t)s];
+        *row = (hada_fit_row){.outside = judged->outside[s],
+                              .psnr_single = judged->psnr[s],
+                              .psnr_double = NAN,
+                              .chosen = s == judged->chosen};
+        int ignored;
+        hada_fitter_choice(fitter, &row->alpha, &row->lambda, &ignored);
+    }
+    return HADA_OK;
 }

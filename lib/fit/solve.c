@@ -1,6 +1,7 @@
 /* From sums to a model. */
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "core/alloc.h"
 #include "filter/layout.h"
@@ -47,15 +48,14 @@ static hada_status noise_power(hada_fitter *fitter, int channel, double least, i
     return status;
 }
 
-/* The spectrum of that number in work->out. */
-static hada_status read_plane(hada_fitter *fitter, solve_work *work, size_t number, float *to, const char *what,
-                              hada_error *err)
+hada_status hada_fitter_read_plane(hada_fitter *fitter, const hada_buffer *from, size_t at, float *blocks, float *to,
+                                   const char *what, hada_error *err)
 {
     const size_t plane = hada_model_info_plane(&fitter->info), bytes = fitter->layout.count * 2 * sizeof(float);
-    hada_status status = hada_buffer_read(&work->out, fitter->slot, number * bytes, work->blocks, bytes, err);
+    hada_status status = hada_buffer_read(from, fitter->slot, at * 2 * sizeof(float), blocks, bytes, err);
     if (status)
         return status;
-    hada_layout_unpack(&fitter->layout, work->blocks, to);
+    hada_layout_unpack(&fitter->layout, blocks, to);
     float sum = 0.0f; /* x - x is 0 for finite x alone */
     for (size_t i = 0; i < 2 * plane; i++)
         sum += to[i] - to[i];
@@ -121,10 +121,14 @@ static hada_status solve_depth(hada_fitter *fitter, solve_work *work, hada_model
     const size_t first = (size_t)z * channels;
     hada_status status = HADA_OK;
     for (size_t c = 0; !status && c < channels; c++) {
-        status = hada_fitter_solve_filter(fitter, (int)c, model->info.alpha, model->info.lambda * depth->raw_energy[c],
-                                          work->out.mem, 0, err);
-        if (!status)
-            status = read_plane(fitter, work, 0, model->filter + (first + c) * plane * 2, "a filter", err);
+        float *filter = model->filter + (first + c) * plane * 2;
+        if (fitter->judged.filters)
+            memcpy(filter, fitter->judged.filters + (first + c) * plane * 2, 2 * plane * sizeof *filter);
+        else
+            status = hada_fitter_solve_filter(fitter, (int)c, model->info.alpha,
+                                              model->info.lambda * depth->raw_energy[c], work->out.mem, 0, err);
+        if (!status && !fitter->judged.filters)
+            status = hada_fitter_read_plane(fitter, &work->out, 0, work->blocks, filter, "a filter", err);
         if (!status)
             status = noise_power(fitter, (int)c, LEAST_SCENE * depth->scene_energy[c], depth->pairs,
                                  &model->noise_power[first + c], work->blocks, err);
@@ -134,7 +138,8 @@ static hada_status solve_depth(hada_fitter *fitter, solve_work *work, hada_model
     if (!status)
         status = hada_fitter_solve_transfers(fitter, depth->scene_energy, work->trust, work->out.mem, 0, err);
     for (size_t c = 0; !status && c < channels; c++)
-        status = read_plane(fitter, work, c, model->otf + (first + c) * plane * 2, "a transfer function", err);
+        status = hada_fitter_read_plane(fitter, &work->out, c * fitter->layout.count, work->blocks,
+                                        model->otf + (first + c) * plane * 2, "a transfer function", err);
     return status;
 }
 

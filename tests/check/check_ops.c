@@ -4,7 +4,7 @@
 extern const check_op check_fft_forward, check_fft_inverse, check_plain_pad, check_plain_crop, check_plain_product,
     check_dark, check_hadamard, check_clip, check_focus, check_optics, check_refine, check_explain, check_score,
     check_crop, check_fit_sums, check_fit_solve, check_fit_score, check_peak_copy, check_peak_flops, check_tiles;
-extern const check_op check_fit_nonnegative;
+extern const check_op check_fit_nonnegative, check_fit_window;
 extern const check_op check_train_filter, check_train_error, check_train_mask;
 extern const check_op check_hide, check_sensor;
 extern const check_op check_wave_pupil, check_wave_spots, check_wave_mask, check_wave_travel, check_wave_sensor;
@@ -19,7 +19,7 @@ const check_op *const check_ops[] = {
     &check_fft_forward,    &check_fft_inverse,  &check_plain_pad, &check_plain_crop,   &check_plain_product,
     &check_dark,           &check_hadamard,     &check_clip,      &check_focus,        &check_optics,
     &check_refine,         &check_explain,      &check_score,     &check_crop,         &check_fit_sums,
-    &check_fit_nonnegative,
+    &check_fit_nonnegative, &check_fit_window,
     &check_fit_solve,      &check_fit_score,    &check_peak_copy, &check_peak_flops,   &check_tiles,
     &check_train_filter,   &check_train_error,  &check_train_mask,
     &check_hide,           &check_sensor,

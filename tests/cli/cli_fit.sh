@@ -16,6 +16,17 @@ expect 0 'no refinement' fit "$camera" -o plain.model --alpha 0.1 --lambda 0.001
 expect 0 '' fit "$camera" -o half.model --half
 [ "$(stat -c %s half.model)" -lt "$(stat -c %s a.model)" ] || fail '--half did not make the model smaller'
 
+# Filters judged in the window: the weight outside it is chosen, given, or 1, which is the exact fit.
+expect 0 'outside the window' fit "$camera" -o judged.model --refine 0
+expect 0 '"outside": 0.03' fit "$camera" -o judged.json.model --refine 0 --json
+cmp -s judged.model judged.json.model || fail 'judging twice gave two models'
+expect 0 '' fit "$camera" -o exact.model --refine 0 --outside 1
+expect 0 '' fit "$camera" -o light.model --refine 0 --outside 0.1
+cmp -s exact.model light.model && fail '--outside 0.1 changed nothing'
+expect 2 '0.01' fit "$camera" -o x --outside 0.001
+expect 2 '0.01 and 1' fit "$camera" -o x --outside 2
+expect 2 'belongs to pairs' fit --psf "$camera/psf.tif" -o x --outside 0.5
+
 # Sums: the pairs in two parts, merged, give the filters of the whole.
 part() { # part KEEP: leaves in every folder what 'KEEP' of the sorted list leaves
     copy
@@ -37,6 +48,7 @@ expect 0 '' reconstruct "$camera/test/raw/test01.tif" -m plain.model -o plain -q
 expect 0 '' evaluate whole plain --json
 psnr=$(grep '"psnr"' stdout | grep -oE '[0-9]+' | sort -n | head -n 1)
 [ "${psnr:-100}" -ge 90 ] || fail "merged sums gave other filters: $psnr dB"
+expect 2 'sums .--merge. have none' fit set -o x --merge part.sums --outside 0.5
 # Sums alone make a model, without any pair at hand.
 expect 0 '6 pairs in 1 file of sums' fit --merge part.sums -o alone.model
 expect 0 '12 pairs in 2 files of sums' fit --merge part.sums --merge part.sums -o twice.model

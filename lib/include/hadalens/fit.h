@@ -3,7 +3,8 @@
  * With a squared error each frequency is its own least-squares problem, so a filter needs only sums over the pairs of
  * a depth: Sxb = sum X conj(B), Sbb = sum |B|^2, Sxx = sum |X|^2 (docs/filters.md). The sums are streamed: memory does
  * not grow with the number of pairs. They can be saved, loaded, added to, and merged.
- * A second pass over some pairs chooses alpha and lambda, and whether refinement pays, by leave-one-out.
+ * A second pass over some pairs chooses alpha and lambda, and whether refinement pays, by leave-one-out. Further passes
+ * judge filters in the window alone.
  *
  * Threads: one fitter is used by one thread at a time. */
 #ifndef HADALENS_FIT_H
@@ -29,6 +30,8 @@ typedef struct hada_fit_options {
     double dark;            /* taken off the raw frames; negative: estimated for each frame and channel, as its first
                                percentile */
     double alpha, lambda;   /* negative (default): chosen by leave-one-out */
+    double outside;         /* weight of a filter's error outside the window, 0.01 to 1; negative (default): chosen by
+                               hada_fitter_judge(), without which it is 1 */
     int refine_steps;       /* negative (default): chosen by leave-one-out; 0: none */
     double refine_tv;       /* weight of total variation in refinement; negative (default): chosen with the steps, none
                                where these are given; 0: none */
@@ -69,12 +72,28 @@ HADA_API int64_t hada_fitter_pairs(const hada_fitter *fitter, int depth);
 HADA_API hada_status hada_fitter_score(hada_fitter *fitter, int depth, const hada_image *raw, const hada_image *scene,
                                        hada_error *err);
 
+/* Gives a pair of a depth (0 <= pair < the depth's number of pairs) by pointers that last until the next call. */
+typedef hada_status (*hada_fit_show)(void *user, int depth, int64_t pair, const hada_image **raw,
+                                     const hada_image **scene, hada_error *err);
+
+/* Further passes, optional: filters that are judged in the window. The exact fit of the first pass minds the whole grid,
+ * although only the window of what a filter makes is kept; here what it makes outside counts with the weight
+ * options.outside alone (docs/filters.md). Every pair of the sums is shown up to 12 times, and some more often to choose
+ * the weight (where options.outside is negative) by leaving pairs out. Transfer functions, and so refined images, stay
+ * as they are. Call it after scoring, before hada_fitter_finish(); new pairs and scores discard what was found.
+ * Pairs that are not those of the sums are refused (HADA_ERROR_STATE): sums from files cannot be judged without their
+ * pairs. With options.outside = 1, or where nothing can be left out, no pair is shown and the exact fit stays.
+ * While it runs it takes as much room on the device as 14 frames' spectra (6 with options.outside given). */
+HADA_API hada_status hada_fitter_judge(hada_fitter *fitter, hada_fit_show show, void *user, hada_error *err);
+
 /* A row of the leave-one-out table: mean PSNR in the window of held-out pairs (dB, peak 1) when only their depth is
  * occupied, and when one other depth is occupied as well (NaN for one depth); the latter counts the other depth's light
- * over the whole frame, so it is a lower bound. `chosen` marks what the model takes. Rows with refine_rho > 0 compare
- * refinement on a few held-out frames, the first of them without any step. */
+ * over the whole frame, so it is a lower bound. `chosen` marks what the model takes. Rows with outside > 0 compare
+ * weights of the error outside the window on a few held-out pairs (psnr_single: of the mean squared error of all;
+ * psnr_double: NaN). Rows with refine_rho > 0 compare refinement on a few held-out frames, the first of
+ * them without any step. */
 typedef struct hada_fit_row {
-    double alpha, lambda;
+    double alpha, lambda, outside;
     int refine_steps;
     double refine_rho, refine_tv;
     double psnr_single, psnr_double;

@@ -1,0 +1,198 @@
+/* One round of filters judged in the window: a pair gathered, the product with T, the residual, filter and direction.
+ * In the output, each at the next multiple of 256: what is gathered and then t, z, x, p (`c` channels of complex
+ * numbers), and the partial sums of both reductions. All channels have the same sums. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "check_fit.h"
+#include "core/alloc.h"
+#include "fit/fitter.h"
+
+enum { CHUNK = 8 * HADA_FIT_CHUNK, STATES = 4, PARTS = 6, PAIRS = 3 };
+static const float alpha = 0.25f, ridge = 0.5f, shift = 0.375f, step = 0.75f, along = 1.5f, turn = 0.5f, keep = 0.25f;
+
+typedef struct window_state {
+    hada_buffer g, b, sums, pool, weights, start; /* start: the four states before the round */
+    check_fit fit;
+    float *weight, *frame, *before;
+    int channels;
+    size_t all, chunks; /* complex numbers of all channels */
+    size_t at[PARTS + 1];
+} window_state;
+
+/* Double by double, from the sums: what stands under the fraction, with (1) or without (0) the depth's own part. */
+static double under(const check_fit *fit, size_t i, int k, int whole)
+{
+    const size_t n = fit->count;
+    double own = fit->sums[2 * n + i], other = fit->other[i], weight = 1.0;
+    if (fit->split) {
+        own = k ? own - fit->sums[5 * n + i] : fit->sums[5 * n + i];
+        other = k ? other - fit->other[n + i] : fit->other[n + i];
+        weight = 0.5;
+    }
+    return (whole ? own : 0.0) + alpha * other + weight * ridge;
+}
+
+static void expect(check_state *state, const window_state *own)
+{
+    const check_fit *fit = &own->fit;
+    const size_t n = fit->count, all = own->all;
+    double *t = state->expected + own->at[0], *z = state->expected + own->at[1], *x = state->expected + own->at[2],
+           *p = state->expected + own->at[3];
+    const float *start = own->before;
+    for (size_t i = 0; i < all; i++) {
+        const double gr = start[8 * all + 2 * i], gi = start[8 * all + 2 * i + 1], br = own->frame[2 * i],
+                     bi = own->frame[2 * i + 1];
+        t[2 * i] = start[2 * i] + (fit->split ? gr * br : gr * br + gi * bi);
+        t[2 * i + 1] = start[2 * i + 1] + (fit->split ? gi * bi : gi * br - gr * bi);
+    }
+    for (size_t i = 0; i < 2 * all; i++) {
+        const size_t c = i / 2 / n, f = i / 2 % n;
+        const int k = (int)(i % 2);
+        const double whole = under(fit, f, k, 1), direction = start[6 * all + i];
+        t[i] = (t[i] + under(fit, f, k, 0) * direction) / whole + shift * direction;
+        z[i] = start[2 * all + i] - step * t[i];
+        x[i] = start[4 * all + i] + along * direction;
+        p[i] = turn * z[i] + keep * direction;
+        double *sums = state->expected + c * own->chunks + f / CHUNK;
+        sums[own->at[4]] += own->weight[f] * whole * direction * t[i];
+        sums[own->at[5]] += own->weight[f] * whole * z[i] * z[i];
+    }
+}
+
+static hada_status upload(check_state *state, window_state *own, hada_error *err)
+{
+    const check_fit *fit = &own->fit;
+    hada_status status = check_upload(state, &own->b, own->frame, 8 * own->all + 64, err);
+    if (!status)
+        status = check_upload(state, &own->g, own->before + 8 * own->all, 8 * own->all + 64, err);
+    if (!status)
+        status = check_upload(state, &own->start, own->before, 32 * own->all, err);
+    if (!status)
+        status = check_upload(state, &own->sums, fit->device_sums, 8 * (size_t)fit->kept * fit->stride, err);
+    if (!status)
+        status = check_upload(state, &own->pool, fit->device_pool, 20 * fit->stride, err);
+    return status ? status : check_upload(state, &own->weights, own->weight, 4 * fit->stride, err);
+}
+
+static hada_status prepare(check_state *state, hada_error *err)
+{
+    window_state *own = calloc(1, sizeof *own);
+    if (!own)
+        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    state->own = own;
+    check_fit *fit = &own->fit;
+    const size_t n = (size_t)check_get(state, 'n', 16);
+    own->channels = check_get(state, 'c', 1);
+    own->all = n * (size_t)own->channels;
+    hada_status status = check_fit_make(fit, state, n, PAIRS, check_get(state, 's', 0), err);
+    if (!status)
+        status = hada_alloc((void **)&own->weight, fit->stride, sizeof(float), "the check", err);
+    if (!status)
+        status = hada_alloc((void **)&own->frame, 2 * own->all + 16, sizeof(float), "the check", err);
+    if (!status)
+        status = hada_alloc((void **)&own->before, 10 * own->all + 16, sizeof(float), "the check", err);
+    if (status)
+        return status;
+    own->chunks = (fit->vectors + HADA_FIT_CHUNK - 1) / HADA_FIT_CHUNK;
+    for (size_t i = 0; i < PARTS; i++) {
+        const size_t count = i < STATES ? 2 * own->all + 16 : (size_t)own->channels * own->chunks;
+        own->at[i + 1] = (own->at[i] + count + 255) / 256 * 256;
+    }
+    status = check_output(state, own->at[PARTS], err);
+    if (status)
+        return status;
+    check_fill_normal(state, 1, own->frame, 2 * own->all);
+    check_fill_normal(state, 2, own->before, 10 * own->all);
+    for (size_t i = 0; i < n; i++)
+        own->weight[i] = (float)(i % 3); /* some are left out */
+    expect(state, own);
+    state->tolerance = 2e-6; /* sums of up to 32 groups of eight, one after the other */
+    state->bytes = (double)own->all * 8.0 * 14.0;
+    return upload(state, own, err);
+}
+
+/* fit_apply or fit_descend of a channel. */
+static hada_status reduce(check_state *state, const char *name, int part, float number, int c, hada_error *err)
+{
+    window_state *own = state->own;
+    const check_fit *fit = &own->fit;
+    const cl_ulong offset = (cl_ulong)c * fit->count, count = fit->count, stride = fit->stride, vectors = fit->vectors;
+    const cl_int chunks = (cl_int)own->chunks, first = c * chunks;
+    const cl_mem one = state->region[number == shift ? 3 : 1];
+    const hada_arg args[] = {HADA_ARG(one),    HADA_ARG(state->region[0]), HADA_ARG(offset),
+                             HADA_ARG(count),  HADA_ARG(own->sums.mem),    HADA_ARG(own->pool.mem),
+                             HADA_ARG(stride), HADA_ARG(own->weights.mem), HADA_ARG(alpha),
+                             HADA_ARG(ridge),  HADA_ARG(number),           HADA_ARG(state->region[part]),
+                             HADA_ARG(first),  HADA_ARG(chunks),           HADA_ARG(vectors)};
+    return check_kernel(state, "fit_window", name, fit->split ? "-DFIT_SPLIT=1" : "", own->chunks,
+                        check_local(state, 32), args, HADA_COUNT(args), err);
+}
+
+static hada_status set_up(check_state *state, hada_error *err)
+{
+    const window_state *own = state->own;
+    hada_status status = HADA_OK;
+    for (size_t i = 0; !status && !state->region[PARTS - 1] && i < PARTS; i++) {
+        cl_mem region;
+        status = check_region(state, own->at[i], own->at[i + 1] - own->at[i], &region, err);
+    }
+    if (!status)
+        status = check_clear(state, 0, state->out_count, err);
+    for (size_t i = 0; !status && i < STATES; i++) {
+        const size_t bytes = 8 * own->all;
+        const cl_int code = clEnqueueCopyBuffer(state->slot->queue, own->start.mem, state->region[i], i * bytes, 0,
+                                                bytes, 0, NULL, NULL);
+        if (code != CL_SUCCESS)
+            status = hada_fail_cl(err, code, "clEnqueueCopyBuffer");
+    }
+    return status;
+}
+
+static hada_status launch(check_state *state, hada_error *err)
+{
+    window_state *own = state->own;
+    const check_fit *fit = &own->fit;
+    const char *macros = fit->split ? "-DFIT_SPLIT=1" : "";
+    const cl_ulong groups = (own->all + 7) / 8, count = fit->count, vectors = fit->vectors;
+    const hada_arg gather[] = {HADA_ARG(own->g.mem), HADA_ARG(own->b.mem), HADA_ARG(state->region[0]),
+                               HADA_ARG(groups)};
+    hada_status status = set_up(state, err);
+    if (!status)
+        status = check_kernel(state, "fit_window", "fit_gather", macros, groups, 64, gather, HADA_COUNT(gather), err);
+    for (int c = 0; !status && c < own->channels; c++) {
+        const cl_ulong offset = (cl_ulong)c * count;
+        const hada_arg move[] = {HADA_ARG(state->region[2]),
+                                 HADA_ARG(state->region[3]),
+                                 HADA_ARG(state->region[1]),
+                                 HADA_ARG(offset),
+                                 HADA_ARG(count),
+                                 HADA_ARG(along),
+                                 HADA_ARG(turn),
+                                 HADA_ARG(keep),
+                                 HADA_ARG(vectors)};
+        status = reduce(state, "fit_apply", 4, shift, c, err);
+        if (!status)
+            status = reduce(state, "fit_descend", 5, step, c, err);
+        if (!status)
+            status = check_kernel(state, "fit_window", "fit_move", macros, vectors, 64, move, HADA_COUNT(move), err);
+    }
+    return status;
+}
+
+static void release(check_state *state)
+{
+    window_state *own = state->own;
+    if (!own)
+        return;
+    hada_buffer *buffers[] = {&own->g, &own->b, &own->sums, &own->pool, &own->weights, &own->start};
+    for (size_t i = 0; i < HADA_COUNT(buffers); i++)
+        hada_buffer_destroy(buffers[i]);
+    check_fit_free(&own->fit);
+    free(own->weight);
+    free(own->frame);
+    free(own->before);
+    free(own);
+}
+
+const check_op check_fit_window = {"fit_window", "n frequencies, c channels, s1 split", prepare, launch, release};

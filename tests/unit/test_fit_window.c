@@ -1,0 +1,306 @@
+/* Filters judged in the window: against the double reference, the choice of the weight, and what is refused. */
+#include "fit/window.h"
+#include "fit_fixture.h"
+#include "ref/ref_filter.h"
+#include "ref/ref_fit.h"
+#include "ref/ref_fit_window.h"
+
+/* Double-precision sums of a channel of the first depth, and of the others; spectra of the first depth's frames. */
+typedef struct reference {
+    hada_ref_grid grid;
+    size_t plane;
+    double *b[PAIRS], *x, *sums, *other, scale;
+} reference;
+
+static reference reference_make(const fixture *f, const hada_fitter *fitter, int depths, int c)
+{
+    const hada_model_info *info = &fitter->info;
+    const hada_geometry *at = &fitter->geometry;
+    reference r = {.grid = {info->grid_rows, info->grid_cols, at->raw_row, at->raw_col, ROWS, COLS, at->window_row,
+                            at->window_col, WINDOW, WINDOW}};
+    r.plane = hada_model_info_plane(info);
+    r.x = calloc(r.plane * 2, sizeof(double));
+    r.sums = calloc(r.plane * HADA_REF_FIT_SUMS, sizeof(double));
+    r.other = calloc(r.plane * 2, sizeof(double));
+    double *rest = calloc(r.plane * HADA_REF_FIT_SUMS, sizeof(double)), *b = calloc(r.plane * 2, sizeof(double));
+    for (int i = 0; i < PAIRS; i++)
+        r.b[i] = calloc(r.plane * 2, sizeof(double));
+    for (int z = 0; z < depths; z++)
+        for (int i = 0; i < PAIRS; i++) {
+            double *to = z ? b : r.b[i];
+            ASSERT_OK(hada_ref_grid_forward(&r.grid, f->frame[z][i].data + c * ROWS * COLS, at->raw_row, at->raw_col,
+                                            ROWS, COLS, to, err));
+            ASSERT_OK(hada_ref_grid_forward(&r.grid, f->scene[z][i].data + c * WINDOW * WINDOW, at->window_row,
+                                            at->window_col, WINDOW, WINDOW, r.x, err));
+            hada_ref_fit_pair(r.x, to, r.plane, 1.0, z ? rest : r.sums);
+            for (int k = 0; !z && k < ROWS * COLS; k++)
+                r.scale += pow(f->frame[z][i].data[c * ROWS * COLS + k], 2);
+        }
+    memcpy(r.other, rest + 2 * r.plane, r.plane * sizeof *rest);
+    memcpy(r.other + r.plane, rest + 5 * r.plane, r.plane * sizeof *rest);
+    free(rest);
+    free(b);
+    return r;
+}
+
+static void reference_free(reference *r)
+{
+    for (int i = 0; i < PAIRS; i++)
+        free(r->b[i]);
+    free(r->x);
+    free(r->sums);
+    free(r->other);
+}
+
+/* Far beyond the number of rounds that a fit takes, every weight at once must come to the unique minimum. */
+static void rounds_lead_to_the_minimum(void **state)
+{
+    enum { WEIGHTS = 3, ROUNDS = 60 };
+    static const double outside[WEIGHTS] = {0.05, 0.2, 0.7};
+    fixture *f = *state;
+    for (int k = 0; k < 4; k++) {
+        hada_fit_options options = usual(DEPTHS, k & 1 ? HADA_FORM_SPLIT : HADA_FORM_COMPLEX);
+        options.boundary = k & 2 ? HADA_BOUNDARY_PADDED : HADA_BOUNDARY_CIRCULAR;
+        hada_fitter *fitter;
+        hada_fit_window *window;
+        int settled = 0;
+        ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
+        add_all(f, fitter, DEPTHS, 0, PAIRS);
+        ASSERT_OK(hada_fitter_pool(fitter, err));
+        ASSERT_OK(hada_fitter_select(fitter, 0, err));
+        ASSERT_OK(hada_fit_window_create(&window, fitter, WEIGHTS, err));
+        ASSERT_OK(hada_fit_window_begin(window, 0, 0.1, 1e-2, outside, WEIGHTS, err));
+        for (int round = 0; round < ROUNDS; round++) {
+            for (int i = 0; i < PAIRS; i++) {
+                hada_fitter_take(fitter, &f->frame[0][i], &f->scene[0][i]);
+                ASSERT_OK(hada_fitter_transform(fitter, fitter->raw_pixels, NULL, err));
+                ASSERT_OK(hada_fit_window_pair(window, err));
+            }
+            ASSERT_OK(hada_fit_window_round(window, &settled, err));
+        }
+        assert_true(settled);
+        const size_t plane = hada_model_info_plane(&fitter->info);
+        float *blocks = malloc(2 * fitter->stride * sizeof *blocks), *got = malloc(2 * plane * sizeof *got);
+        double *expected = malloc(2 * plane * sizeof *expected);
+        for (int c = 0; c < CHANNELS; c++) {
+            reference r = reference_make(f, fitter, DEPTHS, c);
+            for (int s = 0; s < WEIGHTS; s++) {
+                const hada_ref_fit_window fit = {.grid = &r.grid,
+                                                 .b = (const double *const *)r.b,
+                                                 .pairs = PAIRS,
+                                                 .split = k & 1,
+                                                 .sums = r.sums,
+                                                 .other = r.other,
+                                                 .alpha = 0.1,
+                                                 .ridge = 1e-2 * r.scale,
+                                                 .outside = outside[s]};
+                ASSERT_OK(hada_ref_fit_window_solve(&fit, expected, err));
+                ASSERT_OK(hada_fitter_read_plane(fitter, hada_fit_window_filters(window, s),
+                                                 (size_t)c * fitter->layout.count, blocks, got, "a filter", err));
+                const double error = small_distance(got, expected, 2 * plane);
+                if (!(error < 2e-5))
+                    fail_msg("case %d, channel %d, weight %g: relative error %g", k, c, outside[s], error);
+            }
+            reference_free(&r);
+        }
+        free(blocks);
+        free(got);
+        free(expected);
+        hada_fit_window_destroy(&window);
+        hada_fitter_destroy(&fitter);
+    }
+}
+
+typedef struct shower {
+    fixture *f;
+    int shown, refuse_at, swap; /* swap: shows another pair in the first one's place */
+} shower;
+
+static hada_status show(void *user, int depth, int64_t pair, const hada_image **raw, const hada_image **scene,
+                        hada_error *err)
+{
+    shower *at = user;
+    if (++at->shown == at->refuse_at)
+        return hada_fail(err, HADA_ERROR_FILE_OPEN, "the pair is gone");
+    assert_in_range(depth, 0, DEPTHS - 1);
+    assert_in_range(pair, 0, PAIRS - 1);
+    const int64_t number = at->swap && pair == 0 ? 1 : pair;
+    *raw = &at->f->frame[depth][number];
+    *scene = &at->f->scene[depth][number];
+    return HADA_OK;
+}
+
+static hada_fitter *fitter_of(fixture *f, double outside, hada_form form)
+{
+    hada_fit_options options = usual(DEPTHS, form);
+    options.outside = outside;
+    options.alpha = 0.0;
+    options.lambda = 1e-3;
+    hada_fitter *fitter;
+    ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
+    add_all(f, fitter, DEPTHS, 0, PAIRS);
+    return fitter;
+}
+
+/* What the fit minimises, of depth 0 and channel 0, but for the ridge. */
+static double objective(const fixture *f, const hada_fitter *fitter, const hada_model *model, double outside)
+{
+    reference r = reference_make(f, fitter, 1, 0);
+    double *y = malloc(ROWS * COLS * sizeof *y), sum = 0.0;
+    hada_ref_grid whole = r.grid;
+    whole.window_row = whole.window_col = 0;
+    whole.window_rows = r.grid.rows;
+    whole.window_cols = r.grid.cols;
+    for (int i = 0; i < PAIRS; i++) {
+        ASSERT_OK(hada_ref_hadamard(&whole, r.b[i], model->filter, model->info.form == HADA_FORM_SPLIT, y, err));
+        for (int row = 0; row < ROWS; row++)
+            for (int col = 0; col < COLS; col++) {
+                const int at_row = row - r.grid.window_row, at_col = col - r.grid.window_col;
+                const int inside = at_row >= 0 && at_row < WINDOW && at_col >= 0 && at_col < WINDOW;
+                const double want = inside ? f->scene[0][i].data[at_row * WINDOW + at_col] : 0.0;
+                sum += (inside ? 1.0 : outside) * pow(y[row * COLS + col] - want, 2);
+            }
+    }
+    free(y);
+    reference_free(&r);
+    return sum;
+}
+
+static void a_lower_weight_lowers_the_error_in_the_window(void **state)
+{
+    fixture *f = *state;
+    for (int split = 0; split < 2; split++) {
+        static const double weights[] = {1.0, 0.5, 0.1, 0.02};
+        double inside[4];
+        for (int s = 0; s < 4; s++) {
+            hada_fitter *fitter = fitter_of(f, weights[s], split ? HADA_FORM_SPLIT : HADA_FORM_COMPLEX);
+            hada_model *model;
+            shower at = {.f = f};
+            ASSERT_OK(hada_fitter_judge(fitter, show, &at, err));
+            assert_true(s ? at.shown % (DEPTHS * PAIRS) == 0 || at.shown > DEPTHS * PAIRS : at.shown == 0);
+            assert_true(at.shown <= DEPTHS * PAIRS * HADA_FIT_ROUNDS);
+            ASSERT_OK(hada_fitter_finish(fitter, &model, NULL, NULL, err));
+            inside[s] = objective(f, fitter, model, 0.0);
+            hada_model_destroy(&model);
+            hada_fitter_destroy(&fitter);
+        }
+        for (int s = 1; s < 4; s++)
+            if (!(inside[s] < inside[s - 1]))
+                fail_msg("split %d: weight %g leaves %g in the window, weight %g only %g", split, weights[s], inside[s],
+                         weights[s - 1], inside[s - 1]);
+    }
+}
+
+static void the_weight_is_chosen_on_held_out_pairs(void **state)
+{
+    fixture *f = *state;
+    hada_fitter *fitter = fitter_of(f, -1.0, HADA_FORM_COMPLEX);
+    hada_model *plain, *first, *second;
+    hada_fit_row *rows;
+    size_t count;
+    ASSERT_OK(hada_fitter_finish(fitter, &plain, NULL, NULL, err));
+    shower at = {.f = f};
+    ASSERT_OK(hada_fitter_judge(fitter, show, &at, err));
+    ASSERT_OK(hada_fitter_finish(fitter, &first, &rows, &count, err));
+    assert_int_equal(count, HADA_FIT_JUDGED);
+    size_t chosen = count, best = 0;
+    for (size_t i = 0; i < count; i++) {
+        assert_true(isfinite(rows[i].psnr_single) && rows[i].outside > 0.0 && rows[i].lambda == 1e-3);
+        if (rows[i].chosen)
+            chosen = i;
+        if (rows[i].psnr_single > rows[best].psnr_single)
+            best = i;
+    }
+    assert_true(rows[count - 1].outside == 1.0);
+    assert_true(chosen < count && rows[chosen].psnr_single > rows[best].psnr_single - 0.03);
+    /* transfer functions are not touched; the same pairs give the same bits */
+    const size_t values = hada_model_plane(plain) * DEPTHS * CHANNELS * 2;
+    assert_memory_equal(plain->otf, first->otf, values * sizeof(float));
+    assert_int_equal(memcmp(plain->filter, first->filter, values * sizeof(float)) == 0, chosen == count - 1);
+    ASSERT_OK(hada_fitter_judge(fitter, show, &at, err));
+    ASSERT_OK(hada_fitter_finish(fitter, &second, NULL, NULL, err));
+    assert_memory_equal(second->filter, first->filter, values * sizeof(float));
+    /* a fixed weight of that size gives these filters too */
+    hada_fitter *fixed = fitter_of(f, rows[chosen].outside, HADA_FORM_COMPLEX);
+    hada_model_destroy(&second);
+    ASSERT_OK(hada_fitter_judge(fixed, show, &at, err));
+    ASSERT_OK(hada_fitter_finish(fixed, &second, NULL, NULL, err));
+    assert_memory_equal(second->filter, first->filter, values * sizeof(float));
+    hada_fitter_destroy(&fixed);
+    hada_model_destroy(&second);
+    /* new pairs discard it */
+    ASSERT_OK(hada_fitter_add(fitter, 0, &f->frame[0][0], &f->scene[0][0], err));
+    assert_null(fitter->judged.filters);
+    free(rows);
+    hada_model_destroy(&plain);
+    hada_model_destroy(&first);
+    hada_fitter_destroy(&fitter);
+}
+
+static void what_cannot_be_judged_is_refused(void **state)
+{
+    fixture *f = *state;
+    hada_error error = {0};
+    hada_model *plain, *after;
+    hada_fit_options options = usual(DEPTHS, HADA_FORM_COMPLEX);
+    hada_fitter *fitter = NULL;
+    static const double wrong[] = {0.0, 0.005, 1.5, NAN};
+    for (size_t i = 0; i < HADA_COUNT(wrong); i++) {
+        options.outside = wrong[i];
+        assert_int_equal(hada_fitter_create(&fitter, f->context, &options, &error), HADA_ERROR_ARGUMENT);
+        assert_null(fitter);
+    }
+    fitter = fitter_of(f, -1.0, HADA_FORM_COMPLEX);
+    assert_int_equal(hada_fitter_judge(fitter, NULL, NULL, &error), HADA_ERROR_ARGUMENT);
+    ASSERT_OK(hada_fitter_finish(fitter, &plain, NULL, NULL, err));
+    shower swapped = {.f = f, .swap = 1};
+    assert_int_equal(hada_fitter_judge(fitter, show, &swapped, &error), HADA_ERROR_STATE);
+    assert_non_null(strstr(error.message, "not those in its sums"));
+    /* whenever showing fails, the fit is as it was */
+    shower all = {.f = f};
+    ASSERT_OK(hada_fitter_judge(fitter, show, &all, err));
+    for (int at = 1; at <= all.shown; at += at < 12 ? 1 : 7) {
+        shower refusing = {.f = f, .refuse_at = at};
+        assert_int_equal(hada_fitter_judge(fitter, show, &refusing, &error), HADA_ERROR_FILE_OPEN);
+    }
+    ASSERT_OK(hada_fitter_finish(fitter, &after, NULL, NULL, err));
+    const size_t values = hada_model_plane(plain) * DEPTHS * CHANNELS * 2;
+    assert_memory_equal(plain->filter, after->filter, values * sizeof(float));
+    assert_memory_equal(plain->otf, after->otf, values * sizeof(float));
+    hada_model_destroy(&plain);
+    hada_model_destroy(&after);
+    hada_fitter_destroy(&fitter);
+}
+
+/* One pair a depth: nothing can be left out, so the exact fit stays and no pair is shown. */
+static void single_pairs_are_left_alone(void **state)
+{
+    fixture *f = *state;
+    hada_fit_options options = usual(DEPTHS, HADA_FORM_COMPLEX);
+    hada_fitter *fitter;
+    ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
+    add_all(f, fitter, DEPTHS, 0, 1);
+    shower at = {.f = f};
+    ASSERT_OK(hada_fitter_judge(fitter, show, &at, err));
+    assert_int_equal(at.shown, 0);
+    assert_null(fitter->judged.filters);
+    hada_fitter_destroy(&fitter);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(rounds_lead_to_the_minimum),
+        cmocka_unit_test(a_lower_weight_lowers_the_error_in_the_window),
+        cmocka_unit_test(the_weight_is_chosen_on_held_out_pairs),
+        cmocka_unit_test(what_cannot_be_judged_is_refused),
+        cmocka_unit_test(single_pairs_are_left_alone),
+    };
+    const struct CMUnitTest numbers[] = {
+        cmocka_unit_test(rounds_lead_to_the_minimum),
+        cmocka_unit_test(the_weight_is_chosen_on_held_out_pairs),
+    };
+    int failed = cmocka_run_group_tests(tests, fit_setup, fit_teardown);
+    failed += cmocka_run_group_tests(numbers, fit_setup_groups, fit_teardown);
+    return failed + cmocka_run_group_tests(numbers, fit_setup_rows, fit_teardown);
+}

@@ -203,7 +203,7 @@ static void run(const perf_case *c, int rounds, int at_once)
     if (c->net)
         must(hada_net_create_preset(&net, c->net, 3, 1, &err));
     if (c->stage == HADA_STAGE_ADVERSARIAL) {
-        must(hada_discriminator_make(&critic, "patch", 3, &err));
+        must(hada_discriminator_make(&critic, "conditional", 3, &err));
         must(hada_vgg16_make(&vgg, &err));
         must(hada_net_init(critic, 1, &err));
         must(hada_net_init(vgg, 1, &err));

@@ -89,6 +89,7 @@ static void take_rates(const hada_cli_train_settings *set, hada_train_options *o
 hada_status hada_cli_train_options(hada_cli *cli, const hada_cli_train_settings *set, const hada_cli_train_data *data,
                                    hada_train_options *options, hada_net **net, hada_error *err)
 {
+    static const char *const critics[] = {"conditional", "patch", "paper"};
     const hada_stage stage = hada_cli_train_stage(set);
     hada_train_options_init(options, stage);
     options->seed = set->seed;
@@ -98,7 +99,8 @@ hada_status hada_cli_train_options(hada_cli *cli, const hada_cli_train_settings 
     options->net_cols = set->net_size[1];
     options->at_once = set->at_once;
     options->recompute = set->recompute;
-    options->critic = set->critic == 2 ? "paper" : "patch";
+    if (set->critic)
+        options->critic = critics[set->critic - 1];
     take_count(set->batch, &options->batch);
     take_steps(set->critic_steps, &options->critic_steps);
     take_rates(set, options);

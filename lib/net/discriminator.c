@@ -64,14 +64,17 @@ static hada_status add_paper(hada_net *net, hada_error *err)
 
 hada_status hada_discriminator_make(hada_net **out, const char *name, int channels, hada_error *err)
 {
-    const int patch = name && !strcmp(name, "patch");
+    static const char *const names[] = {"conditional", "patch", "paper"};
+    int which = 0;
     *out = NULL;
-    if (!patch && (!name || strcmp(name, "paper")))
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "there is no discriminator \"%s\": take patch or paper",
+    while (which < 3 && (!name || strcmp(name, names[which])))
+        which++;
+    if (which == 3)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "there is no discriminator \"%s\": take conditional, patch or paper",
                          name ? name : "");
-    hada_status status = begin(out, channels, err);
+    hada_status status = begin(out, which ? channels : 2 * channels, err);
     if (!status)
-        status = patch ? add_patch(*out, err) : add_paper(*out, err);
+        status = which < 2 ? add_patch(*out, err) : add_paper(*out, err);
     if (!status)
         status = hada_net_finish(*out, err);
     if (status)

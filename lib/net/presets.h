@@ -10,8 +10,12 @@ hada_status hada_unet_make(hada_net **out, const hada_unet_options *options, had
 
 /* discriminator.c, by name; 3 x 3 convolutions with leaky ReLU 0.2.
  * patch: at the image's own size; widths 32, 64, 128, 128 with strides 1, 2, 2, 1, then one channel of logits, each of
- * a patch of 25 x 25 pixels (Isola et al., CVPR 2017, call it PatchGAN). paper: resizes to 256 x 256; widths 32, 64,
- * 128, 128, 128 with stride 2, and two fully connected layers (256, 1): one logit an image (Tian and Yang 2022). */
+ * a patch of 25 x 25 pixels (Isola et al., CVPR 2017, call it PatchGAN).
+ *
+ * conditional: the same on twice the channels, those of what the image was made of and the image's.
+ *
+ * paper: resizes to 256 x 256; widths 32, 64, 128, 128, 128 with stride 2, and two fully connected layers (256, 1): one
+ * logit an image (Tian and Yang 2022). */
 hada_status hada_discriminator_make(hada_net **out, const char *name, int channels, hada_error *err);
 
 /* vgg.c: the convolutional part of VGG-16 (Simonyan and Zisserman 2015, configuration D) with torchvision's names,

@@ -57,37 +57,34 @@ static hada_status variation(const judged *j, hada_error *err)
 }
 
 /* Plain images of the window to the input of VGG (repeated: one channel for all three) or of the critic. */
-static hada_status show(const judged *j, hada_graph *graph, int repeated, cl_mem mem, hada_error *err)
+static hada_status show(const judged *j, hada_graph *graph, int repeated, cl_mem mem, size_t image_stride,
+                        hada_error *err)
 {
-    const size_t plane = j->engine->shape.plane, pixels = j->engine->shape.pixels;
     const hada_planar images = {.mem = mem,
-                                .image_stride = plane,
-                                .channel_stride = repeated ? 0 : pixels,
+                                .image_stride = image_stride,
+                                .channel_stride = repeated ? 0 : j->engine->shape.pixels,
                                 .row_stride = (size_t)j->engine->shape.cols};
     return hada_graph_load(graph, &images, err);
 }
 
-/* Adds the gradient that a graph has of its input to that of the output. */
-static hada_status take_share(const judged *j, hada_graph *graph, int channels, hada_error *err)
+/* The gradient that a graph has of its input, which has so many channels, as plain floats. */
+static hada_status store_gradient(const judged *j, hada_graph *graph, int channels, cl_mem mem, hada_error *err)
 {
-    hada_engine *engine = j->engine;
-    const size_t pixels = engine->shape.pixels;
-    const cl_mem flat = engine->buffers[ENGINE_FLAT].mem;
-    const hada_planar all = {.mem = flat,
+    const size_t pixels = j->engine->shape.pixels;
+    const hada_planar all = {.mem = mem,
                              .image_stride = (size_t)channels * pixels,
                              .channel_stride = pixels,
-                             .row_stride = (size_t)engine->shape.cols};
-    hada_status status = hada_graph_store_gradient(graph, &all, err);
-    /* a channel that was repeated has as many gradients */
-    const int repeats = channels / engine->shape.channels;
-    for (int i = 0; !status && i < repeats; i++) {
-        hada_planar part = hada_engine_plain(&engine->share, flat, (size_t)i * pixels);
-        part.image_stride *= (size_t)repeats;
-        status = hada_tensor_load(engine->slot, &part, &engine->share, err);
-        if (!status)
-            status = hada_blend(engine->slot, 1.0f, &engine->share, 1.0f, hada_engine_output_gradient(engine), err);
-    }
-    return status;
+                             .row_stride = (size_t)j->engine->shape.cols};
+    return hada_graph_store_gradient(graph, &all, err);
+}
+
+/* Adds plain floats to the gradient of the output. */
+static hada_status take_share(const judged *j, const hada_planar *part, hada_error *err)
+{
+    hada_engine *engine = j->engine;
+    hada_status status = hada_tensor_load(engine->slot, part, &engine->share, err);
+    return status ? status
+                  : hada_blend(engine->slot, 1.0f, &engine->share, 1.0f, hada_engine_output_gradient(engine), err);
 }
 
 /* The output as plain floats in ENGINE_FLAT. */
@@ -107,7 +104,7 @@ static hada_status scene_features(const judged *j, int repeated, hada_error *err
     hada_status status = hada_engine_features_find(engine, &found, err);
     if (status || found)
         return status;
-    status = show(j, see, repeated, engine->buffers[ENGINE_SCENES].mem, err);
+    status = show(j, see, repeated, engine->buffers[ENGINE_SCENES].mem, engine->shape.plane, err);
     if (!status)
         status = hada_graph_forward(see, err);
     if (!status)
@@ -129,7 +126,7 @@ static hada_status perceptual(const judged *j, hada_error *err)
     if (!status)
         status = store_output(j, err);
     if (!status)
-        status = show(j, see, repeated, engine->buffers[ENGINE_FLAT].mem, err);
+        status = show(j, see, repeated, engine->buffers[ENGINE_FLAT].mem, engine->shape.plane, err);
     if (!status)
         status = hada_graph_forward(see, err);
     if (!status)
@@ -139,7 +136,33 @@ static hada_status perceptual(const judged *j, hada_error *err)
         status = clear_rest(j, &engine->features, dy, err);
     if (!status)
         status = hada_graph_backward(see, (hada_floats){0}, 0, err);
-    return status ? status : take_share(j, see, 3, err);
+    if (!status)
+        status = store_gradient(j, see, 3, engine->buffers[ENGINE_FLAT].mem, err);
+    /* a channel that was repeated has as many gradients */
+    const int repeats = repeated ? 3 : 1;
+    for (int i = 0; !status && i < repeats; i++) {
+        hada_planar part =
+            hada_engine_plain(&engine->share, engine->buffers[ENGINE_FLAT].mem, (size_t)i * engine->shape.pixels);
+        part.image_stride *= (size_t)repeats;
+        status = take_share(j, &part, err);
+    }
+    return status;
+}
+
+/* All at_once images of `mem` into one half of ENGINE_PAIRS, or (out) out of it: planes are the first half, what is
+ * judged the second. */
+static hada_status copy_half(const judged *j, int half, cl_mem mem, int out, hada_error *err)
+{
+    const hada_engine *engine = j->engine;
+    const cl_mem pairs = engine->buffers[ENGINE_PAIRS].mem;
+    const size_t bytes = engine->shape.plane * sizeof(float), alone[3] = {0, 0, 0},
+                 paired[3] = {half ? bytes : 0, 0, 0};
+    const size_t region[3] = {bytes, (size_t)engine->shape.at_once, 1};
+    const cl_int code = out ? clEnqueueCopyBufferRect(engine->slot->queue, pairs, mem, paired, alone, region, 2 * bytes,
+                                                      0, bytes, 0, 0, NULL, NULL)
+                            : clEnqueueCopyBufferRect(engine->slot->queue, mem, pairs, alone, paired, region, bytes, 0,
+                                                      2 * bytes, 0, 0, NULL, NULL);
+    return code == CL_SUCCESS ? HADA_OK : hada_fail_cl(err, code, "clEnqueueCopyBufferRect");
 }
 
 /* The critic on the images of `mem`, as far as the gradient of its logits. */
@@ -150,7 +173,13 @@ static hada_status judge(const judged *j, cl_mem mem, int label, double weight, 
     const hada_tensor x = first_images(j, y), target = first_images(j, &engine->labels[label]);
     const hada_tensor dx = first_images(j, dy);
     const hada_loss_desc loss = {.loss = HADA_LOSS_LOGITS, .weight = (float)weight};
-    hada_status status = show(j, engine->judge, 0, mem, err);
+    hada_status status = HADA_OK;
+    if (engine->shape.paired) {
+        status = copy_half(j, 1, mem, 0, err);
+        mem = engine->buffers[ENGINE_PAIRS].mem;
+    }
+    if (!status)
+        status = show(j, engine->judge, 0, mem, engine->shape.plane << engine->shape.paired, err);
     if (!status)
         status = hada_graph_forward(engine->judge, err);
     if (!status)
@@ -172,6 +201,8 @@ static hada_status adversarial(const judged *j, uint64_t step, int critic_only, 
     if (!status)
         engine->new_judge = 0;
     hada_graph_set_step(engine->judge, engine->options.seed + 1, step);
+    if (!status && engine->shape.paired)
+        status = copy_half(j, 0, engine->buffers[ENGINE_PLANES].mem, 0, err);
     if (!status)
         status = judge(j, scenes, 1, j->weight, ENGINE_REAL, err);
     if (!status)
@@ -188,7 +219,14 @@ static hada_status adversarial(const judged *j, uint64_t step, int critic_only, 
     status = judge(j, flat, 1, engine->options.adversarial * j->weight, ENGINE_ADVERSARIAL, err);
     if (!status)
         status = hada_graph_backward(engine->judge, none, 0, err);
-    return status ? status : take_share(j, engine->judge, engine->shape.channels, err);
+    const int paired = engine->shape.paired;
+    const cl_mem pairs = engine->buffers[ENGINE_PAIRS].mem;
+    if (!status)
+        status = store_gradient(j, engine->judge, engine->shape.channels << paired, paired ? pairs : flat, err);
+    if (!status && paired)
+        status = copy_half(j, 1, flat, 1, err);
+    const hada_planar part = hada_engine_plain(&engine->share, flat, 0);
+    return status ? status : take_share(j, &part, err);
 }
 
 hada_status hada_engine_losses(hada_engine *engine, int count, double weight, uint64_t step, int critic_only,

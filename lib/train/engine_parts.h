@@ -30,6 +30,7 @@ enum {
     ENGINE_SHARE,    /* critic, VGG: a gradient that comes back from them */
     ENGINE_FEATURES, /* VGG: features of the scenes */
     ENGINE_VGG,      /* its weights */
+    ENGINE_PAIRS,    /* critic that sees planes as well: plane and image of each sample; plain */
     ENGINE_FALSE,    /* critic: labels of what the net made, 0 */
     ENGINE_TRUE,     /* of scenes, 1 */
     ENGINE_TERMS,    /* values of the terms, then norms */
@@ -59,6 +60,7 @@ typedef struct engine_shape {
     int channels, rows, cols; /* of the window */
     int at_once, depths;
     int filters, net, critic, vgg; /* 1: there are some */
+    int paired;                    /* the critic sees the plane beside the image */
     size_t pixels, plane;          /* of the window; floats of all its channels */
     size_t frame;                  /* floats of a raw frame, all channels */
     hada_form form;

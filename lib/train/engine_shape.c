@@ -184,8 +184,9 @@ static hada_status judge_shapes(const hada_engine_desc *desc, engine_shape *shap
     shape->judge.weight_gradients = 1;
     if (shape->critic) {
         hada_net_get_info(desc->critic, &info);
-        status =
-            check_net(desc->critic, "discriminator", shape->channels, shape->rows, shape->cols, &shape->logits, err);
+        shape->paired = info.channels == 2 * shape->channels;
+        status = check_net(desc->critic, "discriminator", shape->channels << shape->paired, shape->rows, shape->cols,
+                           &shape->logits, err);
         if (!status && info.out_channels != 1)
             status = hada_fail(err, HADA_ERROR_MODEL, "a discriminator gives one channel of logits, not %d",
                                info.out_channels);
@@ -239,6 +240,8 @@ static void net_buffers(const hada_context *context, const hada_engine_desc *des
         bytes[ENGINE_FALSE] = bytes[ENGINE_TRUE] = tensor_bytes(&logits);
         at_least(&bytes[ENGINE_SUMS], hada_loss_scratch(&loss, &logits));
     }
+    if (shape->paired)
+        bytes[ENGINE_PAIRS] = 2 * at_once * shape->plane * sizeof(float);
     if (!shape->vgg)
         return;
     const hada_tensor features = hada_engine_features(context, shape, desc->vgg, NULL);

@@ -89,6 +89,8 @@ static void descriptions_come_back_as_they_were(void **state)
     check_round_trip(net);
     ASSERT_OK(hada_discriminator_make(&net, "patch", 1, err));
     check_round_trip(net);
+    ASSERT_OK(hada_discriminator_make(&net, "conditional", 3, err));
+    check_round_trip(net);
     ASSERT_OK(hada_vgg16_make(&net, err));
     check_round_trip(net);
     hada_unet_options_init(&options);

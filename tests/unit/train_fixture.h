@@ -261,8 +261,18 @@ static inline double train_logits(const train_case *c, const double *images, dou
     double *labels = calloc(count, sizeof *labels);
     for (size_t i = 0; i < count; i++)
         labels[i] = label;
-    double *logits = train_run(c->critic, c->critic_values, c->count, rows, cols, images, count);
+    const size_t plane = (size_t)c->info->channels * (size_t)rows * (size_t)cols;
+    const int paired = c->critic->layers[0].channels == 2 * c->info->channels;
+    double *pairs = calloc(2 * plane * (size_t)c->count, sizeof *pairs), *at = pairs;
+    for (size_t i = 0; paired && i < (size_t)c->count; i++) { /* the plane first */
+        for (size_t k = 0; k < plane; k++)
+            *at++ = c->samples[i].input->data[k];
+        memcpy(at, images + i * plane, plane * sizeof *at);
+        at += plane;
+    }
+    double *logits = train_run(c->critic, c->critic_values, c->count, rows, cols, paired ? pairs : images, count);
     const double loss = hada_ref_logits(count, weight, logits, labels, NULL);
+    free(pairs);
     free(logits);
     free(labels);
     return loss;

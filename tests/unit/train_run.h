@@ -4,7 +4,7 @@
 
 #include "train_fixture.h"
 
-/* critic: 1 gives one logit an image, 2 one a patch. */
+/* critic: 1 gives one logit an image, 2 one a patch, 3 as well, and sees the plane. */
 typedef struct engine_case {
     const char *name;
     hada_stage stage;
@@ -17,11 +17,12 @@ static const engine_case train_cases[] = {
     {"another size, perceptual", HADA_STAGE_ENHANCE, 3, 1, 0, 10, 8, 1, 0, 0, 0, 0},
     {"grey, perceptual", HADA_STAGE_ENHANCE, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0},
     {"adversarial", HADA_STAGE_ADVERSARIAL, 3, 0, 1, 0, 0, 0, 1, 0, 0, 0},
-    {"adversarial of patches, shared, perceptual", HADA_STAGE_ADVERSARIAL, 3, 1, 0, 16, 12, 1, 2, 0, 0, 0},
+    {"conditional, shared, perceptual", HADA_STAGE_ADVERSARIAL, 3, 1, 0, 16, 12, 1, 3, 0, 0, 0},
     {"joint", HADA_STAGE_JOINT, 3, 0, 0, 0, 0, 0, 0, 0, 0, 0},
     {"joint, split, padded, shared, another size", HADA_STAGE_JOINT, 3, 1, 1, 9, 11, 0, 0, 0, 1, 1},
     {"joint, adversarial of patches", HADA_STAGE_JOINT, 1, 0, 0, 0, 0, 1, 2, 1, 0, 0},
     {"conventional", HADA_STAGE_CONVENTIONAL, 3, 0, 0, 0, 0, 0, 0, 0, 0, 0},
+    {"conditional, grey, perceptual", HADA_STAGE_ADVERSARIAL, 1, 0, 0, 0, 0, 1, 3, 0, 0, 0},
 };
 enum { ROWS = 15, COLS = 18, WINDOW_ROWS = 12, WINDOW_COLS = 14 };
 
@@ -74,7 +75,7 @@ static inline void run_make(engine_run *run, const engine_case *c)
     ASSERT_OK(hada_net_create_unet(&run->net, &unet, 3, err));
     shake(run->net, 1);
     if (c->critic) {
-        snprintf(text, sizeof text, critic, c->channels, ends[c->critic - 1]);
+        snprintf(text, sizeof text, critic, c->critic == 3 ? 2 * c->channels : c->channels, ends[c->critic > 1]);
         run->critic = net_from(text, 4);
     }
     if (c->vgg) {

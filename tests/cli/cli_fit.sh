@@ -12,7 +12,7 @@ if locale -a 2>/dev/null | grep -qi '^de_DE'; then
 fi
 expect 0 'split' fit "$camera" -o split.model --form split
 expect 0 'padded' fit "$camera" -o padded.model --boundary padded --no-leave-one-out
-expect 0 'no refinement' fit "$camera" -o plain.model --alpha 0.1 --lambda 0.001 --refine 0
+expect 0 'no refinement' fit "$camera" -o plain.model --alpha 0.1 --lambda 0.001 --refine 0 --outside 1
 expect 0 '' fit "$camera" -o half.model --half
 [ "$(stat -c %s half.model)" -lt "$(stat -c %s a.model)" ] || fail '--half did not make the model smaller'
 

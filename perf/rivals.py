@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
 """ADMM with total variation and FISTA here against the same in LenslessPiCam and in PyTorch: time per iteration, taking
 turns in one run, and how far the results differ after the same iterations from the same start.
-  perf/rivals.py [--bin FOLDER] [--size 270x480] [--rounds 5] [--iterations 20] [--threads 2]
-The camera is a random lens array whose frame is cropped by the sensor; colours are three. Needs PyTorch and tifffile;
-the package `lensless` where it is installed."""
+  perf/rivals.py [--bin FOLDER] [--size 270x480] [--rounds 5] [--iterations 20] [--threads 2] [--wide]
+The camera is a random lens array, whose spots lie within 0.6 of the sensor's sides (--wide: a point spread function that
+fills the sensor); the sensor crops the frame; colours are three. Needs PyTorch and tifffile; the package `lensless` where
+it is installed."""
 import argparse
 import json
 import math
@@ -27,14 +28,16 @@ MU = (1.0, 0.01, 0.001)  # of the splits of data, gradient and planes; the last 
 TV = 1e-3
 
 
-def camera(rows, cols, seed=1):
-    """PSF of unit brightness, frame, both (3, rows, cols)."""
+def camera(rows, cols, wide=False, seed=1):
+    """PSF of unit brightness, frame, both (3, rows, cols). wide: the PSF fills the sensor."""
     random = np.random.default_rng(seed)
     y, x = np.mgrid[:rows, :cols]
     psf = np.zeros((rows, cols))
     for _ in range(40):
         r, c = rows * (0.2 + 0.6 * random.random()), cols * (0.2 + 0.6 * random.random())
         psf += np.exp(-((y - r) ** 2 + (x - c) ** 2) / 2.0)
+    if wide:
+        psf = random.random((rows, cols)) ** 8
     psf = np.repeat((psf / psf.sum())[None], 3, 0)
     scene = np.zeros((3, rows, cols))
     for _ in range(30):
@@ -112,10 +115,11 @@ def main():
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--iterations", type=int, default=20)
     parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--wide", action="store_true")
     args = parser.parse_args()
     torch.set_num_threads(args.threads)
     rows, cols = map(int, args.size.split("x"))
-    psf, frame = camera(rows, cols)
+    psf, frame = camera(rows, cols, args.wide)
     otf0 = psf.sum((1, 2)).max()
     gain, brightness = otf0 ** 2, math.sqrt(np.mean(np.square(frame, dtype=np.float64)))
     # in the units of LenslessPiCam

@@ -51,7 +51,7 @@ static double stage_cost(int radix)
 static double time_of(int n, int columns)
 {
     hada_fft_stages stages;
-    double sum = columns ? 1.0 : 8.0;
+    double sum = columns ? 1.0 : 10.0;
     hada_fft_factor(n, columns, &stages);
     for (int s = 0; s < stages.count; s++) {
         const double one = stage_cost(stages.radix[s]);

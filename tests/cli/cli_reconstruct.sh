@@ -40,6 +40,11 @@ expect 0 '"enhanced": 0' reconstruct "$raw/test01.tif" -m enhance.model -o plain
 cmp -s out/test01_stack.tif plain/test01_stack.tif || fail '--no-enhance is not the model without its net'
 expect 2 '3 depths from 100 to 600 mm' reconstruct "${one[@]}" -o a --depths 4
 expect 2 "cannot use '150mm'" reconstruct "${one[@]}" -o a --occupied 150mm
+# Total variation: what the model says, another weight, none.
+expect 0 '' reconstruct "${one[@]}" -o smooth --refine 6 --refine-tv 0.05 --no-preview
+expect 0 '' reconstruct "${one[@]}" -o rough --refine 6 --refine-tv 0 --no-preview
+cmp -s smooth/test01_stack.tif rough/test01_stack.tif && fail '--refine-tv changed nothing'
+expect 2 '--refine-tv takes' reconstruct "${one[@]}" -o a --refine-tv -1
 expect 2 '--refine takes' reconstruct "${one[@]}" -o a --refine soon
 expect 2 'greater than zero' reconstruct "${one[@]}" -o a --gamma 0
 

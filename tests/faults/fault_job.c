@@ -125,6 +125,7 @@ static hada_status fit(fault_job *job, hada_context *context, hada_model **model
     options.raw_cols = JOB_COLS;
     options.window_rows = options.window_cols = JOB_WINDOW;
     options.refine_steps = 4;
+    options.refine_tv = 0.003;
     hada_status status = hada_fitter_create(&fitter, context, &options, err);
     for (int k = 0; !status && k < JOB_DEPTHS * JOB_PAIRS; k++)
         status = hada_fitter_add(fitter, k / JOB_PAIRS, &job->frame[k / JOB_PAIRS][k % JOB_PAIRS],

@@ -20,6 +20,7 @@ static void set_up(fixture *f, int frame_rows, int frame_cols, int window_rows, 
 {
     f->camera = tiny_make(frame_rows, frame_cols, window_rows, window_cols, depths, channels, padded);
     tiny_upload(&f->device, &f->camera);
+    f->device.shape.tv = 1;
     ASSERT_OK(hada_refiner_create(&f->refiner, f->device.slot, &f->device.shape, err));
     f->scenes = tiny_zeros((size_t)depths * f->camera.window_area);
     f->image = tiny_zeros(f->camera.pixels);
@@ -227,20 +228,24 @@ static void gives_the_same_bits_whatever_runs_beside(void **state)
 static void scales_with_the_frame(void **state)
 {
     (void)state;
-    for (int padded = 0; padded < 2; padded++) {
+    for (int k = 0; k < 4; k++) {
         fixture f;
         hada_refine_rule rule;
         static const int list[] = {0, 2};
-        set_up(&f, 40, 48, 20, 24, 3, 1, padded);
+        set_up(&f, 40, 48, 20, 24, 3, 1, k % 2);
         const size_t count = 2 * f.camera.window_area;
         two_depths(&f, 0, 2);
         hada_refine_rule_init(&rule);
+        const double tv = k < 2 ? 0.0 : 1e-4;
+        rule.tv = tv;
         expose(&f, 0.01, 1.0);
         ASSERT_OK(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, 2, list, NULL, err));
         float *once = read_planes(&f, 2);
+        rule.tv = 1024.0 * tv;
         expose(&f, 0.01, 1024.0); /* a power of two: exact */
         ASSERT_OK(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, 2, list, NULL, err));
         float *exact = read_planes(&f, 2);
+        rule.tv = 1000.0 * tv;
         expose(&f, 0.01, 1000.0);
         ASSERT_OK(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, 2, list, NULL, err));
         float *thousand = read_planes(&f, 2);
@@ -461,6 +466,14 @@ static void refuses_what_it_cannot_do(void **state)
     rule.steps = 1;
     f.device.data.frame = NULL;
     assert_int_equal(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, 1, list, NULL, &error), HADA_ERROR_ARGUMENT);
+    f.device.data.frame = f.device.data.spectrum; /* never read */
+    f.device.shape.tv = 0;
+    hada_refiner *plain;
+    ASSERT_OK(hada_refiner_create(&plain, f.device.slot, &f.device.shape, err));
+    rule.tv = 1.0;
+    assert_int_equal(hada_refiner_run(plain, &f.device.data, &rule, 1, 1, list, NULL, &error), HADA_ERROR_ARGUMENT);
+    assert_non_null(strstr(error.message, "total variation"));
+    hada_refiner_destroy(&plain);
     f.device.shape.window.cols = 999;
     assert_int_equal(hada_refiner_create(&none, f.device.slot, &f.device.shape, &error), HADA_ERROR_SIZE);
     assert_null(none);

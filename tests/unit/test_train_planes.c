@@ -10,11 +10,12 @@ enum { CHANNELS = 3, ROWS = 26, COLS = 35, WINDOW_ROWS = 12, WINDOW_COLS = 20, D
 
 typedef struct planes_case {
     int padded, steps, half;
-    double dark;
+    double dark, tv;
 } planes_case;
 
 static const planes_case cases[] = {
-    {0, 5, 0, 0.0}, {1, 4, 0, 0.01}, {0, 0, 0, -1.0}, {1, 0, 1, 0.02}, {0, 12, 1, -1.0},
+    {0, 5, 0, 0.0, 0},   {1, 4, 0, 0.01, 0},     {0, 0, 0, -1.0, 0},    {1, 0, 1, 0.02, 0},
+    {0, 12, 1, -1.0, 0}, {0, 12, 0, 0.01, 3e-3}, {1, 6, 0, -1.0, 1e-3},
 };
 
 static hada_model *model_of(hada_context *context, const planes_case *c, hada_image *psfs)
@@ -27,6 +28,7 @@ static hada_model *model_of(hada_context *context, const planes_case *c, hada_im
     options.window_cols = WINDOW_COLS;
     options.boundary = c->padded ? HADA_BOUNDARY_PADDED : HADA_BOUNDARY_CIRCULAR;
     options.refine_steps = c->steps;
+    options.refine_tv = c->tv;
     options.dark = c->dark;
     ASSERT_OK(hada_model_from_psf(&model, context, psfs, DEPTHS, distances, &options, err));
     if (!c->half)

@@ -1,24 +1,52 @@
 #include "optics/lens_light.h"
 
+#include <math.h>
 #include <stdlib.h>
 
 #include "core/alloc.h"
 #include "optics/mask.h"
 
-hada_status hada_lenses_create(hada_lenses *lenses, const hada_camera *camera, hada_error *err)
+#define PATCHES_MOST 64 /* across */
+
+/* Square patches that meet the aperture. */
+static void place_patches(hada_lenses *lenses, double aperture_mm)
+{
+    for (int i = 0; i < lenses->across; i++)
+        for (int j = 0; j < lenses->across; j++) {
+            const double y = (i + 0.5) * lenses->side - aperture_mm / 2.0,
+                         x = (j + 0.5) * lenses->side - aperture_mm / 2.0, dx = fmax(fabs(x) - lenses->side / 2.0, 0.0),
+                         dy = fmax(fabs(y) - lenses->side / 2.0, 0.0);
+            if (dx * dx + dy * dy >= aperture_mm * aperture_mm / 4.0)
+                continue;
+            lenses->x[lenses->count] = x;
+            lenses->y[lenses->count++] = y;
+        }
+}
+
+hada_status hada_lenses_create(hada_lenses *lenses, const hada_camera *camera, double patch_mm, hada_error *err)
 {
     *lenses = (hada_lenses){0};
-    if (!hada_mask_has_lenses(camera))
-        return hada_fail(err, HADA_ERROR_ARGUMENT,
-                         "what stands behind opaque objects is rendered lens by lens, and a mask of kind '%s' has no "
-                         "lenses; use lenses or round holes",
-                         hada_mask_word(camera->mask));
+    const int whole = !hada_mask_has_lenses(camera);
+    if (whole) {
+        const double across = ceil(camera->aperture_mm / patch_mm);
+        lenses->across = across < 1.0 ? 1 : across < PATCHES_MOST ? (int)across : PATCHES_MOST;
+        lenses->side = camera->aperture_mm / lenses->across;
+    }
+    const size_t room = whole ? (size_t)lenses->across * (size_t)lenses->across : (size_t)camera->lenses;
     void *memory;
-    hada_status status = hada_alloc(&memory, (size_t)camera->lenses, 2 * sizeof(double), "the lens positions", err);
+    hada_status status = hada_alloc(&memory, room, 2 * sizeof(double), "the lens positions", err);
     if (status)
         return status;
-    *lenses = (hada_lenses){camera->lenses, memory, (double *)memory + camera->lenses};
-    if ((status = hada_camera_lenses(camera, lenses->x, lenses->y, err)))
+    lenses->x = memory;
+    lenses->y = lenses->x + room;
+    if (whole) {
+        place_patches(lenses, camera->aperture_mm);
+        status = hada_mask_make(&lenses->design, camera, err);
+    } else {
+        lenses->count = camera->lenses;
+        status = hada_camera_lenses(camera, lenses->x, lenses->y, err);
+    }
+    if (status)
         hada_lenses_destroy(lenses);
     return status;
 }
@@ -26,6 +54,7 @@ hada_status hada_lenses_create(hada_lenses *lenses, const hada_camera *camera, h
 void hada_lenses_destroy(hada_lenses *lenses)
 {
     free(lenses->x);
+    hada_mask_free(&lenses->design);
     *lenses = (hada_lenses){0};
 }
 
@@ -51,8 +80,28 @@ void hada_lens_labels(const hada_camera *camera, const hada_lenses *lenses, doub
             *labels++ = nearest(lenses, scale, c - axis_col, r - axis_row);
 }
 
+static int patch_outline(const hada_lenses *lenses, int patch, int half, double *x, double *y)
+{
+    const double step = lenses->side / (2 * half + 1);
+    int count = 0;
+    for (int i = -half; i <= half; i++)
+        for (int j = -half; j <= half; j++) {
+            hada_mask_point point;
+            hada_mask_at(&lenses->design, lenses->x[patch] + j * step, lenses->y[patch] + i * step, &point);
+            if (!(point.edge > 0.0))
+                continue;
+            x[count] = j * step;
+            y[count++] = i * step;
+        }
+    if (!count) /* closed, but for less than a step */
+        x[count] = y[count] = 0.0, count++;
+    return count;
+}
+
 int hada_lens_outline(const hada_camera *camera, const hada_lenses *lenses, int lens, int half, double *x, double *y)
 {
+    if (lenses->side > 0.0)
+        return patch_outline(lenses, lens, half, x, y);
     const double radius = camera->lens_diameter_mm / 2.0, step = radius / (half + 0.5),
                  aperture = camera->aperture_mm / 2.0;
     int count = 0;

@@ -20,10 +20,11 @@ void hada_camera_parallax(const hada_camera *camera, double near_mm, double far_
 }
 
 /* Two points for each pixel that the outline is wide on the nearer plane. */
-static int outline_half(const hada_camera *camera, double near_mm, double far_mm)
+static int outline_half(const hada_camera *camera, const hada_lenses *lenses, double near_mm, double far_mm)
 {
     double wide, high;
-    hada_camera_parallax(camera, near_mm, far_mm, camera->lens_diameter_mm, 0.0, &wide, &high);
+    hada_camera_parallax(camera, near_mm, far_mm, lenses->side > 0.0 ? lenses->side : camera->lens_diameter_mm, 0.0,
+                         &wide, &high);
     const double half = ceil(fabs(wide));
     return half < OUTLINE_LEAST ? OUTLINE_LEAST : half < OUTLINE_MOST ? (int)half : OUTLINE_MOST;
 }
@@ -81,7 +82,7 @@ hada_status hada_taps_create(hada_taps *taps, const hada_camera *camera, const h
                              double near_mm, double far_mm, hada_error *err)
 {
     *taps = (hada_taps){0};
-    const int half = outline_half(camera, near_mm, far_mm), room = (2 * half + 1) * (2 * half + 1);
+    const int half = outline_half(camera, lenses, near_mm, far_mm), room = (2 * half + 1) * (2 * half + 1);
     void *points;
     hada_status status = hada_alloc(&points, (size_t)room, 2 * sizeof(double), "the outline of a lens", err);
     if (status)

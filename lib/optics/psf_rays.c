@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "optics/mask.h"
+#include "optics/psf_rays.h"
 
 #define RAY_STEP_PIXELS 0.35 /* between neighbours on the sensor, about, at most */
 #define HALF_RAYS_MAX   4000 /* from the axis to the edge of the aperture */
@@ -41,80 +41,147 @@ static void blur_line(double *line, double *copy, int count, size_t stride, cons
     }
 }
 
-typedef struct screen {
-    double *sum;
-    int rows, cols; /* with the margin from which light is blurred into the image */
-} screen;
-
-static void add_ray(const screen *s, double row, double col, double light)
+static void add_ray(hada_rays *rays, double row, double col, double light)
 {
-    if (!(row >= 0.0 && col >= 0.0 && row < s->rows - 1 && col < s->cols - 1))
+    if (!(row >= 0.0 && col >= 0.0 && row < rays->rows - 1 && col < rays->cols - 1))
         return;
     const int r = (int)row, c = (int)col;
     const double down = row - r, across = col - c;
-    double *at = s->sum + (size_t)r * (size_t)s->cols + (size_t)c;
+    double *at = rays->sum + (size_t)r * (size_t)rays->cols + (size_t)c;
     at[0] += light * (1.0 - down) * (1.0 - across);
     at[1] += light * (1.0 - down) * across;
-    at += s->cols;
+    at += rays->cols;
     at[0] += light * down * (1.0 - across);
     at[1] += light * down * across;
+    rays->top = r < rays->top ? r : rays->top;
+    rays->left = c < rays->left ? c : rays->left;
+    rays->bottom = r + 2 > rays->bottom ? r + 2 : rays->bottom;
+    rays->right = c + 2 > rays->right ? c + 2 : rays->right;
 }
 
-static double trace(const hada_mask_design *design, double distance, const screen *s, double row0, double col0)
+hada_status hada_rays_make(hada_rays *rays, const hada_mask_design *design, double distance_mm, int rows, int cols,
+                           double axis_row, double axis_col, hada_error *err)
 {
     const hada_camera *camera = &design->camera;
-    const double d = camera->distance_mm, magnification = 1.0 + d / distance, pitch = camera->pixel_pitch_mm;
     const double radius = camera->aperture_mm / 2.0;
-    const double wanted = RAY_STEP_PIXELS * pitch / (magnification + d * design->bend);
-    const int half = (int)fmin(ceil(radius / wanted), HALF_RAYS_MAX);
-    const double step = radius / half;
+    const double wanted = RAY_STEP_PIXELS * camera->pixel_pitch_mm /
+                          (hada_camera_magnification(camera, distance_mm) + camera->distance_mm * design->bend);
+    *rays = (hada_rays){.design = design, .distance = distance_mm};
+    rays->reach = blur_kernel(camera->blur_pixels, rays->kernel, HADA_RAYS_REACH);
+    rays->margin = rays->reach + 1;
+    rays->rows = rows + 2 * rays->margin;
+    rays->cols = cols + 2 * rays->margin;
+    rays->row0 = axis_row + rays->margin;
+    rays->col0 = axis_col + rays->margin;
+    rays->half = (int)fmin(ceil(radius / wanted), HALF_RAYS_MAX);
+    rays->step = radius / rays->half;
+    void *memory = NULL;
+    hada_status status =
+        hada_alloc(&memory, (size_t)rays->rows * (size_t)rays->cols, sizeof(double), "a point spread function", err);
+    rays->sum = memory;
+    if (!status)
+        status = hada_alloc(&memory, (size_t)(rays->rows > rays->cols ? rays->rows : rays->cols), sizeof(double),
+                            "a point spread function", err);
+    if (status) {
+        hada_rays_free(rays);
+        return status;
+    }
+    rays->line = memory;
+    rays->top = rays->rows;
+    rays->left = rays->cols;
+    return HADA_OK;
+}
+
+void hada_rays_free(hada_rays *rays)
+{
+    free(rays->sum);
+    free(rays->line);
+    *rays = (hada_rays){0};
+}
+
+/* The first and the last ray that may lie in a stretch. */
+static void ray_range(const hada_rays *rays, double low, double high, int *first, int *last)
+{
+    const double half = rays->half;
+    *first = (int)fmax(-half, floor(fmax(low / rays->step, -half)) - 1.0);
+    *last = (int)fmin(half, ceil(fmin(high / rays->step, half)) + 1.0);
+}
+
+double hada_rays_trace(hada_rays *rays, const double low[2], const double high[2])
+{
+    const hada_camera *camera = &rays->design->camera;
+    const double d = camera->distance_mm, magnification = 1.0 + d / rays->distance, pitch = camera->pixel_pitch_mm;
+    const double step = rays->step, radius = camera->aperture_mm / 2.0 + step;
+    int first[2], last[2];
     double all = 0.0;
-    for (int i = -half; i <= half; i++)
-        for (int j = -half; j <= half; j++) {
+    for (int k = 0; k < 2; k++)
+        ray_range(rays, low[k], high[k], &first[k], &last[k]);
+    for (int i = first[1]; i <= last[1]; i++)
+        for (int j = first[0]; j <= last[0]; j++) {
             const double y = i * step, x = j * step;
             hada_mask_point point;
-            if (x * x + y * y > (radius + step) * (radius + step))
+            if (x * x + y * y > radius * radius || !(x >= low[0] && x < high[0] && y >= low[1] && y < high[1]))
                 continue;
-            hada_mask_at(design, x, y, &point);
+            hada_mask_at(rays->design, x, y, &point);
             const double light = hada_mask_open(point.edge, step);
             if (!(light > 0.0))
                 continue;
             all += light;
-            add_ray(s, row0 + (y * magnification + d * point.slope[1]) / pitch,
-                    col0 + (x * magnification + d * point.slope[0]) / pitch, light);
+            add_ray(rays, rays->row0 + (y * magnification + d * point.slope[1]) / pitch,
+                    rays->col0 + (x * magnification + d * point.slope[0]) / pitch, light);
         }
     return all;
+}
+
+/* A row or a column outwards, as far as it goes. */
+static void widen(int *first, int *end, int by, int room)
+{
+    *first = *first > by ? *first - by : 0;
+    *end = *end + by < room ? *end + by : room;
+}
+
+void hada_rays_blur(hada_rays *rays)
+{
+    const size_t pitch = (size_t)rays->cols;
+    if (rays->top >= rays->bottom)
+        return;
+    widen(&rays->left, &rays->right, rays->reach, rays->cols);
+    for (int r = rays->top; r < rays->bottom; r++)
+        blur_line(rays->sum + (size_t)r * pitch + rays->left, rays->line, rays->right - rays->left, 1, rays->kernel,
+                  rays->reach);
+    widen(&rays->top, &rays->bottom, rays->reach, rays->rows);
+    for (int c = rays->left; c < rays->right; c++)
+        blur_line(rays->sum + (size_t)rays->top * pitch + c, rays->line, rays->bottom - rays->top, pitch, rays->kernel,
+                  rays->reach);
+}
+
+void hada_rays_clear(hada_rays *rays)
+{
+    for (int r = rays->top; r < rays->bottom; r++)
+        for (int c = rays->left; c < rays->right; c++)
+            rays->sum[(size_t)r * (size_t)rays->cols + (size_t)c] = 0.0;
+    rays->top = rays->rows;
+    rays->left = rays->cols;
+    rays->bottom = rays->right = 0;
 }
 
 hada_status hada_psf_rays(const hada_camera *camera, double distance_mm, int rows, int cols, double *sum,
                           hada_error *err)
 {
-    enum { ROOM = 400 };
-    double kernel[ROOM];
-    const int reach = blur_kernel(camera->blur_pixels, kernel, ROOM);
-    const screen s = {NULL, rows + 2 * reach + 2, cols + 2 * reach + 2};
-    const int longer = s.rows > s.cols ? s.rows : s.cols;
+    static const double low[2] = {-HUGE_VAL, -HUGE_VAL}, high[2] = {HUGE_VAL, HUGE_VAL};
     hada_mask_design design;
-    void *memory = NULL, *line = NULL;
+    hada_rays rays = {0};
     hada_status status = hada_mask_make(&design, camera, err);
     if (!status)
-        status = hada_alloc(&memory, (size_t)s.rows * (size_t)s.cols, sizeof(double), "a point spread function", err);
-    if (!status)
-        status = hada_alloc(&line, (size_t)longer, sizeof(double), "a point spread function", err);
+        status = hada_rays_make(&rays, &design, distance_mm, rows, cols, rows / 2, cols / 2, err);
     if (!status) {
-        const screen wide = {memory, s.rows, s.cols};
-        const double all = trace(&design, distance_mm, &wide, rows / 2 + reach + 1, cols / 2 + reach + 1);
-        for (int r = 0; r < s.rows; r++)
-            blur_line(wide.sum + (size_t)r * (size_t)s.cols, line, s.cols, 1, kernel, reach);
-        for (int c = 0; c < s.cols; c++)
-            blur_line(wide.sum + c, line, s.rows, (size_t)s.cols, kernel, reach);
+        const double all = hada_rays_trace(&rays, low, high);
+        hada_rays_blur(&rays);
         for (int r = 0; r < rows; r++)
             for (int c = 0; c < cols; c++)
-                sum[(size_t)r * (size_t)cols + (size_t)c] +=
-                    wide.sum[(size_t)(r + reach + 1) * (size_t)s.cols + (size_t)(c + reach + 1)] / all;
+                sum[(size_t)r * (size_t)cols + (size_t)c] += hada_rays_at(&rays, r, c) / all;
     }
-    free(memory);
-    free(line);
+    hada_rays_free(&rays);
     hada_mask_free(&design);
     return status;
 }

@@ -7,6 +7,8 @@
 
 #include "core/alloc.h"
 
+#define PATCH_PIXELS 2.0 /* docs/forward.md says what that leaves */
+
 static size_t max_size(size_t a, size_t b)
 {
     return a > b ? a : b;
@@ -138,6 +140,7 @@ hada_status hada_simulator_create_with(hada_simulator **out, hada_context *conte
     hada_simulator *s = memory;
     s->camera = *camera;
     s->psf_images = 1;
+    s->patch_pixels = PATCH_PIXELS;
     s->shift = (hada_extent){options->shift_rows, options->shift_cols};
     s->field = (hada_extent){camera->window_rows, camera->window_cols};
     if (options->field_rows)

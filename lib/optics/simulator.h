@@ -17,6 +17,7 @@ struct hada_simulator {
     hada_wave *wave;          /* makes them by wave optics; NULL: geometry */
     int psf_images;           /* channels of each PSF */
     hada_extent shift, field; /* of the options; the field at least the window */
+    double patch_pixels;      /* of parallax between neighbouring patches of a mask without lenses, at most */
     int rows, cols;           /* of the transform: the sensor, or larger where light is cropped */
 
     hada_slot *slot;
@@ -37,8 +38,8 @@ hada_status hada_simulator_place_psf(const hada_simulator *simulator, int depth,
                                      hada_error *err);
 
 /* Transfer functions (psf->channels of them) of a placed PSF of the transform's size into `otf`, created where empty.
- * With labels, of the light of lens `lens` alone (lens_light.h). */
-hada_status hada_simulator_make_otf(hada_simulator *simulator, const hada_image *psf, const int *labels, int lens,
+ * With `share`, of that share of each pixel alone. */
+hada_status hada_simulator_make_otf(hada_simulator *simulator, const hada_image *psf, const float *share,
                                     hada_buffer *otf, hada_error *err);
 
 /* HADA_ERROR_SIZE and others where an image cannot be shown. */

@@ -1,9 +1,12 @@
-/* Scenes with opaque planes, lens by lens: every lens sees a plane through what the nearer ones leave open for it. */
+/* Scenes with opaque planes, lens by lens, or patch by patch of a mask without lenses: each sees a plane through what
+ * the nearer ones leave open for it. */
+#include <math.h>
 #include <stdlib.h>
 
 #include "core/alloc.h"
 #include "optics/accumulate.h"
 #include "optics/occlusion.h"
+#include "optics/patch_light.h"
 #include "optics/simulator.h"
 
 typedef struct occluded {
@@ -12,7 +15,9 @@ typedef struct occluded {
     const hada_image *const *opacity;
     int count, lens;
     hada_lenses lenses;
-    int *labels;         /* of the transform's grid */
+    int *labels;  /* of the transform's grid */
+    float *share; /* of the light of a pixel of that grid: what one lens makes */
+    hada_patch_light patch_light;
     hada_buffer opaque;  /* opacities of all planes that have one, field after field */
     hada_buffer seen;    /* a plane as one lens sees it, channels x field */
     hada_buffer weights; /* of one lens */
@@ -52,12 +57,31 @@ static size_t field_pixels(const occluded *o)
     return (size_t)o->simulator->field.rows * (size_t)o->simulator->field.cols;
 }
 
+/* The side of a patch, so that neighbours see the farthest plane move no more than patch_pixels on the nearest. */
+static double patch_side(const occluded *o)
+{
+    const hada_camera *camera = &o->simulator->camera;
+    double most = 0.0, cols, rows;
+    for (int i = 0; i < o->count; i++)
+        for (int j = 0; j < o->count; j++)
+            if (hides(o, j, i)) {
+                hada_camera_parallax(camera, camera->distances_mm[o->planes[j].depth],
+                                     camera->distances_mm[o->planes[i].depth], 1.0, 0.0, &cols, &rows);
+                most = fmax(most, cols);
+            }
+    return most > 0.0 ? o->simulator->patch_pixels / most : camera->aperture_mm;
+}
+
 static hada_status prepare(occluded *o, hada_error *err)
 {
     hada_simulator *s = o->simulator;
     hada_context *context = s->slot->context;
-    void *labels;
-    hada_status status = hada_lenses_create(&o->lenses, &s->camera, err);
+    void *labels, *share;
+    hada_status status = hada_lenses_create(&o->lenses, &s->camera, patch_side(o), err);
+    if (!status && o->lens != -1 && o->lenses.side > 0.0)
+        status = hada_fail(err, HADA_ERROR_ARGUMENT,
+                           "a mask of kind '%s' has no lens %d to look through; use -1, the whole mask",
+                           hada_mask_word(s->camera.mask), o->lens);
     if (!status && (o->lens < -1 || o->lens >= o->lenses.count))
         status = hada_fail(err, HADA_ERROR_ARGUMENT, "lens %d is not among the camera's %d lenses (-1: all)", o->lens,
                            o->lenses.count);
@@ -65,6 +89,9 @@ static hada_status prepare(occluded *o, hada_error *err)
         (status = hada_alloc(&labels, (size_t)s->rows * (size_t)s->cols, sizeof(int), "the parts of a PSF", err)))
         return status;
     o->labels = labels;
+    if ((status = hada_alloc(&share, (size_t)s->rows * (size_t)s->cols, sizeof(float), "the parts of a PSF", err)))
+        return status;
+    o->share = share;
     const size_t bytes = field_pixels(o) * sizeof(float);
     if ((status = hada_buffer_create(&o->opaque, context, bytes * (size_t)o->count, "opacities", err)) ||
         (status = hada_buffer_create(&o->seen, context, bytes * (size_t)s->camera.channels, "a view", err)))
@@ -107,7 +134,12 @@ static hada_status add_lens(occluded *o, int i, const hada_image *psf, int lens,
     hada_simulator *s = o->simulator;
     const int channels = s->camera.channels;
     cl_mem light = is_hidden(o, i) ? o->seen.mem : s->scene.mem;
-    hada_status status = hada_simulator_make_otf(s, psf, o->labels, lens, &o->otf, err);
+    if (o->lenses.side > 0.0)
+        hada_patch_light_share(&o->patch_light, lens, o->labels, o->share);
+    else
+        for (size_t k = 0; k < (size_t)s->rows * (size_t)s->cols; k++)
+            o->share[k] = o->labels[k] == lens;
+    hada_status status = hada_simulator_make_otf(s, psf, o->share, &o->otf, err);
     if (status || (status = hide(o, i, lens, err)) ||
         (status = hada_fft_forward(s->forward_scene, channels, light, 0, s->spectrum.mem, 0, err)))
         return status;
@@ -130,12 +162,17 @@ static hada_status add_plane(occluded *o, int i, hada_error *err)
     hada_status status = hada_simulator_place_psf(s, plane->depth, s->rows, s->cols, &psf, err);
     if (status)
         return status;
-    hada_lens_labels(&s->camera, &o->lenses, s->camera.distances_mm[plane->depth], s->rows, s->cols,
-                     s->rows / 2 - s->shift.rows, s->cols / 2 - s->shift.cols, o->labels);
-    status = hada_simulator_upload(s, plane->image, s->camera.channels, &s->scene, 0, err);
+    const double distance = s->camera.distances_mm[plane->depth];
+    const int row = s->rows / 2 - s->shift.rows, col = s->cols / 2 - s->shift.cols;
+    hada_lens_labels(&s->camera, &o->lenses, distance, s->rows, s->cols, row, col, o->labels);
+    if (o->lenses.side > 0.0)
+        status = hada_patch_light_make(&o->patch_light, &o->lenses, distance, s->rows, s->cols, row, col, err);
+    if (!status)
+        status = hada_simulator_upload(s, plane->image, s->camera.channels, &s->scene, 0, err);
     for (int lens = 0; lens < o->lenses.count && !status; lens++)
         if (o->lens < 0 || lens == o->lens)
             status = add_lens(o, i, &psf, lens, err);
+    hada_patch_light_free(&o->patch_light);
     hada_image_destroy(&psf);
     return status;
 }
@@ -166,5 +203,6 @@ hada_status hada_simulator_render_occluded(hada_simulator *s, const hada_plane *
     hada_buffer_destroy(&o.otf);
     hada_lenses_destroy(&o.lenses);
     free(o.labels);
+    free(o.share);
     return status;
 }

@@ -55,7 +55,7 @@ hada_status hada_simulator_psf(const hada_simulator *s, int depth, hada_image *p
 }
 
 /* A PSF of the transform's size with the axis moved from the middle to pixel (0, 0). */
-static hada_status upload_psf(hada_simulator *s, const hada_image *psf, int channel, const int *labels, int lens,
+static hada_status upload_psf(hada_simulator *s, const hada_image *psf, int channel, const float *share,
                               hada_error *err)
 {
     void *memory;
@@ -68,24 +68,23 @@ static hada_status upload_psf(hada_simulator *s, const hada_image *psf, int chan
         const size_t to = (size_t)((r - psf->rows / 2 + s->rows) % s->rows) * (size_t)s->cols,
                      from = (size_t)r * (size_t)psf->cols;
         for (int c = 0; c < psf->cols; c++)
-            if (!labels || labels[from + (size_t)c] == lens)
-                turned[to + (size_t)((c - psf->cols / 2 + s->cols) % s->cols)] =
-                    psf->data[(size_t)channel * pixels + from + (size_t)c];
+            turned[to + (size_t)((c - psf->cols / 2 + s->cols) % s->cols)] =
+                psf->data[(size_t)channel * pixels + from + (size_t)c] * (share ? share[from + (size_t)c] : 1.0f);
     }
     status = hada_buffer_write(&s->real, s->slot, 0, turned, pixels * sizeof(float), err);
     free(turned);
     return status;
 }
 
-hada_status hada_simulator_make_otf(hada_simulator *s, const hada_image *psf, const int *labels, int lens,
-                                    hada_buffer *otf, hada_error *err)
+hada_status hada_simulator_make_otf(hada_simulator *s, const hada_image *psf, const float *share, hada_buffer *otf,
+                                    hada_error *err)
 {
     hada_status status = HADA_OK;
     if (!otf->mem)
         status = hada_buffer_create(otf, s->slot->context, s->layout.count * 2 * sizeof(float) * (size_t)psf->channels,
                                     "a transfer function", err);
     for (int c = 0; c < psf->channels && !status; c++)
-        if (!(status = upload_psf(s, psf, c, labels, lens, err)))
+        if (!(status = upload_psf(s, psf, c, share, err)))
             status = hada_fft_forward(s->forward_psf, 1, s->real.mem, 0, otf->mem, (size_t)c * s->layout.count, err);
     if (!status)
         status = hada_slot_finish(s->slot, err);

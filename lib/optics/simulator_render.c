@@ -59,7 +59,7 @@ hada_status hada_simulator_add_plane(hada_simulator *s, const hada_plane *plane,
         hada_image psf;
         if ((status = hada_simulator_place_psf(s, depth, s->rows, s->cols, &psf, err)))
             return status;
-        status = hada_simulator_make_otf(s, &psf, NULL, 0, &s->otf[depth], err);
+        status = hada_simulator_make_otf(s, &psf, NULL, &s->otf[depth], err);
         hada_image_destroy(&psf);
     }
     if (status || (status = hada_simulator_upload(s, plane->image, channels, &s->scene, 0, err)) ||

@@ -1,0 +1,71 @@
+/* A small camera and what tests of the forward model need. */
+#ifndef TESTS_FORWARD_FIXTURE_H
+#define TESTS_FORWARD_FIXTURE_H
+
+#include <hadalens/scene.h>
+#include <hadalens/simulate.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "testing.h"
+
+enum { ROWS = 60, COLS = 72, PIXELS = ROWS * COLS, HIGH = 24, WIDE = 26, LENSES = 7 };
+static hada_context *context;
+
+static inline int open_device(void **state)
+{
+    (void)state;
+    return hada_context_create(&context, NULL, NULL);
+}
+
+static inline int close_device(void **state)
+{
+    (void)state;
+    assert_int_equal(hada_context_bytes(context), 0);
+    hada_context_destroy(&context);
+    return 0;
+}
+
+static inline hada_camera small_camera(hada_boundary boundary)
+{
+    hada_camera camera;
+    ASSERT_OK(hada_camera_preset(&camera, "sim300", err));
+    ASSERT_OK(hada_camera_resize(&camera, ROWS, COLS, HIGH, WIDE, err));
+    camera.boundary = boundary;
+    camera.lenses = LENSES;
+    return camera;
+}
+
+static inline hada_simulator *simulator_of(const hada_camera *camera, int shift_rows, int shift_cols, int field_rows,
+                                           int field_cols)
+{
+    hada_simulator *simulator;
+    hada_simulator_options options;
+    hada_simulator_options_init(&options);
+    options.shift_rows = shift_rows;
+    options.shift_cols = shift_cols;
+    options.field_rows = field_rows;
+    options.field_cols = field_cols;
+    ASSERT_OK(hada_simulator_create_with(&simulator, context, camera, &options, err));
+    return simulator;
+}
+
+static inline hada_image drawn(uint64_t seed, int channels, int rows, int cols)
+{
+    hada_image image;
+    ASSERT_OK(hada_scene_procedural(&image, seed, channels, rows, cols, err));
+    return image;
+}
+
+static inline double distance(const float *a, const double *b, size_t count)
+{
+    double error = 0.0, norm = 0.0;
+    for (size_t i = 0; i < count; i++) {
+        error += (a[i] - b[i]) * (a[i] - b[i]);
+        norm += b[i] * b[i];
+    }
+    return sqrt(error / norm);
+}
+
+#endif

@@ -116,9 +116,10 @@ hada_status hada_classic_fused_columns(hada_classic *classic, int back, hada_err
 hada_status hada_classic_fused_frame(hada_classic *classic, int inverse, int forward, int step, double number,
                                      hada_error *err);
 hada_status hada_classic_fused_planes(hada_classic *classic, hada_classic_part planes, int forward, hada_error *err);
-/* HADA_ERROR_SELF_TEST where they give wrong results. */
-hada_status hada_classic_check(hada_classic *classic, hada_error *err);
 hada_status hada_classic_fused_momentum(hada_classic *classic, double beta, hada_error *err);
+
+/* Runs the fused passes once: HADA_ERROR_SELF_TEST where they give wrong results (classic_check.c). */
+hada_status hada_classic_check(hada_classic *classic, hada_error *err);
 
 /* Launches a kernel over the rows or the pixels of all planes, in bands or slices. */
 hada_status hada_classic_rows(hada_classic *classic, const char *file, const char *name, const hada_arg *args,

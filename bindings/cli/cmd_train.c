@@ -56,7 +56,8 @@ static const hada_cli_option options[] = {
      AT(skip_incomplete)},
 
     {HADA_OPTION_GROUP, NULL, 0, NULL, "Steps", NULL, 0},
-    {HADA_OPTION_COUNT, "steps", 0, "N", "steps of the whole training (default: 1000)", NULL, AT(steps)},
+    {HADA_OPTION_COUNT, "steps", 0, "N", "steps of the whole training (default: 1000; adversarial: 300)", NULL,
+     AT(steps)},
     {HADA_OPTION_COUNT, "epochs", 0, "N", "instead: how often every pair is seen", NULL, AT(epochs)},
     {HADA_OPTION_COUNT, "batch", 0, "N", "pairs of a step (default: 4)", NULL, AT(batch)},
     {HADA_OPTION_COUNT, "at-once", 0, "N", "pairs computed together; fewer need less memory (default: as many as fit)",

@@ -29,13 +29,13 @@ int hada_stage_keeps(const hada_augment *augment)
 void hada_train_options_init(hada_train_options *options, hada_stage stage)
 {
     /* with a net that knows much */
-    const double rate = stage == HADA_STAGE_ADVERSARIAL ? 2e-4 : stage == HADA_STAGE_JOINT ? 1e-4 : 1e-3;
+    const double rate = stage == HADA_STAGE_ADVERSARIAL ? 3e-4 : stage == HADA_STAGE_JOINT ? 1e-4 : 1e-3;
     *options = (hada_train_options){.size = sizeof *options,
                                     .stage = stage,
                                     .seed = 1,
                                     .net = "compact",
                                     .critic = "conditional",
-                                    .steps = 1000,
+                                    .steps = stage == HADA_STAGE_ADVERSARIAL ? 300 : 1000,
                                     .batch = 4,
                                     .rule = HADA_RULE_ADAM,
                                     .rate = rate,
@@ -45,7 +45,7 @@ void hada_train_options_init(hada_train_options *options, hada_stage stage)
                                     .clip = stage == HADA_STAGE_FILTERS ? 0.0 : 0.1,
                                     .mse = 1.5,
                                     .perceptual = 0.1,
-                                    .adversarial = stage == HADA_STAGE_ADVERSARIAL ? 4e-3 : 0.0,
+                                    .adversarial = stage == HADA_STAGE_ADVERSARIAL ? 8e-3 : 0.0,
                                     .variation = 5e-7,
                                     .critic_steps = stage == HADA_STAGE_ADVERSARIAL ? 60 : 0};
     if (hada_stage_has_planes(stage))

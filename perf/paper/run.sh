@@ -12,7 +12,7 @@ for name in depths pairs starts conventional methods seeds; do
     depths) options="" ;;
     pairs | starts) options="--size 160x160 --window 60x60 --depths 2" ;;
     conventional) options="--size 192x192 --window 72x72" ;;
-    *) options="--size 192x192 --window 72x72 --depths 3 --lpips $out/features.safetensors" ;;
+    *) options="--size 192x192 --window 72x72 --depths 3 --noise 0.03 --lpips $out/features.safetensors" ;;
     esac
     echo "== $name"
     # shellcheck disable=SC2086

@@ -64,7 +64,6 @@ static void begin(player *p, const train_device *device, hada_stage stage, const
 {
     *p = (player){.model = train_model(1, SIDE, SIDE, SIDE, SIDE, 0, 0), .net = net};
     hada_train_options_init(&p->options, stage);
-    p->options.adversarial *= 2.0; /* to see much of it in few steps */
     if (critic) {
         ASSERT_OK(hada_discriminator_make(&p->critic, critic, 1, err));
         ASSERT_OK(hada_net_init(p->critic, 1, err));

@@ -95,9 +95,9 @@ typedef struct hada_train_options {
     double weight_decay;   /* ADAMW */
     uint64_t critic_steps; /* steps (of `steps`) of the discriminator alone, before the first of the net */
 
-    /* losses: weights; 1.5, 0.1, 4e-3 and 5e-7 by default (the paper's code has 8e-3 for the adversarial one); JOINT:
-       adversarial 0, and with more it has a discriminator as ADVERSARIAL has; the other stages know no adversarial
-       term. FILTERS: the mean squared error alone. */
+    /* losses: weights; those of the paper's code by default: 1.5, 0.1, 8e-3, 5e-7; JOINT: adversarial 0, and with
+       more it has a discriminator as ADVERSARIAL has; the other stages know no adversarial term. FILTERS: the mean
+       squared error alone. */
     double mse, perceptual, adversarial, variation;
     int variation_squared; /* 1: the paper's formula; 0 (default): absolute values, as its code */
     const char *vgg;       /* safetensors file of VGG-16; NULL: the perceptual term is off */

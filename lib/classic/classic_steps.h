@@ -92,10 +92,10 @@ hada_status hada_classic_solve(hada_classic *classic, int first, double m, doubl
 /* The three parts of an iteration that looks at the frame's pixels, by whole transforms or by fused passes:
  * HADA_CLASSIC_SUM = the frame that planes make; a step on its pixels (HADA_CLASSIC_MADE takes the result) and, where
  * `on`, the result in SUM; planes = transpose of SUM. */
-typedef enum hada_classic_meeting { /* of a prediction y with the frame b; the kernels know these numbers */
-                                    HADA_CLASSIC_RATIO = 1, /* y = max(b, 0) / max(y, number) */
-                                    HADA_CLASSIC_ADMM = 2,  /* the split that meets the data */
-                                    HADA_CLASSIC_REST = 3   /* y = b - y */
+typedef enum hada_classic_meeting {
+    HADA_CLASSIC_RATIO = 1, /* y = max(b, 0) / max(y, number); y the prediction, b the frame */
+    HADA_CLASSIC_ADMM = 2,  /* the split that meets the data */
+    HADA_CLASSIC_REST = 3   /* y = b - y; the kernels know these numbers */
 } hada_classic_meeting;
 hada_status hada_classic_predict(hada_classic *classic, hada_classic_part planes, hada_error *err);
 hada_status hada_classic_judge(hada_classic *classic, hada_classic_meeting mode, double number, int on,

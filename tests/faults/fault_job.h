@@ -34,6 +34,7 @@ hada_status fault_stage_fit(fault_job *job, hada_error *err);
 hada_status fault_stage_psf(fault_job *job, hada_error *err);
 hada_status fault_stage_reconstruct(fault_job *job, hada_error *err);
 hada_status fault_stage_classic(fault_job *job, hada_error *err); /* fault_classic.c */
+hada_status fault_stage_occlusion(fault_job *job, hada_error *err); /* fault_occlusion.c */
 hada_status fault_stage_jobs(fault_job *job, hada_error *err);   /* frames in flight on two queues and half a device */
 hada_status fault_stage_net(fault_job *job, hada_error *err);    /* fault_net.c */
 hada_status fault_stage_engine(fault_job *job, hada_error *err); /* fault_engine.c */

@@ -1,0 +1,60 @@
+/* Opaque planes, through lenses and through patches of a diffuser. */
+#include <hadalens/scene.h>
+#include <hadalens/simulate.h>
+
+#include "fault_job.h"
+
+static hada_status camera_make(hada_camera *camera, hada_mask mask, hada_error *err)
+{
+    hada_status status = hada_camera_preset(camera, "sim300", err);
+    if (!status)
+        status = hada_camera_resize(camera, 24, 24, 10, 10, err);
+    if (!status)
+        status = hada_camera_set_depths(camera, 100.0, 300.0, 2, err);
+    camera->lenses = 3;
+    return status || mask == HADA_MASK_MLA ? status : hada_camera_set_mask(camera, mask, err);
+}
+
+static void add(fault_job *job, const hada_image *image)
+{
+    const unsigned char *at = (const unsigned char *)image->data;
+    for (size_t i = 0; i < hada_image_count(image) * sizeof *image->data; i++)
+        job->sum = (job->sum ^ at[i]) * 1099511628211u;
+}
+
+static hada_status render(fault_job *job, hada_mask mask, const hada_image *scene, const hada_image *opacity,
+                          hada_error *err)
+{
+    hada_camera camera;
+    hada_simulator *simulator = NULL;
+    hada_image raw = {0};
+    const hada_plane planes[] = {{0, scene}, {1, scene}};
+    const hada_image *const opacities[] = {opacity, NULL};
+    hada_status status = camera_make(&camera, mask, err);
+    if (!status)
+        status = hada_simulator_create(&simulator, job->context, &camera, err);
+    if (!status)
+        status = hada_simulator_render_occluded(simulator, planes, opacities, 2, -1, 0.0, 0, &raw, err);
+    if (!status)
+        add(job, &raw);
+    hada_image_destroy(&raw);
+    hada_simulator_destroy(&simulator);
+    return status;
+}
+
+hada_status fault_stage_occlusion(fault_job *job, hada_error *err)
+{
+    hada_image scene = {0}, opacity = {0};
+    hada_status status = hada_scene_procedural(&scene, 1, 1, 10, 10, err);
+    if (!status)
+        status = hada_image_create(&opacity, 1, 10, 10, err);
+    for (int i = 0; i < 30 && !status; i++)
+        opacity.data[i] = 1.0f;
+    if (!status)
+        status = render(job, HADA_MASK_MLA, &scene, &opacity, err);
+    if (!status)
+        status = render(job, HADA_MASK_DIFFUSER, &scene, &opacity, err);
+    hada_image_destroy(&scene);
+    hada_image_destroy(&opacity);
+    return status;
+}

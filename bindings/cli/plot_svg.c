@@ -182,14 +182,15 @@ static void ticks(hada_plot *plot, int across)
     const hada_plot_axis *axis = across ? &plot->panel.across : &plot->panel.up;
     if (axis->bare)
         return;
-    if (!axis->logarithmic) {
+    /* less than a decade may hold no power of ten: even steps there, too */
+    const double decades = axis->logarithmic ? log10(axis->high / axis->low) : 0;
+    if (decades < 0.8) {
         const double step = nice_step(axis->high - axis->low, 5);
         for (double v = ceil(axis->low / step - 1e-9) * step; v <= axis->high + 1e-9 * step; v += step)
             tick(plot, across, v, 1);
         return;
     }
     /* few decades: 2 and 5 have numbers too; many: only every other power */
-    const double decades = log10(axis->high / axis->low);
     const int apart = decades > 7 ? 2 : 1;
     for (int power = (int)floor(log10(axis->low)); power <= (int)ceil(log10(axis->high)); power++)
         for (int digit = 1; digit <= 9; digit++) {

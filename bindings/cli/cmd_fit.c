@@ -60,7 +60,7 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_TEXT, "refine", 0, "N|auto|0", "refinement steps that the model recommends (default: auto)",
      "auto measures by leave-one-out whether refinement pays for this camera.", AT(refine)},
     {HADA_OPTION_TEXT, "refine-tv", 0, "W|auto|0", "weight of total variation in refinement (default: auto)",
-     "auto compares a few weights by leave-one-out, with --refine auto; otherwise, and with --psf, none.",
+     "auto compares a few weights by leave-one-out where the steps are chosen too; otherwise, and from a PSF, none.",
      AT(refine_tv)},
     {HADA_OPTION_CHOICE, "psf-sign", 0, "nonnegative|free", "what is known of the camera's point spread functions",
      "nonnegative (default): light adds up, so they are nowhere negative; this fills in frequencies of which the pairs "

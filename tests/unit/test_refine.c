@@ -1,82 +1,11 @@
 /* Refinement: against the reference, its invariances, and what it gains over linear filters. */
 #include "ref/ref_refine.h"
-#include "refine/admm_steps.h"
-#include "tiny_camera.h"
+#include "refine_fixture.h"
 
 /* Relative L2 difference allowed after 8 steps. Every step is two transforms (relative error about 2e-7 each) and a
  * linear step whose gain is at most 1 for the data and 1 for u - d; errors add up over the steps, and the division by
  * rho + |H|^2 raises the error of spectra that nearly vanish by up to |Y| / sqrt(rho): 8 x 4e-7 x 10 is 3e-5. */
 #define TOLERANCE 1e-4
-
-typedef struct fixture {
-    tiny_camera camera;
-    tiny_device device;
-    hada_refiner *refiner;
-    double *scenes, *image;
-} fixture;
-
-static void set_up(fixture *f, int frame_rows, int frame_cols, int window_rows, int window_cols, int depths,
-                   int channels, int padded)
-{
-    f->camera = tiny_make(frame_rows, frame_cols, window_rows, window_cols, depths, channels, padded);
-    tiny_upload(&f->device, &f->camera);
-    f->device.shape.tv = 1;
-    ASSERT_OK(hada_refiner_create(&f->refiner, f->device.slot, &f->device.shape, err));
-    f->scenes = tiny_zeros((size_t)depths * f->camera.window_area);
-    f->image = tiny_zeros(f->camera.pixels);
-}
-
-static void tear_down(fixture *f)
-{
-    hada_refiner_destroy(&f->refiner);
-    tiny_release(&f->device);
-    tiny_free(&f->camera);
-    free(f->scenes);
-    free(f->image);
-}
-
-/* The left half of one scene at depth a, the right half of another at depth b. */
-static void two_depths(fixture *f, int a, int b)
-{
-    const size_t area = f->camera.window_area, cols = (size_t)f->camera.window.cols;
-    double *left = f->scenes + (size_t)a * area, *right = f->scenes + (size_t)b * area;
-    memset(f->scenes, 0, (size_t)f->camera.depths * area * sizeof *left);
-    tiny_scene(&f->camera, 11, left);
-    tiny_scene(&f->camera, 12, right);
-    for (size_t i = 0; i < area; i++)
-        (i % cols < cols / 2 ? right : left)[i] = 0.0;
-}
-
-static void expose(fixture *f, double noise, double gain)
-{
-    tiny_shoot(&f->camera, f->scenes, noise, 3, f->image);
-    tiny_expose(&f->device, &f->camera, f->image, gain);
-}
-
-static float *read_planes(const fixture *f, int planes)
-{
-    const size_t count = (size_t)(planes * f->camera.channels) * f->camera.window_area;
-    float *values = calloc(count, sizeof *values);
-    assert_non_null(values);
-    const cl_int code = clEnqueueReadBuffer(f->device.slot->queue, hada_refiner_planes(f->refiner), CL_TRUE, 0,
-                                            count * sizeof *values, values, 0, NULL, NULL);
-    assert_int_equal(code, CL_SUCCESS);
-    return values;
-}
-
-static double *doubles(const float *values, size_t count)
-{
-    double *out = tiny_zeros(count);
-    for (size_t i = 0; i < count; i++)
-        out[i] = values[i];
-    return out;
-}
-
-static void assert_near(double got, double expected, double relative)
-{
-    if (!(fabs(got - expected) <= relative * fabs(expected)))
-        fail_msg("%.9g, expected %.9g within %g", got, expected, relative);
-}
 
 /* Runs the same on the device and by the reference, and compares planes and energies. */
 static void compare(fixture *f, const hada_refine_rule *rule, int depths, const int *list, const double *prior)

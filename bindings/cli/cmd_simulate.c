@@ -151,22 +151,25 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
     hada_cli_sensor_free(&sensor);
     if (status)
         return hada_cli_fail(cli, &err);
+    char lenses[32] = "";
+    if (camera.mask == HADA_MASK_MLA || camera.mask == HADA_MASK_GRID)
+        snprintf(lenses, sizeof lenses, " of %d lenses", camera.lenses);
     hada_cli_say(cli,
-                 "%s: %d %s from %g to %g mm, %d pairs each, %dx%d %s frames, window %dx%d, %d lenses, noise %g "
+                 "%s: %d %s from %g to %g mm, %d pair%s each, %dx%d %s frames, window %dx%d, mask %s%s, noise %g "
                  "(%.1f s)",
                  set->output, camera.depths, camera.depths == 1 ? "depth" : "depths", camera.distances_mm[0],
-                 camera.distances_mm[camera.depths - 1], recipe.pairs, camera.rows, camera.cols,
-                 camera.channels == 1 ? "grey" : "colour", camera.window_rows, camera.window_cols, camera.lenses,
-                 sensor.noise, hada_cli_seconds() - start);
+                 camera.distances_mm[camera.depths - 1], recipe.pairs, recipe.pairs == 1 ? "" : "s", camera.rows,
+                 camera.cols, camera.channels == 1 ? "grey" : "colour", camera.window_rows, camera.window_cols,
+                 hada_mask_word(camera.mask), lenses, sensor.noise, hada_cli_seconds() - start);
     if (set->test)
         hada_cli_say(cli, "%s/test: %d test frames with %d occupied depths each, and their truth", set->output,
                      set->test, recipe.test_depths);
     json_object_update_new(cli->document,
-                           json_pack("{s:s, s:i, s:i, s:[ii], s:[ii], s:i, s:i, s:f, s:f}", "dataset", set->output,
+                           json_pack("{s:s, s:i, s:i, s:[ii], s:[ii], s:i, s:s, s:i, s:f, s:f}", "dataset", set->output,
                                      "pairs_per_depth", recipe.pairs, "tests", set->test, "size", camera.rows,
                                      camera.cols, "window", camera.window_rows, camera.window_cols, "channels",
-                                     camera.channels, "lenses", camera.lenses, "noise", sensor.noise, "seconds",
-                                     hada_cli_seconds() - start));
+                                     camera.channels, "mask", hada_mask_word(camera.mask), "lenses", camera.lenses,
+                                     "noise", sensor.noise, "seconds", hada_cli_seconds() - start));
     if (sensor.used)
         json_object_set_new(cli->document, "exposure", hada_cli_real(sensor.sensor.exposure));
     json_object_set_new(cli->document, "distances_mm", hada_cli_reals(camera.distances_mm, camera.depths));

@@ -11,6 +11,10 @@
 #include <stdlib.h>
 #include <string.h>
 
+/* Decibels by which refinement must lead so that linear filters are not worked on: more than judging them in the window
+ * was seen to gain (docs/filters.md). */
+#define ENOUGH_GAIN 3.0
+
 typedef hada_cli_fit_settings settings;
 
 #define AT(member) offsetof(settings, member)
@@ -44,8 +48,7 @@ static const hada_cli_option options[] = {
      AT(window)},
     {HADA_OPTION_TEXT, "dark", 0, "FILE|auto|none|LEVEL", "dark level of the raw frames (default: none)",
      "Taken off every pixel. FILE: the mean of a dark frame; auto: each frame's own, its darkest percent; LEVEL: a "
-     "share "
-     "of full scale. The model remembers it.",
+     "share of full scale. The model remembers it.",
      AT(dark)},
     {HADA_OPTION_REAL, "psf-dark", 0, "LEVEL", "dark level of the PSF (default: its own background)", NULL,
      AT(psf_dark)},
@@ -54,8 +57,9 @@ static const hada_cli_option options[] = {
      AT(alpha)},
     {HADA_OPTION_REAL, "lambda", 0, "L", "regularisation (default: by leave-one-out)", NULL, AT(lambda)},
     {HADA_OPTION_REAL, "outside", 0, "W",
-     "weight of what a filter makes outside the window, 0.01 to 1 (default: by leave-one-out)",
-     "Below 1 filters are judged in the window, which takes several looks at every pair; with 1 the fit is one pass.",
+     "weight of what a filter makes outside the window, 0.01 to 1 (default: by leave-one-out, or 1)",
+     "Below 1 filters are judged in the window, which takes several looks at every pair; with 1 the fit is one pass. "
+     "Without it the weight is chosen unless refinement, which does without the filters, is found to be clearly better.",
      AT(outside)},
     {HADA_OPTION_TEXT, "refine", 0, "N|auto|0", "refinement steps that the model recommends (default: auto)",
      "auto measures by leave-one-out whether refinement pays for this camera.", AT(refine)},
@@ -121,6 +125,41 @@ static void print_rows(hada_cli *cli, const hada_fit_row *rows, size_t count)
     json_object_set_new(cli->document, "leave_one_out", list);
 }
 
+/* By how much the trial of refinement found it better than the linear filters, in decibels, one depth occupied; 0 where
+ * it was not tried. */
+static double refinement_gain(const hada_fit_row *rows, size_t count)
+{
+    double none = NAN, gain = 0;
+    for (size_t i = 0; i < count; i++) {
+        if (!(rows[i].refine_rho > 0))
+            continue;
+        if (!isfinite(none))
+            none = rows[i].psnr_single;
+        if (rows[i].chosen)
+            gain = rows[i].psnr_single - none;
+    }
+    return isfinite(gain) ? gain : 0;
+}
+
+/* Solves; filters are judged in the window where that is asked for, or where they are what the model will use:
+ * judging them gains a decibel or two, and takes most of the time of a fit. */
+static hada_status solve(hada_cli *cli, const settings *set, const hada_cli_dataset *data, hada_fitter *fitter,
+                         hada_model **model, hada_fit_row **rows, size_t *row_count, hada_error *err)
+{
+    /* merged sums bring no pairs to look at again */
+    const int can = !set->merge.count && !(set->no_leave_one_out && set->outside < 0);
+    if (!can || set->outside < 0) {
+        hada_status status = hada_fitter_finish(fitter, model, rows, row_count, err);
+        if (status || !can || refinement_gain(*rows, *row_count) > ENOUGH_GAIN)
+            return status;
+        hada_model_destroy(model);
+        free(*rows);
+        *rows = NULL;
+    }
+    hada_status status = hada_cli_pairs_judge(cli, fitter, data, err);
+    return status ? status : hada_fitter_finish(fitter, model, rows, row_count, err);
+}
+
 static hada_status learn(hada_cli *cli, const settings *set, const hada_cli_dataset *data, hada_fitter *fitter,
                          hada_model **model, hada_error *err)
 {
@@ -139,11 +178,8 @@ static hada_status learn(hada_cli *cli, const settings *set, const hada_cli_data
     /* One pair alone cannot be left out. */
     if (!status && !set->no_leave_one_out && (data->least_pairs > 1 || set->merge.count))
         status = hada_cli_pairs_score(cli, fitter, data, err);
-    /* Merged sums bring no pairs to look at again. */
-    if (!status && !set->merge.count && !(set->no_leave_one_out && set->outside < 0))
-        status = hada_cli_pairs_judge(cli, fitter, data, err);
     if (!status)
-        status = hada_fitter_finish(fitter, model, &rows, &row_count, err);
+        status = solve(cli, set, data, fitter, model, &rows, &row_count, err);
     if (!status) {
         json_t *pairs = json_array();
         for (int z = 0; z < data->depths; z++)

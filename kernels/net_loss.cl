@@ -82,24 +82,3 @@ __kernel void net_loss_variation(__global const float *x, ulong x_offset, ulong 
     }
     sums[net_item()] = net_sum(sum);
 }
-
-/* Binary cross-entropy of `count` plain floats against one label: the whole value in one work-item. */
-__kernel void net_loss_logits(__global const float *x, ulong x_offset, __global float *dx, ulong dx_offset, uint count,
-                              float label, float weight, int has_gradient, int accumulate, __global float *value,
-                              ulong value_offset)
-{
-    const float scale = weight / count;
-    float sum = 0.0f, lost = 0.0f;
-    for (uint i = 0; i < count; i++) {
-        const float v = x[x_offset + i], e = exp(-fabs(v));
-        /* Kahan's summation */
-        const float term = fma(-v, label, max(v, 0.0f)) + log1p(e) - lost, next = sum + term;
-        lost = (next - sum) - term;
-        sum = next;
-        if (has_gradient) {
-            const float g = scale * ((v > 0.0f ? 1.0f / (1.0f + e) : e / (1.0f + e)) - label);
-            dx[dx_offset + i] = accumulate ? g + dx[dx_offset + i] : g;
-        }
-    }
-    value[value_offset] = scale * sum;
-}

@@ -93,25 +93,3 @@ hada_status hada_loss_run(hada_slot *slot, const hada_loss_desc *desc, const had
                   : hada_sum_floats(slot, scratch, 0, hada_layer_grid_items(&grid), (float)(desc->weight / count), 0.0f,
                                     value, err);
 }
-
-hada_status hada_loss_logits(hada_slot *slot, float weight, float label, hada_floats x, size_t count, hada_floats value,
-                             const hada_floats *dx, int accumulate, hada_error *err)
-{
-    if (!count || count > HADA_LOGITS_COUNT)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "cross-entropy of %zu plain values: 1 to %d are possible", count,
-                         HADA_LOGITS_COUNT);
-    if (!(label >= 0.0f && label <= 1.0f))
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "a label of %g is not possible; it must be from 0 to 1", label);
-    const hada_floats to = dx ? *dx : x;
-    const cl_ulong at_x = x.offset, at_dx = to.offset, at_value = value.offset;
-    const cl_uint values = (cl_uint)count;
-    const cl_int has_gradient = dx != NULL, add = accumulate;
-    const hada_arg args[] = {HADA_ARG(x.mem),  HADA_ARG(at_x),      HADA_ARG(to.mem),  HADA_ARG(at_dx),
-                             HADA_ARG(values), HADA_ARG(label),     HADA_ARG(weight),  HADA_ARG(has_gradient),
-                             HADA_ARG(add),    HADA_ARG(value.mem), HADA_ARG(at_value)};
-    const size_t one = 1;
-    cl_kernel kernel;
-    hada_status status = hada_slot_kernel(slot, "net_loss", "net_loss_logits", "", &kernel, err);
-    return status ? status
-                  : hada_slot_launch(slot, kernel, "net_loss_logits", 1, &one, &one, args, HADA_COUNT(args), err);
-}

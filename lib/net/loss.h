@@ -1,12 +1,12 @@
-/* What training minimises: a value and its gradient, on tensors and on plain floats. Internal.
+/* What training minimises: a value and its gradient. Internal.
  *
  * Everything is enqueued on the slot and not waited for. Sums run in a fixed order, without atomics: the same input
  * gives the same bits. The value, times the weight, is written to one float of the caller's, never added to, so that
  * each term of a sum of losses can be shown by itself. Gradients are those of weight * loss; accumulate: they are added
  * to dx, otherwise they replace it. dx NULL: the value alone. dx may not be x. The references are lib/ref/ref_loss.h.
  *
- * A perceptual loss is HADA_LOSS_MSE between the features of a fixed net; an adversarial loss is hada_loss_logits() on
- * the output of a discriminator, label 1 for the generator (the form that does not saturate: Goodfellow et al. 2014).
+ * A perceptual loss is HADA_LOSS_MSE between the features of a fixed net; an adversarial loss is HADA_LOSS_LOGITS of the
+ * output of a discriminator, label 1 for the generator (the form that does not saturate: Goodfellow et al. 2014).
  */
 #ifndef HADA_NET_LOSS_H
 #define HADA_NET_LOSS_H
@@ -45,11 +45,5 @@ size_t hada_loss_scratch(const hada_loss_desc *desc, const hada_tensor *x);
 /* `target` has the shape of x; TV and TV_SQUARED have none (NULL). */
 hada_status hada_loss_run(hada_slot *slot, const hada_loss_desc *desc, const hada_tensor *x, const hada_tensor *target,
                           hada_floats value, const hada_tensor *dx, int accumulate, cl_mem scratch, hada_error *err);
-
-/* LOGITS on `count` plain floats against one label for all of them (0 ... 1), as a discriminator's last layer gives
- * them; dx NULL: the value alone. At most HADA_LOGITS_COUNT of them: one work-item does it. */
-#define HADA_LOGITS_COUNT 65536
-hada_status hada_loss_logits(hada_slot *slot, float weight, float label, hada_floats x, size_t count, hada_floats value,
-                             const hada_floats *dx, int accumulate, hada_error *err);
 
 #endif

@@ -74,57 +74,6 @@ static hada_status prepare(check_state *state, hada_error *err)
 
 const check_op check_net_loss = {
     "net_loss",
-    "n images, k channels, r rows, c columns, v block, p1 gaps between images, b 0 MSE, 1 "
-    "L1, 2 logits, 3 TV, 4 squared TV, "
-    "5 SSIM, d0 the value alone, d1 its gradient compared, d2 the value with it, a1 gradient added to",
+    "n images, k channels, r rows, c columns, v block, p1 gaps between images, b 0 MSE, 1 L1, 2 logits, 3 TV, 4 squared "
+    "TV, 5 SSIM, d0 the value alone, d1 its gradient compared, d2 the value with it, a1 gradient added to",
     prepare, check_net_launch, check_net_release};
-
-static hada_status launch_logits(check_state *state, hada_error *err)
-{
-    const check_net *own = state->own;
-    const size_t count = state->out_count - 1;
-    const hada_floats x = {own->memory[0].mem, 0}, value = {state->out.mem, state->out_offset + count};
-    const hada_floats dx = {state->out.mem, state->out_offset};
-    /* where the gradient is added to, it starts as x itself */
-    hada_status status = check_clear(state, 0, count, err);
-    const cl_int code = check_get(state, 'a', 0)
-                            ? clEnqueueCopyBuffer(state->slot->queue, x.mem, dx.mem, 0, dx.offset * sizeof(float),
-                                                  count * sizeof(float), 0, NULL, NULL)
-                            : CL_SUCCESS;
-    if (status || code != CL_SUCCESS)
-        return status ? status : hada_fail_cl(err, code, "clEnqueueCopyBuffer");
-    return hada_loss_logits(state->slot, WEIGHT, 0.75f, x, count, value, check_get(state, 'd', 1) ? &dx : NULL,
-                            check_get(state, 'a', 0), err);
-}
-
-static hada_status prepare_logits(check_state *state, hada_error *err)
-{
-    check_net *own;
-    const size_t count = (size_t)check_get(state, 'n', 1);
-    hada_status status = check_net_own(state, &own, NULL, err);
-    if (!status)
-        status = check_net_floats(state, own, count, 0, err);
-    if (!status)
-        status = check_output(state, count + 1, err);
-    double *label = malloc(count * sizeof *label);
-    if (!status && !label)
-        status = hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
-    if (!status) {
-        for (size_t i = 0; i < count; i++) {
-            label[i] = 0.75;
-            state->expected[i] = check_get(state, 'a', 0) ? own->plain[0][i] : 0.0;
-        }
-        state->expected[count] =
-            hada_ref_logits(count, WEIGHT, own->plain[0], label, check_get(state, 'd', 1) ? state->expected : NULL);
-    }
-    free(label);
-    if (!status)
-        status =
-            check_get(state, 'd', 1) ? check_net_ignore(state, count, 1, err) : check_net_ignore(state, 0, count, err);
-    state->tolerance = 1e-6;
-    state->bytes = (double)count * sizeof(float);
-    return status;
-}
-
-const check_op check_net_logits = {"net_logits", "n values, d0 the value, 1 the gradient, a1 added to", prepare_logits,
-                                   launch_logits, check_net_release};

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Every way from a frame to an image, on frames that no training has seen: the transposed convolution (Eq. 2), a Wiener
 filter, filters trained by gradients from a random start (split, Eq. 3 to the letter, and complex), the exact fit of
-both, refinement, enhancement with a squared error and with the adversarial stage. Scenes at one depth, as on a display,
+both, filters judged in the window, refinement, enhancement with a squared error and with the adversarial stage. Scenes at one depth, as on a display,
 and at two. Quality beside training time.
    perf/paper/methods.py [--scenes FOLDER --test-scenes FOLDER] [--lpips FILE] [--pictures FOLDER]"""
 from experiment import Experiment, table
@@ -11,8 +11,10 @@ o = e.options
 one = e.camera("one")
 two = e.camera("two", 1, 2)
 
-split, split_seconds = e.fit(one, "--form", "split")
-exact, exact_seconds = e.fit(one)
+split, split_seconds = e.fit(one, "--form", "split", "--outside", 1)
+exact, exact_seconds = e.fit(one, "--outside", 1)
+judged_split, judged_split_seconds = e.fit(one, "--form", "split", "--refine", 0)
+judged, judged_seconds = e.fit(one, "--refine", 0)
 filters = ["--stage", "filters", "--random", "--steps", o.filter_steps, "--quiet"]
 trained_split, trained_split_seconds, _ = e.train(one, "-m", split, "--form", "split", *filters)
 trained, trained_seconds, _ = e.train(one, "-m", exact, *filters)
@@ -27,7 +29,9 @@ ways = [
     ("filters by gradients, complex", trained, trained_seconds, ["--refine", 0]),
     ("exact fit, split", split, split_seconds, ["--refine", 0]),
     ("exact fit, complex", exact, exact_seconds, ["--refine", 0]),
-    ("the same, refined", exact, exact_seconds, []),
+    ("judged in the window, split", judged_split, judged_split_seconds, []),
+    ("judged in the window, complex", judged, judged_seconds, []),
+    ("exact fit, refined", exact, exact_seconds, []),
     ("refined and enhanced", enhanced, exact_seconds + enhanced_seconds, []),
     ("the same, adversarial", sharp, exact_seconds + enhanced_seconds + sharp_seconds, []),
 ]

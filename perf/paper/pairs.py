@@ -9,7 +9,7 @@ o = e.options
 rows = []
 for count in map(int, o.counts.split(",")):
     camera = e.camera(f"camera{count}", count)
-    exact, seconds = e.fit(camera)
+    exact, seconds = e.fit(camera, "--outside", 1)
     trained, trained_seconds, _ = e.train(camera, "-m", exact, "--stage", "filters", "--random", "--steps", o.filter_steps, "--quiet")
     rows.append([count, e.score(camera, trained, "--refine", 0)["psnr"], trained_seconds,
                  e.score(camera, exact, "--refine", 0)["psnr"], seconds, e.score(camera, exact)["psnr"]])

@@ -25,10 +25,10 @@ static const hada_cli_option options[] = {
      "compact starts by giving planes back as they are. FILE: a net with its weights.", AT(net)},
     {HADA_OPTION_SIZE, "net-size", 0, "HxW", "pixels at which the net runs (default: the window's)", NULL,
      AT(net_size)},
-    {HADA_OPTION_CHOICE, "critic", 0, "conditional|patch|paper",
-     "the discriminator of adversarial training (default: conditional)",
-     "conditional: judges patches of 25 x 25 pixels, beside the plane before the net. patch: the same without the "
-     "plane. paper: the whole image, at 256 x 256.",
+    {HADA_OPTION_CHOICE, "critic", 0, "patch|conditional|paper",
+     "the discriminator of adversarial training (default: patch)",
+     "patch: judges patches of 25 x 25 pixels. conditional: the same, beside the plane before the net. paper: the "
+     "whole image, at 256 x 256.",
      AT(critic)},
     {HADA_OPTION_FLAG, "random", 0, NULL, "filters: start at random, not from the model's", NULL, AT(random)},
     {HADA_OPTION_CHOICE, "form", 0, "complex|split", "filters without a model: how they act on a frame's spectrum",

@@ -89,7 +89,7 @@ static void take_rates(const hada_cli_train_settings *set, hada_train_options *o
 hada_status hada_cli_train_options(hada_cli *cli, const hada_cli_train_settings *set, const hada_cli_train_data *data,
                                    hada_train_options *options, hada_net **net, hada_error *err)
 {
-    static const char *const critics[] = {"conditional", "patch", "paper"};
+    static const char *const critics[] = {"patch", "conditional", "paper"};
     const hada_stage stage = hada_cli_train_stage(set);
     hada_train_options_init(options, stage);
     options->seed = set->seed;

@@ -29,12 +29,12 @@ int hada_stage_keeps(const hada_augment *augment)
 void hada_train_options_init(hada_train_options *options, hada_stage stage)
 {
     /* with a net that knows much */
-    const double rate = stage == HADA_STAGE_ADVERSARIAL ? 3e-4 : stage == HADA_STAGE_JOINT ? 1e-4 : 1e-3;
+    const double rate = stage == HADA_STAGE_ADVERSARIAL ? 2e-4 : stage == HADA_STAGE_JOINT ? 1e-4 : 1e-3;
     *options = (hada_train_options){.size = sizeof *options,
                                     .stage = stage,
                                     .seed = 1,
                                     .net = "compact",
-                                    .critic = "conditional",
+                                    .critic = "patch",
                                     .steps = stage == HADA_STAGE_ADVERSARIAL ? 300 : 1000,
                                     .batch = 4,
                                     .rule = HADA_RULE_ADAM,
@@ -45,7 +45,7 @@ void hada_train_options_init(hada_train_options *options, hada_stage stage)
                                     .clip = stage == HADA_STAGE_FILTERS ? 0.0 : 0.1,
                                     .mse = 1.5,
                                     .perceptual = 0.1,
-                                    .adversarial = stage == HADA_STAGE_ADVERSARIAL ? 8e-3 : 0.0,
+                                    .adversarial = stage == HADA_STAGE_ADVERSARIAL ? NAN : 0.0,
                                     .variation = 5e-7,
                                     .critic_steps = stage == HADA_STAGE_ADVERSARIAL ? 60 : 0};
     if (hada_stage_has_planes(stage))
@@ -133,8 +133,11 @@ hada_status hada_train_options_settle(hada_train_options *options, const hada_mo
         return hada_fail(err, HADA_ERROR_ARGUMENT, "there is no stage %d", (int)options->stage);
     if (options->filter_rate == 0.0) /* filters have values around 1; those of a fit need little */
         options->filter_rate = options->random_start ? 0.1 : 1e-3;
+    const int paper = options->critic && !strcmp(options->critic, "paper");
     if (options->critic_rate == 0.0) /* fully connected layers die at more */
-        options->critic_rate = options->critic && !strcmp(options->critic, "paper") ? 3e-4 : 2e-3;
+        options->critic_rate = paper ? 3e-4 : 1e-3;
+    if (isnan(options->adversarial)) /* the authors', for the discriminator that they had (docs/training.md) */
+        options->adversarial = paper ? 8e-3 : 2e-3;
     hada_status status = check_numbers(options, err);
     if (!status)
         status = hada_augment_check(&options->augment, info, err);

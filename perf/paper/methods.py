@@ -6,7 +6,7 @@ and at two. Quality beside training time.
    perf/paper/methods.py [--scenes FOLDER --test-scenes FOLDER] [--lpips FILE] [--pictures FOLDER]"""
 from experiment import Experiment, table
 
-e = Experiment(__doc__, filter_steps=600, steps=500, adversarial_steps=300, critic="conditional", pairs=40)
+e = Experiment(__doc__, filter_steps=600, steps=500, adversarial_steps=300, critic="patch", pairs=40)
 o = e.options
 one = e.camera("one")
 two = e.camera("two", 1, 2)

@@ -64,6 +64,7 @@ static void begin(player *p, const train_device *device, hada_stage stage, const
 {
     *p = (player){.model = train_model(1, SIDE, SIDE, SIDE, SIDE, 0, 0), .net = net};
     hada_train_options_init(&p->options, stage);
+    p->options.adversarial = stage == HADA_STAGE_ADVERSARIAL ? 8e-3 : 0.0;
     if (critic) {
         ASSERT_OK(hada_discriminator_make(&p->critic, critic, 1, err));
         ASSERT_OK(hada_net_init(p->critic, 1, err));

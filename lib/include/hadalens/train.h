@@ -75,8 +75,8 @@ typedef struct hada_train_options {
     const char *net;  /* preset of a new net ("compact", "paper"), used where the model has none or `new_net` is 1 */
     const hada_net *net_given; /* instead of a preset; copied; NULL: none */
     int new_net;
-    const char *critic; /* preset of the discriminator: "conditional" (default) sees image and plane, patch by patch at
-                           the window's own size, "patch" the image alone, "paper" the whole image at 256 x 256 */
+    const char *critic; /* preset of the discriminator: "patch" (default) sees the image patch by patch at the window's
+                           own size, "conditional" the plane beside it, "paper" the whole image at 256 x 256 */
     int net_rows, net_cols; /* size at which the net runs; 0, 0: the window's */
 
     /* steps */
@@ -86,7 +86,7 @@ typedef struct hada_train_options {
     int recompute;  /* 1: keep less for backward, compute it again */
     hada_rule rule; /* HADA_RULE_RMSPROP is the paper's */
     double rate, filter_rate, critic_rate; /* of the net, the filters (0: 0.1 for a random start, else 1e-3), the
-                                              discriminator (0: 3e-4 for "paper", else 2e-3) */
+                                              discriminator (0: 3e-4 for "paper", else 1e-3) */
     hada_rate schedule;
     double last_rate;      /* COSINE: at the end, as a share of the rate; STEP: factor after each period */
     uint64_t rate_period;  /* STEP */
@@ -95,7 +95,8 @@ typedef struct hada_train_options {
     double weight_decay;   /* ADAMW */
     uint64_t critic_steps; /* steps (of `steps`) of the discriminator alone, before the first of the net */
 
-    /* losses: weights; those of the paper's code by default: 1.5, 0.1, 8e-3, 5e-7; JOINT: adversarial 0, and with
+    /* losses: weights; those of the paper's code by default: 1.5, 0.1, 8e-3, 5e-7, but ADVERSARIAL with another
+       discriminator than "paper" 2e-3 (adversarial NaN, as it is set up: that default); JOINT: adversarial 0, and with
        more it has a discriminator as ADVERSARIAL has; the other stages know no adversarial term. FILTERS: the mean
        squared error alone. */
     double mse, perceptual, adversarial, variation;

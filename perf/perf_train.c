@@ -10,12 +10,12 @@
 
 #include "core/clock.h"
 #include "device/profile.h"
-#include "filter/model.h"
 #include "net/graph.h"
 #include "net/loss.h"
 #include "net/optimizer.h"
 #include "net/presets.h"
 #include "train/engine.h"
+#include "train_model.h"
 
 #define MOST_ROUNDS 200
 
@@ -167,25 +167,9 @@ static void show_stages(hada_engine *engine, const hada_sample *samples, int at_
     free(rows);
 }
 
-static hada_model *make_model(const perf_case *c)
-{
-    static const double distance = 100.0;
-    hada_model_info info = {.depths = 1,
-                            .channels = 3,
-                            .form = HADA_FORM_COMPLEX,
-                            .boundary = HADA_BOUNDARY_CIRCULAR,
-                            .distances_mm = &distance};
-    hada_model *model;
-    must(hada_model_set_sizes(&info, c->frame, c->frame, c->window, c->window, &err));
-    must(hada_model_create(&model, &info, 0, &err));
-    for (size_t i = 0; i < 6 * hada_model_plane(model); i++)
-        model->filter[i] = i % 2 ? 0.0f : 1.0f;
-    return model;
-}
-
 static void run(const perf_case *c, int rounds, int at_once)
 {
-    hada_model *model = make_model(c);
+    hada_model *model;
     hada_net *net = NULL, *critic = NULL, *vgg = NULL;
     hada_engine *engine;
     alone net_alone = {0};
@@ -198,6 +182,7 @@ static void run(const perf_case *c, int rounds, int at_once)
                                         .perceptual = 0.1,
                                         .adversarial = 8e-3,
                                         .variation = 5e-7};
+    must(perf_train_model(&model, c->frame, c->window, &err));
     for (int i = 0; samples && i < at_once; i++)
         samples[i] = (hada_sample){0, &input, &scene, 0};
     if (c->net)

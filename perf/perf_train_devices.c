@@ -12,8 +12,8 @@
 
 #include "core/clock.h"
 #include "device/profile.h"
-#include "filter/model.h"
 #include "train/trainer.h"
+#include "train_model.h"
 
 enum { MOST_ROUNDS = 1000, WARM = 4, PAIRS = 16, WAYS = 2 };
 
@@ -75,22 +75,6 @@ static hada_status read_pair(void *user, int depth, int pair, hada_image *raw, h
     return status ? status : noise(scene, c->window, (unsigned)(2 * pair + depth + 2), error);
 }
 
-static hada_model *make_model(const perf_case *c)
-{
-    static const double distance = 100.0;
-    hada_model_info info = {.depths = 1,
-                            .channels = 3,
-                            .form = HADA_FORM_COMPLEX,
-                            .boundary = HADA_BOUNDARY_CIRCULAR,
-                            .distances_mm = &distance};
-    hada_model *model;
-    must(hada_model_set_sizes(&info, c->frame, c->frame, c->window, c->window, &err));
-    must(hada_model_create(&model, &info, 0, &err));
-    for (size_t i = 0; i < 6 * hada_model_plane(model); i++)
-        model->filter[i] = i % 2 ? 0.0f : 1.0f;
-    return model;
-}
-
 /* A step: [0] its wall time, [1] its processor time. */
 static void step(hada_trainer *trainer, double seconds[2])
 {
@@ -140,10 +124,11 @@ static void run(perf_case c, int rounds, int profile, int only, hada_context *co
     static double seconds[WAYS][2][MOST_ROUNDS], ratios[2][MOST_ROUNDS];
     static const int count = PAIRS;
     const hada_pairs pairs = {1, &count, read_pair, &c};
-    hada_model *model = make_model(&c);
+    hada_model *model;
     hada_trainer *trainers[WAYS];
     hada_train_options options;
     uint64_t bytes[WAYS];
+    must(perf_train_model(&model, c.frame, c.window, &err));
     hada_train_options_init(&options, c.stage);
     options.batch = c.batch;
     options.steps = 1000000;

@@ -148,7 +148,8 @@ static hada_status solve(hada_cli *cli, const settings *set, const hada_cli_data
 {
     /* merged sums bring no pairs to look at again */
     const int can = !set->merge.count && !(set->no_leave_one_out && set->outside < 0);
-    if (!can || set->outside < 0) {
+    /* refinement is tried where its steps are not given; without that there is nothing to learn before judging */
+    if (!can || (set->outside < 0 && !strcmp(set->refine, "auto"))) {
         hada_status status = hada_fitter_finish(fitter, model, rows, row_count, err);
         if (status || !can || refinement_gain(*rows, *row_count) > ENOUGH_GAIN)
             return status;

@@ -229,14 +229,15 @@ hada_status hada_fitter_rows(const hada_fitter *fitter, size_t best, int scored,
         if (fitter->info.depths == 1)
             row->psnr_double = NAN;
     }
+    double alpha, lambda;
+    hada_fitter_choice(fitter, &alpha, &lambda, &scored);
     for (int s = 0; s < judged->count; s++) {
-        hada_fit_row *row = &(*rows)[settings + (size_t)s];
-        *row = (hada_fit_row){.outside = judged->outside[s],
-                              .psnr_single = judged->psnr[s],
-                              .psnr_double = NAN,
-                              .chosen = s == judged->chosen};
-        int ignored;
-        hada_fitter_choice(fitter, &row->alpha, &row->lambda, &ignored);
+        (*rows)[settings + (size_t)s] = (hada_fit_row){.alpha = alpha,
+                                                       .lambda = lambda,
+                                                       .outside = judged->outside[s],
+                                                       .psnr_single = judged->psnr[s],
+                                                       .psnr_double = NAN,
+                                                       .chosen = s == judged->chosen};
     }
     return HADA_OK;
 }

@@ -26,7 +26,7 @@ endfunction()
 
 file(GLOB files ${FOLDER}/*.cl)
 list(SORT files)
-set(out "/* Made from kernels/ by cmake/embed.cmake. */\n#include \"program/program.h\"\n\n")
+set(out "/* Made from kernels/ by cmake/embed.cmake. */\n#include \"runtime/program.h\"\n\n")
 set(table "")
 foreach(file IN LISTS files)
     get_filename_component(name ${file} NAME_WE)

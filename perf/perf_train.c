@@ -9,11 +9,11 @@
 #include <string.h>
 
 #include "core/clock.h"
-#include "device/profile.h"
+#include "runtime/profile.h"
 #include "net/graph.h"
 #include "net/loss.h"
 #include "net/optimizer.h"
-#include "net/presets.h"
+#include "netlist/presets.h"
 #include "train/engine.h"
 #include "train_model.h"
 

@@ -11,7 +11,7 @@
 #include <sys/resource.h>
 
 #include "core/clock.h"
-#include "device/profile.h"
+#include "runtime/profile.h"
 #include "train/trainer.h"
 #include "train_model.h"
 

@@ -16,7 +16,7 @@
 #include "net/graph.h"
 #include "net/loss.h"
 #include "net/optimizer.h"
-#include "net/presets.h"
+#include "netlist/presets.h"
 
 #define MOST_ROUNDS 200
 

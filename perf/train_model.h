@@ -2,7 +2,7 @@
 #ifndef HADA_PERF_TRAIN_MODEL_H
 #define HADA_PERF_TRAIN_MODEL_H
 
-#include "filter/model.h"
+#include "model/model.h"
 
 /* Frames and window are squares. */
 static inline hada_status perf_train_model(hada_model **out, int frame, int window, hada_error *err)

@@ -4,7 +4,7 @@
 
 #include "classic/classic.h"
 #include "core/alloc.h"
-#include "filter/model.h"
+#include "model/model.h"
 
 /* One channel: *mean takes the sum over depths of the mean |H|^2. */
 static double look(const hada_model *model, const int *depths, int count, int channel, double *mean)

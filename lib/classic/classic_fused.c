@@ -3,7 +3,7 @@
 #include <math.h>
 
 #include "classic/classic_steps.h"
-#include "program/kernel.h"
+#include "runtime/kernel.h"
 
 /* The usual count of a transform of n points, in operations. */
 static double transform(double n)

@@ -6,7 +6,7 @@
 
 #include "core/alloc.h"
 #include "filter/layout.h"
-#include "filter/model.h"
+#include "model/model.h"
 
 static const char what[] = "a point spread function";
 

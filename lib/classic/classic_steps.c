@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-#include "program/kernel.h"
+#include "runtime/kernel.h"
 
 void hada_classic_swap(hada_classic *classic, hada_classic_part a, hada_classic_part b)
 {

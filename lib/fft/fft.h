@@ -8,7 +8,8 @@
 #ifndef HADA_FFT_FFT_H
 #define HADA_FFT_FFT_H
 
-#include "memory/room.h"
+#include "core/fft_factor.h"
+#include "runtime/room.h"
 
 /* Where the complex value (ky, kx), kx <= cols/2, of a half spectrum stands, in complex numbers from the start of its
  * image: ((kx / block) * rows + ky) * block + kx % block. Columns are kept in blocks so that a column pass streams;
@@ -47,9 +48,6 @@ typedef struct hada_fft_desc {
      * values with kx > band_cols may be left out (unspecified). 0, 0 means no band limit. */
     int band_rows, band_cols;
 } hada_fft_desc;
-
-/* The smallest size >= n that transforms well (2^a 3^b 5^c 7^d, even). */
-int hada_fft_good_size(int n);
 
 /* The layout of spectra on this context for a size, given the back end that would serve (AUTO: by table). Both
  * directions of a size and a back end share it. */

@@ -9,8 +9,8 @@
 
 #include "core/alloc.h"
 #include "fft/fft_internal.h" /* says which OpenCL version, before clFFT does */
-#include "program/kernel.h"
-#include "program/program.h"
+#include "runtime/kernel.h"
+#include "runtime/program.h"
 
 #include <clFFT.h>
 

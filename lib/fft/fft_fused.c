@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-#include "fft/fft_factor.h"
+#include "core/fft_factor.h"
 #include "fft/fft_internal.h"
 
 int hada_fft_fuses(const hada_context *context, int rows, int cols, int blocks)

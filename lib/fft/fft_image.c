@@ -3,7 +3,7 @@
  * and nothing is handed over from launch to launch. */
 #include "fft/fft_image.h"
 
-#include "program/kernel.h"
+#include "runtime/kernel.h"
 
 /* Shared out by whole images, units may idle in the last round: for a quarter of the time at most, which is what this
  * way gains. */

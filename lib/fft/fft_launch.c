@@ -2,7 +2,7 @@
 #include <stdio.h>
 
 #include "fft/fft_own.h"
-#include "program/kernel.h"
+#include "runtime/kernel.h"
 
 #define GROUP_SIZE_GPU 256
 #define GROUP_SIZE_CPU 64

@@ -4,7 +4,7 @@
 #define HADA_FFT_OWN_H
 
 #include "fft/fft_pass.h"
-#include "memory/buffer.h"
+#include "runtime/buffer.h"
 
 #define HADA_OWN_BLOCK 8 /* columns of a spectrum's block */
 

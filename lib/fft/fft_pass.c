@@ -8,7 +8,7 @@
 
 #include "../../kernels/inc_fft_table.h"
 #include "core/alloc.h"
-#include "fft/fft_factor.h"
+#include "core/fft_factor.h"
 
 #define TURN 6.283185307179586476925286766559
 

@@ -3,8 +3,8 @@
 #include <string.h>
 
 #include "fft/fft_internal.h"
-#include "program/program.h"
-#include "program/tuning.h"
+#include "runtime/program.h"
+#include "runtime/tuning.h"
 
 typedef struct choice_row {
     int kind;       /* hada_device_kind, 0: any */

@@ -7,7 +7,7 @@
 #include "core/alloc.h"
 #include "core/clock.h"
 #include "fft/fft_internal.h"
-#include "program/tuning.h"
+#include "runtime/tuning.h"
 
 enum { BATCH = 4, ROUNDS = 15, MOST_ROUNDS = 1000, BACKENDS = 2, DIRECTIONS = 2 };
 

@@ -6,7 +6,7 @@
 #define HADA_FILTER_BANK_H
 
 #include "fft/fft.h"
-#include "filter/model.h"
+#include "model/model.h"
 
 enum { HADA_BANK_FILTERS = 1, HADA_BANK_OTFS = 2 };
 

@@ -7,7 +7,7 @@
 #ifndef HADA_FILTER_GAINS_H
 #define HADA_FILTER_GAINS_H
 
-#include "filter/model.h"
+#include "model/model.h"
 #include "filter/tiles.h"
 
 typedef struct hada_gains {

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "program/kernel.h"
+#include "runtime/kernel.h"
 
 enum { GROUP = 64 };
 

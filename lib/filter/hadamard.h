@@ -7,7 +7,7 @@
 
 #include "fft/fft.h"
 #include "filter/bank.h"
-#include "filter/model.h"
+#include "model/model.h"
 
 /* What of a frame is computed; all zero: everything. Where the channels' lists are given, channel c is computed if
  * list[c] is c, copied from an earlier channel if it is that one's number, and zero if it is HADA_CHANNEL_BLACK. */

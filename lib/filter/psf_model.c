@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "core/alloc.h"
-#include "filter/dark.h"
+#include "image/dark.h"
 #include "filter/hadamard.h"
 #include "filter/layout.h"
 

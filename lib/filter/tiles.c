@@ -3,7 +3,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "program/kernel.h"
+#include "runtime/kernel.h"
 
 hada_tiles hada_tiles_of(const hada_spectrum_layout *layout)
 {

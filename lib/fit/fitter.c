@@ -7,7 +7,7 @@
 
 #include "core/alloc.h"
 #include "filter/layout.h"
-#include "program/kernel.h"
+#include "runtime/kernel.h"
 
 enum { GROUP = 64 };
 

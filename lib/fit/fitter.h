@@ -8,7 +8,7 @@
 #include <hadalens/fit.h>
 
 #include "fft/fft.h"
-#include "filter/model.h"
+#include "model/model.h"
 #include "fit/nonnegative.h"
 
 enum { HADA_FIT_SUMS = 4, HADA_FIT_SUMS_SPLIT = 6 };

@@ -6,8 +6,8 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "memory/buffer.h"
-#include "program/kernel.h"
+#include "runtime/buffer.h"
+#include "runtime/kernel.h"
 
 enum { GROUP = 64 };
 

@@ -3,7 +3,7 @@
 #include <string.h>
 
 #include "core/alloc.h"
-#include "filter/dark.h"
+#include "image/dark.h"
 #include "fit/fitter.h"
 
 hada_status hada_fitter_check_pair(const hada_fitter *fitter, int depth, const hada_image *raw, const hada_image *scene,

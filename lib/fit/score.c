@@ -4,7 +4,7 @@
 
 #include "core/alloc.h"
 #include "fit/fitter.h"
-#include "program/kernel.h"
+#include "runtime/kernel.h"
 
 /* Pairs that are tried: the settings are compared on the same pairs, so a few decide. */
 enum { PAIRS_IN_ALL = 8, PAIRS_PER_DEPTH = 2 };

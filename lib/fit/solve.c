@@ -6,7 +6,7 @@
 #include "core/alloc.h"
 #include "filter/layout.h"
 #include "fit/fitter.h"
-#include "program/kernel.h"
+#include "runtime/kernel.h"
 
 /* Frequencies where scenes had less light than this part of their mean are not trusted with a transfer function. */
 #define LEAST_SCENE 1e-6

@@ -5,7 +5,7 @@
 #include <hadalens/focus.h>
 #include <stdint.h>
 
-#include "memory/room.h"
+#include "runtime/room.h"
 
 typedef struct hada_focus_desc {
     hada_focus_options options;

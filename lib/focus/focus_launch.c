@@ -1,6 +1,6 @@
 /* The kernels of focus.cl. */
 #include "focus/focus_object.h"
-#include "program/kernel.h"
+#include "runtime/kernel.h"
 
 /* Groups of one item that count for themselves: two for each unit, so that they can share the work out; a few units
  * are enough to read planes as fast as memory gives them. */

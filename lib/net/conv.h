@@ -11,7 +11,7 @@
 #ifndef HADA_NET_CONV_H
 #define HADA_NET_CONV_H
 
-#include "net/kinds.h"
+#include "netlist/kinds.h"
 #include "net/tensor.h"
 
 typedef struct hada_conv_desc {

@@ -8,7 +8,7 @@
 #define HADA_NET_CONV_INTERNAL_H
 
 #include "net/conv.h"
-#include "program/tuning.h"
+#include "runtime/tuning.h"
 
 /* Channels in the tiles of work-groups. */
 #define GROUP_LANES 32

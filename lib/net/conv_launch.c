@@ -2,7 +2,7 @@
 #include <stdio.h>
 
 #include "net/conv_internal.h"
-#include "program/kernel.h"
+#include "runtime/kernel.h"
 
 /* kernels/inc_conv.h */
 enum { HAS_BIAS = 1, HAS_MASK = 2, ACCUMULATES = 4, POOLS = 8 };

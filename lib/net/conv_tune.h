@@ -4,7 +4,7 @@
 
 #include <hadalens/tune.h>
 
-#include "device/slot.h"
+#include "runtime/slot.h"
 #include "net/conv.h"
 
 /* A row as a description: forward, one image, bias and ReLU. */

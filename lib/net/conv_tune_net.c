@@ -6,7 +6,7 @@
 #include "core/alloc.h"
 #include "net/conv_internal.h"
 #include "net/conv_tune.h"
-#include "net/net_list.h"
+#include "netlist/net_list.h"
 
 static int same(const hada_tune_conv_row *a, const hada_tune_conv_row *b)
 {

@@ -2,7 +2,7 @@
 #ifndef HADA_NET_FIELD_H
 #define HADA_NET_FIELD_H
 
-#include "net/net_list.h"
+#include "netlist/net_list.h"
 
 typedef struct hada_field {
     int tiles;    /* 1: the output has the input's size and its pixels depend on their surroundings alone */

@@ -11,7 +11,7 @@
 #define HADA_NET_GRAPH_H
 
 #include "net/layers.h"
-#include "net/net_list.h"
+#include "netlist/net_list.h"
 
 typedef struct hada_graph_options {
     int images;           /* of the caller; a net shared by colours runs images * colours of

@@ -3,7 +3,7 @@
 #ifndef HADA_NET_GRAPH_PLAN_H
 #define HADA_NET_GRAPH_PLAN_H
 
-#include "memory/lifetimes.h"
+#include "runtime/lifetimes.h"
 #include "net/graph.h"
 
 /* A layer in its graph, and the value that it gives. */

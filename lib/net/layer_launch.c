@@ -2,7 +2,7 @@
 
 #include <limits.h>
 
-#include "program/kernel.h"
+#include "runtime/kernel.h"
 
 enum {
     ITEM_FLOATS = 8192, /* of a tensor per work-item on CPUs: above what a work-group's start costs, within the cache */

@@ -2,7 +2,7 @@
  *
  * Everything is enqueued on the slot and not waited for. Tensors as in net/tensor.h; x and y of a call have the same
  * number of images. "d" before a name is the gradient of the loss with respect to it. Definitions are PyTorch's; the
- * references are lib/ref/ref_layers.h. */
+ * references are tests/ref/ref_layers.h. */
 #ifndef HADA_NET_LAYERS_H
 #define HADA_NET_LAYERS_H
 

@@ -1,6 +1,6 @@
 /* Fully connected layers. */
 #include "net/layer_launch.h"
-#include "program/kernel.h"
+#include "runtime/kernel.h"
 
 /* As in net_linear.cl. */
 enum { COLUMNS = 256, IMAGES = 4, OUTPUTS = 4, GROUP = 64, RUN = 2048 };

@@ -1,7 +1,7 @@
 /* Losses that look at single values or neighbours. */
 #include "net/layer_launch.h"
 #include "net/ssim_loss.h"
-#include "program/kernel.h"
+#include "runtime/kernel.h"
 
 static double values_of(const hada_tensor *x)
 {

@@ -3,7 +3,7 @@
  * Everything is enqueued on the slot and not waited for. Sums run in a fixed order, without atomics: the same input
  * gives the same bits. The value, times the weight, is written to one float of the caller's, never added to, so that
  * each term of a sum of losses can be shown by itself. Gradients are those of weight * loss; accumulate: they are added
- * to dx, otherwise they replace it. dx NULL: the value alone. dx may not be x. The references are lib/ref/ref_loss.h.
+ * to dx, otherwise they replace it. dx NULL: the value alone. dx may not be x. The references are tests/ref/ref_loss.h.
  *
  * A perceptual loss is HADA_LOSS_MSE between the features of a fixed net; an adversarial loss is HADA_LOSS_LOGITS of the
  * output of a discriminator, label 1 for the generator (the form that does not saturate: Goodfellow et al. 2014).

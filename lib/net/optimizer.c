@@ -4,7 +4,7 @@
 #include <math.h>
 
 #include "net/layer_launch.h"
-#include "program/kernel.h"
+#include "runtime/kernel.h"
 
 /* As in net_optimizer.cl; ROW_ITEMS work-items share a run on GPUs. */
 enum { RUN = 4096, ROW_ITEMS = 32 };

@@ -3,7 +3,7 @@
  * Everything is enqueued on the slot and not waited for. The state is an array of the caller's,
  * hada_optimizer_state_floats() long, zero before the first step (hada_buffer_clear); saving it, the parameters and the
  * number of steps done is all that resuming needs: training then goes on with the same bits. Parameters may stand in
- * one array or many, each with a state of its own. The references are lib/ref/ref_optimizer.h. */
+ * one array or many, each with a state of its own. The references are tests/ref/ref_optimizer.h. */
 #ifndef HADA_NET_OPTIMIZER_H
 #define HADA_NET_OPTIMIZER_H
 

@@ -3,7 +3,7 @@
 #include "net/ssim_loss.h"
 
 #include "net/layer_launch.h"
-#include "program/kernel.h"
+#include "runtime/kernel.h"
 
 /* As in net_ssim.cl; ROW_ITEMS work-items share a row on GPUs. */
 enum { SIZE = 11, MARGIN = 16, ROW_ITEMS = 32 };

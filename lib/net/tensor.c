@@ -1,7 +1,7 @@
 /* Tensors: places, views, and how values come in and out. */
 #include "net/tensor.h"
 
-#include "program/kernel.h"
+#include "runtime/kernel.h"
 
 int hada_net_block(const hada_context *context)
 {

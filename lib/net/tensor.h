@@ -10,7 +10,7 @@
 #ifndef HADA_NET_TENSOR_H
 #define HADA_NET_TENSOR_H
 
-#include "memory/buffer.h"
+#include "runtime/buffer.h"
 
 typedef struct hada_tensor {
     cl_mem mem;

@@ -2,7 +2,7 @@
 
 #include <limits.h>
 
-#include "program/kernel.h"
+#include "runtime/kernel.h"
 
 #define LOCAL 64 /* items in a work-group, of four complex numbers each */
 

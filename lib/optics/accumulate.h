@@ -2,7 +2,7 @@
 #ifndef HADA_OPTICS_ACCUMULATE_H
 #define HADA_OPTICS_ACCUMULATE_H
 
-#include "device/slot.h"
+#include "runtime/slot.h"
 
 /* Enqueues sum[c] = otf[c % otf_images] * scene[c] (add 0) or adds that to it (add 1), for `images` images c of `count`
  * complex numbers each; `sum_offset` in complex numbers. */

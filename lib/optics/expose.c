@@ -6,7 +6,7 @@
 
 #include "core/alloc.h"
 #include "optics/simulator.h"
-#include "program/kernel.h"
+#include "runtime/kernel.h"
 
 #define LOCAL 64 /* items in a work-group, of eight values each */
 

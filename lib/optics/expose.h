@@ -4,7 +4,7 @@
 
 #include <hadalens/sensor.h>
 
-#include "device/slot.h"
+#include "runtime/slot.h"
 
 /* Enqueues what the sensor makes of `count` values, channels of `pixels` each, in place (from `offset` floats on).
  * `gain` holds `pixels` values; NULL: no vignetting. */

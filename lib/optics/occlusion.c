@@ -5,7 +5,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "program/kernel.h"
+#include "runtime/kernel.h"
 
 #define LOCAL         64 /* columns in a work-group */
 #define OUTLINE_LEAST 4  /* points of the outline on either side of the middle, at least and at most */

@@ -2,7 +2,7 @@
 #ifndef HADA_OPTICS_OCCLUSION_H
 #define HADA_OPTICS_OCCLUSION_H
 
-#include "device/slot.h"
+#include "runtime/slot.h"
 #include "optics/lens_light.h"
 
 /* Weights over pixels of a nearer plane's opacity that hide pixel (r, c) of a farther plane from one lens:

@@ -1,6 +1,6 @@
 /* The kernels of wave optics. */
 #include "optics/wave.h"
-#include "program/kernel.h"
+#include "runtime/kernel.h"
 
 /* Items along each axis, in work-groups that suit the shape of the device: of one item, or 8 x 8. */
 static hada_status launch(hada_slot *slot, const char *file, const char *name, const size_t items[3],

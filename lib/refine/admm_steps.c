@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-#include "program/kernel.h"
+#include "runtime/kernel.h"
 
 hada_status hada_refine_kernels(hada_refiner *refiner, hada_error *err)
 {

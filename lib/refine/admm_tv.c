@@ -1,5 +1,5 @@
 /* Refinement's total variation: the kernels of a proximal step, one after the other. */
-#include "program/kernel.h"
+#include "runtime/kernel.h"
 #include "refine/admm_steps.h"
 
 /* Rows of a work-group: enough groups for a few cores or many, few enough that a launch is cheap. */

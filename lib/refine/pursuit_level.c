@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "program/kernel.h"
+#include "runtime/kernel.h"
 
 enum { MARGIN = 2 /* pixels: the window is wider by this on every side, for the blur of its edge */ };
 

@@ -2,7 +2,7 @@
  * whoever computed them, so that its bits do not depend on that. */
 #include <string.h>
 
-#include "program/kernel.h"
+#include "runtime/kernel.h"
 #include "sched/batches.h"
 
 /* Light is not negative. */
@@ -11,11 +11,11 @@ static hada_status clip(hada_lane *lane, size_t count, hada_error *err)
     cl_kernel kernel;
     const size_t local = 64, global = (count + 8 * local - 1) / (8 * local) * local;
     const cl_ulong offset = 0, values = count;
-    hada_status status = hada_slot_kernel(lane->slot, "sched_clip", "sched_clip", "", &kernel, err);
+    hada_status status = hada_slot_kernel(lane->slot, "image_clip", "image_clip", "", &kernel, err);
     hada_arg args[] = {HADA_ARG(lane->planes.mem), HADA_ARG(offset), HADA_ARG(values)};
     hada_slot_cost(lane->slot, 8.0 * (double)count, (double)count);
     if (!status)
-        status = hada_slot_launch(lane->slot, kernel, "sched_clip", 1, &global, &local, args, HADA_COUNT(args), err);
+        status = hada_slot_launch(lane->slot, kernel, "image_clip", 1, &global, &local, args, HADA_COUNT(args), err);
     return status;
 }
 

@@ -2,7 +2,7 @@
 #include <hadalens/profile.h>
 #include <stdlib.h>
 
-#include "device/profile.h"
+#include "runtime/profile.h"
 #include "sched/lane.h"
 
 hada_status hada_plan_profile(hada_plan *plan, int on, hada_error *err)

@@ -7,7 +7,7 @@
 
 #include "core/alloc.h"
 #include "core/clock.h"
-#include "filter/dark.h"
+#include "image/dark.h"
 #include "sched/frame.h"
 #include "sched/result.h"
 

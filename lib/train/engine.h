@@ -12,7 +12,7 @@
 
 #include <hadalens/train.h>
 
-#include "device/slot.h"
+#include "runtime/slot.h"
 
 typedef enum hada_group { HADA_GROUP_NET = 0, HADA_GROUP_CRITIC = 1, HADA_GROUP_FILTERS = 2 } hada_group;
 /* HADA_GROUP_FILTERS + z: the filters of depth z. */

@@ -6,8 +6,8 @@
 #include "filter/layout.h"
 #include "io/safetensors.h"
 #include "net/layer_launch.h"
-#include "program/kernel.h"
-#include "train/clip.h"
+#include "runtime/kernel.h"
+#include "image/clip.h"
 #include "train/engine_parts.h"
 
 /* Of the real and imaginary parts of a random start. */
@@ -88,7 +88,7 @@ hada_status hada_engine_refocus(hada_engine *engine, const hada_sample *samples,
     }
     if (status || !clipped)
         return status;
-    return hada_train_clip(engine->slot, engine->buffers[ENGINE_PLANES].mem, (size_t)count * shape->plane, err);
+    return hada_image_clip(engine->slot, engine->buffers[ENGINE_PLANES].mem, (size_t)count * shape->plane, err);
 }
 
 /* Adds the gradient of one plane, whose spectrum stands in ENGINE_FLOW. */

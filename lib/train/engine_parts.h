@@ -7,7 +7,7 @@
 #define HADA_TRAIN_ENGINE_PARTS_H
 
 #include "fft/fft.h"
-#include "filter/model.h"
+#include "model/model.h"
 #include "net/graph.h"
 #include "net/loss.h"
 #include "net/optimizer.h"

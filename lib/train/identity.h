@@ -2,7 +2,7 @@
 #ifndef HADA_TRAIN_IDENTITY_H
 #define HADA_TRAIN_IDENTITY_H
 
-#include "net/net_list.h"
+#include "netlist/net_list.h"
 
 /* Changes first weights such that the net gives its input back, where that is above zero: in the convolutions at full
  * size some channels pass the input on, and the last convolution looks at them alone. All other weights stay random,

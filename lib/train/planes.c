@@ -4,10 +4,10 @@
 
 #include "core/alloc.h"
 #include "filter/bank.h"
-#include "filter/dark.h"
+#include "image/dark.h"
 #include "filter/hadamard.h"
 #include "refine/admm.h"
-#include "train/clip.h"
+#include "image/clip.h"
 
 struct hada_planes {
     hada_slot *slot;
@@ -161,7 +161,7 @@ static hada_status filter(hada_planes *planes, int depth, hada_error *err)
 {
     const cl_mem out = planes->planes.mem;
     hada_status status = hada_hadamard_run(planes->stage, planes->bank, depth, 1, out, 0, err);
-    return status ? status : hada_train_clip(planes->slot, out, planes->planes.bytes / sizeof(float), err);
+    return status ? status : hada_image_clip(planes->slot, out, planes->planes.bytes / sizeof(float), err);
 }
 
 hada_status hada_planes_make(hada_planes *planes, int depth, const hada_image *raw, hada_image *out, hada_error *err)

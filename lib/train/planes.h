@@ -6,7 +6,7 @@
 
 #include <hadalens/model.h>
 
-#include "device/slot.h"
+#include "runtime/slot.h"
 
 typedef struct hada_planes hada_planes;
 hada_status hada_planes_bytes(const hada_context *context, const hada_model *model, size_t *bytes, hada_error *err);

@@ -6,7 +6,7 @@
 #include <xxhash.h>
 
 #include "core/alloc.h"
-#include "filter/model.h"
+#include "model/model.h"
 
 /* What is kept of pairs, held-out ones included, and of what VGG-16 makes of them. */
 #define KEPT_BYTES    ((size_t)1 << 30)

@@ -8,7 +8,7 @@
 #ifndef HADA_TRAIN_TRAINER_H
 #define HADA_TRAIN_TRAINER_H
 
-#include "net/net_list.h"
+#include "netlist/net_list.h"
 #include "train/crew.h"
 #include "train/engine.h"
 #include "train/examples.h"

@@ -3,8 +3,8 @@
 #include <string.h>
 
 #include "core/alloc.h"
-#include "filter/model.h"
-#include "net/presets.h"
+#include "model/model.h"
+#include "netlist/presets.h"
 #include "train/identity.h"
 #include "train/trainer.h"
 

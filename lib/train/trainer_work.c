@@ -3,7 +3,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "filter/dark.h"
+#include "image/dark.h"
 #include "train/trainer.h"
 
 typedef struct task {

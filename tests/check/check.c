@@ -10,8 +10,8 @@
 #include <string.h>
 
 #include "core/clock.h"
-#include "program/kernel.h"
-#include "program/tuning.h"
+#include "runtime/kernel.h"
+#include "runtime/tuning.h"
 
 enum { GUARD = 256 };
 static const float guard_value = -12345.0f;

@@ -7,7 +7,7 @@
 #define HADA_CHECK_H
 
 #include "core/random.h"
-#include "memory/buffer.h"
+#include "runtime/buffer.h"
 
 typedef struct check_op check_op;
 

@@ -34,7 +34,7 @@ static hada_status launch(check_state *state, hada_error *err)
     const hada_arg args[] = {HADA_ARG(state->out.mem), HADA_ARG(offset), HADA_ARG(count)};
     if (code != CL_SUCCESS)
         return hada_fail_cl(err, code, "clEnqueueCopyBuffer");
-    return check_kernel(state, "sched_clip", "sched_clip", "", (state->out_count + 7) / 8, 64, args, HADA_COUNT(args),
+    return check_kernel(state, "image_clip", "image_clip", "", (state->out_count + 7) / 8, 64, args, HADA_COUNT(args),
                         err);
 }
 
@@ -45,4 +45,4 @@ static void release(check_state *state)
     free(state->own);
 }
 
-const check_op check_clip = {"sched_clip", "n values", prepare, launch, release};
+const check_op check_clip = {"image_clip", "n values", prepare, launch, release};

@@ -6,8 +6,8 @@
 #include <string.h>
 
 #include "check.h"
-#include "program/program.h"
-#include "program/store.h"
+#include "runtime/program.h"
+#include "runtime/store.h"
 
 enum { MAX_LAUNCHED = 1024, NAME = 64 };
 

@@ -4,7 +4,7 @@
 
 #include "check.h"
 #include "filter/layout.h"
-#include "program/kernel.h"
+#include "runtime/kernel.h"
 #include "ref/ref_spectrum.h"
 
 typedef struct crop_state {

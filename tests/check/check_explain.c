@@ -4,7 +4,7 @@
 #include "check.h"
 #include "core/alloc.h"
 #include "filter/layout.h"
-#include "program/kernel.h"
+#include "runtime/kernel.h"
 #include "ref/ref_spectrum.h"
 
 enum { SLICE = 2048, MAX_DEPTHS = 8 };

@@ -4,7 +4,7 @@
 #include "check.h"
 #include "core/alloc.h"
 #include "io/safetensors.h"
-#include "program/kernel.h"
+#include "runtime/kernel.h"
 #include "ref/ref_spectrum.h"
 
 typedef struct plain_state {

@@ -5,7 +5,7 @@
 #include "check_fit.h"
 #include "core/alloc.h"
 #include "fit/fitter.h"
-#include "program/kernel.h"
+#include "runtime/kernel.h"
 
 enum { SETTINGS = HADA_FIT_TRIALS, CHUNK = 8 * HADA_FIT_CHUNK, PAIRS = 4 };
 static const float settings[2 * SETTINGS] = {0.0f, 0.01f, 0.0f, 0.5f, 0.1f, 0.02f, 0.3f, 0.1f, 1.0f, 1.0f};

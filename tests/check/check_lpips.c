@@ -3,7 +3,7 @@
 #include <string.h>
 
 #include "check_net.h"
-#include "lpips/lpips_stage.h"
+#include "metrics/lpips_stage.h"
 #include "ref/ref_lpips.h"
 
 enum { FEATURES, WEIGHTS }; /* inputs */

@@ -2,7 +2,7 @@
 #include <stdlib.h>
 
 #include "check.h"
-#include "context/peaks.h"
+#include "runtime/peaks.h"
 
 enum { CHAINS = 12 };
 

@@ -4,7 +4,7 @@
 
 #include "check.h"
 #include "core/alloc.h"
-#include "program/kernel.h"
+#include "runtime/kernel.h"
 
 enum { RUN = 1024, MAX_PAIRS = 16 };
 

@@ -5,7 +5,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "program/store.h"
+#include "runtime/store.h"
 #include "testing.h"
 
 enum { PROCESSES = 3 };

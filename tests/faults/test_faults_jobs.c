@@ -1,6 +1,6 @@
 /* Devices that fail while jobs are in flight: the others take over, with the same bits; a job fails only when none is
  * left. */
-#include "device/device.h"
+#include "runtime/device.h"
 #include "fault.h"
 #include "job_fixture.h"
 

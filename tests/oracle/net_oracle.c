@@ -11,7 +11,7 @@
 
 #include "io/safetensors.h"
 #include "net/graph.h"
-#include "net/presets.h"
+#include "netlist/presets.h"
 
 static hada_error err;
 

@@ -1,4 +1,4 @@
-/* Runs a reference of lib/ref on raw doubles from standard input and writes its results as raw doubles to standard
+/* Runs a reference of tests/ref on raw doubles from standard input and writes its results as raw doubles to standard
  * output, for ref_oracle.py, which computes the same with NumPy and SciPy.
  *   ref_oracle forward|inverse ROWS COLS
  *   ref_oracle convolve ROWS COLS            scene, psf

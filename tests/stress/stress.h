@@ -9,7 +9,7 @@
 #include <string.h>
 
 #include "core/random.h"
-#include "memory/buffer.h"
+#include "runtime/buffer.h"
 #include "testing.h"
 
 /* Unit roundoff of single precision, and of half precision. */

@@ -4,7 +4,7 @@
 #include <hadalens/metrics.h>
 #include <hadalens/reconstruct.h>
 
-#include "filter/model.h"
+#include "model/model.h"
 #include "sched/frame.h"
 #include "stress.h"
 #include "stress_camera.h"

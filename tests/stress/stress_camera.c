@@ -1,7 +1,7 @@
 #include "stress_camera.h"
 
 #include "camera_small.h"
-#include "filter/model.h"
+#include "model/model.h"
 #include "ref/ref_fft.h"
 #include "ref/ref_filter.h"
 

@@ -3,7 +3,7 @@
 #include "fft/fft.h"
 #include "filter/bank.h"
 #include "filter/hadamard.h"
-#include "filter/model.h"
+#include "model/model.h"
 #include "stress.h"
 #include "stress_camera.h"
 

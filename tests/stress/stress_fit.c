@@ -3,7 +3,7 @@
 
 #include "camera_small.h"
 #include "fft/fft.h"
-#include "filter/model.h"
+#include "model/model.h"
 #include "ref/ref_filter.h"
 #include "ref/ref_fit.h"
 #include "stress.h"

@@ -4,7 +4,7 @@
 
 #include "camera_small.h"
 #include "fft/fft.h"
-#include "filter/model.h"
+#include "model/model.h"
 #include "ref/ref_filter.h"
 #include "stress.h"
 #include "stress_camera.h"

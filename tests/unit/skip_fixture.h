@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "camera_small.h"
-#include "filter/model.h"
+#include "model/model.h"
 
 enum { SKIP_ROWS = 72, SKIP_COLS = 90, SKIP_HIGH = 24, SKIP_WIDE = 30, SKIP_DEPTHS = 4, SKIP_CHANNELS = 3 };
 enum { SKIP_WIENER, SKIP_SMOOTH, SKIP_PADDED, SKIP_SPLIT, SKIP_MODELS };

@@ -7,7 +7,7 @@
 
 #include "camera_small.h"
 #include "core/random.h"
-#include "filter/model.h"
+#include "model/model.h"
 
 enum { ROWS = 40, COLS = 48, WINDOW = 16, DEPTHS = 3, CHANNELS = 3 };
 

@@ -6,7 +6,7 @@
 #include "camera_small.h"
 #include "classic/classic.h"
 #include "fft/fft_fused.h"
-#include "filter/model.h"
+#include "model/model.h"
 #include "sched/plan.h"
 
 enum { ROWS = 40, COLS = 48, CHANNELS = 3, DEPTHS = 2 };

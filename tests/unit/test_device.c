@@ -3,11 +3,11 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "device/platform.h"
-#include "memory/buffer.h"
-#include "program/kernel.h"
-#include "program/program.h"
-#include "program/store.h"
+#include "runtime/platform.h"
+#include "runtime/buffer.h"
+#include "runtime/kernel.h"
+#include "runtime/program.h"
+#include "runtime/store.h"
 #include "testing.h"
 
 static void folder_make(char *path)
@@ -200,7 +200,7 @@ static void offline_binaries_need_no_compiler(void **state)
     ASSERT_OK(hada_slot_create(&slot, context, err));
     assert_int_equal(hada_slot_kernel(slot, "selftest", "no_such_kernel", "", &kernel, &error), HADA_ERROR_DEVICE);
     assert_int_equal(hada_slot_kernel(slot, "no_such_file", "x", "", &kernel, &error), HADA_ERROR_BUILD);
-    assert_int_equal(hada_slot_kernel(slot, "sched_clip", "sched_clip", "", &kernel, &error), HADA_ERROR_BUILD);
+    assert_int_equal(hada_slot_kernel(slot, "image_clip", "image_clip", "", &kernel, &error), HADA_ERROR_BUILD);
     assert_int_equal(hada_context_programs_compiled(context), 0);
     assert_int_equal(hada_context_programs_loaded(context), 1);
     hada_slot_destroy(&slot);

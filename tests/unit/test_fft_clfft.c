@@ -13,7 +13,7 @@
 #include <cmocka.h>
 
 #include "fft/fft.h"
-#include "program/tuning.h"
+#include "runtime/tuning.h"
 #include "ref/ref_fft.h"
 
 enum { ROWS = 16, COLS = 24, HALF = COLS / 2 + 1, BATCH = 3, SMALL = 7, COUNT = ROWS * HALF };

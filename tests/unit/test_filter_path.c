@@ -3,7 +3,7 @@
 
 #include "camera_small.h"
 #include "filter/bank.h"
-#include "filter/dark.h"
+#include "image/dark.h"
 #include "filter/hadamard.h"
 #include "filter/layout.h"
 #include "io/safetensors.h"

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "core/random.h"
-#include "memory/lifetimes.h"
+#include "runtime/lifetimes.h"
 
 enum { MOST = 60, ALIGNMENT = 128 };
 

@@ -6,8 +6,8 @@
 #include <unistd.h>
 
 #include "core/random.h"
-#include "filter/model.h"
-#include "net/weights_file.h"
+#include "model/model.h"
+#include "netlist/weights_file.h"
 
 static const double distances[] = {100.0, 200.0};
 

@@ -5,7 +5,7 @@
 #include <unistd.h>
 
 #include "core/random.h"
-#include "filter/model.h"
+#include "model/model.h"
 #include "io/safetensors.h"
 #include "testing.h"
 

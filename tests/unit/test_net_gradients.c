@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "core/random.h"
-#include "device/slot.h"
+#include "runtime/slot.h"
 #include "ref/ref_layers.h"
 #include "ref/ref_loss.h"
 #include "testing.h"

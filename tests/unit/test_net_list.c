@@ -6,8 +6,8 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "net/presets.h"
-#include "net/weights_file.h"
+#include "netlist/presets.h"
+#include "netlist/weights_file.h"
 
 static void presets_have_the_values_they_should(void **state)
 {

@@ -1,5 +1,5 @@
 /* Optimisers, clipping, learning rates and first weights as training uses them. */
-#include "net/init.h"
+#include "netlist/init.h"
 #include "net/loss.h"
 #include "net/optimizer.h"
 #include "net_fixture.h"

@@ -2,7 +2,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "device/profile.h"
+#include "runtime/profile.h"
 #include "fft/fft.h"
 #include "testing.h"
 

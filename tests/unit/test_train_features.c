@@ -2,7 +2,7 @@
  */
 #include "train_run.h"
 
-#include "device/profile.h"
+#include "runtime/profile.h"
 #include "train/engine_parts.h"
 
 static void a_store_keeps_what_fits(void **state)

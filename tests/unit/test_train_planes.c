@@ -2,7 +2,7 @@
 #include <hadalens/job.h>
 
 #include "camera_small.h"
-#include "filter/model.h"
+#include "model/model.h"
 #include "train/planes.h"
 #include "train_fixture.h"
 

@@ -6,7 +6,7 @@
 
 #include "net/conv_tune.h"
 #include "net/conv_variants.h"
-#include "net/presets.h"
+#include "netlist/presets.h"
 
 static char file[64];
 enum { IN = 32, OUT = 64, ROWS = 24, COLS = 26 };

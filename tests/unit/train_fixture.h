@@ -9,8 +9,8 @@
 #include <string.h>
 
 #include "core/random.h"
-#include "filter/model.h"
-#include "net/presets.h"
+#include "model/model.h"
+#include "netlist/presets.h"
 #include "ref/ref_fft.h"
 #include "ref/ref_loss.h"
 #include "ref/ref_net.h"

@@ -1,0 +1,14 @@
+/* Intensities are not negative: values below zero become zero. */
+
+/* One work-item takes eight floats from `offset` on; the last one what is left of `count`. */
+__kernel void image_clip(__global float *values, ulong offset, ulong count)
+{
+    const size_t at = get_global_id(0) * 8;
+    __global float *p = values + offset + at;
+    if (at + 8 <= count) {
+        vstore8(max(vload8(0, p), 0.0f), 0, p);
+    } else {
+        for (size_t i = 0; at + i < count; i++)
+            p[i] = max(p[i], 0.0f);
+    }
+}

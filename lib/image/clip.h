@@ -1,0 +1,10 @@
+/* Planes clipped at zero, as reconstruction has them: light is not negative. Internal. */
+#ifndef HADA_IMAGE_CLIP_H
+#define HADA_IMAGE_CLIP_H
+
+#include "runtime/slot.h"
+
+/* The first `count` floats of a buffer (enqueued). */
+hada_status hada_image_clip(hada_slot *slot, cl_mem planes, size_t count, hada_error *err);
+
+#endif

@@ -1,0 +1,361 @@
+/* LPIPS of two images: a net in five stages, each followed by the distance of its features. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/alloc.h"
+#include "metrics/lpips_stage.h"
+#include "net/graph.h"
+
+/* What stands where for images of one size. */
+typedef struct lpips_plan {
+    hada_size input[HADA_LPIPS_STAGES], size[HADA_LPIPS_STAGES]; /* of the convolutions; what a stage gives */
+    size_t map_at[HADA_LPIPS_STAGES + 1];                        /* a stage's distances; the count of all */
+    size_t in_floats, pooled_floats;
+} lpips_plan;
+
+struct hada_lpips {
+    hada_context *context;
+    hada_slot *slot;
+    hada_lpips_net net;
+    hada_net *stage[HADA_LPIPS_STAGES];
+    hada_buffer values[HADA_LPIPS_STAGES]; /* weights of the stages */
+    hada_buffer heads;                     /* of the channels, stage after stage */
+    size_t head_at[HADA_LPIPS_STAGES];
+
+    /* For images of one size, kept for the next ones; rows 0: none. */
+    int rows, cols;
+    lpips_plan plan;
+    hada_graph *graph[HADA_LPIPS_STAGES];
+    hada_buffer in, pooled, distances;
+    float *pair, *maps; /* on the host: two images, the distances */
+};
+
+static hada_graph_options options_for(hada_size size)
+{
+    return (hada_graph_options){.images = 2, .rows = size.rows, .cols = size.cols};
+}
+
+static void forget_size(hada_lpips *lpips)
+{
+    for (int k = 0; k < HADA_LPIPS_STAGES; k++)
+        hada_graph_destroy(&lpips->graph[k]);
+    hada_buffer_destroy(&lpips->in);
+    hada_buffer_destroy(&lpips->pooled);
+    hada_buffer_destroy(&lpips->distances);
+    free(lpips->pair);
+    free(lpips->maps);
+    lpips->pair = lpips->maps = NULL;
+    lpips->rows = lpips->cols = 0;
+}
+
+/* The tensor between pooling and a convolution that wants more zeros around than a tensor has. */
+static hada_tensor pooled_tensor(const hada_lpips *lpips, int stage, hada_size input, cl_mem mem)
+{
+    const int border = hada_lpips_stage_entry(lpips->net, stage).border;
+    return hada_tensor_at(lpips->context, mem, 0, 2, hada_lpips_stage_channels(lpips->net, stage - 1),
+                          input.rows - 2 * border, input.cols - 2 * border);
+}
+
+static hada_status plan_size(const hada_lpips *lpips, int rows, int cols, lpips_plan *plan, hada_error *err)
+{
+    enum { MOST_LAYERS = 16 };
+    hada_size sizes[MOST_LAYERS];
+    const int least = hada_lpips_least_size(lpips->net);
+    if (rows < least || cols < least)
+        return hada_fail(err, HADA_ERROR_SIZE, "LPIPS by %s needs images of at least %d x %d, not %d x %d",
+                         lpips->net == HADA_LPIPS_ALEX ? "AlexNet" : "VGG-16", least, least, rows, cols);
+    hada_status status = HADA_OK;
+    *plan = (lpips_plan){0};
+    for (int k = 0; !status && k < HADA_LPIPS_STAGES; k++) {
+        const hada_lpips_entry entry = hada_lpips_stage_entry(lpips->net, k);
+        plan->input[k] = hada_lpips_stage_input(lpips->net, k, k ? plan->size[k - 1] : (hada_size){rows, cols});
+        if (entry.pool && entry.border) {
+            const hada_tensor pooled = pooled_tensor(lpips, k, plan->input[k], NULL);
+            plan->pooled_floats = 2 * pooled.image_stride;
+        }
+        status = hada_net_sizes(lpips->stage[k], plan->input[k].rows, plan->input[k].cols, sizes, err);
+        if (status)
+            break;
+        plan->size[k] = sizes[lpips->stage[k]->count - 1];
+        plan->map_at[k + 1] = plan->map_at[k] + (size_t)plan->size[k].rows * (size_t)plan->size[k].cols;
+    }
+    plan->in_floats =
+        2 * (size_t)hada_lpips_fill_channels(lpips->net) * (size_t)plan->input[0].rows * (size_t)plan->input[0].cols;
+    return status;
+}
+
+static hada_status make_graphs(hada_lpips *lpips, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    for (int k = 0; !status && k < HADA_LPIPS_STAGES; k++) {
+        const hada_graph_options options = options_for(lpips->plan.input[k]);
+        status = hada_graph_create(&lpips->graph[k], lpips->slot, lpips->stage[k], &options, err);
+        if (!status)
+            status = hada_graph_set_weights(lpips->graph[k], (hada_floats){lpips->values[k].mem, 0}, err);
+    }
+    return status;
+}
+
+static hada_status make_size(hada_lpips *lpips, int rows, int cols, hada_error *err)
+{
+    hada_status status = plan_size(lpips, rows, cols, &lpips->plan, err);
+    const size_t in = lpips->plan.in_floats, pooled = lpips->plan.pooled_floats * sizeof(float);
+    const size_t distances = lpips->plan.map_at[HADA_LPIPS_STAGES];
+    if (!status)
+        status = make_graphs(lpips, err);
+    if (!status)
+        status = hada_buffer_create(&lpips->in, lpips->context, in * sizeof(float), "the images to compare", err);
+    if (!status && pooled)
+        status = hada_buffer_create(&lpips->pooled, lpips->context, pooled, "pooled features", err);
+    if (!status && pooled)
+        status = hada_buffer_clear(&lpips->pooled, lpips->slot, 0, pooled, err);
+    if (!status)
+        status = hada_buffer_create(&lpips->distances, lpips->context, distances * sizeof(float),
+                                    "distances of features", err);
+    if (!status)
+        status = hada_alloc_raw((void **)&lpips->pair, in, sizeof(float), "the images to compare", err);
+    if (!status)
+        status = hada_alloc_raw((void **)&lpips->maps, distances, sizeof(float), "distances of features", err);
+    lpips->rows = rows;
+    lpips->cols = cols;
+    if (status)
+        forget_size(lpips);
+    return status;
+}
+
+static hada_status check(const hada_image *a, const hada_image *b, double peak, hada_error *err)
+{
+    if (!a || !b || !a->data || !b->data)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "LPIPS compares two images; one is missing");
+    if (!(peak > 0.0))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "a peak of %g is not possible; it must be above 0", peak);
+    if (a->channels != b->channels || a->rows != b->rows || a->cols != b->cols ||
+        (a->channels != 1 && a->channels != 3))
+        return hada_fail(err, HADA_ERROR_SIZE,
+                         "LPIPS compares images of one size with 1 or 3 channels, not %d channels, %d x %d and %d "
+                         "channels, %d x %d",
+                         a->channels, a->rows, a->cols, b->channels, b->rows, b->cols);
+    const size_t bad = hada_image_count_not_finite(a) + hada_image_count_not_finite(b);
+    return bad ? hada_fail(err, HADA_ERROR_NOT_FINITE, "the images to compare hold %zu NaN or infinite values", bad)
+               : HADA_OK;
+}
+
+/* What a stage gives to the input of the next one. */
+static hada_status enter(hada_lpips *lpips, int stage, hada_error *err)
+{
+    const hada_lpips_entry entry = hada_lpips_stage_entry(lpips->net, stage);
+    const hada_tensor *from = hada_graph_output(lpips->graph[stage - 1]), *to = hada_graph_input(lpips->graph[stage]);
+    const hada_tensor pooled = pooled_tensor(lpips, stage, lpips->plan.input[stage], lpips->pooled.mem);
+    const hada_tensor *between = entry.border ? &pooled : to;
+    hada_status status = hada_tensor_clear_halo(lpips->slot, to, err); /* other things may have stood there */
+    if (!status && entry.pool)
+        status = hada_pool_forward(lpips->slot, HADA_POOL_MAX, entry.pool, entry.pool_stride, from, between, err);
+    if (!status && (!entry.pool || entry.border))
+        status = hada_place(lpips->slot, entry.pool ? between : from, to, entry.border, entry.border, 0, 0, err);
+    return status;
+}
+
+/* The distances of all stages into lpips->maps. */
+static hada_status compare(hada_lpips *lpips, const hada_image *a, const hada_image *b, double peak, hada_error *err)
+{
+    hada_status status = check(a, b, peak, err);
+    if (!status && (lpips->rows != a->rows || lpips->cols != a->cols)) {
+        forget_size(lpips);
+        status = make_size(lpips, a->rows, a->cols, err);
+    }
+    if (status)
+        return status;
+    const hada_size input = lpips->plan.input[0];
+    const size_t plane = (size_t)input.rows * (size_t)input.cols, image = lpips->plan.in_floats / 2;
+    const hada_planar in = {lpips->in.mem, 0, image, plane, (size_t)input.cols};
+    hada_lpips_fill(lpips->net, a, peak, input, lpips->pair);
+    hada_lpips_fill(lpips->net, b, peak, input, lpips->pair + image);
+    status = hada_buffer_write(&lpips->in, lpips->slot, 0, lpips->pair, lpips->in.bytes, err);
+    if (!status)
+        status = hada_graph_load(lpips->graph[0], &in, err);
+    for (int k = 0; !status && k < HADA_LPIPS_STAGES; k++) {
+        if (k)
+            status = enter(lpips, k, err);
+        if (!status)
+            status = hada_graph_forward(lpips->graph[k], err);
+        if (!status)
+            status = hada_lpips_distance(lpips->slot, hada_graph_output(lpips->graph[k]),
+                                         (hada_floats){lpips->heads.mem, lpips->head_at[k]},
+                                         (hada_floats){lpips->distances.mem, lpips->plan.map_at[k]}, err);
+    }
+    if (!status)
+        status = hada_buffer_read(&lpips->distances, lpips->slot, 0, lpips->maps, lpips->distances.bytes, err);
+    return status;
+}
+
+/* Bilinear resizing with pixel centres at half (PyTorch's align_corners=False): the place of pixel i of `out` among
+ * `in`: index of the first neighbour, share of the second. */
+static int place(int i, int in, int out, double *share)
+{
+    const double at = fmax((i + 0.5) * in / out - 0.5, 0.0);
+    const int first = at < in - 1 ? (int)at : in - 1;
+    *share = first < in - 1 ? at - first : 0.0;
+    return first;
+}
+
+static double resized(const float *map, hada_size size, int row, int col, int rows, int cols)
+{
+    double down, right;
+    const int r = place(row, size.rows, rows, &down), c = place(col, size.cols, cols, &right);
+    const float *at = map + (size_t)r * (size_t)size.cols + (size_t)c;
+    const int next = c + 1 < size.cols, below = r + 1 < size.rows ? size.cols : 0;
+    const double top = (1.0 - right) * at[0] + right * at[next];
+    const double bottom = (1.0 - right) * at[below] + right * at[below + next];
+    return (1.0 - down) * top + down * bottom;
+}
+
+static double distance_at(const hada_lpips *lpips, int row, int col)
+{
+    double sum = 0.0;
+    for (int k = 0; k < HADA_LPIPS_STAGES; k++)
+        sum += resized(lpips->maps + lpips->plan.map_at[k], lpips->plan.size[k], row, col, lpips->rows, lpips->cols);
+    return sum;
+}
+
+hada_status hada_lpips_run(hada_lpips *lpips, const hada_image *a, const hada_image *b, double peak,
+                           const unsigned char *mask, double *out, hada_error *err)
+{
+    if (!lpips || !out)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_lpips_run: an argument is missing");
+    hada_status status = compare(lpips, a, b, peak, err);
+    if (status)
+        return status;
+    double all = 0.0;
+    if (mask) {
+        size_t used = 0;
+        for (int r = 0; r < a->rows; r++)
+            for (int c = 0; c < a->cols; c++)
+                if (mask[(size_t)r * (size_t)a->cols + (size_t)c]) {
+                    all += distance_at(lpips, r, c);
+                    used++;
+                }
+        if (!used)
+            return hada_fail(err, HADA_ERROR_ARGUMENT, "the mask leaves no pixel to compare");
+        *out = all / (double)used;
+        return HADA_OK;
+    }
+    for (int k = 0; k < HADA_LPIPS_STAGES; k++) {
+        double sum = 0.0;
+        for (size_t i = lpips->plan.map_at[k]; i < lpips->plan.map_at[k + 1]; i++)
+            sum += lpips->maps[i];
+        all += sum / (double)(lpips->plan.map_at[k + 1] - lpips->plan.map_at[k]);
+    }
+    *out = all;
+    return HADA_OK;
+}
+
+hada_status hada_lpips_map(hada_lpips *lpips, const hada_image *a, const hada_image *b, double peak, hada_image *map,
+                           hada_error *err)
+{
+    if (!lpips || !map)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_lpips_map: an argument is missing");
+    hada_status status = compare(lpips, a, b, peak, err);
+    if (!status && (!map->data || map->channels != 1 || map->rows != a->rows || map->cols != a->cols)) {
+        hada_image_destroy(map);
+        status = hada_image_create(map, 1, a->rows, a->cols, err);
+    }
+    for (int r = 0; !status && r < a->rows; r++)
+        for (int c = 0; c < a->cols; c++)
+            map->data[(size_t)r * (size_t)a->cols + (size_t)c] = (float)distance_at(lpips, r, c);
+    return status;
+}
+
+hada_status hada_lpips_bytes(const hada_lpips *lpips, int rows, int cols, uint64_t *bytes, hada_error *err)
+{
+    lpips_plan sizes;
+    if (!lpips || !bytes)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_lpips_bytes: an argument is missing");
+    *bytes = 0;
+    hada_status status = plan_size(lpips, rows, cols, &sizes, err);
+    uint64_t sum = lpips->heads.bytes;
+    for (int k = 0; !status && k < HADA_LPIPS_STAGES; k++) {
+        const hada_graph_options options = options_for(sizes.input[k]);
+        size_t graph;
+        status = hada_graph_bytes(lpips->context, lpips->stage[k], &options, &graph, err);
+        if (!status)
+            sum += graph + lpips->values[k].bytes;
+    }
+    if (!status)
+        *bytes = sum + (sizes.in_floats + sizes.pooled_floats + sizes.map_at[HADA_LPIPS_STAGES]) * sizeof(float);
+    return status;
+}
+
+static hada_status read_backbone(hada_lpips *lpips, const char *path, hada_error *err)
+{
+    hada_tensors *file;
+    hada_status status = hada_tensors_open(&file, path, err);
+    if (status)
+        return status;
+    status = hada_lpips_find_net(file, &lpips->net, err);
+    for (int k = 0; !status && k < HADA_LPIPS_STAGES; k++) {
+        status = hada_lpips_stage_make(&lpips->stage[k], lpips->net, k, file, err);
+        if (!status)
+            status = hada_buffer_create_from(&lpips->values[k], lpips->slot, lpips->stage[k]->values,
+                                             lpips->stage[k]->floats * sizeof(float), "the weights", err);
+    }
+    if (status)
+        hada_error_prefix(err, "%s: ", path);
+    hada_tensors_close(&file);
+    return status;
+}
+
+static hada_status read_heads(hada_lpips *lpips, const char *path, hada_error *err)
+{
+    float weights[HADA_LPIPS_CHANNELS];
+    hada_status status = hada_lpips_read_heads(path, lpips->net, weights, lpips->head_at, err);
+    return status ? status
+                  : hada_buffer_create_from(&lpips->heads, lpips->slot, weights, sizeof weights, "the heads of LPIPS",
+                                            err);
+}
+
+hada_status hada_lpips_create(hada_lpips **out, hada_context *context, hada_lpips_net net, const char *backbone,
+                              const char *heads, hada_error *err)
+{
+    hada_lpips *lpips;
+    if (!out || !context || !backbone || (unsigned)net > HADA_LPIPS_ALEX)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_lpips_create: an argument is missing or out of range");
+    *out = NULL;
+    hada_status status = hada_alloc((void **)&lpips, 1, sizeof *lpips, "LPIPS", err);
+    if (status)
+        return status;
+    lpips->context = context;
+    lpips->net = net;
+    status = hada_slot_create(&lpips->slot, context, err);
+    if (!status)
+        status = read_backbone(lpips, backbone, err);
+    if (!status)
+        status = read_heads(lpips, heads ? heads : backbone, err);
+    if (status)
+        hada_lpips_destroy(&lpips);
+    *out = lpips;
+    return status;
+}
+
+void hada_lpips_destroy(hada_lpips **pointer)
+{
+    if (!pointer || !*pointer)
+        return;
+    hada_lpips *lpips = *pointer;
+    *pointer = NULL;
+    if (lpips->slot)
+        hada_slot_finish(lpips->slot, NULL);
+    forget_size(lpips);
+    for (int k = 0; k < HADA_LPIPS_STAGES; k++) {
+        hada_buffer_destroy(&lpips->values[k]);
+        hada_net_destroy(&lpips->stage[k]);
+    }
+    hada_buffer_destroy(&lpips->heads);
+    hada_slot_destroy(&lpips->slot);
+    free(lpips);
+}
+
+hada_lpips_net hada_lpips_get_net(const hada_lpips *lpips)
+{
+    return lpips->net;
+}

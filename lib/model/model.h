@@ -1,0 +1,77 @@
+/* What a model holds, and where frame and window stand on its grid. Internal. */
+#ifndef HADA_MODEL_MODEL_H
+#define HADA_MODEL_MODEL_H
+
+#include <hadalens/model.h>
+
+/* Filters and transfer functions stand on the host as row-major half spectra: complex numbers
+ * [depth][channel][grid_rows][grid_cols / 2 + 1], re and im interleaved. One of `filter` and `filter_half` is NULL. */
+struct hada_model {
+    hada_model_info info;
+    double *distances;
+    char *name;
+    float *filter;
+    uint16_t *filter_half;
+    float *otf; /* NULL where has_otf is 0 */
+    /* What the fit knows of scenes and noise, for refinement; both NULL in a model made from point spread functions.
+     * scene_power: mean |X|^2 over all pairs, depths and channels, [grid_rows][grid_cols / 2 + 1];
+     * noise_power: mean over frequencies of the noise's |N|^2, [depth][channel]; pairs: number of pairs, [depth]. */
+    float *scene_power;
+    double *noise_power;
+    double *pairs;
+    hada_net *enhance; /* NULL where none */
+    void *mapped;      /* non-NULL: the large arrays stand in this opened file (hada_tensors), not freed one by one */
+};
+
+/* Where things stand on the grid, in pixels from its top left. */
+typedef struct hada_geometry {
+    int raw_row, raw_col;       /* of the frame */
+    int window_row, window_col; /* of the window */
+} hada_geometry;
+
+/* Of a model's sizes; HADA_ERROR_MODEL where they do not fit into one another. */
+hada_status hada_geometry_of(const hada_model_info *info, hada_geometry *out, hada_error *err);
+
+/* Checks and fills the sizes of an info from raw and window sizes (window 0 x 0: the whole frame) and the boundary: the
+ * grid of a padded model holds a linear correlation of frame and window, raw + window - 1, at a size that transforms
+ * well. */
+hada_status hada_model_set_sizes(hada_model_info *info, int raw_rows, int raw_cols, int window_rows, int window_cols,
+                                 hada_error *err);
+
+/* After the large arrays were copied to a device: those of a loaded model are dropped from memory and come back from
+ * the file when needed. */
+void hada_model_forget(const hada_model *model);
+
+/* The largest |OTF(0)|^2 of all depths and channels: the unit of refine_rho. 1 without transfer functions. */
+double hada_model_gain(const hada_model *model);
+
+/* Number of complex values of one depth and channel. */
+size_t hada_model_plane(const hada_model *model);
+size_t hada_model_info_plane(const hada_model_info *info);
+
+/* A model with room for everything its info says, zeroed; distances are copied. `with_statistics` makes room for
+ * scene_power, noise_power and pairs as well. */
+hada_status hada_model_create(hada_model **out, const hada_model_info *info, int with_statistics, hada_error *err);
+
+/* As hada_model_create, without the arrays that a file may supply (filter, filter_half, otf, scene_power). */
+hada_status hada_model_create_head(hada_model **out, const hada_model_info *info, hada_error *err);
+
+/* Room for the arrays that hada_model_create_head leaves out. */
+hada_status hada_model_create_arrays(hada_model *model, int with_statistics, hada_error *err);
+
+/* Gives a model a net, which becomes its own (also on failure), with the size at which it runs. */
+hada_status hada_model_own_enhance(hada_model *model, hada_net *net, int rows, int cols, hada_error *err);
+
+/* Gives a copy of a model its net, where it has one. */
+hada_status hada_model_copy_enhance(hada_model *copy, const hada_model *model, hada_error *err);
+
+/* Whether an info makes sense: counts, sizes, numbers, distances in order. Messages begin with "the model". */
+hada_status hada_model_info_check(const hada_model_info *info, hada_error *err);
+
+/* The words of forms and boundaries in files, and back (0 where unknown). */
+const char *hada_form_name(hada_form form);
+const char *hada_boundary_name(hada_boundary boundary);
+hada_form hada_form_from_name(const char *name);
+hada_boundary hada_boundary_from_name(const char *name);
+
+#endif

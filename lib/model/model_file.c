@@ -1,0 +1,351 @@
+/* Model files: safetensors with every convention in the metadata (docs/model-file.md). */
+#include <errno.h>
+#include <locale.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/alloc.h"
+#include "core/error.h"
+#include "model/model.h"
+#include "model/model_enhance.h"
+#include "io/safetensors.h"
+
+#define FORMAT         "hadalens-model"
+#define FORMAT_VERSION 1
+
+/* What a reader must know and the numbers cannot say; the same in every file. */
+static const char *const conventions[][2] = {
+    {"axes", "filter, otf: [depth, channel, ky, kx, re/im], kx from 0 to grid_cols/2 (half spectrum); depths near to "
+             "far; scene_power: [ky, kx]; noise_power: [depth, channel]; pairs, distances_mm: [depth]"},
+    {"transform", "forward unnormalised, inverse divided by grid_rows*grid_cols"},
+    {"geometry", "the frame stands on the grid at (grid - raw)/2, the window in the frame at (raw - window)/2, rounded "
+                 "down; zero (frame) or dark (scene) elsewhere"},
+    {"use", "scene = inverse(filter * forward(raw - dark)) in the window; form split: Re*re + i*Im*im"},
+    {"psf_axis", "optical axis at pixel (rows/2, cols/2) rounded down; otf = forward(psf rolled so that the axis is at "
+                 "(0, 0))"},
+    {"intensity", "linear, divided by the full scale of integer files (255, 65535); float files as they are"},
+};
+
+/* Numbers are written and read in the C locale, of this thread alone. */
+typedef struct c_numbers {
+    locale_t c, before;
+} c_numbers;
+
+static hada_status enter(c_numbers *numbers, hada_error *err)
+{
+    numbers->c = newlocale(LC_NUMERIC_MASK, "C", (locale_t)0);
+    if (!numbers->c)
+        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the C number format");
+    numbers->before = uselocale(numbers->c);
+    return HADA_OK;
+}
+
+static void leave(c_numbers *numbers)
+{
+    uselocale(numbers->before);
+    freelocale(numbers->c);
+}
+
+static hada_status put_number(hada_tensors_writer *writer, const char *key, double value, hada_error *err)
+{
+    char text[40];
+    snprintf(text, sizeof text, "%.17g", value);
+    return hada_tensors_put_meta(writer, key, text, err);
+}
+
+static hada_status put_size(hada_tensors_writer *writer, const char *key, int rows, int cols, hada_error *err)
+{
+    char text[40];
+    snprintf(text, sizeof text, "%dx%d", rows, cols);
+    return hada_tensors_put_meta(writer, key, text, err);
+}
+
+static hada_status put_metadata(hada_tensors_writer *writer, const hada_model_info *info, hada_error *err)
+{
+    hada_status status = hada_tensors_put_meta(writer, "format", FORMAT, err);
+    if (!status)
+        status = put_number(writer, "version", FORMAT_VERSION, err);
+    if (!status)
+        status = hada_tensors_put_meta(writer, "library", "hadalens " HADALENS_VERSION, err);
+    if (!status)
+        status = hada_tensors_put_meta(writer, "form", hada_form_name(info->form), err);
+    if (!status)
+        status = hada_tensors_put_meta(writer, "boundary", hada_boundary_name(info->boundary), err);
+    if (!status)
+        status = put_size(writer, "raw", info->raw_rows, info->raw_cols, err);
+    if (!status)
+        status = put_size(writer, "grid", info->grid_rows, info->grid_cols, err);
+    if (!status)
+        status = put_size(writer, "window", info->window_rows, info->window_cols, err);
+    const struct {
+        const char *key;
+        double value;
+    } numbers[] = {
+        {"alpha", info->alpha},        {"lambda", info->lambda},         {"dark", info->dark},
+        {"noise", info->noise},        {"refine_rho", info->refine_rho}, {"refine_steps", info->refine_steps},
+        {"refine_tv", info->refine_tv}};
+    for (size_t i = 0; !status && i < sizeof numbers / sizeof *numbers; i++)
+        status = put_number(writer, numbers[i].key, numbers[i].value, err);
+    for (size_t i = 0; !status && i < sizeof conventions / sizeof *conventions; i++)
+        status = hada_tensors_put_meta(writer, conventions[i][0], conventions[i][1], err);
+    return status;
+}
+
+/* The tensors of a file, in their order. */
+typedef struct part {
+    const char *name;
+    hada_dtype type;
+    int dims;
+    int64_t shape[5];
+    const void *data;
+    size_t bytes;
+} part;
+enum { PARTS = 6 };
+
+static int list_parts(const hada_model *model, part parts[PARTS])
+{
+    const hada_model_info *info = &model->info;
+    const int64_t z = info->depths, c = info->channels, rows = info->grid_rows, half = info->grid_cols / 2 + 1;
+    const size_t plane = hada_model_plane(model), images = (size_t)z * (size_t)c, values = images * plane * 2;
+    int n = 0;
+    /* widest type first, so that every tensor is aligned */
+    parts[n++] = (part){"distances_mm", HADA_F64, 1, {z}, model->distances, (size_t)z * 8};
+    if (model->noise_power)
+        parts[n++] = (part){"noise_power", HADA_F64, 2, {z, c}, model->noise_power, images * 8};
+    if (model->pairs)
+        parts[n++] = (part){"pairs", HADA_F64, 1, {z}, model->pairs, (size_t)z * 8};
+    if (model->scene_power)
+        parts[n++] = (part){"scene_power", HADA_F32, 2, {rows, half}, model->scene_power, plane * 4};
+    if (model->otf)
+        parts[n++] = (part){"otf", HADA_F32, 5, {z, c, rows, half, 2}, model->otf, values * 4};
+    parts[n++] = info->half ? (part){"filter", HADA_F16, 5, {z, c, rows, half, 2}, model->filter_half, values * 2}
+                            : (part){"filter", HADA_F32, 5, {z, c, rows, half, 2}, model->filter, values * 4};
+    return n;
+}
+
+hada_status hada_model_save(const hada_model *model, const char *path, hada_error *err)
+{
+    hada_tensors_writer *writer;
+    c_numbers numbers = {0};
+    part parts[PARTS];
+    if (!model || !path)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_model_save: model and path are needed");
+    hada_status status = hada_tensors_create(&writer, path, err);
+    if (status)
+        return status;
+    status = enter(&numbers, err);
+    if (!status) {
+        status = put_metadata(writer, &model->info, err);
+        leave(&numbers);
+    }
+    const int count = list_parts(model, parts);
+    for (int i = 0; !status && i < count; i++)
+        status = hada_tensors_declare(writer, parts[i].name, parts[i].type, parts[i].dims, parts[i].shape, err);
+    if (!status)
+        status = hada_model_declare_enhance(model, writer, err);
+    for (int i = 0; !status && i < count; i++)
+        status = hada_tensors_write(writer, parts[i].data, parts[i].bytes, err);
+    if (!status)
+        status = hada_model_write_enhance(model, writer, err);
+    if (!status)
+        return hada_tensors_finish(&writer, err);
+    hada_tensors_abandon(&writer);
+    return status;
+}
+
+static hada_status missing(const char *path, const char *what, hada_error *err)
+{
+    return hada_fail(err, HADA_ERROR_FILE_FORMAT,
+                     "%s: %s is missing or not usable; this is not a complete hadalens model (make one with 'hadalens "
+                     "fit')",
+                     path, what);
+}
+
+static hada_status get_number(const hada_tensors *file, const char *path, const char *key, double *out, hada_error *err)
+{
+    const char *text = hada_tensors_meta(file, key);
+    char *end;
+    if (!text || !*text)
+        return missing(path, key, err);
+    *out = strtod(text, &end);
+    return *end || !isfinite(*out) ? missing(path, key, err) : HADA_OK;
+}
+
+static hada_status get_size(const hada_tensors *file, const char *path, const char *key, int *rows, int *cols,
+                            hada_error *err)
+{
+    const char *text = hada_tensors_meta(file, key);
+    char extra;
+    if (!text || strlen(text) > 15 || sscanf(text, "%dx%d%c", rows, cols, &extra) != 2)
+        return missing(path, key, err);
+    return HADA_OK;
+}
+
+static hada_status get_metadata(const hada_tensors *file, const char *path, hada_model_info *info, hada_error *err)
+{
+    double version = 0, steps = 0;
+    const char *format = hada_tensors_meta(file, "format");
+    const char *form = hada_tensors_meta(file, "form"), *boundary = hada_tensors_meta(file, "boundary");
+    if (!format || strcmp(format, FORMAT))
+        return hada_fail(err, HADA_ERROR_FILE_FORMAT, "%s is a safetensors file, but not a hadalens model", path);
+    hada_status status = get_number(file, path, "version", &version, err);
+    if (!status && version != FORMAT_VERSION)
+        return hada_fail(err, HADA_ERROR_FILE_FORMAT,
+                         "%s is a model of version %g; this library reads version %d: update the library or fit again",
+                         path, version, FORMAT_VERSION);
+    if (!status && (!form || !(info->form = hada_form_from_name(form))))
+        status = missing(path, "form", err);
+    if (!status && (!boundary || !(info->boundary = hada_boundary_from_name(boundary))))
+        status = missing(path, "boundary", err);
+    if (!status)
+        status = get_size(file, path, "raw", &info->raw_rows, &info->raw_cols, err);
+    if (!status)
+        status = get_size(file, path, "grid", &info->grid_rows, &info->grid_cols, err);
+    if (!status)
+        status = get_size(file, path, "window", &info->window_rows, &info->window_cols, err);
+    const struct {
+        const char *key;
+        double *out;
+    } numbers[] = {{"alpha", &info->alpha}, {"lambda", &info->lambda},         {"dark", &info->dark},
+                   {"noise", &info->noise}, {"refine_rho", &info->refine_rho}, {"refine_steps", &steps}};
+    for (size_t i = 0; !status && i < sizeof numbers / sizeof *numbers; i++)
+        status = get_number(file, path, numbers[i].key, numbers[i].out, err);
+    if (!status && hada_tensors_meta(file, "refine_tv")) /* models of before have none */
+        status = get_number(file, path, "refine_tv", &info->refine_tv, err);
+    if (!status && (steps < 0 || steps > 100000 || steps != floor(steps)))
+        status = missing(path, "refine_steps", err);
+    info->refine_steps = (int)steps;
+    return status;
+}
+
+/* A tensor of the wanted shape and type whose data can be used where it stands. */
+static hada_status check_part(const hada_tensors *file, const char *path, const part *want, const void **data,
+                              hada_error *err)
+{
+    const hada_stored_tensor *tensor = hada_tensors_find(file, want->name);
+    if (!tensor)
+        return missing(path, want->name, err);
+    int same = tensor->type == want->type && tensor->dims == want->dims && tensor->bytes == want->bytes;
+    for (int d = 0; same && d < want->dims; d++)
+        same = tensor->shape[d] == want->shape[d];
+    if (!same)
+        return hada_fail(err, HADA_ERROR_FILE_FORMAT,
+                         "%s: the tensor %s has not the shape or type that the metadata say; the file is damaged", path,
+                         want->name);
+    if ((uintptr_t)tensor->data % (want->bytes ? 4 : 1))
+        return hada_fail(err, HADA_ERROR_FILE_FORMAT,
+                         "%s: the tensor %s is not aligned; write the file again with the safetensors library", path,
+                         want->name);
+    *data = tensor->data;
+    return HADA_OK;
+}
+
+/* Points the model's arrays into the file; small ones were allocated and are copied. */
+static hada_status take_parts(hada_model *model, const hada_tensors *file, const char *path, hada_error *err)
+{
+    part parts[PARTS];
+    const void *data = NULL;
+    hada_status status = HADA_OK;
+    const int count = list_parts(model, parts);
+    for (int i = 0; !status && i < count; i++) {
+        status = check_part(file, path, &parts[i], &data, err);
+        if (status)
+            break;
+        if (!strcmp(parts[i].name, "distances_mm"))
+            memcpy(model->distances, data, parts[i].bytes);
+        else if (!strcmp(parts[i].name, "noise_power"))
+            memcpy(model->noise_power, data, parts[i].bytes);
+        else if (!strcmp(parts[i].name, "pairs"))
+            memcpy(model->pairs, data, parts[i].bytes);
+        else if (!strcmp(parts[i].name, "scene_power"))
+            model->scene_power = (float *)(uintptr_t)data;
+        else if (!strcmp(parts[i].name, "otf"))
+            model->otf = (float *)(uintptr_t)data;
+        else if (model->info.half)
+            model->filter_half = (uint16_t *)(uintptr_t)data;
+        else
+            model->filter = (float *)(uintptr_t)data;
+    }
+    return status;
+}
+
+static hada_status load(hada_model **out, hada_tensors *file, const char *path, hada_error *err)
+{
+    /* list_parts() asks which arrays there are: anything that is not NULL will do until the file's own stand there */
+    static float present;
+    hada_model_info info = {0};
+    hada_model *model = NULL;
+    hada_status status = get_metadata(file, path, &info, err);
+    if (status)
+        return status;
+    const hada_stored_tensor *filter = hada_tensors_find(file, "filter");
+    if (!filter || filter->dims != 5 || (filter->type != HADA_F32 && filter->type != HADA_F16))
+        return missing(path, "the tensor filter (float32 or float16, five dimensions)", err);
+    if (filter->shape[0] > 4096 || filter->shape[1] > 64)
+        return missing(path, "the tensor filter (at most 4096 depths, 64 channels)", err);
+    info.depths = (int)filter->shape[0];
+    info.channels = (int)filter->shape[1];
+    info.half = filter->type == HADA_F16;
+    info.has_otf = hada_tensors_find(file, "otf") != NULL;
+    info.name = path;
+    status = hada_model_create_head(&model, &info, err);
+    if (status) {
+        hada_error_prefix(err, "%s: ", path);
+        return status;
+    }
+    model->mapped = file;
+    if (info.has_otf)
+        model->otf = &present;
+    if (hada_tensors_find(file, "scene_power")) {
+        const size_t images = (size_t)info.depths * (size_t)info.channels;
+        model->scene_power = &present;
+        status = hada_alloc((void **)&model->noise_power, images, sizeof(double), "the noise power", err);
+        if (!status)
+            status = hada_alloc((void **)&model->pairs, (size_t)info.depths, sizeof(double), "the pairs", err);
+    }
+    if (!status)
+        status = take_parts(model, file, path, err);
+    if (!status) {
+        status = hada_model_info_check(&model->info, err);
+        if (!status)
+            status = hada_model_read_enhance(model, file, err);
+        if (status)
+            hada_error_prefix(err, "%s: ", path);
+    }
+    if (status) {
+        model->mapped = NULL; /* closed by the caller */
+        model->filter = model->otf = model->scene_power = NULL;
+        model->filter_half = NULL;
+        hada_model_destroy(&model);
+    }
+    *out = model;
+    return status;
+}
+
+hada_status hada_model_load(hada_model **out, const char *path, hada_error *err)
+{
+    hada_tensors *file;
+    c_numbers numbers = {0};
+    if (!out || !path)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_model_load: out and path are needed");
+    *out = NULL;
+    hada_status status = hada_tensors_open(&file, path, err);
+    if (status)
+        return status;
+    status = enter(&numbers, err);
+    if (!status) {
+        status = load(out, file, path, err);
+        leave(&numbers);
+    }
+    if (status)
+        hada_tensors_close(&file);
+    return status;
+}
+
+void hada_model_forget(const hada_model *model)
+{
+    if (model->mapped)
+        hada_tensors_forget(model->mapped);
+}

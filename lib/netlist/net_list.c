@@ -1,0 +1,320 @@
+/* Lists of layers: adding, checking, parameters. */
+#include "netlist/net_list.h"
+
+#include <limits.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/alloc.h"
+#include "netlist/init.h"
+
+#define MOST_LAYERS   4096
+#define MOST_CHANNELS 65536
+#define MOST_PIXELS   (1 << 20) /* of a side, a kernel, a stride */
+
+hada_status hada_net_begin(hada_net **out, int colours, hada_error *err)
+{
+    hada_net *net;
+    *out = NULL;
+    if (colours < 1 || colours > 64)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "a net shared by %d channels: 1 to 64 can be", colours);
+    hada_status status = hada_alloc((void **)&net, 1, sizeof *net, "a net", err);
+    if (!status)
+        net->colours = colours;
+    *out = net;
+    return status;
+}
+
+void hada_net_destroy(hada_net **pointer)
+{
+    if (!pointer || !*pointer)
+        return;
+    hada_net *net = *pointer;
+    *pointer = NULL;
+    free(net->layers);
+    free(net->parameters);
+    free(net->values);
+    free(net);
+}
+
+hada_layer hada_layer_of(hada_layer_kind kind, const char *name, int input)
+{
+    hada_layer layer = {.kind = kind,
+                        .inputs = {input},
+                        .input_count = kind != HADA_LAYER_INPUT,
+                        .kernel = kind == HADA_LAYER_POOL ? 2 : 3,
+                        .stride = kind == HADA_LAYER_POOL ? 2 : 1,
+                        .pad = kind == HADA_LAYER_CONV,
+                        .bias = 1,
+                        .like = -1,
+                        .eps = 1e-5f,
+                        .momentum = 0.1f,
+                        .parameter = -1};
+    snprintf(layer.name, sizeof layer.name, "%s", name ? name : "");
+    return layer;
+}
+
+hada_status hada_net_add(hada_net *net, const hada_layer *layer, int *index, hada_error *err)
+{
+    if (net->count == MOST_LAYERS)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "a net has more than %d layers", MOST_LAYERS);
+    if (net->count == net->room) {
+        const int room = net->room ? 2 * net->room : 32;
+        hada_layer *layers = realloc(net->layers, (size_t)room * sizeof *layers);
+        if (!layers)
+            return hada_fail(err, HADA_ERROR_MEMORY, "no memory for a net");
+        net->layers = layers;
+        net->room = room;
+    }
+    if (index)
+        *index = net->count;
+    net->layers[net->count++] = *layer;
+    return HADA_OK;
+}
+
+static hada_status refuse(const hada_net *net, int index, const char *why, hada_error *err)
+{
+    const hada_layer *layer = &net->layers[index];
+    const char *kind = hada_layer_kind_name((int)layer->kind);
+    return hada_fail(err, HADA_ERROR_MODEL, "layer %d of the net (%s%s%s) %s", index, kind ? kind : "of no known kind",
+                     *layer->name ? " " : "", layer->name, why);
+}
+
+static int in_range(int value, int least, int most)
+{
+    return value >= least && value <= most;
+}
+
+static hada_status check_inputs(const hada_net *net, int index, hada_error *err)
+{
+    const hada_layer *layer = &net->layers[index];
+    const int wanted = layer->kind == HADA_LAYER_INPUT ? 0 : 1;
+    if ((layer->kind == HADA_LAYER_INPUT) != (index == 0))
+        return refuse(net, index, "stands where it cannot: layer 0 is the input, and no other one", err);
+    if (layer->kind == HADA_LAYER_CONCAT ? !in_range(layer->input_count, 1, HADA_LAYER_INPUTS)
+                                         : layer->input_count != wanted)
+        return refuse(net, index, "takes another number of layers than it needs", err);
+    for (int i = 0; i < layer->input_count; i++)
+        if (!in_range(layer->inputs[i], 0, index - 1))
+            return refuse(net, index, "takes a layer that does not stand before it", err);
+    return HADA_OK;
+}
+
+static hada_status check_numbers(const hada_net *net, int index, hada_error *err)
+{
+    const hada_layer *layer = &net->layers[index];
+    const int windows = layer->kind == HADA_LAYER_CONV || layer->kind == HADA_LAYER_POOL;
+    const int weighted = layer->kind == HADA_LAYER_CONV || layer->kind == HADA_LAYER_LINEAR;
+    if ((weighted || layer->kind == HADA_LAYER_INPUT) && !in_range(layer->channels, 1, MOST_CHANNELS))
+        return refuse(net, index, "has no usable number of channels", err);
+    if (windows && (!in_range(layer->kernel, 1, MOST_PIXELS) || !in_range(layer->stride, 1, MOST_PIXELS)))
+        return refuse(net, index, "has no usable kernel or stride", err);
+    if (layer->kind == HADA_LAYER_CONV &&
+        (!in_range(layer->pad, 0, layer->kernel - 1) || !in_range(layer->output_pad, 0, layer->stride - 1) ||
+         (layer->output_pad && !layer->transposed)))
+        return refuse(net, index,
+                      "has a padding that cannot be: pad is less than the kernel, "
+                      "output_pad less than the "
+                      "stride and for transposed convolutions",
+                      err);
+    if (layer->kind == HADA_LAYER_LINEAR && !in_range(layer->in, 1, INT_MAX))
+        return refuse(net, index, "says not how many values it takes (\"in\")", err);
+    if (layer->kind == HADA_LAYER_RESIZE &&
+        (layer->like >= 0 ? layer->like >= index
+                          : !in_range(layer->rows, 1, MOST_PIXELS) || !in_range(layer->cols, 1, MOST_PIXELS)))
+        return refuse(net, index,
+                      "says not what size it gives: that of an earlier layer "
+                      "(\"like\"), or rows and cols",
+                      err);
+    if (layer->kind == HADA_LAYER_NORM && !(layer->eps > 0 && layer->momentum >= 0 && layer->momentum <= 1))
+        return refuse(net, index, "needs eps above 0 and a momentum from 0 to 1", err);
+    if (layer->kind == HADA_LAYER_DROPOUT && !(layer->p >= 0 && layer->p < 1))
+        return refuse(net, index, "needs p from 0 to less than 1", err);
+    if (!hada_activation_name((int)layer->activation) || !hada_pool_name((int)layer->pool) ||
+        !hada_resize_name((int)layer->resize) || !isfinite(layer->slope))
+        return refuse(net, index, "has an activation, pooling or resizing that is none", err);
+    return HADA_OK;
+}
+
+/* Channels of layers that do not say them. */
+static void set_channels(hada_net *net, int index)
+{
+    hada_layer *layer = &net->layers[index];
+    if (layer->kind == HADA_LAYER_INPUT || layer->kind == HADA_LAYER_CONV || layer->kind == HADA_LAYER_LINEAR)
+        return;
+    layer->channels = 0;
+    for (int i = 0; i < layer->input_count; i++)
+        layer->channels += net->layers[layer->inputs[i]].channels;
+}
+
+static hada_status check_used(const hada_net *net, hada_error *err)
+{
+    for (int i = 0; i < net->count - 1; i++) {
+        int used = 0;
+        for (int k = i + 1; k < net->count; k++)
+            for (int n = 0; n < net->layers[k].input_count; n++)
+                used |= net->layers[k].inputs[n] == i;
+        if (!used)
+            return refuse(net, i, "is taken by no other layer; only the last one is the output", err);
+    }
+    return HADA_OK;
+}
+
+static int parameters_of(const hada_net *net, const hada_layer *layer)
+{
+    switch (layer->kind) {
+    case HADA_LAYER_CONV:
+    case HADA_LAYER_LINEAR: return 1 + (layer->bias != 0);
+    case HADA_LAYER_NORM: return 4 * net->colours;
+    default: return 0;
+    }
+}
+
+static void add_parameter(hada_net *net, int layer, int colour, const char *what, int dims, const int64_t *shape,
+                          int trained)
+{
+    hada_parameter *parameter = &net->parameters[net->parameter_count++];
+    *parameter = (hada_parameter){.dims = dims, .count = 1, .trained = trained, .layer = layer};
+    for (int d = 0; d < dims; d++) {
+        parameter->shape[d] = shape[d];
+        parameter->count *= (size_t)shape[d];
+    }
+    if (colour < 0)
+        snprintf(parameter->name, sizeof parameter->name, "%s.%s", net->layers[layer].name, what);
+    else
+        snprintf(parameter->name, sizeof parameter->name, "%s.%d.%s", net->layers[layer].name, colour, what);
+}
+
+static void add_parameters(hada_net *net, int index)
+{
+    hada_layer *layer = &net->layers[index];
+    const int64_t out = layer->channels, k = layer->kernel;
+    const int64_t in = layer->input_count ? net->layers[layer->inputs[0]].channels : 0;
+    layer->parameter = parameters_of(net, layer) ? net->parameter_count : -1;
+    if (layer->kind == HADA_LAYER_CONV) {
+        const int64_t shape[4] = {layer->transposed ? in : out, layer->transposed ? out : in, k, k};
+        add_parameter(net, index, -1, "weight", 4, shape, 1);
+    } else if (layer->kind == HADA_LAYER_LINEAR) {
+        add_parameter(net, index, -1, "weight", 2, (int64_t[]){out, layer->in}, 1);
+    } else if (layer->kind == HADA_LAYER_NORM) {
+        static const char *const names[4] = {"weight", "bias", "running_mean", "running_var"};
+        for (int colour = 0; colour < net->colours; colour++)
+            for (int i = 0; i < 4; i++)
+                add_parameter(net, index, net->colours > 1 ? colour : -1, names[i], 1, &out, i < 2);
+        return;
+    }
+    if (layer->parameter >= 0 && layer->bias)
+        add_parameter(net, index, -1, "bias", 1, &out, 1);
+}
+
+static hada_status make_parameters(hada_net *net, hada_error *err)
+{
+    size_t count = 0;
+    for (int i = 0; i < net->count; i++)
+        count += (size_t)parameters_of(net, &net->layers[i]);
+    hada_status status =
+        hada_alloc((void **)&net->parameters, count, sizeof *net->parameters, "the table of parameters", err);
+    if (status)
+        return status;
+    for (int i = 0; i < net->count; i++)
+        add_parameters(net, i);
+    for (int trained = 1; trained >= 0; trained--) {
+        for (int i = 0; i < net->parameter_count; i++) {
+            hada_parameter *parameter = &net->parameters[i];
+            if (parameter->trained != trained)
+                continue;
+            parameter->offset = net->floats;
+            net->floats += parameter->count;
+        }
+        if (trained)
+            net->trained = net->floats;
+    }
+    for (int i = 0; i < net->parameter_count; i++)
+        if (hada_net_find(net, net->parameters[i].name) != &net->parameters[i] || *net->parameters[i].name == '.')
+            return refuse(net, net->parameters[i].layer, "needs a name of its own for its parameters", err);
+    return hada_alloc((void **)&net->values, net->floats, sizeof *net->values, "the weights", err);
+}
+
+hada_status hada_net_finish(hada_net *net, hada_error *err)
+{
+    if (net->count < 2)
+        return hada_fail(err, HADA_ERROR_MODEL, "a net has an input and at least one more layer");
+    hada_status status = HADA_OK;
+    for (int i = 0; !status && i < net->count; i++) {
+        status = check_inputs(net, i, err);
+        if (!status)
+            status = check_numbers(net, i, err);
+        if (!status) {
+            set_channels(net, i);
+            if (net->layers[i].channels > MOST_CHANNELS)
+                status = refuse(net, i, "has too many channels", err);
+        }
+    }
+    if (!status)
+        status = check_used(net, err);
+    return status ? status : make_parameters(net, err);
+}
+
+hada_status hada_net_copy(hada_net **out, const hada_net *net, hada_error *err)
+{
+    hada_status status = hada_net_begin(out, net->colours, err);
+    for (int i = 0; !status && i < net->count; i++)
+        status = hada_net_add(*out, &net->layers[i], NULL, err);
+    if (!status)
+        status = hada_net_finish(*out, err);
+    if (!status)
+        memcpy((*out)->values, net->values, net->floats * sizeof *net->values);
+    if (status)
+        hada_net_destroy(out);
+    return status;
+}
+
+const hada_parameter *hada_net_find(const hada_net *net, const char *name)
+{
+    for (int i = 0; i < net->parameter_count; i++)
+        if (!strcmp(net->parameters[i].name, name))
+            return &net->parameters[i];
+    return NULL;
+}
+
+const hada_parameter *hada_net_parameter(const hada_net *net, int layer, int colour, int which)
+{
+    return &net->parameters[net->layers[layer].parameter + 4 * colour + which];
+}
+
+hada_status hada_net_init(hada_net *net, uint64_t seed, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    for (int i = 0; !status && i < net->parameter_count; i++) {
+        const hada_parameter *parameter = &net->parameters[i];
+        const hada_layer *layer = &net->layers[parameter->layer];
+        float *values = net->values + parameter->offset;
+        if (parameter->dims == 1) { /* biases and running means 0; a batch norm's
+                                       weight and running variance 1 */
+            const int one = layer->kind == HADA_LAYER_NORM && (i - layer->parameter) % 4 % 3 == 0;
+            for (size_t k = 0; k < parameter->count; k++)
+                values[k] = one ? 1.0f : 0.0f;
+            continue;
+        }
+        hada_init_desc desc = {.init = HADA_INIT_KAIMING_NORMAL};
+        if (layer->activation != HADA_ACTIVATION_RELU && layer->activation != HADA_ACTIVATION_LEAKY_RELU)
+            desc.init = HADA_INIT_TORCH;
+        status = hada_init_fans(parameter->shape, parameter->dims, &desc.fan_in, &desc.fan_out, err);
+        if (!status)
+            status = hada_init_fill(values, parameter->count, &desc, parameter->name, seed, err);
+    }
+    return status;
+}
+
+void hada_net_get_info(const hada_net *net, hada_net_info *info)
+{
+    *info = (hada_net_info){.channels = net->layers[0].channels * net->colours,
+                            .out_channels = net->layers[net->count - 1].channels * net->colours,
+                            .shared = net->colours > 1,
+                            .layers = net->count,
+                            .parameters = net->parameter_count,
+                            .trained = net->trained,
+                            .values = net->floats};
+}

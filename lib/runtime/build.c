@@ -1,0 +1,110 @@
+/* Compiling, loading and taking binaries of programs. */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/alloc.h"
+#include "runtime/store.h"
+
+static hada_status build(hada_context *context, cl_program program, const char *file, const char *options,
+                         hada_error *err)
+{
+    char all[1024];
+    int n = snprintf(all, sizeof all, "-cl-std=CL1.2 %s %s", context->quirks.build_options, options);
+    if (n < 0 || (size_t)n >= sizeof all)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "the macros of %s.cl are too long", file);
+    cl_int code = clBuildProgram(program, 1, &context->device, all, NULL, NULL);
+    if (code == CL_SUCCESS)
+        return HADA_OK;
+    hada_fail(err, HADA_ERROR_BUILD,
+              "the kernel file %s.cl with macros '%s' does not build on %s (%s); please report the build log with the "
+              "output of 'hadalens devices'",
+              file, options, context->info.name, hada_cl_code_name(code));
+    if (err) {
+        err->cl_code = code;
+        size_t size = 0;
+        char *log = NULL;
+        clGetProgramBuildInfo(program, context->device, CL_PROGRAM_BUILD_LOG, 0, NULL, &size);
+        if (size && (log = calloc(size + 1, 1)) &&
+            clGetProgramBuildInfo(program, context->device, CL_PROGRAM_BUILD_LOG, size, log, NULL) == CL_SUCCESS)
+            snprintf(err->detail, sizeof err->detail, "%s", log);
+        free(log);
+    }
+    return HADA_ERROR_BUILD;
+}
+
+hada_status hada_program_from_binary(hada_context *context, const char *file, const char *options,
+                                     const unsigned char *binary, size_t bytes, cl_program *out, hada_error *err)
+{
+    cl_int code, binary_code = CL_SUCCESS;
+    *out = NULL;
+    cl_program program =
+        clCreateProgramWithBinary(context->cl, 1, &context->device, &bytes, &binary, &binary_code, &code);
+    if (code == CL_SUCCESS)
+        code = binary_code;
+    if (code != CL_SUCCESS) {
+        if (program)
+            clReleaseProgram(program);
+        hada_status status = hada_fail_cl(err, code, "clCreateProgramWithBinary");
+        hada_error_prefix(err, "the binary of %s.cl: ", file);
+        return status;
+    }
+    hada_status status = build(context, program, file, options, err);
+    if (status) {
+        clReleaseProgram(program);
+        return status;
+    }
+    *out = program;
+    return HADA_OK;
+}
+
+hada_status hada_program_compile(hada_context *context, const char *file, const char *options, const char *text,
+                                 cl_program *out, hada_error *err)
+{
+    cl_int code;
+    *out = NULL;
+    if (!context->info.has_compiler)
+        return hada_fail(err, HADA_ERROR_BUILD,
+                         "%s cannot compile kernels: give a folder of offline binaries (--binaries or "
+                         "HADALENS_BINARIES), made for it by 'hadalens devices --save-binaries FOLDER' where its "
+                         "compiler is, or with the vendor's tools (docs/devices.md)",
+                         context->info.name);
+    cl_program program = clCreateProgramWithSource(context->cl, 1, &text, NULL, &code);
+    if (code != CL_SUCCESS)
+        return hada_fail_cl(err, code, "clCreateProgramWithSource");
+    hada_status status = build(context, program, file, options, err);
+    if (status) {
+        clReleaseProgram(program);
+        return status;
+    }
+    *out = program;
+    return HADA_OK;
+}
+
+hada_status hada_program_binary(cl_program program, unsigned char **out, size_t *bytes, hada_error *err)
+{
+    *out = NULL;
+    *bytes = 0;
+    cl_uint devices = 0;
+    cl_int code = clGetProgramInfo(program, CL_PROGRAM_NUM_DEVICES, sizeof devices, &devices, NULL);
+    if (code == CL_SUCCESS && devices != 1)
+        return hada_fail(err, HADA_ERROR_STATE, "a program for %u devices has no single binary", devices);
+    if (code == CL_SUCCESS)
+        code = clGetProgramInfo(program, CL_PROGRAM_BINARY_SIZES, sizeof *bytes, bytes, NULL);
+    if (code != CL_SUCCESS)
+        return hada_fail_cl(err, code, "clGetProgramInfo");
+    if (!*bytes)
+        return hada_fail(err, HADA_ERROR_UNSUPPORTED, "the driver gives no binary of this program");
+    void *data;
+    hada_status status = hada_alloc(&data, *bytes, 1, "a program binary", err);
+    if (status)
+        return status;
+    unsigned char *pointer = data;
+    code = clGetProgramInfo(program, CL_PROGRAM_BINARIES, sizeof pointer, &pointer, NULL);
+    if (code != CL_SUCCESS) {
+        free(data);
+        return hada_fail_cl(err, code, "clGetProgramInfo");
+    }
+    *out = data;
+    return HADA_OK;
+}

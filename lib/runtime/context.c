@@ -1,0 +1,144 @@
+/* Contexts: one chosen device, its programs and its books. */
+#include <stdlib.h>
+
+#include "runtime/selftest.h"
+#include "core/alloc.h"
+#include "runtime/platform.h"
+#include "runtime/program.h"
+#include "runtime/tuning.h"
+
+void hada_context_options_init(hada_context_options *options)
+{
+    *options = (hada_context_options){.size = sizeof *options, .log_level = HADA_LOG_WARNING};
+}
+
+/* The device that the options and the environment mean, and the part of it. */
+static hada_status find_device(const hada_context_options *options, const hada_device_info *infos, size_t count,
+                               size_t *chosen, int *part, int *parts, hada_error *err)
+{
+    const char *named = options->device ? options->device : getenv("HADALENS_DEVICE");
+    const char *binaries = options->binaries ? options->binaries : getenv("HADALENS_BINARIES");
+    char *words = hada_string_copy(named ? named : "");
+    *part = options->part;
+    *parts = options->parts;
+    if (!words)
+        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for a context");
+    hada_status status = hada_device_part(words, part, parts, err);
+    if (!status)
+        status = hada_device_choose(infos, count, words, binaries && *binaries, chosen, err);
+    free(words);
+    return status;
+}
+
+static hada_status take_part(hada_context *context, int part, int parts, hada_error *err)
+{
+    cl_device_id device;
+    const int index = context->info.index;
+    hada_status status = hada_device_divide(context->device, &context->info, part, parts, &device, err);
+    if (status)
+        return status;
+    context->device = device;
+    context->divided = 1;
+    status = hada_device_describe(context->platform, device, index, &context->info, err);
+    context->info.part = part;
+    context->info.parts = parts;
+    return status;
+}
+
+static hada_status choose_device(hada_context *context, const hada_context_options *options, hada_error *err)
+{
+    hada_platform_device *devices = NULL;
+    hada_device_info *infos = NULL;
+    size_t count, chosen = 0;
+    int part, parts;
+    hada_status status = hada_platform_devices(&devices, &count, err);
+    if (status)
+        return status;
+    status = hada_alloc((void **)&infos, count, sizeof *infos, "the list of devices", err);
+    for (size_t i = 0; !status && i < count; i++)
+        status = hada_device_describe(devices[i].platform, devices[i].device, (int)i, &infos[i], err);
+    if (!status)
+        status = find_device(options, infos, count, &chosen, &part, &parts, err);
+    if (!status) {
+        context->platform = devices[chosen].platform;
+        context->device = devices[chosen].device;
+        context->info = infos[chosen];
+    }
+    free(devices);
+    free(infos);
+    return !status && (part || parts) ? take_part(context, part, parts, err) : status;
+}
+
+/* What follows from the device. */
+static void look_at_device(hada_context *context)
+{
+    hada_quirks_find(&context->info, &context->quirks);
+    context->shape = context->info.kind == HADA_DEVICE_GPU ? HADA_SHAPE_GROUPS : HADA_SHAPE_LANES;
+    cl_uint floats = 0; /* a device that does not say is one without vectors */
+    clGetDeviceInfo(context->device, CL_DEVICE_NATIVE_VECTOR_WIDTH_FLOAT, sizeof floats, &floats, NULL);
+    context->vector_floats = floats;
+}
+
+hada_status hada_context_create(hada_context **out, const hada_context_options *options, hada_error *err)
+{
+    hada_context_options defaults;
+    if (!out)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_context_create: out is needed");
+    *out = NULL;
+    hada_context_options_init(&defaults);
+    if (!options)
+        options = &defaults;
+    if (options->size != sizeof *options)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_context_create: start from hada_context_options_init()");
+
+    hada_context *context;
+    hada_status status = hada_alloc((void **)&context, 1, sizeof *context, "a context", err);
+    if (status)
+        return status;
+    pthread_mutex_init(&context->lock, NULL);
+    context->log = options->log;
+    context->log_user = options->log_user;
+    context->log_level = options->log_level;
+
+    const char *tuning = options->tuning ? options->tuning : getenv("HADALENS_TUNING");
+    if (tuning && *tuning)
+        status = hada_tuning_read(&context->tuning, tuning, err);
+    if (!status)
+        status = choose_device(context, options, err);
+    if (!status) {
+        look_at_device(context);
+        cl_int code;
+        cl_context_properties properties[] = {CL_CONTEXT_PLATFORM, (cl_context_properties)context->platform, 0};
+        context->cl = clCreateContext(properties, 1, &context->device, NULL, NULL, &code);
+        if (code != CL_SUCCESS)
+            status = hada_fail_cl(err, code, "clCreateContext");
+    }
+    if (!status)
+        status = hada_program_store_create(context, options, err);
+    if (!status && !options->skip_self_test)
+        status = hada_self_test(context, err);
+    if (status) {
+        hada_context_destroy(&context);
+        return status;
+    }
+    hada_log(context, HADA_LOG_INFO, "device %d: %s (%s, %s)", context->info.index, context->info.name,
+             hada_device_kind_name(context->info.kind), context->info.platform);
+    *out = context;
+    return HADA_OK;
+}
+
+void hada_context_destroy(hada_context **pointer)
+{
+    if (!pointer || !*pointer)
+        return;
+    hada_context *context = *pointer;
+    *pointer = NULL;
+    hada_program_store_destroy(context);
+    if (context->cl)
+        clReleaseContext(context->cl);
+    if (context->divided)
+        clReleaseDevice(context->device);
+    pthread_mutex_destroy(&context->lock);
+    hada_tuning_destroy(&context->tuning);
+    free(context);
+}

@@ -1,0 +1,59 @@
+/* The context's device, its OpenCL context, its quirks and its books. Internal. */
+#ifndef HADA_RUNTIME_DEVICE_H
+#define HADA_RUNTIME_DEVICE_H
+
+#define CL_TARGET_OPENCL_VERSION 120
+#include <CL/cl.h>
+#include <hadalens/device.h>
+#include <pthread.h>
+
+#include "core/error.h"
+
+/* The shape that kernels take on a device: which variant of an operation serves. */
+typedef enum hada_shape {
+    HADA_SHAPE_LANES = 0, /* CPU, FPGA: vectors in one work-item, work-groups of one, no barriers */
+    HADA_SHAPE_GROUPS = 1 /* GPU: work-groups with local memory */
+} hada_shape;
+
+/* What the library does differently on a device; filled from the table in quirks.c. */
+typedef struct hada_quirks {
+    const char *build_options;   /* extra options for every program */
+    unsigned own_disk_cache : 1; /* the driver caches programs well itself: keep ours off */
+    unsigned avoid_clfft : 1;    /* clFFT gives wrong results or cannot build here */
+    unsigned host_pages : 1;     /* buffers in huge-page host memory (CL_MEM_USE_HOST_PTR) are faster */
+} hada_quirks;
+
+typedef struct hada_program_store hada_program_store; /* runtime/program.h */
+typedef struct hada_tuning hada_tuning;               /* runtime/tuning.h */
+
+struct hada_context {
+    cl_platform_id platform;
+    cl_device_id device;
+    int divided; /* the device is a sub-device of our own making */
+    cl_context cl;
+    hada_device_info info;
+    hada_shape shape;
+    unsigned vector_floats; /* how many floats the device's vectors hold, as it says itself */
+    hada_quirks quirks;
+    hada_program_store *programs;
+    hada_tuning *tuning; /* NULL where none */
+
+    hada_log_function log;
+    void *log_user;
+    hada_log_level log_level;
+
+    pthread_mutex_t lock; /* guards the books below and the queue of idle slots */
+    uint64_t bytes, peak_bytes;
+};
+
+/* Sends a message to the context's log function, when its level is asked for. */
+void hada_log(const hada_context *context, hada_log_level level, const char *format, ...) HADA_PRINTF(3, 4);
+
+/* Fills info for a device. */
+hada_status hada_device_describe(cl_platform_id platform, cl_device_id device, int index, hada_device_info *info,
+                                 hada_error *err);
+
+/* Looks the device up in the table of quirks; also writes the reasons into info->quirks. */
+void hada_quirks_find(hada_device_info *info, hada_quirks *quirks);
+
+#endif

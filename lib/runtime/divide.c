@@ -1,0 +1,99 @@
+/* Parts of a device, as devices of their own. */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/alloc.h"
+#include "runtime/platform.h"
+
+/* Whether the device can be divided in a way. */
+static int can(cl_device_id device, cl_device_partition_property way)
+{
+    cl_device_partition_property ways[16];
+    size_t bytes = 0;
+    if (clGetDeviceInfo(device, CL_DEVICE_PARTITION_PROPERTIES, sizeof ways, ways, &bytes) != CL_SUCCESS)
+        return 0;
+    for (size_t i = 0; i < bytes / sizeof *ways; i++)
+        if (ways[i] == way)
+            return 1;
+    return 0;
+}
+
+/* The list of properties for clCreateSubDevices; freed with free(). */
+static hada_status describe_parts(cl_device_id device, const hada_device_info *info, unsigned parts,
+                                  cl_device_partition_property **out, hada_error *err)
+{
+    const unsigned each = info->compute_units / parts, rest = info->compute_units % parts;
+    const int counts = can(device, CL_DEVICE_PARTITION_BY_COUNTS);
+    hada_status status = hada_alloc((void **)out, parts + 3, sizeof **out, "the parts of a device", err);
+    if (status)
+        return status;
+    cl_device_partition_property *list = *out;
+    if (!rest && can(device, CL_DEVICE_PARTITION_EQUALLY)) {
+        list[0] = CL_DEVICE_PARTITION_EQUALLY;
+        list[1] = each;
+        return HADA_OK;
+    }
+    list[0] = CL_DEVICE_PARTITION_BY_COUNTS;
+    for (unsigned i = 0; i < parts; i++)
+        list[1 + i] = each + (i < rest);
+    list[1 + parts] = CL_DEVICE_PARTITION_BY_COUNTS_LIST_END;
+    if (counts)
+        return HADA_OK;
+    free(list);
+    *out = NULL;
+    return hada_fail(err, HADA_ERROR_DEVICE_CHOICE, "%s cannot be divided into %u parts: its driver offers no way to",
+                     info->name, parts);
+}
+
+hada_status hada_device_divide(cl_device_id device, const hada_device_info *info, int part, int parts,
+                               cl_device_id *out, hada_error *err)
+{
+    if (parts < 1 || part < 1 || part > parts)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "part %d of %d of a device: parts are counted from 1", part, parts);
+    /* some drivers crash when asked for what they do not offer: look before */
+    if ((unsigned)parts > info->max_sub_devices || (unsigned)parts > info->compute_units)
+        return hada_fail(err, HADA_ERROR_DEVICE_CHOICE,
+                         "%s cannot be divided into %d parts: it has %u compute unit(s) and takes at most %u parts",
+                         info->name, parts, info->compute_units, info->max_sub_devices);
+    cl_device_partition_property *list;
+    cl_device_id *made = NULL;
+    cl_uint count = 0;
+    hada_status status = describe_parts(device, info, (unsigned)parts, &list, err);
+    if (!status)
+        status = hada_alloc((void **)&made, (size_t)parts, sizeof *made, "the parts of a device", err);
+    if (!status) {
+        const cl_int code = clCreateSubDevices(device, list, (cl_uint)parts, made, &count);
+        if (code != CL_SUCCESS)
+            status = hada_fail_cl(err, code, "clCreateSubDevices");
+        else if (count < (cl_uint)parts)
+            status = hada_fail(err, HADA_ERROR_DEVICE, "%s gave %u parts instead of %d", info->name, count, parts);
+    }
+    for (cl_uint i = 0; made && i < count && i < (cl_uint)parts; i++)
+        if (status || i + 1 != (cl_uint)part)
+            clReleaseDevice(made[i]);
+    if (!status)
+        *out = made[part - 1];
+    free(made);
+    free(list);
+    return status;
+}
+
+hada_status hada_device_part(char *words, int *part, int *parts, hada_error *err)
+{
+    char *colon = strrchr(words, ':'), end;
+    int first, all;
+    if (!colon || sscanf(colon, ":%d/%d%c", &first, &all, &end) != 2)
+        return HADA_OK;
+    if (*parts)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "'%s' names a part of a device, and the options name one as well",
+                         words);
+    *colon = '\0';
+    *part = first;
+    *parts = all;
+    if (first < 1 || all < 1 || first > all)
+        return hada_fail(err, HADA_ERROR_DEVICE_CHOICE,
+                         "':%d/%d' is no part of a device: give the part, from 1 on, and the number of parts", first,
+                         all);
+    return HADA_OK;
+}

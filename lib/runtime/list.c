@@ -1,0 +1,169 @@
+/* Listing devices and describing them. */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/alloc.h"
+#include "runtime/platform.h"
+
+const char *hada_device_kind_name(hada_device_kind kind)
+{
+    switch (kind) {
+    case HADA_DEVICE_CPU: return "cpu";
+    case HADA_DEVICE_GPU: return "gpu";
+    case HADA_DEVICE_ACCELERATOR: return "accelerator";
+    case HADA_DEVICE_OTHER: return "other";
+    }
+    return "other";
+}
+
+static hada_status no_device(hada_error *err)
+{
+    return hada_fail(err, HADA_ERROR_NO_DEVICE,
+                     "no OpenCL device was found; install a driver for your GPU or FPGA, or run on the CPU with PoCL "
+                     "(Debian and Ubuntu: apt-get install pocl-opencl-icd). If one is installed, check OCL_ICD_VENDORS "
+                     "and that POCL_CACHE_DIR, when set, can be written");
+}
+
+hada_status hada_platform_devices(hada_platform_device **out, size_t *count, hada_error *err)
+{
+    cl_uint platforms = 0;
+    *out = NULL;
+    *count = 0;
+    /* the ICD loader answers CL_PLATFORM_NOT_FOUND_KHR when no driver is installed */
+    if (clGetPlatformIDs(0, NULL, &platforms) != CL_SUCCESS || !platforms)
+        return no_device(err);
+    cl_platform_id *ids;
+    hada_status status = hada_alloc((void **)&ids, platforms, sizeof *ids, "the list of platforms", err);
+    if (status)
+        return status;
+    hada_platform_device *devices = NULL;
+    size_t n = 0;
+    if (clGetPlatformIDs(platforms, ids, NULL) != CL_SUCCESS)
+        platforms = 0;
+    for (cl_uint p = 0; p < platforms; p++) {
+        cl_uint here = 0;
+        /* Mesa's Clover is listed with no devices where no GPU serves it: skip it */
+        if (clGetDeviceIDs(ids[p], CL_DEVICE_TYPE_ALL, 0, NULL, &here) != CL_SUCCESS || !here)
+            continue;
+        cl_device_id *found = calloc(here, sizeof *found);
+        hada_platform_device *more = realloc(devices, (n + here) * sizeof *devices);
+        if (more)
+            devices = more;
+        if (!found || !more) {
+            free(found);
+            status = hada_fail(err, HADA_ERROR_MEMORY, "no memory for the list of devices");
+            break;
+        }
+        if (clGetDeviceIDs(ids[p], CL_DEVICE_TYPE_ALL, here, found, NULL) == CL_SUCCESS)
+            for (cl_uint d = 0; d < here; d++)
+                devices[n++] = (hada_platform_device){ids[p], found[d]};
+        free(found);
+    }
+    free(ids);
+    if (!status && !n)
+        status = no_device(err);
+    if (status) {
+        free(devices);
+        return status;
+    }
+    *out = devices;
+    *count = n;
+    return HADA_OK;
+}
+
+static void text(cl_device_id device, cl_device_info what, char *out, size_t size)
+{
+    char buffer[1024] = "";
+    clGetDeviceInfo(device, what, sizeof buffer - 1, buffer, NULL);
+    const char *start = buffer + strspn(buffer, " ");
+    snprintf(out, size, "%s", start);
+}
+
+/* 0 where the device does not know what is asked. */
+static cl_ulong number(cl_device_id device, cl_device_info what, size_t size)
+{
+    union {
+        cl_uint u;
+        cl_ulong ul;
+        size_t s;
+    } value = {.ul = 0};
+    if (clGetDeviceInfo(device, what, sizeof value, &value, NULL) != CL_SUCCESS)
+        return 0;
+    return size == sizeof(cl_uint) ? value.u : value.ul;
+}
+
+/* Numbers without which nothing can be planned. */
+static hada_status check_answers(const hada_device_info *info, hada_error *err)
+{
+    if (info->compute_units && info->memory_bytes && info->max_allocation_bytes && info->max_work_group)
+        return HADA_OK;
+    return hada_fail(err, HADA_ERROR_DEVICE,
+                     "device %d (%s) does not say how many units (%u), how much memory (%llu bytes, %llu in one piece) "
+                     "and what work-groups (%zu) it has: its driver is at fault; update it or take it out of "
+                     "/etc/OpenCL/vendors",
+                     info->index, info->name, info->compute_units, (unsigned long long)info->memory_bytes,
+                     (unsigned long long)info->max_allocation_bytes, info->max_work_group);
+}
+
+hada_status hada_device_describe(cl_platform_id platform, cl_device_id device, int index, hada_device_info *info,
+                                 hada_error *err)
+{
+    *info = (hada_device_info){.index = index};
+    cl_device_type type = 0;
+    cl_int code = clGetDeviceInfo(device, CL_DEVICE_TYPE, sizeof type, &type, NULL);
+    if (code != CL_SUCCESS)
+        return hada_fail_cl(err, code, "clGetDeviceInfo");
+    info->kind = type & CL_DEVICE_TYPE_GPU           ? HADA_DEVICE_GPU
+                 : type & CL_DEVICE_TYPE_ACCELERATOR ? HADA_DEVICE_ACCELERATOR
+                 : type & CL_DEVICE_TYPE_CPU         ? HADA_DEVICE_CPU
+                                                     : HADA_DEVICE_OTHER;
+    text(device, CL_DEVICE_NAME, info->name, sizeof info->name);
+    text(device, CL_DEVICE_VENDOR, info->vendor, sizeof info->vendor);
+    text(device, CL_DRIVER_VERSION, info->driver, sizeof info->driver);
+    text(device, CL_DEVICE_VERSION, info->version, sizeof info->version);
+    clGetPlatformInfo(platform, CL_PLATFORM_NAME, sizeof info->platform - 1, info->platform, NULL);
+    info->compute_units = (unsigned)number(device, CL_DEVICE_MAX_COMPUTE_UNITS, sizeof(cl_uint));
+    info->clock_mhz = (unsigned)number(device, CL_DEVICE_MAX_CLOCK_FREQUENCY, sizeof(cl_uint));
+    info->memory_bytes = number(device, CL_DEVICE_GLOBAL_MEM_SIZE, sizeof(cl_ulong));
+    info->max_allocation_bytes = number(device, CL_DEVICE_MAX_MEM_ALLOC_SIZE, sizeof(cl_ulong));
+    info->local_memory_bytes = number(device, CL_DEVICE_LOCAL_MEM_SIZE, sizeof(cl_ulong));
+    info->max_work_group = (size_t)number(device, CL_DEVICE_MAX_WORK_GROUP_SIZE, sizeof(size_t));
+    info->alignment_bytes = (unsigned)number(device, CL_DEVICE_MEM_BASE_ADDR_ALIGN, sizeof(cl_uint)) / 8;
+    info->has_compiler = number(device, CL_DEVICE_COMPILER_AVAILABLE, sizeof(cl_uint)) != 0;
+    info->has_local_memory = number(device, CL_DEVICE_LOCAL_MEM_TYPE, sizeof(cl_uint)) == CL_LOCAL;
+    info->unified_memory = number(device, CL_DEVICE_HOST_UNIFIED_MEMORY, sizeof(cl_uint)) != 0;
+    info->max_sub_devices = (unsigned)number(device, CL_DEVICE_PARTITION_MAX_SUB_DEVICES, sizeof(cl_uint));
+    info->has_double = number(device, CL_DEVICE_DOUBLE_FP_CONFIG, sizeof(cl_ulong)) != 0;
+    char extensions[8192] = "";
+    clGetDeviceInfo(device, CL_DEVICE_EXTENSIONS, sizeof extensions - 1, extensions, NULL);
+    info->has_half_arithmetic = strstr(extensions, "cl_khr_fp16") != NULL;
+    hada_quirks quirks;
+    hada_quirks_find(info, &quirks);
+    return check_answers(info, err);
+}
+
+hada_status hada_device_list(hada_device_info **out, size_t *count, hada_error *err)
+{
+    if (!out || !count)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_device_list: out and count are needed");
+    *out = NULL;
+    *count = 0;
+    hada_platform_device *devices;
+    size_t n;
+    hada_status status = hada_platform_devices(&devices, &n, err);
+    if (status)
+        return status;
+    hada_device_info *infos;
+    status = hada_alloc((void **)&infos, n, sizeof *infos, "the list of devices", err);
+    for (size_t i = 0; !status && i < n; i++)
+        status = hada_device_describe(devices[i].platform, devices[i].device, (int)i, &infos[i], err);
+    free(devices);
+    if (status) {
+        free(infos);
+        return status;
+    }
+    *out = infos;
+    *count = n;
+    return HADA_OK;
+}

@@ -1,0 +1,189 @@
+#include "runtime/profile.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/alloc.h"
+
+/* Events held at a time: many events that live at once slow some drivers down. */
+enum { PENDING = 512 };
+
+typedef struct pending {
+    cl_event begin, end;
+    size_t row;
+} pending;
+
+struct hada_profile {
+    hada_kernel_time *rows;
+    size_t count, room;
+    pending list[PENDING];
+    size_t waiting;
+    hada_status status; /* the first failure */
+    hada_error error;
+};
+
+static hada_status event_time(cl_event event, cl_profiling_info which, cl_ulong *out, hada_error *err)
+{
+    const cl_int code = clGetEventProfilingInfo(event, which, sizeof *out, out, NULL);
+    return code == CL_SUCCESS ? HADA_OK : hada_fail_cl(err, code, "clGetEventProfilingInfo");
+}
+
+static hada_status add_time(hada_profile *profile, const pending *entry, hada_error *err)
+{
+    cl_ulong from = 0, to = 0;
+    const cl_int code = clWaitForEvents(1, &entry->end);
+    hada_status status = code == CL_SUCCESS ? HADA_OK : hada_fail_cl(err, code, "clWaitForEvents");
+    if (!status && entry->begin)
+        status = event_time(entry->begin, CL_PROFILING_COMMAND_END, &from, err);
+    else if (!status)
+        status = event_time(entry->end, CL_PROFILING_COMMAND_START, &from, err);
+    if (!status)
+        status = event_time(entry->end, CL_PROFILING_COMMAND_END, &to, err);
+    if (!status && to > from)
+        profile->rows[entry->row].seconds += 1e-9 * (double)(to - from);
+    return status;
+}
+
+/* Takes the times of all commands in hand; waits for those that are not done. */
+static void drain(hada_profile *profile)
+{
+    for (size_t i = 0; i < profile->waiting; i++) {
+        const pending *entry = &profile->list[i];
+        if (!profile->status)
+            profile->status = add_time(profile, entry, &profile->error);
+        if (entry->begin)
+            clReleaseEvent(entry->begin);
+        clReleaseEvent(entry->end);
+    }
+    profile->waiting = 0;
+}
+
+static void destroy(hada_slot *slot)
+{
+    if (!slot->profile)
+        return;
+    drain(slot->profile);
+    free(slot->profile->rows);
+    free(slot->profile);
+    slot->profile = NULL;
+}
+
+hada_status hada_slot_profile(hada_slot *slot, int on, hada_error *err)
+{
+    destroy(slot);
+    slot->cost_bytes = slot->cost_flops = 0;
+    return on ? hada_alloc((void **)&slot->profile, 1, sizeof *slot->profile, "a profile", err) : HADA_OK;
+}
+
+/* The row of a stage and name, made where there is none. */
+static hada_status row_of(hada_kernel_time **rows, size_t *count, size_t *room, const hada_kernel_time *wanted,
+                          size_t *out, hada_error *err)
+{
+    for (size_t i = 0; i < *count; i++)
+        if (!strcmp((*rows)[i].name, wanted->name) && !strcmp((*rows)[i].stage, wanted->stage)) {
+            *out = i;
+            return HADA_OK;
+        }
+    if (*count == *room) {
+        hada_kernel_time *larger;
+        const size_t more = *room ? 2 * *room : 32;
+        hada_status status = hada_alloc((void **)&larger, more, sizeof *larger, "a profile", err);
+        if (status)
+            return status;
+        if (*count)
+            memcpy(larger, *rows, *count * sizeof *larger);
+        free(*rows);
+        *rows = larger;
+        *room = more;
+    }
+    *out = (*count)++;
+    (*rows)[*out] = *wanted;
+    (*rows)[*out].launches = 0;
+    (*rows)[*out].seconds = (*rows)[*out].bytes = (*rows)[*out].flops = 0;
+    return HADA_OK;
+}
+
+void hada_profile_add(hada_slot *slot, const char *name, int transfer, cl_event begin, cl_event end)
+{
+    hada_profile *profile = slot->profile;
+    hada_kernel_time row = {.transfer = transfer};
+    size_t at = 0;
+    snprintf(row.name, sizeof row.name, "%s", name);
+    snprintf(row.stage, sizeof row.stage, "%s", slot->stage ? slot->stage : "other");
+    if (profile->waiting == PENDING)
+        drain(profile);
+    if (!profile->status)
+        profile->status = row_of(&profile->rows, &profile->count, &profile->room, &row, &at, &profile->error);
+    if (profile->status) {
+        if (begin)
+            clReleaseEvent(begin);
+        clReleaseEvent(end);
+        return;
+    }
+    profile->rows[at].launches++;
+    profile->rows[at].bytes += slot->cost_bytes;
+    profile->rows[at].flops += slot->cost_flops;
+    slot->cost_bytes = slot->cost_flops = 0;
+    profile->list[profile->waiting++] = (pending){begin, end, at};
+}
+
+hada_status hada_slot_times(hada_slot *slot, hada_kernel_time **rows, size_t *count, hada_error *err)
+{
+    hada_profile *profile = slot->profile;
+    if (!profile)
+        return hada_fail(err, HADA_ERROR_STATE, "profiling is off");
+    drain(profile);
+    if (profile->status) {
+        if (err)
+            *err = profile->error;
+        return profile->status;
+    }
+    size_t room = *count; /* full: the first new row makes room */
+    hada_status status = HADA_OK;
+    for (size_t i = 0; !status && i < profile->count; i++) {
+        const hada_kernel_time *from = &profile->rows[i];
+        size_t at;
+        status = row_of(rows, count, &room, from, &at, err);
+        if (status)
+            break;
+        hada_kernel_time *to = &(*rows)[at];
+        to->launches += from->launches;
+        to->seconds += from->seconds;
+        to->bytes += from->bytes;
+        to->flops += from->flops;
+    }
+    return status;
+}
+
+void hada_slot_moved(hada_slot *slot, const char *name, double bytes)
+{
+    if (!slot->profile)
+        return;
+    hada_slot_cost(slot, bytes, 0);
+    hada_profile_add(slot, name, 1, NULL, slot->event);
+}
+
+hada_status hada_slot_span_begin(hada_slot *slot, cl_event *begin, hada_error *err)
+{
+    *begin = NULL;
+    if (!slot->profile)
+        return HADA_OK;
+    const cl_int code = clEnqueueMarkerWithWaitList(slot->queue, 0, NULL, begin);
+    return code == CL_SUCCESS ? HADA_OK : hada_fail_cl(err, code, "clEnqueueMarkerWithWaitList");
+}
+
+hada_status hada_slot_span_end(hada_slot *slot, const char *name, cl_event begin, hada_error *err)
+{
+    cl_event end;
+    if (!slot->profile)
+        return HADA_OK;
+    const cl_int code = clEnqueueMarkerWithWaitList(slot->queue, 0, NULL, &end);
+    if (code != CL_SUCCESS) {
+        if (begin)
+            clReleaseEvent(begin);
+        return hada_fail_cl(err, code, "clEnqueueMarkerWithWaitList");
+    }
+    hada_profile_add(slot, name, 0, begin, end);
+    return HADA_OK;
+}

@@ -1,0 +1,199 @@
+/* The program store: memory, then offline binaries or the disk cache, then the compiler. */
+#include "runtime/program.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/alloc.h"
+#include "runtime/store.h"
+
+static char *cache_folder(const hada_context *context, const hada_context_options *options)
+{
+    const char *folder = options->cache ? options->cache : getenv("HADALENS_CACHE");
+    const char *root;
+    char path[4096];
+    /* an explicit folder is used even where the driver has a cache of its own */
+    if (folder)
+        return *folder && strcmp(folder, "off") ? hada_string_copy(folder) : NULL;
+    if (context->quirks.own_disk_cache)
+        return NULL;
+    if ((root = getenv("XDG_CACHE_HOME")) && *root)
+        snprintf(path, sizeof path, "%s/hadalens", root);
+    else if ((root = getenv("HOME")) && *root)
+        snprintf(path, sizeof path, "%s/.cache/hadalens", root);
+    else
+        return NULL;
+    return hada_string_copy(path);
+}
+
+hada_status hada_program_store_create(hada_context *context, const hada_context_options *options, hada_error *err)
+{
+    hada_program_store *store;
+    hada_status status = hada_alloc((void **)&store, 1, sizeof *store, "the program store", err);
+    if (status)
+        return status;
+    pthread_mutex_init(&store->lock, NULL);
+    context->programs = store;
+    const char *binaries = options->binaries ? options->binaries : getenv("HADALENS_BINARIES");
+    if (binaries && *binaries) {
+        store->binaries = hada_string_copy(binaries);
+        if (!store->binaries)
+            return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the program store");
+    } else {
+        store->cache = cache_folder(context, options);
+    }
+    return HADA_OK;
+}
+
+/* Saves what PoCL has compiled by now: only after the first runs is the binary the final one. */
+static void save_to_cache(hada_context *context, const hada_program_store *store)
+{
+    for (const hada_program_entry *entry = store->entries; entry; entry = entry->next) {
+        char name[256];
+        unsigned char *binary, *old;
+        size_t bytes, old_bytes;
+        char *text = hada_kernel_text(entry->file);
+        if (!text)
+            continue;
+        const hada_status keyed = hada_program_key(context, entry->file, entry->options, text, name, sizeof name, NULL);
+        free(text);
+        if (keyed || hada_program_binary(entry->program, &binary, &bytes, NULL))
+            continue;
+        /* a program that ran at new work-group sizes has grown; an unchanged one is left alone */
+        if (!hada_binary_read(store->cache, name, &old, &old_bytes, NULL)) {
+            if (old_bytes < bytes && hada_binary_write(store->cache, name, binary, bytes, NULL))
+                hada_log(context, HADA_LOG_INFO, "the program cache %s cannot be written", store->cache);
+            free(old);
+        }
+        free(binary);
+    }
+}
+
+void hada_program_store_destroy(hada_context *context)
+{
+    hada_program_store *store = context->programs;
+    if (!store)
+        return;
+    if (store->cache)
+        save_to_cache(context, store);
+    while (store->entries) {
+        hada_program_entry *entry = store->entries;
+        store->entries = entry->next;
+        if (entry->program)
+            clReleaseProgram(entry->program);
+        free(entry->file);
+        free(entry->options);
+        free(entry);
+    }
+    pthread_mutex_destroy(&store->lock);
+    free(store->binaries);
+    free(store->cache);
+    free(store);
+    context->programs = NULL;
+}
+
+static hada_status make(hada_context *context, hada_program_store *store, const char *file, const char *options,
+                        cl_program *out, hada_error *err)
+{
+    char name[256];
+    char *text = hada_kernel_text(file);
+    if (!text)
+        return hada_kernel_text_missing(file, err);
+
+    unsigned char *binary = NULL;
+    size_t bytes = 0;
+    const char *folder = store->binaries ? store->binaries : store->cache;
+    hada_status status = hada_program_key(context, file, options, text, name, sizeof name, err);
+    if (!status && folder)
+        status = hada_binary_read(folder, name, &binary, &bytes, err);
+    if (!status && bytes) {
+        status = hada_program_from_binary(context, file, options, binary, bytes, out, err);
+        if (!status)
+            store->loaded++;
+        else if (!store->binaries) {
+            /* a cache entry that does not load is only a slower start */
+            hada_binary_drop(store->cache, name);
+            bytes = 0;
+        }
+    } else if (!status && store->binaries) {
+        status = hada_fail(err, HADA_ERROR_BUILD,
+                           "the folder %s holds no binary of %s.cl with macros '%s' for %s; make it with "
+                           "'hadalens devices --save-binaries FOLDER' on the same device, driver and version",
+                           store->binaries, file, options, context->info.name);
+    }
+    if (!store->binaries && !bytes) {
+        status = hada_program_compile(context, file, options, text, out, err);
+        if (!status) {
+            store->compiled++;
+            hada_log(context, HADA_LOG_TRACE, "compiled %s.cl '%s'", file, options);
+        }
+    }
+    free(binary);
+    free(text);
+    return status;
+}
+
+static hada_status get_locked(hada_context *context, const char *file, const char *options, cl_program *out,
+                              hada_error *err)
+{
+    hada_program_store *store = context->programs;
+    for (hada_program_entry *entry = store->entries; entry; entry = entry->next)
+        if (!strcmp(entry->file, file) && !strcmp(entry->options, options)) {
+            *out = entry->program;
+            return HADA_OK;
+        }
+    hada_program_entry *entry;
+    hada_status status = hada_alloc((void **)&entry, 1, sizeof *entry, "a program", err);
+    if (status)
+        return status;
+    entry->file = hada_string_copy(file);
+    entry->options = hada_string_copy(options);
+    if (!entry->file || !entry->options)
+        status = hada_fail(err, HADA_ERROR_MEMORY, "no memory for a program");
+    else
+        status = make(context, store, file, options, &entry->program, err);
+    if (status) {
+        free(entry->file);
+        free(entry->options);
+        free(entry);
+        return status;
+    }
+    entry->next = store->entries;
+    store->entries = entry;
+    *out = entry->program;
+    return HADA_OK;
+}
+
+hada_status hada_program_get(hada_context *context, const char *file, const char *options, cl_program *out,
+                             hada_error *err)
+{
+    *out = NULL;
+    pthread_mutex_lock(&context->programs->lock);
+    hada_status status = get_locked(context, file, options, out, err);
+    pthread_mutex_unlock(&context->programs->lock);
+    return status;
+}
+
+int hada_program_can_compile(const hada_context *context)
+{
+    return context->info.has_compiler && !(context->programs && context->programs->binaries);
+}
+
+static unsigned counted(const hada_context *context, const unsigned *value)
+{
+    pthread_mutex_lock(&context->programs->lock);
+    unsigned copy = *value;
+    pthread_mutex_unlock(&context->programs->lock);
+    return copy;
+}
+
+unsigned hada_context_programs_compiled(const hada_context *context)
+{
+    return counted(context, &context->programs->compiled);
+}
+
+unsigned hada_context_programs_loaded(const hada_context *context)
+{
+    return counted(context, &context->programs->loaded);
+}

@@ -1,0 +1,87 @@
+/* A queue slot: one thread's place on a device. It owns an in-order queue, for kernels and transfers, and its own
+ * kernel objects (clSetKernelArg on a shared kernel is the one OpenCL call that is not thread-safe). Internal.
+ *
+ * One slot is used by one thread at a time; different slots of a context are independent. */
+#ifndef HADA_RUNTIME_SLOT_H
+#define HADA_RUNTIME_SLOT_H
+
+#include <stdatomic.h>
+
+#include "runtime/device.h"
+
+/* A kernel object that the slot owns; runtime/kernel.c adds them. */
+typedef struct hada_slot_kernel_entry {
+    char *file, *name, *options;
+    cl_kernel kernel;
+    struct hada_slot_kernel_entry *next;
+} hada_slot_kernel_entry;
+
+typedef struct hada_profile hada_profile; /* runtime/profile.h */
+
+typedef struct hada_slot {
+    hada_context *context;
+    cl_command_queue queue;
+    hada_slot_kernel_entry *kernels;
+    hada_profile *profile; /* NULL: off */
+    const char *stage;     /* what the slot works at, for profiles; a constant text or NULL */
+    double cost_bytes, cost_flops;
+    cl_event event;
+    struct hada_room *room;  /* where scratch stands (runtime/room.h); NULL: in buffers of its own */
+    const atomic_int *stop; /* where set and not 0, launches are refused: HADA_ERROR_CANCELLED */
+} hada_slot;
+
+hada_status hada_slot_create(hada_slot **out, hada_context *context, hada_error *err);
+void hada_slot_destroy(hada_slot **slot); /* waits for what is in flight */
+
+/* Kernel objects of a slot come from hada_slot_kernel() (runtime/kernel.h). */
+
+/* One kernel argument: HADA_ARG(value) for scalars and cl_mem, HADA_ARG_LOCAL(bytes) for local memory. */
+typedef struct hada_arg {
+    size_t size;
+    const void *value;
+} hada_arg;
+#define HADA_ARG(variable)                                                                                             \
+    {                                                                                                                  \
+        sizeof(variable), &(variable)                                                                                  \
+    }
+#define HADA_ARG_LOCAL(bytes)                                                                                          \
+    {                                                                                                                  \
+        (bytes), NULL                                                                                                  \
+    }
+#define HADA_COUNT(array) (sizeof(array) / sizeof *(array))
+
+/* Sets all arguments and enqueues. `global` must be a multiple of `local` in each dimension;
+ * give few, fixed local sizes (PoCL compiles once for each). `name` is used in messages. */
+hada_status hada_slot_launch(hada_slot *slot, cl_kernel kernel, const char *name, unsigned dimensions,
+                             const size_t *global, const size_t *local, const hada_arg *args, size_t arg_count,
+                             hada_error *err);
+
+/* Waits until everything in the queue is done. */
+hada_status hada_slot_finish(hada_slot *slot, hada_error *err);
+
+/* For profiles (runtime/profile.h turns them on). The stage that the following commands belong to: a constant text. */
+static inline void hada_slot_stage(hada_slot *slot, const char *stage)
+{
+    slot->stage = stage;
+}
+
+/* What the next launch needs at least: traffic with the device's memory, and operations. */
+static inline void hada_slot_cost(hada_slot *slot, double bytes, double flops)
+{
+    slot->cost_bytes = bytes;
+    slot->cost_flops = flops;
+}
+
+/* For transfers, which enqueue themselves: where their event goes (NULL: profiling is off), and that it was enqueued.
+ */
+static inline cl_event *hada_slot_event(hada_slot *slot)
+{
+    return slot->profile ? &slot->event : NULL;
+}
+void hada_slot_moved(hada_slot *slot, const char *name, double bytes);
+
+/* For commands that another library enqueues between the two calls: one row of the profile. */
+hada_status hada_slot_span_begin(hada_slot *slot, cl_event *begin, hada_error *err);
+hada_status hada_slot_span_end(hada_slot *slot, const char *name, cl_event begin, hada_error *err);
+
+#endif

@@ -1,0 +1,196 @@
+/* Reading a tuning file, and finding what it says. */
+#include "runtime/tuning.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/alloc.h"
+
+/* What rows may say; the operations know what it means. */
+typedef struct operation_form {
+    const char *name, *form; /* of shapes: 'n' a number from 1 on, 'm' from 0 on, other characters themselves */
+    const char *choices[8], *options[HADA_TUNING_OPTIONS + 1];
+} operation_form;
+
+static const operation_form operations[] = {
+    {"fft", "nxn", {"own", "clfft"}, {NULL}},
+    {"conv",
+     "nxn/n/n+m:n>n:nxn",
+     {"direct", "winograd2", "winograd4", "plain"},
+     {"block", "blocks", "pixels", "rows", "tiles"}},
+};
+enum { OPERATIONS = sizeof operations / sizeof *operations };
+
+static int word_among(const char *word, const char *const *words)
+{
+    for (int i = 0; words[i]; i++)
+        if (!strcmp(word, words[i]))
+            return i;
+    return -1;
+}
+
+static int number(const char *text, char **end)
+{
+    if (*text < '0' || *text > '9')
+        return -1;
+    errno = 0;
+    const long value = strtol(text, end, 10);
+    return errno || value > 1 << 24 ? -1 : (int)value;
+}
+
+/* A shape is of the form, or begins as one and ends with "*". */
+static int has_form(const char *shape, const char *form)
+{
+    for (; *form; form++) {
+        char *end;
+        if (!strcmp(shape, "*"))
+            return 1;
+        if (*form == 'n' || *form == 'm') {
+            if (number(shape, &end) < (*form == 'n'))
+                return 0;
+            shape = end;
+        } else if (*shape++ != *form) {
+            return 0;
+        }
+    }
+    return !*shape;
+}
+
+/* NULL, or what is wrong with the words of a line. */
+static const char *read_options(hada_tuning_row *row, const operation_form *about, char *text)
+{
+    for (int i = 0; i < HADA_TUNING_OPTIONS; i++)
+        row->options[i] = -1;
+    for (char *rest, *word = strtok_r(text, " \t\r\n", &rest); word; word = strtok_r(NULL, " \t\r\n", &rest)) {
+        char *equals = strchr(word, '='), *end;
+        if (!equals)
+            return "has a word too many";
+        *equals = '\0';
+        const int which = word_among(word, about->options), value = number(equals + 1, &end);
+        if (which < 0)
+            return "has an option that there is not";
+        if (value < 0 || *end)
+            return "has an option without a number";
+        row->options[which] = value;
+    }
+    return NULL;
+}
+
+static const char *read_row(hada_tuning_row *row, char *line)
+{
+    static const char *const kinds[] = {"*", "cpu", "gpu", "accelerator", "other", NULL};
+    int used = 0;
+    const operation_form *about = operations;
+    if (sscanf(line, "%63s %63s %63s %63s %n", row->operation, row->kind, row->shape, row->choice, &used) != 4)
+        return "is not OPERATION KIND SHAPE CHOICE";
+    while (about < operations + OPERATIONS && strcmp(about->name, row->operation))
+        about++;
+    if (about == operations + OPERATIONS)
+        return "is about an operation that there is not; there are fft and conv";
+    if (word_among(row->kind, kinds) < 0)
+        return "names a kind of device that there is not; there are cpu, gpu, accelerator and *";
+    if (!has_form(row->shape, about->form))
+        return "has a shape of another form";
+    if (word_among(row->choice, about->choices) < 0)
+        return "chooses what there is not";
+    return read_options(row, about, line + used);
+}
+
+static hada_status add(hada_tuning *tuning, const hada_tuning_row *row, hada_error *err)
+{
+    if (!(tuning->count & (tuning->count - 1))) { /* grows at powers of two */
+        hada_tuning_row *rows = realloc(tuning->rows, (tuning->count ? 2 * tuning->count : 1) * sizeof *rows);
+        if (!rows)
+            return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the rows of a tuning file");
+        tuning->rows = rows;
+    }
+    tuning->rows[tuning->count++] = *row;
+    return HADA_OK;
+}
+
+static hada_status read_lines(hada_tuning *tuning, FILE *file, hada_error *err)
+{
+    char line[HADA_TUNING_LINE], shown[HADA_TUNING_LINE];
+    hada_status status = HADA_OK;
+    for (int n = 1; !status && fgets(line, sizeof line, file); n++) {
+        const char *wrong = NULL;
+        const size_t first = strspn(line, " \t\r\n");
+        hada_tuning_row row = {.line = n};
+        if (!strchr(line, '\n') && !feof(file) && line[first] != '#')
+            wrong = "is too long";
+        for (int c = 0; line[first] == '#' && !strchr(line, '\n') && c != EOF && c != '\n';)
+            c = fgetc(file); /* remarks may be of any length */
+        if (line[first] == '#' || !line[first])
+            continue;
+        snprintf(shown, sizeof shown, "%.*s", (int)strcspn(line, "\r\n"), line);
+        if (!wrong)
+            wrong = read_row(&row, line);
+        status = wrong ? hada_fail(err, HADA_ERROR_FILE_FORMAT, "%s, line %d %s: %s (docs/devices.md)", tuning->path, n,
+                                   wrong, shown)
+                       : add(tuning, &row, err);
+    }
+    if (!status && ferror(file))
+        status = hada_fail(err, HADA_ERROR_FILE_READ, "%s cannot be read", tuning->path);
+    return status;
+}
+
+hada_status hada_tuning_read(hada_tuning **out, const char *path, hada_error *err)
+{
+    *out = NULL;
+    FILE *file = fopen(path, "r");
+    if (!file)
+        return errno == ENOENT ? HADA_OK
+                               : hada_fail(err, HADA_ERROR_FILE_OPEN, "the tuning file %s cannot be opened: %s", path,
+                                           strerror(errno));
+    hada_tuning *tuning;
+    hada_status status = hada_alloc((void **)&tuning, 1, sizeof *tuning, "a tuning file", err);
+    if (!status && !(tuning->path = hada_string_copy(path)))
+        status = hada_fail(err, HADA_ERROR_MEMORY, "no memory for a tuning file");
+    if (!status)
+        status = read_lines(tuning, file, err);
+    fclose(file);
+    if (status)
+        hada_tuning_destroy(&tuning);
+    else
+        *out = tuning;
+    return status;
+}
+
+void hada_tuning_destroy(hada_tuning **tuning)
+{
+    if (!*tuning)
+        return;
+    free((*tuning)->path);
+    free((*tuning)->rows);
+    free(*tuning);
+    *tuning = NULL;
+}
+
+static int same_shape(const char *mine, const char *shape)
+{
+    const size_t n = strlen(mine);
+    return n && mine[n - 1] == '*' ? !strncmp(mine, shape, n - 1) : !strcmp(mine, shape);
+}
+
+const hada_tuning_row *hada_tuning_find(const hada_context *context, const char *operation, const char *shape,
+                                        int block)
+{
+    const char *kind = hada_device_kind_name(context->info.kind);
+    for (size_t i = context->tuning ? context->tuning->count : 0; i-- > 0;) {
+        const hada_tuning_row *row = &context->tuning->rows[i];
+        if (!strcmp(row->operation, operation) && (!strcmp(row->kind, "*") || !strcmp(row->kind, kind)) &&
+            same_shape(row->shape, shape) &&
+            (!block || row->options[HADA_TUNING_BLOCK] < 0 || row->options[HADA_TUNING_BLOCK] == block))
+            return row;
+    }
+    return NULL;
+}
+
+hada_status hada_tuning_refuse(const hada_context *context, const hada_tuning_row *row, const char *reason,
+                               hada_error *err)
+{
+    return hada_fail(err, HADA_ERROR_UNSUPPORTED, "%s, line %d (%s %s %s %s): %s; correct or remove it",
+                     context->tuning->path, row->line, row->operation, row->kind, row->shape, row->choice, reason);
+}

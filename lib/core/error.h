@@ -18,6 +18,16 @@ hada_status hada_fail(hada_error *err, hada_status status, const char *format, .
  * codes become HADA_ERROR_DEVICE_MEMORY. */
 hada_status hada_fail_cl(hada_error *err, int code, const char *call);
 
+/* The one way that errors travel: a function that makes several calls that can fail declares
+ * `hada_status status = HADA_OK;`, writes HADA_TRY(call) for each, and ends with one exit, `done:`, that frees what it
+ * holds and returns `status`. What the exit frees is declared, empty, before the first HADA_TRY. */
+#define HADA_TRY(call)                                                                                                 \
+    do {                                                                                                               \
+        status = (call);                                                                                               \
+        if (status)                                                                                                    \
+            goto done;                                                                                                 \
+    } while (0)
+
 /* Puts context before the message of a record that a callee filled: "reading x.tif: <message>". */
 void hada_error_prefix(hada_error *err, const char *format, ...) HADA_PRINTF(2, 3);
 

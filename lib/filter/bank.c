@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "model/half_filter.h"
+#include "model/model.h"
 #include "filter/layout.h"
 
 static uint64_t depth_bytes(const hada_spectrum_layout *layout, int channels, int half)

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "core/alloc.h"
-#include "model/half_filter.h"
+#include "model/model.h"
 #include "filter/layout.h"
 #include "io/safetensors.h"
 

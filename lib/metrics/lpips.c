@@ -59,66 +59,62 @@ static hada_tensor pooled_tensor(const hada_lpips *lpips, int stage, hada_size i
 
 static hada_status plan_size(const hada_lpips *lpips, int rows, int cols, lpips_plan *plan, hada_error *err)
 {
+    hada_status status = HADA_OK;
     enum { MOST_LAYERS = 16 };
     hada_size sizes[MOST_LAYERS];
     const int least = hada_lpips_least_size(lpips->net);
     if (rows < least || cols < least)
         return hada_fail(err, HADA_ERROR_SIZE, "LPIPS by %s needs images of at least %d x %d, not %d x %d",
                          lpips->net == HADA_LPIPS_ALEX ? "AlexNet" : "VGG-16", least, least, rows, cols);
-    hada_status status = HADA_OK;
     *plan = (lpips_plan){0};
-    for (int k = 0; !status && k < HADA_LPIPS_STAGES; k++) {
+    for (int k = 0; k < HADA_LPIPS_STAGES; k++) {
         const hada_lpips_entry entry = hada_lpips_stage_entry(lpips->net, k);
         plan->input[k] = hada_lpips_stage_input(lpips->net, k, k ? plan->size[k - 1] : (hada_size){rows, cols});
         if (entry.pool && entry.border) {
             const hada_tensor pooled = pooled_tensor(lpips, k, plan->input[k], NULL);
             plan->pooled_floats = 2 * pooled.image_stride;
         }
-        status = hada_net_sizes(lpips->stage[k], plan->input[k].rows, plan->input[k].cols, sizes, err);
-        if (status)
-            break;
+        HADA_TRY(hada_net_sizes(lpips->stage[k], plan->input[k].rows, plan->input[k].cols, sizes, err));
         plan->size[k] = sizes[lpips->stage[k]->count - 1];
         plan->map_at[k + 1] = plan->map_at[k] + (size_t)plan->size[k].rows * (size_t)plan->size[k].cols;
     }
     plan->in_floats =
         2 * (size_t)hada_lpips_fill_channels(lpips->net) * (size_t)plan->input[0].rows * (size_t)plan->input[0].cols;
+done:
     return status;
 }
 
 static hada_status make_graphs(hada_lpips *lpips, hada_error *err)
 {
     hada_status status = HADA_OK;
-    for (int k = 0; !status && k < HADA_LPIPS_STAGES; k++) {
+    for (int k = 0; k < HADA_LPIPS_STAGES; k++) {
         const hada_graph_options options = options_for(lpips->plan.input[k]);
-        status = hada_graph_create(&lpips->graph[k], lpips->slot, lpips->stage[k], &options, err);
-        if (!status)
-            status = hada_graph_set_weights(lpips->graph[k], (hada_floats){lpips->values[k].mem, 0}, err);
+        HADA_TRY(hada_graph_create(&lpips->graph[k], lpips->slot, lpips->stage[k], &options, err));
+        HADA_TRY(hada_graph_set_weights(lpips->graph[k], (hada_floats){lpips->values[k].mem, 0}, err));
     }
+done:
     return status;
 }
 
 static hada_status make_size(hada_lpips *lpips, int rows, int cols, hada_error *err)
 {
-    hada_status status = plan_size(lpips, rows, cols, &lpips->plan, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(plan_size(lpips, rows, cols, &lpips->plan, err));
     const size_t in = lpips->plan.in_floats, pooled = lpips->plan.pooled_floats * sizeof(float);
     const size_t distances = lpips->plan.map_at[HADA_LPIPS_STAGES];
-    if (!status)
-        status = make_graphs(lpips, err);
-    if (!status)
-        status = hada_buffer_create(&lpips->in, lpips->context, in * sizeof(float), "the images to compare", err);
-    if (!status && pooled)
-        status = hada_buffer_create(&lpips->pooled, lpips->context, pooled, "pooled features", err);
-    if (!status && pooled)
-        status = hada_buffer_clear(&lpips->pooled, lpips->slot, 0, pooled, err);
-    if (!status)
-        status = hada_buffer_create(&lpips->distances, lpips->context, distances * sizeof(float),
-                                    "distances of features", err);
-    if (!status)
-        status = hada_alloc_raw((void **)&lpips->pair, in, sizeof(float), "the images to compare", err);
-    if (!status)
-        status = hada_alloc_raw((void **)&lpips->maps, distances, sizeof(float), "distances of features", err);
+    HADA_TRY(make_graphs(lpips, err));
+    HADA_TRY(hada_buffer_create(&lpips->in, lpips->context, in * sizeof(float), "the images to compare", err));
+    if (pooled) {
+        HADA_TRY(hada_buffer_create(&lpips->pooled, lpips->context, pooled, "pooled features", err));
+        HADA_TRY(hada_buffer_clear(&lpips->pooled, lpips->slot, 0, pooled, err));
+    }
+    HADA_TRY(
+        hada_buffer_create(&lpips->distances, lpips->context, distances * sizeof(float), "distances of features", err));
+    HADA_TRY(hada_alloc_raw((void **)&lpips->pair, in, sizeof(float), "the images to compare", err));
+    HADA_TRY(hada_alloc_raw((void **)&lpips->maps, distances, sizeof(float), "distances of features", err));
     lpips->rows = rows;
     lpips->cols = cols;
+done:
     if (status)
         forget_size(lpips);
     return status;
@@ -144,48 +140,46 @@ static hada_status check(const hada_image *a, const hada_image *b, double peak, 
 /* What a stage gives to the input of the next one. */
 static hada_status enter(hada_lpips *lpips, int stage, hada_error *err)
 {
+    hada_status status = HADA_OK;
     const hada_lpips_entry entry = hada_lpips_stage_entry(lpips->net, stage);
     const hada_tensor *from = hada_graph_output(lpips->graph[stage - 1]), *to = hada_graph_input(lpips->graph[stage]);
     const hada_tensor pooled = pooled_tensor(lpips, stage, lpips->plan.input[stage], lpips->pooled.mem);
     const hada_tensor *between = entry.border ? &pooled : to;
-    hada_status status = hada_tensor_clear_halo(lpips->slot, to, err); /* other things may have stood there */
-    if (!status && entry.pool)
-        status = hada_pool_forward(lpips->slot, HADA_POOL_MAX, entry.pool, entry.pool_stride, from, between, err);
-    if (!status && (!entry.pool || entry.border))
-        status = hada_place(lpips->slot, entry.pool ? between : from, to, entry.border, entry.border, 0, 0, err);
+    HADA_TRY(hada_tensor_clear_halo(lpips->slot, to, err)); /* other things may have stood there */
+    if (entry.pool)
+        HADA_TRY(hada_pool_forward(lpips->slot, HADA_POOL_MAX, entry.pool, entry.pool_stride, from, between, err));
+    if (!entry.pool || entry.border)
+        HADA_TRY(hada_place(lpips->slot, entry.pool ? between : from, to, entry.border, entry.border, 0, 0, err));
+done:
     return status;
 }
 
 /* The distances of all stages into lpips->maps. */
 static hada_status compare(hada_lpips *lpips, const hada_image *a, const hada_image *b, double peak, hada_error *err)
 {
-    hada_status status = check(a, b, peak, err);
-    if (!status && (lpips->rows != a->rows || lpips->cols != a->cols)) {
+    hada_status status = HADA_OK;
+    HADA_TRY(check(a, b, peak, err));
+    if (lpips->rows != a->rows || lpips->cols != a->cols) {
         forget_size(lpips);
-        status = make_size(lpips, a->rows, a->cols, err);
+        HADA_TRY(make_size(lpips, a->rows, a->cols, err));
     }
-    if (status)
-        return status;
     const hada_size input = lpips->plan.input[0];
     const size_t plane = (size_t)input.rows * (size_t)input.cols, image = lpips->plan.in_floats / 2;
     const hada_planar in = {lpips->in.mem, 0, image, plane, (size_t)input.cols};
     hada_lpips_fill(lpips->net, a, peak, input, lpips->pair);
     hada_lpips_fill(lpips->net, b, peak, input, lpips->pair + image);
-    status = hada_buffer_write(&lpips->in, lpips->slot, 0, lpips->pair, lpips->in.bytes, err);
-    if (!status)
-        status = hada_graph_load(lpips->graph[0], &in, err);
-    for (int k = 0; !status && k < HADA_LPIPS_STAGES; k++) {
+    HADA_TRY(hada_buffer_write(&lpips->in, lpips->slot, 0, lpips->pair, lpips->in.bytes, err));
+    HADA_TRY(hada_graph_load(lpips->graph[0], &in, err));
+    for (int k = 0; k < HADA_LPIPS_STAGES; k++) {
         if (k)
-            status = enter(lpips, k, err);
-        if (!status)
-            status = hada_graph_forward(lpips->graph[k], err);
-        if (!status)
-            status = hada_lpips_distance(lpips->slot, hada_graph_output(lpips->graph[k]),
-                                         (hada_floats){lpips->heads.mem, lpips->head_at[k]},
-                                         (hada_floats){lpips->distances.mem, lpips->plan.map_at[k]}, err);
+            HADA_TRY(enter(lpips, k, err));
+        HADA_TRY(hada_graph_forward(lpips->graph[k], err));
+        HADA_TRY(hada_lpips_distance(lpips->slot, hada_graph_output(lpips->graph[k]),
+                                     (hada_floats){lpips->heads.mem, lpips->head_at[k]},
+                                     (hada_floats){lpips->distances.mem, lpips->plan.map_at[k]}, err));
     }
-    if (!status)
-        status = hada_buffer_read(&lpips->distances, lpips->slot, 0, lpips->maps, lpips->distances.bytes, err);
+    HADA_TRY(hada_buffer_read(&lpips->distances, lpips->slot, 0, lpips->maps, lpips->distances.bytes, err));
+done:
     return status;
 }
 
@@ -223,7 +217,7 @@ hada_status hada_lpips_run(hada_lpips *lpips, const hada_image *a, const hada_im
 {
     if (!lpips || !out)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_lpips_run: an argument is missing");
-    hada_status status = compare(lpips, a, b, peak, err);
+    const hada_status status = compare(lpips, a, b, peak, err);
     if (status)
         return status;
     double all = 0.0;
@@ -253,52 +247,54 @@ hada_status hada_lpips_run(hada_lpips *lpips, const hada_image *a, const hada_im
 hada_status hada_lpips_map(hada_lpips *lpips, const hada_image *a, const hada_image *b, double peak, hada_image *map,
                            hada_error *err)
 {
+    hada_status status = HADA_OK;
     if (!lpips || !map)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_lpips_map: an argument is missing");
-    hada_status status = compare(lpips, a, b, peak, err);
-    if (!status && (!map->data || map->channels != 1 || map->rows != a->rows || map->cols != a->cols)) {
+    HADA_TRY(compare(lpips, a, b, peak, err));
+    if (!map->data || map->channels != 1 || map->rows != a->rows || map->cols != a->cols) {
         hada_image_destroy(map);
-        status = hada_image_create(map, 1, a->rows, a->cols, err);
+        HADA_TRY(hada_image_create(map, 1, a->rows, a->cols, err));
     }
-    for (int r = 0; !status && r < a->rows; r++)
+    for (int r = 0; r < a->rows; r++)
         for (int c = 0; c < a->cols; c++)
             map->data[(size_t)r * (size_t)a->cols + (size_t)c] = (float)distance_at(lpips, r, c);
+done:
     return status;
 }
 
 hada_status hada_lpips_bytes(const hada_lpips *lpips, int rows, int cols, uint64_t *bytes, hada_error *err)
 {
+    hada_status status = HADA_OK;
     lpips_plan sizes;
     if (!lpips || !bytes)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_lpips_bytes: an argument is missing");
     *bytes = 0;
-    hada_status status = plan_size(lpips, rows, cols, &sizes, err);
+    HADA_TRY(plan_size(lpips, rows, cols, &sizes, err));
     uint64_t sum = lpips->heads.bytes;
-    for (int k = 0; !status && k < HADA_LPIPS_STAGES; k++) {
+    for (int k = 0; k < HADA_LPIPS_STAGES; k++) {
         const hada_graph_options options = options_for(sizes.input[k]);
         size_t graph;
-        status = hada_graph_bytes(lpips->context, lpips->stage[k], &options, &graph, err);
-        if (!status)
-            sum += graph + lpips->values[k].bytes;
+        HADA_TRY(hada_graph_bytes(lpips->context, lpips->stage[k], &options, &graph, err));
+        sum += graph + lpips->values[k].bytes;
     }
-    if (!status)
-        *bytes = sum + (sizes.in_floats + sizes.pooled_floats + sizes.map_at[HADA_LPIPS_STAGES]) * sizeof(float);
+    *bytes = sum + (sizes.in_floats + sizes.pooled_floats + sizes.map_at[HADA_LPIPS_STAGES]) * sizeof(float);
+done:
     return status;
 }
 
 static hada_status read_backbone(hada_lpips *lpips, const char *path, hada_error *err)
 {
-    hada_tensors *file;
+    hada_tensors *file = NULL;
     hada_status status = hada_tensors_open(&file, path, err);
     if (status)
         return status;
-    status = hada_lpips_find_net(file, &lpips->net, err);
-    for (int k = 0; !status && k < HADA_LPIPS_STAGES; k++) {
-        status = hada_lpips_stage_make(&lpips->stage[k], lpips->net, k, file, err);
-        if (!status)
-            status = hada_buffer_create_from(&lpips->values[k], lpips->slot, lpips->stage[k]->values,
-                                             lpips->stage[k]->floats * sizeof(float), "the weights", err);
+    HADA_TRY(hada_lpips_find_net(file, &lpips->net, err));
+    for (int k = 0; k < HADA_LPIPS_STAGES; k++) {
+        HADA_TRY(hada_lpips_stage_make(&lpips->stage[k], lpips->net, k, file, err));
+        HADA_TRY(hada_buffer_create_from(&lpips->values[k], lpips->slot, lpips->stage[k]->values,
+                                         lpips->stage[k]->floats * sizeof(float), "the weights", err));
     }
+done:
     if (status)
         hada_error_prefix(err, "%s: ", path);
     hada_tensors_close(&file);
@@ -307,30 +303,29 @@ static hada_status read_backbone(hada_lpips *lpips, const char *path, hada_error
 
 static hada_status read_heads(hada_lpips *lpips, const char *path, hada_error *err)
 {
+    hada_status status = HADA_OK;
     float weights[HADA_LPIPS_CHANNELS];
-    hada_status status = hada_lpips_read_heads(path, lpips->net, weights, lpips->head_at, err);
-    return status ? status
-                  : hada_buffer_create_from(&lpips->heads, lpips->slot, weights, sizeof weights, "the heads of LPIPS",
-                                            err);
+    HADA_TRY(hada_lpips_read_heads(path, lpips->net, weights, lpips->head_at, err));
+    HADA_TRY(hada_buffer_create_from(&lpips->heads, lpips->slot, weights, sizeof weights, "the heads of LPIPS", err));
+done:
+    return status;
 }
 
 hada_status hada_lpips_create(hada_lpips **out, hada_context *context, hada_lpips_net net, const char *backbone,
                               const char *heads, hada_error *err)
 {
-    hada_lpips *lpips;
+    hada_status status = HADA_OK;
+    hada_lpips *lpips = NULL;
     if (!out || !context || !backbone || (unsigned)net > HADA_LPIPS_ALEX)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_lpips_create: an argument is missing or out of range");
     *out = NULL;
-    hada_status status = hada_alloc((void **)&lpips, 1, sizeof *lpips, "LPIPS", err);
-    if (status)
-        return status;
+    HADA_TRY(hada_alloc((void **)&lpips, 1, sizeof *lpips, "LPIPS", err));
     lpips->context = context;
     lpips->net = net;
-    status = hada_slot_create(&lpips->slot, context, err);
-    if (!status)
-        status = read_backbone(lpips, backbone, err);
-    if (!status)
-        status = read_heads(lpips, heads ? heads : backbone, err);
+    HADA_TRY(hada_slot_create(&lpips->slot, context, err));
+    HADA_TRY(read_backbone(lpips, backbone, err));
+    HADA_TRY(read_heads(lpips, heads ? heads : backbone, err));
+done:
     if (status)
         hada_lpips_destroy(&lpips);
     *out = lpips;

@@ -116,13 +116,14 @@ void hada_lpips_fill(hada_lpips_net net, const hada_image *image, double peak, h
 
 static hada_status list(hada_net *net, hada_lpips_net kind, int stage, hada_error *err)
 {
+    hada_status status = HADA_OK;
     int at, channels;
     const hada_lpips_entry entry = hada_lpips_stage_entry(kind, stage);
     const part *parts = parts_of(kind, stage, &channels) + (entry.pool > 0);
     hada_layer layer = hada_layer_of(HADA_LAYER_INPUT, "", 0);
     layer.channels = stage ? channels : hada_lpips_fill_channels(kind);
-    hada_status status = hada_net_add(net, &layer, &at, err);
-    for (int first = 1, last = 0; !status && !last; first = 0, parts++) {
+    HADA_TRY(hada_net_add(net, &layer, &at, err));
+    for (int first = 1, last = 0; !last; first = 0, parts++) {
         layer = hada_layer_of(HADA_LAYER_CONV, "", at);
         snprintf(layer.name, sizeof layer.name, "features.%d", parts->number);
         layer.channels = parts->channels;
@@ -130,33 +131,36 @@ static hada_status list(hada_net *net, hada_lpips_net kind, int stage, hada_erro
         layer.stride = entry.fold > 1 ? 1 : parts->stride;
         layer.pad = entry.fold > 1 || (first && entry.border) ? 0 : parts->pad;
         layer.activation = HADA_ACTIVATION_RELU;
-        status = hada_net_add(net, &layer, &at, err);
+        HADA_TRY(hada_net_add(net, &layer, &at, err));
         last = parts->tap;
     }
-    return status ? status : hada_net_finish(net, err);
+    HADA_TRY(hada_net_finish(net, err));
+done:
+    return status;
 }
 
 /* AlexNet's first weights, [out][3][11][11], for blocks of pixels as channels: the place (y, x) of a kernel becomes
  * place (y / 4, x / 4) of the channel of pixel (y % 4, x % 4). */
 static hada_status fold_weights(hada_net *net, const hada_tensors *file, hada_error *err)
 {
+    hada_status status = HADA_OK;
     const int kernel = alex[0].kernel, out = alex[0].channels, values = out * 3 * kernel * kernel;
     const hada_stored_tensor *tensor = hada_tensors_find(file, "features.0.weight");
     float *to = net->values + hada_net_find(net, "features.0.weight")->offset, *given = NULL;
     if (!tensor || tensor->dims != 4 || tensor->shape[0] != out || tensor->shape[1] != 3 ||
         tensor->shape[2] != kernel || tensor->shape[3] != kernel)
         return hada_fail(err, HADA_ERROR_MODEL, "the tensor features.0.weight has another shape than that of AlexNet");
-    hada_status status = hada_alloc((void **)&given, (size_t)values, sizeof *given, "the weights", err);
-    if (!status)
-        status = hada_tensor_copy_f32(tensor, 0, (size_t)values, given, err);
-    for (int i = 0; !status && i < values; i++) {
+    HADA_TRY(hada_alloc((void **)&given, (size_t)values, sizeof *given, "the weights", err));
+    HADA_TRY(hada_tensor_copy_f32(tensor, 0, (size_t)values, given, err));
+    for (int i = 0; i < values; i++) {
         const int x = i % kernel, y = i / kernel % kernel, c = i / kernel / kernel % 3, o = i / kernel / kernel / 3;
         const int channel = (c * FOLD + y % FOLD) * FOLD + x % FOLD;
         if (!isfinite(given[i]))
-            status =
-                hada_fail(err, HADA_ERROR_NOT_FINITE, "the tensor features.0.weight holds values that are not finite");
+            HADA_TRY(
+                hada_fail(err, HADA_ERROR_NOT_FINITE, "the tensor features.0.weight holds values that are not finite"));
         to[((o * 3 * FOLD * FOLD + channel) * FOLDED_KERNEL + y / FOLD) * FOLDED_KERNEL + x / FOLD] = given[i];
     }
+done:
     free(given);
     return status;
 }
@@ -164,14 +168,14 @@ static hada_status fold_weights(hada_net *net, const hada_tensors *file, hada_er
 hada_status hada_lpips_stage_make(hada_net **out, hada_lpips_net kind, int stage, const hada_tensors *file,
                                   hada_error *err)
 {
+    hada_status status = HADA_OK;
     const char *own = is_folded(kind, stage) ? "features.0.weight" : NULL;
-    hada_status status = hada_net_begin(out, 1, err);
-    if (!status)
-        status = list(*out, kind, stage, err);
-    if (!status && own)
-        status = fold_weights(*out, file, err);
-    if (!status)
-        status = hada_net_read_but(*out, file, "", own, err);
+    HADA_TRY(hada_net_begin(out, 1, err));
+    HADA_TRY(list(*out, kind, stage, err));
+    if (own)
+        HADA_TRY(fold_weights(*out, file, err));
+    HADA_TRY(hada_net_read_but(*out, file, "", own, err));
+done:
     if (status)
         hada_net_destroy(out);
     return status;

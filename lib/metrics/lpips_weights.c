@@ -25,6 +25,7 @@ hada_status hada_lpips_find_net(const hada_tensors *file, hada_lpips_net *net, h
 
 static hada_status read_head(const hada_tensors *file, hada_lpips_net net, int stage, float *out, hada_error *err)
 {
+    hada_status status = HADA_OK;
     const int channels = hada_lpips_stage_channels(net, stage);
     char name[] = "lin0.model.1.weight";
     name[3] = (char)('0' + stage);
@@ -36,28 +37,30 @@ static hada_status read_head(const hada_tensors *file, hada_lpips_net net, int s
         return hada_fail(err, HADA_ERROR_MODEL, "%s %s of %d values; the heads of LPIPS for %s are needed",
                          head ? "the file holds another tensor" : "the file holds no tensor", name, channels,
                          net == HADA_LPIPS_ALEX ? "AlexNet" : "VGG-16");
-    hada_status status = hada_tensor_copy_f32(head, 0, (size_t)channels, out, err);
-    for (int i = 0; !status && i < channels; i++)
+    HADA_TRY(hada_tensor_copy_f32(head, 0, (size_t)channels, out, err));
+    for (int i = 0; i < channels; i++)
         if (!isfinite(out[i]))
-            status = hada_fail(err, HADA_ERROR_NOT_FINITE, "the tensor %s holds values that are not finite", name);
+            HADA_TRY(hada_fail(err, HADA_ERROR_NOT_FINITE, "the tensor %s holds values that are not finite", name));
+done:
     return status;
 }
 
 hada_status hada_lpips_read_heads(const char *path, hada_lpips_net net, float weights[HADA_LPIPS_CHANNELS],
                                   size_t first[HADA_LPIPS_STAGES], hada_error *err)
 {
-    hada_tensors *file;
+    hada_tensors *file = NULL;
     size_t count = 0;
     hada_status status = hada_tensors_open(&file, path, err);
     if (status)
         return status;
     for (int i = 0; i < HADA_LPIPS_CHANNELS; i++)
         weights[i] = 0.0f;
-    for (int k = 0; !status && k < HADA_LPIPS_STAGES; k++) {
+    for (int k = 0; k < HADA_LPIPS_STAGES; k++) {
         first[k] = count;
-        status = read_head(file, net, k, weights + count, err);
+        HADA_TRY(read_head(file, net, k, weights + count, err));
         count += (size_t)hada_lpips_stage_channels(net, k);
     }
+done:
     if (status)
         hada_error_prefix(err, "%s: ", path);
     hada_tensors_close(&file);

@@ -1,4 +1,4 @@
-/* Models: making, checking, freeing, and the copy with half-precision filters. */
+/* Models: making, checking, giving a net, freeing. */
 #include "model/model.h"
 
 #include <math.h>
@@ -7,7 +7,6 @@
 
 #include "core/alloc.h"
 #include "core/error.h"
-#include "model/half_filter.h"
 #include "io/safetensors.h"
 
 static const char *const form_names[] = {"", "complex", "split", "matched", "wiener"};
@@ -60,6 +59,9 @@ double hada_model_gain(const hada_model *model)
     return gain > 0.0 ? gain : 1.0;
 }
 
+/* Of what a model file may claim: far above any camera, and small enough that sizes do not overflow. */
+enum { MOST_DEPTHS = 4096, MOST_CHANNELS = 64, MOST_NET_SIDE = 1 << 20 };
+
 static int not_negative(double value)
 {
     return isfinite(value) && value >= 0.0;
@@ -68,10 +70,9 @@ static int not_negative(double value)
 hada_status hada_model_info_check(const hada_model_info *info, hada_error *err)
 {
     hada_geometry geometry;
-    if (info->depths < 1 || info->depths > 4096 || info->channels < 1 || info->channels > 64)
-        return hada_fail(err, HADA_ERROR_MODEL,
-                         "the model says %d depths and %d channels; 1 to 4096 and 1 to 64 can be", info->depths,
-                         info->channels);
+    if (info->depths < 1 || info->depths > MOST_DEPTHS || info->channels < 1 || info->channels > MOST_CHANNELS)
+        return hada_fail(err, HADA_ERROR_MODEL, "the model says %d depths and %d channels; 1 to %d and 1 to %d can be",
+                         info->depths, info->channels, MOST_DEPTHS, MOST_CHANNELS);
     if (!*hada_form_name(info->form) || !*hada_boundary_name(info->boundary))
         return hada_fail(err, HADA_ERROR_MODEL, "the model's form or boundary is unknown");
     if (!not_negative(info->alpha) || !not_negative(info->lambda) || !not_negative(info->noise) ||
@@ -90,25 +91,24 @@ hada_status hada_model_info_check(const hada_model_info *info, hada_error *err)
 
 hada_status hada_model_create_head(hada_model **out, const hada_model_info *info, hada_error *err)
 {
-    hada_model *model;
+    hada_status status = HADA_OK;
+    hada_model *model = NULL;
     *out = NULL;
-    hada_status status = hada_model_info_check(info, err);
-    if (!status)
-        status = hada_alloc((void **)&model, 1, sizeof *model, "a model", err);
-    if (status)
-        return status;
+    HADA_TRY(hada_model_info_check(info, err));
+    HADA_TRY(hada_alloc((void **)&model, 1, sizeof *model, "a model", err));
     const size_t depths = (size_t)info->depths;
     model->info = *info;
     model->info.enhance = model->info.enhance_rows = model->info.enhance_cols = 0; /* until it has the net */
-    status = hada_alloc((void **)&model->distances, depths, sizeof *model->distances, "the distances", err);
-    if (!status && !(model->name = hada_string_copy(info->name ? info->name : "")))
-        status = hada_fail(err, HADA_ERROR_MEMORY, "no memory for a model");
-    if (!status && info->distances_mm)
+    HADA_TRY(hada_alloc((void **)&model->distances, depths, sizeof *model->distances, "the distances", err));
+    if (!(model->name = hada_string_copy(info->name ? info->name : "")))
+        HADA_TRY(hada_fail(err, HADA_ERROR_MEMORY, "no memory for a model"));
+    if (info->distances_mm)
         memcpy(model->distances, info->distances_mm, depths * sizeof *model->distances);
     model->info.distances_mm = model->distances;
     model->info.name = model->name;
     const uint64_t values = (uint64_t)info->depths * (uint64_t)info->channels * hada_model_plane(model);
     model->info.bytes = values * (info->half ? 4u : 8u) + (info->has_otf ? values * 8u : 0u);
+done:
     if (status)
         hada_model_destroy(&model);
     *out = model;
@@ -117,27 +117,29 @@ hada_status hada_model_create_head(hada_model **out, const hada_model_info *info
 
 hada_status hada_model_create_arrays(hada_model *model, int with_statistics, hada_error *err)
 {
+    hada_status status = HADA_OK;
     const hada_model_info *info = &model->info;
     const size_t plane = hada_model_plane(model), images = (size_t)info->depths * (size_t)info->channels;
     const size_t pair = hada_size_product(images, hada_size_product(plane, 2));
-    hada_status status = info->half ? hada_alloc((void **)&model->filter_half, pair, 2, "the filters", err)
-                                    : hada_alloc((void **)&model->filter, pair, 4, "the filters", err);
-    if (!status && info->has_otf)
-        status = hada_alloc((void **)&model->otf, pair, 4, "the transfer functions", err);
-    if (!status && with_statistics)
-        status = hada_alloc((void **)&model->scene_power, plane, 4, "the scenes' power", err);
-    if (!status && with_statistics)
-        status = hada_alloc((void **)&model->noise_power, images, sizeof(double), "the noise power", err);
-    if (!status && with_statistics)
-        status = hada_alloc((void **)&model->pairs, (size_t)info->depths, sizeof(double), "the numbers of pairs", err);
+    HADA_TRY(info->half ? hada_alloc((void **)&model->filter_half, pair, 2, "the filters", err)
+                        : hada_alloc((void **)&model->filter, pair, 4, "the filters", err));
+    if (info->has_otf)
+        HADA_TRY(hada_alloc((void **)&model->otf, pair, 4, "the transfer functions", err));
+    if (with_statistics) {
+        HADA_TRY(hada_alloc((void **)&model->scene_power, plane, 4, "the scenes' power", err));
+        HADA_TRY(hada_alloc((void **)&model->noise_power, images, sizeof(double), "the noise power", err));
+        HADA_TRY(hada_alloc((void **)&model->pairs, (size_t)info->depths, sizeof(double), "the numbers of pairs", err));
+    }
+done:
     return status;
 }
 
 hada_status hada_model_create(hada_model **out, const hada_model_info *info, int with_statistics, hada_error *err)
 {
-    hada_status status = hada_model_create_head(out, info, err);
-    if (!status)
-        status = hada_model_create_arrays(*out, with_statistics, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_model_create_head(out, info, err));
+    HADA_TRY(hada_model_create_arrays(*out, with_statistics, err));
+done:
     if (status)
         hada_model_destroy(out);
     return status;
@@ -171,35 +173,25 @@ const hada_model_info *hada_model_get_info(const hada_model *model)
     return &model->info;
 }
 
-hada_status hada_model_to_half(hada_model **out, const hada_model *model, hada_error *err)
+hada_status hada_model_own_enhance(hada_model *model, hada_net *net, int rows, int cols, hada_error *err)
 {
-    if (!out || !model)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_model_to_half: out and model are needed");
-    hada_model_info info = model->info;
-    info.half = 1;
-    hada_status status = hada_model_create(out, &info, model->scene_power != NULL, err);
-    if (status)
-        return status;
-    hada_model *copy = *out;
-    const size_t plane = hada_model_plane(model), images = (size_t)info.depths * (size_t)info.channels;
-    const size_t values = images * plane * 2;
-    if (model->filter_half)
-        memcpy(copy->filter_half, model->filter_half, values * sizeof *copy->filter_half);
-    for (size_t i = 0; !status && model->filter && i < images; i++)
-        status = hada_filter_to_half(model->filter + 2 * i * plane, 2 * plane, copy->filter_half + 2 * i * plane, err);
-    if (status) {
-        hada_model_destroy(out);
-        return status;
-    }
-    if (model->otf)
-        memcpy(copy->otf, model->otf, values * sizeof *copy->otf);
-    if (model->scene_power) {
-        memcpy(copy->scene_power, model->scene_power, plane * sizeof *copy->scene_power);
-        memcpy(copy->noise_power, model->noise_power, images * sizeof *copy->noise_power);
-        memcpy(copy->pairs, model->pairs, (size_t)info.depths * sizeof *copy->pairs);
-    }
-    status = hada_model_copy_enhance(copy, model, err);
-    if (status)
-        hada_model_destroy(out);
-    return status;
+    hada_net_info info;
+    hada_net_destroy(&model->enhance);
+    model->enhance = net;
+    model->info.enhance = 1;
+    model->info.enhance_rows = rows;
+    model->info.enhance_cols = cols;
+    hada_net_get_info(net, &info);
+    if (info.channels != model->info.channels || info.out_channels != model->info.channels)
+        return hada_fail(err, HADA_ERROR_MODEL,
+                         "the net takes images of %d channel(s) and gives %d; the model's planes have %d",
+                         info.channels, info.out_channels, model->info.channels);
+    if ((rows || cols) && (rows < 1 || cols < 1 || rows > MOST_NET_SIDE || cols > MOST_NET_SIDE))
+        return hada_fail(err, HADA_ERROR_MODEL, "the net's size %d x %d is none", rows, cols);
+    return HADA_OK;
+}
+
+const hada_net *hada_model_get_enhance(const hada_model *model)
+{
+    return model->enhance;
 }

@@ -62,8 +62,9 @@ hada_status hada_model_create_arrays(hada_model *model, int with_statistics, had
 /* Gives a model a net, which becomes its own (also on failure), with the size at which it runs. */
 hada_status hada_model_own_enhance(hada_model *model, hada_net *net, int rows, int cols, hada_error *err);
 
-/* Gives a copy of a model its net, where it has one. */
-hada_status hada_model_copy_enhance(hada_model *copy, const hada_model *model, hada_error *err);
+/* Converts the values of a filter to half precision. HADA_ERROR_NUMERIC where one is too large for half, or where so
+ * many are below its normal numbers that the filter changes by more than half's 2^-11 (relative L2). */
+hada_status hada_filter_to_half(const float *filter, size_t values, uint16_t *half, hada_error *err);
 
 /* Whether an info makes sense: counts, sizes, numbers, distances in order. Messages begin with "the model". */
 hada_status hada_model_info_check(const hada_model_info *info, hada_error *err);

@@ -8,12 +8,13 @@
 
 #include "core/alloc.h"
 #include "core/error.h"
-#include "model/model.h"
-#include "model/model_enhance.h"
 #include "io/safetensors.h"
+#include "model/model.h"
+#include "netlist/weights_file.h"
 
 #define FORMAT         "hadalens-model"
 #define FORMAT_VERSION 1
+#define MOST_STEPS     100000 /* of refinement: more is a damaged number */
 
 /* What a reader must know and the numbers cannot say; the same in every file. */
 static const char *const conventions[][2] = {
@@ -42,8 +43,11 @@ static hada_status enter(c_numbers *numbers, hada_error *err)
     return HADA_OK;
 }
 
+/* Also where enter() failed. */
 static void leave(c_numbers *numbers)
 {
+    if (!numbers->c)
+        return;
     uselocale(numbers->before);
     freelocale(numbers->c);
 }
@@ -64,21 +68,15 @@ static hada_status put_size(hada_tensors_writer *writer, const char *key, int ro
 
 static hada_status put_metadata(hada_tensors_writer *writer, const hada_model_info *info, hada_error *err)
 {
-    hada_status status = hada_tensors_put_meta(writer, "format", FORMAT, err);
-    if (!status)
-        status = put_number(writer, "version", FORMAT_VERSION, err);
-    if (!status)
-        status = hada_tensors_put_meta(writer, "library", "hadalens " HADALENS_VERSION, err);
-    if (!status)
-        status = hada_tensors_put_meta(writer, "form", hada_form_name(info->form), err);
-    if (!status)
-        status = hada_tensors_put_meta(writer, "boundary", hada_boundary_name(info->boundary), err);
-    if (!status)
-        status = put_size(writer, "raw", info->raw_rows, info->raw_cols, err);
-    if (!status)
-        status = put_size(writer, "grid", info->grid_rows, info->grid_cols, err);
-    if (!status)
-        status = put_size(writer, "window", info->window_rows, info->window_cols, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_tensors_put_meta(writer, "format", FORMAT, err));
+    HADA_TRY(put_number(writer, "version", FORMAT_VERSION, err));
+    HADA_TRY(hada_tensors_put_meta(writer, "library", "hadalens " HADALENS_VERSION, err));
+    HADA_TRY(hada_tensors_put_meta(writer, "form", hada_form_name(info->form), err));
+    HADA_TRY(hada_tensors_put_meta(writer, "boundary", hada_boundary_name(info->boundary), err));
+    HADA_TRY(put_size(writer, "raw", info->raw_rows, info->raw_cols, err));
+    HADA_TRY(put_size(writer, "grid", info->grid_rows, info->grid_cols, err));
+    HADA_TRY(put_size(writer, "window", info->window_rows, info->window_cols, err));
     const struct {
         const char *key;
         double value;
@@ -86,10 +84,11 @@ static hada_status put_metadata(hada_tensors_writer *writer, const hada_model_in
         {"alpha", info->alpha},        {"lambda", info->lambda},         {"dark", info->dark},
         {"noise", info->noise},        {"refine_rho", info->refine_rho}, {"refine_steps", info->refine_steps},
         {"refine_tv", info->refine_tv}};
-    for (size_t i = 0; !status && i < sizeof numbers / sizeof *numbers; i++)
-        status = put_number(writer, numbers[i].key, numbers[i].value, err);
-    for (size_t i = 0; !status && i < sizeof conventions / sizeof *conventions; i++)
-        status = hada_tensors_put_meta(writer, conventions[i][0], conventions[i][1], err);
+    for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++)
+        HADA_TRY(put_number(writer, numbers[i].key, numbers[i].value, err));
+    for (size_t i = 0; i < sizeof conventions / sizeof *conventions; i++)
+        HADA_TRY(hada_tensors_put_meta(writer, conventions[i][0], conventions[i][1], err));
+done:
     return status;
 }
 
@@ -125,33 +124,63 @@ static int list_parts(const hada_model *model, part parts[PARTS])
     return n;
 }
 
+/* The net of a model in its file: its description and size in the metadata, its tensors behind the model's own. */
+#define NET_PREFIX "enhance."
+#define NET_META   "enhance"
+#define NET_SIZE   "enhance_size"
+
+static hada_status declare_enhance(const hada_model *model, hada_tensors_writer *writer, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    char *description = NULL;
+    if (!model->enhance)
+        return HADA_OK;
+    HADA_TRY(hada_net_describe(model->enhance, &description, err));
+    HADA_TRY(hada_tensors_put_meta(writer, NET_META, description, err));
+    if (model->info.enhance_rows)
+        HADA_TRY(put_size(writer, NET_SIZE, model->info.enhance_rows, model->info.enhance_cols, err));
+    HADA_TRY(hada_net_declare(model->enhance, writer, NET_PREFIX, err));
+done:
+    free(description);
+    return status;
+}
+
+static hada_status write_enhance(const hada_model *model, hada_tensors_writer *writer, hada_error *err)
+{
+    return model->enhance ? hada_net_write(model->enhance, writer, err) : HADA_OK;
+}
+
+/* Everything of a model into a file that has been opened. */
+static hada_status write_model(const hada_model *model, hada_tensors_writer *writer, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    part parts[PARTS];
+    const int count = list_parts(model, parts);
+    HADA_TRY(put_metadata(writer, &model->info, err));
+    for (int i = 0; i < count; i++)
+        HADA_TRY(hada_tensors_declare(writer, parts[i].name, parts[i].type, parts[i].dims, parts[i].shape, err));
+    HADA_TRY(declare_enhance(model, writer, err));
+    for (int i = 0; i < count; i++)
+        HADA_TRY(hada_tensors_write(writer, parts[i].data, parts[i].bytes, err));
+    HADA_TRY(write_enhance(model, writer, err));
+done:
+    return status;
+}
+
 hada_status hada_model_save(const hada_model *model, const char *path, hada_error *err)
 {
-    hada_tensors_writer *writer;
+    hada_status status = HADA_OK;
+    hada_tensors_writer *writer = NULL;
     c_numbers numbers = {0};
-    part parts[PARTS];
     if (!model || !path)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_model_save: model and path are needed");
-    hada_status status = hada_tensors_create(&writer, path, err);
-    if (status)
-        return status;
-    status = enter(&numbers, err);
-    if (!status) {
-        status = put_metadata(writer, &model->info, err);
-        leave(&numbers);
-    }
-    const int count = list_parts(model, parts);
-    for (int i = 0; !status && i < count; i++)
-        status = hada_tensors_declare(writer, parts[i].name, parts[i].type, parts[i].dims, parts[i].shape, err);
-    if (!status)
-        status = hada_model_declare_enhance(model, writer, err);
-    for (int i = 0; !status && i < count; i++)
-        status = hada_tensors_write(writer, parts[i].data, parts[i].bytes, err);
-    if (!status)
-        status = hada_model_write_enhance(model, writer, err);
-    if (!status)
-        return hada_tensors_finish(&writer, err);
+    HADA_TRY(enter(&numbers, err));
+    HADA_TRY(hada_tensors_create(&writer, path, err));
+    HADA_TRY(write_model(model, writer, err));
+    HADA_TRY(hada_tensors_finish(&writer, err));
+done:
     hada_tensors_abandon(&writer);
+    leave(&numbers);
     return status;
 }
 
@@ -185,38 +214,37 @@ static hada_status get_size(const hada_tensors *file, const char *path, const ch
 
 static hada_status get_metadata(const hada_tensors *file, const char *path, hada_model_info *info, hada_error *err)
 {
+    hada_status status = HADA_OK;
     double version = 0, steps = 0;
     const char *format = hada_tensors_meta(file, "format");
     const char *form = hada_tensors_meta(file, "form"), *boundary = hada_tensors_meta(file, "boundary");
     if (!format || strcmp(format, FORMAT))
         return hada_fail(err, HADA_ERROR_FILE_FORMAT, "%s is a safetensors file, but not a hadalens model", path);
-    hada_status status = get_number(file, path, "version", &version, err);
-    if (!status && version != FORMAT_VERSION)
+    HADA_TRY(get_number(file, path, "version", &version, err));
+    if (version != FORMAT_VERSION)
         return hada_fail(err, HADA_ERROR_FILE_FORMAT,
                          "%s is a model of version %g; this library reads version %d: update the library or fit again",
                          path, version, FORMAT_VERSION);
-    if (!status && (!form || !(info->form = hada_form_from_name(form))))
-        status = missing(path, "form", err);
-    if (!status && (!boundary || !(info->boundary = hada_boundary_from_name(boundary))))
-        status = missing(path, "boundary", err);
-    if (!status)
-        status = get_size(file, path, "raw", &info->raw_rows, &info->raw_cols, err);
-    if (!status)
-        status = get_size(file, path, "grid", &info->grid_rows, &info->grid_cols, err);
-    if (!status)
-        status = get_size(file, path, "window", &info->window_rows, &info->window_cols, err);
+    if (!form || !(info->form = hada_form_from_name(form)))
+        HADA_TRY(missing(path, "form", err));
+    if (!boundary || !(info->boundary = hada_boundary_from_name(boundary)))
+        HADA_TRY(missing(path, "boundary", err));
+    HADA_TRY(get_size(file, path, "raw", &info->raw_rows, &info->raw_cols, err));
+    HADA_TRY(get_size(file, path, "grid", &info->grid_rows, &info->grid_cols, err));
+    HADA_TRY(get_size(file, path, "window", &info->window_rows, &info->window_cols, err));
     const struct {
         const char *key;
         double *out;
     } numbers[] = {{"alpha", &info->alpha}, {"lambda", &info->lambda},         {"dark", &info->dark},
                    {"noise", &info->noise}, {"refine_rho", &info->refine_rho}, {"refine_steps", &steps}};
-    for (size_t i = 0; !status && i < sizeof numbers / sizeof *numbers; i++)
-        status = get_number(file, path, numbers[i].key, numbers[i].out, err);
-    if (!status && hada_tensors_meta(file, "refine_tv")) /* models of before have none */
-        status = get_number(file, path, "refine_tv", &info->refine_tv, err);
-    if (!status && (steps < 0 || steps > 100000 || steps != floor(steps)))
-        status = missing(path, "refine_steps", err);
+    for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++)
+        HADA_TRY(get_number(file, path, numbers[i].key, numbers[i].out, err));
+    if (hada_tensors_meta(file, "refine_tv")) /* models of before have none */
+        HADA_TRY(get_number(file, path, "refine_tv", &info->refine_tv, err));
+    if (steps < 0 || steps > MOST_STEPS || steps != floor(steps))
+        HADA_TRY(missing(path, "refine_steps", err));
     info->refine_steps = (int)steps;
+done:
     return status;
 }
 
@@ -245,14 +273,12 @@ static hada_status check_part(const hada_tensors *file, const char *path, const 
 /* Points the model's arrays into the file; small ones were allocated and are copied. */
 static hada_status take_parts(hada_model *model, const hada_tensors *file, const char *path, hada_error *err)
 {
+    hada_status status = HADA_OK;
     part parts[PARTS];
     const void *data = NULL;
-    hada_status status = HADA_OK;
     const int count = list_parts(model, parts);
-    for (int i = 0; !status && i < count; i++) {
-        status = check_part(file, path, &parts[i], &data, err);
-        if (status)
-            break;
+    for (int i = 0; i < count; i++) {
+        HADA_TRY(check_part(file, path, &parts[i], &data, err));
         if (!strcmp(parts[i].name, "distances_mm"))
             memcpy(model->distances, data, parts[i].bytes);
         else if (!strcmp(parts[i].name, "noise_power"))
@@ -268,32 +294,62 @@ static hada_status take_parts(hada_model *model, const hada_tensors *file, const
         else
             model->filter = (float *)(uintptr_t)data;
     }
+done:
     return status;
+}
+
+/* Takes the net of a file, where it holds one. */
+static hada_status read_enhance(hada_model *model, const hada_tensors *file, hada_error *err)
+{
+    const char *description = hada_tensors_meta(file, NET_META), *size = hada_tensors_meta(file, NET_SIZE);
+    int rows = 0, cols = 0;
+    hada_net *net = NULL;
+    char extra;
+    if (!description)
+        return HADA_OK;
+    if (size && (strlen(size) > 15 || sscanf(size, "%dx%d%c", &rows, &cols, &extra) != 2))
+        return hada_fail(err, HADA_ERROR_FILE_FORMAT, "the metadata " NET_SIZE " are not usable");
+    const hada_status status = hada_net_from_file(&net, description, file, NET_PREFIX, err);
+    return status ? status : hada_model_own_enhance(model, net, rows, cols, err);
+}
+
+/* What the metadata and the tensors' shapes say. */
+static hada_status get_info(const hada_tensors *file, const char *path, hada_model_info *info, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    HADA_TRY(get_metadata(file, path, info, err));
+    const hada_stored_tensor *filter = hada_tensors_find(file, "filter");
+    if (!filter || filter->dims != 5 || (filter->type != HADA_F32 && filter->type != HADA_F16))
+        return missing(path, "the tensor filter (float32 or float16, five dimensions)", err);
+    if (filter->shape[0] > 4096 || filter->shape[1] > 64)
+        return missing(path, "the tensor filter (at most 4096 depths, 64 channels)", err);
+    info->depths = (int)filter->shape[0];
+    info->channels = (int)filter->shape[1];
+    info->half = filter->type == HADA_F16;
+    info->has_otf = hada_tensors_find(file, "otf") != NULL;
+    info->name = path;
+done:
+    return status;
+}
+
+/* Checks of what was read, and the net. */
+static hada_status complete(hada_model *model, const hada_tensors *file, hada_error *err)
+{
+    const hada_status status = hada_model_info_check(&model->info, err);
+    return status ? status : read_enhance(model, file, err);
 }
 
 static hada_status load(hada_model **out, hada_tensors *file, const char *path, hada_error *err)
 {
     /* list_parts() asks which arrays there are: anything that is not NULL will do until the file's own stand there */
     static float present;
+    hada_status status = HADA_OK;
     hada_model_info info = {0};
     hada_model *model = NULL;
-    hada_status status = get_metadata(file, path, &info, err);
-    if (status)
-        return status;
-    const hada_stored_tensor *filter = hada_tensors_find(file, "filter");
-    if (!filter || filter->dims != 5 || (filter->type != HADA_F32 && filter->type != HADA_F16))
-        return missing(path, "the tensor filter (float32 or float16, five dimensions)", err);
-    if (filter->shape[0] > 4096 || filter->shape[1] > 64)
-        return missing(path, "the tensor filter (at most 4096 depths, 64 channels)", err);
-    info.depths = (int)filter->shape[0];
-    info.channels = (int)filter->shape[1];
-    info.half = filter->type == HADA_F16;
-    info.has_otf = hada_tensors_find(file, "otf") != NULL;
-    info.name = path;
-    status = hada_model_create_head(&model, &info, err);
-    if (status) {
+    HADA_TRY(get_info(file, path, &info, err));
+    if ((status = hada_model_create_head(&model, &info, err)) != HADA_OK) {
         hada_error_prefix(err, "%s: ", path);
-        return status;
+        goto done;
     }
     model->mapped = file;
     if (info.has_otf)
@@ -301,20 +357,14 @@ static hada_status load(hada_model **out, hada_tensors *file, const char *path, 
     if (hada_tensors_find(file, "scene_power")) {
         const size_t images = (size_t)info.depths * (size_t)info.channels;
         model->scene_power = &present;
-        status = hada_alloc((void **)&model->noise_power, images, sizeof(double), "the noise power", err);
-        if (!status)
-            status = hada_alloc((void **)&model->pairs, (size_t)info.depths, sizeof(double), "the pairs", err);
+        HADA_TRY(hada_alloc((void **)&model->noise_power, images, sizeof(double), "the noise power", err));
+        HADA_TRY(hada_alloc((void **)&model->pairs, (size_t)info.depths, sizeof(double), "the pairs", err));
     }
-    if (!status)
-        status = take_parts(model, file, path, err);
-    if (!status) {
-        status = hada_model_info_check(&model->info, err);
-        if (!status)
-            status = hada_model_read_enhance(model, file, err);
-        if (status)
-            hada_error_prefix(err, "%s: ", path);
-    }
-    if (status) {
+    HADA_TRY(take_parts(model, file, path, err));
+    if ((status = complete(model, file, err)) != HADA_OK)
+        hada_error_prefix(err, "%s: ", path);
+done:
+    if (status && model) {
         model->mapped = NULL; /* closed by the caller */
         model->filter = model->otf = model->scene_power = NULL;
         model->filter_half = NULL;
@@ -326,19 +376,17 @@ static hada_status load(hada_model **out, hada_tensors *file, const char *path, 
 
 hada_status hada_model_load(hada_model **out, const char *path, hada_error *err)
 {
-    hada_tensors *file;
+    hada_status status = HADA_OK;
+    hada_tensors *file = NULL;
     c_numbers numbers = {0};
     if (!out || !path)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_model_load: out and path are needed");
     *out = NULL;
-    hada_status status = hada_tensors_open(&file, path, err);
-    if (status)
-        return status;
-    status = enter(&numbers, err);
-    if (!status) {
-        status = load(out, file, path, err);
-        leave(&numbers);
-    }
+    HADA_TRY(enter(&numbers, err));
+    HADA_TRY(hada_tensors_open(&file, path, err));
+    HADA_TRY(load(out, file, path, err));
+done:
+    leave(&numbers);
     if (status)
         hada_tensors_close(&file);
     return status;

@@ -185,6 +185,7 @@ static hada_status read_from(hada_layer *layer, int index, const json_t *from, h
 
 static hada_status read_layer(hada_net *net, int index, const json_t *object, hada_error *err)
 {
+    hada_status status = HADA_OK;
     const char *name = json_string_value(json_object_get(object, "name"));
     const int kind = hada_layer_kind_find(json_string_value(json_object_get(object, "layer")));
     if (kind < 0)
@@ -192,45 +193,52 @@ static hada_status read_layer(hada_net *net, int index, const json_t *object, ha
     if (name && strlen(name) >= HADA_LAYER_NAME)
         return damaged(index, "name", "is too long", err);
     hada_layer layer = hada_layer_of((hada_layer_kind)kind, name, 0);
-    hada_status status =
-        kind == HADA_LAYER_INPUT ? HADA_OK : read_from(&layer, index, json_object_get(object, "from"), err);
+    if (kind != HADA_LAYER_INPUT)
+        HADA_TRY(read_from(&layer, index, json_object_get(object, "from"), err));
     const char *key;
     json_t *value;
     json_object_foreach((json_t *)(uintptr_t)object, key, value)
     {
-        if (!status && strcmp(key, "layer") && strcmp(key, "name") && strcmp(key, "from"))
-            status = read_attribute(&layer, index, key, value, err);
+        if (strcmp(key, "layer") && strcmp(key, "name") && strcmp(key, "from"))
+            HADA_TRY(read_attribute(&layer, index, key, value, err));
     }
-    return status ? status : hada_net_add(net, &layer, NULL, err);
+    HADA_TRY(hada_net_add(net, &layer, NULL, err));
+done:
+    return status;
 }
 
 static hada_status read_list(hada_net **out, const json_t *root, hada_error *err)
 {
+    hada_status status = HADA_OK;
     const char *format = json_string_value(json_object_get(root, "format"));
     const json_t *layers = json_object_get(root, "layers"), *colours = json_object_get(root, "colours");
     if (!format || strcmp(format, FORMAT) || !json_is_array(layers))
         return hada_fail(err, HADA_ERROR_MODEL,
                          "this is not the description of a net (format " FORMAT " with a list of layers)");
     const json_int_t count = colours ? json_integer_value(colours) : 1;
-    hada_status status = hada_net_begin(out, count > 0 && count < 1000 ? (int)count : 0, err);
-    for (size_t i = 0; !status && i < json_array_size(layers); i++)
-        status = read_layer(*out, (int)i, json_array_get(layers, i), err);
-    return status ? status : hada_net_finish(*out, err);
+    HADA_TRY(hada_net_begin(out, count > 0 && count < 1000 ? (int)count : 0, err));
+    for (size_t i = 0; i < json_array_size(layers); i++)
+        HADA_TRY(read_layer(*out, (int)i, json_array_get(layers, i), err));
+    HADA_TRY(hada_net_finish(*out, err));
+done:
+    return status;
 }
 
 hada_status hada_net_create(hada_net **out, const char *description, uint64_t seed, hada_error *err)
 {
+    hada_status status = HADA_OK;
     json_error_t why;
     if (!out || !description)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_net_create: out and description are needed");
     *out = NULL;
     json_t *root = json_loads(description, JSON_REJECT_DUPLICATES, &why);
-    hada_status status = root ? read_list(out, root, err)
-                              : hada_fail(err, HADA_ERROR_MODEL, "the net's description is not JSON: %s at its byte %d",
-                                          why.text, why.position);
+    if (!root)
+        return hada_fail(err, HADA_ERROR_MODEL, "the net's description is not JSON: %s at its byte %d", why.text,
+                         why.position);
+    HADA_TRY(read_list(out, root, err));
+    HADA_TRY(hada_net_init(*out, seed, err));
+done:
     json_decref(root);
-    if (!status)
-        status = hada_net_init(*out, seed, err);
     if (status)
         hada_net_destroy(out);
     return status;

@@ -1,4 +1,4 @@
-/* Lists of layers: adding, checking, parameters. */
+/* Lists of layers: adding, checking, parameters, sizes. */
 #include "netlist/net_list.h"
 
 #include <limits.h>
@@ -10,21 +10,26 @@
 #include "core/alloc.h"
 #include "netlist/init.h"
 
+/* Bounds on what a list read from a file may claim: far above any net in use, and small enough that products of two of
+ * them do not overflow. */
 #define MOST_LAYERS   4096
 #define MOST_CHANNELS 65536
+#define MOST_COLOURS  64
 #define MOST_PIXELS   (1 << 20) /* of a side, a kernel, a stride */
 
 hada_status hada_net_begin(hada_net **out, int colours, hada_error *err)
 {
-    hada_net *net;
+    hada_net *net = NULL;
     *out = NULL;
-    if (colours < 1 || colours > 64)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "a net shared by %d channels: 1 to 64 can be", colours);
-    hada_status status = hada_alloc((void **)&net, 1, sizeof *net, "a net", err);
-    if (!status)
-        net->colours = colours;
+    if (colours < 1 || colours > MOST_COLOURS)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "a net shared by %d channels: 1 to %d can be", colours,
+                         MOST_COLOURS);
+    const hada_status status = hada_alloc((void **)&net, 1, sizeof *net, "a net", err);
+    if (status)
+        return status;
+    net->colours = colours;
     *out = net;
-    return status;
+    return HADA_OK;
 }
 
 void hada_net_destroy(hada_net **pointer)
@@ -214,7 +219,7 @@ static hada_status make_parameters(hada_net *net, hada_error *err)
     size_t count = 0;
     for (int i = 0; i < net->count; i++)
         count += (size_t)parameters_of(net, &net->layers[i]);
-    hada_status status =
+    const hada_status status =
         hada_alloc((void **)&net->parameters, count, sizeof *net->parameters, "the table of parameters", err);
     if (status)
         return status;
@@ -239,33 +244,31 @@ static hada_status make_parameters(hada_net *net, hada_error *err)
 
 hada_status hada_net_finish(hada_net *net, hada_error *err)
 {
+    hada_status status = HADA_OK;
     if (net->count < 2)
         return hada_fail(err, HADA_ERROR_MODEL, "a net has an input and at least one more layer");
-    hada_status status = HADA_OK;
-    for (int i = 0; !status && i < net->count; i++) {
-        status = check_inputs(net, i, err);
-        if (!status)
-            status = check_numbers(net, i, err);
-        if (!status) {
-            set_channels(net, i);
-            if (net->layers[i].channels > MOST_CHANNELS)
-                status = refuse(net, i, "has too many channels", err);
-        }
+    for (int i = 0; i < net->count; i++) {
+        HADA_TRY(check_inputs(net, i, err));
+        HADA_TRY(check_numbers(net, i, err));
+        set_channels(net, i);
+        if (net->layers[i].channels > MOST_CHANNELS)
+            HADA_TRY(refuse(net, i, "has too many channels", err));
     }
-    if (!status)
-        status = check_used(net, err);
-    return status ? status : make_parameters(net, err);
+    HADA_TRY(check_used(net, err));
+    HADA_TRY(make_parameters(net, err));
+done:
+    return status;
 }
 
 hada_status hada_net_copy(hada_net **out, const hada_net *net, hada_error *err)
 {
-    hada_status status = hada_net_begin(out, net->colours, err);
-    for (int i = 0; !status && i < net->count; i++)
-        status = hada_net_add(*out, &net->layers[i], NULL, err);
-    if (!status)
-        status = hada_net_finish(*out, err);
-    if (!status)
-        memcpy((*out)->values, net->values, net->floats * sizeof *net->values);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_net_begin(out, net->colours, err));
+    for (int i = 0; i < net->count; i++)
+        HADA_TRY(hada_net_add(*out, &net->layers[i], NULL, err));
+    HADA_TRY(hada_net_finish(*out, err));
+    memcpy((*out)->values, net->values, net->floats * sizeof *net->values);
+done:
     if (status)
         hada_net_destroy(out);
     return status;
@@ -287,7 +290,7 @@ const hada_parameter *hada_net_parameter(const hada_net *net, int layer, int col
 hada_status hada_net_init(hada_net *net, uint64_t seed, hada_error *err)
 {
     hada_status status = HADA_OK;
-    for (int i = 0; !status && i < net->parameter_count; i++) {
+    for (int i = 0; i < net->parameter_count; i++) {
         const hada_parameter *parameter = &net->parameters[i];
         const hada_layer *layer = &net->layers[parameter->layer];
         float *values = net->values + parameter->offset;
@@ -301,10 +304,10 @@ hada_status hada_net_init(hada_net *net, uint64_t seed, hada_error *err)
         hada_init_desc desc = {.init = HADA_INIT_KAIMING_NORMAL};
         if (layer->activation != HADA_ACTIVATION_RELU && layer->activation != HADA_ACTIVATION_LEAKY_RELU)
             desc.init = HADA_INIT_TORCH;
-        status = hada_init_fans(parameter->shape, parameter->dims, &desc.fan_in, &desc.fan_out, err);
-        if (!status)
-            status = hada_init_fill(values, parameter->count, &desc, parameter->name, seed, err);
+        HADA_TRY(hada_init_fans(parameter->shape, parameter->dims, &desc.fan_in, &desc.fan_out, err));
+        HADA_TRY(hada_init_fill(values, parameter->count, &desc, parameter->name, seed, err));
     }
+done:
     return status;
 }
 
@@ -317,4 +320,55 @@ void hada_net_get_info(const hada_net *net, hada_net_info *info)
                             .parameters = net->parameter_count,
                             .trained = net->trained,
                             .values = net->floats};
+}
+
+/* Pixels along one axis; 0 or less: none are left. */
+static int conv_pixels(const hada_layer *layer, int in)
+{
+    if (layer->transposed)
+        return (in - 1) * layer->stride - 2 * layer->pad + layer->kernel + layer->output_pad;
+    return in + 2 * layer->pad < layer->kernel ? 0 : (in + 2 * layer->pad - layer->kernel) / layer->stride + 1;
+}
+
+static int pool_pixels(const hada_layer *layer, int in)
+{
+    return in < layer->kernel ? 0 : (in - layer->kernel) / layer->stride + 1;
+}
+
+static hada_size size_of(const hada_layer *layer, const hada_size *sizes)
+{
+    const hada_size in = sizes[layer->inputs[0]];
+    switch (layer->kind) {
+    case HADA_LAYER_CONV: return (hada_size){conv_pixels(layer, in.rows), conv_pixels(layer, in.cols)};
+    case HADA_LAYER_POOL: return (hada_size){pool_pixels(layer, in.rows), pool_pixels(layer, in.cols)};
+    case HADA_LAYER_RESIZE: return layer->like >= 0 ? sizes[layer->like] : (hada_size){layer->rows, layer->cols};
+    case HADA_LAYER_LINEAR: return (hada_size){1, 1};
+    default: return in;
+    }
+}
+
+hada_status hada_net_sizes(const hada_net *net, int rows, int cols, hada_size *sizes, hada_error *err)
+{
+    for (int i = 0; i < net->count; i++) {
+        const hada_layer *layer = &net->layers[i];
+        const hada_size size = i ? size_of(layer, sizes) : (hada_size){rows, cols};
+        if (size.rows < 1 || size.cols < 1 || size.rows > MOST_PIXELS || size.cols > MOST_PIXELS)
+            return hada_fail(err, HADA_ERROR_SIZE,
+                             "an image of %d x %d pixels is too %s for this net: "
+                             "layer %d (%s %s) gives %d x %d",
+                             rows, cols, size.rows > MOST_PIXELS || size.cols > MOST_PIXELS ? "large" : "small", i,
+                             hada_layer_kind_name((int)layer->kind), layer->name, size.rows, size.cols);
+        if (layer->kind == HADA_LAYER_LINEAR) {
+            const hada_size in = sizes[layer->inputs[0]];
+            const long long values = (long long)net->layers[layer->inputs[0]].channels * in.rows * in.cols;
+            if (values != layer->in)
+                return hada_fail(err, HADA_ERROR_SIZE,
+                                 "layer %d (linear %s) takes %d values of an image, "
+                                 "but %lld come from %d x %d pixels: "
+                                 "resize the image, or change the list",
+                                 i, layer->name, layer->in, values, rows, cols);
+        }
+        sizes[i] = size;
+    }
+    return HADA_OK;
 }

@@ -11,18 +11,7 @@
 #include "core/error.h"
 #include "netlist/kinds.h"
 
-typedef enum hada_layer_kind {
-    HADA_LAYER_INPUT = 0,
-    HADA_LAYER_CONV = 1,
-    HADA_LAYER_ACTIVATION = 2,
-    HADA_LAYER_POOL = 3,
-    HADA_LAYER_RESIZE = 4,
-    HADA_LAYER_CONCAT = 5, /* channels one after the other; each is cropped or filled with zeros to the first's size */
-    HADA_LAYER_NORM = 6,   /* batch norm */
-    HADA_LAYER_DROPOUT = 7,
-    HADA_LAYER_LINEAR = 8 /* on all values of an image, as after torch.flatten; gives 1 x 1 pixels */
-} hada_layer_kind;
-enum { HADA_LAYER_KINDS = 9, HADA_LAYER_INPUTS = 8, HADA_LAYER_NAME = 64 };
+enum { HADA_LAYER_INPUTS = 8, HADA_LAYER_NAME = 64 };
 
 typedef struct hada_layer {
     hada_layer_kind kind;
@@ -94,16 +83,5 @@ const hada_parameter *hada_net_find(const hada_net *net, const char *name);
 /* A parameter of a layer: the weight (0) or the bias (1) of a convolution or linear layer; weight, bias, running mean
  * and running variance (0 to 3) of a batch norm for one colour. */
 const hada_parameter *hada_net_parameter(const hada_net *net, int layer, int colour, int which);
-
-/* Words for kinds (list_names.c): "conv", "relu", "max", "linear", ...; NULL for a number out of range. The find
- * functions return -1 for a word that is none. */
-const char *hada_layer_kind_name(int kind);
-const char *hada_activation_name(int activation);
-const char *hada_pool_name(int pool);
-const char *hada_resize_name(int resize);
-int hada_layer_kind_find(const char *name);
-int hada_activation_find(const char *name);
-int hada_pool_find(const char *name);
-int hada_resize_find(const char *name);
 
 #endif

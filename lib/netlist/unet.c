@@ -53,13 +53,14 @@ static hada_status add_convs(hada_net *net, const char *side, int level, int cou
                              hada_error *err)
 {
     hada_status status = HADA_OK;
-    for (int i = 0; !status && i < count; i++) {
+    for (int i = 0; i < count; i++) {
         hada_layer conv = hada_layer_of(HADA_LAYER_CONV, "", *at);
         snprintf(conv.name, sizeof conv.name, "%s.%d.%d", side, level, i);
         conv.channels = width[i];
         conv.activation = HADA_ACTIVATION_RELU;
-        status = hada_net_add(net, &conv, at, err);
+        HADA_TRY(hada_net_add(net, &conv, at, err));
     }
+done:
     return status;
 }
 
@@ -68,6 +69,7 @@ static hada_status add_convs(hada_net *net, const char *side, int level, int cou
 static hada_status add_lift(hada_net *net, const hada_unet_options *options, int level, int skip, int *at,
                             hada_error *err)
 {
+    hada_status status = HADA_OK;
     hada_layer lift = hada_layer_of(HADA_LAYER_RESIZE, "", *at);
     lift.like = skip;
     lift.resize = options->up_by == HADA_UNET_NEAREST ? HADA_RESIZE_NEAREST : HADA_RESIZE_LINEAR;
@@ -79,13 +81,13 @@ static hada_status add_lift(hada_net *net, const hada_unet_options *options, int
         lift.pad = 0;
         lift.transposed = 1;
     }
-    hada_status status = hada_net_add(net, &lift, at, err);
-    if (status)
-        return status;
+    HADA_TRY(hada_net_add(net, &lift, at, err));
     hada_layer concat = hada_layer_of(HADA_LAYER_CONCAT, "", skip);
     concat.inputs[1] = *at;
     concat.input_count = 2;
-    return hada_net_add(net, &concat, at, err);
+    HADA_TRY(hada_net_add(net, &concat, at, err));
+done:
+    return status;
 }
 
 static hada_status add_last(hada_net *net, const hada_unet_options *options, int *at, hada_error *err)
@@ -93,45 +95,48 @@ static hada_status add_last(hada_net *net, const hada_unet_options *options, int
     hada_status status = HADA_OK;
     if (options->last_norm) {
         const hada_layer norm = hada_layer_of(HADA_LAYER_NORM, "norm", *at);
-        status = hada_net_add(net, &norm, at, err);
+        HADA_TRY(hada_net_add(net, &norm, at, err));
     }
     hada_layer last = hada_layer_of(HADA_LAYER_CONV, "last", *at);
     last.channels = options->shared ? 1 : options->out_channels;
     last.kernel = options->last_kernel;
     last.pad = options->last_kernel / 2;
     last.activation = options->last_relu ? HADA_ACTIVATION_RELU : HADA_ACTIVATION_NONE;
-    return status ? status : hada_net_add(net, &last, at, err);
+    HADA_TRY(hada_net_add(net, &last, at, err));
+done:
+    return status;
 }
 
 static hada_status add_all(hada_net *net, const hada_unet_options *options, const widths *down, const widths *up,
                            hada_error *err)
 {
+    hada_status status = HADA_OK;
     int skips[MOST_LEVELS], at;
     hada_layer input = hada_layer_of(HADA_LAYER_INPUT, "", 0);
     input.channels = options->shared ? 1 : options->channels;
-    hada_status status = hada_net_add(net, &input, &at, err);
-    for (int level = 0; !status && level < down->levels; level++) {
+    HADA_TRY(hada_net_add(net, &input, &at, err));
+    for (int level = 0; level < down->levels; level++) {
         if (level) {
             const hada_layer pool = hada_layer_of(HADA_LAYER_POOL, "", at);
-            status = hada_net_add(net, &pool, &at, err);
+            HADA_TRY(hada_net_add(net, &pool, &at, err));
         }
-        if (!status)
-            status = add_convs(net, "down", level, down->counts[level], down->width[level], &at, err);
+        HADA_TRY(add_convs(net, "down", level, down->counts[level], down->width[level], &at, err));
         skips[level] = at;
     }
-    for (int level = down->levels - 2; !status && level >= 0; level--) {
+    for (int level = down->levels - 2; level >= 0; level--) {
         const int step = down->levels - 2 - level;
-        status = add_lift(net, options, level, skips[level], &at, err);
-        if (!status)
-            status = add_convs(net, "up", level, up->counts[step], up->width[step], &at, err);
+        HADA_TRY(add_lift(net, options, level, skips[level], &at, err));
+        HADA_TRY(add_convs(net, "up", level, up->counts[step], up->width[step], &at, err));
     }
-    if (!status)
-        status = add_last(net, options, &at, err);
-    return status ? status : hada_net_finish(net, err);
+    HADA_TRY(add_last(net, options, &at, err));
+    HADA_TRY(hada_net_finish(net, err));
+done:
+    return status;
 }
 
 hada_status hada_unet_make(hada_net **out, const hada_unet_options *options, hada_error *err)
 {
+    hada_status status = HADA_OK;
     widths down, up;
     *out = NULL;
     if (options->size != sizeof *options || !options->down || !options->up)
@@ -144,11 +149,8 @@ hada_status hada_unet_make(hada_net **out, const hada_unet_options *options, had
                          "U-net options: 1 to 64 channels, as many out as in where "
                          "the net is shared, and a last "
                          "kernel of 1 or 3");
-    hada_status status = read_widths(options->down, &down, err);
-    if (!status)
-        status = read_widths(options->up, &up, err);
-    if (status)
-        return status;
+    HADA_TRY(read_widths(options->down, &down, err));
+    HADA_TRY(read_widths(options->up, &up, err));
     for (int level = 0; level < down.levels; level++)
         if (!down.counts[level])
             return hada_fail(err, HADA_ERROR_ARGUMENT, "level %d of the U-net \"%.200s\" has no convolution", level,
@@ -158,9 +160,9 @@ hada_status hada_unet_make(hada_net **out, const hada_unet_options *options, had
                          "a U-net with the levels \"%.200s\" needs %d levels on "
                          "the way up, not \"%.200s\"",
                          options->down, down.levels - 1, options->up);
-    status = hada_net_begin(out, options->shared ? options->channels : 1, err);
-    if (!status)
-        status = add_all(*out, options, &down, &up, err);
+    HADA_TRY(hada_net_begin(out, options->shared ? options->channels : 1, err));
+    HADA_TRY(add_all(*out, options, &down, &up, err));
+done:
     if (status)
         hada_net_destroy(out);
     return status;
@@ -168,11 +170,12 @@ hada_status hada_unet_make(hada_net **out, const hada_unet_options *options, had
 
 hada_status hada_net_create_unet(hada_net **out, const hada_unet_options *options, uint64_t seed, hada_error *err)
 {
+    hada_status status = HADA_OK;
     if (!out || !options)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_net_create_unet: out and options are needed");
-    hada_status status = hada_unet_make(out, options, err);
-    if (!status)
-        status = hada_net_init(*out, seed, err);
+    HADA_TRY(hada_unet_make(out, options, err));
+    HADA_TRY(hada_net_init(*out, seed, err));
+done:
     if (status)
         hada_net_destroy(out);
     return status;

@@ -9,21 +9,21 @@ static const int widths[] = {64, 64, 0, 128, 128, 0, 256, 256, 256, 0, 512, 512,
 
 static hada_status add_all(hada_net *net, hada_error *err)
 {
+    hada_status status = HADA_OK;
     int at;
     hada_layer layer = hada_layer_of(HADA_LAYER_INPUT, "", 0);
     layer.channels = 3;
-    hada_status status = hada_net_add(net, &layer, &at, err);
+    HADA_TRY(hada_net_add(net, &layer, &at, err));
     /* (x - mean) / deviation, as a convolution of 1 x 1 */
     layer = hada_layer_of(HADA_LAYER_CONV, "normalize", 0);
     layer.channels = 3;
     layer.kernel = 1;
     layer.pad = 0;
-    if (!status)
-        status = hada_net_add(net, &layer, &at, err);
+    HADA_TRY(hada_net_add(net, &layer, &at, err));
     /* torchvision numbers the layers of its Sequential: a convolution, its ReLU,
      * a pooling count one each */
     int number = 0;
-    for (size_t i = 0; !status && i < sizeof widths / sizeof *widths; i++) {
+    for (size_t i = 0; i < sizeof widths / sizeof *widths; i++) {
         layer = hada_layer_of(widths[i] ? HADA_LAYER_CONV : HADA_LAYER_POOL, "", at);
         if (widths[i]) {
             snprintf(layer.name, sizeof layer.name, "features.%d", number);
@@ -31,9 +31,11 @@ static hada_status add_all(hada_net *net, hada_error *err)
             layer.activation = HADA_ACTIVATION_RELU;
         }
         number += widths[i] ? 2 : 1;
-        status = hada_net_add(net, &layer, &at, err);
+        HADA_TRY(hada_net_add(net, &layer, &at, err));
     }
-    return status ? status : hada_net_finish(net, err);
+    HADA_TRY(hada_net_finish(net, err));
+done:
+    return status;
 }
 
 static void normalize(hada_net *net)
@@ -50,26 +52,26 @@ static void normalize(hada_net *net)
 
 hada_status hada_vgg16_make(hada_net **out, hada_error *err)
 {
-    hada_status status = hada_net_begin(out, 1, err);
-    if (!status)
-        status = add_all(*out, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_net_begin(out, 1, err));
+    HADA_TRY(add_all(*out, err));
+    normalize(*out);
+done:
     if (status)
         hada_net_destroy(out);
-    else
-        normalize(*out);
     return status;
 }
 
 hada_status hada_vgg16_load(hada_net **out, const char *path, hada_error *err)
 {
-    hada_tensors *file;
+    hada_status status = HADA_OK;
+    hada_tensors *file = NULL;
     *out = NULL;
-    hada_status status = hada_tensors_open(&file, path, err);
-    if (status)
+    if ((status = hada_tensors_open(&file, path, err)) != HADA_OK)
         return status;
-    status = hada_vgg16_make(out, err);
-    if (!status)
-        status = hada_net_read_but(*out, file, "", "normalize.", err);
+    HADA_TRY(hada_vgg16_make(out, err));
+    HADA_TRY(hada_net_read_but(*out, file, "", "normalize.", err));
+done:
     if (status) {
         hada_error_prefix(err, "%s: ", path);
         hada_net_destroy(out);

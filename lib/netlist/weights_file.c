@@ -29,9 +29,10 @@ static hada_status find(const hada_parameter *parameter, const hada_tensors *fil
 hada_status hada_net_read_but(hada_net *net, const hada_tensors *file, const char *prefix, const char *own,
                               hada_error *err)
 {
+    hada_status status = HADA_OK;
     float *values = NULL;
-    hada_status status = hada_alloc((void **)&values, net->floats, sizeof *values, "the weights", err);
-    for (int i = 0; !status && i < net->parameter_count; i++) {
+    HADA_TRY(hada_alloc((void **)&values, net->floats, sizeof *values, "the weights", err));
+    for (int i = 0; i < net->parameter_count; i++) {
         const hada_parameter *parameter = &net->parameters[i];
         const hada_stored_tensor *tensor = NULL;
         float *at = values + parameter->offset;
@@ -39,16 +40,15 @@ hada_status hada_net_read_but(hada_net *net, const hada_tensors *file, const cha
             memcpy(at, net->values + parameter->offset, parameter->count * sizeof *at);
             continue;
         }
-        status = find(parameter, file, prefix, &tensor, err);
-        if (!status)
-            status = hada_tensor_copy_f32(tensor, 0, parameter->count, at, err);
-        for (size_t k = 0; !status && k < parameter->count; k++)
+        HADA_TRY(find(parameter, file, prefix, &tensor, err));
+        HADA_TRY(hada_tensor_copy_f32(tensor, 0, parameter->count, at, err));
+        for (size_t k = 0; k < parameter->count; k++)
             if (!isfinite(at[k]))
-                status = hada_fail(err, HADA_ERROR_NOT_FINITE, "the tensor %s%s holds values that are not finite",
-                                   prefix, parameter->name);
+                HADA_TRY(hada_fail(err, HADA_ERROR_NOT_FINITE, "the tensor %s%s holds values that are not finite",
+                                   prefix, parameter->name));
     }
-    if (!status)
-        memcpy(net->values, values, net->floats * sizeof *values);
+    memcpy(net->values, values, net->floats * sizeof *values);
+done:
     free(values);
     return status;
 }
@@ -61,9 +61,10 @@ hada_status hada_net_read(hada_net *net, const hada_tensors *file, const char *p
 hada_status hada_net_from_file(hada_net **out, const char *description, const hada_tensors *file, const char *prefix,
                                hada_error *err)
 {
-    hada_status status = hada_net_create(out, description, 0, err);
-    if (!status)
-        status = hada_net_read(*out, file, prefix, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_net_create(out, description, 0, err));
+    HADA_TRY(hada_net_read(*out, file, prefix, err));
+done:
     if (status)
         hada_net_destroy(out);
     return status;
@@ -71,29 +72,31 @@ hada_status hada_net_from_file(hada_net **out, const char *description, const ha
 
 hada_status hada_net_declare(const hada_net *net, hada_tensors_writer *writer, const char *prefix, hada_error *err)
 {
-    char name[512];
     hada_status status = HADA_OK;
-    for (int i = 0; !status && i < net->parameter_count; i++) {
+    char name[512];
+    for (int i = 0; i < net->parameter_count; i++) {
         const hada_parameter *parameter = &net->parameters[i];
         snprintf(name, sizeof name, "%.300s%s", prefix, parameter->name);
-        status = hada_tensors_declare(writer, name, HADA_F32, parameter->dims, parameter->shape, err);
+        HADA_TRY(hada_tensors_declare(writer, name, HADA_F32, parameter->dims, parameter->shape, err));
     }
+done:
     return status;
 }
 
 hada_status hada_net_write(const hada_net *net, hada_tensors_writer *writer, hada_error *err)
 {
     hada_status status = HADA_OK;
-    for (int i = 0; !status && i < net->parameter_count; i++) {
+    for (int i = 0; i < net->parameter_count; i++) {
         const hada_parameter *parameter = &net->parameters[i];
-        status = hada_tensors_write(writer, net->values + parameter->offset, parameter->count * sizeof(float), err);
+        HADA_TRY(hada_tensors_write(writer, net->values + parameter->offset, parameter->count * sizeof(float), err));
     }
+done:
     return status;
 }
 
 hada_status hada_net_load_weights(hada_net *net, const char *path, const char *prefix, hada_error *err)
 {
-    hada_tensors *file;
+    hada_tensors *file = NULL;
     if (!net || !path)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_net_load_weights: net and path are needed");
     hada_status status = hada_tensors_open(&file, path, err);
@@ -108,7 +111,7 @@ hada_status hada_net_load_weights(hada_net *net, const char *path, const char *p
 
 hada_status hada_net_load(hada_net **out, const char *path, hada_error *err)
 {
-    hada_tensors *file;
+    hada_tensors *file = NULL;
     if (!out || !path)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_net_load: out and path are needed");
     *out = NULL;
@@ -116,12 +119,10 @@ hada_status hada_net_load(hada_net **out, const char *path, hada_error *err)
     if (status)
         return status;
     const char *description = hada_tensors_meta(file, HADA_NET_META);
-    if (!description)
-        status = hada_fail(err, HADA_ERROR_FILE_FORMAT,
-                           "there is no description of a net in the metadata (\"" HADA_NET_META
-                           "\"); weights alone are loaded into a net with hada_net_load_weights()");
-    if (!status)
-        status = hada_net_from_file(out, description, file, "", err);
+    status = description ? hada_net_from_file(out, description, file, "", err)
+                         : hada_fail(err, HADA_ERROR_FILE_FORMAT,
+                                     "there is no description of a net in the metadata (\"" HADA_NET_META
+                                     "\"); weights alone are loaded into a net with hada_net_load_weights()");
     if (status)
         hada_error_prefix(err, "%s: ", path);
     hada_tensors_close(&file);
@@ -130,25 +131,19 @@ hada_status hada_net_load(hada_net **out, const char *path, hada_error *err)
 
 hada_status hada_net_save(const hada_net *net, const char *path, hada_error *err)
 {
-    hada_tensors_writer *writer;
+    hada_status status = HADA_OK;
+    hada_tensors_writer *writer = NULL;
     char *description = NULL;
     if (!net || !path)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_net_save: net and path are needed");
-    hada_status status = hada_net_describe(net, &description, err);
-    if (status)
-        return status;
-    status = hada_tensors_create(&writer, path, err);
-    if (!status) {
-        status = hada_tensors_put_meta(writer, HADA_NET_META, description, err);
-        if (!status)
-            status = hada_net_declare(net, writer, "", err);
-        if (!status)
-            status = hada_net_write(net, writer, err);
-        if (!status)
-            status = hada_tensors_finish(&writer, err);
-        else
-            hada_tensors_abandon(&writer);
-    }
+    HADA_TRY(hada_net_describe(net, &description, err));
+    HADA_TRY(hada_tensors_create(&writer, path, err));
+    HADA_TRY(hada_tensors_put_meta(writer, HADA_NET_META, description, err));
+    HADA_TRY(hada_net_declare(net, writer, "", err));
+    HADA_TRY(hada_net_write(net, writer, err));
+    HADA_TRY(hada_tensors_finish(&writer, err));
+done:
+    hada_tensors_abandon(&writer);
     free(description);
     return status;
 }

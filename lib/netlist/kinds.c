@@ -1,7 +1,7 @@
 /* The words by which lists of layers name kinds. */
-#include <string.h>
+#include "netlist/kinds.h"
 
-#include "netlist/net_list.h"
+#include <string.h>
 
 static const char *const layer_kinds[HADA_LAYER_KINDS] = {"input",  "conv", "activation", "pool",  "resize",
                                                           "concat", "norm", "dropout",    "linear"};

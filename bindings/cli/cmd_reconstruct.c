@@ -117,6 +117,7 @@ typedef struct job {
     hada_cli_contexts devices;
     hada_model *model;
     hada_plan *plan;
+    hada_classic_options classic;
     hada_cli_dark dark;
     int *depths, *occupied;
 } job;
@@ -127,6 +128,7 @@ static hada_status read_options(job *work, hada_plan_options *plan, hada_error *
     const hada_model_info *info = hada_model_get_info(work->model);
     hada_status status = HADA_OK;
     hada_plan_options_init(plan);
+    hada_classic_options_init(&work->classic);
     work->depths = calloc((size_t)info->depths, sizeof *work->depths);
     work->occupied = calloc((size_t)info->depths, sizeof *work->occupied);
     if (!work->depths || !work->occupied)
@@ -160,7 +162,8 @@ static hada_status read_options(job *work, hada_plan_options *plan, hada_error *
     if (!status)
         status = hada_cli_read_skip(set->skip, &plan->skip, err);
     if (!status)
-        status = hada_cli_read_method(&set->method, &plan->classic, err);
+        status = hada_cli_read_method(&set->method, &work->classic, err);
+    plan->classic = &work->classic;
     plan->max_error = set->max_error;
     plan->band = set->band;
     plan->repair_not_finite = set->repair;

@@ -210,9 +210,10 @@ static void warn_linear(hada_cli_train_run *run, const hada_model *model)
 static hada_status train(hada_cli_train_run *run, const hada_cli_contexts *devices, hada_error *err)
 {
     hada_train_options use;
+    hada_augment augment;
     hada_model *model = NULL;
     hada_net *net = NULL;
-    hada_status status = hada_cli_train_options(run->cli, run->set, run->data, &use, &net, err);
+    hada_status status = hada_cli_train_options(run->cli, run->set, run->data, &use, &augment, &net, err);
     if (!status)
         status = hada_cli_train_model(run->cli, run->set, run->data, devices->contexts[0], &model, err);
     if (!status)

@@ -35,9 +35,9 @@ hada_status hada_cli_train_data_make(hada_cli *cli, const hada_cli_train_setting
 void hada_cli_train_data_free(hada_cli_train_data *data);
 
 /* train_start.c: options as the stage has them and the command line changes them. `net` is a net file's, to be
- * destroyed by the caller after the trainer was made. */
+ * destroyed by the caller after the trainer was made; `augment` is pointed to by the options. */
 hada_status hada_cli_train_options(hada_cli *cli, const hada_cli_train_settings *set, const hada_cli_train_data *data,
-                                   hada_train_options *options, hada_net **net, hada_error *err);
+                                   hada_train_options *options, hada_augment *augment, hada_net **net, hada_error *err);
 
 /* The model to begin with: that of -m, else a blank one (filters at random, conventional), else the exact fit of the
  * pairs to learn from. */

@@ -87,7 +87,7 @@ static void take_rates(const hada_cli_train_settings *set, hada_train_options *o
 }
 
 hada_status hada_cli_train_options(hada_cli *cli, const hada_cli_train_settings *set, const hada_cli_train_data *data,
-                                   hada_train_options *options, hada_net **net, hada_error *err)
+                                   hada_train_options *options, hada_augment *augment, hada_net **net, hada_error *err)
 {
     static const char *const critics[] = {"patch", "conditional", "paper"};
     const hada_stage stage = hada_cli_train_stage(set);
@@ -105,7 +105,9 @@ hada_status hada_cli_train_options(hada_cli *cli, const hada_cli_train_settings 
     take_steps(set->critic_steps, &options->critic_steps);
     take_rates(set, options);
     take_losses(set, options);
-    take_changes(set, &options->augment);
+    hada_augment_init(augment);
+    take_changes(set, augment);
+    options->augment = augment;
     if (set->steps != HADA_CLI_COUNT_DEFAULT)
         options->steps = (uint64_t)set->steps;
     if (set->epochs != HADA_CLI_COUNT_DEFAULT && options->batch > 0)

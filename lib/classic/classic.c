@@ -5,12 +5,14 @@
 
 #include "classic/classic_steps.h"
 #include "core/alloc.h"
+#include "core/options.h"
 
 enum { MOST_SUMS = 4, BAND = 4096 /* pixels of a band of rows, about */ };
 
-void hada_classic_options_init(hada_classic_options *options)
+void hada_classic_options_defaults(hada_classic_options *options, size_t size)
 {
-    *options = (hada_classic_options){.iterations = 100,
+    const hada_classic_options own = {.size = sizeof own,
+                                      .iterations = 100,
                                       .weight = -1.0,
                                       .lambda = 0.1,
                                       .accelerate = 1,
@@ -20,6 +22,7 @@ void hada_classic_options_init(hada_classic_options *options)
                                       .mu1 = 1.0,
                                       .mu2 = 3e-3,
                                       .mu3 = 3e-4};
+    HADA_OPTIONS_GIVE(options, size, &own);
 }
 
 static hada_status check_options(const hada_classic_options *o, hada_error *err)

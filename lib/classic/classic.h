@@ -17,8 +17,6 @@ typedef struct hada_classic_shape {
     hada_refine_rect reach; /* on a smaller grid: the lags at which point spread functions are not 0; else empty */
 } hada_classic_shape;
 
-void hada_classic_options_init(hada_classic_options *options);
-
 /* The shape for a model. HADA_ERROR_ARGUMENT where the options make no sense, HADA_ERROR_MODEL where the model has no
  * transfer functions. */
 hada_status hada_classic_shape_of(const hada_model_info *info, int depths, const hada_classic_options *options,

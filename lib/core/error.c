@@ -124,3 +124,8 @@ const char *hada_cl_code_name(int code)
             return names[i].name;
     return "an OpenCL error";
 }
+
+const char *hada_version(void)
+{
+    return HADALENS_VERSION;
+}

@@ -4,9 +4,10 @@
 #include <string.h>
 
 #include "core/alloc.h"
-#include "image/dark.h"
+#include "core/options.h"
 #include "filter/hadamard.h"
 #include "filter/layout.h"
+#include "image/dark.h"
 
 /* Chosen on simulated frames with 1 % noise (circular) and on a real caustic PSF whose frame is cropped (padded), where
  * the light that left the frame counts as noise: docs/filters.md. */
@@ -16,13 +17,14 @@ typedef struct choice {
 } choice;
 static const choice for_circular = {0.2, 3e-3, 12}, for_padded = {2.0, 1e-3, 20};
 
-void hada_psf_options_init(hada_psf_options *options)
+void hada_psf_options_defaults(hada_psf_options *options, size_t size)
 {
-    *options = (hada_psf_options){.size = sizeof *options,
+    const hada_psf_options own = {.size = sizeof own,
                                   .form = HADA_FORM_WIENER,
                                   .boundary = HADA_BOUNDARY_PADDED,
                                   .psf_dark = -1.0,
                                   .refine_steps = -1};
+    HADA_OPTIONS_GIVE(options, size, &own);
 }
 
 /* A PSF onto the grid: background off, brightness 1 (mean over channels), axis at the origin. `square` takes the sum of
@@ -170,19 +172,18 @@ static hada_status check_psfs(const hada_image *psfs, int depths, hada_error *er
 }
 
 hada_status hada_model_from_psf(hada_model **out, hada_context *context, const hada_image *psfs, int depths,
-                                const double *distances_mm, const hada_psf_options *options, hada_error *err)
+                                const double *distances_mm, const hada_psf_options *callers, hada_error *err)
 {
-    hada_psf_options defaults;
+    hada_psf_options own, *options = &own;
     psf_work work = {0};
     if (!out || !context || !psfs || depths < 1 || !distances_mm)
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "hada_model_from_psf: out, a context, point spread functions and distances are needed");
     *out = NULL;
-    hada_psf_options_init(&defaults);
-    if (!options)
-        options = &defaults;
-    if (options->size != sizeof *options)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_model_from_psf: start from hada_psf_options_init()");
+    hada_psf_options_init(options);
+    hada_status status = HADA_OPTIONS_TAKE(options, callers, hada_psf_options, err);
+    if (status)
+        return status;
     if (options->form != HADA_FORM_MATCHED && options->form != HADA_FORM_WIENER)
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "a point spread function gives filters of the forms matched and wiener; for complex or split, "
@@ -191,7 +192,7 @@ hada_status hada_model_from_psf(hada_model **out, hada_context *context, const h
         options->refine_tv < 0.0 || !isfinite(options->dark) || !isfinite(options->psf_dark))
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "lambda, refine_tv and dark levels must be finite, the first two not negative");
-    hada_status status = check_psfs(psfs, depths, err);
+    status = check_psfs(psfs, depths, err);
     if (status)
         return status;
     const choice *chosen = options->boundary == HADA_BOUNDARY_PADDED ? &for_padded : &for_circular;

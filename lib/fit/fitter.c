@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "core/alloc.h"
+#include "core/options.h"
 #include "filter/layout.h"
 #include "runtime/kernel.h"
 
@@ -23,9 +24,9 @@ static const setting lambdas[] = {{0.0, 1e-6}, {0.0, 1e-5}, {0.0, 3e-5}, {0.0, 1
 static const setting alphas[] = {{0.0, 0.0}, {0.03, 0.0}, {0.1, 0.0}, {0.3, 0.0}, {1.0, 0.0}};
 static const setting one[] = {{0.0, 0.0}};
 
-void hada_fit_options_init(hada_fit_options *options)
+void hada_fit_options_defaults(hada_fit_options *options, size_t size)
 {
-    *options = (hada_fit_options){.size = sizeof *options,
+    const hada_fit_options own = {.size = sizeof own,
                                   .boundary = HADA_BOUNDARY_CIRCULAR,
                                   .form = HADA_FORM_COMPLEX,
                                   .alpha = -1.0,
@@ -34,12 +35,11 @@ void hada_fit_options_init(hada_fit_options *options)
                                   .refine_steps = -1,
                                   .refine_tv = -1.0,
                                   .nonnegative = 1};
+    HADA_OPTIONS_GIVE(options, size, &own);
 }
 
 static hada_status check_options(const hada_fit_options *options, hada_error *err)
 {
-    if (options->size != sizeof *options)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_fitter_create: start from hada_fit_options_init()");
     if (options->form != HADA_FORM_COMPLEX && options->form != HADA_FORM_SPLIT)
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "pairs give filters of the forms complex and split; matched and wiener are made from point "
@@ -183,14 +183,18 @@ static hada_status fill_weights(hada_fitter *fitter, hada_error *err)
     return status;
 }
 
-hada_status hada_fitter_create(hada_fitter **out, hada_context *context, const hada_fit_options *options,
+hada_status hada_fitter_create(hada_fitter **out, hada_context *context, const hada_fit_options *callers,
                                hada_error *err)
 {
     hada_fitter *fitter;
-    if (!out || !context || !options)
+    hada_fit_options own, *options = &own;
+    if (!out || !context || !callers)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_fitter_create: out, a context and options are needed");
     *out = NULL;
-    hada_status status = check_options(options, err);
+    hada_fit_options_init(options);
+    hada_status status = HADA_OPTIONS_TAKE(options, callers, hada_fit_options, err);
+    if (!status)
+        status = check_options(options, err);
     if (status)
         return status;
     hada_model_info info = {.depths = options->depths,

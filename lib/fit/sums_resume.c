@@ -2,6 +2,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "core/options.h"
 #include "fit/fitter.h"
 #include "io/safetensors.h"
 
@@ -43,9 +44,9 @@ hada_status hada_fitter_create_from_sums(hada_fitter **out, hada_context *contex
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_fitter_create_from_sums: out, context and path are needed");
     *out = NULL;
     hada_fit_options_init(&options);
-    if (choices)
-        options = *choices;
-    hada_status status = hada_tensors_open(&file, path, err);
+    hada_status status = HADA_OPTIONS_TAKE(&options, choices, hada_fit_options, err);
+    if (!status)
+        status = hada_tensors_open(&file, path, err);
     if (status)
         return status;
     status = read_camera(file, path, &options, err);

@@ -1,22 +1,22 @@
 /* Options of the focus step, and which stacks can be focused. */
 #include <limits.h>
 
+#include "core/options.h"
 #include "focus/focus.h"
 
-void hada_focus_options_init(hada_focus_options *options, int shared)
+void hada_focus_options_defaults(hada_focus_options *options, size_t size, int shared)
 {
-    *options = (hada_focus_options){.size = sizeof *options,
+    const hada_focus_options own = {.size = sizeof own,
                                     .measure = shared ? HADA_FOCUS_COMBINED : HADA_FOCUS_CONTRAST,
                                     .fuse = shared ? HADA_FOCUS_SUM : HADA_FOCUS_WEIGHTED,
                                     .window_sigma = 2.5,
                                     .false_alarm = 0.01};
+    HADA_OPTIONS_GIVE(options, size, &own);
 }
 
 hada_status hada_focus_check(const hada_focus_desc *desc, hada_error *err)
 {
     const hada_focus_options *o = &desc->options;
-    if (o->size != sizeof *o)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "focus options were not started with hada_focus_options_init()");
     if ((o->measure != HADA_FOCUS_CONTRAST && o->measure != HADA_FOCUS_ENERGY && o->measure != HADA_FOCUS_COMBINED) ||
         (o->fuse != HADA_FOCUS_WEIGHTED && o->fuse != HADA_FOCUS_SUM))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "focus measure %d with fusion %d is not known", (int)o->measure,

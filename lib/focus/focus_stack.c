@@ -1,6 +1,7 @@
 /* A stack on the host, focused plane by plane. */
 #include <math.h>
 
+#include "core/options.h"
 #include "focus/focus.h"
 
 static hada_status check_planes(const hada_image *planes, int depths, hada_error *err)
@@ -64,8 +65,8 @@ hada_status hada_focus_stack(hada_context *context, const hada_image *planes, co
                             .depths = depths,
                             .distances_mm = distances_mm};
     hada_focus_options_init(&desc.options, 0);
-    if (options)
-        desc.options = *options;
+    if ((status = HADA_OPTIONS_TAKE(&desc.options, options, hada_focus_options, err)))
+        return status;
     const size_t bytes = hada_image_count(&planes[0]) * sizeof(float),
                  map = (size_t)desc.rows * (size_t)desc.cols * sizeof(float);
     hada_slot *slot = NULL;

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/options.h"
 #include "io/canvas.h"
 #include "io/colormap.h"
 #include "io/font.h"
@@ -275,10 +276,19 @@ static int is_empty(const hada_image *image)
     return image && (!image->data || image->rows < 1 || image->cols < 1 || image->channels < 1);
 }
 
-hada_status hada_preview_save(const char *path, const hada_preview *preview, hada_error *err)
+void hada_preview_defaults(hada_preview *preview, size_t size)
 {
-    if (preview->size != sizeof *preview)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "the preview's size field is not that of this library");
+    const hada_preview own = {.size = sizeof own};
+    HADA_OPTIONS_GIVE(preview, size, &own);
+}
+
+hada_status hada_preview_save(const char *path, const hada_preview *callers, hada_error *err)
+{
+    hada_preview own, *preview = &own;
+    hada_preview_init(preview);
+    hada_status status = HADA_OPTIONS_TAKE(preview, callers, hada_preview, err);
+    if (status)
+        return status;
     int empty = is_empty(preview->raw) || is_empty(preview->all_in_focus) || is_empty(preview->distance_map);
     for (int i = 0; preview->planes && i < preview->depths; i++)
         empty |= is_empty(&preview->planes[i]);
@@ -290,7 +300,7 @@ hada_status hada_preview_save(const char *path, const hada_preview *preview, had
     find_range(&sheet);
     place(&sheet);
     hada_canvas canvas;
-    hada_status status = hada_canvas_create(&canvas, WIDTH, sheet.height, paper, err);
+    status = hada_canvas_create(&canvas, WIDTH, sheet.height, paper, err);
     if (status)
         return status;
     if (preview->title && *preview->title)

@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include "core/alloc.h"
+#include "core/options.h"
 #include "io/outfile.h"
 #include "io/tiff_handle.h"
 #include "io/tiff_stack_write.h"
@@ -34,21 +35,19 @@ struct hada_tiff_writer {
     float low, high; /* of the finite values */
 };
 
-void hada_tiff_write_options_init(hada_tiff_write_options *options)
+void hada_tiff_write_options_defaults(hada_tiff_write_options *options, size_t size)
 {
-    *options = (hada_tiff_write_options){.size = sizeof *options, .bits = 32, .scale = 1};
+    const hada_tiff_write_options own = {.size = sizeof own, .bits = 32, .scale = 1};
+    HADA_OPTIONS_GIVE(options, size, &own);
 }
 
 static hada_status complete_options(hada_tiff_writer *w, const hada_tiff_write_options *given, hada_error *err)
 {
     hada_tiff_write_options *o = &w->options;
     hada_tiff_write_options_init(o);
-    if (given) {
-        if (given->size != sizeof *given)
-            return hada_fail(err, HADA_ERROR_ARGUMENT,
-                             "the write options were not made by hada_tiff_write_options_init");
-        *o = *given;
-    }
+    hada_status status = HADA_OPTIONS_TAKE(o, given, hada_tiff_write_options, err);
+    if (status)
+        return status;
     o->bits = o->bits ? o->bits : 32;
     o->scale = o->scale > 0 ? o->scale : 1;
     o->description = o->description ? o->description : "";

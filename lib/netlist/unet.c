@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/options.h"
 #include "netlist/presets.h"
 
 enum { MOST_LEVELS = 16, MOST_CONVS = 16 };
@@ -13,14 +14,15 @@ typedef struct widths {
     int levels, counts[MOST_LEVELS], width[MOST_LEVELS][MOST_CONVS];
 } widths;
 
-void hada_unet_options_init(hada_unet_options *options)
+void hada_unet_options_defaults(hada_unet_options *options, size_t size)
 {
-    *options = (hada_unet_options){.size = sizeof *options,
+    const hada_unet_options own = {.size = sizeof own,
                                    .channels = 3,
                                    .out_channels = 3,
                                    .down = "16,16|32,32|64,64|128,128|256,256",
                                    .up = "128,128|64,64|32,32|16,16",
                                    .last_kernel = 1};
+    HADA_OPTIONS_GIVE(options, size, &own);
 }
 
 static hada_status read_widths(const char *text, widths *out, hada_error *err)
@@ -134,13 +136,16 @@ done:
     return status;
 }
 
-hada_status hada_unet_make(hada_net **out, const hada_unet_options *options, hada_error *err)
+hada_status hada_unet_make(hada_net **out, const hada_unet_options *callers, hada_error *err)
 {
     hada_status status = HADA_OK;
     widths down, up;
+    hada_unet_options own, *options = &own;
     *out = NULL;
-    if (options->size != sizeof *options || !options->down || !options->up)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "U-net options: start from hada_unet_options_init()");
+    hada_unet_options_init(options);
+    HADA_TRY(HADA_OPTIONS_TAKE(options, callers, hada_unet_options, err));
+    if (!options->down || !options->up)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "U-net options: widths down and up are needed");
     if (options->channels < 1 || options->channels > 64 || options->out_channels < 1 || options->out_channels > 64 ||
         (options->shared && options->channels != options->out_channels) ||
         (options->last_kernel != 1 && options->last_kernel != 3) || options->up_by < HADA_UNET_LINEAR ||

@@ -4,12 +4,12 @@
 #include <string.h>
 
 #include "core/error.h"
+#include "core/options.h"
 #include "optics/mask.h"
 
-void hada_camera_init(hada_camera *camera)
+void hada_camera_defaults(hada_camera *camera, size_t size)
 {
-    *camera = (hada_camera){.size = sizeof *camera};
-    hada_camera_preset(camera, "sim512", NULL);
+    hada_camera_preset_sized(camera, size, "sim512", NULL);
 }
 
 /* The two small presets are a 36 x 24 mm sensor, binned, with lenses that resolve about one binned pixel. The focus
@@ -32,7 +32,7 @@ static const hada_camera small_camera = {
     .blur_pixels = 0.4,
 };
 
-hada_status hada_camera_preset(hada_camera *camera, const char *name, hada_error *err)
+hada_status hada_camera_preset_sized(hada_camera *camera, size_t size, const char *name, hada_error *err)
 {
     hada_camera c = small_camera;
     int depths = 14;
@@ -64,8 +64,9 @@ hada_status hada_camera_preset(hada_camera *camera, const char *name, hada_error
     } else
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "there is no camera preset '%s'; the presets are sim512, sim300 and paper2022", name);
-    *camera = c;
-    return hada_camera_set_depths(camera, 100.0, 600.0, depths, err);
+    hada_status status = hada_camera_set_depths(&c, 100.0, 600.0, depths, err);
+    HADA_OPTIONS_GIVE(camera, size, &c);
+    return status;
 }
 
 hada_status hada_camera_set_depths(hada_camera *camera, double near_mm, double far_mm, int count, hada_error *err)

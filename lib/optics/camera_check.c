@@ -3,6 +3,8 @@
 #include <math.h>
 
 #include "core/error.h"
+#include "core/options.h"
+#include "optics/mask.h"
 
 typedef struct range {
     const char *name, *unit;
@@ -87,10 +89,8 @@ static hada_status check_distances(const hada_camera *camera, hada_error *err)
     return HADA_OK;
 }
 
-hada_status hada_camera_check(const hada_camera *camera, hada_error *err)
+static hada_status check_values(const hada_camera *camera, hada_error *err)
 {
-    if (camera->size != sizeof *camera)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "a camera description was not started with hada_camera_init()");
     if (!hada_mask_word(camera->mask))
         return hada_fail(err, HADA_ERROR_UNSUPPORTED, "mask kind %d is not known; see hada_mask", (int)camera->mask);
     if (camera->optics != HADA_OPTICS_GEOMETRY && camera->optics != HADA_OPTICS_WAVE)
@@ -114,4 +114,19 @@ hada_status hada_camera_check(const hada_camera *camera, hada_error *err)
     if (!status)
         status = check_mask(camera, err);
     return status ? status : check_distances(camera, err);
+}
+
+hada_status hada_camera_take(hada_camera *own, const hada_camera *callers, hada_error *err)
+{
+    if (!callers)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "a camera is needed: start from hada_camera_init()");
+    hada_camera_init(own);
+    hada_status status = HADA_OPTIONS_TAKE(own, callers, hada_camera, err);
+    return status ? status : check_values(own, err);
+}
+
+hada_status hada_camera_check(const hada_camera *camera, hada_error *err)
+{
+    hada_camera own;
+    return hada_camera_take(&own, camera, err);
 }

@@ -8,6 +8,8 @@
 #include <unistd.h>
 
 #include "core/error.h"
+#include "core/options.h"
+#include "optics/mask.h"
 
 /* The fields of a camera that are plain numbers, with their names in the file. */
 typedef struct field {
@@ -79,9 +81,10 @@ static json_t *to_json(const hada_camera *camera)
     return object;
 }
 
-hada_status hada_camera_save(const hada_camera *camera, const char *path, hada_error *err)
+hada_status hada_camera_save(const hada_camera *callers, const char *path, hada_error *err)
 {
-    hada_status status = hada_camera_check(camera, err);
+    hada_camera own, *camera = &own;
+    hada_status status = hada_camera_take(camera, callers, err);
     if (status)
         return status;
     json_t *object = to_json(camera);
@@ -178,9 +181,10 @@ static hada_status read_kinds(hada_camera *camera, const json_t *object, const c
     return HADA_OK;
 }
 
-hada_status hada_camera_load(hada_camera *camera, const char *path, hada_error *err)
+hada_status hada_camera_load_sized(hada_camera *callers, size_t size, const char *path, hada_error *err)
 {
     json_error_t where;
+    hada_camera own, *camera = &own;
     hada_camera_init(camera);
     FILE *file = fopen(path, "r");
     if (!file)
@@ -197,6 +201,8 @@ hada_status hada_camera_load(hada_camera *camera, const char *path, hada_error *
         status = read_kinds(camera, object, path, err);
     if (!status && (status = hada_camera_check(camera, err)))
         hada_error_prefix(err, "'%s': ", path);
+    if (!status)
+        HADA_OPTIONS_GIVE(callers, size, camera);
     json_decref(object);
     return status;
 }

@@ -5,20 +5,26 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
+#include "core/options.h"
 #include "optics/simulator.h"
 #include "runtime/kernel.h"
 
 #define LOCAL 64 /* items in a work-group, of eight values each */
 
-void hada_sensor_init(hada_sensor *sensor)
+void hada_sensor_defaults(hada_sensor *sensor, size_t size)
 {
-    *sensor = (hada_sensor){.size = sizeof *sensor, .exposure = 1.0, .saturate = 1};
+    const hada_sensor own = {.size = sizeof own, .exposure = 1.0, .saturate = 1};
+    HADA_OPTIONS_GIVE(sensor, size, &own);
 }
 
-hada_status hada_sensor_check(const hada_sensor *s, hada_error *err)
+static hada_status take_sensor(hada_sensor *s, const hada_sensor *callers, hada_error *err)
 {
-    if (s->size != sizeof *s)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "a sensor was not started with hada_sensor_init()");
+    if (!callers)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "a sensor is needed: start from hada_sensor_init()");
+    hada_sensor_init(s);
+    hada_status status = HADA_OPTIONS_TAKE(s, callers, hada_sensor, err);
+    if (status)
+        return status;
     if (!(s->exposure > 0.0) || !isfinite(s->exposure))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "an exposure of %g is not possible; it must be above 0",
                          s->exposure);
@@ -40,6 +46,12 @@ hada_status hada_sensor_check(const hada_sensor *s, hada_error *err)
     if (s->vignetting == HADA_VIGNETTING_IMAGE && !s->gain)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "vignetting by an image needs one: set `gain`");
     return HADA_OK;
+}
+
+hada_status hada_sensor_check(const hada_sensor *sensor, hada_error *err)
+{
+    hada_sensor own;
+    return take_sensor(&own, sensor, err);
 }
 
 hada_status hada_optics_expose(hada_slot *slot, cl_mem values, size_t offset, cl_mem gain, size_t pixels, size_t count,
@@ -114,11 +126,12 @@ static hada_status upload_gain(const hada_simulator *s, const hada_sensor *senso
     return status;
 }
 
-hada_status hada_simulator_expose(hada_simulator *s, const hada_sensor *sensor, uint64_t seed, hada_image *frame,
+hada_status hada_simulator_expose(hada_simulator *s, const hada_sensor *callers, uint64_t seed, hada_image *frame,
                                   hada_error *err)
 {
     const hada_camera *c = &s->camera;
-    hada_status status = hada_sensor_check(sensor, err);
+    hada_sensor own, *sensor = &own;
+    hada_status status = take_sensor(sensor, callers, err);
     if (status)
         return status;
     if (frame->rows != c->rows || frame->cols != c->cols || frame->channels < 1)

@@ -109,10 +109,11 @@ static void find_bounds(hada_mask_design *design)
     design->slope = hada_mask_power(&design->camera) * design->reach;
 }
 
-hada_status hada_mask_make(hada_mask_design *design, const hada_camera *camera, hada_error *err)
+hada_status hada_mask_make(hada_mask_design *design, const hada_camera *callers, hada_error *err)
 {
-    *design = (hada_mask_design){.camera = *camera};
-    hada_status status = hada_camera_check(camera, err);
+    *design = (hada_mask_design){.reach = 0.0};
+    const hada_camera *camera = &design->camera;
+    hada_status status = hada_camera_take(&design->camera, callers, err);
     if (status)
         return status;
     if (hada_mask_has_lenses(camera)) {

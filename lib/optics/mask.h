@@ -7,6 +7,9 @@
 /* Sequences of the random generator (core/random.h), one a purpose. */
 enum { HADA_SEQUENCE_LENSES = 1, HADA_SEQUENCE_SURFACE = 2, HADA_SEQUENCE_CELLS = 3 };
 
+/* A caller's camera, which may be of another version, taken over and checked. */
+hada_status hada_camera_take(hada_camera *own, const hada_camera *callers, hada_error *err);
+
 /* Whether the mask is made of lenses or round holes, each with a centre. */
 static inline int hada_mask_has_lenses(const hada_camera *camera)
 {

@@ -95,9 +95,10 @@ double hada_lattice_radius(int nodes)
     }
 }
 
-hada_status hada_camera_lenses(const hada_camera *camera, double *x_mm, double *y_mm, hada_error *err)
+hada_status hada_camera_lenses(const hada_camera *callers, double *x_mm, double *y_mm, hada_error *err)
 {
-    hada_status status = hada_camera_check(camera, err);
+    hada_camera own, *camera = &own;
+    hada_status status = hada_camera_take(camera, callers, err);
     if (status)
         return status;
     if (!hada_mask_has_lenses(camera))

@@ -17,11 +17,12 @@ typedef struct report_state {
     double *norm;
 } report_state;
 
-hada_status hada_optics_report_begin(hada_optics_report *report, hada_context *context, const hada_camera *camera,
+hada_status hada_optics_report_begin(hada_optics_report *report, hada_context *context, const hada_camera *callers,
                                      double threshold, hada_error *err)
 {
+    hada_camera own, *camera = &own;
     *report = (hada_optics_report){.threshold = threshold > 0.0 ? threshold : 0.05};
-    hada_status status = hada_camera_check(camera, err);
+    hada_status status = hada_camera_take(camera, callers, err);
     if (status)
         return status;
     const size_t depths = (size_t)camera->depths;

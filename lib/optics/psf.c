@@ -110,11 +110,12 @@ static hada_status trace_lenses(const hada_camera *camera, double distance_mm, i
     return status;
 }
 
-hada_status hada_camera_psf_sized(const hada_camera *camera, double distance_mm, int rows, int cols, hada_image *psf,
+hada_status hada_camera_psf_sized(const hada_camera *callers, double distance_mm, int rows, int cols, hada_image *psf,
                                   hada_error *err)
 {
+    hada_camera own, *camera = &own;
     *psf = (hada_image){0};
-    hada_status status = hada_camera_check(camera, err);
+    hada_status status = hada_camera_take(camera, callers, err);
     if (status)
         return status;
     if (!(distance_mm > 0.0))

@@ -6,6 +6,8 @@
 #include <string.h>
 
 #include "core/alloc.h"
+#include "core/options.h"
+#include "optics/mask.h"
 
 #define PATCH_PIXELS 2.0 /* docs/forward.md says what that leaves */
 
@@ -104,15 +106,14 @@ static hada_status keep_psf(hada_simulator *s, const hada_image *psf, hada_error
     return HADA_OK;
 }
 
-void hada_simulator_options_init(hada_simulator_options *options)
+void hada_simulator_options_defaults(hada_simulator_options *options, size_t size)
 {
-    *options = (hada_simulator_options){.size = sizeof *options};
+    const hada_simulator_options own = {.size = sizeof own};
+    HADA_OPTIONS_GIVE(options, size, &own);
 }
 
 static hada_status check_options(const hada_camera *c, const hada_simulator_options *options, hada_error *err)
 {
-    if (options->size != sizeof *options)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "options were not started with hada_simulator_options_init()");
     if (abs(options->shift_rows) > 65536 || abs(options->shift_cols) > 65536)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a shift of %d, %d pixels is not possible; use up to 65536",
                          options->shift_rows, options->shift_cols);
@@ -126,14 +127,18 @@ static hada_status check_options(const hada_camera *c, const hada_simulator_opti
     return options->psf ? check_psf(c, options->psf, err) : HADA_OK;
 }
 
-hada_status hada_simulator_create_with(hada_simulator **out, hada_context *context, const hada_camera *camera,
-                                       const hada_simulator_options *options, hada_error *err)
+hada_status hada_simulator_create_with(hada_simulator **out, hada_context *context, const hada_camera *callers,
+                                       const hada_simulator_options *callers_options, hada_error *err)
 {
     *out = NULL;
-    const hada_image *psf = options->psf;
-    hada_status status = hada_camera_check(camera, err);
-    if (status || (status = check_options(camera, options, err)))
+    hada_camera own, *camera = &own;
+    hada_simulator_options own_options, *options = &own_options;
+    hada_simulator_options_init(options);
+    hada_status status = hada_camera_take(camera, callers, err);
+    if (status || (status = HADA_OPTIONS_TAKE(options, callers_options, hada_simulator_options, err)) ||
+        (status = check_options(camera, options, err)))
         return status;
+    const hada_image *psf = options->psf;
     void *memory;
     if ((status = hada_alloc(&memory, 1, sizeof(hada_simulator), "a simulator", err)))
         return status;

@@ -5,10 +5,15 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
+#include "core/options.h"
 
-void hada_wave_options_init(hada_wave_options *options)
+/* Where nothing is chosen: below the rounding of frames of 8 bits (docs/optics.md). */
+#define STRAY 0.002
+
+void hada_wave_options_defaults(hada_wave_options *options, size_t size)
 {
-    *options = (hada_wave_options){.size = sizeof *options, .stray = 0.002};
+    const hada_wave_options own = {.size = sizeof own, .stray = HADA_AUTO};
+    HADA_OPTIONS_GIVE(options, size, &own);
 }
 
 void hada_wave_colour(const hada_camera *camera, int channel, double *wavelength_mm, double *path_scale)
@@ -43,28 +48,26 @@ static hada_status upload_lenses(hada_wave *wave, hada_error *err)
 }
 
 hada_status hada_wave_create(hada_wave **out, hada_context *context, const hada_camera *camera,
-                             const hada_wave_options *options, hada_error *err)
+                             const hada_wave_options *callers, hada_error *err)
 {
     *out = NULL;
-    hada_wave_options plain;
-    hada_wave_options_init(&plain);
-    if (!options)
-        options = &plain;
-    if (options->size != sizeof *options)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "options were not started with hada_wave_options_init()");
-    if (options->stray != 0.0 && !(options->stray >= 1e-5 && options->stray <= 0.2))
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "stray light of %g is not possible; use 1e-5 to 0.2",
-                         options->stray);
+    hada_wave_options options;
+    hada_wave_options_init(&options);
+    hada_status status = HADA_OPTIONS_TAKE(&options, callers, hada_wave_options, err);
+    if (status)
+        return status;
+    if (options.stray == HADA_AUTO)
+        options.stray = STRAY;
+    if (!(options.stray >= 1e-5 && options.stray <= 0.2))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "stray light of %g is not possible; use 1e-5 to 0.2", options.stray);
     void *memory;
-    hada_status status = hada_alloc(&memory, 1, sizeof(hada_wave), "wave optics", err);
+    status = hada_alloc(&memory, 1, sizeof(hada_wave), "wave optics", err);
     if (status)
         return status;
     hada_wave *wave = memory;
-    wave->camera = *camera;
-    wave->options = *options;
-    if (wave->options.stray == 0.0)
-        wave->options.stray = plain.stray;
+    wave->options = options;
     status = hada_mask_make(&wave->design, camera, err);
+    wave->camera = wave->design.camera;
     if (!status)
         status = hada_slot_create(&wave->slot, context, err);
     if (!status && by_lens(wave))
@@ -120,10 +123,11 @@ hada_status hada_wave_psf(hada_wave *wave, double distance_mm, int rows, int col
     return status;
 }
 
-hada_status hada_camera_psf_stack(hada_context *context, const hada_camera *camera, hada_image *psf, hada_error *err)
+hada_status hada_camera_psf_stack(hada_context *context, const hada_camera *callers, hada_image *psf, hada_error *err)
 {
     hada_wave *wave = NULL;
-    hada_status status = hada_camera_check(camera, err);
+    hada_camera own, *camera = &own;
+    hada_status status = hada_camera_take(camera, callers, err);
     if (status)
         return status;
     for (int z = 0; z < camera->depths; z++)

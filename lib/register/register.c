@@ -3,15 +3,17 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/options.h"
 #include "register/register_search.h"
 
 /* The best orientation must explain this many times as much (in log residual) as the second best, and this much. */
 #define CLEARLY 1.5
 #define LEAST   0.01
 
-void hada_register_options_init(hada_register_options *options)
+void hada_register_options_defaults(hada_register_options *options, size_t size)
 {
-    *options = (hada_register_options){.size = sizeof *options, .most_rotation_deg = 15.0};
+    const hada_register_options own = {.size = sizeof own, .most_rotation_deg = 15.0};
+    HADA_OPTIONS_GIVE(options, size, &own);
 }
 
 static hada_status check_options(hada_register_options *options, const hada_image *raws, const hada_image *scenes,
@@ -19,8 +21,6 @@ static hada_status check_options(hada_register_options *options, const hada_imag
 {
     const double frame = raws->rows > raws->cols ? raws->rows : raws->cols;
     const double scene = scenes->rows > scenes->cols ? scenes->rows : scenes->cols;
-    if (options->size != sizeof *options)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "registration: start from hada_register_options_init()");
     if (options->least_magnification == 0.0 && options->most_magnification == 0.0) {
         options->least_magnification = 0.15 * frame / scene;
         options->most_magnification = 2.5 * frame / scene;
@@ -91,9 +91,9 @@ hada_status hada_register_pairs(hada_registration *out, const hada_image *raws, 
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_register_pairs: an argument is missing");
     *out = (hada_registration){.magnification = 1.0};
     hada_register_options_init(&options);
-    if (given)
-        options = *given;
-    hada_status status = hada_register_set_create(&set, raws, scenes, count, err);
+    hada_status status = HADA_OPTIONS_TAKE(&options, given, hada_register_options, err);
+    if (!status)
+        status = hada_register_set_create(&set, raws, scenes, count, err);
     if (status)
         return status;
     status = check_options(&options, raws, scenes, err);

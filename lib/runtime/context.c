@@ -1,15 +1,17 @@
 /* Contexts: one chosen device, its programs and its books. */
 #include <stdlib.h>
 
-#include "runtime/selftest.h"
 #include "core/alloc.h"
+#include "core/options.h"
 #include "runtime/platform.h"
 #include "runtime/program.h"
+#include "runtime/selftest.h"
 #include "runtime/tuning.h"
 
-void hada_context_options_init(hada_context_options *options)
+void hada_context_options_defaults(hada_context_options *options, size_t size)
 {
-    *options = (hada_context_options){.size = sizeof *options, .log_level = HADA_LOG_WARNING};
+    const hada_context_options own = {.size = sizeof own, .log_level = HADA_LOG_WARNING};
+    HADA_OPTIONS_GIVE(options, size, &own);
 }
 
 /* The device that the options and the environment mean, and the part of it. */
@@ -79,20 +81,19 @@ static void look_at_device(hada_context *context)
     context->vector_floats = floats;
 }
 
-hada_status hada_context_create(hada_context **out, const hada_context_options *options, hada_error *err)
+hada_status hada_context_create(hada_context **out, const hada_context_options *callers, hada_error *err)
 {
-    hada_context_options defaults;
+    hada_context_options own, *options = &own;
     if (!out)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_context_create: out is needed");
     *out = NULL;
-    hada_context_options_init(&defaults);
-    if (!options)
-        options = &defaults;
-    if (options->size != sizeof *options)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_context_create: start from hada_context_options_init()");
+    hada_context_options_init(options);
+    hada_status status = HADA_OPTIONS_TAKE(options, callers, hada_context_options, err);
+    if (status)
+        return status;
 
     hada_context *context;
-    hada_status status = hada_alloc((void **)&context, 1, sizeof *context, "a context", err);
+    status = hada_alloc((void **)&context, 1, sizeof *context, "a context", err);
     if (status)
         return status;
     pthread_mutex_init(&context->lock, NULL);

@@ -1,18 +1,18 @@
 /* The bytes of a plan, from its shape alone. */
+#include "core/options.h"
 #include "sched/lane.h"
 
-hada_status hada_plan_estimate(hada_context *context, const hada_model *model, const hada_plan_options *options,
+hada_status hada_plan_estimate(hada_context *context, const hada_model *model, const hada_plan_options *callers,
                                uint64_t *device_bytes, uint64_t *host_bytes, hada_error *err)
 {
-    hada_plan_options defaults;
+    hada_plan_options own, *options = &own;
     hada_plan_shape shape;
     if (!context || !model || !device_bytes || !host_bytes)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_plan_estimate: an argument is missing");
-    if (!options) {
-        hada_plan_options_init(&defaults);
-        options = &defaults;
-    }
-    hada_status status = hada_plan_shape_of(model, options, &shape, err);
+    hada_plan_options_init(options);
+    hada_status status = HADA_OPTIONS_TAKE(options, callers, hada_plan_options, err);
+    if (!status)
+        status = hada_plan_shape_of(model, options, &shape, err);
     if (!status && shape.classic)
         status = hada_classic_fit_grid(&shape.method, context, model, options->depths, shape.depths, err);
     if (status)

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "core/alloc.h"
+#include "core/options.h"
 #include "sched/board.h"
 
 static int listed(const int *list, int count, int depth)
@@ -104,18 +105,17 @@ static hada_status check_contexts(hada_context *const *contexts, int count, hada
 }
 
 hada_status hada_plan_create_on(hada_plan **out, hada_context *const *contexts, int count, const hada_model *model,
-                                const hada_plan_options *options, hada_error *err)
+                                const hada_plan_options *callers, hada_error *err)
 {
-    hada_plan_options defaults;
+    hada_plan_options own, *options = &own;
     hada_plan *plan;
     if (!out || !model)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a plan needs out, context and model");
     *out = NULL;
-    if (!options) {
-        hada_plan_options_init(&defaults);
-        options = &defaults;
-    }
-    hada_status status = check_contexts(contexts, count, err);
+    hada_plan_options_init(options);
+    hada_status status = HADA_OPTIONS_TAKE(options, callers, hada_plan_options, err);
+    if (!status)
+        status = check_contexts(contexts, count, err);
     if (!status)
         status = hada_alloc((void **)&plan, 1, sizeof *plan, "a plan", err);
     if (status)
@@ -125,6 +125,7 @@ hada_status hada_plan_create_on(hada_plan **out, hada_context *const *contexts, 
     plan->options = *options;
     plan->options.depths = plan->options.occupied_list = NULL;
     plan->options.dark_frame = NULL;
+    plan->options.classic = NULL;
     status = hada_plan_shape_of(model, options, &plan->shape, err);
     if (!status)
         status = make_lists(plan, options, err);

@@ -2,21 +2,22 @@
 
 #include <math.h>
 
+#include "core/options.h"
 #include "filter/bank.h"
 #include "filter/gains.h"
 
 enum { MOST_QUEUES = 64 };
 
-void hada_plan_options_init(hada_plan_options *options)
+void hada_plan_options_defaults(hada_plan_options *options, size_t size)
 {
-    *options = (hada_plan_options){.size = sizeof *options,
+    const hada_plan_options own = {.size = sizeof own,
                                    .refine = -1,
                                    .refine_tv = -1.0,
                                    .enhance = 1,
                                    .gamma = 1.0,
                                    .skip = HADA_SKIP_ALL,
                                    .band = 1.0};
-    hada_classic_options_init(&options->classic);
+    HADA_OPTIONS_GIVE(options, size, &own);
 }
 
 static hada_status check_list(const int *list, int count, int limit, const char *what, hada_error *err)
@@ -31,8 +32,6 @@ static hada_status check_list(const int *list, int count, int limit, const char 
 
 static hada_status check_options(const hada_model_info *info, const hada_plan_options *options, hada_error *err)
 {
-    if (options->size != sizeof *options)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: start from hada_plan_options_init()");
     if (options->depth_count < 0 || options->occupied_count < 0 || options->batch < 0 || !(options->gamma > 0))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: counts are not negative and gamma is above 0");
     if (!isfinite(options->refine_tv))
@@ -107,11 +106,14 @@ static hada_status classic_shape(const hada_model_info *info, const hada_plan_op
                                  hada_error *err)
 {
     const int listed = options->occupied == HADA_OCCUPIED_LIST && options->occupied_count < shape->depths;
-    shape->classic = options->classic.method != HADA_METHOD_MODEL;
-    if (!shape->classic)
-        return HADA_OK;
-    hada_status status = hada_classic_shape_of(info, listed ? options->occupied_count : shape->depths,
-                                               &options->classic, &shape->method, err);
+    hada_classic_options classic;
+    hada_classic_options_init(&classic);
+    hada_status status = HADA_OPTIONS_TAKE(&classic, options->classic, hada_classic_options, err);
+    shape->classic = classic.method != HADA_METHOD_MODEL;
+    if (status || !shape->classic)
+        return status;
+    status =
+        hada_classic_shape_of(info, listed ? options->occupied_count : shape->depths, &classic, &shape->method, err);
     shape->steps = shape->method.options.iterations;
     return status;
 }

@@ -63,8 +63,6 @@ static hada_status check(const hada_engine_desc *desc, hada_error *err)
 {
     const hada_train_options *options = desc->options;
     const hada_stage stage = options->stage;
-    if (options->size != sizeof *options)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "training options: start from hada_train_options_init()");
     if ((int)stage < HADA_STAGE_FILTERS || stage > HADA_STAGE_CONVENTIONAL)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "there is no stage of training %d", (int)stage);
     if ((int)options->rule < HADA_RULE_RMSPROP || options->rule > HADA_RULE_ADAMW)

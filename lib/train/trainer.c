@@ -6,6 +6,7 @@
 #include <xxhash.h>
 
 #include "core/alloc.h"
+#include "core/options.h"
 #include "model/model.h"
 
 /* What is kept of pairs, held-out ones included, and of what VGG-16 makes of them. */
@@ -56,7 +57,7 @@ static hada_status make_worker(hada_trainer *trainer, int number, hada_context *
     const hada_train_options *options = &trainer->options;
     const size_t most = (size_t)options->at_once;
     const size_t scenes =
-        hada_stage_keeps(&options->augment) ? HADA_FLIPPED_WAYS * (size_t)hada_pairs_total(&trainer->pairs) : 0;
+        hada_stage_keeps(&trainer->augment) ? HADA_FLIPPED_WAYS * (size_t)hada_pairs_total(&trainer->pairs) : 0;
     const hada_engine_desc desc = {.model = trainer->model,
                                    .options = options,
                                    .net = trainer->net,
@@ -149,10 +150,11 @@ static hada_status make_lists(hada_trainer *trainer, hada_error *err)
     return status;
 }
 
-static hada_status make(hada_trainer *trainer, hada_context *const *contexts, int count, hada_error *err)
+static hada_status make(hada_trainer *trainer, hada_context *const *contexts, int count,
+                        const hada_train_options *callers, hada_error *err)
 {
     hada_train_nets nets;
-    hada_status status = hada_train_options_settle(&trainer->options, trainer->model, err);
+    hada_status status = hada_train_options_settle(&trainer->options, &trainer->augment, callers, trainer->model, err);
     if (!status)
         status = check_pairs(&trainer->pairs, &trainer->info, "to learn from", err);
     if (!status && !hada_pairs_total(&trainer->pairs))
@@ -192,13 +194,12 @@ hada_status hada_trainer_create_on(hada_trainer **out, hada_context *const *cont
     if (status)
         return status;
     pthread_mutex_init(&trainer->reading, NULL);
-    trainer->options = *options;
     trainer->model = model;
     trainer->info = *hada_model_get_info(model);
     trainer->pairs = *pairs;
     if (held_out && held_out->read)
         trainer->held_out = *held_out;
-    status = make(trainer, contexts, count, err);
+    status = make(trainer, contexts, count, options, err);
     /* What the caller owns is not looked at any more. */
     trainer->options.net = trainer->options.vgg = trainer->options.critic = NULL;
     trainer->options.net_given = NULL;
@@ -256,8 +257,9 @@ hada_status hada_trainer_bytes(hada_context *context, const hada_model *model, c
     size_t engine = 0, planes = 0;
     if (!context || !model || !options || !bytes)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_trainer_bytes: context, model, options and bytes are needed");
-    hada_train_options settled = *options;
-    hada_status status = hada_train_options_settle(&settled, model, err);
+    hada_train_options settled;
+    hada_augment augment;
+    hada_status status = hada_train_options_settle(&settled, &augment, options, model, err);
     if (!status)
         status = hada_train_nets_make(&nets, &settled, model, err);
     if (status)

@@ -48,7 +48,8 @@ typedef struct hada_worker {
 } hada_worker;
 
 struct hada_trainer {
-    hada_train_options options;
+    hada_train_options options; /* its augment is the next member */
+    hada_augment augment;
     const hada_model *model;
     hada_model_info info;
     hada_pairs pairs, held_out;
@@ -65,8 +66,10 @@ struct hada_trainer {
     uint64_t fingerprint;    /* of the model's filters */
 };
 
-/* trainer_options.c. What is left open is filled in: the form, the net's size, at_once stays 0 where it was. */
-hada_status hada_train_options_settle(hada_train_options *options, const hada_model *model, hada_error *err);
+/* trainer_options.c. The caller's options taken over; options->augment becomes `augment`. What is left open is filled
+ * in: the form, the net's size, at_once stays 0 where it was. */
+hada_status hada_train_options_settle(hada_train_options *options, hada_augment *augment,
+                                      const hada_train_options *callers, const hada_model *model, hada_error *err);
 int hada_stage_has_net(hada_stage stage);
 int hada_stage_has_critic(const hada_train_options *options);
 int hada_stage_has_planes(hada_stage stage);

@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "core/alloc.h"
+#include "core/options.h"
 #include "model/model.h"
 #include "netlist/presets.h"
 #include "train/identity.h"
@@ -144,20 +145,24 @@ hada_status hada_trainer_model(hada_trainer *trainer, hada_model **out, hada_err
     return status;
 }
 
-hada_status hada_model_blank(hada_model **out, const hada_fit_options *sizes, hada_error *err)
+hada_status hada_model_blank(hada_model **out, const hada_fit_options *callers, hada_error *err)
 {
     hada_model_info info = {0};
-    if (!out || !sizes)
+    hada_fit_options own, *sizes = &own;
+    if (!out || !callers)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_model_blank: out and sizes are needed");
     *out = NULL;
+    hada_fit_options_init(sizes);
+    hada_status status = HADA_OPTIONS_TAKE(sizes, callers, hada_fit_options, err);
+    if (status)
+        return status;
     info.depths = sizes->depths;
     info.channels = sizes->channels;
     info.distances_mm = sizes->distances_mm;
     info.form = sizes->form;
     info.boundary = sizes->boundary;
     info.dark = sizes->dark;
-    hada_status status =
-        hada_model_set_sizes(&info, sizes->raw_rows, sizes->raw_cols, sizes->window_rows, sizes->window_cols, err);
+    status = hada_model_set_sizes(&info, sizes->raw_rows, sizes->raw_cols, sizes->window_rows, sizes->window_cols, err);
     if (!status)
         status = hada_model_info_check(&info, err);
     return status ? status : hada_model_create(out, &info, 0, err);

@@ -2,6 +2,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "core/options.h"
 #include "net/optimizer.h"
 #include "train/trainer.h"
 
@@ -26,11 +27,11 @@ int hada_stage_keeps(const hada_augment *augment)
     return !augment->shift && !augment->flips && augment->noise <= 0.0 && augment->exposure <= 0.0;
 }
 
-void hada_train_options_init(hada_train_options *options, hada_stage stage)
+void hada_train_options_defaults(hada_train_options *options, size_t size, hada_stage stage)
 {
     /* with a net that knows much */
     const double rate = stage == HADA_STAGE_ADVERSARIAL ? 2e-4 : stage == HADA_STAGE_JOINT ? 1e-4 : 1e-3;
-    *options = (hada_train_options){.size = sizeof *options,
+    const hada_train_options own = {.size = sizeof own,
                                     .stage = stage,
                                     .seed = 1,
                                     .net = "compact",
@@ -48,8 +49,7 @@ void hada_train_options_init(hada_train_options *options, hada_stage stage)
                                     .adversarial = stage == HADA_STAGE_ADVERSARIAL ? NAN : 0.0,
                                     .variation = 5e-7,
                                     .critic_steps = stage == HADA_STAGE_ADVERSARIAL ? 60 : 0};
-    if (hada_stage_has_planes(stage))
-        options->augment.plane_flips = 3;
+    HADA_OPTIONS_GIVE(options, size, &own);
 }
 
 static int is_rate(double rate)
@@ -124,11 +124,24 @@ static hada_status settle_form(hada_train_options *options, const hada_model_inf
     return HADA_OK;
 }
 
-hada_status hada_train_options_settle(hada_train_options *options, const hada_model *model, hada_error *err)
+static hada_status take_augment(hada_augment *augment, const hada_train_options *options, const hada_model_info *info,
+                                hada_error *err)
+{
+    hada_augment_init(augment);
+    hada_status status = HADA_OPTIONS_TAKE(augment, options->augment, hada_augment, err);
+    if (augment->plane_flips == HADA_AUTO)
+        augment->plane_flips = hada_stage_has_planes(options->stage) ? 3 : 0;
+    return status ? status : hada_augment_check(augment, info, err);
+}
+
+hada_status hada_train_options_settle(hada_train_options *options, hada_augment *augment,
+                                      const hada_train_options *callers, const hada_model *model, hada_error *err)
 {
     const hada_model_info *info = hada_model_get_info(model);
-    if (options->size != sizeof *options)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "set the options up with hada_train_options_init()");
+    hada_train_options_init(options, callers->stage);
+    hada_status status = HADA_OPTIONS_TAKE(options, callers, hada_train_options, err);
+    if (status)
+        return status;
     if ((int)options->stage < HADA_STAGE_FILTERS || options->stage > HADA_STAGE_CONVENTIONAL)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "there is no stage %d", (int)options->stage);
     if (options->filter_rate == 0.0) /* filters have values around 1; those of a fit need little */
@@ -138,9 +151,10 @@ hada_status hada_train_options_settle(hada_train_options *options, const hada_mo
         options->critic_rate = paper ? 3e-4 : 1e-3;
     if (isnan(options->adversarial)) /* the authors', for the discriminator that they had (docs/training.md) */
         options->adversarial = paper ? 8e-3 : 2e-3;
-    hada_status status = check_numbers(options, err);
+    status = check_numbers(options, err);
     if (!status)
-        status = hada_augment_check(&options->augment, info, err);
+        status = take_augment(augment, options, info, err);
+    options->augment = augment;
     if (!status)
         status = settle_form(options, info, err);
     if (status)

@@ -19,11 +19,11 @@ static hada_status start_feed(hada_trainer *trainer, hada_error *err)
     const int wave = options->at_once * trainer->worker_count;
     const hada_feed_desc desc = {.pairs = &trainer->pairs,
                                  .info = &trainer->info,
-                                 .augment = options->augment,
+                                 .augment = trainer->augment,
                                  .seed = options->seed,
                                  .first = trainer->progress.place,
                                  .ahead = 2 * wave,
-                                 .known = hada_stage_keeps(&options->augment) ? is_known : NULL,
+                                 .known = hada_stage_keeps(&trainer->augment) ? is_known : NULL,
                                  .user = &trainer->known};
     return hada_feed_create(&trainer->feed, &desc, err);
 }
@@ -32,7 +32,7 @@ static hada_status start_feed(hada_trainer *trainer, hada_error *err)
 static hada_status sample_of(hada_trainer *trainer, hada_worker *worker, hada_fed *fed, hada_example *own,
                              hada_sample *out, hada_error *err)
 {
-    const hada_augment *augment = &trainer->options.augment;
+    const hada_augment *augment = &trainer->augment;
     const int flips = hada_stage_has_planes(trainer->options.stage) && augment->plane_flips;
     const hada_example *known = fed->raw.data ? NULL : hada_examples_find(&trainer->known, fed->depth, fed->pair);
     hada_status status = HADA_OK;

@@ -11,13 +11,16 @@ static void add(fault_job *job, const hada_image *image)
 static hada_status run(fault_job *job, const hada_model *model, hada_method method, hada_prior prior, hada_error *err)
 {
     hada_plan_options options;
+    hada_classic_options classic;
     hada_plan *plan = NULL;
     hada_result result = {0};
     hada_plan_options_init(&options);
-    options.classic.method = method;
-    options.classic.prior = prior;
-    options.classic.iterations = 2;
-    options.classic.stop = 1e-9;
+    hada_classic_options_init(&classic);
+    classic.method = method;
+    classic.prior = prior;
+    classic.iterations = 2;
+    classic.stop = 1e-9;
+    options.classic = &classic;
     options.skip = 0;
     hada_status status = hada_plan_create(&plan, job->context, model, &options, err);
     if (!status)

@@ -66,11 +66,14 @@ static hada_status train(fault_job *job, hada_context *const *contexts, int coun
     static const int counts[JOB_DEPTHS] = {JOB_PAIRS, JOB_PAIRS};
     const hada_pairs pairs = {JOB_DEPTHS, counts, read_pair, job};
     hada_train_options options;
+    hada_augment augment;
     hada_trainer *trainer;
     hada_train_options_init(&options, stage);
     options.net_given = net;
     options.batch = count == 1 ? 2 : 3;
-    options.augment.noise = stage == HADA_STAGE_JOINT ? 0.01 : 0.0;
+    hada_augment_init(&augment);
+    augment.noise = stage == HADA_STAGE_JOINT ? 0.01 : 0.0;
+    options.augment = &augment;
     hada_status status = hada_trainer_create_on(&trainer, contexts, count, job->model, &pairs, &pairs, &options, err);
     if (!status)
         status = use(job, trainer, path, err);

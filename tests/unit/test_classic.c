@@ -75,13 +75,18 @@ static int teardown(void **state)
     return 0;
 }
 
+/* Of the options that were made last. */
+static hada_classic_options classic;
+
 static hada_plan_options options_of(hada_method method, int iterations)
 {
     static const int both[] = {0, DEPTHS - 1};
     hada_plan_options options;
     hada_plan_options_init(&options);
-    options.classic.method = method;
-    options.classic.iterations = iterations;
+    hada_classic_options_init(&classic);
+    classic.method = method;
+    classic.iterations = iterations;
+    options.classic = &classic;
     options.occupied = HADA_OCCUPIED_LIST;
     options.occupied_list = both;
     options.occupied_count = 2;
@@ -120,11 +125,11 @@ static void finds_both_depths(void **state)
         for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
             hada_plan_options options = options_of(cases[i].method, 20);
             hada_result few = {0}, many = {0};
-            options.classic.prior = cases[i].prior;
-            options.classic.weight = cases[i].weight;
-            options.classic.support = HADA_SUPPORT_WINDOW;
+            classic.prior = cases[i].prior;
+            classic.weight = cases[i].weight;
+            classic.support = HADA_SUPPORT_WINDOW;
             run(f, padded, &options, &few);
-            options.classic.iterations = 300;
+            classic.iterations = 300;
             run(f, padded, &options, &many);
             if (error_of(f, &many) > cases[i].allowed)
                 fail_msg("method %d, prior %d, boundary %d: error %.3g", cases[i].method, cases[i].prior, padded,
@@ -180,11 +185,11 @@ static void wiener_of_one_depth_is_the_models(void **state)
         options.depths = &one;
         options.depth_count = 1;
         options.occupied = HADA_OCCUPIED_ALL;
-        options.classic.lambda = 0.05;
+        classic.lambda = 0.05;
         run(f, padded, &options, &joint);
         ASSERT_OK(hada_model_with_form(&wiener, f->model[padded], HADA_FORM_WIENER, 0.05, err));
         linear = options;
-        linear.classic.method = HADA_METHOD_MODEL;
+        linear.classic = NULL;
         linear.refine = 0;
         ASSERT_OK(hada_plan_create(&plan, f->context, wiener, &linear, err));
         ASSERT_OK(hada_plan_run(plan, &f->frame, &single, err));
@@ -239,14 +244,14 @@ static void stops_by_rule(void **state)
     for (int method = HADA_METHOD_RL; method <= HADA_METHOD_ADMM; method++) {
         hada_plan_options options = options_of((hada_method)method, 400);
         hada_result loose = {0}, tight = {0}, timed = {0};
-        options.classic.stop = 3e-2;
+        classic.stop = 3e-2;
         run(f, 1, &options, &loose);
-        options.classic.stop = 3e-3;
+        classic.stop = 3e-3;
         run(f, 1, &options, &tight);
         assert_in_range(loose.report.refine_steps, 3, 200);
         assert_in_range(tight.report.refine_steps, loose.report.refine_steps, 399);
-        options.classic.stop = 0;
-        options.classic.seconds = 1e-9; /* one iteration and no more */
+        classic.stop = 0;
+        classic.seconds = 1e-9; /* one iteration and no more */
         run(f, 1, &options, &timed);
         assert_int_equal(timed.report.refine_steps, 1);
         hada_result_destroy(&loose);
@@ -288,15 +293,15 @@ static void refuses_what_makes_no_sense(void **state)
 {
     const fixture *f = *state;
     hada_plan_options options = options_of(HADA_METHOD_RL, 0);
-    options.classic.prior = HADA_PRIOR_WAVELET;
+    classic.prior = HADA_PRIOR_WAVELET;
     refuse(f, &options, HADA_ERROR_ARGUMENT, "no such prior");
     options = options_of(HADA_METHOD_FISTA, -1);
     refuse(f, &options, HADA_ERROR_ARGUMENT, "stopping rules");
     options = options_of(HADA_METHOD_FISTA, 0);
-    options.classic.step = 2;
+    classic.step = 2;
     refuse(f, &options, HADA_ERROR_ARGUMENT, "step");
     options = options_of(HADA_METHOD_ADMM, 0);
-    options.classic.mu3 = 0;
+    classic.mu3 = 0;
     refuse(f, &options, HADA_ERROR_ARGUMENT, "mu3");
     options = options_of((hada_method)9, 0);
     refuse(f, &options, HADA_ERROR_ARGUMENT, "method");

@@ -9,8 +9,8 @@ static void going_on_gives_the_same_bits(void **state)
     for (int devices = 1; devices <= 2; devices++)
         for (hada_stage stage = HADA_STAGE_FILTERS; stage <= HADA_STAGE_CONVENTIONAL; stage++) {
             hada_train_options options = options_of(stage);
-            options.augment.noise = 0.01;
-            options.augment.exposure = 0.1;
+            augment.noise = 0.01;
+            augment.exposure = 0.1;
             hada_trainer *trainer = make(&options, devices);
             steps(trainer, 6);
             save(trainer, 0);

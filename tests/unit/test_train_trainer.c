@@ -127,7 +127,7 @@ static void broken_numbers_are_rolled_back(void **state)
     for (int devices = 1; devices <= 2; devices++) {
         hada_train_options options = options_of(HADA_STAGE_JOINT);
         hada_step_report report;
-        options.augment.noise = 0.01; /* nothing is kept: each pair is read every time */
+        augment.noise = 0.01; /* nothing is kept: each pair is read every time */
         options.at_once = 1;
         options.batch = devices;
         options.schedule = HADA_RATE_CONSTANT;
@@ -210,7 +210,7 @@ static void scenes_have_numbers(void **state)
     for (int changing = 0; changing < 2; changing++) {
         hada_train_options options = options_of(HADA_STAGE_ENHANCE);
         int numbers = 0;
-        options.augment.noise = changing ? 0.01 : 0.0;
+        augment.noise = changing ? 0.01 : 0.0;
         hada_trainer *trainer = make(&options, 2);
         for (int i = 0; i < 40; i++) {
             steps(trainer, 1);
@@ -299,7 +299,7 @@ static void options_that_make_no_sense_are_refused(void **state)
         options.variation = kind == 7 ? 0.0 : 5e-7;
         options.stage = kind == 4 ? (hada_stage)9 : options.stage;
         options.random_start = kind == 5;
-        options.augment.shift = kind == 6 ? WINDOW : 0;
+        augment.shift = kind == 6 ? WINDOW : 0;
         list.counts = kind == 8 ? none : pair_counts;
         list.depths = kind == 10 ? 1 : DEPTHS;
         options.perceptual = kind == 11 ? 0.1 : 0.0;

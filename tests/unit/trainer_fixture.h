@@ -165,10 +165,15 @@ static inline int teardown(void **state)
     return 0;
 }
 
+/* Of the options that were made last. */
+static hada_augment augment;
+
 static inline hada_train_options options_of(hada_stage stage)
 {
     hada_train_options options;
     hada_train_options_init(&options, stage);
+    hada_augment_init(&augment);
+    options.augment = &augment;
     options.net_given = f.net;
     options.batch = 4;
     options.steps = 40;

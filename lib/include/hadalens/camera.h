@@ -87,7 +87,11 @@ typedef struct hada_camera {
 } hada_camera;
 
 /* A camera with the values of the preset "sim512". */
-HADA_API void hada_camera_init(hada_camera *camera);
+HADA_API void hada_camera_defaults(hada_camera *camera, size_t size);
+static inline void hada_camera_init(hada_camera *camera)
+{
+    hada_camera_defaults(camera, sizeof *camera);
+}
 
 /* Presets by workload:
  *   "sim512"     512 x 512 RGB, window 192 x 192, 14 depths from 100 to 600 mm, 37 lenses
@@ -95,7 +99,11 @@ HADA_API void hada_camera_init(hada_camera *camera);
  *   "paper2022"  1376 x 2064 RGB (24 x 36 mm), window 383 x 383, 14 depths from 100 to 600 mm, 37 lenses of 3 mm,
  *                f = 15 mm, in a 12 mm aperture 15 mm before the sensor (Table 1 of the paper)
  * HADA_ERROR_ARGUMENT with the list of names for any other. */
-HADA_API hada_status hada_camera_preset(hada_camera *camera, const char *name, hada_error *err);
+HADA_API hada_status hada_camera_preset_sized(hada_camera *camera, size_t size, const char *name, hada_error *err);
+static inline hada_status hada_camera_preset(hada_camera *camera, const char *name, hada_error *err)
+{
+    return hada_camera_preset_sized(camera, sizeof *camera, name, err);
+}
 
 /* Sets `count` distances from near to far with equal steps in 1/z. A single depth stands at near. */
 HADA_API hada_status hada_camera_set_depths(hada_camera *camera, double near_mm, double far_mm, int count,
@@ -164,7 +172,11 @@ HADA_API int hada_window_origin(int full, int window);
 /* Writes the camera as JSON (readable by a person; unknown keys are ignored on reading), beside the file and renamed.
  * Reading starts from hada_camera_init() and checks the result. */
 HADA_API hada_status hada_camera_save(const hada_camera *camera, const char *path, hada_error *err);
-HADA_API hada_status hada_camera_load(hada_camera *camera, const char *path, hada_error *err);
+HADA_API hada_status hada_camera_load_sized(hada_camera *camera, size_t size, const char *path, hada_error *err);
+static inline hada_status hada_camera_load(hada_camera *camera, const char *path, hada_error *err)
+{
+    return hada_camera_load_sized(camera, sizeof *camera, path, err);
+}
 
 #ifdef __cplusplus
 }

@@ -7,7 +7,7 @@
 #ifndef HADALENS_CLASSIC_H
 #define HADALENS_CLASSIC_H
 
-#include <stddef.h>
+#include <hadalens/status.h>
 
 #ifdef __cplusplus
 extern "C" {
@@ -37,6 +37,7 @@ typedef enum hada_support {
 } hada_support;
 
 typedef struct hada_classic_options {
+    size_t size;        /* sizeof(hada_classic_options) */
     hada_method method; /* HADA_METHOD_MODEL by default: none of these */
     int iterations;     /* at most; 0 (default): 100 */
     double stop;        /* stop when |x - x before| < stop |x| twice running (all planes, L2); 0 (default): never */
@@ -52,6 +53,11 @@ typedef struct hada_classic_options {
     double mu1, mu2, mu3; /* ADMM: weights of the splits of data (in units of the data's weight), gradient and planes
                              (these in units of mu1 times the largest |OTF(0)|^2), > 0 */
 } hada_classic_options;
+HADA_API void hada_classic_options_defaults(hada_classic_options *options, size_t size);
+static inline void hada_classic_options_init(hada_classic_options *options)
+{
+    hada_classic_options_defaults(options, sizeof *options);
+}
 
 #ifdef __cplusplus
 }

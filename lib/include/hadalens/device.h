@@ -75,7 +75,11 @@ typedef struct hada_context_options {
     int skip_self_test; /* for the tests of the self-test */
 } hada_context_options;
 
-HADA_API void hada_context_options_init(hada_context_options *options);
+HADA_API void hada_context_options_defaults(hada_context_options *options, size_t size);
+static inline void hada_context_options_init(hada_context_options *options)
+{
+    hada_context_options_defaults(options, sizeof *options);
+}
 
 /* Opens a device and checks it with known answers before its first work (HADA_ERROR_SELF_TEST where it computes
  * wrong results). `options` may be NULL. *out is NULL on failure. */

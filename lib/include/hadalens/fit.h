@@ -38,7 +38,11 @@ typedef struct hada_fit_options {
     int nonnegative;        /* 1 (default): transfer functions are those of point spread functions that are nowhere
                                negative, as light's are, where the pairs say too little; 0: from the pairs alone */
 } hada_fit_options;
-HADA_API void hada_fit_options_init(hada_fit_options *options);
+HADA_API void hada_fit_options_defaults(hada_fit_options *options, size_t size);
+static inline void hada_fit_options_init(hada_fit_options *options)
+{
+    hada_fit_options_defaults(options, sizeof *options);
+}
 
 HADA_API hada_status hada_fitter_create(hada_fitter **out, hada_context *context, const hada_fit_options *options,
                                         hada_error *err);
@@ -59,7 +63,8 @@ HADA_API hada_status hada_fitter_save_sums(hada_fitter *fitter, const char *path
 HADA_API hada_status hada_fitter_load_sums(hada_fitter *fitter, const char *path, hada_error *err);
 
 /* A fitter from saved sums alone, for merging without pairs: camera, depths and dark level are the file's; `choices`
- * says form, alpha, lambda, refine_steps, refine_tv and nonnegative (its other fields are not used); NULL: the defaults. */
+ * says form, alpha, lambda, refine_steps, refine_tv and nonnegative (its other fields are not used); NULL: the
+ * defaults. */
 HADA_API hada_status hada_fitter_create_from_sums(hada_fitter **out, hada_context *context, const char *path,
                                                   const hada_fit_options *choices, hada_error *err);
 
@@ -76,13 +81,13 @@ HADA_API hada_status hada_fitter_score(hada_fitter *fitter, int depth, const had
 typedef hada_status (*hada_fit_show)(void *user, int depth, int64_t pair, const hada_image **raw,
                                      const hada_image **scene, hada_error *err);
 
-/* Further passes, optional: filters that are judged in the window. The exact fit of the first pass minds the whole grid,
- * although only the window of what a filter makes is kept; here what it makes outside counts with the weight
- * options.outside alone (docs/filters.md). Every pair of the sums is shown up to 12 times, and some more often to choose
- * the weight (where options.outside is negative) by leaving pairs out. Transfer functions, and so refined images, stay
- * as they are. Call it after scoring, before hada_fitter_finish(); new pairs and scores discard what was found.
- * Pairs that are not those of the sums are refused (HADA_ERROR_STATE): sums from files cannot be judged without their
- * pairs. With options.outside = 1, or where nothing can be left out, no pair is shown and the exact fit stays.
+/* Further passes, optional: filters that are judged in the window. The exact fit of the first pass minds the whole
+ * grid, although only the window of what a filter makes is kept; here what it makes outside counts with the weight
+ * options.outside alone (docs/filters.md). Every pair of the sums is shown up to 12 times, and some more often to
+ * choose the weight (where options.outside is negative) by leaving pairs out. Transfer functions, and so refined
+ * images, stay as they are. Call it after scoring, before hada_fitter_finish(); new pairs and scores discard what was
+ * found. Pairs that are not those of the sums are refused (HADA_ERROR_STATE): sums from files cannot be judged without
+ * their pairs. With options.outside = 1, or where nothing can be left out, no pair is shown and the exact fit stays.
  * While it runs it takes as much room on the device as 14 frames' spectra (6 with options.outside given). */
 HADA_API hada_status hada_fitter_judge(hada_fitter *fitter, hada_fit_show show, void *user, hada_error *err);
 

@@ -51,7 +51,11 @@ typedef struct hada_focus_options {
 
 /* For planes of linear filters: contrast, weighted mean; `shared` not 0: for planes that share out the light:
  * combined, sum. Window 2.5 pixels, false alarm 0.01. */
-HADA_API void hada_focus_options_init(hada_focus_options *options, int shared);
+HADA_API void hada_focus_options_defaults(hada_focus_options *options, size_t size, int shared);
+static inline void hada_focus_options_init(hada_focus_options *options, int shared)
+{
+    hada_focus_options_defaults(options, sizeof *options, shared);
+}
 
 /* What the focus step found in the data. */
 typedef struct hada_focus_report {

@@ -2,7 +2,9 @@
 #ifndef HADALENS_HADALENS_H
 #define HADALENS_HADALENS_H
 
+#include <hadalens/base.h>
 #include <hadalens/camera.h>
+#include <hadalens/classic.h>
 #include <hadalens/device.h>
 #include <hadalens/fit.h>
 #include <hadalens/focus.h>

@@ -95,7 +95,11 @@ typedef struct hada_psf_options {
     int refine_steps; /* negative: chosen */
     double refine_tv; /* weight of total variation in refinement; 0 (default): none */
 } hada_psf_options;
-HADA_API void hada_psf_options_init(hada_psf_options *options);
+HADA_API void hada_psf_options_defaults(hada_psf_options *options, size_t size);
+static inline void hada_psf_options_init(hada_psf_options *options)
+{
+    hada_psf_options_defaults(options, sizeof *options);
+}
 
 HADA_API hada_status hada_model_from_psf(hada_model **out, hada_context *context, const hada_image *psfs, int depths,
                                          const double *distances_mm, const hada_psf_options *options, hada_error *err);

@@ -26,10 +26,14 @@ typedef struct hada_wave_options {
      * as always for other masks; takes far more memory. */
     int coherent;
     double stray; /* about the share of light that may be left out, scattered at the edges of lenses or openings so
-                     far that it leaves the grid that is computed; 0: 0.002 */
+                     far that it leaves the grid that is computed; HADA_AUTO (default): 0.002 */
 } hada_wave_options;
 
-HADA_API void hada_wave_options_init(hada_wave_options *options);
+HADA_API void hada_wave_options_defaults(hada_wave_options *options, size_t size);
+static inline void hada_wave_options_init(hada_wave_options *options)
+{
+    hada_wave_options_defaults(options, sizeof *options);
+}
 
 /* Makes PSFs of a camera by wave optics on a device. */
 typedef struct hada_wave hada_wave;

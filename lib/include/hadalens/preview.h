@@ -21,6 +21,11 @@ typedef struct hada_preview {
     const hada_image *distance_map; /* millimetres, NaN where nothing is in focus */
     double gamma;                   /* exponent for showing linear intensities; 0 = 1/2.2 */
 } hada_preview;
+HADA_API void hada_preview_defaults(hada_preview *preview, size_t size);
+static inline void hada_preview_init(hada_preview *preview)
+{
+    hada_preview_defaults(preview, sizeof *preview);
+}
 
 /* One sheet: raw, all-in-focus, distance map with colour map and scale bar, and the stack as a contact sheet with
  * distances (occupied planes marked). */

@@ -52,10 +52,10 @@ typedef struct hada_plan_options {
     hada_occupied occupied;   /* HADA_OCCUPIED_AUTO by default */
     const int *occupied_list; /* indices of depths, for HADA_OCCUPIED_LIST */
     int occupied_count;
-    int refine;                   /* steps; negative (default): auto, 0: linear filters alone */
-    double refine_tv;             /* weight of total variation in refinement; negative (default): the model's, 0: none */
-    hada_dark dark;               /* HADA_DARK_MODEL by default: what the model says */
-    double dark_level;            /* for HADA_DARK_LEVEL, in units of full scale */
+    int refine;        /* steps; negative (default): auto, 0: linear filters alone */
+    double refine_tv;  /* weight of total variation in refinement; negative (default): the model's, 0: none */
+    hada_dark dark;    /* HADA_DARK_MODEL by default: what the model says */
+    double dark_level; /* for HADA_DARK_LEVEL, in units of full scale */
     const hada_image *dark_frame; /* for HADA_DARK_FRAME; copied */
     int repair_not_finite;        /* 1: NaN and infinite pixels take the median of their neighbours, with a count in the
                                      report; 0 (default): such a frame is refused */
@@ -70,10 +70,15 @@ typedef struct hada_plan_options {
                          0 (default): only what is exact */
     double band;      /* linear filters: frequencies beyond this share of the sensor's Nyquist limits, in rows and in
                          columns, are left out, whatever max_error; 1 (default): none. The planes keep their size */
-    hada_classic_options classic; /* another method in place of the model's filters and refinement; the depths are all
-                                     that are computed, or those of the list, and no net follows */
+    const hada_classic_options *classic; /* another method in place of the model's filters and refinement; the depths
+                                            are all that are computed, or those of the list, and no net follows; NULL
+                                            (default): none. Copied */
 } hada_plan_options;
-HADA_API void hada_plan_options_init(hada_plan_options *options);
+HADA_API void hada_plan_options_defaults(hada_plan_options *options, size_t size);
+static inline void hada_plan_options_init(hada_plan_options *options)
+{
+    hada_plan_options_defaults(options, sizeof *options);
+}
 
 typedef struct hada_plan hada_plan;
 HADA_API hada_status hada_plan_create(hada_plan **out, hada_context *context, const hada_model *model,
@@ -106,10 +111,10 @@ typedef struct hada_report {
     int occupied_count;
     unsigned char *occupied; /* per computed depth, owned by the result */
     hada_method method;
-    int refine_steps;        /* refinement steps, or iterations of a classic method, that were done */
-    double residual_linear;  /* |frame - what the linear result explains| / |frame|; NaN where not computed */
-    double residual;         /* after refinement */
-    double dark;             /* level taken off */
+    int refine_steps;       /* refinement steps, or iterations of a classic method, that were done */
+    double residual_linear; /* |frame - what the linear result explains| / |frame|; NaN where not computed */
+    double residual;        /* after refinement */
+    double dark;            /* level taken off */
     size_t repaired_pixels;
     hada_skip_report skipped;
     int enhanced; /* planes that went through the model's net */

@@ -42,7 +42,11 @@ typedef struct hada_register_options {
                                                        to 2.5 times that of the frame */
     double most_rotation_deg;                       /* to either side of the quarter turns: 15 by default, at most 45 */
 } hada_register_options;
-HADA_API void hada_register_options_init(hada_register_options *options);
+HADA_API void hada_register_options_defaults(hada_register_options *options, size_t size);
+static inline void hada_register_options_init(hada_register_options *options)
+{
+    hada_register_options_defaults(options, sizeof *options);
+}
 
 /* Pairs used at most; further ones are not looked at. */
 #define HADA_REGISTER_PAIRS 8

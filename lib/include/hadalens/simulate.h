@@ -21,8 +21,8 @@ typedef struct hada_simulator hada_simulator;
 /* The camera is copied. PSFs are made by its `optics`. */
 HADA_API hada_status hada_simulator_create(hada_simulator **out, hada_context *context, const hada_camera *camera,
                                            hada_error *err);
-/* As hada_simulator_create, with measured or designed PSFs instead of the camera's own: `psf` holds camera->depths images
- * of sensor size, of one channel or of camera->channels. Used as they are, without normalisation. */
+/* As hada_simulator_create, with measured or designed PSFs instead of the camera's own: `psf` holds camera->depths
+ * images of sensor size, of one channel or of camera->channels. Used as they are, without normalisation. */
 HADA_API hada_status hada_simulator_create_psf(hada_simulator **out, hada_context *context, const hada_camera *camera,
                                                const hada_image *psf, hada_error *err);
 
@@ -36,7 +36,11 @@ typedef struct hada_simulator_options {
                                    the window enters the frame; larger than the sensor with HADA_BOUNDARY_PADDED only.
                                    0 (default): the window */
 } hada_simulator_options;
-HADA_API void hada_simulator_options_init(hada_simulator_options *options);
+HADA_API void hada_simulator_options_defaults(hada_simulator_options *options, size_t size);
+static inline void hada_simulator_options_init(hada_simulator_options *options)
+{
+    hada_simulator_options_defaults(options, sizeof *options);
+}
 HADA_API hada_status hada_simulator_create_with(hada_simulator **out, hada_context *context, const hada_camera *camera,
                                                 const hada_simulator_options *options, hada_error *err);
 

@@ -7,14 +7,10 @@
 #ifndef HADALENS_STATUS_H
 #define HADALENS_STATUS_H
 
+#include <hadalens/base.h>
+
 #ifdef __cplusplus
 extern "C" {
-#endif
-
-#if defined(__GNUC__)
-#define HADA_API __attribute__((visibility("default")))
-#else
-#define HADA_API
 #endif
 
 typedef enum hada_status {

@@ -64,7 +64,11 @@ typedef struct hada_tiff_write_options {
     int compress;            /* 1: deflate with predictor; 0: none (default) */
 } hada_tiff_write_options;
 
-HADA_API void hada_tiff_write_options_init(hada_tiff_write_options *options);
+HADA_API void hada_tiff_write_options_defaults(hada_tiff_write_options *options, size_t size);
+static inline void hada_tiff_write_options_init(hada_tiff_write_options *options)
+{
+    hada_tiff_write_options_defaults(options, sizeof *options);
+}
 
 typedef struct hada_tiff_writer hada_tiff_writer;
 /* `channels`, `rows`, `cols` hold for all frames. BigTIFF is chosen when the pixels need it (3.9 GB and more); that is

@@ -52,13 +52,20 @@ typedef struct hada_pairs {
 
 /* Changes of a pair on its way, drawn anew each time it is seen. */
 typedef struct hada_augment {
+    size_t size;  /* sizeof(hada_augment) */
     int shift;    /* raw frame and scene move together by up to so many pixels in rows and in columns; what leaves the
                      window is lost, what leaves the frame comes back in at the other side (circular boundary only) */
     int flips;    /* 1: left and right, 2: top and bottom, 3: both; for optics that are symmetric in this way only */
     double noise; /* standard deviation of Gaussian noise added to the raw frame, as a share of its maximum */
     double exposure; /* both images are scaled by a factor from 1 - exposure to 1 + exposure */
-    int plane_flips; /* ENHANCE and ADVERSARIAL: the reconstructed plane and the scene are flipped together (1, 2, 3) */
+    int plane_flips; /* ENHANCE and ADVERSARIAL: the reconstructed plane and the scene are flipped together (1, 2, 3);
+                        HADA_AUTO (default): 3 there */
 } hada_augment;
+HADA_API void hada_augment_defaults(hada_augment *augment, size_t size);
+static inline void hada_augment_init(hada_augment *augment)
+{
+    hada_augment_defaults(augment, sizeof *augment);
+}
 
 typedef enum hada_rule { HADA_RULE_RMSPROP = 0, HADA_RULE_ADAM = 1, HADA_RULE_ADAMW = 2 } hada_rule;
 typedef enum hada_rate { HADA_RATE_CONSTANT = 0, HADA_RATE_STEP = 1, HADA_RATE_COSINE = 2 } hada_rate;
@@ -103,9 +110,13 @@ typedef struct hada_train_options {
     int variation_squared; /* 1: the paper's formula; 0 (default): absolute values, as its code */
     const char *vgg;       /* safetensors file of VGG-16; NULL: the perceptual term is off */
 
-    hada_augment augment;
+    const hada_augment *augment; /* NULL (default): hada_augment_init(); copied */
 } hada_train_options;
-HADA_API void hada_train_options_init(hada_train_options *options, hada_stage stage);
+HADA_API void hada_train_options_defaults(hada_train_options *options, size_t size, hada_stage stage);
+static inline void hada_train_options_init(hada_train_options *options, hada_stage stage)
+{
+    hada_train_options_defaults(options, sizeof *options, stage);
+}
 
 typedef struct hada_trainer hada_trainer;
 

@@ -1,0 +1,217 @@
+/* Structs of options between callers and libraries of different versions. */
+#include "testing.h"
+
+#include <hadalens/hadalens.h>
+#include <stddef.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/options.h"
+
+typedef struct older {
+    size_t size;
+    int a;
+    double b;
+} older;
+typedef struct present {
+    size_t size;
+    int a;
+    double b, c;
+    const char *d;
+} present;
+typedef struct newer {
+    size_t size;
+    int a;
+    double b, c;
+    const char *d;
+    double e;
+    int f;
+} newer;
+
+static const present defaults = {.size = sizeof defaults, .a = 1, .b = 2.0, .c = 3.0, .d = "four"};
+
+static void an_older_caller_gets_defaults(void **state)
+{
+    (void)state;
+    struct {
+        older options;
+        unsigned char behind[64];
+    } caller;
+    memset(&caller, 0xa5, sizeof caller);
+    hada_sized_give(&caller.options, sizeof caller.options, &defaults, sizeof defaults);
+    assert_int_equal(caller.options.size, sizeof caller.options);
+    assert_int_equal(caller.options.a, 1);
+    for (size_t i = 0; i < sizeof caller.behind; i++)
+        assert_int_equal(caller.behind[i], 0xa5);
+
+    caller.options.a = 10;
+    caller.options.b = 20.0;
+    present own = defaults;
+    ASSERT_OK(hada_sized_take(&own, sizeof own, &caller.options, "options", err));
+    assert_int_equal(own.size, sizeof own);
+    assert_int_equal(own.a, 10);
+    assert_true(own.b == 20.0 && own.c == 3.0);
+    assert_string_equal(own.d, "four");
+}
+
+static void a_newer_caller_is_understood_or_refused(void **state)
+{
+    (void)state;
+    newer caller;
+    hada_error error;
+    memset(&caller, 0xa5, sizeof caller);
+    hada_sized_give(&caller, sizeof caller, &defaults, sizeof defaults);
+    assert_int_equal(caller.size, sizeof caller);
+    assert_true(caller.c == 3.0 && caller.e == 0.0 && caller.f == 0);
+    caller.c = 30.0;
+    present own = defaults;
+    ASSERT_OK(hada_sized_take(&own, sizeof own, &caller, "hada_some_options", err));
+    assert_int_equal(own.size, sizeof own);
+    assert_true(own.c == 30.0);
+
+    caller.f = 1;
+    own = defaults;
+    assert_int_equal(hada_sized_take(&own, sizeof own, &caller, "hada_some_options", &error), HADA_ERROR_UNSUPPORTED);
+    assert_non_null(strstr(error.message, "hada_some_options"));
+    assert_non_null(strstr(error.message, "update the library"));
+    assert_memory_equal(&own, &defaults, sizeof own);
+}
+
+static void what_was_never_set_up_is_refused(void **state)
+{
+    (void)state;
+    static const size_t sizes[] = {0, 1, sizeof(size_t), sizeof(present) + 1, 1 << 20, SIZE_MAX - 7};
+    for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
+        present own = defaults, caller = {.size = sizes[i]};
+        hada_error error;
+        assert_int_equal(hada_sized_take(&own, sizeof own, &caller, "hada_x_options", &error), HADA_ERROR_ARGUMENT);
+        assert_non_null(strstr(error.message, "hada_x_options_init()"));
+    }
+    present own = defaults;
+    ASSERT_OK(hada_sized_take(&own, sizeof own, NULL, "hada_x_options", err)); /* NULL: the defaults */
+    assert_memory_equal(&own, &defaults, sizeof own);
+}
+
+/* Every public struct of options: its init writes exactly as much as the caller's size says, and the size. */
+typedef void (*give)(void *options, size_t size);
+static void give_focus(void *options, size_t size)
+{
+    hada_focus_options_defaults(options, size, 1);
+}
+static void give_train(void *options, size_t size)
+{
+    hada_train_options_defaults(options, size, HADA_STAGE_JOINT);
+}
+#define GIVE(type)                                                                                                     \
+    static void give_##type(void *options, size_t size)                                                                \
+    {                                                                                                                  \
+        hada_##type##_defaults(options, size);                                                                         \
+    }
+GIVE(augment)
+GIVE(camera)
+GIVE(classic_options)
+GIVE(context_options)
+GIVE(fit_options)
+GIVE(plan_options)
+GIVE(preview)
+GIVE(psf_options)
+GIVE(register_options)
+GIVE(sensor)
+GIVE(simulator_options)
+GIVE(tiff_write_options)
+GIVE(unet_options)
+GIVE(wave_options)
+
+static void every_init_keeps_to_the_callers_size(void **state)
+{
+    (void)state;
+    static const struct {
+        give give;
+        size_t size;
+    } all[] = {{give_focus, sizeof(hada_focus_options)},
+               {give_train, sizeof(hada_train_options)},
+               {give_augment, sizeof(hada_augment)},
+               {give_camera, sizeof(hada_camera)},
+               {give_classic_options, sizeof(hada_classic_options)},
+               {give_context_options, sizeof(hada_context_options)},
+               {give_fit_options, sizeof(hada_fit_options)},
+               {give_plan_options, sizeof(hada_plan_options)},
+               {give_preview, sizeof(hada_preview)},
+               {give_psf_options, sizeof(hada_psf_options)},
+               {give_register_options, sizeof(hada_register_options)},
+               {give_sensor, sizeof(hada_sensor)},
+               {give_simulator_options, sizeof(hada_simulator_options)},
+               {give_tiff_write_options, sizeof(hada_tiff_write_options)},
+               {give_unet_options, sizeof(hada_unet_options)},
+               {give_wave_options, sizeof(hada_wave_options)}};
+    enum { BEHIND = 32 };
+    for (size_t i = 0; i < sizeof all / sizeof *all; i++)
+        for (int change = -8; change <= 8; change += 8) {
+            const size_t size = all[i].size + (size_t)change;
+            unsigned char *bytes = malloc(size + BEHIND);
+            size_t stated;
+            assert_non_null(bytes);
+            memset(bytes, 0xa5, size + BEHIND);
+            all[i].give(bytes, size);
+            memcpy(&stated, bytes, sizeof stated);
+            assert_int_equal(stated, size);
+            for (size_t k = 0; k < BEHIND; k++)
+                assert_int_equal(bytes[size + k], 0xa5);
+            for (size_t k = all[i].size; k < size; k++)
+                assert_int_equal(bytes[k], 0);
+            free(bytes);
+        }
+}
+
+/* Through a public call: the caller of an older version ends before the last options. */
+static void a_call_takes_an_older_struct(void **state)
+{
+    (void)state;
+    union {
+        hada_unet_options options;
+        unsigned char bytes[sizeof(hada_unet_options)];
+    } caller;
+    const size_t older_size = offsetof(hada_unet_options, up_by);
+    memset(&caller, 0xa5, sizeof caller);
+    hada_unet_options_defaults(&caller.options, older_size);
+    for (size_t i = older_size; i < sizeof caller; i++)
+        assert_int_equal(caller.bytes[i], 0xa5);
+    hada_net *net;
+    hada_net_info info;
+    caller.options.channels = caller.options.out_channels = 1;
+    ASSERT_OK(hada_net_create_unet(&net, &caller.options, 1, err));
+    hada_net_get_info(net, &info);
+    assert_int_equal(info.channels, 1);
+    hada_net_destroy(&net);
+
+    struct {
+        hada_unet_options known;
+        size_t unknown;
+    } larger;
+    hada_error error;
+    hada_unet_options_defaults(&larger.known, sizeof larger);
+    ASSERT_OK(hada_net_create_unet(&net, &larger.known, 1, err));
+    hada_net_destroy(&net);
+    larger.unknown = 1;
+    assert_int_equal(hada_net_create_unet(&net, &larger.known, 1, &error), HADA_ERROR_UNSUPPORTED);
+    assert_null(net);
+}
+
+static void the_version_is_one(void **state)
+{
+    (void)state;
+    char text[64];
+    snprintf(text, sizeof text, "%d.%d.%d", HADALENS_VERSION_MAJOR, HADALENS_VERSION_MINOR, HADALENS_VERSION_PATCH);
+    assert_string_equal(text, HADALENS_VERSION);
+    assert_string_equal(hada_version(), HADALENS_VERSION);
+    assert_true(HADALENS_VERSION_NUMBER >= HADALENS_VERSION_OF(0, 1, 0));
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(an_older_caller_gets_defaults),    cmocka_unit_test(a_newer_caller_is_understood_or_refused),
+        cmocka_unit_test(what_was_never_set_up_is_refused), cmocka_unit_test(every_init_keeps_to_the_callers_size),
+        cmocka_unit_test(a_call_takes_an_older_struct),     cmocka_unit_test(the_version_is_one)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

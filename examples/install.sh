@@ -1,7 +1,7 @@
 # Installs what is missing, from Debian or Ubuntu. To be sourced: hadalens_install [tests]
 # What is there already is left alone; with nothing missing, nothing is asked.
 hadalens_install() {
-    local packages="gcc libc6-dev cmake ninja-build pkg-config ocl-icd-opencl-dev libclfft-dev libtiff-dev libpng-dev
+    local packages="gcc libc6-dev cmake ninja-build pkg-config ocl-icd-opencl-dev libclfft-dev libtiff-dev libcairo2-dev
         libjansson-dev libxxhash-dev libpopt-dev"
     local missing="" package root=""
     if ! command -v dpkg-query >/dev/null; then

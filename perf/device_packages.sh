@@ -15,7 +15,7 @@ prefix=$(cd "$1" && pwd)
 shift
 pocl=pocl-opencl-icd
 [ "${1:-}" != --no-pocl ] || { pocl=; shift; }
-wanted="ocl-icd-opencl-dev libclfft-dev libtiff-dev libpng-dev libjansson-dev libxxhash-dev libpopt-dev libcmocka-dev
+wanted="ocl-icd-opencl-dev libclfft-dev libtiff-dev libcairo2-dev libjansson-dev libxxhash-dev libpopt-dev libcmocka-dev
     libfftw3-dev pkg-config ninja-build $pocl $*"
 # what belongs to the machine: C library, compiler, package management, and programs that no library is needed from
 left_out='

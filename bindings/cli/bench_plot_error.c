@@ -15,10 +15,10 @@ static hada_plot_mark mark_of(const hada_bench_setting *s)
 {
     static const hada_plot_shape shapes[] = {HADA_PLOT_DISC, HADA_PLOT_TRIANGLE, HADA_PLOT_SQUARE, HADA_PLOT_DIAMOND};
     return (hada_plot_mark){shapes[s->method],
-                            hada_plot_colours[s->method == HADA_BENCH_REFINED   ? 2
+                            hada_plot_colour(s->method == HADA_BENCH_REFINED   ? 2
                                               : s->method == HADA_BENCH_MATCHED ? 4
                                               : s->method == HADA_BENCH_WIENER  ? 1
-                                                                                : 0],
+                                                                                : 0),
                             4.5, s->half, s->clfft};
 }
 
@@ -56,7 +56,7 @@ static void draw(hada_plot *plot, const hada_plot_panel *panel, panel_data *data
             data->front_y[n++] = data->y[i];
         }
     if (n > 1)
-        hada_plot_line(plot, data->front_x, data->front_y, n, "#000000", 0);
+        hada_plot_line(plot, data->front_x, data->front_y, n, 0x000000, 0);
     for (int i = 0; i < data->count; i++) {
         const hada_plot_mark mark = mark_of(&data->rows[i]->setting);
         if (!isnan(data->y[i]))
@@ -122,20 +122,20 @@ static void legend(hada_plot *plot, const panel_data *data)
         const hada_bench_setting setting = {.method = (hada_bench_method)m};
         const hada_plot_mark mark = mark_of(&setting);
         if (there)
-            x = hada_plot_legend(plot, x, y, &mark, NULL, method_words[m]);
+            x = hada_plot_legend(plot, x, y, &mark, HADA_PLOT_NO_COLOUR, method_words[m]);
     }
-    const hada_plot_mark hollow = {HADA_PLOT_DISC, "#555555", 4.5, 1, 0},
-                         crossed = {HADA_PLOT_DISC, "#555555", 4.5, 0, 1};
+    const hada_plot_mark hollow = {HADA_PLOT_DISC, 0x555555, 4.5, 1, 0},
+                         crossed = {HADA_PLOT_DISC, 0x555555, 4.5, 0, 1};
     int half = 0, clfft = 0;
     for (int i = 0; i < data->count; i++) {
         half |= data->rows[i]->setting.half;
         clfft |= data->rows[i]->setting.clfft;
     }
     if (half)
-        x = hada_plot_legend(plot, x, y, &hollow, NULL, "half precision");
+        x = hada_plot_legend(plot, x, y, &hollow, HADA_PLOT_NO_COLOUR, "half precision");
     if (clfft)
-        x = hada_plot_legend(plot, x, y, &crossed, NULL, "clFFT");
-    hada_plot_legend(plot, x, y, NULL, NULL, "no other is better in both");
+        x = hada_plot_legend(plot, x, y, &crossed, HADA_PLOT_NO_COLOUR, "clFFT");
+    hada_plot_legend(plot, x, y, NULL, HADA_PLOT_NO_COLOUR, "no other is better in both");
 }
 
 static hada_status plot(const hada_bench_place *place, panel_data *data, const char *folder, hada_error *err)

@@ -9,7 +9,7 @@
 #include <string.h>
 
 enum { BAR = 26, LABELLED = 9 };
-static const char rest_colour[] = "#cccccc"; /* of a frame's median beyond those of its stages */
+enum { REST_COLOUR = 0xcccccc }; /* of a frame's median beyond those of its stages */
 
 /* A stacked bar of a mode's stages; returns where it ends. */
 static double stack(hada_plot *plot, const hada_bench *bench, const hada_bench_place *place, int mode, double at)
@@ -21,7 +21,7 @@ static double stack(hada_plot *plot, const hada_bench *bench, const hada_bench_p
         const hada_bench_row *row = hada_bench_find(bench, place->device, place->workload, HADA_BENCH_STAGE, name);
         const double width = row ? row->value.median : 0;
         if (width > 0)
-            hada_plot_bar(plot, x, x + width, at + 0.15, at + 0.85, hada_plot_colours[s]);
+            hada_plot_bar(plot, x, x + width, at + 0.15, at + 0.85, hada_plot_colour(s));
         x += width;
     }
     return x;
@@ -66,7 +66,7 @@ static double latency_panel(hada_plot *plot, const hada_bench *bench, const hada
             const double at = --bars, y = panel.top + panel.height * (1 - (at + 0.65) / panel.up.high);
             const double end = stack(plot, bench, &places[i], mode, at + 0.15);
             if (row->value.median > end)
-                hada_plot_bar(plot, end, row->value.median, at + 0.3, at + 1, rest_colour);
+                hada_plot_bar(plot, end, row->value.median, at + 0.3, at + 1, REST_COLOUR);
             hada_plot_whisker(plot, row->value.q1, row->value.q3, at + 0.65);
             snprintf(text, sizeof text, "%.3g", row->value.median);
             hada_plot_text(plot, panel.left + panel.width * row->value.q3 / panel.across.high + 8, y + 4, 'l', 11,
@@ -93,8 +93,8 @@ static hada_status plot_latency(const hada_bench *bench, const hada_bench_place 
     if (status)
         return status;
     for (int s = 0; s < HADA_BENCH_STAGES; s++)
-        x = hada_plot_legend(plot, x, 20, NULL, hada_plot_colours[s], hada_bench_stage_names[s]);
-    hada_plot_legend(plot, x, 20, NULL, rest_colour, "rest");
+        x = hada_plot_legend(plot, x, 20, NULL, hada_plot_colour(s), hada_bench_stage_names[s]);
+    hada_plot_legend(plot, x, 20, NULL, REST_COLOUR, "rest");
     for (int i = 0; i < count; i++)
         if (places[i].first_of_workload)
             top = latency_panel(plot, bench, places, count, places[i].workload, top);
@@ -134,7 +134,7 @@ static void roof(hada_plot *plot, const hada_plot_panel *panel, double copy, dou
     const double x[] = {panel->across.low, ridge, panel->across.high};
     const double y[] = {panel->across.low * copy, flops, flops};
     char text[96];
-    hada_plot_line(plot, x, y, 3, "#000000", 0);
+    hada_plot_line(plot, x, y, 3, 0x000000, 0);
     const hada_plot_axis *a = &panel->across, *u = &panel->up;
     snprintf(text, sizeof text, "arithmetic %.3g GFLOP/s", flops);
     hada_plot_note(plot, panel->left + panel->width - 6,
@@ -156,7 +156,7 @@ static void roofline_points(hada_plot *plot, const hada_bench_row **list, int co
     for (int i = 0; i < count; i++) {
         const int refined = strncmp(list[i]->name, hada_bench_mode_names[0], strlen(hada_bench_mode_names[0])) != 0;
         const double share = list[i]->value.median / all[refined];
-        const hada_plot_mark mark = {refined ? HADA_PLOT_DIAMOND : HADA_PLOT_DISC, hada_plot_colours[stage_of(list[i])],
+        const hada_plot_mark mark = {refined ? HADA_PLOT_DIAMOND : HADA_PLOT_DISC, hada_plot_colour(stage_of(list[i])),
                                      2.5 + 11 * sqrt(share), 0, 0};
         const double x = list[i]->flops / list[i]->bytes, y = list[i]->flops / list[i]->value.median * 1e-6;
         hada_plot_point(plot, x, y, &mark);
@@ -207,11 +207,11 @@ static hada_status plot_roofline(const hada_bench *bench, const hada_bench_place
             hada_plot_panel_end(plot);
             double at = 76;
             for (int s = 0; s < HADA_BENCH_STAGES; s++)
-                at = hada_plot_legend(plot, at, 508, NULL, hada_plot_colours[s], hada_bench_stage_names[s]);
-            const hada_plot_mark marks[] = {{HADA_PLOT_DISC, "#555555", 5, 0, 0},
-                                            {HADA_PLOT_DIAMOND, "#555555", 5, 0, 0}};
-            at = hada_plot_legend(plot, 76, 528, &marks[0], NULL, "linear");
-            at = hada_plot_legend(plot, at, 528, &marks[1], NULL, "refined");
+                at = hada_plot_legend(plot, at, 508, NULL, hada_plot_colour(s), hada_bench_stage_names[s]);
+            const hada_plot_mark marks[] = {{HADA_PLOT_DISC, 0x555555, 5, 0, 0},
+                                            {HADA_PLOT_DIAMOND, 0x555555, 5, 0, 0}};
+            at = hada_plot_legend(plot, 76, 528, &marks[0], HADA_PLOT_NO_COLOUR, "linear");
+            at = hada_plot_legend(plot, at, 528, &marks[1], HADA_PLOT_NO_COLOUR, "refined");
             hada_plot_text(plot, at, 532, 'l', 11, "area: share of the frame's time on the device");
             char *path = hada_cli_text("%s/roofline-%s%s.svg", folder, place->workload, place->suffix);
             status = hada_plot_save(&plot, path, err);

@@ -3,7 +3,7 @@
 #define HADA_CLI_BENCH_PLOTS_H
 
 #include "bench.h"
-#include "plot_svg.h"
+#include <hadalens/plot.h>
 
 /* A device and a workload that was measured on it. */
 typedef struct hada_bench_place {

@@ -52,6 +52,9 @@ void hada_cli_say(hada_cli *cli, const char *format, ...) HADA_CLI_PRINTF(2, 3);
 void hada_cli_detail(hada_cli *cli, const char *format, ...) HADA_CLI_PRINTF(2, 3);
 /* On stderr, and in the JSON document's "warnings". */
 void hada_cli_warn(hada_cli *cli, const char *format, ...) HADA_CLI_PRINTF(2, 3);
+
+/* Whether this build draws pictures; where not, says that they are left out. */
+int hada_cli_pictures(hada_cli *cli);
 /* Prints an error on stderr. */
 void hada_cli_print_error(hada_cli *cli, const hada_error *err);
 /* Ends a command: prints the error, puts it into the document, returns the exit code. */

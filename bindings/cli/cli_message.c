@@ -1,5 +1,7 @@
 #include "cli.h"
 
+#include <hadalens/preview.h>
+
 #include <math.h>
 #include <signal.h>
 #include <stdarg.h>
@@ -180,4 +182,12 @@ hada_status hada_cli_check_signals(hada_error *err)
 {
     return interrupted ? hada_cli_error(err, HADA_ERROR_CANCELLED, "stopped; what was at hand was not written")
                        : HADA_OK;
+}
+
+int hada_cli_pictures(hada_cli *cli)
+{
+    if (!hada_pictures_available())
+        hada_cli_warn(cli, "pictures are left out: this build of hadalens has no cairo (Debian: libcairo2-dev, then "
+                           "build again)");
+    return hada_pictures_available();
 }

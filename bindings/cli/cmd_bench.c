@@ -220,7 +220,7 @@ static hada_status run_bench(hada_cli *cli, const settings *set, const char *con
         hada_bench_print(&bench);
     if (!status && set->output)
         status = hada_bench_write(&bench, set->output, err);
-    if (!status && set->output)
+    if (!status && set->output && hada_cli_pictures(cli))
         status = hada_bench_plots(&bench, set->output, err);
     if (bench.scratch)
         hada_cli_remove_tree(bench.scratch);

@@ -141,7 +141,7 @@ static hada_status write_all(hada_cli *cli, const settings *set, const hada_came
         status = source_get(&from, camera, z, &psf, err);
         if (!status)
             status = write_psf(&writer, camera, &psf, folder, err);
-        if (!status)
+        if (!status && hada_pictures_available())
             status = write_picture(&psf, camera->distances_mm[z], folder, err);
         if (!status)
             status = hada_optics_report_add(report, &psf, err);
@@ -157,7 +157,7 @@ static hada_status write_all(hada_cli *cli, const settings *set, const hada_came
         hada_tiff_abandon(&writer);
     if (!status)
         status = hada_cli_optics_tables(report, folder, err);
-    if (!status)
+    if (!status && hada_cli_pictures(cli))
         status = hada_cli_optics_plots(report, folder, err);
     if (status)
         hada_optics_report_end(report);

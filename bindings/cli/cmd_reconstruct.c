@@ -246,7 +246,7 @@ static int run_files(job *work, int count, const char **paths, char **names)
     const settings *set = work->set;
     const hada_cli_frame_settings frames = {.folder = set->output,
                                             .model = set->model,
-                                            .preview = !set->no_preview,
+                                            .preview = !set->no_preview && hada_cli_pictures(work->cli),
                                             .bits = bits[set->bits],
                                             .white = set->white};
     return hada_cli_frame_files(work->cli, work->plan, work->model, &frames, count, paths, names,

@@ -1,6 +1,6 @@
 #include "folder.h"
 #include "optics_files.h"
-#include "plot_svg.h"
+#include <hadalens/plot.h>
 
 #include <math.h>
 #include <stdio.h>
@@ -17,10 +17,10 @@ static int chosen(const hada_optics_report *report, int out[CURVES])
     return count;
 }
 
-static const char *colour_of(int curve)
+static unsigned colour_of(int curve)
 {
-    static const int order[CURVES] = {5, 2, 3, 1, 0}; /* of hada_plot_colours: those that stand out on white */
-    return hada_plot_colours[order[curve % CURVES]];
+    static const int order[CURVES] = {5, 2, 3, 1, 0}; /* of hada_plot_colour(): those that stand out on white */
+    return hada_plot_colour(order[curve % CURVES]);
 }
 
 static hada_status save(hada_plot **plot, const char *folder, const char *name, hada_error *err)
@@ -60,7 +60,7 @@ static hada_status plot_family(const hada_optics_report *report, const family *f
     double *y = malloc(sizeof *y * (size_t)f->count);
     if (isfinite(f->level)) {
         const double x[] = {f->across.low, f->across.high}, level[] = {f->level, f->level};
-        hada_plot_line(plot, x, level, 2, "#777777", 1);
+        hada_plot_line(plot, x, level, 2, 0x777777, 1);
     }
     for (int i = 0; i < curves && y; i++) {
         const double *values = f->values + (size_t)depth[i] * (size_t)f->stride;

@@ -168,7 +168,7 @@ hada_status hada_cli_optics_mask(const hada_camera *camera, const char *folder, 
     /* from a dark grey, so that thin places are not taken for closed ones */
     for (size_t i = 0; i < count && !status && high > low; i++)
         open.data[i] *= 0.15f + 0.85f * fminf(fmaxf((thickness.data[i] - low) / (high - low), 0.0f), 1.0f);
-    if (!status)
+    if (!status && hada_pictures_available())
         status = hada_png_save(path, &open, 1.0, 1.0, err);
     hada_image_destroy(&thickness);
     hada_image_destroy(&open);

@@ -1,6 +1,7 @@
 #include "train_log.h"
 #include "folder.h"
-#include "plot_svg.h"
+#include <hadalens/plot.h>
+#include <hadalens/preview.h>
 
 #include <errno.h>
 #include <math.h>
@@ -196,7 +197,7 @@ static void draw_losses(hada_plot *plot, const hada_cli_train_log *log, double e
     panel.across = hada_plot_axis_for(ends, 2, 0, "steps");
     panel.up = hada_plot_axis_for(y, count, 1, "sum of the weighted terms");
     hada_plot_panel_begin(plot, &panel);
-    hada_plot_line(plot, x, y, count, hada_plot_colours[0], 0);
+    hada_plot_line(plot, x, y, count, hada_plot_colour(0), 0);
     hada_plot_panel_end(plot);
 }
 
@@ -218,8 +219,8 @@ static void draw_validation(hada_plot *plot, const hada_cli_train_log *log, doub
     panel.up = hada_plot_axis_for(both, 2 * count, 0, "PSNR, dB (dashed: before the net)");
     hada_plot_panel_begin(plot, &panel);
     if (count && isfinite(before[0]))
-        hada_plot_line(plot, x, before, count, hada_plot_colours[1], 1);
-    hada_plot_line(plot, x, psnr, count, hada_plot_colours[0], 0);
+        hada_plot_line(plot, x, before, count, hada_plot_colour(1), 1);
+    hada_plot_line(plot, x, psnr, count, hada_plot_colour(0), 0);
     hada_plot_panel_end(plot);
     free(room);
 }
@@ -232,7 +233,7 @@ hada_status hada_cli_train_log_flush(hada_cli_train_log *log, hada_error *err)
     hada_status status = check(log->losses, log->folder, err);
     if (!status)
         status = check(log->validation, log->folder, err);
-    if (status || !log->loss_count)
+    if (status || !log->loss_count || !hada_pictures_available())
         return status;
     double end = log->loss[log->loss_count - 1].step;
     char *path = hada_cli_text("%s/training.svg", log->folder);

@@ -292,6 +292,7 @@ hada_status hada_cli_train_loop(hada_cli_train_run *run, hada_error *err)
     loop own = {.run = run};
     hada_cli_progress progress;
     const uint64_t first = hada_trainer_steps(run->trainer);
+    hada_cli_pictures(run->cli);
     hada_status status = hada_cli_train_log_open(&own.log, run->log_folder, first > 0, first, err);
     if (status)
         return status;

@@ -55,6 +55,8 @@ hada_status hada_cli_train_picture(hada_trainer *trainer, int held, const char *
     hada_image sheet = {0};
     hada_status status = HADA_OK;
     const int rows = held < ROWS ? held : ROWS;
+    if (!hada_pictures_available())
+        return HADA_OK;
     for (int i = 0; !status && i < rows; i++)
         status = add_row(trainer, rows > 1 ? (int)((long)i * (held - 1) / (rows - 1)) : 0, i, rows, &sheet, err);
     if (!status)

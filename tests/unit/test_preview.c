@@ -1,13 +1,13 @@
-/* Pictures: decoded again with libpng and looked at where something must stand. */
+/* Pictures: decoded again and looked at where something must stand. */
+#include <cairo.h>
+#include <hadalens/plot.h>
 #include <hadalens/preview.h>
 #include <math.h>
-#include <png.h>
 
-#include "io/canvas.h"
-#include "io/colormap.h"
-#include "io/font.h"
-#include "io/tone.h"
 #include "io_testing.h"
+#include "picture/colormap.h"
+#include "picture/drawing.h"
+#include "picture/tone.h"
 
 typedef struct picture {
     int width, height;
@@ -16,12 +16,21 @@ typedef struct picture {
 
 static picture load(const char *path)
 {
-    png_image image = {.version = PNG_IMAGE_VERSION};
-    assert_true(png_image_begin_read_from_file(&image, path));
-    image.format = PNG_FORMAT_RGB;
-    picture result = {(int)image.width, (int)image.height, malloc(PNG_IMAGE_SIZE(image))};
+    cairo_surface_t *image = cairo_image_surface_create_from_png(path);
+    assert_int_equal(cairo_surface_status(image), CAIRO_STATUS_SUCCESS);
+    picture result = {cairo_image_surface_get_width(image), cairo_image_surface_get_height(image), NULL};
+    result.rgb = malloc((size_t)result.width * (size_t)result.height * 3);
     assert_non_null(result.rgb);
-    assert_true(png_image_finish_read(&image, NULL, result.rgb, 0, NULL));
+    for (int i = 0; i < result.width * result.height; i++) {
+        uint32_t pixel;
+        memcpy(&pixel,
+               cairo_image_surface_get_data(image) + i / result.width * cairo_image_surface_get_stride(image) +
+                   4 * (i % result.width),
+               sizeof pixel);
+        for (int c = 0; c < 3; c++)
+            result.rgb[3 * i + c] = (unsigned char)(pixel >> (16 - 8 * c));
+    }
+    cairo_surface_destroy(image);
     return result;
 }
 
@@ -81,17 +90,16 @@ static void test_resampling(void **state)
             mean += (double)image.data[i] / 35;
         }
         for (int k = 0; k < 6; k++) {
-            hada_canvas canvas;
+            uint32_t *pixels;
             int width = sizes[k][0], height = sizes[k][1];
-            assert_int_equal(hada_canvas_create(&canvas, width, height, (hada_colour){9, 9, 9}, NULL), HADA_OK);
-            assert_int_equal(hada_tone_draw(&canvas, 0, 0, width, height, &image, 1, 1, NULL), HADA_OK);
+            assert_int_equal(hada_tone_pixels(&pixels, width, height, &image, 1, 1, NULL), HADA_OK);
             double sum = 0;
             for (int i = 0; i < width * height; i++) {
-                sum += canvas.rgb[3 * i];
-                assert_true(!constant || canvas.rgb[3 * i] == 128);
+                sum += pixels[i] & 255;
+                assert_true(!constant || pixels[i] == 0x808080);
             }
             assert_float_equal(sum / (width * height), 255 * mean, 1.0);
-            hada_canvas_destroy(&canvas);
+            free(pixels);
         }
     }
     hada_image_destroy(&image);
@@ -103,12 +111,11 @@ static void test_colours(void **state)
     (void)state;
     double last = 0, least = 100, most = 0;
     for (int i = 0; i <= 32; i++) {
-        unsigned char rgb[3];
-        hada_colormap(i / 32.0, rgb);
+        const uint32_t colour = hada_colormap(i / 32.0);
         double luminance = 0;
         static const double weights[3] = {0.2126, 0.7152, 0.0722};
         for (int c = 0; c < 3; c++) {
-            double value = rgb[c] / 255.0;
+            double value = (colour >> (16 - 8 * c) & 255) / 255.0;
             luminance += weights[c] * (value <= 0.04045 ? value / 12.92 : pow((value + 0.055) / 1.055, 2.4));
         }
         double lightness = 116 * cbrt(luminance) - 16;
@@ -121,23 +128,78 @@ static void test_colours(void **state)
     assert_true(least > 1 && most < 4);
 }
 
-static void test_glyphs(void **state)
+/* Text is as wide as it says, is cut where it must be, between characters, and may leave the sheet. */
+static void test_text(void **state)
 {
     (void)state;
-    for (unsigned a = 33; a < 127; a++)
-        for (unsigned b = a + 1; b < 127; b++)
-            if (!memcmp(hada_font_glyph(a), hada_font_glyph(b), HADA_FONT_HEIGHT))
-                fail_msg("'%c' and '%c' look the same", (int)a, (int)b);
-    hada_canvas canvas;
-    const hada_colour black = {0, 0, 0}, white = {255, 255, 255};
-    assert_int_equal(hada_canvas_create(&canvas, 60, 20, black, NULL), HADA_OK);
-    assert_true(hada_canvas_text(&canvas, 0, 0, 1, 40, white, "much too long for it") <= 42);
-    assert_int_equal(hada_text_width("\xc3\xa4"
-                                     "b",
-                                     2),
-                     22);
-    hada_canvas_text(&canvas, -20, -3, 3, 500, white, "over the edge"); /* drawn outside: left out */
-    hada_canvas_destroy(&canvas);
+    hada_drawing *drawing;
+    assert_int_equal(hada_drawing_create(&drawing, 200, 40, 0x000000, NULL), HADA_OK);
+    const double whole = hada_drawing_text_width(drawing, 12, "much too long for it");
+    assert_true(whole > 60 && hada_drawing_text_width(drawing, 24, "much too long for it") > 1.8 * whole);
+    assert_float_equal(hada_drawing_text(drawing, 0, 12, HADA_ANCHOR_LEFT, 12, 0, 0xffffff, "much too long for it"),
+                       whole, 1e-9);
+    for (double limit = 20; limit < whole; limit += 7) {
+        const double width = hada_drawing_text(drawing, 0, 30, HADA_ANCHOR_LEFT, 12, limit, 0xffffff,
+                                               "\xc3\xa4\xc3\xb6\xc3\xbc too long");
+        assert_true(width <= limit && width > 0);
+    }
+    hada_drawing_text(drawing, -20, -3, HADA_ANCHOR_RIGHT, 30, 500, 0xffffff, "over the edge");
+    char longest[2000];
+    memset(longest, 'x', sizeof longest - 1);
+    longest[sizeof longest - 1] = 0;
+    hada_drawing_text(drawing, 0, 30, HADA_ANCHOR_LEFT, 12, 0, 0xffffff, longest);
+    assert_int_equal(hada_drawing_save(drawing, io_path("text.png"), NULL), HADA_OK);
+    picture p = load(io_path("text.png"));
+    assert_int_equal(p.width, 200);
+    assert_true(count_colour(&p, 0, 0, 0) < 200 * 40 - 50); /* something was drawn */
+    free(p.rgb);
+    hada_error err = {0};
+    assert_int_equal(hada_drawing_save(drawing, io_path("text.gif"), &err), HADA_ERROR_ARGUMENT);
+    assert_non_null(strstr(err.message, ".svg"));
+    hada_drawing_destroy(&drawing);
+}
+
+/* A point, a line and a bar of a plot stand where the axes say, in PNG; as SVG the same plot is XML. */
+static void test_plot(void **state)
+{
+    (void)state;
+    for (int svg = 0; svg < 2; svg++) {
+        hada_plot *plot;
+        const double x[] = {1, 10, 100}, y[] = {0, 5, 10};
+        hada_plot_panel panel = {.left = 60, .top = 30, .width = 200, .height = 100, .title = "a title"};
+        panel.across = (hada_plot_axis){1, 100, 1, 0, "across"};
+        panel.up = hada_plot_axis_for(y, 3, 0, "up");
+        assert_true(panel.up.low == 0 && panel.up.high == 10);
+        const hada_plot_mark mark = {HADA_PLOT_SQUARE, 0xff0000, 6, 0, 0};
+        assert_int_equal(hada_plot_begin(&plot, 300, 180, NULL), HADA_OK);
+        hada_plot_panel_begin(plot, &panel);
+        hada_plot_bar(plot, 10, 100, 0, 2, 0x00ff00);
+        hada_plot_line(plot, x, y, 3, 0x0000ff, 0);
+        hada_plot_point(plot, 10, 5, &mark);
+        hada_plot_label(plot, 10, 5, "<here & there>");
+        hada_plot_panel_end(plot);
+        assert_int_equal(hada_plot_save(&plot, io_path(svg ? "plot.svg" : "plot.png"), NULL), HADA_OK);
+        assert_null(plot);
+    }
+    picture p = load(io_path("plot.png"));
+    const unsigned char *middle = p.rgb + 3 * (80 * p.width + 160), *bar = p.rgb + 3 * (121 * p.width + 200);
+    assert_int_equal(p.width, 300);
+    assert_true(middle[0] == 255 && middle[1] == 0 && middle[2] == 0);
+    assert_true(bar[0] == 0 && bar[1] == 255 && bar[2] == 0);
+    int blue = 0; /* the line is smooth: few pixels are its colour alone */
+    for (int i = 0; i < p.width * p.height; i++)
+        blue += p.rgb[3 * i + 2] > p.rgb[3 * i] + 60;
+    assert_true(blue > 150);
+    free(p.rgb);
+    size_t bytes;
+    unsigned char *text = io_read_bytes(io_path("plot.svg"), &bytes);
+    assert_true(bytes > 500 && !memcmp(text, "<?xml", 5));
+    free(text);
+    hada_plot *none = NULL; /* as after a failed begin: nothing happens */
+    hada_plot_point(none, 1, 1, &(hada_plot_mark){0});
+    assert_int_equal(hada_plot_save(&none, NULL, NULL), HADA_OK);
+    assert_int_equal(hada_plot_begin(&none, 10, 10, NULL), HADA_OK);
+    assert_int_equal(hada_plot_save(&none, NULL, NULL), HADA_ERROR_MEMORY);
 }
 
 typedef struct scene {
@@ -200,10 +262,9 @@ static void test_sheets(void **state)
         assert_int_equal(p.width, 1600);
         assert_in_range(p.height, 100, 2400);
         assert_true(count_colour(&p, 255, 184, 40) > 100); /* the frame of the occupied plane and its words */
-        unsigned char far[3];
-        hada_colormap(shapes[k][0] > 1, far);
-        if (shapes[k][0] > 1)
-            assert_true(count_colour(&p, far[0], far[1], far[2]) > 100); /* the map and its scale */
+        const uint32_t far = hada_colormap(1);
+        if (shapes[k][0] > 1) /* the map and its scale */
+            assert_true(count_colour(&p, far >> 16, far >> 8 & 255, far & 255) > 100);
         free(p.rgb);
         if (k == 0) { /* the same input gives the same bytes */
             size_t bytes[2];
@@ -253,9 +314,9 @@ static void test_parts(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_one_image), cmocka_unit_test(test_white),  cmocka_unit_test(test_resampling),
-        cmocka_unit_test(test_colours),   cmocka_unit_test(test_glyphs), cmocka_unit_test(test_sheets),
-        cmocka_unit_test(test_parts),
+        cmocka_unit_test(test_one_image), cmocka_unit_test(test_white), cmocka_unit_test(test_resampling),
+        cmocka_unit_test(test_colours),   cmocka_unit_test(test_text),  cmocka_unit_test(test_plot),
+        cmocka_unit_test(test_sheets),    cmocka_unit_test(test_parts),
     };
     return cmocka_run_group_tests(tests, io_setup, io_teardown);
 }

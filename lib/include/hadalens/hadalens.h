@@ -15,6 +15,7 @@
 #include <hadalens/model.h>
 #include <hadalens/net.h>
 #include <hadalens/optics.h>
+#include <hadalens/plot.h>
 #include <hadalens/preview.h>
 #include <hadalens/profile.h>
 #include <hadalens/reconstruct.h>

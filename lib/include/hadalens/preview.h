@@ -1,4 +1,7 @@
-/* Hadalens: PNG pictures that a person can read at a glance. Written beside the file and renamed. */
+/* Hadalens: PNG pictures that a person can read at a glance. Written beside the file and renamed.
+ *
+ * Any thread may call; a call holds nothing afterwards. A build without cairo has no pictures: HADA_ERROR_UNSUPPORTED.
+ */
 #ifndef HADALENS_PREVIEW_H
 #define HADALENS_PREVIEW_H
 
@@ -7,6 +10,9 @@
 #ifdef __cplusplus
 extern "C" {
 #endif
+
+/* 1: this build draws previews and plots; 0: cairo was missing when it was built. */
+HADA_API int hada_pictures_available(void);
 
 /* What a preview shows; NULL parts are left out. */
 typedef struct hada_preview {

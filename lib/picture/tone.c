@@ -1,4 +1,4 @@
-#include "io/tone.h"
+#include "picture/tone.h"
 
 #include <math.h>
 #include <stdint.h>
@@ -108,44 +108,44 @@ static void resample(const float *plane, int rows, int cols, int width, int heig
     }
 }
 
-static void show(hada_canvas *canvas, int x, int y, int width, int height, const float *planes, int channels,
-                 double white, double gamma)
+static uint32_t byte_of(double value, double white, double gamma)
 {
-    size_t count = (size_t)width * (size_t)height;
+    return (uint32_t)(pow(fmin(fmax(value / white, 0), 1), gamma) * 255 + 0.5);
+}
+
+/* Planes of floats to pixels. */
+static void show(uint32_t *pixels, size_t count, const float *planes, int channels, double white, double gamma)
+{
     for (size_t i = 0; i < count; i++) {
-        int column = x + (int)(i % (size_t)width), row = y + (int)(i / (size_t)width);
-        if (column < 0 || row < 0 || column >= canvas->width || row >= canvas->height)
-            continue;
-        double rgb[3], mean = 0;
+        uint32_t rgb[3];
+        double mean = 0;
         for (int c = 0; c < channels; c++)
             mean += (double)planes[(size_t)c * count + i] / channels;
-        for (int c = 0; c < (channels == 3 ? 3 : 1); c++) {
-            double value = (channels == 3 ? (double)planes[(size_t)c * count + i] : mean) / white;
-            rgb[c] = pow(fmin(fmax(value, 0), 1), gamma) * 255 + 0.5;
-        }
-        if (channels != 3)
-            rgb[1] = rgb[2] = rgb[0];
-        hada_canvas_fill(canvas, column, row, 1, 1,
-                         (hada_colour){(unsigned char)rgb[0], (unsigned char)rgb[1], (unsigned char)rgb[2]});
+        for (size_t c = 0; c < 3; c++)
+            rgb[c] = byte_of(channels == 3 ? (double)planes[c * count + i] : mean, white, gamma);
+        pixels[i] = rgb[0] << 16 | rgb[1] << 8 | rgb[2];
     }
 }
 
-hada_status hada_tone_draw(hada_canvas *canvas, int x, int y, int width, int height, const hada_image *image,
-                           double white, double gamma, hada_error *err)
+hada_status hada_tone_pixels(uint32_t **pixels, int width, int height, const hada_image *image, double white,
+                             double gamma, hada_error *err)
 {
-    size_t pixels = (size_t)width * (size_t)height, plane = (size_t)image->rows * (size_t)image->cols;
-    void *lines = NULL, *out = NULL;
-    hada_status status = hada_alloc_raw(&lines, hada_size_product((size_t)image->rows, (size_t)width), sizeof(float),
-                                        "a preview picture", err);
-    if (!status)
-        status = hada_alloc_raw(&out, hada_size_product(pixels, (size_t)image->channels), sizeof(float),
-                                "a preview picture", err);
-    for (int c = 0; !status && c < image->channels; c++)
+    hada_status status = HADA_OK;
+    const size_t count = (size_t)width * (size_t)height, plane = (size_t)image->rows * (size_t)image->cols;
+    void *lines = NULL, *planes = NULL, *out = NULL;
+    *pixels = NULL;
+    HADA_TRY(
+        hada_alloc_raw(&lines, hada_size_product((size_t)image->rows, (size_t)width), sizeof(float), "a picture", err));
+    HADA_TRY(
+        hada_alloc_raw(&planes, hada_size_product(count, (size_t)image->channels), sizeof(float), "a picture", err));
+    HADA_TRY(hada_alloc_raw(&out, count, sizeof **pixels, "a picture", err));
+    for (int c = 0; c < image->channels; c++)
         resample(image->data + (size_t)c * plane, image->rows, image->cols, width, height, lines,
-                 (float *)out + (size_t)c * pixels);
-    if (!status)
-        show(canvas, x, y, width, height, out, image->channels, white > 0 ? white : 1, gamma > 0 ? gamma : 1 / 2.2);
+                 (float *)planes + (size_t)c * count);
+    show(out, count, planes, image->channels, white > 0 ? white : 1, gamma > 0 ? gamma : 1 / 2.2);
+    *pixels = out;
+done:
     free(lines);
-    free(out);
+    free(planes);
     return status;
 }

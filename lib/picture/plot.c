@@ -1,17 +1,26 @@
-#include "plot_svg.h"
-#include "folder.h"
-
-#include <errno.h>
+/* Figures: axes, what is drawn in their units, and places for labels. */
+#include <hadalens/plot.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-enum { LABELS = 64, BOXES = 1024 };
-#define FONT 11.0
+#include "core/alloc.h"
+#include "io/text.h"
+#include "picture/drawing.h"
 
-const char *const hada_plot_colours[8] = {"#0072B2", "#E69F00", "#009E73", "#D55E00",
-                                          "#CC79A7", "#56B4E9", "#F0E442", "#555555"};
+enum { LABELS = 64, BOXES = 1024 };
+#define FONT 11.0 /* pixels: numbers and labels; titles are one larger */
+
+static const hada_colour black = 0x000000, edge = 0x333333, grid = 0xdddddd, fine_grid = 0xf0f0f0, leader = 0x888888,
+                         white = 0xffffff;
+
+static const unsigned colours[] = {0x0072B2, 0xE69F00, 0x009E73, 0xD55E00, 0xCC79A7, 0x56B4E9, 0xF0E442, 0x555555};
+
+unsigned hada_plot_colour(int index)
+{
+    return colours[index & 7];
+}
 
 typedef struct box {
     double x0, y0, x1, y1;
@@ -23,36 +32,12 @@ typedef struct label {
 } label;
 
 struct hada_plot {
-    FILE *out;
-    char *text;
-    size_t size;
-    double width, height;
+    hada_drawing *drawing;
     hada_plot_panel panel;
     label labels[LABELS];
     box boxes[BOXES]; /* taken: points, and labels placed so far */
-    int label_count, box_count, panels;
+    int label_count, box_count;
 };
-
-static void put_text(FILE *out, const char *text)
-{
-    for (; *text; text++)
-        if (*text == '<')
-            fputs("&lt;", out);
-        else if (*text == '>')
-            fputs("&gt;", out);
-        else if (*text == '&')
-            fputs("&amp;", out);
-        else
-            fputc(*text, out);
-}
-
-double hada_plot_text_width(const char *text, double size)
-{
-    int letters = 0;
-    for (; *text; text++)
-        letters += (*text & 0xC0) != 0x80; /* UTF-8: not the bytes that follow */
-    return 0.56 * size * letters;
-}
 
 static double place(const hada_plot_axis *axis, double value)
 {
@@ -106,56 +91,59 @@ hada_plot_axis hada_plot_axis_for(const double *values, int count, int logarithm
 
 hada_status hada_plot_begin(hada_plot **out, double width, double height, hada_error *err)
 {
-    hada_plot *plot = calloc(1, sizeof *plot);
+    hada_status status = HADA_OK;
+    hada_plot *plot = NULL;
     *out = NULL;
-    if (plot)
-        plot->out = open_memstream(&plot->text, &plot->size);
-    if (!plot || !plot->out) {
-        free(plot);
-        return hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
-    }
-    plot->width = width;
-    plot->height = height;
-    fprintf(plot->out,
-            "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n"
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"%g\" height=\"%g\" viewBox=\"0 0 %g %g\" "
-            "font-family=\"Helvetica, Arial, 'DejaVu Sans', sans-serif\" font-size=\"%g\">\n"
-            "<rect width=\"%g\" height=\"%g\" fill=\"white\"/>\n",
-            width, height, width, height, FONT, width, height);
+    HADA_TRY(hada_alloc((void **)&plot, 1, sizeof *plot, "a figure", err));
+    HADA_TRY(hada_drawing_create(&plot->drawing, width, height, white, err));
     *out = plot;
-    return HADA_OK;
+    plot = NULL;
+done:
+    free(plot);
+    return status;
+}
+
+static double put_text(hada_plot *plot, double x, double y, hada_anchor anchor, double size, const char *text)
+{
+    return hada_drawing_text(plot->drawing, x, y, anchor, size, 0.0, black, text);
 }
 
 void hada_plot_text(hada_plot *plot, double x, double y, char anchor, double size, const char *text)
 {
-    fprintf(plot->out, "<text x=\"%.1f\" y=\"%.1f\" font-size=\"%g\" text-anchor=\"%s\">", x, y, size,
-            anchor == 'l'   ? "start"
-            : anchor == 'm' ? "middle"
-                            : "end");
-    put_text(plot->out, text);
-    fputs("</text>\n", plot->out);
+    if (plot)
+        put_text(plot, x, y,
+                 anchor == 'l'   ? HADA_ANCHOR_LEFT
+                 : anchor == 'm' ? HADA_ANCHOR_MIDDLE
+                                 : HADA_ANCHOR_RIGHT,
+                 size, text);
 }
 
-static void segment(hada_plot *plot, double x0, double y0, double x1, double y1, const char *colour, double width)
+static void segment(hada_plot *plot, double x0, double y0, double x1, double y1, hada_colour colour, double width)
 {
-    fprintf(plot->out, "<line x1=\"%.1f\" y1=\"%.1f\" x2=\"%.1f\" y2=\"%.1f\" stroke=\"%s\" stroke-width=\"%g\"/>\n",
-            x0, y0, x1, y1, colour, width);
+    const double ends[] = {x0, y0, x1, y1};
+    hada_drawing_line(plot->drawing, ends, 2, colour, width, 0);
 }
 
 /* A number at a tick: powers of ten beyond what reads well get an exponent. */
-static void put_number(hada_plot *plot, double x, double y, char anchor, double value, int logarithmic)
+static void put_number(hada_plot *plot, double x, double y, hada_anchor anchor, double value, int logarithmic)
 {
-    char text[32];
+    char text[40], exponent[16];
     if (!logarithmic || (value > 0.9e-3 && value < 1.1e4)) {
-        snprintf(text, sizeof text, "%.6g", fabs(value) < 1e-12 ? 0.0 : value);
-        hada_plot_text(plot, x, y, anchor, FONT, text);
+        hada_format_number(text, sizeof text, "%.6g", fabs(value) < 1e-12 ? 0.0 : value);
+        put_text(plot, x, y, anchor, FONT, text);
         return;
     }
     const int power = (int)floor(log10(value) + 1e-9), digit = (int)lround(value / pow(10, power));
-    fprintf(plot->out, "<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"%s\">", x, y, anchor == 'm' ? "middle" : "end");
     if (digit > 1)
-        fprintf(plot->out, "%d\xC2\xB7", digit);
-    fprintf(plot->out, "10<tspan dy=\"-4\" font-size=\"%g\">%d</tspan></text>\n", 0.75 * FONT, power);
+        snprintf(text, sizeof text, "%d·10", digit);
+    else
+        snprintf(text, sizeof text, "10");
+    snprintf(exponent, sizeof exponent, "%d", power);
+    const double small = 0.75 * FONT, raised = hada_drawing_text_width(plot->drawing, small, exponent),
+                 base = hada_drawing_text_width(plot->drawing, FONT, text);
+    const double left = anchor == HADA_ANCHOR_MIDDLE ? x - (base + raised) / 2 : x - base - raised;
+    put_text(plot, left, y, HADA_ANCHOR_LEFT, FONT, text);
+    put_text(plot, left + base, y - 4, HADA_ANCHOR_LEFT, small, exponent);
 }
 
 static void tick(hada_plot *plot, int across, double value, int numbered)
@@ -164,16 +152,16 @@ static void tick(hada_plot *plot, int across, double value, int numbered)
     const double bottom = p->top + p->height;
     if (across) {
         const double x = at_x(plot, value);
-        segment(plot, x, p->top, x, bottom, numbered ? "#dddddd" : "#f0f0f0", 0.8);
-        segment(plot, x, bottom, x, bottom + (numbered ? 5 : 3), "#333333", 1);
+        segment(plot, x, p->top, x, bottom, numbered ? grid : fine_grid, 0.8);
+        segment(plot, x, bottom, x, bottom + (numbered ? 5 : 3), edge, 1);
         if (numbered)
-            put_number(plot, x, bottom + 6 + FONT, 'm', value, p->across.logarithmic);
+            put_number(plot, x, bottom + 6 + FONT, HADA_ANCHOR_MIDDLE, value, p->across.logarithmic);
     } else {
         const double y = at_y(plot, value);
-        segment(plot, p->left, y, p->left + p->width, y, numbered ? "#dddddd" : "#f0f0f0", 0.8);
-        segment(plot, p->left - (numbered ? 5 : 3), y, p->left, y, "#333333", 1);
+        segment(plot, p->left, y, p->left + p->width, y, numbered ? grid : fine_grid, 0.8);
+        segment(plot, p->left - (numbered ? 5 : 3), y, p->left, y, edge, 1);
         if (numbered)
-            put_number(plot, p->left - 8, y + 0.35 * FONT, 'r', value, p->up.logarithmic);
+            put_number(plot, p->left - 8, y + 0.35 * FONT, HADA_ANCHOR_RIGHT, value, p->up.logarithmic);
     }
 }
 
@@ -203,27 +191,30 @@ static void ticks(hada_plot *plot, int across)
 
 void hada_plot_panel_begin(hada_plot *plot, const hada_plot_panel *panel)
 {
+    if (!plot)
+        return;
     const double middle = panel->left + panel->width / 2, centre = panel->top + panel->height / 2;
+    const double corners[] = {panel->left,
+                              panel->top,
+                              panel->left + panel->width,
+                              panel->top,
+                              panel->left + panel->width,
+                              panel->top + panel->height,
+                              panel->left,
+                              panel->top + panel->height,
+                              panel->left,
+                              panel->top};
     plot->panel = *panel;
     plot->label_count = plot->box_count = 0;
-    fprintf(plot->out, "<clipPath id=\"panel%d\"><rect x=\"%g\" y=\"%g\" width=\"%g\" height=\"%g\"/></clipPath>\n",
-            ++plot->panels, panel->left, panel->top, panel->width, panel->height);
     ticks(plot, 1);
     ticks(plot, 0);
-    fprintf(plot->out, "<rect x=\"%g\" y=\"%g\" width=\"%g\" height=\"%g\" fill=\"none\" stroke=\"#333333\"/>\n",
-            panel->left, panel->top, panel->width, panel->height);
+    hada_drawing_line(plot->drawing, corners, 5, edge, 1, 0);
     if (panel->title)
-        hada_plot_text(plot, middle, panel->top - 8, 'm', FONT + 1, panel->title);
+        put_text(plot, middle, panel->top - 8, HADA_ANCHOR_MIDDLE, FONT + 1, panel->title);
     if (panel->across.label)
-        hada_plot_text(plot, middle, panel->top + panel->height + 36, 'm', FONT + 1, panel->across.label);
-    if (panel->up.label) {
-        fprintf(plot->out,
-                "<text x=\"0\" y=\"0\" font-size=\"%g\" text-anchor=\"middle\" "
-                "transform=\"translate(%.1f %.1f) rotate(-90)\">",
-                FONT + 1, panel->left - 46, centre);
-        put_text(plot->out, panel->up.label);
-        fputs("</text>\n", plot->out);
-    }
+        put_text(plot, middle, panel->top + panel->height + 36, HADA_ANCHOR_MIDDLE, FONT + 1, panel->across.label);
+    if (panel->up.label)
+        hada_drawing_text_up(plot->drawing, panel->left - 46, centre, FONT + 1, black, panel->up.label);
 }
 
 static void take(hada_plot *plot, box taken)
@@ -243,74 +234,98 @@ static void take_segment(hada_plot *plot, double x0, double y0, double x1, doubl
     }
 }
 
-void hada_plot_line(hada_plot *plot, const double *x, const double *y, int count, const char *colour, int dashed)
+void hada_plot_line(hada_plot *plot, const double *x, const double *y, int count, unsigned colour, int dashed)
 {
-    fprintf(plot->out, "<polyline fill=\"none\" clip-path=\"url(#panel%d)\" points=\"", plot->panels);
-    for (int i = 0; i < count; i++)
-        fprintf(plot->out, "%s%.1f,%.1f", i ? " " : "", at_x(plot, x[i]), at_y(plot, y[i]));
-    fprintf(plot->out, "\" stroke=\"%s\" stroke-width=\"1.4\"%s/>\n", colour,
-            dashed ? " stroke-dasharray=\"5 3\"" : "");
+    enum { STRETCH = 256 }; /* points drawn at once; stretches share their ends */
+    double points[2 * STRETCH];
+    if (!plot)
+        return;
+    hada_drawing_clip(plot->drawing, plot->panel.left, plot->panel.top, plot->panel.width, plot->panel.height);
+    for (int first = 0; first + 1 < count; first += STRETCH - 1) {
+        const int n = count - first < STRETCH ? count - first : STRETCH;
+        for (int i = 0; i < n; i++) {
+            points[2 * i] = at_x(plot, x[first + i]);
+            points[2 * i + 1] = at_y(plot, y[first + i]);
+        }
+        hada_drawing_line(plot->drawing, points, n, colour, 1.4, dashed);
+    }
+    hada_drawing_unclip(plot->drawing);
     for (int i = 0; i + 1 < count; i++)
         take_segment(plot, at_x(plot, x[i]), at_y(plot, y[i]), at_x(plot, x[i + 1]), at_y(plot, y[i + 1]));
+}
+
+/* Corners in units of the radius; sizes differ so that the areas look alike. */
+static const double square[] = {-0.9, -0.9, 0.9, -0.9, 0.9, 0.9, -0.9, 0.9},
+                    triangle[] = {0, -1.15, -1.05, 0.8, 1.05, 0.8}, diamond[] = {0, -1.2, 1.2, 0, 0, 1.2, -1.2, 0};
+
+static void draw_corners(hada_plot *plot, double x, double y, double r, const double *corners, int count,
+                         hada_colour fill, hada_colour outline)
+{
+    double points[8];
+    for (int i = 0; i < count; i++) {
+        points[2 * i] = x + r * corners[2 * i];
+        points[2 * i + 1] = y + r * corners[2 * i + 1];
+    }
+    hada_drawing_polygon(plot->drawing, points, count, fill, outline, 1.3);
 }
 
 static void draw_mark(hada_plot *plot, double x, double y, const hada_plot_mark *mark)
 {
     const double r = mark->radius;
-    char paint[96];
-    snprintf(paint, sizeof paint, "fill=\"%s\" stroke=\"%s\" stroke-width=\"1.3\"",
-             mark->hollow ? "white" : mark->colour, mark->hollow ? mark->colour : "white");
+    const hada_colour fill = mark->hollow ? white : mark->colour, outline = mark->hollow ? mark->colour : white;
     if (mark->shape == HADA_PLOT_DISC)
-        fprintf(plot->out, "<circle cx=\"%.1f\" cy=\"%.1f\" r=\"%.1f\" %s/>\n", x, y, r, paint);
-    else if (mark->shape == HADA_PLOT_SQUARE)
-        fprintf(plot->out, "<rect x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\" %s/>\n", x - 0.9 * r,
-                y - 0.9 * r, 1.8 * r, 1.8 * r, paint);
+        hada_drawing_disc(plot->drawing, x, y, r, fill, outline, 1.3);
     else if (mark->shape == HADA_PLOT_TRIANGLE)
-        fprintf(plot->out, "<polygon points=\"%.1f,%.1f %.1f,%.1f %.1f,%.1f\" %s/>\n", x, y - 1.15 * r, x - 1.05 * r,
-                y + 0.8 * r, x + 1.05 * r, y + 0.8 * r, paint);
+        draw_corners(plot, x, y, r, triangle, 3, fill, outline);
     else
-        fprintf(plot->out, "<polygon points=\"%.1f,%.1f %.1f,%.1f %.1f,%.1f %.1f,%.1f\" %s/>\n", x, y - 1.2 * r,
-                x + 1.2 * r, y, x, y + 1.2 * r, x - 1.2 * r, y, paint);
+        draw_corners(plot, x, y, r, mark->shape == HADA_PLOT_SQUARE ? square : diamond, 4, fill, outline);
     if (mark->crossed) {
-        segment(plot, x - 1.5 * r, y - 1.5 * r, x + 1.5 * r, y + 1.5 * r, "#000000", 1);
-        segment(plot, x - 1.5 * r, y + 1.5 * r, x + 1.5 * r, y - 1.5 * r, "#000000", 1);
+        segment(plot, x - 1.5 * r, y - 1.5 * r, x + 1.5 * r, y + 1.5 * r, black, 1);
+        segment(plot, x - 1.5 * r, y + 1.5 * r, x + 1.5 * r, y - 1.5 * r, black, 1);
     }
 }
 
 void hada_plot_point(hada_plot *plot, double x, double y, const hada_plot_mark *mark)
 {
+    if (!plot)
+        return;
     const double px = at_x(plot, x), py = at_y(plot, y), r = mark->radius + 1;
     draw_mark(plot, px, py, mark);
     take(plot, (box){px - r, py - r, px + r, py + r});
 }
 
-void hada_plot_bar(hada_plot *plot, double x0, double x1, double y0, double y1, const char *colour)
+void hada_plot_bar(hada_plot *plot, double x0, double x1, double y0, double y1, unsigned colour)
 {
-    fprintf(plot->out,
-            "<rect x=\"%.1f\" y=\"%.1f\" width=\"%.2f\" height=\"%.1f\" fill=\"%s\" stroke=\"white\" "
-            "stroke-width=\"0.5\"/>\n",
-            at_x(plot, x0), at_y(plot, y1), at_x(plot, x1) - at_x(plot, x0), at_y(plot, y0) - at_y(plot, y1), colour);
+    if (!plot)
+        return;
+    const double left = at_x(plot, x0), right = at_x(plot, x1), top = at_y(plot, y1), bottom = at_y(plot, y0);
+    const double corners[] = {left, top, right, top, right, bottom, left, bottom};
+    hada_drawing_polygon(plot->drawing, corners, 4, colour, white, 0.5);
 }
 
 void hada_plot_whisker(hada_plot *plot, double low, double high, double y)
 {
+    if (!plot)
+        return;
     const double x0 = at_x(plot, low), x1 = at_x(plot, high), py = at_y(plot, y);
-    segment(plot, x0, py, x1, py, "#000000", 1);
-    segment(plot, x0, py - 4, x0, py + 4, "#000000", 1);
-    segment(plot, x1, py - 4, x1, py + 4, "#000000", 1);
+    segment(plot, x0, py, x1, py, black, 1);
+    segment(plot, x0, py - 4, x0, py + 4, black, 1);
+    segment(plot, x1, py - 4, x1, py + 4, black, 1);
 }
 
 void hada_plot_note(hada_plot *plot, double x, double y, char anchor, const char *text)
 {
-    const double wide = hada_plot_text_width(text, FONT);
+    if (!plot)
+        return;
+    const double wide = hada_drawing_text_width(plot->drawing, FONT, text);
     const double left = x - (anchor == 'l' ? 0 : anchor == 'm' ? wide / 2 : wide);
-    hada_plot_text(plot, x, y, anchor, FONT, text);
+    put_text(plot, left, y, HADA_ANCHOR_LEFT, FONT, text);
     take(plot, (box){left, y - FONT, left + wide, y + 3});
 }
 
 void hada_plot_label(hada_plot *plot, double x, double y, const char *text)
 {
-    if (plot->label_count == LABELS)
+    if (!plot || plot->label_count == LABELS)
         return;
     label *one = &plot->labels[plot->label_count++];
     one->x = at_x(plot, x);
@@ -338,9 +353,9 @@ void hada_plot_panel_end(hada_plot *plot)
     static const double sides[][2] = {{1, 0}, {-1, 0}, {0, -1}, {0, 1}, {1, -1}, {-1, -1}, {1, 1}, {-1, 1}};
     static const double reach[] = {7, 14, 24, 38, 56, 78, 104, 134};
     const double size = FONT - 1;
-    for (int i = 0; i < plot->label_count; i++) {
+    for (int i = 0; plot && i < plot->label_count; i++) {
         const label *one = &plot->labels[i];
-        const double half = hada_plot_text_width(one->text, size) / 2, tall = size;
+        const double half = hada_drawing_text_width(plot->drawing, size, one->text) / 2, tall = size;
         for (int k = 0; k < 64; k++) {
             const double *side = sides[k % 8], far = reach[k / 8];
             const double x = one->x + side[0] * (half + far), y = one->y + side[1] * (tall / 2 + far);
@@ -349,42 +364,42 @@ void hada_plot_panel_end(hada_plot *plot)
                 continue;
             if (k >= 8)
                 segment(plot, one->x + side[0] * 4, one->y + side[1] * 4, x - side[0] * half,
-                        y - side[1] * (tall / 2 + 1), "#888888", 0.7);
-            hada_plot_text(plot, x, y + 0.35 * size, 'm', size, one->text);
+                        y - side[1] * (tall / 2 + 1), leader, 0.7);
+            put_text(plot, x, y + 0.35 * size, HADA_ANCHOR_MIDDLE, size, one->text);
             take(plot, wanted);
             break;
         }
     }
-    plot->label_count = plot->box_count = 0;
+    if (plot)
+        plot->label_count = plot->box_count = 0;
 }
 
-double hada_plot_legend(hada_plot *plot, double x, double y, const hada_plot_mark *mark, const char *filled,
+double hada_plot_legend(hada_plot *plot, double x, double y, const hada_plot_mark *mark, unsigned filled,
                         const char *text)
 {
+    if (!plot)
+        return x;
     if (mark)
         draw_mark(plot, x + 7, y, mark);
-    else if (filled)
-        fprintf(plot->out, "<rect x=\"%.1f\" y=\"%.1f\" width=\"12\" height=\"10\" fill=\"%s\"/>\n", x + 1, y - 5,
-                filled);
+    else if (filled != HADA_PLOT_NO_COLOUR)
+        hada_drawing_fill(plot->drawing, x + 1, y - 5, 12, 10, filled);
     else
-        segment(plot, x, y, x + 14, y, "#000000", 1.4);
-    hada_plot_text(plot, x + 19, y + 0.35 * FONT, 'l', FONT, text);
-    return x + 19 + hada_plot_text_width(text, FONT) + 14;
+        segment(plot, x, y, x + 14, y, black, 1.4);
+    return x + 19 + put_text(plot, x + 19, y + 0.35 * FONT, HADA_ANCHOR_LEFT, FONT, text) + 14;
 }
 
 hada_status hada_plot_save(hada_plot **pointer, const char *path, hada_error *err)
 {
     hada_plot *plot = *pointer;
+    hada_status status = HADA_OK;
     *pointer = NULL;
     if (!plot)
         return HADA_OK;
-    fputs("</svg>\n", plot->out);
-    hada_status status = HADA_OK;
-    if ((ferror(plot->out) | fclose(plot->out)) || !path)
-        status = hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory for a figure");
-    if (!status)
-        status = hada_cli_write_text(path, plot->text, plot->size, err);
-    free(plot->text);
+    if (path)
+        status = hada_drawing_save(plot->drawing, path, err);
+    else
+        status = hada_fail(err, HADA_ERROR_MEMORY, "out of memory for a figure");
+    hada_drawing_destroy(&plot->drawing);
     free(plot);
     return status;
 }

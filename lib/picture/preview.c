@@ -1,0 +1,366 @@
+/* Previews: one sheet of everything that a frame gave. */
+#include <hadalens/preview.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "core/alloc.h"
+#include "core/options.h"
+#include "io/text.h"
+#include "picture/colormap.h"
+#include "picture/drawing.h"
+#include "picture/tone.h"
+
+/* Pixels. The sheet is as wide as a screen shows, panels and tiles as large as leaves the whole on one or two. */
+enum {
+    WIDTH = 1600,
+    MARGIN = 24,
+    GAP = 16,
+    CAPTION = 30,     /* text above a panel */
+    PANEL_MOST = 560, /* height of raw, all-in-focus and map */
+    TILE_MOST = 420,  /* either side of a refocused image */
+    BAR = 28,         /* width of the colour scale */
+    BAR_TEXT = 110,
+    MOST_ROWS_HEIGHT = 1100,
+    TITLE = 26, /* sizes of text */
+    TEXT = 17,
+    HATCH = 12, /* from one diagonal to the next, */
+    HATCHED = 2 /* and how wide they are */
+};
+
+static const hada_colour paper = 0x16181c, ink = 0xeceef2, dim = 0x80858e, line = 0x3a3e46, found = 0xffb828,
+                         nothing = 0x2e3035, hatch = 0x404349;
+
+/* What is shown, and where. */
+typedef struct hada_sheet {
+    const hada_preview *p;
+    hada_drawing *drawing;
+    double gamma;
+    double near, far; /* ends of the colour scale, mm */
+    int header, panels_y, panel_height, stack_y, columns, tile_width, tile_height, height;
+} hada_sheet;
+
+static double aspect(const hada_image *image)
+{
+    return (double)image->cols / image->rows;
+}
+
+static int width_of(const hada_image *image, int height)
+{
+    int width = (int)(aspect(image) * height + 0.5);
+    return width < 1 ? 1 : width > WIDTH - 2 * MARGIN ? WIDTH - 2 * MARGIN : width;
+}
+
+/* The colours span the distances of the stack, or what the map holds where there is no stack. */
+static void find_range(hada_sheet *sheet)
+{
+    const hada_preview *p = sheet->p;
+    sheet->near = INFINITY;
+    sheet->far = -INFINITY;
+    for (int i = 0; p->distances_mm && i < p->depths; i++) {
+        sheet->near = fmin(sheet->near, p->distances_mm[i]);
+        sheet->far = fmax(sheet->far, p->distances_mm[i]);
+    }
+    const hada_image *map = p->distance_map;
+    size_t count = map ? (size_t)map->rows * (size_t)map->cols : 0;
+    const int spread = sheet->far > sheet->near; /* distances that say something are not overruled by the map */
+    for (size_t i = 0; i < count && !spread; i++)
+        if (isfinite(map->data[i])) {
+            sheet->near = fmin(sheet->near, (double)map->data[i]);
+            sheet->far = fmax(sheet->far, (double)map->data[i]);
+        }
+    if (!(sheet->near <= sheet->far)) {
+        sheet->near = 0;
+        sheet->far = 1;
+    }
+    if (sheet->far <= sheet->near) {
+        sheet->near -= 0.5;
+        sheet->far += 0.5;
+    }
+}
+
+static hada_colour colour_of(const hada_sheet *sheet, double distance)
+{
+    return hada_colormap((distance - sheet->near) / (sheet->far - sheet->near));
+}
+
+static void place_stack(hada_sheet *sheet)
+{
+    const hada_preview *p = sheet->p;
+    if (!p->planes || p->depths < 1)
+        return;
+    double shape = aspect(&p->planes[0]);
+    int room = WIDTH - 2 * MARGIN;
+    /* four side by side are large enough for a look: fewer would leave half the sheet empty */
+    for (int columns = p->depths < 4 ? p->depths : 4; columns <= p->depths; columns++) {
+        int width = (room - (columns - 1) * GAP) / columns;
+        width = width < TILE_MOST ? width : TILE_MOST;
+        width = shape < 1 && width > TILE_MOST * shape ? (int)(TILE_MOST * shape) : width;
+        width = width < 1 ? 1 : width;
+        int height = (int)(width / shape + 0.5);
+        /* Images at their largest may leave room for more of them in a row; rows then share them out evenly. */
+        int fit = (room + GAP) / (width + GAP), rows = (p->depths + fit - 1) / fit;
+        sheet->columns = (p->depths + rows - 1) / rows;
+        sheet->tile_width = width;
+        sheet->tile_height = height < 1 ? 1 : height;
+        if (rows * (height + CAPTION + GAP) <= MOST_ROWS_HEIGHT)
+            break;
+    }
+}
+
+static void place(hada_sheet *sheet)
+{
+    const hada_preview *p = sheet->p;
+    const hada_image *shown[3] = {p->raw, p->all_in_focus, p->distance_map};
+    double shapes = 0;
+    int panels = 0, room = WIDTH - 2 * MARGIN;
+    for (int i = 0; i < 3; i++)
+        if (shown[i]) {
+            shapes += aspect(shown[i]);
+            panels++;
+        }
+    room -= (panels - 1) * GAP + (p->distance_map ? BAR + BAR_TEXT + GAP : 0);
+    sheet->header = p->title && *p->title ? 64 : MARGIN;
+    sheet->panels_y = sheet->header + CAPTION;
+    sheet->panel_height = panels ? (int)fmax(1, fmin(PANEL_MOST, room / shapes)) : 0;
+    sheet->stack_y = panels ? sheet->panels_y + sheet->panel_height + 40 : sheet->header;
+    place_stack(sheet);
+    sheet->height = sheet->stack_y;
+    if (sheet->columns) {
+        int rows = (p->depths + sheet->columns - 1) / sheet->columns;
+        sheet->height += CAPTION + 8 + rows * (sheet->tile_height + CAPTION + GAP);
+    }
+    sheet->height += MARGIN / 2;
+}
+
+static double text(const hada_sheet *sheet, double x, double y, double limit, hada_colour colour, const char *words)
+{
+    return hada_drawing_text(sheet->drawing, x, y, HADA_ANCHOR_LEFT, TEXT, limit, colour, words);
+}
+
+static hada_status draw_image(const hada_sheet *sheet, int x, int y, int width, int height, const hada_image *image,
+                              double white, hada_error *err)
+{
+    uint32_t *pixels = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_tone_pixels(&pixels, width, height, image, white, sheet->gamma, err));
+    hada_drawing_pixels(sheet->drawing, x, y, width, height, pixels);
+done:
+    free(pixels);
+    return status;
+}
+
+/* Nearest neighbour: distances are not mixed. Where nothing is in focus the paper shows diagonal lines. */
+static hada_status draw_map(const hada_sheet *sheet, int x, int y, int width, int height, hada_error *err)
+{
+    const hada_image *map = sheet->p->distance_map;
+    hada_status status = HADA_OK;
+    void *pixels = NULL;
+    HADA_TRY(hada_alloc_raw(&pixels, (size_t)width * (size_t)height, sizeof(uint32_t), "a picture", err));
+    uint32_t *to = pixels;
+    for (int row = 0; row < height; row++)
+        for (int column = 0; column < width; column++) {
+            const int from_row = (int)((row + 0.5) * map->rows / height),
+                      from_column = (int)((column + 0.5) * map->cols / width);
+            const double value = (double)map->data[(size_t)from_row * (size_t)map->cols + (size_t)from_column];
+            *to++ = isfinite(value) ? colour_of(sheet, value) : (row + column) % HATCH < HATCHED ? hatch : nothing;
+        }
+    hada_drawing_pixels(sheet->drawing, x, y, width, height, pixels);
+    hada_drawing_frame(sheet->drawing, x, y, width, height, 1, line);
+done:
+    free(pixels);
+    return status;
+}
+
+/* A step of 1, 2 or 5 times a power of ten that divides the range in at most `most` parts. */
+static double nice_step(double range, int most)
+{
+    double power = pow(10, floor(log10(range / most)));
+    static const double steps[] = {1, 2, 5, 10};
+    for (int i = 0; i < 4; i++)
+        if (range / (steps[i] * power) <= most)
+            return steps[i] * power;
+    return 10 * power;
+}
+
+static void draw_tick(const hada_sheet *sheet, int x, int y, int height, double distance)
+{
+    char number[32], label[40];
+    const double at = (distance - sheet->near) / (sheet->far - sheet->near) * (height - 2);
+    const double baseline = fmin(fmax(at + 0.36 * TEXT, 0.72 * TEXT), height); /* 0.72: about a digit's height */
+    hada_format_number(number, sizeof number, "%.4g", distance);
+    snprintf(label, sizeof label, "%s mm", number);
+    hada_drawing_fill(sheet->drawing, x, y + floor(at), 6, 2, dim);
+    text(sheet, x + 12, y + baseline, BAR_TEXT - 12, ink, label);
+}
+
+static void draw_bar(const hada_sheet *sheet, int x, int y, int height)
+{
+    const double range = sheet->far - sheet->near, step = nice_step(range, height >= 300 ? 8 : 4);
+    for (int row = 0; row < height; row++)
+        hada_drawing_fill(sheet->drawing, x, y + row, BAR, 1,
+                          hada_colormap(height > 1 ? (double)row / (height - 1) : 0));
+    hada_drawing_frame(sheet->drawing, x, y, BAR, height, 1, line);
+    draw_tick(sheet, x + BAR, y, height, sheet->near);
+    draw_tick(sheet, x + BAR, y, height, sheet->far);
+    /* Round numbers between the ends, where their text does not touch that of the ends. */
+    const double clear = 1.2 * TEXT * range / height;
+    for (double k = ceil((sheet->near + clear) / step); k * step <= sheet->far - clear; k++)
+        draw_tick(sheet, x + BAR, y, height, k * step);
+}
+
+static void caption(const hada_sheet *sheet, int x, int y, int width, const char *words)
+{
+    text(sheet, x, y - 9, width, ink, words);
+}
+
+static hada_status draw_panels(const hada_sheet *sheet, hada_error *err)
+{
+    const hada_preview *p = sheet->p;
+    const hada_image *shown[2] = {p->raw, p->all_in_focus};
+    static const char *const names[2] = {"raw", "all in focus"};
+    const int y = sheet->panels_y, height = sheet->panel_height;
+    int x = MARGIN;
+    hada_status status = HADA_OK;
+    for (int i = 0; i < 2; i++) {
+        if (!shown[i])
+            continue;
+        const int width = width_of(shown[i], height);
+        char words[80];
+        snprintf(words, sizeof words, "%s, %d × %d", names[i], shown[i]->cols, shown[i]->rows);
+        caption(sheet, x, y, width, words);
+        HADA_TRY(draw_image(sheet, x, y, width, height, shown[i], hada_tone_white(shown[i], 1), err));
+        hada_drawing_frame(sheet->drawing, x, y, width, height, 1, line);
+        x += width + GAP;
+    }
+    if (p->distance_map) {
+        static const char long_words[] = "distance (hatched: nothing in focus)";
+        const int width = width_of(p->distance_map, height), room = width + GAP + BAR + BAR_TEXT;
+        caption(sheet, x, y, room,
+                hada_drawing_text_width(sheet->drawing, TEXT, long_words) <= room ? long_words : "distance");
+        HADA_TRY(draw_map(sheet, x, y, width, height, err));
+        draw_bar(sheet, x + width + GAP, y, height);
+    }
+done:
+    return status;
+}
+
+/* Its distance, with the colour that the map has for it. */
+static void label_tile(const hada_sheet *sheet, int index, int x, int y, hada_colour colour)
+{
+    const hada_preview *p = sheet->p;
+    char number[32] = "", label[48];
+    if (p->distances_mm)
+        hada_format_number(number, sizeof number, "%.6g", p->distances_mm[index]);
+    else
+        snprintf(number, sizeof number, "depth %d", index + 1);
+    snprintf(label, sizeof label, "%s%s", number, p->distances_mm ? " mm" : "");
+    if (p->distances_mm && p->distance_map) {
+        hada_drawing_fill(sheet->drawing, x, y - 13, 14, 14, colour_of(sheet, p->distances_mm[index]));
+        hada_drawing_frame(sheet->drawing, x, y - 13, 14, 14, 1, dim);
+        x += 24;
+    }
+    text(sheet, x, y, sheet->tile_width, colour, label);
+}
+
+/* One refocused image, framed where the scene was found. */
+static hada_status draw_tile(const hada_sheet *sheet, int index, double white, hada_error *err)
+{
+    const hada_preview *p = sheet->p;
+    const int width = sheet->tile_width, height = sheet->tile_height;
+    const int x = MARGIN + index % sheet->columns * (width + GAP);
+    const int y = sheet->stack_y + CAPTION + 8 + index / sheet->columns * (height + CAPTION + GAP);
+    const int marked = p->occupied && p->occupied[index];
+    hada_status status = HADA_OK;
+    HADA_TRY(draw_image(sheet, x, y, width, height, &p->planes[index], white, err));
+    hada_drawing_frame(sheet->drawing, x, y, width, height, marked ? 4 : 1, marked ? found : line);
+    label_tile(sheet, index, x, y + height + 23, marked ? found : p->occupied ? dim : ink);
+done:
+    return status;
+}
+
+static hada_status draw_stack(const hada_sheet *sheet, hada_error *err)
+{
+    const hada_preview *p = sheet->p;
+    const int y = sheet->stack_y + 19;
+    hada_status status = HADA_OK;
+    char words[160];
+    if (!sheet->columns)
+        return HADA_OK;
+    int marked = 0;
+    for (int i = 0; p->occupied && i < p->depths; i++)
+        marked += p->occupied[i] != 0;
+    snprintf(words, sizeof words, "refocused, near to far, %d × %d", p->planes[0].cols, p->planes[0].rows);
+    const double x = MARGIN + text(sheet, MARGIN, y, WIDTH - 2 * MARGIN, ink, words);
+    if (p->occupied) {
+        snprintf(words, sizeof words, "scene found at %d of %d distances", marked, p->depths);
+        hada_drawing_frame(sheet->drawing, floor(x) + 32, y - 13, 13, 13, 4, found);
+        text(sheet, x + 58, y, WIDTH - MARGIN - x - 58, found, words);
+    }
+    /* One white for all, so that brightness can be compared. */
+    const double white = hada_tone_white(p->planes, p->depths);
+    for (int i = 0; i < p->depths; i++)
+        HADA_TRY(draw_tile(sheet, i, white, err));
+done:
+    return status;
+}
+
+static int is_empty(const hada_image *image)
+{
+    return image && (!image->data || image->rows < 1 || image->cols < 1 || image->channels < 1);
+}
+
+static int shows_nothing(const hada_preview *p)
+{
+    int empty = is_empty(p->raw) || is_empty(p->all_in_focus) || is_empty(p->distance_map);
+    for (int i = 0; p->planes && i < p->depths; i++)
+        empty |= is_empty(&p->planes[i]);
+    return empty || (!p->raw && !p->all_in_focus && !p->distance_map && !(p->planes && p->depths > 0));
+}
+
+void hada_preview_defaults(hada_preview *preview, size_t size)
+{
+    const hada_preview own = {.size = sizeof own};
+    HADA_OPTIONS_GIVE(preview, size, &own);
+}
+
+hada_status hada_preview_save(const char *path, const hada_preview *callers, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    hada_preview own, *preview = &own;
+    hada_sheet sheet = {.p = preview};
+    hada_preview_init(preview);
+    HADA_TRY(HADA_OPTIONS_TAKE(preview, callers, hada_preview, err));
+    if (shows_nothing(preview))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "%s: there is no image to show", path);
+    sheet.gamma = preview->gamma > 0 ? preview->gamma : 1 / 2.2;
+    find_range(&sheet);
+    place(&sheet);
+    HADA_TRY(hada_drawing_create(&sheet.drawing, WIDTH, sheet.height, paper, err));
+    if (preview->title)
+        hada_drawing_text(sheet.drawing, MARGIN, 44, HADA_ANCHOR_LEFT, TITLE, WIDTH - 2 * MARGIN, ink, preview->title);
+    HADA_TRY(draw_panels(&sheet, err));
+    HADA_TRY(draw_stack(&sheet, err));
+    HADA_TRY(hada_drawing_save(sheet.drawing, path, err));
+done:
+    hada_drawing_destroy(&sheet.drawing);
+    return status;
+}
+
+hada_status hada_png_save(const char *path, const hada_image *image, double white, double gamma, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    hada_drawing *drawing = NULL;
+    uint32_t *pixels = NULL;
+    if (is_empty(image))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "%s: there is no image to show", path);
+    HADA_TRY(hada_drawing_create(&drawing, image->cols, image->rows, paper, err));
+    HADA_TRY(hada_tone_pixels(&pixels, image->cols, image->rows, image, white > 0 ? white : hada_tone_white(image, 1),
+                              gamma, err));
+    hada_drawing_pixels(drawing, 0, 0, image->cols, image->rows, pixels);
+    HADA_TRY(hada_drawing_save(drawing, path, err));
+done:
+    free(pixels);
+    hada_drawing_destroy(&drawing);
+    return status;
+}

@@ -33,20 +33,21 @@ static size_t parts_of(const hada_tensor *x, const hada_layer_grid *grid)
 static hada_status join(hada_slot *slot, const char *kernel, const hada_tensor *x, size_t parts, size_t vectors,
                         cl_mem scratch, cl_ulong *place, hada_error *err)
 {
-    const size_t blocks = (size_t)hada_tensor_blocks(x);
     hada_status status = HADA_OK;
+    const size_t blocks = (size_t)hada_tensor_blocks(x);
     *place = 0;
-    while (!status && parts > 1) {
+    while (parts > 1) {
         const size_t fewer = divide_up(parts, MERGE);
         const cl_ulong in_offset = *place, out_offset = in_offset + parts * vectors * blocks * (size_t)x->block;
         const cl_uint in_count = (cl_uint)parts, out_count = (cl_uint)fewer;
         const hada_arg args[] = {HADA_ARG(scratch), HADA_ARG(in_offset), HADA_ARG(in_count), HADA_ARG(out_offset),
                                  HADA_ARG(out_count)};
-        status = hada_layer_launch_flat(slot, "net_batch_norm", kernel, x->block, fewer, blocks, args, HADA_COUNT(args),
-                                        err);
+        HADA_TRY(hada_layer_launch_flat(slot, "net_batch_norm", kernel, x->block, fewer, blocks, args, HADA_COUNT(args),
+                                        err));
         parts = fewer;
         *place = out_offset;
     }
+done:
     return status;
 }
 
@@ -81,6 +82,7 @@ hada_status hada_batch_norm_infer(hada_slot *slot, const hada_batch_norm *norm, 
 static hada_status measure(hada_slot *slot, const hada_batch_norm *norm, const hada_tensor *x, hada_floats saved,
                            cl_mem scratch, hada_error *err)
 {
+    hada_status status = HADA_OK;
     const hada_layer_grid grid = hada_layer_grid_of(slot, x, x->rows, x->cols);
     const hada_tensor_place at_x = hada_tensor_place_of(x);
     const cl_int blocks = hada_tensor_blocks(x);
@@ -89,34 +91,35 @@ static hada_status measure(hada_slot *slot, const hada_batch_norm *norm, const h
     const hada_arg args[] = {HADA_ARG_TENSOR(x, at_x), HADA_ARG(x->rows), HADA_ARG(x->cols),   HADA_ARG(blocks),
                              HADA_ARG(grid.span),      HADA_ARG(scratch), HADA_ARG(part_count)};
     cl_ulong place;
-    hada_status status =
-        hada_layer_launch(slot, "net_batch_norm", "net_batch_norm_statistics", x, &grid, args, HADA_COUNT(args), err);
-    if (!status)
-        status = join(slot, "net_batch_norm_merge", x, parts, 3, scratch, &place, err);
-    if (status)
-        return status;
+    HADA_TRY(
+        hada_layer_launch(slot, "net_batch_norm", "net_batch_norm_statistics", x, &grid, args, HADA_COUNT(args), err));
+    HADA_TRY(join(slot, "net_batch_norm_merge", x, parts, 3, scratch, &place, err));
     const cl_ulong to = saved.offset, mean = norm->mean_offset, variance = norm->variance_offset;
     const hada_arg ends[] = {
         HADA_ARG(scratch),        HADA_ARG(place),          HADA_ARG(x->channels), HADA_ARG(norm->eps),
         HADA_ARG(norm->momentum), HADA_ARG(saved.mem),      HADA_ARG(to),          HADA_ARG(norm->mean),
         HADA_ARG(mean),           HADA_ARG(norm->variance), HADA_ARG(variance)};
-    return hada_layer_launch_flat(slot, "net_batch_norm", "net_batch_norm_finish", x->block, (size_t)x->channels, 1,
-                                  ends, HADA_COUNT(ends), err);
+    HADA_TRY(hada_layer_launch_flat(slot, "net_batch_norm", "net_batch_norm_finish", x->block, (size_t)x->channels, 1,
+                                    ends, HADA_COUNT(ends), err));
+done:
+    return status;
 }
 
 hada_status hada_batch_norm_train(hada_slot *slot, const hada_batch_norm *norm, const hada_tensor *x,
                                   const hada_tensor *y, cl_mem saved, size_t saved_offset, cl_mem scratch,
                                   hada_error *err)
 {
-    hada_status status = hada_layer_check("batch normalisation", x, y, 1, err);
-    if (!status && (double)x->images * x->rows * x->cols < 2.0)
-        status = hada_fail(err, HADA_ERROR_SIZE,
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_layer_check("batch normalisation", x, y, 1, err));
+    if ((double)x->images * x->rows * x->cols < 2.0)
+        HADA_TRY(hada_fail(err, HADA_ERROR_SIZE,
                            "batch normalisation cannot learn from one value per channel: it "
-                           "needs more images or pixels");
+                           "needs more images or pixels"));
     const hada_floats mean = {saved, saved_offset}, inverse = {saved, saved_offset + (size_t)x->channels};
-    if (!status)
-        status = measure(slot, norm, x, mean, scratch, err);
-    return status ? status : apply(slot, norm, x, y, mean, inverse, 0, err);
+    HADA_TRY(measure(slot, norm, x, mean, scratch, err));
+    HADA_TRY(apply(slot, norm, x, y, mean, inverse, 0, err));
+done:
+    return status;
 }
 
 /* The sums of dy and of dy times the normalised x, at *place of scratch. */
@@ -143,23 +146,18 @@ hada_status hada_batch_norm_backward(hada_slot *slot, const hada_batch_norm *nor
                                      size_t dweight_offset, cl_mem dbias, size_t dbias_offset, int accumulate,
                                      cl_mem scratch, hada_error *err)
 {
-    hada_status status = hada_layer_check("batch normalisation", x, dy, 1, err);
-    if (!status)
-        status = hada_layer_check("batch normalisation", x, dx, 1, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_layer_check("batch normalisation", x, dy, 1, err));
+    HADA_TRY(hada_layer_check("batch normalisation", x, dx, 1, err));
     cl_ulong place;
-    if (!status)
-        status = gradient_sums(slot, x, (hada_floats){saved, saved_offset}, dy, scratch, &place, err);
-    if (status)
-        return status;
+    HADA_TRY(gradient_sums(slot, x, (hada_floats){saved, saved_offset}, dy, scratch, &place, err));
     const cl_ulong to_weight = dweight_offset, to_bias = dbias_offset, from = saved_offset;
     const cl_ulong weight = norm->weight_offset;
     const cl_int add = accumulate, blocks = hada_tensor_blocks(x);
     const hada_arg ends[] = {HADA_ARG(scratch),   HADA_ARG(place), HADA_ARG(x->channels), HADA_ARG(dweight),
                              HADA_ARG(to_weight), HADA_ARG(dbias), HADA_ARG(to_bias),     HADA_ARG(add)};
-    status = hada_layer_launch_flat(slot, "net_batch_norm", "net_batch_norm_weights", x->block, (size_t)x->channels, 1,
-                                    ends, HADA_COUNT(ends), err);
-    if (status)
-        return status;
+    HADA_TRY(hada_layer_launch_flat(slot, "net_batch_norm", "net_batch_norm_weights", x->block, (size_t)x->channels, 1,
+                                    ends, HADA_COUNT(ends), err));
     const hada_layer_grid grid = hada_layer_grid_of(slot, x, x->rows, x->cols);
     const hada_tensor_place at_x = hada_tensor_place_of(x), at_dy = hada_tensor_place_of(dy);
     const hada_tensor_place at_dx = hada_tensor_place_of(dx);
@@ -179,5 +177,8 @@ hada_status hada_batch_norm_backward(hada_slot *slot, const hada_batch_norm *nor
                              HADA_ARG(scratch),
                              HADA_ARG(place),
                              HADA_ARG(per_value)};
-    return hada_layer_launch(slot, "net_batch_norm", "net_batch_norm_backward", x, &grid, args, HADA_COUNT(args), err);
+    HADA_TRY(
+        hada_layer_launch(slot, "net_batch_norm", "net_batch_norm_backward", x, &grid, args, HADA_COUNT(args), err));
+done:
+    return status;
 }

@@ -28,28 +28,25 @@ hada_status hada_conv_create(hada_conv **out, hada_slot *slot, const hada_conv_d
 hada_status hada_conv_create_chosen(hada_conv **out, hada_slot *slot, const hada_conv_desc *desc,
                                     const hada_conv_choice *forced, hada_error *err)
 {
+    hada_status status = HADA_OK;
     hada_conv_plan plan;
-    hada_conv *conv;
+    hada_conv *conv = NULL;
     *out = NULL;
-    hada_status status = hada_conv_plan_make(&plan, slot->context, desc, forced, err);
-    if (!status)
-        status = hada_alloc((void **)&conv, 1, sizeof *conv, "a convolution", err);
-    if (status)
-        return status;
+    HADA_TRY(hada_conv_plan_make(&plan, slot->context, desc, forced, err));
+    HADA_TRY(hada_alloc((void **)&conv, 1, sizeof *conv, "a convolution", err));
     conv->slot = slot;
     conv->plan = plan;
-    for (int p = 0; !status && p < plan.pass_count; p++)
-        status = hada_buffer_create(&conv->weights[p], slot->context, plan.pass[p].weight_floats * sizeof(float),
-                                    "the weights of a convolution", err);
-    if (!status && plan.scratch_floats)
-        status = hada_buffer_create(&conv->scratch, slot->context, plan.scratch_floats * sizeof(float),
-                                    "the scratch memory of a convolution", err);
-    if (status) {
+    for (int p = 0; p < plan.pass_count; p++)
+        HADA_TRY(hada_buffer_create(&conv->weights[p], slot->context, plan.pass[p].weight_floats * sizeof(float),
+                                    "the weights of a convolution", err));
+    if (plan.scratch_floats)
+        HADA_TRY(hada_buffer_create(&conv->scratch, slot->context, plan.scratch_floats * sizeof(float),
+                                    "the scratch memory of a convolution", err));
+done:
+    if (status)
         hada_conv_destroy(&conv);
-        return status;
-    }
     *out = conv;
-    return HADA_OK;
+    return status;
 }
 
 void hada_conv_destroy(hada_conv **pointer)
@@ -72,8 +69,10 @@ hada_conv_method hada_conv_serving(const hada_conv *conv)
 hada_status hada_conv_set_weights(hada_conv *conv, cl_mem weights, size_t offset, hada_error *err)
 {
     hada_status status = HADA_OK;
-    for (int p = 0; !status && p < conv->plan.pass_count; p++)
-        status = hada_conv_pack(conv, p, weights, offset, err);
+    for (int p = 0; p < conv->plan.pass_count; p++)
+        HADA_TRY(conv->plan.pass[p].tile ? hada_conv_winograd_pack(conv, p, weights, offset, err)
+                                         : hada_conv_pack(conv, p, weights, offset, err));
+done:
     conv->has_weights = !status;
     return status;
 }
@@ -95,28 +94,27 @@ static hada_status tensor_fits(const hada_conv *conv, const hada_tensor *tensor,
 hada_status hada_conv_run(hada_conv *conv, int index, const hada_tensor *in, const hada_tensor *out,
                           const hada_conv_finish *finish, hada_error *err)
 {
+    hada_status status = HADA_OK;
     const hada_conv_pass *pass = &conv->plan.pass[index];
     const char *const names[HADA_CONV_PASSES][2] = {{"x", "y"}, {"dy", "dx"}};
     if (!conv->has_weights)
         return hada_fail(err, HADA_ERROR_STATE, "a convolution needs hada_conv_set_weights() first");
-    hada_status status =
-        tensor_fits(conv, in, names[index][0], in->images, pass->in_channels, pass->in_rows, pass->in_cols, err);
-    if (!status)
-        status = tensor_fits(conv, out, names[index][1], in->images, pass->out_channels, pass->out_rows, pass->out_cols,
-                             err);
-    if (!status && finish->mask)
-        status = tensor_fits(conv, finish->mask, "mask", in->images, pass->out_channels, pass->out_rows, pass->out_cols,
-                             err);
-    if (!status && finish->pooled)
-        status = tensor_fits(conv, finish->pooled, "pooled output", in->images, pass->out_channels, pass->out_rows / 2,
-                             pass->out_cols / 2, err);
-    if (status)
-        return status;
+    HADA_TRY(tensor_fits(conv, in, names[index][0], in->images, pass->in_channels, pass->in_rows, pass->in_cols, err));
+    HADA_TRY(
+        tensor_fits(conv, out, names[index][1], in->images, pass->out_channels, pass->out_rows, pass->out_cols, err));
+    if (finish->mask)
+        HADA_TRY(tensor_fits(conv, finish->mask, "mask", in->images, pass->out_channels, pass->out_rows, pass->out_cols,
+                             err));
+    if (finish->pooled)
+        HADA_TRY(tensor_fits(conv, finish->pooled, "pooled output", in->images, pass->out_channels, pass->out_rows / 2,
+                             pass->out_cols / 2, err));
     hada_conv_cost(conv, pass->to_coarse ? out : in, pass->to_coarse ? in : out);
     if (pass->tile)
         return hada_conv_winograd(conv, index, in, out, finish, err);
-    return pass->method == HADA_CONV_PLAIN ? hada_conv_plain(conv, index, in, out, finish, err)
-                                           : hada_conv_direct(conv, index, in, out, finish, err);
+    HADA_TRY(pass->method == HADA_CONV_PLAIN ? hada_conv_plain(conv, index, in, out, finish, err)
+                                             : hada_conv_direct(conv, index, in, out, finish, err));
+done:
+    return status;
 }
 
 hada_status hada_conv_forward(hada_conv *conv, const hada_tensor *x, cl_mem bias, size_t bias_offset,
@@ -137,32 +135,33 @@ static hada_status must_train(const hada_conv *conv, hada_error *err)
 hada_status hada_conv_backward_data(hada_conv *conv, const hada_tensor *dy, const hada_tensor *masked_by,
                                     const hada_tensor *dx, int accumulate, hada_error *err)
 {
+    hada_status status = HADA_OK;
     const hada_conv_finish finish = {.mask = masked_by, .accumulate = accumulate};
-    hada_status status = must_train(conv, err);
-    return status ? status : hada_conv_run(conv, HADA_CONV_DATA, dy, dx, &finish, err);
+    HADA_TRY(must_train(conv, err));
+    HADA_TRY(hada_conv_run(conv, HADA_CONV_DATA, dy, dx, &finish, err));
+done:
+    return status;
 }
 
 hada_status hada_conv_backward_weights(hada_conv *conv, const hada_tensor *x, const hada_tensor *dy, cl_mem dw,
                                        size_t dw_offset, cl_mem db, size_t db_offset, int accumulate, hada_error *err)
 {
-    hada_status status = must_train(conv, err);
-    if (status)
-        return status;
+    hada_status status = HADA_OK;
+    HADA_TRY(must_train(conv, err));
     const hada_conv_pass *forward = &conv->plan.pass[HADA_CONV_FORWARD];
-    status = tensor_fits(conv, x, "x", x->images, forward->in_channels, forward->in_rows, forward->in_cols, err);
-    if (!status)
-        status =
-            tensor_fits(conv, dy, "dy", x->images, forward->out_channels, forward->out_rows, forward->out_cols, err);
-    if (status)
-        return status;
+    HADA_TRY(tensor_fits(conv, x, "x", x->images, forward->in_channels, forward->in_rows, forward->in_cols, err));
+    HADA_TRY(tensor_fits(conv, dy, "dy", x->images, forward->out_channels, forward->out_rows, forward->out_cols, err));
     const int transposed = conv->plan.desc.transposed;
     const hada_tensor *coarse = transposed ? x : dy, *fine = transposed ? dy : x;
     hada_conv_cost(conv, coarse, fine);
     if (conv->plan.gradient.tile && !transposed)
         return hada_conv_winograd_weights(conv, coarse, fine, dw, dw_offset, db, db_offset, accumulate, err);
     if (conv->plan.gradient.tile)
-        status = hada_conv_winograd_weights(conv, coarse, fine, dw, dw_offset, NULL, 0, accumulate, err);
+        HADA_TRY(hada_conv_winograd_weights(conv, coarse, fine, dw, dw_offset, NULL, 0, accumulate, err));
     else
-        status = hada_conv_weights(conv, coarse, fine, dw, dw_offset, accumulate, err);
-    return status || !db ? status : hada_conv_bias(conv, dy, db, db_offset, accumulate, err);
+        HADA_TRY(hada_conv_weights(conv, coarse, fine, dw, dw_offset, accumulate, err));
+    if (db)
+        HADA_TRY(hada_conv_bias(conv, dy, db, db_offset, accumulate, err));
+done:
+    return status;
 }

@@ -11,8 +11,8 @@
 #ifndef HADA_NET_CONV_H
 #define HADA_NET_CONV_H
 
-#include "netlist/kinds.h"
 #include "net/tensor.h"
+#include "netlist/kinds.h"
 
 typedef struct hada_conv_desc {
     int images; /* at most */

@@ -90,6 +90,12 @@ hada_status hada_conv_choice_find(const hada_context *context, const hada_conv_p
 const char *hada_conv_choice_misfit(const hada_context *context, const hada_conv_plan *plan, const hada_conv_pass *pass,
                                     int near, const hada_conv_choice *choice);
 
+/* The choices that could serve the forward pass of a plan, for a tuner, the likely ones first; returns how many.
+ * Kernels are those of the manifest alone, so that a tuning file holds for offline devices too. */
+enum { HADA_CONV_VARIANTS = 64 };
+int hada_conv_variants(const hada_context *context, const hada_conv_plan *plan,
+                       hada_conv_choice choices[HADA_CONV_VARIANTS]);
+
 /* Whether Winograd's tiles fit the shape at all. */
 static inline int hada_conv_is_winograd(const hada_conv_plan *plan)
 {

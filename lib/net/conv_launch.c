@@ -16,9 +16,12 @@ hada_status hada_conv_launch(hada_slot *slot, const char *file, const char *name
                              const size_t *global, const size_t *local, const hada_arg *args, size_t count,
                              hada_error *err)
 {
+    hada_status status = HADA_OK;
     cl_kernel kernel;
-    hada_status status = hada_slot_kernel(slot, file, name, options, &kernel, err);
-    return status ? status : hada_slot_launch(slot, kernel, name, 3, global, local, args, count, err);
+    HADA_TRY(hada_slot_kernel(slot, file, name, options, &kernel, err));
+    HADA_TRY(hada_slot_launch(slot, kernel, name, 3, global, local, args, count, err));
+done:
+    return status;
 }
 
 void hada_conv_cost(hada_conv *conv, const hada_tensor *coarse, const hada_tensor *fine)
@@ -40,8 +43,6 @@ hada_status hada_conv_pack(hada_conv *conv, int index, cl_mem weights, size_t of
     const hada_conv_desc *d = &conv->plan.desc;
     const hada_conv_pass *pass = &conv->plan.pass[index];
     const hada_buffer *packed = &conv->weights[index];
-    if (pass->tile)
-        return hada_conv_winograd_pack(conv, index, weights, offset, err);
     if (pass->method == HADA_CONV_PLAIN) {
         const cl_int code = clEnqueueCopyBuffer(conv->slot->queue, weights, packed->mem, offset * sizeof(float), 0,
                                                 pass->weight_floats * sizeof(float), 0, NULL, NULL);
@@ -111,6 +112,7 @@ hada_conv_finish_args hada_conv_finish_of(const hada_conv_finish *finish, int po
 hada_status hada_conv_direct(hada_conv *conv, int index, const hada_tensor *in, const hada_tensor *out,
                              const hada_conv_finish *finish, hada_error *err)
 {
+    hada_status status = HADA_OK;
     const hada_conv_desc *d = &conv->plan.desc;
     const hada_conv_pass *pass = &conv->plan.pass[index];
     const hada_conv_finish_args f = hada_conv_finish_of(finish, 0);
@@ -147,15 +149,14 @@ hada_status hada_conv_direct(hada_conv *conv, int index, const hada_tensor *in, 
                              HADA_ARG(f.mask),
                              HADA_ARG(f.mask_offset),
                              HADA_ARG(f.mask_image)};
-    hada_status status;
     if (groups) {
         const size_t pixels =
             (size_t)((out->rows + pass->step - 1) / pass->step) * (size_t)((out->cols + pass->step - 1) / pass->step);
         const size_t local[3] = {64, 1, 1};
         const size_t global[3] = {rounded(pixels, 64), out_groups,
                                   (size_t)in->images * (size_t)(pass->step * pass->step)};
-        status = hada_conv_launch(conv->slot, "conv_group", "conv_group", hada_conv_block_option(block), global, local,
-                                  args, HADA_COUNT(args), err);
+        HADA_TRY(hada_conv_launch(conv->slot, "conv_group", "conv_group", hada_conv_block_option(block), global, local,
+                                  args, HADA_COUNT(args), err));
     } else {
         const size_t local[3] = {1, 1, 1};
         const size_t global[3] = {out_groups, (size_t)((out->rows + pass->rows_each - 1) / pass->rows_each),
@@ -163,15 +164,19 @@ hada_status hada_conv_direct(hada_conv *conv, int index, const hada_tensor *in, 
         char options[96];
         snprintf(options, sizeof options, "-DNET_BLOCK=%d -DCONV_BLOCKS=%d -DCONV_PIXELS=%d -DCONV_STEP=%d", block,
                  pass->lanes / block, pass->pixels, pass->in_step);
-        status = hada_conv_launch(conv->slot, "conv_direct", "conv_direct", options, global, local, args,
-                                  HADA_COUNT(args), err);
+        HADA_TRY(hada_conv_launch(conv->slot, "conv_direct", "conv_direct", options, global, local, args,
+                                  HADA_COUNT(args), err));
     }
-    return status || !finish->pooled ? status : hada_conv_pool(conv, out, finish->pooled, err);
+    if (finish->pooled)
+        HADA_TRY(hada_conv_pool(conv, out, finish->pooled, err));
+done:
+    return status;
 }
 
 hada_status hada_conv_plain(hada_conv *conv, int index, const hada_tensor *in, const hada_tensor *out,
                             const hada_conv_finish *finish, hada_error *err)
 {
+    hada_status status = HADA_OK;
     const hada_conv_desc *d = &conv->plan.desc;
     const hada_conv_pass *pass = &conv->plan.pass[index];
     const hada_conv_finish_args f = hada_conv_finish_of(finish, 0);
@@ -207,7 +212,10 @@ hada_status hada_conv_plain(hada_conv *conv, int index, const hada_tensor *in, c
                              HADA_ARG(f.mask),
                              HADA_ARG(f.mask_offset),
                              HADA_ARG(f.mask_image)};
-    hada_status status = hada_conv_launch(conv->slot, "conv_plain", "conv_plain", hada_conv_block_option((int)block),
-                                          global, local, args, HADA_COUNT(args), err);
-    return status || !finish->pooled ? status : hada_conv_pool(conv, out, finish->pooled, err);
+    HADA_TRY(hada_conv_launch(conv->slot, "conv_plain", "conv_plain", hada_conv_block_option((int)block), global, local,
+                              args, HADA_COUNT(args), err));
+    if (finish->pooled)
+        HADA_TRY(hada_conv_pool(conv, out, finish->pooled, err));
+done:
+    return status;
 }

@@ -254,19 +254,19 @@ static void plan_gradient(hada_conv_plan *plan, const hada_context *context)
 hada_status hada_conv_plan_make(hada_conv_plan *plan, const hada_context *context, const hada_conv_desc *desc,
                                 const hada_conv_choice *forced, hada_error *err)
 {
-    hada_status status = validate(desc, err);
-    if (status)
-        return status;
+    hada_status status = HADA_OK;
+    HADA_TRY(validate(desc, err));
     *plan = (hada_conv_plan){.desc = *desc,
                              .block = hada_net_block(context),
                              .groups = context->shape == HADA_SHAPE_GROUPS,
                              .pass_count = desc->training ? HADA_CONV_PASSES : 1};
-    status = plan_pass(plan, context, &plan->pass[HADA_CONV_FORWARD], !desc->transposed, forced, err);
-    if (!status && desc->training)
-        status = plan_pass(plan, context, &plan->pass[HADA_CONV_DATA], desc->transposed, NULL, err);
-    if (!status && desc->training)
+    HADA_TRY(plan_pass(plan, context, &plan->pass[HADA_CONV_FORWARD], !desc->transposed, forced, err));
+    if (desc->training) {
+        HADA_TRY(plan_pass(plan, context, &plan->pass[HADA_CONV_DATA], desc->transposed, NULL, err));
         plan_gradient(plan, context);
+    }
     for (int p = 0; p < plan->pass_count; p++)
         need_scratch(plan, plan->pass[p].scratch_floats);
+done:
     return status;
 }

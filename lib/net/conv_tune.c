@@ -10,7 +10,6 @@
 #include "core/clock.h"
 #include "core/random.h"
 #include "net/conv_internal.h"
-#include "net/conv_variants.h"
 
 enum { LEAST_ROUNDS = 3, MOST_ROUNDS = 31 };
 
@@ -38,7 +37,7 @@ typedef struct contest {
     float *expected, *got;
     contestant *all;
     int count;
-    hada_conv_tune_look look;
+    hada_conv_tune_probe probe;
     void *user;
 } contest;
 
@@ -61,33 +60,37 @@ hada_conv_desc hada_tune_conv_desc(const hada_tune_conv_row *row)
 
 static hada_status run(contest *c, hada_conv *conv, hada_error *err)
 {
-    hada_status status = hada_conv_forward(conv, &c->in, c->bias.mem, 0, &c->out, NULL, err);
-    return status ? status : hada_slot_finish(c->slot, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_conv_forward(conv, &c->in, c->bias.mem, 0, &c->out, NULL, err));
+    HADA_TRY(hada_slot_finish(c->slot, err));
+done:
+    return status;
 }
 
 /* What a convolution gives, with zeros where it writes nothing. */
 static hada_status values_of(contest *c, hada_conv *conv, float *values, hada_error *err)
 {
-    hada_status status = hada_conv_set_weights(conv, c->weights.mem, 0, err);
-    if (!status)
-        status = hada_buffer_clear(&c->y, c->slot, 0, c->y.bytes, err);
-    if (!status)
-        status = run(c, conv, err);
-    return status ? status : hada_buffer_read(&c->y, c->slot, 0, values, c->y.bytes, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_conv_set_weights(conv, c->weights.mem, 0, err));
+    HADA_TRY(hada_buffer_clear(&c->y, c->slot, 0, c->y.bytes, err));
+    HADA_TRY(run(c, conv, err));
+    HADA_TRY(hada_buffer_read(&c->y, c->slot, 0, values, c->y.bytes, err));
+done:
+    return status;
 }
 
 static hada_status random_buffer(contest *c, hada_buffer *buffer, uint64_t stream, size_t count, float scale,
                                  hada_error *err)
 {
-    float *values;
+    hada_status status = HADA_OK;
+    float *values = NULL;
     hada_random random;
-    hada_status status = hada_alloc((void **)&values, count, sizeof *values, "the values of a measurement", err);
-    if (status)
-        return status;
+    HADA_TRY(hada_alloc((void **)&values, count, sizeof *values, "the values of a measurement", err));
     hada_random_seed(&random, 1, stream);
     for (size_t i = 0; i < count; i++)
         values[i] = scale * (float)hada_random_normal(&random);
-    status = hada_buffer_create_from(buffer, c->slot, values, count * sizeof *values, "a measurement", err);
+    HADA_TRY(hada_buffer_create_from(buffer, c->slot, values, count * sizeof *values, "a measurement", err));
+done:
     free(values);
     return status;
 }
@@ -95,6 +98,7 @@ static hada_status random_buffer(contest *c, hada_buffer *buffer, uint64_t strea
 /* Tensors, weights of a scale that keeps values near 1, and what the plain convolution makes of them. */
 static hada_status make_values(contest *c, hada_error *err)
 {
+    hada_status status = HADA_OK;
     const hada_conv_desc *d = &c->desc;
     hada_context *context = c->slot->context;
     const size_t planes = (size_t)d->in_channels * (size_t)d->in_rows * (size_t)d->in_cols;
@@ -107,30 +111,22 @@ static hada_status make_values(contest *c, hada_error *err)
     hada_conv_output_size(d, &rows, &cols);
     c->in = hada_tensor_at(context, NULL, 0, 1, d->in_channels, d->in_rows, d->in_cols);
     c->out = hada_tensor_at(context, NULL, 0, 1, d->out_channels, rows, cols);
-    hada_status status = random_buffer(c, &planar, 0, planes, 1, err);
-    if (!status)
-        status = random_buffer(c, &c->weights, 1, (size_t)d->in_channels * (size_t)d->out_channels * taps,
-                               1 / sqrtf((float)((size_t)d->in_channels * taps)), err);
-    if (!status)
-        status = random_buffer(c, &c->bias, 2, (size_t)d->out_channels, 0.1f, err);
-    if (!status)
-        status = hada_buffer_create(&c->x, context, c->in.image_stride * sizeof(float), "a measurement", err);
-    if (!status)
-        status = hada_buffer_create(&c->y, context, c->out.image_stride * sizeof(float), "a measurement", err);
-    if (!status)
-        status = hada_alloc((void **)&c->expected, 2 * c->out.image_stride, sizeof(float), "a measurement", err);
-    if (!status) {
-        c->got = c->expected + c->out.image_stride;
-        c->in.mem = c->x.mem;
-        c->out.mem = c->y.mem;
-        const size_t pixels = (size_t)d->in_rows * (size_t)d->in_cols;
-        const hada_planar from = {planar.mem, 0, planes, pixels, (size_t)d->in_cols};
-        status = hada_tensor_load(c->slot, &from, &c->in, err);
-    }
-    if (!status)
-        status = hada_conv_create(&plain, c->slot, &definition, err);
-    if (!status)
-        status = values_of(c, plain, c->expected, err);
+    HADA_TRY(random_buffer(c, &planar, 0, planes, 1, err));
+    HADA_TRY(random_buffer(c, &c->weights, 1, (size_t)d->in_channels * (size_t)d->out_channels * taps,
+                           1 / sqrtf((float)((size_t)d->in_channels * taps)), err));
+    HADA_TRY(random_buffer(c, &c->bias, 2, (size_t)d->out_channels, 0.1f, err));
+    HADA_TRY(hada_buffer_create(&c->x, context, c->in.image_stride * sizeof(float), "a measurement", err));
+    HADA_TRY(hada_buffer_create(&c->y, context, c->out.image_stride * sizeof(float), "a measurement", err));
+    HADA_TRY(hada_alloc((void **)&c->expected, 2 * c->out.image_stride, sizeof(float), "a measurement", err));
+    c->got = c->expected + c->out.image_stride;
+    c->in.mem = c->x.mem;
+    c->out.mem = c->y.mem;
+    const size_t pixels = (size_t)d->in_rows * (size_t)d->in_cols;
+    const hada_planar from = {planar.mem, 0, planes, pixels, (size_t)d->in_cols};
+    HADA_TRY(hada_tensor_load(c->slot, &from, &c->in, err));
+    HADA_TRY(hada_conv_create(&plain, c->slot, &definition, err));
+    HADA_TRY(values_of(c, plain, c->expected, err));
+done:
     hada_conv_destroy(&plain);
     hada_buffer_destroy(&planar);
     return status;
@@ -165,7 +161,7 @@ static void refuse(contest *c, const char *text, const char *reason)
 static hada_status enter(contest *c, const hada_conv_choice *choice, hada_error *err)
 {
     contestant *one = &c->all[c->count];
-    hada_conv *conv;
+    hada_conv *conv = NULL;
     char reason[64];
     hada_error local = {0};
     hada_status status = hada_conv_create_chosen(&conv, c->slot, &c->desc, choice, &local);
@@ -181,8 +177,8 @@ static hada_status enter(contest *c, const hada_conv_choice *choice, hada_error 
     }
     c->count++;
     status = values_of(c, conv, c->got, &local);
-    if (!status && c->look)
-        c->look(c->user, one->text, c->got, c->out.image_stride);
+    if (status == HADA_OK && c->probe)
+        c->probe(c->user, one->text, c->got, c->out.image_stride);
     const int loose = conv->plan.pass[HADA_CONV_FORWARD].method == HADA_CONV_WINOGRAD4;
     const double apart = status ? INFINITY : difference(c->expected, c->got, c->out.image_stride);
     if (apart <= (loose ? TOLERANCE_WINOGRAD4 : TOLERANCE)) {
@@ -204,21 +200,22 @@ static int ascending(const void *a, const void *b)
 /* They take turns until the time is over. */
 static hada_status measure(contest *c, double end, hada_error *err)
 {
-    int rounds = 0;
     hada_status status = HADA_OK;
-    for (; !status && rounds < MOST_ROUNDS && (rounds < LEAST_ROUNDS || hada_seconds() < end); rounds++)
-        for (int i = 0; !status && i < c->count; i++) {
+    int rounds = 0;
+    for (; rounds < MOST_ROUNDS && (rounds < LEAST_ROUNDS || hada_seconds() < end); rounds++)
+        for (int i = 0; i < c->count; i++) {
             contestant *one = &c->all[(i + rounds) % c->count];
             if (!one->conv)
                 continue;
             const double start = hada_seconds();
-            status = run(c, one->conv, err);
+            HADA_TRY(run(c, one->conv, err));
             one->seconds[rounds] = hada_seconds() - start;
         }
     for (int i = 0; i < c->count && rounds; i++) {
         qsort(c->all[i].seconds, (size_t)rounds, sizeof *c->all[i].seconds, ascending);
         c->all[i].median = c->all[i].seconds[rounds / 2];
     }
+done:
     return status;
 }
 
@@ -254,48 +251,45 @@ static void finish(contest *c)
         hada_buffer_destroy(buffers[i]);
 }
 
-hada_status hada_conv_tune(hada_slot *slot, hada_tune_conv_row *row, double seconds, hada_conv_tune_look look,
+hada_status hada_conv_tune(hada_slot *slot, hada_tune_conv_row *row, double seconds, hada_conv_tune_probe probe,
                            void *user, hada_error *err)
 {
-    contest c = {.slot = slot, .desc = hada_tune_conv_desc(row), .row = row, .look = look, .user = user};
+    hada_status status = HADA_OK;
+    contest c = {.slot = slot, .desc = hada_tune_conv_desc(row), .row = row, .probe = probe, .user = user};
     hada_conv_plan plan;
     row->measured = row->refused = row->skipped = 0;
     row->reason[0] = '\0';
-    hada_status status = hada_conv_plan_make(&plan, slot->context, &c.desc, NULL, err);
-    if (status)
-        return status;
+    HADA_TRY(hada_conv_plan_make(&plan, slot->context, &c.desc, NULL, err));
     hada_conv_shape_text(&plan, HADA_CONV_FORWARD, row->shape, sizeof row->shape);
     hada_conv_choice choices[HADA_CONV_VARIANTS];
     const int count = hada_conv_variants(slot->context, &plan, choices);
-    status = hada_alloc((void **)&c.all, (size_t)count + 1, sizeof *c.all, "a measurement", err);
-    if (!status)
-        status = make_values(&c, err);
+    HADA_TRY(hada_alloc((void **)&c.all, (size_t)count + 1, sizeof *c.all, "a measurement", err));
+    HADA_TRY(make_values(&c, err));
     const double start = hada_seconds(); /* the plain one may take longer than all others */
-    if (!status)
-        status = enter(&c, NULL, err);
+    HADA_TRY(enter(&c, NULL, err));
     /* the first half goes to compiling and checking */
-    for (int i = 0; !status && i < count; i++) {
+    for (int i = 0; i < count; i++) {
         if (hada_seconds() - start > 0.5 * seconds)
             row->skipped++;
         else
             enter(&c, &choices[i], NULL); /* one that cannot be made does not take part */
     }
-    if (!status)
-        status = measure(&c, start + seconds, err);
-    if (!status)
-        status = conclude(&c, err);
+    HADA_TRY(measure(&c, start + seconds, err));
+    HADA_TRY(conclude(&c, err));
+done:
     finish(&c);
     return status;
 }
 
 hada_status hada_tune_conv(hada_context *context, hada_tune_conv_row *row, double seconds, hada_error *err)
 {
+    hada_status status = HADA_OK;
     if (!context || !row || !(seconds > 0))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_tune_conv: a context, a row and a time above 0 are needed");
-    hada_slot *slot;
-    hada_status status = hada_slot_create(&slot, context, err);
-    if (!status)
-        status = hada_conv_tune(slot, row, seconds, NULL, NULL, err);
+    hada_slot *slot = NULL;
+    HADA_TRY(hada_slot_create(&slot, context, err));
+    HADA_TRY(hada_conv_tune(slot, row, seconds, NULL, NULL, err));
+done:
     hada_slot_destroy(&slot);
     return status;
 }

@@ -30,20 +30,19 @@ static hada_status name_of(const hada_context *context, hada_tune_conv_row *row,
 hada_status hada_tune_net(hada_context *context, const hada_net *net, int rows, int cols, hada_tune_conv_row **out,
                           size_t *count, hada_error *err)
 {
+    hada_status status = HADA_OK;
     if (!context || !net || !out || !count)
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "hada_tune_net: a context, a net and places for the rows are needed");
-    hada_size *sizes;
+    hada_size *sizes = NULL;
     hada_tune_conv_row *all = NULL;
     *out = NULL;
     *count = 0;
-    hada_status status = hada_alloc((void **)&sizes, (size_t)net->count, sizeof *sizes, "the sizes of a net", err);
-    if (!status)
-        status = hada_alloc((void **)&all, (size_t)net->count, sizeof *all, "the convolutions of a net", err);
-    if (!status)
-        status = hada_net_sizes(net, rows, cols, sizes, err);
+    HADA_TRY(hada_alloc((void **)&sizes, (size_t)net->count, sizeof *sizes, "the sizes of a net", err));
+    HADA_TRY(hada_alloc((void **)&all, (size_t)net->count, sizeof *all, "the convolutions of a net", err));
+    HADA_TRY(hada_net_sizes(net, rows, cols, sizes, err));
     size_t n = 0;
-    for (int i = 1; !status && i < net->count; i++) {
+    for (int i = 1; i < net->count; i++) {
         const hada_layer *layer = &net->layers[i];
         if (layer->kind != HADA_LAYER_CONV)
             continue;
@@ -64,34 +63,33 @@ hada_status hada_tune_net(hada_context *context, const hada_net *net, int rows, 
         if (k < n) {
             all[k].layers++;
         } else {
-            status = name_of(context, &all[n], err);
+            HADA_TRY(name_of(context, &all[n], err));
             n++;
         }
     }
-    free(sizes);
-    if (status) {
-        free(all);
-        return status;
-    }
     *out = all;
     *count = n;
-    return HADA_OK;
+    all = NULL;
+done:
+    free(sizes);
+    free(all);
+    return status;
 }
 
 hada_status hada_tune_save_convs(const hada_context *context, const char *path, const hada_tune_conv_row *rows,
                                  size_t count, hada_error *err)
 {
-    const char **words;
+    hada_status status = HADA_OK;
+    const char **words = NULL;
     if (!context || !path || !*path || (count && !rows))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_tune_save_convs: a context, a file name and rows are needed");
-    hada_status status = hada_alloc((void **)&words, 2 * count + 1, sizeof *words, "the rows of a tuning file", err);
-    if (status)
-        return status;
+    HADA_TRY(hada_alloc((void **)&words, 2 * count + 1, sizeof *words, "the rows of a tuning file", err));
     for (size_t i = 0; i < count; i++) {
         words[i] = rows[i].shape;
         words[count + i] = rows[i].chosen;
     }
-    status = hada_tuning_write(context, path, "conv", words, words + count, count, err);
+    HADA_TRY(hada_tuning_write(context, path, "conv", words, words + count, count, err));
+done:
     free(words);
     return status;
 }

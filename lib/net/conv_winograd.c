@@ -89,6 +89,7 @@ static hada_status one_launch(hada_conv *conv, int index, const hada_tensor *in,
 static hada_status three_launches(hada_conv *conv, int index, const hada_tensor *in, const hada_tensor *out,
                                   const hada_conv_finish_args *f, cl_int begin, cl_int count, hada_error *err)
 {
+    hada_status status = HADA_OK;
     static const char file[] = "conv_winograd_steps";
     const hada_conv_pass *pass = &conv->plan.pass[index];
     const cl_ulong x_offset = in->offset, x_image = in->image_stride, y_offset = out->offset,
@@ -115,33 +116,35 @@ static hada_status three_launches(hada_conv *conv, int index, const hada_tensor 
                                  HADA_ARG(f->pooled),         HADA_ARG(f->pooled_offset), HADA_ARG(f->pooled_image)};
     char options[96];
     make_options(conv, pass, options, sizeof options);
-    hada_status status = hada_conv_launch(conv->slot, file, "conv_winograd_in", options, tiles, local, in_args,
-                                          HADA_COUNT(in_args), err);
-    if (!status)
-        status = hada_conv_launch(conv->slot, file, "conv_winograd_products", options, products, local, product_args,
-                                  HADA_COUNT(product_args), err);
-    if (!status)
-        status = hada_conv_launch(conv->slot, file, "conv_winograd_out", options, tiles, local, out_args,
-                                  HADA_COUNT(out_args), err);
+    HADA_TRY(hada_conv_launch(conv->slot, file, "conv_winograd_in", options, tiles, local, in_args, HADA_COUNT(in_args),
+                              err));
+    HADA_TRY(hada_conv_launch(conv->slot, file, "conv_winograd_products", options, products, local, product_args,
+                              HADA_COUNT(product_args), err));
+    HADA_TRY(hada_conv_launch(conv->slot, file, "conv_winograd_out", options, tiles, local, out_args,
+                              HADA_COUNT(out_args), err));
+done:
     return status;
 }
 
 hada_status hada_conv_winograd(hada_conv *conv, int index, const hada_tensor *in, const hada_tensor *out,
                                const hada_conv_finish *finish, hada_error *err)
 {
+    hada_status status = HADA_OK;
     const hada_conv_pass *pass = &conv->plan.pass[index];
     /* tiles of odd sizes stand on odd pixels at the far edges */
     const int pools = finish->pooled && out->rows % 2 == 0 && out->cols % 2 == 0;
     const hada_conv_finish_args f = hada_conv_finish_of(finish, pools);
     const size_t across = (size_t)((out->cols + pass->tile - 1) / pass->tile);
     const size_t tiles = across * (size_t)((out->rows + pass->tile - 1) / pass->tile);
-    hada_status status = HADA_OK;
     if (pass->tiles) {
-        status = one_launch(conv, index, in, out, &f, tiles, err);
+        HADA_TRY(one_launch(conv, index, in, out, &f, tiles, err));
     } else {
         const int all = (int)tiles * in->images, most = pass->room;
-        for (int begin = 0; !status && begin < all; begin += most)
-            status = three_launches(conv, index, in, out, &f, begin, all - begin < most ? all - begin : most, err);
+        for (int begin = 0; begin < all; begin += most)
+            HADA_TRY(three_launches(conv, index, in, out, &f, begin, all - begin < most ? all - begin : most, err));
     }
-    return status || !finish->pooled || pools ? status : hada_conv_pool(conv, out, finish->pooled, err);
+    if (finish->pooled && !pools)
+        HADA_TRY(hada_conv_pool(conv, out, finish->pooled, err));
+done:
+    return status;
 }

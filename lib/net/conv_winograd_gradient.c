@@ -64,6 +64,7 @@ static hada_status by_parts(hada_conv *conv, const hada_tensor *coarse, const ha
 static hada_status by_steps(hada_conv *conv, const hada_tensor *coarse, const hada_tensor *fine, cl_int begin,
                             cl_int count, cl_ulong d_offset, cl_ulong du_offset, hada_error *err)
 {
+    hada_status status = HADA_OK;
     static const char file[] = "conv_winograd_weight_steps";
     const hada_conv_gradient *g = &conv->plan.gradient;
     const cl_ulong coarse_offset = coarse->offset, coarse_image = coarse->image_stride, fine_offset = fine->offset,
@@ -84,41 +85,41 @@ static hada_status by_steps(hada_conv *conv, const hada_tensor *coarse, const ha
                                      HADA_ARG(g->room),           HADA_ARG(adds)};
     char options[96];
     make_options(conv, options, sizeof options);
-    hada_status status = hada_conv_launch(conv->slot, "conv_winograd_steps", "conv_winograd_in",
-                                          conv->plan.block == 16 ? HADA_CONV_STEPS_16 : HADA_CONV_STEPS_8, tiles, local,
-                                          in_args, HADA_COUNT(in_args), err);
-    if (!status)
-        status = hada_conv_launch(conv->slot, file, "conv_winograd_back", options, tiles, local, back_args,
-                                  HADA_COUNT(back_args), err);
-    if (!status)
-        status = hada_conv_launch(conv->slot, file, "conv_winograd_correlate", options, products, local, product_args,
-                                  HADA_COUNT(product_args), err);
+    HADA_TRY(hada_conv_launch(conv->slot, "conv_winograd_steps", "conv_winograd_in",
+                              conv->plan.block == 16 ? HADA_CONV_STEPS_16 : HADA_CONV_STEPS_8, tiles, local, in_args,
+                              HADA_COUNT(in_args), err));
+    HADA_TRY(hada_conv_launch(conv->slot, file, "conv_winograd_back", options, tiles, local, back_args,
+                              HADA_COUNT(back_args), err));
+    HADA_TRY(hada_conv_launch(conv->slot, file, "conv_winograd_correlate", options, products, local, product_args,
+                              HADA_COUNT(product_args), err));
+done:
     return status;
 }
 
 hada_status hada_conv_winograd_weights(hada_conv *conv, const hada_tensor *coarse, const hada_tensor *fine, cl_mem dw,
                                        size_t offset, cl_mem db, size_t db_offset, int accumulate, hada_error *err)
 {
+    hada_status status = HADA_OK;
     const hada_conv_gradient *g = &conv->plan.gradient;
     const int all = ((coarse->rows + 3) / 4) * ((coarse->cols + 3) / 4) * coarse->images;
-    hada_status status = HADA_OK;
     if (g->tiles) {
         const cl_int most = (all + LEAST_TILES - 1) / LEAST_TILES, parts = g->parts < most ? g->parts : most;
-        status = by_parts(conv, coarse, fine, parts, err);
-        if (!status)
-            status = reduce(conv, coarse, fine, 0, parts, dw, offset, accumulate, err);
-        if (!status && db)
-            status = hada_conv_reduce_bias(conv, g->part_floats * (size_t)parts, parts, coarse->channels, db, db_offset,
-                                           accumulate, err);
+        HADA_TRY(by_parts(conv, coarse, fine, parts, err));
+        HADA_TRY(reduce(conv, coarse, fine, 0, parts, dw, offset, accumulate, err));
+        if (db)
+            HADA_TRY(hada_conv_reduce_bias(conv, g->part_floats * (size_t)parts, parts, coarse->channels, db, db_offset,
+                                           accumulate, err));
         return status;
     }
     const size_t place = PLACES * (size_t)coarse->block;
     const cl_ulong d_offset = place * (blocks_of(fine) * (size_t)g->room + 1);
     const cl_ulong du_offset = d_offset + place * (blocks_of(coarse) * (size_t)g->room + 1);
-    for (int begin = 0; !status && begin < all; begin += g->room)
-        status = by_steps(conv, coarse, fine, begin, all - begin < g->room ? all - begin : g->room, d_offset, du_offset,
-                          err);
-    if (!status)
-        status = reduce(conv, coarse, fine, du_offset, 1, dw, offset, accumulate, err);
-    return status || !db ? status : hada_conv_bias(conv, coarse, db, db_offset, accumulate, err);
+    for (int begin = 0; begin < all; begin += g->room)
+        HADA_TRY(by_steps(conv, coarse, fine, begin, all - begin < g->room ? all - begin : g->room, d_offset, du_offset,
+                          err));
+    HADA_TRY(reduce(conv, coarse, fine, du_offset, 1, dw, offset, accumulate, err));
+    if (db)
+        HADA_TRY(hada_conv_bias(conv, coarse, db, db_offset, accumulate, err));
+done:
+    return status;
 }

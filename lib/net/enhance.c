@@ -53,45 +53,42 @@ hada_status hada_enhance_bytes(const hada_context *context, const hada_enhance_d
 
 static hada_status make_buffers(hada_enhance *e, hada_error *err)
 {
+    hada_status status = HADA_OK;
     hada_context *context = e->slot->context;
     const hada_net *net = e->desc.net;
     hada_buffer *const buffers[BUFFERS] = {&e->values,  &e->content,  &e->window, &e->scaled,
                                            &e->full_in, &e->full_out, &e->out};
     size_t bytes[BUFFERS];
     sizes_of(context, &e->desc, &e->shape, bytes);
-    hada_status status = hada_buffer_create_from(&e->values, e->slot, net->values, bytes[0], "the net's weights", err);
-    for (int i = 1; !status && i < BUFFERS; i++) {
+    HADA_TRY(hada_buffer_create_from(&e->values, e->slot, net->values, bytes[0], "the net's weights", err));
+    for (int i = 1; i < BUFFERS; i++) {
         if (!bytes[i])
             continue;
-        status = hada_buffer_create(buffers[i], context, bytes[i], "planes for the net", err);
-        if (!status) /* halos and what fills up stay zero */
-            status = hada_buffer_clear(buffers[i], e->slot, 0, bytes[i], err);
+        HADA_TRY(hada_buffer_create(buffers[i], context, bytes[i], "planes for the net", err));
+        HADA_TRY(hada_buffer_clear(buffers[i], e->slot, 0, bytes[i], err)); /* halos and what fills up stay zero */
     }
     const int channels = net->layers[0].channels;
     e->window_tensor = hada_tensor_at(context, e->window.mem, 0, net->colours, channels, e->desc.rows, e->desc.cols);
     e->scaled_tensor = hada_tensor_at(context, e->scaled.mem, 0, net->colours, channels, e->shape.rows, e->shape.cols);
+done:
     return status;
 }
 
 hada_status hada_enhance_create(hada_enhance **out, hada_slot *slot, const hada_enhance_desc *desc, hada_error *err)
 {
-    hada_enhance *e;
+    hada_status status = HADA_OK;
+    hada_enhance *e = NULL;
     *out = NULL;
-    hada_status status = hada_alloc((void **)&e, 1, sizeof *e, "the enhancement", err);
-    if (status)
-        return status;
+    HADA_TRY(hada_alloc((void **)&e, 1, sizeof *e, "the enhancement", err));
     e->slot = slot;
     e->desc = *desc;
-    status = hada_enhance_shape_of(slot->context, desc, &e->shape, err);
-    if (!status)
-        status = hada_alloc((void **)&e->map, (size_t)desc->rows * (size_t)e->shape.content_cells, sizeof *e->map,
-                            "the map of content", err);
-    if (!status)
-        status = hada_graph_create(&e->graph, slot, desc->net, &e->shape.graph, err);
-    if (!status)
-        status = make_buffers(e, err);
-    if (!status)
-        status = hada_graph_set_weights(e->graph, (hada_floats){e->values.mem, 0}, err);
+    HADA_TRY(hada_enhance_shape_of(slot->context, desc, &e->shape, err));
+    HADA_TRY(hada_alloc((void **)&e->map, (size_t)desc->rows * (size_t)e->shape.content_cells, sizeof *e->map,
+                        "the map of content", err));
+    HADA_TRY(hada_graph_create(&e->graph, slot, desc->net, &e->shape.graph, err));
+    HADA_TRY(make_buffers(e, err));
+    HADA_TRY(hada_graph_set_weights(e->graph, (hada_floats){e->values.mem, 0}, err));
+done:
     if (status)
         hada_enhance_destroy(&e);
     *out = e;
@@ -154,16 +151,19 @@ static hada_status copy(const hada_enhance *e, const part *from, const part *to,
 }
 
 /* Fills the map of content of a plane. */
-static hada_status look(hada_enhance *e, cl_mem planes, size_t offset, hada_error *err)
+static hada_status map_content(hada_enhance *e, cl_mem planes, size_t offset, hada_error *err)
 {
+    hada_status status = HADA_OK;
     const hada_enhance_desc *d = &e->desc;
     const cl_ulong first = offset;
     const cl_int cell = HADA_CONTENT_CELL, cells = e->shape.content_cells;
     const hada_arg args[] = {HADA_ARG(planes),  HADA_ARG(first), HADA_ARG(d->channels), HADA_ARG(d->rows),
                              HADA_ARG(d->cols), HADA_ARG(cell),  HADA_ARG(cells),       HADA_ARG(e->content.mem)};
-    hada_status status = hada_layer_launch_flat(e->slot, "net_tensor", "net_content", 0, (size_t)cells,
-                                                (size_t)d->rows, args, HADA_COUNT(args), err);
-    return status ? status : hada_buffer_read(&e->content, e->slot, 0, e->map, e->content.bytes, err);
+    HADA_TRY(hada_layer_launch_flat(e->slot, "net_tensor", "net_content", 0, (size_t)cells, (size_t)d->rows, args,
+                                    HADA_COUNT(args), err));
+    HADA_TRY(hada_buffer_read(&e->content, e->slot, 0, e->map, e->content.bytes, err));
+done:
+    return status;
 }
 
 /* Whether anything stands in a part of the plane. */
@@ -181,38 +181,37 @@ static int has_content(const hada_enhance *e, int row, int col, int rows, int co
 /* The graph, from its input to what is not negative in its output. */
 static hada_status run_graph(hada_enhance *e, hada_error *err)
 {
+    hada_status status = HADA_OK;
     const hada_tensor *y = hada_graph_output(e->graph);
-    hada_status status = hada_graph_forward(e->graph, err);
-    return status ? status : hada_activation_forward(e->slot, HADA_ACTIVATION_RELU, 0.0f, y, y, err);
+    HADA_TRY(hada_graph_forward(e->graph, err));
+    HADA_TRY(hada_activation_forward(e->slot, HADA_ACTIVATION_RELU, 0.0f, y, y, err));
+done:
+    return status;
 }
 
 /* The whole plane at once. */
 static hada_status run_whole(hada_enhance *e, cl_mem planes, size_t offset, hada_error *err)
 {
+    hada_status status = HADA_OK;
     const hada_planar plane = planar_of(e, planes, offset, e->desc.rows, e->desc.cols, 0, 0);
     const hada_tensor *x = hada_graph_input(e->graph), *y = hada_graph_output(e->graph);
-    hada_status status;
     e->computed++;
-    if (!e->shape.resized) {
-        status = hada_tensor_load(e->slot, &plane, x, err);
-        if (!status)
-            status = run_graph(e, err);
-        return status ? status : hada_tensor_store(e->slot, y, &plane, err);
+    HADA_TRY(hada_tensor_load(e->slot, &plane, e->shape.resized ? &e->window_tensor : x, err));
+    if (e->shape.resized) {
+        HADA_TRY(hada_tensor_clear_halo(e->slot, x, err));
+        HADA_TRY(hada_resize_forward(e->slot, HADA_RESIZE_LINEAR, &e->window_tensor, x, err));
     }
-    status = hada_tensor_load(e->slot, &plane, &e->window_tensor, err);
-    if (!status)
-        status = hada_tensor_clear_halo(e->slot, x, err);
-    if (!status)
-        status = hada_resize_forward(e->slot, HADA_RESIZE_LINEAR, &e->window_tensor, x, err);
-    if (!status)
-        status = run_graph(e, err);
-    if (!status)
-        status = hada_resize_forward(e->slot, HADA_RESIZE_LINEAR, y, &e->window_tensor, err);
-    return status ? status : hada_tensor_store(e->slot, &e->window_tensor, &plane, err);
+    HADA_TRY(run_graph(e, err));
+    if (e->shape.resized)
+        HADA_TRY(hada_resize_forward(e->slot, HADA_RESIZE_LINEAR, y, &e->window_tensor, err));
+    HADA_TRY(hada_tensor_store(e->slot, e->shape.resized ? &e->window_tensor : y, &plane, err));
+done:
+    return status;
 }
 
 static hada_status run_tile(hada_enhance *e, int down, int right, hada_error *err)
 {
+    hada_status status = HADA_OK;
     const hada_enhance_shape *s = &e->shape;
     const int row = hada_enhance_tile_at(down, s->core_rows, s->tile_rows, s->full_rows);
     const int col = hada_enhance_tile_at(right, s->core_cols, s->tile_cols, s->full_cols);
@@ -229,17 +228,18 @@ static hada_status run_tile(hada_enhance *e, int down, int right, hada_error *er
     const hada_planar out = planar_of(e, e->out.mem, 0, s->tile_rows, s->tile_cols, 0, 0);
     const part tile = {e->out.mem, 0, s->tile_rows, s->tile_cols, first_row - row, first_col - col};
     const part whole = {e->full_out.mem, 0, s->full_rows, s->full_cols, first_row, first_col};
-    hada_status status = hada_tensor_load(e->slot, &in, hada_graph_input(e->graph), err);
-    if (!status)
-        status = run_graph(e, err);
-    if (!status)
-        status = hada_tensor_store(e->slot, hada_graph_output(e->graph), &out, err);
-    return status ? status : copy(e, &tile, &whole, rows, cols, err);
+    HADA_TRY(hada_tensor_load(e->slot, &in, hada_graph_input(e->graph), err));
+    HADA_TRY(run_graph(e, err));
+    HADA_TRY(hada_tensor_store(e->slot, hada_graph_output(e->graph), &out, err));
+    HADA_TRY(copy(e, &tile, &whole, rows, cols, err));
+done:
+    return status;
 }
 
 /* Between the plane and the whole image at the net's size. */
 static hada_status bring(hada_enhance *e, cl_mem planes, size_t offset, int back, hada_error *err)
 {
+    hada_status status = HADA_OK;
     const hada_enhance_shape *s = &e->shape;
     const part plane = {planes, offset, e->desc.rows, e->desc.cols, 0, 0};
     const part in = {e->full_in.mem, 0, s->full_rows, s->full_cols, 0, 0};
@@ -251,37 +251,40 @@ static hada_status bring(hada_enhance *e, cl_mem planes, size_t offset, int back
         planar_of(e, back ? e->full_out.mem : e->full_in.mem, 0, s->full_rows, s->full_cols, 0, 0);
     const hada_tensor *from = back ? &e->scaled_tensor : &e->window_tensor;
     const hada_tensor *to = back ? &e->window_tensor : &e->scaled_tensor;
-    hada_status status = hada_tensor_load(e->slot, back ? &there : &here, from, err);
-    if (!status)
-        status = hada_resize_forward(e->slot, HADA_RESIZE_LINEAR, from, to, err);
-    return status ? status : hada_tensor_store(e->slot, to, back ? &here : &there, err);
+    HADA_TRY(hada_tensor_load(e->slot, back ? &there : &here, from, err));
+    HADA_TRY(hada_resize_forward(e->slot, HADA_RESIZE_LINEAR, from, to, err));
+    HADA_TRY(hada_tensor_store(e->slot, to, back ? &here : &there, err));
+done:
+    return status;
 }
 
 static hada_status run_tiles(hada_enhance *e, cl_mem planes, size_t offset, hada_error *err)
 {
-    hada_status status = bring(e, planes, offset, 0, err);
-    if (!status) /* tiles that are left out are dark */
-        status = hada_buffer_clear(&e->full_out, e->slot, 0, e->full_out.bytes, err);
-    for (int down = 0; !status && down < e->shape.tiles_down; down++)
-        for (int right = 0; !status && right < e->shape.tiles_right; right++)
-            status = run_tile(e, down, right, err);
-    return status ? status : bring(e, planes, offset, 1, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(bring(e, planes, offset, 0, err));
+    /* tiles that are left out are dark */
+    HADA_TRY(hada_buffer_clear(&e->full_out, e->slot, 0, e->full_out.bytes, err));
+    for (int down = 0; down < e->shape.tiles_down; down++)
+        for (int right = 0; right < e->shape.tiles_right; right++)
+            HADA_TRY(run_tile(e, down, right, err));
+    HADA_TRY(bring(e, planes, offset, 1, err));
+done:
+    return status;
 }
 
 hada_status hada_enhance_run(hada_enhance *e, cl_mem planes, size_t offset, int count, hada_error *err)
 {
-    const size_t plane = (size_t)e->desc.channels * (size_t)e->desc.rows * (size_t)e->desc.cols;
     hada_status status = HADA_OK;
+    const size_t plane = (size_t)e->desc.channels * (size_t)e->desc.rows * (size_t)e->desc.cols;
     e->computed = e->left_out = 0;
-    for (int i = 0; !status && i < count; i++, offset += plane) {
-        status = look(e, planes, offset, err);
-        if (status)
-            break;
+    for (int i = 0; i < count; i++, offset += plane) {
+        HADA_TRY(map_content(e, planes, offset, err));
         if (!has_content(e, 0, 0, e->desc.rows, e->desc.cols))
             e->left_out += e->shape.tiles_down * e->shape.tiles_right;
         else
-            status = e->shape.tiled ? run_tiles(e, planes, offset, err) : run_whole(e, planes, offset, err);
+            HADA_TRY(e->shape.tiled ? run_tiles(e, planes, offset, err) : run_whole(e, planes, offset, err));
     }
+done:
     if (status)
         hada_error_prefix(err, "enhancement: ");
     return status;

@@ -7,21 +7,21 @@
 
 static hada_status check_net(const hada_enhance_desc *desc, int rows, int cols, hada_error *err)
 {
+    hada_status status = HADA_OK;
     hada_net_info info;
-    hada_size *sizes;
+    hada_size *sizes = NULL;
     hada_net_get_info(desc->net, &info);
     if (info.channels != desc->channels || info.out_channels != desc->channels)
         return hada_fail(err, HADA_ERROR_MODEL,
                          "the net for enhancement takes %d channel(s) and gives %d, but the planes have %d",
                          info.channels, info.out_channels, desc->channels);
-    hada_status status = hada_alloc((void **)&sizes, (size_t)desc->net->count, sizeof *sizes, "a net", err);
-    if (status)
-        return status;
-    status = hada_net_sizes(desc->net, rows, cols, sizes, err);
+    HADA_TRY(hada_alloc((void **)&sizes, (size_t)desc->net->count, sizeof *sizes, "a net", err));
+    HADA_TRY(hada_net_sizes(desc->net, rows, cols, sizes, err));
     const hada_size out = sizes[desc->net->count - 1];
-    if (!status && (out.rows != rows || out.cols != cols))
-        status = hada_fail(err, HADA_ERROR_MODEL, "the net for enhancement makes %d x %d pixels of %d x %d", out.rows,
-                           out.cols, rows, cols);
+    if (out.rows != rows || out.cols != cols)
+        HADA_TRY(hada_fail(err, HADA_ERROR_MODEL, "the net for enhancement makes %d x %d pixels of %d x %d", out.rows,
+                           out.cols, rows, cols));
+done:
     free(sizes);
     return status;
 }
@@ -33,7 +33,7 @@ static hada_status try_size(const hada_context *context, const hada_enhance_desc
     shape->graph = (hada_graph_options){.images = 1, .rows = rows, .cols = cols, .method = desc->method};
     if (shape->tiled) /* pixels that do not depend on their place */
         shape->graph.method = HADA_CONV_DIRECT;
-    hada_status status = hada_graph_bytes(context, desc->net, &shape->graph, &shape->graph_bytes, err);
+    const hada_status status = hada_graph_bytes(context, desc->net, &shape->graph, &shape->graph_bytes, err);
     *fits = !status && shape->graph_bytes <= limit;
     return status == HADA_ERROR_DEVICE_MEMORY ? HADA_OK : status;
 }
@@ -59,10 +59,11 @@ static int at_least_one(int value)
 static hada_status find_tiles(const hada_context *context, const hada_enhance_desc *desc, size_t limit,
                               hada_enhance_shape *shape, hada_error *err)
 {
+    hada_status status = HADA_OK;
     hada_field field;
-    hada_status status = hada_net_field(desc->net, &field, err);
-    int fits = 0, down = at_least_one(desc->tile_rows), right = at_least_one(desc->tile_cols);
-    if (!status && !field.tiles)
+    HADA_TRY(hada_net_field(desc->net, &field, err));
+    int fits, down = at_least_one(desc->tile_rows), right = at_least_one(desc->tile_cols);
+    if (!field.tiles)
         return hada_fail(err, HADA_ERROR_DEVICE_MEMORY,
                          "the net for enhancement does not fit the memory for %d x %d pixels, and its layers do not "
                          "allow tiles: use a smaller window, or another device",
@@ -70,11 +71,11 @@ static hada_status find_tiles(const hada_context *context, const hada_enhance_de
     shape->tiled = 1;
     shape->full_rows = rounded_up(shape->rows, field.multiple);
     shape->full_cols = rounded_up(shape->cols, field.multiple);
-    while (!status && !fits) {
+    for (;;) {
         cut(shape->full_rows, down, &field, &shape->core_rows, &shape->tile_rows);
         cut(shape->full_cols, right, &field, &shape->core_cols, &shape->tile_cols);
-        status = try_size(context, desc, limit, shape, shape->tile_rows, shape->tile_cols, &fits, err);
-        if (status || fits)
+        HADA_TRY(try_size(context, desc, limit, shape, shape->tile_rows, shape->tile_cols, &fits, err));
+        if (fits)
             break;
         if (shape->core_rows <= field.multiple && shape->core_cols <= field.multiple)
             return hada_fail(err, HADA_ERROR_DEVICE_MEMORY,
@@ -88,12 +89,14 @@ static hada_status find_tiles(const hada_context *context, const hada_enhance_de
     }
     shape->tiles_down = (shape->full_rows + shape->core_rows - 1) / shape->core_rows;
     shape->tiles_right = (shape->full_cols + shape->core_cols - 1) / shape->core_cols;
+done:
     return status;
 }
 
 hada_status hada_enhance_shape_of(const hada_context *context, const hada_enhance_desc *desc, hada_enhance_shape *shape,
                                   hada_error *err)
 {
+    hada_status status = HADA_OK;
     const size_t limit = desc->memory ? desc->memory : (size_t)(context->info.memory_bytes / 4);
     int fits = 0;
     *shape = (hada_enhance_shape){.rows = desc->net_rows ? desc->net_rows : desc->rows,
@@ -102,10 +105,13 @@ hada_status hada_enhance_shape_of(const hada_context *context, const hada_enhanc
                                   .tiles_down = 1,
                                   .tiles_right = 1};
     shape->resized = shape->rows != desc->rows || shape->cols != desc->cols;
-    hada_status status = check_net(desc, shape->rows, shape->cols, err);
-    if (!status && desc->tile_rows <= 1 && desc->tile_cols <= 1)
-        status = try_size(context, desc, limit, shape, shape->rows, shape->cols, &fits, err);
-    return status || fits ? status : find_tiles(context, desc, limit, shape, err);
+    HADA_TRY(check_net(desc, shape->rows, shape->cols, err));
+    if (desc->tile_rows <= 1 && desc->tile_cols <= 1)
+        HADA_TRY(try_size(context, desc, limit, shape, shape->rows, shape->cols, &fits, err));
+    if (!fits)
+        HADA_TRY(find_tiles(context, desc, limit, shape, err));
+done:
+    return status;
 }
 
 int hada_enhance_core_at(int tile, int core, int full)

@@ -31,26 +31,27 @@ static hada_status conv(hada_graph *graph, const graph_step *step, const hada_te
 
 static hada_status concat(hada_graph *graph, const graph_step *step, const hada_tensor *dy, hada_error *err)
 {
-    const graph_node *node = &graph->plan.nodes[step->node];
     hada_status status = HADA_OK;
+    const graph_node *node = &graph->plan.nodes[step->node];
     int first = 0;
-    for (int k = 0; !status && k < node->layer->input_count; k++) {
+    for (int k = 0; k < node->layer->input_count; k++) {
         if (step->wanted[k]) {
             const hada_tensor part = hada_graph_gradient(graph, node->inputs[k]);
-            status = hada_place_backward(graph->slot, dy, &part, 0, 0, first, step->accumulate[k], err);
+            HADA_TRY(hada_place_backward(graph->slot, dy, &part, 0, 0, first, step->accumulate[k], err));
         }
         first += graph->plan.nodes[node->inputs[k]].channels;
     }
+done:
     return status;
 }
 
 static hada_status norm(hada_graph *graph, const graph_step *step, const hada_tensor *dy, const hada_tensor *dx,
                         hada_error *err)
 {
+    hada_status status = HADA_OK;
     const graph_node *node = &graph->plan.nodes[step->node];
     const hada_tensor x = hada_graph_value(graph, node->inputs[0], 1);
-    hada_status status = HADA_OK;
-    for (int colour = 0; !status && colour < graph->plan.net->colours; colour++) {
+    for (int colour = 0; colour < graph->plan.net->colours; colour++) {
         const hada_batch_norm norm = hada_graph_norm(graph, step->node, colour);
         hada_floats dweight = {graph->extras.mem, graph->plan.unwanted};
         hada_floats dbias = {graph->extras.mem, graph->plan.unwanted + (size_t)node->channels};
@@ -60,17 +61,19 @@ static hada_status norm(hada_graph *graph, const graph_step *step, const hada_te
         }
         const hada_tensor in = hada_graph_colour(graph, &x, colour), din = hada_graph_colour(graph, dx, colour);
         const hada_tensor dout = hada_graph_colour(graph, dy, colour);
-        status = hada_batch_norm_backward(graph->slot, &norm, &in, graph->extras.mem,
+        HADA_TRY(hada_batch_norm_backward(graph->slot, &norm, &in, graph->extras.mem,
                                           hada_graph_saved_at(&graph->plan, step->node, colour), &dout, &din,
                                           dweight.mem, dweight.offset, dbias.mem, dbias.offset,
-                                          graph->gradients.mem && graph->accumulate, graph->scratch.mem, err);
+                                          graph->gradients.mem && graph->accumulate, graph->scratch.mem, err));
     }
+done:
     return status;
 }
 
 static hada_status linear(hada_graph *graph, const graph_step *step, const hada_tensor *dy, const hada_tensor *dx,
                           hada_error *err)
 {
+    hada_status status = HADA_OK;
     const graph_plan *plan = &graph->plan;
     const graph_node *node = &plan->nodes[step->node];
     const hada_linear shape = {plan->images, node->layer->in, node->channels};
@@ -78,21 +81,22 @@ static hada_status linear(hada_graph *graph, const graph_step *step, const hada_
     const hada_planar flat_x = hada_graph_flat(graph, &x, plan->flat_in);
     const hada_planar flat_y = hada_graph_flat(graph, dy, plan->flat_out);
     const hada_floats in = {flat_x.mem, flat_x.offset}, out = {flat_y.mem, flat_y.offset};
-    hada_status status = hada_tensor_store(graph->slot, dy, &flat_y, err);
-    if (!status && graph->gradients.mem) {
+    HADA_TRY(hada_tensor_store(graph->slot, dy, &flat_y, err));
+    if (graph->gradients.mem) {
         hada_floats db = {0};
         if (node->layer->bias)
             db = gradient_of(graph, step->node, 0, 1);
-        status = hada_tensor_store(graph->slot, &x, &flat_x, err);
-        if (!status)
-            status = hada_linear_backward_weights(graph->slot, &shape, in, out, gradient_of(graph, step->node, 0, 0),
-                                                  db, graph->accumulate, err);
+        HADA_TRY(hada_tensor_store(graph->slot, &x, &flat_x, err));
+        HADA_TRY(hada_linear_backward_weights(graph->slot, &shape, in, out, gradient_of(graph, step->node, 0, 0), db,
+                                              graph->accumulate, err));
     }
-    if (status || !step->wanted[0])
-        return status;
-    status = hada_linear_backward_data(graph->slot, &shape,
-                                       hada_graph_parameter(graph, graph->values, step->node, 0, 0), out, in, err);
-    return status ? status : hada_tensor_load(graph->slot, &flat_x, dx, err);
+    if (step->wanted[0]) {
+        const hada_floats weight = hada_graph_parameter(graph, graph->values, step->node, 0, 0);
+        HADA_TRY(hada_linear_backward_data(graph->slot, &shape, weight, out, in, err));
+        HADA_TRY(hada_tensor_load(graph->slot, &flat_x, dx, err));
+    }
+done:
+    return status;
 }
 
 /* dx takes what this layer gives for its first input. */
@@ -124,23 +128,23 @@ static hada_status through(hada_graph *graph, const graph_step *step, const hada
 
 hada_status hada_graph_run_backward(hada_graph *graph, const graph_step *step, hada_error *err)
 {
+    hada_status status = HADA_OK;
     const graph_node *node = &graph->plan.nodes[step->node];
     const hada_tensor dy = hada_graph_gradient(graph, step->node);
     hada_tensor dx = {0};
-    hada_status status = HADA_OK;
     if (step->spare >= 0)
         dx = graph->tensors[step->spare];
     else if (step->wanted[0])
         dx = hada_graph_gradient(graph, node->inputs[0]);
     if (node->activation && !node->masked) {
         const hada_tensor y = hada_graph_value(graph, step->node, 1);
-        status = hada_activation_backward(graph->slot, node->activation, node->slope, &y, &dy, &dy, err);
+        HADA_TRY(hada_activation_backward(graph->slot, node->activation, node->slope, &y, &dy, &dy, err));
     }
-    if (!status)
-        status = through(graph, step, &dy, &dx, err);
-    if (!status && step->spare >= 0 && step->wanted[0]) {
+    HADA_TRY(through(graph, step, &dy, &dx, err));
+    if (step->spare >= 0 && step->wanted[0]) {
         const hada_tensor sum = hada_graph_gradient(graph, node->inputs[0]);
-        status = hada_blend(graph->slot, 1.0f, &dx, 1.0f, &sum, err);
+        HADA_TRY(hada_blend(graph->slot, 1.0f, &dx, 1.0f, &sum, err));
     }
+done:
     return status;
 }

@@ -1,11 +1,10 @@
-/* The nodes of a graph: what is done together, and which values stand in one
- * memory. */
+/* The nodes of a graph: what is fused into one launch, and which values alias the memory of another. */
 #include <stdlib.h>
 
 #include "core/alloc.h"
 #include "net/graph_plan.h"
 
-static int takes(const graph_node *node, int value)
+static int reads(const graph_node *node, int value)
 {
     for (int i = 0; i < node->layer->input_count; i++)
         if (node->inputs[i] == value)
@@ -13,17 +12,16 @@ static int takes(const graph_node *node, int value)
     return 0;
 }
 
-static int taken_by(const graph_plan *plan, int value)
+static int readers_of(const graph_plan *plan, int value)
 {
     int count = 0;
     for (int i = value + 1; i < plan->node_count; i++)
-        count += !plan->nodes[i].folded && takes(&plan->nodes[i], value);
+        count += !plan->nodes[i].fused && reads(&plan->nodes[i], value);
     return count;
 }
 
-/* An activation that alone takes what a convolution or linear layer without one
- * gives. */
-static void fold_activations(graph_plan *plan)
+/* An activation that alone takes what a convolution or linear layer without one gives. */
+static void fuse_activations(graph_plan *plan)
 {
     for (int i = 1; i < plan->node_count; i++) {
         graph_node *node = &plan->nodes[i];
@@ -32,11 +30,12 @@ static void fold_activations(graph_plan *plan)
         const int before = node->inputs[0];
         graph_node *giver = &plan->nodes[before];
         const hada_layer_kind kind = giver->layer->kind;
-        if ((kind != HADA_LAYER_CONV && kind != HADA_LAYER_LINEAR) || giver->activation || taken_by(plan, before) != 1)
+        if ((kind != HADA_LAYER_CONV && kind != HADA_LAYER_LINEAR) || giver->activation ||
+            readers_of(plan, before) != 1)
             continue;
         giver->activation = node->activation;
         giver->slope = node->slope;
-        node->folded = 1;
+        node->fused = 1;
         for (int k = i + 1; k < plan->node_count; k++)
             for (int n = 0; n < plan->nodes[k].layer->input_count; n++)
                 if (plan->nodes[k].inputs[n] == i)
@@ -46,7 +45,7 @@ static void fold_activations(graph_plan *plan)
     }
 }
 
-static void join_pooling(graph_plan *plan)
+static void fuse_pooling(graph_plan *plan)
 {
     for (int i = 1; i < plan->node_count; i++) {
         graph_node *node = &plan->nodes[i];
@@ -54,32 +53,31 @@ static void join_pooling(graph_plan *plan)
         if (layer->kind != HADA_LAYER_POOL || layer->pool != HADA_POOL_MAX || layer->kernel != 2 || layer->stride != 2)
             continue;
         graph_node *before = &plan->nodes[node->inputs[0]];
-        if (before->layer->kind != HADA_LAYER_CONV || before->layer->transposed || before->pooled_by >= 0)
+        if (before->layer->kind != HADA_LAYER_CONV || before->layer->transposed || before->fused_pool >= 0)
             continue;
-        before->pooled_by = i;
+        before->fused_pool = i;
         node->pooled = 1;
     }
 }
 
-/* Whether a value may stand inside a concatenation: everybody else who takes it
- * comes before the concatenation, so that in backward the gradient of the whole
- * is there first. */
-static int can_join(const graph_plan *plan, int value, int concat)
+/* Whether a value may alias a part of a concatenation: all its other readers come before the concatenation, so that in
+ * backward the gradient of the whole is there first. */
+static int can_alias(const graph_plan *plan, int value, int concat)
 {
     const graph_node *node = &plan->nodes[value], *whole = &plan->nodes[concat];
     int times = 0;
-    if (!value || node->root != value || node->layer->kind == HADA_LAYER_CONCAT || node->rows != whole->rows ||
+    if (!value || node->alias_of != value || node->layer->kind == HADA_LAYER_CONCAT || node->rows != whole->rows ||
         node->cols != whole->cols)
         return 0;
     for (int i = concat + 1; i < plan->node_count; i++)
-        if (!plan->nodes[i].folded && takes(&plan->nodes[i], value))
+        if (!plan->nodes[i].fused && reads(&plan->nodes[i], value))
             return 0;
     for (int i = 0; i < whole->layer->input_count; i++)
         times += whole->inputs[i] == value;
     return times == 1;
 }
 
-static void join_concats(graph_plan *plan)
+static void alias_concats(graph_plan *plan)
 {
     for (int i = 1; i < plan->node_count; i++) {
         const graph_node *whole = &plan->nodes[i];
@@ -88,11 +86,11 @@ static void join_concats(graph_plan *plan)
         int first = 0;
         for (int k = 0; k < whole->layer->input_count; k++) {
             graph_node *part = &plan->nodes[whole->inputs[k]];
-            /* whole blocks, so that no part sees another's channels in its last one */
+            /* whole blocks, so that no part holds another's channels in its last one */
             const int whole_blocks = part->channels % plan->block == 0 || k == whole->layer->input_count - 1;
-            if (first % plan->block == 0 && whole_blocks && can_join(plan, whole->inputs[k], i)) {
-                part->root = i;
-                part->first = first;
+            if (first % plan->block == 0 && whole_blocks && can_alias(plan, whole->inputs[k], i)) {
+                part->alias_of = i;
+                part->alias_channel = first;
             }
             first += part->channels;
         }
@@ -102,14 +100,13 @@ static void join_concats(graph_plan *plan)
 static int has_parts(const graph_plan *plan, int value)
 {
     for (int i = 0; i < plan->node_count; i++)
-        if (i != value && plan->nodes[i].root == value)
+        if (i != value && plan->nodes[i].alias_of == value)
             return 1;
     return 0;
 }
 
-/* A level is a run of layers of one size. What a layer gives to its own level
- * alone is computed again. */
-static void drop_inside_levels(graph_plan *plan, int *level)
+/* A level is a run of layers of one size. A value that only its own level reads is recomputed. */
+static void recompute_inside_levels(graph_plan *plan, int *level)
 {
     for (int i = 1; i < plan->node_count; i++) {
         const graph_node *node = &plan->nodes[i], *before = &plan->nodes[i - 1];
@@ -118,13 +115,13 @@ static void drop_inside_levels(graph_plan *plan, int *level)
     for (int i = 1; i < plan->node_count; i++) {
         graph_node *node = &plan->nodes[i];
         const hada_layer_kind kind = node->layer->kind;
-        node->dropped = !node->folded && i != plan->output && node->root == i && node->pooled_by < 0 &&
-                        (kind == HADA_LAYER_CONV || kind == HADA_LAYER_ACTIVATION || kind == HADA_LAYER_RESIZE ||
-                         kind == HADA_LAYER_CONCAT) &&
-                        !has_parts(plan, i);
+        node->recompute = !node->fused && i != plan->output && node->alias_of == i && node->fused_pool < 0 &&
+                          (kind == HADA_LAYER_CONV || kind == HADA_LAYER_ACTIVATION || kind == HADA_LAYER_RESIZE ||
+                           kind == HADA_LAYER_CONCAT) &&
+                          !has_parts(plan, i);
         for (int k = i + 1; k < plan->node_count; k++)
-            if (!plan->nodes[k].folded && takes(&plan->nodes[k], i) && level[k] != level[i])
-                node->dropped = 0;
+            if (!plan->nodes[k].fused && reads(&plan->nodes[k], i) && level[k] != level[i])
+                node->recompute = 0;
     }
 }
 
@@ -132,61 +129,58 @@ static void find_gradients(graph_plan *plan)
 {
     for (int i = 0; i < plan->node_count; i++) {
         graph_node *node = &plan->nodes[i];
-        node->needs = i ? plan->options.weight_gradients && node->layer->parameter >= 0 : plan->options.input_gradient;
+        node->needs_gradient =
+            i ? plan->options.weight_gradients && node->layer->parameter >= 0 : plan->options.input_gradient;
         for (int k = 0; k < node->layer->input_count; k++)
-            node->needs |= plan->nodes[node->inputs[k]].needs;
+            node->needs_gradient |= plan->nodes[node->inputs[k]].needs_gradient;
     }
     for (int i = 1; i < plan->node_count; i++) {
         graph_node *node = &plan->nodes[i];
-        node->masked = node->activation == HADA_ACTIVATION_RELU && i != plan->output && node->root == i;
+        node->masked = node->activation == HADA_ACTIVATION_RELU && i != plan->output && node->alias_of == i;
         for (int k = i + 1; k < plan->node_count; k++)
-            if (!plan->nodes[k].folded && takes(&plan->nodes[k], i) && plan->nodes[k].layer->kind != HADA_LAYER_CONV)
+            if (!plan->nodes[k].fused && reads(&plan->nodes[k], i) && plan->nodes[k].layer->kind != HADA_LAYER_CONV)
                 node->masked = 0;
     }
 }
 
 hada_status hada_graph_nodes_make(graph_plan *plan, hada_error *err)
 {
+    hada_status status = HADA_OK;
     const hada_net *net = plan->net;
     const size_t count = (size_t)net->count;
     hada_size *sizes = NULL;
     int *level = NULL;
-    hada_status status = hada_alloc((void **)&plan->nodes, count, sizeof *plan->nodes, "a net's plan", err);
-    if (!status)
-        status = hada_alloc((void **)&sizes, count, sizeof *sizes, "a net's plan", err);
-    if (!status)
-        status = hada_alloc((void **)&level, count, sizeof *level, "a net's plan", err);
-    if (!status)
-        status = hada_net_sizes(net, plan->options.rows, plan->options.cols, sizes, err);
+    HADA_TRY(hada_alloc((void **)&plan->nodes, count, sizeof *plan->nodes, "a net's plan", err));
+    HADA_TRY(hada_alloc((void **)&sizes, count, sizeof *sizes, "a net's plan", err));
+    HADA_TRY(hada_alloc((void **)&level, count, sizeof *level, "a net's plan", err));
+    HADA_TRY(hada_net_sizes(net, plan->options.rows, plan->options.cols, sizes, err));
     plan->node_count = net->count;
     plan->output = net->count - 1;
-    for (int i = 0; !status && i < net->count; i++) {
+    for (int i = 0; i < net->count; i++) {
         const hada_layer *layer = &net->layers[i];
         graph_node *node = &plan->nodes[i];
         *node = (graph_node){.layer = layer,
                              .channels = layer->channels,
                              .rows = sizes[i].rows,
                              .cols = sizes[i].cols,
-                             .pooled_by = -1,
+                             .fused_pool = -1,
                              .activation = layer->activation,
                              .slope = layer->slope,
-                             .root = i,
+                             .alias_of = i,
                              .value = -1,
-                             .again = -1,
+                             .recomputed = -1,
                              .gradient = -1};
         for (int k = 0; k < layer->input_count; k++)
             node->inputs[k] = layer->inputs[k];
     }
-    if (!status) {
-        fold_activations(plan);
-        join_pooling(plan);
-        join_concats(plan);
-        if (plan->options.training) {
-            find_gradients(plan);
-            if (plan->options.recompute)
-                drop_inside_levels(plan, level);
-        }
-    }
+    fuse_activations(plan);
+    fuse_pooling(plan);
+    alias_concats(plan);
+    if (plan->options.training)
+        find_gradients(plan);
+    if (plan->options.training && plan->options.recompute)
+        recompute_inside_levels(plan, level);
+done:
     free(level);
     free(sizes);
     return status;

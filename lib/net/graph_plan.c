@@ -45,22 +45,19 @@ static size_t norm_scratch(const graph_plan *plan, const hada_context *context)
 hada_status hada_graph_plan_make(graph_plan *plan, const hada_context *context, const hada_net *net,
                                  const hada_graph_options *options, hada_error *err)
 {
+    hada_status status = HADA_OK;
     *plan = (graph_plan){.net = net, .options = *options, .block = hada_net_block(context)};
     plan->images = options->images * net->colours;
     const size_t alignment = context->info.alignment_bytes > 128 ? context->info.alignment_bytes : 128;
     const uint64_t largest = context->info.max_allocation_bytes;
-    hada_status status = check_options(net, options, err);
-    if (!status)
-        status = hada_graph_nodes_make(plan, err);
-    if (!status)
-        status = hada_graph_steps_make(plan, err);
-    if (!status)
-        status = hada_lifetimes_plan(plan->pieces, plan->piece_count, alignment,
-                                     largest < SIZE_MAX / 4 ? (size_t)largest : SIZE_MAX / 4, &plan->arenas, err);
-    if (!status) {
-        find_shared(plan);
-        plan->norm_scratch = norm_scratch(plan, context);
-    }
+    HADA_TRY(check_options(net, options, err));
+    HADA_TRY(hada_graph_nodes_make(plan, err));
+    HADA_TRY(hada_graph_steps_make(plan, err));
+    HADA_TRY(hada_lifetimes_plan(plan->pieces, plan->piece_count, alignment,
+                                 largest < SIZE_MAX / 4 ? (size_t)largest : SIZE_MAX / 4, &plan->arenas, err));
+    find_shared(plan);
+    plan->norm_scratch = norm_scratch(plan, context);
+done:
     return status;
 }
 

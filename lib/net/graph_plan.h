@@ -1,38 +1,33 @@
-/* What a graph will do and where its memory stands, worked out before anything
- * is allocated. Internal to lib/net. */
+/* What a graph will do and where its memory stands, worked out before anything is allocated. Internal to lib/net. */
 #ifndef HADA_NET_GRAPH_PLAN_H
 #define HADA_NET_GRAPH_PLAN_H
 
-#include "runtime/lifetimes.h"
 #include "net/graph.h"
+#include "runtime/lifetimes.h"
 
 /* A layer in its graph, and the value that it gives. */
 typedef struct graph_node {
     const hada_layer *layer;
-    int inputs[HADA_LAYER_INPUTS]; /* as the layer's, where folded layers are
-                                      replaced by what they stand for */
+    int inputs[HADA_LAYER_INPUTS]; /* as the layer's, with fused layers replaced by what they are fused into */
     int channels, rows, cols;
-    int folded;                 /* its activation belongs to another node: it does nothing and has
-                                   no value of its own */
-    int pooled_by;              /* CONV: the pooling that is done in the same launch; -1: none
-                                 */
+    int fused;                  /* an activation that another node applies: it does nothing and has no value */
+    int fused_pool;             /* CONV: the pooling that is done in the same launch; -1: none */
     int pooled;                 /* POOL: done by the convolution before */
-    hada_activation activation; /* of its own or folded into it */
+    hada_activation activation; /* of its own or fused into it */
     float slope;
-    int root, first; /* the node whose memory its value stands in (itself, or a
-                        concatenation), from which channel on */
-    int dropped;     /* computed again for backward */
-    int needs;       /* a gradient of its value is wanted */
-    int masked;      /* 1: those who take its value mask its gradient by its ReLU; else
-                        backward begins with that */
-    /* pieces of memory; -1: none. value and gradient are those of the root. */
-    int value, again, gradient;
+    int alias_of, alias_channel; /* the node whose memory its value stands in (itself, or a concatenation), from which
+                                    channel on */
+    int recompute;               /* its value is not kept for backward but computed again */
+    int needs_gradient;          /* a gradient of its value is wanted */
+    int masked; /* 1: its readers mask its gradient by its ReLU; else its own backward begins with that */
+    /* pieces of memory; -1: none. value and gradient are those of the node that it aliases. */
+    int value, recomputed, gradient;
 } graph_node;
 
 typedef enum graph_step_kind {
     GRAPH_FORWARD = 0,
-    GRAPH_LOSS = 1, /* the caller's turn: the output is there, its gradient is written */
-    GRAPH_AGAIN = 2,
+    GRAPH_LOSS = 1, /* the caller's: the output is there, its gradient is to be written */
+    GRAPH_RECOMPUTE = 2,
     GRAPH_BACKWARD = 3
 } graph_step_kind;
 
@@ -41,15 +36,13 @@ typedef struct graph_step {
     int node;
     /* BACKWARD, per input */
     unsigned char wanted[HADA_LAYER_INPUTS], accumulate[HADA_LAYER_INPUTS];
-    int spare; /* BACKWARD: the piece that takes what cannot be added to the
-                  gradient directly; -1: none */
+    int spare; /* BACKWARD: the piece that takes what cannot be added to the gradient directly; -1: none */
 } graph_step;
 
 /* A piece of memory is a tensor. */
 typedef struct graph_piece {
     int channels, rows, cols;
-    int shared; /* other pieces stand in its memory: its halo is cleared before
-                   its first step */
+    int shared; /* other pieces stand in its memory: its halo is cleared before its first step */
 } graph_piece;
 
 typedef struct graph_plan {
@@ -65,8 +58,7 @@ typedef struct graph_plan {
     graph_piece *tensors;
     int piece_count, piece_room;
     hada_arenas arenas;
-    /* floats in one more buffer: statistics that batch norms keep, flat values of
-     * linear layers */
+    /* floats in one more buffer: statistics that batch norms keep, flat values of linear layers */
     size_t saved, flat_in, flat_out, unwanted, extras;
     size_t norm_scratch; /* bytes */
 } graph_plan;
@@ -76,12 +68,10 @@ hada_status hada_graph_plan_make(graph_plan *plan, const hada_context *context, 
                                  const hada_graph_options *options, hada_error *err);
 void hada_graph_plan_free(graph_plan *plan);
 
-/* graph_nodes.c: fills the nodes: sizes, what is folded, pooled, put together
- * in place, dropped, masked. */
+/* graph_nodes.c: fills the nodes: sizes, what is fused, aliased, recomputed, masked. */
 hada_status hada_graph_nodes_make(graph_plan *plan, hada_error *err);
 
-/* graph_steps.c: the steps, in the order of their work, and the pieces with
- * their lifetimes. */
+/* graph_steps.c: the steps, in the order of their work, and the pieces with their lifetimes. */
 hada_status hada_graph_steps_make(graph_plan *plan, hada_error *err);
 
 /* The convolution of a node. */

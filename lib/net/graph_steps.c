@@ -1,17 +1,17 @@
-/* The steps of a graph and the lifetimes of its memory. Step number s of the
- * list is number s + 1 of the lifetimes: at 0 the input comes in. */
+/* The steps of a graph and the liveness of its values: each lives from the first step that uses it to the last. Step
+ * number s of the list is number s + 1 of the lifetimes: at 0 the input comes in. */
 #include <stdlib.h>
 
 #include "core/alloc.h"
 #include "net/graph_plan.h"
 
-/* Takes the steps one after the other. */
-typedef struct graph_walk {
+/* The steps of backward are made one after the other. */
+typedef struct backward_pass {
     graph_plan *plan;
-    unsigned char *started; /* per node: something stands in its gradient */
-} graph_walk;
+    unsigned char *has_gradient; /* per node: its gradient has been written to */
+} backward_pass;
 
-static void touch(graph_plan *plan, int *piece, const graph_node *node, int now, const char *what)
+static void use_piece(graph_plan *plan, int *piece, const graph_node *node, int now, const char *what)
 {
     if (*piece < 0) {
         *piece = plan->piece_count++;
@@ -24,19 +24,19 @@ static void touch(graph_plan *plan, int *piece, const graph_node *node, int now,
         plan->pieces[*piece].last = now;
 }
 
-static void touch_value(graph_plan *plan, int value, int now, int again)
+static void use_value(graph_plan *plan, int value, int now, int for_backward)
 {
-    graph_node *node = &plan->nodes[value], *root = &plan->nodes[node->root];
-    if (again && node->dropped)
-        touch(plan, &node->again, node, now, "an activation computed again");
+    graph_node *node = &plan->nodes[value], *whole = &plan->nodes[node->alias_of];
+    if (for_backward && node->recompute)
+        use_piece(plan, &node->recomputed, node, now, "an activation computed again");
     else
-        touch(plan, &root->value, root, now, "an activation of the net");
+        use_piece(plan, &whole->value, whole, now, "an activation of the net");
 }
 
-static void touch_gradient(graph_plan *plan, int value, int now)
+static void use_gradient(graph_plan *plan, int value, int now)
 {
-    graph_node *root = &plan->nodes[plan->nodes[value].root];
-    touch(plan, &root->gradient, root, now, "a gradient of the net");
+    graph_node *whole = &plan->nodes[plan->nodes[value].alias_of];
+    use_piece(plan, &whole->gradient, whole, now, "a gradient of the net");
 }
 
 static graph_step *add_step(graph_plan *plan, graph_step_kind kind, int node)
@@ -46,34 +46,32 @@ static graph_step *add_step(graph_plan *plan, graph_step_kind kind, int node)
     return step;
 }
 
-static void forward_step(graph_plan *plan, int i, int again)
+static void forward_step(graph_plan *plan, int i, int recompute)
 {
     const graph_node *node = &plan->nodes[i];
     const int now = plan->step_count + 1;
-    add_step(plan, again ? GRAPH_AGAIN : GRAPH_FORWARD, i);
+    add_step(plan, recompute ? GRAPH_RECOMPUTE : GRAPH_FORWARD, i);
     for (int k = 0; k < node->layer->input_count; k++)
-        touch_value(plan, node->inputs[k], now, again);
-    touch_value(plan, i, now, again);
-    if (node->pooled_by >= 0)
-        touch_value(plan, node->pooled_by, now, 0);
+        use_value(plan, node->inputs[k], now, recompute);
+    use_value(plan, i, now, recompute);
+    if (node->fused_pool >= 0)
+        use_value(plan, node->fused_pool, now, 0);
 }
 
-/* Kinds whose operation replaces the gradient of its input and cannot add to
- * it. */
+/* Kinds whose operation replaces the gradient of its input and cannot add to it. */
 static int replaces(hada_layer_kind kind)
 {
     return kind == HADA_LAYER_NORM || kind == HADA_LAYER_DROPOUT || kind == HADA_LAYER_LINEAR ||
            kind == HADA_LAYER_ACTIVATION;
 }
 
-/* Whether backward through a node looks at what it took, and at what it gave.
- */
-static int looks_at_input(const graph_plan *plan, const graph_node *node)
+/* Whether backward through a node reads the values of its inputs, and its own. */
+static int backward_reads_input(const graph_plan *plan, const graph_node *node)
 {
     switch (node->layer->kind) {
     case HADA_LAYER_CONV:
         return plan->options.weight_gradients ||
-               (plan->nodes[node->inputs[0]].needs && plan->nodes[node->inputs[0]].masked);
+               (plan->nodes[node->inputs[0]].needs_gradient && plan->nodes[node->inputs[0]].masked);
     case HADA_LAYER_LINEAR: return plan->options.weight_gradients;
     case HADA_LAYER_POOL:
     case HADA_LAYER_NORM: return 1;
@@ -81,38 +79,38 @@ static int looks_at_input(const graph_plan *plan, const graph_node *node)
     }
 }
 
-static int looks_at_output(const graph_node *node)
+static int backward_reads_output(const graph_node *node)
 {
     return (node->activation && !node->masked) || node->layer->kind == HADA_LAYER_POOL;
 }
 
-static void backward_step(graph_walk *walk, int i)
+static void backward_step(backward_pass *pass, int i)
 {
-    graph_plan *plan = walk->plan;
+    graph_plan *plan = pass->plan;
     const graph_node *node = &plan->nodes[i];
     const hada_layer_kind kind = node->layer->kind;
     const int now = plan->step_count + 1;
     graph_step *step = add_step(plan, GRAPH_BACKWARD, i);
-    touch_gradient(plan, i, now);
-    if (looks_at_output(node))
-        touch_value(plan, i, now, 1);
+    use_gradient(plan, i, now);
+    if (backward_reads_output(node))
+        use_value(plan, i, now, 1);
     for (int k = 0; k < node->layer->input_count; k++) {
         const int in = node->inputs[k];
         const graph_node *giver = &plan->nodes[in];
-        if (looks_at_input(plan, node))
-            touch_value(plan, in, now, 1);
-        if (!giver->needs) {
+        if (backward_reads_input(plan, node))
+            use_value(plan, in, now, 1);
+        if (!giver->needs_gradient) {
             if (kind == HADA_LAYER_NORM) /* its operation gives this gradient, wanted
                                             or not */
-                touch(plan, &step->spare, giver, now, "a gradient of the net");
+                use_piece(plan, &step->spare, giver, now, "a gradient of the net");
             continue;
         }
-        touch_gradient(plan, in, now);
-        step->wanted[k] = !(kind == HADA_LAYER_CONCAT && giver->root == i); /* a part in place has it already */
-        step->accumulate[k] = walk->started[in];
-        walk->started[in] = 1;
+        use_gradient(plan, in, now);
+        step->wanted[k] = !(kind == HADA_LAYER_CONCAT && giver->alias_of == i); /* a part in place has it already */
+        step->accumulate[k] = pass->has_gradient[in];
+        pass->has_gradient[in] = 1;
         if (replaces(kind) && step->accumulate[k])
-            touch(plan, &step->spare, giver, now, "a gradient of the net");
+            use_piece(plan, &step->spare, giver, now, "a gradient of the net");
     }
 }
 
@@ -121,37 +119,35 @@ static int same_level(const graph_node *a, const graph_node *b)
     return a->rows == b->rows && a->cols == b->cols;
 }
 
-/* Backward through a level: what was dropped there is computed again before. */
-static void backward_steps(graph_walk *walk)
+/* Backward through a level: its values that were not kept are recomputed first. */
+static void backward_steps(backward_pass *pass)
 {
-    graph_plan *plan = walk->plan;
+    graph_plan *plan = pass->plan;
     for (int last = plan->node_count - 1; last > 0;) {
         int first = last;
         while (first > 1 && same_level(&plan->nodes[first - 1], &plan->nodes[last]))
             first--;
         for (int i = first; i <= last; i++)
-            if (plan->nodes[i].dropped)
+            if (plan->nodes[i].recompute)
                 forward_step(plan, i, 1);
         for (int i = last; i >= first; i--)
-            if (!plan->nodes[i].folded && plan->nodes[i].needs)
-                backward_step(walk, i);
+            if (!plan->nodes[i].fused && plan->nodes[i].needs_gradient)
+                backward_step(pass, i);
         last = first - 1;
     }
 }
 
-/* Rows of the table of pieces: at most values, those computed again, gradients,
- * and a spare one for each step. */
-static hada_status make_room(graph_plan *plan, unsigned char **started, hada_error *err)
+/* Rows of the table of pieces: at most values, those computed again, gradients, and a spare one for each step. */
+static hada_status make_room(graph_plan *plan, unsigned char **has_gradient, hada_error *err)
 {
+    hada_status status = HADA_OK;
     const size_t nodes = (size_t)plan->node_count, steps = 3 * nodes + 1;
     plan->piece_room = 4 * plan->node_count;
-    hada_status status = hada_alloc((void **)&plan->steps, steps, sizeof *plan->steps, "a net's plan", err);
-    if (!status)
-        status = hada_alloc((void **)&plan->pieces, 4 * nodes, sizeof *plan->pieces, "a net's plan", err);
-    if (!status)
-        status = hada_alloc((void **)&plan->tensors, 4 * nodes, sizeof *plan->tensors, "a net's plan", err);
-    if (!status)
-        status = hada_alloc((void **)started, nodes, 1, "a net's plan", err);
+    HADA_TRY(hada_alloc((void **)&plan->steps, steps, sizeof *plan->steps, "a net's plan", err));
+    HADA_TRY(hada_alloc((void **)&plan->pieces, 4 * nodes, sizeof *plan->pieces, "a net's plan", err));
+    HADA_TRY(hada_alloc((void **)&plan->tensors, 4 * nodes, sizeof *plan->tensors, "a net's plan", err));
+    HADA_TRY(hada_alloc((void **)has_gradient, nodes, 1, "a net's plan", err));
+done:
     return status;
 }
 
@@ -186,25 +182,25 @@ static void count_extras(graph_plan *plan)
 
 hada_status hada_graph_steps_make(graph_plan *plan, hada_error *err)
 {
-    graph_walk walk = {.plan = plan};
-    hada_status status = make_room(plan, &walk.started, err);
+    backward_pass pass = {.plan = plan};
+    hada_status status = make_room(plan, &pass.has_gradient, err);
     if (status)
         return status;
-    touch_value(plan, 0, 0, 0);
+    use_value(plan, 0, 0, 0);
     for (int i = 1; i < plan->node_count; i++)
-        if (!plan->nodes[i].folded && !plan->nodes[i].pooled)
+        if (!plan->nodes[i].fused && !plan->nodes[i].pooled)
             forward_step(plan, i, 0);
-    touch_value(plan, plan->output, plan->step_count + 1, 0);
+    use_value(plan, plan->output, plan->step_count + 1, 0);
     if (plan->options.training) {
         add_step(plan, GRAPH_LOSS, plan->output);
-        touch_gradient(plan, plan->output, plan->step_count);
-        walk.started[plan->output] = 1;
-        backward_steps(&walk);
+        use_gradient(plan, plan->output, plan->step_count);
+        pass.has_gradient[plan->output] = 1;
+        backward_steps(&pass);
         if (plan->options.input_gradient)
-            touch_gradient(plan, 0, plan->step_count + 1);
+            use_gradient(plan, 0, plan->step_count + 1);
     }
     count_extras(plan);
-    free(walk.started);
+    free(pass.has_gradient);
     return HADA_OK;
 }
 

@@ -61,19 +61,25 @@ static const char *options_of(int block)
 hada_status hada_layer_launch(hada_slot *slot, const char *file, const char *name, const hada_tensor *tensor,
                               const hada_layer_grid *grid, const hada_arg *args, size_t arg_count, hada_error *err)
 {
+    hada_status status = HADA_OK;
     cl_kernel kernel;
-    hada_status status = hada_slot_kernel(slot, file, name, options_of(tensor->block), &kernel, err);
-    return status ? status : hada_slot_launch(slot, kernel, name, 3, grid->global, grid->local, args, arg_count, err);
+    HADA_TRY(hada_slot_kernel(slot, file, name, options_of(tensor->block), &kernel, err));
+    HADA_TRY(hada_slot_launch(slot, kernel, name, 3, grid->global, grid->local, args, arg_count, err));
+done:
+    return status;
 }
 
 hada_status hada_layer_launch_flat(hada_slot *slot, const char *file, const char *name, int block, size_t items,
                                    size_t lines, const hada_arg *args, size_t arg_count, hada_error *err)
 {
+    hada_status status = HADA_OK;
     const size_t local[2] = {slot->context->shape == HADA_SHAPE_GROUPS ? FLAT_LOCAL : 1, 1};
     const size_t global[2] = {divide_up(items, local[0]) * local[0], lines};
     cl_kernel kernel;
-    hada_status status = hada_slot_kernel(slot, file, name, options_of(block), &kernel, err);
-    return status ? status : hada_slot_launch(slot, kernel, name, 2, global, local, args, arg_count, err);
+    HADA_TRY(hada_slot_kernel(slot, file, name, options_of(block), &kernel, err));
+    HADA_TRY(hada_slot_launch(slot, kernel, name, 2, global, local, args, arg_count, err));
+done:
+    return status;
 }
 
 static int possible(const hada_tensor *t)
@@ -110,7 +116,7 @@ hada_status hada_sum_floats(hada_slot *slot, cl_mem scratch, size_t first, size_
     hada_status status = HADA_OK;
     if (count > UINT_MAX)
         return hada_fail(err, HADA_ERROR_UNSUPPORTED, "a sum of %zu values is too long", count);
-    for (int last = 0; !status && !last;) {
+    for (int last = 0; !last;) {
         const size_t runs = divide_up(count, SUM_RUN);
         last = runs == 1;
         const cl_mem to = last ? out.mem : scratch;
@@ -121,11 +127,11 @@ hada_status hada_sum_floats(hada_slot *slot, cl_mem scratch, size_t first, size_
                                  HADA_ARG(out_offset), HADA_ARG(times),     HADA_ARG(plus)};
         const size_t one[2] = {1, 1}, global[2] = {runs, 1};
         cl_kernel kernel;
-        status = hada_slot_kernel(slot, "net_sum", "net_sum", "", &kernel, err);
-        if (!status)
-            status = hada_slot_launch(slot, kernel, "net_sum", 2, global, one, args, HADA_COUNT(args), err);
+        HADA_TRY(hada_slot_kernel(slot, "net_sum", "net_sum", "", &kernel, err));
+        HADA_TRY(hada_slot_launch(slot, kernel, "net_sum", 2, global, one, args, HADA_COUNT(args), err));
         first += count;
         count = runs;
     }
+done:
     return status;
 }

@@ -73,20 +73,21 @@ hada_status hada_linear_backward_data(hada_slot *slot, const hada_linear *shape,
 hada_status hada_linear_backward_weights(hada_slot *slot, const hada_linear *shape, hada_floats x, hada_floats dy,
                                          hada_floats dw, hada_floats dbias, int accumulate, hada_error *err)
 {
-    hada_status status = check_linear(shape, err);
-    if (status)
-        return status;
+    hada_status status = HADA_OK;
+    HADA_TRY(check_linear(shape, err));
     const cl_ulong at_x = x.offset, at_dy = dy.offset, at_dw = dw.offset, at_dbias = dbias.offset;
     const cl_int run = slot->context->shape == HADA_SHAPE_GROUPS ? 1 : RUN, add = accumulate;
     const hada_arg args[] = {HADA_ARG(x.mem),         HADA_ARG(at_x),      HADA_ARG(dy.mem),
                              HADA_ARG(at_dy),         HADA_ARG(dw.mem),    HADA_ARG(at_dw),
                              HADA_ARG(shape->images), HADA_ARG(shape->in), HADA_ARG(shape->out),
                              HADA_ARG(run),           HADA_ARG(add)};
-    status = launch(slot, "net_linear_weights", divide_up((size_t)shape->in, (size_t)run), (size_t)shape->out, 0, args,
-                    HADA_COUNT(args), err);
+    HADA_TRY(launch(slot, "net_linear_weights", divide_up((size_t)shape->in, (size_t)run), (size_t)shape->out, 0, args,
+                    HADA_COUNT(args), err));
     if (status || !dbias.mem)
         return status;
     const hada_arg ends[] = {HADA_ARG(dy.mem),        HADA_ARG(at_dy),      HADA_ARG(dbias.mem), HADA_ARG(at_dbias),
                              HADA_ARG(shape->images), HADA_ARG(shape->out), HADA_ARG(add)};
-    return launch(slot, "net_linear_bias", (size_t)shape->out, 1, 0, ends, HADA_COUNT(ends), err);
+    HADA_TRY(launch(slot, "net_linear_bias", (size_t)shape->out, 1, 0, ends, HADA_COUNT(ends), err));
+done:
+    return status;
 }

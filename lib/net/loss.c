@@ -19,14 +19,16 @@ size_t hada_loss_scratch(const hada_loss_desc *desc, const hada_tensor *x)
 static hada_status check_loss(const hada_loss_desc *desc, const hada_tensor *x, const hada_tensor *target,
                               const hada_tensor *dx, hada_error *err)
 {
+    hada_status status = HADA_OK;
     if ((int)desc->loss < HADA_LOSS_MSE || desc->loss > HADA_LOSS_SSIM)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "there is no loss %d", (int)desc->loss);
     const int alone = desc->loss == HADA_LOSS_TV || desc->loss == HADA_LOSS_TV_SQUARED;
     if (alone != !target)
         return hada_fail(err, HADA_ERROR_ARGUMENT, alone ? "total variation has no target" : "the loss needs a target");
-    hada_status status = hada_layer_check("loss", x, target ? target : x, 1, err);
-    if (!status && dx)
-        status = hada_layer_check("gradient of the loss", x, dx, 1, err);
+    HADA_TRY(hada_layer_check("loss", x, target ? target : x, 1, err));
+    if (dx)
+        HADA_TRY(hada_layer_check("gradient of the loss", x, dx, 1, err));
+done:
     return status;
 }
 
@@ -76,20 +78,20 @@ static hada_status variation(hada_slot *slot, const hada_loss_desc *desc, const 
 hada_status hada_loss_run(hada_slot *slot, const hada_loss_desc *desc, const hada_tensor *x, const hada_tensor *target,
                           hada_floats value, const hada_tensor *dx, int accumulate, cl_mem scratch, hada_error *err)
 {
-    hada_status status = check_loss(desc, x, target, dx, err);
-    if (status)
-        return status;
+    hada_status status = HADA_OK;
+    HADA_TRY(check_loss(desc, x, target, dx, err));
     if (desc->loss == HADA_LOSS_SSIM)
         return hada_ssim_loss_run(slot, desc, x, target, value, dx, accumulate, scratch, err);
     const hada_layer_grid grid = hada_layer_grid_of(slot, x, x->rows, x->cols);
     double count = values_of(x);
     if (target) {
-        status = by_value(slot, desc, x, target, dx, accumulate, &grid, scratch, err);
+        HADA_TRY(by_value(slot, desc, x, target, dx, accumulate, &grid, scratch, err));
     } else {
-        status = variation(slot, desc, x, dx, accumulate, &grid, scratch, err);
+        HADA_TRY(variation(slot, desc, x, dx, accumulate, &grid, scratch, err));
         count = x->images;
     }
-    return status ? status
-                  : hada_sum_floats(slot, scratch, 0, hada_layer_grid_items(&grid), (float)(desc->weight / count), 0.0f,
-                                    value, err);
+    HADA_TRY(hada_sum_floats(slot, scratch, 0, hada_layer_grid_items(&grid), (float)(desc->weight / count), 0.0f, value,
+                             err));
+done:
+    return status;
 }

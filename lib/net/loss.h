@@ -5,8 +5,8 @@
  * each term of a sum of losses can be shown by itself. Gradients are those of weight * loss; accumulate: they are added
  * to dx, otherwise they replace it. dx NULL: the value alone. dx may not be x. The references are tests/ref/ref_loss.h.
  *
- * A perceptual loss is HADA_LOSS_MSE between the features of a fixed net; an adversarial loss is HADA_LOSS_LOGITS of the
- * output of a discriminator, label 1 for the generator (the form that does not saturate: Goodfellow et al. 2014).
+ * A perceptual loss is HADA_LOSS_MSE between the features of a fixed net; an adversarial loss is HADA_LOSS_LOGITS of
+ * the output of a discriminator, label 1 for the generator (the form that does not saturate: Goodfellow et al. 2014).
  */
 #ifndef HADA_NET_LOSS_H
 #define HADA_NET_LOSS_H

@@ -1,3 +1,4 @@
+/* Optimisers, clipping of gradients, learning rates. */
 #include "net/optimizer.h"
 
 #include <limits.h>
@@ -59,11 +60,14 @@ static hada_status check_optimizer(const hada_optimizer_desc *desc, uint64_t ste
 static hada_status launch(hada_slot *slot, const char *name, size_t count, const hada_arg *args, size_t arg_count,
                           hada_error *err)
 {
+    hada_status status = HADA_OK;
     const size_t items = slot->context->shape == HADA_SHAPE_GROUPS ? ROW_ITEMS : 1;
     const size_t local[2] = {items, 1}, global[2] = {items, (count + RUN - 1) / RUN};
     cl_kernel kernel;
-    hada_status status = hada_slot_kernel(slot, "net_optimizer", name, "", &kernel, err);
-    return status ? status : hada_slot_launch(slot, kernel, name, 2, global, local, args, arg_count, err);
+    HADA_TRY(hada_slot_kernel(slot, "net_optimizer", name, "", &kernel, err));
+    HADA_TRY(hada_slot_launch(slot, kernel, name, 2, global, local, args, arg_count, err));
+done:
+    return status;
 }
 
 static hada_status rmsprop(hada_slot *slot, const hada_optimizer_desc *desc, double rate, hada_floats gradient,
@@ -134,17 +138,18 @@ size_t hada_clip_scratch(const hada_gradient_part *parts, int part_count)
 static hada_status squares(hada_slot *slot, const hada_gradient_part *parts, int part_count, cl_mem scratch,
                            size_t *sums, hada_error *err)
 {
-    const size_t items = slot->context->shape == HADA_SHAPE_GROUPS ? ROW_ITEMS : 1;
     hada_status status = HADA_OK;
+    const size_t items = slot->context->shape == HADA_SHAPE_GROUPS ? ROW_ITEMS : 1;
     *sums = 0;
-    for (int i = 0; !status && i < part_count; i++) {
+    for (int i = 0; i < part_count; i++) {
         const cl_ulong offset = parts[i].values.offset, to = *sums;
         const cl_uint count = (cl_uint)parts[i].count;
         const hada_arg args[] = {HADA_ARG(parts[i].values.mem), HADA_ARG(offset), HADA_ARG(count), HADA_ARG(scratch),
                                  HADA_ARG(to)};
-        status = launch(slot, "net_optimizer_squares", count, args, HADA_COUNT(args), err);
+        HADA_TRY(launch(slot, "net_optimizer_squares", count, args, HADA_COUNT(args), err));
         *sums += items_of(count, items);
     }
+done:
     return status;
 }
 
@@ -160,6 +165,7 @@ static hada_status scale_part(hada_slot *slot, const hada_gradient_part *part, h
 hada_status hada_clip_gradients(hada_slot *slot, const hada_gradient_part *parts, int part_count, float max_norm,
                                 hada_floats norm, cl_mem scratch, hada_error *err)
 {
+    hada_status status = HADA_OK;
     if (part_count < 1 || !(max_norm >= 0.0f))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "clipping %d gradients to a norm of %g is not possible", part_count,
                          max_norm);
@@ -168,19 +174,58 @@ hada_status hada_clip_gradients(hada_slot *slot, const hada_gradient_part *parts
             return hada_fail(err, HADA_ERROR_ARGUMENT, "clipping: a gradient of %zu values is not possible",
                              parts[i].count);
     size_t sums;
-    hada_status status = squares(slot, parts, part_count, scratch, &sums, err);
-    if (!status)
-        status = hada_sum_floats(slot, scratch, 0, sums, 1.0f, 0.0f, norm, err);
+    HADA_TRY(squares(slot, parts, part_count, scratch, &sums, err));
+    HADA_TRY(hada_sum_floats(slot, scratch, 0, sums, 1.0f, 0.0f, norm, err));
     const cl_ulong at_norm = norm.offset;
     const cl_float limit = max_norm;
     const hada_arg ends[] = {HADA_ARG(norm.mem), HADA_ARG(at_norm), HADA_ARG(limit)};
     const size_t one[2] = {1, 1};
     cl_kernel kernel;
-    if (!status)
-        status = hada_slot_kernel(slot, "net_optimizer", "net_optimizer_norm", "", &kernel, err);
-    if (!status)
-        status = hada_slot_launch(slot, kernel, "net_optimizer_norm", 2, one, one, ends, HADA_COUNT(ends), err);
-    for (int i = 0; !status && max_norm > 0.0f && i < part_count; i++)
-        status = scale_part(slot, &parts[i], norm, err);
+    HADA_TRY(hada_slot_kernel(slot, "net_optimizer", "net_optimizer_norm", "", &kernel, err));
+    HADA_TRY(hada_slot_launch(slot, kernel, "net_optimizer_norm", 2, one, one, ends, HADA_COUNT(ends), err));
+    for (int i = 0; max_norm > 0.0f && i < part_count; i++)
+        HADA_TRY(scale_part(slot, &parts[i], norm, err));
+done:
     return status;
+}
+
+#define PI 3.14159265358979323846
+
+static int is_rate(double rate)
+{
+    return rate >= 0.0 && isfinite(rate);
+}
+
+hada_status hada_schedule_validate(const hada_schedule *schedule, hada_error *err)
+{
+    if ((int)schedule->kind < HADA_SCHEDULE_CONSTANT || schedule->kind > HADA_SCHEDULE_COSINE)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "there is no schedule %d", (int)schedule->kind);
+    if (!is_rate(schedule->rate) || !is_rate(schedule->factor) || !is_rate(schedule->last))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "learning rates and factors must be at least 0, not %g, %g and %g",
+                         schedule->rate, schedule->factor, schedule->last);
+    if (schedule->kind != HADA_SCHEDULE_CONSTANT && !schedule->period)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "a schedule that changes needs a period of at least one step");
+    if (!(schedule->warmup_from >= 0.0 && schedule->warmup_from <= 1.0))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "a warm-up from %g of the rate is not possible; take 0 to 1",
+                         schedule->warmup_from);
+    return HADA_OK;
+}
+
+double hada_schedule_rate(const hada_schedule *schedule, uint64_t step)
+{
+    const double rate = schedule->rate;
+    if (step < schedule->warmup) {
+        const double done = (double)step / (double)schedule->warmup;
+        return rate * (schedule->warmup_from + (1.0 - schedule->warmup_from) * done);
+    }
+    step -= schedule->warmup;
+    if (schedule->kind == HADA_SCHEDULE_STEP)
+        return rate * pow(schedule->factor, (double)(step / schedule->period));
+    if (schedule->kind == HADA_SCHEDULE_COSINE) {
+        if (step >= schedule->period)
+            return schedule->last;
+        const double cosine = cos(PI * (double)step / (double)schedule->period);
+        return schedule->last + (rate - schedule->last) * (1.0 + cosine) / 2.0;
+    }
+    return rate;
 }

@@ -60,13 +60,10 @@ hada_status hada_pool_backward(hada_slot *slot, hada_pool pool, int size, int st
                                const hada_tensor *y, const hada_tensor *dy, const hada_tensor *dx, int accumulate,
                                hada_error *err)
 {
-    hada_status status = check_pool(pool, size, stride, x, y, err);
-    if (!status)
-        status = hada_layer_check("pooling", y, dy, 1, err);
-    if (!status)
-        status = hada_layer_check("pooling", x, dx, 1, err);
-    if (status)
-        return status;
+    hada_status status = HADA_OK;
+    HADA_TRY(check_pool(pool, size, stride, x, y, err));
+    HADA_TRY(hada_layer_check("pooling", y, dy, 1, err));
+    HADA_TRY(hada_layer_check("pooling", x, dx, 1, err));
     if (pool == HADA_POOL_MAX && size == 2 && stride == 2)
         return backward_pairs(slot, x, y, dy, dx, accumulate, err);
     const hada_layer_grid grid = hada_layer_grid_of(slot, x, x->rows, x->cols);
@@ -88,7 +85,9 @@ hada_status hada_pool_backward(hada_slot *slot, hada_pool pool, int size, int st
                              HADA_ARG(add)};
     /* the mean needs neither x nor y: two tensors, three arguments each, less */
     const size_t skip = pool == HADA_POOL_MAX ? 0 : 6;
-    return hada_layer_launch(slot, "net_pool",
-                             pool == HADA_POOL_MAX ? "net_pool_max_backward" : "net_pool_mean_backward", x, &grid,
-                             args + skip, HADA_COUNT(args) - skip, err);
+    HADA_TRY(hada_layer_launch(slot, "net_pool",
+                               pool == HADA_POOL_MAX ? "net_pool_max_backward" : "net_pool_mean_backward", x, &grid,
+                               args + skip, HADA_COUNT(args) - skip, err));
+done:
+    return status;
 }

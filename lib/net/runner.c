@@ -24,11 +24,12 @@ static hada_planar planar_of(const hada_buffer *buffer, int channels, int rows, 
 
 static hada_status output_size(const hada_net *net, int rows, int cols, hada_size *out, hada_error *err)
 {
-    hada_size *sizes;
-    hada_status status = hada_alloc((void **)&sizes, (size_t)net->count, sizeof *sizes, "a net", err);
-    if (!status)
-        status = hada_net_sizes(net, rows, cols, sizes, err);
-    *out = status ? (hada_size){0, 0} : sizes[net->count - 1];
+    hada_status status = HADA_OK;
+    hada_size *sizes = NULL;
+    HADA_TRY(hada_alloc((void **)&sizes, (size_t)net->count, sizeof *sizes, "a net", err));
+    HADA_TRY(hada_net_sizes(net, rows, cols, sizes, err));
+    *out = sizes[net->count - 1];
+done:
     free(sizes);
     return status;
 }
@@ -41,6 +42,7 @@ static size_t image_bytes(int channels, int rows, int cols)
 hada_status hada_net_bytes(hada_context *context, const hada_net *net, int rows, int cols, uint64_t *bytes,
                            hada_error *err)
 {
+    hada_status status = HADA_OK;
     size_t graph;
     hada_net_info info;
     hada_size size;
@@ -49,60 +51,55 @@ hada_status hada_net_bytes(hada_context *context, const hada_net *net, int rows,
     const hada_graph_options options = {.images = 1, .rows = rows, .cols = cols};
     *bytes = 0;
     hada_net_get_info(net, &info);
-    hada_status status = output_size(net, rows, cols, &size, err);
-    if (!status)
-        status = hada_graph_bytes(context, net, &options, &graph, err);
-    if (!status)
-        *bytes = graph + net->floats * sizeof(float) + image_bytes(info.channels, rows, cols) +
-                 image_bytes(info.out_channels, size.rows, size.cols);
+    HADA_TRY(output_size(net, rows, cols, &size, err));
+    HADA_TRY(hada_graph_bytes(context, net, &options, &graph, err));
+    *bytes = graph + net->floats * sizeof(float) + image_bytes(info.channels, rows, cols) +
+             image_bytes(info.out_channels, size.rows, size.cols);
+done:
     return status;
 }
 
 static hada_status make(hada_net_runner *runner, hada_context *context, const hada_net *net, hada_error *err)
 {
+    hada_status status = HADA_OK;
     const hada_graph_options options = {.images = 1, .rows = runner->rows, .cols = runner->cols};
-    hada_status status = hada_slot_create(&runner->slot, context, err);
-    if (!status)
-        status = hada_graph_create(&runner->graph, runner->slot, net, &options, err);
-    if (!status)
-        status = hada_buffer_create_from(&runner->values, runner->slot, net->values, net->floats * sizeof(float),
-                                         "the net's weights", err);
-    if (!status)
-        status = hada_buffer_create(&runner->in, context, image_bytes(runner->channels, runner->rows, runner->cols),
-                                    "the net's input", err);
-    if (!status)
-        status = hada_buffer_create(&runner->out, context,
-                                    image_bytes(runner->out_channels, runner->out_rows, runner->out_cols),
-                                    "the net's output", err);
-    if (!status)
-        status = hada_graph_set_weights(runner->graph, (hada_floats){runner->values.mem, 0}, err);
+    HADA_TRY(hada_slot_create(&runner->slot, context, err));
+    HADA_TRY(hada_graph_create(&runner->graph, runner->slot, net, &options, err));
+    HADA_TRY(hada_buffer_create_from(&runner->values, runner->slot, net->values, net->floats * sizeof(float),
+                                     "the net's weights", err));
+    HADA_TRY(hada_buffer_create(&runner->in, context, image_bytes(runner->channels, runner->rows, runner->cols),
+                                "the net's input", err));
+    HADA_TRY(hada_buffer_create(&runner->out, context,
+                                image_bytes(runner->out_channels, runner->out_rows, runner->out_cols),
+                                "the net's output", err));
+    HADA_TRY(hada_graph_set_weights(runner->graph, (hada_floats){runner->values.mem, 0}, err));
     runner->from = planar_of(&runner->in, runner->channels, runner->rows, runner->cols);
     runner->to = planar_of(&runner->out, runner->out_channels, runner->out_rows, runner->out_cols);
+done:
     return status;
 }
 
 hada_status hada_net_runner_create(hada_net_runner **out, hada_context *context, const hada_net *net, int rows,
                                    int cols, hada_error *err)
 {
-    hada_net_runner *runner;
+    hada_status status = HADA_OK;
+    hada_net_runner *runner = NULL;
     hada_net_info info;
     hada_size size;
     if (!out || !context || !net)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_net_runner_create: an argument is missing");
     *out = NULL;
     hada_net_get_info(net, &info);
-    hada_status status = output_size(net, rows, cols, &size, err);
-    if (!status)
-        status = hada_alloc((void **)&runner, 1, sizeof *runner, "a net", err);
-    if (status)
-        return status;
+    HADA_TRY(output_size(net, rows, cols, &size, err));
+    HADA_TRY(hada_alloc((void **)&runner, 1, sizeof *runner, "a net", err));
     *runner = (hada_net_runner){.channels = info.channels,
                                 .rows = rows,
                                 .cols = cols,
                                 .out_channels = info.out_channels,
                                 .out_rows = size.rows,
                                 .out_cols = size.cols};
-    status = make(runner, context, net, err);
+    HADA_TRY(make(runner, context, net, err));
+done:
     if (status)
         hada_net_runner_destroy(&runner);
     *out = runner;
@@ -127,27 +124,23 @@ void hada_net_runner_destroy(hada_net_runner **pointer)
 
 hada_status hada_net_run(hada_net_runner *runner, const hada_image *in, hada_image *out, hada_error *err)
 {
+    hada_status status = HADA_OK;
     if (!runner || !in || !out)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_net_run: an argument is missing");
     if (in->channels != runner->channels || in->rows != runner->rows || in->cols != runner->cols)
         return hada_fail(err, HADA_ERROR_SIZE,
                          "the image has %d channel(s) of %d x %d pixels; the net was made ready for %d of %d x %d",
                          in->channels, in->rows, in->cols, runner->channels, runner->rows, runner->cols);
-    hada_status status = HADA_OK;
     if (!out->data || out->channels != runner->out_channels || out->rows != runner->out_rows ||
         out->cols != runner->out_cols) {
         hada_image_destroy(out);
-        status = hada_image_create(out, runner->out_channels, runner->out_rows, runner->out_cols, err);
+        HADA_TRY(hada_image_create(out, runner->out_channels, runner->out_rows, runner->out_cols, err));
     }
-    if (!status)
-        status = hada_buffer_write(&runner->in, runner->slot, 0, in->data, runner->in.bytes, err);
-    if (!status)
-        status = hada_graph_load(runner->graph, &runner->from, err);
-    if (!status)
-        status = hada_graph_forward(runner->graph, err);
-    if (!status)
-        status = hada_graph_store(runner->graph, &runner->to, err);
-    if (!status)
-        status = hada_buffer_read(&runner->out, runner->slot, 0, out->data, runner->out.bytes, err);
+    HADA_TRY(hada_buffer_write(&runner->in, runner->slot, 0, in->data, runner->in.bytes, err));
+    HADA_TRY(hada_graph_load(runner->graph, &runner->from, err));
+    HADA_TRY(hada_graph_forward(runner->graph, err));
+    HADA_TRY(hada_graph_store(runner->graph, &runner->to, err));
+    HADA_TRY(hada_buffer_read(&runner->out, runner->slot, 0, out->data, runner->out.bytes, err));
+done:
     return status;
 }

@@ -45,11 +45,14 @@ size_t hada_ssim_loss_scratch(const hada_tensor *x)
 static hada_status launch(hada_slot *slot, const char *name, int rows, int planes, const hada_arg *args, size_t count,
                           hada_error *err)
 {
+    hada_status status = HADA_OK;
     const size_t items = slot->context->shape == HADA_SHAPE_GROUPS ? ROW_ITEMS : 1;
     const size_t local[3] = {items, 1, 1}, global[3] = {items, (size_t)rows, (size_t)planes};
     cl_kernel kernel;
-    hada_status status = hada_slot_kernel(slot, "net_ssim", name, "", &kernel, err);
-    return status ? status : hada_slot_launch(slot, kernel, name, 3, global, local, args, count, err);
+    HADA_TRY(hada_slot_kernel(slot, "net_ssim", name, "", &kernel, err));
+    HADA_TRY(hada_slot_launch(slot, kernel, name, 3, global, local, args, count, err));
+done:
+    return status;
 }
 
 static hada_status planar(hada_slot *slot, const hada_tensor *x, const places *p, size_t offset, cl_mem scratch,
@@ -64,6 +67,7 @@ static hada_status planar(hada_slot *slot, const hada_tensor *x, const places *p
 static hada_status compare(hada_slot *slot, const hada_loss_desc *desc, const places *p, cl_mem scratch,
                            hada_error *err)
 {
+    hada_status status = HADA_OK;
     const cl_ulong x = p->x, target = p->target, means = p->means, slopes = p->slopes, sums = p->sums;
     const cl_float c1 = (cl_float)(0.01 * desc->peak * 0.01 * desc->peak);
     const cl_float c2 = (cl_float)(0.03 * desc->peak * 0.03 * desc->peak);
@@ -71,13 +75,16 @@ static hada_status compare(hada_slot *slot, const hada_loss_desc *desc, const pl
                              HADA_ARG(means),   HADA_ARG(p->rows), HADA_ARG(p->pitch)};
     const hada_arg along[] = {HADA_ARG(scratch), HADA_ARG(means),    HADA_ARG(slopes), HADA_ARG(sums),
                               HADA_ARG(p->cols), HADA_ARG(p->pitch), HADA_ARG(c1),     HADA_ARG(c2)};
-    hada_status status = launch(slot, "net_ssim_down", p->out_rows, p->planes, down, HADA_COUNT(down), err);
-    return status ? status : launch(slot, "net_ssim_along", p->out_rows, p->planes, along, HADA_COUNT(along), err);
+    HADA_TRY(launch(slot, "net_ssim_down", p->out_rows, p->planes, down, HADA_COUNT(down), err));
+    HADA_TRY(launch(slot, "net_ssim_along", p->out_rows, p->planes, along, HADA_COUNT(along), err));
+done:
+    return status;
 }
 
 static hada_status gradient(hada_slot *slot, const places *p, float factor, const hada_tensor *dx, int accumulate,
                             cl_mem scratch, hada_error *err)
 {
+    hada_status status = HADA_OK;
     const cl_ulong x = p->x, target = p->target, means = p->means, slopes = p->slopes;
     const hada_tensor_place at_dx = hada_tensor_place_of(dx);
     const cl_float scale = factor;
@@ -87,16 +94,18 @@ static hada_status gradient(hada_slot *slot, const places *p, float factor, cons
         HADA_ARG(scratch),      HADA_ARG(x),         HADA_ARG(target),   HADA_ARG(means),
         HADA_ARG(p->rows),      HADA_ARG(p->cols),   HADA_ARG(p->pitch), HADA_ARG_TENSOR(dx, at_dx),
         HADA_ARG(dx->channels), HADA_ARG(dx->block), HADA_ARG(scale),    HADA_ARG(add)};
-    hada_status status = launch(slot, "net_ssim_back_along", p->out_rows, p->planes, along, HADA_COUNT(along), err);
-    return status ? status
-                  : launch(slot, "net_ssim_back_down", p->rows, dx->images * hada_tensor_blocks(dx), down,
-                           HADA_COUNT(down), err);
+    HADA_TRY(launch(slot, "net_ssim_back_along", p->out_rows, p->planes, along, HADA_COUNT(along), err));
+    HADA_TRY(
+        launch(slot, "net_ssim_back_down", p->rows, dx->images * hada_tensor_blocks(dx), down, HADA_COUNT(down), err));
+done:
+    return status;
 }
 
 hada_status hada_ssim_loss_run(hada_slot *slot, const hada_loss_desc *desc, const hada_tensor *x,
                                const hada_tensor *target, hada_floats value, const hada_tensor *dx, int accumulate,
                                cl_mem scratch, hada_error *err)
 {
+    hada_status status = HADA_OK;
     if (!large_enough(x))
         return hada_fail(err, HADA_ERROR_SIZE, "structural similarity needs images of at least 11 x 11, not %d x %d",
                          x->rows, x->cols);
@@ -106,13 +115,13 @@ hada_status hada_ssim_loss_run(hada_slot *slot, const hada_loss_desc *desc, cons
     const size_t windows = (size_t)p.planes * (size_t)p.out_rows * (size_t)(p.cols - SIZE + 1);
     const size_t share = slot->context->shape == HADA_SHAPE_GROUPS ? ROW_ITEMS : 1;
     const float factor = (float)(-(double)desc->weight / (double)windows);
-    hada_status status = planar(slot, x, &p, p.x, scratch, err);
-    if (!status)
-        status = planar(slot, target, &p, p.target, scratch, err);
-    if (!status)
-        status = compare(slot, desc, &p, scratch, err);
-    if (!status)
-        status = hada_sum_floats(slot, scratch, p.sums, (size_t)p.planes * (size_t)p.out_rows * share, factor,
-                                 desc->weight, value, err);
-    return !status && dx ? gradient(slot, &p, factor, dx, accumulate, scratch, err) : status;
+    HADA_TRY(planar(slot, x, &p, p.x, scratch, err));
+    HADA_TRY(planar(slot, target, &p, p.target, scratch, err));
+    HADA_TRY(compare(slot, desc, &p, scratch, err));
+    HADA_TRY(hada_sum_floats(slot, scratch, p.sums, (size_t)p.planes * (size_t)p.out_rows * share, factor, desc->weight,
+                             value, err));
+    if (dx)
+        HADA_TRY(gradient(slot, &p, factor, dx, accumulate, scratch, err));
+done:
+    return status;
 }

@@ -51,14 +51,17 @@ hada_tensor hada_tensor_images(const hada_tensor *tensor, int first, int count)
 static hada_status launch(hada_slot *slot, const char *name, const hada_tensor *tensor, int width, int height,
                           cl_int *step, const hada_arg *args, size_t count, hada_error *err)
 {
+    hada_status status = HADA_OK;
     const int groups = slot->context->shape == HADA_SHAPE_GROUPS;
     const size_t local[3] = {groups ? 64 : 1, 1, 1};
     const size_t global[3] = {groups ? ((size_t)width + 63) / 64 * 64 : 1, (size_t)height,
                               blocks_of(tensor->block, tensor->channels) * (size_t)tensor->images};
     cl_kernel kernel;
     *step = groups ? 1 : width;
-    hada_status status = hada_slot_kernel(slot, "net_tensor", name, "", &kernel, err);
-    return status ? status : hada_slot_launch(slot, kernel, name, 3, global, local, args, count, err);
+    HADA_TRY(hada_slot_kernel(slot, "net_tensor", name, "", &kernel, err));
+    HADA_TRY(hada_slot_launch(slot, kernel, name, 3, global, local, args, count, err));
+done:
+    return status;
 }
 
 hada_status hada_tensor_load(hada_slot *slot, const hada_planar *in, const hada_tensor *out, hada_error *err)
@@ -87,6 +90,7 @@ hada_status hada_tensor_store(hada_slot *slot, const hada_tensor *in, const hada
 
 hada_status hada_tensor_clear_halo(hada_slot *slot, const hada_tensor *tensor, hada_error *err)
 {
+    hada_status status = HADA_OK;
     const cl_ulong offset = tensor->offset, image = tensor->image_stride;
     const hada_arg args[] = {HADA_ARG(tensor->mem),      HADA_ARG(offset),       HADA_ARG(image),
                              HADA_ARG(tensor->channels), HADA_ARG(tensor->rows), HADA_ARG(tensor->cols),
@@ -95,7 +99,8 @@ hada_status hada_tensor_clear_halo(hada_slot *slot, const hada_tensor *tensor, h
     const size_t global[3] = {1, (size_t)tensor->rows + 2,
                               blocks_of(tensor->block, tensor->channels) * (size_t)tensor->images};
     cl_kernel kernel;
-    hada_status status = hada_slot_kernel(slot, "net_tensor", "net_tensor_halo", "", &kernel, err);
-    return status ? status
-                  : hada_slot_launch(slot, kernel, "net_tensor_halo", 3, global, local, args, HADA_COUNT(args), err);
+    HADA_TRY(hada_slot_kernel(slot, "net_tensor", "net_tensor_halo", "", &kernel, err));
+    HADA_TRY(hada_slot_launch(slot, kernel, "net_tensor_halo", 3, global, local, args, HADA_COUNT(args), err));
+done:
+    return status;
 }

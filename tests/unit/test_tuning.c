@@ -5,7 +5,7 @@
 #include "net_fixture.h"
 
 #include "net/conv_tune.h"
-#include "net/conv_variants.h"
+#include "net/conv_internal.h"
 #include "netlist/presets.h"
 
 static char file[64];

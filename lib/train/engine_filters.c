@@ -7,7 +7,7 @@
 #include "io/safetensors.h"
 #include "net/layer_launch.h"
 #include "runtime/kernel.h"
-#include "image/clip.h"
+#include "filter/clip.h"
 #include "train/engine_parts.h"
 
 /* Of the real and imaginary parts of a random start. */

@@ -7,7 +7,7 @@
 #include "image/dark.h"
 #include "filter/hadamard.h"
 #include "refine/admm.h"
-#include "image/clip.h"
+#include "filter/clip.h"
 
 struct hada_planes {
     hada_slot *slot;

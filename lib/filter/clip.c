@@ -1,4 +1,4 @@
-#include "image/clip.h"
+#include "filter/clip.h"
 
 #include "runtime/kernel.h"
 

@@ -1,6 +1,6 @@
 /* Planes clipped at zero, as reconstruction has them: light is not negative. Internal. */
-#ifndef HADA_IMAGE_CLIP_H
-#define HADA_IMAGE_CLIP_H
+#ifndef HADA_FILTER_CLIP_H
+#define HADA_FILTER_CLIP_H
 
 #include "runtime/slot.h"
 

@@ -28,7 +28,7 @@ arguments.add_argument("--frames", type=int, default=30)
 arguments.add_argument("--depths", default="1,2,3,14", help="occupied depths of the rows")
 arguments.add_argument("--rounds", type=int, default=2)
 arguments.add_argument("--noise", default="0.01")
-arguments.add_argument("--full", type=int, default=0, help="frames of each row that the full look decides as well")
+arguments.add_argument("--full", type=int, default=0, help="frames of each row that the reference search decides as well")
 arguments.add_argument("--made", type=int, default=0, help="scenes of each hard kind (circular boundary)")
 arguments = arguments.parse_args()
 hadalens = f"{arguments.build}/bindings/cli/hadalens"
@@ -93,7 +93,7 @@ with tempfile.TemporaryDirectory() as folder:
             full = reconstruct(files[:arguments.full], folder / "model", folder / "out", "--skip", NOT_DEPTHS)
             same = [near(mm, distances) == f for (mm, _), f in zip(full, found)]
             equal, compared = equal + sum(same), compared + len(same)
-            misses += [(count, f.name, "full look", near(mm, distances), "differs")
+            misses += [(count, f.name, "reference search", near(mm, distances), "differs")
                        for f, (mm, _), s in zip(files, full, same) if not s]
         ms = {(who, stage): 1e3 * float(np.median([seconds[stage] for _, seconds in table]))
               for who, table in (("auto", auto), ("all", dense)) for stage in ("pursuit", "refine", "total")}
@@ -113,7 +113,7 @@ with tempfile.TemporaryDirectory() as folder:
         print(f"| {name} | {len(files)} | {exact} | {every} | {len(files) - exact - every} |", flush=True)
         misses += [(name, f.name, w, g, k) for f, w, g, k in zip(files, wanted, found, kinds) if k != "exact"]
     if arguments.full:
-        print(f"\nThe full look decided the same on {equal} of {compared} frames.")
+        print(f"\nThe reference search decided the same on {equal} of {compared} frames.")
     print()
     for miss in misses:
         print("-", *miss)

@@ -8,14 +8,22 @@
 #include "refine/pursuit_search.h"
 
 enum {
-    SMALL_SIDE = 128, /* pixels: the longer side of the small grid's frame: see complete() */
-    ORDER_SIDE = 64,  /* pixels: candidates are not put in order on grids smaller than this */
-    ORDER_STEPS = 4,  /* steps of refinement of each look: docs/refinement.md */
-    JUDGE_STEPS = 8,
-    PATIENT_STEPS = 20,
-    JUDGE_SETS = 16, /* sets side by side */
-    CLOSER_SETS = 2
+    SMALL_SIDE = 128,  /* pixels: the longer side of the small grid's frame: see complete() */
+    RANKING_SIDE = 64, /* pixels: candidates are not put in order on grids smaller than this */
+    RANKING_STEPS = 4, /* steps of refinement of each fidelity: docs/refinement.md */
+    COARSE_STEPS = 8,
+    CONVERGED_STEPS = 20,
+    COARSE_SETS = 16, /* sets side by side */
+    FINE_SETS = 2,
+    FEW_DEPTHS = 6, /* of a camera: so many are told apart on any grid, and searched for up to the last one */
+    MOST_FOUND = 4  /* of more: a scene that needs more than these counts as one that fills all depths */
 };
+
+/* A depth that is not there explains about the window's share of white noise; the threshold is clearly above that, and
+ * between what false and true depths explained (docs/refinement.md). */
+#define CHANCE_MARGIN   1.6
+#define THRESHOLD_LEAST 0.3
+#define THRESHOLD_MOST  0.5
 
 void hada_pursuit_options_init(hada_pursuit_options *options)
 {
@@ -35,50 +43,49 @@ static hada_pursuit_options complete(const hada_pursuit_options *options)
     hada_pursuit_options o = *options;
     const hada_refine_shape *full = &o.shape;
     /* many depths are told apart on less than half the grid only where it has many pixels (docs/refinement.md) */
-    const int dense = o.depths > 6 && longer_side(&o) < 4 * SMALL_SIDE;
+    const int dense = o.depths > FEW_DEPTHS && longer_side(&o) < 4 * SMALL_SIDE;
     if (o.shrink == 0.0)
         o.shrink = dense ? 2.0 : fmax(2.0, (double)longer_side(&o) / SMALL_SIDE);
     if (o.threshold == 0.0) {
-        /* a depth that is not there explains about the window's share of white noise: be clearly above that */
         const hada_refine_rect *frame = &full->frame;
         const double pixels = full->boundary == HADA_BOUNDARY_PADDED ? (double)frame->rows * frame->cols
                                                                      : (double)full->grid_rows * full->grid_cols;
-        const double chance = 1.6 * full->window.rows * full->window.cols / pixels;
-        o.threshold = chance < 0.3 ? 0.3 : chance > 0.5 ? 0.5 : chance;
+        const double chance = CHANCE_MARGIN * full->window.rows * full->window.cols / pixels;
+        o.threshold = chance < THRESHOLD_LEAST ? THRESHOLD_LEAST : chance > THRESHOLD_MOST ? THRESHOLD_MOST : chance;
     }
     if (!o.max_depths)
-        o.max_depths = o.depths > 6 ? 4 : o.depths;
+        o.max_depths = o.depths > FEW_DEPTHS ? MOST_FOUND : o.depths;
     if (o.max_depths > o.depths)
         o.max_depths = o.depths;
     return o;
 }
 
-/* The grids that completed options ask for, and the looks on them, into p->count and p->looks. */
+/* The grids that completed options ask for, and what each fidelity takes, into p->count and p->fidelity. */
 static void choose_levels(hada_pursuit *p, hada_level_spec *specs)
 {
     const hada_pursuit_options *o = &p->options;
     const double shrink = o->shrink;
-    int order = 0, judge = 0, closer = 0;
+    int ranking = 0, coarse = 0, fine = 0;
     p->count = 0;
     if (o->full) {
-        specs[p->count++] = (hada_level_spec){1.0, shrink, 1, PATIENT_STEPS, CLOSER_SETS, 0};
+        specs[p->count++] = (hada_level_spec){1.0, shrink, 1, CONVERGED_STEPS, FINE_SETS, 0};
     } else {
-        specs[p->count++] = (hada_level_spec){shrink, shrink, 0, PATIENT_STEPS, JUDGE_SETS, 1};
-        if (longer_side(o) / shrink >= 2 * ORDER_SIDE) {
-            order = p->count++;
-            specs[order] = (hada_level_spec){2.0 * shrink, 2.0 * shrink, 0, ORDER_STEPS, JUDGE_SETS, 0};
+        specs[p->count++] = (hada_level_spec){shrink, shrink, 0, CONVERGED_STEPS, COARSE_SETS, 1};
+        if (longer_side(o) / shrink >= 2 * RANKING_SIDE) {
+            ranking = p->count++;
+            specs[ranking] = (hada_level_spec){2.0 * shrink, 2.0 * shrink, 0, RANKING_STEPS, COARSE_SETS, 0};
         }
         if (shrink > 1.0) {
-            closer = p->count++;
-            specs[closer] = (hada_level_spec){fmax(1.0, shrink / 2.0), shrink, 1, PATIENT_STEPS, CLOSER_SETS, 0};
+            fine = p->count++;
+            specs[fine] = (hada_level_spec){fmax(1.0, shrink / 2.0), shrink, 1, CONVERGED_STEPS, FINE_SETS, 0};
         }
     }
-    p->looks[HADA_LOOK_ORDER].level = order;
-    p->looks[HADA_LOOK_JUDGE].level = p->looks[HADA_LOOK_PATIENT].level = judge;
-    p->looks[HADA_LOOK_CLOSER].level = closer;
-    p->looks[HADA_LOOK_ORDER].steps = order == judge ? JUDGE_STEPS : ORDER_STEPS;
-    p->looks[HADA_LOOK_JUDGE].steps = JUDGE_STEPS;
-    p->looks[HADA_LOOK_PATIENT].steps = p->looks[HADA_LOOK_CLOSER].steps = PATIENT_STEPS;
+    p->fidelity[HADA_FIDELITY_RANKING].level = ranking;
+    p->fidelity[HADA_FIDELITY_COARSE].level = p->fidelity[HADA_FIDELITY_CONVERGED].level = coarse;
+    p->fidelity[HADA_FIDELITY_FINE].level = fine;
+    p->fidelity[HADA_FIDELITY_RANKING].steps = ranking == coarse ? COARSE_STEPS : RANKING_STEPS;
+    p->fidelity[HADA_FIDELITY_COARSE].steps = COARSE_STEPS;
+    p->fidelity[HADA_FIDELITY_CONVERGED].steps = p->fidelity[HADA_FIDELITY_FINE].steps = CONVERGED_STEPS;
 }
 
 size_t hada_pursuit_bytes(const hada_context *context, const hada_pursuit_options *options)
@@ -100,16 +107,18 @@ hada_status hada_pursuit_note(const hada_context *context, const hada_pursuit_op
     hada_level_spec specs[HADA_PURSUIT_LEVELS];
     hada_status status = HADA_OK;
     choose_levels(&p, specs);
-    for (int i = 0; !status && i < p.count; i++)
-        status = hada_level_note(context, &p.options, &specs[i], room, first + i, err);
+    for (int i = 0; i < p.count; i++)
+        HADA_TRY(hada_level_note(context, &p.options, &specs[i], room, first + i, err));
+done:
     return status;
 }
 
 hada_status hada_pursuit_create(hada_pursuit **out, hada_slot *slot, const hada_pursuit_options *options,
                                 hada_error *err)
 {
-    hada_pursuit *p;
+    hada_pursuit *p = NULL;
     hada_level_spec specs[HADA_PURSUIT_LEVELS];
+    hada_status status = HADA_OK;
     *out = NULL;
     const hada_pursuit_options o = complete(options);
     if (o.depths < 1 || o.depths > HADA_PURSUIT_DEPTHS || o.max_depths > HADA_PURSUIT_MAX || o.max_depths < 1 ||
@@ -119,20 +128,17 @@ hada_status hada_pursuit_create(hada_pursuit **out, hada_slot *slot, const hada_
             "depth pursuit: 1 to %d depths, channels from 1 on, up to %d depths in a set, a shrink factor from 1 on "
             "and rho above 0 are possible (got %d, %d, %d, %g, %g)",
             HADA_PURSUIT_DEPTHS, HADA_PURSUIT_MAX, o.depths, o.shape.channels, o.max_depths, o.shrink, o.rho);
-    hada_status status = hada_alloc((void **)&p, 1, sizeof *p, "a depth pursuit", err);
-    if (status)
-        return status;
+    HADA_TRY(hada_alloc((void **)&p, 1, sizeof *p, "a depth pursuit", err));
     p->slot = slot;
     p->options = o;
     choose_levels(p, specs);
-    for (int i = 0; !status && i < p->count; i++)
-        status = hada_level_create(&p->levels[i], slot, &p->options, &specs[i], err);
-    if (status) {
-        hada_pursuit_destroy(&p);
-        return status;
-    }
+    for (int i = 0; i < p->count; i++)
+        HADA_TRY(hada_level_create(&p->levels[i], slot, &p->options, &specs[i], err));
     *out = p;
-    return HADA_OK;
+done:
+    if (status)
+        hada_pursuit_destroy(&p);
+    return status;
 }
 
 void hada_pursuit_destroy(hada_pursuit **pointer)
@@ -157,25 +163,30 @@ static hada_status check_depths(const hada_pursuit *p, int first, int count, had
 
 hada_status hada_pursuit_set_otf(hada_pursuit *p, int first, int count, cl_mem otf, size_t offset, hada_error *err)
 {
-    hada_status status = check_depths(p, first, count, err);
-    for (int i = 0; !status && i < p->count; i++)
-        status = hada_level_set_otf(&p->levels[i], first, count, otf, offset, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(check_depths(p, first, count, err));
+    for (int i = 0; i < p->count; i++)
+        HADA_TRY(hada_level_set_otf(&p->levels[i], first, count, otf, offset, err));
+done:
     return status;
 }
 
 hada_status hada_pursuit_set_prior(hada_pursuit *p, cl_mem prior, hada_error *err)
 {
     hada_status status = HADA_OK;
-    for (int i = 0; !status && i < p->count; i++)
-        status = hada_level_set_prior(&p->levels[i], prior, err);
+    for (int i = 0; i < p->count; i++)
+        HADA_TRY(hada_level_set_prior(&p->levels[i], prior, err));
+done:
     return status;
 }
 
 hada_status hada_pursuit_set_power(hada_pursuit *p, int first, int count, cl_mem power, size_t offset, hada_error *err)
 {
-    hada_status status = check_depths(p, first, count, err);
-    for (int i = 0; !status && i < p->count; i++)
-        status = hada_level_set_power(&p->levels[i], first, count, power, offset, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(check_depths(p, first, count, err));
+    for (int i = 0; i < p->count; i++)
+        HADA_TRY(hada_level_set_power(&p->levels[i], first, count, power, offset, err));
+done:
     return status;
 }
 
@@ -194,7 +205,7 @@ hada_status hada_pursuit_run(hada_pursuit *p, cl_mem spectrum, size_t offset, ha
     const size_t before = transforms(p);
     *result = (hada_pursuit_result){0};
     for (int i = 0; i < p->count; i++)
-        hada_level_show(&p->levels[i], spectrum, offset);
+        hada_level_set_frame(&p->levels[i], spectrum, offset);
     hada_status status = hada_pursuit_search(p, result, err);
     result->seconds = hada_seconds() - start;
     result->transforms = transforms(p) - before;

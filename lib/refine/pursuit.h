@@ -6,11 +6,11 @@
  * a slanted or continuous scene costs no more; most of them are known as such at the first pair, before any set is
  * moved.
  *
- * It looks on three grids: a very small one puts the candidates in order, a small one decides, both with the channels
- * averaged; where that decision is close, the sets in question are refined on a finer grid, channel by channel. The
- * full look (`full`) does all of it on the whole grid, every channel and every candidate: the cheap one is to decide as
- * it does. For that both weigh the same evidence: what the channels have in common, at the frequencies of the small
- * grid. docs/refinement.md has the reasons and the figures.
+ * Residuals are evaluated on three grids: a very small one puts the candidates in order, a small one decides, both with
+ * the channels averaged; where that decision is close, the sets in question are refined on a finer grid, channel by
+ * channel. The reference search (`full`) does all of it on the whole grid, every channel and every candidate: the cheap
+ * one is to decide as it does. For that both weigh the same evidence: what the channels have in common, at the
+ * frequencies of the small grid. docs/refinement.md has the reasons and the figures.
  *
  * A pursuit belongs to one slot. Same input, same bits. */
 #ifndef HADA_REFINE_PURSUIT_H
@@ -19,7 +19,7 @@
 #include "refine/admm.h"
 
 enum {
-    HADA_PURSUIT_LEVELS = 3,  /* grids that it looks at, at most */
+    HADA_PURSUIT_LEVELS = 3,  /* grids that residuals are evaluated on, at most */
     HADA_PURSUIT_MAX = 8,     /* most depths of a set */
     HADA_PURSUIT_DEPTHS = 256 /* most depths of a camera */
 };
@@ -29,21 +29,21 @@ typedef struct hada_pursuit_options {
     int depths;              /* of the camera */
     double shrink;           /* grid over the small grid, > 1; 0: 2, more where the grid is large */
     double rho;              /* of the refinement, in units of |OTF|^2: 1e-2 of the largest |OTF(0)|^2 */
-    double threshold;        /* smallest fall of the unexplained part that counts; 0: from the window's share */
-    int full;                /* 1: the full look, for comparison: many times dearer in time and memory */
+    double threshold;        /* smallest reduction of the residual that counts; 0: from the window's share */
+    int full;                /* 1: the reference search, for comparison: many times dearer in time and memory */
     int max_depths;          /* a scene that needs more fills all depths; 0: 4, or all of up to 6 */
 } hada_pursuit_options;
 
 void hada_pursuit_options_init(hada_pursuit_options *options);
 
 typedef struct hada_pursuit_result {
-    int count;                         /* of occupied depths; 0: nothing in the frame */
-    int list[HADA_PURSUIT_MAX];        /* ascending, meaningless where `all` is set */
-    int all;                           /* 1: the scene fills too many depths to tell them apart: take all */
-    int rounds;                        /* additions tried, the last one usually in vain */
-    double fall[2 * HADA_PURSUIT_MAX]; /* part of what was unexplained that each addition explained */
-    double residual;                   /* |unexplained| / |frame|, of the small images */
-    int closer;                        /* comparisons that took the finer grid */
+    int count;                              /* of occupied depths; 0: nothing in the frame */
+    int list[HADA_PURSUIT_MAX];             /* ascending, meaningless where `all` is set */
+    int all;                                /* 1: the scene fills too many depths to tell them apart: take all */
+    int rounds;                             /* additions tried, the last one usually in vain */
+    double reduction[2 * HADA_PURSUIT_MAX]; /* part of the residual that each addition explained */
+    double residual;                        /* |unexplained| / |frame|, of the small images */
+    int fine_comparisons;                   /* those that took the finer grid */
     size_t transforms;
     double seconds;
 } hada_pursuit_result;
@@ -69,7 +69,7 @@ hada_status hada_pursuit_set_prior(hada_pursuit *pursuit, cl_mem prior, hada_err
 hada_status hada_pursuit_set_power(hada_pursuit *pursuit, int first, int count, cl_mem power, size_t offset,
                                    hada_error *err);
 
-/* Looks at a frame: its spectrum, [channel][count] complex, dark level removed. */
+/* Searches a frame: its spectrum, [channel][count] complex, dark level removed. On failure *result says nothing. */
 hada_status hada_pursuit_run(hada_pursuit *pursuit, cl_mem spectrum, size_t offset, hada_pursuit_result *result,
                              hada_error *err);
 

@@ -93,11 +93,12 @@ size_t hada_level_bytes(const hada_context *context, const hada_pursuit_options 
     size_t bytes =
         depths * spectrum + spectrum / 2 + depths * spectrum / 2 + spectrum + hada_refiner_bytes(context, &shape);
     if (shape.boundary == HADA_BOUNDARY_PADDED) {
-        const hada_refine_shape proof = shape_of(options, spec, spec->evidence);
-        const hada_spectrum_layout small = hada_fft_layout(context, proof.grid_rows, proof.grid_cols, HADA_FFT_AUTO);
-        const hada_fft_desc plan = frame_plan(&shape, shape.channels), sets = frame_plan(&proof, spec->max_sets);
+        const hada_refine_shape evidence = shape_of(options, spec, spec->evidence);
+        const hada_spectrum_layout small =
+            hada_fft_layout(context, evidence.grid_rows, evidence.grid_cols, HADA_FFT_AUTO);
+        const hada_fft_desc plan = frame_plan(&shape, shape.channels), sets = frame_plan(&evidence, spec->max_sets);
         bytes += area(&shape.frame) * (size_t)shape.channels * sizeof(float) + hada_fft_bytes(context, &plan);
-        bytes += (size_t)spec->max_sets * (spectrum_bytes(&small, 1) + area(&proof.frame) * sizeof(float)) +
+        bytes += (size_t)spec->max_sets * (spectrum_bytes(&small, 1) + area(&evidence.frame) * sizeof(float)) +
                  hada_fft_bytes(context, &sets);
     }
     return bytes;
@@ -107,14 +108,17 @@ hada_status hada_level_note(const hada_context *context, const hada_pursuit_opti
                             const hada_level_spec *spec, hada_room *room, int step, hada_error *err)
 {
     const hada_refine_shape shape = shape_of(options, spec, spec->shrink);
-    hada_status status = hada_refiner_note(context, &shape, room, step, step, step, err);
-    if (status || shape.boundary != HADA_BOUNDARY_PADDED)
-        return status;
-    const hada_refine_shape proof = shape_of(options, spec, spec->evidence);
-    const hada_fft_desc plan = frame_plan(&shape, shape.channels), back = frame_plan(&proof, spec->max_sets);
+    const hada_refine_shape evidence = shape_of(options, spec, spec->evidence);
+    const hada_fft_desc plan = frame_plan(&shape, shape.channels), back = frame_plan(&evidence, spec->max_sets);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_refiner_note(context, &shape, room, step, step, step, err));
+    if (shape.boundary != HADA_BOUNDARY_PADDED)
+        goto done;
     hada_room_steps(room, step, step);
-    status = hada_fft_note(context, &plan, room, err);
-    return status ? status : hada_fft_note(context, &back, room, err);
+    HADA_TRY(hada_fft_note(context, &plan, room, err));
+    HADA_TRY(hada_fft_note(context, &back, room, err));
+done:
+    return status;
 }
 
 /* What the padded boundary needs beside. */
@@ -122,22 +126,21 @@ static hada_status make_frames(hada_pursuit_level *l, hada_error *err)
 {
     static const char what[] = "the depth pursuit";
     hada_context *context = l->slot->context;
-    const hada_refine_shape proof = shape_of(l->options, &l->spec, l->spec.evidence);
+    const hada_refine_shape evidence = shape_of(l->options, &l->spec, l->spec.evidence);
     const size_t sets = (size_t)l->spec.max_sets;
-    const hada_fft_desc plan = frame_plan(&l->shape, l->shape.channels), back = frame_plan(&proof, l->spec.max_sets);
-    l->proof_layout = hada_fft_layout(context, proof.grid_rows, proof.grid_cols, HADA_FFT_AUTO);
-    l->proof_area = area(&proof.frame);
-    hada_status status = hada_buffer_create(
-        &l->frame, context, area(&l->shape.frame) * (size_t)l->shape.channels * sizeof(float), what, err);
-    if (!status)
-        status = hada_buffer_create(&l->proof, context, sets * spectrum_bytes(&l->proof_layout, 1), what, err);
-    if (!status)
-        status = hada_buffer_create(&l->proof_frame, context, sets * l->proof_area * sizeof(float), what, err);
-    if (!status)
-        status = hada_alloc((void **)&l->host_proof, sets * l->proof_area, sizeof(float), what, err);
-    if (!status)
-        status = hada_fft_create(&l->frame_inverse, l->slot, &plan, err);
-    return status ? status : hada_fft_create(&l->proof_inverse, l->slot, &back, err);
+    const hada_fft_desc plan = frame_plan(&l->shape, l->shape.channels), back = frame_plan(&evidence, l->spec.max_sets);
+    l->evidence_layout = hada_fft_layout(context, evidence.grid_rows, evidence.grid_cols, HADA_FFT_AUTO);
+    l->evidence_area = area(&evidence.frame);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_buffer_create(&l->frame, context, area(&l->shape.frame) * (size_t)l->shape.channels * sizeof(float),
+                                what, err));
+    HADA_TRY(hada_buffer_create(&l->evidence, context, sets * spectrum_bytes(&l->evidence_layout, 1), what, err));
+    HADA_TRY(hada_buffer_create(&l->evidence_frame, context, sets * l->evidence_area * sizeof(float), what, err));
+    HADA_TRY(hada_alloc((void **)&l->host_evidence, sets * l->evidence_area, sizeof(float), what, err));
+    HADA_TRY(hada_fft_create(&l->frame_inverse, l->slot, &plan, err));
+    HADA_TRY(hada_fft_create(&l->evidence_inverse, l->slot, &back, err));
+done:
+    return status;
 }
 
 hada_status hada_level_create(hada_pursuit_level *l, hada_slot *slot, const hada_pursuit_options *options,
@@ -151,19 +154,16 @@ hada_status hada_level_create(hada_pursuit_level *l, hada_slot *slot, const hada
     l->full = hada_fft_layout(context, full->grid_rows, full->grid_cols, HADA_FFT_AUTO);
     l->layout = hada_fft_layout(context, l->shape.grid_rows, l->shape.grid_cols, HADA_FFT_AUTO);
     const size_t spectrum = spectrum_bytes(&l->layout, l->shape.channels), depths = (size_t)options->depths;
-    hada_status status = hada_refiner_create(&l->refiner, slot, &l->shape, err);
-    if (!status)
-        status = hada_buffer_create(&l->otf, context, depths * spectrum, what, err);
-    if (!status)
-        status = hada_buffer_create(&l->prior, context, spectrum / 2, what, err);
-    if (!status)
-        status = hada_buffer_create(&l->doubt, context, depths * spectrum / 2, what, err);
-    if (!status)
-        status = hada_buffer_create(&l->spectrum, context, spectrum, what, err);
-    if (!status && l->shape.boundary == HADA_BOUNDARY_PADDED)
-        status = make_frames(l, err);
-    if (!status)
-        status = hada_slot_kernel(slot, "refine", "refine_crop", "", &l->crop, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_refiner_create(&l->refiner, slot, &l->shape, err));
+    HADA_TRY(hada_buffer_create(&l->otf, context, depths * spectrum, what, err));
+    HADA_TRY(hada_buffer_create(&l->prior, context, spectrum / 2, what, err));
+    HADA_TRY(hada_buffer_create(&l->doubt, context, depths * spectrum / 2, what, err));
+    HADA_TRY(hada_buffer_create(&l->spectrum, context, spectrum, what, err));
+    if (l->shape.boundary == HADA_BOUNDARY_PADDED)
+        HADA_TRY(make_frames(l, err));
+    HADA_TRY(hada_slot_kernel(slot, "refine", "refine_crop", "", &l->crop, err));
+done:
     if (status)
         hada_level_destroy(l);
     return status;
@@ -173,12 +173,12 @@ void hada_level_destroy(hada_pursuit_level *l)
 {
     hada_refiner_destroy(&l->refiner);
     hada_fft_destroy(&l->frame_inverse);
-    hada_fft_destroy(&l->proof_inverse);
-    hada_buffer *buffers[] = {&l->otf, &l->prior, &l->doubt, &l->spectrum, &l->frame, &l->proof, &l->proof_frame};
+    hada_fft_destroy(&l->evidence_inverse);
+    hada_buffer *buffers[] = {&l->otf, &l->prior, &l->doubt, &l->spectrum, &l->frame, &l->evidence, &l->evidence_frame};
     for (size_t i = 0; i < HADA_COUNT(buffers); i++)
         hada_buffer_destroy(buffers[i]);
-    free(l->host_proof);
-    l->host_proof = NULL;
+    free(l->host_evidence);
+    l->host_evidence = NULL;
 }
 
 /* How images of one layout become images of another: see refine_crop in kernels/refine.cl. */
@@ -256,22 +256,22 @@ hada_status hada_level_set_power(hada_pursuit_level *l, int first, int count, cl
 static hada_status measure(hada_pursuit_level *l, cl_mem spectra, int sets, double *energy, hada_error *err)
 {
     const crop how = {.from = &l->layout,
-                      .to = &l->proof_layout,
+                      .to = &l->evidence_layout,
                       .channels = l->shape.channels,
                       .parts = 2,
-                      .factor = area_ratio(&l->proof_layout, &l->layout)};
-    const size_t pixels = l->proof_area;
-    hada_status status = crop_images(l, &how, spectra, 0, sets, &l->proof, 0, err);
-    if (!status)
-        status = hada_fft_inverse(l->proof_inverse, sets, l->proof.mem, 0, l->proof_frame.mem, 0, NULL, err);
-    if (!status)
-        status =
-            hada_buffer_read(&l->proof_frame, l->slot, 0, l->host_proof, (size_t)sets * pixels * sizeof(float), err);
-    for (size_t set = 0; !status && set < (size_t)sets; set++) {
+                      .factor = area_ratio(&l->evidence_layout, &l->layout)};
+    const size_t pixels = l->evidence_area;
+    hada_status status = HADA_OK;
+    HADA_TRY(crop_images(l, &how, spectra, 0, sets, &l->evidence, 0, err));
+    HADA_TRY(hada_fft_inverse(l->evidence_inverse, sets, l->evidence.mem, 0, l->evidence_frame.mem, 0, NULL, err));
+    HADA_TRY(
+        hada_buffer_read(&l->evidence_frame, l->slot, 0, l->host_evidence, (size_t)sets * pixels * sizeof(float), err));
+    for (size_t set = 0; set < (size_t)sets; set++) {
         energy[set] = 0.0;
         for (size_t i = set * pixels; i < (set + 1) * pixels; i++)
-            energy[set] += (double)l->host_proof[i] * l->host_proof[i];
+            energy[set] += (double)l->host_evidence[i] * l->host_evidence[i];
     }
+done:
     return status;
 }
 
@@ -292,64 +292,77 @@ static void band_of(const hada_pursuit_level *l, int *rows, int *cols)
     *cols = grid_size(l->options->shape.grid_cols, l->spec.evidence);
 }
 
-void hada_level_show(hada_pursuit_level *l, cl_mem spectrum, size_t offset)
+void hada_level_set_frame(hada_pursuit_level *l, cl_mem spectrum, size_t offset)
 {
     l->whole = spectrum;
     l->whole_offset = offset;
-    l->taken = 0;
+    l->loaded = 0;
 }
 
 /* Brings the frame in hand to the grid, unless it is there. */
-static hada_status take(hada_pursuit_level *l, hada_error *err)
+static hada_status load_frame(hada_pursuit_level *l, hada_error *err)
 {
     const hada_refine_data data = data_of(l);
     crop how = of_camera(l, 2, 0.0);
+    hada_status status = HADA_OK;
     int rows, cols;
-    if (l->taken)
-        return HADA_OK;
+    if (l->loaded)
+        goto done;
     band_of(l, &rows, &cols);
     how.factor = area_ratio(&l->layout, &l->full);
-    hada_status status = crop_images(l, &how, l->whole, l->whole_offset, l->shape.channels, &l->spectrum, 0, err);
-    if (!status && l->frame_inverse)
-        status = hada_fft_inverse(l->frame_inverse, l->shape.channels, l->spectrum.mem, 0, l->frame.mem, 0, NULL, err);
-    if (!status)
-        status = l->proof_inverse ? measure(l, l->spectrum.mem, 1, &l->energy, err)
-                                  : hada_refiner_score(l->refiner, &data, 1, 0, NULL, rows, cols, &l->energy, err);
-    l->taken = !status;
+    HADA_TRY(crop_images(l, &how, l->whole, l->whole_offset, l->shape.channels, &l->spectrum, 0, err));
+    if (l->frame_inverse)
+        HADA_TRY(hada_fft_inverse(l->frame_inverse, l->shape.channels, l->spectrum.mem, 0, l->frame.mem, 0, NULL, err));
+    HADA_TRY(l->evidence_inverse ? measure(l, l->spectrum.mem, 1, &l->energy, err)
+                                 : hada_refiner_score(l->refiner, &data, 1, 0, NULL, rows, cols, &l->energy, err));
+    l->loaded = 1;
+done:
     return status;
 }
 
-hada_status hada_level_energy(hada_pursuit_level *l, double *energy, hada_error *err)
+hada_status hada_level_frame_energy(hada_pursuit_level *l, double *energy, hada_error *err)
 {
-    hada_status status = take(l, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(load_frame(l, err));
     *energy = l->energy;
+done:
     return status;
 }
 
-hada_status hada_level_left(hada_pursuit_level *l, int steps, int sets, int depths, const int *list, double *left,
-                            hada_error *err)
+/* The residuals of sets that were just refined. */
+static hada_status residuals(hada_pursuit_level *l, const hada_refine_data *data, int sets, int depths, const int *list,
+                             double *residual, hada_error *err)
+{
+    int rows, cols;
+    hada_status status = HADA_OK;
+    band_of(l, &rows, &cols);
+    if (!l->evidence_inverse)
+        return hada_refiner_score(l->refiner, data, sets, depths, list, rows, cols, residual, err);
+    /* where the sensor crops, only what is missing within the frame counts */
+    HADA_TRY(hada_refiner_residual(l->refiner, data, sets, depths, list, residual, err));
+    HADA_TRY(measure(l, hada_refiner_rest(l->refiner), sets, residual, err));
+done:
+    return status;
+}
+
+hada_status hada_level_residuals(hada_pursuit_level *l, int steps, int sets, int depths, const int *list,
+                                 double *residual, hada_error *err)
 {
     const hada_refine_data data = data_of(l);
     hada_refine_rule rule;
-    int rows, cols;
-    hada_status status = take(l, err);
-    band_of(l, &rows, &cols);
+    hada_status status = HADA_OK;
+    HADA_TRY(load_frame(l, err));
     hada_refine_rule_init(&rule);
     rule.rho = l->options->rho;
     rule.first_rho = FIRST_RHO * rule.rho;
     rule.growth = GROWTH;
     rule.steps = steps;
-    for (int first = 0; !status && first < sets; first += l->spec.max_sets) {
+    for (int first = 0; first < sets; first += l->spec.max_sets) {
         const int *part = list + (size_t)first * (size_t)depths;
         const int n = sets - first < l->spec.max_sets ? sets - first : l->spec.max_sets;
-        status = hada_refiner_run(l->refiner, &data, &rule, n, depths, part, NULL, err);
-        if (!status && !l->proof_inverse)
-            status = hada_refiner_score(l->refiner, &data, n, depths, part, rows, cols, left + first, err);
-        /* where the sensor crops, only what is missing within the frame counts */
-        if (!status && l->proof_inverse)
-            status = hada_refiner_residual(l->refiner, &data, n, depths, part, left + first, err);
-        if (!status && l->proof_inverse)
-            status = measure(l, hada_refiner_rest(l->refiner), n, left + first, err);
+        HADA_TRY(hada_refiner_run(l->refiner, &data, &rule, n, depths, part, NULL, err));
+        HADA_TRY(residuals(l, &data, n, depths, part, residual + first, err));
     }
+done:
     return status;
 }

@@ -1,4 +1,4 @@
-/* The grids on which depth pursuit looks at a frame, and how much of the frame a set of depths leaves. Internal to
+/* The grids of depth pursuit, and the residual that a set of depths leaves of a frame on each of them. Internal to
  * lib/refine. */
 #ifndef HADA_REFINE_PURSUIT_LEVEL_H
 #define HADA_REFINE_PURSUIT_LEVEL_H
@@ -19,26 +19,26 @@ typedef struct hada_pursuit_level {
     hada_slot *slot;
     const hada_pursuit_options *options; /* the pursuit's */
     hada_level_spec spec;
-    hada_spectrum_layout full, layout, proof_layout;
+    hada_spectrum_layout full, layout, evidence_layout;
     hada_refine_shape shape;
     hada_refiner *refiner;
     hada_buffer otf, prior, doubt, spectrum;
     /* padded: the frame's pixels; what is left of them at the frequencies of the evidence, [set][pixels] */
-    hada_buffer frame, proof, proof_frame;
-    hada_fft *frame_inverse, *proof_inverse;
-    float *host_proof;
-    size_t proof_area;
+    hada_buffer frame, evidence, evidence_frame;
+    hada_fft *frame_inverse, *evidence_inverse;
+    float *host_evidence;
+    size_t evidence_area;
     int has_prior, has_doubt;
     cl_kernel crop;
     /* the frame in hand: its spectrum, whether it was brought to this grid, its energy there */
     cl_mem whole;
     size_t whole_offset;
-    int taken;
+    int loaded;
     double energy;
 } hada_pursuit_level;
 
 size_t hada_level_bytes(const hada_context *context, const hada_pursuit_options *options, const hada_level_spec *spec);
-/* Notes what a level will take from its slot's room. Nothing of it is needed from one look to the next. */
+/* Notes what a level will take from its slot's room. Nothing of it is needed from one evaluation to the next. */
 hada_status hada_level_note(const hada_context *context, const hada_pursuit_options *options,
                             const hada_level_spec *spec, hada_room *room, int step, hada_error *err);
 hada_status hada_level_create(hada_pursuit_level *level, hada_slot *slot, const hada_pursuit_options *options,
@@ -52,16 +52,16 @@ hada_status hada_level_set_prior(hada_pursuit_level *level, cl_mem prior, hada_e
 hada_status hada_level_set_power(hada_pursuit_level *level, int first, int count, cl_mem power, size_t offset,
                                  hada_error *err);
 
-/* The frame to look at from now on, by its spectrum, which must stay as it is meanwhile. It is brought to the grid when
+/* The frame in hand from now on, by its spectrum, which must stay as it is meanwhile. It is brought to the grid when
  * something is asked about it. */
-void hada_level_show(hada_pursuit_level *level, cl_mem spectrum, size_t offset);
+void hada_level_set_frame(hada_pursuit_level *level, cl_mem spectrum, size_t offset);
 
-/* The frame's own energy, as hada_level_left() measures it. */
-hada_status hada_level_energy(hada_pursuit_level *level, double *energy, hada_error *err);
+/* The frame's own energy, as hada_level_residuals() measures it. */
+hada_status hada_level_frame_energy(hada_pursuit_level *level, double *energy, hada_error *err);
 
-/* left[k]: the energy that set k of list[sets][depths], refined from nothing by `steps` steps, leaves unexplained of
- * the mean over channels, at the frequencies of the evidence. */
-hada_status hada_level_left(hada_pursuit_level *level, int steps, int sets, int depths, const int *list, double *left,
-                            hada_error *err);
+/* residual[k]: the energy that set k of list[sets][depths], refined from nothing by `steps` steps, leaves unexplained
+ * of the mean over channels, at the frequencies of the evidence. */
+hada_status hada_level_residuals(hada_pursuit_level *level, int steps, int sets, int depths, const int *list,
+                                 double *residual, hada_error *err);
 
 #endif

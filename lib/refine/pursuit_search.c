@@ -1,4 +1,4 @@
-#include "refine/pursuit_sets.h"
+#include "refine/pursuit_search.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -6,14 +6,14 @@
 
 #include "core/alloc.h"
 
-enum { LOOKS = 3 /* candidates, first in order, that are judged for an addition */ };
+enum { SHORTLIST = 3 /* candidates, first in order, that are evaluated for an addition: docs/refinement.md */ };
 
 /* What a model leaves of a frame that it knows, as a part of the frame's amplitude: eight steps do not come closer, and
  * transfer functions from pairs are no better. Below it nothing counts. */
-#define FLOOR 0.008
+#define MODEL_ERROR 0.008
 
-/* Around the threshold, as parts of it, a fall is close, and the finer grid decides; so it does between two sets of
- * which one leaves less than this times as much as the other. Grids differed by less (docs/refinement.md). */
+/* Around the threshold, as parts of it, a reduction is close, and the finer grid decides; so it does between two sets
+ * of which one leaves less than this times as much as the other. Grids differed by less (docs/refinement.md). */
 #define CLOSE_BELOW 0.6
 #define CLOSE_ABOVE 1.4
 #define CLOSE_RATIO 1.15
@@ -29,31 +29,55 @@ enum { LOOKS = 3 /* candidates, first in order, that are judged for an addition 
 #define MOVE_TO      0.5
 
 /* A scene of many depths: what k of them leave, unmoved, is above MANY_LEAVE / k of the frame's amplitude, and all
- * depths together leave less than the part ALL_LEAVE of the energy that the largest set leaves. */
+ * depths together leave less than the part ALL_LEAVE of the energy that the largest set leaves: between what scenes of
+ * three and of all depths left (docs/refinement.md). */
 #define MANY_LEAVE 0.12
 #define ALL_LEAVE  0.55
 
 typedef struct search {
     hada_pursuit *pursuit;
     hada_pursuit_result *result;
-    hada_looks looks;
-    hada_set variations[HADA_PURSUIT_DEPTHS]; /* of a set, all of one size */
-    double left[HADA_PURSUIT_DEPTHS];         /* by the variations */
-    int varied;
+    hada_residuals residuals;
+    /* the sets of one size that are to be compared, and what they leave */
+    hada_set candidates[HADA_PURSUIT_DEPTHS];
+    double energy[HADA_PURSUIT_DEPTHS];
+    int count;
 } search;
 
-/* The part of what `smaller` leaves that `larger` explains, in one look. */
-static hada_status fall_in(search *s, hada_pursuit_look look, const hada_set *smaller, const hada_set *larger,
-                           double *fall, hada_error *err)
+static hada_status residual_of(search *s, hada_fidelity fidelity, const hada_set *set, double *energy, hada_error *err)
 {
-    double energy, before, after;
-    hada_status status = hada_looks_energy(&s->looks, look, &energy, err);
-    if (!status)
-        status = hada_looks_left(&s->looks, look, smaller, 1, &before, err);
-    if (!status)
-        status = hada_looks_left(&s->looks, look, larger, 1, &after, err);
-    if (!status)
-        *fall = before > 0.0 ? (before - after) / (before + FLOOR * FLOOR * energy) : 0.0;
+    return hada_residuals_of(&s->residuals, fidelity, set, 1, energy, err);
+}
+
+/* What the candidates leave, into s->energy. */
+static hada_status evaluate(search *s, hada_fidelity fidelity, hada_error *err)
+{
+    return hada_residuals_of(&s->residuals, fidelity, s->candidates, s->count, s->energy, err);
+}
+
+/* The candidate that leaves least and was not yet taken; *energy: what it leaves, INFINITY where all are taken. */
+static int take_best(search *s, double *energy)
+{
+    int best = 0;
+    for (int i = 1; i < s->count; i++)
+        if (s->energy[i] < s->energy[best])
+            best = i;
+    *energy = s->energy[best];
+    s->energy[best] = INFINITY;
+    return best;
+}
+
+/* The part of what `smaller` leaves that `larger` explains. */
+static hada_status reduction_at(search *s, hada_fidelity fidelity, const hada_set *smaller, const hada_set *larger,
+                                double *reduction, hada_error *err)
+{
+    double frame, before, after;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_residuals_frame(&s->residuals, fidelity, &frame, err));
+    HADA_TRY(residual_of(s, fidelity, smaller, &before, err));
+    HADA_TRY(residual_of(s, fidelity, larger, &after, err));
+    *reduction = before > 0.0 ? (before - after) / (before + MODEL_ERROR * MODEL_ERROR * frame) : 0.0;
+done:
     return status;
 }
 
@@ -63,262 +87,270 @@ static double threshold_of(const search *s, const hada_set *smaller)
     return smaller->count ? threshold : fmin(threshold, FIRST_THRESHOLD);
 }
 
-/* The same, in as many looks as it takes. A larger set settles later, so few steps make its fall too small, never too
- * large: a fall that is clearly enough is, one that is not is given time. */
-static hada_status fall_of(search *s, const hada_set *smaller, const hada_set *larger, double *fall, hada_error *err)
+/* The same, as closely as it takes. A larger set converges later, so few steps make its reduction too small, never too
+ * large: one that is clearly enough is, one that is not is given more steps. */
+static hada_status reduction_of(search *s, const hada_set *smaller, const hada_set *larger, double *reduction,
+                                hada_error *err)
 {
     const double high = CLOSE_ABOVE * threshold_of(s, smaller), low = CLOSE_BELOW * threshold_of(s, smaller);
-    hada_status status = fall_in(s, HADA_LOOK_JUDGE, smaller, larger, fall, err);
-    if (status || *fall > high)
-        return status;
-    status = fall_in(s, HADA_LOOK_PATIENT, smaller, larger, fall, err);
-    if (status || *fall > high || *fall < low)
-        return status;
-    s->result->closer++;
-    return fall_in(s, HADA_LOOK_CLOSER, smaller, larger, fall, err);
-}
-
-/* Whether `moved` leaves less than `current`; `closely`: in as many looks as it takes. */
-static hada_status is_better(search *s, const hada_set *current, const hada_set *moved, int closely, int *better,
-                             hada_error *err)
-{
     hada_status status = HADA_OK;
-    for (int look = HADA_LOOK_JUDGE; !status && look <= (closely ? HADA_LOOK_CLOSER : HADA_LOOK_JUDGE); look++) {
-        double now, then;
-        s->result->closer += look == HADA_LOOK_CLOSER;
-        status = hada_looks_left(&s->looks, (hada_pursuit_look)look, current, 1, &now, err);
-        if (!status)
-            status = hada_looks_left(&s->looks, (hada_pursuit_look)look, moved, 1, &then, err);
-        *better = !status && then < now;
-        if (then > CLOSE_RATIO * now || now > CLOSE_RATIO * then)
-            break;
-    }
+    HADA_TRY(reduction_at(s, HADA_FIDELITY_COARSE, smaller, larger, reduction, err));
+    if (*reduction > high)
+        goto done;
+    HADA_TRY(reduction_at(s, HADA_FIDELITY_CONVERGED, smaller, larger, reduction, err));
+    if (*reduction > high || *reduction < low)
+        goto done;
+    s->result->fine_comparisons++;
+    HADA_TRY(reduction_at(s, HADA_FIDELITY_FINE, smaller, larger, reduction, err));
+done:
     return status;
 }
 
-/* The variation that leaves least and was not yet taken (which has left = INFINITY then). */
-static int take_best(search *s, double *left)
+/* Whether `moved` leaves less than `current`, evaluated no closer than `finest`. */
+static hada_status is_better(search *s, const hada_set *current, const hada_set *moved, hada_fidelity finest,
+                             int *better, hada_error *err)
 {
-    int best = 0;
-    for (int i = 1; i < s->varied; i++)
-        if (s->left[i] < s->left[best])
-            best = i;
-    *left = s->left[best];
-    s->left[best] = INFINITY;
-    return best;
+    hada_status status = HADA_OK;
+    *better = 0;
+    for (int fidelity = HADA_FIDELITY_COARSE; fidelity <= (int)finest; fidelity++) {
+        double now, then;
+        s->result->fine_comparisons += fidelity == HADA_FIDELITY_FINE;
+        HADA_TRY(residual_of(s, (hada_fidelity)fidelity, current, &now, err));
+        HADA_TRY(residual_of(s, (hada_fidelity)fidelity, moved, &then, err));
+        *better = then < now;
+        if (then > CLOSE_RATIO * now || now > CLOSE_RATIO * then)
+            break;
+    }
+done:
+    return status;
 }
 
-/* Moves depths of *current to free neighbours while that leaves less; `closely`: in as many looks as it takes. */
-static hada_status settle(search *s, hada_set *current, int closely, hada_error *err)
+/* All sets with one depth moved to a free neighbour. */
+static void list_moves(search *s, const hada_set *current)
 {
-    const hada_pursuit *p = s->pursuit;
-    hada_status status = HADA_OK;
-    for (int sweep = 0; sweep < 2 * p->options.depths; sweep++) {
-        double now;
-        s->varied = 0;
-        for (int place = 0; place < current->count; place++)
-            for (int side = -1; side <= 1; side += 2) {
-                const int depth = current->depth[place] + side;
-                const hada_set rest = hada_set_without(current, place);
-                if (depth >= 0 && depth < p->options.depths && !hada_set_has(current, depth))
-                    s->variations[s->varied++] = hada_set_with(&rest, depth);
-            }
-        if (!s->varied)
-            return HADA_OK;
-        status = hada_looks_left(&s->looks, HADA_LOOK_JUDGE, current, 1, &now, err);
-        if (!status)
-            status = hada_looks_left(&s->looks, HADA_LOOK_JUDGE, s->variations, s->varied, s->left, err);
-        int better = 0;
-        for (int tried = 0; !status && !better && tried < s->varied; tried++) {
-            double left;
-            const int best = take_best(s, &left);
-            if (left > CLOSE_RATIO * now)
-                break;
-            status = is_better(s, current, &s->variations[best], closely, &better, err);
-            if (better)
-                *current = s->variations[best];
+    s->count = 0;
+    for (int place = 0; place < current->count; place++)
+        for (int side = -1; side <= 1; side += 2) {
+            const int depth = current->depth[place] + side;
+            const hada_set rest = hada_set_without(current, place);
+            if (depth >= 0 && depth < s->pursuit->options.depths && !hada_set_has(current, depth))
+                s->candidates[s->count++] = hada_set_with(&rest, depth);
         }
-        if (status || !better)
-            return status;
+}
+
+/* The best of the moves that leaves less than *current, which takes it. */
+static hada_status move_once(search *s, hada_set *current, hada_fidelity finest, int *moved, hada_error *err)
+{
+    double now, energy;
+    hada_status status = HADA_OK;
+    *moved = 0;
+    list_moves(s, current);
+    if (!s->count)
+        goto done;
+    HADA_TRY(residual_of(s, HADA_FIDELITY_COARSE, current, &now, err));
+    HADA_TRY(evaluate(s, HADA_FIDELITY_COARSE, err));
+    for (int tried = 0; !*moved && tried < s->count; tried++) {
+        const int best = take_best(s, &energy);
+        if (energy > CLOSE_RATIO * now)
+            break;
+        HADA_TRY(is_better(s, current, &s->candidates[best], finest, moved, err));
+        if (*moved)
+            *current = s->candidates[best];
     }
+done:
+    return status;
+}
+
+/* Local search: moves depths of *current to free neighbours while that leaves less. */
+static hada_status move(search *s, hada_set *current, hada_fidelity finest, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    int moved = 1;
+    for (int sweep = 0; moved && sweep < 2 * s->pursuit->options.depths; sweep++)
+        HADA_TRY(move_once(s, current, finest, &moved, err));
+done:
     return status;
 }
 
 /* Drops depths of *current that the others explain as well. */
-static hada_status drop(search *s, hada_set *current, hada_error *err)
+static hada_status prune(search *s, hada_set *current, hada_error *err)
 {
     hada_status status = HADA_OK;
-    while (!status && current->count > 1) {
-        double least, fall;
-        s->varied = current->count;
+    while (current->count > 1) {
+        double least, reduction;
+        s->count = current->count;
         for (int place = 0; place < current->count; place++)
-            s->variations[place] = hada_set_without(current, place);
-        status = hada_looks_left(&s->looks, HADA_LOOK_JUDGE, s->variations, s->varied, s->left, err);
-        if (status)
-            return status;
-        const hada_set less = s->variations[take_best(s, &least)];
-        status = fall_of(s, &less, current, &fall, err);
-        if (status || fall >= s->pursuit->options.threshold)
-            return status;
+            s->candidates[place] = hada_set_without(current, place);
+        HADA_TRY(evaluate(s, HADA_FIDELITY_COARSE, err));
+        const hada_set less = s->candidates[take_best(s, &least)];
+        HADA_TRY(reduction_of(s, &less, current, &reduction, err));
+        if (reduction >= s->pursuit->options.threshold)
+            break;
         *current = less;
     }
+done:
     return status;
 }
 
-/* Keeps the LOOKS variations that come first in the order of the smallest grid. */
-static hada_status keep_first(search *s, hada_error *err)
-{
-    hada_set first[LOOKS];
-    double left;
-    hada_status status = hada_looks_left(&s->looks, HADA_LOOK_ORDER, s->variations, s->varied, s->left, err);
-    const int count = s->varied < LOOKS ? s->varied : LOOKS;
-    for (int i = 0; !status && i < count; i++)
-        first[i] = s->variations[take_best(s, &left)];
-    if (!status)
-        memcpy(s->variations, first, (size_t)count * sizeof *first);
-    s->varied = count;
-    return status;
-}
-
-/* All sets of one depth more than *current, the most promising alone. */
+/* All sets of one depth more than *current; of them the SHORTLIST first in order. */
 static hada_status list_additions(search *s, const hada_set *current, hada_error *err)
 {
-    s->varied = 0;
+    hada_set first[SHORTLIST];
+    double energy;
+    hada_status status = HADA_OK;
+    s->count = 0;
     for (int depth = 0; depth < s->pursuit->options.depths; depth++)
         if (!hada_set_has(current, depth))
-            s->variations[s->varied++] = hada_set_with(current, depth);
-    return keep_first(s, err);
+            s->candidates[s->count++] = hada_set_with(current, depth);
+    HADA_TRY(evaluate(s, HADA_FIDELITY_RANKING, err));
+    const int count = s->count < SHORTLIST ? s->count : SHORTLIST;
+    for (int i = 0; i < count; i++)
+        first[i] = s->candidates[take_best(s, &energy)];
+    memcpy(s->candidates, first, (size_t)count * sizeof *first);
+    s->count = count;
+done:
+    return status;
 }
 
-/* Of the variations the one that leaves least; *left (may be NULL) takes how much. */
-static hada_status judge(search *s, hada_set *best, double *left, hada_error *err)
+/* Of the candidates the one that leaves least; *energy: how much. */
+static hada_status best_candidate(search *s, hada_set *best, double *energy, hada_error *err)
 {
-    double least;
-    hada_status status = hada_looks_left(&s->looks, HADA_LOOK_JUDGE, s->variations, s->varied, s->left, err);
-    if (!status)
-        *best = s->variations[take_best(s, &least)];
-    if (!status && left)
-        *left = least;
+    hada_status status = HADA_OK;
+    HADA_TRY(evaluate(s, HADA_FIDELITY_COARSE, err));
+    *best = s->candidates[take_best(s, energy)];
+done:
     return status;
 }
 
 /* Whether the frame holds more depths than a set has room for, found out at a pair, before any set is moved: depths
  * are added as they come, and must leave much at every size; all depths together must leave much less than the largest
- * set. *many is then that set. */
-static hada_status look_for_many(search *s, const hada_set *pair, hada_set *many, int *found, hada_error *err)
+ * set. *largest is then that set. */
+static hada_status detect_many(search *s, const hada_set *pair, hada_set *largest, int *many, hada_error *err)
 {
     const hada_pursuit_options *o = &s->pursuit->options;
-    double energy, left, all;
-    *found = 0;
+    double frame, energy, all;
+    hada_status status = HADA_OK;
+    *many = 0;
     if (o->full || o->max_depths == o->depths)
-        return HADA_OK;
-    *many = *pair;
-    hada_status status = hada_looks_energy(&s->looks, HADA_LOOK_JUDGE, &energy, err);
-    if (!status)
-        status = hada_looks_left(&s->looks, HADA_LOOK_JUDGE, pair, 1, &left, err);
-    while (!status) {
-        const double much = MANY_LEAVE / many->count;
-        if (left < much * much * energy)
-            return HADA_OK;
-        if (many->count == o->max_depths)
+        goto done;
+    *largest = *pair;
+    HADA_TRY(hada_residuals_frame(&s->residuals, HADA_FIDELITY_COARSE, &frame, err));
+    HADA_TRY(residual_of(s, HADA_FIDELITY_COARSE, pair, &energy, err));
+    for (;;) {
+        const double much = MANY_LEAVE / largest->count;
+        if (energy < much * much * frame)
+            goto done;
+        if (largest->count == o->max_depths)
             break;
-        status = list_additions(s, many, err);
-        if (!status)
-            status = judge(s, many, &left, err);
+        HADA_TRY(list_additions(s, largest, err));
+        HADA_TRY(best_candidate(s, largest, &energy, err));
     }
-    if (!status)
-        status = hada_looks_all(&s->looks, &all, err);
-    *found = !status && all < ALL_LEAVE * left;
+    HADA_TRY(hada_residuals_of_all(&s->residuals, &all, err));
+    *many = all < ALL_LEAVE * energy;
+done:
     return status;
 }
 
 /* The best addition to *current: *more is the larger set, moved where that may help. *many: there are more depths than
  * a set has room for. */
-static hada_status grow(search *s, const hada_set *current, hada_set *more, int *many, hada_error *err)
+static hada_status best_addition(search *s, const hada_set *current, hada_set *more, int *many, hada_error *err)
 {
     const hada_pursuit_options *o = &s->pursuit->options;
     const int last = current->count + 1 == o->max_depths && o->max_depths < o->depths;
-    hada_set full;
-    double fall;
-    hada_status status = list_additions(s, current, err);
+    hada_set largest;
+    double reduction, energy;
+    hada_status status = HADA_OK;
     *many = 0;
+    HADA_TRY(list_additions(s, current, err));
     /* the last one that there is room for: that it is needed says enough, which one it is does not matter */
-    if (!status && last) {
-        *more = s->variations[0];
-        status = fall_in(s, HADA_LOOK_JUDGE, current, more, &fall, err);
-        if (status || fall > CLOSE_ABOVE * o->threshold)
-            return status;
+    if (last) {
+        *more = s->candidates[0];
+        HADA_TRY(reduction_at(s, HADA_FIDELITY_COARSE, current, more, &reduction, err));
+        if (reduction > CLOSE_ABOVE * o->threshold)
+            goto done;
     }
-    if (!status)
-        status = judge(s, more, NULL, err);
-    if (!status && more->count == 2)
-        status = look_for_many(s, more, &full, many, err);
-    if (!status && *many)
-        *more = full;
-    if (!status && !*many)
-        status = fall_in(s, HADA_LOOK_JUDGE, current, more, &fall, err);
-    if (status || *many || !current->count || fall < MOVE_FROM || fall > (current->count == 1 ? MOVE_PAIR_TO : MOVE_TO))
-        return status;
-    return settle(s, more, 0, err);
+    HADA_TRY(best_candidate(s, more, &energy, err));
+    if (more->count == 2)
+        HADA_TRY(detect_many(s, more, &largest, many, err));
+    if (*many) {
+        *more = largest;
+        goto done;
+    }
+    HADA_TRY(reduction_at(s, HADA_FIDELITY_COARSE, current, more, &reduction, err));
+    if (current->count && reduction >= MOVE_FROM && reduction <= (current->count == 1 ? MOVE_PAIR_TO : MOVE_TO))
+        HADA_TRY(move(s, more, HADA_FIDELITY_COARSE, err));
+done:
+    return status;
 }
 
-static hada_status run(search *s, hada_set *found, hada_error *err)
+/* Adds a depth to *found where one explains enough (*added). Where the frame holds too many to tell apart (result->all)
+ * *found is the largest set. */
+static hada_status add(search *s, hada_set *found, int *added, hada_error *err)
+{
+    hada_pursuit_result *result = s->result;
+    hada_set more;
+    double reduction;
+    hada_status status = HADA_OK;
+    *added = 0;
+    HADA_TRY(best_addition(s, found, &more, &result->all, err));
+    if (!result->all) {
+        HADA_TRY(reduction_of(s, found, &more, &reduction, err));
+        result->reduction[result->rounds++] = reduction;
+        *added = reduction >= threshold_of(s, found);
+    }
+    if (result->all || *added)
+        *found = more;
+done:
+    return status;
+}
+
+static hada_status pursue(search *s, hada_set *found, hada_error *err)
 {
     const hada_pursuit_options *o = &s->pursuit->options;
     hada_pursuit_result *result = s->result;
     hada_status status = HADA_OK;
-    while (!status && result->rounds < 2 * HADA_PURSUIT_MAX) {
+    while (result->rounds < 2 * HADA_PURSUIT_MAX) {
         const int room = found->count < o->max_depths;
-        hada_set more;
-        double fall = 0.0;
-        if (room) {
-            status = grow(s, found, &more, &result->all, err);
-            if (!status && result->all)
-                *found = more;
-            if (status || result->all)
-                break;
-            status = fall_of(s, found, &more, &fall, err);
-            if (status)
-                break;
-            result->fall[result->rounds++] = fall;
-            if (fall >= threshold_of(s, found)) {
-                *found = more;
-                continue;
-            }
-        }
+        int added = 0;
+        if (room)
+            HADA_TRY(add(s, found, &added, err));
+        if (result->all)
+            break;
+        if (added)
+            continue;
         /* nothing to add, or no room: unless a smaller set or a moved one is better, this is it */
         const hada_set before = *found;
         if (found->count)
-            status = drop(s, found, err);
-        if (!status && found->count && room)
-            status = settle(s, found, 1, err);
-        if (!status && hada_set_same(&before, found)) {
+            HADA_TRY(prune(s, found, err));
+        if (found->count && room)
+            HADA_TRY(move(s, found, HADA_FIDELITY_FINE, err));
+        if (hada_set_same(&before, found)) {
             result->all = !room && o->max_depths < o->depths;
             break;
         }
     }
+done:
     return status;
 }
 
 hada_status hada_pursuit_search(hada_pursuit *p, hada_pursuit_result *result, hada_error *err)
 {
-    search *s;
+    search *s = NULL;
     hada_set found = {0};
-    double energy = 0.0, left = 0.0;
-    hada_status status = hada_alloc((void **)&s, 1, sizeof *s, "the depth pursuit", err);
-    if (status)
-        return status;
-    s->pursuit = s->looks.pursuit = p;
+    double frame, energy;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&s, 1, sizeof *s, "the depth pursuit", err));
+    s->pursuit = s->residuals.pursuit = p;
     s->result = result;
-    status = run(s, &found, err);
-    if (!status)
-        status = hada_looks_energy(&s->looks, HADA_LOOK_JUDGE, &energy, err);
-    if (!status)
-        status = hada_looks_left(&s->looks, HADA_LOOK_JUDGE, &found, 1, &left, err);
-    result->residual = energy > 0.0 ? sqrt(left / energy) : 0.0;
+    HADA_TRY(pursue(s, &found, err));
+    HADA_TRY(hada_residuals_frame(&s->residuals, HADA_FIDELITY_COARSE, &frame, err));
+    HADA_TRY(residual_of(s, HADA_FIDELITY_COARSE, &found, &energy, err));
+    result->residual = frame > 0.0 ? sqrt(energy / frame) : 0.0;
     result->count = found.count;
     memcpy(result->list, found.depth, sizeof found.depth);
-    hada_looks_free(&s->looks);
+done:
+    if (s)
+        hada_residuals_free(&s->residuals);
     free(s);
     return status;
 }

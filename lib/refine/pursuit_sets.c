@@ -5,11 +5,11 @@
 
 #include "core/alloc.h"
 
-/* A set that was refined, and what it left. */
-struct hada_known_set {
-    hada_pursuit_look look;
+/* A set that was refined, and the energy that it left. */
+struct hada_known_residual {
+    hada_fidelity fidelity;
     hada_set set;
-    double left;
+    double energy;
 };
 
 int hada_set_same(const hada_set *a, const hada_set *b)
@@ -45,93 +45,93 @@ hada_set hada_set_without(const hada_set *set, int place)
     return less;
 }
 
-void hada_looks_free(hada_looks *looks)
+void hada_residuals_free(hada_residuals *residuals)
 {
-    free(looks->known);
-    looks->known = NULL;
-    looks->count = looks->room = 0;
+    free(residuals->known);
+    residuals->known = NULL;
+    residuals->count = residuals->room = 0;
 }
 
-static hada_pursuit_level *level_of(const hada_looks *looks, hada_pursuit_look look)
+static hada_pursuit_level *level_of(const hada_residuals *residuals, hada_fidelity fidelity)
 {
-    return &looks->pursuit->levels[looks->pursuit->looks[look].level];
+    return &residuals->pursuit->levels[residuals->pursuit->fidelity[fidelity].level];
 }
 
-/* The looks differ in steps or in grid: where two are the same, the first one's results serve. */
-static hada_pursuit_look plain(const hada_looks *looks, hada_pursuit_look look)
+/* Fidelities differ in steps or in grid: where two are the same, the first one's results serve. */
+static hada_fidelity first_alike(const hada_residuals *residuals, hada_fidelity fidelity)
 {
-    const hada_pursuit *p = looks->pursuit;
-    for (int i = 0; i < (int)look; i++)
-        if (p->looks[i].level == p->looks[look].level && p->looks[i].steps == p->looks[look].steps)
-            return (hada_pursuit_look)i;
-    return look;
+    const hada_pursuit *p = residuals->pursuit;
+    for (int i = 0; i < (int)fidelity; i++)
+        if (p->fidelity[i].level == p->fidelity[fidelity].level && p->fidelity[i].steps == p->fidelity[fidelity].steps)
+            return (hada_fidelity)i;
+    return fidelity;
 }
 
-static const hada_known_set *find(const hada_looks *looks, hada_pursuit_look look, const hada_set *wanted)
+static const hada_known_residual *find(const hada_residuals *residuals, hada_fidelity fidelity, const hada_set *set)
 {
-    for (size_t i = 0; i < looks->count; i++)
-        if (looks->known[i].look == look && hada_set_same(&looks->known[i].set, wanted))
-            return &looks->known[i];
+    for (size_t i = 0; i < residuals->count; i++)
+        if (residuals->known[i].fidelity == fidelity && hada_set_same(&residuals->known[i].set, set))
+            return &residuals->known[i];
     return NULL;
 }
 
-static hada_status make_room(hada_looks *looks, size_t more, hada_error *err)
+static hada_status make_room(hada_residuals *residuals, size_t more, hada_error *err)
 {
-    if (looks->count + more <= looks->room)
+    if (residuals->count + more <= residuals->room)
         return HADA_OK;
-    const size_t room = 2 * looks->room + more;
-    hada_known_set *larger;
+    const size_t room = 2 * residuals->room + more;
+    hada_known_residual *larger;
     hada_status status = hada_alloc((void **)&larger, room, sizeof *larger, "the depth pursuit", err);
     if (status)
         return status;
-    if (looks->count)
-        memcpy(larger, looks->known, looks->count * sizeof *larger);
-    free(looks->known);
-    looks->known = larger;
-    looks->room = room;
+    if (residuals->count)
+        memcpy(larger, residuals->known, residuals->count * sizeof *larger);
+    free(residuals->known);
+    residuals->known = larger;
+    residuals->room = room;
     return HADA_OK;
 }
 
-hada_status hada_looks_energy(const hada_looks *looks, hada_pursuit_look look, double *energy, hada_error *err)
+hada_status hada_residuals_frame(const hada_residuals *residuals, hada_fidelity fidelity, double *energy,
+                                 hada_error *err)
 {
-    return hada_level_energy(level_of(looks, look), energy, err);
+    return hada_level_frame_energy(level_of(residuals, fidelity), energy, err);
 }
 
-hada_status hada_looks_left(hada_looks *looks, hada_pursuit_look asked, const hada_set *sets, int count, double *left,
-                            hada_error *err)
+hada_status hada_residuals_of(hada_residuals *residuals, hada_fidelity asked, const hada_set *sets, int count,
+                              double *energy, hada_error *err)
 {
-    const hada_pursuit_look look = plain(looks, asked);
+    const hada_fidelity fidelity = first_alike(residuals, asked);
     int list[HADA_PURSUIT_DEPTHS * HADA_PURSUIT_MAX], missing = 0;
     double fresh[HADA_PURSUIT_DEPTHS];
+    const hada_set *unknown[HADA_PURSUIT_DEPTHS];
     const int places = sets[0].count;
-    const size_t first = looks->count;
+    hada_status status = HADA_OK;
     if (!places)
-        return hada_looks_energy(looks, look, left, err);
-    hada_status status = make_room(looks, (size_t)count, err);
-    if (status)
-        return status;
+        return hada_residuals_frame(residuals, fidelity, energy, err);
+    HADA_TRY(make_room(residuals, (size_t)count, err));
     for (int i = 0; i < count; i++)
-        if (!find(looks, look, &sets[i])) {
+        if (!find(residuals, fidelity, &sets[i])) {
             memcpy(list + missing * places, sets[i].depth, (size_t)places * sizeof *list);
-            missing++;
-            looks->known[looks->count++] = (hada_known_set){look, sets[i], 0.0};
+            unknown[missing++] = &sets[i];
         }
     if (missing)
-        status = hada_level_left(level_of(looks, look), looks->pursuit->looks[look].steps, missing, places, list, fresh,
-                                 err);
-    for (int i = 0; !status && i < missing; i++)
-        looks->known[first + (size_t)i].left = fresh[i];
-    for (int i = 0; !status && i < count; i++)
-        left[i] = find(looks, look, &sets[i])->left;
+        HADA_TRY(hada_level_residuals(level_of(residuals, fidelity), residuals->pursuit->fidelity[fidelity].steps,
+                                      missing, places, list, fresh, err));
+    for (int i = 0; i < missing; i++)
+        residuals->known[residuals->count++] = (hada_known_residual){fidelity, *unknown[i], fresh[i]};
+    for (int i = 0; i < count; i++)
+        energy[i] = find(residuals, fidelity, &sets[i])->energy;
+done:
     return status;
 }
 
-hada_status hada_looks_all(const hada_looks *looks, double *left, hada_error *err)
+hada_status hada_residuals_of_all(const hada_residuals *residuals, double *energy, hada_error *err)
 {
-    const hada_pursuit *p = looks->pursuit;
+    const hada_pursuit *p = residuals->pursuit;
     int list[HADA_PURSUIT_DEPTHS];
     for (int depth = 0; depth < p->options.depths; depth++)
         list[depth] = depth;
-    return hada_level_left(level_of(looks, HADA_LOOK_JUDGE), p->looks[HADA_LOOK_JUDGE].steps, 1, p->options.depths,
-                           list, left, err);
+    return hada_level_residuals(level_of(residuals, HADA_FIDELITY_COARSE), p->fidelity[HADA_FIDELITY_COARSE].steps, 1,
+                                p->options.depths, list, energy, err);
 }

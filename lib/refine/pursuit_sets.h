@@ -1,9 +1,29 @@
-/* Sets of depths, and what each of them leaves of the frame in hand: what was refined once is kept. Internal to
- * lib/refine. */
+/* Sets of depths, and the residual that each of them leaves of the frame in hand; what was refined once is kept.
+ * Internal to lib/refine. */
 #ifndef HADA_REFINE_PURSUIT_SETS_H
 #define HADA_REFINE_PURSUIT_SETS_H
 
-#include "refine/pursuit_search.h"
+#include "refine/pursuit_level.h"
+
+/* How closely a residual is evaluated: by which grid and by how many steps of refinement, from the quickest to the
+ * dearest. */
+typedef enum hada_fidelity {
+    HADA_FIDELITY_RANKING = 0,   /* puts candidates in order */
+    HADA_FIDELITY_COARSE = 1,    /* decides what is clear */
+    HADA_FIDELITY_CONVERGED = 2, /* the same grid with more steps: larger sets converge later */
+    HADA_FIDELITY_FINE = 3,      /* a finer grid */
+    HADA_FIDELITIES = 4
+} hada_fidelity;
+
+struct hada_pursuit {
+    hada_slot *slot;
+    hada_pursuit_options options; /* zeros replaced */
+    hada_pursuit_level levels[HADA_PURSUIT_LEVELS];
+    int count; /* of levels */
+    struct {
+        int level, steps;
+    } fidelity[HADA_FIDELITIES];
+};
 
 /* Depths in rising order. */
 typedef struct hada_set {
@@ -15,25 +35,26 @@ int hada_set_has(const hada_set *set, int depth);
 hada_set hada_set_with(const hada_set *set, int depth);
 hada_set hada_set_without(const hada_set *set, int place);
 
-typedef struct hada_known_set hada_known_set;
+typedef struct hada_known_residual hada_known_residual;
 
 /* What is known of the frame in hand; all zero but for the pursuit at first. */
-typedef struct hada_looks {
+typedef struct hada_residuals {
     hada_pursuit *pursuit;
-    hada_known_set *known;
+    hada_known_residual *known;
     size_t count, room;
-} hada_looks;
+} hada_residuals;
 
-void hada_looks_free(hada_looks *looks);
+void hada_residuals_free(hada_residuals *residuals);
 
-/* The energy of the frame itself to a look. */
-hada_status hada_looks_energy(const hada_looks *looks, hada_pursuit_look look, double *energy, hada_error *err);
+/* The energy of the frame itself. */
+hada_status hada_residuals_frame(const hada_residuals *residuals, hada_fidelity fidelity, double *energy,
+                                 hada_error *err);
 
-/* What each of `count` sets of one size leaves to a look; those not yet known are refined side by side. */
-hada_status hada_looks_left(hada_looks *looks, hada_pursuit_look look, const hada_set *sets, int count, double *left,
-                            hada_error *err);
+/* The energies that each of `count` sets of one size leaves; those not yet known are refined side by side. */
+hada_status hada_residuals_of(hada_residuals *residuals, hada_fidelity fidelity, const hada_set *sets, int count,
+                              double *energy, hada_error *err);
 
-/* What all depths of the camera together leave to the look that judges. Not for the full look. */
-hada_status hada_looks_all(const hada_looks *looks, double *left, hada_error *err);
+/* What all depths of the camera together leave on the coarse grid. Not for the reference search (options.full). */
+hada_status hada_residuals_of_all(const hada_residuals *residuals, double *energy, hada_error *err);
 
 #endif

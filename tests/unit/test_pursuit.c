@@ -66,7 +66,7 @@ static void assert_found(const hada_pursuit_result *result, int count, const int
     for (int i = 0; i < count; i++)
         snprintf(wanted + strlen(wanted), sizeof wanted - strlen(wanted), " %d", list[i]);
     for (int i = 0; i < result->rounds; i++)
-        snprintf(falls + strlen(falls), sizeof falls - strlen(falls), " %.2f", result->fall[i]);
+        snprintf(falls + strlen(falls), sizeof falls - strlen(falls), " %.2f", result->reduction[i]);
     for (int i = 0; same && i < count; i++)
         same = result->list[i] == list[i];
     print_message("%s: found%s%s, wanted%s, falls%s, residual %.3f, %zu transforms, %.0f ms\n", what, found,
@@ -183,8 +183,8 @@ static void does_not_mind_brightness_or_repetition(void **state)
     assert_found(&first, 2, list, "once");
     assert_int_equal(first.rounds, again.rounds);
     for (int i = 0; i < first.rounds; i++) {
-        assert_true(first.fall[i] == again.fall[i]);
-        assert_true(fabs(first.fall[i] - bright.fall[i]) < 1e-6);
+        assert_true(first.reduction[i] == again.reduction[i]);
+        assert_true(fabs(first.reduction[i] - bright.reduction[i]) < 1e-6);
     }
     assert_found(&bright, 2, list, "bright");
     tear_down(&f);

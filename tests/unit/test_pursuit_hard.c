@@ -121,11 +121,11 @@ static void look(fixture *f, const char *what, const char *wanted, hada_pursuit_
     ASSERT_OK(hada_pursuit_run(f->full, f->device.spectrum.mem, 0, &full, err));
     describe(result, found, sizeof found);
     describe(&full, whole, sizeof whole);
-    print_message("%s: found %s (full look: %s), last fall %.2f (%.2f), %d closer, %zu transforms, %.0f ms (%.0f)\n",
-                  what, found, whole, result->fall[result->rounds - 1], full.fall[full.rounds - 1], result->closer,
+    print_message("%s: found %s (reference search: %s), last reduction %.2f (%.2f), %d fine, %zu transforms, %.0f ms (%.0f)\n",
+                  what, found, whole, result->reduction[result->rounds - 1], full.reduction[full.rounds - 1], result->fine_comparisons,
                   result->transforms, 1e3 * result->seconds, 1e3 * full.seconds);
     if (strcmp(found, whole) || (wanted && strcmp(found, wanted)))
-        fail_msg("%s: found %s, full look %s, wanted %s", what, found, whole,
+        fail_msg("%s: found %s, reference search %s, wanted %s", what, found, whole,
                  wanted ? wanted : "anything, but the same");
 }
 
@@ -202,7 +202,7 @@ static void an_object_between_two_depths(void **state)
         assert_in_range(result.list[i], 2, 5);
 }
 
-/* Half of the scene, dimmed: found down to 3 %, lost in the noise at 1 %; between, as the full look says.
+/* Half of the scene, dimmed: found down to 3 %, lost in the noise at 1 %; between, as the reference search says.
  */
 static void a_faint_object(void **state)
 {

@@ -113,7 +113,7 @@ static void depths_that_are_known_to_be_empty_are_not_computed(void **state)
     hada_result_destroy(&a);
 }
 
-/* The look on small grids finds what the full look finds. */
+/* The search on small grids finds what the reference search finds. */
 static void both_looks_find_the_same_depths(void **state)
 {
     const skip_fixture *f = *state;

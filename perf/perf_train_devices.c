@@ -123,7 +123,7 @@ static void run(perf_case c, int rounds, int profile, int only, hada_context *co
 {
     static double seconds[WAYS][2][MOST_ROUNDS], ratios[2][MOST_ROUNDS];
     static const int count = PAIRS;
-    const hada_pairs pairs = {1, &count, read_pair, &c};
+    const hada_pairs pairs = {sizeof pairs, 1, &count, read_pair, &c};
     hada_model *model;
     hada_trainer *trainers[WAYS];
     hada_train_options options;

@@ -46,17 +46,16 @@ static const hada_cli_option options[] = {
 static hada_status choose_devices(const settings *set, hada_bench_device *devices, int *count, hada_error *err)
 {
     const char *wanted = set->common.device;
-    hada_device_info *list = NULL;
-    size_t found = 0;
     *count = 0;
     /* what the environment says counts as if it were given */
     if (!wanted && getenv("HADALENS_DEVICE"))
         wanted = getenv("HADALENS_DEVICE");
     if (!wanted || !strcmp(wanted, "all")) {
-        hada_status status = hada_device_list(&list, &found, err);
-        for (size_t i = 0; i < found && *count < MOST_DEVICES; i++)
-            snprintf(devices[(*count)++].index, sizeof devices->index, "%d", list[i].index);
-        free(list);
+        hada_device_list *list;
+        hada_status status = hada_device_list_create(&list, err);
+        for (size_t i = 0; !status && i < hada_device_list_count(list) && *count < MOST_DEVICES; i++)
+            snprintf(devices[(*count)++].index, sizeof devices->index, "%d", hada_device_list_get(list, i)->index);
+        hada_device_list_destroy(&list);
         return status;
     }
     for (const char *at = wanted; *at && *count < MOST_DEVICES;) {

@@ -21,25 +21,30 @@ static const hada_cli_option options[] = {
     {0},
 };
 
-static void print_table(hada_cli *cli, const hada_device_info *list, size_t count)
+static void print_table(hada_cli *cli, const hada_device_list *list)
 {
+    const size_t count = hada_device_list_count(list);
     size_t name = 4, platform = 8;
     for (size_t i = 0; i < count; i++) {
-        name = strlen(list[i].name) > name ? strlen(list[i].name) : name;
-        platform = strlen(list[i].platform) > platform ? strlen(list[i].platform) : platform;
+        const hada_device_info *info = hada_device_list_get(list, i);
+        name = strlen(info->name) > name ? strlen(info->name) : name;
+        platform = strlen(info->platform) > platform ? strlen(info->platform) : platform;
     }
     hada_cli_say(cli, "%5s  %-11s  %-*s  %-*s  %5s  %8s  %8s  %s", "index", "kind", (int)name, "name", (int)platform,
                  "platform", "units", "memory", "largest", "compiler");
     for (size_t i = 0; i < count; i++) {
+        const hada_device_info *info = hada_device_list_get(list, i);
         char memory[16], largest[16];
-        hada_cli_say(cli, "%5d  %-11s  %-*s  %-*s  %5u  %8s  %8s  %s", list[i].index,
-                     hada_device_kind_name(list[i].kind), (int)name, list[i].name, (int)platform, list[i].platform,
-                     list[i].compute_units, hada_cli_bytes(memory, list[i].memory_bytes),
-                     hada_cli_bytes(largest, list[i].max_allocation_bytes), list[i].has_compiler ? "yes" : "no");
+        hada_cli_say(cli, "%5d  %-11s  %-*s  %-*s  %5u  %8s  %8s  %s", info->index, hada_device_kind_name(info->kind),
+                     (int)name, info->name, (int)platform, info->platform, info->compute_units,
+                     hada_cli_bytes(memory, info->memory_bytes), hada_cli_bytes(largest, info->max_allocation_bytes),
+                     info->has_compiler ? "yes" : "no");
     }
-    for (size_t i = 0; i < count; i++)
-        if (list[i].quirks[0])
-            hada_cli_say(cli, "\nOn device %d: %s", list[i].index, list[i].quirks);
+    for (size_t i = 0; i < count; i++) {
+        const hada_device_info *info = hada_device_list_get(list, i);
+        if (info->quirks[0])
+            hada_cli_say(cli, "\nOn device %d: %s", info->index, info->quirks);
+    }
     hada_cli_say(cli, "\n'largest' is the largest single piece of memory. --device takes an index, a kind or a part of "
                       "a name.");
 }
@@ -69,19 +74,18 @@ static int open_device(hada_cli *cli, const settings *set)
 static int run(hada_cli *cli, void *user, int count, const char **arguments)
 {
     const settings *set = user;
-    hada_device_info *list = NULL;
+    hada_device_list *list;
     hada_error err = {0};
-    size_t devices = 0;
     if (count)
         return hada_cli_usage(cli, "'%s' is one word too many; this command takes options only", arguments[0]);
-    if (hada_device_list(&list, &devices, &err))
+    if (hada_device_list_create(&list, &err))
         return hada_cli_fail(cli, &err);
     json_t *all = json_array();
-    for (size_t i = 0; i < devices; i++)
-        json_array_append_new(all, hada_cli_device_json(&list[i]));
+    for (size_t i = 0; i < hada_device_list_count(list); i++)
+        json_array_append_new(all, hada_cli_device_json(hada_device_list_get(list, i)));
     json_object_set_new(cli->document, "devices", all);
-    print_table(cli, list, devices);
-    free(list);
+    print_table(cli, list);
+    hada_device_list_destroy(&list);
     return set->check || set->save_binaries ? open_device(cli, set) : HADA_EXIT_OK;
 }
 

@@ -129,6 +129,7 @@ static hada_status find_depth(depth *all, int z, const hada_cli_depth *from, con
     hada_image psf = {0};
     double pitch;
     one->likeness = NAN;
+    hada_registration_init(&one->found);
     hada_status status = pictures_load(&of, from, err);
     if (!status) {
         one->pairs = of.count;

@@ -287,7 +287,7 @@ static hada_status compare_maps(hada_cli_score *score, files *open, const hada_c
     hada_status status = HADA_OK;
     for (int t = 0; !status && t < open->count; t++) {
         page one;
-        hada_depth_score depth;
+        hada_depth_score depth = {.size = sizeof depth};
         status = page_read(&one, open, t, &yardstick->region, err);
         if (!status)
             status = hada_metric_depth(&one.result, &one.truth, score->steps_known ? distances : NULL,

@@ -93,8 +93,8 @@ hada_status hada_cli_train_data_make(hada_cli *cli, const hada_cli_train_setting
         hada_cli_train_data_free(data);
         return status;
     }
-    data->pairs = (hada_pairs){data->all.depths, data->learn_counts, read_pair, data};
-    data->held_out = (hada_pairs){data->all.depths, data->held_counts, read_held, data};
+    data->pairs = (hada_pairs){sizeof(hada_pairs), data->all.depths, data->learn_counts, read_pair, data};
+    data->held_out = (hada_pairs){sizeof(hada_pairs), data->all.depths, data->held_counts, read_held, data};
     if (!data->held)
         hada_cli_warn(cli, "no pair is held out: nothing tells how good training is, and the last parameters are kept");
     return HADA_OK;

@@ -73,7 +73,7 @@ static void print_row(loop *own, uint64_t step, const hada_validation *result, i
 static hada_status validate(loop *own, uint64_t step, hada_error *err)
 {
     const hada_cli_train_run *run = own->run;
-    hada_validation result;
+    hada_validation result = {.size = sizeof result};
     if (!run->data->held)
         return HADA_OK;
     hada_status status = hada_trainer_validate(run->trainer, run->set->validate_most, &result, err);
@@ -161,7 +161,7 @@ static void tell_time(loop *own, const hada_step_report *report)
 static hada_status one_step(loop *own, hada_error *err)
 {
     const hada_cli_train_run *run = own->run;
-    hada_step_report report;
+    hada_step_report report = {.size = sizeof report};
     char note[64];
     hada_status status = hada_trainer_step(run->trainer, &report, err);
     if (!status)

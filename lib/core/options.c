@@ -8,6 +8,22 @@
  * set up. */
 #define MOST_NEWER 4096
 
+static int is_size(size_t size, size_t own_size)
+{
+    return size >= LEAST_SIZE && size % sizeof size == 0 && size <= own_size + MOST_NEWER;
+}
+
+hada_status hada_sized_check(const void *callers, size_t own_size, const char *type, hada_error *err)
+{
+    size_t size;
+    if (!callers)
+        return HADA_OK;
+    memcpy(&size, callers, sizeof size);
+    return is_size(size, own_size)
+               ? HADA_OK
+               : hada_fail(err, HADA_ERROR_ARGUMENT, "a %s was not set up: set its size to sizeof(%s)", type, type);
+}
+
 void hada_sized_give(void *callers, size_t size, const void *own, size_t own_size)
 {
     const size_t known = size < own_size ? size : own_size;
@@ -24,7 +40,7 @@ hada_status hada_sized_take(void *own, size_t own_size, const void *callers, con
     if (!callers)
         return HADA_OK;
     memcpy(&size, callers, sizeof size);
-    if (size < LEAST_SIZE || size % sizeof size || size > own_size + MOST_NEWER)
+    if (!is_size(size, own_size))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a %s was not set up: start from %s_init()", type, type);
     const unsigned char *bytes = callers;
     for (size_t i = own_size; i < size; i++)

@@ -19,6 +19,11 @@ void hada_sized_give(void *callers, size_t size, const void *own, size_t own_siz
  * does not know. */
 hada_status hada_sized_take(void *own, size_t own_size, const void *callers, const char *type, hada_error *err);
 
+/* Whether a report that is to be filled has a size. HADA_ERROR_ARGUMENT where not; NULL is none to fill, and right. */
+hada_status hada_sized_check(const void *callers, size_t own_size, const char *type, hada_error *err);
+
+#define HADA_REPORT_CHECK(callers, type, err)      hada_sized_check(callers, sizeof(type), #type, err)
+#define HADA_REPORT_GIVE(callers, own)             hada_sized_give(callers, (callers)->size, own, sizeof *(own))
 #define HADA_OPTIONS_GIVE(callers, size, own)      hada_sized_give(callers, size, own, sizeof *(own))
 #define HADA_OPTIONS_TAKE(own, callers, type, err) hada_sized_take(own, sizeof *(own), callers, #type, err)
 

@@ -57,7 +57,7 @@ hada_status hada_focus_stack(hada_context *context, const hada_image *planes, co
 {
     *all_in_focus = *distance_map = (hada_image){0};
     hada_status status = check_planes(planes, depths, err);
-    if (status)
+    if (status || (status = HADA_REPORT_CHECK(report, hada_focus_report, err)))
         return status;
     hada_focus_desc desc = {.channels = planes[0].channels,
                             .rows = planes[0].rows,
@@ -86,7 +86,7 @@ hada_status hada_focus_stack(hada_context *context, const hada_image *planes, co
         for (size_t i = 0; i < hada_image_count(distance_map); i++)
             covered += !isnan(distance_map->data[i]);
         found.coverage = (double)covered / (double)hada_image_count(distance_map);
-        *report = found;
+        HADA_REPORT_GIVE(report, &found);
     }
     hada_focus_destroy(&focus);
     if (slot)

@@ -2,6 +2,7 @@
 #include <math.h>
 
 #include "core/error.h"
+#include "core/options.h"
 
 double hada_depth_index(const double *distances_mm, int count, double distance_mm)
 {
@@ -27,6 +28,9 @@ double hada_depth_distance(const double *distances_mm, int count, double index)
 hada_status hada_metric_depth(const hada_image *map, const hada_image *truth, const double *distances_mm, int count,
                               double tolerance, const unsigned char *mask, hada_depth_score *out, hada_error *err)
 {
+    hada_status status = HADA_REPORT_CHECK(out, hada_depth_score, err);
+    if (status || !out)
+        return status ? status : hada_fail(err, HADA_ERROR_ARGUMENT, "hada_metric_depth: out is needed");
     if (map->channels != 1 || truth->channels != 1 || map->rows != truth->rows || map->cols != truth->cols)
         return hada_fail(err, HADA_ERROR_SIZE,
                          "distance maps of %d channels, %d x %d and %d channels, %d x %d cannot be compared",
@@ -57,10 +61,11 @@ hada_status hada_metric_depth(const hada_image *map, const hada_image *truth, co
     }
     if (!pixels)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "no pixel of the mask has a true distance");
-    *out = (hada_depth_score){.coverage = (double)covered / (double)pixels,
-                              .within = covered ? (double)within / (double)covered : 0.0,
-                              .mean_error_mm = covered ? error / (double)covered : NAN,
-                              .mean_steps = covered && distances_mm ? steps / (double)covered : NAN,
-                              .pixels = pixels};
+    const hada_depth_score own = {.coverage = (double)covered / (double)pixels,
+                                  .within = covered ? (double)within / (double)covered : 0.0,
+                                  .mean_error_mm = covered ? error / (double)covered : NAN,
+                                  .mean_steps = covered && distances_mm ? steps / (double)covered : NAN,
+                                  .pixels = pixels};
+    HADA_REPORT_GIVE(out, &own);
     return HADA_OK;
 }

@@ -82,16 +82,27 @@ static hada_status search(const hada_register_set *set, const hada_register_opti
     return HADA_OK;
 }
 
-hada_status hada_register_pairs(hada_registration *out, const hada_image *raws, const hada_image *scenes, int count,
+void hada_registration_defaults(hada_registration *registration, size_t size)
+{
+    const hada_registration own = {.size = sizeof own, .magnification = 1.0};
+    HADA_OPTIONS_GIVE(registration, size, &own);
+}
+
+hada_status hada_register_pairs(hada_registration *found, const hada_image *raws, const hada_image *scenes, int count,
                                 const hada_register_options *given, hada_error *err)
 {
     hada_register_options options;
     hada_register_set set;
-    if (!out)
+    hada_registration own, *out = &own;
+    if (!found)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_register_pairs: an argument is missing");
-    *out = (hada_registration){.magnification = 1.0};
+    hada_status status = HADA_REPORT_CHECK(found, hada_registration, err);
+    if (status)
+        return status;
+    hada_registration_init(out);
+    HADA_REPORT_GIVE(found, out);
     hada_register_options_init(&options);
-    hada_status status = HADA_OPTIONS_TAKE(&options, given, hada_register_options, err);
+    status = HADA_OPTIONS_TAKE(&options, given, hada_register_options, err);
     if (!status)
         status = hada_register_set_create(&set, raws, scenes, count, err);
     if (status)
@@ -110,6 +121,7 @@ hada_status hada_register_pairs(hada_registration *out, const hada_image *raws, 
         hada_register_level_destroy(&level);
     }
     hada_register_set_destroy(&set);
+    HADA_REPORT_GIVE(found, out);
     return status;
 }
 
@@ -122,13 +134,18 @@ void hada_register_size(const hada_registration *registration, int scene_rows, i
     *cols = width < 1.0 ? 1 : (int)floor(width + 0.5);
 }
 
-hada_status hada_register_apply(hada_image *out, const hada_image *scene, const hada_registration *registration,
-                                int rows, int cols, hada_error *err)
+hada_status hada_register_apply(hada_image *out, const hada_image *scene, const hada_registration *callers, int rows,
+                                int cols, hada_error *err)
 {
     double matrix[2][2], inverse[2][2];
-    if (!out || !scene || !scene->data || !registration || !(registration->magnification > 0.0))
+    hada_registration own, *registration = &own;
+    hada_registration_init(registration);
+    hada_status status = HADA_OPTIONS_TAKE(registration, callers, hada_registration, err);
+    if (status)
+        return status;
+    if (!out || !scene || !scene->data || !callers || !(registration->magnification > 0.0))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_register_apply: an argument is missing or not possible");
-    hada_status status = hada_image_create(out, scene->channels, rows, cols, err);
+    status = hada_image_create(out, scene->channels, rows, cols, err);
     hada_register_matrix(registration, matrix);
     hada_register_invert(matrix, inverse);
     for (int c = 0; !status && c < scene->channels; c++) {

@@ -4,17 +4,23 @@
 #include <string.h>
 
 #include "core/alloc.h"
+#include "core/options.h"
 #include "register/register_search.h"
 
 hada_status hada_register_psf(hada_image *psf, double *pitch, const hada_image *raws, const hada_image *scenes,
-                              int count, const hada_registration *registration, hada_error *err)
+                              int count, const hada_registration *callers, hada_error *err)
 {
     hada_register_set set;
     hada_register_level level = {0};
-    if (!psf || !pitch || !registration || !(registration->magnification > 0.0))
+    hada_registration own, *registration = &own;
+    hada_registration_init(registration);
+    hada_status status = HADA_OPTIONS_TAKE(registration, callers, hada_registration, err);
+    if (status)
+        return status;
+    if (!psf || !pitch || !callers || !(registration->magnification > 0.0))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_register_psf: an argument is missing or not possible");
     *psf = (hada_image){0};
-    hada_status status = hada_register_set_create(&set, raws, scenes, count, err);
+    status = hada_register_set_create(&set, raws, scenes, count, err);
     if (status)
         return status;
     int size = HADA_REGISTER_COARSE;

@@ -143,27 +143,47 @@ hada_status hada_device_describe(cl_platform_id platform, cl_device_id device, i
     return check_answers(info, err);
 }
 
-hada_status hada_device_list(hada_device_info **out, size_t *count, hada_error *err)
+struct hada_device_list {
+    size_t count;
+    hada_device_info infos[];
+};
+
+hada_status hada_device_list_create(hada_device_list **out, hada_error *err)
 {
-    if (!out || !count)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_device_list: out and count are needed");
+    hada_status status = HADA_OK;
+    hada_platform_device *devices = NULL;
+    hada_device_list *list = NULL;
+    size_t count;
+    if (!out)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_device_list_create: out is needed");
     *out = NULL;
-    *count = 0;
-    hada_platform_device *devices;
-    size_t n;
-    hada_status status = hada_platform_devices(&devices, &n, err);
-    if (status)
-        return status;
-    hada_device_info *infos;
-    status = hada_alloc((void **)&infos, n, sizeof *infos, "the list of devices", err);
-    for (size_t i = 0; !status && i < n; i++)
-        status = hada_device_describe(devices[i].platform, devices[i].device, (int)i, &infos[i], err);
+    HADA_TRY(hada_platform_devices(&devices, &count, err));
+    HADA_TRY(hada_alloc((void **)&list, 1, sizeof *list + count * sizeof *list->infos, "the list of devices", err));
+    list->count = count;
+    for (size_t i = 0; i < count; i++)
+        HADA_TRY(hada_device_describe(devices[i].platform, devices[i].device, (int)i, &list->infos[i], err));
+    *out = list;
+    list = NULL;
+done:
     free(devices);
-    if (status) {
-        free(infos);
-        return status;
-    }
-    *out = infos;
-    *count = n;
-    return HADA_OK;
+    free(list);
+    return status;
+}
+
+size_t hada_device_list_count(const hada_device_list *list)
+{
+    return list->count;
+}
+
+const hada_device_info *hada_device_list_get(const hada_device_list *list, size_t index)
+{
+    return index < list->count ? &list->infos[index] : NULL;
+}
+
+void hada_device_list_destroy(hada_device_list **list)
+{
+    if (!list)
+        return;
+    free(*list);
+    *list = NULL;
 }

@@ -13,6 +13,12 @@
 #define KEPT_BYTES    ((size_t)1 << 30)
 #define KEPT_FEATURES (KEPT_BYTES / 4) /* where there is a perceptual term */
 
+void hada_pairs_defaults(hada_pairs *pairs, size_t size)
+{
+    const hada_pairs own = {.size = sizeof own};
+    HADA_OPTIONS_GIVE(pairs, size, &own);
+}
+
 static hada_status check_pairs(const hada_pairs *pairs, const hada_model_info *info, const char *what, hada_error *err)
 {
     if (pairs->depths != info->depths || !pairs->counts || !pairs->read)
@@ -196,10 +202,13 @@ hada_status hada_trainer_create_on(hada_trainer **out, hada_context *const *cont
     pthread_mutex_init(&trainer->reading, NULL);
     trainer->model = model;
     trainer->info = *hada_model_get_info(model);
-    trainer->pairs = *pairs;
-    if (held_out && held_out->read)
-        trainer->held_out = *held_out;
-    status = make(trainer, contexts, count, options, err);
+    hada_pairs_init(&trainer->pairs);
+    hada_pairs_init(&trainer->held_out);
+    status = HADA_OPTIONS_TAKE(&trainer->pairs, pairs, hada_pairs, err);
+    if (!status)
+        status = HADA_OPTIONS_TAKE(&trainer->held_out, held_out, hada_pairs, err);
+    if (!status)
+        status = make(trainer, contexts, count, options, err);
     /* What the caller owns is not looked at any more. */
     trainer->options.net = trainer->options.vgg = trainer->options.critic = NULL;
     trainer->options.net_given = NULL;

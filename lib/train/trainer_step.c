@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "core/clock.h"
+#include "core/options.h"
 #include "train/trainer.h"
 
 enum { SNAPSHOT_EVERY = 25, MOST_ROLLBACKS = 10 };
@@ -264,14 +265,16 @@ static hada_status step(hada_trainer *trainer, hada_step_report *report, hada_er
 
 hada_status hada_trainer_step(hada_trainer *trainer, hada_step_report *report, hada_error *err)
 {
-    hada_step_report unused;
+    hada_step_report own = {0};
     const double start = hada_seconds();
     if (!trainer)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_trainer_step: a trainer is needed");
-    if (!report)
-        report = &unused;
-    memset(report, 0, sizeof *report);
-    hada_status status = step(trainer, report, err);
-    report->seconds = hada_seconds() - start;
+    hada_status status = HADA_REPORT_CHECK(report, hada_step_report, err);
+    if (status)
+        return status;
+    status = step(trainer, &own, err);
+    own.seconds = hada_seconds() - start;
+    if (report)
+        HADA_REPORT_GIVE(report, &own);
     return status;
 }

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "core/alloc.h"
+#include "core/options.h"
 #include "train/trainer.h"
 
 /* A held-out pair's raw frame where it is wanted, its example, and what the parameters make of it. */
@@ -120,16 +121,19 @@ static hada_status measure_share(hada_trainer *trainer, int worker, void *user, 
     return status;
 }
 
-hada_status hada_trainer_validate(hada_trainer *trainer, int most, hada_validation *out, hada_error *err)
+hada_status hada_trainer_validate(hada_trainer *trainer, int most, hada_validation *report, hada_error *err)
 {
-    if (!trainer || !out)
+    hada_validation own_result = {0}, *out = &own_result;
+    if (!trainer || !report)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_trainer_validate: trainer and out are needed");
-    *out = (hada_validation){0};
+    hada_status status = HADA_REPORT_CHECK(report, hada_validation, err);
+    if (status)
+        return status;
     list all = {.total = trainer->held.kept ? hada_pairs_total(&trainer->held_out) : 0};
     if (!all.total)
         return hada_fail(err, HADA_ERROR_STATE, "no pair is held out to validate with");
     all.count = most > 0 && (uint64_t)most < all.total ? most : (int)all.total;
-    hada_status status = hada_alloc((void **)&all.rows, (size_t)all.count, sizeof *all.rows, "validation", err);
+    status = hada_alloc((void **)&all.rows, (size_t)all.count, sizeof *all.rows, "validation", err);
     if (!status)
         status = hada_workers_run(trainer, measure_share, &all, err);
     for (int i = 0; !status && i < all.count; i++) {
@@ -145,6 +149,7 @@ hada_status hada_trainer_validate(hada_trainer *trainer, int most, hada_validati
         out->sharpness_truth += own->truth / all.count;
     }
     out->pairs = all.count;
+    HADA_REPORT_GIVE(report, out);
     free(all.rows);
     return status;
 }

@@ -35,7 +35,7 @@ static hada_status prepare(check_state *state, hada_error *err)
     own->plane = pixels * (size_t)desc.channels;
     float *planes = malloc(all * sizeof *planes);
     double *distance = malloc(2 * pixels * sizeof *distance);
-    hada_focus_report report;
+    hada_focus_report report = {.size = sizeof report};
     hada_status status = planes && distance ? HADA_OK : hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
     if (!status) {
         check_fill_normal(state, 1, planes, all);

@@ -131,7 +131,8 @@ static hada_status save_net(const char *out, int channels, hada_error *err)
 
 static hada_status save_turned(char **argv, hada_error *err)
 {
-    const hada_registration by = {.magnification = atof(argv[4]),
+    const hada_registration by = {.size = sizeof(hada_registration),
+                                  .magnification = atof(argv[4]),
                                   .rotation_deg = atof(argv[5]),
                                   .quarter_turns = atoi(argv[6]),
                                   .mirrored = atoi(argv[7]),

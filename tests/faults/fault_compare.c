@@ -20,7 +20,7 @@ static void add(fault_job *job, const void *data, size_t bytes)
 hada_status fault_stage_register(fault_job *job, hada_error *err)
 {
     const hada_image *raws = job->frame[0], *scenes = job->scene[0];
-    hada_registration found = {0};
+    hada_registration found = {.size = sizeof found};
     hada_register_options options;
     hada_image psf = {0}, out = {0};
     double pitch, where[4];

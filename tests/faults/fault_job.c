@@ -3,9 +3,9 @@
 #include <fcntl.h>
 #include <hadalens/fit.h>
 #include <hadalens/job.h>
+#include <hadalens/preview.h>
 #include <hadalens/scene.h>
 #include <hadalens/simulate.h>
-#include <hadalens/preview.h>
 #include <hadalens/tiff.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -363,10 +363,9 @@ static hada_status open_context(const fault_job *job, hada_context **context, co
 hada_status fault_stage_context(fault_job *job, hada_error *err)
 {
     hada_context *context = NULL;
-    hada_device_info *list = NULL;
-    size_t count = 0;
-    hada_status status = hada_device_list(&list, &count, err);
-    free(list);
+    hada_device_list *list;
+    hada_status status = hada_device_list_create(&list, err);
+    hada_device_list_destroy(&list);
     if (!status)
         status = open_context(job, &context, job->cache, err);
     hada_context_destroy(&context);

@@ -29,8 +29,8 @@ static void add(fault_job *job, const double *values, size_t count)
 
 static hada_status use(fault_job *job, hada_trainer *trainer, const char *path, hada_error *err)
 {
-    hada_step_report report;
-    hada_validation result;
+    hada_step_report report = {.size = sizeof report};
+    hada_validation result = {.size = sizeof result};
     hada_model *model = NULL;
     hada_image raw = {0}, before = {0}, after = {0}, truth = {0};
     hada_status status = hada_trainer_step(trainer, &report, err);
@@ -64,7 +64,7 @@ static hada_status train(fault_job *job, hada_context *const *contexts, int coun
                          const hada_net *net, const char *path, hada_error *err)
 {
     static const int counts[JOB_DEPTHS] = {JOB_PAIRS, JOB_PAIRS};
-    const hada_pairs pairs = {JOB_DEPTHS, counts, read_pair, job};
+    const hada_pairs pairs = {sizeof pairs, JOB_DEPTHS, counts, read_pair, job};
     hada_train_options options;
     hada_augment augment;
     hada_trainer *trainer;

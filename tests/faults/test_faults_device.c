@@ -47,11 +47,10 @@ static void nothing_installed(void **state)
     (void)state;
     for (int k = 0; k < 2; k++) {
         hada_context *context;
-        hada_device_info *list;
-        size_t count;
+        hada_device_list *list;
         hada_error error = {0};
         fault_pretend = (fault_device){.no_platform = !k, .no_device = k};
-        assert_int_equal(hada_device_list(&list, &count, &error), HADA_ERROR_NO_DEVICE);
+        assert_int_equal(hada_device_list_create(&list, &error), HADA_ERROR_NO_DEVICE);
         assert_null(list);
         assert_non_null(strstr(error.message, "pocl-opencl-icd"));
         assert_int_equal(open_context(&context, NULL, "off", &error), HADA_ERROR_NO_DEVICE);

@@ -258,7 +258,11 @@ hada_status hada_ref_focus(const float *planes, int channels, int rows, int cols
                                                                                    : plain / all;
         }
     }
-    *report = (hada_focus_report){noise, limit.threshold, limit.margin, (double)covered / (double)pixels};
+    *report = (hada_focus_report){.size = sizeof *report,
+                                  .noise = noise,
+                                  .threshold = limit.threshold,
+                                  .margin = limit.margin,
+                                  .coverage = (double)covered / (double)pixels};
 done:
     free(measure);
     free(work);

@@ -37,7 +37,7 @@ static void focus(const stress_device *device, fill_kind kind, int fuse)
     const size_t n = (size_t)rows * (size_t)cols;
     hada_image planes[DEPTHS], aif, map;
     hada_focus_options options;
-    hada_focus_report got, want;
+    hada_focus_report got = {.size = sizeof got}, want;
     float *stack = stress_memory(DEPTHS * n, sizeof *stack);
     double *want_aif = stress_memory(n, sizeof *want_aif), *want_map = stress_memory(n, sizeof *want_map);
     double *lead = stress_memory(n, sizeof *lead);
@@ -121,7 +121,7 @@ static void large_counts(void)
 static double spread_of(const stress_device *device, int side, int depths, const hada_buffer *plane)
 {
     hada_focus *object;
-    hada_focus_report report;
+    hada_focus_report report = {.size = sizeof report};
     hada_buffer results;
     double *steps = stress_memory((size_t)depths, sizeof *steps);
     hada_focus_desc desc = {.channels = 1, .rows = side, .cols = side, .depths = depths, .distances_mm = steps};

@@ -3,9 +3,9 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "runtime/platform.h"
 #include "runtime/buffer.h"
 #include "runtime/kernel.h"
+#include "runtime/platform.h"
 #include "runtime/program.h"
 #include "runtime/store.h"
 #include "testing.h"
@@ -26,17 +26,20 @@ static void folder_remove(const char *path)
 static void lists_devices_with_sizes(void **state)
 {
     (void)state;
-    hada_device_info *infos;
-    size_t count;
-    ASSERT_OK(hada_device_list(&infos, &count, err));
+    hada_device_list *list;
+    ASSERT_OK(hada_device_list_create(&list, err));
+    const size_t count = hada_device_list_count(list);
     assert_true(count >= 1);
     for (size_t i = 0; i < count; i++) {
-        assert_int_equal(infos[i].index, i);
-        assert_true(infos[i].name[0] != '\0');
-        assert_true(infos[i].compute_units > 0);
-        assert_true(infos[i].max_allocation_bytes > 0);
+        const hada_device_info *info = hada_device_list_get(list, i);
+        assert_int_equal(info->index, i);
+        assert_true(info->name[0] != '\0');
+        assert_true(info->compute_units > 0);
+        assert_true(info->max_allocation_bytes > 0);
     }
-    free(infos);
+    assert_null(hada_device_list_get(list, count));
+    hada_device_list_destroy(&list);
+    assert_null(list);
 }
 
 static void chooses_by_index_kind_and_name(void **state)

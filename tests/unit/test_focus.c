@@ -58,7 +58,7 @@ static void compare(const hada_image *planes, const unsigned char *competing, co
     static double all[3 * PIXELS], distance[PIXELS], lead[PIXELS];
     for (int d = 0; d < DEPTHS; d++)
         memcpy(packed + d * channels * PIXELS, planes[d].data, (size_t)(channels * PIXELS) * sizeof(float));
-    hada_focus_report expected, report;
+    hada_focus_report expected, report = {.size = sizeof report};
     ASSERT_OK(hada_ref_focus(packed, channels, ROWS, COLS, DEPTHS, distances, competing, options, all, distance, lead,
                              &expected, err));
     hada_image fused, map;
@@ -122,8 +122,8 @@ static void slant(void **state)
         truth.data[i] = (float)hada_depth_distance(distances, DEPTHS, 4.0 * (i % COLS) / (COLS - 1));
     for (int measure = HADA_FOCUS_CONTRAST; measure <= HADA_FOCUS_COMBINED; measure++) {
         hada_focus_options options;
-        hada_focus_report report;
-        hada_depth_score score;
+        hada_focus_report report = {.size = sizeof report};
+        hada_depth_score score = {.size = sizeof score};
         hada_focus_options_init(&options, 0);
         options.measure = (hada_focus_measure)measure;
         ASSERT_OK(hada_focus_stack(context, planes, distances, DEPTHS, NULL, &options, &fused, &map, &report, err));
@@ -185,7 +185,7 @@ static void noise_is_not_covered(void **state)
     }
     for (int measure = HADA_FOCUS_CONTRAST; measure <= HADA_FOCUS_COMBINED; measure++) {
         hada_focus_options options;
-        hada_focus_report report;
+        hada_focus_report report = {.size = sizeof report};
         hada_focus_options_init(&options, 0);
         options.measure = (hada_focus_measure)measure;
         ASSERT_OK(hada_focus_stack(context, planes, distances, DEPTHS, NULL, &options, &fused, &map, &report, err));

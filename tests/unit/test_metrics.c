@@ -165,7 +165,7 @@ static void depth_score(void **state)
     const float truth[] = {100, 100, 150, 150, 300, NAN, 300, 100}, map[] = {100, 119, 150, 210, 300, 100, NAN, 150};
     unsigned char mask[8] = {1, 1, 1, 1, 1, 1, 1, 1};
     hada_image a = {1, 2, 4, (float *)(uintptr_t)map}, b = {1, 2, 4, (float *)(uintptr_t)truth};
-    hada_depth_score score;
+    hada_depth_score score = {.size = sizeof score};
     assert_int_equal(hada_metric_depth(&a, &b, list, 3, 0.5, mask, &score, NULL), HADA_OK);
     assert_int_equal(score.pixels, 7);
     close_to(score.coverage, 6.0 / 7.0, 1e-12);

@@ -52,15 +52,15 @@ static void directions(void **state)
         hada_registration by;
         int row, col; /* of 7 x 9 about the middle, where the pixel one above and three right of the middle comes to */
     } cases[] = {
-        {{.magnification = 1}, -1, 3},
-        {{.magnification = 1, .mirrored = 1}, -1, -3},
-        {{.magnification = 1, .quarter_turns = 1}, -3, -1},
-        {{.magnification = 1, .quarter_turns = 2}, 1, -3},
-        {{.magnification = 1, .quarter_turns = 3}, 3, 1},
-        {{.magnification = 1, .mirrored = 1, .quarter_turns = 2}, 1, 3},
-        {{.magnification = 1, .mirrored = 1, .quarter_turns = 1}, 3, -1},
-        {{.magnification = 2, .offset_row = 1, .offset_col = -2}, -1, 4},
-        {{.magnification = 1, .rotation_deg = 90}, -3, -1},
+        {{.size = sizeof(hada_registration), .magnification = 1}, -1, 3},
+        {{.size = sizeof(hada_registration), .magnification = 1, .mirrored = 1}, -1, -3},
+        {{.size = sizeof(hada_registration), .magnification = 1, .quarter_turns = 1}, -3, -1},
+        {{.size = sizeof(hada_registration), .magnification = 1, .quarter_turns = 2}, 1, -3},
+        {{.size = sizeof(hada_registration), .magnification = 1, .quarter_turns = 3}, 3, 1},
+        {{.size = sizeof(hada_registration), .magnification = 1, .mirrored = 1, .quarter_turns = 2}, 1, 3},
+        {{.size = sizeof(hada_registration), .magnification = 1, .mirrored = 1, .quarter_turns = 1}, 3, -1},
+        {{.size = sizeof(hada_registration), .magnification = 2, .offset_row = 1, .offset_col = -2}, -1, 4},
+        {{.size = sizeof(hada_registration), .magnification = 1, .rotation_deg = 90}, -3, -1},
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         hada_image scene, out;
@@ -89,7 +89,7 @@ static void shrinking(void **state)
 {
     (void)state;
     hada_image scene, out;
-    hada_registration by = {.magnification = 0.37, .rotation_deg = 5};
+    hada_registration by = {.size = sizeof(hada_registration), .magnification = 0.37, .rotation_deg = 5};
     ASSERT_OK(hada_image_create(&scene, 1, 101, 99, err));
     for (int i = 0; i < 101 * 99; i++)
         scene.data[i] = (float)(i % 2);
@@ -194,18 +194,29 @@ static void recovered(void **state)
         hada_registration truth;
         double noise;
         int count;
-    } cases[] = {{{.magnification = 1.0}, 0.003, PAIRS},
-                 {{.magnification = 0.5, .mirrored = 1, .rotation_deg = 4.0}, 0.003, PAIRS},
-                 {{.magnification = 2.0, .quarter_turns = 1, .rotation_deg = -5.0}, 0.003, PAIRS},
-                 {{.magnification = 0.8, .mirrored = 1, .quarter_turns = 2}, 0.03, PAIRS},
-                 {{.magnification = 1.3, .mirrored = 1, .quarter_turns = 3, .rotation_deg = 2.5}, 0.03, 8},
-                 {{.magnification = 0.7, .quarter_turns = 2, .rotation_deg = -1.0}, 0.003, 2}};
+    } cases[] = {
+        {{.size = sizeof(hada_registration), .magnification = 1.0}, 0.003, PAIRS},
+        {{.size = sizeof(hada_registration), .magnification = 0.5, .mirrored = 1, .rotation_deg = 4.0}, 0.003, PAIRS},
+        {{.size = sizeof(hada_registration), .magnification = 2.0, .quarter_turns = 1, .rotation_deg = -5.0},
+         0.003,
+         PAIRS},
+        {{.size = sizeof(hada_registration), .magnification = 0.8, .mirrored = 1, .quarter_turns = 2}, 0.03, PAIRS},
+        {{.size = sizeof(hada_registration),
+          .magnification = 1.3,
+          .mirrored = 1,
+          .quarter_turns = 3,
+          .rotation_deg = 2.5},
+         0.03,
+         8},
+        {{.size = sizeof(hada_registration), .magnification = 0.7, .quarter_turns = 2, .rotation_deg = -1.0},
+         0.003,
+         2}};
     hada_register_options options;
     hada_register_options_init(&options);
     options.most_rotation_deg = 6.0;
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         pairs all = make_pairs(&cases[i].truth, cases[i].count, 1.0, cases[i].noise, 100 * i);
-        hada_registration found, again;
+        hada_registration found = {.size = sizeof found}, again = {.size = sizeof again};
         ASSERT_OK(hada_register_pairs(&found, all.raws, all.scenes, all.count, &options, err));
         expect(&found, &cases[i].truth, 0.25);
         if (!i) {
@@ -220,8 +231,9 @@ static void recovered(void **state)
 static void offsets(void **state)
 {
     (void)state;
-    const hada_registration at = {.magnification = 1.0};
-    const hada_registration moved = {.magnification = 1.0, .offset_row = 2.5, .offset_col = -4.0};
+    const hada_registration at = {.size = sizeof(hada_registration), .magnification = 1.0};
+    const hada_registration moved = {
+        .size = sizeof(hada_registration), .magnification = 1.0, .offset_row = 2.5, .offset_col = -4.0};
     pairs near = make_pairs(&at, PAIRS, 1.0, 0.003, 1), far = make_pairs(&moved, PAIRS, 0.9, 0.003, 2);
     hada_image psf, other;
     double pitch, scale, row, col, likeness;
@@ -255,9 +267,9 @@ static void offsets(void **state)
 static void refusals(void **state)
 {
     (void)state;
-    const hada_registration truth = {.magnification = 1.0};
+    const hada_registration truth = {.size = sizeof(hada_registration), .magnification = 1.0};
     pairs all = make_pairs(&truth, PAIRS, 1.0, 0.003, 9);
-    hada_registration found;
+    hada_registration found = {.size = sizeof found};
     hada_register_options options;
     hada_error why;
     assert_int_equal(hada_register_pairs(&found, all.raws, all.scenes, 0, NULL, &why), HADA_ERROR_ARGUMENT);
@@ -282,7 +294,7 @@ static void refusals(void **state)
     all.scenes[PAIRS - 1] = first;
     assert_int_equal(hada_register_pairs(&found, all.raws, all.scenes, PAIRS, &options, &why), HADA_ERROR_DATASET);
     /* scenes that are their own mirror images stand as well mirrored as not */
-    hada_registration flip = {.magnification = 1.0, .mirrored = 1};
+    hada_registration flip = {.size = sizeof(hada_registration), .magnification = 1.0, .mirrored = 1};
     for (int i = 0; i < PAIRS; i++) {
         hada_image mirrored, stands;
         ASSERT_OK(hada_register_apply(&mirrored, &all.scenes[i], &flip, WINDOW_ROWS, WINDOW_COLS, err));

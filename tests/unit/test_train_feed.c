@@ -48,7 +48,7 @@ static hada_status read_pair(void *user, int depth, int pair, hada_image *raw, h
 
 static hada_pairs pairs_of(source *from)
 {
-    return (hada_pairs){DEPTHS, counts, read_pair, from};
+    return (hada_pairs){sizeof(hada_pairs), DEPTHS, counts, read_pair, from};
 }
 
 static void each_round_shows_every_pair_once(void **state)
@@ -298,7 +298,7 @@ static void pairs_that_do_not_fit_are_refused(void **state)
     static const char *const words[] = {"", "1 channel", "6 x 7", "1 pixels are NaN"};
     static const int one[DEPTHS] = {1, 0, 0};
     for (int kind = 1; kind <= 3; kind++) {
-        const hada_pairs pairs = {DEPTHS, one, read_wrong, &kind};
+        const hada_pairs pairs = {sizeof pairs, DEPTHS, one, read_wrong, &kind};
         hada_image raw, scene;
         hada_error error = {0};
         assert_int_not_equal(hada_pairs_read(&pairs, &info, 0, 0, &raw, &scene, &error), HADA_OK);

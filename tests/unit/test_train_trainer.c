@@ -16,8 +16,8 @@ static void every_stage_learns(void **state)
         options.steps = (uint64_t)count;
         options.critic_steps = stage == HADA_STAGE_ADVERSARIAL ? 5 : 0;
         hada_trainer *trainer = make(&options, 1);
-        hada_validation first, last;
-        hada_step_report report;
+        hada_validation first = {.size = sizeof first}, last = {.size = sizeof last};
+        hada_step_report report = {.size = sizeof report};
         double critic = NAN;
         ASSERT_OK(hada_trainer_validate(trainer, 0, &first, err));
         for (int i = 0; i < count; i++) {
@@ -49,7 +49,7 @@ static void new_nets_start_with_the_planes(void **state)
 {
     (void)state;
     hada_train_options options = options_of(HADA_STAGE_ENHANCE);
-    hada_validation result;
+    hada_validation result = {.size = sizeof result};
     options.net_given = NULL;
     hada_trainer *trainer = make(&options, 1);
     ASSERT_OK(hada_trainer_validate(trainer, 0, &result, err));
@@ -126,7 +126,7 @@ static void broken_numbers_are_rolled_back(void **state)
     (void)state;
     for (int devices = 1; devices <= 2; devices++) {
         hada_train_options options = options_of(HADA_STAGE_JOINT);
-        hada_step_report report;
+        hada_step_report report = {.size = sizeof report};
         augment.noise = 0.01; /* nothing is kept: each pair is read every time */
         options.at_once = 1;
         options.batch = devices;
@@ -170,7 +170,7 @@ static void a_rate_that_is_too_high_is_halved(void **state)
 {
     (void)state;
     hada_train_options options = options_of(HADA_STAGE_ENHANCE);
-    hada_step_report report;
+    hada_step_report report = {.size = sizeof report};
     options.rule = HADA_RULE_ADAM;
     options.rate = 1e12;
     options.clip = 0.0;

@@ -59,8 +59,8 @@ static inline hada_status read_held(void *user, int depth, int pair, hada_image 
     return read_from(depth, PAIRS + pair, raw, scene, error);
 }
 
-static const hada_pairs pairs = {DEPTHS, pair_counts, read_pair, NULL};
-static const hada_pairs held = {DEPTHS, held_counts, read_held, NULL};
+static const hada_pairs pairs = {sizeof pairs, DEPTHS, pair_counts, read_pair, NULL};
+static const hada_pairs held = {sizeof held, DEPTHS, held_counts, read_held, NULL};
 
 static inline void open_devices(void)
 {
@@ -204,7 +204,7 @@ static inline hada_trainer *make(const hada_train_options *options, int devices)
 static inline void steps(hada_trainer *trainer, int count)
 {
     for (int i = 0; i < count; i++) {
-        hada_step_report report;
+        hada_step_report report = {.size = sizeof report};
         ASSERT_OK(hada_trainer_step(trainer, &report, err));
         assert_false(report.rolled_back);
         assert_true(isfinite(report.loss) && isfinite(report.norm) && report.rate > 0.0);

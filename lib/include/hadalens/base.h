@@ -6,6 +6,14 @@
  * (HADA_ERROR_UNSUPPORTED otherwise). So start from the init, set what differs, and do not copy members across by
  * hand. Where a call takes NULL for its options, that stands for the defaults.
  *
+ * Reports. Structs that the library fills in the caller's memory begin with their size as well, which the caller sets
+ * before the call (hada_step_report report = {.size = sizeof report}; in C++ report.size = sizeof report); as much is
+ * filled as both sides know. Structs that the library hands out by a const pointer are its own: later versions may
+ * append to them. Plain structs without a size (hada_image, hada_error, hada_result, hada_plane) stay as they are.
+ *
+ * Lists and other things that the library makes are objects: made by ..._create(), read by ..._count() and ..._get(),
+ * given back by ..._destroy(), which clears the pointer. Files are opened and closed. Nothing is given to free().
+ *
  * Defaults. A number that the library is to choose is HADA_AUTO, in integers and in floating point alike; each option
  * that can be left open says so. Pointers that are left open are NULL.
  *

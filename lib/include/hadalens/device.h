@@ -36,9 +36,14 @@ typedef struct hada_device_info {
     char quirks[1024];
 } hada_device_info;
 
-/* Lists all OpenCL devices; platforms without devices are skipped. *out is freed with free().
- * HADA_ERROR_NO_DEVICE when there is none (the message says which packages bring one). */
-HADA_API hada_status hada_device_list(hada_device_info **out, size_t *count, hada_error *err);
+/* All OpenCL devices, in the order of their index; platforms without devices are skipped. HADA_ERROR_NO_DEVICE when
+ * there is none (the message says which packages bring one). What hada_device_list_get() gives belongs to the list;
+ * NULL beyond its end. */
+typedef struct hada_device_list hada_device_list;
+HADA_API hada_status hada_device_list_create(hada_device_list **out, hada_error *err);
+HADA_API size_t hada_device_list_count(const hada_device_list *list);
+HADA_API const hada_device_info *hada_device_list_get(const hada_device_list *list, size_t index);
+HADA_API void hada_device_list_destroy(hada_device_list **list);
 
 /* The word for a kind: "cpu", "gpu", "accelerator", "other". */
 HADA_API const char *hada_device_kind_name(hada_device_kind kind);

@@ -59,6 +59,7 @@ static inline void hada_focus_options_init(hada_focus_options *options, int shar
 
 /* What the focus step found in the data. */
 typedef struct hada_focus_report {
+    size_t size;      /* sizeof(hada_focus_report), set by the caller */
     double noise;     /* standard deviation of the planes' noise (luminance) */
     double threshold; /* of the measure */
     double margin;    /* over the best depth that is not next to the best */

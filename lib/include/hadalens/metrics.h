@@ -62,6 +62,7 @@ HADA_API hada_status hada_metric_sharpness(const hada_image *image, const unsign
 
 /* How good a distance map is. */
 typedef struct hada_depth_score {
+    size_t size;          /* sizeof(hada_depth_score), set by the caller */
     double coverage;      /* share of the pixels with a true distance that the map covers (is not NaN at) */
     double within;        /* share of the covered pixels that are within the tolerance */
     double mean_error_mm; /* mean absolute error over the covered pixels; NaN when none is */

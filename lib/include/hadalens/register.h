@@ -26,6 +26,7 @@ extern "C" {
  * M exchanges left and right (column to -column), Q is a quarter turn and R a turn to the left (counter-clockwise as
  * seen on a screen, rows downwards). Mirrored with two quarter turns is upside down. */
 typedef struct hada_registration {
+    size_t size;                   /* sizeof(hada_registration), set by the caller */
     int mirrored;                  /* 0 or 1 */
     int quarter_turns;             /* 0 to 3 */
     double magnification;          /* pixels of the sensor per pixel of the file */
@@ -35,6 +36,12 @@ typedef struct hada_registration {
      * this transform and with the best one of another orientation (0 to 1, all frequencies alike). */
     double explained, explained_otherwise;
 } hada_registration;
+/* As the file stands: nothing turned, mirrored, scaled or moved. */
+HADA_API void hada_registration_defaults(hada_registration *registration, size_t size);
+static inline void hada_registration_init(hada_registration *registration)
+{
+    hada_registration_defaults(registration, sizeof *registration);
+}
 
 typedef struct hada_register_options {
     size_t size;                                    /* sizeof(hada_register_options) */

@@ -44,11 +44,17 @@ typedef enum hada_stage {
  * term, is kept in the host's memory as long as there is room (a gibibyte for both), where no augmentation other than
  * plane_flips changes it. `user` and `counts` must live as long as the trainer. */
 typedef struct hada_pairs {
+    size_t size;       /* sizeof(hada_pairs) */
     int depths;        /* as the model has */
     const int *counts; /* pairs of each depth; may be 0 */
     hada_status (*read)(void *user, int depth, int pair, hada_image *raw, hada_image *scene, hada_error *err);
     void *user;
 } hada_pairs;
+HADA_API void hada_pairs_defaults(hada_pairs *pairs, size_t size);
+static inline void hada_pairs_init(hada_pairs *pairs)
+{
+    hada_pairs_defaults(pairs, sizeof *pairs);
+}
 
 /* Changes of a pair on its way, drawn anew each time it is seen. */
 typedef struct hada_augment {
@@ -147,6 +153,7 @@ HADA_API hada_status hada_trainer_bytes(hada_context *context, const hada_model 
                                         const hada_train_options *options, uint64_t *bytes, hada_error *err);
 
 typedef struct hada_step_report {
+    size_t size;                                    /* sizeof(hada_step_report), set by the caller */
     uint64_t step;                                  /* steps done, with this one */
     double loss;                                    /* sum of the weighted terms, mean over the pairs of the step */
     double mse, perceptual, adversarial, variation; /* the weighted terms; NaN where a term is off */
@@ -165,6 +172,7 @@ HADA_API hada_status hada_trainer_step(hada_trainer *trainer, hada_step_report *
 /* Means over the held-out pairs, at most `most` of them, evenly chosen (0: all): PSNR (peak 1), SSIM, MAE, sharpness,
  * of what the parameters give now, and of what they start from (the planes without the net; NaN for CONVENTIONAL). */
 typedef struct hada_validation {
+    size_t size; /* sizeof(hada_validation), set by the caller */
     int pairs;
     double psnr, ssim, mae, sharpness;
     double psnr_before, ssim_before, mae_before, sharpness_before;

@@ -6,7 +6,7 @@
 
 #define FFT_V float8
 #include "inc_fft_radix.h"
-#include "inc_fft_table.h"
+#include "shared_fft_table.h"
 
 /* FFT_SCRATCH_GLOBAL: scratch lies in global memory, for transforms too long for local memory. */
 #ifndef FFT_SCRATCH_GLOBAL

@@ -1,6 +1,7 @@
 /* The refinement's steps, over frequencies and over pixels. One program: a refinement needs nearly all of them. */
 #include "inc_refine.h"
 #include "inc_spectrum.h"
+#include "shared_refine.h"
 
 /* The linear step of the refinement at every frequency: all depths of a set jointly (Sherman-Morrison).
  *
@@ -14,23 +15,26 @@
  *
  * Dimensions: slices of frequencies, channels, sets. OTFs stand as [depth][channel][count], U and W as
  * [set][place in the set][channel][count], A and E as [set][channel][count], B and prior as [channel][count].
- * start: 0 the first step from u = d = 0, 1 the first step from U (d = 0), 2 a further step.
+ * now.start: cold, the first step from u = d = 0; warm, from U (d = 0); on, a further step.
  * partial[set][channel][slice]: sum of |B - sum H U|^2 over the whole spectrum (of the start's U: not padded, or
  * start). */
 __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
-refine_solve(__global const float *otf, ulong otf_offset, __global const int *list, int depths,
-             __global const float *data, ulong data_offset, __global float *split_a, __global const float *split_e,
-             int padded, __global const float *prior, int has_prior, __global const float *now_u, __global float *now_w,
-             float rho, float keep, float over, int start, uint count, uint slice, uint rows, uint block, uint cols,
-             __global float *partial, uint partial_first)
+refine_solve(__global const float *otf, __global const int *list, __global const float *frame, __global float *split_a,
+             __global const float *split_e, __global const float *prior, __global const float *now_u,
+             __global float *now_w, __global float *partial, hada_refine_problem problem, hada_refine_step now,
+             hada_refine_sums sums)
 {
     REFINE_LOCAL
+    const uint count = problem.spectrum.count, slice = sums.slice, rows = problem.spectrum.rows;
+    const uint block = problem.spectrum.block, cols = problem.spectrum.cols;
+    const int depths = problem.depths, start = now.start, padded = now.padded, has_prior = now.has_prior;
+    const float rho = now.rho, keep = now.keep, over = now.relaxation;
     const uint channel = get_global_id(1), channels = get_global_size(1), set = get_global_id(2);
     const uint from = get_group_id(0) * slice, to = min(count, from + slice);
     const size_t first = ((size_t)set * (size_t)depths * channels + channel) * count, step = (size_t)channels * count;
     const size_t plane = (size_t)set * channels + channel;
-    __global const float *h = otf + 2 * (otf_offset + (size_t)channel * count);
-    __global const float *b = data + 2 * (data_offset + (size_t)channel * count);
+    __global const float *h = otf + 2 * (problem.otf_offset + (size_t)channel * count);
+    __global const float *b = frame + 2 * (problem.frame_offset + (size_t)channel * count);
     __global float *a = split_a + (padded ? 2 * plane * count : 0);
     __global const float *e = split_e + (padded ? 2 * plane * count : 0);
     __global const float *u = now_u + 2 * first;
@@ -46,12 +50,12 @@ refine_solve(__global const float *otf, ulong otf_offset, __global const int *li
             refine_real h_re, h_im;
             refine_get(h + (size_t)z[s] * h_step, i, &h_re, &h_im);
             square = fma(h_re, h_re, fma(h_im, h_im, square));
-            if (start > 0) {
+            if (start != HADA_REFINE_COLD) {
                 refine_real u_re, u_im, v_re, v_im;
                 refine_get(u + 2 * (size_t)s * step, i, &u_re, &u_im);
                 v_re = u_re;
                 v_im = u_im;
-                if (start == 2) {
+                if (start == HADA_REFINE_ON) {
                     refine_real w_re, w_im;
                     refine_get(w + 2 * (size_t)s * step, i, &w_re, &w_im);
                     v_re = fma(-keep, w_re - u_re, u_re);
@@ -64,7 +68,7 @@ refine_solve(__global const float *otf, ulong otf_offset, __global const int *li
             }
         }
         refine_real y_re, y_im, e_re = (refine_real)0.0f, e_im = e_re;
-        if (padded && start == 2) {
+        if (padded && start == HADA_REFINE_ON) {
             refine_get(a, i, &y_re, &y_im);
             refine_get(e, i, &e_re, &e_im);
             y_re -= 2.0f * e_re;
@@ -86,9 +90,9 @@ refine_solve(__global const float *otf, ulong otf_offset, __global const int *li
         for (int s = 0; s < depths; ++s) {
             refine_real h_re, h_im, u_re = (refine_real)0.0f, u_im = u_re, d_re = u_re, d_im = u_re;
             refine_get(h + (size_t)z[s] * h_step, i, &h_re, &h_im);
-            if (start > 0)
+            if (start != HADA_REFINE_COLD)
                 refine_get(u + 2 * (size_t)s * step, i, &u_re, &u_im);
-            if (start == 2) {
+            if (start == HADA_REFINE_ON) {
                 refine_real w_re, w_im;
                 refine_get(w + 2 * (size_t)s * step, i, &w_re, &w_im);
                 d_re = keep * (w_re - u_re);
@@ -100,23 +104,25 @@ refine_solve(__global const float *otf, ulong otf_offset, __global const int *li
                        fma(over, x_im - u_im, u_im + d_im));
         }
     }
-    REFINE_PARTIAL(partial, (partial_first + plane * get_num_groups(0) + get_group_id(0)), refine_sum(sum))
+    REFINE_PARTIAL(partial, (sums.first + plane * get_num_groups(0) + get_group_id(0)), refine_sum(sum))
 }
 
 /* What the planes of a set do not explain: rest[set][channel] = B - sum over its depths of H U, at every frequency, and
  * as partial[set][channel][slice] the sum over the whole spectrum of |rest|^2. Arguments as in refine_solve. */
 __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
-refine_explain(__global const float *otf, ulong otf_offset, __global const int *list, int depths,
-               __global const float *data, ulong data_offset, __global const float *now_u,
-               __global float *rest, int has_rest, uint count, uint slice, uint rows, uint block, uint cols,
-               __global float *partial)
+refine_explain(__global const float *otf, __global const int *list, __global const float *frame,
+               __global const float *now_u, __global float *rest, int has_rest, __global float *partial,
+               hada_refine_problem problem, hada_refine_sums sums)
 {
     REFINE_LOCAL
+    const uint count = problem.spectrum.count, slice = sums.slice, rows = problem.spectrum.rows;
+    const uint block = problem.spectrum.block, cols = problem.spectrum.cols;
+    const int depths = problem.depths;
     const uint channel = get_global_id(1), channels = get_global_size(1), set = get_global_id(2);
     const uint from = get_group_id(0) * slice, to = min(count, from + slice);
     const size_t plane = (size_t)set * channels + channel;
-    __global const float *h = otf + 2 * (otf_offset + (size_t)channel * count);
-    __global const float *b = data + 2 * (data_offset + (size_t)channel * count);
+    __global const float *h = otf + 2 * (problem.otf_offset + (size_t)channel * count);
+    __global const float *b = frame + 2 * (problem.frame_offset + (size_t)channel * count);
     __global const float *u = now_u + 2 * ((size_t)set * (size_t)depths * channels + channel) * count;
     __global const int *z = list + set * (uint)depths;
     refine_real sum = (refine_real)0.0f;
@@ -135,7 +141,7 @@ refine_explain(__global const float *otf, ulong otf_offset, __global const int *
         if (has_rest)
             refine_put(rest + 2 * plane * count, i, r_re, r_im);
     }
-    REFINE_PARTIAL(partial, (plane * get_num_groups(0) + get_group_id(0)), refine_sum(sum))
+    REFINE_PARTIAL(partial, (sums.first + plane * get_num_groups(0) + get_group_id(0)), refine_sum(sum))
 }
 
 /* How badly a set explains what the channels have in common, within a band: partial[set][slice] is the sum, over the
@@ -145,12 +151,14 @@ refine_explain(__global const float *otf, ulong otf_offset, __global const int *
  * the energy of the frame's own mean. Dimensions: slices of frequencies, sets. Arrays as in refine_solve; doubt as the
  * OTFs, real. */
 __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
-refine_score(__global const float *otf, ulong otf_offset, __global const int *list, int depths,
-             __global const float *data, ulong data_offset, __global const float *now_u, __global const float *prior,
-             int has_prior, __global const float *doubt, int has_doubt, uint channels, uint count, uint slice,
-             uint rows, uint block, uint cols, uint band_rows, uint band_cols, __global float *partial)
+refine_score(__global const float *otf, __global const int *list, __global const float *frame,
+             __global const float *now_u, __global const float *prior, __global const float *doubt,
+             __global float *partial, hada_refine_problem problem, hada_refine_band band, hada_refine_sums sums)
 {
     REFINE_LOCAL
+    const uint count = problem.spectrum.count, slice = sums.slice, channels = problem.channels;
+    const uint rows = problem.spectrum.rows, block = problem.spectrum.block, cols = problem.spectrum.cols;
+    const int depths = problem.depths;
     const uint set = get_global_id(1);
     const uint from = get_group_id(0) * slice, to = min(count, from + slice);
     __global const int *z = list + set * (uint)depths;
@@ -159,34 +167,34 @@ refine_score(__global const float *otf, ulong otf_offset, __global const int *li
 
     for (uint i = from + get_local_id(0) * REFINE_WIDTH; i < to; i += REFINE_GROUP * REFINE_WIDTH) {
         const uint ky = i / block % rows; /* the same for all lanes: vectors need blocks of eight columns */
-        if (2 * min(ky, rows - ky) >= band_rows || 2 * (i / (rows * block) * block + i % block) >= band_cols)
+        if (2 * min(ky, rows - ky) >= band.rows || 2 * (i / (rows * block) * block + i % block) >= band.cols)
             continue;
         refine_real r_re = (refine_real)0.0f, r_im = r_re, cost = r_re, unsure = r_re;
         for (uint c = 0; c < channels; ++c) {
             refine_real b_re, b_im, power = (refine_real)0.0f;
-            refine_get(data + 2 * (data_offset + (size_t)c * count), i, &b_re, &b_im);
+            refine_get(frame + 2 * (problem.frame_offset + (size_t)c * count), i, &b_re, &b_im);
             r_re += b_re;
             r_im += b_im;
             for (int s = 0; s < depths; ++s) {
                 const size_t at = ((size_t)z[s] * channels + c) * count;
                 refine_real h_re, h_im, u_re, u_im;
-                refine_get(otf + 2 * (otf_offset + at), i, &h_re, &h_im);
+                refine_get(otf + 2 * (problem.otf_offset + at), i, &h_re, &h_im);
                 refine_get(now_u + 2 * (((size_t)set * (uint)depths + (uint)s) * channels + c) * count, i, &u_re,
                            &u_im);
                 r_re = fma(-h_re, u_re, fma(h_im, u_im, r_re));
                 r_im = fma(-h_re, u_im, fma(-h_im, u_re, r_im));
                 const refine_real square = fma(u_re, u_re, u_im * u_im);
                 power += square;
-                if (has_doubt)
+                if (band.has_doubt)
                     unsure = fma(refine_get_real(doubt + at, i), square, unsure);
             }
-            if (has_prior)
+            if (band.has_prior)
                 cost = fma(refine_get_real(prior + (size_t)c * count, i), power, cost);
         }
         const refine_real energy = (fma(r_re, r_re, r_im * r_im) + cost) * (share * share) / fma(unsure, share, 1.0f);
-        sum += refine_count(refine_band(energy, i, rows, block, band_cols), i, rows, block, cols);
+        sum += refine_count(refine_band(energy, i, rows, block, band.cols), i, rows, block, cols);
     }
-    REFINE_PARTIAL(partial, ((size_t)set * get_num_groups(0) + get_group_id(0)), refine_sum(sum))
+    REFINE_PARTIAL(partial, (sums.first + (size_t)set * get_num_groups(0) + get_group_id(0)), refine_sum(sum))
 }
 
 /* The data step where a sensor crops: a (the split variable plus its dual, within the frame) becomes the dual
@@ -195,17 +203,17 @@ refine_score(__global const float *otf, ulong otf_offset, __global const int *li
  * Dimensions: slices of pixels, planes; plane p belongs to channel p % channels of the frame. */
 __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
 refine_frame(__global float *a, __global const float *frame, ulong frame_offset, int use_frame, uint channels,
-             uint pixels, uint slice, float scale, __global float *partial,
-             uint partial_first)
+             uint pixels, float scale, __global float *partial, hada_refine_sums sums)
 {
     REFINE_LOCAL
+    const uint slice = sums.slice;
     const uint plane = get_global_id(1);
     const uint from = get_group_id(0) * slice, to = min(pixels, from + slice);
     __global float *e = a + (size_t)plane * pixels;
     __global const float *b = frame + (use_frame ? frame_offset + (size_t)(plane % channels) * pixels : 0);
     float sum = 0.0f;
 #if REFINE_WIDTH == 8
-    float8 sums = (float8)0.0f;
+    float8 lanes = (float8)0.0f;
     const uint whole = from + (to - from) / 8 * 8;
     for (uint i = from; i < whole; i += 8) {
         float8 v = vload8(0, e + i);
@@ -213,9 +221,9 @@ refine_frame(__global float *a, __global const float *frame, ulong frame_offset,
             v -= vload8(0, b + i);
         v *= scale;
         vstore8(v, 0, e + i);
-        sums = fma(v, v, sums);
+        lanes = fma(v, v, lanes);
     }
-    sum = refine_sum(sums);
+    sum = refine_sum(lanes);
     for (uint i = whole; i < to; ++i) {
 #else
     for (uint i = from + get_local_id(0); i < to; i += REFINE_GROUP) {
@@ -224,7 +232,7 @@ refine_frame(__global float *a, __global const float *frame, ulong frame_offset,
         e[i] = v;
         sum = fma(v, v, sum);
     }
-    REFINE_PARTIAL(partial, (partial_first + (size_t)plane * get_num_groups(0) + get_group_id(0)), sum)
+    REFINE_PARTIAL(partial, (sums.first + (size_t)plane * get_num_groups(0) + get_group_id(0)), sum)
 }
 
 /* The proximal step, over an array of vectors: the planes, one after the other, padded at the end. u = max(0, w) in
@@ -238,28 +246,28 @@ __kernel void refine_prox(__global float *w)
 /* From spectra of the whole grid to those of a coarse grid, channels averaged: out[image] = factor * mean over its
  * channels of in[image][channel], at the frequencies that both grids have. A Gaussian window over the frequencies,
  * 2^-(fy^2 + fx^2) with f = 1 at the coarse grid's last frequency, is applied `tapers` times (negative: divided out).
- * The coarse grid's Nyquist row and column and its padding become 0. Dimensions: columns of all blocks, rows, images.
- * parts: 2 for complex values, 1 for real ones. invert: 1 / out. */
-__kernel void refine_crop(__global const float *in, ulong in_offset, int in_rows, int in_block, uint in_count,
-                          __global float *out, uint out_offset, int rows, int cols, int block, uint count, int parts,
-                          int channels, float factor, float tapers, int invert)
+ * The coarse grid's Nyquist row and column and its padding become 0. Dimensions: columns of all blocks, rows, images. */
+__kernel void refine_crop(__global const float *in, ulong in_offset, hada_spectrum_shape in_shape, __global float *out,
+                          uint out_offset, hada_spectrum_shape out_shape, hada_refine_crop crop)
 {
+    const int rows = out_shape.rows, cols = out_shape.cols, block = out_shape.block;
+    const int in_rows = in_shape.rows, in_block = in_shape.block, parts = crop.parts, channels = crop.channels;
     const int kx = get_global_id(0), ky = get_global_id(1), image = get_global_id(2);
     if (kx >= (cols / 2 + block) / block * block)
         return;
     const int sy = 2 * ky < rows ? ky : ky - rows;
     const int known = 2 * kx < cols && 2 * sy > -rows;
     const float fy = 2.0f * (float)sy / (float)rows, fx = 2.0f * (float)kx / (float)cols;
-    const float scale = factor / (float)channels * exp2(-tapers * (fy * fy + fx * fx));
+    const float scale = crop.factor / (float)channels * exp2(-crop.tapers * (fy * fy + fx * fx));
     const size_t from = known ? spectrum_index(in_rows, in_block, sy < 0 ? sy + in_rows : sy, kx) : 0;
     const size_t to = spectrum_index(rows, block, ky, kx);
     for (int part = 0; part < parts; ++part) {
         float sum = 0.0f;
         for (int c = 0; c < channels; ++c)
-            sum += in[(in_offset + (size_t)(image * channels + c) * in_count + from) * parts + part];
+            sum += in[(in_offset + (size_t)(image * channels + c) * in_shape.count + from) * parts + part];
         sum *= scale;
-        if (invert)
+        if (crop.invert)
             sum = sum > 0.0f ? 1.0f / sum : 0.0f;
-        out[((size_t)out_offset + (size_t)image * count + to) * parts + part] = known ? sum : 0.0f;
+        out[((size_t)out_offset + (size_t)image * out_shape.count + to) * parts + part] = known ? sum : 0.0f;
     }
 }

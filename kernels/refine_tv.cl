@@ -10,6 +10,7 @@
  * Loads reach a value beyond an image: both arrays have room behind. A row's last vector overlaps the one before, so
  * REFINE_WIDTH 8 wants windows of at least eight columns. Dimensions: bands of rows, places. */
 #include "inc_refine.h"
+#include "shared_refine.h"
 
 #if REFINE_WIDTH == 8
 REFINE_INLINE refine_real tv_get(__global const float *p, size_t i)
@@ -70,9 +71,10 @@ REFINE_INLINE refine_real tv_plane(__global const float *w, __global const float
 
 /* p' from p; fresh: p is 0 */
 __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
-refine_tv_duals(__global const float *given, __global const float *old, __global float *next, int fresh, int channels,
-                int rows, int cols, int band, float theta, float step)
+refine_tv_duals(__global const float *given, __global const float *old, __global float *next, int fresh,
+                hada_refine_window window, float theta, float step)
 {
+    const int channels = window.channels, rows = window.rows, cols = window.cols, band = window.band;
     const int from = get_group_id(0) * band, to = min(rows, from + band), area = rows * cols;
     const size_t first = (size_t)get_global_id(1) * channels * area;
     for (int i = from; i < to; ++i) {
@@ -113,9 +115,9 @@ refine_tv_duals(__global const float *given, __global const float *old, __global
 
 /* u in the place of w. */
 __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
-refine_tv_planes(__global float *planes, __global const float *duals, int channels, int rows, int cols, int band,
-                 float theta)
+refine_tv_planes(__global float *planes, __global const float *duals, hada_refine_window window, float theta)
 {
+    const int channels = window.channels, rows = window.rows, cols = window.cols, band = window.band;
     const int from = get_group_id(0) * band, to = min(rows, from + band), area = rows * cols;
     const size_t first = (size_t)get_global_id(1) * channels * area;
     for (int c = 0; c < channels; ++c) {

@@ -1,7 +1,7 @@
 /* Factors of lengths, and the order of the stages. */
 #include "core/fft_factor.h"
 
-#include "../../kernels/inc_fft_table.h"
+#include "kernels/shared_fft_table.h"
 
 /* Whether n has no prime factors but 2, 3, 5 and 7. */
 static int smooth(int n)

@@ -9,6 +9,7 @@
 #define HADA_FFT_FFT_H
 
 #include "core/fft_factor.h"
+#include "kernels/shared_spectrum.h"
 #include "runtime/room.h"
 
 /* Where the complex value (ky, kx), kx <= cols/2, of a half spectrum stands, in complex numbers from the start of its
@@ -27,6 +28,13 @@ static inline size_t hada_spectrum_index(const hada_spectrum_layout *layout, int
 {
     return ((size_t)(kx / layout->block) * (size_t)layout->rows + (size_t)ky) * (size_t)layout->block +
            (size_t)(kx % layout->block);
+}
+
+/* The layout as kernels take it. */
+static inline hada_spectrum_shape hada_spectrum_shape_of(const hada_spectrum_layout *layout)
+{
+    return (hada_spectrum_shape){(unsigned)layout->count, (unsigned)layout->rows, (unsigned)layout->block,
+                                 (unsigned)layout->cols};
 }
 
 typedef enum hada_fft_backend { HADA_FFT_AUTO = 0, HADA_FFT_OWN = 1, HADA_FFT_CLFFT = 2 } hada_fft_backend;

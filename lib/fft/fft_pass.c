@@ -6,7 +6,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "../../kernels/inc_fft_table.h"
+#include "kernels/shared_fft_table.h"
 #include "core/alloc.h"
 #include "core/fft_factor.h"
 

@@ -1,5 +1,5 @@
 /* The run-time description of one pass of transforms of one length: the tables that the kernels of fft_rows_*.cl and
- * fft_rows_cols.cl read (their layout: kernels/inc_fft_table.h). Internal. */
+ * fft_rows_cols.cl read (their layout: kernels/shared_fft_table.h). Internal. */
 #ifndef HADA_FFT_PASS_H
 #define HADA_FFT_PASS_H
 

@@ -104,7 +104,7 @@ static hada_status check_values(const hada_camera *camera, hada_error *err)
                             {"aperture", "mm", camera->aperture_mm, 0.0, most, 1},
                             {"blur", "pixels", camera->blur_pixels, 0.25, 64.0, 0},
                             {"refractive index", "", camera->refractive_index, 1.01, 5.0, 0},
-                            {"Abbe number", "", camera->abbe_number ? camera->abbe_number : 10.0, 5.0, 1000.0, 0},
+                            {"Abbe number", "", camera->abbe_number != 0.0 ? camera->abbe_number : 10.0, 5.0, 1000.0, 0},
                             {"wavelength of red", "nm", camera->wavelengths_nm[0], 100.0, 20000.0, 0},
                             {"wavelength of green", "nm", camera->wavelengths_nm[1], 100.0, 20000.0, 0},
                             {"wavelength of blue", "nm", camera->wavelengths_nm[2], 100.0, 20000.0, 0}};

@@ -238,9 +238,9 @@ hada_status hada_refiner_create(hada_refiner **out, hada_slot *slot, const hada_
     if (!status)
         status = make_buffers(refiner, &b, err);
     if (!status)
-        status = hada_refine_kernels(refiner, err);
+        status = hada_refine_prepare(refiner, err);
     if (!status && shape->tv)
-        status = hada_refine_tv_kernels(refiner, err);
+        status = hada_refine_tv_prepare(refiner, err);
     if (status) {
         hada_refiner_destroy(&refiner);
         return status;

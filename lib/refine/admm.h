@@ -15,6 +15,7 @@
 #include <hadalens/model.h>
 
 #include "fft/fft.h"
+#include "kernels/shared_refine.h"
 
 /* A rectangle of the grid: top left pixel and size. */
 typedef struct hada_refine_rect {
@@ -50,13 +51,6 @@ typedef struct hada_refine_data {
     cl_mem doubt; /* [depth][channel][count] floats, hada_refiner_score() only: variance of the OTF estimate over the
                      noise power (1 / sum |X|^2 of the pairs); NULL: the OTF is exact */
 } hada_refine_data;
-
-/* Where a run starts: the numbers are the kernel's. */
-typedef enum hada_refine_start {
-    HADA_REFINE_COLD = 0, /* from nothing */
-    HADA_REFINE_WARM = 1, /* from the planes that hada_refiner_planes() holds, duals zero */
-    HADA_REFINE_ON = 2    /* from planes and duals as the last run left them */
-} hada_refine_start;
 
 /* A `stop` that ended within 0.1 dB of the best number of steps, with total variation of weight tv or without
  * (docs/refinement.md). Padded, what is known of a step is |b - v| within the frame, which settles before the planes

@@ -2,31 +2,19 @@
 
 #include <math.h>
 
-#include "runtime/kernel.h"
-
-hada_status hada_refine_kernels(hada_refiner *refiner, hada_error *err)
+hada_status hada_refine_prepare(hada_refiner *refiner, hada_error *err)
 {
-    hada_slot *slot = refiner->slot;
     /* vectors need whole ones of eight frequencies in a row of the layout */
-    const char *options = slot->context->shape == HADA_SHAPE_GROUPS ? "-DREFINE_WIDTH=1 -DREFINE_GROUP=64"
-                          : refiner->layout.block % 8               ? "-DREFINE_WIDTH=1"
-                                                                    : "";
-    refiner->group = slot->context->shape == HADA_SHAPE_GROUPS ? HADA_REFINE_GROUP : 1;
-    hada_status status = hada_slot_kernel(slot, "refine", "refine_solve", options, &refiner->solve, err);
-    if (!status)
-        status = hada_slot_kernel(slot, "refine", "refine_explain", options, &refiner->explain, err);
-    if (!status)
-        status = hada_slot_kernel(slot, "refine", "refine_score", options, &refiner->score, err);
-    if (!status)
-        status = hada_slot_kernel(slot, "refine", "refine_frame", options, &refiner->frame, err);
-    if (!status)
-        status = hada_slot_kernel(slot, "refine", "refine_prox", options, &refiner->prox, err);
-    return status;
+    refiner->program = refiner->slot->context->shape == HADA_SHAPE_GROUPS ? HADA_PROGRAM_REFINE_GROUPS
+                       : refiner->layout.block % 8                        ? HADA_PROGRAM_REFINE_SCALAR
+                                                                          : HADA_PROGRAM_REFINE_DEFAULT;
+    refiner->group = (size_t)hada_macros_of_refine(refiner->program)->refine_group;
+    return hada_prepare_refine(refiner->slot, refiner->program, err);
 }
 
-static cl_uint slices_of(size_t count)
+static size_t slices_of(size_t count)
 {
-    return (cl_uint)((count + HADA_REFINE_SLICE - 1) / HADA_REFINE_SLICE);
+    return hada_divide_up(count, HADA_REFINE_SLICE);
 }
 
 /* One run's constants. */
@@ -81,83 +69,59 @@ static double rho_at(const hada_refine_rule *rule, int step)
     return rule->first_rho > 0.0 ? fmin(rule->rho, rule->first_rho * pow(rule->growth, step)) : rule->rho;
 }
 
-/* Linear step `step` of a run. The sums go to the place `sums`. */
-static hada_status solve(const run *r, const hada_refine_rule *rule, int start, int step, int sums, hada_error *err)
+static hada_refine_problem problem_of(const run *r)
+{
+    return (hada_refine_problem){.otf_offset = r->data->otf_offset,
+                                 .frame_offset = r->data->spectrum_offset,
+                                 .spectrum = hada_spectrum_shape_of(&r->refiner->layout),
+                                 .depths = r->depths,
+                                 .channels = (unsigned)r->refiner->shape.channels};
+}
+
+/* Sums over slices go to the place `place`, one for each step. */
+static hada_refine_sums sums_at(const run *r, int place)
+{
+    return (hada_refine_sums){HADA_REFINE_SLICE, (unsigned)(r->refiner->partials * (size_t)place)};
+}
+
+static hada_range slices_range(const run *r, size_t count, int rows, int planes)
+{
+    return hada_range_groups(slices_of(count), r->refiner->group, (size_t)rows, (size_t)planes);
+}
+
+/* Linear step `step` of a run. The sums go to the place `place`. */
+static hada_status solve(const run *r, const hada_refine_rule *rule, int start, int step, int place, hada_error *err)
 {
     hada_refiner *refiner = r->refiner;
     const hada_refine_data *data = r->data;
-    const hada_spectrum_layout *layout = &refiner->layout;
-    cl_ulong otf_offset = data->otf_offset, data_offset = data->spectrum_offset;
-    cl_int depths = r->depths, padded = r->padded, has_prior = data->prior && !(rule->tv > 0.0), first = start;
-    cl_mem split_a = padded ? refiner->split_a.mem : refiner->now_w.mem;
-    cl_mem split_e = padded ? refiner->split_e.mem : refiner->now_u.mem;
-    cl_mem prior = has_prior ? data->prior : data->spectrum;
-    cl_float rho = (float)rho_at(rule, step), keep = step ? (float)(rho_at(rule, step - 1) / rho_at(rule, step)) : 1.0f;
-    cl_float over = start == HADA_REFINE_ON ? (float)rule->relaxation : 1.0f;
-    cl_uint count = (cl_uint)layout->count, slice = HADA_REFINE_SLICE, rows = (cl_uint)layout->rows;
-    cl_uint block = (cl_uint)layout->block, cols = (cl_uint)layout->cols;
-    cl_uint partial_first = (cl_uint)(refiner->partials * (size_t)sums);
-    hada_arg args[] = {HADA_ARG(data->otf),
-                       HADA_ARG(otf_offset),
-                       HADA_ARG(refiner->list.mem),
-                       HADA_ARG(depths),
-                       HADA_ARG(data->spectrum),
-                       HADA_ARG(data_offset),
-                       HADA_ARG(split_a),
-                       HADA_ARG(split_e),
-                       HADA_ARG(padded),
-                       HADA_ARG(prior),
-                       HADA_ARG(has_prior),
-                       HADA_ARG(refiner->now_u.mem),
-                       HADA_ARG(refiner->now_w.mem),
-                       HADA_ARG(rho),
-                       HADA_ARG(keep),
-                       HADA_ARG(over),
-                       HADA_ARG(first),
-                       HADA_ARG(count),
-                       HADA_ARG(slice),
-                       HADA_ARG(rows),
-                       HADA_ARG(block),
-                       HADA_ARG(cols),
-                       HADA_ARG(refiner->partial.mem),
-                       HADA_ARG(partial_first)};
-    const size_t local[3] = {(size_t)refiner->group, 1, 1};
-    const size_t global[3] = {slices_of(count) * local[0], (size_t)refiner->shape.channels, (size_t)r->sets};
+    const int has_prior = data->prior && !(rule->tv > 0.0);
+    const hada_refine_step now = {.rho = (float)rho_at(rule, step),
+                                  .keep = step ? (float)(rho_at(rule, step - 1) / rho_at(rule, step)) : 1.0f,
+                                  .relaxation = start == HADA_REFINE_ON ? (float)rule->relaxation : 1.0f,
+                                  .start = start,
+                                  .padded = r->padded,
+                                  .has_prior = has_prior};
+    const hada_range range = slices_range(r, refiner->layout.count, refiner->shape.channels, r->sets);
     cost_solve(r, start, has_prior);
-    return hada_slot_launch(refiner->slot, refiner->solve, "refine_solve", 3, global, local, args, HADA_COUNT(args),
-                            err);
+    /* what a step does not use is some other buffer */
+    return hada_launch_refine_solve(
+        refiner->slot, refiner->program, &range, err, .otf = data->otf, .list = refiner->list.mem,
+        .frame = data->spectrum, .split_a = r->padded ? refiner->split_a.mem : refiner->now_w.mem,
+        .split_e = r->padded ? refiner->split_e.mem : refiner->now_u.mem,
+        .prior = has_prior ? data->prior : data->spectrum, .now_u = refiner->now_u.mem, .now_w = refiner->now_w.mem,
+        .partial = refiner->partial.mem, .problem = problem_of(r), .now = now, .sums = sums_at(r, place));
 }
 
 static hada_status explain(const run *r, int has_rest, hada_error *err)
 {
     hada_refiner *refiner = r->refiner;
-    const hada_refine_data *data = r->data;
-    const hada_spectrum_layout *layout = &refiner->layout;
-    cl_ulong otf_offset = data->otf_offset, data_offset = data->spectrum_offset;
-    cl_int depths = r->depths, rest_kept = has_rest;
-    cl_mem rest = has_rest ? refiner->rest.mem : refiner->now_w.mem;
-    cl_uint count = (cl_uint)layout->count, slice = HADA_REFINE_SLICE, rows = (cl_uint)layout->rows;
-    cl_uint block = (cl_uint)layout->block, cols = (cl_uint)layout->cols;
-    hada_arg args[] = {HADA_ARG(data->otf),
-                       HADA_ARG(otf_offset),
-                       HADA_ARG(refiner->list.mem),
-                       HADA_ARG(depths),
-                       HADA_ARG(data->spectrum),
-                       HADA_ARG(data_offset),
-                       HADA_ARG(refiner->now_u.mem),
-                       HADA_ARG(rest),
-                       HADA_ARG(rest_kept),
-                       HADA_ARG(count),
-                       HADA_ARG(slice),
-                       HADA_ARG(rows),
-                       HADA_ARG(block),
-                       HADA_ARG(cols),
-                       HADA_ARG(refiner->partial.mem)};
-    const size_t local[3] = {(size_t)refiner->group, 1, 1};
-    const size_t global[3] = {slices_of(count) * local[0], (size_t)refiner->shape.channels, (size_t)r->sets};
+    const hada_range range = slices_range(r, refiner->layout.count, refiner->shape.channels, r->sets);
     cost_explain(r, has_rest);
-    return hada_slot_launch(refiner->slot, refiner->explain, "refine_explain", 3, global, local, args, HADA_COUNT(args),
-                            err);
+    return hada_launch_refine_explain(refiner->slot, refiner->program, &range, err, .otf = r->data->otf,
+                                      .list = refiner->list.mem, .frame = r->data->spectrum,
+                                      .now_u = refiner->now_u.mem,
+                                      .rest = has_rest ? refiner->rest.mem : refiner->now_w.mem, .has_rest = has_rest,
+                                      .partial = refiner->partial.mem, .problem = problem_of(r), .sums = sums_at(r, 0));
 }
 
 static hada_status score(const run *r, int band_rows, int band_cols, hada_error *err)
@@ -165,60 +129,30 @@ static hada_status score(const run *r, int band_rows, int band_cols, hada_error 
     hada_refiner *refiner = r->refiner;
     const hada_refine_data *data = r->data;
     const hada_spectrum_layout *layout = &refiner->layout;
-    cl_ulong otf_offset = data->otf_offset, data_offset = data->spectrum_offset;
-    cl_int depths = r->depths, has_prior = data->prior != NULL, has_doubt = data->doubt != NULL;
-    cl_mem prior = has_prior ? data->prior : data->spectrum, doubt = has_doubt ? data->doubt : data->spectrum;
-    cl_uint channels = (cl_uint)refiner->shape.channels, count = (cl_uint)layout->count, slice = HADA_REFINE_SLICE;
-    cl_uint rows = (cl_uint)layout->rows, block = (cl_uint)layout->block, cols = (cl_uint)layout->cols;
-    cl_uint high = (cl_uint)band_rows, wide = (cl_uint)band_cols;
-    hada_arg args[] = {HADA_ARG(data->otf),
-                       HADA_ARG(otf_offset),
-                       HADA_ARG(refiner->list.mem),
-                       HADA_ARG(depths),
-                       HADA_ARG(data->spectrum),
-                       HADA_ARG(data_offset),
-                       HADA_ARG(refiner->now_u.mem),
-                       HADA_ARG(prior),
-                       HADA_ARG(has_prior),
-                       HADA_ARG(doubt),
-                       HADA_ARG(has_doubt),
-                       HADA_ARG(channels),
-                       HADA_ARG(count),
-                       HADA_ARG(slice),
-                       HADA_ARG(rows),
-                       HADA_ARG(block),
-                       HADA_ARG(cols),
-                       HADA_ARG(high),
-                       HADA_ARG(wide),
-                       HADA_ARG(refiner->partial.mem)};
-    const size_t local[2] = {(size_t)refiner->group, 1};
-    const size_t global[2] = {slices_of(count) * local[0], (size_t)r->sets};
-    cost_score(r, fmin(1.0, (double)band_rows / layout->rows) * fmin(1.0, (double)band_cols / layout->cols), has_prior,
-               has_doubt);
-    return hada_slot_launch(refiner->slot, refiner->score, "refine_score", 2, global, local, args, HADA_COUNT(args),
-                            err);
+    const hada_refine_band band = {(unsigned)band_rows, (unsigned)band_cols, data->prior != NULL, data->doubt != NULL};
+    const hada_range range = slices_range(r, layout->count, r->sets, 1);
+    cost_score(r, fmin(1.0, (double)band_rows / layout->rows) * fmin(1.0, (double)band_cols / layout->cols),
+               band.has_prior, band.has_doubt);
+    return hada_launch_refine_score(
+        refiner->slot, refiner->program, &range, err, .otf = data->otf, .list = refiner->list.mem,
+        .frame = data->spectrum, .now_u = refiner->now_u.mem, .prior = band.has_prior ? data->prior : data->spectrum,
+        .doubt = band.has_doubt ? data->doubt : data->spectrum, .partial = refiner->partial.mem,
+        .problem = problem_of(r), .band = band, .sums = sums_at(r, 0));
 }
 
 /* dual = factor * (dual - frame), or factor * dual, with its energy. */
 static hada_status meet_frame(const run *r, cl_mem dual, int use_frame, double factor, int step, hada_error *err)
 {
     hada_refiner *refiner = r->refiner;
-    cl_mem frame = use_frame ? r->data->frame : refiner->planes.mem;
-    cl_ulong frame_offset = r->data->frame_offset;
-    cl_int used = use_frame;
-    cl_uint channels = (cl_uint)refiner->shape.channels, pixels = (cl_uint)refiner->frame_area;
-    cl_uint slice = HADA_REFINE_SLICE, partial_first = (cl_uint)(refiner->partials * (size_t)step);
-    cl_float scale = (float)factor;
-    hada_arg args[] = {HADA_ARG(dual),         HADA_ARG(frame),    HADA_ARG(frame_offset),
-                       HADA_ARG(used),         HADA_ARG(channels), HADA_ARG(pixels),
-                       HADA_ARG(slice),        HADA_ARG(scale),    HADA_ARG(refiner->partial.mem),
-                       HADA_ARG(partial_first)};
-    const size_t local[2] = {(size_t)refiner->group, 1};
-    const size_t global[2] = {slices_of(pixels) * local[0], (size_t)(r->sets * refiner->shape.channels)};
-    const double all = (double)r->sets * channels * pixels;
-    hada_slot_cost(refiner->slot, 8.0 * all + (use_frame ? 4.0 * channels * pixels : 0), (use_frame ? 4.0 : 3.0) * all);
-    return hada_slot_launch(refiner->slot, refiner->frame, "refine_frame", 2, global, local, args, HADA_COUNT(args),
-                            err);
+    const int channels = refiner->shape.channels;
+    const hada_range range = slices_range(r, refiner->frame_area, r->sets * channels, 1);
+    const double frame = (double)channels * (double)refiner->frame_area, all = r->sets * frame;
+    hada_slot_cost(refiner->slot, 8.0 * all + (use_frame ? 4.0 * frame : 0), (use_frame ? 4.0 : 3.0) * all);
+    return hada_launch_refine_frame(refiner->slot, refiner->program, &range, err, .a = dual,
+                                    .frame = use_frame ? r->data->frame : refiner->planes.mem,
+                                    .frame_offset = r->data->frame_offset, .use_frame = use_frame,
+                                    .channels = (cl_uint)channels, .pixels = (cl_uint)refiner->frame_area,
+                                    .scale = (float)factor, .partial = refiner->partial.mem, .sums = sums_at(r, step));
 }
 
 static hada_status be_positive(const run *r, hada_error *err)
@@ -226,11 +160,10 @@ static hada_status be_positive(const run *r, hada_error *err)
     hada_refiner *refiner = r->refiner;
     const size_t floats = (size_t)(r->sets * r->depths * refiner->shape.channels) * refiner->window_area;
     const size_t group = HADA_REFINE_PAD / 8;
-    const size_t local = refiner->slot->context->info.max_work_group < group ? 1 : group;
-    const size_t global = (floats + HADA_REFINE_PAD - 1) / HADA_REFINE_PAD * group;
-    hada_arg args[] = {HADA_ARG(refiner->planes.mem)};
+    const hada_range range = hada_range_of(hada_divide_up(floats, HADA_REFINE_PAD) * group,
+                                           refiner->slot->context->info.max_work_group < group ? 1 : group, 1, 1);
     hada_slot_cost(refiner->slot, 8.0 * (double)floats, (double)floats);
-    return hada_slot_launch(refiner->slot, refiner->prox, "refine_prox", 1, &global, &local, args, 1, err);
+    return hada_launch_refine_prox(refiner->slot, refiner->program, &range, err, .w = refiner->planes.mem);
 }
 
 /* Transforms `images` images in calls of the plan's batch. */
@@ -292,7 +225,7 @@ static hada_status fetch(const run *r, int step, int count, hada_error *err)
 }
 
 /* Adds a step's partial sums, those of `parts` images a set, up, in order and in double. */
-static void add_up(const run *r, int step, int parts, cl_uint slices, double factor, double *energy)
+static void add_up(const run *r, int step, int parts, size_t slices, double factor, double *energy)
 {
     const size_t each = (size_t)parts * slices;
     const float *partial = r->refiner->host_partial + r->refiner->partials * (size_t)step;
@@ -304,7 +237,7 @@ static void add_up(const run *r, int step, int parts, cl_uint slices, double fac
     }
 }
 
-static hada_status collect(const run *r, int parts, cl_uint slices, double factor, double *energy, hada_error *err)
+static hada_status collect(const run *r, int parts, size_t slices, double factor, double *energy, hada_error *err)
 {
     hada_status status = fetch(r, 0, 1, err);
     if (!status)
@@ -367,7 +300,7 @@ hada_status hada_refiner_run(hada_refiner *refiner, const hada_refine_data *data
     if (!status && rule->tv > 0.0 && !refiner->shape.tv)
         status = hada_fail(err, HADA_ERROR_ARGUMENT, "refinement: this refiner was made without total variation");
     /* what a step's energies mean: see hada_refiner_energy() */
-    const cl_uint frame_slices = slices_of(refiner->frame_area), slices = slices_of(layout->count);
+    const size_t frame_slices = slices_of(refiner->frame_area), slices = slices_of(layout->count);
     const double frame_factor = rule->mu * rule->mu;
     int done = 0, read = 0;
     for (int step = 0; !status && step < rule->steps; step++) {

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "runtime/kernel.h"
+#include "launch/refine.h"
 
 enum { MARGIN = 2 /* pixels: the window is wider by this on every side, for the blur of its edge */ };
 
@@ -162,7 +162,7 @@ hada_status hada_level_create(hada_pursuit_level *l, hada_slot *slot, const hada
     HADA_TRY(hada_buffer_create(&l->spectrum, context, spectrum, what, err));
     if (l->shape.boundary == HADA_BOUNDARY_PADDED)
         HADA_TRY(make_frames(l, err));
-    HADA_TRY(hada_slot_kernel(slot, "refine", "refine_crop", "", &l->crop, err));
+    HADA_TRY(hada_prepare_refine(slot, HADA_PROGRAM_REFINE_DEFAULT, err));
 done:
     if (status)
         hada_level_destroy(l);
@@ -193,21 +193,19 @@ typedef struct crop {
 static hada_status crop_images(hada_pursuit_level *l, const crop *how, cl_mem in, size_t in_offset, int images,
                                const hada_buffer *out, int first_image, hada_error *err)
 {
-    cl_ulong from = in_offset;
-    cl_int in_rows = how->from->rows, in_block = how->from->block, rows = how->to->rows, cols = how->to->cols;
-    cl_int block = how->to->block, parts = how->parts, channels = how->channels, invert = how->invert;
-    cl_uint in_count = (cl_uint)how->from->count, count = (cl_uint)how->to->count;
-    cl_uint to = (cl_uint)((size_t)first_image * how->to->count);
-    cl_float factor = (cl_float)how->factor, tapers = (cl_float)how->tapers;
-    hada_arg args[] = {HADA_ARG(in),       HADA_ARG(from),     HADA_ARG(in_rows), HADA_ARG(in_block),
-                       HADA_ARG(in_count), HADA_ARG(out->mem), HADA_ARG(to),      HADA_ARG(rows),
-                       HADA_ARG(cols),     HADA_ARG(block),    HADA_ARG(count),   HADA_ARG(parts),
-                       HADA_ARG(channels), HADA_ARG(factor),   HADA_ARG(tapers),  HADA_ARG(invert)};
-    const size_t local[3] = {(size_t)(block < 8 ? 1 : 8), 1, 1};
-    const size_t cols_up = ((size_t)how->to->blocks * (size_t)block + local[0] - 1) / local[0] * local[0];
-    const size_t global[3] = {cols_up, (size_t)rows, (size_t)images};
-    hada_slot_cost(l->slot, 4.0 * parts * images * (channels + 1.0) * rows * (cols / 2 + 1.0), 0);
-    return hada_slot_launch(l->slot, l->crop, "refine_crop", 3, global, local, args, HADA_COUNT(args), err);
+    const int rows = how->to->rows, cols = how->to->cols, block = how->to->block;
+    const hada_range range =
+        hada_range_of((size_t)how->to->blocks * (size_t)block, block < 8 ? 1 : 8, (size_t)rows, (size_t)images);
+    const hada_refine_crop numbers = {.parts = how->parts,
+                                      .channels = how->channels,
+                                      .factor = (float)how->factor,
+                                      .tapers = (float)how->tapers,
+                                      .invert = how->invert};
+    hada_slot_cost(l->slot, 4.0 * how->parts * images * (how->channels + 1.0) * rows * (cols / 2 + 1.0), 0);
+    return hada_launch_refine_crop(l->slot, HADA_PROGRAM_REFINE_DEFAULT, &range, err, .in = in, .in_offset = in_offset,
+                                   .in_shape = hada_spectrum_shape_of(how->from), .out = out->mem,
+                                   .out_offset = (cl_uint)((size_t)first_image * how->to->count),
+                                   .out_shape = hada_spectrum_shape_of(how->to), .crop = numbers);
 }
 
 /* A crop of the camera's images: to one of their mean, or channel by channel. */

@@ -29,7 +29,6 @@ typedef struct hada_pursuit_level {
     float *host_evidence;
     size_t evidence_area;
     int has_prior, has_doubt;
-    cl_kernel crop;
     /* the frame in hand: its spectrum, whether it was brought to this grid, its energy there */
     cl_mem whole;
     size_t whole_offset;

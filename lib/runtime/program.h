@@ -4,22 +4,32 @@
 
 #include "runtime/device.h"
 
-/* The text of a kernel file, includes flattened, embedded in the library at build time (see cmake/embed.cmake). */
-typedef struct hada_kernel_source {
-    const char *file; /* name without suffix */
+/* A row of kernels/manifest.txt: a program that a device needs. */
+typedef struct hada_program_row {
+    const char *name;
+    const char *macros; /* "-DNAME=NUMBER ..." or "" */
+    const char *shapes; /* "lanes", "groups" or "all": which devices need it */
+} hada_program_row;
+
+typedef struct hada_kernel hada_kernel; /* runtime/launch.h */
+
+/* A kernel file, embedded in the library at build time (cmake/kernels.py): its text with includes flattened, its
+ * kernels, and its programs as the manifest lists them. */
+typedef struct hada_kernel_file {
+    const char *name; /* without suffix */
     const char *const *lines;
     size_t line_count;
-} hada_kernel_source;
-extern const hada_kernel_source hada_kernel_sources[];
-extern const size_t hada_kernel_source_count;
-
-/* A row of kernels/manifest.txt: a program that a device needs, as file and macros. */
-typedef struct hada_manifest_row {
-    const char *file, *options;
-    const char *shapes; /* "lanes", "groups" or "all": which devices need it */
-} hada_manifest_row;
-extern const hada_manifest_row hada_manifest[];
-extern const size_t hada_manifest_count;
+    const hada_kernel *const *kernels;
+    int kernel_count;
+    const hada_program_row *programs;
+    int program_count;
+    const int *macro_values; /* [program][macro] */
+    int macro_count;
+    int first_object; /* of its kernel objects in a slot: [program][kernel] */
+} hada_kernel_file;
+extern const hada_kernel_file *const hada_kernel_files[];
+extern const int hada_kernel_file_count;
+extern const int hada_kernel_object_count; /* of all files */
 
 hada_status hada_program_store_create(hada_context *context, const hada_context_options *options, hada_error *err);
 void hada_program_store_destroy(hada_context *context);

@@ -4,39 +4,43 @@
 
 #include "runtime/store.h"
 
-static int serves(const hada_context *context, const hada_manifest_row *row)
+static int serves(const hada_context *context, const hada_program_row *row)
 {
     return !strcmp(row->shapes, "all") ||
            !strcmp(row->shapes, context->shape == HADA_SHAPE_GROUPS ? "groups" : "lanes");
 }
 
+static hada_status save(hada_context *context, const char *folder, const char *file, const char *macros,
+                        hada_error *err)
+{
+    char name[256], *text = NULL;
+    cl_program program;
+    unsigned char *binary = NULL;
+    size_t bytes;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_program_get(context, file, macros, &program, err));
+    HADA_TRY(hada_program_binary(program, &binary, &bytes, err));
+    text = hada_kernel_text(file);
+    HADA_TRY(text ? HADA_OK : hada_kernel_text_missing(file, err));
+    HADA_TRY(hada_program_key(context, file, macros, text, name, sizeof name, err));
+    HADA_TRY(hada_binary_write(folder, name, binary, bytes, err));
+done:
+    free(text);
+    free(binary);
+    return status;
+}
+
 hada_status hada_programs_save(hada_context *context, const char *folder, hada_error *err)
 {
+    hada_status status = HADA_OK;
     if (!context || !folder || !*folder)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_programs_save: a context and a folder are needed");
-    hada_status status = hada_folder_make(folder, err);
-    for (size_t i = 0; !status && i < hada_manifest_count; i++) {
-        const hada_manifest_row *row = &hada_manifest[i];
-        char name[256];
-        cl_program program;
-        unsigned char *binary;
-        size_t bytes;
-        if (!serves(context, row))
-            continue;
-        status = hada_program_get(context, row->file, row->options, &program, err);
-        if (status)
-            break;
-        status = hada_program_binary(program, &binary, &bytes, err);
-        if (status)
-            break;
-        char *text = hada_kernel_text(row->file);
-        status = text ? HADA_OK : hada_kernel_text_missing(row->file, err);
-        if (!status)
-            status = hada_program_key(context, row->file, row->options, text, name, sizeof name, err);
-        if (!status)
-            status = hada_binary_write(folder, name, binary, bytes, err);
-        free(text);
-        free(binary);
-    }
+    HADA_TRY(hada_folder_make(folder, err));
+    for (int f = 0; f < hada_kernel_file_count; f++)
+        for (int i = 0; i < hada_kernel_files[f]->program_count; i++)
+            if (serves(context, &hada_kernel_files[f]->programs[i]))
+                HADA_TRY(save(context, folder, hada_kernel_files[f]->name, hada_kernel_files[f]->programs[i].macros,
+                              err));
+done:
     return status;
 }

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
+#include "runtime/program.h"
 #include "runtime/profile.h"
 
 static hada_status make_queue(hada_context *context, cl_command_queue *queue, hada_error *err)
@@ -23,7 +24,10 @@ hada_status hada_slot_create(hada_slot **out, hada_context *context, hada_error 
     if (status)
         return status;
     slot->context = context;
-    status = make_queue(context, &slot->queue, err);
+    status = hada_alloc((void **)&slot->objects, (size_t)hada_kernel_object_count, sizeof *slot->objects,
+                        "a queue slot", err);
+    if (!status)
+        status = make_queue(context, &slot->queue, err);
     if (status) {
         hada_slot_destroy(&slot);
         return status;
@@ -53,6 +57,10 @@ void hada_slot_destroy(hada_slot **pointer)
         free(entry->options);
         free(entry);
     }
+    for (int i = 0; slot->objects && i < hada_kernel_object_count; i++)
+        if (slot->objects[i])
+            clReleaseKernel(slot->objects[i]);
+    free(slot->objects);
     free(slot);
 }
 

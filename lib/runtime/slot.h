@@ -22,6 +22,7 @@ typedef struct hada_slot {
     hada_context *context;
     cl_command_queue queue;
     hada_slot_kernel_entry *kernels;
+    cl_kernel *objects;    /* of all programs, NULL until first launched (runtime/launch.c) */
     hada_profile *profile; /* NULL: off */
     const char *stage;     /* what the slot works at, for profiles; a constant text or NULL */
     double cost_bytes, cost_flops;

@@ -7,17 +7,17 @@
 
 #include "runtime/store.h"
 
-static const hada_kernel_source *find(const char *file)
+static const hada_kernel_file *find(const char *file)
 {
-    for (size_t i = 0; i < hada_kernel_source_count; i++)
-        if (!strcmp(hada_kernel_sources[i].file, file))
-            return &hada_kernel_sources[i];
+    for (int i = 0; i < hada_kernel_file_count; i++)
+        if (!strcmp(hada_kernel_files[i]->name, file))
+            return hada_kernel_files[i];
     return NULL;
 }
 
 char *hada_kernel_text(const char *file)
 {
-    const hada_kernel_source *source = find(file);
+    const hada_kernel_file *source = find(file);
     if (!source)
         return NULL;
     size_t bytes = 1;

@@ -1,13 +1,10 @@
 /* Which kernels the operations launched, seen where every launch passes: the linker sends clEnqueueNDRangeKernel here
  * (see CMakeLists.txt). And whether every kernel file stands by itself. */
-#include <ctype.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "check.h"
-#include "runtime/program.h"
-#include "runtime/store.h"
+#include "runtime/launch.h"
 
 enum { MAX_LAUNCHED = 1024, NAME = 64 };
 
@@ -41,24 +38,6 @@ cl_int __wrap_clEnqueueNDRangeKernel(cl_command_queue queue, cl_kernel kernel, c
     return __real_clEnqueueNDRangeKernel(queue, kernel, dimensions, offset, global, local, waits, wait, event);
 }
 
-/* The next kernel's name in a text of OpenCL C, or NULL. */
-static const char *next_kernel(const char *text, char name[NAME])
-{
-    text = strstr(text, "__kernel");
-    if (!text || !(text = strstr(text, "void")))
-        return NULL;
-    text += strlen("void");
-    while (isspace((unsigned char)*text))
-        text++;
-    size_t n = 0;
-    while (n < NAME - 1 && (isalnum((unsigned char)text[n]) || text[n] == '_')) {
-        name[n] = text[n];
-        n++;
-    }
-    name[n] = '\0';
-    return text + n;
-}
-
 static int ran(const char *name)
 {
     for (int i = 0; i < launched_count; i++)
@@ -67,127 +46,96 @@ static int ran(const char *name)
     return 0;
 }
 
-/* The self-test of a context runs in a slot of its own, whose programs can't be asked any more. */
-static int program_ran(const hada_slot *slot, const char *file, const char *options)
+static int launched_object(cl_kernel object)
 {
-    if (!strcmp(file, "selftest"))
-        return ran("selftest_sum");
-    for (const hada_slot_kernel_entry *entry = slot->kernels; entry; entry = entry->next)
-        if (!strcmp(entry->file, file) && !strcmp(entry->options, options))
-            for (int i = 0; i < launched_count; i++)
-                if (launched[i].kernel == entry->kernel && !strcmp(launched[i].name, entry->name))
-                    return 1;
+    for (int i = 0; object && i < launched_count; i++)
+        if (launched[i].kernel == object)
+            return 1;
     return 0;
 }
 
-/* Programs that operations asked for and the manifest lacks: offline devices would not have them. */
-static int beyond_manifest(const hada_slot *slot, const char *word)
+/* The self-test of a context runs in a slot of its own, whose programs can't be asked any more. */
+static int program_ran(const hada_slot *slot, const hada_kernel_file *file, int program)
 {
-    int missing = 0;
-    for (const hada_slot_kernel_entry *entry = slot->kernels; entry; entry = entry->next) {
-        size_t i = 0;
-        while (i < hada_manifest_count &&
-               (strcmp(hada_manifest[i].file, entry->file) || strcmp(hada_manifest[i].options, entry->options)))
-            i++;
-        if (i == hada_manifest_count) {
-            printf("%-7s kernels/manifest.txt lacks %s.cl with the macros \"%s\", of which %s was asked for\n", word,
-                   entry->file, entry->options, entry->name);
-            missing++;
-        }
-    }
-    return missing;
+    if (!strcmp(file->name, "selftest"))
+        return ran("selftest_sum");
+    for (int k = 0; k < file->kernel_count; k++)
+        if (launched_object(slot->objects[file->first_object + program * file->kernel_count + k]))
+            return 1;
+    for (const hada_slot_kernel_entry *entry = slot->kernels; entry; entry = entry->next)
+        if (!strcmp(entry->file, file->name) && !strcmp(entry->options, file->programs[program].macros) &&
+            launched_object(entry->kernel))
+            return 1;
+    return 0;
 }
 
 int check_cover_report(const hada_slot *slot, int list, int partial)
 {
     const char *word = partial ? "missing" : "FAILED";
-    int missing = 0, kernels = 0;
-    for (size_t f = 0; f < hada_kernel_source_count; f++) {
-        const char *file = hada_kernel_sources[f].file;
-        char *text = hada_kernel_text(file), name[NAME];
-        for (const char *at = text; at && (at = next_kernel(at, name));) {
-            kernels++;
+    int missing = 0, kernels = 0, programs = 0;
+    for (int f = 0; f < hada_kernel_file_count; f++) {
+        const hada_kernel_file *file = hada_kernel_files[f];
+        for (int k = 0; k < file->kernel_count; k++, kernels++) {
+            const char *name = file->kernels[k]->name;
             if (list)
-                printf("%-8s %s.cl: %s\n", ran(name) ? "launched" : "never", file, name);
+                printf("%-8s %s.cl: %s\n", ran(name) ? "launched" : "never", file->name, name);
             if (!ran(name)) {
                 printf("%-7s no operation launches the kernel %s of kernels/%s.cl: add a check_<op>.c\n", word, name,
-                       file);
+                       file->name);
                 missing++;
             }
         }
-        free(text);
+        for (int i = 0; i < file->program_count; i++, programs++)
+            if (!program_ran(slot, file, i)) {
+                printf("%-7s no operation launches %s.cl with the macros \"%s\": add a shape that needs them\n", word,
+                       file->name, file->programs[i].macros);
+                missing++;
+            }
     }
-    for (size_t i = 0; i < hada_manifest_count; i++) {
-        const hada_manifest_row *row = &hada_manifest[i];
-        if (!program_ran(slot, row->file, row->options)) {
-            printf("%-7s no operation launches %s.cl with the macros \"%s\": add a shape that needs them\n", word,
-                   row->file, row->options);
-            missing++;
-        }
-    }
-    missing += beyond_manifest(slot, word);
-    printf("%d kernels, %zu programs of the manifest, %d not launched, or not in it\n", kernels, hada_manifest_count, missing);
+    printf("%d kernels, %d programs of the manifest, %d not launched\n", kernels, programs, missing);
     return partial ? 0 : missing;
 }
 
-static int in_manifest(const char *file)
-{
-    for (size_t i = 0; i < hada_manifest_count; i++)
-        if (!strcmp(hada_manifest[i].file, file))
-            return 1;
-    return 0;
-}
-
-static int complete(hada_slot *slot, const char *file, char *note, size_t size)
+/* What the launches were made of holds for what the device compiled: each program of the manifest has each kernel of
+ * its file, with as many parameters. */
+static int complete(hada_slot *slot, const hada_kernel_file *file, int row, char *note, size_t size)
 {
     hada_error error;
     cl_program program;
-    char name[NAME], *text = hada_kernel_text(file);
-    int kernels = 0, good = 0;
-    if (!text)
-        snprintf(note, size, "no text");
-    else if (!in_manifest(file))
-        snprintf(note, size, "no row in kernels/manifest.txt");
-    else if (hada_program_get(slot->context, file, "", &program, &error))
+    if (hada_program_get(slot->context, file->name, row < 0 ? "" : file->programs[row].macros, &program, &error)) {
         snprintf(note, size, "%s", error.message);
-    else
-        good = 1;
-    for (const char *at = text; good && at && (at = next_kernel(at, name)); kernels++) {
+        return 0;
+    }
+    for (int k = 0; k < file->kernel_count; k++) {
+        const hada_kernel *wanted = file->kernels[k];
         cl_int code;
-        cl_kernel kernel = clCreateKernel(program, name, &code);
+        cl_uint parameters = 0;
+        cl_kernel kernel = clCreateKernel(program, wanted->name, &code);
         if (code == CL_SUCCESS) {
+            code = clGetKernelInfo(kernel, CL_KERNEL_NUM_ARGS, sizeof parameters, &parameters, NULL);
             clReleaseKernel(kernel);
-        } else {
-            snprintf(note, size, "its kernel %s cannot be made (%d)", name, (int)code);
-            good = 0;
+        }
+        if (code != CL_SUCCESS || (int)parameters != wanted->parameter_count) {
+            snprintf(note, size, "its kernel %s cannot be made (%d), or takes %u parameters where launches have %d",
+                     wanted->name, (int)code, parameters, wanted->parameter_count);
+            return 0;
         }
     }
-    if (good && !kernels)
-        snprintf(note, size, "no kernel in it");
-    else if (good)
-        snprintf(note, size, "%d kernel(s)", kernels);
-    free(text);
-    return good && kernels;
+    snprintf(note, size, "%d kernel(s)", file->kernel_count);
+    return 1;
 }
 
 int check_compile(hada_slot *slot)
 {
     int failed = 0;
-    for (size_t f = 0; f < hada_kernel_source_count; f++) {
-        char note[2048];
-        const int good = complete(slot, hada_kernel_sources[f].file, note, sizeof note);
-        printf("%-7s %s.cl: %s\n", good ? "ok" : "FAILED", hada_kernel_sources[f].file, note);
-        failed += !good;
-    }
-    for (size_t i = 0; i < hada_manifest_count; i++) {
-        size_t f = 0;
-        while (f < hada_kernel_source_count && strcmp(hada_kernel_sources[f].file, hada_manifest[i].file))
-            f++;
-        if (f == hada_kernel_source_count) {
-            printf("FAILED  the manifest names %s, and there is no kernels/%s.cl\n", hada_manifest[i].file,
-                   hada_manifest[i].file);
-            failed++;
+    for (int f = 0; f < hada_kernel_file_count; f++)
+        for (int row = -1; row < hada_kernel_files[f]->program_count; row++) {
+            const hada_kernel_file *file = hada_kernel_files[f];
+            char note[2048];
+            const int good = complete(slot, file, row, note, sizeof note);
+            printf("%-7s %s.cl %s: %s\n", good ? "ok" : "FAILED", file->name,
+                   row < 0 ? "without macros" : file->programs[row].name, note);
+            failed += !good;
         }
-    }
     return failed;
 }

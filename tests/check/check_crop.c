@@ -4,7 +4,7 @@
 
 #include "check.h"
 #include "filter/layout.h"
-#include "runtime/kernel.h"
+#include "launch/refine.h"
 #include "ref/ref_spectrum.h"
 
 typedef struct crop_state {
@@ -83,26 +83,25 @@ static hada_status prepare(check_state *state, hada_error *err)
 static hada_status launch(check_state *state, hada_error *err)
 {
     crop_state *own = state->own;
-    const cl_int in_rows = own->full.rows, in_block = own->full.block, rows = own->coarse.rows, cols = own->coarse.cols,
-                 block = own->coarse.block;
-    const cl_uint in_count = (cl_uint)own->full.count, count = (cl_uint)own->coarse.count;
-    const cl_float factor = 0.5f * (cl_float)own->channels, tapers = (cl_float)own->tapers;
-    const size_t local[3] = {block < 8 ? 1 : 8, 1, 1};
+    const int block = own->coarse.block;
     const size_t width = (size_t)own->coarse.blocks * (size_t)block;
-    cl_kernel kernel;
-    hada_status status = hada_slot_kernel(state->slot, "refine", "refine_crop", "", &kernel, err);
-    for (int m = 0, n; !status && m < own->images; m += n) {
+    const hada_refine_crop crop = {.parts = own->parts,
+                                   .channels = own->channels,
+                                   .factor = 0.5f * (float)own->channels,
+                                   .tapers = (float)own->tapers,
+                                   .invert = own->invert};
+    hada_status status = HADA_OK;
+    for (int m = 0, n; m < own->images; m += n) {
         n = state->batch_limit && state->batch_limit < own->images - m ? state->batch_limit : own->images - m;
-        const size_t global[3] = {(width + local[0] - 1) / local[0] * local[0], (size_t)rows, (size_t)n};
-        const cl_ulong from = (cl_ulong)m * (cl_ulong)own->channels * in_count;
-        const cl_uint to = (cl_uint)(state->out_offset / (size_t)own->parts) + (cl_uint)m * count;
-        const hada_arg args[] = {
-            HADA_ARG(own->in.mem),   HADA_ARG(from),           HADA_ARG(in_rows), HADA_ARG(in_block),
-            HADA_ARG(in_count),      HADA_ARG(state->out.mem), HADA_ARG(to),      HADA_ARG(rows),
-            HADA_ARG(cols),          HADA_ARG(block),          HADA_ARG(count),   HADA_ARG(own->parts),
-            HADA_ARG(own->channels), HADA_ARG(factor),         HADA_ARG(tapers),  HADA_ARG(own->invert)};
-        status = hada_slot_launch(state->slot, kernel, "refine_crop", 3, global, local, args, HADA_COUNT(args), err);
+        const hada_range range = hada_range_of(width, block < 8 ? 1 : 8, (size_t)own->coarse.rows, (size_t)n);
+        const size_t to = state->out_offset / (size_t)own->parts + (size_t)m * own->coarse.count;
+        HADA_TRY(hada_launch_refine_crop(state->slot, HADA_PROGRAM_REFINE_DEFAULT, &range, err, .in = own->in.mem,
+                                         .in_offset = (cl_ulong)m * (cl_ulong)own->channels * own->full.count,
+                                         .in_shape = hada_spectrum_shape_of(&own->full), .out = state->out.mem,
+                                         .out_offset = (cl_uint)to, .out_shape = hada_spectrum_shape_of(&own->coarse),
+                                         .crop = crop));
     }
+done:
     return status;
 }
 

@@ -4,7 +4,7 @@
 #include "check.h"
 #include "core/alloc.h"
 #include "filter/layout.h"
-#include "runtime/kernel.h"
+#include "launch/refine.h"
 #include "ref/ref_spectrum.h"
 
 enum { SLICE = 2048, MAX_DEPTHS = 8 };
@@ -126,35 +126,26 @@ static hada_status prepare(check_state *state, hada_error *err)
 static hada_status launch(check_state *state, hada_error *err)
 {
     explain_state *own = state->own;
-    const int groups = state->slot->context->shape == HADA_SHAPE_GROUPS;
-    const char *options = groups                  ? "-DREFINE_WIDTH=1 -DREFINE_GROUP=64"
-                          : own->layout.block % 8 ? "-DREFINE_WIDTH=1"
-                                                  : "";
-    const cl_ulong zero = 0;
-    const cl_int yes = 1;
-    const cl_uint count = (cl_uint)own->layout.count, slice = SLICE, rows = (cl_uint)own->layout.rows,
-                  block = (cl_uint)own->layout.block, cols = (cl_uint)own->layout.cols;
-    const size_t local[3] = {check_local(state, 64), 1, 1};
-    const size_t global[3] = {own->slices * local[0], (size_t)own->channels, (size_t)own->sets};
-    cl_kernel kernel;
+    const hada_program_refine program = state->slot->context->shape == HADA_SHAPE_GROUPS ? HADA_PROGRAM_REFINE_GROUPS
+                                        : own->layout.block % 8                          ? HADA_PROGRAM_REFINE_SCALAR
+                                                                                         : HADA_PROGRAM_REFINE_DEFAULT;
+    const hada_refine_problem problem = {
+        .spectrum = hada_spectrum_shape_of(&own->layout), .depths = own->depths, .channels = (unsigned)own->channels};
+    const hada_refine_sums sums = {.slice = SLICE};
+    const hada_range range =
+        hada_range_groups(own->slices, check_local(state, 64), (size_t)own->channels, (size_t)own->sets);
     cl_mem rest = state->region[0], partial = state->region[1];
     hada_status status = HADA_OK;
     if (!state->regions) {
-        status = check_region(state, 0, own->partial_first, &rest, err);
-        if (!status)
-            status = check_region(state, own->partial_first, state->out_count - own->partial_first, &partial, err);
+        HADA_TRY(check_region(state, 0, own->partial_first, &rest, err));
+        HADA_TRY(check_region(state, own->partial_first, state->out_count - own->partial_first, &partial, err));
     }
-    if (!status)
-        status = check_clear(state, 0, own->partial_first, err);
-    if (!status)
-        status = hada_slot_kernel(state->slot, "refine", "refine_explain", options, &kernel, err);
-    const hada_arg args[] = {HADA_ARG(own->otf.mem),  HADA_ARG(zero),  HADA_ARG(own->list.mem),   HADA_ARG(own->depths),
-                             HADA_ARG(own->data.mem), HADA_ARG(zero),  HADA_ARG(own->planes.mem), HADA_ARG(rest),
-                             HADA_ARG(yes),           HADA_ARG(count), HADA_ARG(slice),           HADA_ARG(rows),
-                             HADA_ARG(block),         HADA_ARG(cols),  HADA_ARG(partial)};
-    return status
-               ? status
-               : hada_slot_launch(state->slot, kernel, "refine_explain", 3, global, local, args, HADA_COUNT(args), err);
+    HADA_TRY(check_clear(state, 0, own->partial_first, err));
+    HADA_TRY(hada_launch_refine_explain(state->slot, program, &range, err, .otf = own->otf.mem, .list = own->list.mem,
+                                        .frame = own->data.mem, .now_u = own->planes.mem, .rest = rest, .has_rest = 1,
+                                        .partial = partial, .problem = problem, .sums = sums));
+done:
+    return status;
 }
 
 static void release(check_state *state)

@@ -4,7 +4,7 @@
 #include "check.h"
 #include "core/alloc.h"
 #include "filter/layout.h"
-#include "runtime/kernel.h"
+#include "launch/refine.h"
 #include "ref/ref_spectrum.h"
 
 enum { SLICE = 2048, MAX_DEPTHS = 8, MAX_CHANNELS = 4 };
@@ -143,34 +143,24 @@ static hada_status prepare(check_state *state, hada_error *err)
 static hada_status launch(check_state *state, hada_error *err)
 {
     score_state *own = state->own;
-    const int groups = state->slot->context->shape == HADA_SHAPE_GROUPS;
-    const char *options = groups                  ? "-DREFINE_WIDTH=1 -DREFINE_GROUP=64"
-                          : own->layout.block % 8 ? "-DREFINE_WIDTH=1"
-                                                  : "";
-    const cl_ulong zero = 0;
-    const cl_uint count = (cl_uint)own->layout.count, slice = SLICE, rows = (cl_uint)own->layout.rows,
-                  block = (cl_uint)own->layout.block, cols = (cl_uint)own->layout.cols,
-                  channels = (cl_uint)own->channels, band_rows = (cl_uint)own->band_rows,
-                  band_cols = (cl_uint)own->band_cols;
-    const size_t local[2] = {check_local(state, 64), 1};
-    const size_t global[2] = {own->slices * local[0], (size_t)own->sets};
-    cl_kernel kernel;
+    const hada_program_refine program = state->slot->context->shape == HADA_SHAPE_GROUPS ? HADA_PROGRAM_REFINE_GROUPS
+                                        : own->layout.block % 8                          ? HADA_PROGRAM_REFINE_SCALAR
+                                                                                         : HADA_PROGRAM_REFINE_DEFAULT;
+    const hada_refine_problem problem = {
+        .spectrum = hada_spectrum_shape_of(&own->layout), .depths = own->depths, .channels = (unsigned)own->channels};
+    const hada_refine_band band = {(unsigned)own->band_rows, (unsigned)own->band_cols, own->has_prior, own->has_doubt};
+    const hada_refine_sums sums = {.slice = SLICE};
+    const hada_range range = hada_range_groups(own->slices, check_local(state, 64), (size_t)own->sets, 1);
     cl_mem partial = state->region[0];
     hada_status status = HADA_OK;
     if (!state->regions)
-        status = check_region(state, 0, state->out_count, &partial, err);
-    if (!status)
-        status = hada_slot_kernel(state->slot, "refine", "refine_score", options, &kernel, err);
-    const hada_arg args[] = {HADA_ARG(own->otf.mem),    HADA_ARG(zero),           HADA_ARG(own->list.mem),
-                             HADA_ARG(own->depths),     HADA_ARG(own->data.mem),  HADA_ARG(zero),
-                             HADA_ARG(own->planes.mem), HADA_ARG(own->prior.mem), HADA_ARG(own->has_prior),
-                             HADA_ARG(own->doubt.mem),  HADA_ARG(own->has_doubt), HADA_ARG(channels),
-                             HADA_ARG(count),           HADA_ARG(slice),          HADA_ARG(rows),
-                             HADA_ARG(block),           HADA_ARG(cols),           HADA_ARG(band_rows),
-                             HADA_ARG(band_cols),       HADA_ARG(partial)};
-    return status
-               ? status
-               : hada_slot_launch(state->slot, kernel, "refine_score", 2, global, local, args, HADA_COUNT(args), err);
+        HADA_TRY(check_region(state, 0, state->out_count, &partial, err));
+    HADA_TRY(hada_launch_refine_score(state->slot, program, &range, err, .otf = own->otf.mem, .list = own->list.mem,
+                                      .frame = own->data.mem, .now_u = own->planes.mem, .prior = own->prior.mem,
+                                      .doubt = own->doubt.mem, .partial = partial, .problem = problem, .band = band,
+                                      .sums = sums));
+done:
+    return status;
 }
 
 static void release(check_state *state)

@@ -326,7 +326,7 @@ static void all_kernel_shapes_agree(void **state)
         const hada_shape shape = f.device.context->shape;
         for (int k = 0; k < 2; k++) {
             f.device.context->shape = k ? HADA_SHAPE_GROUPS : HADA_SHAPE_LANES;
-            const hada_status status = hada_refine_kernels(f.refiner, NULL);
+            const hada_status status = hada_refine_prepare(f.refiner, NULL);
             f.device.context->shape = shape;
             assert_int_equal(status, HADA_OK);
             ASSERT_OK(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, 2, list, NULL, err));

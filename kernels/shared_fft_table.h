@@ -3,17 +3,17 @@
 #ifndef INC_FFT_TABLE_H
 #define INC_FFT_TABLE_H
 
-#define FFT_LENGTH       0 /* of the transform */
-#define FFT_POINTS       1 /* held in scratch: the length, or the longer chirp convolution's */
-#define FFT_STAGES       2 /* two at least */
-#define FFT_CHUNK        3 /* points that the first stages take at a time, to stay in the nearest cache */
-#define FFT_CHUNK_STAGES 4 /* the number of these stages */
-#define FFT_CHIRP        5 /* 0, or the place of the chirp in the float table (then that of its transform follows) */
+#define FFT_LENGTH         0 /* of the transform */
+#define FFT_POINTS         1 /* held in scratch: the length, or the longer chirp convolution's */
+#define FFT_STAGES         2 /* two at least */
+#define FFT_CHUNK          3 /* points that the first stages take at a time, to stay in the nearest cache */
+#define FFT_CHUNK_STAGES   4 /* the number of these stages */
+#define FFT_CHIRP          5 /* 0, or the place of the chirp in the float table (then that of its transform follows) */
 #define FFT_CHIRP_SPECTRUM 6
-#define FFT_SOURCE       7 /* place of the list: number of an input -> its index in memory */
-#define FFT_PLACE        8 /* place of the list: number of an input -> its point in scratch */
-#define FFT_ODD          9 /* whether a stage has no butterfly of its own */
-#define FFT_HEADER       12
+#define FFT_SOURCE         7 /* place of the list: number of an input -> its index in memory */
+#define FFT_PLACE          8 /* place of the list: number of an input -> its point in scratch */
+#define FFT_ODD            9 /* whether a stage has no butterfly of its own */
+#define FFT_HEADER         12
 
 /* A stage combines `radix` transforms of `span` points each. */
 #define FFT_STAGE_INTS 4

@@ -1,0 +1,65 @@
+/* What the refinement's kernels and the host agree on. */
+#ifndef SHARED_REFINE_H
+#define SHARED_REFINE_H
+
+#include "shared_spectrum.h"
+
+/* Where a run starts. */
+typedef enum hada_refine_start {
+    HADA_REFINE_COLD = 0, /* from nothing */
+    HADA_REFINE_WARM = 1, /* from the planes that hada_refiner_planes() holds, duals zero */
+    HADA_REFINE_ON = 2    /* from planes and duals as the last run left them */
+} hada_refine_start;
+
+/* Sums over slices of frequencies or pixels: partial[first + image * slices + slice]. */
+typedef struct hada_refine_sums {
+    unsigned int slice; /* values of one slice */
+    unsigned int first;
+} hada_refine_sums;
+HADA_SHARED_SIZE(hada_refine_sums, 8)
+
+/* What is refined. OTFs stand as [depth][channel][count], the frame's spectrum as [channel][count]. */
+typedef struct hada_refine_problem {
+    hada_ulong otf_offset, frame_offset; /* in complex numbers */
+    hada_spectrum_shape spectrum;
+    int depths; /* of a set */
+    unsigned int channels;
+} hada_refine_problem;
+HADA_SHARED_SIZE(hada_refine_problem, 40)
+
+/* A linear step. */
+typedef struct hada_refine_step {
+    float rho;
+    float keep; /* the last step's rho over this one's: the dual is scaled by rho */
+    float relaxation;
+    int start;  /* hada_refine_start: cold, warm (no dual yet) or a further step */
+    int padded; /* the sensor crops: the data are the split's */
+    int has_prior;
+} hada_refine_step;
+HADA_SHARED_SIZE(hada_refine_step, 24)
+
+/* What the score counts. */
+typedef struct hada_refine_band {
+    unsigned int rows, cols; /* frequencies with 2 |ky| < rows and 2 |kx| < cols */
+    int has_prior, has_doubt;
+} hada_refine_band;
+HADA_SHARED_SIZE(hada_refine_band, 16)
+
+/* How spectra become those of a coarser grid. */
+typedef struct hada_refine_crop {
+    int parts;    /* 2: complex values, 1: real ones */
+    int channels; /* of an image that is read; one is written */
+    float factor;
+    float tapers; /* times that a Gaussian window is applied; negative: divided out */
+    int invert;   /* 1 / the result is written */
+} hada_refine_crop;
+HADA_SHARED_SIZE(hada_refine_crop, 20)
+
+/* Planes of the window, in bands of rows. */
+typedef struct hada_refine_window {
+    int channels, rows, cols;
+    int band; /* rows of a work-group */
+} hada_refine_window;
+HADA_SHARED_SIZE(hada_refine_window, 16)
+
+#endif

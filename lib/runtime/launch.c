@@ -1,0 +1,109 @@
+#include "runtime/launch.h"
+
+#include <string.h>
+
+#include "runtime/profile.h"
+
+int hada_program_find(const hada_kernel_file *file, const int *values)
+{
+    const size_t bytes = (size_t)file->macro_count * sizeof *values;
+    for (int i = 0; i < file->program_count; i++)
+        if (!memcmp(file->macro_values + i * file->macro_count, values, bytes))
+            return i;
+    return -1;
+}
+
+static hada_status check_program(const hada_kernel_file *file, int program, hada_error *err)
+{
+    if (program >= 0 && program < file->program_count)
+        return HADA_OK;
+    return hada_fail(err, HADA_ERROR_STATE, "kernels/manifest.txt has no program of %s.cl with the macros asked for",
+                     file->name);
+}
+
+hada_status hada_program_prepare(hada_slot *slot, const hada_kernel_file *file, int program, hada_error *err)
+{
+    cl_program unused;
+    hada_status status = check_program(file, program, err);
+    return status ? status : hada_program_get(slot->context, file->name, file->programs[program].macros, &unused, err);
+}
+
+/* The slot's own kernel object. */
+static hada_status object_of(hada_slot *slot, const hada_kernel *kernel, int program, cl_kernel *out, hada_error *err)
+{
+    const hada_kernel_file *file = kernel->file;
+    hada_status status = check_program(file, program, err);
+    if (status)
+        return status;
+    cl_kernel *object = &slot->objects[file->first_object + program * file->kernel_count + kernel->index];
+    if (!*object) {
+        cl_program built;
+        cl_int code;
+        status = hada_program_get(slot->context, file->name, file->programs[program].macros, &built, err);
+        if (status)
+            return status;
+        *object = clCreateKernel(built, kernel->name, &code);
+        if (code != CL_SUCCESS) {
+            *object = NULL;
+            status = hada_fail_cl(err, code, "clCreateKernel");
+            hada_error_prefix(err, "kernel %s of %s.cl: ", kernel->name, file->name);
+            return status;
+        }
+    }
+    *out = *object;
+    return HADA_OK;
+}
+
+static cl_int set_argument(cl_kernel object, cl_uint index, const hada_parameter *parameter, const void *value)
+{
+    const hada_either *either = value;
+    const hada_local *local = value;
+    switch (parameter->kind) {
+    case HADA_PARAMETER_LOCAL: return clSetKernelArg(object, index, local->bytes, NULL);
+    case HADA_PARAMETER_EITHER:
+        return either->buffer ? clSetKernelArg(object, index, sizeof either->buffer, &either->buffer)
+                              : clSetKernelArg(object, index, either->bytes, NULL);
+    default: return clSetKernelArg(object, index, parameter->size, value);
+    }
+}
+
+static hada_status set_arguments(cl_kernel object, const hada_kernel *kernel, const void *args, hada_error *err)
+{
+    for (int i = 0; i < kernel->parameter_count; i++) {
+        const hada_parameter *parameter = &kernel->parameters[i];
+        const cl_int code = set_argument(object, (cl_uint)i, parameter, (const char *)args + parameter->offset);
+        if (code != CL_SUCCESS) {
+            hada_status status = hada_fail_cl(err, code, "clSetKernelArg");
+            hada_error_prefix(err, "kernel %s, argument %d: ", kernel->name, i);
+            return status;
+        }
+    }
+    return HADA_OK;
+}
+
+hada_status hada_launch(hada_slot *slot, const hada_kernel *kernel, int program, const hada_range *range,
+                        const void *args, hada_error *err)
+{
+    cl_kernel object = NULL;
+    if (slot->stop && atomic_load(slot->stop))
+        return hada_fail(err, HADA_ERROR_CANCELLED, "the work was cancelled");
+    hada_status status = object_of(slot, kernel, program, &object, err);
+    if (!status)
+        status = set_arguments(object, kernel, args, err);
+    if (status)
+        return status;
+    if (!range->global[0] || !range->global[1] || !range->global[2]) { /* nothing to do */
+        hada_slot_cost(slot, 0, 0);
+        return HADA_OK;
+    }
+    const cl_int code = clEnqueueNDRangeKernel(slot->queue, object, 3, NULL, range->global, range->local, 0, NULL,
+                                               hada_slot_event(slot));
+    if (code != CL_SUCCESS) {
+        status = hada_fail_cl(err, code, "clEnqueueNDRangeKernel");
+        hada_error_prefix(err, "kernel %s: ", kernel->name);
+        return status;
+    }
+    if (slot->profile)
+        hada_profile_add(slot, kernel->name, 0, NULL, slot->event);
+    return HADA_OK;
+}

@@ -56,11 +56,11 @@ __kernel void fit_apply(__global const float *p, __global float *t, ulong offset
     out[first + chunk] = fit_total(sum);
 }
 
-/* z -= step t; out[chunk] = sum of weight P z z. */
-__kernel void fit_descend(__global float *z, __global const float *t, ulong offset, ulong count,
-                          __global const float *sums, __global const float *pool, ulong stride,
-                          __global const float *weights, float alpha, float ridge, float step, __global float *out,
-                          int first, int chunks, ulong vectors)
+/* The residual: r -= step t; out[chunk] = sum of weight P r r. */
+__kernel void fit_residual(__global float *r, __global const float *t, ulong offset, ulong count,
+                           __global const float *sums, __global const float *pool, ulong stride,
+                           __global const float *weights, float alpha, float ridge, float step, __global float *out,
+                           int first, int chunks, ulong vectors)
 {
     const int chunk = get_global_id(0);
     if (chunk >= chunks)
@@ -69,22 +69,22 @@ __kernel void fit_descend(__global float *z, __global const float *t, ulong offs
     float8 sum = 0.0f;
     for (size_t i = from; i < to; i++) {
         const fit_under under = fit_under_of(sums, pool, stride, alpha, ridge, i);
-        const float16 zv = vload16(i, z + 2 * offset) - step * vload16(i, t + 2 * offset);
+        const float16 rv = vload16(i, r + 2 * offset) - step * vload16(i, t + 2 * offset);
         const float8 weight = vload8(i, weights);
-        fit_put(zv, i, count, z + 2 * offset);
-        sum += weight > 0.0f ? weight * fit_inner(under.whole, zv, zv) : (float8)0.0f;
+        fit_put(rv, i, count, r + 2 * offset);
+        sum += weight > 0.0f ? weight * fit_inner(under.whole, rv, rv) : (float8)0.0f;
     }
     out[first + chunk] = fit_total(sum);
 }
 
-/* x += step p, and then the next direction: p = turn z + keep p. */
-__kernel void fit_move(__global float *x, __global float *p, __global const float *z, ulong offset, ulong count,
-                       float step, float turn, float keep, ulong vectors)
+/* x += step p, and then the next direction: p = zeta r + beta p. */
+__kernel void fit_advance(__global float *x, __global float *p, __global const float *r, ulong offset, ulong count,
+                          float step, float zeta, float beta, ulong vectors)
 {
     const size_t i = get_global_id(0);
     if (i >= vectors)
         return;
     const float16 pv = vload16(i, p + 2 * offset);
     fit_put(vload16(i, x + 2 * offset) + step * pv, i, count, x + 2 * offset);
-    fit_put(turn * vload16(i, z + 2 * offset) + keep * pv, i, count, p + 2 * offset);
+    fit_put(zeta * vload16(i, r + 2 * offset) + beta * pv, i, count, p + 2 * offset);
 }

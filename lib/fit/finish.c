@@ -1,92 +1,141 @@
-/* The end of a fit: choose, solve. */
+/* The end of a fit: the setting that leave-one-out prefers, a model, and whether refinement pays. */
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
+#include "core/alloc.h"
+#include "fit/fit_model.h"
 #include "fit/fitter.h"
 #include "refine/admm.h"
 
 /* Refinement of a model whose fit did not measure it: what pays with an exact model of the camera (docs/filters.md). */
 #define REFINE_STEPS 12
 
-/* The trial of refinement compares with the exact fit's filters; where judging them in the window gained more than
- * refinement does, the model keeps the filters. rows: of that trial. */
-static void weigh_refinement(const hada_fitter_judged *judged, hada_model *model, hada_fit_row *rows, size_t count)
+/* The rows of a table, in parts. */
+typedef struct table {
+    hada_fit_row *rows;
+    size_t count;
+} table;
+
+static hada_fit_row *append(table *all, size_t count, hada_error *err)
 {
-    const double gained = judged->count ? judged->psnr[judged->chosen] - judged->psnr[judged->count - 1] : 0.0;
-    double none = 0.0, refined = 0.0;
-    for (size_t i = 0; i < count; i++) {
-        const double alone = rows[i].psnr_single, both = rows[i].psnr_double;
-        const double score = (isfinite(alone) ? alone : 0.0) + (isfinite(both) ? both : 0.0);
-        none = i ? none : score;
-        refined = rows[i].chosen ? score : refined;
+    hada_fit_row *rows = realloc(all->rows, (all->count + count) * sizeof *rows);
+    if (!rows) {
+        hada_fail(err, HADA_ERROR_MEMORY, "no memory for the leave-one-out table");
+        return NULL;
     }
-    if (!count || !model->info.refine_steps || refined - none > gained)
-        return;
-    model->info.refine_steps = 0;
-    model->info.refine_tv = 0.0;
-    model->info.refine_rho = hada_refine_rho(0.0);
-    for (size_t i = 0; i < count; i++)
-        rows[i].chosen = i == 0;
+    all->rows = rows;
+    all->count += count;
+    return rows + all->count - count;
+}
+
+/* Rows for the settings (where scored) and for the weights outside the window that were compared. */
+static hada_status list_filters(const hada_fitter *fitter, table *all, hada_error *err)
+{
+    const hada_fit_outside *outside = &fitter->outside;
+    const hada_fit_setting setting = hada_leave_one_out_best(&fitter->scores);
+    const int settings = hada_leave_one_out_row_count(&fitter->scores);
+    if (!settings && !outside->count)
+        return HADA_OK;
+    hada_fit_row *rows = append(all, (size_t)settings + (size_t)outside->count, err);
+    if (!rows)
+        return HADA_ERROR_MEMORY;
+    hada_leave_one_out_rows(&fitter->scores, rows);
+    for (int s = 0; s < outside->count; s++)
+        rows[settings + s] = (hada_fit_row){.alpha = setting.alpha,
+                                            .lambda = setting.lambda,
+                                            .outside = outside->weight[s],
+                                            .psnr_single = outside->psnr[s],
+                                            .psnr_double = NAN,
+                                            .chosen = s == outside->chosen};
+    return HADA_OK;
+}
+
+static void set_refinement(hada_model *model, int steps, double tv)
+{
+    model->info.refine_steps = steps;
+    model->info.refine_tv = tv;
+    model->info.refine_rho = hada_refine_rho(tv);
+}
+
+/* Tries refinement on the pairs that were kept. The trial compares with the exact fit's filters; where judging them in
+ * the window gained more than refinement does, the model keeps the filters. */
+static hada_status try_refinement(hada_fitter *fitter, hada_nonnegative *nonnegative, hada_model *model, table *all,
+                                  hada_error *err)
+{
+    const hada_fit_trial trial = {.sums = &fitter->sums,
+                                  .pair = &fitter->pair,
+                                  .nonnegative = nonnegative,
+                                  .kept = &fitter->kept,
+                                  .model = model,
+                                  .tv = fitter->options.refine_tv};
+    hada_fit_trial_result result;
+    hada_status status = HADA_OK;
+    if (!fitter->kept.count)
+        return HADA_OK;
+    HADA_TRY(hada_fit_trial_run(&trial, &result, err));
+    hada_fit_row *rows = append(all, (size_t)result.row_count, err);
+    if (!rows)
+        return HADA_ERROR_MEMORY;
+    if (result.steps && result.gain <= hada_fit_outside_gain(&fitter->outside)) {
+        result.steps = 0;
+        result.tv = 0.0;
+        for (int i = 0; i < result.row_count; i++)
+            result.rows[i].chosen = i == 0;
+    }
+    memcpy(rows, result.rows, (size_t)result.row_count * sizeof *rows);
+    set_refinement(model, result.steps, result.tv);
+done:
+    return status;
 }
 
 /* Solves, and tries on pairs held out whether refinement pays. */
-static hada_status solve_and_try(hada_fitter *fitter, hada_model **out, hada_fit_row **rows, size_t *row_count,
-                                 hada_error *err)
+static hada_status solve_and_try(hada_fitter *fitter, hada_model **out, table *all, hada_error *err)
 {
     const hada_fit_options *options = &fitter->options;
-    const hada_model_info *shape = &fitter->info;
-    double alpha, lambda;
-    int scored;
-    const size_t best = hada_fitter_choice(fitter, &alpha, &lambda, &scored);
+    const hada_model_info *info = &fitter->grid.info;
+    hada_nonnegative *nonnegative = NULL;
     hada_status status = HADA_OK;
     if (options->nonnegative)
-        status = hada_nonnegative_create(&fitter->nonnegative, fitter->slot, shape->grid_rows, shape->grid_cols,
-                                         shape->channels, err);
-    if (!status)
-        status = hada_fitter_solve(fitter, alpha, lambda, out, err);
-    if (!status)
-        status = hada_fitter_rows(fitter, best, scored, rows, row_count, err);
-    if (status)
-        return status;
-    hada_model_info *info = &(*out)->info;
-    const size_t before = *row_count;
-    info->refine_steps = options->refine_steps < 0 ? REFINE_STEPS : options->refine_steps;
-    info->refine_tv = options->refine_tv > 0.0 ? options->refine_tv : 0.0;
-    info->refine_rho = hada_refine_rho(info->refine_tv);
+        HADA_TRY(hada_nonnegative_create(&nonnegative, fitter->grid.slot, info->grid_rows, info->grid_cols,
+                                         info->channels, err));
+    HADA_TRY(hada_fit_model_make(out, &fitter->sums, hada_leave_one_out_best(&fitter->scores), fitter->outside.filters,
+                                 nonnegative, err));
+    HADA_TRY(list_filters(fitter, all, err));
+    set_refinement(*out, options->refine_steps < 0 ? REFINE_STEPS : options->refine_steps,
+                   options->refine_tv > 0.0 ? options->refine_tv : 0.0);
     if (options->refine_steps >= 0)
-        return HADA_OK;
-    status = hada_fit_choose_refinement(fitter, *out, rows, row_count, err);
-    if (!status)
-        weigh_refinement(&fitter->judged, *out, *rows + before, *row_count - before);
-    if (status != HADA_ERROR_DEVICE_MEMORY && status != HADA_ERROR_MEMORY)
-        return status;
-    /* the model is there; only the trial needed more */
-    hada_log(fitter->context, HADA_LOG_WARNING,
-             "no memory to try refinement on the pairs; the model keeps %d steps untried", info->refine_steps);
-    return HADA_OK;
+        goto done;
+    status = try_refinement(fitter, nonnegative, *out, all, err);
+    if (status == HADA_ERROR_DEVICE_MEMORY || status == HADA_ERROR_MEMORY) {
+        /* the model is there; only the trial needed more */
+        hada_log(fitter->grid.slot->context, HADA_LOG_WARNING,
+                 "no memory to try refinement on the pairs; the model keeps %d steps untried",
+                 (*out)->info.refine_steps);
+        status = HADA_OK;
+    }
+done:
+    hada_nonnegative_destroy(&nonnegative);
+    return status;
 }
 
 hada_status hada_fitter_finish(hada_fitter *fitter, hada_model **out, hada_fit_row **rows, size_t *row_count,
                                hada_error *err)
 {
-    hada_fit_row *list = NULL;
-    size_t count = 0;
+    table all = {0};
     if (!fitter || !out || (rows && !row_count))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_fitter_finish: a fitter, out and row_count are needed");
     *out = NULL;
-    const hada_status status = solve_and_try(fitter, out, &list, &count, err);
-    hada_nonnegative_destroy(&fitter->nonnegative);
-    if (status) {
+    const hada_status status = solve_and_try(fitter, out, &all, err);
+    if (status)
         hada_model_destroy(out);
-        free(list);
-        list = NULL;
-        count = 0;
+    if (status || !rows) {
+        free(all.rows);
+        all = (table){0};
     }
     if (rows) {
-        *rows = list;
-        *row_count = count;
-    } else {
-        free(list);
+        *rows = all.rows;
+        *row_count = all.count;
     }
     return status;
 }

@@ -15,6 +15,9 @@ enum { GROUP = 64 };
  * scenes have their mean power: by measurement (docs/filters.md). */
 #define LEAST_RATIO 1e4
 
+/* Noise that is known and faint still leaves the image this weight, so that dark frequencies have a solution. */
+#define LEAST_TRUST 1e-6
+
 struct hada_nonnegative {
     hada_slot *slot;
     int channels;
@@ -34,7 +37,7 @@ void hada_nonnegative_rule_init(hada_nonnegative_rule *rule)
 double hada_nonnegative_trust(double noise, double raw_energy)
 {
     const double trust = LEAST_RATIO * noise / fmax(raw_energy, DBL_MIN);
-    return noise > 0.0 && trust < 1.0 ? fmax(trust, 1e-6) : 1.0;
+    return noise > 0.0 && trust < 1.0 ? fmax(trust, LEAST_TRUST) : 1.0;
 }
 
 static hada_fft_desc describe(int rows, int cols, int channels, hada_fft_direction direction)
@@ -74,30 +77,24 @@ hada_status hada_nonnegative_create(hada_nonnegative **out, hada_slot *slot, int
 {
     const hada_fft_desc forward = describe(rows, cols, channels, HADA_FFT_FORWARD);
     const hada_fft_desc inverse = describe(rows, cols, channels, HADA_FFT_INVERSE);
-    hada_nonnegative *plan;
-    *out = NULL;
-    hada_status status = hada_alloc((void **)&plan, 1, sizeof *plan, "point spread functions", err);
-    if (status)
-        return status;
     const size_t image = image_bytes(rows, cols, channels);
+    hada_nonnegative *plan = NULL;
+    hada_status status = HADA_OK;
+    *out = NULL;
+    HADA_TRY(hada_alloc((void **)&plan, 1, sizeof *plan, "point spread functions", err));
     plan->slot = slot;
     plan->channels = channels;
     plan->pixels = forward.real_distance;
     plan->layout = hada_fft_layout(slot->context, rows, cols, HADA_FFT_AUTO);
-    status = hada_fft_create(&plan->forward, slot, &forward, err);
-    if (!status)
-        status = hada_fft_create(&plan->inverse, slot, &inverse, err);
-    if (!status)
-        status = hada_buffer_create(&plan->spectrum, slot->context, spectrum_bytes(&plan->layout, channels),
-                                    "the spectra of point spread functions", err);
-    if (!status)
-        status = hada_buffer_create(&plan->image, slot->context, image, "point spread functions", err);
-    if (!status)
-        status = hada_buffer_create(&plan->state, slot->context, image, "point spread functions", err);
-    if (!status)
-        status = hada_slot_kernel(slot, "fit_nonnegative", "fit_blend", "", &plan->blend, err);
-    if (!status)
-        status = hada_slot_kernel(slot, "fit_nonnegative", "fit_clip", "", &plan->clip, err);
+    HADA_TRY(hada_fft_create(&plan->forward, slot, &forward, err));
+    HADA_TRY(hada_fft_create(&plan->inverse, slot, &inverse, err));
+    HADA_TRY(hada_buffer_create(&plan->spectrum, slot->context, spectrum_bytes(&plan->layout, channels),
+                                "the spectra of point spread functions", err));
+    HADA_TRY(hada_buffer_create(&plan->image, slot->context, image, "point spread functions", err));
+    HADA_TRY(hada_buffer_create(&plan->state, slot->context, image, "point spread functions", err));
+    HADA_TRY(hada_slot_kernel(slot, "fit_nonnegative", "fit_blend", "", &plan->blend, err));
+    HADA_TRY(hada_slot_kernel(slot, "fit_nonnegative", "fit_clip", "", &plan->clip, err));
+done:
     if (status)
         hada_nonnegative_destroy(&plan);
     *out = plan;
@@ -129,7 +126,7 @@ static hada_status blend(hada_nonnegative *plan, int channels, const hada_buffer
     const cl_ulong step = stride, count = plan->layout.count;
     const cl_int has_guess = guessed;
     hada_status status = HADA_OK;
-    for (int c = 0; !status && c < channels; c++) {
+    for (int c = 0; c < channels; c++) {
         const cl_float scale = mean[c] > FLT_MIN ? (cl_float)(1.0 / mean[c]) : 0.0f; /* 0: scenes were dark */
         const cl_float share = (cl_float)(weights ? weight * weights[c] : weight);
         const cl_ulong guess_at = (cl_ulong)c * count, to = at + guess_at;
@@ -137,9 +134,10 @@ static hada_status blend(hada_nonnegative *plan, int channels, const hada_buffer
             HADA_ARG(sums[c].mem), HADA_ARG(step),      HADA_ARG(scale), HADA_ARG(share), HADA_ARG(plan->spectrum.mem),
             HADA_ARG(guess_at),    HADA_ARG(has_guess), HADA_ARG(out),   HADA_ARG(to),    HADA_ARG(count)};
         hada_slot_cost(plan->slot, (guessed ? 28.0 : 20.0) * (double)count, 9.0 * (double)count);
-        status =
-            hada_slot_launch(plan->slot, plan->blend, "fit_blend", 1, &global, &local, args, HADA_COUNT(args), err);
+        HADA_TRY(
+            hada_slot_launch(plan->slot, plan->blend, "fit_blend", 1, &global, &local, args, HADA_COUNT(args), err));
     }
+done:
     return status;
 }
 
@@ -170,15 +168,14 @@ hada_status hada_nonnegative_solve(hada_nonnegative *plan, const hada_nonnegativ
                          "must be positive, channels at most %d",
                          plan->channels);
     double weight = rule->first;
-    for (int i = 0; !status && i < rule->steps; i++, weight *= factor) {
+    for (int i = 0; i < rule->steps; i++, weight *= factor) {
         const int last = i + 1 == rule->steps;
-        status = blend(plan, channels, sums, stride, mean, weight, NULL, i > 0, plan->spectrum.mem, 0, err);
-        if (!status)
-            status = hada_fft_inverse(plan->inverse, channels, plan->spectrum.mem, 0, plan->image.mem, 0, NULL, err);
-        if (!status)
-            status = clip(plan, channels, rule->relaxation, 1.0 / factor, !i, last, err);
-        if (!status)
-            status = hada_fft_forward(plan->forward, channels, plan->image.mem, 0, plan->spectrum.mem, 0, err);
+        HADA_TRY(blend(plan, channels, sums, stride, mean, weight, NULL, i > 0, plan->spectrum.mem, 0, err));
+        HADA_TRY(hada_fft_inverse(plan->inverse, channels, plan->spectrum.mem, 0, plan->image.mem, 0, NULL, err));
+        HADA_TRY(clip(plan, channels, rule->relaxation, 1.0 / factor, !i, last, err));
+        HADA_TRY(hada_fft_forward(plan->forward, channels, plan->image.mem, 0, plan->spectrum.mem, 0, err));
     }
-    return status ? status : blend(plan, channels, sums, stride, mean, 1.0, trust, 1, out, at, err);
+    HADA_TRY(blend(plan, channels, sums, stride, mean, 1.0, trust, 1, out, at, err));
+done:
+    return status;
 }

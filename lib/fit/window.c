@@ -1,40 +1,45 @@
-/* Conjugate gradients for filters judged in the window. */
+/* Conjugate gradients, for several shifts at once. alpha and beta are theirs here, as in the literature; the penalties
+ * of a filter are window->setting. */
 #include "fit/window.h"
 
 #include <math.h>
 #include <stdlib.h>
 
 #include "core/alloc.h"
+#include "fit/fit_solve.h"
 #include "runtime/kernel.h"
 
+/* Work-items of a group. */
 enum { GROUP = 64 };
 
-/* A channel's place in the recurrences of a weight. */
+/* A shifted system of a channel: its residual is zeta times the residual of the first system. */
 typedef struct shifted {
-    double shift;        /* sigma less that of the first weight */
-    double zeta, before; /* its residual is zeta times the first weight's */
+    double sigma; /* less that of the first */
+    double zeta, old_zeta;
 } shifted;
 
-typedef struct progress {
-    double start, square;      /* <z, z> at the start and now */
-    double step, keep;         /* of this round */
-    double old_step, old_keep; /* of the round before */
+typedef struct recurrence {
+    double first_rr, rr; /* <r, r> at the start and now */
+    double alpha, beta;  /* of this iteration */
+    double old_alpha, old_beta;
     shifted of[HADA_FIT_WEIGHTS];
-} progress;
+} recurrence;
 
 struct hada_fit_window {
-    hada_fitter *fitter;
+    const hada_fit_grid *grid;
+    const hada_fit_sums *sums;
+    hada_fit_pair *pair;
     hada_fft *inverse;
-    int most, count, rounds;
-    double alpha, lambda;
+    int most, count, iterations;
+    hada_fit_setting setting;
     const double *raw_energy;
     double outside[HADA_FIT_WEIGHTS];
-    hada_buffer z, t;                                     /* [channel][count] complex: residual; product with T */
-    hada_buffer x[HADA_FIT_WEIGHTS], p[HADA_FIT_WEIGHTS]; /* filters and directions */
-    hada_buffer partial;                                  /* [channel][chunks] */
-    float *sums, *planes;
-    double *total; /* per channel */
-    progress *channel;
+    hada_buffer residual, product; /* [channel][count] complex: of the first system; T times its direction */
+    hada_buffer filters[HADA_FIT_WEIGHTS], directions[HADA_FIT_WEIGHTS];
+    hada_buffer partial; /* [channel][chunks] */
+    float *partial_sums, *planes;
+    double *inner; /* per channel: an inner product */
+    recurrence *channel;
 };
 
 void hada_fit_window_destroy(hada_fit_window **pointer)
@@ -43,101 +48,104 @@ void hada_fit_window_destroy(hada_fit_window **pointer)
         return;
     hada_fit_window *window = *pointer;
     *pointer = NULL;
-    hada_slot_finish(window->fitter->slot, NULL);
+    hada_slot_finish(window->grid->slot, NULL);
     hada_fft_destroy(&window->inverse);
-    hada_buffer_destroy(&window->z);
-    hada_buffer_destroy(&window->t);
+    hada_buffer_destroy(&window->residual);
+    hada_buffer_destroy(&window->product);
     hada_buffer_destroy(&window->partial);
     for (int s = 0; s < window->most; s++) {
-        hada_buffer_destroy(&window->x[s]);
-        hada_buffer_destroy(&window->p[s]);
+        hada_buffer_destroy(&window->filters[s]);
+        hada_buffer_destroy(&window->directions[s]);
     }
-    free(window->sums);
+    free(window->partial_sums);
     free(window->planes);
-    free(window->total);
+    free(window->inner);
     free(window->channel);
     free(window);
 }
 
-hada_status hada_fit_window_create(hada_fit_window **out, hada_fitter *fitter, int most, hada_error *err)
+static hada_status make_buffers(hada_fit_window *window, hada_error *err)
 {
-    const size_t channels = (size_t)fitter->info.channels, sums = channels * (size_t)fitter->chunks;
-    const size_t bytes = channels * fitter->layout.count * 8 + 64;
-    const hada_fft_desc desc = hada_fitter_describe(fitter, HADA_FFT_INVERSE, 1);
-    hada_fit_window *window;
-    *out = NULL;
-    hada_status status = hada_alloc((void **)&window, 1, sizeof *window, "filters judged in the window", err);
-    if (status)
-        return status;
-    window->fitter = fitter;
-    window->most = most;
-    status = hada_fft_create(&window->inverse, fitter->slot, &desc, err);
-    if (!status)
-        status = hada_buffer_create(&window->z, fitter->context, bytes, "residuals of filters", err);
-    if (!status)
-        status = hada_buffer_create(&window->t, fitter->context, bytes, "residuals of filters", err);
-    for (int s = 0; !status && s < most; s++) {
-        status = hada_buffer_create(&window->x[s], fitter->context, bytes, "filters judged in the window", err);
-        if (!status)
-            status = hada_buffer_create(&window->p[s], fitter->context, bytes, "directions of filters", err);
+    const hada_fit_grid *grid = window->grid;
+    const size_t channels = (size_t)grid->info.channels, sums = channels * grid->chunks;
+    const size_t bytes = hada_fit_spectra_bytes(grid, channels);
+    hada_context *context = grid->slot->context;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_buffer_create(&window->residual, context, bytes, "residuals of filters", err));
+    HADA_TRY(hada_buffer_create(&window->product, context, bytes, "residuals of filters", err));
+    for (int s = 0; s < window->most; s++) {
+        HADA_TRY(hada_buffer_create(&window->filters[s], context, bytes, "filters judged in the window", err));
+        HADA_TRY(hada_buffer_create(&window->directions[s], context, bytes, "directions of filters", err));
     }
-    if (!status)
-        status = hada_buffer_create(&window->partial, fitter->context, 4 * sums, "partial sums", err);
-    if (!status)
-        status = hada_alloc_raw((void **)&window->sums, sums, sizeof(float), "partial sums", err);
-    if (!status)
-        status = hada_alloc_raw((void **)&window->planes, fitter->scene.bytes, 1, "planes", err);
-    if (!status)
-        status = hada_alloc((void **)&window->total, channels, sizeof(double), "a fit", err);
-    if (!status)
-        status = hada_alloc((void **)&window->channel, channels, sizeof *window->channel, "a fit", err);
+    HADA_TRY(hada_buffer_create(&window->partial, context, sums * sizeof(float), "partial sums", err));
+    HADA_TRY(hada_alloc_raw((void **)&window->partial_sums, sums, sizeof(float), "partial sums", err));
+    HADA_TRY(hada_alloc_raw((void **)&window->planes, hada_fit_window_floats(grid), sizeof(float), "planes", err));
+    HADA_TRY(hada_alloc((void **)&window->inner, channels, sizeof(double), "a fit", err));
+    HADA_TRY(hada_alloc((void **)&window->channel, channels, sizeof *window->channel, "a fit", err));
+done:
+    return status;
+}
+
+hada_status hada_fit_window_create(hada_fit_window **out, const hada_fit_sums *sums, hada_fit_pair *pair, int most,
+                                   hada_error *err)
+{
+    const hada_fft_desc desc = hada_fit_transform_desc(sums->grid, HADA_FFT_INVERSE, 1);
+    hada_fit_window *window = NULL;
+    hada_status status = HADA_OK;
+    *out = NULL;
+    HADA_TRY(hada_alloc((void **)&window, 1, sizeof *window, "filters judged in the window", err));
+    window->grid = sums->grid;
+    window->sums = sums;
+    window->pair = pair;
+    window->most = most;
+    HADA_TRY(hada_fft_create(&window->inverse, sums->grid->slot, &desc, err));
+    HADA_TRY(make_buffers(window, err));
+done:
     if (status)
         hada_fit_window_destroy(&window);
     *out = window;
     return status;
 }
 
-/* x += step p, p = turn z + keep p, of a channel and a weight. */
-static hada_status move(hada_fit_window *window, int c, int s, double step, double turn, double keep, hada_error *err)
+/* filter += step p, and then the next direction p = zeta r + beta p, of a channel and a system. */
+static hada_status advance(hada_fit_window *window, int c, int s, double step, double zeta, double beta,
+                           hada_error *err)
 {
-    hada_fitter *fitter = window->fitter;
-    const cl_ulong offset = (cl_ulong)c * fitter->layout.count, count = fitter->layout.count;
-    const cl_ulong vectors = fitter->vectors;
-    const cl_float along = (cl_float)step, fresh = (cl_float)turn, old = (cl_float)keep;
-    const hada_arg args[] = {HADA_ARG(window->x[s].mem),
-                             HADA_ARG(window->p[s].mem),
-                             HADA_ARG(window->z.mem),
+    const hada_fit_grid *grid = window->grid;
+    const cl_ulong offset = (cl_ulong)c * grid->layout.count, count = grid->layout.count, vectors = grid->vectors;
+    const cl_float along = (cl_float)step, of_residual = (cl_float)zeta, of_direction = (cl_float)beta;
+    const hada_arg args[] = {HADA_ARG(window->filters[s].mem),
+                             HADA_ARG(window->directions[s].mem),
+                             HADA_ARG(window->residual.mem),
                              HADA_ARG(offset),
                              HADA_ARG(count),
                              HADA_ARG(along),
-                             HADA_ARG(fresh),
-                             HADA_ARG(old),
+                             HADA_ARG(of_residual),
+                             HADA_ARG(of_direction),
                              HADA_ARG(vectors)};
-    hada_slot_cost(fitter->slot, 320.0 * (double)vectors, 80.0 * (double)vectors);
-    return hada_fitter_launch(fitter, "fit_window", "fit_move", args, HADA_COUNT(args), err);
+    hada_slot_cost(grid->slot, 320.0 * (double)vectors, 80.0 * (double)vectors);
+    return hada_fit_launch(grid, "fit_window", "fit_advance", args, HADA_COUNT(args), err);
 }
 
-/* fit_apply (one: p, other: t) or fit_descend (z, t), whose arguments are the same but for one number. */
-static hada_status reduce(hada_fit_window *window, const char *name, int c, cl_mem one, double number, hada_error *err)
+/* fit_apply (of: the direction) or fit_residual (of: the residual), whose arguments are the same but for one number. */
+static hada_status reduce(hada_fit_window *window, const char *name, int c, cl_mem of, double number, hada_error *err)
 {
-    hada_fitter *fitter = window->fitter;
-    const size_t local = fitter->context->shape == HADA_SHAPE_LANES ? 1 : 32;
-    const size_t global = ((size_t)fitter->chunks + local - 1) / local * local;
-    const cl_ulong offset = (cl_ulong)c * fitter->layout.count, count = fitter->layout.count;
-    const cl_ulong stride = fitter->stride, vectors = fitter->vectors;
-    const cl_float alpha = (cl_float)window->alpha, ridge = (cl_float)(window->lambda * window->raw_energy[c]);
+    const hada_fit_grid *grid = window->grid;
+    const hada_fit_sums *sums = window->sums;
+    const cl_ulong offset = (cl_ulong)c * grid->layout.count, count = grid->layout.count;
+    const cl_ulong stride = grid->stride, vectors = grid->vectors;
+    const cl_float alpha = (cl_float)window->setting.alpha;
+    const cl_float ridge = (cl_float)(window->setting.lambda * window->raw_energy[c]);
     const cl_float value = (cl_float)number;
-    const cl_int chunks = fitter->chunks, first = c * chunks;
-    cl_kernel kernel;
-    hada_status status = hada_slot_kernel(fitter->slot, "fit_window", name, fitter->macros, &kernel, err);
-    const hada_arg args[] = {HADA_ARG(one),
-                             HADA_ARG(window->t.mem),
+    const cl_int chunks = (cl_int)grid->chunks, first = c * chunks;
+    const hada_arg args[] = {HADA_ARG(of),
+                             HADA_ARG(window->product.mem),
                              HADA_ARG(offset),
                              HADA_ARG(count),
-                             HADA_ARG(fitter->sums[c].mem),
-                             HADA_ARG(fitter->pool[c].mem),
+                             HADA_ARG(sums->sums[c].mem),
+                             HADA_ARG(sums->pool[c].mem),
                              HADA_ARG(stride),
-                             HADA_ARG(fitter->weights.mem),
+                             HADA_ARG(sums->weights.mem),
                              HADA_ARG(alpha),
                              HADA_ARG(ridge),
                              HADA_ARG(value),
@@ -145,166 +153,191 @@ static hada_status reduce(hada_fit_window *window, const char *name, int c, cl_m
                              HADA_ARG(first),
                              HADA_ARG(chunks),
                              HADA_ARG(vectors)};
-    hada_slot_cost(fitter->slot, (fitter->sum_count > 4 ? 480.0 : 288.0) * (double)vectors, 120.0 * (double)vectors);
-    return status ? status
-                  : hada_slot_launch(fitter->slot, kernel, name, 1, &global, &local, args, HADA_COUNT(args), err);
+    hada_slot_cost(grid->slot, (hada_fit_is_split(grid) ? 480.0 : 288.0) * (double)vectors, 120.0 * (double)vectors);
+    return hada_fit_launch_chunks(grid, "fit_window", name, args, HADA_COUNT(args), err);
 }
 
-/* The sums over frequencies that reduce() left, per channel. */
-static hada_status add_up(hada_fit_window *window, hada_error *err)
+/* p becomes T p + shift p in `product`; window->inner: <p, that>. */
+static hada_status apply(hada_fit_window *window, int c, double shift, hada_error *err)
 {
-    const size_t chunks = (size_t)window->fitter->chunks, channels = (size_t)window->fitter->info.channels;
-    hada_status status =
-        hada_buffer_read(&window->partial, window->fitter->slot, 0, window->sums, 4 * channels * chunks, err);
-    for (size_t c = 0; !status && c < channels; c++) {
+    return reduce(window, "fit_apply", c, window->directions[0].mem, shift, err);
+}
+
+/* r -= alpha `product`; window->inner: <r, r>. */
+static hada_status reduce_residual(hada_fit_window *window, int c, double alpha, hada_error *err)
+{
+    return reduce(window, "fit_residual", c, window->residual.mem, alpha, err);
+}
+
+/* The inner products that the launches of all channels left, in order. */
+static hada_status read_inner(hada_fit_window *window, hada_error *err)
+{
+    const size_t chunks = window->grid->chunks, channels = (size_t)window->grid->info.channels;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_buffer_read(&window->partial, window->grid->slot, 0, window->partial_sums,
+                              channels * chunks * sizeof(float), err));
+    for (size_t c = 0; c < channels; c++) {
         double sum = 0.0;
         for (size_t i = 0; i < chunks; i++)
-            sum += window->sums[c * chunks + i];
-        window->total[c] = sum;
+            sum += window->partial_sums[c * chunks + i];
+        window->inner[c] = sum;
         if (!isfinite(sum))
-            status = hada_fail(err, HADA_ERROR_NUMERIC,
-                               "the fit of filters in the window left single precision; give a larger lambda, or "
-                               "outside = 1");
+            return hada_fail(err, HADA_ERROR_NUMERIC,
+                             "the fit of filters in the window left single precision; give a larger lambda, or "
+                             "outside = 1");
     }
+done:
     return status;
 }
 
-hada_status hada_fit_window_begin(hada_fit_window *window, int z, double alpha, double lambda, const double *outside,
+static double sigma_of(double outside)
+{
+    return outside / (1.0 - outside);
+}
+
+static hada_status clear(hada_fit_window *window, hada_error *err)
+{
+    hada_slot *slot = window->grid->slot;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_buffer_clear(&window->product, slot, 0, window->product.bytes, err));
+    for (int s = 0; s < window->count; s++) {
+        HADA_TRY(hada_buffer_clear(&window->filters[s], slot, 0, window->filters[s].bytes, err));
+        HADA_TRY(hada_buffer_clear(&window->directions[s], slot, 0, window->directions[s].bytes, err));
+    }
+done:
+    return status;
+}
+
+hada_status hada_fit_window_begin(hada_fit_window *window, int z, hada_fit_setting setting, const double *outside,
                                   int count, hada_error *err)
 {
-    hada_fitter *fitter = window->fitter;
-    const int channels = fitter->info.channels;
-    const double first = outside[0] / (1.0 - outside[0]);
-    window->alpha = alpha;
-    window->lambda = lambda;
+    const hada_fit_grid *grid = window->grid;
+    const int channels = grid->info.channels;
+    hada_status status = HADA_OK;
+    window->setting = setting;
     window->count = count;
-    window->rounds = 0;
-    window->raw_energy = fitter->depth[z].raw_energy;
-    hada_status status = hada_buffer_clear(&window->t, fitter->slot, 0, window->t.bytes, err);
-    for (int s = 0; !status && s < count; s++) {
+    window->iterations = 0;
+    window->raw_energy = window->sums->depth[z].raw_energy;
+    for (int s = 0; s < count; s++)
         window->outside[s] = outside[s];
-        status = hada_buffer_clear(&window->x[s], fitter->slot, 0, window->x[s].bytes, err);
-        if (!status)
-            status = hada_buffer_clear(&window->p[s], fitter->slot, 0, window->p[s].bytes, err);
-    }
-    for (int c = 0; !status && c < channels; c++)
-        status = hada_fitter_solve_filter(fitter, c, alpha, lambda * window->raw_energy[c], window->z.mem,
-                                          (size_t)c * fitter->layout.count, err);
-    for (int c = 0; !status && c < channels; c++) {
-        window->channel[c] = (progress){.old_step = 1.0};
-        for (int s = 0; !status && s < count; s++) {
-            window->channel[c].of[s] = (shifted){outside[s] / (1.0 - outside[s]) - first, 1.0, 1.0};
-            status = move(window, c, s, 0.0, 1.0, 0.0, err);
+    HADA_TRY(clear(window, err));
+    for (int c = 0; c < channels; c++)
+        HADA_TRY(hada_fit_solve_filter(window->sums, c, setting.alpha, setting.lambda * window->raw_energy[c],
+                                       window->residual.mem, (size_t)c * grid->layout.count, err));
+    for (int c = 0; c < channels; c++) {
+        window->channel[c] = (recurrence){.old_alpha = 1.0};
+        for (int s = 0; s < count; s++) {
+            window->channel[c].of[s] = (shifted){sigma_of(outside[s]) - sigma_of(outside[0]), 1.0, 1.0};
+            HADA_TRY(advance(window, c, s, 0.0, 1.0, 0.0, err));
         }
-        if (!status)
-            status = reduce(window, "fit_descend", c, window->z.mem, 0.0, err);
+        HADA_TRY(reduce_residual(window, c, 0.0, err));
     }
-    if (!status)
-        status = add_up(window, err);
-    for (int c = 0; !status && c < channels; c++)
-        window->channel[c].start = window->channel[c].square = window->total[c];
+    HADA_TRY(read_inner(window, err));
+    for (int c = 0; c < channels; c++)
+        window->channel[c].first_rr = window->channel[c].rr = window->inner[c];
+done:
     return status;
-}
-
-static hada_fft_filter product(const hada_fitter *fitter, cl_mem filters)
-{
-    return (hada_fft_filter){.product = fitter->sum_count == HADA_FIT_SUMS ? HADA_FFT_COMPLEX : HADA_FFT_SPLIT,
-                             .filter = filters,
-                             .spectrum_count = fitter->info.channels};
 }
 
 hada_status hada_fit_window_pair(hada_fit_window *window, hada_error *err)
 {
-    hada_fitter *fitter = window->fitter;
-    const int channels = fitter->info.channels;
-    const hada_fft_filter filter = product(fitter, window->p[0].mem);
-    const cl_ulong vectors = ((size_t)channels * fitter->layout.count + 7) / 8;
+    const hada_fit_grid *grid = window->grid;
+    const hada_fit_pair *pair = window->pair;
+    const int channels = grid->info.channels;
+    const hada_fft_filter filter = hada_fit_product(grid, window->directions[0].mem, 0);
+    const cl_ulong vectors = ((size_t)channels * grid->layout.count + HADA_FIT_VECTOR - 1) / HADA_FIT_VECTOR;
     const size_t local = GROUP, global = ((size_t)vectors + GROUP - 1) / GROUP * GROUP;
+    const char *macros = hada_fit_is_split(grid) ? "-DFIT_SPLIT=1" : "";
+    const hada_arg args[] = {HADA_ARG(pair->scene_spectrum.mem), HADA_ARG(pair->raw_spectrum.mem),
+                             HADA_ARG(window->product.mem), HADA_ARG(vectors)};
     cl_kernel kernel;
-    hada_status status =
-        hada_fft_inverse(window->inverse, channels, fitter->b.mem, 0, fitter->scene.mem, 0, &filter, err);
-    if (!status)
-        status = hada_fft_forward(fitter->scene_fft, channels, fitter->scene.mem, 0, fitter->x.mem, 0, err);
-    if (!status)
-        status = hada_slot_kernel(fitter->slot, "fit_window", "fit_gather", fitter->macros, &kernel, err);
-    const hada_arg args[] = {HADA_ARG(fitter->x.mem), HADA_ARG(fitter->b.mem), HADA_ARG(window->t.mem),
-                             HADA_ARG(vectors)};
-    hada_slot_cost(fitter->slot, 256.0 * (double)vectors, 80.0 * (double)vectors);
-    return status
-               ? status
-               : hada_slot_launch(fitter->slot, kernel, "fit_gather", 1, &global, &local, args, HADA_COUNT(args), err);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_fit_pair_filter(window->pair, window->inverse, &filter, err));
+    HADA_TRY(hada_fft_forward(pair->scene_fft, channels, pair->scene.mem, 0, pair->scene_spectrum.mem, 0, err));
+    HADA_TRY(hada_slot_kernel(grid->slot, "fit_window", "fit_gather", macros, &kernel, err));
+    hada_slot_cost(grid->slot, 256.0 * (double)vectors, 80.0 * (double)vectors);
+    HADA_TRY(hada_slot_launch(grid->slot, kernel, "fit_gather", 1, &global, &local, args, HADA_COUNT(args), err));
+done:
+    return status;
 }
 
-/* The factors of a weight's recurrences after a round: its step, and what turns the residual into its direction. */
-static void follow(progress *at, shifted *of, double *step, double *turn, double *keep)
+/* The next zeta of a shifted system after an iteration (Jegerlehner, eq. 2.42 to 2.44), and its own alpha and beta. */
+static void shift(const recurrence *at, shifted *of, double *alpha, double *beta)
 {
-    const double over = of->zeta * of->before * at->old_step;
-    const double under =
-        at->step * at->old_keep * (of->before - of->zeta) + of->before * at->old_step * (1.0 + of->shift * at->step);
+    const double over = of->zeta * of->old_zeta * at->old_alpha;
+    const double under = at->alpha * at->old_beta * (of->old_zeta - of->zeta) +
+                         of->old_zeta * at->old_alpha * (1.0 + of->sigma * at->alpha);
     const double zeta = under > 0.0 ? over / under : 0.0, ratio = of->zeta > 0.0 ? zeta / of->zeta : 0.0;
-    *step = at->step * ratio;
-    *turn = zeta;
-    *keep = at->keep * ratio * ratio;
-    of->before = of->zeta;
+    *alpha = at->alpha * ratio;
+    *beta = at->beta * ratio * ratio;
+    of->old_zeta = of->zeta;
     of->zeta = zeta;
 }
 
-hada_status hada_fit_window_round(hada_fit_window *window, int *settled, hada_error *err)
+/* After alpha and the residual of a channel are known: its filters and next directions. Returns in *left the largest
+ * relative norm of a residual. */
+static hada_status end_channel(hada_fit_window *window, int c, double *left, hada_error *err)
 {
-    hada_fitter *fitter = window->fitter;
-    const int channels = fitter->info.channels;
-    const double shift = window->outside[0] / (1.0 - window->outside[0]);
+    recurrence *at = &window->channel[c];
+    const double rr = window->inner[c];
     hada_status status = HADA_OK;
-    for (int c = 0; !status && c < channels; c++)
-        status = reduce(window, "fit_apply", c, window->p[0].mem, shift, err);
-    if (!status)
-        status = add_up(window, err);
-    for (int c = 0; !status && c < channels; c++) {
-        progress *at = &window->channel[c];
-        at->step = window->total[c] > 0.0 ? at->square / window->total[c] : 0.0; /* a dark channel has no filter */
-        status = reduce(window, "fit_descend", c, window->z.mem, at->step, err);
+    at->beta = at->rr > 0.0 ? rr / at->rr : 0.0;
+    for (int s = 0; s < window->count; s++) {
+        double alpha, beta;
+        shift(at, &at->of[s], &alpha, &beta);
+        const double zeta = at->of[s].zeta;
+        *left = fmax(*left, at->first_rr > 0.0 ? zeta * sqrt(rr / at->first_rr) : 0.0);
+        HADA_TRY(advance(window, c, s, alpha / (1.0 - window->outside[s]), zeta, beta, err));
     }
-    if (!status)
-        status = add_up(window, err);
-    *settled = ++window->rounds == HADA_FIT_ROUNDS;
+    at->rr = rr;
+    at->old_alpha = at->alpha > 0.0 ? at->alpha : 1.0;
+    at->old_beta = at->beta;
+done:
+    return status;
+}
+
+hada_status hada_fit_window_iterate(hada_fit_window *window, int *converged, hada_error *err)
+{
+    const int channels = window->grid->info.channels;
     double left = 0.0;
-    for (int c = 0; !status && c < channels; c++) {
-        progress *at = &window->channel[c];
-        const double square = window->total[c];
-        at->keep = at->square > 0.0 ? square / at->square : 0.0;
-        for (int s = 0; !status && s < window->count; s++) {
-            double along, turn, keep;
-            follow(at, &at->of[s], &along, &turn, &keep);
-            left = fmax(left, at->start > 0.0 ? turn * sqrt(square / at->start) : 0.0);
-            status = move(window, c, s, along / (1.0 - window->outside[s]), turn, keep, err);
-        }
-        at->square = square;
-        at->old_step = at->step > 0.0 ? at->step : 1.0;
-        at->old_keep = at->keep;
+    hada_status status = HADA_OK;
+    *converged = 0;
+    for (int c = 0; c < channels; c++)
+        HADA_TRY(apply(window, c, sigma_of(window->outside[0]), err));
+    HADA_TRY(read_inner(window, err));
+    for (int c = 0; c < channels; c++) {
+        recurrence *at = &window->channel[c];
+        at->alpha = window->inner[c] > 0.0 ? at->rr / window->inner[c] : 0.0; /* a dark channel has no filter */
+        HADA_TRY(reduce_residual(window, c, at->alpha, err));
     }
-    *settled |= left < HADA_FIT_SETTLED;
-    return status ? status : hada_buffer_clear(&window->t, fitter->slot, 0, window->t.bytes, err);
+    HADA_TRY(read_inner(window, err));
+    for (int c = 0; c < channels; c++)
+        HADA_TRY(end_channel(window, c, &left, err));
+    HADA_TRY(hada_buffer_clear(&window->product, window->grid->slot, 0, window->product.bytes, err));
+    *converged = ++window->iterations == HADA_FIT_ITERATIONS || left < HADA_FIT_TOLERANCE;
+done:
+    return status;
 }
 
 const hada_buffer *hada_fit_window_filters(const hada_fit_window *window, int weight)
 {
-    return weight < 0 ? &window->z : &window->x[weight];
+    return weight < 0 ? &window->residual : &window->filters[weight];
 }
 
 hada_status hada_fit_window_error(hada_fit_window *window, int weight, double *error, hada_error *err)
 {
-    hada_fitter *fitter = window->fitter;
-    const size_t count = fitter->scene.bytes / sizeof(float);
-    const hada_fft_filter filter = product(fitter, hada_fit_window_filters(window, weight)->mem);
-    hada_status status =
-        hada_fft_inverse(window->inverse, fitter->info.channels, fitter->b.mem, 0, fitter->scene.mem, 0, &filter, err);
-    if (!status)
-        status = hada_buffer_read(&fitter->scene, fitter->slot, 0, window->planes, fitter->scene.bytes, err);
+    const hada_fit_pair *pair = window->pair;
+    const size_t count = hada_fit_window_floats(window->grid);
+    const hada_fft_filter filter = hada_fit_product(window->grid, hada_fit_window_filters(window, weight)->mem, 0);
     double sum = 0.0;
-    for (size_t i = 0; !status && i < count; i++) {
-        const double difference = (double)window->planes[i] - fitter->scene_pixels[i];
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_fit_pair_filter(window->pair, window->inverse, &filter, err));
+    HADA_TRY(hada_buffer_read(&pair->scene, window->grid->slot, 0, window->planes, pair->scene.bytes, err));
+    for (size_t i = 0; i < count; i++) {
+        const double difference = (double)window->planes[i] - pair->scene_pixels[i];
         sum += difference * difference;
     }
     *error = sum / (double)count;
+done:
     return status;
 }

@@ -4,7 +4,7 @@
 
 #include "check_fit.h"
 #include "core/alloc.h"
-#include "fit/fitter.h"
+#include "fit/leave_one_out.h"
 #include "runtime/kernel.h"
 
 enum { SETTINGS = HADA_FIT_TRIALS, CHUNK = 8 * HADA_FIT_CHUNK, PAIRS = 4 };

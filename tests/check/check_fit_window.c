@@ -6,7 +6,7 @@
 
 #include "check_fit.h"
 #include "core/alloc.h"
-#include "fit/fitter.h"
+#include "fit/fit_grid.h"
 
 enum { CHUNK = 8 * HADA_FIT_CHUNK, STATES = 4, PARTS = 6, PAIRS = 3 };
 static const float alpha = 0.25f, ridge = 0.5f, shift = 0.375f, step = 0.75f, along = 1.5f, turn = 0.5f, keep = 0.25f;
@@ -112,7 +112,7 @@ static hada_status prepare(check_state *state, hada_error *err)
     return upload(state, own, err);
 }
 
-/* fit_apply or fit_descend of a channel. */
+/* fit_apply or fit_residual of a channel. */
 static hada_status reduce(check_state *state, const char *name, int part, float number, int c, hada_error *err)
 {
     window_state *own = state->own;
@@ -173,9 +173,9 @@ static hada_status launch(check_state *state, hada_error *err)
                                  HADA_ARG(vectors)};
         status = reduce(state, "fit_apply", 4, shift, c, err);
         if (!status)
-            status = reduce(state, "fit_descend", 5, step, c, err);
+            status = reduce(state, "fit_residual", 5, step, c, err);
         if (!status)
-            status = check_kernel(state, "fit_window", "fit_move", macros, vectors, 64, move, HADA_COUNT(move), err);
+            status = check_kernel(state, "fit_window", "fit_advance", macros, vectors, 64, move, HADA_COUNT(move), err);
     }
     return status;
 }

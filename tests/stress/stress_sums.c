@@ -20,22 +20,22 @@ static void fit_sums(void)
     options.raw_rows = options.window_rows = options.raw_cols = options.window_cols = 8;
     options.form = HADA_FORM_SPLIT;
     ASSERT_OK(hada_fitter_create(&fitter, device.context, &options, err));
-    const size_t count = fitter->layout.count, stride = fitter->stride;
+    const size_t count = fitter->grid.layout.count, stride = fitter->grid.stride;
     float *x = stress_memory(2 * count, sizeof *x), *b = stress_memory(2 * count, sizeof *b);
     float *sums = stress_memory(12 * stride, sizeof *sums);
     long double *exact = stress_memory(6 * count, sizeof *exact), *sizes = stress_memory(6 * count, sizeof *sizes);
     hada_random random;
     hada_random_seed(&random, 5, 5);
-    ASSERT_OK(hada_fitter_select(fitter, 0, err));
+    ASSERT_OK(hada_fit_sums_select(&fitter->sums, 0, err));
     for (int n = 0; n < many; n++) {
         for (size_t i = 0; i < 2 * count; i++) {
             x[i] = (float)(hada_random_normal(&random) * pow(10.0, hada_random_range(&random, -3.0, 3.0)));
             b[i] = (float)(hada_random_normal(&random) * pow(10.0, hada_random_range(&random, -3.0, 3.0)));
         }
-        ASSERT_OK(hada_buffer_write(&fitter->x, device.slot, 0, x, 8 * count, err));
-        ASSERT_OK(hada_buffer_write(&fitter->b, device.slot, 0, b, 8 * count, err));
-        ASSERT_OK(hada_fitter_accumulate(fitter, 1.0, err));
-        ASSERT_OK(hada_slot_finish(fitter->slot, err));
+        ASSERT_OK(hada_buffer_write(&fitter->pair.scene_spectrum, device.slot, 0, x, 8 * count, err));
+        ASSERT_OK(hada_buffer_write(&fitter->pair.raw_spectrum, device.slot, 0, b, 8 * count, err));
+        ASSERT_OK(hada_fit_sums_accumulate(&fitter->sums, &fitter->pair, 1.0, err));
+        ASSERT_OK(hada_slot_finish(fitter->grid.slot, err));
         for (size_t i = 0; i < count; i++) {
             /* the products are rounded to float, as on the device */
             const float xr = x[2 * i], xi = x[2 * i + 1], br = b[2 * i], bi = b[2 * i + 1];
@@ -48,7 +48,7 @@ static void fit_sums(void)
             }
         }
     }
-    ASSERT_OK(hada_buffer_read(&fitter->sums[0], fitter->slot, 0, sums, 12 * stride * 4, err));
+    ASSERT_OK(hada_buffer_read(&fitter->sums.sums[0], fitter->grid.slot, 0, sums, 12 * stride * 4, err));
     double worst = 0.0;
     for (size_t k = 0; k < 6; k++)
         for (size_t i = 0; i < count; i++) {

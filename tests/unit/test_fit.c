@@ -27,8 +27,8 @@ static double *reference_sums(const reference *r, int z, int c)
 
 static reference reference_make(const fixture *f, const hada_fitter *fitter)
 {
-    const hada_model_info *info = &fitter->info;
-    const hada_geometry *at = &fitter->geometry;
+    const hada_model_info *info = &fitter->grid.info;
+    const hada_geometry *at = &fitter->grid.geometry;
     reference r = {.grid = {info->grid_rows, info->grid_cols, at->raw_row, at->raw_col, ROWS, COLS, at->window_row,
                             at->window_col, WINDOW, WINDOW}};
     r.plane = hada_model_info_plane(info);
@@ -149,8 +149,8 @@ static void scores_agree_with_brute_force(void **state)
         add_all(f, fitter, DEPTHS, 0, PAIRS);
         reference r = reference_make(f, fitter);
         ASSERT_OK(hada_fitter_score(fitter, z, &f->frame[z][held], &f->scene[z][held], err));
-        assert_int_equal(fitter->distinct, 10);
-        for (int s = 0; s < fitter->setting_count; s++) {
+        assert_int_equal(fitter->scores.distinct, 10);
+        for (int s = 0; s < fitter->scores.setting_count; s++) {
             double own = 0.0, leak = 0.0;
             for (int c = 0; c < CHANNELS; c++) {
                 double scale = 0.0, part;
@@ -159,14 +159,14 @@ static void scores_agree_with_brute_force(void **state)
                         scale += pow(f->frame[z][i].data[c * ROWS * COLS + p], 2);
                 reference_others(&r, z, c);
                 reference_spectra(f, &r, z, held, c);
-                own +=
-                    hada_ref_fit_leave_one_out(&r.grid, r.x, r.b, reference_sums(&r, z, c), r.other, r.seen, r.weights,
-                                               fitter->alphas[s], fitter->lambdas[s] * scale, split, &part);
+                own += hada_ref_fit_leave_one_out(&r.grid, r.x, r.b, reference_sums(&r, z, c), r.other, r.seen,
+                                                  r.weights, fitter->scores.settings[s].alpha,
+                                                  fitter->scores.settings[s].lambda * scale, split, &part);
                 leak += part / ((double)r.grid.rows * r.grid.cols);
             }
             const double pixels = CHANNELS * WINDOW * WINDOW;
             const double single = -10.0 * log10(own / pixels), twofold = -10.0 * log10((own + leak) / pixels);
-            const hada_fitter_depth *got = &fitter->depth[z];
+            const hada_fit_score *got = &fitter->scores.depth[z];
             if (!(fabs(got->single[s] - single) < 1e-3 && fabs(got->twofold[s] - twofold) < 1e-3))
                 fail_msg("case %d, setting %d: %g and %g dB, expected %g and %g", k, s, got->single[s], got->twofold[s],
                          single, twofold);

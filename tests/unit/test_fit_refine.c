@@ -48,7 +48,7 @@ static hada_model *fit(hada_context *context, int strange, hada_fit_row **rows, 
     for (int z = 0; z < DEPTHS; z++)
         for (int i = 0; i < PAIRS; i++)
             ASSERT_OK(hada_fitter_score(fitter, z, &frame[z][i], &scene[z][i], err));
-    assert_int_equal(fitter->kept_count, HADA_FIT_KEPT);
+    assert_int_equal(fitter->kept.count, HADA_FIT_KEPT);
     ASSERT_OK(hada_fitter_finish(fitter, &model, rows, count, err));
 
     /* the trial leaves the sums as they were: a second end gives the same model */

@@ -9,9 +9,8 @@ static void many_additions_stay_accurate(void **state)
     hada_fit_options options = usual(1, HADA_FORM_SPLIT);
     hada_fitter *fitter;
     ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
-    const size_t spectrum = (size_t)CHANNELS * fitter->layout.count * 2, count = fitter->layout.count;
-    const cl_ulong stride = fitter->stride, vectors = fitter->vectors, offset = 0;
-    const cl_float plus = 1.0f;
+    const size_t spectrum = (size_t)CHANNELS * fitter->grid.layout.count * 2, count = fitter->grid.layout.count;
+    const size_t stride = fitter->grid.stride;
     float *x = malloc(spectrum * 4), *b = malloc(spectrum * 4), *sums = malloc(12 * stride * 4);
     hada_random random;
     hada_random_seed(&random, 1, 1);
@@ -19,15 +18,13 @@ static void many_additions_stay_accurate(void **state)
         x[i] = (float)(hada_random_uniform(&random) + 0.1);
         b[i] = (float)(hada_random_uniform(&random) + 0.1);
     }
-    ASSERT_OK(hada_buffer_write(&fitter->x, fitter->slot, 0, x, spectrum * 4, err));
-    ASSERT_OK(hada_buffer_write(&fitter->b, fitter->slot, 0, b, spectrum * 4, err));
-    ASSERT_OK(hada_fitter_select(fitter, 0, err));
-    hada_arg args[] = {
-        HADA_ARG(fitter->x.mem), HADA_ARG(fitter->b.mem), HADA_ARG(offset), HADA_ARG(fitter->sums[0].mem),
-        HADA_ARG(stride),        HADA_ARG(plus),          HADA_ARG(vectors)};
+    hada_slot *slot = fitter->grid.slot;
+    ASSERT_OK(hada_buffer_write(&fitter->pair.scene_spectrum, slot, 0, x, spectrum * 4, err));
+    ASSERT_OK(hada_buffer_write(&fitter->pair.raw_spectrum, slot, 0, b, spectrum * 4, err));
+    ASSERT_OK(hada_fit_sums_select(&fitter->sums, 0, err));
     for (int i = 0; i < MANY; i++)
-        ASSERT_OK(hada_fitter_launch(fitter, "fit_sums", "fit_pair", args, HADA_COUNT(args), err));
-    ASSERT_OK(hada_buffer_read(&fitter->sums[0], fitter->slot, 0, sums, 12 * stride * 4, err));
+        ASSERT_OK(hada_fit_sums_accumulate(&fitter->sums, &fitter->pair, 1.0, err));
+    ASSERT_OK(hada_buffer_read(&fitter->sums.sums[0], slot, 0, sums, 12 * stride * 4, err));
     double worst = 0.0;
     for (size_t i = 0; i < count; i++) {
         /* what one addition is worth, with the products rounded to float as the device does */

@@ -14,8 +14,8 @@ typedef struct reference {
 
 static reference reference_make(const fixture *f, const hada_fitter *fitter, int depths, int c)
 {
-    const hada_model_info *info = &fitter->info;
-    const hada_geometry *at = &fitter->geometry;
+    const hada_model_info *info = &fitter->grid.info;
+    const hada_geometry *at = &fitter->grid.geometry;
     reference r = {.grid = {info->grid_rows, info->grid_cols, at->raw_row, at->raw_col, ROWS, COLS, at->window_row,
                             at->window_col, WINDOW, WINDOW}};
     r.plane = hada_model_info_plane(info);
@@ -53,34 +53,35 @@ static void reference_free(reference *r)
 }
 
 /* Far beyond the number of rounds that a fit takes, every weight at once must come to the unique minimum. */
-static void rounds_lead_to_the_minimum(void **state)
+static void iterations_lead_to_the_minimum(void **state)
 {
-    enum { WEIGHTS = 3, ROUNDS = 60 };
+    enum { WEIGHTS = 3, ITERATIONS = 60 };
     static const double outside[WEIGHTS] = {0.05, 0.2, 0.7};
+    static const hada_fit_setting setting = {.alpha = 0.1, .lambda = 1e-2};
     fixture *f = *state;
     for (int k = 0; k < 4; k++) {
         hada_fit_options options = usual(DEPTHS, k & 1 ? HADA_FORM_SPLIT : HADA_FORM_COMPLEX);
         options.boundary = k & 2 ? HADA_BOUNDARY_PADDED : HADA_BOUNDARY_CIRCULAR;
         hada_fitter *fitter;
         hada_fit_window *window;
-        int settled = 0;
+        int converged = 0;
         ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
         add_all(f, fitter, DEPTHS, 0, PAIRS);
-        ASSERT_OK(hada_fitter_pool(fitter, err));
-        ASSERT_OK(hada_fitter_select(fitter, 0, err));
-        ASSERT_OK(hada_fit_window_create(&window, fitter, WEIGHTS, err));
-        ASSERT_OK(hada_fit_window_begin(window, 0, 0.1, 1e-2, outside, WEIGHTS, err));
-        for (int round = 0; round < ROUNDS; round++) {
+        ASSERT_OK(hada_fit_sums_pool(&fitter->sums, err));
+        ASSERT_OK(hada_fit_sums_select(&fitter->sums, 0, err));
+        ASSERT_OK(hada_fit_window_create(&window, &fitter->sums, &fitter->pair, WEIGHTS, err));
+        ASSERT_OK(hada_fit_window_begin(window, 0, setting, outside, WEIGHTS, err));
+        for (int round = 0; round < ITERATIONS; round++) {
             for (int i = 0; i < PAIRS; i++) {
-                hada_fitter_take(fitter, &f->frame[0][i], &f->scene[0][i]);
-                ASSERT_OK(hada_fitter_transform(fitter, fitter->raw_pixels, NULL, err));
+                hada_fit_pair_take(&fitter->pair, &f->frame[0][i], &f->scene[0][i]);
+                ASSERT_OK(hada_fit_pair_transform(&fitter->pair, fitter->pair.raw_pixels, NULL, err));
                 ASSERT_OK(hada_fit_window_pair(window, err));
             }
-            ASSERT_OK(hada_fit_window_round(window, &settled, err));
+            ASSERT_OK(hada_fit_window_iterate(window, &converged, err));
         }
-        assert_true(settled);
-        const size_t plane = hada_model_info_plane(&fitter->info);
-        float *blocks = malloc(2 * fitter->stride * sizeof *blocks), *got = malloc(2 * plane * sizeof *got);
+        assert_true(converged);
+        const size_t plane = hada_model_info_plane(&fitter->grid.info);
+        float *blocks = malloc(2 * fitter->grid.stride * sizeof *blocks), *got = malloc(2 * plane * sizeof *got);
         double *expected = malloc(2 * plane * sizeof *expected);
         for (int c = 0; c < CHANNELS; c++) {
             reference r = reference_make(f, fitter, DEPTHS, c);
@@ -91,12 +92,12 @@ static void rounds_lead_to_the_minimum(void **state)
                                                  .split = k & 1,
                                                  .sums = r.sums,
                                                  .other = r.other,
-                                                 .alpha = 0.1,
-                                                 .ridge = 1e-2 * r.scale,
+                                                 .alpha = setting.alpha,
+                                                 .ridge = setting.lambda * r.scale,
                                                  .outside = outside[s]};
                 ASSERT_OK(hada_ref_fit_window_solve(&fit, expected, err));
-                ASSERT_OK(hada_fitter_read_plane(fitter, hada_fit_window_filters(window, s),
-                                                 (size_t)c * fitter->layout.count, blocks, got, "a filter", err));
+                ASSERT_OK(hada_fit_read_plane(&fitter->grid, hada_fit_window_filters(window, s),
+                                              (size_t)c * fitter->grid.layout.count, blocks, got, "a filter", err));
                 const double error = small_distance(got, expected, 2 * plane);
                 if (!(error < 2e-5))
                     fail_msg("case %d, channel %d, weight %g: relative error %g", k, c, outside[s], error);
@@ -178,7 +179,7 @@ static void a_lower_weight_lowers_the_error_in_the_window(void **state)
             shower at = {.f = f};
             ASSERT_OK(hada_fitter_judge(fitter, show, &at, err));
             assert_true(s ? at.shown % (DEPTHS * PAIRS) == 0 || at.shown > DEPTHS * PAIRS : at.shown == 0);
-            assert_true(at.shown <= DEPTHS * PAIRS * HADA_FIT_ROUNDS);
+            assert_true(at.shown <= DEPTHS * PAIRS * HADA_FIT_ITERATIONS);
             ASSERT_OK(hada_fitter_finish(fitter, &model, NULL, NULL, err));
             inside[s] = objective(f, fitter, model, 0.0);
             hada_model_destroy(&model);
@@ -202,7 +203,7 @@ static void the_weight_is_chosen_on_held_out_pairs(void **state)
     shower at = {.f = f};
     ASSERT_OK(hada_fitter_judge(fitter, show, &at, err));
     ASSERT_OK(hada_fitter_finish(fitter, &first, &rows, &count, err));
-    assert_int_equal(count, HADA_FIT_JUDGED);
+    assert_int_equal(count, HADA_FIT_OUTSIDES);
     size_t chosen = count, best = 0;
     for (size_t i = 0; i < count; i++) {
         assert_true(isfinite(rows[i].psnr_single) && rows[i].outside > 0.0 && rows[i].lambda == 1e-3);
@@ -230,7 +231,7 @@ static void the_weight_is_chosen_on_held_out_pairs(void **state)
     hada_model_destroy(&second);
     /* new pairs discard it */
     ASSERT_OK(hada_fitter_add(fitter, 0, &f->frame[0][0], &f->scene[0][0], err));
-    assert_null(fitter->judged.filters);
+    assert_null(fitter->outside.filters);
     free(rows);
     hada_model_destroy(&plain);
     hada_model_destroy(&first);
@@ -283,21 +284,21 @@ static void single_pairs_are_left_alone(void **state)
     shower at = {.f = f};
     ASSERT_OK(hada_fitter_judge(fitter, show, &at, err));
     assert_int_equal(at.shown, 0);
-    assert_null(fitter->judged.filters);
+    assert_null(fitter->outside.filters);
     hada_fitter_destroy(&fitter);
 }
 
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(rounds_lead_to_the_minimum),
+        cmocka_unit_test(iterations_lead_to_the_minimum),
         cmocka_unit_test(a_lower_weight_lowers_the_error_in_the_window),
         cmocka_unit_test(the_weight_is_chosen_on_held_out_pairs),
         cmocka_unit_test(what_cannot_be_judged_is_refused),
         cmocka_unit_test(single_pairs_are_left_alone),
     };
     const struct CMUnitTest numbers[] = {
-        cmocka_unit_test(rounds_lead_to_the_minimum),
+        cmocka_unit_test(iterations_lead_to_the_minimum),
         cmocka_unit_test(the_weight_is_chosen_on_held_out_pairs),
     };
     int failed = cmocka_run_group_tests(tests, fit_setup, fit_teardown);

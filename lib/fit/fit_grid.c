@@ -1,0 +1,150 @@
+#include "fit/fit_grid.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/alloc.h"
+#include "filter/layout.h"
+#include "runtime/kernel.h"
+
+/* Work-items of a group: of kernels by groups of eight frequencies, and of those by chunks where the device works in
+ * groups (docs/devices.md). */
+enum { GROUP = 64, CHUNK_GROUP = 32 };
+
+/* Kernels write whole vectors of complex numbers, so up to that many bytes beyond the last frequency. */
+enum { VECTOR_BYTES = HADA_FIT_VECTOR * 2 * sizeof(float) };
+
+static size_t round_up(size_t count, size_t unit)
+{
+    return (count + unit - 1) / unit * unit;
+}
+
+static hada_status copy_distances(hada_fit_grid *grid, const double *distances_mm, hada_error *err)
+{
+    const size_t depths = (size_t)grid->info.depths;
+    hada_status status = hada_alloc((void **)&grid->distances, depths, sizeof(double), "the distances", err);
+    if (status)
+        return status;
+    memcpy(grid->distances, distances_mm, depths * sizeof(double));
+    grid->info.distances_mm = grid->distances;
+    return HADA_OK;
+}
+
+hada_status hada_fit_grid_create(hada_fit_grid *grid, hada_context *context, const hada_fit_options *options,
+                                 hada_error *err)
+{
+    hada_status status = HADA_OK;
+    *grid = (hada_fit_grid){.info = {.depths = options->depths,
+                                     .channels = options->channels,
+                                     .form = options->form,
+                                     .boundary = options->boundary,
+                                     .dark = options->dark,
+                                     .has_otf = 1,
+                                     .distances_mm = options->distances_mm}};
+    hada_model_info *info = &grid->info;
+    HADA_TRY(hada_model_set_sizes(info, options->raw_rows, options->raw_cols, options->window_rows,
+                                  options->window_cols, err));
+    HADA_TRY(hada_model_info_check(info, err));
+    HADA_TRY(hada_geometry_of(info, &grid->geometry, err));
+    HADA_TRY(copy_distances(grid, options->distances_mm, err));
+    HADA_TRY(hada_slot_create(&grid->slot, context, err));
+    grid->layout = hada_fft_layout(context, info->grid_rows, info->grid_cols, HADA_FFT_AUTO);
+    grid->vectors = round_up(grid->layout.count, HADA_FIT_VECTOR) / HADA_FIT_VECTOR;
+    grid->stride = round_up(grid->vectors, GROUP) * HADA_FIT_VECTOR;
+    grid->chunks = round_up(grid->vectors, HADA_FIT_CHUNK) / HADA_FIT_CHUNK;
+    grid->sum_count = hada_fit_is_split(grid) ? HADA_FIT_SUMS_SPLIT : HADA_FIT_SUMS;
+done:
+    if (status)
+        hada_fit_grid_destroy(grid);
+    return status;
+}
+
+void hada_fit_grid_destroy(hada_fit_grid *grid)
+{
+    hada_slot_destroy(&grid->slot);
+    free(grid->distances);
+    *grid = (hada_fit_grid){0};
+}
+
+size_t hada_fit_raw_floats(const hada_fit_grid *grid)
+{
+    const hada_model_info *info = &grid->info;
+    return (size_t)info->channels * (size_t)info->raw_rows * (size_t)info->raw_cols;
+}
+
+size_t hada_fit_window_floats(const hada_fit_grid *grid)
+{
+    const hada_model_info *info = &grid->info;
+    return (size_t)info->channels * (size_t)info->window_rows * (size_t)info->window_cols;
+}
+
+size_t hada_fit_spectra_bytes(const hada_fit_grid *grid, size_t images)
+{
+    return images * grid->layout.count * 2 * sizeof(float) + VECTOR_BYTES;
+}
+
+hada_fft_desc hada_fit_transform_desc(const hada_fit_grid *grid, hada_fft_direction direction, int window)
+{
+    const hada_model_info *info = &grid->info;
+    const hada_geometry *at = &grid->geometry;
+    const int rows = window ? info->window_rows : info->raw_rows, cols = window ? info->window_cols : info->raw_cols;
+    return (hada_fft_desc){.direction = direction,
+                           .rows = info->grid_rows,
+                           .cols = info->grid_cols,
+                           .batch = info->channels,
+                           .row0 = window ? at->window_row : at->raw_row,
+                           .col0 = window ? at->window_col : at->raw_col,
+                           .real_rows = rows,
+                           .real_cols = cols,
+                           .real_pitch = (size_t)cols,
+                           .real_distance = (size_t)rows * (size_t)cols};
+}
+
+hada_fft_filter hada_fit_product(const hada_fit_grid *grid, cl_mem filters, int first)
+{
+    return (hada_fft_filter){.product = hada_fit_is_split(grid) ? HADA_FFT_SPLIT : HADA_FFT_COMPLEX,
+                             .filter = filters,
+                             .spectrum_count = grid->info.channels,
+                             .filter_first = first};
+}
+
+hada_status hada_fit_read_plane(const hada_fit_grid *grid, const hada_buffer *from, size_t at, float *blocks, float *to,
+                                const char *what, hada_error *err)
+{
+    const size_t plane = hada_model_info_plane(&grid->info), bytes = grid->layout.count * 2 * sizeof(float);
+    hada_status status = hada_buffer_read(from, grid->slot, at * 2 * sizeof(float), blocks, bytes, err);
+    if (status)
+        return status;
+    hada_layout_unpack(&grid->layout, blocks, to);
+    float sum = 0.0f; /* x - x is 0 for finite x alone */
+    for (size_t i = 0; i < 2 * plane; i++)
+        sum += to[i] - to[i];
+    return sum == 0.0f ? HADA_OK
+                       : hada_fail(err, HADA_ERROR_NUMERIC,
+                                   "%s came out not finite; the raw frames are nearly dark at some frequencies: give a "
+                                   "lambda above 0",
+                                   what);
+}
+
+static hada_status launch(const hada_fit_grid *grid, const char *file, const char *name, size_t items, size_t local,
+                          const hada_arg *args, size_t arg_count, hada_error *err)
+{
+    cl_kernel kernel;
+    const size_t global = round_up(items, local);
+    const char *macros = hada_fit_is_split(grid) ? "-DFIT_SPLIT=1" : "";
+    hada_status status = hada_slot_kernel(grid->slot, file, name, macros, &kernel, err);
+    return status ? status : hada_slot_launch(grid->slot, kernel, name, 1, &global, &local, args, arg_count, err);
+}
+
+hada_status hada_fit_launch(const hada_fit_grid *grid, const char *file, const char *name, const hada_arg *args,
+                            size_t arg_count, hada_error *err)
+{
+    return launch(grid, file, name, grid->vectors, GROUP, args, arg_count, err);
+}
+
+hada_status hada_fit_launch_chunks(const hada_fit_grid *grid, const char *file, const char *name, const hada_arg *args,
+                                   size_t arg_count, hada_error *err)
+{
+    const size_t local = grid->slot->context->shape == HADA_SHAPE_LANES ? 1 : CHUNK_GROUP;
+    return launch(grid, file, name, grid->chunks, local, args, arg_count, err);
+}

@@ -1,0 +1,250 @@
+#include "fit/fit_sums.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "core/alloc.h"
+#include "filter/layout.h"
+
+/* Values pooled per frequency (kernels/fit_sums.cl). */
+enum { POOLS = 3, POOLS_SPLIT = 5 };
+
+/* A pair's energy must be at least this for the squares of its dim frequencies not to vanish in single precision, and
+ * a depth's energy times the grid's points at most that: no frequency has more, and squares up to 2^127 are floats. */
+#define LEAST_ENERGY 0x1p-80
+#define MOST_ENERGY  0x1p120
+
+static size_t depth_floats(const hada_fit_grid *grid)
+{
+    return 2 * (size_t)grid->sum_count * grid->stride; /* high and low parts */
+}
+
+static hada_status make_depths(hada_fit_sums *sums, hada_error *err)
+{
+    const size_t depths = (size_t)sums->grid->info.depths, channels = (size_t)sums->grid->info.channels;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&sums->depth, depths, sizeof *sums->depth, "a fitter", err));
+    for (size_t z = 0; z < depths; z++) {
+        HADA_TRY(hada_alloc((void **)&sums->depth[z].raw_energy, channels, sizeof(double), "a fitter", err));
+        HADA_TRY(hada_alloc((void **)&sums->depth[z].scene_energy, channels, sizeof(double), "a fitter", err));
+    }
+done:
+    return status;
+}
+
+static hada_status make_buffer(hada_fit_sums *sums, hada_buffer *buffer, size_t floats, const char *what,
+                               hada_error *err)
+{
+    hada_status status = hada_buffer_create(buffer, sums->grid->slot->context, floats * sizeof(float), what, err);
+    sums->bytes += buffer->bytes;
+    return status;
+}
+
+static hada_status fill_weights(hada_fit_sums *sums, hada_error *err)
+{
+    const size_t stride = sums->grid->stride;
+    float *values = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&values, stride, sizeof *values, "the weights", err));
+    hada_layout_weights(&sums->grid->layout, values);
+    HADA_TRY(hada_buffer_write(&sums->weights, sums->grid->slot, 0, values, stride * sizeof *values, err));
+done:
+    free(values);
+    return status;
+}
+
+hada_status hada_fit_sums_create(hada_fit_sums *sums, const hada_fit_grid *grid, hada_error *err)
+{
+    const size_t channels = (size_t)grid->info.channels;
+    const size_t pools = hada_fit_is_split(grid) ? POOLS_SPLIT : POOLS;
+    hada_status status = HADA_OK;
+    *sums = (hada_fit_sums){.grid = grid, .current = -1};
+    HADA_TRY(make_depths(sums, err));
+    HADA_TRY(hada_alloc((void **)&sums->sums, channels, sizeof *sums->sums, "a fitter", err));
+    HADA_TRY(hada_alloc((void **)&sums->pool, channels, sizeof *sums->pool, "a fitter", err));
+    for (size_t c = 0; c < channels; c++) {
+        HADA_TRY(make_buffer(sums, &sums->sums[c], depth_floats(grid), "the sums of a fit", err));
+        HADA_TRY(make_buffer(sums, &sums->pool[c], pools * grid->stride, "the pooled sums of a fit", err));
+    }
+    HADA_TRY(make_buffer(sums, &sums->weights, grid->stride, "the weights of frequencies", err));
+    HADA_TRY(fill_weights(sums, err));
+done:
+    return status;
+}
+
+void hada_fit_sums_destroy(hada_fit_sums *sums)
+{
+    for (int c = 0; sums->sums && c < sums->grid->info.channels; c++)
+        hada_buffer_destroy(&sums->sums[c]);
+    for (int c = 0; sums->pool && c < sums->grid->info.channels; c++)
+        hada_buffer_destroy(&sums->pool[c]);
+    hada_buffer_destroy(&sums->weights);
+    for (int z = 0; sums->depth && z < sums->grid->info.depths; z++) {
+        free(sums->depth[z].sums);
+        free(sums->depth[z].raw_energy);
+        free(sums->depth[z].scene_energy);
+    }
+    free(sums->depth);
+    free(sums->sums);
+    free(sums->pool);
+    *sums = (hada_fit_sums){0};
+}
+
+/* The sums of the current depth back to the host. */
+static hada_status put_back(hada_fit_sums *sums, hada_error *err)
+{
+    const size_t floats = depth_floats(sums->grid), channels = (size_t)sums->grid->info.channels;
+    hada_fit_depth *depth = &sums->depth[sums->current];
+    hada_status status = HADA_OK;
+    if (!depth->sums)
+        HADA_TRY(hada_alloc_raw((void **)&depth->sums, channels * floats, sizeof(float), "the sums of a depth", err));
+    for (size_t c = 0; c < channels; c++)
+        HADA_TRY(hada_buffer_read(&sums->sums[c], sums->grid->slot, 0, depth->sums + c * floats, floats * sizeof(float),
+                                  err));
+    sums->changed = 0;
+done:
+    return status;
+}
+
+hada_status hada_fit_sums_select(hada_fit_sums *sums, int depth, hada_error *err)
+{
+    const size_t floats = depth_floats(sums->grid), bytes = floats * sizeof(float);
+    const float *values = sums->depth[depth].sums;
+    hada_slot *slot = sums->grid->slot;
+    hada_status status = HADA_OK;
+    if (sums->current == depth)
+        return HADA_OK;
+    if (sums->current >= 0 && sums->changed)
+        HADA_TRY(put_back(sums, err));
+    sums->current = -1;
+    sums->changed = 0;
+    for (int c = 0; c < sums->grid->info.channels; c++)
+        HADA_TRY(values ? hada_buffer_write(&sums->sums[c], slot, 0, values + (size_t)c * floats, bytes, err)
+                        : hada_buffer_clear(&sums->sums[c], slot, 0, bytes, err));
+    sums->current = depth;
+done:
+    return status;
+}
+
+hada_status hada_fit_sums_borrow(hada_fit_sums *sums, int depth, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_fit_sums_select(sums, depth, err));
+    if (sums->changed)
+        HADA_TRY(put_back(sums, err));
+    sums->current = -1; /* the host's copy is the true one */
+done:
+    return status;
+}
+
+hada_status hada_fit_sums_accumulate(hada_fit_sums *sums, const hada_fit_pair *pair, double sign, hada_error *err)
+{
+    const hada_fit_grid *grid = sums->grid;
+    const cl_ulong stride = grid->stride, vectors = grid->vectors;
+    const cl_float factor = (cl_float)sign;
+    hada_status status = HADA_OK;
+    for (int c = 0; c < grid->info.channels; c++) {
+        const cl_ulong offset = (cl_ulong)c * grid->layout.count;
+        const hada_arg args[] = {HADA_ARG(pair->scene_spectrum.mem),
+                                 HADA_ARG(pair->raw_spectrum.mem),
+                                 HADA_ARG(offset),
+                                 HADA_ARG(sums->sums[c].mem),
+                                 HADA_ARG(stride),
+                                 HADA_ARG(factor),
+                                 HADA_ARG(vectors)};
+        hada_slot_cost(grid->slot, 128.0 * (1.0 + grid->sum_count) * (double)vectors,
+                       8.0 * (12.0 + 7.0 * grid->sum_count) * (double)vectors);
+        HADA_TRY(hada_fit_launch(grid, "fit_sums", "fit_pair", args, HADA_COUNT(args), err));
+    }
+done:
+    return status;
+}
+
+/* New values make the pools worthless. */
+static void mark_changed(hada_fit_sums *sums)
+{
+    sums->changed = 1;
+    sums->pooled = 0;
+    sums->version++;
+}
+
+static hada_status check_energy(const hada_fit_grid *grid, double energy, double sum, const char *what, hada_error *err)
+{
+    const double points = (double)grid->info.grid_rows * grid->info.grid_cols;
+    if ((energy > 0.0 && energy < LEAST_ENERGY) || (energy + sum) * points > MOST_ENERGY)
+        return hada_fail(
+            err, HADA_ERROR_NUMERIC,
+            "the %s of this pair has values too %s for single precision (root of the sum of squares %.2g); "
+            "divide all images of a data set by one number, so that white is about 1",
+            what, energy < 1.0 ? "small" : "large", sqrt(energy));
+    return HADA_OK;
+}
+
+hada_status hada_fit_sums_add(hada_fit_sums *sums, int depth, const hada_fit_pair *pair, hada_error *err)
+{
+    const int channels = sums->grid->info.channels;
+    hada_fit_depth *to = &sums->depth[depth];
+    hada_status status = HADA_OK;
+    for (int c = 0; c < channels; c++) {
+        HADA_TRY(check_energy(sums->grid, pair->raw_energy[c], to->raw_energy[c], "raw frame", err));
+        HADA_TRY(check_energy(sums->grid, pair->scene_energy[c], to->scene_energy[c], "scene", err));
+    }
+    HADA_TRY(hada_fit_sums_select(sums, depth, err));
+    mark_changed(sums);
+    HADA_TRY(hada_fit_sums_accumulate(sums, pair, 1.0, err));
+    for (int c = 0; c < channels; c++) {
+        to->raw_energy[c] += pair->raw_energy[c];
+        to->scene_energy[c] += pair->scene_energy[c];
+    }
+    to->pairs++;
+done:
+    return status;
+}
+
+hada_status hada_fit_sums_merge(hada_fit_sums *sums, int channel, const hada_buffer *more, hada_error *err)
+{
+    const hada_fit_grid *grid = sums->grid;
+    const cl_ulong stride = grid->stride, vectors = grid->vectors;
+    const cl_int count = grid->sum_count;
+    const hada_arg args[] = {HADA_ARG(more->mem), HADA_ARG(sums->sums[channel].mem), HADA_ARG(stride), HADA_ARG(count),
+                             HADA_ARG(vectors)};
+    mark_changed(sums);
+    hada_slot_cost(grid->slot, 192.0 * count * (double)vectors, 112.0 * count * (double)vectors);
+    return hada_fit_launch(grid, "fit_sums", "fit_merge", args, HADA_COUNT(args), err);
+}
+
+/* Adds the depth on the device to the pools. */
+static hada_status pool_depth(hada_fit_sums *sums, int64_t pairs, hada_error *err)
+{
+    const hada_fit_grid *grid = sums->grid;
+    const cl_float per_pair = 1.0f / (float)pairs;
+    const cl_ulong stride = grid->stride, vectors = grid->vectors;
+    hada_status status = HADA_OK;
+    for (int c = 0; c < grid->info.channels; c++) {
+        const hada_arg args[] = {HADA_ARG(sums->sums[c].mem), HADA_ARG(sums->pool[c].mem), HADA_ARG(stride),
+                                 HADA_ARG(per_pair), HADA_ARG(vectors)};
+        hada_slot_cost(grid->slot, (hada_fit_is_split(grid) ? 416.0 : 256.0) * (double)vectors, 48.0 * (double)vectors);
+        HADA_TRY(hada_fit_launch(grid, "fit_sums", "fit_pool", args, HADA_COUNT(args), err));
+    }
+done:
+    return status;
+}
+
+hada_status hada_fit_sums_pool(hada_fit_sums *sums, hada_error *err)
+{
+    const hada_model_info *info = &sums->grid->info;
+    hada_status status = HADA_OK;
+    if (sums->pooled)
+        return HADA_OK;
+    for (int c = 0; c < info->channels; c++)
+        HADA_TRY(hada_buffer_clear(&sums->pool[c], sums->grid->slot, 0, sums->pool[c].bytes, err));
+    for (int z = 0; z < info->depths; z++) {
+        if (!sums->depth[z].pairs)
+            continue;
+        HADA_TRY(hada_fit_sums_select(sums, z, err));
+        HADA_TRY(pool_depth(sums, sums->depth[z].pairs, err));
+    }
+    sums->pooled = 1;
+done:
+    return status;
+}

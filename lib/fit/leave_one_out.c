@@ -1,0 +1,321 @@
+#include "fit/leave_one_out.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/alloc.h"
+#include "runtime/kernel.h"
+
+/* Pairs that are tried: the settings are compared on the same pairs, so a few decide (docs/filters.md). */
+enum { PAIRS_IN_ALL = 8, PAIRS_PER_DEPTH = 2 };
+
+/* Work-items of a group that add up rows of the window, where the device works in groups. */
+enum { ROW_GROUP = 32 };
+
+/* Squared errors below this, 200 dB, count as this. */
+#define LEAST_ERROR 1e-20
+
+/* What is tried: the weight of the other depths makes lambda less important, so not every combination is worth its
+ * time. */
+static const hada_fit_setting several[] = {{0.0, 1e-6},  {0.0, 1e-5},  {0.0, 1e-4}, {0.0, 1e-3}, {0.0, 1e-2},
+                                           {0.03, 1e-5}, {0.03, 1e-3}, {0.1, 1e-4}, {0.3, 1e-4}, {1.0, 1e-4}};
+static const hada_fit_setting lambdas[] = {{0.0, 1e-6}, {0.0, 1e-5}, {0.0, 3e-5}, {0.0, 1e-4}, {0.0, 3e-4},
+                                           {0.0, 1e-3}, {0.0, 3e-3}, {0.0, 1e-2}, {0.0, 3e-2}, {0.0, 1e-1}};
+static const hada_fit_setting alphas[] = {{0.0, 0.0}, {0.03, 0.0}, {0.1, 0.0}, {0.3, 0.0}, {1.0, 0.0}};
+static const hada_fit_setting one[] = {{0.0, 0.0}};
+
+/* The settings to score, less what the caller fixed. One depth has no others, so alpha means nothing there. */
+static hada_status make_settings(hada_leave_one_out *scores, const hada_fit_options *options, hada_error *err)
+{
+    const int fixed_alpha = options->alpha >= 0.0 || options->depths == 1, fixed_lambda = options->lambda >= 0.0;
+    const hada_fit_setting *list = fixed_alpha ? (fixed_lambda ? one : lambdas) : fixed_lambda ? alphas : several;
+    scores->distinct = (int)(list == one ? 1 : list == alphas ? HADA_COUNT(alphas) : HADA_COUNT(several));
+    scores->setting_count = (scores->distinct + HADA_FIT_TRIALS - 1) / HADA_FIT_TRIALS * HADA_FIT_TRIALS;
+    hada_status status =
+        hada_alloc((void **)&scores->settings, (size_t)scores->setting_count, sizeof *list, "settings", err);
+    for (int i = 0; !status && i < scores->setting_count; i++) {
+        const hada_fit_setting *from = &list[i < scores->distinct ? i : scores->distinct - 1];
+        scores->settings[i].alpha = fixed_alpha ? fmax(options->alpha, 0.0) : from->alpha;
+        scores->settings[i].lambda = fixed_lambda ? options->lambda : from->lambda;
+    }
+    return status;
+}
+
+hada_status hada_leave_one_out_create(hada_leave_one_out *scores, const hada_fit_grid *grid,
+                                      const hada_fit_options *options, hada_error *err)
+{
+    const size_t depths = (size_t)grid->info.depths;
+    hada_status status = HADA_OK;
+    *scores = (hada_leave_one_out){.grid = grid,
+                                   .fallback = {options->alpha >= 0.0 ? options->alpha : HADA_FIT_ALPHA,
+                                                options->lambda >= 0.0 ? options->lambda : HADA_FIT_LAMBDA}};
+    HADA_TRY(make_settings(scores, options, err));
+    HADA_TRY(hada_alloc((void **)&scores->depth, depths, sizeof *scores->depth, "scores", err));
+    for (size_t z = 0; z < depths; z++) {
+        const size_t count = (size_t)scores->setting_count;
+        HADA_TRY(hada_alloc((void **)&scores->depth[z].single, count, sizeof(double), "scores", err));
+        HADA_TRY(hada_alloc((void **)&scores->depth[z].twofold, count, sizeof(double), "scores", err));
+    }
+done:
+    return status;
+}
+
+void hada_leave_one_out_destroy(hada_leave_one_out *scores)
+{
+    hada_fft_destroy(&scores->inverse);
+    hada_buffer_destroy(&scores->errors);
+    hada_buffer_destroy(&scores->planes);
+    hada_buffer_destroy(&scores->tried);
+    hada_buffer_destroy(&scores->partial);
+    for (int z = 0; scores->depth && z < scores->grid->info.depths; z++) {
+        free(scores->depth[z].single);
+        free(scores->depth[z].twofold);
+    }
+    free(scores->depth);
+    free(scores->settings);
+    *scores = (hada_leave_one_out){0};
+}
+
+void hada_leave_one_out_forget(hada_leave_one_out *scores)
+{
+    const size_t bytes = (size_t)scores->setting_count * sizeof(double);
+    for (int z = 0; z < scores->grid->info.depths; z++) {
+        scores->depth[z].scored = 0;
+        memset(scores->depth[z].single, 0, bytes);
+        memset(scores->depth[z].twofold, 0, bytes);
+    }
+}
+
+int hada_leave_one_out_wants(const hada_leave_one_out *scores, int depth, int64_t pairs)
+{
+    const int depths = scores->grid->info.depths, share = (PAIRS_IN_ALL + depths - 1) / depths;
+    /* of a single pair nothing would be left */
+    return pairs > 1 && scores->depth[depth].scored < (share > PAIRS_PER_DEPTH ? share : PAIRS_PER_DEPTH);
+}
+
+static hada_status make_buffer(hada_leave_one_out *scores, hada_buffer *buffer, size_t bytes, const char *what,
+                               hada_error *err)
+{
+    if (buffer->mem)
+        return HADA_OK;
+    hada_status status = hada_buffer_create(buffer, scores->grid->slot->context, bytes, what, err);
+    scores->bytes += buffer->bytes;
+    return status;
+}
+
+/* What leave-one-out needs beyond the sums, once. */
+static hada_status prepare(hada_leave_one_out *scores, hada_error *err)
+{
+    const hada_fit_grid *grid = scores->grid;
+    const size_t rows = (size_t)grid->info.window_rows, sums = grid->chunks > rows ? grid->chunks : rows;
+    hada_fft_desc desc = hada_fit_transform_desc(grid, HADA_FFT_INVERSE, 1);
+    hada_status status = HADA_OK;
+    desc.batch = HADA_FIT_TRIALS;
+    if (!scores->inverse) {
+        HADA_TRY(hada_fft_create(&scores->inverse, grid->slot, &desc, err));
+        scores->bytes += hada_fft_bytes(grid->slot->context, &desc);
+    }
+    HADA_TRY(make_buffer(scores, &scores->errors, hada_fit_spectra_bytes(grid, HADA_FIT_TRIALS),
+                         "leave-one-out spectra", err));
+    HADA_TRY(make_buffer(scores, &scores->planes, HADA_FIT_TRIALS * desc.real_distance * sizeof(float),
+                         "leave-one-out errors", err));
+    HADA_TRY(make_buffer(scores, &scores->tried, HADA_FIT_TRIALS * sizeof(cl_float2), "settings", err));
+    HADA_TRY(make_buffer(scores, &scores->partial, HADA_FIT_TRIALS * sums * sizeof(float), "partial sums", err));
+done:
+    return status;
+}
+
+/* Reads partial sums and adds each setting's, in order. */
+static hada_status add_up(hada_leave_one_out *scores, float *partial, size_t count, double factor, double *sums,
+                          hada_error *err)
+{
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_buffer_read(&scores->partial, scores->grid->slot, 0, partial,
+                              HADA_FIT_TRIALS * count * sizeof *partial, err));
+    for (size_t s = 0; s < HADA_FIT_TRIALS; s++) {
+        double sum = 0.0;
+        for (size_t i = 0; i < count; i++)
+            sum += partial[s * count + i];
+        sums[s] += factor * sum;
+    }
+done:
+    return status;
+}
+
+static hada_status write_settings(hada_leave_one_out *scores, size_t first, hada_error *err)
+{
+    cl_float values[2 * HADA_FIT_TRIALS];
+    for (size_t i = 0; i < HADA_FIT_TRIALS; i++) {
+        values[2 * i] = (cl_float)scores->settings[first + i].alpha;
+        values[2 * i + 1] = (cl_float)scores->settings[first + i].lambda;
+    }
+    return hada_buffer_write(&scores->tried, scores->grid->slot, 0, values, sizeof values, err);
+}
+
+/* The error spectra of HADA_FIT_TRIALS settings, and the partial sums of what the other depths' light leaves. */
+static hada_status enqueue_trial(hada_leave_one_out *scores, const hada_fit_sums *sums, const hada_fit_pair *pair,
+                                 int z, int channel, hada_error *err)
+{
+    const hada_fit_grid *grid = scores->grid;
+    const hada_fit_depth *depth = &sums->depth[z];
+    const cl_ulong count = grid->layout.count, offset = (cl_ulong)channel * count, stride = grid->stride;
+    const cl_ulong vectors = grid->vectors;
+    const cl_int chunks = (cl_int)grid->chunks;
+    const cl_float scale = (cl_float)depth->raw_energy[channel], per_pair = 1.0f / (cl_float)depth->pairs;
+    int others = 0;
+    for (int other = 0; other < grid->info.depths; other++)
+        others += other != z && sums->depth[other].pairs > 0;
+    const cl_float per_other = others ? 1.0f / (cl_float)others : 0.0f;
+    const hada_arg args[] = {HADA_ARG(pair->scene_spectrum.mem),
+                             HADA_ARG(pair->raw_spectrum.mem),
+                             HADA_ARG(offset),
+                             HADA_ARG(sums->sums[channel].mem),
+                             HADA_ARG(sums->pool[channel].mem),
+                             HADA_ARG(stride),
+                             HADA_ARG(sums->weights.mem),
+                             HADA_ARG(scores->tried.mem),
+                             HADA_ARG(scale),
+                             HADA_ARG(per_pair),
+                             HADA_ARG(per_other),
+                             HADA_ARG(scores->errors.mem),
+                             HADA_ARG(count),
+                             HADA_ARG(scores->partial.mem),
+                             HADA_ARG(chunks),
+                             HADA_ARG(vectors)};
+    hada_slot_cost(grid->slot, 32.0 * (double)vectors * (8.0 + 2.0 * grid->sum_count + 2.0 * HADA_FIT_TRIALS),
+                   160.0 * (double)vectors * HADA_FIT_TRIALS);
+    return hada_fit_launch_chunks(grid, "fit_score", "fit_trial", args, HADA_COUNT(args), err);
+}
+
+/* Squared errors within the window, per row, into the partial sums. */
+static hada_status enqueue_energy(hada_leave_one_out *scores, hada_error *err)
+{
+    hada_slot *slot = scores->grid->slot;
+    const cl_int rows = scores->grid->info.window_rows, cols = scores->grid->info.window_cols;
+    const size_t group = slot->context->shape == HADA_SHAPE_LANES ? 1 : ROW_GROUP;
+    const size_t local[] = {group, 1}, global[] = {((size_t)rows + group - 1) / group * group, HADA_FIT_TRIALS};
+    const char *macros = hada_fit_is_split(scores->grid) ? "-DFIT_SPLIT=1" : "";
+    const hada_arg args[] = {HADA_ARG(scores->planes.mem), HADA_ARG(rows), HADA_ARG(cols),
+                             HADA_ARG(scores->partial.mem)};
+    cl_kernel kernel;
+    hada_status status = HADA_OK;
+    HADA_TRY(
+        hada_fft_inverse(scores->inverse, HADA_FIT_TRIALS, scores->errors.mem, 0, scores->planes.mem, 0, NULL, err));
+    HADA_TRY(hada_slot_kernel(slot, "fit_score", "fit_energy", macros, &kernel, err));
+    hada_slot_cost(slot, 4.0 * rows * cols * HADA_FIT_TRIALS, 2.0 * rows * cols * HADA_FIT_TRIALS);
+    HADA_TRY(hada_slot_launch(slot, kernel, "fit_energy", 2, global, local, args, HADA_COUNT(args), err));
+done:
+    return status;
+}
+
+/* Squared errors of all settings, summed over channels: in the window, and of the other depths' light. */
+static hada_status score_pair(hada_leave_one_out *scores, const hada_fit_sums *sums, const hada_fit_pair *pair, int z,
+                              float *partial, double *own, double *others, hada_error *err)
+{
+    const hada_model_info *info = &scores->grid->info;
+    const double per_pixel = 1.0 / ((double)info->grid_rows * info->grid_cols);
+    hada_status status = HADA_OK;
+    for (int c = 0; c < info->channels; c++)
+        for (size_t s = 0; s < (size_t)scores->setting_count; s += HADA_FIT_TRIALS) {
+            HADA_TRY(write_settings(scores, s, err));
+            HADA_TRY(enqueue_trial(scores, sums, pair, z, c, err));
+            HADA_TRY(add_up(scores, partial, scores->grid->chunks, per_pixel, others + s, err));
+            HADA_TRY(enqueue_energy(scores, err));
+            HADA_TRY(add_up(scores, partial, (size_t)info->window_rows, 1.0, own + s, err));
+        }
+done:
+    return status;
+}
+
+/* PSNR of a squared error summed over the window and its channels, for a peak of 1. */
+static double decibels(const hada_fit_grid *grid, double sum)
+{
+    return -10.0 * log10(fmax(sum / (double)hada_fit_window_floats(grid), LEAST_ERROR));
+}
+
+hada_status hada_leave_one_out_add(hada_leave_one_out *scores, const hada_fit_sums *sums, const hada_fit_pair *pair,
+                                   int depth, hada_error *err)
+{
+    const size_t count = (size_t)scores->setting_count;
+    hada_fit_score *to = &scores->depth[depth];
+    float *partial = NULL;
+    double *own = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(prepare(scores, err));
+    HADA_TRY(hada_alloc_raw((void **)&partial, scores->partial.bytes, 1, "scores", err));
+    HADA_TRY(hada_alloc((void **)&own, 2 * count, sizeof(double), "scores", err));
+    HADA_TRY(score_pair(scores, sums, pair, depth, partial, own, own + count, err));
+    for (size_t s = 0; s < count; s++) {
+        to->single[s] += decibels(scores->grid, own[s]);
+        to->twofold[s] += decibels(scores->grid, own[s] + own[count + s]);
+    }
+    to->scored++;
+done:
+    free(partial);
+    free(own);
+    return status;
+}
+
+/* Mean PSNR of a setting's held-out pairs, over depths; returns the number of depths with any. */
+static int mean_psnr(const hada_leave_one_out *scores, int setting, double *single, double *twofold)
+{
+    int depths = 0;
+    *single = *twofold = 0.0;
+    for (int z = 0; z < scores->grid->info.depths; z++) {
+        const hada_fit_score *depth = &scores->depth[z];
+        if (!depth->scored)
+            continue;
+        depths++;
+        *single += depth->single[setting] / (double)depth->scored;
+        *twofold += depth->twofold[setting] / (double)depth->scored;
+    }
+    if (depths) {
+        *single /= depths;
+        *twofold /= depths;
+    }
+    return depths;
+}
+
+/* The setting with the highest score; -1 without any. */
+static int find_best(const hada_leave_one_out *scores)
+{
+    int best = -1;
+    double most = -INFINITY;
+    for (int s = 0; s < scores->distinct; s++) {
+        double single, twofold;
+        if (!mean_psnr(scores, s, &single, &twofold))
+            return -1;
+        if (best < 0)
+            best = 0;
+        if (single + twofold > most) {
+            most = single + twofold;
+            best = s;
+        }
+    }
+    return best;
+}
+
+hada_fit_setting hada_leave_one_out_best(const hada_leave_one_out *scores)
+{
+    const int best = find_best(scores);
+    return best < 0 ? scores->fallback : scores->settings[best];
+}
+
+int hada_leave_one_out_row_count(const hada_leave_one_out *scores)
+{
+    return find_best(scores) < 0 ? 0 : scores->distinct;
+}
+
+void hada_leave_one_out_rows(const hada_leave_one_out *scores, hada_fit_row *rows)
+{
+    const int best = find_best(scores);
+    for (int s = 0; best >= 0 && s < scores->distinct; s++) {
+        hada_fit_row *row = &rows[s];
+        *row = (hada_fit_row){
+            .alpha = scores->settings[s].alpha, .lambda = scores->settings[s].lambda, .chosen = s == best};
+        mean_psnr(scores, s, &row->psnr_single, &row->psnr_double);
+        if (scores->grid->info.depths == 1)
+            row->psnr_double = NAN;
+    }
+}

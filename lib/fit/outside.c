@@ -1,0 +1,282 @@
+#include "fit/outside.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "core/alloc.h"
+#include "fit/window.h"
+
+/* Weights to choose from, beside 1, which is the exact fit; and what another one must gain to be taken, in decibels:
+ * more than choosing by so few pairs is uncertain (docs/filters.md). */
+static const double weights[] = {0.03, 0.06, 0.12, 0.25, 0.5};
+enum { WEIGHTS = HADA_COUNT(weights) };
+#define LEAST_GAIN 0.02
+
+/* Folds in all, pairs that stand aside in them together (as far as one a fold does), and at most in one; a depth has
+ * MOST_HELD aside where it has many pairs, SOME_HELD where it has some. */
+enum { FOLDS = 4, PAIRS_IN_ALL = 8, MOST_HELD = 4, MANY_PAIRS = 16, SOME_HELD = 2, SOME_PAIRS = 4 };
+
+/* Mean squared errors below this, 200 dB, count as this. */
+#define LEAST_ERROR 1e-20
+
+/* Sums of squares that are added in another order differ by less than this. */
+#define SAME_ENERGY 1e-6
+
+_Static_assert((int)WEIGHTS <= (int)HADA_FIT_WEIGHTS && (int)WEIGHTS + 1 == (int)HADA_FIT_OUTSIDES, "room for weights");
+
+typedef struct passes {
+    hada_fit_sums *sums;
+    hada_fit_pair *pair;
+    hada_fit_show show;
+    void *user;
+    hada_fit_window *window;
+    hada_fit_setting setting;
+    double *energy;                /* per channel, of the frames shown */
+    double sum[HADA_FIT_OUTSIDES]; /* squared errors: the exact fit's, and of the weights */
+    int tried;                     /* pairs in them */
+} passes;
+
+/* Pairs of a depth that stand aside; none for the filters themselves. */
+typedef struct fold {
+    int z, held;
+    int64_t pair[MOST_HELD];
+} fold;
+
+static int is_held(const fold *of, int64_t pair)
+{
+    for (int i = 0; i < of->held; i++)
+        if (of->pair[i] == pair)
+            return 1;
+    return 0;
+}
+
+/* Has a pair shown: its pixels, and the spectra of its frame alone or of both. */
+static hada_status bring(passes *with, int z, int64_t number, int both, hada_error *err)
+{
+    const hada_image *raw = NULL, *scene = NULL;
+    hada_fit_pair *pair = with->pair;
+    hada_status status = HADA_OK;
+    HADA_TRY(with->show(with->user, z, number, &raw, &scene, err));
+    HADA_TRY(hada_fit_pair_check(pair->grid, z, raw, scene, err));
+    hada_fit_pair_take(pair, raw, scene);
+    for (int c = 0; c < pair->grid->info.channels; c++)
+        with->energy[c] += pair->raw_energy[c];
+    HADA_TRY(hada_fit_pair_transform(pair, pair->raw_pixels, both ? pair->scene_pixels : NULL, err));
+done:
+    return status;
+}
+
+/* After every pair of a depth was shown once. */
+static hada_status check_energy(const passes *with, int z, hada_error *err)
+{
+    const hada_fit_grid *grid = with->sums->grid;
+    const double *energy = with->sums->depth[z].raw_energy;
+    for (int c = 0; c < grid->info.channels; c++)
+        if (fabs(with->energy[c] - energy[c]) > SAME_ENERGY * energy[c])
+            return hada_fail(
+                err, HADA_ERROR_STATE,
+                "the pairs shown for depth %d (%g mm) are not those in its sums; sums from files cannot be "
+                "judged in the window without their pairs: set outside to 1",
+                z, grid->distances[z]);
+    return HADA_OK;
+}
+
+/* Adds the squared errors of the pairs that stand aside; weight -1: the exact fit's filters. */
+static hada_status validate(passes *with, const fold *of, int first, int last, double *sums, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    for (int i = 0; i < of->held; i++) {
+        HADA_TRY(bring(with, of->z, of->pair[i], 0, err));
+        for (int s = first; s < last; s++) {
+            double error;
+            HADA_TRY(hada_fit_window_error(with->window, s, &error, err));
+            sums[s - first] += error;
+        }
+    }
+done:
+    return status;
+}
+
+/* Takes the fold's pairs out of the sums on the device. */
+static hada_status hold_out(passes *with, const fold *of, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    if (!of->held)
+        return hada_fit_sums_select(with->sums, of->z, err);
+    HADA_TRY(hada_fit_sums_borrow(with->sums, of->z, err));
+    for (int i = 0; i < of->held; i++) {
+        HADA_TRY(bring(with, of->z, of->pair[i], 1, err));
+        HADA_TRY(hada_fit_sums_accumulate(with->sums, with->pair, -1.0, err));
+    }
+done:
+    return status;
+}
+
+/* One product with T: all pairs but those of the fold. */
+static hada_status pass(passes *with, const fold *of, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    for (int64_t i = 0; i < with->sums->depth[of->z].pairs; i++) {
+        if (is_held(of, i))
+            continue;
+        HADA_TRY(bring(with, of->z, i, 0, err));
+        HADA_TRY(hada_fit_window_pair(with->window, err));
+    }
+done:
+    return status;
+}
+
+/* The filters of a depth without the pairs of a fold, for some weights. */
+static hada_status solve(passes *with, const fold *of, const double *outside, int count, hada_error *err)
+{
+    int converged = 0;
+    hada_status status = HADA_OK;
+    for (int c = 0; c < with->sums->grid->info.channels; c++)
+        with->energy[c] = 0.0;
+    HADA_TRY(hold_out(with, of, err));
+    HADA_TRY(hada_fit_window_begin(with->window, of->z, with->setting, outside, count, err));
+    HADA_TRY(pass(with, of, err));
+    HADA_TRY(check_energy(with, of->z, err));
+    /* the residual is the exact fit's filter until the first iteration ends */
+    HADA_TRY(validate(with, of, -1, 0, with->sum, err));
+    HADA_TRY(hada_fit_window_iterate(with->window, &converged, err));
+    while (!converged) {
+        HADA_TRY(pass(with, of, err));
+        HADA_TRY(hada_fit_window_iterate(with->window, &converged, err));
+    }
+    HADA_TRY(validate(with, of, 0, count, with->sum + 1, err));
+done:
+    return status;
+}
+
+/* Depths with pairs to spare. */
+static int count_spare(const hada_fit_sums *sums)
+{
+    int spare = 0;
+    for (int z = 0; z < sums->grid->info.depths; z++)
+        spare += sums->depth[z].pairs > 1;
+    return spare;
+}
+
+/* The depth that has that number among those with pairs to spare. */
+static int spare_depth(const hada_fit_sums *sums, int number)
+{
+    int z = 0;
+    while (number > 0 || sums->depth[z].pairs < 2)
+        number -= sums->depth[z++].pairs > 1;
+    return z;
+}
+
+/* Folds of a depth that is one of `depths`, with so many of its pairs aside in each. */
+static int64_t fold_count(int64_t pairs, int held, int depths)
+{
+    const int64_t share = PAIRS_IN_ALL / (held * depths), most = FOLDS / depths;
+    const int64_t folds = share > most ? most : share;
+    return folds > pairs / held ? pairs / held : folds < 1 ? 1 : folds;
+}
+
+/* Leaves pairs of up to four depths out, the depths spread over all that can spare some. */
+static hada_status try_weights(passes *with, int spare, hada_error *err)
+{
+    const int depths = spare < FOLDS ? spare : FOLDS;
+    hada_status status = HADA_OK;
+    for (int k = 0; k < depths; k++) {
+        const int number = depths > 1 ? (k * (spare - 1) + (depths - 1) / 2) / (depths - 1) : 0;
+        fold of = {.z = spare_depth(with->sums, number)};
+        const int64_t pairs = with->sums->depth[of.z].pairs;
+        of.held = pairs >= MANY_PAIRS ? MOST_HELD : pairs >= SOME_PAIRS ? SOME_HELD : 1;
+        const int64_t folds = fold_count(pairs, of.held, depths);
+        for (int64_t i = 0; i < folds; i++, with->tried += of.held) {
+            for (int j = 0; j < of.held; j++)
+                of.pair[j] = (i * of.held + j) * pairs / (folds * of.held);
+            HADA_TRY(solve(with, &of, weights, WEIGHTS, err));
+        }
+    }
+done:
+    return status;
+}
+
+/* What was compared, the exact fit last, and the best. By the mean squared error of all pairs, which is what filters
+ * are fitted by: a mean of decibels is led by smooth scenes, which ask for less detail. */
+static void choose(const passes *with, hada_fit_outside *out)
+{
+    enum { EXACT = WEIGHTS };
+    out->count = with->tried ? HADA_FIT_OUTSIDES : 0;
+    out->chosen = EXACT;
+    for (int s = 0; s < out->count; s++) {
+        out->weight[s] = s < EXACT ? weights[s] : 1.0;
+        out->psnr[s] = -10.0 * log10(fmax(with->sum[s < EXACT ? s + 1 : 0] / with->tried, LEAST_ERROR));
+    }
+    double most = out->psnr[EXACT] + LEAST_GAIN;
+    for (int s = 0; s + 1 < out->count; s++)
+        if (out->psnr[s] > most) {
+            most = out->psnr[s];
+            out->chosen = s;
+        }
+}
+
+/* The filters of all depths. */
+static hada_status solve_all(passes *with, double outside, float *filters, hada_error *err)
+{
+    const hada_fit_grid *grid = with->sums->grid;
+    const size_t plane = hada_model_info_plane(&grid->info), channels = (size_t)grid->info.channels;
+    float *blocks = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc_raw((void **)&blocks, 2 * grid->stride, sizeof *blocks, "a filter", err));
+    for (int z = 0; z < grid->info.depths; z++) {
+        const fold whole = {.z = z};
+        if (!with->sums->depth[z].pairs)
+            continue;
+        HADA_TRY(solve(with, &whole, &outside, 1, err));
+        for (size_t c = 0; c < channels; c++)
+            HADA_TRY(hada_fit_read_plane(grid, hada_fit_window_filters(with->window, 0), c * grid->layout.count, blocks,
+                                         filters + ((size_t)z * channels + c) * plane * 2, "a filter", err));
+    }
+done:
+    free(blocks);
+    return status;
+}
+
+void hada_fit_outside_free(hada_fit_outside *outside)
+{
+    free(outside->filters);
+    *outside = (hada_fit_outside){0};
+}
+
+double hada_fit_outside_gain(const hada_fit_outside *outside)
+{
+    return outside->count ? outside->psnr[outside->chosen] - outside->psnr[outside->count - 1] : 0.0;
+}
+
+hada_status hada_fit_outside_solve(hada_fit_outside *out, hada_fit_sums *sums, hada_fit_pair *pair,
+                                   hada_fit_setting setting, double weight, hada_fit_show show, void *user,
+                                   hada_error *err)
+{
+    const hada_model_info *info = &sums->grid->info;
+    const size_t floats = (size_t)info->depths * (size_t)info->channels * hada_model_info_plane(info) * 2;
+    const int search = weight < 0.0, spare = count_spare(sums);
+    passes with = {.sums = sums, .pair = pair, .show = show, .user = user, .setting = setting};
+    hada_status status = HADA_OK;
+    *out = (hada_fit_outside){0};
+    if (search ? !spare : weight == 1.0)
+        return HADA_OK;
+    HADA_TRY(hada_alloc((void **)&with.energy, (size_t)info->channels, sizeof *with.energy, "a fit", err));
+    HADA_TRY(hada_fit_window_create(&with.window, sums, pair, search ? WEIGHTS : 1, err));
+    HADA_TRY(hada_fit_sums_pool(sums, err));
+    if (search) {
+        HADA_TRY(try_weights(&with, spare, err));
+        choose(&with, out);
+        weight = out->weight[out->chosen];
+    }
+    if (weight < 1.0) {
+        HADA_TRY(
+            hada_alloc_raw((void **)&out->filters, floats, sizeof *out->filters, "filters judged in the window", err));
+        HADA_TRY(solve_all(&with, weight, out->filters, err));
+    }
+done:
+    hada_fit_window_destroy(&with.window);
+    free(with.energy);
+    if (status)
+        hada_fit_outside_free(out);
+    return status;
+}

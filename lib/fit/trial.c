@@ -1,0 +1,416 @@
+#include "fit/trial.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/alloc.h"
+#include "filter/bank.h"
+#include "fit/fit_solve.h"
+#include "refine/admm.h"
+
+/* Steps after which a refined plane is compared; 0 is the linear filter. */
+static const int steps_tried[] = {0, 4, 8, 12, 16};
+enum { TRIED = sizeof steps_tried / sizeof *steps_tried, MEMBERS = 2 };
+
+/* Weights of total variation that are tried, by what the noise says: the best of simulated cameras with 0.3 to 3 %
+ * noise were about 0.1 of its standard deviation over the rms of the pairs' frames (docs/refinement.md). 0: the prior
+ * of the pairs. A few steps on one depth rank them as many on two do. */
+static const double tv_tried[] = {0.0, 0.63, 1.0, 1.6};
+enum { TV_TRIED = sizeof tv_tried / sizeof *tv_tried, TV_STEPS = 6 };
+#define TV_PER_NOISE 0.1
+#define TV_UNKNOWN   0.003
+#define TV_LEAST     1e-5
+
+_Static_assert((int)TRIED + (int)TV_TRIED == (int)HADA_FIT_TRIAL_ROWS, "room for rows");
+
+/* A reconstruction stops by itself once its residual has settled, so the number of steps to keep is the largest that
+ * still has most of the best gain; the sum of two whole scenes is a hard case and its curve is uneven. Gains below a
+ * hundredth of a decibel are none. */
+#define MOST_OF_THE_GAIN 0.8
+#define LEAST_GAIN       0.01
+
+/* Mean squared errors below this, 200 dB, count as this. */
+#define LEAST_ERROR 1e-20
+
+/* The k-th depth of which a pair is kept. */
+static int kept_depth(const hada_fit_grid *grid, int k)
+{
+    return (k * (grid->info.depths - 1) + (HADA_FIT_KEPT - 1) / 2) / (HADA_FIT_KEPT - 1);
+}
+
+hada_status hada_fit_keep(hada_fit_kept *kept, const hada_fit_pair *pair, int depth, hada_error *err)
+{
+    hada_fit_kept_pair own = {.depth = depth};
+    int wanted = 0;
+    hada_status status = HADA_OK;
+    for (int k = 0; k < HADA_FIT_KEPT; k++)
+        wanted += kept_depth(pair->grid, k) == depth;
+    for (int k = 0; k < kept->count; k++)
+        wanted -= kept->pair[k].depth == depth;
+    if (wanted <= 0 || kept->count == HADA_FIT_KEPT)
+        return HADA_OK;
+    HADA_TRY(hada_alloc_raw((void **)&own.raw, pair->raw.bytes, 1, "a raw frame", err));
+    HADA_TRY(hada_alloc_raw((void **)&own.scene, pair->scene.bytes, 1, "a scene", err));
+    memcpy(own.raw, pair->raw_pixels, pair->raw.bytes);
+    memcpy(own.scene, pair->scene_pixels, pair->scene.bytes);
+    kept->pair[kept->count++] = own;
+done:
+    if (status)
+        free(own.raw);
+    return status;
+}
+
+void hada_fit_kept_free(hada_fit_kept *kept)
+{
+    for (int k = 0; k < kept->count; k++) {
+        free(kept->pair[k].raw);
+        free(kept->pair[k].scene);
+    }
+    *kept = (hada_fit_kept){0};
+}
+
+typedef struct trial_work {
+    const hada_fit_trial *with;
+    const hada_fit_grid *grid;
+    hada_refiner *refiner;
+    hada_fft *inverse;
+    hada_buffer filters, otfs; /* [member][channel][count] complex */
+    hada_buffer prior;
+    float *raw, *planes;
+    double *scene_energy, *trust; /* per channel; without a pair, and the model's */
+    double sum[2][TRIED];         /* decibels: one depth, two depths */
+    int count[2];
+    double tv;            /* what is refined with */
+    double tvs[TV_TRIED]; /* weights compared, and decibels after TV_STEPS steps */
+    double tv_sum[TV_TRIED];
+    int tv_count;
+} trial_work;
+
+static hada_status work_create(trial_work *work, hada_error *err)
+{
+    const hada_fit_grid *grid = work->grid;
+    const size_t channels = (size_t)grid->info.channels;
+    const size_t bytes = hada_fit_spectra_bytes(grid, MEMBERS * channels);
+    hada_context *context = grid->slot->context;
+    const hada_fft_desc desc = hada_fit_transform_desc(grid, HADA_FFT_INVERSE, 1);
+    hada_refine_shape shape = hada_refine_shape_of(&grid->info, MEMBERS, steps_tried[TRIED - 1]);
+    hada_status status = HADA_OK;
+    shape.tv = work->with->tv != 0.0;
+    HADA_TRY(hada_refiner_create(&work->refiner, grid->slot, &shape, err));
+    HADA_TRY(hada_fft_create(&work->inverse, grid->slot, &desc, err));
+    HADA_TRY(hada_buffer_create(&work->filters, context, bytes, "filters on trial", err));
+    HADA_TRY(hada_buffer_create(&work->otfs, context, bytes, "transfer functions on trial", err));
+    HADA_TRY(hada_bank_prior(&work->prior, grid->slot, work->with->model, &grid->layout, err));
+    HADA_TRY(hada_alloc_raw((void **)&work->raw, hada_fit_raw_floats(grid), sizeof(float), "a raw frame", err));
+    HADA_TRY(hada_alloc_raw((void **)&work->planes, MEMBERS * hada_fit_window_floats(grid), sizeof(float),
+                            "planes on trial", err));
+    HADA_TRY(hada_alloc((void **)&work->scene_energy, channels, sizeof(double), "a fitter", err));
+    HADA_TRY(hada_alloc((void **)&work->trust, channels, sizeof(double), "a fitter", err));
+done:
+    return status;
+}
+
+static void work_destroy(trial_work *work)
+{
+    hada_slot_finish(work->grid->slot, NULL);
+    hada_refiner_destroy(&work->refiner);
+    hada_fft_destroy(&work->inverse);
+    hada_buffer_destroy(&work->filters);
+    hada_buffer_destroy(&work->otfs);
+    hada_buffer_destroy(&work->prior);
+    free(work->raw);
+    free(work->planes);
+    free(work->scene_energy);
+    free(work->trust);
+}
+
+static double energy(const float *values, size_t count)
+{
+    double sum = 0.0;
+    for (size_t i = 0; i < count; i++)
+        sum += (double)values[i] * values[i];
+    return sum;
+}
+
+/* Filters and transfer functions of a member's depth without its pair. The pool still counts the pair; that matters
+ * only in the ratio of one pair to all pairs of the other depths. */
+static hada_status hold_out(trial_work *work, const hada_fit_kept_pair *kept, int member, hada_error *err)
+{
+    const hada_fit_grid *grid = work->grid;
+    const hada_fit_trial *with = work->with;
+    const hada_fit_depth *depth = &with->sums->depth[kept->depth];
+    const size_t channels = (size_t)grid->info.channels, window = hada_fit_window_floats(grid) / channels;
+    const size_t first = (size_t)member * channels * grid->layout.count;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_fit_sums_borrow(with->sums, kept->depth, err));
+    HADA_TRY(hada_fit_pair_transform(with->pair, kept->raw, kept->scene, err));
+    HADA_TRY(hada_fit_sums_accumulate(with->sums, with->pair, -1.0, err));
+    for (size_t c = 0; c < channels; c++) {
+        const double ridge = with->model->info.lambda * depth->raw_energy[c];
+        HADA_TRY(hada_fit_solve_filter(with->sums, (int)c, with->model->info.alpha, ridge, work->filters.mem,
+                                       first + c * grid->layout.count, err));
+    }
+    for (size_t c = 0; c < channels; c++) {
+        const double noise = with->model->noise_power[(size_t)kept->depth * channels + c];
+        work->scene_energy[c] = fmax(depth->scene_energy[c] - energy(kept->scene + c * window, window), 0.0);
+        work->trust[c] = hada_nonnegative_trust(noise, depth->raw_energy[c]);
+    }
+    HADA_TRY(hada_fit_solve_transfers(with->sums, with->nonnegative, work->scene_energy, work->trust, work->otfs.mem,
+                                      first, err));
+done:
+    return status;
+}
+
+/* A frame on trial: of one pair, or the sum of two, whose filters stand at the places from `first` on. */
+typedef struct trial_frame {
+    const hada_fit_kept_pair *member[MEMBERS];
+    int members, first;
+} trial_frame;
+
+/* PSNR of planes (negative light clipped, as reconstruction does) against the members' scenes, mean over members. */
+static double compare(const trial_work *work, const trial_frame *frame)
+{
+    const size_t count = hada_fit_window_floats(work->grid);
+    double total = 0.0;
+    for (int m = 0; m < frame->members; m++) {
+        double sum = 0.0;
+        for (size_t i = 0; i < count; i++) {
+            const double error = fmax((double)work->planes[(size_t)m * count + i], 0.0) - frame->member[m]->scene[i];
+            sum += error * error;
+        }
+        total -= 10.0 * log10(fmax(sum / (double)count, LEAST_ERROR));
+    }
+    return total / frame->members;
+}
+
+static hada_status hold_out_members(trial_work *work, const trial_frame *frame, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    for (int m = 0; m < frame->members; m++)
+        HADA_TRY(hold_out(work, frame->member[m], frame->first + m, err));
+done:
+    return status;
+}
+
+/* The frame's pixels and spectrum. */
+static hada_status expose(trial_work *work, const trial_frame *frame, hada_error *err)
+{
+    const size_t raw = hada_fit_raw_floats(work->grid);
+    memset(work->raw, 0, raw * sizeof *work->raw);
+    for (int m = 0; m < frame->members; m++)
+        for (size_t i = 0; i < raw; i++)
+            work->raw[i] += frame->member[m]->raw[i];
+    return hada_fit_pair_transform(work->with->pair, work->raw, NULL, err);
+}
+
+static hada_status filter(trial_work *work, const trial_frame *frame, hada_error *err)
+{
+    const hada_fit_grid *grid = work->grid;
+    hada_fit_pair *pair = work->with->pair;
+    const size_t count = hada_fit_window_floats(grid);
+    hada_status status = HADA_OK;
+    for (int m = 0; m < frame->members; m++) {
+        const hada_fft_filter of = hada_fit_product(grid, work->filters.mem, (frame->first + m) * grid->info.channels);
+        /* the scene's place on the device is free by now */
+        HADA_TRY(hada_fit_pair_filter(pair, work->inverse, &of, err));
+        HADA_TRY(
+            hada_buffer_read(&pair->scene, grid->slot, 0, work->planes + (size_t)m * count, pair->scene.bytes, err));
+    }
+done:
+    return status;
+}
+
+/* The refined planes of so many members, to the host. */
+static hada_status read_planes(trial_work *work, int members, hada_error *err)
+{
+    hada_slot *slot = work->grid->slot;
+    const size_t bytes = (size_t)members * hada_fit_window_floats(work->grid) * sizeof(float);
+    const cl_int code = clEnqueueReadBuffer(slot->queue, hada_refiner_planes(work->refiner), CL_TRUE, 0, bytes,
+                                            work->planes, 0, NULL, hada_slot_event(slot));
+    if (code != CL_SUCCESS)
+        return hada_fail_cl(err, code, "clEnqueueReadBuffer");
+    hada_slot_moved(slot, "read", (double)bytes);
+    return HADA_OK;
+}
+
+/* `steps` further steps of refinement with weight tv, or the first ones; the planes come to the host. */
+static hada_status refine(trial_work *work, const trial_frame *frame, double tv, int steps, int cold, hada_error *err)
+{
+    const hada_fit_trial *with = work->with;
+    const size_t raw = hada_fit_raw_floats(work->grid);
+    const int list[MEMBERS] = {frame->first, frame->first + 1};
+    const hada_refine_data data = {.spectrum = with->pair->raw_spectrum.mem,
+                                   .frame = with->pair->raw.mem,
+                                   .otf = work->otfs.mem,
+                                   .otf_depths = MEMBERS,
+                                   .prior = work->prior.mem};
+    hada_refine_rule rule;
+    hada_refine_rule_init(&rule);
+    hada_refine_rule_weigh(&rule, &with->model->info, tv, hada_model_gain(with->model),
+                           energy(work->raw, raw) / (double)raw);
+    rule.stop = 0.0;
+    rule.steps = steps;
+    rule.start = cold ? HADA_REFINE_COLD : HADA_REFINE_ON;
+    hada_status status = hada_refiner_run(work->refiner, &data, &rule, 1, frame->members, list, NULL, err);
+    return status ? status : read_planes(work, frame->members, err);
+}
+
+/* Every number of steps. */
+static hada_status try_frame(trial_work *work, const trial_frame *frame, hada_error *err)
+{
+    double *sum = work->sum[frame->members - 1];
+    hada_status status = HADA_OK;
+    HADA_TRY(expose(work, frame, err));
+    HADA_TRY(filter(work, frame, err));
+    sum[0] += compare(work, frame);
+    for (int i = 1; i < TRIED; i++) {
+        HADA_TRY(refine(work, frame, work->tv, steps_tried[i] - steps_tried[i - 1], i == 1, err));
+        sum[i] += compare(work, frame);
+    }
+    work->count[frame->members - 1]++;
+done:
+    return status;
+}
+
+/* The weights to compare, by the noise of the camera and the light of a frame. */
+static void list_weights(trial_work *work, const trial_frame *frame)
+{
+    const hada_model_info *info = &work->grid->info;
+    const size_t images = (size_t)info->depths * (size_t)info->channels;
+    const double light = energy(frame->member[0]->raw, hada_fit_raw_floats(work->grid)) / (double)info->channels;
+    double noise = 0.0;
+    for (size_t i = 0; i < images; i++)
+        noise += work->with->model->noise_power[i] / (double)images;
+    double guess = noise > 0.0 && light > 0.0 ? TV_PER_NOISE * sqrt(noise / light) : TV_UNKNOWN;
+    guess = fmax(guess, TV_LEAST);
+    for (int i = 0; i < TV_TRIED; i++)
+        work->tvs[i] = tv_tried[i] * guess;
+    work->tv_count = TV_TRIED;
+}
+
+/* Chooses the weight on frames of one pair each, whose filters are held out by now. */
+static hada_status choose_weight(trial_work *work, const trial_frame *frames, int count, hada_error *err)
+{
+    int best = 0;
+    hada_status status = HADA_OK;
+    list_weights(work, frames);
+    for (int k = 0; k < count; k++) {
+        HADA_TRY(expose(work, &frames[k], err));
+        for (int i = 0; i < work->tv_count; i++) {
+            HADA_TRY(refine(work, &frames[k], work->tvs[i], TV_STEPS, 1, err));
+            work->tv_sum[i] += compare(work, &frames[k]) / count;
+        }
+    }
+    for (int i = 1; i < work->tv_count; i++)
+        if (work->tv_sum[i] > work->tv_sum[best])
+            best = i;
+    work->tv = work->tvs[best];
+done:
+    return status;
+}
+
+/* Frames of one pair, MEMBERS at a time: the weight is chosen on the first of them. */
+static hada_status try_singles(trial_work *work, hada_error *err)
+{
+    const hada_fit_kept *kept = work->with->kept;
+    const int step = work->grid->info.depths == 1 ? 1 : HADA_FIT_KEPT - 1;
+    hada_status status = HADA_OK;
+    for (int k = 0; k < kept->count;) {
+        trial_frame frames[MEMBERS];
+        const int choose = k == 0 && work->with->tv < 0.0;
+        int count = 0;
+        for (; count < MEMBERS && k < kept->count; k += step, count++) {
+            frames[count] = (trial_frame){{&kept->pair[k]}, 1, count};
+            HADA_TRY(hold_out_members(work, &frames[count], err));
+        }
+        if (choose)
+            HADA_TRY(choose_weight(work, frames, count, err));
+        for (int i = 0; i < count; i++)
+            HADA_TRY(try_frame(work, &frames[i], err));
+    }
+done:
+    return status;
+}
+
+/* Frames that are the sum of two depths' pairs. */
+static hada_status try_doubles(trial_work *work, hada_error *err)
+{
+    const hada_fit_kept *kept = work->with->kept;
+    hada_status status = HADA_OK;
+    for (int k = 0; k + 2 < kept->count; k++) {
+        const trial_frame two = {{&kept->pair[k], &kept->pair[k + 2]}, 2, 0};
+        if (two.member[0]->depth == two.member[1]->depth)
+            continue;
+        HADA_TRY(hold_out_members(work, &two, err));
+        HADA_TRY(try_frame(work, &two, err));
+    }
+done:
+    return status;
+}
+
+static double mean(const trial_work *work, int occupied, int i)
+{
+    return work->count[occupied] ? work->sum[occupied][i] / work->count[occupied] : 0.0;
+}
+
+static double score(const trial_work *work, int i)
+{
+    return mean(work, 0, i) + mean(work, 1, i);
+}
+
+/* Which number of steps to keep. */
+static int best_of(const trial_work *work)
+{
+    int best = 0, chosen = 0;
+    for (int i = 1; i < TRIED; i++)
+        if (score(work, i) > score(work, best))
+            best = i;
+    const double gain = score(work, best) - score(work, 0);
+    for (int i = 1; gain > LEAST_GAIN && i < TRIED; i++)
+        if (score(work, i) - score(work, 0) >= MOST_OF_THE_GAIN * gain)
+            chosen = i;
+    return chosen;
+}
+
+/* The numbers of steps, then the weights that were compared. */
+static void fill_rows(const trial_work *work, int best, hada_fit_trial_result *result)
+{
+    const hada_model_info *info = &work->with->model->info;
+    result->row_count = TRIED + work->tv_count;
+    for (int k = 0; k < TRIED; k++) {
+        const double tv = k ? work->tv : 0.0;
+        result->rows[k] = (hada_fit_row){.alpha = info->alpha,
+                                         .lambda = info->lambda,
+                                         .refine_steps = steps_tried[k],
+                                         .refine_rho = hada_refine_rho(tv),
+                                         .refine_tv = tv,
+                                         .psnr_single = work->count[0] ? mean(work, 0, k) : NAN,
+                                         .psnr_double = work->count[1] ? mean(work, 1, k) : NAN,
+                                         .chosen = k == best};
+    }
+    for (int k = 0; k < work->tv_count; k++)
+        result->rows[TRIED + k] = (hada_fit_row){.alpha = info->alpha,
+                                                 .lambda = info->lambda,
+                                                 .refine_steps = TV_STEPS,
+                                                 .refine_rho = hada_refine_rho(work->tvs[k]),
+                                                 .refine_tv = work->tvs[k],
+                                                 .psnr_single = work->tv_sum[k],
+                                                 .psnr_double = NAN};
+}
+
+hada_status hada_fit_trial_run(const hada_fit_trial *trial, hada_fit_trial_result *result, hada_error *err)
+{
+    trial_work work = {.with = trial, .grid = trial->sums->grid, .tv = fmax(trial->tv, 0.0)};
+    hada_status status = HADA_OK;
+    HADA_TRY(work_create(&work, err));
+    HADA_TRY(try_singles(&work, err));
+    HADA_TRY(try_doubles(&work, err));
+    const int best = best_of(&work);
+    *result = (hada_fit_trial_result){
+        .steps = steps_tried[best], .tv = best ? work.tv : 0.0, .gain = score(&work, best) - score(&work, 0)};
+    fill_rows(&work, best, result);
+done:
+    work_destroy(&work);
+    return status;
+}

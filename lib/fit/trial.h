@@ -1,0 +1,48 @@
+/* Does refinement pay for this camera, with how many steps and which weight of total variation? Measured on a few pairs
+ * held out, alone and two depths at once. Internal. */
+#ifndef HADA_FIT_TRIAL_H
+#define HADA_FIT_TRIAL_H
+
+#include "fit/fit_sums.h"
+#include "fit/nonnegative.h"
+
+/* Pairs kept for the trial. */
+enum { HADA_FIT_KEPT = 4 };
+
+typedef struct hada_fit_kept_pair {
+    int depth;
+    float *raw, *scene; /* pixels, dark level off */
+} hada_fit_kept_pair;
+
+typedef struct hada_fit_kept {
+    hada_fit_kept_pair pair[HADA_FIT_KEPT];
+    int count;
+} hada_fit_kept;
+
+/* Keeps a pair that was taken, if the trial wants one of its depth: the first ones of depths spread over all. */
+hada_status hada_fit_keep(hada_fit_kept *kept, const hada_fit_pair *pair, int depth, hada_error *err);
+void hada_fit_kept_free(hada_fit_kept *kept);
+
+/* What the trial works with. tv: weight of total variation; < 0: chosen. */
+typedef struct hada_fit_trial {
+    hada_fit_sums *sums;
+    hada_fit_pair *pair;
+    hada_nonnegative *nonnegative; /* NULL: transfer functions from the pairs alone */
+    const hada_fit_kept *kept;
+    const hada_model *model; /* of the fit */
+    double tv;
+} hada_fit_trial;
+
+/* What it found. The gains are in decibels over the linear filters, one depth occupied plus two. */
+enum { HADA_FIT_TRIAL_ROWS = 9 };
+typedef struct hada_fit_trial_result {
+    int steps; /* 0: refinement does not pay */
+    double tv, gain;
+    hada_fit_row rows[HADA_FIT_TRIAL_ROWS]; /* numbers of steps, 0 first, then weights that were compared */
+    int row_count;
+} hada_fit_trial_result;
+
+/* Each pair is left out of the sums; afterwards these are as they were. At least one pair is kept. */
+hada_status hada_fit_trial_run(const hada_fit_trial *trial, hada_fit_trial_result *result, hada_error *err);
+
+#endif

@@ -194,25 +194,22 @@ static hada_status parse(hada_tensors *tensors, hada_error *err)
 
 static hada_status map_file(hada_tensors *tensors, const char *path, hada_error *err)
 {
-    int fd = open(path, O_RDONLY | O_CLOEXEC);
+    hada_status status = HADA_OK;
+    struct stat info;
+    const int fd = open(path, O_RDONLY | O_CLOEXEC);
     if (fd < 0)
         return hada_fail(err, HADA_ERROR_FILE_OPEN, "cannot be opened: %s", strerror(errno));
-    struct stat info;
-    hada_status status = HADA_OK;
     if (fstat(fd, &info) || !S_ISREG(info.st_mode))
-        status = hada_fail(err, HADA_ERROR_FILE_OPEN, "is not an ordinary file");
-    else if (info.st_size < 10)
-        status = hada_fail(err, HADA_ERROR_FILE_READ, "%s: not a safetensors file",
-                           info.st_size ? "the file has fewer than 10 bytes" : "the file is empty");
-    if (!status) {
-        void *map = mmap(NULL, (size_t)info.st_size, PROT_READ, MAP_PRIVATE, fd, 0);
-        if (map == MAP_FAILED) {
-            status = hada_fail(err, HADA_ERROR_FILE_READ, "cannot be mapped: %s", strerror(errno));
-        } else {
-            tensors->map = map;
-            tensors->map_bytes = (size_t)info.st_size;
-        }
-    }
+        HADA_TRY(hada_fail(err, HADA_ERROR_FILE_OPEN, "is not an ordinary file"));
+    if (info.st_size < 10)
+        HADA_TRY(hada_fail(err, HADA_ERROR_FILE_READ, "%s: not a safetensors file",
+                           info.st_size ? "the file has fewer than 10 bytes" : "the file is empty"));
+    void *map = mmap(NULL, (size_t)info.st_size, PROT_READ, MAP_PRIVATE, fd, 0);
+    if (map == MAP_FAILED)
+        HADA_TRY(hada_fail(err, HADA_ERROR_FILE_READ, "cannot be mapped: %s", strerror(errno)));
+    tensors->map = map;
+    tensors->map_bytes = (size_t)info.st_size;
+done:
     close(fd);
     return status;
 }
@@ -223,9 +220,10 @@ hada_status hada_tensors_open(hada_tensors **out, const char *path, hada_error *
     hada_tensors *tensors = calloc(1, sizeof *tensors);
     if (!tensors)
         return hada_fail(err, HADA_ERROR_MEMORY, "no memory to open %s", path);
-    hada_status status = map_file(tensors, path, err);
-    if (!status)
-        status = parse(tensors, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(map_file(tensors, path, err));
+    HADA_TRY(parse(tensors, err));
+done:
     if (status) {
         hada_error_prefix(err, "%s: ", path);
         hada_tensors_close(&tensors);

@@ -22,13 +22,13 @@ hada_status hada_tensors_create(hada_tensors_writer **out, const char *path, had
     hada_tensors_writer *w = calloc(1, sizeof *w);
     if (!w)
         return hada_fail(err, HADA_ERROR_MEMORY, "no memory to write %s", path);
-    hada_status status = hada_outfile_open(&w->file, path, err);
-    if (!status) {
-        w->header = json_object();
-        w->meta = json_object();
-        if (!w->header || !w->meta || json_object_set(w->header, "__metadata__", w->meta))
-            status = hada_fail(err, HADA_ERROR_MEMORY, "no memory to write %s", path);
-    }
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_outfile_open(&w->file, path, err));
+    w->header = json_object();
+    w->meta = json_object();
+    if (!w->header || !w->meta || json_object_set(w->header, "__metadata__", w->meta))
+        HADA_TRY(hada_fail(err, HADA_ERROR_MEMORY, "no memory to write %s", path));
+done:
     if (status)
         hada_tensors_abandon(&w);
     *out = w;
@@ -94,11 +94,11 @@ static hada_status start(hada_tensors_writer *w, hada_error *err)
     unsigned char size[8];
     for (int i = 0; i < 8; i++)
         size[i] = (unsigned char)((uint64_t)padded >> 8 * i);
-    hada_status status = hada_outfile_write(&w->file, size, sizeof size, err);
-    if (!status)
-        status = hada_outfile_write(&w->file, text, length, err);
-    if (!status)
-        status = hada_outfile_write(&w->file, "       ", padded - length, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_outfile_write(&w->file, size, sizeof size, err));
+    HADA_TRY(hada_outfile_write(&w->file, text, length, err));
+    HADA_TRY(hada_outfile_write(&w->file, "       ", padded - length, err));
+done:
     free(text);
     w->started = 1;
     return status;
@@ -109,11 +109,11 @@ hada_status hada_tensors_write(hada_tensors_writer *w, const void *data, size_t 
     if (bytes > w->declared - w->written)
         return hada_fail(err, HADA_ERROR_SIZE, "%s: more data than the declared tensors hold (%llu bytes)",
                          w->file.path, (unsigned long long)w->declared);
-    hada_status status = start(w, err);
-    if (!status)
-        status = hada_outfile_write(&w->file, data, bytes, err);
-    if (!status)
-        w->written += bytes;
+    hada_status status = HADA_OK;
+    HADA_TRY(start(w, err));
+    HADA_TRY(hada_outfile_write(&w->file, data, bytes, err));
+    w->written += bytes;
+done:
     return status;
 }
 
@@ -128,12 +128,13 @@ hada_status hada_tensors_sync(hada_tensors_writer *writer, hada_error *err)
 hada_status hada_tensors_finish(hada_tensors_writer **writer, hada_error *err)
 {
     hada_tensors_writer *w = *writer;
-    hada_status status = start(w, err);
-    if (!status && w->written != w->declared)
-        status = hada_fail(err, HADA_ERROR_STATE, "%s: %llu of %llu declared bytes were written", w->file.path,
-                           (unsigned long long)w->written, (unsigned long long)w->declared);
-    if (!status)
-        status = hada_outfile_commit(&w->file, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(start(w, err));
+    if (w->written != w->declared)
+        HADA_TRY(hada_fail(err, HADA_ERROR_STATE, "%s: %llu of %llu declared bytes were written", w->file.path,
+                           (unsigned long long)w->written, (unsigned long long)w->declared));
+    HADA_TRY(hada_outfile_commit(&w->file, err));
+done:
     hada_tensors_abandon(writer);
     return status;
 }

@@ -130,32 +130,34 @@ static hada_status read_header(hada_tiff_chain *chain, int fd, uint64_t *first, 
 
 hada_status hada_tiff_chain_read(hada_tiff_chain *chain, int fd, hada_error *err)
 {
-    *chain = (hada_tiff_chain){0};
+    hada_status status = HADA_OK;
+    unsigned char *entries = NULL;
     uint64_t offset = 0;
-    hada_status status = read_header(chain, fd, &offset, err);
+    *chain = (hada_tiff_chain){0};
+    HADA_TRY(read_header(chain, fd, &offset, err));
     /* A ring of directories is found by Brent's method: compare with a mark that moves on at powers of two. */
     uint64_t mark = 0;
     size_t room = 0;
-    for (size_t step = 0, power = 1; !status && offset; step++) {
-        if (offset == mark) {
-            status =
-                hada_fail(err, HADA_ERROR_FILE_READ, "the pages of the file form a ring: it is damaged; get it again");
-            break;
-        }
+    for (size_t step = 0, power = 1; offset; step++) {
+        if (offset == mark)
+            HADA_TRY(
+                hada_fail(err, HADA_ERROR_FILE_READ, "the pages of the file form a ring: it is damaged; get it again"));
         if (step == power) {
             mark = offset;
             power *= 2;
         }
-        unsigned char *entries;
         uint64_t count, next = 0;
-        status = read_directory(chain, fd, offset, step, &entries, &count, &next, err);
-        if (!status && is_frame(chain, entries, count))
-            status = append(chain, offset, &room, err);
+        HADA_TRY(read_directory(chain, fd, offset, step, &entries, &count, &next, err));
+        if (is_frame(chain, entries, count))
+            HADA_TRY(append(chain, offset, &room, err));
         free(entries);
+        entries = NULL;
         offset = next;
     }
-    if (!status && !chain->count)
-        status = hada_fail(err, HADA_ERROR_FILE_READ, "the TIFF file holds no image; get it again");
+    if (!chain->count)
+        HADA_TRY(hada_fail(err, HADA_ERROR_FILE_READ, "the TIFF file holds no image; get it again"));
+done:
+    free(entries);
     if (status)
         hada_tiff_chain_free(chain);
     return status;
@@ -172,9 +174,10 @@ uint64_t hada_tiff_chain_find(const hada_tiff_chain *chain, int fd, uint64_t dir
     static const unsigned char sizes[] = {0, 1, 1, 2, 4, 8, 1, 1, 2, 4, 8, 4, 8, 4, 0, 0, 8, 8, 8};
     unsigned char *entries;
     uint64_t count, next, found = 0;
-    hada_status status = read_directory(chain, fd, directory, 0, &entries, &count, &next, NULL);
-    int step = chain->big ? 20 : 12, wide = chain->big ? 8 : 4;
-    for (uint64_t i = 0; !status && i < count && !found; i++) {
+    const int step = chain->big ? 20 : 12, wide = chain->big ? 8 : 4;
+    if (read_directory(chain, fd, directory, 0, &entries, &count, &next, NULL))
+        count = 0; /* one that cannot be read has no entries */
+    for (uint64_t i = 0; i < count && !found; i++) {
         const unsigned char *entry = entries + i * (uint64_t)step;
         unsigned type = (unsigned)number(chain, entry + 2, 2);
         if (number(chain, entry, 2) != tag || type >= sizeof sizes)

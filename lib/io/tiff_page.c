@@ -176,11 +176,9 @@ hada_status hada_tiff_page_check(TIFF *tif, uint64_t file_bytes, int keep_indice
     page->bits = bits;
     page->compression = compression;
     page->separate = planar == PLANARCONFIG_SEPARATE && samples > 1;
-    hada_status status = check_samples(page, format, err);
-    if (!status)
-        status = check_colours(tif, photometric, keep_indices, page, err);
-    if (status)
-        return status;
+    hada_status status = HADA_OK;
+    HADA_TRY(check_samples(page, format, err));
+    HADA_TRY(check_colours(tif, photometric, keep_indices, page, err));
     uint64_t pixels = hada_tiff_page_bytes(page), chunk = TIFFIsTiled(tif) ? TIFFTileSize64(tif) : TIFFStripSize64(tif);
     uint64_t ratio = largest_ratio(compression),
              most = file_bytes > UINT64_MAX / ratio ? UINT64_MAX : file_bytes * ratio;
@@ -189,7 +187,8 @@ hada_status hada_tiff_page_check(TIFF *tif, uint64_t file_bytes, int keep_indice
                          "%u x %u pixels need %llu bytes, more than a file of %llu bytes can hold: it is cut off or "
                          "damaged; get it again",
                          cols, rows, (unsigned long long)pixels, (unsigned long long)file_bytes);
-    return HADA_OK;
+done:
+    return status;
 }
 
 /* A rectangle of the page, as one buffer: `plane` of a separate page, all samples else. */
@@ -248,14 +247,15 @@ hada_status hada_tiff_page_read(TIFF *tif, const hada_tiff_handle *handle, const
     uint64_t needed = ((uint64_t)width * (uint64_t)(page->separate ? 1 : page->samples) * (uint64_t)page->bits + 7) / 8;
     if (row_bytes < needed || size / height < row_bytes)
         return damaged(handle, err);
+    hada_status status = HADA_OK;
     void *buffer;
-    hada_status status = hada_alloc(&buffer, 1, size, "a piece of the TIFF file", err);
+    HADA_TRY(hada_alloc(&buffer, 1, size, "a piece of the TIFF file", err));
     int planes = page->separate ? page->channels : 1;
     uint32_t number = 0, across = ((uint32_t)page->cols - 1) / width + 1,
              down = ((uint32_t)page->rows - 1) / height + 1;
-    for (int plane = 0; !status && plane < planes; plane++)
-        for (uint32_t y = 0; !status && y < down; y++)
-            for (uint32_t x = 0; !status && x < across; x++, number++) {
+    for (int plane = 0; plane < planes; plane++)
+        for (uint32_t y = 0; y < down; y++)
+            for (uint32_t x = 0; x < across; x++, number++) {
                 hada_tiff_chunk chunk = {buffer,           row_bytes,   plane,     (int)(y * height),
                                          (int)(x * width), (int)height, (int)width};
                 tmsize_t got = tiled ? TIFFReadEncodedTile(tif, number, buffer, (tmsize_t)size)
@@ -263,12 +263,12 @@ hada_status hada_tiff_page_read(TIFF *tif, const hada_tiff_handle *handle, const
                 uint64_t rows =
                     (uint64_t)page->rows - y * height < height && !tiled ? (uint64_t)page->rows - y * height : height;
                 if (got < 0 || (uint64_t)got < rows * row_bytes)
-                    status = damaged(handle, err);
-                else
-                    place(page, &chunk, out);
+                    HADA_TRY(damaged(handle, err));
+                place(page, &chunk, out);
             }
-    if (!status && page->palette)
-        status = look_up(tif, page, out, err);
+    if (page->palette)
+        HADA_TRY(look_up(tif, page, out, err));
+done:
     free(buffer);
     return status;
 }

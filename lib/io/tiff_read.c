@@ -106,28 +106,24 @@ static hada_status open_file(hada_tiff_reader *reader, hada_error *err)
     reader->fd = open(reader->path, O_RDONLY | O_CLOEXEC);
     if (reader->fd < 0)
         return hada_fail(err, HADA_ERROR_FILE_OPEN, "cannot be opened: %s", strerror(errno));
-    hada_status status = hada_tiff_chain_read(&reader->chain, reader->fd, err);
-    if (status)
-        return status;
+    hada_status status = HADA_OK;
     hada_tiff_handle handle;
-    TIFF *tif;
-    status = open_page(reader, 0, &handle, &tif, NULL, err);
-    if (status)
-        return status;
+    TIFF *tif = NULL;
     char *text = NULL;
+    HADA_TRY(hada_tiff_chain_read(&reader->chain, reader->fd, err));
+    HADA_TRY(open_page(reader, 0, &handle, &tif, NULL, err));
     TIFFGetField(tif, TIFFTAG_IMAGEDESCRIPTION, &text);
     reader->description = hada_string_copy(text ? text : "");
-    status = reader->description ? hada_tiff_stack_parse(&reader->stack, reader->description, err)
-                                 : hada_fail(err, HADA_ERROR_MEMORY, "no memory for the description");
-    if (!status)
-        status = hada_tiff_page_check(tif, reader->chain.bytes, reader->stack.imagej, &reader->first, err);
-    if (!status)
-        status = find_raw_images(reader, tif, err);
-    if (!status)
-        status = fill_info(reader, err);
-    if (!status)
-        fill_pixel_size(reader, tif);
-    TIFFClose(tif);
+    if (!reader->description)
+        HADA_TRY(hada_fail(err, HADA_ERROR_MEMORY, "no memory for the description"));
+    HADA_TRY(hada_tiff_stack_parse(&reader->stack, reader->description, err));
+    HADA_TRY(hada_tiff_page_check(tif, reader->chain.bytes, reader->stack.imagej, &reader->first, err));
+    HADA_TRY(find_raw_images(reader, tif, err));
+    HADA_TRY(fill_info(reader, err));
+    fill_pixel_size(reader, tif);
+done:
+    if (tif)
+        TIFFClose(tif);
     return status;
 }
 
@@ -212,19 +208,22 @@ static hada_status read_page(const hada_tiff_reader *reader, size_t number, int 
     hada_tiff_handle handle;
     TIFF *tif = NULL;
     hada_tiff_page page = reader->first;
-    hada_status status = reader->raw_at ? HADA_OK : open_page(reader, number, &handle, &tif, &page, err);
-    if (!status && channel == 0)
-        status = hada_image_create(image, reader->grouped ? reader->info.channels : page.channels, page.rows, page.cols,
-                                   err);
-    if (!status && (page.rows != image->rows || page.cols != image->cols || (reader->grouped && page.channels != 1)))
-        status = hada_fail(err, HADA_ERROR_FILE_FORMAT,
+    hada_status status = HADA_OK;
+    if (!reader->raw_at)
+        HADA_TRY(open_page(reader, number, &handle, &tif, &page, err));
+    if (channel == 0)
+        HADA_TRY(hada_image_create(image, reader->grouped ? reader->info.channels : page.channels, page.rows, page.cols,
+                                   err));
+    if (page.rows != image->rows || page.cols != image->cols || (reader->grouped && page.channels != 1))
+        HADA_TRY(hada_fail(err, HADA_ERROR_FILE_FORMAT,
                            "page %zu has another size (%d x %d) than the first channel (%d x %d)", number + 1,
-                           page.rows, page.cols, image->rows, image->cols);
-    if (!status) {
-        float *out = image->data + (size_t)channel * (size_t)page.rows * (size_t)page.cols;
-        status = reader->raw_at ? read_raw_image(reader, number, out, err)
-                                : hada_tiff_page_read(tif, &handle, &page, out, err);
-    }
+                           page.rows, page.cols, image->rows, image->cols));
+    float *out = image->data + (size_t)channel * (size_t)page.rows * (size_t)page.cols;
+    if (reader->raw_at)
+        HADA_TRY(read_raw_image(reader, number, out, err));
+    else
+        HADA_TRY(hada_tiff_page_read(tif, &handle, &page, out, err));
+done:
     if (tif)
         TIFFClose(tif);
     return status;
@@ -240,13 +239,14 @@ hada_status hada_tiff_read(hada_tiff_reader *reader, int index, hada_image *imag
     int channels = reader->grouped ? stack->channels : 1;
     hada_status status = HADA_OK;
     size_t page = (size_t)index;
-    for (int c = 0; !status && c < channels; c++) {
+    for (int c = 0; c < channels; c++) {
         int z = index % reader->info.slices, t = index / reader->info.slices;
         if (stack->known && (reader->grouped || stack->channels == 1))
             page = stack->pages ? (size_t)stack->pages[index * channels + c]
                                 : (size_t)(c * stack->channel_step + z * stack->slice_step + t * stack->time_step);
-        status = read_page(reader, page, c, image, err);
+        HADA_TRY(read_page(reader, page, c, image, err));
     }
+done:
     if (status) {
         hada_error_prefix(err, "%s, page %zu: ", reader->path, page + 1);
         hada_image_destroy(image);
@@ -257,10 +257,11 @@ hada_status hada_tiff_read(hada_tiff_reader *reader, int index, hada_image *imag
 hada_status hada_tiff_load(const char *path, int index, hada_image *image, hada_error *err)
 {
     *image = (hada_image){0};
-    hada_tiff_reader *reader;
-    hada_status status = hada_tiff_open(&reader, path, err);
-    if (!status)
-        status = hada_tiff_read(reader, index, image, err);
+    hada_status status = HADA_OK;
+    hada_tiff_reader *reader = NULL;
+    HADA_TRY(hada_tiff_open(&reader, path, err));
+    HADA_TRY(hada_tiff_read(reader, index, image, err));
+done:
     hada_tiff_close(&reader);
     return status;
 }

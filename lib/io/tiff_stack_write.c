@@ -140,15 +140,14 @@ static hada_status write_at(hada_outfile *file, const void *data, size_t bytes, 
 hada_status hada_stack_layout_write(const hada_stack_layout *layout, const hada_tiff_text *text, hada_outfile *file,
                                     hada_error *err)
 {
+    hada_status status = HADA_OK;
     const uint16_t one = 1;
     int little = *(const unsigned char *)&one;
     uint64_t tail = (layout->data_at + layout->images * layout->image_bytes + 7) / 8 * 8;
     hada_directory d;
     fill(&d, layout, text, 0);
     void *head;
-    hada_status status = hada_alloc(&head, (size_t)layout->data_at, 1, "the head of a TIFF file", err);
-    if (status)
-        return status;
+    HADA_TRY(hada_alloc(&head, (size_t)layout->data_at, 1, "the head of a TIFF file", err));
     unsigned char *at = head;
     memcpy(at, little ? "II" : "MM", 2);
     if (layout->big)
@@ -156,13 +155,12 @@ hada_status hada_stack_layout_write(const hada_stack_layout *layout, const hada_
     else
         put(put(at + 2, 42, 2), 16, 4);
     lay_out(&d, layout->big, 16, layout->images > 1 ? tail : 0, at + 16);
-    status = write_at(file, head, (size_t)layout->data_at, 0, err);
-    free(head);
+    HADA_TRY(write_at(file, head, (size_t)layout->data_at, 0, err));
     /* The others all have one size. A few hundred at a time. */
     unsigned char block[256 * 512];
     size_t used = 0;
     uint64_t block_at = tail;
-    for (uint64_t i = 1; !status && i < layout->images; i++) {
+    for (uint64_t i = 1; i < layout->images; i++) {
         fill(&d, layout, text, i);
         size_t bytes = directory_bytes(&d, layout->big);
         memset(block + used, 0, bytes);
@@ -170,10 +168,12 @@ hada_status hada_stack_layout_write(const hada_stack_layout *layout, const hada_
         lay_out(&d, layout->big, here, i + 1 < layout->images ? here + bytes : 0, block + used);
         used += bytes;
         if (sizeof block - used < 512 || i + 1 == layout->images) {
-            status = write_at(file, block, used, block_at, err);
+            HADA_TRY(write_at(file, block, used, block_at, err));
             block_at += used;
             used = 0;
         }
     }
+done:
+    free(head);
     return status;
 }

@@ -202,25 +202,23 @@ static void put_all(hada_parts *parts, int channels, const char *info, const had
 static hada_status build_extra(hada_tiff_text *text, int channels, int rows, int cols,
                                const hada_tiff_write_options *options, const double *range, hada_error *err)
 {
+    hada_status status = HADA_OK;
     hada_text info = {0};
-    add_ome(&info, channels, rows, cols, options);
     hada_parts parts = {0};
     void *data = NULL, *counts = NULL;
-    hada_status status = info.failed ? hada_fail(err, HADA_ERROR_MEMORY, "no memory for the metadata") : HADA_OK;
-    if (!status) {
-        put_all(&parts, channels, info.data, options, range);
-        status = hada_alloc(&data, parts.bytes, 1, "the metadata", err);
-    }
-    if (!status)
-        status = hada_alloc(&counts, parts.count, sizeof(uint32_t), "the metadata", err);
+    add_ome(&info, channels, rows, cols, options);
+    if (info.failed)
+        HADA_TRY(hada_fail(err, HADA_ERROR_MEMORY, "no memory for the metadata"));
+    put_all(&parts, channels, info.data, options, range);
+    HADA_TRY(hada_alloc(&data, parts.bytes, 1, "the metadata", err));
     text->extra = data;
+    HADA_TRY(hada_alloc(&counts, parts.count, sizeof(uint32_t), "the metadata", err));
     text->counts = counts;
-    if (!status) {
-        parts = (hada_parts){data, counts, 0, parts.bytes, 0};
-        put_all(&parts, channels, info.data, options, range);
-        text->extra_bytes = parts.bytes;
-        text->count = parts.count;
-    }
+    parts = (hada_parts){data, counts, 0, parts.bytes, 0};
+    put_all(&parts, channels, info.data, options, range);
+    text->extra_bytes = parts.bytes;
+    text->count = parts.count;
+done:
     free(info.data);
     return status;
 }

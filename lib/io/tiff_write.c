@@ -94,40 +94,55 @@ static int samples_a_page(const hada_tiff_writer *w)
     return w->options.layout == HADA_TIFF_HYPERSTACK ? 1 : w->channels;
 }
 
+/* A hyperstack whose pixels are written straight into the file; the places of everything are known beforehand. */
+static hada_status open_stack(hada_tiff_writer *w, const char *path, hada_error *err)
+{
+    static const double unknown[2] = {0, 1};
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_tiff_text_build(&w->text, w->channels, w->rows, w->cols, &w->options, unknown, err));
+    w->stack =
+        (hada_stack_layout){.big = w->big,
+                            .rows = w->rows,
+                            .cols = w->cols,
+                            .bits = w->options.bits,
+                            .images = (uint64_t)w->channels * (uint64_t)w->options.slices * (uint64_t)w->options.times,
+                            .pixel_um = w->options.pixel_um};
+    HADA_TRY(hada_stack_layout_place(&w->stack, &w->text, err));
+    if (lseek(w->file.fd, (off_t)w->stack.data_at, SEEK_SET) < 0)
+        HADA_TRY(hada_fail(err, HADA_ERROR_FILE_WRITE, "writing %s failed: %s", path, strerror(errno)));
+done:
+    return status;
+}
+
+/* Pages that libtiff writes. */
+static hada_status open_pages(hada_tiff_writer *w, const char *path, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_tiff_text_build(&w->text, w->channels, w->rows, w->cols, &w->options, NULL, err));
+    w->handle.fd = w->file.fd;
+    w->tif = hada_tiff_attach(&w->handle, path, w->big ? "w8" : "w");
+    if (!w->tif)
+        HADA_TRY(failed(w, err));
+done:
+    return status;
+}
+
 static hada_status open_output(hada_tiff_writer *w, const char *path, hada_error *err)
 {
-    hada_status status = hada_outfile_open(&w->file, path, err);
-    if (status)
-        return status;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_outfile_open(&w->file, path, err));
     double frames = (double)(w->options.slices ? w->options.slices : 1) * (w->options.times ? w->options.times : 1);
     w->big = frames * w->channels * w->rows * w->cols * (w->options.bits / 8) >= CLASSIC_LIMIT;
-    if (w->options.layout == HADA_TIFF_HYPERSTACK && !w->options.compress) {
-        const double unknown[2] = {0, 1};
-        status = hada_tiff_text_build(&w->text, w->channels, w->rows, w->cols, &w->options, unknown, err);
-        w->stack = (hada_stack_layout){.big = w->big,
-                                       .rows = w->rows,
-                                       .cols = w->cols,
-                                       .bits = w->options.bits,
-                                       .images = (uint64_t)w->channels * (uint64_t)w->options.slices *
-                                                 (uint64_t)w->options.times,
-                                       .pixel_um = w->options.pixel_um};
-        if (!status)
-            status = hada_stack_layout_place(&w->stack, &w->text, err);
-        if (!status && lseek(w->file.fd, (off_t)w->stack.data_at, SEEK_SET) < 0)
-            status = hada_fail(err, HADA_ERROR_FILE_WRITE, "writing %s failed: %s", path, strerror(errno));
-    } else {
-        status = hada_tiff_text_build(&w->text, w->channels, w->rows, w->cols, &w->options, NULL, err);
-        w->handle.fd = w->file.fd;
-        w->tif = status ? NULL : hada_tiff_attach(&w->handle, path, w->big ? "w8" : "w");
-        if (!status && !w->tif)
-            status = failed(w, err);
-    }
-    if (status)
-        return status;
+    if (w->options.layout == HADA_TIFF_HYPERSTACK && !w->options.compress)
+        HADA_TRY(open_stack(w, path, err));
+    else
+        HADA_TRY(open_pages(w, path, err));
     size_t row = (size_t)w->cols * (size_t)samples_a_page(w) * (size_t)(w->options.bits / 8);
     size_t rows = STRIP_BYTES / row ? STRIP_BYTES / row : 1;
     w->strip_rows = rows < (size_t)w->rows ? (int)rows : w->rows;
-    return hada_alloc(&w->strip, (size_t)w->strip_rows, row, "a piece of the TIFF file", err);
+    HADA_TRY(hada_alloc(&w->strip, (size_t)w->strip_rows, row, "a piece of the TIFF file", err));
+done:
+    return status;
 }
 
 hada_status hada_tiff_create(hada_tiff_writer **out, const char *path, int channels, int rows, int cols,
@@ -143,9 +158,10 @@ hada_status hada_tiff_create(hada_tiff_writer **out, const char *path, int chann
     w->cols = cols;
     w->low = FLT_MAX;
     w->high = -FLT_MAX;
-    hada_status status = complete_options(w, options, err);
-    if (!status)
-        status = open_output(w, path, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(complete_options(w, options, err));
+    HADA_TRY(open_output(w, path, err));
+done:
     if (status)
         hada_tiff_abandon(&w);
     *out = w;
@@ -258,9 +274,10 @@ hada_status hada_tiff_write(hada_tiff_writer *w, const hada_image *image, hada_e
     }
     int pages = w->options.layout == HADA_TIFF_HYPERSTACK ? w->channels : 1;
     hada_status status = HADA_OK;
-    for (int channel = 0; !status && channel < pages; channel++)
-        status = write_page(w, image, channel, err);
-    w->frames += !status;
+    for (int channel = 0; channel < pages; channel++)
+        HADA_TRY(write_page(w, image, channel, err));
+    w->frames++;
+done:
     return status;
 }
 
@@ -275,8 +292,11 @@ static hada_status finish_stack(hada_tiff_writer *w, hada_error *err)
             range[i] = floor(fmin(fmax(range[i] / w->options.scale, 0), 1) * full + 0.5);
     }
     hada_tiff_text_free(&w->text);
-    hada_status status = hada_tiff_text_build(&w->text, w->channels, w->rows, w->cols, &w->options, range, err);
-    return status ? status : hada_stack_layout_write(&w->stack, &w->text, &w->file, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_tiff_text_build(&w->text, w->channels, w->rows, w->cols, &w->options, range, err));
+    HADA_TRY(hada_stack_layout_write(&w->stack, &w->text, &w->file, err));
+done:
+    return status;
 }
 
 hada_status hada_tiff_finish(hada_tiff_writer **writer, hada_error *err)
@@ -285,19 +305,19 @@ hada_status hada_tiff_finish(hada_tiff_writer **writer, hada_error *err)
     hada_status status = HADA_OK;
     int expected = w->options.layout == HADA_TIFF_HYPERSTACK ? w->options.slices * w->options.times : 1;
     if (w->frames < expected)
-        status = hada_fail(err, HADA_ERROR_STATE, "%s: %d of %d frames were written; nothing was left behind",
-                           w->file.path, w->frames, expected);
-    if (!status && !w->tif) {
-        status = finish_stack(w, err);
-    } else if (!status) {
+        HADA_TRY(hada_fail(err, HADA_ERROR_STATE, "%s: %d of %d frames were written; nothing was left behind",
+                           w->file.path, w->frames, expected));
+    if (!w->tif) {
+        HADA_TRY(finish_stack(w, err));
+    } else {
         w->handle.message[0] = 0;
         TIFFClose(w->tif); /* reports nothing: the handle does */
         w->tif = NULL;
         if (*w->handle.message || w->handle.write_code)
-            status = failed(w, err);
+            HADA_TRY(failed(w, err));
     }
-    if (!status)
-        status = hada_outfile_commit(&w->file, err);
+    HADA_TRY(hada_outfile_commit(&w->file, err));
+done:
     hada_tiff_abandon(writer);
     return status;
 }
@@ -321,14 +341,12 @@ void hada_tiff_abandon(hada_tiff_writer **writer)
 hada_status hada_tiff_save(const char *path, const hada_image *image, const hada_tiff_write_options *options,
                            hada_error *err)
 {
-    hada_tiff_writer *writer;
-    hada_status status = hada_tiff_create(&writer, path, image->channels, image->rows, image->cols, options, err);
-    if (!status) {
-        status = hada_tiff_write(writer, image, err);
-        if (status)
-            hada_tiff_abandon(&writer);
-        else
-            status = hada_tiff_finish(&writer, err);
-    }
+    hada_status status = HADA_OK;
+    hada_tiff_writer *writer = NULL;
+    HADA_TRY(hada_tiff_create(&writer, path, image->channels, image->rows, image->cols, options, err));
+    HADA_TRY(hada_tiff_write(writer, image, err));
+    HADA_TRY(hada_tiff_finish(&writer, err));
+done:
+    hada_tiff_abandon(&writer);
     return status;
 }

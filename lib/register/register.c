@@ -54,32 +54,30 @@ static hada_status search(const hada_register_set *set, const hada_register_opti
                           hada_error *err)
 {
     enum { REFINED = 3 };
-    hada_register_level level;
+    hada_register_level level = {0};
     hada_registration best[8];
     double scores[8];
-    hada_status status = hada_register_level_create(&level, set, HADA_REGISTER_COARSE, err);
-    if (status)
-        return status;
-    status = hada_register_scan(&level, options, best, scores, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_register_level_create(&level, set, HADA_REGISTER_COARSE, err));
+    HADA_TRY(hada_register_scan(&level, options, best, scores, err));
     keep_best(best, scores, 8);
-    for (int o = 0; !status && o < REFINED; o++)
-        status = hada_register_refine(&level, options, 0.5 * HADA_REGISTER_STEP, &best[o], &scores[o], err);
+    for (int o = 0; o < REFINED; o++)
+        HADA_TRY(hada_register_refine(&level, options, 0.5 * HADA_REGISTER_STEP, &best[o], &scores[o], err));
     keep_best(best, scores, REFINED);
-    hada_register_level_destroy(&level);
-    if (status)
-        return status;
     *out = best[0];
     out->explained = 1.0 - exp(scores[0]);
     out->explained_otherwise = 1.0 - exp(scores[1]);
     if (-scores[0] < LEAST || -scores[0] < CLEARLY * -scores[1])
-        return hada_fail(err, HADA_ERROR_DATASET,
-                         "the pairs do not tell how the scenes stand: the best transform explains %.1f %% of the "
-                         "frames' structure, another orientation %.1f %%. More pairs help, and scenes with more detail "
-                         "and without symmetry; scenes may also belong to other frames, or stand outside the range "
-                         "searched (magnification %.3g to %.3g)",
-                         100.0 * out->explained, 100.0 * out->explained_otherwise, options->least_magnification,
-                         options->most_magnification);
-    return HADA_OK;
+        HADA_TRY(hada_fail(err, HADA_ERROR_DATASET,
+                           "the pairs do not tell how the scenes stand: the best transform explains %.1f %% of the "
+                           "frames' structure, another orientation %.1f %%. More pairs help, and scenes with more "
+                           "detail and without symmetry; scenes may also belong to other frames, or stand outside the "
+                           "range searched (magnification %.3g to %.3g)",
+                           100.0 * out->explained, 100.0 * out->explained_otherwise, options->least_magnification,
+                           options->most_magnification));
+done:
+    hada_register_level_destroy(&level);
+    return status;
 }
 
 void hada_registration_defaults(hada_registration *registration, size_t size)
@@ -92,36 +90,33 @@ hada_status hada_register_pairs(hada_registration *found, const hada_image *raws
                                 const hada_register_options *given, hada_error *err)
 {
     hada_register_options options;
-    hada_register_set set;
+    hada_register_set set = {0};
+    hada_register_level level = {0};
     hada_registration own, *out = &own;
+    hada_status status = HADA_OK;
+    double score;
+    int give = 0;
     if (!found)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_register_pairs: an argument is missing");
-    hada_status status = HADA_REPORT_CHECK(found, hada_registration, err);
-    if (status)
-        return status;
     hada_registration_init(out);
-    HADA_REPORT_GIVE(found, out);
+    HADA_TRY(HADA_REPORT_CHECK(found, hada_registration, err));
+    give = 1;
     hada_register_options_init(&options);
-    status = HADA_OPTIONS_TAKE(&options, given, hada_register_options, err);
-    if (!status)
-        status = hada_register_set_create(&set, raws, scenes, count, err);
-    if (status)
-        return status;
-    status = check_options(&options, raws, scenes, err);
-    if (!status)
-        status = search(&set, &options, out, err);
-    for (int size = 2 * HADA_REGISTER_COARSE; !status && size <= HADA_REGISTER_FINEST && size <= 1.2 * set.frame_side;
-         size *= 2) {
-        hada_register_level level;
-        double score;
-        status = hada_register_level_create(&level, &set, size, err);
-        if (!status)
-            status = hada_register_refine(&level, &options, 0.25 * HADA_REGISTER_STEP * HADA_REGISTER_COARSE / size,
-                                          out, &score, err);
+    HADA_TRY(HADA_OPTIONS_TAKE(&options, given, hada_register_options, err));
+    HADA_TRY(hada_register_set_create(&set, raws, scenes, count, err));
+    HADA_TRY(check_options(&options, raws, scenes, err));
+    HADA_TRY(search(&set, &options, out, err));
+    for (int size = 2 * HADA_REGISTER_COARSE; size <= HADA_REGISTER_FINEST && size <= 1.2 * set.frame_side; size *= 2) {
+        HADA_TRY(hada_register_level_create(&level, &set, size, err));
+        HADA_TRY(hada_register_refine(&level, &options, 0.25 * HADA_REGISTER_STEP * HADA_REGISTER_COARSE / size, out,
+                                      &score, err));
         hada_register_level_destroy(&level);
     }
+done:
+    hada_register_level_destroy(&level);
     hada_register_set_destroy(&set);
-    HADA_REPORT_GIVE(found, out);
+    if (give)
+        HADA_REPORT_GIVE(found, out);
     return status;
 }
 
@@ -139,29 +134,30 @@ hada_status hada_register_apply(hada_image *out, const hada_image *scene, const 
 {
     double matrix[2][2], inverse[2][2];
     hada_registration own, *registration = &own;
+    hada_register_plane plane = {0};
+    hada_register_view view = {0};
+    hada_status status = HADA_OK;
     hada_registration_init(registration);
-    hada_status status = HADA_OPTIONS_TAKE(registration, callers, hada_registration, err);
+    status = HADA_OPTIONS_TAKE(registration, callers, hada_registration, err);
     if (status)
         return status;
     if (!out || !scene || !scene->data || !callers || !(registration->magnification > 0.0))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_register_apply: an argument is missing or not possible");
-    status = hada_image_create(out, scene->channels, rows, cols, err);
+    HADA_TRY(hada_image_create(out, scene->channels, rows, cols, err));
     hada_register_matrix(registration, matrix);
     hada_register_invert(matrix, inverse);
-    for (int c = 0; !status && c < scene->channels; c++) {
-        hada_register_plane plane;
-        hada_register_view view = {0};
-        status = hada_register_plane_create(&plane, scene->data + (size_t)c * (size_t)scene->rows * (size_t)scene->cols,
-                                            scene->rows, scene->cols, err);
-        if (status)
-            break;
-        status = hada_register_view_create(&view, &plane, 1.0 / registration->magnification, err);
-        if (!status)
-            hada_register_sample(&view, inverse, 1.0, registration->offset_row, registration->offset_col, rows, cols,
-                                 out->data + (size_t)c * (size_t)rows * (size_t)cols, cols, 1);
+    for (int c = 0; c < scene->channels; c++) {
+        HADA_TRY(hada_register_plane_create(&plane, scene->data + (size_t)c * (size_t)scene->rows * (size_t)scene->cols,
+                                            scene->rows, scene->cols, err));
+        HADA_TRY(hada_register_view_create(&view, &plane, 1.0 / registration->magnification, err));
+        hada_register_sample(&view, inverse, 1.0, registration->offset_row, registration->offset_col, rows, cols,
+                             out->data + (size_t)c * (size_t)rows * (size_t)cols, cols, 1);
         hada_register_view_destroy(&view);
         hada_register_plane_destroy(&plane);
     }
+done:
+    hada_register_view_destroy(&view);
+    hada_register_plane_destroy(&plane);
     if (status)
         hada_image_destroy(out);
     return status;

@@ -8,26 +8,25 @@
 hada_status hada_register_fft_create(hada_register_fft *fft, int size, hada_error *err)
 {
     *fft = (hada_register_fft){.size = size};
-    hada_status status = hada_alloc((void **)&fft->turns, (size_t)size, sizeof(float), "a transform", err);
-    if (!status)
-        status = hada_alloc((void **)&fft->order, (size_t)size, sizeof(int), "a transform", err);
-    if (status) {
-        hada_register_fft_destroy(fft);
-        return status;
-    }
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&fft->twiddles, (size_t)size, sizeof(float), "a transform", err));
+    HADA_TRY(hada_alloc((void **)&fft->order, (size_t)size, sizeof(int), "a transform", err));
     for (int k = 0; k < size / 2; k++) {
         const double angle = -2.0 * 3.14159265358979323846 * k / size;
-        fft->turns[2 * k] = (float)cos(angle);
-        fft->turns[2 * k + 1] = (float)sin(angle);
+        fft->twiddles[2 * k] = (float)cos(angle);
+        fft->twiddles[2 * k + 1] = (float)sin(angle);
     }
     for (int i = 1; i < size; i++)
         fft->order[i] = fft->order[i / 2] / 2 + (i % 2 ? size / 2 : 0);
-    return HADA_OK;
+done:
+    if (status)
+        hada_register_fft_destroy(fft);
+    return status;
 }
 
 void hada_register_fft_destroy(hada_register_fft *fft)
 {
-    free(fft->turns);
+    free(fft->twiddles);
     free(fft->order);
     *fft = (hada_register_fft){0};
 }
@@ -50,7 +49,7 @@ static void line(const hada_register_fft *fft, float *x)
         for (int first = 0; first < size; first += 2 * half)
             for (int k = 0; k < half; k++) {
                 float *a = x + 2 * (first + k), *b = a + 2 * half;
-                const float *w = fft->turns + 2 * (size_t)k * (size_t)(size / 2 / half);
+                const float *w = fft->twiddles + 2 * (size_t)k * (size_t)(size / 2 / half);
                 const float re = b[0] * w[0] - b[1] * w[1], im = b[0] * w[1] + b[1] * w[0];
                 b[0] = a[0] - re;
                 b[1] = a[1] - im;

@@ -6,7 +6,7 @@
 
 typedef struct hada_register_fft {
     int size;
-    float *turns; /* size / 2 complex numbers exp(-2 pi i k / size) */
+    float *twiddles; /* size / 2 complex numbers exp(-2 pi i k / size) */
     int *order;   /* bits reversed */
 } hada_register_fft;
 

@@ -20,11 +20,10 @@ static double fade(int i, int count)
 static hada_status take_frame(hada_register_plane *plane, const float *data, int rows, int cols, hada_error *err)
 {
     const size_t count = (size_t)rows * (size_t)cols;
+    hada_status status = HADA_OK;
     float *faded;
-    hada_status status = hada_alloc_raw((void **)&faded, count, sizeof *faded, "a frame", err);
-    if (status)
-        return status;
     double mean = 0.0;
+    HADA_TRY(hada_alloc_raw((void **)&faded, count, sizeof *faded, "a frame", err));
     for (size_t i = 0; i < count; i++)
         mean += data[i] / (double)count;
     for (int r = 0; r < rows; r++)
@@ -32,7 +31,8 @@ static hada_status take_frame(hada_register_plane *plane, const float *data, int
             const size_t i = (size_t)r * (size_t)cols + (size_t)c;
             faded[i] = (float)((data[i] - mean) * fade(r, rows) * fade(c, cols));
         }
-    status = hada_register_plane_create(plane, faded, rows, cols, err);
+    HADA_TRY(hada_register_plane_create(plane, faded, rows, cols, err));
+done:
     free(faded);
     return status;
 }
@@ -98,6 +98,7 @@ static hada_status check_pairs(const hada_image *raws, const hada_image *scenes,
 hada_status hada_register_set_create(hada_register_set *set, const hada_image *raws, const hada_image *scenes,
                                      int count, hada_error *err)
 {
+    hada_status status = HADA_OK;
     *set = (hada_register_set){0};
     if (!raws || !scenes || count < 1)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "registration needs pairs of a frame and a scene");
@@ -107,24 +108,22 @@ hada_status hada_register_set_create(hada_register_set *set, const hada_image *r
             "one pair cannot tell how scenes stand on the sensor: the PSF is unknown, so any transform explains "
             "it; give two or more, better five");
     count = count < HADA_REGISTER_PAIRS ? count : HADA_REGISTER_PAIRS;
-    hada_status status = check_pairs(raws, scenes, count, err);
-    if (status)
-        return status;
+    HADA_TRY(check_pairs(raws, scenes, count, err));
     const int channel = choose_channel(raws, scenes, count);
     if (channel < 0)
-        return hada_fail(err, HADA_ERROR_DATASET,
-                         "the frames or the scenes are flat: nothing in them can be registered");
+        HADA_TRY(
+            hada_fail(err, HADA_ERROR_DATASET, "the frames or the scenes are flat: nothing in them can be registered"));
     set->frame_side = raws->rows > raws->cols ? raws->rows : raws->cols;
-    for (int i = 0; !status && i < count; i++) {
+    for (int i = 0; i < count; i++) {
         const hada_image *raw = &raws[i], *scene = &scenes[i];
         set->count = i + 1;
-        status = take_frame(&set->raws[i], raw->data + (size_t)channel * (size_t)raw->rows * (size_t)raw->cols,
-                            raw->rows, raw->cols, err);
-        if (!status)
-            status = hada_register_plane_create(
-                &set->scenes[i], scene->data + (size_t)channel * (size_t)scene->rows * (size_t)scene->cols, scene->rows,
-                scene->cols, err);
+        HADA_TRY(take_frame(&set->raws[i], raw->data + (size_t)channel * (size_t)raw->rows * (size_t)raw->cols,
+                            raw->rows, raw->cols, err));
+        HADA_TRY(hada_register_plane_create(&set->scenes[i],
+                                            scene->data + (size_t)channel * (size_t)scene->rows * (size_t)scene->cols,
+                                            scene->rows, scene->cols, err));
     }
+done:
     if (status)
         hada_register_set_destroy(set);
     return status;
@@ -208,9 +207,9 @@ static int ring_of(const hada_register_level *level, int row, int col)
 static hada_status list_bins(hada_register_level *level, hada_error *err)
 {
     const int n = level->size, half = n / 2;
-    hada_status status =
-        hada_alloc((void **)&level->at, 3 * (size_t)n * (size_t)(half + 1), sizeof(short), "frequencies", err);
-    for (int row = -half + 1; !status && row < half; row++)
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&level->at, 3 * (size_t)n * (size_t)(half + 1), sizeof(short), "frequencies", err));
+    for (int row = -half + 1; row < half; row++)
         for (int col = row > 0 ? 0 : 1; col < half; col++) {
             const int ring = ring_of(level, row, col);
             if (ring < 1 || ring >= HADA_REGISTER_RINGS - 1)
@@ -221,6 +220,7 @@ static hada_status list_bins(hada_register_level *level, hada_error *err)
             at[2] = (short)ring;
             level->ring_bins[ring]++;
         }
+done:
     return status;
 }
 
@@ -230,10 +230,10 @@ static hada_status take_frames(hada_register_level *level, hada_error *err)
     const size_t count = (size_t)level->set->count;
     const double others =
         is_centred(level) ? 1.0 - 1.0 / (double)count : 1.0; /* the mean leaves the pair out as well */
-    hada_status status = transform(level, level->set->raws, as_it_is, 0, 0, err);
-    if (!status)
-        status = hada_alloc_raw((void **)&level->b, 2 * count * (size_t)level->bins, sizeof(float), "spectra", err);
-    for (int k = 0; !status && k < level->bins; k++) {
+    hada_status status = HADA_OK;
+    HADA_TRY(transform(level, level->set->raws, as_it_is, 0, 0, err));
+    HADA_TRY(hada_alloc_raw((void **)&level->b, 2 * count * (size_t)level->bins, sizeof(float), "spectra", err));
+    for (int k = 0; k < level->bins; k++) {
         const short *at = level->at + 3 * k;
         float *b = level->b + 2 * count * (size_t)k;
         memcpy(b, level->x + place(level, at[0], at[1]), 2 * count * sizeof *b);
@@ -242,6 +242,7 @@ static hada_status take_frames(hada_register_level *level, hada_error *err)
         for (size_t i = 0; i < 2 * count; i++)
             level->frame_energy[at[2]] += (double)b[i] * b[i] / (others * others);
     }
+done:
     return status;
 }
 
@@ -250,15 +251,13 @@ hada_status hada_register_level_create(hada_register_level *level, const hada_re
 {
     const size_t area = (size_t)size * (size_t)size;
     *level = (hada_register_level){.set = set, .size = size, .pitch = (double)set->frame_side / size};
-    hada_status status = hada_register_fft_create(&level->fft, size, err);
-    if (!status)
-        status = hada_alloc_raw((void **)&level->work, 2 * area, sizeof(float), "a transform", err);
-    if (!status)
-        status = hada_alloc_raw((void **)&level->x, 2 * area * (size_t)set->count, sizeof(float), "spectra", err);
-    if (!status)
-        status = list_bins(level, err);
-    if (!status)
-        status = take_frames(level, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_register_fft_create(&level->fft, size, err));
+    HADA_TRY(hada_alloc_raw((void **)&level->work, 2 * area, sizeof(float), "a transform", err));
+    HADA_TRY(hada_alloc_raw((void **)&level->x, 2 * area * (size_t)set->count, sizeof(float), "spectra", err));
+    HADA_TRY(list_bins(level, err));
+    HADA_TRY(take_frames(level, err));
+done:
     if (status)
         hada_register_level_destroy(level);
     return status;
@@ -279,18 +278,20 @@ hada_status hada_register_level_take(hada_register_level *level, const hada_regi
     double matrix[2][2], inverse[2][2];
     hada_register_matrix(registration, matrix);
     hada_register_invert(matrix, inverse);
-    hada_status status = transform(level, level->set->scenes, inverse, registration->offset_row / level->pitch,
-                                   registration->offset_col / level->pitch, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(transform(level, level->set->scenes, inverse, registration->offset_row / level->pitch,
+                       registration->offset_col / level->pitch, err));
     const size_t values = 2 * (size_t)level->set->count, area = (size_t)level->size * (size_t)level->size;
-    for (size_t k = 0; !status && is_centred(level) && k < area; k++)
+    for (size_t k = 0; is_centred(level) && k < area; k++)
         centre(level->x + values * k, level->set->count);
     memset(level->scene_energy, 0, sizeof level->scene_energy);
-    for (int k = 0; !status && k < level->bins; k++) {
+    for (int k = 0; k < level->bins; k++) {
         const short *at = level->at + 3 * k;
         const float *x = level->x + place(level, at[0], at[1]);
         for (size_t i = 0; i < values; i++)
             level->scene_energy[at[2]] += (double)x[i] * x[i];
     }
+done:
     return status;
 }
 

@@ -10,7 +10,7 @@
 hada_status hada_register_psf(hada_image *psf, double *pitch, const hada_image *raws, const hada_image *scenes,
                               int count, const hada_registration *callers, hada_error *err)
 {
-    hada_register_set set;
+    hada_register_set set = {0};
     hada_register_level level = {0};
     hada_registration own, *registration = &own;
     hada_registration_init(registration);
@@ -20,21 +20,16 @@ hada_status hada_register_psf(hada_image *psf, double *pitch, const hada_image *
     if (!psf || !pitch || !callers || !(registration->magnification > 0.0))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_register_psf: an argument is missing or not possible");
     *psf = (hada_image){0};
-    status = hada_register_set_create(&set, raws, scenes, count, err);
-    if (status)
-        return status;
+    HADA_TRY(hada_register_set_create(&set, raws, scenes, count, err));
     int size = HADA_REGISTER_COARSE;
     while (size < HADA_REGISTER_FINEST && 2 * size <= 1.2 * set.frame_side)
         size *= 2;
-    status = hada_register_level_create(&level, &set, size, err);
-    if (!status)
-        status = hada_register_level_take(&level, registration, err);
-    if (!status)
-        status = hada_image_create(psf, 1, size - 1, size - 1, err);
-    if (!status) {
-        hada_register_level_psf(&level, psf->data);
-        *pitch = level.pitch;
-    }
+    HADA_TRY(hada_register_level_create(&level, &set, size, err));
+    HADA_TRY(hada_register_level_take(&level, registration, err));
+    HADA_TRY(hada_image_create(psf, 1, size - 1, size - 1, err));
+    hada_register_level_psf(&level, psf->data);
+    *pitch = level.pitch;
+done:
     hada_register_level_destroy(&level);
     hada_register_set_destroy(&set);
     return status;
@@ -109,34 +104,33 @@ static hada_status find(match *m, peak *best, hada_error *err)
     const double widest = log(2.5), step = 2.0 * widest / SCALES, golden = 0.5 * (sqrt(5.0) - 1.0);
     hada_status status = HADA_OK;
     best->likeness = -1.0;
-    for (int i = 0; !status && i <= SCALES; i++) {
+    for (int i = 0; i <= SCALES; i++) {
         peak at = {.log_scale = step * i - widest};
-        status = correlate(m, &at, err);
-        if (!status && at.likeness > best->likeness)
+        HADA_TRY(correlate(m, &at, err));
+        if (at.likeness > best->likeness)
             *best = at;
     }
     double low = best->log_scale - step, high = best->log_scale + step;
     peak a = {.log_scale = high - golden * (high - low)}, b = {.log_scale = low + golden * (high - low)};
-    if (!status)
-        status = correlate(m, &a, err);
-    if (!status)
-        status = correlate(m, &b, err);
-    for (int i = 0; !status && i < SECTIONS; i++) {
+    HADA_TRY(correlate(m, &a, err));
+    HADA_TRY(correlate(m, &b, err));
+    for (int i = 0; i < SECTIONS; i++) {
         if (a.likeness > b.likeness) {
             high = b.log_scale;
             b = a;
             a.log_scale = high - golden * (high - low);
-            status = correlate(m, &a, err);
+            HADA_TRY(correlate(m, &a, err));
         } else {
             low = a.log_scale;
             a = b;
             b.log_scale = low + golden * (high - low);
-            status = correlate(m, &b, err);
+            HADA_TRY(correlate(m, &b, err));
         }
     }
     const peak *finest = a.likeness > b.likeness ? &a : &b;
     if (finest->likeness > best->likeness)
         *best = *finest;
+done:
     return status;
 }
 
@@ -166,23 +160,20 @@ hada_status hada_register_offset(const hada_image *psf, const hada_image *other,
     int n = 2;
     while (n < 2 * psf->rows)
         n *= 2;
-    hada_status status = hada_register_fft_create(&m.fft, n, err);
-    if (!status)
-        status = hada_register_plane_create(&m.plane, psf->data, psf->rows, psf->cols, err);
-    if (!status)
-        status = hada_alloc((void **)&m.work, 2 * (size_t)n * (size_t)n, sizeof(float), "a transform", err);
-    if (!status)
-        status = hada_alloc((void **)&m.other, 2 * (size_t)n * (size_t)n, sizeof(float), "a transform", err);
-    if (!status) {
-        put(other, m.other, n);
-        m.other_energy = energy_of(m.other, (size_t)n * (size_t)n);
-        hada_register_fft_run(&m.fft, m.other);
-        status = find(&m, &best, err);
-    }
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_register_fft_create(&m.fft, n, err));
+    HADA_TRY(hada_register_plane_create(&m.plane, psf->data, psf->rows, psf->cols, err));
+    HADA_TRY(hada_alloc((void **)&m.work, 2 * (size_t)n * (size_t)n, sizeof(float), "a transform", err));
+    HADA_TRY(hada_alloc((void **)&m.other, 2 * (size_t)n * (size_t)n, sizeof(float), "a transform", err));
+    put(other, m.other, n);
+    m.other_energy = energy_of(m.other, (size_t)n * (size_t)n);
+    hada_register_fft_run(&m.fft, m.other);
+    HADA_TRY(find(&m, &best, err));
     *scale = exp(best.log_scale);
     *row = best.row * pitch;
     *col = best.col * pitch;
     *likeness = best.likeness > 0.0 ? best.likeness : 0.0;
+done:
     free(m.work);
     free(m.other);
     hada_register_plane_destroy(&m.plane);

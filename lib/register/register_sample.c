@@ -24,14 +24,12 @@ hada_status hada_register_plane_create(hada_register_plane *plane, const float *
 {
     *plane = (hada_register_plane){0};
     hada_status status = HADA_OK;
-    for (int k = 0; !status && k < HADA_REGISTER_HALVINGS && (!k || rows > 4 || cols > 4); k++) {
+    for (int k = 0; k < HADA_REGISTER_HALVINGS && (!k || rows > 4 || cols > 4); k++) {
         if (k) {
             rows = (rows + 1) / 2;
             cols = (cols + 1) / 2;
         }
-        status = hada_alloc_raw((void **)&plane->data[k], (size_t)rows * (size_t)cols, sizeof(float), "a copy", err);
-        if (status)
-            break;
+        HADA_TRY(hada_alloc_raw((void **)&plane->data[k], (size_t)rows * (size_t)cols, sizeof(float), "a copy", err));
         plane->rows[k] = rows;
         plane->cols[k] = cols;
         plane->levels = k + 1;
@@ -40,6 +38,7 @@ hada_status hada_register_plane_create(hada_register_plane *plane, const float *
         else
             memcpy(plane->data[0], data, (size_t)rows * (size_t)cols * sizeof(float));
     }
+done:
     if (status)
         hada_register_plane_destroy(plane);
     return status;

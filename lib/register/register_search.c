@@ -26,9 +26,10 @@ static hada_status evaluate(const search *where, corner *at, hada_error *err)
     }
     one.magnification = exp(at->log_scale);
     one.rotation_deg = at->turn / RADIANS;
-    hada_status status = hada_register_level_take(level, &one, err);
-    if (!status)
-        at->score = hada_register_level_score(level, 0, 0);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_register_level_take(level, &one, err));
+    at->score = hada_register_level_score(level, 0, 0);
+done:
     return status;
 }
 
@@ -50,6 +51,36 @@ static corner beyond(const corner c[3], double by)
     return (corner){s + by * (s - c[2].log_scale), t + by * (t - c[2].turn), 0.0};
 }
 
+/* A step of the downhill simplex (J. A. Nelder, R. Mead, Computer Journal 7, 308, 1965): c[0] is the best corner, c[2]
+ * the worst. */
+static hada_status move(const search *where, corner c[3], hada_error *err)
+{
+    hada_status status = HADA_OK;
+    corner reflected = beyond(c, 1.0), other;
+    HADA_TRY(evaluate(where, &reflected, err));
+    if (reflected.score < c[0].score) {
+        other = beyond(c, 2.0); /* expansion */
+        HADA_TRY(evaluate(where, &other, err));
+        c[2] = other.score < reflected.score ? other : reflected;
+    } else if (reflected.score < c[1].score) {
+        c[2] = reflected;
+    } else {
+        other = beyond(c, reflected.score < c[2].score ? 0.5 : -0.5); /* contraction, outside or inside */
+        HADA_TRY(evaluate(where, &other, err));
+        if (other.score < fmin(reflected.score, c[2].score)) {
+            c[2] = other;
+        } else {
+            for (int i = 1; i < 3; i++) { /* shrinking towards the best */
+                c[i].log_scale = 0.5 * (c[i].log_scale + c[0].log_scale);
+                c[i].turn = 0.5 * (c[i].turn + c[0].turn);
+                HADA_TRY(evaluate(where, &c[i], err));
+            }
+        }
+    }
+done:
+    return status;
+}
+
 hada_status hada_register_refine(hada_register_level *level, const hada_register_options *options, double step,
                                  hada_registration *at, double *score, hada_error *err)
 {
@@ -62,40 +93,21 @@ hada_status hada_register_refine(hada_register_level *level, const hada_register
     const double scale = log(at->magnification), turn = at->rotation_deg * RADIANS;
     corner c[3] = {{scale, turn, 0}, {scale + step, turn + 0.3 * step, 0}, {scale - 0.3 * step, turn + step, 0}};
     hada_status status = HADA_OK;
-    for (int i = 0; !status && i < 3; i++)
-        status = evaluate(&where, &c[i], err);
-    for (int k = 0; !status && k < MOST_STEPS; k++) {
+    for (int i = 0; i < 3; i++)
+        HADA_TRY(evaluate(&where, &c[i], err));
+    for (int k = 0; k < MOST_STEPS; k++) {
         order(c);
         if (fabs(c[2].log_scale - c[0].log_scale) + fabs(c[2].turn - c[0].turn) +
                 fabs(c[1].log_scale - c[0].log_scale) + fabs(c[1].turn - c[0].turn) <
             0.02 * step)
             break;
-        corner next = beyond(c, 1.0), other;
-        status = evaluate(&where, &next, err);
-        if (!status && next.score < c[0].score) {
-            other = beyond(c, 2.0);
-            status = evaluate(&where, &other, err);
-            c[2] = !status && other.score < next.score ? other : next;
-        } else if (!status && next.score < c[1].score) {
-            c[2] = next;
-        } else if (!status) {
-            other = beyond(c, next.score < c[2].score ? 0.5 : -0.5);
-            status = evaluate(&where, &other, err);
-            if (!status && other.score < (next.score < c[2].score ? next.score : c[2].score)) {
-                c[2] = other;
-            } else {
-                for (int i = 1; !status && i < 3; i++) {
-                    c[i].log_scale = 0.5 * (c[i].log_scale + c[0].log_scale);
-                    c[i].turn = 0.5 * (c[i].turn + c[0].turn);
-                    status = evaluate(&where, &c[i], err);
-                }
-            }
-        }
+        HADA_TRY(move(&where, c, err));
     }
     order(c);
     at->magnification = exp(c[0].log_scale);
     at->rotation_deg = c[0].turn / RADIANS;
     *score = c[0].score;
+done:
     return status;
 }
 
@@ -110,13 +122,13 @@ hada_status hada_register_scan(hada_register_level *level, const hada_register_o
         best[o] = (hada_registration){.mirrored = o / 4, .quarter_turns = o % 4, .magnification = exp(from)};
         scores[o] = 1.0;
     }
-    for (int i = 0; !status && i < scales; i++)
-        for (int k = -turns; !status && k <= turns; k++) {
+    for (int i = 0; i < scales; i++)
+        for (int k = -turns; k <= turns; k++) {
             const hada_registration at = {.magnification =
                                               exp(from + (scales > 1 ? (to - from) * i / (scales - 1) : 0.0)),
                                           .rotation_deg = turns ? options->most_rotation_deg * k / turns : 0.0};
-            status = hada_register_level_take(level, &at, err);
-            for (int o = 0; !status && o < 8; o++) {
+            HADA_TRY(hada_register_level_take(level, &at, err));
+            for (int o = 0; o < 8; o++) {
                 const double score = hada_register_level_score(level, o % 4, o / 4);
                 if (score >= scores[o])
                     continue;
@@ -125,5 +137,6 @@ hada_status hada_register_scan(hada_register_level *level, const hada_register_o
                 best[o].rotation_deg = o / 4 ? -at.rotation_deg : at.rotation_deg;
             }
         }
+done:
     return status;
 }

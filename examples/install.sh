@@ -1,9 +1,8 @@
-# Installs what is missing, from Debian or Ubuntu. To be sourced: hadalens_install [tests]
+# Installs what is missing, from Debian or Ubuntu. To be sourced: hadalens_install [tests|oracle]
 # What is there already is left alone; with nothing missing, nothing is asked.
 hadalens_install() {
     local packages="gcc libc6-dev cmake ninja-build pkg-config python3 ocl-icd-opencl-dev libclfft-dev libtiff-dev
-        libcairo2-dev
-        libjansson-dev libxxhash-dev libpopt-dev"
+        libcairo2-dev libjansson-dev libxxhash-dev libpopt-dev"
     local missing="" package root=""
     if ! command -v dpkg-query >/dev/null; then
         echo "This is not Debian or Ubuntu: docs/dependencies.md lists what has to be installed."
@@ -11,10 +10,12 @@ hadalens_install() {
     fi
     # any OpenCL driver serves; without one, PoCL runs on the CPU
     ls /etc/OpenCL/vendors/*.icd >/dev/null 2>&1 || packages="$packages pocl-opencl-icd"
-    # the tests run on PoCL whatever else is there; the C++ compiler reads the public headers; Python and its libraries
-    # check the references and the files independently
-    [ "${1:-}" != tests ] || packages="$packages pocl-opencl-icd libcmocka-dev g++ python3-numpy python3-scipy
-        python3-tifffile"
+    case ${1:-} in
+    # the tests run on PoCL whatever else is there; the C++ compiler reads the public headers
+    tests) packages="$packages pocl-opencl-icd libcmocka-dev g++" ;;
+    # independent software that checks results and files (tests/oracle/environment.sh)
+    oracle) packages="python3-venv python3-numpy python3-scipy python3-skimage python3-tifffile python3-torch" ;;
+    esac
     for package in $packages; do
         dpkg-query -W -f '${Status}' "$package" 2>/dev/null | grep -q 'install ok installed' || missing="$missing $package"
     done

@@ -1,5 +1,5 @@
 """The references of the classic methods against other software: scikit-image (Richardson-Lucy, Wiener), SciPy's solvers
-and dense matrices, and the iterations of LenslessPiCam in NumPy. Usage: classic_oracle.py CLASSIC_ORACLE"""
+and dense matrices, and the iterations of LenslessPiCam in NumPy. Usage: oracle_classic.py ORACLE_CLASSIC"""
 import sys
 
 try:
@@ -22,7 +22,7 @@ def run(method, psfs, image, frame=None, support=None, iterations=10, prior="non
     whole = (0, 0, rows, cols)
     words = ["run", METHODS[method], rows, cols, depths, int(frame is not None), *(frame or whole), *(support or whole),
              iterations, PRIORS[prior], weight, step, inner, levels, accelerate, flat, floor, seen, *mu, lam]
-    return call(words, np.fft.rfft2(psfs).view(np.float64), image.astype(np.float64)).reshape(psfs.shape)
+    return call(words, np.fft.rfft2(psfs), image).reshape(psfs.shape)
 
 
 def compare(name, got, expected, tolerance):

@@ -1,9 +1,9 @@
 /* Nets run here, for comparison with PyTorch: files of tensors in, files of tensors out.
  *
- *     net_oracle make KIND CHANNELS NET      a net with random weights: paper, compact, discriminator, patch, vgg16, or
- * a U-net's "DOWN/UP[/linear|nearest|transposed[/norm]]" net_oracle vgg16 FILE NET              VGG-16 with the weights
- * of torchvision's file net_oracle forward NET IN OUT          x of IN [images][channels][rows][cols] -> y of OUT
- *     net_oracle backward NET IN OUT [again] x and dy of IN -> y, dx, and "grad." + each parameter of OUT, and the
+ *     oracle_net make KIND CHANNELS NET      a net with random weights: paper, compact, discriminator, patch, vgg16, or
+ * a U-net's "DOWN/UP[/linear|nearest|transposed[/norm]]" oracle_net vgg16 FILE NET              VGG-16 with the weights
+ * of torchvision's file oracle_net forward NET IN OUT          x of IN [images][channels][rows][cols] -> y of OUT
+ *     oracle_net backward NET IN OUT [again] x and dy of IN -> y, dx, and "grad." + each parameter of OUT, and the
  *                                            running statistics by their names; "again": with recomputation */
 #include <stdio.h>
 #include <stdlib.h>
@@ -19,7 +19,7 @@ static void must(hada_status status)
 {
     if (!status)
         return;
-    fprintf(stderr, "net_oracle: %s: %s\n%s\n", hada_status_name(status), err.message, err.detail);
+    fprintf(stderr, "oracle_net: %s: %s\n%s\n", hada_status_name(status), err.message, err.detail);
     exit(1);
 }
 

@@ -1,5 +1,5 @@
 """Nets against PyTorch: weights written here load there and the other way round; outputs, gradients of weights and
-input, and running statistics agree. Argument: the program net_oracle."""
+input, and running statistics agree. Argument: the program oracle_net."""
 import os
 import subprocess
 import sys

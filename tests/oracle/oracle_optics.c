@@ -1,12 +1,12 @@
 /* Runs a reference of ref_optics.h on raw doubles from standard input and writes its results as raw doubles to standard
  * output, for oracle_optics.py, which computes the same with NumPy and SciPy.
- *   optics_oracle fresnel N STEP X Y LAMBDA Z D POINTS      field, points
- *   optics_oracle pixel N STEP X Y LAMBDA Z D WIDTH PARTS POINTS   field, points
- *   optics_oracle pupil X Y PLANES N PITCH STEP RADIUS APERTURE    phase, planes
- *   optics_oracle spot PIXELS SAMPLES                       spectra a and b, columns in blocks of 8
- *   optics_oracle mask COUNT WAVES                          path, open
- *   optics_oracle travel ROWS BLOCKS                        spectra, across, down
- *   optics_oracle sensor ROWS COLS ROW COL WIDTH PIXEL_ROWS PIXEL_COLS   real and imaginary part */
+ *   oracle_optics fresnel N STEP X Y LAMBDA Z D POINTS      field, points
+ *   oracle_optics pixel N STEP X Y LAMBDA Z D WIDTH PARTS POINTS   field, points
+ *   oracle_optics pupil X Y PLANES N PITCH STEP RADIUS APERTURE    phase, planes
+ *   oracle_optics spot PIXELS SAMPLES                       spectra a and b, columns in blocks of 8
+ *   oracle_optics mask COUNT WAVES                          path, open
+ *   oracle_optics travel ROWS BLOCKS                        spectra, across, down
+ *   oracle_optics sensor ROWS COLS ROW COL WIDTH PIXEL_ROWS PIXEL_COLS   real and imaginary part */
 #include <string.h>
 
 #include "oracle_words.h"
@@ -116,7 +116,7 @@ int main(int count, char **arguments)
     else if (!strcmp(what, "sensor"))
         sensor();
     else {
-        fprintf(stderr, "optics_oracle: see the head of optics_oracle.c\n");
+        fprintf(stderr, "oracle_optics: see the head of oracle_optics.c\n");
         return 2;
     }
     return 0;

@@ -1,4 +1,4 @@
-"""The references of wave optics against NumPy and SciPy, by formulas of their own. Usage: oracle_optics.py OPTICS_ORACLE"""
+"""The references of wave optics against NumPy and SciPy, by formulas of their own. Usage: oracle_optics.py ORACLE_OPTICS"""
 import sys
 
 try:

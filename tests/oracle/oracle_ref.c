@@ -1,17 +1,17 @@
 /* Runs a reference of tests/ref on raw doubles from standard input and writes its results as raw doubles to standard
- * output, for ref_oracle.py, which computes the same with NumPy and SciPy.
- *   ref_oracle forward|inverse ROWS COLS
- *   ref_oracle convolve ROWS COLS            scene, psf
- *   ref_oracle convolve_crop ROWS COLS PSF_ROWS PSF_COLS
- *   ref_oracle hadamard SPLIT (ten numbers of hada_ref_grid)      raw frame, filter
- *   ref_oracle fit COUNT PAIRS SPLIT ALPHA RIDGE LEAST   spectra x and b pair by pair, other (2 x count), weights
- *   ref_oracle score SPLIT ALPHA RIDGE (ten numbers of hada_ref_grid)   x, b, sums, other, seen, weights
- *   ref_oracle refine ROWS COLS WINDOW(4) PADDED FRAME(4) DEPTHS STEPS RHO RELAXATION MU   otf, prior, image
- *   ref_oracle variation CHANNELS ROWS COLS THETA LENGTH STEPS   planes; gives planes, duals
- *   ref_oracle focus MEASURE SUM SIGMA CHANNELS ROWS COLS DEPTHS    planes
- *   ref_oracle crop IN_ROWS IN_COLS CHANNELS ROWS COLS PARTS FACTOR TAPERS INVERT
- *   ref_oracle train SPLIT (ten numbers of hada_ref_grid)   raw frame, filter, gradient of the window
- *   ref_oracle product PRODUCT ROWS COLS BAND_ROWS BAND_COLS   spectrum, filter */
+ * output, for oracle_ref.py, which computes the same with NumPy and SciPy.
+ *   oracle_ref forward|inverse ROWS COLS
+ *   oracle_ref convolve ROWS COLS            scene, psf
+ *   oracle_ref convolve_crop ROWS COLS PSF_ROWS PSF_COLS
+ *   oracle_ref hadamard SPLIT (ten numbers of hada_ref_grid)      raw frame, filter
+ *   oracle_ref fit COUNT PAIRS SPLIT ALPHA RIDGE LEAST   spectra x and b pair by pair, other (2 x count), weights
+ *   oracle_ref score SPLIT ALPHA RIDGE (ten numbers of hada_ref_grid)   x, b, sums, other, seen, weights
+ *   oracle_ref refine ROWS COLS WINDOW(4) PADDED FRAME(4) DEPTHS STEPS RHO RELAXATION MU   otf, prior, image
+ *   oracle_ref variation CHANNELS ROWS COLS THETA LENGTH STEPS   planes; gives planes, duals
+ *   oracle_ref focus MEASURE SUM SIGMA CHANNELS ROWS COLS DEPTHS    planes
+ *   oracle_ref crop IN_ROWS IN_COLS CHANNELS ROWS COLS PARTS FACTOR TAPERS INVERT
+ *   oracle_ref train SPLIT (ten numbers of hada_ref_grid)   raw frame, filter, gradient of the window
+ *   oracle_ref product PRODUCT ROWS COLS BAND_ROWS BAND_COLS   spectrum, filter */
 #include <string.h>
 
 #include "oracle_words.h"
@@ -279,6 +279,6 @@ int main(int count, char **arguments)
     else if (!strcmp(what, "product"))
         product();
     else
-        quit("see the head of ref_oracle.c");
+        quit("see the head of oracle_ref.c");
     return 0;
 }

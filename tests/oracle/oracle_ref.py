@@ -1,4 +1,4 @@
-"""The references of lib/ref against NumPy and SciPy, by formulas of their own. Usage: ref_oracle.py REF_ORACLE"""
+"""The references of tests/ref against NumPy and SciPy, by formulas of their own. Usage: oracle_ref.py ORACLE_REF"""
 import sys
 
 try:

@@ -1,13 +1,32 @@
 #!/usr/bin/env bash
-# Builds and runs all tests on a fresh Debian or Ubuntu machine, installing what is missing.
-#   tests/run.sh [asan|tsan|debug|release] [further arguments for ctest]
+# Builds and runs tests on a fresh Debian or Ubuntu machine, installing what is missing.
+#   tests/run.sh [all|quick|full|oracle|stress] [release|debug|asan|tsan|clang] [further arguments for ctest]
+# quick: within two minutes on two cores, once kernels are compiled. oracle: against PyTorch, SciPy and others, in a
+# Python environment that is made in build/oracle. all, the default: everything; oracles are skipped where their
+# environment cannot be made. README.md tells the tiers.
 set -euo pipefail
 cd "$(dirname "$0")/.."
-preset=${1:-release}
-[ $# -gt 0 ] && shift
+tier=all
+preset=release
+while [ $# -gt 0 ]; do
+    case $1 in
+    all | quick | full | oracle | stress) tier=$1 ;;
+    release | debug | asan | tsan | clang) preset=$1 ;;
+    *) break ;;
+    esac
+    shift
+done
+
 source examples/install.sh
 hadalens_install tests
+case $tier in
+oracle) tests/oracle/environment.sh build/oracle ;;
+all) tests/oracle/environment.sh build/oracle || echo "Without their environment, oracles are skipped." ;;
+esac
 cmake --preset "$preset" -DHADALENS_TESTS=ON -DHADALENS_WERROR=ON >/dev/null
 cmake --build "build/$preset"
-# one test at a time on small machines: the kernels use all cores themselves
-ctest --test-dir "build/$preset" --output-on-failure --no-tests=error -j "$(( ($(nproc) + 3) / 4 ))" "$@"
+
+label=()
+[ "$tier" = all ] || label=(-L "^$tier\$")
+# tests that measure run alone; kernels use all cores themselves, compiling them does not
+ctest --test-dir "build/$preset" --output-on-failure --no-tests=error -j "$(((($(nproc) + 1) / 2) + 1))" "${label[@]}" "$@"

@@ -1,6 +1,6 @@
 /* The check tool: see check.h and README.md.
- *   check [--op NAME] [--shape TEXT] [--mode correct|bits|time|compile] [--device D] [--seed N] [--largest N]
- *         [--shapes FOLDER] [--csv] [--list-kernels]  */
+ *   check [--op NAME] [--shape TEXT] [--mode MODE] [--device D] [--seed N] [--largest N] [--shapes FOLDER]
+ *         [--cover FOLDER] [--csv] [--list-kernels]       MODE: correct, bits, both, time, compile or cover */
 #include "check.h"
 
 #include <ctype.h>
@@ -17,7 +17,7 @@ enum { GUARD = 256 };
 static const float guard_value = -12345.0f;
 
 typedef struct settings {
-    const char *op, *shape, *mode, *device, *folder;
+    const char *op, *shape, *mode, *device, *folder, *cover;
     uint64_t seed;
     int csv, list, largest; /* largest: 0 all, else shapes with a larger number are left out */
 } settings;
@@ -257,6 +257,12 @@ static verdict run_case(hada_slot *slot, const check_op *op, const char *shape, 
         result = check_time(&state, note, sizeof note, how, &error);
     else
         result = check_correct(&state, all, note, sizeof note, &error);
+    if (result == PASSED && !strcmp(how->mode, "both")) {
+        char bits[sizeof note];
+        result = check_bits(&state, all, bits, sizeof bits, &error);
+        if (result == FAILED)
+            snprintf(note, sizeof note, "%s", bits);
+    }
     clFinish(slot->queue);
     op->release(&state);
     for (int i = 0; i < state.regions; i++)
@@ -340,9 +346,11 @@ int main(int count, char **words)
             how.largest = atoi(value);
         else if (!strcmp(words[i], "--shapes"))
             how.folder = value;
+        else if (!strcmp(words[i], "--cover"))
+            how.cover = value;
         else {
-            printf("check [--op NAME] [--shape TEXT] [--mode correct|bits|time|compile] [--device D] [--seed N] "
-                   "[--largest N] [--shapes FOLDER] [--csv] [--list-kernels]\n");
+            printf("check [--op NAME] [--shape TEXT] [--mode correct|bits|both|time|compile|cover] [--device D] "
+                   "[--seed N] [--largest N] [--shapes FOLDER] [--cover FOLDER] [--csv] [--list-kernels]\n");
             for (size_t o = 0; o < check_op_count; o++)
                 printf("  %-16s %s\n", check_ops[o]->name, check_ops[o]->help);
             return strcmp(words[i], "--help") ? 2 : 0;
@@ -365,11 +373,21 @@ int main(int count, char **words)
         printf("operation,shape,median_ms,fastest_ms,gb_per_s,gflop_per_s,runs\n");
     else
         printf("device %d: %s\n", context->info.index, context->info.name);
+    const int single = !strcmp(how.mode, "compile") || !strcmp(how.mode, "cover");
     if (!strcmp(how.mode, "compile")) {
         counts[FAILED] = check_compile(slot);
         counts[PASSED] = found = 1;
+    } else if (single) {
+        int partial = 0;
+        found = 1;
+        if (check_cover_load(how.cover ? how.cover : ".", words[0], &partial))
+            counts[SKIPPED] = 1;
+        else
+            counts[FAILED] = check_cover_report(slot, how.list, partial);
+        counts[PASSED] = !counts[SKIPPED] && !counts[FAILED];
+        check_cover_forget();
     }
-    for (size_t o = 0; o < check_op_count && strcmp(how.mode, "compile"); o++) {
+    for (size_t o = 0; o < check_op_count && !single; o++) {
         if (how.op && strcmp(how.op, check_ops[o]->name))
             continue;
         found = 1;
@@ -378,8 +396,10 @@ int main(int count, char **words)
         else
             run_file(slot, check_ops[o], &how, counts);
     }
+    if (how.cover && how.op && !how.shape && !how.largest)
+        counts[FAILED] += check_cover_save(slot, how.cover, how.op, counts[SKIPPED] > 0);
     /* a run of everything must have launched everything, unless the device cannot */
-    if (how.list || (!how.op && !how.shape && !how.largest && !strcmp(how.mode, "correct")))
+    if ((how.list && !single) || (!how.op && !how.shape && !how.largest && !strcmp(how.mode, "correct")))
         counts[FAILED] += check_cover_report(slot, how.list, counts[SKIPPED] > 0);
     hada_slot_destroy(&slot);
     if (hada_context_bytes(context)) {
@@ -394,5 +414,7 @@ int main(int count, char **words)
     }
     if (!how.csv)
         printf("%d passed, %d failed, %d skipped\n", counts[PASSED], counts[FAILED], counts[SKIPPED]);
+    if (!strcmp(how.mode, "cover") && counts[SKIPPED])
+        return 77; /* ctest: skipped */
     return counts[FAILED] || !(counts[PASSED] + counts[SKIPPED]);
 }

@@ -81,6 +81,13 @@ void check_fill_normal(const check_state *state, uint64_t stream, float *out, si
  * failure. */
 int check_cover_report(const hada_slot *slot, int list, int partial);
 
+/* The same over runs of single operations: each run saves what it launched in FOLDER/<op>.txt (returns 1 where it
+ * cannot be written). Loading them all before check_cover_report() returns how many operations have not run since
+ * `program` was built. */
+int check_cover_save(const hada_slot *slot, const char *folder, const char *op, int partial);
+int check_cover_load(const char *folder, const char *program, int *partial);
+void check_cover_forget(void);
+
 /* Each kernel file compiles alone, has the kernels that its text names and stands in the manifest; returns the number
  * of files that don't. */
 int check_compile(hada_slot *slot);

@@ -1,7 +1,9 @@
 /* Which kernels the operations launched, seen where every launch passes: the linker sends clEnqueueNDRangeKernel here
  * (see CMakeLists.txt). And whether every kernel file stands by itself. */
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 
 #include "check.h"
 #include "runtime/launch.h"
@@ -13,6 +15,11 @@ static struct {
     char name[NAME];
 } launched[MAX_LAUNCHED];
 static int launched_count;
+
+/* What the runs of single operations left in files: lines of "kernel NAME" and "program FILE MACROS". */
+enum { LINE = 512 };
+static char (*noted)[LINE];
+static size_t noted_count;
 
 cl_int __real_clEnqueueNDRangeKernel(cl_command_queue queue, cl_kernel kernel, cl_uint dimensions, const size_t *offset,
                                      const size_t *global, const size_t *local, cl_uint waits, const cl_event *wait,
@@ -38,12 +45,22 @@ cl_int __wrap_clEnqueueNDRangeKernel(cl_command_queue queue, cl_kernel kernel, c
     return __real_clEnqueueNDRangeKernel(queue, kernel, dimensions, offset, global, local, waits, wait, event);
 }
 
+static int was_noted(const char *kind, const char *first, const char *second)
+{
+    char line[LINE];
+    snprintf(line, sizeof line, "%s %s %s", kind, first, second);
+    for (size_t i = 0; i < noted_count; i++)
+        if (!strcmp(noted[i], line))
+            return 1;
+    return 0;
+}
+
 static int ran(const char *name)
 {
     for (int i = 0; i < launched_count; i++)
         if (!strcmp(launched[i].name, name))
             return 1;
-    return 0;
+    return was_noted("kernel", name, "");
 }
 
 static int launched_object(cl_kernel object)
@@ -66,7 +83,70 @@ static int program_ran(const hada_slot *slot, const hada_kernel_file *file, int 
         if (!strcmp(entry->file, file->name) && !strcmp(entry->options, file->programs[program].macros) &&
             launched_object(entry->kernel))
             return 1;
+    return was_noted("program", file->name, file->programs[program].macros);
+}
+
+int check_cover_save(const hada_slot *slot, const char *folder, const char *op, int partial)
+{
+    char path[1024];
+    snprintf(path, sizeof path, "%s/%s.txt", folder, op);
+    FILE *out = fopen(path, "w");
+    if (out) {
+        if (partial)
+            fputs("partial\n", out);
+        for (int i = 0; i < launched_count; i++)
+            fprintf(out, "kernel %s \n", launched[i].name);
+        for (int f = 0; f < hada_kernel_file_count; f++)
+            for (int i = 0; i < hada_kernel_files[f]->program_count; i++)
+                if (program_ran(slot, hada_kernel_files[f], i))
+                    fprintf(out, "program %s %s\n", hada_kernel_files[f]->name,
+                            hada_kernel_files[f]->programs[i].macros);
+    }
+    if (!out || fclose(out)) {
+        printf("FAILED  %s cannot be written\n", path);
+        return 1;
+    }
     return 0;
+}
+
+static int read_lines(FILE *file, int *partial)
+{
+    char line[LINE] = "";
+    while (fgets(line, sizeof line, file)) {
+        line[strcspn(line, "\n")] = '\0';
+        *partial |= !strcmp(line, "partial");
+        void *more = realloc(noted, (noted_count + 1) * sizeof *noted);
+        if (!more)
+            return 1;
+        noted = more;
+        memcpy(noted[noted_count++], line, sizeof line);
+    }
+    return 0;
+}
+
+int check_cover_load(const char *folder, const char *program, int *partial)
+{
+    struct stat built = {0}, left;
+    int missing = stat(program, &built) != 0;
+    for (size_t o = 0; o < check_op_count; o++) {
+        char path[1024];
+        snprintf(path, sizeof path, "%s/%s.txt", folder, check_ops[o]->name);
+        FILE *file = fopen(path, "r");
+        if (!file || fstat(fileno(file), &left) || left.st_mtime < built.st_mtime || read_lines(file, partial)) {
+            printf("%s has not run since this program was built\n", check_ops[o]->name);
+            missing++;
+        }
+        if (file)
+            fclose(file);
+    }
+    return missing;
+}
+
+void check_cover_forget(void)
+{
+    free(noted);
+    noted = NULL;
+    noted_count = 0;
 }
 
 int check_cover_report(const hada_slot *slot, int list, int partial)

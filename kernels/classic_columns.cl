@@ -30,8 +30,7 @@ classic_columns(__global float *planes, int plane_row0, int plane_rows, __global
     const float sign = back ? -1.0f : 1.0f;
     const size_t image = (size_t)blocks * n * 16; /* floats of a transfer function */
     __global const float *h = otf + 2 * otf_offset + channel * image + block * (size_t)n * 16;
-    const fft_columns frame =
-        image_block(frames, (size_t)channel * blocks + block, frame_row0, frame_rows);
+    const fft_columns frame = image_block(frames, (size_t)channel * blocks + block, frame_row0, frame_rows);
     __local float8 *other = scratch + 2 * n;
 
     if (back && depths > 1)

@@ -4,11 +4,10 @@
 #include "inc_fft_product.h"
 
 __kernel void fft_group_cols(__global const float *in, ulong in_offset, ulong in_distance, int in_count, int first,
-                             __global const void *filter, ulong filter_offset, ulong filter_distance,
-                             int first_row, int rows_in, int last_row, __global float *out, ulong out_offset,
-                             ulong out_distance, int row0, int rows_out, int images, int tasks,
-                             __global const int *table, __global const float *floats, int width,
-                             FFT_MEM float2 *scratches)
+                             __global const void *filter, ulong filter_offset, ulong filter_distance, int first_row,
+                             int rows_in, int last_row, __global float *out, ulong out_offset, ulong out_distance,
+                             int row0, int rows_out, int images, int tasks, __global const int *table,
+                             __global const float *floats, int width, FFT_MEM float2 *scratches)
 {
     const int n = table[FFT_LENGTH], points = table[FFT_POINTS], chirped = table[FFT_CHIRP] != 0;
     const int parts = 8 / width;
@@ -30,17 +29,17 @@ __kernel void fft_group_cols(__global const float *in, ulong in_offset, ulong in
             (__global const filter_value *)filter +
             2 * (filter_offset + (ulong)image * filter_distance + (ulong)block * (ulong)n * 8 + part * width);
 #endif
-        FFT_SHARE(i, (chirped ? points * width : 0))
+        FFT_SHARE (i, (chirped ? points * width : 0))
             scratch[i] = (float2)0.0f;
         FFT_WAIT();
-        FFT_SHARE(i, n * width) {
+        FFT_SHARE (i, n * width) {
             const int y = i / width, w = i % width, row = source[y];
             float2 v = (float2)0.0f;
             if ((uint)(row - first_row) < (uint)rows_in || row >= last_row) {
                 v = vload2(0, p + 16 * (size_t)row + 2 * w);
 #if FFT_PRODUCT == 1
                 const float2 h = load_filter_value(f + 16 * (size_t)row + 2 * w);
-                v = fft_turned(v, h.x, h.y);
+                v = fft_twiddled(v, h.x, h.y);
 #elif FFT_PRODUCT == 2
                 v *= load_filter_value(f + 16 * (size_t)row + 2 * w);
 #endif
@@ -48,7 +47,7 @@ __kernel void fft_group_cols(__global const float *in, ulong in_offset, ulong in
             fft_put_in(scratch, width, w, place[y], y, v, chirped, chirp);
         }
         FFT_MEM const float2 *result = fft_transform(scratch, width, table, floats);
-        FFT_SHARE(i, rows_out * width) {
+        FFT_SHARE (i, rows_out * width) {
             const int y = row0 + i / width, w = i % width;
             vstore2(fft_take_out(result, width, w, place[y], y, chirped, chirp), 0,
                     q + 16 * (size_t)(i / width) + 2 * w);

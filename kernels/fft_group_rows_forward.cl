@@ -20,10 +20,10 @@ __kernel void fft_group_rows_forward(__global const float *in, ulong in_offset, 
     for (int task = get_group_id(0); task < tasks; task += get_num_groups(0)) {
         const int image = task / groups, first = task % groups * 2 * width, count = min(2 * width, rows_in - first);
         __global const float *p = in + in_offset + (ulong)image * in_distance + (ulong)first * in_pitch;
-        FFT_SHARE(i, (chirped ? points * width : 0))
+        FFT_SHARE (i, (chirped ? points * width : 0))
             scratch[i] = (float2)0.0f;
         FFT_WAIT();
-        FFT_SHARE(i, n * width) {
+        FFT_SHARE (i, n * width) {
             const int x = i % n, w = i / n, c = x - col0;
             float2 v = (float2)0.0f;
             if ((uint)c < (uint)cols_in) {
@@ -36,7 +36,7 @@ __kernel void fft_group_rows_forward(__global const float *in, ulong in_offset, 
         }
         FFT_MEM const float2 *result = fft_transform(scratch, width, table, floats);
         __global float *q = out + 2 * (out_offset + (ulong)image * out_distance + (ulong)(row0 + first) * 8);
-        FFT_SHARE(i, blocks * count * 8) {
+        FFT_SHARE (i, blocks * count * 8) {
             const int block = i / 8 / count, row = i / 8 % count, k = 8 * block + i % 8;
             const int w = row % width, mirror = k ? n - k : 0;
             float2 v = (float2)0.0f;

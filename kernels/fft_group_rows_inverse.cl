@@ -21,10 +21,10 @@ __kernel void fft_group_rows_inverse(__global const float *in, ulong in_offset, 
     for (int task = get_group_id(0); task < tasks; task += get_num_groups(0)) {
         const int image = task / groups, first = task % groups * 2 * width, count = min(2 * width, rows_in - first);
         __global const float *p = in + 2 * (in_offset + (ulong)image * in_distance + (ulong)first * 8);
-        FFT_SHARE(i, (chirped || band < n / 2 ? points * width : 0))
+        FFT_SHARE (i, (chirped || band < n / 2 ? points * width : 0))
             scratch[i] = (float2)0.0f;
         FFT_WAIT();
-        FFT_SHARE(i, blocks * width * 8) {
+        FFT_SHARE (i, blocks * width * 8) {
             const int block = i / 8 / width, w = i / 8 % width, k = 8 * block + i % 8;
             if (k <= band) {
                 __global const float *q = p + 2 * ((ulong)block * (ulong)rows_in * 8 + (ulong)(i % 8));
@@ -44,7 +44,7 @@ __kernel void fft_group_rows_inverse(__global const float *in, ulong in_offset, 
         }
         FFT_MEM const float2 *result = fft_transform(scratch, width, table, floats);
         __global float *q = out + out_offset + (ulong)image * out_distance + (ulong)first * out_pitch;
-        FFT_SHARE(i, cols_out * width) {
+        FFT_SHARE (i, cols_out * width) {
             const int c = i % cols_out, w = i / cols_out, x = col0 + c;
             const float2 v = fft_take_out(result, width, w, place[x ? n - x : 0], x, chirped, chirp) * scale;
             if (w < count)

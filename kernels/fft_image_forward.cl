@@ -10,14 +10,13 @@
  * the rows' half spectra. */
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 fft_image_forward(__global const float *in, ulong in_offset, ulong in_distance, ulong in_pitch, int col0, int cols_in,
-                  int rows_in, __global float *out, ulong out_offset, ulong out_distance, int row0, int blocks, int images,
-                  __global const int *row_table, __global const float *row_floats, __global const int *column_table,
-                  __global const float *column_floats, __local float8 *local_memory)
+                  int rows_in, __global float *out, ulong out_offset, ulong out_distance, int row0, int blocks,
+                  int images, __global const int *row_table, __global const float *row_floats,
+                  __global const int *column_table, __global const float *column_floats, __local float8 *local_memory)
 {
     const int rows = column_table[FFT_LENGTH];
     __local float8 *scratch = local_memory;
-    __local float *between =
-        (__local float *)(local_memory + 2 * max(row_table[FFT_POINTS], column_table[FFT_POINTS]));
+    __local float *between = (__local float *)(local_memory + 2 * max(row_table[FFT_POINTS], column_table[FFT_POINTS]));
     for (int image = get_group_id(0); image < images; image += get_num_groups(0)) {
         for (int first = 0; first < rows_in; first += ROWS)
             fft_rows_forward_task(in + in_offset + (ulong)image * in_distance + (ulong)first * in_pitch, in_pitch,

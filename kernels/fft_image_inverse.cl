@@ -11,15 +11,14 @@
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 fft_image_inverse(__global const float *in, ulong in_offset, ulong in_distance, int in_count,
                   __global const void *filter, ulong filter_offset, ulong filter_distance, int row0, int rows_out,
-                  int band_rows, int band, __global float *out, ulong out_offset, ulong out_distance, ulong out_pitch, int col0,
-                  int cols_out, float scale, int images, __global const int *row_table,
+                  int band_rows, int band, __global float *out, ulong out_offset, ulong out_distance, ulong out_pitch,
+                  int col0, int cols_out, float scale, int images, __global const int *row_table,
                   __global const float *row_floats, __global const int *column_table,
                   __global const float *column_floats, __local float8 *local_memory)
 {
     const int rows = column_table[FFT_LENGTH];
     __local float8 *scratch = local_memory;
-    __local float *between =
-        (__local float *)(local_memory + 2 * max(row_table[FFT_POINTS], column_table[FFT_POINTS]));
+    __local float *between = (__local float *)(local_memory + 2 * max(row_table[FFT_POINTS], column_table[FFT_POINTS]));
     for (int image = get_group_id(0); image < images; image += get_num_groups(0)) {
         for (int block = 0; block <= band / 8; ++block) {
             fft_columns columns;

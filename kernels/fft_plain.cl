@@ -29,11 +29,11 @@ __kernel void fft_plain_crop(__global const float *in, int rows, int cols, __glo
         in[(image * (ulong)rows + y + (ulong)row0) * (ulong)cols + x + (ulong)col0];
 }
 
-/* out (images, rows, half) = spectra within the band, times every filter_step-th filter. Values that stand for themselves (ky, kx) and
- * their mirror image (-ky, kx), in the columns 0 and cols/2, are made to fit a real image. */
+/* out (images, rows, half) = spectra within the band, times every filter_step-th filter. Values that stand for
+ * themselves (ky, kx) and their mirror image (-ky, kx), in the columns 0 and cols/2, are made to fit a real image. */
 __kernel void fft_plain_product(__global const float *in, ulong in_offset, int in_count, __global const void *filter,
-                                ulong filter_offset, int filter_step, int rows, int cols, int band_rows,
-                                int band_cols, __global float *out, ulong count)
+                                ulong filter_offset, int filter_step, int rows, int cols, int band_rows, int band_cols,
+                                __global float *out, ulong count)
 {
     const ulong i = get_global_id(0);
     if (i >= count)
@@ -47,8 +47,8 @@ __kernel void fft_plain_product(__global const float *in, ulong in_offset, int i
         const ulong at = (ulong)(part ? mirror : y) * (ulong)half_cols + (ulong)x;
         float2 v = vload2(0, in + 2 * (in_offset + image % (ulong)in_count * one + at));
 #if FFT_PRODUCT
-        const float2 w =
-            load_filter_value((__global const filter_value *)filter + 2 * (filter_offset + image * (ulong)filter_step * one + at));
+        const float2 w = load_filter_value((__global const filter_value *)filter +
+                                           2 * (filter_offset + image * (ulong)filter_step * one + at));
 #if FFT_PRODUCT == 1
         v = (float2)(fma(v.x, w.x, -(v.y * w.y)), fma(v.x, w.y, v.y * w.x));
 #else

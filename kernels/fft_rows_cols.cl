@@ -5,9 +5,9 @@
 
 #if !FFT_PRODUCT /* products are for columns alone */
 
-/* Real rows to half spectra: a work-item takes sixteen rows of one image. Offsets and distances of the real images count
- * floats, those of spectra complex numbers. The image's columns col0..col0+cols_in-1 are in memory, the others are zero;
- * its rows go to the spectrum's rows row0 and on. */
+/* Real rows to half spectra: a work-item takes sixteen rows of one image. Offsets and distances of the real images
+ * count floats, those of spectra complex numbers. The image's columns col0..col0+cols_in-1 are in memory, the others
+ * are zero; its rows go to the spectrum's rows row0 and on. */
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 fft_rows_forward(__global const float *in, ulong in_offset, ulong in_distance, ulong in_pitch, int col0, int cols_in,
                  int rows_in, __global float *out, ulong out_offset, ulong out_distance, int row0, int rows, int blocks,
@@ -60,9 +60,9 @@ fft_rows_inverse(__global const float *in, ulong in_offset, ulong in_distance, i
  * next filter is applied to it. Distances and offsets are in complex numbers. */
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 fft_cols(__global const float *in, ulong in_offset, ulong in_distance, int in_count, int first,
-         __global const void *filter, ulong filter_offset, ulong filter_distance, int first_row, int rows_in, int last_row,
-         __global float *out, ulong out_offset, ulong out_distance, int row0, int rows_out, int images, int tasks,
-         __global const int *table, __global const float *floats, FFT_MEM float8 *scratches)
+         __global const void *filter, ulong filter_offset, ulong filter_distance, int first_row, int rows_in,
+         int last_row, __global float *out, ulong out_offset, ulong out_distance, int row0, int rows_out, int images,
+         int tasks, __global const int *table, __global const float *floats, FFT_MEM float8 *scratches)
 {
 #if FFT_SCRATCH_GLOBAL
     __global float8 *scratch = scratches + get_group_id(0) * (size_t)(2 * table[FFT_POINTS]);

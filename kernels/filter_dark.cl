@@ -1,5 +1,5 @@
-/* Takes the dark level, and a dark frame where there is one, off the pixels of a channel, which begin at `offset`. An item
- * takes eight pixels. */
+/* Takes the dark level, and a dark frame where there is one, off the pixels of a channel, which begin at `offset`. An
+ * item takes eight pixels. */
 __kernel void filter_dark(__global float *raw, __global const float *dark, ulong offset, int framed, float level,
                           ulong count)
 {

@@ -1,6 +1,6 @@
-/* The energy of filtered spectra in tiles: the sum of gain |B|^2 over strips of rows by eight columns, each value counted
- * as often as it stands in the whole spectrum (the columns 0 and cols/2 once, the others twice). Strip s holds the rows with
- * last[s-1] < |ky| <= last[s], strip 0 those with |ky| <= last[0]. */
+/* The energy of filtered spectra in tiles: the sum of gain |B|^2 over strips of rows by eight columns, each value
+ * counted as often as it stands in the whole spectrum (the columns 0 and cols/2 once, the others twice). Strip s holds
+ * the rows with last[s-1] < |ky| <= last[s], strip 0 those with |ky| <= last[0]. */
 #include "inc_spectrum.h"
 
 /* Sums up eight columns of the rows from..to. */
@@ -30,8 +30,8 @@ static inline float8 add_rows(__global const float *in, __global const float *ga
 
 /* out[channel][strip][group of eight columns]; a work-item makes one of `count` values. Padding, which may hold
  * anything, is left out. */
-__kernel void filter_tiles(__global const float *in, __global const float *gains, ulong channel_count, int rows, int cols,
-                           int block, int strips, int groups, __global const int *last, uint count,
+__kernel void filter_tiles(__global const float *in, __global const float *gains, ulong channel_count, int rows,
+                           int cols, int block, int strips, int groups, __global const int *last, uint count,
                            __global float *out)
 {
     const uint i = get_global_id(0);

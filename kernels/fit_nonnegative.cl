@@ -6,8 +6,9 @@
 
 /* Between the pairs and a guess G, each by its weight: H = (S + weight G) / (w + weight), S = conj(Sxb) scale,
  * w = Sxx scale. Written to `out`; G stands at `guess` and may be what is written. guessed 0: G = 0. */
-__kernel void fit_blend(__global const float *sums, ulong stride, float scale, float weight, __global const float *guess,
-                        ulong guess_at, int guessed, __global float *out, ulong at, ulong count)
+__kernel void fit_blend(__global const float *sums, ulong stride, float scale, float weight,
+                        __global const float *guess, ulong guess_at, int guessed, __global float *out, ulong at,
+                        ulong count)
 {
     const size_t i = get_global_id(0), first = 8 * i;
     if (first >= count)

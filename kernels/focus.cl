@@ -90,8 +90,7 @@ focus_measure(__global const float *planes, const ulong offset, const int4 place
     const size_t image = (size_t)(rows + 2) * pitch;
     int places[FOCUS_DEPTHS];
     vstore4(place, 0, places);
-    FOR_TILES(t, count * down * across)
-    {
+    FOR_TILES (t, count * down * across) {
         const int plane = t / (down * across), i = t / across % down * FOCUS_ROWS, x = t % across * FOCUS_COLS;
         const int end = min(x + FOCUS_COLS, cols), wide = end - x + 2 * radius;
         __global float *out = response + (size_t)plane * (measure == COMBINED ? 2 : 1) * image + (size_t)i * pitch + x;
@@ -147,8 +146,7 @@ focus_select(__global const float *response, __global const float *weights, cons
     int places[FOCUS_DEPTHS], depths[FOCUS_DEPTHS];
     vstore4(place, 0, places);
     vstore4(depth, 0, depths);
-    FOR_TILES(t, down * across)
-    {
+    FOR_TILES (t, down * across) {
         const int first = t / across * FOCUS_BAND, x = t % across * step + FOCUS_SIDE * FOCUS_WIDTH * get_local_id(0);
         for (int r = first; r < min(first + FOCUS_BAND, rows) && x < cols; r++) {
             real value[FOCUS_DEPTHS][FOCUS_SIDE]; /* the measure, then the plane's share in the all-in-focus image */
@@ -263,8 +261,7 @@ focus_finish(__global const float *kept, __global const float *inverse_distances
              const ulong distance_offset)
 {
     const size_t image = (size_t)rows * pitch, pixels = (size_t)rows * cols;
-    FOR_TILES(r, rows)
-    {
+    FOR_TILES (r, rows) {
         for (int x = FOCUS_WIDTH * get_local_id(0); x < cols; x += FOCUS_WIDTH * FOCUS_GROUP) {
             __global const float *at = kept + (size_t)r * pitch + x;
             const size_t i = (size_t)r * cols + x;

@@ -84,7 +84,6 @@ REFINE_INLINE refine_real image_cut(refine_real v, int j, int first, int cols)
 #endif
 
 /* Which sum of which slice and plane. */
-#define IMAGE_PLACE(sum)                                                                                               \
-    (((size_t)(sum)*get_global_size(1) + get_global_id(1)) * get_num_groups(0) + get_group_id(0))
+#define IMAGE_PLACE(sum) ((get_global_size(1) * (size_t)(sum) + get_global_id(1)) * get_num_groups(0) + get_group_id(0))
 
 #endif

@@ -64,21 +64,21 @@ FFT_INLINE int fft_wanted(const fft_columns *columns, int row)
 
 /* The first stage, from memory to scratch: walks through the memory in order, as R streams of rows (which caches fetch
  * ahead), and puts each butterfly's values in their place of the digit-reversed order. */
-#define FFT_GET(k) fft_get(columns, source[i + (k) * blocks], &re[k], &im[k]);
-#define FFT_KEEP(k)        \
-    q[2 * (k)] = re[k];    \
-    q[2 * (k) + 1] = im[k];
-#define FFT_FIRST(R)                                                                                      \
-    FFT_INLINE void fft_first##R(const fft_columns *columns, FFT_MEM float8 *scratch,                     \
-                                 __global const int *source, __global const int *place, int blocks)       \
-    {                                                                                                     \
-        for (int i = 0; i < blocks; ++i) {                                                                \
-            FFT_MEM float8 *q = scratch + 2 * place[i];                                                   \
-            float8 re[R], im[R];                                                                          \
-            FFT_EACH(R, FFT_GET)                                                                          \
-            fft_radix##R(re, im);                                                                         \
-            FFT_EACH(R, FFT_KEEP)                                                                         \
-        }                                                                                                 \
+#define FFT_GET(k) fft_get(columns, source[i + k * blocks], &re[k], &im[k]);
+#define FFT_KEEP(k)                                                                                                    \
+    q[2 * k] = re[k];                                                                                                  \
+    q[2 * k + 1] = im[k];
+#define FFT_FIRST(R)                                                                                                   \
+    FFT_INLINE void fft_first##R(const fft_columns *columns, FFT_MEM float8 *scratch, __global const int *source,      \
+                                 __global const int *place, int blocks)                                                \
+    {                                                                                                                  \
+        for (int i = 0; i < blocks; ++i) {                                                                             \
+            FFT_MEM float8 *q = scratch + 2 * place[i];                                                                \
+            float8 re[R], im[R];                                                                                       \
+            FFT_EACH(R, FFT_GET)                                                                                       \
+            fft_radix##R(re, im);                                                                                      \
+            FFT_EACH(R, FFT_KEEP)                                                                                      \
+        }                                                                                                              \
     }
 
 FFT_FIRST(1)
@@ -97,19 +97,19 @@ FFT_INLINE void fft_first(const fft_columns *columns, FFT_MEM float8 *scratch, _
 }
 
 /* The last stage, from scratch to memory. */
-#define FFT_PUT(k) fft_put(columns, j + (k) * span, re[k], im[k]);
-#define FFT_LAST(R)                                                                                     \
-    FFT_INLINE void fft_last##R(const fft_columns *columns, FFT_MEM float8 *scratch, int span,          \
-                                __global const float *w)                                                \
-    {                                                                                                   \
-        FFT_MEM float8 *q = scratch;                                                                    \
-        for (int j = 0; j < span; ++j, q += 2, w += 2 * (R - 1)) {                                      \
-            float8 re[R], im[R];                                                                        \
-            FFT_EACH(R, FFT_FETCH)                                                                      \
-            FFT_TURN_##R(FFT_TURN)                                                                      \
-            fft_radix##R(re, im);                                                                       \
-            FFT_EACH(R, FFT_PUT)                                                                        \
-        }                                                                                               \
+#define FFT_PUT(k) fft_put(columns, j + k * span, re[k], im[k]);
+#define FFT_LAST(R)                                                                                                    \
+    FFT_INLINE void fft_last##R(const fft_columns *columns, FFT_MEM float8 *scratch, int span,                         \
+                                __global const float *w)                                                               \
+    {                                                                                                                  \
+        FFT_MEM float8 *q = scratch;                                                                                   \
+        for (int j = 0; j < span; ++j, q += 2, w += 2 * (R - 1)) {                                                     \
+            float8 re[R], im[R];                                                                                       \
+            FFT_EACH(R, FFT_FETCH)                                                                                     \
+            FFT_AFTER_FIRST_##R(FFT_TIMES_TWIDDLE);                                                                    \
+            fft_radix##R(re, im);                                                                                      \
+            FFT_EACH(R, FFT_PUT)                                                                                       \
+        }                                                                                                              \
     }
 
 FFT_LAST(1)
@@ -176,7 +176,7 @@ FFT_INLINE void fft_chirp_in(const fft_columns *columns, FFT_MEM float8 *scratch
     for (int i = 0; i < table[FFT_LENGTH]; ++i) {
         float8 re, im;
         fft_get(columns, source[i], &re, &im);
-        fft_turn(&re, &im, chirp[2 * i], chirp[2 * i + 1]);
+        fft_times_twiddle(&re, &im, chirp[2 * i], chirp[2 * i + 1]);
         scratch[2 * place[i]] = re;
         scratch[2 * place[i] + 1] = im;
     }
@@ -190,7 +190,7 @@ FFT_INLINE void fft_chirp_out(const fft_columns *columns, FFT_MEM float8 *scratc
     __global const float *chirp = floats + table[FFT_CHIRP];
     for (int i = columns->row0; i < columns->row0 + columns->rows_out; ++i) {
         float8 re = scratch[2 * place[i] + 1], im = scratch[2 * place[i]];
-        fft_turn(&re, &im, chirp[2 * i], chirp[2 * i + 1]);
+        fft_times_twiddle(&re, &im, chirp[2 * i], chirp[2 * i + 1]);
         fft_put(columns, i, re, im);
     }
 }

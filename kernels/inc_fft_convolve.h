@@ -20,21 +20,21 @@ FFT_INLINE void fft_enter(const fft_columns *columns, FFT_MEM float8 *scratch, _
 }
 
 /* The first stage backwards, from scratch to memory. */
-#define FFT_OUT(k) fft_put(columns, i + (k) * blocks, im[k], re[k]);
-#define FFT_BACK(k)        \
-    re[k] = q[2 * (k)];    \
-    im[k] = q[2 * (k) + 1];
-#define FFT_END(R)                                                                                       \
-    FFT_INLINE void fft_end##R(const fft_columns *columns, FFT_MEM const float8 *scratch,                \
-                               __global const int *place, int blocks)                                    \
-    {                                                                                                    \
-        for (int i = 0; i < blocks; ++i) {                                                               \
-            FFT_MEM const float8 *q = scratch + 2 * place[i];                                            \
-            float8 re[R], im[R];                                                                         \
-            FFT_EACH(R, FFT_BACK)                                                                        \
-            fft_radix##R(re, im);                                                                        \
-            FFT_EACH(R, FFT_OUT)                                                                         \
-        }                                                                                                \
+#define FFT_OUT(k) fft_put(columns, i + k * blocks, im[k], re[k]);
+#define FFT_BACK(k)                                                                                                    \
+    re[k] = q[2 * k];                                                                                                  \
+    im[k] = q[2 * k + 1];
+#define FFT_END(R)                                                                                                     \
+    FFT_INLINE void fft_end##R(const fft_columns *columns, FFT_MEM const float8 *scratch, __global const int *place,   \
+                               int blocks)                                                                             \
+    {                                                                                                                  \
+        for (int i = 0; i < blocks; ++i) {                                                                             \
+            FFT_MEM const float8 *q = scratch + 2 * place[i];                                                          \
+            float8 re[R], im[R];                                                                                       \
+            FFT_EACH(R, FFT_BACK)                                                                                      \
+            fft_radix##R(re, im);                                                                                      \
+            FFT_EACH(R, FFT_OUT)                                                                                       \
+        }                                                                                                              \
     }
 
 FFT_END(1)
@@ -69,22 +69,22 @@ FFT_INLINE void fft_multiply(__global const float *h, int row, float sign, float
 }
 
 /* The last stage, the product and the last stage backwards, in registers. */
-#define FFT_TIMES(k) fft_multiply(h, j + (k) * span, sign, &re[k], &im[k]);
-#define FFT_MIDDLE(R)                                                                                    \
-    FFT_INLINE void fft_middle##R(FFT_MEM float8 *scratch, int span, __global const float *w,            \
-                                  __global const float *h, float sign)                                   \
-    {                                                                                                    \
-        FFT_MEM float8 *q = scratch;                                                                     \
-        for (int j = 0; j < span; ++j, q += 2, w += 2 * (R - 1)) {                                       \
-            float8 re[R], im[R];                                                                         \
-            FFT_EACH(R, FFT_FETCH)                                                                       \
-            FFT_TURN_##R(FFT_TURN)                                                                       \
-            fft_radix##R(re, im);                                                                        \
-            FFT_EACH(R, FFT_TIMES)                                                                       \
-            fft_radix##R(re, im);                                                                        \
-            FFT_TURN_##R(FFT_TURN)                                                                       \
-            FFT_EACH(R, FFT_LEAVE)                                                                       \
-        }                                                                                                \
+#define FFT_TIMES(k) fft_multiply(h, j + k * span, sign, &re[k], &im[k]);
+#define FFT_MIDDLE(R)                                                                                                  \
+    FFT_INLINE void fft_middle##R(FFT_MEM float8 *scratch, int span, __global const float *w, __global const float *h, \
+                                  float sign)                                                                          \
+    {                                                                                                                  \
+        FFT_MEM float8 *q = scratch;                                                                                   \
+        for (int j = 0; j < span; ++j, q += 2, w += 2 * (R - 1)) {                                                     \
+            float8 re[R], im[R];                                                                                       \
+            FFT_EACH(R, FFT_FETCH)                                                                                     \
+            FFT_AFTER_FIRST_##R(FFT_TIMES_TWIDDLE);                                                                    \
+            fft_radix##R(re, im);                                                                                      \
+            FFT_EACH(R, FFT_TIMES)                                                                                     \
+            fft_radix##R(re, im);                                                                                      \
+            FFT_AFTER_FIRST_##R(FFT_TIMES_TWIDDLE);                                                                    \
+            FFT_EACH(R, FFT_LEAVE)                                                                                     \
+        }                                                                                                              \
     }
 
 FFT_MIDDLE(1)

@@ -20,57 +20,58 @@
 #define FFT_WAIT() barrier(CLK_LOCAL_MEM_FENCE)
 #endif
 
-/* i = 0..total-1 shared out among the work-items. Every item makes the same number of rounds: where loops with a test of
- * their own stand on both sides of a barrier, PoCL threads the tests together and the barrier into their branches. */
-#define FFT_SHARE(i, total)                                                              \
-    for (int i##_round = 0, i = get_local_id(0); i##_round < (total);                    \
-         i##_round += get_local_size(0), i += get_local_size(0))                         \
+/* i = 0..total-1 shared out among the work-items. Every item makes the same number of rounds: where loops with a test
+ * of their own stand on both sides of a barrier, PoCL threads the tests together and the barrier into their branches.
+ */
+#define FFT_SHARE(i, total)                                                                                            \
+    for (int i##_round = 0, i = get_local_id(0); i##_round < (total);                                                  \
+         i##_round += get_local_size(0), i += get_local_size(0))                                                       \
         if (i < (total))
 
-FFT_INLINE float2 fft_turned(float2 x, float c, float d)
+FFT_INLINE float2 fft_twiddled(float2 x, float c, float d)
 {
     return (float2)(fma(x.x, c, -(x.y * d)), fma(x.x, d, x.y * c));
 }
 
-#define FFT_TURN_1(M)
-#define FFT_TURN_2(M)  M(1)
-#define FFT_TURN_3(M)  FFT_TURN_2(M) M(2)
-#define FFT_TURN_4(M)  FFT_TURN_3(M) M(3)
-#define FFT_TURN_5(M)  FFT_TURN_4(M) M(4)
-#define FFT_TURN_7(M)  FFT_TURN_5(M) M(5) M(6)
-#define FFT_TURN_8(M)  FFT_TURN_7(M) M(7)
-#define FFT_EACH(R, M) M(0) FFT_TURN_##R(M)
+#define FFT_AFTER_FIRST_1(M)
+#define FFT_AFTER_FIRST_2(M) M(1)
+#define FFT_AFTER_FIRST_3(M) FFT_AFTER_FIRST_2(M) M(2)
+#define FFT_AFTER_FIRST_4(M) FFT_AFTER_FIRST_3(M) M(3)
+#define FFT_AFTER_FIRST_5(M) FFT_AFTER_FIRST_4(M) M(4)
+#define FFT_AFTER_FIRST_7(M) FFT_AFTER_FIRST_5(M) M(5) M(6)
+#define FFT_AFTER_FIRST_8(M) FFT_AFTER_FIRST_7(M) M(7)
+#define FFT_EACH(R, M)       M(0) FFT_AFTER_FIRST_##R(M)
 
-#define FFT_FETCH(k)                 \
-    {                                \
-        const float2 v = q[(k) * step]; \
-        re[k] = v.x;                 \
-        im[k] = v.y;                 \
+#define FFT_FETCH(k)                                                                                                   \
+    {                                                                                                                  \
+        const float2 v = q[k * step];                                                                                  \
+        re[k] = v.x;                                                                                                   \
+        im[k] = v.y;                                                                                                   \
     }
-#define FFT_LEAVE(k) q[(k) * step] = (float2)(re[k], im[k]);
-#define FFT_TURN(k)  fft_turn(&re[k], &im[k], w[2 * (k) - 2], w[2 * (k) - 1]);
+#define FFT_LEAVE(k)         q[k * step] = (float2)(re[k], im[k]);
+#define FFT_TIMES_TWIDDLE(k) fft_times_twiddle(&re[k], &im[k], w[2 * k - 2], w[2 * k - 1]);
 
 /* A stage of radix R, in place; `back`: decimation in frequency, from natural to digit-reversed order. */
-#define FFT_STAGE(R)                                                                                          \
-    FFT_INLINE void fft_stage##R(FFT_MEM float2 *scratch, int points, int width, int span,                    \
-                                 __global const float *twiddles, int back)                                    \
-    {                                                                                                         \
-        const int step = span * width;                                                                        \
-        FFT_SHARE(i, points / R * width) {                       \
-            const int at = i / width, j = at % span;                                                          \
-            FFT_MEM float2 *q = scratch + (size_t)(at / span * R * span + j) * width + i % width;             \
-            __global const float *w = twiddles + 2 * (R - 1) * j;                                             \
-            float re[R], im[R];                                                                               \
-            FFT_EACH(R, FFT_FETCH)                                                                            \
-            if (!back) {                                                                                      \
-                FFT_TURN_##R(FFT_TURN)                                                                        \
-            }                                                                                                 \
-            fft_radix##R(re, im);                                                                             \
-            if (back) {                                                                                       \
-                FFT_TURN_##R(FFT_TURN)                                                                        \
-            }                                                                                                 \
-            FFT_EACH(R, FFT_LEAVE)                                                                            \
-        }                                                                                                     \
+#define FFT_STAGE(R)                                                                                                   \
+    FFT_INLINE void fft_stage##R(FFT_MEM float2 *scratch, int points, int width, int span,                             \
+                                 __global const float *twiddles, int back)                                             \
+    {                                                                                                                  \
+        const int step = span * width;                                                                                 \
+        FFT_SHARE (i, points / R * width) {                                                                            \
+            const int at = i / width, j = at % span;                                                                   \
+            FFT_MEM float2 *q = scratch + (size_t)(at / span * R * span + j) * width + i % width;                      \
+            __global const float *w = twiddles + 2 * (R - 1) * j;                                                      \
+            float re[R], im[R];                                                                                        \
+            FFT_EACH(R, FFT_FETCH)                                                                                     \
+            if (!back) {                                                                                               \
+                FFT_AFTER_FIRST_##R(FFT_TIMES_TWIDDLE);                                                                \
+            }                                                                                                          \
+            fft_radix##R(re, im);                                                                                      \
+            if (back) {                                                                                                \
+                FFT_AFTER_FIRST_##R(FFT_TIMES_TWIDDLE);                                                                \
+            }                                                                                                          \
+            FFT_EACH(R, FFT_LEAVE)                                                                                     \
+        }                                                                                                              \
     }
 
 FFT_STAGE(2)
@@ -80,8 +81,8 @@ FFT_STAGE(5)
 FFT_STAGE(7)
 FFT_STAGE(8)
 
-FFT_INLINE void fft_stage(FFT_MEM float2 *scratch, int points, int width, int radix, int span,
-                          __global const float *w, int back)
+FFT_INLINE void fft_stage(FFT_MEM float2 *scratch, int points, int width, int radix, int span, __global const float *w,
+                          int back)
 {
     switch (radix) {
     case 2: fft_stage2(scratch, points, width, span, w, back); break;
@@ -99,18 +100,18 @@ FFT_INLINE int fft_has_butterfly(int radix)
     return radix <= 5 || radix == 7 || radix == 8;
 }
 
-/* An odd radix by its definition. First, in place: x[k] and x[p-k], turned, become a[k] = x[k] + x[p-k] and
- * b[k] = x[k] - x[p-k]. */
+/* An odd radix by its definition. First, in place: x[k] and x[p-k], times their twiddle factors, become a[k] = x[k] +
+ * x[p-k] and b[k] = x[k] - x[p-k]. */
 FFT_INLINE void fft_odd_pairs(FFT_MEM float2 *scratch, int points, int width, int radix, int span,
                               __global const float *twiddles)
 {
     const int pairs = radix / 2, step = span * width;
-    FFT_SHARE(i, points / radix * pairs * width) {
+    FFT_SHARE (i, points / radix * pairs * width) {
         const int at = i / width % (points / radix), k = i / width / (points / radix) + 1, j = at % span;
         FFT_MEM float2 *q = scratch + (size_t)(at / span * radix * span + j) * width + i % width;
         __global const float *w = twiddles + 2 * (radix - 1) * j;
-        const float2 x = fft_turned(q[k * step], w[2 * k - 2], w[2 * k - 1]);
-        const float2 y = fft_turned(q[(radix - k) * step], w[2 * (radix - k) - 2], w[2 * (radix - k) - 1]);
+        const float2 x = fft_twiddled(q[k * step], w[2 * k - 2], w[2 * k - 1]);
+        const float2 y = fft_twiddled(q[(radix - k) * step], w[2 * (radix - k) - 2], w[2 * (radix - k) - 1]);
         q[k * step] = x + y;
         q[(radix - k) * step] = x - y;
     }
@@ -121,7 +122,7 @@ FFT_INLINE void fft_odd_sums(FFT_MEM const float2 *scratch, FFT_MEM float2 *out,
                              int span, __global const float *cosines)
 {
     const int pairs = radix / 2, step = span * width;
-    FFT_SHARE(i, points / radix * (pairs + 1) * width) {
+    FFT_SHARE (i, points / radix * (pairs + 1) * width) {
         const int at = i / width % (points / radix), m = i / width / (points / radix), j = at % span;
         const size_t base = (size_t)(at / span * radix * span + j) * width + i % width;
         FFT_MEM const float2 *q = scratch + base;
@@ -131,8 +132,8 @@ FFT_INLINE void fft_odd_sums(FFT_MEM const float2 *scratch, FFT_MEM float2 *out,
                 p += q[k * step];
             out[base] = p;
         } else {
-            __global const float *c = cosines + (size_t)((m - 1) / FFT_ODD_GROUP * pairs * 2 * FFT_ODD_GROUP) +
-                                      (m - 1) % FFT_ODD_GROUP;
+            __global const float *c =
+                cosines + (size_t)((m - 1) / FFT_ODD_GROUP * pairs * 2 * FFT_ODD_GROUP) + (m - 1) % FFT_ODD_GROUP;
             for (int k = 1; k <= pairs; ++k, c += 2 * FFT_ODD_GROUP) {
                 p = fma(q[k * step], (float2)c[0], p);
                 s = fma(q[(radix - k) * step], (float2)c[FFT_ODD_GROUP], s);
@@ -169,9 +170,9 @@ FFT_INLINE FFT_MEM float2 *fft_transform(FFT_MEM float2 *scratch, int width, __g
     }
     FFT_WAIT();
     /* The chirp's transform times this, swapped, so that a forward transform backwards is an inverse one. */
-    FFT_SHARE(i, (chirp ? points * width : 0)) {
+    FFT_SHARE (i, (chirp ? points * width : 0)) {
         __global const float *c = floats + table[FFT_CHIRP_SPECTRUM] + 2 * (i / width);
-        const float2 v = fft_turned(scratch[i], c[0], c[1]);
+        const float2 v = fft_twiddled(scratch[i], c[0], c[1]);
         scratch[i] = v.yx;
     }
     for (int s = (chirp ? stages : 0) - 1; s >= 0; --s) {
@@ -187,7 +188,7 @@ FFT_INLINE FFT_MEM float2 *fft_transform(FFT_MEM float2 *scratch, int width, __g
 FFT_INLINE void fft_put_in(FFT_MEM float2 *scratch, int width, int w, int place, int i, float2 value, int chirped,
                            __global const float *chirp)
 {
-    scratch[(size_t)place * width + w] = chirped ? fft_turned(value, chirp[2 * i], chirp[2 * i + 1]) : value;
+    scratch[(size_t)place * width + w] = chirped ? fft_twiddled(value, chirp[2 * i], chirp[2 * i + 1]) : value;
 }
 
 /* Output number i of transform w; place: that of input i. */
@@ -197,7 +198,7 @@ FFT_INLINE float2 fft_take_out(FFT_MEM const float2 *scratch, int width, int w, 
     if (!chirped)
         return scratch[(size_t)i * width + w];
     const float2 v = scratch[(size_t)place * width + w].yx;
-    return fft_turned(v, chirp[2 * i], chirp[2 * i + 1]);
+    return fft_twiddled(v, chirp[2 * i], chirp[2 * i + 1]);
 }
 
 #endif

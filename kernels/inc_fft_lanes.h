@@ -26,8 +26,8 @@ FFT_INLINE void fft_apart(float8 a, float8 b, float8 *re, float8 *im)
     *im = (float8)(a.s13, b.s13, a.s57, b.s57);
 }
 
-#define FFT_STORE(p, re, im)                                                                              \
-    vstore8((float8)(re.s0, im.s0, re.s1, im.s1, re.s4, im.s4, re.s5, im.s5), 0, p);                      \
+#define FFT_STORE(p, re, im)                                                                                           \
+    vstore8((float8)(re.s0, im.s0, re.s1, im.s1, re.s4, im.s4, re.s5, im.s5), 0, p);                                   \
     vstore8((float8)(re.s2, im.s2, re.s3, im.s3, re.s6, im.s6, re.s7, im.s7), 1, p);
 
 /* Transposes 8 x 8 floats. */
@@ -57,55 +57,54 @@ FFT_INLINE void fft_transpose(float8 *m)
 
 /* Written-out loops over the values of a butterfly, M(0) M(1) ..., and over those that have twiddle factors: compilers
  * do not reliably unroll them, and re[] and im[] must live in registers. */
-#define FFT_TURN_1(M)
-#define FFT_TURN_2(M)  M(1)
-#define FFT_TURN_3(M)  FFT_TURN_2(M) M(2)
-#define FFT_TURN_4(M)  FFT_TURN_3(M) M(3)
-#define FFT_TURN_5(M)  FFT_TURN_4(M) M(4)
-#define FFT_TURN_7(M)  FFT_TURN_5(M) M(5) M(6)
-#define FFT_TURN_8(M)  FFT_TURN_7(M) M(7)
-#define FFT_EACH(R, M) M(0) FFT_TURN_##R(M)
+#define FFT_AFTER_FIRST_1(M)
+#define FFT_AFTER_FIRST_2(M) M(1)
+#define FFT_AFTER_FIRST_3(M) FFT_AFTER_FIRST_2(M) M(2)
+#define FFT_AFTER_FIRST_4(M) FFT_AFTER_FIRST_3(M) M(3)
+#define FFT_AFTER_FIRST_5(M) FFT_AFTER_FIRST_4(M) M(4)
+#define FFT_AFTER_FIRST_7(M) FFT_AFTER_FIRST_5(M) M(5) M(6)
+#define FFT_AFTER_FIRST_8(M) FFT_AFTER_FIRST_7(M) M(7)
+#define FFT_EACH(R, M)       M(0) FFT_AFTER_FIRST_##R(M)
 
 #define fft_radix1(re, im)
-#define FFT_FETCH(k)                \
-    re[k] = q[2 * (k) * span];      \
-    im[k] = q[2 * (k) * span + 1];
-#define FFT_LEAVE(k)                \
-    q[2 * (k) * span] = re[k];      \
-    q[2 * (k) * span + 1] = im[k];
-#define FFT_TURN(k) fft_turn(&re[k], &im[k], w[2 * (k) - 2], w[2 * (k) - 1]);
+#define FFT_FETCH(k)                                                                                                   \
+    re[k] = q[2 * k * span];                                                                                           \
+    im[k] = q[2 * k * span + 1];
+#define FFT_LEAVE(k)                                                                                                   \
+    q[2 * k * span] = re[k];                                                                                           \
+    q[2 * k * span + 1] = im[k];
+#define FFT_TIMES_TWIDDLE(k) fft_times_twiddle(&re[k], &im[k], w[2 * k - 2], w[2 * k - 1]);
 
 /* A stage of radix R, in place, on the blocks from..to-1; and the same backwards (decimation in frequency), which takes
  * natural order and leaves digit-reversed order. */
-#define FFT_STAGE(R)                                                                                        \
-    FFT_INLINE void fft_stage##R(FFT_MEM float8 *scratch, int from, int to, int span,                       \
-                                 __global const float *twiddles)                                            \
-    {                                                                                                       \
-        for (int b = from; b < to; ++b) {                                                                   \
-            FFT_MEM float8 *q = scratch + (size_t)b * (size_t)(2 * R * span);                               \
-            __global const float *w = twiddles;                                                             \
-            for (int j = 0; j < span; ++j, q += 2, w += 2 * (R - 1)) {                                      \
-                float8 re[R], im[R];                                                                        \
-                FFT_EACH(R, FFT_FETCH)                                                                      \
-                FFT_TURN_##R(FFT_TURN)                                                                      \
-                fft_radix##R(re, im);                                                                       \
-                FFT_EACH(R, FFT_LEAVE)                                                                      \
-            }                                                                                               \
-        }                                                                                                   \
-    }                                                                                                       \
-    FFT_INLINE void fft_unstage##R(FFT_MEM float8 *scratch, int to, int span, __global const float *twiddles) \
-    {                                                                                                       \
-        for (int b = 0; b < to; ++b) {                                                                      \
-            FFT_MEM float8 *q = scratch + (size_t)b * (size_t)(2 * R * span);                               \
-            __global const float *w = twiddles;                                                             \
-            for (int j = 0; j < span; ++j, q += 2, w += 2 * (R - 1)) {                                      \
-                float8 re[R], im[R];                                                                        \
-                FFT_EACH(R, FFT_FETCH)                                                                      \
-                fft_radix##R(re, im);                                                                       \
-                FFT_TURN_##R(FFT_TURN)                                                                      \
-                FFT_EACH(R, FFT_LEAVE)                                                                      \
-            }                                                                                               \
-        }                                                                                                   \
+#define FFT_STAGE(R)                                                                                                   \
+    FFT_INLINE void fft_stage##R(FFT_MEM float8 *scratch, int from, int to, int span, __global const float *twiddles)  \
+    {                                                                                                                  \
+        for (int b = from; b < to; ++b) {                                                                              \
+            FFT_MEM float8 *q = scratch + (size_t)b * (size_t)(2 * R * span);                                          \
+            __global const float *w = twiddles;                                                                        \
+            for (int j = 0; j < span; ++j, q += 2, w += 2 * (R - 1)) {                                                 \
+                float8 re[R], im[R];                                                                                   \
+                FFT_EACH(R, FFT_FETCH)                                                                                 \
+                FFT_AFTER_FIRST_##R(FFT_TIMES_TWIDDLE);                                                                \
+                fft_radix##R(re, im);                                                                                  \
+                FFT_EACH(R, FFT_LEAVE)                                                                                 \
+            }                                                                                                          \
+        }                                                                                                              \
+    }                                                                                                                  \
+    FFT_INLINE void fft_unstage##R(FFT_MEM float8 *scratch, int to, int span, __global const float *twiddles)          \
+    {                                                                                                                  \
+        for (int b = 0; b < to; ++b) {                                                                                 \
+            FFT_MEM float8 *q = scratch + (size_t)b * (size_t)(2 * R * span);                                          \
+            __global const float *w = twiddles;                                                                        \
+            for (int j = 0; j < span; ++j, q += 2, w += 2 * (R - 1)) {                                                 \
+                float8 re[R], im[R];                                                                                   \
+                FFT_EACH(R, FFT_FETCH)                                                                                 \
+                fft_radix##R(re, im);                                                                                  \
+                FFT_AFTER_FIRST_##R(FFT_TIMES_TWIDDLE);                                                                \
+                FFT_EACH(R, FFT_LEAVE)                                                                                 \
+            }                                                                                                          \
+        }                                                                                                              \
     }
 
 FFT_STAGE(2)
@@ -119,10 +118,10 @@ FFT_STAGE(8)
  * differences; the second sums up FFT_ODD_GROUP outputs m and their mirror images p - m at a time:
  *     X[m], X[p-m] = x[0] + sum a[k] cos(2 pi m k / p)  -+  i sum b[k] sin(2 pi m k / p). */
 typedef struct fft_odd {
-    float8 re, im;                                             /* x[0] */
-    float8 sums[4 * (FFT_ODD_LARGEST / 2)];                    /* for each k: a re, a im, b re, b im */
-    float8 low_re[FFT_ODD_GROUP], low_im[FFT_ODD_GROUP];       /* X[m] */
-    float8 high_re[FFT_ODD_GROUP], high_im[FFT_ODD_GROUP];     /* X[p-m] */
+    float8 re, im;                                         /* x[0] */
+    float8 sums[4 * (FFT_ODD_LARGEST / 2)];                /* for each k: a re, a im, b re, b im */
+    float8 low_re[FFT_ODD_GROUP], low_im[FFT_ODD_GROUP];   /* X[m] */
+    float8 high_re[FFT_ODD_GROUP], high_im[FFT_ODD_GROUP]; /* X[p-m] */
 } fft_odd;
 
 FFT_INLINE void fft_odd_take(fft_odd *odd, int radix, FFT_MEM const float8 *q, int span, __global const float *w)
@@ -133,8 +132,8 @@ FFT_INLINE void fft_odd_take(fft_odd *odd, int radix, FFT_MEM const float8 *q, i
         FFT_MEM const float8 *low = q + 2 * k * span, *high = q + 2 * (radix - k) * span;
         float8 xr = low[0], xi = low[1], yr = high[0], yi = high[1];
         if (span > 1) {
-            fft_turn(&xr, &xi, w[2 * k - 2], w[2 * k - 1]);
-            fft_turn(&yr, &yi, w[2 * (radix - k) - 2], w[2 * (radix - k) - 1]);
+            fft_times_twiddle(&xr, &xi, w[2 * k - 2], w[2 * k - 1]);
+            fft_times_twiddle(&yr, &yi, w[2 * (radix - k) - 2], w[2 * (radix - k) - 1]);
         }
         float8 *s = odd->sums + 4 * (k - 1);
         s[0] = xr + yr;
@@ -294,7 +293,7 @@ FFT_INLINE void fft_convolve(FFT_MEM float8 *scratch, __global const int *table,
     __global const float *chirp = floats + table[FFT_CHIRP_SPECTRUM];
     for (int i = 0; i < points; ++i) {
         float8 re = scratch[2 * i], im = scratch[2 * i + 1];
-        fft_turn(&re, &im, chirp[2 * i], chirp[2 * i + 1]);
+        fft_times_twiddle(&re, &im, chirp[2 * i], chirp[2 * i + 1]);
         scratch[2 * i] = im;
         scratch[2 * i + 1] = re;
     }

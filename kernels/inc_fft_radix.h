@@ -10,7 +10,7 @@
 #define FFT_INLINE static inline __attribute__((always_inline))
 
 /* (re, im) *= c + i d */
-FFT_INLINE void fft_turn(FFT_V *re, FFT_V *im, float c, float d)
+FFT_INLINE void fft_times_twiddle(FFT_V *re, FFT_V *im, float c, float d)
 {
     const FFT_V a = *re;
     *re = fma(a, (FFT_V)c, -(*im * d));
@@ -112,28 +112,28 @@ FFT_INLINE void fft_radix7(FFT_V *re, FFT_V *im)
 FFT_INLINE void fft_radix8(FFT_V *re, FFT_V *im)
 {
     const FFT_V h = 0.707106781186547524f;
-    FFT_V er[4] = {re[0], re[2], re[4], re[6]}, ei[4] = {im[0], im[2], im[4], im[6]};
-    FFT_V or[4] = {re[1], re[3], re[5], re[7]}, oi[4] = {im[1], im[3], im[5], im[7]};
-    fft_radix4(er, ei);
-    fft_radix4(or, oi);
-    const FFT_V ur = (or[1] + oi[1]) * h, ui = (oi[1] - or[1]) * h;
-    const FFT_V vr = (oi[3] - or[3]) * h, vi = (or[3] + oi[3]) * h; /* minus vi */
-    re[0] = er[0] + or[0];
-    im[0] = ei[0] + oi[0];
-    re[4] = er[0] - or[0];
-    im[4] = ei[0] - oi[0];
-    re[1] = er[1] + ur;
-    im[1] = ei[1] + ui;
-    re[5] = er[1] - ur;
-    im[5] = ei[1] - ui;
-    re[2] = er[2] + oi[2];
-    im[2] = ei[2] - or[2];
-    re[6] = er[2] - oi[2];
-    im[6] = ei[2] + or[2];
-    re[3] = er[3] + vr;
-    im[3] = ei[3] - vi;
-    re[7] = er[3] - vr;
-    im[7] = ei[3] + vi;
+    FFT_V even_re[4] = {re[0], re[2], re[4], re[6]}, even_im[4] = {im[0], im[2], im[4], im[6]};
+    FFT_V odd_re[4] = {re[1], re[3], re[5], re[7]}, odd_im[4] = {im[1], im[3], im[5], im[7]};
+    fft_radix4(even_re, even_im);
+    fft_radix4(odd_re, odd_im);
+    const FFT_V ur = (odd_re[1] + odd_im[1]) * h, ui = (odd_im[1] - odd_re[1]) * h;
+    const FFT_V vr = (odd_im[3] - odd_re[3]) * h, vi = (odd_re[3] + odd_im[3]) * h; /* minus vi */
+    re[0] = even_re[0] + odd_re[0];
+    im[0] = even_im[0] + odd_im[0];
+    re[4] = even_re[0] - odd_re[0];
+    im[4] = even_im[0] - odd_im[0];
+    re[1] = even_re[1] + ur;
+    im[1] = even_im[1] + ui;
+    re[5] = even_re[1] - ur;
+    im[5] = even_im[1] - ui;
+    re[2] = even_re[2] + odd_im[2];
+    im[2] = even_im[2] - odd_re[2];
+    re[6] = even_re[2] - odd_im[2];
+    im[6] = even_im[2] + odd_re[2];
+    re[3] = even_re[3] + vr;
+    im[3] = even_im[3] - vi;
+    re[7] = even_re[3] - vr;
+    im[7] = even_im[3] + vi;
 }
 
 #endif

@@ -31,19 +31,19 @@ FFT_INLINE void load_tile(__global const float *const *rows, int column, int cou
 }
 
 /* One column of a full tile to its place in scratch. */
-#define KEEP(c)                                               \
-    scratch[2 * place[i + (c)]] = tile[c];                    \
-    scratch[2 * place[i + (c)] + 1] = tile[8 + (c)];
+#define KEEP(c)                                                                                                        \
+    scratch[2 * place[i + c]] = tile[c];                                                                               \
+    scratch[2 * place[i + c] + 1] = tile[8 + c];
 
 /* Takes the spectra of two rows apart, at the frequency k = 8 block + c, from Z[k] and Z[n-k]. */
-#define APART(c)                                                                        \
-    {                                                                                   \
-        const float8 zr = z[2 * (c)] * 0.5f, zi = z[2 * (c) + 1] * 0.5f;                \
-        const float8 wr = w[-2 * (c)], wi = w[1 - 2 * (c)];                             \
-        x[2 * (c)] = fma(wr, (float8)0.5f, zr);                                         \
-        x[2 * (c) + 1] = fma(wi, (float8)-0.5f, zi);                                    \
-        y[2 * (c)] = fma(wi, (float8)0.5f, zi);                                         \
-        y[2 * (c) + 1] = fma(wr, (float8)0.5f, -zr);                                    \
+#define APART(c)                                                                                                       \
+    {                                                                                                                  \
+        const float8 zr = z[2 * c] * 0.5f, zi = z[2 * c + 1] * 0.5f;                                                   \
+        const float8 wr = w[-2 * c], wi = w[1 - 2 * c];                                                                \
+        x[2 * c] = fma(wr, (float8)0.5f, zr);                                                                          \
+        x[2 * c + 1] = fma(wi, (float8)-0.5f, zi);                                                                     \
+        y[2 * c] = fma(wi, (float8)0.5f, zi);                                                                          \
+        y[2 * c + 1] = fma(wr, (float8)0.5f, -zr);                                                                     \
     }
 
 /* The first `count` of sixteen rows, of which the columns col0..col0+cols_in-1 are in memory and the others are zero.
@@ -85,7 +85,7 @@ FFT_INLINE void fft_rows_forward_task(__global const float *in, ulong pitch, int
             const int i = col0 + start + c;
             float8 re = tile[c], im = tile[8 + c];
             if (chirped)
-                fft_turn(&re, &im, chirp[2 * i], chirp[2 * i + 1]);
+                fft_times_twiddle(&re, &im, chirp[2 * i], chirp[2 * i + 1]);
             scratch[2 * place[i]] = re;
             scratch[2 * place[i] + 1] = im;
         }
@@ -117,8 +117,8 @@ FFT_INLINE void fft_rows_forward_task(__global const float *in, ulong pitch, int
                     zi = scratch[2 * place[k]];
                     wr = scratch[2 * place[mirror] + 1];
                     wi = scratch[2 * place[mirror]];
-                    fft_turn(&zr, &zi, chirp[2 * k], chirp[2 * k + 1]);
-                    fft_turn(&wr, &wi, chirp[2 * mirror], chirp[2 * mirror + 1]);
+                    fft_times_twiddle(&zr, &zi, chirp[2 * k], chirp[2 * k + 1]);
+                    fft_times_twiddle(&wr, &wi, chirp[2 * mirror], chirp[2 * mirror + 1]);
                 } else {
                     zr = scratch[2 * k];
                     zi = scratch[2 * k + 1];

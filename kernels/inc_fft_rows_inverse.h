@@ -19,27 +19,27 @@ FFT_INLINE void keep(FFT_MEM float8 *scratch, __global const int *place, int n, 
 {
     chirp += i ? 2 * (n - i) : 0;
     if (chirped)
-        fft_turn(&re, &im, chirp[0], chirp[1]);
+        fft_times_twiddle(&re, &im, chirp[0], chirp[1]);
     scratch[2 * place[i]] = re;
     scratch[2 * place[i] + 1] = im;
 }
 
 /* Puts two rows' spectra together, at the frequency k = 8 block + c, to Z[k] and Z[n-k] in their places. */
-#define TOGETHER(c)                                                             \
-    {                                                                           \
-        const float8 xr = x[2 * (c)], xi = x[2 * (c) + 1];                      \
-        const float8 yr = y[2 * (c)], yi = y[2 * (c) + 1];                      \
-        FFT_MEM float8 *z = scratch + 2 * low[c], *w = scratch + 2 * high[-(c)]; \
-        z[0] = xr - yi;                                                         \
-        z[1] = xi + yr;                                                         \
-        w[0] = xr + yi;                                                         \
-        w[1] = yr - xi;                                                         \
+#define TOGETHER(c)                                                                                                    \
+    {                                                                                                                  \
+        const float8 xr = x[2 * c], xi = x[2 * c + 1];                                                                 \
+        const float8 yr = y[2 * c], yi = y[2 * c + 1];                                                                 \
+        FFT_MEM float8 *z = scratch + 2 * low[c], *w = scratch + 2 * high[-c];                                         \
+        z[0] = xr - yi;                                                                                                \
+        z[1] = xi + yr;                                                                                                \
+        w[0] = xr + yi;                                                                                                \
+        w[1] = yr - xi;                                                                                                \
     }
 
 /* One column of a full tile of the output. */
-#define SCALE(c)                           \
-    x[c] = z[2 * (c)] * scale;             \
-    y[c] = z[2 * (c) + 1] * scale;
+#define SCALE(c)                                                                                                       \
+    x[c] = z[2 * c] * scale;                                                                                           \
+    y[c] = z[2 * c + 1] * scale;
 
 /* The first `count` of sixteen rows. The input holds `rows_in` rows in blocks of eight columns, `in` is the first row's
  * place in the first block; values at kx > band are taken as zero. Imaginary parts at kx = 0 and n/2 have no meaning
@@ -112,7 +112,7 @@ FFT_INLINE void fft_rows_inverse_task(FFT_ROWS_IN const float *in, int rows_in, 
                     const int at = place[i ? n - i : 0];
                     re = scratch[2 * at + 1];
                     im = scratch[2 * at];
-                    fft_turn(&re, &im, chirp[2 * i], chirp[2 * i + 1]);
+                    fft_times_twiddle(&re, &im, chirp[2 * i], chirp[2 * i + 1]);
                 } else {
                     re = scratch[2 * i];
                     im = scratch[2 * i + 1];

@@ -18,13 +18,13 @@
 typedef float16 net_vector;
 typedef int16 net_lanes;
 typedef uint16 net_bits;
-#define NET_LANE_NUMBERS (int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15)
+#define NET_LANE_NUMBERS      (int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15)
 #define NET_AS_BITS(integers) as_uint16(integers)
 #else
 typedef float8 net_vector;
 typedef int8 net_lanes;
 typedef uint8 net_bits;
-#define NET_LANE_NUMBERS (int8)(0, 1, 2, 3, 4, 5, 6, 7)
+#define NET_LANE_NUMBERS      (int8)(0, 1, 2, 3, 4, 5, 6, 7)
 #define NET_AS_BITS(integers) as_uint8(integers)
 #endif
 

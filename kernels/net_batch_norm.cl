@@ -112,10 +112,10 @@ __kernel void net_batch_norm_finish(__global const float *parts, ulong parts_off
 }
 
 /* Of each part: the sum of dy and of dy times the normalised x. */
-__kernel void net_batch_norm_gradients(__global const float *x, ulong x_offset, ulong x_image,
-                                       __global const float *dy, ulong dy_offset, ulong dy_image, int rows, int cols,
-                                       int blocks, int span, int channels, __global const float *saved,
-                                       ulong saved_offset, __global float *parts, uint part_count)
+__kernel void net_batch_norm_gradients(__global const float *x, ulong x_offset, ulong x_image, __global const float *dy,
+                                       ulong dy_offset, ulong dy_image, int rows, int cols, int blocks, int span,
+                                       int channels, __global const float *saved, ulong saved_offset,
+                                       __global float *parts, uint part_count)
 {
     const net_part part = net_part_of(blocks, rows, span);
     const net_vector mean = net_per_channel(saved + saved_offset, part.block, channels, 0.0f);

@@ -34,8 +34,7 @@ __kernel void net_leaky_backward(__global const float *y, ulong y_offset, ulong 
 }
 
 __kernel void net_sigmoid_forward(__global const float *x, ulong x_offset, ulong x_image, __global float *y,
-                                  ulong y_offset, ulong y_image, int rows, int cols, int blocks, int span,
-                                  int channels)
+                                  ulong y_offset, ulong y_image, int rows, int cols, int blocks, int span, int channels)
 {
     const net_part part = net_part_of(blocks, rows, span);
     for (int r = part.first; r < part.last; r++) {
@@ -49,8 +48,8 @@ __kernel void net_sigmoid_forward(__global const float *x, ulong x_offset, ulong
 }
 
 __kernel void net_sigmoid_backward(__global const float *y, ulong y_offset, ulong y_image, __global const float *dy,
-                                   ulong dy_offset, ulong dy_image, __global float *dx, ulong dx_offset,
-                                   ulong dx_image, int rows, int cols, int blocks, int span)
+                                   ulong dy_offset, ulong dy_image, __global float *dx, ulong dx_offset, ulong dx_image,
+                                   int rows, int cols, int blocks, int span)
 {
     const net_part part = net_part_of(blocks, rows, span);
     for (int r = part.first; r < part.last; r++) {

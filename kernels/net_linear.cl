@@ -8,7 +8,7 @@
 #define LINEAR_GROUP 1
 #endif
 
-#define LINEAR_IMAGES 4
+#define LINEAR_IMAGES  4
 #define LINEAR_OUTPUTS 4
 
 #define LINEAR_INLINE static inline __attribute__((always_inline))
@@ -90,9 +90,9 @@ LINEAR_INLINE void linear_products(__global const float *const *rows, __global c
  * weights stay in the cache; in groups, dimension 1 counts LINEAR_IMAGES of them each. Outputs and images beyond the
  * last one repeat it. */
 __kernel __attribute__((reqd_work_group_size(LINEAR_GROUP, 1, 1))) void
-net_linear_forward(__global const float *w, ulong w_offset, __global const float *bias, ulong bias_offset,
-                   int has_bias, __global const float *x, ulong x_offset, __global float *y, ulong y_offset,
-                   int images, int in, int out)
+net_linear_forward(__global const float *w, ulong w_offset, __global const float *bias, ulong bias_offset, int has_bias,
+                   __global const float *x, ulong x_offset, __global float *y, ulong y_offset, int images, int in,
+                   int out)
 {
     const int item = get_local_id(0), to = get_group_id(0) * LINEAR_OUTPUTS;
     __global const float *rows[LINEAR_OUTPUTS], *image[LINEAR_IMAGES];

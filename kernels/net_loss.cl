@@ -2,9 +2,9 @@
  * and the gradient, times `scale`. Sums are not scaled. */
 #include "inc_layers.h"
 
-#define LOSS_SQUARED 0
+#define LOSS_SQUARED  0
 #define LOSS_ABSOLUTE 1
-#define LOSS_LOGITS 2
+#define LOSS_LOGITS   2
 
 NET_INLINE size_t net_item(void)
 {
@@ -56,8 +56,8 @@ __kernel void net_loss_values(__global const float *x, ulong x_offset, ulong x_i
 
 /* Total variation. At the edges the neighbour is the pixel itself, whose difference counts nothing. */
 __kernel void net_loss_variation(__global const float *x, ulong x_offset, ulong x_image, __global float *dx,
-                                 ulong dx_offset, ulong dx_image, int rows, int cols, int blocks, int span,
-                                 int squared, float scale, int has_gradient, int accumulate, __global float *sums)
+                                 ulong dx_offset, ulong dx_image, int rows, int cols, int blocks, int span, int squared,
+                                 float scale, int has_gradient, int accumulate, __global float *sums)
 {
     const net_part part = net_part_of(blocks, rows, span);
     const int pitch = (cols + 2) * NET_BLOCK;

@@ -10,7 +10,7 @@ typedef struct net_at {
     int index, rest, whole;
 } net_at;
 
-#define NET_HALF 0
+#define NET_HALF    0
 #define NET_ALIGNED 1
 #define NET_NEAREST 2
 
@@ -81,8 +81,8 @@ __kernel void net_resize_nearest(__global const float *x, ulong x_offset, ulong 
 }
 
 __kernel void net_resize_linear(__global const float *x, ulong x_offset, ulong x_image, __global float *y,
-                                ulong y_offset, ulong y_image, int in_rows, int in_cols, int rows, int cols,
-                                int blocks, int span, int rule)
+                                ulong y_offset, ulong y_image, int in_rows, int in_cols, int rows, int cols, int blocks,
+                                int span, int rule)
 {
     const net_part part = net_part_of(blocks, rows, span);
     const net_at first = net_at_of(get_global_id(0), in_cols, cols, rule);

@@ -7,9 +7,9 @@
  * Four passes: down the columns, along the rows with S and its derivatives, and both back. Vectors of eight columns.
  * Dimensions: work-items that share a row, rows, planes. Offsets in floats. */
 
-#define SSIM_SIZE 11
+#define SSIM_SIZE   11
 #define SSIM_MARGIN 16 /* zero columns before and behind the derivatives */
-#define SSIM_BLOCK 16  /* the most channels in a block */
+#define SSIM_BLOCK  16 /* the most channels in a block */
 
 __constant float ssim_weight[SSIM_SIZE] = {0.001028380f, 0.007598758f, 0.036000772f, 0.109360690f,
                                            0.213005538f, 0.266011725f, 0.213005538f, 0.109360690f,

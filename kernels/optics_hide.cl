@@ -30,8 +30,8 @@ __kernel void optics_hide(__global const float *light, __global float *seen, con
         float8 cover = 0.0f;
         for (int i = max(0, -r - row0); i < last; i++)
             for (int j = 0; j < tap_cols; j++)
-                cover = fma((float8)weights[i * tap_cols + j], vload8(0, opacity + (r + row0 + i) * cols + k + j),
-                            cover);
+                cover =
+                    fma((float8)weights[i * tap_cols + j], vload8(0, opacity + (r + row0 + i) * cols + k + j), cover);
         const float8 clear = max(0.0f, 1.0f - cover);
         for (int c = 0; c < channels; c++, at += (size_t)rows * cols)
             vstore8(vload8(0, light + at) * clear, 0, seen + seen_offset + at);

@@ -2,7 +2,7 @@
  * <hadalens/sensor.h> tells the model. */
 #include "inc_philox.h"
 
-#define SENSOR_ROUNDS 10 /* of Philox */
+#define SENSOR_ROUNDS 10    /* of Philox */
 #define SENSOR_EXACT  16.0f /* electrons; below, Poisson numbers are exact */
 
 /* From words to multiples of 2^-24, above 0 and at most 1, exact in single precision. */
@@ -11,18 +11,18 @@ static inline float8 sensor_unit(uint8 word)
     return convert_float8((word >> 8) + 1) * 0x1p-24f;
 }
 
-/* Poisson numbers of large means: the expansion of a normal number by Cornish and Fisher (1938) to the second order, with
- * the variance less the 1/12 that rounding adds. */
+/* Poisson numbers of large means: the expansion of a normal number by Cornish and Fisher (1938) to the second order,
+ * with the variance less the 1/12 that rounding adds. */
 static inline float8 sensor_many(float8 mean, float8 normal)
 {
     const float8 square = normal * normal;
-    const float8 off = sqrt(mean - 1.0f / 12.0f) * normal + (square - 1.0f) / 6.0f +
-                       (normal - square * normal) / (72.0f * sqrt(mean));
+    const float8 off =
+        sqrt(mean - 1.0f / 12.0f) * normal + (square - 1.0f) / 6.0f + (normal - square * normal) / (72.0f * sqrt(mean));
     return max(0.0f, rint(mean + off));
 }
 
-/* Poisson numbers of small means: how many uniform numbers can be multiplied until the product is no more than exp(-mean)
- * (Knuth, The Art of Computer Programming 2, 3.4.1). All eight go on until the last is done. */
+/* Poisson numbers of small means: how many uniform numbers can be multiplied until the product is no more than
+ * exp(-mean) (Knuth, The Art of Computer Programming 2, 3.4.1). All eight go on until the last is done. */
 static inline float8 sensor_few(float8 mean, const uint8 counter[4], uint key0, uint key1)
 {
     const float8 least = exp(-mean);
@@ -40,8 +40,8 @@ static inline float8 sensor_few(float8 mean, const uint8 counter[4], uint key0, 
     return count;
 }
 
-/* `values` of `pixels` a channel, in place; an item takes eight. `gain` holds the vignetting where `vignetted`; `levels`
- * is 2^bits - 1, 0 where values are not rounded. */
+/* `values` of `pixels` a channel, in place; an item takes eight. `gain` holds the vignetting where `vignetted`;
+ * `levels` is 2^bits - 1, 0 where values are not rounded. */
 __kernel void optics_sensor(__global float *values, const ulong offset, __global const float *gain, const int vignetted,
                             const ulong pixels, const ulong count, const float exposure, const float full_well,
                             const float read_noise, const float dark_level, const int saturate, const float levels,

@@ -29,8 +29,8 @@ __kernel void optics_wave_pupil(__global float *field, __global const float *pha
     for (int col = 8 * get_global_id(0); col < pitch; col += 8 * get_global_size(0)) {
         const float8 index = ramp + (float)col, x = (index - middle) * step;
         const float8 from_x = x + lens.x, from_y = (float8)(y + lens.y);
-        float8 edge = fmin(radius - sqrt(fma(x, x, (float8)(y * y))),
-                           aperture - sqrt(fma(from_x, from_x, from_y * from_y)));
+        float8 edge =
+            fmin(radius - sqrt(fma(x, x, (float8)(y * y))), aperture - sqrt(fma(from_x, from_x, from_y * from_y)));
         for (int p = 0; p < lens.planes; p++) {
             const float4 plane = planes[lens.first + p];
             edge = fmin(edge, plane.z - fma((float8)(plane.x), x, (float8)(plane.y * y)));

@@ -246,7 +246,8 @@ __kernel void refine_prox(__global float *w)
 /* From spectra of the whole grid to those of a coarse grid, channels averaged: out[image] = factor * mean over its
  * channels of in[image][channel], at the frequencies that both grids have. A Gaussian window over the frequencies,
  * 2^-(fy^2 + fx^2) with f = 1 at the coarse grid's last frequency, is applied `tapers` times (negative: divided out).
- * The coarse grid's Nyquist row and column and its padding become 0. Dimensions: columns of all blocks, rows, images. */
+ * The coarse grid's Nyquist row and column and its padding become 0. Dimensions: columns of all blocks, rows, images.
+ */
 __kernel void refine_crop(__global const float *in, ulong in_offset, hada_spectrum_shape in_shape, __global float *out,
                           uint out_offset, hada_spectrum_shape out_shape, hada_refine_crop crop)
 {

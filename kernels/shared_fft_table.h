@@ -1,7 +1,7 @@
 /* The run-time description of one pass of transforms: an int table made by the host (lib/fft/fft_pass.c), so that one
  * program serves every length. A header, then four ints for each stage, then index lists. */
-#ifndef INC_FFT_TABLE_H
-#define INC_FFT_TABLE_H
+#ifndef SHARED_FFT_TABLE_H
+#define SHARED_FFT_TABLE_H
 
 #define FFT_LENGTH         0 /* of the transform */
 #define FFT_POINTS         1 /* held in scratch: the length, or the longer chirp convolution's */

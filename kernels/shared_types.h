@@ -6,7 +6,7 @@
 #ifndef SHARED_TYPES_H
 #define SHARED_TYPES_H
 
-#ifdef __OPENCL_VERSION__
+#if defined(__OPENCL_VERSION__) || defined(__OPENCL_C_VERSION__)
 typedef ulong hada_ulong;
 #define HADA_SHARED_SIZE(type, bytes)
 #else

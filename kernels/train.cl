@@ -17,8 +17,7 @@ inline float16 train_add(float16 b, float16 g, float8 m, int split, float16 sum)
 /* Dimension 0: groups of eight of the `count` frequencies, dimension 1: channels. `offset`: complex numbers before
  * B. */
 __kernel void train_filter(__global const float *b, ulong offset, __global const float *g,
-                           __global const float *weights, __global float *gradient, ulong count, float scale,
-                           int split)
+                           __global const float *weights, __global float *gradient, ulong count, float scale, int split)
 {
     const size_t first = 8 * get_global_id(0), at = get_global_id(1) * count + first;
     if (first >= count)
@@ -50,9 +49,8 @@ __kernel void train_filter(__global const float *b, ulong offset, __global const
 
 /* A work-item's values: TRAIN_RUN of them, the last one what is left of `count`. */
 #define TRAIN_EACH(i, count)                                                                                           \
-    for (size_t i = get_global_id(0) * TRAIN_RUN,                                                                      \
-                train_end = min(i + TRAIN_RUN, (size_t)(count));                                                       \
-         i < train_end; i += 8)
+    for (size_t i = get_global_id(0) * TRAIN_RUN, train_end = min(i + TRAIN_RUN, (size_t)(count)); i < train_end;      \
+         i += 8)
 
 inline float8 train_get(__global const float *p, size_t i, ulong count)
 {

@@ -185,11 +185,11 @@ static hada_status cold_and_warm(hada_bench *bench, const hada_bench_device *dev
         double seconds[STEPS];
         if (!warm) { /* the warm starts find what the last cold one left */
             if (caches)
-                hada_cli_remove_tree(caches);
+                hada_folder_remove(caches);
             free(caches);
             caches = hada_cli_text("%s/caches-%s-%d", bench->scratch, device->index, i);
             status =
-                caches ? hada_cli_make_folder(caches, err) : hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
+                caches ? hada_folder_ensure(caches, err) : hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
         }
         if (!status)
             status = one_start(bench, device, model, frame, caches, seconds, err);
@@ -203,7 +203,7 @@ static hada_status cold_and_warm(hada_bench *bench, const hada_bench_device *dev
     if (!status)
         status = add_rows(bench, device, workload, "warm", values[1], count[1], err);
     if (caches)
-        hada_cli_remove_tree(caches);
+        hada_folder_remove(caches);
     free(caches);
     return status;
 }

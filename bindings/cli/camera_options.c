@@ -5,9 +5,9 @@
 
 #define MASKS "mla|grid|diffuser|contour|aperture" /* in the order of hada_mask */
 
-#define AT(member) offsetof(hada_cli_camera_settings, member)
+#define AT(member) HADA_CLI_AT(hada_cli_camera_settings, member)
 const hada_cli_option hada_cli_camera_options[] = {
-    {HADA_OPTION_GROUP, NULL, 0, NULL, "The camera", NULL, 0},
+    HADA_CLI_GROUP("The camera"),
     {HADA_OPTION_TEXT, "preset", 0, "NAME", "camera to begin with (default: sim512)",
      "sim300: 300x400, 4 depths; sim512: 512x512, 14 depths; paper2022: 1376x2064, 14 depths. All see colour and 100 "
      "to 600 mm.",
@@ -32,7 +32,7 @@ const hada_cli_option hada_cli_camera_options[] = {
     {HADA_OPTION_SEED, "seed", 0, "N", "seed of all that is drawn at random; the same seed gives the same files", NULL,
      AT(seed)},
 
-    {HADA_OPTION_GROUP, NULL, 0, NULL, "The mask", NULL, 0},
+    HADA_CLI_GROUP("The mask"),
     {HADA_OPTION_CHOICE, "mask", 0, MASKS, "kind of mask (default: mla)",
      "mla: microlenses at random places; grid: microlenses in rows and columns; diffuser: a smooth random surface; "
      "contour: a phase mask that draws the contour lines of a random landscape; aperture: holes in an opaque plate. "

@@ -3,6 +3,7 @@
 #define HADA_CLI_H
 
 #include <hadalens/device.h>
+#include <hadalens/monitor.h>
 #include <hadalens/status.h>
 #include <jansson.h>
 
@@ -11,6 +12,15 @@
 #else
 #define HADA_CLI_PRINTF(f, a)
 #endif
+
+/* The one way that errors travel, as in the library: `hada_status status = HADA_OK;`, then HADA_TRY(call) for each call
+ * that can fail, and one exit, `done:`, that frees and returns. */
+#define HADA_TRY(call)                                                                                                 \
+    do {                                                                                                               \
+        status = (call);                                                                                               \
+        if (status)                                                                                                    \
+            goto done;                                                                                                 \
+    } while (0)
 
 /* Exit codes; docs/command-line.md and every help text list them. */
 enum {
@@ -31,15 +41,26 @@ typedef struct hada_cli_common {
     const char *device, *binaries;
 } hada_cli_common;
 
+/* A progress bar on stderr, on a terminal only. */
+typedef struct hada_cli_progress {
+    int shown, drawn;
+    const char *what;
+    long done, total;
+    double started, last;
+} hada_cli_progress;
+
 /* A run of one command. */
 typedef struct hada_cli {
     const char *command;
     const hada_cli_common *common;
-    json_t *document; /* what --json prints at the end; filled also without --json, it is small */
-    struct hada_cli_progress *progress;
+    json_t *document;            /* what --json prints at the end; filled also without --json, it is small */
+    hada_cli_progress *progress; /* the bar on the screen, NULL: none */
+    hada_cli_progress bar;       /* of the library's tasks */
+    hada_monitor monitor;        /* for the library's tasks: bar, messages, signals */
 } hada_cli;
 
 int hada_cli_exit_code(hada_status status);
+hada_monitor hada_cli_monitor(hada_cli *cli);
 
 /* Fills *err and returns `status`. */
 hada_status hada_cli_error(hada_error *err, hada_status status, const char *format, ...) HADA_CLI_PRINTF(3, 4);
@@ -52,13 +73,12 @@ void hada_cli_say(hada_cli *cli, const char *format, ...) HADA_CLI_PRINTF(2, 3);
 void hada_cli_detail(hada_cli *cli, const char *format, ...) HADA_CLI_PRINTF(2, 3);
 /* On stderr, and in the JSON document's "warnings". */
 void hada_cli_warn(hada_cli *cli, const char *format, ...) HADA_CLI_PRINTF(2, 3);
-
 /* Whether this build draws pictures; where not, says that they are left out. */
 int hada_cli_pictures(hada_cli *cli);
-/* Prints an error on stderr. */
-void hada_cli_print_error(hada_cli *cli, const hada_error *err);
+/* Prints an error on stderr. The library names options as "options.hold_out", which becomes "--hold-out" in *err. */
+void hada_cli_print_error(hada_cli *cli, hada_error *err);
 /* Ends a command: prints the error, puts it into the document, returns the exit code. */
-int hada_cli_fail(hada_cli *cli, const hada_error *err);
+int hada_cli_fail(hada_cli *cli, hada_error *err);
 /* Ends a command that was called wrongly; names --help. */
 int hada_cli_usage(hada_cli *cli, const char *format, ...) HADA_CLI_PRINTF(2, 3);
 
@@ -91,16 +111,11 @@ int hada_cli_interrupted(void);
 /* HADA_ERROR_CANCELLED when a signal came. */
 hada_status hada_cli_check_signals(hada_error *err);
 
-/* A progress bar on stderr, on a terminal only. */
-typedef struct hada_cli_progress {
-    int shown, drawn;
-    const char *what;
-    long done, total;
-    double started, last;
-} hada_cli_progress;
 void hada_cli_progress_begin(hada_cli *cli, hada_cli_progress *progress, const char *what, long total);
 void hada_cli_progress_step(hada_cli *cli, const char *note);
 void hada_cli_progress_end(hada_cli *cli);
+/* As hada_monitor asks for it; `user` is the run. */
+void hada_cli_progress_take(void *user, const char *what, long done, long total, const char *note);
 /* Takes the bar off the screen before another line is printed. */
 void hada_cli_progress_hide(hada_cli *cli);
 

@@ -8,6 +8,8 @@
 #include <stdio.h>
 #include <string.h>
 
+static volatile sig_atomic_t interrupted;
+
 int hada_cli_exit_code(hada_status status)
 {
     switch (status) {
@@ -105,8 +107,40 @@ void hada_cli_warn(hada_cli *cli, const char *format, ...)
     json_array_append_new(list, json_string(text));
 }
 
-void hada_cli_print_error(hada_cli *cli, const hada_error *err)
+static int is_word(const char *text, size_t length, const char *word)
 {
+    return strlen(word) == length && !strncmp(text, word, length);
+}
+
+/* Options as this program spells them, in place: never longer than before. */
+static void translate(char *text)
+{
+    static const char mark[] = "options.";
+    char *to = text;
+    for (const char *from = text; *from;) {
+        const size_t before = sizeof mark - 1;
+        const size_t length = strncmp(from, mark, before) ? 0 : strspn(from + before, "abcdefghijklmnopqrstuvwxyz_");
+        if (!length) {
+            *to++ = *from++;
+            continue;
+        }
+        from += before;
+        *to++ = '-';
+        if (is_word(from, length, "output") || is_word(from, length, "model")) { /* -o, -m */
+            *to++ = *from;
+        } else {
+            *to++ = '-';
+            for (size_t i = 0; i < length; i++)
+                *to++ = from[i] == '_' ? '-' : from[i];
+        }
+        from += length;
+    }
+    *to = '\0';
+}
+
+void hada_cli_print_error(hada_cli *cli, hada_error *err)
+{
+    translate(err->message);
     hada_cli_progress_hide(cli);
     fprintf(stderr, "hadalens %s: %s\n", cli->command, err->message);
     if (err->detail[0] && cli->common->verbose)
@@ -115,7 +149,7 @@ void hada_cli_print_error(hada_cli *cli, const hada_error *err)
         fprintf(stderr, "(--verbose shows more)\n");
 }
 
-int hada_cli_fail(hada_cli *cli, const hada_error *err)
+int hada_cli_fail(hada_cli *cli, hada_error *err)
 {
     hada_cli_print_error(cli, err);
     json_object_set_new(cli->document, "error", hada_cli_error_json(err));
@@ -134,6 +168,37 @@ int hada_cli_usage(hada_cli *cli, const char *format, ...)
     hada_cli_fail(cli, &err);
     fprintf(stderr, "Try 'hadalens %s --help'.\n", cli->command);
     return HADA_EXIT_USAGE;
+}
+
+static void take_message(void *user, hada_message kind, const char *text)
+{
+    hada_cli *cli = user;
+    char words[1200];
+    snprintf(words, sizeof words, "%s", text);
+    translate(words);
+    if (kind == HADA_MESSAGE_NOTE)
+        hada_cli_warn(cli, "%s", words);
+    else if (kind == HADA_MESSAGE_INFO)
+        hada_cli_say(cli, "%s", words);
+    else
+        hada_cli_detail(cli, "%s", words);
+}
+
+static int is_cancelled(void *user)
+{
+    (void)user;
+    return interrupted;
+}
+
+hada_monitor hada_cli_monitor(hada_cli *cli)
+{
+    hada_monitor monitor;
+    hada_monitor_init(&monitor);
+    monitor.user = cli;
+    monitor.progress = hada_cli_progress_take;
+    monitor.message = take_message;
+    monitor.cancelled = is_cancelled;
+    return monitor;
 }
 
 json_t *hada_cli_real(double value)
@@ -158,8 +223,6 @@ json_t *hada_cli_error_json(const hada_error *err)
     /* A message that is not UTF-8 (a file name may be anything) cannot stand in JSON. */
     return object ? object : json_pack("{s:s}", "status", hada_status_name(err->status));
 }
-
-static volatile sig_atomic_t interrupted;
 
 static void on_signal(int number)
 {

@@ -8,26 +8,26 @@
 #include <string.h>
 
 const hada_cli_option hada_cli_device_options[] = {
-    {HADA_OPTION_GROUP, NULL, 0, NULL, "Device", NULL, 0},
+    HADA_CLI_GROUP("Device"),
     {HADA_OPTION_TEXT, "device", 'd', "D", "OpenCL device to work on",
      "An index as 'hadalens devices' shows it, a kind (cpu, gpu, accelerator) or a part of the name; 0:1/2 is the "
      "first half of device 0. reconstruct takes a list, such as 0,1 or cpu/2 (the CPU in two halves). Without it the "
      "environment variable HADALENS_DEVICE decides, else the first GPU, else the first accelerator with binaries, "
      "else the first CPU.",
-     offsetof(hada_cli_common, device)},
+     HADA_CLI_AT(hada_cli_common, device)},
     {HADA_OPTION_TEXT, "binaries", 0, "FOLDER", "take compiled kernels from here",
      "A folder made by 'hadalens devices --save-binaries'. Nothing is compiled then, as FPGAs need it.",
-     offsetof(hada_cli_common, binaries)},
+     HADA_CLI_AT(hada_cli_common, binaries)},
     {0},
 };
 
 const hada_cli_option hada_cli_common_options[] = {
-    {HADA_OPTION_GROUP, NULL, 0, NULL, "Output", NULL, 0},
+    HADA_CLI_GROUP("Output"),
     {HADA_OPTION_FLAG, "json", 0, NULL, "print one JSON document on stdout, and nothing else there", NULL,
-     offsetof(hada_cli_common, json)},
-    {HADA_OPTION_FLAG, "quiet", 'q', NULL, "print errors only", NULL, offsetof(hada_cli_common, quiet)},
-    {HADA_OPTION_FLAG, "verbose", 'v', NULL, "say more on stderr", NULL, offsetof(hada_cli_common, verbose)},
-    {HADA_OPTION_FLAG, "help", 'h', NULL, "print this help", NULL, offsetof(hada_cli_common, help)},
+     HADA_CLI_AT(hada_cli_common, json)},
+    {HADA_OPTION_FLAG, "quiet", 'q', NULL, "print errors only", NULL, HADA_CLI_AT(hada_cli_common, quiet)},
+    {HADA_OPTION_FLAG, "verbose", 'v', NULL, "say more on stderr", NULL, HADA_CLI_AT(hada_cli_common, verbose)},
+    {HADA_OPTION_FLAG, "help", 'h', NULL, "print this help", NULL, HADA_CLI_AT(hada_cli_common, help)},
     {0},
 };
 
@@ -107,6 +107,7 @@ static hada_status store(const hada_cli_option *option, char *settings, const ch
 {
     void *target = settings + option->offset;
     unsigned long long seed;
+    int position;
     char *end;
     switch (option->kind) {
     case HADA_OPTION_GROUP: return HADA_OK;
@@ -147,9 +148,11 @@ static hada_status store(const hada_cli_option *option, char *settings, const ch
                               "--%s takes HEIGHTxWIDTH in pixels, such as 300x400 (rows first), not '%s'", option->name,
                               text);
     case HADA_OPTION_CHOICE:
-        *(int *)target = choice(option->argument, text);
-        if (*(int *)target)
+        position = choice(option->argument, text);
+        if (position) {
+            *(int *)target = option->values ? option->values[position - 1] : position;
             return HADA_OK;
+        }
         return hada_cli_error(err, HADA_ERROR_ARGUMENT, "--%s takes one of %s, not '%s'", option->name,
                               option->argument, text);
     }

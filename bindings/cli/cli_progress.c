@@ -84,3 +84,14 @@ void hada_cli_progress_end(hada_cli *cli)
     cli->progress = NULL;
     pthread_mutex_unlock(&screen);
 }
+
+void hada_cli_progress_take(void *user, const char *what, long done, long total, const char *note)
+{
+    hada_cli *cli = user;
+    if (!what)
+        hada_cli_progress_end(cli);
+    else if (!done)
+        hada_cli_progress_begin(cli, &cli->bar, what, total);
+    else
+        hada_cli_progress_step(cli, note);
+}

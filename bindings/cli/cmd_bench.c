@@ -17,9 +17,9 @@ typedef struct settings {
     int quick, rounds, compare, first_frame, no_start, no_sweep;
 } settings;
 
-#define AT(member) offsetof(settings, member)
+#define AT(member) HADA_CLI_AT(settings, member)
 static const hada_cli_option options[] = {
-    {HADA_OPTION_GROUP, NULL, 0, NULL, "What to measure", NULL, 0},
+    HADA_CLI_GROUP("What to measure"),
     {HADA_OPTION_TEXTS, "workload", 0, "NAME", "a camera by design: sim300, sim512 or paper2022; may be given often",
      "Default: sim512 and paper2022; with --quick sim300.", AT(workloads)},
     {HADA_OPTION_TEXT, "model", 'm', "MODEL", "a camera of your own, with frames of it as arguments",
@@ -34,7 +34,7 @@ static const hada_cli_option options[] = {
      "in processes of their own.",
      AT(first_frame)},
 
-    {HADA_OPTION_GROUP, NULL, 0, NULL, "Results", NULL, 0},
+    HADA_CLI_GROUP("Results"),
     {HADA_OPTION_TEXT, "output", 'o', "FOLDER", "where bench.json, bench.csv and the figures go; made when missing",
      NULL, AT(output)},
     {HADA_OPTION_FLAG, "compare", 0, NULL, "compare two result files, OLD.json NEW.json, row by row",
@@ -195,7 +195,7 @@ static hada_status run_bench(hada_cli *cli, const settings *set, const char *con
     bench.rounds = set->rounds ? set->rounds : set->quick ? QUICK_ROUNDS : ROUNDS;
     hada_status status = devices ? HADA_OK : hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
     if (!status && set->output)
-        status = hada_cli_make_folder(set->output, err);
+        status = hada_folder_ensure(set->output, err);
     if (!status)
         status = make_scratch(&bench, err);
     if (!status)
@@ -222,7 +222,7 @@ static hada_status run_bench(hada_cli *cli, const settings *set, const char *con
     if (!status && set->output && hada_cli_pictures(cli))
         status = hada_bench_plots(&bench, set->output, err);
     if (bench.scratch)
-        hada_cli_remove_tree(bench.scratch);
+        hada_folder_remove(bench.scratch);
     free(bench.scratch);
     free(bench.rows);
     return status;

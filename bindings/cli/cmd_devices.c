@@ -12,12 +12,12 @@ typedef struct settings {
 } settings;
 
 static const hada_cli_option options[] = {
-    {HADA_OPTION_GROUP, NULL, 0, NULL, "Work", NULL, 0},
+    HADA_CLI_GROUP("Work"),
     {HADA_OPTION_TEXT, "save-binaries", 0, "FOLDER", "compile every kernel and write the binaries here",
      "For the device that --device chooses. Other runs take them with --binaries, and compile nothing.",
-     offsetof(settings, save_binaries)},
+     HADA_CLI_AT(settings, save_binaries)},
     {HADA_OPTION_FLAG, "check", 0, NULL, "open the device and compare its first results with known answers",
-     "The device is the one --device chooses, or the one that would be used without it.", offsetof(settings, check)},
+     "The device is the one --device chooses, or the one that would be used without it.", HADA_CLI_AT(settings, check)},
     {0},
 };
 

@@ -15,9 +15,9 @@ typedef struct settings {
     int match_gain, authors, lpips_net;
 } settings;
 
-#define AT(member) offsetof(settings, member)
+#define AT(member) HADA_CLI_AT(settings, member)
 static const hada_cli_option options[] = {
-    {HADA_OPTION_GROUP, NULL, 0, NULL, "Yardstick", NULL, 0},
+    HADA_CLI_GROUP("Yardstick"),
     {HADA_OPTION_REAL, "peak", 0, "VALUE", "value that counts as full scale for PSNR and SSIM (default: 1)", NULL,
      AT(peak)},
     {HADA_OPTION_FLAG, "match-gain", 0, NULL, "multiply each result by the factor that fits best first",
@@ -30,7 +30,7 @@ static const hada_cli_option options[] = {
      "The mean of each pixel's PSNR, and SSIM with twice the data range: for comparing with that paper's figures "
      "alone. --json always has them.",
      AT(authors)},
-    {HADA_OPTION_GROUP, NULL, 0, NULL, "Where", NULL, 0},
+    HADA_CLI_GROUP("Where"),
     {HADA_OPTION_TEXT, "window", 0, "HxW[+ROW+COL]", "compare within this rectangle alone",
      "It stands at the centre where the row and column of its top left are not given. Nothing outside it is looked at.",
      AT(window)},
@@ -38,7 +38,7 @@ static const hada_cli_option options[] = {
      "A TIFF file of the size of the images, first page. SSIM and sharpness still see the neighbours of the pixels "
      "that count.",
      AT(mask)},
-    {HADA_OPTION_GROUP, NULL, 0, NULL, "LPIPS", NULL, 0},
+    HADA_CLI_GROUP("LPIPS"),
     {HADA_OPTION_TEXT, "lpips", 0, "FILE", "weights of VGG-16 or AlexNet (safetensors): adds the perceptual distance",
      "docs/metrics.md tells how to make the file from the packages torchvision and lpips; none comes with this "
      "program.",
@@ -85,7 +85,7 @@ static char *find_result(const char *folder, const char *truth_name)
     char *stem = hada_cli_stem(truth_name), *found = NULL;
     for (size_t k = 0; stem && !found && k < sizeof endings / sizeof *endings; k++) {
         char *path = hada_cli_text("%s/%s%s", folder, stem, endings[k]);
-        if (path && hada_cli_is_file(path))
+        if (path && hada_path_is_file(path))
             found = path;
         else
             free(path);
@@ -129,10 +129,11 @@ static hada_status list_folders(hada_cli *cli, table *all, const char *result, c
 
 static hada_status list(hada_cli *cli, table *all, const char *result, const char *truth, hada_error *err)
 {
-    if (hada_cli_is_folder(result) != hada_cli_is_folder(truth))
+    if (hada_path_is_folder(result) != hada_path_is_folder(truth))
         return hada_cli_error(err, HADA_ERROR_ARGUMENT, "%s is a folder and %s is not; give two files or two folders",
-                              hada_cli_is_folder(result) ? result : truth, hada_cli_is_folder(result) ? truth : result);
-    if (hada_cli_is_folder(result))
+                              hada_path_is_folder(result) ? result : truth,
+                              hada_path_is_folder(result) ? truth : result);
+    if (hada_path_is_folder(result))
         return list_folders(cli, all, result, truth, err);
     all->rows = calloc(1, sizeof *all->rows);
     if (!all->rows)

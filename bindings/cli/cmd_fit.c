@@ -1,29 +1,31 @@
 #include "command.h"
-#include "fit_settings.h"
-#include "fit_sizes.h"
-#include "folder.h"
-#include "pairs.h"
+#include "model_words.h"
 
-#include <hadalens/fit.h>
+#include <hadalens/folder.h>
+#include <hadalens/task_fit.h>
 #include <math.h>
 #include <stddef.h>
 #include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 
-/* Decibels by which refinement must lead so that linear filters are not worked on: more than judging them in the window
- * was seen to gain (docs/filters.md). */
-#define ENOUGH_GAIN 3.0
+typedef struct settings {
+    hada_cli_common common;
+    const char *output, *psf, *dark, *refine, *refine_tv, *distances, *sums;
+    hada_cli_texts merge;
+    int form, boundary; /* 0: not given */
+    int psf_sign;       /* 1: nowhere negative, 0: free, -1: not given */
+    int half, skip_incomplete, no_leave_one_out, colour;
+    int window[2];
+    double alpha, lambda, outside, psf_dark;
+} settings;
 
-typedef hada_cli_fit_settings settings;
-
-#define AT(member) offsetof(settings, member)
+#define AT(member)          HADA_CLI_AT(settings, member)
+#define ONE_OF(member, ...) HADA_CLI_ONE_OF(settings, member, __VA_ARGS__)
 static const hada_cli_option options[] = {
-    {HADA_OPTION_GROUP, NULL, 0, NULL, "What to write", NULL, 0},
+    HADA_CLI_GROUP("What to write"),
     {HADA_OPTION_TEXT, "output", 'o', "MODEL", "the model file to write (safetensors)", NULL, AT(output)},
     {HADA_OPTION_FLAG, "half", 0, NULL, "store the filters in half precision: half the size", NULL, AT(half)},
 
-    {HADA_OPTION_GROUP, NULL, 0, NULL, "What to learn from", NULL, 0},
+    HADA_CLI_GROUP("What to learn from"),
     {HADA_OPTION_TEXT, "psf", 0, "PSF.tif", "make the model from point spread functions instead of pairs",
      "A page per depth, near to far, the optical axis at pixel (height/2, width/2). No DATASET is needed then.",
      AT(psf)},
@@ -37,13 +39,14 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_FLAG, "skip-incomplete", 0, NULL, "leave out files that have no partner, instead of refusing", NULL,
      AT(skip_incomplete)},
 
-    {HADA_OPTION_GROUP, NULL, 0, NULL, "How", NULL, 0},
+    HADA_CLI_GROUP("How"),
     {HADA_OPTION_CHOICE, "form", 0, "complex|split|matched|wiener", "how filters act on a frame's spectrum",
      "From pairs: complex (default), or split, Eq. 3 of Tian and Yang (2022) to the letter. From --psf: wiener "
      "(default) or matched, their Eq. 2.",
-     AT(form)},
+     ONE_OF(form, HADA_FORM_COMPLEX, HADA_FORM_SPLIT, HADA_FORM_MATCHED, HADA_FORM_WIENER)},
     {HADA_OPTION_CHOICE, "boundary", 0, "circular|padded", "whether light beyond the sensor comes back in, or is lost",
-     "Without it: what camera.json says; without that, padded, as on a real sensor.", AT(boundary)},
+     "Without it: what camera.json says; without that, padded, as on a real sensor.",
+     ONE_OF(boundary, HADA_BOUNDARY_CIRCULAR, HADA_BOUNDARY_PADDED)},
     {HADA_OPTION_SIZE, "window", 0, "HxW", "field of view, where the scenes or the PSF are as large as the frame", NULL,
      AT(window)},
     {HADA_OPTION_TEXT, "dark", 0, "FILE|auto|none|LEVEL", "dark level of the raw frames (default: none)",
@@ -69,7 +72,7 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_CHOICE, "psf-sign", 0, "nonnegative|free", "what is known of the camera's point spread functions",
      "nonnegative (default): light adds up, so they are nowhere negative; this fills in frequencies of which the pairs "
      "say too little. free: from the pairs alone. Refinement and the search for occupied depths use them.",
-     AT(psf_sign)},
+     ONE_OF(psf_sign, 1, 0)},
     {HADA_OPTION_FLAG, "no-leave-one-out", 0, NULL,
      "do not try: alpha 0, lambda 1e-4, outside 1 and no refinement unless given", NULL, AT(no_leave_one_out)},
     {0},
@@ -81,205 +84,170 @@ static void defaults(void *user)
     set->dark = "none";
     set->refine = set->refine_tv = "auto";
     set->alpha = set->lambda = set->outside = set->psf_dark = -1;
+    set->psf_sign = -1;
 }
 
-/* Filters first, then, on a few held-out frames, whether refinement pays. */
-static void print_rows(hada_cli *cli, const hada_fit_row *rows, size_t count)
+/* Which comparison a row belongs to: of alpha and lambda, of weights outside the window, of refinement. */
+typedef enum table { TABLE_SETTINGS, TABLE_OUTSIDE, TABLE_REFINEMENT } table;
+
+static table table_of(const hada_fit_row *row)
 {
+    return row->outside > 0 ? TABLE_OUTSIDE : row->refine_rho > 0 ? TABLE_REFINEMENT : TABLE_SETTINGS;
+}
+
+static void print_head(hada_cli *cli, table which)
+{
+    if (which == TABLE_OUTSIDE)
+        hada_cli_say(cli, "\nWeight of what filters make outside the window, on a few held-out pairs\n  %20s  %9s",
+                     "outside", "one depth");
+    else if (which == TABLE_REFINEMENT)
+        hada_cli_say(cli, "\nDoes refinement pay? On a few held-out frames\n  %9s  %9s  %9s  %10s", "steps",
+                     "variation", "one depth", "two depths");
+    else
+        hada_cli_say(cli, "\nLeave-one-out, mean PSNR of held-out pairs in dB\n  %9s  %9s  %9s  %10s", "alpha",
+                     "lambda", "one depth", "two depths");
+}
+
+static void print_row(hada_cli *cli, const hada_fit_row *row)
+{
+    char steps[32] = "none", two[32] = "-";
+    const char *mark = row->chosen ? "*" : " ", *chosen = row->chosen ? "  chosen" : "";
+    if (row->refine_steps)
+        snprintf(steps, sizeof steps, "%d", row->refine_steps);
+    if (isfinite(row->psnr_double))
+        snprintf(two, sizeof two, "%.2f", row->psnr_double);
+    if (table_of(row) == TABLE_OUTSIDE)
+        hada_cli_say(cli, "%s %20.3g  %9.2f%s", mark, row->outside, row->psnr_single, chosen);
+    else if (table_of(row) == TABLE_REFINEMENT)
+        hada_cli_say(cli, "%s %9s  %9.2g  %9.2f  %10s%s", mark, steps, row->refine_tv, row->psnr_single, two, chosen);
+    else
+        hada_cli_say(cli, "%s %9.3g  %9.3g  %9.2f  %10s%s", mark, row->alpha, row->lambda, row->psnr_single, two,
+                     chosen);
+}
+
+static json_t *row_json(const hada_fit_row *row)
+{
+    json_t *entry = json_pack("{s:f, s:f, s:i, s:b}", "alpha", row->alpha, "lambda", row->lambda, "refine_steps",
+                              row->refine_steps, "chosen", row->chosen);
+    json_object_set_new(entry, "outside", row->outside > 0 ? hada_cli_real(row->outside) : json_null());
+    json_object_set_new(entry, "refine_rho", hada_cli_real(row->refine_rho));
+    json_object_set_new(entry, "refine_tv", hada_cli_real(row->refine_tv));
+    json_object_set_new(entry, "psnr_one_depth", hada_cli_real(row->psnr_single));
+    json_object_set_new(entry, "psnr_two_depths", hada_cli_real(row->psnr_double));
+    return entry;
+}
+
+static void print_rows(hada_cli *cli, const hada_fit_report *report)
+{
+    size_t count;
+    const hada_fit_row *rows = hada_fit_report_rows(report, &count);
     json_t *list = json_array();
     for (size_t i = 0; i < count; i++) {
-        const hada_fit_row *row = &rows[i];
-        int trial = row->refine_rho > 0;
-        char steps[32] = "none", two[32] = "-";
-        if (row->outside > 0 && (!i || !(rows[i - 1].outside > 0)))
-            hada_cli_say(cli, "\nWeight of what filters make outside the window, on a few held-out pairs\n  %20s  %9s",
-                         "outside", "one depth");
-        if (!i && !trial && !(row->outside > 0))
-            hada_cli_say(cli, "\nLeave-one-out, mean PSNR of held-out pairs in dB\n  %9s  %9s  %9s  %10s", "alpha",
-                         "lambda", "one depth", "two depths");
-        if (trial && (!i || !(rows[i - 1].refine_rho > 0)))
-            hada_cli_say(cli, "\nDoes refinement pay? On a few held-out frames\n  %9s  %9s  %9s  %10s", "steps",
-                         "variation", "one depth", "two depths");
-        if (row->refine_steps)
-            snprintf(steps, sizeof steps, "%d", row->refine_steps);
-        if (isfinite(row->psnr_double))
-            snprintf(two, sizeof two, "%.2f", row->psnr_double);
-        const char *mark = row->chosen ? "*" : " ", *chosen = row->chosen ? "  chosen" : "";
-        if (row->outside > 0)
-            hada_cli_say(cli, "%s %20.3g  %9.2f%s", mark, row->outside, row->psnr_single, chosen);
-        else if (trial)
-            hada_cli_say(cli, "%s %9s  %9.2g  %9.2f  %10s%s", mark, steps, row->refine_tv, row->psnr_single, two,
-                         chosen);
-        else
-            hada_cli_say(cli, "%s %9.3g  %9.3g  %9.2f  %10s%s", mark, row->alpha, row->lambda, row->psnr_single, two,
-                         chosen);
-        json_t *entry = json_pack("{s:f, s:f, s:i, s:b}", "alpha", row->alpha, "lambda", row->lambda, "refine_steps",
-                                  row->refine_steps, "chosen", row->chosen);
-        json_object_set_new(entry, "outside", row->outside > 0 ? hada_cli_real(row->outside) : json_null());
-        json_object_set_new(entry, "refine_rho", hada_cli_real(row->refine_rho));
-        json_object_set_new(entry, "refine_tv", hada_cli_real(row->refine_tv));
-        json_object_set_new(entry, "psnr_one_depth", hada_cli_real(row->psnr_single));
-        json_object_set_new(entry, "psnr_two_depths", hada_cli_real(row->psnr_double));
-        json_array_append_new(list, entry);
+        if (!i || table_of(&rows[i]) != table_of(&rows[i - 1]))
+            print_head(cli, table_of(&rows[i]));
+        print_row(cli, &rows[i]);
+        json_array_append_new(list, row_json(&rows[i]));
     }
     json_object_set_new(cli->document, "leave_one_out", list);
 }
 
-/* By how much the trial of refinement found it better than the linear filters, in decibels, one depth occupied; 0 where
- * it was not tried. */
-static double refinement_gain(const hada_fit_row *rows, size_t count)
+static void tell_pairs(hada_cli *cli, const hada_dataset_info *info, const hada_fit_report *report)
 {
-    double none = NAN, gain = 0;
-    for (size_t i = 0; i < count; i++) {
-        if (!(rows[i].refine_rho > 0))
-            continue;
-        if (!isfinite(none))
-            none = rows[i].psnr_single;
-        if (rows[i].chosen)
-            gain = rows[i].psnr_single - none;
-    }
-    return isfinite(gain) ? gain : 0;
+    json_t *pairs = json_array();
+    for (int z = 0; z < info->depths; z++)
+        json_array_append_new(pairs, json_integer(hada_fit_report_pairs(report, z)));
+    json_object_set_new(cli->document, "pairs", pairs);
+    print_rows(cli, report);
+    hada_cli_say(cli, "\n%d pairs; at least %d for each of %d %s", info->pairs, info->least_pairs, info->depths,
+                 info->depths == 1 ? "depth" : "depths");
 }
 
-/* Solves; filters are judged in the window where that is asked for, or where they are what the model will use:
- * judging them gains a decibel or two, and takes most of the time of a fit. */
-static hada_status solve(hada_cli *cli, const settings *set, const hada_cli_dataset *data, hada_fitter *fitter,
-                         hada_model **model, hada_fit_row **rows, size_t *row_count, hada_error *err)
+static void tell_sums(hada_cli *cli, const settings *set, const hada_model *model, const hada_fit_report *report)
 {
-    /* merged sums bring no pairs to look at again */
-    const int can = !set->merge.count && !(set->no_leave_one_out && set->outside < 0);
-    /* refinement is tried where its steps are not given; without that there is nothing to learn before judging */
-    if (!can || (set->outside < 0 && !strcmp(set->refine, "auto"))) {
-        hada_status status = hada_fitter_finish(fitter, model, rows, row_count, err);
-        if (status || !can || refinement_gain(*rows, *row_count) > ENOUGH_GAIN)
-            return status;
-        hada_model_destroy(model);
-        free(*rows);
-        *rows = NULL;
-    }
-    hada_status status = hada_cli_pairs_judge(cli, fitter, data, err);
-    return status ? status : hada_fitter_finish(fitter, model, rows, row_count, err);
+    long long pairs = 0;
+    for (int z = 0; z < hada_model_get_info(model)->depths; z++)
+        pairs += hada_fit_report_pairs(report, z);
+    hada_cli_say(cli,
+                 "%lld pairs in %d file%s of sums; without pairs to leave out, alpha, lambda and refinement are those "
+                 "given or the defaults",
+                 pairs, set->merge.count, set->merge.count == 1 ? "" : "s");
 }
 
-static hada_status learn(hada_cli *cli, const settings *set, const hada_cli_dataset *data, hada_fitter *fitter,
-                         hada_model **model, hada_error *err)
-{
-    hada_fit_row *rows = NULL;
-    size_t row_count = 0;
-    hada_status status = HADA_OK;
-    for (int i = 0; !status && i < set->merge.count; i++) {
-        status = hada_fitter_load_sums(fitter, set->merge.items[i], err);
-        if (status)
-            hada_cli_prefix(err, "%s: ", set->merge.items[i]);
-    }
-    if (!status)
-        status = hada_cli_pairs_add(cli, fitter, data, err);
-    if (!status && set->sums)
-        status = hada_fitter_save_sums(fitter, set->sums, err);
-    /* One pair alone cannot be left out. */
-    if (!status && !set->no_leave_one_out && (data->least_pairs > 1 || set->merge.count))
-        status = hada_cli_pairs_score(cli, fitter, data, err);
-    if (!status)
-        status = solve(cli, set, data, fitter, model, &rows, &row_count, err);
-    if (!status) {
-        json_t *pairs = json_array();
-        for (int z = 0; z < data->depths; z++)
-            json_array_append_new(pairs, json_integer(hada_fitter_pairs(fitter, z)));
-        json_object_set_new(cli->document, "pairs", pairs);
-        print_rows(cli, rows, row_count);
-    }
-    free(rows);
-    return status;
-}
-
+/* From a data set's pairs, or (folder NULL) from saved sums. */
 static hada_status fit_pairs(hada_cli *cli, const settings *set, const char *folder, hada_context *context,
                              hada_model **model, hada_error *err)
 {
-    hada_cli_dataset data;
-    hada_fitter *fitter = NULL;
+    hada_dataset *data = NULL;
+    hada_fit_report *report = NULL;
+    hada_dataset_options scan;
     hada_fit_options fit;
-    char held[16];
+    hada_fit_task task;
+    hada_status status = HADA_OK;
+    hada_dataset_options_init(&scan);
     hada_fit_options_init(&fit);
-    hada_status status = hada_cli_dataset_scan(&data, folder, set->skip_incomplete, err);
-    if (status)
-        return status;
-    if (data.incomplete)
-        hada_cli_warn(cli, "left out: %s", data.incomplete_text);
-    if (data.least_pairs == 1)
-        hada_cli_warn(cli,
-                      "a depth has a single pair: nothing can be held out there, so the model is a guess; show the "
-                      "camera about eight scenes per depth");
+    hada_fit_task_init(&task);
+    scan.skip_incomplete = set->skip_incomplete;
     fit.alpha = set->alpha;
-    fit.nonnegative = set->psf_sign != 2;
     fit.lambda = set->lambda;
     fit.outside = set->outside;
-    fit.form = set->form == 2 ? HADA_FORM_SPLIT : HADA_FORM_COMPLEX;
-    fit.boundary = hada_cli_fit_boundary(cli, set->boundary, &data);
-    status = hada_cli_read_refine(set->refine, &fit.refine_steps, err);
-    if (!status)
-        status = hada_cli_read_refine_tv(set->refine_tv, &fit.refine_tv, err);
-    if (!status)
-        status = hada_cli_fit_sizes(&fit, &data, set->window, err);
-    if (!status)
-        status = hada_cli_fit_dark(set->dark, &fit.dark, err);
-    if (!status)
-        status = hada_fitter_create(&fitter, context, &fit, err);
-    if (!status) {
-        hada_cli_detail(cli, "the sums take %s on the device", hada_cli_bytes(held, hada_fitter_bytes(fitter)));
-        status = learn(cli, set, &data, fitter, model, err);
+    fit.nonnegative = set->psf_sign != 0;
+    fit.form = set->form ? (hada_form)set->form : HADA_FORM_COMPLEX;
+    fit.window_rows = set->window[0];
+    fit.window_cols = set->window[1];
+    task.fit = &fit;
+    task.boundary = set->boundary;
+    task.leave_one_out = !set->no_leave_one_out;
+    task.half = set->half;
+    task.merge = set->merge.items;
+    task.merge_count = set->merge.count;
+    task.save_sums = set->sums;
+    task.monitor = &cli->monitor;
+    HADA_TRY(hada_cli_read_refine(set->refine, &fit.refine_steps, err));
+    HADA_TRY(hada_cli_read_refine_tv(set->refine_tv, &fit.refine_tv, err));
+    if (folder) {
+        HADA_TRY(hada_dataset_scan(&data, folder, &scan, err));
+        HADA_TRY(hada_cli_read_dark_level(&fit.dark, set->dark, err));
     }
-    if (!status)
-        hada_cli_say(cli, "\n%d pairs; at least %d for each of %d %s", data.pairs, data.least_pairs, data.depths,
-                     data.depths == 1 ? "depth" : "depths");
-    hada_fitter_destroy(&fitter);
-    hada_cli_dataset_free(&data);
+    HADA_TRY(hada_fit_run(model, &report, context, data, &task, err));
+    if (folder)
+        tell_pairs(cli, hada_dataset_get_info(data), report);
+    else
+        tell_sums(cli, set, *model, report);
+done:
+    hada_fit_report_destroy(&report);
+    hada_dataset_destroy(&data);
     return status;
 }
 
-/* A model from saved sums alone: nothing can be left out, so what is not given takes its stated default. */
-static hada_status fit_sums(hada_cli *cli, const settings *set, hada_context *context, hada_model **model,
-                            hada_error *err)
+static hada_status fit_psf(const settings *set, hada_context *context, hada_model **model, hada_error *err)
 {
-    hada_fitter *fitter = NULL;
-    hada_fit_options choices;
-    hada_fit_options_init(&choices);
-    choices.alpha = set->alpha;
-    choices.nonnegative = set->psf_sign != 2;
-    choices.lambda = set->lambda;
-    choices.form = set->form == 2 ? HADA_FORM_SPLIT : HADA_FORM_COMPLEX;
-    hada_status status = hada_cli_read_refine(set->refine, &choices.refine_steps, err);
-    if (!status)
-        status = hada_cli_read_refine_tv(set->refine_tv, &choices.refine_tv, err);
-    if (!status)
-        status = hada_fitter_create_from_sums(&fitter, context, set->merge.items[0], &choices, err);
-    for (int i = 1; !status && i < set->merge.count; i++)
-        status = hada_fitter_load_sums(fitter, set->merge.items[i], err);
-    if (!status && set->sums)
-        status = hada_fitter_save_sums(fitter, set->sums, err);
-    if (!status)
-        status = hada_fitter_finish(fitter, model, NULL, NULL, err);
-    if (!status) {
-        int64_t pairs = 0;
-        for (int z = 0; z < hada_model_get_info(*model)->depths; z++)
-            pairs += hada_fitter_pairs(fitter, z);
-        hada_cli_say(cli,
-                     "%lld pairs in %d file%s of sums; without pairs to leave out, alpha, lambda and refinement are "
-                     "those given or the defaults",
-                     (long long)pairs, set->merge.count, set->merge.count == 1 ? "" : "s");
+    enum { MOST_DISTANCES = 256 };
+    double distances[MOST_DISTANCES], weight;
+    hada_psf_options psf;
+    hada_psf_task task;
+    hada_status status = HADA_OK;
+    hada_psf_options_init(&psf);
+    hada_psf_task_init(&task);
+    psf.form = set->form ? (hada_form)set->form : HADA_FORM_WIENER;
+    psf.boundary = set->boundary ? (hada_boundary)set->boundary : HADA_BOUNDARY_PADDED;
+    psf.window_rows = set->window[0];
+    psf.window_cols = set->window[1];
+    psf.lambda = set->lambda > 0 ? set->lambda : 0;
+    psf.psf_dark = set->psf_dark;
+    task.psf = &psf;
+    task.colour = set->colour;
+    task.half = set->half;
+    if (set->distances) {
+        task.distances_mm = distances;
+        HADA_TRY(hada_cli_read_distances("distances", set->distances, distances, MOST_DISTANCES, &task.distances, err));
     }
-    hada_fitter_destroy(&fitter);
+    HADA_TRY(hada_cli_read_dark_level(&psf.dark, set->dark, err));
+    HADA_TRY(hada_cli_read_refine(set->refine, &psf.refine_steps, err));
+    HADA_TRY(hada_cli_read_refine_tv(set->refine_tv, &weight, err));
+    psf.refine_tv = weight > 0 ? weight : 0;
+    HADA_TRY(hada_psf_run(model, context, set->psf, &task, err));
+done:
     return status;
-}
-
-static hada_status to_half(hada_model **model, hada_error *err)
-{
-    hada_model *half = NULL;
-    hada_status status = hada_model_to_half(&half, *model, err);
-    if (status)
-        return status;
-    hada_model_destroy(model);
-    *model = half;
-    return HADA_OK;
 }
 
 static void print_model(hada_cli *cli, const settings *set, const hada_model *model, double seconds)
@@ -313,13 +281,10 @@ static void print_model(hada_cli *cli, const settings *set, const hada_model *mo
     json_object_set_new(cli->document, "seconds", json_real(seconds));
 }
 
-static int run(hada_cli *cli, void *user, int count, const char **arguments)
+/* What cannot go together; HADA_EXIT_OK where all does. */
+static int check(hada_cli *cli, const settings *set, int count, const char **arguments)
 {
-    const settings *set = user;
-    hada_error err = {0};
-    hada_context *context = NULL;
-    hada_model *model = NULL;
-    double start = hada_cli_seconds();
+    const int learned = set->form == HADA_FORM_COMPLEX || set->form == HADA_FORM_SPLIT;
     if (count > 1)
         return hada_cli_usage(cli, "one DATASET at a time; '%s' is too many (--merge adds sums of others)",
                               arguments[1]);
@@ -330,9 +295,9 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
         return hada_cli_usage(cli, "either the pairs of %s or --psf %s, not both", arguments[0], set->psf);
     if (!set->output)
         return hada_cli_usage(cli, "say where the model shall be written, with -o MODEL");
-    if (set->psf && (set->form == 1 || set->form == 2))
+    if (set->psf && learned)
         return hada_cli_usage(cli, "forms complex and split are learned from pairs; with --psf take wiener or matched");
-    if (set->psf && set->psf_sign)
+    if (set->psf && set->psf_sign >= 0)
         return hada_cli_usage(cli, "--psf-sign belongs to pairs; what --psf gives is made non-negative anyway");
     if (set->outside >= 0 && set->psf)
         return hada_cli_usage(cli, "--outside belongs to pairs, not to --psf");
@@ -341,24 +306,32 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
                                    "give all pairs in one DATASET");
     if (set->psf && (set->sums || set->merge.count))
         return hada_cli_usage(cli, "--sums and --merge belong to pairs, not to --psf");
-    hada_status status = hada_cli_check_output(set->output, &err);
-    if (!status && set->sums)
-        status = hada_cli_check_output(set->sums, &err);
-    if (!status && !set->psf && set->form >= 3)
+    if (!set->psf && set->form && !learned)
         return hada_cli_usage(cli, "forms matched and wiener need a PSF: hadalens fit --psf %s/psf.tif -o %s",
                               count ? arguments[0] : "DATASET", set->output);
-    if (!status)
-        status = hada_cli_open(cli, &context, &err);
-    if (!status)
-        status = set->psf ? hada_cli_fit_psf(set, set->psf, context, &model, &err)
-                 : count  ? fit_pairs(cli, set, arguments[0], context, &model, &err)
-                          : fit_sums(cli, set, context, &model, &err);
-    if (!status && set->half)
-        status = to_half(&model, &err);
-    if (!status)
-        status = hada_model_save(model, set->output, &err);
-    if (!status)
-        print_model(cli, set, model, hada_cli_seconds() - start);
+    return HADA_EXIT_OK;
+}
+
+static int run(hada_cli *cli, void *user, int count, const char **arguments)
+{
+    const settings *set = user;
+    hada_error err = {0};
+    hada_context *context = NULL;
+    hada_model *model = NULL;
+    hada_status status = HADA_OK;
+    const double start = hada_cli_seconds();
+    const int wrong = check(cli, set, count, arguments);
+    if (wrong)
+        return wrong;
+    HADA_TRY(hada_file_check_target(set->output, &err));
+    if (set->sums)
+        HADA_TRY(hada_file_check_target(set->sums, &err));
+    HADA_TRY(hada_cli_open(cli, &context, &err));
+    HADA_TRY(set->psf ? fit_psf(set, context, &model, &err)
+                      : fit_pairs(cli, set, count ? arguments[0] : NULL, context, &model, &err));
+    HADA_TRY(hada_model_save(model, set->output, &err));
+    print_model(cli, set, model, hada_cli_seconds() - start);
+done:
     hada_model_destroy(&model);
     hada_cli_close(cli, &context);
     return status ? hada_cli_fail(cli, &err) : HADA_EXIT_OK;

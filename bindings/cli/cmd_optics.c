@@ -20,9 +20,9 @@ typedef struct settings {
     double threshold;
 } settings;
 
-#define AT(member) offsetof(settings, member)
+#define AT(member) HADA_CLI_AT(settings, member)
 static const hada_cli_option options[] = {
-    {HADA_OPTION_GROUP, NULL, 0, NULL, "What to write", NULL, 0},
+    HADA_CLI_GROUP("What to write"),
     {HADA_OPTION_TEXT, "output", 'o', "FOLDER", "the folder to make", "It must not exist yet, or be empty.",
      AT(output)},
     {HADA_OPTION_REAL, "threshold", 0, "MTF", "frequencies count as passed from here on (default: 0.05)", NULL,
@@ -222,7 +222,7 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
     if (hada_cli_make_camera(&camera, &set->camera, &err))
         return hada_cli_fail(cli, &err);
     writing w = {.cli = cli, .set = set, .camera = &camera, .report = &report};
-    if (hada_cli_write_folder(set->output, fill_folder, &w, &err)) {
+    if (hada_folder_create(set->output, fill_folder, &w, &err)) {
         hada_optics_report_end(&report);
         return hada_cli_fail(cli, &err);
     }

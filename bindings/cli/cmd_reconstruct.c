@@ -1,9 +1,8 @@
 #include "command.h"
-#include "fit_settings.h"
 #include "folder.h"
 #include "frame_files.h"
 #include "method_options.h"
-#include "pairs.h"
+#include "model_words.h"
 #include "skip_words.h"
 
 #include <hadalens/job.h>
@@ -22,9 +21,9 @@ typedef struct settings {
     hada_cli_method_settings method;
 } settings;
 
-#define AT(member) offsetof(settings, member)
+#define AT(member) HADA_CLI_AT(settings, member)
 static const hada_cli_option options[] = {
-    {HADA_OPTION_GROUP, NULL, 0, NULL, "Input and output", NULL, 0},
+    HADA_CLI_GROUP("Input and output"),
     {HADA_OPTION_TEXT, "model", 'm', "MODEL", "the camera, from 'hadalens fit'", NULL, AT(model)},
     {HADA_OPTION_TEXT, "output", 'o', "FOLDER", "where the results go; made when missing", NULL, AT(output)},
     {HADA_OPTION_CHOICE, "bits", 0, "8|16|32", "bits per value of stack and all-in-focus image (default: 32, float)",
@@ -34,7 +33,7 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_REAL, "gamma", 0, "G", "exponent on the finished images (default: 1, linear)", NULL, AT(gamma)},
     {HADA_OPTION_FLAG, "no-preview", 0, NULL, "write no NAME_preview.png", NULL, AT(no_preview)},
 
-    {HADA_OPTION_GROUP, NULL, 0, NULL, "Reconstruction", NULL, 0},
+    HADA_CLI_GROUP("Reconstruction"),
     {HADA_OPTION_TEXT, "depths", 0, "LIST", "depths to compute (default: all)",
      "Slices counted from 1 (near), such as 1,3-5, or distances, such as 100mm,250mm.", AT(depths)},
     {HADA_OPTION_TEXT, "occupied", 0, "auto|all|LIST", "depths at which the scene has something (default: auto)",
@@ -67,7 +66,7 @@ static const hada_cli_option options[] = {
      "devices give a list of them, such as 0,1, or cpu/2 for the CPU in two halves.",
      AT(queues)},
 
-    {HADA_OPTION_GROUP, NULL, 0, NULL, "Other methods, on the model's transfer functions", NULL, 0},
+    HADA_CLI_GROUP("Other methods, on the model's transfer functions"),
     {HADA_OPTION_CHOICE, "method", 0, "hadamard|matched|wiener|rl|fista|admm", "what to do (default: hadamard)",
      "hadamard: the model's own filters, then --refine. matched: the transposed optics. wiener: the linear filter for "
      "all depths jointly. rl (Richardson-Lucy), fista and admm iterate, without --refine and without looking for the "
@@ -153,11 +152,10 @@ static hada_status read_options(job *work, hada_plan_options *plan, hada_error *
     if (!status)
         status = hada_cli_read_refine_tv(set->refine_tv, &plan->refine_tv, err);
     if (!status && set->dark) {
-        static const hada_dark kinds[] = {HADA_DARK_NONE, HADA_DARK_AUTO, HADA_DARK_LEVEL, HADA_DARK_FRAME};
-        status = hada_cli_dark_read(&work->dark, set->dark, err);
-        plan->dark = kinds[work->dark.kind];
+        status = hada_cli_read_dark(&work->dark, set->dark, err);
+        plan->dark = work->dark.kind;
         plan->dark_level = work->dark.level;
-        plan->dark_frame = work->dark.kind == HADA_CLI_DARK_FILE ? &work->dark.frame : NULL;
+        plan->dark_frame = work->dark.kind == HADA_DARK_FRAME ? &work->dark.frame : NULL;
     }
     if (!status)
         status = hada_cli_read_skip(set->skip, &plan->skip, err);
@@ -234,7 +232,7 @@ static hada_status prepare(job *work, hada_error *err)
     if (!status)
         status = read_options(work, &plan, err);
     if (!status)
-        status = hada_cli_make_folder(work->set->output, err);
+        status = hada_folder_ensure(work->set->output, err);
     if (!status)
         status = hada_cli_open_all(work->cli, &work->devices, err);
     return status ? status : make_plan(work, &plan, err);

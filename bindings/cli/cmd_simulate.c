@@ -16,9 +16,9 @@ typedef struct settings {
     int bits, pairs, test, test_depths;
 } settings;
 
-#define AT(member) offsetof(settings, member)
+#define AT(member) HADA_CLI_AT(settings, member)
 static const hada_cli_option options[] = {
-    {HADA_OPTION_GROUP, NULL, 0, NULL, "What to write", NULL, 0},
+    HADA_CLI_GROUP("What to write"),
     {HADA_OPTION_TEXT, "output", 'o', "DATASET", "the folder to make", "It must not exist yet, or be empty.",
      AT(output)},
     {HADA_OPTION_TEXT, "scenes", 0, "FOLDER|procedural", "pictures to show to the camera (default: procedural)",
@@ -146,8 +146,8 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
     if (!status)
         status = hada_cli_make_sensor(&sensor, &set->frame, &err);
     if (!status)
-        status = hada_cli_write_folder(set->output, fill_folder,
-                                       &(writing){.cli = cli, .set = set, .camera = &camera, .recipe = &recipe}, &err);
+        status = hada_folder_create(set->output, fill_folder,
+                                    &(writing){.cli = cli, .set = set, .camera = &camera, .recipe = &recipe}, &err);
     hada_cli_sensor_free(&sensor);
     if (status)
         return hada_cli_fail(cli, &err);

@@ -8,9 +8,9 @@
 
 typedef hada_cli_train_settings settings;
 
-#define AT(member) offsetof(settings, member)
+#define AT(member) HADA_CLI_AT(settings, member)
 static const hada_cli_option options[] = {
-    {HADA_OPTION_GROUP, NULL, 0, NULL, "What to train", NULL, 0},
+    HADA_CLI_GROUP("What to train"),
     {HADA_OPTION_TEXT, "model", 'm', "MODEL", "the model to begin with ('hadalens fit' or an earlier stage made it)",
      "Without it the exact fit comes first; filters then start at random.", AT(model)},
     {HADA_OPTION_TEXT, "output", 'o', "MODEL2", "the model file to write: at each new best, and at the end",
@@ -34,7 +34,7 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_CHOICE, "form", 0, "complex|split", "filters without a model: how they act on a frame's spectrum",
      NULL, AT(form)},
 
-    {HADA_OPTION_GROUP, NULL, 0, NULL, "Pairs", NULL, 0},
+    HADA_CLI_GROUP("Pairs"),
     {HADA_OPTION_TEXT, "hold-out", 0, "N|SHARE", "pairs of each depth to validate with (default: an eighth)",
      "The last ones of each folder. A model that was fitted to them as well makes them look easier than they are.",
      AT(hold_out)},
@@ -55,7 +55,7 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_FLAG, "skip-incomplete", 0, NULL, "leave out files that have no partner, instead of refusing", NULL,
      AT(skip_incomplete)},
 
-    {HADA_OPTION_GROUP, NULL, 0, NULL, "Steps", NULL, 0},
+    HADA_CLI_GROUP("Steps"),
     {HADA_OPTION_COUNT, "steps", 0, "N", "steps of the whole training (default: 1000; adversarial: 300)", NULL,
      AT(steps)},
     {HADA_OPTION_COUNT, "epochs", 0, "N", "instead: how often every pair is seen", NULL, AT(epochs)},
@@ -80,7 +80,7 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_COUNT, "critic-steps", 0, "N", "first steps, of the discriminator alone", NULL, AT(critic_steps)},
     {HADA_OPTION_SEED, "seed", 0, "N", "first weights, order and changes of pairs (default: 1)", NULL, AT(seed)},
 
-    {HADA_OPTION_GROUP, NULL, 0, NULL, "Weights of the losses (default: 1.5, 0.1, 0.008, 5e-7, the paper's)", NULL, 0},
+    HADA_CLI_GROUP("Weights of the losses (default: 1.5, 0.1, 0.008, 5e-7, the paper's)"),
     {HADA_OPTION_REAL, "mse", 0, "W", "mean squared error", NULL, AT(mse)},
     {HADA_OPTION_REAL, "perceptual", 0, "W", "difference of VGG-16's features (needs --vgg)", NULL, AT(perceptual)},
     {HADA_OPTION_REAL, "adversarial", 0, "W", "what the discriminator says (joint: 0 by default)", NULL,
@@ -90,7 +90,7 @@ static const hada_cli_option options[] = {
      AT(variation_squared)},
     {HADA_OPTION_TEXT, "vgg", 0, "FILE", "weights of VGG-16 (safetensors, names as torchvision's)", NULL, AT(vgg)},
 
-    {HADA_OPTION_GROUP, NULL, 0, NULL, "On the way", NULL, 0},
+    HADA_CLI_GROUP("On the way"),
     {HADA_OPTION_TEXT, "log", 0, "FOLDER", "for log, figure, pictures, checkpoint (default: MODEL2.log)", NULL,
      AT(log)},
     {HADA_OPTION_FLAG, "resume", 0, NULL, "go on from the checkpoint in the log folder",
@@ -140,13 +140,13 @@ static hada_status make_folders(hada_cli_train_run *run, hada_error *err)
     }
     hada_status status =
         run->checkpoint && pictures ? HADA_OK : hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
-    if (!status && hada_cli_is_file(run->checkpoint) && !set->resume && !set->restart)
+    if (!status && hada_path_is_file(run->checkpoint) && !set->resume && !set->restart)
         status = hada_cli_error(err, HADA_ERROR_ARGUMENT,
                                 "%s holds the checkpoint of an earlier training: go on with it (--resume), begin anew "
                                 "(--restart), or choose another folder (--log)",
                                 run->log_folder);
     if (!status)
-        status = hada_cli_make_folder(pictures, err);
+        status = hada_folder_ensure(pictures, err);
     free(pictures);
     return status;
 }
@@ -166,17 +166,17 @@ static void tell(hada_cli_train_run *run, const hada_cli_contexts *devices)
         snprintf(on, sizeof on, ", on %d devices", devices->count);
     json_t *document = run->cli->document;
     json_object_set_new(document, "stage", json_string(stages[use->stage]));
-    json_object_set_new(document, "pairs", json_integer(run->data->learn.pairs));
+    json_object_set_new(document, "pairs", json_integer(run->data->learned));
     json_object_set_new(document, "held_out", json_integer(run->data->held));
     json_object_set_new(document, "net_values", json_integer((json_int_t)info.values));
     json_object_set_new(document, "output", json_string(run->set->output));
     json_object_set_new(document, "log", json_string(run->log_folder));
     hada_cli_say(run->cli, "Stage %s, %s; %d pairs to learn from, %d held out, %d %s", stages[use->stage], values,
-                 run->data->learn.pairs, run->data->held, run->data->all.depths,
-                 run->data->all.depths == 1 ? "depth" : "depths");
+                 run->data->learned, run->data->held, hada_dataset_get_info(run->data->all)->depths,
+                 hada_dataset_get_info(run->data->all)->depths == 1 ? "depth" : "depths");
     hada_cli_say(run->cli, "%llu steps of %d pairs (%d at once), every pair %.3g times; %s%s",
                  (unsigned long long)run->steps, use->batch, use->at_once,
-                 (double)run->steps * use->batch / run->data->learn.pairs,
+                 (double)run->steps * use->batch / run->data->learned,
                  hada_cli_bytes(held, hada_context_bytes(devices->contexts[0])), on);
 }
 
@@ -184,7 +184,7 @@ static hada_status resume(hada_cli_train_run *run, hada_error *err)
 {
     if (!run->set->resume)
         return HADA_OK;
-    if (!hada_cli_is_file(run->checkpoint)) {
+    if (!hada_path_is_file(run->checkpoint)) {
         hada_cli_warn(run->cli, "there is no checkpoint in %s yet: training begins at step 0", run->log_folder);
         return HADA_OK;
     }
@@ -218,7 +218,7 @@ static hada_status train(hada_cli_train_run *run, const hada_cli_contexts *devic
         status = hada_cli_train_model(run->cli, run->set, run->data, devices->contexts[0], &model, err);
     if (!status)
         status = hada_trainer_create_on(&run->trainer, devices->contexts, devices->count, model, &run->data->pairs,
-                                        run->data->held ? &run->data->held_out : NULL, &use, err);
+                                        run->data->held ? &run->data->held_pairs : NULL, &use, err);
     if (status == HADA_ERROR_DEVICE_MEMORY)
         hada_cli_prefix(err,
                         "training needs more memory than the device has; try --at-once 1, --recompute or a smaller "
@@ -255,7 +255,7 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
         return hada_cli_usage(cli, "either --resume or --restart, not both");
     if (set->save_every == 0)
         return hada_cli_usage(cli, "--save-every needs at least one step");
-    hada_status status = hada_cli_check_output(set->output, &err);
+    hada_status status = hada_file_check_target(set->output, &err);
     if (!status)
         status = hada_cli_train_data_make(cli, set, arguments[0], &data, &err);
     if (status)

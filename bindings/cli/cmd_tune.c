@@ -19,9 +19,9 @@ typedef struct settings {
     double seconds;
 } settings;
 
-#define AT(member) offsetof(settings, member)
+#define AT(member) HADA_CLI_AT(settings, member)
 static const hada_cli_option options[] = {
-    {HADA_OPTION_GROUP, NULL, 0, NULL, "Measurement", NULL, 0},
+    HADA_CLI_GROUP("Measurement"),
     {HADA_OPTION_TEXT, "output", 'o', "FILE", "the tuning file to write or to bring up to date (needed)",
      "Lines about other devices and shapes stay as they are.", AT(output)},
     {HADA_OPTION_TEXT, "model", 'm', "MODEL", "measure what this model needs: its transforms and the net in it", NULL,

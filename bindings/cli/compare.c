@@ -260,7 +260,7 @@ static int distances_beside(const char *map_path, double *out, int capacity)
         tail = next;
     char *path = tail ? hada_cli_text("%.*s_stack%s", (int)(tail - map_path), map_path, strrchr(map_path, '.')) : NULL;
     int count = 0;
-    if (path && hada_cli_is_file(path) && !hada_tiff_open(&reader, path, &ignored)) {
+    if (path && hada_path_is_file(path) && !hada_tiff_open(&reader, path, &ignored)) {
         count = (int)hada_tiff_distances(reader, out, (size_t)capacity);
         hada_tiff_close(&reader);
     }

@@ -117,9 +117,9 @@ static hada_status write_depth(hada_cli *cli, hada_simulator *simulator, const h
     char *scene = hada_cli_text("%s/z%gmm/scene", recipe->folder, camera->distances_mm[z]);
     hada_status status = raw && scene ? HADA_OK : hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
     if (!status)
-        status = hada_cli_make_folder(raw, err);
+        status = hada_folder_ensure(raw, err);
     if (!status)
-        status = hada_cli_make_folder(scene, err);
+        status = hada_folder_ensure(scene, err);
     for (int i = 0; !status && i < recipe->pairs; i++) {
         status = write_pair(simulator, recipe, z, i, raw, scene, err);
         hada_cli_progress_step(cli, NULL);
@@ -207,9 +207,9 @@ static hada_status write_tests(hada_cli *cli, hada_simulator *simulator, const h
     char *raw = hada_cli_text("%s/test/raw", recipe->folder), *truth = hada_cli_text("%s/test/truth", recipe->folder);
     hada_status status = raw && truth ? HADA_OK : hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
     if (!status)
-        status = hada_cli_make_folder(raw, err);
+        status = hada_folder_ensure(raw, err);
     if (!status)
-        status = hada_cli_make_folder(truth, err);
+        status = hada_folder_ensure(truth, err);
     for (int t = 0; !status && t < recipe->tests; t++) {
         status = write_test(simulator, recipe, t, raw, truth, err);
         hada_cli_progress_step(cli, NULL);

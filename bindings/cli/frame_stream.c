@@ -29,7 +29,7 @@ static void next_file(hada_cli_stream *stream)
 static hada_status open_file(hada_cli_stream *stream, hada_error *err)
 {
     const char *path = stream->paths[stream->file];
-    if (hada_cli_is_folder(path))
+    if (hada_path_is_folder(path))
         return hada_cli_error(err, HADA_ERROR_FILE_OPEN, "a folder; name the files in it, such as %s/*.tif", path);
     hada_status status = hada_tiff_open(&stream->reader, path, err);
     return status ? status : stream->check(stream->user, hada_tiff_get_info(stream->reader), err);

@@ -56,8 +56,9 @@ static int run(const hada_cli_command *command, int argc, const char **argv)
     hada_error err = {0};
     hada_status status = hada_cli_parse(&parsed, command, argc, argv, &err);
     const hada_cli_common none = {0};
-    hada_cli cli = {command->name, status ? &none : parsed.settings, json_object(), NULL};
+    hada_cli cli = {.command = command->name, .common = status ? &none : parsed.settings, .document = json_object()};
     int code;
+    cli.monitor = hada_cli_monitor(&cli);
     json_object_set_new(cli.document, "command", json_string(command->name));
     json_object_set_new(cli.document, "version", json_string(HADALENS_VERSION));
     if (status) {

@@ -13,7 +13,7 @@ typedef enum hada_cli_kind {
     HADA_OPTION_COUNT,     /* int, not negative */
     HADA_OPTION_SEED,      /* uint64_t */
     HADA_OPTION_SIZE,      /* int[2]: "HxW", rows first */
-    HADA_OPTION_CHOICE     /* int: position in the argument word "a|b|c", from 1; 0 when not given */
+    HADA_OPTION_CHOICE     /* int: the value (below) of the word in "a|b|c" */
 } hada_cli_kind;
 
 typedef struct hada_cli_option {
@@ -24,7 +24,15 @@ typedef struct hada_cli_option {
     const char *help;     /* one line */
     const char *more;     /* further sentences for --help and the manual, or NULL */
     size_t offset;        /* of the value in the command's settings */
+    const int *values;    /* of a choice: what each word of `argument` stands for, in their order */
 } hada_cli_option;
+
+/* The ends of rows: where the value goes, and what the words of a choice stand for. */
+/* clang-format off */
+#define HADA_CLI_AT(settings, member)          offsetof(settings, member), NULL
+#define HADA_CLI_ONE_OF(settings, member, ...) offsetof(settings, member), (const int[]){__VA_ARGS__}
+#define HADA_CLI_GROUP(text)                   {HADA_OPTION_GROUP, NULL, 0, NULL, text, NULL, 0, NULL}
+/* clang-format on */
 
 #define HADA_CLI_TEXTS 64
 typedef struct hada_cli_texts {

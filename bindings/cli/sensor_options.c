@@ -8,9 +8,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define AT(member) offsetof(hada_cli_sensor_settings, member)
+#define AT(member) HADA_CLI_AT(hada_cli_sensor_settings, member)
 const hada_cli_option hada_cli_sensor_options[] = {
-    {HADA_OPTION_GROUP, NULL, 0, NULL, "The sensor", NULL, 0},
+    HADA_CLI_GROUP("The sensor"),
     {HADA_OPTION_REAL, "noise", 0, "SIGMA", "noise, as a share of a frame's maximum (default: 0.01)",
      "Gaussian, the same for bright and dark pixels; 0.01 unless the sensor's own noise is asked for below.",
      AT(noise)},

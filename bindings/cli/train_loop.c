@@ -300,7 +300,7 @@ hada_status hada_cli_train_loop(hada_cli_train_run *run, hada_error *err)
     hada_cli_progress_begin(run->cli, &progress, "steps", (long)(run->steps > first ? run->steps - first : 0));
     status = steps(&own, err);
     hada_cli_progress_end(run->cli);
-    if (!status && !hada_cli_is_file(run->set->output))
+    if (!status && !hada_path_is_file(run->set->output))
         status = write_output(run, err);
     const uint64_t step = hada_trainer_steps(run->trainer);
     if (!status)

@@ -2,9 +2,9 @@
 #ifndef HADA_CLI_TRAIN_SETTINGS_H
 #define HADA_CLI_TRAIN_SETTINGS_H
 
-#include "dataset.h"
 #include "option.h"
 
+#include <hadalens/dataset.h>
 #include <hadalens/train.h>
 
 typedef struct hada_cli_train_settings {
@@ -25,10 +25,9 @@ enum { HADA_CLI_COUNT_DEFAULT = -1 }; /* of counts that were not given; reals ar
 
 /* train_data.c: a data set in two parts: the last pairs of each depth are held out. */
 typedef struct hada_cli_train_data {
-    hada_cli_dataset all, learn;     /* learn: the first pairs of each depth; shares what `all` owns */
-    int *learn_counts, *held_counts; /* of each depth */
-    hada_pairs pairs, held_out;
-    int held; /* pairs held out */
+    hada_dataset *all, *learn, *held_out;
+    hada_pairs pairs, held_pairs;
+    int learned, held; /* pairs */
 } hada_cli_train_data;
 hada_status hada_cli_train_data_make(hada_cli *cli, const hada_cli_train_settings *set, const char *folder,
                                      hada_cli_train_data *data, hada_error *err);

@@ -1,9 +1,9 @@
 /* What training begins with: options and a model. */
-#include "fit_sizes.h"
-#include "folder.h"
-#include "pairs.h"
+#include "model_words.h"
 #include "train_settings.h"
 
+#include <hadalens/folder.h>
+#include <hadalens/task_fit.h>
 #include <math.h>
 #include <string.h>
 
@@ -40,7 +40,7 @@ static hada_status choose_net(const char *text, hada_train_options *options, had
         options->net = text;
         return HADA_OK;
     }
-    if (!hada_cli_is_file(text))
+    if (!hada_path_is_file(text))
         return hada_cli_error(err, HADA_ERROR_FILE_OPEN,
                               "--net takes compact, paper or the file of a net; there is no file '%s'", text);
     hada_status status = hada_net_load(net, text, err);
@@ -111,15 +111,15 @@ hada_status hada_cli_train_options(hada_cli *cli, const hada_cli_train_settings 
     if (set->steps != HADA_CLI_COUNT_DEFAULT)
         options->steps = (uint64_t)set->steps;
     if (set->epochs != HADA_CLI_COUNT_DEFAULT && options->batch > 0)
-        options->steps = ((uint64_t)set->epochs * (uint64_t)data->learn.pairs + (uint64_t)options->batch - 1) /
-                         (uint64_t)options->batch;
+        options->steps =
+            ((uint64_t)set->epochs * (uint64_t)data->learned + (uint64_t)options->batch - 1) / (uint64_t)options->batch;
     if (!set->vgg && stage != HADA_STAGE_FILTERS && options->perceptual > 0)
         hada_cli_say(cli, "The perceptual loss is off: it needs the weights of VGG-16 (--vgg FILE).");
     return choose_net(set->net, options, net, err);
 }
 
 /* Distances must be those of the model: a depth's number means the same in both. */
-static hada_status check_depths(const hada_model *model, const char *path, const hada_cli_dataset *data,
+static hada_status check_depths(const hada_model *model, const char *path, const hada_dataset_info *data,
                                 hada_error *err)
 {
     const hada_model_info *info = hada_model_get_info(model);
@@ -134,21 +134,19 @@ static hada_status check_depths(const hada_model *model, const char *path, const
                                  data->depths, data->distances_mm[0], data->distances_mm[data->depths - 1]);
 }
 
-static hada_status fit_first(hada_cli *cli, const hada_fit_options *fit, const hada_cli_train_data *data,
+/* The exact fit of what is not held out; filters are trained anyway, so they are not judged in the window. */
+static hada_status fit_first(hada_cli *cli, hada_fit_options *fit, const hada_cli_train_data *data, int boundary,
                              hada_context *context, hada_model **model, hada_error *err)
 {
-    hada_fitter *fitter = NULL;
+    hada_fit_task task;
     hada_cli_say(cli, "No model is given (-m): the exact fit of the %d pairs to learn from comes first.",
-                 data->learn.pairs);
-    hada_status status = hada_fitter_create(&fitter, context, fit, err);
-    if (!status)
-        status = hada_cli_pairs_add(cli, fitter, &data->learn, err);
-    if (!status && data->learn.least_pairs > 1)
-        status = hada_cli_pairs_score(cli, fitter, &data->learn, err);
-    if (!status)
-        status = hada_fitter_finish(fitter, model, NULL, NULL, err);
-    hada_fitter_destroy(&fitter);
-    return status;
+                 data->learned);
+    hada_fit_task_init(&task);
+    fit->outside = 1;
+    task.fit = fit;
+    task.boundary = boundary;
+    task.monitor = &cli->monitor;
+    return hada_fit_run(model, NULL, context, data->learn, &task, err);
 }
 
 hada_status hada_cli_train_model(hada_cli *cli, const hada_cli_train_settings *set, const hada_cli_train_data *data,
@@ -156,20 +154,21 @@ hada_status hada_cli_train_model(hada_cli *cli, const hada_cli_train_settings *s
 {
     const hada_stage stage = hada_cli_train_stage(set);
     hada_fit_options fit;
+    hada_status status = HADA_OK;
     if (set->model) {
-        hada_status status = hada_model_load(model, set->model, err);
-        return status ? status : check_depths(*model, set->model, &data->all, err);
+        HADA_TRY(hada_model_load(model, set->model, err));
+        return check_depths(*model, set->model, hada_dataset_get_info(data->all), err);
     }
     hada_fit_options_init(&fit);
     if (set->form)
         fit.form = (hada_form)set->form;
-    fit.boundary = hada_cli_fit_boundary(cli, set->boundary, &data->all);
-    hada_status status = hada_cli_fit_sizes(&fit, &data->all, set->window, err);
-    if (!status)
-        status = hada_cli_fit_dark(set->dark ? set->dark : "none", &fit.dark, err);
-    if (status)
-        return status;
-    if (stage == HADA_STAGE_FILTERS || stage == HADA_STAGE_CONVENTIONAL)
-        return hada_model_blank(model, &fit, err);
-    return fit_first(cli, &fit, data, context, model, err);
+    fit.window_rows = set->window[0];
+    fit.window_cols = set->window[1];
+    HADA_TRY(hada_cli_read_dark_level(&fit.dark, set->dark ? set->dark : "none", err));
+    if (stage != HADA_STAGE_FILTERS && stage != HADA_STAGE_CONVENTIONAL)
+        return fit_first(cli, &fit, data, set->boundary, context, model, err);
+    HADA_TRY(hada_fit_options_from_dataset(&fit, data->all, set->boundary, &cli->monitor, err));
+    HADA_TRY(hada_model_blank(model, &fit, err));
+done:
+    return status;
 }

@@ -1,0 +1,61 @@
+#include "model_words.h"
+
+#include <hadalens/dataset.h>
+#include <hadalens/folder.h>
+#include <math.h>
+#include <string.h>
+
+hada_status hada_cli_read_dark(hada_cli_dark *dark, const char *text, hada_error *err)
+{
+    *dark = (hada_cli_dark){.kind = HADA_DARK_NONE};
+    if (!strcmp(text, "none"))
+        return HADA_OK;
+    if (!strcmp(text, "auto")) {
+        dark->kind = HADA_DARK_AUTO;
+        return HADA_OK;
+    }
+    if (hada_cli_read_real(text, &dark->level)) {
+        dark->kind = HADA_DARK_LEVEL;
+        return fabs(dark->level) < 1
+                   ? HADA_OK
+                   : hada_cli_error(err, HADA_ERROR_ARGUMENT,
+                                    "--dark %s: the level is a share of full scale, such as 0.006", text);
+    }
+    if (!hada_path_is_file(text))
+        return hada_cli_error(err, HADA_ERROR_FILE_OPEN,
+                              "--dark takes a file, 'auto', 'none' or a level such as 0.006; there is no file '%s'",
+                              text);
+    dark->kind = HADA_DARK_FRAME;
+    return hada_dark_frame_load(&dark->frame, &dark->level, text, err);
+}
+
+void hada_cli_dark_free(hada_cli_dark *dark)
+{
+    hada_image_destroy(&dark->frame);
+}
+
+hada_status hada_cli_read_dark_level(double *level, const char *text, hada_error *err)
+{
+    hada_cli_dark dark;
+    const hada_status status = hada_cli_read_dark(&dark, text, err);
+    *level = dark.kind == HADA_DARK_AUTO ? -1 : dark.level;
+    hada_cli_dark_free(&dark);
+    return status;
+}
+
+hada_status hada_cli_read_refine(const char *text, int *steps, hada_error *err)
+{
+    *steps = -1;
+    if (!strcmp(text, "auto") || hada_cli_read_count(text, steps))
+        return HADA_OK;
+    return hada_cli_error(err, HADA_ERROR_ARGUMENT, "--refine takes a number of steps or 'auto', not '%s'", text);
+}
+
+hada_status hada_cli_read_refine_tv(const char *text, double *weight, hada_error *err)
+{
+    *weight = -1.0;
+    if (!strcmp(text, "auto") || (hada_cli_read_real(text, weight) && *weight >= 0.0))
+        return HADA_OK;
+    return hada_cli_error(err, HADA_ERROR_ARGUMENT,
+                          "--refine-tv takes a weight, such as 0.003, 0 for none, or 'auto', not '%s'", text);
+}

@@ -1,0 +1,25 @@
+/* Words that several commands take: dark level, refinement. */
+#ifndef HADA_CLI_MODEL_WORDS_H
+#define HADA_CLI_MODEL_WORDS_H
+
+#include "option.h"
+
+#include <hadalens/reconstruct.h>
+
+/* "none", "auto", a level or a file. */
+typedef struct hada_cli_dark {
+    hada_dark kind;
+    double level;     /* of the level, or the mean of the file */
+    hada_image frame; /* mean of the file's pages */
+} hada_cli_dark;
+hada_status hada_cli_read_dark(hada_cli_dark *dark, const char *text, hada_error *err);
+void hada_cli_dark_free(hada_cli_dark *dark);
+
+/* The same as one number: negative for each frame's own, a file's mean. */
+hada_status hada_cli_read_dark_level(double *level, const char *text, hada_error *err);
+
+/* "8", "auto" (-1) or "0" of --refine; "0.003", "auto" (-1) or "0" of --refine-tv. */
+hada_status hada_cli_read_refine(const char *text, int *steps, hada_error *err);
+hada_status hada_cli_read_refine_tv(const char *text, double *weight, hada_error *err);
+
+#endif

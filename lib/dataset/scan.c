@@ -1,0 +1,205 @@
+/* Finding depths and pairs by the names of folders and files. */
+#include <dirent.h>
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/alloc.h"
+#include "core/options.h"
+#include "dataset/dataset.h"
+#include "io/folder.h"
+#include "io/tiff_meta.h"
+
+/* So many files without their partner are named. */
+enum { INCOMPLETE_NAMED = 4 };
+
+void hada_dataset_options_defaults(hada_dataset_options *options, size_t size)
+{
+    const hada_dataset_options own = {.size = sizeof own};
+    HADA_OPTIONS_GIVE(options, size, &own);
+}
+
+/* "z100mm", "z250.5mm": the distance; negative for other names. */
+static double folder_distance(const char *name)
+{
+    const char *end;
+    if (name[0] != 'z' || name[1] < '0' || name[1] > '9')
+        return -1.0;
+    const double distance = hada_text_number(name + 1, &end);
+    return !strcmp(end, "mm") && isfinite(distance) ? distance : -1.0;
+}
+
+static int by_distance(const void *a, const void *b)
+{
+    const hada_dataset_depth *one = a, *two = b;
+    return (one->distance_mm > two->distance_mm) - (one->distance_mm < two->distance_mm);
+}
+
+/* The TIFF files of a depth. */
+typedef struct listing {
+    char *raw_folder, *scene_folder;
+    char **raws, **scenes;
+    int raw_count, scene_count;
+} listing;
+
+static void listing_free(listing *of)
+{
+    hada_names_free(&of->raws, &of->raw_count);
+    hada_names_free(&of->scenes, &of->scene_count);
+    free(of->raw_folder);
+    free(of->scene_folder);
+}
+
+static hada_status list(listing *of, const char *folder, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_path_format(&of->raw_folder, err, "%s/raw", folder));
+    HADA_TRY(hada_path_format(&of->scene_folder, err, "%s/scene", folder));
+    if (!hada_path_is_folder(of->raw_folder))
+        HADA_TRY(hada_fail(err, HADA_ERROR_DATASET,
+                           "%s has no folder 'raw'; a depth needs raw/NAME.tif and scene/NAME.tif", folder));
+    HADA_TRY(hada_folder_list_tiffs(of->raw_folder, &of->raws, &of->raw_count, err));
+    if (hada_path_is_folder(of->scene_folder))
+        HADA_TRY(hada_folder_list_tiffs(of->scene_folder, &of->scenes, &of->scene_count, err));
+done:
+    return status;
+}
+
+/* The file of `names` with the same stem as `name`, or NULL. */
+static const char *partner(const char *name, char **names, int count)
+{
+    const size_t stem = hada_name_stem(name);
+    for (int i = 0; i < count; i++)
+        if (hada_name_stem(names[i]) == stem && !strncmp(names[i], name, stem))
+            return names[i];
+    return NULL;
+}
+
+static void note_incomplete(hada_dataset *set, const char *folder, const char *kind, const char *name,
+                            const char *other)
+{
+    char *text = set->incomplete_text;
+    const size_t used = strlen(text), room = sizeof set->incomplete_text - used;
+    const int number = set->info.incomplete++;
+    if (number < INCOMPLETE_NAMED)
+        snprintf(text + used, room, "%s%s/%s/%s has no %s", used ? "; " : "", folder, kind, name, other);
+    else if (number == INCOMPLETE_NAMED)
+        snprintf(text + used, room, "; and so on");
+}
+
+static hada_status scan_depth(hada_dataset *set, hada_dataset_depth *depth, hada_error *err)
+{
+    listing files = {0};
+    hada_status status = HADA_OK;
+    HADA_TRY(list(&files, depth->folder, err));
+    HADA_TRY(hada_alloc((void **)&depth->pair, (size_t)files.raw_count, sizeof *depth->pair, "a data set", err));
+    for (int i = 0; i < files.raw_count; i++) {
+        const char *scene = partner(files.raws[i], files.scenes, files.scene_count);
+        if (!scene) {
+            note_incomplete(set, depth->folder, "raw", files.raws[i], "scene");
+            continue;
+        }
+        hada_dataset_pair *pair = &depth->pair[depth->count++];
+        HADA_TRY(hada_path_format(&pair->raw, err, "%s/%s", files.raw_folder, files.raws[i]));
+        HADA_TRY(hada_path_format(&pair->scene, err, "%s/%s", files.scene_folder, scene));
+    }
+    for (int i = 0; i < files.scene_count; i++)
+        if (!partner(files.scenes[i], files.raws, files.raw_count))
+            note_incomplete(set, depth->folder, "scene", files.scenes[i], "raw frame");
+done:
+    listing_free(&files);
+    return status;
+}
+
+static hada_status add_depth(hada_dataset *set, const char *folder, const char *name, double distance, hada_error *err)
+{
+    hada_dataset_depth *more = realloc(set->depth, (size_t)(set->info.depths + 1) * sizeof *more);
+    if (!more)
+        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the depths of a data set");
+    set->depth = more;
+    hada_dataset_depth *depth = &set->depth[set->info.depths];
+    *depth = (hada_dataset_depth){.distance_mm = distance};
+    const hada_status status = hada_path_format(&depth->folder, err, "%s/%s", folder, name);
+    set->info.depths += !status;
+    return status;
+}
+
+static hada_status find_depths(hada_dataset *set, const char *folder, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    DIR *open = opendir(folder);
+    if (!open)
+        return hada_fail(err, HADA_ERROR_FILE_OPEN, "the data set %s cannot be read: %s", folder, strerror(errno));
+    for (const struct dirent *entry; (entry = readdir(open));) {
+        const double distance = folder_distance(entry->d_name);
+        if (distance >= 0.0)
+            HADA_TRY(add_depth(set, folder, entry->d_name, distance, err));
+    }
+    if (!set->info.depths)
+        HADA_TRY(hada_fail(err, HADA_ERROR_DATASET,
+                           "%s holds no folder named z<distance>mm; a data set looks like %s/z100mm/raw/NAME.tif and "
+                           "%s/z100mm/scene/NAME.tif",
+                           folder, folder, folder));
+    qsort(set->depth, (size_t)set->info.depths, sizeof *set->depth, by_distance);
+done:
+    closedir(open);
+    return status;
+}
+
+static hada_status check(const hada_dataset *set, int skip_incomplete, hada_error *err)
+{
+    const hada_dataset_info *info = &set->info;
+    if (info->incomplete && !skip_incomplete)
+        return hada_fail(err, HADA_ERROR_DATASET,
+                         "%d %s no partner: %s. Add what is missing, or leave these out with options.skip_incomplete",
+                         info->incomplete, info->incomplete == 1 ? "file has" : "files have", set->incomplete_text);
+    for (int z = 0; z < info->depths; z++) {
+        const hada_dataset_depth *depth = &set->depth[z];
+        if (!depth->count)
+            return hada_fail(err, HADA_ERROR_DATASET,
+                             "%s holds no pair of raw/NAME.tif and scene/NAME.tif; add some or move the folder away",
+                             depth->folder);
+        if (z && depth->distance_mm <= set->depth[z - 1].distance_mm)
+            return hada_fail(err, HADA_ERROR_DATASET, "%s and %s stand for the same distance", set->depth[z - 1].folder,
+                             depth->folder);
+    }
+    return HADA_OK;
+}
+
+/* The path of a file that may stand beside the depths; NULL where it does not. */
+static hada_status find_file(char **out, const char *folder, const char *name, hada_error *err)
+{
+    const hada_status status = hada_path_format(out, err, "%s/%s", folder, name);
+    if (!status && !hada_path_is_file(*out)) {
+        free(*out);
+        *out = NULL;
+    }
+    return status;
+}
+
+hada_status hada_dataset_scan(hada_dataset **out, const char *folder, const hada_dataset_options *callers,
+                              hada_error *err)
+{
+    hada_dataset_options options;
+    hada_status status = HADA_OK;
+    *out = NULL;
+    hada_dataset_options_init(&options);
+    HADA_TRY(HADA_OPTIONS_TAKE(&options, callers, hada_dataset_options, err));
+    if (!folder)
+        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "hada_dataset_scan: a folder is needed"));
+    HADA_TRY(hada_alloc((void **)out, 1, sizeof **out, "a data set", err));
+    hada_dataset *set = *out;
+    HADA_TRY(find_depths(set, folder, err));
+    for (int z = 0; z < set->info.depths; z++)
+        HADA_TRY(scan_depth(set, &set->depth[z], err));
+    HADA_TRY(check(set, options.skip_incomplete, err));
+    HADA_TRY(find_file(&set->psf, folder, "psf.tif", err));
+    HADA_TRY(find_file(&set->camera, folder, "camera.json", err));
+    HADA_TRY(hada_dataset_count(set, err));
+done:
+    if (status && *out)
+        hada_dataset_destroy(out);
+    return status;
+}

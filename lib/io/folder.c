@@ -1,0 +1,246 @@
+#include "io/folder.h"
+
+#include <dirent.h>
+#include <errno.h>
+#include <ftw.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "core/alloc.h"
+#include "io/outfile.h"
+
+int hada_path_is_folder(const char *path)
+{
+    struct stat what;
+    return !stat(path, &what) && S_ISDIR(what.st_mode);
+}
+
+int hada_path_is_file(const char *path)
+{
+    struct stat what;
+    return !stat(path, &what) && !S_ISDIR(what.st_mode);
+}
+
+int hada_path_is_vacant(const char *path)
+{
+    struct stat what;
+    if (lstat(path, &what))
+        return 1;
+    DIR *open = S_ISDIR(what.st_mode) ? opendir(path) : NULL;
+    int entries = 0;
+    while (open && entries < 3 && readdir(open))
+        entries++;
+    if (open)
+        closedir(open);
+    return open && entries < 3; /* "." and ".." */
+}
+
+hada_status hada_path_format(char **out, hada_error *err, const char *format, ...)
+{
+    va_list arguments;
+    va_start(arguments, format);
+    const int length = vasprintf(out, format, arguments);
+    va_end(arguments);
+    if (length >= 0)
+        return HADA_OK;
+    *out = NULL;
+    return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the name of a file");
+}
+
+size_t hada_name_stem(const char *name)
+{
+    const char *dot = strrchr(name, '.');
+    return dot && dot > name ? (size_t)(dot - name) : strlen(name);
+}
+
+hada_status hada_path_stem(char **out, const char *path, hada_error *err)
+{
+    const char *slash = strrchr(path, '/');
+    const char *name = slash ? slash + 1 : path;
+    return hada_path_format(out, err, "%.*s", (int)hada_name_stem(name), name);
+}
+
+void hada_error_prefix_path(hada_error *err, const char *path)
+{
+    if (err && (strncmp(err->message, path, strlen(path)) || strncmp(err->message + strlen(path), ": ", 2)))
+        hada_error_prefix(err, "%s: ", path);
+}
+
+/* Makes a folder and those above it; what failed is in errno. */
+static int make_folders(char *path)
+{
+    for (char *at = path + 1; *at; at++)
+        if (*at == '/') {
+            *at = '\0';
+            const int failed = mkdir(path, 0777) && errno != EEXIST;
+            *at = '/';
+            if (failed)
+                return 0;
+        }
+    return !mkdir(path, 0777) || errno == EEXIST;
+}
+
+/* Tried rather than asked: permissions, read-only mounts and full disks all show. */
+static hada_status try_file(const char *folder, hada_error *err)
+{
+    char *probe;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_path_format(&probe, err, "%s/.hadalens-XXXXXX", folder));
+    const int file = mkstemp(probe);
+    if (file < 0) {
+        status = hada_fail(err, HADA_ERROR_FILE_WRITE,
+                           "nothing can be written in the folder %s: %s; choose another with options.output", folder,
+                           strerror(errno));
+    } else {
+        close(file);
+        unlink(probe);
+    }
+    free(probe);
+done:
+    return status;
+}
+
+hada_status hada_folder_ensure(const char *path, hada_error *err)
+{
+    char *whole = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_path_format(&whole, err, "%s", path));
+    if (!make_folders(whole))
+        HADA_TRY(hada_fail(err, HADA_ERROR_FILE_WRITE, "the folder %s cannot be made: %s", path, strerror(errno)));
+    if (!hada_path_is_folder(path))
+        HADA_TRY(hada_fail(err, HADA_ERROR_FILE_WRITE, "%s is a file; a folder is needed here", path));
+    HADA_TRY(try_file(path, err));
+done:
+    free(whole);
+    return status;
+}
+
+hada_status hada_file_check_target(const char *path, hada_error *err)
+{
+    char *folder = NULL;
+    hada_status status = HADA_OK;
+    if (hada_path_is_folder(path))
+        return hada_fail(err, HADA_ERROR_FILE_WRITE, "%s is a folder; give the name of a file", path);
+    const char *slash = strrchr(path, '/');
+    const int length = slash == path ? 1 : slash ? (int)(slash - path) : 1;
+    HADA_TRY(hada_path_format(&folder, err, "%.*s", length, slash ? path : "."));
+    if (!hada_path_is_folder(folder))
+        HADA_TRY(hada_fail(err, HADA_ERROR_FILE_WRITE, "%s cannot be written: there is no folder %s", path, folder));
+    HADA_TRY(hada_folder_ensure(folder, err));
+done:
+    free(folder);
+    return status;
+}
+
+hada_status hada_file_write(const char *path, const void *data, size_t bytes, hada_error *err)
+{
+    hada_outfile out;
+    hada_status status = hada_outfile_open(&out, path, err);
+    if (status)
+        return status;
+    HADA_TRY(hada_outfile_write(&out, data, bytes, err));
+    return hada_outfile_commit(&out, err);
+done:
+    hada_outfile_abandon(&out);
+    return status;
+}
+
+static int by_name(const void *a, const void *b)
+{
+    return strcmp(*(char *const *)a, *(char *const *)b);
+}
+
+static int is_tiff(const char *name)
+{
+    const char *dot = strrchr(name, '.');
+    return name[0] != '.' && dot && (!strcasecmp(dot, ".tif") || !strcasecmp(dot, ".tiff"));
+}
+
+static hada_status add_name(char ***names, int *count, int *room, const char *name, hada_error *err)
+{
+    if (*count == *room) {
+        *room = *room ? 2 * *room : 32;
+        char **more = realloc(*names, (size_t)*room * sizeof *more);
+        if (!more)
+            return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the names of a folder's files");
+        *names = more;
+    }
+    const hada_status status = hada_path_format(&(*names)[*count], err, "%s", name);
+    *count += !status;
+    return status;
+}
+
+hada_status hada_folder_list_tiffs(const char *folder, char ***names, int *count, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    int room = 0;
+    *names = NULL;
+    *count = 0;
+    DIR *open = opendir(folder);
+    if (!open)
+        return hada_fail(err, HADA_ERROR_FILE_OPEN, "the folder %s cannot be read: %s", folder, strerror(errno));
+    for (const struct dirent *entry; (entry = readdir(open));)
+        if (is_tiff(entry->d_name))
+            HADA_TRY(add_name(names, count, &room, entry->d_name, err));
+    if (*count)
+        qsort(*names, (size_t)*count, sizeof **names, by_name);
+done:
+    closedir(open);
+    if (status)
+        hada_names_free(names, count);
+    return status;
+}
+
+void hada_names_free(char ***names, int *count)
+{
+    for (int i = 0; i < *count; i++)
+        free((*names)[i]);
+    free(*names);
+    *names = NULL;
+    *count = 0;
+}
+
+static int remove_one(const char *path, const struct stat *what, int flag, struct FTW *where)
+{
+    (void)what;
+    (void)flag;
+    (void)where;
+    return remove(path);
+}
+
+void hada_folder_remove(const char *path)
+{
+    nftw(path, remove_one, 16, FTW_DEPTH | FTW_PHYS);
+}
+
+hada_status hada_folder_create(const char *path, hada_folder_fill fill, void *user, hada_error *err)
+{
+    char *target = NULL, *beside = NULL;
+    hada_status status = HADA_OK;
+    size_t length = strlen(path);
+    while (length > 1 && path[length - 1] == '/')
+        length--;
+    HADA_TRY(hada_path_format(&target, err, "%.*s", (int)length, path));
+    HADA_TRY(hada_path_format(&beside, err, "%s.part-%ld", target, (long)getpid()));
+    if (!hada_path_is_vacant(target))
+        HADA_TRY(hada_fail(err, HADA_ERROR_FILE_WRITE,
+                           "%s is there already and not an empty folder; choose another name with options.output, or "
+                           "move it away",
+                           target));
+    HADA_TRY(hada_folder_ensure(beside, err));
+    status = fill(user, beside, err);
+    if (!status && rename(beside, target))
+        status =
+            hada_fail(err, HADA_ERROR_FILE_WRITE, "%s cannot be renamed to %s: %s", beside, target, strerror(errno));
+    if (status)
+        hada_folder_remove(beside);
+done:
+    free(beside);
+    free(target);
+    return status;
+}

@@ -1,0 +1,25 @@
+/* Names of files. Internal. */
+#ifndef HADA_IO_FOLDER_H
+#define HADA_IO_FOLDER_H
+
+#include <hadalens/folder.h>
+
+#include "core/error.h"
+
+/* The names of a folder's TIFF files (.tif, .tiff in any case; hidden ones left out), sorted; freed with
+ * hada_names_free(). */
+hada_status hada_folder_list_tiffs(const char *folder, char ***names, int *count, hada_error *err);
+void hada_names_free(char ***names, int *count);
+
+/* A file's name without folders and without its ending, on the heap. */
+hada_status hada_path_stem(char **out, const char *path, hada_error *err);
+/* The length of a name without its ending. */
+size_t hada_name_stem(const char *name);
+
+/* A name from a format, on the heap. No %g or %f here, which would follow the locale. */
+hada_status hada_path_format(char **out, hada_error *err, const char *format, ...) HADA_PRINTF(3, 4);
+
+/* Puts "PATH: " before a message, unless it begins so already. */
+void hada_error_prefix_path(hada_error *err, const char *path);
+
+#endif

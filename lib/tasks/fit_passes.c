@@ -1,0 +1,124 @@
+#include "tasks/fit_passes.h"
+
+#include "core/monitor.h"
+
+/* The fitter scores so many pairs in all, and two of each depth where there are many (hada_fitter_score()). */
+enum { SCORED_IN_ALL = 8, SCORED_PER_DEPTH = 2 };
+
+typedef hada_status (*take_pair)(hada_fitter *fitter, int depth, const hada_image *raw, const hada_image *scene,
+                                 hada_error *err);
+
+static hada_status one_pair(hada_fitter *fitter, const hada_dataset *data, int z, int i, take_pair take,
+                            hada_error *err)
+{
+    hada_image raw, scene;
+    hada_status status = hada_dataset_read(data, z, i, &raw, &scene, err);
+    if (status)
+        return status;
+    status = take(fitter, z, &raw, &scene, err);
+    if (status)
+        hada_error_prefix(err, "%s and %s: ", hada_dataset_raw_path(data, z, i), hada_dataset_scene_path(data, z, i));
+    hada_image_destroy(&raw);
+    hada_image_destroy(&scene);
+    return status;
+}
+
+static int least(int a, int b)
+{
+    return a < b ? a : b;
+}
+
+/* Up to `most` pairs of each depth, evenly spread. */
+static hada_status each_pair(hada_fitter *fitter, const hada_dataset *data, int most, const char *what, take_pair take,
+                             const hada_monitor *monitor, hada_error *err)
+{
+    const hada_dataset_info *info = hada_dataset_get_info(data);
+    hada_status status = HADA_OK;
+    long total = 0;
+    for (int z = 0; z < info->depths; z++)
+        total += least(info->counts[z], most);
+    hada_progress progress = hada_progress_begin(monitor, what, total);
+    for (int z = 0; z < info->depths; z++) {
+        const int count = least(info->counts[z], most);
+        for (int i = 0; i < count; i++) {
+            HADA_TRY(one_pair(fitter, data, z, (int)((long)i * info->counts[z] / count), take, err));
+            HADA_TRY(hada_progress_step(&progress, NULL, err));
+        }
+    }
+done:
+    hada_progress_end(&progress);
+    return status;
+}
+
+hada_status hada_fit_pass_add(hada_fitter *fitter, const hada_dataset *data, const hada_monitor *monitor,
+                              hada_error *err)
+{
+    return each_pair(fitter, data, hada_dataset_get_info(data)->pairs, "pairs", hada_fitter_add, monitor, err);
+}
+
+hada_status hada_fit_pass_score(hada_fitter *fitter, const hada_dataset *data, const hada_monitor *monitor,
+                                hada_error *err)
+{
+    const int depths = hada_dataset_get_info(data)->depths, share = (SCORED_IN_ALL + depths - 1) / depths;
+    const int most = share < SCORED_PER_DEPTH ? SCORED_PER_DEPTH : share;
+    return each_pair(fitter, data, most, "leave-one-out", hada_fitter_score, monitor, err);
+}
+
+/* The pair that is shown, until the next one is. */
+typedef struct shown {
+    const hada_dataset *data;
+    hada_progress progress;
+    hada_image raw, scene;
+} shown;
+
+static hada_status show(void *user, int depth, int64_t number, const hada_image **raw, const hada_image **scene,
+                        hada_error *err)
+{
+    shown *at = user;
+    hada_status status = HADA_OK;
+    hada_image_destroy(&at->raw);
+    hada_image_destroy(&at->scene);
+    HADA_TRY(hada_dataset_read(at->data, depth, (int)number, &at->raw, &at->scene, err));
+    HADA_TRY(hada_progress_step(&at->progress, NULL, err));
+    *raw = &at->raw;
+    *scene = &at->scene;
+done:
+    return status;
+}
+
+hada_status hada_fit_pass_judge(hada_fitter *fitter, const hada_dataset *data, const hada_monitor *monitor,
+                                hada_error *err)
+{
+    shown at = {.data = data, .progress = hada_progress_begin(monitor, "looks at pairs, to judge in the window", 0)};
+    const hada_status status = hada_fitter_judge(fitter, show, &at, err);
+    hada_progress_end(&at.progress);
+    hada_image_destroy(&at.raw);
+    hada_image_destroy(&at.scene);
+    return status;
+}
+
+hada_status hada_fit_exact(hada_model **out, hada_context *context, const hada_fit_options *fit,
+                           const hada_dataset *data, const hada_monitor *monitor, hada_error *err)
+{
+    hada_fitter *fitter = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_fitter_create(&fitter, context, fit, err));
+    HADA_TRY(hada_fit_pass_add(fitter, data, monitor, err));
+    if (hada_dataset_get_info(data)->least_pairs > 1)
+        HADA_TRY(hada_fit_pass_score(fitter, data, monitor, err));
+    HADA_TRY(hada_fitter_finish(fitter, out, NULL, NULL, err));
+done:
+    hada_fitter_destroy(&fitter);
+    return status;
+}
+
+hada_status hada_model_make_half(hada_model **model, hada_error *err)
+{
+    hada_model *half = NULL;
+    const hada_status status = hada_model_to_half(&half, *model, err);
+    if (status)
+        return status;
+    hada_model_destroy(model);
+    *model = half;
+    return HADA_OK;
+}

@@ -1,0 +1,28 @@
+/* The passes of a fit over the pairs of a data set. Internal. */
+#ifndef HADA_TASKS_FIT_PASSES_H
+#define HADA_TASKS_FIT_PASSES_H
+
+#include <hadalens/dataset.h>
+#include <hadalens/fit.h>
+#include <hadalens/monitor.h>
+
+/* First pass: all pairs into the sums. */
+hada_status hada_fit_pass_add(hada_fitter *fitter, const hada_dataset *data, const hada_monitor *monitor,
+                              hada_error *err);
+
+/* Second pass: as many pairs as the fitter scores, evenly spread over each depth. */
+hada_status hada_fit_pass_score(hada_fitter *fitter, const hada_dataset *data, const hada_monitor *monitor,
+                                hada_error *err);
+
+/* Further passes: filters judged in the window. */
+hada_status hada_fit_pass_judge(hada_fitter *fitter, const hada_dataset *data, const hada_monitor *monitor,
+                                hada_error *err);
+
+/* The exact fit with all that is left open chosen, but for filters judged in the window. */
+hada_status hada_fit_exact(hada_model **out, hada_context *context, const hada_fit_options *fit,
+                           const hada_dataset *data, const hada_monitor *monitor, hada_error *err);
+
+/* The model's filters in half precision, in its place. */
+hada_status hada_model_make_half(hada_model **model, hada_error *err);
+
+#endif

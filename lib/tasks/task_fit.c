@@ -1,0 +1,273 @@
+/* A camera from a data set, or from saved sums. */
+#include <hadalens/camera.h>
+#include <hadalens/task_fit.h>
+#include <hadalens/tiff.h>
+#include <math.h>
+#include <stdlib.h>
+
+#include "core/alloc.h"
+#include "core/monitor.h"
+#include "core/options.h"
+#include "io/folder.h"
+#include "tasks/fit_passes.h"
+
+/* Decibels by which refinement must lead so that filters are not judged in the window: more than that was seen to gain
+ * (docs/filters.md). */
+#define ENOUGH_GAIN 3.0
+
+struct hada_fit_report {
+    hada_fit_row *rows;
+    size_t row_count;
+    int64_t *pairs; /* of each depth */
+};
+
+/* A fit on its way. */
+typedef struct learning {
+    hada_fit_task task;
+    const hada_dataset *data;
+    hada_fit_options fit;
+    hada_fitter *fitter;
+    hada_fit_report *report;
+} learning;
+
+void hada_fit_task_defaults(hada_fit_task *task, size_t size)
+{
+    const hada_fit_task own = {.size = sizeof own, .leave_one_out = 1};
+    HADA_OPTIONS_GIVE(task, size, &own);
+}
+
+const hada_fit_row *hada_fit_report_rows(const hada_fit_report *report, size_t *count)
+{
+    *count = report->row_count;
+    return report->rows;
+}
+
+int64_t hada_fit_report_pairs(const hada_fit_report *report, int depth)
+{
+    return report->pairs[depth];
+}
+
+void hada_fit_report_destroy(hada_fit_report **report)
+{
+    if (*report) {
+        free((*report)->rows);
+        free((*report)->pairs);
+    }
+    free(*report);
+    *report = NULL;
+}
+
+static hada_status measure(const char *path, hada_tiff_info *info, hada_error *err)
+{
+    hada_tiff_reader *reader = NULL;
+    const hada_status status = hada_tiff_open(&reader, path, err);
+    if (status)
+        hada_error_prefix_path(err, path);
+    else
+        *info = *hada_tiff_get_info(reader);
+    hada_tiff_close(&reader);
+    return status;
+}
+
+static hada_boundary choose_boundary(int given, const hada_dataset *data, const hada_monitor *monitor)
+{
+    const char *path = hada_dataset_get_info(data)->camera;
+    hada_camera camera;
+    hada_error err = {0};
+    if (given)
+        return (hada_boundary)given;
+    if (!path)
+        return HADA_BOUNDARY_PADDED;
+    hada_camera_init(&camera);
+    if (!hada_camera_load(&camera, path, &err))
+        return camera.boundary;
+    hada_monitor_tell(monitor, HADA_MESSAGE_NOTE, "%s is not used: %s", path, err.message);
+    return HADA_BOUNDARY_PADDED;
+}
+
+hada_status hada_fit_options_from_dataset(hada_fit_options *fit, const hada_dataset *data, int boundary,
+                                          const hada_monitor *monitor, hada_error *err)
+{
+    const hada_dataset_info *info = hada_dataset_get_info(data);
+    hada_tiff_info raw, scene;
+    hada_status status = HADA_OK;
+    fit->boundary = choose_boundary(boundary, data, monitor);
+    HADA_TRY(measure(hada_dataset_raw_path(data, 0, 0), &raw, err));
+    HADA_TRY(measure(hada_dataset_scene_path(data, 0, 0), &scene, err));
+    fit->depths = info->depths;
+    fit->distances_mm = info->distances_mm;
+    fit->channels = raw.channels;
+    fit->raw_rows = raw.rows;
+    fit->raw_cols = raw.cols;
+    if (!fit->window_rows) {
+        fit->window_rows = scene.rows;
+        fit->window_cols = scene.cols;
+    }
+    if ((fit->window_rows != scene.rows || fit->window_cols != scene.cols) &&
+        (scene.rows != raw.rows || scene.cols != raw.cols))
+        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT,
+                           "options.window %dx%d: the scenes have %dx%d pixels, which is the window then; a smaller "
+                           "one can be cut only from scenes as large as the frame (%dx%d)",
+                           fit->window_rows, fit->window_cols, scene.rows, scene.cols, raw.rows, raw.cols));
+done:
+    return status;
+}
+
+/* By how much the trial of refinement found it better than the linear filters, in decibels, one depth occupied; 0 where
+ * it was not tried. */
+static double refinement_gain(const hada_fit_report *report)
+{
+    double linear = NAN, gain = 0.0;
+    for (size_t i = 0; i < report->row_count; i++) {
+        const hada_fit_row *row = &report->rows[i];
+        if (!(row->refine_rho > 0.0))
+            continue;
+        if (!isfinite(linear))
+            linear = row->psnr_single;
+        if (row->chosen)
+            gain = row->psnr_single - linear;
+    }
+    return isfinite(gain) ? gain : 0.0;
+}
+
+static hada_status finish(learning *of, hada_model **out, hada_error *err)
+{
+    free(of->report->rows);
+    of->report->rows = NULL;
+    of->report->row_count = 0;
+    hada_model_destroy(out);
+    return hada_fitter_finish(of->fitter, out, &of->report->rows, &of->report->row_count, err);
+}
+
+/* Filters are judged in the window where that is asked for, or where they are what the model will use: judging them
+ * gains a decibel or two, and takes most of the time of a fit. */
+static hada_status solve(learning *of, hada_model **out, hada_error *err)
+{
+    const hada_fit_options *fit = &of->fit;
+    hada_status status = HADA_OK;
+    /* merged sums bring no pairs to look at again */
+    const int can_judge = !of->task.merge_count && (of->task.leave_one_out || fit->outside >= 0.0);
+    /* refinement is tried where its steps are not given; without that there is nothing to learn before judging */
+    if (!can_judge || (fit->outside < 0.0 && fit->refine_steps < 0)) {
+        HADA_TRY(finish(of, out, err));
+        if (!can_judge || refinement_gain(of->report) > ENOUGH_GAIN)
+            return HADA_OK;
+    }
+    HADA_TRY(hada_fit_pass_judge(of->fitter, of->data, of->task.monitor, err));
+    HADA_TRY(finish(of, out, err));
+done:
+    return status;
+}
+
+static hada_status merge(learning *of, int first, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    for (int i = first; !status && i < of->task.merge_count; i++) {
+        status = hada_fitter_load_sums(of->fitter, of->task.merge[i], err);
+        if (status)
+            hada_error_prefix_path(err, of->task.merge[i]);
+    }
+    return status;
+}
+
+static hada_status save_sums(const learning *of, hada_error *err)
+{
+    return of->task.save_sums ? hada_fitter_save_sums(of->fitter, of->task.save_sums, err) : HADA_OK;
+}
+
+static void tell_data(const learning *of)
+{
+    const hada_dataset_info *info = hada_dataset_get_info(of->data);
+    const hada_monitor *monitor = of->task.monitor;
+    if (info->incomplete)
+        hada_monitor_tell(monitor, HADA_MESSAGE_NOTE, "left out: %s", info->incomplete_text);
+    if (info->least_pairs == 1)
+        hada_monitor_tell(monitor, HADA_MESSAGE_NOTE,
+                          "a depth has a single pair: nothing can be held out there, so the model is a guess; show the "
+                          "camera about eight scenes per depth");
+}
+
+static hada_status learn_pairs(learning *of, hada_context *context, hada_model **out, hada_error *err)
+{
+    const hada_fit_task *task = &of->task;
+    const hada_monitor *monitor = task->monitor;
+    hada_status status = HADA_OK;
+    tell_data(of);
+    HADA_TRY(hada_fit_options_from_dataset(&of->fit, of->data, task->boundary, monitor, err));
+    HADA_TRY(hada_fitter_create(&of->fitter, context, &of->fit, err));
+    hada_monitor_tell(monitor, HADA_MESSAGE_DETAIL, "the sums take %.1f MiB on the device",
+                      (double)hada_fitter_bytes(of->fitter) / (1024.0 * 1024.0));
+    HADA_TRY(merge(of, 0, err));
+    HADA_TRY(hada_fit_pass_add(of->fitter, of->data, monitor, err));
+    HADA_TRY(save_sums(of, err));
+    /* one pair alone cannot be left out */
+    if (task->leave_one_out && (hada_dataset_get_info(of->data)->least_pairs > 1 || task->merge_count))
+        HADA_TRY(hada_fit_pass_score(of->fitter, of->data, monitor, err));
+    HADA_TRY(solve(of, out, err));
+done:
+    return status;
+}
+
+/* Nothing can be left out here, so what is not given takes its stated default. */
+static hada_status learn_sums(learning *of, hada_context *context, hada_model **out, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_fitter_create_from_sums(&of->fitter, context, of->task.merge[0], &of->fit, err));
+    HADA_TRY(merge(of, 1, err));
+    HADA_TRY(save_sums(of, err));
+    HADA_TRY(finish(of, out, err));
+done:
+    return status;
+}
+
+static hada_status count_pairs(learning *of, int depths, hada_error *err)
+{
+    const hada_status status =
+        hada_alloc((void **)&of->report->pairs, (size_t)depths, sizeof *of->report->pairs, "a report", err);
+    for (int z = 0; !status && z < depths; z++)
+        of->report->pairs[z] = hada_fitter_pairs(of->fitter, z);
+    return status;
+}
+
+static hada_status take_task(learning *of, const hada_fit_task *task, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    hada_fit_task_init(&of->task);
+    hada_fit_options_init(&of->fit);
+    HADA_TRY(HADA_OPTIONS_TAKE(&of->task, task, hada_fit_task, err));
+    HADA_TRY(HADA_OPTIONS_TAKE(&of->fit, of->task.fit, hada_fit_options, err));
+    if (!of->data && !of->task.merge_count)
+        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "hada_fit_run: a data set or saved sums are needed"));
+    if (of->fit.outside >= 0.0 && of->fit.outside < 1.0 && of->task.merge_count)
+        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT,
+                           "options.outside below 1 looks at every pair several times, and sums (options.merge) have "
+                           "none; give all pairs in one data set"));
+done:
+    return status;
+}
+
+hada_status hada_fit_run(hada_model **out, hada_fit_report **report, hada_context *context, const hada_dataset *data,
+                         const hada_fit_task *task, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    learning of = {.data = data};
+    *out = NULL;
+    if (report)
+        *report = NULL;
+    HADA_TRY(take_task(&of, task, err));
+    HADA_TRY(hada_alloc((void **)&of.report, 1, sizeof *of.report, "a report", err));
+    HADA_TRY(data ? learn_pairs(&of, context, out, err) : learn_sums(&of, context, out, err));
+    HADA_TRY(count_pairs(&of, hada_model_get_info(*out)->depths, err));
+    if (of.task.half)
+        HADA_TRY(hada_model_make_half(out, err));
+    if (report) {
+        *report = of.report;
+        of.report = NULL;
+    }
+done:
+    if (status)
+        hada_model_destroy(out);
+    hada_fit_report_destroy(&of.report);
+    hada_fitter_destroy(&of.fitter);
+    return status;
+}

@@ -1,0 +1,113 @@
+/* A camera from its point spread functions. */
+#include <hadalens/task_fit.h>
+#include <hadalens/tiff.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/alloc.h"
+#include "core/options.h"
+#include "io/folder.h"
+#include "tasks/fit_passes.h"
+
+void hada_psf_task_defaults(hada_psf_task *task, size_t size)
+{
+    const hada_psf_task own = {.size = sizeof own};
+    HADA_OPTIONS_GIVE(task, size, &own);
+}
+
+/* The pages of a file and their distances. */
+typedef struct pages {
+    int count;
+    hada_image *image;
+    double *distances_mm;
+} pages;
+
+static void pages_free(pages *of)
+{
+    for (int z = 0; of->image && z < of->count; z++)
+        hada_image_destroy(&of->image[z]);
+    free(of->image);
+    free(of->distances_mm);
+}
+
+static hada_status find_distances(pages *of, hada_tiff_reader *reader, const char *path, const hada_psf_task *task,
+                                  hada_error *err)
+{
+    const size_t count = (size_t)of->count;
+    if (task->distances_mm && task->distances != of->count)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "options.distances names %d distance%s, but %s has %d page%s",
+                         task->distances, task->distances == 1 ? "" : "s", path, of->count, of->count == 1 ? "" : "s");
+    if (task->distances_mm) {
+        memcpy(of->distances_mm, task->distances_mm, count * sizeof *of->distances_mm);
+        return HADA_OK;
+    }
+    if (hada_tiff_distances(reader, of->distances_mm, count) == count)
+        return HADA_OK;
+    return hada_fail(err, HADA_ERROR_ARGUMENT,
+                     "%s does not say at which %s its %d %s taken; add options.distances with %s in mm", path,
+                     of->count == 1 ? "distance" : "distances", of->count, of->count == 1 ? "page was" : "pages were",
+                     of->count == 1 ? "it" : "them");
+}
+
+/* A grey image becomes one of three equal channels. */
+static hada_status to_colour(hada_image *image, hada_error *err)
+{
+    const size_t area = hada_image_count(image);
+    hada_image colour = {0};
+    if (image->channels != 1)
+        return HADA_OK;
+    const hada_status status = hada_image_create(&colour, 3, image->rows, image->cols, err);
+    if (status)
+        return status;
+    for (size_t c = 0; c < 3; c++)
+        memcpy(colour.data + c * area, image->data, area * sizeof(float));
+    hada_image_destroy(image);
+    *image = colour;
+    return HADA_OK;
+}
+
+static hada_status read_pages(pages *of, const char *path, const hada_psf_task *task, hada_error *err)
+{
+    hada_tiff_reader *reader = NULL;
+    hada_status status = hada_tiff_open(&reader, path, err);
+    if (status) {
+        hada_error_prefix_path(err, path);
+        return status;
+    }
+    of->count = hada_tiff_get_info(reader)->frames;
+    HADA_TRY(hada_alloc((void **)&of->distances_mm, (size_t)of->count, sizeof(double), "distances", err));
+    HADA_TRY(hada_alloc((void **)&of->image, (size_t)of->count, sizeof *of->image, "point spread functions", err));
+    HADA_TRY(find_distances(of, reader, path, task, err));
+    for (int z = 0; z < of->count; z++) {
+        HADA_TRY(hada_tiff_read(reader, z, &of->image[z], err));
+        if (task->colour)
+            HADA_TRY(to_colour(&of->image[z], err));
+    }
+done:
+    hada_tiff_close(&reader);
+    return status;
+}
+
+hada_status hada_psf_run(hada_model **out, hada_context *context, const char *path, const hada_psf_task *callers,
+                         hada_error *err)
+{
+    hada_psf_task own, *task = &own;
+    pages of = {0};
+    hada_status status = HADA_OK;
+    *out = NULL;
+    hada_psf_task_init(task);
+    HADA_TRY(HADA_OPTIONS_TAKE(task, callers, hada_psf_task, err));
+    if (!path)
+        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "hada_psf_run: a file is needed"));
+    HADA_TRY(read_pages(&of, path, task, err));
+    status = hada_model_from_psf(out, context, of.image, of.count, of.distances_mm, task->psf, err);
+    if (status)
+        hada_error_prefix_path(err, path);
+    if (!status && task->half)
+        status = hada_model_make_half(out, err);
+done:
+    pages_free(&of);
+    if (status)
+        hada_model_destroy(out);
+    return status;
+}

@@ -5,7 +5,6 @@
 
 #include "core/error.h"
 #include "core/options.h"
-#include "optics/mask.h"
 
 void hada_camera_defaults(hada_camera *camera, size_t size)
 {
@@ -64,8 +63,10 @@ hada_status hada_camera_preset_sized(hada_camera *camera, size_t size, const cha
     } else
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "there is no camera preset '%s'; the presets are sim512, sim300 and paper2022", name);
-    hada_status status = hada_camera_set_depths(&c, 100.0, 600.0, depths, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_camera_set_depths(&c, 100.0, 600.0, depths, err));
     HADA_OPTIONS_GIVE(camera, size, &c);
+done:
     return status;
 }
 
@@ -132,26 +133,6 @@ hada_mask hada_mask_from_word(const char *word)
         if (!strcmp(masks[i].word, word))
             return masks[i].mask;
     return 0;
-}
-
-hada_status hada_camera_set_mask(hada_camera *camera, hada_mask mask, hada_error *err)
-{
-    if (!hada_mask_word(mask))
-        return hada_fail(err, HADA_ERROR_UNSUPPORTED, "mask kind %d is not known; see hada_mask", (int)mask);
-    if (mask == camera->mask)
-        return HADA_OK;
-    camera->mask = mask;
-    if (mask == HADA_MASK_GRID) {
-        camera->minimum_spacing_mm = camera->aperture_mm / (2.0 * hada_lattice_radius(camera->lenses) + 1.0);
-        camera->maximum_spacing_mm = 0.0;
-    } else if (mask == HADA_MASK_DIFFUSER) {
-        camera->correlation_mm = camera->aperture_mm / 40.0;
-        camera->deflection_mrad = 600.0 * camera->correlation_mm / camera->distance_mm;
-    } else if (mask == HADA_MASK_CONTOUR)
-        camera->correlation_mm = camera->aperture_mm / 12.0;
-    else if (mask == HADA_MASK_APERTURE)
-        camera->lens_diameter_mm = sqrt(2.44e-6 * camera->wavelengths_nm[1] * camera->distance_mm);
-    return HADA_OK;
 }
 
 double hada_camera_refractive_index(const hada_camera *camera, double wavelength_nm)

@@ -7,6 +7,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "core/alloc.h"
 #include "core/error.h"
 #include "core/options.h"
 #include "optics/mask.h"
@@ -81,22 +82,13 @@ static json_t *to_json(const hada_camera *camera)
     return object;
 }
 
-hada_status hada_camera_save(const hada_camera *callers, const char *path, hada_error *err)
+/* Writes beside the place and moves there: a file of that name is whole or as it was. */
+static hada_status write_text(const char *path, const char *text, hada_error *err)
 {
-    hada_camera own, *camera = &own;
-    hada_status status = hada_camera_take(camera, callers, err);
-    if (status)
-        return status;
-    json_t *object = to_json(camera);
-    char *text = object ? json_dumps(object, JSON_INDENT(2) | JSON_REAL_PRECISION(15)) : NULL;
-    json_decref(object);
     const size_t room = strlen(path) + 32;
-    char *beside = malloc(room);
-    if (!text || !beside) {
-        free(text);
-        free(beside);
-        return hada_fail(err, HADA_ERROR_MEMORY, "no memory to write '%s'", path);
-    }
+    char *beside = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&beside, room, 1, "a file's name", err));
     snprintf(beside, room, "%s.part%ld", path, (long)getpid());
     FILE *file = fopen(beside, "w");
     int bad = !file;
@@ -111,8 +103,26 @@ hada_status hada_camera_save(const hada_camera *callers, const char *path, hada_
         if (file)
             unlink(beside);
     }
-    free(text);
+done:
     free(beside);
+    return status;
+}
+
+hada_status hada_camera_save(const hada_camera *callers, const char *path, hada_error *err)
+{
+    hada_camera camera;
+    json_t *object = NULL;
+    char *text = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_camera_take(&camera, callers, err));
+    object = to_json(&camera);
+    text = object ? json_dumps(object, JSON_INDENT(2) | JSON_REAL_PRECISION(15)) : NULL;
+    if (!text)
+        HADA_TRY(hada_fail(err, HADA_ERROR_MEMORY, "no memory to write '%s'", path));
+    HADA_TRY(write_text(path, text, err));
+done:
+    json_decref(object);
+    free(text);
     return status;
 }
 
@@ -196,13 +206,15 @@ hada_status hada_camera_load_sized(hada_camera *callers, size_t size, const char
         return hada_fail(err, HADA_ERROR_FILE_FORMAT, "'%s' is not a camera in JSON (line %d: %s)", path, where.line,
                          object ? "an object is expected" : where.text);
     }
-    hada_status status = read_fields(camera, object, path, err);
-    if (!status)
-        status = read_kinds(camera, object, path, err);
-    if (!status && (status = hada_camera_check(camera, err)))
+    hada_status status = HADA_OK;
+    HADA_TRY(read_fields(camera, object, path, err));
+    HADA_TRY(read_kinds(camera, object, path, err));
+    status = hada_camera_check(camera, err);
+    if (status)
         hada_error_prefix(err, "'%s': ", path);
-    if (!status)
+    else
         HADA_OPTIONS_GIVE(callers, size, camera);
+done:
     json_decref(object);
     return status;
 }

@@ -34,18 +34,18 @@ hada_status hada_lenses_create(hada_lenses *lenses, const hada_camera *camera, d
     }
     const size_t room = whole ? (size_t)lenses->across * (size_t)lenses->across : (size_t)camera->lenses;
     void *memory;
-    hada_status status = hada_alloc(&memory, room, 2 * sizeof(double), "the lens positions", err);
-    if (status)
-        return status;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc(&memory, room, 2 * sizeof(double), "the lens positions", err));
     lenses->x = memory;
     lenses->y = lenses->x + room;
     if (whole) {
         place_patches(lenses, camera->aperture_mm);
-        status = hada_mask_make(&lenses->design, camera, err);
+        HADA_TRY(hada_mask_make(&lenses->design, camera, err));
     } else {
         lenses->count = camera->lenses;
-        status = hada_camera_lenses(camera, lenses->x, lenses->y, err);
+        HADA_TRY(hada_camera_lenses(camera, lenses->x, lenses->y, err));
     }
+done:
     if (status)
         hada_lenses_destroy(lenses);
     return status;

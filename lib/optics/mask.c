@@ -15,14 +15,13 @@
 static hada_status make_lenses(hada_mask_design *design, hada_error *err)
 {
     const hada_camera *camera = &design->camera;
-    void *x, *y = NULL;
-    hada_status status = hada_alloc(&x, (size_t)camera->lenses, sizeof(double), "the lens positions", err);
-    if (!status)
-        status = hada_alloc(&y, (size_t)camera->lenses, sizeof(double), "the lens positions", err);
-    if (!status)
-        status = hada_camera_lenses(camera, x, y, err);
-    if (!status)
-        return hada_sites_make(&design->sites, x, y, camera->lenses, camera->aperture_mm / 2.0, err);
+    void *x = NULL, *y = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc(&x, (size_t)camera->lenses, sizeof(double), "the lens positions", err));
+    HADA_TRY(hada_alloc(&y, (size_t)camera->lenses, sizeof(double), "the lens positions", err));
+    HADA_TRY(hada_camera_lenses(camera, x, y, err));
+    return hada_sites_make(&design->sites, x, y, camera->lenses, camera->aperture_mm / 2.0, err); /* takes x and y */
+done:
     free(x);
     free(y);
     return status;
@@ -32,9 +31,8 @@ static hada_status make_diffuser(hada_mask_design *design, hada_error *err)
 {
     const hada_camera *camera = &design->camera;
     const double half = camera->aperture_mm / 2.0;
-    hada_status status = hada_surface_make(&design->surface, camera->seed, camera->correlation_mm, half, err);
-    if (status)
-        return status;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_surface_make(&design->surface, camera->seed, camera->correlation_mm, half, err));
     double squares = 0.0, gradient[2];
     for (int r = 0; r < SCAN; r++)
         for (int c = 0; c < SCAN; c++) {
@@ -45,27 +43,29 @@ static hada_status make_diffuser(hada_mask_design *design, hada_error *err)
     design->height = camera->deflection_mrad * 1e-3 / sqrt(squares / (2.0 * SCAN * SCAN));
     /* second derivatives of a surface with autocorrelation exp(-r^2 / l^2): sqrt(6) / l times the slope; two of them */
     design->bend = 2.0 * sqrt(6.0) * camera->deflection_mrad * 1e-3 / camera->correlation_mm;
-    return HADA_OK;
+done:
+    return status;
 }
 
 static hada_status make_contour(hada_mask_design *design, hada_error *err)
 {
     const hada_camera *camera = &design->camera;
     const double half = camera->aperture_mm / 2.0;
-    hada_surface landscape;
+    hada_surface landscape = {0};
     double *x, *y;
     int count;
-    hada_status status = hada_surface_make(&landscape, camera->seed, camera->correlation_mm, half, err);
-    if (status)
-        return status;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_surface_make(&landscape, camera->seed, camera->correlation_mm, half, err));
     /* points s apart instead of a line change a path of r^2 / 2f by s^2 / 8f */
     double step = fmin(camera->correlation_mm / LINE_POINTS, sqrt(8.0 * camera->focal_length_mm * PATH_ERROR));
     step = fmin(step, camera->pixel_pitch_mm / 4.0);
-    status = hada_contour_points(&landscape, half, fmax(step, camera->aperture_mm / 8192.0), &x, &y, &count, err);
-    hada_surface_free(&landscape);
+    HADA_TRY(hada_contour_points(&landscape, half, fmax(step, camera->aperture_mm / 8192.0), &x, &y, &count, err));
     design->bend = 1.0 / camera->focal_length_mm;
     design->feature = fmin(camera->lens_diameter_mm, camera->aperture_mm);
-    return status ? status : hada_sites_make(&design->sites, x, y, count, half, err);
+    HADA_TRY(hada_sites_make(&design->sites, x, y, count, half, err));
+done:
+    hada_surface_free(&landscape);
+    return status;
 }
 
 static hada_status make_cells(hada_mask_design *design, hada_error *err)
@@ -75,15 +75,15 @@ static hada_status make_cells(hada_mask_design *design, hada_error *err)
     design->feature = camera->cell_mm;
     void *memory;
     const size_t count = (size_t)design->cells * (size_t)design->cells;
-    hada_status status = hada_alloc(&memory, count, 1, "the cells of a mask", err);
-    if (status)
-        return status;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc(&memory, count, 1, "the cells of a mask", err));
     design->open = memory;
     hada_random random;
     hada_random_seed(&random, camera->seed, HADA_SEQUENCE_CELLS);
     for (size_t i = 0; i < count; i++)
         design->open[i] = hada_random_uniform(&random) < camera->open_fraction;
-    return HADA_OK;
+done:
+    return status;
 }
 
 /* The steepest slope where light passes, and how far the ground of a lens reaches. */
@@ -113,23 +113,22 @@ hada_status hada_mask_make(hada_mask_design *design, const hada_camera *callers,
 {
     *design = (hada_mask_design){.reach = 0.0};
     const hada_camera *camera = &design->camera;
-    hada_status status = hada_camera_take(&design->camera, callers, err);
-    if (status)
-        return status;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_camera_take(&design->camera, callers, err));
     if (hada_mask_has_lenses(camera)) {
         design->bend = hada_mask_power(camera);
         design->feature = fmin(camera->lens_diameter_mm, camera->aperture_mm);
-        status = make_lenses(design, err);
+        HADA_TRY(make_lenses(design, err));
     } else if (camera->mask == HADA_MASK_DIFFUSER)
-        status = make_diffuser(design, err);
+        HADA_TRY(make_diffuser(design, err));
     else if (camera->mask == HADA_MASK_CONTOUR)
-        status = make_contour(design, err);
+        HADA_TRY(make_contour(design, err));
     else
-        status = make_cells(design, err);
+        HADA_TRY(make_cells(design, err));
+    find_bounds(design);
+done:
     if (status)
         hada_mask_free(design);
-    else
-        find_bounds(design);
     return status;
 }
 
@@ -185,6 +184,26 @@ void hada_mask_at(const hada_mask_design *design, double x, double y, hada_mask_
     }
 }
 
+hada_status hada_camera_set_mask(hada_camera *camera, hada_mask mask, hada_error *err)
+{
+    if (!hada_mask_word(mask))
+        return hada_fail(err, HADA_ERROR_UNSUPPORTED, "mask kind %d is not known; see hada_mask", (int)mask);
+    if (mask == camera->mask)
+        return HADA_OK;
+    camera->mask = mask;
+    if (mask == HADA_MASK_GRID) {
+        camera->minimum_spacing_mm = camera->aperture_mm / (2.0 * hada_lattice_radius(camera->lenses) + 1.0);
+        camera->maximum_spacing_mm = 0.0;
+    } else if (mask == HADA_MASK_DIFFUSER) {
+        camera->correlation_mm = camera->aperture_mm / 40.0;
+        camera->deflection_mrad = 600.0 * camera->correlation_mm / camera->distance_mm;
+    } else if (mask == HADA_MASK_CONTOUR)
+        camera->correlation_mm = camera->aperture_mm / 12.0;
+    else if (mask == HADA_MASK_APERTURE)
+        camera->lens_diameter_mm = sqrt(2.44e-6 * camera->wavelengths_nm[1] * camera->distance_mm);
+    return HADA_OK;
+}
+
 static double fill_of(const hada_mask_design *design)
 {
     const double width = design->camera.aperture_mm, step = width / SCAN;
@@ -206,10 +225,11 @@ static double fill_of(const hada_mask_design *design)
 hada_status hada_camera_fill_factor(const hada_camera *camera, double *fill, hada_error *err)
 {
     hada_mask_design design;
-    hada_status status = hada_mask_make(&design, camera, err);
+    hada_status status = HADA_OK;
     *fill = 0.0;
-    if (!status)
-        *fill = fill_of(&design);
+    HADA_TRY(hada_mask_make(&design, camera, err));
+    *fill = fill_of(&design);
+done:
     hada_mask_free(&design);
     return status;
 }
@@ -218,14 +238,11 @@ hada_status hada_camera_fill_factor(const hada_camera *camera, double *fill, had
 hada_status hada_camera_set_fill_factor(hada_camera *camera, double fill, hada_error *err)
 {
     hada_mask_design design;
-    hada_status status = hada_mask_make(&design, camera, err);
-    if (status)
-        return status;
-    if (!design.sites.count) {
-        hada_mask_free(&design);
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "a mask of kind '%s' has no diameter that sets how much is open",
-                         hada_mask_word(camera->mask));
-    }
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_mask_make(&design, camera, err));
+    if (!design.sites.count)
+        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "a mask of kind '%s' has no diameter that sets how much is open",
+                           hada_mask_word(camera->mask)));
     double low = 0.0, high = 2.0 * camera->aperture_mm, reached = 0.0;
     for (int i = 0; i < 24; i++) {
         design.camera.lens_diameter_mm = 0.5 * (low + high);
@@ -238,8 +255,9 @@ hada_status hada_camera_set_fill_factor(hada_camera *camera, double fill, hada_e
     if (fabs(reached - fill) <= 1e-3 && fill > 0.0)
         camera->lens_diameter_mm = design.camera.lens_diameter_mm;
     else
-        status = hada_fail(err, HADA_ERROR_ARGUMENT, "no diameter lets a share of %g through; %g is as near as it gets",
-                           fill, reached);
+        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "no diameter lets a share of %g through; %g is as near as it gets",
+                           fill, reached));
+done:
     hada_mask_free(&design);
     return status;
 }
@@ -250,14 +268,15 @@ hada_status hada_camera_mask_map(const hada_camera *camera, int rows, int cols, 
     hada_mask_design design;
     hada_image none = {0}, *thickness = thickness_mm ? thickness_mm : &none,
                *open = transmission ? transmission : &none;
+    hada_status status = HADA_OK;
     *thickness = *open = (hada_image){0};
-    hada_status status = hada_mask_make(&design, camera, err);
-    if (!status && thickness_mm)
-        status = hada_image_create(thickness, 1, rows, cols, err);
-    if (!status && transmission)
-        status = hada_image_create(open, 1, rows, cols, err);
+    HADA_TRY(hada_mask_make(&design, camera, err));
+    if (thickness_mm)
+        HADA_TRY(hada_image_create(thickness, 1, rows, cols, err));
+    if (transmission)
+        HADA_TRY(hada_image_create(open, 1, rows, cols, err));
     const double width = camera->aperture_mm, step = width / (rows > cols ? rows : cols);
-    for (int r = 0; !status && r < rows; r++)
+    for (int r = 0; r < rows; r++)
         for (int c = 0; c < cols; c++) {
             const size_t at = (size_t)r * (size_t)cols + (size_t)c;
             hada_mask_point point;
@@ -267,6 +286,7 @@ hada_status hada_camera_mask_map(const hada_camera *camera, int rows, int cols, 
             if (transmission)
                 open->data[at] = (float)hada_mask_open(point.edge, step);
         }
+done:
     hada_mask_free(&design);
     if (status) {
         hada_image_destroy(thickness);

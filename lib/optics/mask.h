@@ -92,8 +92,4 @@ static inline double hada_mask_open(double edge, double step)
     return share < 0.0 ? 0.0 : share > 1.0 ? 1.0 : share;
 }
 
-/* PSF of a mask without lenses by rays (psf_rays.c): adds to `sum`, rows x cols, all rays making 1. */
-hada_status hada_psf_rays(const hada_camera *camera, double distance_mm, int rows, int cols, double *sum,
-                          hada_error *err);
-
 #endif

@@ -95,25 +95,21 @@ double hada_lattice_radius(int nodes)
     }
 }
 
-hada_status hada_camera_lenses(const hada_camera *callers, double *x_mm, double *y_mm, hada_error *err)
+static hada_status place_on_lattice(const hada_camera *camera, double *x_mm, double *y_mm, hada_error *err)
 {
-    hada_camera own, *camera = &own;
-    hada_status status = hada_camera_take(camera, callers, err);
-    if (status)
-        return status;
-    if (!hada_mask_has_lenses(camera))
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "a mask of kind '%s' has no lenses", hada_mask_word(camera->mask));
-    if (camera->mask == HADA_MASK_GRID) {
-        const int fits = lattice(camera, x_mm, y_mm);
-        if (fits < 0)
-            return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the lens positions");
-        if (fits)
-            return HADA_OK;
+    const int fits = lattice(camera, x_mm, y_mm);
+    if (fits < 0)
+        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the lens positions");
+    if (!fits)
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "%d lenses on a grid of %g mm do not fit into an aperture of %g mm; use fewer lenses, a "
                          "smaller period or a larger aperture",
                          camera->lenses, camera->minimum_spacing_mm, camera->aperture_mm);
-    }
+    return HADA_OK;
+}
+
+static hada_status place_at_random(const hada_camera *camera, double *x_mm, double *y_mm, hada_error *err)
+{
     hada_random random;
     hada_random_seed(&random, camera->seed, HADA_SEQUENCE_LENSES);
     for (int attempt = 0; attempt < PLACEMENTS; attempt++)
@@ -125,4 +121,17 @@ hada_status hada_camera_lenses(const hada_camera *callers, double *x_mm, double 
                      camera->lenses, camera->minimum_spacing_mm, camera->aperture_mm,
                      camera->maximum_spacing_mm > 0.0 ? " with the greatest spacing asked for" : "",
                      0.6 * camera->aperture_mm / sqrt(camera->lenses));
+}
+
+hada_status hada_camera_lenses(const hada_camera *callers, double *x_mm, double *y_mm, hada_error *err)
+{
+    hada_camera own, *camera = &own;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_camera_take(camera, callers, err));
+    if (!hada_mask_has_lenses(camera))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "a mask of kind '%s' has no lenses", hada_mask_word(camera->mask));
+    HADA_TRY(camera->mask == HADA_MASK_GRID ? place_on_lattice(camera, x_mm, y_mm, err)
+                                            : place_at_random(camera, x_mm, y_mm, err));
+done:
+    return status;
 }

@@ -22,21 +22,17 @@ static int bucket_at(const hada_sites *sites, int i)
 static hada_status sort(hada_sites *sites, hada_error *err)
 {
     const size_t all = (size_t)sites->buckets * (size_t)sites->buckets;
-    void *first, *order = NULL;
-    hada_status status = hada_alloc(&first, all + 1, sizeof(int), "places of a mask", err);
-    if (!status)
-        status = hada_alloc(&order, (size_t)sites->count, sizeof(int), "places of a mask", err);
-    sites->first = first;
-    sites->order = order;
-    if (status)
-        return status;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&sites->first, all + 1, sizeof(int), "places of a mask", err));
+    HADA_TRY(hada_alloc((void **)&sites->order, (size_t)sites->count, sizeof(int), "places of a mask", err));
     for (int i = 0; i < sites->count; i++)
         sites->first[bucket_at(sites, i)]++;
     for (size_t k = 1; k <= all; k++)
         sites->first[k] += sites->first[k - 1];
     for (int i = sites->count - 1; i >= 0; i--)
         sites->order[--sites->first[bucket_at(sites, i)]] = i;
-    return HADA_OK;
+done:
+    return status;
 }
 
 void hada_sites_free(hada_sites *sites)
@@ -113,24 +109,20 @@ static int candidates(const hada_sites *sites, int row, int col, int *to)
 static hada_status replace_by_candidates(hada_sites *sites, hada_error *err)
 {
     const int all = sites->buckets * sites->buckets;
-    void *first, *order = NULL;
-    hada_status status = hada_alloc(&first, (size_t)all + 1, sizeof(int), "places of a mask", err);
-    if (status)
-        return status;
-    int *begin = first;
+    int *first = NULL, *order = NULL, *kept;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&first, (size_t)all + 1, sizeof *first, "places of a mask", err));
     for (int b = 0; b < all; b++)
-        begin[b + 1] = begin[b] + candidates(sites, b / sites->buckets, b % sites->buckets, NULL);
-    if ((status = hada_alloc(&order, (size_t)begin[all], sizeof(int), "places of a mask", err))) {
-        free(first);
-        return status;
-    }
+        first[b + 1] = first[b] + candidates(sites, b / sites->buckets, b % sites->buckets, NULL);
+    HADA_TRY(hada_alloc((void **)&order, (size_t)first[all], sizeof *order, "places of a mask", err));
     for (int b = 0; b < all; b++)
-        candidates(sites, b / sites->buckets, b % sites->buckets, (int *)order + begin[b]);
-    free(sites->first);
-    free(sites->order);
-    sites->first = first;
-    sites->order = order;
-    return HADA_OK;
+        candidates(sites, b / sites->buckets, b % sites->buckets, order + first[b]);
+    kept = sites->first, sites->first = first, first = kept;
+    kept = sites->order, sites->order = order, order = kept;
+done: /* the old lists, or new ones that failed */
+    free(first);
+    free(order);
+    return status;
 }
 
 hada_status hada_sites_make(hada_sites *sites, double *x, double *y, int count, double half_width, hada_error *err)
@@ -140,9 +132,10 @@ hada_status hada_sites_make(hada_sites *sites, double *x, double *y, int count, 
     sites->buckets = (int)ceil(sqrt((double)count));
     sites->buckets = sites->buckets < BUCKETS_MOST ? sites->buckets : BUCKETS_MOST;
     sites->size = 2.0 * sites->half / sites->buckets;
-    hada_status status = sort(sites, err);
-    if (!status)
-        status = replace_by_candidates(sites, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(sort(sites, err));
+    HADA_TRY(replace_by_candidates(sites, err));
+done:
     if (status)
         hada_sites_free(sites);
     return status;

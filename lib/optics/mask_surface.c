@@ -31,9 +31,8 @@ hada_status hada_surface_make(hada_surface *surface, uint64_t seed, double corre
     const double step = correlation / (2.0 * sqrt(SMOOTHINGS / 2.0 + 1.0 / 3.0));
     const int inside = (int)ceil(2.0 * half_width / step) + 1, count = inside + 2 * MARGIN;
     void *memory;
-    hada_status status = hada_alloc(&memory, (size_t)count * (size_t)count, sizeof(double), "a random surface", err);
-    if (status)
-        return status;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc(&memory, (size_t)count * (size_t)count, sizeof(double), "a random surface", err));
     *surface = (hada_surface){memory, count, -half_width - MARGIN * step, step};
     double *node = memory;
     const size_t nodes = (size_t)count * (size_t)count;
@@ -57,7 +56,8 @@ hada_status hada_surface_make(hada_surface *surface, uint64_t seed, double corre
     const double scale = 1.0 / sqrt(squares / number - mean * mean);
     for (size_t i = 0; i < nodes; i++)
         node[i] = (node[i] - mean) * scale;
-    return HADA_OK;
+done:
+    return status;
 }
 
 void hada_surface_free(hada_surface *surface)
@@ -131,10 +131,9 @@ hada_status hada_contour_points(const hada_surface *surface, double half_width, 
 {
     const int half = (int)floor(half_width / step), across = 2 * half + 1;
     line_points points = {0};
-    void *memory;
-    hada_status status = hada_alloc(&memory, 2 * (size_t)across, sizeof(double), "rows of a random surface", err);
-    if (status)
-        return status;
+    void *memory = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc(&memory, 2 * (size_t)across, sizeof(double), "rows of a random surface", err));
     double *above = memory, *here = above + across;
     int room = 1;
     for (int r = 0; r < across && room; r++) {
@@ -151,17 +150,19 @@ hada_status hada_contour_points(const hada_surface *surface, double half_width, 
         above = here;
         here = swap;
     }
-    free(memory);
-    if (!room || !points.count) {
-        free(points.x);
-        free(points.y);
-        return room ? hada_fail(err, HADA_ERROR_ARGUMENT,
-                                "the random landscape has no contour line in the aperture; use a smaller correlation "
-                                "length or another seed")
-                    : hada_fail(err, HADA_ERROR_MEMORY, "no memory for contour lines");
-    }
+    if (!room)
+        HADA_TRY(hada_fail(err, HADA_ERROR_MEMORY, "no memory for contour lines"));
+    if (!points.count)
+        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT,
+                           "the random landscape has no contour line in the aperture; use a smaller correlation "
+                           "length or another seed"));
     *x = points.x;
     *y = points.y;
     *count = points.count;
-    return HADA_OK;
+    points.x = points.y = NULL;
+done:
+    free(memory);
+    free(points.x);
+    free(points.y);
+    return status;
 }

@@ -55,27 +55,25 @@ static void move_outline(const hada_camera *camera, const hada_lenses *lenses, i
 /* Shares every ray out to four pixels. */
 static hada_status share_out(hada_taps *taps, int count, const double *x, const double *y, hada_error *err)
 {
-    void *sums, *weight = NULL;
+    double *sums = NULL;
     const size_t size = hada_size_product((size_t)taps->rows, (size_t)taps->cols);
-    hada_status status = hada_alloc(&sums, size, sizeof(double), "the view of a lens", err);
-    if (status || (status = hada_alloc(&weight, size, sizeof(float), "the view of a lens", err))) {
-        free(sums);
-        return status;
-    }
-    taps->weight = weight;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&sums, size, sizeof *sums, "the view of a lens", err));
+    HADA_TRY(hada_alloc((void **)&taps->weight, size, sizeof *taps->weight, "the view of a lens", err));
     for (int i = 0; i < count; i++) {
         const int r = (int)floor(y[i]), c = (int)floor(x[i]);
         const double fy = y[i] - r, fx = x[i] - c;
-        double *at = (double *)sums + (size_t)(r - taps->row0) * (size_t)taps->cols + (c - taps->col0);
+        double *at = sums + (size_t)(r - taps->row0) * (size_t)taps->cols + (c - taps->col0);
         at[0] += (1.0 - fy) * (1.0 - fx);
         at[1] += (1.0 - fy) * fx;
         at[taps->cols] += fy * (1.0 - fx);
         at[taps->cols + 1] += fy * fx;
     }
     for (size_t i = 0; i < size; i++)
-        taps->weight[i] = (float)(((double *)sums)[i] / count);
+        taps->weight[i] = (float)(sums[i] / count);
+done:
     free(sums);
-    return HADA_OK;
+    return status;
 }
 
 hada_status hada_taps_create(hada_taps *taps, const hada_camera *camera, const hada_lenses *lenses, int lens,
@@ -83,17 +81,17 @@ hada_status hada_taps_create(hada_taps *taps, const hada_camera *camera, const h
 {
     *taps = (hada_taps){0};
     const int half = outline_half(camera, lenses, near_mm, far_mm), room = (2 * half + 1) * (2 * half + 1);
-    void *points;
-    hada_status status = hada_alloc(&points, (size_t)room, 2 * sizeof(double), "the outline of a lens", err);
-    if (status)
-        return status;
-    double *x = points, *y = x + room;
+    double *x = NULL, *y;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&x, (size_t)room, 2 * sizeof *x, "the outline of a lens", err));
+    y = x + room;
     const int count = hada_lens_outline(camera, lenses, lens, half, x, y);
     move_outline(camera, lenses, lens, near_mm, far_mm, count, x, y);
     range(x, count, &taps->col0, &taps->cols);
     range(y, count, &taps->row0, &taps->rows);
-    status = share_out(taps, count, x, y, err);
-    free(points);
+    HADA_TRY(share_out(taps, count, x, y, err));
+done:
+    free(x);
     return status;
 }
 

@@ -2,8 +2,8 @@
 #ifndef HADA_OPTICS_OCCLUSION_H
 #define HADA_OPTICS_OCCLUSION_H
 
-#include "runtime/slot.h"
 #include "optics/lens_light.h"
+#include "runtime/slot.h"
 
 /* Weights over pixels of a nearer plane's opacity that hide pixel (r, c) of a farther plane from one lens:
  * weight[i * cols + j] belongs to opacity (r + row0 + i, c + col0 + j). They sum to 1. */

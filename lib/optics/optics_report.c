@@ -22,9 +22,8 @@ hada_status hada_optics_report_begin(hada_optics_report *report, hada_context *c
 {
     hada_camera own, *camera = &own;
     *report = (hada_optics_report){.threshold = threshold > 0.0 ? threshold : 0.05};
-    hada_status status = hada_camera_take(camera, callers, err);
-    if (status)
-        return status;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_camera_take(camera, callers, err));
     const size_t depths = (size_t)camera->depths;
     const int lags = (camera->rows < camera->cols ? camera->rows : camera->cols) / 2;
     report->depths = camera->depths;
@@ -38,19 +37,18 @@ hada_status hada_optics_report_begin(hada_optics_report *report, hada_context *c
                  {(void **)&report->self, depths * (size_t)report->lags, sizeof(double)},
                  {(void **)&report->correlation, depths * depths, sizeof(double)},
                  {&report->state, 1, sizeof(report_state)}};
-    for (size_t i = 0; i < sizeof rooms / sizeof *rooms && !status; i++)
-        status = hada_alloc(rooms[i].at, rooms[i].count, rooms[i].size, "a report", err);
+    for (size_t i = 0; i < sizeof rooms / sizeof *rooms; i++)
+        HADA_TRY(hada_alloc(rooms[i].at, rooms[i].count, rooms[i].size, "a report", err));
     report_state *state = report->state;
     void *memory = NULL;
-    if (status)
-        return status;
     state->camera = *camera;
-    if (!(status = hada_alloc(&memory, depths, sizeof(hada_image), "a report", err))) {
-        state->mean = memory;
-        status = hada_alloc(&memory, depths, sizeof(double), "a report", err);
-        state->norm = memory;
-    }
-    return status ? status : hada_mtf_create(&state->mtf, context, camera->rows, camera->cols, err);
+    HADA_TRY(hada_alloc(&memory, depths, sizeof(hada_image), "a report", err));
+    state->mean = memory;
+    HADA_TRY(hada_alloc(&memory, depths, sizeof(double), "a report", err));
+    state->norm = memory;
+    HADA_TRY(hada_mtf_create(&state->mtf, context, camera->rows, camera->cols, err));
+done:
+    return status;
 }
 
 void hada_optics_report_end(hada_optics_report *report)
@@ -74,13 +72,15 @@ void hada_optics_report_end(hada_optics_report *report)
 static hada_status mean_of_channels(hada_image *mean, const hada_image *psf, hada_error *err)
 {
     const size_t count = (size_t)psf->rows * (size_t)psf->cols;
-    hada_status status = hada_image_create(mean, 1, psf->rows, psf->cols, err);
-    for (size_t i = 0; i < count && !status; i++) {
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_image_create(mean, 1, psf->rows, psf->cols, err));
+    for (size_t i = 0; i < count; i++) {
         double sum = 0.0;
         for (int c = 0; c < psf->channels; c++)
             sum += psf->data[(size_t)c * count + i];
         mean->data[i] = (float)(sum / psf->channels);
     }
+done:
     return status;
 }
 
@@ -202,19 +202,16 @@ hada_status hada_optics_report_add(hada_optics_report *report, const hada_image 
     if (hada_image_count_not_finite(psf))
         return hada_fail(err, HADA_ERROR_NOT_FINITE, "PSF %d holds NaN or infinite values", z + 1);
     hada_image_destroy(&state->mean[z]); /* of an earlier try */
-    hada_status status = mean_of_channels(&state->mean[z], psf, err);
-    if (status)
-        return status;
+    hada_status status = HADA_OK;
+    HADA_TRY(mean_of_channels(&state->mean[z], psf, err));
     state->norm[z] = sqrt(product(&state->mean[z], &state->mean[z]));
     fill_design(c, c->distances_mm[z], &report->row[z]);
     for (size_t i = 0; i < hada_image_count(&state->mean[z]); i++)
         report->row[z].light += state->mean[z].data[i];
     if (!(state->norm[z] > 0.0))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "PSF %d is dark", z + 1);
-    status = hada_mtf_measure(&state->mtf, &state->mean[z], report->threshold, RINGS, report->mtf + (size_t)z * RINGS,
-                              &support, err);
-    if (status)
-        return status;
+    HADA_TRY(hada_mtf_measure(&state->mtf, &state->mean[z], report->threshold, RINGS, report->mtf + (size_t)z * RINGS,
+                              &support, err));
     fill_measured(report, z, support);
     const size_t depths = (size_t)report->depths;
     for (int i = 0; i <= z; i++) {
@@ -223,9 +220,10 @@ hada_status hada_optics_report_add(hada_optics_report *report, const hada_image 
             value;
     }
     if (++state->done < report->depths)
-        return HADA_OK;
+        goto done;
     for (int i = 0; i < report->depths; i++)
         report->row[i].axial_mm = axial(report, i, i + 1 < report->depths ? 1 : -1);
     hada_mtf_destroy(&state->mtf); /* the device has done its part */
-    return HADA_OK;
+done:
+    return status;
 }

@@ -37,13 +37,11 @@ hada_status hada_patch_light_make(hada_patch_light *light, const hada_lenses *pa
                                   int cols, double axis_row, double axis_col, hada_error *err)
 {
     *light = (hada_patch_light){.patches = patches, .rows = rows, .cols = cols};
-    void *memory;
-    hada_status status =
-        hada_rays_make(&light->rays, &patches->design, distance_mm, rows, cols, axis_row, axis_col, err);
-    if (!status &&
-        !(status = hada_alloc(&memory, (size_t)rows * (size_t)cols, sizeof(double), "the light of patches", err)))
-        light->all = memory;
-    for (int p = 0; p < patches->count && !status; p++) {
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_rays_make(&light->rays, &patches->design, distance_mm, rows, cols, axis_row, axis_col, err));
+    HADA_TRY(
+        hada_alloc((void **)&light->all, (size_t)rows * (size_t)cols, sizeof *light->all, "the light of patches", err));
+    for (int p = 0; p < patches->count; p++) {
         int first[2], end[2];
         trace(light, p);
         box(light, first, end);
@@ -54,6 +52,7 @@ hada_status hada_patch_light_make(hada_patch_light *light, const hada_lenses *pa
                 light->least = fmax(light->least, LEAST * *sum);
             }
     }
+done:
     if (status)
         hada_patch_light_free(light);
     return status;

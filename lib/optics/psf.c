@@ -5,7 +5,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "optics/mask.h"
+#include "optics/psf_rays.h"
 
 #define RAYS_ACROSS_LENS 24  /* at least */
 #define RAY_STEP_PIXELS  0.4 /* on the sensor, at most: far below the width of a pixel with its blur */
@@ -96,16 +96,15 @@ static hada_status trace_lenses(const hada_camera *camera, double distance_mm, i
                                 hada_error *err)
 {
     void *centres = NULL;
-    hada_status status = hada_alloc(&centres, (size_t)camera->lenses, 2 * sizeof(double), "the lens positions", err);
-    if (status)
-        return status;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc(&centres, (size_t)camera->lenses, 2 * sizeof(double), "the lens positions", err));
     double *x = centres, *y = x + camera->lenses;
-    if (!(status = hada_camera_lenses(camera, x, y, err))) {
-        const splat s = {sum, rows, cols, camera->blur_pixels, (int)ceil(6.0 * camera->blur_pixels) + 1};
-        const double rays = trace(camera, x, y, distance_mm, &s);
-        for (size_t i = 0; i < (size_t)rows * (size_t)cols; i++)
-            sum[i] /= rays;
-    }
+    HADA_TRY(hada_camera_lenses(camera, x, y, err));
+    const splat s = {sum, rows, cols, camera->blur_pixels, (int)ceil(6.0 * camera->blur_pixels) + 1};
+    const double rays = trace(camera, x, y, distance_mm, &s);
+    for (size_t i = 0; i < (size_t)rows * (size_t)cols; i++)
+        sum[i] /= rays;
+done:
     free(centres);
     return status;
 }
@@ -114,22 +113,20 @@ hada_status hada_camera_psf_sized(const hada_camera *callers, double distance_mm
                                   hada_error *err)
 {
     hada_camera own, *camera = &own;
+    double *sum = NULL;
+    const size_t count = hada_size_product((size_t)rows, (size_t)cols);
+    hada_status status = HADA_OK;
     *psf = (hada_image){0};
-    hada_status status = hada_camera_take(camera, callers, err);
-    if (status)
-        return status;
+    HADA_TRY(hada_camera_take(camera, callers, err));
     if (!(distance_mm > 0.0))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a distance of %g mm is not possible; it must be above 0",
                          distance_mm);
-    void *sum = NULL;
-    const size_t count = hada_size_product((size_t)rows, (size_t)cols);
-    if ((status = hada_alloc(&sum, count, sizeof(double), "a point spread function", err)) ||
-        (status = hada_image_create(psf, 1, rows, cols, err)))
-        goto done;
-    status = hada_mask_has_lenses(camera) ? trace_lenses(camera, distance_mm, rows, cols, sum, err)
-                                          : hada_psf_rays(camera, distance_mm, rows, cols, sum, err);
-    for (size_t i = 0; i < count && !status; i++)
-        psf->data[i] = (float)((double *)sum)[i];
+    HADA_TRY(hada_alloc((void **)&sum, count, sizeof *sum, "a point spread function", err));
+    HADA_TRY(hada_image_create(psf, 1, rows, cols, err));
+    HADA_TRY(hada_mask_has_lenses(camera) ? trace_lenses(camera, distance_mm, rows, cols, sum, err)
+                                          : hada_psf_rays(camera, distance_mm, rows, cols, sum, err));
+    for (size_t i = 0; i < count; i++)
+        psf->data[i] = (float)sum[i];
 done:
     free(sum);
     if (status)

@@ -75,21 +75,17 @@ hada_status hada_rays_make(hada_rays *rays, const hada_mask_design *design, doub
     rays->col0 = axis_col + rays->margin;
     rays->half = (int)fmin(ceil(radius / wanted), HALF_RAYS_MAX);
     rays->step = radius / rays->half;
-    void *memory = NULL;
-    hada_status status =
-        hada_alloc(&memory, (size_t)rays->rows * (size_t)rays->cols, sizeof(double), "a point spread function", err);
-    rays->sum = memory;
-    if (!status)
-        status = hada_alloc(&memory, (size_t)(rays->rows > rays->cols ? rays->rows : rays->cols), sizeof(double),
-                            "a point spread function", err);
-    if (status) {
-        hada_rays_free(rays);
-        return status;
-    }
-    rays->line = memory;
     rays->top = rays->rows;
     rays->left = rays->cols;
-    return HADA_OK;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&rays->sum, (size_t)rays->rows * (size_t)rays->cols, sizeof *rays->sum,
+                        "a point spread function", err));
+    HADA_TRY(hada_alloc((void **)&rays->line, (size_t)(rays->rows > rays->cols ? rays->rows : rays->cols),
+                        sizeof *rays->line, "a point spread function", err));
+done:
+    if (status)
+        hada_rays_free(rays);
+    return status;
 }
 
 void hada_rays_free(hada_rays *rays)
@@ -171,16 +167,15 @@ hada_status hada_psf_rays(const hada_camera *camera, double distance_mm, int row
     static const double low[2] = {-HUGE_VAL, -HUGE_VAL}, high[2] = {HUGE_VAL, HUGE_VAL};
     hada_mask_design design;
     hada_rays rays = {0};
-    hada_status status = hada_mask_make(&design, camera, err);
-    if (!status)
-        status = hada_rays_make(&rays, &design, distance_mm, rows, cols, rows / 2, cols / 2, err);
-    if (!status) {
-        const double all = hada_rays_trace(&rays, low, high);
-        hada_rays_blur(&rays);
-        for (int r = 0; r < rows; r++)
-            for (int c = 0; c < cols; c++)
-                sum[(size_t)r * (size_t)cols + (size_t)c] += hada_rays_at(&rays, r, c) / all;
-    }
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_mask_make(&design, camera, err));
+    HADA_TRY(hada_rays_make(&rays, &design, distance_mm, rows, cols, rows / 2, cols / 2, err));
+    const double all = hada_rays_trace(&rays, low, high);
+    hada_rays_blur(&rays);
+    for (int r = 0; r < rows; r++)
+        for (int c = 0; c < cols; c++)
+            sum[(size_t)r * (size_t)cols + (size_t)c] += hada_rays_at(&rays, r, c) / all;
+done:
     hada_rays_free(&rays);
     hada_mask_free(&design);
     return status;

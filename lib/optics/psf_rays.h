@@ -33,4 +33,8 @@ static inline double hada_rays_at(const hada_rays *rays, int row, int col)
     return rays->sum[(size_t)(row + rays->margin) * (size_t)rays->cols + (size_t)(col + rays->margin)];
 }
 
+/* PSF of a mask without lenses by rays: adds to `sum`, rows x cols, all rays making 1. */
+hada_status hada_psf_rays(const hada_camera *camera, double distance_mm, int rows, int cols, double *sum,
+                          hada_error *err);
+
 #endif

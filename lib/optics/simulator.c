@@ -57,21 +57,21 @@ static hada_status make_plans(hada_simulator *s, hada_error *err)
                                  .real_cols = c->cols,
                                  .real_pitch = (size_t)c->cols,
                                  .real_distance = (size_t)c->rows * (size_t)c->cols};
-    hada_status status;
-    if ((status = hada_fft_create(&s->forward_psf, s->slot, &psf, err)) ||
-        (status = hada_fft_create(&s->forward_scene, s->slot, &scene, err)) ||
-        (status = hada_fft_create(&s->inverse, s->slot, &frame, err)))
-        return status;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_fft_create(&s->forward_psf, s->slot, &psf, err));
+    HADA_TRY(hada_fft_create(&s->forward_scene, s->slot, &scene, err));
+    HADA_TRY(hada_fft_create(&s->inverse, s->slot, &frame, err));
     s->layout = *hada_fft_plan_layout(s->forward_psf);
     const size_t spectrum = s->layout.count * 2 * sizeof(float) * (size_t)images,
                  real = max_size(psf.real_distance, frame.real_distance * (size_t)c->channels) * sizeof(float);
     hada_context *context = s->slot->context;
-    if ((status = hada_buffer_create(&s->real, context, real, "a simulated frame", err)) ||
-        (status = hada_buffer_create(&s->scene, context, scene.real_distance * (size_t)c->channels * sizeof(float),
-                                     "a scene", err)) ||
-        (status = hada_buffer_create(&s->spectrum, context, spectrum, "the spectrum of a scene", err)))
-        return status;
-    return hada_buffer_create(&s->sum, context, spectrum, "the spectrum of a simulated frame", err);
+    HADA_TRY(hada_buffer_create(&s->real, context, real, "a simulated frame", err));
+    HADA_TRY(hada_buffer_create(&s->scene, context, scene.real_distance * (size_t)c->channels * sizeof(float),
+                                "a scene", err));
+    HADA_TRY(hada_buffer_create(&s->spectrum, context, spectrum, "the spectrum of a scene", err));
+    HADA_TRY(hada_buffer_create(&s->sum, context, spectrum, "the spectrum of a simulated frame", err));
+done:
+    return status;
 }
 
 static hada_status check_psf(const hada_camera *camera, const hada_image *psf, hada_error *err)
@@ -92,18 +92,15 @@ static hada_status check_psf(const hada_camera *camera, const hada_image *psf, h
 
 static hada_status keep_psf(hada_simulator *s, const hada_image *psf, hada_error *err)
 {
-    void *memory;
-    hada_status status = hada_alloc(&memory, (size_t)s->camera.depths, sizeof(hada_image), "the PSFs", err);
-    if (status)
-        return status;
-    s->psf = memory;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&s->psf, (size_t)s->camera.depths, sizeof *s->psf, "the PSFs", err));
     for (int i = 0; i < s->camera.depths; i++) {
-        if ((status = hada_image_create(&s->psf[i], psf[i].channels, psf[i].rows, psf[i].cols, err)))
-            return status;
+        HADA_TRY(hada_image_create(&s->psf[i], psf[i].channels, psf[i].rows, psf[i].cols, err));
         memcpy(s->psf[i].data, psf[i].data, hada_image_count(&psf[i]) * sizeof(float));
     }
     s->psf_images = psf[0].channels;
-    return HADA_OK;
+done:
+    return status;
 }
 
 void hada_simulator_options_defaults(hada_simulator_options *options, size_t size)
@@ -127,25 +124,10 @@ static hada_status check_options(const hada_camera *c, const hada_simulator_opti
     return options->psf ? check_psf(c, options->psf, err) : HADA_OK;
 }
 
-hada_status hada_simulator_create_with(hada_simulator **out, hada_context *context, const hada_camera *callers,
-                                       const hada_simulator_options *callers_options, hada_error *err)
+/* Of the field, and of the transforms. */
+static void set_sizes(hada_simulator *s, const hada_simulator_options *options)
 {
-    *out = NULL;
-    hada_camera own, *camera = &own;
-    hada_simulator_options own_options, *options = &own_options;
-    hada_simulator_options_init(options);
-    hada_status status = hada_camera_take(camera, callers, err);
-    if (status || (status = HADA_OPTIONS_TAKE(options, callers_options, hada_simulator_options, err)) ||
-        (status = check_options(camera, options, err)))
-        return status;
-    const hada_image *psf = options->psf;
-    void *memory;
-    if ((status = hada_alloc(&memory, 1, sizeof(hada_simulator), "a simulator", err)))
-        return status;
-    hada_simulator *s = memory;
-    s->camera = *camera;
-    s->psf_images = 1;
-    s->patch_pixels = PATCH_PIXELS;
+    const hada_camera *camera = &s->camera;
     s->shift = (hada_extent){options->shift_rows, options->shift_cols};
     s->field = (hada_extent){camera->window_rows, camera->window_cols};
     if (options->field_rows)
@@ -156,16 +138,34 @@ hada_status hada_simulator_create_with(hada_simulator **out, hada_context *conte
         s->rows = hada_fft_good_size(camera->rows + s->field.rows);
         s->cols = hada_fft_good_size(camera->cols + s->field.cols);
     }
+}
+
+hada_status hada_simulator_create_with(hada_simulator **out, hada_context *context, const hada_camera *callers,
+                                       const hada_simulator_options *callers_options, hada_error *err)
+{
+    *out = NULL;
+    hada_camera own, *camera = &own;
+    hada_simulator_options own_options, *options = &own_options;
+    hada_simulator *s = NULL;
+    hada_status status = HADA_OK;
+    hada_simulator_options_init(options);
+    HADA_TRY(hada_camera_take(camera, callers, err));
+    HADA_TRY(HADA_OPTIONS_TAKE(options, callers_options, hada_simulator_options, err));
+    HADA_TRY(check_options(camera, options, err));
+    const hada_image *psf = options->psf;
     const int waves = !psf && camera->optics == HADA_OPTICS_WAVE;
+    HADA_TRY(hada_alloc((void **)&s, 1, sizeof *s, "a simulator", err));
+    s->camera = *camera;
+    s->psf_images = waves ? camera->channels : 1;
+    s->patch_pixels = PATCH_PIXELS;
+    set_sizes(s, options);
+    if (psf)
+        HADA_TRY(keep_psf(s, psf, err));
     if (waves)
-        s->psf_images = camera->channels;
-    if ((psf && (status = keep_psf(s, psf, err))) ||
-        (waves && (status = hada_wave_create(&s->wave, context, camera, NULL, err))) ||
-        (status = hada_alloc(&memory, (size_t)camera->depths, sizeof(hada_buffer), "the transfer functions", err)))
-        goto done;
-    s->otf = memory;
-    if (!(status = hada_slot_create(&s->slot, context, err)))
-        status = make_plans(s, err);
+        HADA_TRY(hada_wave_create(&s->wave, context, camera, NULL, err));
+    HADA_TRY(hada_alloc((void **)&s->otf, (size_t)camera->depths, sizeof *s->otf, "the transfer functions", err));
+    HADA_TRY(hada_slot_create(&s->slot, context, err));
+    HADA_TRY(make_plans(s, err));
 done:
     if (status)
         hada_simulator_destroy(&s);

@@ -76,29 +76,25 @@ static hada_status prepare(occluded *o, hada_error *err)
 {
     hada_simulator *s = o->simulator;
     hada_context *context = s->slot->context;
-    void *labels, *share;
-    hada_status status = hada_lenses_create(&o->lenses, &s->camera, patch_side(o), err);
-    if (!status && o->lens != -1 && o->lenses.side > 0.0)
-        status = hada_fail(err, HADA_ERROR_ARGUMENT,
+    const size_t pixels = (size_t)s->rows * (size_t)s->cols;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_lenses_create(&o->lenses, &s->camera, patch_side(o), err));
+    if (o->lens != -1 && o->lenses.side > 0.0)
+        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT,
                            "a mask of kind '%s' has no lens %d to look through; use -1, the whole mask",
-                           hada_mask_word(s->camera.mask), o->lens);
-    if (!status && (o->lens < -1 || o->lens >= o->lenses.count))
-        status = hada_fail(err, HADA_ERROR_ARGUMENT, "lens %d is not among the camera's %d lenses (-1: all)", o->lens,
-                           o->lenses.count);
-    if (status ||
-        (status = hada_alloc(&labels, (size_t)s->rows * (size_t)s->cols, sizeof(int), "the parts of a PSF", err)))
-        return status;
-    o->labels = labels;
-    if ((status = hada_alloc(&share, (size_t)s->rows * (size_t)s->cols, sizeof(float), "the parts of a PSF", err)))
-        return status;
-    o->share = share;
+                           hada_mask_word(s->camera.mask), o->lens));
+    if (o->lens < -1 || o->lens >= o->lenses.count)
+        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "lens %d is not among the camera's %d lenses (-1: all)", o->lens,
+                           o->lenses.count));
+    HADA_TRY(hada_alloc((void **)&o->labels, pixels, sizeof *o->labels, "the parts of a PSF", err));
+    HADA_TRY(hada_alloc((void **)&o->share, pixels, sizeof *o->share, "the parts of a PSF", err));
     const size_t bytes = field_pixels(o) * sizeof(float);
-    if ((status = hada_buffer_create(&o->opaque, context, bytes * (size_t)o->count, "opacities", err)) ||
-        (status = hada_buffer_create(&o->seen, context, bytes * (size_t)s->camera.channels, "a view", err)))
-        return status;
-    for (int i = 0; i < o->count && !status; i++)
+    HADA_TRY(hada_buffer_create(&o->opaque, context, bytes * (size_t)o->count, "opacities", err));
+    HADA_TRY(hada_buffer_create(&o->seen, context, bytes * (size_t)s->camera.channels, "a view", err));
+    for (int i = 0; i < o->count; i++)
         if (o->opacity && o->opacity[i])
-            status = hada_simulator_upload(s, o->opacity[i], 1, &o->opaque, (size_t)i * field_pixels(o), err);
+            HADA_TRY(hada_simulator_upload(s, o->opacity[i], 1, &o->opaque, (size_t)i * field_pixels(o), err));
+done:
     return status;
 }
 
@@ -108,24 +104,24 @@ static hada_status hide(occluded *o, int i, int lens, hada_error *err)
     hada_simulator *s = o->simulator;
     const double *distances = s->camera.distances_mm;
     cl_mem light = s->scene.mem;
+    hada_taps taps = {0};
     hada_status status = HADA_OK;
-    for (int j = 0; j < o->count && !status; j++) {
+    for (int j = 0; j < o->count; j++) {
         if (!hides(o, j, i))
             continue;
-        hada_taps taps;
-        if ((status = hada_taps_create(&taps, &s->camera, &o->lenses, lens, distances[o->planes[j].depth],
-                                       distances[o->planes[i].depth], err)))
-            return status;
-        hada_buffer_destroy(&o->weights);
-        status =
-            hada_buffer_create_from(&o->weights, s->slot, taps.weight,
-                                    (size_t)taps.rows * (size_t)taps.cols * sizeof(float), "the view of a lens", err);
-        if (!status)
-            status = hada_optics_hide(s->slot, light, o->seen.mem, 0, o->opaque.mem, (size_t)j * field_pixels(o),
-                                      o->weights.mem, &taps, s->camera.channels, s->field.rows, s->field.cols, err);
-        light = o->seen.mem;
         hada_taps_destroy(&taps);
+        HADA_TRY(hada_taps_create(&taps, &s->camera, &o->lenses, lens, distances[o->planes[j].depth],
+                                  distances[o->planes[i].depth], err));
+        hada_buffer_destroy(&o->weights);
+        HADA_TRY(hada_buffer_create_from(&o->weights, s->slot, taps.weight,
+                                         (size_t)taps.rows * (size_t)taps.cols * sizeof(float), "the view of a lens",
+                                         err));
+        HADA_TRY(hada_optics_hide(s->slot, light, o->seen.mem, 0, o->opaque.mem, (size_t)j * field_pixels(o),
+                                  o->weights.mem, &taps, s->camera.channels, s->field.rows, s->field.cols, err));
+        light = o->seen.mem;
     }
+done:
+    hada_taps_destroy(&taps);
     return status;
 }
 
@@ -139,13 +135,14 @@ static hada_status add_lens(occluded *o, int i, const hada_image *psf, int lens,
     else
         for (size_t k = 0; k < (size_t)s->rows * (size_t)s->cols; k++)
             o->share[k] = o->labels[k] == lens;
-    hada_status status = hada_simulator_make_otf(s, psf, o->share, &o->otf, err);
-    if (status || (status = hide(o, i, lens, err)) ||
-        (status = hada_fft_forward(s->forward_scene, channels, light, 0, s->spectrum.mem, 0, err)))
-        return status;
-    status = hada_optics_accumulate(s->slot, s->sum.mem, 0, o->otf.mem, s->psf_images, s->spectrum.mem, channels,
-                                    s->layout.count, o->any, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_simulator_make_otf(s, psf, o->share, &o->otf, err));
+    HADA_TRY(hide(o, i, lens, err));
+    HADA_TRY(hada_fft_forward(s->forward_scene, channels, light, 0, s->spectrum.mem, 0, err));
+    HADA_TRY(hada_optics_accumulate(s->slot, s->sum.mem, 0, o->otf.mem, s->psf_images, s->spectrum.mem, channels,
+                                    s->layout.count, o->any, err));
     o->any = 1;
+done:
     return status;
 }
 
@@ -158,20 +155,19 @@ static hada_status add_plane(occluded *o, int i, hada_error *err)
         o->any = 1;
         return status;
     }
-    hada_image psf;
-    hada_status status = hada_simulator_place_psf(s, plane->depth, s->rows, s->cols, &psf, err);
-    if (status)
-        return status;
+    hada_image psf = {0};
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_simulator_place_psf(s, plane->depth, s->rows, s->cols, &psf, err));
     const double distance = s->camera.distances_mm[plane->depth];
     const int row = s->rows / 2 - s->shift.rows, col = s->cols / 2 - s->shift.cols;
     hada_lens_labels(&s->camera, &o->lenses, distance, s->rows, s->cols, row, col, o->labels);
     if (o->lenses.side > 0.0)
-        status = hada_patch_light_make(&o->patch_light, &o->lenses, distance, s->rows, s->cols, row, col, err);
-    if (!status)
-        status = hada_simulator_upload(s, plane->image, s->camera.channels, &s->scene, 0, err);
-    for (int lens = 0; lens < o->lenses.count && !status; lens++)
+        HADA_TRY(hada_patch_light_make(&o->patch_light, &o->lenses, distance, s->rows, s->cols, row, col, err));
+    HADA_TRY(hada_simulator_upload(s, plane->image, s->camera.channels, &s->scene, 0, err));
+    for (int lens = 0; lens < o->lenses.count; lens++)
         if (o->lens < 0 || lens == o->lens)
-            status = add_lens(o, i, &psf, lens, err);
+            HADA_TRY(add_lens(o, i, &psf, lens, err));
+done:
     hada_patch_light_free(&o->patch_light);
     hada_image_destroy(&psf);
     return status;
@@ -186,15 +182,16 @@ hada_status hada_simulator_render_occluded(hada_simulator *s, const hada_plane *
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a scene of %d planes with noise %g is not possible", count, noise);
     occluded o = {.simulator = s, .planes = planes, .opacity = opacity, .count = count, .lens = lens};
     hada_status status = HADA_OK;
-    for (int i = 0; i < count && !status; i++)
-        if (!(status = hada_simulator_check_plane(s, &planes[i], err)) && opacity && opacity[i])
-            status = check_opacity(opacity[i], planes[i].image, err);
-    if (!status)
-        status = prepare(&o, err);
-    for (int i = 0; i < count && !status; i++)
-        status = add_plane(&o, i, err);
-    if (!status)
-        status = hada_simulator_finish(s, noise, noise_seed, raw, err);
+    for (int i = 0; i < count; i++) {
+        HADA_TRY(hada_simulator_check_plane(s, &planes[i], err));
+        if (opacity && opacity[i])
+            HADA_TRY(check_opacity(opacity[i], planes[i].image, err));
+    }
+    HADA_TRY(prepare(&o, err));
+    for (int i = 0; i < count; i++)
+        HADA_TRY(add_plane(&o, i, err));
+    HADA_TRY(hada_simulator_finish(s, noise, noise_seed, raw, err));
+done:
     if (status)
         hada_slot_finish(s->slot, NULL);
     hada_buffer_destroy(&o.opaque);

@@ -38,11 +38,11 @@ hada_status hada_simulator_place_psf(const hada_simulator *s, int depth, int row
     if (!shift.rows && !shift.cols)
         return designed_psf(s, depth, rows, cols, psf, err);
     const int down = abs(shift.rows), across = abs(shift.cols);
-    hada_image wide;
-    hada_status status = designed_psf(s, depth, rows + 2 * down, cols + 2 * across, &wide, err);
-    if (status)
-        return status;
-    status = hada_image_crop(psf, &wide, down + shift.rows, across + shift.cols, rows, cols, err);
+    hada_image wide = {0};
+    hada_status status = HADA_OK;
+    HADA_TRY(designed_psf(s, depth, rows + 2 * down, cols + 2 * across, &wide, err));
+    HADA_TRY(hada_image_crop(psf, &wide, down + shift.rows, across + shift.cols, rows, cols, err));
+done:
     hada_image_destroy(&wide);
     return status;
 }
@@ -50,29 +50,31 @@ hada_status hada_simulator_place_psf(const hada_simulator *s, int depth, int row
 hada_status hada_simulator_psf(const hada_simulator *s, int depth, hada_image *psf, hada_error *err)
 {
     *psf = (hada_image){0};
-    hada_status status = hada_simulator_check_depth(s, depth, err);
-    return status ? status : hada_simulator_place_psf(s, depth, s->camera.rows, s->camera.cols, psf, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_simulator_check_depth(s, depth, err));
+    HADA_TRY(hada_simulator_place_psf(s, depth, s->camera.rows, s->camera.cols, psf, err));
+done:
+    return status;
 }
 
 /* A PSF of the transform's size with the axis moved from the middle to pixel (0, 0). */
 static hada_status upload_psf(hada_simulator *s, const hada_image *psf, int channel, const float *share,
                               hada_error *err)
 {
-    void *memory;
+    float *shifted = NULL;
     const size_t pixels = (size_t)s->rows * (size_t)s->cols;
-    hada_status status = hada_alloc(&memory, pixels, sizeof(float), "a PSF", err);
-    if (status)
-        return status;
-    float *turned = memory;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&shifted, pixels, sizeof *shifted, "a PSF", err));
     for (int r = 0; r < psf->rows; r++) {
         const size_t to = (size_t)((r - psf->rows / 2 + s->rows) % s->rows) * (size_t)s->cols,
                      from = (size_t)r * (size_t)psf->cols;
         for (int c = 0; c < psf->cols; c++)
-            turned[to + (size_t)((c - psf->cols / 2 + s->cols) % s->cols)] =
+            shifted[to + (size_t)((c - psf->cols / 2 + s->cols) % s->cols)] =
                 psf->data[(size_t)channel * pixels + from + (size_t)c] * (share ? share[from + (size_t)c] : 1.0f);
     }
-    status = hada_buffer_write(&s->real, s->slot, 0, turned, pixels * sizeof(float), err);
-    free(turned);
+    HADA_TRY(hada_buffer_write(&s->real, s->slot, 0, shifted, pixels * sizeof(float), err));
+done:
+    free(shifted);
     return status;
 }
 
@@ -81,13 +83,14 @@ hada_status hada_simulator_make_otf(hada_simulator *s, const hada_image *psf, co
 {
     hada_status status = HADA_OK;
     if (!otf->mem)
-        status = hada_buffer_create(otf, s->slot->context, s->layout.count * 2 * sizeof(float) * (size_t)psf->channels,
-                                    "a transfer function", err);
-    for (int c = 0; c < psf->channels && !status; c++)
-        if (!(status = upload_psf(s, psf, c, share, err)))
-            status = hada_fft_forward(s->forward_psf, 1, s->real.mem, 0, otf->mem, (size_t)c * s->layout.count, err);
-    if (!status)
-        status = hada_slot_finish(s->slot, err);
+        HADA_TRY(hada_buffer_create(otf, s->slot->context, s->layout.count * 2 * sizeof(float) * (size_t)psf->channels,
+                                    "a transfer function", err));
+    for (int c = 0; c < psf->channels; c++) {
+        HADA_TRY(upload_psf(s, psf, c, share, err));
+        HADA_TRY(hada_fft_forward(s->forward_psf, 1, s->real.mem, 0, otf->mem, (size_t)c * s->layout.count, err));
+    }
+    HADA_TRY(hada_slot_finish(s->slot, err));
+done:
     if (status)
         hada_buffer_destroy(otf);
     return status;

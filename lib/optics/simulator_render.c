@@ -10,9 +10,8 @@ hada_status hada_simulator_check_plane(const hada_simulator *s, const hada_plane
 {
     const hada_camera *c = &s->camera;
     const hada_image *image = plane->image;
-    hada_status status = hada_simulator_check_depth(s, plane->depth, err);
-    if (status)
-        return status;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_simulator_check_depth(s, plane->depth, err));
     const int window = image->rows == c->window_rows && image->cols == c->window_cols,
               field = image->rows == s->field.rows && image->cols == s->field.cols;
     if ((!window && !field) || (image->channels != 1 && image->channels != c->channels))
@@ -23,7 +22,8 @@ hada_status hada_simulator_check_plane(const hada_simulator *s, const hada_plane
                          s->field.rows, s->field.cols);
     if (hada_image_count_not_finite(image))
         return hada_fail(err, HADA_ERROR_NOT_FINITE, "a scene holds NaN or infinite values");
-    return HADA_OK;
+done:
+    return status;
 }
 
 hada_status hada_simulator_upload(hada_simulator *s, const hada_image *image, int channels, hada_buffer *to,
@@ -32,22 +32,36 @@ hada_status hada_simulator_upload(hada_simulator *s, const hada_image *image, in
     const hada_extent field = s->field;
     const size_t pixels = (size_t)field.rows * (size_t)field.cols, bytes = pixels * sizeof(float);
     const int whole = image->rows == field.rows && image->cols == field.cols;
-    void *memory = NULL;
+    float *wide = NULL;
     hada_status status = HADA_OK;
-    if (!whole && (status = hada_alloc(&memory, pixels, sizeof(float), "a scene", err)))
-        return status;
-    float *wide = memory;
+    if (!whole)
+        HADA_TRY(hada_alloc((void **)&wide, pixels, sizeof *wide, "a scene", err));
     const int row0 = hada_window_origin(field.rows, image->rows), col0 = hada_window_origin(field.cols, image->cols);
-    for (int c = 0; c < channels && !status; c++) {
+    for (int c = 0; c < channels; c++) {
         const float *from =
             image->data + (image->channels == 1 ? 0 : (size_t)c * (size_t)image->rows * (size_t)image->cols);
         for (int r = 0; r < image->rows && !whole; r++)
             memcpy(wide + (size_t)(row0 + r) * (size_t)field.cols + col0, from + (size_t)r * (size_t)image->cols,
                    (size_t)image->cols * sizeof(float));
-        status = hada_buffer_write(to, s->slot, (offset + (size_t)c * pixels) * sizeof(float), whole ? from : wide,
-                                   bytes, err);
+        HADA_TRY(hada_buffer_write(to, s->slot, (offset + (size_t)c * pixels) * sizeof(float), whole ? from : wide,
+                                   bytes, err));
     }
-    free(memory);
+done:
+    free(wide);
+    return status;
+}
+
+/* The transfer functions of a depth, made where they are first needed. */
+static hada_status need_otf(hada_simulator *s, int depth, hada_error *err)
+{
+    hada_image psf = {0};
+    hada_status status = HADA_OK;
+    if (s->otf[depth].mem)
+        goto done;
+    HADA_TRY(hada_simulator_place_psf(s, depth, s->rows, s->cols, &psf, err));
+    HADA_TRY(hada_simulator_make_otf(s, &psf, NULL, &s->otf[depth], err));
+done:
+    hada_image_destroy(&psf);
     return status;
 }
 
@@ -55,18 +69,13 @@ hada_status hada_simulator_add_plane(hada_simulator *s, const hada_plane *plane,
 {
     const int channels = s->camera.channels, depth = plane->depth;
     hada_status status = HADA_OK;
-    if (!s->otf[depth].mem) {
-        hada_image psf;
-        if ((status = hada_simulator_place_psf(s, depth, s->rows, s->cols, &psf, err)))
-            return status;
-        status = hada_simulator_make_otf(s, &psf, NULL, &s->otf[depth], err);
-        hada_image_destroy(&psf);
-    }
-    if (status || (status = hada_simulator_upload(s, plane->image, channels, &s->scene, 0, err)) ||
-        (status = hada_fft_forward(s->forward_scene, channels, s->scene.mem, 0, s->spectrum.mem, 0, err)))
-        return status;
-    return hada_optics_accumulate(s->slot, s->sum.mem, 0, s->otf[depth].mem, s->psf_images, s->spectrum.mem, channels,
-                                  s->layout.count, add, err);
+    HADA_TRY(need_otf(s, depth, err));
+    HADA_TRY(hada_simulator_upload(s, plane->image, channels, &s->scene, 0, err));
+    HADA_TRY(hada_fft_forward(s->forward_scene, channels, s->scene.mem, 0, s->spectrum.mem, 0, err));
+    HADA_TRY(hada_optics_accumulate(s->slot, s->sum.mem, 0, s->otf[depth].mem, s->psf_images, s->spectrum.mem, channels,
+                                    s->layout.count, add, err));
+done:
+    return status;
 }
 
 static float maximum(const hada_image *image)
@@ -80,16 +89,16 @@ static float maximum(const hada_image *image)
 hada_status hada_simulator_finish(hada_simulator *s, double noise, uint64_t seed, hada_image *raw, hada_error *err)
 {
     const hada_camera *c = &s->camera;
-    hada_status status = hada_fft_inverse(s->inverse, c->channels, s->sum.mem, 0, s->real.mem, 0, NULL, err);
-    if (status || (status = hada_image_create(raw, c->channels, c->rows, c->cols, err)))
-        return status;
-    if ((status = hada_buffer_read(&s->real, s->slot, 0, raw->data, hada_image_count(raw) * sizeof(float), err))) {
-        hada_image_destroy(raw);
-        return status;
-    }
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_fft_inverse(s->inverse, c->channels, s->sum.mem, 0, s->real.mem, 0, NULL, err));
+    HADA_TRY(hada_image_create(raw, c->channels, c->rows, c->cols, err));
+    HADA_TRY(hada_buffer_read(&s->real, s->slot, 0, raw->data, hada_image_count(raw) * sizeof(float), err));
     if (noise > 0.0)
         hada_image_add_noise(raw, noise * maximum(raw), seed);
-    return HADA_OK;
+done:
+    if (status)
+        hada_image_destroy(raw);
+    return status;
 }
 
 hada_status hada_simulator_render(hada_simulator *s, const hada_plane *planes, int count, double noise,
@@ -99,32 +108,34 @@ hada_status hada_simulator_render(hada_simulator *s, const hada_plane *planes, i
     if (count < 1 || !(noise >= 0.0))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a scene of %d planes with noise %g is not possible", count, noise);
     hada_status status = HADA_OK;
-    for (int i = 0; i < count && !status; i++)
-        status = hada_simulator_check_plane(s, &planes[i], err);
-    for (int i = 0; i < count && !status; i++)
-        status = hada_simulator_add_plane(s, &planes[i], i > 0, err);
-    return status ? status : hada_simulator_finish(s, noise, noise_seed, raw, err);
+    for (int i = 0; i < count; i++)
+        HADA_TRY(hada_simulator_check_plane(s, &planes[i], err));
+    for (int i = 0; i < count; i++)
+        HADA_TRY(hada_simulator_add_plane(s, &planes[i], i > 0, err));
+    HADA_TRY(hada_simulator_finish(s, noise, noise_seed, raw, err));
+done:
+    return status;
 }
 
 hada_status hada_simulator_white_exposure(hada_simulator *s, double share, double *exposure, hada_error *err)
 {
-    hada_image white;
-    hada_status status = hada_image_create(&white, 1, s->camera.window_rows, s->camera.window_cols, err);
+    hada_image white = {0}, raw = {0};
     float most = 0.0f;
-    for (size_t i = 0; !status && i < hada_image_count(&white); i++)
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_image_create(&white, 1, s->camera.window_rows, s->camera.window_cols, err));
+    for (size_t i = 0; i < hada_image_count(&white); i++)
         white.data[i] = 1.0f;
-    for (int z = 0; z < s->camera.depths && !status; z++) {
-        hada_image raw;
-        if (!(status = hada_simulator_render(s, &(hada_plane){z, &white}, 1, 0.0, 0, &raw, err))) {
-            most = maximum(&raw) > most ? maximum(&raw) : most;
-            hada_image_destroy(&raw);
-        }
+    for (int z = 0; z < s->camera.depths; z++) {
+        hada_image_destroy(&raw);
+        HADA_TRY(hada_simulator_render(s, &(hada_plane){z, &white}, 1, 0.0, 0, &raw, err));
+        most = maximum(&raw) > most ? maximum(&raw) : most;
     }
+    if (!(most > 0.0f))
+        HADA_TRY(
+            hada_fail(err, HADA_ERROR_NUMERIC, "no light of the window reaches the sensor: is its shift too large?"));
+    *exposure = share / most;
+done:
     hada_image_destroy(&white);
-    if (!status && !(most > 0.0f))
-        status =
-            hada_fail(err, HADA_ERROR_NUMERIC, "no light of the window reaches the sensor: is its shift too large?");
-    if (!status)
-        *exposure = share / most;
+    hada_image_destroy(&raw);
     return status;
 }

@@ -16,13 +16,6 @@ void hada_wave_options_defaults(hada_wave_options *options, size_t size)
     HADA_OPTIONS_GIVE(options, size, &own);
 }
 
-void hada_wave_colour(const hada_camera *camera, int channel, double *wavelength_mm, double *path_scale)
-{
-    const double nm = camera->wavelengths_nm[camera->channels == 1 ? 1 : channel];
-    *wavelength_mm = nm * 1e-6;
-    *path_scale = (hada_camera_refractive_index(camera, nm) - 1.0) / (camera->refractive_index - 1.0);
-}
-
 static int by_lens(const hada_wave *wave)
 {
     return wave->design.sites.count && hada_mask_has_lenses(&wave->camera) && !wave->options.coherent;
@@ -30,18 +23,18 @@ static int by_lens(const hada_wave *wave)
 
 static hada_status upload_lenses(hada_wave *wave, hada_error *err)
 {
-    hada_wave_lens *lenses;
-    hada_wave_plane *planes;
+    hada_wave_lens *lenses = NULL;
+    hada_wave_plane *planes = NULL;
     int count;
-    hada_status status = hada_wave_lens_tables(&wave->design, &lenses, &planes, &count, err);
-    if (status)
-        return status;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_wave_lens_tables(&wave->design, &lenses, &planes, &count, err));
     wave->area = hada_wave_lens_area(&wave->design, lenses, planes);
-    status = hada_buffer_create_from(&wave->lenses, wave->slot, lenses,
-                                     (size_t)wave->design.sites.count * sizeof *lenses, "the lenses", err);
-    if (!status) /* one more than there are: a buffer is never empty */
-        status = hada_buffer_create_from(&wave->planes, wave->slot, planes, (size_t)(count + 1) * sizeof *planes,
-                                         "the lenses", err);
+    HADA_TRY(hada_buffer_create_from(&wave->lenses, wave->slot, lenses,
+                                     (size_t)wave->design.sites.count * sizeof *lenses, "the lenses", err));
+    /* one more than there are: a buffer is never empty */
+    HADA_TRY(hada_buffer_create_from(&wave->planes, wave->slot, planes, (size_t)(count + 1) * sizeof *planes,
+                                     "the lenses", err));
+done:
     free(lenses);
     free(planes);
     return status;
@@ -50,28 +43,24 @@ static hada_status upload_lenses(hada_wave *wave, hada_error *err)
 hada_status hada_wave_create(hada_wave **out, hada_context *context, const hada_camera *camera,
                              const hada_wave_options *callers, hada_error *err)
 {
-    *out = NULL;
+    hada_wave *wave = NULL;
     hada_wave_options options;
+    hada_status status = HADA_OK;
+    *out = NULL;
     hada_wave_options_init(&options);
-    hada_status status = HADA_OPTIONS_TAKE(&options, callers, hada_wave_options, err);
-    if (status)
-        return status;
+    HADA_TRY(HADA_OPTIONS_TAKE(&options, callers, hada_wave_options, err));
     if (options.stray == HADA_AUTO)
         options.stray = STRAY;
     if (!(options.stray >= 1e-5 && options.stray <= 0.2))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "stray light of %g is not possible; use 1e-5 to 0.2", options.stray);
-    void *memory;
-    status = hada_alloc(&memory, 1, sizeof(hada_wave), "wave optics", err);
-    if (status)
-        return status;
-    hada_wave *wave = memory;
+    HADA_TRY(hada_alloc((void **)&wave, 1, sizeof *wave, "wave optics", err));
     wave->options = options;
-    status = hada_mask_make(&wave->design, camera, err);
+    HADA_TRY(hada_mask_make(&wave->design, camera, err));
     wave->camera = wave->design.camera;
-    if (!status)
-        status = hada_slot_create(&wave->slot, context, err);
-    if (!status && by_lens(wave))
-        status = upload_lenses(wave, err);
+    HADA_TRY(hada_slot_create(&wave->slot, context, err));
+    if (by_lens(wave))
+        HADA_TRY(upload_lenses(wave, err));
+done:
     if (status)
         hada_wave_destroy(&wave);
     *out = wave;
@@ -98,25 +87,26 @@ hada_status hada_wave_psf(hada_wave *wave, double distance_mm, int rows, int col
 {
     const hada_camera *camera = &wave->camera;
     const size_t count = hada_size_product((size_t)rows, (size_t)cols);
-    void *sum = NULL;
+    double *sum = NULL;
     *psf = (hada_image){0};
     if (!(distance_mm > 0.0))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a distance of %g mm is not possible; it must be above 0",
                          distance_mm);
-    hada_status status = hada_image_create(psf, camera->channels, rows, cols, err);
-    if (!status)
-        status = hada_alloc(&sum, count, sizeof(double), "a point spread function", err);
-    for (int c = 0; c < camera->channels && !status; c++) {
-        double wavelength, path_scale, light = 0.0, *values = sum;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_image_create(psf, camera->channels, rows, cols, err));
+    HADA_TRY(hada_alloc((void **)&sum, count, sizeof *sum, "a point spread function", err));
+    for (int c = 0; c < camera->channels; c++) {
+        double wavelength, path_scale, light = 0.0;
         hada_wave_colour(camera, c, &wavelength, &path_scale);
         for (size_t i = 0; i < count; i++)
-            values[i] = 0.0;
-        status = by_lens(wave)
-                     ? hada_wave_by_lens(wave, distance_mm, wavelength, path_scale, rows, cols, values, &light, err)
-                     : hada_wave_whole(wave, distance_mm, wavelength, path_scale, rows, cols, values, &light, err);
-        for (size_t i = 0; i < count && !status; i++)
-            psf->data[(size_t)c * count + i] = (float)(values[i] / light);
+            sum[i] = 0.0;
+        HADA_TRY(by_lens(wave)
+                     ? hada_wave_by_lens(wave, distance_mm, wavelength, path_scale, rows, cols, sum, &light, err)
+                     : hada_wave_whole(wave, distance_mm, wavelength, path_scale, rows, cols, sum, &light, err));
+        for (size_t i = 0; i < count; i++)
+            psf->data[(size_t)c * count + i] = (float)(sum[i] / light);
     }
+done:
     free(sum);
     if (status)
         hada_image_destroy(psf);
@@ -129,16 +119,17 @@ hada_status hada_camera_psf_stack(hada_context *context, const hada_camera *call
     hada_camera own, *camera = &own;
     hada_status status = hada_camera_take(camera, callers, err);
     if (status)
-        return status;
+        return status; /* how many PSFs there are is not known */
     for (int z = 0; z < camera->depths; z++)
         psf[z] = (hada_image){0};
     if (camera->optics == HADA_OPTICS_WAVE && !context)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "wave optics need a device; give a context");
     if (camera->optics == HADA_OPTICS_WAVE)
-        status = hada_wave_create(&wave, context, camera, NULL, err);
-    for (int z = 0; z < camera->depths && !status; z++)
-        status = wave ? hada_wave_psf(wave, camera->distances_mm[z], camera->rows, camera->cols, &psf[z], err)
-                      : hada_camera_psf(camera, camera->distances_mm[z], &psf[z], err);
+        HADA_TRY(hada_wave_create(&wave, context, camera, NULL, err));
+    for (int z = 0; z < camera->depths; z++)
+        HADA_TRY(wave ? hada_wave_psf(wave, camera->distances_mm[z], camera->rows, camera->cols, &psf[z], err)
+                      : hada_camera_psf(camera, camera->distances_mm[z], &psf[z], err));
+done:
     hada_wave_destroy(&wave);
     for (int z = 0; z < camera->depths && status; z++)
         hada_image_destroy(&psf[z]);

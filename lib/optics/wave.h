@@ -39,7 +39,12 @@ struct hada_wave {
 void hada_wave_rest(hada_wave *wave);
 
 /* A colour's wavelength, and the mask's optical path at it over that at 587.6 nm. */
-void hada_wave_colour(const hada_camera *camera, int channel, double *wavelength_mm, double *path_scale);
+static inline void hada_wave_colour(const hada_camera *camera, int channel, double *wavelength_mm, double *path_scale)
+{
+    const double nm = camera->wavelengths_nm[camera->channels == 1 ? 1 : channel];
+    *wavelength_mm = nm * 1e-6;
+    *path_scale = (hada_camera_refractive_index(camera, nm) - 1.0) / (camera->refractive_index - 1.0);
+}
 
 /* How the spot of a lens is sampled at a distance and a wavelength: a pixel is `samples` x `samples` values of the
  * field, the square round the spot `pixels` x `pixels`, the transform n = pixels samples; a lens `points` x `points`

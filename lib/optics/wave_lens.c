@@ -75,13 +75,12 @@ hada_status hada_wave_lens_tables(const hada_mask_design *design, hada_wave_lens
                                   int *plane_count, hada_error *err)
 {
     const hada_sites *sites = &design->sites;
-    void *memory, *lines = NULL;
+    hada_wave_lens *lens = NULL;
+    hada_wave_plane *lines = NULL;
     int count = 0;
-    hada_status status = hada_alloc(&memory, (size_t)sites->count, sizeof(hada_wave_lens), "the lenses", err);
-    if (status)
-        return status;
-    hada_wave_lens *lens = memory;
-    for (int pass = 0; pass < 2 && !status; pass++) { /* count, then write */
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&lens, (size_t)sites->count, sizeof *lens, "the lenses", err));
+    for (int pass = 0; pass < 2; pass++) { /* count, then write */
         count = 0;
         for (int l = 0; l < sites->count; l++) {
             lens[l] = (hada_wave_lens){(float)sites->x[l], (float)sites->y[l], count, 0};
@@ -91,23 +90,22 @@ hada_status hada_wave_lens_tables(const hada_mask_design *design, hada_wave_lens
                 if (!(apart > 0.0) || apart > 2.0 * design->reach)
                     continue;
                 if (pass)
-                    ((hada_wave_plane *)lines)[count] =
+                    lines[count] =
                         (hada_wave_plane){(float)(dx / apart), (float)(dy / apart), (float)(apart / 2.0), 0.0f};
                 count++;
                 lens[l].planes++;
             }
         }
         if (!pass)
-            status = hada_alloc(&lines, (size_t)count + 1, sizeof(hada_wave_plane), "the lenses", err);
+            HADA_TRY(hada_alloc((void **)&lines, (size_t)count + 1, sizeof *lines, "the lenses", err));
     }
-    if (status) {
-        free(memory);
-        return status;
-    }
-    *lenses = memory;
+    *lenses = lens;
     *planes = lines;
     *plane_count = count;
-    return HADA_OK;
+done:
+    if (status)
+        free(lens);
+    return status;
 }
 
 double hada_wave_lens_area(const hada_mask_design *design, const hada_wave_lens *lenses, const hada_wave_plane *planes)
@@ -166,25 +164,17 @@ static hada_status work_make(work *w, const hada_wave *wave, const hada_wave_spo
                                 .real_cols = spot->points,
                                 .real_pitch = (size_t)spot->pitch,
                                 .real_distance = values};
-    void *phases = NULL, *images = NULL;
-    hada_status status = hada_alloc(&phases, batch * 4 * (size_t)spot->pitch, sizeof(float), "phases of lenses", err);
-    if (!status)
-        status = hada_alloc(&images, batch * pixels, sizeof(float), "spots of lenses", err);
-    w->phases = phases;
-    w->images = images;
-    if (!status)
-        status = hada_fft_create(&w->fft, wave->slot, &desc, err);
-    if (!status)
-        status = hada_buffer_create(&w->field, context, 2 * batch * values * sizeof(float), "fields of lenses", err);
-    if (!status)
-        status = hada_buffer_create(&w->phase, context, batch * 4 * (size_t)spot->pitch * sizeof(float),
-                                    "phases of lenses", err);
-    if (!status)
-        status = hada_buffer_create(&w->spectra, context, batch * spectra, "spectra of lenses", err);
-    if (!status)
-        status = hada_buffer_create(&w->part, context, batch * parts * sizeof(float), "spots of lenses", err);
-    if (!status)
-        status = hada_buffer_create(&w->image, context, batch * pixels * sizeof(float), "spots of lenses", err);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&w->phases, batch * 4 * (size_t)spot->pitch, sizeof(float), "phases of lenses", err));
+    HADA_TRY(hada_alloc((void **)&w->images, batch * pixels, sizeof(float), "spots of lenses", err));
+    HADA_TRY(hada_fft_create(&w->fft, wave->slot, &desc, err));
+    HADA_TRY(hada_buffer_create(&w->field, context, 2 * batch * values * sizeof(float), "fields of lenses", err));
+    HADA_TRY(hada_buffer_create(&w->phase, context, batch * 4 * (size_t)spot->pitch * sizeof(float), "phases of lenses",
+                                err));
+    HADA_TRY(hada_buffer_create(&w->spectra, context, batch * spectra, "spectra of lenses", err));
+    HADA_TRY(hada_buffer_create(&w->part, context, batch * parts * sizeof(float), "spots of lenses", err));
+    HADA_TRY(hada_buffer_create(&w->image, context, batch * pixels * sizeof(float), "spots of lenses", err));
+done:
     return status;
 }
 
@@ -212,20 +202,18 @@ static void add_spot(const float *image, const hada_wave_spot *spot, int row, in
 static hada_status run_batch(hada_wave *wave, work *w, const hada_wave_spot *spot, int first, int count,
                              hada_error *err)
 {
-    hada_status status = hada_buffer_write(&w->phase, wave->slot, 0, w->phases,
-                                           (size_t)count * 4 * (size_t)spot->pitch * sizeof(float), err);
-    if (!status)
-        status = hada_wave_launch_pupil(wave->slot, w->field.mem, w->phase.mem, wave->lenses.mem, wave->planes.mem,
-                                        first, count, spot, wave->camera.lens_diameter_mm / 2.0,
-                                        wave->camera.aperture_mm / 2.0, err);
-    if (!status)
-        status = hada_fft_forward(w->fft, 2 * count, w->field.mem, 0, w->spectra.mem, 0, err);
-    if (!status)
-        status = hada_wave_launch_spots(wave->slot, w->image.mem, w->part.mem, w->spectra.mem, count, spot->pixels,
-                                        spot->samples, err);
-    if (!status)
-        status = hada_buffer_read(&w->image, wave->slot, 0, w->images,
-                                  (size_t)count * (size_t)spot->pixels * (size_t)spot->pixels * sizeof(float), err);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_buffer_write(&w->phase, wave->slot, 0, w->phases,
+                               (size_t)count * 4 * (size_t)spot->pitch * sizeof(float), err));
+    HADA_TRY(hada_wave_launch_pupil(wave->slot, w->field.mem, w->phase.mem, wave->lenses.mem, wave->planes.mem, first,
+                                    count, spot, wave->camera.lens_diameter_mm / 2.0, wave->camera.aperture_mm / 2.0,
+                                    err));
+    HADA_TRY(hada_fft_forward(w->fft, 2 * count, w->field.mem, 0, w->spectra.mem, 0, err));
+    HADA_TRY(hada_wave_launch_spots(wave->slot, w->image.mem, w->part.mem, w->spectra.mem, count, spot->pixels,
+                                    spot->samples, err));
+    HADA_TRY(hada_buffer_read(&w->image, wave->slot, 0, w->images,
+                              (size_t)count * (size_t)spot->pixels * (size_t)spot->pixels * sizeof(float), err));
+done:
     return status;
 }
 
@@ -237,10 +225,10 @@ hada_status hada_wave_by_lens(hada_wave *wave, double distance_mm, double wavele
                  pitch = wave->camera.pixel_pitch_mm;
     hada_wave_spot spot;
     work w = {0};
-    hada_status status = hada_wave_spot_size(wave, distance_mm, wavelength_mm, path_scale, &spot, err);
-    if (!status)
-        status = work_make(&w, wave, &spot, err);
-    for (int first = 0; first < sites->count && !status; first += w.batch) {
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_wave_spot_size(wave, distance_mm, wavelength_mm, path_scale, &spot, err));
+    HADA_TRY(work_make(&w, wave, &spot, err));
+    for (int first = 0; first < sites->count; first += w.batch) {
         const int count = sites->count - first < w.batch ? sites->count - first : w.batch;
         for (int i = 0; i < count; i++) {
             double shift;
@@ -250,8 +238,8 @@ hada_status hada_wave_by_lens(hada_wave *wave, double distance_mm, double wavele
             spot_place(sites->y[first + i] * magnification, pitch, rows / 2, spot.samples, &shift);
             hada_wave_phase(&spot, wavelength_mm, shift, phase + 2 * spot.pitch);
         }
-        status = run_batch(wave, &w, &spot, first, count, err);
-        for (int i = 0; i < count && !status; i++) {
+        HADA_TRY(run_batch(wave, &w, &spot, first, count, err));
+        for (int i = 0; i < count; i++) {
             double shift;
             const int col = spot_place(sites->x[first + i] * magnification, pitch, cols / 2, spot.samples, &shift);
             const int row = spot_place(sites->y[first + i] * magnification, pitch, rows / 2, spot.samples, &shift);
@@ -259,9 +247,9 @@ hada_status hada_wave_by_lens(hada_wave *wave, double distance_mm, double wavele
                      sum);
         }
     }
-    work_free(&w);
-    /* Parseval, with the true area: what the softened edges lack in |P|^2 is the light beyond the square round a spot
-     */
+    /* Parseval, with the true area: what the softened edges lack in |P|^2 is the light beyond a spot's square */
     *light = (double)spot.n * spot.n * wave->area / (spot.step * spot.step);
+done:
+    work_free(&w);
     return status;
 }

@@ -154,25 +154,24 @@ static hada_status upload_mask(const hada_wave *wave, struct hada_wave_work *w, 
 {
     const grid *g = &w->grid;
     const size_t count = (size_t)g->points * (size_t)g->points;
-    void *path = NULL, *open = NULL;
-    hada_status status = hada_alloc_raw(&path, count, sizeof(float), "a mask", err);
-    if (!status)
-        status = hada_alloc_raw(&open, count, sizeof(float), "a mask", err);
+    float *path = NULL, *open = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc_raw((void **)&path, count, sizeof *path, "a mask", err));
+    HADA_TRY(hada_alloc_raw((void **)&open, count, sizeof *open, "a mask", err));
     const double middle = 0.5 * (g->points - 1);
-    for (int r = 0; r < g->points && !status; r++)
+    for (int r = 0; r < g->points; r++)
         for (int c = 0; c < g->points; c++) {
             const size_t at = (size_t)r * (size_t)g->points + (size_t)c;
             hada_mask_point point;
             hada_mask_at(&wave->design, (c - middle) * g->step, (r - middle) * g->step, &point);
             const float share = (float)hada_mask_open(point.edge, g->step);
-            ((float *)path)[at] = (float)point.path;
-            ((float *)open)[at] = share;
+            path[at] = (float)point.path;
+            open[at] = share;
             w->light += share; /* the area; |T|^2 of softened edges lacks what they scatter */
         }
-    if (!status)
-        status = hada_buffer_create_from(&w->path, wave->slot, path, count * sizeof(float), "a mask", err);
-    if (!status)
-        status = hada_buffer_create_from(&w->open, wave->slot, open, count * sizeof(float), "a mask", err);
+    HADA_TRY(hada_buffer_create_from(&w->path, wave->slot, path, count * sizeof(float), "a mask", err));
+    HADA_TRY(hada_buffer_create_from(&w->open, wave->slot, open, count * sizeof(float), "a mask", err));
+done:
     free(path);
     free(open);
     return status;
@@ -190,14 +189,13 @@ static hada_status make_field(const hada_wave *wave, struct hada_wave_work *w, s
 /* The mask, its field, and the transform from it. */
 static hada_status make_work(hada_wave *wave, const grid *g, hada_error *err)
 {
-    void *memory;
+    struct hada_wave_work *w;
     if (wave->work && wave->work->grid.step == g->step && wave->work->grid.n == g->n)
         return HADA_OK;
     hada_wave_rest(wave);
-    hada_status status = hada_alloc(&memory, 1, sizeof(struct hada_wave_work), "wave optics", err);
-    if (status)
-        return status;
-    struct hada_wave_work *w = wave->work = memory;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&wave->work, 1, sizeof *wave->work, "wave optics", err));
+    w = wave->work;
     hada_slot *slot = wave->slot;
     w->grid = *g;
     const int off = (g->n - g->points) / 2;
@@ -214,9 +212,11 @@ static hada_status make_work(hada_wave *wave, const grid *g, hada_error *err)
                                 .real_pitch = (size_t)g->points,
                                 .real_distance = points};
     const hada_spectrum_layout layout = hada_fft_layout(slot->context, g->n, g->n, HADA_FFT_OWN);
-    if (!(status = upload_mask(wave, w, err)) && !(status = make_field(wave, w, points, err)) &&
-        !(status = hada_buffer_create(&w->spectrum, slot->context, 4 * layout.count * sizeof(float), "a field", err)))
-        status = hada_fft_create(&w->forward, slot, &desc, err);
+    HADA_TRY(upload_mask(wave, w, err));
+    HADA_TRY(make_field(wave, w, points, err));
+    HADA_TRY(hada_buffer_create(&w->spectrum, slot->context, 4 * layout.count * sizeof(float), "a field", err));
+    HADA_TRY(hada_fft_create(&w->forward, slot, &desc, err));
+done:
     if (status)
         hada_wave_rest(wave);
     return status;
@@ -227,12 +227,12 @@ static hada_status upload_phase(const hada_wave *wave, hada_buffer *to, int coun
                                 hada_error *err)
 {
     const grid *g = &wave->work->grid;
-    void *phase;
-    hada_status status = hada_alloc(&phase, 2 * (size_t)count, sizeof(float), "phases", err);
-    if (status)
-        return status;
+    float *phase = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&phase, 2 * (size_t)count, sizeof *phase, "phases", err));
     hada_wave_travel_phase(phase, count, g->n, g->step, t->wavelength, t->reach, limit);
-    status = hada_buffer_create_from(to, wave->slot, phase, 2 * (size_t)count * sizeof(float), "phases", err);
+    HADA_TRY(hada_buffer_create_from(to, wave->slot, phase, 2 * (size_t)count * sizeof(float), "phases", err));
+done:
     free(phase);
     return status;
 }
@@ -246,14 +246,15 @@ static hada_status spread(const hada_wave *wave, const travel *t, double path_sc
     const int blocks = hada_fft_layout(slot->context, g->n, g->n, HADA_FFT_OWN).blocks;
     const double limit = aside_of(wave, t, g->step) / t->wavelength; /* light beyond would leave the grid */
     hada_buffer across = {0}, down = {0};
-    hada_status status;
-    if (!(status = upload_phase(wave, &across, blocks * HADA_WAVE_BLOCK, t, limit, err)) &&
-        !(status = upload_phase(wave, &down, g->n, t, limit, err)) &&
-        !(status = hada_wave_launch_mask(slot, w->field.mem, w->path.mem, w->open.mem, g->points,
-                                         path_scale / t->wavelength, err)) &&
-        !(status = hada_fft_forward(w->forward, 2, w->field.mem, 0, w->spectrum.mem, 0, err)) &&
-        !(status = hada_wave_launch_travel(slot, w->spectrum.mem, across.mem, down.mem, g->n, blocks, err)))
-        status = hada_slot_finish(slot, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(upload_phase(wave, &across, blocks * HADA_WAVE_BLOCK, t, limit, err));
+    HADA_TRY(upload_phase(wave, &down, g->n, t, limit, err));
+    HADA_TRY(hada_wave_launch_mask(slot, w->field.mem, w->path.mem, w->open.mem, g->points, path_scale / t->wavelength,
+                                   err));
+    HADA_TRY(hada_fft_forward(w->forward, 2, w->field.mem, 0, w->spectrum.mem, 0, err));
+    HADA_TRY(hada_wave_launch_travel(slot, w->spectrum.mem, across.mem, down.mem, g->n, blocks, err));
+    HADA_TRY(hada_slot_finish(slot, err));
+done:
     hada_buffer_destroy(&across);
     hada_buffer_destroy(&down);
     return status;
@@ -275,15 +276,14 @@ static hada_status upload_shares(const hada_wave *wave, hada_buffer *buffer, con
                                  hada_error *err)
 {
     const grid *g = &wave->work->grid;
-    void *table;
-    hada_status status = hada_alloc(&table, (size_t)o->count, sizeof(hada_wave_pixel), "pixels", err);
-    if (status)
-        return status;
+    hada_wave_pixel *table = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&table, (size_t)o->count, sizeof *table, "pixels", err));
     /* sample i of the mask, of `points`, stands at (i - (points - 1) / 2) step, and (n - points) / 2 are before it */
     const double begin = (o->sample - (g->n - g->points) / 2 - 0.5 * g->points) * g->step;
     hada_wave_share(table, o->count, (o->first - 0.5 - pixels / 2) * width, width, o->sample_count, begin, g->step);
-    status =
-        hada_buffer_create_from(buffer, wave->slot, table, (size_t)o->count * sizeof(hada_wave_pixel), "pixels", err);
+    HADA_TRY(hada_buffer_create_from(buffer, wave->slot, table, (size_t)o->count * sizeof *table, "pixels", err));
+done:
     free(table);
     return status;
 }
@@ -304,14 +304,17 @@ static hada_status make_inverse(const hada_wave *wave, const overlap *down, cons
                                 .real_cols = across->sample_count,
                                 .real_pitch = (size_t)across->sample_count,
                                 .real_distance = samples};
-    hada_status status = make_field(wave, w, samples, err);
-    if (status || (w->inverse && w->down.sample == down->sample && w->down.sample_count == down->sample_count &&
-                   w->across.sample == across->sample && w->across.sample_count == across->sample_count))
-        return status;
+    hada_status status = HADA_OK;
+    HADA_TRY(make_field(wave, w, samples, err));
+    if (w->inverse && w->down.sample == down->sample && w->down.sample_count == down->sample_count &&
+        w->across.sample == across->sample && w->across.sample_count == across->sample_count)
+        goto done;
     hada_fft_destroy(&w->inverse);
     w->down = *down;
     w->across = *across;
-    return hada_fft_create(&w->inverse, wave->slot, &desc, err);
+    HADA_TRY(hada_fft_create(&w->inverse, wave->slot, &desc, err));
+done:
+    return status;
 }
 
 /* From the transform of the field to pixels. */
@@ -322,23 +325,25 @@ static hada_status collect(const hada_wave *wave, double width, int rows, int co
     const overlap down = overlap_of(&w->grid, rows, width), across = overlap_of(&w->grid, cols, width);
     const size_t pixels = (size_t)down.count * (size_t)across.count;
     hada_buffer table_down = {0}, table_across = {0}, part = {0}, pixel = {0};
-    void *image = NULL;
-    hada_status status = hada_alloc(&image, pixels, sizeof(float), "a point spread function", err);
-    if (!status && !(status = upload_shares(wave, &table_down, &down, rows, width, err)) &&
-        !(status = upload_shares(wave, &table_across, &across, cols, width, err)) &&
-        !(status = make_inverse(wave, &down, &across, err)) &&
-        !(status = hada_fft_inverse(w->inverse, 2, w->spectrum.mem, 0, w->field.mem, 0, NULL, err)) &&
-        !(status = hada_buffer_create(
-              &part, slot->context, (size_t)down.sample_count * (size_t)across.count * sizeof(float), "pixels", err)) &&
-        !(status = hada_buffer_create(&pixel, slot->context, pixels * sizeof(float), "pixels", err)) &&
-        !(status = hada_wave_launch_sensor(slot, pixel.mem, part.mem, w->field.mem, table_across.mem, table_down.mem,
-                                           down.sample_count, across.sample_count, down.count, across.count, err)))
-        status = hada_buffer_read(&pixel, slot, 0, image, pixels * sizeof(float), err);
-    for (int r = 0; r < down.count && !status; r++)
+    hada_buffer *buffers[] = {&table_down, &table_across, &part, &pixel};
+    float *image = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&image, pixels, sizeof *image, "a point spread function", err));
+    HADA_TRY(upload_shares(wave, &table_down, &down, rows, width, err));
+    HADA_TRY(upload_shares(wave, &table_across, &across, cols, width, err));
+    HADA_TRY(make_inverse(wave, &down, &across, err));
+    HADA_TRY(hada_fft_inverse(w->inverse, 2, w->spectrum.mem, 0, w->field.mem, 0, NULL, err));
+    HADA_TRY(hada_buffer_create(&part, slot->context, (size_t)down.sample_count * (size_t)across.count * sizeof(float),
+                                "pixels", err));
+    HADA_TRY(hada_buffer_create(&pixel, slot->context, pixels * sizeof(float), "pixels", err));
+    HADA_TRY(hada_wave_launch_sensor(slot, pixel.mem, part.mem, w->field.mem, table_across.mem, table_down.mem,
+                                     down.sample_count, across.sample_count, down.count, across.count, err));
+    HADA_TRY(hada_buffer_read(&pixel, slot, 0, image, pixels * sizeof(float), err));
+    for (int r = 0; r < down.count; r++)
         for (int c = 0; c < across.count; c++)
             sum[(size_t)(down.first + r) * (size_t)cols + (size_t)(across.first + c)] +=
-                ((float *)image)[(size_t)r * (size_t)across.count + (size_t)c];
-    hada_buffer *buffers[] = {&table_down, &table_across, &part, &pixel};
+                image[(size_t)r * (size_t)across.count + (size_t)c];
+done:
     for (size_t i = 0; i < HADA_COUNT(buffers); i++)
         hada_buffer_destroy(buffers[i]);
     free(image);
@@ -351,10 +356,13 @@ hada_status hada_wave_whole(hada_wave *wave, double distance_mm, double waveleng
     grid g;
     const travel t = travel_of(wave, distance_mm, wavelength_mm, path_scale);
     const double width = wave->camera.pixel_pitch_mm / hada_camera_magnification(&wave->camera, distance_mm);
-    hada_status status;
-    if (!(status = size_grid(wave, distance_mm, &g, err)) && !(status = make_work(wave, &g, err)) &&
-        !(status = spread(wave, &t, path_scale, err)) && !(status = collect(wave, width, rows, cols, sum, err)))
-        *light += wave->work->light;
+    hada_status status = HADA_OK;
+    HADA_TRY(size_grid(wave, distance_mm, &g, err));
+    HADA_TRY(make_work(wave, &g, err));
+    HADA_TRY(spread(wave, &t, path_scale, err));
+    HADA_TRY(collect(wave, width, rows, cols, sum, err));
+    *light += wave->work->light;
+done:
     if (status) /* nothing half made is kept */
         hada_wave_rest(wave);
     return status;

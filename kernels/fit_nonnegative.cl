@@ -5,20 +5,21 @@
 #include "inc_fit.h"
 
 /* Between the pairs and a guess G, each by its weight: H = (S + weight G) / (w + weight), S = conj(Sxb) scale,
- * w = Sxx scale. Written to `out`; G stands at `guess` and may be what is written. guessed 0: G = 0. */
-__kernel void fit_blend(__global const float *sums, ulong stride, float scale, float weight,
-                        __global const float *guess, ulong guess_at, int guessed, __global float *out, ulong at,
-                        ulong count)
+ * w = Sxx scale. Written to the image of `out`; G stands from complex number `guess_first` of `guess` on and may be
+ * what is written. guessed 0: G = 0. */
+__kernel void fit_blend(__global const float *sums, __global const float *guess, ulong guess_first, int guessed,
+                        __global float *out, hada_fit_image image, hada_fit_blend_rule rule)
 {
-    const size_t i = get_global_id(0), first = 8 * i;
+    const size_t i = get_global_id(0), first = 8 * i, count = image.count, stride = image.stride;
+    const float scale = rule.scale, weight = rule.weight;
     if (first >= count)
         return;
     const float8 under = fma(max(fit_high(sums, stride, 3, i), 0.0f), (float8)scale, (float8)weight);
     float16 h;
     h.even = fit_high(sums, stride, 0, i) * scale;
     h.odd = fit_high(sums, stride, 1, i) * -scale;
-    __global const float *g = guess + 2 * guess_at;
-    __global float *to = out + 2 * at;
+    __global const float *g = guess + 2 * guess_first;
+    __global float *to = out + 2 * image.first;
     if (first + 8 <= count) {
         if (guessed)
             h = fma(vload16(i, g), (float16)weight, h);
@@ -39,19 +40,20 @@ __kernel void fit_blend(__global const float *sums, ulong stride, float scale, f
 }
 
 /* A step at eight pixels. v holds u = max(v, 0), the non-negative image, and d = min(v, 0), the scaled dual; x comes in
- * as the image of H. The new v is over x + (1 - over) u + d, its d times `keep` (the last weight over the next one);
- * x goes out as the next guess: u - d, or (last) u. start: v is not read, u = d = 0. */
-__kernel void fit_clip(__global float *x, __global float *v, float over, float keep, int start, int last, ulong vectors)
+ * as the image of H. The new v is r x + (1 - r) u + d with the relaxation r, its d times the dual's scale; x goes out
+ * as the next guess: u - d, or (last) u. start: v is not read, u = d = 0. */
+__kernel void fit_clip(__global float *x, __global float *v, hada_fit_clip_rule rule, ulong vectors)
 {
+    const float over = rule.relaxation;
     const size_t i = get_global_id(0);
     if (i >= vectors)
         return;
     float8 next = over * vload8(i, x);
-    if (!start) {
+    if (!rule.start) {
         const float8 now = vload8(i, v);
         next = fma(max(now, 0.0f), (float8)(1.0f - over), next) + min(now, 0.0f);
     }
-    const float8 u = max(next, 0.0f), d = min(next, 0.0f) * keep;
+    const float8 u = max(next, 0.0f), d = min(next, 0.0f) * rule.dual_scale;
     vstore8(u + d, i, v);
-    vstore8(last ? u : u - d, i, x);
+    vstore8(rule.last ? u : u - d, i, x);
 }

@@ -1,28 +1,21 @@
-/* Leave-one-out, and what the noise is. Sums over frequencies are partial sums over FIT_CHUNK groups of eight that the
- * host adds in order. */
+/* Leave-one-out, and what the noise is. Work-items: chunks of HADA_FIT_CHUNK vectors of eight frequencies, whose
+ * partial sums the host adds in order. */
 #include "inc_fit.h"
 
-#ifndef FIT_CHUNK
-#define FIT_CHUNK 32
-#endif
-#ifndef FIT_SETTINGS
-#define FIT_SETTINGS 5
-#endif
-
-/* Takes a pair (spectra x, b) out of its sums, fits FIT_SETTINGS filters (alpha, lambda; the ridge is lambda * scale)
- * without it and tries them on it: error[setting] = spectrum of scene - filtered frame, `count` complex numbers each,
- * and leak[setting][chunk] = sum of weight |W|^2 * mean |B|^2 of the other depths. */
-__kernel void fit_trial(__global const float *x, __global const float *b, ulong offset, __global const float *sums,
-                        __global const float *pool, ulong stride, __global const float *weights,
-                        __global const float2 *settings, float scale, float per_pair, float per_other,
-                        __global float *error, ulong count, __global float *leak, int chunks, ulong vectors)
+/* Takes a pair (spectra x, b) out of its sums, fits a filter for each of the penalties without it and tries them on it:
+ * error[setting] = spectrum of scene - filtered frame, image.count complex numbers each, and leak[setting][chunk] = sum
+ * of weight |W|^2 * mean |B|^2 of the other depths. */
+__kernel void fit_trial(__global const float *x, __global const float *b, __global const float *sums,
+                        __global const float *pool, __global const float *weights, __global float *error,
+                        __global float *leak, hada_fit_image image, hada_fit_trials trials)
 {
-    const int chunk = get_global_id(0);
-    if (chunk >= chunks)
+    const size_t chunk = get_global_id(0), stride = image.stride, offset = image.first;
+    const float per_pair = trials.per_pair, per_other = trials.per_other;
+    if (chunk >= image.chunks)
         return;
-    const size_t first = (size_t)chunk * FIT_CHUNK, last = min(first + FIT_CHUNK, (size_t)vectors);
-    float8 others[FIT_SETTINGS];
-    for (int s = 0; s < FIT_SETTINGS; s++)
+    const size_t first = chunk * HADA_FIT_CHUNK, last = min(first + HADA_FIT_CHUNK, (size_t)image.vectors);
+    float8 others[HADA_FIT_TRIALS];
+    for (int s = 0; s < HADA_FIT_TRIALS; s++)
         others[s] = 0.0f;
     for (size_t i = first; i < last; i++) {
         const float16 xv = vload16(i, x + 2 * offset), bv = vload16(i, b + 2 * offset);
@@ -42,8 +35,8 @@ __kernel void fit_trial(__global const float *x, __global const float *b, ulong 
 #else
         const float8 im = fit_without(sums, stride, 1, i, terms.cross_im);
 #endif
-        for (int s = 0; s < FIT_SETTINGS; s++) {
-            const float alpha = settings[s].x, ridge = settings[s].y * scale;
+        for (int s = 0; s < HADA_FIT_TRIALS; s++) {
+            const float alpha = trials.penalty[s].alpha, ridge = trials.penalty[s].ridge;
             float8 lost;
             float16 e;
 #if FIT_SPLIT
@@ -59,13 +52,13 @@ __kernel void fit_trial(__global const float *x, __global const float *b, ulong 
             e.odd = xv.odd - (wr * bv.odd + wi * bv.even);
             lost = (wr * wr + wi * wi) * seen;
 #endif
-            fit_put(e, i, count, error + (size_t)s * 2 * count);
+            fit_put(e, i, image.count, error + (size_t)s * 2 * image.count);
             /* padding holds anything, so it is left out rather than multiplied by zero */
             others[s] += weight > 0.0f ? weight * lost : (float8)0.0f;
         }
     }
-    for (int s = 0; s < FIT_SETTINGS; s++)
-        leak[(size_t)s * chunks + chunk] = fit_total(others[s]);
+    for (int s = 0; s < HADA_FIT_TRIALS; s++)
+        leak[(size_t)s * image.chunks + chunk] = fit_total(others[s]);
 }
 
 /* out[setting][row] = sum of squares of a row of the window. */
@@ -87,13 +80,13 @@ __kernel void fit_energy(__global const float *planes, int rows, int cols, __glo
 }
 
 /* out[chunk] = sum of weight (Sbb - |Sxb|^2 / max(Sxx, least)): what no linear camera explains. */
-__kernel void fit_unexplained(__global const float *sums, ulong stride, __global const float *weights, float least,
-                              __global float *out, int chunks, ulong vectors)
+__kernel void fit_unexplained(__global const float *sums, __global const float *weights, __global float *out,
+                              hada_fit_image image, float least)
 {
-    const size_t chunk = get_global_id(0), first = chunk * FIT_CHUNK;
-    if (chunk >= (size_t)chunks)
+    const size_t chunk = get_global_id(0), first = chunk * HADA_FIT_CHUNK, stride = image.stride;
+    if (chunk >= image.chunks)
         return;
-    const size_t last = min(first + FIT_CHUNK, (size_t)vectors);
+    const size_t last = min(first + HADA_FIT_CHUNK, (size_t)image.vectors);
     float8 sum = 0.0f;
     for (size_t i = first; i < last; i++) {
         const float8 weight = vload8(i, weights), under = max(fit_high(sums, stride, 3, i), least);

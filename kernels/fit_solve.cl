@@ -3,15 +3,14 @@
  * complex: W = Sxb / (Sbb + alpha * (Sbb of the other depths) + ridge);
  * split: Wr = Srr / (Brr + alpha * other + ridge/2), Wi likewise with the imaginary parts;
  * H = conj(Sxb) / max(Sxx, floor).
- * Results stand at `at`, in complex numbers; values beyond an image's end are written as well, so images are solved in
- * order. */
+ * Values beyond an image's end are written as well, so images are solved in order. */
 #include "inc_fit.h"
 
-__kernel void fit_filter(__global const float *sums, __global const float *pool, ulong stride, float alpha, float ridge,
-                         __global float *filter, ulong at, ulong vectors)
+__kernel void fit_filter(__global const float *sums, __global const float *pool, __global float *filter,
+                         hada_fit_image image, hada_fit_penalty penalty)
 {
-    const size_t i = get_global_id(0);
-    if (i >= vectors)
+    const size_t i = get_global_id(0), stride = image.stride;
+    if (i >= image.vectors)
         return;
     const float8 re = fit_high(sums, stride, 0, i);
     float16 cross;
@@ -22,19 +21,18 @@ __kernel void fit_filter(__global const float *sums, __global const float *pool,
     cross.even = re;
     cross.odd = fit_high(sums, stride, 1, i);
 #endif
-    const fit_under under = fit_under_of(sums, pool, stride, alpha, ridge, i);
-    vstore16(fit_divide_parts(cross, under.whole), i, filter + 2 * at);
+    const fit_under under = fit_under_of(sums, pool, stride, penalty, i);
+    vstore16(fit_divide_parts(cross, under.whole), i, filter + 2 * image.first);
 }
 
-__kernel void fit_transfer(__global const float *sums, ulong stride, float least, __global float *otf, ulong at,
-                           ulong vectors)
+__kernel void fit_transfer(__global const float *sums, __global float *otf, hada_fit_image image, float least)
 {
-    const size_t i = get_global_id(0);
-    if (i >= vectors)
+    const size_t i = get_global_id(0), stride = image.stride;
+    if (i >= image.vectors)
         return;
     const float8 under = max(fit_high(sums, stride, 3, i), least);
     float16 h;
     h.even = fit_divide(fit_high(sums, stride, 0, i), under);
     h.odd = fit_divide(-fit_high(sums, stride, 1, i), under);
-    vstore16(h, i, otf + 2 * at);
+    vstore16(h, i, otf + 2 * image.first);
 }

@@ -1,14 +1,14 @@
-/* Adds to the sums of a fit. `vectors`: groups of eight frequencies in one image. */
+/* Adds to the sums of a fit. Work-items: vectors of eight frequencies. */
 #include "inc_fit.h"
 
-/* A pair: scene spectrum x and raw spectrum b, complex numbers from the given offset on. sign -1 takes it out again. */
-__kernel void fit_pair(__global const float *x, __global const float *b, ulong offset, __global float *sums,
-                       ulong stride, float sign, ulong vectors)
+/* A pair: scene spectrum x and raw spectrum b. sign -1 takes it out again. */
+__kernel void fit_pair(__global const float *x, __global const float *b, __global float *sums, hada_fit_image image,
+                       float sign)
 {
-    const size_t i = get_global_id(0);
-    if (i >= vectors)
+    const size_t i = get_global_id(0), first = 2 * image.first, stride = image.stride;
+    if (i >= image.vectors)
         return;
-    const fit_terms terms = fit_terms_of(vload16(i, x + 2 * offset), vload16(i, b + 2 * offset));
+    const fit_terms terms = fit_terms_of(vload16(i, x + first), vload16(i, b + first));
     fit_add(sums, stride, 0, i, sign * terms.cross_re);
     fit_add(sums, stride, 1, i, sign * terms.cross_im);
     fit_add(sums, stride, 2, i, sign * terms.raw);
@@ -20,10 +20,10 @@ __kernel void fit_pair(__global const float *x, __global const float *b, ulong o
 }
 
 /* Other sums of the same shape, as high and low parts: sums of several files or machines. */
-__kernel void fit_merge(__global const float *more, __global float *sums, ulong stride, int count, ulong vectors)
+__kernel void fit_merge(__global const float *more, __global float *sums, hada_fit_image image, int count)
 {
-    const size_t i = get_global_id(0);
-    if (i >= vectors)
+    const size_t i = get_global_id(0), stride = image.stride;
+    if (i >= image.vectors)
         return;
     for (int k = 0; k < count; k++) {
         fit_add(sums, stride, k, i, fit_low(more, stride, k, i));
@@ -34,10 +34,10 @@ __kernel void fit_merge(__global const float *more, __global float *sums, ulong 
 /* Pools over depths, one value per frequency each, at multiples of the stride: 0: sum over depths of |B|^2; 1: the same
  * divided by the number of pairs of each depth; 2: sum of |X|^2 over the number of pairs. FIT_SPLIT: 3, 4: as 0, 1 for
  * Re(B)^2. */
-__kernel void fit_pool(__global const float *sums, __global float *pool, ulong stride, float per_pair, ulong vectors)
+__kernel void fit_pool(__global const float *sums, __global float *pool, hada_fit_image image, float per_pair)
 {
-    const size_t i = get_global_id(0);
-    if (i >= vectors)
+    const size_t i = get_global_id(0), stride = image.stride;
+    if (i >= image.vectors)
         return;
     const float8 raw = fit_high(sums, stride, 2, i), scene = fit_high(sums, stride, 3, i);
     vstore8(vload8(i, pool) + raw, i, pool);

@@ -7,6 +7,8 @@
 #ifndef INC_FIT_H
 #define INC_FIT_H
 
+#include "shared_fit.h"
+
 #ifndef FIT_SPLIT
 #define FIT_SPLIT 0
 #endif
@@ -81,9 +83,10 @@ typedef struct fit_under {
     float16 own, whole;
 } fit_under;
 
-inline fit_under fit_under_of(__global const float *sums, __global const float *pool, ulong stride, float alpha,
-                              float ridge, size_t i)
+inline fit_under fit_under_of(__global const float *sums, __global const float *pool, ulong stride,
+                              hada_fit_penalty penalty, size_t i)
 {
+    const float alpha = penalty.alpha, ridge = penalty.ridge;
     const float8 raw = fit_high(sums, stride, 2, i), other = max(vload8(i, pool) - raw, 0.0f);
     fit_under under;
 #if FIT_SPLIT

@@ -5,7 +5,6 @@
 
 #include "core/alloc.h"
 #include "filter/layout.h"
-#include "runtime/kernel.h"
 
 /* Work-items of a group: of kernels by groups of eight frequencies, and of those by chunks where the device works in
  * groups (docs/devices.md). */
@@ -13,11 +12,6 @@ enum { GROUP = 64, CHUNK_GROUP = 32 };
 
 /* Kernels write whole vectors of complex numbers, so up to that many bytes beyond the last frequency. */
 enum { VECTOR_BYTES = HADA_FIT_VECTOR * 2 * sizeof(float) };
-
-static size_t round_up(size_t count, size_t unit)
-{
-    return (count + unit - 1) / unit * unit;
-}
 
 static hada_status copy_distances(hada_fit_grid *grid, const double *distances_mm, hada_error *err)
 {
@@ -49,9 +43,9 @@ hada_status hada_fit_grid_create(hada_fit_grid *grid, hada_context *context, con
     HADA_TRY(copy_distances(grid, options->distances_mm, err));
     HADA_TRY(hada_slot_create(&grid->slot, context, err));
     grid->layout = hada_fft_layout(context, info->grid_rows, info->grid_cols, HADA_FFT_AUTO);
-    grid->vectors = round_up(grid->layout.count, HADA_FIT_VECTOR) / HADA_FIT_VECTOR;
-    grid->stride = round_up(grid->vectors, GROUP) * HADA_FIT_VECTOR;
-    grid->chunks = round_up(grid->vectors, HADA_FIT_CHUNK) / HADA_FIT_CHUNK;
+    grid->vectors = hada_divide_up(grid->layout.count, HADA_FIT_VECTOR);
+    grid->stride = hada_round_up(grid->vectors, GROUP) * HADA_FIT_VECTOR;
+    grid->chunks = hada_divide_up(grid->vectors, HADA_FIT_CHUNK);
     grid->sum_count = hada_fit_is_split(grid) ? HADA_FIT_SUMS_SPLIT : HADA_FIT_SUMS;
 done:
     if (status)
@@ -126,25 +120,23 @@ hada_status hada_fit_read_plane(const hada_fit_grid *grid, const hada_buffer *fr
                                    what);
 }
 
-static hada_status launch(const hada_fit_grid *grid, const char *file, const char *name, size_t items, size_t local,
-                          const hada_arg *args, size_t arg_count, hada_error *err)
+hada_fit_image hada_fit_image_of(const hada_fit_grid *grid, size_t n)
 {
-    cl_kernel kernel;
-    const size_t global = round_up(items, local);
-    const char *macros = hada_fit_is_split(grid) ? "-DFIT_SPLIT=1" : "";
-    hada_status status = hada_slot_kernel(grid->slot, file, name, macros, &kernel, err);
-    return status ? status : hada_slot_launch(grid->slot, kernel, name, 1, &global, &local, args, arg_count, err);
+    return (hada_fit_image){.first = n * grid->layout.count,
+                            .count = grid->layout.count,
+                            .vectors = grid->vectors,
+                            .stride = grid->stride,
+                            .chunks = grid->chunks,
+                            .partial = n * grid->chunks};
 }
 
-hada_status hada_fit_launch(const hada_fit_grid *grid, const char *file, const char *name, const hada_arg *args,
-                            size_t arg_count, hada_error *err)
+hada_range hada_fit_vectors(const hada_fit_grid *grid)
 {
-    return launch(grid, file, name, grid->vectors, GROUP, args, arg_count, err);
+    return hada_range_of(grid->vectors, GROUP, 1, 1);
 }
 
-hada_status hada_fit_launch_chunks(const hada_fit_grid *grid, const char *file, const char *name, const hada_arg *args,
-                                   size_t arg_count, hada_error *err)
+hada_range hada_fit_chunks(const hada_fit_grid *grid)
 {
     const size_t local = grid->slot->context->shape == HADA_SHAPE_LANES ? 1 : CHUNK_GROUP;
-    return launch(grid, file, name, grid->chunks, local, args, arg_count, err);
+    return hada_range_of(grid->chunks, local, 1, 1);
 }

@@ -6,14 +6,10 @@
 #include <hadalens/fit.h>
 
 #include "fft/fft.h"
+#include "kernels/shared_fit.h"
 #include "model/model.h"
 #include "runtime/buffer.h"
-
-/* Sums per frequency (kernels/inc_fit.h lists them), and frequencies that kernels take at a time. */
-enum { HADA_FIT_SUMS = 4, HADA_FIT_SUMS_SPLIT = 6, HADA_FIT_VECTOR = 8 };
-
-/* As the macro FIT_CHUNK of kernels/fit_score.cl: groups of eight frequencies in a partial sum. */
-enum { HADA_FIT_CHUNK = 32 };
+#include "runtime/launch.h"
 
 /* A filter's penalties: the weight of the other depths' light, and the dimensionless regularisation. */
 typedef struct hada_fit_setting {
@@ -59,10 +55,11 @@ hada_fft_filter hada_fit_product(const hada_fit_grid *grid, cl_mem filters, int 
 hada_status hada_fit_read_plane(const hada_fit_grid *grid, const hada_buffer *from, size_t at, float *blocks, float *to,
                                 const char *what, hada_error *err);
 
-/* Enqueue a kernel with an item per group of eight frequencies, or per chunk of them. */
-hada_status hada_fit_launch(const hada_fit_grid *grid, const char *file, const char *name, const hada_arg *args,
-                            size_t arg_count, hada_error *err);
-hada_status hada_fit_launch_chunks(const hada_fit_grid *grid, const char *file, const char *name, const hada_arg *args,
-                                   size_t arg_count, hada_error *err);
+/* For kernels: an image among those of all channels or depths, the n-th. */
+hada_fit_image hada_fit_image_of(const hada_fit_grid *grid, size_t n);
+
+/* Work-items: a vector of eight frequencies of an image each, or a chunk of vectors. */
+hada_range hada_fit_vectors(const hada_fit_grid *grid);
+hada_range hada_fit_chunks(const hada_fit_grid *grid);
 
 #endif

@@ -62,14 +62,15 @@ done:
 static hada_status solve_filter(solve_work *work, const hada_model *model, int z, int channel, float *filter,
                                 hada_error *err)
 {
-    const double ridge = model->info.lambda * work->sums->depth[z].raw_energy[channel];
+    const hada_fit_setting setting = {model->info.alpha, model->info.lambda};
+    const hada_fit_penalty penalty = hada_fit_penalty_of(setting, work->sums->depth[z].raw_energy[channel]);
     const size_t values = 2 * hada_model_plane(model);
     hada_status status = HADA_OK;
     if (work->filters) {
         memcpy(filter, work->filters + (filter - model->filter), values * sizeof *filter);
         return HADA_OK;
     }
-    HADA_TRY(hada_fit_solve_filter(work->sums, channel, model->info.alpha, ridge, work->out.mem, 0, err));
+    HADA_TRY(hada_fit_solve_filter(work->sums, channel, penalty, work->out.mem, 0, err));
     HADA_TRY(hada_fit_read_plane(work->sums->grid, &work->out, 0, work->blocks, filter, "a filter", err));
 done:
     return status;
@@ -100,13 +101,12 @@ done:
 /* Mean over depths and channels of |X|^2 per pair. */
 static hada_status scene_power(solve_work *work, hada_model *model, hada_error *err)
 {
-    enum { SCENE_POOL = 2 }; /* as kernels/fit_sums.cl lists the pools */
     const hada_fit_grid *grid = work->sums->grid;
     const size_t plane = hada_model_plane(model);
     const float share = 1.0f / (float)(model->info.depths * model->info.channels);
     hada_status status = HADA_OK;
     for (int c = 0; c < model->info.channels; c++) {
-        HADA_TRY(hada_buffer_read(&work->sums->pool[c], grid->slot, SCENE_POOL * grid->stride * sizeof(float),
+        HADA_TRY(hada_buffer_read(&work->sums->pool[c], grid->slot, HADA_FIT_SCENE_POOL * grid->stride * sizeof(float),
                                   work->blocks, grid->layout.count * sizeof(float), err));
         hada_layout_unpack_real(&grid->layout, work->blocks, work->rows);
         for (size_t i = 0; i < plane; i++)

@@ -1,42 +1,45 @@
 #include "fit/fit_solve.h"
 
-hada_status hada_fit_solve_filter(const hada_fit_sums *sums, int channel, double alpha, double ridge, cl_mem out,
-                                  size_t at, hada_error *err)
+#include "launch/fit_score.h"
+#include "launch/fit_solve.h"
+
+static hada_program_fit_solve program_of(const hada_fit_grid *grid)
+{
+    return hada_fit_is_split(grid) ? HADA_PROGRAM_FIT_SOLVE_SPLIT : HADA_PROGRAM_FIT_SOLVE_DEFAULT;
+}
+
+hada_fit_penalty hada_fit_penalty_of(hada_fit_setting setting, double raw_energy)
+{
+    return (hada_fit_penalty){(float)setting.alpha, (float)(setting.lambda * raw_energy)};
+}
+
+hada_status hada_fit_solve_filter(const hada_fit_sums *sums, int channel, hada_fit_penalty penalty, cl_mem out,
+                                  size_t n, hada_error *err)
 {
     const hada_fit_grid *grid = sums->grid;
-    const cl_ulong stride = grid->stride, vectors = grid->vectors, offset = at;
-    const cl_float weight = (cl_float)alpha, added = (cl_float)ridge;
-    const hada_arg args[] = {HADA_ARG(sums->sums[channel].mem),
-                             HADA_ARG(sums->pool[channel].mem),
-                             HADA_ARG(stride),
-                             HADA_ARG(weight),
-                             HADA_ARG(added),
-                             HADA_ARG(out),
-                             HADA_ARG(offset),
-                             HADA_ARG(vectors)};
-    hada_slot_cost(grid->slot, (hada_fit_is_split(grid) ? 384.0 : 192.0) * (double)vectors, 40.0 * (double)vectors);
-    return hada_fit_launch(grid, "fit_solve", "fit_filter", args, HADA_COUNT(args), err);
+    const hada_range range = hada_fit_vectors(grid);
+    const double values = (double)grid->vectors * HADA_FIT_VECTOR;
+    hada_slot_cost(grid->slot, (hada_fit_is_split(grid) ? 48.0 : 24.0) * values, 5.0 * values);
+    return hada_launch_fit_filter(grid->slot, program_of(grid), &range, err, .sums = sums->sums[channel].mem,
+                                  .pool = sums->pool[channel].mem, .filter = out, .image = hada_fit_image_of(grid, n),
+                                  .penalty = penalty);
 }
 
 /* From the pairs alone. */
-static hada_status free_transfer(const hada_fit_sums *sums, int channel, double scene_energy, cl_mem out, size_t at,
+static hada_status free_transfer(const hada_fit_sums *sums, int channel, double scene_energy, cl_mem out, size_t n,
                                  hada_error *err)
 {
     const hada_fit_grid *grid = sums->grid;
-    const cl_ulong stride = grid->stride, vectors = grid->vectors, offset = at;
-    const cl_float least = (cl_float)(HADA_FIT_LEAST_SCENE * scene_energy);
-    const hada_arg args[] = {HADA_ARG(sums->sums[channel].mem),
-                             HADA_ARG(stride),
-                             HADA_ARG(least),
-                             HADA_ARG(out),
-                             HADA_ARG(offset),
-                             HADA_ARG(vectors)};
-    hada_slot_cost(grid->slot, 160.0 * (double)vectors, 24.0 * (double)vectors);
-    return hada_fit_launch(grid, "fit_solve", "fit_transfer", args, HADA_COUNT(args), err);
+    const hada_range range = hada_fit_vectors(grid);
+    const double values = (double)grid->vectors * HADA_FIT_VECTOR;
+    hada_slot_cost(grid->slot, 20.0 * values, 3.0 * values);
+    return hada_launch_fit_transfer(grid->slot, program_of(grid), &range, err, .sums = sums->sums[channel].mem,
+                                    .otf = out, .image = hada_fit_image_of(grid, n),
+                                    .least = (cl_float)(HADA_FIT_LEAST_SCENE * scene_energy));
 }
 
 hada_status hada_fit_solve_transfers(const hada_fit_sums *sums, hada_nonnegative *nonnegative,
-                                     const double *scene_energy, const double *trust, cl_mem out, size_t at,
+                                     const double *scene_energy, const double *trust, cl_mem out, size_t n,
                                      hada_error *err)
 {
     const hada_fit_grid *grid = sums->grid;
@@ -45,9 +48,9 @@ hada_status hada_fit_solve_transfers(const hada_fit_sums *sums, hada_nonnegative
     hada_nonnegative_rule_init(&rule);
     if (nonnegative)
         return hada_nonnegative_solve(nonnegative, &rule, grid->info.channels, sums->sums, grid->stride, scene_energy,
-                                      trust, out, at, err);
+                                      trust, out, n * grid->layout.count, err);
     for (int c = 0; c < grid->info.channels; c++)
-        HADA_TRY(free_transfer(sums, c, scene_energy[c], out, at + (size_t)c * grid->layout.count, err));
+        HADA_TRY(free_transfer(sums, c, scene_energy[c], out, n + (size_t)c, err));
 done:
     return status;
 }
@@ -56,20 +59,17 @@ hada_status hada_fit_unexplained(const hada_fit_sums *sums, int channel, double 
                                  const hada_buffer *partial, float *values, double *sum, hada_error *err)
 {
     const hada_fit_grid *grid = sums->grid;
-    const cl_ulong stride = grid->stride, vectors = grid->vectors;
-    const cl_float least = (cl_float)(HADA_FIT_LEAST_SCENE * scene_energy);
-    const cl_int chunks = (cl_int)grid->chunks;
-    const hada_arg args[] = {HADA_ARG(sums->sums[channel].mem),
-                             HADA_ARG(stride),
-                             HADA_ARG(sums->weights.mem),
-                             HADA_ARG(least),
-                             HADA_ARG(partial->mem),
-                             HADA_ARG(chunks),
-                             HADA_ARG(vectors)};
+    const hada_range range = hada_fit_chunks(grid);
+    const hada_program_fit_score program =
+        hada_fit_is_split(grid) ? HADA_PROGRAM_FIT_SCORE_SPLIT : HADA_PROGRAM_FIT_SCORE_DEFAULT;
+    const double frequencies = (double)grid->vectors * HADA_FIT_VECTOR;
     hada_status status = HADA_OK;
     *sum = 0.0;
-    hada_slot_cost(grid->slot, 160.0 * (double)vectors, 64.0 * (double)vectors);
-    HADA_TRY(hada_fit_launch_chunks(grid, "fit_score", "fit_unexplained", args, HADA_COUNT(args), err));
+    hada_slot_cost(grid->slot, 20.0 * frequencies, 8.0 * frequencies);
+    HADA_TRY(hada_launch_fit_unexplained(grid->slot, program, &range, err, .sums = sums->sums[channel].mem,
+                                         .weights = sums->weights.mem, .out = partial->mem,
+                                         .image = hada_fit_image_of(grid, 0),
+                                         .least = (cl_float)(HADA_FIT_LEAST_SCENE * scene_energy)));
     HADA_TRY(hada_buffer_read(partial, grid->slot, 0, values, grid->chunks * sizeof *values, err));
     for (size_t i = 0; i < grid->chunks; i++)
         *sum += values[i];

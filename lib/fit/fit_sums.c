@@ -5,14 +5,17 @@
 
 #include "core/alloc.h"
 #include "filter/layout.h"
-
-/* Values pooled per frequency (kernels/fit_sums.cl). */
-enum { POOLS = 3, POOLS_SPLIT = 5 };
+#include "launch/fit_sums.h"
 
 /* A pair's energy must be at least this for the squares of its dim frequencies not to vanish in single precision, and
  * a depth's energy times the grid's points at most that: no frequency has more, and squares up to 2^127 are floats. */
 #define LEAST_ENERGY 0x1p-80
 #define MOST_ENERGY  0x1p120
+
+static hada_program_fit_sums program_of(const hada_fit_grid *grid)
+{
+    return hada_fit_is_split(grid) ? HADA_PROGRAM_FIT_SUMS_SPLIT : HADA_PROGRAM_FIT_SUMS_DEFAULT;
+}
 
 static size_t depth_floats(const hada_fit_grid *grid)
 {
@@ -56,7 +59,7 @@ done:
 hada_status hada_fit_sums_create(hada_fit_sums *sums, const hada_fit_grid *grid, hada_error *err)
 {
     const size_t channels = (size_t)grid->info.channels;
-    const size_t pools = hada_fit_is_split(grid) ? POOLS_SPLIT : POOLS;
+    const size_t pools = hada_fit_is_split(grid) ? HADA_FIT_POOLS_SPLIT : HADA_FIT_POOLS;
     hada_status status = HADA_OK;
     *sums = (hada_fit_sums){.grid = grid, .current = -1};
     HADA_TRY(make_depths(sums, err));
@@ -140,21 +143,15 @@ done:
 hada_status hada_fit_sums_accumulate(hada_fit_sums *sums, const hada_fit_pair *pair, double sign, hada_error *err)
 {
     const hada_fit_grid *grid = sums->grid;
-    const cl_ulong stride = grid->stride, vectors = grid->vectors;
-    const cl_float factor = (cl_float)sign;
+    const hada_range range = hada_fit_vectors(grid);
+    const double values = (double)grid->vectors * HADA_FIT_VECTOR;
     hada_status status = HADA_OK;
     for (int c = 0; c < grid->info.channels; c++) {
-        const cl_ulong offset = (cl_ulong)c * grid->layout.count;
-        const hada_arg args[] = {HADA_ARG(pair->scene_spectrum.mem),
-                                 HADA_ARG(pair->raw_spectrum.mem),
-                                 HADA_ARG(offset),
-                                 HADA_ARG(sums->sums[c].mem),
-                                 HADA_ARG(stride),
-                                 HADA_ARG(factor),
-                                 HADA_ARG(vectors)};
-        hada_slot_cost(grid->slot, 128.0 * (1.0 + grid->sum_count) * (double)vectors,
-                       8.0 * (12.0 + 7.0 * grid->sum_count) * (double)vectors);
-        HADA_TRY(hada_fit_launch(grid, "fit_sums", "fit_pair", args, HADA_COUNT(args), err));
+        const hada_fit_image image = hada_fit_image_of(grid, (size_t)c);
+        hada_slot_cost(grid->slot, 16.0 * (1.0 + grid->sum_count) * values, (12.0 + 7.0 * grid->sum_count) * values);
+        HADA_TRY(hada_launch_fit_pair(grid->slot, program_of(grid), &range, err, .x = pair->scene_spectrum.mem,
+                                      .b = pair->raw_spectrum.mem, .sums = sums->sums[c].mem, .image = image,
+                                      .sign = (cl_float)sign));
     }
 done:
     return status;
@@ -204,27 +201,27 @@ done:
 hada_status hada_fit_sums_merge(hada_fit_sums *sums, int channel, const hada_buffer *more, hada_error *err)
 {
     const hada_fit_grid *grid = sums->grid;
-    const cl_ulong stride = grid->stride, vectors = grid->vectors;
-    const cl_int count = grid->sum_count;
-    const hada_arg args[] = {HADA_ARG(more->mem), HADA_ARG(sums->sums[channel].mem), HADA_ARG(stride), HADA_ARG(count),
-                             HADA_ARG(vectors)};
+    const hada_range range = hada_fit_vectors(grid);
+    const hada_fit_image image = hada_fit_image_of(grid, 0);
+    const double values = (double)grid->vectors * HADA_FIT_VECTOR;
     mark_changed(sums);
-    hada_slot_cost(grid->slot, 192.0 * count * (double)vectors, 112.0 * count * (double)vectors);
-    return hada_fit_launch(grid, "fit_sums", "fit_merge", args, HADA_COUNT(args), err);
+    hada_slot_cost(grid->slot, 24.0 * grid->sum_count * values, 14.0 * grid->sum_count * values);
+    return hada_launch_fit_merge(grid->slot, program_of(grid), &range, err, .more = more->mem,
+                                 .sums = sums->sums[channel].mem, .image = image, .count = grid->sum_count);
 }
 
 /* Adds the depth on the device to the pools. */
 static hada_status pool_depth(hada_fit_sums *sums, int64_t pairs, hada_error *err)
 {
     const hada_fit_grid *grid = sums->grid;
-    const cl_float per_pair = 1.0f / (float)pairs;
-    const cl_ulong stride = grid->stride, vectors = grid->vectors;
+    const hada_range range = hada_fit_vectors(grid);
+    const hada_fit_image image = hada_fit_image_of(grid, 0);
+    const double values = (double)grid->vectors * HADA_FIT_VECTOR;
     hada_status status = HADA_OK;
     for (int c = 0; c < grid->info.channels; c++) {
-        const hada_arg args[] = {HADA_ARG(sums->sums[c].mem), HADA_ARG(sums->pool[c].mem), HADA_ARG(stride),
-                                 HADA_ARG(per_pair), HADA_ARG(vectors)};
-        hada_slot_cost(grid->slot, (hada_fit_is_split(grid) ? 416.0 : 256.0) * (double)vectors, 48.0 * (double)vectors);
-        HADA_TRY(hada_fit_launch(grid, "fit_sums", "fit_pool", args, HADA_COUNT(args), err));
+        hada_slot_cost(grid->slot, (hada_fit_is_split(grid) ? 52.0 : 32.0) * values, 6.0 * values);
+        HADA_TRY(hada_launch_fit_pool(grid->slot, program_of(grid), &range, err, .sums = sums->sums[c].mem,
+                                      .pool = sums->pool[c].mem, .image = image, .per_pair = 1.0f / (float)pairs));
     }
 done:
     return status;

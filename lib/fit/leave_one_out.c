@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "core/alloc.h"
-#include "runtime/kernel.h"
+#include "launch/fit_score.h"
 
 /* Pairs that are tried: the settings are compared on the same pairs, so a few decide (docs/filters.md). */
 enum { PAIRS_IN_ALL = 8, PAIRS_PER_DEPTH = 2 };
@@ -31,7 +31,7 @@ static hada_status make_settings(hada_leave_one_out *scores, const hada_fit_opti
     const int fixed_alpha = options->alpha >= 0.0 || options->depths == 1, fixed_lambda = options->lambda >= 0.0;
     const hada_fit_setting *list = fixed_alpha ? (fixed_lambda ? one : lambdas) : fixed_lambda ? alphas : several;
     scores->distinct = (int)(list == one ? 1 : list == alphas ? HADA_COUNT(alphas) : HADA_COUNT(several));
-    scores->setting_count = (scores->distinct + HADA_FIT_TRIALS - 1) / HADA_FIT_TRIALS * HADA_FIT_TRIALS;
+    scores->setting_count = (int)hada_round_up((size_t)scores->distinct, HADA_FIT_TRIALS);
     hada_status status =
         hada_alloc((void **)&scores->settings, (size_t)scores->setting_count, sizeof *list, "settings", err);
     for (int i = 0; !status && i < scores->setting_count; i++) {
@@ -66,7 +66,6 @@ void hada_leave_one_out_destroy(hada_leave_one_out *scores)
     hada_fft_destroy(&scores->inverse);
     hada_buffer_destroy(&scores->errors);
     hada_buffer_destroy(&scores->planes);
-    hada_buffer_destroy(&scores->tried);
     hada_buffer_destroy(&scores->partial);
     for (int z = 0; scores->depth && z < scores->grid->info.depths; z++) {
         free(scores->depth[z].single);
@@ -120,7 +119,6 @@ static hada_status prepare(hada_leave_one_out *scores, hada_error *err)
                          "leave-one-out spectra", err));
     HADA_TRY(make_buffer(scores, &scores->planes, HADA_FIT_TRIALS * desc.real_distance * sizeof(float),
                          "leave-one-out errors", err));
-    HADA_TRY(make_buffer(scores, &scores->tried, HADA_FIT_TRIALS * sizeof(cl_float2), "settings", err));
     HADA_TRY(make_buffer(scores, &scores->partial, HADA_FIT_TRIALS * sums * sizeof(float), "partial sums", err));
 done:
     return status;
@@ -143,68 +141,58 @@ done:
     return status;
 }
 
-static hada_status write_settings(hada_leave_one_out *scores, size_t first, hada_error *err)
+static hada_program_fit_score program_of(const hada_fit_grid *grid)
 {
-    cl_float values[2 * HADA_FIT_TRIALS];
-    for (size_t i = 0; i < HADA_FIT_TRIALS; i++) {
-        values[2 * i] = (cl_float)scores->settings[first + i].alpha;
-        values[2 * i + 1] = (cl_float)scores->settings[first + i].lambda;
-    }
-    return hada_buffer_write(&scores->tried, scores->grid->slot, 0, values, sizeof values, err);
+    return hada_fit_is_split(grid) ? HADA_PROGRAM_FIT_SCORE_SPLIT : HADA_PROGRAM_FIT_SCORE_DEFAULT;
 }
 
-/* The error spectra of HADA_FIT_TRIALS settings, and the partial sums of what the other depths' light leaves. */
+/* HADA_FIT_TRIALS settings from `first` on, for a channel of a depth. */
+static hada_fit_trials trials_of(const hada_leave_one_out *scores, const hada_fit_sums *sums, int z, int channel,
+                                 size_t first)
+{
+    const hada_fit_depth *depth = &sums->depth[z];
+    int others = 0;
+    for (int other = 0; other < scores->grid->info.depths; other++)
+        others += other != z && sums->depth[other].pairs > 0;
+    hada_fit_trials trials = {.per_pair = 1.0f / (float)depth->pairs,
+                              .per_other = others ? 1.0f / (float)others : 0.0f};
+    for (size_t i = 0; i < HADA_FIT_TRIALS; i++) {
+        const hada_fit_setting *setting = &scores->settings[first + i];
+        trials.penalty[i] =
+            (hada_fit_penalty){(float)setting->alpha, (float)setting->lambda * (float)depth->raw_energy[channel]};
+    }
+    return trials;
+}
+
+/* The error spectra of these settings, and the partial sums of what the other depths' light leaves. */
 static hada_status enqueue_trial(hada_leave_one_out *scores, const hada_fit_sums *sums, const hada_fit_pair *pair,
-                                 int z, int channel, hada_error *err)
+                                 int channel, hada_fit_trials trials, hada_error *err)
 {
     const hada_fit_grid *grid = scores->grid;
-    const hada_fit_depth *depth = &sums->depth[z];
-    const cl_ulong count = grid->layout.count, offset = (cl_ulong)channel * count, stride = grid->stride;
-    const cl_ulong vectors = grid->vectors;
-    const cl_int chunks = (cl_int)grid->chunks;
-    const cl_float scale = (cl_float)depth->raw_energy[channel], per_pair = 1.0f / (cl_float)depth->pairs;
-    int others = 0;
-    for (int other = 0; other < grid->info.depths; other++)
-        others += other != z && sums->depth[other].pairs > 0;
-    const cl_float per_other = others ? 1.0f / (cl_float)others : 0.0f;
-    const hada_arg args[] = {HADA_ARG(pair->scene_spectrum.mem),
-                             HADA_ARG(pair->raw_spectrum.mem),
-                             HADA_ARG(offset),
-                             HADA_ARG(sums->sums[channel].mem),
-                             HADA_ARG(sums->pool[channel].mem),
-                             HADA_ARG(stride),
-                             HADA_ARG(sums->weights.mem),
-                             HADA_ARG(scores->tried.mem),
-                             HADA_ARG(scale),
-                             HADA_ARG(per_pair),
-                             HADA_ARG(per_other),
-                             HADA_ARG(scores->errors.mem),
-                             HADA_ARG(count),
-                             HADA_ARG(scores->partial.mem),
-                             HADA_ARG(chunks),
-                             HADA_ARG(vectors)};
-    hada_slot_cost(grid->slot, 32.0 * (double)vectors * (8.0 + 2.0 * grid->sum_count + 2.0 * HADA_FIT_TRIALS),
-                   160.0 * (double)vectors * HADA_FIT_TRIALS);
-    return hada_fit_launch_chunks(grid, "fit_score", "fit_trial", args, HADA_COUNT(args), err);
+    const hada_range range = hada_fit_chunks(grid);
+    const double values = (double)grid->vectors * HADA_FIT_VECTOR;
+    hada_slot_cost(grid->slot, 4.0 * values * (8.0 + 2.0 * grid->sum_count + 2.0 * HADA_FIT_TRIALS),
+                   20.0 * values * HADA_FIT_TRIALS);
+    return hada_launch_fit_trial(grid->slot, program_of(grid), &range, err, .x = pair->scene_spectrum.mem,
+                                 .b = pair->raw_spectrum.mem, .sums = sums->sums[channel].mem,
+                                 .pool = sums->pool[channel].mem, .weights = sums->weights.mem,
+                                 .error = scores->errors.mem, .leak = scores->partial.mem,
+                                 .image = hada_fit_image_of(grid, (size_t)channel), .trials = trials);
 }
 
 /* Squared errors within the window, per row, into the partial sums. */
 static hada_status enqueue_energy(hada_leave_one_out *scores, hada_error *err)
 {
     hada_slot *slot = scores->grid->slot;
-    const cl_int rows = scores->grid->info.window_rows, cols = scores->grid->info.window_cols;
+    const int rows = scores->grid->info.window_rows, cols = scores->grid->info.window_cols;
     const size_t group = slot->context->shape == HADA_SHAPE_LANES ? 1 : ROW_GROUP;
-    const size_t local[] = {group, 1}, global[] = {((size_t)rows + group - 1) / group * group, HADA_FIT_TRIALS};
-    const char *macros = hada_fit_is_split(scores->grid) ? "-DFIT_SPLIT=1" : "";
-    const hada_arg args[] = {HADA_ARG(scores->planes.mem), HADA_ARG(rows), HADA_ARG(cols),
-                             HADA_ARG(scores->partial.mem)};
-    cl_kernel kernel;
+    const hada_range range = hada_range_of((size_t)rows, group, HADA_FIT_TRIALS, 1);
     hada_status status = HADA_OK;
     HADA_TRY(
         hada_fft_inverse(scores->inverse, HADA_FIT_TRIALS, scores->errors.mem, 0, scores->planes.mem, 0, NULL, err));
-    HADA_TRY(hada_slot_kernel(slot, "fit_score", "fit_energy", macros, &kernel, err));
     hada_slot_cost(slot, 4.0 * rows * cols * HADA_FIT_TRIALS, 2.0 * rows * cols * HADA_FIT_TRIALS);
-    HADA_TRY(hada_slot_launch(slot, kernel, "fit_energy", 2, global, local, args, HADA_COUNT(args), err));
+    HADA_TRY(hada_launch_fit_energy(slot, program_of(scores->grid), &range, err, .planes = scores->planes.mem,
+                                    .rows = rows, .cols = cols, .out = scores->partial.mem));
 done:
     return status;
 }
@@ -218,8 +206,7 @@ static hada_status score_pair(hada_leave_one_out *scores, const hada_fit_sums *s
     hada_status status = HADA_OK;
     for (int c = 0; c < info->channels; c++)
         for (size_t s = 0; s < (size_t)scores->setting_count; s += HADA_FIT_TRIALS) {
-            HADA_TRY(write_settings(scores, s, err));
-            HADA_TRY(enqueue_trial(scores, sums, pair, z, c, err));
+            HADA_TRY(enqueue_trial(scores, sums, pair, c, trials_of(scores, sums, z, c, s), err));
             HADA_TRY(add_up(scores, partial, scores->grid->chunks, per_pixel, others + s, err));
             HADA_TRY(enqueue_energy(scores, err));
             HADA_TRY(add_up(scores, partial, (size_t)info->window_rows, 1.0, own + s, err));

@@ -4,9 +4,6 @@
 
 #include "fit/fit_sums.h"
 
-/* As the macro FIT_SETTINGS of kernels/fit_score.cl: settings tried at once. */
-enum { HADA_FIT_TRIALS = 5 };
-
 /* The setting where no pair was scored and the caller gives none (docs/filters.md). */
 #define HADA_FIT_ALPHA  0.0
 #define HADA_FIT_LAMBDA 1e-4
@@ -27,7 +24,7 @@ typedef struct hada_leave_one_out {
     /* made at the first score */
     hada_fft *inverse;
     hada_buffer errors, planes; /* of HADA_FIT_TRIALS settings: spectra; in the window */
-    hada_buffer tried, partial; /* settings; partial sums */
+    hada_buffer partial;        /* sums */
     uint64_t bytes;             /* of device memory */
 } hada_leave_one_out;
 

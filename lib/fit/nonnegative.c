@@ -6,8 +6,8 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
+#include "launch/fit_nonnegative.h"
 #include "runtime/buffer.h"
-#include "runtime/kernel.h"
 
 enum { GROUP = 64 };
 
@@ -26,7 +26,6 @@ struct hada_nonnegative {
     hada_fft *forward, *inverse;
     hada_buffer spectrum;     /* [channel][count] complex: guesses, then transfer functions */
     hada_buffer image, state; /* [channel][pixels] */
-    cl_kernel blend, clip;
 };
 
 void hada_nonnegative_rule_init(hada_nonnegative_rule *rule)
@@ -52,15 +51,17 @@ static hada_fft_desc describe(int rows, int cols, int channels, hada_fft_directi
                            .real_distance = (size_t)rows * (size_t)cols};
 }
 
-/* Kernels take eight values at a time, hence the bytes beyond the last one. */
+/* Kernels take vectors of eight complex values at most, hence the bytes beyond the last one. */
+enum { VECTOR_BYTES = HADA_FIT_VECTOR * 2 * sizeof(float) };
+
 static size_t image_bytes(int rows, int cols, int channels)
 {
-    return (size_t)channels * (size_t)rows * (size_t)cols * sizeof(float) + 64;
+    return (size_t)channels * (size_t)rows * (size_t)cols * sizeof(float) + VECTOR_BYTES;
 }
 
 static size_t spectrum_bytes(const hada_spectrum_layout *layout, int channels)
 {
-    return (size_t)channels * layout->count * 2 * sizeof(float) + 64;
+    return (size_t)channels * layout->count * 2 * sizeof(float) + VECTOR_BYTES;
 }
 
 size_t hada_nonnegative_bytes(const hada_context *context, int rows, int cols, int channels)
@@ -92,8 +93,7 @@ hada_status hada_nonnegative_create(hada_nonnegative **out, hada_slot *slot, int
                                 "the spectra of point spread functions", err));
     HADA_TRY(hada_buffer_create(&plan->image, slot->context, image, "point spread functions", err));
     HADA_TRY(hada_buffer_create(&plan->state, slot->context, image, "point spread functions", err));
-    HADA_TRY(hada_slot_kernel(slot, "fit_nonnegative", "fit_blend", "", &plan->blend, err));
-    HADA_TRY(hada_slot_kernel(slot, "fit_nonnegative", "fit_clip", "", &plan->clip, err));
+    HADA_TRY(hada_prepare_fit_nonnegative(slot, HADA_PROGRAM_FIT_NONNEGATIVE_DEFAULT, err));
 done:
     if (status)
         hada_nonnegative_destroy(&plan);
@@ -116,44 +116,44 @@ void hada_nonnegative_destroy(hada_nonnegative **pointer)
     free(plan);
 }
 
+/* Sums of pairs as the kernels take them. */
+typedef struct pairs_sums {
+    const hada_buffer *sums; /* per channel */
+    size_t stride;
+    const double *mean; /* per channel, of Sxx */
+} pairs_sums;
+
 /* Every channel's transfer function, between its sums and (guessed) the plan's spectra. weight: of all channels, times
  * that of each (or NULL). */
-static hada_status blend(hada_nonnegative *plan, int channels, const hada_buffer *sums, size_t stride,
-                         const double *mean, double weight, const double *weights, int guessed, cl_mem out, size_t at,
-                         hada_error *err)
+static hada_status blend(hada_nonnegative *plan, int channels, const pairs_sums *pairs, double weight,
+                         const double *weights, int guessed, cl_mem out, size_t at, hada_error *err)
 {
-    const size_t local = GROUP, global = ((plan->layout.count + 7) / 8 + GROUP - 1) / GROUP * GROUP;
-    const cl_ulong step = stride, count = plan->layout.count;
-    const cl_int has_guess = guessed;
+    const size_t count = plan->layout.count, vectors = hada_divide_up(count, HADA_FIT_VECTOR);
+    const hada_range range = hada_range_of(vectors, GROUP, 1, 1);
     hada_status status = HADA_OK;
     for (int c = 0; c < channels; c++) {
-        const cl_float scale = mean[c] > FLT_MIN ? (cl_float)(1.0 / mean[c]) : 0.0f; /* 0: scenes were dark */
-        const cl_float share = (cl_float)(weights ? weight * weights[c] : weight);
-        const cl_ulong guess_at = (cl_ulong)c * count, to = at + guess_at;
-        const hada_arg args[] = {
-            HADA_ARG(sums[c].mem), HADA_ARG(step),      HADA_ARG(scale), HADA_ARG(share), HADA_ARG(plan->spectrum.mem),
-            HADA_ARG(guess_at),    HADA_ARG(has_guess), HADA_ARG(out),   HADA_ARG(to),    HADA_ARG(count)};
+        const size_t first = (size_t)c * count;
+        const hada_fit_image image = {.first = at + first, .count = count, .vectors = vectors, .stride = pairs->stride};
+        const hada_fit_blend_rule rule = {.scale = pairs->mean[c] > FLT_MIN ? (float)(1.0 / pairs->mean[c])
+                                                                            : 0.0f, /* 0: scenes were dark */
+                                          .weight = (float)(weights ? weight * weights[c] : weight)};
         hada_slot_cost(plan->slot, (guessed ? 28.0 : 20.0) * (double)count, 9.0 * (double)count);
-        HADA_TRY(
-            hada_slot_launch(plan->slot, plan->blend, "fit_blend", 1, &global, &local, args, HADA_COUNT(args), err));
+        HADA_TRY(hada_launch_fit_blend(plan->slot, HADA_PROGRAM_FIT_NONNEGATIVE_DEFAULT, &range, err,
+                                       .sums = pairs->sums[c].mem, .guess = plan->spectrum.mem, .guess_first = first,
+                                       .guessed = guessed, .out = out, .image = image, .rule = rule));
     }
 done:
     return status;
 }
 
-static hada_status clip(hada_nonnegative *plan, int channels, double over, double keep, int first, int last,
-                        hada_error *err)
+static hada_status clip(hada_nonnegative *plan, int channels, hada_fit_clip_rule rule, hada_error *err)
 {
-    const cl_ulong vectors = ((size_t)channels * plan->pixels + 7) / 8;
-    const size_t local = GROUP, global = ((size_t)vectors + GROUP - 1) / GROUP * GROUP;
-    const cl_float relaxation = (cl_float)over, dual = (cl_float)keep;
-    const cl_int start = first, end = last;
-    const hada_arg args[] = {HADA_ARG(plan->image.mem), HADA_ARG(plan->state.mem),
-                             HADA_ARG(relaxation),      HADA_ARG(dual),
-                             HADA_ARG(start),           HADA_ARG(end),
-                             HADA_ARG(vectors)};
-    hada_slot_cost(plan->slot, (first ? 96.0 : 128.0) * (double)vectors, 64.0 * (double)vectors);
-    return hada_slot_launch(plan->slot, plan->clip, "fit_clip", 1, &global, &local, args, HADA_COUNT(args), err);
+    const size_t vectors = hada_divide_up((size_t)channels * plan->pixels, HADA_FIT_VECTOR);
+    const hada_range range = hada_range_of(vectors, GROUP, 1, 1);
+    const double values = (double)vectors * HADA_FIT_VECTOR;
+    hada_slot_cost(plan->slot, (rule.start ? 12.0 : 16.0) * values, 8.0 * values);
+    return hada_launch_fit_clip(plan->slot, HADA_PROGRAM_FIT_NONNEGATIVE_DEFAULT, &range, err, .x = plan->image.mem,
+                                .v = plan->state.mem, .rule = rule, .vectors = vectors);
 }
 
 hada_status hada_nonnegative_solve(hada_nonnegative *plan, const hada_nonnegative_rule *rule, int channels,
@@ -167,15 +167,19 @@ hada_status hada_nonnegative_solve(hada_nonnegative *plan, const hada_nonnegativ
                          "non-negative point spread functions: steps, weights and channels "
                          "must be positive, channels at most %d",
                          plan->channels);
+    const pairs_sums pairs = {sums, stride, mean};
     double weight = rule->first;
     for (int i = 0; i < rule->steps; i++, weight *= factor) {
-        const int last = i + 1 == rule->steps;
-        HADA_TRY(blend(plan, channels, sums, stride, mean, weight, NULL, i > 0, plan->spectrum.mem, 0, err));
+        const hada_fit_clip_rule step = {.relaxation = (float)rule->relaxation,
+                                         .dual_scale = (float)(1.0 / factor),
+                                         .start = i == 0,
+                                         .last = i + 1 == rule->steps};
+        HADA_TRY(blend(plan, channels, &pairs, weight, NULL, i > 0, plan->spectrum.mem, 0, err));
         HADA_TRY(hada_fft_inverse(plan->inverse, channels, plan->spectrum.mem, 0, plan->image.mem, 0, NULL, err));
-        HADA_TRY(clip(plan, channels, rule->relaxation, 1.0 / factor, !i, last, err));
+        HADA_TRY(clip(plan, channels, step, err));
         HADA_TRY(hada_fft_forward(plan->forward, channels, plan->image.mem, 0, plan->spectrum.mem, 0, err));
     }
-    HADA_TRY(blend(plan, channels, sums, stride, mean, 1.0, trust, 1, out, at, err));
+    HADA_TRY(blend(plan, channels, &pairs, 1.0, trust, 1, out, at, err));
 done:
     return status;
 }

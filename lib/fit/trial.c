@@ -141,15 +141,15 @@ static hada_status hold_out(trial_work *work, const hada_fit_kept_pair *kept, in
     const hada_fit_trial *with = work->with;
     const hada_fit_depth *depth = &with->sums->depth[kept->depth];
     const size_t channels = (size_t)grid->info.channels, window = hada_fit_window_floats(grid) / channels;
-    const size_t first = (size_t)member * channels * grid->layout.count;
+    const size_t first = (size_t)member * channels;
+    const hada_fit_setting setting = {with->model->info.alpha, with->model->info.lambda};
     hada_status status = HADA_OK;
     HADA_TRY(hada_fit_sums_borrow(with->sums, kept->depth, err));
     HADA_TRY(hada_fit_pair_transform(with->pair, kept->raw, kept->scene, err));
     HADA_TRY(hada_fit_sums_accumulate(with->sums, with->pair, -1.0, err));
     for (size_t c = 0; c < channels; c++) {
-        const double ridge = with->model->info.lambda * depth->raw_energy[c];
-        HADA_TRY(hada_fit_solve_filter(with->sums, (int)c, with->model->info.alpha, ridge, work->filters.mem,
-                                       first + c * grid->layout.count, err));
+        const hada_fit_penalty penalty = hada_fit_penalty_of(setting, depth->raw_energy[c]);
+        HADA_TRY(hada_fit_solve_filter(with->sums, (int)c, penalty, work->filters.mem, first + c, err));
     }
     for (size_t c = 0; c < channels; c++) {
         const double noise = with->model->noise_power[(size_t)kept->depth * channels + c];

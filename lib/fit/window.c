@@ -7,9 +7,9 @@
 
 #include "core/alloc.h"
 #include "fit/fit_solve.h"
-#include "runtime/kernel.h"
+#include "launch/fit_window.h"
 
-/* Work-items of a group. */
+/* Work-items of a group that takes the spectra of all channels. */
 enum { GROUP = 64 };
 
 /* A shifted system of a channel: its residual is zeta times the residual of the first system. */
@@ -107,66 +107,61 @@ done:
     return status;
 }
 
+static hada_program_fit_window program_of(const hada_fit_grid *grid)
+{
+    return hada_fit_is_split(grid) ? HADA_PROGRAM_FIT_WINDOW_SPLIT : HADA_PROGRAM_FIT_WINDOW_DEFAULT;
+}
+
 /* filter += step p, and then the next direction p = zeta r + beta p, of a channel and a system. */
 static hada_status advance(hada_fit_window *window, int c, int s, double step, double zeta, double beta,
                            hada_error *err)
 {
     const hada_fit_grid *grid = window->grid;
-    const cl_ulong offset = (cl_ulong)c * grid->layout.count, count = grid->layout.count, vectors = grid->vectors;
-    const cl_float along = (cl_float)step, of_residual = (cl_float)zeta, of_direction = (cl_float)beta;
-    const hada_arg args[] = {HADA_ARG(window->filters[s].mem),
-                             HADA_ARG(window->directions[s].mem),
-                             HADA_ARG(window->residual.mem),
-                             HADA_ARG(offset),
-                             HADA_ARG(count),
-                             HADA_ARG(along),
-                             HADA_ARG(of_residual),
-                             HADA_ARG(of_direction),
-                             HADA_ARG(vectors)};
-    hada_slot_cost(grid->slot, 320.0 * (double)vectors, 80.0 * (double)vectors);
-    return hada_fit_launch(grid, "fit_window", "fit_advance", args, HADA_COUNT(args), err);
+    const hada_range range = hada_fit_vectors(grid);
+    const double values = (double)grid->vectors * HADA_FIT_VECTOR;
+    hada_slot_cost(grid->slot, 40.0 * values, 10.0 * values);
+    return hada_launch_fit_advance(grid->slot, program_of(grid), &range, err, .x = window->filters[s].mem,
+                                   .p = window->directions[s].mem, .r = window->residual.mem,
+                                   .image = hada_fit_image_of(grid, (size_t)c), .step = (cl_float)step,
+                                   .zeta = (cl_float)zeta, .beta = (cl_float)beta);
 }
 
-/* fit_apply (of: the direction) or fit_residual (of: the residual), whose arguments are the same but for one number. */
-static hada_status reduce(hada_fit_window *window, const char *name, int c, cl_mem of, double number, hada_error *err)
+static hada_fit_penalty penalty_of(const hada_fit_window *window, int c)
 {
-    const hada_fit_grid *grid = window->grid;
-    const hada_fit_sums *sums = window->sums;
-    const cl_ulong offset = (cl_ulong)c * grid->layout.count, count = grid->layout.count;
-    const cl_ulong stride = grid->stride, vectors = grid->vectors;
-    const cl_float alpha = (cl_float)window->setting.alpha;
-    const cl_float ridge = (cl_float)(window->setting.lambda * window->raw_energy[c]);
-    const cl_float value = (cl_float)number;
-    const cl_int chunks = (cl_int)grid->chunks, first = c * chunks;
-    const hada_arg args[] = {HADA_ARG(of),
-                             HADA_ARG(window->product.mem),
-                             HADA_ARG(offset),
-                             HADA_ARG(count),
-                             HADA_ARG(sums->sums[c].mem),
-                             HADA_ARG(sums->pool[c].mem),
-                             HADA_ARG(stride),
-                             HADA_ARG(sums->weights.mem),
-                             HADA_ARG(alpha),
-                             HADA_ARG(ridge),
-                             HADA_ARG(value),
-                             HADA_ARG(window->partial.mem),
-                             HADA_ARG(first),
-                             HADA_ARG(chunks),
-                             HADA_ARG(vectors)};
-    hada_slot_cost(grid->slot, (hada_fit_is_split(grid) ? 480.0 : 288.0) * (double)vectors, 120.0 * (double)vectors);
-    return hada_fit_launch_chunks(grid, "fit_window", name, args, HADA_COUNT(args), err);
+    return hada_fit_penalty_of(window->setting, window->raw_energy[c]);
 }
 
-/* p becomes T p + shift p in `product`; window->inner: <p, that>. */
+/* What one of the reductions over an image's frequencies moves. */
+static void state_cost(const hada_fit_grid *grid)
+{
+    const double values = (double)grid->vectors * HADA_FIT_VECTOR;
+    hada_slot_cost(grid->slot, (hada_fit_is_split(grid) ? 60.0 : 36.0) * values, 15.0 * values);
+}
+
+/* The product becomes T p + shift p; partial: <p, that>. */
 static hada_status apply(hada_fit_window *window, int c, double shift, hada_error *err)
 {
-    return reduce(window, "fit_apply", c, window->directions[0].mem, shift, err);
+    const hada_fit_grid *grid = window->grid;
+    const hada_range range = hada_fit_chunks(grid);
+    state_cost(grid);
+    return hada_launch_fit_apply(grid->slot, program_of(grid), &range, err, .p = window->directions[0].mem,
+                                 .t = window->product.mem, .sums = window->sums->sums[c].mem,
+                                 .pool = window->sums->pool[c].mem, .weights = window->sums->weights.mem,
+                                 .out = window->partial.mem, .image = hada_fit_image_of(grid, (size_t)c),
+                                 .penalty = penalty_of(window, c), .shift = (cl_float)shift);
 }
 
-/* r -= alpha `product`; window->inner: <r, r>. */
+/* r -= alpha times the product; partial: <r, r>. */
 static hada_status reduce_residual(hada_fit_window *window, int c, double alpha, hada_error *err)
 {
-    return reduce(window, "fit_residual", c, window->residual.mem, alpha, err);
+    const hada_fit_grid *grid = window->grid;
+    const hada_range range = hada_fit_chunks(grid);
+    state_cost(grid);
+    return hada_launch_fit_residual(grid->slot, program_of(grid), &range, err, .r = window->residual.mem,
+                                    .t = window->product.mem, .sums = window->sums->sums[c].mem,
+                                    .pool = window->sums->pool[c].mem, .weights = window->sums->weights.mem,
+                                    .out = window->partial.mem, .image = hada_fit_image_of(grid, (size_t)c),
+                                    .penalty = penalty_of(window, c), .step = (cl_float)alpha);
 }
 
 /* The inner products that the launches of all channels left, in order. */
@@ -211,8 +206,7 @@ done:
 hada_status hada_fit_window_begin(hada_fit_window *window, int z, hada_fit_setting setting, const double *outside,
                                   int count, hada_error *err)
 {
-    const hada_fit_grid *grid = window->grid;
-    const int channels = grid->info.channels;
+    const int channels = window->grid->info.channels;
     hada_status status = HADA_OK;
     window->setting = setting;
     window->count = count;
@@ -222,8 +216,7 @@ hada_status hada_fit_window_begin(hada_fit_window *window, int z, hada_fit_setti
         window->outside[s] = outside[s];
     HADA_TRY(clear(window, err));
     for (int c = 0; c < channels; c++)
-        HADA_TRY(hada_fit_solve_filter(window->sums, c, setting.alpha, setting.lambda * window->raw_energy[c],
-                                       window->residual.mem, (size_t)c * grid->layout.count, err));
+        HADA_TRY(hada_fit_solve_filter(window->sums, c, penalty_of(window, c), window->residual.mem, (size_t)c, err));
     for (int c = 0; c < channels; c++) {
         window->channel[c] = (recurrence){.old_alpha = 1.0};
         for (int s = 0; s < count; s++) {
@@ -245,18 +238,15 @@ hada_status hada_fit_window_pair(hada_fit_window *window, hada_error *err)
     const hada_fit_pair *pair = window->pair;
     const int channels = grid->info.channels;
     const hada_fft_filter filter = hada_fit_product(grid, window->directions[0].mem, 0);
-    const cl_ulong vectors = ((size_t)channels * grid->layout.count + HADA_FIT_VECTOR - 1) / HADA_FIT_VECTOR;
-    const size_t local = GROUP, global = ((size_t)vectors + GROUP - 1) / GROUP * GROUP;
-    const char *macros = hada_fit_is_split(grid) ? "-DFIT_SPLIT=1" : "";
-    const hada_arg args[] = {HADA_ARG(pair->scene_spectrum.mem), HADA_ARG(pair->raw_spectrum.mem),
-                             HADA_ARG(window->product.mem), HADA_ARG(vectors)};
-    cl_kernel kernel;
+    const size_t vectors = hada_divide_up((size_t)channels * grid->layout.count, HADA_FIT_VECTOR);
+    const hada_range range = hada_range_of(vectors, GROUP, 1, 1);
+    const double values = (double)vectors * HADA_FIT_VECTOR;
     hada_status status = HADA_OK;
     HADA_TRY(hada_fit_pair_filter(window->pair, window->inverse, &filter, err));
     HADA_TRY(hada_fft_forward(pair->scene_fft, channels, pair->scene.mem, 0, pair->scene_spectrum.mem, 0, err));
-    HADA_TRY(hada_slot_kernel(grid->slot, "fit_window", "fit_gather", macros, &kernel, err));
-    hada_slot_cost(grid->slot, 256.0 * (double)vectors, 80.0 * (double)vectors);
-    HADA_TRY(hada_slot_launch(grid->slot, kernel, "fit_gather", 1, &global, &local, args, HADA_COUNT(args), err));
+    hada_slot_cost(grid->slot, 32.0 * values, 10.0 * values);
+    HADA_TRY(hada_launch_fit_gather(grid->slot, program_of(grid), &range, err, .g = pair->scene_spectrum.mem,
+                                    .b = pair->raw_spectrum.mem, .sum = window->product.mem, .vectors = vectors));
 done:
     return status;
 }

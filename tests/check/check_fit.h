@@ -3,6 +3,7 @@
 #define HADA_CHECK_FIT_H
 
 #include "check.h"
+#include "kernels/shared_fit.h"
 #include "ref/ref_fit.h"
 
 typedef struct check_fit {
@@ -19,5 +20,8 @@ typedef struct check_fit {
 hada_status check_fit_make(check_fit *fit, const check_state *state, size_t count, int pairs, int split,
                            hada_error *err);
 void check_fit_free(check_fit *fit);
+
+/* The n-th image of `count` frequencies, as kernels take it. */
+hada_fit_image check_fit_image(const check_fit *fit, size_t n);
 
 #endif

@@ -2,6 +2,7 @@
 
 #include "check_fit.h"
 #include "core/alloc.h"
+#include "core/round.h"
 
 static hada_status make_room(check_fit *fit, hada_error *err)
 {
@@ -83,4 +84,15 @@ void check_fit_free(check_fit *fit)
     free(fit->other);
     free(fit->device_sums);
     free(fit->device_pool);
+}
+
+hada_fit_image check_fit_image(const check_fit *fit, size_t n)
+{
+    const size_t chunks = hada_divide_up(fit->vectors, HADA_FIT_CHUNK);
+    return (hada_fit_image){.first = n * fit->count,
+                            .count = fit->count,
+                            .vectors = fit->vectors,
+                            .stride = fit->stride,
+                            .chunks = chunks,
+                            .partial = n * chunks};
 }

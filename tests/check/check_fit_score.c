@@ -4,15 +4,17 @@
 
 #include "check_fit.h"
 #include "core/alloc.h"
-#include "fit/leave_one_out.h"
-#include "runtime/kernel.h"
+#include "launch/fit_score.h"
 
 enum { SETTINGS = HADA_FIT_TRIALS, CHUNK = 8 * HADA_FIT_CHUNK, PAIRS = 4 };
-static const float settings[2 * SETTINGS] = {0.0f, 0.01f, 0.0f, 0.5f, 0.1f, 0.02f, 0.3f, 0.1f, 1.0f, 1.0f};
-static const float scale = 3.0f, least = 1.5f, per_other = 0.5f;
+static const hada_fit_trials trials = {
+    .penalty = {{0.0f, 0.03f}, {0.0f, 1.5f}, {0.1f, 0.06f}, {0.3f, 0.3f}, {1.0f, 3.0f}},
+    .per_pair = 1.0f / PAIRS,
+    .per_other = 0.5f};
+static const float least = 1.5f;
 
 typedef struct score_state {
-    hada_buffer x, b, sums, pool, weights, settings, planes;
+    hada_buffer x, b, sums, pool, weights, planes;
     check_fit fit;
     float *weight;
     int rows, cols; /* of the planes */
@@ -31,7 +33,7 @@ static void expect_trial(const score_state *own, int s, const double *left, cons
 {
     const check_fit *fit = &own->fit;
     const size_t n = fit->count;
-    hada_ref_fit_filter(left, fit->other, n, settings[2 * s], (double)settings[2 * s + 1] * scale, fit->split, filter);
+    hada_ref_fit_filter(left, fit->other, n, trials.penalty[s].alpha, trials.penalty[s].ridge, fit->split, filter);
     for (size_t i = 0; i < n; i++) {
         const double wr = filter[2 * i], wi = filter[2 * i + 1], br = fit->b[2 * i], bi = fit->b[2 * i + 1];
         error[2 * i] = fit->x[2 * i] - (fit->split ? wr * br : wr * br - wi * bi);
@@ -66,7 +68,7 @@ static hada_status expect(check_state *state, const score_state *own, const floa
     for (size_t i = 0; i < 2 * n; i++) {
         pair[i] = fit->x[i];
         pair[2 * n + i] = fit->b[i];
-        seen[i] = fit->other[i] / PAIRS * per_other;
+        seen[i] = fit->other[i] / PAIRS * trials.per_other;
     }
     hada_ref_fit_pair(pair, pair + 2 * n, n, -1.0, left);
     for (int s = 0; s < SETTINGS; s++)
@@ -91,8 +93,6 @@ static hada_status upload(check_state *state, score_state *own, const float *pla
         status = check_upload(state, &own->pool, fit->device_pool, 20 * fit->stride, err);
     if (!status)
         status = check_upload(state, &own->weights, own->weight, 4 * fit->stride, err);
-    if (!status)
-        status = check_upload(state, &own->settings, settings, sizeof settings, err);
     return status ? status : check_upload(state, &own->planes, planes, pixels * sizeof *planes, err);
 }
 
@@ -133,52 +133,34 @@ static hada_status prepare(check_state *state, hada_error *err)
     return status;
 }
 
+static hada_program_fit_score program_of(const score_state *own)
+{
+    return own->fit.split ? HADA_PROGRAM_FIT_SCORE_SPLIT : HADA_PROGRAM_FIT_SCORE_DEFAULT;
+}
+
 static hada_status launch_trial(check_state *state, hada_error *err)
 {
-    score_state *own = state->own;
-    const check_fit *fit = &own->fit;
-    const char *macros = fit->split ? "-DFIT_SPLIT=1" : "";
-    const cl_ulong none = 0, stride = fit->stride, count = fit->count, vectors = fit->vectors;
-    const cl_float per_pair = 1.0f / PAIRS;
-    const cl_int chunks = (cl_int)own->chunks;
-    const hada_arg trial[] = {HADA_ARG(own->x.mem),
-                              HADA_ARG(own->b.mem),
-                              HADA_ARG(none),
-                              HADA_ARG(own->sums.mem),
-                              HADA_ARG(own->pool.mem),
-                              HADA_ARG(stride),
-                              HADA_ARG(own->weights.mem),
-                              HADA_ARG(own->settings.mem),
-                              HADA_ARG(scale),
-                              HADA_ARG(per_pair),
-                              HADA_ARG(per_other),
-                              HADA_ARG(state->region[0]),
-                              HADA_ARG(count),
-                              HADA_ARG(state->region[1]),
-                              HADA_ARG(chunks),
-                              HADA_ARG(vectors)};
-    const hada_arg rest[] = {HADA_ARG(own->sums.mem),    HADA_ARG(stride), HADA_ARG(own->weights.mem), HADA_ARG(least),
-                             HADA_ARG(state->region[2]), HADA_ARG(chunks), HADA_ARG(vectors)};
-    const size_t local = check_local(state, 32);
-    hada_status status =
-        check_kernel(state, "fit_score", "fit_trial", macros, own->chunks, local, trial, HADA_COUNT(trial), err);
-    return status ? status
-                  : check_kernel(state, "fit_score", "fit_unexplained", macros, own->chunks, local, rest,
-                                 HADA_COUNT(rest), err);
+    const score_state *own = state->own;
+    const hada_fit_image image = check_fit_image(&own->fit, 0);
+    const hada_range range = hada_range_of(own->chunks, check_local(state, 32), 1, 1);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_launch_fit_trial(state->slot, program_of(own), &range, err, .x = own->x.mem, .b = own->b.mem,
+                                   .sums = own->sums.mem, .pool = own->pool.mem, .weights = own->weights.mem,
+                                   .error = state->region[0], .leak = state->region[1], .image = image,
+                                   .trials = trials));
+    HADA_TRY(hada_launch_fit_unexplained(state->slot, program_of(own), &range, err, .sums = own->sums.mem,
+                                         .weights = own->weights.mem, .out = state->region[2], .image = image,
+                                         .least = least));
+done:
+    return status;
 }
 
 static hada_status launch_energy(check_state *state, hada_error *err)
 {
-    score_state *own = state->own;
-    const size_t local[] = {check_local(state, 32), 1};
-    const size_t global[] = {((size_t)own->rows + local[0] - 1) / local[0] * local[0], SETTINGS};
-    cl_kernel kernel;
-    hada_status status =
-        hada_slot_kernel(state->slot, "fit_score", "fit_energy", own->fit.split ? "-DFIT_SPLIT=1" : "", &kernel, err);
-    const hada_arg args[] = {HADA_ARG(own->planes.mem), HADA_ARG(own->rows), HADA_ARG(own->cols),
-                             HADA_ARG(state->region[3])};
-    return status ? status
-                  : hada_slot_launch(state->slot, kernel, "fit_energy", 2, global, local, args, HADA_COUNT(args), err);
+    const score_state *own = state->own;
+    const hada_range range = hada_range_of((size_t)own->rows, check_local(state, 32), SETTINGS, 1);
+    return hada_launch_fit_energy(state->slot, program_of(own), &range, err, .planes = own->planes.mem,
+                                  .rows = own->rows, .cols = own->cols, .out = state->region[3]);
 }
 
 static hada_status launch(check_state *state, hada_error *err)
@@ -202,7 +184,7 @@ static void release(check_state *state)
     score_state *own = state->own;
     if (!own)
         return;
-    hada_buffer *buffers[] = {&own->x, &own->b, &own->sums, &own->pool, &own->weights, &own->settings, &own->planes};
+    hada_buffer *buffers[] = {&own->x, &own->b, &own->sums, &own->pool, &own->weights, &own->planes};
     for (size_t i = 0; i < HADA_COUNT(buffers); i++)
         hada_buffer_destroy(buffers[i]);
     check_fit_free(&own->fit);

@@ -3,6 +3,7 @@
 #include <stdlib.h>
 
 #include "check_fit.h"
+#include "launch/fit_solve.h"
 
 typedef struct solve_state {
     hada_buffer sums, pool;
@@ -45,23 +46,23 @@ static hada_status launch(check_state *state, hada_error *err)
 {
     solve_state *own = state->own;
     const check_fit *fit = &own->fit;
-    const char *macros = fit->split ? "-DFIT_SPLIT=1" : "";
-    const cl_ulong stride = fit->stride, vectors = fit->vectors;
+    const hada_program_fit_solve program = fit->split ? HADA_PROGRAM_FIT_SOLVE_SPLIT : HADA_PROGRAM_FIT_SOLVE_DEFAULT;
+    const hada_range range = hada_range_of(fit->vectors, 64, 1, 1);
     hada_status status = HADA_OK;
-    for (int part = 0; part < 2; part++)
-        for (int k = 0; !status && k < own->images; k++) {
-            const cl_float alpha = own->alpha * (float)(k + 1), least = own->least * (float)(k + 1);
-            const cl_ulong at = state->out_offset / 2 + (cl_ulong)(part * own->images + k) * fit->count;
-            const hada_arg filter[] = {
-                HADA_ARG(own->sums.mem), HADA_ARG(own->pool.mem),  HADA_ARG(stride), HADA_ARG(alpha),
-                HADA_ARG(own->ridge),    HADA_ARG(state->out.mem), HADA_ARG(at),     HADA_ARG(vectors)};
-            const hada_arg transfer[] = {HADA_ARG(own->sums.mem),  HADA_ARG(stride), HADA_ARG(least),
-                                         HADA_ARG(state->out.mem), HADA_ARG(at),     HADA_ARG(vectors)};
-            status = part ? check_kernel(state, "fit_solve", "fit_transfer", macros, fit->vectors, 64, transfer,
-                                         HADA_COUNT(transfer), err)
-                          : check_kernel(state, "fit_solve", "fit_filter", macros, fit->vectors, 64, filter,
-                                         HADA_COUNT(filter), err);
-        }
+    for (int k = 0; k < 2 * own->images; k++) {
+        const float factor = (float)(k % own->images + 1);
+        const hada_fit_penalty penalty = {own->alpha * factor, own->ridge};
+        hada_fit_image image = check_fit_image(fit, (size_t)k);
+        image.first += state->out_offset / 2;
+        if (k < own->images)
+            HADA_TRY(hada_launch_fit_filter(state->slot, program, &range, err, .sums = own->sums.mem,
+                                            .pool = own->pool.mem, .filter = state->out.mem, .image = image,
+                                            .penalty = penalty));
+        else
+            HADA_TRY(hada_launch_fit_transfer(state->slot, program, &range, err, .sums = own->sums.mem,
+                                              .otf = state->out.mem, .image = image, .least = own->least * factor));
+    }
+done:
     return status;
 }
 

@@ -4,6 +4,8 @@
 
 #include "check.h"
 #include "core/alloc.h"
+#include "kernels/shared_fit.h"
+#include "launch/fit_sums.h"
 #include "ref/ref_fit.h"
 
 enum { MAX_PAIRS = 64, POOLS = 5 };
@@ -13,11 +15,6 @@ typedef struct sums_state {
     size_t count, vectors, stride;
     int pairs, split, kept; /* kept: sums of a depth, 4 or 6 */
 } sums_state;
-
-static const char *macros(const sums_state *own)
-{
-    return own->split ? "-DFIT_SPLIT=1" : "";
-}
 
 /* A sum as the device keeps it: the nearest float, and what that leaves. */
 static void put_pair(double value, size_t stride, double *sums)
@@ -109,43 +106,49 @@ static hada_status prepare(check_state *state, hada_error *err)
     return status;
 }
 
+static hada_program_fit_sums program_of(const sums_state *own)
+{
+    return own->split ? HADA_PROGRAM_FIT_SUMS_SPLIT : HADA_PROGRAM_FIT_SUMS_DEFAULT;
+}
+
+static hada_fit_image image_of(const sums_state *own, int pair)
+{
+    return (hada_fit_image){.first = (size_t)pair * HADA_FIT_VECTOR * own->vectors,
+                            .count = own->count,
+                            .vectors = own->vectors,
+                            .stride = own->stride};
+}
+
 static hada_status add_pair(check_state *state, int pair, float sign, cl_mem sums, hada_error *err)
 {
-    sums_state *own = state->own;
-    const cl_ulong offset = (cl_ulong)pair * 8 * own->vectors, stride = own->stride, vectors = own->vectors;
-    const hada_arg args[] = {HADA_ARG(own->x.mem), HADA_ARG(own->b.mem), HADA_ARG(offset), HADA_ARG(sums),
-                             HADA_ARG(stride),     HADA_ARG(sign),       HADA_ARG(vectors)};
-    return check_kernel(state, "fit_sums", "fit_pair", macros(own), own->vectors, 64, args, HADA_COUNT(args), err);
+    const sums_state *own = state->own;
+    const hada_range range = hada_range_of(own->vectors, 64, 1, 1);
+    return hada_launch_fit_pair(state->slot, program_of(own), &range, err, .x = own->x.mem, .b = own->b.mem,
+                                .sums = sums, .image = image_of(own, pair), .sign = sign);
 }
 
 static hada_status launch(check_state *state, hada_error *err)
 {
-    sums_state *own = state->own;
+    const sums_state *own = state->own;
     const size_t size = 2 * (size_t)own->kept * own->stride;
+    const hada_range range = hada_range_of(own->vectors, 64, 1, 1);
+    const hada_fit_image image = image_of(own, 0);
     cl_mem sums = state->region[0], pool = state->region[1];
-    const cl_ulong stride = own->stride, vectors = own->vectors;
-    const cl_float per_pair = 0.25f;
-    const hada_arg merge[] = {HADA_ARG(own->more.mem), HADA_ARG(sums), HADA_ARG(stride), HADA_ARG(own->kept),
-                              HADA_ARG(vectors)};
-    const hada_arg pools[] = {HADA_ARG(sums), HADA_ARG(pool), HADA_ARG(stride), HADA_ARG(per_pair), HADA_ARG(vectors)};
     hada_status status = HADA_OK;
     if (!state->regions) {
-        status = check_region(state, 0, size, &sums, err);
-        if (!status)
-            status = check_region(state, size, state->out_count - size, &pool, err);
+        HADA_TRY(check_region(state, 0, size, &sums, err));
+        HADA_TRY(check_region(state, size, state->out_count - size, &pool, err));
     }
-    if (!status)
-        status = check_clear(state, 0, state->out_count, err);
-    for (int p = 0; !status && p < own->pairs; p++)
-        status = add_pair(state, p, 1.0f, sums, err);
-    if (!status)
-        status = add_pair(state, 0, -1.0f, sums, err);
-    if (!status)
-        status =
-            check_kernel(state, "fit_sums", "fit_merge", macros(own), own->vectors, 64, merge, HADA_COUNT(merge), err);
-    for (int depth = 0; !status && depth < 2; depth++)
-        status =
-            check_kernel(state, "fit_sums", "fit_pool", macros(own), own->vectors, 64, pools, HADA_COUNT(pools), err);
+    HADA_TRY(check_clear(state, 0, state->out_count, err));
+    for (int p = 0; p < own->pairs; p++)
+        HADA_TRY(add_pair(state, p, 1.0f, sums, err));
+    HADA_TRY(add_pair(state, 0, -1.0f, sums, err));
+    HADA_TRY(hada_launch_fit_merge(state->slot, program_of(own), &range, err, .more = own->more.mem, .sums = sums,
+                                   .image = image, .count = own->kept));
+    for (int depth = 0; depth < 2; depth++)
+        HADA_TRY(hada_launch_fit_pool(state->slot, program_of(own), &range, err, .sums = sums, .pool = pool,
+                                      .image = image, .per_pair = 0.25f));
+done:
     return status;
 }
 

@@ -1,18 +1,19 @@
-/* One round of filters judged in the window: a pair gathered, the product with T, the residual, filter and direction.
- * In the output, each at the next multiple of 256: what is gathered and then t, z, x, p (`c` channels of complex
- * numbers), and the partial sums of both reductions. All channels have the same sums. */
+/* One iteration of filters by the error in the window: a pair gathered, the product with T, the residual, filter and
+ * direction. In the output, each at the next multiple of 256: what is gathered and then t, r, x, p (`c` channels of
+ * complex numbers), and the partial sums of both reductions. All channels have the same sums. */
 #include <stdlib.h>
 #include <string.h>
 
 #include "check_fit.h"
 #include "core/alloc.h"
-#include "fit/fit_grid.h"
+#include "launch/fit_window.h"
 
 enum { CHUNK = 8 * HADA_FIT_CHUNK, STATES = 4, PARTS = 6, PAIRS = 3 };
-static const float alpha = 0.25f, ridge = 0.5f, shift = 0.375f, step = 0.75f, along = 1.5f, turn = 0.5f, keep = 0.25f;
+static const hada_fit_penalty penalty = {.alpha = 0.25f, .ridge = 0.5f};
+static const float shift = 0.375f, step = 0.75f, along = 1.5f, zeta = 0.5f, beta = 0.25f;
 
 typedef struct window_state {
-    hada_buffer g, b, sums, pool, weights, start; /* start: the four states before the round */
+    hada_buffer g, b, sums, pool, weights, start; /* start: the four states before the iteration */
     check_fit fit;
     float *weight, *frame, *before;
     int channels;
@@ -30,14 +31,14 @@ static double under(const check_fit *fit, size_t i, int k, int whole)
         other = k ? other - fit->other[n + i] : fit->other[n + i];
         weight = 0.5;
     }
-    return (whole ? own : 0.0) + alpha * other + weight * ridge;
+    return (whole ? own : 0.0) + penalty.alpha * other + weight * penalty.ridge;
 }
 
 static void expect(check_state *state, const window_state *own)
 {
     const check_fit *fit = &own->fit;
     const size_t n = fit->count, all = own->all;
-    double *t = state->expected + own->at[0], *z = state->expected + own->at[1], *x = state->expected + own->at[2],
+    double *t = state->expected + own->at[0], *r = state->expected + own->at[1], *x = state->expected + own->at[2],
            *p = state->expected + own->at[3];
     const float *start = own->before;
     for (size_t i = 0; i < all; i++) {
@@ -51,12 +52,12 @@ static void expect(check_state *state, const window_state *own)
         const int k = (int)(i % 2);
         const double whole = under(fit, f, k, 1), direction = start[6 * all + i];
         t[i] = (t[i] + under(fit, f, k, 0) * direction) / whole + shift * direction;
-        z[i] = start[2 * all + i] - step * t[i];
+        r[i] = start[2 * all + i] - step * t[i];
         x[i] = start[4 * all + i] + along * direction;
-        p[i] = turn * z[i] + keep * direction;
+        p[i] = zeta * r[i] + beta * direction;
         double *sums = state->expected + c * own->chunks + f / CHUNK;
         sums[own->at[4]] += own->weight[f] * whole * direction * t[i];
-        sums[own->at[5]] += own->weight[f] * whole * z[i] * z[i];
+        sums[own->at[5]] += own->weight[f] * whole * r[i] * r[i];
     }
 }
 
@@ -112,23 +113,6 @@ static hada_status prepare(check_state *state, hada_error *err)
     return upload(state, own, err);
 }
 
-/* fit_apply or fit_residual of a channel. */
-static hada_status reduce(check_state *state, const char *name, int part, float number, int c, hada_error *err)
-{
-    window_state *own = state->own;
-    const check_fit *fit = &own->fit;
-    const cl_ulong offset = (cl_ulong)c * fit->count, count = fit->count, stride = fit->stride, vectors = fit->vectors;
-    const cl_int chunks = (cl_int)own->chunks, first = c * chunks;
-    const cl_mem one = state->region[number == shift ? 3 : 1];
-    const hada_arg args[] = {HADA_ARG(one),    HADA_ARG(state->region[0]), HADA_ARG(offset),
-                             HADA_ARG(count),  HADA_ARG(own->sums.mem),    HADA_ARG(own->pool.mem),
-                             HADA_ARG(stride), HADA_ARG(own->weights.mem), HADA_ARG(alpha),
-                             HADA_ARG(ridge),  HADA_ARG(number),           HADA_ARG(state->region[part]),
-                             HADA_ARG(first),  HADA_ARG(chunks),           HADA_ARG(vectors)};
-    return check_kernel(state, "fit_window", name, fit->split ? "-DFIT_SPLIT=1" : "", own->chunks,
-                        check_local(state, 32), args, HADA_COUNT(args), err);
-}
-
 static hada_status set_up(check_state *state, hada_error *err)
 {
     const window_state *own = state->own;
@@ -151,32 +135,30 @@ static hada_status set_up(check_state *state, hada_error *err)
 
 static hada_status launch(check_state *state, hada_error *err)
 {
-    window_state *own = state->own;
+    const window_state *own = state->own;
     const check_fit *fit = &own->fit;
-    const char *macros = fit->split ? "-DFIT_SPLIT=1" : "";
-    const cl_ulong groups = (own->all + 7) / 8, count = fit->count, vectors = fit->vectors;
-    const hada_arg gather[] = {HADA_ARG(own->g.mem), HADA_ARG(own->b.mem), HADA_ARG(state->region[0]),
-                               HADA_ARG(groups)};
-    hada_status status = set_up(state, err);
-    if (!status)
-        status = check_kernel(state, "fit_window", "fit_gather", macros, groups, 64, gather, HADA_COUNT(gather), err);
-    for (int c = 0; !status && c < own->channels; c++) {
-        const cl_ulong offset = (cl_ulong)c * count;
-        const hada_arg move[] = {HADA_ARG(state->region[2]),
-                                 HADA_ARG(state->region[3]),
-                                 HADA_ARG(state->region[1]),
-                                 HADA_ARG(offset),
-                                 HADA_ARG(count),
-                                 HADA_ARG(along),
-                                 HADA_ARG(turn),
-                                 HADA_ARG(keep),
-                                 HADA_ARG(vectors)};
-        status = reduce(state, "fit_apply", 4, shift, c, err);
-        if (!status)
-            status = reduce(state, "fit_residual", 5, step, c, err);
-        if (!status)
-            status = check_kernel(state, "fit_window", "fit_advance", macros, vectors, 64, move, HADA_COUNT(move), err);
+    const hada_program_fit_window program =
+        fit->split ? HADA_PROGRAM_FIT_WINDOW_SPLIT : HADA_PROGRAM_FIT_WINDOW_DEFAULT;
+    const size_t groups = hada_divide_up(own->all, HADA_FIT_VECTOR);
+    const hada_range all = hada_range_of(groups, 64, 1, 1), vectors = hada_range_of(fit->vectors, 64, 1, 1);
+    const hada_range chunks = hada_range_of(own->chunks, check_local(state, 32), 1, 1);
+    hada_status status = HADA_OK;
+    HADA_TRY(set_up(state, err));
+    const cl_mem t = state->region[0], r = state->region[1], x = state->region[2], p = state->region[3];
+    HADA_TRY(hada_launch_fit_gather(state->slot, program, &all, err, .g = own->g.mem, .b = own->b.mem, .sum = t,
+                                    .vectors = groups));
+    for (int c = 0; c < own->channels; c++) {
+        const hada_fit_image image = check_fit_image(fit, (size_t)c);
+        HADA_TRY(hada_launch_fit_apply(state->slot, program, &chunks, err, .p = p, .t = t, .sums = own->sums.mem,
+                                       .pool = own->pool.mem, .weights = own->weights.mem, .out = state->region[4],
+                                       .image = image, .penalty = penalty, .shift = shift));
+        HADA_TRY(hada_launch_fit_residual(state->slot, program, &chunks, err, .r = r, .t = t, .sums = own->sums.mem,
+                                          .pool = own->pool.mem, .weights = own->weights.mem, .out = state->region[5],
+                                          .image = image, .penalty = penalty, .step = step));
+        HADA_TRY(hada_launch_fit_advance(state->slot, program, &vectors, err, .x = x, .p = p, .r = r, .image = image,
+                                         .step = along, .zeta = zeta, .beta = beta));
     }
+done:
     return status;
 }
 

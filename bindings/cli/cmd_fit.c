@@ -232,7 +232,7 @@ static hada_status fit_psf(const settings *set, hada_context *context, hada_mode
     psf.boundary = set->boundary ? (hada_boundary)set->boundary : HADA_BOUNDARY_PADDED;
     psf.window_rows = set->window[0];
     psf.window_cols = set->window[1];
-    psf.lambda = set->lambda > 0 ? set->lambda : 0;
+    psf.lambda = set->lambda > 0 ? set->lambda : HADA_AUTO;
     psf.psf_dark = set->psf_dark;
     task.psf = &psf;
     task.colour = set->colour;

@@ -108,7 +108,7 @@ static hada_status write_picture(const hada_image *psf, double distance, const c
 {
     char *path = hada_cli_text("%s/psf_z%gmm.png", folder, distance);
     hada_status status =
-        path ? hada_png_save(path, psf, 0, 0.4, err) : hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
+        path ? hada_png_save(path, psf, HADA_AUTO, 0.4, err) : hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
     free(path);
     return status;
 }
@@ -134,7 +134,8 @@ static hada_status write_all(hada_cli *cli, const settings *set, const hada_came
     if (!status)
         status = source_open(&from, set, camera, context, err);
     if (!status)
-        status = hada_optics_report_begin(report, context, camera, set->threshold, err);
+        status =
+            hada_optics_report_begin(report, context, camera, set->threshold > 0 ? set->threshold : HADA_AUTO, err);
     hada_cli_progress_begin(cli, &progress, "depths", camera->depths);
     for (int z = 0; z < camera->depths && !status; z++) {
         hada_image psf = {0};

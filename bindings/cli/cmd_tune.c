@@ -189,7 +189,8 @@ static hada_status tune_transforms(hada_cli *cli, hada_context *context, const w
     for (int i = 0; !status && i < todo->size_count; i++) {
         status = hada_cli_check_signals(err);
         if (!status)
-            status = hada_tune_fft(context, todo->sizes[i][0], todo->sizes[i][1], todo->rounds, &rows[i], err);
+            status = hada_tune_fft(context, todo->sizes[i][0], todo->sizes[i][1],
+                                   todo->rounds ? todo->rounds : HADA_AUTO, &rows[i], err);
         if (status)
             break;
         if (!i)

@@ -48,6 +48,7 @@ static hada_status save_preview(const hada_cli_outputs *out, const hada_image *r
                                 hada_error *err)
 {
     hada_preview preview = {.size = sizeof preview,
+                            .gamma = HADA_AUTO,
                             .title = out->title,
                             .raw = raw,
                             .planes = result->planes,

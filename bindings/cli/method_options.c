@@ -77,7 +77,8 @@ hada_status hada_cli_read_method(const hada_cli_method_settings *set, hada_class
     hada_status status = read_prior(set, out, err);
     if (!status && set->mu)
         status = read_mu(set->mu, out, err);
-    out->iterations = set->iterations;
+    if (set->iterations)
+        out->iterations = set->iterations;
     out->stop = set->stop;
     out->seconds = set->seconds;
     out->support = set->support == 1 ? HADA_SUPPORT_WINDOW : set->support == 2 ? HADA_SUPPORT_GRID : HADA_SUPPORT_AUTO;

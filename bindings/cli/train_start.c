@@ -97,7 +97,8 @@ hada_status hada_cli_train_options(hada_cli *cli, const hada_cli_train_settings 
     options->random_start = stage == HADA_STAGE_FILTERS && (set->random || !set->model);
     options->net_rows = set->net_size[0];
     options->net_cols = set->net_size[1];
-    options->at_once = set->at_once;
+    if (set->at_once)
+        options->at_once = set->at_once;
     options->recompute = set->recompute;
     if (set->critic)
         options->critic = critics[set->critic - 1];

@@ -13,7 +13,7 @@ void hada_classic_options_defaults(hada_classic_options *options, size_t size)
 {
     const hada_classic_options own = {.size = sizeof own,
                                       .iterations = 100,
-                                      .weight = -1.0,
+                                      .weight = HADA_AUTO,
                                       .lambda = 0.1,
                                       .accelerate = 1,
                                       .step = 1.0,
@@ -30,10 +30,11 @@ static hada_status check_options(const hada_classic_options *o, hada_error *err)
     if (o->method < HADA_METHOD_WIENER || o->method > HADA_METHOD_ADMM || o->prior < HADA_PRIOR_AUTO ||
         o->prior > HADA_PRIOR_HAAR || o->support < HADA_SUPPORT_AUTO || o->support > HADA_SUPPORT_GRID)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "method, prior or support is none that there is");
-    if (o->iterations < 0 || !(o->stop >= 0.0 && o->stop < 1.0) || !(o->seconds >= 0.0) || !isfinite(o->seconds))
-        return hada_fail(err, HADA_ERROR_ARGUMENT,
-                         "the stopping rules make no sense: iterations and seconds are not negative, the relative "
-                         "change is from 0 to below 1");
+    if (o->iterations < 1 || !(o->stop >= 0.0 && o->stop < 1.0) || !(o->seconds >= 0.0) || !isfinite(o->seconds))
+        return hada_fail(
+            err, HADA_ERROR_ARGUMENT,
+            "the stopping rules make no sense: there is one iteration at least, seconds are not negative, the relative "
+            "change is from 0 to below 1");
     if (!isfinite(o->weight) || !(o->lambda > 0.0 && isfinite(o->lambda)) || !(o->step > 0.0 && o->step < 2.0))
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "the weight must be finite, lambda above 0 and the step between 0 and 2");
@@ -72,7 +73,7 @@ hada_status hada_classic_shape_of(const hada_model_info *info, int depths, const
     hada_classic_options *o = &shape->options;
     *o = *options;
     shape->place = hada_refine_shape_of(info, depths, 1);
-    o->iterations = o->method == HADA_METHOD_WIENER ? 1 : o->iterations ? o->iterations : 100;
+    o->iterations = o->method == HADA_METHOD_WIENER ? 1 : o->iterations;
     if (o->prior == HADA_PRIOR_AUTO)
         o->prior = o->method == HADA_METHOD_ADMM ? HADA_PRIOR_TV : HADA_PRIOR_NONE;
     if (o->weight < 0.0)

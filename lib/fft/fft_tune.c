@@ -148,12 +148,13 @@ hada_status hada_tune_fft(hada_context *context, int rows, int cols, int rounds,
 {
     if (!context || !row)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_tune_fft: a context and a row are needed");
-    if (rows < 1 || cols < 1 || rows > 1 << 24 || cols > 1 << 24 || rounds < 0 || rounds > MOST_ROUNDS)
+    if (rows < 1 || cols < 1 || rows > 1 << 24 || cols > 1 << 24 || (rounds < 1 && rounds != HADA_AUTO) ||
+        rounds > MOST_ROUNDS)
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "transforms of %d x %d cannot be measured in %d rounds: give a size from 1 x 1 and at most %d "
                          "rounds",
                          rows, cols, rounds, MOST_ROUNDS);
-    rounds = rounds ? rounds : ROUNDS;
+    rounds = rounds == HADA_AUTO ? ROUNDS : rounds;
     const size_t pixels = (size_t)rows * (size_t)cols;
     contest c = {.desc = {.rows = rows,
                           .cols = cols,

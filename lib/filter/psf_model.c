@@ -22,8 +22,9 @@ void hada_psf_options_defaults(hada_psf_options *options, size_t size)
     const hada_psf_options own = {.size = sizeof own,
                                   .form = HADA_FORM_WIENER,
                                   .boundary = HADA_BOUNDARY_PADDED,
-                                  .psf_dark = -1.0,
-                                  .refine_steps = -1};
+                                  .lambda = HADA_AUTO,
+                                  .psf_dark = HADA_AUTO,
+                                  .refine_steps = HADA_AUTO};
     HADA_OPTIONS_GIVE(options, size, &own);
 }
 
@@ -188,10 +189,11 @@ hada_status hada_model_from_psf(hada_model **out, hada_context *context, const h
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "a point spread function gives filters of the forms matched and wiener; for complex or split, "
                          "fit from pairs");
-    if (!isfinite(options->lambda) || options->lambda < 0.0 || !isfinite(options->refine_tv) ||
-        options->refine_tv < 0.0 || !isfinite(options->dark) || !isfinite(options->psf_dark))
+    if (!isfinite(options->lambda) || (options->lambda <= 0.0 && options->lambda != HADA_AUTO) ||
+        !isfinite(options->refine_tv) || options->refine_tv < 0.0 || !isfinite(options->dark) ||
+        !isfinite(options->psf_dark))
         return hada_fail(err, HADA_ERROR_ARGUMENT,
-                         "lambda, refine_tv and dark levels must be finite, the first two not negative");
+                         "lambda, refine_tv and dark levels must be finite, lambda above 0 and refine_tv not negative");
     status = check_psfs(psfs, depths, err);
     if (status)
         return status;

@@ -13,11 +13,11 @@ void hada_fit_options_defaults(hada_fit_options *options, size_t size)
     const hada_fit_options own = {.size = sizeof own,
                                   .boundary = HADA_BOUNDARY_CIRCULAR,
                                   .form = HADA_FORM_COMPLEX,
-                                  .alpha = -1.0,
-                                  .lambda = -1.0,
-                                  .outside = -1.0,
-                                  .refine_steps = -1,
-                                  .refine_tv = -1.0,
+                                  .alpha = HADA_AUTO,
+                                  .lambda = HADA_AUTO,
+                                  .outside = HADA_AUTO,
+                                  .refine_steps = HADA_AUTO,
+                                  .refine_tv = HADA_AUTO,
                                   .nonnegative = 1};
     HADA_OPTIONS_GIVE(options, size, &own);
 }

@@ -48,8 +48,8 @@ static hada_status complete_options(hada_tiff_writer *w, const hada_tiff_write_o
     hada_status status = HADA_OPTIONS_TAKE(o, given, hada_tiff_write_options, err);
     if (status)
         return status;
-    o->bits = o->bits ? o->bits : 32;
-    o->scale = o->scale > 0 ? o->scale : 1;
+    if (!(o->scale > 0))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "a full scale of %g was asked for; it is above 0", o->scale);
     o->description = o->description ? o->description : "";
     if (o->layout == HADA_TIFF_HYPERSTACK || o->distances_mm) {
         o->slices = o->slices < 1 ? 1 : o->slices;

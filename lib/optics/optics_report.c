@@ -21,7 +21,7 @@ hada_status hada_optics_report_begin(hada_optics_report *report, hada_context *c
                                      double threshold, hada_error *err)
 {
     hada_camera own, *camera = &own;
-    *report = (hada_optics_report){.threshold = threshold > 0.0 ? threshold : 0.05};
+    *report = (hada_optics_report){.threshold = threshold == HADA_AUTO ? 0.05 : threshold};
     hada_status status = HADA_OK;
     HADA_TRY(hada_camera_take(camera, callers, err));
     const size_t depths = (size_t)camera->depths;

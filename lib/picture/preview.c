@@ -320,7 +320,7 @@ static int shows_nothing(const hada_preview *p)
 
 void hada_preview_defaults(hada_preview *preview, size_t size)
 {
-    const hada_preview own = {.size = sizeof own};
+    const hada_preview own = {.size = sizeof own, .gamma = HADA_AUTO};
     HADA_OPTIONS_GIVE(preview, size, &own);
 }
 
@@ -331,9 +331,12 @@ hada_status hada_preview_save(const char *path, const hada_preview *callers, had
     hada_sheet sheet = {.p = preview};
     hada_preview_init(preview);
     HADA_TRY(HADA_OPTIONS_TAKE(preview, callers, hada_preview, err));
+    if (!(preview->gamma > 0) && preview->gamma != HADA_AUTO)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "%s: an exponent of %g shows nothing; it is above 0", path,
+                         preview->gamma);
     if (shows_nothing(preview))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "%s: there is no image to show", path);
-    sheet.gamma = preview->gamma > 0 ? preview->gamma : 1 / 2.2;
+    sheet.gamma = preview->gamma == HADA_AUTO ? 1 / 2.2 : preview->gamma;
     find_range(&sheet);
     place(&sheet);
     HADA_TRY(hada_drawing_create(&sheet.drawing, WIDTH, sheet.height, paper, err));
@@ -355,8 +358,8 @@ hada_status hada_png_save(const char *path, const hada_image *image, double whit
     if (is_empty(image))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "%s: there is no image to show", path);
     HADA_TRY(hada_drawing_create(&drawing, image->cols, image->rows, paper, err));
-    HADA_TRY(hada_tone_pixels(&pixels, image->cols, image->rows, image, white > 0 ? white : hada_tone_white(image, 1),
-                              gamma, err));
+    HADA_TRY(hada_tone_pixels(&pixels, image->cols, image->rows, image,
+                              white == HADA_AUTO ? hada_tone_white(image, 1) : white, gamma, err));
     hada_drawing_pixels(drawing, 0, 0, image->cols, image->rows, pixels);
     HADA_TRY(hada_drawing_save(drawing, path, err));
 done:

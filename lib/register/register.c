@@ -12,7 +12,10 @@
 
 void hada_register_options_defaults(hada_register_options *options, size_t size)
 {
-    const hada_register_options own = {.size = sizeof own, .most_rotation_deg = 15.0};
+    const hada_register_options own = {.size = sizeof own,
+                                       .least_magnification = HADA_AUTO,
+                                       .most_magnification = HADA_AUTO,
+                                       .most_rotation_deg = 15.0};
     HADA_OPTIONS_GIVE(options, size, &own);
 }
 
@@ -21,10 +24,10 @@ static hada_status check_options(hada_register_options *options, const hada_imag
 {
     const double frame = raws->rows > raws->cols ? raws->rows : raws->cols;
     const double scene = scenes->rows > scenes->cols ? scenes->rows : scenes->cols;
-    if (options->least_magnification == 0.0 && options->most_magnification == 0.0) {
+    if (options->least_magnification == HADA_AUTO)
         options->least_magnification = 0.15 * frame / scene;
+    if (options->most_magnification == HADA_AUTO)
         options->most_magnification = 2.5 * frame / scene;
-    }
     if (!(options->least_magnification > 0.0) || !(options->most_magnification >= options->least_magnification) ||
         !(options->most_magnification <= 1000.0 * options->least_magnification))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "magnifications from %g to %g cannot be searched",

@@ -11,8 +11,8 @@ enum { MOST_QUEUES = 64 };
 void hada_plan_options_defaults(hada_plan_options *options, size_t size)
 {
     const hada_plan_options own = {.size = sizeof own,
-                                   .refine = -1,
-                                   .refine_tv = -1.0,
+                                   .refine = HADA_AUTO,
+                                   .refine_tv = HADA_AUTO,
                                    .enhance = 1,
                                    .gamma = 1.0,
                                    .skip = HADA_SKIP_ALL,

@@ -38,12 +38,13 @@ static hada_status choose_at_once(int *out, const hada_context *context, const h
     hada_engine_desc trial = *desc;
     const uint64_t room = hada_context_device(context)->memory_bytes / 2;
     hada_status status = HADA_OK;
-    for (int count = options->at_once && options->at_once < share ? options->at_once : share; count >= 1; count--) {
+    const int open = options->at_once == HADA_AUTO;
+    for (int count = !open && options->at_once < share ? options->at_once : share; count >= 1; count--) {
         size_t bytes = 0;
-        if (share % count && !options->at_once)
+        if (share % count && open)
             continue;
         *out = trial.at_once = count;
-        if (options->at_once || count == 1)
+        if (!open || count == 1)
             return HADA_OK;
         status = hada_engine_bytes(context, &trial, &bytes, err);
         if (status || bytes <= room)

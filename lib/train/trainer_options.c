@@ -38,15 +38,18 @@ void hada_train_options_defaults(hada_train_options *options, size_t size, hada_
                                     .critic = "patch",
                                     .steps = stage == HADA_STAGE_ADVERSARIAL ? 300 : 1000,
                                     .batch = 4,
+                                    .at_once = HADA_AUTO,
                                     .rule = HADA_RULE_ADAM,
                                     .rate = rate,
+                                    .filter_rate = HADA_AUTO,
+                                    .critic_rate = HADA_AUTO,
                                     .schedule = HADA_RATE_COSINE,
                                     .last_rate = 0.02,
                                     .warmup = 20,
                                     .clip = stage == HADA_STAGE_FILTERS ? 0.0 : 0.1,
                                     .mse = 1.5,
                                     .perceptual = 0.1,
-                                    .adversarial = stage == HADA_STAGE_ADVERSARIAL ? NAN : 0.0,
+                                    .adversarial = stage == HADA_STAGE_ADVERSARIAL ? HADA_AUTO : 0.0,
                                     .variation = 5e-7,
                                     .critic_steps = stage == HADA_STAGE_ADVERSARIAL ? 60 : 0};
     HADA_OPTIONS_GIVE(options, size, &own);
@@ -84,7 +87,8 @@ static hada_status check_numbers(const hada_train_options *options, hada_error *
 {
     if (!options->steps)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "training needs at least one step");
-    if (options->batch < 1 || options->batch > 4096 || options->at_once < 0 || options->at_once > options->batch)
+    if (options->batch < 1 || options->batch > 4096 || (options->at_once < 1 && options->at_once != HADA_AUTO) ||
+        options->at_once > options->batch)
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "a step takes 1 to 4096 pairs, and at most as many at once; not %d and %d", options->batch,
                          options->at_once);
@@ -144,12 +148,12 @@ hada_status hada_train_options_settle(hada_train_options *options, hada_augment 
         return status;
     if ((int)options->stage < HADA_STAGE_FILTERS || options->stage > HADA_STAGE_CONVENTIONAL)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "there is no stage %d", (int)options->stage);
-    if (options->filter_rate == 0.0) /* filters have values around 1; those of a fit need little */
+    if (options->filter_rate == HADA_AUTO) /* filters have values around 1; those of a fit need little */
         options->filter_rate = options->random_start ? 0.1 : 1e-3;
     const int paper = options->critic && !strcmp(options->critic, "paper");
-    if (options->critic_rate == 0.0) /* fully connected layers die at more */
+    if (options->critic_rate == HADA_AUTO) /* fully connected layers die at more */
         options->critic_rate = paper ? 3e-4 : 1e-3;
-    if (isnan(options->adversarial)) /* the authors', for the discriminator that they had (docs/training.md) */
+    if (options->adversarial == HADA_AUTO) /* the authors', for the discriminator that they had (docs/training.md) */
         options->adversarial = paper ? 8e-3 : 2e-3;
     status = check_numbers(options, err);
     if (!status)

@@ -313,7 +313,7 @@ hada_status fault_stage_tiff(fault_job *job, hada_error *err)
 hada_status fault_stage_preview(fault_job *job, hada_error *err)
 {
     char path[256];
-    hada_preview preview = {.size = sizeof preview, .title = "faults"};
+    hada_preview preview = {.size = sizeof preview, .gamma = HADA_AUTO, .title = "faults"};
     preview.raw = &job->frame[1][0];
     preview.all_in_focus = &job->result.all_in_focus;
     preview.planes = job->result.planes;

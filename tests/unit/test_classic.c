@@ -178,7 +178,7 @@ static void wiener_of_one_depth_is_the_models(void **state)
     const fixture *f = *state;
     static const int one = 1;
     for (int padded = 0; padded < 2; padded++) {
-        hada_plan_options options = options_of(HADA_METHOD_WIENER, 0), linear;
+        hada_plan_options options = options_of(HADA_METHOD_WIENER, 1), linear;
         hada_result joint = {0}, single = {0};
         hada_model *wiener;
         hada_plan *plan;
@@ -292,23 +292,23 @@ static void refuse(const fixture *f, const hada_plan_options *options, hada_stat
 static void refuses_what_makes_no_sense(void **state)
 {
     const fixture *f = *state;
-    hada_plan_options options = options_of(HADA_METHOD_RL, 0);
+    hada_plan_options options = options_of(HADA_METHOD_RL, 10);
     classic.prior = HADA_PRIOR_WAVELET;
     refuse(f, &options, HADA_ERROR_ARGUMENT, "no such prior");
-    options = options_of(HADA_METHOD_FISTA, -1);
-    refuse(f, &options, HADA_ERROR_ARGUMENT, "stopping rules");
     options = options_of(HADA_METHOD_FISTA, 0);
+    refuse(f, &options, HADA_ERROR_ARGUMENT, "stopping rules");
+    options = options_of(HADA_METHOD_FISTA, 10);
     classic.step = 2;
     refuse(f, &options, HADA_ERROR_ARGUMENT, "step");
-    options = options_of(HADA_METHOD_ADMM, 0);
+    options = options_of(HADA_METHOD_ADMM, 10);
     classic.mu3 = 0;
     refuse(f, &options, HADA_ERROR_ARGUMENT, "mu3");
-    options = options_of((hada_method)9, 0);
+    options = options_of((hada_method)9, 10);
     refuse(f, &options, HADA_ERROR_ARGUMENT, "method");
-    options = options_of(HADA_METHOD_ADMM, 0);
+    options = options_of(HADA_METHOD_ADMM, 10);
     options.band = 0.5;
     refuse(f, &options, HADA_ERROR_ARGUMENT, "band");
-    options = options_of(HADA_METHOD_ADMM, 0);
+    options = options_of(HADA_METHOD_ADMM, 10);
     hada_model *const model = f->model[0];
     model->info.has_otf = 0;
     refuse(f, &options, HADA_ERROR_MODEL, "no transfer functions");

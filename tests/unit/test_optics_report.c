@@ -91,7 +91,7 @@ static void twins(void **state)
      * where the second one stands */
     const hada_camera camera = camera_of(64, 120, 3);
     hada_optics_report report;
-    ASSERT_OK(hada_optics_report_begin(&report, context, &camera, 0.0, err));
+    ASSERT_OK(hada_optics_report_begin(&report, context, &camera, HADA_AUTO, err));
     assert_true(report.threshold == 0.05);
     const int apart[] = {20, 21, 30};
     for (int z = 0; z < 3; z++) {
@@ -109,7 +109,7 @@ static void twins(void **state)
     hada_optics_report_end(&report);
     /* axial: correlation falls from 1 to 0 between neighbours, so one half stands half way in 1/z */
     const hada_camera two = camera_of(64, 120, 2);
-    ASSERT_OK(hada_optics_report_begin(&report, context, &two, 0.0, err));
+    ASSERT_OK(hada_optics_report_begin(&report, context, &two, HADA_AUTO, err));
     hada_image psf = spots(&two, 1.5, 0);
     ASSERT_OK(hada_optics_report_add(&report, &psf, err));
     memmove(psf.data + 20 * 120, psf.data, 44 * 120 * sizeof(float));
@@ -126,7 +126,7 @@ static void refusals(void **state)
     (void)state;
     const hada_camera camera = camera_of(40, 40, 2);
     hada_optics_report report;
-    ASSERT_OK(hada_optics_report_begin(&report, context, &camera, 0.0, err));
+    ASSERT_OK(hada_optics_report_begin(&report, context, &camera, HADA_AUTO, err));
     hada_image wrong, dark;
     ASSERT_OK(hada_image_create(&wrong, 1, 41, 40, err));
     ASSERT_OK(hada_image_create(&dark, 1, 40, 40, err));
@@ -139,7 +139,7 @@ static void refusals(void **state)
     hada_image_destroy(&dark);
     hada_camera broken = camera;
     broken.size = 1;
-    assert_int_equal(hada_optics_report_begin(&report, context, &broken, 0.0, NULL), HADA_ERROR_ARGUMENT);
+    assert_int_equal(hada_optics_report_begin(&report, context, &broken, HADA_AUTO, NULL), HADA_ERROR_ARGUMENT);
     hada_optics_report_end(&report);
 }
 

@@ -229,6 +229,7 @@ static void make(scene *s, int depths, int channels, int rows, int cols)
             images[k]->data[i] =
                 k == 2 ? (i % 3 ? (float)s->distances[depths - 1] : NAN) : (float)(io_random(&random) % 1000);
     s->preview = (hada_preview){.size = sizeof(hada_preview),
+                                .gamma = HADA_AUTO,
                                 .title = "a frame, a model",
                                 .raw = &s->raw,
                                 .planes = s->planes,

@@ -14,8 +14,9 @@
  * Lists and other things that the library makes are objects: made by ..._create(), read by ..._count() and ..._get(),
  * given back by ..._destroy(), which clears the pointer. Files are opened and closed. Nothing is given to free().
  *
- * Defaults. A number that the library is to choose is HADA_AUTO, in integers and in floating point alike; each option
- * that can be left open says so. Pointers that are left open are NULL.
+ * Defaults. A number that the library is to choose is HADA_AUTO, in integers and in floating point alike, and each
+ * option that can be left open says so; of an enumeration it is the member ..._AUTO. Pointers that are left open are
+ * NULL, and a size of 0 x 0 is none of its own.
  *
  * Threads: these functions have no state. Source: Semantic Versioning 2.0.0 (semver.org); CONTRIBUTING.md says what
  * each part of the version and the soname mean here. */

@@ -39,11 +39,11 @@ typedef enum hada_support {
 typedef struct hada_classic_options {
     size_t size;        /* sizeof(hada_classic_options) */
     hada_method method; /* HADA_METHOD_MODEL by default: none of these */
-    int iterations;     /* at most; 0 (default): 100 */
+    int iterations;     /* at most; 100 by default */
     double stop;        /* stop when |x - x before| < stop |x| twice running (all planes, L2); 0 (default): never */
     double seconds;     /* stop after so much time, which makes the result depend on it; 0 (default): never */
     hada_prior prior;
-    double weight; /* of the prior, see docs/rivals.md; negative (default): the method's own */
+    double weight; /* of the prior, see docs/rivals.md; HADA_AUTO (default): the method's own */
     hada_support support;
     double lambda;  /* Wiener: noise in units of the mean |H|^2 of a depth, > 0; 0.1 by default */
     int accelerate; /* Richardson-Lucy: 1 (default): Biggs and Andrews' vector extrapolation */

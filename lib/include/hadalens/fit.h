@@ -27,13 +27,13 @@ typedef struct hada_fit_options {
     int raw_rows, raw_cols, window_rows, window_cols;
     hada_boundary boundary; /* HADA_BOUNDARY_CIRCULAR by default */
     hada_form form;         /* HADA_FORM_COMPLEX (default) or HADA_FORM_SPLIT */
-    double dark;            /* taken off the raw frames; negative: estimated for each frame and channel, as its first
+    double dark;            /* taken off the raw frames; HADA_AUTO: estimated for each frame and channel, as its first
                                percentile */
-    double alpha, lambda;   /* negative (default): chosen by leave-one-out */
-    double outside;         /* weight of a filter's error outside the window, 0.01 to 1; negative (default): chosen by
+    double alpha, lambda;   /* HADA_AUTO (default): chosen by leave-one-out */
+    double outside;         /* weight of a filter's error outside the window, 0.01 to 1; HADA_AUTO (default): chosen by
                                hada_fitter_judge(), without which it is 1 */
-    int refine_steps;       /* negative (default): chosen by leave-one-out; 0: none */
-    double refine_tv;       /* weight of total variation in refinement; negative (default): chosen with the steps, none
+    int refine_steps;       /* HADA_AUTO (default): chosen by leave-one-out; 0: none */
+    double refine_tv;       /* weight of total variation in refinement; HADA_AUTO (default): chosen with the steps, none
                                where these are given; 0: none */
     int nonnegative;        /* 1 (default): transfer functions are those of point spread functions that are nowhere
                                negative, as light's are, where the pairs say too little; 0: from the pairs alone */
@@ -84,7 +84,7 @@ typedef hada_status (*hada_fit_show)(void *user, int depth, int64_t pair, const 
 /* Further passes, optional: filters that are judged in the window. The exact fit of the first pass minds the whole
  * grid, although only the window of what a filter makes is kept; here what it makes outside counts with the weight
  * options.outside alone (docs/filters.md). Every pair of the sums is shown up to 12 times, and some more often to
- * choose the weight (where options.outside is negative) by leaving pairs out. Transfer functions, and so refined
+ * choose the weight (where options.outside is HADA_AUTO) by leaving pairs out. Transfer functions, and so refined
  * images, stay as they are. Call it after scoring, before hada_fitter_finish(); new pairs and scores discard what was
  * found. Pairs that are not those of the sums are refused (HADA_ERROR_STATE): sums from files cannot be judged without
  * their pairs. With options.outside = 1, or where nothing can be left out, no pair is shown and the exact fit stays.

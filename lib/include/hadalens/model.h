@@ -24,6 +24,7 @@ extern "C" {
  * complex: X = B (Wr + i Wi); split: X = Re(B) Wr + i Im(B) Wi (their Eq. 3);
  * matched: X = B conj(OTF) (Eq. 2); wiener: X = B conj(OTF) / (|OTF|^2 + noise). The last two are complex in use. */
 typedef enum hada_form {
+    HADA_FORM_AUTO = 0, /* in options only */
     HADA_FORM_COMPLEX = 1,
     HADA_FORM_SPLIT = 2,
     HADA_FORM_MATCHED = 3,
@@ -42,8 +43,8 @@ typedef struct hada_model_info {
     hada_form form;
     hada_boundary boundary;
     double alpha, lambda; /* what the fit chose: weight of the other depths, regularisation (relative) */
-    double dark;          /* level taken off every pixel before anything else, in units of full scale; negative: each
-                             frame's own, estimated */
+    double dark;          /* level taken off every pixel before anything else, in units of full scale; HADA_AUTO:
+                             each frame's own, estimated */
     double noise;         /* standard deviation of the frame's noise that the fit found, 0 where unknown */
     int refine_steps;     /* refinement that pays for this camera; 0: none does */
     double refine_rho;    /* in units of the largest |OTF(0)|^2 of all depths and channels */
@@ -89,10 +90,11 @@ typedef struct hada_psf_options {
     hada_form form;               /* HADA_FORM_WIENER by default */
     hada_boundary boundary;       /* HADA_BOUNDARY_PADDED by default: a measured PSF belongs to a sensor that crops */
     int window_rows, window_cols; /* 0: the whole frame */
-    double lambda;    /* of the Wiener filter, relative to the mean |OTF|^2; 0: chosen, see docs/filters.md */
-    double psf_dark;  /* taken off the PSF's pixels; negative: estimated from its background */
-    double dark;      /* of the frames, kept in the model; negative: per frame, estimated */
-    int refine_steps; /* negative: chosen */
+    double lambda;    /* of the Wiener filter, relative to the mean |OTF|^2, above 0; HADA_AUTO (default): chosen, see
+                         docs/filters.md */
+    double psf_dark;  /* taken off the PSF's pixels; HADA_AUTO (default): estimated from its background */
+    double dark;      /* of the frames, kept in the model; HADA_AUTO: per frame, estimated; 0 by default */
+    int refine_steps; /* HADA_AUTO (default): chosen */
     double refine_tv; /* weight of total variation in refinement; 0 (default): none */
 } hada_psf_options;
 HADA_API void hada_psf_options_defaults(hada_psf_options *options, size_t size);

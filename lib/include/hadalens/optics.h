@@ -91,7 +91,7 @@ typedef struct hada_optics_report {
     void *state;
 } hada_optics_report;
 
-/* Begins a report on a camera, whose PSFs are added from near to far; `threshold` 0: 0.05. Ended by
+/* Begins a report on a camera, whose PSFs are added from near to far; `threshold` HADA_AUTO: 0.05. Ended by
  * hada_optics_report_end(), also after a failure; before the context is, where not all PSFs were added. */
 HADA_API hada_status hada_optics_report_begin(hada_optics_report *report, hada_context *context,
                                               const hada_camera *camera, double threshold, hada_error *err);

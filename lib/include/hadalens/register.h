@@ -45,8 +45,8 @@ static inline void hada_registration_init(hada_registration *registration)
 
 typedef struct hada_register_options {
     size_t size;                                    /* sizeof(hada_register_options) */
-    double least_magnification, most_magnification; /* searched; 0, 0 (default): as make the scene's longer side 0.15
-                                                       to 2.5 times that of the frame */
+    double least_magnification, most_magnification; /* searched; HADA_AUTO (default): what makes the scene's longer side
+ 0.15 and 2.5 times that of the frame */
     double most_rotation_deg;                       /* to either side of the quarter turns: 15 by default, at most 45 */
 } hada_register_options;
 HADA_API void hada_register_options_defaults(hada_register_options *options, size_t size);

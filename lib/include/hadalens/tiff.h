@@ -59,7 +59,7 @@ typedef struct hada_tiff_write_options {
                                    product is how many will come, 0 (default) where that is not known */
     const double *distances_mm; /* per slice (page), near to far, `slices` of them; copied; NULL where none */
     double pixel_um;            /* size of a pixel, 0 where unknown */
-    double scale;            /* 8 and 16 bits: a value of `scale` becomes full scale; stated in the metadata. 0 = 1 */
+    double scale; /* 8 and 16 bits: a value of `scale` becomes full scale; stated in the metadata; 1 by default */
     const char *description; /* further lines for the metadata ("key=value\n"), or NULL */
     int compress;            /* 1: deflate with predictor; 0: none (default) */
 } hada_tiff_write_options;

@@ -82,8 +82,8 @@ typedef struct hada_train_options {
     uint64_t seed;
 
     /* what is trained */
-    hada_form form;   /* FILTERS: HADA_FORM_COMPLEX or HADA_FORM_SPLIT; 0 (default): complex for a random start, else
-                         the model's */
+    hada_form form;   /* FILTERS: HADA_FORM_COMPLEX or HADA_FORM_SPLIT; HADA_FORM_AUTO (default): complex for a random
+                         start, else   the model's */
     int random_start; /* FILTERS: 1: random filters; 0 (default): the model's */
     const char *net;  /* preset of a new net ("compact", "paper"), used where the model has none or `new_net` is 1 */
     const hada_net *net_given; /* instead of a preset; copied; NULL: none */
@@ -95,11 +95,12 @@ typedef struct hada_train_options {
     /* steps */
     uint64_t steps; /* of the whole training: the schedule's length */
     int batch;      /* pairs of a step */
-    int at_once;    /* pairs computed together on a device; fewer need less memory (gradients add up); 0: chosen */
+    int at_once;    /* pairs computed together on a device; fewer need less memory (gradients add up);
+                       HADA_AUTO (default): chosen from the memory */
     int recompute;  /* 1: keep less for backward, compute it again */
     hada_rule rule; /* HADA_RULE_RMSPROP is the paper's */
-    double rate, filter_rate, critic_rate; /* of the net, the filters (0: 0.1 for a random start, else 1e-3), the
-                                              discriminator (0: 3e-4 for "paper", else 1e-3) */
+    double rate, filter_rate, critic_rate; /* of the net, the filters (HADA_AUTO: 0.1 for a random start, else 1e-3),
+                                              the discriminator (HADA_AUTO: 3e-4 for "paper", else 1e-3) */
     hada_rate schedule;
     double last_rate;      /* COSINE: at the end, as a share of the rate; STEP: factor after each period */
     uint64_t rate_period;  /* STEP */
@@ -109,8 +110,8 @@ typedef struct hada_train_options {
     uint64_t critic_steps; /* steps (of `steps`) of the discriminator alone, before the first of the net */
 
     /* losses: weights; those of the paper's code by default: 1.5, 0.1, 8e-3, 5e-7, but ADVERSARIAL with another
-       discriminator than "paper" 2e-3 (adversarial NaN, as it is set up: that default); JOINT: adversarial 0, and with
-       more it has a discriminator as ADVERSARIAL has; the other stages know no adversarial term. FILTERS: the mean
+       discriminator than "paper" 2e-3 (adversarial HADA_AUTO, as it is set up: that default); JOINT: adversarial 0, and
+       with more it has a discriminator as ADVERSARIAL has; the other stages know no adversarial term. FILTERS: the mean
        squared error alone. */
     double mse, perceptual, adversarial, variation;
     int variation_squared; /* 1: the paper's formula; 0 (default): absolute values, as its code */

@@ -35,11 +35,11 @@ typedef struct hada_tune_row {
     hada_tune_backend chosen; /* the faster one */
 } hada_tune_row;
 
-/* Measures both back ends on real images of rows x cols, forward and inverse, taking turns for `rounds` rounds (0: 15,
- * at most 1000). A back end whose plan cannot be made, or does not give the known answers, is left out. clFFT is chosen
- * when it needs less than 95 % of the time: the own kernels save more than is measured here, since they prune and
- * multiply by filters as they read. HADA_ERROR_SELF_TEST or another error of the plan when neither can serve. A new
- * size may compile for a minute. */
+/* Measures both back ends on real images of rows x cols, forward and inverse, taking turns for `rounds` rounds
+ * (HADA_AUTO: 15, at most 1000). A back end whose plan cannot be made, or does not give the known answers, is left out.
+ * clFFT is chosen when it needs less than 95 % of the time: the own kernels save more than is measured here, since they
+ * prune and multiply by filters as they read. HADA_ERROR_SELF_TEST or another error of the plan when neither can serve.
+ * A new size may compile for a minute. */
 HADA_API hada_status hada_tune_fft(hada_context *context, int rows, int cols, int rounds, hada_tune_row *row,
                                    hada_error *err);
 

@@ -5,7 +5,7 @@
 #include <hadalens/reconstruct.h>
 
 #include "model/model.h"
-#include "sched/frame.h"
+#include "engine/repair.h"
 #include "stress.h"
 #include "stress_camera.h"
 

@@ -7,7 +7,7 @@
 #include "classic/classic.h"
 #include "fft/fft_fused.h"
 #include "model/model.h"
-#include "sched/plan.h"
+#include "dispatch/plan.h"
 
 enum { ROWS = 40, COLS = 48, CHANNELS = 3, DEPTHS = 2 };
 

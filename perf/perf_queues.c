@@ -1,7 +1,7 @@
-/* Frames through a plan of one lane, of two queues on the device, and of two halves of the device, in turns: time per
+/* Frames through a plan of one queue, of two queues on the device, and of two halves of the device, in turns: time per
  * frame of a sequence, latency of a frame alone, memory. Prints Markdown tables; medians over the rounds.
  *    perf_queues MODEL ROUNDS RAW.tif...      the tables; sequences of all frames, refined ones of 8
- *    perf_queues --alone MODEL RAW.tif...     seconds that one lane needs for all frames, as one number each for
+ *    perf_queues --alone MODEL RAW.tif...     seconds that one queue needs for all frames, as one number each for
  *                                             --refine 0 and auto */
 #include <hadalens/hadalens.h>
 #include <math.h>
@@ -96,9 +96,8 @@ static double run_alone(way *w, int frame)
 static void print_table(const char *title, way *ways, int rounds)
 {
     double of_sequence[MOST_ROUNDS], of_alone[MOST_ROUNDS];
-    printf("\n%s\n\n| | frame of a sequence, ms | throughput against one lane | frame alone, ms | latency against one "
-           "lane "
-           "| memory, MiB | without sharing, MiB |\n|---|---|---|---|---|---|---|\n",
+    printf("\n%s\n\n| | frame of a sequence, ms | throughput against one queue | frame alone, ms | latency against one "
+           "queue | memory, MiB | without sharing, MiB |\n|---|---|---|---|---|---|---|\n",
            title);
     for (int k = 0; k < WAYS; k++) {
         uint64_t held, apart;
@@ -116,7 +115,7 @@ static void print_table(const char *title, way *ways, int rounds)
 
 static void compare(hada_context *const *contexts, const hada_model *model, int refine, int rounds, const char *title)
 {
-    way ways[WAYS] = {{.name = "one lane", .plan = make(contexts, 1, model, refine, 1)},
+    way ways[WAYS] = {{.name = "one queue", .plan = make(contexts, 1, model, refine, 1)},
                       {.name = "two queues", .plan = make(contexts, 1, model, refine, 2)},
                       {.name = "two halves of the device", .plan = make(contexts + 1, 2, model, refine, 1)}};
     for (int i = -1; i < rounds; i++) /* the first round warms up */

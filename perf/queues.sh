@@ -34,7 +34,7 @@ for ((i = 0; i < streams; i++)); do
         awk -v a="$seconds" -v b="$(tail -n 1 "$work/$kind.alone")" 'BEGIN { print a / b }' >>"$work/$kind.ratio"
     done
 done
-printf '\n50 frames from TIFF to TIFF against computing alone, one lane:\n\n| | streaming, s | computing, s | ratio |\n|---|---|---|---|\n'
+printf '\n50 frames from TIFF to TIFF against computing alone, one queue:\n\n| | streaming, s | computing, s | ratio |\n|---|---|---|---|\n'
 for kind in linear refined; do
     printf '| %s | %s | %s | %s |\n' "$kind" "$(median <"$work/$kind.stream")" "$(median <"$work/$kind.alone")" \
         "$(median <"$work/$kind.ratio")"

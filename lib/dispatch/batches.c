@@ -2,104 +2,144 @@
 
 #include <string.h>
 
-#include "dispatch/dispatcher.h"
+/* What job->depths holds. */
+enum {
+    FREE = 0,
+    TAKEN = 1,
+    DONE = 2, /* its plane is in the result */
+    EMPTY = 3 /* its plane is not computed: nothing is there */
+};
 
-void hada_batches_open(hada_task *task, const unsigned char *wanted)
+static void open_batches(hada_frame *frame, const unsigned char *wanted)
 {
-    hada_board *board = task->plan->board;
-    pthread_mutex_lock(&board->lock);
-    for (int z = 0; z < task->plan->shape.depths; z++)
-        task->depths[z] = wanted[z] ? HADA_DEPTH_FREE : HADA_DEPTH_EMPTY;
-    task->open = 1;
-    pthread_cond_broadcast(&board->changed);
-    pthread_mutex_unlock(&board->lock);
+    hada_job *job = frame->owner;
+    hada_dispatcher *dispatcher = job->dispatcher;
+    pthread_mutex_lock(&dispatcher->lock);
+    for (int z = 0; z < frame->setup->config.depths; z++)
+        job->depths[z] = wanted[z] ? FREE : EMPTY;
+    job->open = 1;
+    pthread_cond_broadcast(&dispatcher->changed);
+    pthread_mutex_unlock(&dispatcher->lock);
 }
 
-void hada_batches_close(hada_task *task)
+static void close_batches(hada_frame *frame)
 {
-    hada_board *board = task->plan->board;
-    pthread_mutex_lock(&board->lock);
-    task->open = 0;
-    while (task->helpers)
-        pthread_cond_wait(&board->changed, &board->lock);
-    pthread_mutex_unlock(&board->lock);
+    hada_job *job = frame->owner;
+    hada_dispatcher *dispatcher = job->dispatcher;
+    pthread_mutex_lock(&dispatcher->lock);
+    job->open = 0;
+    while (job->helpers)
+        pthread_cond_wait(&dispatcher->changed, &dispatcher->lock);
+    pthread_mutex_unlock(&dispatcher->lock);
 }
 
-static int count_free(const hada_task *task)
+static int count_free(const hada_job *job)
 {
     int count = 0;
-    for (int z = 0; z < task->plan->shape.depths; z++)
-        count += task->depths[z] == HADA_DEPTH_FREE;
+    for (int z = 0; z < job->frame.setup->config.depths; z++)
+        count += job->depths[z] == FREE;
     return count;
 }
 
-/* The nearest or the farthest free depths that stand together; returns how many. */
-static int find_run(const hada_task *task, int farthest, int *first)
+int hada_batches_left(const hada_job *job)
 {
-    const int depths = task->plan->shape.depths, step = farthest ? -1 : 1;
+    return job->open && count_free(job);
+}
+
+/* The nearest or the farthest free depths that stand together; returns how many. */
+static int find_run(const hada_job *job, int farthest, int *first)
+{
+    const int depths = job->frame.setup->config.depths, step = farthest ? -1 : 1;
     int z = farthest ? depths - 1 : 0;
-    while (z >= 0 && z < depths && task->depths[z] != HADA_DEPTH_FREE)
+    while (z >= 0 && z < depths && job->depths[z] != FREE)
         z += step;
     const int begin = z;
-    while (z >= 0 && z < depths && task->depths[z] == HADA_DEPTH_FREE)
+    while (z >= 0 && z < depths && job->depths[z] == FREE)
         z += step;
     *first = farthest ? z + 1 : begin;
     return farthest ? begin - z : z - begin;
 }
 
-int hada_batches_left(const hada_task *task)
+/* Workers without work that could help this one. */
+static int count_idle(const hada_dispatcher *dispatcher, const hada_queue_worker *worker)
 {
-    return task->open && count_free(task);
+    int idle = 0;
+    for (int i = 0; i < dispatcher->worker_count; i++)
+        idle += dispatcher->workers[i].idle && hada_worker_helps(&dispatcher->workers[i], worker);
+    return idle;
 }
 
-/* Part of what is free, so that lanes of different speed end together. */
-static int share_out(int free, int lanes)
+/* Half of a worker's part of what is free, so that workers of different speed end together: factoring, S. F. Hummel,
+ * E. Schonberg, L. E. Flynn, Communications of the ACM 35(8), 90 (1992). */
+static int part_of(int free, int workers)
 {
-    return (free + 2 * lanes - 1) / (2 * lanes);
+    return (free + 2 * workers - 1) / (2 * workers);
 }
 
-int hada_batches_take(hada_task *task, const hada_lane *lane, int helps, int *first)
+/* Never more than `most`, and less where other workers wait for work. */
+static int take(hada_job *job, const hada_queue_worker *worker, int helps, int most, int *first)
 {
-    hada_board *board = task->plan->board;
-    pthread_mutex_lock(&board->lock);
+    hada_dispatcher *dispatcher = job->dispatcher;
+    pthread_mutex_lock(&dispatcher->lock);
     int count = 0;
-    const int free = task->open ? count_free(task) : 0;
+    const int free = job->open ? count_free(job) : 0;
     if (free) {
-        const int run = find_run(task, helps, first), idle = hada_board_idle(board, lane);
-        count = idle || helps ? share_out(free, idle + 1 + task->helpers) : free;
-        count = count < lane->batch ? count : lane->batch;
+        const int run = find_run(job, helps, first), idle = count_idle(dispatcher, worker);
+        count = idle || helps ? part_of(free, idle + 1 + job->helpers) : free;
+        count = count < most ? count : most;
         count = count < run ? count : run;
         if (helps)
             *first += run - count;
-        memset(task->depths + *first, HADA_DEPTH_TAKEN, (size_t)count);
+        memset(job->depths + *first, TAKEN, (size_t)count);
     }
-    pthread_mutex_unlock(&board->lock);
+    pthread_mutex_unlock(&dispatcher->lock);
     return count;
 }
 
-void hada_batches_put(hada_task *task, hada_lane *lane, int first, int count, int state)
+static int take_near(hada_frame *frame, int most, int *first)
 {
-    hada_board *board = task->plan->board;
-    pthread_mutex_lock(&board->lock);
-    memset(task->depths + first, state, (size_t)count);
-    lane->info.batches += state == HADA_DEPTH_HOME;
-    int home = 0;
-    for (int z = 0; z < task->plan->shape.depths; z++)
-        home += task->depths[z] >= HADA_DEPTH_HOME;
-    hada_task_progress(task, 1 + home);
-    pthread_cond_broadcast(&board->changed);
-    pthread_mutex_unlock(&board->lock);
+    hada_job *job = frame->owner;
+    return take(job, job->worker, 0, most, first);
 }
 
-int hada_batches_home(hada_task *task, int first, int wait)
+int hada_batches_take_far(hada_job *job, const hada_queue_worker *worker, int *first)
 {
-    hada_board *board = task->plan->board;
+    return take(job, worker, 1, hada_pipeline_batch(worker->pipeline), first);
+}
+
+void hada_batches_put(hada_job *job, hada_queue_worker *worker, int first, int count, int done)
+{
+    hada_dispatcher *dispatcher = job->dispatcher;
+    pthread_mutex_lock(&dispatcher->lock);
+    memset(job->depths + first, done ? DONE : FREE, (size_t)count);
+    worker->info.batches += (uint64_t)done;
+    int ended = 0;
+    for (int z = 0; z < job->frame.setup->config.depths; z++)
+        ended += job->depths[z] >= DONE;
+    hada_frame_progress(&job->frame, 1 + ended);
+    pthread_cond_broadcast(&dispatcher->changed);
+    pthread_mutex_unlock(&dispatcher->lock);
+}
+
+static void put_near(hada_frame *frame, int first, int count, int done)
+{
+    hada_job *job = frame->owner;
+    hada_batches_put(job, job->worker, first, count, done);
+}
+
+static int arrived(hada_frame *frame, int first, int wait)
+{
+    hada_job *job = frame->owner;
+    hada_dispatcher *dispatcher = job->dispatcher;
     int count = 0;
-    pthread_mutex_lock(&board->lock);
-    while (wait && task->depths[first] == HADA_DEPTH_TAKEN)
-        pthread_cond_wait(&board->changed, &board->lock);
-    while (first + count < task->plan->shape.depths && task->depths[first + count] == HADA_DEPTH_HOME)
+    pthread_mutex_lock(&dispatcher->lock);
+    while (wait && job->depths[first] == TAKEN)
+        pthread_cond_wait(&dispatcher->changed, &dispatcher->lock);
+    while (first + count < frame->setup->config.depths && job->depths[first + count] == DONE)
         count++;
-    pthread_mutex_unlock(&board->lock);
+    pthread_mutex_unlock(&dispatcher->lock);
     return count;
 }
+
+const hada_batches hada_job_batches = {
+    .open = open_batches, .take = take_near, .put = put_near, .arrived = arrived, .close = close_batches};

@@ -1,46 +1,75 @@
+/* The workers' threads: each pulls the next frame, or helps with one that runs, and hands on what it cannot do. */
 #include "dispatch/dispatcher.h"
 
+#include <signal.h>
 #include <stdlib.h>
 
 #include "core/alloc.h"
+#include "core/clock.h"
+#include "dispatch/batches.h"
+#include "dispatch/frame_cache.h"
 
-hada_status hada_board_create(hada_board **out, hada_lane **lanes, int lane_count, hada_error *err)
+hada_status hada_dispatcher_create(hada_dispatcher **out, int workers, hada_error *err)
 {
-    hada_board *board;
-    *out = NULL;
-    hada_status status = hada_alloc((void **)&board, 1, sizeof *board, "a plan", err);
+    hada_dispatcher *dispatcher = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&dispatcher, 1, sizeof *dispatcher, "a plan", err));
+    HADA_TRY(hada_alloc((void **)&dispatcher->workers, (size_t)workers, sizeof *dispatcher->workers, "a plan", err));
+    pthread_mutex_init(&dispatcher->lock, NULL);
+    pthread_cond_init(&dispatcher->changed, NULL);
+    dispatcher->references = 1;
+    dispatcher->capacity = workers;
+done:
+    if (status) {
+        free(dispatcher);
+        dispatcher = NULL;
+    }
+    *out = dispatcher;
+    return status;
+}
+
+hada_status hada_dispatcher_add(hada_dispatcher *dispatcher, const hada_setup *setup, const hada_constants *constants,
+                                int device, int number, int batch, hada_error *err)
+{
+    hada_queue_worker *worker = &dispatcher->workers[dispatcher->worker_count];
+    *worker = (hada_queue_worker){
+        .dispatcher = dispatcher, .context = constants->context, .number = number, .info.device = device};
+    hada_status status = hada_pipeline_create(&worker->pipeline, setup, constants, batch, err);
     if (status)
         return status;
-    pthread_mutex_init(&board->lock, NULL);
-    pthread_cond_init(&board->changed, NULL);
-    board->references = 1;
-    board->lanes = lanes;
-    board->lane_count = board->alive = lane_count;
-    *out = board;
+    dispatcher->worker_count++;
+    dispatcher->alive++;
     return HADA_OK;
 }
 
-void hada_board_release(hada_board *board)
+void hada_dispatcher_release(hada_dispatcher *dispatcher)
 {
-    pthread_mutex_lock(&board->lock);
-    const int left = --board->references;
-    pthread_mutex_unlock(&board->lock);
+    pthread_mutex_lock(&dispatcher->lock);
+    const int left = --dispatcher->references;
+    pthread_mutex_unlock(&dispatcher->lock);
     if (left)
         return;
-    pthread_cond_destroy(&board->changed);
-    pthread_mutex_destroy(&board->lock);
-    free(board);
+    pthread_cond_destroy(&dispatcher->changed);
+    pthread_mutex_destroy(&dispatcher->lock);
+    free(dispatcher->workers);
+    free(dispatcher);
 }
 
-void hada_board_add(hada_job **list, hada_job *job, int front)
+static void push_back(hada_job **list, hada_job *job)
 {
-    while (*list && !front)
+    while (*list)
         list = &(*list)->next;
+    job->next = NULL;
+    *list = job;
+}
+
+static void push_front(hada_job **list, hada_job *job)
+{
     job->next = *list;
     *list = job;
 }
 
-void hada_board_remove(hada_job **list, hada_job *job)
+static void take_out(hada_job **list, hada_job *job)
 {
     while (*list && *list != job)
         list = &(*list)->next;
@@ -49,21 +78,239 @@ void hada_board_remove(hada_job **list, hada_job *job)
     job->next = NULL;
 }
 
-void hada_board_end(hada_board *board, hada_job *job, hada_job_state state, const hada_error *error)
+void hada_job_release(hada_job *job, hada_status status)
 {
-    hada_task_end(&job->task, error ? error->status : HADA_OK);
+    hada_frame_end(&job->frame, status);
+    hada_frame_cache_leave(job);
+    free(job->depths);
+    job->depths = NULL;
+}
+
+/* Those who wait for the job learn it. With the lock held. */
+static void end(hada_dispatcher *dispatcher, hada_job *job, const hada_error *error)
+{
+    const hada_status status = error ? error->status : HADA_OK;
+    hada_job_release(job, status);
     if (error)
         job->error = *error;
     else
-        hada_task_progress(&job->task, job->task.work);
-    job->state = state;
-    pthread_cond_broadcast(&board->changed);
+        hada_frame_progress(&job->frame, job->frame.work);
+    job->state = !status ? HADA_JOB_DONE : status == HADA_ERROR_CANCELLED ? HADA_JOB_CANCELLED : HADA_JOB_FAILED;
+    pthread_cond_broadcast(&dispatcher->changed);
 }
 
-int hada_board_idle(const hada_board *board, const hada_lane *lane)
+static int is_of_the_device(hada_status status)
 {
-    int idle = 0;
-    for (int i = 0; i < board->lane_count; i++)
-        idle += board->lanes[i]->idle && hada_lane_helps(board->lanes[i], lane);
-    return idle;
+    return status == HADA_ERROR_DEVICE || status == HADA_ERROR_DEVICE_MEMORY || status == HADA_ERROR_BUILD ||
+           status == HADA_ERROR_SELF_TEST;
+}
+
+/* The worker goes out of use. When it was the last one, all may try again: the next frame is not to blame. Returns how
+ * many are left now. */
+static int lose(hada_dispatcher *dispatcher, hada_queue_worker *worker, const hada_error *error)
+{
+    const int left = --dispatcher->alive;
+    worker->info.lost = 1;
+    hada_log(worker->context, HADA_LOG_WARNING, "queue %d of device %d (%s) is out of use: %s%s", worker->number,
+             worker->info.device, worker->context->info.name, error->message,
+             left ? "; the others take over its work" : "");
+    for (int i = 0; !left && i < dispatcher->worker_count; i++) {
+        dispatcher->workers[i].info.lost = 0;
+        dispatcher->alive++;
+    }
+    return left;
+}
+
+hada_status hada_worker_run(hada_queue_worker *worker, hada_job *job, hada_error *err)
+{
+    hada_status status;
+    if (hada_frame_cache_reuse(job, &status, err))
+        return status;
+    hada_frame_cache_begin(job);
+    status = hada_pipeline_run(worker->pipeline, &job->frame, err);
+    hada_frame_cache_done(job, status);
+    return status;
+}
+
+static void run_frame(hada_dispatcher *dispatcher, hada_queue_worker *worker, hada_job *job)
+{
+    hada_error error = {0};
+    take_out(&dispatcher->waiting, job);
+    push_back(&dispatcher->running, job);
+    job->state = HADA_JOB_RUNNING;
+    job->worker = worker;
+    worker->info.frames++;
+    pthread_mutex_unlock(&dispatcher->lock);
+    const double start = hada_seconds();
+    const hada_status status = hada_worker_run(worker, job, &error);
+    const double busy = hada_seconds() - start;
+    pthread_mutex_lock(&dispatcher->lock);
+    worker->info.busy_seconds += busy;
+    job->worker = NULL;
+    take_out(&dispatcher->running, job);
+    if (!is_of_the_device(status)) {
+        end(dispatcher, job, status ? &error : NULL);
+        return;
+    }
+    if (!job->error.status)
+        job->error = error; /* the first failure is the one to tell */
+    if (lose(dispatcher, worker, &error)) {
+        push_front(&dispatcher->waiting, job);
+        pthread_cond_broadcast(&dispatcher->changed);
+    } else {
+        error = job->error;
+        end(dispatcher, job, &error);
+    }
+}
+
+static hada_job *find_help(const hada_dispatcher *dispatcher, const hada_queue_worker *worker)
+{
+    for (hada_job *job = dispatcher->running; job; job = job->next)
+        if (hada_worker_helps(worker, job->worker) && hada_batches_left(job))
+            return job;
+    return NULL;
+}
+
+static hada_status help_once(hada_queue_worker *worker, hada_job *job, hada_error *err)
+{
+    int first;
+    const int count = hada_batches_take_far(job, worker, &first);
+    if (!count)
+        return HADA_OK;
+    const hada_status status = hada_pipeline_help(worker->pipeline, &job->frame, first, count, err);
+    hada_batches_put(job, worker, first, count, !status);
+    return status;
+}
+
+static void help(hada_dispatcher *dispatcher, hada_queue_worker *worker, hada_job *job)
+{
+    hada_error error = {0};
+    job->helpers++;
+    pthread_mutex_unlock(&dispatcher->lock);
+    const double start = hada_seconds();
+    const hada_status status = help_once(worker, job, &error);
+    const double busy = hada_seconds() - start;
+    pthread_mutex_lock(&dispatcher->lock);
+    worker->info.busy_seconds += busy;
+    job->helpers--;
+    pthread_cond_broadcast(&dispatcher->changed);
+    if (status && status != HADA_ERROR_CANCELLED)
+        lose(dispatcher, worker, &error);
+}
+
+static void *work(void *argument)
+{
+    hada_queue_worker *worker = argument;
+    hada_dispatcher *dispatcher = worker->dispatcher;
+    pthread_mutex_lock(&dispatcher->lock);
+    while (!dispatcher->closing) {
+        const int able = !worker->info.lost && !dispatcher->occupied;
+        hada_job *job;
+        if (able && dispatcher->waiting) {
+            run_frame(dispatcher, worker, dispatcher->waiting);
+        } else if (able && (job = find_help(dispatcher, worker))) {
+            help(dispatcher, worker, job);
+        } else {
+            worker->idle = able;
+            pthread_cond_wait(&dispatcher->changed, &dispatcher->lock);
+            worker->idle = 0;
+        }
+    }
+    pthread_mutex_unlock(&dispatcher->lock);
+    return NULL;
+}
+
+/* A thread for each worker, once. With the lock held. */
+static hada_status start_threads(hada_dispatcher *dispatcher, hada_error *err)
+{
+    sigset_t all, before;
+    int failed = 0;
+    /* signals are for the threads of the program */
+    sigfillset(&all);
+    pthread_sigmask(SIG_SETMASK, &all, &before);
+    for (int i = 0; !dispatcher->threads && !failed && i < dispatcher->worker_count; i++) {
+        hada_queue_worker *worker = &dispatcher->workers[i];
+        if (!worker->has_thread)
+            failed = pthread_create(&worker->thread, NULL, work, worker);
+        worker->has_thread |= !failed;
+    }
+    pthread_sigmask(SIG_SETMASK, &before, NULL);
+    if (failed)
+        return hada_fail(err, HADA_ERROR_MEMORY, "the system gives no more threads; use fewer queues");
+    dispatcher->threads = 1;
+    return HADA_OK;
+}
+
+hada_status hada_dispatcher_submit(hada_dispatcher *dispatcher, hada_job *job, hada_error *err)
+{
+    pthread_mutex_lock(&dispatcher->lock);
+    hada_status status = start_threads(dispatcher, err);
+    if (!status) {
+        dispatcher->references++;
+        job->frame.serial = ++dispatcher->serial;
+        push_back(&dispatcher->waiting, job);
+        pthread_cond_broadcast(&dispatcher->changed);
+    }
+    pthread_mutex_unlock(&dispatcher->lock);
+    return status;
+}
+
+void hada_dispatcher_cancel(hada_dispatcher *dispatcher, hada_job *job)
+{
+    pthread_mutex_lock(&dispatcher->lock);
+    const int ended = job->state >= HADA_JOB_DONE;
+    if (!ended)
+        atomic_store(&job->frame.cancelled, 1);
+    if (!ended && !job->worker) {
+        hada_error error;
+        hada_frame_check(&job->frame, &error);
+        take_out(&dispatcher->waiting, job);
+        end(dispatcher, job, &error);
+    }
+    pthread_mutex_unlock(&dispatcher->lock);
+}
+
+void hada_dispatcher_stop(hada_dispatcher *dispatcher)
+{
+    const hada_error cancelled = {HADA_ERROR_CANCELLED, 0, "the job's plan was destroyed", ""};
+    pthread_mutex_lock(&dispatcher->lock);
+    while (dispatcher->waiting) {
+        hada_job *job = dispatcher->waiting;
+        take_out(&dispatcher->waiting, job);
+        end(dispatcher, job, &cancelled);
+    }
+    for (hada_job *job = dispatcher->running; job; job = job->next)
+        atomic_store(&job->frame.cancelled, 1);
+    dispatcher->closing = 1;
+    pthread_cond_broadcast(&dispatcher->changed);
+    pthread_mutex_unlock(&dispatcher->lock);
+    for (int i = 0; i < dispatcher->worker_count; i++) {
+        hada_queue_worker *worker = &dispatcher->workers[i];
+        if (worker->has_thread)
+            pthread_join(worker->thread, NULL);
+    }
+    for (int i = 0; i < dispatcher->worker_count; i++)
+        hada_pipeline_destroy(&dispatcher->workers[i].pipeline);
+}
+
+uint64_t hada_dispatcher_occupy(hada_dispatcher *dispatcher)
+{
+    uint64_t serial = 0;
+    pthread_mutex_lock(&dispatcher->lock);
+    if (dispatcher->worker_count == 1 && !dispatcher->threads && !dispatcher->occupied) {
+        dispatcher->occupied = 1;
+        dispatcher->workers[0].info.frames++;
+        serial = ++dispatcher->serial;
+    }
+    pthread_mutex_unlock(&dispatcher->lock);
+    return serial;
+}
+
+void hada_dispatcher_leave(hada_dispatcher *dispatcher, double busy_seconds)
+{
+    pthread_mutex_lock(&dispatcher->lock);
+    dispatcher->occupied = 0;
+    dispatcher->workers[0].info.busy_seconds += busy_seconds;
+    pthread_cond_broadcast(&dispatcher->changed);
+    pthread_mutex_unlock(&dispatcher->lock);
 }

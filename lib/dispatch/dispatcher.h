@@ -1,55 +1,34 @@
-/* The board of a plan: the frames that wait, those in hand, and the lanes that look for work. Internal.
- *
- * One lock guards all of it; one condition tells of every change. Jobs may outlive their plan, so the board goes with
- * the last of them. */
+/* Giving frames to workers. Internal. */
 #ifndef HADA_DISPATCH_DISPATCHER_H
 #define HADA_DISPATCH_DISPATCHER_H
 
-#include <hadalens/job.h>
-#include <pthread.h>
+#include "dispatch/state.h"
 
-#include "engine/pipeline.h"
+/* Room for so many workers, to be added one by one, those of a device together. */
+hada_status hada_dispatcher_create(hada_dispatcher **out, int workers, hada_error *err);
+/* `device` counts the plan's contexts, `number` the queues of a device. */
+hada_status hada_dispatcher_add(hada_dispatcher *dispatcher, const hada_setup *setup, const hada_constants *constants,
+                                int device, int number, int batch, hada_error *err);
 
-struct hada_job {
-    hada_board *board;
-    hada_job *next; /* in one of the board's lists */
-    hada_task task;
-    hada_job_state state;
-    hada_error error;
-    hada_lane *lane; /* that has the frame; NULL while it waits */
-};
+/* The plan goes: cancels all jobs, waits for the threads, destroys the pipelines. */
+void hada_dispatcher_stop(hada_dispatcher *dispatcher);
+/* Gives back a reference, the plan's or a job's. */
+void hada_dispatcher_release(hada_dispatcher *dispatcher);
 
-struct hada_board {
-    pthread_mutex_t lock;
-    pthread_cond_t changed;
-    int references;    /* the plan and its jobs */
-    hada_job *waiting; /* in the order of submission */
-    hada_job *in_hand; /* oldest first */
-    uint64_t serial;   /* of the last task */
-    hada_lane **lanes;
-    int lane_count, alive; /* lanes that are not lost */
-    int threads;           /* lanes have threads */
-    int occupied;          /* the plan's one lane works in a caller's thread */
-    int closing;           /* the plan goes */
-};
+/* The job waits behind all others; the first one makes the threads. */
+hada_status hada_dispatcher_submit(hada_dispatcher *dispatcher, hada_job *job, hada_error *err);
+/* Asks it to end; one that waits ends at once. */
+void hada_dispatcher_cancel(hada_dispatcher *dispatcher, hada_job *job);
 
-hada_status hada_board_create(hada_board **out, hada_lane **lanes, int lane_count, hada_error *err);
-void hada_board_release(hada_board *board);
+/* A plan of one worker whose thread was never needed works in the caller's: where it is free, it is taken until
+ * hada_dispatcher_leave(), and the serial for a frame comes back; else 0. */
+uint64_t hada_dispatcher_occupy(hada_dispatcher *dispatcher);
+void hada_dispatcher_leave(hada_dispatcher *dispatcher, double busy_seconds);
 
-/* The rest is called with the lock held. */
+/* Runs a job's frame on the worker, unless the frame before serves. */
+hada_status hada_worker_run(hada_queue_worker *worker, hada_job *job, hada_error *err);
 
-void hada_board_add(hada_job **list, hada_job *job, int front);
-void hada_board_remove(hada_job **list, hada_job *job);
-
-/* Ends a job: its task is freed, those who wait for it learn it. */
-void hada_board_end(hada_board *board, hada_job *job, hada_job_state state, const hada_error *error);
-
-/* Lanes without work that could help a frame of `lane`. */
-int hada_board_idle(const hada_board *board, const hada_lane *lane);
-
-/* Makes a thread for each lane, once. */
-hada_status hada_board_start(hada_board *board, hada_error *err);
-/* Cancels all jobs and waits for the threads. Takes the lock itself. */
-void hada_board_stop(hada_board *board);
+/* Frees what a job holds; a result that failed is emptied. */
+void hada_job_release(hada_job *job, hada_status status);
 
 #endif

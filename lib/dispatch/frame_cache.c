@@ -6,12 +6,12 @@
 
 #include "core/alloc.h"
 #include "core/clock.h"
-#include "engine/frame.h"
 #include "engine/result.h"
+#include "engine/skip.h"
 
 enum { WAITS, RUNS, DONE, FAILED };
 
-struct hada_kept {
+struct hada_cache_entry {
     pthread_mutex_t lock;
     pthread_cond_t changed;
     int references;
@@ -20,72 +20,67 @@ struct hada_kept {
     hada_result result;         /* filled where somebody may ask for it */
     double light;               /* at most what the frame puts into the stack: L2; where frames may be nearly equal */
     double norm;                /* of the stack */
-    double change, band_change; /* of it: see hada_task_skip */
+    double change, band_change; /* of it: see hada_frame_skip */
 };
 
-void hada_frames_make(hada_frames *frames)
+void hada_frame_cache_make(hada_frame_cache *cache)
 {
-    pthread_mutex_init(&frames->lock, NULL);
+    pthread_mutex_init(&cache->lock, NULL);
 }
 
-static void release(hada_kept *kept)
+static void release(hada_cache_entry *entry)
 {
-    if (!kept)
+    if (!entry)
         return;
-    pthread_mutex_lock(&kept->lock);
-    const int left = --kept->references;
-    pthread_mutex_unlock(&kept->lock);
+    pthread_mutex_lock(&entry->lock);
+    const int left = --entry->references;
+    pthread_mutex_unlock(&entry->lock);
     if (left)
         return;
-    pthread_cond_destroy(&kept->changed);
-    pthread_mutex_destroy(&kept->lock);
-    hada_image_destroy(&kept->raw);
-    hada_result_destroy(&kept->result);
-    free(kept);
+    pthread_cond_destroy(&entry->changed);
+    pthread_mutex_destroy(&entry->lock);
+    hada_image_destroy(&entry->raw);
+    hada_result_destroy(&entry->result);
+    free(entry);
 }
 
-static hada_kept *hold(hada_kept *kept)
+static hada_cache_entry *hold(hada_cache_entry *entry)
 {
-    pthread_mutex_lock(&kept->lock);
-    kept->references++;
-    pthread_mutex_unlock(&kept->lock);
-    return kept;
+    pthread_mutex_lock(&entry->lock);
+    entry->references++;
+    pthread_mutex_unlock(&entry->lock);
+    return entry;
 }
 
-void hada_frames_free(hada_frames *frames)
+void hada_frame_cache_free(hada_frame_cache *cache)
 {
-    release(frames->last);
-    frames->last = NULL;
-    pthread_mutex_destroy(&frames->lock);
+    release(cache->last);
+    cache->last = NULL;
+    pthread_mutex_destroy(&cache->lock);
 }
 
-uint64_t hada_frames_bytes(uint64_t frame, uint64_t result)
+static hada_status make(hada_cache_entry **out, const hada_image *raw, hada_error *err)
 {
-    return frame + result;
-}
-
-static hada_status make(hada_kept **out, const hada_image *raw, hada_error *err)
-{
-    hada_kept *kept;
-    hada_status status = hada_alloc((void **)&kept, 1, sizeof *kept, "a kept frame", err);
-    if (status)
-        return status;
-    status = hada_image_create(&kept->raw, raw->channels, raw->rows, raw->cols, err);
+    hada_cache_entry *entry = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&entry, 1, sizeof *entry, "the frame before", err));
+    HADA_TRY(hada_image_create(&entry->raw, raw->channels, raw->rows, raw->cols, err));
+    pthread_mutex_init(&entry->lock, NULL);
+    pthread_cond_init(&entry->changed, NULL);
+    entry->references = 1;
+done:
     if (status) {
-        free(kept);
-        return status;
+        free(entry);
+        entry = NULL;
     }
-    pthread_mutex_init(&kept->lock, NULL);
-    pthread_cond_init(&kept->changed, NULL);
-    kept->references = 1;
-    *out = kept;
-    return HADA_OK;
+    *out = entry;
+    return status;
 }
 
 /* The last one if nobody else needs it any more, with its memory; else a new one. */
-static hada_status renew(hada_frames *frames, const hada_image *raw, hada_error *err)
+static hada_status renew(hada_frame_cache *cache, const hada_image *raw, hada_error *err)
 {
-    hada_kept *last = frames->last;
+    hada_cache_entry *last = cache->last;
     int alone = 0;
     if (last) {
         pthread_mutex_lock(&last->lock);
@@ -93,15 +88,15 @@ static hada_status renew(hada_frames *frames, const hada_image *raw, hada_error 
         pthread_mutex_unlock(&last->lock);
     }
     if (!alone) {
-        hada_kept *kept;
-        hada_status status = make(&kept, raw, err);
+        hada_cache_entry *entry;
+        hada_status status = make(&entry, raw, err);
         if (status)
             return status;
         release(last);
-        frames->last = kept;
+        cache->last = entry;
     }
-    frames->last->state = WAITS;
-    memcpy(frames->last->raw.data, raw->data, hada_image_count(raw) * sizeof *raw->data);
+    cache->last->state = WAITS;
+    memcpy(cache->last->raw.data, raw->data, hada_image_count(raw) * sizeof *raw->data);
     return HADA_OK;
 }
 
@@ -112,11 +107,11 @@ static int equal(const hada_image *a, const hada_image *b)
 
 /* At most what frame - other (NULL: zero), the level off, puts into all planes: L2, by the largest gain of each
  * channel. */
-static double most_light(const hada_plan *plan, const hada_image *frame, const hada_image *other, double level)
+static double most_light(const hada_setup *setup, const hada_image *frame, const hada_image *other, double level)
 {
-    const hada_gains *gains = plan->skip.gains;
+    const hada_gains *gains = setup->gains;
     const size_t pixels = (size_t)frame->rows * (size_t)frame->cols;
-    const float *dark = plan->dark_frame.data;
+    const float *dark = setup->dark_frame.data;
     double sum = 0.0;
     for (int c = 0; c < frame->channels; c++) {
         double channel = 0.0;
@@ -132,20 +127,20 @@ static double most_light(const hada_plan *plan, const hada_image *frame, const h
 
 /* Whether frames of this plan may be reused when they are nearly equal. A dark level of each frame's own would have to
  * be found first. */
-static int may_be_near(const hada_plan *plan)
+static int may_be_near(const hada_setup *setup)
 {
-    return plan->skip.gains && plan->options.max_error > 0.0 && !hada_task_each_level(plan);
+    return setup->gains && setup->options.max_error > 0.0 && !hada_frame_levels_vary(setup);
 }
 
 /* The change that taking the last frame's result for this one's makes, if max_error allows it; negative: it does
  * not. */
-static double near_change(const hada_frames *frames, const hada_task *task)
+static double near_change(const hada_frame_cache *cache, const hada_job *job)
 {
-    hada_kept *last = frames->last;
-    const double most = task->plan->options.max_error;
-    if (!may_be_near(task->plan) || hada_image_count_not_finite(task->raw))
+    hada_cache_entry *last = cache->last;
+    const double most = job->frame.setup->options.max_error;
+    if (!may_be_near(job->frame.setup) || hada_image_count_not_finite(job->frame.raw))
         return -1.0;
-    const double off = most_light(task->plan, task->raw, &last->raw, 0.0);
+    const double off = most_light(job->frame.setup, job->frame.raw, &last->raw, 0.0);
     if (!(hada_skip_relative(off, last->light) <= most)) /* the stack holds no more than that */
         return -1.0;
     pthread_mutex_lock(&last->lock);
@@ -157,70 +152,53 @@ static double near_change(const hada_frames *frames, const hada_task *task)
     return known && hada_skip_relative(change, norm) <= most ? change : -1.0;
 }
 
-static int failed(hada_kept *kept)
+static int failed(hada_cache_entry *entry)
 {
-    pthread_mutex_lock(&kept->lock);
-    const int is = kept->state == FAILED;
-    pthread_mutex_unlock(&kept->lock);
+    pthread_mutex_lock(&entry->lock);
+    const int is = entry->state == FAILED;
+    pthread_mutex_unlock(&entry->lock);
     return is;
 }
 
-/* With frames->lock held. */
-static hada_status enter(hada_frames *frames, hada_task *task, hada_error *err)
+/* With cache->lock held. */
+static hada_status enter(hada_frame_cache *cache, hada_job *job, hada_error *err)
 {
-    const hada_plan *plan = task->plan;
-    if (frames->last && !failed(frames->last)) {
-        const int same = equal(&frames->last->raw, task->raw);
-        const double change = same ? 0.0 : near_change(frames, task);
+    const hada_setup *setup = job->frame.setup;
+    if (cache->last && !failed(cache->last)) {
+        const int same = equal(&cache->last->raw, job->frame.raw);
+        const double change = same ? 0.0 : near_change(cache, job);
         if (same || change >= 0.0) {
-            task->source = hold(frames->last);
-            task->source_change = change;
+            job->source = hold(cache->last);
+            job->source_change = change;
             return HADA_OK;
         }
     }
-    hada_status status = renew(frames, task->raw, err);
-    if (status)
-        return status;
-    if (may_be_near(plan))
-        frames->last->light = most_light(plan, task->raw, NULL, hada_task_fixed_level(plan));
-    task->kept = hold(frames->last);
-    return HADA_OK;
-}
-
-hada_status hada_frames_enter(hada_frames *frames, hada_task *task, hada_error *err)
-{
-    if (!(task->plan->options.skip & HADA_SKIP_FRAMES))
-        return HADA_OK;
-    pthread_mutex_lock(&frames->lock);
-    const hada_status status = enter(frames, task, err);
-    pthread_mutex_unlock(&frames->lock);
+    hada_status status = HADA_OK;
+    HADA_TRY(renew(cache, job->frame.raw, err));
+    if (may_be_near(setup))
+        cache->last->light = most_light(setup, job->frame.raw, NULL, hada_frame_fixed_level(setup));
+    job->entry = hold(cache->last);
+done:
     return status;
 }
 
-static hada_status copy(hada_result *to, const hada_result *from, const hada_model_info *info, hada_error *err)
+hada_status hada_frame_cache_enter(hada_frame_cache *cache, hada_job *job, hada_error *err)
 {
-    hada_status status = hada_result_fit(to, info, from->depths, err);
-    if (status)
-        return status;
-    unsigned char *occupied = to->report.occupied;
-    memcpy(occupied, from->report.occupied, (size_t)from->depths);
-    to->report = from->report;
-    to->report.occupied = occupied;
-    memcpy(to->distances_mm, from->distances_mm, (size_t)from->depths * sizeof *to->distances_mm);
-    for (int z = 0; z < from->depths; z++)
-        memcpy(to->planes[z].data, from->planes[z].data, hada_image_count(&from->planes[z]) * sizeof(float));
-    memcpy(to->all_in_focus.data, from->all_in_focus.data, hada_image_count(&from->all_in_focus) * sizeof(float));
-    memcpy(to->distance_map.data, from->distance_map.data, hada_image_count(&from->distance_map) * sizeof(float));
-    return HADA_OK;
+    if (!(job->frame.setup->options.skip & HADA_SKIP_FRAMES))
+        return HADA_OK;
+    pthread_mutex_lock(&cache->lock);
+    const hada_status status = enter(cache, job, err);
+    pthread_mutex_unlock(&cache->lock);
+    return status;
 }
 
-int hada_frames_reuse(hada_task *task, hada_status *status, hada_error *err)
+int hada_frame_cache_reuse(hada_job *job, hada_status *status, hada_error *err)
 {
-    hada_kept *source = task->source;
+    hada_cache_entry *source = job->source;
     if (!source)
         return 0;
     const double start = hada_seconds();
-    /* one that does not run was handed on by a lane that failed: this lane may be the only one left to do it */
+    /* one that does not run was handed on by a worker that failed: this worker may be the only one left to do it */
     pthread_mutex_lock(&source->lock);
     while (source->state == RUNS)
         pthread_cond_wait(&source->changed, &source->lock);
@@ -228,59 +206,60 @@ int hada_frames_reuse(hada_task *task, hada_status *status, hada_error *err)
     pthread_mutex_unlock(&source->lock);
     if (!known)
         return 0;
-    hada_report *report = &task->result->report;
-    *status = copy(task->result, &source->result, hada_model_get_info(task->plan->model), err);
+    hada_report *report = &job->frame.result->report;
+    *status = hada_result_copy(job->frame.result, &source->result, hada_model_get_info(job->frame.setup->model), err);
     if (*status)
         return 1;
     report->seconds_upload = report->seconds_linear = report->seconds_pursuit = report->seconds_refine =
         report->seconds_enhance = report->seconds_focus = report->seconds_download = 0.0;
     report->skipped.kinds |= HADA_SKIP_FRAMES;
     report->skipped.frame = 1;
-    if (task->source_change > 0.0)
-        report->skipped.bound = hada_skip_relative(task->source_change + source->band_change, source->norm);
+    if (job->source_change > 0.0)
+        report->skipped.bound = hada_skip_relative(job->source_change + source->band_change, source->norm);
     report->seconds_total = hada_seconds() - start;
     return 1;
 }
 
-void hada_frames_begin(hada_task *task)
+void hada_frame_cache_begin(hada_job *job)
 {
-    if (!task->kept)
+    if (!job->entry)
         return;
-    pthread_mutex_lock(&task->kept->lock);
-    task->kept->state = RUNS;
-    pthread_mutex_unlock(&task->kept->lock);
+    pthread_mutex_lock(&job->entry->lock);
+    job->entry->state = RUNS;
+    pthread_mutex_unlock(&job->entry->lock);
 }
 
-/* What the task's lane made of it. Where only the task itself still has the frame nobody will ask. */
-void hada_frames_done(hada_task *task, hada_status status)
+/* What the job's worker made of it. Where only the job itself still has the frame nobody will ask. */
+void hada_frame_cache_done(hada_job *job, hada_status status)
 {
-    hada_kept *kept = task->kept;
-    if (!kept)
+    hada_cache_entry *entry = job->entry;
+    if (!entry)
         return;
-    pthread_mutex_lock(&kept->lock);
-    const int wanted = kept->references > 1;
-    pthread_mutex_unlock(&kept->lock);
-    if (!status && wanted && copy(&kept->result, task->result, hada_model_get_info(task->plan->model), NULL))
-        hada_result_destroy(&kept->result); /* no memory: the next frame is computed */
-    pthread_mutex_lock(&kept->lock);
-    kept->norm = task->skip.norm;
-    kept->change = task->skip.change;
-    kept->band_change = task->skip.band_change;
-    kept->state = status ? WAITS : DONE;
-    pthread_cond_broadcast(&kept->changed);
-    pthread_mutex_unlock(&kept->lock);
+    pthread_mutex_lock(&entry->lock);
+    const int wanted = entry->references > 1;
+    pthread_mutex_unlock(&entry->lock);
+    if (!status && wanted &&
+        hada_result_copy(&entry->result, job->frame.result, hada_model_get_info(job->frame.setup->model), NULL))
+        hada_result_destroy(&entry->result); /* no memory: the next frame is computed */
+    pthread_mutex_lock(&entry->lock);
+    entry->norm = job->frame.skip.norm;
+    entry->change = job->frame.skip.change;
+    entry->band_change = job->frame.skip.band_change;
+    entry->state = status ? WAITS : DONE;
+    pthread_cond_broadcast(&entry->changed);
+    pthread_mutex_unlock(&entry->lock);
 }
 
-void hada_frames_leave(hada_task *task)
+void hada_frame_cache_leave(hada_job *job)
 {
-    if (task->kept) {
-        pthread_mutex_lock(&task->kept->lock);
-        if (task->kept->state != DONE)
-            task->kept->state = FAILED;
-        pthread_cond_broadcast(&task->kept->changed);
-        pthread_mutex_unlock(&task->kept->lock);
+    if (job->entry) {
+        pthread_mutex_lock(&job->entry->lock);
+        if (job->entry->state != DONE)
+            job->entry->state = FAILED;
+        pthread_cond_broadcast(&job->entry->changed);
+        pthread_mutex_unlock(&job->entry->lock);
     }
-    release(task->kept);
-    release(task->source);
-    task->kept = task->source = NULL;
+    release(job->entry);
+    release(job->source);
+    job->entry = job->source = NULL;
 }

@@ -3,7 +3,8 @@
 
 #include "core/alloc.h"
 #include "core/clock.h"
-#include "dispatch/dispatcher.h"
+#include "dispatch/batches.h"
+#include "dispatch/plan.h"
 
 static hada_status check_arguments(const void *plan, const hada_image *raw, const void *result, const char *name,
                                    hada_error *err)
@@ -13,91 +14,78 @@ static hada_status check_arguments(const void *plan, const hada_image *raw, cons
     return hada_fail(err, HADA_ERROR_ARGUMENT, "%s: a plan, a frame and a result are needed", name);
 }
 
+/* After a failure there is nothing to release, and the result is as it was. */
+static hada_status begin(hada_job *job, hada_plan *plan, const hada_image *raw, hada_result *result, hada_error *err)
+{
+    const size_t depths = (size_t)plan->setup.config.depths;
+    hada_status status = HADA_OK;
+    *job = (hada_job){.dispatcher = plan->dispatcher};
+    HADA_TRY(hada_alloc((void **)&job->depths, depths, 1, "a frame", err));
+    HADA_TRY(hada_frame_begin(&job->frame, &plan->setup, raw, result, err));
+    job->frame.batches = &hada_job_batches;
+    job->frame.owner = job;
+done:
+    if (status)
+        free(job->depths);
+    return status;
+}
+
 hada_status hada_job_submit(hada_job **out, hada_plan *plan, const hada_image *raw, hada_result *result,
                             hada_error *err)
 {
-    hada_job *job;
+    hada_job *job = NULL;
+    int begun = 0;
+    hada_status status = HADA_OK;
     if (!out)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_job_submit: out is needed");
     *out = NULL;
-    hada_status status = check_arguments(plan, raw, result, "hada_job_submit", err);
-    if (!status)
-        status = hada_alloc((void **)&job, 1, sizeof *job, "a job", err);
-    if (status)
-        return status;
-    status = hada_task_begin(&job->task, plan, raw, result, err);
-    if (status) {
-        free(job);
-        return status;
-    }
-    status = hada_frames_enter(&plan->frames, &job->task, err);
-    hada_board *board = job->board = plan->board;
-    pthread_mutex_lock(&board->lock);
-    if (!status)
-        status = hada_board_start(board, err);
-    if (!status) {
-        board->references++;
-        job->task.serial = ++board->serial;
-        hada_board_add(&board->waiting, job, 0);
-        pthread_cond_broadcast(&board->changed);
-    }
-    pthread_mutex_unlock(&board->lock);
-    if (status) {
-        hada_task_end(&job->task, status);
-        free(job);
-        return status;
-    }
+    HADA_TRY(check_arguments(plan, raw, result, "hada_job_submit", err));
+    HADA_TRY(hada_alloc((void **)&job, 1, sizeof *job, "a job", err));
+    HADA_TRY(begin(job, plan, raw, result, err));
+    begun = 1;
+    HADA_TRY(hada_frame_cache_enter(&plan->cache, job, err));
+    HADA_TRY(hada_dispatcher_submit(plan->dispatcher, job, err));
     *out = job;
-    return HADA_OK;
-}
-
-static int ended(const hada_job *job)
-{
-    return job->state >= HADA_JOB_DONE;
+done:
+    if (status && begun)
+        hada_job_release(job, status);
+    if (status)
+        free(job);
+    return status;
 }
 
 hada_job_state hada_job_poll(const hada_job *job)
 {
-    pthread_mutex_lock(&job->board->lock);
+    pthread_mutex_lock(&job->dispatcher->lock);
     const hada_job_state state = job->state;
-    pthread_mutex_unlock(&job->board->lock);
+    pthread_mutex_unlock(&job->dispatcher->lock);
     return state;
 }
 
 double hada_job_progress(const hada_job *job)
 {
-    return (double)atomic_load(&job->task.progress) / HADA_PROGRESS;
+    return (double)atomic_load(&job->frame.progress) / HADA_PROGRESS;
 }
 
 hada_status hada_job_wait(hada_job *job, hada_error *err)
 {
     if (!job)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_job_wait: a job is needed");
-    pthread_mutex_lock(&job->board->lock);
-    while (!ended(job))
-        pthread_cond_wait(&job->board->changed, &job->board->lock);
+    hada_dispatcher *dispatcher = job->dispatcher;
+    pthread_mutex_lock(&dispatcher->lock);
+    while (job->state < HADA_JOB_DONE)
+        pthread_cond_wait(&dispatcher->changed, &dispatcher->lock);
     const hada_status status = job->state == HADA_JOB_DONE ? HADA_OK : job->error.status;
     if (status && err)
         *err = job->error;
-    pthread_mutex_unlock(&job->board->lock);
+    pthread_mutex_unlock(&dispatcher->lock);
     return status;
 }
 
 void hada_job_cancel(hada_job *job)
 {
-    if (!job)
-        return;
-    hada_board *board = job->board;
-    pthread_mutex_lock(&board->lock);
-    if (!ended(job))
-        atomic_store(&job->task.cancelled, 1);
-    if (!ended(job) && !job->lane) {
-        hada_error error;
-        hada_task_check(&job->task, &error);
-        hada_board_remove(&board->waiting, job);
-        hada_board_end(board, job, HADA_JOB_CANCELLED, &error);
-    }
-    pthread_mutex_unlock(&board->lock);
+    if (job)
+        hada_dispatcher_cancel(job->dispatcher, job);
 }
 
 void hada_job_destroy(hada_job **pointer)
@@ -108,72 +96,40 @@ void hada_job_destroy(hada_job **pointer)
     *pointer = NULL;
     hada_job_cancel(job);
     hada_job_wait(job, NULL);
-    hada_board_release(job->board);
+    hada_dispatcher_release(job->dispatcher);
     free(job);
 }
 
-/* A plan of one lane whose thread was never needed works in the caller's. */
-static int occupy(hada_board *board, uint64_t *serial)
-{
-    pthread_mutex_lock(&board->lock);
-    const int here = board->lane_count == 1 && !board->threads && !board->occupied;
-    if (here) {
-        board->occupied = 1;
-        board->lanes[0]->info.frames++;
-        *serial = ++board->serial;
-    }
-    pthread_mutex_unlock(&board->lock);
-    return here;
-}
-
-static void leave(hada_board *board, double busy)
-{
-    pthread_mutex_lock(&board->lock);
-    board->occupied = 0;
-    board->lanes[0]->info.busy_seconds += busy;
-    pthread_cond_broadcast(&board->changed);
-    pthread_mutex_unlock(&board->lock);
-}
-
+/* In the caller's thread, on the plan's one worker, which is occupied. */
 static hada_status run_here(hada_plan *plan, uint64_t serial, const hada_image *raw, hada_result *result,
                             hada_error *err)
 {
-    hada_task task;
+    hada_job job;
     const double start = hada_seconds();
-    hada_status status = hada_task_begin(&task, plan, raw, result, err);
+    hada_status status = begin(&job, plan, raw, result, err);
     if (!status) {
-        task.serial = serial;
-        status = hada_frames_enter(&plan->frames, &task, err);
+        job.frame.serial = serial;
+        job.worker = &plan->dispatcher->workers[0];
+        status = hada_frame_cache_enter(&plan->cache, &job, err);
         if (!status)
-            status = hada_lane_run(plan->lanes[0], &task, err);
-        hada_task_end(&task, status);
+            status = hada_worker_run(job.worker, &job, err);
+        hada_job_release(&job, status);
     }
-    leave(plan->board, hada_seconds() - start);
+    hada_dispatcher_leave(plan->dispatcher, hada_seconds() - start);
     return status;
 }
 
 hada_status hada_plan_run(hada_plan *plan, const hada_image *raw, hada_result *result, hada_error *err)
 {
-    hada_job *job;
-    uint64_t serial;
-    hada_status status = check_arguments(plan, raw, result, "hada_plan_run", err);
-    if (status)
-        return status;
-    if (occupy(plan->board, &serial))
+    hada_job *job = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(check_arguments(plan, raw, result, "hada_plan_run", err));
+    const uint64_t serial = hada_dispatcher_occupy(plan->dispatcher);
+    if (serial)
         return run_here(plan, serial, raw, result, err);
-    status = hada_job_submit(&job, plan, raw, result, err);
-    if (!status)
-        status = hada_job_wait(job, err);
+    HADA_TRY(hada_job_submit(&job, plan, raw, result, err));
+    HADA_TRY(hada_job_wait(job, err));
+done:
     hada_job_destroy(&job);
     return status;
-}
-
-int hada_plan_queues(const hada_plan *plan, hada_queue_info *info, int capacity)
-{
-    hada_board *board = plan->board;
-    pthread_mutex_lock(&board->lock);
-    for (int i = 0; i < board->lane_count && i < capacity; i++)
-        info[i] = board->lanes[i]->info;
-    pthread_mutex_unlock(&board->lock);
-    return board->lane_count;
 }

@@ -1,94 +1,39 @@
-/* Making and unmaking plans. */
+/* Plans: made and unmade, their bytes, their times. */
 #include "dispatch/plan.h"
 
+#include <hadalens/profile.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "core/alloc.h"
 #include "core/options.h"
-#include "dispatch/dispatcher.h"
 
-static int listed(const int *list, int count, int depth)
+/* Constants and workers of a device. */
+static hada_status add_device(hada_plan *plan, hada_context *context, hada_error *err)
 {
-    for (int i = 0; i < count; i++)
-        if (list[i] == depth)
-            return 1;
-    return 0;
+    const hada_setup *setup = &plan->setup;
+    const int device = plan->contexts, queues = setup->config.queues;
+    int number = 0;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_constants_create(&plan->constants[device], context, setup, err));
+    plan->contexts++;
+    const int batch = hada_pipeline_fit(context, setup->model, &setup->config, queues);
+    for (; number < queues; number++)
+        HADA_TRY(hada_dispatcher_add(plan->dispatcher, setup, plan->constants[device], device, number, batch, err));
+done:
+    if (status && plan->dispatcher->capacity > 1)
+        hada_error_prefix(err, "queue %d of device %d: ", number, device);
+    return status;
 }
 
-static hada_status make_lists(hada_plan *plan, const hada_plan_options *options, hada_error *err)
+static hada_status add_devices(hada_plan *plan, hada_context *const *contexts, int count, hada_error *err)
 {
-    const hada_model_info *info = hada_model_get_info(plan->model);
-    const size_t depths = (size_t)plan->shape.depths;
-    hada_status status = hada_alloc((void **)&plan->depths, depths, sizeof(int), "a plan", err);
-    if (!status)
-        status = hada_alloc((void **)&plan->distances, depths, sizeof(double), "a plan", err);
-    if (!status)
-        status = hada_alloc((void **)&plan->listed, depths, 1, "a plan", err);
-    if (status)
-        return status;
-    int found = 0;
-    for (int i = 0; i < plan->shape.depths; i++) {
-        plan->depths[i] = options->depths ? options->depths[i] : i;
-        plan->distances[i] = info->distances_mm[plan->depths[i]];
-        plan->listed[i] = options->occupied != HADA_OCCUPIED_LIST ||
-                          listed(options->occupied_list, options->occupied_count, plan->depths[i]);
-        found += plan->listed[i];
-    }
-    if (!found)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "none of the occupied depths is among the depths to compute");
-    return HADA_OK;
-}
-
-/* The constants of the listed depths, and the grid of a method's transforms. */
-static hada_status look_at_camera(hada_plan *plan, hada_context *context, hada_error *err)
-{
-    int *list, count = 0;
-    hada_status status = hada_alloc((void **)&list, (size_t)plan->shape.depths, sizeof *list, "a plan", err);
-    if (status)
-        return status;
-    for (int z = 0; z < plan->shape.depths; z++)
-        if (plan->listed[z])
-            list[count++] = plan->depths[z];
-    status = hada_classic_camera_of(&plan->camera, plan->model, list, count, err);
-    free(list);
-    return status ? status
-                  : hada_classic_fit_grid(&plan->shape.method, context, plan->model, plan->depths, plan->shape.depths,
-                                          err);
-}
-
-static hada_status copy_dark(hada_plan *plan, const hada_image *dark, hada_error *err)
-{
-    hada_status status = hada_image_create(&plan->dark_frame, dark->channels, dark->rows, dark->cols, err);
-    if (status)
-        return status;
-    memcpy(plan->dark_frame.data, dark->data, hada_image_count(dark) * sizeof(float));
-    const size_t broken = hada_image_count_not_finite(dark);
-    return broken ? hada_fail(err, HADA_ERROR_NOT_FINITE, "the dark frame holds %zu values that are not finite", broken)
-                  : HADA_OK;
-}
-
-static hada_status make_lanes(hada_plan *plan, hada_context *const *contexts, int count, hada_error *err)
-{
-    const int queues = plan->shape.queues;
-    hada_status status = hada_alloc((void **)&plan->shares, (size_t)count, sizeof *plan->shares, "a plan", err);
-    if (!status)
-        status = hada_alloc((void **)&plan->lanes, (size_t)count * (size_t)queues, sizeof *plan->lanes, "a plan", err);
-    for (int device = 0; !status && device < count; device++) {
-        status = hada_share_create(&plan->shares[device], contexts[device], plan->model, &plan->shape, plan->depths,
-                                   plan->skip.gains, err);
-        if (status)
-            break;
-        hada_share *share = plan->shares[plan->share_count++];
-        share->batch = hada_lane_batch(share->context, plan->model, &plan->shape, queues);
-        for (int number = 0; !status && number < queues; number++) {
-            status = hada_lane_create(&plan->lanes[plan->lane_count], plan, share, device, number, err);
-            plan->lane_count += !status;
-        }
-        if (status && count * queues > 1)
-            hada_error_prefix(err, "queue %d of device %d: ", plan->lane_count - device * queues, device);
-    }
-    return status ? status : hada_board_create(&plan->board, plan->lanes, plan->lane_count, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&plan->constants, (size_t)count, sizeof *plan->constants, "a plan", err));
+    HADA_TRY(hada_dispatcher_create(&plan->dispatcher, count * plan->setup.config.queues, err));
+    for (int device = 0; device < count; device++)
+        HADA_TRY(add_device(plan, contexts[device], err));
+done:
+    return status;
 }
 
 static hada_status check_contexts(hada_context *const *contexts, int count, hada_error *err)
@@ -107,37 +52,20 @@ static hada_status check_contexts(hada_context *const *contexts, int count, hada
 hada_status hada_plan_create_on(hada_plan **out, hada_context *const *contexts, int count, const hada_model *model,
                                 const hada_plan_options *callers, hada_error *err)
 {
-    hada_plan_options own, *options = &own;
-    hada_plan *plan;
+    hada_plan_options options;
+    hada_plan *plan = NULL;
+    hada_status status = HADA_OK;
     if (!out || !model)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a plan needs out, context and model");
     *out = NULL;
-    hada_plan_options_init(options);
-    hada_status status = HADA_OPTIONS_TAKE(options, callers, hada_plan_options, err);
-    if (!status)
-        status = check_contexts(contexts, count, err);
-    if (!status)
-        status = hada_alloc((void **)&plan, 1, sizeof *plan, "a plan", err);
-    if (status)
-        return status;
-    plan->model = model;
-    hada_frames_make(&plan->frames);
-    plan->options = *options;
-    plan->options.depths = plan->options.occupied_list = NULL;
-    plan->options.dark_frame = NULL;
-    plan->options.classic = NULL;
-    status = hada_plan_shape_of(model, options, &plan->shape, err);
-    if (!status)
-        status = make_lists(plan, options, err);
-    if (!status && plan->shape.classic)
-        status = look_at_camera(plan, contexts[0], err);
-    if (!status && plan->shape.dark)
-        status = copy_dark(plan, options->dark_frame, err);
-    if (!status)
-        status = hada_plan_skip_make(&plan->skip, contexts[0], model, &plan->shape, plan->depths, plan->listed,
-                                     &plan->dark_frame, err);
-    if (!status)
-        status = make_lanes(plan, contexts, count, err);
+    hada_plan_options_init(&options);
+    HADA_TRY(HADA_OPTIONS_TAKE(&options, callers, hada_plan_options, err));
+    HADA_TRY(check_contexts(contexts, count, err));
+    HADA_TRY(hada_alloc((void **)&plan, 1, sizeof *plan, "a plan", err));
+    hada_frame_cache_make(&plan->cache);
+    HADA_TRY(hada_setup_make(&plan->setup, contexts[0], model, &options, err));
+    HADA_TRY(add_devices(plan, contexts, count, err));
+done:
     if (status)
         hada_plan_destroy(&plan);
     *out = plan;
@@ -156,22 +84,110 @@ void hada_plan_destroy(hada_plan **pointer)
         return;
     hada_plan *plan = *pointer;
     *pointer = NULL;
-    if (plan->board)
-        hada_board_stop(plan->board);
-    for (int i = 0; i < plan->lane_count; i++)
-        hada_lane_destroy(&plan->lanes[i]);
-    for (int i = 0; i < plan->share_count; i++)
-        hada_share_destroy(&plan->shares[i]);
-    if (plan->board)
-        hada_board_release(plan->board);
-    hada_frames_free(&plan->frames);
-    hada_plan_skip_free(&plan->skip);
-    hada_image_destroy(&plan->dark_frame);
-    hada_classic_camera_free(&plan->camera);
-    free(plan->lanes);
-    free(plan->shares);
-    free(plan->depths);
-    free(plan->distances);
-    free(plan->listed);
+    if (plan->dispatcher)
+        hada_dispatcher_stop(plan->dispatcher);
+    for (int i = 0; i < plan->contexts; i++)
+        hada_constants_destroy(&plan->constants[i]);
+    if (plan->dispatcher)
+        hada_dispatcher_release(plan->dispatcher);
+    hada_frame_cache_free(&plan->cache);
+    hada_setup_free(&plan->setup);
+    free(plan->constants);
     free(plan);
+}
+
+hada_status hada_plan_estimate(hada_context *context, const hada_model *model, const hada_plan_options *callers,
+                               uint64_t *device_bytes, uint64_t *host_bytes, hada_error *err)
+{
+    hada_plan_options options;
+    hada_config config;
+    uint64_t pipeline, apart;
+    hada_status status = HADA_OK;
+    if (!context || !model || !device_bytes || !host_bytes)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_plan_estimate: an argument is missing");
+    hada_plan_options_init(&options);
+    HADA_TRY(HADA_OPTIONS_TAKE(&options, callers, hada_plan_options, err));
+    HADA_TRY(hada_config_of(model, &options, &config, err));
+    HADA_TRY(hada_config_fit_grid(&config, context, model, options.depths, err));
+    const hada_model_info *info = hada_model_get_info(model);
+    const uint64_t pixels = (uint64_t)info->window_rows * (uint64_t)info->window_cols;
+    const uint64_t plane = sizeof(float) * pixels * (uint64_t)info->channels;
+    const uint64_t frame =
+        sizeof(float) * (uint64_t)info->raw_rows * (uint64_t)info->raw_cols * (uint64_t)info->channels;
+    const uint64_t result = plane * (uint64_t)config.depths + plane + sizeof(float) * pixels;
+    const int batch = hada_pipeline_fit(context, model, &config, config.queues);
+    HADA_TRY(hada_pipeline_bytes(context, model, &config, batch, &pipeline, &apart, err));
+    *device_bytes = hada_constants_bytes(context, model, &config) + (uint64_t)config.queues * pipeline +
+                    hada_pipeline_making_bytes(context, model);
+    /* the result, a copy of the frame while broken pixels are repaired, and the frame before with its result */
+    *host_bytes =
+        result + (options.repair_not_finite ? 2 * frame : 0) + (options.skip & HADA_SKIP_FRAMES ? frame + result : 0);
+done:
+    return status;
+}
+
+void hada_plan_memory(const hada_plan *plan, uint64_t *held, uint64_t *apart)
+{
+    const hada_model *model = plan->setup.model;
+    const hada_config *config = &plan->setup.config;
+    uint64_t bytes = 0, more = 0;
+    for (int i = 0; i < plan->contexts; i++)
+        bytes += hada_constants_bytes(plan->constants[i]->context, model, config);
+    more = bytes;
+    for (int i = 0; i < plan->dispatcher->worker_count; i++) {
+        const hada_queue_worker *worker = &plan->dispatcher->workers[i];
+        uint64_t here = 0, alone = 0;
+        hada_pipeline_bytes(worker->context, model, config, hada_pipeline_batch(worker->pipeline), &here, &alone, NULL);
+        bytes += here;
+        more += alone;
+    }
+    if (held)
+        *held = bytes;
+    if (apart)
+        *apart = more;
+}
+
+int hada_plan_queues(const hada_plan *plan, hada_queue_info *info, int capacity)
+{
+    hada_dispatcher *dispatcher = plan->dispatcher;
+    pthread_mutex_lock(&dispatcher->lock);
+    for (int i = 0; i < dispatcher->worker_count && i < capacity; i++)
+        info[i] = dispatcher->workers[i].info;
+    pthread_mutex_unlock(&dispatcher->lock);
+    return dispatcher->worker_count;
+}
+
+hada_status hada_plan_profile(hada_plan *plan, int on, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    if (!plan)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_plan_profile: a plan is needed");
+    for (int i = 0; i < plan->dispatcher->worker_count; i++)
+        HADA_TRY(hada_pipeline_profile(plan->dispatcher->workers[i].pipeline, on, err));
+done:
+    return status;
+}
+
+hada_status hada_plan_kernel_times(hada_plan *plan, hada_kernel_time **rows, size_t *count, hada_error *err)
+{
+    int found = 0;
+    hada_status status = HADA_OK;
+    if (!plan || !rows || !count)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_plan_kernel_times: plan, rows and count are needed");
+    *rows = NULL;
+    *count = 0;
+    for (int i = 0; i < plan->dispatcher->worker_count; i++) {
+        hada_pipeline *pipeline = plan->dispatcher->workers[i].pipeline;
+        HADA_TRY(hada_pipeline_times(pipeline, rows, count, err));
+        found |= hada_pipeline_profiles(pipeline);
+    }
+    if (!found)
+        HADA_TRY(hada_fail(err, HADA_ERROR_STATE, "profiling of the plan is off; turn it on with hada_plan_profile()"));
+done:
+    if (status) {
+        free(*rows);
+        *rows = NULL;
+        *count = 0;
+    }
+    return status;
 }

@@ -1,4 +1,3 @@
-/* The filters, transfer functions and prior of a model on a device. */
 #include "engine/constants.h"
 
 #include <stdlib.h>
@@ -6,91 +5,90 @@
 #include "core/alloc.h"
 #include "filter/hadamard.h"
 
-cl_mem hada_share_otf(const hada_share *share, size_t *offset)
+cl_mem hada_constants_otf(const hada_constants *constants, size_t *offset)
 {
     size_t first;
     int together;
     *offset = 0;
-    if (share->optics.mem)
-        return share->optics.mem;
-    const cl_mem otf = hada_bank_otf(share->bank, 0, &first, &together);
-    *offset = first * share->bank->layout.count;
+    if (constants->optics.mem)
+        return constants->optics.mem;
+    const cl_mem otf = hada_bank_otf(constants->bank, 0, &first, &together);
+    *offset = first * constants->bank->layout.count;
     return otf;
 }
 
 /* A classic method may have transfer functions of its own in place of the model's. */
-static int has_optics(const hada_plan_shape *shape)
+static int has_optics(const hada_config *config)
 {
-    return shape->classic && hada_classic_has_optics(&shape->method);
+    return config->classic && hada_classic_has_optics(&config->method);
 }
 
-static hada_status check_together(const hada_share *share, hada_error *err)
+static hada_status check_together(const hada_constants *constants, hada_error *err)
 {
     size_t first;
     int together;
-    hada_bank_otf(share->bank, 0, &first, &together);
-    if (together == share->bank->depths)
+    hada_bank_otf(constants->bank, 0, &first, &together);
+    if (together == constants->bank->depths)
         return HADA_OK;
     return hada_fail(
         err, HADA_ERROR_DEVICE_MEMORY,
         "planes that explain the frame jointly need the transfer functions of %d depths in one buffer, and "
         "%s takes %d: compute fewer depths (--depths), or use linear filters (--refine 0)",
-        share->bank->depths, share->context->info.name, together);
+        constants->bank->depths, constants->context->info.name, together);
 }
 
-hada_status hada_share_create(hada_share **out, hada_context *context, const hada_model *model,
-                              const hada_plan_shape *shape, const int *depths, const hada_gains *gains, hada_error *err)
+hada_status hada_constants_create(hada_constants **out, hada_context *context, const hada_setup *setup, hada_error *err)
 {
-    hada_share *share;
-    hada_slot *slot = NULL;
+    const hada_config *config = &setup->config;
+    const hada_model *model = setup->model;
     const hada_spectrum_layout layout = hada_hadamard_layout(context, hada_model_get_info(model));
-    *out = NULL;
-    hada_status status = hada_alloc((void **)&share, 1, sizeof *share, "a plan", err);
-    if (status)
-        return status;
-    share->context = context;
-    status = hada_slot_create(&slot, context, err);
-    if (!status)
-        status = hada_bank_create(&share->bank, slot, model, &layout, depths, shape->depths,
-                                  has_optics(shape) ? 0 : shape->parts, shape->half, err);
-    if (!status && has_optics(shape))
-        status = hada_classic_optics(&share->optics, context, &shape->method, model, depths, shape->depths, err);
-    else if (!status && shape->refined)
-        status = check_together(share, err);
-    if (!status && shape->refined && !shape->classic)
-        status = hada_bank_prior(&share->prior, slot, model, &layout, err);
-    if (!status && gains)
-        status = hada_gains_upload(gains, &layout, slot, &share->gains, err);
+    hada_constants *constants = NULL;
+    hada_slot *slot = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&constants, 1, sizeof *constants, "a plan", err));
+    constants->context = context;
+    HADA_TRY(hada_slot_create(&slot, context, err));
+    HADA_TRY(hada_bank_create(&constants->bank, slot, model, &layout, setup->depths, config->depths,
+                              has_optics(config) ? 0 : config->bank, config->half, err));
+    if (has_optics(config))
+        HADA_TRY(hada_classic_optics(&constants->optics, context, &config->method, model, setup->depths, config->depths,
+                                     err));
+    else if (config->joint)
+        HADA_TRY(check_together(constants, err));
+    if (config->joint && !config->classic)
+        HADA_TRY(hada_bank_prior(&constants->prior, slot, model, &layout, err));
+    if (setup->gains)
+        HADA_TRY(hada_gains_upload(setup->gains, &layout, slot, &constants->gains, err));
     /* other queues read what this one wrote */
-    if (!status)
-        status = hada_slot_finish(slot, err);
+    HADA_TRY(hada_slot_finish(slot, err));
+done:
     hada_slot_destroy(&slot);
     if (status)
-        hada_share_destroy(&share);
-    *out = share;
+        hada_constants_destroy(&constants);
+    *out = constants;
     return status;
 }
 
-void hada_share_destroy(hada_share **pointer)
+void hada_constants_destroy(hada_constants **pointer)
 {
     if (!pointer || !*pointer)
         return;
-    hada_share *share = *pointer;
+    hada_constants *constants = *pointer;
     *pointer = NULL;
-    hada_buffer_destroy(&share->prior);
-    hada_buffer_destroy(&share->gains);
-    hada_buffer_destroy(&share->optics);
-    hada_bank_destroy(&share->bank);
-    free(share);
+    hada_buffer_destroy(&constants->prior);
+    hada_buffer_destroy(&constants->gains);
+    hada_buffer_destroy(&constants->optics);
+    hada_bank_destroy(&constants->bank);
+    free(constants);
 }
 
-uint64_t hada_share_bytes(const hada_context *context, const hada_model *model, const hada_plan_shape *shape)
+uint64_t hada_constants_bytes(const hada_context *context, const hada_model *model, const hada_config *config)
 {
     const hada_model_info *info = hada_model_get_info(model);
     const hada_spectrum_layout layout = hada_hadamard_layout(context, info);
-    uint64_t bytes = has_optics(shape) ? hada_classic_optics_bytes(context, &shape->method, shape->depths)
-                                       : hada_bank_bytes(info, &layout, shape->depths, shape->parts, shape->half);
-    if ((shape->refined && !shape->classic && model->scene_power) || shape->measured)
+    uint64_t bytes = has_optics(config) ? hada_classic_optics_bytes(context, &config->method, config->depths)
+                                        : hada_bank_bytes(info, &layout, config->depths, config->bank, config->half);
+    if ((config->joint && !config->classic && model->scene_power) || config->measured)
         bytes += 4 * (uint64_t)info->channels * (uint64_t)layout.count;
     return bytes;
 }

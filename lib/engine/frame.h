@@ -1,56 +1,88 @@
-/* A frame on its way through a plan: what the lanes that work on it must know. Internal. */
+/* A frame on its way: what goes in, what was found on the host, and where the result goes. Internal.
+ *
+ * hada_frame_prepare() is the one place where a frame as people have it becomes the floats that devices upload. */
 #ifndef HADA_ENGINE_FRAME_H
 #define HADA_ENGINE_FRAME_H
 
 #include <stdatomic.h>
 
-#include "dispatch/plan.h"
+#include "engine/setup.h"
 
-struct hada_task {
-    const hada_plan *plan;
+typedef struct hada_frame hada_frame;
+
+/* Who computes which depths on the linear path: the pipeline that has the frame asks, dispatch answers, and lets
+ * pipelines of other devices have some. */
+typedef struct hada_batches {
+    /* All depths with wanted[z] are free to be taken; the others are not computed. */
+    void (*open)(hada_frame *frame, const unsigned char *wanted);
+    /* Takes depths *first ... *first + result - 1 from the near end, `most` at most; 0: none is free. */
+    int (*take)(hada_frame *frame, int most, int *first);
+    /* Their planes are in the result, or, not `done`, they are free again. */
+    void (*put)(hada_frame *frame, int first, int count, int done);
+    /* How many depths from `first` on have their planes in the result. `wait`: where another pipeline has the first in
+     * hand, until it is done with it; then 0 means that it is free again. */
+    int (*arrived)(hada_frame *frame, int first, int wait);
+    /* Nothing can be taken any more; waits until no other pipeline is at the frame. */
+    void (*close)(hada_frame *frame);
+} hada_batches;
+
+/* What a frame does not need (docs/skipping.md). All pipelines that work on it read the same. */
+typedef struct hada_frame_skip {
+    int *spectra, *planes;    /* per channel, as in hada_hadamard_part */
+    int channels;             /* whose planes are not computed */
+    int band_rows, band_cols; /* of the inverse transforms; 0, 0: all */
+    double change;            /* of the stack, at most, under max_error: absolute L2 over all pixels */
+    double band_change;       /* the same for the band that the caller chose */
+    double norm;              /* of the stack, where max_error is above 0 */
+    int limited;              /* 1: max_error left frequencies out */
+    int exact;                /* 1: bounded kinds are off, since their bound was not kept */
+} hada_frame_skip;
+
+struct hada_frame {
+    const hada_setup *setup;
     const hada_image *raw; /* as it came */
     hada_result *result;
-    uint64_t serial;       /* no two tasks of a plan have the same; from 1 on */
-    size_t broken;         /* pixels that are not finite */
-    hada_image repaired;   /* empty where nothing was broken */
-    double *levels;        /* per channel: the dark level */
-    double energy;         /* refined: of the frame above its dark level */
-    double start, watch;   /* seconds */
-    atomic_int cancelled;  /* asked to end; launches look at it */
-    int work;              /* to do: uploading, a unit for each depth or refinement step, ... */
-    atomic_int progress;   /* of HADA_PROGRESS */
-    unsigned char *depths; /* linear, per computed depth: see batches.h; the board's lock guards these three */
-    int open, helpers;     /* other lanes may take batches; how many are at it */
-    atomic_int enhanced, tiles, tiles_left_out; /* planes and tiles of the net, by all lanes */
-    hada_task_skip skip;
-    hada_kept *kept, *source; /* see frames.h: this frame's copy, or the frame before that serves */
-    double source_change;     /* what the latter changes at most: L2 */
+    uint64_t serial;             /* no two frames of a plan have the same; from 1 on */
+    const hada_batches *batches; /* with `owner` for it to find its way back */
+    void *owner;
+    atomic_int cancelled; /* asked to end; launches look at it */
+    int work;             /* to do: uploading, a unit for each depth or refinement step, ... */
+    atomic_int progress;  /* of HADA_PROGRESS */
+
+    /* hada_frame_prepare() */
+    const hada_image *staged; /* what is uploaded: all values finite */
+    hada_image repaired;      /* empty where nothing was broken */
+    double *levels;           /* per channel: the dark level */
+    double energy;            /* joint: above the dark level */
+    double start, lap;        /* seconds */
+    hada_frame_skip skip;
+    atomic_int enhanced, tiles, tiles_left_out; /* planes and tiles of the net, by all pipelines */
 };
 
-enum { HADA_PROGRESS = 1000000, HADA_WORK_PURSUIT = 8 };
+enum {
+    HADA_PROGRESS = 1000000,
+    HADA_WORK_PURSUIT = 8 /* units: it takes about as long as so many refinement steps */
+};
 
 /* Checks the frame's size. After a failure there is nothing to end. */
-hada_status hada_task_begin(hada_task *task, const hada_plan *plan, const hada_image *raw, hada_result *result,
-                            hada_error *err);
+hada_status hada_frame_begin(hada_frame *frame, const hada_setup *setup, const hada_image *raw, hada_result *result,
+                             hada_error *err);
 
-/* The host's part, in the thread of the lane: the result is made to fit, with an empty report, broken pixels are
- * repaired, dark levels found. May be called again, when a lane failed and another begins anew. */
-hada_status hada_task_prepare(hada_task *task, hada_error *err);
-
-/* The frame to work on, after hada_task_prepare(). */
-const hada_image *hada_task_frame(const hada_task *task);
+/* The host's part, in the thread of the pipeline: the result is made to fit, with an empty report, broken pixels are
+ * repaired, dark levels found. May be called again, when a pipeline failed and another begins anew. */
+hada_status hada_frame_prepare(hada_frame *frame, hada_error *err);
 
 /* Whether each frame has a dark level of its own, or the level of all. */
-int hada_task_each_level(const hada_plan *plan);
-double hada_task_fixed_level(const hada_plan *plan);
+int hada_frame_levels_vary(const hada_setup *setup);
+double hada_frame_fixed_level(const hada_setup *setup);
 
-/* So much of task->work is done; the progress never falls. */
-void hada_task_progress(hada_task *task, int done);
+/* So much of frame->work is done; the progress never falls. */
+void hada_frame_progress(hada_frame *frame, int done);
 
-/* HADA_ERROR_CANCELLED when the task was asked to end. */
-hada_status hada_task_check(hada_task *task, hada_error *err);
+/* HADA_ERROR_CANCELLED when it was asked to end. */
+hada_status hada_frame_check(hada_frame *frame, hada_error *err);
 
-/* Frees what the task holds; a result that failed is emptied. */
-void hada_task_end(hada_task *task, hada_status status);
+/* Frees what the frame holds; a result that failed is emptied. */
+void hada_frame_end(hada_frame *frame, hada_status status);
 
 #endif

@@ -1,79 +1,145 @@
-/* The refined path: the occupied depths, whose planes explain the frame jointly, by refinement or by a classic method.
+/* The joint path: the occupied depths, whose planes explain the frame together, by refinement or by a classic method.
  */
 #include <math.h>
 #include <string.h>
 
-#include "engine/pipeline.h"
+#include "engine/stages.h"
 
-hada_refine_data hada_lane_refine_data(const hada_lane *lane)
+/* Which computed depths the frame occupies, into pipeline->occupied. */
+static hada_status pursue(hada_pipeline *pipeline, hada_frame *frame, int *count, hada_error *err)
 {
-    hada_refine_data data = {.spectrum = lane->stage->spectrum.mem,
-                             .frame = lane->stage->raw.mem,
-                             .otf_depths = lane->plan->shape.depths,
-                             .prior = lane->share->prior.mem};
-    data.otf = hada_share_otf(lane->share, &data.otf_offset);
+    const int depths = pipeline->setup->config.depths;
+    hada_pursuit_result found;
+    hada_status status = HADA_OK;
+    hada_slot_stage(pipeline->slot, "pursuit");
+    HADA_TRY(hada_pursuit_run(pipeline->pursuit, pipeline->stage->spectrum.mem, 0, &found, err));
+    *count = found.all ? depths : found.count;
+    for (int i = 0; i < *count; i++)
+        pipeline->occupied[i] = found.all ? i : found.list[i];
+    hada_frame_progress(frame, 1 + HADA_WORK_PURSUIT);
+    HADA_TRY(hada_pipeline_lap(pipeline, frame, &frame->result->report.seconds_pursuit, err));
+done:
+    return status;
+}
+
+static int take_listed(hada_pipeline *pipeline)
+{
+    int count = 0;
+    for (int z = 0; z < pipeline->setup->config.depths; z++)
+        if (pipeline->setup->listed[z])
+            pipeline->occupied[count++] = z;
+    return count;
+}
+
+/* The transfer functions, the spectrum and the frame that stands in the stage. */
+static hada_refine_data data_of(const hada_pipeline *pipeline)
+{
+    hada_refine_data data = {.spectrum = pipeline->stage->spectrum.mem,
+                             .frame = pipeline->stage->raw.mem,
+                             .otf_depths = pipeline->setup->config.depths,
+                             .prior = pipeline->constants->prior.mem};
+    data.otf = hada_constants_otf(pipeline->constants, &data.otf_offset);
     return data;
 }
 
 /* energy: of the frame */
-static hada_refine_rule rule_of(const hada_plan *plan, double energy)
+static hada_refine_rule rule_of(const hada_setup *setup, double energy)
 {
-    const hada_model_info *info = hada_model_get_info(plan->model);
+    const hada_model_info *info = hada_model_get_info(setup->model);
     hada_refine_rule rule;
     hada_refine_rule_init(&rule);
-    rule.steps = plan->shape.steps;
-    hada_refine_rule_weigh(&rule, info, plan->shape.tv, hada_model_gain(plan->model),
+    rule.steps = setup->config.steps;
+    hada_refine_rule_weigh(&rule, info, setup->config.tv, hada_model_gain(setup->model),
                            energy / ((double)info->channels * info->raw_rows * info->raw_cols));
-    rule.stop = plan->options.refine < 0 ? hada_refine_stop(info->boundary, rule.tv) : 0;
+    rule.stop = setup->options.refine < 0 ? hada_refine_stop(info->boundary, rule.tv) : 0;
     return rule;
 }
 
-static hada_status refine(hada_lane *lane, hada_task *task, int count, hada_error *err)
+static hada_status refine(hada_pipeline *pipeline, hada_frame *frame, int count, hada_error *err)
 {
-    hada_report *report = &task->result->report;
-    const hada_refine_data data = hada_lane_refine_data(lane);
-    const hada_refine_rule rule = rule_of(lane->plan, task->energy);
+    hada_report *report = &frame->result->report;
+    hada_refiner *refiner = pipeline->refiner;
+    const hada_refine_data data = data_of(pipeline);
+    const hada_refine_rule rule = rule_of(pipeline->setup, frame->energy);
+    const int circular = hada_model_get_info(pipeline->setup->model)->boundary == HADA_BOUNDARY_CIRCULAR;
     double left = 0;
-    hada_slot_stage(lane->slot, "refine");
-    hada_status status =
-        hada_refiner_run(lane->refiner, &data, &rule, 1, count, lane->occupied, &report->refine_steps, err);
-    if (!status)
-        status = hada_refiner_residual(lane->refiner, &data, 1, count, lane->occupied, &left, err);
-    if (!status && task->energy > 0) {
-        report->residual = sqrt(left / task->energy);
-        /* the first step is the joint linear filter; what it left is met in the second */
-        if (hada_model_get_info(lane->plan->model)->boundary == HADA_BOUNDARY_CIRCULAR && report->refine_steps > 1)
-            report->residual_linear = sqrt(hada_refiner_energy(lane->refiner, 0, 1) / task->energy);
-    }
-    hada_task_progress(task, task->work - 1);
-    return status ? status : hada_lane_watch(lane, task, &report->seconds_refine, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_refiner_run(refiner, &data, &rule, 1, count, pipeline->occupied, &report->refine_steps, err));
+    HADA_TRY(hada_refiner_residual(refiner, &data, 1, count, pipeline->occupied, &left, err));
+    if (frame->energy > 0)
+        report->residual = sqrt(left / frame->energy);
+    /* the first step is the joint linear filter; what it left is met in the second */
+    if (frame->energy > 0 && circular && report->refine_steps > 1)
+        report->residual_linear = sqrt(hada_refiner_energy(refiner, 0, 1) / frame->energy);
+done:
+    return status;
 }
 
-static cl_mem planes_of(const hada_lane *lane)
+static void classic_progress(void *user, int iterations)
 {
-    return lane->classic ? hada_classic_planes(lane->classic) : hada_refiner_planes(lane->refiner);
+    hada_frame_progress(user, 1 + iterations);
 }
 
-/* The planes stand in the order of lane->occupied. */
-static hada_status focus(hada_lane *lane, hada_task *task, int count, hada_error *err)
+static hada_status solve_classic(hada_pipeline *pipeline, hada_frame *frame, int count, hada_error *err)
 {
-    hada_slot_stage(lane->slot, "focus");
-    hada_status status = hada_focus_begin(lane->focus, task->result->report.occupied, err);
-    if (!status)
-        status = hada_focus_push_list(lane->focus, lane->occupied, count, planes_of(lane), 0, err);
-    return status ? status : hada_lane_pictures(lane, task, err);
+    hada_report *report = &frame->result->report;
+    const hada_refine_data data = data_of(pipeline);
+    const hada_classic_job job = {.data = &data,
+                                  .camera = &pipeline->setup->camera,
+                                  .depths = count,
+                                  .list = pipeline->occupied,
+                                  .brightness = sqrt(frame->energy / (double)hada_image_count(frame->raw)),
+                                  .progress = classic_progress,
+                                  .user = frame};
+    hada_classic_result result;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_classic_run(pipeline->classic, &job, &result, err));
+    report->method = pipeline->setup->config.method.options.method;
+    report->refine_steps = result.iterations;
+    if (frame->energy > 0)
+        report->residual = sqrt(result.energy / frame->energy);
+done:
+    return status;
 }
 
-static hada_status read_planes(hada_lane *lane, hada_task *task, int count, hada_error *err)
+static hada_status solve(hada_pipeline *pipeline, hada_frame *frame, int count, hada_error *err)
 {
-    const size_t bytes = hada_plane_values(hada_model_get_info(lane->plan->model)) * sizeof(float);
+    hada_status status = HADA_OK;
+    hada_slot_stage(pipeline->slot, "refine");
+    HADA_TRY(pipeline->classic ? solve_classic(pipeline, frame, count, err) : refine(pipeline, frame, count, err));
+    hada_frame_progress(frame, frame->work - 1);
+    HADA_TRY(hada_pipeline_lap(pipeline, frame, &frame->result->report.seconds_refine, err));
+done:
+    return status;
+}
+
+static cl_mem planes_of(const hada_pipeline *pipeline)
+{
+    return pipeline->classic ? hada_classic_planes(pipeline->classic) : hada_refiner_planes(pipeline->refiner);
+}
+
+/* The planes stand in the order of pipeline->occupied. */
+static hada_status focus(hada_pipeline *pipeline, hada_frame *frame, int count, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    hada_slot_stage(pipeline->slot, "focus");
+    HADA_TRY(hada_focus_begin(pipeline->focus, frame->result->report.occupied, err));
+    HADA_TRY(hada_focus_push_list(pipeline->focus, pipeline->occupied, count, planes_of(pipeline), 0, err));
+    HADA_TRY(hada_pipeline_pictures(pipeline, frame, err));
+done:
+    return status;
+}
+
+static hada_status read_planes(hada_pipeline *pipeline, hada_frame *frame, int count, hada_error *err)
+{
+    const size_t bytes = hada_plane_values(hada_model_get_info(pipeline->setup->model)) * sizeof(float);
     for (int place = 0; place < count; place++) {
-        const cl_int code =
-            clEnqueueReadBuffer(lane->slot->queue, planes_of(lane), CL_TRUE, (size_t)place * bytes, bytes,
-                                task->result->planes[lane->occupied[place]].data, 0, NULL, hada_slot_event(lane->slot));
+        const cl_int code = clEnqueueReadBuffer(
+            pipeline->slot->queue, planes_of(pipeline), CL_TRUE, (size_t)place * bytes, bytes,
+            frame->result->planes[pipeline->occupied[place]].data, 0, NULL, hada_slot_event(pipeline->slot));
         if (code != CL_SUCCESS)
             return hada_fail_cl(err, code, "clEnqueueReadBuffer");
-        hada_slot_moved(lane->slot, "read", (double)bytes);
+        hada_slot_moved(pipeline->slot, "read", (double)bytes);
     }
     return HADA_OK;
 }
@@ -87,49 +153,37 @@ static void nothing_there(hada_result *result)
 }
 
 /* What is not occupied is dark. */
-static void clear_planes(hada_lane *lane, hada_task *task, int count)
+static void mark_occupied(hada_pipeline *pipeline, hada_frame *frame, int count)
 {
-    hada_result *result = task->result;
+    hada_result *result = frame->result;
     hada_report *report = &result->report;
     memset(report->occupied, 0, (size_t)result->depths);
     for (int i = 0; i < count; i++)
-        report->occupied[lane->occupied[i]] = 1;
+        report->occupied[pipeline->occupied[i]] = 1;
     report->occupied_count = count;
     for (int z = 0; z < result->depths; z++)
         if (!report->occupied[z])
             memset(result->planes[z].data, 0, hada_image_count(&result->planes[z]) * sizeof(float));
 }
 
-static int take_listed(hada_lane *lane)
-{
-    int count = 0;
-    for (int z = 0; z < lane->plan->shape.depths; z++)
-        if (lane->plan->listed[z])
-            lane->occupied[count++] = z;
-    return count;
-}
-
-hada_status hada_lane_refined(hada_lane *lane, hada_task *task, hada_error *err)
+hada_status hada_pipeline_joint(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
 {
     int count = 0;
     hada_status status = HADA_OK;
-    if (lane->plan->shape.pursuit)
-        status = hada_lane_pursue(lane, task, &count, err);
+    if (pipeline->setup->config.pursuit)
+        HADA_TRY(pursue(pipeline, frame, &count, err));
     else
-        count = take_listed(lane);
-    if (status)
-        return status;
-    clear_planes(lane, task, count);
+        count = take_listed(pipeline);
+    mark_occupied(pipeline, frame, count);
     if (!count) {
-        nothing_there(task->result);
-        return HADA_OK;
+        nothing_there(frame->result);
+        goto done;
     }
-    status = lane->classic ? hada_lane_classic(lane, task, count, err) : refine(lane, task, count, err);
-    if (!status)
-        status = hada_lane_enhance(lane, task, planes_of(lane), count, err);
-    if (!status)
-        status = hada_lane_watch(lane, task, &task->result->report.seconds_enhance, err);
-    if (!status)
-        status = focus(lane, task, count, err);
-    return status ? status : read_planes(lane, task, count, err);
+    HADA_TRY(solve(pipeline, frame, count, err));
+    HADA_TRY(hada_pipeline_enhance(pipeline, frame, planes_of(pipeline), count, err));
+    HADA_TRY(hada_pipeline_lap(pipeline, frame, &frame->result->report.seconds_enhance, err));
+    HADA_TRY(focus(pipeline, frame, count, err));
+    HADA_TRY(read_planes(pipeline, frame, count, err));
+done:
+    return status;
 }

@@ -1,129 +1,203 @@
-/* Making lanes. */
+/* Making and unmaking pipelines. */
 #include "engine/pipeline.h"
 
 #include <stdlib.h>
 
 #include "core/alloc.h"
+#include "engine/stages.h"
+#include "filter/layout.h"
+#include "runtime/profile.h"
 
-/* What skipping and a dark frame bring stands beside the room: it stays from frame to frame. */
-static hada_status make_stage(hada_lane *lane, hada_error *err)
+/* What skipping and a dark frame bring stands beside the shared scratch: it stays from frame to frame. */
+static hada_status make_stage(hada_pipeline *pipeline, hada_error *err)
 {
-    const hada_plan *plan = lane->plan;
-    hada_status status =
-        hada_hadamard_create(&lane->stage, lane->slot, hada_model_get_info(plan->model), lane->batch, err);
-    lane->slot->room = NULL;
-    if (!status && plan->shape.dark)
-        status = hada_hadamard_set_dark(lane->stage, plan->dark_frame.data, err);
-    if (!status)
-        status = hada_lane_skip_make(lane, err);
-    lane->slot->room = &lane->room;
+    const hada_setup *setup = pipeline->setup;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_hadamard_create(&pipeline->stage, pipeline->slot, hada_model_get_info(setup->model), pipeline->batch,
+                                  err));
+    pipeline->slot->room = NULL;
+    if (setup->config.dark)
+        HADA_TRY(hada_hadamard_set_dark(pipeline->stage, setup->dark_frame.data, err));
+    if (!setup->config.pruned)
+        HADA_TRY(hada_hadamard_unprune(pipeline->stage, err));
+    if (setup->config.measured)
+        HADA_TRY(hada_meter_create(&pipeline->meter, pipeline->slot, &pipeline->stage->layout,
+                                   pipeline->stage->channels, err));
+done:
+    pipeline->slot->room = &pipeline->room;
     return status;
 }
 
-/* In the order of the plan of the memory: lane_memory.c. */
-static hada_status make_parts(hada_lane *lane, hada_error *err)
+/* sum |X|^2 of the pairs of each computed depth, as far as the model keeps it: the mean scene times the pairs. */
+static hada_status set_power(hada_pipeline *pipeline, hada_error *err)
 {
-    const hada_plan *plan = lane->plan;
-    const hada_plan_shape *shape = &plan->shape;
-    const hada_model_info *info = hada_model_get_info(plan->model);
-    hada_focus_desc focus = hada_plan_focus_of(info, shape);
-    focus.distances_mm = plan->distances;
-    hada_status status = make_stage(lane, err);
-    if (!status)
-        status = hada_scratch_create(&lane->pictures, lane->slot, hada_lane_pictures_bytes(info),
-                                     "the all-in-focus image and the distance map", err);
-    if (!status)
-        status = hada_focus_create(&lane->focus, lane->slot, &focus, err);
-    if (!status && shape->classic)
-        status = hada_classic_create(&lane->classic, lane->slot, &shape->method, err);
-    if (!status && shape->refined && !shape->classic) {
-        const hada_refine_shape refine = hada_plan_refine_of(plan->model, shape);
-        status = hada_refiner_create(&lane->refiner, lane->slot, &refine, err);
+    const hada_setup *setup = pipeline->setup;
+    const hada_model *model = setup->model;
+    const hada_spectrum_layout *layout = &pipeline->constants->bank->layout;
+    const size_t channels = (size_t)hada_model_get_info(model)->channels, values = hada_model_plane(model);
+    float *scaled = NULL, *packed = NULL;
+    hada_buffer buffer = {0};
+    hada_status status = HADA_OK;
+    if (!model->scene_power || !model->pairs)
+        return HADA_OK; /* measured transfer functions are exact */
+    HADA_TRY(hada_alloc_raw((void **)&scaled, values, sizeof(float), "the scenes' power", err));
+    HADA_TRY(hada_alloc((void **)&packed, channels * layout->count, sizeof(float), "the scenes' power", err));
+    HADA_TRY(hada_buffer_create(&buffer, pipeline->constants->context, channels * layout->count * sizeof(float),
+                                "the scenes' power", err));
+    for (int z = 0; z < setup->config.depths; z++) {
+        for (size_t i = 0; i < values; i++)
+            scaled[i] = (float)(model->scene_power[i] * model->pairs[setup->depths[z]]);
+        for (size_t channel = 0; channel < channels; channel++)
+            hada_layout_pack_real(layout, scaled, packed + channel * layout->count);
+        HADA_TRY(hada_buffer_write(&buffer, pipeline->slot, 0, packed, buffer.bytes, err));
+        HADA_TRY(hada_pursuit_set_power(pipeline->pursuit, z, 1, buffer.mem, 0, err));
+        HADA_TRY(hada_slot_finish(pipeline->slot, err));
     }
-    if (!status && shape->pursuit)
-        status = hada_lane_make_pursuit(lane, err);
-    if (!status && !shape->refined)
-        status = hada_scratch_create(&lane->planes, lane->slot, hada_lane_planes_bytes(info, shape, lane->batch),
-                                     "the refocused planes", err);
+done:
+    hada_buffer_destroy(&buffer);
+    free(scaled);
+    free(packed);
     return status;
 }
 
-static hada_status make_room(hada_lane *lane, hada_error *err)
+static hada_status make_pursuit(hada_pipeline *pipeline, hada_error *err)
 {
-    hada_context *context = lane->share->context;
-    hada_status status =
-        hada_lane_plan_memory(&lane->room, context, lane->plan->model, &lane->plan->shape, lane->batch, err);
-    if (!status)
-        status = hada_room_make(&lane->room, context, err);
-    lane->slot->room = &lane->room;
+    const hada_setup *setup = pipeline->setup;
+    const hada_pursuit_options options = hada_config_pursuit(&setup->config, setup->model);
+    const cl_mem prior = pipeline->constants->prior.mem;
+    size_t offset;
+    cl_mem otf = hada_constants_otf(pipeline->constants, &offset);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_pursuit_create(&pipeline->pursuit, pipeline->slot, &options, err));
+    HADA_TRY(hada_pursuit_set_otf(pipeline->pursuit, 0, setup->config.depths, otf, offset, err));
+    if (prior)
+        HADA_TRY(hada_pursuit_set_prior(pipeline->pursuit, prior, err));
+    HADA_TRY(set_power(pipeline, err));
+done:
     return status;
 }
 
-void hada_lane_clear(hada_lane *lane)
+/* In the order of the plan of the memory: pipeline_memory.c. */
+static hada_status make_scratch_parts(hada_pipeline *pipeline, hada_error *err)
 {
-    if (lane->slot)
-        hada_slot_finish(lane->slot, NULL);
-    hada_pursuit_destroy(&lane->pursuit);
-    hada_refiner_destroy(&lane->refiner);
-    hada_classic_destroy(&lane->classic);
-    hada_focus_destroy(&lane->focus);
-    hada_enhance_destroy(&lane->enhance);
-    hada_buffer_destroy(&lane->planes);
-    hada_buffer_destroy(&lane->pictures);
-    hada_meter_destroy(&lane->meter);
-    hada_hadamard_destroy(&lane->stage);
-    hada_slot_destroy(&lane->slot);
-    hada_room_free(&lane->room);
-    lane->holds = 0;
+    const hada_setup *setup = pipeline->setup;
+    const hada_config *config = &setup->config;
+    const hada_model_info *info = hada_model_get_info(setup->model);
+    const hada_refine_shape refine = hada_config_refine(config, setup->model);
+    hada_focus_desc focus = hada_config_focus(config, info);
+    hada_slot *slot = pipeline->slot;
+    hada_status status = HADA_OK;
+    focus.distances_mm = setup->distances;
+    HADA_TRY(make_stage(pipeline, err));
+    HADA_TRY(hada_scratch_create(&pipeline->pictures, slot, hada_pipeline_pictures_bytes(info),
+                                 "the all-in-focus image and the distance map", err));
+    HADA_TRY(hada_focus_create(&pipeline->focus, slot, &focus, err));
+    if (config->classic)
+        HADA_TRY(hada_classic_create(&pipeline->classic, slot, &config->method, err));
+    else if (config->joint)
+        HADA_TRY(hada_refiner_create(&pipeline->refiner, slot, &refine, err));
+    if (config->pursuit)
+        HADA_TRY(make_pursuit(pipeline, err));
+    if (!config->joint)
+        HADA_TRY(hada_scratch_create(&pipeline->planes, slot, hada_pipeline_planes_bytes(info, config, pipeline->batch),
+                                     "the refocused planes", err));
+done:
+    return status;
 }
 
-hada_status hada_lane_ready(hada_lane *lane, hada_error *err)
+static hada_status make_parts(hada_pipeline *pipeline, hada_error *err)
 {
-    if (lane->slot)
+    const hada_setup *setup = pipeline->setup;
+    const hada_config *config = &setup->config;
+    hada_context *context = pipeline->constants->context;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_pipeline_plan_memory(&pipeline->room, context, setup->model, config, pipeline->batch, err));
+    HADA_TRY(hada_room_make(&pipeline->room, context, err));
+    pipeline->slot->room = &pipeline->room;
+    status = make_scratch_parts(pipeline, err);
+    pipeline->slot->room = NULL;
+    if (!status && config->enhance) {
+        const hada_enhance_desc desc = hada_config_enhance(config, context, setup->model, setup->options.skip);
+        HADA_TRY(hada_enhance_create(&pipeline->enhance, pipeline->slot, &desc, err));
+    }
+done:
+    return status;
+}
+
+void hada_pipeline_clear(hada_pipeline *pipeline)
+{
+    if (pipeline->slot)
+        hada_slot_finish(pipeline->slot, NULL);
+    hada_pursuit_destroy(&pipeline->pursuit);
+    hada_refiner_destroy(&pipeline->refiner);
+    hada_classic_destroy(&pipeline->classic);
+    hada_focus_destroy(&pipeline->focus);
+    hada_enhance_destroy(&pipeline->enhance);
+    hada_buffer_destroy(&pipeline->planes);
+    hada_buffer_destroy(&pipeline->pictures);
+    hada_meter_destroy(&pipeline->meter);
+    hada_hadamard_destroy(&pipeline->stage);
+    hada_slot_destroy(&pipeline->slot);
+    hada_room_free(&pipeline->room);
+    pipeline->loaded = 0;
+}
+
+hada_status hada_pipeline_ready(hada_pipeline *pipeline, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    if (pipeline->slot)
         return HADA_OK;
-    hada_status status = hada_slot_create(&lane->slot, lane->share->context, err);
-    if (!status)
-        status = make_room(lane, err);
-    if (!status)
-        status = make_parts(lane, err);
-    if (lane->slot)
-        lane->slot->room = NULL;
-    if (!status)
-        status = hada_lane_enhance_make(lane, err);
+    HADA_TRY(hada_slot_create(&pipeline->slot, pipeline->constants->context, err));
+    HADA_TRY(make_parts(pipeline, err));
+done:
     if (status)
-        hada_lane_clear(lane);
+        hada_pipeline_clear(pipeline);
     return status;
 }
 
-hada_status hada_lane_create(hada_lane **out, const hada_plan *plan, const hada_share *share, int device, int number,
-                             hada_error *err)
+hada_status hada_pipeline_create(hada_pipeline **out, const hada_setup *setup, const hada_constants *constants,
+                                 int batch, hada_error *err)
 {
-    hada_lane *lane;
-    *out = NULL;
-    hada_status status = hada_alloc((void **)&lane, 1, sizeof *lane, "a plan", err);
+    hada_pipeline *pipeline = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&pipeline, 1, sizeof *pipeline, "a plan", err));
+    *pipeline = (hada_pipeline){.setup = setup, .constants = constants, .batch = batch};
+    HADA_TRY(hada_alloc((void **)&pipeline->occupied, (size_t)setup->config.depths, sizeof(int), "a plan", err));
+    HADA_TRY(hada_pipeline_ready(pipeline, err));
+done:
     if (status)
-        return status;
-    lane->plan = plan;
-    lane->share = share;
-    lane->info.device = device;
-    lane->number = number;
-    lane->batch = share->batch;
-    status = hada_alloc((void **)&lane->occupied, (size_t)plan->shape.depths, sizeof(int), "a plan", err);
-    if (!status)
-        status = hada_lane_ready(lane, err);
-    if (status)
-        hada_lane_destroy(&lane);
-    *out = lane;
+        hada_pipeline_destroy(&pipeline);
+    *out = pipeline;
     return status;
 }
 
-void hada_lane_destroy(hada_lane **pointer)
+void hada_pipeline_destroy(hada_pipeline **pointer)
 {
     if (!pointer || !*pointer)
         return;
-    hada_lane *lane = *pointer;
+    hada_pipeline *pipeline = *pointer;
     *pointer = NULL;
-    hada_lane_clear(lane);
-    free(lane->occupied);
-    free(lane);
+    hada_pipeline_clear(pipeline);
+    free(pipeline->occupied);
+    free(pipeline);
+}
+
+int hada_pipeline_batch(const hada_pipeline *pipeline)
+{
+    return pipeline->batch;
+}
+
+hada_status hada_pipeline_profile(hada_pipeline *pipeline, int on, hada_error *err)
+{
+    return pipeline->slot ? hada_slot_profile(pipeline->slot, on, err) : HADA_OK;
+}
+
+int hada_pipeline_profiles(const hada_pipeline *pipeline)
+{
+    return pipeline->slot && pipeline->slot->profile;
+}
+
+hada_status hada_pipeline_times(hada_pipeline *pipeline, hada_kernel_time **rows, size_t *count, hada_error *err)
+{
+    return hada_pipeline_profiles(pipeline) ? hada_slot_times(pipeline->slot, rows, count, err) : HADA_OK;
 }

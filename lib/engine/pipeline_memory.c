@@ -1,110 +1,132 @@
-/* The steps of a frame on a lane, and the memory that each needs: buffers whose steps do not meet stand in one place.
- */
-#include "engine/pipeline.h"
+/* The stages of a frame on a pipeline and the memory that each needs: buffers whose stages do not meet stand in one
+ * place. */
+#include "engine/stages.h"
 
-/* What a lane does with a frame, in this order. The linear path computes and focuses batch by batch, so that these two
- * are one step; the refined path looks for the occupied depths, refines them, and then focuses. */
+/* What a pipeline does with a frame, in this order. The linear path computes and focuses batch by batch, so that these
+ * two are one step; the joint path looks for the occupied depths, computes them, and then focuses. */
 enum {
     UPLOAD, /* raw frame -> spectrum */
-    PURSUE, /* refined: spectrum -> occupied depths, a step for each grid that it looks at */
+    PURSUE, /* joint: spectrum -> occupied depths, a step for each grid that it looks at */
     COMPUTE = PURSUE + HADA_PURSUIT_LEVELS, /* spectrum -> planes */
     FOCUS,                                  /* planes -> running best -> pictures */
     DOWNLOAD                                /* planes and pictures -> result */
 };
 
-size_t hada_lane_planes_bytes(const hada_model_info *info, const hada_plan_shape *shape, int batch)
+size_t hada_pipeline_planes_bytes(const hada_model_info *info, const hada_config *config, int batch)
 {
-    return shape->refined ? 0 : hada_plane_values(info) * (size_t)batch * sizeof(float);
+    return config->joint ? 0 : hada_plane_values(info) * (size_t)batch * sizeof(float);
 }
 
-size_t hada_lane_pictures_bytes(const hada_model_info *info)
+size_t hada_pipeline_pictures_bytes(const hada_model_info *info)
 {
     const size_t pixels = (size_t)info->window_rows * (size_t)info->window_cols;
     return (hada_plane_values(info) + pixels) * sizeof(float);
 }
 
-/* In the order in which hada_lane_ready() makes them. */
+/* In the order in which hada_pipeline_ready() makes them. */
 static hada_status note(hada_room *room, const hada_context *context, const hada_model *model,
-                        const hada_plan_shape *shape, int batch, hada_error *err)
+                        const hada_config *config, int batch, hada_error *err)
 {
     const hada_model_info *info = hada_model_get_info(model);
-    const hada_focus_desc focus = hada_plan_focus_of(info, shape);
+    const hada_focus_desc focus = hada_config_focus(config, info);
+    const hada_refine_shape refine = hada_config_refine(config, model);
     /* where the sensor crops, refinement compares with the frame itself; some classic methods do in any case */
     const int raw_last =
-        shape->classic || (shape->refined && info->boundary == HADA_BOUNDARY_PADDED) ? COMPUTE : UPLOAD;
-    hada_status status = hada_hadamard_note(context, info, batch, room, UPLOAD, raw_last, COMPUTE, err);
+        config->classic || (config->joint && info->boundary == HADA_BOUNDARY_PADDED) ? COMPUTE : UPLOAD;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_hadamard_note(context, info, batch, room, UPLOAD, raw_last, COMPUTE, err));
     hada_room_steps(room, FOCUS, DOWNLOAD);
-    if (!status)
-        status = hada_room_note(room, hada_lane_pictures_bytes(info), "the pictures", err);
-    hada_room_steps(room, shape->refined ? FOCUS : COMPUTE, FOCUS);
-    if (!status)
-        status = hada_focus_note(context, &focus, room, err);
-    if (!status && shape->classic)
-        status = hada_classic_note(context, &shape->method, room, COMPUTE, COMPUTE, DOWNLOAD, err);
-    if (!status && shape->refined && !shape->classic) {
-        const hada_refine_shape refine = hada_plan_refine_of(model, shape);
-        status = hada_refiner_note(context, &refine, room, COMPUTE, COMPUTE, DOWNLOAD, err);
-    }
-    if (!status && shape->pursuit) {
-        const hada_pursuit_options pursuit = hada_plan_pursuit_of(model, shape);
-        status = hada_pursuit_note(context, &pursuit, room, PURSUE, err);
+    HADA_TRY(hada_room_note(room, hada_pipeline_pictures_bytes(info), "the pictures", err));
+    hada_room_steps(room, config->joint ? FOCUS : COMPUTE, FOCUS);
+    HADA_TRY(hada_focus_note(context, &focus, room, err));
+    if (config->classic)
+        HADA_TRY(hada_classic_note(context, &config->method, room, COMPUTE, COMPUTE, DOWNLOAD, err));
+    else if (config->joint)
+        HADA_TRY(hada_refiner_note(context, &refine, room, COMPUTE, COMPUTE, DOWNLOAD, err));
+    if (config->pursuit) {
+        const hada_pursuit_options pursuit = hada_config_pursuit(config, model);
+        HADA_TRY(hada_pursuit_note(context, &pursuit, room, PURSUE, err));
     }
     hada_room_steps(room, COMPUTE, DOWNLOAD);
-    if (!status && !shape->refined)
-        status = hada_room_note(room, hada_lane_planes_bytes(info, shape, batch), "the refocused planes", err);
+    if (!config->joint)
+        HADA_TRY(hada_room_note(room, hada_pipeline_planes_bytes(info, config, batch), "the refocused planes", err));
+done:
     return status;
 }
 
-hada_status hada_lane_plan_memory(hada_room *room, const hada_context *context, const hada_model *model,
-                                  const hada_plan_shape *shape, int batch, hada_error *err)
+hada_status hada_pipeline_plan_memory(hada_room *room, const hada_context *context, const hada_model *model,
+                                      const hada_config *config, int batch, hada_error *err)
 {
-    hada_status status = note(room, context, model, shape, batch, err);
+    hada_status status = note(room, context, model, config, batch, err);
     return status ? status : hada_room_plan(room, context, err);
 }
 
-/* What the parts of a lane would hold apart. */
-static uint64_t bytes_apart(const hada_context *context, const hada_model *model, const hada_plan_shape *shape,
-                            int batch)
+/* What stays from frame to frame beside the shared scratch, for skipping. */
+static uint64_t skip_bytes(const hada_context *context, const hada_model_info *info, const hada_config *config,
+                           int batch)
+{
+    const hada_spectrum_layout layout = hada_hadamard_layout(context, info);
+    return (config->pruned ? 0 : hada_hadamard_unpruned_bytes(context, info, batch)) +
+           (config->measured ? hada_meter_bytes(&layout, info->channels) : 0) +
+           (config->half_by_error ? hada_bank_bytes(info, &layout, 1, HADA_BANK_FILTERS, 0) : 0);
+}
+
+static uint64_t enhance_bytes(const hada_context *context, const hada_model *model, const hada_config *config)
+{
+    size_t bytes;
+    if (!config->enhance)
+        return 0;
+    const hada_enhance_desc desc = hada_config_enhance(config, context, model, HADA_SKIP_TILES);
+    return hada_enhance_bytes(context, &desc, &bytes, NULL) ? 0 : bytes;
+}
+
+/* What the parts of a pipeline would hold apart. */
+static uint64_t bytes_apart(const hada_context *context, const hada_model *model, const hada_config *config, int batch)
 {
     const hada_model_info *info = hada_model_get_info(model);
-    const hada_focus_desc focus = hada_plan_focus_of(info, shape);
+    const hada_focus_desc focus = hada_config_focus(config, info);
+    const hada_refine_shape refine = hada_config_refine(config, model);
     const uint64_t frame = 4 * (uint64_t)info->raw_rows * (uint64_t)info->raw_cols * (uint64_t)info->channels;
     uint64_t bytes = hada_hadamard_bytes(context, info, batch) + hada_focus_bytes(context, &focus) +
-                     hada_lane_planes_bytes(info, shape, batch) + hada_lane_pictures_bytes(info) +
-                     (shape->dark ? frame : 0) + hada_lane_skip_bytes(context, info, shape, batch) +
-                     hada_lane_enhance_bytes(context, model, shape);
-    if (shape->classic)
-        bytes += hada_classic_bytes(context, &shape->method);
-    if (shape->refined && !shape->classic) {
-        const hada_refine_shape refine = hada_plan_refine_of(model, shape);
+                     hada_pipeline_planes_bytes(info, config, batch) + hada_pipeline_pictures_bytes(info) +
+                     (config->dark ? frame : 0) + skip_bytes(context, info, config, batch) +
+                     enhance_bytes(context, model, config);
+    if (config->classic)
+        bytes += hada_classic_bytes(context, &config->method);
+    else if (config->joint)
         bytes += hada_refiner_bytes(context, &refine);
-    }
-    if (shape->pursuit) {
-        const hada_pursuit_options pursuit = hada_plan_pursuit_of(model, shape);
+    if (config->pursuit) {
+        const hada_pursuit_options pursuit = hada_config_pursuit(config, model);
         bytes += hada_pursuit_bytes(context, &pursuit);
     }
     return bytes;
 }
 
-hada_status hada_lane_bytes(const hada_context *context, const hada_model *model, const hada_plan_shape *shape,
-                            int batch, uint64_t *bytes, uint64_t *apart, hada_error *err)
+hada_status hada_pipeline_bytes(const hada_context *context, const hada_model *model, const hada_config *config,
+                                int batch, uint64_t *bytes, uint64_t *apart, hada_error *err)
 {
     hada_room room = {0};
-    hada_status status = hada_lane_plan_memory(&room, context, model, shape, batch, err);
-    *apart = bytes_apart(context, model, shape, batch);
+    hada_status status = hada_pipeline_plan_memory(&room, context, model, config, batch, err);
+    *apart = bytes_apart(context, model, config, batch);
     *bytes = *apart - hada_room_noted(&room) + hada_room_bytes(&room);
     hada_room_free(&room);
     return status;
 }
 
-int hada_lane_batch(const hada_context *context, const hada_model *model, const hada_plan_shape *shape, int queues)
+uint64_t hada_pipeline_making_bytes(const hada_context *context, const hada_model *model)
 {
-    const uint64_t room = context->info.memory_bytes / 4 * 3, share = hada_share_bytes(context, model, shape);
-    int batch = shape->batch;
+    return hada_hadamard_check_bytes(context, hada_model_get_info(model));
+}
+
+int hada_pipeline_fit(const hada_context *context, const hada_model *model, const hada_config *config, int queues)
+{
+    /* a quarter is left to the driver, other programs, and what a net needs beside its activations */
+    const uint64_t most = context->info.memory_bytes / 4 * 3, constants = hada_constants_bytes(context, model, config);
+    int batch = config->batch;
     for (; batch > 1; batch = (batch + 1) / 2) {
-        uint64_t lane, apart;
-        if (!hada_lane_bytes(context, model, shape, batch, &lane, &apart, NULL) &&
-            share + (uint64_t)queues * lane <= room)
+        uint64_t bytes, apart;
+        if (!hada_pipeline_bytes(context, model, config, batch, &bytes, &apart, NULL) &&
+            constants + (uint64_t)queues * bytes <= most)
             break;
     }
     return batch;

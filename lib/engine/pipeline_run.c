@@ -1,106 +1,85 @@
-/* The way of a frame through a lane. */
+/* The way of a frame through a pipeline. */
 #include "core/clock.h"
-#include "engine/pipeline.h"
 #include "engine/result.h"
+#include "engine/skip.h"
+#include "engine/stages.h"
 
-hada_status hada_lane_watch(hada_lane *lane, hada_task *task, double *seconds, hada_error *err)
+static hada_status upload(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
 {
-    const hada_status status = hada_slot_finish(lane->slot, err);
-    const double now = hada_seconds();
-    *seconds += now - task->watch;
-    task->watch = now;
+    hada_status status = HADA_OK;
+    hada_slot_stage(pipeline->slot, "upload");
+    HADA_TRY(hada_frame_prepare(frame, err));
+    HADA_TRY(hada_pipeline_load(pipeline, frame, err));
+    HADA_TRY(hada_skip_frequencies(pipeline, frame, err));
+    hada_frame_progress(frame, 1);
+    HADA_TRY(hada_pipeline_lap(pipeline, frame, &frame->result->report.seconds_upload, err));
+done:
     return status;
 }
 
-hada_status hada_lane_upload(hada_lane *lane, hada_task *task, hada_error *err)
+/* After a failure: nothing is in the queue, and what it left behind is not trusted. */
+static void reset(hada_pipeline *pipeline)
 {
-    hada_slot_stage(lane->slot, "upload");
-    hada_status status = hada_task_prepare(task, err);
-    if (!status)
-        status = hada_lane_expose(lane, task, err);
-    if (!status)
-        status = hada_lane_skip_frequencies(lane, task, err);
-    hada_task_progress(task, 1);
-    return status ? status : hada_lane_watch(lane, task, &task->result->report.seconds_upload, err);
+    hada_slot_finish(pipeline->slot, NULL);
+    pipeline->loaded = 0;
 }
 
-hada_status hada_lane_expose(hada_lane *lane, hada_task *task, hada_error *err)
+static hada_status all_stages(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
 {
-    if (lane->holds == task->serial)
-        return HADA_OK;
-    lane->holds = 0;
-    hada_lane_skip_apply(lane, task);
-    hada_status status = hada_hadamard_frame(lane->stage, hada_task_frame(task)->data, task->levels, err);
-    if (!status)
-        lane->holds = task->serial;
+    const hada_setup *setup = pipeline->setup;
+    hada_status status = HADA_OK;
+    HADA_TRY(upload(pipeline, frame, err));
+    HADA_TRY(setup->config.joint ? hada_pipeline_joint(pipeline, frame, err)
+                                 : hada_pipeline_linear(pipeline, frame, err));
+    HADA_TRY(hada_frame_check(frame, err));
+    hada_skip_fill_report(frame);
+    hada_result_apply_gamma(frame->result, setup->options.gamma);
+    HADA_TRY(hada_pipeline_lap(pipeline, frame, &frame->result->report.seconds_download, err));
+done:
     return status;
 }
 
-hada_status hada_lane_pictures(hada_lane *lane, hada_task *task, hada_error *err)
+static hada_status run(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
 {
-    hada_result *result = task->result;
-    const size_t plane = hada_image_count(&result->all_in_focus), map = hada_image_count(&result->distance_map);
-    hada_slot_stage(lane->slot, "focus");
-    hada_status status = hada_focus_finish(lane->focus, lane->pictures.mem, 0, lane->pictures.mem, plane, NULL, err);
-    if (!status)
-        status = hada_lane_watch(lane, task, &result->report.seconds_focus, err);
-    hada_slot_stage(lane->slot, "download");
-    if (!status)
-        status =
-            hada_buffer_read(&lane->pictures, lane->slot, 0, result->all_in_focus.data, plane * sizeof(float), err);
-    if (!status)
-        status = hada_buffer_read(&lane->pictures, lane->slot, plane * sizeof(float), result->distance_map.data,
-                                  map * sizeof(float), err);
-    return status;
-}
-
-static hada_status run(hada_lane *lane, hada_task *task, hada_error *err)
-{
-    hada_status status = hada_lane_ready(lane, err);
+    hada_status status = hada_pipeline_ready(pipeline, err);
     if (status)
         return status;
-    lane->slot->stop = &task->cancelled;
-    status = hada_lane_upload(lane, task, err);
-    if (!status)
-        status = lane->plan->shape.refined ? hada_lane_refined(lane, task, err) : hada_lane_linear(lane, task, err);
-    if (!status)
-        status = hada_task_check(task, err);
-    if (!status)
-        hada_task_skip_report(task);
-    if (!status)
-        hada_result_apply_gamma(task->result, lane->plan->options.gamma);
-    if (!status)
-        status = hada_lane_watch(lane, task, &task->result->report.seconds_download, err);
+    pipeline->slot->stop = &frame->cancelled;
+    status = all_stages(pipeline, frame, err);
     if (status)
-        hada_lane_stumble(lane);
-    lane->slot->stop = NULL;
-    task->result->report.seconds_total = hada_seconds() - task->start;
+        reset(pipeline);
+    pipeline->slot->stop = NULL;
+    frame->result->report.seconds_total = hada_seconds() - frame->start;
     return status;
 }
 
-void hada_lane_stumble(hada_lane *lane)
-{
-    hada_slot_finish(lane->slot, NULL);
-    lane->holds = 0;
-}
-
-hada_status hada_lane_run(hada_lane *lane, hada_task *task, hada_error *err)
+hada_status hada_pipeline_run(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
 {
     hada_error error = {0};
-    hada_status status;
-    if (hada_frames_reuse(task, &status, err))
-        return status;
-    hada_frames_begin(task);
-    status = run(lane, task, &error);
-    while (status == HADA_ERROR_DEVICE_MEMORY && !lane->plan->shape.refined && lane->batch > 1) {
-        lane->batch = (lane->batch + 1) / 2;
-        hada_log(lane->share->context, HADA_LOG_WARNING, "%s; trying again with batches of %d depths", error.message,
-                 lane->batch);
-        hada_lane_clear(lane);
-        status = run(lane, task, &error);
+    hada_status status = run(pipeline, frame, &error);
+    while (status == HADA_ERROR_DEVICE_MEMORY && !pipeline->setup->config.joint && pipeline->batch > 1) {
+        pipeline->batch = (pipeline->batch + 1) / 2;
+        hada_log(pipeline->constants->context, HADA_LOG_WARNING, "%s; trying again with batches of %d depths",
+                 error.message, pipeline->batch);
+        hada_pipeline_clear(pipeline);
+        status = run(pipeline, frame, &error);
     }
-    hada_frames_done(task, status);
     if (status && err)
         *err = error;
+    return status;
+}
+
+hada_status hada_pipeline_help(hada_pipeline *pipeline, hada_frame *frame, int first, int count, hada_error *err)
+{
+    hada_status status = hada_pipeline_ready(pipeline, err);
+    if (status)
+        return status;
+    pipeline->slot->stop = &frame->cancelled;
+    status = hada_pipeline_load(pipeline, frame, err);
+    if (!status)
+        status = hada_pipeline_linear_batch(pipeline, frame, first, count, err);
+    if (status)
+        reset(pipeline);
+    pipeline->slot->stop = NULL;
     return status;
 }

@@ -63,47 +63,49 @@ static float neighbours_median(const float *plane, int rows, int cols, int row, 
 
 static hada_status plane_median(const float *plane, size_t count, float *out, hada_error *err)
 {
-    void *memory;
-    hada_status status = hada_alloc_raw(&memory, count, sizeof(float), "repairing a frame", err);
-    if (status)
-        return status;
-    float *finite = memory;
+    float *finite = NULL;
     size_t n = 0;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc_raw((void **)&finite, count, sizeof *finite, "repairing a frame", err));
     for (size_t i = 0; i < count; i++)
         if (isfinite(plane[i]))
             finite[n++] = plane[i];
     *out = n ? median(finite, n) : 0.0f;
-    free(memory);
-    return HADA_OK;
+done:
+    free(finite);
+    return status;
+}
+
+static hada_status repair_plane(const float *before, float *after, int rows, int cols, hada_error *err)
+{
+    const size_t pixels = (size_t)rows * (size_t)cols;
+    float whole = NAN; /* the plane's median, found when first needed */
+    hada_status status = HADA_OK;
+    for (size_t i = 0; i < pixels; i++) {
+        if (isfinite(before[i]))
+            continue;
+        const float value = neighbours_median(before, rows, cols, (int)(i / (size_t)cols), (int)(i % (size_t)cols));
+        if (isnan(value) && isnan(whole))
+            HADA_TRY(plane_median(before, pixels, &whole, err));
+        after[i] = isnan(value) ? whole : value;
+    }
+done:
+    return status;
 }
 
 hada_status hada_frame_repair(hada_image *frame, size_t *repaired, hada_error *err)
 {
-    size_t pixels = (size_t)frame->rows * (size_t)frame->cols;
+    const size_t pixels = (size_t)frame->rows * (size_t)frame->cols;
+    hada_image before = {0};
+    hada_status status = HADA_OK;
     *repaired = hada_image_count_not_finite(frame);
     if (!*repaired)
         return HADA_OK;
-    hada_image before = {0};
-    hada_status status = hada_image_create(&before, frame->channels, frame->rows, frame->cols, err);
-    if (status)
-        return status;
+    HADA_TRY(hada_image_create(&before, frame->channels, frame->rows, frame->cols, err));
     memcpy(before.data, frame->data, hada_image_count(frame) * sizeof(float));
-    for (int channel = 0; !status && channel < frame->channels; channel++) {
-        const float *plane = before.data + (size_t)channel * pixels;
-        float whole = NAN; /* the plane's median, found when first needed */
-        for (size_t i = 0; !status && i < pixels; i++) {
-            if (isfinite(plane[i]))
-                continue;
-            float value = neighbours_median(plane, frame->rows, frame->cols, (int)(i / (size_t)frame->cols),
-                                            (int)(i % (size_t)frame->cols));
-            if (isnan(value)) {
-                if (isnan(whole))
-                    status = plane_median(plane, pixels, &whole, err);
-                value = whole;
-            }
-            frame->data[(size_t)channel * pixels + i] = value;
-        }
-    }
+    for (size_t at = 0; at < pixels * (size_t)frame->channels; at += pixels)
+        HADA_TRY(repair_plane(before.data + at, frame->data + at, frame->rows, frame->cols, err));
+done:
     hada_image_destroy(&before);
     return status;
 }

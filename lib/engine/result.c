@@ -3,6 +3,7 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "core/alloc.h"
 
@@ -21,26 +22,45 @@ static hada_status fit_image(hada_image *image, int channels, int rows, int cols
 
 hada_status hada_result_fit(hada_result *result, const hada_model_info *info, int depths, hada_error *err)
 {
+    const int channels = info->channels, rows = info->window_rows, cols = info->window_cols;
     hada_status status = HADA_OK;
     if (result->depths != depths) {
         hada_result_destroy(result);
-        status = hada_alloc((void **)&result->distances_mm, (size_t)depths, sizeof(double), "the result", err);
-        if (!status)
-            status = hada_alloc((void **)&result->planes, (size_t)depths, sizeof *result->planes, "the result", err);
-        if (!status)
-            status = hada_alloc((void **)&result->report.occupied, (size_t)depths, 1, "the result", err);
-        if (!status)
-            result->depths = depths;
+        HADA_TRY(hada_alloc((void **)&result->distances_mm, (size_t)depths, sizeof(double), "the result", err));
+        HADA_TRY(hada_alloc((void **)&result->planes, (size_t)depths, sizeof *result->planes, "the result", err));
+        HADA_TRY(hada_alloc((void **)&result->report.occupied, (size_t)depths, 1, "the result", err));
+        result->depths = depths;
     }
-    for (int z = 0; !status && z < depths; z++)
-        status = fit_image(&result->planes[z], info->channels, info->window_rows, info->window_cols, err);
-    if (!status)
-        status = fit_image(&result->all_in_focus, info->channels, info->window_rows, info->window_cols, err);
-    if (!status)
-        status = fit_image(&result->distance_map, 1, info->window_rows, info->window_cols, err);
+    for (int z = 0; z < depths; z++)
+        HADA_TRY(fit_image(&result->planes[z], channels, rows, cols, err));
+    HADA_TRY(fit_image(&result->all_in_focus, channels, rows, cols, err));
+    HADA_TRY(fit_image(&result->distance_map, 1, rows, cols, err));
+done:
     if (status)
         hada_result_destroy(result);
     return status;
+}
+
+static void copy_image(hada_image *to, const hada_image *from)
+{
+    memcpy(to->data, from->data, hada_image_count(from) * sizeof *from->data);
+}
+
+hada_status hada_result_copy(hada_result *to, const hada_result *from, const hada_model_info *info, hada_error *err)
+{
+    hada_status status = hada_result_fit(to, info, from->depths, err);
+    if (status)
+        return status;
+    unsigned char *occupied = to->report.occupied;
+    memcpy(occupied, from->report.occupied, (size_t)from->depths);
+    to->report = from->report;
+    to->report.occupied = occupied;
+    memcpy(to->distances_mm, from->distances_mm, (size_t)from->depths * sizeof *to->distances_mm);
+    for (int z = 0; z < from->depths; z++)
+        copy_image(&to->planes[z], &from->planes[z]);
+    copy_image(&to->all_in_focus, &from->all_in_focus);
+    copy_image(&to->distance_map, &from->distance_map);
+    return HADA_OK;
 }
 
 static void raise(hada_image *image, float gamma)

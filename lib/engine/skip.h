@@ -1,68 +1,31 @@
-/* What a frame on its way through a plan does not need (docs/skipping.md). Internal. */
+/* What a frame does not need, and bounds of what that changes (docs/skipping.md). Internal. */
 #ifndef HADA_ENGINE_SKIP_H
 #define HADA_ENGINE_SKIP_H
 
-#include "engine/config.h"
-#include "filter/gains.h"
+#include "engine/frame.h"
 
-typedef struct hada_lane hada_lane;
-typedef struct hada_task hada_task;
+typedef struct hada_pipeline hada_pipeline;
 
-/* What a plan knows before any frame comes. */
-typedef struct hada_plan_skip {
-    hada_gains *gains; /* of the depths that count; NULL where spectra are not measured */
-    int *same_dark;    /* per channel: the first one whose dark frame is the same */
-    int *same_filter;  /* per channel: the first one whose filters are the same at all depths */
-} hada_plan_skip;
+/* Which channels are black or equal, once the levels are known. */
+void hada_skip_channels(hada_frame *frame);
 
-/* `depths`: the computed ones (indices into the model), of which listed[] count. */
-hada_status hada_plan_skip_make(hada_plan_skip *skip, const hada_context *context, const hada_model *model,
-                                const hada_plan_shape *shape, const int *depths, const unsigned char *listed,
-                                const hada_image *dark, hada_error *err);
-void hada_plan_skip_free(hada_plan_skip *skip);
+/* Which frequencies are left out, once the spectrum stands in the pipeline's stage. */
+hada_status hada_skip_frequencies(hada_pipeline *pipeline, hada_frame *frame, hada_error *err);
 
-/* What was found for a frame. All lanes that work on it read the same. */
-typedef struct hada_task_skip {
-    int *spectra, *planes;    /* per channel, as in hada_hadamard_part */
-    int channels;             /* whose planes are not computed */
-    int band_rows, band_cols; /* of the inverse transforms; 0, 0: all */
-    double change;            /* of the stack, at most, under max_error: absolute L2 over all pixels */
-    double band_change;       /* the same for the band that the caller chose */
-    double norm;              /* of the stack, where max_error is above 0 */
-    int limited;              /* 1: max_error left frequencies out */
-    int again;                /* 1: bounded kinds are off, since their bound was not kept */
-} hada_task_skip;
+/* Whether planes must come from filters in single precision, which the bank does not hold, and computing them: as
+ * hada_hadamard_run(). */
+int hada_skip_needs_single(const hada_frame *frame);
+hada_status hada_skip_run_single(hada_pipeline *pipeline, int first, int count, hada_error *err);
 
-hada_status hada_task_skip_begin(hada_task *task, hada_error *err);
-void hada_task_skip_end(hada_task *task);
-
-/* Channels that are black or equal, once the levels are known. */
-void hada_task_skip_channels(hada_task *task);
-
-/* A lane's own part of skipping, once its stage is made, and the bytes of that. */
-hada_status hada_lane_skip_make(hada_lane *lane, hada_error *err);
-uint64_t hada_lane_skip_bytes(const hada_context *context, const hada_model_info *info, const hada_plan_shape *shape,
-                              int batch);
-
-/* Frequencies, once the spectrum stands in the lane's stage. */
-hada_status hada_lane_skip_frequencies(hada_lane *lane, hada_task *task, hada_error *err);
-
-/* Makes the lane's stage do what the task needs. */
-void hada_lane_skip_apply(hada_lane *lane, const hada_task *task);
-
-/* Whether planes must come from filters other than those of the bank, and computing them: as hada_hadamard_run(). */
-int hada_task_skip_dense(const hada_task *task);
-hada_status hada_lane_skip_dense(hada_lane *lane, int first, int count, hada_error *err);
-
-/* After the planes came home: whether they must be computed again, since what was left out may have changed the stack
- * by more than max_error. */
-int hada_task_skip_again(hada_task *task);
+/* After the planes came home: whether max_error was kept. Where not, the bounded kinds are off from now on and the
+ * planes must be computed again. */
+int hada_skip_kept(hada_frame *frame);
 
 /* A change of the stack by at most `change`, relative to what the stack would be without it, which is at least its norm
  * - change: L2 over all pixels. Infinite where nothing can be said. */
 double hada_skip_relative(double change, double norm);
 
-/* Into the task's report. */
-void hada_task_skip_report(hada_task *task);
+/* What was skipped, into the report of the frame. */
+void hada_skip_fill_report(hada_frame *frame);
 
 #endif

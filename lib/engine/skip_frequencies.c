@@ -1,45 +1,24 @@
-/* Frequencies that a frame does not need, and a second look without bounded kinds. */
+/* Frequencies and bits of filters that a frame does not need, and whether their bound was kept. */
 #include <math.h>
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "engine/pipeline.h"
+#include "engine/skip.h"
+#include "engine/stages.h"
 
 /* Two runs that add up other frequencies round differently, each by at most this (relative L2, see docs/fft.md). */
 static const double transform_rounding = 3e-7;
 
 /* The planes' norm is known only afterwards; the choice of a band takes it for this share of what the filters put on
- * the grid. Light that spread evenly over the grid would leave the window the root of its share; scenes stand in the
- * window, and a little less than halfway between that and all of it was kept by all frames tried (docs/skipping.md). */
+ * the grid. Light that spread evenly over the grid would leave the window the root of its share of the area; scenes
+ * stand in the window, and their norm was above the root of that root, times this, in all frames tried
+ * (docs/skipping.md). */
+static const double norm_margin = 0.7;
+
 static double expected_share(const hada_model_info *info)
 {
     const double area = (double)info->window_rows * info->window_cols / ((double)info->grid_rows * info->grid_cols);
-    return 0.7 * sqrt(sqrt(area));
-}
-
-uint64_t hada_lane_skip_bytes(const hada_context *context, const hada_model_info *info, const hada_plan_shape *shape,
-                              int batch)
-{
-    const hada_spectrum_layout layout = hada_hadamard_layout(context, info);
-    return (shape->pruned ? 0 : hada_hadamard_unpruned_bytes(context, info, batch)) +
-           (shape->measured ? hada_meter_bytes(&layout, info->channels) : 0) +
-           (shape->half_by_error ? hada_bank_bytes(info, &layout, 1, HADA_BANK_FILTERS, 0) : 0);
-}
-
-hada_status hada_lane_skip_make(hada_lane *lane, hada_error *err)
-{
-    const hada_plan_shape *shape = &lane->plan->shape;
-    hada_status status = shape->pruned ? HADA_OK : hada_hadamard_unprune(lane->stage, err);
-    if (!status && shape->measured)
-        status = hada_meter_create(&lane->meter, lane->slot, &lane->stage->layout, lane->stage->channels, err);
-    return status;
-}
-
-void hada_lane_skip_apply(hada_lane *lane, const hada_task *task)
-{
-    const hada_task_skip *skip = &task->skip;
-    lane->stage->part = (hada_hadamard_part){
-        .band_rows = skip->band_rows, .band_cols = skip->band_cols, .spectra = skip->spectra, .planes = skip->planes};
+    return norm_margin * sqrt(sqrt(area));
 }
 
 /* What lies outside the caller's band does not count: the dense run leaves it out as well. */
@@ -61,78 +40,140 @@ static int smaller(int a, int b)
 
 /* The smallest band whose change, together with those of half filters and of rounding, stays within max_error of the
  * expected planes. */
-static void choose_band(const hada_plan *plan, const float *energy, hada_task_skip *skip)
+static void choose_band(const hada_setup *setup, const float *energy, hada_frame_skip *skip)
 {
-    const hada_plan_shape *shape = &plan->shape;
-    const hada_gains *gains = plan->skip.gains;
+    const hada_config *config = &setup->config;
+    const hada_gains *gains = setup->gains;
     const double light = sqrt(hada_gains_light(gains, energy)), rounding = 2.0 * transform_rounding * light,
-                 half = shape->half_by_error ? sqrt(gains->halved) * light : 0.0;
-    const double most = expected_share(hada_model_get_info(plan->model)) * light * plan->options.max_error /
-                        (1.0 + plan->options.max_error);
+                 half = config->half_by_error ? sqrt(gains->halved) * light : 0.0;
+    const double most = expected_share(hada_model_get_info(setup->model)) * light * setup->options.max_error /
+                        (1.0 + setup->options.max_error);
     double dropped[HADA_BANDS];
     int band = HADA_BANDS - 1;
     hada_gains_dropped(gains, energy, dropped);
-    while (plan->options.skip & HADA_SKIP_FREQUENCIES && band > 0 && half + rounding + sqrt(dropped[band - 1]) <= most)
+    while (setup->options.skip & HADA_SKIP_FREQUENCIES && band > 0 && half + rounding + sqrt(dropped[band - 1]) <= most)
         band--;
     skip->limited = band < HADA_BANDS - 1;
-    skip->change = half + sqrt(dropped[band]) + (skip->limited || shape->half_by_error ? rounding : 0.0);
+    skip->change = half + sqrt(dropped[band]) + (skip->limited || config->half_by_error ? rounding : 0.0);
     if (!skip->limited)
         return;
     const int rows = gains->tiles.row_last[band], cols = gains->tiles.col_last[band];
-    const int banded = shape->band_rows || shape->band_cols;
-    skip->band_rows = banded ? smaller(rows, shape->band_rows) : rows;
-    skip->band_cols = banded ? smaller(cols, shape->band_cols) : cols;
+    const int banded = config->band_rows || config->band_cols;
+    skip->band_rows = banded ? smaller(rows, config->band_rows) : rows;
+    skip->band_cols = banded ? smaller(cols, config->band_cols) : cols;
 }
 
-hada_status hada_lane_skip_frequencies(hada_lane *lane, hada_task *task, hada_error *err)
+hada_status hada_skip_frequencies(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
 {
-    const hada_plan *plan = lane->plan;
-    const hada_plan_shape *shape = &plan->shape;
-    const hada_gains *gains = plan->skip.gains;
-    hada_task_skip *skip = &task->skip;
-    float *energy;
+    const hada_setup *setup = pipeline->setup;
+    const hada_config *config = &setup->config;
+    const hada_gains *gains = setup->gains;
+    hada_frame_skip *skip = &frame->skip;
+    float *energy = NULL;
+    hada_status status = HADA_OK;
     skip->change = skip->band_change = 0.0;
-    skip->again = skip->limited = 0;
-    skip->band_rows = shape->band_rows;
-    skip->band_cols = shape->band_cols;
+    skip->exact = skip->limited = 0;
+    skip->band_rows = config->band_rows;
+    skip->band_cols = config->band_cols;
     if (!gains)
         return HADA_OK;
-    hada_status status = hada_alloc_raw((void **)&energy, lane->meter->energy.bytes, 1, "the measure of spectra", err);
-    if (status)
-        return status;
-    status = hada_meter_run(lane->meter, lane->stage->spectrum.mem, lane->share->gains.mem, err);
-    if (!status)
-        status = hada_buffer_read(&lane->meter->energy, lane->slot, 0, energy, lane->meter->energy.bytes, err);
-    if (!status && (shape->band_rows || shape->band_cols)) {
-        skip->band_change = sqrt(hada_gains_outside(gains, energy, shape->band_rows, shape->band_cols));
-        leave_out(&gains->tiles, gains->channels, shape->band_rows, shape->band_cols, energy);
+    const hada_buffer *measured = &pipeline->meter->energy;
+    HADA_TRY(hada_alloc_raw((void **)&energy, measured->bytes, 1, "the energy of spectra", err));
+    HADA_TRY(hada_meter_run(pipeline->meter, pipeline->stage->spectrum.mem, pipeline->constants->gains.mem, err));
+    HADA_TRY(hada_buffer_read(measured, pipeline->slot, 0, energy, measured->bytes, err));
+    if (config->band_rows || config->band_cols) {
+        skip->band_change = sqrt(hada_gains_outside(gains, energy, config->band_rows, config->band_cols));
+        leave_out(&gains->tiles, gains->channels, config->band_rows, config->band_cols, energy);
     }
-    if (!status && shape->bounded)
-        choose_band(plan, energy, skip);
+    if (config->bounded)
+        choose_band(setup, energy, skip);
+done:
     free(energy);
     return status;
 }
 
-int hada_task_skip_dense(const hada_task *task)
+int hada_skip_needs_single(const hada_frame *frame)
 {
-    return task->skip.again && task->plan->shape.half_by_error;
+    return frame->skip.exact && frame->setup->config.half_by_error;
 }
 
-hada_status hada_lane_skip_dense(hada_lane *lane, int first, int count, hada_error *err)
+hada_status hada_skip_run_single(hada_pipeline *pipeline, int first, int count, hada_error *err)
 {
-    const hada_plan *plan = lane->plan;
-    const size_t plane = hada_plane_values(hada_model_get_info(plan->model));
+    const hada_setup *setup = pipeline->setup;
+    const size_t plane = hada_plane_values(hada_model_get_info(setup->model));
+    hada_bank *bank = NULL;
     hada_status status = HADA_OK;
-    for (int i = 0; !status && i < count; i++) {
-        hada_bank *bank;
-        status = hada_bank_create(&bank, lane->slot, plan->model, &lane->stage->layout, &plan->depths[first + i], 1,
-                                  HADA_BANK_FILTERS, 0, err);
-        if (status)
-            return status;
-        status = hada_hadamard_run(lane->stage, bank, 0, 1, lane->planes.mem, (size_t)i * plane, err);
-        if (!status)
-            status = hada_slot_finish(lane->slot, err);
+    for (int i = 0; i < count; i++) {
+        HADA_TRY(hada_bank_create(&bank, pipeline->slot, setup->model, &pipeline->stage->layout,
+                                  &setup->depths[first + i], 1, HADA_BANK_FILTERS, 0, err));
+        HADA_TRY(hada_hadamard_run(pipeline->stage, bank, 0, 1, pipeline->planes.mem, (size_t)i * plane, err));
+        HADA_TRY(hada_slot_finish(pipeline->slot, err));
         hada_bank_destroy(&bank);
     }
+done:
+    hada_bank_destroy(&bank);
     return status;
+}
+
+/* The root of the sum of squares of all planes that count. */
+static double norm_of(const hada_result *result)
+{
+    double sum = 0.0;
+    for (int z = 0; z < result->depths; z++) {
+        const size_t count = result->report.occupied[z] ? hada_image_count(&result->planes[z]) : 0;
+        const float *values = result->planes[z].data;
+        for (size_t i = 0; i < count; i++)
+            sum += (double)values[i] * values[i];
+    }
+    return sqrt(sum);
+}
+
+double hada_skip_relative(double change, double norm)
+{
+    return change == 0.0 ? 0.0 : change < norm ? change / (norm - change) : INFINITY;
+}
+
+int hada_skip_kept(hada_frame *frame)
+{
+    const hada_config *config = &frame->setup->config;
+    hada_frame_skip *skip = &frame->skip;
+    hada_skip_report *report = &frame->result->report.skipped;
+    const double most = frame->setup->options.max_error;
+    const double norm = skip->change + skip->band_change + most > 0.0 ? norm_of(frame->result) : 0.0;
+    const int kept = !(hada_skip_relative(skip->change, norm) > most);
+    report->bound = hada_skip_relative(skip->change + skip->band_change, norm);
+    if (config->enhance && report->bound > 0.0)
+        report->bound = INFINITY; /* the net may make anything of it */
+    skip->norm = norm;
+    if (!kept) {
+        skip->exact = 1;
+        skip->limited = 0;
+        skip->change = 0.0;
+        skip->band_rows = config->band_rows;
+        skip->band_cols = config->band_cols;
+    }
+    return kept;
+}
+
+void hada_skip_fill_report(hada_frame *frame)
+{
+    const hada_config *config = &frame->setup->config;
+    const hada_frame_skip *skip = &frame->skip;
+    hada_skip_report *report = &frame->result->report.skipped;
+    const int banded = skip->band_rows || skip->band_cols;
+    const int left_out = atomic_load(&frame->tiles_left_out), tiles = left_out + atomic_load(&frame->tiles);
+    report->depths = config->depths - frame->result->report.occupied_count;
+    report->tiles = tiles ? (double)left_out / tiles : 0.0;
+    report->channels = skip->channels;
+    report->again = skip->exact;
+    report->frequencies =
+        banded ? hada_tiles_share_outside(&frame->setup->gains->tiles, skip->band_rows, skip->band_cols) : 0.0;
+    report->kinds =
+        (config->pruned ? HADA_SKIP_PRUNE : 0u) | (report->depths && !config->full_grid ? HADA_SKIP_DEPTHS : 0u) |
+        (skip->limited ? HADA_SKIP_FREQUENCIES : 0u) | (config->half_by_error && !skip->exact ? HADA_SKIP_HALF : 0u) |
+        (skip->channels ? HADA_SKIP_CHANNELS : 0u) | (left_out ? HADA_SKIP_TILES : 0u);
+    frame->result->report.enhanced = atomic_load(&frame->enhanced);
+    for (int c = 0; c < frame->staged->channels; c++)
+        if (skip->spectra[c] != c)
+            report->kinds |= HADA_SKIP_CHANNELS;
 }

@@ -166,7 +166,7 @@ static void minds_faint_light(void **state)
         hada_plan *plan;
         ASSERT_OK(hada_plan_create(&plan, context, model, &options, err));
         const int expected = hada_fft_quick_size(i < 2 ? ROWS - 1 + ROWS / 2 + 1 : ROWS + 5, 1);
-        assert_int_equal(plan->shape.method.grid_rows, expected);
+        assert_int_equal(plan->setup.config.method.grid_rows, expected);
         hada_plan_destroy(&plan);
         hada_model_destroy(&model);
         for (int z = 0; z < DEPTHS; z++)
@@ -187,9 +187,9 @@ static void stays_where_it_must(void **state)
         choice.support = k == 3 ? HADA_SUPPORT_GRID : HADA_SUPPORT_AUTO;
         hada_plan *plan;
         ASSERT_OK(hada_plan_create(&plan, context, model, &options, err));
-        assert_int_equal(plan->shape.method.grid_rows, hada_model_get_info(model)->grid_rows);
-        assert_int_equal(plan->shape.method.grid_cols, hada_model_get_info(model)->grid_cols);
-        assert_int_equal(plan->shape.method.reach.rows, 0);
+        assert_int_equal(plan->setup.config.method.grid_rows, hada_model_get_info(model)->grid_rows);
+        assert_int_equal(plan->setup.config.method.grid_cols, hada_model_get_info(model)->grid_cols);
+        assert_int_equal(plan->setup.config.method.reach.rows, 0);
         hada_plan_destroy(&plan);
         hada_model_destroy(&model);
     }

@@ -1,0 +1,66 @@
+/* Inside a pipeline: its parts, and the stages that a frame goes through. For the files of this folder alone.
+ *
+ * Each stage leaves its seconds in the frame's report. */
+#ifndef HADA_ENGINE_STAGES_H
+#define HADA_ENGINE_STAGES_H
+
+#include "classic/classic.h"
+#include "engine/pipeline.h"
+#include "filter/hadamard.h"
+#include "refine/admm.h"
+
+struct hada_pipeline {
+    const hada_setup *setup;
+    const hada_constants *constants;
+    int batch;
+    hada_slot *slot; /* NULL: to be made again */
+    hada_room room;  /* scratch of the parts below */
+    hada_hadamard *stage;
+    hada_meter *meter; /* NULL where spectra are not measured */
+    hada_pursuit *pursuit;
+    hada_refiner *refiner; /* this or the next, or neither */
+    hada_classic *classic;
+    hada_focus *focus;
+    hada_enhance *enhance; /* NULL where no net is used */
+    hada_buffer planes;    /* linear: a batch, [depth][channel][window] */
+    hada_buffer pictures;  /* all-in-focus image, then distance map */
+    int *occupied;         /* a list of computed depths, ascending */
+    uint64_t loaded;       /* serial of the frame whose spectrum stands in the stage; 0: none */
+};
+
+/* Places for all scratch of a pipeline, by the stages that need it; nothing is allocated. */
+hada_status hada_pipeline_plan_memory(hada_room *room, const hada_context *context, const hada_model *model,
+                                      const hada_config *config, int batch, hada_error *err);
+size_t hada_pipeline_planes_bytes(const hada_model_info *info, const hada_config *config, int batch);
+size_t hada_pipeline_pictures_bytes(const hada_model_info *info);
+
+/* The parts are there: made again after hada_pipeline_clear(). */
+hada_status hada_pipeline_ready(hada_pipeline *pipeline, hada_error *err);
+void hada_pipeline_clear(hada_pipeline *pipeline);
+
+/* Waits for the queue and adds the time since the last call to *seconds. */
+hada_status hada_pipeline_lap(hada_pipeline *pipeline, hada_frame *frame, double *seconds, hada_error *err);
+
+/* Makes the Hadamard stage leave out what the frame does not need. */
+void hada_pipeline_apply_skip(hada_pipeline *pipeline, const hada_frame *frame);
+
+/* Frame and spectrum of a prepared frame stand in the Hadamard stage; nothing is done where they do already. */
+hada_status hada_pipeline_load(hada_pipeline *pipeline, hada_frame *frame, hada_error *err);
+
+/* `count` planes through the model's net, in place. Nothing where the plan uses none. */
+hada_status hada_pipeline_enhance(hada_pipeline *pipeline, hada_frame *frame, cl_mem planes, int count,
+                                  hada_error *err);
+
+/* All-in-focus image and distance map from what was pushed to the focus, into the result. */
+hada_status hada_pipeline_pictures(hada_pipeline *pipeline, hada_frame *frame, hada_error *err);
+
+/* The two paths from a loaded frame to its result: linear filters, depths in batches; or the occupied depths jointly,
+ * by refinement or a classic method. */
+hada_status hada_pipeline_linear(hada_pipeline *pipeline, hada_frame *frame, hada_error *err);
+hada_status hada_pipeline_joint(hada_pipeline *pipeline, hada_frame *frame, hada_error *err);
+
+/* The linear path for one batch, without the focus. */
+hada_status hada_pipeline_linear_batch(hada_pipeline *pipeline, hada_frame *frame, int first, int count,
+                                       hada_error *err);
+
+#endif

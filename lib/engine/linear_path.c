@@ -4,7 +4,7 @@
 
 #include "engine/skip.h"
 #include "engine/stages.h"
-#include "image/clip.h"
+#include "filter/clip.h"
 
 /* Planes of depths first ... first + count - 1 into pipeline->planes; light is not negative. */
 static hada_status compute(hada_pipeline *pipeline, const hada_frame *frame, int first, int count, hada_error *err)

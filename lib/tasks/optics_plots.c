@@ -1,10 +1,15 @@
-#include "folder.h"
-#include "optics_files.h"
+/* Figures about a camera: the tables as curves. */
 #include <hadalens/plot.h>
-
+#include <hadalens/preview.h>
 #include <math.h>
+#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
+
+#include "core/alloc.h"
+#include "io/folder.h"
+#include "io/text.h"
+#include "tasks/optics_files.h"
 
 enum { CURVES = 5 };
 
@@ -25,10 +30,11 @@ static unsigned colour_of(int curve)
 
 static hada_status save(hada_plot **plot, const char *folder, const char *name, hada_error *err)
 {
-    char *path = hada_cli_text("%s/%s.svg", folder, name);
-    hada_status status = hada_plot_save(plot, path, err);
+    char *path = NULL;
+    const hada_status named = hada_path_format(&path, err, "%s/%s.svg", folder, name);
+    const hada_status saved = hada_plot_save(plot, path, named ? NULL : err); /* frees it in any case */
     free(path);
-    return status;
+    return named ? named : saved;
 }
 
 /* One panel with a curve for each chosen depth, and a legend above. */
@@ -42,36 +48,35 @@ typedef struct family {
 
 static hada_status plot_family(const hada_optics_report *report, const family *f, const char *folder, hada_error *err)
 {
-    hada_plot *plot;
+    hada_status status = HADA_OK;
+    hada_plot *plot = NULL;
+    double *y = NULL, at = 70;
     int depth[CURVES];
     const int curves = chosen(report, depth);
-    hada_status status = hada_plot_begin(&plot, 640, 420, err);
-    if (status)
-        return status;
-    double at = 70;
+    HADA_TRY(hada_alloc((void **)&y, (size_t)f->count, sizeof *y, "a figure", err));
+    HADA_TRY(hada_plot_begin(&plot, 640, 420, err));
     for (int i = 0; i < curves; i++) {
-        char text[32];
-        snprintf(text, sizeof text, "%.4g mm", report->row[depth[i]].distance_mm);
+        char number[32], text[40];
+        hada_format_number(number, sizeof number, "%.4g", report->row[depth[i]].distance_mm);
+        snprintf(text, sizeof text, "%s mm", number);
         at = hada_plot_legend(plot, at, 20, NULL, colour_of(i), text);
     }
     const hada_plot_panel panel = {
         .left = 70, .top = 60, .width = 540, .height = 290, .across = f->across, .up = f->up, .title = f->title};
     hada_plot_panel_begin(plot, &panel);
-    double *y = malloc(sizeof *y * (size_t)f->count);
     if (isfinite(f->level)) {
         const double x[] = {f->across.low, f->across.high}, level[] = {f->level, f->level};
         hada_plot_line(plot, x, level, 2, 0x777777, 1);
     }
-    for (int i = 0; i < curves && y; i++) {
+    for (int i = 0; i < curves; i++) {
         const double *values = f->values + (size_t)depth[i] * (size_t)f->stride;
         for (int k = 0; k < f->count; k++)
             y[k] = fmin(fmax(values[k], f->up.low), f->up.high);
         hada_plot_line(plot, f->x, y, f->count, colour_of(i), 0);
     }
     hada_plot_panel_end(plot);
-    status = save(&plot, folder, f->name, err);
-    if (!y && !status)
-        status = hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
+    HADA_TRY(save(&plot, folder, f->name, err));
+done:
     free(y);
     return status;
 }
@@ -100,7 +105,7 @@ static int collect(const hada_optics_report *report, size_t offset, double *x, d
 static void plot_quantities(hada_plot *plot, const hada_optics_report *report, hada_plot_panel *panel,
                             const char *label, const curve *curves, int count)
 {
-    static double x[HADA_CAMERA_DEPTHS], y[HADA_CAMERA_DEPTHS], all[4 * HADA_CAMERA_DEPTHS];
+    double x[HADA_CAMERA_DEPTHS], y[HADA_CAMERA_DEPTHS], all[4 * HADA_CAMERA_DEPTHS];
     int values = 0;
     for (int i = 0; i < count; i++) {
         const int found = collect(report, curves[i].offset, x, y);
@@ -151,13 +156,16 @@ static hada_status plot_depths(const hada_optics_report *report, const char *fol
     return save(&plot, folder, "depths", err);
 }
 
-hada_status hada_cli_optics_plots(const hada_optics_report *report, const char *folder, hada_error *err)
+hada_status hada_optics_plots(const hada_optics_report *report, const char *folder, hada_error *err)
 {
     const int shown = report->lags < 64 ? report->lags : 64;
     const int longest = report->frequencies > report->lags ? report->frequencies : report->lags;
-    double *x = malloc(sizeof *x * (size_t)(longest > report->depths ? longest : report->depths));
-    if (!x)
-        return hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
+    hada_status status = HADA_OK;
+    double *x = NULL;
+    if (!hada_pictures_available())
+        return HADA_OK;
+    HADA_TRY(hada_alloc((void **)&x, (size_t)(longest > report->depths ? longest : report->depths), sizeof *x,
+                        "a figure", err));
     for (int i = 0; i < report->frequencies; i++)
         x[i] = (i + 0.5) / (2.0 * report->frequencies);
     const family mtf = {.name = "mtf",
@@ -169,7 +177,7 @@ hada_status hada_cli_optics_plots(const hada_optics_report *report, const char *
                         .count = report->frequencies,
                         .stride = report->frequencies,
                         .level = report->threshold};
-    hada_status status = plot_family(report, &mtf, folder, err);
+    HADA_TRY(plot_family(report, &mtf, folder, err));
     for (int i = 0; i < shown; i++)
         x[i] = i;
     const family self = {.name = "self_correlation",
@@ -181,8 +189,7 @@ hada_status hada_cli_optics_plots(const hada_optics_report *report, const char *
                          .count = shown,
                          .stride = report->lags,
                          .level = NAN};
-    if (!status)
-        status = plot_family(report, &self, folder, err);
+    HADA_TRY(plot_family(report, &self, folder, err));
     for (int z = 0; z < report->depths; z++)
         x[z] = report->row[z].distance_mm;
     const family correlation = {.name = "correlation",
@@ -194,8 +201,9 @@ hada_status hada_cli_optics_plots(const hada_optics_report *report, const char *
                                 .count = report->depths,
                                 .stride = report->depths,
                                 .level = 0.5};
-    if (!status)
-        status = plot_family(report, &correlation, folder, err);
+    HADA_TRY(plot_family(report, &correlation, folder, err));
+    HADA_TRY(plot_depths(report, folder, err));
+done:
     free(x);
-    return status ? status : plot_depths(report, folder, err);
+    return status;
 }

@@ -1,0 +1,169 @@
+/* What a camera resolves: its PSFs, the report on them, and the folder that tells it. */
+#include <hadalens/folder.h>
+#include <hadalens/preview.h>
+#include <hadalens/task_optics.h>
+#include <hadalens/tiff.h>
+#include <stdlib.h>
+
+#include "core/monitor.h"
+#include "core/options.h"
+#include "io/folder.h"
+#include "io/text.h"
+#include "tasks/optics_files.h"
+
+#define PSF_GAMMA 0.4  /* shows the light around spots */
+
+void hada_optics_task_defaults(hada_optics_task *task, size_t size)
+{
+    const hada_optics_task own = {.size = sizeof own, .threshold = HADA_AUTO};
+    HADA_OPTIONS_GIVE(task, size, &own);
+}
+
+/* Where PSFs come from: a file, waves, or (neither) rays. */
+typedef struct source {
+    hada_tiff_reader *reader;
+    hada_wave *wave;
+} source;
+
+static hada_status source_open(source *from, const hada_optics_task *task, const hada_camera *camera,
+                               hada_context *context, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    if (!task->psf) {
+        hada_wave_options waves;
+        hada_wave_options_init(&waves);
+        waves.coherent = task->coherent;
+        return camera->optics == HADA_OPTICS_WAVE ? hada_wave_create(&from->wave, context, camera, &waves, err)
+                                                  : HADA_OK;
+    }
+    HADA_TRY(hada_tiff_open(&from->reader, task->psf, err));
+    const hada_tiff_info *info = hada_tiff_get_info(from->reader);
+    if (info->frames != camera->depths || info->rows != camera->rows || info->cols != camera->cols)
+        HADA_TRY(hada_fail(err, HADA_ERROR_SIZE,
+                           "%s holds %d pages of %dx%d; the camera has %d depths and %dx%d pixels: set options.depths "
+                           "and options.size, or give its camera.json",
+                           task->psf, info->frames, info->rows, info->cols, camera->depths, camera->rows,
+                           camera->cols));
+done:
+    return status;
+}
+
+static hada_status source_get(source *from, const hada_camera *camera, int z, hada_image *psf, hada_error *err)
+{
+    const double distance = camera->distances_mm[z];
+    if (from->reader)
+        return hada_tiff_read(from->reader, z, psf, err);
+    return from->wave ? hada_wave_psf(from->wave, distance, camera->rows, camera->cols, psf, err)
+                      : hada_camera_psf(camera, distance, psf, err);
+}
+
+static hada_status write_psf(hada_tiff_writer **writer, const hada_camera *camera, const hada_image *psf,
+                             const char *folder, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    char *path = NULL;
+    if (!*writer) {
+        hada_tiff_write_options how;
+        hada_tiff_write_options_init(&how);
+        how.layout = HADA_TIFF_HYPERSTACK;
+        how.slices = camera->depths;
+        how.times = 1;
+        how.distances_mm = camera->distances_mm;
+        HADA_TRY(hada_path_format(&path, err, "%s/psf.tif", folder));
+        HADA_TRY(hada_tiff_create(writer, path, psf->channels, psf->rows, psf->cols, &how, err));
+    }
+    HADA_TRY(hada_tiff_write(*writer, psf, err));
+done:
+    free(path);
+    return status;
+}
+
+static hada_status write_picture(const hada_image *psf, double distance, const char *folder, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    char *path = NULL, number[32];
+    if (!hada_pictures_available())
+        return HADA_OK;
+    hada_format_number(number, sizeof number, "%.6g", distance);
+    HADA_TRY(hada_path_format(&path, err, "%s/psf_z%smm.png", folder, number));
+    HADA_TRY(hada_png_save(path, psf, 0, PSF_GAMMA, err));
+done:
+    free(path);
+    return status;
+}
+
+/* What one run works on. */
+typedef struct run {
+    const hada_optics_task *task;
+    const hada_camera *camera;
+    hada_context *context;
+    hada_optics_report *report;
+    double threshold;
+} run;
+
+static hada_status write_depths(const run *r, source *from, const char *folder, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    hada_tiff_writer *writer = NULL;
+    hada_image psf = {0};
+    hada_progress progress = hada_progress_begin(r->task->monitor, "depths", r->camera->depths);
+    for (int z = 0; z < r->camera->depths; z++) {
+        HADA_TRY(source_get(from, r->camera, z, &psf, err));
+        HADA_TRY(write_psf(&writer, r->camera, &psf, folder, err));
+        HADA_TRY(write_picture(&psf, r->camera->distances_mm[z], folder, err));
+        HADA_TRY(hada_optics_report_add(r->report, &psf, err));
+        hada_image_destroy(&psf);
+        HADA_TRY(hada_progress_step(&progress, NULL, err));
+    }
+    HADA_TRY(hada_tiff_finish(&writer, err));
+done:
+    hada_progress_end(&progress);
+    hada_tiff_abandon(&writer);
+    hada_image_destroy(&psf);
+    return status;
+}
+
+static hada_status fill_folder(void *user, const char *folder, hada_error *err)
+{
+    const run *r = user;
+    const hada_camera *camera = r->camera;
+    const int holes = camera->mask == HADA_MASK_APERTURE && !(camera->cell_mm > 0.0);
+    hada_status status = HADA_OK;
+    source from = {0};
+    char *path = NULL;
+    HADA_TRY(hada_path_format(&path, err, "%s/camera.json", folder));
+    HADA_TRY(hada_camera_save(camera, path, err));
+    HADA_TRY(hada_optics_mask(camera, folder, err));
+    if (camera->mask == HADA_MASK_MLA || camera->mask == HADA_MASK_GRID || holes)
+        HADA_TRY(hada_optics_lenses(camera, folder, err));
+    HADA_TRY(source_open(&from, r->task, camera, r->context, err));
+    HADA_TRY(hada_optics_report_begin(r->report, r->context, camera, r->threshold, err));
+    HADA_TRY(write_depths(r, &from, folder, err));
+    HADA_TRY(hada_optics_tables(r->report, folder, err));
+    HADA_TRY(hada_optics_plots(r->report, folder, err));
+done:
+    hada_tiff_close(&from.reader);
+    hada_wave_destroy(&from.wave);
+    free(path);
+    return status;
+}
+
+hada_status hada_optics_run(hada_optics_report *report, hada_context *context, const hada_camera *camera,
+                            const char *folder, const hada_optics_task *callers, hada_error *err)
+{
+    hada_optics_task task;
+    hada_status status = HADA_OK;
+    if (!report || !camera || !folder)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_optics_run: a report, a camera and a folder are needed");
+    *report = (hada_optics_report){0};
+    hada_optics_task_init(&task);
+    HADA_TRY(HADA_OPTIONS_TAKE(&task, callers, hada_optics_task, err));
+    if (task.threshold >= 1.0)
+        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "options.threshold takes a number from 0 to 1"));
+    run r = {&task, camera, context, report, task.threshold > 0.0 ? task.threshold : 0.0};
+    HADA_TRY(hada_folder_create(folder, fill_folder, &r, err));
+done:
+    if (status)
+        hada_optics_report_end(report);
+    return status;
+}

@@ -1,0 +1,168 @@
+/* Results against the truth: which files go together. */
+#include <hadalens/folder.h>
+#include <stdlib.h>
+
+#include "core/alloc.h"
+#include "core/monitor.h"
+#include "core/options.h"
+#include "io/folder.h"
+#include "tasks/evaluate_compare.h"
+
+void hada_evaluate_task_defaults(hada_evaluate_task *task, size_t size)
+{
+    const hada_evaluate_task own = {
+        .size = sizeof own, .peak = 1.0, .tolerance = 0.5, .window_row = HADA_AUTO, .window_col = HADA_AUTO};
+    HADA_OPTIONS_GIVE(task, size, &own);
+}
+
+struct hada_evaluate_report {
+    hada_evaluation *rows; /* their names are on the heap */
+    int count;
+};
+
+/* The result that belongs to a truth file: the same name, else NAME_aif.tif for NAME.tif; NULL: none. */
+static hada_status find_result(char **out, const char *folder, const char *stem, hada_error *err)
+{
+    static const char *const endings[] = {".tif", ".tiff", "_aif.tif"};
+    hada_status status = HADA_OK;
+    *out = NULL;
+    for (size_t k = 0; k < sizeof endings / sizeof *endings; k++) {
+        HADA_TRY(hada_path_format(out, err, "%s/%s%s", folder, stem, endings[k]));
+        if (hada_path_is_file(*out))
+            break;
+        free(*out);
+        *out = NULL;
+    }
+done:
+    return status;
+}
+
+/* Takes the three names over. */
+static void add(hada_evaluate_report *report, char *name, char *result, char *truth)
+{
+    report->rows[report->count++] =
+        (hada_evaluation){.size = sizeof(hada_evaluation), .name = name, .result = result, .truth = truth};
+}
+
+static hada_status add_file(hada_evaluate_report *report, const char *folder, const char *truth_folder,
+                            const char *file, int *alone, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    char *name = NULL, *result = NULL, *truth = NULL;
+    HADA_TRY(hada_path_stem(&name, file, err));
+    HADA_TRY(find_result(&result, folder, name, err));
+    *alone += !result;
+    if (result) {
+        HADA_TRY(hada_path_format(&truth, err, "%s/%s", truth_folder, file));
+        add(report, name, result, truth);
+        name = result = truth = NULL;
+    }
+done:
+    free(name);
+    free(result);
+    free(truth);
+    return status;
+}
+
+static hada_status list_folders(hada_evaluate_report *report, const char *result, const char *truth,
+                                const hada_monitor *monitor, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    char **names = NULL;
+    int count = 0, alone = 0;
+    HADA_TRY(hada_folder_list_tiffs(truth, &names, &count, err));
+    HADA_TRY(hada_alloc((void **)&report->rows, (size_t)count + 1, sizeof *report->rows, "a list of files", err));
+    for (int i = 0; i < count; i++)
+        HADA_TRY(add_file(report, result, truth, names[i], &alone, err));
+    if (!report->count)
+        HADA_TRY(hada_fail(err, HADA_ERROR_DATASET,
+                           "no TIFF file in %s has a partner in %s; NAME.tif goes with NAME.tif or NAME_aif.tif", truth,
+                           result));
+    if (alone)
+        hada_monitor_tell(monitor, HADA_MESSAGE_NOTE, "%d %s in %s without a result in %s", alone,
+                          alone == 1 ? "file" : "files", truth, result);
+done:
+    hada_names_free(&names, &count);
+    return status;
+}
+
+static hada_status list_files(hada_evaluate_report *report, const char *result, const char *truth, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    char *name = NULL, *result_copy = NULL, *truth_copy = NULL;
+    HADA_TRY(hada_alloc((void **)&report->rows, 1, sizeof *report->rows, "a list of files", err));
+    HADA_TRY(hada_path_stem(&name, result, err));
+    HADA_TRY(hada_path_format(&result_copy, err, "%s", result));
+    HADA_TRY(hada_path_format(&truth_copy, err, "%s", truth));
+    add(report, name, result_copy, truth_copy);
+    name = result_copy = truth_copy = NULL;
+done:
+    free(name);
+    free(result_copy);
+    free(truth_copy);
+    return status;
+}
+
+static hada_status list(hada_evaluate_report *report, const char *result, const char *truth,
+                        const hada_monitor *monitor, hada_error *err)
+{
+    const int folder = hada_path_is_folder(result);
+    if (folder != hada_path_is_folder(truth))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "%s is a folder and %s is not; give two files or two folders",
+                         folder ? result : truth, folder ? truth : result);
+    return folder ? list_folders(report, result, truth, monitor, err) : list_files(report, result, truth, err);
+}
+
+hada_status hada_evaluate_run(hada_evaluate_report **out, const char *result, const char *truth,
+                              const hada_evaluate_task *callers, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    hada_evaluate_report *report = NULL;
+    hada_evaluate_task task;
+    hada_region region = {0};
+    if (!out || !result || !truth)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_evaluate_run: a result and a truth are needed");
+    *out = NULL;
+    hada_evaluate_task_init(&task);
+    HADA_TRY(HADA_OPTIONS_TAKE(&task, callers, hada_evaluate_task, err));
+    if (!(task.peak > 0.0) || !(task.tolerance > 0.0))
+        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "options.peak and options.tolerance must be greater than zero"));
+    HADA_TRY(hada_region_read(&region, &task, err));
+    HADA_TRY(hada_alloc((void **)&report, 1, sizeof *report, "a report", err));
+    HADA_TRY(list(report, result, truth, task.monitor, err));
+    for (int i = 0; i < report->count; i++) {
+        HADA_TRY(hada_evaluate_compare(&report->rows[i], &task, &region, err));
+        HADA_TRY(hada_monitor_check(task.monitor, err));
+    }
+    *out = report;
+    report = NULL;
+done:
+    hada_region_free(&region);
+    hada_evaluate_report_destroy(&report);
+    return status;
+}
+
+int hada_evaluate_report_count(const hada_evaluate_report *report)
+{
+    return report ? report->count : 0;
+}
+
+const hada_evaluation *hada_evaluate_report_get(const hada_evaluate_report *report, int index)
+{
+    return report && index >= 0 && index < report->count ? &report->rows[index] : NULL;
+}
+
+void hada_evaluate_report_destroy(hada_evaluate_report **pointer)
+{
+    hada_evaluate_report *report = pointer ? *pointer : NULL;
+    if (!report)
+        return;
+    *pointer = NULL;
+    for (int i = 0; i < report->count; i++) {
+        free((void *)(uintptr_t)report->rows[i].name);
+        free((void *)(uintptr_t)report->rows[i].result);
+        free((void *)(uintptr_t)report->rows[i].truth);
+    }
+    free(report->rows);
+    free(report);
+}

@@ -1,11 +1,10 @@
 #include "command.h"
-#include "compare.h"
-#include "folder.h"
+#include "option.h"
 
+#include <hadalens/task_evaluate.h>
 #include <math.h>
 #include <stddef.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 typedef struct settings {
@@ -57,103 +56,12 @@ static void defaults(void *user)
     set->tolerance = 0.5;
 }
 
-/* One row of the table. */
-typedef struct row {
-    char *name, *result, *truth;
-    hada_cli_score score;
-} row;
-
-typedef struct table {
-    row *rows;
-    int count;
-} table;
-
-static void table_free(table *all)
-{
-    for (int i = 0; i < all->count; i++) {
-        free(all->rows[i].name);
-        free(all->rows[i].result);
-        free(all->rows[i].truth);
-    }
-    free(all->rows);
-}
-
-/* The result that belongs to a truth file: the same name, else NAME_aif.tif for NAME.tif. */
-static char *find_result(const char *folder, const char *truth_name)
-{
-    static const char *const endings[] = {".tif", ".tiff", "_aif.tif"};
-    char *stem = hada_cli_stem(truth_name), *found = NULL;
-    for (size_t k = 0; stem && !found && k < sizeof endings / sizeof *endings; k++) {
-        char *path = hada_cli_text("%s/%s%s", folder, stem, endings[k]);
-        if (path && hada_path_is_file(path))
-            found = path;
-        else
-            free(path);
-    }
-    free(stem);
-    return found;
-}
-
-static hada_status list_folders(hada_cli *cli, table *all, const char *result, const char *truth, hada_error *err)
-{
-    char **names = NULL;
-    int count = 0, alone = 0;
-    hada_status status = hada_cli_list_tiffs(truth, &names, &count, err);
-    if (status)
-        return status;
-    all->rows = calloc((size_t)count + 1, sizeof *all->rows);
-    if (!all->rows)
-        status = hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
-    for (int i = 0; !status && i < count; i++) {
-        char *path = find_result(result, names[i]);
-        if (!path) {
-            alone++;
-            continue;
-        }
-        row *one = &all->rows[all->count++];
-        one->result = path;
-        one->name = hada_cli_stem(names[i]);
-        one->truth = hada_cli_text("%s/%s", truth, names[i]);
-        if (!one->name || !one->truth)
-            status = hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
-    }
-    hada_cli_free_names(&names, &count);
-    if (!status && !all->count)
-        status = hada_cli_error(err, HADA_ERROR_DATASET,
-                                "no TIFF file in %s has a partner in %s; NAME.tif goes with NAME.tif or NAME_aif.tif",
-                                truth, result);
-    else if (!status && alone)
-        hada_cli_warn(cli, "%d %s in %s without a result in %s", alone, alone == 1 ? "file" : "files", truth, result);
-    return status;
-}
-
-static hada_status list(hada_cli *cli, table *all, const char *result, const char *truth, hada_error *err)
-{
-    if (hada_path_is_folder(result) != hada_path_is_folder(truth))
-        return hada_cli_error(err, HADA_ERROR_ARGUMENT, "%s is a folder and %s is not; give two files or two folders",
-                              hada_path_is_folder(result) ? result : truth,
-                              hada_path_is_folder(result) ? truth : result);
-    if (hada_path_is_folder(result))
-        return list_folders(cli, all, result, truth, err);
-    all->rows = calloc(1, sizeof *all->rows);
-    if (!all->rows)
-        return hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
-    all->count = 1;
-    all->rows->name = hada_cli_stem(result);
-    all->rows->result = strdup(result);
-    all->rows->truth = strdup(truth);
-    return all->rows->name && all->rows->result && all->rows->truth
-               ? HADA_OK
-               : hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
-}
-
-static json_t *row_json(const row *one)
+static json_t *row_json(const hada_evaluation *score)
 {
     static const char *const kinds[] = {"images", "stack", "distance_map"};
-    const hada_cli_score *score = &one->score;
-    json_t *entry = json_pack("{s:s, s:s, s:s, s:i}", "kind", kinds[score->what], "result", one->result, "truth",
-                              one->truth, "pages", score->pages);
-    if (score->what == HADA_CLI_MAPS) {
+    json_t *entry = json_pack("{s:s, s:s, s:s, s:i}", "kind", kinds[score->what], "result", score->result, "truth",
+                              score->truth, "pages", score->pages);
+    if (score->what == HADA_EVALUATED_MAP) {
         json_object_set_new(entry, "coverage", hada_cli_real(score->depth.coverage));
         json_object_set_new(entry, "within", score->steps_known ? hada_cli_real(score->depth.within) : json_null());
         json_object_set_new(entry, "mean_error_mm", hada_cli_real(score->depth.mean_error_mm));
@@ -192,7 +100,7 @@ typedef struct column {
     size_t offset;
 } column;
 
-#define COLUMN(member) offsetof(hada_cli_score, member)
+#define COLUMN(member) offsetof(hada_evaluation, member)
 enum { ALWAYS = 5, COLUMNS = 8 };
 static const column columns[COLUMNS] = {{"PSNR dB", "%.2f", 7, COLUMN(psnr)},
                                         {"SSIM", "%.3f", 6, COLUMN(ssim)},
@@ -208,7 +116,7 @@ static int is_shown(const settings *set, int k)
     return k < ALWAYS || (k == ALWAYS ? set->lpips != NULL : set->authors);
 }
 
-static double value_of(const hada_cli_score *score, int k)
+static double value_of(const hada_evaluation *score, int k)
 {
     return *(const double *)((const char *)score + columns[k].offset);
 }
@@ -227,13 +135,14 @@ static void print_line(hada_cli *cli, const settings *set, const char *before, i
 }
 
 /* Means by kind, over files. */
-static void print_kind(hada_cli *cli, const settings *set, const table *all, hada_cli_what what, int width)
+static void print_kind(hada_cli *cli, const settings *set, const hada_evaluate_report *all, hada_evaluated what,
+                       int width)
 {
     static const char *const titles[] = {"All-in-focus and other images", "Stacks (occupied planes)"};
     double sum[COLUMNS] = {0};
     int count = 0;
-    for (int i = 0; i < all->count; i++) {
-        const hada_cli_score *score = &all->rows[i].score;
+    for (int i = 0; i < hada_evaluate_report_count(all); i++) {
+        const hada_evaluation *score = hada_evaluate_report_get(all, i);
         double values[COLUMNS];
         if (score->what != what)
             continue;
@@ -241,9 +150,9 @@ static void print_kind(hada_cli *cli, const settings *set, const table *all, had
             print_line(cli, set, i ? "\n" : "", width, titles[what], NULL);
         for (int k = 0; k < COLUMNS; k++)
             sum[k] += values[k] = value_of(score, k);
-        print_line(cli, set, "  ", width - 2, all->rows[i].name, values);
+        print_line(cli, set, "  ", width - 2, score->name, values);
         if (score->missing)
-            hada_cli_warn(cli, "%s lacks %d occupied %s of the truth", all->rows[i].result, score->missing,
+            hada_cli_warn(cli, "%s lacks %d occupied %s of the truth", score->result, score->missing,
                           score->missing == 1 ? "plane" : "planes");
     }
     for (int k = 0; k < COLUMNS; k++)
@@ -252,86 +161,103 @@ static void print_kind(hada_cli *cli, const settings *set, const table *all, had
         print_line(cli, set, "  ", width - 2, "mean", sum);
 }
 
-static void print_maps(hada_cli *cli, const table *all, int width, double tolerance)
+static void print_maps(hada_cli *cli, const hada_evaluate_report *all, int width, double tolerance)
 {
     int count = 0;
     char text[3][24];
-    for (int i = 0; i < all->count; i++) {
-        const hada_cli_score *score = &all->rows[i].score;
-        if (score->what != HADA_CLI_MAPS)
+    for (int i = 0; i < hada_evaluate_report_count(all); i++) {
+        const hada_evaluation *score = hada_evaluate_report_get(all, i);
+        if (score->what != HADA_EVALUATED_MAP)
             continue;
         if (!count++)
             hada_cli_say(cli, "%s%-*s  %8s  %8s  %10s  %6s", i ? "\n" : "", width, "Distance maps", "covered", "right",
                          "mean error", "steps");
-        hada_cli_say(
-            cli, "  %-*s  %7.1f%%  %8s  %7s mm  %6s", width - 2, all->rows[i].name, 100 * score->depth.coverage,
-            score->steps_known ? number(text[0], "%.1f%%", 100 * score->depth.within) : "-",
-            number(text[1], "%.3g", score->depth.mean_error_mm), number(text[2], "%.2f", score->depth.mean_steps));
+        hada_cli_say(cli, "  %-*s  %7.1f%%  %8s  %7s mm  %6s", width - 2, score->name, 100 * score->depth.coverage,
+                     score->steps_known ? number(text[0], "%.1f%%", 100 * score->depth.within) : "-",
+                     number(text[1], "%.3g", score->depth.mean_error_mm),
+                     number(text[2], "%.2f", score->depth.mean_steps));
     }
     if (count)
         hada_cli_say(cli, "  right: share of the covered pixels within %g depth steps", tolerance);
 }
 
-static void print_table(hada_cli *cli, const settings *set, const table *all)
+static void print_table(hada_cli *cli, const settings *set, const hada_evaluate_report *all)
 {
     size_t width = 30;
-    for (int i = 0; i < all->count; i++)
-        width = strlen(all->rows[i].name) + 2 > width ? strlen(all->rows[i].name) + 2 : width;
-    print_kind(cli, set, all, HADA_CLI_IMAGES, (int)width);
-    print_kind(cli, set, all, HADA_CLI_STACKS, (int)width);
+    json_t *files = json_array();
+    for (int i = 0; i < hada_evaluate_report_count(all); i++) {
+        const hada_evaluation *score = hada_evaluate_report_get(all, i);
+        const size_t name = strlen(score->name) + 2;
+        width = name > width ? name : width;
+        json_array_append_new(files, row_json(score));
+    }
+    json_object_set_new(cli->document, "files", files);
+    print_kind(cli, set, all, HADA_EVALUATED_IMAGES, (int)width);
+    print_kind(cli, set, all, HADA_EVALUATED_STACK, (int)width);
     print_maps(cli, all, (int)width, set->tolerance);
 }
 
-static hada_status compare_all(hada_cli *cli, table *all, const hada_cli_yardstick *yardstick, hada_error *err)
+/* "HxW", or "HxW+ROW+COL". */
+static int read_window(hada_evaluate_task *task, const char *text)
 {
-    hada_status status = HADA_OK;
-    json_t *files = json_array();
-    json_object_set_new(cli->document, "files", files);
-    for (int i = 0; !status && i < all->count; i++) {
-        row *one = &all->rows[i];
-        status = hada_cli_compare(&one->score, one->result, one->truth, yardstick, err);
-        if (!status)
-            json_array_append_new(files, row_json(one));
-        if (!status)
-            status = hada_cli_check_signals(err);
-    }
-    return status;
+    char size[32];
+    int used = 0, extent[2];
+    const size_t length = strcspn(text, "+");
+    if (length >= sizeof size)
+        return 0;
+    memcpy(size, text, length);
+    size[length] = 0;
+    if (!hada_cli_read_size(size, extent) || extent[0] < 1 || extent[1] < 1)
+        return 0;
+    task->window_rows = extent[0];
+    task->window_cols = extent[1];
+    return !text[length] || (sscanf(text + length, "+%9d+%9d%n", &task->window_row, &task->window_col, &used) == 2 &&
+                             !text[length + (size_t)used] && task->window_row >= 0 && task->window_col >= 0);
 }
 
 static hada_status open_lpips(hada_cli *cli, const settings *set, hada_context **context, hada_lpips **lpips,
                               hada_error *err)
 {
     static const char *const names[] = {"", "vgg", "alex"};
-    hada_status status = hada_cli_open(cli, context, err);
-    if (!status)
-        status = hada_lpips_create(lpips, *context, (hada_lpips_net)set->lpips_net, set->lpips, set->lpips_heads, err);
-    if (!status)
-        json_object_set_new(cli->document, "lpips_net", json_string(names[hada_lpips_get_net(*lpips)]));
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_cli_open(cli, context, err));
+    HADA_TRY(hada_lpips_create(lpips, *context, (hada_lpips_net)set->lpips_net, set->lpips, set->lpips_heads, err));
+    json_object_set_new(cli->document, "lpips_net", json_string(names[hada_lpips_get_net(*lpips)]));
+done:
     return status;
 }
 
-static hada_status evaluate(hada_cli *cli, const settings *set, table *all, const char **paths, hada_error *err)
+static hada_status evaluate(hada_cli *cli, const settings *set, const char **paths, hada_error *err)
 {
     double distances[4096];
+    hada_status status = HADA_OK;
     hada_context *context = NULL;
-    hada_cli_yardstick yardstick = {.peak = set->peak,
-                                    .tolerance = set->tolerance,
-                                    .distances_mm = distances,
-                                    .match_gain = set->match_gain,
-                                    .authors = set->authors || set->common.json};
-    hada_status status = hada_cli_region_read(&yardstick.region, set->window, set->mask, err);
-    if (!status && set->distances)
-        status = hada_cli_read_distances("distances", set->distances, distances, 4096, &yardstick.distances, err);
-    if (!status)
-        status = list(cli, all, paths[0], paths[1], err);
-    if (!status && set->lpips)
-        status = open_lpips(cli, set, &context, &yardstick.lpips, err);
-    if (!status)
-        status = compare_all(cli, all, &yardstick, err);
-    hada_lpips_destroy(&yardstick.lpips);
+    hada_evaluate_report *report = NULL;
+    hada_evaluate_task task;
+    hada_evaluate_task_init(&task);
+    task.peak = set->peak;
+    task.tolerance = set->tolerance;
+    task.distances_mm = distances;
+    task.match_gain = set->match_gain;
+    task.authors = set->authors || set->common.json;
+    task.mask = set->mask;
+    task.monitor = &cli->monitor;
+    if (set->window && !read_window(&task, set->window))
+        HADA_TRY(hada_cli_error(err, HADA_ERROR_ARGUMENT,
+                                "--window %s is not a window; write rows x columns as in 192x192, or with the row and "
+                                "column of its top left as in 192x192+10+20",
+                                set->window));
+    if (set->distances)
+        HADA_TRY(hada_cli_read_distances("distances", set->distances, distances, 4096, &task.distances, err));
     if (set->lpips)
+        HADA_TRY(open_lpips(cli, set, &context, &task.lpips, err));
+    HADA_TRY(hada_evaluate_run(&report, paths[0], paths[1], &task, err));
+    print_table(cli, set, report);
+done:
+    hada_evaluate_report_destroy(&report);
+    hada_lpips_destroy(&task.lpips);
+    if (context)
         hada_cli_close(cli, &context);
-    hada_cli_region_free(&yardstick.region);
     return status;
 }
 
@@ -339,18 +265,13 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
 {
     const settings *set = user;
     hada_error err = {0};
-    table all = {0};
     if (count != 2)
         return hada_cli_usage(cli, "two names are needed, the result and the truth, not %d", count);
     if (!(set->peak > 0) || !(set->tolerance > 0))
         return hada_cli_usage(cli, "--peak and --tolerance must be greater than zero");
     if ((set->lpips_heads || set->lpips_net) && !set->lpips)
         return hada_cli_usage(cli, "--lpips-heads and --lpips-net need --lpips FILE");
-    hada_status status = evaluate(cli, set, &all, arguments, &err);
-    if (!status)
-        print_table(cli, set, &all);
-    table_free(&all);
-    return status ? hada_cli_fail(cli, &err) : HADA_EXIT_OK;
+    return evaluate(cli, set, arguments, &err) ? hada_cli_fail(cli, &err) : HADA_EXIT_OK;
 }
 
 static const hada_cli_example examples[] = {

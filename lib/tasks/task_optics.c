@@ -11,7 +11,7 @@
 #include "io/text.h"
 #include "tasks/optics_files.h"
 
-#define PSF_GAMMA 0.4  /* shows the light around spots */
+#define PSF_GAMMA 0.4 /* shows the light around spots */
 
 void hada_optics_task_defaults(hada_optics_task *task, size_t size)
 {

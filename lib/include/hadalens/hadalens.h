@@ -27,7 +27,9 @@
 #include <hadalens/sensor.h>
 #include <hadalens/simulate.h>
 #include <hadalens/status.h>
+#include <hadalens/task_evaluate.h>
 #include <hadalens/task_fit.h>
+#include <hadalens/task_optics.h>
 #include <hadalens/task_register.h>
 #include <hadalens/tiff.h>
 #include <hadalens/train.h>

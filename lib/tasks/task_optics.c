@@ -160,7 +160,7 @@ hada_status hada_optics_run(hada_optics_report *report, hada_context *context, c
     HADA_TRY(HADA_OPTIONS_TAKE(&task, callers, hada_optics_task, err));
     if (task.threshold >= 1.0)
         HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "options.threshold takes a number from 0 to 1"));
-    run r = {&task, camera, context, report, task.threshold > 0.0 ? task.threshold : 0.0};
+    run r = {&task, camera, context, report, task.threshold};
     HADA_TRY(hada_folder_create(folder, fill_folder, &r, err));
 done:
     if (status)

@@ -6,6 +6,48 @@
 #include <string.h>
 
 #include "core/alloc.h"
+#include "core/options.h"
+
+void hada_focus_options_defaults(hada_focus_options *options, size_t size, int shared)
+{
+    const hada_focus_options own = {.size = sizeof own,
+                                    .measure = shared ? HADA_FOCUS_COMBINED : HADA_FOCUS_CONTRAST,
+                                    .fuse = shared ? HADA_FOCUS_SUM : HADA_FOCUS_WEIGHTED,
+                                    .window_sigma = 2.5,
+                                    .false_alarm = 0.01};
+    HADA_OPTIONS_GIVE(options, size, &own);
+}
+
+hada_status hada_focus_check(const hada_focus_desc *desc, hada_error *err)
+{
+    const hada_focus_options *o = &desc->options;
+    if ((o->measure != HADA_FOCUS_CONTRAST && o->measure != HADA_FOCUS_ENERGY && o->measure != HADA_FOCUS_COMBINED) ||
+        (o->fuse != HADA_FOCUS_WEIGHTED && o->fuse != HADA_FOCUS_SUM))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "focus measure %d with fusion %d is not known", (int)o->measure,
+                         (int)o->fuse);
+    if (!(o->window_sigma >= 0.5 && o->window_sigma <= 20.0))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "a focus window of %g pixels is not possible; use 0.5 to 20",
+                         o->window_sigma);
+    if (!(o->false_alarm > 0.0 && o->false_alarm < 0.5))
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "a false alarm rate of %g is not possible; use a value above 0 and below 0.5", o->false_alarm);
+    if ((desc->channels != 1 && desc->channels != 3) || desc->rows < 1 || desc->cols < 1 || desc->depths < 1)
+        return hada_fail(err, HADA_ERROR_SIZE, "a stack of %d depths of %d channels, %d x %d cannot be focused",
+                         desc->depths, desc->channels, desc->rows, desc->cols);
+    /* kernels count pixels as int, in whole groups */
+    if ((int64_t)desc->channels * desc->rows * desc->cols > INT_MAX - 256)
+        return hada_fail(err, HADA_ERROR_SIZE,
+                         "planes of %d channels, %d x %d are too large to be focused: %d values "
+                         "at most",
+                         desc->channels, desc->rows, desc->cols, INT_MAX - 256);
+    /* a camera of one depth may not know its distance: 0 */
+    for (int i = 0; i < desc->depths && !(desc->depths == 1 && desc->distances_mm[0] == 0.0); i++)
+        if (!(desc->distances_mm[i] > 0.0) || (i && !(desc->distances_mm[i] > desc->distances_mm[i - 1])))
+            return hada_fail(err, HADA_ERROR_ARGUMENT,
+                             "distance %d of %d (%g mm) is not possible; distances must be above 0 and rise", i + 1,
+                             desc->depths, desc->distances_mm[i]);
+    return HADA_OK;
+}
 
 static int up_to(int n, int multiple)
 {
@@ -64,8 +106,9 @@ hada_status hada_focus_note(const hada_context *context, const hada_focus_desc *
     part parts[PARTS];
     hada_status status = HADA_OK;
     list_parts(context, desc, parts);
-    for (size_t i = TABLES; i < PARTS && !status; i++)
-        status = hada_room_note(room, parts[i].bytes, parts[i].name, err);
+    for (size_t i = TABLES; i < PARTS; i++)
+        HADA_TRY(hada_room_note(room, parts[i].bytes, parts[i].name, err));
+done:
     return status;
 }
 
@@ -73,14 +116,12 @@ hada_status hada_focus_note(const hada_context *context, const hada_focus_desc *
 static hada_status fill_tables(hada_focus *focus, const hada_focus_desc *desc, hada_error *err)
 {
     const int taps = 2 * focus->radius + 1;
-    void *memory = NULL, *singles = NULL;
     const size_t most = (size_t)(taps > desc->depths ? taps : desc->depths);
-    hada_status status;
-    if ((status = hada_alloc(&memory, (size_t)taps, sizeof(double), "the focus window", err)) ||
-        (status = hada_alloc(&singles, most, sizeof(float), "the focus window", err)))
-        goto done;
-    double *weights = memory, sum = 0.0;
-    float *single = singles;
+    double *weights = NULL, sum = 0.0;
+    float *single = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&weights, (size_t)taps, sizeof *weights, "the focus window", err));
+    HADA_TRY(hada_alloc((void **)&single, most, sizeof *single, "the focus window", err));
     for (int k = 0; k < taps; k++) {
         const double x = (k - focus->radius) / desc->options.window_sigma;
         sum += weights[k] = exp(-0.5 * x * x);
@@ -89,26 +130,25 @@ static hada_status fill_tables(hada_focus *focus, const hada_focus_desc *desc, h
         single[k] = (float)(weights[k] /= sum);
     hada_focus_noise_moments(desc->options.measure, weights, focus->radius, &focus->noise_mean,
                              &focus->noise_deviation);
-    if ((status = hada_buffer_write(&focus->weights, focus->slot, 0, single, (size_t)taps * sizeof(float), err)))
-        goto done;
+    HADA_TRY(hada_buffer_write(&focus->weights, focus->slot, 0, single, (size_t)taps * sizeof(float), err));
     for (int i = 0; i < desc->depths; i++)
         single[i] = (float)(1.0 / desc->distances_mm[i]);
-    status =
-        hada_buffer_write(&focus->inverse_distances, focus->slot, 0, single, (size_t)desc->depths * sizeof(float), err);
+    HADA_TRY(hada_buffer_write(&focus->inverse_distances, focus->slot, 0, single, (size_t)desc->depths * sizeof(float),
+                               err));
 done:
-    free(memory);
-    free(singles);
+    free(weights);
+    free(single);
     return status;
 }
 
 hada_status hada_focus_create(hada_focus **out, hada_slot *slot, const hada_focus_desc *desc, hada_error *err)
 {
+    hada_focus *focus = NULL;
+    part parts[PARTS];
+    hada_status status = HADA_OK;
     *out = NULL;
-    void *memory;
-    hada_status status = hada_focus_check(desc, err);
-    if (status || (status = hada_alloc(&memory, 1, sizeof(hada_focus), "a focus object", err)))
-        return status;
-    hada_focus *focus = memory;
+    HADA_TRY(hada_focus_check(desc, err));
+    HADA_TRY(hada_alloc((void **)&focus, 1, sizeof *focus, "a focus object", err));
     *focus = (hada_focus){.slot = slot,
                           .options = desc->options,
                           .channels = desc->channels,
@@ -119,21 +159,18 @@ hada_status hada_focus_create(hada_focus **out, hada_slot *slot, const hada_focu
                           .kinds = kinds_of(&desc->options),
                           .way = hada_focus_way_of(slot->context)};
     focus->pitch = up_to(desc->cols, focus->way.width);
-    if (!(status = hada_alloc(&memory, (size_t)desc->depths, 1, "a focus object", err)))
-        focus->competing = memory;
-    if (!status && !(status = hada_alloc(&memory, 2 * HADA_FOCUS_BINS, sizeof(int64_t), "the noise counts", err))) {
-        focus->noise_counts = memory;
-        focus->loser_counts = focus->noise_counts + HADA_FOCUS_BINS;
-    }
-    part parts[PARTS];
+    HADA_TRY(hada_alloc((void **)&focus->competing, (size_t)desc->depths, 1, "a focus object", err));
+    HADA_TRY(hada_alloc((void **)&focus->noise_counts, 2 * HADA_FOCUS_BINS, sizeof *focus->noise_counts,
+                        "the noise counts", err));
+    focus->loser_counts = focus->noise_counts + HADA_FOCUS_BINS;
     list_parts(slot->context, desc, parts);
-    for (size_t i = 0; i < PARTS && !status; i++) {
+    for (size_t i = 0; i < PARTS; i++) {
         hada_buffer *buffer = (hada_buffer *)(void *)((char *)focus + parts[i].offset);
-        status = i < TABLES ? hada_buffer_create(buffer, slot->context, parts[i].bytes, parts[i].name, err)
-                            : hada_scratch_create(buffer, slot, parts[i].bytes, parts[i].name, err);
+        HADA_TRY(i < TABLES ? hada_buffer_create(buffer, slot->context, parts[i].bytes, parts[i].name, err)
+                            : hada_scratch_create(buffer, slot, parts[i].bytes, parts[i].name, err));
     }
-    if (!status)
-        status = fill_tables(focus, desc, err);
+    HADA_TRY(fill_tables(focus, desc, err));
+done:
     if (status)
         hada_focus_destroy(&focus);
     *out = focus;
@@ -165,16 +202,15 @@ static hada_status clear_counts(hada_focus *f, hada_error *err)
 static hada_status take_counts(hada_focus *f, hada_error *err)
 {
     enum { ALL = 2 * HADA_FOCUS_BINS };
-    void *memory;
-    hada_status status = hada_alloc(&memory, ALL, sizeof(cl_int), "the noise counts", err);
-    if (status)
-        return status;
-    const cl_int *counts = memory;
-    if (!(status = hada_focus_launch_counts(f, err)) &&
-        !(status = hada_buffer_read(&f->counts, f->slot, 0, memory, ALL * sizeof(cl_int), err)))
-        for (int i = 0; i < ALL; i++)
-            f->noise_counts[i] += counts[i];
-    free(memory);
+    cl_int *counts = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&counts, ALL, sizeof *counts, "the noise counts", err));
+    HADA_TRY(hada_focus_launch_counts(f, err));
+    HADA_TRY(hada_buffer_read(&f->counts, f->slot, 0, counts, ALL * sizeof *counts, err));
+    for (int i = 0; i < ALL; i++)
+        f->noise_counts[i] += counts[i];
+done:
+    free(counts);
     return status;
 }
 
@@ -189,7 +225,7 @@ hada_status hada_focus_begin(hada_focus *focus, const unsigned char *competing, 
     focus->begun = 1;
     focus->next = 0;
     focus->last = -1;
-    focus->seen = 0;
+    focus->pushed = 0;
     memset(focus->noise_counts, 0, 2 * HADA_FOCUS_BINS * sizeof *focus->noise_counts);
     return clear_counts(focus, err);
 }
@@ -200,17 +236,19 @@ static hada_status push_gathered(hada_focus *f, hada_focus_planes *planes, hada_
     const int64_t pixels = (int64_t)f->rows * f->cols;
     hada_status status = HADA_OK;
     if (!planes->count)
-        return HADA_OK;
-    if (f->counted > INT_MAX - planes->count * pixels && !(status = take_counts(f, err)))
-        status = clear_counts(f, err);
-    if (status || (status = hada_focus_launch_measure(f, planes, err)) ||
-        (status = hada_focus_launch_select(f, planes, err)))
-        return status;
+        goto done;
+    if (f->counted > INT_MAX - planes->count * pixels) {
+        HADA_TRY(take_counts(f, err));
+        HADA_TRY(clear_counts(f, err));
+    }
+    HADA_TRY(hada_focus_launch_measure(f, planes, err));
+    HADA_TRY(hada_focus_launch_select(f, planes, err));
     f->last = planes->depth[planes->count - 1];
-    f->seen += planes->count;
+    f->pushed += planes->count;
     f->counted += planes->count * pixels;
     planes->count = 0;
-    return HADA_OK;
+done:
+    return status;
 }
 
 /* Depths `list` or, without one, first .. */
@@ -223,7 +261,7 @@ static hada_status push(hada_focus *focus, const int *list, int first, int count
     const int most = fit < HADA_FOCUS_DEPTHS ? (int)fit : HADA_FOCUS_DEPTHS;
     hada_focus_planes gathered = {.planes = planes, .offset = offset};
     hada_status status = HADA_OK;
-    for (int i = 0; i < count && !status; i++) {
+    for (int i = 0; i < count; i++) {
         const int depth = list ? list[i] : first + i;
         if (depth < focus->next || depth >= focus->depths)
             return hada_fail(err, HADA_ERROR_ARGUMENT,
@@ -235,9 +273,11 @@ static hada_status push(hada_focus *focus, const int *list, int first, int count
         gathered.place[gathered.count] = i;
         gathered.depth[gathered.count++] = depth;
         if (gathered.count == most)
-            status = push_gathered(focus, &gathered, err);
+            HADA_TRY(push_gathered(focus, &gathered, err));
     }
-    return status ? status : push_gathered(focus, &gathered, err);
+    HADA_TRY(push_gathered(focus, &gathered, err));
+done:
+    return status;
 }
 
 hada_status hada_focus_push(hada_focus *focus, int first, int count, cl_mem planes, size_t offset, hada_error *err)
@@ -255,20 +295,20 @@ hada_status hada_focus_push_list(hada_focus *focus, const int *depths, int count
 static hada_status thresholds(hada_focus *f, hada_focus_report *report, double *base, hada_error *err)
 {
     const double z = hada_focus_normal_quantile(f->options.false_alarm / f->competing_count);
-    *report = (hada_focus_report){.coverage = NAN};
-    hada_status status = take_counts(f, err);
-    if (status)
-        return status;
-    /* Immerkaer's operator has norm 6; the median of |x| of a normal variable is 0.6745 standard deviations */
     int64_t total;
-    report->noise = hada_focus_bins_median_positive(f->noise_counts, &total) / (6.0 * 0.67448975);
     double spread;
+    hada_status status = HADA_OK;
+    *report = (hada_focus_report){.coverage = NAN};
+    HADA_TRY(take_counts(f, err));
+    /* Immerkaer's operator has norm 6; the median of |x| of a normal variable is 0.6745 standard deviations */
+    report->noise = hada_focus_bins_median_positive(f->noise_counts, &total) / (6.0 * 0.67448975);
     hada_focus_bins_spread(f->loser_counts, base, &spread);
     /* energy grows with the noise, contrast and the combination with its square */
     const double unit = f->options.measure == HADA_FOCUS_ENERGY ? report->noise : report->noise * report->noise;
     report->margin = z * spread;
     report->threshold = fmax(*base + z * spread, unit * (f->noise_mean + z * f->noise_deviation));
-    return HADA_OK;
+done:
+    return status;
 }
 
 hada_status hada_focus_finish(hada_focus *focus, cl_mem all_in_focus, size_t all_in_focus_offset, cl_mem distance_map,
@@ -279,12 +319,13 @@ hada_status hada_focus_finish(hada_focus *focus, cl_mem all_in_focus, size_t all
         return hada_fail(err, HADA_ERROR_STATE, "no plane came to the focus; push those that compete first");
     hada_focus_report found;
     double base;
-    hada_status status = thresholds(f, &found, &base, err);
-    if (!status)
-        status = hada_focus_launch_finish(f, &found, base, all_in_focus, all_in_focus_offset, distance_map,
-                                          distance_offset, err);
-    f->begun = 0;
-    if (!status && report)
+    hada_status status = HADA_OK;
+    HADA_TRY(thresholds(f, &found, &base, err));
+    HADA_TRY(hada_focus_launch_finish(f, &found, base, all_in_focus, all_in_focus_offset, distance_map, distance_offset,
+                                      err));
+    if (report)
         *report = found;
+done:
+    f->begun = 0;
     return status;
 }

@@ -80,11 +80,11 @@ hada_status hada_focus_launch_select(hada_focus *f, const hada_focus_planes *pla
                              HADA_ARG(measure),         HADA_ARG(planes->planes), HADA_ARG(planes->offset),
                              HADA_ARG(place),           HADA_ARG(depth),          HADA_ARG(planes->count),
                              HADA_ARG(f->channels),     HADA_ARG(f->rows),        HADA_ARG(f->cols),
-                             HADA_ARG(f->pitch),        HADA_ARG(f->seen),        HADA_ARG(f->last),
+                             HADA_ARG(f->pitch),        HADA_ARG(f->pushed),      HADA_ARG(f->last),
                              HADA_ARG(weighted),        HADA_ARG(f->kept.mem),    HADA_ARG(f->bins.mem)};
     const double pixels = (double)f->rows * f->cols, taps = 2.0 * f->radius + 1, kept = 7.0 + f->channels;
     hada_slot_cost(f->slot,
-                   4.0 * pixels * (planes->count * (double)(f->channels + f->kinds) + (f->seen ? 2.0 : 1.0) * kept),
+                   4.0 * pixels * (planes->count * (double)(f->channels + f->kinds) + (f->pushed ? 2.0 : 1.0) * kept),
                    pixels * planes->count * (2.0 * taps * f->kinds + 12 + 2.0 * f->channels));
     const int tiles = parts(f->rows, f->way.band) * parts(f->cols, f->way.width * f->way.members);
     return launch(f, "focus_select", groups_for(f, tiles), args, HADA_COUNT(args), err);

@@ -27,7 +27,7 @@ struct hada_focus {
     int competing_count;
     int begun, next; /* depths below `next` have come */
     int last;        /* the last depth that competed, -1: none yet */
-    int seen;        /* depths that competed so far */
+    int pushed;      /* depths that competed so far */
 
     hada_buffer weights, inverse_distances;
     hada_buffer response; /* of HADA_FOCUS_DEPTHS planes, averaged across */

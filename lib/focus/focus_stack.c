@@ -27,27 +27,40 @@ static hada_status focus_planes(hada_focus *focus, hada_slot *slot, hada_buffer 
                                 hada_focus_report *report, hada_error *err)
 {
     const size_t count = hada_image_count(&planes[0]);
-    hada_status status = hada_focus_begin(focus, competing, err);
-    for (int i = 0; i < depths && !status; i++) {
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_focus_begin(focus, competing, err));
+    for (int i = 0; i < depths; i++) {
         if (competing && !competing[i])
             continue;
-        if (!(status = hada_buffer_write(plane, slot, 0, planes[i].data, count * sizeof(float), err)))
-            status = hada_focus_push(focus, i, 1, plane->mem, 0, err);
+        HADA_TRY(hada_buffer_write(plane, slot, 0, planes[i].data, count * sizeof(float), err));
+        HADA_TRY(hada_focus_push(focus, i, 1, plane->mem, 0, err));
     }
-    return status ? status : hada_focus_finish(focus, results->mem, 0, results->mem, count, report, err);
+    HADA_TRY(hada_focus_finish(focus, results->mem, 0, results->mem, count, report, err));
+done:
+    return status;
 }
 
 static hada_status read_results(const hada_buffer *results, hada_slot *slot, const hada_image *like,
                                 hada_image *all_in_focus, hada_image *distance_map, hada_error *err)
 {
     const size_t count = hada_image_count(like) * sizeof(float);
-    hada_status status;
-    if ((status = hada_image_create(all_in_focus, like->channels, like->rows, like->cols, err)) ||
-        (status = hada_image_create(distance_map, 1, like->rows, like->cols, err)) ||
-        (status = hada_buffer_read(results, slot, 0, all_in_focus->data, count, err)))
-        return status;
-    return hada_buffer_read(results, slot, count, distance_map->data, hada_image_count(distance_map) * sizeof(float),
-                            err);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_image_create(all_in_focus, like->channels, like->rows, like->cols, err));
+    HADA_TRY(hada_image_create(distance_map, 1, like->rows, like->cols, err));
+    HADA_TRY(hada_buffer_read(results, slot, 0, all_in_focus->data, count, err));
+    HADA_TRY(hada_buffer_read(results, slot, count, distance_map->data, hada_image_count(distance_map) * sizeof(float),
+                              err));
+done:
+    return status;
+}
+
+/* The share of pixels that have a distance. */
+static double coverage_of(const hada_image *distance_map)
+{
+    size_t covered = 0;
+    for (size_t i = 0; i < hada_image_count(distance_map); i++)
+        covered += !isnan(distance_map->data[i]);
+    return (double)covered / (double)hada_image_count(distance_map);
 }
 
 hada_status hada_focus_stack(hada_context *context, const hada_image *planes, const double *distances_mm, int depths,
@@ -55,38 +68,37 @@ hada_status hada_focus_stack(hada_context *context, const hada_image *planes, co
                              hada_image *all_in_focus, hada_image *distance_map, hada_focus_report *report,
                              hada_error *err)
 {
+    hada_slot *slot = NULL;
+    hada_focus *focus = NULL;
+    hada_buffer plane = {0}, results = {0};
+    hada_focus_report found = {0};
+    hada_status status = HADA_OK;
     *all_in_focus = *distance_map = (hada_image){0};
-    hada_status status = check_planes(planes, depths, err);
-    if (status || (status = HADA_REPORT_CHECK(report, hada_focus_report, err)))
-        return status;
+    HADA_TRY(check_planes(planes, depths, err));
+    HADA_TRY(HADA_REPORT_CHECK(report, hada_focus_report, err));
     hada_focus_desc desc = {.channels = planes[0].channels,
                             .rows = planes[0].rows,
                             .cols = planes[0].cols,
                             .depths = depths,
                             .distances_mm = distances_mm};
     hada_focus_options_init(&desc.options, 0);
-    if ((status = HADA_OPTIONS_TAKE(&desc.options, options, hada_focus_options, err)))
-        return status;
+    HADA_TRY(HADA_OPTIONS_TAKE(&desc.options, options, hada_focus_options, err));
     const size_t bytes = hada_image_count(&planes[0]) * sizeof(float),
                  map = (size_t)desc.rows * (size_t)desc.cols * sizeof(float);
-    hada_slot *slot = NULL;
-    hada_focus *focus = NULL;
-    hada_buffer plane = {0}, results = {0};
-    hada_focus_report found = {0};
-    if (!(status = hada_slot_create(&slot, context, err)) && !(status = hada_focus_create(&focus, slot, &desc, err)) &&
-        !(status = hada_buffer_create(&plane, context, bytes, "a plane", err)) &&
-        !(status = hada_buffer_create(&results, context, bytes + map, "the focused image", err)) &&
-        !(status = focus_planes(focus, slot, &plane, &results, planes, depths, competing, &found, err)))
-        status = read_results(&results, slot, &planes[0], all_in_focus, distance_map, err);
+    HADA_TRY(hada_slot_create(&slot, context, err));
+    HADA_TRY(hada_focus_create(&focus, slot, &desc, err));
+    HADA_TRY(hada_buffer_create(&plane, context, bytes, "a plane", err));
+    HADA_TRY(hada_buffer_create(&results, context, bytes + map, "the focused image", err));
+    HADA_TRY(focus_planes(focus, slot, &plane, &results, planes, depths, competing, &found, err));
+    HADA_TRY(read_results(&results, slot, &planes[0], all_in_focus, distance_map, err));
+    if (report) {
+        found.coverage = coverage_of(distance_map);
+        HADA_REPORT_GIVE(report, &found);
+    }
+done:
     if (status) {
         hada_image_destroy(all_in_focus);
         hada_image_destroy(distance_map);
-    } else if (report) {
-        size_t covered = 0;
-        for (size_t i = 0; i < hada_image_count(distance_map); i++)
-            covered += !isnan(distance_map->data[i]);
-        found.coverage = (double)covered / (double)hada_image_count(distance_map);
-        HADA_REPORT_GIVE(report, &found);
     }
     hada_focus_destroy(&focus);
     if (slot)

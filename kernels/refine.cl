@@ -55,7 +55,7 @@ refine_solve(__global const float *otf, __global const int *list, __global const
                 refine_get(u + 2 * (size_t)s * step, i, &u_re, &u_im);
                 v_re = u_re;
                 v_im = u_im;
-                if (start == HADA_REFINE_ON) {
+                if (start == HADA_REFINE_CONTINUE) {
                     refine_real w_re, w_im;
                     refine_get(w + 2 * (size_t)s * step, i, &w_re, &w_im);
                     v_re = fma(-keep, w_re - u_re, u_re);
@@ -68,7 +68,7 @@ refine_solve(__global const float *otf, __global const int *list, __global const
             }
         }
         refine_real y_re, y_im, e_re = (refine_real)0.0f, e_im = e_re;
-        if (padded && start == HADA_REFINE_ON) {
+        if (padded && start == HADA_REFINE_CONTINUE) {
             refine_get(a, i, &y_re, &y_im);
             refine_get(e, i, &e_re, &e_im);
             y_re -= 2.0f * e_re;
@@ -92,7 +92,7 @@ refine_solve(__global const float *otf, __global const int *list, __global const
             refine_get(h + (size_t)z[s] * h_step, i, &h_re, &h_im);
             if (start != HADA_REFINE_COLD)
                 refine_get(u + 2 * (size_t)s * step, i, &u_re, &u_im);
-            if (start == HADA_REFINE_ON) {
+            if (start == HADA_REFINE_CONTINUE) {
                 refine_real w_re, w_im;
                 refine_get(w + 2 * (size_t)s * step, i, &w_re, &w_im);
                 d_re = keep * (w_re - u_re);
@@ -107,11 +107,11 @@ refine_solve(__global const float *otf, __global const int *list, __global const
     REFINE_PARTIAL(partial, (sums.first + plane * get_num_groups(0) + get_group_id(0)), refine_sum(sum))
 }
 
-/* What the planes of a set do not explain: rest[set][channel] = B - sum over its depths of H U, at every frequency, and
- * as partial[set][channel][slice] the sum over the whole spectrum of |rest|^2. Arguments as in refine_solve. */
+/* What the planes of a set do not explain: residual[set][channel] = B - sum over its depths of H U, at every frequency,
+ * and as partial[set][channel][slice] the sum over the whole spectrum of |residual|^2. Arguments as in refine_solve. */
 __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
 refine_explain(__global const float *otf, __global const int *list, __global const float *frame,
-               __global const float *now_u, __global float *rest, int has_rest, __global float *partial,
+               __global const float *now_u, __global float *residual, int has_residual, __global float *partial,
                hada_refine_problem problem, hada_refine_sums sums)
 {
     REFINE_LOCAL
@@ -138,21 +138,22 @@ refine_explain(__global const float *otf, __global const int *list, __global con
             r_im = fma(-h_re, u_im, fma(-h_im, u_re, r_im));
         }
         sum += refine_count(fma(r_re, r_re, r_im * r_im), i, rows, block, cols);
-        if (has_rest)
-            refine_put(rest + 2 * plane * count, i, r_re, r_im);
+        if (has_residual)
+            refine_put(residual + 2 * plane * count, i, r_re, r_im);
     }
     REFINE_PARTIAL(partial, (sums.first + plane * get_num_groups(0) + get_group_id(0)), refine_sum(sum))
 }
 
 /* How badly a set explains what the channels have in common, within a band: partial[set][slice] is the sum, over the
  * frequencies of the whole spectrum with 2 |ky| < band_rows and 2 |kx| < band_cols, of
- *     (|mean rest|^2 + mean(prior sum |U|^2) / channels) / (1 + mean(sum doubt |U|^2)),     rest = B - sum H U,
- * means over channels, sums over the set's depths; prior and doubt are 0 where they are not given. With depths 0 it is
- * the energy of the frame's own mean. Dimensions: slices of frequencies, sets. Arrays as in refine_solve; doubt as the
- * OTFs, real. */
+ *     (|mean residual|^2 + mean(prior sum |U|^2) / channels) / (1 + mean(sum variance |U|^2)),
+ *     residual = B - sum H U,
+ * means over channels, sums over the set's depths; prior and variance are 0 where they are not given. With depths 0 it
+ * is the energy of the frame's own mean. Dimensions: slices of frequencies, sets. Arrays as in refine_solve; variance
+ * as the OTFs, real. */
 __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
 refine_score(__global const float *otf, __global const int *list, __global const float *frame,
-             __global const float *now_u, __global const float *prior, __global const float *doubt,
+             __global const float *now_u, __global const float *prior, __global const float *variance,
              __global float *partial, hada_refine_problem problem, hada_refine_band band, hada_refine_sums sums)
 {
     REFINE_LOCAL
@@ -169,7 +170,7 @@ refine_score(__global const float *otf, __global const int *list, __global const
         const uint ky = i / block % rows; /* the same for all lanes: vectors need blocks of eight columns */
         if (2 * min(ky, rows - ky) >= band.rows || 2 * (i / (rows * block) * block + i % block) >= band.cols)
             continue;
-        refine_real r_re = (refine_real)0.0f, r_im = r_re, cost = r_re, unsure = r_re;
+        refine_real r_re = (refine_real)0.0f, r_im = r_re, cost = r_re, spread = r_re;
         for (uint c = 0; c < channels; ++c) {
             refine_real b_re, b_im, power = (refine_real)0.0f;
             refine_get(frame + 2 * (problem.frame_offset + (size_t)c * count), i, &b_re, &b_im);
@@ -185,13 +186,13 @@ refine_score(__global const float *otf, __global const int *list, __global const
                 r_im = fma(-h_re, u_im, fma(-h_im, u_re, r_im));
                 const refine_real square = fma(u_re, u_re, u_im * u_im);
                 power += square;
-                if (band.has_doubt)
-                    unsure = fma(refine_get_real(doubt + at, i), square, unsure);
+                if (band.has_variance)
+                    spread = fma(refine_get_real(variance + at, i), square, spread);
             }
             if (band.has_prior)
                 cost = fma(refine_get_real(prior + (size_t)c * count, i), power, cost);
         }
-        const refine_real energy = (fma(r_re, r_re, r_im * r_im) + cost) * (share * share) / fma(unsure, share, 1.0f);
+        const refine_real energy = (fma(r_re, r_re, r_im * r_im) + cost) * (share * share) / fma(spread, share, 1.0f);
         sum += refine_count(refine_band(energy, i, rows, block, band.cols), i, rows, block, cols);
     }
     REFINE_PARTIAL(partial, (sums.first + (size_t)set * get_num_groups(0) + get_group_id(0)), refine_sum(sum))

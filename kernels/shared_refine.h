@@ -6,9 +6,9 @@
 
 /* Where a run starts. */
 typedef enum hada_refine_start {
-    HADA_REFINE_COLD = 0, /* from nothing */
-    HADA_REFINE_WARM = 1, /* from the planes that hada_refiner_planes() holds, duals zero */
-    HADA_REFINE_ON = 2    /* from planes and duals as the last run left them */
+    HADA_REFINE_COLD = 0,    /* from nothing */
+    HADA_REFINE_WARM = 1,    /* from the planes that hada_refiner_planes() holds, duals zero */
+    HADA_REFINE_CONTINUE = 2 /* from planes and duals as the last run left them */
 } hada_refine_start;
 
 /* Sums over slices of frequencies or pixels: partial[first + image * slices + slice]. */
@@ -41,7 +41,7 @@ HADA_SHARED_SIZE(hada_refine_step, 24)
 /* What the score counts. */
 typedef struct hada_refine_band {
     unsigned int rows, cols; /* frequencies with 2 |ky| < rows and 2 |kx| < cols */
-    int has_prior, has_doubt;
+    int has_prior, has_variance;
 } hada_refine_band;
 HADA_SHARED_SIZE(hada_refine_band, 16)
 

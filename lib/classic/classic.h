@@ -60,7 +60,7 @@ hada_status hada_classic_note(const hada_context *context, const hada_classic_sh
                               int last, int planes_last, hada_error *err);
 
 typedef struct hada_classic_job {
-    const hada_refine_data *data; /* prior and doubt are not looked at; the frame is read by padded ADMM and by RL */
+    const hada_refine_data *data; /* prior and variance are not looked at; the frame is read by padded ADMM and by RL */
     const hada_classic_camera *camera;
     int depths; /* of this run */
     const int *list;

@@ -251,7 +251,7 @@ static hada_status refine(trial_work *work, const trial_frame *frame, double tv,
                            energy(work->raw, raw) / (double)raw);
     rule.stop = 0.0;
     rule.steps = steps;
-    rule.start = cold ? HADA_REFINE_COLD : HADA_REFINE_ON;
+    rule.start = cold ? HADA_REFINE_COLD : HADA_REFINE_CONTINUE;
     hada_status status = hada_refiner_run(work->refiner, &data, &rule, 1, frame->members, list, NULL, err);
     return status ? status : read_planes(work, frame->members, err);
 }

@@ -84,14 +84,14 @@ static hada_fft_desc describe(const hada_refine_shape *shape, const hada_refine_
 }
 
 /* Bytes of every buffer. */
-typedef struct book {
+typedef struct sizes {
     size_t spectra, planes, split, dual, list, partial, partials, tv;
     int slices;
-} book;
+} sizes;
 
-static book keep_books(const hada_context *context, const hada_refine_shape *shape)
+static sizes sizes_of(const hada_context *context, const hada_refine_shape *shape)
 {
-    book b = {0};
+    sizes b = {0};
     const hada_spectrum_layout layout = hada_fft_layout(context, shape->grid_rows, shape->grid_cols, HADA_FFT_AUTO);
     const size_t images = (size_t)shape->max_planes * (size_t)shape->channels;
     const size_t sets = (size_t)shape->max_sets * (size_t)shape->channels;
@@ -123,7 +123,7 @@ typedef struct row {
 } row;
 enum { ROWS = 12, PLANS = 4 };
 
-static void list_buffers(const book *b, row *rows)
+static void list_buffers(const sizes *b, row *rows)
 {
     const row list[ROWS] = {{offsetof(hada_refiner, planes), b->planes, "the refined planes"},
                             {offsetof(hada_refiner, now_u), b->spectra, "the spectra of the refined planes"},
@@ -133,8 +133,8 @@ static void list_buffers(const book *b, row *rows)
                             {offsetof(hada_refiner, split_a), b->split, "the refinement's split at the frame"},
                             {offsetof(hada_refiner, split_e), b->split, "the refinement's split at the frame"},
                             {offsetof(hada_refiner, dual), b->dual, "the refinement's split at the frame"},
-                            {offsetof(hada_refiner, rest), b->split, "the refinement's residuals"},
-                            {offsetof(hada_refiner, rest_frame), b->dual, "the refinement's residuals"},
+                            {offsetof(hada_refiner, residual), b->split, "the refinement's residuals"},
+                            {offsetof(hada_refiner, residual_frame), b->dual, "the refinement's residuals"},
                             {offsetof(hada_refiner, tv[0]), b->tv, "the refinement's total variation"},
                             {offsetof(hada_refiner, tv[1]), b->tv, "the refinement's total variation"}};
     memcpy(rows, list, sizeof list);
@@ -153,7 +153,7 @@ static int list_plans(const hada_refine_shape *shape, hada_fft_desc *plans)
 
 size_t hada_refiner_bytes(const hada_context *context, const hada_refine_shape *shape)
 {
-    const book b = keep_books(context, shape);
+    const sizes b = sizes_of(context, shape);
     hada_fft_desc plans[PLANS];
     row rows[ROWS];
     size_t bytes = 0;
@@ -169,20 +169,21 @@ size_t hada_refiner_bytes(const hada_context *context, const hada_refine_shape *
 hada_status hada_refiner_note(const hada_context *context, const hada_refine_shape *shape, hada_room *room, int first,
                               int last, int planes_last, hada_error *err)
 {
-    const book b = keep_books(context, shape);
+    const sizes b = sizes_of(context, shape);
     hada_fft_desc plans[PLANS];
     row rows[ROWS];
     hada_status status = HADA_OK;
     const int count = list_plans(shape, plans);
     list_buffers(&b, rows);
     hada_room_steps(room, first, last);
-    for (int i = 0; !status && i < count; i++)
-        status = hada_fft_note(context, &plans[i], room, err);
-    for (int i = 0; !status && i < ROWS; i++) {
+    for (int i = 0; i < count; i++)
+        HADA_TRY(hada_fft_note(context, &plans[i], room, err));
+    for (int i = 0; i < ROWS; i++) {
         hada_room_steps(room, first, i ? last : planes_last);
         if (rows[i].bytes)
-            status = hada_room_note(room, rows[i].bytes, rows[i].what, err);
+            HADA_TRY(hada_room_note(room, rows[i].bytes, rows[i].what, err));
     }
+done:
     return status;
 }
 
@@ -193,60 +194,55 @@ static hada_status make_plans(hada_refiner *refiner, hada_error *err)
     hada_fft_desc plans[PLANS];
     hada_status status = HADA_OK;
     const int count = list_plans(&refiner->shape, plans);
-    for (int i = 0; !status && i < count; i++)
-        status = hada_fft_create(made[i], refiner->slot, &plans[i], err);
+    for (int i = 0; i < count; i++)
+        HADA_TRY(hada_fft_create(made[i], refiner->slot, &plans[i], err));
+done:
     return status;
 }
 
-static hada_status make_buffers(hada_refiner *refiner, const book *b, hada_error *err)
+static hada_status make_buffers(hada_refiner *refiner, const sizes *b, hada_error *err)
 {
     row rows[ROWS];
     hada_status status = HADA_OK;
     list_buffers(b, rows);
-    for (int i = 0; !status && i < ROWS; i++)
+    for (int i = 0; i < ROWS; i++)
         if (rows[i].bytes)
-            status = hada_scratch_create((hada_buffer *)(void *)((char *)refiner + rows[i].offset), refiner->slot,
-                                         rows[i].bytes, rows[i].what, err);
-    if (!status)
-        status = hada_buffer_clear(&refiner->planes, refiner->slot, 0, b->planes, err);
+            HADA_TRY(hada_scratch_create((hada_buffer *)(void *)((char *)refiner + rows[i].offset), refiner->slot,
+                                         rows[i].bytes, rows[i].what, err));
+    HADA_TRY(hada_buffer_clear(&refiner->planes, refiner->slot, 0, b->planes, err));
+done:
     return status;
 }
 
 hada_status hada_refiner_create(hada_refiner **out, hada_slot *slot, const hada_refine_shape *shape, hada_error *err)
 {
-    hada_refiner *refiner;
+    static const char what[] = "the refinement's residuals";
+    hada_refiner *refiner = NULL;
+    sizes b;
+    hada_status status = HADA_OK;
     *out = NULL;
-    hada_status status = check_shape(shape, err);
-    if (!status)
-        status = hada_alloc((void **)&refiner, 1, sizeof *refiner, "a refiner", err);
-    if (status)
-        return status;
-    const book b = keep_books(slot->context, shape);
+    HADA_TRY(check_shape(shape, err));
+    HADA_TRY(hada_alloc((void **)&refiner, 1, sizeof *refiner, "a refiner", err));
+    b = sizes_of(slot->context, shape);
     refiner->slot = slot;
     refiner->shape = *shape;
     refiner->layout = hada_fft_layout(slot->context, shape->grid_rows, shape->grid_cols, HADA_FFT_AUTO);
     refiner->partials = b.partials;
     refiner->window_area = area(&shape->window);
     refiner->frame_area = area(&shape->frame);
-    status = hada_alloc((void **)&refiner->energy, ((size_t)shape->max_steps + 1) * (size_t)shape->max_sets,
-                        sizeof *refiner->energy, "the refinement's residuals", err);
-    if (!status)
-        status = hada_alloc((void **)&refiner->host_partial, b.partial / sizeof(float), sizeof(float),
-                            "the refinement's residuals", err);
-    if (!status)
-        status = make_plans(refiner, err);
-    if (!status)
-        status = make_buffers(refiner, &b, err);
-    if (!status)
-        status = hada_refine_prepare(refiner, err);
-    if (!status && shape->tv)
-        status = hada_refine_tv_prepare(refiner, err);
-    if (status) {
-        hada_refiner_destroy(&refiner);
-        return status;
-    }
+    HADA_TRY(hada_alloc((void **)&refiner->energy, ((size_t)shape->max_steps + 1) * (size_t)shape->max_sets,
+                        sizeof *refiner->energy, what, err));
+    HADA_TRY(hada_alloc((void **)&refiner->host_partial, b.partial / sizeof(float), sizeof(float), what, err));
+    HADA_TRY(make_plans(refiner, err));
+    HADA_TRY(make_buffers(refiner, &b, err));
+    HADA_TRY(hada_refine_prepare(refiner, err));
+    if (shape->tv)
+        HADA_TRY(hada_refine_tv_prepare(refiner, err));
     *out = refiner;
-    return HADA_OK;
+done:
+    if (status)
+        hada_refiner_destroy(&refiner);
+    return status;
 }
 
 void hada_refiner_destroy(hada_refiner **pointer)
@@ -260,9 +256,9 @@ void hada_refiner_destroy(hada_refiner **pointer)
     hada_fft_destroy(&refiner->inverse);
     hada_fft_destroy(&refiner->frame_forward);
     hada_fft_destroy(&refiner->frame_inverse);
-    hada_buffer *buffers[] = {&refiner->now_u,   &refiner->now_w,      &refiner->planes,  &refiner->list,
-                              &refiner->partial, &refiner->split_a,    &refiner->split_e, &refiner->dual,
-                              &refiner->rest,    &refiner->rest_frame, &refiner->tv[0],   &refiner->tv[1]};
+    hada_buffer *buffers[] = {&refiner->now_u,    &refiner->now_w,          &refiner->planes,  &refiner->list,
+                              &refiner->partial,  &refiner->split_a,        &refiner->split_e, &refiner->dual,
+                              &refiner->residual, &refiner->residual_frame, &refiner->tv[0],   &refiner->tv[1]};
     for (size_t i = 0; i < HADA_COUNT(buffers); i++)
         hada_buffer_destroy(buffers[i]);
     free(refiner->energy);
@@ -275,9 +271,9 @@ cl_mem hada_refiner_planes(const hada_refiner *refiner)
     return refiner->planes.mem;
 }
 
-cl_mem hada_refiner_rest(const hada_refiner *refiner)
+cl_mem hada_refiner_residual_spectra(const hada_refiner *refiner)
 {
-    return refiner->rest.mem;
+    return refiner->residual.mem;
 }
 
 double hada_refiner_energy(const hada_refiner *refiner, int set, int step)

@@ -48,7 +48,7 @@ typedef struct hada_refine_data {
     int otf_depths;
     cl_mem prior; /* [channel][count] floats: noise power over scene power; NULL: none. Where a rule has total variation
                      that is the prior, and this one is not used */
-    cl_mem doubt; /* [depth][channel][count] floats, hada_refiner_score() only: variance of the OTF estimate over the
+    cl_mem variance; /* [depth][channel][count] floats, hada_refiner_score() only: variance of the OTF estimate over the
                      noise power (1 / sum |X|^2 of the pairs); NULL: the OTF is exact */
 } hada_refine_data;
 
@@ -123,15 +123,15 @@ hada_status hada_refiner_residual(hada_refiner *refiner, const hada_refine_data 
                                   const int *list, double *energy, hada_error *err);
 
 /* How badly a set explains what the channels of the frame have in common, one value per set: the energy of the mean
- * over channels of b - sum PSF * u plus the prior's term, each frequency divided by 1 + sum |U|^2 doubt, the growth of
- * its noise through the OTF's own error; of the frequencies with 2 |ky| < band_rows and 2 |kx| < band_cols. Whole grid,
- * also where the boundary is padded. depths 0: of the frame itself (one set, no list). */
+ * over channels of b - sum PSF * u plus the prior's term, each frequency divided by 1 + sum |U|^2 variance, the growth
+ * of its noise through the OTF's own error; of the frequencies with 2 |ky| < band_rows and 2 |kx| < band_cols. Whole
+ * grid, also where the boundary is padded. depths 0: of the frame itself (one set, no list). */
 hada_status hada_refiner_score(hada_refiner *refiner, const hada_refine_data *data, int sets, int depths,
                                const int *list, int band_rows, int band_cols, double *energy, hada_error *err);
 
 /* Padded boundary: the spectra [set][channel][count] of what the sets did not explain at the last
  * hada_refiner_residual(). */
-cl_mem hada_refiner_rest(const hada_refiner *refiner);
+cl_mem hada_refiner_residual_spectra(const hada_refiner *refiner);
 
 /* Two-dimensional transforms of real images that the refiner has enqueued since its creation. */
 size_t hada_refiner_transforms(const hada_refiner *refiner);

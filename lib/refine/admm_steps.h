@@ -1,4 +1,4 @@
-/* The refinement's kernels and their order. Internal to lib/refine. */
+/* A refiner, and what a step of it is made of: kernels and transforms, each one call. Internal to lib/refine. */
 #ifndef HADA_REFINE_ADMM_STEPS_H
 #define HADA_REFINE_ADMM_STEPS_H
 
@@ -19,9 +19,9 @@ struct hada_refiner {
     hada_fft *forward, *inverse;             /* planes of the window */
     hada_fft *frame_forward, *frame_inverse; /* padded: of the frame */
     hada_buffer now_u, now_w, planes, list, partial;
-    hada_buffer split_a, split_e, dual; /* padded: the split at the frame */
-    hada_buffer rest, rest_frame;       /* padded: what the planes do not explain */
-    size_t partials;                    /* partial sums of one step, at most */
+    hada_buffer split_a, split_e, dual;   /* padded: the split at the frame */
+    hada_buffer residual, residual_frame; /* padded: what the planes do not explain */
+    size_t partials;                      /* partial sums of one step, at most */
     float *host_partial;
     double *energy;              /* [step][set] */
     hada_buffer tv[2];           /* total variation: its duals, and where the next ones go */
@@ -32,12 +32,63 @@ struct hada_refiner {
     size_t transforms;
 };
 
+/* One run's constants. */
+typedef struct hada_refine_run {
+    hada_refiner *refiner;
+    const hada_refine_data *data;
+    int sets, depths;
+    int padded;
+} hada_refine_run;
+
 /* Chooses the programs and makes them. */
 hada_status hada_refine_prepare(hada_refiner *refiner, hada_error *err);
 hada_status hada_refine_tv_prepare(hada_refiner *refiner, hada_error *err);
 
+/* The rho of a step. */
+double hada_refine_rho_at(const hada_refine_rule *rule, int step);
+
+/* The linear step number `step`. Its sums of |residual|^2 go to `place`, of which there is one for each step and one
+ * more. */
+hada_status hada_refine_solve(const hada_refine_run *run, const hada_refine_rule *rule, int start, int step, int place,
+                              hada_error *err);
+
+/* Sums of |residual|^2 of the planes, to the first place; with the residual itself where `has_residual`. */
+hada_status hada_refine_explain(const hada_refine_run *run, int has_residual, hada_error *err);
+
+/* What hada_refiner_score() is made of, to the first place. */
+hada_status hada_refine_score(const hada_refine_run *run, int band_rows, int band_cols, hada_error *err);
+
+/* The data's split where a sensor crops: dual = factor * (dual - frame), or factor * dual; sums of |dual|^2 to `place`.
+ */
+hada_status hada_refine_frame_dual(const hada_refine_run *run, cl_mem dual, int use_frame, double factor, int place,
+                                   hada_error *err);
+
+/* The proximal step of non-negativity on the planes. */
+hada_status hada_refine_nonnegative(const hada_refine_run *run, hada_error *err);
+
 /* The proximal step of total variation and non-negativity on the planes, sets x depths in number. theta: weight over
  * rho. fresh: its duals are not those of a step before. */
 hada_status hada_refine_tv_step(hada_refiner *refiner, int planes, double theta, int fresh, hada_error *err);
+
+/* Planes to their spectra U and from W; padded: the frame's dual to its spectrum E, and from a spectrum to the frame.
+ */
+hada_status hada_refine_planes_forward(const hada_refine_run *run, hada_error *err);
+hada_status hada_refine_planes_inverse(const hada_refine_run *run, hada_error *err);
+hada_status hada_refine_frame_forward(const hada_refine_run *run, hada_error *err);
+hada_status hada_refine_frame_inverse(const hada_refine_run *run, const hada_buffer *spectrum, const hada_buffer *frame,
+                                      hada_error *err);
+
+/* Slices of so many frequencies or pixels. */
+size_t hada_refine_slices(size_t count);
+
+/* Parseval: from energies of spectra to energies of images. */
+double hada_refine_per_pixel(const hada_refiner *refiner);
+
+/* Brings the sums of `count` places to the host; adds a place's up, those of `parts` images a set, in order and in
+ * double; both for the first place. */
+hada_status hada_refine_fetch(const hada_refine_run *run, int place, int count, hada_error *err);
+void hada_refine_add_up(const hada_refine_run *run, int place, int parts, size_t slices, double factor, double *energy);
+hada_status hada_refine_energies(const hada_refine_run *run, int parts, size_t slices, double factor, double *energy,
+                                 hada_error *err);
 
 #endif

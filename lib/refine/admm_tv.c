@@ -26,7 +26,8 @@ static hada_range bands_of(const hada_refiner *refiner, const hada_refine_window
     return hada_range_groups(bands, refiner->group, (size_t)planes, 1);
 }
 
-static hada_status climb(hada_refiner *refiner, int planes, double theta, int from, int fresh, hada_error *err)
+/* A projected gradient step on the dual. */
+static hada_status dual_step(hada_refiner *refiner, int planes, double theta, int from, int fresh, hada_error *err)
 {
     const hada_refine_window window = window_of(refiner);
     const hada_range range = bands_of(refiner, &window, planes);
@@ -38,7 +39,8 @@ static hada_status climb(hada_refiner *refiner, int planes, double theta, int fr
                                        .step = (float)(HADA_REFINE_TV_LENGTH / theta));
 }
 
-static hada_status land(hada_refiner *refiner, int planes, double theta, int from, hada_error *err)
+/* The planes that the dual stands for. */
+static hada_status primal_step(hada_refiner *refiner, int planes, double theta, int from, hada_error *err)
 {
     const hada_refine_window window = window_of(refiner);
     const hada_range range = bands_of(refiner, &window, planes);
@@ -52,7 +54,9 @@ hada_status hada_refine_tv_step(hada_refiner *refiner, int planes, double theta,
 {
     hada_status status = HADA_OK;
     /* an even number of steps: the duals end where they began */
-    for (int k = 0; !status && k < HADA_REFINE_TV_STEPS; k++)
-        status = climb(refiner, planes, theta, k % 2, fresh && !k, err);
-    return status ? status : land(refiner, planes, theta, 0, err);
+    for (int k = 0; k < HADA_REFINE_TV_STEPS; k++)
+        HADA_TRY(dual_step(refiner, planes, theta, k % 2, fresh && !k, err));
+    HADA_TRY(primal_step(refiner, planes, theta, 0, err));
+done:
+    return status;
 }

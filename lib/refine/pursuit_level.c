@@ -158,7 +158,7 @@ hada_status hada_level_create(hada_pursuit_level *l, hada_slot *slot, const hada
     HADA_TRY(hada_refiner_create(&l->refiner, slot, &l->shape, err));
     HADA_TRY(hada_buffer_create(&l->otf, context, depths * spectrum, what, err));
     HADA_TRY(hada_buffer_create(&l->prior, context, spectrum / 2, what, err));
-    HADA_TRY(hada_buffer_create(&l->doubt, context, depths * spectrum / 2, what, err));
+    HADA_TRY(hada_buffer_create(&l->variance, context, depths * spectrum / 2, what, err));
     HADA_TRY(hada_buffer_create(&l->spectrum, context, spectrum, what, err));
     if (l->shape.boundary == HADA_BOUNDARY_PADDED)
         HADA_TRY(make_frames(l, err));
@@ -174,7 +174,8 @@ void hada_level_destroy(hada_pursuit_level *l)
     hada_refiner_destroy(&l->refiner);
     hada_fft_destroy(&l->frame_inverse);
     hada_fft_destroy(&l->evidence_inverse);
-    hada_buffer *buffers[] = {&l->otf, &l->prior, &l->doubt, &l->spectrum, &l->frame, &l->evidence, &l->evidence_frame};
+    hada_buffer *buffers[] = {&l->otf,   &l->prior,    &l->variance,      &l->spectrum,
+                              &l->frame, &l->evidence, &l->evidence_frame};
     for (size_t i = 0; i < HADA_COUNT(buffers); i++)
         hada_buffer_destroy(buffers[i]);
     free(l->host_evidence);
@@ -246,8 +247,8 @@ hada_status hada_level_set_power(hada_pursuit_level *l, int first, int count, cl
     crop how = of_camera(l, 1, 2.0);
     how.factor = how.channels * ratio * ratio;
     how.invert = 1;
-    l->has_doubt = 1;
-    return crop_images(l, &how, power, offset, count * l->shape.channels, &l->doubt, first * l->shape.channels, err);
+    l->has_variance = 1;
+    return crop_images(l, &how, power, offset, count * l->shape.channels, &l->variance, first * l->shape.channels, err);
 }
 
 /* Padded: energies within the frame of `sets` spectra [set][channel], at the frequencies of the evidence. */
@@ -280,7 +281,7 @@ static hada_refine_data data_of(const hada_pursuit_level *l)
                               .otf = l->otf.mem,
                               .otf_depths = l->options->depths,
                               .prior = l->has_prior ? l->prior.mem : NULL,
-                              .doubt = l->has_doubt ? l->doubt.mem : NULL};
+                              .variance = l->has_variance ? l->variance.mem : NULL};
 }
 
 /* Rows and columns of the grid whose frequencies count. */
@@ -338,7 +339,7 @@ static hada_status residuals(hada_pursuit_level *l, const hada_refine_data *data
         return hada_refiner_score(l->refiner, data, sets, depths, list, rows, cols, residual, err);
     /* where the sensor crops, only what is missing within the frame counts */
     HADA_TRY(hada_refiner_residual(l->refiner, data, sets, depths, list, residual, err));
-    HADA_TRY(measure(l, hada_refiner_rest(l->refiner), sets, residual, err));
+    HADA_TRY(measure(l, hada_refiner_residual_spectra(l->refiner), sets, residual, err));
 done:
     return status;
 }

@@ -22,13 +22,13 @@ typedef struct hada_pursuit_level {
     hada_spectrum_layout full, layout, evidence_layout;
     hada_refine_shape shape;
     hada_refiner *refiner;
-    hada_buffer otf, prior, doubt, spectrum;
+    hada_buffer otf, prior, variance, spectrum;
     /* padded: the frame's pixels; what is left of them at the frequencies of the evidence, [set][pixels] */
     hada_buffer frame, evidence, evidence_frame;
     hada_fft *frame_inverse, *evidence_inverse;
     float *host_evidence;
     size_t evidence_area;
-    int has_prior, has_doubt;
+    int has_prior, has_variance;
     /* the frame in hand: its spectrum, whether it was brought to this grid, its energy there */
     cl_mem whole;
     size_t whole_offset;

@@ -142,7 +142,7 @@ static hada_status launch(check_state *state, hada_error *err)
     }
     HADA_TRY(check_clear(state, 0, own->partial_first, err));
     HADA_TRY(hada_launch_refine_explain(state->slot, program, &range, err, .otf = own->otf.mem, .list = own->list.mem,
-                                        .frame = own->data.mem, .now_u = own->planes.mem, .rest = rest, .has_rest = 1,
+                                        .frame = own->data.mem, .now_u = own->planes.mem, .residual = rest, .has_residual = 1,
                                         .partial = partial, .problem = problem, .sums = sums));
 done:
     return status;

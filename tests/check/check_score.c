@@ -10,14 +10,14 @@
 enum { SLICE = 2048, MAX_DEPTHS = 8, MAX_CHANNELS = 4 };
 
 typedef struct score_state {
-    hada_buffer otf, data, planes, prior, doubt, list;
+    hada_buffer otf, data, planes, prior, variance, list;
     hada_spectrum_layout layout;
-    int channels, sets, depths, has_prior, has_doubt, band_rows, band_cols;
+    int channels, sets, depths, has_prior, has_variance, band_rows, band_cols;
     size_t slices;
 } score_state;
 
 typedef struct inputs {
-    float *otf, *data, *planes, *prior, *doubt; /* in the layout, padding included */
+    float *otf, *data, *planes, *prior, *variance; /* in the layout, padding included */
     int list[64];
 } inputs;
 
@@ -27,7 +27,7 @@ static void free_inputs(inputs *in)
     free(in->data);
     free(in->planes);
     free(in->prior);
-    free(in->doubt);
+    free(in->variance);
 }
 
 /* One more depth has an OTF than a set has depths, so that the list matters. */
@@ -43,7 +43,7 @@ static hada_status make_inputs(const check_state *state, const score_state *own,
                 {&in->data, 2 * values, 0},
                 {&in->planes, 2 * planes, 0},
                 {&in->prior, values, 1},
-                {&in->doubt, otf, 1}};
+                {&in->variance, otf, 1}};
     hada_status status = HADA_OK;
     for (size_t k = 0; !status && k < HADA_COUNT(rows); k++) {
         status = hada_alloc((void **)rows[k].to, rows[k].count, sizeof(float), "the check", err);
@@ -62,14 +62,14 @@ static double energy_at(const score_state *own, const inputs *in, int set, size_
 {
     const size_t count = own->layout.count, depths = (size_t)own->depths, channels = (size_t)own->channels;
     double h[2 * MAX_CHANNELS * MAX_DEPTHS], u[2 * MAX_CHANNELS * MAX_DEPTHS], b[2 * MAX_CHANNELS];
-    double prior[MAX_CHANNELS], doubt[MAX_CHANNELS * MAX_DEPTHS];
+    double prior[MAX_CHANNELS], variance[MAX_CHANNELS * MAX_DEPTHS];
     for (size_t c = 0; c < channels; c++) {
         prior[c] = in->prior[c * count + at];
         for (size_t part = 0; part < 2; part++)
             b[2 * c + part] = in->data[2 * (c * count + at) + part];
         for (size_t s = 0; s < depths; s++) {
             const size_t z = (size_t)in->list[(size_t)set * depths + s], place = (size_t)set * depths + s;
-            doubt[c * depths + s] = in->doubt[(z * channels + c) * count + at];
+            variance[c * depths + s] = in->variance[(z * channels + c) * count + at];
             for (size_t part = 0; part < 2; part++) {
                 h[2 * (c * depths + s) + part] = in->otf[2 * ((z * channels + c) * count + at) + part];
                 u[2 * (c * depths + s) + part] = in->planes[2 * ((place * channels + c) * count + at) + part];
@@ -77,7 +77,7 @@ static double energy_at(const score_state *own, const inputs *in, int set, size_
         }
     }
     return hada_ref_score(own->channels, own->depths, h, u, b, own->has_prior ? prior : NULL,
-                          own->has_doubt ? doubt : NULL);
+                          own->has_variance ? variance : NULL);
 }
 
 static void expect(check_state *state, const score_state *own, const inputs *in)
@@ -108,7 +108,7 @@ static hada_status prepare(check_state *state, hada_error *err)
     own->sets = check_get(state, 's', 1);
     own->depths = check_get(state, 'd', 2);
     own->has_prior = check_get(state, 'p', 0);
-    own->has_doubt = check_get(state, 'q', 0);
+    own->has_variance = check_get(state, 'q', 0);
     own->band_rows = check_get(state, 'h', rows + 1);
     own->band_cols = check_get(state, 'w', cols + 1);
     own->slices = (own->layout.count + SLICE - 1) / SLICE;
@@ -130,7 +130,7 @@ static hada_status prepare(check_state *state, hada_error *err)
     if (!status)
         status = check_upload(state, &own->prior, in.prior, 4 * values, err);
     if (!status)
-        status = check_upload(state, &own->doubt, in.doubt, 4 * all, err);
+        status = check_upload(state, &own->variance, in.variance, 4 * all, err);
     if (!status)
         status = check_upload(state, &own->list, in.list, sizeof in.list, err);
     free_inputs(&in);
@@ -148,7 +148,8 @@ static hada_status launch(check_state *state, hada_error *err)
                                                                                          : HADA_PROGRAM_REFINE_DEFAULT;
     const hada_refine_problem problem = {
         .spectrum = hada_spectrum_shape_of(&own->layout), .depths = own->depths, .channels = (unsigned)own->channels};
-    const hada_refine_band band = {(unsigned)own->band_rows, (unsigned)own->band_cols, own->has_prior, own->has_doubt};
+    const hada_refine_band band = {(unsigned)own->band_rows, (unsigned)own->band_cols, own->has_prior,
+                                   own->has_variance};
     const hada_refine_sums sums = {.slice = SLICE};
     const hada_range range = hada_range_groups(own->slices, check_local(state, 64), (size_t)own->sets, 1);
     cl_mem partial = state->region[0];
@@ -157,8 +158,8 @@ static hada_status launch(check_state *state, hada_error *err)
         HADA_TRY(check_region(state, 0, state->out_count, &partial, err));
     HADA_TRY(hada_launch_refine_score(state->slot, program, &range, err, .otf = own->otf.mem, .list = own->list.mem,
                                       .frame = own->data.mem, .now_u = own->planes.mem, .prior = own->prior.mem,
-                                      .doubt = own->doubt.mem, .partial = partial, .problem = problem, .band = band,
-                                      .sums = sums));
+                                      .variance = own->variance.mem, .partial = partial, .problem = problem,
+                                      .band = band, .sums = sums));
 done:
     return status;
 }
@@ -168,7 +169,7 @@ static void release(check_state *state)
     score_state *own = state->own;
     if (!own)
         return;
-    hada_buffer *buffers[] = {&own->otf, &own->data, &own->planes, &own->prior, &own->doubt, &own->list};
+    hada_buffer *buffers[] = {&own->otf, &own->data, &own->planes, &own->prior, &own->variance, &own->list};
     for (size_t i = 0; i < HADA_COUNT(buffers); i++)
         hada_buffer_destroy(buffers[i]);
     free(own);
@@ -176,6 +177,6 @@ static void release(check_state *state)
 
 const check_op check_score = {
     "refine_score",
-    "r rows, c columns, b columns of a block, k channels, d depths in a set, s sets, p1 with a prior, q1 with doubt, h "
+    "r rows, c columns, b columns of a block, k channels, d depths in a set, s sets, p1 with a prior, q1 with a variance, h "
     "and w rows and columns of the band",
     prepare, launch, release};

@@ -64,9 +64,9 @@ double hada_ref_explain(int depths, const double *h, const double *u, const doub
 }
 
 double hada_ref_score(int channels, int depths, const double *h, const double *u, const double *b, const double *prior,
-                      const double *doubt)
+                      const double *variance)
 {
-    double mean[2] = {0.0, 0.0}, cost = 0.0, unsure = 0.0;
+    double mean[2] = {0.0, 0.0}, cost = 0.0, spread = 0.0;
     for (int c = 0; c < channels; c++) {
         double rest[2];
         hada_ref_explain(depths, h + 2 * c * depths, u + 2 * c * depths, b + 2 * c, rest);
@@ -75,8 +75,8 @@ double hada_ref_score(int channels, int depths, const double *h, const double *u
         for (int z = 0; z < depths; z++) {
             const double *x = u + 2 * (c * depths + z), power = x[0] * x[0] + x[1] * x[1];
             cost += (prior ? prior[c] : 0.0) * power / channels;
-            unsure += (doubt ? doubt[c * depths + z] : 0.0) * power / channels;
+            spread += (variance ? variance[c * depths + z] : 0.0) * power / channels;
         }
     }
-    return (mean[0] * mean[0] + mean[1] * mean[1] + cost / channels) / (1.0 + unsure);
+    return (mean[0] * mean[0] + mean[1] * mean[1] + cost / channels) / (1.0 + spread);
 }

@@ -20,9 +20,9 @@ void hada_ref_product(const float *in, const float *filter, int product, int row
 double hada_ref_explain(int depths, const double *h, const double *u, const double *b, double *rest);
 
 /* The same for what the channels have in common: (|mean rest|^2 + mean(prior sum |u|^2) / channels) / (1 + mean(sum
- * doubt |u|^2)), means over channels, sums over depths. `h`, `u`: [channel][depth][2], `b`: [channel][2], `prior`:
- * [channel] or NULL, `doubt`: [channel][depth] or NULL. */
+ * variance |u|^2)), means over channels, sums over depths. `h`, `u`: [channel][depth][2], `b`: [channel][2], `prior`:
+ * [channel] or NULL, `variance`: [channel][depth] or NULL. */
 double hada_ref_score(int channels, int depths, const double *h, const double *u, const double *b, const double *prior,
-                      const double *doubt);
+                      const double *variance);
 
 #endif

@@ -143,7 +143,7 @@ static void gives_the_same_bits_whatever_runs_beside(void **state)
         rule.steps = 3;
         ASSERT_OK(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, 2, alone, NULL, err));
         rule.steps = 5;
-        rule.start = HADA_REFINE_ON;
+        rule.start = HADA_REFINE_CONTINUE;
         ASSERT_OK(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, 2, alone, NULL, err));
         float *halves = read_planes(&f, 2);
         assert_memory_equal(halves, first, bytes);

@@ -1,0 +1,164 @@
+/* Runs of a refiner: steps until a rule stops them, and what planes leave unexplained. */
+#include <math.h>
+
+#include "refine/admm_steps.h"
+
+static hada_status check_run(const hada_refine_run *r, const int *list, hada_error *err)
+{
+    const hada_refine_shape *shape = &r->refiner->shape;
+    if (r->sets < 1 || r->sets > shape->max_sets || r->depths < 1 || r->sets * r->depths > shape->max_planes)
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "refinement: %d sets of %d depths asked for; this refiner takes %d sets and %d planes",
+                         r->sets, r->depths, shape->max_sets, shape->max_planes);
+    for (int i = 0; i < r->sets * r->depths; i++)
+        if (list[i] < 0 || list[i] >= r->data->otf_depths)
+            return hada_fail(err, HADA_ERROR_ARGUMENT, "refinement: depth %d asked for; the model has %d", list[i],
+                             r->data->otf_depths);
+    if (r->padded && !r->data->frame)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "refinement: the padded boundary needs the frame's pixels");
+    return HADA_OK;
+}
+
+static hada_status begin(hada_refine_run *r, hada_refiner *refiner, const hada_refine_data *data, int sets, int depths,
+                         const int *list, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    *r = (hada_refine_run){refiner, data, sets, depths, refiner->shape.boundary == HADA_BOUNDARY_PADDED};
+    HADA_TRY(check_run(r, list, err));
+    HADA_TRY(hada_buffer_write(&refiner->list, refiner->slot, 0, list, (size_t)(sets * depths) * sizeof(cl_int), err));
+done:
+    return status;
+}
+
+static hada_status check_rule(const hada_refiner *refiner, const hada_refine_rule *rule, hada_error *err)
+{
+    if (rule->steps < 1 || rule->steps > refiner->shape.max_steps || !(rule->rho > 0.0) ||
+        !(rule->relaxation > 0.0 && rule->relaxation < 2.0) || !(rule->mu > 0.0) || !(rule->growth >= 1.0))
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "refinement: steps 1 to %d, rho and mu above 0, relaxation between 0 and 2, growth from 1 "
+                         "on are possible (got %d, %g, %g, %g, %g)",
+                         refiner->shape.max_steps, rule->steps, rule->rho, rule->mu, rule->relaxation, rule->growth);
+    if (rule->tv > 0.0 && !refiner->shape.tv)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "refinement: this refiner was made without total variation");
+    return HADA_OK;
+}
+
+/* One change may pass zero on its way: ADMM's residual swings, so two in a row are asked for. */
+static int converged(const hada_refiner *refiner, int sets, int step, double stop)
+{
+    for (int set = 0; set < sets; set++) {
+        const double now = sqrt(hada_refiner_energy(refiner, set, step));
+        const double before = sqrt(hada_refiner_energy(refiner, set, step - 1));
+        if (fabs(before - now) > stop * now)
+            return 0;
+    }
+    return 1;
+}
+
+/* Step number `step`: the linear step, then the proximal steps on planes and frame. */
+static hada_status iterate(const hada_refine_run *r, const hada_refine_rule *rule, int step, hada_error *err)
+{
+    hada_refiner *refiner = r->refiner;
+    const int start = step ? HADA_REFINE_CONTINUE : (int)rule->start;
+    /* padded: the energies wanted are those within the frame, but of the frame itself; the last place takes the others
+     */
+    const int place = r->padded && step ? refiner->shape.max_steps + 1 : step;
+    hada_status status = HADA_OK;
+    if (start != HADA_REFINE_COLD)
+        HADA_TRY(hada_refine_planes_forward(r, err));
+    if (r->padded && start == HADA_REFINE_CONTINUE)
+        HADA_TRY(hada_refine_frame_forward(r, err));
+    HADA_TRY(hada_refine_solve(r, rule, start, step, place, err));
+    HADA_TRY(hada_refine_planes_inverse(r, err));
+    HADA_TRY(rule->tv > 0.0
+                 ? hada_refine_tv_step(refiner, r->sets * r->depths, rule->tv / hada_refine_rho_at(rule, step),
+                                       start != HADA_REFINE_CONTINUE, err)
+                 : hada_refine_nonnegative(r, err));
+    if (r->padded) {
+        HADA_TRY(hada_refine_frame_inverse(r, &refiner->split_a, &refiner->dual, err));
+        HADA_TRY(hada_refine_frame_dual(r, refiner->dual.mem, 1, 1.0 / (1.0 + rule->mu), step + 1, err));
+    }
+done:
+    return status;
+}
+
+/* The energies of steps first ... end - 1: see hada_refiner_energy() for what they mean. */
+static hada_status read_energies(const hada_refine_run *r, const hada_refine_rule *rule, int first, int end,
+                                 hada_error *err)
+{
+    const hada_refiner *refiner = r->refiner;
+    const size_t frame_slices = hada_refine_slices(refiner->frame_area),
+                 slices = hada_refine_slices(refiner->layout.count);
+    const size_t width = (size_t)refiner->shape.max_sets;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_refine_fetch(r, first, end - first, err));
+    for (int step = first; step < end; step++) {
+        const int in_frame = r->padded && step;
+        hada_refine_add_up(r, step, refiner->shape.channels, in_frame ? frame_slices : slices,
+                           in_frame ? rule->mu * rule->mu : hada_refine_per_pixel(refiner),
+                           refiner->energy + (size_t)step * width);
+    }
+done:
+    return status;
+}
+
+hada_status hada_refiner_run(hada_refiner *refiner, const hada_refine_data *data, const hada_refine_rule *rule,
+                             int sets, int depths, const int *list, int *steps, hada_error *err)
+{
+    hada_refine_run r;
+    int count = 0, read = 0;
+    hada_status status = HADA_OK;
+    HADA_TRY(begin(&r, refiner, data, sets, depths, list, err));
+    HADA_TRY(check_rule(refiner, rule, err));
+    while (count < rule->steps) {
+        HADA_TRY(iterate(&r, rule, count++, err));
+        if (count < rule->steps && !(rule->stop > 0.0))
+            continue;
+        const int known = r.padded ? count + 1 : count;
+        HADA_TRY(read_energies(&r, rule, read, known, err));
+        read = known;
+        if (rule->stop > 0.0 && read >= 4 && converged(refiner, sets, read - 1, rule->stop) &&
+            converged(refiner, sets, read - 2, rule->stop))
+            break;
+    }
+done:
+    if (steps)
+        *steps = count;
+    return status;
+}
+
+hada_status hada_refiner_residual(hada_refiner *refiner, const hada_refine_data *data, int sets, int depths,
+                                  const int *list, double *energy, hada_error *err)
+{
+    const int channels = refiner->shape.channels;
+    hada_refine_run r;
+    hada_status status = HADA_OK;
+    HADA_TRY(begin(&r, refiner, data, sets, depths, list, err));
+    HADA_TRY(hada_refine_planes_forward(&r, err));
+    HADA_TRY(hada_refine_explain(&r, r.padded, err));
+    if (r.padded) {
+        HADA_TRY(hada_refine_frame_inverse(&r, &refiner->residual, &refiner->residual_frame, err));
+        HADA_TRY(hada_refine_frame_dual(&r, refiner->residual_frame.mem, 0, 1.0, 0, err));
+    }
+    HADA_TRY(r.padded ? hada_refine_energies(&r, channels, hada_refine_slices(refiner->frame_area), 1.0, energy, err)
+                      : hada_refine_energies(&r, channels, hada_refine_slices(refiner->layout.count),
+                                             hada_refine_per_pixel(refiner), energy, err));
+done:
+    return status;
+}
+
+hada_status hada_refiner_score(hada_refiner *refiner, const hada_refine_data *data, int sets, int depths,
+                               const int *list, int band_rows, int band_cols, double *energy, hada_error *err)
+{
+    hada_refine_run r = {refiner, data, 1, 0, 0};
+    hada_status status = HADA_OK;
+    if (depths) {
+        HADA_TRY(begin(&r, refiner, data, sets, depths, list, err));
+        HADA_TRY(hada_refine_planes_forward(&r, err));
+    }
+    HADA_TRY(hada_refine_score(&r, band_rows, band_cols, err));
+    HADA_TRY(hada_refine_energies(&r, 1, hada_refine_slices(refiner->layout.count), hada_refine_per_pixel(refiner),
+                                  energy, err));
+done:
+    return status;
+}

@@ -86,7 +86,7 @@ static hada_status write_picture(const hada_image *psf, double distance, const c
         return HADA_OK;
     hada_format_number(number, sizeof number, "%.6g", distance);
     HADA_TRY(hada_path_format(&path, err, "%s/psf_z%smm.png", folder, number));
-    HADA_TRY(hada_png_save(path, psf, 0, PSF_GAMMA, err));
+    HADA_TRY(hada_png_save(path, psf, HADA_AUTO, PSF_GAMMA, err));
 done:
     free(path);
     return status;

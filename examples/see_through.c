@@ -119,7 +119,7 @@ static hada_status save(const char *folder, const char *name, const hada_image *
 {
     char path[1024];
     snprintf(path, sizeof path, "%s/%s.png", folder, name);
-    return hada_png_save(path, image, white, 0.0, err);
+    return hada_png_save(path, image, white, HADA_AUTO, err);
 }
 
 /* What the lens nearest to the axis sees by itself, free of noise and of the other lenses' light, cut out where the far

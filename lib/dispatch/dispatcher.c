@@ -123,8 +123,9 @@ static int lose(hada_dispatcher *dispatcher, hada_queue_worker *worker, const ha
 
 hada_status hada_worker_run(hada_queue_worker *worker, hada_job *job, hada_error *err)
 {
-    hada_status status;
-    if (hada_frame_cache_reuse(job, &status, err))
+    int reused;
+    hada_status status = hada_frame_cache_reuse(job, &reused, err);
+    if (status || reused)
         return status;
     hada_frame_cache_begin(job);
     status = hada_pipeline_run(worker->pipeline, &job->frame, err);

@@ -82,6 +82,7 @@ static hada_status renew(hada_frame_cache *cache, const hada_image *raw, hada_er
 {
     hada_cache_entry *last = cache->last;
     int alone = 0;
+    hada_status status = HADA_OK;
     if (last) {
         pthread_mutex_lock(&last->lock);
         alone = last->references == 1;
@@ -89,15 +90,14 @@ static hada_status renew(hada_frame_cache *cache, const hada_image *raw, hada_er
     }
     if (!alone) {
         hada_cache_entry *entry;
-        hada_status status = make(&entry, raw, err);
-        if (status)
-            return status;
+        HADA_TRY(make(&entry, raw, err));
         release(last);
         cache->last = entry;
     }
     cache->last->state = WAITS;
     memcpy(cache->last->raw.data, raw->data, hada_image_count(raw) * sizeof *raw->data);
-    return HADA_OK;
+done:
+    return status;
 }
 
 static int equal(const hada_image *a, const hada_image *b)
@@ -152,28 +152,33 @@ static double near_change(const hada_frame_cache *cache, const hada_job *job)
     return known && hada_skip_relative(change, norm) <= most ? change : -1.0;
 }
 
-static int failed(hada_cache_entry *entry)
+static int has_failed(hada_cache_entry *entry)
 {
     pthread_mutex_lock(&entry->lock);
-    const int is = entry->state == FAILED;
+    const int failed = entry->state == FAILED;
     pthread_mutex_unlock(&entry->lock);
-    return is;
+    return failed;
+}
+
+/* Whether the frame before serves for this one; the job then has it as its source. */
+static int find_source(const hada_frame_cache *cache, hada_job *job)
+{
+    if (!cache->last || has_failed(cache->last))
+        return 0;
+    job->source_change = equal(&cache->last->raw, job->frame.raw) ? 0.0 : near_change(cache, job);
+    if (job->source_change < 0.0)
+        return 0;
+    job->source = hold(cache->last);
+    return 1;
 }
 
 /* With cache->lock held. */
 static hada_status enter(hada_frame_cache *cache, hada_job *job, hada_error *err)
 {
     const hada_setup *setup = job->frame.setup;
-    if (cache->last && !failed(cache->last)) {
-        const int same = equal(&cache->last->raw, job->frame.raw);
-        const double change = same ? 0.0 : near_change(cache, job);
-        if (same || change >= 0.0) {
-            job->source = hold(cache->last);
-            job->source_change = change;
-            return HADA_OK;
-        }
-    }
     hada_status status = HADA_OK;
+    if (find_source(cache, job))
+        return HADA_OK;
     HADA_TRY(renew(cache, job->frame.raw, err));
     if (may_be_near(setup))
         cache->last->light = most_light(setup, job->frame.raw, NULL, hada_frame_fixed_level(setup));
@@ -192,24 +197,27 @@ hada_status hada_frame_cache_enter(hada_frame_cache *cache, hada_job *job, hada_
     return status;
 }
 
-int hada_frame_cache_reuse(hada_job *job, hada_status *status, hada_error *err)
+static int is_known(hada_cache_entry *source)
 {
-    hada_cache_entry *source = job->source;
-    if (!source)
-        return 0;
-    const double start = hada_seconds();
     /* one that does not run was handed on by a worker that failed: this worker may be the only one left to do it */
     pthread_mutex_lock(&source->lock);
     while (source->state == RUNS)
         pthread_cond_wait(&source->changed, &source->lock);
     const int known = source->state == DONE && source->result.depths;
     pthread_mutex_unlock(&source->lock);
-    if (!known)
-        return 0;
+    return known;
+}
+
+hada_status hada_frame_cache_reuse(hada_job *job, int *reused, hada_error *err)
+{
+    hada_cache_entry *source = job->source;
     hada_report *report = &job->frame.result->report;
-    *status = hada_result_copy(job->frame.result, &source->result, hada_model_get_info(job->frame.setup->model), err);
-    if (*status)
-        return 1;
+    const double start = hada_seconds();
+    hada_status status = HADA_OK;
+    *reused = source && is_known(source);
+    if (!*reused)
+        return HADA_OK;
+    HADA_TRY(hada_result_copy(job->frame.result, &source->result, hada_model_get_info(job->frame.setup->model), err));
     report->seconds_upload = report->seconds_linear = report->seconds_pursuit = report->seconds_refine =
         report->seconds_enhance = report->seconds_focus = report->seconds_download = 0.0;
     report->skipped.kinds |= HADA_SKIP_FRAMES;
@@ -217,7 +225,8 @@ int hada_frame_cache_reuse(hada_job *job, hada_status *status, hada_error *err)
     if (job->source_change > 0.0)
         report->skipped.bound = hada_skip_relative(job->source_change + source->band_change, source->norm);
     report->seconds_total = hada_seconds() - start;
-    return 1;
+done:
+    return status;
 }
 
 void hada_frame_cache_begin(hada_job *job)

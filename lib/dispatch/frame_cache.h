@@ -19,8 +19,8 @@ void hada_frame_cache_free(hada_frame_cache *cache);
  * (job->entry). Where the two are nearly equal it waits for the result of the one before. */
 hada_status hada_frame_cache_enter(hada_frame_cache *cache, hada_job *job, hada_error *err);
 
-/* In the worker. If the job has a source with a result: gives that and returns 1. 0: the frame is to be computed. */
-int hada_frame_cache_reuse(hada_job *job, hada_status *status, hada_error *err);
+/* In the worker. *reused: 1: the job's source had a result, which is given; 0: the frame is to be computed. */
+hada_status hada_frame_cache_reuse(hada_job *job, int *reused, hada_error *err);
 
 /* Round the computing of a frame that is kept. */
 void hada_frame_cache_begin(hada_job *job);

@@ -179,7 +179,7 @@ hada_status hada_plan_kernel_times(hada_plan *plan, hada_kernel_time **rows, siz
     for (int i = 0; i < plan->dispatcher->worker_count; i++) {
         hada_pipeline *pipeline = plan->dispatcher->workers[i].pipeline;
         HADA_TRY(hada_pipeline_times(pipeline, rows, count, err));
-        found |= hada_pipeline_profiles(pipeline);
+        found |= hada_pipeline_is_profiled(pipeline);
     }
     if (!found)
         HADA_TRY(hada_fail(err, HADA_ERROR_STATE, "profiling of the plan is off; turn it on with hada_plan_profile()"));

@@ -88,7 +88,7 @@ static hada_status solve_classic(hada_pipeline *pipeline, hada_frame *frame, int
                                   .camera = &pipeline->setup->camera,
                                   .depths = count,
                                   .list = pipeline->occupied,
-                                  .brightness = sqrt(frame->energy / (double)hada_image_count(frame->raw)),
+                                  .brightness = sqrt(frame->energy / (double)hada_image_count(frame->staged)),
                                   .progress = classic_progress,
                                   .user = frame};
     hada_classic_result result;
@@ -132,16 +132,13 @@ done:
 
 static hada_status read_planes(hada_pipeline *pipeline, hada_frame *frame, int count, hada_error *err)
 {
-    const size_t bytes = hada_plane_values(hada_model_get_info(pipeline->setup->model)) * sizeof(float);
-    for (int place = 0; place < count; place++) {
-        const cl_int code = clEnqueueReadBuffer(
-            pipeline->slot->queue, planes_of(pipeline), CL_TRUE, (size_t)place * bytes, bytes,
-            frame->result->planes[pipeline->occupied[place]].data, 0, NULL, hada_slot_event(pipeline->slot));
-        if (code != CL_SUCCESS)
-            return hada_fail_cl(err, code, "clEnqueueReadBuffer");
-        hada_slot_moved(pipeline->slot, "read", (double)bytes);
-    }
-    return HADA_OK;
+    const size_t values = hada_plane_values(hada_model_get_info(pipeline->setup->model));
+    const hada_buffer planes = {.mem = planes_of(pipeline), .bytes = values * (size_t)count * sizeof(float)};
+    hada_status status = HADA_OK;
+    for (int i = 0; i < count; i++)
+        HADA_TRY(hada_pipeline_read_plane(pipeline, &planes, i, &frame->result->planes[pipeline->occupied[i]], err));
+done:
+    return status;
 }
 
 /* A frame that no depth explains: everything dark, no distance anywhere. */

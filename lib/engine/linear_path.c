@@ -25,12 +25,10 @@ done:
 
 static hada_status read_planes(hada_pipeline *pipeline, hada_frame *frame, int first, int count, hada_error *err)
 {
-    const size_t bytes = hada_plane_values(hada_model_get_info(pipeline->setup->model)) * sizeof(float);
     hada_status status = HADA_OK;
     hada_slot_stage(pipeline->slot, "download");
     for (int i = 0; i < count; i++)
-        HADA_TRY(hada_buffer_read(&pipeline->planes, pipeline->slot, (size_t)i * bytes,
-                                  frame->result->planes[first + i].data, bytes, err));
+        HADA_TRY(hada_pipeline_read_plane(pipeline, &pipeline->planes, i, &frame->result->planes[first + i], err));
 done:
     return status;
 }

@@ -192,12 +192,12 @@ hada_status hada_pipeline_profile(hada_pipeline *pipeline, int on, hada_error *e
     return pipeline->slot ? hada_slot_profile(pipeline->slot, on, err) : HADA_OK;
 }
 
-int hada_pipeline_profiles(const hada_pipeline *pipeline)
+int hada_pipeline_is_profiled(const hada_pipeline *pipeline)
 {
     return pipeline->slot && pipeline->slot->profile;
 }
 
 hada_status hada_pipeline_times(hada_pipeline *pipeline, hada_kernel_time **rows, size_t *count, hada_error *err)
 {
-    return hada_pipeline_profiles(pipeline) ? hada_slot_times(pipeline->slot, rows, count, err) : HADA_OK;
+    return hada_pipeline_is_profiled(pipeline) ? hada_slot_times(pipeline->slot, rows, count, err) : HADA_OK;
 }

@@ -26,9 +26,9 @@ hada_status hada_pipeline_help(hada_pipeline *pipeline, hada_frame *frame, int f
 /* Depths at once; becomes smaller where memory is short. */
 int hada_pipeline_batch(const hada_pipeline *pipeline);
 
-/* Profiling (hadalens/profile.h). One that is being made again has no profile: 0 of hada_pipeline_profiles(). */
+/* Profiling (hadalens/profile.h). One that was lost, or made again since, is not profiled. */
 hada_status hada_pipeline_profile(hada_pipeline *pipeline, int on, hada_error *err);
-int hada_pipeline_profiles(const hada_pipeline *pipeline);
+int hada_pipeline_is_profiled(const hada_pipeline *pipeline);
 hada_status hada_pipeline_times(hada_pipeline *pipeline, hada_kernel_time **rows, size_t *count, hada_error *err);
 
 /* Bytes of device memory that a pipeline holds, and would hold if no buffers shared memory. */

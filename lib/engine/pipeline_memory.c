@@ -120,7 +120,7 @@ uint64_t hada_pipeline_making_bytes(const hada_context *context, const hada_mode
 
 int hada_pipeline_fit(const hada_context *context, const hada_model *model, const hada_config *config, int queues)
 {
-    /* a quarter is left to the driver, other programs, and what a net needs beside its activations */
+    /* a quarter is left to the driver and to other programs */
     const uint64_t most = context->info.memory_bytes / 4 * 3, constants = hada_constants_bytes(context, model, config);
     int batch = config->batch;
     for (; batch > 1; batch = (batch + 1) / 2) {

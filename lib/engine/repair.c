@@ -7,6 +7,11 @@
 
 #include "core/alloc.h"
 
+/* The square of a spectrum's largest value, `points` times the brightest pixel, stays a factor 4 below the largest
+ * float, 2^128; the square of the least pixel, 2^-80, leaves 2^46 above the smallest normal one for filters and noise.
+ */
+static const double most_light = 0x1p63, least_light = 0x1p-40;
+
 hada_status hada_frame_check_range(const hada_image *frame, double points, hada_error *err)
 {
     const size_t count = hada_image_count(frame);
@@ -20,13 +25,13 @@ hada_status hada_frame_check_range(const hada_image *frame, double points, hada_
     }
     float largest;
     memcpy(&largest, &most, sizeof largest);
-    if ((largest > 0.0f && largest < 0x1p-40f) || largest * points > 0x1p63)
+    if ((largest > 0.0f && largest < least_light) || largest * points > most_light)
         return hada_fail(
             err, HADA_ERROR_NUMERIC,
             "the frame's brightest pixel, %.2g, is too %s for single precision (%.2g to %.2g at this size); "
             "multiply frames, and those that the model is fitted with, by a number that brings white to "
             "about 1",
-            (double)largest, largest < 1.0f ? "small" : "large", 0x1p-40, 0x1p63 / points);
+            (double)largest, largest < 1.0f ? "small" : "large", least_light, most_light / points);
     return HADA_OK;
 }
 

@@ -45,6 +45,13 @@ hada_status hada_pipeline_enhance(hada_pipeline *pipeline, hada_frame *frame, cl
     return status;
 }
 
+hada_status hada_pipeline_read_plane(hada_pipeline *pipeline, const hada_buffer *planes, int place, hada_image *plane,
+                                     hada_error *err)
+{
+    const size_t bytes = hada_image_count(plane) * sizeof *plane->data;
+    return hada_buffer_read(planes, pipeline->slot, (size_t)place * bytes, plane->data, bytes, err);
+}
+
 hada_status hada_pipeline_pictures(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
 {
     hada_result *result = frame->result;

@@ -147,12 +147,15 @@ static hada_status store(const hada_cli_option *option, char *settings, const ch
         return hada_cli_error(err, HADA_ERROR_ARGUMENT,
                               "--%s takes HEIGHTxWIDTH in pixels, such as 300x400 (rows first), not '%s'", option->name,
                               text);
+    case HADA_OPTION_WORD:
     case HADA_OPTION_CHOICE:
         position = choice(option->argument, text);
-        if (position) {
+        if (position && option->kind == HADA_OPTION_WORD)
+            *(const char **)target = text;
+        else if (position)
             *(int *)target = option->values ? option->values[position - 1] : position;
+        if (position)
             return HADA_OK;
-        }
         return hada_cli_error(err, HADA_ERROR_ARGUMENT, "--%s takes one of %s, not '%s'", option->name,
                               option->argument, text);
     }

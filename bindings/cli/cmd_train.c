@@ -1,14 +1,31 @@
 #include "command.h"
-#include "folder.h"
-#include "train_settings.h"
+#include "model_words.h"
+#include "train_tell.h"
 
+#include <hadalens/folder.h>
+#include <hadalens/task_fit.h>
 #include <math.h>
 #include <stddef.h>
-#include <stdlib.h>
+#include <string.h>
 
-typedef hada_cli_train_settings settings;
+enum { NOT_GIVEN = HADA_AUTO }; /* of counts and choices; reals are NaN */
 
-#define AT(member) HADA_CLI_AT(settings, member)
+typedef struct settings {
+    hada_cli_common common;
+    const char *model, *output, *net, *vgg, *log, *hold_out, *dark, *critic;
+    int stage, random, form, boundary, window[2], net_size[2], skip_incomplete;
+    int steps, epochs, batch, at_once, recompute, critic_steps;
+    int rule, schedule, period, warmup;
+    double rate, filter_rate, critic_rate, last_rate, clip, decay;
+    double mse, perceptual, adversarial, variation;
+    int variation_squared, shift, flips, plane_flips;
+    double noise, exposure;
+    int validate_every, validate_most, show_every, save_every, patience, keep, resume, restart;
+    uint64_t seed;
+} settings;
+
+#define AT(member)          HADA_CLI_AT(settings, member)
+#define ONE_OF(member, ...) HADA_CLI_ONE_OF(settings, member, __VA_ARGS__)
 static const hada_cli_option options[] = {
     HADA_CLI_GROUP("What to train"),
     {HADA_OPTION_TEXT, "model", 'm', "MODEL", "the model to begin with ('hadalens fit' or an earlier stage made it)",
@@ -20,19 +37,20 @@ static const hada_cli_option options[] = {
      "filters: the filters alone, by gradients. enhance: a net behind the filters, which stay. adversarial: the same "
      "against a discriminator. joint: net and filters together. conventional: a net from raw frame to image, without "
      "filters, to compare.",
-     AT(stage)},
+     ONE_OF(stage, HADA_STAGE_FILTERS, HADA_STAGE_ENHANCE, HADA_STAGE_ADVERSARIAL, HADA_STAGE_JOINT,
+            HADA_STAGE_CONVENTIONAL)},
     {HADA_OPTION_TEXT, "net", 0, "compact|paper|FILE", "a new net instead of the model's (default: compact)",
      "compact starts by giving planes back as they are. FILE: a net with its weights.", AT(net)},
     {HADA_OPTION_SIZE, "net-size", 0, "HxW", "pixels at which the net runs (default: the window's)", NULL,
      AT(net_size)},
-    {HADA_OPTION_CHOICE, "critic", 0, "patch|conditional|paper",
+    {HADA_OPTION_WORD, "critic", 0, "patch|conditional|paper",
      "the discriminator of adversarial training (default: patch)",
      "patch: judges patches of 25 x 25 pixels. conditional: the same, beside the plane before the net. paper: the "
      "whole image, at 256 x 256.",
      AT(critic)},
     {HADA_OPTION_FLAG, "random", 0, NULL, "filters: start at random, not from the model's", NULL, AT(random)},
     {HADA_OPTION_CHOICE, "form", 0, "complex|split", "filters without a model: how they act on a frame's spectrum",
-     NULL, AT(form)},
+     NULL, ONE_OF(form, HADA_FORM_COMPLEX, HADA_FORM_SPLIT)},
 
     HADA_CLI_GROUP("Pairs"),
     {HADA_OPTION_TEXT, "hold-out", 0, "N|SHARE", "pairs of each depth to validate with (default: an eighth)",
@@ -41,14 +59,15 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_COUNT, "shift", 0, "PIXELS", "move frame and scene together by up to so many pixels",
      "Circular boundary only.", AT(shift)},
     {HADA_OPTION_CHOICE, "flips", 0, "none|left-right|top-bottom|both", "flip frame and scene together",
-     "For optics that are symmetric in this way only.", AT(flips)},
+     "For optics that are symmetric in this way only.", ONE_OF(flips, 0, 1, 2, 3)},
     {HADA_OPTION_CHOICE, "plane-flips", 0, "none|left-right|top-bottom|both",
-     "enhance, adversarial: flip the plane behind the filters and the scene (default: both)", NULL, AT(plane_flips)},
+     "enhance, adversarial: flip the plane behind the filters and the scene (default: both)", NULL,
+     ONE_OF(plane_flips, 0, 1, 2, 3)},
     {HADA_OPTION_REAL, "noise", 0, "SHARE", "add Gaussian noise, as a share of the frame's maximum", NULL, AT(noise)},
     {HADA_OPTION_REAL, "exposure", 0, "SHARE", "scale pairs by a factor from 1 - SHARE to 1 + SHARE", NULL,
      AT(exposure)},
     {HADA_OPTION_CHOICE, "boundary", 0, "circular|padded", "without a model: as for 'hadalens fit'", NULL,
-     AT(boundary)},
+     ONE_OF(boundary, HADA_BOUNDARY_CIRCULAR, HADA_BOUNDARY_PADDED)},
     {HADA_OPTION_SIZE, "window", 0, "HxW", "without a model: field of view, as for 'hadalens fit'", NULL, AT(window)},
     {HADA_OPTION_TEXT, "dark", 0, "FILE|auto|none|LEVEL", "without a model: dark level, as for 'hadalens fit'", NULL,
      AT(dark)},
@@ -65,12 +84,12 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_FLAG, "recompute", 0, NULL, "less memory still: compute what backward needs a second time", NULL,
      AT(recompute)},
     {HADA_OPTION_CHOICE, "rule", 0, "rmsprop|adam|adamw", "how gradients change parameters (default: adam)",
-     "rmsprop is the paper's.", AT(rule)},
+     "rmsprop is the paper's.", ONE_OF(rule, HADA_RULE_RMSPROP, HADA_RULE_ADAM, HADA_RULE_ADAMW)},
     {HADA_OPTION_REAL, "rate", 0, "R", "learning rate of the net", NULL, AT(rate)},
     {HADA_OPTION_REAL, "filter-rate", 0, "R", "of the filters", NULL, AT(filter_rate)},
     {HADA_OPTION_REAL, "critic-rate", 0, "R", "of the discriminator", NULL, AT(critic_rate)},
     {HADA_OPTION_CHOICE, "schedule", 0, "constant|step|cosine", "how rates change (default: cosine)", NULL,
-     AT(schedule)},
+     ONE_OF(schedule, HADA_RATE_CONSTANT, HADA_RATE_STEP, HADA_RATE_COSINE)},
     {HADA_OPTION_REAL, "last-rate", 0, "SHARE", "cosine: the rates at the end; step: the factor of each change", NULL,
      AT(last_rate)},
     {HADA_OPTION_COUNT, "period", 0, "N", "step: how many steps lie between two changes", NULL, AT(period)},
@@ -109,133 +128,199 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_CHOICE, "keep", 0, "best|last", "which parameters MODEL2 holds in the end",
      "best: by the PSNR of held-out pairs, the default; last: the default with an adversarial loss, which gives up "
      "PSNR for looks.",
-     AT(keep)},
+     ONE_OF(keep, HADA_KEEP_BEST, HADA_KEEP_LAST)},
     {0},
 };
 
 static void defaults(void *user)
 {
     settings *set = user;
-    int *const counts[] = {&set->steps,  &set->epochs, &set->batch,          &set->critic_steps, &set->period,
-                           &set->warmup, &set->shift,  &set->validate_every, &set->show_every,   &set->save_every};
+    int *const counts[] = {&set->steps,       &set->epochs,   &set->batch,      &set->critic_steps,   &set->period,
+                           &set->warmup,      &set->shift,    &set->flips,      &set->validate_every, &set->rule,
+                           &set->plane_flips, &set->schedule, &set->show_every, &set->save_every};
     double *const reals[] = {&set->rate,        &set->filter_rate, &set->critic_rate, &set->last_rate,
                              &set->clip,        &set->decay,       &set->mse,         &set->perceptual,
                              &set->adversarial, &set->variation,   &set->noise,       &set->exposure};
     for (size_t i = 0; i < sizeof counts / sizeof *counts; i++)
-        *counts[i] = HADA_CLI_COUNT_DEFAULT;
+        *counts[i] = NOT_GIVEN;
     for (size_t i = 0; i < sizeof reals / sizeof *reals; i++)
         *reals[i] = NAN;
+    set->stage = HADA_STAGE_ENHANCE;
     set->validate_most = 24;
     set->seed = 1;
+    set->dark = "none";
 }
 
-static hada_status make_folders(hada_cli_train_run *run, hada_error *err)
+static void take_count(int given, int *value)
 {
-    const settings *set = run->set;
-    char *pictures = NULL;
-    run->log_folder = set->log ? hada_cli_text("%s", set->log) : hada_cli_text("%s.log", set->output);
-    if (run->log_folder) {
-        run->checkpoint = hada_cli_text("%s/checkpoint.safetensors", run->log_folder);
-        pictures = hada_cli_text("%s/pictures", run->log_folder);
-    }
-    hada_status status =
-        run->checkpoint && pictures ? HADA_OK : hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
-    if (!status && hada_path_is_file(run->checkpoint) && !set->resume && !set->restart)
-        status = hada_cli_error(err, HADA_ERROR_ARGUMENT,
-                                "%s holds the checkpoint of an earlier training: go on with it (--resume), begin anew "
-                                "(--restart), or choose another folder (--log)",
-                                run->log_folder);
-    if (!status)
-        status = hada_folder_ensure(pictures, err);
-    free(pictures);
-    return status;
+    if (given != NOT_GIVEN)
+        *value = given;
 }
 
-static void tell(hada_cli_train_run *run, const hada_cli_contexts *devices)
+static void take_steps(int given, uint64_t *value)
 {
-    static const char *const stages[] = {"", "filters", "enhance", "adversarial", "joint", "conventional"};
-    const hada_train_options *use = hada_trainer_get_options(run->trainer);
-    const hada_net *net = hada_trainer_get_net(run->trainer);
-    hada_net_info info = {0};
-    char held[16], values[48] = "no net", on[40] = "";
-    if (net) {
-        hada_net_get_info(net, &info);
-        snprintf(values, sizeof values, "a net of %llu values", (unsigned long long)info.values);
-    }
-    if (devices->count > 1)
-        snprintf(on, sizeof on, ", on %d devices", devices->count);
-    json_t *document = run->cli->document;
-    json_object_set_new(document, "stage", json_string(stages[use->stage]));
-    json_object_set_new(document, "pairs", json_integer(run->data->learned));
-    json_object_set_new(document, "held_out", json_integer(run->data->held));
-    json_object_set_new(document, "net_values", json_integer((json_int_t)info.values));
-    json_object_set_new(document, "output", json_string(run->set->output));
-    json_object_set_new(document, "log", json_string(run->log_folder));
-    hada_cli_say(run->cli, "Stage %s, %s; %d pairs to learn from, %d held out, %d %s", stages[use->stage], values,
-                 run->data->learned, run->data->held, hada_dataset_get_info(run->data->all)->depths,
-                 hada_dataset_get_info(run->data->all)->depths == 1 ? "depth" : "depths");
-    hada_cli_say(run->cli, "%llu steps of %d pairs (%d at once), every pair %.3g times; %s%s",
-                 (unsigned long long)run->steps, use->batch, use->at_once,
-                 (double)run->steps * use->batch / run->data->learned,
-                 hada_cli_bytes(held, hada_context_bytes(devices->contexts[0])), on);
+    if (given != NOT_GIVEN)
+        *value = (uint64_t)given;
 }
 
-static hada_status resume(hada_cli_train_run *run, hada_error *err)
+static void take_real(double given, double *value)
 {
-    if (!run->set->resume)
-        return HADA_OK;
-    if (!hada_path_is_file(run->checkpoint)) {
-        hada_cli_warn(run->cli, "there is no checkpoint in %s yet: training begins at step 0", run->log_folder);
-        return HADA_OK;
-    }
-    hada_status status = hada_trainer_load(run->trainer, run->checkpoint, err);
-    if (!status)
-        hada_cli_say(run->cli, "Going on from step %llu.", (unsigned long long)hada_trainer_steps(run->trainer));
-    return status;
+    if (!isnan(given))
+        *value = given;
 }
 
-/* The planes of these stages are linear, in training and afterwards. */
-static void warn_linear(hada_cli_train_run *run, const hada_model *model)
+static void take_losses(const settings *set, hada_train_options *how)
 {
-    const hada_stage stage = hada_cli_train_stage(run->set);
-    const int steps = hada_model_get_info(model)->refine_steps;
-    if (steps > 0 && (stage == HADA_STAGE_JOINT || (stage == HADA_STAGE_FILTERS && !run->set->random)))
-        hada_cli_warn(
-            run->cli,
-            "the model refines its planes (%d steps); this stage trains linear filters and leaves that out, so "
-            "its pictures may be worse than the model's own",
-            steps);
+    take_real(set->mse, &how->mse);
+    take_real(set->perceptual, &how->perceptual);
+    take_real(set->adversarial, &how->adversarial);
+    take_real(set->variation, &how->variation);
+    how->variation_squared = set->variation_squared;
+    how->vgg = set->vgg;
 }
 
-static hada_status train(hada_cli_train_run *run, const hada_cli_contexts *devices, hada_error *err)
+static void take_changes(const settings *set, hada_augment *augment)
 {
-    hada_train_options use;
+    hada_augment_init(augment);
+    take_count(set->shift, &augment->shift);
+    take_count(set->flips, &augment->flips);
+    take_count(set->plane_flips, &augment->plane_flips);
+    take_real(set->noise, &augment->noise);
+    take_real(set->exposure, &augment->exposure);
+}
+
+static void take_rates(const settings *set, hada_train_options *how)
+{
+    take_real(set->rate, &how->rate);
+    take_real(set->filter_rate, &how->filter_rate);
+    take_real(set->critic_rate, &how->critic_rate);
+    take_real(set->last_rate, &how->last_rate);
+    take_real(set->clip, &how->clip);
+    take_real(set->decay, &how->weight_decay);
+    if (set->rule != NOT_GIVEN)
+        how->rule = (hada_rule)set->rule;
+    if (set->schedule != NOT_GIVEN)
+        how->schedule = (hada_rate)set->schedule;
+    take_steps(set->period, &how->rate_period);
+    take_steps(set->warmup, &how->warmup);
+}
+
+/* What a run needs that outlives its options. */
+typedef struct parts {
+    hada_dataset *data;
+    hada_model *model;
+    hada_net *net;
     hada_augment augment;
-    hada_model *model = NULL;
-    hada_net *net = NULL;
-    hada_status status = hada_cli_train_options(run->cli, run->set, run->data, &use, &augment, &net, err);
-    if (!status)
-        status = hada_cli_train_model(run->cli, run->set, run->data, devices->contexts[0], &model, err);
-    if (!status)
-        status = hada_trainer_create_on(&run->trainer, devices->contexts, devices->count, model, &run->data->pairs,
-                                        run->data->held ? &run->data->held_pairs : NULL, &use, err);
-    if (status == HADA_ERROR_DEVICE_MEMORY)
-        hada_cli_prefix(err,
-                        "training needs more memory than the device has; try --at-once 1, --recompute or a smaller "
-                        "--net-size: ");
-    if (!status)
-        warn_linear(run, model);
-    run->steps = use.steps;
-    if (!status)
-        tell(run, devices);
-    if (!status)
-        status = resume(run, err);
-    if (!status)
-        status = hada_cli_train_loop(run, err);
-    hada_trainer_destroy(&run->trainer);
-    hada_model_destroy(&model);
-    hada_net_destroy(&net);
+    hada_fit_options fit;
+    hada_train_options options;
+} parts;
+
+static void parts_free(parts *of)
+{
+    hada_dataset_destroy(&of->data);
+    hada_model_destroy(&of->model);
+    hada_net_destroy(&of->net);
+}
+
+/* "compact", "paper", or a file with a net and its weights. */
+static hada_status choose_net(const char *text, parts *of, hada_error *err)
+{
+    if (!text)
+        return HADA_OK;
+    of->options.new_net = 1;
+    if (!strcmp(text, "compact") || !strcmp(text, "paper")) {
+        of->options.net = text;
+        return HADA_OK;
+    }
+    if (!hada_path_is_file(text))
+        return hada_cli_error(err, HADA_ERROR_FILE_OPEN,
+                              "--net takes compact, paper or the file of a net; there is no file '%s'", text);
+    const hada_status status = hada_net_load(&of->net, text, err);
+    of->options.net_given = of->net;
     return status;
+}
+
+static hada_status make_options(const settings *set, parts *of, hada_error *err)
+{
+    hada_train_options *how = &of->options;
+    hada_train_options_init(how, (hada_stage)set->stage);
+    how->seed = set->seed;
+    how->form = (hada_form)set->form;
+    how->random_start = set->stage == HADA_STAGE_FILTERS && (set->random || !set->model);
+    how->net_rows = set->net_size[0];
+    how->net_cols = set->net_size[1];
+    if (set->at_once)
+        how->at_once = set->at_once;
+    how->recompute = set->recompute;
+    if (set->critic)
+        how->critic = set->critic;
+    take_count(set->batch, &how->batch);
+    take_steps(set->critic_steps, &how->critic_steps);
+    take_steps(set->steps, &how->steps);
+    take_rates(set, how);
+    take_losses(set, how);
+    take_changes(set, &of->augment);
+    how->augment = &of->augment;
+    return choose_net(set->net, of, err);
+}
+
+/* "3": of each depth; "0.2": a share of each. */
+static hada_status read_hold_out(const char *text, double *value, hada_error *err)
+{
+    if (!text ||
+        (hada_cli_read_real(text, value) && *value >= 0 && (*value < 1 || *value == floor(*value)) && *value <= 1e6))
+        return HADA_OK;
+    return hada_cli_error(err, HADA_ERROR_ARGUMENT,
+                          "--hold-out takes a number of pairs of each depth, or a share such as 0.2; not '%s'", text);
+}
+
+static hada_status make_task(hada_cli *cli, const settings *set, parts *of, hada_train_task *task, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    hada_train_task_init(task);
+    hada_fit_options_init(&of->fit);
+    if (set->form)
+        of->fit.form = (hada_form)set->form;
+    of->fit.window_rows = set->window[0];
+    of->fit.window_cols = set->window[1];
+    task->options = &of->options;
+    task->epochs = set->epochs == NOT_GIVEN ? 0 : (uint64_t)set->epochs;
+    task->fit = &of->fit;
+    task->boundary = set->boundary;
+    task->output = set->output;
+    task->log = set->log;
+    task->resume = set->resume;
+    task->restart = set->restart;
+    task->validate_every = set->validate_every;
+    task->show_every = set->show_every;
+    task->save_every = set->save_every;
+    task->validate_pairs = set->validate_most;
+    task->patience = set->patience;
+    task->keep = (hada_keep)set->keep;
+    task->monitor = &cli->monitor;
+    HADA_TRY(make_options(set, of, err));
+    HADA_TRY(read_hold_out(set->hold_out, &task->hold_out, err));
+    HADA_TRY(hada_cli_read_dark_level(&of->fit.dark, set->dark, err));
+    if (set->model)
+        HADA_TRY(hada_model_load(&of->model, set->model, err));
+    task->model = of->model;
+done:
+    return status;
+}
+
+static int check(hada_cli *cli, const settings *set, int count)
+{
+    if (count != 1)
+        return hada_cli_usage(cli, count ? "one DATASET at a time" : "say what to learn from: a DATASET folder");
+    if (!set->output)
+        return hada_cli_usage(cli, "say where the trained model shall be written, with -o MODEL2");
+    if (set->steps != NOT_GIVEN && set->epochs != NOT_GIVEN)
+        return hada_cli_usage(cli, "either --steps or --epochs, not both");
+    if (set->resume && set->restart)
+        return hada_cli_usage(cli, "either --resume or --restart, not both");
+    if (set->save_every == 0)
+        return hada_cli_usage(cli, "--save-every needs at least one step");
+    return HADA_EXIT_OK;
 }
 
 static int run(hada_cli *cli, void *user, int count, const char **arguments)
@@ -243,32 +328,26 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
     const settings *set = user;
     hada_error err = {0};
     hada_cli_contexts devices = {.count = 0};
-    hada_cli_train_data data;
-    hada_cli_train_run work = {.cli = cli, .set = set, .data = &data};
-    if (count != 1)
-        return hada_cli_usage(cli, count ? "one DATASET at a time" : "say what to learn from: a DATASET folder");
-    if (!set->output)
-        return hada_cli_usage(cli, "say where the trained model shall be written, with -o MODEL2");
-    if (set->steps != HADA_CLI_COUNT_DEFAULT && set->epochs != HADA_CLI_COUNT_DEFAULT)
-        return hada_cli_usage(cli, "either --steps or --epochs, not both");
-    if (set->resume && set->restart)
-        return hada_cli_usage(cli, "either --resume or --restart, not both");
-    if (set->save_every == 0)
-        return hada_cli_usage(cli, "--save-every needs at least one step");
-    hada_status status = hada_file_check_target(set->output, &err);
-    if (!status)
-        status = hada_cli_train_data_make(cli, set, arguments[0], &data, &err);
-    if (status)
-        return hada_cli_fail(cli, &err);
-    status = make_folders(&work, &err);
-    if (!status)
-        status = hada_cli_open_all(cli, &devices, &err);
-    if (!status)
-        status = train(&work, &devices, &err);
+    hada_dataset_options scan;
+    hada_train_task task;
+    parts of = {0};
+    hada_status status = HADA_OK;
+    const int wrong = check(cli, set, count);
+    if (wrong)
+        return wrong;
+    hada_dataset_options_init(&scan);
+    scan.skip_incomplete = set->skip_incomplete;
+    HADA_TRY(hada_file_check_target(set->output, &err));
+    HADA_TRY(hada_dataset_scan(&of.data, arguments[0], &scan, &err));
+    HADA_TRY(make_task(cli, set, &of, &task, &err));
+    HADA_TRY(hada_cli_open_all(cli, &devices, &err));
+    hada_cli_train_listener listener = {.cli = cli, .devices = &devices};
+    task.tell = hada_cli_train_tell;
+    task.user = &listener;
+    HADA_TRY(hada_train_run(devices.contexts, devices.count, of.data, &task, &err));
+done:
     hada_cli_close_all(cli, &devices);
-    hada_cli_train_data_free(&data);
-    free(work.log_folder);
-    free(work.checkpoint);
+    parts_free(&of);
     return status ? hada_cli_fail(cli, &err) : HADA_EXIT_OK;
 }
 

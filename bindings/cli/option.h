@@ -13,7 +13,8 @@ typedef enum hada_cli_kind {
     HADA_OPTION_COUNT,     /* int, not negative */
     HADA_OPTION_SEED,      /* uint64_t */
     HADA_OPTION_SIZE,      /* int[2]: "HxW", rows first */
-    HADA_OPTION_CHOICE     /* int: the value (below) of the word in "a|b|c" */
+    HADA_OPTION_CHOICE,    /* int: the value (below) of the word in "a|b|c" */
+    HADA_OPTION_WORD       /* const char *: one of "a|b|c" */
 } hada_cli_kind;
 
 typedef struct hada_cli_option {

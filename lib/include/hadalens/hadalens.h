@@ -31,6 +31,7 @@
 #include <hadalens/task_fit.h>
 #include <hadalens/task_optics.h>
 #include <hadalens/task_register.h>
+#include <hadalens/task_train.h>
 #include <hadalens/tiff.h>
 #include <hadalens/train.h>
 #include <hadalens/tune.h>

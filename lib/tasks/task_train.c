@@ -1,0 +1,257 @@
+/* What a training begins with: pairs in two parts, a model, a trainer, the log's folder. */
+#include <hadalens/task_fit.h>
+#include <math.h>
+#include <stdlib.h>
+
+#include "core/monitor.h"
+#include "core/options.h"
+#include "io/folder.h"
+#include "tasks/train_loop.h"
+
+/* Pairs of each depth that are held out where the caller does not say, and how many of them validate. */
+#define HOLD_OUT       0.125
+#define VALIDATE_PAIRS 24
+/* Distances of a model and a data set are the same within this share. */
+#define SAME_DISTANCE 1e-6
+
+void hada_train_task_defaults(hada_train_task *task, size_t size)
+{
+    const hada_train_task own = {.size = sizeof own,
+                                 .hold_out = HADA_AUTO,
+                                 .validate_every = HADA_AUTO,
+                                 .show_every = HADA_AUTO,
+                                 .save_every = HADA_AUTO,
+                                 .validate_pairs = VALIDATE_PAIRS};
+    HADA_OPTIONS_GIVE(task, size, &own);
+}
+
+/* All that a run holds. */
+typedef struct training {
+    hada_train_task task;
+    hada_train_options options;
+    hada_train_work work;
+    const hada_dataset *data;
+    hada_dataset *learn, *held_out;
+    const hada_model *model; /* the caller's, or `made` */
+    hada_model *made;
+} training;
+
+static void training_free(training *own)
+{
+    hada_trainer_destroy(&own->work.trainer);
+    hada_model_destroy(&own->made);
+    hada_dataset_destroy(&own->learn);
+    hada_dataset_destroy(&own->held_out);
+    free(own->work.log_folder);
+    free(own->work.checkpoint);
+}
+
+static hada_status take_task(training *own, const hada_train_task *task, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    hada_train_task_init(&own->task);
+    hada_train_options_init(&own->options, HADA_STAGE_ENHANCE);
+    HADA_TRY(HADA_OPTIONS_TAKE(&own->task, task, hada_train_task, err));
+    HADA_TRY(HADA_OPTIONS_TAKE(&own->options, own->task.options, hada_train_options, err));
+    if (!own->task.output)
+        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "hada_train_run: say where the model shall be written"));
+    own->work.task = &own->task;
+    own->work.stage = own->options.stage;
+done:
+    return status;
+}
+
+static void tell_pairs(const training *own)
+{
+    const hada_monitor *monitor = own->task.monitor;
+    const hada_dataset_info *info = hada_dataset_get_info(own->data);
+    if (info->incomplete)
+        hada_monitor_tell(monitor, HADA_MESSAGE_NOTE, "left out: %s", info->incomplete_text);
+    if (!own->work.state.held_out)
+        hada_monitor_tell(monitor, HADA_MESSAGE_NOTE,
+                          "no pair is held out: nothing tells how good training is, and the last parameters are kept");
+}
+
+static hada_status divide(training *own, hada_error *err)
+{
+    hada_train_state *state = &own->work.state;
+    const double hold_out = own->task.hold_out == HADA_AUTO ? HOLD_OUT : own->task.hold_out;
+    const hada_status status = hada_dataset_split(own->data, hold_out, &own->learn, &own->held_out, err);
+    if (status)
+        return status;
+    state->depths = hada_dataset_get_info(own->data)->depths;
+    state->learned = hada_dataset_get_info(own->learn)->pairs;
+    state->held_out = hada_dataset_get_info(own->held_out)->pairs;
+    if (own->task.epochs && own->options.batch > 0)
+        own->options.steps = (own->task.epochs * (uint64_t)state->learned + (uint64_t)own->options.batch - 1) /
+                             (uint64_t)own->options.batch;
+    state->steps = own->options.steps;
+    tell_pairs(own);
+    return HADA_OK;
+}
+
+static hada_status make_folders(training *own, hada_error *err)
+{
+    hada_train_work *work = &own->work;
+    const hada_train_task *task = &own->task;
+    char *pictures = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(task->log ? hada_path_format(&work->log_folder, err, "%s", task->log)
+                       : hada_path_format(&work->log_folder, err, "%s.log", task->output));
+    HADA_TRY(hada_path_format(&work->checkpoint, err, "%s/checkpoint.safetensors", work->log_folder));
+    HADA_TRY(hada_path_format(&pictures, err, "%s/pictures", work->log_folder));
+    if (hada_path_is_file(work->checkpoint) && !task->resume && !task->restart)
+        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT,
+                           "%s holds the checkpoint of an earlier training: go on with it (options.resume), begin anew "
+                           "(options.restart), or choose another folder (options.log)",
+                           work->log_folder));
+    HADA_TRY(hada_folder_ensure(pictures, err));
+    work->state.log = work->log_folder;
+    work->state.output = task->output;
+done:
+    free(pictures);
+    return status;
+}
+
+/* Distances must be those of the model: a depth's number means the same in both. */
+static hada_status check_depths(const hada_model *model, const hada_dataset_info *data, hada_error *err)
+{
+    const hada_model_info *info = hada_model_get_info(model);
+    int same = info->depths == data->depths;
+    for (int z = 0; same && z < info->depths; z++)
+        same = fabs(info->distances_mm[z] - data->distances_mm[z]) <= SAME_DISTANCE * info->distances_mm[z];
+    return same ? HADA_OK
+                : hada_fail(err, HADA_ERROR_MODEL,
+                            "%s knows %d depths from %g to %g mm, the data set holds %d from %g to %g mm; they must be "
+                            "the same",
+                            *info->name ? info->name : "the model", info->depths, info->distances_mm[0],
+                            info->distances_mm[info->depths - 1], data->depths, data->distances_mm[0],
+                            data->distances_mm[data->depths - 1]);
+}
+
+/* The exact fit of what is not held out. Training goes on from it, so filters are not judged in the window. */
+static hada_status fit_first(training *own, hada_context *context, hada_fit_options *fit, hada_error *err)
+{
+    hada_fit_task task;
+    hada_monitor_tell(own->task.monitor, HADA_MESSAGE_INFO,
+                      "No model is given (options.model): the exact fit of the %d pairs to learn from comes first.",
+                      own->work.state.learned);
+    hada_fit_task_init(&task);
+    fit->outside = 1.0;
+    task.fit = fit;
+    task.boundary = own->task.boundary;
+    task.monitor = own->task.monitor;
+    return hada_fit_run(&own->made, NULL, context, own->learn, &task, err);
+}
+
+static hada_status find_model(training *own, hada_context *context, hada_error *err)
+{
+    hada_fit_options fit;
+    hada_status status = HADA_OK;
+    own->model = own->task.model;
+    if (own->model)
+        return check_depths(own->model, hada_dataset_get_info(own->data), err);
+    hada_fit_options_init(&fit);
+    HADA_TRY(HADA_OPTIONS_TAKE(&fit, own->task.fit, hada_fit_options, err));
+    if (own->work.stage == HADA_STAGE_FILTERS || own->work.stage == HADA_STAGE_CONVENTIONAL) {
+        HADA_TRY(hada_fit_options_from_dataset(&fit, own->data, own->task.boundary, own->task.monitor, err));
+        HADA_TRY(hada_model_blank(&own->made, &fit, err));
+    } else {
+        HADA_TRY(fit_first(own, context, &fit, err));
+    }
+    own->model = own->made;
+done:
+    return status;
+}
+
+/* Called from several threads: reads nothing but what stays as it is. */
+static hada_status read_pair(void *user, int depth, int pair, hada_image *raw, hada_image *scene, hada_error *err)
+{
+    return hada_dataset_read(user, depth, pair, raw, scene, err);
+}
+
+static hada_pairs as_pairs(hada_dataset *data)
+{
+    const hada_dataset_info *info = hada_dataset_get_info(data);
+    hada_pairs pairs;
+    hada_pairs_init(&pairs);
+    pairs.depths = info->depths;
+    pairs.counts = info->counts;
+    pairs.read = read_pair;
+    pairs.user = data;
+    return pairs;
+}
+
+/* The planes of these stages are linear, in training and afterwards. */
+static void note_linear(const training *own)
+{
+    const hada_stage stage = own->work.stage;
+    const int steps = hada_model_get_info(own->model)->refine_steps;
+    if (steps > 0 && (stage == HADA_STAGE_JOINT || (stage == HADA_STAGE_FILTERS && !own->options.random_start)))
+        hada_monitor_tell(own->task.monitor, HADA_MESSAGE_NOTE,
+                          "the model refines its planes (%d steps); this stage trains linear filters and leaves that "
+                          "out, so its pictures may be worse than the model's own",
+                          steps);
+}
+
+static hada_status make_trainer(training *own, hada_context *const *contexts, int count, hada_error *err)
+{
+    const hada_pairs pairs = as_pairs(own->learn), held = as_pairs(own->held_out);
+    const hada_status status = hada_trainer_create_on(&own->work.trainer, contexts, count, own->model, &pairs,
+                                                      own->work.state.held_out ? &held : NULL, &own->options, err);
+    if (status == HADA_ERROR_DEVICE_MEMORY)
+        hada_error_prefix(err, "training needs more memory than the device has; try options.at_once 1, "
+                               "options.recompute or a smaller options.net_size: ");
+    own->work.state.trainer = own->work.trainer;
+    return status;
+}
+
+static hada_status resume(training *own, hada_error *err)
+{
+    const hada_train_work *work = &own->work;
+    const hada_monitor *monitor = own->task.monitor;
+    if (!own->task.resume)
+        return HADA_OK;
+    if (!hada_path_is_file(work->checkpoint)) {
+        hada_monitor_tell(monitor, HADA_MESSAGE_NOTE, "there is no checkpoint in %s yet: training begins at step 0",
+                          work->log_folder);
+        return HADA_OK;
+    }
+    const hada_status status = hada_trainer_load(work->trainer, work->checkpoint, err);
+    if (!status)
+        hada_monitor_tell(monitor, HADA_MESSAGE_INFO, "Going on from step %llu.",
+                          (unsigned long long)hada_trainer_steps(work->trainer));
+    return status;
+}
+
+static void tell_begin(training *own)
+{
+    own->work.state.event = HADA_TRAIN_BEGINS;
+    if (own->task.tell)
+        own->task.tell(own->task.user, &own->work.state);
+}
+
+hada_status hada_train_run(hada_context *const *contexts, int count, const hada_dataset *data,
+                           const hada_train_task *task, hada_error *err)
+{
+    training own = {.data = data};
+    hada_status status = HADA_OK;
+    if (!contexts || count < 1 || !data)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_train_run: a context and a data set are needed");
+    HADA_TRY(take_task(&own, task, err));
+    HADA_TRY(hada_file_check_target(own.task.output, err));
+    HADA_TRY(divide(&own, err));
+    HADA_TRY(make_folders(&own, err));
+    if (!own.options.vgg && own.work.stage != HADA_STAGE_FILTERS && own.options.perceptual > 0.0)
+        hada_monitor_tell(own.task.monitor, HADA_MESSAGE_INFO,
+                          "The perceptual loss is off: it needs the weights of VGG-16 (options.vgg FILE).");
+    HADA_TRY(find_model(&own, contexts[0], err));
+    HADA_TRY(make_trainer(&own, contexts, count, err));
+    note_linear(&own);
+    tell_begin(&own);
+    HADA_TRY(resume(&own, err));
+    HADA_TRY(hada_train_loop(&own.work, err));
+done:
+    training_free(&own);
+    return status;
+}

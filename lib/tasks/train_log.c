@@ -1,0 +1,234 @@
+#include "tasks/train_log.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/alloc.h"
+#include "core/error.h"
+#include "io/folder.h"
+#include "io/text.h"
+#include "io/tiff_meta.h"
+
+static const char losses_head[] =
+    "step,loss,mse,perceptual,adversarial,variation,critic,gradient_norm,rate,critic_only,rolled_back,seconds\n";
+static const char validation_head[] = "step,pairs,psnr,ssim,mae,sharpness,psnr_before,ssim_before,mae_before,"
+                                      "sharpness_before,sharpness_truth\n";
+/* The first number of a line is the step. */
+enum { LOSS_NUMBERS = 12, VALIDATION_NUMBERS = 11, MOST_NUMBERS = 12 };
+
+/* Room for `count` + 1 items in a growing array. */
+static hada_status grow(void **items, size_t count, size_t *room, size_t size, hada_error *err)
+{
+    if (count < *room)
+        return HADA_OK;
+    const size_t more = *room ? 2 * *room : 256;
+    void *wider = realloc(*items, more * size);
+    if (!wider)
+        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the log of a training");
+    *items = wider;
+    *room = more;
+    return HADA_OK;
+}
+
+static hada_status remember_loss(hada_train_log *log, double step, double loss, hada_error *err)
+{
+    const hada_status status = grow((void **)&log->loss, log->loss_count, &log->loss_room, sizeof *log->loss, err);
+    if (!status)
+        log->loss[log->loss_count++] = (hada_loss_row){step, loss};
+    return status;
+}
+
+static hada_status remember_row(hada_train_log *log, uint64_t step, const hada_validation *result, hada_error *err)
+{
+    hada_validation *copy = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(grow((void **)&log->rows, log->row_count, &log->row_room, sizeof *log->rows, err));
+    HADA_TRY(hada_alloc((void **)&copy, 1, sizeof *copy, "the log of a training", err));
+    *copy = *result;
+    log->rows[log->row_count++] = (hada_train_row){step, copy};
+done:
+    return status;
+}
+
+static void forget_rows(hada_train_log *log, size_t first)
+{
+    for (size_t i = first; i < log->row_count; i++)
+        free((void *)(uintptr_t)log->rows[i].result);
+    log->row_count = first;
+}
+
+/* Numbers of a line, whatever the locale is; 0 where there are not `count` of them. */
+static int read_line(const char *line, double *numbers, int count)
+{
+    for (int i = 0; i < count; i++) {
+        const char *end;
+        const size_t sign = *line == '-';
+        numbers[i] = hada_text_number(line, &end);
+        if (end == line && (!strncmp(line + sign, "nan", 3) || !strncmp(line + sign, "inf", 3))) {
+            numbers[i] = line[sign] == 'n' ? (double)NAN : sign ? -(double)INFINITY : (double)INFINITY;
+            end = line + sign + 3;
+        }
+        if (end == line || *end != (i + 1 < count ? ',' : '\n'))
+            return 0;
+        line = end + 1;
+    }
+    return 1;
+}
+
+/* Both give UINT64_MAX for a line that is none of theirs. */
+static hada_status take_loss(hada_train_log *log, const char *line, uint64_t *step, hada_error *err)
+{
+    double n[MOST_NUMBERS];
+    *step = UINT64_MAX;
+    if (!read_line(line, n, LOSS_NUMBERS))
+        return HADA_OK;
+    *step = (uint64_t)n[0];
+    const int critic_only = n[9] != 0.0, rolled_back = n[10] != 0.0;
+    return critic_only || rolled_back ? HADA_OK : remember_loss(log, n[0], n[1], err);
+}
+
+static hada_status take_validation(hada_train_log *log, const char *line, uint64_t *step, hada_error *err)
+{
+    double n[MOST_NUMBERS];
+    *step = UINT64_MAX;
+    if (!read_line(line, n, VALIDATION_NUMBERS))
+        return HADA_OK;
+    *step = (uint64_t)n[0];
+    const hada_validation r = {.size = sizeof r,
+                               .pairs = (int)n[1],
+                               .psnr = n[2],
+                               .ssim = n[3],
+                               .mae = n[4],
+                               .sharpness = n[5],
+                               .psnr_before = n[6],
+                               .ssim_before = n[7],
+                               .mae_before = n[8],
+                               .sharpness_before = n[9],
+                               .sharpness_truth = n[10]};
+    return remember_row(log, *step, &r, err);
+}
+
+typedef hada_status (*take_line)(hada_train_log *log, const char *line, uint64_t *step, hada_error *err);
+
+/* The lines of an old file up to a step; those that were cut off are left out. */
+static hada_status keep_lines(hada_train_log *log, const char *path, uint64_t from, take_line take, hada_text *kept,
+                              hada_error *err)
+{
+    char line[1024];
+    hada_status status = HADA_OK;
+    FILE *old = fopen(path, "r");
+    while (old && fgets(line, sizeof line, old) && strchr(line, '\n')) {
+        const size_t losses = log->loss_count, rows = log->row_count;
+        uint64_t step;
+        HADA_TRY(take(log, line, &step, err));
+        if (step <= from) {
+            hada_text_add(kept, "%s", line);
+        } else {
+            log->loss_count = losses;
+            forget_rows(log, rows);
+        }
+    }
+done:
+    if (old)
+        fclose(old);
+    return status;
+}
+
+static hada_status open_file(hada_train_log *log, const char *name, const char *head, uint64_t from, int go_on,
+                             take_line take, FILE **out, hada_error *err)
+{
+    char *path = NULL;
+    hada_text text = {0};
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_path_format(&path, err, "%s/%s", log->folder, name));
+    hada_text_add(&text, "%s", head);
+    if (go_on)
+        HADA_TRY(keep_lines(log, path, from, take, &text, err));
+    if (text.failed)
+        HADA_TRY(hada_fail(err, HADA_ERROR_MEMORY, "no memory for the log of a training"));
+    HADA_TRY(hada_file_write(path, text.data, text.length, err));
+    *out = fopen(path, "a");
+    if (!*out)
+        HADA_TRY(hada_fail(err, HADA_ERROR_FILE_WRITE, "%s cannot be written: %s", path, strerror(errno)));
+done:
+    free(path);
+    free(text.data);
+    return status;
+}
+
+hada_status hada_train_log_open(hada_train_log *log, const char *folder, int go_on, uint64_t from, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    *log = (hada_train_log){0};
+    HADA_TRY(hada_path_format(&log->folder, err, "%s", folder));
+    HADA_TRY(open_file(log, "losses.csv", losses_head, from, go_on, take_loss, &log->losses, err));
+    HADA_TRY(open_file(log, "validation.csv", validation_head, from, go_on, take_validation, &log->validation, err));
+done:
+    if (status)
+        hada_train_log_close(log);
+    return status;
+}
+
+static hada_status check(FILE *file, const char *folder, hada_error *err)
+{
+    return ferror(file)
+               ? hada_fail(err, HADA_ERROR_FILE_WRITE, "the log in %s cannot be written; is the disk full?", folder)
+               : HADA_OK;
+}
+
+static void put_numbers(FILE *file, const char *format, const double *numbers, size_t count)
+{
+    for (size_t i = 0; i < count; i++) {
+        char text[64];
+        hada_format_number(text, sizeof text, format, numbers[i]);
+        fprintf(file, ",%s", text);
+    }
+}
+
+hada_status hada_train_log_step(hada_train_log *log, const hada_step_report *r, hada_error *err)
+{
+    const double numbers[] = {r->loss,      r->mse,    r->perceptual, r->adversarial,
+                              r->variation, r->critic, r->norm,       r->rate};
+    fprintf(log->losses, "%llu", (unsigned long long)r->step);
+    put_numbers(log->losses, "%.9g", numbers, sizeof numbers / sizeof *numbers);
+    fprintf(log->losses, ",%d,%d", r->critic_only, r->rolled_back);
+    put_numbers(log->losses, "%.4f", &r->seconds, 1);
+    fputc('\n', log->losses);
+    const hada_status status = check(log->losses, log->folder, err);
+    return status || r->critic_only || r->rolled_back ? status : remember_loss(log, (double)r->step, r->loss, err);
+}
+
+hada_status hada_train_log_validation(hada_train_log *log, uint64_t step, const hada_validation *r, hada_error *err)
+{
+    const double numbers[] = {r->psnr,           r->ssim,        r->mae,        r->sharpness,
+                              r->psnr_before,    r->ssim_before, r->mae_before, r->sharpness_before,
+                              r->sharpness_truth};
+    fprintf(log->validation, "%llu,%d", (unsigned long long)step, r->pairs);
+    put_numbers(log->validation, "%.6f", numbers, sizeof numbers / sizeof *numbers);
+    fputc('\n', log->validation);
+    const hada_status status = check(log->validation, log->folder, err);
+    return status ? status : remember_row(log, step, r, err);
+}
+
+hada_status hada_train_log_flush(hada_train_log *log, hada_error *err)
+{
+    fflush(log->losses);
+    fflush(log->validation);
+    const hada_status status = check(log->losses, log->folder, err);
+    return status ? status : check(log->validation, log->folder, err);
+}
+
+void hada_train_log_close(hada_train_log *log)
+{
+    if (log->losses)
+        fclose(log->losses);
+    if (log->validation)
+        fclose(log->validation);
+    forget_rows(log, 0);
+    free(log->folder);
+    free(log->loss);
+    free(log->rows);
+    *log = (hada_train_log){0};
+}

@@ -1,0 +1,244 @@
+#include "tasks/train_loop.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "core/clock.h"
+#include "core/monitor.h"
+#include "io/folder.h"
+#include "tasks/train_pictures.h"
+
+/* After so many steps of a run, what is left is estimated; over so many the time of a step is averaged. */
+enum { TIMED_STEP = 4, AVERAGED_STEPS = 50 };
+
+typedef struct loop {
+    hada_train_work *work;
+    hada_train_state *state; /* of the work */
+    hada_train_log log;
+    uint64_t validate_every, show_every, save_every;
+    double started;
+    int without_better; /* validations since the best */
+    hada_progress progress;
+} loop;
+
+static void tell(loop *own, hada_train_event event)
+{
+    const hada_train_task *task = own->work->task;
+    own->state->event = event;
+    own->state->rows = own->log.rows;
+    own->state->row_count = own->log.row_count;
+    own->state->seconds = hada_seconds() - own->started;
+    if (task->tell)
+        task->tell(task->user, own->state);
+}
+
+static hada_status write_output(const hada_train_work *work, hada_error *err)
+{
+    hada_model *model = NULL;
+    hada_net *net = NULL;
+    hada_status status = HADA_OK;
+    if (work->stage == HADA_STAGE_CONVENTIONAL) {
+        HADA_TRY(hada_trainer_net(work->trainer, &net, err));
+        HADA_TRY(hada_net_save(net, work->task->output, err));
+    } else {
+        HADA_TRY(hada_trainer_model(work->trainer, &model, err));
+        HADA_TRY(hada_model_save(model, work->task->output, err));
+    }
+done:
+    hada_net_destroy(&net);
+    hada_model_destroy(&model);
+    return status;
+}
+
+/* Whether a validation is the best so far. */
+static int is_better(loop *own, uint64_t step, double psnr)
+{
+    hada_train_state *state = own->state;
+    const int better = psnr > state->best_psnr;
+    own->without_better = better ? 0 : own->without_better + 1;
+    if (better) {
+        state->best_psnr = psnr;
+        state->best_step = step;
+    }
+    return better;
+}
+
+static hada_status validate(loop *own, hada_error *err)
+{
+    hada_train_state *state = own->state;
+    hada_validation result = {.size = sizeof result};
+    hada_status status = HADA_OK;
+    if (!state->held_out)
+        return HADA_OK;
+    HADA_TRY(hada_trainer_validate(own->work->trainer, own->work->task->validate_pairs, &result, err));
+    HADA_TRY(hada_train_log_validation(&own->log, state->step, &result, err));
+    state->better = is_better(own, state->step, result.psnr);
+    tell(own, HADA_TRAIN_VALIDATED);
+    if (state->better && state->keep_best)
+        HADA_TRY(write_output(own->work, err));
+done:
+    return status;
+}
+
+static hada_status show(loop *own, hada_error *err)
+{
+    char *path = NULL;
+    hada_status status = HADA_OK;
+    if (!own->state->held_out)
+        return HADA_OK;
+    HADA_TRY(hada_path_format(&path, err, "%s/pictures/step%08llu.png", own->work->log_folder,
+                              (unsigned long long)own->state->step));
+    HADA_TRY(hada_train_picture(own->work->trainer, own->state->held_out, path, err));
+done:
+    free(path);
+    return status;
+}
+
+static hada_status save(loop *own, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_train_log_flush(&own->log, err));
+    HADA_TRY(hada_train_figure(&own->log, err));
+    HADA_TRY(hada_trainer_save(own->work->trainer, own->work->checkpoint, err));
+    if (!own->state->keep_best)
+        HADA_TRY(write_output(own->work, err));
+done:
+    return status;
+}
+
+/* Whether something that comes every `interval` steps (0: never) comes now, or at the end. */
+static int is_due(const loop *own, uint64_t interval)
+{
+    const uint64_t step = own->state->step;
+    return interval && (step % interval == 0 || step == own->state->steps);
+}
+
+static hada_status after_step(loop *own, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    if (is_due(own, own->validate_every))
+        HADA_TRY(validate(own, err));
+    if (is_due(own, own->show_every))
+        HADA_TRY(show(own, err));
+    if (is_due(own, own->save_every) || own->state->step == own->state->steps)
+        HADA_TRY(save(own, err));
+done:
+    return status;
+}
+
+static void take_time(loop *own, const hada_step_report *report)
+{
+    hada_train_state *state = own->state;
+    const uint64_t done = report->step - state->first;
+    /* the first step compiles kernels and fills memory */
+    if (done > 1)
+        state->seconds_per_step +=
+            (report->seconds - state->seconds_per_step) / (double)(done < AVERAGED_STEPS ? done - 1 : AVERAGED_STEPS);
+    if (done == TIMED_STEP)
+        tell(own, HADA_TRAIN_TIMED);
+}
+
+static hada_status one_step(loop *own, hada_error *err)
+{
+    hada_train_state *state = own->state;
+    hada_step_report report = {.size = sizeof report};
+    char note[64];
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_trainer_step(own->work->trainer, &report, err));
+    HADA_TRY(hada_train_log_step(&own->log, &report, err));
+    if (report.rolled_back) {
+        state->rolled_back++;
+        hada_monitor_tell(own->work->task->monitor, HADA_MESSAGE_NOTE,
+                          "loss or gradient were not finite; back to step %llu with half the rate (%.3g before)",
+                          (unsigned long long)report.step, report.rate);
+        return HADA_OK;
+    }
+    state->step = report.step;
+    state->loss = report.loss;
+    take_time(own, &report);
+    snprintf(note, sizeof note, "step %llu, loss %.3e", (unsigned long long)report.step, report.loss);
+    (void)hada_progress_step(&own->progress, note, NULL); /* the wish to stop is met between steps */
+    HADA_TRY(after_step(own, err));
+done:
+    return status;
+}
+
+static hada_status stop(loop *own, hada_error *err)
+{
+    const hada_train_state *state = own->state;
+    const hada_status status = save(own, err);
+    return status ? status
+                  : hada_fail(err, HADA_ERROR_CANCELLED,
+                              "stopped after step %llu of %llu, which is saved in %s; the same command with "
+                              "options.resume goes on from there",
+                              (unsigned long long)state->step, (unsigned long long)state->steps, own->work->checkpoint);
+}
+
+static hada_status steps(loop *own, hada_error *err)
+{
+    hada_train_state *state = own->state;
+    const hada_train_task *task = own->work->task;
+    hada_status status = HADA_OK;
+    if (!state->first && own->validate_every)
+        HADA_TRY(validate(own, err));
+    if (!state->first && own->show_every)
+        HADA_TRY(show(own, err));
+    while (state->step < state->steps) {
+        if (hada_monitor_check(task->monitor, NULL))
+            return stop(own, err);
+        HADA_TRY(one_step(own, err));
+        state->step = hada_trainer_steps(own->work->trainer);
+        if (task->patience > 0 && own->without_better >= task->patience) {
+            hada_monitor_tell(task->monitor, HADA_MESSAGE_INFO, "Stopped early: %d validations without a better one.",
+                              own->without_better);
+            return save(own, err);
+        }
+    }
+done:
+    return status;
+}
+
+/* Steps between two of a kind; 0: none. */
+static uint64_t every(int given, uint64_t share)
+{
+    return given >= 0 ? (uint64_t)given : share ? share : 1;
+}
+
+static void set_up(loop *own)
+{
+    hada_train_state *state = own->state;
+    const hada_train_task *task = own->work->task;
+    const int adversarial = hada_trainer_get_options(own->work->trainer)->adversarial > 0;
+    own->validate_every = every(task->validate_every, state->steps / 20);
+    own->show_every = every(task->show_every, state->steps / 4);
+    own->save_every = every(task->save_every, state->steps / 20);
+    state->keep_best = state->held_out && own->validate_every &&
+                       (task->keep == HADA_KEEP_BEST || (task->keep == HADA_KEEP_AUTO && !adversarial));
+    state->best_psnr = -INFINITY;
+    own->started = hada_seconds();
+    for (size_t i = 0; i < own->log.row_count; i++)
+        is_better(own, own->log.rows[i].step, own->log.rows[i].result->psnr);
+}
+
+hada_status hada_train_loop(hada_train_work *work, hada_error *err)
+{
+    hada_train_state *state = &work->state;
+    loop own = {.work = work, .state = state};
+    hada_status status = HADA_OK;
+    state->first = state->step = hada_trainer_steps(work->trainer);
+    HADA_TRY(hada_train_log_open(&own.log, work->log_folder, state->first > 0, state->first, err));
+    set_up(&own);
+    own.progress = hada_progress_begin(work->task->monitor, "steps",
+                                       state->steps > state->first ? (long)(state->steps - state->first) : 0);
+    status = steps(&own, err);
+    hada_progress_end(&own.progress);
+    if (!status && !hada_path_is_file(work->task->output))
+        status = write_output(work, err);
+    state->step = hada_trainer_steps(work->trainer);
+    state->status = status;
+    tell(&own, HADA_TRAIN_ENDS);
+done:
+    hada_train_log_close(&own.log);
+    return status;
+}

@@ -1,0 +1,115 @@
+/* Hadalens: learning a camera from pairs (raw frame, known scene), exactly, in one pass.
+ *
+ * With a squared error each frequency is its own least-squares problem, so a filter needs only sums over the pairs of
+ * a depth: Sxb = sum X conj(B), Sbb = sum |B|^2, Sxx = sum |X|^2 (docs/filters.md). The sums are streamed: memory does
+ * not grow with the number of pairs. They can be saved, loaded, added to, and merged.
+ * A second pass over some pairs chooses alpha and lambda, and whether refinement pays, by leave-one-out. Further passes
+ * judge filters in the window alone.
+ *
+ * Threads: one fitter is used by one thread at a time. */
+#ifndef HADALENS_FIT_H
+#define HADALENS_FIT_H
+
+#include <hadalens/device.h>
+#include <hadalens/image.h>
+#include <hadalens/model.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct hada_fitter hada_fitter;
+
+typedef struct hada_fit_options {
+    size_t size; /* sizeof(hada_fit_options) */
+    int depths, channels;
+    const double *distances_mm; /* near to far */
+    int raw_rows, raw_cols, window_rows, window_cols;
+    hada_boundary boundary; /* HADA_BOUNDARY_CIRCULAR by default */
+    hada_form form;         /* HADA_FORM_COMPLEX (default) or HADA_FORM_SPLIT */
+    double dark;            /* taken off the raw frames; HADA_AUTO: estimated for each frame and channel, as its first
+                               percentile */
+    double alpha, lambda;   /* HADA_AUTO (default): chosen by leave-one-out */
+    double outside;         /* weight of a filter's error outside the window, 0.01 to 1; HADA_AUTO (default): chosen by
+                               hada_fitter_judge(), without which it is 1 */
+    int refine_steps;       /* HADA_AUTO (default): chosen by leave-one-out; 0: none */
+    double refine_tv;       /* weight of total variation in refinement; HADA_AUTO (default): chosen with the steps, none
+                               where these are given; 0: none */
+    int nonnegative;        /* 1 (default): transfer functions are those of point spread functions that are nowhere
+                               negative, as light's are, where the pairs say too little; 0: from the pairs alone */
+} hada_fit_options;
+HADA_API void hada_fit_options_defaults(hada_fit_options *options, size_t size);
+static inline void hada_fit_options_init(hada_fit_options *options)
+{
+    hada_fit_options_defaults(options, sizeof *options);
+}
+
+HADA_API hada_status hada_fitter_create(hada_fitter **out, hada_context *context, const hada_fit_options *options,
+                                        hada_error *err);
+HADA_API void hada_fitter_destroy(hada_fitter **fitter);
+
+/* Bytes of device memory that a fitter holds, whatever the number of pairs: more from the first score on, and
+ * hada_fitter_finish() takes room for transfer functions and for the trial of refinement while it runs. */
+HADA_API uint64_t hada_fitter_bytes(const hada_fitter *fitter);
+
+/* First pass: adds a pair to the sums of a depth. `scene` has the window's size (or the raw frame's, then its centre is
+ * used). Non-finite values are refused (HADA_ERROR_NOT_FINITE), as are values whose squares leave single precision
+ * (HADA_ERROR_NUMERIC, docs/numerics.md); the sums are then as they were. */
+HADA_API hada_status hada_fitter_add(hada_fitter *fitter, int depth, const hada_image *raw, const hada_image *scene,
+                                     hada_error *err);
+
+/* Sums to and from a file (safetensors); loading adds to what is there, so files from several machines merge. */
+HADA_API hada_status hada_fitter_save_sums(hada_fitter *fitter, const char *path, hada_error *err);
+HADA_API hada_status hada_fitter_load_sums(hada_fitter *fitter, const char *path, hada_error *err);
+
+/* A fitter from saved sums alone, for merging without pairs: camera, depths and dark level are the file's; `choices`
+ * says form, alpha, lambda, refine_steps, refine_tv and nonnegative (its other fields are not used); NULL: the
+ * defaults. */
+HADA_API hada_status hada_fitter_create_from_sums(hada_fitter **out, hada_context *context, const char *path,
+                                                  const hada_fit_options *choices, hada_error *err);
+
+/* Number of pairs in the sums of a depth. */
+HADA_API int64_t hada_fitter_pairs(const hada_fitter *fitter, int depth);
+
+/* Second pass, optional: gives a pair that is among the sums again; its leave-one-out errors are added to the score
+ * table. Without any, alpha and lambda fall back to 0 and 1e-4. A few pairs decide, so further ones (beyond 8 in all
+ * and 2 of a depth) are checked and passed over; new pairs in the sums discard the scores so far. */
+HADA_API hada_status hada_fitter_score(hada_fitter *fitter, int depth, const hada_image *raw, const hada_image *scene,
+                                       hada_error *err);
+
+/* Gives a pair of a depth (0 <= pair < the depth's number of pairs) by pointers that last until the next call. */
+typedef hada_status (*hada_fit_show)(void *user, int depth, int64_t pair, const hada_image **raw,
+                                     const hada_image **scene, hada_error *err);
+
+/* Further passes, optional: filters that are judged in the window. The exact fit of the first pass minds the whole
+ * grid, although only the window of what a filter makes is kept; here what it makes outside counts with the weight
+ * options.outside alone (docs/filters.md). Every pair of the sums is shown up to 12 times, and some more often to
+ * choose the weight (where options.outside is HADA_AUTO) by leaving pairs out. Transfer functions, and so refined
+ * images, stay as they are. Call it after scoring, before hada_fitter_finish(); new pairs and scores discard what was
+ * found. Pairs that are not those of the sums are refused (HADA_ERROR_STATE): sums from files cannot be judged without
+ * their pairs. With options.outside = 1, or where nothing can be left out, no pair is shown and the exact fit stays.
+ * While it runs it takes as much room on the device as 14 frames' spectra (6 with options.outside given). */
+HADA_API hada_status hada_fitter_judge(hada_fitter *fitter, hada_fit_show show, void *user, hada_error *err);
+
+/* A row of the leave-one-out table: mean PSNR in the window of held-out pairs (dB, peak 1) when only their depth is
+ * occupied, and when one other depth is occupied as well (NaN for one depth); the latter counts the other depth's light
+ * over the whole frame, so it is a lower bound. `chosen` marks what the model takes. Rows with outside > 0 compare
+ * weights of the error outside the window on a few held-out pairs (psnr_single: of the mean squared error of all;
+ * psnr_double: NaN). Rows with refine_rho > 0 compare refinement on a few held-out frames, the first of
+ * them without any step. */
+typedef struct hada_fit_row {
+    double alpha, lambda, outside;
+    int refine_steps;
+    double refine_rho, refine_tv;
+    double psnr_single, psnr_double;
+    int chosen;
+} hada_fit_row;
+
+/* Chooses, solves W and H, and makes the model. *rows (may be NULL) is freed with free(). */
+HADA_API hada_status hada_fitter_finish(hada_fitter *fitter, hada_model **out, hada_fit_row **rows, size_t *row_count,
+                                        hada_error *err);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,44 @@
+/* Hadalens: files and folders that appear whole or not at all.
+ *
+ * Thread-safe: no state. */
+#ifndef HADALENS_FOLDER_H
+#define HADALENS_FOLDER_H
+
+#include <hadalens/status.h>
+#include <stddef.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+HADA_API int hada_path_is_folder(const char *path);
+/* Something that is there and no folder. */
+HADA_API int hada_path_is_file(const char *path);
+/* Nothing, or an empty folder. */
+HADA_API int hada_path_is_vacant(const char *path);
+
+/* Makes a folder, with those above it where they are missing, and checks that files can be made in it
+ * (HADA_ERROR_FILE_WRITE otherwise). A folder that is there already is fine. */
+HADA_API hada_status hada_folder_ensure(const char *path, hada_error *err);
+
+/* Removes a folder with all that is in it; links are removed, not followed. */
+HADA_API void hada_folder_remove(const char *path);
+
+/* Writes what is to stand in the folder `folder`, which exists and is empty. */
+typedef hada_status (*hada_folder_fill)(void *user, const char *folder, hada_error *err);
+
+/* Makes a folder that is not there yet, or empty: `fill` writes into one beside it, which takes the name when `fill`
+ * has succeeded and is removed where it has not. */
+HADA_API hada_status hada_folder_create(const char *path, hada_folder_fill fill, void *user, hada_error *err);
+
+/* Whether a file can be written, before long work that ends with it: its folder is there and takes files, and no folder
+ * has its name. */
+HADA_API hada_status hada_file_check_target(const char *path, hada_error *err);
+
+/* Writes a file beside its place and renames it. */
+HADA_API hada_status hada_file_write(const char *path, const void *data, size_t bytes, hada_error *err);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,91 @@
+/* Hadalens: yardsticks for images and distance maps.
+ *
+ * All are computed on the host in double precision. Images to compare must have the same channels, rows and columns
+ * (HADA_ERROR_SIZE otherwise). Values over several channels are the mean of the channels' values (PSNR: of the mean
+ * squared error). A mask, where given, holds rows * cols values; pixels with 0 are left out; NULL: all pixels count.
+ * Pixels that are not finite are an error (HADA_ERROR_NOT_FINITE) except in distance maps, where NaN means "nothing in
+ * focus here".
+ *
+ * To compare within a window, crop both images (hada_image_crop() of scene.h): structural similarity and gradients
+ * then see nothing outside it. A mask chooses pixels and leaves their neighbours in sight. LPIPS has a header of its
+ * own, lpips.h.
+ *
+ * Thread-safe: no state. */
+#ifndef HADALENS_METRICS_H
+#define HADALENS_METRICS_H
+
+#include <hadalens/image.h>
+#include <hadalens/status.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Mean of squared differences, over pixels and channels. */
+HADA_API hada_status hada_metric_mse(const hada_image *a, const hada_image *b, const unsigned char *mask, double *out,
+                                     hada_error *err);
+
+/* Mean of absolute differences. */
+HADA_API hada_status hada_metric_mae(const hada_image *a, const hada_image *b, const unsigned char *mask, double *out,
+                                     hada_error *err);
+
+/* 10 log10(peak^2 / mse) in dB; infinite for equal images. `peak` is the largest value that could occur (1 for images
+ * that were read from integer files). */
+HADA_API hada_status hada_metric_psnr(const hada_image *a, const hada_image *b, double peak, const unsigned char *mask,
+                                      double *out, hada_error *err);
+
+/* Structural similarity, Wang, Bovik, Sheikh, Simoncelli, IEEE Trans. Image Processing 13(4), 600 (2004): Gaussian
+ * window of 11 x 11 with standard deviation 1.5, K1 = 0.01, K2 = 0.03, population statistics; the mean is taken where
+ * the window lies inside the image (5 pixels from the edges), as scikit-image's structural_similarity(...,
+ * gaussian_weights=True, sigma=1.5, use_sample_covariance=False, data_range=peak) does. The image must be at least
+ * 11 x 11. With a mask, the mean is over the masked pixels of that inner part; their windows still see all pixels. */
+HADA_API hada_status hada_metric_ssim(const hada_image *a, const hada_image *b, double peak, const unsigned char *mask,
+                                      double *out, hada_error *err);
+
+/* What the code that belongs to F. Tian and W. Yang, Optics Express 30(19), 34479 (2022) calls PSNR and SSIM, for
+ * comparing with its figures; not the yardsticks of those names above.
+ *   hada_metric_authors_psnr: at each pixel the squared error is averaged over the channels and turned into
+ *     10 ln(peak^2 / error) / 2.303 dB; the mean of these over the pixels is taken. It lies above the true PSNR (the
+ *     mean of a logarithm), by more the more the errors differ from pixel to pixel, and is infinite as soon as one
+ *     pixel is exact. 2.303 stands for ln 10: 0.02 % below decibels.
+ *   hada_metric_authors_ssim: structural similarity as above with a data range of 2 peak where the images span one:
+ *     the constants are four times as large, so the value lies nearer to 1. */
+HADA_API hada_status hada_metric_authors_psnr(const hada_image *a, const hada_image *b, double peak,
+                                              const unsigned char *mask, double *out, hada_error *err);
+HADA_API hada_status hada_metric_authors_ssim(const hada_image *a, const hada_image *b, double peak,
+                                              const unsigned char *mask, double *out, hada_error *err);
+
+/* Sharpness of one image: the mean magnitude of the gradient, by central differences inside and one-sided ones at the
+ * edges (NumPy's gradient). In intensity per pixel. */
+HADA_API hada_status hada_metric_sharpness(const hada_image *image, const unsigned char *mask, double *out,
+                                           hada_error *err);
+
+/* How good a distance map is. */
+typedef struct hada_depth_score {
+    size_t size;          /* sizeof(hada_depth_score), set by the caller */
+    double coverage;      /* share of the pixels with a true distance that the map covers (is not NaN at) */
+    double within;        /* share of the covered pixels that are within the tolerance */
+    double mean_error_mm; /* mean absolute error over the covered pixels; NaN when none is */
+    double mean_steps;    /* the same in depth steps; NaN when no list was given */
+    long long pixels;     /* with a true distance, in the mask */
+} hada_depth_score;
+
+/* Compares a distance map with the truth (both one channel, millimetres; NaN in the truth: no object there, left
+ * out). With a list of distances (near to far, at least two), errors are measured in steps of that list, as
+ * differences of the fractional index interpolated in 1/z, and `tolerance` is in steps (0.5: half a depth step).
+ * Without a list (NULL, 0), `tolerance` is in millimetres. */
+HADA_API hada_status hada_metric_depth(const hada_image *map, const hada_image *truth, const double *distances_mm,
+                                       int count, double tolerance, const unsigned char *mask, hada_depth_score *out,
+                                       hada_error *err);
+
+/* The fractional index of a distance in a list (near to far), linear in 1/z between neighbours and beyond the ends.
+ * A list of one gives 0. */
+HADA_API double hada_depth_index(const double *distances_mm, int count, double distance_mm);
+
+/* The distance of a fractional index: the inverse of hada_depth_index. */
+HADA_API double hada_depth_distance(const double *distances_mm, int count, double index);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -2,15 +2,15 @@
  * (width: 1, 2, 4 or 8). As fft_rows_cols.cl otherwise. */
 #include "inc_fft_groups.h"
 #include "inc_fft_product.h"
+#include "shared_fft.h"
 
-__kernel void fft_group_cols(__global const float *in, ulong in_offset, ulong in_distance, int in_count, int first,
-                             __global const void *filter, ulong filter_offset, ulong filter_distance, int first_row,
-                             int rows_in, int last_row, __global float *out, ulong out_offset, ulong out_distance,
-                             int row0, int rows_out, int images, int tasks, __global const int *table,
+__kernel void fft_group_cols(__global const float *in, hada_fft_columns_in from, __global const void *filter,
+                             __global float *out, hada_fft_columns_out to, __global const int *table,
                              __global const float *floats, int width, FFT_MEM float2 *scratches)
 {
     const int n = table[FFT_LENGTH], points = table[FFT_POINTS], chirped = table[FFT_CHIRP] != 0;
-    const int parts = 8 / width;
+    const int parts = HADA_FFT_BLOCK / width, images = to.images;
+    const int tasks = (from.band / HADA_FFT_BLOCK + 1) * images * parts;
     __global const int *source = table + table[FFT_SOURCE], *place = table + table[FFT_PLACE];
     __global const float *chirp = floats + table[FFT_CHIRP];
 #if FFT_SCRATCH_GLOBAL
@@ -20,14 +20,14 @@ __kernel void fft_group_cols(__global const float *in, ulong in_offset, ulong in
 #endif
     for (int task = get_group_id(0); task < tasks; task += get_num_groups(0)) {
         const int image = task % images, part = task / images % parts, block = task / images / parts;
-        __global const float *p = in + 2 * (in_offset + (ulong)((first + image) % in_count) * in_distance +
+        __global const float *p = in + 2 * (from.offset + (ulong)((from.first + image) % from.count) * from.distance +
                                             (ulong)block * (ulong)n * 8 + part * width);
         __global float *q =
-            out + 2 * (out_offset + (ulong)image * out_distance + (ulong)block * (ulong)rows_out * 8 + part * width);
+            out + 2 * (to.offset + (ulong)image * to.distance + (ulong)block * (ulong)to.rows * 8 + part * width);
 #if FFT_PRODUCT
         __global const filter_value *f =
             (__global const filter_value *)filter +
-            2 * (filter_offset + (ulong)image * filter_distance + (ulong)block * (ulong)n * 8 + part * width);
+            2 * (from.filter_offset + (ulong)image * from.filter_distance + (ulong)block * (ulong)n * 8 + part * width);
 #endif
         FFT_SHARE (i, (chirped ? points * width : 0))
             scratch[i] = (float2)0.0f;
@@ -35,7 +35,7 @@ __kernel void fft_group_cols(__global const float *in, ulong in_offset, ulong in
         FFT_SHARE (i, n * width) {
             const int y = i / width, w = i % width, row = source[y];
             float2 v = (float2)0.0f;
-            if ((uint)(row - first_row) < (uint)rows_in || row >= last_row) {
+            if ((uint)(row - from.first_row) < (uint)from.rows || row >= from.last_row) {
                 v = vload2(0, p + 16 * (size_t)row + 2 * w);
 #if FFT_PRODUCT == 1
                 const float2 h = load_filter_value(f + 16 * (size_t)row + 2 * w);
@@ -47,8 +47,8 @@ __kernel void fft_group_cols(__global const float *in, ulong in_offset, ulong in
             fft_put_in(scratch, width, w, place[y], y, v, chirped, chirp);
         }
         FFT_MEM const float2 *result = fft_transform(scratch, width, table, floats);
-        FFT_SHARE (i, rows_out * width) {
-            const int y = row0 + i / width, w = i % width;
+        FFT_SHARE (i, to.rows * width) {
+            const int y = to.row0 + i / width, w = i % width;
             vstore2(fft_take_out(result, width, w, place[y], y, chirped, chirp), 0,
                     q + 16 * (size_t)(i / width) + 2 * w);
         }

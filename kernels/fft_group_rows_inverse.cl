@@ -1,16 +1,15 @@
 /* Half spectra to real rows, by work-groups: a group makes 2 width rows of one image by `width` complex transforms. As
  * fft_rows_cols.cl otherwise. */
 #include "inc_fft_groups.h"
+#include "shared_fft.h"
 
-__kernel void fft_group_rows_inverse(__global const float *in, ulong in_offset, ulong in_distance, int rows_in,
-                                     int band, __global float *out, ulong out_offset, ulong out_distance,
-                                     ulong out_pitch, int col0, int cols_out, float scale, int tasks,
-                                     __global const int *table, __global const float *floats, int width,
-                                     FFT_MEM float2 *scratches)
+__kernel void fft_group_rows_inverse(__global const float *in, hada_fft_spectra spectra, __global float *out,
+                                     hada_fft_real real, __global const int *table, __global const float *floats,
+                                     int width, FFT_MEM float2 *scratches)
 {
     const int n = table[FFT_LENGTH], points = table[FFT_POINTS], chirped = table[FFT_CHIRP] != 0;
-    const int blocks = band / 8 + 1;
-    const int groups = (rows_in + 2 * width - 1) / (2 * width);
+    const int band = spectra.band, blocks = band / HADA_FFT_BLOCK + 1, rows_in = spectra.rows;
+    const int groups = (rows_in + 2 * width - 1) / (2 * width), tasks = groups * real.images, cols_out = real.cols;
     __global const int *place = table + table[FFT_PLACE];
     __global const float *chirp = floats + table[FFT_CHIRP];
 #if FFT_SCRATCH_GLOBAL
@@ -20,7 +19,7 @@ __kernel void fft_group_rows_inverse(__global const float *in, ulong in_offset, 
 #endif
     for (int task = get_group_id(0); task < tasks; task += get_num_groups(0)) {
         const int image = task / groups, first = task % groups * 2 * width, count = min(2 * width, rows_in - first);
-        __global const float *p = in + 2 * (in_offset + (ulong)image * in_distance + (ulong)first * 8);
+        __global const float *p = in + 2 * (spectra.offset + (ulong)image * spectra.distance + (ulong)first * 8);
         FFT_SHARE (i, (chirped || band < n / 2 ? points * width : 0))
             scratch[i] = (float2)0.0f;
         FFT_WAIT();
@@ -43,14 +42,14 @@ __kernel void fft_group_rows_inverse(__global const float *in, ulong in_offset, 
             }
         }
         FFT_MEM const float2 *result = fft_transform(scratch, width, table, floats);
-        __global float *q = out + out_offset + (ulong)image * out_distance + (ulong)first * out_pitch;
+        __global float *q = out + real.offset + (ulong)image * real.distance + (ulong)first * real.pitch;
         FFT_SHARE (i, cols_out * width) {
-            const int c = i % cols_out, w = i / cols_out, x = col0 + c;
-            const float2 v = fft_take_out(result, width, w, place[x ? n - x : 0], x, chirped, chirp) * scale;
+            const int c = i % cols_out, w = i / cols_out, x = real.col0 + c;
+            const float2 v = fft_take_out(result, width, w, place[x ? n - x : 0], x, chirped, chirp) * real.scale;
             if (w < count)
-                q[(ulong)w * out_pitch + c] = v.x;
+                q[(ulong)w * real.pitch + c] = v.x;
             if (width + w < count)
-                q[(ulong)(width + w) * out_pitch + c] = v.y;
+                q[(ulong)(width + w) * real.pitch + c] = v.y;
         }
         FFT_WAIT();
     }

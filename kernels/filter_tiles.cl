@@ -2,6 +2,7 @@
  * counted as often as it stands in the whole spectrum (the columns 0 and cols/2 once, the others twice). Strip s holds
  * the rows with last[s-1] < |ky| <= last[s], strip 0 those with |ky| <= last[0]. */
 #include "inc_spectrum.h"
+#include "shared_spectrum.h"
 
 /* Sums up eight columns of the rows from..to. */
 static inline float8 add_rows(__global const float *in, __global const float *gain, int rows, int block, int column,
@@ -30,15 +31,15 @@ static inline float8 add_rows(__global const float *in, __global const float *ga
 
 /* out[channel][strip][group of eight columns]; a work-item makes one of `count` values. Padding, which may hold
  * anything, is left out. */
-__kernel void filter_tiles(__global const float *in, __global const float *gains, ulong channel_count, int rows,
-                           int cols, int block, int strips, int groups, __global const int *last, uint count,
-                           __global float *out)
+__kernel void filter_tiles(__global const float *in, __global const float *gains, hada_spectrum_shape shape, int strips,
+                           int groups, __global const int *last, __global float *out, uint count)
 {
     const uint i = get_global_id(0);
     if (i >= count)
         return;
+    const int rows = shape.rows, cols = shape.cols, block = shape.block;
     const int group = (int)(i % (uint)groups), strip = (int)(i / (uint)groups % (uint)strips), column = 8 * group;
-    const ulong first = channel_count * (ulong)(i / (uint)groups / (uint)strips);
+    const ulong first = (ulong)shape.count * (ulong)(i / (uint)groups / (uint)strips);
     __global const float *spectrum = in + 2 * first, *gain = gains + first;
     const int from = strip ? last[strip - 1] + 1 : 0, to = last[strip];
     float8 sum = add_rows(spectrum, gain, rows, block, column, cols, from, to, (float8)0.0f);

@@ -74,21 +74,18 @@ static void resolve_desc(const hada_context *context, hada_fft_desc *desc)
 
 hada_status hada_fft_create(hada_fft **out, hada_slot *slot, const hada_fft_desc *desc, hada_error *err)
 {
-    hada_fft *plan;
-    *out = NULL;
-    hada_status status = check_desc(desc, err);
-    if (!status)
-        status = hada_alloc((void **)&plan, 1, sizeof *plan, "a transform's plan", err);
-    if (status)
-        return status;
+    hada_fft *plan = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(check_desc(desc, err));
+    HADA_TRY(hada_alloc((void **)&plan, 1, sizeof *plan, "a transform's plan", err));
     plan->slot = slot;
     plan->desc = *desc;
     resolve_desc(slot->context, &plan->desc);
     plan->layout = hada_fft_layout(slot->context, desc->rows, desc->cols, plan->desc.backend);
     plan->engine = engine_of(plan->desc.backend);
-    status = plan->engine->create(plan, err);
-    if (!status)
-        status = hada_fft_check(plan, err);
+    HADA_TRY(plan->engine->create(plan, err));
+    HADA_TRY(hada_fft_check(plan, err));
+done:
     if (status)
         hada_fft_destroy(&plan);
     *out = plan;
@@ -111,6 +108,12 @@ size_t hada_fft_bytes(const hada_context *context, const hada_fft_desc *desc)
         return 0;
     resolve_desc(context, &resolved);
     return engine_of(resolved.backend)->bytes(context, &resolved);
+}
+
+size_t hada_fft_check_bytes(const hada_context *context, const hada_fft_desc *desc)
+{
+    const hada_spectrum_layout layout = hada_fft_layout(context, desc->rows, desc->cols, desc->backend);
+    return hada_fft_check_real_bytes(desc) + layout.count * 2 * sizeof(float);
 }
 
 hada_status hada_fft_note(const hada_context *context, const hada_fft_desc *desc, hada_room *room, hada_error *err)
@@ -156,10 +159,14 @@ static int smaller(int a, int b)
     return a < b ? a : b;
 }
 
-hada_fft_filter hada_fft_resolve(const hada_fft *plan, const hada_fft_filter *filter)
+/* A call's filter with what its zeros stand for filled in: stride 1, the plan's band; none: as many spectra as images.
+ */
+static hada_fft_filter resolve_filter(const hada_fft *plan, int batch, const hada_fft_filter *filter)
 {
     const hada_fft_desc *desc = &plan->desc;
-    hada_fft_filter use = filter ? *filter : (hada_fft_filter){.product = HADA_FFT_PLAIN};
+    hada_fft_filter use = {.product = HADA_FFT_PLAIN, .spectrum_count = batch};
+    if (filter)
+        use = *filter;
     if (!use.stride)
         use.stride = 1;
     const int whole = !use.band_rows && !use.band_cols;
@@ -180,5 +187,6 @@ hada_status hada_fft_inverse(hada_fft *plan, int batch, cl_mem spectrum, size_t 
                    filter->band_rows < 0 || filter->band_cols < 0 ||
                    (filter->product != HADA_FFT_COMPLEX && filter->product != HADA_FFT_SPLIT)))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a filter product needs filters, a form, and one spectrum at least");
-    return plan->engine->inverse(plan, batch, spectrum, spectrum_offset, real, real_offset, filter, err);
+    const hada_fft_filter use = resolve_filter(plan, batch, filter);
+    return plan->engine->inverse(plan, batch, spectrum, spectrum_offset, real, real_offset, &use, err);
 }

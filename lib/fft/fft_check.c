@@ -7,7 +7,7 @@
 
 #define POINTS    24
 #define TOLERANCE 1e-5 /* of the root of the sum of squares */
-#define TURN      6.283185307179586476925286766559
+#define TWO_PI    6.283185307179586476925286766559
 
 typedef struct point {
     int y, x;
@@ -42,7 +42,7 @@ static int choose(point *points, int rows, int cols, int y0, int x0, unsigned se
 
 static double angle(const point *a, const point *b, int rows, int cols)
 {
-    return TURN * ((double)((long long)a->y * b->y % rows) / rows + (double)((long long)a->x * b->x % cols) / cols);
+    return TWO_PI * ((double)((long long)a->y * b->y % rows) / rows + (double)((long long)a->x * b->x % cols) / cols);
 }
 
 static double norm(const point *points, int count)
@@ -73,24 +73,22 @@ static hada_status check_forward(hada_fft *plan, hada_buffer *real, hada_buffer 
     point in[POINTS], out[POINTS];
     const int in_count = choose(in, desc->real_rows, desc->real_cols, desc->row0, desc->col0, 1u);
     const int out_count = choose(out, desc->rows, desc->band_cols + 1, 0, 0, 2u);
-    hada_status status = hada_buffer_clear(real, plan->slot, 0, real->bytes, err);
-    for (int i = 0; i < in_count && !status; i++) {
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_buffer_clear(real, plan->slot, 0, real->bytes, err));
+    for (int i = 0; i < in_count; i++) {
         const float value = (float)in[i].re;
         in[i].im = 0.0;
-        status =
-            hada_buffer_write(real, plan->slot, real_index(desc, &in[i]) * sizeof value, &value, sizeof value, err);
+        HADA_TRY(
+            hada_buffer_write(real, plan->slot, real_index(desc, &in[i]) * sizeof value, &value, sizeof value, err));
     }
-    if (!status)
-        status = hada_fft_forward(plan, 1, real->mem, 0, spectrum->mem, 0, err);
+    HADA_TRY(plan->engine->forward(plan, 1, real->mem, 0, spectrum->mem, 0, err));
     const double scale = norm(in, in_count);
-    for (int k = 0; k < out_count && !status; k++) {
+    for (int k = 0; k < out_count; k++) {
         float got[2];
         double re = 0.0, im = 0.0;
-        status =
-            hada_buffer_read(spectrum, plan->slot, hada_spectrum_index(&plan->layout, out[k].y, out[k].x) * sizeof got,
-                             got, sizeof got, err);
-        if (status)
-            break;
+        HADA_TRY(hada_buffer_read(spectrum, plan->slot,
+                                  hada_spectrum_index(&plan->layout, out[k].y, out[k].x) * sizeof got, got, sizeof got,
+                                  err));
         for (int i = 0; i < in_count; i++) {
             const double a = angle(&in[i], &out[k], desc->rows, desc->cols);
             re += in[i].re * cos(a);
@@ -98,8 +96,9 @@ static hada_status check_forward(hada_fft *plan, hada_buffer *real, hada_buffer 
         }
         const double error = hypot(got[0] - re, got[1] - im) / scale;
         if (!(error <= TOLERANCE))
-            status = failed(plan, error, err);
+            return failed(plan, error, err);
     }
+done:
     return status;
 }
 
@@ -110,56 +109,57 @@ static hada_status check_inverse(hada_fft *plan, hada_buffer *real, hada_buffer 
     const int in_count = choose(in, desc->band_rows + 1, desc->band_cols + 1, 0, 0, 3u);
     const int out_count = choose(out, desc->real_rows, desc->real_cols, desc->row0, desc->col0, 4u);
     const double size = (double)desc->rows * desc->cols;
-    hada_status status = hada_buffer_clear(spectrum, plan->slot, 0, spectrum->bytes, err);
-    for (int i = 0; i < in_count && !status; i++) {
+    const hada_fft_filter none = {.product = HADA_FFT_PLAIN,
+                                  .spectrum_count = 1,
+                                  .stride = 1,
+                                  .band_rows = desc->band_rows,
+                                  .band_cols = desc->band_cols};
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_buffer_clear(spectrum, plan->slot, 0, spectrum->bytes, err));
+    for (int i = 0; i < in_count; i++) {
         const float value[2] = {(float)in[i].re, (float)in[i].im};
         if (in[i].y && i % 2) /* half of them at negative frequencies */
             in[i].y = desc->rows - in[i].y;
-        status =
-            hada_buffer_write(spectrum, plan->slot, hada_spectrum_index(&plan->layout, in[i].y, in[i].x) * sizeof value,
-                              value, sizeof value, err);
+        HADA_TRY(hada_buffer_write(spectrum, plan->slot,
+                                   hada_spectrum_index(&plan->layout, in[i].y, in[i].x) * sizeof value, value,
+                                   sizeof value, err));
     }
-    if (!status)
-        status = hada_fft_inverse(plan, 1, spectrum->mem, 0, real->mem, 0, NULL, err);
+    HADA_TRY(plan->engine->inverse(plan, 1, spectrum->mem, 0, real->mem, 0, &none, err));
     const double scale = norm(in, in_count);
-    for (int k = 0; k < out_count && !status; k++) {
+    for (int k = 0; k < out_count; k++) {
         float got;
         double sum = 0.0;
-        status = hada_buffer_read(real, plan->slot, real_index(desc, &out[k]) * sizeof got, &got, sizeof got, err);
+        HADA_TRY(hada_buffer_read(real, plan->slot, real_index(desc, &out[k]) * sizeof got, &got, sizeof got, err));
         for (int i = 0; i < in_count; i++) {
             const double a = angle(&in[i], &out[k], desc->rows, desc->cols);
             const int single = in[i].x == 0 || 2 * in[i].x == desc->cols;
             sum += (single ? 1.0 : 2.0) * (in[i].re * cos(a) - in[i].im * sin(a));
         }
         const double error = fabs(got * size - sum) / scale;
-        if (!status && !(error <= TOLERANCE))
-            status = failed(plan, error, err);
+        if (!(error <= TOLERANCE))
+            return failed(plan, error, err);
     }
+done:
     return status;
 }
 
-static size_t real_bytes(const hada_fft_desc *desc)
+size_t hada_fft_check_real_bytes(const hada_fft_desc *desc)
 {
     return ((size_t)(desc->real_rows - 1) * desc->real_pitch + (size_t)desc->real_cols) * sizeof(float);
-}
-
-size_t hada_fft_check_bytes(const hada_context *context, const hada_fft_desc *desc)
-{
-    const hada_spectrum_layout layout = hada_fft_layout(context, desc->rows, desc->cols, desc->backend);
-    return real_bytes(desc) + layout.count * 2 * sizeof(float);
 }
 
 hada_status hada_fft_check(hada_fft *plan, hada_error *err)
 {
     const hada_fft_desc *desc = &plan->desc;
     hada_buffer real = {0}, spectrum = {0};
-    hada_status status = hada_buffer_create(&real, plan->slot->context, real_bytes(desc), "a transform's check", err);
-    if (!status)
-        status = hada_buffer_create(&spectrum, plan->slot->context, plan->layout.count * 2 * sizeof(float),
-                                    "a transform's check", err);
-    if (!status)
-        status = desc->direction == HADA_FFT_FORWARD ? check_forward(plan, &real, &spectrum, err)
-                                                     : check_inverse(plan, &real, &spectrum, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(
+        hada_buffer_create(&real, plan->slot->context, hada_fft_check_real_bytes(desc), "a transform's check", err));
+    HADA_TRY(hada_buffer_create(&spectrum, plan->slot->context, plan->layout.count * 2 * sizeof(float),
+                                "a transform's check", err));
+    HADA_TRY(desc->direction == HADA_FFT_FORWARD ? check_forward(plan, &real, &spectrum, err)
+                                                 : check_inverse(plan, &real, &spectrum, err));
+done:
     hada_slot_finish(plan->slot, NULL);
     hada_buffer_destroy(&real);
     hada_buffer_destroy(&spectrum);

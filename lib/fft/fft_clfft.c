@@ -9,7 +9,7 @@
 
 #include "core/alloc.h"
 #include "fft/fft_internal.h" /* says which OpenCL version, before clFFT does */
-#include "runtime/kernel.h"
+#include "launch/fft_plain.h"
 #include "runtime/program.h"
 
 #include <clFFT.h>
@@ -32,15 +32,6 @@ static hada_status fail(hada_error *err, clfftStatus code, const char *call)
         return hada_fail_cl(err, code, call);
     return hada_fail(err, HADA_ERROR_UNSUPPORTED, "%s refuses this transform (%d): leave the choice to the table", call,
                      (int)code);
-}
-
-int hada_clfft_takes(int n)
-{
-    static const int primes[] = {2, 3, 5, 7, 11, 13};
-    for (int i = 0; i < 6; i++)
-        while (n > 1 && n % primes[i] == 0)
-            n /= primes[i];
-    return n == 1;
 }
 
 static size_t half_count(const hada_fft_desc *desc)
@@ -187,16 +178,6 @@ static int clfft_block(const hada_context *context, int rows, int cols)
     return cols / 2 + 1;
 }
 
-static hada_status launch(hada_fft *plan, const char *kernel_name, const char *options, cl_ulong count, hada_arg *args,
-                          size_t arg_count, hada_error *err)
-{
-    const size_t local = GROUP_SIZE, global = (count + GROUP_SIZE - 1) / GROUP_SIZE * GROUP_SIZE;
-    cl_kernel kernel;
-    hada_status status = hada_slot_kernel(plan->slot, "fft_plain", kernel_name, options, &kernel, err);
-    return status ? status
-                  : hada_slot_launch(plan->slot, kernel, kernel_name, 1, &global, &local, args, arg_count, err);
-}
-
 static hada_status transform(hada_fft *plan, clfftDirection direction, hada_buffer *in, hada_buffer *out,
                              hada_error *err)
 {
@@ -217,79 +198,60 @@ static hada_status transform(hada_fft *plan, clfftDirection direction, hada_buff
     return hada_slot_span_end(plan->slot, "clfft", begin, err);
 }
 
+static hada_range elements(size_t count)
+{
+    return hada_range_of(count, GROUP_SIZE, 1, 1);
+}
+
 static hada_status clfft_forward(hada_fft *plan, int batch, cl_mem real, size_t real_offset, cl_mem spectrum,
                                  size_t spectrum_offset, hada_error *err)
 {
     clfft_state *state = plan->state;
     const hada_fft_desc *desc = &plan->desc;
-    const cl_ulong in_offset = real_offset, in_distance = desc->real_distance, in_pitch = desc->real_pitch,
-                   count = grid_count(desc) * (size_t)batch;
-    const cl_int row0 = desc->row0, col0 = desc->col0, rows_in = desc->real_rows, cols_in = desc->real_cols,
-                 rows = desc->rows, cols = desc->cols;
-    hada_arg args[] = {HADA_ARG(real),     HADA_ARG(in_offset), HADA_ARG(in_distance),
-                       HADA_ARG(in_pitch), HADA_ARG(row0),      HADA_ARG(col0),
-                       HADA_ARG(rows_in),  HADA_ARG(cols_in),   HADA_ARG(state->grid.mem),
-                       HADA_ARG(rows),     HADA_ARG(cols),      HADA_ARG(count)};
-    hada_slot_cost(plan->slot, 4.0 * batch * (1.0 * rows_in * cols_in + (double)grid_count(desc)), 0);
-    hada_status status = launch(plan, "fft_plain_pad", "", count, args, HADA_COUNT(args), err);
-    if (!status)
-        status = transform(plan, CLFFT_FORWARD, &state->grid, &state->half, err);
-    if (status)
-        return status;
-    cl_int code = clEnqueueCopyBuffer(plan->slot->queue, state->half.mem, spectrum, 0, spectrum_offset * 8,
-                                      half_count(desc) * (size_t)batch * 8, 0, NULL, hada_slot_event(plan->slot));
+    const hada_fft_real images = hada_fft_real_of(desc, real_offset, 1, batch);
+    const size_t count = grid_count(desc) * (size_t)batch;
+    const hada_range range = elements(count);
+    hada_status status = HADA_OK;
+    hada_slot_cost(plan->slot, 4.0 * batch * (1.0 * images.rows * images.cols + (double)grid_count(desc)), 0);
+    HADA_TRY(hada_launch_fft_plain_pad(plan->slot, HADA_PROGRAM_FFT_PLAIN_DEFAULT, &range, err, .in = real,
+                                       .real = images, .out = state->grid.mem, .rows = desc->rows, .cols = desc->cols,
+                                       .count = count));
+    HADA_TRY(transform(plan, CLFFT_FORWARD, &state->grid, &state->half, err));
+    const cl_int code = clEnqueueCopyBuffer(plan->slot->queue, state->half.mem, spectrum, 0, spectrum_offset * 8,
+                                            half_count(desc) * (size_t)batch * 8, 0, NULL, hada_slot_event(plan->slot));
     if (code != CL_SUCCESS)
         return hada_fail_cl(err, code, "clEnqueueCopyBuffer");
     hada_slot_moved(plan->slot, "copy", 16.0 * (double)half_count(desc) * batch);
-    return HADA_OK;
+done:
+    return status;
 }
 
 static hada_status clfft_inverse(hada_fft *plan, int batch, cl_mem spectrum, size_t spectrum_offset, cl_mem real,
-                                 size_t real_offset, const hada_fft_filter *filter, hada_error *err)
+                                 size_t real_offset, const hada_fft_filter *use, hada_error *err)
 {
     clfft_state *state = plan->state;
     const hada_fft_desc *desc = &plan->desc;
-    const cl_ulong in_offset = spectrum_offset, half = half_count(desc) * (size_t)batch,
-                   filter_offset = filter ? (size_t)filter->filter_first * half_count(desc) : 0;
-    const hada_fft_filter use = hada_fft_resolve(plan, filter);
-    const cl_int in_count = filter ? filter->spectrum_count : batch, rows = desc->rows, cols = desc->cols,
-                 band_rows = use.band_rows, band_cols = use.band_cols, filter_step = use.stride;
-    const cl_mem filters = filter ? filter->filter : NULL;
-    const char *options = "";
-    if (filter && filter->product == HADA_FFT_COMPLEX)
-        options = filter->half ? "-DFFT_PRODUCT=1 -DFFT_HALF=1" : "-DFFT_PRODUCT=1";
-    else if (filter)
-        options = filter->half ? "-DFFT_PRODUCT=2 -DFFT_HALF=1" : "-DFFT_PRODUCT=2";
-    hada_arg product[] = {HADA_ARG(spectrum),
-                          HADA_ARG(in_offset),
-                          HADA_ARG(in_count),
-                          HADA_ARG(filters),
-                          HADA_ARG(filter_offset),
-                          HADA_ARG(filter_step),
-                          HADA_ARG(rows),
-                          HADA_ARG(cols),
-                          HADA_ARG(band_rows),
-                          HADA_ARG(band_cols),
-                          HADA_ARG(state->half.mem),
-                          HADA_ARG(half)};
-    const double filtered = !filter ? 0 : filter->half ? 4 : 8;
-    hada_slot_cost(plan->slot, 8.0 * (double)half_count(desc) * in_count + (8.0 + filtered) * (double)half,
-                   filter ? 6.0 * (double)half : 0);
-    hada_status status = launch(plan, "fft_plain_product", options, half, product, HADA_COUNT(product), err);
-    if (!status)
-        status = transform(plan, CLFFT_BACKWARD, &state->half, &state->grid, err);
-    if (status)
-        return status;
-    const cl_ulong out_offset = real_offset, out_distance = desc->real_distance * (size_t)use.stride,
-                   out_pitch = desc->real_pitch,
-                   count = (cl_ulong)desc->real_rows * (cl_ulong)desc->real_cols * (cl_ulong)batch;
-    const cl_int row0 = desc->row0, col0 = desc->col0, rows_out = desc->real_rows, cols_out = desc->real_cols;
-    hada_arg crop[] = {
-        HADA_ARG(state->grid.mem), HADA_ARG(rows),      HADA_ARG(cols), HADA_ARG(real), HADA_ARG(out_offset),
-        HADA_ARG(out_distance),    HADA_ARG(out_pitch), HADA_ARG(row0), HADA_ARG(col0), HADA_ARG(rows_out),
-        HADA_ARG(cols_out),        HADA_ARG(count)};
-    hada_slot_cost(plan->slot, 8.0 * (double)count, 0);
-    return launch(plan, "fft_plain_crop", "", count, crop, HADA_COUNT(crop), err);
+    const size_t half = half_count(desc) * (size_t)batch;
+    const hada_fft_band band = {desc->rows, desc->cols, use->band_rows, use->band_cols};
+    const hada_fft_real images = hada_fft_real_of(desc, real_offset, use->stride, batch);
+    const size_t pixels = (size_t)images.rows * (size_t)images.cols * (size_t)batch;
+    const hada_range halves = elements(half), rectangles = elements(pixels);
+    const double filtered = use->product == HADA_FFT_PLAIN ? 0 : use->half ? 4 : 8;
+    hada_status status = HADA_OK;
+    hada_slot_cost(plan->slot, 8.0 * (double)half_count(desc) * use->spectrum_count + (8.0 + filtered) * (double)half,
+                   filtered > 0 ? 6.0 * (double)half : 0);
+    HADA_TRY(hada_launch_fft_plain_product(
+        plan->slot, hada_find_fft_plain(.fft_product = (int)use->product, .fft_half = use->half), &halves, err,
+        .in = spectrum, .in_offset = spectrum_offset, .in_count = use->spectrum_count, .filter = use->filter,
+        .filter_offset = (size_t)use->filter_first * half_count(desc), .filter_step = use->stride,
+        .out = state->half.mem, .band = band, .count = half));
+    HADA_TRY(transform(plan, CLFFT_BACKWARD, &state->half, &state->grid, err));
+    hada_slot_cost(plan->slot, 8.0 * (double)pixels, 0);
+    HADA_TRY(hada_launch_fft_plain_crop(plan->slot, HADA_PROGRAM_FFT_PLAIN_DEFAULT, &rectangles, err,
+                                        .in = state->grid.mem, .rows = desc->rows, .cols = desc->cols, .out = real,
+                                        .real = images, .count = pixels));
+done:
+    return status;
 }
 
 /* Its buffers are few and its own: nothing is shared. */

@@ -3,15 +3,17 @@
 #define HADA_FFT_INTERNAL_H
 
 #include "fft/fft.h"
+#include "kernels/shared_fft.h"
 
-/* A back end: `create` fills plan->state; all of it works on a slot's compute queue. */
+/* A back end: `create` fills plan->state; all of it works on a slot's compute queue. `use` is a call's filter with what
+ * its zeros stand for filled in; product HADA_FFT_PLAIN: there is none. */
 typedef struct hada_fft_engine {
     hada_status (*create)(hada_fft *plan, hada_error *err);
     void (*destroy)(hada_fft *plan);
     hada_status (*forward)(hada_fft *plan, int batch, cl_mem real, size_t real_offset, cl_mem spectrum,
                            size_t spectrum_offset, hada_error *err);
     hada_status (*inverse)(hada_fft *plan, int batch, cl_mem spectrum, size_t spectrum_offset, cl_mem real,
-                           size_t real_offset, const hada_fft_filter *filter, hada_error *err);
+                           size_t real_offset, const hada_fft_filter *use, hada_error *err);
     size_t (*bytes)(const hada_context *context, const hada_fft_desc *desc);
     int (*block)(const hada_context *context, int rows, int cols);
     size_t (*scratch)(const hada_context *context, const hada_fft_desc *desc); /* of the bytes, taken from the room */
@@ -27,8 +29,19 @@ struct hada_fft {
 
 extern const hada_fft_engine hada_fft_own_engine, hada_fft_clfft_engine;
 
-/* A call's filter with what its zeros stand for filled in: stride 1, the plan's band. */
-hada_fft_filter hada_fft_resolve(const hada_fft *plan, const hada_fft_filter *filter /* or NULL */);
+/* The plan's rectangle of `images` images as kernels take it, each `stride` images from the other. */
+static inline hada_fft_real hada_fft_real_of(const hada_fft_desc *desc, size_t offset, int stride, int images)
+{
+    return (hada_fft_real){.offset = offset,
+                           .distance = desc->real_distance * (size_t)stride,
+                           .pitch = desc->real_pitch,
+                           .row0 = desc->row0,
+                           .col0 = desc->col0,
+                           .rows = desc->real_rows,
+                           .cols = desc->real_cols,
+                           .images = images,
+                           .scale = (float)(1.0 / ((double)desc->rows * (double)desc->cols))};
+}
 
 /* Which back end the table (or the tuning file) names for a size; never AUTO. */
 hada_fft_backend hada_fft_choose(const hada_context *context, int rows, int cols);
@@ -36,7 +49,8 @@ hada_fft_backend hada_fft_choose(const hada_context *context, int rows, int cols
 /* Whether clFFT has the length's factors. */
 int hada_clfft_takes(int n);
 
-/* Runs a new plan once against known answers. */
+/* Runs a new plan once against known answers; and the bytes of real images that takes. */
 hada_status hada_fft_check(hada_fft *plan, hada_error *err);
+size_t hada_fft_check_real_bytes(const hada_fft_desc *desc);
 
 #endif

@@ -1,8 +1,5 @@
 /* Passes of the library's own transforms: scratch in local or global memory, and launching. */
-#include <stdio.h>
-
 #include "fft/fft_own.h"
-#include "runtime/kernel.h"
 
 #define GROUP_SIZE_GPU 256
 #define GROUP_SIZE_CPU 64
@@ -21,13 +18,13 @@ static scratch_plan plan_scratch(const hada_context *context, int points, int od
     const uint64_t reported = context->info.local_memory_bytes;
     const uint64_t limit = reported < HADA_OWN_LOCAL_BYTES ? reported : HADA_OWN_LOCAL_BYTES;
     const size_t one = (size_t)points * 2 * sizeof(float) * (groups && odd ? 2 : 1);
-    scratch_plan plan = {.width = HADA_OWN_BLOCK, .bytes = one * HADA_OWN_BLOCK, .local = 1};
+    scratch_plan plan = {.width = HADA_FFT_BLOCK, .bytes = one * HADA_FFT_BLOCK, .local = 1};
     while (groups && plan.bytes > limit && plan.width > 1) {
         plan.width /= 2;
         plan.bytes /= 2;
     }
     if (plan.bytes > limit)
-        plan = (scratch_plan){.width = HADA_OWN_BLOCK, .bytes = one * HADA_OWN_BLOCK};
+        plan = (scratch_plan){.width = HADA_FFT_BLOCK, .bytes = one * HADA_FFT_BLOCK};
     return plan;
 }
 
@@ -55,29 +52,27 @@ hada_status hada_own_pass_make(hada_own_pass *pass, hada_slot *slot, const hada_
 {
     const hada_context *context = slot->context;
     hada_fft_pass_desc full = *desc;
-    hada_fft_pass table;
+    hada_fft_pass table = {0};
     int points, odd;
     size_t ints, floats;
+    hada_status status = HADA_OK;
     full.direct = reads_memory_first(context, desc->kind == HADA_PASS_COLUMNS);
-    hada_status status = hada_fft_pass_make(&table, &full, err);
-    if (status)
-        return status;
+    HADA_TRY(hada_fft_pass_make(&table, &full, err));
     hada_fft_pass_sizes(desc->n, full.direct, &points, &odd, &ints, &floats);
     const scratch_plan plan = plan_scratch(context, points, odd);
     pass->width = plan.width;
-    status = hada_buffer_create_from(&pass->ints, slot, table.ints, table.int_count * sizeof *table.ints,
-                                     "a transform's tables", err);
-    if (!status)
-        status = hada_buffer_create_from(&pass->floats, slot, table.floats, table.float_count * sizeof *table.floats,
-                                         "a transform's tables", err);
+    HADA_TRY(hada_buffer_create_from(&pass->ints, slot, table.ints, table.int_count * sizeof *table.ints,
+                                     "a transform's tables", err));
+    HADA_TRY(hada_buffer_create_from(&pass->floats, slot, table.floats, table.float_count * sizeof *table.floats,
+                                     "a transform's tables", err));
     if (plan.local) {
         pass->local_bytes = plan.bytes;
     } else {
         pass->groups = global_groups(context);
-        if (!status)
-            status = hada_buffer_create(&pass->scratch, slot->context, pass->groups * plan.bytes,
-                                        "a transform's scratch", err);
+        HADA_TRY(
+            hada_buffer_create(&pass->scratch, slot->context, pass->groups * plan.bytes, "a transform's scratch", err));
     }
+done:
     hada_fft_pass_free(&table);
     return status;
 }
@@ -107,31 +102,15 @@ size_t hada_own_pass_local(const hada_context *context, int n, int columns)
     return plan.local ? plan.bytes : 0;
 }
 
-hada_status hada_own_pass_launch(const hada_own_pass *pass, hada_slot *slot, const char *name, const char *options,
-                                 int tasks, hada_arg *args, size_t count, hada_error *err)
+hada_range hada_own_pass_range(const hada_own_pass *pass, const hada_slot *slot, int tasks)
 {
-    const int shared = slot->context->shape == HADA_SHAPE_GROUPS;
-    const size_t local = group_size(slot->context);
-    const cl_int width = pass->width;
     size_t groups = (size_t)tasks;
-    char kernel_name[64], all[128];
-    cl_kernel kernel;
-    snprintf(kernel_name, sizeof kernel_name, "fft_%s%s", shared ? "group_" : "", name);
-    snprintf(all, sizeof all, "%s%s%s", options, *options && !pass->local_bytes ? " " : "",
-             pass->local_bytes ? "" : "-DFFT_SCRATCH_GLOBAL=1");
-    hada_status status = hada_slot_kernel(slot, shared ? kernel_name : "fft_rows_cols", kernel_name, all, &kernel, err);
-    if (status)
-        return status;
-    if (!shared)
-        count--; /* eight lanes need no width */
-    else
-        args[count - 2] = (hada_arg)HADA_ARG(width);
-    if (pass->local_bytes) {
-        args[count - 1] = (hada_arg)HADA_ARG_LOCAL(pass->local_bytes);
-    } else {
-        args[count - 1] = (hada_arg)HADA_ARG(pass->scratch.mem);
-        groups = groups < pass->groups ? groups : pass->groups;
-    }
-    const size_t global = groups * local;
-    return hada_slot_launch(slot, kernel, kernel_name, 1, &global, &local, args, count, err);
+    if (!pass->local_bytes && groups > pass->groups)
+        groups = pass->groups;
+    return hada_range_groups(groups, group_size(slot->context), 1, 1);
+}
+
+hada_either hada_own_pass_scratch(const hada_own_pass *pass)
+{
+    return pass->local_bytes ? (hada_either){.bytes = pass->local_bytes} : (hada_either){.buffer = pass->scratch.mem};
 }

@@ -11,6 +11,10 @@
 #include "fft/fft_image.h"
 #include "fft/fft_internal.h"
 #include "fft/fft_own.h"
+#include "launch/fft_group_cols.h"
+#include "launch/fft_group_rows_forward.h"
+#include "launch/fft_group_rows_inverse.h"
+#include "launch/fft_rows_cols.h"
 
 /* Bytes between the two passes at a time. Lanes: what the caches of a few cores keep, larger measured slower. Groups:
  * work enough for a GPU. */
@@ -26,7 +30,7 @@ typedef struct own_state {
 
 static size_t between_count(const hada_fft_desc *desc)
 {
-    return (size_t)(desc->band_cols / HADA_OWN_BLOCK + 1) * (size_t)desc->real_rows * HADA_OWN_BLOCK;
+    return (size_t)(desc->band_cols / HADA_FFT_BLOCK + 1) * (size_t)desc->real_rows * HADA_FFT_BLOCK;
 }
 
 static int images_at_once(const hada_context *context, const hada_fft_desc *desc)
@@ -40,9 +44,9 @@ static int images_at_once(const hada_context *context, const hada_fft_desc *desc
 
 static size_t image_bytes(const hada_context *context, const hada_fft_desc *desc)
 {
-    const size_t blocks = (size_t)(desc->cols / 2 / HADA_OWN_BLOCK + 1), whole = blocks * (size_t)desc->rows;
+    const size_t blocks = (size_t)(desc->cols / 2 / HADA_FFT_BLOCK + 1), whole = blocks * (size_t)desc->rows;
     return hada_own_image_bytes(context, desc,
-                                desc->direction == HADA_FFT_INVERSE ? between_count(desc) : whole * HADA_OWN_BLOCK);
+                                desc->direction == HADA_FFT_INVERSE ? between_count(desc) : whole * HADA_FFT_BLOCK);
 }
 
 static size_t own_scratch(const hada_context *context, const hada_fft_desc *desc)
@@ -62,7 +66,7 @@ static int own_block(const hada_context *context, int rows, int cols)
     (void)context;
     (void)rows;
     (void)cols;
-    return HADA_OWN_BLOCK;
+    return HADA_FFT_BLOCK;
 }
 
 static void own_destroy(hada_fft *plan)
@@ -82,24 +86,21 @@ static hada_status own_create(hada_fft *plan, hada_error *err)
 {
     const hada_fft_desc *desc = &plan->desc;
     const int inverse = desc->direction == HADA_FFT_INVERSE;
-    hada_status status = hada_alloc(&plan->state, 1, sizeof(own_state), "a transform's plan", err);
-    if (status)
-        return status;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc(&plan->state, 1, sizeof(own_state), "a transform's plan", err));
     own_state *state = plan->state;
-
-    hada_fft_pass_desc rows = {
+    const hada_fft_pass_desc rows = {
         .kind = inverse ? HADA_PASS_ROWS_INVERSE : HADA_PASS_ROWS, .n = desc->cols, .inverse = inverse};
     const hada_fft_pass_desc columns = {.kind = HADA_PASS_COLUMNS, .n = desc->rows, .inverse = inverse};
-    status = hada_own_pass_make(&state->rows, plan->slot, &rows, err);
-    if (!status)
-        status = hada_own_pass_make(&state->columns, plan->slot, &columns, err);
+    HADA_TRY(hada_own_pass_make(&state->rows, plan->slot, &rows, err));
+    HADA_TRY(hada_own_pass_make(&state->columns, plan->slot, &columns, err));
     state->images = images_at_once(plan->slot->context, desc);
     state->image = (hada_own_image){&state->rows, &state->columns, image_bytes(plan->slot->context, desc)};
-    if (!status && inverse && !state->image.local_bytes) {
-        status = hada_scratch_create(&state->between, plan->slot,
+    if (inverse && !state->image.local_bytes)
+        HADA_TRY(hada_scratch_create(&state->between, plan->slot,
                                      between_count(desc) * (size_t)state->images * 2 * sizeof(float),
-                                     "a transform's scratch", err);
-    }
+                                     "a transform's scratch", err));
+done:
     return status;
 }
 
@@ -110,214 +111,167 @@ static int row_tasks(const own_state *state, const hada_fft_desc *desc)
     return (desc->real_rows + 2 * pairs - 1) / (2 * pairs);
 }
 
-typedef struct columns_io {
-    cl_mem in, out, filter;
-    size_t in_offset, out_offset, filter_offset;
-    size_t in_distance, out_distance, filter_distance;
-    int first_row, rows_in, last_row; /* the rows that are read: see kernels/inc_fft_cols.h */
-    int in_count, first, row0, rows_out, blocks, images;
-    const char *options;
-} columns_io;
-
-static hada_status run_columns(hada_fft *plan, const columns_io *io, hada_error *err)
+static hada_status launch_columns(hada_fft *plan, cl_mem in, const hada_fft_columns_in *from,
+                                  const hada_fft_filter *use, cl_mem out, const hada_fft_columns_out *to,
+                                  hada_error *err)
 {
-    own_state *state = plan->state;
-    const cl_ulong in_offset = io->in_offset, in_distance = io->in_distance, filter_offset = io->filter_offset,
-                   filter_distance = io->filter_distance, out_offset = io->out_offset, out_distance = io->out_distance;
-    const cl_int in_count = io->in_count, first = io->first, first_row = io->first_row, rows_in = io->rows_in,
-                 last_row = io->last_row, row0 = io->row0, rows_out = io->rows_out, images = io->images,
-                 tasks = io->blocks * io->images * (HADA_OWN_BLOCK / state->columns.width);
-    hada_arg args[] = {HADA_ARG(io->in),
-                       HADA_ARG(in_offset),
-                       HADA_ARG(in_distance),
-                       HADA_ARG(in_count),
-                       HADA_ARG(first),
-                       HADA_ARG(io->filter),
-                       HADA_ARG(filter_offset),
-                       HADA_ARG(filter_distance),
-                       HADA_ARG(first_row),
-                       HADA_ARG(rows_in),
-                       HADA_ARG(last_row),
-                       HADA_ARG(io->out),
-                       HADA_ARG(out_offset),
-                       HADA_ARG(out_distance),
-                       HADA_ARG(row0),
-                       HADA_ARG(rows_out),
-                       HADA_ARG(images),
-                       HADA_ARG(tasks),
-                       HADA_ARG(state->columns.ints.mem),
-                       HADA_ARG(state->columns.floats.mem),
-                       HADA_OWN_LAST_ARGS};
-    return hada_own_pass_launch(&state->columns, plan->slot, "cols", io->options, tasks, args, HADA_COUNT(args), err);
+    const own_state *state = plan->state;
+    const hada_own_pass *pass = &state->columns;
+    const int blocks = from->band / HADA_FFT_BLOCK + 1, global = !pass->local_bytes;
+    const hada_range range =
+        hada_own_pass_range(pass, plan->slot, blocks * to->images * (HADA_FFT_BLOCK / pass->width));
+    if (plan->slot->context->shape == HADA_SHAPE_GROUPS)
+        return hada_launch_fft_group_cols(plan->slot,
+                                          hada_find_fft_group_cols(.fft_product = (int)use->product,
+                                                                   .fft_half = use->half, .fft_scratch_global = global),
+                                          &range, err, .in = in, .from = *from, .filter = use->filter, .out = out,
+                                          .to = *to, .table = pass->ints.mem, .floats = pass->floats.mem,
+                                          .width = pass->width, .scratches = hada_own_pass_scratch(pass));
+    return hada_launch_fft_cols(
+        plan->slot,
+        hada_find_fft_rows_cols(.fft_product = (int)use->product, .fft_half = use->half, .fft_scratch_global = global),
+        &range, err, .in = in, .from = *from, .filter = use->filter, .out = out, .to = *to, .table = pass->ints.mem,
+        .floats = pass->floats.mem, .scratches = hada_own_pass_scratch(pass));
+}
+
+static hada_status launch_rows_forward(hada_fft *plan, cl_mem in, const hada_fft_real *real, cl_mem out,
+                                       const hada_fft_spectra *spectra, hada_error *err)
+{
+    const own_state *state = plan->state;
+    const hada_own_pass *pass = &state->rows;
+    const hada_range range = hada_own_pass_range(pass, plan->slot, row_tasks(state, &plan->desc) * real->images);
+    if (plan->slot->context->shape == HADA_SHAPE_GROUPS)
+        return hada_launch_fft_group_rows_forward(plan->slot,
+                                                  pass->local_bytes ? HADA_PROGRAM_FFT_GROUP_ROWS_FORWARD_DEFAULT
+                                                                    : HADA_PROGRAM_FFT_GROUP_ROWS_FORWARD_GLOBAL,
+                                                  &range, err, .in = in, .real = *real, .out = out, .spectra = *spectra,
+                                                  .table = pass->ints.mem, .floats = pass->floats.mem,
+                                                  .width = pass->width, .scratches = hada_own_pass_scratch(pass));
+    return hada_launch_fft_rows_forward(
+        plan->slot, pass->local_bytes ? HADA_PROGRAM_FFT_ROWS_COLS_DEFAULT : HADA_PROGRAM_FFT_ROWS_COLS_GLOBAL, &range,
+        err, .in = in, .real = *real, .out = out, .spectra = *spectra, .table = pass->ints.mem,
+        .floats = pass->floats.mem, .scratches = hada_own_pass_scratch(pass));
+}
+
+static hada_status launch_rows_inverse(hada_fft *plan, cl_mem in, const hada_fft_spectra *spectra, cl_mem out,
+                                       const hada_fft_real *real, hada_error *err)
+{
+    const own_state *state = plan->state;
+    const hada_own_pass *pass = &state->rows;
+    const hada_range range = hada_own_pass_range(pass, plan->slot, row_tasks(state, &plan->desc) * real->images);
+    if (plan->slot->context->shape == HADA_SHAPE_GROUPS)
+        return hada_launch_fft_group_rows_inverse(plan->slot,
+                                                  pass->local_bytes ? HADA_PROGRAM_FFT_GROUP_ROWS_INVERSE_DEFAULT
+                                                                    : HADA_PROGRAM_FFT_GROUP_ROWS_INVERSE_GLOBAL,
+                                                  &range, err, .in = in, .spectra = *spectra, .out = out, .real = *real,
+                                                  .table = pass->ints.mem, .floats = pass->floats.mem,
+                                                  .width = pass->width, .scratches = hada_own_pass_scratch(pass));
+    return hada_launch_fft_rows_inverse(
+        plan->slot, pass->local_bytes ? HADA_PROGRAM_FFT_ROWS_COLS_DEFAULT : HADA_PROGRAM_FFT_ROWS_COLS_GLOBAL, &range,
+        err, .in = in, .spectra = *spectra, .out = out, .real = *real, .table = pass->ints.mem,
+        .floats = pass->floats.mem, .scratches = hada_own_pass_scratch(pass));
 }
 
 /* The images first..first+images-1 of a batch. */
 static hada_status forward_part(hada_fft *plan, int first, int images, cl_mem real, size_t real_offset, cl_mem spectrum,
                                 size_t spectrum_offset, hada_error *err)
 {
-    own_state *state = plan->state;
     const hada_fft_desc *desc = &plan->desc;
-    const size_t at = spectrum_offset + (size_t)first * plan->layout.count;
-    const cl_ulong in_offset = real_offset + (size_t)first * desc->real_distance, in_distance = desc->real_distance,
-                   in_pitch = desc->real_pitch, out_offset = at, out_distance = plan->layout.count;
-    const cl_int col0 = desc->col0, cols_in = desc->real_cols, rows_in = desc->real_rows, row0 = desc->row0,
-                 rows = desc->rows, blocks = desc->band_cols / HADA_OWN_BLOCK + 1,
-                 tasks = row_tasks(state, desc) * images;
-    hada_arg args[] = {HADA_ARG(real),
-                       HADA_ARG(in_offset),
-                       HADA_ARG(in_distance),
-                       HADA_ARG(in_pitch),
-                       HADA_ARG(col0),
-                       HADA_ARG(cols_in),
-                       HADA_ARG(rows_in),
-                       HADA_ARG(spectrum),
-                       HADA_ARG(out_offset),
-                       HADA_ARG(out_distance),
-                       HADA_ARG(row0),
-                       HADA_ARG(rows),
-                       HADA_ARG(blocks),
-                       HADA_ARG(tasks),
-                       HADA_ARG(state->rows.ints.mem),
-                       HADA_ARG(state->rows.floats.mem),
-                       HADA_OWN_LAST_ARGS};
+    const size_t count = plan->layout.count, at = spectrum_offset + (size_t)first * count;
+    const hada_fft_filter none = {.product = HADA_FFT_PLAIN};
+    const hada_fft_real images_in =
+        hada_fft_real_of(desc, real_offset + (size_t)first * desc->real_distance, 1, images);
+    const hada_fft_spectra spectra = {at, count, desc->rows, desc->band_cols};
+    const hada_fft_columns_in from = {.offset = at,
+                                      .distance = count,
+                                      .count = images,
+                                      .first_row = desc->row0,
+                                      .rows = desc->real_rows,
+                                      .last_row = desc->rows,
+                                      .band = desc->band_cols};
+    const hada_fft_columns_out to = {.offset = at, .distance = count, .rows = desc->rows, .images = images};
+    hada_status status = HADA_OK;
     hada_fft_cost_rows(plan->slot, desc, images, NULL);
-    hada_status status =
-        hada_own_pass_launch(&state->rows, plan->slot, "rows_forward", "", tasks, args, HADA_COUNT(args), err);
-    if (status)
-        return status;
-    const columns_io io = {.in = spectrum,
-                           .out = spectrum,
-                           .in_offset = at,
-                           .out_offset = at,
-                           .in_distance = plan->layout.count,
-                           .out_distance = plan->layout.count,
-                           .first_row = desc->row0,
-                           .rows_in = desc->real_rows,
-                           .last_row = desc->rows,
-                           .in_count = images,
-                           .rows_out = desc->rows,
-                           .blocks = blocks,
-                           .images = images,
-                           .options = ""};
+    HADA_TRY(launch_rows_forward(plan, real, &images_in, spectrum, &spectra, err));
     hada_fft_cost_columns(plan->slot, desc, images, NULL);
-    return run_columns(plan, &io, err);
+    HADA_TRY(launch_columns(plan, spectrum, &from, &none, spectrum, &to, err));
+done:
+    return status;
 }
 
 static hada_status own_forward(hada_fft *plan, int batch, cl_mem real, size_t real_offset, cl_mem spectrum,
                                size_t spectrum_offset, hada_error *err)
 {
     const own_state *state = plan->state;
-    if (state->image.local_bytes) {
-        const hada_own_io io = {.in = real,
-                                .out = spectrum,
-                                .in_offset = real_offset,
-                                .out_offset = spectrum_offset,
-                                .spectrum_distance = plan->layout.count,
-                                .images = batch};
-        hada_fft_cost_image(plan->slot, &plan->desc, batch, NULL);
-        return hada_own_image_forward(&state->image, plan->slot, &plan->desc, &io, err);
-    }
+    const hada_fft_desc *desc = &plan->desc;
     hada_status status = HADA_OK;
-    for (int first = 0; first < batch && !status; first += state->images) {
-        const int left = batch - first, images = left < state->images ? left : state->images;
-        status = forward_part(plan, first, images, real, real_offset, spectrum, spectrum_offset, err);
+    if (state->image.local_bytes) {
+        const hada_fft_real images = hada_fft_real_of(desc, real_offset, 1, batch);
+        const hada_fft_spectra spectra = {spectrum_offset, plan->layout.count, desc->rows, desc->band_cols};
+        hada_fft_cost_image(plan->slot, desc, batch, NULL);
+        return hada_own_image_forward(&state->image, plan->slot, real, &images, spectrum, &spectra, err);
     }
+    for (int first = 0; first < batch; first += state->images) {
+        const int left = batch - first, images = left < state->images ? left : state->images;
+        HADA_TRY(forward_part(plan, first, images, real, real_offset, spectrum, spectrum_offset, err));
+    }
+done:
     return status;
 }
 
-static const char *product_options(const hada_fft_filter *filter)
+/* What columns of the images first... of a batch are made of: spectra, times filters where there are. */
+static hada_fft_columns_in columns_of(const hada_fft *plan, int first, size_t spectrum_offset,
+                                      const hada_fft_filter *use)
 {
-    if (!filter)
-        return "";
-    if (filter->product == HADA_FFT_COMPLEX)
-        return filter->half ? "-DFFT_PRODUCT=1 -DFFT_HALF=1" : "-DFFT_PRODUCT=1";
-    return filter->half ? "-DFFT_PRODUCT=2 -DFFT_HALF=1" : "-DFFT_PRODUCT=2";
+    const size_t count = plan->layout.count;
+    return (hada_fft_columns_in){.offset = spectrum_offset,
+                                 .distance = count,
+                                 .filter_offset = (size_t)(use->filter_first + first * use->stride) * count,
+                                 .filter_distance = count * (size_t)use->stride,
+                                 .count = use->spectrum_count,
+                                 .first = first,
+                                 .rows = use->band_rows + 1,
+                                 .last_row = plan->desc.rows - use->band_rows,
+                                 .band = use->band_cols};
 }
 
 /* The images first..first+images-1 of a batch. */
 static hada_status inverse_part(hada_fft *plan, int first, int images, cl_mem spectrum, size_t spectrum_offset,
-                                cl_mem real, size_t real_offset, const hada_fft_filter *filter, hada_error *err)
+                                cl_mem real, size_t real_offset, const hada_fft_filter *use, hada_error *err)
 {
-    own_state *state = plan->state;
+    const own_state *state = plan->state;
     const hada_fft_desc *desc = &plan->desc;
-    const hada_fft_filter use = hada_fft_resolve(plan, filter);
-    const size_t distance = between_count(desc), out_step = desc->real_distance * (size_t)use.stride;
-    columns_io io = {.in = spectrum,
-                     .out = state->between.mem,
-                     .in_offset = spectrum_offset,
-                     .in_distance = plan->layout.count,
-                     .out_distance = distance,
-                     .filter_distance = plan->layout.count * (size_t)use.stride,
-                     .rows_in = use.band_rows + 1,
-                     .last_row = desc->rows - use.band_rows,
-                     .in_count = filter ? filter->spectrum_count : desc->batch,
-                     .first = first,
-                     .row0 = desc->row0,
-                     .rows_out = desc->real_rows,
-                     .blocks = use.band_cols / HADA_OWN_BLOCK + 1,
-                     .images = images,
-                     .options = product_options(filter)};
-    if (filter) {
-        io.filter = filter->filter;
-        io.filter_offset = (size_t)(filter->filter_first + first * use.stride) * plan->layout.count;
-    }
-    hada_fft_cost_columns(plan->slot, desc, images, &use);
-    hada_status status = run_columns(plan, &io, err);
-    if (status)
-        return status;
-
-    const cl_ulong in_offset = 0, in_distance = distance, out_offset = real_offset + (size_t)first * out_step,
-                   out_distance = out_step, out_pitch = desc->real_pitch;
-    const cl_int rows_in = desc->real_rows, band = use.band_cols, col0 = desc->col0, cols_out = desc->real_cols,
-                 tasks = row_tasks(state, desc) * images;
-    const cl_float scale = hada_own_scale(desc);
-    hada_arg args[] = {HADA_ARG(state->between.mem),
-                       HADA_ARG(in_offset),
-                       HADA_ARG(in_distance),
-                       HADA_ARG(rows_in),
-                       HADA_ARG(band),
-                       HADA_ARG(real),
-                       HADA_ARG(out_offset),
-                       HADA_ARG(out_distance),
-                       HADA_ARG(out_pitch),
-                       HADA_ARG(col0),
-                       HADA_ARG(cols_out),
-                       HADA_ARG(scale),
-                       HADA_ARG(tasks),
-                       HADA_ARG(state->rows.ints.mem),
-                       HADA_ARG(state->rows.floats.mem),
-                       HADA_OWN_LAST_ARGS};
-    hada_fft_cost_rows(plan->slot, desc, images, &use);
-    return hada_own_pass_launch(&state->rows, plan->slot, "rows_inverse", "", tasks, args, HADA_COUNT(args), err);
+    const size_t distance = between_count(desc), step = desc->real_distance * (size_t)use->stride;
+    const hada_fft_columns_in from = columns_of(plan, first, spectrum_offset, use);
+    const hada_fft_columns_out to = {
+        .distance = distance, .row0 = desc->row0, .rows = desc->real_rows, .images = images};
+    const hada_fft_spectra spectra = {.distance = distance, .rows = desc->real_rows, .band = use->band_cols};
+    const hada_fft_real images_out = hada_fft_real_of(desc, real_offset + (size_t)first * step, use->stride, images);
+    hada_status status = HADA_OK;
+    hada_fft_cost_columns(plan->slot, desc, images, use);
+    HADA_TRY(launch_columns(plan, spectrum, &from, use, state->between.mem, &to, err));
+    hada_fft_cost_rows(plan->slot, desc, images, use);
+    HADA_TRY(launch_rows_inverse(plan, state->between.mem, &spectra, real, &images_out, err));
+done:
+    return status;
 }
 
 static hada_status own_inverse(hada_fft *plan, int batch, cl_mem spectrum, size_t spectrum_offset, cl_mem real,
-                               size_t real_offset, const hada_fft_filter *filter, hada_error *err)
+                               size_t real_offset, const hada_fft_filter *use, hada_error *err)
 {
     const own_state *state = plan->state;
-    const hada_fft_filter use = hada_fft_resolve(plan, filter);
-    if (state->image.local_bytes) {
-        const hada_own_io io = {.in = spectrum,
-                                .out = real,
-                                .filter = filter ? filter->filter : NULL,
-                                .in_offset = spectrum_offset,
-                                .out_offset = real_offset,
-                                .filter_offset = filter ? (size_t)filter->filter_first * plan->layout.count : 0,
-                                .spectrum_distance = plan->layout.count,
-                                .in_count = filter ? filter->spectrum_count : plan->desc.batch,
-                                .images = batch,
-                                .stride = use.stride,
-                                .band_rows = use.band_rows,
-                                .band_cols = use.band_cols,
-                                .options = product_options(filter)};
-        hada_fft_cost_image(plan->slot, &plan->desc, batch, &use);
-        return hada_own_image_inverse(&state->image, plan->slot, &plan->desc, &io, err);
-    }
     hada_status status = HADA_OK;
-    for (int first = 0; first < batch && !status; first += state->images) {
-        const int left = batch - first, images = left < state->images ? left : state->images;
-        status = inverse_part(plan, first, images, spectrum, spectrum_offset, real, real_offset, filter, err);
+    if (state->image.local_bytes) {
+        const hada_fft_columns_in from = columns_of(plan, 0, spectrum_offset, use);
+        const hada_fft_real images = hada_fft_real_of(&plan->desc, real_offset, use->stride, batch);
+        hada_fft_cost_image(plan->slot, &plan->desc, batch, use);
+        return hada_own_image_inverse(&state->image, plan->slot, spectrum, &from, use, real, &images, err);
     }
+    for (int first = 0; first < batch; first += state->images) {
+        const int left = batch - first, images = left < state->images ? left : state->images;
+        HADA_TRY(inverse_part(plan, first, images, spectrum, spectrum_offset, real, real_offset, use, err));
+    }
+done:
     return status;
 }
 

@@ -4,9 +4,9 @@
 #define HADA_FFT_OWN_H
 
 #include "fft/fft_pass.h"
+#include "kernels/shared_fft.h"
 #include "runtime/buffer.h"
-
-#define HADA_OWN_BLOCK 8 /* columns of a spectrum's block */
+#include "runtime/launch.h"
 
 /* Local memory is used up to here: PoCL reports more, and aborts above 512 KiB. */
 #define HADA_OWN_LOCAL_BYTES ((uint64_t)384 << 10)
@@ -27,12 +27,9 @@ size_t hada_own_pass_bytes(const hada_context *context, int n, int columns);
 /* Bytes of local memory of such a pass for each group, 0 where its scratch lies in global memory. */
 size_t hada_own_pass_local(const hada_context *context, int n, int columns);
 
-/* The kernels' last arguments, width and scratch, which hada_own_pass_launch() sets. */
-#define HADA_OWN_LAST_ARGS HADA_ARG_LOCAL(0), HADA_ARG_LOCAL(0)
-
-/* Enqueues `tasks` of a pass: one work-group each, or, where scratch lies in global memory, as many groups as there is
- * scratch for. `name`: the kernel's without fft_ or fft_group_. `args` ends with HADA_OWN_LAST_ARGS. */
-hada_status hada_own_pass_launch(const hada_own_pass *pass, hada_slot *slot, const char *name, const char *options,
-                                 int tasks, hada_arg *args, size_t count, hada_error *err);
+/* What enqueues `tasks` of a pass: one work-group each, or, where scratch lies in global memory, as many groups as
+ * there is scratch for; and that scratch, the kernels' last argument. */
+hada_range hada_own_pass_range(const hada_own_pass *pass, const hada_slot *slot, int tasks);
+hada_either hada_own_pass_scratch(const hada_own_pass *pass);
 
 #endif

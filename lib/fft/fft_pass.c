@@ -6,11 +6,11 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "kernels/shared_fft_table.h"
 #include "core/alloc.h"
 #include "core/fft_factor.h"
+#include "kernels/shared_fft_table.h"
 
-#define TURN 6.283185307179586476925286766559
+#define TWO_PI 6.283185307179586476925286766559
 
 /* The points that the first stages take at a time: 16 KiB of the nearest cache. */
 #define CHUNK_POINTS 256
@@ -33,7 +33,7 @@ static double complex root(long long k, long long n)
         static const double complex quarters[4] = {1.0, -1.0 * I, -1.0, 1.0 * I};
         return quarters[4 * k / n];
     }
-    double angle = -TURN * (double)k / (double)n;
+    double angle = -TWO_PI * (double)k / (double)n;
     return cos(angle) + sin(angle) * I;
 }
 

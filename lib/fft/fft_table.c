@@ -22,6 +22,15 @@ static const choice_row table[] = {
     {0, (size_t)-1, HADA_FFT_OWN},
 };
 
+int hada_clfft_takes(int n)
+{
+    static const int primes[] = {2, 3, 5, 7, 11, 13};
+    for (int i = 0; i < 6; i++)
+        while (n > 1 && n % primes[i] == 0)
+            n /= primes[i];
+    return n == 1;
+}
+
 hada_fft_backend hada_fft_choose(const hada_context *context, int rows, int cols)
 {
     hada_fft_backend backend;

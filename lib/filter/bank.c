@@ -4,8 +4,8 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "model/model.h"
 #include "filter/layout.h"
+#include "model/model.h"
 
 static uint64_t depth_bytes(const hada_spectrum_layout *layout, int channels, int half)
 {

@@ -5,9 +5,9 @@
 #include <string.h>
 
 #include "core/alloc.h"
-#include "model/model.h"
 #include "filter/layout.h"
 #include "io/safetensors.h"
+#include "model/model.h"
 
 /* The device sums up some thousand products of floats: each operation rounds by 2^-24 at most. */
 static const double rounding = 1.001;

@@ -7,8 +7,8 @@
 #ifndef HADA_FILTER_GAINS_H
 #define HADA_FILTER_GAINS_H
 
-#include "model/model.h"
 #include "filter/tiles.h"
+#include "model/model.h"
 
 typedef struct hada_gains {
     hada_tiles tiles;

@@ -3,7 +3,8 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "runtime/kernel.h"
+#include "launch/fft_plain.h"
+#include "launch/filter_dark.h"
 
 enum { GROUP = 64 };
 
@@ -187,19 +188,14 @@ hada_status hada_hadamard_set_dark(hada_hadamard *stage, const float *dark, hada
 
 static hada_status subtract(hada_hadamard *stage, int channel, double level, hada_error *err)
 {
-    cl_kernel kernel;
-    const cl_ulong count = (cl_ulong)stage->raw_rows * (cl_ulong)stage->raw_cols, offset = (cl_ulong)channel * count;
-    const cl_float taken = (cl_float)level;
-    const cl_int framed = stage->has_dark;
-    const size_t local = GROUP, global = ((size_t)count + 8 * GROUP - 1) / (8 * GROUP) * GROUP;
-    cl_mem dark = framed ? stage->dark.mem : stage->raw.mem; /* not read without a dark frame */
-    hada_status status = hada_slot_kernel(stage->slot, "filter_dark", "filter_dark", "", &kernel, err);
-    hada_arg args[] = {HADA_ARG(stage->raw.mem), HADA_ARG(dark),  HADA_ARG(offset),
-                       HADA_ARG(framed),         HADA_ARG(taken), HADA_ARG(count)};
-    hada_slot_cost(stage->slot, (framed ? 12.0 : 8.0) * (double)count, (double)count);
-    if (!status)
-        status = hada_slot_launch(stage->slot, kernel, "filter_dark", 1, &global, &local, args, HADA_COUNT(args), err);
-    return status;
+    const size_t count = (size_t)stage->raw_rows * (size_t)stage->raw_cols;
+    const hada_range range = hada_range_of(hada_divide_up(count, 8), GROUP, 1, 1);
+    hada_slot_cost(stage->slot, (stage->has_dark ? 12.0 : 8.0) * (double)count, (double)count);
+    return hada_launch_filter_dark(stage->slot, HADA_PROGRAM_FILTER_DARK_DEFAULT, &range, err, .raw = stage->raw.mem,
+                                   /* not read without a dark frame */
+                                   .dark = stage->has_dark ? stage->dark.mem : stage->raw.mem,
+                                   .offset = (cl_ulong)channel * count, .framed = stage->has_dark,
+                                   .level = (float)level, .count = count);
 }
 
 /* Where a channel's spectrum or plane comes from. */
@@ -259,21 +255,21 @@ hada_status hada_hadamard_frame(hada_hadamard *stage, const float *raw, const do
 /* Windows of `batch` whole images to the planes, each `distance` floats from the other. */
 static hada_status crop(hada_hadamard *stage, int batch, cl_mem planes, size_t offset, size_t distance, hada_error *err)
 {
-    const cl_int rows = stage->layout.rows, cols = stage->layout.cols, row0 = stage->geometry.window_row,
-                 col0 = stage->geometry.window_col, rows_out = stage->window_rows, cols_out = stage->window_cols;
-    const cl_ulong out_offset = offset, out_distance = distance, out_pitch = (cl_ulong)cols_out,
-                   count = (cl_ulong)batch * (cl_ulong)rows_out * (cl_ulong)cols_out;
-    const size_t local = GROUP, global = ((size_t)count + GROUP - 1) / GROUP * GROUP;
-    cl_kernel kernel;
-    hada_status status = hada_slot_kernel(stage->slot, "fft_plain", "fft_plain_crop", "", &kernel, err);
-    const hada_arg args[] = {HADA_ARG(stage->whole.mem), HADA_ARG(rows),       HADA_ARG(cols),
-                             HADA_ARG(planes),           HADA_ARG(out_offset), HADA_ARG(out_distance),
-                             HADA_ARG(out_pitch),        HADA_ARG(row0),       HADA_ARG(col0),
-                             HADA_ARG(rows_out),         HADA_ARG(cols_out),   HADA_ARG(count)};
+    const hada_fft_real window = {.offset = offset,
+                                  .distance = distance,
+                                  .pitch = (size_t)stage->window_cols,
+                                  .row0 = stage->geometry.window_row,
+                                  .col0 = stage->geometry.window_col,
+                                  .rows = stage->window_rows,
+                                  .cols = stage->window_cols,
+                                  .images = batch,
+                                  .scale = 1.0f};
+    const size_t count = (size_t)batch * (size_t)window.rows * (size_t)window.cols;
+    const hada_range range = hada_range_of(count, GROUP, 1, 1);
     hada_slot_cost(stage->slot, 8.0 * (double)count, 0.0);
-    return status ? status
-                  : hada_slot_launch(stage->slot, kernel, "fft_plain_crop", 1, &global, &local, args, HADA_COUNT(args),
-                                     err);
+    return hada_launch_fft_plain_crop(stage->slot, HADA_PROGRAM_FFT_PLAIN_DEFAULT, &range, err, .in = stage->whole.mem,
+                                      .rows = stage->layout.rows, .cols = stage->layout.cols, .out = planes,
+                                      .real = window, .count = count);
 }
 
 /* Inverse transforms of `batch` members into the planes, by way of the whole grid where that is not pruned. */

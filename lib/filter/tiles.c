@@ -3,7 +3,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "runtime/kernel.h"
+#include "launch/filter_tiles.h"
 
 hada_tiles hada_tiles_of(const hada_spectrum_layout *layout)
 {
@@ -67,20 +67,18 @@ uint64_t hada_meter_bytes(const hada_spectrum_layout *layout, int channels)
 hada_status hada_meter_create(hada_meter **out, hada_slot *slot, const hada_spectrum_layout *layout, int channels,
                               hada_error *err)
 {
-    hada_meter *meter;
-    *out = NULL;
-    hada_status status = hada_alloc((void **)&meter, 1, sizeof *meter, "the measure of spectra", err);
-    if (status)
-        return status;
+    hada_meter *meter = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&meter, 1, sizeof *meter, "the measure of spectra", err));
     meter->tiles = hada_tiles_of(layout);
     meter->slot = slot;
     meter->channels = channels;
-    status = hada_buffer_create_from(&meter->last, slot, meter->tiles.row_last, sizeof meter->tiles.row_last,
-                                     "the measure of spectra", err);
-    if (!status)
-        status = hada_buffer_create(&meter->energy, slot->context,
-                                    (size_t)channels * hada_tiles_count(&meter->tiles) * sizeof(float),
-                                    "the measure of spectra", err);
+    HADA_TRY(hada_buffer_create_from(&meter->last, slot, meter->tiles.row_last, sizeof meter->tiles.row_last,
+                                     "the measure of spectra", err));
+    HADA_TRY(hada_buffer_create(&meter->energy, slot->context,
+                                (size_t)channels * hada_tiles_count(&meter->tiles) * sizeof(float),
+                                "the measure of spectra", err));
+done:
     if (status)
         hada_meter_destroy(&meter);
     *out = meter;
@@ -101,27 +99,12 @@ void hada_meter_destroy(hada_meter **pointer)
 hada_status hada_meter_run(hada_meter *meter, cl_mem spectrum, cl_mem gains, hada_error *err)
 {
     const hada_spectrum_layout *layout = &meter->tiles.layout;
-    const cl_ulong channel_count = layout->count;
-    const cl_int rows = layout->rows, cols = layout->cols, block = layout->block, strips = HADA_BANDS,
-                 groups = meter->tiles.groups;
-    const cl_uint count = (cl_uint)(meter->energy.bytes / sizeof(float));
-    const size_t local = 64, global = (count + local - 1) / local * local;
-    cl_kernel kernel;
-    hada_status status = hada_slot_kernel(meter->slot, "filter_tiles", "filter_tiles", "", &kernel, err);
-    const hada_arg args[] = {HADA_ARG(spectrum),
-                             HADA_ARG(gains),
-                             HADA_ARG(channel_count),
-                             HADA_ARG(rows),
-                             HADA_ARG(cols),
-                             HADA_ARG(block),
-                             HADA_ARG(strips),
-                             HADA_ARG(groups),
-                             HADA_ARG(meter->last.mem),
-                             HADA_ARG(count),
-                             HADA_ARG(meter->energy.mem)};
+    const size_t count = meter->energy.bytes / sizeof(float);
+    const hada_range range = hada_range_of(count, 64, 1, 1);
     const double values = (double)layout->count * meter->channels;
     hada_slot_cost(meter->slot, 12.0 * values, 5.0 * values);
-    return status
-               ? status
-               : hada_slot_launch(meter->slot, kernel, "filter_tiles", 1, &global, &local, args, HADA_COUNT(args), err);
+    return hada_launch_filter_tiles(meter->slot, HADA_PROGRAM_FILTER_TILES_DEFAULT, &range, err, .in = spectrum,
+                                    .gains = gains, .shape = hada_spectrum_shape_of(layout), .strips = HADA_BANDS,
+                                    .groups = meter->tiles.groups, .last = meter->last.mem, .out = meter->energy.mem,
+                                    .count = (cl_uint)count);
 }

@@ -2,16 +2,17 @@
 
 #include <stdlib.h>
 
-#include "runtime/profile.h"
+#include "kernels/shared_peaks.h"
+#include "launch/peak_copy.h"
+#include "launch/peak_flops.h"
 #include "runtime/buffer.h"
-#include "runtime/kernel.h"
+#include "runtime/profile.h"
 
 enum {
     WIDTH_LANES = 8,
     WIDTH_WIDE = 16,  /* where registers hold as many; narrower ones run short of registers then */
     WIDTH_GROUPS = 4, /* 16 bytes for each work-item */
     GROUP = 256,
-    CHAINS = 12,    /* as in the kernel */
     STRETCH = 4096, /* vectors of a CPU's work-item: 128 KiB */
     EACH = 16,      /* vectors of a GPU's work-item */
     RUNS = 16,
@@ -35,47 +36,28 @@ static size_t group_of(const hada_context *context)
     return size;
 }
 
-static const char *options_of(int width)
-{
-    return width == WIDTH_GROUPS ? "-DPEAK_WIDTH=4" : width == WIDTH_WIDE ? "-DPEAK_WIDTH=16" : "";
-}
-
 hada_status hada_peak_copy(hada_slot *slot, cl_mem in, cl_mem out, size_t count, hada_error *err)
 {
     const hada_context *context = slot->context;
     const int groups = context->shape == HADA_SHAPE_GROUPS;
     const size_t vectors = count / (size_t)hada_peak_width(context), stretch = groups ? EACH : STRETCH;
-    const size_t local = group_of(context), items = (vectors + stretch - 1) / stretch;
-    const size_t global = (items + local - 1) / local * local;
-    const cl_ulong each = stretch, apart = groups ? 1 : stretch, step = groups ? global : 1, total = vectors;
-    const hada_arg args[] = {HADA_ARG(in),    HADA_ARG(out),  HADA_ARG(each),
-                             HADA_ARG(apart), HADA_ARG(step), HADA_ARG(total)};
-    cl_kernel kernel;
-    hada_status status =
-        hada_slot_kernel(slot, "peak_copy", "peak_copy", options_of(hada_peak_width(context)), &kernel, err);
-    if (status)
-        return status;
+    const hada_range range = hada_range_of(hada_divide_up(vectors, stretch), group_of(context), 1, 1);
     hada_slot_cost(slot, 8.0 * (double)count, 0);
-    return hada_slot_launch(slot, kernel, "peak_copy", 1, &global, &local, args, HADA_COUNT(args), err);
+    return hada_launch_peak_copy(slot, hada_program_peak_copy_of(slot), &range, err, .in = in, .out = out,
+                                 .each = stretch, .apart = groups ? 1 : stretch, .step = groups ? range.global[0] : 1,
+                                 .count = vectors);
 }
 
 hada_status hada_peak_flops(hada_slot *slot, int width, cl_mem out, size_t items, float factor, float term, int rounds,
                             double *flops, hada_error *err)
 {
-    const hada_context *context = slot->context;
-    const size_t local = group_of(context), global = (items + local - 1) / local * local;
-    const double all = 2.0 * CHAINS * width * (double)global * rounds;
-    const cl_float by = factor, plus = term;
-    const cl_int count = rounds;
-    const hada_arg args[] = {HADA_ARG(out), HADA_ARG(by), HADA_ARG(plus), HADA_ARG(count)};
-    cl_kernel kernel;
-    hada_status status = hada_slot_kernel(slot, "peak_flops", "peak_flops", options_of(width), &kernel, err);
-    if (status)
-        return status;
+    const hada_range range = hada_range_of(items, group_of(slot->context), 1, 1);
+    const double all = 2.0 * HADA_PEAK_CHAINS * width * (double)range.global[0] * rounds;
     if (flops)
         *flops = all;
     hada_slot_cost(slot, 0, all);
-    return hada_slot_launch(slot, kernel, "peak_flops", 1, &global, &local, args, HADA_COUNT(args), err);
+    return hada_launch_peak_flops(slot, hada_find_peak_flops(.peak_width = width), &range, err, .out = out,
+                                  .factor = factor, .term = term, .rounds = rounds);
 }
 
 /* Seconds of what was launched since the last call. */
@@ -83,12 +65,15 @@ static hada_status last_seconds(hada_slot *slot, double *seconds, hada_error *er
 {
     hada_kernel_time *rows = NULL;
     size_t count = 0;
-    hada_status status = hada_slot_times(slot, &rows, &count, err);
+    hada_status status = HADA_OK;
     *seconds = 0;
-    for (size_t i = 0; !status && i < count; i++)
+    HADA_TRY(hada_slot_times(slot, &rows, &count, err));
+    for (size_t i = 0; i < count; i++)
         *seconds += rows[i].seconds;
+    HADA_TRY(hada_slot_profile(slot, 1, err));
+done:
     free(rows);
-    return status ? status : hada_slot_profile(slot, 1, err);
+    return status;
 }
 
 static hada_status best_copy(hada_slot *slot, double *rate, hada_error *err)
@@ -99,21 +84,19 @@ static hada_status best_copy(hada_slot *slot, double *rate, hada_error *err)
     const uint64_t most = quarter / sizeof(float) / 64 * 64;
     const size_t count = (size_t)(most < COPY_FLOATS ? most : COPY_FLOATS);
     hada_buffer in = {0}, out = {0};
-    hada_status status = hada_buffer_create(&in, slot->context, count * sizeof(float), "a copy", err);
-    if (!status)
-        status = hada_buffer_create(&out, slot->context, count * sizeof(float), "a copy", err);
-    if (!status)
-        status = hada_buffer_clear(&in, slot, 0, in.bytes, err);
-    for (int run = -1; !status && run < RUNS; run++) { /* the first one touches the memory */
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_buffer_create(&in, slot->context, count * sizeof(float), "a copy", err));
+    HADA_TRY(hada_buffer_create(&out, slot->context, count * sizeof(float), "a copy", err));
+    HADA_TRY(hada_buffer_clear(&in, slot, 0, in.bytes, err));
+    for (int run = -1; run < RUNS; run++) { /* the first one touches the memory */
         double seconds = 0;
-        status = hada_slot_profile(slot, 1, err);
-        if (!status)
-            status = hada_peak_copy(slot, in.mem, out.mem, count, err);
-        if (!status)
-            status = last_seconds(slot, &seconds, err);
+        HADA_TRY(hada_slot_profile(slot, 1, err));
+        HADA_TRY(hada_peak_copy(slot, in.mem, out.mem, count, err));
+        HADA_TRY(last_seconds(slot, &seconds, err));
         if (run >= 0 && seconds > 0 && 8.0 * (double)count / seconds > *rate)
             *rate = 8.0 * (double)count / seconds;
     }
+done:
     hada_slot_finish(slot, NULL);
     hada_buffer_destroy(&in);
     hada_buffer_destroy(&out);
@@ -127,20 +110,20 @@ static hada_status best_flops(hada_slot *slot, double *rate, hada_error *err)
     const size_t units = context->info.compute_units ? context->info.compute_units : 1;
     const size_t items = units * (groups ? 2048 : 8);
     hada_buffer out = {0};
-    hada_status status =
-        hada_buffer_create(&out, slot->context, (items + GROUP) * WIDTH_WIDE * sizeof(float), "sums of chains", err);
-    for (int run = -2; !status && run < 2 * RUNS; run++) { /* the first ones compile */
+    hada_status status = HADA_OK;
+    HADA_TRY(
+        hada_buffer_create(&out, slot->context, (items + GROUP) * WIDTH_WIDE * sizeof(float), "sums of chains", err));
+    for (int run = -2; run < 2 * RUNS; run++) { /* the first ones compile */
         const int width = !groups && run % 2 ? WIDTH_WIDE : hada_peak_width(context);
         double seconds = 0, flops = 0;
-        status = hada_slot_profile(slot, 1, err);
-        if (!status)
-            status = hada_peak_flops(slot, width, out.mem, items, 0.999f, 0.001f, groups ? ROUNDS_GROUPS : ROUNDS_LANES,
-                                     &flops, err);
-        if (!status)
-            status = last_seconds(slot, &seconds, err);
+        HADA_TRY(hada_slot_profile(slot, 1, err));
+        HADA_TRY(hada_peak_flops(slot, width, out.mem, items, 0.999f, 0.001f, groups ? ROUNDS_GROUPS : ROUNDS_LANES,
+                                 &flops, err));
+        HADA_TRY(last_seconds(slot, &seconds, err));
         if (run >= 0 && seconds > 0 && flops / seconds > *rate)
             *rate = flops / seconds;
     }
+done:
     hada_slot_finish(slot, NULL);
     hada_buffer_destroy(&out);
     return status;
@@ -152,16 +135,18 @@ hada_status hada_device_peaks(hada_context *context, double *copy_bytes_per_seco
     if (!context)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_device_peaks: a context is needed");
     double copy = 0, flops = 0;
-    hada_slot *slot;
-    hada_status status = hada_slot_create(&slot, context, err);
-    if (!status && copy_bytes_per_second)
-        status = best_copy(slot, &copy, err);
-    if (!status && flops_per_second)
-        status = best_flops(slot, &flops, err);
-    hada_slot_destroy(&slot);
-    if (!status && copy_bytes_per_second)
+    hada_slot *slot = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_slot_create(&slot, context, err));
+    if (copy_bytes_per_second) {
+        HADA_TRY(best_copy(slot, &copy, err));
         *copy_bytes_per_second = copy;
-    if (!status && flops_per_second)
+    }
+    if (flops_per_second) {
+        HADA_TRY(best_flops(slot, &flops, err));
         *flops_per_second = flops;
+    }
+done:
+    hada_slot_destroy(&slot);
     return status;
 }

@@ -2,6 +2,7 @@
 #include <stdlib.h>
 
 #include "check.h"
+#include "launch/filter_clip.h"
 
 static hada_status prepare(check_state *state, hada_error *err)
 {
@@ -30,12 +31,11 @@ static hada_status launch(check_state *state, hada_error *err)
     const hada_buffer *in = state->own;
     const cl_int code = clEnqueueCopyBuffer(state->slot->queue, in->mem, state->out.mem, 0,
                                             state->out_offset * sizeof(float), in->bytes, 0, NULL, NULL);
-    const cl_ulong offset = state->out_offset, count = state->out_count;
-    const hada_arg args[] = {HADA_ARG(state->out.mem), HADA_ARG(offset), HADA_ARG(count)};
+    const hada_range range = hada_range_of(hada_divide_up(state->out_count, 8), 64, 1, 1);
     if (code != CL_SUCCESS)
         return hada_fail_cl(err, code, "clEnqueueCopyBuffer");
-    return check_kernel(state, "image_clip", "image_clip", "", (state->out_count + 7) / 8, 64, args, HADA_COUNT(args),
-                        err);
+    return hada_launch_filter_clip(state->slot, HADA_PROGRAM_FILTER_CLIP_DEFAULT, &range, err, .values = state->out.mem,
+                                   .offset = state->out_offset, .count = state->out_count);
 }
 
 static void release(check_state *state)
@@ -45,4 +45,4 @@ static void release(check_state *state)
     free(state->own);
 }
 
-const check_op check_clip = {"image_clip", "n values", prepare, launch, release};
+const check_op check_clip = {"filter_clip", "n values", prepare, launch, release};

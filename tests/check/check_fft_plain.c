@@ -4,7 +4,7 @@
 #include "check.h"
 #include "core/alloc.h"
 #include "io/safetensors.h"
-#include "runtime/kernel.h"
+#include "launch/fft_plain.h"
 #include "ref/ref_spectrum.h"
 
 typedef struct plain_state {
@@ -76,33 +76,39 @@ static hada_status crop_prepare(check_state *state, hada_error *err)
     return move_prepare(state, 1, err);
 }
 
+static hada_fft_real rectangle(const plain_state *own, size_t offset)
+{
+    const size_t pitch = (size_t)own->part_cols;
+    return (hada_fft_real){.offset = offset,
+                           .distance = pitch * (size_t)own->part_rows,
+                           .pitch = pitch,
+                           .row0 = own->row0,
+                           .col0 = own->col0,
+                           .rows = own->part_rows,
+                           .cols = own->part_cols};
+}
+
 static hada_status pad_launch(check_state *state, hada_error *err)
 {
     plain_state *own = state->own;
-    const cl_ulong offset = 0, pitch = (cl_ulong)own->part_cols, distance = pitch * (cl_ulong)own->part_rows;
-    const cl_ulong count = state->out_count;
+    const hada_range range = hada_range_of(state->out_count, 64, 1, 1);
     hada_status status = HADA_OK;
     if (!state->regions)
-        status = check_region(state, 0, state->out_count, &state->region[0], err);
-    const hada_arg args[] = {HADA_ARG(own->in.mem),    HADA_ARG(offset),         HADA_ARG(distance),
-                             HADA_ARG(pitch),          HADA_ARG(own->row0),      HADA_ARG(own->col0),
-                             HADA_ARG(own->part_rows), HADA_ARG(own->part_cols), HADA_ARG(state->region[0]),
-                             HADA_ARG(own->rows),      HADA_ARG(own->cols),      HADA_ARG(count)};
-    return status ? status
-                  : check_kernel(state, "fft_plain", "fft_plain_pad", "", state->out_count, 64, args, HADA_COUNT(args),
-                                 err);
+        HADA_TRY(check_region(state, 0, state->out_count, &state->region[0], err));
+    HADA_TRY(hada_launch_fft_plain_pad(state->slot, HADA_PROGRAM_FFT_PLAIN_DEFAULT, &range, err, .in = own->in.mem,
+                                       .real = rectangle(own, 0), .out = state->region[0], .rows = own->rows,
+                                       .cols = own->cols, .count = state->out_count));
+done:
+    return status;
 }
 
 static hada_status crop_launch(check_state *state, hada_error *err)
 {
     plain_state *own = state->own;
-    const cl_ulong offset = state->out_offset, pitch = (cl_ulong)own->part_cols;
-    const cl_ulong distance = pitch * (cl_ulong)own->part_rows, count = state->out_count;
-    const hada_arg args[] = {HADA_ARG(own->in.mem),    HADA_ARG(own->rows),      HADA_ARG(own->cols),
-                             HADA_ARG(state->out.mem), HADA_ARG(offset),         HADA_ARG(distance),
-                             HADA_ARG(pitch),          HADA_ARG(own->row0),      HADA_ARG(own->col0),
-                             HADA_ARG(own->part_rows), HADA_ARG(own->part_cols), HADA_ARG(count)};
-    return check_kernel(state, "fft_plain", "fft_plain_crop", "", state->out_count, 64, args, HADA_COUNT(args), err);
+    const hada_range range = hada_range_of(state->out_count, 64, 1, 1);
+    return hada_launch_fft_plain_crop(state->slot, HADA_PROGRAM_FFT_PLAIN_DEFAULT, &range, err, .in = own->in.mem,
+                                      .rows = own->rows, .cols = own->cols, .out = state->out.mem,
+                                      .real = rectangle(own, state->out_offset), .count = state->out_count);
 }
 
 /* Integers, but for their halves in the columns that mirror themselves: exact, also as half. */
@@ -146,20 +152,20 @@ static hada_status product_prepare(check_state *state, hada_error *err)
 
 static hada_status product_launch(check_state *state, hada_error *err)
 {
-    static const char *const options[2][3] = {{"", "-DFFT_PRODUCT=1", "-DFFT_PRODUCT=2"},
-                                              {"", "-DFFT_PRODUCT=1 -DFFT_HALF=1", "-DFFT_PRODUCT=2 -DFFT_HALF=1"}};
     plain_state *own = state->own;
-    const cl_ulong offset = 0, count = state->out_count / 2;
+    const size_t count = state->out_count / 2;
+    const hada_range range = hada_range_of(count, 64, 1, 1);
+    const int product = own->product % 3, half = product && own->half;
+    const hada_fft_band band = {own->rows, own->cols, own->band_rows, own->band_cols};
     hada_status status = HADA_OK;
     if (!state->regions)
-        status = check_region(state, 0, state->out_count, &state->region[0], err);
-    const hada_arg args[] = {HADA_ARG(own->in.mem),     HADA_ARG(offset),           HADA_ARG(own->channels),
-                             HADA_ARG(own->filter.mem), HADA_ARG(offset),           HADA_ARG(own->step),
-                             HADA_ARG(own->rows),       HADA_ARG(own->cols),        HADA_ARG(own->band_rows),
-                             HADA_ARG(own->band_cols),  HADA_ARG(state->region[0]), HADA_ARG(count)};
-    return status ? status
-                  : check_kernel(state, "fft_plain", "fft_plain_product", options[own->half != 0][own->product % 3],
-                                 (size_t)count, 64, args, HADA_COUNT(args), err);
+        HADA_TRY(check_region(state, 0, state->out_count, &state->region[0], err));
+    HADA_TRY(hada_launch_fft_plain_product(state->slot, hada_find_fft_plain(.fft_product = product, .fft_half = half),
+                                           &range, err, .in = own->in.mem, .in_offset = 0, .in_count = own->channels,
+                                           .filter = own->filter.mem, .filter_offset = 0, .filter_step = own->step,
+                                           .out = state->region[0], .band = band, .count = count));
+done:
+    return status;
 }
 
 static void release(check_state *state)

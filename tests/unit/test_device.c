@@ -3,8 +3,9 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "launch/filter_clip.h"
+#include "launch/selftest.h"
 #include "runtime/buffer.h"
-#include "runtime/kernel.h"
 #include "runtime/platform.h"
 #include "runtime/program.h"
 #include "runtime/store.h"
@@ -199,11 +200,15 @@ static void offline_binaries_need_no_compiler(void **state)
     options.binaries = folder;
     ASSERT_OK(hada_context_create(&context, &options, err));
     hada_slot *slot;
-    cl_kernel kernel;
     ASSERT_OK(hada_slot_create(&slot, context, err));
-    assert_int_equal(hada_slot_kernel(slot, "selftest", "no_such_kernel", "", &kernel, &error), HADA_ERROR_DEVICE);
-    assert_int_equal(hada_slot_kernel(slot, "no_such_file", "x", "", &kernel, &error), HADA_ERROR_BUILD);
-    assert_int_equal(hada_slot_kernel(slot, "image_clip", "image_clip", "", &kernel, &error), HADA_ERROR_BUILD);
+    hada_kernel missing = hada_kernel_selftest_product;
+    missing.name = "no_such_kernel";
+    const hada_range range = hada_range_of(1, 1, 1, 1);
+    const hada_args_selftest_product args = {.a = NULL};
+    assert_int_equal(hada_launch(slot, &missing, HADA_PROGRAM_SELFTEST_DEFAULT, &range, &args, &error),
+                     HADA_ERROR_DEVICE);
+    assert_int_equal(hada_program_prepare(slot, &hada_file_selftest, -1, &error), HADA_ERROR_STATE);
+    assert_int_equal(hada_prepare_filter_clip(slot, HADA_PROGRAM_FILTER_CLIP_DEFAULT, &error), HADA_ERROR_BUILD);
     assert_int_equal(hada_context_programs_compiled(context), 0);
     assert_int_equal(hada_context_programs_loaded(context), 1);
     hada_slot_destroy(&slot);

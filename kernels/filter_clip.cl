@@ -1,7 +1,7 @@
 /* Intensities are not negative: values below zero become zero. */
 
 /* One work-item takes eight floats from `offset` on; the last one what is left of `count`. */
-__kernel void image_clip(__global float *values, ulong offset, ulong count)
+__kernel void filter_clip(__global float *values, ulong offset, ulong count)
 {
     const size_t at = get_global_id(0) * 8;
     __global float *p = values + offset + at;

@@ -233,9 +233,9 @@ def tables(files):
             out += f"static const int macros_{name}[] = {{\n{choices}}};\n"
         for index, kernel in enumerate(file.kernels):
             args = f"hada_args_{kernel.name}"
-            rows = "".join(f"    {{offsetof({args}, {p.name}), sizeof({p.type}), HADA_PARAMETER_{p.kind}}},\n"
+            rows = "".join(f"    {{offsetof({args}, {p.name}), sizeof({p.type}), HADA_KERNEL_PARAMETER_{p.kind}}},\n"
                            for p in kernel.parameters)
-            out += (f"static const hada_parameter parameters_{kernel.name}[] = {{\n{rows}}};\n"
+            out += (f"static const hada_kernel_parameter parameters_{kernel.name}[] = {{\n{rows}}};\n"
                     f'const hada_kernel hada_kernel_{kernel.name} = {{"{kernel.name}", &hada_file_{name}, '
                     f"parameters_{kernel.name}, {len(kernel.parameters)}, {index}}};\n")
         kernels = "".join(f"    &hada_kernel_{kernel.name},\n" for kernel in file.kernels)

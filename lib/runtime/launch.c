@@ -54,13 +54,13 @@ static hada_status object_of(hada_slot *slot, const hada_kernel *kernel, int pro
     return HADA_OK;
 }
 
-static cl_int set_argument(cl_kernel object, cl_uint index, const hada_parameter *parameter, const void *value)
+static cl_int set_argument(cl_kernel object, cl_uint index, const hada_kernel_parameter *parameter, const void *value)
 {
     const hada_either *either = value;
     const hada_local *local = value;
     switch (parameter->kind) {
-    case HADA_PARAMETER_LOCAL: return clSetKernelArg(object, index, local->bytes, NULL);
-    case HADA_PARAMETER_EITHER:
+    case HADA_KERNEL_PARAMETER_LOCAL: return clSetKernelArg(object, index, local->bytes, NULL);
+    case HADA_KERNEL_PARAMETER_EITHER:
         return either->buffer ? clSetKernelArg(object, index, sizeof either->buffer, &either->buffer)
                               : clSetKernelArg(object, index, either->bytes, NULL);
     default: return clSetKernelArg(object, index, parameter->size, value);
@@ -70,7 +70,7 @@ static cl_int set_argument(cl_kernel object, cl_uint index, const hada_parameter
 static hada_status set_arguments(cl_kernel object, const hada_kernel *kernel, const void *args, hada_error *err)
 {
     for (int i = 0; i < kernel->parameter_count; i++) {
-        const hada_parameter *parameter = &kernel->parameters[i];
+        const hada_kernel_parameter *parameter = &kernel->parameters[i];
         const cl_int code = set_argument(object, (cl_uint)i, parameter, (const char *)args + parameter->offset);
         if (code != CL_SUCCESS) {
             hada_status status = hada_fail_cl(err, code, "clSetKernelArg");

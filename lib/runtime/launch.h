@@ -40,23 +40,23 @@ typedef struct hada_either {
     size_t bytes;
 } hada_either;
 
-typedef enum hada_parameter_kind {
-    HADA_PARAMETER_VALUE,
-    HADA_PARAMETER_BUFFER,
-    HADA_PARAMETER_LOCAL,
-    HADA_PARAMETER_EITHER
-} hada_parameter_kind;
+typedef enum hada_kernel_parameter_kind {
+    HADA_KERNEL_PARAMETER_VALUE,
+    HADA_KERNEL_PARAMETER_BUFFER,
+    HADA_KERNEL_PARAMETER_LOCAL,
+    HADA_KERNEL_PARAMETER_EITHER
+} hada_kernel_parameter_kind;
 
 /* A member of the struct of a kernel's arguments. */
-typedef struct hada_parameter {
+typedef struct hada_kernel_parameter {
     size_t offset, size;
-    hada_parameter_kind kind;
-} hada_parameter;
+    hada_kernel_parameter_kind kind;
+} hada_kernel_parameter;
 
 struct hada_kernel {
     const char *name;
     const hada_kernel_file *file;
-    const hada_parameter *parameters;
+    const hada_kernel_parameter *parameters;
     int parameter_count;
     int index; /* in its file */
 };

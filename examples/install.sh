@@ -1,4 +1,4 @@
-# Installs what is missing, from Debian or Ubuntu. To be sourced: hadalens_install [tests|oracle]
+# Installs what is missing, from Debian or Ubuntu. To be sourced: hadalens_install [tests|oracle|lint]
 # What is there already is left alone; with nothing missing, nothing is asked.
 hadalens_install() {
     local packages="gcc libc6-dev cmake ninja-build pkg-config python3 ocl-icd-opencl-dev libclfft-dev libtiff-dev
@@ -16,6 +16,8 @@ hadalens_install() {
     tests) packages="$packages pocl-opencl-icd libcmocka-dev g++ doxygen abigail-tools" ;;
     # independent software that checks results and files (tests/oracle/environment.sh)
     oracle) packages="python3-venv python3-numpy python3-scipy python3-skimage python3-tifffile python3-torch" ;;
+    # a second compiler, and what reads the sources (tests/house/lint.sh)
+    lint) packages="clang clang-format clang-tidy cppcheck" ;;
     esac
     for package in $packages; do
         dpkg-query -W -f '${Status}' "$package" 2>/dev/null | grep -q 'install ok installed' || missing="$missing $package"

@@ -1,0 +1,144 @@
+#!/usr/bin/env python3
+"""Counts what shows whether the house is in order: how many, how long, how many of what should not be.
+
+    count.py ROOT [BUILD]      a table; with a build also its tests, library and circles
+
+Run it on two versions to compare them. What must hold is held by the other scripts here.
+"""
+import pathlib
+import re
+import subprocess
+import sys
+
+SMALL = 60  # lines of a file that is likely to be a part of another
+MANY = 10  # parameters that nobody can keep apart by position
+SUBJECT = 72  # characters of a commit's first line
+# private words where the field has one: docs/glossary.md
+PRIVATE = (r'\bTURN\b', r'\bSHADOW\b', r'\bSEEN\b', r'\bMADE\b', r'\bENGINE_FALL\b', r'\bbe_positive\b', r'\bmeet_frame\b',
+           r'\bstumble\b', r'\bhada_\w*_look\b')
+KERNEL = re.compile(r'__kernel\b[^;{}]*?\bvoid\s+(\w+)\s*\(([^{}]*?)\)\s*\{', re.S)
+STRUCT = re.compile(r'struct (\w+)\s*\{(.*?)^\}', re.S | re.M)
+COMMENT = re.compile(r'/\*.*?\*/|//[^\n]*', re.S)
+
+
+def texts(root, folders, *endings):
+    """{path: text} of the sources in some folders."""
+    found = {}
+    for folder in folders:
+        for path in sorted((root / folder).rglob('*')):
+            if path.suffix in endings and path.is_file():
+                found[path.relative_to(root).as_posix()] = path.read_text(encoding='utf-8', errors='replace')
+    return found
+
+
+def lines(files):
+    return sum(text.count('\n') for text in files.values())
+
+
+def matches(files, pattern):
+    return sum(len(re.findall(pattern, text)) for text in files.values())
+
+
+def parameters(kernels):
+    """{kernel: number of its parameters}."""
+    counts = {}
+    for text in kernels.values():
+        for name, inside in KERNEL.findall(COMMENT.sub('', text)):
+            inside = re.sub(r'^\s*#.*$', '', inside, flags=re.M)
+            counts[name] = inside.count(',') + 1
+    return counts
+
+
+def widest_struct(files):
+    """fields, name and path of the struct with most fields in an internal header."""
+    widest = (0, '', '')
+    for path, text in files.items():
+        if path.endswith('.h') and '/include/' not in path:
+            for name, body in STRUCT.findall(COMMENT.sub('', text)):
+                fields = sum(1 + line.count(',') for line in re.sub(r'\([^()]*\)', '', body).split(';') if line.strip())
+                widest = max(widest, (fields, name, path))
+    return widest
+
+
+def run(*words):
+    return subprocess.run([str(word) for word in words], capture_output=True, text=True, check=False).stdout
+
+
+def count_sources(root, row):
+    lib, cli = texts(root, ['lib'], '.c', '.h'), texts(root, ['bindings'], '.c', '.h')
+    kernels = texts(root, ['kernels'], '.cl', '.h')
+    host = {**lib, **cli}
+    small = sum(text.count('\n') <= SMALL for path, text in host.items())
+    row('files of the library and its bindings', len(host))
+    row(f'of these, of {SMALL} lines or fewer', small)
+    row('lines of the library', lines(lib))
+    row('lines of the bindings', lines(cli))
+    row('lines of the kernels', lines(kernels))
+    row('files of more than 500 lines', sum(text.count('\n') > 500 for text in {**host, **kernels}.values()))
+    widest = widest_struct(lib)
+    row(f'fields of the widest internal struct ({widest[1]})', widest[0])
+    row('  files that include its header', matches(host, '#include "' + re.escape(widest[2].removeprefix('lib/')) + '"'))
+    row('positional kernel arguments (HADA_ARG)', matches(host, r'\bHADA_ARG\w*\('))
+    row('launches by name', matches(host, r'\bhada_launch_\w+\('))
+    counts = parameters(kernels)
+    row('kernels', len(counts))
+    row(f'kernels of {MANY} parameters or more', sum(n >= MANY for n in counts.values()))
+    row('parameters of the longest', max(counts.values()))
+    row('macros of kernels spelt in host code (-D)', matches(host, r'"[^"\n]*-D[A-Z]'))
+    row('if (!status) in the library', matches(lib, r'if \(!status\)'))
+    row('HADA_TRY in the library', matches(lib, r'\bHADA_TRY\('))
+    row('private words', sum(matches({**host, **kernels}, word) for word in PRIVATE))
+    row('"freed with free()" in public headers', matches(texts(root, ['lib/include'], '.h'), r'free\(\)'))
+    drawn = {path: text for path, text in host.items() if re.search(r'font|canvas|svg|plot|preview|draw|picture', path)}
+    row('lines that draw previews and plots', lines(drawn))
+    for path, text in texts(root, ['examples'], '.c').items():
+        row(f'lines of {path}', text.count('\n'))
+    subjects = run('git', '-C', root, 'log', '-n', '50', '--format=%s').splitlines()
+    row(f'of the last {len(subjects)} commits, subjects above {SUBJECT} characters',
+        sum(len(subject) > SUBJECT for subject in subjects))
+
+
+def count_build(root, build, row):
+    library = (build / 'libhadalens.so').resolve()
+    if library.exists():
+        row('bytes of the library (text and data)', sum(map(int, run('size', library).splitlines()[1].split()[:2])))
+        row('exported functions', len(run('nm', '-D', '--defined-only', library).splitlines()))
+    rooms = root / 'tests/house/rooms.py'
+    if rooms.exists():
+        row('circles between files and rooms, and other findings', len(run(sys.executable, rooms, root, build).splitlines()))
+    tests = re.findall(r'Test +#\d+: (\S+)', run('ctest', '--test-dir', build, '-N'))
+    row('tests', len(tests))
+    row('  of operations of the check tool', sum(test.startswith('check_') for test in tests))
+    # what the last run of each took, as ctest keeps it
+    costs = {}
+    data = build / 'Testing/Temporary/CTestCostData.txt'
+    if data.exists():
+        for line in data.read_text().splitlines():
+            if line == '---':
+                break
+            name, _, seconds = line.split()
+            costs[name] = float(seconds)
+    for tier in ('quick', 'full', 'oracle', 'stress'):
+        names = re.findall(r'Test +#\d+: (\S+)', run('ctest', '--test-dir', build, '-N', '-FS', '.', '-L', f'^{tier}$'))
+        if names:
+            row(f'  {tier}: tests', len(names))
+            row(f'  {tier}: seconds, one after the other, mean of runs', round(sum(costs.get(name, 0) for name in names)))
+    if costs:
+        slowest = max((name for name in costs if name in tests), key=costs.get, default=None)
+        row(f'  longest: {slowest}, seconds', round(costs.get(slowest, 0)))
+
+
+def main(words):
+    if len(words) not in (1, 2):
+        sys.exit(__doc__)
+
+    def row(what, number):
+        print(f'{number:>9,}  {what}')
+    root = pathlib.Path(words[0])
+    count_sources(root, row)
+    if len(words) == 2:
+        count_build(root, pathlib.Path(words[1]), row)
+
+
+if __name__ == '__main__':
+    main(sys.argv[1:])

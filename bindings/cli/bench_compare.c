@@ -93,37 +93,38 @@ hada_status hada_bench_compare(hada_cli *cli, const char *old_path, const char *
 {
     result before = {0}, after = {0};
     tally all = {0};
-    hada_status status = load(&before, old_path, err);
-    if (!status)
-        status = load(&after, new_path, err);
-    if (!status) {
-        const char *one = only_device(before.rows), *other = only_device(after.rows);
-        const int any_device = one && other;
-        json_t *list = json_array();
-        if (any_device && strcmp(one, other))
-            hada_cli_say(cli, "old: %s\nnew: %s\n", one, other);
-        hada_cli_say(cli, "%-10s  %-52s %10s %10s %-9s %7s  %s", "group", "what", "old", "new", "unit", "new/old",
-                     "beyond the quartiles of both?");
-        for (size_t i = 0; i < json_array_size(before.rows); i++) {
-            const json_t *row = json_array_get(before.rows, i), *match = partner(row, after.rows, any_device);
-            if (match)
-                compare_rows(cli, row, match, list, &all);
-            else
-                all.missing++;
-        }
-        if (!json_array_size(list))
-            status = hada_cli_error(err, HADA_ERROR_DATASET,
-                                    "%s and %s have no row in common; measure the same workloads, and one device each "
-                                    "or the same devices",
-                                    old_path, new_path);
+    hada_status status = HADA_OK;
+    json_t *list = NULL;
+    HADA_TRY(load(&before, old_path, err));
+    HADA_TRY(load(&after, new_path, err));
+    list = json_array();
+    const char *one = only_device(before.rows), *other = only_device(after.rows);
+    const int any_device = one && other;
+    if (any_device && strcmp(one, other))
+        hada_cli_say(cli, "old: %s\nnew: %s\n", one, other);
+    hada_cli_say(cli, "%-10s  %-52s %10s %10s %-9s %7s  %s", "group", "what", "old", "new", "unit", "new/old",
+                 "beyond the quartiles of both?");
+    for (size_t i = 0; i < json_array_size(before.rows); i++) {
+        const json_t *row = json_array_get(before.rows, i), *match = partner(row, after.rows, any_device);
+        if (match)
+            compare_rows(cli, row, match, list, &all);
         else
-            hada_cli_say(cli, "\n%d better, %d worse, %d within the spread; %d rows of %s are not in %s.", all.better,
-                         all.worse, all.within, all.missing, old_path, new_path);
-        json_object_set_new(cli->document, "rows", list);
-        json_object_set_new(cli->document, "summary",
-                            json_pack("{s:i, s:i, s:i, s:i}", "better", all.better, "worse", all.worse, "within",
-                                      all.within, "missing", all.missing));
+            all.missing++;
     }
+    if (!json_array_size(list))
+        HADA_TRY(hada_cli_error(err, HADA_ERROR_DATASET,
+                                "%s and %s have no row in common; measure the same workloads, and one device each "
+                                "or the same devices",
+                                old_path, new_path));
+    hada_cli_say(cli, "\n%d better, %d worse, %d within the spread; %d rows of %s are not in %s.", all.better,
+                 all.worse, all.within, all.missing, old_path, new_path);
+    json_object_set_new(cli->document, "rows", list);
+    json_object_set_new(cli->document, "summary",
+                        json_pack("{s:i, s:i, s:i, s:i}", "better", all.better, "worse", all.worse, "within",
+                                  all.within, "missing", all.missing));
+    list = NULL; /* the document's */
+done:
+    json_decref(list);
     json_decref(before.document);
     json_decref(after.document);
     return status;

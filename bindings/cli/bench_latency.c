@@ -22,10 +22,12 @@ static hada_status run_frame(void *user, int round, double *value, hada_error *e
 {
     latency *work = user;
     const hada_image *raw = &work->workload->raw[round % work->workload->frames];
-    hada_status status = hada_plan_run(work->plan, raw, &work->result, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_plan_run(work->plan, raw, &work->result, err));
     *value = work->result.report.seconds_total;
-    for (int s = 0; !status && s < HADA_BENCH_STAGES; s++)
+    for (int s = 0; s < HADA_BENCH_STAGES; s++)
         work->stage[s][round] = hada_bench_stage_seconds(&work->result.report, s);
+done:
     return status;
 }
 
@@ -35,13 +37,12 @@ static hada_status profile_frame(void *user, int round, double *value, hada_erro
     latency *work = user;
     hada_kernel_time *rows = NULL;
     size_t count = 0;
-    hada_status status = hada_plan_profile(work->plan, 1, err);
-    if (!status)
-        status = hada_plan_run(work->plan, &work->workload->raw[0], &work->result, err);
-    if (!status)
-        status = hada_plan_kernel_times(work->plan, &rows, &count, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_plan_profile(work->plan, 1, err));
+    HADA_TRY(hada_plan_run(work->plan, &work->workload->raw[0], &work->result, err));
+    HADA_TRY(hada_plan_kernel_times(work->plan, &rows, &count, err));
     *value = 0;
-    for (size_t i = 0; !status && i < count; i++) {
+    for (size_t i = 0; i < count; i++) {
         int k = 0;
         while (k < work->kernels &&
                (strcmp(work->kernel[k].name, rows[i].name) || strcmp(work->kernel[k].stage, rows[i].stage)))
@@ -53,6 +54,7 @@ static hada_status profile_frame(void *user, int round, double *value, hada_erro
         work->seconds[k][round] = rows[i].seconds;
         *value += rows[i].seconds;
     }
+done:
     free(rows);
     return status;
 }
@@ -82,21 +84,22 @@ static hada_status add_latency(latency *work, const char *device, const char *mo
     const double depths = work->result.depths;
     memcpy(copy, values, (size_t)count * sizeof *copy);
     snprintf(name, sizeof name, "%s, frame", mode);
-    hada_status status = add(work, device, HADA_BENCH_LATENCY, name, "ms", copy, count, 1e3, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(add(work, device, HADA_BENCH_LATENCY, name, "ms", copy, count, 1e3, err));
     snprintf(name, sizeof name, "%s, depth", mode);
-    if (!status)
-        status = add(work, device, HADA_BENCH_LATENCY, name, "ms", values, count, 1e3 / depths, err);
-    for (int s = 0; !status && s < HADA_BENCH_STAGES; s++) {
+    HADA_TRY(add(work, device, HADA_BENCH_LATENCY, name, "ms", values, count, 1e3 / depths, err));
+    for (int s = 0; s < HADA_BENCH_STAGES; s++) {
         snprintf(name, sizeof name, "%s, %s", mode, hada_bench_stage_names[s]);
-        status = add(work, device, HADA_BENCH_STAGE, name, "ms", work->stage[s], count, 1e3 / depths, err);
+        HADA_TRY(add(work, device, HADA_BENCH_STAGE, name, "ms", work->stage[s], count, 1e3 / depths, err));
     }
+done:
     return status;
 }
 
 static hada_status add_kernels(latency *work, const char *device, const char *mode, int count, hada_error *err)
 {
     hada_status status = HADA_OK;
-    for (int k = 0; !status && k < work->kernels; k++) {
+    for (int k = 0; k < work->kernels; k++) {
         const hada_kernel_time *kernel = &work->kernel[k];
         char name[160];
         snprintf(name, sizeof name, "%s, %s, %s", mode, kernel->stage, kernel->name);
@@ -104,8 +107,9 @@ static hada_status add_kernels(latency *work, const char *device, const char *mo
         hada_bench_row row = hada_bench_row_of(device, work->workload->name, HADA_BENCH_KERNEL, name, "ms", -1, figure);
         row.bytes = kernel->bytes;
         row.flops = kernel->flops;
-        status = hada_bench_add(work->bench, &row, err);
+        HADA_TRY(hada_bench_add(work->bench, &row, err));
     }
+done:
     return status;
 }
 
@@ -119,27 +123,21 @@ static hada_status measure(latency *work, hada_bench_device *device, int mode, h
     hada_bench_mode_options(mode, &options);
     const uint64_t before = hada_context_bytes(device->context);
     hada_context_reset_peak(device->context);
-    hada_status status = hada_plan_estimate(device->context, work->workload->model, &options, &stated, &host, err);
-    if (!status)
-        status = hada_plan_create(&work->plan, device->context, work->workload->model, &options, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_plan_estimate(device->context, work->workload->model, &options, &stated, &host, err));
+    HADA_TRY(hada_plan_create(&work->plan, device->context, work->workload->model, &options, err));
     /* once before: the first run of a kernel may compile it */
-    for (int i = 0; !status && i < work->workload->frames; i++)
-        status = run_frame(work, i, values, err);
+    for (int i = 0; i < work->workload->frames; i++)
+        HADA_TRY(run_frame(work, i, values, err));
     const uint64_t held = hada_context_peak_bytes(device->context) - before;
-    if (!status)
-        status = hada_bench_repeat(work->bench, run_frame, work, work->bench->rounds, values, &count, err);
-    if (!status)
-        status = add_latency(work, device->info.name, name, values, count, err);
-    if (!status)
-        status = add_bytes(work, device->info.name, name, "stated on the device", stated, err);
-    if (!status)
-        status = add_bytes(work, device->info.name, name, "held at most on the device", held, err);
-    if (!status)
-        status = add_bytes(work, device->info.name, name, "stated on the host", host, err);
-    if (!status)
-        status = hada_bench_repeat(work->bench, profile_frame, work, work->bench->rounds, values, &count, err);
-    if (!status)
-        status = add_kernels(work, device->info.name, name, count, err);
+    HADA_TRY(hada_bench_repeat(work->bench, run_frame, work, work->bench->rounds, values, &count, err));
+    HADA_TRY(add_latency(work, device->info.name, name, values, count, err));
+    HADA_TRY(add_bytes(work, device->info.name, name, "stated on the device", stated, err));
+    HADA_TRY(add_bytes(work, device->info.name, name, "held at most on the device", held, err));
+    HADA_TRY(add_bytes(work, device->info.name, name, "stated on the host", host, err));
+    HADA_TRY(hada_bench_repeat(work->bench, profile_frame, work, work->bench->rounds, values, &count, err));
+    HADA_TRY(add_kernels(work, device->info.name, name, count, err));
+done:
     hada_plan_destroy(&work->plan);
     hada_result_destroy(&work->result);
     return status;
@@ -149,7 +147,7 @@ hada_status hada_bench_latency(hada_bench *bench, hada_bench_device *device, con
                                hada_error *err)
 {
     hada_status status = HADA_OK;
-    for (int mode = 0; !status && mode < HADA_BENCH_MODES; mode++) {
+    for (int mode = 0; mode < HADA_BENCH_MODES; mode++) {
         /* a model without transfer functions cannot refine */
         if (mode && !hada_model_get_info(workload->model)->has_otf)
             break;
@@ -158,11 +156,11 @@ hada_status hada_bench_latency(hada_bench *bench, hada_bench_device *device, con
             return hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
         work->bench = bench;
         work->workload = workload;
-        status = measure(work, device, mode, err);
+        const hada_status measured = measure(work, device, mode, err);
         free(work);
-        if (hada_bench_left_out(bench, status, hada_bench_mode_names[mode], err))
-            status = HADA_OK;
+        HADA_TRY(hada_bench_left_out(bench, measured, hada_bench_mode_names[mode], err) ? HADA_OK : measured);
     }
+done:
     return status;
 }
 
@@ -171,14 +169,14 @@ hada_status hada_bench_peaks(hada_bench *bench, hada_bench_device *device, hada_
     enum { TIMES = 3 };
     double copy[TIMES], flops[TIMES];
     hada_status status = HADA_OK;
-    for (int i = 0; !status && i < TIMES; i++)
-        status = hada_device_peaks(device->context, &copy[i], &flops[i], err);
-    if (status)
-        return status;
+    for (int i = 0; i < TIMES; i++)
+        HADA_TRY(hada_device_peaks(device->context, &copy[i], &flops[i], err));
     hada_bench_row row = hada_bench_row_of(device->info.name, "", HADA_BENCH_PEAK, "copy", "GB/s", 1,
                                            hada_bench_scaled(hada_bench_figure_of(copy, TIMES), 1e-9));
-    status = hada_bench_add(bench, &row, err);
+    HADA_TRY(hada_bench_add(bench, &row, err));
     row = hada_bench_row_of(device->info.name, "", HADA_BENCH_PEAK, "float32 arithmetic", "GFLOP/s", 1,
                             hada_bench_scaled(hada_bench_figure_of(flops, TIMES), 1e-9));
-    return status ? status : hada_bench_add(bench, &row, err);
+    HADA_TRY(hada_bench_add(bench, &row, err));
+done:
+    return status;
 }

@@ -16,9 +16,9 @@ static hada_plot_mark mark_of(const hada_bench_setting *s)
     static const hada_plot_shape shapes[] = {HADA_PLOT_DISC, HADA_PLOT_TRIANGLE, HADA_PLOT_SQUARE, HADA_PLOT_DIAMOND};
     return (hada_plot_mark){shapes[s->method],
                             hada_plot_colour(s->method == HADA_BENCH_REFINED   ? 2
-                                              : s->method == HADA_BENCH_MATCHED ? 4
-                                              : s->method == HADA_BENCH_WIENER  ? 1
-                                                                                : 0),
+                                             : s->method == HADA_BENCH_MATCHED ? 4
+                                             : s->method == HADA_BENCH_WIENER  ? 1
+                                                                               : 0),
                             4.5, s->half, s->clfft};
 }
 
@@ -168,17 +168,18 @@ hada_status hada_bench_plot_error(const hada_bench *bench, const hada_bench_plac
 {
     const size_t room = (size_t)bench->count + 1;
     panel_data data = {.rows = calloc(room, sizeof *data.rows), .x = calloc(4 * room, sizeof *data.x)};
-    hada_status status = data.rows && data.x ? HADA_OK : hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
-    if (!status) {
-        data.y = data.x + room;
-        data.front_x = data.y + room;
-        data.front_y = data.front_x + room;
-        data.count = hada_bench_rows_of(bench, place, HADA_BENCH_SWEEP, data.rows);
-        if (data.count) {
-            qsort(data.rows, (size_t)data.count, sizeof *data.rows, by_time);
-            status = plot(place, &data, folder, err);
-        }
+    hada_status status = HADA_OK;
+    if (!(data.rows && data.x))
+        HADA_TRY(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
+    data.y = data.x + room;
+    data.front_x = data.y + room;
+    data.front_y = data.front_x + room;
+    data.count = hada_bench_rows_of(bench, place, HADA_BENCH_SWEEP, data.rows);
+    if (data.count) {
+        qsort(data.rows, (size_t)data.count, sizeof *data.rows, by_time);
+        HADA_TRY(plot(place, &data, folder, err));
     }
+done:
     free(data.rows);
     free(data.x);
     return status;

@@ -199,25 +199,23 @@ static hada_status plot_roofline(const hada_bench *bench, const hada_bench_place
         char title[400];
         snprintf(title, sizeof title, "%s on %s", place->workload, place->device);
         panel.title = title;
-        status = hada_plot_begin(&plot, 700, 540, err);
-        if (!status) {
-            hada_plot_panel_begin(plot, &panel);
-            roof(plot, &panel, bandwidth, arithmetic);
-            roofline_points(plot, list, count);
-            hada_plot_panel_end(plot);
-            double at = 76;
-            for (int s = 0; s < HADA_BENCH_STAGES; s++)
-                at = hada_plot_legend(plot, at, 508, NULL, hada_plot_colour(s), hada_bench_stage_names[s]);
-            const hada_plot_mark marks[] = {{HADA_PLOT_DISC, 0x555555, 5, 0, 0},
-                                            {HADA_PLOT_DIAMOND, 0x555555, 5, 0, 0}};
-            at = hada_plot_legend(plot, 76, 528, &marks[0], HADA_PLOT_NO_COLOUR, "linear");
-            at = hada_plot_legend(plot, at, 528, &marks[1], HADA_PLOT_NO_COLOUR, "refined");
-            hada_plot_text(plot, at, 532, 'l', 11, "area: share of the frame's time on the device");
-            char *path = hada_cli_text("%s/roofline-%s%s.svg", folder, place->workload, place->suffix);
-            status = hada_plot_save(&plot, path, err);
-            free(path);
-        }
+        HADA_TRY(hada_plot_begin(&plot, 700, 540, err));
+        hada_plot_panel_begin(plot, &panel);
+        roof(plot, &panel, bandwidth, arithmetic);
+        roofline_points(plot, list, count);
+        hada_plot_panel_end(plot);
+        double at = 76;
+        for (int s = 0; s < HADA_BENCH_STAGES; s++)
+            at = hada_plot_legend(plot, at, 508, NULL, hada_plot_colour(s), hada_bench_stage_names[s]);
+        const hada_plot_mark marks[] = {{HADA_PLOT_DISC, 0x555555, 5, 0, 0}, {HADA_PLOT_DIAMOND, 0x555555, 5, 0, 0}};
+        at = hada_plot_legend(plot, 76, 528, &marks[0], HADA_PLOT_NO_COLOUR, "linear");
+        at = hada_plot_legend(plot, at, 528, &marks[1], HADA_PLOT_NO_COLOUR, "refined");
+        hada_plot_text(plot, at, 532, 'l', 11, "area: share of the frame's time on the device");
+        char *path = hada_cli_text("%s/roofline-%s%s.svg", folder, place->workload, place->suffix);
+        status = hada_plot_save(&plot, path, err);
+        free(path);
     }
+done:
     free(list);
     free(x);
     return status;
@@ -251,13 +249,14 @@ hada_status hada_bench_plots(const hada_bench *bench, const char *folder, hada_e
     enum { MOST = 64 };
     hada_bench_place places[MOST];
     const int count = find_places(bench, places, MOST);
-    hada_status status = count ? plot_latency(bench, places, count, folder, err) : HADA_OK;
-    for (int i = 0; !status && i < count; i++) {
-        status = plot_roofline(bench, &places[i], folder, err);
-        if (!status)
-            status = hada_bench_plot_error(bench, &places[i], folder, err);
+    hada_status status = HADA_OK;
+    if (count)
+        HADA_TRY(plot_latency(bench, places, count, folder, err));
+    for (int i = 0; i < count; i++) {
+        HADA_TRY(plot_roofline(bench, &places[i], folder, err));
+        HADA_TRY(hada_bench_plot_error(bench, &places[i], folder, err));
     }
-    if (!status)
-        hada_cli_say(bench->cli, "Figures: %s/latency.svg, roofline-*.svg, time-error-*.svg.", folder);
+    hada_cli_say(bench->cli, "Figures: %s/latency.svg, roofline-*.svg, time-error-*.svg.", folder);
+done:
     return status;
 }

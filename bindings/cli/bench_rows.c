@@ -72,12 +72,12 @@ hada_status hada_bench_repeat(const hada_bench *bench, hada_bench_work work, voi
     const double start = hada_cli_seconds();
     hada_status status = HADA_OK;
     *count = 0;
-    while (!status && *count < rounds && (*count < 3 || hada_cli_seconds() - start < bench->patience)) {
-        status = work(user, *count, &values[*count], err);
-        if (!status)
-            status = hada_cli_check_signals(err);
-        *count += !status;
+    while (*count < rounds && (*count < 3 || hada_cli_seconds() - start < bench->patience)) {
+        HADA_TRY(work(user, *count, &values[*count], err));
+        HADA_TRY(hada_cli_check_signals(err));
+        (*count)++;
     }
+done:
     return status;
 }
 

@@ -24,6 +24,14 @@ static const char *const cache_variables[] = {"POCL_CACHE_DIR",      "CUDA_CACHE
 static const char own_variable[] = "HADALENS_CACHE=";
 enum { VARIABLES = sizeof cache_variables / sizeof *cache_variables };
 
+static hada_status load_frame(hada_image *raw, const char *path, hada_error *err)
+{
+    const hada_status status = hada_tiff_load(path, 0, raw, err);
+    if (status)
+        hada_cli_prefix(err, "%s: ", path);
+    return status;
+}
+
 hada_status hada_bench_first_frame(hada_cli *cli, const char *model_path, const char *frame, int linear,
                                    hada_error *err)
 {
@@ -37,37 +45,34 @@ hada_status hada_bench_first_frame(hada_cli *cli, const char *model_path, const 
     hada_result result = {0};
     double at[TIMES + 1];
     hada_bench_mode_options(!linear, &options);
-    hada_status status = hada_tiff_load(frame, 0, &raw, err);
-    if (status)
-        hada_cli_prefix(err, "%s: ", frame);
+    hada_status status = HADA_OK;
+    HADA_TRY(load_frame(&raw, frame, err));
     at[OPEN] = hada_cli_seconds();
-    if (!status)
-        status = hada_cli_open(cli, &context, err);
+    HADA_TRY(hada_cli_open(cli, &context, err));
     at[MODEL] = hada_cli_seconds();
-    if (!status)
-        status = hada_model_load(&model, model_path, err);
+    HADA_TRY(hada_model_load(&model, model_path, err));
     at[PLAN] = hada_cli_seconds();
-    if (!status)
-        status = hada_plan_create(&plan, context, model, &options, err);
+    HADA_TRY(hada_plan_create(&plan, context, model, &options, err));
     at[FIRST] = hada_cli_seconds();
-    if (!status)
-        status = hada_plan_run(plan, &raw, &result, err);
+    HADA_TRY(hada_plan_run(plan, &raw, &result, err));
     at[SECOND] = hada_cli_seconds();
-    if (!status)
-        status = hada_plan_run(plan, &raw, &result, err);
+    HADA_TRY(hada_plan_run(plan, &raw, &result, err));
     at[CLOSE] = hada_cli_seconds();
     hada_plan_destroy(&plan);
     hada_cli_close(cli, &context); /* what was compiled goes into the cache now */
     at[TIMES] = hada_cli_seconds();
-    hada_model_destroy(&model);
-    hada_image_destroy(&raw);
-    hada_result_destroy(&result);
     json_t *seconds = json_object();
-    for (int i = 0; !status && i < TIMES; i++) {
+    for (int i = 0; i < TIMES; i++) {
         json_object_set_new(seconds, names[i], json_real(at[i + 1] - at[i]));
         hada_cli_say(cli, "%-12s %8.3f s", names[i], at[i + 1] - at[i]);
     }
     json_object_set_new(cli->document, "seconds", seconds);
+done:
+    hada_plan_destroy(&plan);
+    hada_cli_close(cli, &context);
+    hada_model_destroy(&model);
+    hada_image_destroy(&raw);
+    hada_result_destroy(&result);
     return status;
 }
 
@@ -111,11 +116,13 @@ static hada_status spawn(char *const *words, char *const *environment, const cha
         if (errno != EINTR)
             return hada_cli_error(err, HADA_ERROR_STATE, "a process for the cold start was lost: %s", strerror(errno));
     *seconds = hada_cli_seconds() - start;
-    hada_status status = hada_cli_check_signals(err);
-    if (!status && (!WIFEXITED(state) || WEXITSTATUS(state)))
-        status = hada_cli_error(err, HADA_ERROR_DEVICE,
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_cli_check_signals(err));
+    if (!WIFEXITED(state) || WEXITSTATUS(state))
+        HADA_TRY(hada_cli_error(err, HADA_ERROR_DEVICE,
                                 "a process that makes one frame failed; its message stands above. The cold start can "
-                                "be left out with --no-start");
+                                "be left out with --no-start"));
+done:
     return status;
 }
 
@@ -144,13 +151,12 @@ static hada_status one_start(hada_bench *bench, const hada_bench_device *device,
         words[10] = "--binaries";
         words[11] = device->common.binaries;
     }
-    hada_status status = output && environment && environment[VARIABLES - 1]
-                             ? HADA_OK
-                             : hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
-    if (!status)
-        status = spawn((char *const *)words, environment, output, &seconds[0], err);
-    if (!status)
-        status = read_steps(output, seconds, err);
+    hada_status status = HADA_OK;
+    if (!(output && environment && environment[VARIABLES - 1]))
+        HADA_TRY(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
+    HADA_TRY(spawn((char *const *)words, environment, output, &seconds[0], err));
+    HADA_TRY(read_steps(output, seconds, err));
+done:
     for (int i = 0; environment && i < VARIABLES; i++)
         free(environment[i]);
     free(environment);
@@ -162,13 +168,14 @@ static hada_status add_rows(hada_bench *bench, const hada_bench_device *device, 
                             double values[STEPS][MOST], int count, hada_error *err)
 {
     hada_status status = HADA_OK;
-    for (int i = 0; !status && i < STEPS; i++) {
+    for (int i = 0; i < STEPS; i++) {
         char name[128];
         snprintf(name, sizeof name, "%s, %s, %s", hada_bench_mode_names[!bench->quick], kind, step_names[i]);
         const hada_bench_row row = hada_bench_row_of(device->info.name, workload, HADA_BENCH_START, name, "s", -1,
                                                      hada_bench_figure_of(values[i], count));
-        status = hada_bench_add(bench, &row, err);
+        HADA_TRY(hada_bench_add(bench, &row, err));
     }
+done:
     return status;
 }
 
@@ -180,7 +187,7 @@ static hada_status cold_and_warm(hada_bench *bench, const hada_bench_device *dev
     const int colds = bench->quick ? 1 : COLD;
     hada_status status = HADA_OK;
     char *caches = NULL;
-    for (int i = 0; !status && i < colds + WARM; i++) {
+    for (int i = 0; i < colds + WARM; i++) {
         const int warm = i >= colds;
         double seconds[STEPS];
         if (!warm) { /* the warm starts find what the last cold one left */
@@ -188,20 +195,18 @@ static hada_status cold_and_warm(hada_bench *bench, const hada_bench_device *dev
                 hada_folder_remove(caches);
             free(caches);
             caches = hada_cli_text("%s/caches-%s-%d", bench->scratch, device->index, i);
-            status =
-                caches ? hada_folder_ensure(caches, err) : hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
+            HADA_TRY(caches ? hada_folder_ensure(caches, err)
+                            : hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
         }
-        if (!status)
-            status = one_start(bench, device, model, frame, caches, seconds, err);
-        for (int s = 0; !status && s < STEPS; s++)
+        HADA_TRY(one_start(bench, device, model, frame, caches, seconds, err));
+        for (int s = 0; s < STEPS; s++)
             values[warm][s][count[warm]] = seconds[s];
-        count[warm] += !status;
+        count[warm]++;
         hada_cli_progress_step(bench->cli, NULL);
     }
-    if (!status)
-        status = add_rows(bench, device, workload, "cold", values[0], count[0], err);
-    if (!status)
-        status = add_rows(bench, device, workload, "warm", values[1], count[1], err);
+    HADA_TRY(add_rows(bench, device, workload, "cold", values[0], count[0], err));
+    HADA_TRY(add_rows(bench, device, workload, "warm", values[1], count[1], err));
+done:
     if (caches)
         hada_folder_remove(caches);
     free(caches);
@@ -214,14 +219,14 @@ hada_status hada_bench_start(hada_bench *bench, hada_bench_device *device, const
     hada_cli_progress progress;
     char *model = hada_cli_text("%s/start.model", bench->scratch),
          *frame = hada_cli_text("%s/start.tif", bench->scratch);
-    hada_status status = model && frame ? HADA_OK : hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
-    if (!status)
-        status = hada_model_save(workload->model, model, err);
-    if (!status)
-        status = hada_tiff_save(frame, &workload->raw[0], NULL, err);
+    hada_status status = HADA_OK;
+    if (!(model && frame))
+        HADA_TRY(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
+    HADA_TRY(hada_model_save(workload->model, model, err));
+    HADA_TRY(hada_tiff_save(frame, &workload->raw[0], NULL, err));
     hada_cli_progress_begin(bench->cli, &progress, "cold and warm starts", (bench->quick ? 1 : COLD) + WARM);
-    if (!status)
-        status = cold_and_warm(bench, device, workload->name, model, frame, err);
+    HADA_TRY(cold_and_warm(bench, device, workload->name, model, frame, err));
+done:
     hada_cli_progress_end(bench->cli);
     free(model);
     free(frame);

@@ -233,40 +233,36 @@ static hada_status measure(sweep *w, const hada_bench_setting *s, hada_bench_row
     hada_context *context = s->clfft ? w->clfft : w->device->context;
     const hada_model *model = NULL;
     row->unit = NULL;
-    hada_status status = model_of(w, s->method, &model, err);
-    if (!status)
-        status = hada_plan_create(&work.plan, context, model, &options, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(model_of(w, s->method, &model, err));
+    HADA_TRY(hada_plan_create(&work.plan, context, model, &options, err));
     /* first as it comes, also for the comparisons */
-    if (!status)
-        status = run_frame(&work, 0, &first, err);
+    HADA_TRY(run_frame(&work, 0, &first, err));
     const double bound = work.result.report.skipped.bound;
     swap(&work.result, &w->now);
-    if (!status)
-        status = hada_bench_repeat(w->bench, run_frame, &work, w->bench->rounds, values, &count, err);
-    if (!status) {
-        name_of(s, name, sizeof name);
-        *row = hada_bench_row_of(w->device->info.name, w->workload->name, HADA_BENCH_SWEEP, name, "ms", -1,
-                                 hada_bench_scaled(hada_bench_figure_of(values, count), 1e3));
-        row->setting = *s;
-        row->bound = bound;
-        const int is_dense = !s->skip && !s->half && !s->clfft;
-        if (is_dense) {
-            row->error = 0;
-        } else if (w->dense_method == (int)s->method && w->dense_refine == s->refine) {
-            row->error = relative_l2(&w->now, &w->dense);
-            /* a bound is of what skipping does: rounding and filters in half precision by choice come on top */
-            if (s->max_error > 0 && !s->half && row->error > s->max_error + 1e-6)
-                hada_cli_warn(w->bench->cli,
-                              "%s: the stack changed by %.3g, more than the bound of %g that was asked for", name,
-                              row->error, s->max_error);
-        }
-        status = judge(w, row, err);
-        if (is_dense) {
-            swap(&w->now, &w->dense);
-            w->dense_method = (int)s->method;
-            w->dense_refine = s->refine;
-        }
+    HADA_TRY(hada_bench_repeat(w->bench, run_frame, &work, w->bench->rounds, values, &count, err));
+    name_of(s, name, sizeof name);
+    *row = hada_bench_row_of(w->device->info.name, w->workload->name, HADA_BENCH_SWEEP, name, "ms", -1,
+                             hada_bench_scaled(hada_bench_figure_of(values, count), 1e3));
+    row->setting = *s;
+    row->bound = bound;
+    const int is_dense = !s->skip && !s->half && !s->clfft;
+    if (is_dense) {
+        row->error = 0;
+    } else if (w->dense_method == (int)s->method && w->dense_refine == s->refine) {
+        row->error = relative_l2(&w->now, &w->dense);
+        /* a bound is of what skipping does: rounding and filters in half precision by choice come on top */
+        if (s->max_error > 0 && !s->half && row->error > s->max_error + 1e-6)
+            hada_cli_warn(w->bench->cli, "%s: the stack changed by %.3g, more than the bound of %g that was asked for",
+                          name, row->error, s->max_error);
     }
+    HADA_TRY(judge(w, row, err));
+    if (is_dense) {
+        swap(&w->now, &w->dense);
+        w->dense_method = (int)s->method;
+        w->dense_refine = s->refine;
+    }
+done:
     hada_plan_destroy(&work.plan);
     hada_result_destroy(&work.result);
     name_of(s, name, sizeof name);
@@ -287,9 +283,10 @@ static hada_status open_clfft(sweep *w, hada_error *err)
     hada_context_options_init(&options);
     options.device = w->device->index;
     options.tuning = file;
-    hada_status status = hada_tune_save(w->device->context, file, &row, 1, err);
-    if (!status)
-        status = hada_context_create(&w->clfft, &options, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_tune_save(w->device->context, file, &row, 1, err));
+    HADA_TRY(hada_context_create(&w->clfft, &options, err));
+done:
     free(file);
     return status;
 }
@@ -322,20 +319,21 @@ hada_status hada_bench_sweep(hada_bench *bench, hada_bench_device *device, const
     w->device = device;
     w->workload = workload;
     w->dense_method = -1;
-    hada_status status = open_clfft(w, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(open_clfft(w, err));
     fill_list(w);
     const int first = bench->count;
     hada_cli_progress_begin(bench->cli, &progress, "settings", w->count);
-    for (int i = 0; !status && i < w->count; i++) {
+    for (int i = 0; i < w->count; i++) {
         hada_bench_row row;
-        status = measure(w, &w->list[i], &row, err);
-        if (!status && row.unit) /* else it is left out */
-            status = hada_bench_add(bench, &row, err);
+        HADA_TRY(measure(w, &w->list[i], &row, err));
+        if (row.unit) /* else it is left out */
+            HADA_TRY(hada_bench_add(bench, &row, err));
         hada_cli_progress_step(bench->cli, NULL);
     }
+    mark_front(w, first);
+done:
     hada_cli_progress_end(bench->cli);
-    if (!status)
-        mark_front(w, first);
     hada_model_destroy(&w->other);
     hada_result_destroy(&w->dense);
     hada_result_destroy(&w->now);

@@ -23,15 +23,16 @@ static hada_status run_round(void *user, int round, double *value, hada_error *e
     hada_status status = HADA_OK;
     (void)round;
     const double start = hada_cli_seconds();
-    for (int i = 0; !status && i < s->frames + IN_FLIGHT; i++) {
+    for (int i = 0; i < s->frames + IN_FLIGHT; i++) {
         const int at = i % IN_FLIGHT;
         if (jobs[at])
-            status = hada_job_wait(jobs[at], err);
+            HADA_TRY(hada_job_wait(jobs[at], err));
         hada_job_destroy(&jobs[at]);
-        if (!status && i < s->frames)
-            status =
-                hada_job_submit(&jobs[at], s->plan, &s->workload->raw[i % s->workload->frames], &s->results[at], err);
+        if (i < s->frames)
+            HADA_TRY(
+                hada_job_submit(&jobs[at], s->plan, &s->workload->raw[i % s->workload->frames], &s->results[at], err));
     }
+done:
     *value = (hada_cli_seconds() - start) / s->frames;
     for (int at = 0; at < IN_FLIGHT; at++)
         hada_job_destroy(&jobs[at]);
@@ -47,26 +48,24 @@ static hada_status measure(hada_bench *bench, hada_bench_device *device, stream 
     size_t row_count = 0;
     hada_bench_mode_options(mode, &options);
     options.queues = queues;
-    hada_status status = hada_plan_create(&s->plan, device->context, s->workload->model, &options, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_plan_create(&s->plan, device->context, s->workload->model, &options, err));
     double first = 0;
     s->frames = queues; /* every queue once: it may compile */
-    if (!status)
-        status = run_round(s, 0, &first, err);
+    HADA_TRY(run_round(s, 0, &first, err));
     /* rounds of a second or so, of a slow device a few frames */
     s->frames = first > 0.3 ? 2 : FRAMES;
-    if (!status)
-        status = hada_bench_repeat(bench, run_round, s, bench->rounds, values, count, err);
-    if (!status && kernels)
-        status = hada_plan_profile(s->plan, 1, err);
-    if (!status && kernels)
-        status = run_round(s, 0, &first, err);
-    if (!status && kernels)
-        status = hada_plan_kernel_times(s->plan, &rows, &row_count, err);
-    if (kernels)
+    HADA_TRY(hada_bench_repeat(bench, run_round, s, bench->rounds, values, count, err));
+    if (kernels) {
+        HADA_TRY(hada_plan_profile(s->plan, 1, err));
+        HADA_TRY(run_round(s, 0, &first, err));
+        HADA_TRY(hada_plan_kernel_times(s->plan, &rows, &row_count, err));
         *kernels = 0;
-    for (size_t i = 0; i < row_count; i++)
-        if (!rows[i].transfer)
-            *kernels += rows[i].seconds / s->frames;
+        for (size_t i = 0; i < row_count; i++)
+            if (!rows[i].transfer)
+                *kernels += rows[i].seconds / s->frames;
+    }
+done:
     free(rows);
     hada_plan_destroy(&s->plan);
     return status;
@@ -97,21 +96,19 @@ static hada_status of_mode(hada_bench *bench, hada_bench_device *device, stream 
     double values[QUEUES][MOST], rates[MOST], kernels = 0;
     int count[QUEUES] = {0};
     hada_status status = HADA_OK;
-    for (int q = 0; !status && q < QUEUES; q++) {
-        status = measure(bench, device, s, mode, q + 1, values[q], &count[q], q ? NULL : &kernels, err);
-        if (status)
-            break;
+    for (int q = 0; q < QUEUES; q++) {
+        HADA_TRY(measure(bench, device, s, mode, q + 1, values[q], &count[q], q ? NULL : &kernels, err));
         char name[128];
         snprintf(name, sizeof name, "%s, %d %s", hada_bench_mode_names[mode], q + 1, q ? "queues" : "queue");
         for (int i = 0; i < count[q]; i++)
             rates[i] = 1 / values[q][i];
         const hada_bench_row row = hada_bench_row_of(device->info.name, s->workload->name, HADA_BENCH_THROUGHPUT, name,
                                                      "frames/s", 1, hada_bench_figure_of(rates, count[q]));
-        status = hada_bench_add(bench, &row, err);
+        HADA_TRY(hada_bench_add(bench, &row, err));
     }
-    if (!status)
-        status = add_overlap(bench, device, s, hada_bench_mode_names[mode], values[0], count[0], values[1], count[1],
-                             kernels, err);
+    HADA_TRY(add_overlap(bench, device, s, hada_bench_mode_names[mode], values[0], count[0], values[1], count[1],
+                         kernels, err));
+done:
     return status;
 }
 
@@ -119,15 +116,16 @@ hada_status hada_bench_throughput(hada_bench *bench, hada_bench_device *device, 
                                   hada_error *err)
 {
     stream *s = calloc(1, sizeof *s);
-    hada_status status = s ? HADA_OK : hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
-    if (s)
-        s->workload = workload;
-    for (int mode = 0; !status && mode < HADA_BENCH_MODES; mode++)
+    hada_status status = HADA_OK;
+    if (!s)
+        HADA_TRY(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
+    s->workload = workload;
+    for (int mode = 0; mode < HADA_BENCH_MODES; mode++)
         if (!mode || hada_model_get_info(workload->model)->has_otf) {
-            status = of_mode(bench, device, s, mode, err);
-            if (hada_bench_left_out(bench, status, hada_bench_mode_names[mode], err))
-                status = HADA_OK;
+            const hada_status measured = of_mode(bench, device, s, mode, err);
+            HADA_TRY(hada_bench_left_out(bench, measured, hada_bench_mode_names[mode], err) ? HADA_OK : measured);
         }
+done:
     for (int i = 0; s && i < IN_FLIGHT; i++)
         hada_result_destroy(&s->results[i]);
     free(s);

@@ -48,6 +48,7 @@ static hada_status fit(hada_bench *bench, hada_simulator *simulator, hada_contex
     const hada_camera *camera = hada_simulator_camera(simulator);
     hada_fit_options options;
     hada_fitter *fitter = NULL;
+    hada_image scene = {0}, raw = {0};
     hada_fit_options_init(&options);
     options.depths = camera->depths;
     options.channels = camera->channels;
@@ -57,23 +58,23 @@ static hada_status fit(hada_bench *bench, hada_simulator *simulator, hada_contex
     options.window_rows = camera->window_rows;
     options.window_cols = camera->window_cols;
     options.boundary = camera->boundary;
-    hada_status status = hada_fitter_create(&fitter, context, &options, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_fitter_create(&fitter, context, &options, err));
     for (int pass = 0; pass < 2; pass++)
-        for (int k = 0; !status && k < camera->depths * (pass ? SCORED : PAIRS); k++) {
-            hada_image scene = {0}, raw = {0};
+        for (int k = 0; k < camera->depths * (pass ? SCORED : PAIRS); k++) {
             const int z = k % camera->depths, i = k / camera->depths;
-            status = pair(simulator, z, i, &scene, &raw, err);
-            if (!status)
-                status = pass ? hada_fitter_score(fitter, z, &raw, &scene, err)
-                              : hada_fitter_add(fitter, z, &raw, &scene, err);
+            HADA_TRY(pair(simulator, z, i, &scene, &raw, err));
+            HADA_TRY(pass ? hada_fitter_score(fitter, z, &raw, &scene, err)
+                          : hada_fitter_add(fitter, z, &raw, &scene, err));
             hada_image_destroy(&scene);
             hada_image_destroy(&raw);
-            if (!status)
-                status = hada_cli_check_signals(err);
+            HADA_TRY(hada_cli_check_signals(err));
             hada_cli_progress_step(bench->cli, NULL);
         }
-    if (!status)
-        status = hada_fitter_finish(fitter, model, NULL, NULL, err);
+    HADA_TRY(hada_fitter_finish(fitter, model, NULL, NULL, err));
+done:
+    hada_image_destroy(&scene);
+    hada_image_destroy(&raw);
     hada_fitter_destroy(&fitter);
     return status;
 }
@@ -86,22 +87,22 @@ static hada_status from_psf(hada_simulator *simulator, hada_context *context, ha
     options.boundary = camera->boundary;
     options.window_rows = camera->window_rows;
     options.window_cols = camera->window_cols;
-    hada_image *psf = calloc((size_t)camera->depths, sizeof *psf);
-    hada_status status = psf ? HADA_OK : hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
-    for (int z = 0; !status && z < camera->depths; z++) {
-        hada_image one = {0};
-        status = hada_camera_psf(camera, camera->distances_mm[z], &one, err);
+    hada_image one = {0}, *psf = calloc((size_t)camera->depths, sizeof *psf);
+    hada_status status = HADA_OK;
+    if (!psf)
+        HADA_TRY(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
+    for (int z = 0; z < camera->depths; z++) {
+        HADA_TRY(hada_camera_psf(camera, camera->distances_mm[z], &one, err));
         /* the pattern is the same for all channels */
-        if (!status)
-            status = hada_image_create(&psf[z], camera->channels, one.rows, one.cols, err);
-        for (int c = 0; !status && c < camera->channels; c++)
+        HADA_TRY(hada_image_create(&psf[z], camera->channels, one.rows, one.cols, err));
+        for (int c = 0; c < camera->channels; c++)
             memcpy(psf[z].data + (size_t)c * hada_image_count(&one), one.data, hada_image_count(&one) * sizeof(float));
         hada_image_destroy(&one);
-        if (!status)
-            status = hada_cli_check_signals(err);
+        HADA_TRY(hada_cli_check_signals(err));
     }
-    if (!status)
-        status = hada_model_from_psf(model, context, psf, camera->depths, camera->distances_mm, &options, err);
+    HADA_TRY(hada_model_from_psf(model, context, psf, camera->depths, camera->distances_mm, &options, err));
+done:
+    hada_image_destroy(&one);
     for (int z = 0; psf && z < camera->depths; z++)
         hada_image_destroy(&psf[z]);
     free(psf);
@@ -117,19 +118,19 @@ static hada_status draw_frame(hada_bench_workload *workload, hada_simulator *sim
     hada_image whole = {0}, *truth = workload->truth + (size_t)frame * (size_t)camera->depths;
     hada_plane planes[OCCUPIED];
     int *labels = calloc((size_t)camera->window_rows * (size_t)camera->window_cols, sizeof *labels);
-    hada_status status = labels ? HADA_OK : hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
-    if (!status)
-        status = hada_scene_procedural(&whole, seed, camera->channels, camera->window_rows, camera->window_cols, err);
-    if (!status)
-        status = hada_scene_regions(labels, seed, occupied, camera->window_rows, camera->window_cols, err);
-    for (int k = 0; !status && k < occupied; k++) {
+    hada_status status = HADA_OK;
+    if (!labels)
+        HADA_TRY(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
+    HADA_TRY(hada_scene_procedural(&whole, seed, camera->channels, camera->window_rows, camera->window_cols, err));
+    HADA_TRY(hada_scene_regions(labels, seed, occupied, camera->window_rows, camera->window_cols, err));
+    for (int k = 0; k < occupied; k++) {
         /* a third and two thirds of the way, another depth in the next frame */
         const int z = ((k + 1) * camera->depths / (occupied + 1) + frame) % camera->depths;
-        status = hada_scene_part(&truth[z], &whole, labels, k, err);
+        HADA_TRY(hada_scene_part(&truth[z], &whole, labels, k, err));
         planes[k] = (hada_plane){z, &truth[z]};
     }
-    if (!status)
-        status = hada_simulator_render(simulator, planes, occupied, noise, seed, &workload->raw[frame], err);
+    HADA_TRY(hada_simulator_render(simulator, planes, occupied, noise, seed, &workload->raw[frame], err));
+done:
     hada_image_destroy(&whole);
     free(labels);
     return status;
@@ -153,18 +154,17 @@ hada_status hada_bench_workload_make(hada_bench *bench, hada_bench_workload *wor
     hada_cli_progress progress;
     *workload = (hada_bench_workload){0};
     snprintf(workload->name, sizeof workload->name, "%s", name);
-    hada_status status = hada_camera_preset(&camera, name, err);
-    if (!status)
-        status = make_room(workload, FRAMES, camera.depths, 1, err);
-    if (!status)
-        status = hada_simulator_create(&simulator, context, &camera, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_camera_preset(&camera, name, err));
+    HADA_TRY(make_room(workload, FRAMES, camera.depths, 1, err));
+    HADA_TRY(hada_simulator_create(&simulator, context, &camera, err));
     const int learned = strcmp(name, "paper2022") != 0;
     hada_cli_progress_begin(bench->cli, &progress, name, learned ? (long)camera.depths * (PAIRS + SCORED) : 1);
-    if (!status)
-        status = learned ? fit(bench, simulator, context, &workload->model, err)
-                         : from_psf(simulator, context, &workload->model, err);
-    for (int frame = 0; !status && frame < FRAMES; frame++)
-        status = draw_frame(workload, simulator, frame, err);
+    HADA_TRY(learned ? fit(bench, simulator, context, &workload->model, err)
+                     : from_psf(simulator, context, &workload->model, err));
+    for (int frame = 0; frame < FRAMES; frame++)
+        HADA_TRY(draw_frame(workload, simulator, frame, err));
+done:
     hada_cli_progress_end(bench->cli);
     hada_simulator_destroy(&simulator);
     if (status)
@@ -178,25 +178,26 @@ hada_status hada_bench_workload_load(hada_bench_workload *workload, const char *
     *workload = (hada_bench_workload){0};
     const char *slash = strrchr(model, '/');
     snprintf(workload->name, sizeof workload->name, "%s", slash ? slash + 1 : model);
-    hada_status status = hada_model_load(&workload->model, model, err);
-    if (status) {
-        hada_cli_prefix(err, "%s: ", model);
-        return status;
-    }
+    hada_status status = HADA_OK;
+    const char *path = model; /* that a message is about */
+    HADA_TRY(hada_model_load(&workload->model, model, err));
+    path = NULL;
     const hada_model_info *info = hada_model_get_info(workload->model);
-    status = make_room(workload, count, info->depths, 0, err);
-    for (int i = 0; !status && i < count; i++) {
+    HADA_TRY(make_room(workload, count, info->depths, 0, err));
+    for (int i = 0; i < count; i++) {
         hada_image *raw = &workload->raw[i];
-        status = hada_tiff_load(files[i], 0, raw, err);
-        if (!status && (raw->channels != info->channels || raw->rows != info->raw_rows || raw->cols != info->raw_cols))
-            status =
-                hada_cli_error(err, HADA_ERROR_MODEL,
-                               "this frame has %dx%d pixels of %d channel(s), the model is of a camera with %dx%d "
-                               "of %d; take a frame of that camera",
-                               raw->rows, raw->cols, raw->channels, info->raw_rows, info->raw_cols, info->channels);
-        if (status)
-            hada_cli_prefix(err, "%s: ", files[i]);
+        path = files[i];
+        HADA_TRY(hada_tiff_load(path, 0, raw, err));
+        if (raw->channels != info->channels || raw->rows != info->raw_rows || raw->cols != info->raw_cols)
+            HADA_TRY(hada_cli_error(
+                err, HADA_ERROR_MODEL,
+                "this frame has %dx%d pixels of %d channel(s), the model is of a camera with %dx%d of %d; take a frame "
+                "of that camera",
+                raw->rows, raw->cols, raw->channels, info->raw_rows, info->raw_cols, info->channels));
     }
+done:
+    if (status && path)
+        hada_cli_prefix(err, "%s: ", path);
     if (status)
         hada_bench_workload_free(workload);
     return status;

@@ -106,9 +106,9 @@ static hada_status write_csv(const hada_bench *bench, const char *path, hada_err
         put_row(out, &bench->rows[i]);
     hada_status status = HADA_OK;
     if (ferror(out) | fclose(out))
-        status = hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
-    if (!status)
-        status = hada_cli_write_text(path, text, size, err);
+        HADA_TRY(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
+    HADA_TRY(hada_cli_write_text(path, text, size, err));
+done:
     free(text);
     return status;
 }
@@ -117,13 +117,13 @@ hada_status hada_bench_write(const hada_bench *bench, const char *folder, hada_e
 {
     char *json = hada_cli_text("%s/bench.json", folder), *csv = hada_cli_text("%s/bench.csv", folder);
     char *text = json_dumps(bench->cli->document, JSON_INDENT(1) | JSON_REAL_PRECISION(9));
-    hada_status status = json && csv && text ? HADA_OK : hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
-    if (!status)
-        status = hada_cli_write_text(json, text, strlen(text), err);
-    if (!status)
-        status = write_csv(bench, csv, err);
-    if (!status)
-        hada_cli_say(bench->cli, "\nWrote %s and %s.", json, csv);
+    hada_status status = HADA_OK;
+    if (!(json && csv && text))
+        HADA_TRY(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
+    HADA_TRY(hada_cli_write_text(json, text, strlen(text), err));
+    HADA_TRY(write_csv(bench, csv, err));
+    hada_cli_say(bench->cli, "\nWrote %s and %s.", json, csv);
+done:
     free(text);
     free(json);
     free(csv);

@@ -39,9 +39,10 @@ static json_t *name_json(const hada_device_info *device)
 
 hada_status hada_cli_open(hada_cli *cli, hada_context **out, hada_error *err)
 {
-    hada_status status = open_one(cli, cli->common->device, out, err);
-    if (!status)
-        json_object_set_new(cli->document, "device", name_json(hada_context_device(*out)));
+    hada_status status = HADA_OK;
+    HADA_TRY(open_one(cli, cli->common->device, out, err));
+    json_object_set_new(cli->document, "device", name_json(hada_context_device(*out)));
+done:
     return status;
 }
 
@@ -64,11 +65,13 @@ static hada_status add_entry(hada_cli *cli, hada_cli_contexts *devices, const ch
     if (parts < 1)
         return hada_cli_error(err, HADA_ERROR_ARGUMENT, "--device %s: give the number of parts, from 1 on", entry);
     hada_status status = HADA_OK;
-    for (int part = 1; !status && part <= parts; part++) {
+    for (int part = 1; part <= parts; part++) {
         char *words = hada_cli_text("%.*s:%d/%d", (int)(slash - entry), entry, part, parts);
         status = words ? add_device(cli, devices, words, err) : hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
         free(words);
+        HADA_TRY(status);
     }
+done:
     return status;
 }
 
@@ -76,16 +79,15 @@ hada_status hada_cli_open_all(hada_cli *cli, hada_cli_contexts *devices, hada_er
 {
     const char *named = cli->common->device ? cli->common->device : getenv("HADALENS_DEVICE");
     char *list = hada_cli_text("%s", named ? named : "");
-    hada_status status = list ? HADA_OK : hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
-    for (char *entry = list, *next; !status && entry; entry = next) {
+    hada_status status = HADA_OK;
+    if (!list)
+        HADA_TRY(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
+    for (char *entry = list, *next; entry; entry = next) {
         next = strchr(entry, ',');
         if (next)
             *next++ = '\0';
-        status = add_entry(cli, devices, entry, err);
+        HADA_TRY(add_entry(cli, devices, entry, err));
     }
-    free(list);
-    if (status)
-        return status;
     json_object_set_new(cli->document, "device", name_json(hada_context_device(devices->contexts[0])));
     if (devices->count > 1) {
         json_t *all = json_array();
@@ -93,7 +95,9 @@ hada_status hada_cli_open_all(hada_cli *cli, hada_cli_contexts *devices, hada_er
             json_array_append_new(all, name_json(hada_context_device(devices->contexts[i])));
         json_object_set_new(cli->document, "devices", all);
     }
-    return HADA_OK;
+done:
+    free(list);
+    return status;
 }
 
 void hada_cli_close_all(hada_cli *cli, hada_cli_contexts *devices)

@@ -105,7 +105,7 @@ static hada_status open_devices(hada_cli *cli, hada_bench_device *devices, int *
         hada_bench_device *device = &devices[*count];
         memmove(device->index, devices[i].index, sizeof device->index);
         status = open_device(cli, device, err);
-        if (!status) {
+        if (status == HADA_OK) {
             (*count)++;
             continue;
         }
@@ -137,17 +137,19 @@ static hada_status measure_workload(hada_bench *bench, const settings *set, hada
     static const char *const names[] = {"latency", "throughput", "run time against error", "starts"};
     const int wanted[] = {1, 1, !set->no_sweep, first && !set->no_start};
     hada_status status = HADA_OK;
-    for (int d = 0; !status && d < count; d++)
-        for (int i = 0; !status && i < 4; i++) {
+    for (int d = 0; d < count; d++)
+        for (int i = 0; i < 4; i++) {
             const double start = hada_cli_seconds();
-            if (wanted[i])
-                status = parts[i](bench, &devices[d], workload, err);
+            if (!wanted[i])
+                continue;
+            status = parts[i](bench, &devices[d], workload, err);
             if (status)
                 hada_cli_prefix(err, "device %s, %s: ", devices[d].index, workload->name);
-            else if (wanted[i])
-                hada_cli_detail(bench->cli, "%s, %s on device %s: %.1f s", workload->name, names[i], devices[d].index,
-                                hada_cli_seconds() - start);
+            HADA_TRY(status);
+            hada_cli_detail(bench->cli, "%s, %s on device %s: %.1f s", workload->name, names[i], devices[d].index,
+                            hada_cli_seconds() - start);
         }
+done:
     return status;
 }
 
@@ -158,16 +160,17 @@ static hada_status measure_all(hada_bench *bench, const settings *set, hada_benc
     const char *const *names = set->workloads.count ? set->workloads.items : set->quick ? quick : usual;
     const int named = set->workloads.count ? set->workloads.count : set->model ? 0 : set->quick ? 1 : 2;
     hada_status status = HADA_OK;
-    for (int d = 0; !status && d < count; d++)
-        status = hada_bench_peaks(bench, &devices[d], err);
-    for (int i = set->model ? -1 : 0; !status && i < named; i++) {
-        hada_bench_workload workload = {0};
-        status = i < 0 ? hada_bench_workload_load(&workload, set->model, files, file_count, err)
-                       : hada_bench_workload_make(bench, &workload, devices[0].context, names[i], err);
-        if (!status)
-            status = measure_workload(bench, set, devices, count, &workload, i == (set->model ? -1 : 0), err);
+    hada_bench_workload workload = {0};
+    for (int d = 0; d < count; d++)
+        HADA_TRY(hada_bench_peaks(bench, &devices[d], err));
+    for (int i = set->model ? -1 : 0; i < named; i++) {
+        HADA_TRY(i < 0 ? hada_bench_workload_load(&workload, set->model, files, file_count, err)
+                       : hada_bench_workload_make(bench, &workload, devices[0].context, names[i], err));
+        HADA_TRY(measure_workload(bench, set, devices, count, &workload, i == (set->model ? -1 : 0), err));
         hada_bench_workload_free(&workload);
     }
+done:
+    hada_bench_workload_free(&workload);
     return status;
 }
 
@@ -193,34 +196,30 @@ static hada_status run_bench(hada_cli *cli, const settings *set, const char *con
     hada_bench_device *devices = calloc(MOST_DEVICES, sizeof *devices);
     int count = 0;
     bench.rounds = set->rounds ? set->rounds : set->quick ? QUICK_ROUNDS : ROUNDS;
-    hada_status status = devices ? HADA_OK : hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
-    if (!status && set->output)
-        status = hada_folder_ensure(set->output, err);
-    if (!status)
-        status = make_scratch(&bench, err);
-    if (!status)
-        status = choose_devices(set, devices, &count, err);
-    if (!status)
-        status = open_devices(cli, devices, &count, err);
-    if (!status)
-        tell_apart(devices, count);
-    if (!status)
-        status = measure_all(&bench, set, devices, count, files, file_count, err);
+    hada_status status = HADA_OK;
+    if (!devices)
+        HADA_TRY(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
+    if (set->output)
+        HADA_TRY(hada_folder_ensure(set->output, err));
+    HADA_TRY(make_scratch(&bench, err));
+    HADA_TRY(choose_devices(set, devices, &count, err));
+    HADA_TRY(open_devices(cli, devices, &count, err));
+    tell_apart(devices, count);
+    HADA_TRY(measure_all(&bench, set, devices, count, files, file_count, err));
     json_t *list = json_array();
-    for (int i = 0; !status && i < count; i++)
+    for (int i = 0; i < count; i++)
         json_array_append_new(list, hada_cli_device_json(&devices[i].info));
     json_object_set_new(cli->document, "devices", list);
+    HADA_TRY(hada_bench_json(&bench, cli->document, err));
+    hada_bench_print(&bench);
+    if (set->output)
+        HADA_TRY(hada_bench_write(&bench, set->output, err));
+    if (set->output && hada_cli_pictures(cli))
+        HADA_TRY(hada_bench_plots(&bench, set->output, err));
+done:
     if (devices)
         close_devices(devices, MOST_DEVICES);
     free(devices);
-    if (!status)
-        status = hada_bench_json(&bench, cli->document, err);
-    if (!status)
-        hada_bench_print(&bench);
-    if (!status && set->output)
-        status = hada_bench_write(&bench, set->output, err);
-    if (!status && set->output && hada_cli_pictures(cli))
-        status = hada_bench_plots(&bench, set->output, err);
     if (bench.scratch)
         hada_folder_remove(bench.scratch);
     free(bench.scratch);

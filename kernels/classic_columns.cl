@@ -1,9 +1,10 @@
 /* What planes make of a frame, and what a frame gives back to planes, along the columns of their half spectra, which
  * stand as [image][block of eight columns][row of the image][8]: forward transform, product with the transfer functions
  * and inverse transform of a block of columns while it stands in the cache. Whole spectra stand nowhere.
- *     back 0: frames = sum over depths of H planes        back 1: planes = conj(H) frames
+ *     transpose 0: frames = sum over depths of H planes        transpose 1: planes = conj(H) frames
  * A work-item takes one block of columns of one channel. `scratch`: a column block, two where depths > 1. */
 #include "inc_fft_convolve.h"
+#include "shared_classic.h"
 
 FFT_INLINE fft_columns image_block(__global float *images, size_t number, int row0, int rows)
 {
@@ -20,24 +21,24 @@ FFT_INLINE fft_columns image_block(__global float *images, size_t number, int ro
 }
 
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
-classic_columns(__global float *planes, int plane_row0, int plane_rows, __global float *frames, int frame_row0,
-                int frame_rows, __global const float *otf, ulong otf_offset, __global const int *list, int depths,
-                int channels, int blocks, int back, __global const int *table, __global const float *floats,
+classic_columns(__global float *planes, __global float *frames, __global const float *otf, __global const int *list,
+                hada_classic_columns job, __global const int *table, __global const float *floats,
                 __local float8 *scratch)
 {
+    const int depths = job.depths, channels = job.channels, blocks = job.blocks, back = job.transpose;
     const int channel = get_group_id(0) % channels, block = get_group_id(0) / channels;
     const int n = table[FFT_LENGTH], stages = table[FFT_STAGES];
     const float sign = back ? -1.0f : 1.0f;
     const size_t image = (size_t)blocks * n * 16; /* floats of a transfer function */
-    __global const float *h = otf + 2 * otf_offset + channel * image + block * (size_t)n * 16;
-    const fft_columns frame = image_block(frames, (size_t)channel * blocks + block, frame_row0, frame_rows);
+    __global const float *h = otf + 2 * job.otf_offset + channel * image + block * (size_t)n * 16;
+    const fft_columns frame = image_block(frames, (size_t)channel * blocks + block, job.frame_row0, job.frame_rows);
     __local float8 *other = scratch + 2 * n;
 
     if (back && depths > 1)
         fft_enter(&frame, scratch, table, floats, stages);
     for (int s = 0; s < depths; ++s) {
         const fft_columns plane =
-            image_block(planes, ((size_t)s * channels + channel) * blocks + block, plane_row0, plane_rows);
+            image_block(planes, ((size_t)s * channels + channel) * blocks + block, job.plane_row0, job.plane_rows);
         __global const float *here = h + (size_t)list[s] * channels * image;
         if (depths == 1) {
             fft_enter(back ? &frame : &plane, scratch, table, floats, stages - 1);

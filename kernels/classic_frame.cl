@@ -1,30 +1,32 @@
-/* What a prediction y of the frame becomes where the sensor sees it, in place. b is the frame.
- *     mode 1: y = max(b, 0) / max(y, scale)                       Richardson-Lucy
- *     mode 3: y = b - y                           what is left
- *     mode 2: e = scale (b - s - 2 y), s = -e - y, y = e           ADMM; scale = 1 / (1 + mu)
- * Mode 2 is the split v = sum PSF * x that meets the data (unknown boundaries): with its scaled dual d, v minimises
+/* What a prediction y of the frame becomes on the sensor's pixels, in place. b is the frame.
+ *     ratio:    y = max(b, 0) / max(y, number)                       Richardson-Lucy
+ *     residual: y = b - y
+ *     split:    e = number (b - s - 2 y), s = -e - y, y = e          ADMM; number = 1 / (1 + mu)
+ * The last is the split v = sum PSF * x that meets the data (unknown boundaries): with its scaled dual d, v minimises
  * |b - v|^2 + mu |v - y - d|^2, and s = d - v is all that has to be kept: docs/rivals.md.
  * Dimensions: slices of pixels, channels. */
 #include "inc_classic.h"
+#include "shared_classic.h"
 
 __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
-classic_frame(__global float *images, __global const float *frame, __global float *state, int mode, float scale,
-              uint pixels, uint slice)
+classic_frame(__global float *images, __global const float *frame, __global float *dual, int step, float number,
+              hada_classic_slices slices)
 {
+    const uint slice = slices.slice, pixels = slices.pixels;
     const uint from = get_group_id(0) * slice, to = min(pixels, from + slice);
     const size_t plane = (size_t)get_global_id(1) * pixels;
     __global float *y = images + plane;
     __global const float *b = frame + plane;
 
     for (uint i = from + get_local_id(0) * REFINE_WIDTH; i < to; i += REFINE_GROUP * REFINE_WIDTH) {
-        const refine_real seen = image_get(b, i), made = image_get(y, i);
-        if (mode == 1) {
-            image_put(y, i, max(seen, 0.0f) / max(made, scale));
-        } else if (mode == 3) {
-            image_put(y, i, seen - made);
+        const refine_real recorded = image_get(b, i), predicted = image_get(y, i);
+        if (step == HADA_CLASSIC_RATIO) {
+            image_put(y, i, max(recorded, 0.0f) / max(predicted, number));
+        } else if (step == HADA_CLASSIC_RESIDUAL) {
+            image_put(y, i, recorded - predicted);
         } else {
-            const refine_real e = scale * (seen - image_get(state, plane + i) - 2.0f * made);
-            image_put(state, plane + i, -e - made);
+            const refine_real e = number * (recorded - image_get(dual, plane + i) - 2.0f * predicted);
+            image_put(dual, plane + i, -e - predicted);
             image_put(y, i, e);
         }
     }
@@ -32,9 +34,10 @@ classic_frame(__global float *images, __global const float *frame, __global floa
 
 /* partial[channel][slice]: sums of squares. */
 __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
-classic_energy(__global const float *images, uint pixels, uint slice, __global float *partial)
+classic_energy(__global const float *images, hada_classic_slices slices, __global float *partial)
 {
     REFINE_LOCAL
+    const uint slice = slices.slice, pixels = slices.pixels;
     const uint from = get_group_id(0) * slice, to = min(pixels, from + slice);
     __global const float *y = images + (size_t)get_global_id(1) * pixels;
     refine_real sum = (refine_real)0.0f;
@@ -47,7 +50,7 @@ classic_energy(__global const float *images, uint pixels, uint slice, __global f
 
 /* The frame, [channel][rows][cols] floats, with the pitch of images. Dimensions: columns up to the pitch, rows,
  * channels. */
-__kernel void classic_seen(__global const float *frame, ulong offset, __global float *images, int cols)
+__kernel void classic_pad(__global const float *frame, ulong offset, __global float *images, int cols)
 {
     const size_t row = (size_t)get_global_id(2) * get_global_size(1) + get_global_id(1), j = get_global_id(0);
     images[row * get_global_size(0) + j] = j < (size_t)cols ? frame[offset + row * (size_t)cols + j] : 0.0f;

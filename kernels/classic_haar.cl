@@ -7,6 +7,7 @@
  * y_(l+1), and the result is a_0 + y_0. Pixels beyond an edge are the edge's. Coefficients here are means: those of the
  * orthonormal transform over 2^(l+1). Offsets count floats. Dimensions: bands of rows, planes. */
 #include "inc_classic.h"
+#include "shared_classic.h"
 
 /* Where the partners of pixel i stand, s before and s after; in the plain transform both are in its own block. */
 REFINE_INLINE int haar_before(int i, int s, int plain)
@@ -19,12 +20,15 @@ REFINE_INLINE int haar_after(int i, int s, int n, int plain)
     return min(plain ? i | s : i + s, n - 1);
 }
 
-__kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
-classic_haar_down(__global const float *fine, ulong fine_offset, __global float *result, ulong result_offset, int s,
-                  int plain, int rows, int cols, int pitch, int band)
+__kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void classic_haar_down(__global const float *fine,
+                                                                                          __global float *result,
+                                                                                          hada_classic_level level,
+                                                                                          hada_classic_bands image)
 {
-    __global const float *in = fine + fine_offset;
-    __global float *out = result + result_offset;
+    const int rows = image.rows, cols = image.cols, pitch = image.pitch, band = image.band;
+    const int s = level.spacing, plain = level.decimated;
+    __global const float *in = fine + level.fine;
+    __global float *out = result + level.result;
     const int from = get_group_id(0) * band, to = min(rows, from + band);
     const size_t plane = (size_t)get_global_id(1) * (size_t)rows * pitch;
     for (int i = from; i < to; ++i) {
@@ -52,14 +56,16 @@ classic_haar_down(__global const float *fine, ulong fine_offset, __global float 
     (h * clamp(p - q + r - t, -edge, edge) + v * clamp(p + q - r - t, -edge, edge) +                                   \
      h * v * clamp(p - q - r + t, -edge, edge))
 
-/* `more`: y_(l+1) is given. `image`: a_0 is to be added (level 0). */
+/* y_l from a_l and, where `more`, y_(l+1); at level 0 (`image`) a_0 is added. */
 __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
-classic_haar_up(__global const float *fine, ulong fine_offset, __global const float *coarser, ulong coarse_offset,
-                __global float *result, ulong result_offset, int more, int image, int s, int plain,
-                __global const float *alpha, float weight, uint channels, int rows, int cols, int pitch, int band)
+classic_haar_up(__global const float *fine, __global const float *coarser, __global float *result,
+                hada_classic_level level, __global const float *alpha, float weight, uint channels,
+                hada_classic_bands image)
 {
-    __global const float *in = fine + fine_offset, *coarse = coarser + coarse_offset;
-    __global float *out = result + result_offset;
+    const int rows = image.rows, cols = image.cols, pitch = image.pitch, band = image.band;
+    const int s = level.spacing, plain = level.decimated, more = level.more, whole = level.image;
+    __global const float *in = fine + level.fine, *coarse = coarser + level.coarse;
+    __global float *out = result + level.result;
     const int from = get_group_id(0) * band, to = min(rows, from + band);
     const size_t plane = (size_t)get_global_id(1) * (size_t)rows * pitch;
     /* 4 times the coefficients' threshold: the block's sums are not divided by 4 */
@@ -74,7 +80,7 @@ classic_haar_up(__global const float *fine, ulong fine_offset, __global const fl
                 const float h = j == left ? 1.0f : -1.0f, v = i == haar_before(i, s, 1) ? 1.0f : -1.0f;
                 const float p = in[before + left], q = in[before + right], r = in[after + left], t = in[after + right];
                 const float change = -0.25f * HAAR_BLOCK(p, q, r, t, h, v);
-                out[row + j] = change + (more ? coarse[row + j] : 0.0f) + (image ? in[row + j] : 0.0f);
+                out[row + j] = change + (more ? coarse[row + j] : 0.0f) + (whole ? in[row + j] : 0.0f);
             }
             continue;
         }
@@ -93,7 +99,7 @@ classic_haar_up(__global const float *fine, ulong fine_offset, __global const fl
             if (more)
                 change += image_get(coarse, before + at - s) + image_get(coarse, before + at) +
                           image_get(coarse, row + at - s) + image_get(coarse, row + at);
-            image_put(out, row + at, image ? fma(change, 0.25f, u) : 0.25f * change);
+            image_put(out, row + at, whole ? fma(change, 0.25f, u) : 0.25f * change);
         }
 #else
         const int inner = 0;
@@ -109,7 +115,7 @@ classic_haar_up(__global const float *fine, ulong fine_offset, __global const fl
                                      HAAR_BLOCK(t, u, x, y, -1.0f, 1.0f) + HAAR_BLOCK(u, w, y, z, 1.0f, 1.0f));
             if (more)
                 change += coarse[before + left] + coarse[before + j] + coarse[row + left] + coarse[row + j];
-            out[row + j] = image ? fma(change, 0.25f, u) : 0.25f * change;
+            out[row + j] = whole ? fma(change, 0.25f, u) : 0.25f * change;
         }
     }
 }

@@ -1,9 +1,10 @@
 /* The multiplicative step of Richardson-Lucy: x = y c / (norm (1 - weight div(grad y / |grad y|))), c the transpose of
- * the ratios, norm the transpose of the sensor's frame, taken as `seen` at least. The divergence is total variation
+ * the ratios, norm the transpose of the sensor's frame, taken as `least` at least. The divergence is total variation
  * (Dey et al., 2006), with forward differences that end at the edges; weight 0 leaves it out. `corrected` holds c and
  * takes x; `direction` holds the last g = x - y and takes this one. partial: the sums of g g_last, g_last^2,
  * (x - before)^2, x^2. Dimensions: bands of rows, planes. */
 #include "inc_classic.h"
+#include "shared_classic.h"
 
 /* The smallest that the divisor may become. */
 #define LUCY_DIVISOR 0.1f
@@ -16,10 +17,11 @@ REFINE_INLINE refine_real unit(refine_real this, refine_real other)
 
 __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
 classic_lucy(__global const float *start, __global float *corrected, __global const float *norms,
-             __global const float *before, __global float *direction, int rows, int cols, int pitch, int band,
-             float weight, float seen, __global float *partial)
+             __global const float *before, __global float *direction, hada_classic_bands image, float weight,
+             float least, __global float *partial)
 {
     REFINE_LOCAL
+    const int rows = image.rows, cols = image.cols, pitch = image.pitch, band = image.band;
     const int from = get_group_id(0) * band, to = min(rows, from + band);
     const size_t plane = (size_t)get_global_id(1) * (size_t)rows * pitch;
     __global const float *y = start + plane;
@@ -30,7 +32,7 @@ classic_lucy(__global const float *start, __global float *corrected, __global co
         for (int j = get_local_id(0) * REFINE_WIDTH; j < cols; j += REFINE_GROUP * REFINE_WIDTH) {
             const size_t at = plane + row + j;
             const refine_real here = image_cut(image_get(y, row + j), j, 0, cols), gone = image_get(direction, at);
-            refine_real divisor = max(image_get(norms, at), seen);
+            refine_real divisor = max(image_get(norms, at), least);
             if (weight > 0.0f) {
                 /* forward differences here, of the row above and of the column to the left; 0 at the far edges */
                 const int end = j + REFINE_WIDTH >= cols, next = end ? cols - 1 : j + REFINE_WIDTH;

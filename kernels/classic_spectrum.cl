@@ -1,25 +1,31 @@
 /* What the classic methods do to half spectra. Dimensions: slices of frequencies, channels. Transfer functions stand as
  * [depth][channel][count], planes as [place in the list][channel][count], everything else as [channel][count]. */
 #include "inc_refine.h"
+#include "shared_classic.h"
 
 /* The least-squares step of ADMM, and the Wiener filter, for all depths jointly (Sherman-Morrison): per frequency
  *     X = argmin m |P/m - sum H X|^2 + D |X - Q/D|^2 = (Q + conj(H) f) / D,   f = (D P - m sum H Q) / (D + m sum |H|^2)
- * with D = mu2 (wave_row + wave_col) + mu3: the gradient's transfer function squared, and the split of the planes.
- * cropped: P = m (Y + E), and Y becomes sum H X; else P = data. `planes` holds Q and takes X; first: Q is 0. */
+ * with D = mu2 (G_row + G_col) + mu3, G the gradient's transfer function squared (`gradient`: rows, then columns), m,
+ * mu2 and mu3 the weights of data, gradient and planes. cropped: P = m (Y + E), and Y becomes sum H X; else P = data.
+ * `planes` holds Q and takes X; first: Q is 0. */
 __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
-classic_solve(__global const float *otf, ulong otf_offset, __global const int *list, int depths,
-              __global const float *data, ulong data_offset, __global float *split_y, int cropped,
-              __global float *planes, int first, __global const float *wave, float m, float mu2, float mu3, uint count,
-              uint slice, uint rows, uint block)
+classic_solve(__global const float *otf, __global const int *list, __global const float *data, __global float *split_y,
+              __global float *planes, __global const float *gradient, hada_classic_problem problem,
+              hada_classic_weights weights)
 {
+    const uint count = problem.spectrum.count, slice = problem.slice;
+    const int depths = problem.depths;
+    const uint rows = problem.spectrum.rows, block = problem.spectrum.block;
+    const int cropped = weights.cropped, first = weights.first;
+    const float m = weights.data, mu2 = weights.gradient, mu3 = weights.planes;
     const uint channel = get_global_id(1), channels = get_global_size(1);
     const uint from = get_group_id(0) * slice, to = min(count, from + slice);
     const size_t step = 2 * (size_t)channels * count;
-    __global const float *h = otf + 2 * (otf_offset + (size_t)channel * count);
-    __global const float *p = data + 2 * (data_offset + (size_t)channel * count);
+    __global const float *h = otf + 2 * (problem.otf_offset + (size_t)channel * count);
+    __global const float *p = data + 2 * (problem.frame_offset + (size_t)channel * count);
     __global float *y = split_y + (cropped ? 2 * (size_t)channel * count : 0);
     __global float *x = planes + 2 * (size_t)channel * count;
-    __global const float *wave_cols = wave + rows;
+    __global const float *gradient_cols = gradient + rows;
 
     for (uint i = from + get_local_id(0) * REFINE_WIDTH; i < to; i += REFINE_GROUP * REFINE_WIDTH) {
         refine_real square = (refine_real)0.0f, hq_re = square, hq_im = square;
@@ -43,7 +49,8 @@ classic_solve(__global const float *otf, ulong otf_offset, __global const int *l
             p_im = m * (p_im + y_im);
         }
         const uint ky = i / block % rows, kx = i / (rows * block) * block + i % block;
-        const refine_real d = fma((refine_real)mu2, refine_get_real(wave_cols, kx) + wave[ky], (refine_real)mu3);
+        const refine_real d =
+            fma((refine_real)mu2, refine_get_real(gradient_cols, kx) + gradient[ky], (refine_real)mu3);
         const refine_real per_d = 1.0f / d, per_all = 1.0f / fma((refine_real)m, square, d);
         const refine_real f_re = (d * p_re - m * hq_re) * per_all, f_im = (d * p_im - m * hq_im) * per_all;
         if (cropped)
@@ -62,17 +69,20 @@ classic_solve(__global const float *otf, ulong otf_offset, __global const int *l
 /* What the planes make of the frame: out = sum H X, or with the data given (has_data) what they leave of it, data -
  * sum H X. partial[channel][slice]: the sum of |out|^2 over the whole spectrum. */
 __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
-classic_project(__global const float *otf, ulong otf_offset, __global const int *list, int depths,
-                __global const float *data, ulong data_offset, int has_data, __global const float *planes,
-                __global float *out, uint count, uint slice, uint rows, uint block, uint cols, __global float *partial)
+classic_project(__global const float *otf, __global const int *list, __global const float *data, int has_data,
+                __global const float *planes, __global float *out, hada_classic_problem problem,
+                __global float *partial)
 {
     REFINE_LOCAL
+    const uint count = problem.spectrum.count, slice = problem.slice;
+    const int depths = problem.depths;
+    const uint rows = problem.spectrum.rows, block = problem.spectrum.block, cols = problem.spectrum.cols;
     const uint channel = get_global_id(1), channels = get_global_size(1);
     const uint from = get_group_id(0) * slice, to = min(count, from + slice);
     const size_t step = 2 * (size_t)channels * count;
     const float sign = has_data ? -1.0f : 1.0f;
-    __global const float *h = otf + 2 * (otf_offset + (size_t)channel * count);
-    __global const float *b = data + 2 * (data_offset + (size_t)channel * count);
+    __global const float *h = otf + 2 * (problem.otf_offset + (size_t)channel * count);
+    __global const float *b = data + 2 * (problem.frame_offset + (size_t)channel * count);
     __global const float *x = planes + 2 * (size_t)channel * count;
     refine_real sum = (refine_real)0.0f;
 
@@ -97,13 +107,15 @@ classic_project(__global const float *otf, ulong otf_offset, __global const int 
 
 /* The transpose: planes = conj(H) in, for every depth of the list. */
 __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
-classic_back(__global const float *otf, ulong otf_offset, __global const int *list, int depths,
-             __global const float *in, __global float *planes, uint count, uint slice)
+classic_transpose(__global const float *otf, __global const int *list, __global const float *in, __global float *planes,
+                  hada_classic_problem problem)
 {
+    const uint count = problem.spectrum.count, slice = problem.slice;
+    const int depths = problem.depths;
     const uint channel = get_global_id(1), channels = get_global_size(1);
     const uint from = get_group_id(0) * slice, to = min(count, from + slice);
     const size_t step = 2 * (size_t)channels * count;
-    __global const float *h = otf + 2 * (otf_offset + (size_t)channel * count);
+    __global const float *h = otf + 2 * (problem.otf_offset + (size_t)channel * count);
     __global float *x = planes + 2 * (size_t)channel * count;
 
     for (uint i = from + get_local_id(0) * REFINE_WIDTH; i < to; i += REFINE_GROUP * REFINE_WIDTH) {

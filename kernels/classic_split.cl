@@ -10,6 +10,7 @@
  * images), since neighbours read it. has_tv 0: no gradients.
  * Dimensions: bands of rows, planes. partial: the sums of (x - old)^2, then those of x^2. */
 #include "inc_classic.h"
+#include "shared_classic.h"
 
 REFINE_INLINE refine_real dual_step(refine_real t, refine_real ax, float theta)
 {
@@ -18,10 +19,11 @@ REFINE_INLINE refine_real dual_step(refine_real t, refine_real ax, float theta)
 
 __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
 classic_split(__global const float *planes, __global float *old, __global const float *t_old, __global float *t_new,
-              __global float *duals, int rows, int cols, int pitch, int band, int row0, int col0, int row1, int col1,
-              int has_tv, float mu2, float mu3, float theta, __global float *partial)
+              __global float *duals, hada_classic_bands image, hada_classic_splits splits, __global float *partial)
 {
     REFINE_LOCAL
+    const int rows = image.rows, cols = image.cols, pitch = image.pitch, band = image.band, has_tv = splits.has_tv;
+    const float mu2 = splits.gradient, mu3 = splits.planes, theta = splits.threshold;
     const int from = get_group_id(0) * band, to = min(rows, from + band);
     const size_t distance = (size_t)rows * pitch, plane = (size_t)get_global_id(1) * distance;
     __global const float *x = planes + plane;
@@ -33,14 +35,14 @@ classic_split(__global const float *planes, __global float *old, __global const 
     for (int i = from; i < to; ++i) {
         const size_t row = (size_t)i * pitch, up = (size_t)(i ? i - 1 : rows - 1) * pitch,
                      down = (size_t)(i + 1 < rows ? i + 1 : 0) * pitch;
-        const int lit = i >= row0 && i < row1;
+        const int supported = i >= splits.row0 && i < splits.row1;
         for (int j = get_local_id(0) * REFINE_WIDTH; j < cols; j += REFINE_GROUP * REFINE_WIDTH) {
             const refine_real here = image_get(x, row + j), step = here - image_get(q, row + j);
-            const refine_real kept = image_get(r, row + j), shadow = kept + here;
+            const refine_real kept = image_get(r, row + j), sum = kept + here;
             change = fma(step, step, change);
             size = fma(here, here, size);
             /* min(r + 2x, 0) - x = r + x - max(r + 2x, 0) */
-            refine_real dual = shadow - image_cut(max(shadow + here, 0.0f), j, lit ? col0 : cols, col1);
+            refine_real dual = sum - image_cut(max(sum + here, 0.0f), j, supported ? splits.col0 : cols, splits.col1);
             image_put(r, row + j, dual);
             dual *= -mu3;
             if (has_tv) {

@@ -1,17 +1,20 @@
 /* Pixel by pixel steps of FISTA and Richardson-Lucy. Dimensions: slices of pixels, planes; plane p belongs to channel
  * p % channels. */
 #include "inc_classic.h"
+#include "shared_classic.h"
 
 /* A gradient step: g = v + alpha[channel] g. */
-__kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
-classic_descend(__global const float *momentum, __global float *gradient, __global const float *alpha, uint channels,
-                uint pixels, uint slice)
+__kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void classic_descend(__global const float *momentum,
+                                                                                        __global float *gradient,
+                                                                                        __global const float *alpha,
+                                                                                        hada_classic_slices slices)
 {
+    const uint slice = slices.slice, pixels = slices.pixels;
     const uint from = get_group_id(0) * slice, to = min(pixels, from + slice);
     const size_t plane = (size_t)get_global_id(1) * pixels;
     __global const float *v = momentum + plane;
     __global float *g = gradient + plane;
-    const float a = alpha[get_global_id(1) % channels];
+    const float a = alpha[get_global_id(1) % slices.channels];
     for (uint i = from + get_local_id(0) * REFINE_WIDTH; i < to; i += REFINE_GROUP * REFINE_WIDTH)
         image_put(g, i, fma((refine_real)a, image_get(g, i), image_get(v, i)));
 }
@@ -20,15 +23,15 @@ classic_descend(__global const float *momentum, __global float *gradient, __glob
  * or (direct) the gradient step v + alpha g itself. partial: the sums of (x' - x)^2, then those of x'^2. */
 __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
 classic_momentum(__global float *planes, __global float *momentum, __global const float *gradient, int direct,
-                 __global const float *alpha, float beta, uint channels, uint pixels, uint slice,
-                 __global float *partial)
+                 __global const float *alpha, float beta, hada_classic_slices slices, __global float *partial)
 {
     REFINE_LOCAL
+    const uint slice = slices.slice, pixels = slices.pixels;
     const uint from = get_group_id(0) * slice, to = min(pixels, from + slice);
     const size_t plane = (size_t)get_global_id(1) * pixels;
     __global float *x = planes + plane, *v = momentum + plane;
     __global const float *g = gradient + plane;
-    const float a = alpha[get_global_id(1) % channels];
+    const float a = alpha[get_global_id(1) % slices.channels];
     refine_real change = (refine_real)0.0f, size = change;
     for (uint i = from + get_local_id(0) * REFINE_WIDTH; i < to; i += REFINE_GROUP * REFINE_WIDTH) {
         refine_real z = image_get(g, i);
@@ -47,9 +50,10 @@ classic_momentum(__global float *planes, __global float *momentum, __global cons
 
 /* Where Richardson-Lucy goes on from: y = max(0, x + factor (x - before)). */
 __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
-classic_forward(__global const float *planes, __global const float *before, __global float *next, float factor,
-                uint pixels, uint slice)
+classic_extrapolate(__global const float *planes, __global const float *before, __global float *next, float factor,
+                    hada_classic_slices slices)
 {
+    const uint slice = slices.slice, pixels = slices.pixels;
     const uint from = get_group_id(0) * slice, to = min(pixels, from + slice);
     const size_t plane = (size_t)get_global_id(1) * pixels;
     for (uint i = from + get_local_id(0) * REFINE_WIDTH; i < to; i += REFINE_GROUP * REFINE_WIDTH) {

@@ -4,12 +4,15 @@
  * edges. Duals stand as [plane][2] images (along columns of pixels, along rows of pixels), scaled by w.
  * Dimensions: bands of rows, planes; plane p belongs to channel p % channels. */
 #include "inc_classic.h"
+#include "shared_classic.h"
 
 /* x = max(0, z - grad^T dual) */
-__kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
-classic_tv_planes(__global const float *given, __global const float *duals, __global float *planes, int rows, int cols,
-                  int pitch, int band)
+__kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void classic_tv_planes(__global const float *given,
+                                                                                          __global const float *duals,
+                                                                                          __global float *planes,
+                                                                                          hada_classic_bands image)
 {
+    const int rows = image.rows, cols = image.cols, pitch = image.pitch, band = image.band;
     const int from = get_group_id(0) * band, to = min(rows, from + band);
     const size_t distance = (size_t)rows * pitch, plane = (size_t)get_global_id(1) * distance;
     __global const float *pi = duals + 2 * plane, *pj = pi + distance;
@@ -27,9 +30,9 @@ classic_tv_planes(__global const float *given, __global const float *duals, __gl
 /* p' = clamp(r + grad x / 8, -w, w), r = p' + beta (p' - p), p = p'; w = weight alpha[channel] */
 __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
 classic_tv_duals(__global const float *planes, __global float *duals, __global float *momentum,
-                 __global const float *alpha, float weight, float beta, uint channels, int rows, int cols, int pitch,
-                 int band)
+                 __global const float *alpha, float weight, float beta, uint channels, hada_classic_bands image)
 {
+    const int rows = image.rows, cols = image.cols, pitch = image.pitch, band = image.band;
     const int from = get_group_id(0) * band, to = min(rows, from + band);
     const size_t distance = (size_t)rows * pitch, plane = (size_t)get_global_id(1) * distance;
     __global const float *x = planes + plane;

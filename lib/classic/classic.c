@@ -1,116 +1,11 @@
 #include "classic/classic.h"
 
-#include <math.h>
 #include <stdlib.h>
 
 #include "classic/classic_steps.h"
 #include "core/alloc.h"
-#include "core/options.h"
 
 enum { MOST_SUMS = 4, BAND = 4096 /* pixels of a band of rows, about */ };
-
-void hada_classic_options_defaults(hada_classic_options *options, size_t size)
-{
-    const hada_classic_options own = {.size = sizeof own,
-                                      .iterations = 100,
-                                      .weight = HADA_AUTO,
-                                      .lambda = 0.1,
-                                      .accelerate = 1,
-                                      .step = 1.0,
-                                      .inner = 5,
-                                      .levels = 3,
-                                      .mu1 = 1.0,
-                                      .mu2 = 3e-3,
-                                      .mu3 = 3e-4};
-    HADA_OPTIONS_GIVE(options, size, &own);
-}
-
-static hada_status check_options(const hada_classic_options *o, hada_error *err)
-{
-    if (o->method < HADA_METHOD_WIENER || o->method > HADA_METHOD_ADMM || o->prior < HADA_PRIOR_AUTO ||
-        o->prior > HADA_PRIOR_HAAR || o->support < HADA_SUPPORT_AUTO || o->support > HADA_SUPPORT_GRID)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "method, prior or support is none that there is");
-    if (o->iterations < 1 || !(o->stop >= 0.0 && o->stop < 1.0) || !(o->seconds >= 0.0) || !isfinite(o->seconds))
-        return hada_fail(
-            err, HADA_ERROR_ARGUMENT,
-            "the stopping rules make no sense: there is one iteration at least, seconds are not negative, the relative "
-            "change is from 0 to below 1");
-    if (!isfinite(o->weight) || !(o->lambda > 0.0 && isfinite(o->lambda)) || !(o->step > 0.0 && o->step < 2.0))
-        return hada_fail(err, HADA_ERROR_ARGUMENT,
-                         "the weight must be finite, lambda above 0 and the step between 0 and 2");
-    if (o->inner < 1 || o->inner > 1000 || o->levels < 1 || o->levels > 8)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "inner iterations are from 1 to 1000, levels of wavelets 1 to 8");
-    if (!(o->mu1 > 0.0 && isfinite(o->mu1)) || !(o->mu2 > 0.0 && isfinite(o->mu2)) ||
-        !(o->mu3 > 0.0 && isfinite(o->mu3)))
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "mu1, mu2 and mu3 of ADMM must be above 0");
-    const int wavelets = o->prior == HADA_PRIOR_WAVELET || o->prior == HADA_PRIOR_HAAR;
-    if ((wavelets && o->method != HADA_METHOD_FISTA) || (o->prior == HADA_PRIOR_TV && o->method == HADA_METHOD_WIENER))
-        return hada_fail(err, HADA_ERROR_ARGUMENT,
-                         "this method has no such prior: Richardson-Lucy and ADMM take total variation, FISTA also "
-                         "wavelets, a Wiener filter none");
-    return HADA_OK;
-}
-
-/* The weights that were best or near it on simulated frames with 1 % noise: docs/rivals.md. */
-static double own_weight(const hada_classic_options *o)
-{
-    if (o->prior == HADA_PRIOR_NONE)
-        return 0.0;
-    return o->method == HADA_METHOD_RL || o->prior == HADA_PRIOR_WAVELET ? 5e-3 : 3e-3;
-}
-
-hada_status hada_classic_shape_of(const hada_model_info *info, int depths, const hada_classic_options *options,
-                                  hada_classic_shape *shape, hada_error *err)
-{
-    hada_status status = check_options(options, err);
-    if (!status && !info->has_otf)
-        status = hada_fail(err, HADA_ERROR_MODEL,
-                           "the model %s holds no transfer functions, which this method needs: make the model again "
-                           "with fit, from pairs or from --psf",
-                           info->name);
-    if (status)
-        return status;
-    hada_classic_options *o = &shape->options;
-    *o = *options;
-    shape->place = hada_refine_shape_of(info, depths, 1);
-    o->iterations = o->method == HADA_METHOD_WIENER ? 1 : o->iterations;
-    if (o->prior == HADA_PRIOR_AUTO)
-        o->prior = o->method == HADA_METHOD_ADMM ? HADA_PRIOR_TV : HADA_PRIOR_NONE;
-    if (o->weight < 0.0)
-        o->weight = own_weight(o);
-    if (o->weight <= 0.0)
-        o->prior = HADA_PRIOR_NONE;
-    if (o->support == HADA_SUPPORT_AUTO)
-        o->support = o->method == HADA_METHOD_ADMM ? HADA_SUPPORT_GRID : HADA_SUPPORT_WINDOW;
-    shape->support = o->support == HADA_SUPPORT_GRID ? (hada_refine_rect){0, 0, info->grid_rows, info->grid_cols}
-                                                     : shape->place.window;
-    shape->grid_rows = info->grid_rows;
-    shape->grid_cols = info->grid_cols;
-    shape->reach = (hada_refine_rect){0};
-    return HADA_OK;
-}
-
-static hada_refine_rect at_top_left(const hada_refine_rect *rect)
-{
-    return (hada_refine_rect){0, 0, rect->rows, rect->cols};
-}
-
-/* ADMM has its gradients on the whole grid. */
-hada_refine_rect hada_classic_plane_rect(const hada_classic_shape *shape)
-{
-    const hada_refine_rect grid = {0, 0, shape->grid_rows, shape->grid_cols};
-    if (shape->reach.rows)
-        return at_top_left(&shape->support);
-    return shape->options.method == HADA_METHOD_ADMM ? grid : shape->support;
-}
-
-hada_refine_rect hada_classic_frame_rect(const hada_classic_shape *shape)
-{
-    const hada_refine_rect grid = {0, 0, shape->grid_rows, shape->grid_cols};
-    if (shape->reach.rows)
-        return at_top_left(&shape->place.frame);
-    return shape->place.boundary == HADA_BOUNDARY_PADDED ? shape->place.frame : grid;
-}
 
 static hada_classic_image image_of(const hada_refine_rect *rect)
 {
@@ -171,25 +66,20 @@ static size_t larger(size_t a, size_t b)
     return a > b ? a : b;
 }
 
-static size_t groups(size_t count, size_t each)
-{
-    return (count + each - 1) / each;
-}
-
 /* Sums that a launch leaves, at most. */
 static size_t partials(const hada_classic_shape *shape, const hada_spectrum_layout *layout,
                        const hada_classic_image *plane, const hada_classic_image *frame)
 {
     const size_t channels = (size_t)shape->place.channels, images = channels * (size_t)shape->place.max_planes;
-    size_t most = channels * groups(layout->count, HADA_CLASSIC_SLICE);
-    most = larger(most, channels * groups(frame->pixels, HADA_CLASSIC_SLICE));
-    most = larger(most, images * MOST_SUMS * groups(plane->pixels, HADA_CLASSIC_SLICE));
-    most = larger(most, images * MOST_SUMS * groups((size_t)plane->rows, HADA_CLASSIC_ROWS));
-    return larger(most, images * MOST_SUMS * groups((size_t)plane->rows, (size_t)plane->band));
+    size_t most = channels * hada_divide_up(layout->count, HADA_CLASSIC_SLICE);
+    most = larger(most, channels * hada_divide_up(frame->pixels, HADA_CLASSIC_SLICE));
+    most = larger(most, images * MOST_SUMS * hada_divide_up(plane->pixels, HADA_CLASSIC_SLICE));
+    most = larger(most, images * MOST_SUMS * hada_divide_up((size_t)plane->rows, HADA_CLASSIC_ROWS));
+    return larger(most, images * MOST_SUMS * hada_divide_up((size_t)plane->rows, (size_t)plane->band));
 }
 
 /* Bytes of every buffer; 0: the method has none. */
-static void keep_books(const hada_context *context, const hada_classic_shape *shape, size_t *bytes)
+static void sizes_of(const hada_context *context, const hada_classic_shape *shape, size_t *bytes)
 {
     const hada_refine_rect plane_at = hada_classic_plane_rect(shape), frame_at = hada_classic_frame_rect(shape);
     const hada_classic_image plane = image_of(&plane_at), frame = image_of(&frame_at);
@@ -198,7 +88,7 @@ static void keep_books(const hada_context *context, const hada_classic_shape *sh
     const hada_refine_rect *window = &shape->place.window;
     const int rl = o->method == HADA_METHOD_RL, fista = o->method == HADA_METHOD_FISTA,
               admm = o->method == HADA_METHOD_ADMM, tv = o->prior == HADA_PRIOR_TV,
-              wavelet = o->prior == HADA_PRIOR_WAVELET || o->prior == HADA_PRIOR_HAAR, met = has_frame(shape);
+              wavelet = o->prior == HADA_PRIOR_WAVELET || o->prior == HADA_PRIOR_HAAR, has = has_frame(shape);
     const size_t channels = (size_t)shape->place.channels, images = channels * (size_t)shape->place.max_planes;
     const size_t planes = images * plane.pixels * sizeof(float), frames = channels * frame.pixels * sizeof(float);
     const size_t spectrum = layout.count * 2 * sizeof(float);
@@ -211,22 +101,22 @@ static void keep_books(const hada_context *context, const hada_classic_shape *sh
         [HADA_CLASSIC_LIST] = (size_t)shape->place.max_planes * sizeof(cl_int),
         [HADA_CLASSIC_PARTIAL] = partials(shape, &layout, &plane, &frame) * sizeof(float),
         [HADA_CLASSIC_SPECTRA] = images * plane_spectrum,
-        [HADA_CLASSIC_SUM] = channels * frame_spectrum,
-        [HADA_CLASSIC_X] = planes,
-        [HADA_CLASSIC_SEEN] = met ? frames : 0,
-        [HADA_CLASSIC_MADE] = met ? frames : 0,
-        [HADA_CLASSIC_BEFORE] = rl || admm ? planes : 0,
-        [HADA_CLASSIC_START] = rl || fista ? planes : 0,
+        [HADA_CLASSIC_PROJECTION] = channels * frame_spectrum,
+        [HADA_CLASSIC_PRIMAL] = planes,
+        [HADA_CLASSIC_FRAME] = has ? frames : 0,
+        [HADA_CLASSIC_PREDICTION] = has ? frames : 0,
+        [HADA_CLASSIC_PREVIOUS] = rl || admm ? planes : 0,
+        [HADA_CLASSIC_EXTRAPOLATED] = rl || fista ? planes : 0,
         [HADA_CLASSIC_GRADIENT] = fista ? planes : 0,
         [HADA_CLASSIC_NORM] = rl ? planes : 0,
-        [HADA_CLASSIC_TURN] = rl ? planes : 0,
-        [HADA_CLASSIC_SMOOTH] = fista && tv ? planes : 0,
-        [HADA_CLASSIC_DUAL] = (fista || admm) && tv ? 2 * planes : 0,
-        [HADA_CLASSIC_DUAL2] = (fista || admm) && tv ? 2 * planes : 0,
+        [HADA_CLASSIC_DIRECTION] = rl ? planes : 0,
+        [HADA_CLASSIC_PROXIMAL] = fista && tv ? planes : 0,
+        [HADA_CLASSIC_TV_DUAL] = (fista || admm) && tv ? 2 * planes : 0,
+        [HADA_CLASSIC_TV_DUAL_NEXT] = (fista || admm) && tv ? 2 * planes : 0,
         [HADA_CLASSIC_PYRAMID] = wavelet ? (size_t)o->levels * planes : 0,
-        [HADA_CLASSIC_SHADOW] = admm ? planes : 0,
-        [HADA_CLASSIC_STATE] = admm && met ? frames : 0,
-        [HADA_CLASSIC_SPLIT] = admm && met ? channels * spectrum : 0,
+        [HADA_CLASSIC_PLANE_DUAL] = admm ? planes : 0,
+        [HADA_CLASSIC_DATA_DUAL] = admm && has ? frames : 0,
+        [HADA_CLASSIC_DATA_SPLIT] = admm && has ? channels * spectrum : 0,
         [HADA_CLASSIC_TABLE] =
             (fista ? channels : (size_t)layout.rows + (size_t)layout.blocks * (size_t)layout.block) * sizeof(float)};
     for (int i = 0; i < HADA_CLASSIC_PARTS; i++)
@@ -240,7 +130,7 @@ size_t hada_classic_bytes(const hada_context *context, const hada_classic_shape 
     size_t bytes[HADA_CLASSIC_PARTS], sum = 0;
     hada_fft_desc plans[PLANS];
     const int count = list_plans(context, shape, plans);
-    keep_books(context, shape, bytes);
+    sizes_of(context, shape, bytes);
     if (fuses(context, shape))
         sum += hada_fft_fused_bytes(context, shape->grid_rows, shape->grid_cols);
     for (int i = 0; i < count; i++)
@@ -259,66 +149,69 @@ hada_status hada_classic_note(const hada_context *context, const hada_classic_sh
     hada_fft_desc plans[PLANS];
     hada_status status = HADA_OK;
     const int count = list_plans(context, shape, plans);
-    keep_books(context, shape, bytes);
+    sizes_of(context, shape, bytes);
     hada_room_steps(room, first, last);
-    for (int i = 0; !status && i < count; i++)
-        status = hada_fft_note(context, &plans[i], room, err);
-    for (int i = 0; !status && i < HADA_CLASSIC_PARTS; i++) {
+    for (int i = 0; i < count; i++)
+        HADA_TRY(hada_fft_note(context, &plans[i], room, err));
+    for (int i = 0; i < HADA_CLASSIC_PARTS; i++) {
         hada_room_steps(room, first, i == HADA_CLASSIC_WINDOW ? planes_last : last);
         if (bytes[i])
-            status = hada_room_note(room, bytes[i], what, err);
+            HADA_TRY(hada_room_note(room, bytes[i], what, err));
     }
+done:
     return status;
 }
 
-static hada_status make(hada_classic *classic, hada_error *err)
+/* Everything that a method keeps, on the host and on the device. */
+static hada_status allocate(hada_classic *classic, hada_error *err)
 {
     hada_slot *slot = classic->slot;
     hada_fft **const made[PLANS] = {&classic->forward, &classic->inverse, &classic->frame_forward,
                                     &classic->frame_inverse};
     hada_fft_desc plans[PLANS];
     const int count = list_plans(slot->context, &classic->shape, plans);
-    hada_status status = hada_alloc((void **)&classic->sums, classic->bytes[HADA_CLASSIC_PARTIAL] / sizeof(float),
-                                    sizeof(float), what, err);
-    if (!status)
-        status = hada_alloc((void **)&classic->table, classic->bytes[HADA_CLASSIC_TABLE] + 1, 1, what, err);
-    if (!status && classic->fuses)
-        status = hada_fft_fused_make(&classic->fused, slot, classic->shape.grid_rows, classic->shape.grid_cols, err);
-    for (int i = 0; !status && i < count; i++)
-        status = hada_fft_create(made[i], slot, &plans[i], err);
-    for (int i = 0; !status && i < HADA_CLASSIC_PARTS; i++)
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&classic->sums, classic->bytes[HADA_CLASSIC_PARTIAL] / sizeof(float), sizeof(float),
+                        what, err));
+    HADA_TRY(hada_alloc((void **)&classic->table, classic->bytes[HADA_CLASSIC_TABLE] + 1, 1, what, err));
+    if (classic->fuses)
+        HADA_TRY(hada_fft_fused_make(&classic->fused, slot, classic->shape.grid_rows, classic->shape.grid_cols, err));
+    for (int i = 0; i < count; i++)
+        HADA_TRY(hada_fft_create(made[i], slot, &plans[i], err));
+    for (int i = 0; i < HADA_CLASSIC_PARTS; i++)
         if (classic->bytes[i])
-            status = hada_scratch_create(&classic->part[i], slot, classic->bytes[i], what, err);
+            HADA_TRY(hada_scratch_create(&classic->part[i], slot, classic->bytes[i], what, err));
+done:
     return status;
 }
 
 hada_status hada_classic_create(hada_classic **out, hada_slot *slot, const hada_classic_shape *shape, hada_error *err)
 {
-    hada_classic *classic;
     const hada_refine_rect plane = hada_classic_plane_rect(shape), frame = hada_classic_frame_rect(shape);
-    const int in_groups = slot->context->shape == HADA_SHAPE_GROUPS;
+    hada_classic *classic = NULL;
+    hada_status status = HADA_OK;
     *out = NULL;
-    hada_status status = hada_alloc((void **)&classic, 1, sizeof *classic, what, err);
-    if (status)
-        return status;
+    HADA_TRY(hada_alloc((void **)&classic, 1, sizeof *classic, what, err));
     classic->slot = slot;
     classic->shape = *shape;
     classic->layout = hada_fft_layout(slot->context, shape->grid_rows, shape->grid_cols, HADA_FFT_AUTO);
     classic->plane = image_of(&plane);
     classic->frame = image_of(&frame);
-    classic->group = in_groups ? HADA_CLASSIC_GROUP : 1;
-    classic->image_options = in_groups ? "-DREFINE_WIDTH=1 -DREFINE_GROUP=64" : "";
     /* vectors need whole ones of eight frequencies in a row of the layout */
-    classic->spectrum_options = !in_groups && classic->layout.block % 8 ? "-DREFINE_WIDTH=1" : classic->image_options;
-    classic->met = has_frame(shape);
+    classic->spectrum_program = slot->context->shape == HADA_SHAPE_GROUPS ? HADA_PROGRAM_CLASSIC_SPECTRUM_GROUPS
+                                : classic->layout.block % 8               ? HADA_PROGRAM_CLASSIC_SPECTRUM_SCALAR
+                                                                          : HADA_PROGRAM_CLASSIC_SPECTRUM_DEFAULT;
+    classic->group = (size_t)hada_macros_of_classic_spectrum(classic->spectrum_program)->refine_group;
+    classic->has_frame = has_frame(shape);
     classic->fuses = fuses(slot->context, shape);
-    keep_books(slot->context, shape, classic->bytes);
-    status = make(classic, err);
-    if (!status && classic->fuses)
-        status = hada_classic_check(classic, err);
+    sizes_of(slot->context, shape, classic->bytes);
+    HADA_TRY(allocate(classic, err));
+    if (classic->fuses)
+        HADA_TRY(hada_classic_check(classic, err));
+    *out = classic;
+done:
     if (status)
         hada_classic_destroy(&classic);
-    *out = classic;
     return status;
 }
 

@@ -81,10 +81,10 @@ static double compare(const trial *t, const float *planes, const float *frames, 
                     for (int from = n % channels; from < (back ? n % channels + 1 : classic->planes); from += channels)
                         expected += (back ? frames : planes)[(size_t)from * there->pixels +
                                                              (size_t)row * (size_t)there->pitch + (size_t)col];
-                const float made =
+                const float value =
                     (back ? planes : frames)[(size_t)n * here->pixels + (size_t)i * (size_t)here->pitch + (size_t)j];
-                if (!(fabs(made - expected) <= largest))
-                    largest = isfinite(made) ? fabs(made - expected) : INFINITY;
+                if (!(fabs(value - expected) <= largest))
+                    largest = isfinite(value) ? fabs(value - expected) : INFINITY;
             }
     return largest;
 }
@@ -92,26 +92,21 @@ static double compare(const trial *t, const float *planes, const float *frames, 
 static hada_status run(trial *t, double *error, hada_error *err)
 {
     hada_classic *classic = t->classic;
-    hada_buffer *start = &classic->part[HADA_CLASSIC_START], *made = &classic->part[HADA_CLASSIC_MADE];
-    hada_buffer *list = &classic->part[HADA_CLASSIC_LIST];
+    hada_buffer *start = &classic->part[HADA_CLASSIC_EXTRAPOLATED];
+    hada_buffer *prediction = &classic->part[HADA_CLASSIC_PREDICTION], *list = &classic->part[HADA_CLASSIC_LIST];
     const size_t plane_bytes = t->plane_floats * sizeof(float), frame_bytes = t->frame_floats * sizeof(float);
     const cl_int depths[2] = {0, 0};
-    hada_status status = hada_buffer_write(start, classic->slot, 0, t->planes, plane_bytes, err);
-    if (!status)
-        status = hada_buffer_write(list, classic->slot, 0, depths, (size_t)classic->job->depths * sizeof *depths, err);
-    if (!status)
-        status = hada_classic_predict(classic, HADA_CLASSIC_START, err);
-    if (!status)
-        status = hada_classic_fused_frame(classic, 1, 1, 0, 0.0, err);
-    if (!status)
-        status = hada_buffer_read(made, classic->slot, 0, t->frames, frame_bytes, err);
-    *error = status ? 0.0 : compare(t, t->planes, t->frames, 0);
-    if (!status)
-        status = hada_classic_transpose(classic, HADA_CLASSIC_START, err);
-    if (!status)
-        status = hada_buffer_read(start, classic->slot, 0, t->planes, plane_bytes, err);
-    if (!status)
-        *error = fmax(*error, compare(t, t->planes, t->frames, 1));
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_buffer_write(start, classic->slot, 0, t->planes, plane_bytes, err));
+    HADA_TRY(hada_buffer_write(list, classic->slot, 0, depths, (size_t)classic->job->depths * sizeof *depths, err));
+    HADA_TRY(hada_classic_predict(classic, HADA_CLASSIC_EXTRAPOLATED, err));
+    HADA_TRY(hada_classic_fused_frame(classic, 1, 1, HADA_CLASSIC_NO_STEP, 0.0, err));
+    HADA_TRY(hada_buffer_read(prediction, classic->slot, 0, t->frames, frame_bytes, err));
+    *error = compare(t, t->planes, t->frames, 0);
+    HADA_TRY(hada_classic_transpose(classic, HADA_CLASSIC_EXTRAPOLATED, err));
+    HADA_TRY(hada_buffer_read(start, classic->slot, 0, t->planes, plane_bytes, err));
+    *error = fmax(*error, compare(t, t->planes, t->frames, 1));
+done:
     return status;
 }
 
@@ -119,33 +114,31 @@ hada_status hada_classic_check(hada_classic *classic, hada_error *err)
 {
     const size_t channels = (size_t)classic->shape.place.channels, otf = 2 * channels * classic->layout.count;
     const int depths = classic->shape.place.max_planes > 1 ? 2 : 1;
-    trial t = {.classic = classic, .frame_floats = channels * classic->frame.pixels};
+    trial t = {.classic = classic,
+               .plane_floats = (size_t)depths * channels * classic->plane.pixels,
+               .frame_floats = channels * classic->frame.pixels};
+    hada_refine_data data = {.otf_depths = 1};
+    const hada_classic_job job = {.data = &data, .depths = depths};
     double error = 0.0;
-    t.plane_floats = (size_t)depths * channels * classic->plane.pixels;
-    hada_status status = hada_alloc((void **)&t.values, otf, sizeof(float), what, err);
-    if (!status)
-        status = hada_alloc((void **)&t.planes, t.plane_floats, sizeof(float), what, err);
-    if (!status)
-        status = hada_alloc((void **)&t.frames, t.frame_floats, sizeof(float), what, err);
-    if (!status) {
-        make_otf(&t);
-        status = hada_buffer_create_from(&t.otf, classic->slot, t.values, otf * sizeof(float), what, err);
-    }
-    if (!status) {
-        const hada_refine_data data = {.otf = t.otf.mem, .otf_depths = 1};
-        const hada_classic_job job = {.data = &data, .depths = depths};
-        classic->job = &job;
-        classic->planes = depths * (int)channels;
-        make_points(&t);
-        status = run(&t, &error, err);
-        classic->job = NULL;
-    }
-    if (!status && !(error <= allowed * t.scale))
-        status = hada_fail(err, HADA_ERROR_SELF_TEST,
+    hada_status status = HADA_OK;
+    classic->job = &job;
+    classic->planes = depths * (int)channels;
+    HADA_TRY(hada_alloc((void **)&t.values, otf, sizeof(float), what, err));
+    HADA_TRY(hada_alloc((void **)&t.planes, t.plane_floats, sizeof(float), what, err));
+    HADA_TRY(hada_alloc((void **)&t.frames, t.frame_floats, sizeof(float), what, err));
+    make_otf(&t);
+    HADA_TRY(hada_buffer_create_from(&t.otf, classic->slot, t.values, otf * sizeof(float), what, err));
+    data.otf = t.otf.mem;
+    make_points(&t);
+    HADA_TRY(run(&t, &error, err));
+    if (!(error <= allowed * t.scale))
+        HADA_TRY(hada_fail(err, HADA_ERROR_SELF_TEST,
                            "the fused transforms of %d x %d give wrong results on %s (error %.1e where %.0e is "
                            "allowed): choose clFFT for them in the tuning file, or another device",
                            classic->layout.rows, classic->layout.cols, classic->slot->context->info.name,
-                           error / t.scale, allowed);
+                           error / t.scale, allowed));
+done:
+    classic->job = NULL;
     hada_slot_finish(classic->slot, NULL);
     hada_buffer_destroy(&t.otf);
     free(t.values);

@@ -2,9 +2,12 @@
 #include <math.h>
 
 #include "classic/classic_steps.h"
+#include "launch/classic_haar.h"
+#include "launch/classic_step.h"
+#include "launch/classic_tv.h"
 
 /* Nesterov's sequence; returns the factor of the momentum. */
-static double advance(double *t)
+static double nesterov(double *t)
 {
     const double next = (1.0 + sqrt(1.0 + 4.0 * *t * *t)) / 2.0, beta = (*t - 1.0) / next;
     *t = next;
@@ -14,184 +17,138 @@ static double advance(double *t)
 /* The first start is 0, and so are its half spectra. */
 hada_status hada_classic_fista_begin(hada_classic *classic, hada_error *err)
 {
-    hada_status status = hada_classic_clear(classic, HADA_CLASSIC_SPECTRA, err);
-    if (status)
-        return status;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_classic_clear(classic, HADA_CLASSIC_SPECTRA, err));
     for (int c = 0; c < classic->shape.place.channels; c++)
         classic->table[c] = (float)(classic->shape.options.step / classic->job->camera->largest[c]);
-    return hada_buffer_write(&classic->part[HADA_CLASSIC_TABLE], classic->slot, 0, classic->table,
-                             classic->bytes[HADA_CLASSIC_TABLE], err);
+    HADA_TRY(hada_classic_write_table(classic, err));
+done:
+    return status;
 }
 
-/* The prior's weight in the images' own units; the steps of the channels multiply it. */
-static double weight(const hada_classic *classic)
+static double pixels_of(const hada_classic *classic)
 {
-    return classic->shape.options.weight * sqrt(classic->job->camera->gain) * classic->job->brightness;
+    return (double)classic->plane.pixels * classic->planes;
 }
 
-/* HADA_CLASSIC_GRADIENT = transpose of what START leaves of the frame. */
+/* HADA_CLASSIC_GRADIENT = transpose of what EXTRAPOLATED leaves of the frame. */
 static hada_status gradient(hada_classic *classic, hada_error *err)
 {
-    hada_status status;
-    if (classic->met) {
-        status = hada_classic_predict(classic, HADA_CLASSIC_START, err);
-        if (!status)
-            status = hada_classic_judge(classic, HADA_CLASSIC_REST, 0.0, 1, err);
+    hada_status status = HADA_OK;
+    if (classic->has_frame) {
+        HADA_TRY(hada_classic_predict(classic, HADA_CLASSIC_EXTRAPOLATED, err));
+        HADA_TRY(hada_classic_data_step(classic, HADA_CLASSIC_RESIDUAL, 0.0, 1, err));
     } else {
-        status = hada_classic_forward(classic, HADA_CLASSIC_START, err);
-        if (!status)
-            status = hada_classic_project(classic, 1, err);
+        HADA_TRY(hada_classic_forward(classic, HADA_CLASSIC_EXTRAPOLATED, err));
+        HADA_TRY(hada_classic_project(classic, 1, err));
     }
-    return status ? status : hada_classic_transpose(classic, HADA_CLASSIC_GRADIENT, err);
+    HADA_TRY(hada_classic_transpose(classic, HADA_CLASSIC_GRADIENT, err));
+done:
+    return status;
 }
 
 static hada_status descend(hada_classic *classic, hada_error *err)
 {
-    cl_uint channels = (cl_uint)classic->shape.place.channels, pixels = (cl_uint)classic->plane.pixels;
-    cl_uint slice = HADA_CLASSIC_SLICE;
-    hada_arg args[] = {HADA_ARG(classic->part[HADA_CLASSIC_START].mem),
-                       HADA_ARG(classic->part[HADA_CLASSIC_GRADIENT].mem),
-                       HADA_ARG(classic->part[HADA_CLASSIC_TABLE].mem),
-                       HADA_ARG(channels),
-                       HADA_ARG(pixels),
-                       HADA_ARG(slice)};
-    hada_slot_cost(classic->slot, 12.0 * (double)pixels * classic->planes, 2.0 * (double)pixels * classic->planes);
-    return hada_classic_pixels(classic, "classic_step", "classic_descend", args, HADA_COUNT(args), err);
+    const hada_range range = hada_classic_slice_range(classic);
+    hada_slot_cost(classic->slot, 12.0 * pixels_of(classic), 2.0 * pixels_of(classic));
+    return hada_launch_classic_descend(
+        classic->slot, hada_program_classic_step_of(classic->slot), &range, err,
+        .momentum = classic->part[HADA_CLASSIC_EXTRAPOLATED].mem, .gradient = classic->part[HADA_CLASSIC_GRADIENT].mem,
+        .alpha = classic->part[HADA_CLASSIC_TABLE].mem, .slices = hada_classic_plane_slices(classic));
 }
 
-static hada_status momentum(hada_classic *classic, hada_classic_part from, int direct, double factor, hada_error *err)
+/* From the proximal step's result, or (direct) with the gradient step. */
+static hada_status momentum(hada_classic *classic, hada_classic_part from, int direct, double beta, hada_error *err)
 {
-    cl_uint channels = (cl_uint)classic->shape.place.channels, pixels = (cl_uint)classic->plane.pixels;
-    cl_uint slice = HADA_CLASSIC_SLICE;
-    cl_int plain = direct;
-    cl_float beta = (float)factor;
-    const double all = (double)pixels * classic->planes;
-    hada_arg args[] = {HADA_ARG(classic->part[HADA_CLASSIC_X].mem),
-                       HADA_ARG(classic->part[HADA_CLASSIC_START].mem),
-                       HADA_ARG(classic->part[from].mem),
-                       HADA_ARG(plain),
-                       HADA_ARG(classic->part[HADA_CLASSIC_TABLE].mem),
-                       HADA_ARG(beta),
-                       HADA_ARG(channels),
-                       HADA_ARG(pixels),
-                       HADA_ARG(slice),
-                       HADA_ARG(classic->part[HADA_CLASSIC_PARTIAL].mem)};
-    hada_slot_cost(classic->slot, (direct ? 20.0 : 16.0) * all, 10.0 * all);
-    return hada_classic_pixels(classic, "classic_step", "classic_momentum", args, HADA_COUNT(args), err);
+    const hada_range range = hada_classic_slice_range(classic);
+    hada_slot_cost(classic->slot, (direct ? 20.0 : 16.0) * pixels_of(classic), 10.0 * pixels_of(classic));
+    return hada_launch_classic_momentum(
+        classic->slot, hada_program_classic_step_of(classic->slot), &range, err,
+        .planes = classic->part[HADA_CLASSIC_PRIMAL].mem, .momentum = classic->part[HADA_CLASSIC_EXTRAPOLATED].mem,
+        .gradient = classic->part[from].mem, .direct = direct, .alpha = classic->part[HADA_CLASSIC_TABLE].mem,
+        .beta = (float)beta, .slices = hada_classic_plane_slices(classic),
+        .partial = classic->part[HADA_CLASSIC_PARTIAL].mem);
 }
 
-/* HADA_CLASSIC_SMOOTH = max(0, GRADIENT - gradient^T dual) */
+/* HADA_CLASSIC_PROXIMAL = max(0, GRADIENT - gradient^T dual) */
 static hada_status tv_planes(hada_classic *classic, hada_classic_part dual, hada_error *err)
 {
-    const hada_classic_image *image = &classic->plane;
-    const double all = (double)image->pixels * classic->planes;
-    cl_int rows = image->rows, cols = image->cols, pitch = image->pitch, band = image->band;
-    hada_arg args[] = {HADA_ARG(classic->part[HADA_CLASSIC_GRADIENT].mem),
-                       HADA_ARG(classic->part[dual].mem),
-                       HADA_ARG(classic->part[HADA_CLASSIC_SMOOTH].mem),
-                       HADA_ARG(rows),
-                       HADA_ARG(cols),
-                       HADA_ARG(pitch),
-                       HADA_ARG(band)};
-    hada_slot_cost(classic->slot, 16.0 * all, 5.0 * all);
-    return hada_classic_rows(classic, "classic_tv", "classic_tv_planes", args, HADA_COUNT(args), err);
+    const hada_range range = hada_classic_band_range(classic);
+    hada_slot_cost(classic->slot, 16.0 * pixels_of(classic), 5.0 * pixels_of(classic));
+    return hada_launch_classic_tv_planes(
+        classic->slot, hada_program_classic_tv_of(classic->slot), &range, err,
+        .given = classic->part[HADA_CLASSIC_GRADIENT].mem, .duals = classic->part[dual].mem,
+        .planes = classic->part[HADA_CLASSIC_PROXIMAL].mem, .image = hada_classic_plane_bands(classic));
 }
 
-static hada_status tv_duals(hada_classic *classic, double factor, hada_error *err)
+static hada_status tv_duals(hada_classic *classic, double beta, hada_error *err)
 {
-    const hada_classic_image *image = &classic->plane;
-    const double all = (double)image->pixels * classic->planes;
-    cl_int rows = image->rows, cols = image->cols, pitch = image->pitch, band = image->band;
-    cl_uint channels = (cl_uint)classic->shape.place.channels;
-    cl_float strength = (float)weight(classic), beta = (float)factor;
-    hada_arg args[] = {HADA_ARG(classic->part[HADA_CLASSIC_SMOOTH].mem),
-                       HADA_ARG(classic->part[HADA_CLASSIC_DUAL].mem),
-                       HADA_ARG(classic->part[HADA_CLASSIC_DUAL2].mem),
-                       HADA_ARG(classic->part[HADA_CLASSIC_TABLE].mem),
-                       HADA_ARG(strength),
-                       HADA_ARG(beta),
-                       HADA_ARG(channels),
-                       HADA_ARG(rows),
-                       HADA_ARG(cols),
-                       HADA_ARG(pitch),
-                       HADA_ARG(band)};
-    hada_slot_cost(classic->slot, 36.0 * all, 14.0 * all);
-    return hada_classic_rows(classic, "classic_tv", "classic_tv_duals", args, HADA_COUNT(args), err);
+    const hada_range range = hada_classic_band_range(classic);
+    hada_slot_cost(classic->slot, 36.0 * pixels_of(classic), 14.0 * pixels_of(classic));
+    return hada_launch_classic_tv_duals(
+        classic->slot, hada_program_classic_tv_of(classic->slot), &range, err,
+        .planes = classic->part[HADA_CLASSIC_PROXIMAL].mem, .duals = classic->part[HADA_CLASSIC_TV_DUAL].mem,
+        .momentum = classic->part[HADA_CLASSIC_TV_DUAL_NEXT].mem, .alpha = classic->part[HADA_CLASSIC_TABLE].mem,
+        .weight = (float)hada_classic_prior_weight(classic), .beta = (float)beta,
+        .channels = (cl_uint)classic->shape.place.channels, .image = hada_classic_plane_bands(classic));
 }
 
 /* The duals go on from where the last iteration left them, without its momentum. */
 static hada_status total_variation(hada_classic *classic, hada_error *err)
 {
     double t = 1.0;
-    const cl_int code = clEnqueueCopyBuffer(classic->slot->queue, classic->part[HADA_CLASSIC_DUAL].mem,
-                                            classic->part[HADA_CLASSIC_DUAL2].mem, 0, 0,
-                                            classic->bytes[HADA_CLASSIC_DUAL], 0, NULL, hada_slot_event(classic->slot));
-    hada_status status = code == CL_SUCCESS ? HADA_OK : hada_fail_cl(err, code, "clEnqueueCopyBuffer");
-    if (!status)
-        hada_slot_moved(classic->slot, "copy", (double)classic->bytes[HADA_CLASSIC_DUAL]);
-    for (int k = 0; !status && k < classic->shape.options.inner; k++) {
-        status = tv_planes(classic, HADA_CLASSIC_DUAL2, err);
-        if (!status)
-            status = tv_duals(classic, advance(&t), err);
+    hada_status status = HADA_OK;
+    const cl_int code = clEnqueueCopyBuffer(
+        classic->slot->queue, classic->part[HADA_CLASSIC_TV_DUAL].mem, classic->part[HADA_CLASSIC_TV_DUAL_NEXT].mem, 0,
+        0, classic->bytes[HADA_CLASSIC_TV_DUAL], 0, NULL, hada_slot_event(classic->slot));
+    if (code != CL_SUCCESS)
+        return hada_fail_cl(err, code, "clEnqueueCopyBuffer");
+    hada_slot_moved(classic->slot, "copy", (double)classic->bytes[HADA_CLASSIC_TV_DUAL]);
+    for (int k = 0; k < classic->shape.options.inner; k++) {
+        HADA_TRY(tv_planes(classic, HADA_CLASSIC_TV_DUAL_NEXT, err));
+        HADA_TRY(tv_duals(classic, nesterov(&t), err));
     }
-    return status ? status : tv_planes(classic, HADA_CLASSIC_DUAL, err);
+    HADA_TRY(tv_planes(classic, HADA_CLASSIC_TV_DUAL, err));
+done:
+    return status;
 }
 
 /* Where level `number` of the pyramid stands: 0 is the image itself. */
-static cl_mem level_of(const hada_classic *classic, int number, cl_ulong *offset)
+static cl_mem level_of(const hada_classic *classic, int number, hada_ulong *offset)
 {
     const size_t each = classic->bytes[HADA_CLASSIC_PYRAMID] / (size_t)classic->shape.options.levels / sizeof(float);
-    *offset = number ? (cl_ulong)(number - 1) * each : 0;
+    *offset = number ? (hada_ulong)(number - 1) * each : 0;
     return classic->part[number ? HADA_CLASSIC_PYRAMID : HADA_CLASSIC_GRADIENT].mem;
 }
 
-static hada_status haar_down(hada_classic *classic, int level, hada_error *err)
+static hada_status haar_down(hada_classic *classic, int number, hada_error *err)
 {
-    const hada_classic_image *image = &classic->plane;
-    cl_ulong fine_offset, coarse_offset;
-    cl_mem fine = level_of(classic, level, &fine_offset), coarse = level_of(classic, level + 1, &coarse_offset);
-    cl_int spacing = 1 << level, plain = classic->shape.options.prior == HADA_PRIOR_HAAR;
-    cl_int rows = image->rows, cols = image->cols, pitch = image->pitch, band = image->band;
-    hada_arg args[] = {HADA_ARG(fine),    HADA_ARG(fine_offset), HADA_ARG(coarse), HADA_ARG(coarse_offset),
-                       HADA_ARG(spacing), HADA_ARG(plain),       HADA_ARG(rows),   HADA_ARG(cols),
-                       HADA_ARG(pitch),   HADA_ARG(band)};
-    const double all = (double)image->pixels * classic->planes;
-    hada_slot_cost(classic->slot, 8.0 * all, 4.0 * all);
-    return hada_classic_rows(classic, "classic_haar", "classic_haar_down", args, HADA_COUNT(args), err);
+    const hada_range range = hada_classic_band_range(classic);
+    hada_classic_level level = {.spacing = 1 << number, .decimated = classic->shape.options.prior == HADA_PRIOR_HAAR};
+    const cl_mem fine = level_of(classic, number, &level.fine), result = level_of(classic, number + 1, &level.result);
+    hada_slot_cost(classic->slot, 8.0 * pixels_of(classic), 4.0 * pixels_of(classic));
+    return hada_launch_classic_haar_down(classic->slot, hada_program_classic_haar_of(classic->slot), &range, err,
+                                         .fine = fine, .result = result, .level = level,
+                                         .image = hada_classic_plane_bands(classic));
 }
 
 /* The changes of a level stand where the means of the next one stood. */
-static hada_status haar_up(hada_classic *classic, int level, hada_error *err)
+static hada_status haar_up(hada_classic *classic, int number, hada_error *err)
 {
-    const hada_classic_image *image = &classic->plane;
-    cl_ulong fine_offset, coarse_offset, out_offset;
-    cl_int more = level + 1 < classic->shape.options.levels, first = level == 0;
-    cl_mem fine = level_of(classic, level, &fine_offset), out = level_of(classic, level + 1, &out_offset);
-    cl_mem coarse = level_of(classic, level + 1 + more, &coarse_offset);
-    cl_int spacing = 1 << level, plain = classic->shape.options.prior == HADA_PRIOR_HAAR;
-    cl_int rows = image->rows, cols = image->cols, pitch = image->pitch, band = image->band;
-    cl_uint channels = (cl_uint)classic->shape.place.channels;
-    cl_float strength = (float)weight(classic);
-    hada_arg args[] = {HADA_ARG(fine),
-                       HADA_ARG(fine_offset),
-                       HADA_ARG(coarse),
-                       HADA_ARG(coarse_offset),
-                       HADA_ARG(out),
-                       HADA_ARG(out_offset),
-                       HADA_ARG(more),
-                       HADA_ARG(first),
-                       HADA_ARG(spacing),
-                       HADA_ARG(plain),
-                       HADA_ARG(classic->part[HADA_CLASSIC_TABLE].mem),
-                       HADA_ARG(strength),
-                       HADA_ARG(channels),
-                       HADA_ARG(rows),
-                       HADA_ARG(cols),
-                       HADA_ARG(pitch),
-                       HADA_ARG(band)};
-    const double all = (double)image->pixels * classic->planes;
-    hada_slot_cost(classic->slot, (more ? 12.0 : 8.0) * all, 60.0 * all);
-    return hada_classic_rows(classic, "classic_haar", "classic_haar_up", args, HADA_COUNT(args), err);
+    const hada_range range = hada_classic_band_range(classic);
+    const int more = number + 1 < classic->shape.options.levels;
+    hada_classic_level level = {.spacing = 1 << number,
+                                .decimated = classic->shape.options.prior == HADA_PRIOR_HAAR,
+                                .more = more,
+                                .image = number == 0};
+    const cl_mem fine = level_of(classic, number, &level.fine), result = level_of(classic, number + 1, &level.result);
+    const cl_mem coarser = level_of(classic, number + 1 + more, &level.coarse);
+    hada_slot_cost(classic->slot, (more ? 12.0 : 8.0) * pixels_of(classic), 60.0 * pixels_of(classic));
+    return hada_launch_classic_haar_up(
+        classic->slot, hada_program_classic_haar_of(classic->slot), &range, err, .fine = fine, .coarser = coarser,
+        .result = result, .level = level, .alpha = classic->part[HADA_CLASSIC_TABLE].mem,
+        .weight = (float)hada_classic_prior_weight(classic), .channels = (cl_uint)classic->shape.place.channels,
+        .image = hada_classic_plane_bands(classic));
 }
 
 /* The result stands in level 1 of the pyramid. */
@@ -199,44 +156,47 @@ static hada_status wavelets(hada_classic *classic, hada_error *err)
 {
     const int levels = classic->shape.options.levels;
     hada_status status = HADA_OK;
-    for (int level = 0; !status && level + 1 < levels; level++)
-        status = haar_down(classic, level, err);
-    for (int level = levels - 1; !status && level >= 0; level--)
-        status = haar_up(classic, level, err);
+    for (int level = 0; level + 1 < levels; level++)
+        HADA_TRY(haar_down(classic, level, err));
+    for (int level = levels - 1; level >= 0; level--)
+        HADA_TRY(haar_up(classic, level, err));
+done:
     return status;
 }
 
 /* Without a prior every part of a step is fused, and leaves the half spectra of the next start. */
-static hada_status whole_step(hada_classic *classic, double beta, int wanted, double sums[2], hada_error *err)
+static hada_status fused_step(hada_classic *classic, double beta, int wanted, double sums[2], hada_error *err)
 {
-    hada_status status = hada_classic_fused_columns(classic, 0, err);
-    if (!status)
-        status = hada_classic_judge(classic, HADA_CLASSIC_REST, 0.0, 1, err);
-    if (!status)
-        status = hada_classic_fused_columns(classic, 1, err);
-    if (!status)
-        status = hada_classic_fused_momentum(classic, beta, err);
-    return !status && wanted ? hada_classic_sums(classic, hada_classic_tasks(classic), 2, sums, err) : status;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_classic_fused_columns(classic, 0, err));
+    HADA_TRY(hada_classic_data_step(classic, HADA_CLASSIC_RESIDUAL, 0.0, 1, err));
+    HADA_TRY(hada_classic_fused_columns(classic, 1, err));
+    HADA_TRY(hada_classic_fused_momentum(classic, beta, err));
+    if (wanted)
+        HADA_TRY(hada_classic_sums(classic, hada_classic_task_count(classic), 2, sums, err));
+done:
+    return status;
 }
 
 hada_status hada_classic_fista_step(hada_classic *classic, int number, int wanted, double sums[2], hada_error *err)
 {
     const hada_prior prior = classic->shape.options.prior;
     const hada_classic_part from = prior == HADA_PRIOR_NONE ? HADA_CLASSIC_GRADIENT
-                                   : prior == HADA_PRIOR_TV ? HADA_CLASSIC_SMOOTH
+                                   : prior == HADA_PRIOR_TV ? HADA_CLASSIC_PROXIMAL
                                                             : HADA_CLASSIC_PYRAMID;
-    const double beta = advance(&classic->momentum);
-    if (classic->fuses && prior == HADA_PRIOR_NONE)
-        return whole_step(classic, beta, wanted, sums, err);
+    const double beta = nesterov(&classic->momentum);
+    hada_status status = HADA_OK;
     (void)number;
-    hada_status status = gradient(classic, err);
-    if (!status && prior != HADA_PRIOR_NONE)
-        status = descend(classic, err);
-    if (!status && prior == HADA_PRIOR_TV)
-        status = total_variation(classic, err);
-    else if (!status && prior != HADA_PRIOR_NONE)
-        status = wavelets(classic, err);
-    if (!status)
-        status = momentum(classic, from, prior == HADA_PRIOR_NONE, beta, err);
-    return !status && wanted ? hada_classic_sums(classic, hada_classic_slices(classic), 2, sums, err) : status;
+    if (classic->fuses && prior == HADA_PRIOR_NONE)
+        return fused_step(classic, beta, wanted, sums, err);
+    HADA_TRY(gradient(classic, err));
+    if (prior != HADA_PRIOR_NONE) {
+        HADA_TRY(descend(classic, err));
+        HADA_TRY(prior == HADA_PRIOR_TV ? total_variation(classic, err) : wavelets(classic, err));
+    }
+    HADA_TRY(momentum(classic, from, prior == HADA_PRIOR_NONE, beta, err));
+    if (wanted)
+        HADA_TRY(hada_classic_sums(classic, hada_classic_slice_count(classic), 2, sums, err));
+done:
+    return status;
 }

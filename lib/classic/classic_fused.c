@@ -3,7 +3,8 @@
 #include <math.h>
 
 #include "classic/classic_steps.h"
-#include "runtime/kernel.h"
+#include "launch/classic_columns.h"
+#include "launch/classic_rows.h"
 
 /* The usual count of a transform of n points, in operations. */
 static double transform(double n)
@@ -11,141 +12,124 @@ static double transform(double n)
     return 5.0 * n * log2(n > 2.0 ? n : 2.0);
 }
 
-static hada_status launch(hada_classic *classic, const char *name, size_t tasks, const hada_arg *args, size_t count,
-                          hada_error *err)
-{
-    const size_t local = 1;
-    cl_kernel kernel;
-    hada_status status = hada_slot_kernel(classic->slot, name, name, "", &kernel, err);
-    return status ? status : hada_slot_launch(classic->slot, kernel, name, 1, &tasks, &local, args, count, err);
-}
-
-hada_status hada_classic_fused_columns(hada_classic *classic, int back, hada_error *err)
+hada_status hada_classic_fused_columns(hada_classic *classic, int transpose, hada_error *err)
 {
     const hada_refine_data *data = classic->job->data;
     const hada_spectrum_layout *layout = &classic->layout;
     const hada_own_pass *pass = &classic->fused.columns;
     const hada_refine_rect plane = hada_classic_plane_rect(&classic->shape);
     const hada_refine_rect frame = hada_classic_frame_rect(&classic->shape);
-    const size_t scratch = pass->local_bytes * (classic->job->depths > 1 ? 2 : 1);
-    cl_ulong otf_offset = data->otf_offset;
-    cl_int depths = classic->job->depths, channels = classic->shape.place.channels, blocks = layout->blocks;
-    cl_int to_planes = back, plane_row0 = plane.row0, plane_rows = plane.rows, frame_row0 = frame.row0,
-           frame_rows = frame.rows;
-    hada_arg args[] = {HADA_ARG(classic->part[HADA_CLASSIC_SPECTRA].mem),
-                       HADA_ARG(plane_row0),
-                       HADA_ARG(plane_rows),
-                       HADA_ARG(classic->part[HADA_CLASSIC_SUM].mem),
-                       HADA_ARG(frame_row0),
-                       HADA_ARG(frame_rows),
-                       HADA_ARG(data->otf),
-                       HADA_ARG(otf_offset),
-                       HADA_ARG(classic->part[HADA_CLASSIC_LIST].mem),
-                       HADA_ARG(depths),
-                       HADA_ARG(channels),
-                       HADA_ARG(blocks),
-                       HADA_ARG(to_planes),
-                       HADA_ARG(pass->ints.mem),
-                       HADA_ARG(pass->floats.mem),
-                       HADA_ARG_LOCAL(scratch)};
+    const int depths = classic->job->depths, channels = classic->shape.place.channels;
+    const hada_classic_columns job = {.otf_offset = data->otf_offset,
+                                      .plane_row0 = plane.row0,
+                                      .plane_rows = plane.rows,
+                                      .frame_row0 = frame.row0,
+                                      .frame_rows = frame.rows,
+                                      .depths = depths,
+                                      .channels = channels,
+                                      .blocks = layout->blocks,
+                                      .transpose = transpose};
+    const hada_local scratch = {pass->local_bytes * (depths > 1 ? 2 : 1)};
+    const hada_range range = hada_range_of((size_t)(layout->blocks * channels), 1, 1, 1);
     const double columns = (layout->cols / 2 + 1.0) * channels, rows = layout->rows;
-    hada_slot_cost(classic->slot, 8.0 * columns * (depths * (rows + plane_rows) + frame_rows),
+    hada_slot_cost(classic->slot, 8.0 * columns * (depths * (rows + plane.rows) + frame.rows),
                    columns * ((depths + 1.0) * transform(rows) + 8.0 * depths * rows));
-    return launch(classic, "classic_columns", (size_t)(blocks * channels), args, HADA_COUNT(args), err);
+    return hada_launch_classic_columns(classic->slot, HADA_PROGRAM_CLASSIC_COLUMNS_DEFAULT, &range, err,
+                                       .planes = classic->part[HADA_CLASSIC_SPECTRA].mem,
+                                       .frames = classic->part[HADA_CLASSIC_PROJECTION].mem, .otf = data->otf,
+                                       .list = classic->part[HADA_CLASSIC_LIST].mem, .job = job,
+                                       .table = pass->ints.mem, .floats = pass->floats.mem, .scratch = scratch);
 }
 
-typedef struct rows_job {
+/* A pass along rows: which buffers, where their images stand on the grid, and how many there are. */
+typedef struct rows_pass {
     hada_classic_part spectra, images, first, work;
     const hada_classic_image *image;
     hada_refine_rect rect;
-    int count, inverse, forward, step;
+    int count, inverse, forward;
+    hada_classic_pixel_step step;
     double number, traffic; /* bytes of a pixel */
-} rows_job;
+} rows_pass;
 
-static hada_status run_rows(hada_classic *classic, const rows_job *job, hada_error *err)
+static hada_status run_rows(hada_classic *classic, const rows_pass *pass, hada_error *err)
 {
     const hada_spectrum_layout *layout = &classic->layout;
     const hada_fft_fused *fused = &classic->fused;
-    const size_t tasks = (size_t)job->count * (((size_t)job->image->rows + HADA_CLASSIC_ROWS - 1) / HADA_CLASSIC_ROWS);
-    cl_int blocks = layout->blocks, inverse = job->inverse, forward = job->forward, step = job->step;
-    cl_int channels = classic->shape.place.channels, rows = job->image->rows, pitch = job->image->pitch;
-    cl_int col0 = job->rect.col0, cols = job->rect.cols;
-    cl_float number = (float)job->number, scale = (float)(1.0 / ((double)layout->rows * layout->cols));
-    cl_mem alpha = classic->part[classic->bytes[HADA_CLASSIC_TABLE] ? HADA_CLASSIC_TABLE : HADA_CLASSIC_PARTIAL].mem;
-    hada_arg args[] = {HADA_ARG(classic->part[job->spectra].mem),
-                       HADA_ARG(blocks),
-                       HADA_ARG(inverse),
-                       HADA_ARG(forward),
-                       HADA_ARG(classic->part[job->images].mem),
-                       HADA_ARG(classic->part[job->first].mem),
-                       HADA_ARG(classic->part[job->work].mem),
-                       HADA_ARG(step),
-                       HADA_ARG(number),
-                       HADA_ARG(alpha),
-                       HADA_ARG(channels),
-                       HADA_ARG(rows),
-                       HADA_ARG(pitch),
-                       HADA_ARG(col0),
-                       HADA_ARG(cols),
-                       HADA_ARG(scale),
-                       HADA_ARG(fused->rows_back.ints.mem),
-                       HADA_ARG(fused->rows_back.floats.mem),
-                       HADA_ARG(fused->rows.ints.mem),
-                       HADA_ARG(fused->rows.floats.mem),
-                       HADA_ARG(classic->part[HADA_CLASSIC_PARTIAL].mem),
-                       HADA_ARG_LOCAL(fused->rows.local_bytes)};
-    const double all = (double)job->count * rows, times = inverse + forward;
-    hada_slot_cost(classic->slot, all * (8.0 * times * (layout->cols / 2 + 1.0) + job->traffic * cols),
-                   all * (0.5 * times * transform(layout->cols) + (step ? 8.0 : 0.0) * cols));
-    return launch(classic, "classic_rows", tasks, args, HADA_COUNT(args), err);
+    const int rows = pass->image->rows, cols = pass->rect.cols;
+    const hada_classic_rows job = {.blocks = layout->blocks,
+                                   .inverse = pass->inverse,
+                                   .forward = pass->forward,
+                                   .step = (int)pass->step,
+                                   .channels = classic->shape.place.channels,
+                                   .rows = rows,
+                                   .pitch = pass->image->pitch,
+                                   .col0 = pass->rect.col0,
+                                   .cols = cols,
+                                   .number = (float)pass->number,
+                                   .scale = (float)(1.0 / ((double)layout->rows * layout->cols))};
+    const hada_local scratch = {fused->rows.local_bytes};
+    const hada_range range =
+        hada_range_of((size_t)pass->count * hada_divide_up((size_t)rows, HADA_CLASSIC_ROWS), 1, 1, 1);
+    const double all = (double)pass->count * rows, times = pass->inverse + pass->forward;
+    hada_slot_cost(classic->slot, all * (8.0 * times * (layout->cols / 2 + 1.0) + pass->traffic * cols),
+                   all * (0.5 * times * transform(layout->cols) + (pass->step ? 8.0 : 0.0) * cols));
+    /* steps per channel, where the method has them */
+    const hada_classic_part alpha = classic->bytes[HADA_CLASSIC_TABLE] ? HADA_CLASSIC_TABLE : HADA_CLASSIC_PARTIAL;
+    return hada_launch_classic_rows(
+        classic->slot, HADA_PROGRAM_CLASSIC_ROWS_DEFAULT, &range, err, .spectra = classic->part[pass->spectra].mem,
+        .images = classic->part[pass->images].mem, .first = classic->part[pass->first].mem,
+        .work = classic->part[pass->work].mem, .alpha = classic->part[alpha].mem, .job = job,
+        .back_table = fused->rows_back.ints.mem, .back_floats = fused->rows_back.floats.mem,
+        .table = fused->rows.ints.mem, .floats = fused->rows.floats.mem,
+        .partial = classic->part[HADA_CLASSIC_PARTIAL].mem, .scratch = scratch);
 }
 
-hada_status hada_classic_fused_frame(hada_classic *classic, int inverse, int forward, int step, double number,
-                                     hada_error *err)
+hada_status hada_classic_fused_frame(hada_classic *classic, int inverse, int forward, hada_classic_pixel_step step,
+                                     double number, hada_error *err)
 {
-    const rows_job job = {.spectra = HADA_CLASSIC_SUM,
-                          .images = HADA_CLASSIC_MADE,
-                          .first = HADA_CLASSIC_SEEN,
-                          .work = HADA_CLASSIC_MADE,
-                          .image = &classic->frame,
-                          .rect = hada_classic_frame_rect(&classic->shape),
-                          .count = classic->shape.place.channels,
-                          .inverse = inverse,
-                          .forward = forward,
-                          .step = step,
-                          .number = number,
-                          .traffic = step ? 8.0 : 4.0};
-    return run_rows(classic, &job, err);
+    const rows_pass pass = {.spectra = HADA_CLASSIC_PROJECTION,
+                            .images = HADA_CLASSIC_PREDICTION,
+                            .first = HADA_CLASSIC_FRAME,
+                            .work = HADA_CLASSIC_PREDICTION,
+                            .image = &classic->frame,
+                            .rect = hada_classic_frame_rect(&classic->shape),
+                            .count = classic->shape.place.channels,
+                            .inverse = inverse,
+                            .forward = forward,
+                            .step = step,
+                            .number = number,
+                            .traffic = step ? 8.0 : 4.0};
+    return run_rows(classic, &pass, err);
 }
 
-static rows_job of_planes(const hada_classic *classic, hada_classic_part planes)
+static rows_pass of_planes(const hada_classic *classic, hada_classic_part planes)
 {
-    return (rows_job){.spectra = HADA_CLASSIC_SPECTRA,
-                      .images = planes,
-                      .first = planes,
-                      .work = planes,
-                      .image = &classic->plane,
-                      .rect = hada_classic_plane_rect(&classic->shape),
-                      .count = classic->planes,
-                      .traffic = 4.0};
+    return (rows_pass){.spectra = HADA_CLASSIC_SPECTRA,
+                       .images = planes,
+                       .first = planes,
+                       .work = planes,
+                       .image = &classic->plane,
+                       .rect = hada_classic_plane_rect(&classic->shape),
+                       .count = classic->planes,
+                       .traffic = 4.0};
 }
 
 hada_status hada_classic_fused_planes(hada_classic *classic, hada_classic_part planes, int forward, hada_error *err)
 {
-    rows_job job = of_planes(classic, planes);
-    job.forward = forward;
-    job.inverse = !forward;
-    return run_rows(classic, &job, err);
+    rows_pass pass = of_planes(classic, planes);
+    pass.forward = forward;
+    pass.inverse = !forward;
+    return run_rows(classic, &pass, err);
 }
 
 hada_status hada_classic_fused_momentum(hada_classic *classic, double beta, hada_error *err)
 {
-    rows_job job = of_planes(classic, HADA_CLASSIC_START);
-    job.first = HADA_CLASSIC_X;
-    job.work = HADA_CLASSIC_GRADIENT;
-    job.inverse = job.forward = 1;
-    job.step = 4;
-    job.number = beta;
-    job.traffic = 16.0;
-    return run_rows(classic, &job, err);
+    rows_pass pass = of_planes(classic, HADA_CLASSIC_EXTRAPOLATED);
+    pass.first = HADA_CLASSIC_PRIMAL;
+    pass.work = HADA_CLASSIC_GRADIENT;
+    pass.inverse = pass.forward = 1;
+    pass.step = HADA_CLASSIC_MOMENTUM;
+    pass.number = beta;
+    pass.traffic = 16.0;
+    return run_rows(classic, &pass, err);
 }

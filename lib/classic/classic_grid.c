@@ -115,36 +115,24 @@ static void keep_cut(float *psf, axis *rows, axis *cols)
 }
 
 /* Widens the reach by one image; *small becomes 0 where no smaller grid will do. */
-static hada_status look(hada_psf_reader *reader, int depth, int channel, axis *rows, axis *cols, int *small,
-                        hada_error *err)
+static hada_status widen_by_image(hada_psf_reader *reader, int depth, int channel, axis *rows, axis *cols, int *small,
+                                  hada_error *err)
 {
-    double limit = small_value, cut = 1.0;
+    double cut = 1.0;
     hada_status status = HADA_OK;
-    for (; !status && *small && cut > negligible * reader->largest; limit /= 4.0) {
+    for (double limit = small_value; cut > negligible * reader->largest; limit /= 4.0) {
         float largest = 0.0f;
-        status = hada_psf_read(reader, depth, channel, err);
-        for (size_t i = 0; !status && i < reader->pixels; i++)
+        HADA_TRY(hada_psf_read(reader, depth, channel, err));
+        for (size_t i = 0; i < reader->pixels; i++)
             largest = fmaxf(largest, fabsf(reader->psf[i]));
-        if (status)
-            break;
         reach(reader->psf, (float)(limit * largest), rows, cols);
         *small = pays(rows, cols);
         if (!*small)
             break;
         keep_cut(reader->psf, rows, cols);
-        status = hada_psf_largest(reader, &cut, err);
+        HADA_TRY(hada_psf_largest(reader, &cut, err));
     }
-    return status;
-}
-
-static hada_status look_at_all(axis *rows, axis *cols, int *small, int positive, int channels, hada_context *context,
-                               const hada_model *model, const int *depths, int count, hada_error *err)
-{
-    hada_psf_reader reader;
-    hada_status status = hada_psf_reader_open(&reader, context, model, positive, err);
-    for (int i = 0; !status && *small && i < count * channels; i++)
-        status = look(&reader, depths ? depths[i / channels] : i / channels, i % channels, rows, cols, small, err);
-    hada_psf_reader_close(&reader);
+done:
     return status;
 }
 
@@ -154,25 +142,32 @@ hada_status hada_classic_fit_grid(hada_classic_shape *shape, hada_context *conte
     const hada_refine_shape *place = &shape->place;
     const hada_refine_rect *plane = &shape->support, *frame = &place->frame;
     const hada_method method = shape->options.method;
+    const int channels = place->channels;
     axis rows = axis_of(place->grid_rows, 1, plane->row0, plane->rows, frame->row0, frame->rows);
     axis cols = axis_of(place->grid_cols, 0, plane->col0, plane->cols, frame->col0, frame->cols);
+    hada_psf_reader reader = {0};
     int small = pays(&rows, &cols);
-    if ((method != HADA_METHOD_RL && method != HADA_METHOD_FISTA) || place->boundary != HADA_BOUNDARY_PADDED || !small)
-        return HADA_OK;
-    hada_status status = hada_alloc((void **)&rows.state, (size_t)rows.grid, 1, "a plan", err);
-    if (!status)
-        status = hada_alloc((void **)&cols.state, (size_t)cols.grid, 1, "a plan", err);
-    if (!status)
-        status = look_at_all(&rows, &cols, &small, method == HADA_METHOD_RL, place->channels, context, model, depths,
-                             count, err);
-    free(rows.state);
-    free(cols.state);
-    if (!status && small && rows.first <= rows.last) {
+    hada_status status = HADA_OK;
+    if ((method != HADA_METHOD_RL && method != HADA_METHOD_FISTA) || place->boundary != HADA_BOUNDARY_PADDED)
+        small = 0;
+    if (!small)
+        goto done;
+    HADA_TRY(hada_alloc((void **)&rows.state, (size_t)rows.grid, 1, "a plan", err));
+    HADA_TRY(hada_alloc((void **)&cols.state, (size_t)cols.grid, 1, "a plan", err));
+    HADA_TRY(hada_psf_reader_open(&reader, context, model, method == HADA_METHOD_RL, err));
+    for (int i = 0; small && i < count * channels; i++)
+        HADA_TRY(widen_by_image(&reader, depths ? depths[i / channels] : i / channels, i % channels, &rows, &cols,
+                                &small, err));
+    if (small && rows.first <= rows.last) {
         shape->grid_rows = size_for(&rows);
         shape->grid_cols = size_for(&cols);
         shape->reach =
             (hada_refine_rect){rows.first, cols.first, rows.last - rows.first + 1, cols.last - cols.first + 1};
     }
+done:
+    hada_psf_reader_close(&reader);
+    free(rows.state);
+    free(cols.state);
     return status;
 }
 
@@ -218,27 +213,21 @@ static hada_status transform_all(hada_buffer *out, hada_psf_reader *reader, cons
     hada_fft *forward = NULL;
     hada_buffer image = {0};
     float *psf = NULL;
-    hada_status status = hada_fft_create(&forward, reader->slot, &desc, err);
-    if (!status)
-        status =
-            hada_buffer_create(&image, reader->slot->context, pixels * sizeof *psf, "a point spread function", err);
-    if (!status)
-        status = hada_alloc_raw((void **)&psf, pixels, sizeof *psf, "a point spread function", err);
-    for (int i = 0; !status && i < count * channels; i++) {
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_fft_create(&forward, reader->slot, &desc, err));
+    HADA_TRY(hada_buffer_create(&image, reader->slot->context, pixels * sizeof *psf, "a point spread function", err));
+    HADA_TRY(hada_alloc_raw((void **)&psf, pixels, sizeof *psf, "a point spread function", err));
+    for (int i = 0; i < count * channels; i++) {
         const size_t at = (size_t)i * hada_fft_plan_layout(forward)->count;
-        status = hada_psf_read(reader, depths ? depths[i / channels] : i / channels, i % channels, err);
-        if (!status && shape->reach.rows)
+        HADA_TRY(hada_psf_read(reader, depths ? depths[i / channels] : i / channels, i % channels, err));
+        if (shape->reach.rows)
             place_on_grid(shape, reader->psf, psf);
-        if (!status)
-            status =
-                hada_buffer_write(&image, reader->slot, 0, shape->reach.rows ? psf : reader->psf, image.bytes, err);
-        if (!status)
-            status = hada_fft_forward(forward, 1, image.mem, 0, out->mem, at, err);
+        HADA_TRY(hada_buffer_write(&image, reader->slot, 0, shape->reach.rows ? psf : reader->psf, image.bytes, err));
+        HADA_TRY(hada_fft_forward(forward, 1, image.mem, 0, out->mem, at, err));
     }
-    /* other queues read what this one wrote */
-    if (!status)
-        status = hada_slot_finish(reader->slot, err);
-    else
+    HADA_TRY(hada_slot_finish(reader->slot, err)); /* other queues read what this one wrote */
+done:
+    if (status)
         hada_slot_finish(reader->slot, NULL);
     hada_fft_destroy(&forward);
     hada_buffer_destroy(&image);
@@ -249,14 +238,13 @@ static hada_status transform_all(hada_buffer *out, hada_psf_reader *reader, cons
 hada_status hada_classic_optics(hada_buffer *out, hada_context *context, const hada_classic_shape *shape,
                                 const hada_model *model, const int *depths, int count, hada_error *err)
 {
-    hada_psf_reader reader;
-    hada_status status = hada_buffer_create(out, context, (size_t)hada_classic_optics_bytes(context, shape, count),
-                                            "the transfer functions", err);
-    if (status)
-        return status;
-    status = hada_psf_reader_open(&reader, context, model, shape->options.method == HADA_METHOD_RL, err);
-    if (!status)
-        status = transform_all(out, &reader, shape, depths, count, err);
+    hada_psf_reader reader = {0};
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_buffer_create(out, context, (size_t)hada_classic_optics_bytes(context, shape, count),
+                                "the transfer functions", err));
+    HADA_TRY(hada_psf_reader_open(&reader, context, model, shape->options.method == HADA_METHOD_RL, err));
+    HADA_TRY(transform_all(out, &reader, shape, depths, count, err));
+done:
     hada_psf_reader_close(&reader);
     if (status)
         hada_buffer_destroy(out);

@@ -2,10 +2,12 @@
 #include <math.h>
 
 #include "classic/classic_steps.h"
+#include "launch/classic_lucy.h"
+#include "launch/classic_step.h"
 
-/* Predictions of a pixel below this share of the frame's brightness count as that much, and pixels whose light the
- * sensor sees to less than this share as if it saw that much. */
-static const double least_made = 1e-5, least_seen = 1e-3;
+/* Predictions of a pixel below this share of the frame's brightness count as that much, and pixels whose light reaches
+ * the sensor to less than this share as if that much did: far below what noise leaves to be seen (docs/rivals.md). */
+static const double least_prediction = 1e-5, least_norm = 1e-3;
 
 /* So far at most goes the extrapolation (Biggs and Andrews: below 1). */
 static const double most_momentum = 0.999;
@@ -26,79 +28,68 @@ static hada_status fill(hada_classic *classic, hada_classic_part part, double nu
 hada_status hada_classic_rl_begin(hada_classic *classic, hada_error *err)
 {
     const double flat = classic->job->brightness / sqrt(classic->job->camera->gain);
-    hada_status status = fill(classic, HADA_CLASSIC_MADE, 1.0, err);
-    if (!status)
-        status = classic->fuses ? hada_classic_fused_frame(classic, 0, 1, 0, 0.0, err)
-                                : hada_classic_frame_forward(classic, HADA_CLASSIC_SUM, err);
-    if (!status)
-        status = hada_classic_transpose(classic, HADA_CLASSIC_NORM, err);
-    if (!status)
-        status = fill(classic, HADA_CLASSIC_START, flat, err);
-    if (!status)
-        status = fill(classic, HADA_CLASSIC_BEFORE, flat, err);
-    return status ? status : hada_classic_clear(classic, HADA_CLASSIC_MADE, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(fill(classic, HADA_CLASSIC_PREDICTION, 1.0, err));
+    HADA_TRY(classic->fuses ? hada_classic_fused_frame(classic, 0, 1, HADA_CLASSIC_NO_STEP, 0.0, err)
+                            : hada_classic_frame_forward(classic, HADA_CLASSIC_PROJECTION, err));
+    HADA_TRY(hada_classic_transpose(classic, HADA_CLASSIC_NORM, err));
+    HADA_TRY(fill(classic, HADA_CLASSIC_EXTRAPOLATED, flat, err));
+    HADA_TRY(fill(classic, HADA_CLASSIC_PREVIOUS, flat, err));
+    HADA_TRY(hada_classic_clear(classic, HADA_CLASSIC_PREDICTION, err));
+done:
+    return status;
 }
 
-static hada_status multiply(hada_classic *classic, hada_error *err)
+static hada_status multiplicative_step(hada_classic *classic, hada_error *err)
 {
-    const hada_classic_image *image = &classic->plane;
     const hada_classic_options *o = &classic->shape.options;
-    const double all = (double)image->pixels * classic->planes;
     const int tv = o->prior == HADA_PRIOR_TV;
-    cl_int rows = image->rows, cols = image->cols, pitch = image->pitch, band = image->band;
-    cl_float weight = tv ? (float)o->weight : 0.0f, seen = (float)(least_seen * sqrt(classic->job->camera->gain));
-    hada_arg args[] = {HADA_ARG(classic->part[HADA_CLASSIC_START].mem),
-                       HADA_ARG(classic->part[HADA_CLASSIC_X].mem),
-                       HADA_ARG(classic->part[HADA_CLASSIC_NORM].mem),
-                       HADA_ARG(classic->part[HADA_CLASSIC_BEFORE].mem),
-                       HADA_ARG(classic->part[HADA_CLASSIC_TURN].mem),
-                       HADA_ARG(rows),
-                       HADA_ARG(cols),
-                       HADA_ARG(pitch),
-                       HADA_ARG(band),
-                       HADA_ARG(weight),
-                       HADA_ARG(seen),
-                       HADA_ARG(classic->part[HADA_CLASSIC_PARTIAL].mem)};
+    const hada_range range = hada_classic_band_range(classic);
+    const double all = (double)classic->plane.pixels * classic->planes;
     hada_slot_cost(classic->slot, 28.0 * all, (tv ? 50.0 : 12.0) * all);
-    return hada_classic_rows(classic, "classic_lucy", "classic_lucy", args, HADA_COUNT(args), err);
+    return hada_launch_classic_lucy(
+        classic->slot, hada_program_classic_lucy_of(classic->slot), &range, err,
+        .start = classic->part[HADA_CLASSIC_EXTRAPOLATED].mem, .corrected = classic->part[HADA_CLASSIC_PRIMAL].mem,
+        .norms = classic->part[HADA_CLASSIC_NORM].mem, .before = classic->part[HADA_CLASSIC_PREVIOUS].mem,
+        .direction = classic->part[HADA_CLASSIC_DIRECTION].mem, .image = hada_classic_plane_bands(classic),
+        .weight = tv ? (float)o->weight : 0.0f, .least = (float)(least_norm * sqrt(classic->job->camera->gain)),
+        .partial = classic->part[HADA_CLASSIC_PARTIAL].mem);
 }
 
-static hada_status go_on(hada_classic *classic, double momentum, hada_error *err)
+static hada_status extrapolate(hada_classic *classic, double momentum, hada_error *err)
 {
-    cl_uint pixels = (cl_uint)classic->plane.pixels, slice = HADA_CLASSIC_SLICE;
-    cl_float factor = (float)momentum;
-    hada_arg args[] = {HADA_ARG(classic->part[HADA_CLASSIC_X].mem),
-                       HADA_ARG(classic->part[HADA_CLASSIC_BEFORE].mem),
-                       HADA_ARG(classic->part[HADA_CLASSIC_START].mem),
-                       HADA_ARG(factor),
-                       HADA_ARG(pixels),
-                       HADA_ARG(slice)};
-    hada_slot_cost(classic->slot, 12.0 * (double)pixels * classic->planes, 3.0 * (double)pixels * classic->planes);
-    return hada_classic_pixels(classic, "classic_step", "classic_forward", args, HADA_COUNT(args), err);
+    const hada_range range = hada_classic_slice_range(classic);
+    const double all = (double)classic->plane.pixels * classic->planes;
+    hada_slot_cost(classic->slot, 12.0 * all, 3.0 * all);
+    return hada_launch_classic_extrapolate(classic->slot, hada_program_classic_step_of(classic->slot), &range, err,
+                                           .planes = classic->part[HADA_CLASSIC_PRIMAL].mem,
+                                           .before = classic->part[HADA_CLASSIC_PREVIOUS].mem,
+                                           .next = classic->part[HADA_CLASSIC_EXTRAPOLATED].mem,
+                                           .factor = (float)momentum, .slices = hada_classic_plane_slices(classic));
 }
 
 /* The correction is computed where the planes before the last ones stood, and becomes the new planes. */
 hada_status hada_classic_rl_step(hada_classic *classic, int number, int wanted, double sums[2], hada_error *err)
 {
     const int accelerate = classic->shape.options.accelerate;
-    const double least = fmax(least_made * classic->job->brightness, 1e-30);
+    const double least = fmax(least_prediction * classic->job->brightness, 1e-30);
     double all[4] = {0}, factor = 0.0;
+    hada_status status = HADA_OK;
     if (number)
-        hada_classic_swap(classic, HADA_CLASSIC_X, HADA_CLASSIC_BEFORE);
-    hada_status status = hada_classic_predict(classic, HADA_CLASSIC_START, err);
-    if (!status)
-        status = hada_classic_judge(classic, HADA_CLASSIC_RATIO, least, 1, err);
-    if (!status)
-        status = hada_classic_transpose(classic, HADA_CLASSIC_X, err);
-    if (!status)
-        status = multiply(classic, err);
-    if (!status && (accelerate || wanted))
-        status = hada_classic_sums(classic, hada_classic_bands(classic), 4, all, err);
+        hada_classic_swap(classic, HADA_CLASSIC_PRIMAL, HADA_CLASSIC_PREVIOUS);
+    HADA_TRY(hada_classic_predict(classic, HADA_CLASSIC_EXTRAPOLATED, err));
+    HADA_TRY(hada_classic_data_step(classic, HADA_CLASSIC_RATIO, least, 1, err));
+    HADA_TRY(hada_classic_transpose(classic, HADA_CLASSIC_PRIMAL, err));
+    HADA_TRY(multiplicative_step(classic, err));
+    if (accelerate || wanted)
+        HADA_TRY(hada_classic_sums(classic, hada_classic_band_count(classic), 4, all, err));
     if (accelerate && all[1] > 0.0)
         factor = fmax(0.0, fmin(all[0] / all[1], most_momentum));
     if (wanted) {
         sums[0] = all[2];
         sums[1] = all[3];
     }
-    return status ? status : go_on(classic, factor, err);
+    HADA_TRY(extrapolate(classic, factor, err));
+done:
+    return status;
 }

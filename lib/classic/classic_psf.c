@@ -58,19 +58,15 @@ hada_status hada_psf_reader_open(hada_psf_reader *reader, hada_context *context,
     reader->layout = hada_fft_layout(context, info->grid_rows, info->grid_cols, HADA_FFT_AUTO);
     reader->pixels = (size_t)info->grid_rows * (size_t)info->grid_cols;
     const hada_fft_desc inverse = describe(reader, HADA_FFT_INVERSE), forward = describe(reader, HADA_FFT_FORWARD);
-    hada_status status = hada_slot_create(&reader->slot, context, err);
-    if (!status)
-        status = hada_fft_create(&reader->inverse, reader->slot, &inverse, err);
-    if (!status)
-        status = hada_fft_create(&reader->forward, reader->slot, &forward, err);
-    if (!status)
-        status = hada_buffer_create(&reader->image, context, reader->pixels * sizeof(float), what, err);
-    if (!status)
-        status = hada_buffer_create(&reader->spectrum, context, reader->layout.count * 2 * sizeof(float), what, err);
-    if (!status)
-        status = hada_alloc_raw((void **)&reader->psf, reader->pixels, sizeof(float), what, err);
-    if (!status)
-        status = hada_alloc_raw((void **)&reader->values, reader->layout.count, 2 * sizeof(float), what, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_slot_create(&reader->slot, context, err));
+    HADA_TRY(hada_fft_create(&reader->inverse, reader->slot, &inverse, err));
+    HADA_TRY(hada_fft_create(&reader->forward, reader->slot, &forward, err));
+    HADA_TRY(hada_buffer_create(&reader->image, context, reader->pixels * sizeof(float), what, err));
+    HADA_TRY(hada_buffer_create(&reader->spectrum, context, reader->layout.count * 2 * sizeof(float), what, err));
+    HADA_TRY(hada_alloc_raw((void **)&reader->psf, reader->pixels, sizeof(float), what, err));
+    HADA_TRY(hada_alloc_raw((void **)&reader->values, reader->layout.count, 2 * sizeof(float), what, err));
+done:
     if (status)
         hada_psf_reader_close(reader);
     return status;
@@ -95,15 +91,22 @@ static double square_of(const float *value)
     return (double)value[0] * value[0] + (double)value[1] * value[1];
 }
 
+/* Whether all values are finite: x - x is 0 for finite x alone. */
+static int is_finite(const float *values, size_t count)
+{
+    float sum = 0.0f;
+    for (size_t i = 0; i < count; i++)
+        sum += values[i] - values[i];
+    return sum == 0.0f;
+}
+
 hada_status hada_psf_read(hada_psf_reader *reader, int depth, int channel, hada_error *err)
 {
     const hada_model_info *info = hada_model_get_info(reader->model);
     const size_t plane = hada_model_plane(reader->model);
     const float *otf = reader->model->otf + ((size_t)depth * (size_t)info->channels + (size_t)channel) * plane * 2;
-    float sum = 0.0f; /* x - x is 0 for finite x alone */
-    for (size_t i = 0; i < 2 * plane; i++)
-        sum += otf[i] - otf[i];
-    if (sum != 0.0f)
+    hada_status status = HADA_OK;
+    if (!is_finite(otf, 2 * plane))
         return hada_fail(err, HADA_ERROR_MODEL,
                          "%s: the transfer function of depth %d holds values that are not finite; the model is "
                          "damaged, make it again",
@@ -114,29 +117,27 @@ hada_status hada_psf_read(hada_psf_reader *reader, int depth, int channel, hada_
     reader->largest = sqrt(reader->largest);
     hada_layout_pack(&reader->layout, otf, reader->values);
     hada_model_forget(reader->model);
-    hada_status status =
-        hada_buffer_write(&reader->spectrum, reader->slot, 0, reader->values, reader->spectrum.bytes, err);
-    if (!status)
-        status = hada_fft_inverse(reader->inverse, 1, reader->spectrum.mem, 0, reader->image.mem, 0, NULL, err);
-    if (!status)
-        status = hada_buffer_read(&reader->image, reader->slot, 0, reader->psf, reader->image.bytes, err);
-    if (!status && reader->positive)
+    HADA_TRY(hada_buffer_write(&reader->spectrum, reader->slot, 0, reader->values, reader->spectrum.bytes, err));
+    HADA_TRY(hada_fft_inverse(reader->inverse, 1, reader->spectrum.mem, 0, reader->image.mem, 0, NULL, err));
+    HADA_TRY(hada_buffer_read(&reader->image, reader->slot, 0, reader->psf, reader->image.bytes, err));
+    if (reader->positive)
         make_positive(reader->psf, reader->pixels);
+done:
     return status;
 }
 
 hada_status hada_psf_largest(hada_psf_reader *reader, double *largest, hada_error *err)
 {
     const hada_spectrum_layout *layout = &reader->layout;
-    hada_status status = hada_buffer_write(&reader->image, reader->slot, 0, reader->psf, reader->image.bytes, err);
-    if (!status)
-        status = hada_fft_forward(reader->forward, 1, reader->image.mem, 0, reader->spectrum.mem, 0, err);
-    if (!status)
-        status = hada_buffer_read(&reader->spectrum, reader->slot, 0, reader->values, reader->spectrum.bytes, err);
+    hada_status status = HADA_OK;
     *largest = 0.0;
-    for (int ky = 0; !status && ky < layout->rows; ky++)
+    HADA_TRY(hada_buffer_write(&reader->image, reader->slot, 0, reader->psf, reader->image.bytes, err));
+    HADA_TRY(hada_fft_forward(reader->forward, 1, reader->image.mem, 0, reader->spectrum.mem, 0, err));
+    HADA_TRY(hada_buffer_read(&reader->spectrum, reader->slot, 0, reader->values, reader->spectrum.bytes, err));
+    for (int ky = 0; ky < layout->rows; ky++)
         for (int kx = 0; kx <= layout->cols / 2; kx++)
             *largest = fmax(*largest, square_of(reader->values + 2 * hada_spectrum_index(layout, ky, kx)));
     *largest = sqrt(*largest);
+done:
     return status;
 }

@@ -24,73 +24,87 @@ static hada_status check_job(const hada_classic *classic, const hada_classic_job
         if (job->list[i] < 0 || job->list[i] >= job->data->otf_depths)
             return hada_fail(err, HADA_ERROR_ARGUMENT, "depth %d asked for; there are %d", job->list[i],
                              job->data->otf_depths);
-    if (classic->bytes[HADA_CLASSIC_SEEN] && !job->data->frame)
+    if (classic->bytes[HADA_CLASSIC_FRAME] && !job->data->frame)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "this method needs the frame's pixels");
     return HADA_OK;
 }
 
-/* Room that other parts of a lane used meanwhile. */
+/* Memory that other parts of a slot used meanwhile is cleared; some buffers are written anyway before they are read. */
+static hada_status clear(hada_classic *classic, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    for (int i = 0; i < HADA_CLASSIC_PARTS; i++)
+        if (i != HADA_CLASSIC_LIST && i != HADA_CLASSIC_WINDOW && i != HADA_CLASSIC_TABLE &&
+            i != HADA_CLASSIC_SPECTRA && i != HADA_CLASSIC_FRAME)
+            HADA_TRY(hada_classic_clear(classic, (hada_classic_part)i, err));
+done:
+    return status;
+}
+
 static hada_status begin(hada_classic *classic, const hada_classic_job *job, hada_error *err)
 {
-    hada_status status = check_job(classic, job, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(check_job(classic, job, err));
     classic->job = job;
     classic->planes = job->depths * classic->shape.place.channels;
     classic->momentum = 1.0;
-    for (int i = 0; !status && i < HADA_CLASSIC_PARTS; i++)
-        if (i != HADA_CLASSIC_LIST && i != HADA_CLASSIC_WINDOW && i != HADA_CLASSIC_TABLE &&
-            i != HADA_CLASSIC_SPECTRA && i != HADA_CLASSIC_SEEN)
-            status = hada_classic_clear(classic, (hada_classic_part)i, err);
-    if (!status)
-        status = hada_buffer_write(&classic->part[HADA_CLASSIC_LIST], classic->slot, 0, job->list,
-                                   (size_t)job->depths * sizeof(cl_int), err);
-    if (!status && classic->bytes[HADA_CLASSIC_SEEN])
-        status = hada_classic_see(classic, err);
+    HADA_TRY(clear(classic, err));
+    HADA_TRY(hada_buffer_write(&classic->part[HADA_CLASSIC_LIST], classic->slot, 0, job->list,
+                               (size_t)job->depths * sizeof(cl_int), err));
+    if (classic->bytes[HADA_CLASSIC_FRAME])
+        HADA_TRY(hada_classic_load_frame(classic, err));
+done:
     return status;
 }
 
 static hada_status wiener(hada_classic *classic, hada_error *err)
 {
     const double noise = classic->shape.options.lambda * classic->job->camera->mean_square;
-    hada_classic_wave(classic, 1);
-    hada_status status = hada_buffer_write(&classic->part[HADA_CLASSIC_TABLE], classic->slot, 0, classic->table,
-                                           classic->bytes[HADA_CLASSIC_TABLE], err);
-    if (!status)
-        status = hada_classic_solve(classic, 1, 1.0, 0.0, noise, err);
-    return status ? status : hada_classic_inverse(classic, HADA_CLASSIC_X, err);
+    hada_status status = HADA_OK;
+    hada_classic_gradient_power(classic, 1);
+    HADA_TRY(hada_classic_write_table(classic, err));
+    HADA_TRY(hada_classic_solve(classic, 1, 1.0, 0.0, noise, err));
+    HADA_TRY(hada_classic_inverse(classic, HADA_CLASSIC_PRIMAL, err));
+done:
+    return status;
 }
 
-static hada_status iterate(hada_classic *classic, int *done, hada_error *err)
+/* Until the relative change was small twice running, or a limit is reached. */
+static hada_status iterate(hada_classic *classic, int *count, hada_error *err)
 {
     const hada_classic_options *o = &classic->shape.options;
     const method *m = &methods[o->method];
     const hada_classic_job *job = classic->job;
     const double start = hada_seconds();
     int settled = 0;
-    hada_status status = m->begin(classic, err);
-    for (*done = 0; !status && *done < o->iterations && settled < 2;) {
+    hada_status status = HADA_OK;
+    HADA_TRY(m->begin(classic, err));
+    while (*count < o->iterations && settled < 2) {
         double sums[2] = {1.0, 1.0};
-        status = m->step(classic, *done, o->stop > 0.0, sums, err);
-        ++*done;
+        HADA_TRY(m->step(classic, *count, o->stop > 0.0, sums, err));
+        ++*count;
         settled = o->stop > 0.0 && sqrt(sums[0]) <= o->stop * sqrt(sums[1]) ? settled + 1 : 0;
-        if (!status && (o->seconds > 0.0 || *done % QUEUED == 0))
-            status = hada_slot_finish(classic->slot, err);
+        if (o->seconds > 0.0 || *count % QUEUED == 0)
+            HADA_TRY(hada_slot_finish(classic->slot, err));
         if (o->seconds > 0.0 && hada_seconds() - start >= o->seconds)
             break;
-        if (job->progress && *done % QUEUED == 0)
-            job->progress(job->user, *done);
+        if (job->progress && *count % QUEUED == 0)
+            job->progress(job->user, *count);
     }
+done:
     return status;
 }
 
 hada_status hada_classic_run(hada_classic *classic, const hada_classic_job *job, hada_classic_result *result,
                              hada_error *err)
 {
-    hada_status status = begin(classic, job, err);
+    hada_status status = HADA_OK;
     *result = (hada_classic_result){0};
-    if (!status)
-        status = classic->shape.options.method == HADA_METHOD_WIENER ? wiener(classic, err)
-                                                                     : iterate(classic, &result->iterations, err);
-    if (!status)
-        status = hada_classic_crop(classic, err);
-    return status ? status : hada_classic_energy(classic, &result->energy, err);
+    HADA_TRY(begin(classic, job, err));
+    HADA_TRY(classic->shape.options.method == HADA_METHOD_WIENER ? wiener(classic, err)
+                                                                 : iterate(classic, &result->iterations, err));
+    HADA_TRY(hada_classic_crop(classic, err));
+    HADA_TRY(hada_classic_energy(classic, &result->energy, err));
+done:
+    return status;
 }

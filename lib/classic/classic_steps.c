@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-#include "runtime/kernel.h"
+#include "launch/classic_frame.h"
 
 void hada_classic_swap(hada_classic *classic, hada_classic_part a, hada_classic_part b)
 {
@@ -17,18 +17,25 @@ hada_status hada_classic_clear(hada_classic *classic, hada_classic_part part, ha
                                 : HADA_OK;
 }
 
+hada_status hada_classic_write_table(hada_classic *classic, hada_error *err)
+{
+    return hada_buffer_write(&classic->part[HADA_CLASSIC_TABLE], classic->slot, 0, classic->table,
+                             classic->bytes[HADA_CLASSIC_TABLE], err);
+}
+
 /* In calls of the plan's batch. */
 static hada_status transform(hada_classic *classic, hada_fft *plan, int forward, int images, hada_classic_part real,
                              size_t distance, hada_classic_part spectrum, hada_error *err)
 {
     hada_status status = HADA_OK;
     const cl_mem image = classic->part[real].mem, spectra = classic->part[spectrum].mem;
-    for (int done = 0; !status && done < images; done += HADA_CLASSIC_BATCH) {
-        const int batch = images - done < HADA_CLASSIC_BATCH ? images - done : HADA_CLASSIC_BATCH;
-        const size_t at = (size_t)done * classic->layout.count, real_at = (size_t)done * distance;
-        status = forward ? hada_fft_forward(plan, batch, image, real_at, spectra, at, err)
-                         : hada_fft_inverse(plan, batch, spectra, at, image, real_at, NULL, err);
+    for (int first = 0; first < images; first += HADA_CLASSIC_BATCH) {
+        const int batch = images - first < HADA_CLASSIC_BATCH ? images - first : HADA_CLASSIC_BATCH;
+        const size_t at = (size_t)first * classic->layout.count, real_at = (size_t)first * distance;
+        HADA_TRY(forward ? hada_fft_forward(plan, batch, image, real_at, spectra, at, err)
+                         : hada_fft_inverse(plan, batch, spectra, at, image, real_at, NULL, err));
     }
+done:
     return status;
 }
 
@@ -46,36 +53,25 @@ hada_status hada_classic_inverse(hada_classic *classic, hada_classic_part planes
 
 hada_status hada_classic_frame_forward(hada_classic *classic, hada_classic_part spectrum, hada_error *err)
 {
-    return transform(classic, classic->frame_forward, 1, classic->shape.place.channels, HADA_CLASSIC_MADE,
+    return transform(classic, classic->frame_forward, 1, classic->shape.place.channels, HADA_CLASSIC_PREDICTION,
                      classic->frame.pixels, spectrum, err);
 }
 
 hada_status hada_classic_frame_inverse(hada_classic *classic, hada_error *err)
 {
-    return transform(classic, classic->frame_inverse, 0, classic->shape.place.channels, HADA_CLASSIC_MADE,
-                     classic->frame.pixels, HADA_CLASSIC_SUM, err);
+    return transform(classic, classic->frame_inverse, 0, classic->shape.place.channels, HADA_CLASSIC_PREDICTION,
+                     classic->frame.pixels, HADA_CLASSIC_PROJECTION, err);
 }
 
-static size_t groups(size_t count, size_t each)
+static size_t spectrum_slices(const hada_classic *classic)
 {
-    return (count + each - 1) / each;
+    return hada_divide_up(classic->layout.count, HADA_CLASSIC_SLICE);
 }
 
-/* Over slices of `count` values and `images` images. */
-static hada_status launch(hada_classic *classic, const char *file, const char *name, const char *options, size_t slices,
-                          int images, const hada_arg *args, size_t arg_count, hada_error *err)
+/* Slices of frequencies of all channels. */
+static hada_range spectrum_range(const hada_classic *classic)
 {
-    cl_kernel kernel;
-    const size_t local[2] = {(size_t)classic->group, 1}, global[2] = {slices * local[0], (size_t)images};
-    hada_status status = hada_slot_kernel(classic->slot, file, name, options, &kernel, err);
-    return status ? status : hada_slot_launch(classic->slot, kernel, name, 2, global, local, args, arg_count, err);
-}
-
-static hada_status over_spectra(hada_classic *classic, const char *name, const hada_arg *args, size_t count,
-                                hada_error *err)
-{
-    return launch(classic, "classic_spectrum", name, classic->spectrum_options,
-                  groups(classic->layout.count, HADA_CLASSIC_SLICE), classic->shape.place.channels, args, count, err);
+    return hada_range_groups(spectrum_slices(classic), classic->group, (size_t)classic->shape.place.channels, 1);
 }
 
 static double frequencies(const hada_classic *classic)
@@ -83,196 +79,194 @@ static double frequencies(const hada_classic *classic)
     return (double)classic->layout.rows * (classic->layout.cols / 2 + 1.0) * classic->shape.place.channels;
 }
 
-hada_status hada_classic_project(hada_classic *classic, int rest, hada_error *err)
+static hada_classic_problem problem_of(const hada_classic *classic)
 {
     const hada_refine_data *data = classic->job->data;
-    const hada_spectrum_layout *layout = &classic->layout;
-    cl_ulong otf_offset = data->otf_offset, data_offset = data->spectrum_offset;
-    cl_int depths = classic->job->depths, has_data = rest;
-    cl_uint count = (cl_uint)layout->count, slice = HADA_CLASSIC_SLICE, rows = (cl_uint)layout->rows;
-    cl_uint block = (cl_uint)layout->block, cols = (cl_uint)layout->cols;
-    hada_arg args[] = {HADA_ARG(data->otf),
-                       HADA_ARG(otf_offset),
-                       HADA_ARG(classic->part[HADA_CLASSIC_LIST].mem),
-                       HADA_ARG(depths),
-                       HADA_ARG(data->spectrum),
-                       HADA_ARG(data_offset),
-                       HADA_ARG(has_data),
-                       HADA_ARG(classic->part[HADA_CLASSIC_SPECTRA].mem),
-                       HADA_ARG(classic->part[HADA_CLASSIC_SUM].mem),
-                       HADA_ARG(count),
-                       HADA_ARG(slice),
-                       HADA_ARG(rows),
-                       HADA_ARG(block),
-                       HADA_ARG(cols),
-                       HADA_ARG(classic->part[HADA_CLASSIC_PARTIAL].mem)};
-    hada_slot_cost(classic->slot, frequencies(classic) * (16.0 * depths + (rest ? 16.0 : 8.0)),
+    return (hada_classic_problem){.otf_offset = data->otf_offset,
+                                  .frame_offset = data->spectrum_offset,
+                                  .spectrum = hada_spectrum_shape_of(&classic->layout),
+                                  .depths = classic->job->depths,
+                                  .slice = HADA_CLASSIC_SLICE};
+}
+
+hada_status hada_classic_project(hada_classic *classic, int residual, hada_error *err)
+{
+    const hada_refine_data *data = classic->job->data;
+    const int depths = classic->job->depths;
+    const hada_range range = spectrum_range(classic);
+    hada_slot_cost(classic->slot, frequencies(classic) * (16.0 * depths + (residual ? 16.0 : 8.0)),
                    frequencies(classic) * 8.0 * depths);
-    return over_spectra(classic, "classic_project", args, HADA_COUNT(args), err);
+    return hada_launch_classic_project(
+        classic->slot, classic->spectrum_program, &range, err, .otf = data->otf,
+        .list = classic->part[HADA_CLASSIC_LIST].mem, .data = data->spectrum, .has_data = residual,
+        .planes = classic->part[HADA_CLASSIC_SPECTRA].mem, .out = classic->part[HADA_CLASSIC_PROJECTION].mem,
+        .problem = problem_of(classic), .partial = classic->part[HADA_CLASSIC_PARTIAL].mem);
 }
 
-hada_status hada_classic_back(hada_classic *classic, hada_error *err)
+/* HADA_CLASSIC_SPECTRA = conj(H) HADA_CLASSIC_PROJECTION. */
+static hada_status project_transpose(hada_classic *classic, hada_error *err)
 {
-    const hada_refine_data *data = classic->job->data;
-    cl_ulong otf_offset = data->otf_offset;
-    cl_int depths = classic->job->depths;
-    cl_uint count = (cl_uint)classic->layout.count, slice = HADA_CLASSIC_SLICE;
-    hada_arg args[] = {HADA_ARG(data->otf),
-                       HADA_ARG(otf_offset),
-                       HADA_ARG(classic->part[HADA_CLASSIC_LIST].mem),
-                       HADA_ARG(depths),
-                       HADA_ARG(classic->part[HADA_CLASSIC_SUM].mem),
-                       HADA_ARG(classic->part[HADA_CLASSIC_SPECTRA].mem),
-                       HADA_ARG(count),
-                       HADA_ARG(slice)};
+    const int depths = classic->job->depths;
+    const hada_range range = spectrum_range(classic);
     hada_slot_cost(classic->slot, frequencies(classic) * (16.0 * depths + 8.0), frequencies(classic) * 6.0 * depths);
-    return over_spectra(classic, "classic_back", args, HADA_COUNT(args), err);
+    return hada_launch_classic_transpose(
+        classic->slot, classic->spectrum_program, &range, err, .otf = classic->job->data->otf,
+        .list = classic->part[HADA_CLASSIC_LIST].mem, .in = classic->part[HADA_CLASSIC_PROJECTION].mem,
+        .planes = classic->part[HADA_CLASSIC_SPECTRA].mem, .problem = problem_of(classic));
 }
 
-hada_status hada_classic_solve(hada_classic *classic, int first, double m, double mu2, double mu3, hada_error *err)
+hada_status hada_classic_solve(hada_classic *classic, int first, double mu1, double mu2, double mu3, hada_error *err)
 {
     const hada_refine_data *data = classic->job->data;
-    const hada_spectrum_layout *layout = &classic->layout;
-    cl_int depths = classic->job->depths, none = first, cropped = classic->bytes[HADA_CLASSIC_SPLIT] != 0;
-    cl_mem given = cropped ? classic->part[HADA_CLASSIC_SPLIT].mem : data->spectrum;
-    cl_ulong otf_offset = data->otf_offset, data_offset = cropped ? 0 : data->spectrum_offset;
-    cl_float weight = (float)m, slopes = (float)mu2, planes = (float)mu3;
-    cl_uint count = (cl_uint)layout->count, slice = HADA_CLASSIC_SLICE, rows = (cl_uint)layout->rows;
-    cl_uint block = (cl_uint)layout->block;
-    hada_arg args[] = {HADA_ARG(data->otf),
-                       HADA_ARG(otf_offset),
-                       HADA_ARG(classic->part[HADA_CLASSIC_LIST].mem),
-                       HADA_ARG(depths),
-                       HADA_ARG(given),
-                       HADA_ARG(data_offset),
-                       HADA_ARG(classic->part[HADA_CLASSIC_SUM].mem),
-                       HADA_ARG(cropped),
-                       HADA_ARG(classic->part[HADA_CLASSIC_SPECTRA].mem),
-                       HADA_ARG(none),
-                       HADA_ARG(classic->part[HADA_CLASSIC_TABLE].mem),
-                       HADA_ARG(weight),
-                       HADA_ARG(slopes),
-                       HADA_ARG(planes),
-                       HADA_ARG(count),
-                       HADA_ARG(slice),
-                       HADA_ARG(rows),
-                       HADA_ARG(block)};
+    const int depths = classic->job->depths, cropped = classic->bytes[HADA_CLASSIC_DATA_SPLIT] != 0;
+    const hada_classic_weights weights = {(float)mu1, (float)mu2, (float)mu3, cropped, first};
+    const hada_range range = spectrum_range(classic);
+    hada_classic_problem problem = problem_of(classic);
+    if (cropped)
+        problem.frame_offset = 0;
     hada_slot_cost(classic->slot, frequencies(classic) * ((first ? 16.0 : 24.0) * depths + (cropped ? 24.0 : 8.0)),
                    frequencies(classic) * (30.0 * depths + 20.0));
-    return over_spectra(classic, "classic_solve", args, HADA_COUNT(args), err);
+    return hada_launch_classic_solve(
+        classic->slot, classic->spectrum_program, &range, err, .otf = data->otf,
+        .list = classic->part[HADA_CLASSIC_LIST].mem,
+        .data = cropped ? classic->part[HADA_CLASSIC_DATA_SPLIT].mem : data->spectrum,
+        .split_y = classic->part[HADA_CLASSIC_PROJECTION].mem, .planes = classic->part[HADA_CLASSIC_SPECTRA].mem,
+        .gradient = classic->part[HADA_CLASSIC_TABLE].mem, .problem = problem, .weights = weights);
 }
 
-static size_t frame_slices(const hada_classic *classic)
+static size_t frame_slice_count(const hada_classic *classic)
 {
-    return groups(classic->frame.pixels, HADA_CLASSIC_SLICE);
+    return hada_divide_up(classic->frame.pixels, HADA_CLASSIC_SLICE);
 }
 
-hada_status hada_classic_meet(hada_classic *classic, hada_classic_meeting mode, double number, hada_error *err)
+static hada_range frame_range(const hada_classic *classic)
 {
-    const int admm = mode == HADA_CLASSIC_ADMM;
-    cl_mem state = classic->part[admm ? HADA_CLASSIC_STATE : HADA_CLASSIC_MADE].mem;
-    cl_int how = (cl_int)mode;
-    cl_float factor = (float)number;
-    cl_uint pixels = (cl_uint)classic->frame.pixels, slice = HADA_CLASSIC_SLICE;
-    hada_arg args[] = {HADA_ARG(classic->part[HADA_CLASSIC_MADE].mem),
-                       HADA_ARG(classic->part[HADA_CLASSIC_SEEN].mem),
-                       HADA_ARG(state),
-                       HADA_ARG(how),
-                       HADA_ARG(factor),
-                       HADA_ARG(pixels),
-                       HADA_ARG(slice)};
-    const double all = (double)pixels * classic->shape.place.channels;
-    hada_slot_cost(classic->slot, (admm ? 20.0 : 12.0) * all, 6.0 * all);
-    return launch(classic, "classic_frame", "classic_frame", classic->image_options, frame_slices(classic),
-                  classic->shape.place.channels, args, HADA_COUNT(args), err);
+    return hada_range_groups(frame_slice_count(classic), classic->group, (size_t)classic->shape.place.channels, 1);
+}
+
+static hada_classic_slices frame_slices(const hada_classic *classic)
+{
+    return (hada_classic_slices){(unsigned)classic->shape.place.channels, (unsigned)classic->frame.pixels,
+                                 HADA_CLASSIC_SLICE};
+}
+
+hada_status hada_classic_step_pixels(hada_classic *classic, hada_classic_pixel_step step, double number,
+                                     hada_error *err)
+{
+    const int split = step == HADA_CLASSIC_SPLIT;
+    const hada_range range = frame_range(classic);
+    const double all = (double)classic->frame.pixels * classic->shape.place.channels;
+    hada_slot_cost(classic->slot, (split ? 20.0 : 12.0) * all, 6.0 * all);
+    return hada_launch_classic_frame(
+        classic->slot, hada_program_classic_frame_of(classic->slot), &range, err,
+        .images = classic->part[HADA_CLASSIC_PREDICTION].mem, .frame = classic->part[HADA_CLASSIC_FRAME].mem,
+        .dual = classic->part[split ? HADA_CLASSIC_DATA_DUAL : HADA_CLASSIC_PREDICTION].mem, .step = (cl_int)step,
+        .number = (float)number, .slices = frame_slices(classic));
 }
 
 hada_status hada_classic_predict(hada_classic *classic, hada_classic_part planes, hada_error *err)
 {
-    hada_status status = classic->fuses ? hada_classic_fused_planes(classic, planes, 1, err)
-                                        : hada_classic_forward(classic, planes, err);
-    if (status)
-        return status;
-    return classic->fuses ? hada_classic_fused_columns(classic, 0, err) : hada_classic_project(classic, 0, err);
+    hada_status status = HADA_OK;
+    if (classic->fuses) {
+        HADA_TRY(hada_classic_fused_planes(classic, planes, 1, err));
+        HADA_TRY(hada_classic_fused_columns(classic, 0, err));
+    } else {
+        HADA_TRY(hada_classic_forward(classic, planes, err));
+        HADA_TRY(hada_classic_project(classic, 0, err));
+    }
+done:
+    return status;
 }
 
-hada_status hada_classic_judge(hada_classic *classic, hada_classic_meeting mode, double number, int on, hada_error *err)
+hada_status hada_classic_data_step(hada_classic *classic, hada_classic_pixel_step step, double number, int forward,
+                                   hada_error *err)
 {
+    hada_status status = HADA_OK;
     if (classic->fuses)
-        return hada_classic_fused_frame(classic, 1, on, (int)mode, number, err);
-    hada_status status = hada_classic_frame_inverse(classic, err);
-    if (!status)
-        status = hada_classic_meet(classic, mode, number, err);
-    return !status && on ? hada_classic_frame_forward(classic, HADA_CLASSIC_SUM, err) : status;
+        return hada_classic_fused_frame(classic, 1, forward, step, number, err);
+    HADA_TRY(hada_classic_frame_inverse(classic, err));
+    HADA_TRY(hada_classic_step_pixels(classic, step, number, err));
+    if (forward)
+        HADA_TRY(hada_classic_frame_forward(classic, HADA_CLASSIC_PROJECTION, err));
+done:
+    return status;
 }
 
 hada_status hada_classic_transpose(hada_classic *classic, hada_classic_part planes, hada_error *err)
 {
-    hada_status status = classic->fuses ? hada_classic_fused_columns(classic, 1, err) : hada_classic_back(classic, err);
-    if (status)
-        return status;
-    return classic->fuses ? hada_classic_fused_planes(classic, planes, 0, err)
-                          : hada_classic_inverse(classic, planes, err);
+    hada_status status = HADA_OK;
+    if (classic->fuses) {
+        HADA_TRY(hada_classic_fused_columns(classic, 1, err));
+        HADA_TRY(hada_classic_fused_planes(classic, planes, 0, err));
+    } else {
+        HADA_TRY(project_transpose(classic, err));
+        HADA_TRY(hada_classic_inverse(classic, planes, err));
+    }
+done:
+    return status;
 }
 
-hada_status hada_classic_see(hada_classic *classic, hada_error *err)
+hada_status hada_classic_load_frame(hada_classic *classic, hada_error *err)
 {
-    cl_kernel kernel;
     const hada_refine_data *data = classic->job->data;
     const hada_classic_image *frame = &classic->frame;
-    const size_t local[3] = {8, 1, 1};
-    const size_t global[3] = {(size_t)frame->pitch, (size_t)frame->rows, (size_t)classic->shape.place.channels};
-    cl_ulong offset = data->frame_offset;
-    cl_int cols = frame->cols;
-    hada_arg args[] = {HADA_ARG(data->frame), HADA_ARG(offset), HADA_ARG(classic->part[HADA_CLASSIC_SEEN].mem),
-                       HADA_ARG(cols)};
-    hada_status status =
-        hada_slot_kernel(classic->slot, "classic_frame", "classic_seen", classic->image_options, &kernel, err);
-    hada_slot_cost(classic->slot, 8.0 * (double)frame->pixels * (double)global[2], 0.0);
-    return status
-               ? status
-               : hada_slot_launch(classic->slot, kernel, "classic_seen", 3, global, local, args, HADA_COUNT(args), err);
+    const size_t channels = (size_t)classic->shape.place.channels;
+    const hada_range range = hada_range_of((size_t)frame->pitch, 8, (size_t)frame->rows, channels);
+    hada_slot_cost(classic->slot, 8.0 * (double)frame->pixels * (double)channels, 0.0);
+    return hada_launch_classic_pad(classic->slot, hada_program_classic_frame_of(classic->slot), &range, err,
+                                   .frame = data->frame, .offset = data->frame_offset,
+                                   .images = classic->part[HADA_CLASSIC_FRAME].mem, .cols = frame->cols);
 }
 
-size_t hada_classic_bands(const hada_classic *classic)
+size_t hada_classic_band_count(const hada_classic *classic)
 {
-    return groups((size_t)classic->plane.rows, (size_t)classic->plane.band);
+    return hada_divide_up((size_t)classic->plane.rows, (size_t)classic->plane.band);
 }
 
-size_t hada_classic_slices(const hada_classic *classic)
+size_t hada_classic_slice_count(const hada_classic *classic)
 {
-    return groups(classic->plane.pixels, HADA_CLASSIC_SLICE);
+    return hada_divide_up(classic->plane.pixels, HADA_CLASSIC_SLICE);
 }
 
-size_t hada_classic_tasks(const hada_classic *classic)
+size_t hada_classic_task_count(const hada_classic *classic)
 {
-    return groups((size_t)classic->plane.rows, HADA_CLASSIC_ROWS);
+    return hada_divide_up((size_t)classic->plane.rows, HADA_CLASSIC_ROWS);
 }
 
-hada_status hada_classic_rows(hada_classic *classic, const char *file, const char *name, const hada_arg *args,
-                              size_t count, hada_error *err)
+hada_classic_bands hada_classic_plane_bands(const hada_classic *classic)
 {
-    return launch(classic, file, name, classic->image_options, hada_classic_bands(classic), classic->planes, args,
-                  count, err);
+    const hada_classic_image *image = &classic->plane;
+    return (hada_classic_bands){image->rows, image->cols, image->pitch, image->band};
 }
 
-hada_status hada_classic_pixels(hada_classic *classic, const char *file, const char *name, const hada_arg *args,
-                                size_t count, hada_error *err)
+hada_classic_slices hada_classic_plane_slices(const hada_classic *classic)
 {
-    return launch(classic, file, name, classic->image_options, hada_classic_slices(classic), classic->planes, args,
-                  count, err);
+    return (hada_classic_slices){(unsigned)classic->shape.place.channels, (unsigned)classic->plane.pixels,
+                                 HADA_CLASSIC_SLICE};
+}
+
+hada_range hada_classic_band_range(const hada_classic *classic)
+{
+    return hada_range_groups(hada_classic_band_count(classic), classic->group, (size_t)classic->planes, 1);
+}
+
+hada_range hada_classic_slice_range(const hada_classic *classic)
+{
+    return hada_range_groups(hada_classic_slice_count(classic), classic->group, (size_t)classic->planes, 1);
 }
 
 /* Each sum over `each` partial ones, in order and in double. */
 static hada_status add_up(hada_classic *classic, size_t each, int count, double *sums, hada_error *err)
 {
-    hada_status status = hada_buffer_read(&classic->part[HADA_CLASSIC_PARTIAL], classic->slot, 0, classic->sums,
-                                          each * (size_t)count * sizeof(float), err);
-    for (int k = 0; !status && k < count; k++) {
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_buffer_read(&classic->part[HADA_CLASSIC_PARTIAL], classic->slot, 0, classic->sums,
+                              each * (size_t)count * sizeof(float), err));
+    for (int k = 0; k < count; k++) {
         sums[k] = 0.0;
         for (size_t i = 0; i < each; i++)
             sums[k] += classic->sums[(size_t)k * each + i];
     }
+done:
     return status;
 }
 
@@ -283,54 +277,49 @@ hada_status hada_classic_sums(hada_classic *classic, size_t each, int count, dou
 
 hada_status hada_classic_crop(hada_classic *classic, hada_error *err)
 {
-    cl_kernel kernel;
     const hada_refine_rect *window = &classic->shape.place.window, *support = &classic->shape.support;
-    const int whole = classic->plane.rows != support->rows || classic->plane.cols != support->cols;
-    cl_int pitch = classic->plane.pitch, row0 = window->row0 - (whole ? 0 : support->row0),
-           col0 = window->col0 - (whole ? 0 : support->col0), rows = window->rows, cols = window->cols;
-    hada_arg args[] = {HADA_ARG(classic->part[HADA_CLASSIC_X].mem),
-                       HADA_ARG(classic->part[HADA_CLASSIC_WINDOW].mem),
-                       HADA_ARG(pitch),
-                       HADA_ARG(row0),
-                       HADA_ARG(col0),
-                       HADA_ARG(rows),
-                       HADA_ARG(cols)};
-    const size_t local[3] = {8, 1, 1};
-    const size_t global[3] = {(size_t)pitch, (size_t)classic->plane.rows, (size_t)classic->planes};
-    hada_status status =
-        hada_slot_kernel(classic->slot, "classic_frame", "classic_crop", classic->image_options, &kernel, err);
-    hada_slot_cost(classic->slot, 12.0 * (double)classic->plane.pixels * classic->planes, 0.0);
-    return status
-               ? status
-               : hada_slot_launch(classic->slot, kernel, "classic_crop", 3, global, local, args, HADA_COUNT(args), err);
+    const hada_classic_image *plane = &classic->plane;
+    const int whole = plane->rows != support->rows || plane->cols != support->cols;
+    const hada_range range = hada_range_of((size_t)plane->pitch, 8, (size_t)plane->rows, (size_t)classic->planes);
+    hada_slot_cost(classic->slot, 12.0 * (double)plane->pixels * classic->planes, 0.0);
+    return hada_launch_classic_crop(
+        classic->slot, hada_program_classic_frame_of(classic->slot), &range, err,
+        .planes = classic->part[HADA_CLASSIC_PRIMAL].mem, .window = classic->part[HADA_CLASSIC_WINDOW].mem,
+        .pitch = plane->pitch, .row0 = window->row0 - (whole ? 0 : support->row0),
+        .col0 = window->col0 - (whole ? 0 : support->col0), .rows = window->rows, .cols = window->cols);
+}
+
+/* By Parseval, where the frame's pixels are not used. */
+static hada_status spectral_energy(hada_classic *classic, double *energy, hada_error *err)
+{
+    const size_t channels = (size_t)classic->shape.place.channels;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_classic_forward(classic, HADA_CLASSIC_PRIMAL, err));
+    HADA_TRY(hada_classic_project(classic, 1, err));
+    HADA_TRY(add_up(classic, channels * spectrum_slices(classic), 1, energy, err));
+    *energy /= (double)classic->layout.rows * classic->layout.cols;
+done:
+    return status;
 }
 
 hada_status hada_classic_energy(hada_classic *classic, double *energy, hada_error *err)
 {
-    const size_t channels = (size_t)classic->shape.place.channels;
-    hada_status status;
-    if (!classic->met) { /* Parseval */
-        status = hada_classic_forward(classic, HADA_CLASSIC_X, err);
-        if (!status)
-            status = hada_classic_project(classic, 1, err);
-        if (!status)
-            status = add_up(classic, channels * groups(classic->layout.count, HADA_CLASSIC_SLICE), 1, energy, err);
-        *energy /= (double)classic->layout.rows * classic->layout.cols;
-        return status;
-    }
-    cl_uint pixels = (cl_uint)classic->frame.pixels, slice = HADA_CLASSIC_SLICE;
-    hada_arg args[] = {HADA_ARG(classic->part[HADA_CLASSIC_MADE].mem), HADA_ARG(pixels), HADA_ARG(slice),
-                       HADA_ARG(classic->part[HADA_CLASSIC_PARTIAL].mem)};
-    status = hada_classic_predict(classic, HADA_CLASSIC_X, err);
-    if (!status)
-        status = hada_classic_judge(classic, HADA_CLASSIC_REST, 0.0, 0, err);
-    if (!status)
-        status = launch(classic, "classic_frame", "classic_energy", classic->image_options, frame_slices(classic),
-                        (int)channels, args, HADA_COUNT(args), err);
-    return status ? status : add_up(classic, channels * frame_slices(classic), 1, energy, err);
+    const hada_range range = frame_range(classic);
+    hada_status status = HADA_OK;
+    if (!classic->has_frame)
+        return spectral_energy(classic, energy, err);
+    HADA_TRY(hada_classic_predict(classic, HADA_CLASSIC_PRIMAL, err));
+    HADA_TRY(hada_classic_data_step(classic, HADA_CLASSIC_RESIDUAL, 0.0, 0, err));
+    HADA_TRY(hada_launch_classic_energy(classic->slot, hada_program_classic_frame_of(classic->slot), &range, err,
+                                        .images = classic->part[HADA_CLASSIC_PREDICTION].mem,
+                                        .slices = frame_slices(classic),
+                                        .partial = classic->part[HADA_CLASSIC_PARTIAL].mem));
+    HADA_TRY(add_up(classic, (size_t)classic->shape.place.channels * frame_slice_count(classic), 1, energy, err));
+done:
+    return status;
 }
 
-void hada_classic_wave(hada_classic *classic, int zero)
+void hada_classic_gradient_power(hada_classic *classic, int zero)
 {
     const hada_spectrum_layout *layout = &classic->layout;
     const double turn = 2.0 * acos(-1.0);
@@ -339,4 +328,9 @@ void hada_classic_wave(hada_classic *classic, int zero)
         const double angle = k < layout->rows ? turn * k / layout->rows : turn * (k - layout->rows) / layout->cols;
         classic->table[k] = zero ? 0.0f : (float)(2.0 - 2.0 * cos(angle));
     }
+}
+
+double hada_classic_prior_weight(const hada_classic *classic)
+{
+    return classic->shape.options.weight * sqrt(classic->job->camera->gain) * classic->job->brightness;
 }

@@ -1,0 +1,162 @@
+/* What a method is to do, and what it must know of a camera: options checked and completed, sizes, constants. */
+#include <math.h>
+#include <stdlib.h>
+
+#include "classic/classic_steps.h"
+#include "core/alloc.h"
+#include "core/options.h"
+#include "model/model.h"
+
+void hada_classic_options_defaults(hada_classic_options *options, size_t size)
+{
+    const hada_classic_options own = {.size = sizeof own,
+                                      .iterations = 100,
+                                      .weight = HADA_AUTO,
+                                      .lambda = 0.1,
+                                      .accelerate = 1,
+                                      .step = 1.0,
+                                      .inner = 5,
+                                      .levels = 3,
+                                      .mu1 = 1.0,
+                                      .mu2 = 3e-3,
+                                      .mu3 = 3e-4};
+    HADA_OPTIONS_GIVE(options, size, &own);
+}
+
+static hada_status check_options(const hada_classic_options *o, hada_error *err)
+{
+    if (o->method < HADA_METHOD_WIENER || o->method > HADA_METHOD_ADMM || o->prior < HADA_PRIOR_AUTO ||
+        o->prior > HADA_PRIOR_HAAR || o->support < HADA_SUPPORT_AUTO || o->support > HADA_SUPPORT_GRID)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "method, prior or support is none that there is");
+    if (o->iterations < 1 || !(o->stop >= 0.0 && o->stop < 1.0) || !(o->seconds >= 0.0) || !isfinite(o->seconds))
+        return hada_fail(
+            err, HADA_ERROR_ARGUMENT,
+            "the stopping rules make no sense: there is one iteration at least, seconds are not negative, the relative "
+            "change is from 0 to below 1");
+    if (!isfinite(o->weight) || !(o->lambda > 0.0 && isfinite(o->lambda)) || !(o->step > 0.0 && o->step < 2.0))
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "the weight must be finite, lambda above 0 and the step between 0 and 2");
+    if (o->inner < 1 || o->inner > 1000 || o->levels < 1 || o->levels > 8)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "inner iterations are from 1 to 1000, levels of wavelets 1 to 8");
+    if (!(o->mu1 > 0.0 && isfinite(o->mu1)) || !(o->mu2 > 0.0 && isfinite(o->mu2)) ||
+        !(o->mu3 > 0.0 && isfinite(o->mu3)))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "mu1, mu2 and mu3 of ADMM must be above 0");
+    const int wavelets = o->prior == HADA_PRIOR_WAVELET || o->prior == HADA_PRIOR_HAAR;
+    if ((wavelets && o->method != HADA_METHOD_FISTA) || (o->prior == HADA_PRIOR_TV && o->method == HADA_METHOD_WIENER))
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "this method has no such prior: Richardson-Lucy and ADMM take total variation, FISTA also "
+                         "wavelets, a Wiener filter none");
+    return HADA_OK;
+}
+
+/* The weights of priors that were best or near it on simulated frames with 1 % noise: docs/rivals.md. */
+#define WEIGHT_LUCY_OR_WAVELET 5e-3
+#define WEIGHT_OTHERS          3e-3
+
+static double usual_weight(const hada_classic_options *o)
+{
+    if (o->prior == HADA_PRIOR_NONE)
+        return 0.0;
+    return o->method == HADA_METHOD_RL || o->prior == HADA_PRIOR_WAVELET ? WEIGHT_LUCY_OR_WAVELET : WEIGHT_OTHERS;
+}
+
+hada_status hada_classic_shape_of(const hada_model_info *info, int depths, const hada_classic_options *options,
+                                  hada_classic_shape *shape, hada_error *err)
+{
+    hada_classic_options *o = &shape->options;
+    hada_status status = HADA_OK;
+    HADA_TRY(check_options(options, err));
+    if (!info->has_otf)
+        return hada_fail(err, HADA_ERROR_MODEL,
+                         "the model %s holds no transfer functions, which this method needs: make the model again "
+                         "with fit, from pairs or from --psf",
+                         info->name);
+    *o = *options;
+    shape->place = hada_refine_shape_of(info, depths, 1);
+    o->iterations = o->method == HADA_METHOD_WIENER ? 1 : o->iterations;
+    if (o->prior == HADA_PRIOR_AUTO)
+        o->prior = o->method == HADA_METHOD_ADMM ? HADA_PRIOR_TV : HADA_PRIOR_NONE;
+    if (o->weight < 0.0)
+        o->weight = usual_weight(o);
+    if (o->weight <= 0.0)
+        o->prior = HADA_PRIOR_NONE;
+    if (o->support == HADA_SUPPORT_AUTO)
+        o->support = o->method == HADA_METHOD_ADMM ? HADA_SUPPORT_GRID : HADA_SUPPORT_WINDOW;
+    shape->support = o->support == HADA_SUPPORT_GRID ? (hada_refine_rect){0, 0, info->grid_rows, info->grid_cols}
+                                                     : shape->place.window;
+    shape->grid_rows = info->grid_rows;
+    shape->grid_cols = info->grid_cols;
+    shape->reach = (hada_refine_rect){0};
+done:
+    return status;
+}
+
+static hada_refine_rect at_top_left(const hada_refine_rect *rect)
+{
+    return (hada_refine_rect){0, 0, rect->rows, rect->cols};
+}
+
+/* ADMM has its gradients on the whole grid. */
+hada_refine_rect hada_classic_plane_rect(const hada_classic_shape *shape)
+{
+    const hada_refine_rect grid = {0, 0, shape->grid_rows, shape->grid_cols};
+    if (shape->reach.rows)
+        return at_top_left(&shape->support);
+    return shape->options.method == HADA_METHOD_ADMM ? grid : shape->support;
+}
+
+hada_refine_rect hada_classic_frame_rect(const hada_classic_shape *shape)
+{
+    const hada_refine_rect grid = {0, 0, shape->grid_rows, shape->grid_cols};
+    if (shape->reach.rows)
+        return at_top_left(&shape->place.frame);
+    return shape->place.boundary == HADA_BOUNDARY_PADDED ? shape->place.frame : grid;
+}
+
+/* The largest sum over depths of |H|^2 of a channel; *mean takes the sum over depths of the mean |H|^2. */
+static double largest_square(const hada_model *model, const int *depths, int count, int channel, double *mean)
+{
+    const hada_model_info *info = &model->info;
+    const size_t cols = (size_t)info->grid_cols / 2 + 1, plane = hada_model_plane(model);
+    double largest = 0.0, sum = 0.0;
+    for (size_t f = 0; f < plane; f++) {
+        const size_t kx = f % cols;
+        double square = 0.0;
+        for (int i = 0; i < count; i++) {
+            const size_t image = (size_t)depths[i] * (size_t)info->channels + (size_t)channel;
+            const float *h = model->otf + 2 * (image * plane + f);
+            square += (double)h[0] * h[0] + (double)h[1] * h[1];
+        }
+        largest = fmax(largest, square);
+        sum += (kx == 0 || 2 * kx == (size_t)info->grid_cols ? 1.0 : 2.0) * square;
+    }
+    *mean = sum / ((double)info->grid_rows * info->grid_cols);
+    return largest;
+}
+
+hada_status hada_classic_camera_of(hada_classic_camera *camera, const hada_model *model, const int *depths, int count,
+                                   hada_error *err)
+{
+    const int channels = model->info.channels;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&camera->largest, (size_t)channels, sizeof(double), "a plan", err));
+    camera->gain = hada_model_gain(model);
+    camera->mean_square = 0.0;
+    for (int c = 0; c < channels; c++) {
+        double mean;
+        camera->largest[c] = largest_square(model, depths, count, c, &mean);
+        camera->mean_square += mean / channels / count;
+    }
+    hada_model_forget(model);
+    for (int c = 0; c < channels; c++)
+        if (!(camera->largest[c] > 0.0))
+            return hada_fail(err, HADA_ERROR_MODEL, "the model's transfer functions are 0 in channel %d", c + 1);
+done:
+    return status;
+}
+
+void hada_classic_camera_free(hada_classic_camera *camera)
+{
+    free(camera->largest);
+    camera->largest = NULL;
+}

@@ -2,7 +2,7 @@
  * channels, CONV_PIXELS pixels at a time; each input value is spread over a vector of weights. Shape lanes: work-groups
  * of one, no local memory.
  *
- * Output pixel (step r + phase) takes inputs CONV_STEP r + first + t (inc_conv.h: conv_taps); a convolution has
+ * Output pixel (step r + phase) takes inputs CONV_STEP r + first + t (inc_conv.h: hada_conv_taps); a convolution has
  * step 1 and CONV_STEP its stride, a transposed one has step its stride and CONV_STEP 1. Reads stay within the halo of
  * one: the host sees to it. Weights: [phase][block group][input block][tap row][tap column][input channel][output
  * channel], as conv_pack.cl writes them. Dimensions: block groups, groups of rows, images. */
@@ -39,12 +39,16 @@ static inline void conv_add(__global const float *x, __global const float *w, in
 }
 
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
-conv_direct(__global const float *restrict x, ulong x_offset, ulong x_image, int in_channels, int in_rows, int in_cols,
-            __global const float *restrict weights, __global const float *restrict bias, ulong bias_offset,
-            __global float *restrict y, ulong y_offset, ulong y_image, int out_channels, int out_rows, int out_cols,
-            int kernel_rows, int kernel_cols, int pad_rows, int pad_cols, int step, int rows_each, int flags,
-            int activation, float slope, __global const float *restrict mask, ulong mask_offset, ulong mask_image)
+conv_direct(__global const float *restrict x, __global const float *restrict weights,
+            __global const float *restrict bias, __global float *restrict y, __global const float *restrict mask,
+            hada_conv_problem problem)
 {
+    const int in_channels = problem.in.channels, in_rows = problem.in.rows, in_cols = problem.in.cols;
+    const int out_channels = problem.out.channels, out_rows = problem.out.rows, out_cols = problem.out.cols;
+    const int kernel_rows = problem.kernel_rows, kernel_cols = problem.kernel_cols;
+    const int pad_rows = problem.pad_rows, pad_cols = problem.pad_cols, step = problem.step;
+    const int rows_each = problem.rows_each, flags = problem.epilogue.flags, activation = problem.epilogue.activation;
+    const float slope = problem.epilogue.slope;
     const int group = get_global_id(0), image = get_global_id(2);
     const int in_blocks = (in_channels + NET_BLOCK - 1) / NET_BLOCK;
     const int out_blocks = (out_channels + NET_BLOCK - 1) / NET_BLOCK, first_block = group * CONV_BLOCKS;
@@ -54,19 +58,19 @@ conv_direct(__global const float *restrict x, ulong x_offset, ulong x_image, int
     const size_t group_floats = taps_most * in_blocks * NET_BLOCK * NET_BLOCK * CONV_BLOCKS;
     const int row_end = min((int)(get_global_id(1) + 1) * rows_each, out_rows);
     const size_t to = first_block * y_plane + y_row + NET_BLOCK;
-    x += x_offset + image * x_image;
-    y += y_offset + image * y_image + to;
-    mask += mask_offset + image * mask_image + to;
+    x += problem.in.offset + image * problem.in.image;
+    y += problem.out.offset + image * problem.out.image + to;
+    mask += problem.epilogue.mask + image * problem.epilogue.mask_image + to;
 
     conv_v biases[CONV_BLOCKS];
     for (int o = 0; o < CONV_BLOCKS; ++o)
-        biases[o] = flags & CONV_HAS_BIAS ? conv_bias(bias + bias_offset + (first_block + o) * NET_BLOCK,
-                                                      out_channels - (first_block + o) * NET_BLOCK)
-                                          : (conv_v)(0.0f);
+        biases[o] = flags & HADA_CONV_HAS_BIAS ? conv_bias(bias + problem.epilogue.bias + (first_block + o) * NET_BLOCK,
+                                                           out_channels - (first_block + o) * NET_BLOCK)
+                                               : (conv_v)(0.0f);
     for (int row = get_global_id(1) * rows_each; row < row_end; ++row)
         for (int phase = 0; phase < step; ++phase) {
-            const conv_taps rows = conv_taps_of(kernel_rows, pad_rows, step, row % step);
-            const conv_taps cols = conv_taps_of(kernel_cols, pad_cols, step, phase);
+            const hada_conv_taps rows = hada_conv_taps_of(kernel_rows, pad_rows, step, row % step);
+            const hada_conv_taps cols = hada_conv_taps_of(kernel_cols, pad_cols, step, phase);
             const int width = (out_cols - phase + step - 1) / step;
             __global const float *restrict w =
                 weights + ((row % step * step + phase) * (size_t)(out_blocks / CONV_BLOCKS) + group) * group_floats;
@@ -98,9 +102,9 @@ conv_direct(__global const float *restrict x, ulong x_offset, ulong x_image, int
                         if (start + p < col) /* done by the tile before, perhaps added to */
                             continue;
                         conv_v v = conv_activate(sums[o][p], activation, slope);
-                        if (flags & CONV_HAS_MASK)
+                        if (flags & HADA_CONV_HAS_MASK)
                             v = select((conv_v)(0.0f), v, CONV_LOAD(mask + at + p * step * NET_BLOCK) > (conv_v)(0.0f));
-                        if (flags & CONV_ACCUMULATES)
+                        if (flags & HADA_CONV_ACCUMULATES)
                             v += CONV_LOAD(yp);
                         if (present < NET_BLOCK)
                             v = conv_present(v, present);

@@ -4,8 +4,6 @@
  * groups of coarse channels, parts. */
 #include "inc_conv.h"
 
-#define CONV_GROUP 64
-#define CONV_TILE  32
 #define CONV_SLICE 16
 
 /* Eight channels of a pixel, or zeros. */
@@ -14,26 +12,32 @@ static inline float8 conv_eight(__global const float *p, int here)
     return here ? vload8(0, p) : (float8)(0.0f);
 }
 
-__kernel __attribute__((reqd_work_group_size(CONV_GROUP, 1, 1))) void
-conv_group_weights(__global const float *restrict coarse, ulong coarse_offset, ulong coarse_image, int coarse_channels,
-                   int coarse_rows, int coarse_cols, __global const float *restrict fine, ulong fine_offset,
-                   ulong fine_image, int fine_channels, int fine_rows, int fine_cols, int images, int kernel_cols,
-                   int pad_rows, int pad_cols, int stride, int strip_rows, int fine_groups,
-                   __global float *restrict partial)
+__kernel __attribute__((reqd_work_group_size(HADA_CONV_GROUP_ITEMS, 1, 1))) void
+conv_group_weights(__global const float *restrict coarse, __global const float *restrict fine,
+                   __global float *restrict partial, hada_conv_correlation sizes)
 {
-    __local float a[CONV_SLICE][CONV_TILE], b[CONV_SLICE][CONV_TILE];
+    const int coarse_rows = sizes.coarse.rows, coarse_cols = sizes.coarse.cols;
+    const int fine_rows = sizes.fine.rows, fine_cols = sizes.fine.cols;
+    const int coarse_channels = sizes.coarse.channels, fine_channels = sizes.fine.channels;
+    const int images = sizes.images, kernel_cols = sizes.kernel_cols, stride = sizes.stride;
+    const int pad_rows = sizes.pad_rows, pad_cols = sizes.pad_cols;
+    const int strip_rows = sizes.strip_rows, fine_groups = sizes.fine_groups;
+    const ulong coarse_image = sizes.coarse.image, fine_image = sizes.fine.image;
+    __local float a[CONV_SLICE][HADA_CONV_GROUP_LANES], b[CONV_SLICE][HADA_CONV_GROUP_LANES];
     const int item = get_local_id(0), tx = item % 8, ty = item / 8, pixel = item / 4, eight = item % 4 * 8;
     const int fine_group = get_group_id(0) % fine_groups, place = get_group_id(0) / fine_groups;
     const int places = get_num_groups(0) / fine_groups, part = get_global_id(2), parts = get_global_size(2);
     const int strips = (coarse_rows + strip_rows - 1) / strip_rows, first = part * (images * strips) / parts;
-    const int end = (part + 1) * (images * strips) / parts, fine_filled = fine_groups * CONV_TILE;
+    const int end = (part + 1) * (images * strips) / parts, fine_filled = fine_groups * HADA_CONV_GROUP_LANES;
     const int coarse_row = (coarse_cols + 2) * NET_BLOCK, fine_row = (fine_cols + 2) * NET_BLOCK;
-    const int my_coarse = get_global_id(1) * CONV_TILE + eight, my_fine = fine_group * CONV_TILE + eight;
+    const int my_coarse = get_global_id(1) * HADA_CONV_GROUP_LANES + eight,
+              my_fine = fine_group * HADA_CONV_GROUP_LANES + eight;
     /* channels that fill up the last block are zero; beyond it there is nothing */
     const int coarse_here = my_coarse / NET_BLOCK * NET_BLOCK < coarse_channels;
     const int fine_here = my_fine / NET_BLOCK * NET_BLOCK < fine_channels;
-    coarse += coarse_offset + (size_t)(my_coarse / NET_BLOCK) * (coarse_rows + 2) * coarse_row + my_coarse % NET_BLOCK;
-    fine += fine_offset + (size_t)(my_fine / NET_BLOCK) * (fine_rows + 2) * fine_row + my_fine % NET_BLOCK;
+    coarse +=
+        sizes.coarse.offset + (size_t)(my_coarse / NET_BLOCK) * (coarse_rows + 2) * coarse_row + my_coarse % NET_BLOCK;
+    fine += sizes.fine.offset + (size_t)(my_fine / NET_BLOCK) * (fine_rows + 2) * fine_row + my_fine % NET_BLOCK;
 
     float4 sums[4];
     for (int i = 0; i < 4; ++i)
@@ -66,11 +70,12 @@ conv_group_weights(__global const float *restrict coarse, ulong coarse_offset, u
         for (int i = 0; i < 4; ++i)
             sums[i] += strip_sums[i];
     }
-    const int my_lane = get_global_id(1) * CONV_TILE + tx * 4;
-    partial += (((size_t)part * get_global_size(1) * CONV_TILE + my_lane / NET_BLOCK * NET_BLOCK) * fine_filled +
-                (fine_group * CONV_TILE + ty * 4) * NET_BLOCK) *
-                   places +
-               place * NET_BLOCK + my_lane % NET_BLOCK;
+    const int my_lane = get_global_id(1) * HADA_CONV_GROUP_LANES + tx * 4;
+    partial +=
+        (((size_t)part * get_global_size(1) * HADA_CONV_GROUP_LANES + my_lane / NET_BLOCK * NET_BLOCK) * fine_filled +
+         (fine_group * HADA_CONV_GROUP_LANES + ty * 4) * NET_BLOCK) *
+            places +
+        place * NET_BLOCK + my_lane % NET_BLOCK;
     for (int i = 0; i < 4; ++i)
         vstore4(sums[i], 0, partial + i * places * NET_BLOCK);
 }

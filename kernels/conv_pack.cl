@@ -72,12 +72,12 @@ static inline void conv_kernels_nine(const conv_kernels *kernels, conv_pack_v *n
 {
 #if CONV_PACK == 8
     if (kernels->present == 8) {
-        float8 rows[8], turned[8];
+        float8 rows[8], columns[8];
 #pragma unroll
         for (int k = 0; k < 8; ++k)
             rows[k] = vload8(0, kernels->first + k * kernels->out_step);
-        conv_interleave(rows, turned);
-        conv_interleave(turned, rows);
+        conv_interleave(rows, columns);
+        conv_interleave(columns, rows);
         conv_interleave(rows, nine);
         nine[8] = conv_kernels_at(kernels, 8);
         return;
@@ -92,10 +92,12 @@ static inline void conv_kernels_nine(const conv_kernels *kernels, conv_pack_v *n
  * (lib/net/conv.h): [phase][group][input block][tap row][tap column][input channel of the block][output channel of the
  * group], zero where there is no such channel. Phases and taps: inc_conv.h. Dimensions: output channels of all groups,
  * input channels of all blocks, CONV_PACK of each to a work-item. */
-__kernel void conv_pack(__global const float *w, ulong w_offset, int in_channels, int out_channels, int to_coarse,
-                        int kernel_rows, int kernel_cols, int pad_rows, int pad_cols, int step, int block, int lanes,
-                        __global float *packed)
+__kernel void conv_pack(__global const float *w, __global float *packed, hada_conv_problem problem, ulong w_offset,
+                        int block, int lanes)
 {
+    const int in_channels = problem.in.channels, out_channels = problem.out.channels;
+    const int to_coarse = problem.to_coarse, kernel_rows = problem.kernel_rows, kernel_cols = problem.kernel_cols;
+    const int pad_rows = problem.pad_rows, pad_cols = problem.pad_cols, step = problem.step;
     const int out = get_global_id(0) * CONV_PACK, first = get_global_id(1) * CONV_PACK;
     const int in_blocks = (in_channels + block - 1) / block, groups = get_global_size(0) * CONV_PACK / lanes;
     const int places = kernel_rows * kernel_cols;
@@ -115,8 +117,8 @@ __kernel void conv_pack(__global const float *w, ulong w_offset, int in_channels
             continue;
         }
         for (int phase = 0; phase < step * step; ++phase) {
-            const conv_taps rows = conv_taps_of(kernel_rows, pad_rows, step, phase / step);
-            const conv_taps cols = conv_taps_of(kernel_cols, pad_cols, step, phase % step);
+            const hada_conv_taps rows = hada_conv_taps_of(kernel_rows, pad_rows, step, phase / step);
+            const hada_conv_taps cols = hada_conv_taps_of(kernel_cols, pad_cols, step, phase % step);
             __global float *to = at + ((size_t)phase * groups + out / lanes) * group_floats +
                                  (size_t)(in / block) * rows.count * cols.count * tap_floats;
             for (int r = 0; r < rows.count; ++r)
@@ -152,8 +154,8 @@ static inline void conv_weights_1d(const conv_pack_v *g, int step, conv_pack_v *
 /* Weights for Winograd's F(m x m, 3 x 3): G g G^T for each pair of channels, [place][group][input channel of all
  * blocks] [output channel of the group], zero where there is no such channel. Arguments as in conv_pack; the way to
  * fine takes the kernel mirrored. Dimensions as in conv_pack. */
-__kernel void conv_winograd_pack(__global const float *w, ulong w_offset, int in_channels, int out_channels,
-                                 int to_coarse, int lanes, __global float *packed)
+__kernel void conv_winograd_pack(__global const float *w, __global float *packed, ulong w_offset, int in_channels,
+                                 int out_channels, int to_coarse, int lanes)
 {
     const int out = get_global_id(0) * CONV_PACK, first = get_global_id(1) * CONV_PACK;
     const size_t ins = get_global_size(1) * CONV_PACK, place = get_global_size(0) * CONV_PACK * ins;

@@ -4,27 +4,30 @@
 #include "inc_conv.h"
 
 /* One work-item takes one pixel of one block of output channels. Dimensions: columns, rows, blocks times images. */
-__kernel void conv_plain(__global const float *x, ulong x_offset, ulong x_image, int in_channels, int in_rows,
-                         int in_cols, __global const float *w, __global const float *bias, ulong bias_offset,
-                         __global float *y, ulong y_offset, ulong y_image, int out_channels, int out_rows, int out_cols,
-                         int to_coarse, int kernel_rows, int kernel_cols, int pad_rows, int pad_cols, int stride,
-                         int flags, int activation, float slope, __global const float *mask, ulong mask_offset,
-                         ulong mask_image)
+__kernel void conv_plain(__global const float *x, __global const float *w, __global const float *bias,
+                         __global float *y, __global const float *mask, hada_conv_problem problem)
 {
+    const int in_channels = problem.in.channels, in_rows = problem.in.rows, in_cols = problem.in.cols;
+    const int out_channels = problem.out.channels, out_rows = problem.out.rows, out_cols = problem.out.cols;
+    const int to_coarse = problem.to_coarse, stride = to_coarse ? problem.in_step : problem.step;
+    const int kernel_rows = problem.kernel_rows, kernel_cols = problem.kernel_cols;
+    const int pad_rows = problem.pad_rows, pad_cols = problem.pad_cols;
+    const int flags = problem.epilogue.flags, activation = problem.epilogue.activation;
+    const float slope = problem.epilogue.slope;
     const int col = get_global_id(0), row = get_global_id(1);
     const int blocks = (out_channels + NET_BLOCK - 1) / NET_BLOCK, block = get_global_id(2) % blocks;
     const int image = get_global_id(2) / blocks, places = kernel_rows * kernel_cols;
     if (col >= out_cols)
         return;
     const size_t at = (((size_t)block * (out_rows + 2) + row + 1) * (out_cols + 2) + col + 1) * NET_BLOCK;
-    y += y_offset + image * y_image + at;
+    y += problem.out.offset + image * problem.out.image + at;
     for (int k = 0; k < NET_BLOCK; ++k) {
         const int out = block * NET_BLOCK + k;
         float sum = 0.0f;
         for (int in = 0; in < in_channels && out < out_channels; ++in) {
             __global const float *wk =
                 w + (to_coarse ? (size_t)out * in_channels + in : (size_t)in * out_channels + out) * places;
-            __global const float *plane = x + x_offset + image * x_image +
+            __global const float *plane = x + problem.in.offset + image * problem.in.image +
                                           (size_t)(in / NET_BLOCK) * (in_rows + 2) * (in_cols + 2) * NET_BLOCK +
                                           in % NET_BLOCK;
             for (int u = 0; u < kernel_rows; ++u)
@@ -38,15 +41,16 @@ __kernel void conv_plain(__global const float *x, ulong x_offset, ulong x_image,
                                   plane[((size_t)(r / div + 1) * (in_cols + 2) + c / div + 1) * NET_BLOCK], sum);
                 }
         }
-        if (flags & CONV_HAS_BIAS && out < out_channels)
-            sum += bias[bias_offset + out];
-        if (activation == CONV_SIGMOID)
+        if (flags & HADA_CONV_HAS_BIAS && out < out_channels)
+            sum += bias[problem.epilogue.bias + out];
+        if (activation == HADA_ACTIVATION_SIGMOID)
             sum = 1.0f / (1.0f + exp(-sum));
-        else if (activation != CONV_NONE && sum < 0.0f)
-            sum = activation == CONV_RELU ? 0.0f : sum * slope;
-        if (flags & CONV_HAS_MASK && !(mask[mask_offset + image * mask_image + at + k] > 0.0f))
+        else if (activation != HADA_ACTIVATION_NONE && sum < 0.0f)
+            sum = activation == HADA_ACTIVATION_RELU ? 0.0f : sum * slope;
+        if (flags & HADA_CONV_HAS_MASK &&
+            !(mask[problem.epilogue.mask + image * problem.epilogue.mask_image + at + k] > 0.0f))
             sum = 0.0f;
-        if (flags & CONV_ACCUMULATES)
+        if (flags & HADA_CONV_ACCUMULATES)
             sum += y[k];
         y[k] = out < out_channels ? sum : 0.0f;
     }
@@ -54,19 +58,22 @@ __kernel void conv_plain(__global const float *x, ulong x_offset, ulong x_image,
 
 /* One work-item takes one weight's gradient: the sum over images and pixels of coarse times fine, row by row.
  * Dimensions: fine channels times places of the kernel, coarse channels. */
-__kernel void conv_plain_weights(__global const float *coarse, ulong coarse_offset, ulong coarse_image, int coarse_rows,
-                                 int coarse_cols, __global const float *fine, ulong fine_offset, ulong fine_image,
-                                 int fine_channels, int fine_rows, int fine_cols, int images, int places,
-                                 int kernel_cols, int pad_rows, int pad_cols, int stride, __global float *dw,
-                                 ulong dw_offset, int accumulate)
+__kernel void conv_plain_weights(__global const float *coarse, __global const float *fine, __global float *dw,
+                                 hada_conv_correlation sizes, ulong dw_offset, int accumulate)
 {
+    const int coarse_rows = sizes.coarse.rows, coarse_cols = sizes.coarse.cols;
+    const int fine_rows = sizes.fine.rows, fine_cols = sizes.fine.cols;
+    const int fine_channels = sizes.fine.channels, images = sizes.images, places = sizes.places;
+    const int kernel_cols = sizes.kernel_cols, pad_rows = sizes.pad_rows, pad_cols = sizes.pad_cols;
+    const int stride = sizes.stride;
+    const ulong coarse_image = sizes.coarse.image, fine_image = sizes.fine.image;
     const int b = get_global_id(0) / places, place = get_global_id(0) % places, a = get_global_id(1);
     if (b >= fine_channels)
         return;
     const int u = place / kernel_cols - pad_rows, v = place % kernel_cols - pad_cols;
-    coarse +=
-        coarse_offset + (size_t)(a / NET_BLOCK) * (coarse_rows + 2) * (coarse_cols + 2) * NET_BLOCK + a % NET_BLOCK;
-    fine += fine_offset + (size_t)(b / NET_BLOCK) * (fine_rows + 2) * (fine_cols + 2) * NET_BLOCK + b % NET_BLOCK;
+    coarse += sizes.coarse.offset + (size_t)(a / NET_BLOCK) * (coarse_rows + 2) * (coarse_cols + 2) * NET_BLOCK +
+              a % NET_BLOCK;
+    fine += sizes.fine.offset + (size_t)(b / NET_BLOCK) * (fine_rows + 2) * (fine_cols + 2) * NET_BLOCK + b % NET_BLOCK;
     float sum = 0.0f;
     for (int image = 0; image < images; ++image)
         for (int r = 0; r < coarse_rows; ++r) {

@@ -3,13 +3,14 @@
 
 /* dw[coarse][fine][place] from partial[part][coarse block][fine filled up][place][coarse], `blocks` coarse blocks.
  * Dimensions: fine channels, blocks of coarse channels. */
-__kernel void conv_reduce_weights(__global const float *partial, int parts, int fine_filled, int blocks,
-                                  int coarse_channels, int fine_channels, int places, __global float *dw,
+__kernel void conv_reduce_weights(__global const float *partial, __global float *dw, hada_conv_partials sizes,
                                   ulong dw_offset, int accumulate)
 {
+    const int parts = sizes.parts, places = sizes.places, fine_filled = sizes.fine_filled;
+    const int fine_channels = sizes.fine_channels;
     const int fine = get_global_id(0), block = get_global_id(1);
-    const int present = min(NET_BLOCK, coarse_channels - block * NET_BLOCK);
-    const size_t part_floats = (size_t)blocks * fine_filled * places * NET_BLOCK;
+    const int present = min(NET_BLOCK, sizes.coarse_channels - block * NET_BLOCK);
+    const size_t part_floats = (size_t)sizes.blocks * fine_filled * places * NET_BLOCK;
     if (fine >= fine_channels)
         return;
     partial += ((size_t)block * fine_filled + fine) * places * NET_BLOCK;
@@ -29,13 +30,14 @@ __kernel void conv_reduce_weights(__global const float *partial, int parts, int 
 
 /* Sums over rows: partial[part][block][lane] of the rows image * rows + row that belong to a part. Dimensions: blocks,
  * parts. */
-__kernel void conv_bias_partial(__global const float *dy, ulong offset, ulong image_stride, int images, int rows,
-                                int cols, __global float *partial)
+__kernel void conv_bias_partial(__global const float *dy, __global float *partial, hada_tensor_layout at_dy, int images)
 {
+    const int rows = at_dy.rows, cols = at_dy.cols;
+    const ulong image_stride = at_dy.image;
     const int block = get_global_id(0), part = get_global_id(1), parts = get_global_size(1);
     const int end = (part + 1) * (images * rows) / parts, pitch = (cols + 2) * NET_BLOCK;
     conv_v sum = (conv_v)(0.0f);
-    dy += offset + (size_t)block * (rows + 2) * pitch + pitch + NET_BLOCK;
+    dy += at_dy.offset + (size_t)block * (rows + 2) * pitch + pitch + NET_BLOCK;
     for (int line = part * (images * rows) / parts; line < end; ++line) {
         __global const float *p = dy + line / rows * image_stride + (size_t)(line % rows) * pitch;
         conv_v a = (conv_v)(0.0f), b = a, c = a, d = a;
@@ -54,8 +56,8 @@ __kernel void conv_bias_partial(__global const float *dy, ulong offset, ulong im
 }
 
 /* db from those, which stand from `offset` on. One work-item takes a channel. */
-__kernel void conv_reduce_bias(__global const float *partial, ulong offset, int parts, int blocks, int channels,
-                               __global float *db, ulong db_offset, int accumulate)
+__kernel void conv_reduce_bias(__global const float *partial, __global float *db, ulong offset, ulong db_offset,
+                               int parts, int blocks, int channels, int accumulate)
 {
     const int channel = get_global_id(0);
     if (channel >= channels)

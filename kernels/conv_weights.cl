@@ -21,12 +21,17 @@
 #define CONV_ROWS 1
 #endif
 
-__kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
-conv_weights(__global const float *restrict coarse, ulong coarse_offset, ulong coarse_image, int coarse_rows,
-             int coarse_cols, __global const float *restrict fine, ulong fine_offset, ulong fine_image, int fine_rows,
-             int fine_cols, int images, int kernel_cols, int pad_rows, int pad_cols, int stride, int strip_rows,
-             int fine_groups, __global float *restrict partial)
+__kernel __attribute__((reqd_work_group_size(1, 1, 1))) void conv_weights(__global const float *restrict coarse,
+                                                                          __global const float *restrict fine,
+                                                                          __global float *restrict partial,
+                                                                          hada_conv_correlation sizes)
 {
+    const int coarse_rows = sizes.coarse.rows, coarse_cols = sizes.coarse.cols;
+    const int fine_rows = sizes.fine.rows, fine_cols = sizes.fine.cols;
+    const int images = sizes.images, kernel_cols = sizes.kernel_cols, stride = sizes.stride;
+    const int pad_rows = sizes.pad_rows, pad_cols = sizes.pad_cols;
+    const int strip_rows = sizes.strip_rows, fine_groups = sizes.fine_groups;
+    const ulong coarse_image = sizes.coarse.image, fine_image = sizes.fine.image;
     const int fine_group = get_global_id(0) % fine_groups;
     const int place = get_global_id(0) / fine_groups * CONV_ROWS * CONV_COLS;
     const int group = get_global_id(1), part = get_global_id(2), parts = get_global_size(2);
@@ -36,8 +41,8 @@ conv_weights(__global const float *restrict coarse, ulong coarse_offset, ulong c
     const int strips = (coarse_rows + strip_rows - 1) / strip_rows, first_fine = fine_group * CONV_FINE;
     const int end = (part + 1) * (images * strips) / parts;
     const size_t block_floats = (size_t)fine_groups * CONV_FINE * places * NET_BLOCK;
-    coarse += coarse_offset + group * CONV_BLOCKS * coarse_plane + coarse_row + NET_BLOCK;
-    fine += fine_offset + first_fine / NET_BLOCK * fine_plane + first_fine % NET_BLOCK +
+    coarse += sizes.coarse.offset + group * CONV_BLOCKS * coarse_plane + coarse_row + NET_BLOCK;
+    fine += sizes.fine.offset + first_fine / NET_BLOCK * fine_plane + first_fine % NET_BLOCK +
             (place / kernel_cols - pad_rows + 1) * fine_row + (place % kernel_cols - pad_cols + 1) * NET_BLOCK;
     partial += ((size_t)part * get_global_size(1) + group) * CONV_BLOCKS * block_floats +
                ((size_t)first_fine * places + place) * NET_BLOCK;

@@ -6,13 +6,15 @@
 #include "inc_conv_winograd_products.h"
 
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
-conv_winograd(__global const float *restrict x, ulong x_offset, ulong x_image, int in_blocks,
-              __global const float *restrict weights, __global const float *restrict bias, ulong bias_offset,
-              __global float *restrict y, ulong y_offset, ulong y_image, int out_channels, int rows, int cols,
-              int tiles, int flags, int activation, float slope, __global const float *restrict mask, ulong mask_offset,
-              ulong mask_image, __global float *restrict pooled, ulong pooled_offset, ulong pooled_image,
-              __local float *restrict v, __local float *restrict m)
+conv_winograd(__global const float *restrict x, __global const float *restrict weights,
+              __global const float *restrict bias, __global float *restrict y, __global const float *restrict mask,
+              __global float *restrict pooled, __local float *restrict v, __local float *restrict m,
+              hada_conv_problem problem)
 {
+    const int in_blocks = problem.in.blocks, out_channels = problem.out.channels;
+    const int rows = problem.out.rows, cols = problem.out.cols, tiles = problem.tiles;
+    const int flags = problem.epilogue.flags, activation = problem.epilogue.activation;
+    const float slope = problem.epilogue.slope;
     const int image = get_global_id(1), begin = get_global_id(0) * tiles;
     const int all = (cols + CONV_TILE - 1) / CONV_TILE * ((rows + CONV_TILE - 1) / CONV_TILE);
     const int first = min(begin, all - tiles), out_blocks = (out_channels + NET_BLOCK - 1) / NET_BLOCK;
@@ -21,10 +23,10 @@ conv_winograd(__global const float *restrict x, ulong x_offset, ulong x_image, i
     const size_t block_floats = (size_t)tiles * NET_BLOCK, v_place = CONV_APART(in_blocks * block_floats);
     const size_t m_place = CONV_APART(CONV_BLOCKS * block_floats);
     const size_t group_floats = (size_t)in_blocks * NET_BLOCK * NET_BLOCK * CONV_BLOCKS;
-    x += x_offset + image * x_image;
-    y += y_offset + image * y_image + row_floats + NET_BLOCK;
-    mask += mask_offset + image * mask_image + row_floats + NET_BLOCK;
-    pooled += pooled_offset + image * pooled_image + pooled_row + NET_BLOCK;
+    x += problem.in.offset + image * problem.in.image;
+    y += problem.out.offset + image * problem.out.image + row_floats + NET_BLOCK;
+    mask += problem.epilogue.mask + image * problem.epilogue.mask_image + row_floats + NET_BLOCK;
+    pooled += problem.epilogue.pooled + image * problem.epilogue.pooled_image + pooled_row + NET_BLOCK;
 
     for (int t = 0; t < tiles; ++t) {
         const conv_place place = conv_place_of(first + t, rows, cols);
@@ -40,8 +42,9 @@ conv_winograd(__global const float *restrict x, ulong x_offset, ulong x_image, i
                                    m + f * m_place + t * NET_BLOCK, block_floats);
         for (int o = 0; o < CONV_BLOCKS; ++o) {
             const int block = group * CONV_BLOCKS + o, present = out_channels - block * NET_BLOCK;
-            const conv_v b =
-                flags & CONV_HAS_BIAS ? conv_bias(bias + bias_offset + block * NET_BLOCK, present) : (conv_v)(0.0f);
+            const conv_v b = flags & HADA_CONV_HAS_BIAS
+                                 ? conv_bias(bias + problem.epilogue.bias + block * NET_BLOCK, present)
+                                 : (conv_v)(0.0f);
             for (int t = begin - first; t < tiles; ++t) {
                 const conv_place place = conv_place_of(first + t, rows, cols);
                 const size_t at = block * plane + place.row * row_floats + place.col * NET_BLOCK;

@@ -5,7 +5,7 @@
 #include "inc_conv_winograd.h"
 
 /* o = G^T i, one dimension. */
-static inline void conv_turn_1d(const conv_v *i, int step, conv_v *o)
+static inline void conv_transposed_weights_1d(const conv_v *i, int step, conv_v *o)
 {
     const conv_v s = i[step] + i[2 * step], d = i[2 * step] - i[step];
     const conv_v p = i[3 * step] + i[4 * step], m = i[3 * step] - i[4 * step];
@@ -14,8 +14,8 @@ static inline void conv_turn_1d(const conv_v *i, int step, conv_v *o)
     o[2] = (p - s) * (1.0f / 6.0f) + i[5 * step];
 }
 
-__kernel void conv_winograd_reduce(__global const float *restrict partial, ulong offset, int parts, int coarse_channels,
-                                   int fine_channels, __global float *restrict dw, ulong dw_offset, int accumulate)
+__kernel void conv_winograd_reduce(__global const float *restrict partial, __global float *restrict dw, ulong offset,
+                                   ulong dw_offset, int parts, int coarse_channels, int fine_channels, int accumulate)
 {
     const int fine = get_global_id(0), block = get_global_id(1), present = coarse_channels - block * NET_BLOCK;
     const size_t filled = (size_t)(fine_channels + NET_BLOCK - 1) / NET_BLOCK * NET_BLOCK;
@@ -31,13 +31,13 @@ __kernel void conv_winograd_reduce(__global const float *restrict partial, ulong
     }
     for (int r = 0; r < CONV_REACH; ++r) {
         conv_v o[3];
-        conv_turn_1d(u + r * CONV_REACH, 1, o);
+        conv_transposed_weights_1d(u + r * CONV_REACH, 1, o);
         for (int c = 0; c < 3; ++c)
             across[c * CONV_REACH + r] = o[c];
     }
     for (int c = 0; c < 3; ++c) {
         conv_v o[3];
-        conv_turn_1d(across + c * CONV_REACH, 1, o);
+        conv_transposed_weights_1d(across + c * CONV_REACH, 1, o);
         for (int r = 0; r < 3; ++r)
             w[r * 3 + c] = o[r];
     }

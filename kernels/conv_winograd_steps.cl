@@ -5,16 +5,18 @@
 #include "inc_conv_winograd_products.h"
 
 /* Dimension: tiles. */
-__kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
-conv_winograd_in(__global const float *restrict x, ulong x_offset, ulong x_image, int in_blocks, int rows, int cols,
-                 int begin, int room, __global float *restrict v)
+__kernel __attribute__((reqd_work_group_size(1, 1, 1))) void conv_winograd_in(__global const float *restrict x,
+                                                                              __global float *restrict v,
+                                                                              hada_tensor_layout at_x, int begin,
+                                                                              int room)
 {
+    const int in_blocks = at_x.blocks, rows = at_x.rows, cols = at_x.cols;
     const int all = (cols + CONV_TILE - 1) / CONV_TILE * ((rows + CONV_TILE - 1) / CONV_TILE);
     const int tile = get_global_id(0), image = (begin + tile) / all;
     const conv_place place = conv_place_of((begin + tile) % all, rows, cols);
     const size_t row_floats = (size_t)(cols + 2) * NET_BLOCK, plane = (rows + 2) * row_floats;
     const size_t block_floats = (size_t)room * NET_BLOCK;
-    x += x_offset + image * x_image + place.row * row_floats + place.col * NET_BLOCK;
+    x += at_x.offset + image * at_x.image + place.row * row_floats + place.col * NET_BLOCK;
     for (int b = 0; b < in_blocks; ++b)
         conv_tile_in(x + b * plane, row_floats, v + b * block_floats + tile * NET_BLOCK,
                      CONV_APART(in_blocks * block_floats));
@@ -22,7 +24,7 @@ conv_winograd_in(__global const float *restrict x, ulong x_offset, ulong x_image
 
 /* Tiles in steps of CONV_PIXELS, the last ones at most `room`. Dimensions: groups of output blocks, places. */
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
-conv_winograd_products(__global float *scratch, ulong m_offset, __global const float *restrict weights, int in_blocks,
+conv_winograd_products(__global float *scratch, __global const float *restrict weights, ulong m_offset, int in_blocks,
                        int tiles, int room)
 {
     const int group = get_global_id(0), groups = get_global_size(0), f = get_global_id(1);
@@ -38,12 +40,13 @@ conv_winograd_products(__global float *scratch, ulong m_offset, __global const f
 
 /* Dimension: tiles. */
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
-conv_winograd_out(__global const float *restrict m, ulong m_offset, int begin, int room,
-                  __global const float *restrict bias, ulong bias_offset, __global float *restrict y, ulong y_offset,
-                  ulong y_image, int out_channels, int rows, int cols, int flags, int activation, float slope,
-                  __global const float *restrict mask, ulong mask_offset, ulong mask_image,
-                  __global float *restrict pooled, ulong pooled_offset, ulong pooled_image)
+conv_winograd_out(__global const float *restrict m, __global const float *restrict bias, __global float *restrict y,
+                  __global const float *restrict mask, __global float *restrict pooled, hada_conv_problem problem,
+                  ulong m_offset, int begin, int room)
 {
+    const int out_channels = problem.out.channels, rows = problem.out.rows, cols = problem.out.cols;
+    const int flags = problem.epilogue.flags, activation = problem.epilogue.activation;
+    const float slope = problem.epilogue.slope;
     const int all = (cols + CONV_TILE - 1) / CONV_TILE * ((rows + CONV_TILE - 1) / CONV_TILE);
     const int tile = get_global_id(0), image = (begin + tile) / all;
     const int out_blocks = (out_channels + NET_BLOCK - 1) / NET_BLOCK;
@@ -53,14 +56,16 @@ conv_winograd_out(__global const float *restrict m, ulong m_offset, int begin, i
     const size_t at = (place.row + 1) * row_floats + (place.col + 1) * NET_BLOCK,
                  block_floats = (size_t)room * NET_BLOCK;
     m += m_offset;
-    y += y_offset + image * y_image + at;
-    mask += mask_offset + image * mask_image + at;
-    pooled += pooled_offset + image * pooled_image + (place.row / 2 + 1) * pooled_row + (place.col / 2 + 1) * NET_BLOCK;
+    y += problem.out.offset + image * problem.out.image + at;
+    mask += problem.epilogue.mask + image * problem.epilogue.mask_image + at;
+    pooled += problem.epilogue.pooled + image * problem.epilogue.pooled_image + (place.row / 2 + 1) * pooled_row +
+              (place.col / 2 + 1) * NET_BLOCK;
     for (int b = 0; b < out_blocks; ++b) {
         const int present = out_channels - b * NET_BLOCK;
         conv_v out[CONV_TILE][CONV_TILE];
         conv_tile_out(m + b * block_floats + tile * NET_BLOCK, CONV_APART(out_blocks * block_floats),
-                      flags & CONV_HAS_BIAS ? conv_bias(bias + bias_offset + b * NET_BLOCK, present) : (conv_v)(0.0f),
+                      flags & HADA_CONV_HAS_BIAS ? conv_bias(bias + problem.epilogue.bias + b * NET_BLOCK, present)
+                                                 : (conv_v)(0.0f),
                       out);
         conv_tile_put(out, place, flags, activation, slope, present, mask + b * plane, y + b * plane, row_floats,
                       pooled + b * pooled_plane, pooled_row);

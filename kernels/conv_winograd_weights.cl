@@ -7,11 +7,13 @@
 #include "inc_conv_winograd_gradient.h"
 
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
-conv_winograd_weights(__global const float *restrict coarse, ulong coarse_offset, ulong coarse_image, int coarse_blocks,
-                      __global const float *restrict fine, ulong fine_offset, ulong fine_image, int fine_blocks,
-                      int images, int rows, int cols, int tiles, __global float *restrict partial,
-                      __local float *restrict v, __local float *restrict d)
+conv_winograd_weights(__global const float *restrict coarse, __global const float *restrict fine,
+                      __global float *restrict partial, __local float *restrict v, __local float *restrict d,
+                      hada_conv_correlation sizes)
 {
+    const int rows = sizes.coarse.rows, cols = sizes.coarse.cols, images = sizes.images, tiles = sizes.tiles;
+    const int coarse_blocks = sizes.coarse.blocks, fine_blocks = sizes.fine.blocks;
+    const ulong coarse_image = sizes.coarse.image, fine_image = sizes.fine.image;
     const int part = get_global_id(0), parts = get_global_size(0);
     const int all = (cols + CONV_TILE - 1) / CONV_TILE * ((rows + CONV_TILE - 1) / CONV_TILE);
     const int end = (long)(part + 1) * images * all / parts;
@@ -20,8 +22,8 @@ conv_winograd_weights(__global const float *restrict coarse, ulong coarse_offset
     const size_t d_place = CONV_APART(coarse_blocks * block_floats), width = (size_t)coarse_blocks * NET_BLOCK;
     const int fine_channels = fine_blocks * NET_BLOCK;
     __global float *restrict sums_of_dy = partial + parts * CONV_PLACES * fine_channels * width + part * width;
-    coarse += coarse_offset + row_floats + NET_BLOCK;
-    fine += fine_offset;
+    coarse += sizes.coarse.offset + row_floats + NET_BLOCK;
+    fine += sizes.fine.offset;
     partial += part * CONV_PLACES * fine_channels * width;
 
     int started = 0;

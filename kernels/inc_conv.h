@@ -2,7 +2,7 @@
 #ifndef INC_CONV_H
 #define INC_CONV_H
 
-#include "inc_conv_taps.h"
+#include "shared_conv.h"
 
 /* Channels in a block: 8 or 16 (lib/net/tensor.h). */
 #ifndef NET_BLOCK
@@ -22,19 +22,13 @@ typedef int8 conv_iv;
 #define CONV_LANES       (int8)(0, 1, 2, 3, 4, 5, 6, 7)
 #endif
 
-/* hada_activation of lib/net/conv.h. */
-enum { CONV_NONE = 0, CONV_RELU = 1, CONV_LEAKY_RELU = 2, CONV_SIGMOID = 3 };
-
-/* What becomes of a sum: `flags` of a launch. */
-enum { CONV_HAS_BIAS = 1, CONV_HAS_MASK = 2, CONV_ACCUMULATES = 4, CONV_POOLS = 8 };
-
 static inline conv_v conv_activate(conv_v v, int activation, float slope)
 {
-    if (activation == CONV_RELU)
+    if (activation == HADA_ACTIVATION_RELU)
         v = max(v, (conv_v)(0.0f));
-    else if (activation == CONV_LEAKY_RELU)
+    else if (activation == HADA_ACTIVATION_LEAKY_RELU)
         v = select(v * slope, v, v > (conv_v)(0.0f));
-    else if (activation == CONV_SIGMOID)
+    else if (activation == HADA_ACTIVATION_SIGMOID)
         v = (conv_v)(1.0f) / ((conv_v)(1.0f) + exp(-v));
     return v;
 }
@@ -49,12 +43,12 @@ static inline conv_v conv_present(conv_v v, int present)
 static inline conv_v conv_put(conv_v v, int flags, int activation, float floor, float slope, int present,
                               __global const float *mask, __global float *y)
 {
-    if (activation > CONV_RELU)
+    if (activation > HADA_ACTIVATION_RELU)
         v = conv_activate(v, activation, slope);
     v = max(v, (conv_v)(floor));
-    if (flags & CONV_HAS_MASK)
+    if (flags & HADA_CONV_HAS_MASK)
         v = select((conv_v)(0.0f), v, CONV_LOAD(mask) > (conv_v)(0.0f));
-    if (flags & CONV_ACCUMULATES)
+    if (flags & HADA_CONV_ACCUMULATES)
         v += CONV_LOAD(y);
     if (present < NET_BLOCK)
         v = conv_present(v, present);

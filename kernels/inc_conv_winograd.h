@@ -127,7 +127,7 @@ static inline void conv_tile_put(conv_v out[CONV_TILE][CONV_TILE], conv_place pl
                                  __global float *restrict y, size_t row_floats, __global float *restrict pooled,
                                  size_t pooled_row)
 {
-    const float floor = activation == CONV_RELU ? 0.0f : -INFINITY;
+    const float floor = activation == HADA_ACTIVATION_RELU ? 0.0f : -INFINITY;
 #pragma unroll
     for (int r = 0; r < CONV_TILE; ++r) {
         if (r < place.done_rows)
@@ -137,7 +137,7 @@ static inline void conv_tile_put(conv_v out[CONV_TILE][CONV_TILE], conv_place pl
             if (c >= place.done_cols)
                 out[r][c] = conv_put(out[r][c], flags, activation, floor, slope, present,
                                      mask + r * row_floats + c * NET_BLOCK, y + r * row_floats + c * NET_BLOCK);
-        if (flags & CONV_POOLS && r % 2) {
+        if (flags & HADA_CONV_POOLS && r % 2) {
 #pragma unroll
             for (int c = 0; c < CONV_TILE; c += 2)
                 if (c >= place.done_cols)

@@ -3,9 +3,11 @@
  *
  * Dimension 2 counts blocks and images, dimension 1 runs of `span` rows, dimension 0 the work-items that share a row,
  * each taking every get_global_size(0)-th pixel: one on CPUs, which walk through whole rows, many on GPUs. A tensor is
- * given as memory, offset and distance of images in floats. */
+ * given as memory and layout. */
 #ifndef INC_LAYERS_H
 #define INC_LAYERS_H
+
+#include "shared_net.h"
 
 /* Channels in a block: 8 or 16. */
 #ifndef NET_BLOCK
@@ -59,9 +61,9 @@ NET_INLINE float net_sum(net_vector v)
 }
 
 /* The first pixel of a row, as a place in floats. */
-NET_INLINE size_t net_row(ulong offset, ulong image_stride, int image, int block, int row, int rows, int cols)
+NET_INLINE size_t net_row(hada_tensor_layout at, int image, int block, int row)
 {
-    return offset + image * image_stride + (((size_t)block * (rows + 2) + row + 1) * (cols + 2) + 1) * NET_BLOCK;
+    return at.offset + image * at.image + (((size_t)block * (at.rows + 2) + row + 1) * (at.cols + 2) + 1) * NET_BLOCK;
 }
 
 /* Of a value per channel in a plain array: those of a block, `fill` in the lanes that have no channel. */

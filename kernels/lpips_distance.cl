@@ -17,16 +17,15 @@ NET_INLINE float lpips_per_length(__global const float *pixel, size_t plane, int
 }
 
 /* Dimension 2 counts pairs. w: one plain float per channel. */
-__kernel void lpips_distance(__global const float *x, ulong x_offset, ulong x_image, int channels, int rows, int cols,
-                             int pairs, int span, __global const float *w, ulong w_offset, __global float *out,
-                             ulong out_offset)
+__kernel void lpips_distance(__global const float *x, __global const float *w, __global float *out,
+                             hada_tensor_layout at_x, ulong w_offset, ulong out_offset, int pairs, int span)
 {
+    const int channels = at_x.channels, rows = at_x.rows, cols = at_x.cols, blocks = at_x.blocks;
     const net_part part = net_part_of(1, rows, span);
-    const int blocks = (channels + NET_BLOCK - 1) / NET_BLOCK;
     const size_t plane = (size_t)(rows + 2) * (cols + 2) * NET_BLOCK;
     for (int r = part.first; r < part.last; r++) {
-        __global const float *a = x + net_row(x_offset, x_image, part.image, 0, r, rows, cols);
-        __global const float *b = x + net_row(x_offset, x_image, pairs + part.image, 0, r, rows, cols);
+        __global const float *a = x + net_row(at_x, part.image, 0, r);
+        __global const float *b = x + net_row(at_x, pairs + part.image, 0, r);
         __global float *to = out + out_offset + ((size_t)part.image * rows + r) * cols;
         NET_EACH_PIXEL (c, cols) {
             const float per_a = lpips_per_length(a + c * NET_BLOCK, plane, blocks);

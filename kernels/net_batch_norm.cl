@@ -1,28 +1,24 @@
-/* Batch normalisation. Sums run over parts of each block of channels, then over runs of NET_MERGE parts until one is
- * left, always in the same order. Values per channel stand in plain arrays. */
+/* Batch normalisation. Sums run over parts of each block of channels, then over runs of HADA_NORM_MERGE parts until one
+ * is left, always in the same order. Values per channel stand in plain arrays. */
 #include "inc_layers.h"
-
-#define NET_MERGE 32
 
 /* y = (x - mean) * inverse * weight + bias, inverse being `second` itself or, where that is a variance,
  * 1 / sqrt(variance + eps). */
-__kernel void net_batch_norm_apply(__global const float *x, ulong x_offset, ulong x_image, __global float *y,
-                                   ulong y_offset, ulong y_image, int rows, int cols, int blocks, int span,
-                                   int channels, __global const float *weight, ulong weight_offset,
-                                   __global const float *bias, ulong bias_offset, __global const float *mean,
-                                   ulong mean_offset, __global const float *second, ulong second_offset,
-                                   int is_variance, float eps)
+__kernel void net_batch_norm_apply(__global const float *x, __global float *y, __global const float *weight,
+                                   __global const float *bias, __global const float *mean, __global const float *second,
+                                   hada_tensor_layout at_x, hada_tensor_layout at_y, hada_norm_values at)
 {
-    const net_part part = net_part_of(blocks, rows, span);
-    net_vector scale = net_per_channel(second + second_offset, part.block, channels, 1.0f);
-    if (is_variance)
-        scale = 1.0f / sqrt(scale + eps);
-    scale *= net_per_channel(weight + weight_offset, part.block, channels, 0.0f);
-    const net_vector centre = net_per_channel(mean + mean_offset, part.block, channels, 0.0f);
-    const net_vector shift = net_per_channel(bias + bias_offset, part.block, channels, 0.0f);
+    const int rows = at_x.rows, cols = at_x.cols, channels = at_x.channels;
+    const net_part part = net_part_of(at_x.blocks, rows, at.span);
+    net_vector scale = net_per_channel(second + at.second, part.block, channels, 1.0f);
+    if (at.is_variance)
+        scale = 1.0f / sqrt(scale + at.eps);
+    scale *= net_per_channel(weight + at.weight, part.block, channels, 0.0f);
+    const net_vector centre = net_per_channel(mean + at.mean, part.block, channels, 0.0f);
+    const net_vector shift = net_per_channel(bias + at.bias, part.block, channels, 0.0f);
     for (int r = part.first; r < part.last; r++) {
-        __global const float *in = x + net_row(x_offset, x_image, part.image, part.block, r, rows, cols);
-        __global float *out = y + net_row(y_offset, y_image, part.image, part.block, r, rows, cols);
+        __global const float *in = x + net_row(at_x, part.image, part.block, r);
+        __global float *out = y + net_row(at_y, part.image, part.block, r);
         NET_EACH_PIXEL (c, cols)
             net_put(fma(net_get(in + c * NET_BLOCK) - centre, scale, shift), out + c * NET_BLOCK);
     }
@@ -42,14 +38,15 @@ NET_INLINE uint net_part_index(net_part part)
 /* Of each part: its mean, the sum of squares about it, the number of values. Two walks over the part, the second in the
  * cache, so that nothing cancels; what the first mean is off by is seen in the second (Chan, Golub,
  * LeVeque 1983). */
-__kernel void net_batch_norm_statistics(__global const float *x, ulong x_offset, ulong x_image, int rows, int cols,
-                                        int blocks, int span, __global float *parts, uint part_count)
+__kernel void net_batch_norm_statistics(__global const float *x, __global float *parts, hada_tensor_layout at_x,
+                                        int span, uint part_count)
 {
-    const net_part part = net_part_of(blocks, rows, span);
+    const int rows = at_x.rows, cols = at_x.cols;
+    const net_part part = net_part_of(at_x.blocks, rows, span);
     net_vector sum = 0.0f, squares = 0.0f, off = 0.0f;
     int count = 0;
     for (int r = part.first; r < part.last; r++) {
-        __global const float *in = x + net_row(x_offset, x_image, part.image, part.block, r, rows, cols);
+        __global const float *in = x + net_row(at_x, part.image, part.block, r);
         NET_EACH_PIXEL (c, cols) {
             sum += net_get(in + c * NET_BLOCK);
             count++;
@@ -57,7 +54,7 @@ __kernel void net_batch_norm_statistics(__global const float *x, ulong x_offset,
     }
     const net_vector mean = sum / (float)max(count, 1);
     for (int r = part.first; r < part.last; r++) {
-        __global const float *in = x + net_row(x_offset, x_image, part.image, part.block, r, rows, cols);
+        __global const float *in = x + net_row(at_x, part.image, part.block, r);
         NET_EACH_PIXEL (c, cols) {
             const net_vector d = net_get(in + c * NET_BLOCK) - mean;
             squares = fma(d, d, squares);
@@ -80,7 +77,7 @@ __kernel void net_batch_norm_merge(__global float *parts, ulong in_offset, uint 
     if (index >= out_count)
         return;
     net_vector mean = 0.0f, squares = 0.0f, count = 0.0f;
-    for (uint i = index * NET_MERGE; i < min((index + 1) * NET_MERGE, in_count); i++) {
+    for (uint i = index * HADA_NORM_MERGE; i < min((index + 1) * HADA_NORM_MERGE, in_count); i++) {
         __global const float *from = parts + in_offset + net_part_place(block, in_count, i, 3);
         const net_vector more = net_get(from + 2 * NET_BLOCK), all = count + more;
         const net_vector difference = net_get(from) - mean, share = more / max(all, 1.0f);
@@ -95,9 +92,9 @@ __kernel void net_batch_norm_merge(__global float *parts, ulong in_offset, uint 
 }
 
 /* The batch's mean and 1 / sqrt(variance + eps), and the running values. One work-item per channel. */
-__kernel void net_batch_norm_finish(__global const float *parts, ulong parts_offset, int channels, float eps,
-                                    float momentum, __global float *saved, ulong saved_offset, __global float *mean,
-                                    ulong mean_offset, __global float *variance, ulong variance_offset)
+__kernel void net_batch_norm_finish(__global const float *parts, __global float *saved, __global float *mean,
+                                    __global float *variance, ulong parts_offset, ulong saved_offset, int channels,
+                                    float momentum, hada_norm_values at)
 {
     const int c = get_global_id(0);
     if (c >= channels)
@@ -105,24 +102,24 @@ __kernel void net_batch_norm_finish(__global const float *parts, ulong parts_off
     __global const float *from = parts + parts_offset + (size_t)(c / NET_BLOCK) * 3 * NET_BLOCK + c % NET_BLOCK;
     const float centre = from[0], squares = from[NET_BLOCK], count = from[2 * NET_BLOCK];
     saved[saved_offset + c] = centre;
-    saved[saved_offset + channels + c] = 1.0f / sqrt(squares / count + eps);
-    __global float *m = mean + mean_offset + c, *v = variance + variance_offset + c;
+    saved[saved_offset + channels + c] = 1.0f / sqrt(squares / count + at.eps);
+    __global float *m = mean + at.mean + c, *v = variance + at.second + c;
     *m = fma(momentum, centre - *m, *m);
     *v = fma(momentum, squares / (count - 1.0f) - *v, *v);
 }
 
 /* Of each part: the sum of dy and of dy times the normalised x. */
-__kernel void net_batch_norm_gradients(__global const float *x, ulong x_offset, ulong x_image, __global const float *dy,
-                                       ulong dy_offset, ulong dy_image, int rows, int cols, int blocks, int span,
-                                       int channels, __global const float *saved, ulong saved_offset,
-                                       __global float *parts, uint part_count)
+__kernel void net_batch_norm_gradients(__global const float *x, __global const float *dy, __global const float *saved,
+                                       __global float *parts, hada_tensor_layout at_x, hada_tensor_layout at_dy,
+                                       ulong saved_offset, int span, uint part_count)
 {
-    const net_part part = net_part_of(blocks, rows, span);
+    const int rows = at_x.rows, cols = at_x.cols, channels = at_x.channels;
+    const net_part part = net_part_of(at_x.blocks, rows, span);
     const net_vector mean = net_per_channel(saved + saved_offset, part.block, channels, 0.0f);
     net_vector sum = 0.0f, product = 0.0f;
     for (int r = part.first; r < part.last; r++) {
-        __global const float *in = x + net_row(x_offset, x_image, part.image, part.block, r, rows, cols);
-        __global const float *from = dy + net_row(dy_offset, dy_image, part.image, part.block, r, rows, cols);
+        __global const float *in = x + net_row(at_x, part.image, part.block, r);
+        __global const float *from = dy + net_row(at_dy, part.image, part.block, r);
         NET_EACH_PIXEL (c, cols) {
             const net_vector g = net_get(from + c * NET_BLOCK);
             sum += g;
@@ -143,7 +140,7 @@ __kernel void net_batch_norm_add(__global float *parts, ulong in_offset, uint in
     if (index >= out_count)
         return;
     net_vector sum = 0.0f, product = 0.0f;
-    for (uint i = index * NET_MERGE; i < min((index + 1) * NET_MERGE, in_count); i++) {
+    for (uint i = index * HADA_NORM_MERGE; i < min((index + 1) * HADA_NORM_MERGE, in_count); i++) {
         __global const float *from = parts + in_offset + net_part_place(block, in_count, i, 2);
         sum += net_get(from);
         product += net_get(from + NET_BLOCK);
@@ -154,9 +151,9 @@ __kernel void net_batch_norm_add(__global float *parts, ulong in_offset, uint in
 }
 
 /* The gradients of weight and bias. One work-item per channel. */
-__kernel void net_batch_norm_weights(__global const float *parts, ulong parts_offset, int channels,
-                                     __global float *dweight, ulong dweight_offset, __global float *dbias,
-                                     ulong dbias_offset, int accumulate)
+__kernel void net_batch_norm_weights(__global const float *parts, __global float *dweight, __global float *dbias,
+                                     ulong parts_offset, ulong dweight_offset, ulong dbias_offset, int channels,
+                                     int accumulate)
 {
     const int c = get_global_id(0);
     if (c >= channels)
@@ -168,23 +165,22 @@ __kernel void net_batch_norm_weights(__global const float *parts, ulong parts_of
 }
 
 /* dx = weight * inverse * (dy - mean of dy - normalised x * mean of (dy * normalised x)). */
-__kernel void net_batch_norm_backward(__global const float *x, ulong x_offset, ulong x_image, __global const float *dy,
-                                      ulong dy_offset, ulong dy_image, __global float *dx, ulong dx_offset,
-                                      ulong dx_image, int rows, int cols, int blocks, int span, int channels,
-                                      __global const float *saved, ulong saved_offset, __global const float *weight,
-                                      ulong weight_offset, __global const float *parts, ulong parts_offset,
-                                      float per_value)
+__kernel void net_batch_norm_backward(__global const float *x, __global const float *dy, __global float *dx,
+                                      __global const float *saved, __global const float *weight,
+                                      __global const float *parts, hada_tensor_layout at_x, hada_tensor_layout at_dy,
+                                      hada_tensor_layout at_dx, hada_norm_gradient at)
 {
-    const net_part part = net_part_of(blocks, rows, span);
-    __global const float *sums = parts + parts_offset + (size_t)part.block * 2 * NET_BLOCK;
-    const net_vector mean = net_per_channel(saved + saved_offset, part.block, channels, 0.0f);
-    const net_vector inverse = net_per_channel(saved + saved_offset + channels, part.block, channels, 0.0f);
-    const net_vector scale = inverse * net_per_channel(weight + weight_offset, part.block, channels, 0.0f);
-    const net_vector level = net_get(sums) * per_value, slope = inverse * net_get(sums + NET_BLOCK) * per_value;
+    const int rows = at_x.rows, cols = at_x.cols, channels = at_x.channels;
+    const net_part part = net_part_of(at_x.blocks, rows, at.span);
+    __global const float *sums = parts + at.sums + (size_t)part.block * 2 * NET_BLOCK;
+    const net_vector mean = net_per_channel(saved + at.saved, part.block, channels, 0.0f);
+    const net_vector inverse = net_per_channel(saved + at.saved + channels, part.block, channels, 0.0f);
+    const net_vector scale = inverse * net_per_channel(weight + at.weight, part.block, channels, 0.0f);
+    const net_vector level = net_get(sums) * at.per_value, slope = inverse * net_get(sums + NET_BLOCK) * at.per_value;
     for (int r = part.first; r < part.last; r++) {
-        __global const float *in = x + net_row(x_offset, x_image, part.image, part.block, r, rows, cols);
-        __global const float *from = dy + net_row(dy_offset, dy_image, part.image, part.block, r, rows, cols);
-        __global float *to = dx + net_row(dx_offset, dx_image, part.image, part.block, r, rows, cols);
+        __global const float *in = x + net_row(at_x, part.image, part.block, r);
+        __global const float *from = dy + net_row(at_dy, part.image, part.block, r);
+        __global float *to = dx + net_row(at_dx, part.image, part.block, r);
         NET_EACH_PIXEL (c, cols) {
             const net_vector d = net_get(in + c * NET_BLOCK) - mean;
             net_put(scale * (net_get(from + c * NET_BLOCK) - level - d * slope), to + c * NET_BLOCK);

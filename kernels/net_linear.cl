@@ -1,15 +1,14 @@
 /* Fully connected layers on plain arrays: y[n][o] = bias[o] + sum_i w[o][i] x[n][i], and the gradients. Four images are
  * worked on at once, and four outputs, so that values read serve four times. CPUs: vectors of eight, work-groups of
  * one; GPUs: LINEAR_WIDTH 1, and LINEAR_GROUP work-items sum the products of an output. */
+#include "shared_net.h"
+
 #ifndef LINEAR_WIDTH
 #define LINEAR_WIDTH 8
 #endif
 #ifndef LINEAR_GROUP
 #define LINEAR_GROUP 1
 #endif
-
-#define LINEAR_IMAGES  4
-#define LINEAR_OUTPUTS 4
 
 #define LINEAR_INLINE static inline __attribute__((always_inline))
 
@@ -53,21 +52,21 @@ LINEAR_INLINE float linear_sum(linear_vector v)
 
 /* sum[o][n]: rows[o] times x[n], as far as this work-item of its group goes; `images` is known when it is compiled. */
 LINEAR_INLINE void linear_products(__global const float *const *rows, __global const float *const *x, int images,
-                                   int in, int item, float sum[LINEAR_OUTPUTS][LINEAR_IMAGES])
+                                   int in, int item, float sum[HADA_LINEAR_OUTPUTS][HADA_LINEAR_IMAGES])
 {
-    linear_vector lanes[LINEAR_OUTPUTS][LINEAR_IMAGES];
+    linear_vector lanes[HADA_LINEAR_OUTPUTS][HADA_LINEAR_IMAGES];
 #pragma unroll
-    for (int o = 0; o < LINEAR_OUTPUTS; o++)
+    for (int o = 0; o < HADA_LINEAR_OUTPUTS; o++)
 #pragma unroll
         for (int n = 0; n < images; n++)
             lanes[o][n] = 0.0f;
     for (int i = item * LINEAR_WIDTH; i + LINEAR_WIDTH <= in; i += LINEAR_GROUP * LINEAR_WIDTH) {
-        linear_vector v[LINEAR_IMAGES];
+        linear_vector v[HADA_LINEAR_IMAGES];
 #pragma unroll
         for (int n = 0; n < images; n++)
             v[n] = linear_get(x[n] + i);
 #pragma unroll
-        for (int o = 0; o < LINEAR_OUTPUTS; o++) {
+        for (int o = 0; o < HADA_LINEAR_OUTPUTS; o++) {
             const linear_vector w = linear_get(rows[o] + i);
 #pragma unroll
             for (int n = 0; n < images; n++)
@@ -75,7 +74,7 @@ LINEAR_INLINE void linear_products(__global const float *const *rows, __global c
         }
     }
 #pragma unroll
-    for (int o = 0; o < LINEAR_OUTPUTS; o++)
+    for (int o = 0; o < HADA_LINEAR_OUTPUTS; o++)
 #pragma unroll
         for (int n = 0; n < images; n++) {
             sum[o][n] = linear_sum(lanes[o][n]);
@@ -86,77 +85,80 @@ LINEAR_INLINE void linear_products(__global const float *const *rows, __global c
         }
 }
 
-/* Dimension 0: outputs over LINEAR_OUTPUTS, times LINEAR_GROUP. Images: all of them one after the other, so that
- * weights stay in the cache; in groups, dimension 1 counts LINEAR_IMAGES of them each. Outputs and images beyond the
- * last one repeat it. */
+/* Dimension 0: outputs over HADA_LINEAR_OUTPUTS, times LINEAR_GROUP. Images: all of them one after the other, so that
+ * weights stay in the cache; in groups, dimension 1 counts HADA_LINEAR_IMAGES of them each. Outputs and images beyond
+ * the last one repeat it. */
 __kernel __attribute__((reqd_work_group_size(LINEAR_GROUP, 1, 1))) void
-net_linear_forward(__global const float *w, ulong w_offset, __global const float *bias, ulong bias_offset, int has_bias,
-                   __global const float *x, ulong x_offset, __global float *y, ulong y_offset, int images, int in,
-                   int out)
+net_linear_forward(__global const float *w, __global const float *bias, __global const float *x, __global float *y,
+                   hada_linear_layout at)
 {
-    const int item = get_local_id(0), to = get_group_id(0) * LINEAR_OUTPUTS;
-    __global const float *rows[LINEAR_OUTPUTS], *image[LINEAR_IMAGES];
-    float sum[LINEAR_OUTPUTS][LINEAR_IMAGES] = {{0.0f}};
-    for (int o = 0; o < LINEAR_OUTPUTS; o++)
-        rows[o] = w + w_offset + (size_t)min(to + o, out - 1) * in;
+    const int images = at.images, in = at.in, out = at.out;
+    const int item = get_local_id(0), to = get_group_id(0) * HADA_LINEAR_OUTPUTS;
+    __global const float *rows[HADA_LINEAR_OUTPUTS], *image[HADA_LINEAR_IMAGES];
+    float sum[HADA_LINEAR_OUTPUTS][HADA_LINEAR_IMAGES] = {{0.0f}};
+    for (int o = 0; o < HADA_LINEAR_OUTPUTS; o++)
+        rows[o] = w + at.w + (size_t)min(to + o, out - 1) * in;
 #if LINEAR_GROUP > 1
     __local float tree[LINEAR_GROUP];
-    const int first = get_global_id(1) * LINEAR_IMAGES;
+    const int first = get_global_id(1) * HADA_LINEAR_IMAGES;
 #else
-    for (int first = 0; first < images; first += LINEAR_IMAGES)
+    for (int first = 0; first < images; first += HADA_LINEAR_IMAGES)
 #endif
     {
-        for (int n = 0; n < LINEAR_IMAGES; n++)
-            image[n] = x + x_offset + (size_t)min(first + n, images - 1) * in;
+        for (int n = 0; n < HADA_LINEAR_IMAGES; n++)
+            image[n] = x + at.x + (size_t)min(first + n, images - 1) * in;
         if (images - first == 1)
             linear_products(rows, image, 1, in, item, sum);
         else
-            linear_products(rows, image, LINEAR_IMAGES, in, item, sum);
+            linear_products(rows, image, HADA_LINEAR_IMAGES, in, item, sum);
 #if LINEAR_GROUP > 1
-        for (int k = 0; k < LINEAR_OUTPUTS * LINEAR_IMAGES; k++) {
-            tree[item] = sum[k / LINEAR_IMAGES][k % LINEAR_IMAGES];
+        for (int k = 0; k < HADA_LINEAR_OUTPUTS * HADA_LINEAR_IMAGES; k++) {
+            tree[item] = sum[k / HADA_LINEAR_IMAGES][k % HADA_LINEAR_IMAGES];
             for (int step = LINEAR_GROUP / 2; step > 0; step /= 2) {
                 barrier(CLK_LOCAL_MEM_FENCE);
                 if (item < step)
                     tree[item] += tree[item + step];
             }
             barrier(CLK_LOCAL_MEM_FENCE);
-            sum[k / LINEAR_IMAGES][k % LINEAR_IMAGES] = tree[0];
+            sum[k / HADA_LINEAR_IMAGES][k % HADA_LINEAR_IMAGES] = tree[0];
             barrier(CLK_LOCAL_MEM_FENCE);
         }
 #endif
-        for (int o = 0; o < (item ? 0 : min(LINEAR_OUTPUTS, out - to)); o++)
-            for (int n = 0; n < min(LINEAR_IMAGES, images - first); n++)
-                y[y_offset + (size_t)(first + n) * out + to + o] =
-                    sum[o][n] + (has_bias ? bias[bias_offset + to + o] : 0.0f);
+        for (int o = 0; o < (item ? 0 : min(HADA_LINEAR_OUTPUTS, out - to)); o++)
+            for (int n = 0; n < min(HADA_LINEAR_IMAGES, images - first); n++)
+                y[at.y + (size_t)(first + n) * out + to + o] =
+                    sum[o][n] + (at.has_bias ? bias[at.bias + to + o] : 0.0f);
     }
 }
 
 /* Inputs that a work-item takes. */
 #if LINEAR_WIDTH > 1
-#define LINEAR_COLUMNS 256
+#define LINEAR_COLUMNS HADA_LINEAR_COLUMNS
 #else
 #define LINEAR_COLUMNS 1
 #endif
 
 /* dx[n][i] = sum_o w[o][i] dy[n][o]. Dimension 0: inputs over LINEAR_COLUMNS; images as above, side by side in
  * dimension 1 in groups. Sums stand in private memory, so that a long piece of a row of weights is read at once. */
-__kernel void net_linear_data(__global const float *w, ulong w_offset, __global const float *dy, ulong dy_offset,
-                              __global float *dx, ulong dx_offset, int images, int in, int out)
+__kernel void net_linear_data(__global const float *w, __global const float *dy, __global float *dx,
+                              hada_linear_layout at)
 {
+    const int images = at.images, in = at.in, out = at.out;
+    const ulong w_offset = at.w, dy_offset = at.y;
     const int i = get_global_id(0) * LINEAR_COLUMNS, columns = min(LINEAR_COLUMNS, in - i);
     const int whole = columns / LINEAR_WIDTH;
     if (i >= in)
         return;
-    for (int first = get_global_id(1) * LINEAR_IMAGES; first < images; first += get_global_size(1) * LINEAR_IMAGES) {
-        __global const float *column = w + w_offset + i, *from[LINEAR_IMAGES];
-        __global float *to = dx + dx_offset + (size_t)first * in + i;
-        linear_vector sum[LINEAR_COLUMNS / LINEAR_WIDTH][LINEAR_IMAGES];
-        const int here = min(LINEAR_IMAGES, images - first);
-        for (int n = 0; n < LINEAR_IMAGES; n++)
+    for (int first = get_global_id(1) * HADA_LINEAR_IMAGES; first < images;
+         first += get_global_size(1) * HADA_LINEAR_IMAGES) {
+        __global const float *column = w + w_offset + i, *from[HADA_LINEAR_IMAGES];
+        __global float *to = dx + at.x + (size_t)first * in + i;
+        linear_vector sum[LINEAR_COLUMNS / LINEAR_WIDTH][HADA_LINEAR_IMAGES];
+        const int here = min(HADA_LINEAR_IMAGES, images - first);
+        for (int n = 0; n < HADA_LINEAR_IMAGES; n++)
             from[n] = dy + dy_offset + (size_t)min(first + n, images - 1) * out;
         for (int k = 0; k < whole; k++)
-            for (int n = 0; n < LINEAR_IMAGES; n++)
+            for (int n = 0; n < HADA_LINEAR_IMAGES; n++)
                 sum[k][n] = 0.0f;
         int o = 0;
         for (; o + 2 <= out; o += 2, column += 2 * (size_t)in)
@@ -164,11 +166,11 @@ __kernel void net_linear_data(__global const float *w, ulong w_offset, __global 
                 const linear_vector a = linear_get(column + k * LINEAR_WIDTH);
                 const linear_vector b = linear_get(column + in + k * LINEAR_WIDTH);
 #pragma unroll
-                for (int n = 0; n < LINEAR_IMAGES; n++)
+                for (int n = 0; n < HADA_LINEAR_IMAGES; n++)
                     sum[k][n] = fma((linear_vector)from[n][o + 1], b, fma((linear_vector)from[n][o], a, sum[k][n]));
             }
         for (int k = 0; o < out && k < whole; k++)
-            for (int n = 0; n < LINEAR_IMAGES; n++)
+            for (int n = 0; n < HADA_LINEAR_IMAGES; n++)
                 sum[k][n] = fma((linear_vector)from[n][o], linear_get(column + k * LINEAR_WIDTH), sum[k][n]);
         for (int n = 0; n < here; n++)
             for (int k = 0; k < whole; k++)
@@ -184,12 +186,13 @@ __kernel void net_linear_data(__global const float *w, ulong w_offset, __global 
 }
 
 /* dw[o][i] = sum_n dy[n][o] x[n][i]. Dimensions: inputs over `run`, a multiple of LINEAR_WIDTH, and outputs. */
-__kernel void net_linear_weights(__global const float *x, ulong x_offset, __global const float *dy, ulong dy_offset,
-                                 __global float *dw, ulong dw_offset, int images, int in, int out, int run,
-                                 int accumulate)
+__kernel void net_linear_weights(__global const float *x, __global const float *dy, __global float *dw,
+                                 hada_linear_layout at, int run, int accumulate)
 {
+    const int images = at.images, in = at.in, out = at.out;
+    const ulong x_offset = at.x, dy_offset = at.y;
     const int o = get_global_id(1), end = min((int)(get_global_id(0) + 1) * run, in);
-    __global float *to = dw + dw_offset + (size_t)o * in;
+    __global float *to = dw + at.w + (size_t)o * in;
     int i = get_global_id(0) * run;
     for (; i + LINEAR_WIDTH <= end; i += LINEAR_WIDTH) {
         linear_vector sum = accumulate ? linear_get(to + i) : 0.0f;
@@ -209,14 +212,14 @@ __kernel void net_linear_weights(__global const float *x, ulong x_offset, __glob
 }
 
 /* dbias[o] = sum_n dy[n][o]. */
-__kernel void net_linear_bias(__global const float *dy, ulong dy_offset, __global float *dbias, ulong dbias_offset,
-                              int images, int out, int accumulate)
+__kernel void net_linear_bias(__global const float *dy, __global float *dbias, hada_linear_layout at, int accumulate)
 {
+    const int images = at.images, out = at.out;
     const int o = get_global_id(0);
     if (o >= out)
         return;
-    float sum = accumulate ? dbias[dbias_offset + o] : 0.0f;
+    float sum = accumulate ? dbias[at.bias + o] : 0.0f;
     for (int n = 0; n < images; n++)
-        sum += dy[dy_offset + (size_t)n * out + o];
-    dbias[dbias_offset + o] = sum;
+        sum += dy[at.y + (size_t)n * out + o];
+    dbias[at.bias + o] = sum;
 }

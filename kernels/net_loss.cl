@@ -2,10 +2,6 @@
  * and the gradient, times `scale`. Sums are not scaled. */
 #include "inc_layers.h"
 
-#define LOSS_SQUARED  0
-#define LOSS_ABSOLUTE 1
-#define LOSS_LOGITS   2
-
 NET_INLINE size_t net_item(void)
 {
     return (get_global_id(2) * get_global_size(1) + get_global_id(1)) * get_global_size(0) + get_global_id(0);
@@ -21,25 +17,26 @@ NET_INLINE void net_gradient(net_vector g, __global float *to, int accumulate)
     net_put(accumulate ? g + net_get(to) : g, to);
 }
 
-__kernel void net_loss_values(__global const float *x, ulong x_offset, ulong x_image, __global const float *target,
-                              ulong target_offset, ulong target_image, __global float *dx, ulong dx_offset,
-                              ulong dx_image, int rows, int cols, int blocks, int span, int channels, int kind,
-                              float scale, int has_gradient, int accumulate, __global float *sums)
+__kernel void net_loss_values(__global const float *x, __global const float *target, __global float *dx,
+                              __global float *sums, hada_tensor_layout at_x, hada_tensor_layout at_target,
+                              hada_tensor_layout at_dx, int span, hada_loss_term term)
 {
-    const net_part part = net_part_of(blocks, rows, span);
+    const int rows = at_x.rows, cols = at_x.cols, channels = at_x.channels;
+    const int kind = term.loss, has_gradient = term.has_gradient, accumulate = term.accumulate;
+    const float scale = term.scale;
+    const net_part part = net_part_of(at_x.blocks, rows, span);
     net_vector sum = 0.0f;
     for (int r = part.first; r < part.last; r++) {
-        __global const float *in = x + net_row(x_offset, x_image, part.image, part.block, r, rows, cols);
-        __global const float *aim =
-            target + net_row(target_offset, target_image, part.image, part.block, r, rows, cols);
-        __global float *to = dx + net_row(dx_offset, dx_image, part.image, part.block, r, rows, cols);
+        __global const float *in = x + net_row(at_x, part.image, part.block, r);
+        __global const float *aim = target + net_row(at_target, part.image, part.block, r);
+        __global float *to = dx + net_row(at_dx, part.image, part.block, r);
         NET_EACH_PIXEL (c, cols) {
             const net_vector v = net_get(in + c * NET_BLOCK), t = net_get(aim + c * NET_BLOCK), d = v - t;
             net_vector g;
-            if (kind == LOSS_SQUARED) {
+            if (kind == HADA_LOSS_MSE) {
                 sum = fma(d, d, sum);
                 g = 2.0f * scale * d;
-            } else if (kind == LOSS_ABSOLUTE) {
+            } else if (kind == HADA_LOSS_L1) {
                 sum += fabs(d);
                 g = scale * net_sign(d);
             } else {
@@ -55,16 +52,18 @@ __kernel void net_loss_values(__global const float *x, ulong x_offset, ulong x_i
 }
 
 /* Total variation. At the edges the neighbour is the pixel itself, whose difference counts nothing. */
-__kernel void net_loss_variation(__global const float *x, ulong x_offset, ulong x_image, __global float *dx,
-                                 ulong dx_offset, ulong dx_image, int rows, int cols, int blocks, int span, int squared,
-                                 float scale, int has_gradient, int accumulate, __global float *sums)
+__kernel void net_loss_variation(__global const float *x, __global float *dx, __global float *sums,
+                                 hada_tensor_layout at_x, hada_tensor_layout at_dx, int span, hada_loss_term term)
 {
-    const net_part part = net_part_of(blocks, rows, span);
+    const int rows = at_x.rows, cols = at_x.cols, squared = term.loss == HADA_LOSS_TV_SQUARED;
+    const int has_gradient = term.has_gradient, accumulate = term.accumulate;
+    const float scale = term.scale;
+    const net_part part = net_part_of(at_x.blocks, rows, span);
     const int pitch = (cols + 2) * NET_BLOCK;
     net_vector sum = 0.0f;
     for (int r = part.first; r < part.last; r++) {
-        __global const float *in = x + net_row(x_offset, x_image, part.image, part.block, r, rows, cols);
-        __global float *to = dx + net_row(dx_offset, dx_image, part.image, part.block, r, rows, cols);
+        __global const float *in = x + net_row(at_x, part.image, part.block, r);
+        __global float *to = dx + net_row(at_dx, part.image, part.block, r);
         const int up = r > 0 ? -pitch : 0, down = r + 1 < rows ? pitch : 0;
         NET_EACH_PIXEL (c, cols) {
             __global const float *here = in + c * NET_BLOCK;

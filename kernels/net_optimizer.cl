@@ -1,7 +1,7 @@
-/* Optimisers: one step on an array of parameters (lib/net/optimizer.h). Dimension 1 counts runs of OPTIMIZER_RUN
+/* Optimisers: one step on an array of parameters (lib/net/optimizer.h). Dimension 1 counts runs of HADA_OPTIMIZER_RUN
  * values, dimension 0 the work-items that share a run. */
 
-#define OPTIMIZER_RUN 4096
+#include "shared_net.h"
 
 /* Values of the array as a vector; behind its end nothing is read or written. */
 static inline __attribute__((always_inline)) float8 optimizer_get(__global const float *p, uint first, uint count)
@@ -27,20 +27,21 @@ static inline __attribute__((always_inline)) void optimizer_put(float8 v, __glob
 }
 
 #define OPTIMIZER_EACH(i, count)                                                                                       \
-    for (uint i = get_global_id(1) * OPTIMIZER_RUN + 8 * get_global_id(0);                                             \
-         i < min((uint)(get_global_id(1) + 1) * OPTIMIZER_RUN, count); i += 8 * get_global_size(0))
+    for (uint i = get_global_id(1) * HADA_OPTIMIZER_RUN + 8 * get_global_id(0);                                        \
+         i < min((uint)(get_global_id(1) + 1) * HADA_OPTIMIZER_RUN, count); i += 8 * get_global_size(0))
 
-/* `scale` multiplies the gradient before all else.
- * Keras: eps below the root, decay of the parameters themselves, steps with their rate in the momentum. PyTorch
+/* Keras: eps below the root, decay of the parameters themselves, steps with their rate in the momentum. PyTorch
  * (`outside`): eps beside the root, decay through the gradient, the rate outside the momentum. State: v, then a where
  * centered, then b where there is momentum. */
-__kernel void net_optimizer_rmsprop(__global const float *gradient, ulong gradient_offset, __global float *parameters,
-                                    ulong parameters_offset, __global float *state, ulong state_offset, uint count,
-                                    float scale, float rate, float decay, float rest, float eps, float momentum,
-                                    float weight_decay, int centered, int outside)
+__kernel void net_optimizer_rmsprop(__global const float *gradient, __global float *parameters, __global float *state,
+                                    hada_update_layout at, hada_rmsprop rule)
 {
-    __global const float *grad = gradient + gradient_offset;
-    __global float *values = parameters + parameters_offset, *squares = state + state_offset;
+    const uint count = at.count;
+    const float scale = at.scale, rate = rule.rate, decay = rule.decay, rest = rule.rest, eps = rule.eps;
+    const float momentum = rule.momentum, weight_decay = rule.weight_decay;
+    const int centered = rule.centered, outside = rule.outside;
+    __global const float *grad = gradient + at.gradient;
+    __global float *values = parameters + at.parameters, *squares = state + at.state;
     __global float *means = squares + count, *moving = squares + (centered ? 2 : 1) * (size_t)count;
     OPTIMIZER_EACH (i, count) {
         float8 g = scale * optimizer_get(grad, i, count), p = optimizer_get(values, i, count);
@@ -64,15 +65,16 @@ __kernel void net_optimizer_rmsprop(__global const float *gradient, ulong gradie
     }
 }
 
-/* rate1 = rate / (1 - beta1^t), root2 = 1 / sqrt(1 - beta2^t); shrink: what decoupled decay leaves of the parameters;
- * weight_decay through the gradient. State: m, v. */
-__kernel void net_optimizer_adam(__global const float *gradient, ulong gradient_offset, __global float *parameters,
-                                 ulong parameters_offset, __global float *state, ulong state_offset, uint count,
-                                 float scale, float rate1, float root2, float beta1, float rest1, float beta2,
-                                 float rest2, float eps, float weight_decay, float shrink)
+/* State: m, v. */
+__kernel void net_optimizer_adam(__global const float *gradient, __global float *parameters, __global float *state,
+                                 hada_update_layout at, hada_adam rule)
 {
-    __global const float *grad = gradient + gradient_offset;
-    __global float *values = parameters + parameters_offset, *means = state + state_offset, *squares = means + count;
+    const uint count = at.count;
+    const float scale = at.scale, rate1 = rule.rate, root2 = rule.inverse_root, beta1 = rule.beta1;
+    const float rest1 = rule.rest1, beta2 = rule.beta2, rest2 = rule.rest2, eps = rule.eps;
+    const float weight_decay = rule.weight_decay, shrink = rule.shrink;
+    __global const float *grad = gradient + at.gradient;
+    __global float *values = parameters + at.parameters, *means = state + at.state, *squares = means + count;
     OPTIMIZER_EACH (i, count) {
         const float8 p = optimizer_get(values, i, count);
         const float8 g = fma((float8)weight_decay, p, scale * optimizer_get(grad, i, count));

@@ -4,18 +4,20 @@
  * behind it become 0. */
 #include "inc_layers.h"
 
-__kernel void net_place(__global const float *x, ulong x_offset, ulong x_image, int x_rows, int x_cols, int x_channels,
-                        __global float *y, ulong y_offset, ulong y_image, int rows, int cols, int channels, int blocks,
-                        int span, int row, int col, int x_first, int y_first, int count, int accumulate)
+__kernel void net_place(__global const float *x, __global float *y, hada_tensor_layout at_x, hada_tensor_layout at_y,
+                        int blocks, int span, hada_placing to)
 {
+    const int x_rows = at_x.rows, x_cols = at_x.cols, rows = at_y.rows, cols = at_y.cols;
+    const int row = to.row, col = to.col, x_first = to.x_first, y_first = to.y_first, count = to.count;
+    const int accumulate = to.accumulate;
     net_part part = net_part_of(blocks, rows, span);
     part.block += y_first / NET_BLOCK;
     /* the lanes that this block of y takes; its first lane is channel `shift` of x from block `low` on */
     const net_lanes k = NET_LANE_NUMBERS + (part.block * NET_BLOCK - y_first);
-    const int end = y_first + count == channels ? (y_first + count + NET_BLOCK - 1) / NET_BLOCK * NET_BLOCK : 0;
+    const int end = y_first + count == at_y.channels ? (y_first + count + NET_BLOCK - 1) / NET_BLOCK * NET_BLOCK : 0;
     const net_lanes copied = (k >= 0) & (k < count);
     const net_lanes written = copied | ((k >= count) & (k < end - y_first));
-    const int from = part.block * NET_BLOCK - y_first + x_first, x_blocks = (x_channels + NET_BLOCK - 1) / NET_BLOCK;
+    const int from = part.block * NET_BLOCK - y_first + x_first, x_blocks = (at_x.channels + NET_BLOCK - 1) / NET_BLOCK;
     const int low = (from + NET_BLOCK) / NET_BLOCK - 1, shift = from - low * NET_BLOCK;
     const net_lanes from_low = NET_LANE_NUMBERS < NET_BLOCK - shift;
     const int whole = y_first <= part.block * NET_BLOCK && (part.block + 1) * NET_BLOCK <= max(y_first + count, end);
@@ -24,9 +26,9 @@ __kernel void net_place(__global const float *x, ulong x_offset, ulong x_image, 
         const int x_row = r - row, inside = x_row >= 0 && x_row < x_rows;
         /* rows and blocks that x does not have are not copied; these are places inside it all the same */
         const int safe = clamp(x_row, 0, x_rows - 1), high = min(low + 1, x_blocks - 1);
-        __global const float *a = x + net_row(x_offset, x_image, part.image, max(low, 0), safe, x_rows, x_cols);
-        __global const float *b = x + net_row(x_offset, x_image, part.image, high, safe, x_rows, x_cols);
-        __global float *out = y + net_row(y_offset, y_image, part.image, part.block, r, rows, cols);
+        __global const float *a = x + net_row(at_x, part.image, max(low, 0), safe);
+        __global const float *b = x + net_row(at_x, part.image, high, safe);
+        __global float *out = y + net_row(at_y, part.image, part.block, r);
         NET_EACH_PIXEL (c, cols) {
             const int x_col = c - col;
             net_vector v = none;

@@ -1,16 +1,17 @@
-/* Pooling over windows of size x size every `stride` pixels, without padding, and its gradient. in_rows and in_cols
- * belong to x, rows and cols to y; the parts of a launch are those of the tensor that is written. */
+/* Pooling over windows of size x size every `stride` pixels, without padding, and its gradient. The parts of a launch
+ * are those of the tensor that is written. */
 #include "inc_layers.h"
 
-__kernel void net_pool_max_forward(__global const float *x, ulong x_offset, ulong x_image, __global float *y,
-                                   ulong y_offset, ulong y_image, int in_rows, int in_cols, int rows, int cols,
-                                   int blocks, int span, int size, int stride)
+__kernel void net_pool_max_forward(__global const float *x, __global float *y, hada_tensor_layout at_x,
+                                   hada_tensor_layout at_y, int span, hada_pool_window windows)
 {
-    const net_part part = net_part_of(blocks, rows, span);
+    const int in_cols = at_x.cols, rows = at_y.rows, cols = at_y.cols;
+    const int size = windows.size, stride = windows.stride;
+    const net_part part = net_part_of(at_y.blocks, rows, span);
     const int pitch = (in_cols + 2) * NET_BLOCK;
     for (int r = part.first; r < part.last; r++) {
-        __global const float *in = x + net_row(x_offset, x_image, part.image, part.block, r * stride, in_rows, in_cols);
-        __global float *out = y + net_row(y_offset, y_image, part.image, part.block, r, rows, cols);
+        __global const float *in = x + net_row(at_x, part.image, part.block, r * stride);
+        __global float *out = y + net_row(at_y, part.image, part.block, r);
         NET_EACH_PIXEL (c, cols) {
             __global const float *window = in + c * stride * NET_BLOCK;
             net_vector v;
@@ -28,16 +29,17 @@ __kernel void net_pool_max_forward(__global const float *x, ulong x_offset, ulon
     }
 }
 
-__kernel void net_pool_mean_forward(__global const float *x, ulong x_offset, ulong x_image, __global float *y,
-                                    ulong y_offset, ulong y_image, int in_rows, int in_cols, int rows, int cols,
-                                    int blocks, int span, int size, int stride)
+__kernel void net_pool_mean_forward(__global const float *x, __global float *y, hada_tensor_layout at_x,
+                                    hada_tensor_layout at_y, int span, hada_pool_window windows)
 {
-    const net_part part = net_part_of(blocks, rows, span);
+    const int in_cols = at_x.cols, rows = at_y.rows, cols = at_y.cols;
+    const int size = windows.size, stride = windows.stride;
+    const net_part part = net_part_of(at_y.blocks, rows, span);
     const int pitch = (in_cols + 2) * NET_BLOCK;
     const float share = 1.0f / (size * size);
     for (int r = part.first; r < part.last; r++) {
-        __global const float *in = x + net_row(x_offset, x_image, part.image, part.block, r * stride, in_rows, in_cols);
-        __global float *out = y + net_row(y_offset, y_image, part.image, part.block, r, rows, cols);
+        __global const float *in = x + net_row(at_x, part.image, part.block, r * stride);
+        __global float *out = y + net_row(at_y, part.image, part.block, r);
         NET_EACH_PIXEL (c, cols) {
             __global const float *window = in + c * stride * NET_BLOCK;
             net_vector v = 0.0f;
@@ -61,19 +63,20 @@ NET_INLINE int net_window_end(int at, int stride, int count)
 }
 
 /* A window's gradient goes to the first of its values, row by row, that equals its maximum. */
-__kernel void net_pool_max_backward(__global const float *x, ulong x_offset, ulong x_image, __global const float *y,
-                                    ulong y_offset, ulong y_image, __global const float *dy, ulong dy_offset,
-                                    ulong dy_image, __global float *dx, ulong dx_offset, ulong dx_image, int in_rows,
-                                    int in_cols, int rows, int cols, int blocks, int span, int size, int stride,
-                                    int accumulate)
+__kernel void net_pool_max_backward(__global const float *x, __global const float *y, __global const float *dy,
+                                    __global float *dx, hada_tensor_layout at_x, hada_tensor_layout at_y,
+                                    hada_tensor_layout at_dy, hada_tensor_layout at_dx, int span,
+                                    hada_pool_window windows, int accumulate)
 {
-    const net_part part = net_part_of(blocks, in_rows, span);
+    const int in_rows = at_dx.rows, in_cols = at_dx.cols, rows = at_dy.rows, cols = at_dy.cols;
+    const int size = windows.size, stride = windows.stride;
+    const net_part part = net_part_of(at_dx.blocks, in_rows, span);
     const int pitch = (in_cols + 2) * NET_BLOCK, out_pitch = (cols + 2) * NET_BLOCK;
-    __global const float *top = x + net_row(x_offset, x_image, part.image, part.block, 0, in_rows, in_cols);
-    __global const float *largest = y + net_row(y_offset, y_image, part.image, part.block, 0, rows, cols);
-    __global const float *from = dy + net_row(dy_offset, dy_image, part.image, part.block, 0, rows, cols);
+    __global const float *top = x + net_row(at_x, part.image, part.block, 0);
+    __global const float *largest = y + net_row(at_y, part.image, part.block, 0);
+    __global const float *from = dy + net_row(at_dy, part.image, part.block, 0);
     for (int r = part.first; r < part.last; r++) {
-        __global float *to = dx + net_row(dx_offset, dx_image, part.image, part.block, r, in_rows, in_cols);
+        __global float *to = dx + net_row(at_dx, part.image, part.block, r);
         const int row0 = net_window_first(r, size, stride), row1 = net_window_end(r, stride, rows);
         NET_EACH_PIXEL (c, in_cols) {
             const net_vector own = net_get(top + r * pitch + c * NET_BLOCK);
@@ -96,18 +99,18 @@ __kernel void net_pool_max_backward(__global const float *x, ulong x_offset, ulo
 
 /* The same for windows of 2 x 2 that do not overlap: window by window. The parts are rows of windows, the incomplete
  * ones at the end counted, which get zeros. */
-__kernel void net_pool_max2_backward(__global const float *x, ulong x_offset, ulong x_image, __global const float *y,
-                                     ulong y_offset, ulong y_image, __global const float *dy, ulong dy_offset,
-                                     ulong dy_image, __global float *dx, ulong dx_offset, ulong dx_image, int in_rows,
-                                     int in_cols, int rows, int cols, int blocks, int span, int accumulate)
+__kernel void net_pool_max2_backward(__global const float *x, __global const float *y, __global const float *dy,
+                                     __global float *dx, hada_tensor_layout at_x, hada_tensor_layout at_y,
+                                     hada_tensor_layout at_dy, hada_tensor_layout at_dx, int span, int accumulate)
 {
-    const net_part part = net_part_of(blocks, (in_rows + 1) / 2, span);
+    const int in_rows = at_dx.rows, in_cols = at_dx.cols, rows = at_dy.rows, cols = at_dy.cols;
+    const net_part part = net_part_of(at_dx.blocks, (in_rows + 1) / 2, span);
     const int pitch = (in_cols + 2) * NET_BLOCK;
     for (int r = part.first; r < part.last; r++) {
-        __global const float *in = x + net_row(x_offset, x_image, part.image, part.block, 2 * r, in_rows, in_cols);
-        __global const float *out = y + net_row(y_offset, y_image, part.image, part.block, r, rows, cols);
-        __global const float *from = dy + net_row(dy_offset, dy_image, part.image, part.block, r, rows, cols);
-        __global float *to = dx + net_row(dx_offset, dx_image, part.image, part.block, 2 * r, in_rows, in_cols);
+        __global const float *in = x + net_row(at_x, part.image, part.block, 2 * r);
+        __global const float *out = y + net_row(at_y, part.image, part.block, r);
+        __global const float *from = dy + net_row(at_dy, part.image, part.block, r);
+        __global float *to = dx + net_row(at_dx, part.image, part.block, 2 * r);
         NET_EACH_PIXEL (c, (in_cols + 1) / 2) {
             const int at = 2 * c * NET_BLOCK;
             if (r < rows && c < cols) {
@@ -136,16 +139,17 @@ __kernel void net_pool_max2_backward(__global const float *x, ulong x_offset, ul
     }
 }
 
-__kernel void net_pool_mean_backward(__global const float *dy, ulong dy_offset, ulong dy_image, __global float *dx,
-                                     ulong dx_offset, ulong dx_image, int in_rows, int in_cols, int rows, int cols,
-                                     int blocks, int span, int size, int stride, int accumulate)
+__kernel void net_pool_mean_backward(__global const float *dy, __global float *dx, hada_tensor_layout at_dy,
+                                     hada_tensor_layout at_dx, int span, hada_pool_window windows, int accumulate)
 {
-    const net_part part = net_part_of(blocks, in_rows, span);
+    const int in_rows = at_dx.rows, in_cols = at_dx.cols, rows = at_dy.rows, cols = at_dy.cols;
+    const int size = windows.size, stride = windows.stride;
+    const net_part part = net_part_of(at_dx.blocks, in_rows, span);
     const int out_pitch = (cols + 2) * NET_BLOCK;
     const float share = 1.0f / (size * size);
-    __global const float *from = dy + net_row(dy_offset, dy_image, part.image, part.block, 0, rows, cols);
+    __global const float *from = dy + net_row(at_dy, part.image, part.block, 0);
     for (int r = part.first; r < part.last; r++) {
-        __global float *to = dx + net_row(dx_offset, dx_image, part.image, part.block, r, in_rows, in_cols);
+        __global float *to = dx + net_row(at_dx, part.image, part.block, r);
         const int row0 = net_window_first(r, size, stride), row1 = net_window_end(r, stride, rows);
         NET_EACH_PIXEL (c, in_cols) {
             const int col0 = net_window_first(c, size, stride), col1 = net_window_end(c, stride, cols);

@@ -10,18 +10,14 @@ typedef struct net_at {
     int index, rest, whole;
 } net_at;
 
-#define NET_HALF    0
-#define NET_ALIGNED 1
-#define NET_NEAREST 2
-
 NET_INLINE net_at net_at_of(int i, int in, int out, int rule)
 {
     net_at at;
     int number;
-    if (rule == NET_ALIGNED) {
+    if (rule == HADA_RESIZE_ALIGNED) {
         number = i * (in - 1);
         at.whole = max(out - 1, 1);
-    } else if (rule == NET_NEAREST) {
+    } else if (rule == HADA_RESIZE_FLOOR) {
         number = i * in;
         at.whole = out;
     } else {
@@ -37,8 +33,8 @@ NET_INLINE net_at net_at_of(int i, int in, int out, int rule)
 NET_INLINE net_at net_step_of(int steps, int in, int out, int rule)
 {
     net_at step;
-    const int number = steps * (rule == NET_ALIGNED ? in - 1 : rule == NET_NEAREST ? in : 2 * in);
-    step.whole = rule == NET_ALIGNED ? max(out - 1, 1) : rule == NET_NEAREST ? out : 2 * out;
+    const int number = steps * (rule == HADA_RESIZE_ALIGNED ? in - 1 : rule == HADA_RESIZE_FLOOR ? in : 2 * in);
+    step.whole = rule == HADA_RESIZE_ALIGNED ? max(out - 1, 1) : rule == HADA_RESIZE_FLOOR ? out : 2 * out;
     step.index = number / step.whole;
     step.rest = number - step.index * step.whole;
     return step;
@@ -61,17 +57,17 @@ NET_INLINE float net_cubic(float d)
                      : fma(fma(fma(a, d, -5.0f * a), d, 8.0f * a), d, -4.0f * a);
 }
 
-__kernel void net_resize_nearest(__global const float *x, ulong x_offset, ulong x_image, __global float *y,
-                                 ulong y_offset, ulong y_image, int in_rows, int in_cols, int rows, int cols,
-                                 int blocks, int span)
+__kernel void net_resize_nearest(__global const float *x, __global float *y, hada_tensor_layout at_x,
+                                 hada_tensor_layout at_y, int span)
 {
-    const net_part part = net_part_of(blocks, rows, span);
-    const net_at first = net_at_of(get_global_id(0), in_cols, cols, NET_NEAREST);
-    const net_at step = net_step_of(get_global_size(0), in_cols, cols, NET_NEAREST);
+    const int in_rows = at_x.rows, in_cols = at_x.cols, rows = at_y.rows, cols = at_y.cols;
+    const net_part part = net_part_of(at_y.blocks, rows, span);
+    const net_at first = net_at_of(get_global_id(0), in_cols, cols, HADA_RESIZE_FLOOR);
+    const net_at step = net_step_of(get_global_size(0), in_cols, cols, HADA_RESIZE_FLOOR);
     for (int r = part.first; r < part.last; r++) {
-        const int row = net_at_of(r, in_rows, rows, NET_NEAREST).index;
-        __global const float *in = x + net_row(x_offset, x_image, part.image, part.block, row, in_rows, in_cols);
-        __global float *out = y + net_row(y_offset, y_image, part.image, part.block, r, rows, cols);
+        const int row = net_at_of(r, in_rows, rows, HADA_RESIZE_FLOOR).index;
+        __global const float *in = x + net_row(at_x, part.image, part.block, row);
+        __global float *out = y + net_row(at_y, part.image, part.block, r);
         net_at at = first;
         NET_EACH_PIXEL (c, cols) {
             net_put(net_get(in + at.index * NET_BLOCK), out + c * NET_BLOCK);
@@ -80,11 +76,11 @@ __kernel void net_resize_nearest(__global const float *x, ulong x_offset, ulong 
     }
 }
 
-__kernel void net_resize_linear(__global const float *x, ulong x_offset, ulong x_image, __global float *y,
-                                ulong y_offset, ulong y_image, int in_rows, int in_cols, int rows, int cols, int blocks,
-                                int span, int rule)
+__kernel void net_resize_linear(__global const float *x, __global float *y, hada_tensor_layout at_x,
+                                hada_tensor_layout at_y, int span, int rule)
 {
-    const net_part part = net_part_of(blocks, rows, span);
+    const int in_rows = at_x.rows, in_cols = at_x.cols, rows = at_y.rows, cols = at_y.cols;
+    const net_part part = net_part_of(at_y.blocks, rows, span);
     const net_at first = net_at_of(get_global_id(0), in_cols, cols, rule);
     const net_at step = net_step_of(get_global_size(0), in_cols, cols, rule);
     const float unit = 1.0f / first.whole;
@@ -93,9 +89,9 @@ __kernel void net_resize_linear(__global const float *x, ulong x_offset, ulong x
         const net_at row = net_at_of(r, in_rows, rows, rule);
         const net_vector down = (net_vector)(row.rest * (1.0f / row.whole));
         const int row0 = max(row.index, 0), row1 = min(row.index + 1, in_rows - 1);
-        __global const float *top = x + net_row(x_offset, x_image, part.image, part.block, row0, in_rows, in_cols);
+        __global const float *top = x + net_row(at_x, part.image, part.block, row0);
         __global const float *low = top + (row1 - row0) * pitch;
-        __global float *out = y + net_row(y_offset, y_image, part.image, part.block, r, rows, cols);
+        __global float *out = y + net_row(at_y, part.image, part.block, r);
         net_at at = first;
         NET_EACH_PIXEL (c, cols) {
             const int col0 = max(at.index, 0) * NET_BLOCK, col1 = min(at.index + 1, in_cols - 1) * NET_BLOCK;
@@ -109,16 +105,16 @@ __kernel void net_resize_linear(__global const float *x, ulong x_offset, ulong x
     }
 }
 
-__kernel void net_resize_cubic(__global const float *x, ulong x_offset, ulong x_image, __global float *y,
-                               ulong y_offset, ulong y_image, int in_rows, int in_cols, int rows, int cols, int blocks,
-                               int span, int rule)
+__kernel void net_resize_cubic(__global const float *x, __global float *y, hada_tensor_layout at_x,
+                               hada_tensor_layout at_y, int span, int rule)
 {
-    const net_part part = net_part_of(blocks, rows, span);
+    const int in_rows = at_x.rows, in_cols = at_x.cols, rows = at_y.rows, cols = at_y.cols;
+    const net_part part = net_part_of(at_y.blocks, rows, span);
     const net_at first = net_at_of(get_global_id(0), in_cols, cols, rule);
     const net_at step = net_step_of(get_global_size(0), in_cols, cols, rule);
     const float unit = 1.0f / first.whole;
     const int pitch = (in_cols + 2) * NET_BLOCK;
-    __global const float *in = x + net_row(x_offset, x_image, part.image, part.block, 0, in_rows, in_cols);
+    __global const float *in = x + net_row(at_x, part.image, part.block, 0);
     for (int r = part.first; r < part.last; r++) {
         const net_at row = net_at_of(r, in_rows, rows, rule);
         const float down = row.rest * (1.0f / row.whole);
@@ -128,7 +124,7 @@ __kernel void net_resize_cubic(__global const float *x, ulong x_offset, ulong x_
             line[i] = in + clamp(row.index + i - 1, 0, in_rows - 1) * pitch;
             weight[i] = (net_vector)net_cubic(fabs(down - (i - 1)));
         }
-        __global float *out = y + net_row(y_offset, y_image, part.image, part.block, r, rows, cols);
+        __global float *out = y + net_row(at_y, part.image, part.block, r);
         net_at at = first;
         NET_EACH_PIXEL (c, cols) {
             const float right = at.rest * unit;
@@ -149,12 +145,12 @@ __kernel void net_resize_cubic(__global const float *x, ulong x_offset, ulong x_
 /* The first output whose whole part is `index` or above; `out` where there is none. */
 NET_INLINE int net_first_from(int index, int in, int out, int rule)
 {
-    if (index <= (rule == NET_HALF ? -1 : 0))
+    if (index <= (rule == HADA_RESIZE_HALF ? -1 : 0))
         return 0;
     int first;
-    if (rule == NET_ALIGNED)
+    if (rule == HADA_RESIZE_ALIGNED)
         first = in > 1 ? (index * max(out - 1, 1) + in - 2) / (in - 1) : out;
-    else if (rule == NET_NEAREST)
+    else if (rule == HADA_RESIZE_FLOOR)
         first = (index * out + in - 1) / in;
     else
         first = max(0, (2 * index + 1) * out - in + 2 * in - 1) / (2 * in);
@@ -178,19 +174,19 @@ NET_INLINE float net_weight(net_at at, float unit, int to, int in, int taps)
 /* Rows whose weights are worked out at once. */
 #define NET_TALL 16
 
-/* dx (in_rows x in_cols) from dy (rows x cols). */
-__kernel void net_resize_backward(__global const float *dy, ulong dy_offset, ulong dy_image, __global float *dx,
-                                  ulong dx_offset, ulong dx_image, int in_rows, int in_cols, int rows, int cols,
-                                  int blocks, int span, int rule, int taps, int accumulate)
+/* dx from dy. */
+__kernel void net_resize_backward(__global const float *dy, __global float *dx, hada_tensor_layout at_dy,
+                                  hada_tensor_layout at_dx, int span, int rule, int taps, int accumulate)
 {
-    const net_part part = net_part_of(blocks, in_rows, span);
+    const int in_rows = at_dx.rows, in_cols = at_dx.cols, rows = at_dy.rows, cols = at_dy.cols;
+    const net_part part = net_part_of(at_dx.blocks, in_rows, span);
     const int before = taps == 4 ? 1 : 0, behind = taps / 2; /* taps stand at index - before ... index + behind */
     const int pitch = (cols + 2) * NET_BLOCK;
     const net_at one = net_step_of(1, in_cols, cols, rule), one_row = net_step_of(1, in_rows, rows, rule);
     const float unit = 1.0f / one.whole, row_unit = 1.0f / one_row.whole;
-    __global const float *from = dy + net_row(dy_offset, dy_image, part.image, part.block, 0, rows, cols);
+    __global const float *from = dy + net_row(at_dy, part.image, part.block, 0);
     for (int r = part.first; r < part.last; r++) {
-        __global float *to = dx + net_row(dx_offset, dx_image, part.image, part.block, r, in_rows, in_cols);
+        __global float *to = dx + net_row(at_dx, part.image, part.block, r);
         int first = net_first_from(r - behind, in_rows, rows, rule);
         const int end = net_first_from(r + before + 1, in_rows, rows, rule);
         int more = accumulate;

@@ -1,12 +1,12 @@
 /* Sums of many floats, always in the same order. */
 
-#define SUM_RUN 64
+#include "shared_net.h"
 
-/* out[i] = shift + scale * the sum of run i of SUM_RUN floats. The last call of a sum has one run. */
-__kernel void net_sum(__global const float *in, ulong in_offset, uint in_count, __global float *out, ulong out_offset,
+/* out[i] = shift + scale * the sum of run i of HADA_SUM_RUN floats. The last call of a sum has one run. */
+__kernel void net_sum(__global const float *in, __global float *out, ulong in_offset, ulong out_offset, uint in_count,
                       float scale, float shift)
 {
-    const uint run = get_global_id(0), first = run * SUM_RUN, count = min(in_count - first, (uint)SUM_RUN);
+    const uint run = get_global_id(0), first = run * HADA_SUM_RUN, count = min(in_count - first, (uint)HADA_SUM_RUN);
     __global const float *from = in + in_offset + first;
     float8 lanes = 0.0f;
     uint i = 0;

@@ -1,21 +1,24 @@
 /* Images in and out of blocks of channels, and what is done to them as they are. */
 
+#include "shared_net.h"
+
 /* Activations in blocks of channels (lib/net/tensor.h): from and to planar floats, and the halo by itself. One
  * work-item takes `step` pixels of a row of one block: a whole row on CPUs, one pixel on GPUs. Dimensions: pixels over
  * step, rows, blocks times images. */
 
 /* Rows and columns with the halo; channels beyond the last one and the halo become zero. */
-__kernel void net_tensor_load(__global const float *in, ulong in_offset, ulong in_image, ulong in_channel, ulong in_row,
-                              __global float *out, ulong out_offset, ulong out_image, int channels, int rows, int cols,
-                              int block, int step)
+__kernel void net_tensor_load(__global const float *in, __global float *out, hada_planar_layout at_in,
+                              hada_tensor_layout at_out, int block, int step)
 {
+    const int channels = at_out.channels, rows = at_out.rows, cols = at_out.cols;
+    const ulong in_channel = at_in.channel;
     const int blocks = (channels + block - 1) / block, b = get_global_id(2) % blocks, image = get_global_id(2) / blocks;
     const int row = (int)get_global_id(1) - 1, first = (int)get_global_id(0) * step - 1;
     const int last = min(first + step, cols + 1), present = min(block, channels - b * block);
     const int inside = row >= 0 && row < rows;
-    __global const float *from = in + in_offset + image * in_image + b * block * in_channel + row * in_row;
+    __global const float *from = in + at_in.offset + image * at_in.image + b * block * in_channel + row * at_in.row;
     __global float *to =
-        out + out_offset + image * out_image + ((size_t)b * (rows + 2) + row + 1) * (cols + 2) * block + block;
+        out + at_out.offset + image * at_out.image + ((size_t)b * (rows + 2) + row + 1) * (cols + 2) * block + block;
     for (int x = first; x < last; ++x) {
         const int here = inside && x >= 0 && x < cols ? present : 0;
         for (int k = 0; k < here; ++k)
@@ -25,28 +28,30 @@ __kernel void net_tensor_load(__global const float *in, ulong in_offset, ulong i
     }
 }
 
-__kernel void net_tensor_store(__global const float *in, ulong in_offset, ulong in_image, __global float *out,
-                               ulong out_offset, ulong out_image, ulong out_channel, ulong out_row, int channels,
-                               int rows, int cols, int block, int step)
+__kernel void net_tensor_store(__global const float *in, __global float *out, hada_tensor_layout at_in,
+                               hada_planar_layout at_out, int block, int step)
 {
+    const int channels = at_in.channels, rows = at_in.rows, cols = at_in.cols;
+    const ulong out_channel = at_out.channel;
     const int blocks = (channels + block - 1) / block, b = get_global_id(2) % blocks, image = get_global_id(2) / blocks;
     const int row = get_global_id(1), first = get_global_id(0) * step, last = min(first + step, cols);
     const int present = min(block, channels - b * block);
     __global const float *from =
-        in + in_offset + image * in_image + (((size_t)b * (rows + 2) + row + 1) * (cols + 2) + 1) * block;
-    __global float *to = out + out_offset + image * out_image + b * block * out_channel + row * out_row;
+        in + at_in.offset + image * at_in.image + (((size_t)b * (rows + 2) + row + 1) * (cols + 2) + 1) * block;
+    __global float *to = out + at_out.offset + image * at_out.image + b * block * out_channel + row * at_out.row;
     for (int k = 0; k < present; ++k)
         for (int x = first; x < last; ++x)
             to[k * out_channel + x] = from[x * block + k];
 }
 
 /* Zeros into the halo alone; step does not matter: dimension 0 is one. */
-__kernel void net_tensor_halo(__global float *out, ulong offset, ulong image_stride, int channels, int rows, int cols,
-                              int block)
+__kernel void net_tensor_halo(__global float *out, hada_tensor_layout at_out, int block)
 {
-    const int blocks = (channels + block - 1) / block, b = get_global_id(2) % blocks, image = get_global_id(2) / blocks;
+    const int rows = at_out.rows, cols = at_out.cols;
+    const int blocks = (at_out.channels + block - 1) / block, b = get_global_id(2) % blocks,
+              image = get_global_id(2) / blocks;
     const int row = get_global_id(1), width = (cols + 2) * block, jump = row > 0 && row <= rows ? width - block : block;
-    __global float *to = out + offset + image * image_stride + ((size_t)b * (rows + 2) + row) * width;
+    __global float *to = out + at_out.offset + image * at_out.image + ((size_t)b * (rows + 2) + row) * width;
     for (int x = 0; x < width; x += jump)
         for (int k = 0; k < block; ++k)
             to[x + k] = 0.0f;
@@ -56,8 +61,8 @@ __kernel void net_tensor_halo(__global float *out, ulong offset, ulong image_str
  * images [channel][row][col], so that parts of an image without any can be left out. */
 
 /* Work-item (cell, row); out[row][cell], `cells` in a row. */
-__kernel void net_content(__global const float *image, ulong offset, int channels, int rows, int cols, int cell,
-                          int cells, __global float *out)
+__kernel void net_content(__global const float *image, __global float *out, ulong offset, int channels, int rows,
+                          int cols, int cell, int cells)
 {
     const int which = get_global_id(0), row = get_global_id(1);
     if (which < cells) {
@@ -79,18 +84,14 @@ __kernel void net_content(__global const float *image, ulong offset, int channel
 
 /* Parts of planar images [channel][row][col] to parts of others: tiles and what they are cut from. */
 
-#ifndef NET_PART_COLS
-#define NET_PART_COLS 64 /* of a work-item */
-#endif
-
-/* Work-item (run of columns, row and channel). Offsets, rows and channels of each side as distances in floats. */
-__kernel void net_part(__global const float *from, ulong from_offset, ulong from_row, ulong from_channel,
-                       __global float *to, ulong to_offset, ulong to_row, ulong to_channel, int rows, int cols)
+/* Work-item (run of columns, row and channel). */
+__kernel void net_part(__global const float *from, __global float *to, hada_planar_layout at_from,
+                       hada_planar_layout at_to, int rows, int cols)
 {
-    const int first = get_global_id(0) * NET_PART_COLS, last = min(first + NET_PART_COLS, cols);
+    const int first = get_global_id(0) * HADA_PART_COLS, last = min(first + HADA_PART_COLS, cols);
     const ulong row = get_global_id(1) % rows, channel = get_global_id(1) / rows;
-    __global const float *a = from + from_offset + row * from_row + channel * from_channel;
-    __global float *b = to + to_offset + row * to_row + channel * to_channel;
+    __global const float *a = from + at_from.offset + row * at_from.row + channel * at_from.channel;
+    __global float *b = to + at_to.offset + row * at_to.row + channel * at_to.channel;
     int x = first;
     for (; x + 8 <= last; x += 8)
         vstore8(vload8(0, a + x), 0, b + x);

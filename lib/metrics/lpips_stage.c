@@ -5,6 +5,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
+#include "launch/lpips_distance.h"
 #include "net/layer_launch.h"
 
 /* A convolution with ReLU, or (channels 0) a maximum pooling; `number` is its place in torchvision's Sequential. After
@@ -186,15 +187,13 @@ hada_status hada_lpips_distance(hada_slot *slot, const hada_tensor *x, hada_floa
 {
     if (x->images < 2 || x->images % 2)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "LPIPS compares pairs, not %d images", x->images);
-    const hada_tensor_place at = hada_tensor_place_of(x);
-    const cl_int pairs = x->images / 2;
-    const cl_ulong w_offset = weights.offset, out_offset = out.offset;
+    const int pairs = x->images / 2;
     hada_layer_grid grid = hada_layer_grid_of(slot, x, x->rows, x->cols);
-    grid.global[2] = (size_t)pairs;
-    const hada_arg args[] = {HADA_ARG_TENSOR(x, at), HADA_ARG(x->channels), HADA_ARG(x->rows),     HADA_ARG(x->cols),
-                             HADA_ARG(pairs),        HADA_ARG(grid.span),   HADA_ARG(weights.mem), HADA_ARG(w_offset),
-                             HADA_ARG(out.mem),      HADA_ARG(out_offset)};
+    grid.range.global[2] = (size_t)pairs;
     const double pixels = (double)pairs * x->rows * x->cols;
     hada_slot_cost(slot, pixels * 4.0 * (2.0 * x->channels + 1.0), pixels * 9.0 * x->channels);
-    return hada_layer_launch(slot, "lpips_distance", "lpips_distance", x, &grid, args, HADA_COUNT(args), err);
+    return hada_launch_lpips_distance(slot, HADA_PROGRAM_BY_BLOCK(LPIPS_DISTANCE, x->block), &grid.range, err,
+                                      .x = x->mem, .w = weights.mem, .out = out.mem, .at_x = hada_layout_of(x),
+                                      .w_offset = weights.offset, .out_offset = out.offset, .pairs = pairs,
+                                      .span = grid.span);
 }

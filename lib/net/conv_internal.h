@@ -7,11 +7,9 @@
 #ifndef HADA_NET_CONV_INTERNAL_H
 #define HADA_NET_CONV_INTERNAL_H
 
+#include "kernels/shared_conv.h"
 #include "net/conv.h"
 #include "runtime/tuning.h"
-
-/* Channels in the tiles of work-groups. */
-#define GROUP_LANES 32
 
 /* One pass over an image: `out` from `in`. A pass to fine with stride 1 is one to coarse with mirrored weights. */
 typedef struct hada_conv_pass {
@@ -19,13 +17,14 @@ typedef struct hada_conv_pass {
     int to_coarse;
     int in_channels, in_rows, in_cols, out_channels, out_rows, out_cols;
     int in_step, step;        /* pixels of the input and of the output from one place of the kernel to the next */
-    int taps_rows, taps_cols; /* padding as conv_taps_of() of kernels/inc_conv.h counts it */
+    int taps_rows, taps_cols; /* padding as hada_conv_taps_of() counts it */
     int lanes;                /* output channels in a group of the packed weights */
     int pixels;               /* pixels, or tiles, at a time */
     int rows_each;            /* direct: rows of a work-item */
     int tile;                 /* Winograd: 2 or 4 */
     int tiles;                /* Winograd in one launch: tiles of a work-item; 0: in three launches */
     int room;                 /* Winograd in three launches: tiles at most */
+    int program;              /* of the kernel file that serves it: a row of the manifest */
     size_t scratch_floats;
     size_t weight_floats;
 } hada_conv_pass;
@@ -41,6 +40,7 @@ typedef struct hada_conv_gradient {
     int tile;  /* Winograd: 4, else 0 */
     int tiles; /* Winograd: tiles at a time in local memory; 0: all steps in launches of their own, through scratch */
     int room;  /* then: tiles at most */
+    int program;
 } hada_conv_gradient;
 
 /* What the tuning file, or the tuner, has chosen for a pass; AUTO: nothing, the table decides. Negative: as the table
@@ -122,7 +122,7 @@ void hada_conv_table_gradient_tiles(const hada_context *context, hada_conv_gradi
 void hada_conv_table_pass(const hada_context *context, hada_conv_pass *pass);
 void hada_conv_table_gradient(const hada_context *context, const hada_conv_desc *desc, hada_conv_gradient *gradient);
 
-/* What is done with a finished sum (kernels/inc_conv.h). */
+/* What is done with a finished sum (hada_conv_epilogue). */
 typedef struct hada_conv_finish {
     cl_mem bias;
     size_t bias_offset;
@@ -132,23 +132,19 @@ typedef struct hada_conv_finish {
     int accumulate;
 } hada_conv_finish;
 
-/* A launch in three dimensions, and the macro of kernels that know the block alone. */
-hada_status hada_conv_launch(hada_slot *slot, const char *file, const char *name, const char *options,
-                             const size_t *global, const size_t *local, const hada_arg *args, size_t count,
-                             hada_error *err);
-const char *hada_conv_block_option(int block);
-
 /* States what the next launch needs at least, for profiles: the products of the definition. */
 void hada_conv_cost(hada_conv *conv, const hada_tensor *coarse, const hada_tensor *fine);
 
-/* What kernels take of a finish: flags and the mask's place. */
-typedef struct hada_conv_finish_args {
-    cl_mem bias, mask, pooled;
-    cl_ulong bias_offset, mask_offset, mask_image, pooled_offset, pooled_image;
-    cl_int flags, activation;
-    cl_float slope;
-} hada_conv_finish_args;
-hada_conv_finish_args hada_conv_finish_of(const hada_conv_finish *finish, int pools);
+/* What kernels take of a pass, and of the gradient of the weights. pools: the pooled output is written at once. */
+hada_conv_problem hada_conv_problem_of(const hada_conv *conv, int pass, const hada_tensor *in, const hada_tensor *out,
+                                       const hada_conv_finish *finish, int pools);
+hada_conv_correlation hada_conv_correlation_of(const hada_conv *conv, const hada_tensor *coarse,
+                                               const hada_tensor *fine);
+
+static inline cl_mem hada_conv_mask(const hada_conv_finish *finish)
+{
+    return finish->mask ? finish->mask->mem : NULL;
+}
 
 hada_status hada_conv_pack(hada_conv *conv, int pass, cl_mem weights, size_t offset, hada_error *err);
 hada_status hada_conv_run(hada_conv *conv, int pass, const hada_tensor *in, const hada_tensor *out,
@@ -165,10 +161,6 @@ hada_status hada_conv_winograd_pack(hada_conv *conv, int pass, cl_mem weights, s
 hada_status hada_conv_pool(hada_conv *conv, const hada_tensor *y, const hada_tensor *pooled, hada_error *err);
 hada_status hada_conv_weights(hada_conv *conv, const hada_tensor *coarse, const hada_tensor *fine, cl_mem dw,
                               size_t offset, int accumulate, hada_error *err);
-/* The programs of conv_winograd_steps.cl whose first step the gradients share. */
-#define HADA_CONV_STEPS_16 "-DNET_BLOCK=16 -DCONV_BLOCKS=2 -DCONV_PIXELS=8 -DCONV_TILE=4"
-#define HADA_CONV_STEPS_8  "-DNET_BLOCK=8 -DCONV_BLOCKS=2 -DCONV_PIXELS=6 -DCONV_TILE=4"
-
 /* Also db (NULL: none) where the coarse image is dy. */
 hada_status hada_conv_winograd_weights(hada_conv *conv, const hada_tensor *coarse, const hada_tensor *fine, cl_mem dw,
                                        size_t offset, cl_mem db, size_t db_offset, int accumulate, hada_error *err);

@@ -3,7 +3,12 @@
 
 #include <limits.h>
 
-#include "../../kernels/inc_conv_taps.h"
+#include "launch/conv_direct.h"
+#include "launch/conv_weights.h"
+#include "launch/conv_winograd.h"
+#include "launch/conv_winograd_steps.h"
+#include "launch/conv_winograd_weight_steps.h"
+#include "launch/conv_winograd_weights.h"
 
 #define STRIP_ROWS     8
 #define LEAST_PARTS    8
@@ -56,7 +61,7 @@ static hada_status validate(const hada_conv_desc *d, hada_error *err)
 static int within_halo(int in, int out, int kernel, int pad, int in_step, int step)
 {
     for (int phase = 0; phase < step && phase < out; phase++) {
-        const conv_taps taps = conv_taps_of(kernel, pad, step, phase);
+        const hada_conv_taps taps = hada_conv_taps_of(kernel, pad, step, phase);
         const int last = (out - phase + step - 1) / step - 1;
         if (taps.count && (taps.first < -1 || last * in_step + taps.first + taps.count - 1 > in))
             return 0;
@@ -135,7 +140,7 @@ static hada_status plan_pass(hada_conv_plan *plan, const hada_context *context, 
         return status;
     hada_conv_table_pass(context, pass);
     if (plan->groups)
-        pass->lanes = GROUP_LANES;
+        pass->lanes = HADA_CONV_GROUP_LANES;
     if (choice.method == HADA_CONV_DIRECT && !plan->groups) {
         pass->lanes = choice.blocks > 0 ? choice.blocks * plan->block : pass->lanes;
         pass->pixels = choice.pixels > 0 ? choice.pixels : pass->pixels;
@@ -231,8 +236,8 @@ static void plan_gradient(hada_conv_plan *plan, const hada_context *context)
     }
     if (g->method != HADA_CONV_PLAIN) {
         hada_conv_table_gradient(context, d, g);
-        const int coarse_tile = plan->groups ? GROUP_LANES : g->blocks * plan->block;
-        const int fine_tile = plan->groups ? GROUP_LANES : g->fine_each;
+        const int coarse_tile = plan->groups ? HADA_CONV_GROUP_LANES : g->blocks * plan->block;
+        const int fine_tile = plan->groups ? HADA_CONV_GROUP_LANES : g->fine_each;
         if (plan->groups)
             g->cols_each = g->rows_each = 1;
         g->coarse_groups = padded(g->coarse_channels, coarse_tile) / coarse_tile;
@@ -251,6 +256,38 @@ static void plan_gradient(hada_conv_plan *plan, const hada_context *context)
     need_scratch(plan, g->part_floats * (size_t)g->parts);
 }
 
+/* The programs that serve, by the values of their macros; where there are no numbers to choose by, the launch names the
+ * program. */
+static int pass_program(const hada_conv_plan *plan, const hada_conv_pass *pass)
+{
+    const int block = plan->block, blocks = pass->lanes / block;
+    if (pass->tile && pass->tiles)
+        return hada_find_conv_winograd(.net_block = block, .conv_blocks = blocks, .conv_pixels = pass->pixels,
+                                       .conv_tile = pass->tile);
+    if (pass->tile)
+        return hada_find_conv_winograd_steps(.net_block = block, .conv_blocks = blocks, .conv_pixels = pass->pixels,
+                                             .conv_tile = pass->tile);
+    if (pass->method == HADA_CONV_DIRECT && !plan->groups)
+        return hada_find_conv_direct(.net_block = block, .conv_blocks = blocks, .conv_pixels = pass->pixels,
+                                     .conv_step = pass->in_step);
+    return 0;
+}
+
+static int gradient_program(const hada_conv_plan *plan)
+{
+    const hada_conv_gradient *g = &plan->gradient;
+    if (g->tile && g->tiles)
+        return hada_find_conv_winograd_weights(.net_block = plan->block, .conv_blocks = g->blocks,
+                                               .conv_fine = g->fine_each);
+    if (g->tile)
+        return hada_find_conv_winograd_weight_steps(.net_block = plan->block, .conv_blocks = g->blocks,
+                                                    .conv_fine = g->fine_each);
+    if (g->method == HADA_CONV_DIRECT && !plan->groups)
+        return hada_find_conv_weights(.net_block = plan->block, .conv_blocks = g->blocks, .conv_fine = g->fine_each,
+                                      .conv_cols = g->cols_each, .conv_rows = g->rows_each);
+    return 0;
+}
+
 hada_status hada_conv_plan_make(hada_conv_plan *plan, const hada_context *context, const hada_conv_desc *desc,
                                 const hada_conv_choice *forced, hada_error *err)
 {
@@ -264,9 +301,12 @@ hada_status hada_conv_plan_make(hada_conv_plan *plan, const hada_context *contex
     if (desc->training) {
         HADA_TRY(plan_pass(plan, context, &plan->pass[HADA_CONV_DATA], desc->transposed, NULL, err));
         plan_gradient(plan, context);
+        plan->gradient.program = gradient_program(plan);
     }
-    for (int p = 0; p < plan->pass_count; p++)
+    for (int p = 0; p < plan->pass_count; p++) {
         need_scratch(plan, plan->pass[p].scratch_floats);
+        plan->pass[p].program = pass_program(plan, &plan->pass[p]);
+    }
 done:
     return status;
 }

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
+#include "launch/net_tensor.h"
 #include "net/enhance_shape.h"
 #include "net/layer_launch.h"
 
@@ -133,21 +134,20 @@ typedef struct part {
     size_t offset; /* floats */
     int rows, cols, row, col;
 } part;
+static hada_planar_layout layout_of(const part *p)
+{
+    const hada_ulong row = (hada_ulong)p->cols;
+    return (hada_planar_layout){.offset = p->offset + (hada_ulong)p->row * row + (hada_ulong)p->col,
+                                .channel = row * (hada_ulong)p->rows,
+                                .row = row};
+}
+
 static hada_status copy(const hada_enhance *e, const part *from, const part *to, int rows, int cols, hada_error *err)
 {
-    const part *both[2] = {from, to};
-    cl_ulong offset[2], row[2], channel[2];
-    for (int i = 0; i < 2; i++) {
-        row[i] = (cl_ulong)both[i]->cols;
-        channel[i] = row[i] * (cl_ulong)both[i]->rows;
-        offset[i] = both[i]->offset + (cl_ulong)both[i]->row * row[i] + (cl_ulong)both[i]->col;
-    }
-    const hada_arg args[] = {HADA_ARG(from->mem), HADA_ARG(offset[0]), HADA_ARG(row[0]), HADA_ARG(channel[0]),
-                             HADA_ARG(to->mem),   HADA_ARG(offset[1]), HADA_ARG(row[1]), HADA_ARG(channel[1]),
-                             HADA_ARG(rows),      HADA_ARG(cols)};
-    const size_t runs = ((size_t)cols + HADA_PART_COLS - 1) / HADA_PART_COLS;
-    return hada_layer_launch_flat(e->slot, "net_tensor", "net_part", 0, runs, (size_t)rows * (size_t)e->desc.channels,
-                                  args, HADA_COUNT(args), err);
+    const hada_range range = hada_layer_flat_range(e->slot, hada_divide_up((size_t)cols, HADA_PART_COLS),
+                                                   (size_t)rows * (size_t)e->desc.channels);
+    return hada_launch_net_part(e->slot, HADA_PROGRAM_NET_TENSOR_DEFAULT, &range, err, .from = from->mem, .to = to->mem,
+                                .at_from = layout_of(from), .at_to = layout_of(to), .rows = rows, .cols = cols);
 }
 
 /* Fills the map of content of a plane. */
@@ -155,12 +155,11 @@ static hada_status map_content(hada_enhance *e, cl_mem planes, size_t offset, ha
 {
     hada_status status = HADA_OK;
     const hada_enhance_desc *d = &e->desc;
-    const cl_ulong first = offset;
-    const cl_int cell = HADA_CONTENT_CELL, cells = e->shape.content_cells;
-    const hada_arg args[] = {HADA_ARG(planes),  HADA_ARG(first), HADA_ARG(d->channels), HADA_ARG(d->rows),
-                             HADA_ARG(d->cols), HADA_ARG(cell),  HADA_ARG(cells),       HADA_ARG(e->content.mem)};
-    HADA_TRY(hada_layer_launch_flat(e->slot, "net_tensor", "net_content", 0, (size_t)cells, (size_t)d->rows, args,
-                                    HADA_COUNT(args), err));
+    const int cells = e->shape.content_cells;
+    const hada_range range = hada_layer_flat_range(e->slot, (size_t)cells, (size_t)d->rows);
+    HADA_TRY(hada_launch_net_content(e->slot, HADA_PROGRAM_NET_TENSOR_DEFAULT, &range, err, .image = planes,
+                                     .out = e->content.mem, .offset = offset, .channels = d->channels, .rows = d->rows,
+                                     .cols = d->cols, .cell = HADA_CONTENT_CELL, .cells = cells));
     HADA_TRY(hada_buffer_read(&e->content, e->slot, 0, e->map, e->content.bytes, err));
 done:
     return status;

@@ -6,8 +6,6 @@
 
 /* Columns to a cell of the map of content. */
 #define HADA_CONTENT_CELL 32
-/* Columns that a work-item of net_part copies. */
-#define HADA_PART_COLS 64
 
 typedef struct hada_enhance_shape {
     int rows, cols;           /* at which the net runs */

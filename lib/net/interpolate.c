@@ -1,19 +1,18 @@
 /* Resizing. */
 #include <limits.h>
 
+#include "launch/net_resize.h"
 #include "net/layer_launch.h"
 
-/* As in net_resize.cl. */
-enum { RULE_HALF = 0, RULE_ALIGNED = 1, RULE_NEAREST = 2 };
-
-static cl_int rule_of(hada_resize resize)
+static hada_resize_rule rule_of(hada_resize resize)
 {
     if (resize == HADA_RESIZE_NEAREST)
-        return RULE_NEAREST;
-    return resize == HADA_RESIZE_LINEAR_ALIGNED || resize == HADA_RESIZE_CUBIC_ALIGNED ? RULE_ALIGNED : RULE_HALF;
+        return HADA_RESIZE_FLOOR;
+    return resize == HADA_RESIZE_LINEAR_ALIGNED || resize == HADA_RESIZE_CUBIC_ALIGNED ? HADA_RESIZE_ALIGNED
+                                                                                       : HADA_RESIZE_HALF;
 }
 
-static cl_int taps_of(hada_resize resize)
+static int taps_of(hada_resize resize)
 {
     return resize == HADA_RESIZE_NEAREST                                        ? 1
            : resize == HADA_RESIZE_CUBIC || resize == HADA_RESIZE_CUBIC_ALIGNED ? 4
@@ -48,13 +47,19 @@ hada_status hada_resize_forward(hada_slot *slot, hada_resize resize, const hada_
     if (status)
         return status;
     const hada_layer_grid grid = hada_layer_grid_of(slot, y, y->rows, y->cols);
-    const hada_tensor_place at_x = hada_tensor_place_of(x), at_y = hada_tensor_place_of(y);
-    const cl_int blocks = hada_tensor_blocks(x), rule = rule_of(resize), taps = taps_of(resize);
-    const hada_arg args[] = {HADA_ARG_TENSOR(x, at_x), HADA_ARG_TENSOR(y, at_y), HADA_ARG(x->rows),
-                             HADA_ARG(x->cols),        HADA_ARG(y->rows),        HADA_ARG(y->cols),
-                             HADA_ARG(blocks),         HADA_ARG(grid.span),      HADA_ARG(rule)};
-    const char *name = taps == 1 ? "net_resize_nearest" : taps == 2 ? "net_resize_linear" : "net_resize_cubic";
-    return hada_layer_launch(slot, "net_resize", name, x, &grid, args, HADA_COUNT(args) - (taps == 1 ? 1 : 0), err);
+    const hada_tensor_layout at_x = hada_layout_of(x), at_y = hada_layout_of(y);
+    const hada_program_net_resize program = HADA_PROGRAM_BY_BLOCK(NET_RESIZE, x->block);
+    switch (taps_of(resize)) {
+    case 1:
+        return hada_launch_net_resize_nearest(slot, program, &grid.range, err, .x = x->mem, .y = y->mem, .at_x = at_x,
+                                              .at_y = at_y, .span = grid.span);
+    case 2:
+        return hada_launch_net_resize_linear(slot, program, &grid.range, err, .x = x->mem, .y = y->mem, .at_x = at_x,
+                                             .at_y = at_y, .span = grid.span, .rule = rule_of(resize));
+    default:
+        return hada_launch_net_resize_cubic(slot, program, &grid.range, err, .x = x->mem, .y = y->mem, .at_x = at_x,
+                                            .at_y = at_y, .span = grid.span, .rule = rule_of(resize));
+    }
 }
 
 hada_status hada_resize_backward(hada_slot *slot, hada_resize resize, const hada_tensor *dy, const hada_tensor *dx,
@@ -64,18 +69,8 @@ hada_status hada_resize_backward(hada_slot *slot, hada_resize resize, const hada
     if (status)
         return status;
     const hada_layer_grid grid = hada_layer_grid_of(slot, dx, dx->rows, dx->cols);
-    const hada_tensor_place at_dy = hada_tensor_place_of(dy), at_dx = hada_tensor_place_of(dx);
-    const cl_int blocks = hada_tensor_blocks(dx), rule = rule_of(resize), taps = taps_of(resize), add = accumulate;
-    const hada_arg args[] = {HADA_ARG_TENSOR(dy, at_dy),
-                             HADA_ARG_TENSOR(dx, at_dx),
-                             HADA_ARG(dx->rows),
-                             HADA_ARG(dx->cols),
-                             HADA_ARG(dy->rows),
-                             HADA_ARG(dy->cols),
-                             HADA_ARG(blocks),
-                             HADA_ARG(grid.span),
-                             HADA_ARG(rule),
-                             HADA_ARG(taps),
-                             HADA_ARG(add)};
-    return hada_layer_launch(slot, "net_resize", "net_resize_backward", dx, &grid, args, HADA_COUNT(args), err);
+    return hada_launch_net_resize_backward(slot, HADA_PROGRAM_BY_BLOCK(NET_RESIZE, dx->block), &grid.range, err,
+                                           .dy = dy->mem, .dx = dx->mem, .at_dy = hada_layout_of(dy),
+                                           .at_dx = hada_layout_of(dx), .span = grid.span, .rule = rule_of(resize),
+                                           .taps = taps_of(resize), .accumulate = accumulate);
 }

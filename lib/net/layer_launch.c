@@ -2,39 +2,21 @@
 
 #include <limits.h>
 
-#include "runtime/kernel.h"
+#include "launch/net_sum.h"
 
 enum {
     ITEM_FLOATS = 8192, /* of a tensor per work-item on CPUs: above what a work-group's start costs, within the cache */
     ROW_ITEMS = 32,     /* work-items that share a row on GPUs */
-    FLAT_LOCAL = 64,
-    SUM_RUN = 64 /* as in net_sum.cl */
+    FLAT_LOCAL = 64
 };
-
-static size_t divide_up(size_t a, size_t b)
-{
-    return (a + b - 1) / b;
-}
-
-hada_tensor_place hada_tensor_place_of(const hada_tensor *tensor)
-{
-    return (hada_tensor_place){tensor->offset, tensor->image_stride};
-}
-
-cl_int hada_tensor_blocks(const hada_tensor *tensor)
-{
-    return (tensor->channels + tensor->block - 1) / tensor->block;
-}
 
 static hada_layer_grid grid_of(int groups, const hada_tensor *tensor, int rows, int cols)
 {
     const size_t row_floats = (size_t)cols * (size_t)tensor->block, wanted = ITEM_FLOATS / row_floats;
-    hada_layer_grid grid = {.local = {groups ? ROW_ITEMS : 1, 1, 1}};
-    grid.span = groups || wanted < 2 ? 1 : wanted < (size_t)rows ? (cl_int)wanted : rows;
-    grid.global[0] = grid.local[0];
-    grid.global[1] = divide_up((size_t)rows, (size_t)grid.span);
-    grid.global[2] = (size_t)hada_tensor_blocks(tensor) * (size_t)tensor->images;
-    return grid;
+    const size_t planes = (size_t)hada_layout_of(tensor).blocks * (size_t)tensor->images;
+    const int span = groups || wanted < 2 ? 1 : wanted < (size_t)rows ? (int)wanted : rows;
+    const size_t runs = hada_divide_up((size_t)rows, (size_t)span);
+    return (hada_layer_grid){hada_range_groups(1, groups ? ROW_ITEMS : 1, runs, planes), span};
 }
 
 hada_layer_grid hada_layer_grid_of(const hada_slot *slot, const hada_tensor *tensor, int rows, int cols)
@@ -44,7 +26,7 @@ hada_layer_grid hada_layer_grid_of(const hada_slot *slot, const hada_tensor *ten
 
 size_t hada_layer_grid_items(const hada_layer_grid *grid)
 {
-    return grid->global[0] * grid->global[1] * grid->global[2];
+    return grid->range.global[0] * grid->range.global[1] * grid->range.global[2];
 }
 
 size_t hada_layer_items_at_most(const hada_tensor *tensor)
@@ -53,33 +35,9 @@ size_t hada_layer_items_at_most(const hada_tensor *tensor)
     return hada_layer_grid_items(&groups); /* lanes have fewer: one item for a row or more */
 }
 
-static const char *options_of(int block)
+hada_range hada_layer_flat_range(const hada_slot *slot, size_t items, size_t lines)
 {
-    return block == 16 ? "-DNET_BLOCK=16" : "";
-}
-
-hada_status hada_layer_launch(hada_slot *slot, const char *file, const char *name, const hada_tensor *tensor,
-                              const hada_layer_grid *grid, const hada_arg *args, size_t arg_count, hada_error *err)
-{
-    hada_status status = HADA_OK;
-    cl_kernel kernel;
-    HADA_TRY(hada_slot_kernel(slot, file, name, options_of(tensor->block), &kernel, err));
-    HADA_TRY(hada_slot_launch(slot, kernel, name, 3, grid->global, grid->local, args, arg_count, err));
-done:
-    return status;
-}
-
-hada_status hada_layer_launch_flat(hada_slot *slot, const char *file, const char *name, int block, size_t items,
-                                   size_t lines, const hada_arg *args, size_t arg_count, hada_error *err)
-{
-    hada_status status = HADA_OK;
-    const size_t local[2] = {slot->context->shape == HADA_SHAPE_GROUPS ? FLAT_LOCAL : 1, 1};
-    const size_t global[2] = {divide_up(items, local[0]) * local[0], lines};
-    cl_kernel kernel;
-    HADA_TRY(hada_slot_kernel(slot, file, name, options_of(block), &kernel, err));
-    HADA_TRY(hada_slot_launch(slot, kernel, name, 2, global, local, args, arg_count, err));
-done:
-    return status;
+    return hada_range_of(items, slot->context->shape == HADA_SHAPE_GROUPS ? FLAT_LOCAL : 1, lines, 1);
 }
 
 static int possible(const hada_tensor *t)
@@ -105,8 +63,8 @@ hada_status hada_layer_check(const char *layer, const hada_tensor *x, const hada
 size_t hada_sum_scratch(size_t count)
 {
     size_t floats = 0;
-    while (count > SUM_RUN)
-        floats += count = divide_up(count, SUM_RUN);
+    while (count > HADA_SUM_RUN)
+        floats += count = hada_divide_up(count, HADA_SUM_RUN);
     return floats;
 }
 
@@ -117,18 +75,13 @@ hada_status hada_sum_floats(hada_slot *slot, cl_mem scratch, size_t first, size_
     if (count > UINT_MAX)
         return hada_fail(err, HADA_ERROR_UNSUPPORTED, "a sum of %zu values is too long", count);
     for (int last = 0; !last;) {
-        const size_t runs = divide_up(count, SUM_RUN);
+        const size_t runs = hada_divide_up(count, HADA_SUM_RUN);
+        const hada_range range = hada_range_of(runs, 1, 1, 1);
         last = runs == 1;
-        const cl_mem to = last ? out.mem : scratch;
-        const cl_ulong in_offset = first, out_offset = last ? out.offset : first + count;
-        const cl_uint in_count = (cl_uint)count;
-        const cl_float times = last ? scale : 1.0f, plus = last ? shift : 0.0f;
-        const hada_arg args[] = {HADA_ARG(scratch),    HADA_ARG(in_offset), HADA_ARG(in_count), HADA_ARG(to),
-                                 HADA_ARG(out_offset), HADA_ARG(times),     HADA_ARG(plus)};
-        const size_t one[2] = {1, 1}, global[2] = {runs, 1};
-        cl_kernel kernel;
-        HADA_TRY(hada_slot_kernel(slot, "net_sum", "net_sum", "", &kernel, err));
-        HADA_TRY(hada_slot_launch(slot, kernel, "net_sum", 2, global, one, args, HADA_COUNT(args), err));
+        HADA_TRY(hada_launch_net_sum(slot, HADA_PROGRAM_NET_SUM_DEFAULT, &range, err, .in = scratch,
+                                     .out = last ? out.mem : scratch, .in_offset = first,
+                                     .out_offset = last ? out.offset : first + count, .in_count = (cl_uint)count,
+                                     .scale = last ? scale : 1.0f, .shift = last ? shift : 0.0f));
         first += count;
         count = runs;
     }

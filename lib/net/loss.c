@@ -1,7 +1,7 @@
 /* Losses that look at single values or neighbours. */
+#include "launch/net_loss.h"
 #include "net/layer_launch.h"
 #include "net/ssim_loss.h"
-#include "runtime/kernel.h"
 
 static double values_of(const hada_tensor *x)
 {
@@ -32,47 +32,33 @@ done:
     return status;
 }
 
-/* Value by value: mean of squares, of absolute values, of logits' entropies; kinds are counted as in net_loss.cl. */
+/* Value by value: mean of squares, of absolute values, of logits' entropies. */
 static hada_status by_value(hada_slot *slot, const hada_loss_desc *desc, const hada_tensor *x,
                             const hada_tensor *target, const hada_tensor *dx, int accumulate,
                             const hada_layer_grid *grid, cl_mem scratch, hada_error *err)
 {
     const hada_tensor *to = dx ? dx : x; /* not written where there is no gradient */
-    const hada_tensor_place at_x = hada_tensor_place_of(x), at_target = hada_tensor_place_of(target);
-    const hada_tensor_place at_dx = hada_tensor_place_of(to);
-    const cl_int blocks = hada_tensor_blocks(x), kind = (cl_int)desc->loss, has_gradient = dx != NULL, add = accumulate;
-    const cl_float scale = (cl_float)(desc->weight / values_of(x));
-    const hada_arg args[] = {HADA_ARG_TENSOR(x, at_x),
-                             HADA_ARG_TENSOR(target, at_target),
-                             HADA_ARG_TENSOR(to, at_dx),
-                             HADA_ARG(x->rows),
-                             HADA_ARG(x->cols),
-                             HADA_ARG(blocks),
-                             HADA_ARG(grid->span),
-                             HADA_ARG(x->channels),
-                             HADA_ARG(kind),
-                             HADA_ARG(scale),
-                             HADA_ARG(has_gradient),
-                             HADA_ARG(add),
-                             HADA_ARG(scratch)};
-    return hada_layer_launch(slot, "net_loss", "net_loss_values", x, grid, args, HADA_COUNT(args), err);
+    const hada_loss_term term = {.loss = (int)desc->loss,
+                                 .has_gradient = dx != NULL,
+                                 .accumulate = accumulate,
+                                 .scale = (cl_float)(desc->weight / values_of(x))};
+    return hada_launch_net_loss_values(slot, HADA_PROGRAM_BY_BLOCK(NET_LOSS, x->block), &grid->range, err, .x = x->mem,
+                                       .target = target->mem, .dx = to->mem, .sums = scratch, .at_x = hada_layout_of(x),
+                                       .at_target = hada_layout_of(target), .at_dx = hada_layout_of(to),
+                                       .span = grid->span, .term = term);
 }
 
 static hada_status variation(hada_slot *slot, const hada_loss_desc *desc, const hada_tensor *x, const hada_tensor *dx,
                              int accumulate, const hada_layer_grid *grid, cl_mem scratch, hada_error *err)
 {
     const hada_tensor *to = dx ? dx : x;
-    const hada_tensor_place at_x = hada_tensor_place_of(x), at_dx = hada_tensor_place_of(to);
-    const cl_int blocks = hada_tensor_blocks(x), squared = desc->loss == HADA_LOSS_TV_SQUARED;
-    const cl_int has_gradient = dx != NULL, add = accumulate;
-    const cl_float scale = desc->weight / (cl_float)x->images;
-    const hada_arg args[] = {HADA_ARG_TENSOR(x, at_x), HADA_ARG_TENSOR(to, at_dx),
-                             HADA_ARG(x->rows),        HADA_ARG(x->cols),
-                             HADA_ARG(blocks),         HADA_ARG(grid->span),
-                             HADA_ARG(squared),        HADA_ARG(scale),
-                             HADA_ARG(has_gradient),   HADA_ARG(add),
-                             HADA_ARG(scratch)};
-    return hada_layer_launch(slot, "net_loss", "net_loss_variation", x, grid, args, HADA_COUNT(args), err);
+    const hada_loss_term term = {.loss = (int)desc->loss,
+                                 .has_gradient = dx != NULL,
+                                 .accumulate = accumulate,
+                                 .scale = desc->weight / (cl_float)x->images};
+    return hada_launch_net_loss_variation(slot, HADA_PROGRAM_BY_BLOCK(NET_LOSS, x->block), &grid->range, err,
+                                          .x = x->mem, .dx = to->mem, .sums = scratch, .at_x = hada_layout_of(x),
+                                          .at_dx = hada_layout_of(to), .span = grid->span, .term = term);
 }
 
 hada_status hada_loss_run(hada_slot *slot, const hada_loss_desc *desc, const hada_tensor *x, const hada_tensor *target,

@@ -24,15 +24,6 @@
  *   SSIM        1 - the mean of structural similarity (Wang et al. 2004: Gaussian window of 11 x 11, sigma 1.5,
  *               K1 0.01, K2 0.03, population covariance) over every window inside the image and every channel;
  *               needs images of at least 11 x 11. The same number as hada_metric_ssim(). */
-typedef enum hada_loss {
-    HADA_LOSS_MSE = 0,
-    HADA_LOSS_L1 = 1,
-    HADA_LOSS_LOGITS = 2,
-    HADA_LOSS_TV = 3,
-    HADA_LOSS_TV_SQUARED = 4,
-    HADA_LOSS_SSIM = 5
-} hada_loss;
-
 typedef struct hada_loss_desc {
     hada_loss loss;
     float weight;

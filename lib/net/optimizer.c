@@ -4,11 +4,10 @@
 #include <limits.h>
 #include <math.h>
 
+#include "launch/net_optimizer.h"
 #include "net/layer_launch.h"
-#include "runtime/kernel.h"
 
-/* As in net_optimizer.cl; ROW_ITEMS work-items share a run on GPUs. */
-enum { RUN = 4096, ROW_ITEMS = 32 };
+enum { ROW_ITEMS = 32 }; /* work-items that share a run on GPUs */
 
 void hada_optimizer_desc_init(hada_optimizer_desc *desc, hada_optimizer optimizer)
 {
@@ -36,7 +35,7 @@ static hada_status check_optimizer(const hada_optimizer_desc *desc, uint64_t ste
 {
     if ((int)desc->optimizer < HADA_OPTIMIZER_RMSPROP || desc->optimizer > HADA_OPTIMIZER_ADAMW)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "there is no optimiser %d", (int)desc->optimizer);
-    if (!step || !count || count > UINT_MAX - RUN)
+    if (!step || !count || count > UINT_MAX - HADA_OPTIMIZER_RUN)
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "step %llu on %zu parameters: steps count from 1, and an array holds "
                          "1 to 4 thousand million",
@@ -56,58 +55,60 @@ static hada_status check_optimizer(const hada_optimizer_desc *desc, uint64_t ste
     return HADA_OK;
 }
 
-/* A kernel of net_optimizer.cl over an array. */
-static hada_status launch(hada_slot *slot, const char *name, size_t count, const hada_arg *args, size_t arg_count,
-                          hada_error *err)
+static size_t row_items(const hada_slot *slot)
 {
-    hada_status status = HADA_OK;
-    const size_t items = slot->context->shape == HADA_SHAPE_GROUPS ? ROW_ITEMS : 1;
-    const size_t local[2] = {items, 1}, global[2] = {items, (count + RUN - 1) / RUN};
-    cl_kernel kernel;
-    HADA_TRY(hada_slot_kernel(slot, "net_optimizer", name, "", &kernel, err));
-    HADA_TRY(hada_slot_launch(slot, kernel, name, 2, global, local, args, arg_count, err));
-done:
-    return status;
+    return slot->context->shape == HADA_SHAPE_GROUPS ? ROW_ITEMS : 1;
+}
+
+static hada_range runs_range(const hada_slot *slot, size_t count)
+{
+    return hada_range_groups(1, row_items(slot), hada_divide_up(count, HADA_OPTIMIZER_RUN), 1);
+}
+
+static hada_update_layout update_of(const hada_optimizer_desc *desc, hada_floats gradient, hada_floats parameters,
+                                    hada_floats state, size_t count)
+{
+    return (hada_update_layout){.gradient = gradient.offset,
+                                .parameters = parameters.offset,
+                                .state = state.offset,
+                                .count = (cl_uint)count,
+                                .scale = (cl_float)desc->scale};
 }
 
 static hada_status rmsprop(hada_slot *slot, const hada_optimizer_desc *desc, double rate, hada_floats gradient,
                            hada_floats parameters, hada_floats state, size_t count, hada_error *err)
 {
-    const cl_ulong at_gradient = gradient.offset, at_parameters = parameters.offset, at_state = state.offset;
-    const cl_uint values = (cl_uint)count;
-    const cl_float scale = (cl_float)desc->scale;
-    const cl_float step = (cl_float)rate, decay = (cl_float)desc->decay, rest = (cl_float)(1.0 - desc->decay);
-    const cl_float eps = (cl_float)desc->eps, momentum = (cl_float)desc->momentum;
-    const cl_float weight_decay = (cl_float)desc->weight_decay;
-    const cl_int centered = desc->centered != 0, outside = desc->optimizer == HADA_OPTIMIZER_RMSPROP_TORCH;
-    const hada_arg args[] = {
-        HADA_ARG(gradient.mem), HADA_ARG(at_gradient),  HADA_ARG(parameters.mem), HADA_ARG(at_parameters),
-        HADA_ARG(state.mem),    HADA_ARG(at_state),     HADA_ARG(values),         HADA_ARG(scale),
-        HADA_ARG(step),         HADA_ARG(decay),        HADA_ARG(rest),           HADA_ARG(eps),
-        HADA_ARG(momentum),     HADA_ARG(weight_decay), HADA_ARG(centered),       HADA_ARG(outside)};
-    return launch(slot, "net_optimizer_rmsprop", count, args, HADA_COUNT(args), err);
+    const hada_range range = runs_range(slot, count);
+    const hada_rmsprop rule = {.rate = (cl_float)rate,
+                               .decay = (cl_float)desc->decay,
+                               .rest = (cl_float)(1.0 - desc->decay),
+                               .eps = (cl_float)desc->eps,
+                               .momentum = (cl_float)desc->momentum,
+                               .weight_decay = (cl_float)desc->weight_decay,
+                               .centered = desc->centered != 0,
+                               .outside = desc->optimizer == HADA_OPTIMIZER_RMSPROP_TORCH};
+    return hada_launch_net_optimizer_rmsprop(slot, HADA_PROGRAM_NET_OPTIMIZER_DEFAULT, &range, err,
+                                             .gradient = gradient.mem, .parameters = parameters.mem, .state = state.mem,
+                                             .at = update_of(desc, gradient, parameters, state, count), .rule = rule);
 }
 
 static hada_status adam(hada_slot *slot, const hada_optimizer_desc *desc, uint64_t t, double rate, hada_floats gradient,
                         hada_floats parameters, hada_floats state, size_t count, hada_error *err)
 {
     const int decoupled = desc->optimizer == HADA_OPTIMIZER_ADAMW;
-    const cl_ulong at_gradient = gradient.offset, at_parameters = parameters.offset, at_state = state.offset;
-    const cl_uint values = (cl_uint)count;
-    const cl_float scale = (cl_float)desc->scale;
-    const cl_float rate1 = (cl_float)(rate / (1.0 - pow(desc->beta1, (double)t)));
-    const cl_float root2 = (cl_float)(1.0 / sqrt(1.0 - pow(desc->beta2, (double)t)));
-    const cl_float beta1 = (cl_float)desc->beta1, rest1 = (cl_float)(1.0 - desc->beta1);
-    const cl_float beta2 = (cl_float)desc->beta2, rest2 = (cl_float)(1.0 - desc->beta2), eps = (cl_float)desc->eps;
-    const cl_float weight_decay = decoupled ? 0.0f : (cl_float)desc->weight_decay;
-    const cl_float shrink = decoupled ? (cl_float)(1.0 - rate * desc->weight_decay) : 1.0f;
-    const hada_arg args[] = {HADA_ARG(gradient.mem),  HADA_ARG(at_gradient), HADA_ARG(parameters.mem),
-                             HADA_ARG(at_parameters), HADA_ARG(state.mem),   HADA_ARG(at_state),
-                             HADA_ARG(values),        HADA_ARG(scale),       HADA_ARG(rate1),
-                             HADA_ARG(root2),         HADA_ARG(beta1),       HADA_ARG(rest1),
-                             HADA_ARG(beta2),         HADA_ARG(rest2),       HADA_ARG(eps),
-                             HADA_ARG(weight_decay),  HADA_ARG(shrink)};
-    return launch(slot, "net_optimizer_adam", count, args, HADA_COUNT(args), err);
+    const hada_range range = runs_range(slot, count);
+    const hada_adam rule = {.rate = (cl_float)(rate / (1.0 - pow(desc->beta1, (double)t))),
+                            .inverse_root = (cl_float)(1.0 / sqrt(1.0 - pow(desc->beta2, (double)t))),
+                            .beta1 = (cl_float)desc->beta1,
+                            .rest1 = (cl_float)(1.0 - desc->beta1),
+                            .beta2 = (cl_float)desc->beta2,
+                            .rest2 = (cl_float)(1.0 - desc->beta2),
+                            .eps = (cl_float)desc->eps,
+                            .weight_decay = decoupled ? 0.0f : (cl_float)desc->weight_decay,
+                            .shrink = decoupled ? (cl_float)(1.0 - rate * desc->weight_decay) : 1.0f};
+    return hada_launch_net_optimizer_adam(slot, HADA_PROGRAM_NET_OPTIMIZER_DEFAULT, &range, err,
+                                          .gradient = gradient.mem, .parameters = parameters.mem, .state = state.mem,
+                                          .at = update_of(desc, gradient, parameters, state, count), .rule = rule);
 }
 
 hada_status hada_optimizer_step(hada_slot *slot, const hada_optimizer_desc *desc, uint64_t step, double rate,
@@ -123,7 +124,7 @@ hada_status hada_optimizer_step(hada_slot *slot, const hada_optimizer_desc *desc
 
 static size_t items_of(size_t count, size_t items)
 {
-    return (count + RUN - 1) / RUN * items;
+    return hada_divide_up(count, HADA_OPTIMIZER_RUN) * items;
 }
 
 size_t hada_clip_scratch(const hada_gradient_part *parts, int part_count)
@@ -139,15 +140,13 @@ static hada_status squares(hada_slot *slot, const hada_gradient_part *parts, int
                            size_t *sums, hada_error *err)
 {
     hada_status status = HADA_OK;
-    const size_t items = slot->context->shape == HADA_SHAPE_GROUPS ? ROW_ITEMS : 1;
     *sums = 0;
     for (int i = 0; i < part_count; i++) {
-        const cl_ulong offset = parts[i].values.offset, to = *sums;
-        const cl_uint count = (cl_uint)parts[i].count;
-        const hada_arg args[] = {HADA_ARG(parts[i].values.mem), HADA_ARG(offset), HADA_ARG(count), HADA_ARG(scratch),
-                                 HADA_ARG(to)};
-        HADA_TRY(launch(slot, "net_optimizer_squares", count, args, HADA_COUNT(args), err));
-        *sums += items_of(count, items);
+        const hada_range range = runs_range(slot, parts[i].count);
+        HADA_TRY(hada_launch_net_optimizer_squares(
+            slot, HADA_PROGRAM_NET_OPTIMIZER_DEFAULT, &range, err, .values = parts[i].values.mem,
+            .offset = parts[i].values.offset, .count = (cl_uint)parts[i].count, .sums = scratch, .sums_offset = *sums));
+        *sums += items_of(parts[i].count, row_items(slot));
     }
 done:
     return status;
@@ -155,11 +154,10 @@ done:
 
 static hada_status scale_part(hada_slot *slot, const hada_gradient_part *part, hada_floats norm, hada_error *err)
 {
-    const cl_ulong offset = part->values.offset, at_norm = norm.offset;
-    const cl_uint count = (cl_uint)part->count;
-    const hada_arg args[] = {HADA_ARG(part->values.mem), HADA_ARG(offset), HADA_ARG(count), HADA_ARG(norm.mem),
-                             HADA_ARG(at_norm)};
-    return launch(slot, "net_optimizer_scale", count, args, HADA_COUNT(args), err);
+    const hada_range range = runs_range(slot, part->count);
+    return hada_launch_net_optimizer_scale(slot, HADA_PROGRAM_NET_OPTIMIZER_DEFAULT, &range, err,
+                                           .values = part->values.mem, .offset = part->values.offset,
+                                           .count = (cl_uint)part->count, .norm = norm.mem, .norm_offset = norm.offset);
 }
 
 hada_status hada_clip_gradients(hada_slot *slot, const hada_gradient_part *parts, int part_count, float max_norm,
@@ -170,19 +168,15 @@ hada_status hada_clip_gradients(hada_slot *slot, const hada_gradient_part *parts
         return hada_fail(err, HADA_ERROR_ARGUMENT, "clipping %d gradients to a norm of %g is not possible", part_count,
                          max_norm);
     for (int i = 0; i < part_count; i++)
-        if (!parts[i].count || parts[i].count > UINT_MAX - RUN)
+        if (!parts[i].count || parts[i].count > UINT_MAX - HADA_OPTIMIZER_RUN)
             return hada_fail(err, HADA_ERROR_ARGUMENT, "clipping: a gradient of %zu values is not possible",
                              parts[i].count);
+    const hada_range one = hada_range_of(1, 1, 1, 1);
     size_t sums;
     HADA_TRY(squares(slot, parts, part_count, scratch, &sums, err));
     HADA_TRY(hada_sum_floats(slot, scratch, 0, sums, 1.0f, 0.0f, norm, err));
-    const cl_ulong at_norm = norm.offset;
-    const cl_float limit = max_norm;
-    const hada_arg ends[] = {HADA_ARG(norm.mem), HADA_ARG(at_norm), HADA_ARG(limit)};
-    const size_t one[2] = {1, 1};
-    cl_kernel kernel;
-    HADA_TRY(hada_slot_kernel(slot, "net_optimizer", "net_optimizer_norm", "", &kernel, err));
-    HADA_TRY(hada_slot_launch(slot, kernel, "net_optimizer_norm", 2, one, one, ends, HADA_COUNT(ends), err));
+    HADA_TRY(hada_launch_net_optimizer_norm(slot, HADA_PROGRAM_NET_OPTIMIZER_DEFAULT, &one, err, .norm = norm.mem,
+                                            .offset = norm.offset, .limit = max_norm));
     for (int i = 0; max_norm > 0.0f && i < part_count; i++)
         HADA_TRY(scale_part(slot, &parts[i], norm, err));
 done:

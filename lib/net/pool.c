@@ -1,4 +1,5 @@
 /* Pooling. */
+#include "launch/net_pool.h"
 #include "net/layer_launch.h"
 
 static hada_status check_pool(hada_pool pool, int size, int stride, const hada_tensor *x, const hada_tensor *y,
@@ -25,13 +26,14 @@ hada_status hada_pool_forward(hada_slot *slot, hada_pool pool, int size, int str
     if (status)
         return status;
     const hada_layer_grid grid = hada_layer_grid_of(slot, y, y->rows, y->cols);
-    const hada_tensor_place at_x = hada_tensor_place_of(x), at_y = hada_tensor_place_of(y);
-    const cl_int blocks = hada_tensor_blocks(x), window = size, step = stride;
-    const hada_arg args[] = {
-        HADA_ARG_TENSOR(x, at_x), HADA_ARG_TENSOR(y, at_y), HADA_ARG(x->rows),   HADA_ARG(x->cols), HADA_ARG(y->rows),
-        HADA_ARG(y->cols),        HADA_ARG(blocks),         HADA_ARG(grid.span), HADA_ARG(window),  HADA_ARG(step)};
-    return hada_layer_launch(slot, "net_pool", pool == HADA_POOL_MAX ? "net_pool_max_forward" : "net_pool_mean_forward",
-                             x, &grid, args, HADA_COUNT(args), err);
+    const hada_tensor_layout at_x = hada_layout_of(x), at_y = hada_layout_of(y);
+    const hada_pool_window windows = {size, stride};
+    const hada_program_net_pool program = HADA_PROGRAM_BY_BLOCK(NET_POOL, x->block);
+    if (pool == HADA_POOL_MAX)
+        return hada_launch_net_pool_max_forward(slot, program, &grid.range, err, .x = x->mem, .y = y->mem, .at_x = at_x,
+                                                .at_y = at_y, .span = grid.span, .windows = windows);
+    return hada_launch_net_pool_mean_forward(slot, program, &grid.range, err, .x = x->mem, .y = y->mem, .at_x = at_x,
+                                             .at_y = at_y, .span = grid.span, .windows = windows);
 }
 
 /* Maxima of 2 x 2 that do not overlap: window by window, all rows of x counted. */
@@ -39,21 +41,10 @@ static hada_status backward_pairs(hada_slot *slot, const hada_tensor *x, const h
                                   const hada_tensor *dx, int accumulate, hada_error *err)
 {
     const hada_layer_grid grid = hada_layer_grid_of(slot, x, (x->rows + 1) / 2, (x->cols + 1) / 2);
-    const hada_tensor_place at_x = hada_tensor_place_of(x), at_y = hada_tensor_place_of(y);
-    const hada_tensor_place at_dy = hada_tensor_place_of(dy), at_dx = hada_tensor_place_of(dx);
-    const cl_int blocks = hada_tensor_blocks(x), add = accumulate;
-    const hada_arg args[] = {HADA_ARG_TENSOR(x, at_x),
-                             HADA_ARG_TENSOR(y, at_y),
-                             HADA_ARG_TENSOR(dy, at_dy),
-                             HADA_ARG_TENSOR(dx, at_dx),
-                             HADA_ARG(x->rows),
-                             HADA_ARG(x->cols),
-                             HADA_ARG(y->rows),
-                             HADA_ARG(y->cols),
-                             HADA_ARG(blocks),
-                             HADA_ARG(grid.span),
-                             HADA_ARG(add)};
-    return hada_layer_launch(slot, "net_pool", "net_pool_max2_backward", x, &grid, args, HADA_COUNT(args), err);
+    return hada_launch_net_pool_max2_backward(
+        slot, HADA_PROGRAM_BY_BLOCK(NET_POOL, x->block), &grid.range, err, .x = x->mem, .y = y->mem, .dy = dy->mem,
+        .dx = dx->mem, .at_x = hada_layout_of(x), .at_y = hada_layout_of(y), .at_dy = hada_layout_of(dy),
+        .at_dx = hada_layout_of(dx), .span = grid.span, .accumulate = accumulate);
 }
 
 hada_status hada_pool_backward(hada_slot *slot, hada_pool pool, int size, int stride, const hada_tensor *x,
@@ -67,27 +58,18 @@ hada_status hada_pool_backward(hada_slot *slot, hada_pool pool, int size, int st
     if (pool == HADA_POOL_MAX && size == 2 && stride == 2)
         return backward_pairs(slot, x, y, dy, dx, accumulate, err);
     const hada_layer_grid grid = hada_layer_grid_of(slot, x, x->rows, x->cols);
-    const hada_tensor_place at_x = hada_tensor_place_of(x), at_y = hada_tensor_place_of(y);
-    const hada_tensor_place at_dy = hada_tensor_place_of(dy), at_dx = hada_tensor_place_of(dx);
-    const cl_int blocks = hada_tensor_blocks(x), window = size, step = stride, add = accumulate;
-    const hada_arg args[] = {HADA_ARG_TENSOR(x, at_x),
-                             HADA_ARG_TENSOR(y, at_y),
-                             HADA_ARG_TENSOR(dy, at_dy),
-                             HADA_ARG_TENSOR(dx, at_dx),
-                             HADA_ARG(x->rows),
-                             HADA_ARG(x->cols),
-                             HADA_ARG(y->rows),
-                             HADA_ARG(y->cols),
-                             HADA_ARG(blocks),
-                             HADA_ARG(grid.span),
-                             HADA_ARG(window),
-                             HADA_ARG(step),
-                             HADA_ARG(add)};
-    /* the mean needs neither x nor y: two tensors, three arguments each, less */
-    const size_t skip = pool == HADA_POOL_MAX ? 0 : 6;
-    HADA_TRY(hada_layer_launch(slot, "net_pool",
-                               pool == HADA_POOL_MAX ? "net_pool_max_backward" : "net_pool_mean_backward", x, &grid,
-                               args + skip, HADA_COUNT(args) - skip, err));
+    const hada_tensor_layout at_dy = hada_layout_of(dy), at_dx = hada_layout_of(dx);
+    const hada_pool_window windows = {size, stride};
+    const hada_program_net_pool program = HADA_PROGRAM_BY_BLOCK(NET_POOL, x->block);
+    if (pool == HADA_POOL_MAX)
+        HADA_TRY(hada_launch_net_pool_max_backward(slot, program, &grid.range, err, .x = x->mem, .y = y->mem,
+                                                   .dy = dy->mem, .dx = dx->mem, .at_x = hada_layout_of(x),
+                                                   .at_y = hada_layout_of(y), .at_dy = at_dy, .at_dx = at_dx,
+                                                   .span = grid.span, .windows = windows, .accumulate = accumulate));
+    else
+        HADA_TRY(hada_launch_net_pool_mean_backward(slot, program, &grid.range, err, .dy = dy->mem, .dx = dx->mem,
+                                                    .at_dy = at_dy, .at_dx = at_dx, .span = grid.span,
+                                                    .windows = windows, .accumulate = accumulate));
 done:
     return status;
 }

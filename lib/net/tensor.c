@@ -1,7 +1,7 @@
 /* Tensors: places, views, and how values come in and out. */
 #include "net/tensor.h"
 
-#include "runtime/kernel.h"
+#include "launch/net_tensor.h"
 
 int hada_net_block(const hada_context *context)
 {
@@ -10,7 +10,7 @@ int hada_net_block(const hada_context *context)
 
 static size_t blocks_of(int block, int channels)
 {
-    return ((size_t)channels + (size_t)block - 1) / (size_t)block;
+    return hada_divide_up((size_t)channels, (size_t)block);
 }
 
 static size_t plane_floats(int block, int rows, int cols)
@@ -47,60 +47,54 @@ hada_tensor hada_tensor_images(const hada_tensor *tensor, int first, int count)
     return view;
 }
 
-/* A work-item takes a whole row on CPUs, where each costs a call; one pixel on GPUs. */
-static hada_status launch(hada_slot *slot, const char *name, const hada_tensor *tensor, int width, int height,
-                          cl_int *step, const hada_arg *args, size_t count, hada_error *err)
+hada_tensor_layout hada_layout_of(const hada_tensor *tensor)
 {
-    hada_status status = HADA_OK;
+    return (hada_tensor_layout){.offset = tensor->offset,
+                                .image = tensor->image_stride,
+                                .channels = tensor->channels,
+                                .rows = tensor->rows,
+                                .cols = tensor->cols,
+                                .blocks = (int)blocks_of(tensor->block, tensor->channels)};
+}
+
+static hada_planar_layout planar_layout(const hada_planar *planar)
+{
+    return (hada_planar_layout){planar->offset, planar->image_stride, planar->channel_stride, planar->row_stride};
+}
+
+/* Work-items of a row on GPUs, one for a pixel; on CPUs, where each costs a call, one takes a whole row. */
+enum { ROW_ITEMS = 64 };
+
+static hada_range rows_range(const hada_slot *slot, const hada_tensor *tensor, int width, int height, int *step)
+{
     const int groups = slot->context->shape == HADA_SHAPE_GROUPS;
-    const size_t local[3] = {groups ? 64 : 1, 1, 1};
-    const size_t global[3] = {groups ? ((size_t)width + 63) / 64 * 64 : 1, (size_t)height,
-                              blocks_of(tensor->block, tensor->channels) * (size_t)tensor->images};
-    cl_kernel kernel;
+    const size_t planes = blocks_of(tensor->block, tensor->channels) * (size_t)tensor->images;
     *step = groups ? 1 : width;
-    HADA_TRY(hada_slot_kernel(slot, "net_tensor", name, "", &kernel, err));
-    HADA_TRY(hada_slot_launch(slot, kernel, name, 3, global, local, args, count, err));
-done:
-    return status;
+    return hada_range_of(groups ? (size_t)width : 1, groups ? ROW_ITEMS : 1, (size_t)height, planes);
 }
 
 hada_status hada_tensor_load(hada_slot *slot, const hada_planar *in, const hada_tensor *out, hada_error *err)
 {
-    const cl_ulong in_offset = in->offset, in_image = in->image_stride, in_channel = in->channel_stride;
-    const cl_ulong in_row = in->row_stride, out_offset = out->offset, out_image = out->image_stride;
-    cl_int step;
-    const hada_arg args[] = {HADA_ARG(in->mem),       HADA_ARG(in_offset), HADA_ARG(in_image),   HADA_ARG(in_channel),
-                             HADA_ARG(in_row),        HADA_ARG(out->mem),  HADA_ARG(out_offset), HADA_ARG(out_image),
-                             HADA_ARG(out->channels), HADA_ARG(out->rows), HADA_ARG(out->cols),  HADA_ARG(out->block),
-                             HADA_ARG(step)};
-    return launch(slot, "net_tensor_load", out, out->cols + 2, out->rows + 2, &step, args, HADA_COUNT(args), err);
+    int step;
+    const hada_range range = rows_range(slot, out, out->cols + 2, out->rows + 2, &step);
+    return hada_launch_net_tensor_load(slot, HADA_PROGRAM_NET_TENSOR_DEFAULT, &range, err, .in = in->mem,
+                                       .out = out->mem, .at_in = planar_layout(in), .at_out = hada_layout_of(out),
+                                       .block = out->block, .step = step);
 }
 
 hada_status hada_tensor_store(hada_slot *slot, const hada_tensor *in, const hada_planar *out, hada_error *err)
 {
-    const cl_ulong in_offset = in->offset, in_image = in->image_stride, out_offset = out->offset;
-    const cl_ulong out_image = out->image_stride, out_channel = out->channel_stride, out_row = out->row_stride;
-    cl_int step;
-    const hada_arg args[] = {HADA_ARG(in->mem),      HADA_ARG(in_offset), HADA_ARG(in_image),    HADA_ARG(out->mem),
-                             HADA_ARG(out_offset),   HADA_ARG(out_image), HADA_ARG(out_channel), HADA_ARG(out_row),
-                             HADA_ARG(in->channels), HADA_ARG(in->rows),  HADA_ARG(in->cols),    HADA_ARG(in->block),
-                             HADA_ARG(step)};
-    return launch(slot, "net_tensor_store", in, in->cols, in->rows, &step, args, HADA_COUNT(args), err);
+    int step;
+    const hada_range range = rows_range(slot, in, in->cols, in->rows, &step);
+    return hada_launch_net_tensor_store(slot, HADA_PROGRAM_NET_TENSOR_DEFAULT, &range, err, .in = in->mem,
+                                        .out = out->mem, .at_in = hada_layout_of(in), .at_out = planar_layout(out),
+                                        .block = in->block, .step = step);
 }
 
 hada_status hada_tensor_clear_halo(hada_slot *slot, const hada_tensor *tensor, hada_error *err)
 {
-    hada_status status = HADA_OK;
-    const cl_ulong offset = tensor->offset, image = tensor->image_stride;
-    const hada_arg args[] = {HADA_ARG(tensor->mem),      HADA_ARG(offset),       HADA_ARG(image),
-                             HADA_ARG(tensor->channels), HADA_ARG(tensor->rows), HADA_ARG(tensor->cols),
-                             HADA_ARG(tensor->block)};
-    const size_t local[3] = {1, 1, 1};
-    const size_t global[3] = {1, (size_t)tensor->rows + 2,
-                              blocks_of(tensor->block, tensor->channels) * (size_t)tensor->images};
-    cl_kernel kernel;
-    HADA_TRY(hada_slot_kernel(slot, "net_tensor", "net_tensor_halo", "", &kernel, err));
-    HADA_TRY(hada_slot_launch(slot, kernel, "net_tensor_halo", 3, global, local, args, HADA_COUNT(args), err));
-done:
-    return status;
+    const hada_range range = hada_range_of(1, 1, (size_t)tensor->rows + 2,
+                                           blocks_of(tensor->block, tensor->channels) * (size_t)tensor->images);
+    return hada_launch_net_tensor_halo(slot, HADA_PROGRAM_NET_TENSOR_DEFAULT, &range, err, .out = tensor->mem,
+                                       .at_out = hada_layout_of(tensor), .block = tensor->block);
 }

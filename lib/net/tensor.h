@@ -10,6 +10,7 @@
 #ifndef HADA_NET_TENSOR_H
 #define HADA_NET_TENSOR_H
 
+#include "kernels/shared_net.h"
 #include "runtime/buffer.h"
 
 typedef struct hada_tensor {
@@ -21,6 +22,13 @@ typedef struct hada_tensor {
 
 /* Channels in a block on this context: 8, or 16 where the device's vectors are that long. */
 int hada_net_block(const hada_context *context);
+
+/* A tensor as kernels take it beside its memory. */
+hada_tensor_layout hada_layout_of(const hada_tensor *tensor);
+
+/* The program of a kernel file that has one for blocks of 8 and one for blocks of 16. */
+#define HADA_PROGRAM_BY_BLOCK(FILE, block)                                                                             \
+    ((block) == 16 ? HADA_PROGRAM_##FILE##_BLOCK16 : HADA_PROGRAM_##FILE##_DEFAULT)
 
 /* Floats of one image: blocks x (rows + 2) x (cols + 2) x block. */
 size_t hada_tensor_image_floats(int block, int channels, int rows, int cols);

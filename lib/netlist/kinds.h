@@ -3,6 +3,8 @@
 #ifndef HADA_NETLIST_KINDS_H
 #define HADA_NETLIST_KINDS_H
 
+#include "kernels/shared_net.h" /* hada_activation */
+
 typedef enum hada_layer_kind {
     HADA_LAYER_INPUT = 0,
     HADA_LAYER_CONV = 1,
@@ -15,13 +17,6 @@ typedef enum hada_layer_kind {
     HADA_LAYER_LINEAR = 8 /* on all values of an image, as after torch.flatten; gives 1 x 1 pixels */
 } hada_layer_kind;
 enum { HADA_LAYER_KINDS = 9 };
-
-typedef enum hada_activation {
-    HADA_ACTIVATION_NONE = 0,
-    HADA_ACTIVATION_RELU = 1,
-    HADA_ACTIVATION_LEAKY_RELU = 2, /* x < 0: slope * x */
-    HADA_ACTIVATION_SIGMOID = 3
-} hada_activation;
 
 /* AUTO: by the table of the device class and the tuning file. WINOGRAD2, WINOGRAD4: F(2x2,3x3), F(4x4,3x3) (Lavin and
  * Gray, CVPR 2016); 3 x 3, stride 1, pad 1 only. */

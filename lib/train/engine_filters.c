@@ -3,11 +3,12 @@
 
 #include "core/alloc.h"
 #include "core/random.h"
+#include "filter/clip.h"
 #include "filter/layout.h"
 #include "io/safetensors.h"
+#include "launch/train.h"
 #include "net/layer_launch.h"
 #include "runtime/kernel.h"
-#include "filter/clip.h"
 #include "train/engine_parts.h"
 
 /* Of the real and imaginary parts of a random start. */
@@ -138,26 +139,23 @@ hada_status hada_engine_plane_error(hada_engine *engine, int count, double weigh
 {
     const size_t values = (size_t)count * engine->shape.plane, items = (values + ENGINE_RUN - 1) / ENGINE_RUN;
     const double share = engine->options.mse * weight / (double)engine->shape.plane;
-    const cl_ulong floats = values;
-    const cl_float scale = (cl_float)(2.0 * share);
+    const hada_range range = hada_layer_flat_range(engine->slot, items, 1);
     const cl_mem sums = engine->buffers[ENGINE_SUMS].mem;
-    const hada_arg args[] = {HADA_ARG(engine->buffers[ENGINE_PLANES].mem), HADA_ARG(engine->buffers[ENGINE_SCENES].mem),
-                             HADA_ARG(floats), HADA_ARG(scale), HADA_ARG(sums)};
     const hada_floats value = {engine->buffers[ENGINE_TERMS].mem, ENGINE_MSE};
     hada_slot_stage(engine->slot, "losses");
     hada_slot_cost(engine->slot, 12.0 * (double)values, 4.0 * (double)values);
-    hada_status status =
-        hada_layer_launch_flat(engine->slot, "train", "train_error", 0, items, 1, args, HADA_COUNT(args), err);
+    hada_status status = hada_launch_train_error(
+        engine->slot, HADA_PROGRAM_TRAIN_DEFAULT, &range, err, .x = engine->buffers[ENGINE_PLANES].mem,
+        .target = engine->buffers[ENGINE_SCENES].mem, .count = values, .scale = (cl_float)(2.0 * share), .sums = sums);
     return status ? status : hada_sum_floats(engine->slot, sums, 0, items, (float)share, 0.0f, value, err);
 }
 
 hada_status hada_engine_mask(hada_engine *engine, hada_error *err)
 {
     const size_t values = (size_t)engine->shape.at_once * engine->shape.plane;
-    const cl_ulong floats = values;
-    const hada_arg args[] = {HADA_ARG(engine->buffers[ENGINE_PLANES].mem), HADA_ARG(engine->buffers[ENGINE_FLAT].mem),
-                             HADA_ARG(floats)};
+    const hada_range range = hada_layer_flat_range(engine->slot, hada_divide_up(values, ENGINE_RUN), 1);
     hada_slot_cost(engine->slot, 12.0 * (double)values, (double)values);
-    return hada_layer_launch_flat(engine->slot, "train", "train_mask", 0, (values + ENGINE_RUN - 1) / ENGINE_RUN, 1,
-                                  args, HADA_COUNT(args), err);
+    return hada_launch_train_mask(engine->slot, HADA_PROGRAM_TRAIN_DEFAULT, &range, err,
+                                  .plane = engine->buffers[ENGINE_PLANES].mem,
+                                  .gradient = engine->buffers[ENGINE_FLAT].mem, .count = values);
 }

@@ -3,6 +3,7 @@
 #include <stdlib.h>
 
 #include "check.h"
+#include "launch/net_tensor.h"
 #include "net/layer_launch.h"
 
 static hada_status prepare(check_state *state, hada_error *err)
@@ -35,16 +36,15 @@ static hada_status prepare(check_state *state, hada_error *err)
 static hada_status launch(check_state *state, hada_error *err)
 {
     const hada_buffer *in = state->own;
-    const cl_int channels = check_get(state, 'k', 1), rows = check_get(state, 'r', 8), cols = check_get(state, 'c', 8);
-    const cl_int cell = check_get(state, 'w', 32), cells = (cols + cell - 1) / cell;
-    const cl_ulong before = 3;
+    const int channels = check_get(state, 'k', 1), rows = check_get(state, 'r', 8), cols = check_get(state, 'c', 8);
+    const int cell = check_get(state, 'w', 32), cells = (cols + cell - 1) / cell;
+    const hada_range range = hada_layer_flat_range(state->slot, (size_t)cells, (size_t)rows);
     cl_mem out;
     hada_status status = check_region(state, 0, state->out_count, &out, err);
-    const hada_arg args[] = {HADA_ARG(in->mem), HADA_ARG(before), HADA_ARG(channels), HADA_ARG(rows),
-                             HADA_ARG(cols),    HADA_ARG(cell),   HADA_ARG(cells),    HADA_ARG(out)};
     return status ? status
-                  : hada_layer_launch_flat(state->slot, "net_tensor", "net_content", 0, (size_t)cells, (size_t)rows,
-                                           args, HADA_COUNT(args), err);
+                  : hada_launch_net_content(state->slot, HADA_PROGRAM_NET_TENSOR_DEFAULT, &range, err, .image = in->mem,
+                                            .out = out, .offset = 3, .channels = channels, .rows = rows, .cols = cols,
+                                            .cell = cell, .cells = cells);
 }
 
 static void release(check_state *state)
@@ -94,14 +94,17 @@ static hada_status prepare_part(check_state *state, hada_error *err)
 static hada_status launch_part(check_state *state, hada_error *err)
 {
     const part_state *own = state->own;
-    const cl_ulong row = (cl_ulong)own->cols + 5, channel = row * ((cl_ulong)own->rows + 3);
-    const cl_ulong offset = (cl_ulong)own->row * row + (cl_ulong)own->col;
-    const cl_ulong to = state->out_offset, to_row = (cl_ulong)own->cols, to_channel = to_row * (cl_ulong)own->rows;
-    const hada_arg args[] = {HADA_ARG(own->in.mem),    HADA_ARG(offset),   HADA_ARG(row),    HADA_ARG(channel),
-                             HADA_ARG(state->out.mem), HADA_ARG(to),       HADA_ARG(to_row), HADA_ARG(to_channel),
-                             HADA_ARG(own->rows),      HADA_ARG(own->cols)};
-    return hada_layer_launch_flat(state->slot, "net_tensor", "net_part", 0, ((size_t)own->cols + 63) / 64,
-                                  (size_t)own->rows * (size_t)own->channels, args, HADA_COUNT(args), err);
+    const hada_ulong row = (hada_ulong)own->cols + 5, to_row = (hada_ulong)own->cols;
+    const hada_planar_layout from = {.offset = (hada_ulong)own->row * row + (hada_ulong)own->col,
+                                     .channel = row * ((hada_ulong)own->rows + 3),
+                                     .row = row};
+    const hada_planar_layout to = {
+        .offset = state->out_offset, .channel = to_row * (hada_ulong)own->rows, .row = to_row};
+    const hada_range range = hada_layer_flat_range(state->slot, hada_divide_up((size_t)own->cols, HADA_PART_COLS),
+                                                   (size_t)own->rows * (size_t)own->channels);
+    return hada_launch_net_part(state->slot, HADA_PROGRAM_NET_TENSOR_DEFAULT, &range, err, .from = own->in.mem,
+                                .to = state->out.mem, .at_from = from, .at_to = to, .rows = own->rows,
+                                .cols = own->cols);
 }
 
 static void release_part(check_state *state)

@@ -92,6 +92,7 @@ void hada_cli_progress_take(void *user, const char *what, long done, long total,
         hada_cli_progress_end(cli);
     else if (!done)
         hada_cli_progress_begin(cli, &cli->bar, what, total);
-    else
+    cli->bar.total = total; /* may become known on the way */
+    if (done)
         hada_cli_progress_step(cli, note);
 }

@@ -1,13 +1,11 @@
 #include "command.h"
-#include "folder.h"
-#include "frame_files.h"
 #include "method_options.h"
 #include "model_words.h"
+#include "reconstruct_tell.h"
 #include "skip_words.h"
 
+#include <hadalens/folder.h>
 #include <hadalens/job.h>
-
-#include <math.h>
 #include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -21,13 +19,15 @@ typedef struct settings {
     hada_cli_method_settings method;
 } settings;
 
-#define AT(member) HADA_CLI_AT(settings, member)
+#define AT(member)          HADA_CLI_AT(settings, member)
+#define ONE_OF(member, ...) HADA_CLI_ONE_OF(settings, member, __VA_ARGS__)
 static const hada_cli_option options[] = {
     HADA_CLI_GROUP("Input and output"),
     {HADA_OPTION_TEXT, "model", 'm', "MODEL", "the camera, from 'hadalens fit'", NULL, AT(model)},
     {HADA_OPTION_TEXT, "output", 'o', "FOLDER", "where the results go; made when missing", NULL, AT(output)},
     {HADA_OPTION_CHOICE, "bits", 0, "8|16|32", "bits per value of stack and all-in-focus image (default: 32, float)",
-     "8 and 16 bits hold 0 to 1 (see --white) and cut off what is beyond. The distance map is always float.", AT(bits)},
+     "8 and 16 bits hold 0 to 1 (see --white) and cut off what is beyond. The distance map is always float.",
+     ONE_OF(bits, 8, 16, 32)},
     {HADA_OPTION_REAL, "white", 0, "VALUE", "value that becomes full scale in 8 and 16 bits (default: 1)", NULL,
      AT(white)},
     {HADA_OPTION_REAL, "gamma", 0, "G", "exponent on the finished images (default: 1, linear)", NULL, AT(gamma)},
@@ -71,7 +71,8 @@ static const hada_cli_option options[] = {
      "hadamard: the model's own filters, then --refine. matched: the transposed optics. wiener: the linear filter for "
      "all depths jointly. rl (Richardson-Lucy), fista and admm iterate, without --refine and without looking for the "
      "occupied depths: all of --depths, or those of --occupied.",
-     AT(method.method)},
+     ONE_OF(method.method, HADA_METHOD_MODEL, HADA_CLI_MATCHED, HADA_METHOD_WIENER, HADA_METHOD_RL, HADA_METHOD_FISTA,
+            HADA_METHOD_ADMM)},
     {HADA_OPTION_COUNT, "iterations", 0, "N", "iterations at most (default: 100)", NULL, AT(method.iterations)},
     {HADA_OPTION_REAL, "stop", 0, "R", "stop when the planes change by less than this share, twice (default: never)",
      NULL, AT(method.stop)},
@@ -79,12 +80,12 @@ static const hada_cli_option options[] = {
      "The result then depends on how fast the machine is.", AT(method.seconds)},
     {HADA_OPTION_CHOICE, "prior", 0, "none|tv|wavelet|haar", "beside non-negativity (default: admm tv, else none)",
      "tv: total variation. For fista also Haar wavelets, translation-invariant (wavelet) or orthonormal (haar).",
-     AT(method.prior)},
+     ONE_OF(method.prior, HADA_PRIOR_NONE, HADA_PRIOR_TV, HADA_PRIOR_WAVELET, HADA_PRIOR_HAAR)},
     {HADA_OPTION_REAL, "weight", 0, "W", "weight of the prior (default: 0.003; rl, wavelet 0.005)", NULL,
      AT(method.weight)},
     {HADA_OPTION_REAL, "tv", 0, "W", "the same as --prior tv --weight W", NULL, AT(method.tv)},
     {HADA_OPTION_CHOICE, "support", 0, "window|grid", "where light may come from (default: admm grid, else window)",
-     NULL, AT(method.support)},
+     NULL, ONE_OF(method.support, HADA_SUPPORT_WINDOW, HADA_SUPPORT_GRID)},
     {HADA_OPTION_REAL, "lambda", 0, "L", "noise that wiener reckons with, in mean |OTF|^2 (default: 0.1)", NULL,
      AT(method.lambda)},
     {HADA_OPTION_FLAG, "no-accelerate", 0, NULL, "rl: without Biggs and Andrews' acceleration", NULL, AT(method.plain)},
@@ -103,7 +104,7 @@ static void defaults(void *user)
     set->refine_tv = "auto";
     set->skip = "all";
     set->band = 1;
-    set->bits = 3;
+    set->bits = 32;
     set->gamma = 1;
     set->white = 1;
     hada_cli_method_defaults(&set->method);
@@ -116,51 +117,59 @@ typedef struct job {
     hada_cli_contexts devices;
     hada_model *model;
     hada_plan *plan;
+    hada_plan_options options;
     hada_classic_options classic;
     hada_cli_dark dark;
     int *depths, *occupied;
 } job;
 
-static hada_status read_options(job *work, hada_plan_options *plan, hada_error *err)
+static hada_status read_depths(job *work, hada_error *err)
 {
     const settings *set = work->set;
     const hada_model_info *info = hada_model_get_info(work->model);
+    hada_plan_options *plan = &work->options;
     hada_status status = HADA_OK;
-    hada_plan_options_init(plan);
-    hada_classic_options_init(&work->classic);
     work->depths = calloc((size_t)info->depths, sizeof *work->depths);
     work->occupied = calloc((size_t)info->depths, sizeof *work->occupied);
     if (!work->depths || !work->occupied)
         return hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
     if (set->depths) {
-        status = hada_cli_read_depths("depths", set->depths, info->distances_mm, info->depths, work->depths,
-                                      &plan->depth_count, err);
+        HADA_TRY(hada_cli_read_depths("depths", set->depths, info->distances_mm, info->depths, work->depths,
+                                      &plan->depth_count, err));
         plan->depths = work->depths;
     }
-    if (!status && !strcmp(set->occupied, "all")) {
+    if (!strcmp(set->occupied, "all")) {
         plan->occupied = HADA_OCCUPIED_ALL;
-    } else if (!status && strcmp(set->occupied, "auto")) {
+    } else if (strcmp(set->occupied, "auto")) {
         plan->occupied = HADA_OCCUPIED_LIST;
-        status = hada_cli_read_depths("occupied", set->occupied, info->distances_mm, info->depths, work->occupied,
-                                      &plan->occupied_count, err);
         plan->occupied_list = work->occupied;
+        HADA_TRY(hada_cli_read_depths("occupied", set->occupied, info->distances_mm, info->depths, work->occupied,
+                                      &plan->occupied_count, err));
     }
+done:
+    return status;
+}
+
+static hada_status read_options(job *work, hada_error *err)
+{
+    const settings *set = work->set;
+    hada_plan_options *plan = &work->options;
+    hada_status status = HADA_OK;
     /* The transposed optics are a way of their own: refinement would take their place. */
-    const char *refine = set->method.method == HADA_CLI_METHOD_MATCHED ? "0" : "auto";
-    if (!status)
-        status = hada_cli_read_refine(set->refine ? set->refine : refine, &plan->refine, err);
-    if (!status)
-        status = hada_cli_read_refine_tv(set->refine_tv, &plan->refine_tv, err);
-    if (!status && set->dark) {
-        status = hada_cli_read_dark(&work->dark, set->dark, err);
+    const char *refine = set->method.method == HADA_CLI_MATCHED ? "0" : "auto";
+    hada_plan_options_init(plan);
+    hada_classic_options_init(&work->classic);
+    HADA_TRY(read_depths(work, err));
+    HADA_TRY(hada_cli_read_refine(set->refine ? set->refine : refine, &plan->refine, err));
+    HADA_TRY(hada_cli_read_refine_tv(set->refine_tv, &plan->refine_tv, err));
+    if (set->dark) {
+        HADA_TRY(hada_cli_read_dark(&work->dark, set->dark, err));
         plan->dark = work->dark.kind;
         plan->dark_level = work->dark.level;
         plan->dark_frame = work->dark.kind == HADA_DARK_FRAME ? &work->dark.frame : NULL;
     }
-    if (!status)
-        status = hada_cli_read_skip(set->skip, &plan->skip, err);
-    if (!status)
-        status = hada_cli_read_method(&set->method, &work->classic, err);
+    HADA_TRY(hada_cli_read_skip(set->skip, &plan->skip, err));
+    HADA_TRY(hada_cli_read_method(&set->method, &work->classic, err));
     plan->classic = &work->classic;
     plan->max_error = set->max_error;
     plan->band = set->band;
@@ -170,6 +179,7 @@ static hada_status read_options(job *work, hada_plan_options *plan, hada_error *
     plan->batch = set->batch;
     plan->queues = set->queues;
     plan->gamma = set->gamma;
+done:
     return status;
 }
 
@@ -177,20 +187,14 @@ static hada_status read_options(job *work, hada_plan_options *plan, hada_error *
 static hada_status change_form(job *work, hada_error *err)
 {
     hada_model *other = NULL;
-    if (work->set->method.method != HADA_CLI_METHOD_MATCHED)
+    if (work->set->method.method != HADA_CLI_MATCHED)
         return HADA_OK;
-    hada_status status = hada_model_with_form(&other, work->model, HADA_FORM_MATCHED, 0, err);
+    const hada_status status = hada_model_with_form(&other, work->model, HADA_FORM_MATCHED, 0, err);
     if (status)
         return status;
     hada_model_destroy(&work->model);
     work->model = other;
     return HADA_OK;
-}
-
-/* Frames in memory at a time: one for each queue, one that is read and one that is written. */
-static int frames_ahead(const hada_plan *plan)
-{
-    return hada_plan_queues(plan, NULL, 0) + 2;
 }
 
 static void tell_memory(const job *work, uint64_t device, uint64_t host)
@@ -202,75 +206,66 @@ static void tell_memory(const job *work, uint64_t device, uint64_t host)
                         json_pack("{s:I, s:I}", "device_bytes", (json_int_t)device, "host_bytes", (json_int_t)host));
 }
 
-static hada_status make_plan(job *work, const hada_plan_options *wanted, hada_error *err)
+static hada_status make_plan(job *work, hada_error *err)
 {
     const hada_model_info *info = hada_model_get_info(work->model);
+    const uint64_t raw = 4 * (uint64_t)info->channels * (uint64_t)info->raw_rows * (uint64_t)info->raw_cols;
     uint64_t all = 0, device = 0, host = 0;
     hada_status status = HADA_OK;
-    for (int i = 0; !status && i < work->devices.count; i++) {
-        status = hada_plan_estimate(work->devices.contexts[i], work->model, wanted, &device, &host, err);
+    for (int i = 0; i < work->devices.count; i++) {
+        HADA_TRY(hada_plan_estimate(work->devices.contexts[i], work->model, &work->options, &device, &host, err));
         all += device;
     }
-    if (!status)
-        status =
-            hada_plan_create_on(&work->plan, work->devices.contexts, work->devices.count, work->model, wanted, err);
-    if (!status) {
-        const uint64_t raw = 4 * (uint64_t)info->channels * (uint64_t)info->raw_rows * (uint64_t)info->raw_cols;
-        tell_memory(work, all, (uint64_t)frames_ahead(work->plan) * (host + raw));
-    }
+    HADA_TRY(hada_plan_create_on(&work->plan, work->devices.contexts, work->devices.count, work->model, &work->options,
+                                 err));
+    tell_memory(work, all, (uint64_t)hada_files_ahead(work->plan) * (host + raw));
+done:
     return status;
 }
 
 static hada_status prepare(job *work, hada_error *err)
 {
-    hada_plan_options plan;
-    hada_status status = hada_model_load(&work->model, work->set->model, err);
-    if (status)
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_model_load(&work->model, work->set->model, err));
+    HADA_TRY(change_form(work, err));
+    HADA_TRY(read_options(work, err));
+    HADA_TRY(hada_folder_ensure(work->set->output, err));
+    HADA_TRY(hada_cli_open_all(work->cli, &work->devices, err));
+    HADA_TRY(make_plan(work, err));
+done:
+    if (status && !work->model)
         hada_cli_prefix(err, "%s: ", work->set->model);
-    if (!status)
-        status = change_form(work, err);
-    if (!status)
-        status = read_options(work, &plan, err);
-    if (!status)
-        status = hada_folder_ensure(work->set->output, err);
-    if (!status)
-        status = hada_cli_open_all(work->cli, &work->devices, err);
-    return status ? status : make_plan(work, &plan, err);
+    return status;
 }
 
-static int run_files(job *work, int count, const char **paths, char **names)
+/* The exit code. */
+static int run_files(job *work, int count, const char **paths)
 {
-    static const int bits[] = {8, 8, 16, 32};
     const settings *set = work->set;
-    const hada_cli_frame_settings frames = {.folder = set->output,
-                                            .model = set->model,
-                                            .preview = !set->no_preview && hada_cli_pictures(work->cli),
-                                            .bits = bits[set->bits],
-                                            .white = set->white};
-    return hada_cli_frame_files(work->cli, work->plan, work->model, &frames, count, paths, names,
-                                frames_ahead(work->plan));
-}
-
-/* The output names; two inputs must not write the same files. */
-static int make_names(hada_cli *cli, int count, const char **paths, char **names)
-{
-    for (int i = 0; i < count; i++) {
-        names[i] = hada_cli_stem(paths[i]);
-        for (int k = 0; names[i] && k < i; k++)
-            if (!strcmp(names[i], names[k]))
-                return hada_cli_usage(cli,
-                                      "%s and %s would both write %s_stack.tif; reconstruct them into different "
-                                      "folders",
-                                      paths[k], paths[i], names[i]);
-    }
-    return HADA_EXIT_OK;
-}
-
-static int run(hada_cli *cli, void *user, int count, const char **arguments)
-{
-    const settings *set = user;
     hada_error err = {0};
-    job work = {.cli = cli, .set = set};
+    hada_files_task task;
+    hada_cli_files_listener listener = {.cli = work->cli, .before = hada_cli_seconds()};
+    hada_files_task_init(&task);
+    task.output = set->output;
+    task.preview = !set->no_preview && hada_cli_pictures(work->cli);
+    task.bits = set->bits;
+    task.white = set->white;
+    task.tell = hada_cli_files_tell;
+    task.user = &listener;
+    task.monitor = &work->cli->monitor;
+    json_object_set_new(work->cli->document, "files", json_array());
+    const hada_status status = hada_reconstruct_files(work->plan, work->model, paths, count, &task, NULL, &err);
+    if (status == HADA_ERROR_CANCELLED) {
+        hada_cli_print_error(work->cli, &err);
+        return HADA_EXIT_INTERRUPTED;
+    }
+    if (listener.failed && count > 1)
+        fprintf(stderr, "hadalens %s: %d of %d files failed\n", work->cli->command, listener.failed, count);
+    return status ? hada_cli_fail(work->cli, &err) : listener.code;
+}
+
+static int check(hada_cli *cli, const settings *set, int count)
+{
     if (!count)
         return hada_cli_usage(cli, "name at least one raw frame");
     if (!set->model)
@@ -281,13 +276,17 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
         return hada_cli_usage(cli, "--gamma and --white must be greater than zero");
     if (!(set->max_error >= 0 && set->max_error < 1) || !(set->band > 0 && set->band <= 1))
         return hada_cli_usage(cli, "--max-error takes 0 to below 1, --band a share above 0 and at most 1");
-    char **names = calloc((size_t)count, sizeof *names);
-    int code = names ? make_names(cli, count, arguments, names) : HADA_EXIT_MEMORY;
+    return HADA_EXIT_OK;
+}
+
+static int run(hada_cli *cli, void *user, int count, const char **arguments)
+{
+    const settings *set = user;
+    hada_error err = {0};
+    job work = {.cli = cli, .set = set};
+    int code = check(cli, set, count);
     if (!code)
-        code = prepare(&work, &err) ? hada_cli_fail(cli, &err) : run_files(&work, count, arguments, names);
-    for (int i = 0; names && i < count; i++)
-        free(names[i]);
-    free(names);
+        code = prepare(&work, &err) ? hada_cli_fail(cli, &err) : run_files(&work, count, arguments);
     hada_plan_destroy(&work.plan);
     hada_model_destroy(&work.model);
     hada_cli_close_all(cli, &work.devices);

@@ -51,37 +51,34 @@ static hada_status check_none(const hada_cli_method_settings *set, hada_error *e
 
 static hada_status read_prior(const hada_cli_method_settings *set, hada_classic_options *out, hada_error *err)
 {
-    static const hada_prior priors[] = {HADA_PRIOR_AUTO, HADA_PRIOR_NONE, HADA_PRIOR_TV, HADA_PRIOR_WAVELET,
-                                        HADA_PRIOR_HAAR};
     if (set->tv >= 0 && (set->prior || set->weight >= 0))
         return hada_cli_error(err, HADA_ERROR_ARGUMENT,
                               "--tv W stands for --prior tv --weight W; give one or the other");
-    out->prior = set->tv >= 0 ? HADA_PRIOR_TV : priors[set->prior];
+    out->prior = set->tv >= 0 ? HADA_PRIOR_TV : (hada_prior)set->prior;
     out->weight = set->tv >= 0 ? set->tv : set->weight;
-    if (set->weight >= 0 && set->prior < 2 && out->method != HADA_METHOD_ADMM)
+    if (set->weight >= 0 && set->prior < HADA_PRIOR_TV && out->method != HADA_METHOD_ADMM)
         return hada_cli_error(err, HADA_ERROR_ARGUMENT, "--weight is that of a prior: choose one with --prior");
     return HADA_OK;
 }
 
 hada_status hada_cli_read_method(const hada_cli_method_settings *set, hada_classic_options *out, hada_error *err)
 {
-    static const hada_method methods[] = {HADA_METHOD_MODEL, HADA_METHOD_MODEL, HADA_METHOD_MODEL, HADA_METHOD_WIENER,
-                                          HADA_METHOD_RL,    HADA_METHOD_FISTA, HADA_METHOD_ADMM};
-    out->method = methods[set->method];
+    out->method = set->method == HADA_CLI_MATCHED ? HADA_METHOD_MODEL : (hada_method)set->method;
     if (set->lambda != NOT_GIVEN && !(set->lambda > 0))
         return hada_cli_error(err, HADA_ERROR_ARGUMENT, "--lambda must be greater than zero");
     if (set->lambda > 0)
         out->lambda = set->lambda;
-    if (set->method < HADA_CLI_METHOD_RL)
+    if (out->method < HADA_METHOD_RL)
         return check_none(set, err);
-    hada_status status = read_prior(set, out, err);
-    if (!status && set->mu)
-        status = read_mu(set->mu, out, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(read_prior(set, out, err));
+    if (set->mu)
+        HADA_TRY(read_mu(set->mu, out, err));
     if (set->iterations)
         out->iterations = set->iterations;
     out->stop = set->stop;
     out->seconds = set->seconds;
-    out->support = set->support == 1 ? HADA_SUPPORT_WINDOW : set->support == 2 ? HADA_SUPPORT_GRID : HADA_SUPPORT_AUTO;
+    out->support = (hada_support)set->support;
     out->accelerate = !set->plain;
     if (set->step > 0)
         out->step = set->step;
@@ -89,5 +86,6 @@ hada_status hada_cli_read_method(const hada_cli_method_settings *set, hada_class
         out->inner = set->inner;
     if (set->levels)
         out->levels = set->levels;
+done:
     return status;
 }

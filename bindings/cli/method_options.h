@@ -6,8 +6,8 @@
 
 #include <hadalens/reconstruct.h>
 
-/* Positions in "hadamard|matched|wiener|rl|fista|admm". */
-enum { HADA_CLI_METHOD_MATCHED = 2, HADA_CLI_METHOD_WIENER, HADA_CLI_METHOD_RL };
+/* Beside hada_method: the model's optics, transposed, in place of its filters. */
+enum { HADA_CLI_MATCHED = -1 };
 
 typedef struct hada_cli_method_settings {
     int method, prior, support, iterations, inner, levels, plain;

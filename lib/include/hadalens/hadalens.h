@@ -30,6 +30,7 @@
 #include <hadalens/task_evaluate.h>
 #include <hadalens/task_fit.h>
 #include <hadalens/task_optics.h>
+#include <hadalens/task_reconstruct.h>
 #include <hadalens/task_register.h>
 #include <hadalens/task_train.h>
 #include <hadalens/tiff.h>

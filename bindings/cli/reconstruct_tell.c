@@ -1,14 +1,16 @@
-#include "frame_report.h"
+#include "reconstruct_tell.h"
 #include "skip_words.h"
 
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
 
+typedef hada_cli_files_listener listener;
+
 /* In the order of hada_method. */
 static const char *const methods[] = {"model", "wiener", "rl", "fista", "admm"};
 
-json_t *hada_cli_frame_json(const hada_result *result)
+static json_t *frame_json(const hada_result *result)
 {
     const hada_report *report = &result->report;
     json_t *frame = json_object(), *occupied = json_array();
@@ -39,7 +41,8 @@ static void add(char *text, size_t size, const char *format, double value)
     snprintf(text + used, size - used, format, value);
 }
 
-void hada_cli_frame_words(const hada_result *result, char *text, size_t size)
+/* "100 and 250 mm; 8 refinement steps; 2.1 % unexplained" into `text` of `size` bytes. */
+static void frame_words(const hada_result *result, char *text, size_t size)
 {
     const hada_report *report = &result->report;
     int count = 0, shown = 0;
@@ -81,4 +84,65 @@ void hada_cli_frame_words(const hada_result *result, char *text, size_t size)
     if (report->repaired_pixels)
         add(text, size, "; %.0f pixels repaired", (double)report->repaired_pixels);
     hada_cli_skip_words(result, text, size);
+}
+
+static void begin_file(listener *to, const hada_files_state *state)
+{
+    to->entry = json_object();
+    to->frames = json_array();
+    json_object_set_new(to->entry, "input", json_string(state->path));
+    json_array_append_new(json_object_get(to->cli->document, "files"), to->entry);
+}
+
+static json_t *outputs_json(const hada_files_state *state)
+{
+    static const char *const keys[HADA_OUTPUTS] = {"stack", "all_in_focus", "distance_map", "preview"};
+    json_t *outputs = json_object();
+    for (int k = 0; k < HADA_OUTPUTS; k++)
+        if (state->outputs[k])
+            json_object_set_new(outputs, keys[k], json_string(state->outputs[k]));
+    return outputs;
+}
+
+static void tell_file(listener *to, const hada_files_state *state)
+{
+    char words[400];
+    const double now = hada_cli_seconds(), seconds = now - to->before;
+    frame_words(state->result, words, sizeof words);
+    if (state->frames > 1)
+        hada_cli_say(to->cli, "%s: %d frames, %.2f s each; the last: %s", state->name, state->frames,
+                     seconds / state->frames, words);
+    else
+        hada_cli_say(to->cli, "%s: %s; %.2f s", state->name, words, seconds);
+    json_object_set_new(to->entry, "outputs", outputs_json(state));
+    json_object_set_new(to->entry, "frames", to->frames);
+    json_object_set_new(to->entry, "seconds", json_real(seconds));
+    json_object_set_new(to->entry, "ok", json_true());
+    to->before = now;
+}
+
+static void fail_file(listener *to, const hada_files_state *state)
+{
+    hada_error err = *state->error;
+    const int code = hada_cli_exit_code(err.status);
+    json_decref(to->frames);
+    if (err.status != HADA_ERROR_CANCELLED) {
+        hada_cli_print_error(to->cli, &err);
+        to->code = !to->failed || to->code == code ? code : HADA_EXIT_SOME;
+        to->failed++;
+    }
+    json_object_set_new(to->entry, "ok", json_false());
+    json_object_set_new(to->entry, "error", hada_cli_error_json(&err));
+    to->before = hada_cli_seconds();
+}
+
+void hada_cli_files_tell(void *user, const hada_files_state *state)
+{
+    listener *to = user;
+    switch (state->event) {
+    case HADA_FILES_BEGINS: begin_file(to, state); break;
+    case HADA_FILES_FRAME: json_array_append_new(to->frames, frame_json(state->result)); break;
+    case HADA_FILES_DONE: tell_file(to, state); break;
+    case HADA_FILES_FAILED: fail_file(to, state); break;
+    }
 }

@@ -1,0 +1,28 @@
+/* The files that belong to one input of a reconstruction. Internal. */
+#ifndef HADA_TASKS_FRAME_OUTPUTS_H
+#define HADA_TASKS_FRAME_OUTPUTS_H
+
+#include <hadalens/task_reconstruct.h>
+#include <hadalens/tiff.h>
+
+typedef struct hada_outputs {
+    char *path[HADA_OUTPUTS]; /* the preview's is NULL where none is wanted */
+    hada_tiff_writer *writer[HADA_OUTPUT_PREVIEW];
+    char *title;
+    int frames, bits;
+    double white;
+    int written; /* frames so far */
+    int finished;
+} hada_outputs;
+
+/* For an input of `frames` frames, whose results are called NAME_... */
+hada_status hada_outputs_begin(hada_outputs *out, const hada_files_task *task, const char *name, const char *model,
+                               int frames, hada_error *err);
+/* Adds a frame; the first one is shown in the preview. */
+hada_status hada_outputs_add(hada_outputs *out, const hada_image *raw, const hada_result *result, hada_error *err);
+/* Gives the files their names: all of them, or none. */
+hada_status hada_outputs_finish(hada_outputs *out, hada_error *err);
+/* Removes what was written when it was not finished; frees. */
+void hada_outputs_end(hada_outputs *out);
+
+#endif

@@ -1,0 +1,153 @@
+#include "tasks/frame_stream.h"
+
+#include <stdlib.h>
+#include <time.h>
+
+#include "core/alloc.h"
+#include "core/monitor.h"
+#include "io/folder.h"
+
+/* Between two looks at a job and at the caller's wish to stop; the queues have other frames to do meanwhile. */
+#define POLL_NANOSECONDS 300000
+
+hada_status hada_stream_begin(hada_stream *stream, hada_plan *plan, const hada_model *model, const char *const *paths,
+                              int count, int ahead, const hada_monitor *monitor, hada_error *err)
+{
+    *stream =
+        (hada_stream){.plan = plan, .model = model, .paths = paths, .count = count, .ahead = ahead, .monitor = monitor};
+    return hada_alloc((void **)&stream->ring, (size_t)ahead, sizeof *stream->ring, "frames in flight", err);
+}
+
+static hada_streamed *at(const hada_stream *stream, int place)
+{
+    return &stream->ring[(stream->first + place) % stream->ahead];
+}
+
+static int stops(const hada_stream *stream)
+{
+    return hada_monitor_check(stream->monitor, NULL) != HADA_OK;
+}
+
+static void next_file(hada_stream *stream)
+{
+    hada_tiff_close(&stream->reader);
+    stream->file++;
+    stream->frame = 0;
+}
+
+/* Whether a file's frames can be computed at all. */
+static hada_status check_size(const hada_model *model, const hada_tiff_info *file, hada_error *err)
+{
+    const hada_model_info *info = hada_model_get_info(model);
+    if (file->rows == info->raw_rows && file->cols == info->raw_cols && file->channels == info->channels)
+        return HADA_OK;
+    return hada_fail(err, HADA_ERROR_MODEL,
+                     "this frame has %dx%d pixels of %d %s, but the model %s is of a camera with %dx%d pixels of %d; "
+                     "take the model that was fitted to this camera",
+                     file->rows, file->cols, file->channels, file->channels == 1 ? "channel" : "channels", info->name,
+                     info->raw_rows, info->raw_cols, info->channels);
+}
+
+static hada_status open_file(hada_stream *stream, hada_error *err)
+{
+    const char *path = stream->paths[stream->file];
+    if (hada_path_is_folder(path))
+        return hada_fail(err, HADA_ERROR_FILE_OPEN, "a folder; name the files in it, such as %s/*.tif", path);
+    const hada_status status = hada_tiff_open(&stream->reader, path, err);
+    return status ? status : check_size(stream->model, hada_tiff_get_info(stream->reader), err);
+}
+
+static hada_status read_frame(hada_stream *stream, hada_streamed *frame)
+{
+    hada_error *err = &frame->error;
+    hada_status status = HADA_OK;
+    if (!stream->reader)
+        HADA_TRY(open_file(stream, err));
+    frame->frames = hada_tiff_get_info(stream->reader)->frames;
+    HADA_TRY(hada_tiff_read(stream->reader, stream->frame, &frame->raw, err));
+    HADA_TRY(hada_job_submit(&frame->job, stream->plan, &frame->raw, &frame->result, err));
+done:
+    return status;
+}
+
+/* Reads a frame and hands it in. What fails is kept for its turn. */
+static void read_one(hada_stream *stream)
+{
+    hada_streamed *frame = at(stream, stream->used++);
+    frame->file = stream->file;
+    frame->frame = stream->frame;
+    frame->frames = 0;
+    frame->status = read_frame(stream, frame);
+    if (frame->status || ++stream->frame == frame->frames)
+        next_file(stream);
+}
+
+static void fill(hada_stream *stream)
+{
+    while (stream->used < stream->ahead && stream->file < stream->count && !stops(stream)) {
+        if (stream->reader && stream->file < stream->skipped)
+            next_file(stream);
+        else
+            read_one(stream);
+    }
+}
+
+static void cancel_all(hada_stream *stream)
+{
+    for (int i = 0; i < stream->used; i++)
+        if (at(stream, i)->job)
+            hada_job_cancel(at(stream, i)->job);
+}
+
+static void wait_for(hada_stream *stream, hada_streamed *frame)
+{
+    const struct timespec pause = {.tv_nsec = POLL_NANOSECONDS};
+    while (hada_job_poll(frame->job) < HADA_JOB_DONE && !stops(stream))
+        nanosleep(&pause, NULL);
+    if (stops(stream))
+        cancel_all(stream);
+    frame->status = hada_job_wait(frame->job, &frame->error);
+    hada_job_destroy(&frame->job);
+}
+
+static void release(hada_stream *stream)
+{
+    hada_image_destroy(&at(stream, 0)->raw); /* the result keeps its memory for another frame */
+    stream->first = (stream->first + 1) % stream->ahead;
+    stream->used--;
+    stream->handed_out = 0;
+}
+
+hada_streamed *hada_stream_next(hada_stream *stream)
+{
+    if (stream->handed_out)
+        release(stream);
+    fill(stream);
+    if (!stream->used || stops(stream))
+        return NULL;
+    hada_streamed *frame = at(stream, 0);
+    if (frame->job)
+        wait_for(stream, frame);
+    stream->handed_out = 1;
+    return stops(stream) ? NULL : frame;
+}
+
+void hada_stream_skip(hada_stream *stream, int file)
+{
+    if (stream->skipped < file + 1)
+        stream->skipped = file + 1;
+}
+
+void hada_stream_end(hada_stream *stream)
+{
+    cancel_all(stream);
+    for (int i = 0; i < stream->used; i++) {
+        hada_job_destroy(&at(stream, i)->job);
+        hada_image_destroy(&at(stream, i)->raw);
+    }
+    for (int i = 0; stream->ring && i < stream->ahead; i++)
+        hada_result_destroy(&stream->ring[i].result);
+    hada_tiff_close(&stream->reader);
+    free(stream->ring);
+    *stream = (hada_stream){0};
+}

@@ -1,0 +1,178 @@
+/* Files through a plan: whose turn it is, what is written, what failed. */
+#include <hadalens/task_reconstruct.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/alloc.h"
+#include "core/monitor.h"
+#include "core/options.h"
+#include "io/folder.h"
+#include "tasks/frame_outputs.h"
+#include "tasks/frame_stream.h"
+
+void hada_files_task_defaults(hada_files_task *task, size_t size)
+{
+    const hada_files_task own = {.size = sizeof own, .preview = 1, .bits = 32, .white = 1.0};
+    HADA_OPTIONS_GIVE(task, size, &own);
+}
+
+/* A run over all files, and the file whose results are being written. */
+typedef struct run {
+    hada_files_task task;
+    const hada_model *model;
+    const char *const *paths;
+    int count;
+    char **names; /* of the results of each file */
+    hada_stream stream;
+    hada_outputs out;
+    hada_files_state state;
+    int open; /* a file's turn has begun */
+    int failed;
+    hada_progress progress;
+} run;
+
+int hada_files_ahead(const hada_plan *plan)
+{
+    return hada_plan_queues(plan, NULL, 0) + 2;
+}
+
+static void tell(run *own, hada_files_event event, const hada_streamed *frame)
+{
+    hada_files_state *state = &own->state;
+    state->event = event;
+    if (frame) {
+        state->file = frame->file;
+        state->path = own->paths[frame->file];
+        state->name = own->names[frame->file];
+        state->frames = frame->frames;
+        state->frame = frame->frame;
+        state->result = &frame->result;
+    }
+    if (own->task.tell)
+        own->task.tell(own->task.user, state);
+}
+
+/* Two inputs must not write the same files. */
+static hada_status make_names(run *own, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&own->names, (size_t)own->count, sizeof *own->names, "the names of files", err));
+    for (int i = 0; i < own->count; i++) {
+        HADA_TRY(hada_path_stem(&own->names[i], own->paths[i], err));
+        for (int k = 0; k < i; k++)
+            if (!strcmp(own->names[i], own->names[k]))
+                HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT,
+                                   "%s and %s would both write %s_stack.tif; reconstruct them into different folders",
+                                   own->paths[k], own->paths[i], own->names[i]));
+    }
+done:
+    return status;
+}
+
+static hada_status begin_file(run *own, const hada_streamed *frame, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    own->open = 1;
+    memset(own->state.outputs, 0, sizeof own->state.outputs);
+    if (frame->frames) {
+        own->progress.total += frame->frames - 1;
+        status = hada_outputs_begin(&own->out, &own->task, own->names[frame->file],
+                                    hada_model_get_info(own->model)->name, frame->frames, err);
+    }
+    for (int k = 0; k < HADA_OUTPUTS; k++)
+        own->state.outputs[k] = own->out.path[k];
+    tell(own, HADA_FILES_BEGINS, frame);
+    return status;
+}
+
+static void leave_file(run *own)
+{
+    hada_outputs_end(&own->out);
+    own->open = 0;
+}
+
+static void fail_file(run *own, const hada_streamed *frame, hada_error *err)
+{
+    if (frame->frames > 1)
+        hada_error_prefix(err, "frame %d of %d: ", frame->frame + 1, frame->frames);
+    hada_error_prefix_path(err, own->paths[frame->file]);
+    own->failed++;
+    own->state.error = err;
+    tell(own, HADA_FILES_FAILED, frame);
+    hada_stream_skip(&own->stream, frame->file);
+    leave_file(own);
+}
+
+/* Writes a frame, the file's last one with all that ends a file. */
+static hada_status take_frame(run *own, hada_streamed *frame, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    if (!own->open)
+        HADA_TRY(begin_file(own, frame, err));
+    *err = frame->error;
+    HADA_TRY(frame->status);
+    HADA_TRY(hada_outputs_add(&own->out, &frame->raw, &frame->result, err));
+    tell(own, HADA_FILES_FRAME, frame);
+    if (frame->frame == frame->frames - 1) {
+        HADA_TRY(hada_outputs_finish(&own->out, err));
+        tell(own, HADA_FILES_DONE, frame);
+        leave_file(own);
+    }
+done:
+    return status;
+}
+
+static void take_all(run *own)
+{
+    int bad = -1; /* the file that failed last: its other frames in flight are passed over */
+    for (hada_streamed *frame; (frame = hada_stream_next(&own->stream));) {
+        hada_error error = {0};
+        if (frame->file == bad)
+            continue;
+        const hada_status status = take_frame(own, frame, &error);
+        (void)hada_progress_step(&own->progress, NULL, NULL); /* the stream minds the wish to stop */
+        if (status) {
+            fail_file(own, frame, &error);
+            bad = frame->file;
+        }
+    }
+}
+
+/* The caller's wish to stop came in the midst of a sequence. */
+static void break_off(run *own)
+{
+    hada_error error = {0};
+    hada_monitor_check(own->task.monitor, &error);
+    own->state.error = &error;
+    tell(own, HADA_FILES_FAILED, NULL);
+    leave_file(own);
+}
+
+hada_status hada_reconstruct_files(hada_plan *plan, const hada_model *model, const char *const *paths, int count,
+                                   const hada_files_task *task, int *failed, hada_error *err)
+{
+    run own = {.model = model, .paths = paths, .count = count};
+    hada_status status = HADA_OK;
+    hada_files_task_init(&own.task);
+    HADA_TRY(HADA_OPTIONS_TAKE(&own.task, task, hada_files_task, err));
+    if (!plan || !model || !paths || !own.task.output)
+        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT,
+                           "hada_reconstruct_files: a plan, its model, files and a folder are needed"));
+    HADA_TRY(make_names(&own, err));
+    HADA_TRY(hada_folder_ensure(own.task.output, err));
+    HADA_TRY(hada_stream_begin(&own.stream, plan, model, paths, count, hada_files_ahead(plan), own.task.monitor, err));
+    own.progress = hada_progress_begin(own.task.monitor, "frames", count);
+    take_all(&own);
+    if (own.open)
+        break_off(&own);
+    hada_progress_end(&own.progress);
+    HADA_TRY(hada_monitor_check(own.task.monitor, err));
+done:
+    if (failed)
+        *failed = own.failed;
+    hada_stream_end(&own.stream);
+    for (int i = 0; own.names && i < count; i++)
+        free(own.names[i]);
+    free(own.names);
+    return status;
+}

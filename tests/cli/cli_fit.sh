@@ -6,6 +6,13 @@ copy() { rm -rf set && mkdir set && cp -r "$camera"/z* "$camera/camera.json" set
 expect 0 '"leave_one_out"' fit "$camera" -o a.model --json
 is_json fit
 cmp -s a.model "$model" || fail 'the same pairs gave another model'
+# The example in the documentation learns and reconstructs as the commands do, bit for bit.
+"$LEARN" "$camera" learned.model learned "$camera"/test/raw/*.tif >stdout 2>stderr || fail 'the example program failed'
+cmp -s learned.model "$model" || fail 'the example program learned another model'
+expect 0 '' reconstruct "$camera"/test/raw/*.tif -m learned.model -o commands
+for file in commands/*.tif; do
+    cmp -s "$file" "learned/$(basename "$file")" || fail "the example program gave another $(basename "$file")"
+done
 if locale -a 2>/dev/null | grep -qi '^de_DE'; then
     LC_ALL=de_DE.UTF-8 expect 0 '0\.[0-9]' fit "$camera" -o a.model
     cmp -s a.model "$model" || fail 'the locale changed the model'

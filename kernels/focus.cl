@@ -76,26 +76,26 @@ FOCUS_INLINE void window_across(__local const float *edges, __global const float
         }
 }
 
-/* Responses of planes place[0 .. count - 1] of a stack, averaged across. measure: CONTRAST, ENERGY or COMBINED (both).
+/* Responses of the planes of a batch, averaged across. measure: CONTRAST, ENERGY or COMBINED (both).
  * response[plane][kind: contrast, energy][rows + 2][pitch]: the image's rows and one more at either end, which stands
  * for all rows beyond. bins[group][0]: counts of the noise operator. */
 __kernel __attribute__((reqd_work_group_size(FOCUS_GROUP, 1, 1))) void
-focus_measure(__global const float *planes, const ulong offset, const int4 place, const int count, const int channels,
-              const int rows, const int cols, __global const float *weights, const int radius, const int measure,
-              const int pitch, __global float *response, __global int *bins)
+focus_measure(__global const float *planes, const hada_focus_batch batch, const hada_focus_image image,
+              __global const float *weights, __global float *response, __global int *bins)
 {
     __local float light[LIGHT_ROWS * LIGHT_PITCH];
     __local float contrast[FOCUS_ROWS * EDGES_PITCH], energy[FOCUS_ROWS * EDGES_PITCH];
+    const int channels = image.channels, rows = image.rows, cols = image.cols, pitch = image.pitch;
+    const int radius = image.radius, measure = image.measure;
     const int down = (rows + 2 + FOCUS_ROWS - 1) / FOCUS_ROWS, across = (cols + FOCUS_COLS - 1) / FOCUS_COLS;
-    const size_t image = (size_t)(rows + 2) * pitch;
-    int places[FOCUS_DEPTHS];
-    vstore4(place, 0, places);
-    FOR_TILES (t, count * down * across) {
+    const size_t whole_image = (size_t)(rows + 2) * pitch;
+    FOR_TILES (t, batch.count * down * across) {
         const int plane = t / (down * across), i = t / across % down * FOCUS_ROWS, x = t % across * FOCUS_COLS;
         const int end = min(x + FOCUS_COLS, cols), wide = end - x + 2 * radius;
-        __global float *out = response + (size_t)plane * (measure == COMBINED ? 2 : 1) * image + (size_t)i * pitch + x;
-        make_light(planes + offset + (size_t)places[plane] * channels * rows * cols, channels, rows, cols, i - 2,
-                   x - radius - 1, wide + 2, light);
+        __global float *out =
+            response + (size_t)plane * (measure == COMBINED ? 2 : 1) * whole_image + (size_t)i * pitch + x;
+        make_light(planes + batch.offset + (size_t)batch.place[plane] * channels * rows * cols, channels, rows, cols,
+                   i - 2, x - radius - 1, wide + 2, light);
         WAIT;
         make_edges(light, measure, rows, cols, i - 1, x - radius, radius, end, wide, contrast, energy, OWN_BINS(bins));
         WAIT;
@@ -103,7 +103,8 @@ focus_measure(__global const float *planes, const ulong offset, const int4 place
         if (measure & CONTRAST)
             window_across(contrast, weights, radius, height, end - x, pitch, out);
         if (measure & ENERGY)
-            window_across(energy, weights, radius, height, end - x, pitch, out + (measure == COMBINED ? image : 0));
+            window_across(energy, weights, radius, height, end - x, pitch,
+                          out + (measure == COMBINED ? whole_image : 0));
     }
 }
 
@@ -128,28 +129,26 @@ FOCUS_INLINE void window_down(__global const float *response, __global const flo
  */
 enum { BEST, BEST_DEPTH, BEFORE, AFTER, SECOND, LAST, WEIGHTS, FUSED };
 
-/* The running best over `count` planes, near to far, of depth[0 ..], and the all-in-focus sums. Of every plane but the
+/* The running best over the planes of a batch, and the all-in-focus sums. Of every plane but the
  * first, each pixel has one loser: the smaller of the new measure and the best so far; bins[group][1] counts them.
- * seen: planes of this frame before (0: `kept` is not read), the last of them of depth `last_depth`. weighted:
- * all-in-focus is the mean weighted by the measures, kept up to date plane by plane, which holds at every scale; where
- * every measure so far is 0, the plain mean. Otherwise the sum. */
+ * The mean weighted by the measures is kept up to date plane by plane, which holds at every scale; where every measure
+ * so far is 0, the plain mean. */
 __kernel __attribute__((reqd_work_group_size(FOCUS_GROUP, 1, 1))) void
-focus_select(__global const float *response, __global const float *weights, const int radius, const int measure,
-             __global const float *planes, const ulong offset, const int4 place, const int4 depth, const int count,
-             const int channels, const int rows, const int cols, const int pitch, const int seen, const int last_depth,
-             const int weighted, __global float *kept, __global int *bins)
+focus_select(__global const float *response, __global const float *weights, __global const float *planes,
+             const hada_focus_batch batch, const hada_focus_image image, const hada_focus_past past,
+             __global float *kept, __global int *bins)
 {
-    const size_t pixels = (size_t)rows * cols, image = (size_t)rows * pitch, whole_image = (size_t)(rows + 2) * pitch;
+    const int channels = image.channels, rows = image.rows, cols = image.cols, pitch = image.pitch;
+    const int radius = image.radius, measure = image.measure, seen = past.seen, count = batch.count;
+    const size_t pixels = (size_t)rows * cols, one = (size_t)rows * pitch, whole_image = (size_t)(rows + 2) * pitch;
     const int down = (rows + FOCUS_BAND - 1) / FOCUS_BAND, step = FOCUS_SIDE * FOCUS_WIDTH * FOCUS_GROUP,
               across = (cols + step - 1) / step, kinds = measure == COMBINED ? 2 : 1;
-    __global int *losers = OWN_BINS(bins) + FOCUS_BINS;
-    int places[FOCUS_DEPTHS], depths[FOCUS_DEPTHS];
-    vstore4(place, 0, places);
-    vstore4(depth, 0, depths);
+    __global int *losers = OWN_BINS(bins) + HADA_FOCUS_BINS;
     FOR_TILES (t, down * across) {
         const int first = t / across * FOCUS_BAND, x = t % across * step + FOCUS_SIDE * FOCUS_WIDTH * get_local_id(0);
         for (int r = first; r < min(first + FOCUS_BAND, rows) && x < cols; r++) {
-            real value[FOCUS_DEPTHS][FOCUS_SIDE]; /* the measure, then the plane's share in the all-in-focus image */
+            real value[HADA_FOCUS_DEPTHS]
+                      [FOCUS_SIDE]; /* the measure, then the plane's share in the all-in-focus image */
             for (int p = 0; p < count; p++) {
                 __global const float *from = response + (size_t)p * kinds * whole_image + x;
                 window_down(from, weights, radius, r, rows, pitch, value[p]);
@@ -166,20 +165,20 @@ focus_select(__global const float *response, __global const float *weights, cons
                      total = best;
                 if (seen) {
                     best = LOAD(at);
-                    best_depth = LOAD(at + BEST_DEPTH * image);
-                    before = LOAD(at + BEFORE * image);
-                    after = LOAD(at + AFTER * image);
-                    second = LOAD(at + SECOND * image);
-                    last = LOAD(at + LAST * image);
-                    total = LOAD(at + WEIGHTS * image);
+                    best_depth = LOAD(at + BEST_DEPTH * one);
+                    before = LOAD(at + BEFORE * one);
+                    after = LOAD(at + AFTER * one);
+                    second = LOAD(at + SECOND * one);
+                    last = LOAD(at + LAST * one);
+                    total = LOAD(at + WEIGHTS * one);
                 }
                 for (int p = 0; p < count; p++) {
-                    const real now = value[p][v], number = (real)(float)depths[p];
+                    const real now = value[p][v], number = (real)(float)batch.depth[p];
                     if (seen + p == 0) {
                         best = now;
                         best_depth = number;
                     } else {
-                        const int adjacent = (p ? depths[p - 1] : last_depth) == depths[p] - 1;
+                        const int adjacent = (p ? batch.depth[p - 1] : past.last_depth) == batch.depth[p] - 1;
                         const whole next = best_depth == number - 1.0f, wins = now > best; /* ties: the nearer depth */
                         count_values(losers, max(min(now, best), (real)0.0f), x + v * FOCUS_WIDTH, 0, cols);
                         second = select(select(max(second, now), second, next), select(best, max(second, before), next),
@@ -190,30 +189,30 @@ focus_select(__global const float *response, __global const float *weights, cons
                         best_depth = select(best_depth, number, wins);
                     }
                     last = now;
-                    if (weighted) {
+                    if (past.weighted) {
                         total += now;
                         value[p][v] = select((real)(1.0f / (float)(seen + p + 1)), now / total, total > (real)0.0f);
                     }
                 }
                 STORE(best, at);
-                STORE(best_depth, at + BEST_DEPTH * image);
-                STORE(before, at + BEFORE * image);
-                STORE(after, at + AFTER * image);
-                STORE(second, at + SECOND * image);
-                STORE(last, at + LAST * image);
-                STORE(total, at + WEIGHTS * image);
+                STORE(best_depth, at + BEST_DEPTH * one);
+                STORE(before, at + BEFORE * one);
+                STORE(after, at + AFTER * one);
+                STORE(second, at + SECOND * one);
+                STORE(last, at + LAST * one);
+                STORE(total, at + WEIGHTS * one);
             }
             for (int c = 0; c < channels; c++) {
-                __global const float *row = planes + offset + (size_t)c * pixels + (size_t)r * cols;
-                at = kept + (FUSED + c) * image + (size_t)r * pitch + x;
+                __global const float *row = planes + batch.offset + (size_t)c * pixels + (size_t)r * cols;
+                at = kept + (FUSED + c) * one + (size_t)r * pitch + x;
                 for (int v = 0; v < FOCUS_SIDE && x + v * FOCUS_WIDTH < cols; v++, at += FOCUS_WIDTH) {
                     real fused = seen ? LOAD(at) : (real)0.0f;
                     for (int p = 0; p < count; p++) {
                         const real light =
-                            load_row(row + (size_t)places[p] * channels * pixels, x + v * FOCUS_WIDTH, cols);
-                        fused = seen + p == 0 ? light
-                                : weighted    ? fused + value[p][v] * (light - fused)
-                                              : fused + light;
+                            load_row(row + (size_t)batch.place[p] * channels * pixels, x + v * FOCUS_WIDTH, cols);
+                        fused = seen + p == 0   ? light
+                                : past.weighted ? fused + value[p][v] * (light - fused)
+                                                : fused + light;
                     }
                     STORE(fused, at);
                 }
@@ -231,7 +230,7 @@ focus_counts(__global const int *bins, const int groups, const int share, __glob
     for (int i = first + FOCUS_WIDTH * get_local_id(0); i < first + share; i += FOCUS_WIDTH * FOCUS_GROUP) {
         whole sum = LOAD(bins + i);
         for (int g = 1; g < groups; g++)
-            sum += LOAD(bins + (size_t)g * 2 * FOCUS_BINS + i);
+            sum += LOAD(bins + (size_t)g * 2 * HADA_FOCUS_BINS + i);
         STORE(sum, counts + i);
     }
 }
@@ -252,28 +251,26 @@ FOCUS_INLINE real between_depths(real best, real before, real after, real best_d
     return select(mix(here, there, fabs(step)), here, step == 0.0f);
 }
 
-/* The distance of each pixel, row by row; NaN where the best measure is not above `threshold` or not more than `margin`
- * above the best of the depths that are not next to it. The all-in-focus image from its sums. */
+/* The distance of each pixel, row by row; NaN where it has none. The all-in-focus image from its sums. */
 __kernel __attribute__((reqd_work_group_size(FOCUS_GROUP, 1, 1))) void
-focus_finish(__global const float *kept, __global const float *inverse_distances, const int depths, const int rows,
-             const int cols, const int pitch, const int channels, const float threshold, const float margin,
-             const float base, __global float *all_in_focus, const ulong all_in_focus_offset, __global float *distance,
-             const ulong distance_offset)
+focus_finish(__global const float *kept, __global const float *inverse_distances, const int depths,
+             const hada_focus_image image, const hada_focus_limits limits, __global float *all_in_focus,
+             const ulong all_in_focus_offset, __global float *distance, const ulong distance_offset)
 {
-    const size_t image = (size_t)rows * pitch, pixels = (size_t)rows * cols;
+    const int channels = image.channels, rows = image.rows, cols = image.cols, pitch = image.pitch;
+    const size_t one = (size_t)rows * pitch, pixels = (size_t)rows * cols;
     FOR_TILES (r, rows) {
         for (int x = FOCUS_WIDTH * get_local_id(0); x < cols; x += FOCUS_WIDTH * FOCUS_GROUP) {
             __global const float *at = kept + (size_t)r * pitch + x;
             const size_t i = (size_t)r * cols + x;
             const real best = LOAD(at);
-            const real inverse = between_depths(best, LOAD(at + BEFORE * image), LOAD(at + AFTER * image),
-                                                LOAD(at + BEST_DEPTH * image), depths, base, inverse_distances);
-            const whole found = (best > threshold) & (best - LOAD(at + SECOND * image) > margin);
+            const real inverse = between_depths(best, LOAD(at + BEFORE * one), LOAD(at + AFTER * one),
+                                                LOAD(at + BEST_DEPTH * one), depths, limits.base, inverse_distances);
+            const whole found = (best > limits.threshold) & (best - LOAD(at + SECOND * one) > limits.margin);
             store_row(select((real)as_float(0x7fc00000), 1.0f / inverse, found), distance + distance_offset + i,
                       cols - x);
             for (int c = 0; c < channels; c++)
-                store_row(LOAD(at + (FUSED + c) * image), all_in_focus + all_in_focus_offset + c * pixels + i,
-                          cols - x);
+                store_row(LOAD(at + (FUSED + c) * one), all_in_focus + all_in_focus_offset + c * pixels + i, cols - x);
         }
     }
 }

@@ -2,6 +2,8 @@
 #ifndef INC_FOCUS_H
 #define INC_FOCUS_H
 
+#include "shared_focus.h"
+
 #ifndef FOCUS_WIDTH
 #define FOCUS_WIDTH 16
 #endif
@@ -23,16 +25,14 @@
 #ifndef FOCUS_SIDE
 #define FOCUS_SIDE 4
 #endif
-#define FOCUS_DEPTHS 4  /* in a launch */
 #define FOCUS_REACH  64 /* the widest window reaches that far, and less */
-#define FOCUS_BINS   32768
 #define FOCUS_INLINE static inline __attribute__((always_inline))
 #define LIGHT_PITCH  (FOCUS_COLS + 2 * FOCUS_REACH + FOCUS_WIDTH)
 #define EDGES_PITCH  (FOCUS_COLS + 2 * FOCUS_REACH)
 #define LIGHT_ROWS   (FOCUS_ROWS + 2)
-#define CONTRAST     1
-#define ENERGY       2
-#define COMBINED     3
+#define CONTRAST     FOCUS_MEASURE_CONTRAST
+#define ENERGY       FOCUS_MEASURE_ENERGY
+#define COMBINED     FOCUS_MEASURE_COMBINED
 
 #if FOCUS_WIDTH == 16
 typedef float16 real;
@@ -58,7 +58,7 @@ typedef int whole;
 #define FOR_TILES(t, tiles) for (int t = get_group_id(0); t < tiles; t += get_num_groups(0))
 #define WAIT
 #define COUNT(bin)     (*(bin) += 1)
-#define OWN_BINS(bins) (bins + (size_t)get_group_id(0) * 2 * FOCUS_BINS)
+#define OWN_BINS(bins) (bins + (size_t)get_group_id(0) * 2 * HADA_FOCUS_BINS)
 #else
 #define FOR_TILES(t, tiles) const int t = get_group_id(0);
 #define WAIT                barrier(CLK_LOCAL_MEM_FENCE)

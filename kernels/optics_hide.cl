@@ -1,4 +1,5 @@
 /* Opaque planes: what one lens sees of a plane behind another. */
+#include "shared_optics.h"
 
 /* The sum of weight[i][j] opacity[r + i][k + j] over the taps that meet the image. */
 static inline float hide_cover(__global const float *opacity, __global const float *weights, int r, int k, int tap_rows,
@@ -17,10 +18,11 @@ static inline float hide_cover(__global const float *opacity, __global const flo
  * (from `seen_offset` on) may be `light`. */
 __kernel void optics_hide(__global const float *light, __global float *seen, const ulong seen_offset,
                           __global const float *opacity, const ulong opacity_offset, __global const float *weights,
-                          const int row0, const int col0, const int tap_rows, const int tap_cols, const int channels,
-                          const int rows, const int cols)
+                          const hada_optics_taps taps, const hada_optics_image image)
 {
-    const int first = 8 * get_global_id(0), r = get_global_id(1), k = first + col0;
+    const int channels = image.channels, rows = image.rows, cols = image.cols;
+    const int row0 = taps.row0, tap_rows = taps.rows, tap_cols = taps.cols;
+    const int first = 8 * get_global_id(0), r = get_global_id(1), k = first + taps.col0;
     if (first >= cols)
         return;
     opacity += opacity_offset;

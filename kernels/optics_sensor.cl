@@ -1,6 +1,7 @@
 /* From light to what a sensor reads: exposure, vignetting, shot noise, read noise, dark level, saturation, rounding.
  * <hadalens/sensor.h> tells the model. */
 #include "inc_philox.h"
+#include "shared_optics.h"
 
 #define SENSOR_ROUNDS 10    /* of Philox */
 #define SENSOR_EXACT  16.0f /* electrons; below, Poisson numbers are exact */
@@ -40,12 +41,9 @@ static inline float8 sensor_few(float8 mean, const uint8 counter[4], uint key0, 
     return count;
 }
 
-/* `values` of `pixels` a channel, in place; an item takes eight. `gain` holds the vignetting where `vignetted`;
- * `levels` is 2^bits - 1, 0 where values are not rounded. */
-__kernel void optics_sensor(__global float *values, const ulong offset, __global const float *gain, const int vignetted,
-                            const ulong pixels, const ulong count, const float exposure, const float full_well,
-                            const float read_noise, const float dark_level, const int saturate, const float levels,
-                            const uint key0, const uint key1)
+/* `values` of `pixels` a channel, in place; an item takes eight. `gain` holds the vignetting, where there is one. */
+__kernel void optics_sensor(__global float *values, const ulong offset, __global const float *gain, const ulong pixels,
+                            const ulong count, const hada_optics_sensor sensor)
 {
     const ulong first = 8 * (ulong)get_global_id(0);
     if (first >= count)
@@ -54,34 +52,35 @@ __kernel void optics_sensor(__global float *values, const ulong offset, __global
     float lane[8] = {0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f};
     values += offset + first;
     for (int i = 0; i < here; i++)
-        lane[i] = max(0.0f, values[i]) * (vignetted ? gain[(first + i) % pixels] : 1.0f);
-    float8 y = exposure * vload8(0, lane);
-    if (full_well > 0.0f || read_noise > 0.0f) {
+        lane[i] = max(0.0f, values[i]) * (sensor.vignetted ? gain[(first + i) % pixels] : 1.0f);
+    float8 y = sensor.exposure * vload8(0, lane);
+    if (sensor.full_well > 0.0f || sensor.read_noise > 0.0f) {
         const uint8 counter[4] = {(uint)first + (uint8)(0, 1, 2, 3, 4, 5, 6, 7), (uint8)(uint)(first >> 32), 0, 0};
         uint8 word[4] = {counter[0], counter[1], counter[2], counter[3]};
-        philox(word, SENSOR_ROUNDS, key0, key1);
+        philox(word, SENSOR_ROUNDS, sensor.key0, sensor.key1);
         const float8 radius = sqrt(-2.0f * log(sensor_unit(word[0]))), turn = 2.0f * sensor_unit(word[1]);
-        const float8 read = read_noise * radius * sinpi(turn);
-        if (full_well > 0.0f) {
-            const float8 mean = y * full_well;
+        const float8 read = sensor.read_noise * radius * sinpi(turn);
+        if (sensor.full_well > 0.0f) {
+            const float8 mean = y * sensor.full_well;
             const int8 few = mean < SENSOR_EXACT;
             float8 electrons = sensor_many(max(mean, SENSOR_EXACT), radius * cospi(turn));
             if (any(few))
-                electrons = select(electrons, sensor_few(select((float8)0.0f, mean, few), counter, key0, key1), few);
-            if (saturate)
-                electrons = min(electrons, full_well);
-            y = (electrons + read) / full_well;
+                electrons = select(electrons,
+                                   sensor_few(select((float8)0.0f, mean, few), counter, sensor.key0, sensor.key1), few);
+            if (sensor.saturate)
+                electrons = min(electrons, sensor.full_well);
+            y = (electrons + read) / sensor.full_well;
         } else {
-            y = (saturate ? min(y, 1.0f) : y) + read;
+            y = (sensor.saturate ? min(y, 1.0f) : y) + read;
         }
-    } else if (saturate) {
+    } else if (sensor.saturate) {
         y = min(y, 1.0f);
     }
-    y += dark_level;
-    if (saturate)
+    y += sensor.dark_level;
+    if (sensor.saturate)
         y = min(y, 1.0f);
-    if (levels > 0.0f)
-        y = clamp(rint(y * levels), 0.0f, levels) / levels;
+    if (sensor.levels > 0.0f)
+        y = clamp(rint(y * sensor.levels), 0.0f, sensor.levels) / sensor.levels;
     vstore8(y, 0, lane);
     for (int i = 0; i < here; i++)
         values[i] = lane[i];

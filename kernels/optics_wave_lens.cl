@@ -1,25 +1,21 @@
 /* Wave optics lens by lens (lib/optics/wave_lens.c): the field that leaves each lens, about its own centre, and, after
  * the transform that takes it to the sensor, the light of its spot on each pixel. */
-
-/* One lens: its centre, and where its planes begin and how many they are. A plane holds what is nearer to another
- * lens: c - (a u + b v) is a point's distance to the line between the two. */
-typedef struct pupil_lens {
-    float x, y;
-    int first, planes;
-} pupil_lens;
+#include "shared_optics.h"
 
 /* Real and imaginary parts of lens `first + get_global_id(2)`, one after the other, n x n values with rows `pitch`
  * apart (a multiple of 8): at (column, row), (column - middle) `step` from the centre, `phase` across times `phase`
  * down (n complex values each, for every lens) times the share of the sample that is open. The values between n and
- * `pitch` are 0. An item does rows, in pieces of 8. */
-__kernel void optics_wave_pupil(__global float *field, __global const float *phase, __global const pupil_lens *lenses,
-                                __global const float4 *planes, const int first, const int n, const int pitch,
-                                const float step, const float radius, const float aperture)
+ * `pitch` are 0. A plane of the lens holds what is nearer to another: c - (a u + b v) is a point's distance to the line
+ * between the two. An item does rows, in pieces of 8. */
+__kernel void optics_wave_pupil(__global float *field, __global const float *phase,
+                                __global const hada_wave_lens *lenses, __global const float4 *planes, const int first,
+                                const hada_optics_field lens_field)
 {
-    const int row = get_global_id(1), which = get_global_id(2);
+    const int row = get_global_id(1), which = get_global_id(2), n = lens_field.n, pitch = lens_field.pitch;
+    const float step = lens_field.step, radius = lens_field.radius, aperture = lens_field.aperture;
     if (row >= n)
         return;
-    const pupil_lens lens = lenses[first + which];
+    const hada_wave_lens lens = lenses[first + which];
     __global const float *across = phase + 4 * (size_t)which * (size_t)pitch, *down = across + 2 * pitch;
     __global float *real = field + (2 * (size_t)which * (size_t)n + (size_t)row) * (size_t)pitch,
                    *imaginary = real + (size_t)n * (size_t)pitch;

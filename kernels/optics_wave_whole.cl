@@ -1,5 +1,6 @@
 /* Wave optics of a whole mask (lib/optics/wave_whole.c): what the mask makes of a plane wave, how it goes on, and its
  * light on each pixel. A field stands as its real and imaginary part, two real images. */
+#include "shared_optics.h"
 
 /* Both parts, n x n values each, of open * exp(2 pi i waves path). Items: eights of columns, rows. */
 __kernel void optics_wave_mask(__global float *field, __global const float *path, __global const float *open,
@@ -56,24 +57,16 @@ __kernel void optics_wave_travel(__global float *spectrum, __global const float 
     vstore16(second, at, other);
 }
 
-/* What of a line of samples falls on a pixel, both squares, each its own size; a sample's light is shared by area.
- * Samples `first` to `first + count - 1`, the ends with their own weights
- * (a single one: `begin`). */
-typedef struct wave_pixel {
-    int first, count;
-    float begin, end;
-} wave_pixel;
-
 /* Across: part[row][pixel] of |real + i imaginary|^2, rows x cols samples each, one after the other. Items: pixels,
  * rows. */
 __kernel void optics_wave_sensor_rows(__global float *part, __global const float *field,
-                                      __global const wave_pixel *table, const int rows, const int cols,
+                                      __global const hada_wave_pixel *table, const int rows, const int cols,
                                       const int pixels)
 {
     const int pixel = get_global_id(0), row = get_global_id(1);
     if (pixel >= pixels || row >= rows)
         return;
-    const wave_pixel p = table[pixel];
+    const hada_wave_pixel p = table[pixel];
     __global const float *real = field + (size_t)row * (size_t)cols + p.first,
                          *imaginary = real + (size_t)rows * (size_t)cols;
     float sum = 0.0f;
@@ -86,12 +79,12 @@ __kernel void optics_wave_sensor_rows(__global float *part, __global const float
 
 /* Down: image[pixel row][pixel] of part. Items: pixels, rows of pixels. */
 __kernel void optics_wave_sensor_cols(__global float *image, __global const float *part,
-                                      __global const wave_pixel *table, const int pixels, const int pixel_rows)
+                                      __global const hada_wave_pixel *table, const int pixels, const int pixel_rows)
 {
     const int pixel = get_global_id(0), row = get_global_id(1);
     if (pixel >= pixels || row >= pixel_rows)
         return;
-    const wave_pixel p = table[row];
+    const hada_wave_pixel p = table[row];
     __global const float *line = part + (size_t)p.first * (size_t)pixels + (size_t)pixel;
     float sum = 0.0f;
     for (int i = 0; i < p.count; i++) {

@@ -231,22 +231,22 @@ hada_status hada_focus_begin(hada_focus *focus, const unsigned char *competing, 
 }
 
 /* The planes gathered so far go to the device. */
-static hada_status push_gathered(hada_focus *f, hada_focus_planes *planes, hada_error *err)
+static hada_status push_gathered(hada_focus *f, cl_mem planes, hada_focus_batch *batch, hada_error *err)
 {
     const int64_t pixels = (int64_t)f->rows * f->cols;
     hada_status status = HADA_OK;
-    if (!planes->count)
+    if (!batch->count)
         goto done;
-    if (f->counted > INT_MAX - planes->count * pixels) {
+    if (f->counted > INT_MAX - batch->count * pixels) {
         HADA_TRY(take_counts(f, err));
         HADA_TRY(clear_counts(f, err));
     }
-    HADA_TRY(hada_focus_launch_measure(f, planes, err));
-    HADA_TRY(hada_focus_launch_select(f, planes, err));
-    f->last = planes->depth[planes->count - 1];
-    f->pushed += planes->count;
-    f->counted += planes->count * pixels;
-    planes->count = 0;
+    HADA_TRY(hada_focus_launch_measure(f, planes, batch, err));
+    HADA_TRY(hada_focus_launch_select(f, planes, batch, err));
+    f->last = batch->depth[batch->count - 1];
+    f->pushed += batch->count;
+    f->counted += batch->count * pixels;
+    batch->count = 0;
 done:
     return status;
 }
@@ -259,7 +259,7 @@ static hada_status push(hada_focus *focus, const int *list, int first, int count
         return hada_fail(err, HADA_ERROR_STATE, "planes came to the focus before a frame was begun");
     const int64_t fit = INT_MAX / ((int64_t)focus->rows * focus->cols); /* into counts that are int */
     const int most = fit < HADA_FOCUS_DEPTHS ? (int)fit : HADA_FOCUS_DEPTHS;
-    hada_focus_planes gathered = {.planes = planes, .offset = offset};
+    hada_focus_batch gathered = {.offset = offset};
     hada_status status = HADA_OK;
     for (int i = 0; i < count; i++) {
         const int depth = list ? list[i] : first + i;
@@ -273,9 +273,9 @@ static hada_status push(hada_focus *focus, const int *list, int first, int count
         gathered.place[gathered.count] = i;
         gathered.depth[gathered.count++] = depth;
         if (gathered.count == most)
-            HADA_TRY(push_gathered(focus, &gathered, err));
+            HADA_TRY(push_gathered(focus, planes, &gathered, err));
     }
-    HADA_TRY(push_gathered(focus, &gathered, err));
+    HADA_TRY(push_gathered(focus, planes, &gathered, err));
 done:
     return status;
 }

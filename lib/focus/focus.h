@@ -5,6 +5,7 @@
 #include <hadalens/focus.h>
 #include <stdint.h>
 
+#include "kernels/shared_focus.h"
 #include "runtime/room.h"
 
 typedef struct hada_focus_desc {
@@ -47,8 +48,7 @@ hada_status hada_focus_finish(hada_focus *focus, cl_mem all_in_focus, size_t all
 
 /* Parts of the rule that the reference shares no code with (focus_noise.c). */
 
-/* Counts of non-negative floats by the upper 16 bits of their pattern: 128 bins an octave. */
-#define HADA_FOCUS_BINS 32768
+/* Counts of non-negative floats by the upper 16 bits of their pattern: HADA_FOCUS_BINS, 128 an octave. */
 
 /* Median of the values above 0 (0 when there is none); *total is their number. */
 double hada_focus_bins_median_positive(const int64_t *bins, int64_t *total);

@@ -1,6 +1,9 @@
 /* The kernels of focus.cl. */
 #include "focus/focus_object.h"
-#include "runtime/kernel.h"
+
+_Static_assert(FOCUS_MEASURE_CONTRAST == (int)HADA_FOCUS_CONTRAST && FOCUS_MEASURE_ENERGY == (int)HADA_FOCUS_ENERGY &&
+                   FOCUS_MEASURE_COMBINED == (int)HADA_FOCUS_COMBINED,
+               "the kernels' numbers are those of the interface");
 
 /* Groups of one item that count for themselves: two for each unit, so that they can share the work out; a few units
  * are enough to read planes as fast as memory gives them. */
@@ -8,111 +11,86 @@
 
 hada_focus_way hada_focus_way_of(const hada_context *context)
 {
-    if (context->shape == HADA_SHAPE_GROUPS)
-        return (hada_focus_way){.groups = 1,
-                                .width = 1,
-                                .members = 64,
-                                .rows = 4,
-                                .cols = 128,
-                                .band = 1,
-                                .options = "-DFOCUS_WIDTH=1 -DFOCUS_GROUP=64 -DFOCUS_ROWS=4 -DFOCUS_COLS=128 "
-                                           "-DFOCUS_BAND=1 -DFOCUS_SIDE=1"};
+    const int in_groups = context->shape == HADA_SHAPE_GROUPS;
     const unsigned groups = 2 * context->info.compute_units;
-    return (hada_focus_way){.groups = groups < GROUPS_MOST ? (int)groups : GROUPS_MOST,
-                            .width = 64,
-                            .members = 1,
-                            .rows = 8,
-                            .cols = 256,
-                            .band = 32,
-                            .options = ""};
+    const hada_program_focus program = in_groups ? HADA_PROGRAM_FOCUS_GROUPS : HADA_PROGRAM_FOCUS_DEFAULT;
+    const hada_macros_focus *tiles = hada_macros_of_focus(program);
+    return (hada_focus_way){.groups = in_groups              ? 1
+                                      : groups < GROUPS_MOST ? (int)groups
+                                                             : GROUPS_MOST,
+                            .width = tiles->focus_width * tiles->focus_side,
+                            .members = tiles->focus_group,
+                            .rows = tiles->focus_rows,
+                            .cols = tiles->focus_cols,
+                            .band = tiles->focus_band,
+                            .program = program};
 }
 
 static int parts(int n, int of)
 {
-    return (n + of - 1) / of;
+    return (int)hada_divide_up((size_t)n, (size_t)of);
+}
+
+static hada_range range_of(const hada_focus *f, int groups)
+{
+    return hada_range_groups((size_t)groups, (size_t)f->way.members, 1, 1);
 }
 
 /* Work-groups for a number of tiles. */
-static size_t groups_for(const hada_focus *f, int tiles)
+static hada_range range_for(const hada_focus *f, int tiles)
 {
-    return (size_t)(f->way.members > 1 || tiles < f->way.groups ? tiles : f->way.groups);
+    return range_of(f, f->way.members > 1 || tiles < f->way.groups ? tiles : f->way.groups);
 }
 
-static hada_status launch(hada_focus *f, const char *name, size_t groups, const hada_arg *args, size_t count,
-                          hada_error *err)
+static hada_focus_image image_of(const hada_focus *f)
 {
-    cl_kernel kernel;
-    hada_status status = hada_slot_kernel(f->slot, "focus", name, f->way.options, &kernel, err);
-    const size_t local = (size_t)f->way.members, global = groups * local;
-    return status ? status : hada_slot_launch(f->slot, kernel, name, 1, &global, &local, args, count, err);
+    return (hada_focus_image){f->channels, f->rows, f->cols, f->pitch, f->radius, (int)f->options.measure};
 }
 
-static cl_int4 list_of(const cl_int *values)
+hada_status hada_focus_launch_measure(hada_focus *f, cl_mem planes, const hada_focus_batch *batch, hada_error *err)
 {
-    cl_int4 list;
-    for (int i = 0; i < HADA_FOCUS_DEPTHS; i++)
-        list.s[i] = values[i];
-    return list;
-}
-
-hada_status hada_focus_launch_measure(hada_focus *f, const hada_focus_planes *planes, hada_error *err)
-{
-    const cl_int4 place = list_of(planes->place);
-    const int measure = (int)f->options.measure;
-    const hada_arg args[] = {HADA_ARG(planes->planes), HADA_ARG(planes->offset), HADA_ARG(place),
-                             HADA_ARG(planes->count),  HADA_ARG(f->channels),    HADA_ARG(f->rows),
-                             HADA_ARG(f->cols),        HADA_ARG(f->weights.mem), HADA_ARG(f->radius),
-                             HADA_ARG(measure),        HADA_ARG(f->pitch),       HADA_ARG(f->response.mem),
-                             HADA_ARG(f->bins.mem)};
-    const double pixels = (double)planes->count * f->rows * f->cols, taps = 2.0 * f->radius + 1;
-    const double edges = measure == HADA_FOCUS_ENERGY ? 0 : 19;
+    const double pixels = (double)batch->count * f->rows * f->cols, taps = 2.0 * f->radius + 1;
+    const double edges = f->options.measure == HADA_FOCUS_ENERGY ? 0 : 19;
+    const hada_range range = range_for(f, batch->count * parts(f->rows + 2, f->way.rows) * parts(f->cols, f->way.cols));
     hada_slot_cost(f->slot, 4.0 * pixels * (f->channels + f->kinds),
                    pixels * ((f->channels == 3 ? 5 : 0) + edges + 11 + 2.0 * taps * f->kinds));
-    const int tiles = planes->count * parts(f->rows + 2, f->way.rows) * parts(f->cols, f->way.cols);
-    return launch(f, "focus_measure", groups_for(f, tiles), args, HADA_COUNT(args), err);
+    return hada_launch_focus_measure(f->slot, f->way.program, &range, err, .planes = planes, .batch = *batch,
+                                     .image = image_of(f), .weights = f->weights.mem, .response = f->response.mem,
+                                     .bins = f->bins.mem);
 }
 
-hada_status hada_focus_launch_select(hada_focus *f, const hada_focus_planes *planes, hada_error *err)
+hada_status hada_focus_launch_select(hada_focus *f, cl_mem planes, const hada_focus_batch *batch, hada_error *err)
 {
-    const cl_int4 place = list_of(planes->place), depth = list_of(planes->depth);
-    const int measure = (int)f->options.measure, weighted = f->options.fuse == HADA_FOCUS_WEIGHTED;
-    const hada_arg args[] = {HADA_ARG(f->response.mem), HADA_ARG(f->weights.mem), HADA_ARG(f->radius),
-                             HADA_ARG(measure),         HADA_ARG(planes->planes), HADA_ARG(planes->offset),
-                             HADA_ARG(place),           HADA_ARG(depth),          HADA_ARG(planes->count),
-                             HADA_ARG(f->channels),     HADA_ARG(f->rows),        HADA_ARG(f->cols),
-                             HADA_ARG(f->pitch),        HADA_ARG(f->pushed),      HADA_ARG(f->last),
-                             HADA_ARG(weighted),        HADA_ARG(f->kept.mem),    HADA_ARG(f->bins.mem)};
+    const hada_focus_past past = {f->pushed, f->last, f->options.fuse == HADA_FOCUS_WEIGHTED};
     const double pixels = (double)f->rows * f->cols, taps = 2.0 * f->radius + 1, kept = 7.0 + f->channels;
+    const hada_range range = range_for(f, parts(f->rows, f->way.band) * parts(f->cols, f->way.width * f->way.members));
     hada_slot_cost(f->slot,
-                   4.0 * pixels * (planes->count * (double)(f->channels + f->kinds) + (f->pushed ? 2.0 : 1.0) * kept),
-                   pixels * planes->count * (2.0 * taps * f->kinds + 12 + 2.0 * f->channels));
-    const int tiles = parts(f->rows, f->way.band) * parts(f->cols, f->way.width * f->way.members);
-    return launch(f, "focus_select", groups_for(f, tiles), args, HADA_COUNT(args), err);
+                   4.0 * pixels * (batch->count * (double)(f->channels + f->kinds) + (f->pushed ? 2.0 : 1.0) * kept),
+                   pixels * batch->count * (2.0 * taps * f->kinds + 12 + 2.0 * f->channels));
+    return hada_launch_focus_select(f->slot, f->way.program, &range, err, .response = f->response.mem,
+                                    .weights = f->weights.mem, .planes = planes, .batch = *batch, .image = image_of(f),
+                                    .past = past, .kept = f->kept.mem, .bins = f->bins.mem);
 }
 
 hada_status hada_focus_launch_counts(hada_focus *f, hada_error *err)
 {
-    enum { ALL = 2 * HADA_FOCUS_BINS, GROUPS = 8, SHARE = ALL / GROUPS };
-    const int share = SHARE;
-    const hada_arg args[] = {HADA_ARG(f->bins.mem), HADA_ARG(f->way.groups), HADA_ARG(share), HADA_ARG(f->counts.mem)};
+    enum { ALL = 2 * HADA_FOCUS_BINS, GROUPS = 8 };
+    const hada_range range = range_of(f, GROUPS);
     hada_slot_cost(f->slot, 4.0 * (f->way.groups + 1) * ALL, (double)f->way.groups * ALL);
-    return launch(f, "focus_counts", GROUPS, args, HADA_COUNT(args), err);
+    return hada_launch_focus_counts(f->slot, f->way.program, &range, err, .bins = f->bins.mem, .groups = f->way.groups,
+                                    .share = ALL / GROUPS, .counts = f->counts.mem);
 }
 
 hada_status hada_focus_launch_finish(hada_focus *f, const hada_focus_report *found, double base, cl_mem all_in_focus,
                                      size_t all_in_focus_offset, cl_mem distance_map, size_t distance_offset,
                                      hada_error *err)
 {
-    const float threshold = (float)found->threshold, margin = (float)found->margin, level = (float)base;
-    const cl_ulong aif_at = all_in_focus_offset, map_at = distance_offset;
-    const hada_arg args[] = {HADA_ARG(f->kept.mem),  HADA_ARG(f->inverse_distances.mem),
-                             HADA_ARG(f->depths),    HADA_ARG(f->rows),
-                             HADA_ARG(f->cols),      HADA_ARG(f->pitch),
-                             HADA_ARG(f->channels),  HADA_ARG(threshold),
-                             HADA_ARG(margin),       HADA_ARG(level),
-                             HADA_ARG(all_in_focus), HADA_ARG(aif_at),
-                             HADA_ARG(distance_map), HADA_ARG(map_at)};
+    const hada_focus_limits limits = {(float)found->threshold, (float)found->margin, (float)base};
     const double pixels = (double)f->rows * f->cols;
+    const hada_range range = range_for(f, f->rows);
     hada_slot_cost(f->slot, 4.0 * pixels * (6.0 + 2.0 * f->channels), pixels * 12.0);
-    return launch(f, "focus_finish", groups_for(f, f->rows), args, HADA_COUNT(args), err);
+    return hada_launch_focus_finish(
+        f->slot, f->way.program, &range, err, .kept = f->kept.mem, .inverse_distances = f->inverse_distances.mem,
+        .depths = f->depths, .image = image_of(f), .limits = limits, .all_in_focus = all_in_focus,
+        .all_in_focus_offset = all_in_focus_offset, .distance = distance_map, .distance_offset = distance_offset);
 }

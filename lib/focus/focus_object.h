@@ -3,8 +3,7 @@
 #define HADA_FOCUS_FOCUS_OBJECT_H
 
 #include "focus/focus.h"
-
-#define HADA_FOCUS_DEPTHS 4 /* planes in a launch, at most */
+#include "launch/focus.h"
 
 /* How the kernels part the work. */
 typedef struct hada_focus_way {
@@ -12,7 +11,7 @@ typedef struct hada_focus_way {
     int width;   /* pixels of an item of focus_select, which rows of the object's own images are multiples of */
     int members; /* items in a group */
     int rows, cols, band; /* tiles of focus_measure; rows of a tile of focus_select */
-    const char *options;
+    hada_program_focus program;
 } hada_focus_way;
 
 struct hada_focus {
@@ -39,17 +38,9 @@ struct hada_focus {
 
 hada_focus_way hada_focus_way_of(const hada_context *context);
 
-/* Planes that one launch takes. */
-typedef struct hada_focus_planes {
-    cl_mem planes;
-    cl_ulong offset; /* in floats; a plane's place counts from here, in planes */
-    int count;
-    cl_int place[HADA_FOCUS_DEPTHS], depth[HADA_FOCUS_DEPTHS];
-} hada_focus_planes;
-
-/* Launches. */
-hada_status hada_focus_launch_measure(hada_focus *focus, const hada_focus_planes *planes, hada_error *err);
-hada_status hada_focus_launch_select(hada_focus *focus, const hada_focus_planes *planes, hada_error *err);
+/* Launches, for planes of one batch. */
+hada_status hada_focus_launch_measure(hada_focus *focus, cl_mem planes, const hada_focus_batch *batch, hada_error *err);
+hada_status hada_focus_launch_select(hada_focus *focus, cl_mem planes, const hada_focus_batch *batch, hada_error *err);
 hada_status hada_focus_launch_counts(hada_focus *focus, hada_error *err);
 hada_status hada_focus_launch_finish(hada_focus *focus, const hada_focus_report *found, double base,
                                      cl_mem all_in_focus, size_t all_in_focus_offset, cl_mem distance_map,

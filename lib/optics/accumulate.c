@@ -2,7 +2,7 @@
 
 #include <limits.h>
 
-#include "runtime/kernel.h"
+#include "launch/optics_accumulate.h"
 
 #define LOCAL 64 /* items in a work-group, of four complex numbers each */
 
@@ -11,15 +11,9 @@ hada_status hada_optics_accumulate(hada_slot *slot, cl_mem sum, size_t sum_offse
 {
     if (count > INT_MAX)
         return hada_fail(err, HADA_ERROR_UNSUPPORTED, "spectra of %zu values are too large for one image", count);
-    cl_kernel kernel;
-    hada_status status = hada_slot_kernel(slot, "optics_accumulate", "optics_accumulate", "", &kernel, err);
-    if (status)
-        return status;
-    const int values = (int)count;
-    const cl_ulong offset = sum_offset;
-    const size_t local[2] = {LOCAL, 1}, global[2] = {((count + 3) / 4 + LOCAL - 1) / LOCAL * LOCAL, (size_t)images};
-    const hada_arg args[] = {HADA_ARG(sum),    HADA_ARG(offset),     HADA_ARG(otf), HADA_ARG(scene),
-                             HADA_ARG(values), HADA_ARG(otf_images), HADA_ARG(add)};
+    const hada_range range = hada_range_of(hada_divide_up(count, 4), LOCAL, (size_t)images, 1);
     hada_slot_cost(slot, 8.0 * (double)count * (otf_images + (add ? 3.0 : 2.0) * images), 8.0 * (double)count * images);
-    return hada_slot_launch(slot, kernel, "optics_accumulate", 2, global, local, args, HADA_COUNT(args), err);
+    return hada_launch_optics_accumulate(slot, HADA_PROGRAM_OPTICS_ACCUMULATE_DEFAULT, &range, err, .sum = sum,
+                                         .offset = sum_offset, .otf = otf, .scene = scene, .count = (int)count,
+                                         .otf_images = otf_images, .add = add);
 }

@@ -6,8 +6,8 @@
 
 #include "core/alloc.h"
 #include "core/options.h"
+#include "launch/optics_sensor.h"
 #include "optics/simulator.h"
-#include "runtime/kernel.h"
 
 #define LOCAL 64 /* items in a work-group, of eight values each */
 
@@ -57,24 +57,20 @@ hada_status hada_sensor_check(const hada_sensor *sensor, hada_error *err)
 hada_status hada_optics_expose(hada_slot *slot, cl_mem values, size_t offset, cl_mem gain, size_t pixels, size_t count,
                                const hada_sensor *sensor, uint64_t seed, hada_error *err)
 {
-    cl_kernel kernel;
-    hada_status status = hada_slot_kernel(slot, "optics_sensor", "optics_sensor", "", &kernel, err);
-    if (status)
-        return status;
-    const cl_mem used = gain ? gain : values;
-    const cl_int vignetted = gain != NULL, saturate = sensor->saturate;
-    const cl_ulong from = offset, channel = pixels, all = count;
-    const cl_float exposure = (cl_float)sensor->exposure, full_well = (cl_float)sensor->full_well,
-                   read_noise = (cl_float)sensor->read_noise, dark_level = (cl_float)sensor->dark_level,
-                   levels = (cl_float)((1 << sensor->bits) - 1);
-    const cl_uint key0 = (cl_uint)seed, key1 = (cl_uint)(seed >> 32);
-    const size_t local = LOCAL, global = ((count + 7) / 8 + LOCAL - 1) / LOCAL * LOCAL;
-    const hada_arg args[] = {HADA_ARG(values),     HADA_ARG(from),       HADA_ARG(used),     HADA_ARG(vignetted),
-                             HADA_ARG(channel),    HADA_ARG(all),        HADA_ARG(exposure), HADA_ARG(full_well),
-                             HADA_ARG(read_noise), HADA_ARG(dark_level), HADA_ARG(saturate), HADA_ARG(levels),
-                             HADA_ARG(key0),       HADA_ARG(key1)};
+    const hada_optics_sensor how = {.exposure = (float)sensor->exposure,
+                                    .full_well = (float)sensor->full_well,
+                                    .read_noise = (float)sensor->read_noise,
+                                    .dark_level = (float)sensor->dark_level,
+                                    .levels = (float)((1 << sensor->bits) - 1),
+                                    .saturate = sensor->saturate,
+                                    .vignetted = gain != NULL,
+                                    .key0 = (unsigned)seed,
+                                    .key1 = (unsigned)(seed >> 32)};
+    const hada_range range = hada_range_of(hada_divide_up(count, 8), LOCAL, 1, 1);
     hada_slot_cost(slot, 8.0 * (double)count, 150.0 * (double)count);
-    return hada_slot_launch(slot, kernel, "optics_sensor", 1, &global, &local, args, HADA_COUNT(args), err);
+    return hada_launch_optics_sensor(slot, HADA_PROGRAM_OPTICS_SENSOR_DEFAULT, &range, err, .values = values,
+                                     .offset = offset, .gain = gain ? gain : values, .pixels = pixels, .count = count,
+                                     .sensor = how);
 }
 
 /* cos^4 of the angle between the axis and the line from the middle of the mask to a pixel: as of a small aperture

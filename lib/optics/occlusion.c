@@ -5,7 +5,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "runtime/kernel.h"
+#include "launch/optics_hide.h"
 
 #define LOCAL         64 /* columns in a work-group */
 #define OUTLINE_LEAST 4  /* points of the outline on either side of the middle, at least and at most */
@@ -105,18 +105,12 @@ hada_status hada_optics_hide(hada_slot *slot, cl_mem light, cl_mem seen, size_t 
                              size_t opacity_offset, cl_mem weights, const hada_taps *taps, int channels, int rows,
                              int cols, hada_error *err)
 {
-    cl_kernel kernel;
-    hada_status status = hada_slot_kernel(slot, "optics_hide", "optics_hide", "", &kernel, err);
-    if (status)
-        return status;
-    const cl_ulong to = seen_offset, from = opacity_offset;
-    const size_t local[2] = {LOCAL, 1},
-                 global[2] = {(((size_t)cols + 7) / 8 + LOCAL - 1) / LOCAL * LOCAL, (size_t)rows};
-    const hada_arg args[] = {HADA_ARG(light),      HADA_ARG(seen),       HADA_ARG(to),         HADA_ARG(opacity),
-                             HADA_ARG(from),       HADA_ARG(weights),    HADA_ARG(taps->row0), HADA_ARG(taps->col0),
-                             HADA_ARG(taps->rows), HADA_ARG(taps->cols), HADA_ARG(channels),   HADA_ARG(rows),
-                             HADA_ARG(cols)};
+    const hada_optics_taps where = {taps->row0, taps->col0, taps->rows, taps->cols};
+    const hada_optics_image image = {channels, rows, cols};
+    const hada_range range = hada_range_of(hada_divide_up((size_t)cols, 8), LOCAL, (size_t)rows, 1);
     const double pixels = (double)rows * cols;
     hada_slot_cost(slot, pixels * (8.0 * channels + 4.0), pixels * (2.0 * taps->rows * taps->cols + channels));
-    return hada_slot_launch(slot, kernel, "optics_hide", 2, global, local, args, HADA_COUNT(args), err);
+    return hada_launch_optics_hide(slot, HADA_PROGRAM_OPTICS_HIDE_DEFAULT, &range, err, .light = light, .seen = seen,
+                                   .seen_offset = seen_offset, .opacity = opacity, .opacity_offset = opacity_offset,
+                                   .weights = weights, .taps = where, .image = image);
 }

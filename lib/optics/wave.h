@@ -5,25 +5,14 @@
 #include <hadalens/optics.h>
 
 #include "fft/fft.h"
+#include "kernels/shared_fft.h"
+#include "kernels/shared_optics.h"
 #include "optics/mask.h"
 
-#define HADA_WAVE_BLOCK 8 /* columns of a block of the library's own transforms, which serve here */
-
-/* A lens, and what bounds its ground, for the kernel of optics_wave_lens.cl. */
-typedef struct hada_wave_lens {
-    float x, y;
-    int first, planes;
-} hada_wave_lens;
-
+/* A line that bounds the ground of a lens, for the kernel of optics_wave_lens.cl. */
 typedef struct hada_wave_plane {
     float a, b, c, unused;
 } hada_wave_plane;
-
-/* A stretch of samples on a pixel, for the kernels of optics_wave_whole.cl. */
-typedef struct hada_wave_pixel {
-    int first, count;
-    float begin, end;
-} hada_wave_pixel;
 
 struct hada_wave {
     hada_camera camera;

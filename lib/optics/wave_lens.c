@@ -149,7 +149,7 @@ static hada_status work_make(work *w, const hada_wave *wave, const hada_wave_spo
     hada_context *context = wave->slot->context;
     const hada_spectrum_layout layout = hada_fft_layout(context, spot->n, spot->n, HADA_FFT_OWN);
     const size_t spectra = 4 * sizeof(float) * layout.count; /* of a lens */
-    const size_t parts = (size_t)spot->pixels * 2 * (size_t)layout.blocks * HADA_WAVE_BLOCK;
+    const size_t parts = (size_t)spot->pixels * 2 * (size_t)layout.blocks * HADA_FFT_BLOCK;
     const size_t pixels = (size_t)spot->pixels * (size_t)spot->pixels;
     const size_t values = (size_t)spot->points * (size_t)spot->pitch;
     w->batch = spectra * 2 > SPOT_BYTES ? 1 : (int)(SPOT_BYTES / spectra);

@@ -247,7 +247,7 @@ static hada_status spread(const hada_wave *wave, const travel *t, double path_sc
     const double limit = aside_of(wave, t, g->step) / t->wavelength; /* light beyond would leave the grid */
     hada_buffer across = {0}, down = {0};
     hada_status status = HADA_OK;
-    HADA_TRY(upload_phase(wave, &across, blocks * HADA_WAVE_BLOCK, t, limit, err));
+    HADA_TRY(upload_phase(wave, &across, blocks * HADA_FFT_BLOCK, t, limit, err));
     HADA_TRY(upload_phase(wave, &down, g->n, t, limit, err));
     HADA_TRY(hada_wave_launch_mask(slot, w->field.mem, w->path.mem, w->open.mem, g->points, path_scale / t->wavelength,
                                    err));

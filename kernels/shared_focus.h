@@ -1,0 +1,46 @@
+/* What the focus kernels and the host agree on. */
+#ifndef SHARED_FOCUS_H
+#define SHARED_FOCUS_H
+
+#include "shared_types.h"
+
+#define HADA_FOCUS_DEPTHS 4     /* planes in a launch, at most */
+#define HADA_FOCUS_BINS   32768 /* of a count: patterns of floats without sign, their upper 16 bits */
+
+/* Numbers of hada_focus_measure (<hadalens/focus.h>). */
+#define FOCUS_MEASURE_CONTRAST 1
+#define FOCUS_MEASURE_ENERGY   2
+#define FOCUS_MEASURE_COMBINED 3 /* both */
+
+/* Planes of a launch: their places behind `offset` (in floats), in planes, and their numbers, near to far. */
+typedef struct hada_focus_batch {
+    hada_ulong offset;
+    int place[HADA_FOCUS_DEPTHS], depth[HADA_FOCUS_DEPTHS];
+    int count;
+} hada_focus_batch;
+HADA_SHARED_SIZE(hada_focus_batch, 48)
+
+/* The images of a focus object: rows of its own ones stand `pitch` apart. */
+typedef struct hada_focus_image {
+    int channels, rows, cols, pitch;
+    int radius; /* of the window */
+    int measure;
+} hada_focus_image;
+HADA_SHARED_SIZE(hada_focus_image, 24)
+
+/* What came before a launch. */
+typedef struct hada_focus_past {
+    int seen;       /* planes of this frame; 0: nothing kept is read */
+    int last_depth; /* of the last of them */
+    int weighted;   /* all-in-focus is the mean weighted by the measures, else the sum */
+} hada_focus_past;
+HADA_SHARED_SIZE(hada_focus_past, 12)
+
+/* Where a pixel has a distance: the best measure above `threshold`, and by more than `margin` above those that are not
+ * next to it. `base`: the level of losing depths. */
+typedef struct hada_focus_limits {
+    float threshold, margin, base;
+} hada_focus_limits;
+HADA_SHARED_SIZE(hada_focus_limits, 12)
+
+#endif

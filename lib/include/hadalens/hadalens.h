@@ -32,6 +32,7 @@
 #include <hadalens/task_optics.h>
 #include <hadalens/task_reconstruct.h>
 #include <hadalens/task_register.h>
+#include <hadalens/task_simulate.h>
 #include <hadalens/task_train.h>
 #include <hadalens/tiff.h>
 #include <hadalens/train.h>

@@ -18,6 +18,7 @@
 #include <hadalens/monitor.h>
 #include <hadalens/net.h>
 #include <hadalens/optics.h>
+#include <hadalens/pixels.h>
 #include <hadalens/plot.h>
 #include <hadalens/preview.h>
 #include <hadalens/profile.h>

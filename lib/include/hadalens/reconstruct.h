@@ -10,6 +10,7 @@
 #include <hadalens/device.h>
 #include <hadalens/image.h>
 #include <hadalens/model.h>
+#include <hadalens/pixels.h>
 
 #ifdef __cplusplus
 extern "C" {
@@ -138,6 +139,9 @@ typedef struct hada_result {
 /* Reconstructs one frame (the model's channels and raw size). The result is the caller's: hada_result_destroy. A result
  * used again for the next frame keeps its memory; after a failure in the work itself it is empty. */
 HADA_API hada_status hada_plan_run(hada_plan *plan, const hada_image *raw, hada_result *result, hada_error *err);
+/* As hada_plan_run(), of pixels in any form: the same bits as of the image that they are. */
+HADA_API hada_status hada_plan_run_pixels(hada_plan *plan, const hada_pixels *raw, hada_result *result,
+                                          hada_error *err);
 HADA_API void hada_result_destroy(hada_result *result);
 
 /* Arrays of the caller's that a result is written into, instead of memory of the library's: dense float32, in the order

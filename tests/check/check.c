@@ -91,8 +91,39 @@ hada_status check_clear(check_state *state, size_t first, size_t count, hada_err
                              count * sizeof(float), err);
 }
 
+void *check_room(check_state *state, size_t bytes)
+{
+    void *room = state->rooms < CHECK_ROOMS ? calloc(bytes ? bytes : 1, 1) : NULL;
+    if (!room) {
+        fprintf(stderr, "check: no room for %zu bytes\n", bytes);
+        exit(1);
+    }
+    return state->room[state->rooms++] = room;
+}
+
+void *check_own(check_state *state, size_t bytes)
+{
+    return state->own = check_room(state, bytes);
+}
+
+static void keep(check_state *state, hada_buffer *buffer)
+{
+    if (state->buffers == CHECK_BUFFERS) {
+        fprintf(stderr, "check: more than %d buffers\n", CHECK_BUFFERS);
+        exit(1);
+    }
+    state->buffer[state->buffers++] = buffer;
+}
+
+hada_status check_scratch(check_state *state, hada_buffer *buffer, size_t bytes, hada_error *err)
+{
+    keep(state, buffer);
+    return hada_buffer_create(buffer, state->slot->context, bytes, "the check", err);
+}
+
 hada_status check_upload(check_state *state, hada_buffer *buffer, const void *data, size_t bytes, hada_error *err)
 {
+    keep(state, buffer);
     return hada_buffer_create_from(buffer, state->slot, data, bytes, "an input", err);
 }
 
@@ -264,9 +295,14 @@ static verdict run_case(hada_slot *slot, const check_op *op, const char *shape, 
             snprintf(note, sizeof note, "%s", bits);
     }
     clFinish(slot->queue);
-    op->release(&state);
+    if (op->release && state.own)
+        op->release(&state);
     for (int i = 0; i < state.regions; i++)
         clReleaseMemObject(state.region[i]);
+    for (int i = 0; i < state.buffers; i++)
+        hada_buffer_destroy(state.buffer[i]);
+    for (int i = 0; i < state.rooms; i++)
+        free(state.room[i]);
     slot->context->shape = own_shape;
     slot->context->info.local_memory_bytes = own_local;
     slot->context->tuning = own_tuning;
@@ -275,7 +311,6 @@ static verdict run_case(hada_slot *slot, const check_op *op, const char *shape, 
     slot->context->vector_floats = own_floats;
     hada_buffer_destroy(&state.out);
     free(state.expected);
-    free(state.unspecified);
     free(all);
     if (how->csv && result == PASSED)
         printf("%s,%s,%s\n", op->name, shape, note);

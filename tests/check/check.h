@@ -11,7 +11,7 @@
 
 typedef struct check_op check_op;
 
-enum { CHECK_REGIONS = 8 };
+enum { CHECK_REGIONS = 8, CHECK_ROOMS = 64, CHECK_BUFFERS = 32 };
 
 typedef struct check_state {
     const check_op *op;
@@ -26,20 +26,23 @@ typedef struct check_state {
     size_t out_offset;          /* floats before the output: a guard zone */
     size_t out_count;           /* floats of the output */
     double *expected;           /* out_count values, freed by the driver */
-    unsigned char *unspecified; /* per value: 1 where anything finite may stand; NULL: nowhere; freed by the driver */
+    unsigned char *unspecified; /* per value: 1 where anything finite may stand; NULL: nowhere; check_room() */
     double tolerance;           /* relative L2; 0: exact */
     double bytes, flops;        /* least traffic and operations of one run, for the timing */
-    void *own;                  /* the operation's */
+    void *own;                  /* the operation's, from check_own() */
 
     cl_mem region[CHECK_REGIONS]; /* see check_region(); released by the driver */
     int regions;
+    void *room[CHECK_ROOMS]; /* see check_room() and check_upload(); given back by the driver */
+    hada_buffer *buffer[CHECK_BUFFERS];
+    int rooms, buffers;
 } check_state;
 
 struct check_op {
     const char *name, *help;                                     /* help: what the letters of a shape mean */
     hada_status (*prepare)(check_state *state, hada_error *err); /* inputs, plan, expected values */
     hada_status (*launch)(check_state *state, hada_error *err);  /* enqueues the operation once */
-    void (*release)(check_state *state);
+    void (*release)(check_state *state);                         /* of what is neither room nor buffer; NULL: nothing */
 };
 
 extern const check_op *const check_ops[];
@@ -69,7 +72,13 @@ size_t check_local(const check_state *state, size_t groups);
 /* Fills `count` floats of the output, from `first` on, with zeros (enqueued). */
 hada_status check_clear(check_state *state, size_t first, size_t count, hada_error *err);
 
-/* As hada_buffer_create_from(). */
+/* Zeroed memory on the host until the check is over. Never NULL: without memory the program ends. check_own() also
+ * keeps it as state->own. */
+void *check_room(check_state *state, size_t bytes);
+void *check_own(check_state *state, size_t bytes);
+
+/* A buffer with data, or without, until the check is over. */
+hada_status check_scratch(check_state *state, hada_buffer *buffer, size_t bytes, hada_error *err);
 hada_status check_upload(check_state *state, hada_buffer *buffer, const void *data, size_t bytes, hada_error *err);
 
 /* Fills with small integers (exact in float32 sums) or normal numbers, from the state's seed and a stream number. */

@@ -1,7 +1,6 @@
 /* The classic methods: planes after a few iterations against the references, and their proximal steps, frames and
  * transposes with them. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "check.h"
@@ -113,17 +112,15 @@ static hada_status make_camera(check_state *state, classic_state *own, hada_erro
     const hada_refine_rect *frame = &place->frame;
     const size_t channels = (size_t)own->channels, otfs = ((size_t)own->depths + 1) * channels;
     const size_t frame_area = (size_t)frame->rows * (size_t)frame->cols;
-    float *image = malloc(own->pixels * sizeof *image);
-    float *half = malloc((otfs + channels) * 2 * own->values * sizeof *half);
-    float *packed = malloc((otfs + channels) * layout.count * 2 * sizeof *packed);
-    float *seen = malloc(channels * frame_area * sizeof *seen);
-    double *spectrum = malloc(2 * own->values * sizeof *spectrum);
-    own->otfs = malloc(otfs * 2 * own->values * sizeof *own->otfs);
-    own->images = malloc((channels + 1) * own->pixels * sizeof *own->images);
-    own->camera.largest = calloc(channels, sizeof *own->camera.largest);
-    hada_status status = image && half && packed && seen && spectrum && own->otfs && own->images && own->camera.largest
-                             ? HADA_OK
-                             : hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    float *image = check_room(state, own->pixels * sizeof *image);
+    float *half = check_room(state, (otfs + channels) * 2 * own->values * sizeof *half);
+    float *packed = check_room(state, (otfs + channels) * layout.count * 2 * sizeof *packed);
+    float *seen = check_room(state, channels * frame_area * sizeof *seen);
+    double *spectrum = check_room(state, 2 * own->values * sizeof *spectrum);
+    own->otfs = check_room(state, otfs * 2 * own->values * sizeof *own->otfs);
+    own->images = check_room(state, (channels + 1) * own->pixels * sizeof *own->images);
+    own->camera.largest = check_room(state, channels * sizeof *own->camera.largest);
+    hada_status status = HADA_OK;
     for (size_t k = 0; !status && k < otfs + channels; k++) {
         const int is_frame = k >= otfs;
         double *to = is_frame ? spectrum : own->otfs + k * 2 * own->values;
@@ -142,23 +139,18 @@ static hada_status make_camera(check_state *state, classic_state *own, hada_erro
             hada_layout_pack(&layout, half + 2 * k * own->values, packed + k * layout.count * 2);
     }
     if (!status)
-        status = hada_buffer_create_from(&own->otf, state->slot, packed, otfs * layout.count * 8, "the OTFs", err);
+        status = check_upload(state, &own->otf, packed, otfs * layout.count * 8, err);
     if (!status)
-        status = hada_buffer_create_from(&own->spectrum, state->slot, packed + otfs * layout.count * 2,
-                                         channels * layout.count * 8, "the spectrum", err);
+        status =
+            check_upload(state, &own->spectrum, packed + otfs * layout.count * 2, channels * layout.count * 8, err);
     if (!status)
-        status = hada_buffer_create_from(&own->frame, state->slot, seen, channels * frame_area * 4, "the frame", err);
+        status = check_upload(state, &own->frame, seen, channels * frame_area * 4, err);
     own->model.otf = half;
     if (!status && check_get(state, 'o', 0))
         status = make_smaller(state, own, err);
     own->data = (hada_refine_data){
         .spectrum = own->spectrum.mem, .frame = own->frame.mem, .otf = own->otf.mem, .otf_depths = own->depths + 1};
-    free(image);
-    free(half);
     own->model.otf = NULL;
-    free(packed);
-    free(seen);
-    free(spectrum);
     return status;
 }
 
@@ -217,9 +209,9 @@ static hada_status expect(check_state *state, classic_state *own, hada_error *er
 {
     const hada_refine_rect *window = &own->shape.place.window;
     const size_t area = (size_t)window->rows * (size_t)window->cols, cols = (size_t)own->shape.place.grid_cols;
-    double *otf = malloc((size_t)own->depths * 2 * own->values * sizeof *otf);
-    double *planes = malloc((size_t)own->depths * own->pixels * sizeof *planes);
-    hada_status status = otf && planes ? HADA_OK : hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    double *otf = check_room(state, (size_t)own->depths * 2 * own->values * sizeof *otf);
+    double *planes = check_room(state, (size_t)own->depths * own->pixels * sizeof *planes);
+    hada_status status = HADA_OK;
     for (int c = 0; !status && c < own->channels; c++) {
         gather(own, c, otf);
         const hada_ref_classic problem = problem_of(own, c, otf);
@@ -232,17 +224,12 @@ static hada_status expect(check_state *state, classic_state *own, hada_error *er
                     fmax(0.0, planes[z * own->pixels + row * cols + col]);
             }
     }
-    free(otf);
-    free(planes);
     return status;
 }
 
 static hada_status prepare(check_state *state, hada_error *err)
 {
-    classic_state *own = calloc(1, sizeof *own);
-    if (!own)
-        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
-    state->own = own;
+    classic_state *own = check_own(state, sizeof *own);
     own->camera.gain = own->camera.mean_square = 1.0;
     hada_status status = read_shape(state, own, err);
     if (!status)
@@ -279,16 +266,7 @@ static hada_status launch(check_state *state, hada_error *err)
 static void release(check_state *state)
 {
     classic_state *own = state->own;
-    if (!own)
-        return;
     hada_classic_destroy(&own->classic);
-    hada_classic_camera_free(&own->camera);
-    hada_buffer_destroy(&own->otf);
-    hada_buffer_destroy(&own->spectrum);
-    hada_buffer_destroy(&own->frame);
-    free(own->otfs);
-    free(own->images);
-    free(own);
 }
 
 const check_op check_classic = {"classic",

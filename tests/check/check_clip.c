@@ -1,26 +1,18 @@
 /* Clipping of planes at zero: exact. */
-#include <stdlib.h>
-
 #include "check.h"
 #include "launch/filter_clip.h"
 
 static hada_status prepare(check_state *state, hada_error *err)
 {
     const size_t count = (size_t)check_get(state, 'n', 8);
-    float *values = malloc(count * sizeof *values);
-    hada_buffer *in = calloc(1, sizeof *in);
-    state->own = in;
-    if (!values || !in) {
-        free(values);
-        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
-    }
+    float *values = check_room(state, count * sizeof *values);
+    hada_buffer *in = check_own(state, sizeof *in);
     check_fill_integers(state, 1, values, count, 99);
     hada_status status = check_output(state, count, err);
     for (size_t i = 0; !status && i < count; i++)
         state->expected[i] = values[i] > 0.0f ? values[i] : 0.0;
     if (!status)
         status = check_upload(state, in, values, count * sizeof *values, err);
-    free(values);
     state->bytes = 2.0 * (double)count * sizeof(float);
     state->flops = (double)count;
     return status;
@@ -38,11 +30,4 @@ static hada_status launch(check_state *state, hada_error *err)
                                    .offset = state->out_offset, .count = state->out_count);
 }
 
-static void release(check_state *state)
-{
-    if (state->own)
-        hada_buffer_destroy(state->own);
-    free(state->own);
-}
-
-const check_op check_clip = {"filter_clip", "n values", prepare, launch, release};
+const check_op check_clip = {"filter_clip", "n values", prepare, launch, NULL};

@@ -1,6 +1,5 @@
 /* The map of content of planar images, and parts of them copied: exact. */
 #include <math.h>
-#include <stdlib.h>
 
 #include "check.h"
 #include "launch/net_tensor.h"
@@ -11,13 +10,8 @@ static hada_status prepare(check_state *state, hada_error *err)
     const int channels = check_get(state, 'k', 1), rows = check_get(state, 'r', 8), cols = check_get(state, 'c', 8);
     const int cell = check_get(state, 'w', 32), cells = (cols + cell - 1) / cell;
     const size_t count = (size_t)channels * (size_t)rows * (size_t)cols, before = 3;
-    float *values = malloc((before + count) * sizeof *values);
-    hada_buffer *in = calloc(1, sizeof *in);
-    state->own = in;
-    if (!values || !in) {
-        free(values);
-        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
-    }
+    float *values = check_room(state, (before + count) * sizeof *values);
+    hada_buffer *in = check_own(state, sizeof *in);
     check_fill_integers(state, 1, values, before + count, 99);
     hada_status status = check_output(state, (size_t)rows * (size_t)cells, err);
     for (size_t i = 0; !status && i < count; i++) {
@@ -27,7 +21,6 @@ static hada_status prepare(check_state *state, hada_error *err)
     }
     if (!status)
         status = check_upload(state, in, values, (before + count) * sizeof *values, err);
-    free(values);
     state->bytes = (double)count * sizeof(float);
     state->flops = (double)count;
     return status;
@@ -47,15 +40,8 @@ static hada_status launch(check_state *state, hada_error *err)
                                             .cell = cell, .cells = cells);
 }
 
-static void release(check_state *state)
-{
-    if (state->own)
-        hada_buffer_destroy(state->own);
-    free(state->own);
-}
-
 const check_op check_net_content = {"net_content", "k channels, r rows, c columns, w columns to a cell", prepare,
-                                    launch, release};
+                                    launch, NULL};
 
 typedef struct part_state {
     hada_buffer in;
@@ -64,10 +50,7 @@ typedef struct part_state {
 
 static hada_status prepare_part(check_state *state, hada_error *err)
 {
-    part_state *own = calloc(1, sizeof *own);
-    if (!own)
-        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
-    state->own = own;
+    part_state *own = check_own(state, sizeof *own);
     own->channels = check_get(state, 'k', 1);
     own->rows = check_get(state, 'r', 8);
     own->cols = check_get(state, 'c', 8);
@@ -75,9 +58,7 @@ static hada_status prepare_part(check_state *state, hada_error *err)
     own->col = check_get(state, 'x', 0);
     const size_t row = (size_t)own->cols + 5, plane = row * ((size_t)own->rows + 3);
     const size_t pixels = (size_t)own->rows * (size_t)own->cols, count = pixels * (size_t)own->channels;
-    float *values = malloc(plane * (size_t)own->channels * sizeof *values);
-    if (!values)
-        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    float *values = check_room(state, plane * (size_t)own->channels * sizeof *values);
     check_fill_integers(state, 1, values, plane * (size_t)own->channels, 99);
     hada_status status = check_output(state, count, err);
     for (size_t i = 0; !status && i < count; i++) {
@@ -86,7 +67,6 @@ static hada_status prepare_part(check_state *state, hada_error *err)
     }
     if (!status)
         status = check_upload(state, &own->in, values, plane * (size_t)own->channels * sizeof *values, err);
-    free(values);
     state->bytes = 2.0 * (double)count * sizeof(float);
     return status;
 }
@@ -107,13 +87,5 @@ static hada_status launch_part(check_state *state, hada_error *err)
                                 .cols = own->cols);
 }
 
-static void release_part(check_state *state)
-{
-    part_state *own = state->own;
-    if (own)
-        hada_buffer_destroy(&own->in);
-    free(own);
-}
-
 const check_op check_net_part = {"net_part", "k channels, r rows, c columns, y row and x column of the part",
-                                 prepare_part, launch_part, release_part};
+                                 prepare_part, launch_part, NULL};

@@ -1,6 +1,5 @@
 /* Convolutions and transposed convolutions: forward, gradient of the input, gradients of weights and biases, by every
  * implementation, with both sizes of blocks; tensors that are views, masks, accumulation, fused pooling. */
-#include <stdlib.h>
 #include <string.h>
 
 #include "check.h"
@@ -66,39 +65,28 @@ static hada_status make_input(check_state *state, uint64_t stream, int channels,
     size_t floats;
     *tensor = make_tensor(state, own->view, 0, channels, rows, cols, &floats);
     const size_t plane = plane_of(tensor);
-    float *packed = malloc(floats * sizeof *packed);
-    *planar = malloc(plane * (size_t)own->desc.images * sizeof **planar);
-    hada_status status = HADA_OK;
-    if (!packed || !*planar)
-        status = hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
-    if (!status) {
-        const size_t block = (size_t)tensor->block;
-        const size_t inside = hada_tensor_image_floats(tensor->block, channels, rows, cols);
-        fill(state, stream, *planar, plane * (size_t)own->desc.images);
-        for (size_t i = 0; i < floats; i++)
-            packed[i] = 1e6f;
-        for (int n = 0; n < tensor->images; n++) {
-            memset(packed + tensor->offset + (size_t)n * tensor->image_stride, 0, inside * sizeof *packed);
-            const float *from = *planar + (size_t)n * plane;
-            for (int k = 0; k < channels; k++)
-                for (int r = 0; r < rows; r++)
-                    for (int c = 0; c < cols; c++)
-                        packed[place_of(tensor, n, k, r, c)] = *from++;
-        }
-        (void)block;
-        status = check_upload(state, buffer, packed, floats * sizeof *packed, err);
-        tensor->mem = buffer->mem;
+    float *packed = check_room(state, floats * sizeof *packed);
+    *planar = check_room(state, plane * (size_t)own->desc.images * sizeof **planar);
+    const size_t inside = hada_tensor_image_floats(tensor->block, channels, rows, cols);
+    fill(state, stream, *planar, plane * (size_t)own->desc.images);
+    for (size_t i = 0; i < floats; i++)
+        packed[i] = 1e6f;
+    for (int n = 0; n < tensor->images; n++) {
+        memset(packed + tensor->offset + (size_t)n * tensor->image_stride, 0, inside * sizeof *packed);
+        const float *from = *planar + (size_t)n * plane;
+        for (int k = 0; k < channels; k++)
+            for (int r = 0; r < rows; r++)
+                for (int c = 0; c < cols; c++)
+                    packed[place_of(tensor, n, k, r, c)] = *from++;
     }
-    free(packed);
+    hada_status status = check_upload(state, buffer, packed, floats * sizeof *packed, err);
+    tensor->mem = buffer->mem;
     return status;
 }
 
 static hada_status begin(check_state *state, conv_what what, hada_error *err)
 {
-    conv_state *own = calloc(1, sizeof *own);
-    if (!own)
-        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
-    state->own = own;
+    conv_state *own = check_own(state, sizeof *own);
     own->what = what;
     own->normal = check_get(state, 'f', 0);
     own->view = check_get(state, 'w', 0);
@@ -143,14 +131,12 @@ static hada_status begin(check_state *state, conv_what what, hada_error *err)
     if (!status && d->method && hada_conv_serving(own->conv) != d->method)
         status = hada_fail(err, HADA_ERROR_STATE, "method %d serves instead of %d", (int)hada_conv_serving(own->conv),
                            (int)d->method);
-    own->w_planar = malloc(own->weights * sizeof(float));
-    own->bias_planar = malloc((size_t)d->out_channels * sizeof(float));
-    own->coarse = malloc((size_t)own->shape.coarse_channels * (size_t)own->shape.coarse_rows *
-                         (size_t)own->shape.coarse_cols * sizeof(double));
-    own->fine = malloc((size_t)own->shape.fine_channels * (size_t)own->shape.fine_rows * (size_t)own->shape.fine_cols *
-                       sizeof(double));
-    if (!status && (!own->w_planar || !own->bias_planar || !own->coarse || !own->fine))
-        status = hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    own->w_planar = check_room(state, own->weights * sizeof(float));
+    own->bias_planar = check_room(state, (size_t)d->out_channels * sizeof(float));
+    own->coarse = check_room(state, (size_t)own->shape.coarse_channels * (size_t)own->shape.coarse_rows *
+                                        (size_t)own->shape.coarse_cols * sizeof(double));
+    own->fine = check_room(state, (size_t)own->shape.fine_channels * (size_t)own->shape.fine_rows *
+                                      (size_t)own->shape.fine_cols * sizeof(double));
     if (status)
         return status;
     fill(state, 1, own->w_planar, own->weights);
@@ -341,20 +327,7 @@ static hada_status weights_launch(check_state *state, hada_error *err)
 static void release(check_state *state)
 {
     conv_state *own = state->own;
-    if (!own)
-        return;
     hada_conv_destroy(&own->conv);
-    hada_buffer *const buffers[] = {&own->w, &own->bias, &own->x, &own->dy, &own->mask};
-    for (size_t i = 0; i < HADA_COUNT(buffers); i++)
-        hada_buffer_destroy(buffers[i]);
-    free(own->x_planar);
-    free(own->dy_planar);
-    free(own->w_planar);
-    free(own->bias_planar);
-    free(own->mask_planar);
-    free(own->coarse);
-    free(own->fine);
-    free(own);
 }
 
 static const char forward_help[] =

@@ -1,5 +1,4 @@
 /* Spectra brought to a coarse grid (refine_crop): several images, channels averaged, tapers, real values, inverses. */
-#include <stdlib.h>
 #include <string.h>
 
 #include "check.h"
@@ -29,10 +28,7 @@ static void pack(const hada_spectrum_layout *layout, int parts, const float *row
 
 static hada_status prepare(check_state *state, hada_error *err)
 {
-    crop_state *own = calloc(1, sizeof *own);
-    if (!own)
-        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
-    state->own = own;
+    crop_state *own = check_own(state, sizeof *own);
     const int block = check_get(state, 'b', 8);
     own->full = layout_of(check_get(state, 'r', 24), check_get(state, 'c', 24), block);
     own->coarse = layout_of(check_get(state, 'h', 12), check_get(state, 'w', 12), block);
@@ -44,15 +40,12 @@ static hada_status prepare(check_state *state, hada_error *err)
     const size_t parts = (size_t)own->parts, values = (size_t)own->full.rows * (size_t)(own->full.cols / 2 + 1);
     const size_t small = (size_t)own->coarse.rows * (size_t)(own->coarse.cols / 2 + 1);
     const size_t in = own->full.count * parts, all = (size_t)(own->images * own->channels);
-    float *rows = malloc((size_t)own->channels * values * parts * sizeof *rows);
-    float *packed = malloc(all * in * sizeof *packed), *rounded = malloc(own->coarse.count * parts * sizeof *rounded);
-    float *expected = malloc(small * parts * sizeof *expected);
-    double *cropped = malloc(small * parts * sizeof *cropped);
-    hada_status status = rows && packed && rounded && expected && cropped
-                             ? HADA_OK
-                             : hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
-    if (!status)
-        status = check_output(state, (size_t)own->images * own->coarse.count * parts, err);
+    float *rows = check_room(state, (size_t)own->channels * values * parts * sizeof *rows);
+    float *packed = check_room(state, all * in * sizeof *packed),
+          *rounded = check_room(state, own->coarse.count * parts * sizeof *rounded);
+    float *expected = check_room(state, small * parts * sizeof *expected);
+    double *cropped = check_room(state, small * parts * sizeof *cropped);
+    hada_status status = check_output(state, (size_t)own->images * own->coarse.count * parts, err);
     for (size_t m = 0; !status && m < (size_t)own->images; m++) {
         check_fill_integers(state, m, rows, (size_t)own->channels * values * parts, 99);
         for (int c = 0; c < own->channels; c++)
@@ -72,11 +65,6 @@ static hada_status prepare(check_state *state, hada_error *err)
     /* half the sum of the channels: exact, unless a power of two is taken */
     state->tolerance = own->tapers || own->invert ? 1e-6 : 0.0;
     state->bytes = (double)((size_t)own->images * small * parts) * (own->channels + 1.0) * sizeof(float);
-    free(rows);
-    free(packed);
-    free(rounded);
-    free(expected);
-    free(cropped);
     return status;
 }
 
@@ -105,16 +93,8 @@ done:
     return status;
 }
 
-static void release(check_state *state)
-{
-    crop_state *own = state->own;
-    if (own)
-        hada_buffer_destroy(&own->in);
-    free(own);
-}
-
 const check_op check_crop = {
     "refine_crop",
     "r rows, c columns, h and w of the coarse grid, m images, k channels, b columns of a block, p parts (2 complex, 1 "
     "real), a tapers, i1 inverted",
-    prepare, launch, release};
+    prepare, launch, NULL};

@@ -1,6 +1,4 @@
 /* Dark level and dark frame taken off, through the Hadamard stage: exact. */
-#include <stdlib.h>
-
 #include "check.h"
 #include "filter/hadamard.h"
 
@@ -14,10 +12,7 @@ typedef struct dark_state {
 
 static hada_status prepare(check_state *state, hada_error *err)
 {
-    dark_state *own = calloc(1, sizeof *own);
-    if (!own)
-        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
-    state->own = own;
+    dark_state *own = check_own(state, sizeof *own);
     const int rows = check_get(state, 'r', 8), cols = check_get(state, 'c', 8), channels = check_get(state, 'k', 1);
     const double distance = 100.0;
     hada_model_info info = {.depths = 1,
@@ -28,11 +23,9 @@ static hada_status prepare(check_state *state, hada_error *err)
     if (channels > MAX_CHANNELS)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "at most %d channels", MAX_CHANNELS);
     const size_t area = (size_t)rows * (size_t)cols, count = area * (size_t)channels;
-    float *dark = malloc(count * sizeof *dark);
-    own->raw = malloc(count * sizeof *own->raw);
-    hada_status status = dark && own->raw ? HADA_OK : hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
-    if (!status)
-        status = hada_model_set_sizes(&info, rows, cols, rows, cols, err);
+    float *dark = check_room(state, count * sizeof *dark);
+    own->raw = check_room(state, count * sizeof *own->raw);
+    hada_status status = hada_model_set_sizes(&info, rows, cols, rows, cols, err);
     if (!status)
         status = hada_hadamard_create(&own->stage, state->slot, &info, 1, err);
     if (!status)
@@ -47,7 +40,6 @@ static hada_status prepare(check_state *state, hada_error *err)
         }
         status = framed ? hada_hadamard_set_dark(own->stage, dark, err) : HADA_OK;
     }
-    free(dark);
     state->bytes = 2.0 * (double)count * sizeof(float);
     return status;
 }
@@ -67,11 +59,7 @@ static hada_status launch(check_state *state, hada_error *err)
 static void release(check_state *state)
 {
     dark_state *own = state->own;
-    if (!own)
-        return;
     hada_hadamard_destroy(&own->stage);
-    free(own->raw);
-    free(own);
 }
 
 const check_op check_dark = {

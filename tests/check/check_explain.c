@@ -1,8 +1,5 @@
 /* What planes do not explain (refine_explain): the rest at every frequency and its energy. */
-#include <stdlib.h>
-
 #include "check.h"
-#include "core/alloc.h"
 #include "filter/layout.h"
 #include "launch/refine.h"
 #include "ref/ref_spectrum.h"
@@ -21,31 +18,19 @@ typedef struct inputs {
     int list[64];
 } inputs;
 
-static void free_inputs(inputs *in)
-{
-    free(in->otf);
-    free(in->data);
-    free(in->planes);
-}
-
 /* One more depth has an OTF than a set has depths, so that the list matters. */
-static hada_status make_inputs(const check_state *state, const explain_state *own, inputs *in, hada_error *err)
+static void make_inputs(check_state *state, const explain_state *own, inputs *in)
 {
     const size_t count = own->layout.count, channels = (size_t)own->channels, depths = (size_t)own->depths;
     const size_t otf = (depths + 1) * channels * count, planes = (size_t)own->sets * depths * channels * count;
-    hada_status status = hada_alloc((void **)&in->otf, 2 * otf, sizeof(float), "the check", err);
-    if (!status)
-        status = hada_alloc((void **)&in->data, 2 * channels * count, sizeof(float), "the check", err);
-    if (!status)
-        status = hada_alloc((void **)&in->planes, 2 * planes, sizeof(float), "the check", err);
-    if (status)
-        return status;
+    in->otf = check_room(state, 2 * otf * sizeof(float));
+    in->data = check_room(state, 2 * channels * count * sizeof(float));
+    in->planes = check_room(state, 2 * planes * sizeof(float));
     check_fill_normal(state, 1, in->otf, 2 * otf);
     check_fill_normal(state, 2, in->data, 2 * channels * count);
     check_fill_normal(state, 3, in->planes, 2 * planes);
     for (int i = 0; i < own->sets * own->depths; i++)
         in->list[i] = (i % own->depths + i / own->depths) % (own->depths + 1);
-    return HADA_OK;
 }
 
 /* One value of the layout: writes the rest and adds to its slice's sum. */
@@ -86,10 +71,8 @@ static void expect(check_state *state, const explain_state *own, const inputs *i
 
 static hada_status prepare(check_state *state, hada_error *err)
 {
-    explain_state *own = calloc(1, sizeof *own);
+    explain_state *own = check_room(state, 1 * sizeof *own);
     inputs in = {0};
-    if (!own)
-        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
     state->own = own;
     const int rows = check_get(state, 'r', 16), cols = check_get(state, 'c', 16), block = check_get(state, 'b', 8);
     const int blocks = (cols / 2 + block) / block;
@@ -102,9 +85,8 @@ static hada_status prepare(check_state *state, hada_error *err)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "at most %d depths", MAX_DEPTHS);
     const size_t planes = (size_t)(own->sets * own->channels), rest = 2 * planes * own->layout.count;
     own->partial_first = (rest + 255) / 256 * 256;
-    hada_status status = make_inputs(state, own, &in, err);
-    if (!status)
-        status = check_output(state, own->partial_first + planes * own->slices, err);
+    make_inputs(state, own, &in);
+    hada_status status = check_output(state, own->partial_first + planes * own->slices, err);
     if (!status)
         expect(state, own, &in);
     const size_t count = own->layout.count * (size_t)own->channels, all = count * (size_t)(own->depths + 1);
@@ -116,7 +98,6 @@ static hada_status prepare(check_state *state, hada_error *err)
         status = check_upload(state, &own->planes, in.planes, 4 * rest * (size_t)own->depths, err);
     if (!status)
         status = check_upload(state, &own->list, in.list, sizeof in.list, err);
-    free_inputs(&in);
     state->tolerance = 2e-6; /* the energies weigh most: sums of up to 2048 values, one after the other */
     state->bytes = (double)rest * (2.0 * own->depths + 2.0) * sizeof(float);
     state->flops = (double)rest * (6.0 * own->depths + 3.0);
@@ -142,23 +123,12 @@ static hada_status launch(check_state *state, hada_error *err)
     }
     HADA_TRY(check_clear(state, 0, own->partial_first, err));
     HADA_TRY(hada_launch_refine_explain(state->slot, program, &range, err, .otf = own->otf.mem, .list = own->list.mem,
-                                        .frame = own->data.mem, .now_u = own->planes.mem, .residual = rest, .has_residual = 1,
-                                        .partial = partial, .problem = problem, .sums = sums));
+                                        .frame = own->data.mem, .now_u = own->planes.mem, .residual = rest,
+                                        .has_residual = 1, .partial = partial, .problem = problem, .sums = sums));
 done:
     return status;
 }
 
-static void release(check_state *state)
-{
-    explain_state *own = state->own;
-    if (!own)
-        return;
-    hada_buffer *buffers[] = {&own->otf, &own->data, &own->planes, &own->list};
-    for (size_t i = 0; i < HADA_COUNT(buffers); i++)
-        hada_buffer_destroy(buffers[i]);
-    free(own);
-}
-
 const check_op check_explain = {"refine_explain",
                                 "r rows, c columns, b columns of a block, k channels, d depths in a set, s sets",
-                                prepare, launch, release};
+                                prepare, launch, NULL};

@@ -1,6 +1,5 @@
 /* Forward and inverse transforms, pruned and whole, with and without the filter product, both back ends. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "check.h"
@@ -18,9 +17,7 @@ typedef struct fft_state {
 
 static hada_status make_plan(check_state *state, hada_fft_direction direction, fft_state **out, hada_error *err)
 {
-    fft_state *own = calloc(1, sizeof *own);
-    if (!own)
-        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    fft_state *own = check_room(state, 1 * sizeof *own);
     state->own = *out = own;
     int rows = check_get(state, 'r', 8), cols = check_get(state, 'c', 8);
     own->batch = check_get(state, 'b', 1);
@@ -47,12 +44,7 @@ static hada_status make_plan(check_state *state, hada_fft_direction direction, f
 static void release(check_state *state)
 {
     fft_state *own = state->own;
-    if (!own)
-        return;
     hada_fft_destroy(&own->plan);
-    hada_buffer_destroy(&own->in);
-    hada_buffer_destroy(&own->filter);
-    free(own);
 }
 
 static int piece(const check_state *state, int left)
@@ -77,15 +69,14 @@ static hada_status forward_prepare(check_state *state, hada_error *err)
     const hada_spectrum_layout *layout = hada_fft_plan_layout(own->plan);
     size_t n = (size_t)desc->rows * (size_t)desc->cols, half = (size_t)desc->cols / 2 + 1;
     size_t real = desc->real_distance * (size_t)own->batch;
-    float *input = malloc(real * sizeof *input);
-    double *image = malloc(n * sizeof *image), *spectrum = malloc((size_t)desc->rows * half * 2 * sizeof *spectrum);
-    state->unspecified = malloc(2 * layout->count * (size_t)own->batch);
-    if (!input || !image || !spectrum || !state->unspecified)
-        status = hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    float *input = check_room(state, real * sizeof *input);
+    double *image = check_room(state, n * sizeof *image),
+           *spectrum = check_room(state, (size_t)desc->rows * half * 2 * sizeof *spectrum);
+    state->unspecified = check_room(state, 2 * layout->count * (size_t)own->batch);
     if (!status) {
         check_fill_normal(state, 1, input, real);
         memset(state->unspecified, 1, 2 * layout->count * (size_t)own->batch);
-        status = hada_buffer_create_from(&own->in, state->slot, input, real * sizeof *input, "the input", err);
+        status = check_upload(state, &own->in, input, real * sizeof *input, err);
     }
     if (!status)
         status = check_output(state, 2 * layout->count * (size_t)own->batch, err);
@@ -105,9 +96,6 @@ static hada_status forward_prepare(check_state *state, hada_error *err)
     }
     state->tolerance = tolerance(own);
     state->bytes = (double)own->batch * ((double)desc->real_distance * 4 + (double)layout->count * 8);
-    free(input);
-    free(image);
-    free(spectrum);
     return status;
 }
 
@@ -199,15 +187,12 @@ static hada_status upload_filters(check_state *state, fft_state *own, float *fil
     own->product.half = check_get(state, 'q', 0);
     if (!own->product.half)
         return check_upload(state, &own->filter, filters, count * sizeof *filters, err);
-    uint16_t *halves = malloc(count * sizeof *halves);
-    if (!halves)
-        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    uint16_t *halves = check_room(state, count * sizeof *halves);
     for (size_t i = 0; i < count; i++) {
         halves[i] = hada_half_from_float(filters[i]);
         filters[i] = hada_float_from_half(halves[i]);
     }
     hada_status status = check_upload(state, &own->filter, halves, count * sizeof *halves, err);
-    free(halves);
     return status;
 }
 
@@ -226,11 +211,10 @@ static hada_status inverse_prepare(check_state *state, hada_error *err)
     own->channels = product ? check_get(state, 's', 1) : own->batch;
     size_t n = (size_t)desc->rows * (size_t)desc->cols, half = (size_t)desc->cols / 2 + 1,
            image_floats = 2 * layout->count;
-    float *spectra = malloc(image_floats * (size_t)own->channels * sizeof *spectra);
-    float *filters = calloc(image_floats * (size_t)own->batch, sizeof *filters);
-    double *image = malloc(n * sizeof *image), *spectrum = malloc((size_t)desc->rows * half * 2 * sizeof *spectrum);
-    if (!spectra || !filters || !image || !spectrum)
-        status = hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    float *spectra = check_room(state, image_floats * (size_t)own->channels * sizeof *spectra);
+    float *filters = check_room(state, (image_floats * (size_t)own->batch) * sizeof *filters);
+    double *image = check_room(state, n * sizeof *image),
+           *spectrum = check_room(state, (size_t)desc->rows * half * 2 * sizeof *spectrum);
     if (!status && state->timing) {
         check_fill_normal(state, 1, spectra, image_floats * (size_t)own->channels);
         check_fill_normal(state, 2, filters, image_floats * (size_t)own->batch);
@@ -240,8 +224,7 @@ static hada_status inverse_prepare(check_state *state, hada_error *err)
     for (int b = 0; !status && !state->timing && product && b < own->batch; b++)
         status = hermitian(state, own, 100 + (uint64_t)b, image, spectrum, filters + image_floats * (size_t)b, err);
     if (!status)
-        status = hada_buffer_create_from(&own->in, state->slot, spectra,
-                                         image_floats * (size_t)own->channels * sizeof(float), "the input", err);
+        status = check_upload(state, &own->in, spectra, image_floats * (size_t)own->channels * sizeof(float), err);
     if (!status)
         status = upload_filters(state, own, filters, image_floats * (size_t)own->batch, err);
     if (!status)
@@ -253,10 +236,6 @@ static hada_status inverse_prepare(check_state *state, hada_error *err)
     state->tolerance = tolerance(own);
     state->bytes = (double)own->batch * ((double)desc->real_distance * 4 + (double)layout->count * 8) +
                    (product ? (double)own->channels * (double)layout->count * 8 : 0);
-    free(spectra);
-    free(filters);
-    free(image);
-    free(spectrum);
     return status;
 }
 

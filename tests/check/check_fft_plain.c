@@ -1,8 +1,5 @@
 /* What a transform library needs around it: rectangles into grids and back (exact), spectra times filters in a band. */
-#include <stdlib.h>
-
 #include "check.h"
-#include "core/alloc.h"
 #include "io/safetensors.h"
 #include "launch/fft_plain.h"
 #include "ref/ref_spectrum.h"
@@ -13,12 +10,9 @@ typedef struct plain_state {
     int batch, channels, product, half, step, band_rows, band_cols;
 } plain_state;
 
-static hada_status begin(check_state *state, plain_state **out, hada_error *err)
+static plain_state *begin(check_state *state)
 {
-    plain_state *own = calloc(1, sizeof *own);
-    if (!own)
-        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
-    state->own = *out = own;
+    plain_state *own = check_own(state, sizeof *own);
     own->rows = check_get(state, 'r', 8);
     own->cols = check_get(state, 'c', 8);
     own->row0 = check_get(state, 'y', 0);
@@ -32,22 +26,18 @@ static hada_status begin(check_state *state, plain_state **out, hada_error *err)
     own->step = check_get(state, 'e', 1);
     own->band_rows = check_get(state, 'i', own->rows);
     own->band_cols = check_get(state, 'j', own->cols);
-    return HADA_OK;
+    return own;
 }
 
 /* Both ways: the input of one is the expected output of the other, but for the grid's zeros outside the rectangle,
  * where the way back must not look. */
 static hada_status move_prepare(check_state *state, int crop, hada_error *err)
 {
-    plain_state *own;
-    hada_status status = begin(state, &own, err);
+    plain_state *own = begin(state);
     const size_t part = (size_t)own->part_rows * (size_t)own->part_cols, grid = (size_t)own->rows * (size_t)own->cols;
     const size_t batch = (size_t)own->batch, from = crop ? grid : part;
-    float *in = NULL;
-    if (!status)
-        status = hada_alloc((void **)&in, from * batch, sizeof *in, "the check", err);
-    if (!status)
-        status = check_output(state, batch * (crop ? part : grid), err);
+    float *in = check_room(state, from * batch * sizeof *in);
+    hada_status status = check_output(state, batch * (crop ? part : grid), err);
     if (!status)
         check_fill_integers(state, 1, in, from * batch, 99);
     for (size_t i = 0; !status && i < batch * part; i++) {
@@ -61,7 +51,6 @@ static hada_status move_prepare(check_state *state, int crop, hada_error *err)
     }
     if (!status)
         status = check_upload(state, &own->in, in, from * batch * sizeof *in, err);
-    free(in);
     state->bytes = (double)batch * (double)(crop ? 2 * part : part + grid) * sizeof(float);
     return status;
 }
@@ -114,21 +103,14 @@ static hada_status crop_launch(check_state *state, hada_error *err)
 /* Integers, but for their halves in the columns that mirror themselves: exact, also as half. */
 static hada_status product_prepare(check_state *state, hada_error *err)
 {
-    plain_state *own;
-    float *in = NULL, *filter = NULL;
-    uint16_t *halves = NULL;
-    hada_status status = begin(state, &own, err);
+    plain_state *own = begin(state);
     const size_t image = (size_t)own->rows * (size_t)(own->cols / 2 + 1) * 2;
     const size_t ins = image * (size_t)own->channels, all = image * (size_t)own->batch,
                  filters = all * (size_t)own->step;
-    if (!status)
-        status = hada_alloc((void **)&in, ins, sizeof *in, "the check", err);
-    if (!status)
-        status = hada_alloc((void **)&filter, filters, sizeof *filter, "the check", err);
-    if (!status)
-        status = hada_alloc((void **)&halves, filters, sizeof *halves, "the check", err);
-    if (!status)
-        status = check_output(state, all, err);
+    float *in = check_room(state, ins * sizeof *in);
+    float *filter = check_room(state, filters * sizeof *filter);
+    uint16_t *halves = check_room(state, filters * sizeof *halves);
+    hada_status status = check_output(state, all, err);
     if (!status) {
         check_fill_integers(state, 1, in, ins, 99);
         check_fill_integers(state, 2, filter, filters, 99);
@@ -143,9 +125,6 @@ static hada_status product_prepare(check_state *state, hada_error *err)
     if (!status)
         status = own->half ? check_upload(state, &own->filter, halves, filters * sizeof *halves, err)
                            : check_upload(state, &own->filter, filter, filters * sizeof *filter, err);
-    free(in);
-    free(filter);
-    free(halves);
     state->bytes = (double)(ins + all + (own->product ? all : 0)) * sizeof(float);
     return status;
 }
@@ -168,21 +147,11 @@ done:
     return status;
 }
 
-static void release(check_state *state)
-{
-    plain_state *own = state->own;
-    if (!own)
-        return;
-    hada_buffer_destroy(&own->in);
-    hada_buffer_destroy(&own->filter);
-    free(own);
-}
-
 static const char help[] = "r rows, c columns, b batch, y x h w rectangle (top, left, rows, columns)";
 static const char product_help[] =
     "r rows, c columns, b batch, s spectra, p 0 as it is, 1 complex, 2 split filters, q1 as half, i j rows and columns "
     "of the band, e take every e-th filter";
 
-const check_op check_plain_pad = {"fft_plain_pad", help, pad_prepare, pad_launch, release};
-const check_op check_plain_crop = {"fft_plain_crop", help, crop_prepare, crop_launch, release};
-const check_op check_plain_product = {"fft_plain_product", product_help, product_prepare, product_launch, release};
+const check_op check_plain_pad = {"fft_plain_pad", help, pad_prepare, pad_launch, NULL};
+const check_op check_plain_crop = {"fft_plain_crop", help, crop_prepare, crop_launch, NULL};
+const check_op check_plain_product = {"fft_plain_product", product_help, product_prepare, product_launch, NULL};

@@ -17,9 +17,7 @@ typedef struct check_fit {
 } check_fit;
 
 /* `pairs` pairs of this depth and as many of the other one. */
-hada_status check_fit_make(check_fit *fit, const check_state *state, size_t count, int pairs, int split,
-                           hada_error *err);
-void check_fit_free(check_fit *fit);
+void check_fit_make(check_fit *fit, check_state *state, size_t count, int pairs, int split);
 
 /* The n-th image of `count` frequencies, as kernels take it. */
 hada_fit_image check_fit_image(const check_fit *fit, size_t n);

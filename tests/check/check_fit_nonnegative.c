@@ -1,6 +1,5 @@
 /* Transfer functions of non-negative point spread functions: the library's loop on the device, sums to result. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "check.h"
@@ -23,21 +22,17 @@ typedef struct nonnegative_state {
 
 /* Sums as of pairs of a camera whose point spread function is partly negative: random spectra of real images, so that
  * all of them belong to real images. z: frequencies of which the pairs say nothing. Arrays `values` in rows. */
-static hada_status make_sums(const check_state *state, nonnegative_state *own, int c, double *values, hada_error *err)
+static hada_status make_sums(check_state *state, nonnegative_state *own, int c, double *values, hada_error *err)
 {
     const int rows = own->layout.rows, cols = own->layout.cols;
     const size_t count = (size_t)rows * (size_t)(cols / 2 + 1), pixels = (size_t)rows * (size_t)cols;
-    float *noise = malloc(2 * pixels * sizeof *noise);
-    double *image = malloc(pixels * sizeof *image), *scene = malloc(2 * count * sizeof *scene);
-    double *psf = malloc(2 * count * sizeof *psf), total = 0.0;
-    hada_status status =
-        noise && image && scene && psf ? HADA_OK : hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
-    if (!status)
-        check_fill_normal(state, 10 + (uint64_t)c, noise, 2 * pixels);
-    for (size_t i = 0; !status && i < pixels; i++)
+    float *noise = check_room(state, 2 * pixels * sizeof *noise);
+    double *image = check_room(state, pixels * sizeof *image), *scene = check_room(state, 2 * count * sizeof *scene);
+    double *psf = check_room(state, 2 * count * sizeof *psf), total = 0.0;
+    check_fill_normal(state, 10 + (uint64_t)c, noise, 2 * pixels);
+    for (size_t i = 0; i < pixels; i++)
         image[i] = noise[i];
-    if (!status)
-        status = hada_ref_fft_forward(image, rows, cols, scene, err);
+    hada_status status = hada_ref_fft_forward(image, rows, cols, scene, err);
     for (size_t i = 0; !status && i < pixels; i++) {
         image[i] = 0.5 + noise[pixels + i];
         total += (double)noise[i] * noise[i];
@@ -54,10 +49,6 @@ static hada_status make_sums(const check_state *state, nonnegative_state *own, i
     }
     own->mean[c] = total;
     own->trust[c] = 1.0 / (1 + 3 * c);
-    free(noise);
-    free(image);
-    free(scene);
-    free(psf);
     return status;
 }
 
@@ -65,12 +56,12 @@ static hada_status prepare_channel(check_state *state, nonnegative_state *own, i
 {
     const hada_spectrum_layout *layout = &own->layout;
     const size_t count = (size_t)layout->rows * (size_t)(layout->cols / 2 + 1);
-    double *values = malloc(4 * count * sizeof *values), *otf = malloc(2 * count * sizeof *otf), weights[64];
-    float *packed = calloc(8 * own->stride, sizeof *packed), *rows = malloc(2 * count * sizeof *rows);
-    float *blocks = malloc(2 * layout->count * sizeof *blocks);
-    hada_status status = values && otf && packed && rows && blocks
-                             ? make_sums(state, own, c, values, err)
-                             : hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    double *values = check_room(state, 4 * count * sizeof *values), *otf = check_room(state, 2 * count * sizeof *otf),
+           weights[64];
+    float *packed = check_room(state, 8 * own->stride * sizeof *packed),
+          *rows = check_room(state, 2 * count * sizeof *rows);
+    float *blocks = check_room(state, 2 * layout->count * sizeof *blocks);
+    hada_status status = make_sums(state, own, c, values, err);
     for (size_t k = 0; !status && k < 4; k++) {
         for (size_t i = 0; i < count; i++)
             rows[i] = (float)values[k * count + i];
@@ -91,37 +82,23 @@ static hada_status prepare_channel(check_state *state, nonnegative_state *own, i
             state->expected[2 * (size_t)c * layout->count + i] = blocks[i];
         status = check_upload(state, &own->sums[c], packed, 8 * own->stride * sizeof *packed, err);
     }
-    free(values);
-    free(otf);
-    free(packed);
-    free(rows);
-    free(blocks);
     return status;
 }
 
 /* Padding of the layout holds anything. */
-static hada_status mark_padding(check_state *state, const nonnegative_state *own, hada_error *err)
+static void mark_padding(check_state *state, const nonnegative_state *own)
 {
     const size_t count = own->layout.count;
-    float *weights = malloc(count * sizeof *weights);
-    state->unspecified = calloc(state->out_count, 1);
-    if (!weights || !state->unspecified) {
-        free(weights);
-        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
-    }
+    float *weights = check_room(state, count * sizeof *weights);
+    state->unspecified = check_room(state, state->out_count);
     hada_layout_weights(&own->layout, weights);
     for (size_t i = 0; i < state->out_count; i++)
         state->unspecified[i] = weights[i / 2 % count] == 0.0f;
-    free(weights);
-    return HADA_OK;
 }
 
 static hada_status prepare(check_state *state, hada_error *err)
 {
-    nonnegative_state *own = calloc(1, sizeof *own);
-    if (!own)
-        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
-    state->own = own;
+    nonnegative_state *own = check_own(state, sizeof *own);
     const int rows = check_get(state, 'r', 8), cols = check_get(state, 'c', 8);
     own->channels = check_get(state, 'k', 1);
     if (own->channels > MAX_CHANNELS)
@@ -141,7 +118,7 @@ static hada_status prepare(check_state *state, hada_error *err)
     for (int c = 0; !status && c < own->channels; c++)
         status = prepare_channel(state, own, c, err);
     if (!status)
-        status = mark_padding(state, own, err);
+        mark_padding(state, own);
     /* steps contract, so what counts is the rounding of a few transforms, each below 1e-6 of its result; clipping does
      * not grow it, and the last step's weight lets a dual's error in by 1.8 times 1.25 */
     state->tolerance = 1e-5;
@@ -165,12 +142,7 @@ static hada_status launch(check_state *state, hada_error *err)
 static void release(check_state *state)
 {
     nonnegative_state *own = state->own;
-    if (!own)
-        return;
     hada_nonnegative_destroy(&own->plan);
-    for (int c = 0; c < MAX_CHANNELS; c++)
-        hada_buffer_destroy(&own->sums[c]);
-    free(own);
 }
 
 const check_op check_fit_nonnegative = {"fit_nonnegative",

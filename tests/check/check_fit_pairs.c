@@ -1,24 +1,14 @@
-#include <stdlib.h>
-
 #include "check_fit.h"
-#include "core/alloc.h"
 #include "core/round.h"
 
-static hada_status make_room(check_fit *fit, hada_error *err)
+static void make_room(check_state *state, check_fit *fit)
 {
-    hada_status status = hada_alloc((void **)&fit->x, 16 * fit->vectors, sizeof(float), "the check", err);
-    if (!status)
-        status = hada_alloc((void **)&fit->b, 16 * fit->vectors, sizeof(float), "the check", err);
-    if (!status)
-        status = hada_alloc((void **)&fit->sums, HADA_REF_FIT_SUMS * fit->count, sizeof(double), "the check", err);
-    if (!status)
-        status = hada_alloc((void **)&fit->other, 2 * fit->count, sizeof(double), "the check", err);
-    if (!status)
-        status = hada_alloc((void **)&fit->device_sums, 2 * (size_t)fit->kept * fit->stride, sizeof(float), "the check",
-                            err);
-    if (!status)
-        status = hada_alloc((void **)&fit->device_pool, 5 * fit->stride, sizeof(float), "the check", err);
-    return status;
+    fit->x = check_room(state, 16 * fit->vectors * sizeof(float));
+    fit->b = check_room(state, 16 * fit->vectors * sizeof(float));
+    fit->sums = check_room(state, HADA_REF_FIT_SUMS * fit->count * sizeof(double));
+    fit->other = check_room(state, 2 * fit->count * sizeof(double));
+    fit->device_sums = check_room(state, (2 * (size_t)fit->kept * fit->stride) * sizeof(float));
+    fit->device_pool = check_room(state, 5 * fit->stride * sizeof(float));
 }
 
 /* The device's arrays, and the double ones brought to what these hold. */
@@ -40,8 +30,7 @@ static void to_device(check_fit *fit, int pairs)
     }
 }
 
-hada_status check_fit_make(check_fit *fit, const check_state *state, size_t count, int pairs, int split,
-                           hada_error *err)
+void check_fit_make(check_fit *fit, check_state *state, size_t count, int pairs, int split)
 {
     const size_t vectors = (count + 7) / 8;
     *fit = (check_fit){.count = count,
@@ -49,14 +38,10 @@ hada_status check_fit_make(check_fit *fit, const check_state *state, size_t coun
                        .stride = (vectors + 63) / 64 * 64 * 8,
                        .split = split,
                        .kept = split ? 6 : 4};
-    double *values, *rest = NULL;
-    hada_status status = make_room(fit, err);
-    if (status)
-        return status;
-    status = hada_alloc((void **)&values, 4 * count, sizeof *values, "the check", err);
-    if (!status)
-        status = hada_alloc((void **)&rest, HADA_REF_FIT_SUMS * count, sizeof *rest, "the check", err);
-    for (int p = 0; !status && p < 2 * pairs; p++) { /* those of the other depth come first */
+    make_room(state, fit);
+    double *values = check_room(state, 4 * count * sizeof *values);
+    double *rest = check_room(state, HADA_REF_FIT_SUMS * count * sizeof *rest);
+    for (int p = 0; p < 2 * pairs; p++) { /* those of the other depth come first */
         check_fill_normal(state, 100 + 2 * (uint64_t)p, fit->x, 2 * count);
         check_fill_normal(state, 101 + 2 * (uint64_t)p, fit->b, 2 * count);
         for (size_t i = 0; i < 2 * count; i++) {
@@ -65,25 +50,11 @@ hada_status check_fit_make(check_fit *fit, const check_state *state, size_t coun
         }
         hada_ref_fit_pair(values, values + 2 * count, count, 1.0, p < pairs ? rest : fit->sums);
     }
-    for (size_t i = 0; !status && i < count; i++) {
+    for (size_t i = 0; i < count; i++) {
         fit->other[i] = rest[2 * count + i];
         fit->other[count + i] = rest[5 * count + i];
     }
-    if (!status)
-        to_device(fit, pairs);
-    free(values);
-    free(rest);
-    return status;
-}
-
-void check_fit_free(check_fit *fit)
-{
-    free(fit->x);
-    free(fit->b);
-    free(fit->sums);
-    free(fit->other);
-    free(fit->device_sums);
-    free(fit->device_pool);
+    to_device(fit, pairs);
 }
 
 hada_fit_image check_fit_image(const check_fit *fit, size_t n)

@@ -1,9 +1,7 @@
 /* Leave-one-out of one pair at five settings, what no linear camera explains, and the energies of planes. */
-#include <stdlib.h>
 #include <string.h>
 
 #include "check_fit.h"
-#include "core/alloc.h"
 #include "launch/fit_score.h"
 
 enum { SETTINGS = HADA_FIT_TRIALS, CHUNK = 8 * HADA_FIT_CHUNK, PAIRS = 4 };
@@ -54,16 +52,13 @@ static void expect_unexplained(const check_fit *fit, const float *weight, double
     }
 }
 
-static hada_status expect(check_state *state, const score_state *own, const float *planes, hada_error *err)
+static void expect(check_state *state, const score_state *own, const float *planes)
 {
     const check_fit *fit = &own->fit;
     const size_t n = fit->count;
-    double *room, *pair;
-    hada_status status = hada_alloc((void **)&room, 14 * n, sizeof *room, "the check", err);
-    if (status)
-        return status;
+    double *room = check_room(state, 14 * n * sizeof *room);
     double *left = room, *seen = room + HADA_REF_FIT_SUMS * n, *filter = seen + 2 * n;
-    pair = filter + 2 * n;
+    double *pair = filter + 2 * n;
     memcpy(left, fit->sums, HADA_REF_FIT_SUMS * n * sizeof *left);
     for (size_t i = 0; i < 2 * n; i++) {
         pair[i] = fit->x[i];
@@ -77,8 +72,6 @@ static hada_status expect(check_state *state, const score_state *own, const floa
     expect_unexplained(fit, own->weight, state->expected + own->unexplained);
     for (size_t i = 0; i < (size_t)(SETTINGS * own->rows * own->cols); i++)
         state->expected[own->energy + i / (size_t)own->cols] += (double)planes[i] * planes[i];
-    free(room);
-    return status;
 }
 
 static hada_status upload(check_state *state, score_state *own, const float *planes, size_t pixels, hada_error *err)
@@ -98,36 +91,28 @@ static hada_status upload(check_state *state, score_state *own, const float *pla
 
 static hada_status prepare(check_state *state, hada_error *err)
 {
-    score_state *own = calloc(1, sizeof *own);
-    float *planes = NULL;
-    if (!own)
-        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
-    state->own = own;
+    score_state *own = check_own(state, sizeof *own);
     check_fit *fit = &own->fit;
     const size_t n = (size_t)check_get(state, 'n', 16);
     own->rows = check_get(state, 'r', 5);
     own->cols = check_get(state, 'c', 19);
     const size_t pixels = SETTINGS * (size_t)own->rows * (size_t)own->cols;
-    hada_status status = check_fit_make(fit, state, n, PAIRS, check_get(state, 's', 0), err);
-    if (!status)
-        status = hada_alloc((void **)&own->weight, fit->stride, sizeof(float), "the check", err);
-    if (!status)
-        status = hada_alloc((void **)&planes, pixels, sizeof *planes, "the check", err);
+    check_fit_make(fit, state, n, PAIRS, check_get(state, 's', 0));
+    own->weight = check_room(state, fit->stride * sizeof(float));
+    float *planes = check_room(state, pixels * sizeof *planes);
     own->chunks = (fit->vectors + HADA_FIT_CHUNK - 1) / HADA_FIT_CHUNK;
     own->leak = rounded(SETTINGS * 2 * n);
     own->unexplained = rounded(own->leak + SETTINGS * own->chunks);
     own->energy = rounded(own->unexplained + own->chunks);
-    if (!status)
-        status = check_output(state, own->energy + (size_t)(SETTINGS * own->rows), err);
+    hada_status status = check_output(state, own->energy + (size_t)(SETTINGS * own->rows), err);
     if (!status) {
         check_fill_integers(state, 2, planes, pixels, 9);
         for (size_t i = 0; i < n; i++)
             own->weight[i] = (float)(i % 3); /* some are left out */
-        status = expect(state, own, planes, err);
+        expect(state, own, planes);
     }
     if (!status)
         status = upload(state, own, planes, pixels, err);
-    free(planes);
     state->tolerance = 2e-6; /* sums of up to 32 groups of eight, one after the other */
     state->bytes = (double)n * 4.0 * (4.0 + 2.0 * fit->kept + 4.0 + 2.0 * SETTINGS) + (double)pixels * 4.0;
     return status;
@@ -179,18 +164,5 @@ static hada_status launch(check_state *state, hada_error *err)
     return status ? status : launch_energy(state, err);
 }
 
-static void release(check_state *state)
-{
-    score_state *own = state->own;
-    if (!own)
-        return;
-    hada_buffer *buffers[] = {&own->x, &own->b, &own->sums, &own->pool, &own->weights, &own->planes};
-    for (size_t i = 0; i < HADA_COUNT(buffers); i++)
-        hada_buffer_destroy(buffers[i]);
-    check_fit_free(&own->fit);
-    free(own->weight);
-    free(own);
-}
-
 const check_op check_fit_score = {"fit_score", "n frequencies, r rows and c columns of the planes, s1 split", prepare,
-                                  launch, release};
+                                  launch, NULL};

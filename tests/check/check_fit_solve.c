@@ -1,7 +1,5 @@
 /* Filters and transfer functions from sums. In the output: images of filters, then images of transfer functions; each
  * image's values beyond its end are overwritten by the next image. */
-#include <stdlib.h>
-
 #include "check_fit.h"
 #include "launch/fit_solve.h"
 
@@ -14,19 +12,15 @@ typedef struct solve_state {
 
 static hada_status prepare(check_state *state, hada_error *err)
 {
-    solve_state *own = calloc(1, sizeof *own);
-    if (!own)
-        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
-    state->own = own;
+    solve_state *own = check_own(state, sizeof *own);
     check_fit *fit = &own->fit;
     own->images = check_get(state, 'k', 1);
     own->alpha = 0.125f * (float)check_get(state, 'a', 1);
     own->ridge = 0.25f;
     own->least = 2.0f; /* some of the scenes' sums are below it */
     const size_t n = (size_t)check_get(state, 'n', 16), all = 2 * n * (size_t)own->images;
-    hada_status status = check_fit_make(fit, state, n, 3, check_get(state, 's', 0), err);
-    if (!status)
-        status = check_output(state, 2 * all + 2 * (8 * fit->vectors - n), err);
+    check_fit_make(fit, state, n, 3, check_get(state, 's', 0));
+    hada_status status = check_output(state, 2 * all + 2 * (8 * fit->vectors - n), err);
     for (size_t k = 0; !status && k < (size_t)own->images; k++) {
         /* an image's alpha and floor grow with its number, so that the order of images matters */
         hada_ref_fit_filter(fit->sums, fit->other, n, (double)own->alpha * (double)(k + 1), own->ridge, fit->split,
@@ -66,16 +60,5 @@ done:
     return status;
 }
 
-static void release(check_state *state)
-{
-    solve_state *own = state->own;
-    if (!own)
-        return;
-    hada_buffer_destroy(&own->sums);
-    hada_buffer_destroy(&own->pool);
-    check_fit_free(&own->fit);
-    free(own);
-}
-
 const check_op check_fit_solve = {"fit_solve", "n frequencies, k images, a eighths of alpha, s1 split", prepare, launch,
-                                  release};
+                                  NULL};

@@ -1,9 +1,6 @@
 /* The sums of a fit: pairs added and one taken out again, other sums merged in, pools over depths. Integers: exact,
  * also beyond the 24 bits of a float, since each sum is kept as two. */
-#include <stdlib.h>
-
 #include "check.h"
-#include "core/alloc.h"
 #include "kernels/shared_fit.h"
 #include "launch/fit_sums.h"
 #include "ref/ref_fit.h"
@@ -24,15 +21,12 @@ static void put_pair(double value, size_t stride, double *sums)
 }
 
 /* In the output stand the sums of all pairs but the first one, plus `more`; then the pools of these, pushed twice. */
-static hada_status expect(check_state *state, const sums_state *own, const float *x, const float *b, float *more,
-                          hada_error *err)
+static void expect(check_state *state, const sums_state *own, const float *x, const float *b, float *more)
 {
     const size_t n = own->count;
-    double *values = NULL, *sums = NULL;
-    hada_status status = hada_alloc((void **)&values, 4 * n, sizeof *values, "the check", err);
-    if (!status)
-        status = hada_alloc((void **)&sums, HADA_REF_FIT_SUMS * n, sizeof *sums, "the check", err);
-    for (size_t p = 1; !status && p < (size_t)own->pairs; p++) {
+    double *values = check_room(state, 4 * n * sizeof *values);
+    double *sums = check_room(state, HADA_REF_FIT_SUMS * n * sizeof *sums);
+    for (size_t p = 1; p < (size_t)own->pairs; p++) {
         for (size_t i = 0; i < 2 * n; i++) {
             values[i] = x[2 * 8 * own->vectors * p + i];
             values[2 * n + i] = b[2 * 8 * own->vectors * p + i];
@@ -42,7 +36,7 @@ static hada_status expect(check_state *state, const sums_state *own, const float
     double *pool = state->expected + 2 * (size_t)own->kept * own->stride;
     static const int pooled[POOLS] = {2, 2, 3, 5, 5};
     static const double share[POOLS] = {2.0, 0.5, 0.5, 2.0, 0.5};
-    for (size_t i = 0; !status && i < n; i++) {
+    for (size_t i = 0; i < n; i++) {
         for (size_t k = 0; k < (size_t)own->kept; k++) {
             double *to = state->expected + 2 * k * own->stride + i;
             float *from = more + 2 * k * own->stride + i;
@@ -51,17 +45,11 @@ static hada_status expect(check_state *state, const sums_state *own, const float
         for (size_t k = 0; k < (own->split ? 5u : 3u); k++)
             pool[k * own->stride + i] = (float)(share[k] * state->expected[2 * (size_t)pooled[k] * own->stride + i]);
     }
-    free(values);
-    free(sums);
-    return status;
 }
 
 static hada_status prepare(check_state *state, hada_error *err)
 {
-    sums_state *own = calloc(1, sizeof *own);
-    if (!own)
-        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
-    state->own = own;
+    sums_state *own = check_own(state, sizeof *own);
     own->count = (size_t)check_get(state, 'n', 16);
     own->pairs = check_get(state, 'p', 3);
     own->split = check_get(state, 's', 0);
@@ -72,14 +60,10 @@ static hada_status prepare(check_state *state, hada_error *err)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "2 to %d pairs", MAX_PAIRS);
     const size_t image = 16 * own->vectors, all = image * (size_t)own->pairs;
     const size_t sums = 2 * (size_t)own->kept * own->stride, pools = (own->split ? 5 : 3) * own->stride;
-    float *x, *b = NULL, *more = NULL;
-    hada_status status = hada_alloc((void **)&x, all, sizeof *x, "the check", err);
-    if (!status)
-        status = hada_alloc((void **)&b, all, sizeof *b, "the check", err);
-    if (!status)
-        status = hada_alloc((void **)&more, sums, sizeof *more, "the check", err);
-    if (!status)
-        status = check_output(state, sums + pools, err);
+    float *x = check_room(state, all * sizeof *x);
+    float *b = check_room(state, all * sizeof *b);
+    float *more = check_room(state, sums * sizeof *more);
+    hada_status status = check_output(state, sums + pools, err);
     for (size_t p = 0; !status && p < (size_t)own->pairs; p++) { /* padding stays 0 */
         check_fill_integers(state, 2 * p + 1, x + p * image, 2 * own->count, 2000);
         check_fill_integers(state, 2 * p + 2, b + p * image, 2 * own->count, 2000);
@@ -92,16 +76,13 @@ static hada_status prepare(check_state *state, hada_error *err)
             high[i] *= 16.0f;
     }
     if (!status)
-        status = expect(state, own, x, b, more, err);
+        expect(state, own, x, b, more);
     if (!status)
         status = check_upload(state, &own->x, x, all * sizeof *x, err);
     if (!status)
         status = check_upload(state, &own->b, b, all * sizeof *b, err);
     if (!status)
         status = check_upload(state, &own->more, more, sums * sizeof *more, err);
-    free(x);
-    free(b);
-    free(more);
     state->bytes = (double)own->count * sizeof(float) * ((own->pairs + 1) * (4.0 + 4.0 * own->kept) + 6.0 * own->kept);
     return status;
 }
@@ -152,15 +133,4 @@ done:
     return status;
 }
 
-static void release(check_state *state)
-{
-    sums_state *own = state->own;
-    if (!own)
-        return;
-    hada_buffer_destroy(&own->x);
-    hada_buffer_destroy(&own->b);
-    hada_buffer_destroy(&own->more);
-    free(own);
-}
-
-const check_op check_fit_sums = {"fit_sums", "n frequencies, p pairs, s1 split", prepare, launch, release};
+const check_op check_fit_sums = {"fit_sums", "n frequencies, p pairs, s1 split", prepare, launch, NULL};

@@ -1,11 +1,9 @@
 /* One iteration of filters by the error in the window: a pair gathered, the product with T, the residual, filter and
  * direction. In the output, each at the next multiple of 256: what is gathered and then t, r, x, p (`c` channels of
  * complex numbers), and the partial sums of both reductions. All channels have the same sums. */
-#include <stdlib.h>
 #include <string.h>
 
 #include "check_fit.h"
-#include "core/alloc.h"
 #include "launch/fit_window.h"
 
 enum { CHUNK = 8 * HADA_FIT_CHUNK, STATES = 4, PARTS = 6, PAIRS = 3 };
@@ -78,29 +76,21 @@ static hada_status upload(check_state *state, window_state *own, hada_error *err
 
 static hada_status prepare(check_state *state, hada_error *err)
 {
-    window_state *own = calloc(1, sizeof *own);
-    if (!own)
-        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
-    state->own = own;
+    window_state *own = check_own(state, sizeof *own);
     check_fit *fit = &own->fit;
     const size_t n = (size_t)check_get(state, 'n', 16);
     own->channels = check_get(state, 'c', 1);
     own->all = n * (size_t)own->channels;
-    hada_status status = check_fit_make(fit, state, n, PAIRS, check_get(state, 's', 0), err);
-    if (!status)
-        status = hada_alloc((void **)&own->weight, fit->stride, sizeof(float), "the check", err);
-    if (!status)
-        status = hada_alloc((void **)&own->frame, 2 * own->all + 16, sizeof(float), "the check", err);
-    if (!status)
-        status = hada_alloc((void **)&own->before, 10 * own->all + 16, sizeof(float), "the check", err);
-    if (status)
-        return status;
+    check_fit_make(fit, state, n, PAIRS, check_get(state, 's', 0));
+    own->weight = check_room(state, fit->stride * sizeof(float));
+    own->frame = check_room(state, (2 * own->all + 16) * sizeof(float));
+    own->before = check_room(state, (10 * own->all + 16) * sizeof(float));
     own->chunks = (fit->vectors + HADA_FIT_CHUNK - 1) / HADA_FIT_CHUNK;
     for (size_t i = 0; i < PARTS; i++) {
         const size_t count = i < STATES ? 2 * own->all + 16 : (size_t)own->channels * own->chunks;
         own->at[i + 1] = (own->at[i] + count + 255) / 256 * 256;
     }
-    status = check_output(state, own->at[PARTS], err);
+    hada_status status = check_output(state, own->at[PARTS], err);
     if (status)
         return status;
     check_fill_normal(state, 1, own->frame, 2 * own->all);
@@ -162,19 +152,4 @@ done:
     return status;
 }
 
-static void release(check_state *state)
-{
-    window_state *own = state->own;
-    if (!own)
-        return;
-    hada_buffer *buffers[] = {&own->g, &own->b, &own->sums, &own->pool, &own->weights, &own->start};
-    for (size_t i = 0; i < HADA_COUNT(buffers); i++)
-        hada_buffer_destroy(buffers[i]);
-    check_fit_free(&own->fit);
-    free(own->weight);
-    free(own->frame);
-    free(own->before);
-    free(own);
-}
-
-const check_op check_fit_window = {"fit_window", "n frequencies, c channels, s1 split", prepare, launch, release};
+const check_op check_fit_window = {"fit_window", "n frequencies, c channels, s1 split", prepare, launch, NULL};

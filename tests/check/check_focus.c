@@ -1,6 +1,4 @@
 /* The all-in-focus image of a stack (the distance map, which holds NaN, is compared in test_focus). */
-#include <stdlib.h>
-
 #include "check.h"
 #include "focus/focus.h"
 #include "ref/ref_focus.h"
@@ -14,10 +12,7 @@ typedef struct focus_state {
 
 static hada_status prepare(check_state *state, hada_error *err)
 {
-    focus_state *own = calloc(1, sizeof *own);
-    if (!own)
-        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
-    state->own = own;
+    focus_state *own = check_own(state, sizeof *own);
     double distances[64];
     hada_focus_desc desc = {.channels = check_get(state, 'k', 3),
                             .rows = check_get(state, 'r', 8),
@@ -33,23 +28,18 @@ static hada_status prepare(check_state *state, hada_error *err)
     own->depths = desc.depths;
     const size_t pixels = (size_t)desc.rows * (size_t)desc.cols, all = pixels * (size_t)(desc.channels * desc.depths);
     own->plane = pixels * (size_t)desc.channels;
-    float *planes = malloc(all * sizeof *planes);
-    double *distance = malloc(2 * pixels * sizeof *distance);
+    float *planes = check_room(state, all * sizeof *planes);
+    double *distance = check_room(state, 2 * pixels * sizeof *distance);
     hada_focus_report report = {.size = sizeof report};
-    hada_status status = planes && distance ? HADA_OK : hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
-    if (!status) {
-        check_fill_normal(state, 1, planes, all);
-        status = hada_focus_create(&own->focus, state->slot, &desc, err);
-    }
+    check_fill_normal(state, 1, planes, all);
+    hada_status status = hada_focus_create(&own->focus, state->slot, &desc, err);
     if (!status)
-        status = hada_buffer_create_from(&own->planes, state->slot, planes, all * sizeof *planes, "the stack", err);
+        status = check_upload(state, &own->planes, planes, all * sizeof *planes, err);
     if (!status)
-        status = hada_buffer_create(&own->map, state->slot->context, pixels * sizeof(float), "the map", err);
+        status = check_scratch(state, &own->map, pixels * sizeof(float), err);
     if (!status && !(status = check_output(state, own->plane, err)))
         status = hada_ref_focus(planes, desc.channels, desc.rows, desc.cols, desc.depths, distances, NULL,
                                 &desc.options, state->expected, distance, distance + pixels, &report, err);
-    free(planes);
-    free(distance);
     state->tolerance = 1e-6;
     state->bytes = (double)(all + own->plane + pixels) * sizeof(float);
     state->flops = (double)pixels * desc.depths * (12.0 + 4.0 * 17.0);
@@ -73,12 +63,7 @@ static hada_status launch(check_state *state, hada_error *err)
 static void release(check_state *state)
 {
     focus_state *own = state->own;
-    if (!own)
-        return;
     hada_focus_destroy(&own->focus);
-    hada_buffer_destroy(&own->planes);
-    hada_buffer_destroy(&own->map);
-    free(own);
 }
 
 const check_op check_focus = {

@@ -1,6 +1,4 @@
 /* The Hadamard stage as a whole: a frame, dark level off, to the windows of all depths. */
-#include <stdlib.h>
-
 #include "check.h"
 #include "filter/hadamard.h"
 #include "ref/ref_fft.h"
@@ -18,14 +16,14 @@ typedef struct hadamard_state {
 } hadamard_state;
 
 /* Filters of random real kernels on the whole grid, |W| about 1. */
-static hada_status fill_model(const check_state *state, hadamard_state *own, hada_error *err)
+static hada_status fill_model(check_state *state, hadamard_state *own, hada_error *err)
 {
     const hada_model_info *info = &own->model->info;
     const size_t plane = hada_model_plane(own->model), area = (size_t)info->grid_rows * (size_t)info->grid_cols;
-    float *noise = malloc(area * sizeof *noise);
-    double *image = malloc(area * sizeof *image), *spectrum = malloc(2 * plane * sizeof *spectrum);
-    hada_status status =
-        noise && image && spectrum ? HADA_OK : hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    float *noise = check_room(state, area * sizeof *noise);
+    double *image = check_room(state, area * sizeof *image),
+           *spectrum = check_room(state, 2 * plane * sizeof *spectrum);
+    hada_status status = HADA_OK;
     for (size_t z = 0; !status && z < (size_t)(info->depths * info->channels); z++) {
         check_fill_normal(state, 10 + z, noise, area);
         for (size_t i = 0; i < area; i++)
@@ -34,9 +32,6 @@ static hada_status fill_model(const check_state *state, hadamard_state *own, had
         for (size_t i = 0; i < 2 * plane; i++)
             own->model->filter[2 * z * plane + i] = (float)spectrum[i];
     }
-    free(noise);
-    free(image);
-    free(spectrum);
     return status;
 }
 
@@ -48,9 +43,9 @@ static hada_status expect(check_state *state, hadamard_state *own, const hada_mo
                                 info->window_rows, info->window_cols};
     const size_t plane = hada_model_plane(own->model), area = (size_t)info->raw_rows * (size_t)info->raw_cols;
     const size_t window = (size_t)info->window_rows * (size_t)info->window_cols;
-    double *spectrum = malloc(2 * plane * sizeof *spectrum);
-    float *light = malloc(area * sizeof *light);
-    hada_status status = spectrum && light ? HADA_OK : hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    double *spectrum = check_room(state, 2 * plane * sizeof *spectrum);
+    float *light = check_room(state, area * sizeof *light);
+    hada_status status = HADA_OK;
     for (size_t c = 0; !status && c < (size_t)info->channels; c++) {
         for (size_t i = 0; i < area; i++)
             light[i] = own->raw[c * area + i] - (float)own->levels[c];
@@ -62,8 +57,6 @@ static hada_status expect(check_state *state, hadamard_state *own, const hada_mo
                                        info->form == HADA_FORM_SPLIT, state->expected + image * window, err);
         }
     }
-    free(spectrum);
-    free(light);
     return status;
 }
 
@@ -100,19 +93,14 @@ static hada_status make(check_state *state, hadamard_state *own, hada_error *err
 
 static hada_status prepare(check_state *state, hada_error *err)
 {
-    hadamard_state *own = calloc(1, sizeof *own);
-    if (!own)
-        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
-    state->own = own;
+    hadamard_state *own = check_own(state, sizeof *own);
     hada_status status = make(state, own, err);
     if (status)
         return status;
     const hada_model_info *info = &own->model->info;
     const size_t raw = (size_t)info->channels * (size_t)info->raw_rows * (size_t)info->raw_cols;
     const size_t images = (size_t)(info->depths * info->channels);
-    own->raw = malloc(raw * sizeof *own->raw);
-    if (!own->raw)
-        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    own->raw = check_room(state, raw * sizeof *own->raw);
     check_fill_normal(state, 1, own->raw, raw);
     status = check_output(state, images * (size_t)info->window_rows * (size_t)info->window_cols, err);
     if (!status)
@@ -141,13 +129,9 @@ static hada_status launch(check_state *state, hada_error *err)
 static void release(check_state *state)
 {
     hadamard_state *own = state->own;
-    if (!own)
-        return;
     hada_hadamard_destroy(&own->stage);
     hada_bank_destroy(&own->bank);
     hada_model_destroy(&own->model);
-    free(own->raw);
-    free(own);
 }
 
 const check_op check_hadamard = {

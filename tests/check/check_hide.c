@@ -1,6 +1,4 @@
 /* Opaque planes: weights that are multiples of 1/64 with opacities 0 and 1, exact. */
-#include <stdlib.h>
-
 #include "check.h"
 #include "optics/occlusion.h"
 #include "ref/ref_forward.h"
@@ -13,10 +11,7 @@ typedef struct hide_state {
 
 static hada_status prepare(check_state *state, hada_error *err)
 {
-    hide_state *own = calloc(1, sizeof *own);
-    if (!own)
-        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
-    state->own = own;
+    hide_state *own = check_own(state, sizeof *own);
     own->channels = check_get(state, 'k', 1);
     own->rows = check_get(state, 'r', 4);
     own->cols = check_get(state, 'c', 4);
@@ -26,11 +21,10 @@ static hada_status prepare(check_state *state, hada_error *err)
     own->taps.col0 = check_get(state, 'x', 0) - check_get(state, 'n', 0);
     const size_t pixels = (size_t)own->rows * (size_t)own->cols, count = pixels * (size_t)own->channels,
                  taps = (size_t)own->taps.rows * (size_t)own->taps.cols;
-    float *light = malloc(count * sizeof *light), *opacity = malloc(pixels * sizeof *opacity),
-          *weight = malloc(taps * sizeof *weight);
-    double *in = malloc(count * sizeof *in);
-    hada_status status =
-        light && opacity && weight && in ? HADA_OK : hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    float *light = check_room(state, count * sizeof *light), *opacity = check_room(state, pixels * sizeof *opacity),
+          *weight = check_room(state, taps * sizeof *weight);
+    double *in = check_room(state, count * sizeof *in);
+    hada_status status = HADA_OK;
     if (!status && !(status = check_output(state, count, err))) {
         check_fill_integers(state, 1, light, count, 9);
         check_fill_integers(state, 2, opacity, pixels, 1);
@@ -47,10 +41,6 @@ static hada_status prepare(check_state *state, hada_error *err)
         status = check_upload(state, &own->opacity, opacity, pixels * sizeof *opacity, err);
     if (!status)
         status = check_upload(state, &own->weights, weight, taps * sizeof *weight, err);
-    free(light);
-    free(opacity);
-    free(weight);
-    free(in);
     state->bytes = (double)pixels * (8.0 * own->channels + 4.0);
     state->flops = (double)pixels * (2.0 * (double)taps + own->channels);
     return status;
@@ -63,16 +53,5 @@ static hada_status launch(check_state *state, hada_error *err)
                             own->weights.mem, &own->taps, own->channels, own->rows, own->cols, err);
 }
 
-static void release(check_state *state)
-{
-    hide_state *own = state->own;
-    if (!own)
-        return;
-    hada_buffer_destroy(&own->light);
-    hada_buffer_destroy(&own->opacity);
-    hada_buffer_destroy(&own->weights);
-    free(own);
-}
-
 const check_op check_hide = {"optics_hide", "k channels of r x c pixels, h x w weights from row y - m, column x - n on",
-                             prepare, launch, release};
+                             prepare, launch, NULL};

@@ -1,5 +1,4 @@
 /* The distance of features in LPIPS. */
-#include <stdlib.h>
 #include <string.h>
 
 #include "check_net.h"
@@ -34,9 +33,8 @@ static hada_status prepare(check_state *state, hada_error *err)
     const int pairs = shape.images;
     shape.images *= 2;
     one.images = 1;
-    hada_status status = check_net_own(state, &own, NULL, err);
-    if (!status)
-        status = check_net_input(state, own, &shape, own->mode ? 1 : 0, err);
+    own = check_net_own(state, NULL);
+    hada_status status = check_net_input(state, own, &shape, own->mode ? 1 : 0, err);
     if (!status)
         status = check_net_floats(state, own, (size_t)shape.channels, 0, err);
     const size_t pixels = (size_t)shape.rows * (size_t)shape.cols, values = hada_ref_values(&one);
@@ -55,4 +53,4 @@ static hada_status prepare(check_state *state, hada_error *err)
 const check_op check_lpips = {"lpips",
                               "n pairs, k channels, r rows, c columns, v block, p1 gaps between images, b1 features of "
                               "-1, 0 and 1, also pixels without any",
-                              prepare, launch, check_net_release};
+                              prepare, launch, NULL};

@@ -1,6 +1,5 @@
 #include "check_net.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 #define BETWEEN    40 /* floats between images where the letter p asks for some, and what stands there */
@@ -18,16 +17,13 @@ hada_ref_shape check_net_shape(const check_state *state)
                             check_get(state, 'c', 8)};
 }
 
-hada_status check_net_own(check_state *state, check_net **own,
-                          hada_status (*run)(check_state *, check_net *, int, int, hada_error *), hada_error *err)
+check_net *check_net_own(check_state *state, hada_status (*run)(check_state *, check_net *, int, int, hada_error *))
 {
-    state->own = *own = calloc(1, sizeof **own);
-    if (!*own)
-        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
-    (*own)->run = run;
-    (*own)->mode = check_get(state, 'b', 0);
-    (*own)->accumulate = check_get(state, 'a', 0);
-    return HADA_OK;
+    check_net *own = check_own(state, sizeof *own);
+    own->run = run;
+    own->mode = check_get(state, 'b', 0);
+    own->accumulate = check_get(state, 'a', 0);
+    return own;
 }
 
 static hada_tensor tensor_of(const check_state *state, const hada_ref_shape *shape, cl_mem mem, size_t offset)
@@ -67,30 +63,23 @@ static void pack(const hada_tensor *t, const double *plain, double between, doub
 
 static hada_status upload(check_state *state, const double *values, size_t count, hada_buffer *buffer, hada_error *err)
 {
-    float *floats = malloc(count * sizeof *floats);
-    hada_status status = floats ? HADA_OK : hada_fail(err, HADA_ERROR_MEMORY, "no memory for an input");
-    for (size_t i = 0; !status && i < count; i++)
+    float *floats = check_room(state, count * sizeof *floats);
+    for (size_t i = 0; i < count; i++)
         floats[i] = (float)values[i];
-    if (!status)
-        status = check_upload(state, buffer, floats, count * sizeof *floats, err);
-    free(floats);
-    return status;
+    return check_upload(state, buffer, floats, count * sizeof *floats, err);
 }
 
-static hada_status random_values(check_state *state, uint64_t stream, size_t count, int largest, double **out,
-                                 hada_error *err)
+static double *random_values(check_state *state, uint64_t stream, size_t count, int largest)
 {
-    float *floats = malloc(count * sizeof *floats);
-    *out = malloc(count * sizeof **out);
-    hada_status status = floats && *out ? HADA_OK : hada_fail(err, HADA_ERROR_MEMORY, "no memory for an input");
-    if (!status && largest)
+    float *floats = check_room(state, count * sizeof *floats);
+    double *out = check_room(state, count * sizeof *out);
+    if (largest)
         check_fill_integers(state, stream, floats, count, largest);
-    else if (!status)
+    else
         check_fill_normal(state, stream, floats, count);
-    for (size_t i = 0; !status && i < count; i++)
-        (*out)[i] = floats[i];
-    free(floats);
-    return status;
+    for (size_t i = 0; i < count; i++)
+        out[i] = floats[i];
+    return out;
 }
 
 hada_status check_net_input(check_state *state, check_net *own, const hada_ref_shape *shape, int largest,
@@ -99,15 +88,10 @@ hada_status check_net_input(check_state *state, check_net *own, const hada_ref_s
     const int i = own->inputs++;
     hada_tensor t = tensor_of(state, shape, NULL, 0);
     const size_t count = t.image_stride * (size_t)shape->images;
-    hada_status status = random_values(state, (uint64_t)i + 1, hada_ref_values(shape), largest, &own->plain[i], err);
-    double *blocks = malloc(count * sizeof *blocks);
-    if (!status && !blocks)
-        status = hada_fail(err, HADA_ERROR_MEMORY, "no memory for an input");
-    if (!status) {
-        pack(&t, own->plain[i], BETWEEN_IS, blocks);
-        status = upload(state, blocks, count, &own->memory[i], err);
-    }
-    free(blocks);
+    double *blocks = check_room(state, count * sizeof *blocks);
+    own->plain[i] = random_values(state, (uint64_t)i + 1, hada_ref_values(shape), largest);
+    pack(&t, own->plain[i], BETWEEN_IS, blocks);
+    hada_status status = upload(state, blocks, count, &own->memory[i], err);
     t.mem = own->memory[i].mem;
     own->x[i] = t;
     return status;
@@ -116,16 +100,15 @@ hada_status check_net_input(check_state *state, check_net *own, const hada_ref_s
 hada_status check_net_floats(check_state *state, check_net *own, size_t count, int largest, hada_error *err)
 {
     const int i = own->inputs++;
-    hada_status status = random_values(state, (uint64_t)i + 1, count, largest, &own->plain[i], err);
-    return status ? status : upload(state, own->plain[i], count, &own->memory[i], err);
+    own->plain[i] = random_values(state, (uint64_t)i + 1, count, largest);
+    return upload(state, own->plain[i], count, &own->memory[i], err);
 }
 
-hada_status check_net_ignore(check_state *state, size_t first, size_t count, hada_error *err)
+void check_net_ignore(check_state *state, size_t first, size_t count)
 {
-    if (!state->unspecified && !(state->unspecified = calloc(state->out_count, 1)))
-        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    if (!state->unspecified)
+        state->unspecified = check_room(state, state->out_count);
     memset(state->unspecified + first, 1, count);
-    return HADA_OK;
 }
 
 size_t check_net_behind(const check_state *state, const check_net *own)
@@ -140,11 +123,8 @@ hada_status check_net_output(check_state *state, check_net *own, const hada_ref_
     own->y = tensor_of(state, shape, NULL, 0);
     const size_t blocks = own->y.image_stride * (size_t)shape->images;
     hada_status status = check_output(state, blocks + floats, err);
-    if (!status)
-        status = random_values(state, 99, values + floats, largest, plain, err);
-    double *all = malloc((blocks + floats) * sizeof *all);
-    if (!status && !all)
-        status = hada_fail(err, HADA_ERROR_MEMORY, "no memory for the output");
+    *plain = random_values(state, 99, values + floats, largest);
+    double *all = check_room(state, (blocks + floats) * sizeof *all);
     if (!status) {
         if (!own->accumulate)
             for (size_t i = 0; i < values + floats; i++)
@@ -153,7 +133,6 @@ hada_status check_net_output(check_state *state, check_net *own, const hada_ref_
         memcpy(all + blocks, *plain + values, floats * sizeof *all);
         status = upload(state, all, blocks + floats, &own->start, err);
     }
-    free(all);
     own->y.mem = state->out.mem;
     own->y.offset = state->out_offset;
     return status;
@@ -182,18 +161,4 @@ hada_status check_net_launch(check_state *state, hada_error *err)
     for (int first = 0; !status && first < own->y.images; first += piece)
         status = own->run(state, own, first, first + piece > own->y.images ? own->y.images - first : piece, err);
     return status;
-}
-
-void check_net_release(check_state *state)
-{
-    check_net *own = state->own;
-    if (!own)
-        return;
-    for (int i = 0; i < CHECK_NET_INPUTS; i++) {
-        hada_buffer_destroy(&own->memory[i]);
-        free(own->plain[i]);
-    }
-    hada_buffer_destroy(&own->start);
-    hada_buffer_destroy(&own->scratch);
-    free(own);
 }

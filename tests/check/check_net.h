@@ -24,8 +24,7 @@ struct check_net {
 };
 
 /* The check's own record, in state->own; from its letters: a accumulate, b mode. */
-hada_status check_net_own(check_state *state, check_net **own,
-                          hada_status (*run)(check_state *, check_net *, int, int, hada_error *), hada_error *err);
+check_net *check_net_own(check_state *state, hada_status (*run)(check_state *, check_net *, int, int, hada_error *));
 
 /* The shape of the letters n (images), k (channels), r (rows), c (columns). */
 hada_ref_shape check_net_shape(const check_state *state);
@@ -42,7 +41,7 @@ hada_status check_net_floats(check_state *state, check_net *own, size_t count, i
 
 /* The output: a tensor of `shape`, then `floats` plain floats. Where the check accumulates they start as integers up to
  * `largest` (normal numbers), else as numbers that must be gone afterwards. *plain: what stands in the tensor at first,
- * then in the floats; the caller frees it. */
+ * then in the floats. */
 hada_status check_net_output(check_state *state, check_net *own, const hada_ref_shape *shape, size_t floats,
                              int largest, double **plain, hada_error *err);
 /* Takes what must come out, in the order of `plain` above. */
@@ -50,12 +49,11 @@ void check_net_expect(check_state *state, const check_net *own, const hada_ref_s
                       const double *plain);
 /* Leaves `count` values of the output out of the comparison: errors are relative to all that is compared, and large
  * values would hide those of small ones. */
-hada_status check_net_ignore(check_state *state, size_t first, size_t count, hada_error *err);
+void check_net_ignore(check_state *state, size_t first, size_t count);
 /* The place of the plain floats behind the output's tensor. */
 size_t check_net_behind(const check_state *state, const check_net *own);
 
-/* Launch and release of every check of nets. */
+/* The launch of every check of nets. */
 hada_status check_net_launch(check_state *state, hada_error *err);
-void check_net_release(check_state *state);
 
 #endif

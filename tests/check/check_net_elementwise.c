@@ -1,6 +1,4 @@
 /* Activations, sums of tensors, dropout: value by value. */
-#include <stdlib.h>
-
 #include "check_net.h"
 
 #define SLOPE 0.25f /* exact on integers */
@@ -22,9 +20,8 @@ static hada_status prepare_activation(check_state *state, hada_error *err)
     const hada_ref_shape shape = check_net_shape(state);
     const size_t count = hada_ref_values(&shape);
     const int sigmoid = check_get(state, 'b', 0) == HADA_ACTIVATION_SIGMOID, backward = check_get(state, 'd', 0);
-    hada_status status = check_net_own(state, &own, run_activation, err);
-    if (!status)
-        status = check_net_input(state, own, &shape, sigmoid ? 0 : 9, err);
+    own = check_net_own(state, run_activation);
+    hada_status status = check_net_input(state, own, &shape, sigmoid ? 0 : 9, err);
     if (!status && backward)
         status = check_net_input(state, own, &shape, sigmoid ? 0 : 9, err);
     if (!status)
@@ -43,7 +40,6 @@ static hada_status prepare_activation(check_state *state, hada_error *err)
             hada_ref_leaky(count, slope, own->plain[0], out);
         check_net_expect(state, own, &shape, 0, out);
     }
-    free(out);
     state->tolerance = sigmoid ? 3e-7 : 0.0; /* a few roundings, and exp to 4 units in the last place */
     state->bytes = (backward ? 3.0 : 2.0) * (double)count * sizeof(float);
     return status;
@@ -53,7 +49,7 @@ const check_op check_net_activation = {"net_activation",
                                        "n images, k channels, r rows, c columns, v block, p1 gaps between images, b 0 "
                                        "none, 1 ReLU, 2 leaky, 3 sigmoid, d1 "
                                        "backward",
-                                       prepare_activation, check_net_launch, check_net_release};
+                                       prepare_activation, check_net_launch, NULL};
 
 static hada_status run_blend(check_state *state, check_net *own, int first, int count, hada_error *err)
 {
@@ -67,9 +63,8 @@ static hada_status prepare_blend(check_state *state, hada_error *err)
     double *out = NULL;
     const hada_ref_shape shape = check_net_shape(state);
     const size_t count = hada_ref_values(&shape);
-    hada_status status = check_net_own(state, &own, run_blend, err);
-    if (!status)
-        status = check_net_input(state, own, &shape, 9, err);
+    own = check_net_own(state, run_blend);
+    hada_status status = check_net_input(state, own, &shape, 9, err);
     if (!status)
         status = check_net_output(state, own, &shape, 0, 9, &out, err);
     if (!status) {
@@ -78,14 +73,13 @@ static hada_status prepare_blend(check_state *state, hada_error *err)
         check_net_expect(state, own, &shape, 0, out);
         state->bytes = (own->accumulate ? 3.0 : 2.0) * (double)count * sizeof(float);
     }
-    free(out);
     return status;
 }
 
 const check_op check_net_blend = {"net_blend",
                                   "n images, k channels, r rows, c columns, v block, p1 gaps between images, a1 y is "
                                   "read",
-                                  prepare_blend, check_net_launch, check_net_release};
+                                  prepare_blend, check_net_launch, NULL};
 
 #define DROPOUT_SEED 0x123456789abcdefu
 #define DROPOUT_STEP 0x5000000004u
@@ -103,9 +97,8 @@ static hada_status prepare_dropout(check_state *state, hada_error *err)
     check_net *own;
     double *out = NULL;
     const hada_ref_shape shape = check_net_shape(state);
-    hada_status status = check_net_own(state, &own, run_dropout, err);
-    if (!status)
-        status = check_net_input(state, own, &shape, 9, err);
+    own = check_net_own(state, run_dropout);
+    hada_status status = check_net_input(state, own, &shape, 9, err);
     if (!status)
         status = check_net_output(state, own, &shape, 0, 9, &out, err);
     if (!status) {
@@ -114,11 +107,10 @@ static hada_status prepare_dropout(check_state *state, hada_error *err)
         check_net_expect(state, own, &shape, 0, out);
         state->bytes = 2.0 * (double)hada_ref_values(&shape) * sizeof(float);
     }
-    free(out);
     state->tolerance = check_get(state, 'b', 0) ? 1e-7 : 0.0;
     return status;
 }
 
 const check_op check_net_dropout = {"net_dropout",
                                     "n images, k channels, r rows, c columns, v block, b 0: a half, 1: 0.3",
-                                    prepare_dropout, check_net_launch, check_net_release};
+                                    prepare_dropout, check_net_launch, NULL};

@@ -1,5 +1,4 @@
 /* Fully connected layers: forward, the gradient of x, those of weights and biases. */
-#include <stdlib.h>
 #include <string.h>
 
 #include "check_net.h"
@@ -60,9 +59,7 @@ static void expect(check_state *state, const linear_state *own, double *dx, doub
 
 static hada_status prepare(check_state *state, hada_error *err)
 {
-    linear_state *own = state->own = calloc(1, sizeof *own);
-    if (!own)
-        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    linear_state *own = check_own(state, sizeof *own);
     own->net.mode = check_get(state, 'b', 0);
     own->net.accumulate = check_get(state, 'a', 0);
     own->shape = (hada_linear){check_get(state, 'n', 1), check_get(state, 'i', 8), check_get(state, 'm', 8)};
@@ -75,10 +72,8 @@ static hada_status prepare(check_state *state, hada_error *err)
     if (!status)
         status = check_output(state, made, err);
     /* the output's first values are one more input, zeros where nothing is added to */
-    float *start = malloc(made * sizeof *start);
-    double *sums = calloc(images * in + in * out + out, sizeof *sums);
-    if (!status && !(start && sums))
-        status = hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    float *start = check_room(state, made * sizeof *start);
+    double *sums = check_room(state, (images * in + in * out + out) * sizeof *sums);
     if (!status) {
         check_fill_integers(state, 9, start, made, 9);
         for (size_t i = 0; i < made; i++)
@@ -90,28 +85,13 @@ static hada_status prepare(check_state *state, hada_error *err)
     }
     if (!status && !state->timing)
         expect(state, own, sums, sums + images * in, sums + images * in + in * out);
-    free(start);
-    free(sums);
     state->bytes = (double)(in * out) * sizeof(float);
     state->flops = 2.0 * (double)(images * in * out);
     return status;
-}
-
-static void release(check_state *state)
-{
-    linear_state *own = state->own;
-    if (!own)
-        return;
-    for (int i = 0; i < CHECK_NET_INPUTS; i++) {
-        hada_buffer_destroy(&own->net.memory[i]);
-        free(own->net.plain[i]);
-    }
-    hada_buffer_destroy(&own->net.start);
-    free(own);
 }
 
 const check_op check_net_linear = {"net_linear",
                                    "n images, i inputs, m outputs, b 0 forward, 1 gradient of x, 2 of weights and "
                                    "biases, o0 without bias, a1 added to; "
                                    "bytes are the weights'",
-                                   prepare, launch, release};
+                                   prepare, launch, NULL};

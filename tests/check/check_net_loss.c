@@ -1,6 +1,5 @@
 /* Losses: the gradient as a tensor, and behind it the value; d0: the value alone, d1: the gradient, d2: both are made,
  * the value is compared. */
-#include <stdlib.h>
 #include <string.h>
 
 #include "check_net.h"
@@ -41,9 +40,8 @@ static hada_status prepare(check_state *state, hada_error *err)
     double *out = NULL;
     const hada_ref_shape shape = check_net_shape(state);
     const size_t count = hada_ref_values(&shape);
-    hada_status status = check_net_own(state, &own, run, err);
-    if (status)
-        return status;
+    own = check_net_own(state, run);
+    hada_status status = HADA_OK;
     const hada_loss_desc desc = {(hada_loss)own->mode, WEIGHT, PEAK};
     const int alone = own->mode == HADA_LOSS_TV || own->mode == HADA_LOSS_TV_SQUARED;
     /* integers, so that neighbours and targets are equal now and then */
@@ -54,8 +52,7 @@ static hada_status prepare(check_state *state, hada_error *err)
     if (!status)
         status = check_net_output(state, own, &shape, 1, 0, &out, err);
     if (!status)
-        status = hada_buffer_create(&own->scratch, state->slot->context, hada_loss_scratch(&desc, &own->x[0]),
-                                    "the sums", err);
+        status = check_scratch(state, &own->scratch, hada_loss_scratch(&desc, &own->x[0]), err);
     if (!status && !state->timing) {
         const int gradient = check_get(state, 'd', 1);
         if (gradient && !own->accumulate)
@@ -63,9 +60,8 @@ static hada_status prepare(check_state *state, hada_error *err)
         out[count] = expect(own, &shape, gradient ? out : NULL);
         check_net_expect(state, own, &shape, 1, out);
         const size_t tensor = state->out_count - 1;
-        status = gradient == 1 ? check_net_ignore(state, tensor, 1, err) : check_net_ignore(state, 0, tensor, err);
+        check_net_ignore(state, gradient == 1 ? tensor : 0, gradient == 1 ? 1 : tensor);
     }
-    free(out);
     /* single roundings; SSIM's variances are differences of two means of squares */
     state->tolerance = own->mode == HADA_LOSS_SSIM ? 1e-5 : 1e-6;
     state->bytes = (alone ? 2.0 : 3.0) * (double)count * sizeof(float);
@@ -76,4 +72,4 @@ const check_op check_net_loss = {
     "net_loss",
     "n images, k channels, r rows, c columns, v block, p1 gaps between images, b 0 MSE, 1 L1, 2 logits, 3 TV, 4 squared "
     "TV, 5 SSIM, d0 the value alone, d1 its gradient compared, d2 the value with it, a1 gradient added to",
-    prepare, check_net_launch, check_net_release};
+    prepare, check_net_launch, NULL};

@@ -1,6 +1,5 @@
 /* Batch normalisation: with given statistics, with the batch's, and the gradient. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "check_net.h"
@@ -48,9 +47,7 @@ static hada_status inputs(check_state *state, check_net *own, const hada_ref_sha
         status = check_net_floats(state, own, i == MEAN ? 2 * channels : channels, 0, err);
     if (!status && own->mode == BACKWARD)
         status = check_net_input(state, own, shape, 0, err);
-    float *floats = malloc(2 * channels * sizeof *floats);
-    if (!status && !floats)
-        status = hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    float *floats = check_room(state, 2 * channels * sizeof *floats);
     for (size_t c = 0; !status && c < channels; c++) {
         own->plain[VARIANCE][c] = floats[c] = (float)fabs(own->plain[VARIANCE][c]);
         floats[channels + c] = 0.0f;
@@ -65,7 +62,6 @@ static hada_status inputs(check_state *state, check_net *own, const hada_ref_sha
         }
         status = hada_buffer_write(&own->memory[MEAN], state->slot, 0, floats, 2 * channels * sizeof *floats, err);
     }
-    free(floats);
     return status;
 }
 
@@ -102,9 +98,8 @@ static hada_status prepare(check_state *state, hada_error *err)
     check_net *own;
     double *out = NULL;
     const hada_ref_shape shape = check_net_shape(state);
-    hada_status status = check_net_own(state, &own, run, err);
-    if (status)
-        return status;
+    own = check_net_own(state, run);
+    hada_status status = HADA_OK;
     const size_t floats = (size_t)shape.channels * (own->mode == TRAIN ? 4 : own->mode == BACKWARD ? 2 : 0);
     /* running values start as numbers, not as what must be gone */
     own->accumulate |= own->mode == TRAIN;
@@ -112,13 +107,11 @@ static hada_status prepare(check_state *state, hada_error *err)
     if (!status)
         status = check_net_output(state, own, &shape, floats, 0, &out, err);
     if (!status)
-        status = hada_buffer_create(&own->scratch, state->slot->context, hada_batch_norm_scratch(&own->x[X]),
-                                    "the sums", err);
+        status = check_scratch(state, &own->scratch, hada_batch_norm_scratch(&own->x[X]), err);
     if (!status && !state->timing)
         status = expect(own, &shape, out, err);
     if (!status && !state->timing)
         check_net_expect(state, own, &shape, floats, out);
-    free(out);
     /* sums of normal numbers by trees: some 1e-7 of the largest partial sum */
     state->tolerance = 2e-6;
     state->bytes = (own->mode == INFER   ? 2.0
@@ -132,4 +125,4 @@ const check_op check_net_batch_norm = {"net_batch_norm",
                                        "n images, k channels, r rows, c columns, v block, p1 gaps between images, b 0 "
                                        "infer, 1 train, 2 backward, a1 weight "
                                        "and bias gradients added to",
-                                       prepare, check_net_launch, check_net_release};
+                                       prepare, check_net_launch, NULL};

@@ -1,7 +1,6 @@
 /* Optimisers: three steps with other gradients each; s0 compares the parameters, s1 the state. Clipping: s0 compares
  * the gradients, s1 the norm. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "check_net.h"
@@ -70,17 +69,14 @@ static hada_status prepare(check_state *state, hada_error *err)
     check_net *own;
     const hada_optimizer_desc desc = desc_of(state);
     const size_t count = (size_t)check_get(state, 'n', 1), states = hada_optimizer_state_floats(&desc, count);
-    hada_status status = check_net_own(state, &own, NULL, err);
+    own = check_net_own(state, NULL);
     /* small parameters, so that errors of the steps show */
-    if (!status)
-        status = check_net_floats(state, own, count, 0, err);
+    hada_status status = check_net_floats(state, own, count, 0, err);
     if (!status)
         status = check_net_floats(state, own, count * STEPS, 0, err);
     if (!status)
         status = check_output(state, count + states, err);
-    float *small = malloc(count * sizeof *small);
-    if (!status && !small)
-        status = hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    float *small = check_room(state, count * sizeof *small);
     for (size_t i = 0; !status && i < count; i++) {
         small[i] = 0.01f * (float)own->plain[0][i];
         state->expected[i] = small[i];
@@ -92,9 +88,7 @@ static hada_status prepare(check_state *state, hada_error *err)
     if (!status && !state->timing)
         expect(&desc, count, own->plain[1], state->expected);
     if (!status)
-        status = check_get(state, 's', 0) ? check_net_ignore(state, 0, count, err)
-                                          : check_net_ignore(state, count, states, err);
-    free(small);
+        check_net_ignore(state, check_get(state, 's', 0) ? 0 : count, check_get(state, 's', 0) ? count : states);
     state->tolerance = desc.centered ? 3e-6 : 1e-6; /* centered: a difference of squares */
     state->bytes = (double)(3 * count + 2 * states) * sizeof(float);
     return status;
@@ -104,7 +98,7 @@ const check_op check_net_optimizer = {"net_optimizer",
                                       "n parameters, b 0 RMSprop (Keras), 1 RMSprop (PyTorch), 2 Adam, 3 AdamW, c1 "
                                       "centered, m1 momentum, w1 weight decay, f1 gradients scaled, s1 the "
                                       "state compared",
-                                      prepare, launch, check_net_release};
+                                      prepare, launch, NULL};
 
 /* Two parts of the output clipped together; behind them norm and factor. */
 static hada_status launch_clip(check_state *state, hada_error *err)
@@ -128,13 +122,12 @@ static hada_status prepare_clip(check_state *state, hada_error *err)
     const size_t first = (size_t)check_get(state, 'n', 1), second = (size_t)check_get(state, 'm', 1);
     const size_t count = first + second;
     const hada_gradient_part parts[] = {{{NULL, 0}, first}, {{NULL, 0}, second}};
-    hada_status status = check_net_own(state, &own, NULL, err);
-    if (!status)
-        status = check_net_floats(state, own, count, 0, err);
+    own = check_net_own(state, NULL);
+    hada_status status = check_net_floats(state, own, count, 0, err);
     if (!status)
         status = check_output(state, count + 2, err);
     if (!status)
-        status = hada_buffer_create(&own->scratch, state->slot->context, hada_clip_scratch(parts, 2), "the sums", err);
+        status = check_scratch(state, &own->scratch, hada_clip_scratch(parts, 2), err);
     if (!status) {
         double norm = 0.0, limit = check_get(state, 'l', 1);
         for (size_t i = 0; i < count; i++)
@@ -147,8 +140,7 @@ static hada_status prepare_clip(check_state *state, hada_error *err)
         state->expected[count + 1] = factor;
     }
     if (!status)
-        status =
-            check_get(state, 's', 0) ? check_net_ignore(state, 0, count, err) : check_net_ignore(state, count, 2, err);
+        check_net_ignore(state, check_get(state, 's', 0) ? 0 : count, check_get(state, 's', 0) ? count : 2);
     state->tolerance = 1e-6;
     state->bytes = 3.0 * (double)count * sizeof(float);
     return status;
@@ -156,4 +148,4 @@ static hada_status prepare_clip(check_state *state, hada_error *err)
 
 const check_op check_net_clip = {
     "net_clip", "n and m values of two parts, l limit of the norm, 0: measured only, s1 the norm compared",
-    prepare_clip, launch_clip, check_net_release};
+    prepare_clip, launch_clip, NULL};

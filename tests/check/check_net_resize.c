@@ -1,5 +1,4 @@
 /* Resizing and placing, and their gradients. */
-#include <stdlib.h>
 #include <string.h>
 
 #include "check_net.h"
@@ -21,13 +20,11 @@ static hada_status prepare_resize(check_state *state, hada_error *err)
     const hada_ref_shape in = check_net_shape(state);
     const hada_ref_shape large = {in.images, in.channels, check_get(state, 'h', 16), check_get(state, 'w', 16)};
     const int backward = check_get(state, 'd', 0);
-    hada_status status = check_net_own(state, &own, run_resize, err);
-    if (status)
-        return status;
+    own = check_net_own(state, run_resize);
     const int taps = own->mode == HADA_RESIZE_NEAREST ? 1 : own->mode >= HADA_RESIZE_CUBIC ? 4 : 2;
     const int aligned = own->mode == HADA_RESIZE_LINEAR_ALIGNED || own->mode == HADA_RESIZE_CUBIC_ALIGNED;
     const hada_ref_shape *made = backward ? &in : &large;
-    status = check_net_input(state, own, backward ? &large : &in, taps == 1 ? 9 : 0, err);
+    hada_status status = check_net_input(state, own, backward ? &large : &in, taps == 1 ? 9 : 0, err);
     if (!status)
         status = check_net_output(state, own, made, 0, taps == 1 ? 9 : 0, &out, err);
     if (!status && !state->timing) {
@@ -39,7 +36,6 @@ static hada_status prepare_resize(check_state *state, hada_error *err)
             hada_ref_resize_backward(&in, large.rows, large.cols, taps, aligned, own->plain[0], out);
         check_net_expect(state, own, made, 0, out);
     }
-    free(out);
     /* weights and sums of at most 16 (forward) or some hundred terms, each rounded to 6e-8 */
     state->tolerance = taps == 1 ? 0.0 : 1e-6;
     state->bytes = (double)(hada_ref_values(&in) + hada_ref_values(&large)) * sizeof(float);
@@ -50,7 +46,7 @@ const check_op check_net_resize = {
     "net_resize",
     "n images, k channels, r and c size of x, h and w of y, v block, p1 gaps between images, b 0 nearest, 1 linear, 2 "
     "linear aligned, 3 cubic, 4 cubic aligned, d1 backward, a1 added to",
-    prepare_resize, check_net_launch, check_net_release};
+    prepare_resize, check_net_launch, NULL};
 
 static hada_status run_place(check_state *state, check_net *own, int first, int count, hada_error *err)
 {
@@ -64,25 +60,22 @@ static hada_status run_place(check_state *state, check_net *own, int first, int 
 static hada_status prepare_place(check_state *state, hada_error *err)
 {
     check_net *own;
-    double *out = NULL, *placed = NULL;
+    double *out = NULL;
     const hada_ref_shape part = check_net_shape(state);
     const hada_ref_shape whole = {part.images, check_get(state, 'l', part.channels), check_get(state, 'h', 16),
                                   check_get(state, 'w', 16)};
     const int backward = check_get(state, 'd', 0);
     const hada_ref_shape *made = backward ? &part : &whole;
-    hada_status status = check_net_own(state, &own, run_place, err);
-    if (status)
-        return status;
+    own = check_net_own(state, run_place);
     own->row = check_get(state, 'y', 0);
     own->col = check_get(state, 'x', 0);
     own->channel = check_get(state, 'f', 0);
-    status = check_net_input(state, own, backward ? &whole : &part, 9, err);
+    hada_status status = check_net_input(state, own, backward ? &whole : &part, 9, err);
     if (!status)
         status = check_net_output(state, own, made, 0, 9, &out, err);
-    if (!status && !(placed = calloc(hada_ref_values(made), sizeof *placed)))
-        status = hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
     if (!status) {
         const size_t count = hada_ref_values(made);
+        double *placed = check_room(state, count * sizeof *placed);
         if (backward) {
             hada_ref_place_backward(&part, &whole, own->row, own->col, own->channel, own->plain[0], placed);
         } else {
@@ -95,8 +88,6 @@ static hada_status prepare_place(check_state *state, hada_error *err)
         check_net_expect(state, own, made, 0, placed);
         state->bytes = 2.0 * (double)hada_ref_values(&part) * sizeof(float);
     }
-    free(placed);
-    free(out);
     return status;
 }
 
@@ -104,4 +95,4 @@ const check_op check_net_place = {
     "net_place",
     "n images, k channels, r and c size of the part, l channels, h and w size of the whole, y row, x column, f first "
     "channel, v block, p1 gaps between images, d1 backward, a1 added to",
-    prepare_place, check_net_launch, check_net_release};
+    prepare_place, check_net_launch, NULL};

@@ -1,6 +1,4 @@
 /* The product-sum of the forward model, exact for small integers. */
-#include <stdlib.h>
-
 #include "check.h"
 #include "optics/accumulate.h"
 
@@ -12,17 +10,14 @@ typedef struct optics_state {
 
 static hada_status prepare(check_state *state, hada_error *err)
 {
-    optics_state *own = calloc(1, sizeof *own);
-    if (!own)
-        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
-    state->own = own;
+    optics_state *own = check_own(state, sizeof *own);
     own->images = check_get(state, 'k', 3);
     own->otf_images = check_get(state, 'o', 1);
     own->count = (size_t)check_get(state, 'n', 8);
     own->depths = check_get(state, 'd', 2);
     const size_t otf = 2 * own->count * (size_t)own->otf_images, scene = 2 * own->count * (size_t)own->images;
-    float *h = malloc(otf * sizeof *h), *x = malloc(scene * sizeof *x);
-    hada_status status = h && x ? HADA_OK : hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    float *h = check_room(state, otf * sizeof *h), *x = check_room(state, scene * sizeof *x);
+    hada_status status = HADA_OK;
     if (!status && !(status = check_output(state, scene, err))) {
         check_fill_integers(state, 1, h, otf, 9);
         check_fill_integers(state, 2, x, scene, 9);
@@ -32,12 +27,10 @@ static hada_status prepare(check_state *state, hada_error *err)
             state->expected[i] = own->depths * ((double)h[j] * x[i] - (double)h[j + 1] * x[i + 1]);
             state->expected[i + 1] = own->depths * ((double)h[j] * x[i + 1] + (double)h[j + 1] * x[i]);
         }
-        status = hada_buffer_create_from(&own->otf, state->slot, h, otf * sizeof *h, "transfer functions", err);
+        status = check_upload(state, &own->otf, h, otf * sizeof *h, err);
     }
     if (!status)
-        status = hada_buffer_create_from(&own->scene, state->slot, x, scene * sizeof *x, "a spectrum", err);
-    free(h);
-    free(x);
+        status = check_upload(state, &own->scene, x, scene * sizeof *x, err);
     state->bytes = (double)own->depths * (double)(otf + 3 * scene) * sizeof(float);
     state->flops = (double)own->depths * 4.0 * (double)scene;
     return status;
@@ -54,16 +47,6 @@ static hada_status launch(check_state *state, hada_error *err)
     return status;
 }
 
-static void release(check_state *state)
-{
-    optics_state *own = state->own;
-    if (!own)
-        return;
-    hada_buffer_destroy(&own->otf);
-    hada_buffer_destroy(&own->scene);
-    free(own);
-}
-
 const check_op check_optics = {"optics_accumulate",
                                "n complex values of an image, k images, o images of the transfer function, d depths",
-                               prepare, launch, release};
+                               prepare, launch, NULL};

@@ -1,6 +1,4 @@
 /* The kernels that find a device's ceilings: exact. */
-#include <stdlib.h>
-
 #include "check.h"
 #include "runtime/peaks.h"
 
@@ -10,20 +8,14 @@ static hada_status prepare_copy(check_state *state, hada_error *err)
 {
     const size_t width = (size_t)hada_peak_width(state->slot->context);
     const size_t count = (size_t)check_get(state, 'n', 1) * width;
-    float *values = malloc(count * sizeof *values);
-    hada_buffer *in = calloc(1, sizeof *in);
-    state->own = in;
-    if (!values || !in) {
-        free(values);
-        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
-    }
+    float *values = check_room(state, count * sizeof *values);
+    hada_buffer *in = check_own(state, sizeof *in);
     check_fill_integers(state, 1, values, count, 99);
     hada_status status = check_output(state, count, err);
     for (size_t i = 0; !status && i < count; i++)
         state->expected[i] = values[i];
     if (!status)
         status = check_upload(state, in, values, count * sizeof *values, err);
-    free(values);
     state->bytes = 8.0 * (double)count;
     return status;
 }
@@ -36,13 +28,6 @@ static hada_status launch_copy(check_state *state, hada_error *err)
     if (!state->regions)
         status = check_region(state, 0, state->out_count, &out, err);
     return status ? status : hada_peak_copy(state->slot, in->mem, out, state->out_count, err);
-}
-
-static void release_copy(check_state *state)
-{
-    if (state->own)
-        hada_buffer_destroy(state->own);
-    free(state->own);
 }
 
 static float factor_of(const check_state *state)
@@ -90,11 +75,6 @@ static hada_status launch_flops(check_state *state, hada_error *err)
                                     (float)check_get(state, 'a', 1), check_get(state, 'r', 1), NULL, err);
 }
 
-static void release_flops(check_state *state)
-{
-    (void)state;
-}
-
-const check_op check_peak_copy = {"peak_copy", "n vectors", prepare_copy, launch_copy, release_copy};
+const check_op check_peak_copy = {"peak_copy", "n vectors", prepare_copy, launch_copy, NULL};
 const check_op check_peak_flops = {"peak_flops", "n work-items, r rounds, f factor, a term, w16 wide vectors",
-                                   prepare_flops, launch_flops, release_flops};
+                                   prepare_flops, launch_flops, NULL};

@@ -1,5 +1,4 @@
 /* Refinement: planes after a few steps, for several sets side by side, against textbook ADMM. */
-#include <stdlib.h>
 #include <string.h>
 
 #include "check.h"
@@ -62,15 +61,14 @@ static hada_status make_camera(check_state *state, refine_state *own, hada_error
     const size_t channels = (size_t)own->channels, images = ((size_t)own->depths + 1) * channels;
     const hada_refine_rect *frame = &shape->frame;
     const size_t frame_area = (size_t)frame->rows * (size_t)frame->cols;
-    float *noise = malloc(pixels * sizeof *noise), *half = malloc(2 * values * sizeof *half);
-    float *packed = malloc((images + channels) * layout.count * 2 * sizeof *packed);
-    float *seen = malloc(channels * frame_area * sizeof *seen);
-    double *spectrum = malloc(2 * values * sizeof *spectrum), *drawn = malloc(pixels * sizeof *drawn);
-    own->otfs = malloc(images * 2 * values * sizeof *own->otfs);
-    own->image = calloc(channels * pixels, sizeof *own->image);
-    hada_status status = noise && half && packed && seen && spectrum && drawn && own->otfs && own->image
-                             ? HADA_OK
-                             : hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    float *noise = check_room(state, pixels * sizeof *noise), *half = check_room(state, 2 * values * sizeof *half);
+    float *packed = check_room(state, (images + channels) * layout.count * 2 * sizeof *packed);
+    float *seen = check_room(state, channels * frame_area * sizeof *seen);
+    double *spectrum = check_room(state, 2 * values * sizeof *spectrum),
+           *drawn = check_room(state, pixels * sizeof *drawn);
+    own->otfs = check_room(state, images * 2 * values * sizeof *own->otfs);
+    own->image = check_room(state, channels * pixels * sizeof *own->image);
+    hada_status status = HADA_OK;
     for (size_t k = 0; !status && k < images + channels; k++) { /* the OTFs' images, then the frame's */
         const int is_frame = k >= images;
         double *to = is_frame ? spectrum : own->otfs + k * 2 * values;
@@ -93,20 +91,14 @@ static hada_status make_camera(check_state *state, refine_state *own, hada_error
             hada_layout_pack(&layout, half, packed + k * layout.count * 2);
     }
     if (!status)
-        status = hada_buffer_create_from(&own->otf, state->slot, packed, images * layout.count * 8, "the OTFs", err);
+        status = check_upload(state, &own->otf, packed, images * layout.count * 8, err);
     if (!status)
-        status = hada_buffer_create_from(&own->spectrum, state->slot, packed + images * layout.count * 2,
-                                         channels * layout.count * 8, "the spectrum", err);
+        status =
+            check_upload(state, &own->spectrum, packed + images * layout.count * 2, channels * layout.count * 8, err);
     if (!status)
-        status = hada_buffer_create_from(&own->frame, state->slot, seen, channels * frame_area * 4, "the frame", err);
+        status = check_upload(state, &own->frame, seen, channels * frame_area * 4, err);
     own->data = (hada_refine_data){
         .spectrum = own->spectrum.mem, .frame = own->frame.mem, .otf = own->otf.mem, .otf_depths = own->depths + 1};
-    free(noise);
-    free(half);
-    free(packed);
-    free(seen);
-    free(spectrum);
-    free(drawn);
     return status;
 }
 
@@ -114,8 +106,8 @@ static hada_status expect(check_state *state, const refine_state *own, hada_erro
 {
     const hada_refine_shape *s = &own->shape;
     const size_t values = (size_t)s->grid_rows * (size_t)(s->grid_cols / 2 + 1) * 2 * (size_t)own->channels;
-    double *otf = malloc((size_t)own->depths * values * sizeof *otf);
-    hada_status status = otf ? HADA_OK : hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    double *otf = check_room(state, (size_t)own->depths * values * sizeof *otf);
+    hada_status status = HADA_OK;
     for (int set = 0; !status && set < own->sets; set++) {
         for (int place = 0; place < own->depths; place++)
             memcpy(otf + (size_t)place * values, own->otfs + (size_t)own->list[set * own->depths + place] * values,
@@ -146,16 +138,12 @@ static hada_status expect(check_state *state, const refine_state *own, hada_erro
                                          .steps = own->rule.steps};
         status = hada_ref_refine_run(&problem, state->expected + (size_t)set * own->set_floats, NULL, NULL, err);
     }
-    free(otf);
     return status;
 }
 
 static hada_status prepare(check_state *state, hada_error *err)
 {
-    refine_state *own = calloc(1, sizeof *own);
-    if (!own)
-        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
-    state->own = own;
+    refine_state *own = check_own(state, sizeof *own);
     read_shape(state, own);
     if (own->sets * own->depths > MAX_LIST)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "at most %d planes", MAX_LIST);
@@ -199,15 +187,7 @@ static hada_status launch(check_state *state, hada_error *err)
 static void release(check_state *state)
 {
     refine_state *own = state->own;
-    if (!own)
-        return;
     hada_refiner_destroy(&own->refiner);
-    hada_buffer_destroy(&own->otf);
-    hada_buffer_destroy(&own->spectrum);
-    hada_buffer_destroy(&own->frame);
-    free(own->otfs);
-    free(own->image);
-    free(own);
 }
 
 const check_op check_refine = {"refine",

@@ -1,8 +1,5 @@
 /* How badly planes explain what the channels have in common (refine_score): energies within a band. */
-#include <stdlib.h>
-
 #include "check.h"
-#include "core/alloc.h"
 #include "filter/layout.h"
 #include "launch/refine.h"
 #include "ref/ref_spectrum.h"
@@ -21,17 +18,8 @@ typedef struct inputs {
     int list[64];
 } inputs;
 
-static void free_inputs(inputs *in)
-{
-    free(in->otf);
-    free(in->data);
-    free(in->planes);
-    free(in->prior);
-    free(in->variance);
-}
-
 /* One more depth has an OTF than a set has depths, so that the list matters. */
-static hada_status make_inputs(const check_state *state, const score_state *own, inputs *in, hada_error *err)
+static void make_inputs(check_state *state, const score_state *own, inputs *in)
 {
     const size_t values = (size_t)own->channels * own->layout.count, depths = (size_t)own->depths;
     const size_t otf = (depths + 1) * values, planes = (size_t)own->sets * (depths ? depths : 1) * values;
@@ -44,17 +32,14 @@ static hada_status make_inputs(const check_state *state, const score_state *own,
                 {&in->planes, 2 * planes, 0},
                 {&in->prior, values, 1},
                 {&in->variance, otf, 1}};
-    hada_status status = HADA_OK;
-    for (size_t k = 0; !status && k < HADA_COUNT(rows); k++) {
-        status = hada_alloc((void **)rows[k].to, rows[k].count, sizeof(float), "the check", err);
-        if (!status)
-            check_fill_normal(state, k + 1, *rows[k].to, rows[k].count);
-        for (size_t i = 0; !status && rows[k].square && i < rows[k].count; i++)
+    for (size_t k = 0; k < HADA_COUNT(rows); k++) {
+        *rows[k].to = check_room(state, rows[k].count * sizeof(float));
+        check_fill_normal(state, k + 1, *rows[k].to, rows[k].count);
+        for (size_t i = 0; rows[k].square && i < rows[k].count; i++)
             (*rows[k].to)[i] *= 0.3f * (*rows[k].to)[i];
     }
     for (int i = 0; i < own->sets * own->depths; i++)
         in->list[i] = (i % own->depths + i / own->depths) % (own->depths + 1);
-    return status;
 }
 
 /* The energy of one value of the layout for one set. */
@@ -96,10 +81,8 @@ static void expect(check_state *state, const score_state *own, const inputs *in)
 
 static hada_status prepare(check_state *state, hada_error *err)
 {
-    score_state *own = calloc(1, sizeof *own);
+    score_state *own = check_room(state, 1 * sizeof *own);
     inputs in = {0};
-    if (!own)
-        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
     state->own = own;
     const int rows = check_get(state, 'r', 16), cols = check_get(state, 'c', 16), block = check_get(state, 'b', 8);
     const int blocks = (cols / 2 + block) / block;
@@ -114,9 +97,8 @@ static hada_status prepare(check_state *state, hada_error *err)
     own->slices = (own->layout.count + SLICE - 1) / SLICE;
     if (own->depths > MAX_DEPTHS || own->channels > MAX_CHANNELS || own->sets * own->depths > (int)HADA_COUNT(in.list))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "at most %d depths and %d channels", MAX_DEPTHS, MAX_CHANNELS);
-    hada_status status = make_inputs(state, own, &in, err);
-    if (!status)
-        status = check_output(state, (size_t)own->sets * own->slices, err);
+    make_inputs(state, own, &in);
+    hada_status status = check_output(state, (size_t)own->sets * own->slices, err);
     if (!status)
         expect(state, own, &in);
     const size_t values = own->layout.count * (size_t)own->channels, all = values * (size_t)(own->depths + 1);
@@ -133,7 +115,6 @@ static hada_status prepare(check_state *state, hada_error *err)
         status = check_upload(state, &own->variance, in.variance, 4 * all, err);
     if (!status)
         status = check_upload(state, &own->list, in.list, sizeof in.list, err);
-    free_inputs(&in);
     state->tolerance = 2e-6; /* sums of up to 2048 values, one after the other */
     state->bytes = (double)values * own->sets * (2.0 * own->depths + 1.0) * 2.0 * sizeof(float);
     state->flops = (double)values * own->sets * (12.0 * own->depths + 6.0);
@@ -164,19 +145,8 @@ done:
     return status;
 }
 
-static void release(check_state *state)
-{
-    score_state *own = state->own;
-    if (!own)
-        return;
-    hada_buffer *buffers[] = {&own->otf, &own->data, &own->planes, &own->prior, &own->variance, &own->list};
-    for (size_t i = 0; i < HADA_COUNT(buffers); i++)
-        hada_buffer_destroy(buffers[i]);
-    free(own);
-}
-
 const check_op check_score = {
     "refine_score",
     "r rows, c columns, b columns of a block, k channels, d depths in a set, s sets, p1 with a prior, q1 with a variance, h "
     "and w rows and columns of the band",
-    prepare, launch, release};
+    prepare, launch, NULL};

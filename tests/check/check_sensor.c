@@ -2,8 +2,6 @@
  * rounding are exact but for the last division: 1e-7. With noise, a number that stands on the edge of two counts may
  * round the other way in single precision: about one in a million of those that are drawn exactly, and one count more
  * or less. */
-#include <stdlib.h>
-
 #include "check.h"
 #include "optics/expose.h"
 #include "ref/ref_sensor.h"
@@ -16,10 +14,7 @@ typedef struct sensor_state {
 
 static hada_status prepare(check_state *state, hada_error *err)
 {
-    sensor_state *own = calloc(1, sizeof *own);
-    if (!own)
-        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
-    state->own = own;
+    sensor_state *own = check_own(state, sizeof *own);
     own->pixels = (size_t)check_get(state, 'n', 8);
     hada_sensor_init(&own->sensor);
     own->sensor.exposure = 0.25;
@@ -32,8 +27,8 @@ static hada_status prepare(check_state *state, hada_error *err)
     own->sensor.saturate = check_get(state, 's', 1);
     const size_t count = own->pixels * (size_t)check_get(state, 'k', 1);
     const int vignetted = check_get(state, 'v', 0), noisy = own->sensor.full_well > 0.0 || own->sensor.read_noise > 0.0;
-    float *light = malloc(count * sizeof *light), *gain = malloc(own->pixels * sizeof *gain);
-    hada_status status = light && gain ? HADA_OK : hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
+    float *light = check_room(state, count * sizeof *light), *gain = check_room(state, own->pixels * sizeof *gain);
+    hada_status status = HADA_OK;
     if (!status && !(status = check_output(state, count, err))) {
         check_fill_integers(state, 1, light, count, 99);
         check_fill_integers(state, 2, gain, own->pixels, 4);
@@ -49,8 +44,6 @@ static hada_status prepare(check_state *state, hada_error *err)
     if (!status && vignetted)
         status = check_upload(state, &own->gain, gain, own->pixels * sizeof *gain, err);
     state->tolerance = noisy ? 1e-4 : own->sensor.bits ? 1e-7 : 0.0;
-    free(light);
-    free(gain);
     state->bytes = 8.0 * (double)count;
     state->flops = 150.0 * (double)count;
     return status;
@@ -67,17 +60,7 @@ static hada_status launch(check_state *state, hada_error *err)
                               state->out_count, &own->sensor, state->seed, err);
 }
 
-static void release(check_state *state)
-{
-    sensor_state *own = state->own;
-    if (!own)
-        return;
-    hada_buffer_destroy(&own->light);
-    hada_buffer_destroy(&own->gain);
-    free(own);
-}
-
 const check_op check_sensor = {"optics_sensor",
                                "n pixels, k channels, v1 vignetting, f electrons of a full well, r read noise (in "
                                "electrons, 64ths of full scale without f), d 64ths of dark level, b bits, s0 unbounded",
-                               prepare, launch, release};
+                               prepare, launch, NULL};

@@ -1,7 +1,5 @@
 /* Tensors of nets: planes loaded into a tensor whose memory held something else, its halo cleared, stored again. The
  * output holds the tensor and the planes that came back. */
-#include <stdlib.h>
-
 #include "check.h"
 #include "net/tensor.h"
 
@@ -14,10 +12,7 @@ typedef struct tensor_state {
 
 static hada_status prepare(check_state *state, hada_error *err)
 {
-    tensor_state *own = calloc(1, sizeof *own);
-    if (!own)
-        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
-    state->own = own;
+    tensor_state *own = check_own(state, sizeof *own);
     const int images = check_get(state, 'n', 1), channels = check_get(state, 'k', 1);
     const int rows = check_get(state, 'r', 8), cols = check_get(state, 'c', 8);
     own->tensor = hada_tensor_at(state->slot->context, NULL, 0, images, channels, rows, cols);
@@ -27,10 +22,8 @@ static hada_status prepare(check_state *state, hada_error *err)
     own->from = (hada_planar){NULL, 2, image, plane, row};
     own->to = (hada_planar){NULL, own->floats, (size_t)(rows * cols * channels), (size_t)(rows * cols), (size_t)cols};
     const size_t count = 2 + image * (size_t)images;
-    float *in = malloc(count * sizeof *in);
-    hada_status status = in ? HADA_OK : hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
-    if (!status)
-        status = check_output(state, own->floats + own->to.image_stride * (size_t)images, err);
+    float *in = check_room(state, count * sizeof *in);
+    hada_status status = check_output(state, own->floats + own->to.image_stride * (size_t)images, err);
     if (!status) {
         const size_t block = (size_t)own->tensor.block, pitch = (size_t)(cols + 2) * block;
         double *planes = state->expected + own->floats;
@@ -52,7 +45,6 @@ static hada_status prepare(check_state *state, hada_error *err)
     own->to.offset += state->out_offset;
     own->tensor.offset += state->out_offset;
     state->bytes = (double)(2 * own->floats + 2 * own->to.image_stride * (size_t)images) * sizeof(float);
-    free(in);
     return status;
 }
 
@@ -82,13 +74,4 @@ static hada_status launch(check_state *state, hada_error *err)
     return status;
 }
 
-static void release(check_state *state)
-{
-    tensor_state *own = state->own;
-    if (own)
-        hada_buffer_destroy(&own->in);
-    free(own);
-}
-
-const check_op check_tensor = {"net_tensor", "n images, k channels, r rows, c columns, v block", prepare, launch,
-                               release};
+const check_op check_tensor = {"net_tensor", "n images, k channels, r rows, c columns, v block", prepare, launch, NULL};

@@ -1,9 +1,7 @@
 /* The energy of filtered spectra in tiles: whole numbers, exact. What stands in the padding does not count. */
 #include <math.h>
-#include <stdlib.h>
 
 #include "check.h"
-#include "core/alloc.h"
 #include "filter/layout.h"
 #include "filter/tiles.h"
 #include "ref/ref_light.h"
@@ -19,13 +17,11 @@ static hada_status fill(check_state *state, tiles_state *own, const hada_spectru
     const hada_tiles *tiles = &own->meter->tiles;
     const size_t plane = (size_t)layout->rows * (size_t)(layout->cols / 2 + 1), count = layout->count;
     float *rows = NULL, *blocks = NULL, *gains = NULL, *packed = NULL;
-    hada_status status = hada_alloc((void **)&rows, 2 * plane, sizeof *rows, "the check", err);
-    if (!status)
-        status = hada_alloc((void **)&blocks, 2 * count * (size_t)channels, sizeof *blocks, "the check", err);
-    if (!status)
-        status = hada_alloc((void **)&gains, plane, sizeof *gains, "the check", err);
-    if (!status)
-        status = hada_alloc((void **)&packed, count * (size_t)channels, sizeof *packed, "the check", err);
+    rows = check_room(state, 2 * plane * sizeof *rows);
+    hada_status status = HADA_OK;
+    blocks = check_room(state, (2 * count * (size_t)channels) * sizeof *blocks);
+    gains = check_room(state, plane * sizeof *gains);
+    packed = check_room(state, (count * (size_t)channels) * sizeof *packed);
     for (int c = 0; !status && c < channels; c++) {
         float *out = blocks + 2 * count * (size_t)c;
         check_fill_integers(state, 2 * (uint64_t)c, rows, 2 * plane, 9);
@@ -42,19 +38,12 @@ static hada_status fill(check_state *state, tiles_state *own, const hada_spectru
         status = check_upload(state, &own->in, blocks, 8 * count * (size_t)channels, err);
     if (!status)
         status = check_upload(state, &own->gains, packed, 4 * count * (size_t)channels, err);
-    free(rows);
-    free(blocks);
-    free(gains);
-    free(packed);
     return status;
 }
 
 static hada_status prepare(check_state *state, hada_error *err)
 {
-    tiles_state *own = calloc(1, sizeof *own);
-    if (!own)
-        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
-    state->own = own;
+    tiles_state *own = check_own(state, sizeof *own);
     const int rows = check_get(state, 'r', 16), cols = check_get(state, 'c', 16), block = check_get(state, 'b', 8),
               channels = check_get(state, 'k', 1);
     const int blocks = (cols / 2 + block) / block;
@@ -81,12 +70,7 @@ static hada_status launch(check_state *state, hada_error *err)
 static void release(check_state *state)
 {
     tiles_state *own = state->own;
-    if (!own)
-        return;
     hada_meter_destroy(&own->meter);
-    hada_buffer_destroy(&own->in);
-    hada_buffer_destroy(&own->gains);
-    free(own);
 }
 
 const check_op check_tiles = {"filter_tiles", "r rows, c columns, b block of the layout, k channels", prepare, launch,

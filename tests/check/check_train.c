@@ -1,6 +1,5 @@
 /* Training: gradients of filters, the squared error of planes, the gradient of clipping. Integers: exact. */
 #include <math.h>
-#include <stdlib.h>
 
 #include "check.h"
 #include "core/alloc.h"
@@ -29,17 +28,6 @@ static hada_status begin(check_state *state, train_state **out, hada_error *err)
     return status;
 }
 
-static void release(check_state *state)
-{
-    train_state *own = state->own;
-    if (!own)
-        return;
-    hada_buffer_destroy(&own->a);
-    hada_buffer_destroy(&own->b);
-    hada_buffer_destroy(&own->weights);
-    free(own);
-}
-
 /* How often a frequency counts: 2, 1, 0. */
 static float weight_of(size_t i)
 {
@@ -63,11 +51,9 @@ static hada_status prepare_filter(check_state *state, hada_error *err)
     if (status)
         return status;
     const size_t n = own->count, image = n * (size_t)own->channels, all = image * (size_t)own->pairs;
-    status = hada_alloc((void **)&a, 2 * all, sizeof *a, "the check", err);
-    if (!status)
-        status = hada_alloc((void **)&b, 2 * image, sizeof *b, "the check", err);
-    if (!status)
-        status = hada_alloc((void **)&weights, n, sizeof *weights, "the check", err);
+    a = check_room(state, 2 * all * sizeof *a);
+    b = check_room(state, 2 * image * sizeof *b);
+    weights = check_room(state, n * sizeof *weights);
     if (!status)
         status = check_output(state, 2 * image, err);
     if (!status) {
@@ -89,9 +75,6 @@ static hada_status prepare_filter(check_state *state, hada_error *err)
         status = check_upload(state, &own->b, b, 2 * image * sizeof *b, err);
     if (!status)
         status = check_upload(state, &own->weights, weights, n * sizeof *weights, err);
-    free(a);
-    free(b);
-    free(weights);
     state->bytes = (double)image * own->pairs * 32.0;
     state->flops = (double)image * own->pairs * 10.0;
     return status;
@@ -159,8 +142,6 @@ static hada_status prepare_error(check_state *state, hada_error *err)
         state->expected[i] = 0.25 * d;
         state->expected[sums_at(own) + i / RUN] += d * d;
     }
-    free(x);
-    free(target);
     state->bytes = 12.0 * (state->own ? (double)own->count : 0.0);
     return status;
 }
@@ -210,8 +191,6 @@ static hada_status prepare_mask(check_state *state, hada_error *err)
         status = check_output(state, own->count, err);
     for (size_t i = 0; !status && i < own->count; i++)
         state->expected[i] = plane[i] > 0.0f ? gradient[i] : 0.0;
-    free(plane);
-    free(gradient);
     state->bytes = 12.0 * (state->own ? (double)own->count : 0.0);
     return status;
 }
@@ -233,6 +212,6 @@ static hada_status launch_mask(check_state *state, hada_error *err)
 }
 
 const check_op check_train_filter = {"train_filter", "n frequencies, k channels, p pairs, s1 split", prepare_filter,
-                                     launch_filter, release};
-const check_op check_train_error = {"train_error", "n values", prepare_error, launch_error, release};
-const check_op check_train_mask = {"train_mask", "n values", prepare_mask, launch_mask, release};
+                                     launch_filter, NULL};
+const check_op check_train_error = {"train_error", "n values", prepare_error, launch_error, NULL};
+const check_op check_train_mask = {"train_mask", "n values", prepare_mask, launch_mask, NULL};

@@ -1,7 +1,6 @@
 /* The kernels of wave optics. Sums of small integers compare exactly; where angles, square roots or divisions come in,
  * to a few units of the last place. */
 #include <math.h>
-#include <stdlib.h>
 
 #include "check.h"
 #include "optics/wave.h"
@@ -17,18 +16,10 @@ typedef struct wave_state {
 static hada_status begin(check_state *state, wave_state **own, float **first, size_t first_count, float **second,
                          size_t second_count, hada_error *err)
 {
-    *own = state->own = calloc(1, sizeof **own);
-    *first = malloc((first_count + 1) * sizeof(float));
-    *second = malloc((second_count + 1) * sizeof(float));
+    *own = state->own = check_room(state, 1 * sizeof **own);
+    *first = check_room(state, (first_count + 1) * sizeof(float));
+    *second = check_room(state, (second_count + 1) * sizeof(float));
     return *own && *first && *second ? HADA_OK : hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
-}
-
-static void release(check_state *state)
-{
-    wave_state *own = state->own;
-    for (int i = 0; own && i < 4; i++)
-        hada_buffer_destroy(&own->in[i]);
-    free(own);
 }
 
 /* Pupils. Distances near the edge are differences of nearly equal numbers, some of which round otherwise. */
@@ -41,11 +32,9 @@ static hada_status prepare_pupil(check_state *state, hada_error *err)
     wave_state *own;
     float *phase, *random;
     hada_status status = begin(state, &own, &phase, phases * (size_t)count, &random, 2 * (size_t)count, err);
-    hada_wave_lens *lenses = calloc((size_t)count + 1, sizeof *lenses); /* one more, to begin behind it */
+    hada_wave_lens *lenses = check_room(state, ((size_t)count + 1) * sizeof *lenses); /* one more, to begin behind it */
     const float planes[4 * PLANES * 2] = {0.6f, 0.8f, 0.9f, 0, -0.8f, 0.6f, 1.1f, 0, 0,  -1, 1.2f, 0,
                                           1,    0,    0.5f, 0, 0,     1,    2,    0, -1, 0,  1,    0};
-    if (!status && !lenses)
-        status = hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
     if (!status)
         status = check_output(state, values * (size_t)count, err);
     if (!status) {
@@ -69,9 +58,6 @@ static hada_status prepare_pupil(check_state *state, hada_error *err)
         status = check_region(state, 0, state->out_count, &own->out[0], err);
     state->tolerance = 1e-5 * (1.0 + n / 64.0);
     state->bytes = 4.0 * (double)(values * (size_t)count);
-    free(phase);
-    free(random);
-    free(lenses);
     return status;
 }
 
@@ -83,7 +69,7 @@ static hada_status launch_pupil(check_state *state, hada_error *err)
 }
 
 const check_op check_wave_pupil = {"optics_wave_pupil", "n samples across a lens, k lenses", prepare_pupil,
-                                   launch_pupil, release};
+                                   launch_pupil, NULL};
 
 /* Spots: small integers, so every sum is exact. */
 static hada_status prepare_spots(check_state *state, hada_error *err)
@@ -107,13 +93,11 @@ static hada_status prepare_spots(check_state *state, hada_error *err)
         status = check_upload(state, &own->in[0], spectra, 2 * half * (size_t)count * sizeof(float), err);
     }
     if (!status)
-        status = hada_buffer_create(&own->in[1], state->slot->context,
-                                    (size_t)count * (size_t)pixels * 16 * (size_t)blocks * sizeof(float), "sums", err);
+        status = check_scratch(state, &own->in[1], (size_t)count * (size_t)pixels * 16 * (size_t)blocks * sizeof(float),
+                               err);
     if (!status)
         status = check_region(state, 0, state->out_count, &own->out[0], err);
     state->bytes = 8.0 * (double)half * count;
-    free(spectra);
-    free(none);
     return status;
 }
 
@@ -125,7 +109,7 @@ static hada_status launch_spots(check_state *state, hada_error *err)
 }
 
 const check_op check_wave_spots = {"optics_wave_spots", "p pixels (even) of s samples, k spots", prepare_spots,
-                                   launch_spots, release};
+                                   launch_spots, NULL};
 
 /* Masks. The path is rounded to 24 bits before it becomes an angle of at most 2 pi times `waves` turns: 10 of them. */
 static hada_status prepare_mask(check_state *state, hada_error *err)
@@ -150,8 +134,6 @@ static hada_status prepare_mask(check_state *state, hada_error *err)
         status = check_region(state, 0, state->out_count, &own->out[0], err);
     state->tolerance = 2.0 * 3.1416 * 10.0 * 6e-8;
     state->bytes = 16.0 * (double)count;
-    free(path);
-    free(open);
     return status;
 }
 
@@ -161,7 +143,7 @@ static hada_status launch_mask(check_state *state, hada_error *err)
     return hada_wave_launch_mask(state->slot, own->out[0], own->in[0].mem, own->in[1].mem, own->rows, 3.25, err);
 }
 
-const check_op check_wave_mask = {"optics_wave_mask", "n samples a side", prepare_mask, launch_mask, release};
+const check_op check_wave_mask = {"optics_wave_mask", "n samples a side", prepare_mask, launch_mask, NULL};
 
 /* Free space, in place. */
 static hada_status prepare_travel(check_state *state, hada_error *err)
@@ -189,8 +171,6 @@ static hada_status prepare_travel(check_state *state, hada_error *err)
     if (!status)
         status = check_region(state, 0, state->out_count, &own->out[0], err);
     state->bytes = 16.0 * (double)count;
-    free(spectra);
-    free(phase);
     return status;
 }
 
@@ -205,7 +185,7 @@ static hada_status launch_travel(check_state *state, hada_error *err)
 }
 
 const check_op check_wave_travel = {"optics_wave_travel", "r rows, b blocks of 8 columns", prepare_travel,
-                                    launch_travel, release};
+                                    launch_travel, NULL};
 
 /* Sensors: pixels of w/8 samples, which begin o/8 samples before the field. */
 static hada_status prepare_sensor(check_state *state, hada_error *err)
@@ -213,12 +193,10 @@ static hada_status prepare_sensor(check_state *state, hada_error *err)
     const int rows = check_get(state, 'r', 8), cols = check_get(state, 'c', 8), pixels = check_get(state, 'p', 4);
     const double width = check_get(state, 'w', 20) / 8.0, offset = check_get(state, 'o', 0) / 8.0;
     const size_t count = (size_t)rows * (size_t)cols, image = (size_t)pixels * (size_t)pixels;
-    hada_wave_pixel *table = calloc((size_t)pixels, sizeof *table);
+    hada_wave_pixel *table = check_room(state, ((size_t)pixels) * sizeof *table);
     wave_state *own;
     float *field, *none;
     hada_status status = begin(state, &own, &field, 2 * count, &none, 0, err);
-    if (!status && !table)
-        status = hada_fail(err, HADA_ERROR_MEMORY, "no memory for the check");
     if (!status)
         status = check_output(state, image, err);
     if (!status) {
@@ -239,14 +217,10 @@ static hada_status prepare_sensor(check_state *state, hada_error *err)
         status = check_upload(state, &own->in[2], table, (size_t)pixels * sizeof *table, err);
     }
     if (!status)
-        status = hada_buffer_create(&own->in[3], state->slot->context, (size_t)rows * (size_t)pixels * sizeof(float),
-                                    "sums", err);
+        status = check_scratch(state, &own->in[3], (size_t)rows * (size_t)pixels * sizeof(float), err);
     if (!status)
         status = check_region(state, 0, state->out_count, &own->out[0], err);
     state->bytes = 8.0 * (double)count;
-    free(field);
-    free(none);
-    free(table);
     return status;
 }
 
@@ -259,4 +233,4 @@ static hada_status launch_sensor(check_state *state, hada_error *err)
 
 const check_op check_wave_sensor = {"optics_wave_sensor",
                                     "r rows, c columns of samples, p x p pixels of w/8 samples that begin o/8 before",
-                                    prepare_sensor, launch_sensor, release};
+                                    prepare_sensor, launch_sensor, NULL};

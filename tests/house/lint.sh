@@ -11,7 +11,7 @@ cd "$(dirname "$0")/../.."
 sources() { git ls-files -- "$@" | while read -r file; do [ ! -e "$file" ] || echo "$file"; done; }
 failed=0
 
-formatted=$(sources '*.c' '*.h' '*.cl' | grep -v '^tests/frozen')
+formatted=$(sources '*.c' '*.h' '*.cl' | grep -v '^tests/abi/frozen')
 if [ "$build" = --fix ]; then
     echo "$formatted" | xargs clang-format -i
     exit

@@ -1,5 +1,6 @@
 /* What training does beside transforms and nets (docs/training.md): gradients of Hadamard filters, the squared error of
  * planes, the gradient of clipping. */
+#include "shared_train.h"
 
 /* Adds the gradient of filters: scale m conj(B) G (form complex), or scale m (Re(B) Re(G), Im(B) Im(G)) (split), for
  * spectra B of a frame and G of the gradient of a plane. m, from `weights`, says how often a value of the half spectrum
@@ -44,13 +45,10 @@ __kernel void train_filter(__global const float *b, ulong offset, __global const
         to[i] = lanes[2][i];
 }
 
-/* Planes as plain floats. */
-#define TRAIN_RUN 1024
-
-/* A work-item's values: TRAIN_RUN of them, the last one what is left of `count`. */
+/* A work-item's values: HADA_TRAIN_RUN of them, the last one what is left of `count`. */
 #define TRAIN_EACH(i, count)                                                                                           \
-    for (size_t i = get_global_id(0) * TRAIN_RUN, train_end = min(i + TRAIN_RUN, (size_t)(count)); i < train_end;      \
-         i += 8)
+    for (size_t i = get_global_id(0) * HADA_TRAIN_RUN, train_end = min(i + HADA_TRAIN_RUN, (size_t)(count));           \
+         i < train_end; i += 8)
 
 inline float8 train_get(__global const float *p, size_t i, ulong count)
 {
@@ -79,7 +77,7 @@ __kernel void train_error(__global float *x, __global const float *target, ulong
                           __global float *sums)
 {
     float8 sum = 0.0f;
-    if (get_global_id(0) * TRAIN_RUN >= count)
+    if (get_global_id(0) * HADA_TRAIN_RUN >= count)
         return;
     TRAIN_EACH (i, count) {
         const float8 d = train_get(x, i, count) - train_get(target, i, count);

@@ -9,12 +9,12 @@
 #include <string.h>
 
 #include "core/clock.h"
-#include "runtime/profile.h"
 #include "net/graph.h"
 #include "net/loss.h"
 #include "net/optimizer.h"
 #include "netlist/presets.h"
-#include "train/engine.h"
+#include "runtime/profile.h"
+#include "train/replica.h"
 #include "train_model.h"
 
 #define MOST_ROUNDS 200
@@ -127,27 +127,27 @@ static void free_alone(alone *a)
         hada_buffer_destroy(buffers[i]);
 }
 
-static void step_engine(hada_engine *engine, const hada_sample *samples, int at_once, uint64_t step)
+static void step_engine(hada_replica *replica, const hada_sample *samples, int at_once, uint64_t step)
 {
     hada_terms terms;
     double norm, critic_norm;
     unsigned char touched[1] = {0};
-    must(hada_engine_clear(engine, &err));
-    must(hada_engine_backward(engine, samples, at_once, 1.0 / at_once, step, 0, &terms, touched, &err));
-    must(hada_engine_norm(engine, touched, &norm, &critic_norm, &err));
-    for (int group = 0; group < hada_engine_groups(engine); group++)
-        if (hada_engine_count(engine, group, HADA_CONTENT_GRADIENT))
-            must(hada_engine_update(engine, group, step, 1e-6, 1.0, &err));
+    must(hada_replica_clear(replica, &err));
+    must(hada_replica_backward(replica, samples, at_once, 1.0 / at_once, step, 0, &terms, touched, &err));
+    must(hada_parameters_norm(hada_replica_parameters(replica), touched, &norm, &critic_norm, &err));
+    for (int group = 0; group < hada_replica_parameters(replica)->count; group++)
+        if (hada_parameters_floats(hada_replica_parameters(replica), group, HADA_CONTENT_GRADIENT))
+            must(hada_parameters_update(hada_replica_parameters(replica), group, step, 1e-6, 1.0, &err));
     must(hada_slot_finish(slot, &err));
 }
 
-static void show_stages(hada_engine *engine, const hada_sample *samples, int at_once, uint64_t step)
+static void show_stages(hada_replica *replica, const hada_sample *samples, int at_once, uint64_t step)
 {
     hada_kernel_time *rows = NULL;
     size_t count = 0;
     double all = 0.0;
     must(hada_slot_profile(slot, 1, &err));
-    step_engine(engine, samples, at_once, step);
+    step_engine(replica, samples, at_once, step);
     must(hada_slot_times(slot, &rows, &count, &err));
     must(hada_slot_profile(slot, 0, &err));
     for (size_t i = 0; i < count; i++)
@@ -171,7 +171,7 @@ static void run(const perf_case *c, int rounds, int at_once)
 {
     hada_model *model;
     hada_net *net = NULL, *critic = NULL, *vgg = NULL;
-    hada_engine *engine;
+    hada_replica *replica;
     alone net_alone = {0};
     hada_image input = noise(3, c->frame, c->frame, 3), scene = noise(3, c->window, c->window, 4);
     hada_sample *samples = calloc((size_t)at_once, sizeof *samples);
@@ -193,16 +193,16 @@ static void run(const perf_case *c, int rounds, int at_once)
         must(hada_net_init(critic, 1, &err));
         must(hada_net_init(vgg, 1, &err));
     }
-    const hada_engine_desc desc = {
+    const hada_replica_desc desc = {
         .model = model, .options = &options, .net = net, .critic = critic, .vgg = vgg, .at_once = at_once};
     size_t bytes;
-    must(hada_engine_bytes(context, &desc, &bytes, &err));
-    must(hada_engine_create(&engine, slot, &desc, &err));
+    must(hada_replica_bytes(context, &desc, &bytes, &err));
+    must(hada_replica_create(&replica, slot, &desc, &err));
     if (net)
         net_alone = make_alone(net, at_once, c->window);
     for (int i = 0; samples && i <= rounds; i++) { /* the first is not counted */
         const double start = hada_seconds();
-        step_engine(engine, samples, at_once, (uint64_t)i + 1);
+        step_engine(replica, samples, at_once, (uint64_t)i + 1);
         const double middle = hada_seconds();
         if (net)
             step_alone(&net_alone, net, (uint64_t)i + 1);
@@ -215,8 +215,8 @@ static void run(const perf_case *c, int rounds, int at_once)
     if (net)
         printf(", %.3f times its net alone", median(ratio, rounds));
     printf("\n");
-    show_stages(engine, samples, at_once, (uint64_t)rounds + 2);
-    hada_engine_destroy(&engine);
+    show_stages(replica, samples, at_once, (uint64_t)rounds + 2);
+    hada_replica_destroy(&replica);
     if (net)
         free_alone(&net_alone);
     hada_net_destroy(&net);

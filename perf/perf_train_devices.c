@@ -87,7 +87,7 @@ static void step(hada_trainer *trainer, double seconds[2])
 /* What the commands of a step took on a device: of each row the least of several steps. */
 static void show_commands(hada_trainer *trainer, int worker, int steps)
 {
-    hada_slot *slot = trainer->workers[worker].slot;
+    hada_slot *slot = trainer->workers.worker[worker].slot;
     hada_kernel_time *least = NULL;
     size_t count = 0;
     double unused[2], all = 0.0;
@@ -109,7 +109,7 @@ static void show_commands(hada_trainer *trainer, int worker, int steps)
         }
     }
     must(hada_slot_profile(slot, 0, &err));
-    printf("    device %d of %d, commands of a step:\n", worker + 1, trainer->worker_count);
+    printf("    device %d of %d, commands of a step:\n", worker + 1, trainer->workers.count);
     for (size_t i = 0; i < count; i++) {
         all += least[i].seconds;
         printf("      %-8s %-28s %4d times %9.3f ms\n", least[i].stage, least[i].name, (int)least[i].launches,

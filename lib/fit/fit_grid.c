@@ -24,21 +24,30 @@ static hada_status copy_distances(hada_fit_grid *grid, const double *distances_m
     return HADA_OK;
 }
 
-hada_status hada_fit_grid_create(hada_fit_grid *grid, hada_context *context, const hada_fit_options *options,
-                                 hada_error *err)
+hada_status hada_fit_info(hada_model_info *info, const hada_fit_options *options, hada_error *err)
 {
     hada_status status = HADA_OK;
-    *grid = (hada_fit_grid){.info = {.depths = options->depths,
-                                     .channels = options->channels,
-                                     .form = options->form,
-                                     .boundary = options->boundary,
-                                     .dark = options->dark,
-                                     .has_otf = 1,
-                                     .distances_mm = options->distances_mm}};
-    hada_model_info *info = &grid->info;
+    *info = (hada_model_info){.depths = options->depths,
+                              .channels = options->channels,
+                              .form = options->form,
+                              .boundary = options->boundary,
+                              .dark = options->dark,
+                              .distances_mm = options->distances_mm};
     HADA_TRY(hada_model_set_sizes(info, options->raw_rows, options->raw_cols, options->window_rows,
                                   options->window_cols, err));
     HADA_TRY(hada_model_info_check(info, err));
+done:
+    return status;
+}
+
+hada_status hada_fit_grid_create(hada_fit_grid *grid, hada_context *context, const hada_fit_options *options,
+                                 hada_error *err)
+{
+    hada_model_info *info = &grid->info;
+    hada_status status = HADA_OK;
+    *grid = (hada_fit_grid){0};
+    HADA_TRY(hada_fit_info(info, options, err));
+    info->has_otf = 1;
     HADA_TRY(hada_geometry_of(info, &grid->geometry, err));
     HADA_TRY(copy_distances(grid, options->distances_mm, err));
     HADA_TRY(hada_slot_create(&grid->slot, context, err));

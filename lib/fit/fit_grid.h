@@ -28,6 +28,9 @@ typedef struct hada_fit_grid {
     int sum_count;  /* per frequency */
 } hada_fit_grid;
 
+/* The description of a model of such sizes, checked. */
+hada_status hada_fit_info(hada_model_info *info, const hada_fit_options *options, hada_error *err);
+
 hada_status hada_fit_grid_create(hada_fit_grid *grid, hada_context *context, const hada_fit_options *options,
                                  hada_error *err);
 void hada_fit_grid_destroy(hada_fit_grid *grid); /* after all that stands on it */

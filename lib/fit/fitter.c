@@ -22,6 +22,22 @@ void hada_fit_options_defaults(hada_fit_options *options, size_t size)
     HADA_OPTIONS_GIVE(options, size, &own);
 }
 
+hada_status hada_model_blank(hada_model **out, const hada_fit_options *callers, hada_error *err)
+{
+    hada_fit_options sizes;
+    hada_model_info info;
+    hada_status status = HADA_OK;
+    if (!out || !callers)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_model_blank: out and sizes are needed");
+    *out = NULL;
+    hada_fit_options_init(&sizes);
+    HADA_TRY(HADA_OPTIONS_TAKE(&sizes, callers, hada_fit_options, err));
+    HADA_TRY(hada_fit_info(&info, &sizes, err));
+    HADA_TRY(hada_model_create(out, &info, 0, err));
+done:
+    return status;
+}
+
 static hada_status check_options(const hada_fit_options *options, hada_error *err)
 {
     if (options->form != HADA_FORM_COMPLEX && options->form != HADA_FORM_SPLIT)

@@ -3,7 +3,6 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "core/round.h"
 #include "net/graph_plan.h"
 
 /* The steps of backward are made one after the other. */
@@ -154,7 +153,7 @@ done:
 
 static size_t rounded(size_t floats)
 {
-    return hada_round_up(floats, 64); /* a cache line of most devices, four times */
+    return (floats + 63) / 64 * 64;
 }
 
 static void count_extras(graph_plan *plan)

@@ -1,4 +1,5 @@
-/* Changes of a pair on its way: functions of (seed, place) alone. */
+#include "train/augment.h"
+
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -6,7 +7,6 @@
 #include "core/alloc.h"
 #include "core/options.h"
 #include "core/random.h"
-#include "train/feed.h"
 
 void hada_augment_defaults(hada_augment *augment, size_t size)
 {
@@ -35,9 +35,10 @@ static int wrap(int index, int size)
 static hada_status shift(hada_image *image, int rows, int cols, int circular, hada_error *err)
 {
     const size_t area = (size_t)image->rows * (size_t)image->cols;
-    float *old;
-    hada_status status = hada_alloc((void **)&old, area, sizeof *old, "a shifted image", err);
-    for (int c = 0; !status && c < image->channels; c++) {
+    float *old = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&old, area, sizeof *old, "a shifted image", err));
+    for (int c = 0; c < image->channels; c++) {
         float *at = image->data + (size_t)c * area;
         memcpy(old, at, area * sizeof *old);
         for (int row = 0; row < image->rows; row++)
@@ -48,6 +49,7 @@ static hada_status shift(hada_image *image, int rows, int cols, int circular, ha
                 at[(size_t)row * (size_t)image->cols + (size_t)col] = inside || circular ? old[from] : 0.0f;
             }
     }
+done:
     free(old);
     return status;
 }
@@ -107,12 +109,9 @@ hada_status hada_augment_pair(const hada_augment *augment, double dark, uint64_t
     const double exposure = hada_random_range(&random, 1.0 - augment->exposure, 1.0 + augment->exposure);
     const int whole = scene->rows == raw->rows && scene->cols == raw->cols;
     if (rows || cols) {
-        status = shift(raw, rows, cols, 1, err);
-        if (!status)
-            status = shift(scene, rows, cols, whole, err);
+        HADA_TRY(shift(raw, rows, cols, 1, err));
+        HADA_TRY(shift(scene, rows, cols, whole, err));
     }
-    if (status)
-        return status;
     flip(raw, sides);
     flip(scene, sides);
     if (augment->exposure > 0.0) {
@@ -121,7 +120,8 @@ hada_status hada_augment_pair(const hada_augment *augment, double dark, uint64_t
     }
     if (augment->noise > 0.0)
         add_noise(raw, augment->noise, &random);
-    return HADA_OK;
+done:
+    return status;
 }
 
 int hada_augment_plane(const hada_augment *augment, uint64_t seed, uint64_t place, hada_image *plane, hada_image *scene)

@@ -4,9 +4,11 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <xxhash.h>
 
 #include "core/alloc.h"
 #include "io/safetensors.h"
+#include "model/model.h"
 #include "train/trainer.h"
 
 #define FORMAT "hadalens-checkpoint-1"
@@ -20,6 +22,14 @@ typedef struct fact {
     const char *key, *what;
     char text[64];
 } fact;
+
+/* Of the filters that training stands on. */
+static uint64_t fingerprint_of(const hada_model *model)
+{
+    const size_t values = (size_t)model->info.depths * (size_t)model->info.channels * hada_model_plane(model) * 2;
+    return (uint64_t)(model->filter ? XXH3_64bits(model->filter, values * sizeof *model->filter)
+                                    : XXH3_64bits(model->filter_half, values * sizeof *model->filter_half));
+}
 
 static void list_facts(const hada_trainer *trainer, fact facts[NUMBERS], int *count)
 {
@@ -38,7 +48,7 @@ static void list_facts(const hada_trainer *trainer, fact facts[NUMBERS], int *co
     snprintf(facts[n++].text, sizeof facts->text, "%d %d %dx%d %dx%d %d", info->depths, info->channels, info->grid_rows,
              info->grid_cols, info->window_rows, info->window_cols, (int)options->form);
     facts[n] = (fact){.key = "model", .what = "the model's filters"};
-    snprintf(facts[n++].text, sizeof facts->text, "%016" PRIx64, trainer->fingerprint);
+    snprintf(facts[n++].text, sizeof facts->text, "%016" PRIx64, fingerprint_of(trainer->model));
     *count = n;
 }
 
@@ -52,9 +62,12 @@ static void name_of(int group, const char *what, char name[NAME])
 
 static hada_status describe(const hada_trainer *trainer, char **net, char **critic, hada_error *err)
 {
-    hada_status status = trainer->net ? hada_net_describe(trainer->net, net, err) : HADA_OK;
-    if (!status && trainer->critic)
-        status = hada_net_describe(trainer->critic, critic, err);
+    hada_status status = HADA_OK;
+    if (trainer->nets.net)
+        HADA_TRY(hada_net_describe(trainer->nets.net, net, err));
+    if (trainer->nets.critic)
+        HADA_TRY(hada_net_describe(trainer->nets.critic, critic, err));
+done:
     return status;
 }
 
@@ -71,24 +84,21 @@ static hada_status put_metadata(hada_trainer *trainer, hada_tensors_writer *writ
     fact facts[NUMBERS];
     char *net = NULL, *critic = NULL;
     int count;
+    hada_status status = HADA_OK;
     list_facts(trainer, facts, &count);
-    hada_status status = hada_tensors_put_meta(writer, "format", FORMAT, err);
-    for (int i = 0; !status && i < count; i++)
-        status = hada_tensors_put_meta(writer, facts[i].key, facts[i].text, err);
-    if (!status)
-        status = put_number(writer, "step", progress->step, err);
-    if (!status)
-        status = put_number(writer, "place", progress->place, err);
-    if (!status)
-        status = put_number(writer, "rollbacks", (uint64_t)progress->bad, err);
-    if (!status)
-        status = put_number(writer, "halvings", (uint64_t)progress->halvings, err);
-    if (!status)
-        status = describe(trainer, &net, &critic, err);
-    if (!status && net)
-        status = hada_tensors_put_meta(writer, "net", net, err);
-    if (!status && critic)
-        status = hada_tensors_put_meta(writer, "critic", critic, err);
+    HADA_TRY(hada_tensors_put_meta(writer, "format", FORMAT, err));
+    for (int i = 0; i < count; i++)
+        HADA_TRY(hada_tensors_put_meta(writer, facts[i].key, facts[i].text, err));
+    HADA_TRY(put_number(writer, "step", progress->step, err));
+    HADA_TRY(put_number(writer, "place", progress->place, err));
+    HADA_TRY(put_number(writer, "rollbacks", (uint64_t)progress->bad, err));
+    HADA_TRY(put_number(writer, "halvings", (uint64_t)progress->halvings, err));
+    HADA_TRY(describe(trainer, &net, &critic, err));
+    if (net)
+        HADA_TRY(hada_tensors_put_meta(writer, "net", net, err));
+    if (critic)
+        HADA_TRY(hada_tensors_put_meta(writer, "critic", critic, err));
+done:
     free(net);
     free(critic);
     return status;
@@ -108,14 +118,16 @@ static hada_status each_array(hada_trainer *trainer, array_work work, void *user
         hada_content content;
         const char *word;
     } parts[] = {{HADA_CONTENT_VALUES, "values"}, {HADA_CONTENT_STATE, "state"}};
+    const hada_workers *workers = &trainer->workers;
     hada_status status = HADA_OK;
-    for (int g = 0; !status && g < trainer->groups; g++)
-        for (int i = 0; !status && i < 2 && hada_trainer_has(trainer, g); i++) {
+    for (int g = 0; g < workers->groups; g++)
+        for (int i = 0; i < 2 && hada_workers_have(workers, g); i++) {
             array what = {.group = g, .content = parts[i].content};
             name_of(g, parts[i].word, what.name);
-            what.count = hada_engine_count(trainer->workers->engine, g, what.content);
-            status = work(trainer, &what, user, err);
+            what.count = hada_workers_floats(workers, g, what.content);
+            HADA_TRY(work(trainer, &what, user, err));
         }
+done:
     return status;
 }
 
@@ -129,16 +141,20 @@ static hada_status declare(hada_trainer *trainer, const array *what, void *user,
 /* An array, to be freed. */
 static hada_status fetch(hada_trainer *trainer, const array *what, float **out, hada_error *err)
 {
-    hada_status status = hada_alloc_raw((void **)out, what->count, sizeof **out, "a checkpoint", err);
-    return status ? status : hada_trainer_read(trainer, what->group, what->content, *out, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc_raw((void **)out, what->count, sizeof **out, "a checkpoint", err));
+    HADA_TRY(hada_workers_read(&trainer->workers, what->group, what->content, *out, err));
+done:
+    return status;
 }
 
 static hada_status write_array(hada_trainer *trainer, const array *what, void *user, hada_error *err)
 {
-    float *values;
-    hada_status status = fetch(trainer, what, &values, err);
-    if (!status)
-        status = hada_tensors_write(user, values, what->count * sizeof *values, err);
+    float *values = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(fetch(trainer, what, &values, err));
+    HADA_TRY(hada_tensors_write(user, values, what->count * sizeof *values, err));
+done:
     free(values);
     return status;
 }
@@ -147,51 +163,51 @@ static hada_status is_finite(hada_trainer *trainer, const array *what, void *use
 {
     int *finite = user;
     float *values = NULL;
+    hada_status status = HADA_OK;
     if (!*finite || what->content != HADA_CONTENT_VALUES)
         return HADA_OK;
-    hada_status status = fetch(trainer, what, &values, err);
-    for (size_t i = 0; !status && *finite && i < what->count; i++)
+    HADA_TRY(fetch(trainer, what, &values, err));
+    for (size_t i = 0; *finite && i < what->count; i++)
         *finite = isfinite(values[i]);
+done:
     free(values);
     return status;
 }
 
 static hada_status write_all(hada_trainer *trainer, hada_tensors_writer *writer, hada_error *err)
 {
-    const int64_t groups[] = {trainer->groups};
-    const size_t bytes = (size_t)trainer->groups * sizeof(uint64_t);
-    hada_status status = put_metadata(trainer, writer, err);
-    if (!status)
-        status = hada_tensors_declare(writer, "steps", HADA_U64, 1, groups, err);
-    if (!status)
-        status = each_array(trainer, declare, writer, err);
-    if (!status)
-        status = hada_tensors_write(writer, trainer->progress.group_steps, bytes, err);
-    return status ? status : each_array(trainer, write_array, writer, err);
+    const int64_t groups[] = {trainer->workers.groups};
+    const size_t bytes = (size_t)trainer->workers.groups * sizeof(uint64_t);
+    hada_status status = HADA_OK;
+    HADA_TRY(put_metadata(trainer, writer, err));
+    HADA_TRY(hada_tensors_declare(writer, "steps", HADA_U64, 1, groups, err));
+    HADA_TRY(each_array(trainer, declare, writer, err));
+    HADA_TRY(hada_tensors_write(writer, trainer->progress.group_steps, bytes, err));
+    HADA_TRY(each_array(trainer, write_array, writer, err));
+done:
+    return status;
 }
 
 /* The snapshot stays as it is: it holds values that were seen to give finite numbers, these here were not yet. */
 hada_status hada_trainer_save(hada_trainer *trainer, const char *path, hada_error *err)
 {
-    hada_tensors_writer *writer;
+    hada_tensors_writer *writer = NULL;
     int finite = 1;
+    hada_status status = HADA_OK;
     if (!trainer || !path)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_trainer_save: trainer and path are needed");
-    hada_status status = each_array(trainer, is_finite, &finite, err);
-    if (!status && !finite) {
-        status = hada_snapshot_restore(trainer, err);
+    HADA_TRY(each_array(trainer, is_finite, &finite, err));
+    if (!finite) {
+        status = hada_snapshot_restore(&trainer->snapshot, &trainer->workers, &trainer->progress, err);
         trainer->progress.halvings++;
         trainer->progress.bad++;
+        HADA_TRY(status);
     }
-    if (!status)
-        status = hada_tensors_create(&writer, path, err);
-    if (status)
-        return status;
-    status = write_all(trainer, writer, err);
-    if (!status)
-        status = hada_tensors_sync(writer, err);
-    if (!status)
-        return hada_tensors_finish(&writer, err);
+    HADA_TRY(hada_tensors_create(&writer, path, err));
+    HADA_TRY(write_all(trainer, writer, err));
+    HADA_TRY(hada_tensors_sync(writer, err));
+    HADA_TRY(hada_tensors_finish(&writer, err));
+done:
     hada_tensors_abandon(&writer);
     return status;
 }
@@ -225,14 +241,12 @@ static hada_status check_facts(hada_trainer *trainer, const hada_tensors *file, 
         return hada_fail(err, HADA_ERROR_FILE_FORMAT, "this is no checkpoint of this version");
     list_facts(trainer, facts, &count);
     hada_status status = HADA_OK;
-    for (int i = 0; !status && i < count; i++)
-        status = check_text(file, facts[i].key, facts[i].what, facts[i].text, strcmp(facts[i].key, "model") != 0, err);
-    if (!status)
-        status = describe(trainer, &net, &critic, err);
-    if (!status)
-        status = check_text(file, "net", "the net", net, 0, err);
-    if (!status)
-        status = check_text(file, "critic", "the discriminator", critic, 0, err);
+    for (int i = 0; i < count; i++)
+        HADA_TRY(check_text(file, facts[i].key, facts[i].what, facts[i].text, strcmp(facts[i].key, "model") != 0, err));
+    HADA_TRY(describe(trainer, &net, &critic, err));
+    HADA_TRY(check_text(file, "net", "the net", net, 0, err));
+    HADA_TRY(check_text(file, "critic", "the discriminator", critic, 0, err));
+done:
     free(net);
     free(critic);
     return status;
@@ -269,56 +283,67 @@ static hada_status read_array(hada_trainer *trainer, const array *what, void *us
     return hada_tensor_copy_f32(hada_tensors_find(user, what->name), 0, what->count, to, err);
 }
 
+/* Where a checkpoint stands, beside its arrays. */
+typedef struct place {
+    uint64_t step, place, bad, halvings;
+    const hada_stored_tensor *steps;
+} place;
+
+/* A checkpoint with more rollbacks is as good as this: the rates are zero. */
+enum { MOST_HALVINGS = 1000 };
+
+static hada_status check_file(hada_trainer *trainer, hada_tensors *file, place *at, hada_error *err)
+{
+    const size_t bytes = (size_t)trainer->workers.groups * sizeof(uint64_t);
+    hada_status status = HADA_OK;
+    HADA_TRY(check_facts(trainer, file, err));
+    HADA_TRY(get_number(file, "step", &at->step, err));
+    HADA_TRY(get_number(file, "place", &at->place, err));
+    HADA_TRY(get_number(file, "rollbacks", &at->bad, err));
+    HADA_TRY(get_number(file, "halvings", &at->halvings, err));
+    at->steps = hada_tensors_find(file, "steps");
+    if (!at->steps || at->steps->type != HADA_U64 || at->steps->bytes != bytes)
+        return damaged("steps", err);
+    HADA_TRY(each_array(trainer, check_array, file, err));
+done:
+    return status;
+}
+
 /* Everything is checked before anything changes. */
 static hada_status take(hada_trainer *trainer, hada_tensors *file, hada_error *err)
 {
     hada_progress *progress = &trainer->progress;
-    const size_t bytes = (size_t)trainer->groups * sizeof(uint64_t);
-    const hada_stored_tensor *steps = hada_tensors_find(file, "steps");
-    uint64_t step = 0, place = 0, bad = 0, halvings = 0;
-    hada_status status = check_facts(trainer, file, err);
-    if (!status)
-        status = get_number(file, "step", &step, err);
-    if (!status)
-        status = get_number(file, "place", &place, err);
-    if (!status)
-        status = get_number(file, "rollbacks", &bad, err);
-    if (!status)
-        status = get_number(file, "halvings", &halvings, err);
-    if (!status && (!steps || steps->type != HADA_U64 || steps->bytes != bytes))
-        status = damaged("steps", err);
-    if (!status)
-        status = each_array(trainer, check_array, file, err);
-    if (status)
-        return status;
-    status = each_array(trainer, read_array, file, err);
-    for (int g = 0; !status && g < trainer->groups; g++) {
-        status = hada_snapshot_give(trainer, g, err);
-        trainer->snapshot.dirty[g] = 0;
+    hada_snapshot *snapshot = &trainer->snapshot;
+    place at = {0};
+    hada_status status = HADA_OK;
+    HADA_TRY(check_file(trainer, file, &at, err));
+    HADA_TRY(each_array(trainer, read_array, file, err));
+    for (int g = 0; g < trainer->workers.groups; g++) {
+        HADA_TRY(hada_snapshot_give(snapshot, &trainer->workers, g, err));
+        snapshot->dirty[g] = 0;
     }
-    if (status)
-        return status;
-    memcpy(progress->group_steps, steps->data, bytes);
-    memcpy(trainer->snapshot.group_steps, steps->data, bytes);
-    trainer->snapshot.step = progress->step = step;
-    progress->place = place;
-    progress->bad = (int)bad;
-    progress->halvings = halvings < 1000 ? (int)halvings : 1000;
+    memcpy(progress->group_steps, at.steps->data, at.steps->bytes);
+    memcpy(snapshot->group_steps, at.steps->data, at.steps->bytes);
+    snapshot->step = progress->step = at.step;
+    progress->place = at.place;
+    progress->bad = (int)at.bad;
+    progress->halvings = at.halvings < MOST_HALVINGS ? (int)at.halvings : MOST_HALVINGS;
     hada_feed_destroy(&trainer->feed);
-    return HADA_OK;
+done:
+    return status;
 }
 
 hada_status hada_trainer_load(hada_trainer *trainer, const char *path, hada_error *err)
 {
-    hada_tensors *file;
+    hada_tensors *file = NULL;
+    hada_status status = HADA_OK;
     if (!trainer || !path)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_trainer_load: trainer and path are needed");
-    hada_status status = hada_tensors_open(&file, path, err);
-    if (status)
-        return status;
+    HADA_TRY(hada_tensors_open(&file, path, err));
     status = take(trainer, file, err);
     if (status)
         hada_error_prefix(err, "%s: ", path);
+done:
     hada_tensors_close(&file);
     return status;
 }

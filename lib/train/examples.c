@@ -1,9 +1,11 @@
 #include "train/examples.h"
 
+#include <hadalens/scene.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "core/alloc.h"
+#include "image/dark.h"
 
 void hada_example_free(hada_example *example)
 {
@@ -22,9 +24,52 @@ static hada_status copy(hada_image *out, const hada_image *image, hada_error *er
 hada_status hada_example_copy(hada_example *out, const hada_example *example, hada_error *err)
 {
     *out = (hada_example){0};
-    hada_status status = copy(&out->input, &example->input, err);
-    if (!status)
-        status = copy(&out->scene, &example->scene, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(copy(&out->input, &example->input, err));
+    HADA_TRY(copy(&out->scene, &example->scene, err));
+done:
+    if (status)
+        hada_example_free(out);
+    return status;
+}
+
+static hada_status take_dark_off(hada_image *raw, double level, hada_error *err)
+{
+    const size_t area = (size_t)raw->rows * (size_t)raw->cols;
+    float *room = NULL;
+    hada_status status = HADA_OK;
+    if (level < 0.0)
+        HADA_TRY(hada_alloc((void **)&room, area, sizeof *room, "a frame's dark level", err));
+    for (int c = 0; c < raw->channels; c++) {
+        float *at = raw->data + (size_t)c * area;
+        const double dark = room ? hada_dark_estimate(at, area, room) : level;
+        for (size_t i = 0; dark != 0.0 && i < area; i++)
+            at[i] = (float)((double)at[i] - dark);
+    }
+done:
+    free(room);
+    return status;
+}
+
+hada_status hada_example_make(hada_example *out, hada_stage stage, const hada_model_info *info, hada_planes *planes,
+                              int depth, hada_image *raw, hada_image *scene, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    *out = (hada_example){0};
+    if (planes) {
+        HADA_TRY(hada_planes_make(planes, depth, raw, &out->input, err));
+    } else {
+        HADA_TRY(take_dark_off(raw, info->dark, err));
+        if (stage == HADA_STAGE_CONVENTIONAL) {
+            HADA_TRY(hada_image_resize(&out->input, raw, info->window_rows, info->window_cols, err));
+        } else {
+            out->input = *raw;
+            *raw = (hada_image){0};
+        }
+    }
+    out->scene = *scene;
+    *scene = (hada_image){0};
+done:
     if (status)
         hada_example_free(out);
     return status;
@@ -33,10 +78,11 @@ hada_status hada_example_copy(hada_example *out, const hada_example *example, ha
 hada_status hada_examples_create(hada_examples *examples, const hada_pairs *pairs, size_t most, hada_error *err)
 {
     *examples = (hada_examples){.pairs = pairs, .most = most};
-    hada_status status = hada_alloc((void **)&examples->kept, (size_t)hada_pairs_total(pairs), sizeof *examples->kept,
-                                    "the list of pairs", err);
-    if (!status)
-        pthread_mutex_init(&examples->lock, NULL);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&examples->kept, (size_t)hada_pairs_total(pairs), sizeof *examples->kept,
+                        "the list of pairs", err));
+    pthread_mutex_init(&examples->lock, NULL);
+done:
     return status;
 }
 

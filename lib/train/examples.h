@@ -1,18 +1,24 @@
-/* What an engine sees of a pair, made once and kept while there is room. Internal. */
+/* What a replica takes of a pair, made once and kept while there is room. Internal. */
 #ifndef HADA_TRAIN_EXAMPLES_H
 #define HADA_TRAIN_EXAMPLES_H
 
 #include <pthread.h>
 
-#include "train/feed.h"
+#include "train/planes.h"
+#include "train/train_pairs.h"
 
-/* input: what hada_sample in train/engine.h says; scene: the window. */
+/* input: what hada_sample in train/sample.h says; scene: the window. */
 typedef struct hada_example {
     hada_image input, scene;
 } hada_example;
 
 void hada_example_free(hada_example *example);
 hada_status hada_example_copy(hada_example *out, const hada_example *example, hada_error *err);
+
+/* Takes the scene over, and the raw frame where the stage needs it. planes: of the worker, NULL where the stage needs
+ * none. */
+hada_status hada_example_make(hada_example *out, hada_stage stage, const hada_model_info *info, hada_planes *planes,
+                              int depth, hada_image *raw, hada_image *scene, hada_error *err);
 
 /* Examples of the pairs of a list. Any thread may ask and add. */
 typedef struct hada_examples {

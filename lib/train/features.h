@@ -1,6 +1,6 @@
 /* What VGG-16 makes of scenes, kept on the host: they are compared with in every step that shows them. Internal.
  *
- * A store belongs to an engine, since features have the layout and the bits of its device. */
+ * A store belongs to a replica, since features have the layout and the bits of its device. */
 #ifndef HADA_TRAIN_FEATURES_H
 #define HADA_TRAIN_FEATURES_H
 

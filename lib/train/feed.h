@@ -7,31 +7,8 @@
 
 #include <hadalens/train.h>
 
-/* Pairs of all depths. */
-uint64_t hada_pairs_total(const hada_pairs *pairs);
-
-/* The depth and the number within it of the pair that is the `index`-th over all depths, near to far. */
-void hada_pairs_find(const hada_pairs *pairs, uint64_t index, int *depth, int *pair);
-
-/* Reads and checks a pair, and cuts the centre out of a scene that has the raw frame's size. Errors name the pair. */
-hada_status hada_pairs_read(const hada_pairs *pairs, const hada_model_info *info, int depth, int pair, hada_image *raw,
-                            hada_image *scene, hada_error *err);
-
-/* The pair at a place of the endless list: all pairs of all depths once, shuffled by (seed, round), then all of them
- * again in another order. At least one pair is needed. */
-void hada_order_pair(const hada_pairs *pairs, uint64_t seed, uint64_t place, int *depth, int *pair);
-
-/* Changes a pair by (seed, place): shift, flips, exposure, noise, in this order. `dark` is the level of the raw frame
- * that is no light, and not scaled (hada_model_info; negative counts as 0). */
-hada_status hada_augment_pair(const hada_augment *augment, double dark, uint64_t seed, uint64_t place, hada_image *raw,
-                              hada_image *scene, hada_error *err);
-
-/* plane_flips: flips a reconstructed plane and its scene together; returns the sides as hada_augment counts them. */
-int hada_augment_plane(const hada_augment *augment, uint64_t seed, uint64_t place, hada_image *plane,
-                       hada_image *scene);
-
-/* Whether options make sense for a camera; the message says what to change. */
-hada_status hada_augment_check(const hada_augment *augment, const hada_model_info *info, hada_error *err);
+#include "train/augment.h"
+#include "train/train_pairs.h"
 
 /* A ring that a thread of its own fills in order. */
 typedef struct hada_feed hada_feed;

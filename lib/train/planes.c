@@ -4,10 +4,10 @@
 
 #include "core/alloc.h"
 #include "filter/bank.h"
-#include "image/dark.h"
-#include "filter/hadamard.h"
-#include "refine/admm.h"
 #include "filter/clip.h"
+#include "filter/hadamard.h"
+#include "image/dark.h"
+#include "refine/admm.h"
 
 struct hada_planes {
     hada_slot *slot;
@@ -60,33 +60,29 @@ hada_status hada_planes_bytes(const hada_context *context, const hada_model *mod
 
 hada_status hada_planes_create(hada_planes **out, hada_slot *slot, const hada_model *model, hada_error *err)
 {
-    hada_planes *planes;
     const hada_model_info *info = hada_model_get_info(model);
     const int refined = is_refined(info);
+    const hada_refine_shape shape = refine_shape(info);
+    hada_planes *planes = NULL;
+    hada_status status = HADA_OK;
     *out = NULL;
-    hada_status status = hada_alloc((void **)&planes, 1, sizeof *planes, "planes for training", err);
-    if (status)
-        return status;
+    HADA_TRY(hada_alloc((void **)&planes, 1, sizeof *planes, "planes for training", err));
     planes->slot = slot;
     planes->model = model;
     planes->info = info;
-    status = hada_alloc((void **)&planes->levels, (size_t)info->channels, sizeof(double), "dark levels", err);
-    if (!status)
-        status = hada_alloc((void **)&planes->room, (size_t)info->raw_rows * (size_t)info->raw_cols, sizeof(float),
-                            "dark levels", err);
-    if (!status)
-        status = hada_hadamard_create(&planes->stage, slot, info, 1, err);
-    if (!status)
-        status = hada_bank_create(&planes->bank, slot, model, &planes->stage->layout, NULL, info->depths,
-                                  refined ? HADA_BANK_OTFS : HADA_BANK_FILTERS, 0, err);
-    if (!status && refined)
-        status = hada_bank_prior(&planes->prior, slot, model, &planes->stage->layout, err);
-    if (!status && refined) {
-        const hada_refine_shape shape = refine_shape(info);
-        status = hada_refiner_create(&planes->refiner, slot, &shape, err);
+    HADA_TRY(hada_alloc((void **)&planes->levels, (size_t)info->channels, sizeof(double), "dark levels", err));
+    HADA_TRY(hada_alloc((void **)&planes->room, (size_t)info->raw_rows * (size_t)info->raw_cols, sizeof(float),
+                        "dark levels", err));
+    HADA_TRY(hada_hadamard_create(&planes->stage, slot, info, 1, err));
+    HADA_TRY(hada_bank_create(&planes->bank, slot, model, &planes->stage->layout, NULL, info->depths,
+                              refined ? HADA_BANK_OTFS : HADA_BANK_FILTERS, 0, err));
+    if (refined) {
+        HADA_TRY(hada_bank_prior(&planes->prior, slot, model, &planes->stage->layout, err));
+        HADA_TRY(hada_refiner_create(&planes->refiner, slot, &shape, err));
+    } else {
+        HADA_TRY(hada_buffer_create(&planes->planes, slot->context, plane_bytes(info), "a plane", err));
     }
-    if (!status && !refined)
-        status = hada_buffer_create(&planes->planes, slot->context, plane_bytes(info), "a plane", err);
+done:
     if (status)
         hada_planes_destroy(&planes);
     *out = planes;
@@ -164,25 +160,31 @@ static hada_status filter(hada_planes *planes, int depth, hada_error *err)
     return status ? status : hada_image_clip(planes->slot, out, planes->planes.bytes / sizeof(float), err);
 }
 
+static hada_status read_plane(hada_planes *planes, hada_image *out, hada_error *err)
+{
+    const size_t bytes = plane_bytes(planes->info);
+    const cl_mem from = planes->refiner ? hada_refiner_planes(planes->refiner) : planes->planes.mem;
+    const cl_int code = clEnqueueReadBuffer(planes->slot->queue, from, CL_TRUE, 0, bytes, out->data, 0, NULL,
+                                            hada_slot_event(planes->slot));
+    if (code != CL_SUCCESS)
+        return hada_fail_cl(err, code, "clEnqueueReadBuffer");
+    hada_slot_moved(planes->slot, "read", (double)bytes);
+    return HADA_OK;
+}
+
 hada_status hada_planes_make(hada_planes *planes, int depth, const hada_image *raw, hada_image *out, hada_error *err)
 {
     const hada_model_info *info = planes->info;
+    hada_status status = HADA_OK;
     if (depth < 0 || depth >= info->depths)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a plane of depth %d of %d", depth, info->depths);
-    hada_status status = expose(planes, raw, err);
-    if (!status)
-        status = planes->refiner ? refine(planes, depth, raw, err) : filter(planes, depth, err);
-    if (!status && hada_image_count(out) * sizeof(float) != plane_bytes(info)) {
+    HADA_TRY(expose(planes, raw, err));
+    HADA_TRY(planes->refiner ? refine(planes, depth, raw, err) : filter(planes, depth, err));
+    if (hada_image_count(out) * sizeof(float) != plane_bytes(info)) {
         hada_image_destroy(out);
-        status = hada_image_create(out, info->channels, info->window_rows, info->window_cols, err);
+        HADA_TRY(hada_image_create(out, info->channels, info->window_rows, info->window_cols, err));
     }
-    if (status)
-        return status;
-    const cl_mem from = planes->refiner ? hada_refiner_planes(planes->refiner) : planes->planes.mem;
-    const cl_int code = clEnqueueReadBuffer(planes->slot->queue, from, CL_TRUE, 0, plane_bytes(info), out->data, 0,
-                                            NULL, hada_slot_event(planes->slot));
-    if (code != CL_SUCCESS)
-        return hada_fail_cl(err, code, "clEnqueueReadBuffer");
-    hada_slot_moved(planes->slot, "read", (double)plane_bytes(info));
-    return HADA_OK;
+    HADA_TRY(read_plane(planes, out, err));
+done:
+    return status;
 }

@@ -3,9 +3,10 @@
 
 #include "check.h"
 #include "core/alloc.h"
-#include "runtime/kernel.h"
+#include "kernels/shared_train.h"
+#include "launch/train.h"
 
-enum { RUN = 1024, MAX_PAIRS = 16 };
+enum { MAX_PAIRS = 16 };
 
 typedef struct train_state {
     hada_buffer a, b, weights;
@@ -82,24 +83,20 @@ static hada_status prepare_filter(check_state *state, hada_error *err)
 
 static hada_status launch_filter(check_state *state, hada_error *err)
 {
-    train_state *own = state->own;
+    const train_state *own = state->own;
+    const size_t channels = (size_t)own->channels;
+    const hada_range range = hada_range_of(hada_divide_up(own->count, HADA_TRAIN_VECTOR), 64, channels, 1);
     cl_mem out = state->region[0];
-    const cl_ulong count = own->count;
-    const cl_float scale = 0.5f;
-    const size_t local[2] = {64, 1}, global[2] = {(own->count + 511) / 512 * 64, (size_t)own->channels};
-    cl_kernel kernel;
-    hada_status status = hada_slot_kernel(state->slot, "train", "train_filter", "", &kernel, err);
-    if (!status && !state->regions)
-        status = check_region(state, 0, state->out_count, &out, err);
-    if (!status)
-        status = check_clear(state, 0, state->out_count, err);
-    for (int p = 0; !status && p < own->pairs; p++) {
-        const cl_ulong offset = (cl_ulong)p * count * (cl_ulong)own->channels;
-        const hada_arg args[] = {
-            HADA_ARG(own->a.mem), HADA_ARG(offset), HADA_ARG(own->b.mem), HADA_ARG(own->weights.mem),
-            HADA_ARG(out),        HADA_ARG(count),  HADA_ARG(scale),      HADA_ARG(own->split)};
-        status = hada_slot_launch(state->slot, kernel, "train_filter", 2, global, local, args, HADA_COUNT(args), err);
-    }
+    hada_status status = HADA_OK;
+    if (!state->regions)
+        HADA_TRY(check_region(state, 0, state->out_count, &out, err));
+    HADA_TRY(check_clear(state, 0, state->out_count, err));
+    for (size_t p = 0; p < (size_t)own->pairs; p++)
+        HADA_TRY(hada_launch_train_filter(state->slot, HADA_PROGRAM_TRAIN_DEFAULT, &range, err, .b = own->a.mem,
+                                          .offset = p * own->count * channels, .g = own->b.mem,
+                                          .weights = own->weights.mem, .gradient = out, .count = own->count,
+                                          .scale = 0.5f, .split = own->split));
+done:
     return status;
 }
 
@@ -119,7 +116,7 @@ static hada_status prepare_planes(check_state *state, train_state *own, float **
 
 static size_t items_of(const train_state *own)
 {
-    return (own->count + RUN - 1) / RUN;
+    return hada_divide_up(own->count, HADA_TRAIN_RUN);
 }
 
 /* Where the sums stand in the output, behind the planes. */
@@ -140,7 +137,7 @@ static hada_status prepare_error(check_state *state, hada_error *err)
     for (size_t i = 0; !status && i < own->count; i++) {
         const double d = (double)x[i] - target[i];
         state->expected[i] = 0.25 * d;
-        state->expected[sums_at(own) + i / RUN] += d * d;
+        state->expected[sums_at(own) + i / HADA_TRAIN_RUN] += d * d;
     }
     state->bytes = 12.0 * (state->own ? (double)own->count : 0.0);
     return status;
@@ -161,23 +158,19 @@ static size_t local_of(const check_state *state)
 static hada_status launch_error(check_state *state, hada_error *err)
 {
     train_state *own = state->own;
+    const hada_range range = hada_range_of(items_of(own), local_of(state), 1, 1);
     cl_mem x = state->region[0], sums = state->region[1];
-    const cl_ulong count = own->count;
-    const cl_float scale = 0.25f;
     hada_status status = HADA_OK;
     if (!state->regions) {
-        status = check_region(state, 0, own->count, &x, err);
-        if (!status)
-            status = check_region(state, sums_at(own), items_of(own), &sums, err);
+        HADA_TRY(check_region(state, 0, own->count, &x, err));
+        HADA_TRY(check_region(state, sums_at(own), items_of(own), &sums, err));
     }
-    if (!status)
-        status = check_clear(state, 0, state->out_count, err);
-    if (!status)
-        status = put(state, &own->a, x, err);
-    const hada_arg args[] = {HADA_ARG(x), HADA_ARG(own->b.mem), HADA_ARG(count), HADA_ARG(scale), HADA_ARG(sums)};
-    return status ? status
-                  : check_kernel(state, "train", "train_error", "", items_of(own), local_of(state), args,
-                                 HADA_COUNT(args), err);
+    HADA_TRY(check_clear(state, 0, state->out_count, err));
+    HADA_TRY(put(state, &own->a, x, err));
+    HADA_TRY(hada_launch_train_error(state->slot, HADA_PROGRAM_TRAIN_DEFAULT, &range, err, .x = x, .target = own->b.mem,
+                                     .count = own->count, .scale = 0.25f, .sums = sums));
+done:
+    return status;
 }
 
 static hada_status prepare_mask(check_state *state, hada_error *err)
@@ -198,17 +191,16 @@ static hada_status prepare_mask(check_state *state, hada_error *err)
 static hada_status launch_mask(check_state *state, hada_error *err)
 {
     train_state *own = state->own;
+    const hada_range range = hada_range_of(items_of(own), local_of(state), 1, 1);
     cl_mem out = state->region[0];
-    const cl_ulong count = own->count;
     hada_status status = HADA_OK;
     if (!state->regions)
-        status = check_region(state, 0, own->count, &out, err);
-    if (!status)
-        status = put(state, &own->b, out, err);
-    const hada_arg args[] = {HADA_ARG(own->a.mem), HADA_ARG(out), HADA_ARG(count)};
-    return status ? status
-                  : check_kernel(state, "train", "train_mask", "", items_of(own), local_of(state), args,
-                                 HADA_COUNT(args), err);
+        HADA_TRY(check_region(state, 0, own->count, &out, err));
+    HADA_TRY(put(state, &own->b, out, err));
+    HADA_TRY(hada_launch_train_mask(state->slot, HADA_PROGRAM_TRAIN_DEFAULT, &range, err, .plane = own->a.mem,
+                                    .gradient = out, .count = own->count));
+done:
+    return status;
 }
 
 const check_op check_train_filter = {"train_filter", "n frequencies, k channels, p pairs, s1 split", prepare_filter,

@@ -33,12 +33,12 @@ hada_status fault_stage_simulate(fault_job *job, hada_error *err);
 hada_status fault_stage_fit(fault_job *job, hada_error *err);
 hada_status fault_stage_psf(fault_job *job, hada_error *err);
 hada_status fault_stage_reconstruct(fault_job *job, hada_error *err);
-hada_status fault_stage_classic(fault_job *job, hada_error *err); /* fault_classic.c */
+hada_status fault_stage_classic(fault_job *job, hada_error *err);   /* fault_classic.c */
 hada_status fault_stage_occlusion(fault_job *job, hada_error *err); /* fault_occlusion.c */
-hada_status fault_stage_jobs(fault_job *job, hada_error *err);   /* frames in flight on two queues and half a device */
-hada_status fault_stage_net(fault_job *job, hada_error *err);    /* fault_net.c */
-hada_status fault_stage_engine(fault_job *job, hada_error *err); /* fault_engine.c */
-hada_status fault_stage_trainer(fault_job *job, hada_error *err); /* fault_trainer.c: on one device, and on two */
+hada_status fault_stage_jobs(fault_job *job, hada_error *err); /* frames in flight on two queues and half a device */
+hada_status fault_stage_net(fault_job *job, hada_error *err);  /* fault_net.c */
+hada_status fault_stage_training_step(fault_job *job, hada_error *err); /* fault_replica.c */
+hada_status fault_stage_trainer(fault_job *job, hada_error *err);       /* fault_trainer.c: on one device, and on two */
 hada_status fault_stage_devices(fault_job *job, hada_error *err);
 hada_status fault_stage_register(fault_job *job, hada_error *err); /* fault_compare.c */
 hada_status fault_stage_lpips(fault_job *job, hada_error *err);

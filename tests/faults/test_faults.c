@@ -31,7 +31,7 @@ static const struct stage {
     {"classic", fault_stage_classic, 60},
     {"jobs", fault_stage_jobs, 50},
     {"net", fault_stage_net, 60},
-    {"engine", fault_stage_engine, 60},
+    {"training step", fault_stage_training_step, 60},
     {"trainer", fault_stage_trainer, 60},
     {"devices", fault_stage_devices, 30},
     {"register", fault_stage_register, 10},

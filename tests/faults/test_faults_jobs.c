@@ -1,8 +1,8 @@
 /* Devices that fail while jobs are in flight: the others take over, with the same bits; a job fails only when none is
  * left. */
-#include "runtime/device.h"
 #include "fault.h"
 #include "job_fixture.h"
+#include "runtime/device.h"
 
 enum { LOST = CL_DEVICE_NOT_AVAILABLE, SHORT = CL_MEM_OBJECT_ALLOCATION_FAILURE };
 

@@ -1,8 +1,8 @@
 /* Optimisers, clipping, learning rates and first weights as training uses them. */
-#include "netlist/init.h"
 #include "net/loss.h"
 #include "net/optimizer.h"
 #include "net_fixture.h"
+#include "netlist/init.h"
 
 enum { COUNT = 5000 };
 

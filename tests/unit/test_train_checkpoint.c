@@ -50,10 +50,11 @@ static void devices_may_be_more_or_fewer(void **state)
         save(two, 0);
         assert_true(same_files());
         for (int group = HADA_GROUP_NET; group <= HADA_GROUP_CRITIC; group++) {
-            const size_t all = hada_engine_count(one->workers->engine, group, HADA_CONTENT_GRADIENT);
-            const hada_part whole = hada_engine_part(one->workers->engine, group);
-            const hada_part first = hada_engine_part(two->workers[0].engine, group);
-            const hada_part second = hada_engine_part(two->workers[1].engine, group);
+            const size_t all =
+                hada_parameters_floats(hada_worker_parameters(one->workers.worker), group, HADA_CONTENT_GRADIENT);
+            const hada_part whole = hada_parameters_part(hada_worker_parameters(one->workers.worker), group);
+            const hada_part first = hada_parameters_part(hada_worker_parameters(&two->workers.worker[0]), group);
+            const hada_part second = hada_parameters_part(hada_worker_parameters(&two->workers.worker[1]), group);
             assert_true(whole.first == 0 && whole.count == all && first.first == 0);
             assert_true(second.first == first.count && first.count + second.count == all);
             assert_true(!all || (first.count > all / 3 && second.count > all / 3));

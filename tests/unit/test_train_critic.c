@@ -55,7 +55,7 @@ typedef struct player {
     hada_model *model;
     hada_net *net, *critic;
     hada_train_options options;
-    hada_engine *engine;
+    hada_replica *replica;
     uint64_t step, net_steps, critic_steps;
 } player;
 
@@ -69,14 +69,14 @@ static void begin(player *p, const train_device *device, hada_stage stage, const
         ASSERT_OK(hada_discriminator_make(&p->critic, critic, 1, err));
         ASSERT_OK(hada_net_init(p->critic, 1, err));
     }
-    const hada_engine_desc desc = {
+    const hada_replica_desc desc = {
         .model = p->model, .options = &p->options, .net = p->net, .critic = p->critic, .at_once = COUNT};
-    p->engine = train_engine(device, &desc);
+    p->replica = train_replica(device, &desc);
 }
 
 static void end(player *p)
 {
-    hada_engine_destroy(&p->engine);
+    hada_replica_destroy(&p->replica);
     hada_model_destroy(&p->model);
     hada_net_destroy(&p->net);
     hada_net_destroy(&p->critic);
@@ -101,12 +101,14 @@ static double play(player *p, int net, int critic, double noise)
     examples all;
     hada_terms terms;
     make(&all, 1000 + p->step, noise);
-    ASSERT_OK(hada_engine_clear(p->engine, err));
-    ASSERT_OK(hada_engine_backward(p->engine, all.samples, COUNT, 1.0 / COUNT, ++p->step, !net, &terms, NULL, err));
+    hada_parameters_clear(hada_replica_parameters(p->replica));
+    ASSERT_OK(hada_replica_backward(p->replica, all.samples, COUNT, 1.0 / COUNT, ++p->step, !net, &terms, NULL, err));
     if (net)
-        ASSERT_OK(hada_engine_update(p->engine, HADA_GROUP_NET, ++p->net_steps, 1e-3, 1.0, err));
+        ASSERT_OK(hada_parameters_update(hada_replica_parameters(p->replica), HADA_GROUP_NET, ++p->net_steps, 1e-3, 1.0,
+                                         err));
     if (critic)
-        ASSERT_OK(hada_engine_update(p->engine, HADA_GROUP_CRITIC, ++p->critic_steps, 1e-3, 1.0, err));
+        ASSERT_OK(hada_parameters_update(hada_replica_parameters(p->replica), HADA_GROUP_CRITIC, ++p->critic_steps,
+                                         1e-3, 1.0, err));
     examples_free(&all);
     return terms.critic;
 }
@@ -138,7 +140,7 @@ static double sharpness(player *p, double noise)
     for (int n = 0; n < COUNT; n++) {
         hada_image after = {0};
         double own, truth;
-        ASSERT_OK(hada_engine_forward(p->engine, &all.samples[n], NULL, &after, err));
+        ASSERT_OK(hada_replica_forward(p->replica, &all.samples[n], NULL, &after, err));
         ASSERT_OK(hada_metric_sharpness(&after, NULL, &own, err));
         ASSERT_OK(hada_metric_sharpness(&all.scene[n], NULL, &truth, err));
         ratio += own / truth / COUNT;
@@ -158,7 +160,8 @@ static void results_become_sharper(void **state)
         play(&p, 1, 0, noise);
     const double smooth = sharpness(&p, noise);
     ASSERT_OK(hada_net_copy(&net, p.net, err));
-    ASSERT_OK(hada_engine_read(p.engine, HADA_GROUP_NET, HADA_CONTENT_VALUES, net->values, err));
+    ASSERT_OK(hada_parameters_read(hada_replica_parameters(p.replica), HADA_GROUP_NET, HADA_CONTENT_VALUES, net->values,
+                                   err));
     end(&p);
     for (size_t i = 0; i < HADA_COUNT(names); i++) {
         ASSERT_OK(hada_net_copy(&start, net, err));

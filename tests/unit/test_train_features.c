@@ -3,7 +3,7 @@
 #include "train_run.h"
 
 #include "runtime/profile.h"
-#include "train/engine_parts.h"
+#include "train/features.h"
 
 static void a_store_keeps_what_fits(void **state)
 {
@@ -51,17 +51,18 @@ typedef struct seen {
 } seen;
 
 /* The pairs twice, two of them, with a scene that has changed and says so, in another order, two that are kept. */
-static void watch(const train_device *device, engine_run *run, int way, seen *out)
+static void watch(const train_device *device, replica_run *run, int way, seen *out)
 {
     static const struct {
         int count, pair[TRAIN_PAIRS];
     } calls[CALLS] = {{3, {0, 1, 2}}, {3, {0, 1, 2}}, {2, {1, 0}}, {3, {0, 1, 2}}, {3, {2, 0, 1}}, {2, {0, 1}}};
     run->desc.scenes = way ? 8 : 0;
     run->desc.feature_bytes = (size_t)1 << 20;
-    hada_engine *engine = train_engine(device, &run->desc);
+    hada_replica *replica = train_replica(device, &run->desc);
+    hada_features *features = hada_replica_features(replica);
     if (way == 2)
-        engine->kept.most = 2 * engine->kept.floats * sizeof(float);
-    out->count = hada_engine_count(engine, HADA_GROUP_NET, HADA_CONTENT_GRADIENT);
+        features->most = 2 * features->floats * sizeof(float);
+    out->count = hada_parameters_floats(hada_replica_parameters(replica), HADA_GROUP_NET, HADA_CONTENT_GRADIENT);
     ASSERT_OK(hada_slot_profile(device->slot, 1, err));
     for (int i = 0; i < CALLS; i++) {
         hada_sample samples[TRAIN_PAIRS];
@@ -75,18 +76,18 @@ static void watch(const train_device *device, engine_run *run, int way, seen *ou
             samples[1].scene_number = 0;
             changing->data[0] += 0.5f;
         }
-        ASSERT_OK(hada_engine_clear(engine, err));
-        ASSERT_OK(hada_engine_backward(engine, samples, calls[i].count, 1.0 / 3, 1, 0, &terms, NULL, err));
+        hada_parameters_clear(hada_replica_parameters(replica));
+        ASSERT_OK(hada_replica_backward(replica, samples, calls[i].count, 1.0 / 3, 1, 0, &terms, NULL, err));
         if (i == 3)
             changing->data[0] -= 0.5f;
         out->term[i] = terms.perceptual;
-        out->gradient[i] = train_read(engine, HADA_GROUP_NET, HADA_CONTENT_GRADIENT);
+        out->gradient[i] = train_read(replica, HADA_GROUP_NET, HADA_CONTENT_GRADIENT);
         out->launches[i] = launches(device->slot);
     }
     ASSERT_OK(hada_slot_profile(device->slot, 0, err));
-    out->kept = engine->kept.bytes / sizeof(float) / engine->kept.floats;
-    assert_true(engine->kept.bytes <= engine->kept.most);
-    hada_engine_destroy(&engine);
+    out->kept = features->bytes / sizeof(float) / features->floats;
+    assert_true(features->bytes <= features->most);
+    hada_replica_destroy(&replica);
 }
 
 static void steps_have_the_same_bits(void **state)
@@ -97,7 +98,7 @@ static void steps_have_the_same_bits(void **state)
         if (strcmp(train_cases[c].name, names[0]) && strcmp(train_cases[c].name, names[1]))
             continue;
         for (int way = 0; way < WAYS; way++) {
-            engine_run run;
+            replica_run run;
             run_make(&run, &train_cases[c]);
             watch(*state, &run, way, &ways[way]);
             run_free(&run);

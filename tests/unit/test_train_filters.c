@@ -74,29 +74,30 @@ static void gradients_are_the_references(void **state)
     for (size_t i = 0; i < HADA_COUNT(cases); i++) {
         hada_model *model = model_of(&cases[i]);
         const hada_train_options options = train_options(HADA_STAGE_FILTERS);
-        const hada_engine_desc desc = {.model = model, .options = &options, .at_once = TRAIN_PAIRS};
+        const hada_replica_desc desc = {.model = model, .options = &options, .at_once = TRAIN_PAIRS};
         train_pairs pairs;
         hada_terms terms;
         unsigned char touched[TRAIN_DEPTHS] = {0};
         train_pairs_make(&pairs, hada_model_get_info(model), 1);
         train_case c = case_of(model, &options, &pairs);
-        hada_engine *engine = train_engine(*state, &desc);
-        ASSERT_OK(hada_engine_clear(engine, err));
+        hada_replica *replica = train_replica(*state, &desc);
+        hada_parameters_clear(hada_replica_parameters(replica));
         ASSERT_OK(
-            hada_engine_backward(engine, pairs.samples, TRAIN_PAIRS, 1.0 / TRAIN_PAIRS, 1, 0, &terms, touched, err));
+            hada_replica_backward(replica, pairs.samples, TRAIN_PAIRS, 1.0 / TRAIN_PAIRS, 1, 0, &terms, touched, err));
         const double loss = train_terms(&c).mse;
         assert_true(fabs(terms.mse - loss) < 1e-5 * loss);
         for (int z = 0; z < TRAIN_DEPTHS; z++) {
-            const size_t count = hada_engine_count(engine, HADA_GROUP_FILTERS + z, HADA_CONTENT_GRADIENT);
+            const size_t count =
+                hada_parameters_floats(hada_replica_parameters(replica), HADA_GROUP_FILTERS + z, HADA_CONTENT_GRADIENT);
             double *expected = calloc(count, sizeof *expected);
             assert_int_equal(touched[z], 1);
             expected_gradient(&c, z, expected);
-            float *got = train_read(engine, HADA_GROUP_FILTERS + z, HADA_CONTENT_GRADIENT);
+            float *got = train_read(replica, HADA_GROUP_FILTERS + z, HADA_CONTENT_GRADIENT);
             assert_true(relative(got, expected, count) < 2e-6);
             free(expected);
             free(got);
         }
-        hada_engine_destroy(&engine);
+        hada_replica_destroy(&replica);
         case_free(&c);
         train_pairs_free(&pairs);
         hada_model_destroy(&model);
@@ -140,15 +141,15 @@ static void pieces_give_the_same_bits(void **state)
     size_t count = 0;
     for (int run = 0; run < 3; run++) {
         const int at_once = run == 1 ? 1 : TRAIN_PAIRS;
-        const hada_engine_desc desc = {.model = model, .options = &options, .at_once = at_once};
-        hada_engine *engine = train_engine(*state, &desc);
+        const hada_replica_desc desc = {.model = model, .options = &options, .at_once = at_once};
+        hada_replica *replica = train_replica(*state, &desc);
         hada_terms terms;
-        ASSERT_OK(hada_engine_clear(engine, err));
+        hada_parameters_clear(hada_replica_parameters(replica));
         for (int i = 0; i < TRAIN_PAIRS; i += at_once)
-            ASSERT_OK(hada_engine_backward(engine, pairs.samples + i, at_once, 0.25, 1, 0, &terms, NULL, err));
-        gradients[run] = train_read(engine, HADA_GROUP_FILTERS + 1, HADA_CONTENT_GRADIENT);
-        count = hada_engine_count(engine, HADA_GROUP_FILTERS + 1, HADA_CONTENT_GRADIENT);
-        hada_engine_destroy(&engine);
+            ASSERT_OK(hada_replica_backward(replica, pairs.samples + i, at_once, 0.25, 1, 0, &terms, NULL, err));
+        gradients[run] = train_read(replica, HADA_GROUP_FILTERS + 1, HADA_CONTENT_GRADIENT);
+        count = hada_parameters_floats(hada_replica_parameters(replica), HADA_GROUP_FILTERS + 1, HADA_CONTENT_GRADIENT);
+        hada_replica_destroy(&replica);
     }
     assert_memory_equal(gradients[0], gradients[1], count * sizeof(float));
     assert_memory_equal(gradients[0], gradients[2], count * sizeof(float));
@@ -167,26 +168,29 @@ static void starts_and_contents(void **state)
     size_t count = 0;
     options.random_start = 1;
     for (int i = 0; i < 3; i++) {
-        const hada_engine_desc desc = {.model = model, .options = &options, .at_once = 1};
+        const hada_replica_desc desc = {.model = model, .options = &options, .at_once = 1};
         options.seed = i == 2 ? 6 : 5;
         options.rule = HADA_RULE_ADAM;
-        hada_engine *engine = train_engine(*state, &desc);
-        starts[i] = train_read(engine, HADA_GROUP_FILTERS, HADA_CONTENT_VALUES);
-        count = hada_engine_count(engine, HADA_GROUP_FILTERS, HADA_CONTENT_VALUES);
-        assert_int_equal(hada_engine_groups(engine), HADA_GROUP_FILTERS + TRAIN_DEPTHS);
-        assert_int_equal(hada_engine_count(engine, HADA_GROUP_NET, HADA_CONTENT_VALUES), 0);
+        hada_replica *replica = train_replica(*state, &desc);
+        starts[i] = train_read(replica, HADA_GROUP_FILTERS, HADA_CONTENT_VALUES);
+        count = hada_parameters_floats(hada_replica_parameters(replica), HADA_GROUP_FILTERS, HADA_CONTENT_VALUES);
+        assert_int_equal(hada_replica_parameters(replica)->count, HADA_GROUP_FILTERS + TRAIN_DEPTHS);
+        assert_int_equal(hada_parameters_floats(hada_replica_parameters(replica), HADA_GROUP_NET, HADA_CONTENT_VALUES),
+                         0);
         for (hada_content content = HADA_CONTENT_VALUES; content <= HADA_CONTENT_STATE; content++) {
-            const size_t values = hada_engine_count(engine, HADA_GROUP_FILTERS + 1, content);
+            const size_t values =
+                hada_parameters_floats(hada_replica_parameters(replica), HADA_GROUP_FILTERS + 1, content);
             float *in = calloc(values, sizeof *in);
             assert_int_equal(values, content == HADA_CONTENT_STATE ? 2 * count : count);
             train_fill(in, values, 0.0, 1.0, 9);
-            ASSERT_OK(hada_engine_write(engine, HADA_GROUP_FILTERS + 1, content, in, err));
-            float *out = train_read(engine, HADA_GROUP_FILTERS + 1, content);
+            ASSERT_OK(
+                hada_parameters_write(hada_replica_parameters(replica), HADA_GROUP_FILTERS + 1, content, in, err));
+            float *out = train_read(replica, HADA_GROUP_FILTERS + 1, content);
             assert_memory_equal(in, out, values * sizeof *in);
             free(in);
             free(out);
         }
-        hada_engine_destroy(&engine);
+        hada_replica_destroy(&replica);
     }
     assert_memory_equal(starts[0], starts[1], count * sizeof(float));
     assert_memory_not_equal(starts[0], starts[2], count * sizeof(float));
@@ -218,28 +222,29 @@ static void random_starts_converge(void **state)
             for (size_t k = 0; k < 80; k++)
                 pairs.scene[i].data[k] = (float)plane[k];
         }
-        const hada_engine_desc desc = {.model = model, .options = &options, .at_once = TRAIN_PAIRS};
-        hada_engine *engine = train_engine(*state, &desc);
+        const hada_replica_desc desc = {.model = model, .options = &options, .at_once = TRAIN_PAIRS};
+        hada_replica *replica = train_replica(*state, &desc);
         for (uint64_t step = 1; step <= 600; step++) {
             const double rate = 0.02 * pow(0.99, (double)step);
-            ASSERT_OK(hada_engine_clear(engine, err));
-            ASSERT_OK(hada_engine_backward(engine, pairs.samples, TRAIN_PAIRS, 1.0 / TRAIN_PAIRS, step, 0, &terms, NULL,
-                                           err));
+            hada_parameters_clear(hada_replica_parameters(replica));
+            ASSERT_OK(hada_replica_backward(replica, pairs.samples, TRAIN_PAIRS, 1.0 / TRAIN_PAIRS, step, 0, &terms,
+                                            NULL, err));
             first = step == 1 ? terms.mse : first;
             for (int z = 0; z < TRAIN_DEPTHS; z++)
-                ASSERT_OK(hada_engine_update(engine, HADA_GROUP_FILTERS + z, step, rate, 1.0, err));
+                ASSERT_OK(hada_parameters_update(hada_replica_parameters(replica), HADA_GROUP_FILTERS + z, step, rate,
+                                                 1.0, err));
         }
         if (!(terms.mse < 5e-3 * first))
             fail_msg("run %d: from %g to %g", run, first, terms.mse);
         hada_image before = {0}, after = {0};
-        ASSERT_OK(hada_engine_forward(engine, &pairs.samples[0], &before, &after, err));
+        ASSERT_OK(hada_replica_forward(replica, &pairs.samples[0], &before, &after, err));
         for (size_t k = 0; k < 80; k++) {
             assert_true(before.data[k] == after.data[k] && after.data[k] >= 0.0f);
             assert_true(fabs(after.data[k] - fmax(pairs.scene[0].data[k], 0.0)) < 0.1);
         }
         hada_image_destroy(&before);
         hada_image_destroy(&after);
-        hada_engine_destroy(&engine);
+        hada_replica_destroy(&replica);
         case_free(&c);
         train_pairs_free(&pairs);
         hada_model_destroy(&model);
@@ -251,41 +256,44 @@ static void what_does_not_fit_is_refused(void **state)
     train_device *device = *state;
     hada_model *model = model_of(&cases[1]);
     hada_train_options options = train_options(HADA_STAGE_FILTERS);
-    hada_engine_desc desc = {.model = model, .options = &options, .at_once = 0};
-    hada_engine *engine;
+    hada_replica_desc desc = {.model = model, .options = &options, .at_once = 0};
+    hada_replica *replica;
     hada_error error;
     size_t bytes;
-    assert_int_equal(hada_engine_create(&engine, device->slot, &desc, &error), HADA_ERROR_ARGUMENT);
-    assert_null(engine);
+    assert_int_equal(hada_replica_create(&replica, device->slot, &desc, &error), HADA_ERROR_ARGUMENT);
+    assert_null(replica);
     desc.at_once = 2;
     options.form = HADA_FORM_COMPLEX; /* the model is split */
-    assert_int_equal(hada_engine_bytes(device->context, &desc, &bytes, &error), HADA_ERROR_MODEL);
+    assert_int_equal(hada_replica_bytes(device->context, &desc, &bytes, &error), HADA_ERROR_MODEL);
     assert_non_null(strstr(error.message, "split"));
     options.form = HADA_FORM_WIENER;
-    assert_int_equal(hada_engine_bytes(device->context, &desc, &bytes, &error), HADA_ERROR_ARGUMENT);
+    assert_int_equal(hada_replica_bytes(device->context, &desc, &bytes, &error), HADA_ERROR_ARGUMENT);
     options.form = HADA_FORM_SPLIT;
     options.stage = HADA_STAGE_JOINT; /* without a net */
-    assert_int_equal(hada_engine_bytes(device->context, &desc, &bytes, &error), HADA_ERROR_ARGUMENT);
+    assert_int_equal(hada_replica_bytes(device->context, &desc, &bytes, &error), HADA_ERROR_ARGUMENT);
     options.stage = HADA_STAGE_FILTERS;
-    engine = train_engine(device, &desc);
+    replica = train_replica(device, &desc);
     train_pairs pairs;
     hada_terms terms;
     train_pairs_make(&pairs, hada_model_get_info(model), 1);
-    assert_int_equal(hada_engine_backward(engine, pairs.samples, 3, 1.0, 1, 0, &terms, NULL, &error),
+    assert_int_equal(hada_replica_backward(replica, pairs.samples, 3, 1.0, 1, 0, &terms, NULL, &error),
                      HADA_ERROR_ARGUMENT);
-    assert_int_equal(hada_engine_backward(engine, pairs.samples, 1, 1.0, 1, 1, &terms, NULL, &error),
+    assert_int_equal(hada_replica_backward(replica, pairs.samples, 1, 1.0, 1, 1, &terms, NULL, &error),
                      HADA_ERROR_ARGUMENT);
     pairs.samples[0].depth = TRAIN_DEPTHS;
-    assert_int_equal(hada_engine_backward(engine, pairs.samples, 1, 1.0, 1, 0, &terms, NULL, &error),
+    assert_int_equal(hada_replica_backward(replica, pairs.samples, 1, 1.0, 1, 0, &terms, NULL, &error),
                      HADA_ERROR_ARGUMENT);
     pairs.samples[0].depth = 0;
     pairs.samples[0].input = &pairs.scene[0];
-    assert_int_equal(hada_engine_backward(engine, pairs.samples, 1, 1.0, 1, 0, &terms, NULL, &error), HADA_ERROR_SIZE);
-    assert_int_equal(hada_engine_update(engine, HADA_GROUP_NET, 1, 1.0, 1.0, &error), HADA_ERROR_ARGUMENT);
-    assert_int_equal(hada_engine_update(engine, HADA_GROUP_FILTERS + TRAIN_DEPTHS, 1, 1.0, 1.0, &error),
+    assert_int_equal(hada_replica_backward(replica, pairs.samples, 1, 1.0, 1, 0, &terms, NULL, &error),
+                     HADA_ERROR_SIZE);
+    assert_int_equal(hada_parameters_update(hada_replica_parameters(replica), HADA_GROUP_NET, 1, 1.0, 1.0, &error),
+                     HADA_ERROR_ARGUMENT);
+    assert_int_equal(hada_parameters_update(hada_replica_parameters(replica), HADA_GROUP_FILTERS + TRAIN_DEPTHS, 1, 1.0,
+                                            1.0, &error),
                      HADA_ERROR_ARGUMENT);
     train_pairs_free(&pairs);
-    hada_engine_destroy(&engine);
+    hada_replica_destroy(&replica);
     hada_model_destroy(&model);
 }
 

@@ -1,4 +1,4 @@
-/* What engines give forward: the bits of reconstruction; and what they refuse. */
+/* What replicas give forward: the bits of reconstruction; and what they refuse. */
 #include <hadalens/job.h>
 
 #include "net/enhance.h"
@@ -10,18 +10,19 @@ static void forward_is_the_enhancement(void **state)
     static const int which[] = {0, 1, 2, 9};
     train_device *device = *state;
     for (size_t i = 0; i < HADA_COUNT(which); i++) {
-        engine_run run;
+        replica_run run;
         hada_terms terms;
         hada_image before = {0}, after = {0};
         run_make(&run, &train_cases[which[i]]);
-        hada_engine *engine = train_engine(device, &run.desc);
-        ASSERT_OK(hada_engine_clear(engine, err));
-        ASSERT_OK(hada_engine_backward(engine, run.pairs.samples, TRAIN_PAIRS, 1.0, 1, 0, &terms, NULL, err));
-        ASSERT_OK(hada_engine_update(engine, HADA_GROUP_NET, 1, 1e-3, 1.0, err));
+        hada_replica *replica = train_replica(device, &run.desc);
+        hada_parameters_clear(hada_replica_parameters(replica));
+        ASSERT_OK(hada_replica_backward(replica, run.pairs.samples, TRAIN_PAIRS, 1.0, 1, 0, &terms, NULL, err));
+        ASSERT_OK(hada_parameters_update(hada_replica_parameters(replica), HADA_GROUP_NET, 1, 1e-3, 1.0, err));
         hada_image *input = &run.pairs.input[0];
-        ASSERT_OK(hada_engine_forward(engine, &run.pairs.samples[0], &before, &after, err));
+        ASSERT_OK(hada_replica_forward(replica, &run.pairs.samples[0], &before, &after, err));
         assert_memory_equal(before.data, input->data, hada_image_count(input) * sizeof(float));
-        ASSERT_OK(hada_engine_read(engine, HADA_GROUP_NET, HADA_CONTENT_VALUES, run.net->values, err));
+        ASSERT_OK(hada_parameters_read(hada_replica_parameters(replica), HADA_GROUP_NET, HADA_CONTENT_VALUES,
+                                       run.net->values, err));
         const hada_enhance_desc desc = {.net = run.net,
                                         .channels = train_cases[which[i]].channels,
                                         .rows = WINDOW_ROWS,
@@ -37,13 +38,13 @@ static void forward_is_the_enhancement(void **state)
         ASSERT_OK(hada_buffer_read(&buffer, device->slot, 0, before.data, bytes, err));
         assert_memory_equal(before.data, after.data, bytes);
         memset(input->data, 0, bytes);
-        ASSERT_OK(hada_engine_forward(engine, &run.pairs.samples[0], NULL, &after, err));
+        ASSERT_OK(hada_replica_forward(replica, &run.pairs.samples[0], NULL, &after, err));
         assert_memory_equal(input->data, after.data, bytes);
         hada_enhance_destroy(&enhance);
         hada_buffer_destroy(&buffer);
         hada_image_destroy(&before);
         hada_image_destroy(&after);
-        hada_engine_destroy(&engine);
+        hada_replica_destroy(&replica);
         run_free(&run);
     }
 }
@@ -54,15 +55,15 @@ static void forward_is_the_reconstruction(void **state)
     train_device *device = *state;
     static const int listed[] = {1};
     for (int i = 6; i <= 8; i++) {
-        engine_run run;
+        replica_run run;
         hada_model *model;
         hada_plan *plan;
         hada_plan_options options;
         hada_result result = {0};
         hada_image before = {0}, after = {0};
         run_make(&run, &train_cases[i]);
-        hada_engine *engine = train_engine(device, &run.desc);
-        ASSERT_OK(hada_engine_forward(engine, &run.pairs.samples[0], &before, &after, err));
+        hada_replica *replica = train_replica(device, &run.desc);
+        ASSERT_OK(hada_replica_forward(replica, &run.pairs.samples[0], &before, &after, err));
         ASSERT_OK(hada_model_with_enhance(&model, run.model, run.net, run.options.net_rows, run.options.net_cols, err));
         hada_plan_options_init(&options);
         options.occupied = HADA_OCCUPIED_LIST;
@@ -80,7 +81,7 @@ static void forward_is_the_reconstruction(void **state)
         hada_image_destroy(&before);
         hada_image_destroy(&after);
         hada_model_destroy(&model);
-        hada_engine_destroy(&engine);
+        hada_replica_destroy(&replica);
         run_free(&run);
     }
 }
@@ -92,47 +93,47 @@ static void dropout_follows_the_step(void **state)
                                "{\"layer\": \"conv\", \"name\": \"a\", \"channels\": 8, \"activation\": \"relu\"},"
                                "{\"layer\": \"dropout\", \"p\": 0.5},"
                                "{\"layer\": \"conv\", \"name\": \"b\", \"channels\": 2}]}";
-    engine_run run;
+    replica_run run;
     hada_terms terms[3];
     hada_image first = {0}, second = {0};
     run_make(&run, &train_cases[0]);
     hada_net_destroy(&run.net);
     run.desc.net = run.net = net_from(text, 6);
-    hada_engine *engine = train_engine(*state, &run.desc);
-    ASSERT_OK(hada_engine_forward(engine, &run.pairs.samples[0], NULL, &first, err));
+    hada_replica *replica = train_replica(*state, &run.desc);
+    ASSERT_OK(hada_replica_forward(replica, &run.pairs.samples[0], NULL, &first, err));
     for (int i = 0; i < 3; i++)
-        ASSERT_OK(
-            hada_engine_backward(engine, run.pairs.samples, TRAIN_PAIRS, 1.0, i == 1 ? 8 : 7, 0, &terms[i], NULL, err));
-    ASSERT_OK(hada_engine_forward(engine, &run.pairs.samples[0], NULL, &second, err));
+        ASSERT_OK(hada_replica_backward(replica, run.pairs.samples, TRAIN_PAIRS, 1.0, i == 1 ? 8 : 7, 0, &terms[i],
+                                        NULL, err));
+    ASSERT_OK(hada_replica_forward(replica, &run.pairs.samples[0], NULL, &second, err));
     assert_true(terms[0].mse == terms[2].mse && terms[0].mse != terms[1].mse);
     assert_memory_equal(first.data, second.data, hada_image_count(&first) * sizeof(float));
     hada_image_destroy(&first);
     hada_image_destroy(&second);
-    hada_engine_destroy(&engine);
+    hada_replica_destroy(&replica);
     run_free(&run);
 }
 
 static void nets_that_do_not_fit_are_refused(void **state)
 {
     train_device *device = *state;
-    engine_run run;
+    replica_run run;
     hada_error error;
     size_t bytes;
     run_make(&run, &train_cases[5]);
-    hada_engine_desc desc = run.desc;
+    hada_replica_desc desc = run.desc;
     desc.net = run.vgg; /* gives nine channels */
-    assert_int_equal(hada_engine_bytes(device->context, &desc, &bytes, &error), HADA_ERROR_MODEL);
+    assert_int_equal(hada_replica_bytes(device->context, &desc, &bytes, &error), HADA_ERROR_MODEL);
     desc = run.desc;
     desc.critic = run.net;
-    assert_int_equal(hada_engine_bytes(device->context, &desc, &bytes, &error), HADA_ERROR_MODEL);
+    assert_int_equal(hada_replica_bytes(device->context, &desc, &bytes, &error), HADA_ERROR_MODEL);
     desc.critic = NULL;
-    assert_int_equal(hada_engine_bytes(device->context, &desc, &bytes, &error), HADA_ERROR_ARGUMENT);
+    assert_int_equal(hada_replica_bytes(device->context, &desc, &bytes, &error), HADA_ERROR_ARGUMENT);
     run_free(&run);
     run_make(&run, &train_cases[0]);
     desc = run.desc;
     assert_int_equal(hada_net_create_preset(&run.vgg, "compact", 3, 1, &error), HADA_OK);
     desc.vgg = run.vgg; /* two channels are no colours */
-    assert_int_equal(hada_engine_bytes(device->context, &desc, &bytes, &error), HADA_ERROR_MODEL);
+    assert_int_equal(hada_replica_bytes(device->context, &desc, &bytes, &error), HADA_ERROR_MODEL);
     run_free(&run);
 }
 

@@ -66,11 +66,11 @@ static void new_nets_start_with_the_planes(void **state)
 /* The values of a group on a device. */
 static float *values_of(const hada_trainer *trainer, int worker, int group, size_t *count)
 {
-    hada_engine *engine = trainer->workers[worker].engine;
-    *count = hada_engine_count(engine, group, HADA_CONTENT_VALUES);
+    hada_replica *replica = trainer->workers.worker[worker].replica;
+    *count = hada_parameters_floats(hada_replica_parameters(replica), group, HADA_CONTENT_VALUES);
     float *values = malloc(*count * sizeof *values);
     assert_non_null(values);
-    ASSERT_OK(hada_engine_read(engine, group, HADA_CONTENT_VALUES, values, err));
+    ASSERT_OK(hada_parameters_read(hada_replica_parameters(replica), group, HADA_CONTENT_VALUES, values, err));
     return values;
 }
 
@@ -96,9 +96,9 @@ static void two_devices_share_a_step(void **state)
         save(two, 0);
         save(again, 1);
         assert_true(same_files());
-        for (int group = 0; group < one->groups; group++) {
+        for (int group = 0; group < one->workers.groups; group++) {
             size_t count, other;
-            if (!hada_trainer_has(one, group))
+            if (!hada_workers_have(&one->workers, group))
                 continue;
             float *alone = values_of(one, 0, group, &count), *first = values_of(two, 0, group, &other),
                   *second = values_of(two, 1, group, &other);
@@ -215,7 +215,7 @@ static void scenes_have_numbers(void **state)
         for (int i = 0; i < 40; i++) {
             steps(trainer, 1);
             for (int k = 0; k < options.batch; k++) {
-                const hada_worker *worker = &trainer->workers[k % 2];
+                const hada_worker *worker = &trainer->workers.worker[k % 2];
                 const hada_sample *sample = &worker->samples[k / 2];
                 hada_image *own = &known[sample->scene_number];
                 assert_true(sample->scene_number <= MOST && (sample->scene_number == 0) == changing);

@@ -15,7 +15,7 @@
 #include "ref/ref_loss.h"
 #include "ref/ref_net.h"
 #include "ref/ref_train.h"
-#include "train/engine.h"
+#include "train/replica.h"
 
 enum { TRAIN_DEPTHS = 2, TRAIN_PAIRS = 3 };
 
@@ -344,24 +344,24 @@ static inline void train_difference(const train_case *c, double *values, const f
     free(direction);
 }
 
-static inline float *train_read(hada_engine *engine, int group, hada_content content)
+static inline float *train_read(hada_replica *replica, int group, hada_content content)
 {
-    float *out = calloc(hada_engine_count(engine, group, content) + 1, sizeof *out);
+    float *out = calloc(hada_parameters_floats(hada_replica_parameters(replica), group, content) + 1, sizeof *out);
     assert_non_null(out);
-    ASSERT_OK(hada_engine_read(engine, group, content, out, err));
+    ASSERT_OK(hada_parameters_read(hada_replica_parameters(replica), group, content, out, err));
     return out;
 }
 
-/* An engine that holds what it stated. */
-static inline hada_engine *train_engine(const train_device *device, const hada_engine_desc *desc)
+/* An replica that holds what it stated. */
+static inline hada_replica *train_replica(const train_device *device, const hada_replica_desc *desc)
 {
-    hada_engine *engine;
+    hada_replica *replica;
     size_t bytes;
     const uint64_t before = hada_context_bytes(device->context);
-    ASSERT_OK(hada_engine_bytes(device->context, desc, &bytes, err));
-    ASSERT_OK(hada_engine_create(&engine, device->slot, desc, err));
+    ASSERT_OK(hada_replica_bytes(device->context, desc, &bytes, err));
+    ASSERT_OK(hada_replica_create(&replica, device->slot, desc, err));
     assert_int_equal(hada_context_bytes(device->context) - before, bytes);
-    return engine;
+    return replica;
 }
 
 #endif

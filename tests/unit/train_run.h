@@ -5,13 +5,13 @@
 #include "train_fixture.h"
 
 /* critic: 1 gives one logit an image, 2 one a patch, 3 as well, and sees the plane. */
-typedef struct engine_case {
+typedef struct replica_case {
     const char *name;
     hada_stage stage;
     int channels, shared, norm, net_rows, net_cols, vgg, critic, squared, padded, split;
-} engine_case;
+} replica_case;
 
-static const engine_case train_cases[] = {
+static const replica_case train_cases[] = {
     {"plain", HADA_STAGE_ENHANCE, 2, 0, 0, 0, 0, 0, 0, 0, 0, 0},
     {"shared, batch norm, squared variation", HADA_STAGE_ENHANCE, 3, 1, 1, 0, 0, 0, 0, 1, 0, 0},
     {"another size, perceptual", HADA_STAGE_ENHANCE, 3, 1, 0, 10, 8, 1, 0, 0, 0, 0},
@@ -26,14 +26,14 @@ static const engine_case train_cases[] = {
 };
 enum { ROWS = 15, COLS = 18, WINDOW_ROWS = 12, WINDOW_COLS = 14 };
 
-/* A case made ready; the engine looks at all pairs at once. */
-typedef struct engine_run {
+/* A case made ready; the replica looks at all pairs at once. */
+typedef struct replica_run {
     hada_model *model;
     hada_net *net, *critic, *vgg;
     hada_train_options options;
     train_pairs pairs;
-    hada_engine_desc desc;
-} engine_run;
+    hada_replica_desc desc;
+} replica_run;
 
 static inline hada_net *net_from(const char *description, uint64_t seed)
 {
@@ -51,7 +51,7 @@ static inline void shake(hada_net *net, uint64_t stream)
         net->values[i] += (float)(0.05 * hada_random_normal(&random));
 }
 
-static inline void run_make(engine_run *run, const engine_case *c)
+static inline void run_make(replica_run *run, const replica_case *c)
 {
     static const char critic[] =
         "{\"format\": \"hadalens-net-1\", \"layers\": [{\"layer\": \"input\", \"channels\": %d},"
@@ -87,15 +87,15 @@ static inline void run_make(engine_run *run, const engine_case *c)
     run->options.net_cols = c->net_cols;
     run->options.variation_squared = c->squared;
     train_pairs_make(&run->pairs, hada_model_get_info(run->model), c->stage == HADA_STAGE_JOINT);
-    run->desc = (hada_engine_desc){.model = run->model,
-                                   .options = &run->options,
-                                   .net = run->net,
-                                   .critic = run->critic,
-                                   .vgg = run->vgg,
-                                   .at_once = TRAIN_PAIRS};
+    run->desc = (hada_replica_desc){.model = run->model,
+                                    .options = &run->options,
+                                    .net = run->net,
+                                    .critic = run->critic,
+                                    .vgg = run->vgg,
+                                    .at_once = TRAIN_PAIRS};
 }
 
-static inline void run_free(engine_run *run)
+static inline void run_free(replica_run *run)
 {
     train_pairs_free(&run->pairs);
     hada_model_destroy(&run->model);

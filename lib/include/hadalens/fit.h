@@ -44,6 +44,10 @@ static inline void hada_fit_options_init(hada_fit_options *options)
     hada_fit_options_defaults(options, sizeof *options);
 }
 
+/* A model of zero filters with the sizes, distances, form, boundary and dark level of `sizes`: something to begin
+ * training from at random (hadalens/train.h). */
+HADA_API hada_status hada_model_blank(hada_model **out, const hada_fit_options *sizes, hada_error *err);
+
 HADA_API hada_status hada_fitter_create(hada_fitter **out, hada_context *context, const hada_fit_options *options,
                                         hada_error *err);
 HADA_API void hada_fitter_destroy(hada_fitter **fitter);

@@ -1,0 +1,129 @@
+#include "test_scene.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+/* Opaque objects are two in so many regions for each depth: small enough for the outer lenses to see past. */
+enum { REGIONS_OF_OBJECTS = 8, REGIONS_OF_ONE = 2 };
+
+/* `count` different depths out of `depths`, ascending, from a seed. */
+static void choose_depths(uint64_t seed, int depths, int count, int *out)
+{
+    int found = 0;
+    for (int z = 0; z < depths && found < count; z++) {
+        seed = seed * 6364136223846793005u + 1442695040888963407u;
+        if ((int)((seed >> 33) % (uint64_t)(depths - z)) < count - found)
+            out[found++] = z;
+    }
+}
+
+void hada_cli_test_scene_free(hada_cli_test_scene *scene)
+{
+    for (int k = 0; k < scene->count; k++) {
+        if (scene->planes)
+            hada_image_destroy(&scene->planes[k]);
+        if (scene->opacity)
+            hada_image_destroy(&scene->opacity[k]);
+    }
+    hada_image_destroy(&scene->whole);
+    hada_image_destroy(&scene->map);
+    free(scene->planes);
+    free(scene->opacity);
+    free(scene->depths);
+    memset(scene, 0, sizeof *scene);
+}
+
+static hada_status cut(hada_cli_test_scene *scene, const int *labels, const hada_camera *camera, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    for (int k = 0; !status && k < scene->count; k++)
+        status = hada_scene_part(&scene->planes[k], &scene->whole, labels, k, err);
+    for (size_t i = 0; !status && i < hada_image_count(&scene->map); i++)
+        scene->map.data[i] = (float)camera->distances_mm[scene->depths[labels[i]]];
+    return status;
+}
+
+/* An object for the plane k: a piece of another picture. It covers what stands behind it, as seen from the middle. */
+static hada_status put_object(hada_cli_test_scene *scene, int k, const hada_image *picture, const int *labels,
+                              const hada_camera *camera, hada_error *err)
+{
+    const size_t pixels = hada_image_count(&scene->map);
+    hada_status status = hada_image_create(&scene->planes[k], picture->channels, picture->rows, picture->cols, err);
+    if (!status)
+        status = hada_image_create(&scene->opacity[k], 1, picture->rows, picture->cols, err);
+    for (size_t i = 0; !status && i < hada_image_count(picture); i++) {
+        const size_t at = i % pixels;
+        if (labels[at] / REGIONS_OF_ONE != k)
+            continue;
+        scene->opacity[k].data[at] = 1.0f;
+        scene->planes[k].data[i] = scene->whole.data[i] = picture->data[i];
+        scene->map.data[at] = (float)camera->distances_mm[scene->depths[k]];
+    }
+    return status;
+}
+
+static hada_status stack(hada_cli_test_scene *scene, const int *labels, const hada_cli_scenes *source, int number,
+                         int step, const hada_camera *camera, hada_error *err)
+{
+    const int last = scene->count - 1;
+    const hada_image *whole = &scene->whole;
+    scene->opacity = calloc((size_t)scene->count, sizeof *scene->opacity);
+    if (!scene->opacity)
+        return hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
+    hada_status status = hada_image_crop(&scene->planes[last], whole, 0, 0, whole->rows, whole->cols, err);
+    for (size_t i = 0; !status && i < hada_image_count(&scene->map); i++)
+        scene->map.data[i] = (float)camera->distances_mm[scene->depths[last]];
+    for (int k = last - 1; !status && k >= 0; k--) {
+        hada_image picture = {0};
+        status = hada_cli_scenes_get(source, number + step * (k + 1), &picture, NULL, err);
+        if (!status)
+            status = put_object(scene, k, &picture, labels, camera, err);
+        hada_image_destroy(&picture);
+    }
+    return status;
+}
+
+hada_status hada_cli_test_scene_make(hada_cli_test_scene *scene, const hada_cli_scenes *source, int number, int step,
+                                     const hada_camera *camera, int count, int occlude, uint64_t seed, hada_error *err)
+{
+    const int rows = source->rows, cols = source->cols;
+    memset(scene, 0, sizeof *scene);
+    scene->count = count;
+    scene->planes = calloc((size_t)count, sizeof *scene->planes);
+    scene->depths = calloc((size_t)count, sizeof *scene->depths);
+    int *labels = calloc((size_t)rows * (size_t)cols, sizeof *labels);
+    hada_status status = HADA_OK;
+    if (!scene->planes || !scene->depths || !labels)
+        status = hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
+    if (!status) {
+        choose_depths(seed, camera->depths, count, scene->depths);
+        status = hada_cli_scenes_get(source, number, &scene->whole, NULL, err);
+    }
+    if (!status)
+        status = hada_scene_regions(labels, seed, occlude ? REGIONS_OF_OBJECTS * count : count, rows, cols, err);
+    if (!status)
+        status = hada_image_create(&scene->map, 1, rows, cols, err);
+    if (!status)
+        status = occlude ? stack(scene, labels, source, number, step, camera, err) : cut(scene, labels, camera, err);
+    free(labels);
+    return status;
+}
+
+hada_status hada_cli_test_scene_render(const hada_cli_test_scene *scene, hada_simulator *simulator, double noise,
+                                       uint64_t seed, hada_image *raw, hada_error *err)
+{
+    hada_plane *planes = calloc((size_t)scene->count, sizeof *planes);
+    const hada_image **opacity = calloc((size_t)scene->count, sizeof *opacity);
+    hada_status status = planes && opacity ? HADA_OK : hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
+    for (int k = 0; !status && k < scene->count; k++) {
+        planes[k] = (hada_plane){scene->depths[k], &scene->planes[k]};
+        opacity[k] = scene->opacity && scene->opacity[k].data ? &scene->opacity[k] : NULL;
+    }
+    if (!status && scene->opacity)
+        status = hada_simulator_render_occluded(simulator, planes, opacity, scene->count, -1, noise, seed, raw, err);
+    else if (!status)
+        status = hada_simulator_render(simulator, planes, scene->count, noise, seed, raw, err);
+    free(planes);
+    free(opacity);
+    return status;
+}

@@ -1,0 +1,139 @@
+#include "train/exchange.h"
+
+#include <string.h>
+
+/* Values that are added up at a time, and sums of squares side by side. */
+enum { RUN = 256, LANES = 8 };
+
+typedef struct exchange {
+    int group;
+    hada_content content;
+} exchange;
+
+static hada_status open_one(hada_workers *workers, int worker, void *user, hada_error *err)
+{
+    const exchange *what = user;
+    hada_worker *own = &workers->worker[worker];
+    return hada_parameters_open(hada_worker_parameters(own), what->group, what->content, own->room, &own->values, err);
+}
+
+static hada_status close_one(hada_workers *workers, int worker, void *user, hada_error *err)
+{
+    const exchange *what = user;
+    hada_worker *own = &workers->worker[worker];
+    float *values = own->values;
+    own->values = NULL;
+    return values ? hada_parameters_close(hada_worker_parameters(own), what->group, what->content, values, err)
+                  : HADA_OK;
+}
+
+/* Opens a group on all workers, does something with it, and closes it, also after a failure. */
+static hada_status with_open(hada_workers *workers, exchange *what, hada_work work, hada_error *err)
+{
+    hada_status status = hada_workers_run(workers, open_one, what, err);
+    if (!status)
+        status = hada_workers_run(workers, work, what, err);
+    const hada_status closed = hada_workers_run(workers, close_one, what, status ? NULL : err);
+    return status ? status : closed;
+}
+
+/* The sums of a run of values over all workers; returns that of their squares. */
+static double add_run(const hada_workers *workers, size_t at, size_t count, float sums[RUN])
+{
+    float squares[LANES] = {0.0f};
+    double all = 0.0;
+    memcpy(sums, workers->worker->values + at, count * sizeof *sums);
+    memset(sums + count, 0, (RUN - count) * sizeof *sums);
+    for (int w = 1; w < workers->count; w++) {
+        const float *more = workers->worker[w].values + at;
+        for (size_t i = 0; i < count; i++)
+            sums[i] += more[i];
+    }
+    for (size_t i = 0; i < RUN; i += LANES)
+        for (size_t k = 0; k < LANES; k++)
+            squares[k] += sums[i + k] * sums[i + k];
+    for (size_t k = 0; k < LANES; k++)
+        all += squares[k];
+    return all;
+}
+
+/* A worker's part of a net's gradient, which no other needs; of filters each adds up a part for all. */
+static hada_status add_part(hada_workers *workers, int worker, void *user, hada_error *err)
+{
+    const exchange *what = user;
+    hada_worker *own = &workers->worker[worker];
+    const size_t shares = (size_t)workers->count;
+    const int shared = what->group < HADA_GROUP_FILTERS;
+    hada_part part = hada_parameters_part(hada_worker_parameters(own), what->group);
+    float sums[RUN];
+    (void)err;
+    if (!shared) {
+        const size_t all = hada_parameters_floats(hada_worker_parameters(own), what->group, what->content);
+        part.first = all * (size_t)worker / shares;
+        part.count = all * ((size_t)worker + 1) / shares - part.first;
+    }
+    own->squares = 0.0;
+    for (size_t done = 0; done < part.count; done += RUN) {
+        const size_t at = part.first + done, count = part.count - done < RUN ? part.count - done : RUN;
+        own->squares += add_run(workers, at, count, sums);
+        for (int w = 0; w < workers->count; w++)
+            if (w == worker || !shared)
+                memcpy(workers->worker[w].values + at, sums, count * sizeof *sums);
+    }
+    return HADA_OK;
+}
+
+hada_status hada_exchange_gradients(hada_workers *workers, int group, double *squares, hada_error *err)
+{
+    exchange what = {group, HADA_CONTENT_GRADIENT};
+    if (workers->count == 1)
+        return HADA_OK;
+    const hada_status status = with_open(workers, &what, add_part, err);
+    for (int w = 0; !status && w < workers->count; w++)
+        *squares += workers->worker[w].squares;
+    return status;
+}
+
+/* What the others have updated. */
+static void take_parts(hada_workers *workers, int worker, int group)
+{
+    for (int w = 0; w < workers->count; w++) {
+        const hada_part part = hada_parameters_part(hada_worker_parameters(&workers->worker[w]), group);
+        if (w != worker)
+            memcpy(workers->worker[worker].values + part.first, workers->worker[w].values + part.first,
+                   part.count * sizeof(float));
+    }
+}
+
+/* A worker's share of the statistics of batch norms, behind the parameters, for all workers. */
+static void average_statistics(hada_workers *workers, int worker)
+{
+    const hada_parameter_group *net = &hada_worker_parameters(workers->worker)->group[HADA_GROUP_NET];
+    const size_t first = net->trained, all = net->floats - first;
+    const size_t shares = (size_t)workers->count, end = first + all * ((size_t)worker + 1) / shares;
+    for (size_t i = first + all * (size_t)worker / shares; i < end; i++) {
+        double sum = 0.0;
+        for (int w = 0; w < workers->count; w++)
+            sum += workers->worker[w].values[i];
+        for (int w = 0; w < workers->count; w++)
+            workers->worker[w].values[i] = (float)(sum / workers->count);
+    }
+}
+
+static hada_status share_one(hada_workers *workers, int worker, void *user, hada_error *err)
+{
+    const exchange *what = user;
+    (void)err;
+    take_parts(workers, worker, what->group);
+    if (what->group == HADA_GROUP_NET)
+        average_statistics(workers, worker);
+    return HADA_OK;
+}
+
+hada_status hada_exchange_values(hada_workers *workers, int group, hada_error *err)
+{
+    exchange what = {group, HADA_CONTENT_VALUES};
+    if (workers->count == 1 || group >= HADA_GROUP_FILTERS)
+        return HADA_OK;
+    return with_open(workers, &what, share_one, err);
+}

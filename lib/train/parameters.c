@@ -1,0 +1,333 @@
+#include "train/parameters.h"
+
+#include <stdlib.h>
+
+#include "core/alloc.h"
+#include "filter/layout.h"
+#include "train/first_filters.h"
+
+static hada_status make_buffer(hada_slot *slot, hada_buffer *buffer, size_t floats, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_buffer_create(buffer, slot->context, floats * sizeof(float), "the parameters", err));
+    HADA_TRY(hada_buffer_clear(buffer, slot, 0, floats * sizeof(float), err));
+done:
+    return status;
+}
+
+static hada_status write_first(hada_parameters *parameters, const hada_replica_shape *shape,
+                               const hada_replica_desc *desc, int group, hada_error *err)
+{
+    hada_parameter_group *it = &parameters->group[group];
+    const size_t bytes = it->floats * sizeof(float);
+    const hada_net *net = group == HADA_GROUP_NET ? desc->net : desc->critic;
+    float *values = NULL;
+    hada_status status = HADA_OK;
+    if (group < HADA_GROUP_FILTERS)
+        return hada_buffer_write(&it->values, parameters->slot, 0, net->values, bytes, err);
+    HADA_TRY(hada_alloc((void **)&values, it->floats, sizeof *values, "a depth's filters", err));
+    HADA_TRY(hada_first_filters(shape, desc, group - HADA_GROUP_FILTERS, values, err));
+    HADA_TRY(hada_buffer_write(&it->values, parameters->slot, 0, values, bytes, err));
+done:
+    free(values);
+    return status;
+}
+
+static hada_status make_group(hada_parameters *parameters, const hada_replica_shape *shape,
+                              const hada_replica_desc *desc, int group, hada_error *err)
+{
+    hada_parameter_group *it = &parameters->group[group];
+    hada_status status = HADA_OK;
+    it->version = 1;
+    it->rule = hada_group_rule(desc->options, group);
+    hada_group_sizes(shape, desc, group, &it->floats, &it->trained);
+    it->part = hada_group_part(desc, group, it->trained);
+    if (!it->trained)
+        return HADA_OK;
+    HADA_TRY(make_buffer(parameters->slot, &it->values, it->floats, err));
+    HADA_TRY(make_buffer(parameters->slot, &it->gradient, it->trained, err));
+    if (it->part.count)
+        HADA_TRY(
+            make_buffer(parameters->slot, &it->state, hada_optimizer_state_floats(&it->rule, it->part.count), err));
+    HADA_TRY(write_first(parameters, shape, desc, group, err));
+done:
+    return status;
+}
+
+hada_status hada_parameters_create(hada_parameters *parameters, hada_step_images *images, const hada_replica_desc *desc,
+                                   hada_error *err)
+{
+    const hada_replica_shape *shape = images->shape;
+    hada_status status = HADA_OK;
+    *parameters =
+        (hada_parameters){.slot = images->slot, .images = images, .layout = shape->layout, .count = shape->groups};
+    HADA_TRY(hada_alloc((void **)&parameters->group, (size_t)shape->groups, sizeof *parameters->group, "the parameters",
+                        err));
+    for (int group = 0; group < shape->groups; group++)
+        HADA_TRY(make_group(parameters, shape, desc, group, err));
+done:
+    return status;
+}
+
+void hada_parameters_destroy(hada_parameters *parameters)
+{
+    for (int group = 0; parameters->group && group < parameters->count; group++) {
+        hada_buffer_destroy(&parameters->group[group].values);
+        hada_buffer_destroy(&parameters->group[group].gradient);
+        hada_buffer_destroy(&parameters->group[group].state);
+    }
+    free(parameters->group);
+}
+
+static int has_group(const hada_parameters *parameters, int group)
+{
+    return group >= 0 && group < parameters->count && parameters->group[group].trained;
+}
+
+static hada_status no_group(int group, hada_error *err)
+{
+    return hada_fail(err, HADA_ERROR_ARGUMENT, "training: there is no group %d of parameters", group);
+}
+
+static hada_buffer *content_of(const hada_parameters *parameters, int group, hada_content content)
+{
+    hada_parameter_group *it = &parameters->group[group];
+    return content == HADA_CONTENT_VALUES ? &it->values : content == HADA_CONTENT_GRADIENT ? &it->gradient : &it->state;
+}
+
+/* Complex numbers of a channel's filter in model order. */
+static size_t row_major(const hada_parameters *parameters)
+{
+    const hada_spectrum_layout *layout = &parameters->layout;
+    return (size_t)layout->rows * (size_t)(layout->cols / 2 + 1);
+}
+
+size_t hada_parameters_floats(const hada_parameters *parameters, int group, hada_content content)
+{
+    if (!has_group(parameters, group))
+        return 0;
+    const hada_parameter_group *it = &parameters->group[group];
+    const size_t floats = content == HADA_CONTENT_VALUES     ? it->floats
+                          : content == HADA_CONTENT_GRADIENT ? it->trained
+                                                             : hada_optimizer_state_floats(&it->rule, it->trained);
+    return group < HADA_GROUP_FILTERS ? floats : floats / parameters->layout.count * row_major(parameters);
+}
+
+hada_part hada_parameters_part(const hada_parameters *parameters, int group)
+{
+    return has_group(parameters, group) ? parameters->group[group].part : (hada_part){0, 0};
+}
+
+void hada_parameters_clear(hada_parameters *parameters)
+{
+    for (int group = 0; group < parameters->count; group++)
+        parameters->group[group].clear = parameters->group[group].trained > 0;
+}
+
+int hada_parameters_accumulates(hada_parameters *parameters, int group)
+{
+    const int adds = !parameters->group[group].clear;
+    parameters->group[group].clear = 0;
+    return adds;
+}
+
+hada_status hada_parameters_settle(hada_parameters *parameters, int group, hada_error *err)
+{
+    hada_parameter_group *it = &parameters->group[group];
+    if (!it->clear)
+        return HADA_OK;
+    const hada_status status = hada_buffer_clear(&it->gradient, parameters->slot, 0, it->gradient.bytes, err);
+    it->clear = status != HADA_OK;
+    return status;
+}
+
+/* The norm over `count` parts and its factor, `at` floats behind HADA_TERM_NORM; without any part 0. */
+static hada_status norm_of(hada_parameters *parameters, const hada_gradient_part *parts, int count, size_t at,
+                           hada_error *err)
+{
+    hada_step_images *images = parameters->images;
+    const hada_floats norm = {hada_step_mem(images, HADA_STEP_TERMS), HADA_TERM_NORM + at};
+    if (count)
+        return hada_clip_gradients(parameters->slot, parts, count, 0.0f, norm, hada_step_mem(images, HADA_STEP_SCRATCH),
+                                   err);
+    return hada_buffer_clear(&images->place[HADA_STEP_TERMS], parameters->slot, norm.offset * sizeof(float),
+                             2 * sizeof(float), err);
+}
+
+static hada_status list_gradient(hada_parameters *parameters, int group, hada_gradient_part *part, hada_error *err)
+{
+    const hada_parameter_group *it = &parameters->group[group];
+    *part = (hada_gradient_part){{it->gradient.mem, 0}, it->trained};
+    return hada_parameters_settle(parameters, group, err);
+}
+
+hada_status hada_parameters_norm(hada_parameters *parameters, const unsigned char *touched, double *norm,
+                                 double *critic_norm, hada_error *err)
+{
+    float values[4] = {0.0f};
+    hada_gradient_part *parts = NULL;
+    int count = 0, critic = 0;
+    hada_status status = HADA_OK;
+    hada_slot_stage(parameters->slot, "update");
+    HADA_TRY(hada_alloc((void **)&parts, (size_t)parameters->count + 1, sizeof *parts, "the norm of gradients", err));
+    for (int group = 0; group < parameters->count; group++) {
+        if (group == HADA_GROUP_CRITIC || !parameters->group[group].trained ||
+            (group >= HADA_GROUP_FILTERS && touched && !touched[group - HADA_GROUP_FILTERS]))
+            continue;
+        HADA_TRY(list_gradient(parameters, group, &parts[count++], err));
+    }
+    HADA_TRY(norm_of(parameters, parts, count, 0, err));
+    if (parameters->group[HADA_GROUP_CRITIC].trained)
+        HADA_TRY(list_gradient(parameters, HADA_GROUP_CRITIC, &parts[critic++], err));
+    HADA_TRY(norm_of(parameters, parts, critic, 2, err));
+    HADA_TRY(hada_buffer_read(&parameters->images->place[HADA_STEP_TERMS], parameters->slot,
+                              HADA_TERM_NORM * sizeof(float), values, sizeof values, err));
+    *norm = values[0];
+    *critic_norm = values[2];
+done:
+    free(parts);
+    return status;
+}
+
+hada_status hada_parameters_update(hada_parameters *parameters, int group, uint64_t step, double rate, double scale,
+                                   hada_error *err)
+{
+    if (!has_group(parameters, group))
+        return no_group(group, err);
+    hada_parameter_group *it = &parameters->group[group];
+    hada_optimizer_desc rule = it->rule;
+    hada_status status = HADA_OK;
+    rule.scale = scale;
+    hada_slot_stage(parameters->slot, "update");
+    it->version++;
+    HADA_TRY(hada_parameters_settle(parameters, group, err));
+    if (it->part.count)
+        HADA_TRY(hada_optimizer_step(
+            parameters->slot, &rule, step, rate, (hada_floats){it->gradient.mem, it->part.first},
+            (hada_floats){it->values.mem, it->part.first}, (hada_floats){it->state.mem, 0}, it->part.count, err));
+done:
+    return status;
+}
+
+/* Images of filters in a buffer. */
+static size_t images_of(const hada_parameters *parameters, const hada_buffer *buffer)
+{
+    return buffer->bytes / (2 * sizeof(float) * parameters->layout.count);
+}
+
+/* Filters to and from the model's order, channel by channel. */
+static hada_status write_filters(hada_parameters *parameters, hada_buffer *buffer, const float *values, hada_error *err)
+{
+    const hada_spectrum_layout *layout = &parameters->layout;
+    float *device = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc_raw((void **)&device, 1, buffer->bytes, "a depth's filters", err));
+    for (size_t i = 0; i < images_of(parameters, buffer); i++)
+        hada_layout_pack(layout, values + 2 * i * row_major(parameters), device + 2 * i * layout->count);
+    HADA_TRY(hada_buffer_write(buffer, parameters->slot, 0, device, buffer->bytes, err));
+done:
+    free(device);
+    return status;
+}
+
+static hada_status read_filters(hada_parameters *parameters, const hada_buffer *buffer, float *out, hada_error *err)
+{
+    const hada_spectrum_layout *layout = &parameters->layout;
+    float *device = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc_raw((void **)&device, 1, buffer->bytes, "a depth's filters", err));
+    HADA_TRY(hada_buffer_read(buffer, parameters->slot, 0, device, buffer->bytes, err));
+    for (size_t i = 0; i < images_of(parameters, buffer); i++)
+        hada_layout_unpack(layout, device + 2 * i * layout->count, out + 2 * i * row_major(parameters));
+done:
+    free(device);
+    return status;
+}
+
+/* The arrays of a net's state, of which this replica has a part each. */
+static size_t state_arrays(const hada_parameter_group *it)
+{
+    return hada_optimizer_state_floats(&it->rule, 1);
+}
+
+static hada_status read_state(hada_parameters *parameters, const hada_parameter_group *it, float *out, hada_error *err)
+{
+    const size_t bytes = it->part.count * sizeof *out;
+    hada_status status = HADA_OK;
+    for (size_t i = 0; bytes && i < state_arrays(it); i++)
+        HADA_TRY(hada_buffer_read(&it->state, parameters->slot, i * bytes, out + i * it->trained + it->part.first,
+                                  bytes, err));
+done:
+    return status;
+}
+
+static hada_status write_state(hada_parameters *parameters, hada_parameter_group *it, const float *values,
+                               hada_error *err)
+{
+    const size_t bytes = it->part.count * sizeof *values;
+    hada_status status = HADA_OK;
+    for (size_t i = 0; bytes && i < state_arrays(it); i++)
+        HADA_TRY(hada_buffer_write(&it->state, parameters->slot, i * bytes, values + i * it->trained + it->part.first,
+                                   bytes, err));
+done:
+    return status;
+}
+
+hada_status hada_parameters_read(hada_parameters *parameters, int group, hada_content content, float *out,
+                                 hada_error *err)
+{
+    if (!has_group(parameters, group))
+        return no_group(group, err);
+    const hada_buffer *buffer = content_of(parameters, group, content);
+    hada_status status = HADA_OK;
+    if (content == HADA_CONTENT_GRADIENT)
+        HADA_TRY(hada_parameters_settle(parameters, group, err));
+    HADA_TRY(group >= HADA_GROUP_FILTERS     ? read_filters(parameters, buffer, out, err)
+             : content == HADA_CONTENT_STATE ? read_state(parameters, &parameters->group[group], out, err)
+                                             : hada_buffer_read(buffer, parameters->slot, 0, out, buffer->bytes, err));
+done:
+    return status;
+}
+
+hada_status hada_parameters_write(hada_parameters *parameters, int group, hada_content content, const float *values,
+                                  hada_error *err)
+{
+    if (!has_group(parameters, group))
+        return no_group(group, err);
+    hada_parameter_group *it = &parameters->group[group];
+    hada_buffer *buffer = content_of(parameters, group, content);
+    it->version += content == HADA_CONTENT_VALUES;
+    if (content == HADA_CONTENT_GRADIENT)
+        it->clear = 0;
+    if (group >= HADA_GROUP_FILTERS)
+        return write_filters(parameters, buffer, values, err);
+    return content == HADA_CONTENT_STATE ? write_state(parameters, it, values, err)
+                                         : hada_buffer_write(buffer, parameters->slot, 0, values, buffer->bytes, err);
+}
+
+hada_status hada_parameters_open(hada_parameters *parameters, int group, hada_content content, float *room,
+                                 float **values, hada_error *err)
+{
+    void *mapped = room;
+    hada_status status = HADA_OK;
+    *values = NULL;
+    if (!has_group(parameters, group))
+        return no_group(group, err);
+    const hada_buffer *buffer = content_of(parameters, group, content);
+    if (content == HADA_CONTENT_GRADIENT)
+        HADA_TRY(hada_parameters_settle(parameters, group, err));
+    HADA_TRY(group >= HADA_GROUP_FILTERS ? read_filters(parameters, buffer, room, err)
+                                         : hada_buffer_map(buffer, parameters->slot, &mapped, err));
+    *values = mapped;
+done:
+    return status;
+}
+
+hada_status hada_parameters_close(hada_parameters *parameters, int group, hada_content content, float *values,
+                                  hada_error *err)
+{
+    if (group >= HADA_GROUP_FILTERS)
+        return hada_parameters_write(parameters, group, content, values, err);
+    parameters->group[group].version += content == HADA_CONTENT_VALUES;
+    return hada_buffer_unmap(content_of(parameters, group, content), parameters->slot, values, err);
+}

@@ -1,0 +1,268 @@
+#include "train/replica.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/alloc.h"
+#include "train/filter_step.h"
+#include "train/losses.h"
+
+struct hada_replica {
+    hada_train_options options;
+    hada_replica_shape shape;
+    hada_step_images images;
+    hada_parameters parameters;
+    hada_filter_step filters; /* where the shape has them; so the others */
+    hada_generator generator;
+    hada_losses losses;
+};
+
+static hada_status add_graph(const hada_context *context, const hada_net *net, const hada_graph_options *options,
+                             size_t *bytes, hada_error *err)
+{
+    size_t more = 0;
+    hada_status status = hada_graph_bytes(context, net, options, &more, err);
+    *bytes += more;
+    return status;
+}
+
+hada_status hada_replica_bytes(const hada_context *context, const hada_replica_desc *desc, size_t *bytes,
+                               hada_error *err)
+{
+    hada_replica_shape shape;
+    hada_status status = HADA_OK;
+    *bytes = 0;
+    HADA_TRY(hada_replica_shape_of(context, desc, &shape, err));
+    for (int i = 0; i < HADA_STEP_PLACES; i++)
+        *bytes += shape.bytes[i];
+    for (int group = 0; group < shape.groups; group++) {
+        size_t floats, trained;
+        const hada_optimizer_desc rule = hada_group_rule(desc->options, group);
+        hada_group_sizes(&shape, desc, group, &floats, &trained);
+        const hada_part part = hada_group_part(desc, group, trained);
+        *bytes += (floats + trained + hada_optimizer_state_floats(&rule, part.count)) * sizeof(float);
+    }
+    if (shape.filters)
+        *bytes += hada_fft_bytes(context, &shape.forward) + hada_fft_bytes(context, &shape.inverse) +
+                  hada_fft_bytes(context, &shape.back);
+    if (shape.net) {
+        HADA_TRY(add_graph(context, desc->net, &shape.training, bytes, err));
+        HADA_TRY(add_graph(context, desc->net, &shape.inference, bytes, err));
+    }
+    if (shape.critic)
+        HADA_TRY(add_graph(context, desc->critic, &shape.discriminator, bytes, err));
+    if (shape.vgg)
+        HADA_TRY(add_graph(context, desc->vgg, &shape.vgg_graph, bytes, err));
+done:
+    return status;
+}
+
+hada_status hada_replica_create(hada_replica **out, hada_slot *slot, const hada_replica_desc *desc, hada_error *err)
+{
+    hada_replica *replica = NULL;
+    hada_status status = HADA_OK;
+    *out = NULL;
+    HADA_TRY(hada_alloc((void **)&replica, 1, sizeof *replica, "training", err));
+    replica->images.slot = slot;
+    replica->options = *desc->options;
+    HADA_TRY(hada_replica_shape_of(slot->context, desc, &replica->shape, err));
+    HADA_TRY(hada_step_images_create(&replica->images, slot, &replica->shape, err));
+    HADA_TRY(hada_parameters_create(&replica->parameters, &replica->images, desc, err));
+    if (replica->shape.filters)
+        HADA_TRY(hada_filter_step_create(&replica->filters, &replica->images, &replica->parameters, err));
+    if (replica->shape.net) {
+        HADA_TRY(hada_generator_create(&replica->generator, &replica->images, &replica->parameters, desc, err));
+        HADA_TRY(hada_losses_create(&replica->losses, &replica->generator, desc, &replica->options, err));
+    }
+done:
+    if (status)
+        hada_replica_destroy(&replica);
+    *out = replica;
+    return status;
+}
+
+void hada_replica_destroy(hada_replica **pointer)
+{
+    if (!pointer || !*pointer)
+        return;
+    hada_replica *replica = *pointer;
+    *pointer = NULL;
+    hada_slot_finish(replica->images.slot, NULL);
+    hada_losses_destroy(&replica->losses);
+    hada_generator_destroy(&replica->generator);
+    hada_filter_step_destroy(&replica->filters);
+    hada_parameters_destroy(&replica->parameters);
+    hada_step_images_destroy(&replica->images);
+    free(replica);
+}
+
+hada_parameters *hada_replica_parameters(hada_replica *replica)
+{
+    return &replica->parameters;
+}
+
+hada_features *hada_replica_features(hada_replica *replica)
+{
+    return &replica->losses.kept;
+}
+
+static hada_status check_samples(const hada_replica_shape *shape, const hada_sample *samples, int count, int scenes,
+                                 hada_error *err)
+{
+    if (count < 1 || count > shape->at_once)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "training: %d pairs of at most %d at once", count, shape->at_once);
+    for (int i = 0; i < count; i++) {
+        const hada_sample *sample = &samples[i];
+        if (shape->filters && (sample->depth < 0 || sample->depth >= shape->depths))
+            return hada_fail(err, HADA_ERROR_ARGUMENT, "training: a pair of depth %d of %d", sample->depth,
+                             shape->depths);
+        if (hada_image_count(sample->input) != (shape->filters ? shape->frame : shape->plane) ||
+            (scenes && hada_image_count(sample->scene) != shape->plane))
+            return hada_fail(err, HADA_ERROR_SIZE, "training: an image of another size than the model's");
+    }
+    return HADA_OK;
+}
+
+/* `count` samples: frames refocused, or planes as they are; scenes. */
+static hada_status take_samples(hada_replica *replica, const hada_sample *samples, int count, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    for (int i = 0; i < count; i++)
+        HADA_TRY(hada_step_upload(&replica->images, HADA_STEP_SCENES, samples[i].scene, i, err));
+    if (replica->shape.filters) {
+        HADA_TRY(hada_filter_step_forward(&replica->filters, samples, count, replica->shape.net, err));
+        return HADA_OK;
+    }
+    for (int i = 0; i < count; i++)
+        HADA_TRY(hada_step_upload(&replica->images, HADA_STEP_PLANES, samples[i].input, i, err));
+done:
+    return status;
+}
+
+/* A step of a net, and (joint) of the filters before it, on all at_once samples. */
+static hada_status net_step(hada_replica *replica, const hada_losses_call *call, unsigned char *touched,
+                            hada_error *err)
+{
+    const int at_once = replica->shape.at_once;
+    hada_status status = HADA_OK;
+    HADA_TRY(take_samples(replica, call->samples, at_once, err));
+    HADA_TRY(hada_generator_forward(&replica->generator, call->step, err));
+    HADA_TRY(hada_losses_run(&replica->losses, call, err));
+    if (call->critic_only)
+        return HADA_OK;
+    HADA_TRY(hada_generator_backward(&replica->generator, err));
+    if (replica->shape.filters) {
+        HADA_TRY(hada_filter_step_mask(&replica->filters, err));
+        HADA_TRY(hada_filter_step_backward(&replica->filters, call->samples, at_once,
+                                           hada_step_mem(&replica->images, HADA_STEP_PLAIN), touched, err));
+    }
+done:
+    return status;
+}
+
+/* All images of the graphs are computed: where there are fewer samples they come again. */
+static hada_status filled_step(hada_replica *replica, hada_losses_call call, unsigned char *touched, hada_error *err)
+{
+    const int at_once = replica->shape.at_once;
+    hada_sample *all = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&all, (size_t)at_once, sizeof *all, "the pairs of a step", err));
+    for (int i = 0; i < at_once; i++)
+        all[i] = call.samples[i % call.count];
+    call.samples = all;
+    HADA_TRY(net_step(replica, &call, touched, err));
+done:
+    free(all);
+    return status;
+}
+
+static hada_status filters_alone(hada_replica *replica, const hada_sample *samples, int count, double weight,
+                                 unsigned char *touched, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    HADA_TRY(take_samples(replica, samples, count, err));
+    HADA_TRY(hada_filter_step_error(&replica->filters, count, replica->options.mse * weight, err));
+    HADA_TRY(hada_filter_step_backward(&replica->filters, samples, count,
+                                       hada_step_mem(&replica->images, HADA_STEP_PLANES), touched, err));
+done:
+    return status;
+}
+
+hada_status hada_replica_backward(hada_replica *replica, const hada_sample *samples, int count, double weight,
+                                  uint64_t step, int critic_only, hada_terms *terms, unsigned char *touched,
+                                  hada_error *err)
+{
+    hada_slot *slot = replica->images.slot;
+    hada_buffer *buffer = &replica->images.place[HADA_STEP_TERMS];
+    const hada_losses_call call = {samples, count, weight, step, critic_only};
+    float values[HADA_TERM_COUNT] = {0.0f};
+    hada_status status = HADA_OK;
+    HADA_TRY(check_samples(&replica->shape, samples, count, 1, err));
+    if (critic_only && !replica->shape.critic)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "training: there is no discriminator");
+    HADA_TRY(hada_buffer_clear(buffer, slot, 0, sizeof values, err));
+    HADA_TRY(replica->shape.net ? filled_step(replica, call, touched, err)
+                                : filters_alone(replica, samples, count, weight, touched, err));
+    HADA_TRY(hada_buffer_read(buffer, slot, 0, values, sizeof values, err));
+    *terms = (hada_terms){.mse = values[HADA_TERM_MSE],
+                          .perceptual = values[HADA_TERM_PERCEPTUAL],
+                          .adversarial = values[HADA_TERM_ADVERSARIAL],
+                          .variation = values[HADA_TERM_VARIATION],
+                          .critic = (double)values[HADA_TERM_REAL] + values[HADA_TERM_FAKE]};
+done:
+    return status;
+}
+
+static hada_status make_image(const hada_replica_shape *shape, hada_image *image, hada_error *err)
+{
+    if (image->data && hada_image_count(image) == shape->plane)
+        return HADA_OK;
+    hada_image_destroy(image);
+    return hada_image_create(image, shape->channels, shape->rows, shape->cols, err);
+}
+
+static int is_black(const hada_image *image)
+{
+    for (size_t i = 0; i < hada_image_count(image); i++)
+        if (image->data[i] != 0.0f)
+            return 0;
+    return 1;
+}
+
+/* The plane that the net takes, on the device and in `out`. */
+static hada_status make_plane(hada_replica *replica, const hada_sample *sample, hada_image *out, hada_error *err)
+{
+    hada_step_images *images = &replica->images;
+    const size_t bytes = replica->shape.plane * sizeof(float);
+    hada_status status = HADA_OK;
+    if (!replica->shape.filters) {
+        memcpy(out->data, sample->input->data, bytes);
+        return hada_step_upload(images, HADA_STEP_PLANES, sample->input, 0, err);
+    }
+    HADA_TRY(hada_filter_step_forward(&replica->filters, sample, 1, 1, err));
+    HADA_TRY(hada_buffer_read(&images->place[HADA_STEP_PLANES], images->slot, 0, out->data, bytes, err));
+done:
+    return status;
+}
+
+hada_status hada_replica_forward(hada_replica *replica, const hada_sample *sample, hada_image *before,
+                                 hada_image *after, hada_error *err)
+{
+    hada_step_images *images = &replica->images;
+    const size_t bytes = replica->shape.plane * sizeof(float);
+    hada_status status = HADA_OK;
+    HADA_TRY(check_samples(&replica->shape, sample, 1, 0, err));
+    HADA_TRY(make_image(&replica->shape, after, err));
+    if (before)
+        HADA_TRY(make_image(&replica->shape, before, err));
+    HADA_TRY(make_plane(replica, sample, after, err));
+    if (before)
+        memcpy(before->data, after->data, bytes);
+    /* a plane without content stays so, as in reconstruction */
+    if (!replica->shape.net || is_black(after))
+        return HADA_OK;
+    HADA_TRY(hada_generator_infer(&replica->generator, err));
+    HADA_TRY(hada_buffer_read(&images->place[HADA_STEP_PLAIN], images->slot, 0, after->data, bytes, err));
+done:
+    return status;
+}

@@ -1,0 +1,42 @@
+/* One device's copy of what is trained, and a step on it: forward, losses, backward. Internal.
+ *
+ * Gradients of several calls of hada_replica_backward() add up until they are cleared (train/parameters.h). */
+#ifndef HADA_TRAIN_REPLICA_H
+#define HADA_TRAIN_REPLICA_H
+
+#include "train/features.h"
+#include "train/parameters.h"
+#include "train/sample.h"
+
+typedef struct hada_replica hada_replica;
+
+hada_status hada_replica_bytes(const hada_context *context, const hada_replica_desc *desc, size_t *bytes,
+                               hada_error *err);
+hada_status hada_replica_create(hada_replica **out, hada_slot *slot, const hada_replica_desc *desc, hada_error *err);
+void hada_replica_destroy(hada_replica **replica);
+
+hada_parameters *hada_replica_parameters(hada_replica *replica);
+
+/* What VGG-16 makes of scenes, as far as it is kept. */
+hada_features *hada_replica_features(hada_replica *replica);
+
+/* Forward and backward of up to at_once samples. `weight`: of each sample in the step's mean (1 / batch). `step` names
+ * the random numbers of dropout, for the call (images are counted from its first); critic_only: only the
+ * discriminator's gradients are wanted. Terms are known when it returns. `touched` (per depth, may be NULL) is set to 1
+ * where a depth's filters have a gradient.
+ *
+ * Gradients add up sample by sample in order, the same bits at every run. Batch norms take the statistics of the
+ * samples of a call, so nets that have them depend on at_once; a call with fewer than at_once samples takes as long as
+ * a full one (the samples are repeated to fill up, for the statistics alone). */
+hada_status hada_replica_backward(hada_replica *replica, const hada_sample *samples, int count, double weight,
+                                  uint64_t step, int critic_only, hada_terms *terms, unsigned char *touched,
+                                  hada_error *err);
+
+/* Forward alone, as reconstruction does it: batch norms with their running statistics, no dropout, and what is below
+ * zero becomes zero (training takes what the net and, in FILTERS, the filters give without that). `before` (FILTERS,
+ * JOINT: the linear plane; else the input; may be NULL) and `after` are created by the call at the window's size where
+ * they are empty; FILTERS has the same in both. */
+hada_status hada_replica_forward(hada_replica *replica, const hada_sample *sample, hada_image *before,
+                                 hada_image *after, hada_error *err);
+
+#endif

@@ -1,0 +1,332 @@
+#include "train/replica_shape.h"
+
+#include <stdlib.h>
+
+#include "core/alloc.h"
+#include "core/round.h"
+#include "filter/hadamard.h"
+#include "kernels/shared_train.h"
+#include "net/layer_launch.h"
+#include "net/loss.h"
+
+/* The rule's eps is negligible for filters, whose gradients are far smaller than those of nets: beside the root of the
+ * mean square, or below it. */
+#define FILTER_EPS         1e-12
+#define FILTER_EPS_SQUARED 1e-24
+
+hada_optimizer_desc hada_group_rule(const hada_train_options *options, int group)
+{
+    static const hada_optimizer rules[] = {HADA_OPTIMIZER_RMSPROP, HADA_OPTIMIZER_ADAM, HADA_OPTIMIZER_ADAMW};
+    hada_optimizer_desc rule;
+    hada_optimizer_desc_init(&rule, rules[options->rule]);
+    rule.weight_decay = options->rule == HADA_RULE_ADAMW && group < HADA_GROUP_FILTERS ? options->weight_decay : 0.0;
+    if (group >= HADA_GROUP_FILTERS)
+        rule.eps = options->rule == HADA_RULE_RMSPROP ? FILTER_EPS_SQUARED : FILTER_EPS;
+    return rule;
+}
+
+/* Whole vectors and lines of the cache. */
+hada_part hada_group_part(const hada_replica_desc *desc, int group, size_t trained)
+{
+    enum { UNIT = 64 };
+    if (desc->shares < 2 || group >= HADA_GROUP_FILTERS)
+        return (hada_part){0, trained};
+    const size_t units = trained / UNIT, share = (size_t)desc->share, shares = (size_t)desc->shares;
+    const size_t first = units * share / shares * UNIT;
+    return (hada_part){first, (share + 1 < shares ? units * (share + 1) / shares * UNIT : trained) - first};
+}
+
+void hada_group_sizes(const hada_replica_shape *shape, const hada_replica_desc *desc, int group, size_t *floats,
+                      size_t *trained)
+{
+    const hada_net *net = group == HADA_GROUP_NET ? desc->net : desc->critic;
+    *floats = *trained = 0;
+    if (group >= HADA_GROUP_FILTERS) {
+        *floats = *trained = 2 * (size_t)shape->channels * shape->layout.count;
+    } else if (group == HADA_GROUP_NET ? shape->net : shape->critic) {
+        *floats = net->floats;
+        *trained = net->trained;
+    }
+}
+
+hada_tensor hada_step_tensor(const hada_context *context, const hada_replica_shape *shape, const hada_net *net,
+                             cl_mem mem)
+{
+    return hada_tensor_at(context, mem, 0, shape->at_once * net->colours, net->layers[0].channels, shape->rows,
+                          shape->cols);
+}
+
+hada_tensor hada_step_logits(const hada_context *context, const hada_replica_shape *shape, cl_mem mem)
+{
+    return hada_tensor_at(context, mem, 0, shape->at_once, 1, shape->logits.rows, shape->logits.cols);
+}
+
+hada_tensor hada_step_features(const hada_context *context, const hada_replica_shape *shape, const hada_net *vgg,
+                               cl_mem mem)
+{
+    return hada_tensor_at(context, mem, 0, shape->at_once, vgg->layers[vgg->count - 1].channels, shape->features.rows,
+                          shape->features.cols);
+}
+
+static hada_status check(const hada_replica_desc *desc, hada_error *err)
+{
+    const hada_train_options *options = desc->options;
+    const hada_stage stage = options->stage;
+    if ((int)stage < HADA_STAGE_FILTERS || stage > HADA_STAGE_CONVENTIONAL)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "there is no stage of training %d", (int)stage);
+    if ((int)options->rule < HADA_RULE_RMSPROP || options->rule > HADA_RULE_ADAMW)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "there is no rule of training %d", (int)options->rule);
+    if (desc->at_once < 1)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "training with %d pairs at once is not possible", desc->at_once);
+    if (!desc->model || (stage != HADA_STAGE_FILTERS && !desc->net) ||
+        (stage == HADA_STAGE_ADVERSARIAL && !desc->critic))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "training needs a model%s",
+                         stage == HADA_STAGE_FILTERS       ? ""
+                         : stage == HADA_STAGE_ADVERSARIAL ? ", a net and a discriminator"
+                                                           : " and a net");
+    return HADA_OK;
+}
+
+/* The net gives images like those that it takes, and which channels the others take fits. */
+static hada_status check_net(const hada_net *net, const char *what, int channels, int rows, int cols, hada_size *out,
+                             hada_error *err)
+{
+    hada_net_info info;
+    hada_size *sizes = NULL;
+    hada_status status = HADA_OK;
+    hada_net_get_info(net, &info);
+    if (info.channels != channels)
+        return hada_fail(err, HADA_ERROR_MODEL, "the %s takes %d channel(s), but images have %d", what, info.channels,
+                         channels);
+    HADA_TRY(hada_alloc((void **)&sizes, (size_t)net->count, sizeof *sizes, "a net", err));
+    HADA_TRY(hada_net_sizes(net, rows, cols, sizes, err));
+    *out = sizes[net->count - 1];
+done:
+    if (status)
+        hada_error_prefix(err, "the %s: ", what);
+    free(sizes);
+    return status;
+}
+
+/* The form that is trained: the model's own, or what the options say. */
+static hada_status choose_form(const hada_replica_desc *desc, hada_replica_shape *shape, hada_error *err)
+{
+    const hada_form made = hada_model_get_info(desc->model)->form;
+    const hada_form own = made == HADA_FORM_SPLIT ? HADA_FORM_SPLIT : HADA_FORM_COMPLEX;
+    const int random = shape->stage == HADA_STAGE_FILTERS && desc->options->random_start;
+    shape->form = own;
+    if (shape->stage == HADA_STAGE_FILTERS && (desc->options->form || random))
+        shape->form = desc->options->form ? desc->options->form : HADA_FORM_COMPLEX;
+    if (shape->form != HADA_FORM_COMPLEX && shape->form != HADA_FORM_SPLIT)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "filters are trained in the forms complex and split");
+    if (!random && shape->form != own)
+        return hada_fail(err, HADA_ERROR_MODEL,
+                         "the model's filters are %s, those to be trained %s: start from random ones, or from a model "
+                         "of that form",
+                         hada_form_name(own), hada_form_name(shape->form));
+    return HADA_OK;
+}
+
+static hada_status filter_shape(const hada_context *context, const hada_replica_desc *desc, hada_replica_shape *shape,
+                                hada_error *err)
+{
+    const hada_model_info *info = hada_model_get_info(desc->model);
+    hada_geometry geometry;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_geometry_of(info, &geometry, err));
+    HADA_TRY(choose_form(desc, shape, err));
+    shape->frame = (size_t)info->channels * (size_t)info->raw_rows * (size_t)info->raw_cols;
+    shape->layout = hada_hadamard_layout(context, info);
+    shape->forward = (hada_fft_desc){.direction = HADA_FFT_FORWARD,
+                                     .rows = info->grid_rows,
+                                     .cols = info->grid_cols,
+                                     .batch = info->channels * shape->at_once,
+                                     .row0 = geometry.raw_row,
+                                     .col0 = geometry.raw_col,
+                                     .real_rows = info->raw_rows,
+                                     .real_cols = info->raw_cols,
+                                     .real_pitch = (size_t)info->raw_cols,
+                                     .real_distance = (size_t)info->raw_rows * (size_t)info->raw_cols};
+    shape->back = shape->forward;
+    shape->back.batch = info->channels;
+    shape->back.row0 = geometry.window_row;
+    shape->back.col0 = geometry.window_col;
+    shape->back.real_rows = info->window_rows;
+    shape->back.real_cols = info->window_cols;
+    shape->back.real_pitch = (size_t)info->window_cols;
+    shape->back.real_distance = shape->pixels;
+    shape->inverse = shape->back;
+    shape->inverse.direction = HADA_FFT_INVERSE;
+done:
+    return status;
+}
+
+static hada_status net_shape(const hada_replica_desc *desc, hada_replica_shape *shape, hada_error *err)
+{
+    const hada_train_options *options = desc->options;
+    hada_net_info info;
+    hada_size out = {0, 0};
+    hada_status status = HADA_OK;
+    shape->net_rows = options->net_rows ? options->net_rows : shape->rows;
+    shape->net_cols = options->net_cols ? options->net_cols : shape->cols;
+    shape->resized = shape->net_rows != shape->rows || shape->net_cols != shape->cols;
+    hada_net_get_info(desc->net, &info);
+    HADA_TRY(check_net(desc->net, "net", shape->channels, shape->net_rows, shape->net_cols, &out, err));
+    if (info.out_channels != shape->channels || out.rows != shape->net_rows || out.cols != shape->net_cols)
+        return hada_fail(err, HADA_ERROR_MODEL, "the net makes %d channel(s) of %d x %d pixels of %d of %d x %d",
+                         info.out_channels, out.rows, out.cols, shape->channels, shape->net_rows, shape->net_cols);
+    shape->training = (hada_graph_options){.images = shape->at_once,
+                                           .rows = shape->net_rows,
+                                           .cols = shape->net_cols,
+                                           .training = 1,
+                                           .weight_gradients = 1,
+                                           .input_gradient = shape->filters,
+                                           .recompute = options->recompute};
+    shape->inference = (hada_graph_options){.images = 1, .rows = shape->net_rows, .cols = shape->net_cols};
+done:
+    return status;
+}
+
+static hada_status loss_shapes(const hada_replica_desc *desc, hada_replica_shape *shape, hada_error *err)
+{
+    hada_net_info info;
+    hada_status status = HADA_OK;
+    const hada_graph_options options = {.images = shape->at_once,
+                                        .rows = shape->rows,
+                                        .cols = shape->cols,
+                                        .training = 1,
+                                        .input_gradient = 1,
+                                        .recompute = desc->options->recompute};
+    shape->discriminator = shape->vgg_graph = options;
+    shape->discriminator.weight_gradients = 1;
+    if (shape->critic) {
+        hada_net_get_info(desc->critic, &info);
+        shape->conditioned = info.channels == 2 * shape->channels;
+        HADA_TRY(check_net(desc->critic, "discriminator", shape->channels << shape->conditioned, shape->rows,
+                           shape->cols, &shape->logits, err));
+        if (info.out_channels != 1)
+            return hada_fail(err, HADA_ERROR_MODEL, "a discriminator gives one channel of logits, not %d",
+                             info.out_channels);
+    }
+    if (shape->vgg) {
+        if (shape->channels != 1 && shape->channels != 3)
+            return hada_fail(err, HADA_ERROR_MODEL,
+                             "the perceptual loss takes images of one or three channels, not %d: leave it out",
+                             shape->channels);
+        HADA_TRY(
+            check_net(desc->vgg, "net of the perceptual loss", 3, shape->rows, shape->cols, &shape->features, err));
+    }
+done:
+    return status;
+}
+
+static size_t tensor_bytes(const hada_tensor *tensor)
+{
+    return (size_t)tensor->images * tensor->image_stride * sizeof(float);
+}
+
+static void at_least(size_t *bytes, size_t wanted)
+{
+    if (*bytes < wanted)
+        *bytes = wanted;
+}
+
+static void filter_buffers(hada_replica_shape *shape)
+{
+    const size_t at_once = (size_t)shape->at_once, channels = (size_t)shape->channels, count = shape->layout.count;
+    const size_t items = hada_divide_up(at_once * shape->plane, HADA_TRAIN_RUN);
+    shape->bytes[HADA_STEP_RAW] = at_once * shape->frame * sizeof(float);
+    shape->bytes[HADA_STEP_SPECTRA] = at_once * channels * count * 2 * sizeof(float);
+    shape->bytes[HADA_STEP_PLANE_SPECTRUM] = channels * count * 2 * sizeof(float);
+    shape->bytes[HADA_STEP_COLUMN_WEIGHTS] = count * sizeof(float);
+    at_least(&shape->bytes[HADA_STEP_SCRATCH], (items + hada_sum_scratch(items)) * sizeof(float));
+}
+
+static void net_buffers(const hada_context *context, const hada_replica_desc *desc, hada_replica_shape *shape)
+{
+    const hada_tensor out = hada_step_tensor(context, shape, desc->net, NULL);
+    const hada_loss_desc loss = {.loss = HADA_LOSS_MSE};
+    const size_t tensor = tensor_bytes(&out), at_once = (size_t)shape->at_once;
+    size_t *bytes = shape->bytes;
+    bytes[HADA_STEP_PLAIN] = at_once * shape->plane * sizeof(float);
+    bytes[HADA_STEP_TARGET] = tensor;
+    if (shape->resized)
+        bytes[HADA_STEP_INPUT] = bytes[HADA_STEP_OUTPUT] = bytes[HADA_STEP_OUTPUT_GRADIENT] = tensor;
+    at_least(&bytes[HADA_STEP_SCRATCH], hada_loss_scratch(&loss, &out));
+    if (shape->critic || shape->vgg)
+        bytes[HADA_STEP_TERM_GRADIENT] = tensor;
+    if (shape->critic) {
+        const hada_tensor logits = hada_step_logits(context, shape, NULL);
+        bytes[HADA_STEP_FAKE] = bytes[HADA_STEP_REAL] = tensor_bytes(&logits);
+        at_least(&bytes[HADA_STEP_SCRATCH], hada_loss_scratch(&loss, &logits));
+    }
+    if (shape->conditioned)
+        bytes[HADA_STEP_CONDITIONED] = 2 * at_once * shape->plane * sizeof(float);
+    if (!shape->vgg)
+        return;
+    const hada_tensor features = hada_step_features(context, shape, desc->vgg, NULL);
+    bytes[HADA_STEP_FEATURES] = tensor_bytes(&features);
+    bytes[HADA_STEP_VGG] = desc->vgg->floats * sizeof(float);
+    at_least(&bytes[HADA_STEP_PLAIN], at_once * 3 * shape->pixels * sizeof(float));
+    at_least(&bytes[HADA_STEP_SCRATCH], hada_loss_scratch(&loss, &features));
+}
+
+/* Scratch for the norm of all groups together. */
+static hada_status norm_buffer(const hada_replica_desc *desc, hada_replica_shape *shape, hada_error *err)
+{
+    hada_gradient_part *parts = NULL;
+    int count = 0;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&parts, (size_t)shape->groups, sizeof *parts, "the norm of gradients", err));
+    for (int group = 0; group < shape->groups; group++) {
+        size_t floats;
+        hada_group_sizes(shape, desc, group, &floats, &parts[count].count);
+        count += parts[count].count > 0;
+    }
+    at_least(&shape->bytes[HADA_STEP_SCRATCH], hada_clip_scratch(parts, count));
+done:
+    free(parts);
+    return status;
+}
+
+static void base_shape(const hada_replica_desc *desc, hada_replica_shape *shape)
+{
+    const hada_model_info *info = hada_model_get_info(desc->model);
+    const hada_stage stage = desc->options->stage;
+    *shape = (hada_replica_shape){.stage = stage,
+                                  .channels = info->channels,
+                                  .rows = info->window_rows,
+                                  .cols = info->window_cols,
+                                  .at_once = desc->at_once,
+                                  .depths = info->depths,
+                                  .filters = stage == HADA_STAGE_FILTERS || stage == HADA_STAGE_JOINT,
+                                  .net = stage != HADA_STAGE_FILTERS};
+    shape->critic = shape->net && desc->critic;
+    shape->vgg = shape->net && desc->vgg && desc->options->perceptual > 0.0;
+    shape->pixels = (size_t)shape->rows * (size_t)shape->cols;
+    shape->plane = shape->pixels * (size_t)shape->channels;
+    shape->groups = HADA_GROUP_FILTERS + (shape->filters ? shape->depths : 0);
+    shape->bytes[HADA_STEP_PLANES] = shape->bytes[HADA_STEP_SCENES] =
+        (size_t)shape->at_once * shape->plane * sizeof(float);
+    shape->bytes[HADA_STEP_TERMS] = HADA_TERM_FLOATS * sizeof(float);
+}
+
+hada_status hada_replica_shape_of(const hada_context *context, const hada_replica_desc *desc, hada_replica_shape *shape,
+                                  hada_error *err)
+{
+    hada_status status = HADA_OK;
+    HADA_TRY(check(desc, err));
+    base_shape(desc, shape);
+    if (shape->filters)
+        HADA_TRY(filter_shape(context, desc, shape, err));
+    if (shape->net)
+        HADA_TRY(net_shape(desc, shape, err));
+    HADA_TRY(loss_shapes(desc, shape, err));
+    if (shape->filters)
+        filter_buffers(shape);
+    if (shape->net)
+        net_buffers(context, desc, shape);
+    HADA_TRY(norm_buffer(desc, shape, err));
+done:
+    return status;
+}

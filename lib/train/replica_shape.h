@@ -1,0 +1,112 @@
+/* What a replica is made from, and its sizes and bytes before anything is allocated. Internal.
+ *
+ * A replica is one device's copy of what is trained, with all that a step needs. Images stand on the device in two
+ * ways: as plain floats [image][channel][row][col], for transforms and transfers, and as tensors, for nets and losses.
+ * A net shared by colours sees images x colours images of fewer channels, whose plain floats are the same. */
+#ifndef HADA_TRAIN_REPLICA_SHAPE_H
+#define HADA_TRAIN_REPLICA_SHAPE_H
+
+#include <hadalens/train.h>
+
+#include "fft/fft.h"
+#include "model/model.h"
+#include "net/graph.h"
+#include "net/optimizer.h"
+
+/* Groups of parameters; HADA_GROUP_FILTERS + z: the filters of depth z. */
+typedef enum hada_group { HADA_GROUP_NET = 0, HADA_GROUP_CRITIC = 1, HADA_GROUP_FILTERS = 2 } hada_group;
+
+/* Floats of a group that are trained. */
+typedef struct hada_part {
+    size_t first, count;
+} hada_part;
+
+/* `net`, `critic` and `vgg` may be NULL where the stage has none; copied values, lists must live as long. `model` gives
+ * the sizes, and for FILTERS and JOINT the start of the filters; with `random_start` those of FILTERS start from normal
+ * numbers (real and imaginary parts, deviation 0.05: planes of about 7 % of the frames' contrast), symmetric as
+ * those of a real kernel. It may go once the replica is made. */
+typedef struct hada_replica_desc {
+    const hada_model *model;
+    const hada_train_options *options;
+    const hada_net *net, *critic, *vgg;
+    int at_once; /* samples of one call, at most */
+    /* Several replicas update the same values: of the nets' values this one updates share number `share` of `shares`
+     * (0: all), and holds the optimiser's states of these alone; of filters it updates all. */
+    int share, shares;
+    /* Features of the scenes number 1 ... `scenes` are kept on the host, up to so many bytes: the perceptual term then
+     * runs VGG-16 once instead of twice, with the same bits. 0: none are. */
+    size_t scenes, feature_bytes;
+} hada_replica_desc;
+
+/* Where images and numbers of a step stand on the device. */
+typedef enum hada_step_place {
+    HADA_STEP_RAW,             /* filters: raw frames of a call */
+    HADA_STEP_SPECTRA,         /* filters: their spectra */
+    HADA_STEP_PLANE_SPECTRUM,  /* filters: the spectrum of the gradient of one plane */
+    HADA_STEP_COLUMN_WEIGHTS,  /* filters: how often a value of a half spectrum counts */
+    HADA_STEP_PLANES,          /* what the net sees; plain */
+    HADA_STEP_SCENES,          /* plain */
+    HADA_STEP_PLAIN,           /* nets: outputs and gradients on their way between graphs; plain */
+    HADA_STEP_INPUT,           /* net at another size: its input at the window's size */
+    HADA_STEP_OUTPUT,          /* the same: its output */
+    HADA_STEP_OUTPUT_GRADIENT, /* the same: the gradient of that */
+    HADA_STEP_TARGET,          /* nets: scenes as a tensor */
+    HADA_STEP_TERM_GRADIENT,   /* a term's gradient that comes back from the discriminator or VGG-16 */
+    HADA_STEP_FEATURES,        /* VGG-16: features of the scenes */
+    HADA_STEP_VGG,             /* its weights */
+    HADA_STEP_CONDITIONED,     /* discriminator that sees planes as well: plane and image of each sample; plain */
+    HADA_STEP_FAKE,            /* discriminator: labels of what the net made, 0 */
+    HADA_STEP_REAL,            /* of scenes, 1 */
+    HADA_STEP_TERMS,           /* values of the terms, then norms */
+    HADA_STEP_SCRATCH,         /* of sums */
+    HADA_STEP_PLACES
+} hada_step_place;
+
+/* Values in HADA_STEP_TERMS. */
+enum {
+    HADA_TERM_MSE,
+    HADA_TERM_PERCEPTUAL,
+    HADA_TERM_ADVERSARIAL,
+    HADA_TERM_VARIATION,
+    HADA_TERM_REAL,
+    HADA_TERM_FAKE,
+    HADA_TERM_COUNT,
+    HADA_TERM_NORM = HADA_TERM_COUNT, /* the norm and its factor, twice */
+    HADA_TERM_FLOATS = HADA_TERM_NORM + 4
+};
+
+typedef struct hada_replica_shape {
+    hada_stage stage;
+    int channels, rows, cols; /* of the window */
+    int at_once, depths;
+    int filters, net, critic, vgg; /* 1: there are some */
+    int conditioned;               /* the discriminator sees the plane beside the image */
+    size_t pixels, plane;          /* of the window; floats of all its channels */
+    size_t frame;                  /* floats of a raw frame, all channels */
+    hada_form form;
+    hada_spectrum_layout layout;
+    hada_fft_desc forward, inverse, back; /* frames; planes; gradients of planes */
+    int net_rows, net_cols, resized;
+    hada_size features, logits;
+    hada_graph_options training, inference, discriminator, vgg_graph; /* of the net, of the net for one image, ... */
+    size_t bytes[HADA_STEP_PLACES];
+    int groups;
+} hada_replica_shape;
+
+hada_status hada_replica_shape_of(const hada_context *context, const hada_replica_desc *desc, hada_replica_shape *shape,
+                                  hada_error *err);
+
+/* Floats that a group holds on the device: all its values, and those that are trained. */
+void hada_group_sizes(const hada_replica_shape *shape, const hada_replica_desc *desc, int group, size_t *floats,
+                      size_t *trained);
+hada_optimizer_desc hada_group_rule(const hada_train_options *options, int group);
+hada_part hada_group_part(const hada_replica_desc *desc, int group, size_t trained);
+
+/* Images of the window for a net, and what the discriminator and VGG-16 make of them. */
+hada_tensor hada_step_tensor(const hada_context *context, const hada_replica_shape *shape, const hada_net *net,
+                             cl_mem mem);
+hada_tensor hada_step_logits(const hada_context *context, const hada_replica_shape *shape, cl_mem mem);
+hada_tensor hada_step_features(const hada_context *context, const hada_replica_shape *shape, const hada_net *vgg,
+                               cl_mem mem);
+
+#endif

@@ -1,0 +1,81 @@
+#include "train/snapshot.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/alloc.h"
+
+hada_status hada_snapshot_create(hada_snapshot *snapshot, hada_workers *workers, const hada_progress *progress,
+                                 hada_error *err)
+{
+    const size_t groups = (size_t)workers->groups;
+    hada_status status = HADA_OK;
+    *snapshot = (hada_snapshot){.groups = workers->groups};
+    HADA_TRY(hada_alloc((void **)&snapshot->values, groups, sizeof *snapshot->values, "a snapshot", err));
+    HADA_TRY(hada_alloc((void **)&snapshot->states, groups, sizeof *snapshot->states, "a snapshot", err));
+    HADA_TRY(hada_alloc((void **)&snapshot->dirty, groups, 1, "a snapshot", err));
+    HADA_TRY(hada_alloc((void **)&snapshot->group_steps, groups, sizeof *snapshot->group_steps, "a snapshot", err));
+    for (int g = 0; g < workers->groups; g++) {
+        HADA_TRY(hada_alloc_raw((void **)&snapshot->values[g], hada_workers_floats(workers, g, HADA_CONTENT_VALUES),
+                                sizeof(float), "a copy of the parameters", err));
+        HADA_TRY(hada_alloc_raw((void **)&snapshot->states[g], hada_workers_floats(workers, g, HADA_CONTENT_STATE),
+                                sizeof(float), "a copy of the optimiser's state", err));
+        snapshot->dirty[g] = 1;
+    }
+    HADA_TRY(hada_snapshot_take(snapshot, workers, progress, err));
+done:
+    return status;
+}
+
+void hada_snapshot_free(hada_snapshot *snapshot)
+{
+    for (int g = 0; g < snapshot->groups; g++) {
+        if (snapshot->values)
+            free(snapshot->values[g]);
+        if (snapshot->states)
+            free(snapshot->states[g]);
+    }
+    free(snapshot->values);
+    free(snapshot->states);
+    free(snapshot->dirty);
+    free(snapshot->group_steps);
+    *snapshot = (hada_snapshot){0};
+}
+
+hada_status hada_snapshot_take(hada_snapshot *snapshot, hada_workers *workers, const hada_progress *progress,
+                               hada_error *err)
+{
+    hada_status status = HADA_OK;
+    for (int g = 0; g < workers->groups; g++) {
+        if (!snapshot->dirty[g] || !hada_workers_have(workers, g))
+            continue;
+        HADA_TRY(hada_workers_read(workers, g, HADA_CONTENT_VALUES, snapshot->values[g], err));
+        HADA_TRY(hada_workers_read(workers, g, HADA_CONTENT_STATE, snapshot->states[g], err));
+        snapshot->dirty[g] = 0;
+    }
+    snapshot->step = progress->step;
+    memcpy(snapshot->group_steps, progress->group_steps, (size_t)workers->groups * sizeof *snapshot->group_steps);
+done:
+    return status;
+}
+
+hada_status hada_snapshot_give(const hada_snapshot *snapshot, hada_workers *workers, int group, hada_error *err)
+{
+    return hada_workers_write(workers, group, snapshot->values[group], snapshot->states[group], err);
+}
+
+hada_status hada_snapshot_restore(hada_snapshot *snapshot, hada_workers *workers, hada_progress *progress,
+                                  hada_error *err)
+{
+    hada_status status = HADA_OK;
+    for (int g = 0; g < workers->groups; g++) {
+        /* Batch norms change with every forward pass in training, not with updates alone. */
+        if (snapshot->dirty[g] || g == HADA_GROUP_NET)
+            HADA_TRY(hada_snapshot_give(snapshot, workers, g, err));
+        snapshot->dirty[g] = 0;
+    }
+    progress->step = snapshot->step;
+    memcpy(progress->group_steps, snapshot->group_steps, (size_t)workers->groups * sizeof *snapshot->group_steps);
+done:
+    return status;
+}

@@ -1,0 +1,197 @@
+#include "train/train_options.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "core/options.h"
+#include "net/optimizer.h"
+#include "train/augment.h"
+
+int hada_stage_has_net(hada_stage stage)
+{
+    return stage != HADA_STAGE_FILTERS;
+}
+
+int hada_stage_has_critic(const hada_train_options *options)
+{
+    return options->stage == HADA_STAGE_ADVERSARIAL ||
+           (options->stage == HADA_STAGE_JOINT && options->adversarial > 0.0);
+}
+
+int hada_stage_has_planes(hada_stage stage)
+{
+    return stage == HADA_STAGE_ENHANCE || stage == HADA_STAGE_ADVERSARIAL;
+}
+
+int hada_stage_keeps(const hada_augment *augment)
+{
+    return !augment->shift && !augment->flips && augment->noise <= 0.0 && augment->exposure <= 0.0;
+}
+
+void hada_train_options_defaults(hada_train_options *options, size_t size, hada_stage stage)
+{
+    /* with a net that knows much */
+    const double rate = stage == HADA_STAGE_ADVERSARIAL ? 2e-4 : stage == HADA_STAGE_JOINT ? 1e-4 : 1e-3;
+    const hada_train_options own = {.size = sizeof own,
+                                    .stage = stage,
+                                    .seed = 1,
+                                    .net = "compact",
+                                    .critic = "patch",
+                                    .steps = stage == HADA_STAGE_ADVERSARIAL ? 300 : 1000,
+                                    .batch = 4,
+                                    .at_once = HADA_AUTO,
+                                    .rule = HADA_RULE_ADAM,
+                                    .rate = rate,
+                                    .filter_rate = HADA_AUTO,
+                                    .critic_rate = HADA_AUTO,
+                                    .schedule = HADA_RATE_COSINE,
+                                    .last_rate = 0.02,
+                                    .warmup = 20,
+                                    .clip = stage == HADA_STAGE_FILTERS ? 0.0 : 0.1,
+                                    .mse = 1.5,
+                                    .perceptual = 0.1,
+                                    .adversarial = stage == HADA_STAGE_ADVERSARIAL ? HADA_AUTO : 0.0,
+                                    .variation = 5e-7,
+                                    .critic_steps = stage == HADA_STAGE_ADVERSARIAL ? 60 : 0};
+    HADA_OPTIONS_GIVE(options, size, &own);
+}
+
+static int is_rate(double rate)
+{
+    return isfinite(rate) && rate > 0.0;
+}
+
+static int is_weight(double weight)
+{
+    return isfinite(weight) && weight >= 0.0;
+}
+
+static hada_schedule schedule_of(const hada_train_options *options)
+{
+    const uint64_t after = options->steps > options->warmup ? options->steps - options->warmup : 1;
+    return (hada_schedule){.kind = (hada_schedule_kind)options->schedule,
+                           .rate = 1.0,
+                           .factor = options->last_rate,
+                           .last = options->last_rate,
+                           .period = options->schedule == HADA_RATE_COSINE ? after : options->rate_period,
+                           .warmup = options->warmup,
+                           .warmup_from = 0.1};
+}
+
+double hada_train_rate(const hada_train_options *options, uint64_t step)
+{
+    const hada_schedule schedule = schedule_of(options);
+    return hada_schedule_rate(&schedule, step);
+}
+
+static hada_status check_numbers(const hada_train_options *options, hada_error *err)
+{
+    if (!options->steps)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "training needs at least one step");
+    if (options->batch < 1 || options->batch > 4096 || (options->at_once < 1 && options->at_once != HADA_AUTO) ||
+        options->at_once > options->batch)
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "a step takes 1 to 4096 pairs, and at most as many at once; not %d and %d", options->batch,
+                         options->at_once);
+    if ((int)options->rule < HADA_RULE_RMSPROP || options->rule > HADA_RULE_ADAMW)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "there is no rule %d", (int)options->rule);
+    if (!is_rate(options->rate) || !is_rate(options->filter_rate) || !is_rate(options->critic_rate))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "learning rates are above 0; not %g, %g, %g", options->rate,
+                         options->filter_rate, options->critic_rate);
+    if (!is_weight(options->clip) || !is_weight(options->weight_decay) || !is_weight(options->last_rate))
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "clipping, weight decay and the last rate are not below 0; not %g, %g, %g", options->clip,
+                         options->weight_decay, options->last_rate);
+    if (!is_weight(options->mse) || !is_weight(options->perceptual) || !is_weight(options->adversarial) ||
+        !is_weight(options->variation))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "weights of losses are not below 0; not %g, %g, %g, %g",
+                         options->mse, options->perceptual, options->adversarial, options->variation);
+    if (options->net_rows < 0 || options->net_cols < 0 || !options->net_rows != !options->net_cols)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "a net cannot run at %d x %d pixels", options->net_rows,
+                         options->net_cols);
+    const hada_schedule schedule = schedule_of(options);
+    return hada_schedule_validate(&schedule, err);
+}
+
+/* FILTERS: the form that is trained. */
+static hada_status settle_form(hada_train_options *options, const hada_model_info *info, hada_error *err)
+{
+    const hada_form own = info->form == HADA_FORM_SPLIT ? HADA_FORM_SPLIT : HADA_FORM_COMPLEX;
+    if (options->random_start && options->stage != HADA_STAGE_FILTERS)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "a random start is for the stage that trains filters alone");
+    if (!options->form)
+        options->form = options->random_start ? HADA_FORM_COMPLEX : own;
+    if (options->form != HADA_FORM_COMPLEX && options->form != HADA_FORM_SPLIT)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "filters of the forms complex and split can be trained");
+    if (!options->random_start && options->form != own)
+        return hada_fail(err, HADA_ERROR_MODEL, "the model's filters have the form %s: train that, or start at random",
+                         own == HADA_FORM_SPLIT ? "split" : "complex");
+    return HADA_OK;
+}
+
+static hada_status take_augment(hada_augment *augment, const hada_augment *given, hada_stage stage,
+                                const hada_model_info *info, hada_error *err)
+{
+    enum { BOTH_SIDES = 3 };
+    hada_status status = HADA_OK;
+    hada_augment_init(augment);
+    HADA_TRY(HADA_OPTIONS_TAKE(augment, given, hada_augment, err));
+    if (augment->plane_flips == HADA_AUTO)
+        augment->plane_flips = hada_stage_has_planes(stage) ? BOTH_SIDES : 0;
+    HADA_TRY(hada_augment_check(augment, info, err));
+done:
+    return status;
+}
+
+/* Rates and weights that the caller leaves open (docs/training.md). */
+static void settle_rates(hada_train_options *options)
+{
+    const int paper = options->critic && !strcmp(options->critic, "paper");
+    if (options->filter_rate == HADA_AUTO) /* filters have values around 1; those of a fit need little */
+        options->filter_rate = options->random_start ? 0.1 : 1e-3;
+    if (options->critic_rate == HADA_AUTO) /* fully connected layers die at more */
+        options->critic_rate = paper ? 3e-4 : 1e-3;
+    if (options->adversarial == HADA_AUTO) /* the authors', for the discriminator that they had */
+        options->adversarial = paper ? 8e-3 : 2e-3;
+}
+
+/* What the stage has no use for is off, and what it must have is on. */
+static void settle_stage(hada_train_options *options, const hada_model_info *info)
+{
+    if (!options->vgg)
+        options->perceptual = 0.0;
+    if (!hada_stage_has_critic(options)) {
+        options->adversarial = 0.0;
+        options->critic_steps = 0;
+    }
+    if (options->stage == HADA_STAGE_FILTERS)
+        options->perceptual = options->variation = 0.0;
+    if (options->stage == HADA_STAGE_CONVENTIONAL || !info->enhance)
+        options->new_net = 1;
+    if (!options->net_rows && !options->new_net) {
+        options->net_rows = info->enhance_rows;
+        options->net_cols = info->enhance_cols;
+    }
+}
+
+hada_status hada_train_options_settle(hada_train_options *options, hada_augment *augment,
+                                      const hada_train_options *callers, const hada_model *model, hada_error *err)
+{
+    const hada_model_info *info = hada_model_get_info(model);
+    hada_status status = HADA_OK;
+    hada_train_options_init(options, callers->stage);
+    HADA_TRY(HADA_OPTIONS_TAKE(options, callers, hada_train_options, err));
+    const hada_augment *given = options->augment;
+    options->augment = augment;
+    if ((int)options->stage < HADA_STAGE_FILTERS || options->stage > HADA_STAGE_CONVENTIONAL)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "there is no stage %d", (int)options->stage);
+    settle_rates(options);
+    HADA_TRY(check_numbers(options, err));
+    HADA_TRY(take_augment(augment, given, options->stage, info, err));
+    HADA_TRY(settle_form(options, info, err));
+    settle_stage(options, info);
+    if (!(options->mse + options->perceptual + options->adversarial + options->variation > 0.0))
+        status = hada_fail(err, HADA_ERROR_ARGUMENT, "all losses are off; give one of them a weight");
+done:
+    return status;
+}

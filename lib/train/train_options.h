@@ -1,0 +1,25 @@
+/* The options of a training, taken over, and what its stage needs. Internal. */
+#ifndef HADA_TRAIN_TRAIN_OPTIONS_H
+#define HADA_TRAIN_TRAIN_OPTIONS_H
+
+#include <hadalens/train.h>
+
+/* The caller's options taken over; options->augment becomes `augment`. What is left open is filled in: the form, the
+ * net's size; at_once stays open where it was. */
+hada_status hada_train_options_settle(hada_train_options *options, hada_augment *augment,
+                                      const hada_train_options *callers, const hada_model *model, hada_error *err);
+
+int hada_stage_has_net(hada_stage stage);
+int hada_stage_has_critic(const hada_train_options *options);
+int hada_stage_has_planes(hada_stage stage);
+
+/* Nothing but the pair itself decides what a replica takes of it (flips of planes apart), so it can be kept. */
+int hada_stage_keeps(const hada_augment *augment);
+
+/* Ways in which a scene is flipped: features of each are kept. */
+enum { HADA_FLIPPED_WAYS = 4 };
+
+/* The share of the rates at a step (counted from 0), before any rollback. */
+double hada_train_rate(const hada_train_options *options, uint64_t step);
+
+#endif

@@ -1,0 +1,138 @@
+#include "train/train_pairs.h"
+
+#include <string.h>
+
+#include "core/options.h"
+#include "core/random.h"
+
+void hada_pairs_defaults(hada_pairs *pairs, size_t size)
+{
+    const hada_pairs own = {.size = sizeof own};
+    HADA_OPTIONS_GIVE(pairs, size, &own);
+}
+
+uint64_t hada_pairs_total(const hada_pairs *pairs)
+{
+    uint64_t total = 0;
+    for (int z = 0; z < pairs->depths; z++)
+        total += (uint64_t)pairs->counts[z];
+    return total;
+}
+
+void hada_pairs_find(const hada_pairs *pairs, uint64_t index, int *depth, int *pair)
+{
+    *depth = 0;
+    while (index >= (uint64_t)pairs->counts[*depth])
+        index -= (uint64_t)pairs->counts[(*depth)++];
+    *pair = (int)index;
+}
+
+enum { ROUNDS = 6 };
+
+/* A Feistel network on 2 * half bits (Luby and Rackoff, "How to construct pseudorandom permutations from pseudorandom
+ * functions", 1988): a permutation, whatever the keys. */
+static uint64_t scramble(uint64_t value, int half, const uint32_t *keys)
+{
+    const uint32_t mask = (uint32_t)((UINT64_C(1) << half) - 1);
+    uint32_t left = (uint32_t)(value >> half), right = (uint32_t)value & mask;
+    for (int i = 0; i < ROUNDS; i++) {
+        uint32_t mix = (right + keys[i]) * UINT32_C(0x9e3779b1);
+        mix = (mix ^ (mix >> 15)) * UINT32_C(0x85ebca77);
+        mix ^= mix >> 13;
+        const uint32_t next = left ^ (mix & mask);
+        left = right;
+        right = next;
+    }
+    return (uint64_t)left << half | right;
+}
+
+void hada_order_pair(const hada_pairs *pairs, uint64_t seed, uint64_t place, int *depth, int *pair)
+{
+    const uint64_t total = hada_pairs_total(pairs);
+    uint32_t keys[ROUNDS];
+    hada_random random;
+    int half = 1;
+    while (half < 32 && UINT64_C(1) << (2 * half) < total)
+        half++;
+    hada_random_seed(&random, seed, place / total);
+    for (int i = 0; i < ROUNDS; i++)
+        keys[i] = hada_random_bits(&random);
+    /* Values beyond the list lead on to others until one is on it: still a permutation. */
+    uint64_t index = place % total;
+    do
+        index = scramble(index, half, keys);
+    while (index >= total);
+    hada_pairs_find(pairs, index, depth, pair);
+}
+
+static hada_status check(const hada_model_info *info, hada_image *raw, hada_image *scene, hada_error *err)
+{
+    if (raw->channels != info->channels || raw->rows != info->raw_rows || raw->cols != info->raw_cols)
+        return hada_fail(err, HADA_ERROR_MODEL,
+                         "the raw frame has %d channel(s) and %d x %d pixels, the model wants %d and %d x %d",
+                         raw->channels, raw->rows, raw->cols, info->channels, info->raw_rows, info->raw_cols);
+    const int whole = scene->rows == info->raw_rows && scene->cols == info->raw_cols;
+    if (scene->channels != info->channels ||
+        (!whole && (scene->rows != info->window_rows || scene->cols != info->window_cols)))
+        return hada_fail(err, HADA_ERROR_MODEL,
+                         "the scene has %d channel(s) and %d x %d pixels; the model wants %d and its window's, %d x %d "
+                         "(or the frame's)",
+                         scene->channels, scene->rows, scene->cols, info->channels, info->window_rows,
+                         info->window_cols);
+    const size_t bad = hada_image_count_not_finite(raw) + hada_image_count_not_finite(scene);
+    return bad ? hada_fail(err, HADA_ERROR_NOT_FINITE,
+                           "%zu pixels are NaN or infinite; mend the file, or leave the "
+                           "pair out",
+                           bad)
+               : HADA_OK;
+}
+
+void hada_pairs_name(const hada_model_info *info, int depth, int pair, hada_error *err)
+{
+    if (err)
+        hada_error_prefix(err, "pair %d of the depth at %d mm: ", pair + 1, (int)(info->distances_mm[depth] + 0.5));
+}
+
+hada_status hada_pairs_load(const hada_pairs *pairs, const hada_model_info *info, int depth, int pair, hada_image *raw,
+                            hada_image *scene, hada_error *err)
+{
+    *raw = *scene = (hada_image){0};
+    hada_status status = pairs->read(pairs->user, depth, pair, raw, scene, err);
+    return status ? status : check(info, raw, scene, err);
+}
+
+/* The centre of a scene that is larger than the window. */
+hada_status hada_pairs_crop(const hada_model_info *info, hada_image *scene, hada_error *err)
+{
+    const int rows = info->window_rows, cols = info->window_cols;
+    hada_image window;
+    if (scene->rows == rows && scene->cols == cols)
+        return HADA_OK;
+    hada_status status = hada_image_create(&window, scene->channels, rows, cols, err);
+    if (status)
+        return status;
+    const size_t row0 = (size_t)(scene->rows - rows) / 2, col0 = (size_t)(scene->cols - cols) / 2;
+    for (size_t c = 0; c < (size_t)scene->channels; c++)
+        for (size_t row = 0; row < (size_t)rows; row++)
+            memcpy(window.data + (c * (size_t)rows + row) * (size_t)cols,
+                   scene->data + (c * (size_t)scene->rows + row0 + row) * (size_t)scene->cols + col0,
+                   (size_t)cols * sizeof(float));
+    hada_image_destroy(scene);
+    *scene = window;
+    return HADA_OK;
+}
+
+hada_status hada_pairs_read(const hada_pairs *pairs, const hada_model_info *info, int depth, int pair, hada_image *raw,
+                            hada_image *scene, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_pairs_load(pairs, info, depth, pair, raw, scene, err));
+    HADA_TRY(hada_pairs_crop(info, scene, err));
+done:
+    if (status) {
+        hada_image_destroy(raw);
+        hada_image_destroy(scene);
+        hada_pairs_name(info, depth, pair, err);
+    }
+    return status;
+}

@@ -1,0 +1,152 @@
+#include "train/workers.h"
+
+#include <stdlib.h>
+
+#include "core/alloc.h"
+
+static hada_status make_worker(hada_worker *worker, hada_context *context, const hada_replica_desc *desc, int planes,
+                               hada_error *err)
+{
+    const size_t most = (size_t)desc->at_once, depths = (size_t)desc->model->info.depths;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_slot_create(&worker->slot, context, err));
+    HADA_TRY(hada_replica_create(&worker->replica, worker->slot, desc, err));
+    if (planes)
+        HADA_TRY(hada_planes_create(&worker->planes, worker->slot, desc->model, err));
+    HADA_TRY(hada_alloc((void **)&worker->samples, most, sizeof *worker->samples, "a step", err));
+    HADA_TRY(hada_alloc((void **)&worker->own, most, sizeof *worker->own, "a step", err));
+    HADA_TRY(hada_alloc((void **)&worker->touched, depths, 1, "a step", err));
+    worker->at_once = desc->at_once;
+done:
+    return status;
+}
+
+/* Room for what workers exchange: a depth's filters. */
+static hada_status make_exchange(hada_workers *workers, hada_error *err)
+{
+    size_t most = 0;
+    hada_status status = HADA_OK;
+    for (int g = HADA_GROUP_FILTERS; g < workers->groups; g++) {
+        const size_t count = hada_workers_floats(workers, g, HADA_CONTENT_VALUES);
+        most = count > most ? count : most;
+    }
+    for (int i = 0; most && workers->count > 1 && i < workers->count; i++)
+        HADA_TRY(hada_alloc_raw((void **)&workers->worker[i].room, most, sizeof(float), "averaging", err));
+done:
+    return status;
+}
+
+hada_status hada_workers_create(hada_workers *workers, hada_context *const *contexts, int count,
+                                const hada_replica_desc *desc, int planes, hada_error *err)
+{
+    hada_replica_desc own = *desc;
+    hada_status status = HADA_OK;
+    *workers = (hada_workers){0};
+    HADA_TRY(hada_alloc((void **)&workers->worker, (size_t)count, sizeof *workers->worker, "a trainer", err));
+    workers->count = own.shares = count;
+    if (count > 1)
+        HADA_TRY(hada_worker_threads_create(&workers->threads, count, err));
+    for (int i = 0; i < count; i++) {
+        own.share = i;
+        status = make_worker(&workers->worker[i], contexts[i], &own, planes, err);
+        if (status && count > 1)
+            hada_error_prefix(err, "device %d: ", i);
+        HADA_TRY(status);
+    }
+    workers->groups = hada_worker_parameters(workers->worker)->count;
+    HADA_TRY(make_exchange(workers, err));
+done:
+    return status;
+}
+
+static void destroy_worker(hada_worker *worker)
+{
+    for (int i = 0; i < worker->at_once; i++)
+        hada_example_free(&worker->own[i]);
+    hada_planes_destroy(&worker->planes);
+    hada_replica_destroy(&worker->replica);
+    hada_slot_destroy(&worker->slot);
+    free(worker->samples);
+    free(worker->own);
+    free(worker->touched);
+    free(worker->room);
+}
+
+void hada_workers_destroy(hada_workers *workers)
+{
+    hada_worker_threads_destroy(&workers->threads);
+    for (int i = 0; i < workers->count; i++)
+        destroy_worker(&workers->worker[i]);
+    free(workers->worker);
+    *workers = (hada_workers){0};
+}
+
+typedef struct task {
+    hada_workers *workers;
+    hada_work work;
+    void *user;
+} task;
+
+static void run(void *user, int number)
+{
+    const task *what = user;
+    hada_worker *worker = &what->workers->worker[number];
+    worker->status = what->work(what->workers, number, what->user, &worker->error);
+}
+
+hada_status hada_workers_run(hada_workers *workers, hada_work work, void *user, hada_error *err)
+{
+    if (workers->count == 1)
+        return work(workers, 0, user, err);
+    hada_worker_threads_run(workers->threads, run, &(task){workers, work, user});
+    for (int i = 0; i < workers->count; i++)
+        if (workers->worker[i].status) {
+            if (err)
+                *err = workers->worker[i].error;
+            return workers->worker[i].status;
+        }
+    return HADA_OK;
+}
+
+size_t hada_workers_floats(const hada_workers *workers, int group, hada_content content)
+{
+    return hada_parameters_floats(hada_worker_parameters(workers->worker), group, content);
+}
+
+int hada_workers_have(const hada_workers *workers, int group)
+{
+    return hada_workers_floats(workers, group, HADA_CONTENT_VALUES) > 0;
+}
+
+hada_status hada_workers_read(hada_workers *workers, int group, hada_content content, float *out, hada_error *err)
+{
+    const int parts = content == HADA_CONTENT_STATE && group < HADA_GROUP_FILTERS ? workers->count : 1;
+    hada_status status = HADA_OK;
+    for (int w = 0; w < parts; w++)
+        HADA_TRY(hada_parameters_read(hada_worker_parameters(&workers->worker[w]), group, content, out, err));
+done:
+    return status;
+}
+
+typedef struct contents {
+    int group;
+    const float *values, *states;
+} contents;
+
+static hada_status write_one(hada_workers *workers, int number, void *user, hada_error *err)
+{
+    const contents *what = user;
+    hada_parameters *parameters = hada_worker_parameters(&workers->worker[number]);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_parameters_write(parameters, what->group, HADA_CONTENT_VALUES, what->values, err));
+    HADA_TRY(hada_parameters_write(parameters, what->group, HADA_CONTENT_STATE, what->states, err));
+done:
+    return status;
+}
+
+hada_status hada_workers_write(hada_workers *workers, int group, const float *values, const float *states,
+                               hada_error *err)
+{
+    contents what = {group, values, states};
+    return hada_workers_have(workers, group) ? hada_workers_run(workers, write_one, &what, err) : HADA_OK;
+}

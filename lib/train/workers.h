@@ -1,0 +1,60 @@
+/* One worker for each device: a slot, a replica and, where the stage needs one, a maker of planes. Internal.
+ *
+ * The values of all groups are the same on all workers; each updates a share of the values of a net, has the
+ * optimiser's states of these alone, and gives the new values to the others (train/exchange.h). */
+#ifndef HADA_TRAIN_WORKERS_H
+#define HADA_TRAIN_WORKERS_H
+
+#include "train/examples.h"
+#include "train/planes.h"
+#include "train/replica.h"
+#include "train/worker_threads.h"
+
+typedef struct hada_worker {
+    hada_slot *slot;
+    hada_replica *replica;
+    hada_planes *planes;  /* NULL where the stage needs none */
+    hada_sample *samples; /* of the wave */
+    hada_example *own;    /* examples of the wave that are not kept elsewhere */
+    int at_once;          /* room for so many */
+    hada_terms terms;
+    unsigned char *touched; /* depths, of the step */
+    float *values;          /* of a group, while workers exchange them */
+    float *room;            /* for a depth's filters, where there are several workers */
+    double squares;         /* the sum of squares of this worker's part of a gradient */
+    hada_status status;
+    hada_error error;
+} hada_worker;
+
+typedef struct hada_workers {
+    hada_worker *worker;
+    int count, groups;            /* groups of parameters */
+    hada_worker_threads *threads; /* where there are several workers */
+} hada_workers;
+
+/* A worker on each context. desc: of all replicas, but for their number; planes: whether they make planes. */
+hada_status hada_workers_create(hada_workers *workers, hada_context *const *contexts, int count,
+                                const hada_replica_desc *desc, int planes, hada_error *err);
+void hada_workers_destroy(hada_workers *workers);
+
+static inline hada_parameters *hada_worker_parameters(const hada_worker *worker)
+{
+    return hada_replica_parameters(worker->replica);
+}
+
+/* Runs `work` for every worker: in threads where there are several, and returns the first failure in their order. */
+typedef hada_status (*hada_work)(hada_workers *workers, int number, void *user, hada_error *err);
+hada_status hada_workers_run(hada_workers *workers, hada_work work, void *user, hada_error *err);
+
+/* Floats of a group; whether it has any values. A depth's filters: HADA_GROUP_FILTERS + z. */
+size_t hada_workers_floats(const hada_workers *workers, int group, hada_content content);
+int hada_workers_have(const hada_workers *workers, int group);
+
+/* Values or states of a group, in room for hada_workers_floats(): states stand with the workers that need them. */
+hada_status hada_workers_read(hada_workers *workers, int group, hada_content content, float *out, hada_error *err);
+
+/* Values and states of a group, to all workers. */
+hada_status hada_workers_write(hada_workers *workers, int group, const float *values, const float *states,
+                               hada_error *err);
+
+#endif

@@ -1,0 +1,143 @@
+/* Training: a step of everything that a replica can do, a step of filters alone, a plane to train with. */
+#include "fault_job.h"
+#include "train/planes.h"
+#include "train/replica.h"
+
+static void add(fault_job *job, const float *values, size_t count)
+{
+    const unsigned char *at = (const unsigned char *)values;
+    for (size_t i = 0; i < count * sizeof *values; i++)
+        job->sum = (job->sum ^ at[i]) * 1099511628211u;
+}
+
+/* A net, a discriminator, and what serves as VGG, for one channel of the window. */
+typedef struct nets {
+    hada_net *net, *critic, *vgg;
+} nets;
+
+static hada_status make_nets(nets *all, hada_error *err)
+{
+    static const char net[] = "{\"format\": \"hadalens-net-1\", \"layers\": [{\"layer\": \"input\", \"channels\": 1},"
+                              "{\"layer\": \"conv\", \"name\": \"a\", \"channels\": 4, \"activation\": \"relu\"},"
+                              "{\"layer\": \"norm\", \"name\": \"n\"},"
+                              "{\"layer\": \"conv\", \"name\": \"b\", \"channels\": 1}]}";
+    static const char critic[] =
+        "{\"format\": \"hadalens-net-1\", \"layers\": [{\"layer\": \"input\", \"channels\": 1},"
+        "{\"layer\": \"pool\"}, {\"layer\": \"linear\", \"name\": \"a\", \"in\": 49, \"channels\": 1}]}";
+    static const char vgg[] = "{\"format\": \"hadalens-net-1\", \"layers\": [{\"layer\": \"input\", \"channels\": 3},"
+                              "{\"layer\": \"conv\", \"name\": \"a\", \"channels\": 2, \"activation\": \"relu\"}]}";
+    hada_status status = hada_net_create(&all->net, net, 1, err);
+    if (!status)
+        status = hada_net_create(&all->critic, critic, 1, err);
+    return status ? status : hada_net_create(&all->vgg, vgg, 1, err);
+}
+
+/* Forward, backward, norm, an update of everything, and a look. */
+static hada_status step(fault_job *job, hada_replica *replica, hada_error *err)
+{
+    static const unsigned char touched[JOB_DEPTHS] = {1, 1};
+    const hada_sample samples[2] = {{0, &job->frame[0][0], &job->scene[0][0], 1},
+                                    {1, &job->frame[1][0], &job->scene[1][0], 2}};
+    hada_terms terms;
+    hada_image before = {0}, after = {0};
+    double norms[2];
+    hada_status status = HADA_OK;
+    hada_parameters_clear(hada_replica_parameters(replica));
+    if (!status)
+        status = hada_replica_backward(replica, samples, 2, 0.5, 1, 0, &terms, NULL, err);
+    if (!status)
+        status = hada_parameters_norm(hada_replica_parameters(replica), touched, &norms[0], &norms[1], err);
+    for (int group = 0; !status && group < hada_replica_parameters(replica)->count; group++)
+        if (hada_parameters_floats(hada_replica_parameters(replica), group, HADA_CONTENT_VALUES))
+            status = hada_parameters_update(hada_replica_parameters(replica), group, 1, 1e-3, 0.5, err);
+    if (!status)
+        status = hada_replica_forward(replica, &samples[1], &before, &after, err);
+    if (!status) {
+        add(job, before.data, hada_image_count(&before));
+        add(job, after.data, hada_image_count(&after));
+    }
+    hada_image_destroy(&before);
+    hada_image_destroy(&after);
+    return status;
+}
+
+static hada_status copy_filters(hada_replica *replica, fault_job *job, hada_error *err)
+{
+    const size_t count =
+        hada_parameters_floats(hada_replica_parameters(replica), HADA_GROUP_FILTERS, HADA_CONTENT_VALUES);
+    hada_image values;
+    hada_status status = hada_image_create(&values, 1, 1, (int)count, err);
+    if (!status)
+        status = hada_parameters_read(hada_replica_parameters(replica), HADA_GROUP_FILTERS, HADA_CONTENT_VALUES,
+                                      values.data, err);
+    if (!status)
+        status = hada_parameters_write(hada_replica_parameters(replica), HADA_GROUP_FILTERS + 1, HADA_CONTENT_VALUES,
+                                       values.data, err);
+    if (!status)
+        add(job, values.data, count);
+    hada_image_destroy(&values);
+    return status;
+}
+
+static hada_status train(fault_job *job, hada_slot *slot, hada_stage stage, const nets *all, hada_error *err)
+{
+    const hada_train_options options = {.size = sizeof options,
+                                        .stage = stage,
+                                        .random_start = stage == HADA_STAGE_FILTERS,
+                                        .net_rows = 10,
+                                        .net_cols = 12,
+                                        .mse = 1.0,
+                                        .perceptual = 0.1,
+                                        .adversarial = 0.1,
+                                        .variation = 1e-4};
+    const hada_replica_desc desc = {.model = job->model,
+                                    .options = &options,
+                                    .net = all->net,
+                                    .critic = all->critic,
+                                    .vgg = all->vgg,
+                                    .at_once = 2,
+                                    .scenes = 2,
+                                    .feature_bytes = 1 << 20};
+    hada_replica *replica;
+    hada_status status = hada_replica_create(&replica, slot, &desc, err);
+    if (!status)
+        status = step(job, replica, err);
+    if (!status)
+        status = copy_filters(replica, job, err);
+    hada_replica_destroy(&replica);
+    return status;
+}
+
+static hada_status make_plane(fault_job *job, hada_slot *slot, hada_error *err)
+{
+    hada_planes *planes;
+    hada_image plane = {0};
+    hada_status status = hada_planes_create(&planes, slot, job->model, err);
+    if (!status)
+        status = hada_planes_make(planes, 1, &job->frame[1][1], &plane, err);
+    if (!status)
+        add(job, plane.data, hada_image_count(&plane));
+    hada_image_destroy(&plane);
+    hada_planes_destroy(&planes);
+    return status;
+}
+
+hada_status fault_stage_training_step(fault_job *job, hada_error *err)
+{
+    hada_slot *slot = NULL;
+    nets all = {0};
+    hada_status status = hada_slot_create(&slot, job->context, err);
+    if (!status)
+        status = make_nets(&all, err);
+    if (!status)
+        status = train(job, slot, HADA_STAGE_JOINT, &all, err);
+    if (!status)
+        status = train(job, slot, HADA_STAGE_FILTERS, &all, err);
+    if (!status)
+        status = make_plane(job, slot, err);
+    hada_net_destroy(&all.net);
+    hada_net_destroy(&all.critic);
+    hada_net_destroy(&all.vgg);
+    hada_slot_destroy(&slot);
+    return status;
+}

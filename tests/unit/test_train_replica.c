@@ -1,0 +1,238 @@
+/* Training of nets: every gradient against differences of the terms in double precision, alone, against a
+ * discriminator, and together with filters; norms and updates. */
+#include "train_run.h"
+
+static train_case case_of(const replica_run *run, int count)
+{
+    const hada_model_info *info = hada_model_get_info(run->model);
+    const size_t floats = 2 * hada_model_plane(run->model) * (size_t)info->channels;
+    train_case c = {.info = info,
+                    .options = &run->options,
+                    .samples = run->pairs.samples,
+                    .count = count,
+                    .net = run->net,
+                    .critic = run->critic,
+                    .vgg = run->vgg};
+    for (size_t z = 0; z < TRAIN_DEPTHS; z++)
+        c.filters[z] = train_doubles(run->model->filter + z * floats, floats);
+    c.values = train_doubles(run->net->values, run->net->floats);
+    if (run->critic)
+        c.critic_values = train_doubles(run->critic->values, run->critic->floats);
+    return c;
+}
+
+static void case_free(train_case *c)
+{
+    for (int z = 0; z < TRAIN_DEPTHS; z++)
+        free(c->filters[z]);
+    free(c->values);
+    free(c->critic_values);
+}
+
+static void near(double got, double expected, const char *what)
+{
+    if (fabs(got - expected) > 2e-5 * fabs(expected) + 1e-12)
+        fail_msg("%s: %.9g, expected %.9g", what, got, expected);
+}
+
+static void check_terms(const hada_terms *got, const hada_terms *expected)
+{
+    near(got->mse, expected->mse, "mse");
+    near(got->variation, expected->variation, "variation");
+    near(got->perceptual, expected->perceptual, "perceptual");
+    near(got->adversarial, expected->adversarial, "adversarial");
+    near(got->critic, expected->critic, "critic");
+}
+
+static void check_group(hada_replica *replica, const train_case *c, int group, double *values)
+{
+    const size_t count = hada_parameters_floats(hada_replica_parameters(replica), group, HADA_CONTENT_GRADIENT);
+    float *gradient = train_read(replica, group, HADA_CONTENT_GRADIENT);
+    train_difference(c, values, gradient, count, group == HADA_GROUP_CRITIC);
+    free(gradient);
+}
+
+static void gradients_are_differences(void **state)
+{
+    for (size_t i = 0; i < HADA_COUNT(train_cases); i++) {
+        replica_run run;
+        hada_terms terms;
+        unsigned char touched[TRAIN_DEPTHS] = {0};
+        run_make(&run, &train_cases[i]);
+        train_case c = case_of(&run, TRAIN_PAIRS);
+        hada_replica *replica = train_replica(*state, &run.desc);
+        print_message("%s\n", train_cases[i].name);
+        hada_parameters_clear(hada_replica_parameters(replica));
+        ASSERT_OK(hada_replica_backward(replica, run.pairs.samples, TRAIN_PAIRS, 1.0 / TRAIN_PAIRS, 1, 0, &terms,
+                                        touched, err));
+        const hada_terms expected = train_terms(&c);
+        check_terms(&terms, &expected);
+        check_group(replica, &c, HADA_GROUP_NET, c.values);
+        if (run.critic)
+            check_group(replica, &c, HADA_GROUP_CRITIC, c.critic_values);
+        for (int z = 0; z < TRAIN_DEPTHS; z++) {
+            assert_int_equal(touched[z], train_cases[i].stage == HADA_STAGE_JOINT);
+            if (touched[z])
+                check_group(replica, &c, HADA_GROUP_FILTERS + z, c.filters[z]);
+        }
+        hada_replica_destroy(&replica);
+        case_free(&c);
+        run_free(&run);
+    }
+}
+
+/* Fewer samples than the replica was made for: those that are missing count nothing. */
+static void fewer_samples_count_alone(void **state)
+{
+    static const int which[] = {2, 4, 5, 6, 8};
+    for (size_t i = 0; i < HADA_COUNT(which); i++) {
+        replica_case without_norm = train_cases[which[i]];
+        replica_run run;
+        hada_terms terms;
+        without_norm.norm = 0;
+        run_make(&run, &without_norm);
+        train_case c = case_of(&run, 2);
+        hada_replica *replica = train_replica(*state, &run.desc);
+        hada_parameters_clear(hada_replica_parameters(replica));
+        ASSERT_OK(hada_replica_backward(replica, run.pairs.samples, 2, 0.5, 1, 0, &terms, NULL, err));
+        const hada_terms expected = train_terms(&c);
+        check_terms(&terms, &expected);
+        check_group(replica, &c, HADA_GROUP_NET, c.values);
+        if (run.critic)
+            check_group(replica, &c, HADA_GROUP_CRITIC, c.critic_values);
+        if (without_norm.stage == HADA_STAGE_JOINT)
+            check_group(replica, &c, HADA_GROUP_FILTERS, c.filters[0]);
+        hada_replica_destroy(&replica);
+        case_free(&c);
+        run_free(&run);
+    }
+}
+
+static double distance(const float *a, const float *b, size_t count)
+{
+    double error = 0.0, size = 0.0;
+    for (size_t i = 0; i < count; i++) {
+        error += ((double)a[i] - b[i]) * ((double)a[i] - b[i]);
+        size += (double)b[i] * b[i];
+    }
+    return sqrt(error / size);
+}
+
+/* All at once twice, with less kept, and one by one. */
+static void pieces_and_recomputing(void **state)
+{
+    replica_case without_norm = train_cases[7];
+    float *gradients[2][4];
+    size_t counts[2] = {0, 0}, bytes[4];
+    without_norm.norm = 0;
+    for (int way = 0; way < 4; way++) {
+        replica_run run;
+        hada_terms terms, sum = {0};
+        run_make(&run, &without_norm);
+        run.desc.at_once = way == 3 ? 1 : TRAIN_PAIRS;
+        run.options.recompute = way == 2;
+        ASSERT_OK(hada_replica_bytes(((train_device *)*state)->context, &run.desc, &bytes[way], err));
+        hada_replica *replica = train_replica(*state, &run.desc);
+        hada_parameters_clear(hada_replica_parameters(replica));
+        for (int i = 0; i < TRAIN_PAIRS; i += run.desc.at_once) {
+            ASSERT_OK(hada_replica_backward(replica, run.pairs.samples + i, run.desc.at_once, 1.0 / TRAIN_PAIRS, 1, 0,
+                                            &terms, NULL, err));
+            sum.mse += terms.mse;
+        }
+        train_case c = case_of(&run, TRAIN_PAIRS);
+        near(sum.mse, train_terms(&c).mse, "mse of the pieces");
+        for (int g = 0; g < 2; g++) {
+            const int group = g ? HADA_GROUP_FILTERS + 1 : HADA_GROUP_NET;
+            gradients[g][way] = train_read(replica, group, HADA_CONTENT_GRADIENT);
+            counts[g] = hada_parameters_floats(hada_replica_parameters(replica), group, HADA_CONTENT_GRADIENT);
+        }
+        case_free(&c);
+        hada_replica_destroy(&replica);
+        run_free(&run);
+    }
+    assert_true(bytes[3] < bytes[0]);
+    for (int g = 0; g < 2; g++) {
+        assert_memory_equal(gradients[g][0], gradients[g][1], counts[g] * sizeof(float));
+        assert_memory_equal(gradients[g][0], gradients[g][2], counts[g] * sizeof(float));
+        assert_true(distance(gradients[g][3], gradients[g][0], counts[g]) < 1e-5);
+        for (int way = 0; way < 4; way++)
+            free(gradients[g][way]);
+    }
+}
+
+/* Steps of the discriminator alone leave the net's gradient as it is, and give its own as other steps do. */
+static void the_critic_alone(void **state)
+{
+    replica_run run;
+    hada_terms both, alone;
+    run_make(&run, &train_cases[5]);
+    hada_replica *replica = train_replica(*state, &run.desc);
+    const size_t count =
+        hada_parameters_floats(hada_replica_parameters(replica), HADA_GROUP_CRITIC, HADA_CONTENT_GRADIENT);
+    hada_parameters_clear(hada_replica_parameters(replica));
+    ASSERT_OK(hada_replica_backward(replica, run.pairs.samples, TRAIN_PAIRS, 1.0, 1, 0, &both, NULL, err));
+    float *first = train_read(replica, HADA_GROUP_CRITIC, HADA_CONTENT_GRADIENT);
+    hada_parameters_clear(hada_replica_parameters(replica));
+    ASSERT_OK(hada_replica_backward(replica, run.pairs.samples, TRAIN_PAIRS, 1.0, 1, 1, &alone, NULL, err));
+    float *second = train_read(replica, HADA_GROUP_CRITIC, HADA_CONTENT_GRADIENT);
+    float *net = train_read(replica, HADA_GROUP_NET, HADA_CONTENT_GRADIENT);
+    assert_memory_equal(first, second, count * sizeof(float));
+    assert_true(alone.critic == both.critic && alone.mse == 0.0 && alone.adversarial == 0.0);
+    for (size_t i = 0;
+         i < hada_parameters_floats(hada_replica_parameters(replica), HADA_GROUP_NET, HADA_CONTENT_GRADIENT); i++)
+        assert_true(net[i] == 0.0f);
+    free(first);
+    free(second);
+    free(net);
+    hada_replica_destroy(&replica);
+    run_free(&run);
+}
+
+/* Norms are those of the gradients; an update is the optimiser's, on the gradient times the scale. */
+static void norms_and_updates(void **state)
+{
+    replica_run run;
+    hada_terms terms;
+    double norm, critic_norm, sums[3] = {0.0};
+    const unsigned char touched[TRAIN_DEPTHS] = {0, 1};
+    const int groups[3] = {HADA_GROUP_NET, HADA_GROUP_FILTERS + 1, HADA_GROUP_CRITIC};
+    run_make(&run, &train_cases[8]);
+    hada_replica *replica = train_replica(*state, &run.desc);
+    hada_parameters_clear(hada_replica_parameters(replica));
+    ASSERT_OK(hada_replica_backward(replica, run.pairs.samples, TRAIN_PAIRS, 1.0, 1, 0, &terms, NULL, err));
+    ASSERT_OK(hada_parameters_norm(hada_replica_parameters(replica), touched, &norm, &critic_norm, err));
+    for (int g = 0; g < 3; g++) {
+        const double rate = 1e-3, scale = 0.25, eps = groups[g] >= HADA_GROUP_FILTERS ? 1e-24 : 1e-7;
+        const size_t count = hada_parameters_floats(hada_replica_parameters(replica), groups[g], HADA_CONTENT_GRADIENT);
+        float *gradient = train_read(replica, groups[g], HADA_CONTENT_GRADIENT);
+        float *before = train_read(replica, groups[g], HADA_CONTENT_VALUES);
+        ASSERT_OK(hada_parameters_update(hada_replica_parameters(replica), groups[g], 1, rate, scale, err));
+        float *after = train_read(replica, groups[g], HADA_CONTENT_VALUES);
+        float *squares = train_read(replica, groups[g], HADA_CONTENT_STATE);
+        for (size_t i = 0; i < count; i++) {
+            const double v = 0.1 * scale * scale * gradient[i] * (double)gradient[i];
+            const double step = gradient[i] != 0.0f ? rate * scale * gradient[i] / sqrt(v + eps) : 0.0;
+            assert_true(fabs(after[i] - (before[i] - step)) < 1e-6 * (1.0 + fabs(before[i])));
+            assert_true(fabs(squares[i] - v) < 1e-5 * v + 1e-30);
+            sums[g] += (double)gradient[i] * gradient[i];
+        }
+        free(gradient);
+        free(before);
+        free(after);
+        free(squares);
+    }
+    near(norm, sqrt(sums[0] + sums[1]), "norm");
+    near(critic_norm, sqrt(sums[2]), "norm of the critic");
+    hada_replica_destroy(&replica);
+    run_free(&run);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(gradients_are_differences), cmocka_unit_test(fewer_samples_count_alone),
+        cmocka_unit_test(pieces_and_recomputing),    cmocka_unit_test(the_critic_alone),
+        cmocka_unit_test(norms_and_updates),
+    };
+    return cmocka_run_group_tests(tests, train_open, train_close);
+}

@@ -10,6 +10,9 @@
 
 /* Refinement of a model whose fit did not measure it: what pays with an exact model of the camera (docs/filters.md). */
 #define REFINE_STEPS 12
+/* Decibels by which refinement must lead so that filters are not judged in the window: more than judging was seen to
+ * gain (docs/filters.md). */
+#define ENOUGH_GAIN 3.0
 
 /* The rows of a table, in parts. */
 typedef struct table {
@@ -137,5 +140,45 @@ hada_status hada_fitter_finish(hada_fitter *fitter, hada_model **out, hada_fit_r
         *rows = all.rows;
         *row_count = all.count;
     }
+    return status;
+}
+
+/* By how much the trial found refinement better than the linear filters, in decibels, one depth occupied; 0 where it
+ * was not tried. */
+static double refinement_gain(const hada_fit_row *rows, size_t count)
+{
+    double linear = NAN, gain = 0.0;
+    for (size_t i = 0; i < count; i++) {
+        if (!(rows[i].refine_rho > 0.0))
+            continue;
+        if (!isfinite(linear))
+            linear = rows[i].psnr_single;
+        if (rows[i].chosen)
+            gain = rows[i].psnr_single - linear;
+    }
+    return isfinite(gain) ? gain : 0.0;
+}
+
+hada_status hada_fitter_judge_and_finish(hada_fitter *fitter, hada_fit_show show, void *user, hada_model **out,
+                                         hada_fit_row **rows, size_t *row_count, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    if (!fitter || !show || !out || !rows || !row_count)
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "hada_fitter_judge_and_finish: a fitter, a function that shows pairs, out and rows are "
+                         "needed");
+    /* refinement is tried where its steps are not given; without that there is nothing to learn before judging */
+    if (fitter->options.outside < 0.0 && fitter->options.refine_steps < 0) {
+        HADA_TRY(hada_fitter_finish(fitter, out, rows, row_count, err));
+        if (refinement_gain(*rows, *row_count) > ENOUGH_GAIN)
+            return HADA_OK;
+        hada_model_destroy(out);
+        free(*rows);
+        *rows = NULL;
+        *row_count = 0;
+    }
+    HADA_TRY(hada_fitter_judge(fitter, show, user, err));
+    HADA_TRY(hada_fitter_finish(fitter, out, rows, row_count, err));
+done:
     return status;
 }

@@ -67,7 +67,8 @@ hada_status hada_fit_pass_score(hada_fitter *fitter, const hada_dataset *data, c
 /* The pair that is shown, until the next one is. */
 typedef struct shown {
     const hada_dataset *data;
-    hada_progress progress;
+    const hada_monitor *monitor;
+    hada_progress progress; /* once one is shown */
     hada_image raw, scene;
 } shown;
 
@@ -76,6 +77,8 @@ static hada_status show(void *user, int depth, int64_t number, const hada_image 
 {
     shown *at = user;
     hada_status status = HADA_OK;
+    if (!at->progress.what)
+        at->progress = hada_progress_begin(at->monitor, "looks at pairs, to judge in the window", 0);
     hada_image_destroy(&at->raw);
     hada_image_destroy(&at->scene);
     HADA_TRY(hada_dataset_read(at->data, depth, (int)number, &at->raw, &at->scene, err));
@@ -86,12 +89,13 @@ done:
     return status;
 }
 
-hada_status hada_fit_pass_judge(hada_fitter *fitter, const hada_dataset *data, const hada_monitor *monitor,
-                                hada_error *err)
+hada_status hada_fit_pass_judge_and_finish(hada_fitter *fitter, const hada_dataset *data, const hada_monitor *monitor,
+                                           hada_model **out, hada_fit_row **rows, size_t *row_count, hada_error *err)
 {
-    shown at = {.data = data, .progress = hada_progress_begin(monitor, "looks at pairs, to judge in the window", 0)};
-    const hada_status status = hada_fitter_judge(fitter, show, &at, err);
-    hada_progress_end(&at.progress);
+    shown at = {.data = data, .monitor = monitor};
+    const hada_status status = hada_fitter_judge_and_finish(fitter, show, &at, out, rows, row_count, err);
+    if (at.progress.what)
+        hada_progress_end(&at.progress);
     hada_image_destroy(&at.raw);
     hada_image_destroy(&at.scene);
     return status;

@@ -14,9 +14,10 @@ hada_status hada_fit_pass_add(hada_fitter *fitter, const hada_dataset *data, con
 hada_status hada_fit_pass_score(hada_fitter *fitter, const hada_dataset *data, const hada_monitor *monitor,
                                 hada_error *err);
 
-/* Further passes: filters judged in the window. */
-hada_status hada_fit_pass_judge(hada_fitter *fitter, const hada_dataset *data, const hada_monitor *monitor,
-                                hada_error *err);
+/* Chooses and solves, with filters judged in the window where that serves (hada_fitter_judge_and_finish()). *rows is
+ * freed with free(). */
+hada_status hada_fit_pass_judge_and_finish(hada_fitter *fitter, const hada_dataset *data, const hada_monitor *monitor,
+                                           hada_model **out, hada_fit_row **rows, size_t *row_count, hada_error *err);
 
 /* The exact fit with all that is left open chosen, but for filters judged in the window. */
 hada_status hada_fit_exact(hada_model **out, hada_context *context, const hada_fit_options *fit,

@@ -2,7 +2,6 @@
 #include <hadalens/camera.h>
 #include <hadalens/task_fit.h>
 #include <hadalens/tiff.h>
-#include <math.h>
 #include <stdlib.h>
 
 #include "core/alloc.h"
@@ -10,10 +9,6 @@
 #include "core/options.h"
 #include "io/folder.h"
 #include "tasks/fit_passes.h"
-
-/* Decibels by which refinement must lead so that filters are not judged in the window: more than that was seen to gain
- * (docs/filters.md). */
-#define ENOUGH_GAIN 3.0
 
 struct hada_fit_report {
     hada_fit_row *rows;
@@ -113,50 +108,15 @@ done:
     return status;
 }
 
-/* By how much the trial of refinement found it better than the linear filters, in decibels, one depth occupied; 0 where
- * it was not tried. */
-static double refinement_gain(const hada_fit_report *report)
-{
-    double linear = NAN, gain = 0.0;
-    for (size_t i = 0; i < report->row_count; i++) {
-        const hada_fit_row *row = &report->rows[i];
-        if (!(row->refine_rho > 0.0))
-            continue;
-        if (!isfinite(linear))
-            linear = row->psnr_single;
-        if (row->chosen)
-            gain = row->psnr_single - linear;
-    }
-    return isfinite(gain) ? gain : 0.0;
-}
-
-static hada_status finish(learning *of, hada_model **out, hada_error *err)
-{
-    free(of->report->rows);
-    of->report->rows = NULL;
-    of->report->row_count = 0;
-    hada_model_destroy(out);
-    return hada_fitter_finish(of->fitter, out, &of->report->rows, &of->report->row_count, err);
-}
-
-/* Filters are judged in the window where that is asked for, or where they are what the model will use: judging them
- * gains a decibel or two, and takes most of the time of a fit. */
+/* Filters can be judged where every pair can be shown again, which merged sums do not bring. */
 static hada_status solve(learning *of, hada_model **out, hada_error *err)
 {
-    const hada_fit_options *fit = &of->fit;
-    hada_status status = HADA_OK;
-    /* merged sums bring no pairs to look at again */
-    const int can_judge = !of->task.merge_count && (of->task.leave_one_out || fit->outside >= 0.0);
-    /* refinement is tried where its steps are not given; without that there is nothing to learn before judging */
-    if (!can_judge || (fit->outside < 0.0 && fit->refine_steps < 0)) {
-        HADA_TRY(finish(of, out, err));
-        if (!can_judge || refinement_gain(of->report) > ENOUGH_GAIN)
-            return HADA_OK;
-    }
-    HADA_TRY(hada_fit_pass_judge(of->fitter, of->data, of->task.monitor, err));
-    HADA_TRY(finish(of, out, err));
-done:
-    return status;
+    hada_fit_report *report = of->report;
+    const int can_judge = of->data && !of->task.merge_count && (of->task.leave_one_out || of->fit.outside >= 0.0);
+    if (can_judge)
+        return hada_fit_pass_judge_and_finish(of->fitter, of->data, of->task.monitor, out, &report->rows,
+                                              &report->row_count, err);
+    return hada_fitter_finish(of->fitter, out, &report->rows, &report->row_count, err);
 }
 
 static hada_status merge(learning *of, int first, hada_error *err)
@@ -215,7 +175,7 @@ static hada_status learn_sums(learning *of, hada_context *context, hada_model **
     HADA_TRY(hada_fitter_create_from_sums(&of->fitter, context, of->task.merge[0], &of->fit, err));
     HADA_TRY(merge(of, 1, err));
     HADA_TRY(save_sums(of, err));
-    HADA_TRY(finish(of, out, err));
+    HADA_TRY(solve(of, out, err));
 done:
     return status;
 }

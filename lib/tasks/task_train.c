@@ -6,6 +6,7 @@
 #include "core/monitor.h"
 #include "core/options.h"
 #include "io/folder.h"
+#include "tasks/fit_passes.h"
 #include "tasks/train_loop.h"
 
 /* Pairs of each depth that are held out where the caller does not say, and how many of them validate. */
@@ -129,35 +130,25 @@ static hada_status check_depths(const hada_model *model, const hada_dataset_info
                             data->distances_mm[data->depths - 1]);
 }
 
-/* The exact fit of what is not held out. Training goes on from it, so filters are not judged in the window. */
-static hada_status fit_first(training *own, hada_context *context, hada_fit_options *fit, hada_error *err)
-{
-    hada_fit_task task;
-    hada_monitor_tell(own->task.monitor, HADA_MESSAGE_INFO,
-                      "No model is given (options.model): the exact fit of the %d pairs to learn from comes first.",
-                      own->work.state.learned);
-    hada_fit_task_init(&task);
-    fit->outside = 1.0;
-    task.fit = fit;
-    task.boundary = own->task.boundary;
-    task.monitor = own->task.monitor;
-    return hada_fit_run(&own->made, NULL, context, own->learn, &task, err);
-}
-
 static hada_status find_model(training *own, hada_context *context, hada_error *err)
 {
+    const hada_train_task *task = &own->task;
+    const int blank = own->work.stage == HADA_STAGE_FILTERS || own->work.stage == HADA_STAGE_CONVENTIONAL;
     hada_fit_options fit;
     hada_status status = HADA_OK;
-    own->model = own->task.model;
+    own->model = task->model;
     if (own->model)
         return check_depths(own->model, hada_dataset_get_info(own->data), err);
     hada_fit_options_init(&fit);
-    HADA_TRY(HADA_OPTIONS_TAKE(&fit, own->task.fit, hada_fit_options, err));
-    if (own->work.stage == HADA_STAGE_FILTERS || own->work.stage == HADA_STAGE_CONVENTIONAL) {
-        HADA_TRY(hada_fit_options_from_dataset(&fit, own->data, own->task.boundary, own->task.monitor, err));
+    HADA_TRY(HADA_OPTIONS_TAKE(&fit, task->fit, hada_fit_options, err));
+    HADA_TRY(hada_fit_options_from_dataset(&fit, own->data, task->boundary, task->monitor, err));
+    if (blank) {
         HADA_TRY(hada_model_blank(&own->made, &fit, err));
-    } else {
-        HADA_TRY(fit_first(own, context, &fit, err));
+    } else { /* training goes on from the filters, so they are not judged in the window */
+        hada_monitor_tell(task->monitor, HADA_MESSAGE_INFO,
+                          "No model is given (options.model): the exact fit of the %d pairs to learn from comes first.",
+                          own->work.state.learned);
+        HADA_TRY(hada_fit_exact(&own->made, context, &fit, own->learn, task->monitor, err));
     }
     own->model = own->made;
 done:

@@ -113,6 +113,12 @@ typedef struct hada_fit_row {
 HADA_API hada_status hada_fitter_finish(hada_fitter *fitter, hada_model **out, hada_fit_row **rows, size_t *row_count,
                                         hada_error *err);
 
+/* The same with hada_fitter_judge() before it, where that serves: where options.outside is given, or the linear filters
+ * are what the model will use. Judging gains a decibel or two and takes most of the time of a fit, so where refinement,
+ * which does without the filters, is found to lead by more than that, it is left out. */
+HADA_API hada_status hada_fitter_judge_and_finish(hada_fitter *fitter, hada_fit_show show, void *user, hada_model **out,
+                                                  hada_fit_row **rows, size_t *row_count, hada_error *err);
+
 #ifdef __cplusplus
 }
 #endif

@@ -32,11 +32,11 @@ FFT_INLINE void fft_get(const fft_columns *columns, int row, float8 *re, float8 
         return;
     }
     FFT_COLS_IN const float *p = columns->in + (size_t)row * 16;
-    fft_apart(vload8(0, p), vload8(1, p), re, im);
+    lanes_apart(vload8(0, p), vload8(1, p), re, im);
 #if FFT_PRODUCT
     float8 wr, wi;
     __global const filter_value *w = columns->filter + (size_t)row * 16;
-    fft_apart(load_filter(w), load_filter(w + 8), &wr, &wi);
+    lanes_apart(load_filter(w), load_filter(w + 8), &wr, &wi);
 #if FFT_PRODUCT == 1
     const float8 xr = *re, xi = *im;
     *re = fma(xr, wr, -(xi * wi));

@@ -62,7 +62,7 @@ FFT_INLINE void fft_multiply(__global const float *h, int row, float sign, float
     __global const float *p = h + (size_t)row * 16;
     const float8 x = *re, y = *im;
     float8 hr, hi;
-    fft_apart(vload8(0, p), vload8(1, p), &hr, &hi);
+    lanes_apart(vload8(0, p), vload8(1, p), &hr, &hi);
     hi *= sign;
     *re = fma(x, hi, y * hr);
     *im = fma(x, hr, -(y * hi));

@@ -6,6 +6,7 @@
 
 #define FFT_V float8
 #include "inc_fft_radix.h"
+#include "inc_lanes.h"
 #include "shared_fft_table.h"
 
 /* FFT_SCRATCH_GLOBAL: scratch lies in global memory, for transforms too long for local memory. */
@@ -18,17 +19,9 @@
 #define FFT_MEM __local
 #endif
 
-/* Eight complex numbers from memory into lanes and back. The lanes' order (0 1 4 5 2 3 6 7) is one that a single
- * shuffle of two registers makes; nothing else depends on it. */
-FFT_INLINE void fft_apart(float8 a, float8 b, float8 *re, float8 *im)
-{
-    *re = (float8)(a.s02, b.s02, a.s46, b.s46);
-    *im = (float8)(a.s13, b.s13, a.s57, b.s57);
-}
-
 #define FFT_STORE(p, re, im)                                                                                           \
-    vstore8((float8)(re.s0, im.s0, re.s1, im.s1, re.s4, im.s4, re.s5, im.s5), 0, p);                                   \
-    vstore8((float8)(re.s2, im.s2, re.s3, im.s3, re.s6, im.s6, re.s7, im.s7), 1, p);
+    vstore8(lanes_low(re, im), 0, p);                                                                                  \
+    vstore8(lanes_high(re, im), 1, p);
 
 /* Transposes 8 x 8 floats. */
 FFT_INLINE void fft_transpose(float8 *m)
@@ -37,8 +30,8 @@ FFT_INLINE void fft_transpose(float8 *m)
 #pragma unroll
     for (int k = 0; k < 4; ++k) {
         const float8 x = m[2 * k], y = m[2 * k + 1];
-        a[2 * k] = (float8)(x.s0, y.s0, x.s1, y.s1, x.s4, y.s4, x.s5, y.s5);
-        a[2 * k + 1] = (float8)(x.s2, y.s2, x.s3, y.s3, x.s6, y.s6, x.s7, y.s7);
+        a[2 * k] = lanes_low(x, y);
+        a[2 * k + 1] = lanes_high(x, y);
     }
 #pragma unroll
     for (int h = 0; h < 2; ++h) {

@@ -4,6 +4,8 @@
 #ifndef INC_REFINE_H
 #define INC_REFINE_H
 
+#include "inc_lanes.h"
+
 #ifndef REFINE_WIDTH
 #define REFINE_WIDTH 8
 #endif
@@ -17,23 +19,20 @@
 #if REFINE_WIDTH == 8
 typedef float8 refine_real;
 
-/* The lanes' order, 0 1 4 5 2 3 6 7, is one that a single shuffle of two registers makes. */
 REFINE_INLINE void refine_get(__global const float *p, size_t i, refine_real *re, refine_real *im)
 {
-    const float8 a = vload8(0, p + 2 * i), b = vload8(1, p + 2 * i);
-    *re = (float8)(a.s02, b.s02, a.s46, b.s46);
-    *im = (float8)(a.s13, b.s13, a.s57, b.s57);
+    lanes_apart(vload8(0, p + 2 * i), vload8(1, p + 2 * i), re, im);
 }
 
 REFINE_INLINE void refine_put(__global float *p, size_t i, refine_real re, refine_real im)
 {
-    vstore8((float8)(re.s0, im.s0, re.s1, im.s1, re.s4, im.s4, re.s5, im.s5), 0, p + 2 * i);
-    vstore8((float8)(re.s2, im.s2, re.s3, im.s3, re.s6, im.s6, re.s7, im.s7), 1, p + 2 * i);
+    vstore8(lanes_low(re, im), 0, p + 2 * i);
+    vstore8(lanes_high(re, im), 1, p + 2 * i);
 }
 
 REFINE_INLINE refine_real refine_get_real(__global const float *p, size_t i)
 {
-    return vload8(0, p + i).s01452367;
+    return lanes_real(vload8(0, p + i));
 }
 
 REFINE_INLINE float refine_sum(refine_real v)
@@ -48,7 +47,7 @@ REFINE_INLINE float refine_sum(refine_real v)
 REFINE_INLINE refine_real refine_count(refine_real energy, uint i, uint rows, uint block, uint cols)
 {
     const int kx = (int)(i / (rows * block) * block + i % block);
-    const int8 k = (int8)(0, 1, 4, 5, 2, 3, 6, 7) + kx;
+    const int8 k = LANES_ORDER + kx;
     const int8 once = (k == 0) | (2 * k == (int)cols), none = 2 * k > (int)cols;
     return select(select(2.0f * energy, energy, once), (float8)0.0f, none);
 }
@@ -56,7 +55,7 @@ REFINE_INLINE refine_real refine_count(refine_real energy, uint i, uint rows, ui
 /* 0 at columns beyond a band: 2 kx >= band_cols. */
 REFINE_INLINE refine_real refine_band(refine_real energy, uint i, uint rows, uint block, uint band_cols)
 {
-    const int8 k = (int8)(0, 1, 4, 5, 2, 3, 6, 7) + (int)(i / (rows * block) * block + i % block);
+    const int8 k = LANES_ORDER + (int)(i / (rows * block) * block + i % block);
     return select(energy, (float8)0.0f, 2 * k >= (int)band_cols);
 }
 #else

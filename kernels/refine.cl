@@ -21,11 +21,10 @@
 __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
 refine_solve(__global const float *otf, __global const int *list, __global const float *frame, __global float *split_a,
              __global const float *split_e, __global const float *prior, __global const float *now_u,
-             __global float *now_w, __global float *partial, hada_refine_problem problem, hada_refine_step now,
-             hada_refine_sums sums)
+             __global float *now_w, __global float *partial, hada_refine_problem problem, hada_refine_step now)
 {
     REFINE_LOCAL
-    const uint count = problem.spectrum.count, slice = sums.slice, rows = problem.spectrum.rows;
+    const uint count = problem.spectrum.count, slice = problem.sums.slice, rows = problem.spectrum.rows;
     const uint block = problem.spectrum.block, cols = problem.spectrum.cols;
     const int depths = problem.depths, start = now.start, padded = now.padded, has_prior = now.has_prior;
     const float rho = now.rho, keep = now.keep, over = now.relaxation;
@@ -104,7 +103,7 @@ refine_solve(__global const float *otf, __global const int *list, __global const
                        fma(over, x_im - u_im, u_im + d_im));
         }
     }
-    REFINE_PARTIAL(partial, (sums.first + plane * get_num_groups(0) + get_group_id(0)), refine_sum(sum))
+    REFINE_PARTIAL(partial, (problem.sums.first + plane * get_num_groups(0) + get_group_id(0)), refine_sum(sum))
 }
 
 /* What the planes of a set do not explain: residual[set][channel] = B - sum over its depths of H U, at every frequency,
@@ -112,10 +111,10 @@ refine_solve(__global const float *otf, __global const int *list, __global const
 __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
 refine_explain(__global const float *otf, __global const int *list, __global const float *frame,
                __global const float *now_u, __global float *residual, int has_residual, __global float *partial,
-               hada_refine_problem problem, hada_refine_sums sums)
+               hada_refine_problem problem)
 {
     REFINE_LOCAL
-    const uint count = problem.spectrum.count, slice = sums.slice, rows = problem.spectrum.rows;
+    const uint count = problem.spectrum.count, slice = problem.sums.slice, rows = problem.spectrum.rows;
     const uint block = problem.spectrum.block, cols = problem.spectrum.cols;
     const int depths = problem.depths;
     const uint channel = get_global_id(1), channels = get_global_size(1), set = get_global_id(2);
@@ -141,7 +140,7 @@ refine_explain(__global const float *otf, __global const int *list, __global con
         if (has_residual)
             refine_put(residual + 2 * plane * count, i, r_re, r_im);
     }
-    REFINE_PARTIAL(partial, (sums.first + plane * get_num_groups(0) + get_group_id(0)), refine_sum(sum))
+    REFINE_PARTIAL(partial, (problem.sums.first + plane * get_num_groups(0) + get_group_id(0)), refine_sum(sum))
 }
 
 /* How badly a set explains what the channels have in common, within a band: partial[set][slice] is the sum, over the
@@ -154,10 +153,10 @@ refine_explain(__global const float *otf, __global const int *list, __global con
 __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
 refine_score(__global const float *otf, __global const int *list, __global const float *frame,
              __global const float *now_u, __global const float *prior, __global const float *variance,
-             __global float *partial, hada_refine_problem problem, hada_refine_band band, hada_refine_sums sums)
+             __global float *partial, hada_refine_problem problem, hada_refine_band band)
 {
     REFINE_LOCAL
-    const uint count = problem.spectrum.count, slice = sums.slice, channels = problem.channels;
+    const uint count = problem.spectrum.count, slice = problem.sums.slice, channels = problem.channels;
     const uint rows = problem.spectrum.rows, block = problem.spectrum.block, cols = problem.spectrum.cols;
     const int depths = problem.depths;
     const uint set = get_global_id(1);
@@ -195,7 +194,7 @@ refine_score(__global const float *otf, __global const int *list, __global const
         const refine_real energy = (fma(r_re, r_re, r_im * r_im) + cost) * (share * share) / fma(spread, share, 1.0f);
         sum += refine_count(refine_band(energy, i, rows, block, band.cols), i, rows, block, cols);
     }
-    REFINE_PARTIAL(partial, (sums.first + (size_t)set * get_num_groups(0) + get_group_id(0)), refine_sum(sum))
+    REFINE_PARTIAL(partial, (problem.sums.first + (size_t)set * get_num_groups(0) + get_group_id(0)), refine_sum(sum))
 }
 
 /* The data step where a sensor crops: a (the split variable plus its dual, within the frame) becomes the dual

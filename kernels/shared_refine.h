@@ -24,8 +24,9 @@ typedef struct hada_refine_problem {
     hada_spectrum_shape spectrum;
     int depths; /* of a set */
     unsigned int channels;
+    hada_refine_sums sums; /* where energies go */
 } hada_refine_problem;
-HADA_SHARED_SIZE(hada_refine_problem, 40)
+HADA_SHARED_SIZE(hada_refine_problem, 48)
 
 /* A linear step. */
 typedef struct hada_refine_step {

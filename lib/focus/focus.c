@@ -49,11 +49,6 @@ hada_status hada_focus_check(const hada_focus_desc *desc, hada_error *err)
     return HADA_OK;
 }
 
-static int up_to(int n, int multiple)
-{
-    return (n + multiple - 1) / multiple * multiple;
-}
-
 static int window_radius(const hada_focus_options *options)
 {
     return (int)ceil(3.0 * options->window_sigma);
@@ -77,7 +72,8 @@ enum { TABLES = 2, PARTS = 6 }; /* the first parts stay as they are from frame t
 static void list_parts(const hada_context *context, const hada_focus_desc *desc, part *parts)
 {
     const hada_focus_way way = hada_focus_way_of(context);
-    const size_t radius = (size_t)window_radius(&desc->options), pitch = (size_t)up_to(desc->cols, way.width);
+    const size_t radius = (size_t)window_radius(&desc->options),
+                 pitch = hada_round_up((size_t)desc->cols, (size_t)way.width);
     const size_t row = pitch * sizeof(float), rows = (size_t)desc->rows;
     const size_t planes = (size_t)(desc->depths < HADA_FOCUS_DEPTHS ? desc->depths : HADA_FOCUS_DEPTHS);
     const size_t bins = 2 * HADA_FOCUS_BINS * sizeof(cl_int);
@@ -158,7 +154,7 @@ hada_status hada_focus_create(hada_focus **out, hada_slot *slot, const hada_focu
                           .radius = window_radius(&desc->options),
                           .kinds = kinds_of(&desc->options),
                           .way = hada_focus_way_of(slot->context)};
-    focus->pitch = up_to(desc->cols, focus->way.width);
+    focus->pitch = (int)hada_round_up((size_t)desc->cols, (size_t)focus->way.width);
     HADA_TRY(hada_alloc((void **)&focus->competing, (size_t)desc->depths, 1, "a focus object", err));
     HADA_TRY(hada_alloc((void **)&focus->noise_counts, 2 * HADA_FOCUS_BINS, sizeof *focus->noise_counts,
                         "the noise counts", err));

@@ -99,8 +99,7 @@ static sizes sizes_of(const hada_context *context, const hada_refine_shape *shap
     size_t longest = layout.count;
     b.spectra = images * layout.count * complex_bytes;
     /* total variation's loads reach a vector beyond the last image */
-    b.planes =
-        (images * area(&shape->window) + 8 + HADA_REFINE_PAD - 1) / HADA_REFINE_PAD * HADA_REFINE_PAD * sizeof(float);
+    b.planes = hada_round_up(images * area(&shape->window) + 8, HADA_REFINE_PAD) * sizeof(float);
     b.tv = shape->tv ? (2 * images * area(&shape->window) + 8) * sizeof(float) : 0;
     if (shape->boundary == HADA_BOUNDARY_PADDED) {
         b.split = sets * layout.count * complex_bytes;

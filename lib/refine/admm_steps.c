@@ -61,19 +61,20 @@ double hada_refine_rho_at(const hada_refine_rule *rule, int step)
     return rule->first_rho > 0.0 ? fmin(rule->rho, rule->first_rho * pow(rule->growth, step)) : rule->rho;
 }
 
-static hada_refine_problem problem_of(const hada_refine_run *r)
+/* Sums over slices go to the place `place`, one for each step. */
+static hada_refine_sums sums_at(const hada_refine_run *r, int place)
+{
+    return (hada_refine_sums){HADA_REFINE_SLICE, (unsigned)(r->refiner->partials * (size_t)place)};
+}
+
+static hada_refine_problem problem_of(const hada_refine_run *r, int place)
 {
     return (hada_refine_problem){.otf_offset = r->data->otf_offset,
                                  .frame_offset = r->data->spectrum_offset,
                                  .spectrum = hada_spectrum_shape_of(&r->refiner->layout),
                                  .depths = r->depths,
-                                 .channels = (unsigned)r->refiner->shape.channels};
-}
-
-/* Sums over slices go to the place `place`, one for each step. */
-static hada_refine_sums sums_at(const hada_refine_run *r, int place)
-{
-    return (hada_refine_sums){HADA_REFINE_SLICE, (unsigned)(r->refiner->partials * (size_t)place)};
+                                 .channels = (unsigned)r->refiner->shape.channels,
+                                 .sums = sums_at(r, place)};
 }
 
 static hada_range slices_range(const hada_refine_run *r, size_t count, int rows, int planes)
@@ -103,7 +104,7 @@ hada_status hada_refine_solve(const hada_refine_run *r, const hada_refine_rule *
         .frame = data->spectrum, .split_a = r->padded ? refiner->split_a.mem : refiner->now_w.mem,
         .split_e = r->padded ? refiner->split_e.mem : refiner->now_u.mem,
         .prior = has_prior ? data->prior : data->spectrum, .now_u = refiner->now_u.mem, .now_w = refiner->now_w.mem,
-        .partial = refiner->partial.mem, .problem = problem_of(r), .now = now, .sums = sums_at(r, place));
+        .partial = refiner->partial.mem, .problem = problem_of(r, place), .now = now);
 }
 
 hada_status hada_refine_explain(const hada_refine_run *r, int has_residual, hada_error *err)
@@ -115,7 +116,7 @@ hada_status hada_refine_explain(const hada_refine_run *r, int has_residual, hada
         refiner->slot, refiner->program, &range, err, .otf = r->data->otf, .list = refiner->list.mem,
         .frame = r->data->spectrum, .now_u = refiner->now_u.mem,
         .residual = has_residual ? refiner->residual.mem : refiner->now_w.mem, .has_residual = has_residual,
-        .partial = refiner->partial.mem, .problem = problem_of(r), .sums = sums_at(r, 0));
+        .partial = refiner->partial.mem, .problem = problem_of(r, 0));
 }
 
 hada_status hada_refine_score(const hada_refine_run *r, int band_rows, int band_cols, hada_error *err)
@@ -128,11 +129,11 @@ hada_status hada_refine_score(const hada_refine_run *r, int band_rows, int band_
     const hada_range range = slices_range(r, layout->count, r->sets, 1);
     cost_score(r, fmin(1.0, (double)band_rows / layout->rows) * fmin(1.0, (double)band_cols / layout->cols),
                band.has_prior, band.has_variance);
-    return hada_launch_refine_score(
-        refiner->slot, refiner->program, &range, err, .otf = data->otf, .list = refiner->list.mem,
-        .frame = data->spectrum, .now_u = refiner->now_u.mem, .prior = band.has_prior ? data->prior : data->spectrum,
-        .variance = band.has_variance ? data->variance : data->spectrum, .partial = refiner->partial.mem,
-        .problem = problem_of(r), .band = band, .sums = sums_at(r, 0));
+    return hada_launch_refine_score(refiner->slot, refiner->program, &range, err, .otf = data->otf,
+                                    .list = refiner->list.mem, .frame = data->spectrum, .now_u = refiner->now_u.mem,
+                                    .prior = band.has_prior ? data->prior : data->spectrum,
+                                    .variance = band.has_variance ? data->variance : data->spectrum,
+                                    .partial = refiner->partial.mem, .problem = problem_of(r, 0), .band = band);
 }
 
 /* dual = factor * (dual - frame), or factor * dual, with its energy. */

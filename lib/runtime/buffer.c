@@ -5,6 +5,7 @@
 #include <sys/mman.h>
 
 #include "core/alloc.h"
+#include "core/round.h"
 
 #define HUGE_PAGE ((size_t)2 << 20)
 
@@ -38,7 +39,7 @@ hada_status hada_buffer_create(hada_buffer *buffer, hada_context *context, size_
     void *pages = NULL;
     /* small buffers gain nothing from huge pages and would waste most of one */
     if (context->quirks.host_pages && bytes >= HUGE_PAGE) {
-        size_t whole = (bytes + HUGE_PAGE - 1) / HUGE_PAGE * HUGE_PAGE;
+        size_t whole = hada_round_up(bytes, HUGE_PAGE);
         pages = aligned_alloc(HUGE_PAGE, whole);
         if (!pages)
             return hada_fail(err, HADA_ERROR_MEMORY, "no memory for %s (%.1f MiB)", what, (double)bytes / 1048576.0);

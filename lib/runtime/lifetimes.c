@@ -3,6 +3,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
+#include "core/round.h"
 
 /* What is known of a piece while the plan is made. */
 typedef struct placed {
@@ -93,7 +94,7 @@ hada_status hada_lifetimes_plan(hada_piece *pieces, int count, size_t alignment,
         status = hada_alloc((void **)&arenas->bytes, (size_t)count, sizeof *arenas->bytes, "a memory plan", err);
     for (int i = 0; !status && i < count; i++) {
         const size_t bytes = pieces[i].bytes;
-        list[i] = (placed){&pieces[i], i, (bytes + alignment - 1) / alignment * alignment};
+        list[i] = (placed){&pieces[i], i, hada_round_up(bytes, alignment)};
     }
     if (!status && count)
         qsort(list, (size_t)count, sizeof *list, larger_first);

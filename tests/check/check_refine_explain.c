@@ -110,9 +110,10 @@ static hada_status launch(check_state *state, hada_error *err)
     const hada_program_refine program = state->slot->context->shape == HADA_SHAPE_GROUPS ? HADA_PROGRAM_REFINE_GROUPS
                                         : own->layout.block % 8                          ? HADA_PROGRAM_REFINE_SCALAR
                                                                                          : HADA_PROGRAM_REFINE_DEFAULT;
-    const hada_refine_problem problem = {
-        .spectrum = hada_spectrum_shape_of(&own->layout), .depths = own->depths, .channels = (unsigned)own->channels};
-    const hada_refine_sums sums = {.slice = SLICE};
+    const hada_refine_problem problem = {.spectrum = hada_spectrum_shape_of(&own->layout),
+                                         .depths = own->depths,
+                                         .channels = (unsigned)own->channels,
+                                         .sums = {.slice = SLICE}};
     const hada_range range =
         hada_range_groups(own->slices, check_local(state, 64), (size_t)own->channels, (size_t)own->sets);
     cl_mem rest = state->region[0], partial = state->region[1];
@@ -124,7 +125,7 @@ static hada_status launch(check_state *state, hada_error *err)
     HADA_TRY(check_clear(state, 0, own->partial_first, err));
     HADA_TRY(hada_launch_refine_explain(state->slot, program, &range, err, .otf = own->otf.mem, .list = own->list.mem,
                                         .frame = own->data.mem, .now_u = own->planes.mem, .residual = rest,
-                                        .has_residual = 1, .partial = partial, .problem = problem, .sums = sums));
+                                        .has_residual = 1, .partial = partial, .problem = problem));
 done:
     return status;
 }

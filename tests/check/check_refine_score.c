@@ -127,11 +127,12 @@ static hada_status launch(check_state *state, hada_error *err)
     const hada_program_refine program = state->slot->context->shape == HADA_SHAPE_GROUPS ? HADA_PROGRAM_REFINE_GROUPS
                                         : own->layout.block % 8                          ? HADA_PROGRAM_REFINE_SCALAR
                                                                                          : HADA_PROGRAM_REFINE_DEFAULT;
-    const hada_refine_problem problem = {
-        .spectrum = hada_spectrum_shape_of(&own->layout), .depths = own->depths, .channels = (unsigned)own->channels};
+    const hada_refine_problem problem = {.spectrum = hada_spectrum_shape_of(&own->layout),
+                                         .depths = own->depths,
+                                         .channels = (unsigned)own->channels,
+                                         .sums = {.slice = SLICE}};
     const hada_refine_band band = {(unsigned)own->band_rows, (unsigned)own->band_cols, own->has_prior,
                                    own->has_variance};
-    const hada_refine_sums sums = {.slice = SLICE};
     const hada_range range = hada_range_groups(own->slices, check_local(state, 64), (size_t)own->sets, 1);
     cl_mem partial = state->region[0];
     hada_status status = HADA_OK;
@@ -140,7 +141,7 @@ static hada_status launch(check_state *state, hada_error *err)
     HADA_TRY(hada_launch_refine_score(state->slot, program, &range, err, .otf = own->otf.mem, .list = own->list.mem,
                                       .frame = own->data.mem, .now_u = own->planes.mem, .prior = own->prior.mem,
                                       .variance = own->variance.mem, .partial = partial, .problem = problem,
-                                      .band = band, .sums = sums));
+                                      .band = band));
 done:
     return status;
 }

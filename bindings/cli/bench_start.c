@@ -12,8 +12,6 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-extern char **environ;
-
 enum { STEPS = 5, MOST = 16, COLD = 2, WARM = 5 };
 static const char *const step_names[STEPS] = {"whole process", "open", "plan", "first frame", "close"};
 

@@ -118,7 +118,9 @@ static int is_shown(const settings *set, int k)
 
 static double value_of(const hada_evaluation *score, int k)
 {
-    return *(const double *)((const char *)score + columns[k].offset);
+    double value;
+    memcpy(&value, (const char *)score + columns[k].offset, sizeof value);
+    return value;
 }
 
 /* A line of a table; values NULL: the titles. */

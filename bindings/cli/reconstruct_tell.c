@@ -38,6 +38,7 @@ static json_t *frame_json(const hada_result *result)
 static void add(char *text, size_t size, const char *format, double value)
 {
     size_t used = strlen(text);
+    /* cppcheck-suppress wrongPrintfScanfArgNum ; some words have no number */
     snprintf(text + used, size - used, format, value);
 }
 

@@ -61,6 +61,7 @@ json_t *hada_cli_skip_json(const hada_result *result)
 static void add(char *text, size_t size, const char *format, double value)
 {
     const size_t used = strlen(text);
+    /* cppcheck-suppress wrongPrintfScanfArgNum ; some words have no number */
     snprintf(text + used, size - used, format, value);
 }
 

@@ -44,7 +44,7 @@ static int split_twos(int exponent, int *radix)
 
 void hada_fft_factor(int n, int columns, hada_fft_stages *stages)
 {
-    int exponent = 0, odd_count = 0, odd[HADA_FFT_MAX_STAGES], twos[HADA_FFT_MAX_STAGES];
+    int exponent = 0, odd_count = 0, odd[HADA_FFT_MAX_STAGES] = {0}, twos[HADA_FFT_MAX_STAGES];
     int rest = n;
     for (; rest % 2 == 0; rest /= 2)
         exponent++;

@@ -149,7 +149,7 @@ hada_status hada_stack_layout_write(const hada_stack_layout *layout, const hada_
     void *head;
     HADA_TRY(hada_alloc(&head, (size_t)layout->data_at, 1, "the head of a TIFF file", err));
     unsigned char *at = head;
-    memcpy(at, little ? "II" : "MM", 2);
+    at[0] = at[1] = little ? 'I' : 'M';
     if (layout->big)
         put(put(put(put(at + 2, 43, 2), 8, 2), 0, 2), 16, 8);
     else

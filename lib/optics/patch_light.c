@@ -77,6 +77,6 @@ void hada_patch_light_share(hada_patch_light *light, int patch, const int *label
             if (light->all[at] > light->least)
                 share[at] = inside ? (float)(hada_rays_at(&light->rays, r, c) / light->all[at]) : 0.0f;
             else
-                share[at] = labels[at] == patch;
+                share[at] = (float)(labels[at] == patch);
         }
 }

@@ -134,7 +134,7 @@ static hada_status add_lens(occluded *o, int i, const hada_image *psf, int lens,
         hada_patch_light_share(&o->patch_light, lens, o->labels, o->share);
     else
         for (size_t k = 0; k < (size_t)s->rows * (size_t)s->cols; k++)
-            o->share[k] = o->labels[k] == lens;
+            o->share[k] = (float)(o->labels[k] == lens);
     hada_status status = HADA_OK;
     HADA_TRY(hada_simulator_make_otf(s, psf, o->share, &o->otf, err));
     HADA_TRY(hide(o, i, lens, err));

@@ -264,7 +264,7 @@ static hada_status compare_images(hada_evaluation *score, const files *open, con
         }
         page_free(&one);
     }
-    const double count = score->occupied ? score->occupied : NAN;
+    const double count = score->occupied ? (double)score->occupied : (double)NAN;
     score->psnr /= count;
     score->ssim /= count;
     score->mae /= count;

@@ -97,17 +97,18 @@ static hada_status check_values(const hada_camera *camera, hada_error *err)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "optics of kind %d are not known; see hada_optics",
                          (int)camera->optics);
     const double most = 1e6;
-    const range ranges[] = {{"pixel pitch", "mm", camera->pixel_pitch_mm, 0.0, most, 1},
-                            {"distance to the sensor", "mm", camera->distance_mm, 0.0, most, 1},
-                            {"lens diameter", "mm", camera->lens_diameter_mm, 0.0, most, 1},
-                            {"focal length", "mm", camera->focal_length_mm, 0.0, most, 1},
-                            {"aperture", "mm", camera->aperture_mm, 0.0, most, 1},
-                            {"blur", "pixels", camera->blur_pixels, 0.25, 64.0, 0},
-                            {"refractive index", "", camera->refractive_index, 1.01, 5.0, 0},
-                            {"Abbe number", "", camera->abbe_number != 0.0 ? camera->abbe_number : 10.0, 5.0, 1000.0, 0},
-                            {"wavelength of red", "nm", camera->wavelengths_nm[0], 100.0, 20000.0, 0},
-                            {"wavelength of green", "nm", camera->wavelengths_nm[1], 100.0, 20000.0, 0},
-                            {"wavelength of blue", "nm", camera->wavelengths_nm[2], 100.0, 20000.0, 0}};
+    const range ranges[] = {
+        {"pixel pitch", "mm", camera->pixel_pitch_mm, 0.0, most, 1},
+        {"distance to the sensor", "mm", camera->distance_mm, 0.0, most, 1},
+        {"lens diameter", "mm", camera->lens_diameter_mm, 0.0, most, 1},
+        {"focal length", "mm", camera->focal_length_mm, 0.0, most, 1},
+        {"aperture", "mm", camera->aperture_mm, 0.0, most, 1},
+        {"blur", "pixels", camera->blur_pixels, 0.25, 64.0, 0},
+        {"refractive index", "", camera->refractive_index, 1.01, 5.0, 0},
+        {"Abbe number", "", camera->abbe_number != 0.0 ? camera->abbe_number : 10.0, 5.0, 1000.0, 0},
+        {"wavelength of red", "nm", camera->wavelengths_nm[0], 100.0, 20000.0, 0},
+        {"wavelength of green", "nm", camera->wavelengths_nm[1], 100.0, 20000.0, 0},
+        {"wavelength of blue", "nm", camera->wavelengths_nm[2], 100.0, 20000.0, 0}};
     hada_status status = HADA_OK;
     HADA_TRY(check_sensor(camera, err));
     HADA_TRY(check_ranges(ranges, sizeof ranges / sizeof *ranges, err));

@@ -7,7 +7,7 @@
 typedef struct hada_register_fft {
     int size;
     float *twiddles; /* size / 2 complex numbers exp(-2 pi i k / size) */
-    int *order;   /* bits reversed */
+    int *order;      /* bits reversed */
 } hada_register_fft;
 
 hada_status hada_register_fft_create(hada_register_fft *fft, int size, hada_error *err);

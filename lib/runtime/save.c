@@ -39,8 +39,8 @@ hada_status hada_programs_save(hada_context *context, const char *folder, hada_e
     for (int f = 0; f < hada_kernel_file_count; f++)
         for (int i = 0; i < hada_kernel_files[f]->program_count; i++)
             if (serves(context, &hada_kernel_files[f]->programs[i]))
-                HADA_TRY(save(context, folder, hada_kernel_files[f]->name, hada_kernel_files[f]->programs[i].macros,
-                              err));
+                HADA_TRY(
+                    save(context, folder, hada_kernel_files[f]->name, hada_kernel_files[f]->programs[i].macros, err));
 done:
     return status;
 }

@@ -4,8 +4,8 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "runtime/program.h"
 #include "runtime/profile.h"
+#include "runtime/program.h"
 
 static hada_status make_queue(hada_context *context, cl_command_queue *queue, hada_error *err)
 {

@@ -27,7 +27,7 @@ typedef struct hada_slot {
     const char *stage;     /* what the slot works at, for profiles; a constant text or NULL */
     double cost_bytes, cost_flops;
     cl_event event;
-    struct hada_room *room;  /* where scratch stands (runtime/room.h); NULL: in buffers of its own */
+    struct hada_room *room; /* where scratch stands (runtime/room.h); NULL: in buffers of its own */
     const atomic_int *stop; /* where set and not 0, launches are refused: HADA_ERROR_CANCELLED */
 } hada_slot;
 

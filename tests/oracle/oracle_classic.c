@@ -1,8 +1,7 @@
-/* Runs a reference of tests/ref/ref_classic.h on raw doubles from standard input and writes its planes as raw doubles to
- * standard output, for oracle_classic.py, which computes the same by other means.
- *   oracle_classic run METHOD ROWS COLS DEPTHS PADDED FRAME(4) SUPPORT(4) ITERATIONS PRIOR WEIGHT STEP INNER LEVELS
- *                      ACCELERATE FLAT FLOOR SEEN MU1 MU2 MU3 LAMBDA     otf, image
- *   oracle_classic tv|haar ROWS COLS WEIGHT INNER|LEVELS PLAIN           image */
+/* Runs a reference of tests/ref/ref_classic.h on raw doubles from standard input and writes its planes as raw doubles
+ * to standard output, for oracle_classic.py, which computes the same by other means. oracle_classic run METHOD ROWS
+ * COLS DEPTHS PADDED FRAME(4) SUPPORT(4) ITERATIONS PRIOR WEIGHT STEP INNER LEVELS ACCELERATE FLAT FLOOR SEEN MU1 MU2
+ * MU3 LAMBDA     otf, image oracle_classic tv|haar ROWS COLS WEIGHT INNER|LEVELS PLAIN           image */
 #include <string.h>
 
 #include "oracle_words.h"

@@ -1,6 +1,6 @@
 /* The bounds that several groups share: docs/numerics.md derives them. */
-#include "fft/fft.h"
 #include "core/fft_factor.h"
+#include "fft/fft.h"
 #include "stress.h"
 
 /* Mean square of the relative error of a one-dimensional transform, in units of u^2. */

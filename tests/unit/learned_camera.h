@@ -4,9 +4,9 @@
 
 #include <hadalens/fit.h>
 #include <hadalens/metrics.h>
+#include <hadalens/reconstruct.h>
 #include <hadalens/scene.h>
 #include <hadalens/simulate.h>
-#include <hadalens/reconstruct.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

@@ -5,9 +5,9 @@
 
 #include "camera_small.h"
 #include "classic/classic.h"
+#include "dispatch/plan.h"
 #include "fft/fft_fused.h"
 #include "model/model.h"
-#include "dispatch/plan.h"
 
 enum { ROWS = 40, COLS = 48, CHANNELS = 3, DEPTHS = 2 };
 

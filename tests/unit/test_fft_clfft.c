@@ -13,8 +13,8 @@
 #include <cmocka.h>
 
 #include "fft/fft.h"
-#include "runtime/tuning.h"
 #include "ref/ref_fft.h"
+#include "runtime/tuning.h"
 
 enum { ROWS = 16, COLS = 24, HALF = COLS / 2 + 1, BATCH = 3, SMALL = 7, COUNT = ROWS * HALF };
 

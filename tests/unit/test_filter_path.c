@@ -3,9 +3,9 @@
 
 #include "camera_small.h"
 #include "filter/bank.h"
-#include "image/dark.h"
 #include "filter/hadamard.h"
 #include "filter/layout.h"
+#include "image/dark.h"
 #include "io/safetensors.h"
 #include "ref/ref_filter.h"
 

@@ -5,8 +5,8 @@
 #include <unistd.h>
 
 #include "core/random.h"
-#include "model/model.h"
 #include "io/safetensors.h"
+#include "model/model.h"
 #include "testing.h"
 
 static const double distances[] = {100.0, 133.25, 600.0 / 7.0 * 3.0};
@@ -72,7 +72,8 @@ static void files_come_back_bit_for_bit(void **state)
         assert_true(b->raw_rows == 10 && b->raw_cols == 13 && b->window_rows == 4 && b->window_cols == 6);
         assert_true(b->grid_rows == a->grid_rows && b->grid_cols == a->grid_cols);
         assert_true(b->alpha == a->alpha && b->lambda == a->lambda && b->dark == a->dark && b->noise == a->noise);
-        assert_true(b->refine_steps == 12 && b->refine_rho == a->refine_rho && b->refine_tv == a->refine_tv && b->has_otf && b->half == a->half);
+        assert_true(b->refine_steps == 12 && b->refine_rho == a->refine_rho && b->refine_tv == a->refine_tv &&
+                    b->has_otf && b->half == a->half);
         assert_memory_equal(b->distances_mm, distances, sizeof distances);
         assert_string_equal(b->name, path);
         assert_int_equal(b->bytes, a->bytes);
@@ -106,7 +107,7 @@ static void rewrite(const char *path, const char *key, const char *value, const 
     hada_tensors *file;
     hada_tensors_writer *writer;
     char beside[80];
-    static const char *const keys[] = {"format", "version", "form", "boundary",     "raw",        "grid", "window",
+    static const char *const keys[] = {"format", "version", "form", "boundary",     "raw",        "grid",      "window",
                                        "alpha",  "lambda",  "dark", "refine_steps", "refine_rho", "refine_tv", "noise"};
     snprintf(beside, sizeof beside, "%s-new", path);
     ASSERT_OK(hada_tensors_open(&file, path, err));

@@ -5,9 +5,9 @@
 #include <string.h>
 
 #include "core/random.h"
-#include "runtime/slot.h"
 #include "ref/ref_layers.h"
 #include "ref/ref_loss.h"
+#include "runtime/slot.h"
 #include "testing.h"
 
 #define STEP 1e-5

@@ -2,8 +2,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "runtime/platform.h"
 #include "runtime/buffer.h"
+#include "runtime/platform.h"
 #include "testing.h"
 
 static void reads_words(void **state)

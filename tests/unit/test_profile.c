@@ -2,8 +2,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "runtime/profile.h"
 #include "fft/fft.h"
+#include "runtime/profile.h"
 #include "testing.h"
 
 enum { SIDE = 32, BATCH = 3 };

@@ -121,9 +121,10 @@ static void look(fixture *f, const char *what, const char *wanted, hada_pursuit_
     ASSERT_OK(hada_pursuit_run(f->full, f->device.spectrum.mem, 0, &full, err));
     describe(result, found, sizeof found);
     describe(&full, whole, sizeof whole);
-    print_message("%s: found %s (reference search: %s), last reduction %.2f (%.2f), %d fine, %zu transforms, %.0f ms (%.0f)\n",
-                  what, found, whole, result->reduction[result->rounds - 1], full.reduction[full.rounds - 1], result->fine_comparisons,
-                  result->transforms, 1e3 * result->seconds, 1e3 * full.seconds);
+    print_message(
+        "%s: found %s (reference search: %s), last reduction %.2f (%.2f), %d fine, %zu transforms, %.0f ms (%.0f)\n",
+        what, found, whole, result->reduction[result->rounds - 1], full.reduction[full.rounds - 1],
+        result->fine_comparisons, result->transforms, 1e3 * result->seconds, 1e3 * full.seconds);
     if (strcmp(found, whole) || (wanted && strcmp(found, wanted)))
         fail_msg("%s: found %s, reference search %s, wanted %s", what, found, whole,
                  wanted ? wanted : "anything, but the same");

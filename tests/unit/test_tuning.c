@@ -4,8 +4,8 @@
 
 #include "net_fixture.h"
 
-#include "net/conv_tune.h"
 #include "net/conv_internal.h"
+#include "net/conv_tune.h"
 #include "netlist/presets.h"
 
 static char file[64];

@@ -20,18 +20,19 @@ def fail(where, message):
     sys.exit(f"{where}: {message}")
 
 
-def flatten(text, folder, seen):
-    """Includes in place of their lines, each header once; also collects the shared headers."""
-    pattern = re.compile(r'(?:^|(?<=\n))#include "([A-Za-z0-9_]+\.h)"[^\n]*\n')
-    while match := pattern.search(text):
-        header, body = match.group(1), ""
+def flatten(name, text, folder, seen):
+    """[(key, text)]: the pieces of a file with includes in place of their lines, each header once; a header's pieces have
+    the same keys wherever it is included. Also collects the headers."""
+    pieces, before, at = [], "", 0
+    for number, match in enumerate(re.finditer(r'(?:^|(?<=\n))#include "([A-Za-z0-9_]+\.h)"[^\n]*\n', text)):
+        header = match.group(1)
+        # the line before an include keeps its end of line
+        pieces.append((f"{name}_{number}", (before + text[at:match.start()])[:-1] + "\n"))
         if header not in seen:
             seen.append(header)
-            body = (folder / header).read_text()
-        # the line before an include keeps its end of line
-        start = match.start() - 1 if match.start() > 0 else 0
-        text = text[:start] + "\n" + body + "\n" + text[match.end():]
-    return text
+            pieces += flatten(header, (folder / header).read_text(), folder, seen)
+        before, at = "\n", match.end()
+    return pieces + [(f"{name}_end", before + text[at:])]
 
 
 def without_comments(text):
@@ -82,9 +83,9 @@ class File:
     def __init__(self, path):
         self.name, self.where = path.stem, f"kernels/{path.name}"
         headers = []
-        self.text = flatten(path.read_text(), path.parent, headers)
+        self.pieces = flatten(path.stem, path.read_text(), path.parent, headers)
         self.shared = [header for header in headers if header.startswith("shared_")]
-        plain = without_comments(self.text)
+        plain = without_comments("".join(text for _, text in self.pieces))
         self.defaults = {name: int(value) for name, value in
                          re.findall(r"#ifndef (\w+)\s*\n\s*#define \1 +(\d+)\s*\n", plain)}
         declarations = re.findall(r"__kernel\s+(?:__attribute__\s*\(\(.*?\)\)\)\s*)?void\s+(\w+)\s*\(([^()]*)\)", plain)
@@ -214,18 +215,43 @@ static inline hada_status hada_launch_with_{name}(hada_slot *slot, hada_program_
     return out + "\n#endif\n"
 
 
-def quoted(text):
-    text = text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", '\\n",\n"')
-    return f'"{text}"'
+LONGEST_LITERAL = 4000  # characters; C11 promises 4095
+
+
+def literals(text):
+    """String literals of whole lines."""
+    chunks = [""]
+    for line in text.splitlines(keepends=True):
+        if len(chunks[-1]) + len(line) > LONGEST_LITERAL:
+            chunks.append("")
+        chunks[-1] += line
+    escaped = [chunk.replace("\\", "\\\\").replace('"', '\\"') for chunk in chunks]
+    return ['"' + chunk.replace("\n", '\\n"\n    "') + '"' for chunk in escaped]
+
+
+def texts(files):
+    """Every piece of text once: {key: names of its constants}, and their declarations."""
+    names, out = {}, ""
+    for key, text in (piece for file in files for piece in file.pieces):
+        if key in names:
+            continue
+        names[key] = []
+        for number, literal in enumerate(literals(text)):
+            names[key].append(re.sub(r"\W", "_", f"text_{key}_{number}"))
+            out += f"static const char {names[key][-1]}[] =\n    {literal};\n"
+    return names, out
 
 
 def tables(files):
     out = "/* Made from kernels/ by cmake/kernels.py. */\n#include <stddef.h>\n\n"
     out += "".join(f'#include "launch/{file.name}.h"\n' for file in files) + "\n"
     objects = 0
+    names, declarations = texts(files)
+    out += declarations
     for file in files:
         name = file.name
-        out += f"static const char *const text_{name}[] = {{\n{quoted(file.text)}}};\n"
+        parts = [part for key, _ in file.pieces for part in names[key]]
+        out += f"static const char *const pieces_{name}[] = {{{', '.join(parts)}}};\n"
         rows = "".join(f'    {{"{p.name}", "{p.macros}", "{p.shapes}"}},\n' for p in file.programs)
         out += f"static const hada_program_row programs_{name}[] = {{\n{rows}}};\n"
         if file.macros:
@@ -240,8 +266,8 @@ def tables(files):
                     f"parameters_{kernel.name}, {len(kernel.parameters)}, {index}}};\n")
         kernels = "".join(f"    &hada_kernel_{kernel.name},\n" for kernel in file.kernels)
         out += (f"static const hada_kernel *const kernels_{name}[] = {{\n{kernels}}};\n"
-                f'const hada_kernel_file hada_file_{name} = {{"{name}", text_{name}, '
-                f"sizeof text_{name} / sizeof *text_{name}, kernels_{name}, {len(file.kernels)}, programs_{name}, "
+                f'const hada_kernel_file hada_file_{name} = {{"{name}", pieces_{name}, {len(parts)}, '
+                f"kernels_{name}, {len(file.kernels)}, programs_{name}, "
                 f"{len(file.programs)}, {f'macros_{name}' if file.macros else 'NULL'}, {len(file.macros)}, {objects}}};\n\n")
         objects += len(file.kernels) * len(file.programs)
     listed = "".join(f"    &hada_file_{file.name},\n" for file in files)

@@ -33,7 +33,7 @@ int main(int argc, char **argv)
     if (status)
         fprintf(stderr, "%s\n", err.message);
     for (int z = 0; !status && z < result.depths; z++)
-        if (result.report.occupied[z])
+        if (result.report->occupied[z])
             printf("something stands at %g mm\n", result.distances_mm[z]);
 
     hada_result_destroy(&result);

@@ -214,7 +214,7 @@ static hada_status look_through(const bench *b, const char *folder, hada_error *
         printf("%-44s %5.2f dB   residual %.3f\n",
                round ? round == 1 ? "  light that the leaf took given back, once" : "  again"
                      : "lensless, two planes refined",
-               psnr(b, &result.planes[FAR]), result.report.residual);
+               psnr(b, &result.planes[FAR]), result.report->residual);
         if (!round)
             status = save(folder, "far_plain", &result.planes[FAR], 1.0, err);
     }

@@ -4,7 +4,7 @@
  *
  * Output pixel (step r + phase) takes inputs CONV_STEP r + first + t (inc_conv.h: hada_conv_taps); a convolution has
  * step 1 and CONV_STEP its stride, a transposed one has step its stride and CONV_STEP 1. Reads stay within the halo of
- * one: the host sees to it. Weights: [phase][block group][input block][tap row][tap column][input channel][output
+ * one: the host makes sure. Weights: [phase][block group][input block][tap row][tap column][input channel][output
  * channel], as conv_pack.cl writes them. Dimensions: block groups, groups of rows, images. */
 #include "inc_conv.h"
 

@@ -55,7 +55,7 @@ static inline conv_pack_v conv_kernels_at(const conv_kernels *kernels, int place
 }
 
 #if CONV_PACK == 8
-/* The rows i and i + 4 in turns, value by value: three times this turns 8 rows of 8 into columns. */
+/* The rows i and i + 4 interleaved: three times this transposes 8 rows of 8. */
 static inline void conv_interleave(const float8 *from, float8 *to)
 {
 #pragma unroll

@@ -1,4 +1,4 @@
-/* Losses that look at single values or neighbours: the value as one sum per work-item, at sums[index of the work-item],
+/* Losses of single values or neighbours: the value as one sum per work-item, at sums[index of the work-item],
  * and the gradient, times `scale`. Sums are not scaled. */
 #include "inc_layers.h"
 

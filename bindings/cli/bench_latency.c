@@ -24,9 +24,9 @@ static hada_status run_frame(void *user, int round, double *value, hada_error *e
     const hada_image *raw = &work->workload->raw[round % work->workload->frames];
     hada_status status = HADA_OK;
     HADA_TRY(hada_plan_run(work->plan, raw, &work->result, err));
-    *value = work->result.report.seconds_total;
+    *value = work->result.report->seconds_total;
     for (int s = 0; s < HADA_BENCH_STAGES; s++)
-        work->stage[s][round] = hada_bench_stage_seconds(&work->result.report, s);
+        work->stage[s][round] = hada_bench_stage_seconds(work->result.report, s);
 done:
     return status;
 }

@@ -188,7 +188,7 @@ static hada_status run_frame(void *user, int round, double *value, hada_error *e
     const hada_bench_workload *workload = work->w->workload;
     /* frames take turns, so that none is like the one before */
     hada_status status = hada_plan_run(work->plan, &workload->raw[round % workload->frames], &work->result, err);
-    *value = work->result.report.seconds_total;
+    *value = work->result.report->seconds_total;
     return status;
 }
 
@@ -238,7 +238,7 @@ static hada_status measure(sweep *w, const hada_bench_setting *s, hada_bench_row
     HADA_TRY(hada_plan_create(&work.plan, context, model, &options, err));
     /* first as it comes, also for the comparisons */
     HADA_TRY(run_frame(&work, 0, &first, err));
-    const double bound = work.result.report.skipped.bound;
+    const double bound = work.result.report->skipped->bound;
     swap(&work.result, &w->now);
     HADA_TRY(hada_bench_repeat(w->bench, run_frame, &work, w->bench->rounds, values, &count, err));
     name_of(s, name, sizeof name);

@@ -62,6 +62,9 @@ typedef struct hada_cli {
 int hada_cli_exit_code(hada_status status);
 hada_monitor hada_cli_monitor(hada_cli *cli);
 
+/* Formatted text on the heap; NULL when memory is out. */
+char *hada_cli_text(const char *format, ...) HADA_CLI_PRINTF(1, 2);
+
 /* Fills *err and returns `status`. */
 hada_status hada_cli_error(hada_error *err, hada_status status, const char *format, ...) HADA_CLI_PRINTF(3, 4);
 /* Puts text before a message. */

@@ -38,6 +38,16 @@ int hada_cli_exit_code(hada_status status)
     return HADA_EXIT_SOME;
 }
 
+char *hada_cli_text(const char *format, ...)
+{
+    char *text = NULL;
+    va_list arguments;
+    va_start(arguments, format);
+    const int length = vasprintf(&text, format, arguments);
+    va_end(arguments);
+    return length < 0 ? NULL : text;
+}
+
 hada_status hada_cli_error(hada_error *err, hada_status status, const char *format, ...)
 {
     va_list arguments;

@@ -1,14 +1,11 @@
 #include "command.h"
-#include "dataset_write.h"
-#include "folder.h"
 #include "sensor_options.h"
 
-#include <errno.h>
+#include <hadalens/task_simulate.h>
+#include <math.h>
 #include <stddef.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 typedef struct settings {
     hada_cli_sensor_settings frame;
@@ -34,7 +31,7 @@ static const hada_cli_option options[] = {
      "Without it they are taken from the end of --scenes, and not used for pairs where there are enough.",
      AT(test_scenes)},
     {HADA_OPTION_CHOICE, "bits", 0, "16|32", "raw frames and scenes as 16-bit integers or floats (default: 32)",
-     "A camera writes 16 bits; then noise below zero is cut off.", AT(bits)},
+     "A camera writes 16 bits; then noise below zero is cut off.", HADA_CLI_ONE_OF(settings, bits, 16, 32)},
     {0},
 };
 
@@ -45,96 +42,11 @@ static void defaults(void *user)
     hada_cli_sensor_defaults(&set->frame);
     set->pairs = 8;
     set->test_depths = 2;
+    set->bits = 32;
 }
 
-/* Opens the scenes and divides them between pairs and tests. */
-static hada_status make_recipe(hada_cli *cli, hada_cli_recipe *recipe, const settings *set, const hada_camera *camera,
-                               hada_error *err)
+static int check(hada_cli *cli, const settings *set, int count, const char **arguments)
 {
-    recipe->pairs = set->pairs;
-    recipe->seed = camera->seed;
-    recipe->bits = set->bits == 1 ? 16 : 32;
-    recipe->tests = set->test;
-    recipe->test_depths = set->test_depths < camera->depths ? set->test_depths : camera->depths;
-    const hada_simulator_options *wanted = &recipe->sensor->options;
-    const int rows = wanted->field_rows ? wanted->field_rows : camera->window_rows,
-              cols = wanted->field_rows ? wanted->field_cols : camera->window_cols;
-    hada_status status =
-        hada_cli_scenes_open(&recipe->scenes, set->scenes, camera->seed, camera->channels, rows, cols, err);
-    if (!status && set->test_scenes) {
-        status = hada_cli_scenes_open(&recipe->test_scenes, set->test_scenes, camera->seed + 1, camera->channels, rows,
-                                      cols, err);
-        recipe->other_test_scenes = !status;
-    }
-    if (status)
-        return status;
-    recipe->training_count = recipe->scenes.count;
-    if (set->test && !set->test_scenes && recipe->scenes.folder) {
-        if (recipe->scenes.count >= set->pairs + set->test)
-            recipe->training_count = recipe->scenes.count - set->test;
-        else
-            hada_cli_warn(cli,
-                          "%s holds %d pictures, too few to keep some for the tests alone: the tests show scenes "
-                          "that the pairs show too",
-                          set->scenes, recipe->scenes.count);
-    }
-    if (recipe->training_count < recipe->pairs) {
-        hada_cli_warn(cli, "%s holds %d pictures: %d pairs per depth instead of %d", set->scenes,
-                      recipe->training_count, recipe->training_count, recipe->pairs);
-        recipe->pairs = recipe->training_count;
-    }
-    return HADA_OK;
-}
-
-static hada_status simulate(hada_cli *cli, const settings *set, const hada_camera *camera, hada_cli_recipe *recipe,
-                            hada_error *err)
-{
-    hada_context *context = NULL;
-    hada_simulator *simulator = NULL;
-    hada_cli_progress progress;
-    hada_status status = make_recipe(cli, recipe, set, camera, err);
-    if (!status)
-        status = hada_cli_open(cli, &context, err);
-    if (!status)
-        status = hada_simulator_create_with(&simulator, context, camera, &recipe->sensor->options, err);
-    if (status == HADA_ERROR_SIZE) /* a field that does not fit: the command line's, not a file's */
-        status = err->status = HADA_ERROR_ARGUMENT;
-    if (!status && recipe->sensor->used && recipe->sensor->auto_exposure)
-        status = hada_simulator_white_exposure(simulator, HADA_CLI_WHITE, &recipe->sensor->sensor.exposure, err);
-    if (!status) {
-        hada_cli_progress_begin(cli, &progress, "frames", (long)camera->depths * recipe->pairs + recipe->tests);
-        status = hada_cli_write_dataset(cli, simulator, recipe, err);
-        hada_cli_progress_end(cli);
-    }
-    hada_simulator_destroy(&simulator);
-    hada_cli_close(cli, &context);
-    hada_cli_scenes_close(&recipe->scenes);
-    hada_cli_scenes_close(&recipe->test_scenes);
-    return status;
-}
-
-typedef struct writing {
-    hada_cli *cli;
-    const settings *set;
-    const hada_camera *camera;
-    hada_cli_recipe *recipe;
-} writing;
-
-static hada_status fill_folder(void *user, const char *folder, hada_error *err)
-{
-    const writing *w = user;
-    w->recipe->folder = folder;
-    return simulate(w->cli, w->set, w->camera, w->recipe, err);
-}
-
-static int run(hada_cli *cli, void *user, int count, const char **arguments)
-{
-    const settings *set = user;
-    hada_error err = {0};
-    hada_camera camera;
-    hada_cli_sensor sensor = {0};
-    hada_cli_recipe recipe = {.sensor = &sensor};
-    double start = hada_cli_seconds();
     if (count)
         return hada_cli_usage(cli, "'%s' is one word too many; a folder of pictures is given with --scenes",
                               arguments[0]);
@@ -142,38 +54,78 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
         return hada_cli_usage(cli, "say where the data set shall be written, with -o DATASET");
     if (!set->pairs || !set->test_depths)
         return hada_cli_usage(cli, "--%s must be at least 1", set->pairs ? "test-depths" : "pairs");
-    hada_status status = hada_cli_make_camera(&camera, &set->frame.camera, &err);
-    if (!status)
-        status = hada_cli_make_sensor(&sensor, &set->frame, &err);
-    if (!status)
-        status = hada_folder_create(set->output, fill_folder,
-                                    &(writing){.cli = cli, .set = set, .camera = &camera, .recipe = &recipe}, &err);
-    hada_cli_sensor_free(&sensor);
-    if (status)
-        return hada_cli_fail(cli, &err);
+    return HADA_EXIT_OK;
+}
+
+static void fill_task(const settings *set, const hada_cli_sensor *sensor, hada_simulate_task *task)
+{
+    hada_simulate_task_init(task);
+    task->scenes = strcmp(set->scenes, "procedural") ? set->scenes : NULL;
+    task->test_scenes = set->test_scenes;
+    task->pairs = set->pairs;
+    task->tests = set->test;
+    task->test_depths = set->test_depths;
+    task->occlude = sensor->occlude;
+    task->bits = set->bits;
+    task->simulator = &sensor->options;
+    task->noise = sensor->noise;
+    task->sensor = sensor->used ? &sensor->sensor : NULL;
+    task->white = sensor->auto_exposure ? HADA_CLI_WHITE : 0;
+}
+
+static void report_all(hada_cli *cli, const settings *set, const hada_camera *camera, double noise,
+                       const hada_simulate_report *report, double seconds)
+{
     char lenses[32] = "";
-    if (camera.mask == HADA_MASK_MLA || camera.mask == HADA_MASK_GRID)
-        snprintf(lenses, sizeof lenses, " of %d lenses", camera.lenses);
+    if (camera->mask == HADA_MASK_MLA || camera->mask == HADA_MASK_GRID)
+        snprintf(lenses, sizeof lenses, " of %d lenses", camera->lenses);
     hada_cli_say(cli,
                  "%s: %d %s from %g to %g mm, %d pair%s each, %dx%d %s frames, window %dx%d, mask %s%s, noise %g "
                  "(%.1f s)",
-                 set->output, camera.depths, camera.depths == 1 ? "depth" : "depths", camera.distances_mm[0],
-                 camera.distances_mm[camera.depths - 1], recipe.pairs, recipe.pairs == 1 ? "" : "s", camera.rows,
-                 camera.cols, camera.channels == 1 ? "grey" : "colour", camera.window_rows, camera.window_cols,
-                 hada_mask_word(camera.mask), lenses, sensor.noise, hada_cli_seconds() - start);
+                 set->output, camera->depths, camera->depths == 1 ? "depth" : "depths", camera->distances_mm[0],
+                 camera->distances_mm[camera->depths - 1], report->pairs, report->pairs == 1 ? "" : "s", camera->rows,
+                 camera->cols, camera->channels == 1 ? "grey" : "colour", camera->window_rows, camera->window_cols,
+                 hada_mask_word(camera->mask), lenses, noise, seconds);
     if (set->test)
         hada_cli_say(cli, "%s/test: %d test frames with %d occupied depths each, and their truth", set->output,
-                     set->test, recipe.test_depths);
+                     set->test, report->test_depths);
     json_object_update_new(cli->document,
                            json_pack("{s:s, s:i, s:i, s:[ii], s:[ii], s:i, s:s, s:i, s:f, s:f}", "dataset", set->output,
-                                     "pairs_per_depth", recipe.pairs, "tests", set->test, "size", camera.rows,
-                                     camera.cols, "window", camera.window_rows, camera.window_cols, "channels",
-                                     camera.channels, "mask", hada_mask_word(camera.mask), "lenses", camera.lenses,
-                                     "noise", sensor.noise, "seconds", hada_cli_seconds() - start));
-    if (sensor.used)
-        json_object_set_new(cli->document, "exposure", hada_cli_real(sensor.sensor.exposure));
-    json_object_set_new(cli->document, "distances_mm", hada_cli_reals(camera.distances_mm, camera.depths));
-    return HADA_EXIT_OK;
+                                     "pairs_per_depth", report->pairs, "tests", set->test, "size", camera->rows,
+                                     camera->cols, "window", camera->window_rows, camera->window_cols, "channels",
+                                     camera->channels, "mask", hada_mask_word(camera->mask), "lenses", camera->lenses,
+                                     "noise", noise, "seconds", seconds));
+    if (!isnan(report->exposure))
+        json_object_set_new(cli->document, "exposure", hada_cli_real(report->exposure));
+    json_object_set_new(cli->document, "distances_mm", hada_cli_reals(camera->distances_mm, camera->depths));
+}
+
+static int run(hada_cli *cli, void *user, int count, const char **arguments)
+{
+    const settings *set = user;
+    hada_error err = {0};
+    hada_context *context = NULL;
+    hada_camera camera;
+    hada_cli_sensor sensor = {0};
+    hada_simulate_task task;
+    hada_simulate_report report = {.size = sizeof report};
+    hada_status status = HADA_OK;
+    const double start = hada_cli_seconds();
+    const int wrong = check(cli, set, count, arguments);
+    if (wrong)
+        return wrong;
+    HADA_TRY(hada_cli_make_camera(&camera, &set->frame.camera, &err));
+    HADA_TRY(hada_cli_make_sensor(&sensor, &set->frame, &err));
+    fill_task(set, &sensor, &task);
+    task.monitor = &cli->monitor;
+    HADA_TRY(hada_cli_open(cli, &context, &err));
+    HADA_TRY(hada_simulate_run(context, &camera, set->output, &task, &report, &err));
+    hada_cli_close(cli, &context);
+    report_all(cli, set, &camera, sensor.noise, &report, hada_cli_seconds() - start);
+done:
+    hada_cli_close(cli, &context);
+    hada_cli_sensor_free(&sensor);
+    return status ? hada_cli_fail(cli, &err) : HADA_EXIT_OK;
 }
 
 static const hada_cli_example examples[] = {

@@ -12,7 +12,7 @@ static const char *const methods[] = {"model", "wiener", "rl", "fista", "admm"};
 
 static json_t *frame_json(const hada_result *result)
 {
-    const hada_report *report = &result->report;
+    const hada_report *report = result->report;
     json_t *frame = json_object(), *occupied = json_array();
     for (int z = 0; report->occupied && z < result->depths; z++)
         if (report->occupied[z])
@@ -45,7 +45,7 @@ static void add(char *text, size_t size, const char *format, double value)
 /* "100 and 250 mm; 8 refinement steps; 2.1 % unexplained" into `text` of `size` bytes. */
 static void frame_words(const hada_result *result, char *text, size_t size)
 {
-    const hada_report *report = &result->report;
+    const hada_report *report = result->report;
     int count = 0, shown = 0;
     *text = '\0';
     for (int z = 0; report->occupied && z < result->depths; z++)

@@ -1,5 +1,4 @@
 #include "sensor_options.h"
-#include "folder.h"
 
 #include <hadalens/tiff.h>
 #include <math.h>
@@ -106,39 +105,17 @@ hada_status hada_cli_make_sensor(hada_cli_sensor *out, const hada_cli_sensor_set
     if (given(set->dark))
         out->sensor.dark_level = set->dark;
     out->sensor.bits = set->adc_bits;
-    hada_status status = set->shift ? read_shift(set->shift, &out->options, err) : HADA_OK;
-    if (!status && set->vignetting)
-        status = read_vignetting(set->vignetting, out, err);
-    return status ? status : hada_sensor_check(&out->sensor, err);
+    hada_status status = HADA_OK;
+    if (set->shift)
+        HADA_TRY(read_shift(set->shift, &out->options, err));
+    if (set->vignetting)
+        HADA_TRY(read_vignetting(set->vignetting, out, err));
+    HADA_TRY(hada_sensor_check(&out->sensor, err));
+done:
+    return status;
 }
 
 void hada_cli_sensor_free(hada_cli_sensor *sensor)
 {
     hada_image_destroy(&sensor->gain);
-}
-
-hada_status hada_cli_write_sensor(const hada_cli_sensor *s, const char *folder, hada_error *err)
-{
-    const hada_simulator_options *o = &s->options;
-    if (!s->used && !o->shift_rows && !o->shift_cols && !o->field_rows)
-        return HADA_OK;
-    json_t *document = json_pack("{s:[ii]}", "shift", o->shift_rows, o->shift_cols);
-    if (document && o->field_rows)
-        json_object_set_new(document, "field", json_pack("[ii]", o->field_rows, o->field_cols));
-    if (document && s->used) {
-        static const char *const vignetting[] = {"none", "cos4", "image"};
-        json_object_update_new(document, json_pack("{s:f, s:f, s:f, s:f, s:i, s:s}", "exposure", s->sensor.exposure,
-                                                   "full_well", s->sensor.full_well, "read_noise", s->sensor.read_noise,
-                                                   "dark_level", s->sensor.dark_level, "bits", s->sensor.bits,
-                                                   "vignetting", vignetting[s->sensor.vignetting]));
-    }
-    char *path = hada_cli_text("%s/sensor.json", folder);
-    hada_status status = HADA_OK;
-    if (!document || !path)
-        status = hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
-    else if (json_dump_file(document, path, JSON_INDENT(2) | JSON_REAL_PRECISION(12)))
-        status = hada_cli_error(err, HADA_ERROR_FILE_WRITE, "%s cannot be written", path);
-    free(path);
-    json_decref(document);
-    return status;
 }

@@ -35,7 +35,4 @@ void hada_cli_sensor_free(hada_cli_sensor *sensor);
 /* How bright a white scene is when nothing else is said: this share of full scale. */
 #define HADA_CLI_WHITE 0.9
 
-/* Writes FOLDER/sensor.json where anything was asked for. */
-hada_status hada_cli_write_sensor(const hada_cli_sensor *sensor, const char *folder, hada_error *err);
-
 #endif

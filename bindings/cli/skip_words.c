@@ -42,7 +42,7 @@ hada_status hada_cli_read_skip(const char *text, unsigned *skip, hada_error *err
 
 json_t *hada_cli_skip_json(const hada_result *result)
 {
-    const hada_skip_report *skipped = &result->report.skipped;
+    const hada_skip_report *skipped = result->report->skipped;
     json_t *list = json_array();
     for (int i = 0; i < KINDS; i++)
         if (skipped->kinds & kinds[i].kind)
@@ -67,7 +67,7 @@ static void add(char *text, size_t size, const char *format, double value)
 
 void hada_cli_skip_words(const hada_result *result, char *text, size_t size)
 {
-    const hada_skip_report *skipped = &result->report.skipped;
+    const hada_skip_report *skipped = result->report->skipped;
     if (skipped->frame)
         add(text, size, "; the result of the frame before", 0);
     if (skipped->channels)

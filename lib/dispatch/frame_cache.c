@@ -211,19 +211,20 @@ static int is_known(hada_cache_entry *source)
 hada_status hada_frame_cache_reuse(hada_job *job, int *reused, hada_error *err)
 {
     hada_cache_entry *source = job->source;
-    hada_report *report = &job->frame.result->report;
     const double start = hada_seconds();
     hada_status status = HADA_OK;
     *reused = source && is_known(source);
     if (!*reused)
         return HADA_OK;
     HADA_TRY(hada_result_copy(job->frame.result, &source->result, hada_model_get_info(job->frame.setup->model), err));
+    hada_result_memory *memory = job->frame.result->memory;
+    hada_report *report = &memory->report;
     report->seconds_upload = report->seconds_linear = report->seconds_pursuit = report->seconds_refine =
         report->seconds_enhance = report->seconds_focus = report->seconds_download = 0.0;
-    report->skipped.kinds |= HADA_SKIP_FRAMES;
-    report->skipped.frame = 1;
+    memory->skipped.kinds |= HADA_SKIP_FRAMES;
+    memory->skipped.frame = 1;
     if (job->source_change > 0.0)
-        report->skipped.bound = hada_skip_relative(job->source_change + source->band_change, source->norm);
+        memory->skipped.bound = hada_skip_relative(job->source_change + source->band_change, source->norm);
     report->seconds_total = hada_seconds() - start;
 done:
     return status;

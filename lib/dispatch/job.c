@@ -5,23 +5,50 @@
 #include "core/clock.h"
 #include "dispatch/batches.h"
 #include "dispatch/plan.h"
+#include "image/pixels.h"
 
-static hada_status check_arguments(const void *plan, const hada_image *raw, const void *result, const char *name,
+/* What a frame is given as: one of both. */
+typedef struct frame_input {
+    const hada_image *image;
+    const hada_pixels *pixels;
+} frame_input;
+
+static hada_status check_arguments(const void *plan, const frame_input *input, const void *result, const char *name,
                                    hada_error *err)
 {
-    if (plan && raw && raw->data && result)
+    if (plan && (input->pixels || (input->image && input->image->data)) && result)
         return HADA_OK;
     return hada_fail(err, HADA_ERROR_ARGUMENT, "%s: a plan, a frame and a result are needed", name);
 }
 
+/* The frame's floats, where it stands in another form. Before there are any, its sizes are checked. */
+static hada_status begin_frame(hada_job *job, hada_plan *plan, const frame_input *input, hada_result *result,
+                               hada_error *err)
+{
+    hada_pixels pixels;
+    int begun = 0;
+    hada_status status = HADA_OK;
+    if (!input->pixels)
+        return hada_frame_begin(&job->frame, &plan->setup, input->image, result, err);
+    HADA_TRY(hada_pixels_take(&pixels, input->pixels, err));
+    job->view = (hada_image){pixels.channels, pixels.rows, pixels.cols, NULL};
+    HADA_TRY(hada_frame_begin(&job->frame, &plan->setup, &job->view, result, err));
+    begun = 1;
+    HADA_TRY(hada_pixels_view(&pixels, &job->converted, &job->view, err));
+done:
+    if (status && begun)
+        hada_frame_end(&job->frame, HADA_OK); /* the result is as it was */
+    return status;
+}
+
 /* After a failure there is nothing to release, and the result is as it was. */
-static hada_status begin(hada_job *job, hada_plan *plan, const hada_image *raw, hada_result *result, hada_error *err)
+static hada_status begin(hada_job *job, hada_plan *plan, const frame_input *input, hada_result *result, hada_error *err)
 {
     const size_t depths = (size_t)plan->setup.config.depths;
     hada_status status = HADA_OK;
     *job = (hada_job){.dispatcher = plan->dispatcher};
     HADA_TRY(hada_alloc((void **)&job->depths, depths, 1, "a frame", err));
-    HADA_TRY(hada_frame_begin(&job->frame, &plan->setup, raw, result, err));
+    HADA_TRY(begin_frame(job, plan, input, result, err));
     job->frame.batches = &hada_job_batches;
     job->frame.owner = job;
 done:
@@ -30,8 +57,8 @@ done:
     return status;
 }
 
-hada_status hada_job_submit(hada_job **out, hada_plan *plan, const hada_image *raw, hada_result *result,
-                            hada_error *err)
+static hada_status submit(hada_job **out, hada_plan *plan, const frame_input *input, hada_result *result,
+                          hada_error *err)
 {
     hada_job *job = NULL;
     int begun = 0;
@@ -39,9 +66,9 @@ hada_status hada_job_submit(hada_job **out, hada_plan *plan, const hada_image *r
     if (!out)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_job_submit: out is needed");
     *out = NULL;
-    HADA_TRY(check_arguments(plan, raw, result, "hada_job_submit", err));
+    HADA_TRY(check_arguments(plan, input, result, "hada_job_submit", err));
     HADA_TRY(hada_alloc((void **)&job, 1, sizeof *job, "a job", err));
-    HADA_TRY(begin(job, plan, raw, result, err));
+    HADA_TRY(begin(job, plan, input, result, err));
     begun = 1;
     HADA_TRY(hada_frame_cache_enter(&plan->cache, job, err));
     HADA_TRY(hada_dispatcher_submit(plan->dispatcher, job, err));
@@ -52,6 +79,18 @@ done:
     if (status)
         free(job);
     return status;
+}
+
+hada_status hada_job_submit(hada_job **out, hada_plan *plan, const hada_image *raw, hada_result *result,
+                            hada_error *err)
+{
+    return submit(out, plan, &(frame_input){.image = raw}, result, err);
+}
+
+hada_status hada_job_submit_pixels(hada_job **out, hada_plan *plan, const hada_pixels *raw, hada_result *result,
+                                   hada_error *err)
+{
+    return submit(out, plan, &(frame_input){.pixels = raw}, result, err);
 }
 
 hada_job_state hada_job_poll(const hada_job *job)
@@ -101,12 +140,12 @@ void hada_job_destroy(hada_job **pointer)
 }
 
 /* In the caller's thread, on the plan's one worker, which is occupied. */
-static hada_status run_here(hada_plan *plan, uint64_t serial, const hada_image *raw, hada_result *result,
+static hada_status run_here(hada_plan *plan, uint64_t serial, const frame_input *input, hada_result *result,
                             hada_error *err)
 {
     hada_job job;
     const double start = hada_seconds();
-    hada_status status = begin(&job, plan, raw, result, err);
+    hada_status status = begin(&job, plan, input, result, err);
     if (!status) {
         job.frame.serial = serial;
         job.worker = &plan->dispatcher->workers[0];
@@ -119,17 +158,27 @@ static hada_status run_here(hada_plan *plan, uint64_t serial, const hada_image *
     return status;
 }
 
-hada_status hada_plan_run(hada_plan *plan, const hada_image *raw, hada_result *result, hada_error *err)
+static hada_status run(hada_plan *plan, const frame_input *input, hada_result *result, hada_error *err)
 {
     hada_job *job = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(check_arguments(plan, raw, result, "hada_plan_run", err));
+    HADA_TRY(check_arguments(plan, input, result, "hada_plan_run", err));
     const uint64_t serial = hada_dispatcher_occupy(plan->dispatcher);
     if (serial)
-        return run_here(plan, serial, raw, result, err);
-    HADA_TRY(hada_job_submit(&job, plan, raw, result, err));
+        return run_here(plan, serial, input, result, err);
+    HADA_TRY(submit(&job, plan, input, result, err));
     HADA_TRY(hada_job_wait(job, err));
 done:
     hada_job_destroy(&job);
     return status;
+}
+
+hada_status hada_plan_run(hada_plan *plan, const hada_image *raw, hada_result *result, hada_error *err)
+{
+    return run(plan, &(frame_input){.image = raw}, result, err);
+}
+
+hada_status hada_plan_run_pixels(hada_plan *plan, const hada_pixels *raw, hada_result *result, hada_error *err)
+{
+    return run(plan, &(frame_input){.pixels = raw}, result, err);
 }

@@ -55,7 +55,7 @@ done:
 void hada_frame_end(hada_frame *frame, hada_status status)
 {
     if (status)
-        hada_result_destroy(frame->result);
+        hada_result_clear(frame->result);
     free_parts(frame);
 }
 
@@ -81,9 +81,8 @@ static hada_status prepare_result(hada_frame *frame, hada_error *err)
     hada_status status = hada_result_fit(result, hada_model_get_info(setup->model), depths, err);
     if (status)
         return status;
-    unsigned char *occupied = result->report.occupied;
-    result->report = (hada_report){.occupied = occupied, .residual_linear = NAN, .residual = NAN};
-    memcpy(result->distances_mm, setup->distances, (size_t)depths * sizeof(double));
+    hada_result_renew(result);
+    memcpy((double *)result->distances_mm, setup->distances, (size_t)depths * sizeof(double));
     return HADA_OK;
 }
 
@@ -100,7 +99,7 @@ static hada_status repair(hada_frame *frame, size_t broken, hada_error *err)
     if (!frame->repaired.data)
         HADA_TRY(hada_image_create(&frame->repaired, raw->channels, raw->rows, raw->cols, err));
     memcpy(frame->repaired.data, raw->data, hada_image_count(raw) * sizeof(float));
-    HADA_TRY(hada_frame_repair(&frame->repaired, &frame->result->report.repaired_pixels, err));
+    HADA_TRY(hada_frame_repair(&frame->repaired, &frame->result->memory->report.repaired_pixels, err));
     frame->staged = &frame->repaired;
 done:
     return status;
@@ -148,7 +147,7 @@ static hada_status find_levels(hada_frame *frame, hada_error *err)
     for (int channel = 0; channel < image->channels; channel++) {
         frame->levels[channel] =
             vary ? hada_dark_estimate(image->data + (size_t)channel * pixels, pixels, scratch) : level;
-        frame->result->report.dark += frame->levels[channel] / image->channels;
+        frame->result->memory->report.dark += frame->levels[channel] / image->channels;
     }
 done:
     free(scratch);

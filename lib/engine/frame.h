@@ -6,6 +6,7 @@
 
 #include <stdatomic.h>
 
+#include "engine/result.h"
 #include "engine/setup.h"
 
 typedef struct hada_frame hada_frame;

@@ -17,7 +17,7 @@ static hada_status pursue(hada_pipeline *pipeline, hada_frame *frame, int *count
     for (int i = 0; i < *count; i++)
         pipeline->occupied[i] = found.all ? i : found.list[i];
     hada_frame_progress(frame, 1 + HADA_WORK_PURSUIT);
-    HADA_TRY(hada_pipeline_lap(pipeline, frame, &frame->result->report.seconds_pursuit, err));
+    HADA_TRY(hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_pursuit, err));
 done:
     return status;
 }
@@ -57,7 +57,7 @@ static hada_refine_rule rule_of(const hada_setup *setup, double energy)
 
 static hada_status refine(hada_pipeline *pipeline, hada_frame *frame, int count, hada_error *err)
 {
-    hada_report *report = &frame->result->report;
+    hada_report *report = &frame->result->memory->report;
     hada_refiner *refiner = pipeline->refiner;
     const hada_refine_data data = data_of(pipeline);
     const hada_refine_rule rule = rule_of(pipeline->setup, frame->energy);
@@ -82,7 +82,7 @@ static void classic_progress(void *user, int iterations)
 
 static hada_status solve_classic(hada_pipeline *pipeline, hada_frame *frame, int count, hada_error *err)
 {
-    hada_report *report = &frame->result->report;
+    hada_report *report = &frame->result->memory->report;
     const hada_refine_data data = data_of(pipeline);
     const hada_classic_job job = {.data = &data,
                                   .camera = &pipeline->setup->camera,
@@ -108,7 +108,7 @@ static hada_status solve(hada_pipeline *pipeline, hada_frame *frame, int count, 
     hada_slot_stage(pipeline->slot, "refine");
     HADA_TRY(pipeline->classic ? solve_classic(pipeline, frame, count, err) : refine(pipeline, frame, count, err));
     hada_frame_progress(frame, frame->work - 1);
-    HADA_TRY(hada_pipeline_lap(pipeline, frame, &frame->result->report.seconds_refine, err));
+    HADA_TRY(hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_refine, err));
 done:
     return status;
 }
@@ -123,7 +123,7 @@ static hada_status focus(hada_pipeline *pipeline, hada_frame *frame, int count, 
 {
     hada_status status = HADA_OK;
     hada_slot_stage(pipeline->slot, "focus");
-    HADA_TRY(hada_focus_begin(pipeline->focus, frame->result->report.occupied, err));
+    HADA_TRY(hada_focus_begin(pipeline->focus, frame->result->memory->occupied, err));
     HADA_TRY(hada_focus_push_list(pipeline->focus, pipeline->occupied, count, planes_of(pipeline), 0, err));
     HADA_TRY(hada_pipeline_pictures(pipeline, frame, err));
 done:
@@ -153,10 +153,10 @@ static void nothing_there(hada_result *result)
 static void mark_occupied(hada_pipeline *pipeline, hada_frame *frame, int count)
 {
     hada_result *result = frame->result;
-    hada_report *report = &result->report;
-    memset(report->occupied, 0, (size_t)result->depths);
+    hada_report *report = &result->memory->report;
+    memset(result->memory->occupied, 0, (size_t)result->depths);
     for (int i = 0; i < count; i++)
-        report->occupied[pipeline->occupied[i]] = 1;
+        result->memory->occupied[pipeline->occupied[i]] = 1;
     report->occupied_count = count;
     for (int z = 0; z < result->depths; z++)
         if (!report->occupied[z])
@@ -178,7 +178,7 @@ hada_status hada_pipeline_joint(hada_pipeline *pipeline, hada_frame *frame, hada
     }
     HADA_TRY(solve(pipeline, frame, count, err));
     HADA_TRY(hada_pipeline_enhance(pipeline, frame, planes_of(pipeline), count, err));
-    HADA_TRY(hada_pipeline_lap(pipeline, frame, &frame->result->report.seconds_enhance, err));
+    HADA_TRY(hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_enhance, err));
     HADA_TRY(focus(pipeline, frame, count, err));
     HADA_TRY(read_planes(pipeline, frame, count, err));
 done:

@@ -49,14 +49,14 @@ static hada_status push(hada_pipeline *pipeline, hada_frame *frame, int first, i
 {
     hada_slot_stage(pipeline->slot, "focus");
     hada_status status = hada_focus_push(pipeline->focus, first, count, pipeline->planes.mem, 0, err);
-    return status ? status : hada_pipeline_lap(pipeline, frame, &frame->result->report.seconds_focus, err);
+    return status ? status : hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_focus, err);
 }
 
 /* A batch that was taken, into the result; *next moves on where the focus could take it at once. */
 static hada_status own_batch(hada_pipeline *pipeline, hada_frame *frame, int first, int count, int *next,
                              hada_error *err)
 {
-    hada_report *report = &frame->result->report;
+    hada_report *report = &frame->result->memory->report;
     hada_status status = HADA_OK;
     HADA_TRY(compute(pipeline, frame, first, count, err));
     HADA_TRY(hada_pipeline_lap(pipeline, frame, &report->seconds_linear, err));
@@ -86,7 +86,7 @@ done:
 
 static hada_status all_batches(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
 {
-    const unsigned char *occupied = frame->result->report.occupied;
+    const unsigned char *occupied = frame->result->memory->occupied;
     hada_status status = HADA_OK;
     for (int next = 0; next < pipeline->setup->config.depths;) {
         int first, count;
@@ -105,7 +105,7 @@ done:
 
 static hada_status all_planes(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
 {
-    const unsigned char *occupied = frame->result->report.occupied;
+    const unsigned char *occupied = frame->result->memory->occupied;
     hada_status status = hada_focus_begin(pipeline->focus, occupied, err);
     if (status)
         return status;
@@ -118,10 +118,10 @@ static hada_status all_planes(hada_pipeline *pipeline, hada_frame *frame, hada_e
 hada_status hada_pipeline_linear(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
 {
     hada_result *result = frame->result;
-    hada_report *report = &result->report;
+    hada_report *report = &result->memory->report;
     hada_status status = HADA_OK;
     for (int z = 0; z < result->depths; z++) {
-        report->occupied[z] = pipeline->setup->listed[z];
+        result->memory->occupied[z] = pipeline->setup->listed[z];
         report->occupied_count += report->occupied[z];
         if (!report->occupied[z]) /* the user knows that nothing is there */
             memset(result->planes[z].data, 0, hada_image_count(&result->planes[z]) * sizeof(float));

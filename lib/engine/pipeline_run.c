@@ -12,7 +12,7 @@ static hada_status upload(hada_pipeline *pipeline, hada_frame *frame, hada_error
     HADA_TRY(hada_pipeline_load(pipeline, frame, err));
     HADA_TRY(hada_skip_frequencies(pipeline, frame, err));
     hada_frame_progress(frame, 1);
-    HADA_TRY(hada_pipeline_lap(pipeline, frame, &frame->result->report.seconds_upload, err));
+    HADA_TRY(hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_upload, err));
 done:
     return status;
 }
@@ -34,7 +34,7 @@ static hada_status all_stages(hada_pipeline *pipeline, hada_frame *frame, hada_e
     HADA_TRY(hada_frame_check(frame, err));
     hada_skip_fill_report(frame);
     hada_result_apply_gamma(frame->result, setup->options.gamma);
-    HADA_TRY(hada_pipeline_lap(pipeline, frame, &frame->result->report.seconds_download, err));
+    HADA_TRY(hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_download, err));
 done:
     return status;
 }
@@ -49,7 +49,8 @@ static hada_status run(hada_pipeline *pipeline, hada_frame *frame, hada_error *e
     if (status)
         reset(pipeline);
     pipeline->slot->stop = NULL;
-    frame->result->report.seconds_total = hada_seconds() - frame->start;
+    if (frame->result->memory)
+        frame->result->memory->report.seconds_total = hada_seconds() - frame->start;
     return status;
 }
 

@@ -6,39 +6,117 @@
 #include <string.h>
 
 #include "core/alloc.h"
+#include "core/options.h"
 
-static int same_size(const hada_image *image, int channels, int rows, int cols)
+void hada_result_arrays_defaults(hada_result_arrays *arrays, size_t size)
 {
-    return image->data && image->channels == channels && image->rows == rows && image->cols == cols;
+    const hada_result_arrays own = {.size = sizeof own};
+    HADA_OPTIONS_GIVE(arrays, size, &own);
 }
 
-static hada_status fit_image(hada_image *image, int channels, int rows, int cols, hada_error *err)
+/* Empties a result; arrays of the caller's stay in use. */
+void hada_result_clear(hada_result *result)
 {
-    if (same_size(image, channels, rows, cols))
-        return HADA_OK;
-    hada_image_destroy(image);
-    return hada_image_create(image, channels, rows, cols, err);
+    hada_result_memory *memory = result->memory;
+    if (memory) {
+        free(memory->stack);
+        free(memory->occupied);
+        hada_image_destroy(&memory->all_in_focus);
+        hada_image_destroy(&memory->distance_map);
+        *memory = (hada_result_memory){.arrays = memory->arrays};
+    }
+    free((double *)result->distances_mm);
+    free(result->planes);
+    *result = (hada_result){.memory = memory};
+}
+
+static hada_status make_memory(hada_result *result, hada_error *err)
+{
+    return result->memory ? HADA_OK
+                          : hada_alloc((void **)&result->memory, 1, sizeof *result->memory, "the result", err);
+}
+
+hada_status hada_result_use(hada_result *result, const hada_result_arrays *arrays, hada_error *err)
+{
+    hada_result_arrays own;
+    hada_status status = HADA_OK;
+    if (!result)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_result_use: a result is needed");
+    hada_result_arrays_init(&own);
+    HADA_TRY(HADA_OPTIONS_TAKE(&own, arrays, hada_result_arrays, err));
+    HADA_TRY(make_memory(result, err));
+    hada_result_clear(result);
+    result->memory->arrays = own;
+done:
+    return status;
+}
+
+static hada_status check_array(const float *values, size_t count, size_t needed, const char *what, hada_error *err)
+{
+    return !values || count == needed
+               ? HADA_OK
+               : hada_fail(err, HADA_ERROR_SIZE, "the caller's array for the %s holds %zu values; it must be %zu", what,
+                           count, needed);
+}
+
+/* The caller's array, or an image of the result's own. */
+static hada_status fit_image(hada_image *image, hada_image *own, float *callers, int channels, int rows, int cols,
+                             hada_error *err)
+{
+    hada_status status = HADA_OK;
+    if (!callers)
+        HADA_TRY(hada_image_create(own, channels, rows, cols, err));
+    *image = (hada_image){channels, rows, cols, callers ? callers : own->data};
+done:
+    return status;
+}
+
+static int fits(const hada_result *result, const hada_model_info *info, int depths)
+{
+    return result->depths == depths && result->planes->channels == info->channels &&
+           result->planes->rows == info->window_rows && result->planes->cols == info->window_cols;
 }
 
 hada_status hada_result_fit(hada_result *result, const hada_model_info *info, int depths, hada_error *err)
 {
     const int channels = info->channels, rows = info->window_rows, cols = info->window_cols;
+    const size_t map = (size_t)rows * (size_t)cols, plane = (size_t)channels * map;
     hada_status status = HADA_OK;
-    if (result->depths != depths) {
-        hada_result_destroy(result);
-        HADA_TRY(hada_alloc((void **)&result->distances_mm, (size_t)depths, sizeof(double), "the result", err));
-        HADA_TRY(hada_alloc((void **)&result->planes, (size_t)depths, sizeof *result->planes, "the result", err));
-        HADA_TRY(hada_alloc((void **)&result->report.occupied, (size_t)depths, 1, "the result", err));
-        result->depths = depths;
-    }
+    if (fits(result, info, depths))
+        return HADA_OK;
+    hada_result_clear(result);
+    HADA_TRY(make_memory(result, err));
+    hada_result_memory *memory = result->memory;
+    const hada_result_arrays *arrays = &memory->arrays;
+    HADA_TRY(check_array(arrays->stack, arrays->stack_count, (size_t)depths * plane, "stack", err));
+    HADA_TRY(check_array(arrays->all_in_focus, arrays->all_in_focus_count, plane, "all-in-focus image", err));
+    HADA_TRY(check_array(arrays->distance_map, arrays->distance_map_count, map, "distance map", err));
+    HADA_TRY(hada_alloc((void **)&result->distances_mm, (size_t)depths, sizeof(double), "the result", err));
+    HADA_TRY(hada_alloc((void **)&result->planes, (size_t)depths, sizeof *result->planes, "the result", err));
+    HADA_TRY(hada_alloc((void **)&memory->occupied, (size_t)depths, 1, "the result", err));
+    if (!arrays->stack)
+        HADA_TRY(hada_alloc((void **)&memory->stack, (size_t)depths * plane, sizeof(float), "the stack", err));
     for (int z = 0; z < depths; z++)
-        HADA_TRY(fit_image(&result->planes[z], channels, rows, cols, err));
-    HADA_TRY(fit_image(&result->all_in_focus, channels, rows, cols, err));
-    HADA_TRY(fit_image(&result->distance_map, 1, rows, cols, err));
+        result->planes[z] =
+            (hada_image){channels, rows, cols, (arrays->stack ? arrays->stack : memory->stack) + (size_t)z * plane};
+    HADA_TRY(fit_image(&result->all_in_focus, &memory->all_in_focus, arrays->all_in_focus, channels, rows, cols, err));
+    HADA_TRY(fit_image(&result->distance_map, &memory->distance_map, arrays->distance_map, 1, rows, cols, err));
+    result->depths = depths;
+    hada_result_renew(result);
 done:
     if (status)
-        hada_result_destroy(result);
+        hada_result_clear(result);
     return status;
+}
+
+hada_report *hada_result_renew(hada_result *result)
+{
+    hada_result_memory *memory = result->memory;
+    memory->skipped = (hada_skip_report){0};
+    memory->report = (hada_report){
+        .occupied = memory->occupied, .skipped = &memory->skipped, .residual_linear = NAN, .residual = NAN};
+    result->report = &memory->report;
+    return &memory->report;
 }
 
 static void copy_image(hada_image *to, const hada_image *from)
@@ -51,11 +129,13 @@ hada_status hada_result_copy(hada_result *to, const hada_result *from, const had
     hada_status status = hada_result_fit(to, info, from->depths, err);
     if (status)
         return status;
-    unsigned char *occupied = to->report.occupied;
-    memcpy(occupied, from->report.occupied, (size_t)from->depths);
-    to->report = from->report;
-    to->report.occupied = occupied;
-    memcpy(to->distances_mm, from->distances_mm, (size_t)from->depths * sizeof *to->distances_mm);
+    hada_result_memory *memory = to->memory;
+    memcpy(memory->occupied, from->memory->occupied, (size_t)from->depths);
+    memory->skipped = from->memory->skipped;
+    memory->report = from->memory->report;
+    memory->report.occupied = memory->occupied;
+    memory->report.skipped = &memory->skipped;
+    memcpy((double *)to->distances_mm, from->distances_mm, (size_t)from->depths * sizeof *to->distances_mm);
     for (int z = 0; z < from->depths; z++)
         copy_image(&to->planes[z], &from->planes[z]);
     copy_image(&to->all_in_focus, &from->all_in_focus);
@@ -83,12 +163,7 @@ void hada_result_destroy(hada_result *result)
 {
     if (!result)
         return;
-    for (int z = 0; result->planes && z < result->depths; z++)
-        hada_image_destroy(&result->planes[z]);
-    hada_image_destroy(&result->all_in_focus);
-    hada_image_destroy(&result->distance_map);
-    free(result->planes);
-    free(result->distances_mm);
-    free(result->report.occupied);
-    *result = (hada_result){0};
+    hada_result_clear(result);
+    free(result->memory);
+    result->memory = NULL;
 }

@@ -6,8 +6,24 @@
 
 #include "core/error.h"
 
+/* What a result holds besides its public members, which point here. */
+typedef struct hada_result_memory {
+    hada_report report;
+    hada_skip_report skipped;
+    unsigned char *occupied;
+    float *stack;                          /* of all planes; NULL where the caller has an array for it */
+    hada_image all_in_focus, distance_map; /* empty where the caller has arrays for them */
+    hada_result_arrays arrays;             /* the caller's */
+} hada_result_memory;
+
 /* Makes the result fit a model and a number of depths; images that fit already are kept. Empty on failure. */
 hada_status hada_result_fit(hada_result *result, const hada_model_info *info, int depths, hada_error *err);
+
+/* An empty report, to be filled. */
+hada_report *hada_result_renew(hada_result *result);
+
+/* Empties a result; arrays of the caller's stay in use. */
+void hada_result_clear(hada_result *result);
 
 /* Makes `to` a copy of `from`, which is of the model, report included. Empty on failure. */
 hada_status hada_result_copy(hada_result *to, const hada_result *from, const hada_model_info *info, hada_error *err);

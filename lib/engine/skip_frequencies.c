@@ -120,7 +120,7 @@ static double norm_of(const hada_result *result)
 {
     double sum = 0.0;
     for (int z = 0; z < result->depths; z++) {
-        const size_t count = result->report.occupied[z] ? hada_image_count(&result->planes[z]) : 0;
+        const size_t count = result->memory->occupied[z] ? hada_image_count(&result->planes[z]) : 0;
         const float *values = result->planes[z].data;
         for (size_t i = 0; i < count; i++)
             sum += (double)values[i] * values[i];
@@ -137,7 +137,7 @@ int hada_skip_kept(hada_frame *frame)
 {
     const hada_config *config = &frame->setup->config;
     hada_frame_skip *skip = &frame->skip;
-    hada_skip_report *report = &frame->result->report.skipped;
+    hada_skip_report *report = &frame->result->memory->skipped;
     const double most = frame->setup->options.max_error;
     const double norm = skip->change + skip->band_change + most > 0.0 ? norm_of(frame->result) : 0.0;
     const int kept = !(hada_skip_relative(skip->change, norm) > most);
@@ -159,10 +159,10 @@ void hada_skip_fill_report(hada_frame *frame)
 {
     const hada_config *config = &frame->setup->config;
     const hada_frame_skip *skip = &frame->skip;
-    hada_skip_report *report = &frame->result->report.skipped;
+    hada_skip_report *report = &frame->result->memory->skipped;
     const int banded = skip->band_rows || skip->band_cols;
     const int left_out = atomic_load(&frame->tiles_left_out), tiles = left_out + atomic_load(&frame->tiles);
-    report->depths = config->depths - frame->result->report.occupied_count;
+    report->depths = config->depths - frame->result->memory->report.occupied_count;
     report->tiles = tiles ? (double)left_out / tiles : 0.0;
     report->channels = skip->channels;
     report->again = skip->exact;
@@ -172,7 +172,7 @@ void hada_skip_fill_report(hada_frame *frame)
         (config->pruned ? HADA_SKIP_PRUNE : 0u) | (report->depths && !config->full_grid ? HADA_SKIP_DEPTHS : 0u) |
         (skip->limited ? HADA_SKIP_FREQUENCIES : 0u) | (config->half_by_error && !skip->exact ? HADA_SKIP_HALF : 0u) |
         (skip->channels ? HADA_SKIP_CHANNELS : 0u) | (left_out ? HADA_SKIP_TILES : 0u);
-    frame->result->report.enhanced = atomic_load(&frame->enhanced);
+    frame->result->memory->report.enhanced = atomic_load(&frame->enhanced);
     for (int c = 0; c < frame->staged->channels; c++)
         if (skip->spectra[c] != c)
             report->kinds |= HADA_SKIP_CHANNELS;

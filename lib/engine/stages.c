@@ -60,7 +60,7 @@ hada_status hada_pipeline_pictures(hada_pipeline *pipeline, hada_frame *frame, h
     hada_status status = HADA_OK;
     hada_slot_stage(pipeline->slot, "focus");
     HADA_TRY(hada_focus_finish(pipeline->focus, pictures->mem, 0, pictures->mem, plane, NULL, err));
-    HADA_TRY(hada_pipeline_lap(pipeline, frame, &result->report.seconds_focus, err));
+    HADA_TRY(hada_pipeline_lap(pipeline, frame, &result->memory->report.seconds_focus, err));
     hada_slot_stage(pipeline->slot, "download");
     HADA_TRY(hada_buffer_read(pictures, pipeline->slot, 0, result->all_in_focus.data, plane * sizeof(float), err));
     HADA_TRY(hada_buffer_read(pictures, pipeline->slot, plane * sizeof(float), result->distance_map.data,

@@ -3,6 +3,7 @@
 
 #include <limits.h>
 
+#include "core/round.h"
 #include "launch/conv_direct.h"
 #include "launch/conv_weights.h"
 #include "launch/conv_winograd.h"
@@ -10,19 +11,24 @@
 #include "launch/conv_winograd_weight_steps.h"
 #include "launch/conv_winograd_weights.h"
 
-#define STRIP_ROWS     8
-#define LEAST_PARTS    8
-#define PARTS_OF_UNIT  2
-#define MOST_PARTS     64
-#define PARTIAL_FLOATS ((size_t)1 << 20)
-#define CACHED_FLOATS  ((size_t)1 << 16)
-#define STEP_FLOATS    ((size_t)1 << 22)
+/* Partial sums of gradients, measured by perf/perf_conv and perf/perf_train (docs/convolution.md). */
+#define STRIP_ROWS     8                 /* added up in one running sum */
+#define LEAST_PARTS    8                 /* by Winograd's tiles, of large weights */
+#define PARTS_OF_UNIT  2                 /* of a compute unit */
+#define MOST_PARTS     64                /* more would only write more sums */
+#define PARTIAL_FLOATS ((size_t)1 << 20) /* of all parts together, 4 MiB */
+#define CACHED_FLOATS  ((size_t)1 << 16) /* of a part's images, 256 KiB: they stay in a near cache */
+#define STEP_FLOATS    ((size_t)1 << 22) /* of transformed tiles in scratch, 16 MiB */
 /* tiles that one step of a gradient of weights adds up in one running sum: more lose accuracy (1024: 6e-6) */
-#define MOST_TILES 256
+#define LEAST_STEP_TILES 64
+#define MOST_STEP_TILES  256
+
+/* Winograd's F(4 x 4, 3 x 3): output pixels of a tile's side, and places of a tile. */
+enum { TILE = 4, PLACES = (TILE + 2) * (TILE + 2) };
 
 static int padded(int channels, int to)
 {
-    return (channels + to - 1) / to * to;
+    return (int)hada_round_up((size_t)channels, (size_t)to);
 }
 
 void hada_conv_output_size(const hada_conv_desc *desc, int *rows, int *cols)
@@ -113,62 +119,80 @@ static hada_status choose(const hada_conv_plan *plan, const hada_context *contex
     return status;
 }
 
-static hada_status plan_pass(hada_conv_plan *plan, const hada_context *context, hada_conv_pass *pass, int to_coarse,
-                             const hada_conv_choice *forced, hada_error *err)
+/* The sizes of a pass, whatever serves it. */
+static hada_conv_pass sizes_of(const hada_conv_desc *d, int to_coarse)
 {
-    const hada_conv_desc *d = &plan->desc;
-    hada_conv_choice choice;
+    const int backward = to_coarse == d->transposed;
     int rows, cols;
     hada_conv_output_size(d, &rows, &cols);
-    const int backward = to_coarse == d->transposed;
-    *pass = (hada_conv_pass){.to_coarse = to_coarse,
-                             .in_channels = backward ? d->out_channels : d->in_channels,
-                             .in_rows = backward ? rows : d->in_rows,
-                             .in_cols = backward ? cols : d->in_cols,
-                             .out_channels = backward ? d->in_channels : d->out_channels,
-                             .out_rows = backward ? d->in_rows : rows,
-                             .out_cols = backward ? d->in_cols : cols,
-                             .in_step = to_coarse ? d->stride : 1,
-                             .step = to_coarse ? 1 : d->stride,
-                             .taps_rows = to_coarse ? d->kernel_rows - 1 - d->pad_rows : d->pad_rows,
-                             .taps_cols = to_coarse ? d->kernel_cols - 1 - d->pad_cols : d->pad_cols};
-    const int near =
-        within_halo(pass->in_rows, pass->out_rows, d->kernel_rows, pass->taps_rows, pass->in_step, pass->step) &&
-        within_halo(pass->in_cols, pass->out_cols, d->kernel_cols, pass->taps_cols, pass->in_step, pass->step);
-    const hada_status status = choose(plan, context, pass, near, forced, &choice, err);
-    if (status)
-        return status;
+    return (hada_conv_pass){.to_coarse = to_coarse,
+                            .in_channels = backward ? d->out_channels : d->in_channels,
+                            .in_rows = backward ? rows : d->in_rows,
+                            .in_cols = backward ? cols : d->in_cols,
+                            .out_channels = backward ? d->in_channels : d->out_channels,
+                            .out_rows = backward ? d->in_rows : rows,
+                            .out_cols = backward ? d->in_cols : cols,
+                            .in_step = to_coarse ? d->stride : 1,
+                            .step = to_coarse ? 1 : d->stride,
+                            .taps_rows = to_coarse ? d->kernel_rows - 1 - d->pad_rows : d->pad_rows,
+                            .taps_cols = to_coarse ? d->kernel_cols - 1 - d->pad_cols : d->pad_cols};
+}
+
+/* Whether reads of a pass stay within the halo. */
+static int is_near(const hada_conv_desc *d, const hada_conv_pass *pass)
+{
+    return within_halo(pass->in_rows, pass->out_rows, d->kernel_rows, pass->taps_rows, pass->in_step, pass->step) &&
+           within_halo(pass->in_cols, pass->out_cols, d->kernel_cols, pass->taps_cols, pass->in_step, pass->step);
+}
+
+/* Tiles of registers by the table, or as chosen. */
+static void plan_direct(const hada_conv_plan *plan, const hada_context *context, hada_conv_pass *pass,
+                        const hada_conv_choice *choice)
+{
     hada_conv_table_pass(context, pass);
     if (plan->groups)
         pass->lanes = HADA_CONV_GROUP_LANES;
-    if (choice.method == HADA_CONV_DIRECT && !plan->groups) {
-        pass->lanes = choice.blocks > 0 ? choice.blocks * plan->block : pass->lanes;
-        pass->pixels = choice.pixels > 0 ? choice.pixels : pass->pixels;
-        pass->rows_each = choice.rows > 0 ? choice.rows : pass->rows_each;
-    }
-    const hada_conv_method method = choice.method ? choice.method : d->method;
-    hada_conv_desc wanted = *d;
-    wanted.method = method;
-    pass->method = near && pass->lanes && method != HADA_CONV_PLAIN ? HADA_CONV_DIRECT : HADA_CONV_PLAIN;
+    if (choice->method != HADA_CONV_DIRECT || plan->groups)
+        return;
+    pass->lanes = choice->blocks > 0 ? choice->blocks * plan->block : pass->lanes;
+    pass->pixels = choice->pixels > 0 ? choice->pixels : pass->pixels;
+    pass->rows_each = choice->rows > 0 ? choice->rows : pass->rows_each;
+}
+
+/* Floats of the weights in the order of conv_pack, or as they are. */
+static size_t direct_weight_floats(const hada_conv_plan *plan, const hada_conv_pass *pass)
+{
+    const hada_conv_desc *d = &plan->desc;
+    const size_t step = (size_t)pass->step;
+    if (pass->method == HADA_CONV_PLAIN)
+        return (size_t)d->in_channels * (size_t)d->out_channels * (size_t)d->kernel_rows * (size_t)d->kernel_cols;
+    return step * step * hada_divide_up((size_t)d->kernel_rows, step) * hada_divide_up((size_t)d->kernel_cols, step) *
+           (size_t)padded(pass->in_channels, plan->block) * (size_t)padded(pass->out_channels, pass->lanes);
+}
+
+static hada_status plan_pass(hada_conv_plan *plan, const hada_context *context, hada_conv_pass *pass, int to_coarse,
+                             const hada_conv_choice *forced, hada_error *err)
+{
+    hada_conv_choice choice;
+    *pass = sizes_of(&plan->desc, to_coarse);
+    const int near = is_near(&plan->desc, pass);
+    const hada_status status = choose(plan, context, pass, near, forced, &choice, err);
+    if (status)
+        return status;
+    plan_direct(plan, context, pass, &choice);
+    hada_conv_desc wanted = plan->desc;
+    wanted.method = choice.method ? choice.method : plan->desc.method;
+    pass->method = near && pass->lanes && wanted.method != HADA_CONV_PLAIN ? HADA_CONV_DIRECT : HADA_CONV_PLAIN;
     pass->tile = hada_conv_is_winograd(plan) ? hada_conv_table_winograd(context, &wanted, pass) : 0;
     if (pass->tile) {
         const hada_conv_pass direct = *pass;
         plan_winograd(plan, context, pass, &choice);
-        if (pass->tiles || pass->tile == 4)
+        if (pass->tiles || pass->tile == TILE)
             return HADA_OK;
         *pass = direct; /* there are no three launches for tiles of 2 x 2 */
         pass->tile = 0;
     }
-    if (pass->method == HADA_CONV_PLAIN) {
-        pass->weight_floats =
-            (size_t)d->in_channels * (size_t)d->out_channels * (size_t)d->kernel_rows * (size_t)d->kernel_cols;
-    } else {
-        const size_t taps = (size_t)((d->kernel_rows + pass->step - 1) / pass->step) *
-                            (size_t)((d->kernel_cols + pass->step - 1) / pass->step);
-        pass->weight_floats = (size_t)(pass->step * pass->step) * taps *
-                              (size_t)padded(pass->in_channels, plan->block) *
-                              (size_t)padded(pass->out_channels, pass->lanes);
-    }
+    pass->weight_floats = direct_weight_floats(plan, pass);
     return HADA_OK;
 }
 
@@ -182,7 +206,7 @@ static void need_scratch(hada_conv_plan *plan, size_t floats)
 static void plan_gradient_tiles(hada_conv_plan *plan, const hada_context *context, hada_conv_gradient *g)
 {
     const size_t coarse = (size_t)padded(g->coarse_channels, plan->block);
-    const size_t fine = (size_t)padded(g->fine_channels, plan->block), places = 36;
+    const size_t fine = (size_t)padded(g->fine_channels, plan->block), places = PLACES;
     g->method = HADA_CONV_WINOGRAD4;
     hada_conv_table_gradient_tiles(context, g);
     g->part_floats = places * coarse * fine;
@@ -196,63 +220,58 @@ static void plan_gradient_tiles(hada_conv_plan *plan, const hada_context *contex
         need_scratch(plan, (g->part_floats + coarse) * (size_t)g->parts);
         return;
     }
-    const size_t all =
-        (size_t)(padded(g->fine_rows, 4) / 4) * (size_t)(padded(g->fine_cols, 4) / 4) * (size_t)plan->desc.images;
+    const size_t all = (size_t)(padded(g->fine_rows, TILE) / TILE) * (size_t)(padded(g->fine_cols, TILE) / TILE) *
+                       (size_t)plan->desc.images;
     size_t most = STEP_FLOATS / (places * (coarse + fine));
-    most = most < 64 ? 64 : most < MOST_TILES ? most : MOST_TILES;
+    most = most < LEAST_STEP_TILES ? LEAST_STEP_TILES : most < MOST_STEP_TILES ? most : MOST_STEP_TILES;
     g->room = (int)(most < all ? most : all);
     need_scratch(plan, places * ((coarse + fine) * (size_t)g->room + 2 * (size_t)plan->block) + g->part_floats);
+}
+
+/* Tiles of registers or of local memory, and parts. */
+static void plan_gradient_sums(hada_conv_plan *plan, const hada_context *context, hada_conv_gradient *g)
+{
+    const hada_conv_desc *d = &plan->desc;
+    hada_conv_table_gradient(context, d, g);
+    const int coarse_tile = plan->groups ? HADA_CONV_GROUP_LANES : g->blocks * plan->block;
+    const int fine_tile = plan->groups ? HADA_CONV_GROUP_LANES : g->fine_each;
+    if (plan->groups)
+        g->cols_each = g->rows_each = 1;
+    g->coarse_groups = padded(g->coarse_channels, coarse_tile) / coarse_tile;
+    g->fine_groups = padded(g->fine_channels, fine_tile) / fine_tile;
+    g->strip_rows = STRIP_ROWS;
+    g->part_floats = (size_t)(g->coarse_groups * coarse_tile) * (size_t)(g->fine_groups * fine_tile) *
+                     (size_t)d->kernel_rows * (size_t)d->kernel_cols;
+    /* a part's images stay in the nearest cache; more parts would only write more sums */
+    const size_t wanted = PARTIAL_FLOATS / g->part_floats, images = (size_t)d->images;
+    const size_t values = (size_t)(g->coarse_channels * g->coarse_rows) * (size_t)g->coarse_cols +
+                          (size_t)(g->fine_channels * g->fine_rows) * (size_t)g->fine_cols;
+    const size_t useful = plan->groups ? MOST_PARTS : hada_divide_up(values * images, CACHED_FLOATS);
+    g->parts = (int)(wanted < useful ? wanted : useful);
+    g->parts = g->parts < 1 ? 1 : g->parts > MOST_PARTS ? MOST_PARTS : g->parts;
 }
 
 static void plan_gradient(hada_conv_plan *plan, const hada_context *context)
 {
     const hada_conv_desc *d = &plan->desc;
+    const hada_conv_pass pass = sizes_of(d, 1); /* to coarse: from the fine image */
     hada_conv_gradient *g = &plan->gradient;
-    int rows, cols;
-    hada_conv_output_size(d, &rows, &cols);
-    *g = d->transposed ? (hada_conv_gradient){.coarse_channels = d->in_channels,
-                                              .coarse_rows = d->in_rows,
-                                              .coarse_cols = d->in_cols,
-                                              .fine_channels = d->out_channels,
-                                              .fine_rows = rows,
-                                              .fine_cols = cols}
-                       : (hada_conv_gradient){.coarse_channels = d->out_channels,
-                                              .coarse_rows = rows,
-                                              .coarse_cols = cols,
-                                              .fine_channels = d->in_channels,
-                                              .fine_rows = d->in_rows,
-                                              .fine_cols = d->in_cols};
-    const int near =
-        within_halo(g->fine_rows, g->coarse_rows, d->kernel_rows, d->kernel_rows - 1 - d->pad_rows, d->stride, 1) &&
-        within_halo(g->fine_cols, g->coarse_cols, d->kernel_cols, d->kernel_cols - 1 - d->pad_cols, d->stride, 1);
-    g->method = near && d->method != HADA_CONV_PLAIN ? HADA_CONV_DIRECT : HADA_CONV_PLAIN;
-    g->bias_parts = MOST_PARTS;
-    const size_t bias = (size_t)MOST_PARTS * (size_t)padded(d->out_channels, plan->block);
-    need_scratch(plan, bias);
+    *g = (hada_conv_gradient){.coarse_channels = pass.out_channels,
+                              .coarse_rows = pass.out_rows,
+                              .coarse_cols = pass.out_cols,
+                              .fine_channels = pass.in_channels,
+                              .fine_rows = pass.in_rows,
+                              .fine_cols = pass.in_cols,
+                              .bias_parts = MOST_PARTS};
+    g->method = is_near(d, &pass) && d->method != HADA_CONV_PLAIN ? HADA_CONV_DIRECT : HADA_CONV_PLAIN;
+    need_scratch(plan, (size_t)MOST_PARTS * (size_t)padded(d->out_channels, plan->block)); /* of the biases */
     g->tile = hada_conv_is_winograd(plan) ? hada_conv_table_gradient_winograd(context, d, g) : 0;
     if (g->tile) {
         plan_gradient_tiles(plan, context, g);
         return;
     }
-    if (g->method != HADA_CONV_PLAIN) {
-        hada_conv_table_gradient(context, d, g);
-        const int coarse_tile = plan->groups ? HADA_CONV_GROUP_LANES : g->blocks * plan->block;
-        const int fine_tile = plan->groups ? HADA_CONV_GROUP_LANES : g->fine_each;
-        if (plan->groups)
-            g->cols_each = g->rows_each = 1;
-        g->coarse_groups = padded(g->coarse_channels, coarse_tile) / coarse_tile;
-        g->fine_groups = padded(g->fine_channels, fine_tile) / fine_tile;
-        g->strip_rows = STRIP_ROWS;
-        g->part_floats = (size_t)(g->coarse_groups * coarse_tile) * (size_t)(g->fine_groups * fine_tile) *
-                         (size_t)d->kernel_rows * (size_t)d->kernel_cols;
-        /* a part's images stay in the nearest cache; more parts would only write more sums */
-        const size_t wanted = PARTIAL_FLOATS / g->part_floats, images = (size_t)d->images;
-        const size_t values = (size_t)(g->coarse_channels * g->coarse_rows) * (size_t)g->coarse_cols +
-                              (size_t)(g->fine_channels * g->fine_rows) * (size_t)g->fine_cols;
-        const size_t useful = plan->groups ? MOST_PARTS : (values * images + CACHED_FLOATS - 1) / CACHED_FLOATS;
-        g->parts = (int)(wanted < useful ? wanted : useful);
-        g->parts = g->parts < 1 ? 1 : g->parts > MOST_PARTS ? MOST_PARTS : g->parts;
-    }
+    if (g->method != HADA_CONV_PLAIN)
+        plan_gradient_sums(plan, context, g);
     need_scratch(plan, g->part_floats * (size_t)g->parts);
 }
 

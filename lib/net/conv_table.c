@@ -64,7 +64,7 @@ void hada_conv_table_pass(const hada_context *context, hada_conv_pass *pass)
             best = &tile_rows[i];
     pass->lanes = best ? best->blocks * block : 0;
     pass->pixels = best ? best->pixels : 0;
-    /* rows in turn share weights in the nearest cache; enough groups of them are left to share out */
+    /* rows one after the other share weights in the nearest cache; enough groups of them are left to share out */
     const long groups = best ? (pass->out_channels + pass->lanes - 1) / pass->lanes : 1;
     const long rows = groups * pass->out_rows / LEAST_ITEMS;
     pass->rows_each = rows < 1 ? 1 : (int)rows;

@@ -14,32 +14,32 @@
 enum { LEAST_ROUNDS = 3, MOST_ROUNDS = 31 };
 
 /* Another variant must be clearly faster than what serves already. */
-#define CLEARLY 0.97
+#define CLEARLY_FASTER 0.97
 
 /* Relative rms from the plain convolution: what docs/convolution.md states against double precision, and as much for
  * the plain one itself. */
 #define TOLERANCE           2e-6
 #define TOLERANCE_WINOGRAD4 6e-6
 
-typedef struct contestant {
+typedef struct candidate {
     char text[64];
     hada_conv *conv; /* NULL: left out */
     double seconds[MOST_ROUNDS];
     double median;
-} contestant;
+} candidate;
 
-typedef struct contest {
+typedef struct measurement {
     hada_slot *slot;
     hada_conv_desc desc;
     hada_tune_conv_row *row;
     hada_buffer x, y, weights, bias;
     hada_tensor in, out;
     float *expected, *got;
-    contestant *all;
+    candidate *all;
     int count;
     hada_conv_tune_probe probe;
     void *user;
-} contest;
+} measurement;
 
 hada_conv_desc hada_tune_conv_desc(const hada_tune_conv_row *row)
 {
@@ -58,7 +58,7 @@ hada_conv_desc hada_tune_conv_desc(const hada_tune_conv_row *row)
                             .activation = HADA_ACTIVATION_RELU};
 }
 
-static hada_status run(contest *c, hada_conv *conv, hada_error *err)
+static hada_status run(measurement *c, hada_conv *conv, hada_error *err)
 {
     hada_status status = HADA_OK;
     HADA_TRY(hada_conv_forward(conv, &c->in, c->bias.mem, 0, &c->out, NULL, err));
@@ -68,7 +68,7 @@ done:
 }
 
 /* What a convolution gives, with zeros where it writes nothing. */
-static hada_status values_of(contest *c, hada_conv *conv, float *values, hada_error *err)
+static hada_status values_of(measurement *c, hada_conv *conv, float *values, hada_error *err)
 {
     hada_status status = HADA_OK;
     HADA_TRY(hada_conv_set_weights(conv, c->weights.mem, 0, err));
@@ -79,7 +79,7 @@ done:
     return status;
 }
 
-static hada_status random_buffer(contest *c, hada_buffer *buffer, uint64_t stream, size_t count, float scale,
+static hada_status random_buffer(measurement *c, hada_buffer *buffer, uint64_t stream, size_t count, float scale,
                                  hada_error *err)
 {
     hada_status status = HADA_OK;
@@ -96,7 +96,7 @@ done:
 }
 
 /* Tensors, weights of a scale that keeps values near 1, and what the plain convolution makes of them. */
-static hada_status make_values(contest *c, hada_error *err)
+static hada_status make_values(measurement *c, hada_error *err)
 {
     hada_status status = HADA_OK;
     const hada_conv_desc *d = &c->desc;
@@ -143,7 +143,7 @@ static double difference(const float *expected, const float *got, size_t count)
     return sqrt(square / (whole > 0 ? whole : 1));
 }
 
-static int entered(const contest *c, const char *text)
+static int is_candidate(const measurement *c, const char *text)
 {
     for (int i = 0; i < c->count; i++)
         if (!strcmp(c->all[i].text, text))
@@ -151,16 +151,16 @@ static int entered(const contest *c, const char *text)
     return 0;
 }
 
-static void refuse(contest *c, const char *text, const char *reason)
+static void refuse(measurement *c, const char *text, const char *reason)
 {
     c->row->refused++;
     snprintf(c->row->reason, sizeof c->row->reason, "%.*s: %.*s", 64, text, 180, reason);
 }
 
 /* Makes a variant and holds it against the plain one; a wrong one is left out. `choice` NULL: what serves now. */
-static hada_status enter(contest *c, const hada_conv_choice *choice, hada_error *err)
+static hada_status add_candidate(measurement *c, const hada_conv_choice *choice, hada_error *err)
 {
-    contestant *one = &c->all[c->count];
+    candidate *one = &c->all[c->count];
     hada_conv *conv = NULL;
     char reason[64];
     hada_error local = {0};
@@ -171,7 +171,7 @@ static hada_status enter(contest *c, const hada_conv_choice *choice, hada_error 
         return status;
     }
     hada_conv_choice_text(&conv->plan, HADA_CONV_FORWARD, one->text, sizeof one->text);
-    if (entered(c, one->text)) {
+    if (is_candidate(c, one->text)) {
         hada_conv_destroy(&conv);
         return HADA_OK;
     }
@@ -197,14 +197,14 @@ static int ascending(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-/* They take turns until the time is over. */
-static hada_status measure(contest *c, double end, hada_error *err)
+/* All candidates once in each round, until the time is over. */
+static hada_status measure(measurement *c, double end, hada_error *err)
 {
     hada_status status = HADA_OK;
     int rounds = 0;
     for (; rounds < MOST_ROUNDS && (rounds < LEAST_ROUNDS || hada_seconds() < end); rounds++)
         for (int i = 0; i < c->count; i++) {
-            contestant *one = &c->all[(i + rounds) % c->count];
+            candidate *one = &c->all[(i + rounds) % c->count];
             if (!one->conv)
                 continue;
             const double start = hada_seconds();
@@ -220,12 +220,12 @@ done:
 }
 
 /* The first one serves now. */
-static hada_status conclude(contest *c, hada_error *err)
+static hada_status choose(measurement *c, hada_error *err)
 {
-    const contestant *best = c->all[0].conv ? &c->all[0] : NULL;
+    const candidate *best = c->all[0].conv ? &c->all[0] : NULL;
     for (int i = 1; i < c->count; i++) {
-        const contestant *one = &c->all[i];
-        if (one->conv && (!best || one->median < (best == &c->all[0] ? CLEARLY : 1) * best->median))
+        const candidate *one = &c->all[i];
+        if (one->conv && (!best || one->median < (best == &c->all[0] ? CLEARLY_FASTER : 1) * best->median))
             best = one;
     }
     if (!best)
@@ -240,7 +240,7 @@ static hada_status conclude(contest *c, hada_error *err)
     return HADA_OK;
 }
 
-static void finish(contest *c)
+static void finish(measurement *c)
 {
     for (int i = 0; i < c->count; i++)
         hada_conv_destroy(&c->all[i].conv);
@@ -255,7 +255,7 @@ hada_status hada_conv_tune(hada_slot *slot, hada_tune_conv_row *row, double seco
                            void *user, hada_error *err)
 {
     hada_status status = HADA_OK;
-    contest c = {.slot = slot, .desc = hada_tune_conv_desc(row), .row = row, .probe = probe, .user = user};
+    measurement c = {.slot = slot, .desc = hada_tune_conv_desc(row), .row = row, .probe = probe, .user = user};
     hada_conv_plan plan;
     row->measured = row->refused = row->skipped = 0;
     row->reason[0] = '\0';
@@ -266,16 +266,16 @@ hada_status hada_conv_tune(hada_slot *slot, hada_tune_conv_row *row, double seco
     HADA_TRY(hada_alloc((void **)&c.all, (size_t)count + 1, sizeof *c.all, "a measurement", err));
     HADA_TRY(make_values(&c, err));
     const double start = hada_seconds(); /* the plain one may take longer than all others */
-    HADA_TRY(enter(&c, NULL, err));
+    HADA_TRY(add_candidate(&c, NULL, err));
     /* the first half goes to compiling and checking */
     for (int i = 0; i < count; i++) {
         if (hada_seconds() - start > 0.5 * seconds)
             row->skipped++;
         else
-            enter(&c, &choices[i], NULL); /* one that cannot be made does not take part */
+            add_candidate(&c, &choices[i], NULL); /* one that cannot be made does not take part */
     }
     HADA_TRY(measure(&c, start + seconds, err));
-    HADA_TRY(conclude(&c, err));
+    HADA_TRY(choose(&c, err));
 done:
     finish(&c);
     return status;

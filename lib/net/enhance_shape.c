@@ -3,7 +3,8 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "net/field.h"
+#include "core/round.h"
+#include "net/receptive_field.h"
 
 static hada_status check_net(const hada_enhance_desc *desc, int rows, int cols, hada_error *err)
 {
@@ -40,11 +41,11 @@ static hada_status try_size(const hada_context *context, const hada_enhance_desc
 
 static int rounded_up(int value, int to)
 {
-    return (value + to - 1) / to * to;
+    return (int)hada_round_up((size_t)value, (size_t)to);
 }
 
 /* One axis cut in `parts`. */
-static void cut(int full, int parts, const hada_field *field, int *core, int *tile)
+static void cut(int full, int parts, const hada_receptive_field *field, int *core, int *tile)
 {
     *core = rounded_up((full + parts - 1) / parts, field->multiple);
     *tile = *core + 2 * field->halo < full ? *core + 2 * field->halo : full;
@@ -60,8 +61,8 @@ static hada_status find_tiles(const hada_context *context, const hada_enhance_de
                               hada_enhance_shape *shape, hada_error *err)
 {
     hada_status status = HADA_OK;
-    hada_field field;
-    HADA_TRY(hada_net_field(desc->net, &field, err));
+    hada_receptive_field field;
+    HADA_TRY(hada_net_receptive_field(desc->net, &field, err));
     int fits, down = at_least_one(desc->tile_rows), right = at_least_one(desc->tile_cols);
     if (!field.tiles)
         return hada_fail(err, HADA_ERROR_DEVICE_MEMORY,

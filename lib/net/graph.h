@@ -26,7 +26,7 @@ typedef struct hada_graph hada_graph;
 hada_status hada_graph_bytes(const hada_context *context, const hada_net *net, const hada_graph_options *options,
                              size_t *bytes, hada_error *err);
 
-/* The net's list must stay as it is while the graph lives; its values are not looked at. */
+/* The net's list must stay as it is while the graph lives; its values are not read. */
 hada_status hada_graph_create(hada_graph **out, hada_slot *slot, const hada_net *net, const hada_graph_options *options,
                               hada_error *err);
 void hada_graph_destroy(hada_graph **graph);

@@ -17,8 +17,8 @@ typedef struct hada_kernel hada_kernel; /* runtime/launch.h */
  * kernels, and its programs as the manifest lists them. */
 typedef struct hada_kernel_file {
     const char *name; /* without suffix */
-    const char *const *lines;
-    size_t line_count;
+    const char *const *pieces; /* one after the other */
+    size_t piece_count;
     const hada_kernel *const *kernels;
     int kernel_count;
     const hada_program_row *programs;

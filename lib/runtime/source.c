@@ -21,12 +21,12 @@ char *hada_kernel_text(const char *file)
     if (!source)
         return NULL;
     size_t bytes = 1;
-    for (size_t l = 0; l < source->line_count; l++)
-        bytes += strlen(source->lines[l]);
+    for (size_t i = 0; i < source->piece_count; i++)
+        bytes += strlen(source->pieces[i]);
     char *text = malloc(bytes), *end = text;
-    for (size_t l = 0; text && l < source->line_count; l++) {
-        size_t n = strlen(source->lines[l]);
-        memcpy(end, source->lines[l], n);
+    for (size_t i = 0; text && i < source->piece_count; i++) {
+        size_t n = strlen(source->pieces[i]);
+        memcpy(end, source->pieces[i], n);
         end += n;
     }
     if (text)

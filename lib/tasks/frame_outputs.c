@@ -54,7 +54,7 @@ static hada_status save_preview(const hada_outputs *out, const hada_image *raw, 
     preview.planes = result->planes;
     preview.depths = result->depths;
     preview.distances_mm = result->distances_mm;
-    preview.occupied = result->report.occupied;
+    preview.occupied = result->report->occupied;
     preview.all_in_focus = &result->all_in_focus;
     preview.distance_map = &result->distance_map;
     return hada_preview_save(out->path[HADA_OUTPUT_PREVIEW], &preview, err);

@@ -4,8 +4,8 @@
 #include <hadalens/metrics.h>
 #include <hadalens/reconstruct.h>
 
-#include "model/model.h"
 #include "engine/repair.h"
+#include "model/model.h"
 #include "stress.h"
 #include "stress_camera.h"
 
@@ -56,7 +56,7 @@ static void repaired(const scene *s, const hada_image *broken, int refine, const
         for (size_t i = 0; i < hada_image_count(&by_plan.planes[z]); i++)
             differ += by_plan.planes[z].data[i] != by_hand.planes[z].data[i];
     differ += stress_not_finite(by_plan.all_in_focus.data, hada_image_count(&by_plan.all_in_focus));
-    stress_none("B1", differ + (by_plan.report.repaired_pixels != count),
+    stress_none("B1", differ + (by_plan.report->repaired_pixels != count),
                 "%s, repaired: pixels that are not as by hand", what);
     hada_result_destroy(&by_plan);
     hada_result_destroy(&by_hand);
@@ -179,7 +179,7 @@ static void too_large(const scene *s)
                 bad += stress_not_finite(result.planes[z].data, hada_image_count(&result.planes[z]));
             if (!status) {
                 bad += stress_not_finite(result.all_in_focus.data, hada_image_count(&result.all_in_focus));
-                bad += refine && !(result.report.residual <= 1.0); /* NaN too */
+                bad += refine && !(result.report->residual <= 1.0); /* NaN too */
             }
             stress_none("B2", status ? status != HADA_ERROR_NUMERIC : bad, "%s planes, pixels up to %.0e: not finite%s",
                         refine ? "refined" : "linear", (double)scales[k], status ? " (refused)" : "");

@@ -38,8 +38,8 @@ static inline int job_same(const hada_result *a, const hada_result *b)
 {
     int equal = a->depths == b->depths && job_same_image(&a->all_in_focus, &b->all_in_focus) &&
                 job_same_image(&a->distance_map, &b->distance_map) &&
-                !memcmp(a->report.occupied, b->report.occupied, (size_t)a->depths) &&
-                a->report.refine_steps == b->report.refine_steps;
+                !memcmp(a->report->occupied, b->report->occupied, (size_t)a->depths) &&
+                a->report->refine_steps == b->report->refine_steps;
     for (int z = 0; equal && z < a->depths; z++)
         equal = job_same_image(&a->planes[z], &b->planes[z]);
     return equal;

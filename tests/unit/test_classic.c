@@ -135,10 +135,10 @@ static void finds_both_depths(void **state)
                 fail_msg("method %d, prior %d, boundary %d: error %.3g", cases[i].method, cases[i].prior, padded,
                          error_of(f, &many));
             assert_true(error_of(f, &many) < error_of(f, &few));
-            assert_true(many.report.residual < few.report.residual && many.report.residual < 0.02);
-            assert_int_equal(few.report.refine_steps, 20);
-            assert_int_equal(many.report.method, cases[i].method);
-            assert_int_equal(many.report.occupied_count, 2);
+            assert_true(many.report->residual < few.report->residual && many.report->residual < 0.02);
+            assert_int_equal(few.report->refine_steps, 20);
+            assert_int_equal(many.report->method, cases[i].method);
+            assert_int_equal(many.report->occupied_count, 2);
             for (size_t k = 0; k < hada_image_count(&many.planes[1]); k++)
                 assert_true(many.planes[1].data[k] == 0);
             hada_result_destroy(&few);
@@ -165,7 +165,7 @@ static void lucy_stands_noisy_optics(void **state)
         model->otf[i] += i % hada_model_plane(model) ? 0.03f * (float)hada_random_normal(&random) : 0.0f;
     run(f, 0, &options, &noisy);
     memcpy(model->otf, kept, values * sizeof *kept);
-    assert_true(clean.report.residual < 0.01 && noisy.report.residual < 0.1);
+    assert_true(clean.report->residual < 0.01 && noisy.report->residual < 0.1);
     assert_true(error_of(f, &noisy) < 0.4);
     free(kept);
     hada_result_destroy(&clean);
@@ -196,7 +196,7 @@ static void wiener_of_one_depth_is_the_models(void **state)
         /* the model reckons with each channel's mean |H|^2, the joint filter with that of all: here nearly the same */
         assert_true(small_image_distance(joint.planes[0].data, single.planes[0].data,
                                          hada_image_count(&single.planes[0])) < 0.01);
-        assert_int_equal(joint.report.refine_steps, 0);
+        assert_int_equal(joint.report->refine_steps, 0);
         hada_plan_destroy(&plan);
         hada_model_destroy(&wiener);
         hada_result_destroy(&joint);
@@ -248,12 +248,12 @@ static void stops_by_rule(void **state)
         run(f, 1, &options, &loose);
         classic.stop = 3e-3;
         run(f, 1, &options, &tight);
-        assert_in_range(loose.report.refine_steps, 3, 200);
-        assert_in_range(tight.report.refine_steps, loose.report.refine_steps, 399);
+        assert_in_range(loose.report->refine_steps, 3, 200);
+        assert_in_range(tight.report->refine_steps, loose.report->refine_steps, 399);
         classic.stop = 0;
         classic.seconds = 1e-9; /* one iteration and no more */
         run(f, 1, &options, &timed);
-        assert_int_equal(timed.report.refine_steps, 1);
+        assert_int_equal(timed.report->refine_steps, 1);
         hada_result_destroy(&loose);
         hada_result_destroy(&tight);
         hada_result_destroy(&timed);

@@ -1,6 +1,6 @@
 /* Enhancing planes: the same as the net alone, in tiles bit for bit, nothing where nothing is. */
 #include "net/enhance.h"
-#include "net/field.h"
+#include "net/receptive_field.h"
 #include "net_fixture.h"
 #include "ref/ref_net.h"
 
@@ -257,16 +257,16 @@ static void nets_that_do_not_fit_are_refused(void **state)
 static void fields_are_what_layers_reach(void **state)
 {
     (void)state;
-    hada_field field;
+    hada_receptive_field field;
     hada_net *net = unet_of("8|12", "9", 1, HADA_UNET_LINEAR, 0);
-    ASSERT_OK(hada_net_field(net, &field, err));
+    ASSERT_OK(hada_net_receptive_field(net, &field, err));
     /* last 0, up 1, resize 1 + 1 coarse, conv 1 coarse, pool 6 fine, conv 1 */
     assert_true(field.tiles);
     assert_int_equal(field.multiple, 2);
     assert_int_equal(field.halo, 8);
     hada_net_destroy(&net);
     ASSERT_OK(hada_net_create_preset(&net, "paper", 3, 1, err));
-    ASSERT_OK(hada_net_field(net, &field, err));
+    ASSERT_OK(hada_net_receptive_field(net, &field, err));
     assert_true(field.tiles);
     assert_int_equal(field.multiple, 32);
     hada_net_destroy(&net);
@@ -274,7 +274,7 @@ static void fields_are_what_layers_reach(void **state)
                               "{\"format\":\"hadalens-net-1\",\"layers\":[{\"layer\":\"input\",\"channels\":1},"
                               "{\"layer\":\"resize\",\"rows\":8,\"cols\":8},{\"layer\":\"resize\",\"like\":0}]}",
                               0, err));
-    ASSERT_OK(hada_net_field(net, &field, err));
+    ASSERT_OK(hada_net_receptive_field(net, &field, err));
     assert_false(field.tiles);
     hada_net_destroy(&net);
 }

@@ -68,7 +68,7 @@ static void there_is_something_to_compare(void **state)
         for (int other = 0; other < kind; other++)
             assert_false(job_same(&f->expected[kind][0], &f->expected[other][0]));
     }
-    assert_true(f->expected[JOB_PURSUED][0].report.occupied_count >= 1);
+    assert_true(f->expected[JOB_PURSUED][0].report->occupied_count >= 1);
 }
 
 /* One frame alone: the other device takes batches of it, and the frame's own lane does the focus. */

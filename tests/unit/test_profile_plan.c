@@ -55,7 +55,7 @@ static void run(const learned_camera *learned, int refine, const char *const *st
     for (int frame = 1; frame <= frames; frame++) {
         double seconds = 0;
         ASSERT_OK(hada_plan_run(plan, &raw, &profiled, err));
-        wall += profiled.report.seconds_total;
+        wall += profiled.report->seconds_total;
         ASSERT_OK(hada_plan_kernel_times(plan, &rows, &count, err));
         for (int i = 0; stages[i]; i++) {
             const sums s = of_stage(rows, count, stages[i]);

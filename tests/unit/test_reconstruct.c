@@ -44,9 +44,9 @@ static void finds_one_depth_and_refines_it(void **state)
         ASSERT_OK(hada_plan_run(plan, &raw, &result, err));
         assert_int_equal(result.depths, LEARNED_DEPTHS);
         for (int k = 0; k < LEARNED_DEPTHS; k++)
-            assert_int_equal(result.report.occupied[k], k == z);
-        assert_true(result.report.refine_steps > 0);
-        assert_true(result.report.residual < 0.2);
+            assert_int_equal(result.report->occupied[k], k == z);
+        assert_true(result.report->refine_steps > 0);
+        assert_true(result.report->residual < 0.2);
         mean += learned_psnr(&result.planes[z], &scene) / (2 * LEARNED_DEPTHS);
         for (size_t k = 0; k < hada_image_count(&scene); k++)
             assert_true(result.planes[z].data[k] >= 0);
@@ -76,7 +76,7 @@ static void finds_two_depths_and_tells_them_apart(void **state)
         hada_image raw = learned_frame(learned, planes, 2, 60 + p);
         ASSERT_OK(hada_plan_run(plan, &raw, &result, err));
         for (int k = 0; k < LEARNED_DEPTHS; k++)
-            assert_int_equal(result.report.occupied[k], k == pairs[p][0] || k == pairs[p][1]);
+            assert_int_equal(result.report->occupied[k], k == pairs[p][0] || k == pairs[p][1]);
         for (int i = 0; i < 2; i++)
             mean += learned_psnr(&result.planes[pairs[p][i]], &parts[i]) / 8;
         double covered, right = map_right(&learned->camera, &result.distance_map, parts, pairs[p], 2, &covered);

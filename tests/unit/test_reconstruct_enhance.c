@@ -129,12 +129,12 @@ static void planes_are_the_nets_on_every_path(void **state)
             hada_result with = run(f, model, &options, &f->frame);
             options.enhance = 0;
             hada_result without = run(f, model, &options, &f->frame);
-            assert_int_equal(with.report.enhanced, with.report.occupied_count);
-            assert_int_equal(without.report.enhanced, 0);
-            assert_true(with.report.occupied_count > 0);
-            assert_memory_equal(with.report.occupied, without.report.occupied, DEPTHS);
+            assert_int_equal(with.report->enhanced, with.report->occupied_count);
+            assert_int_equal(without.report->enhanced, 0);
+            assert_true(with.report->occupied_count > 0);
+            assert_memory_equal(with.report->occupied, without.report->occupied, DEPTHS);
             for (int z = 0; z < DEPTHS; z++) {
-                if (with.report.occupied[z]) {
+                if (with.report->occupied[z]) {
                     assert_false(same(&with.planes[z], &without.planes[z]));
                     apply_net(f, sized * 12, sized * 20, &without.planes[z]);
                 }
@@ -155,7 +155,7 @@ static void models_without_a_net_are_as_before(void **state)
         hada_result asked = run(f, f->plain, &options, &f->frame);
         options.enhance = 0;
         hada_result left_out = run(f, f->model, &options, &f->frame);
-        assert_int_equal(asked.report.enhanced, 0);
+        assert_int_equal(asked.report->enhanced, 0);
         for (int z = 0; z < DEPTHS; z++)
             assert_true(same(&asked.planes[z], &left_out.planes[z]));
         assert_true(same(&asked.all_in_focus, &left_out.all_in_focus));
@@ -172,14 +172,14 @@ static void black_planes_are_left_out(void **state)
     ASSERT_OK(hada_image_create(&black, CHANNELS, ROWS, COLS, err));
     options.skip = HADA_SKIP_ALL;
     hada_result skipped = run(f, f->model, &options, &black);
-    assert_true(skipped.report.skipped.tiles == 1.0);
-    assert_true(skipped.report.skipped.kinds & HADA_SKIP_TILES);
+    assert_true(skipped.report->skipped->tiles == 1.0);
+    assert_true(skipped.report->skipped->kinds & HADA_SKIP_TILES);
     for (size_t i = 0; i < hada_image_count(&skipped.planes[1]); i++)
         assert_true(skipped.planes[1].data[i] == 0.0f);
     options.skip = 0;
     hada_result dense = run(f, f->model, &options, &black);
-    assert_true(dense.report.skipped.tiles == 0.0);
-    assert_false(dense.report.skipped.kinds & HADA_SKIP_TILES);
+    assert_true(dense.report->skipped->tiles == 0.0);
+    assert_false(dense.report->skipped->kinds & HADA_SKIP_TILES);
     /* light: everything is computed either way */
     options.skip = HADA_SKIP_TILES;
     hada_result some = run(f, f->model, &options, &f->frame);
@@ -203,7 +203,7 @@ static void only_what_is_exact_is_skipped_before_a_net(void **state)
     hada_result allowed = run(f, f->model, &options, &f->frame);
     for (int z = 0; z < DEPTHS; z++)
         assert_true(same(&exact.planes[z], &allowed.planes[z]));
-    assert_true(allowed.report.skipped.bound == 0.0);
+    assert_true(allowed.report->skipped->bound == 0.0);
     hada_result_destroy(&exact);
     hada_result_destroy(&allowed);
 }

@@ -27,7 +27,7 @@ static void a_slanted_plane_occupies_every_depth(void **state)
     hada_image raw = learned_frame(learned, planes, LEARNED_DEPTHS, 31);
     hada_result result = {0};
     run(learned, NULL, &raw, &result);
-    assert_int_equal(result.report.occupied_count, LEARNED_DEPTHS);
+    assert_int_equal(result.report->occupied_count, LEARNED_DEPTHS);
     /* the distance falls into the right stripe for most of what the map covers */
     size_t seen = 0, right = 0;
     for (int i = 0; i < rows * cols; i++)
@@ -65,7 +65,7 @@ static void an_object_between_depths_shows_at_its_neighbours(void **state)
     ASSERT_OK(hada_simulator_render(simulator, &(hada_plane){0, &scene}, 1, learned_noise, 32, &raw, err));
     hada_result result = {0};
     run(learned, NULL, &raw, &result);
-    assert_true(result.report.occupied[1] + result.report.occupied[2] >= 1);
+    assert_true(result.report->occupied[1] + result.report->occupied[2] >= 1);
     double light[LEARNED_DEPTHS] = {0}, all = 0;
     for (int z = 0; z < LEARNED_DEPTHS; z++) {
         for (size_t i = 0; i < hada_image_count(&scene); i++)
@@ -100,8 +100,8 @@ static void a_faint_object_beside_a_bright_one_is_found(void **state)
     hada_image raw = learned_frame(learned, planes, 2, 33);
     hada_result result = {0};
     run(learned, NULL, &raw, &result);
-    assert_int_equal(result.report.occupied[0], 1);
-    assert_int_equal(result.report.occupied[3], 1);
+    assert_int_equal(result.report->occupied[0], 1);
+    assert_int_equal(result.report->occupied[3], 1);
     for (int i = 0; i < 2; i++)
         hada_image_destroy(&parts[i]);
     hada_result_destroy(&result);
@@ -125,9 +125,9 @@ static void the_full_look_finds_the_same_depths(void **state)
         hada_result quick = {0}, slow = {0};
         run(learned, NULL, &raw, &quick);
         run(learned, &full, &raw, &slow);
-        assert_memory_equal(quick.report.occupied, slow.report.occupied, LEARNED_DEPTHS);
+        assert_memory_equal(quick.report->occupied, slow.report->occupied, LEARNED_DEPTHS);
         for (int z = 0; z < LEARNED_DEPTHS; z++)
-            assert_int_equal(quick.report.occupied[z], z == lists[k][0] || z == lists[k][1]);
+            assert_int_equal(quick.report->occupied[z], z == lists[k][0] || z == lists[k][1]);
         for (int i = 0; i < 2; i++)
             hada_image_destroy(&parts[i]);
         hada_result_destroy(&quick);
@@ -147,7 +147,7 @@ static void a_black_frame_holds_nothing(void **state)
         if (noisy)
             hada_image_add_noise(&raw, 1e-3, 3);
         run(learned, NULL, &raw, &result);
-        assert_int_equal(result.report.occupied_count, 0);
+        assert_int_equal(result.report->occupied_count, 0);
         for (int z = 0; z < result.depths; z++)
             for (size_t i = 0; i < hada_image_count(&result.planes[z]); i++)
                 assert_true(result.planes[z].data[i] == 0);
@@ -196,7 +196,7 @@ static void a_list_of_occupied_depths_is_obeyed(void **state)
         options.occupied_count = 2;
         run(learned, &options, &raw, &result);
         for (int z = 0; z < LEARNED_DEPTHS; z++)
-            assert_int_equal(result.report.occupied[z], z == 1 || z == 2);
+            assert_int_equal(result.report->occupied[z], z == 1 || z == 2);
         for (size_t i = 0; i < hada_image_count(&scene); i++)
             assert_true(result.planes[0].data[i] == 0 && result.planes[3].data[i] == 0);
     }
@@ -207,8 +207,8 @@ static void a_list_of_occupied_depths_is_obeyed(void **state)
     run(learned, &options, &raw, &result);
     assert_int_equal(result.depths, 2);
     assert_true(result.distances_mm[1] == learned->camera.distances_mm[3]);
-    assert_int_equal(result.report.occupied[0], 1);
-    assert_int_equal(result.report.occupied[1], 0);
+    assert_int_equal(result.report->occupied[0], 1);
+    assert_int_equal(result.report->occupied[1], 0);
     assert_true(learned_psnr(&result.planes[0], &scene) > 25);
     hada_result_destroy(&result);
     hada_image_destroy(&raw);

@@ -38,8 +38,8 @@ static int same(const hada_result *a, const hada_result *b)
 {
     int equal = a->depths == b->depths && same_image(&a->all_in_focus, &b->all_in_focus) &&
                 same_image(&a->distance_map, &b->distance_map) &&
-                a->report.occupied_count == b->report.occupied_count &&
-                a->report.refine_steps == b->report.refine_steps;
+                a->report->occupied_count == b->report->occupied_count &&
+                a->report->refine_steps == b->report->refine_steps;
     for (int z = 0; equal && z < a->depths; z++)
         equal = same_image(&a->planes[z], &b->planes[z]);
     return equal;
@@ -150,7 +150,7 @@ static void there_is_something_to_compare(void **state)
     assert_true(same(&f->expected[0][0], &f->expected[0][0]));
     assert_false(same(&f->expected[0][0], &f->expected[0][1]));
     assert_false(same(&f->expected[0][0], &f->expected[1][0]));
-    assert_true(f->expected[1][0].report.refine_steps > 0);
+    assert_true(f->expected[1][0].report->refine_steps > 0);
 }
 
 static void threads_share_a_context(void **state)

@@ -64,7 +64,7 @@ static void planes_are_those_of_a_plan(void **state)
             ASSERT_OK(hada_plan_create(&plan, device->context, model, &options, err));
             ASSERT_OK(hada_plan_run(plan, &frame, &result, err));
             ASSERT_OK(hada_planes_make(planes, z, &frame, &plane, err));
-            assert_int_equal(result.report.refine_steps > 0, cases[i].steps > 0);
+            assert_int_equal(result.report->refine_steps > 0, cases[i].steps > 0);
             assert_int_equal(hada_image_count(&plane), hada_image_count(&result.planes[z]));
             assert_memory_equal(plane.data, result.planes[z].data, hada_image_count(&plane) * sizeof(float));
             hada_result_destroy(&result);

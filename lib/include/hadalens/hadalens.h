@@ -18,6 +18,7 @@
 #include <hadalens/monitor.h>
 #include <hadalens/net.h>
 #include <hadalens/optics.h>
+#include <hadalens/pixels.h>
 #include <hadalens/plot.h>
 #include <hadalens/preview.h>
 #include <hadalens/profile.h>
@@ -32,6 +33,7 @@
 #include <hadalens/task_optics.h>
 #include <hadalens/task_reconstruct.h>
 #include <hadalens/task_register.h>
+#include <hadalens/task_simulate.h>
 #include <hadalens/task_train.h>
 #include <hadalens/tiff.h>
 #include <hadalens/train.h>

@@ -1,14 +1,18 @@
-#include "net/field.h"
+#include "net/receptive_field.h"
 
 #include <stdlib.h>
 
 #include "core/alloc.h"
+#include "core/round.h"
 
 /* Pixels of the input to a pixel of each layer, 0 where a layer cannot be run in tiles; and pixels beyond a tile,
  * counted in the layer's own, on which the tile's output depends. */
 typedef struct reach {
     int scale, beyond;
 } reach;
+
+/* Far above any net, and far from where a product of two overflows. */
+#define MOST_SCALE (1 << 20)
 
 static int up_by(const reach *from, const reach *to)
 {
@@ -25,10 +29,10 @@ static int scale_of(const hada_layer *l, const reach *of)
             return l->kernel - 2 * l->pad + l->output_pad == l->stride && in->scale % l->stride == 0
                        ? in->scale / l->stride
                        : 0;
-        return l->kernel - 2 * l->pad > 0 && l->kernel - 2 * l->pad <= l->stride && in->scale < 1 << 20
+        return l->kernel - 2 * l->pad > 0 && l->kernel - 2 * l->pad <= l->stride && in->scale < MOST_SCALE
                    ? in->scale * l->stride
                    : 0;
-    case HADA_LAYER_POOL: return l->kernel <= l->stride && in->scale < 1 << 20 ? in->scale * l->stride : 0;
+    case HADA_LAYER_POOL: return l->kernel <= l->stride && in->scale < MOST_SCALE ? in->scale * l->stride : 0;
     case HADA_LAYER_RESIZE:
         if (l->like < 0 || l->resize == HADA_RESIZE_LINEAR_ALIGNED || l->resize == HADA_RESIZE_CUBIC_ALIGNED)
             return 0;
@@ -41,11 +45,6 @@ static int scale_of(const hada_layer *l, const reach *of)
     case HADA_LAYER_LINEAR: return 0;
     default: return in->scale;
     }
-}
-
-static int rounded_up(int value, int to)
-{
-    return (value + to - 1) / to * to;
 }
 
 /* Pixels of a layer's input beyond the tile for `n` of its own. */
@@ -64,10 +63,10 @@ static int beyond_of(const hada_layer *l, const reach *in, const reach *out, int
     return n;
 }
 
-hada_status hada_net_field(const hada_net *net, hada_field *field, hada_error *err)
+hada_status hada_net_receptive_field(const hada_net *net, hada_receptive_field *field, hada_error *err)
 {
     reach *of;
-    *field = (hada_field){0};
+    *field = (hada_receptive_field){0};
     hada_status status = hada_alloc((void **)&of, (size_t)net->count, sizeof *of, "a net's reach", err);
     if (status)
         return status;
@@ -88,7 +87,7 @@ hada_status hada_net_field(const hada_net *net, hada_field *field, hada_error *e
                 const int beyond = beyond_of(&net->layers[i], in, &of[i], of[i].beyond);
                 in->beyond = beyond > in->beyond ? beyond : in->beyond;
             }
-        *field = (hada_field){1, multiple, rounded_up(of[0].beyond, multiple)};
+        *field = (hada_receptive_field){1, multiple, (int)hada_round_up((size_t)of[0].beyond, (size_t)multiple)};
     }
     free(of);
     return HADA_OK;

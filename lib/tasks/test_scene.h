@@ -1,29 +1,29 @@
-/* Scenes that stand at several depths, for test frames. */
-#ifndef HADA_CLI_TEST_SCENE_H
-#define HADA_CLI_TEST_SCENE_H
-
-#include "scene_source.h"
+/* Scenes that stand at several depths, for test frames. Internal. */
+#ifndef HADA_TASKS_TEST_SCENE_H
+#define HADA_TASKS_TEST_SCENE_H
 
 #include <hadalens/scene.h>
 #include <hadalens/simulate.h>
 
+#include "tasks/scene_source.h"
+
 /* All images have the size of the scenes that they are made from. */
-typedef struct hada_cli_test_scene {
+typedef struct hada_test_scene {
     int count;           /* of occupied depths */
     int *depths;         /* near to far */
     hada_image *planes;  /* one per occupied depth */
     hada_image *opacity; /* the same, the farthest empty; NULL: nothing hides anything */
     hada_image whole;    /* what the middle of the mask sees, everything in focus */
     hada_image map;      /* and its distances, mm */
-} hada_cli_test_scene;
+} hada_test_scene;
 
 /* One picture in regions that stand at `count` depths; or, with `occlude`, a whole picture at the farthest of them and
  * opaque pieces of others (numbers `number` + `step`, `number` + 2 step, ...) before it. */
-hada_status hada_cli_test_scene_make(hada_cli_test_scene *scene, const hada_cli_scenes *source, int number, int step,
-                                     const hada_camera *camera, int count, int occlude, uint64_t seed, hada_error *err);
-void hada_cli_test_scene_free(hada_cli_test_scene *scene);
+hada_status hada_test_scene_make(hada_test_scene *scene, const hada_scenes *source, int number, int step,
+                                 const hada_camera *camera, int count, int occlude, uint64_t seed, hada_error *err);
+void hada_test_scene_free(hada_test_scene *scene);
 
-hada_status hada_cli_test_scene_render(const hada_cli_test_scene *scene, hada_simulator *simulator, double noise,
-                                       uint64_t seed, hada_image *raw, hada_error *err);
+hada_status hada_test_scene_render(const hada_test_scene *scene, hada_simulator *simulator, double noise, uint64_t seed,
+                                   hada_image *raw, hada_error *err);
 
 #endif

@@ -1,0 +1,279 @@
+#include "tasks/simulate_write.h"
+
+#include <hadalens/scene.h>
+#include <hadalens/tiff.h>
+#include <jansson.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "io/folder.h"
+#include "io/text.h"
+#include "tasks/test_scene.h"
+
+/* Where a frame's noise begins: every frame its own. */
+enum { NOISE_OF_PAIRS = 1000, NOISE_OF_TESTS = 9000000 };
+/* Between the seeds of test scenes. */
+#define TEST_SEED 77777u
+
+static hada_status save(const char *folder, const char *name, const hada_image *image, int bits, hada_error *err)
+{
+    hada_tiff_write_options options;
+    char *path = NULL;
+    hada_status status = HADA_OK;
+    hada_tiff_write_options_init(&options);
+    options.bits = bits;
+    HADA_TRY(hada_path_format(&path, err, "%s/%s.tif", folder, name));
+    HADA_TRY(hada_tiff_save(path, image, &options, err));
+done:
+    free(path);
+    return status;
+}
+
+/* The part of a scene in the window. */
+static hada_status window_of(const hada_camera *camera, const hada_image *scene, hada_image *out, hada_error *err)
+{
+    const int rows = camera->window_rows, cols = camera->window_cols;
+    return hada_image_crop(out, scene, hada_window_origin(scene->rows, rows), hada_window_origin(scene->cols, cols),
+                           rows, cols, err);
+}
+
+static hada_status save_window(const hada_camera *camera, const char *folder, const char *name, const hada_image *scene,
+                               int bits, hada_error *err)
+{
+    hada_image window = {0};
+    hada_status status = HADA_OK;
+    HADA_TRY(window_of(camera, scene, &window, err));
+    HADA_TRY(save(folder, name, &window, bits, err));
+done:
+    hada_image_destroy(&window);
+    return status;
+}
+
+/* Both kinds of files of a depth, or of the tests. */
+static hada_status make_folders(const char *one, const char *two, hada_error *err)
+{
+    const hada_status status = hada_folder_ensure(one, err);
+    return status ? status : hada_folder_ensure(two, err);
+}
+
+/* What the sensor makes of the light in *raw, where there is one. */
+static hada_status expose(const hada_recipe *recipe, uint64_t seed, hada_image *raw, hada_error *err)
+{
+    return recipe->has_sensor ? hada_simulator_expose(recipe->simulator, &recipe->sensor, seed, raw, err) : HADA_OK;
+}
+
+/* A page per depth, near to far. */
+static hada_status create_stack(hada_tiff_writer **writer, const char *path, const hada_camera *camera, int channels,
+                                int rows, int cols, hada_error *err)
+{
+    hada_tiff_write_options options;
+    hada_tiff_write_options_init(&options);
+    options.layout = HADA_TIFF_HYPERSTACK;
+    options.slices = camera->depths;
+    options.times = 1;
+    options.distances_mm = camera->distances_mm;
+    return hada_tiff_create(writer, path, channels, rows, cols, &options, err);
+}
+
+/* In the units of the frames: what light of 1 from a point makes. */
+static hada_status write_psf(const hada_recipe *recipe, const char *folder, hada_error *err)
+{
+    const hada_camera *camera = &recipe->camera;
+    const float scale = recipe->has_sensor ? (float)recipe->sensor.exposure : 1.0f;
+    hada_tiff_writer *writer = NULL;
+    hada_image psf = {0};
+    char *path = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_path_format(&path, err, "%s/psf.tif", folder));
+    for (int z = 0; z < camera->depths; z++) {
+        HADA_TRY(hada_simulator_psf(recipe->simulator, z, &psf, err));
+        for (size_t i = 0; i < hada_image_count(&psf); i++)
+            psf.data[i] *= scale;
+        if (!writer)
+            HADA_TRY(create_stack(&writer, path, camera, psf.channels, psf.rows, psf.cols, err));
+        HADA_TRY(hada_tiff_write(writer, &psf, err));
+        hada_image_destroy(&psf);
+    }
+    HADA_TRY(hada_tiff_finish(&writer, err));
+done:
+    if (writer)
+        hada_tiff_abandon(&writer);
+    hada_image_destroy(&psf);
+    free(path);
+    return status;
+}
+
+static hada_status write_pair(const hada_recipe *recipe, int z, int i, const char *raw_folder, const char *scene_folder,
+                              hada_error *err)
+{
+    const int number = z * recipe->task.pairs + i;
+    const uint64_t seed = recipe->camera.seed + NOISE_OF_PAIRS + (uint64_t)number;
+    hada_image scene = {0}, raw = {0};
+    char *name = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_scenes_get(&recipe->scenes, number % recipe->training_count, &scene, &name, err));
+    const hada_plane plane = {z, &scene};
+    HADA_TRY(hada_simulator_render(recipe->simulator, &plane, 1, recipe->task.noise, seed, &raw, err));
+    HADA_TRY(expose(recipe, seed, &raw, err));
+    HADA_TRY(save(raw_folder, name, &raw, recipe->task.bits, err));
+    HADA_TRY(save_window(&recipe->camera, scene_folder, name, &scene, recipe->task.bits, err));
+done:
+    hada_image_destroy(&scene);
+    hada_image_destroy(&raw);
+    free(name);
+    return status;
+}
+
+static hada_status write_depth(hada_recipe *recipe, int z, const char *folder, hada_error *err)
+{
+    char *raw = NULL, *scene = NULL, distance[32];
+    hada_status status = HADA_OK;
+    hada_format_number(distance, sizeof distance, "%g", recipe->camera.distances_mm[z]);
+    HADA_TRY(hada_path_format(&raw, err, "%s/z%smm/raw", folder, distance));
+    HADA_TRY(hada_path_format(&scene, err, "%s/z%smm/scene", folder, distance));
+    HADA_TRY(make_folders(raw, scene, err));
+    for (int i = 0; i < recipe->task.pairs; i++) {
+        HADA_TRY(write_pair(recipe, z, i, raw, scene, err));
+        HADA_TRY(hada_progress_step(&recipe->progress, NULL, err));
+    }
+done:
+    free(raw);
+    free(scene);
+    return status;
+}
+
+static hada_status write_truth_stack(const hada_test_scene *scene, const hada_camera *camera, const char *folder,
+                                     const char *name, hada_error *err)
+{
+    const int rows = camera->window_rows, cols = camera->window_cols;
+    hada_tiff_writer *writer = NULL;
+    hada_image dark = {0}, window = {0};
+    char *path = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_path_format(&path, err, "%s/%s_stack.tif", folder, name));
+    HADA_TRY(hada_image_create(&dark, camera->channels, rows, cols, err));
+    HADA_TRY(create_stack(&writer, path, camera, camera->channels, rows, cols, err));
+    for (int z = 0, k = 0; z < camera->depths; z++) {
+        const int here = k < scene->count && scene->depths[k] == z;
+        if (here)
+            HADA_TRY(window_of(camera, &scene->planes[k++], &window, err));
+        HADA_TRY(hada_tiff_write(writer, here ? &window : &dark, err));
+        hada_image_destroy(&window);
+    }
+    HADA_TRY(hada_tiff_finish(&writer, err));
+done:
+    if (writer)
+        hada_tiff_abandon(&writer);
+    hada_image_destroy(&window);
+    hada_image_destroy(&dark);
+    free(path);
+    return status;
+}
+
+/* Where the scenes of the test frames begin: behind those of the pairs. */
+static int first_test_scene(const hada_recipe *recipe)
+{
+    if (recipe->task.test_scenes)
+        return 0;
+    return recipe->scenes.folder ? recipe->training_count : recipe->camera.depths * recipe->task.pairs;
+}
+
+static hada_status write_test(const hada_recipe *recipe, int t, const char *raw_folder, const char *truth_folder,
+                              hada_error *err)
+{
+    const hada_camera *camera = &recipe->camera;
+    const hada_simulate_task *task = &recipe->task;
+    const hada_scenes *source = task->test_scenes ? &recipe->test_scenes : &recipe->scenes;
+    const uint64_t noise_seed = camera->seed + NOISE_OF_TESTS + (uint64_t)t;
+    hada_test_scene scene = {0};
+    hada_image raw = {0};
+    char name[32], map_name[48], aif_name[48];
+    hada_status status = HADA_OK;
+    snprintf(name, sizeof name, "test%02d", t + 1);
+    snprintf(map_name, sizeof map_name, "%s_depth", name);
+    snprintf(aif_name, sizeof aif_name, "%s_aif", name);
+    HADA_TRY(hada_test_scene_make(&scene, source, first_test_scene(recipe) + t, task->tests, camera, task->test_depths,
+                                  task->occlude, camera->seed + TEST_SEED * (uint64_t)(t + 1), err));
+    HADA_TRY(hada_test_scene_render(&scene, recipe->simulator, task->noise, noise_seed, &raw, err));
+    HADA_TRY(expose(recipe, noise_seed, &raw, err));
+    HADA_TRY(save(raw_folder, name, &raw, task->bits, err));
+    HADA_TRY(write_truth_stack(&scene, camera, truth_folder, name, err));
+    HADA_TRY(save_window(camera, truth_folder, map_name, &scene.map, 32, err));
+    HADA_TRY(save_window(camera, truth_folder, aif_name, &scene.whole, 32, err));
+done:
+    hada_test_scene_free(&scene);
+    hada_image_destroy(&raw);
+    return status;
+}
+
+static hada_status write_tests(hada_recipe *recipe, const char *folder, hada_error *err)
+{
+    char *raw = NULL, *truth = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_path_format(&raw, err, "%s/test/raw", folder));
+    HADA_TRY(hada_path_format(&truth, err, "%s/test/truth", folder));
+    HADA_TRY(make_folders(raw, truth, err));
+    for (int t = 0; t < recipe->task.tests; t++) {
+        HADA_TRY(write_test(recipe, t, raw, truth, err));
+        HADA_TRY(hada_progress_step(&recipe->progress, NULL, err));
+    }
+done:
+    free(raw);
+    free(truth);
+    return status;
+}
+
+static json_t *sensor_json(const hada_recipe *recipe)
+{
+    static const char *const vignetting[] = {"none", "cos4", "image"};
+    const hada_simulator_options *o = &recipe->simulator_options;
+    const hada_sensor *s = &recipe->sensor;
+    json_t *document = json_pack("{s:[ii]}", "shift", o->shift_rows, o->shift_cols);
+    if (document && o->field_rows)
+        json_object_set_new(document, "field", json_pack("[ii]", o->field_rows, o->field_cols));
+    if (document && recipe->has_sensor)
+        json_object_update_new(document,
+                               json_pack("{s:f, s:f, s:f, s:f, s:i, s:s}", "exposure", s->exposure, "full_well",
+                                         s->full_well, "read_noise", s->read_noise, "dark_level", s->dark_level, "bits",
+                                         s->bits, "vignetting", vignetting[s->vignetting]));
+    return document;
+}
+
+/* Only where something about it is special. */
+static hada_status write_sensor(const hada_recipe *recipe, const char *folder, hada_error *err)
+{
+    const hada_simulator_options *o = &recipe->simulator_options;
+    char *path = NULL, *text = NULL;
+    hada_status status = HADA_OK;
+    if (!recipe->has_sensor && !o->shift_rows && !o->shift_cols && !o->field_rows)
+        return HADA_OK;
+    json_t *document = sensor_json(recipe);
+    HADA_TRY(hada_path_format(&path, err, "%s/sensor.json", folder));
+    text = document ? json_dumps(document, JSON_INDENT(2) | JSON_REAL_PRECISION(12)) : NULL;
+    if (!text)
+        HADA_TRY(hada_fail(err, HADA_ERROR_MEMORY, "no memory for %s", path));
+    HADA_TRY(hada_file_write(path, text, strlen(text), err));
+done:
+    free(text);
+    free(path);
+    json_decref(document);
+    return status;
+}
+
+hada_status hada_recipe_write(hada_recipe *recipe, const char *folder, hada_error *err)
+{
+    char *path = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_path_format(&path, err, "%s/camera.json", folder));
+    HADA_TRY(hada_camera_save(&recipe->camera, path, err));
+    HADA_TRY(write_sensor(recipe, folder, err));
+    HADA_TRY(write_psf(recipe, folder, err));
+    for (int z = 0; z < recipe->camera.depths; z++)
+        HADA_TRY(write_depth(recipe, z, folder, err));
+    if (recipe->task.tests)
+        HADA_TRY(write_tests(recipe, folder, err));
+done:
+    free(path);
+    return status;
+}

@@ -1,0 +1,123 @@
+/* What a simulated data set is made of: scenes for pairs and tests, a simulator, a sensor. */
+#include <math.h>
+
+#include "core/error.h"
+#include "core/options.h"
+#include "io/folder.h"
+#include "tasks/simulate_write.h"
+
+void hada_simulate_task_defaults(hada_simulate_task *task, size_t size)
+{
+    const hada_simulate_task own = {.size = sizeof own, .pairs = 8, .test_depths = 2, .bits = 32, .noise = 0.01};
+    HADA_OPTIONS_GIVE(task, size, &own);
+}
+
+static hada_status take_task(hada_recipe *recipe, const hada_camera *camera, const hada_simulate_task *callers,
+                             hada_error *err)
+{
+    hada_simulate_task *task = &recipe->task;
+    hada_status status = HADA_OK;
+    hada_simulate_task_init(task);
+    hada_simulator_options_init(&recipe->simulator_options);
+    hada_sensor_init(&recipe->sensor);
+    hada_camera_init(&recipe->camera);
+    HADA_TRY(HADA_OPTIONS_TAKE(&recipe->camera, camera, hada_camera, err));
+    HADA_TRY(HADA_OPTIONS_TAKE(task, callers, hada_simulate_task, err));
+    HADA_TRY(HADA_OPTIONS_TAKE(&recipe->simulator_options, task->simulator, hada_simulator_options, err));
+    HADA_TRY(HADA_OPTIONS_TAKE(&recipe->sensor, task->sensor, hada_sensor, err));
+    recipe->has_sensor = task->sensor != NULL;
+    if (task->pairs < 1 || task->test_depths < 1 || task->tests < 0)
+        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT,
+                           "hada_simulate_run: a pair per depth and a depth per test frame are the least"));
+    if (task->test_depths > recipe->camera.depths)
+        task->test_depths = recipe->camera.depths;
+done:
+    return status;
+}
+
+/* Opens the scenes and divides them between pairs and tests. */
+static hada_status open_scenes(hada_recipe *recipe, hada_error *err)
+{
+    hada_simulate_task *task = &recipe->task;
+    const hada_camera *camera = &recipe->camera;
+    const hada_simulator_options *wanted = &recipe->simulator_options;
+    const int rows = wanted->field_rows ? wanted->field_rows : camera->window_rows;
+    const int cols = wanted->field_rows ? wanted->field_cols : camera->window_cols;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_scenes_open(&recipe->scenes, task->scenes, camera->seed, camera->channels, rows, cols, err));
+    if (task->test_scenes)
+        HADA_TRY(hada_scenes_open(&recipe->test_scenes, task->test_scenes, camera->seed + 1, camera->channels, rows,
+                                  cols, err));
+    const int count = recipe->scenes.count;
+    recipe->training_count = count;
+    if (task->tests && !task->test_scenes && task->scenes) {
+        if (count >= task->pairs + task->tests)
+            recipe->training_count = count - task->tests;
+        else
+            hada_monitor_tell(task->monitor, HADA_MESSAGE_NOTE,
+                              "%s holds %d pictures, too few to keep some for the tests alone: the tests show scenes "
+                              "that the pairs show too",
+                              task->scenes, count);
+    }
+    if (recipe->training_count < task->pairs) {
+        hada_monitor_tell(task->monitor, HADA_MESSAGE_NOTE, "%s holds %d pictures: %d pairs per depth instead of %d",
+                          task->scenes, recipe->training_count, recipe->training_count, task->pairs);
+        task->pairs = recipe->training_count;
+    }
+done:
+    return status;
+}
+
+static hada_status make_simulator(hada_recipe *recipe, hada_error *err)
+{
+    const double white = recipe->task.white;
+    hada_status status = hada_simulator_create_with(&recipe->simulator, recipe->context, &recipe->camera,
+                                                    &recipe->simulator_options, err);
+    if (status == HADA_ERROR_SIZE) { /* a field that does not fit is an option's fault, not a file's */
+        status = HADA_ERROR_ARGUMENT;
+        if (err)
+            err->status = status;
+    }
+    if (!status && recipe->has_sensor && white > 0.0)
+        status = hada_simulator_white_exposure(recipe->simulator, white, &recipe->sensor.exposure, err);
+    return status;
+}
+
+static hada_status fill(void *user, const char *folder, hada_error *err)
+{
+    hada_recipe *recipe = user;
+    const hada_simulate_task *task = &recipe->task;
+    hada_status status = HADA_OK;
+    HADA_TRY(open_scenes(recipe, err));
+    HADA_TRY(make_simulator(recipe, err));
+    recipe->progress =
+        hada_progress_begin(task->monitor, "frames", (long)recipe->camera.depths * task->pairs + task->tests);
+    status = hada_recipe_write(recipe, folder, err);
+    hada_progress_end(&recipe->progress);
+done:
+    return status;
+}
+
+hada_status hada_simulate_run(hada_context *context, const hada_camera *camera, const char *folder,
+                              const hada_simulate_task *task, hada_simulate_report *report, hada_error *err)
+{
+    hada_recipe recipe = {.context = context};
+    hada_status status = HADA_OK;
+    if (!context || !camera || !folder)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_simulate_run: a context, a camera and a folder are needed");
+    HADA_TRY(HADA_REPORT_CHECK(report, hada_simulate_report, err));
+    HADA_TRY(take_task(&recipe, camera, task, err));
+    HADA_TRY(hada_folder_create(folder, fill, &recipe, err));
+    if (report) {
+        const hada_simulate_report own = {.size = sizeof own,
+                                          .pairs = recipe.task.pairs,
+                                          .test_depths = recipe.task.test_depths,
+                                          .exposure = recipe.has_sensor ? recipe.sensor.exposure : (double)NAN};
+        HADA_REPORT_GIVE(report, &own);
+    }
+done:
+    hada_simulator_destroy(&recipe.simulator);
+    hada_scenes_close(&recipe.scenes);
+    hada_scenes_close(&recipe.test_scenes);
+    return status;
+}

@@ -113,7 +113,7 @@ static void make(job *work, const layer *l, int method)
     must(hada_buffer_create_from(&work->db, slot, values, (size_t)l->out * sizeof *values, "biases", &err));
     free(values);
     must(hada_conv_create(&work->conv, slot, &desc, &err));
-    must(hada_conv_set_weights(work->conv, work->w.mem, 0, &err));
+    must(hada_conv_set_weights(work->conv, (hada_floats){work->w.mem, 0}, &err));
 }
 
 static void unmake(job *work)
@@ -127,11 +127,12 @@ static void unmake(job *work)
 static void run(const job *work, int what)
 {
     if (what == 0)
-        must(hada_conv_forward(work->conv, &work->tx, work->b.mem, 0, &work->ty, NULL, &err));
+        must(hada_conv_forward(work->conv, &work->tx, (hada_floats){work->b.mem, 0}, &work->ty, NULL, &err));
     else if (what == 1)
         must(hada_conv_backward_data(work->conv, &work->tdy, NULL, &work->tdx, 0, &err));
     else
-        must(hada_conv_backward_weights(work->conv, &work->tx, &work->tdy, work->dw.mem, 0, work->db.mem, 0, 0, &err));
+        must(hada_conv_backward_weights(work->conv, &work->tx, &work->tdy, (hada_floats){work->dw.mem, 0},
+                                        (hada_floats){work->db.mem, 0}, 0, &err));
     must(hada_slot_finish(slot, &err));
 }
 

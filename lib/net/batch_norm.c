@@ -76,17 +76,17 @@ static hada_status apply(hada_slot *slot, const hada_batch_norm *norm, const had
                          hada_floats mean, hada_floats second, int is_variance, hada_error *err)
 {
     const hada_layer_grid grid = hada_layer_grid_of(slot, x, x->rows, x->cols);
-    const hada_norm_values at = {.weight = norm->weight_offset,
-                                 .bias = norm->bias_offset,
+    const hada_norm_values at = {.weight = norm->weight.offset,
+                                 .bias = norm->bias.offset,
                                  .mean = mean.offset,
                                  .second = second.offset,
                                  .is_variance = is_variance,
                                  .eps = norm->eps,
                                  .span = grid.span};
     return hada_launch_net_batch_norm_apply(slot, HADA_PROGRAM_BY_BLOCK(NET_BATCH_NORM, x->block), &grid.range, err,
-                                            .x = x->mem, .y = y->mem, .weight = norm->weight, .bias = norm->bias,
-                                            .mean = mean.mem, .second = second.mem, .at_x = hada_layout_of(x),
-                                            .at_y = hada_layout_of(y), .at = at);
+                                            .x = x->mem, .y = y->mem, .weight = norm->weight.mem,
+                                            .bias = norm->bias.mem, .mean = mean.mem, .second = second.mem,
+                                            .at_x = hada_layout_of(x), .at_y = hada_layout_of(y), .at = at);
 }
 
 hada_status hada_batch_norm_infer(hada_slot *slot, const hada_batch_norm *norm, const hada_tensor *x,
@@ -95,8 +95,7 @@ hada_status hada_batch_norm_infer(hada_slot *slot, const hada_batch_norm *norm, 
     hada_status status = hada_layer_check("batch normalisation", x, y, 1, err);
     if (status)
         return status;
-    const hada_floats mean = {norm->mean, norm->mean_offset}, variance = {norm->variance, norm->variance_offset};
-    return apply(slot, norm, x, y, mean, variance, 1, err);
+    return apply(slot, norm, x, y, norm->mean, norm->variance, 1, err);
 }
 
 /* The batch's mean and 1 / sqrt(variance + eps) into saved; the running values. */
@@ -108,23 +107,22 @@ static hada_status measure(hada_slot *slot, const hada_batch_norm *norm, const h
     const hada_range channels = hada_layer_flat_range(slot, (size_t)x->channels, 1);
     const hada_program_net_batch_norm program = HADA_PROGRAM_BY_BLOCK(NET_BATCH_NORM, x->block);
     const size_t parts = parts_of(x, &grid);
-    const hada_norm_values at = {.mean = norm->mean_offset, .second = norm->variance_offset, .eps = norm->eps};
+    const hada_norm_values at = {.mean = norm->mean.offset, .second = norm->variance.offset, .eps = norm->eps};
     size_t place;
     HADA_TRY(hada_launch_net_batch_norm_statistics(slot, program, &grid.range, err, .x = x->mem, .parts = scratch,
                                                    .at_x = hada_layout_of(x), .span = grid.span,
                                                    .part_count = (cl_uint)parts));
     HADA_TRY(join(slot, merge_means, x, parts, 3, scratch, &place, err));
     HADA_TRY(hada_launch_net_batch_norm_finish(slot, program, &channels, err, .parts = scratch, .saved = saved.mem,
-                                               .mean = norm->mean, .variance = norm->variance, .parts_offset = place,
-                                               .saved_offset = saved.offset, .channels = x->channels,
-                                               .momentum = norm->momentum, .at = at));
+                                               .mean = norm->mean.mem, .variance = norm->variance.mem,
+                                               .parts_offset = place, .saved_offset = saved.offset,
+                                               .channels = x->channels, .momentum = norm->momentum, .at = at));
 done:
     return status;
 }
 
 hada_status hada_batch_norm_train(hada_slot *slot, const hada_batch_norm *norm, const hada_tensor *x,
-                                  const hada_tensor *y, cl_mem saved, size_t saved_offset, cl_mem scratch,
-                                  hada_error *err)
+                                  const hada_tensor *y, hada_floats saved, cl_mem scratch, hada_error *err)
 {
     hada_status status = HADA_OK;
     HADA_TRY(hada_layer_check("batch normalisation", x, y, 1, err));
@@ -132,9 +130,9 @@ hada_status hada_batch_norm_train(hada_slot *slot, const hada_batch_norm *norm, 
         HADA_TRY(hada_fail(err, HADA_ERROR_SIZE,
                            "batch normalisation cannot learn from one value per channel: it "
                            "needs more images or pixels"));
-    const hada_floats mean = {saved, saved_offset}, inverse = {saved, saved_offset + (size_t)x->channels};
-    HADA_TRY(measure(slot, norm, x, mean, scratch, err));
-    HADA_TRY(apply(slot, norm, x, y, mean, inverse, 0, err));
+    const hada_floats inverse = {saved.mem, saved.offset + (size_t)x->channels};
+    HADA_TRY(measure(slot, norm, x, saved, scratch, err));
+    HADA_TRY(apply(slot, norm, x, y, saved, inverse, 0, err));
 done:
     return status;
 }
@@ -155,30 +153,30 @@ done:
     return status;
 }
 
-hada_status hada_batch_norm_backward(hada_slot *slot, const hada_batch_norm *norm, const hada_tensor *x, cl_mem saved,
-                                     size_t saved_offset, const hada_tensor *dy, const hada_tensor *dx, cl_mem dweight,
-                                     size_t dweight_offset, cl_mem dbias, size_t dbias_offset, int accumulate,
-                                     cl_mem scratch, hada_error *err)
+hada_status hada_batch_norm_backward(hada_slot *slot, const hada_batch_norm *norm, const hada_tensor *x,
+                                     hada_floats saved, const hada_tensor *dy, const hada_tensor *dx,
+                                     hada_floats dweight, hada_floats dbias, int accumulate, cl_mem scratch,
+                                     hada_error *err)
 {
     hada_status status = HADA_OK;
     HADA_TRY(hada_layer_check("batch normalisation", x, dy, 1, err));
     HADA_TRY(hada_layer_check("batch normalisation", x, dx, 1, err));
     size_t place;
-    HADA_TRY(gradient_sums(slot, x, (hada_floats){saved, saved_offset}, dy, scratch, &place, err));
+    HADA_TRY(gradient_sums(slot, x, saved, dy, scratch, &place, err));
     const hada_layer_grid grid = hada_layer_grid_of(slot, x, x->rows, x->cols);
     const hada_range channels = hada_layer_flat_range(slot, (size_t)x->channels, 1);
     const hada_program_net_batch_norm program = HADA_PROGRAM_BY_BLOCK(NET_BATCH_NORM, x->block);
-    const hada_norm_gradient at = {.saved = saved_offset,
-                                   .weight = norm->weight_offset,
+    const hada_norm_gradient at = {.saved = saved.offset,
+                                   .weight = norm->weight.offset,
                                    .sums = place,
                                    .per_value = (cl_float)(1.0 / ((double)x->images * x->rows * x->cols)),
                                    .span = grid.span};
-    HADA_TRY(hada_launch_net_batch_norm_weights(slot, program, &channels, err, .parts = scratch, .dweight = dweight,
-                                                .dbias = dbias, .parts_offset = place, .dweight_offset = dweight_offset,
-                                                .dbias_offset = dbias_offset, .channels = x->channels,
-                                                .accumulate = accumulate));
+    HADA_TRY(hada_launch_net_batch_norm_weights(slot, program, &channels, err, .parts = scratch, .dweight = dweight.mem,
+                                                .dbias = dbias.mem, .parts_offset = place,
+                                                .dweight_offset = dweight.offset, .dbias_offset = dbias.offset,
+                                                .channels = x->channels, .accumulate = accumulate));
     HADA_TRY(hada_launch_net_batch_norm_backward(slot, program, &grid.range, err, .x = x->mem, .dy = dy->mem,
-                                                 .dx = dx->mem, .saved = saved, .weight = norm->weight,
+                                                 .dx = dx->mem, .saved = saved.mem, .weight = norm->weight.mem,
                                                  .parts = scratch, .at_x = hada_layout_of(x),
                                                  .at_dy = hada_layout_of(dy), .at_dx = hada_layout_of(dx), .at = at));
 done:

@@ -66,12 +66,12 @@ hada_conv_method hada_conv_serving(const hada_conv *conv)
     return conv->plan.pass[HADA_CONV_FORWARD].method;
 }
 
-hada_status hada_conv_set_weights(hada_conv *conv, cl_mem weights, size_t offset, hada_error *err)
+hada_status hada_conv_set_weights(hada_conv *conv, hada_floats weights, hada_error *err)
 {
     hada_status status = HADA_OK;
     for (int p = 0; p < conv->plan.pass_count; p++)
-        HADA_TRY(conv->plan.pass[p].tile ? hada_conv_winograd_pack(conv, p, weights, offset, err)
-                                         : hada_conv_pack(conv, p, weights, offset, err));
+        HADA_TRY(conv->plan.pass[p].tile ? hada_conv_winograd_pack(conv, p, weights, err)
+                                         : hada_conv_pack(conv, p, weights, err));
 done:
     conv->has_weights = !status;
     return status;
@@ -117,11 +117,11 @@ done:
     return status;
 }
 
-hada_status hada_conv_forward(hada_conv *conv, const hada_tensor *x, cl_mem bias, size_t bias_offset,
-                              const hada_tensor *y, const hada_tensor *pooled, hada_error *err)
+hada_status hada_conv_forward(hada_conv *conv, const hada_tensor *x, hada_floats bias, const hada_tensor *y,
+                              const hada_tensor *pooled, hada_error *err)
 {
     const hada_conv_desc *d = &conv->plan.desc;
-    const hada_conv_finish finish = {bias, bias_offset, d->activation, d->slope, NULL, pooled, 0};
+    const hada_conv_finish finish = {bias, d->activation, d->slope, NULL, pooled, 0};
     return hada_conv_run(conv, HADA_CONV_FORWARD, x, y, &finish, err);
 }
 
@@ -143,8 +143,8 @@ done:
     return status;
 }
 
-hada_status hada_conv_backward_weights(hada_conv *conv, const hada_tensor *x, const hada_tensor *dy, cl_mem dw,
-                                       size_t dw_offset, cl_mem db, size_t db_offset, int accumulate, hada_error *err)
+hada_status hada_conv_backward_weights(hada_conv *conv, const hada_tensor *x, const hada_tensor *dy, hada_floats dw,
+                                       hada_floats db, int accumulate, hada_error *err)
 {
     hada_status status = HADA_OK;
     HADA_TRY(must_train(conv, err));
@@ -155,13 +155,13 @@ hada_status hada_conv_backward_weights(hada_conv *conv, const hada_tensor *x, co
     const hada_tensor *coarse = transposed ? x : dy, *fine = transposed ? dy : x;
     hada_conv_cost(conv, coarse, fine);
     if (conv->plan.gradient.tile && !transposed)
-        return hada_conv_winograd_weights(conv, coarse, fine, dw, dw_offset, db, db_offset, accumulate, err);
+        return hada_conv_winograd_weights(conv, coarse, fine, dw, db, accumulate, err);
     if (conv->plan.gradient.tile)
-        HADA_TRY(hada_conv_winograd_weights(conv, coarse, fine, dw, dw_offset, NULL, 0, accumulate, err));
+        HADA_TRY(hada_conv_winograd_weights(conv, coarse, fine, dw, (hada_floats){0}, accumulate, err));
     else
-        HADA_TRY(hada_conv_weights(conv, coarse, fine, dw, dw_offset, accumulate, err));
-    if (db)
-        HADA_TRY(hada_conv_bias(conv, dy, db, db_offset, accumulate, err));
+        HADA_TRY(hada_conv_weights(conv, coarse, fine, dw, accumulate, err));
+    if (db.mem)
+        HADA_TRY(hada_conv_bias(conv, dy, db, accumulate, err));
 done:
     return status;
 }

@@ -35,14 +35,14 @@ hada_status hada_conv_create(hada_conv **out, hada_slot *slot, const hada_conv_d
 void hada_conv_destroy(hada_conv **conv);
 hada_conv_method hada_conv_serving(const hada_conv *conv);
 
-/* Takes over new weights (enqueued); `weights` holds out*in*kernel floats from `offset` on and is not needed
+/* Takes over new weights (enqueued); `weights` holds out*in*kernel floats and is not needed
  * afterwards. */
-hada_status hada_conv_set_weights(hada_conv *conv, cl_mem weights, size_t offset, hada_error *err);
+hada_status hada_conv_set_weights(hada_conv *conv, hada_floats weights, hada_error *err);
 
 /* y = act(conv(x) + bias); bias NULL: none. `pooled` (NULL: none) takes the 2 x 2 maxima of y as well, odd last rows
  * and columns dropped. */
-hada_status hada_conv_forward(hada_conv *conv, const hada_tensor *x, cl_mem bias, size_t bias_offset,
-                              const hada_tensor *y, const hada_tensor *pooled, hada_error *err);
+hada_status hada_conv_forward(hada_conv *conv, const hada_tensor *x, hada_floats bias, const hada_tensor *y,
+                              const hada_tensor *pooled, hada_error *err);
 
 /* dx = the gradient of x for dy, the gradient before the activation. `masked_by` (NULL: none): dx is zero where this
  * tensor, the output of a ReLU that made x, is not above zero. accumulate: dx is added to. */
@@ -50,7 +50,7 @@ hada_status hada_conv_backward_data(hada_conv *conv, const hada_tensor *dy, cons
                                     const hada_tensor *dx, int accumulate, hada_error *err);
 
 /* dw and db (NULL: none) from x and dy, summed over the images; accumulate: added to. */
-hada_status hada_conv_backward_weights(hada_conv *conv, const hada_tensor *x, const hada_tensor *dy, cl_mem dw,
-                                       size_t dw_offset, cl_mem db, size_t db_offset, int accumulate, hada_error *err);
+hada_status hada_conv_backward_weights(hada_conv *conv, const hada_tensor *x, const hada_tensor *dy, hada_floats dw,
+                                       hada_floats db, int accumulate, hada_error *err);
 
 #endif

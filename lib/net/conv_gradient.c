@@ -26,15 +26,15 @@ hada_conv_correlation hada_conv_correlation_of(const hada_conv *conv, const hada
                                    .tiles = g->tiles};
 }
 
-static hada_status plain_weights(hada_conv *conv, const hada_tensor *coarse, const hada_tensor *fine, cl_mem dw,
-                                 size_t offset, int accumulate, hada_error *err)
+static hada_status plain_weights(hada_conv *conv, const hada_tensor *coarse, const hada_tensor *fine, hada_floats dw,
+                                 int accumulate, hada_error *err)
 {
     const hada_conv_correlation sizes = hada_conv_correlation_of(conv, coarse, fine);
     const hada_range range =
         hada_range_of((size_t)fine->channels * (size_t)sizes.places, LOCAL, (size_t)coarse->channels, 1);
     return hada_launch_conv_plain_weights(conv->slot, HADA_PROGRAM_BY_BLOCK(CONV_PLAIN, conv->plan.block), &range, err,
-                                          .coarse = coarse->mem, .fine = fine->mem, .dw = dw, .sizes = sizes,
-                                          .dw_offset = offset, .accumulate = accumulate);
+                                          .coarse = coarse->mem, .fine = fine->mem, .dw = dw.mem, .sizes = sizes,
+                                          .dw_offset = dw.offset, .accumulate = accumulate);
 }
 
 static hada_status partial_weights(hada_conv *conv, const hada_tensor *coarse, const hada_tensor *fine, size_t parts,
@@ -54,15 +54,15 @@ static hada_status partial_weights(hada_conv *conv, const hada_tensor *coarse, c
                                     .sizes = sizes);
 }
 
-hada_status hada_conv_weights(hada_conv *conv, const hada_tensor *coarse, const hada_tensor *fine, cl_mem dw,
-                              size_t offset, int accumulate, hada_error *err)
+hada_status hada_conv_weights(hada_conv *conv, const hada_tensor *coarse, const hada_tensor *fine, hada_floats dw,
+                              int accumulate, hada_error *err)
 {
     hada_status status = HADA_OK;
     const hada_conv_desc *d = &conv->plan.desc;
     const hada_conv_gradient *g = &conv->plan.gradient;
     const int groups = conv->plan.groups, block = conv->plan.block;
     if (g->method == HADA_CONV_PLAIN)
-        return plain_weights(conv, coarse, fine, dw, offset, accumulate, err);
+        return plain_weights(conv, coarse, fine, dw, accumulate, err);
     /* every part has a strip at least */
     const int strips = coarse->images * ((coarse->rows + g->strip_rows - 1) / g->strip_rows);
     const hada_conv_partials sizes = {.parts = g->parts < strips ? g->parts : strips,
@@ -74,25 +74,24 @@ hada_status hada_conv_weights(hada_conv *conv, const hada_tensor *coarse, const 
     const hada_range range = hada_range_of((size_t)fine->channels, LOCAL, (size_t)hada_layout_of(coarse).blocks, 1);
     HADA_TRY(partial_weights(conv, coarse, fine, (size_t)sizes.parts, err));
     HADA_TRY(hada_launch_conv_reduce_weights(conv->slot, HADA_PROGRAM_BY_BLOCK(CONV_REDUCE, block), &range, err,
-                                             .partial = conv->scratch.mem, .dw = dw, .sizes = sizes,
-                                             .dw_offset = offset, .accumulate = accumulate));
+                                             .partial = conv->scratch.mem, .dw = dw.mem, .sizes = sizes,
+                                             .dw_offset = dw.offset, .accumulate = accumulate));
 done:
     return status;
 }
 
-hada_status hada_conv_reduce_bias(hada_conv *conv, size_t scratch_offset, int parts, int channels, cl_mem db,
-                                  size_t offset, int accumulate, hada_error *err)
+hada_status hada_conv_reduce_bias(hada_conv *conv, size_t scratch_offset, int parts, int channels, hada_floats db,
+                                  int accumulate, hada_error *err)
 {
     const int block = conv->plan.block;
     const hada_range range = hada_range_of((size_t)channels, LOCAL, 1, 1);
-    return hada_launch_conv_reduce_bias(conv->slot, HADA_PROGRAM_BY_BLOCK(CONV_REDUCE, block), &range, err,
-                                        .partial = conv->scratch.mem, .db = db, .offset = scratch_offset,
-                                        .db_offset = offset, .parts = parts, .blocks = (channels + block - 1) / block,
-                                        .channels = channels, .accumulate = accumulate);
+    return hada_launch_conv_reduce_bias(
+        conv->slot, HADA_PROGRAM_BY_BLOCK(CONV_REDUCE, block), &range, err, .partial = conv->scratch.mem, .db = db.mem,
+        .offset = scratch_offset, .db_offset = db.offset, .parts = parts, .blocks = (channels + block - 1) / block,
+        .channels = channels, .accumulate = accumulate);
 }
 
-hada_status hada_conv_bias(hada_conv *conv, const hada_tensor *dy, cl_mem db, size_t offset, int accumulate,
-                           hada_error *err)
+hada_status hada_conv_bias(hada_conv *conv, const hada_tensor *dy, hada_floats db, int accumulate, hada_error *err)
 {
     hada_status status = HADA_OK;
     const int lines = dy->images * dy->rows, most = conv->plan.gradient.bias_parts;
@@ -102,7 +101,7 @@ hada_status hada_conv_bias(hada_conv *conv, const hada_tensor *dy, cl_mem db, si
     HADA_TRY(hada_launch_conv_bias_partial(conv->slot, HADA_PROGRAM_BY_BLOCK(CONV_REDUCE, conv->plan.block), &range,
                                            err, .dy = dy->mem, .partial = conv->scratch.mem, .at_dy = at_dy,
                                            .images = dy->images));
-    HADA_TRY(hada_conv_reduce_bias(conv, 0, parts, dy->channels, db, offset, accumulate, err));
+    HADA_TRY(hada_conv_reduce_bias(conv, 0, parts, dy->channels, db, accumulate, err));
 done:
     return status;
 }

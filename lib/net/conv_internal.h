@@ -124,8 +124,7 @@ void hada_conv_table_gradient(const hada_context *context, const hada_conv_desc 
 
 /* What is done with a finished sum (hada_conv_epilogue). */
 typedef struct hada_conv_finish {
-    cl_mem bias;
-    size_t bias_offset;
+    hada_floats bias;
     hada_activation activation;
     float slope;
     const hada_tensor *mask, *pooled; /* NULL: none */
@@ -146,7 +145,7 @@ static inline cl_mem hada_conv_mask(const hada_conv_finish *finish)
     return finish->mask ? finish->mask->mem : NULL;
 }
 
-hada_status hada_conv_pack(hada_conv *conv, int pass, cl_mem weights, size_t offset, hada_error *err);
+hada_status hada_conv_pack(hada_conv *conv, int pass, hada_floats weights, hada_error *err);
 hada_status hada_conv_run(hada_conv *conv, int pass, const hada_tensor *in, const hada_tensor *out,
                           const hada_conv_finish *finish, hada_error *err);
 
@@ -157,16 +156,15 @@ hada_status hada_conv_plain(hada_conv *conv, int pass, const hada_tensor *in, co
                             const hada_conv_finish *finish, hada_error *err);
 hada_status hada_conv_winograd(hada_conv *conv, int pass, const hada_tensor *in, const hada_tensor *out,
                                const hada_conv_finish *finish, hada_error *err);
-hada_status hada_conv_winograd_pack(hada_conv *conv, int pass, cl_mem weights, size_t offset, hada_error *err);
+hada_status hada_conv_winograd_pack(hada_conv *conv, int pass, hada_floats weights, hada_error *err);
 hada_status hada_conv_pool(hada_conv *conv, const hada_tensor *y, const hada_tensor *pooled, hada_error *err);
-hada_status hada_conv_weights(hada_conv *conv, const hada_tensor *coarse, const hada_tensor *fine, cl_mem dw,
-                              size_t offset, int accumulate, hada_error *err);
+hada_status hada_conv_weights(hada_conv *conv, const hada_tensor *coarse, const hada_tensor *fine, hada_floats dw,
+                              int accumulate, hada_error *err);
 /* Also db (NULL: none) where the coarse image is dy. */
-hada_status hada_conv_winograd_weights(hada_conv *conv, const hada_tensor *coarse, const hada_tensor *fine, cl_mem dw,
-                                       size_t offset, cl_mem db, size_t db_offset, int accumulate, hada_error *err);
-hada_status hada_conv_reduce_bias(hada_conv *conv, size_t scratch_offset, int parts, int channels, cl_mem db,
-                                  size_t offset, int accumulate, hada_error *err);
-hada_status hada_conv_bias(hada_conv *conv, const hada_tensor *dy, cl_mem db, size_t offset, int accumulate,
-                           hada_error *err);
+hada_status hada_conv_winograd_weights(hada_conv *conv, const hada_tensor *coarse, const hada_tensor *fine,
+                                       hada_floats dw, hada_floats db, int accumulate, hada_error *err);
+hada_status hada_conv_reduce_bias(hada_conv *conv, size_t scratch_offset, int parts, int channels, hada_floats db,
+                                  int accumulate, hada_error *err);
+hada_status hada_conv_bias(hada_conv *conv, const hada_tensor *dy, hada_floats db, int accumulate, hada_error *err);
 
 #endif

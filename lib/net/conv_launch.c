@@ -20,10 +20,11 @@ void hada_conv_cost(hada_conv *conv, const hada_tensor *coarse, const hada_tenso
 
 static hada_conv_epilogue epilogue_of(const hada_conv_finish *finish, int pools)
 {
-    hada_conv_epilogue e = {.bias = finish->bias_offset,
+    hada_conv_epilogue e = {.bias = finish->bias.offset,
                             .activation = (int)finish->activation,
                             .slope = finish->slope,
-                            .flags = (finish->bias ? HADA_CONV_HAS_BIAS : 0) | (finish->mask ? HADA_CONV_HAS_MASK : 0) |
+                            .flags = (finish->bias.mem ? HADA_CONV_HAS_BIAS : 0) |
+                                     (finish->mask ? HADA_CONV_HAS_MASK : 0) |
                                      (finish->accumulate ? HADA_CONV_ACCUMULATES : 0) | (pools ? HADA_CONV_POOLS : 0)};
     if (finish->mask) {
         e.mask = finish->mask->offset;
@@ -63,13 +64,14 @@ hada_conv_problem hada_conv_problem_of(const hada_conv *conv, int index, const h
     return problem;
 }
 
-hada_status hada_conv_pack(hada_conv *conv, int index, cl_mem weights, size_t offset, hada_error *err)
+hada_status hada_conv_pack(hada_conv *conv, int index, hada_floats weights, hada_error *err)
 {
     const hada_conv_pass *pass = &conv->plan.pass[index];
     const hada_buffer *packed = &conv->weights[index];
     if (pass->method == HADA_CONV_PLAIN) {
-        const cl_int code = clEnqueueCopyBuffer(conv->slot->queue, weights, packed->mem, offset * sizeof(float), 0,
-                                                pass->weight_floats * sizeof(float), 0, NULL, NULL);
+        const cl_int code =
+            clEnqueueCopyBuffer(conv->slot->queue, weights.mem, packed->mem, weights.offset * sizeof(float), 0,
+                                pass->weight_floats * sizeof(float), 0, NULL, NULL);
         return code == CL_SUCCESS ? HADA_OK : hada_fail_cl(err, code, "clEnqueueCopyBuffer");
     }
     const hada_program_conv_pack program =
@@ -81,8 +83,8 @@ hada_status hada_conv_pack(hada_conv *conv, int index, cl_mem weights, size_t of
     hada_conv_problem problem = geometry_of(conv, index);
     problem.in.channels = pass->in_channels;
     problem.out.channels = pass->out_channels;
-    return hada_launch_conv_pack(conv->slot, program, &range, err, .w = weights, .packed = packed->mem,
-                                 .problem = problem, .w_offset = offset, .block = conv->plan.block,
+    return hada_launch_conv_pack(conv->slot, program, &range, err, .w = weights.mem, .packed = packed->mem,
+                                 .problem = problem, .w_offset = weights.offset, .block = conv->plan.block,
                                  .lanes = pass->lanes);
 }
 
@@ -105,7 +107,7 @@ static hada_status direct_lanes(hada_conv *conv, int index, const hada_tensor *i
         hada_range_of(hada_divide_up((size_t)out->channels, (size_t)pass->lanes), 1,
                       hada_divide_up((size_t)out->rows, (size_t)pass->rows_each), (size_t)in->images);
     return hada_launch_conv_direct(conv->slot, (hada_program_conv_direct)pass->program, &range, err, .x = in->mem,
-                                   .weights = conv->weights[index].mem, .bias = finish->bias, .y = out->mem,
+                                   .weights = conv->weights[index].mem, .bias = finish->bias.mem, .y = out->mem,
                                    .mask = hada_conv_mask(finish),
                                    .problem = hada_conv_problem_of(conv, index, in, out, finish, 0));
 }
@@ -120,7 +122,7 @@ static hada_status direct_groups(hada_conv *conv, int index, const hada_tensor *
         hada_range_of(pixels, HADA_CONV_GROUP_ITEMS, hada_divide_up((size_t)out->channels, (size_t)pass->lanes),
                       (size_t)in->images * step * step);
     return hada_launch_conv_group(conv->slot, HADA_PROGRAM_BY_BLOCK(CONV_GROUP, conv->plan.block), &range, err,
-                                  .x = in->mem, .weights = conv->weights[index].mem, .bias = finish->bias,
+                                  .x = in->mem, .weights = conv->weights[index].mem, .bias = finish->bias.mem,
                                   .y = out->mem, .mask = hada_conv_mask(finish),
                                   .problem = hada_conv_problem_of(conv, index, in, out, finish, 0));
 }
@@ -145,8 +147,8 @@ hada_status hada_conv_plain(hada_conv *conv, int index, const hada_tensor *in, c
     const hada_range range = hada_range_of((size_t)out->cols, PLAIN_LOCAL, (size_t)out->rows,
                                            (size_t)problem.out.blocks * (size_t)in->images);
     HADA_TRY(hada_launch_conv_plain(conv->slot, HADA_PROGRAM_BY_BLOCK(CONV_PLAIN, conv->plan.block), &range, err,
-                                    .x = in->mem, .w = conv->weights[index].mem, .bias = finish->bias, .y = out->mem,
-                                    .mask = hada_conv_mask(finish), .problem = problem));
+                                    .x = in->mem, .w = conv->weights[index].mem, .bias = finish->bias.mem,
+                                    .y = out->mem, .mask = hada_conv_mask(finish), .problem = problem));
     if (finish->pooled)
         HADA_TRY(hada_conv_pool(conv, out, finish->pooled, err));
 done:

@@ -61,7 +61,7 @@ hada_conv_desc hada_tune_conv_desc(const hada_tune_conv_row *row)
 static hada_status run(measurement *c, hada_conv *conv, hada_error *err)
 {
     hada_status status = HADA_OK;
-    HADA_TRY(hada_conv_forward(conv, &c->in, c->bias.mem, 0, &c->out, NULL, err));
+    HADA_TRY(hada_conv_forward(conv, &c->in, (hada_floats){c->bias.mem, 0}, &c->out, NULL, err));
     HADA_TRY(hada_slot_finish(c->slot, err));
 done:
     return status;
@@ -71,7 +71,7 @@ done:
 static hada_status values_of(measurement *c, hada_conv *conv, float *values, hada_error *err)
 {
     hada_status status = HADA_OK;
-    HADA_TRY(hada_conv_set_weights(conv, c->weights.mem, 0, err));
+    HADA_TRY(hada_conv_set_weights(conv, (hada_floats){c->weights.mem, 0}, err));
     HADA_TRY(hada_buffer_clear(&c->y, c->slot, 0, c->y.bytes, err));
     HADA_TRY(run(c, conv, err));
     HADA_TRY(hada_buffer_read(&c->y, c->slot, 0, values, c->y.bytes, err));

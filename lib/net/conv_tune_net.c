@@ -27,6 +27,21 @@ static hada_status name_of(const hada_context *context, hada_tune_conv_row *row,
     return HADA_OK;
 }
 
+static hada_tune_conv_row row_of(const hada_net *net, const hada_layer *layer, const hada_size *sizes)
+{
+    const int from = layer->inputs[0];
+    return (hada_tune_conv_row){.in_channels = net->layers[from].channels,
+                                .out_channels = layer->channels,
+                                .in_rows = sizes[from].rows,
+                                .in_cols = sizes[from].cols,
+                                .kernel = layer->kernel,
+                                .stride = layer->stride,
+                                .pad = layer->pad,
+                                .transposed = layer->transposed,
+                                .output_pad = layer->output_pad,
+                                .layers = 1};
+}
+
 hada_status hada_tune_net(hada_context *context, const hada_net *net, int rows, int cols, hada_tune_conv_row **out,
                           size_t *count, hada_error *err)
 {
@@ -46,17 +61,7 @@ hada_status hada_tune_net(hada_context *context, const hada_net *net, int rows, 
         const hada_layer *layer = &net->layers[i];
         if (layer->kind != HADA_LAYER_CONV)
             continue;
-        const int from = layer->inputs[0];
-        all[n] = (hada_tune_conv_row){.in_channels = net->layers[from].channels,
-                                      .out_channels = layer->channels,
-                                      .in_rows = sizes[from].rows,
-                                      .in_cols = sizes[from].cols,
-                                      .kernel = layer->kernel,
-                                      .stride = layer->stride,
-                                      .pad = layer->pad,
-                                      .transposed = layer->transposed,
-                                      .output_pad = layer->output_pad,
-                                      .layers = 1};
+        all[n] = row_of(net, layer, sizes);
         size_t k = 0;
         while (k < n && !same(&all[k], &all[n]))
             k++;

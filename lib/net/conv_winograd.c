@@ -10,7 +10,7 @@ static size_t places_of(const hada_conv_pass *pass)
     return (size_t)(pass->tile + 2) * (size_t)(pass->tile + 2);
 }
 
-hada_status hada_conv_winograd_pack(hada_conv *conv, int index, cl_mem weights, size_t offset, hada_error *err)
+hada_status hada_conv_winograd_pack(hada_conv *conv, int index, hada_floats weights, hada_error *err)
 {
     const hada_conv_pass *pass = &conv->plan.pass[index];
     const hada_program_conv_pack program =
@@ -18,8 +18,8 @@ hada_status hada_conv_winograd_pack(hada_conv *conv, int index, cl_mem weights, 
     const size_t each = (size_t)hada_macros_of_conv_pack(program)->conv_pack, block = (size_t)conv->plan.block;
     const hada_range range = hada_range_of(hada_round_up((size_t)pass->out_channels, block) / each, 1,
                                            hada_round_up((size_t)pass->in_channels, block) / each, 1);
-    return hada_launch_conv_winograd_pack(conv->slot, program, &range, err, .w = weights,
-                                          .packed = conv->weights[index].mem, .w_offset = offset,
+    return hada_launch_conv_winograd_pack(conv->slot, program, &range, err, .w = weights.mem,
+                                          .packed = conv->weights[index].mem, .w_offset = weights.offset,
                                           .in_channels = pass->in_channels, .out_channels = pass->out_channels,
                                           .to_coarse = pass->to_coarse, .lanes = pass->lanes);
 }
@@ -43,7 +43,7 @@ static hada_status one_launch(hada_conv *conv, int index, const hada_tensor *in,
     const hada_conv_pass *pass = &conv->plan.pass[index];
     const hada_range range = hada_range_of(hada_divide_up(tiles, (size_t)pass->tiles), 1, (size_t)in->images, 1);
     return hada_launch_conv_winograd(conv->slot, (hada_program_conv_winograd)pass->program, &range, err, .x = in->mem,
-                                     .weights = conv->weights[index].mem, .bias = finish->bias, .y = out->mem,
+                                     .weights = conv->weights[index].mem, .bias = finish->bias.mem, .y = out->mem,
                                      .mask = hada_conv_mask(finish), .pooled = pooled_of(finish, problem),
                                      .v = local_places(pass, problem->in.blocks * in->block, in->block),
                                      .m = local_places(pass, pass->lanes, in->block), .problem = *problem);
@@ -67,7 +67,7 @@ static hada_status three_launches(hada_conv *conv, int index, const hada_tensor 
                                                 .weights = conv->weights[index].mem, .m_offset = m_offset,
                                                 .in_blocks = problem->in.blocks, .tiles = count, .room = pass->room));
     HADA_TRY(hada_launch_conv_winograd_out(conv->slot, program, &tiles, err, .m = conv->scratch.mem,
-                                           .bias = finish->bias, .y = out->mem, .mask = hada_conv_mask(finish),
+                                           .bias = finish->bias.mem, .y = out->mem, .mask = hada_conv_mask(finish),
                                            .pooled = pooled_of(finish, problem), .problem = *problem,
                                            .m_offset = m_offset, .begin = begin, .room = pass->room));
 done:

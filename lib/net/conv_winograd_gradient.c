@@ -16,12 +16,12 @@ static size_t blocks_of(const hada_tensor *tensor)
 
 /* dw from the transformed gradients in scratch. */
 static hada_status reduce(hada_conv *conv, const hada_tensor *coarse, const hada_tensor *fine, size_t from, int parts,
-                          cl_mem dw, size_t offset, int accumulate, hada_error *err)
+                          hada_floats dw, int accumulate, hada_error *err)
 {
     const hada_range range = hada_range_of((size_t)fine->channels, REDUCE_LOCAL, blocks_of(coarse), 1);
     return hada_launch_conv_winograd_reduce(conv->slot, HADA_PROGRAM_BY_BLOCK(CONV_WINOGRAD_REDUCE, conv->plan.block),
-                                            &range, err, .partial = conv->scratch.mem, .dw = dw, .offset = from,
-                                            .dw_offset = offset, .parts = parts, .coarse_channels = coarse->channels,
+                                            &range, err, .partial = conv->scratch.mem, .dw = dw.mem, .offset = from,
+                                            .dw_offset = dw.offset, .parts = parts, .coarse_channels = coarse->channels,
                                             .fine_channels = fine->channels, .accumulate = accumulate);
 }
 
@@ -64,24 +64,24 @@ done:
 }
 
 /* All in local memory, each part with sums of its own. */
-static hada_status in_parts(hada_conv *conv, const hada_tensor *coarse, const hada_tensor *fine, int all, cl_mem dw,
-                            size_t offset, cl_mem db, size_t db_offset, int accumulate, hada_error *err)
+static hada_status in_parts(hada_conv *conv, const hada_tensor *coarse, const hada_tensor *fine, int all,
+                            hada_floats dw, hada_floats db, int accumulate, hada_error *err)
 {
     hada_status status = HADA_OK;
     const hada_conv_gradient *g = &conv->plan.gradient;
     const int most = (all + LEAST_TILES - 1) / LEAST_TILES, parts = g->parts < most ? g->parts : most;
     HADA_TRY(by_parts(conv, coarse, fine, parts, err));
-    HADA_TRY(reduce(conv, coarse, fine, 0, parts, dw, offset, accumulate, err));
-    if (db)
-        HADA_TRY(hada_conv_reduce_bias(conv, g->part_floats * (size_t)parts, parts, coarse->channels, db, db_offset,
-                                       accumulate, err));
+    HADA_TRY(reduce(conv, coarse, fine, 0, parts, dw, accumulate, err));
+    if (db.mem)
+        HADA_TRY(
+            hada_conv_reduce_bias(conv, g->part_floats * (size_t)parts, parts, coarse->channels, db, accumulate, err));
 done:
     return status;
 }
 
 /* Through scratch memory, so many tiles at a time as there is room for. */
-static hada_status in_steps(hada_conv *conv, const hada_tensor *coarse, const hada_tensor *fine, int all, cl_mem dw,
-                            size_t offset, cl_mem db, size_t db_offset, int accumulate, hada_error *err)
+static hada_status in_steps(hada_conv *conv, const hada_tensor *coarse, const hada_tensor *fine, int all,
+                            hada_floats dw, hada_floats db, int accumulate, hada_error *err)
 {
     hada_status status = HADA_OK;
     const int room = conv->plan.gradient.room;
@@ -91,17 +91,17 @@ static hada_status in_steps(hada_conv *conv, const hada_tensor *coarse, const ha
     for (int begin = 0; begin < all; begin += room)
         HADA_TRY(
             by_steps(conv, coarse, fine, begin, all - begin < room ? all - begin : room, d_offset, du_offset, err));
-    HADA_TRY(reduce(conv, coarse, fine, du_offset, 1, dw, offset, accumulate, err));
-    if (db)
-        HADA_TRY(hada_conv_bias(conv, coarse, db, db_offset, accumulate, err));
+    HADA_TRY(reduce(conv, coarse, fine, du_offset, 1, dw, accumulate, err));
+    if (db.mem)
+        HADA_TRY(hada_conv_bias(conv, coarse, db, accumulate, err));
 done:
     return status;
 }
 
-hada_status hada_conv_winograd_weights(hada_conv *conv, const hada_tensor *coarse, const hada_tensor *fine, cl_mem dw,
-                                       size_t offset, cl_mem db, size_t db_offset, int accumulate, hada_error *err)
+hada_status hada_conv_winograd_weights(hada_conv *conv, const hada_tensor *coarse, const hada_tensor *fine,
+                                       hada_floats dw, hada_floats db, int accumulate, hada_error *err)
 {
     const int all = (coarse->rows + TILE - 1) / TILE * ((coarse->cols + TILE - 1) / TILE) * coarse->images;
-    return conv->plan.gradient.tiles ? in_parts(conv, coarse, fine, all, dw, offset, db, db_offset, accumulate, err)
-                                     : in_steps(conv, coarse, fine, all, dw, offset, db, db_offset, accumulate, err);
+    return conv->plan.gradient.tiles ? in_parts(conv, coarse, fine, all, dw, db, accumulate, err)
+                                     : in_steps(conv, coarse, fine, all, dw, db, accumulate, err);
 }

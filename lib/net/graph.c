@@ -119,8 +119,7 @@ hada_status hada_graph_set_weights(hada_graph *graph, hada_floats values, hada_e
     for (int i = 1; i < graph->plan.node_count; i++) {
         if (!graph->convs[i])
             continue;
-        const hada_floats weight = hada_graph_parameter(graph, values, i, 0, 0);
-        HADA_TRY(hada_conv_set_weights(graph->convs[i], weight.mem, weight.offset, err));
+        HADA_TRY(hada_conv_set_weights(graph->convs[i], hada_graph_parameter(graph, values, i, 0, 0), err));
     }
 done:
     return status;

@@ -18,8 +18,7 @@ static hada_status conv(hada_graph *graph, const graph_step *step, const hada_te
         hada_floats db = {0};
         if (node->layer->bias)
             db = gradient_of(graph, step->node, 0, 1);
-        status = hada_conv_backward_weights(graph->convs[step->node], &x, dy, dw.mem, dw.offset, db.mem, db.offset,
-                                            graph->accumulate, err);
+        status = hada_conv_backward_weights(graph->convs[step->node], &x, dy, dw, db, graph->accumulate, err);
     }
     if (status || !step->wanted[0])
         return status;
@@ -61,9 +60,8 @@ static hada_status norm(hada_graph *graph, const graph_step *step, const hada_te
         }
         const hada_tensor in = hada_graph_colour(graph, &x, colour), din = hada_graph_colour(graph, dx, colour);
         const hada_tensor dout = hada_graph_colour(graph, dy, colour);
-        HADA_TRY(hada_batch_norm_backward(graph->slot, &norm, &in, graph->extras.mem,
-                                          hada_graph_saved_at(&graph->plan, step->node, colour), &dout, &din,
-                                          dweight.mem, dweight.offset, dbias.mem, dbias.offset,
+        const hada_floats saved = {graph->extras.mem, hada_graph_saved_at(&graph->plan, step->node, colour)};
+        HADA_TRY(hada_batch_norm_backward(graph->slot, &norm, &in, saved, &dout, &din, dweight, dbias,
                                           graph->gradients.mem && graph->accumulate, graph->scratch.mem, err));
     }
 done:

@@ -10,7 +10,7 @@ static hada_status conv(hada_graph *graph, int i, const hada_tensor *x, const ha
         bias = hada_graph_parameter(graph, graph->values, i, 0, 1);
     if (node->fused_pool >= 0)
         pooled = hada_graph_value(graph, node->fused_pool, 0);
-    return hada_conv_forward(graph->convs[i], x, bias.mem, bias.offset, y, node->fused_pool >= 0 ? &pooled : NULL, err);
+    return hada_conv_forward(graph->convs[i], x, bias, y, node->fused_pool >= 0 ? &pooled : NULL, err);
 }
 
 static hada_status concat(hada_graph *graph, int i, int for_backward, const hada_tensor *y, hada_error *err)
@@ -37,8 +37,10 @@ static hada_status norm(hada_graph *graph, int i, const hada_tensor *x, const ha
         const hada_batch_norm norm = hada_graph_norm(graph, i, colour);
         const hada_tensor in = hada_graph_colour(graph, x, colour), out = hada_graph_colour(graph, y, colour);
         if (graph->plan.options.training)
-            HADA_TRY(hada_batch_norm_train(graph->slot, &norm, &in, &out, graph->extras.mem,
-                                           hada_graph_saved_at(&graph->plan, i, colour), graph->scratch.mem, err));
+            HADA_TRY(
+                hada_batch_norm_train(graph->slot, &norm, &in, &out,
+                                      (hada_floats){graph->extras.mem, hada_graph_saved_at(&graph->plan, i, colour)},
+                                      graph->scratch.mem, err));
         else
             HADA_TRY(hada_batch_norm_infer(graph->slot, &norm, &in, &out, err));
     }

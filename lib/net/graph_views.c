@@ -37,14 +37,10 @@ hada_batch_norm hada_graph_norm(const hada_graph *graph, int node, int colour)
     hada_floats part[4];
     for (int i = 0; i < 4; i++)
         part[i] = hada_graph_parameter(graph, graph->values, node, colour, i);
-    return (hada_batch_norm){.weight = part[0].mem,
-                             .bias = part[1].mem,
-                             .mean = part[2].mem,
-                             .variance = part[3].mem,
-                             .weight_offset = part[0].offset,
-                             .bias_offset = part[1].offset,
-                             .mean_offset = part[2].offset,
-                             .variance_offset = part[3].offset,
+    return (hada_batch_norm){.weight = part[0],
+                             .bias = part[1],
+                             .mean = part[2],
+                             .variance = part[3],
                              .eps = layer->eps,
                              .momentum = layer->momentum};
 }

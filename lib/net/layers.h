@@ -46,20 +46,18 @@ hada_status hada_blend(hada_slot *slot, float a, const hada_tensor *x, float b, 
  * `momentum` (unbiased variance; training needs two values a channel). `scratch` holds hada_batch_norm_scratch() bytes.
  * y may be x, dx may be dy; accumulate: dweight and dbias are added to, dx is replaced. */
 typedef struct hada_batch_norm {
-    cl_mem weight, bias, mean, variance;
-    size_t weight_offset, bias_offset, mean_offset, variance_offset;
+    hada_floats weight, bias, mean, variance;
     float eps, momentum;
 } hada_batch_norm;
 size_t hada_batch_norm_scratch(const hada_tensor *x);
 hada_status hada_batch_norm_infer(hada_slot *slot, const hada_batch_norm *norm, const hada_tensor *x,
                                   const hada_tensor *y, hada_error *err);
 hada_status hada_batch_norm_train(hada_slot *slot, const hada_batch_norm *norm, const hada_tensor *x,
-                                  const hada_tensor *y, cl_mem saved, size_t saved_offset, cl_mem scratch,
-                                  hada_error *err);
-hada_status hada_batch_norm_backward(hada_slot *slot, const hada_batch_norm *norm, const hada_tensor *x, cl_mem saved,
-                                     size_t saved_offset, const hada_tensor *dy, const hada_tensor *dx, cl_mem dweight,
-                                     size_t dweight_offset, cl_mem dbias, size_t dbias_offset, int accumulate,
-                                     cl_mem scratch, hada_error *err);
+                                  const hada_tensor *y, hada_floats saved, cl_mem scratch, hada_error *err);
+hada_status hada_batch_norm_backward(hada_slot *slot, const hada_batch_norm *norm, const hada_tensor *x,
+                                     hada_floats saved, const hada_tensor *dy, const hada_tensor *dx,
+                                     hada_floats dweight, hada_floats dbias, int accumulate, cl_mem scratch,
+                                     hada_error *err);
 
 /* Dropout: y = x * keep / (1 - p), keep drawn from (seed, step, place of the value) by a counter-based generator, so
  * that backward draws the same again and the layout does not matter. Forward and backward are the same operation. Each
@@ -72,10 +70,6 @@ hada_status hada_dropout(hada_slot *slot, float p, uint64_t seed, uint64_t step,
 typedef struct hada_linear {
     int images, in, out;
 } hada_linear;
-typedef struct hada_floats {
-    cl_mem mem;
-    size_t offset;
-} hada_floats;
 hada_status hada_linear_forward(hada_slot *slot, const hada_linear *shape, hada_floats w, hada_floats bias,
                                 hada_floats x, hada_floats y, hada_error *err);
 hada_status hada_linear_backward_data(hada_slot *slot, const hada_linear *shape, hada_floats w, hada_floats dy,

@@ -13,6 +13,12 @@
 #include "kernels/shared_net.h"
 #include "runtime/buffer.h"
 
+/* A plain array of floats in a buffer; mem NULL: none. */
+typedef struct hada_floats {
+    cl_mem mem;
+    size_t offset;
+} hada_floats;
+
 typedef struct hada_tensor {
     cl_mem mem;
     size_t offset, image_stride; /* in floats */

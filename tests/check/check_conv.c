@@ -151,7 +151,7 @@ static hada_status begin(check_state *state, conv_what what, hada_error *err)
         status = make_input(state, 4, d->out_channels, own->rows, own->cols, &own->dy_planar, &own->dy, &own->dy_tensor,
                             err);
     if (!status)
-        status = hada_conv_set_weights(own->conv, own->w.mem, 0, err);
+        status = hada_conv_set_weights(own->conv, (hada_floats){own->w.mem, 0}, err);
     state->flops = 2.0 * (double)own->weights * own->shape.coarse_rows * own->shape.coarse_cols * d->images;
     /* integers: every sum is exact; sigmoid and normal numbers: rounding of sums of up to thousands of products */
     state->tolerance = own->normal || d->activation == HADA_ACTIVATION_SIGMOID ? 1e-6 : 0.0;
@@ -234,8 +234,8 @@ static hada_status forward_launch(check_state *state, hada_error *err)
         const hada_tensor part_x = hada_tensor_images(&own->x_tensor, n, count);
         const hada_tensor part_y = hada_tensor_images(&y, n, count);
         const hada_tensor part_pooled = hada_tensor_images(&pooled, n, count);
-        status = hada_conv_forward(own->conv, &part_x, check_get(state, 'b', 1) ? own->bias.mem : NULL, 0, &part_y,
-                                   own->pooled.channels ? &part_pooled : NULL, err);
+        const hada_floats bias = {check_get(state, 'b', 1) ? own->bias.mem : NULL, 0};
+        status = hada_conv_forward(own->conv, &part_x, bias, &part_y, own->pooled.channels ? &part_pooled : NULL, err);
     }
     return status;
 }
@@ -316,11 +316,10 @@ static hada_status weights_prepare(check_state *state, hada_error *err)
 static hada_status weights_launch(check_state *state, hada_error *err)
 {
     conv_state *own = state->own;
+    const hada_floats dw = {state->out.mem, state->out_offset}, db = {dw.mem, dw.offset + own->weights};
     hada_status status = HADA_OK;
     for (int again = 0; !status && again <= check_get(state, 'y', 0); again++)
-        status =
-            hada_conv_backward_weights(own->conv, &own->x_tensor, &own->dy_tensor, state->out.mem, state->out_offset,
-                                       state->out.mem, state->out_offset + own->weights, again, err);
+        status = hada_conv_backward_weights(own->conv, &own->x_tensor, &own->dy_tensor, dw, db, again, err);
     return status;
 }
 

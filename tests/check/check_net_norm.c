@@ -18,23 +18,24 @@ static hada_status run(check_state *state, check_net *own, int first, int count,
     if (first)
         return HADA_OK;
     const size_t channels = (size_t)own->x[X].channels, behind = check_net_behind(state, own);
-    hada_batch_norm norm = {.weight = own->memory[WEIGHT].mem,
-                            .bias = own->memory[BIAS].mem,
-                            .mean = own->memory[MEAN].mem,
-                            .variance = own->memory[VARIANCE].mem,
+    hada_batch_norm norm = {.weight = {own->memory[WEIGHT].mem, 0},
+                            .bias = {own->memory[BIAS].mem, 0},
+                            .mean = {own->memory[MEAN].mem, 0},
+                            .variance = {own->memory[VARIANCE].mem, 0},
                             .eps = (float)EPS,
                             .momentum = (float)MOMENTUM};
     if (own->mode == INFER)
         return hada_batch_norm_infer(state->slot, &norm, &own->x[X], &own->y, err);
     cl_mem out = state->out.mem, scratch = own->scratch.mem;
     if (own->mode == TRAIN) {
-        norm.mean = norm.variance = out;
-        norm.mean_offset = behind;
-        norm.variance_offset = behind + channels;
-        return hada_batch_norm_train(state->slot, &norm, &own->x[X], &own->y, out, behind + 2 * channels, scratch, err);
+        norm.mean = (hada_floats){out, behind};
+        norm.variance = (hada_floats){out, behind + channels};
+        return hada_batch_norm_train(state->slot, &norm, &own->x[X], &own->y, (hada_floats){out, behind + 2 * channels},
+                                     scratch, err);
     }
-    return hada_batch_norm_backward(state->slot, &norm, &own->x[X], own->memory[MEAN].mem, 0, &own->x[DY], &own->y, out,
-                                    behind, out, behind + channels, own->accumulate, scratch, err);
+    return hada_batch_norm_backward(state->slot, &norm, &own->x[X], (hada_floats){own->memory[MEAN].mem, 0},
+                                    &own->x[DY], &own->y, (hada_floats){out, behind},
+                                    (hada_floats){out, behind + channels}, own->accumulate, scratch, err);
 }
 
 /* Plain inputs: weight, bias, mean, variance; variances are not negative. What backward saw in the forward direction is

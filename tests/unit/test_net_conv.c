@@ -195,10 +195,11 @@ static void on_device(net_device *device, hada_conv_method method)
         const uint64_t before = hada_context_bytes(device->context);
         ASSERT_OK(hada_conv_create(&conv, device->slot, d, err));
         assert_int_equal(hada_context_bytes(device->context) - before, hada_conv_bytes(device->context, d));
-        ASSERT_OK(hada_conv_set_weights(conv, w.mem, 0, err));
-        ASSERT_OK(hada_conv_forward(conv, &tx, b.mem, 0, &ty, NULL, err));
+        ASSERT_OK(hada_conv_set_weights(conv, (hada_floats){w.mem, 0}, err));
+        ASSERT_OK(hada_conv_forward(conv, &tx, (hada_floats){b.mem, 0}, &ty, NULL, err));
         ASSERT_OK(hada_conv_backward_data(conv, &tdy, NULL, &tdx, 0, err));
-        ASSERT_OK(hada_conv_backward_weights(conv, &tx, &tdy, dw.mem, 0, dw.mem, weights, 0, err));
+        ASSERT_OK(hada_conv_backward_weights(conv, &tx, &tdy, (hada_floats){dw.mem, 0}, (hada_floats){dw.mem, weights},
+                                             0, err));
         ASSERT_OK(hada_buffer_read(&dw, device->slot, 0, gradients, (weights + biases) * sizeof(float), err));
         const double most = hada_conv_serving(conv) == HADA_CONV_WINOGRAD4 ? 5e-6 : 1e-6;
         near_golden(device, names[n], &ty, &c.part[Y], most);
@@ -253,19 +254,21 @@ static void mistakes(void **state)
     assert_int_equal(hada_conv_create(&conv, device->slot, &bad, NULL), HADA_ERROR_SIZE);
 
     hada_buffer buffer;
+    const hada_floats none = {0};
     hada_tensor x = hada_tensor_at(context, NULL, 0, 1, 4, 6, 7), y = hada_tensor_at(context, NULL, 0, 1, 5, 6, 7);
     ASSERT_OK(hada_buffer_create(&buffer, context, (x.image_stride + y.image_stride) * sizeof(float), "tensors", err));
     x.mem = y.mem = buffer.mem;
     y.offset = x.image_stride;
     ASSERT_OK(hada_conv_create(&conv, device->slot, &good, err));
-    assert_int_equal(hada_conv_forward(conv, &x, NULL, 0, &y, NULL, NULL), HADA_ERROR_STATE); /* no weights */
-    ASSERT_OK(hada_conv_set_weights(conv, buffer.mem, 0, err));
-    assert_int_equal(hada_conv_forward(conv, &y, NULL, 0, &x, NULL, NULL), HADA_ERROR_SIZE);
+    assert_int_equal(hada_conv_forward(conv, &x, none, &y, NULL, NULL), HADA_ERROR_STATE); /* no weights */
+    ASSERT_OK(hada_conv_set_weights(conv, (hada_floats){buffer.mem, 0}, err));
+    assert_int_equal(hada_conv_forward(conv, &y, none, &x, NULL, NULL), HADA_ERROR_SIZE);
     assert_int_equal(hada_conv_backward_data(conv, &y, NULL, &x, 0, NULL), HADA_ERROR_STATE); /* not for training */
-    assert_int_equal(hada_conv_backward_weights(conv, &x, &y, buffer.mem, 0, NULL, 0, 0, NULL), HADA_ERROR_STATE);
+    assert_int_equal(hada_conv_backward_weights(conv, &x, &y, (hada_floats){buffer.mem, 0}, none, 0, NULL),
+                     HADA_ERROR_STATE);
     hada_tensor two = x;
     two.images = 2;
-    assert_int_equal(hada_conv_forward(conv, &two, NULL, 0, &y, NULL, NULL), HADA_ERROR_SIZE);
+    assert_int_equal(hada_conv_forward(conv, &two, none, &y, NULL, NULL), HADA_ERROR_SIZE);
     ASSERT_OK(hada_slot_finish(device->slot, err));
     hada_conv_destroy(&conv);
     hada_conv_destroy(&conv);

@@ -179,8 +179,9 @@ static void batch_statistics_do_not_cancel(void **state)
     ASSERT_OK(hada_buffer_write(&arrays, device->slot, 0, values, sizeof values, err));
     ASSERT_OK(hada_buffer_create(&scratch, device->context, hada_batch_norm_scratch(&x.tensor), "sums", err));
     const cl_mem mem = arrays.mem;
-    const hada_batch_norm norm = {mem, mem, mem, mem, 0, 3, 6, 9, 0.0f, 1.0f};
-    ASSERT_OK(hada_batch_norm_train(device->slot, &norm, &x.tensor, &y.tensor, mem, 12, scratch.mem, err));
+    const hada_batch_norm norm = {{mem, 0}, {mem, 3}, {mem, 6}, {mem, 9}, 0.0f, 1.0f};
+    ASSERT_OK(
+        hada_batch_norm_train(device->slot, &norm, &x.tensor, &y.tensor, (hada_floats){mem, 12}, scratch.mem, err));
     ASSERT_OK(hada_buffer_read(&arrays, device->slot, sizeof values, saved, sizeof saved, err));
     double *plain = calloc(hada_ref_values(&shape), sizeof *plain), mean[3], variance[3];
     assert_non_null(plain);
@@ -251,7 +252,7 @@ static void what_does_not_fit_is_refused(void **state)
     const hada_loss_desc mse = {HADA_LOSS_MSE, 1.0f, 1.0f}, tv = {HADA_LOSS_TV, 1.0f, 1.0f};
     const hada_loss_desc ssim = {HADA_LOSS_SSIM, 1.0f, 1.0f}, none = {(hada_loss)17, 1.0f, 1.0f};
     const cl_mem mem = x.buffer.mem;
-    const hada_batch_norm norm = {mem, mem, mem, mem, 0, 0, 0, 0, 1e-5f, 0.1f};
+    const hada_batch_norm norm = {{mem, 0}, {mem, 0}, {mem, 0}, {mem, 0}, 1e-5f, 0.1f};
     hada_tensor point = *out;
     point.images = point.rows = point.cols = 1;
     const hada_linear nothing = {1, 0, 4};
@@ -280,7 +281,7 @@ static void what_does_not_fit_is_refused(void **state)
     REFUSED(hada_place(slot, in, out, 0, 0, -1, 0, &error));
     REFUSED(hada_place_backward(slot, in, &few, 0, 0, 9, 0, &error));
     REFUSED(hada_batch_norm_infer(slot, &norm, in, &few, &error));
-    REFUSED(hada_batch_norm_train(slot, &norm, &point, &point, mem, 0, mem, &error));
+    REFUSED(hada_batch_norm_train(slot, &norm, &point, &point, (hada_floats){mem, 0}, mem, &error));
     REFUSED(hada_dropout(slot, 1.0f, 0, 0, in, out, &error));
     REFUSED(hada_dropout(slot, -0.1f, 0, 0, in, out, &error));
     REFUSED(hada_linear_forward(slot, &nothing, floats, floats, floats, floats, &error));

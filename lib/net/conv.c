@@ -4,7 +4,6 @@
 
 #include "core/alloc.h"
 #include "net/conv_internal.h"
-#include "runtime/kernel.h"
 
 static size_t plan_bytes(const hada_conv_plan *plan)
 {

@@ -42,7 +42,7 @@ struct hada_context {
     void *log_user;
     hada_log_level log_level;
 
-    pthread_mutex_t lock; /* guards the books below and the queue of idle slots */
+    pthread_mutex_t lock; /* guards the books below */
     uint64_t bytes, peak_bytes;
 };
 

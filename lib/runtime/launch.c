@@ -35,7 +35,7 @@ static hada_status object_of(hada_slot *slot, const hada_kernel *kernel, int pro
     hada_status status = check_program(file, program, err);
     if (status)
         return status;
-    cl_kernel *object = &slot->objects[file->first_object + program * file->kernel_count + kernel->index];
+    cl_kernel *object = &slot->kernels[file->first_object + program * file->kernel_count + kernel->index];
     if (!*object) {
         cl_program built;
         cl_int code;

@@ -18,22 +18,18 @@ static hada_status make_queue(hada_context *context, cl_command_queue *queue, ha
 
 hada_status hada_slot_create(hada_slot **out, hada_context *context, hada_error *err)
 {
-    hada_slot *slot;
-    *out = NULL;
-    hada_status status = hada_alloc((void **)&slot, 1, sizeof *slot, "a queue slot", err);
-    if (status)
-        return status;
+    hada_slot *slot = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&slot, 1, sizeof *slot, "a queue slot", err));
     slot->context = context;
-    status = hada_alloc((void **)&slot->objects, (size_t)hada_kernel_object_count, sizeof *slot->objects,
-                        "a queue slot", err);
-    if (!status)
-        status = make_queue(context, &slot->queue, err);
-    if (status) {
+    HADA_TRY(hada_alloc((void **)&slot->kernels, (size_t)hada_kernel_object_count, sizeof *slot->kernels,
+                        "a queue slot", err));
+    HADA_TRY(make_queue(context, &slot->queue, err));
+done:
+    if (status)
         hada_slot_destroy(&slot);
-        return status;
-    }
     *out = slot;
-    return HADA_OK;
+    return status;
 }
 
 void hada_slot_destroy(hada_slot **pointer)
@@ -47,53 +43,11 @@ void hada_slot_destroy(hada_slot **pointer)
         clFinish(slot->queue);
         clReleaseCommandQueue(slot->queue);
     }
-    while (slot->kernels) {
-        hada_slot_kernel_entry *entry = slot->kernels;
-        slot->kernels = entry->next;
-        if (entry->kernel)
-            clReleaseKernel(entry->kernel);
-        free(entry->file);
-        free(entry->name);
-        free(entry->options);
-        free(entry);
-    }
-    for (int i = 0; slot->objects && i < hada_kernel_object_count; i++)
-        if (slot->objects[i])
-            clReleaseKernel(slot->objects[i]);
-    free(slot->objects);
+    for (int i = 0; slot->kernels && i < hada_kernel_object_count; i++)
+        if (slot->kernels[i])
+            clReleaseKernel(slot->kernels[i]);
+    free(slot->kernels);
     free(slot);
-}
-
-hada_status hada_slot_launch(hada_slot *slot, cl_kernel kernel, const char *name, unsigned dimensions,
-                             const size_t *global, const size_t *local, const hada_arg *args, size_t arg_count,
-                             hada_error *err)
-{
-    cl_int code;
-    hada_status status;
-    if (slot->stop && atomic_load(slot->stop))
-        return hada_fail(err, HADA_ERROR_CANCELLED, "the work was cancelled");
-    for (size_t i = 0; i < arg_count; i++) {
-        code = clSetKernelArg(kernel, (cl_uint)i, args[i].size, args[i].value);
-        if (code != CL_SUCCESS) {
-            status = hada_fail_cl(err, code, "clSetKernelArg");
-            hada_error_prefix(err, "kernel %s, argument %zu: ", name, i);
-            return status;
-        }
-    }
-    for (unsigned d = 0; d < dimensions; d++)
-        if (!global[d]) { /* nothing to do */
-            hada_slot_cost(slot, 0, 0);
-            return HADA_OK;
-        }
-    code = clEnqueueNDRangeKernel(slot->queue, kernel, dimensions, NULL, global, local, 0, NULL, hada_slot_event(slot));
-    if (code != CL_SUCCESS) {
-        status = hada_fail_cl(err, code, "clEnqueueNDRangeKernel");
-        hada_error_prefix(err, "kernel %s: ", name);
-        return status;
-    }
-    if (slot->profile)
-        hada_profile_add(slot, name, 0, NULL, slot->event);
-    return HADA_OK;
 }
 
 hada_status hada_slot_finish(hada_slot *slot, hada_error *err)

@@ -7,22 +7,15 @@
 
 #include <stdatomic.h>
 
+#include "core/round.h"
 #include "runtime/device.h"
-
-/* A kernel object that the slot owns; runtime/kernel.c adds them. */
-typedef struct hada_slot_kernel_entry {
-    char *file, *name, *options;
-    cl_kernel kernel;
-    struct hada_slot_kernel_entry *next;
-} hada_slot_kernel_entry;
 
 typedef struct hada_profile hada_profile; /* runtime/profile.h */
 
 typedef struct hada_slot {
     hada_context *context;
     cl_command_queue queue;
-    hada_slot_kernel_entry *kernels;
-    cl_kernel *objects;    /* of all programs, NULL until first launched (runtime/launch.c) */
+    cl_kernel *kernels;    /* its own, of all programs; NULL until first launched (runtime/launch.c) */
     hada_profile *profile; /* NULL: off */
     const char *stage;     /* what the slot works at, for profiles; a constant text or NULL */
     double cost_bytes, cost_flops;
@@ -33,29 +26,6 @@ typedef struct hada_slot {
 
 hada_status hada_slot_create(hada_slot **out, hada_context *context, hada_error *err);
 void hada_slot_destroy(hada_slot **slot); /* waits for what is in flight */
-
-/* Kernel objects of a slot come from hada_slot_kernel() (runtime/kernel.h). */
-
-/* One kernel argument: HADA_ARG(value) for scalars and cl_mem, HADA_ARG_LOCAL(bytes) for local memory. */
-typedef struct hada_arg {
-    size_t size;
-    const void *value;
-} hada_arg;
-#define HADA_ARG(variable)                                                                                             \
-    {                                                                                                                  \
-        sizeof(variable), &(variable)                                                                                  \
-    }
-#define HADA_ARG_LOCAL(bytes)                                                                                          \
-    {                                                                                                                  \
-        (bytes), NULL                                                                                                  \
-    }
-#define HADA_COUNT(array) (sizeof(array) / sizeof *(array))
-
-/* Sets all arguments and enqueues. `global` must be a multiple of `local` in each dimension;
- * give few, fixed local sizes (PoCL compiles once for each). `name` is used in messages. */
-hada_status hada_slot_launch(hada_slot *slot, cl_kernel kernel, const char *name, unsigned dimensions,
-                             const size_t *global, const size_t *local, const hada_arg *args, size_t arg_count,
-                             hada_error *err);
 
 /* Waits until everything in the queue is done. */
 hada_status hada_slot_finish(hada_slot *slot, hada_error *err);

@@ -10,7 +10,6 @@
 #include <string.h>
 
 #include "core/clock.h"
-#include "runtime/kernel.h"
 #include "runtime/tuning.h"
 
 enum { GUARD = 256 };
@@ -74,15 +73,6 @@ hada_status check_region(check_state *state, size_t first, size_t count, cl_mem 
 size_t check_local(const check_state *state, size_t groups)
 {
     return state->slot->context->shape == HADA_SHAPE_GROUPS ? groups : 1;
-}
-
-hada_status check_kernel(check_state *state, const char *file, const char *name, const char *options, size_t items,
-                         size_t local, const hada_arg *args, size_t arg_count, hada_error *err)
-{
-    const size_t global = (items + local - 1) / local * local;
-    cl_kernel kernel;
-    hada_status status = hada_slot_kernel(state->slot, file, name, options, &kernel, err);
-    return status ? status : hada_slot_launch(state->slot, kernel, name, 1, &global, &local, args, arg_count, err);
 }
 
 hada_status check_clear(check_state *state, size_t first, size_t count, hada_error *err)

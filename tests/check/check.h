@@ -62,10 +62,6 @@ hada_status check_output(check_state *state, size_t count, hada_error *err);
  */
 hada_status check_region(check_state *state, size_t first, size_t count, cl_mem *region, hada_error *err);
 
-/* Enqueues a kernel with at least `items` work-items in groups of `local`. */
-hada_status check_kernel(check_state *state, const char *file, const char *name, const char *options, size_t items,
-                         size_t local, const hada_arg *args, size_t arg_count, hada_error *err);
-
 /* The size of work-groups that the library takes where a kernel has no local memory. */
 size_t check_local(const check_state *state, size_t groups);
 

@@ -77,11 +77,7 @@ static int program_ran(const hada_slot *slot, const hada_kernel_file *file, int 
     if (!strcmp(file->name, "selftest"))
         return ran("selftest_sum");
     for (int k = 0; k < file->kernel_count; k++)
-        if (launched_object(slot->objects[file->first_object + program * file->kernel_count + k]))
-            return 1;
-    for (const hada_slot_kernel_entry *entry = slot->kernels; entry; entry = entry->next)
-        if (!strcmp(entry->file, file->name) && !strcmp(entry->options, file->programs[program].macros) &&
-            launched_object(entry->kernel))
+        if (launched_object(slot->kernels[file->first_object + program * file->kernel_count + k]))
             return 1;
     return was_noted("program", file->name, file->programs[program].macros);
 }

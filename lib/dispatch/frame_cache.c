@@ -189,7 +189,8 @@ done:
 
 hada_status hada_frame_cache_enter(hada_frame_cache *cache, hada_job *job, hada_error *err)
 {
-    if (!(job->frame.setup->options.skip & HADA_SKIP_FRAMES))
+    /* what the frame before left is on the host alone */
+    if (!(job->frame.setup->options.skip & HADA_SKIP_FRAMES) || hada_result_on_device(job->frame.result))
         return HADA_OK;
     pthread_mutex_lock(&cache->lock);
     const hada_status status = enter(cache, job, err);

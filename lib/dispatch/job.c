@@ -4,21 +4,42 @@
 #include "core/alloc.h"
 #include "core/clock.h"
 #include "dispatch/batches.h"
+#include "dispatch/interop.h"
 #include "dispatch/plan.h"
 #include "image/pixels.h"
 
-/* What a frame is given as: one of both. */
+/* What a frame is given as: one of these. */
 typedef struct frame_input {
     const hada_image *image;
     const hada_pixels *pixels;
+    const hada_cl_frame *device;
 } frame_input;
 
 static hada_status check_arguments(const void *plan, const frame_input *input, const void *result, const char *name,
                                    hada_error *err)
 {
-    if (plan && (input->pixels || (input->image && input->image->data)) && result)
+    if (plan && (input->pixels || input->device || (input->image && input->image->data)) && result)
         return HADA_OK;
     return hada_fail(err, HADA_ERROR_ARGUMENT, "%s: a plan, a frame and a result are needed", name);
+}
+
+/* The host looks at the values as well. */
+static hada_status begin_device(hada_job *job, hada_plan *plan, const hada_cl_frame *callers, hada_result *result,
+                                hada_error *err)
+{
+    const hada_model_info *info = hada_model_get_info(plan->setup.model);
+    hada_cl_frame frame;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_interop_take_frame(&frame, plan, callers, err));
+    HADA_TRY(hada_image_create(&job->converted, info->channels, info->raw_rows, info->raw_cols, err));
+    HADA_TRY(hada_interop_read_frame(&frame, plan, &job->converted, err));
+    HADA_TRY(hada_frame_begin(&job->frame, &plan->setup, &job->converted, result, err));
+    job->frame.device = frame.pixels;
+    job->frame.device_offset = frame.offset;
+done:
+    if (status)
+        hada_image_destroy(&job->converted);
+    return status;
 }
 
 /* The frame's floats, where it stands in another form. Before there are any, its sizes are checked. */
@@ -28,6 +49,8 @@ static hada_status begin_frame(hada_job *job, hada_plan *plan, const frame_input
     hada_pixels pixels;
     int begun = 0;
     hada_status status = HADA_OK;
+    if (input->device)
+        return begin_device(job, plan, input->device, result, err);
     if (!input->pixels)
         return hada_frame_begin(&job->frame, &plan->setup, input->image, result, err);
     HADA_TRY(hada_pixels_take(&pixels, input->pixels, err));
@@ -48,6 +71,7 @@ static hada_status begin(hada_job *job, hada_plan *plan, const frame_input *inpu
     hada_status status = HADA_OK;
     *job = (hada_job){.dispatcher = plan->dispatcher};
     HADA_TRY(hada_alloc((void **)&job->depths, depths, 1, "a frame", err));
+    HADA_TRY(hada_interop_check_result(plan, result, err));
     HADA_TRY(begin_frame(job, plan, input, result, err));
     job->frame.batches = &hada_job_batches;
     job->frame.owner = job;
@@ -91,6 +115,12 @@ hada_status hada_job_submit_pixels(hada_job **out, hada_plan *plan, const hada_p
                                    hada_error *err)
 {
     return submit(out, plan, &(frame_input){.pixels = raw}, result, err);
+}
+
+hada_status hada_job_submit_cl(hada_job **out, hada_plan *plan, const hada_cl_frame *raw, hada_result *result,
+                               hada_error *err)
+{
+    return submit(out, plan, &(frame_input){.device = raw}, result, err);
 }
 
 hada_job_state hada_job_poll(const hada_job *job)
@@ -181,4 +211,9 @@ hada_status hada_plan_run(hada_plan *plan, const hada_image *raw, hada_result *r
 hada_status hada_plan_run_pixels(hada_plan *plan, const hada_pixels *raw, hada_result *result, hada_error *err)
 {
     return run(plan, &(frame_input){.pixels = raw}, result, err);
+}
+
+hada_status hada_plan_run_cl(hada_plan *plan, const hada_cl_frame *raw, hada_result *result, hada_error *err)
+{
+    return run(plan, &(frame_input){.device = raw}, result, err);
 }

@@ -42,6 +42,8 @@ typedef struct hada_frame_skip {
 struct hada_frame {
     const hada_setup *setup;
     const hada_image *raw; /* as it came */
+    cl_mem device;         /* the same values on the device, device_offset bytes into a buffer; NULL: they are not */
+    size_t device_offset;
     hada_result *result;
     uint64_t serial;             /* no two frames of a plan have the same; from 1 on */
     const hada_batches *batches; /* with `owner` for it to find its way back */

@@ -136,21 +136,13 @@ static hada_status read_planes(hada_pipeline *pipeline, hada_frame *frame, int c
     const hada_buffer planes = {.mem = planes_of(pipeline), .bytes = values * (size_t)count * sizeof(float)};
     hada_status status = HADA_OK;
     for (int i = 0; i < count; i++)
-        HADA_TRY(hada_pipeline_read_plane(pipeline, &planes, i, &frame->result->planes[pipeline->occupied[i]], err));
+        HADA_TRY(hada_pipeline_read_plane(pipeline, frame, &planes, i, pipeline->occupied[i], err));
 done:
     return status;
 }
 
-/* A frame that no depth explains: everything dark, no distance anywhere. */
-static void nothing_there(hada_result *result)
-{
-    memset(result->all_in_focus.data, 0, hada_image_count(&result->all_in_focus) * sizeof(float));
-    for (size_t i = 0; i < hada_image_count(&result->distance_map); i++)
-        result->distance_map.data[i] = NAN;
-}
-
 /* What is not occupied is dark. */
-static void mark_occupied(hada_pipeline *pipeline, hada_frame *frame, int count)
+static hada_status mark_occupied(hada_pipeline *pipeline, hada_frame *frame, int count, hada_error *err)
 {
     hada_result *result = frame->result;
     hada_report *report = &result->memory->report;
@@ -158,9 +150,7 @@ static void mark_occupied(hada_pipeline *pipeline, hada_frame *frame, int count)
     for (int i = 0; i < count; i++)
         result->memory->occupied[pipeline->occupied[i]] = 1;
     report->occupied_count = count;
-    for (int z = 0; z < result->depths; z++)
-        if (!report->occupied[z])
-            memset(result->planes[z].data, 0, hada_image_count(&result->planes[z]) * sizeof(float));
+    return hada_pipeline_dark_planes(pipeline, frame, err);
 }
 
 hada_status hada_pipeline_joint(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
@@ -171,9 +161,9 @@ hada_status hada_pipeline_joint(hada_pipeline *pipeline, hada_frame *frame, hada
         HADA_TRY(pursue(pipeline, frame, &count, err));
     else
         count = take_listed(pipeline);
-    mark_occupied(pipeline, frame, count);
+    HADA_TRY(mark_occupied(pipeline, frame, count, err));
     if (!count) {
-        nothing_there(frame->result);
+        HADA_TRY(hada_pipeline_no_pictures(pipeline, frame, err));
         goto done;
     }
     HADA_TRY(solve(pipeline, frame, count, err));

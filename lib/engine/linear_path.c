@@ -1,7 +1,5 @@
 /* The linear path: every depth's filter on the frame's spectrum, in batches. The focus takes the planes near to far,
  * whoever computed them, so that its bits do not depend on that. */
-#include <string.h>
-
 #include "engine/skip.h"
 #include "engine/stages.h"
 #include "filter/clip.h"
@@ -28,7 +26,7 @@ static hada_status read_planes(hada_pipeline *pipeline, hada_frame *frame, int f
     hada_status status = HADA_OK;
     hada_slot_stage(pipeline->slot, "download");
     for (int i = 0; i < count; i++)
-        HADA_TRY(hada_pipeline_read_plane(pipeline, &pipeline->planes, i, &frame->result->planes[first + i], err));
+        HADA_TRY(hada_pipeline_read_plane(pipeline, frame, &pipeline->planes, i, first + i, err));
 done:
     return status;
 }
@@ -123,9 +121,8 @@ hada_status hada_pipeline_linear(hada_pipeline *pipeline, hada_frame *frame, had
     for (int z = 0; z < result->depths; z++) {
         result->memory->occupied[z] = pipeline->setup->listed[z];
         report->occupied_count += report->occupied[z];
-        if (!report->occupied[z]) /* the user knows that nothing is there */
-            memset(result->planes[z].data, 0, hada_image_count(&result->planes[z]) * sizeof(float));
     }
+    HADA_TRY(hada_pipeline_dark_planes(pipeline, frame, err)); /* the user knows that nothing is there */
     do {
         HADA_TRY(all_planes(pipeline, frame, err));
     } while (!hada_skip_kept(frame));

@@ -192,6 +192,11 @@ hada_status hada_pipeline_profile(hada_pipeline *pipeline, int on, hada_error *e
     return pipeline->slot ? hada_slot_profile(pipeline->slot, on, err) : HADA_OK;
 }
 
+cl_command_queue hada_pipeline_queue(const hada_pipeline *pipeline)
+{
+    return pipeline->slot ? pipeline->slot->queue : NULL;
+}
+
 int hada_pipeline_is_profiled(const hada_pipeline *pipeline)
 {
     return pipeline->slot && pipeline->slot->profile;

@@ -26,6 +26,9 @@ hada_status hada_pipeline_help(hada_pipeline *pipeline, hada_frame *frame, int f
 /* Depths at once; becomes smaller where memory is short. */
 int hada_pipeline_batch(const hada_pipeline *pipeline);
 
+/* The queue that it works on; NULL where it has none now. */
+cl_command_queue hada_pipeline_queue(const hada_pipeline *pipeline);
+
 /* Profiling (hadalens/profile.h). One that was lost, or made again since, is not profiled. */
 hada_status hada_pipeline_profile(hada_pipeline *pipeline, int on, hada_error *err);
 int hada_pipeline_is_profiled(const hada_pipeline *pipeline);

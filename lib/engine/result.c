@@ -23,7 +23,7 @@ void hada_result_clear(hada_result *result)
         free(memory->occupied);
         hada_image_destroy(&memory->all_in_focus);
         hada_image_destroy(&memory->distance_map);
-        *memory = (hada_result_memory){.arrays = memory->arrays};
+        *memory = (hada_result_memory){.arrays = memory->arrays, .device = memory->device};
     }
     free((double *)result->distances_mm);
     free(result->planes);
@@ -49,6 +49,33 @@ hada_status hada_result_use(hada_result *result, const hada_result_arrays *array
     result->memory->arrays = own;
 done:
     return status;
+}
+
+void hada_cl_arrays_defaults(hada_cl_arrays *arrays, size_t size)
+{
+    const hada_cl_arrays own = {.size = sizeof own};
+    HADA_OPTIONS_GIVE(arrays, size, &own);
+}
+
+hada_status hada_result_use_cl(hada_result *result, const hada_cl_arrays *arrays, hada_error *err)
+{
+    hada_cl_arrays own;
+    hada_status status = HADA_OK;
+    if (!result)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_result_use_cl: a result is needed");
+    hada_cl_arrays_init(&own);
+    HADA_TRY(HADA_OPTIONS_TAKE(&own, arrays, hada_cl_arrays, err));
+    HADA_TRY(make_memory(result, err));
+    hada_result_clear(result);
+    result->memory->device = own;
+done:
+    return status;
+}
+
+int hada_result_on_device(const hada_result *result)
+{
+    const hada_cl_arrays *device = result->memory ? &result->memory->device : NULL;
+    return device && (device->stack || device->all_in_focus || device->distance_map);
 }
 
 static hada_status check_array(const float *values, size_t count, size_t needed, const char *what, hada_error *err)

@@ -2,7 +2,7 @@
 #ifndef HADA_ENGINE_RESULT_H
 #define HADA_ENGINE_RESULT_H
 
-#include <hadalens/reconstruct.h>
+#include <hadalens/opencl.h>
 
 #include "core/error.h"
 
@@ -13,8 +13,12 @@ typedef struct hada_result_memory {
     unsigned char *occupied;
     float *stack;                          /* of all planes; NULL where the caller has an array for it */
     hada_image all_in_focus, distance_map; /* empty where the caller has arrays for them */
-    hada_result_arrays arrays;             /* the caller's */
+    hada_result_arrays arrays;             /* the caller's, on the host and on the device */
+    hada_cl_arrays device;
 } hada_result_memory;
+
+/* Whether it is written into buffers on the device as well. */
+int hada_result_on_device(const hada_result *result);
 
 /* Makes the result fit a model and a number of depths; images that fit already are kept. Empty on failure. */
 hada_status hada_result_fit(hada_result *result, const hada_model_info *info, int depths, hada_error *err);

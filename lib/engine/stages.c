@@ -1,6 +1,9 @@
 /* What both paths of a frame have in common: times, spectrum, net, pictures. */
 #include "engine/stages.h"
 
+#include <math.h>
+#include <string.h>
+
 #include "core/clock.h"
 
 hada_status hada_pipeline_lap(hada_pipeline *pipeline, hada_frame *frame, double *seconds, hada_error *err)
@@ -25,7 +28,11 @@ hada_status hada_pipeline_load(hada_pipeline *pipeline, hada_frame *frame, hada_
         return HADA_OK;
     pipeline->loaded = 0;
     hada_pipeline_apply_skip(pipeline, frame);
-    hada_status status = hada_hadamard_frame(pipeline->stage, frame->staged->data, frame->levels, err);
+    /* repaired pixels are on the host alone */
+    const int on_device = frame->device && frame->staged == frame->raw;
+    hada_status status =
+        on_device ? hada_hadamard_frame_from(pipeline->stage, frame->device, frame->device_offset, frame->levels, err)
+                  : hada_hadamard_frame(pipeline->stage, frame->staged->data, frame->levels, err);
     if (!status)
         pipeline->loaded = frame->serial;
     return status;
@@ -45,23 +52,73 @@ hada_status hada_pipeline_enhance(hada_pipeline *pipeline, hada_frame *frame, cl
     return status;
 }
 
-hada_status hada_pipeline_read_plane(hada_pipeline *pipeline, const hada_buffer *planes, int place, hada_image *plane,
-                                     hada_error *err)
+hada_status hada_pipeline_read_plane(hada_pipeline *pipeline, hada_frame *frame, const hada_buffer *planes, int place,
+                                     int depth, hada_error *err)
 {
+    const hada_image *plane = &frame->result->planes[depth];
+    const hada_cl_arrays *device = &frame->result->memory->device;
     const size_t bytes = hada_image_count(plane) * sizeof *plane->data;
-    return hada_buffer_read(planes, pipeline->slot, (size_t)place * bytes, plane->data, bytes, err);
+    hada_status status = HADA_OK;
+    if (device->stack)
+        HADA_TRY(hada_buffer_copy(pipeline->slot, planes->mem, (size_t)place * bytes, device->stack,
+                                  device->stack_offset + (size_t)depth * bytes, bytes, err));
+    HADA_TRY(hada_buffer_read(planes, pipeline->slot, (size_t)place * bytes, plane->data, bytes, err));
+done:
+    return status;
+}
+
+hada_status hada_pipeline_dark_planes(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
+{
+    const hada_result *result = frame->result;
+    const hada_cl_arrays *device = &result->memory->device;
+    const size_t count = hada_image_count(&result->planes[0]);
+    hada_status status = HADA_OK;
+    for (int z = 0; z < result->depths; z++) {
+        if (result->memory->occupied[z])
+            continue;
+        memset(result->planes[z].data, 0, count * sizeof(float));
+        if (device->stack)
+            HADA_TRY(hada_buffer_fill(pipeline->slot, device->stack,
+                                      device->stack_offset + (size_t)z * count * sizeof(float), 0.0f, count, err));
+    }
+done:
+    return status;
+}
+
+hada_status hada_pipeline_no_pictures(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
+{
+    const hada_result *result = frame->result;
+    const hada_cl_arrays *device = &result->memory->device;
+    const size_t plane = hada_image_count(&result->all_in_focus), map = hada_image_count(&result->distance_map);
+    hada_status status = HADA_OK;
+    memset(result->all_in_focus.data, 0, plane * sizeof(float));
+    for (size_t i = 0; i < map; i++)
+        result->distance_map.data[i] = NAN;
+    if (device->all_in_focus)
+        HADA_TRY(hada_buffer_fill(pipeline->slot, device->all_in_focus, device->all_in_focus_offset, 0.0f, plane, err));
+    if (device->distance_map)
+        HADA_TRY(hada_buffer_fill(pipeline->slot, device->distance_map, device->distance_map_offset, NAN, map, err));
+done:
+    return status;
 }
 
 hada_status hada_pipeline_pictures(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
 {
     hada_result *result = frame->result;
     const hada_buffer *pictures = &pipeline->pictures;
+    const hada_cl_arrays *device = &result->memory->device;
     const size_t plane = hada_image_count(&result->all_in_focus), map = hada_image_count(&result->distance_map);
     hada_status status = HADA_OK;
     hada_slot_stage(pipeline->slot, "focus");
     HADA_TRY(hada_focus_finish(pipeline->focus, pictures->mem, 0, pictures->mem, plane, NULL, err));
     HADA_TRY(hada_pipeline_lap(pipeline, frame, &result->memory->report.seconds_focus, err));
     hada_slot_stage(pipeline->slot, "download");
+    if (device->all_in_focus)
+        HADA_TRY(hada_buffer_copy(pipeline->slot, pictures->mem, 0, device->all_in_focus, device->all_in_focus_offset,
+                                  plane * sizeof(float), err));
+    if (device->distance_map)
+        HADA_TRY(hada_buffer_copy(pipeline->slot, pictures->mem, plane * sizeof(float), device->distance_map,
+                                  device->distance_map_offset, map * sizeof(float), err));
     HADA_TRY(hada_buffer_read(pictures, pipeline->slot, 0, result->all_in_focus.data, plane * sizeof(float), err));
     HADA_TRY(hada_buffer_read(pictures, pipeline->slot, plane * sizeof(float), result->distance_map.data,
                               map * sizeof(float), err));

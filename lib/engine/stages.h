@@ -51,9 +51,16 @@ hada_status hada_pipeline_load(hada_pipeline *pipeline, hada_frame *frame, hada_
 hada_status hada_pipeline_enhance(hada_pipeline *pipeline, hada_frame *frame, cl_mem planes, int count,
                                   hada_error *err);
 
-/* Plane number `place` of those that stand one after the other, into an image of the result. */
-hada_status hada_pipeline_read_plane(hada_pipeline *pipeline, const hada_buffer *planes, int place, hada_image *plane,
-                                     hada_error *err);
+/* Plane number `place` of those that stand one after the other, into the result as that of a depth; with the caller's
+ * buffer on the device, where there is one. */
+hada_status hada_pipeline_read_plane(hada_pipeline *pipeline, hada_frame *frame, const hada_buffer *planes, int place,
+                                     int depth, hada_error *err);
+
+/* Zeros for the depths of the result that are not occupied. */
+hada_status hada_pipeline_dark_planes(hada_pipeline *pipeline, hada_frame *frame, hada_error *err);
+
+/* For a frame that no depth explains: everything dark, no distance anywhere. */
+hada_status hada_pipeline_no_pictures(hada_pipeline *pipeline, hada_frame *frame, hada_error *err);
 
 /* All-in-focus image and distance map from what was pushed to the focus, into the result. */
 hada_status hada_pipeline_pictures(hada_pipeline *pipeline, hada_frame *frame, hada_error *err);

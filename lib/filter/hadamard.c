@@ -243,13 +243,29 @@ static hada_status transform(hada_hadamard *stage, hada_error *err)
     return status;
 }
 
+/* The frame in stage->raw, its dark level off, and its spectrum. */
+static hada_status take_frame(hada_hadamard *stage, const double *levels, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    for (int c = 0; c < stage->channels; c++)
+        if (stage->has_dark || (levels && levels[c] != 0.0))
+            HADA_TRY(subtract(stage, c, levels ? levels[c] : 0.0, err));
+    HADA_TRY(transform(stage, err));
+done:
+    return status;
+}
+
 hada_status hada_hadamard_frame(hada_hadamard *stage, const float *raw, const double *levels, hada_error *err)
 {
-    hada_status status = hada_buffer_write(&stage->raw, stage->slot, 0, raw, stage->raw.bytes, err);
-    for (int c = 0; !status && c < stage->channels; c++)
-        if (stage->has_dark || (levels && levels[c] != 0.0))
-            status = subtract(stage, c, levels ? levels[c] : 0.0, err);
-    return status ? status : transform(stage, err);
+    const hada_status status = hada_buffer_write(&stage->raw, stage->slot, 0, raw, stage->raw.bytes, err);
+    return status ? status : take_frame(stage, levels, err);
+}
+
+hada_status hada_hadamard_frame_from(hada_hadamard *stage, cl_mem raw, size_t offset, const double *levels,
+                                     hada_error *err)
+{
+    const hada_status status = hada_buffer_copy(stage->slot, raw, offset, stage->raw.mem, 0, stage->raw.bytes, err);
+    return status ? status : take_frame(stage, levels, err);
 }
 
 /* Windows of `batch` whole images to the planes, each `distance` floats from the other. */

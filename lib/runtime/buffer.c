@@ -181,3 +181,24 @@ hada_status hada_buffer_clear(hada_buffer *buffer, hada_slot *slot, size_t offse
     hada_slot_moved(slot, "fill", (double)bytes);
     return HADA_OK;
 }
+
+hada_status hada_buffer_copy(hada_slot *slot, cl_mem from, size_t from_offset, cl_mem to, size_t to_offset,
+                             size_t bytes, hada_error *err)
+{
+    const cl_int code =
+        clEnqueueCopyBuffer(slot->queue, from, to, from_offset, to_offset, bytes, 0, NULL, hada_slot_event(slot));
+    if (code != CL_SUCCESS)
+        return hada_fail_cl(err, code, "clEnqueueCopyBuffer");
+    hada_slot_moved(slot, "copy", 2.0 * (double)bytes);
+    return HADA_OK;
+}
+
+hada_status hada_buffer_fill(hada_slot *slot, cl_mem mem, size_t offset, float value, size_t count, hada_error *err)
+{
+    const cl_int code = clEnqueueFillBuffer(slot->queue, mem, &value, sizeof value, offset, count * sizeof value, 0,
+                                            NULL, hada_slot_event(slot));
+    if (code != CL_SUCCESS)
+        return hada_fail_cl(err, code, "clEnqueueFillBuffer");
+    hada_slot_moved(slot, "fill", (double)(count * sizeof value));
+    return HADA_OK;
+}

@@ -42,6 +42,13 @@ hada_status hada_buffer_read(const hada_buffer *buffer, hada_slot *slot, size_t 
 hada_status hada_buffer_map(const hada_buffer *buffer, hada_slot *slot, void **data, hada_error *err);
 hada_status hada_buffer_unmap(const hada_buffer *buffer, hada_slot *slot, void *data, hada_error *err);
 
+/* From one place on the device to another (enqueued); offsets and sizes in bytes. */
+hada_status hada_buffer_copy(hada_slot *slot, cl_mem from, size_t from_offset, cl_mem to, size_t to_offset,
+                             size_t bytes, hada_error *err);
+
+/* Fills `count` floats with one value (enqueued); `offset` in bytes. */
+hada_status hada_buffer_fill(hada_slot *slot, cl_mem mem, size_t offset, float value, size_t count, hada_error *err);
+
 /* Fills with zero bytes (enqueued). */
 hada_status hada_buffer_clear(hada_buffer *buffer, hada_slot *slot, size_t offset, size_t bytes, hada_error *err);
 

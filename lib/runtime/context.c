@@ -1,4 +1,5 @@
 /* Contexts: one chosen device, its programs and its books. */
+#include <hadalens/opencl.h>
 #include <stdlib.h>
 
 #include "core/alloc.h"
@@ -81,51 +82,122 @@ static void look_at_device(hada_context *context)
     context->vector_floats = floats;
 }
 
-hada_status hada_context_create(hada_context **out, const hada_context_options *callers, hada_error *err)
+/* The device of an OpenCL context that is there already. */
+typedef struct adopted {
+    cl_context context;
+    cl_device_id device;
+} adopted;
+
+static hada_status check_adopted(const adopted *from, hada_error *err)
 {
-    hada_context_options own, *options = &own;
-    if (!out)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_context_create: out is needed");
+    cl_device_id devices[64];
+    size_t bytes = 0;
+    const cl_int code = clGetContextInfo(from->context, CL_CONTEXT_DEVICES, sizeof devices, devices, &bytes);
+    if (code != CL_SUCCESS)
+        return hada_fail_cl(err, code, "clGetContextInfo");
+    for (size_t i = 0; i < bytes / sizeof *devices; i++)
+        if (devices[i] == from->device)
+            return HADA_OK;
+    return hada_fail(err, HADA_ERROR_DEVICE_CHOICE, "hada_context_adopt: the device is none of the context's");
+}
+
+/* Its number in the list of devices; -1: a part of a device, or one of a platform that is not listed. */
+static int index_of(cl_device_id device)
+{
+    hada_platform_device *devices = NULL;
+    size_t count = 0;
+    int index = -1;
+    if (hada_platform_devices(&devices, &count, NULL) == HADA_OK)
+        for (size_t i = 0; i < count; i++)
+            if (devices[i].device == device)
+                index = (int)i;
+    free(devices);
+    return index;
+}
+
+static hada_status take_device(hada_context *context, const adopted *from, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    HADA_TRY(check_adopted(from, err));
+    const cl_int code =
+        clGetDeviceInfo(from->device, CL_DEVICE_PLATFORM, sizeof context->platform, &context->platform, NULL);
+    if (code != CL_SUCCESS)
+        return hada_fail_cl(err, code, "clGetDeviceInfo");
+    HADA_TRY(hada_device_describe(context->platform, from->device, index_of(from->device), &context->info, err));
+    clRetainDevice(from->device);
+    context->device = from->device;
+    context->divided = 1; /* released with the context; a whole device minds neither */
+    clRetainContext(from->context);
+    context->cl = from->context;
+done:
+    return status;
+}
+
+static hada_status make_device(hada_context *context, const hada_context_options *options, hada_error *err)
+{
+    cl_int code;
+    hada_status status = choose_device(context, options, err);
+    if (status)
+        return status;
+    cl_context_properties properties[] = {CL_CONTEXT_PLATFORM, (cl_context_properties)context->platform, 0};
+    context->cl = clCreateContext(properties, 1, &context->device, NULL, NULL, &code);
+    return code == CL_SUCCESS ? HADA_OK : hada_fail_cl(err, code, "clCreateContext");
+}
+
+static hada_status open_context(hada_context **out, const adopted *from, const hada_context_options *callers,
+                                hada_error *err)
+{
+    hada_context_options options;
+    hada_context *context = NULL;
+    hada_status status = HADA_OK;
     *out = NULL;
-    hada_context_options_init(options);
-    hada_status status = HADA_OPTIONS_TAKE(options, callers, hada_context_options, err);
-    if (status)
-        return status;
-
-    hada_context *context;
-    status = hada_alloc((void **)&context, 1, sizeof *context, "a context", err);
-    if (status)
-        return status;
+    hada_context_options_init(&options);
+    HADA_TRY(HADA_OPTIONS_TAKE(&options, callers, hada_context_options, err));
+    HADA_TRY(hada_alloc((void **)&context, 1, sizeof *context, "a context", err));
     pthread_mutex_init(&context->lock, NULL);
-    context->log = options->log;
-    context->log_user = options->log_user;
-    context->log_level = options->log_level;
-
-    const char *tuning = options->tuning ? options->tuning : getenv("HADALENS_TUNING");
+    context->log = options.log;
+    context->log_user = options.log_user;
+    context->log_level = options.log_level;
+    const char *tuning = options.tuning ? options.tuning : getenv("HADALENS_TUNING");
     if (tuning && *tuning)
-        status = hada_tuning_read(&context->tuning, tuning, err);
-    if (!status)
-        status = choose_device(context, options, err);
-    if (!status) {
-        look_at_device(context);
-        cl_int code;
-        cl_context_properties properties[] = {CL_CONTEXT_PLATFORM, (cl_context_properties)context->platform, 0};
-        context->cl = clCreateContext(properties, 1, &context->device, NULL, NULL, &code);
-        if (code != CL_SUCCESS)
-            status = hada_fail_cl(err, code, "clCreateContext");
-    }
-    if (!status)
-        status = hada_program_store_create(context, options, err);
-    if (!status && !options->skip_self_test)
-        status = hada_self_test(context, err);
-    if (status) {
-        hada_context_destroy(&context);
-        return status;
-    }
+        HADA_TRY(hada_tuning_read(&context->tuning, tuning, err));
+    HADA_TRY(from ? take_device(context, from, err) : make_device(context, &options, err));
+    look_at_device(context);
+    HADA_TRY(hada_program_store_create(context, &options, err));
+    if (!options.skip_self_test)
+        HADA_TRY(hada_self_test(context, err));
     hada_log(context, HADA_LOG_INFO, "device %d: %s (%s, %s)", context->info.index, context->info.name,
              hada_device_kind_name(context->info.kind), context->info.platform);
     *out = context;
-    return HADA_OK;
+done:
+    if (status)
+        hada_context_destroy(&context);
+    return status;
+}
+
+hada_status hada_context_create(hada_context **out, const hada_context_options *options, hada_error *err)
+{
+    if (!out)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_context_create: out is needed");
+    return open_context(out, NULL, options, err);
+}
+
+hada_status hada_context_adopt(hada_context **out, cl_context context, cl_device_id device,
+                               const hada_context_options *options, hada_error *err)
+{
+    if (!out || !context || !device)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_context_adopt: out, a context and a device are needed");
+    return open_context(out, &(adopted){context, device}, options, err);
+}
+
+cl_context hada_context_cl_context(const hada_context *context)
+{
+    return context->cl;
+}
+
+cl_device_id hada_context_cl_device(const hada_context *context)
+{
+    return context->device;
 }
 
 void hada_context_destroy(hada_context **pointer)

@@ -1,0 +1,174 @@
+/* Contexts, queues and buffers of a program of its own. */
+#include <hadalens/opencl.h>
+#include <stdlib.h>
+
+#include "learned_camera.h"
+
+typedef struct outside {
+    cl_context context;
+    cl_device_id device;
+    cl_command_queue queue;
+    hada_context *adopted;
+} outside;
+
+/* A program's own context on the device of the tests. */
+static outside open_outside(const learned_camera *learned)
+{
+    outside o;
+    cl_int code;
+    o.device = hada_context_cl_device(learned->context);
+    o.context = clCreateContext(NULL, 1, &o.device, NULL, NULL, &code);
+    assert_int_equal(code, CL_SUCCESS);
+    o.queue = clCreateCommandQueue(o.context, o.device, 0, &code);
+    assert_int_equal(code, CL_SUCCESS);
+    ASSERT_OK(hada_context_adopt(&o.adopted, o.context, o.device, NULL, err));
+    assert_ptr_equal(hada_context_cl_context(o.adopted), o.context);
+    assert_ptr_equal(hada_context_cl_device(o.adopted), o.device);
+    assert_string_equal(hada_context_device(o.adopted)->name, hada_context_device(learned->context)->name);
+    return o;
+}
+
+static void close_outside(outside *o)
+{
+    hada_context_destroy(&o->adopted);
+    clReleaseCommandQueue(o->queue);
+    clReleaseContext(o->context);
+}
+
+static cl_mem buffer_of(const outside *o, size_t bytes)
+{
+    cl_int code;
+    const cl_mem mem = clCreateBuffer(o->context, CL_MEM_READ_WRITE, bytes, NULL, &code);
+    assert_int_equal(code, CL_SUCCESS);
+    return mem;
+}
+
+static void expect_floats(const outside *o, cl_mem mem, size_t offset, const float *expected, size_t count)
+{
+    float *values = malloc(count * sizeof *values);
+    assert_non_null(values);
+    assert_int_equal(clEnqueueReadBuffer(o->queue, mem, CL_TRUE, offset, count * sizeof *values, values, 0, NULL, NULL),
+                     CL_SUCCESS);
+    assert_memory_equal(values, expected, count * sizeof *values);
+    free(values);
+}
+
+enum { FRAME_OFFSET = 64, STACK_OFFSET = 128 };
+
+/* Linear, refined, one depth listed alone, and nothing found: the bits of the way over the host. */
+static void frames_and_results_stay_on_the_device(void **state)
+{
+    const learned_camera *learned = *state;
+    const hada_model_info *info = hada_model_get_info(learned->model);
+    const size_t map = (size_t)info->window_rows * (size_t)info->window_cols, plane = map * (size_t)info->channels;
+    const size_t stack = plane * (size_t)info->depths;
+    static const int list[] = {1};
+    outside o = open_outside(learned);
+    hada_image scene = learned_scene(learned, 42);
+    hada_image raw = learned_frame(learned, &(hada_plane){1, &scene}, 1, 42);
+    const size_t bytes = hada_image_count(&raw) * sizeof(float);
+    cl_mem pixels = buffer_of(&o, FRAME_OFFSET + bytes);
+    hada_cl_frame frame;
+    hada_cl_arrays arrays;
+    hada_cl_frame_init(&frame);
+    hada_cl_arrays_init(&arrays);
+    frame.pixels = pixels;
+    frame.offset = FRAME_OFFSET;
+    frame.queue = o.queue;
+    arrays.stack = buffer_of(&o, STACK_OFFSET + stack * sizeof(float));
+    arrays.stack_offset = STACK_OFFSET;
+    arrays.all_in_focus = buffer_of(&o, plane * sizeof(float));
+    arrays.distance_map = buffer_of(&o, map * sizeof(float));
+    for (int kind = 0; kind < 4; kind++) {
+        hada_plan_options options;
+        hada_plan *plan;
+        hada_result host = {0}, device = {0};
+        hada_plan_options_init(&options);
+        options.refine = kind == 1 || kind == 3 ? 3 : 0;
+        options.occupied = kind == 2 ? HADA_OCCUPIED_LIST : HADA_OCCUPIED_AUTO;
+        options.occupied_list = list;
+        options.occupied_count = 1;
+        if (kind == 3)
+            memset(raw.data, 0, bytes); /* darkness */
+        ASSERT_OK(hada_plan_create(&plan, o.adopted, learned->model, &options, err));
+        ASSERT_OK(hada_plan_run(plan, &raw, &host, err));
+        /* enqueued, and not waited for here */
+        assert_int_equal(clEnqueueWriteBuffer(o.queue, pixels, CL_FALSE, FRAME_OFFSET, bytes, raw.data, 0, NULL, NULL),
+                         CL_SUCCESS);
+        ASSERT_OK(hada_result_use_cl(&device, &arrays, err));
+        if (kind == 2) {
+            hada_job *job;
+            ASSERT_OK(hada_job_submit_cl(&job, plan, &frame, &device, err));
+            ASSERT_OK(hada_job_wait(job, err));
+            hada_job_destroy(&job);
+        } else
+            ASSERT_OK(hada_plan_run_cl(plan, &frame, &device, err));
+        expect_floats(&o, arrays.stack, STACK_OFFSET, host.planes[0].data, stack);
+        expect_floats(&o, arrays.all_in_focus, 0, host.all_in_focus.data, plane);
+        expect_floats(&o, arrays.distance_map, 0, host.distance_map.data, map);
+        assert_memory_equal(device.planes[0].data, host.planes[0].data, stack * sizeof(float));
+        cl_command_queue queue = hada_plan_cl_queue(plan, 0);
+        assert_non_null(queue);
+        assert_int_equal(clFinish(queue), CL_SUCCESS);
+        assert_null(hada_plan_cl_queue(plan, 1));
+        hada_result_destroy(&host);
+        hada_result_destroy(&device);
+        hada_plan_destroy(&plan);
+    }
+    clReleaseMemObject(pixels);
+    clReleaseMemObject(arrays.stack);
+    clReleaseMemObject(arrays.all_in_focus);
+    clReleaseMemObject(arrays.distance_map);
+    hada_image_destroy(&raw);
+    hada_image_destroy(&scene);
+    close_outside(&o);
+}
+
+static void what_does_not_fit_is_refused(void **state)
+{
+    const learned_camera *learned = *state;
+    outside o = open_outside(learned);
+    hada_plan_options options;
+    hada_plan *plan, *elsewhere, *bright;
+    hada_cl_frame frame;
+    hada_cl_arrays arrays;
+    hada_result result = {0};
+    hada_error error;
+    hada_context *context;
+    const hada_model_info *info = hada_model_get_info(learned->model);
+    const size_t bytes = (size_t)info->channels * (size_t)info->raw_rows * (size_t)info->raw_cols * sizeof(float);
+    hada_plan_options_init(&options);
+    ASSERT_OK(hada_plan_create(&plan, o.adopted, learned->model, &options, err));
+    ASSERT_OK(hada_plan_create(&elsewhere, learned->context, learned->model, &options, err));
+    options.gamma = 0.5;
+    ASSERT_OK(hada_plan_create(&bright, o.adopted, learned->model, &options, err));
+    hada_cl_frame_init(&frame);
+    assert_int_equal(hada_plan_run_cl(plan, &frame, &result, &error), HADA_ERROR_ARGUMENT);
+    frame.pixels = buffer_of(&o, bytes);
+    frame.offset = 4;
+    assert_int_equal(hada_plan_run_cl(plan, &frame, &result, &error), HADA_ERROR_SIZE);
+    frame.offset = 0;
+    assert_int_equal(hada_plan_run_cl(elsewhere, &frame, &result, &error), HADA_ERROR_ARGUMENT);
+    assert_non_null(strstr(error.message, "hada_context_adopt"));
+    hada_cl_arrays_init(&arrays);
+    arrays.distance_map = buffer_of(&o, 16);
+    ASSERT_OK(hada_result_use_cl(&result, &arrays, err));
+    assert_int_equal(hada_plan_run_cl(bright, &frame, &result, &error), HADA_ERROR_UNSUPPORTED);
+    assert_int_equal(hada_plan_run_cl(plan, &frame, &result, &error), HADA_ERROR_SIZE);
+    assert_non_null(strstr(error.message, "distance map"));
+    assert_int_equal(hada_context_adopt(&context, o.context, NULL, NULL, &error), HADA_ERROR_ARGUMENT);
+    clReleaseMemObject(frame.pixels);
+    clReleaseMemObject(arrays.distance_map);
+    hada_result_destroy(&result);
+    hada_plan_destroy(&plan);
+    hada_plan_destroy(&elsewhere);
+    hada_plan_destroy(&bright);
+    close_outside(&o);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(frames_and_results_stay_on_the_device),
+                                       cmocka_unit_test(what_does_not_fit_is_refused)};
+    return cmocka_run_group_tests(tests, learned_setup, learned_teardown);
+}

@@ -27,30 +27,24 @@ def objects(root, build):
     return found
 
 
-def symbols(path):
-    """Defined and needed names of an object."""
-    defined, needed = set(), set()
-    for line in subprocess.run(["nm", str(path)], capture_output=True, text=True, check=True).stdout.splitlines():
-        parts = line.split()
-        kind, name = parts[-2], parts[-1]
-        if kind == "U":
-            needed.add(name)
-        elif kind.isupper():
-            defined.add(name)
-    return defined, needed
-
-
 def file_arrows(found):
     """{(file, file): names}: what each file takes from another."""
-    home, needs = {}, {}
-    for source, path in found.items():
-        defined, needs[source] = symbols(path)
-        home.update({name: source for name in defined})
+    source_of = {str(path): source for source, path in found.items()}
+    home, needs = {}, {source: set() for source in found}
+    listing = subprocess.run(["nm", "-A", *source_of], capture_output=True, text=True, check=True).stdout
+    for line in listing.splitlines():
+        path, _, rest = line.partition(".o:")
+        kind, name = rest.split()[-2:]
+        source = source_of[path + ".o"]
+        if kind == "U":
+            needs[source].add(name)
+        elif kind.isupper():
+            home[name] = source
     arrows = {}
     for source, names in needs.items():
         for name in names:
-            target = home.get(name)
-            if target and target != source:
+            target = home.get(name, source)
+            if target != source:
                 arrows.setdefault((source, target), set()).add(name)
     return arrows
 

@@ -4,7 +4,6 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
-#include "optics/accumulate.h"
 #include "optics/occlusion.h"
 #include "optics/patch_light.h"
 #include "optics/simulator.h"

@@ -1,6 +1,6 @@
 /* The product-sum of the forward model, exact for small integers. */
 #include "check.h"
-#include "optics/accumulate.h"
+#include "optics/simulator.h"
 
 typedef struct optics_state {
     hada_buffer otf, scene;

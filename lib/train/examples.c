@@ -15,9 +15,10 @@ void hada_example_free(hada_example *example)
 
 static hada_status copy(hada_image *out, const hada_image *image, hada_error *err)
 {
-    hada_status status = hada_image_create(out, image->channels, image->rows, image->cols, err);
-    if (!status)
-        memcpy(out->data, image->data, hada_image_count(image) * sizeof(float));
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_image_create(out, image->channels, image->rows, image->cols, err));
+    memcpy(out->data, image->data, hada_image_count(image) * sizeof(float));
+done:
     return status;
 }
 

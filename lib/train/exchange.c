@@ -30,9 +30,10 @@ static hada_status close_one(hada_workers *workers, int worker, void *user, hada
 /* Opens a group on all workers, does something with it, and closes it, also after a failure. */
 static hada_status with_open(hada_workers *workers, exchange *what, hada_work work, hada_error *err)
 {
-    hada_status status = hada_workers_run(workers, open_one, what, err);
-    if (!status)
-        status = hada_workers_run(workers, work, what, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_workers_run(workers, open_one, what, err));
+    HADA_TRY(hada_workers_run(workers, work, what, err));
+done:;
     const hada_status closed = hada_workers_run(workers, close_one, what, status ? NULL : err);
     return status ? status : closed;
 }

@@ -2,7 +2,7 @@
  *
  * A replica is one device's copy of what is trained, with all that a step needs. Images stand on the device in two
  * ways: as plain floats [image][channel][row][col], for transforms and transfers, and as tensors, for nets and losses.
- * A net shared by colours sees images x colours images of fewer channels, whose plain floats are the same. */
+ * A net shared by colours takes images x colours images of fewer channels, whose plain floats are the same. */
 #ifndef HADA_TRAIN_REPLICA_SHAPE_H
 #define HADA_TRAIN_REPLICA_SHAPE_H
 
@@ -44,7 +44,7 @@ typedef enum hada_step_place {
     HADA_STEP_SPECTRA,         /* filters: their spectra */
     HADA_STEP_PLANE_SPECTRUM,  /* filters: the spectrum of the gradient of one plane */
     HADA_STEP_COLUMN_WEIGHTS,  /* filters: how often a value of a half spectrum counts */
-    HADA_STEP_PLANES,          /* what the net sees; plain */
+    HADA_STEP_PLANES,          /* what the net takes; plain */
     HADA_STEP_SCENES,          /* plain */
     HADA_STEP_PLAIN,           /* nets: outputs and gradients on their way between graphs; plain */
     HADA_STEP_INPUT,           /* net at another size: its input at the window's size */
@@ -54,7 +54,7 @@ typedef enum hada_step_place {
     HADA_STEP_TERM_GRADIENT,   /* a term's gradient that comes back from the discriminator or VGG-16 */
     HADA_STEP_FEATURES,        /* VGG-16: features of the scenes */
     HADA_STEP_VGG,             /* its weights */
-    HADA_STEP_CONDITIONED,     /* discriminator that sees planes as well: plane and image of each sample; plain */
+    HADA_STEP_CONDITIONED,     /* conditional discriminator: plane and image of each sample; plain */
     HADA_STEP_FAKE,            /* discriminator: labels of what the net made, 0 */
     HADA_STEP_REAL,            /* of scenes, 1 */
     HADA_STEP_TERMS,           /* values of the terms, then norms */
@@ -80,7 +80,7 @@ typedef struct hada_replica_shape {
     int channels, rows, cols; /* of the window */
     int at_once, depths;
     int filters, net, critic, vgg; /* 1: there are some */
-    int conditioned;               /* the discriminator sees the plane beside the image */
+    int conditioned;               /* the discriminator takes the plane beside the image */
     size_t pixels, plane;          /* of the window; floats of all its channels */
     size_t frame;                  /* floats of a raw frame, all channels */
     hada_form form;

@@ -4,7 +4,7 @@
 
 #include <hadalens/image.h>
 
-/* FILTERS and JOINT: `input` is the raw frame (dark level taken off). The other stages: what the net sees, at the
+/* FILTERS and JOINT: `input` is the raw frame (dark level taken off). The other stages: what the net takes, at the
  * window's size (ENHANCE, ADVERSARIAL: a reconstructed plane; CONVENTIONAL: the raw frame, resized). */
 typedef struct hada_sample {
     int depth;

@@ -11,7 +11,7 @@
 #include "train/train_options.h"
 #include "train/workers.h"
 
-/* Pairs that training does not see; examples.kept NULL: nothing is held out. */
+/* Pairs to validate with; examples.kept NULL: nothing is held out. */
 typedef struct hada_held_out {
     hada_pairs pairs;
     hada_examples examples;

@@ -141,7 +141,7 @@ static void translate(char *text)
         } else {
             *to++ = '-';
             for (size_t i = 0; i < length; i++)
-                *to++ = from[i] == '_' ? '-' : from[i];
+                *to++ = (char)(from[i] == '_' ? '-' : from[i]);
         }
         from += length;
     }

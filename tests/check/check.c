@@ -347,41 +347,82 @@ static void run_file(hada_slot *slot, const check_op *op, const settings *how, i
     fclose(file);
 }
 
+static int usage(const char *word)
+{
+    printf("check [--op NAME] [--shape TEXT] [--mode correct|bits|both|time|compile|cover] [--device D] [--seed N] "
+           "[--largest N] [--shapes FOLDER] [--cover FOLDER] [--csv] [--list-kernels]\n");
+    for (size_t o = 0; o < check_op_count; o++)
+        printf("  %-16s %s\n", check_ops[o]->name, check_ops[o]->help);
+    return strcmp(word, "--help") ? 2 : 0;
+}
+
+/* The first word that is none of the options, or NULL. */
+static const char *read_words(int count, char **words, settings *how)
+{
+    const char *seed = "1", *largest = "0";
+    const struct {
+        const char *name, **value;
+    } options[] = {{"--op", &how->op}, {"--shape", &how->shape}, {"--mode", &how->mode},     {"--device", &how->device},
+                   {"--seed", &seed},  {"--largest", &largest},  {"--shapes", &how->folder}, {"--cover", &how->cover}};
+    for (int i = 1; i < count; i++) {
+        size_t k = 0;
+        while (k < HADA_COUNT(options) && strcmp(words[i], options[k].name))
+            k++;
+        if (k < HADA_COUNT(options))
+            *options[k].value = ++i < count ? words[i] : "";
+        else if (!strcmp(words[i], "--csv"))
+            how->csv = 1;
+        else if (!strcmp(words[i], "--list-kernels"))
+            how->list = 1;
+        else
+            return words[i];
+    }
+    how->seed = strtoull(seed, NULL, 10);
+    how->largest = atoi(largest);
+    return NULL;
+}
+
+/* What the runs of single operations left: have all kernels been launched? */
+static void run_cover(const hada_slot *slot, const char *program, const settings *how, int counts[3])
+{
+    int partial = 0;
+    if (check_cover_load(how->cover ? how->cover : ".", program, &partial))
+        counts[SKIPPED] = 1;
+    else if ((counts[FAILED] = check_cover_report(slot, how->list, partial)) == 0)
+        counts[PASSED] = 1;
+    check_cover_forget();
+}
+
+static void run_operations(hada_slot *slot, const settings *how, int counts[3])
+{
+    int found = 0;
+    for (size_t o = 0; o < check_op_count; o++) {
+        if (how->op && strcmp(how->op, check_ops[o]->name))
+            continue;
+        found = 1;
+        if (how->shape)
+            counts[run_case(slot, check_ops[o], how->shape, how)]++;
+        else
+            run_file(slot, check_ops[o], how, counts);
+    }
+    if (!found) {
+        printf("FAILED  there is no operation %s\n", how->op);
+        counts[FAILED]++;
+    }
+    const int all = !how->shape && !how->largest;
+    if (found && how->cover && how->op && all)
+        counts[FAILED] += check_cover_save(slot, how->cover, how->op, counts[SKIPPED] > 0);
+    /* a run of everything must have launched everything, unless the device cannot */
+    if (how->list || (!how->op && all && !strcmp(how->mode, "correct")))
+        counts[FAILED] += check_cover_report(slot, how->list, counts[SKIPPED] > 0);
+}
+
 int main(int count, char **words)
 {
     settings how = {.mode = "correct", .folder = CHECK_SHAPES, .seed = 1};
-    for (int i = 1; i < count; i++) {
-        const char *value = i + 1 < count ? words[i + 1] : "";
-        if (!strcmp(words[i], "--csv") || !strcmp(words[i], "--list-kernels")) {
-            how.csv |= !strcmp(words[i], "--csv");
-            how.list |= !strcmp(words[i], "--list-kernels");
-            continue;
-        }
-        if (!strcmp(words[i], "--op"))
-            how.op = value;
-        else if (!strcmp(words[i], "--shape"))
-            how.shape = value;
-        else if (!strcmp(words[i], "--mode"))
-            how.mode = value;
-        else if (!strcmp(words[i], "--device"))
-            how.device = value;
-        else if (!strcmp(words[i], "--seed"))
-            how.seed = strtoull(value, NULL, 10);
-        else if (!strcmp(words[i], "--largest"))
-            how.largest = atoi(value);
-        else if (!strcmp(words[i], "--shapes"))
-            how.folder = value;
-        else if (!strcmp(words[i], "--cover"))
-            how.cover = value;
-        else {
-            printf("check [--op NAME] [--shape TEXT] [--mode correct|bits|both|time|compile|cover] [--device D] "
-                   "[--seed N] [--largest N] [--shapes FOLDER] [--cover FOLDER] [--csv] [--list-kernels]\n");
-            for (size_t o = 0; o < check_op_count; o++)
-                printf("  %-16s %s\n", check_ops[o]->name, check_ops[o]->help);
-            return strcmp(words[i], "--help") ? 2 : 0;
-        }
-        i++;
-    }
+    const char *unknown = read_words(count, words, &how);
+    if (unknown)
+        return usage(unknown);
 
     hada_context *context;
     hada_slot *slot;
@@ -393,39 +434,18 @@ int main(int count, char **words)
         printf("FAILED  %s\n", error.message);
         return 1;
     }
-    int counts[3] = {0, 0, 0}, found = 0;
+    int counts[3] = {0, 0, 0};
     if (how.csv)
         printf("operation,shape,median_ms,fastest_ms,gb_per_s,gflop_per_s,runs\n");
     else
         printf("device %d: %s\n", context->info.index, context->info.name);
-    const int single = !strcmp(how.mode, "compile") || !strcmp(how.mode, "cover");
-    if (!strcmp(how.mode, "compile")) {
-        counts[FAILED] = check_compile(slot);
-        counts[PASSED] = found = 1;
-    } else if (single) {
-        int partial = 0;
-        found = 1;
-        if (check_cover_load(how.cover ? how.cover : ".", words[0], &partial))
-            counts[SKIPPED] = 1;
-        else
-            counts[FAILED] = check_cover_report(slot, how.list, partial);
-        counts[PASSED] = !counts[SKIPPED] && !counts[FAILED];
-        check_cover_forget();
-    }
-    for (size_t o = 0; o < check_op_count && !single; o++) {
-        if (how.op && strcmp(how.op, check_ops[o]->name))
-            continue;
-        found = 1;
-        if (how.shape)
-            counts[run_case(slot, check_ops[o], how.shape, &how)]++;
-        else
-            run_file(slot, check_ops[o], &how, counts);
-    }
-    if (how.cover && how.op && !how.shape && !how.largest)
-        counts[FAILED] += check_cover_save(slot, how.cover, how.op, counts[SKIPPED] > 0);
-    /* a run of everything must have launched everything, unless the device cannot */
-    if ((how.list && !single) || (!how.op && !how.shape && !how.largest && !strcmp(how.mode, "correct")))
-        counts[FAILED] += check_cover_report(slot, how.list, counts[SKIPPED] > 0);
+    const int cover = !strcmp(how.mode, "cover");
+    if (cover)
+        run_cover(slot, words[0], &how, counts);
+    else if (strcmp(how.mode, "compile"))
+        run_operations(slot, &how, counts);
+    else if ((counts[FAILED] = check_compile(slot)) == 0)
+        counts[PASSED] = 1;
     hada_slot_destroy(&slot);
     if (hada_context_bytes(context)) {
         printf("FAILED  %llu bytes of device memory were not given back\n",
@@ -433,13 +453,9 @@ int main(int count, char **words)
         counts[FAILED]++;
     }
     hada_context_destroy(&context);
-    if (!found) {
-        printf("FAILED  there is no operation %s\n", how.op);
-        counts[FAILED]++;
-    }
     if (!how.csv)
         printf("%d passed, %d failed, %d skipped\n", counts[PASSED], counts[FAILED], counts[SKIPPED]);
-    if (!strcmp(how.mode, "cover") && counts[SKIPPED])
+    if (cover && counts[SKIPPED] && !counts[FAILED])
         return 77; /* ctest: skipped */
     return counts[FAILED] || !(counts[PASSED] + counts[SKIPPED]);
 }

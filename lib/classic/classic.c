@@ -142,28 +142,28 @@ size_t hada_classic_bytes(const hada_context *context, const hada_classic_shape 
 
 static const char what[] = "the images of a classic method";
 
-hada_status hada_classic_note(const hada_context *context, const hada_classic_shape *shape, hada_room *room, int first,
-                              int last, int planes_last, hada_error *err)
+hada_status hada_classic_note(const hada_context *context, const hada_classic_shape *shape, hada_scratch *scratch,
+                              int first, int last, int planes_last, hada_error *err)
 {
     size_t bytes[HADA_CLASSIC_PARTS];
     hada_fft_desc plans[PLANS];
     hada_status status = HADA_OK;
     const int count = list_plans(context, shape, plans);
     sizes_of(context, shape, bytes);
-    hada_room_steps(room, first, last);
+    hada_scratch_steps(scratch, first, last);
     for (int i = 0; i < count; i++)
-        HADA_TRY(hada_fft_note(context, &plans[i], room, err));
+        HADA_TRY(hada_fft_note(context, &plans[i], scratch, err));
     for (int i = 0; i < HADA_CLASSIC_PARTS; i++) {
-        hada_room_steps(room, first, i == HADA_CLASSIC_WINDOW ? planes_last : last);
+        hada_scratch_steps(scratch, first, i == HADA_CLASSIC_WINDOW ? planes_last : last);
         if (bytes[i])
-            HADA_TRY(hada_room_note(room, bytes[i], what, err));
+            HADA_TRY(hada_scratch_note(scratch, bytes[i], what, err));
     }
 done:
     return status;
 }
 
 /* Everything that a method keeps, on the host and on the device. */
-static hada_status allocate(hada_classic *classic, hada_error *err)
+static hada_status allocate(hada_classic *classic, hada_scratch *scratch, hada_error *err)
 {
     hada_slot *slot = classic->slot;
     hada_fft **const made[PLANS] = {&classic->forward, &classic->inverse, &classic->frame_forward,
@@ -177,15 +177,16 @@ static hada_status allocate(hada_classic *classic, hada_error *err)
     if (classic->fuses)
         HADA_TRY(hada_fft_fused_make(&classic->fused, slot, classic->shape.grid_rows, classic->shape.grid_cols, err));
     for (int i = 0; i < count; i++)
-        HADA_TRY(hada_fft_create(made[i], slot, &plans[i], err));
+        HADA_TRY(hada_fft_create_in(made[i], slot, scratch, &plans[i], err));
     for (int i = 0; i < HADA_CLASSIC_PARTS; i++)
         if (classic->bytes[i])
-            HADA_TRY(hada_scratch_create(&classic->part[i], slot, classic->bytes[i], what, err));
+            HADA_TRY(hada_scratch_take(&classic->part[i], slot->context, scratch, classic->bytes[i], what, err));
 done:
     return status;
 }
 
-hada_status hada_classic_create(hada_classic **out, hada_slot *slot, const hada_classic_shape *shape, hada_error *err)
+hada_status hada_classic_create(hada_classic **out, hada_slot *slot, hada_scratch *scratch,
+                                const hada_classic_shape *shape, hada_error *err)
 {
     const hada_refine_rect plane = hada_classic_plane_rect(shape), frame = hada_classic_frame_rect(shape);
     hada_classic *classic = NULL;
@@ -205,7 +206,7 @@ hada_status hada_classic_create(hada_classic **out, hada_slot *slot, const hada_
     classic->has_frame = has_frame(shape);
     classic->fuses = fuses(slot->context, shape);
     sizes_of(slot->context, shape, classic->bytes);
-    HADA_TRY(allocate(classic, err));
+    HADA_TRY(allocate(classic, scratch, err));
     if (classic->fuses)
         HADA_TRY(hada_classic_check(classic, err));
     *out = classic;

@@ -49,15 +49,16 @@ hada_status hada_classic_optics(hada_buffer *out, hada_context *context, const h
 
 typedef struct hada_classic hada_classic;
 
-hada_status hada_classic_create(hada_classic **out, hada_slot *slot, const hada_classic_shape *shape, hada_error *err);
+hada_status hada_classic_create(hada_classic **out, hada_slot *slot, hada_scratch *scratch,
+                                const hada_classic_shape *shape, hada_error *err);
 void hada_classic_destroy(hada_classic **classic);
 
 /* Bytes of device memory that it holds: known before creating it. */
 size_t hada_classic_bytes(const hada_context *context, const hada_classic_shape *shape);
 
-/* Notes what it will take from its slot's room: the planes until the step planes_last, the rest in first ... last. */
-hada_status hada_classic_note(const hada_context *context, const hada_classic_shape *shape, hada_room *room, int first,
-                              int last, int planes_last, hada_error *err);
+/* Notes what it will take of its scratch: the planes until the step planes_last, the rest in first ... last. */
+hada_status hada_classic_note(const hada_context *context, const hada_classic_shape *shape, hada_scratch *scratch,
+                              int first, int last, int planes_last, hada_error *err);
 
 typedef struct hada_classic_job {
     const hada_refine_data *data; /* prior and variance are not looked at; the frame is read by padded ADMM and by RL */

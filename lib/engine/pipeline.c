@@ -8,23 +8,21 @@
 #include "filter/layout.h"
 #include "runtime/profile.h"
 
-/* What skipping and a dark frame bring stands beside the shared scratch: it stays from frame to frame. */
+/* What skipping and a dark frame bring stands beside the scratch: it stays from frame to frame. */
 static hada_status make_stage(hada_pipeline *pipeline, hada_error *err)
 {
     const hada_setup *setup = pipeline->setup;
+    const hada_model_info *info = hada_model_get_info(setup->model);
+    hada_slot *slot = pipeline->slot;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_hadamard_create(&pipeline->stage, pipeline->slot, hada_model_get_info(setup->model), pipeline->batch,
-                                  err));
-    pipeline->slot->room = NULL;
+    HADA_TRY(hada_hadamard_create(&pipeline->stage, slot, &pipeline->scratch, info, pipeline->batch, err));
     if (setup->config.dark)
         HADA_TRY(hada_hadamard_set_dark(pipeline->stage, setup->dark_frame.data, err));
     if (!setup->config.pruned)
         HADA_TRY(hada_hadamard_unprune(pipeline->stage, err));
     if (setup->config.measured)
-        HADA_TRY(hada_meter_create(&pipeline->meter, pipeline->slot, &pipeline->stage->layout,
-                                   pipeline->stage->channels, err));
+        HADA_TRY(hada_meter_create(&pipeline->meter, slot, &pipeline->stage->layout, pipeline->stage->channels, err));
 done:
-    pipeline->slot->room = &pipeline->room;
     return status;
 }
 
@@ -68,7 +66,7 @@ static hada_status make_pursuit(hada_pipeline *pipeline, hada_error *err)
     size_t offset;
     cl_mem otf = hada_constants_otf(pipeline->constants, &offset);
     hada_status status = HADA_OK;
-    HADA_TRY(hada_pursuit_create(&pipeline->pursuit, pipeline->slot, &options, err));
+    HADA_TRY(hada_pursuit_create(&pipeline->pursuit, pipeline->slot, &pipeline->scratch, &options, err));
     HADA_TRY(hada_pursuit_set_otf(pipeline->pursuit, 0, setup->config.depths, otf, offset, err));
     if (prior)
         HADA_TRY(hada_pursuit_set_prior(pipeline->pursuit, prior, err));
@@ -78,7 +76,7 @@ done:
 }
 
 /* In the order of the plan of the memory: pipeline_memory.c. */
-static hada_status make_scratch_parts(hada_pipeline *pipeline, hada_error *err)
+static hada_status make_parts(hada_pipeline *pipeline, hada_error *err)
 {
     const hada_setup *setup = pipeline->setup;
     const hada_config *config = &setup->config;
@@ -86,39 +84,28 @@ static hada_status make_scratch_parts(hada_pipeline *pipeline, hada_error *err)
     const hada_refine_shape refine = hada_config_refine(config, setup->model);
     hada_focus_desc focus = hada_config_focus(config, info);
     hada_slot *slot = pipeline->slot;
+    hada_scratch *scratch = &pipeline->scratch;
     hada_status status = HADA_OK;
     focus.distances_mm = setup->distances;
+    HADA_TRY(hada_pipeline_plan_memory(scratch, slot->context, setup->model, config, pipeline->batch, err));
+    HADA_TRY(hada_scratch_make(scratch, slot->context, err));
     HADA_TRY(make_stage(pipeline, err));
-    HADA_TRY(hada_scratch_create(&pipeline->pictures, slot, hada_pipeline_pictures_bytes(info),
-                                 "the all-in-focus image and the distance map", err));
-    HADA_TRY(hada_focus_create(&pipeline->focus, slot, &focus, err));
+    HADA_TRY(hada_scratch_take(&pipeline->pictures, slot->context, scratch, hada_pipeline_pictures_bytes(info),
+                               "the all-in-focus image and the distance map", err));
+    HADA_TRY(hada_focus_create(&pipeline->focus, slot, scratch, &focus, err));
     if (config->classic)
-        HADA_TRY(hada_classic_create(&pipeline->classic, slot, &config->method, err));
+        HADA_TRY(hada_classic_create(&pipeline->classic, slot, scratch, &config->method, err));
     else if (config->joint)
-        HADA_TRY(hada_refiner_create(&pipeline->refiner, slot, &refine, err));
+        HADA_TRY(hada_refiner_create(&pipeline->refiner, slot, scratch, &refine, err));
     if (config->pursuit)
         HADA_TRY(make_pursuit(pipeline, err));
     if (!config->joint)
-        HADA_TRY(hada_scratch_create(&pipeline->planes, slot, hada_pipeline_planes_bytes(info, config, pipeline->batch),
-                                     "the refocused planes", err));
-done:
-    return status;
-}
-
-static hada_status make_parts(hada_pipeline *pipeline, hada_error *err)
-{
-    const hada_setup *setup = pipeline->setup;
-    const hada_config *config = &setup->config;
-    hada_context *context = pipeline->constants->context;
-    hada_status status = HADA_OK;
-    HADA_TRY(hada_pipeline_plan_memory(&pipeline->room, context, setup->model, config, pipeline->batch, err));
-    HADA_TRY(hada_room_make(&pipeline->room, context, err));
-    pipeline->slot->room = &pipeline->room;
-    status = make_scratch_parts(pipeline, err);
-    pipeline->slot->room = NULL;
-    if (!status && config->enhance) {
-        const hada_enhance_desc desc = hada_config_enhance(config, context, setup->model, setup->options.skip);
-        HADA_TRY(hada_enhance_create(&pipeline->enhance, pipeline->slot, &desc, err));
+        HADA_TRY(hada_scratch_take(&pipeline->planes, slot->context, scratch,
+                                   hada_pipeline_planes_bytes(info, config, pipeline->batch), "the refocused planes",
+                                   err));
+    if (config->enhance) {
+        const hada_enhance_desc desc = hada_config_enhance(config, slot->context, setup->model, setup->options.skip);
+        HADA_TRY(hada_enhance_create(&pipeline->enhance, slot, &desc, err));
     }
 done:
     return status;
@@ -138,7 +125,7 @@ void hada_pipeline_clear(hada_pipeline *pipeline)
     hada_meter_destroy(&pipeline->meter);
     hada_hadamard_destroy(&pipeline->stage);
     hada_slot_destroy(&pipeline->slot);
-    hada_room_free(&pipeline->room);
+    hada_scratch_free(&pipeline->scratch);
     pipeline->loaded = 0;
 }
 

@@ -24,7 +24,7 @@ size_t hada_pipeline_pictures_bytes(const hada_model_info *info)
 }
 
 /* In the order in which hada_pipeline_ready() makes them. */
-static hada_status note(hada_room *room, const hada_context *context, const hada_model *model,
+static hada_status note(hada_scratch *scratch, const hada_context *context, const hada_model *model,
                         const hada_config *config, int batch, hada_error *err)
 {
     const hada_model_info *info = hada_model_get_info(model);
@@ -34,31 +34,32 @@ static hada_status note(hada_room *room, const hada_context *context, const hada
     const int raw_last =
         config->classic || (config->joint && info->boundary == HADA_BOUNDARY_PADDED) ? COMPUTE : UPLOAD;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_hadamard_note(context, info, batch, room, UPLOAD, raw_last, COMPUTE, err));
-    hada_room_steps(room, FOCUS, DOWNLOAD);
-    HADA_TRY(hada_room_note(room, hada_pipeline_pictures_bytes(info), "the pictures", err));
-    hada_room_steps(room, config->joint ? FOCUS : COMPUTE, FOCUS);
-    HADA_TRY(hada_focus_note(context, &focus, room, err));
+    HADA_TRY(hada_hadamard_note(context, info, batch, scratch, UPLOAD, raw_last, COMPUTE, err));
+    hada_scratch_steps(scratch, FOCUS, DOWNLOAD);
+    HADA_TRY(hada_scratch_note(scratch, hada_pipeline_pictures_bytes(info), "the pictures", err));
+    hada_scratch_steps(scratch, config->joint ? FOCUS : COMPUTE, FOCUS);
+    HADA_TRY(hada_focus_note(context, &focus, scratch, err));
     if (config->classic)
-        HADA_TRY(hada_classic_note(context, &config->method, room, COMPUTE, COMPUTE, DOWNLOAD, err));
+        HADA_TRY(hada_classic_note(context, &config->method, scratch, COMPUTE, COMPUTE, DOWNLOAD, err));
     else if (config->joint)
-        HADA_TRY(hada_refiner_note(context, &refine, room, COMPUTE, COMPUTE, DOWNLOAD, err));
+        HADA_TRY(hada_refiner_note(context, &refine, scratch, COMPUTE, COMPUTE, DOWNLOAD, err));
     if (config->pursuit) {
         const hada_pursuit_options pursuit = hada_config_pursuit(config, model);
-        HADA_TRY(hada_pursuit_note(context, &pursuit, room, PURSUE, err));
+        HADA_TRY(hada_pursuit_note(context, &pursuit, scratch, PURSUE, err));
     }
-    hada_room_steps(room, COMPUTE, DOWNLOAD);
+    hada_scratch_steps(scratch, COMPUTE, DOWNLOAD);
     if (!config->joint)
-        HADA_TRY(hada_room_note(room, hada_pipeline_planes_bytes(info, config, batch), "the refocused planes", err));
+        HADA_TRY(
+            hada_scratch_note(scratch, hada_pipeline_planes_bytes(info, config, batch), "the refocused planes", err));
 done:
     return status;
 }
 
-hada_status hada_pipeline_plan_memory(hada_room *room, const hada_context *context, const hada_model *model,
+hada_status hada_pipeline_plan_memory(hada_scratch *scratch, const hada_context *context, const hada_model *model,
                                       const hada_config *config, int batch, hada_error *err)
 {
-    hada_status status = note(room, context, model, config, batch, err);
-    return status ? status : hada_room_plan(room, context, err);
+    hada_status status = note(scratch, context, model, config, batch, err);
+    return status ? status : hada_scratch_plan(scratch, context, err);
 }
 
 /* What stays from frame to frame beside the shared scratch, for skipping. */
@@ -105,11 +106,11 @@ static uint64_t bytes_apart(const hada_context *context, const hada_model *model
 hada_status hada_pipeline_bytes(const hada_context *context, const hada_model *model, const hada_config *config,
                                 int batch, uint64_t *bytes, uint64_t *apart, hada_error *err)
 {
-    hada_room room = {0};
-    hada_status status = hada_pipeline_plan_memory(&room, context, model, config, batch, err);
+    hada_scratch scratch = {0};
+    hada_status status = hada_pipeline_plan_memory(&scratch, context, model, config, batch, err);
     *apart = bytes_apart(context, model, config, batch);
-    *bytes = *apart - hada_room_noted(&room) + hada_room_bytes(&room);
-    hada_room_free(&room);
+    *bytes = *apart - hada_scratch_noted(&scratch) + hada_scratch_bytes(&scratch);
+    hada_scratch_free(&scratch);
     return status;
 }
 

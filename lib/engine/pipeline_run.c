@@ -44,11 +44,11 @@ static hada_status run(hada_pipeline *pipeline, hada_frame *frame, hada_error *e
     hada_status status = hada_pipeline_ready(pipeline, err);
     if (status)
         return status;
-    pipeline->slot->stop = &frame->cancelled;
+    hada_slot_cancel_by(pipeline->slot, &frame->cancelled);
     status = all_stages(pipeline, frame, err);
     if (status)
         reset(pipeline);
-    pipeline->slot->stop = NULL;
+    hada_slot_cancel_by(pipeline->slot, NULL);
     if (frame->result->memory)
         frame->result->memory->report.seconds_total = hada_seconds() - frame->start;
     return status;
@@ -75,12 +75,12 @@ hada_status hada_pipeline_help(hada_pipeline *pipeline, hada_frame *frame, int f
     hada_status status = hada_pipeline_ready(pipeline, err);
     if (status)
         return status;
-    pipeline->slot->stop = &frame->cancelled;
+    hada_slot_cancel_by(pipeline->slot, &frame->cancelled);
     status = hada_pipeline_load(pipeline, frame, err);
     if (!status)
         status = hada_pipeline_linear_batch(pipeline, frame, first, count, err);
     if (status)
         reset(pipeline);
-    pipeline->slot->stop = NULL;
+    hada_slot_cancel_by(pipeline->slot, NULL);
     return status;
 }

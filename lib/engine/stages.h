@@ -13,8 +13,8 @@ struct hada_pipeline {
     const hada_setup *setup;
     const hada_constants *constants;
     int batch;
-    hada_slot *slot; /* NULL: to be made again */
-    hada_room room;  /* scratch of the parts below */
+    hada_slot *slot;      /* NULL: to be made again */
+    hada_scratch scratch; /* scratch of the parts below */
     hada_hadamard *stage;
     hada_meter *meter; /* NULL where spectra are not measured */
     hada_pursuit *pursuit;
@@ -29,7 +29,7 @@ struct hada_pipeline {
 };
 
 /* Places for all scratch of a pipeline, by the stages that need it; nothing is allocated. */
-hada_status hada_pipeline_plan_memory(hada_room *room, const hada_context *context, const hada_model *model,
+hada_status hada_pipeline_plan_memory(hada_scratch *scratch, const hada_context *context, const hada_model *model,
                                       const hada_config *config, int batch, hada_error *err);
 size_t hada_pipeline_planes_bytes(const hada_model_info *info, const hada_config *config, int batch);
 size_t hada_pipeline_pictures_bytes(const hada_model_info *info);

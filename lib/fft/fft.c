@@ -74,6 +74,12 @@ static void resolve_desc(const hada_context *context, hada_fft_desc *desc)
 
 hada_status hada_fft_create(hada_fft **out, hada_slot *slot, const hada_fft_desc *desc, hada_error *err)
 {
+    return hada_fft_create_in(out, slot, NULL, desc, err);
+}
+
+hada_status hada_fft_create_in(hada_fft **out, hada_slot *slot, hada_scratch *scratch, const hada_fft_desc *desc,
+                               hada_error *err)
+{
     hada_fft *plan = NULL;
     hada_status status = HADA_OK;
     HADA_TRY(check_desc(desc, err));
@@ -83,7 +89,7 @@ hada_status hada_fft_create(hada_fft **out, hada_slot *slot, const hada_fft_desc
     resolve_desc(slot->context, &plan->desc);
     plan->layout = hada_fft_layout(slot->context, desc->rows, desc->cols, plan->desc.backend);
     plan->engine = engine_of(plan->desc.backend);
-    HADA_TRY(plan->engine->create(plan, err));
+    HADA_TRY(plan->engine->create(plan, scratch, err));
     HADA_TRY(hada_fft_check(plan, err));
 done:
     if (status)
@@ -116,7 +122,8 @@ size_t hada_fft_check_bytes(const hada_context *context, const hada_fft_desc *de
     return hada_fft_check_real_bytes(desc) + layout.count * 2 * sizeof(float);
 }
 
-hada_status hada_fft_note(const hada_context *context, const hada_fft_desc *desc, hada_room *room, hada_error *err)
+hada_status hada_fft_note(const hada_context *context, const hada_fft_desc *desc, hada_scratch *scratch,
+                          hada_error *err)
 {
     hada_fft_desc resolved = *desc;
     hada_status status = check_desc(desc, err);
@@ -124,7 +131,7 @@ hada_status hada_fft_note(const hada_context *context, const hada_fft_desc *desc
         return status;
     resolve_desc(context, &resolved);
     const size_t bytes = engine_of(resolved.backend)->scratch(context, &resolved);
-    return bytes ? hada_room_note(room, bytes, "a transform's scratch", err) : HADA_OK;
+    return bytes ? hada_scratch_note(scratch, bytes, "a transform's scratch", err) : HADA_OK;
 }
 
 hada_fft_backend hada_fft_serving(const hada_fft *plan)

@@ -101,8 +101,10 @@ static hada_status make_plan(clfft_state *state, const hada_slot *slot, const ha
     return code ? fail(err, code, "clfftBakePlan") : HADA_OK;
 }
 
-static hada_status clfft_create(hada_fft *plan, hada_error *err)
+/* clFFT says only when it has its plan how much scratch it takes, so that none of it is planned. */
+static hada_status clfft_create(hada_fft *plan, hada_scratch *scratch, hada_error *err)
 {
+    (void)scratch;
     const hada_fft_desc *desc = &plan->desc;
     hada_context *context = plan->slot->context;
     size_t temporary = 0;

@@ -82,7 +82,7 @@ static void own_destroy(hada_fft *plan)
     plan->state = NULL;
 }
 
-static hada_status own_create(hada_fft *plan, hada_error *err)
+static hada_status own_create(hada_fft *plan, hada_scratch *scratch, hada_error *err)
 {
     const hada_fft_desc *desc = &plan->desc;
     const int inverse = desc->direction == HADA_FFT_INVERSE;
@@ -97,9 +97,9 @@ static hada_status own_create(hada_fft *plan, hada_error *err)
     state->images = images_at_once(plan->slot->context, desc);
     state->image = (hada_own_image){&state->rows, &state->columns, image_bytes(plan->slot->context, desc)};
     if (inverse && !state->image.local_bytes)
-        HADA_TRY(hada_scratch_create(&state->between, plan->slot,
-                                     between_count(desc) * (size_t)state->images * 2 * sizeof(float),
-                                     "a transform's scratch", err));
+        HADA_TRY(hada_scratch_take(&state->between, plan->slot->context, scratch,
+                                   between_count(desc) * (size_t)state->images * 2 * sizeof(float),
+                                   "a transform's scratch", err));
 done:
     return status;
 }

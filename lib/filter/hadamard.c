@@ -88,25 +88,26 @@ uint64_t hada_hadamard_check_bytes(const hada_context *context, const hada_model
     return checks > spectrum ? checks - spectrum : 0;
 }
 
-hada_status hada_hadamard_note(const hada_context *context, const hada_model_info *info, int batch, hada_room *room,
-                               int first, int raw_last, int last, hada_error *err)
+hada_status hada_hadamard_note(const hada_context *context, const hada_model_info *info, int batch,
+                               hada_scratch *scratch, int first, int raw_last, int last, hada_error *err)
 {
     hada_geometry geometry;
     hada_status status = hada_geometry_of(info, &geometry, err);
     if (status)
         return status;
     const hada_fft_desc forward = forward_desc(info, &geometry), inverse = inverse_desc(info, &geometry, batch);
-    hada_room_steps(room, first, last);
-    status = hada_fft_note(context, &forward, room, err);
+    hada_scratch_steps(scratch, first, last);
+    status = hada_fft_note(context, &forward, scratch, err);
     if (!status)
-        status = hada_fft_note(context, &inverse, room, err);
-    hada_room_steps(room, first, raw_last);
-    return status ? status
-                  : hada_room_note(room, (size_t)info->channels * forward.real_distance * 4, "the raw frame", err);
+        status = hada_fft_note(context, &inverse, scratch, err);
+    hada_scratch_steps(scratch, first, raw_last);
+    return status
+               ? status
+               : hada_scratch_note(scratch, (size_t)info->channels * forward.real_distance * 4, "the raw frame", err);
 }
 
-hada_status hada_hadamard_create(hada_hadamard **out, hada_slot *slot, const hada_model_info *info, int batch,
-                                 hada_error *err)
+hada_status hada_hadamard_create(hada_hadamard **out, hada_slot *slot, hada_scratch *scratch,
+                                 const hada_model_info *info, int batch, hada_error *err)
 {
     hada_hadamard *stage;
     *out = NULL;
@@ -126,13 +127,13 @@ hada_status hada_hadamard_create(hada_hadamard **out, hada_slot *slot, const had
     const hada_fft_desc forward = forward_desc(info, &stage->geometry);
     const hada_fft_desc inverse = inverse_desc(info, &stage->geometry, batch);
     if (!status)
-        status = hada_fft_create(&stage->forward, slot, &forward, err);
+        status = hada_fft_create_in(&stage->forward, slot, scratch, &forward, err);
     if (!status)
-        status = hada_fft_create(&stage->inverse, slot, &inverse, err);
+        status = hada_fft_create_in(&stage->inverse, slot, scratch, &inverse, err);
     if (!status) {
         stage->layout = *hada_fft_plan_layout(stage->forward);
-        status = hada_scratch_create(&stage->raw, slot, (size_t)info->channels * forward.real_distance * 4,
-                                     "the raw frame", err);
+        status = hada_scratch_take(&stage->raw, slot->context, scratch,
+                                   (size_t)info->channels * forward.real_distance * 4, "the raw frame", err);
     }
     if (!status)
         status = hada_buffer_create(&stage->spectrum, slot->context, (size_t)info->channels * stage->layout.count * 8,

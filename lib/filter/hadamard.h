@@ -42,14 +42,14 @@ hada_spectrum_layout hada_hadamard_layout(const hada_context *context, const had
 /* Bytes needed while a stage is made, for checks of its transforms, beyond what it holds in the end. */
 uint64_t hada_hadamard_check_bytes(const hada_context *context, const hada_model_info *info);
 
-/* Notes what a stage will take from its slot's room: the raw frame, needed in the steps first ... raw_last, and scratch
+/* Notes what a stage will take of its scratch: the raw frame, needed in the steps first ... raw_last, and scratch
  * that is needed in first ... last. */
-hada_status hada_hadamard_note(const hada_context *context, const hada_model_info *info, int batch, hada_room *room,
-                               int first, int raw_last, int last, hada_error *err);
+hada_status hada_hadamard_note(const hada_context *context, const hada_model_info *info, int batch,
+                               hada_scratch *scratch, int first, int raw_last, int last, hada_error *err);
 
-/* `batch`: depths computed at once, at most. */
-hada_status hada_hadamard_create(hada_hadamard **out, hada_slot *slot, const hada_model_info *info, int batch,
-                                 hada_error *err);
+/* `scratch`: NULL: buffers of its own; `batch`: depths computed at once, at most. */
+hada_status hada_hadamard_create(hada_hadamard **out, hada_slot *slot, hada_scratch *scratch,
+                                 const hada_model_info *info, int batch, hada_error *err);
 void hada_hadamard_destroy(hada_hadamard **stage);
 
 /* From now on the inverse transforms compute the whole grid, of which the window is cut: to compare with. It rounds

@@ -97,7 +97,7 @@ static hada_status work_create(trial_work *work, hada_error *err)
     hada_refine_shape shape = hada_refine_shape_of(&grid->info, MEMBERS, steps_tried[TRIED - 1]);
     hada_status status = HADA_OK;
     shape.tv = work->with->tv != 0.0;
-    HADA_TRY(hada_refiner_create(&work->refiner, grid->slot, &shape, err));
+    HADA_TRY(hada_refiner_create(&work->refiner, grid->slot, NULL, &shape, err));
     HADA_TRY(hada_fft_create(&work->inverse, grid->slot, &desc, err));
     HADA_TRY(hada_buffer_create(&work->filters, context, bytes, "filters on trial", err));
     HADA_TRY(hada_buffer_create(&work->otfs, context, bytes, "transfer functions on trial", err));

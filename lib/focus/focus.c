@@ -97,13 +97,14 @@ size_t hada_focus_bytes(const hada_context *context, const hada_focus_desc *desc
     return bytes;
 }
 
-hada_status hada_focus_note(const hada_context *context, const hada_focus_desc *desc, hada_room *room, hada_error *err)
+hada_status hada_focus_note(const hada_context *context, const hada_focus_desc *desc, hada_scratch *scratch,
+                            hada_error *err)
 {
     part parts[PARTS];
     hada_status status = HADA_OK;
     list_parts(context, desc, parts);
     for (size_t i = TABLES; i < PARTS; i++)
-        HADA_TRY(hada_room_note(room, parts[i].bytes, parts[i].name, err));
+        HADA_TRY(hada_scratch_note(scratch, parts[i].bytes, parts[i].name, err));
 done:
     return status;
 }
@@ -137,7 +138,8 @@ done:
     return status;
 }
 
-hada_status hada_focus_create(hada_focus **out, hada_slot *slot, const hada_focus_desc *desc, hada_error *err)
+hada_status hada_focus_create(hada_focus **out, hada_slot *slot, hada_scratch *scratch, const hada_focus_desc *desc,
+                              hada_error *err)
 {
     hada_focus *focus = NULL;
     part parts[PARTS];
@@ -163,7 +165,7 @@ hada_status hada_focus_create(hada_focus **out, hada_slot *slot, const hada_focu
     for (size_t i = 0; i < PARTS; i++) {
         hada_buffer *buffer = (hada_buffer *)(void *)((char *)focus + parts[i].offset);
         HADA_TRY(i < TABLES ? hada_buffer_create(buffer, slot->context, parts[i].bytes, parts[i].name, err)
-                            : hada_scratch_create(buffer, slot, parts[i].bytes, parts[i].name, err));
+                            : hada_scratch_take(buffer, slot->context, scratch, parts[i].bytes, parts[i].name, err));
     }
     HADA_TRY(fill_tables(focus, desc, err));
 done:

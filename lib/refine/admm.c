@@ -165,8 +165,8 @@ size_t hada_refiner_bytes(const hada_context *context, const hada_refine_shape *
     return bytes;
 }
 
-hada_status hada_refiner_note(const hada_context *context, const hada_refine_shape *shape, hada_room *room, int first,
-                              int last, int planes_last, hada_error *err)
+hada_status hada_refiner_note(const hada_context *context, const hada_refine_shape *shape, hada_scratch *scratch,
+                              int first, int last, int planes_last, hada_error *err)
 {
     const sizes b = sizes_of(context, shape);
     hada_fft_desc plans[PLANS];
@@ -174,19 +174,19 @@ hada_status hada_refiner_note(const hada_context *context, const hada_refine_sha
     hada_status status = HADA_OK;
     const int count = list_plans(shape, plans);
     list_buffers(&b, rows);
-    hada_room_steps(room, first, last);
+    hada_scratch_steps(scratch, first, last);
     for (int i = 0; i < count; i++)
-        HADA_TRY(hada_fft_note(context, &plans[i], room, err));
+        HADA_TRY(hada_fft_note(context, &plans[i], scratch, err));
     for (int i = 0; i < ROWS; i++) {
-        hada_room_steps(room, first, i ? last : planes_last);
+        hada_scratch_steps(scratch, first, i ? last : planes_last);
         if (rows[i].bytes)
-            HADA_TRY(hada_room_note(room, rows[i].bytes, rows[i].what, err));
+            HADA_TRY(hada_scratch_note(scratch, rows[i].bytes, rows[i].what, err));
     }
 done:
     return status;
 }
 
-static hada_status make_plans(hada_refiner *refiner, hada_error *err)
+static hada_status make_plans(hada_refiner *refiner, hada_scratch *scratch, hada_error *err)
 {
     hada_fft **const made[PLANS] = {&refiner->forward, &refiner->inverse, &refiner->frame_forward,
                                     &refiner->frame_inverse};
@@ -194,26 +194,27 @@ static hada_status make_plans(hada_refiner *refiner, hada_error *err)
     hada_status status = HADA_OK;
     const int count = list_plans(&refiner->shape, plans);
     for (int i = 0; i < count; i++)
-        HADA_TRY(hada_fft_create(made[i], refiner->slot, &plans[i], err));
+        HADA_TRY(hada_fft_create_in(made[i], refiner->slot, scratch, &plans[i], err));
 done:
     return status;
 }
 
-static hada_status make_buffers(hada_refiner *refiner, const sizes *b, hada_error *err)
+static hada_status make_buffers(hada_refiner *refiner, hada_scratch *scratch, const sizes *b, hada_error *err)
 {
     row rows[ROWS];
     hada_status status = HADA_OK;
     list_buffers(b, rows);
     for (int i = 0; i < ROWS; i++)
         if (rows[i].bytes)
-            HADA_TRY(hada_scratch_create((hada_buffer *)(void *)((char *)refiner + rows[i].offset), refiner->slot,
-                                         rows[i].bytes, rows[i].what, err));
+            HADA_TRY(hada_scratch_take((hada_buffer *)(void *)((char *)refiner + rows[i].offset),
+                                       refiner->slot->context, scratch, rows[i].bytes, rows[i].what, err));
     HADA_TRY(hada_buffer_clear(&refiner->planes, refiner->slot, 0, b->planes, err));
 done:
     return status;
 }
 
-hada_status hada_refiner_create(hada_refiner **out, hada_slot *slot, const hada_refine_shape *shape, hada_error *err)
+hada_status hada_refiner_create(hada_refiner **out, hada_slot *slot, hada_scratch *scratch,
+                                const hada_refine_shape *shape, hada_error *err)
 {
     static const char what[] = "the refinement's residuals";
     hada_refiner *refiner = NULL;
@@ -232,8 +233,8 @@ hada_status hada_refiner_create(hada_refiner **out, hada_slot *slot, const hada_
     HADA_TRY(hada_alloc((void **)&refiner->energy, ((size_t)shape->max_steps + 1) * (size_t)shape->max_sets,
                         sizeof *refiner->energy, what, err));
     HADA_TRY(hada_alloc((void **)&refiner->host_partial, b.partial / sizeof(float), sizeof(float), what, err));
-    HADA_TRY(make_plans(refiner, err));
-    HADA_TRY(make_buffers(refiner, &b, err));
+    HADA_TRY(make_plans(refiner, scratch, err));
+    HADA_TRY(make_buffers(refiner, scratch, &b, err));
     HADA_TRY(hada_refine_prepare(refiner, err));
     if (shape->tv)
         HADA_TRY(hada_refine_tv_prepare(refiner, err));

@@ -100,7 +100,7 @@ size_t hada_pursuit_bytes(const hada_context *context, const hada_pursuit_option
 }
 
 /* The camera on the grids stays from frame to frame: it is not among these. */
-hada_status hada_pursuit_note(const hada_context *context, const hada_pursuit_options *options, hada_room *room,
+hada_status hada_pursuit_note(const hada_context *context, const hada_pursuit_options *options, hada_scratch *scratch,
                               int first, hada_error *err)
 {
     hada_pursuit p = {.options = complete(options)};
@@ -108,13 +108,13 @@ hada_status hada_pursuit_note(const hada_context *context, const hada_pursuit_op
     hada_status status = HADA_OK;
     choose_levels(&p, specs);
     for (int i = 0; i < p.count; i++)
-        HADA_TRY(hada_level_note(context, &p.options, &specs[i], room, first + i, err));
+        HADA_TRY(hada_level_note(context, &p.options, &specs[i], scratch, first + i, err));
 done:
     return status;
 }
 
-hada_status hada_pursuit_create(hada_pursuit **out, hada_slot *slot, const hada_pursuit_options *options,
-                                hada_error *err)
+hada_status hada_pursuit_create(hada_pursuit **out, hada_slot *slot, hada_scratch *scratch,
+                                const hada_pursuit_options *options, hada_error *err)
 {
     hada_pursuit *p = NULL;
     hada_level_spec specs[HADA_PURSUIT_LEVELS];
@@ -133,7 +133,7 @@ hada_status hada_pursuit_create(hada_pursuit **out, hada_slot *slot, const hada_
     p->options = o;
     choose_levels(p, specs);
     for (int i = 0; i < p->count; i++)
-        HADA_TRY(hada_level_create(&p->levels[i], slot, &p->options, &specs[i], err));
+        HADA_TRY(hada_level_create(&p->levels[i], slot, scratch, &p->options, &specs[i], err));
     *out = p;
 done:
     if (status)

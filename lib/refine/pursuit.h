@@ -50,13 +50,13 @@ typedef struct hada_pursuit_result {
 
 typedef struct hada_pursuit hada_pursuit;
 
-hada_status hada_pursuit_create(hada_pursuit **out, hada_slot *slot, const hada_pursuit_options *options,
-                                hada_error *err);
+hada_status hada_pursuit_create(hada_pursuit **out, hada_slot *slot, hada_scratch *scratch,
+                                const hada_pursuit_options *options, hada_error *err);
 void hada_pursuit_destroy(hada_pursuit **pursuit);
 size_t hada_pursuit_bytes(const hada_context *context, const hada_pursuit_options *options);
 
-/* Notes what a pursuit will take from its slot's room, in the steps first ... first + HADA_PURSUIT_LEVELS - 1. */
-hada_status hada_pursuit_note(const hada_context *context, const hada_pursuit_options *options, hada_room *room,
+/* Notes what a pursuit will take of its scratch, in the steps first ... first + HADA_PURSUIT_LEVELS - 1. */
+hada_status hada_pursuit_note(const hada_context *context, const hada_pursuit_options *options, hada_scratch *scratch,
                               int first, hada_error *err);
 
 /* The camera, in any number of pieces, all before the first run: OTFs of `count` depths from depth `first` on

@@ -105,24 +105,24 @@ size_t hada_level_bytes(const hada_context *context, const hada_pursuit_options 
 }
 
 hada_status hada_level_note(const hada_context *context, const hada_pursuit_options *options,
-                            const hada_level_spec *spec, hada_room *room, int step, hada_error *err)
+                            const hada_level_spec *spec, hada_scratch *scratch, int step, hada_error *err)
 {
     const hada_refine_shape shape = shape_of(options, spec, spec->shrink);
     const hada_refine_shape evidence = shape_of(options, spec, spec->evidence);
     const hada_fft_desc plan = frame_plan(&shape, shape.channels), back = frame_plan(&evidence, spec->max_sets);
     hada_status status = HADA_OK;
-    HADA_TRY(hada_refiner_note(context, &shape, room, step, step, step, err));
+    HADA_TRY(hada_refiner_note(context, &shape, scratch, step, step, step, err));
     if (shape.boundary != HADA_BOUNDARY_PADDED)
         goto done;
-    hada_room_steps(room, step, step);
-    HADA_TRY(hada_fft_note(context, &plan, room, err));
-    HADA_TRY(hada_fft_note(context, &back, room, err));
+    hada_scratch_steps(scratch, step, step);
+    HADA_TRY(hada_fft_note(context, &plan, scratch, err));
+    HADA_TRY(hada_fft_note(context, &back, scratch, err));
 done:
     return status;
 }
 
 /* What the padded boundary needs beside. */
-static hada_status make_frames(hada_pursuit_level *l, hada_error *err)
+static hada_status make_frames(hada_pursuit_level *l, hada_scratch *scratch, hada_error *err)
 {
     static const char what[] = "the depth pursuit";
     hada_context *context = l->slot->context;
@@ -137,14 +137,14 @@ static hada_status make_frames(hada_pursuit_level *l, hada_error *err)
     HADA_TRY(hada_buffer_create(&l->evidence, context, sets * spectrum_bytes(&l->evidence_layout, 1), what, err));
     HADA_TRY(hada_buffer_create(&l->evidence_frame, context, sets * l->evidence_area * sizeof(float), what, err));
     HADA_TRY(hada_alloc((void **)&l->host_evidence, sets * l->evidence_area, sizeof(float), what, err));
-    HADA_TRY(hada_fft_create(&l->frame_inverse, l->slot, &plan, err));
-    HADA_TRY(hada_fft_create(&l->evidence_inverse, l->slot, &back, err));
+    HADA_TRY(hada_fft_create_in(&l->frame_inverse, l->slot, scratch, &plan, err));
+    HADA_TRY(hada_fft_create_in(&l->evidence_inverse, l->slot, scratch, &back, err));
 done:
     return status;
 }
 
-hada_status hada_level_create(hada_pursuit_level *l, hada_slot *slot, const hada_pursuit_options *options,
-                              const hada_level_spec *spec, hada_error *err)
+hada_status hada_level_create(hada_pursuit_level *l, hada_slot *slot, hada_scratch *scratch,
+                              const hada_pursuit_options *options, const hada_level_spec *spec, hada_error *err)
 {
     static const char what[] = "the depth pursuit";
     hada_context *context = slot->context;
@@ -155,13 +155,13 @@ hada_status hada_level_create(hada_pursuit_level *l, hada_slot *slot, const hada
     l->layout = hada_fft_layout(context, l->shape.grid_rows, l->shape.grid_cols, HADA_FFT_AUTO);
     const size_t spectrum = spectrum_bytes(&l->layout, l->shape.channels), depths = (size_t)options->depths;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_refiner_create(&l->refiner, slot, &l->shape, err));
+    HADA_TRY(hada_refiner_create(&l->refiner, slot, scratch, &l->shape, err));
     HADA_TRY(hada_buffer_create(&l->otf, context, depths * spectrum, what, err));
     HADA_TRY(hada_buffer_create(&l->prior, context, spectrum / 2, what, err));
     HADA_TRY(hada_buffer_create(&l->variance, context, depths * spectrum / 2, what, err));
     HADA_TRY(hada_buffer_create(&l->spectrum, context, spectrum, what, err));
     if (l->shape.boundary == HADA_BOUNDARY_PADDED)
-        HADA_TRY(make_frames(l, err));
+        HADA_TRY(make_frames(l, scratch, err));
     HADA_TRY(hada_prepare_refine(slot, HADA_PROGRAM_REFINE_DEFAULT, err));
 done:
     if (status)

@@ -85,7 +85,7 @@ hada_status hada_launch(hada_slot *slot, const hada_kernel *kernel, int program,
                         const void *args, hada_error *err)
 {
     cl_kernel object = NULL;
-    if (slot->stop && atomic_load(slot->stop))
+    if (slot->cancelled && atomic_load(slot->cancelled))
         return hada_fail(err, HADA_ERROR_CANCELLED, "the work was cancelled");
     hada_status status = object_of(slot, kernel, program, &object, err);
     if (!status)

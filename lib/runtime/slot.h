@@ -20,12 +20,17 @@ typedef struct hada_slot {
     const char *stage;     /* what the slot works at, for profiles; a constant text or NULL */
     double cost_bytes, cost_flops;
     cl_event event;
-    struct hada_room *room; /* where scratch stands (runtime/room.h); NULL: in buffers of its own */
-    const atomic_int *stop; /* where set and not 0, launches are refused: HADA_ERROR_CANCELLED */
+    const atomic_int *cancelled; /* where set and not 0, launches are refused: HADA_ERROR_CANCELLED */
 } hada_slot;
 
 hada_status hada_slot_create(hada_slot **out, hada_context *context, hada_error *err);
 void hada_slot_destroy(hada_slot **slot); /* waits for what is in flight */
+
+/* From now on launches are refused while *flag is not 0, which another thread may set. NULL: never. */
+static inline void hada_slot_cancel_by(hada_slot *slot, const atomic_int *flag)
+{
+    slot->cancelled = flag;
+}
 
 /* Waits until everything in the queue is done. */
 hada_status hada_slot_finish(hada_slot *slot, hada_error *err);

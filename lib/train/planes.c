@@ -73,12 +73,12 @@ hada_status hada_planes_create(hada_planes **out, hada_slot *slot, const hada_mo
     HADA_TRY(hada_alloc((void **)&planes->levels, (size_t)info->channels, sizeof(double), "dark levels", err));
     HADA_TRY(hada_alloc((void **)&planes->room, (size_t)info->raw_rows * (size_t)info->raw_cols, sizeof(float),
                         "dark levels", err));
-    HADA_TRY(hada_hadamard_create(&planes->stage, slot, info, 1, err));
+    HADA_TRY(hada_hadamard_create(&planes->stage, slot, NULL, info, 1, err));
     HADA_TRY(hada_bank_create(&planes->bank, slot, model, &planes->stage->layout, NULL, info->depths,
                               refined ? HADA_BANK_OTFS : HADA_BANK_FILTERS, 0, err));
     if (refined) {
         HADA_TRY(hada_bank_prior(&planes->prior, slot, model, &planes->stage->layout, err));
-        HADA_TRY(hada_refiner_create(&planes->refiner, slot, &shape, err));
+        HADA_TRY(hada_refiner_create(&planes->refiner, slot, NULL, &shape, err));
     } else {
         HADA_TRY(hada_buffer_create(&planes->planes, slot->context, plane_bytes(info), "a plane", err));
     }

@@ -32,7 +32,7 @@ static hada_status prepare(check_state *state, hada_error *err)
     double *distance = check_room(state, 2 * pixels * sizeof *distance);
     hada_focus_report report = {.size = sizeof report};
     check_fill_normal(state, 1, planes, all);
-    hada_status status = hada_focus_create(&own->focus, state->slot, &desc, err);
+    hada_status status = hada_focus_create(&own->focus, state->slot, NULL, &desc, err);
     if (!status)
         status = check_upload(state, &own->planes, planes, all * sizeof *planes, err);
     if (!status)

@@ -92,7 +92,7 @@ static double path_error(fixture *f, const hada_model *model, int batch, int hal
     ASSERT_OK(hada_bank_create(&bank, f->slot, model, &layout, NULL, 0, HADA_BANK_FILTERS, half, err));
     assert_int_equal(hada_context_bytes(f->context) - before,
                      hada_bank_bytes(info, &layout, info->depths, HADA_BANK_FILTERS, half));
-    ASSERT_OK(hada_hadamard_create(&stage, f->slot, info, batch, err));
+    ASSERT_OK(hada_hadamard_create(&stage, f->slot, NULL, info, batch, err));
     ASSERT_OK(hada_geometry_of(info, &at, err));
     const size_t count = (size_t)(info->depths * info->channels) * window;
     ASSERT_OK(hada_buffer_create(&planes, f->context, (count + 5) * 4, "planes", err));
@@ -292,7 +292,7 @@ static void wiener_models_invert_the_camera(void **state)
         ASSERT_OK(hada_model_from_psf(&model, f->context, &psf, 1, distances, &options, err));
         const hada_spectrum_layout layout = hada_hadamard_layout(f->context, &model->info);
         ASSERT_OK(hada_bank_create(&bank, f->slot, model, &layout, NULL, 0, HADA_BANK_FILTERS, 0, err));
-        ASSERT_OK(hada_hadamard_create(&stage, f->slot, &model->info, 1, err));
+        ASSERT_OK(hada_hadamard_create(&stage, f->slot, NULL, &model->info, 1, err));
         ASSERT_OK(hada_buffer_create(&planes, f->context, 2 * 12 * 16 * 4, "planes", err));
         ASSERT_OK(hada_hadamard_frame(stage, frame.data, NULL, err));
         ASSERT_OK(hada_hadamard_run(stage, bank, 0, 1, planes.mem, 0, err));

@@ -213,7 +213,7 @@ static void batches(void **state)
     hada_focus_options_init(&desc.options, 1);
     const uint64_t before = hada_context_bytes(context);
     ASSERT_OK(hada_slot_create(&slot, context, err));
-    ASSERT_OK(hada_focus_create(&focus, slot, &desc, err));
+    ASSERT_OK(hada_focus_create(&focus, slot, NULL, &desc, err));
     const uint64_t held = hada_context_bytes(context) - before;
     assert_true(held >= hada_focus_bytes(context, &desc) &&
                 held < hada_focus_bytes(context, &desc) * 11 / 10 + (1u << 26));

@@ -23,7 +23,7 @@ static hada_pursuit *make_pursuit(const fixture *f, int full)
     options.shape = f->device.shape;
     options.depths = DEPTHS;
     options.full = full;
-    ASSERT_OK(hada_pursuit_create(&pursuit, f->device.slot, &options, err));
+    ASSERT_OK(hada_pursuit_create(&pursuit, f->device.slot, NULL, &options, err));
     ASSERT_OK(hada_pursuit_set_otf(pursuit, 0, DEPTHS, f->device.otf.mem, 0, err));
     ASSERT_OK(hada_pursuit_set_prior(pursuit, f->device.prior.mem, err));
     return pursuit;

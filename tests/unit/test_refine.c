@@ -398,13 +398,13 @@ static void refuses_what_it_cannot_do(void **state)
     f.device.data.frame = f.device.data.spectrum; /* never read */
     f.device.shape.tv = 0;
     hada_refiner *plain;
-    ASSERT_OK(hada_refiner_create(&plain, f.device.slot, &f.device.shape, err));
+    ASSERT_OK(hada_refiner_create(&plain, f.device.slot, NULL, &f.device.shape, err));
     rule.tv = 1.0;
     assert_int_equal(hada_refiner_run(plain, &f.device.data, &rule, 1, 1, list, NULL, &error), HADA_ERROR_ARGUMENT);
     assert_non_null(strstr(error.message, "total variation"));
     hada_refiner_destroy(&plain);
     f.device.shape.window.cols = 999;
-    assert_int_equal(hada_refiner_create(&none, f.device.slot, &f.device.shape, &error), HADA_ERROR_SIZE);
+    assert_int_equal(hada_refiner_create(&none, f.device.slot, NULL, &f.device.shape, &error), HADA_ERROR_SIZE);
     assert_null(none);
     tear_down(&f);
 }

@@ -3,9 +3,10 @@
 #include <stddef.h>
 #include <stdio.h>
 
-#define MASKS "mla|grid|diffuser|contour|aperture" /* in the order of hada_mask */
+#define MASKS "mla|grid|diffuser|contour|aperture"
 
-#define AT(member) HADA_CLI_AT(hada_cli_camera_settings, member)
+#define AT(member)          HADA_CLI_AT(hada_cli_camera_settings, member)
+#define ONE_OF(member, ...) HADA_CLI_ONE_OF(hada_cli_camera_settings, member, __VA_ARGS__)
 const hada_cli_option hada_cli_camera_options[] = {
     HADA_CLI_GROUP("The camera"),
     {HADA_OPTION_TEXT, "preset", 0, "NAME", "camera to begin with (default: sim512)",
@@ -16,17 +17,17 @@ const hada_cli_option hada_cli_camera_options[] = {
     {HADA_OPTION_SIZE, "size", 0, "HxW", "pixels of the sensor, rows first",
      "The sensor keeps its length in millimetres, so the pixels change.", AT(size)},
     {HADA_OPTION_SIZE, "window", 0, "HxW", "field of view: pixels of the scene", NULL, AT(window)},
-    {HADA_OPTION_CHOICE, "channels", 0, "1|2|3", "1 for grey, 3 for colour", NULL, AT(channels)},
+    {HADA_OPTION_CHOICE, "channels", 0, "1|2|3", "1 for grey, 3 for colour", NULL, ONE_OF(channels, 1, 2, 3)},
     {HADA_OPTION_COUNT, "depths", 0, "N", "number of distances, equal steps in 1/distance", NULL, AT(depths)},
     {HADA_OPTION_REAL, "near", 0, "MM", "nearest distance", NULL, AT(near_mm)},
     {HADA_OPTION_REAL, "far", 0, "MM", "farthest distance", NULL, AT(far_mm)},
     {HADA_OPTION_CHOICE, "boundary", 0, "circular|padded", "light beyond the sensor comes back in, or is lost",
      "circular is the simplest model; padded is what a real sensor does. 'fit' reads the choice from camera.json.",
-     AT(boundary)},
+     ONE_OF(boundary, HADA_BOUNDARY_CIRCULAR, HADA_BOUNDARY_PADDED)},
     {HADA_OPTION_CHOICE, "optics", 0, "geometry|wave", "how the camera's response to a point is made",
      "geometry (the preset's): rays, the same for all colours. wave: Fresnel diffraction, for each colour by its "
      "wavelength.",
-     AT(optics)},
+     ONE_OF(optics, HADA_OPTICS_GEOMETRY, HADA_OPTICS_WAVE)},
     {HADA_OPTION_TEXT, "wavelengths", 0, "R,G,B", "wavelengths in nanometres, for wave optics (default: 610,530,460)",
      NULL, AT(wavelengths)},
     {HADA_OPTION_SEED, "seed", 0, "N", "seed of all that is drawn at random; the same seed gives the same files", NULL,
@@ -37,7 +38,7 @@ const hada_cli_option hada_cli_camera_options[] = {
      "mla: microlenses at random places; grid: microlenses in rows and columns; diffuser: a smooth random surface; "
      "contour: a phase mask that draws the contour lines of a random landscape; aperture: holes in an opaque plate. "
      "Another kind than the preset's takes dimensions that suit the camera.",
-     AT(mask)},
+     ONE_OF(mask, HADA_MASK_MLA, HADA_MASK_GRID, HADA_MASK_DIFFUSER, HADA_MASK_CONTOUR, HADA_MASK_APERTURE)},
     {HADA_OPTION_COUNT, "lenses", 0, "N", "number of lenses or round holes", NULL, AT(lenses)},
     {HADA_OPTION_REAL, "lens-diameter", 0, "MM", "diameter of lenses or holes, width of contour strips", NULL,
      AT(diameter_mm)},
@@ -73,7 +74,7 @@ void hada_cli_camera_defaults(hada_cli_camera_settings *set)
                        &set->open_fraction};
     for (size_t i = 0; i < sizeof unset / sizeof *unset; i++)
         *unset[i] = -1;
-    set->depths = set->lenses = -1;
+    set->depths = set->lenses = set->optics = -1;
     set->seed = UINT64_MAX;
 }
 
@@ -87,15 +88,32 @@ static hada_status begin(hada_camera *camera, const hada_cli_camera_settings *se
     return hada_camera_preset(camera, set->preset ? set->preset : "sim512", err);
 }
 
+/* "610,530,460" */
+static hada_status read_wavelengths(const char *text, double nm[3], hada_error *err)
+{
+    int end = 0;
+    return sscanf(text, "%lf,%lf,%lf%n", &nm[0], &nm[1], &nm[2], &end) == 3 && !text[end]
+               ? HADA_OK
+               : hada_cli_error(err, HADA_ERROR_ARGUMENT,
+                                "--wavelengths takes three numbers for red, green and blue, such as 610,530,460");
+}
+
+static hada_status set_depths(hada_camera *camera, const hada_cli_camera_settings *set, hada_error *err)
+{
+    if (set->depths < 0 && set->near_mm < 0 && set->far_mm < 0)
+        return HADA_OK;
+    return hada_camera_set_depths(camera, set->near_mm >= 0 ? set->near_mm : camera->distances_mm[0],
+                                  set->far_mm >= 0 ? set->far_mm : camera->distances_mm[camera->depths - 1],
+                                  set->depths >= 0 ? set->depths : camera->depths, err);
+}
+
 static hada_status set_sensor(hada_camera *camera, const hada_cli_camera_settings *set, hada_error *err)
 {
     hada_status status = HADA_OK;
     if (set->size[0])
-        status = hada_camera_resize(camera, set->size[0], set->size[1], set->window[0], set->window[1], err);
-    if (!status && set->channels == 2)
-        status = hada_cli_error(err, HADA_ERROR_ARGUMENT, "--channels takes 1 or 3");
-    if (status)
-        return status;
+        HADA_TRY(hada_camera_resize(camera, set->size[0], set->size[1], set->window[0], set->window[1], err));
+    if (set->channels == 2)
+        HADA_TRY(hada_cli_error(err, HADA_ERROR_ARGUMENT, "--channels takes 1 or 3"));
     if (set->window[0]) {
         camera->window_rows = set->window[0];
         camera->window_cols = set->window[1];
@@ -105,22 +123,13 @@ static hada_status set_sensor(hada_camera *camera, const hada_cli_camera_setting
     if (set->seed != UINT64_MAX)
         camera->seed = set->seed;
     if (set->boundary)
-        camera->boundary = set->boundary == 1 ? HADA_BOUNDARY_CIRCULAR : HADA_BOUNDARY_PADDED;
-    if (set->optics)
-        camera->optics = set->optics == 1 ? HADA_OPTICS_GEOMETRY : HADA_OPTICS_WAVE;
-    if (set->depths >= 0 || set->near_mm >= 0 || set->far_mm >= 0) {
-        double near_mm = set->near_mm >= 0 ? set->near_mm : camera->distances_mm[0];
-        double far_mm = set->far_mm >= 0 ? set->far_mm : camera->distances_mm[camera->depths - 1];
-        int depths = set->depths >= 0 ? set->depths : camera->depths;
-        status = hada_camera_set_depths(camera, near_mm, far_mm, depths, err);
-    }
-    if (!status && set->wavelengths) {
-        double *nm = camera->wavelengths_nm;
-        int end = 0;
-        if (sscanf(set->wavelengths, "%lf,%lf,%lf%n", &nm[0], &nm[1], &nm[2], &end) != 3 || set->wavelengths[end])
-            status = hada_cli_error(err, HADA_ERROR_ARGUMENT,
-                                    "--wavelengths takes three numbers for red, green and blue, such as 610,530,460");
-    }
+        camera->boundary = (hada_boundary)set->boundary;
+    if (set->optics >= 0)
+        camera->optics = (hada_optics)set->optics;
+    HADA_TRY(set_depths(camera, set, err));
+    if (set->wavelengths)
+        HADA_TRY(read_wavelengths(set->wavelengths, camera->wavelengths_nm, err));
+done:
     return status;
 }
 
@@ -133,6 +142,7 @@ static void take(double *to, double given)
 
 static hada_status set_mask(hada_camera *camera, const hada_cli_camera_settings *set, hada_error *err)
 {
+    hada_status status = HADA_OK;
     if (set->lenses >= 0)
         camera->lenses = set->lenses;
     /* the frame of a mask, before the dimensions that suit it */
@@ -141,9 +151,8 @@ static hada_status set_mask(hada_camera *camera, const hada_cli_camera_settings 
     take(&camera->aperture_mm, set->aperture_mm);
     take(&camera->refractive_index, set->index);
     take(&camera->abbe_number, set->abbe);
-    hada_status status = HADA_OK;
     if (set->mask)
-        status = hada_camera_set_mask(camera, (hada_mask)set->mask, err);
+        HADA_TRY(hada_camera_set_mask(camera, (hada_mask)set->mask, err));
     take(&camera->minimum_spacing_mm, set->spacing_mm);
     take(&camera->maximum_spacing_mm, set->most_spacing_mm);
     take(&camera->lens_diameter_mm, set->diameter_mm);
@@ -154,8 +163,9 @@ static hada_status set_mask(hada_camera *camera, const hada_cli_camera_settings 
     take(&camera->deflection_mrad, set->deflection_mrad);
     take(&camera->cell_mm, set->cell_mm);
     take(&camera->open_fraction, set->open_fraction);
-    if (!status && set->fill >= 0)
-        status = hada_camera_set_fill_factor(camera, set->fill, err);
+    if (set->fill >= 0)
+        HADA_TRY(hada_camera_set_fill_factor(camera, set->fill, err));
+done:
     return status;
 }
 
@@ -164,10 +174,9 @@ hada_status hada_cli_make_camera(hada_camera *camera, const hada_cli_camera_sett
     hada_status status = begin(camera, set, err);
     if (status)
         return status;
-    status = set_sensor(camera, set, err);
-    if (!status)
-        status = set_mask(camera, set, err);
-    status = status ? status : hada_camera_check(camera, err);
-    /* Sizes that do not fit are the command line's here, not a file's. */
+    HADA_TRY(set_sensor(camera, set, err));
+    HADA_TRY(set_mask(camera, set, err));
+    HADA_TRY(hada_camera_check(camera, err));
+done: /* sizes that do not fit are the command line's here, not a file's */
     return status == HADA_ERROR_SIZE ? (err->status = HADA_ERROR_ARGUMENT) : status;
 }

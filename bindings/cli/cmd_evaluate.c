@@ -45,7 +45,7 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_TEXT, "lpips-heads", 0, "FILE", "the linear heads, where they stand in a file of their own", NULL,
      AT(lpips_heads)},
     {HADA_OPTION_CHOICE, "lpips-net", 0, "vgg|alex", "insist on this net (default: what the file holds)", NULL,
-     AT(lpips_net)},
+     HADA_CLI_ONE_OF(settings, lpips_net, HADA_LPIPS_VGG, HADA_LPIPS_ALEX)},
     {0},
 };
 

@@ -9,6 +9,7 @@
 #include <string.h>
 
 enum { MOST = HADA_CLI_TEXTS, HADA_TUNE_NAME = 32 };
+#define LEAST_SECONDS 1e-6 /* for a convolution when the time is up: its first variant alone */
 
 typedef struct settings {
     hada_cli_common common;
@@ -110,44 +111,55 @@ static hada_status read_nets(const settings *set, const hada_cli *cli, work *tod
     static const char *const usual[2] = {"compact:512x512", "paper:256x256"};
     const int none = asks_nothing(set), count = none ? 2 : set->nets.count;
     hada_status status = HADA_OK;
-    for (int i = 0; !status && i < count; i++)
-        status = read_net(none ? usual[i] : set->nets.items[i], cli, todo, err);
+    for (int i = 0; i < count; i++)
+        HADA_TRY(read_net(none ? usual[i] : set->nets.items[i], cli, todo, err));
+done:
+    return status;
+}
+
+/* A copy of a model's net, with the size at which it runs. */
+static hada_status read_enhance(const hada_model *model, work *todo, hada_error *err)
+{
+    const hada_model_info *info = hada_model_get_info(model);
+    job *one = &todo->jobs[todo->job_count];
+    char *description = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_net_describe(hada_model_get_enhance(model), &description, err));
+    HADA_TRY(hada_net_create(&one->net, description, 1, err));
+    snprintf(one->name, sizeof one->name, "the model's net");
+    one->rows = info->enhance_rows ? info->enhance_rows : info->window_rows;
+    one->cols = info->enhance_cols ? info->enhance_cols : info->window_cols;
+    todo->job_count++;
+done:
+    free(description);
     return status;
 }
 
 /* The transforms of a model, and its net if it has one. */
 static hada_status read_model(const char *path, work *todo, hada_error *err)
 {
-    hada_model *model;
-    hada_status status = hada_model_load(&model, path, err);
-    if (status)
-        return status;
+    hada_model *model = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_model_load(&model, path, err));
     const hada_model_info *info = hada_model_get_info(model);
     todo->sizes[todo->size_count][0] = info->grid_rows;
     todo->sizes[todo->size_count++][1] = info->grid_cols;
-    if (info->enhance) {
-        job *one = &todo->jobs[todo->job_count];
-        char *description = NULL;
-        status = hada_net_describe(hada_model_get_enhance(model), &description, err);
-        if (!status)
-            status = hada_net_create(&one->net, description, 1, err);
-        if (!status)
-            todo->job_count++;
-        snprintf(one->name, sizeof one->name, "the model's net");
-        one->rows = info->enhance_rows ? info->enhance_rows : info->window_rows;
-        one->cols = info->enhance_cols ? info->enhance_cols : info->window_cols;
-        free(description);
-    }
+    if (info->enhance)
+        HADA_TRY(read_enhance(model, todo, err));
+done:
     hada_model_destroy(&model);
     return status;
 }
 
 static hada_status find_work(const hada_cli *cli, const settings *set, work *todo, hada_error *err)
 {
-    hada_status status = read_sizes(set, todo, err);
-    if (!status)
-        status = read_nets(set, cli, todo, err);
-    return status || !set->model ? status : read_model(set->model, todo, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(read_sizes(set, todo, err));
+    HADA_TRY(read_nets(set, cli, todo, err));
+    if (set->model)
+        HADA_TRY(read_model(set->model, todo, err));
+done:
+    return status;
 }
 
 static json_t *time_json(const hada_tune_time *time)
@@ -178,6 +190,13 @@ static void print_row(hada_cli *cli, const hada_tune_row *row)
         hada_cli_say(cli, "    clfft: %s", row->clfft.reason);
 }
 
+static json_t *row_json(const hada_tune_row *row)
+{
+    return json_pack("{s:i, s:i, s:i, s:o, s:o, s:s, s:s}", "rows", row->rows, "cols", row->cols, "batch", row->batch,
+                     "own", time_json(&row->own), "clfft", time_json(&row->clfft), "before",
+                     hada_tune_backend_name(row->before), "chosen", hada_tune_backend_name(row->chosen));
+}
+
 static hada_status tune_transforms(hada_cli *cli, hada_context *context, const work *todo, hada_error *err)
 {
     hada_tune_row rows[MOST];
@@ -186,26 +205,22 @@ static hada_status tune_transforms(hada_cli *cli, hada_context *context, const w
     json_t *all = json_array();
     json_object_set_new(cli->document, "sizes", all);
     hada_cli_progress_begin(cli, &progress, "transforms", todo->size_count);
-    for (int i = 0; !status && i < todo->size_count; i++) {
-        status = hada_cli_check_signals(err);
-        if (!status)
-            status = hada_tune_fft(context, todo->sizes[i][0], todo->sizes[i][1],
-                                   todo->rounds ? todo->rounds : HADA_AUTO, &rows[i], err);
-        if (status)
-            break;
+    for (int i = 0; i < todo->size_count; i++) {
+        const int rounds = todo->rounds ? todo->rounds : HADA_AUTO;
+        HADA_TRY(hada_cli_check_signals(err));
+        HADA_TRY(hada_tune_fft(context, todo->sizes[i][0], todo->sizes[i][1], rounds, &rows[i], err));
         if (!i)
             hada_cli_say(cli, "%-12s  %5s  %10s  %10s  %10s  %10s  %-6s  %s", "size", "batch", "own fwd", "own inv",
                          "clfft fwd", "clfft inv", "before", "chosen");
         print_row(cli, &rows[i]);
-        json_array_append_new(
-            all, json_pack("{s:i, s:i, s:i, s:o, s:o, s:s, s:s}", "rows", rows[i].rows, "cols", rows[i].cols, "batch",
-                           rows[i].batch, "own", time_json(&rows[i].own), "clfft", time_json(&rows[i].clfft), "before",
-                           hada_tune_backend_name(rows[i].before), "chosen", hada_tune_backend_name(rows[i].chosen)));
+        json_array_append_new(all, row_json(&rows[i]));
         hada_cli_progress_step(cli, NULL);
     }
+    if (todo->size_count)
+        HADA_TRY(hada_tune_save(context, todo->output, rows, (size_t)todo->size_count, err));
+done:
     hada_cli_progress_end(cli);
-    return status || !todo->size_count ? status
-                                       : hada_tune_save(context, todo->output, rows, (size_t)todo->size_count, err);
+    return status;
 }
 
 static void print_conv(hada_cli *cli, const hada_tune_conv_row *row, json_t *all)
@@ -235,15 +250,12 @@ static hada_status tune_net(hada_cli *cli, hada_context *context, const work *to
     const double end = hada_cli_seconds() + seconds;
     hada_status status = hada_tune_net(context, net->net, net->rows, net->cols, &rows, &count, err);
     hada_cli_progress_begin(cli, &progress, "convolutions", (int)count);
-    for (size_t i = 0; !status && i < count; i++) {
+    HADA_TRY(status);
+    for (size_t i = 0; i < count; i++) {
         const double left = (end - hada_cli_seconds()) / (double)(count - i);
-        status = hada_cli_check_signals(err);
-        if (!status)
-            status = hada_tune_conv(context, &rows[i], left > 1e-6 ? left : 1e-6, err);
-        if (!status)
-            status = hada_tune_save_convs(context, todo->output, &rows[i], 1, err);
-        if (status)
-            break;
+        HADA_TRY(hada_cli_check_signals(err));
+        HADA_TRY(hada_tune_conv(context, &rows[i], left > LEAST_SECONDS ? left : LEAST_SECONDS, err));
+        HADA_TRY(hada_tune_save_convs(context, todo->output, &rows[i], 1, err));
         if (!i)
             hada_cli_say(cli, "\n%s, %d x %d pixels\n%-30s  %9s  %9s  %3s  %s", net->name, net->rows, net->cols,
                          "convolution", "before", "chosen", "of", "chosen");
@@ -253,14 +265,14 @@ static hada_status tune_net(hada_cli *cli, hada_context *context, const work *to
         chosen += rows[i].layers * rows[i].chosen_ms;
         hada_cli_progress_step(cli, NULL);
     }
-    hada_cli_progress_end(cli);
-    if (!status)
-        hada_cli_say(cli, "%-30s  %9.3f  %9.3f", "all layers", before, chosen);
-    if (!status && skipped)
+    hada_cli_say(cli, "%-30s  %9.3f  %9.3f", "all layers", before, chosen);
+    if (skipped)
         hada_cli_say(cli,
                      "%d variants were left out for lack of time; --seconds gives more, and a second run finds their "
                      "programs compiled",
                      skipped);
+done:
+    hada_cli_progress_end(cli);
     free(rows);
     return status;
 }
@@ -268,24 +280,23 @@ static hada_status tune_net(hada_cli *cli, hada_context *context, const work *to
 static hada_status tune(hada_cli *cli, const settings *set, hada_context *context, hada_error *err)
 {
     work todo = {.output = set->output, .rounds = set->rounds};
-    hada_status status = find_work(cli, set, &todo, err);
-    if (!status)
-        status = tune_transforms(cli, context, &todo, err);
     json_t *all = json_array();
+    hada_status status = find_work(cli, set, &todo, err);
+    status = status ? status : tune_transforms(cli, context, &todo, err);
     json_object_set_new(cli->document, "convolutions", all);
+    HADA_TRY(status);
     const double end = hada_cli_seconds() + set->seconds;
-    for (int i = 0; !status && i < todo.job_count; i++) {
+    for (int i = 0; i < todo.job_count; i++) {
         const double left = (end - hada_cli_seconds()) / (todo.job_count - i);
-        status = tune_net(cli, context, &todo, &todo.jobs[i], left, all, err);
+        HADA_TRY(tune_net(cli, context, &todo, &todo.jobs[i], left, all, err));
     }
+    hada_cli_say(cli,
+                 "\nMilliseconds, medians: transforms of a batch, convolutions of one image. Wrote %s; it serves where "
+                 "HADALENS_TUNING names it.",
+                 set->output);
+    json_object_set_new(cli->document, "output", json_string(set->output));
+done:
     free_work(&todo);
-    if (!status) {
-        hada_cli_say(cli,
-                     "\nMilliseconds, medians: transforms of a batch, convolutions of one image. Wrote %s; it serves "
-                     "where HADALENS_TUNING names it.",
-                     set->output);
-        json_object_set_new(cli->document, "output", json_string(set->output));
-    }
     return status;
 }
 
@@ -308,9 +319,10 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
         return hada_cli_usage(cli, "%s", err.message);
     if (!(set->seconds > 0))
         return hada_cli_usage(cli, "--seconds is a time above 0");
-    hada_status status = hada_cli_open(cli, &context, &err);
-    if (!status)
-        status = tune(cli, set, context, &err);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_cli_open(cli, &context, &err));
+    HADA_TRY(tune(cli, set, context, &err));
+done:
     hada_cli_close(cli, &context);
     return status ? hada_cli_fail(cli, &err) : HADA_EXIT_OK;
 }

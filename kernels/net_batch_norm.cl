@@ -167,20 +167,19 @@ __kernel void net_batch_norm_weights(__global const float *parts, __global float
 /* dx = weight * inverse * (dy - mean of dy - normalised x * mean of (dy * normalised x)). */
 __kernel void net_batch_norm_backward(__global const float *x, __global const float *dy, __global float *dx,
                                       __global const float *saved, __global const float *weight,
-                                      __global const float *parts, hada_tensor_layout at_x, hada_tensor_layout at_dy,
-                                      hada_tensor_layout at_dx, hada_norm_gradient at)
+                                      __global const float *parts, hada_norm_gradient at)
 {
-    const int rows = at_x.rows, cols = at_x.cols, channels = at_x.channels;
-    const net_part part = net_part_of(at_x.blocks, rows, at.span);
+    const int rows = at.x.rows, cols = at.x.cols, channels = at.x.channels;
+    const net_part part = net_part_of(at.x.blocks, rows, at.span);
     __global const float *sums = parts + at.sums + (size_t)part.block * 2 * NET_BLOCK;
     const net_vector mean = net_per_channel(saved + at.saved, part.block, channels, 0.0f);
     const net_vector inverse = net_per_channel(saved + at.saved + channels, part.block, channels, 0.0f);
     const net_vector scale = inverse * net_per_channel(weight + at.weight, part.block, channels, 0.0f);
     const net_vector level = net_get(sums) * at.per_value, slope = inverse * net_get(sums + NET_BLOCK) * at.per_value;
     for (int r = part.first; r < part.last; r++) {
-        __global const float *in = x + net_row(at_x, part.image, part.block, r);
-        __global const float *from = dy + net_row(at_dy, part.image, part.block, r);
-        __global float *to = dx + net_row(at_dx, part.image, part.block, r);
+        __global const float *in = x + net_row(at.x, part.image, part.block, r);
+        __global const float *from = dy + net_row(at.dy, part.image, part.block, r);
+        __global float *to = dx + net_row(at.dx, part.image, part.block, r);
         NET_EACH_PIXEL (c, cols) {
             const net_vector d = net_get(in + c * NET_BLOCK) - mean;
             net_put(scale * (net_get(from + c * NET_BLOCK) - level - d * slope), to + c * NET_BLOCK);

@@ -58,6 +58,14 @@ typedef struct hada_pool_window {
 } hada_pool_window;
 HADA_SHARED_SIZE(hada_pool_window, 8)
 
+/* The gradient of the largest values: the tensors' layouts; span: rows of a work-item. */
+typedef struct hada_pool_gradient {
+    hada_tensor_layout x, y, dy, dx;
+    hada_pool_window windows;
+    int span, accumulate;
+} hada_pool_gradient;
+HADA_SHARED_SIZE(hada_pool_gradient, 144)
+
 /* Dropout's random numbers. */
 typedef struct hada_dropout_draw {
     unsigned int key0, key1, step;
@@ -85,11 +93,12 @@ typedef struct hada_norm_values {
 HADA_SHARED_SIZE(hada_norm_values, 48)
 
 typedef struct hada_norm_gradient {
+    hada_tensor_layout x, dy, dx;
     hada_ulong saved, weight, sums; /* where they begin */
     float per_value;                /* 1 over the values of a channel */
     int span;
 } hada_norm_gradient;
-HADA_SHARED_SIZE(hada_norm_gradient, 32)
+HADA_SHARED_SIZE(hada_norm_gradient, 128)
 
 /* A fully connected layer: where arrays begin (or their gradients), and sizes. */
 typedef struct hada_linear_layout {

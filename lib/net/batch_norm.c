@@ -166,7 +166,10 @@ hada_status hada_batch_norm_backward(hada_slot *slot, const hada_batch_norm *nor
     const hada_layer_grid grid = hada_layer_grid_of(slot, x, x->rows, x->cols);
     const hada_range channels = hada_layer_flat_range(slot, (size_t)x->channels, 1);
     const hada_program_net_batch_norm program = HADA_PROGRAM_BY_BLOCK(NET_BATCH_NORM, x->block);
-    const hada_norm_gradient at = {.saved = saved.offset,
+    const hada_norm_gradient at = {.x = hada_layout_of(x),
+                                   .dy = hada_layout_of(dy),
+                                   .dx = hada_layout_of(dx),
+                                   .saved = saved.offset,
                                    .weight = norm->weight.offset,
                                    .sums = place,
                                    .per_value = (cl_float)(1.0 / ((double)x->images * x->rows * x->cols)),
@@ -177,8 +180,7 @@ hada_status hada_batch_norm_backward(hada_slot *slot, const hada_batch_norm *nor
                                                 .channels = x->channels, .accumulate = accumulate));
     HADA_TRY(hada_launch_net_batch_norm_backward(slot, program, &grid.range, err, .x = x->mem, .dy = dy->mem,
                                                  .dx = dx->mem, .saved = saved.mem, .weight = norm->weight.mem,
-                                                 .parts = scratch, .at_x = hada_layout_of(x),
-                                                 .at_dy = hada_layout_of(dy), .at_dx = hada_layout_of(dx), .at = at));
+                                                 .parts = scratch, .at = at));
 done:
     return status;
 }

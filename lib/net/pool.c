@@ -36,6 +36,18 @@ hada_status hada_pool_forward(hada_slot *slot, hada_pool pool, int size, int str
                                              .at_y = at_y, .span = grid.span, .windows = windows);
 }
 
+static hada_pool_gradient gradient_of(const hada_tensor *x, const hada_tensor *y, const hada_tensor *dy,
+                                      const hada_tensor *dx, hada_pool_window windows, int span, int accumulate)
+{
+    return (hada_pool_gradient){.x = hada_layout_of(x),
+                                .y = hada_layout_of(y),
+                                .dy = hada_layout_of(dy),
+                                .dx = hada_layout_of(dx),
+                                .windows = windows,
+                                .span = span,
+                                .accumulate = accumulate};
+}
+
 /* Maxima of 2 x 2 that do not overlap: window by window, all rows of x counted. */
 static hada_status backward_pairs(hada_slot *slot, const hada_tensor *x, const hada_tensor *y, const hada_tensor *dy,
                                   const hada_tensor *dx, int accumulate, hada_error *err)
@@ -43,8 +55,7 @@ static hada_status backward_pairs(hada_slot *slot, const hada_tensor *x, const h
     const hada_layer_grid grid = hada_layer_grid_of(slot, x, (x->rows + 1) / 2, (x->cols + 1) / 2);
     return hada_launch_net_pool_max2_backward(
         slot, HADA_PROGRAM_BY_BLOCK(NET_POOL, x->block), &grid.range, err, .x = x->mem, .y = y->mem, .dy = dy->mem,
-        .dx = dx->mem, .at_x = hada_layout_of(x), .at_y = hada_layout_of(y), .at_dy = hada_layout_of(dy),
-        .at_dx = hada_layout_of(dx), .span = grid.span, .accumulate = accumulate);
+        .dx = dx->mem, .at = gradient_of(x, y, dy, dx, (hada_pool_window){2, 2}, grid.span, accumulate));
 }
 
 hada_status hada_pool_backward(hada_slot *slot, hada_pool pool, int size, int stride, const hada_tensor *x,
@@ -63,9 +74,8 @@ hada_status hada_pool_backward(hada_slot *slot, hada_pool pool, int size, int st
     const hada_program_net_pool program = HADA_PROGRAM_BY_BLOCK(NET_POOL, x->block);
     if (pool == HADA_POOL_MAX)
         HADA_TRY(hada_launch_net_pool_max_backward(slot, program, &grid.range, err, .x = x->mem, .y = y->mem,
-                                                   .dy = dy->mem, .dx = dx->mem, .at_x = hada_layout_of(x),
-                                                   .at_y = hada_layout_of(y), .at_dy = at_dy, .at_dx = at_dx,
-                                                   .span = grid.span, .windows = windows, .accumulate = accumulate));
+                                                   .dy = dy->mem, .dx = dx->mem,
+                                                   .at = gradient_of(x, y, dy, dx, windows, grid.span, accumulate)));
     else
         HADA_TRY(hada_launch_net_pool_mean_backward(slot, program, &grid.range, err, .dy = dy->mem, .dx = dx->mem,
                                                     .at_dy = at_dy, .at_dx = at_dx, .span = grid.span,

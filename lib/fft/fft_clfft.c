@@ -122,9 +122,8 @@ static hada_status clfft_create(hada_fft *plan, hada_scratch *scratch, hada_erro
                          "clFFT takes lengths with prime factors up to 13, not %d x %d: leave the choice to the table "
                          "or pad to %d x %d",
                          desc->rows, desc->cols, hada_fft_good_size(desc->rows), hada_fft_good_size(desc->cols));
-    hada_status status = hada_alloc(&plan->state, 1, sizeof(clfft_state), "a transform's plan", err);
-    if (status)
-        return status;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc(&plan->state, 1, sizeof(clfft_state), "a transform's plan", err));
     clfft_state *state = plan->state;
     locale_t numeric = newlocale(LC_NUMERIC_MASK, "C", (locale_t)0);
     if (!numeric)
@@ -135,14 +134,14 @@ static hada_status clfft_create(hada_fft *plan, hada_scratch *scratch, hada_erro
     uselocale(before);
     pthread_mutex_unlock(&lock);
     freelocale(numeric);
-    if (!status)
-        status = hada_buffer_create(&state->grid, context, grid_count(desc) * (size_t)desc->batch * sizeof(float),
-                                    "a transform's scratch", err);
-    if (!status)
-        status = hada_buffer_create(&state->half, context, half_count(desc) * (size_t)desc->batch * 2 * sizeof(float),
-                                    "a transform's scratch", err);
-    if (!status && temporary)
-        status = hada_buffer_create(&state->temporary, context, temporary, "a transform's scratch", err);
+    HADA_TRY(status);
+    HADA_TRY(hada_buffer_create(&state->grid, context, grid_count(desc) * (size_t)desc->batch * sizeof(float),
+                                "a transform's scratch", err));
+    HADA_TRY(hada_buffer_create(&state->half, context, half_count(desc) * (size_t)desc->batch * 2 * sizeof(float),
+                                "a transform's scratch", err));
+    if (temporary)
+        HADA_TRY(hada_buffer_create(&state->temporary, context, temporary, "a transform's scratch", err));
+done:
     return status;
 }
 

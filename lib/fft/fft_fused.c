@@ -21,10 +21,12 @@ hada_status hada_fft_fused_make(hada_fft_fused *fused, hada_slot *slot, int rows
     const hada_fft_pass_desc forward = {.kind = HADA_PASS_ROWS, .n = cols},
                              back = {.kind = HADA_PASS_ROWS_INVERSE, .n = cols, .inverse = 1},
                              columns = {.kind = HADA_PASS_COLUMNS, .n = rows};
-    hada_status status = hada_own_pass_make(&fused->rows, slot, &forward, err);
-    if (!status)
-        status = hada_own_pass_make(&fused->rows_back, slot, &back, err);
-    return status ? status : hada_own_pass_make(&fused->columns, slot, &columns, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_own_pass_make(&fused->rows, slot, &forward, err));
+    HADA_TRY(hada_own_pass_make(&fused->rows_back, slot, &back, err));
+    HADA_TRY(hada_own_pass_make(&fused->columns, slot, &columns, err));
+done:
+    return status;
 }
 
 void hada_fft_fused_free(hada_fft_fused *fused)

@@ -170,20 +170,16 @@ hada_status hada_fft_pass_make(hada_fft_pass *pass, const hada_fft_pass_desc *de
 {
     const int n = desc->n;
     hada_fft_stages stages;
-    hada_status status;
+    hada_status status = HADA_OK;
     int *order = NULL;
     *pass = (hada_fft_pass){.n = n};
     hada_fft_factor(n, desc->direct, &stages);
     pass->points = stages.points;
     sizes_of(n, &stages, &pass->int_count, &pass->float_count);
-    status = hada_alloc((void **)&pass->ints, pass->int_count, sizeof *pass->ints, "a table of a transform", err);
-    if (!status)
-        status =
-            hada_alloc((void **)&pass->floats, pass->float_count, sizeof *pass->floats, "a table of a transform", err);
-    if (!status)
-        status = hada_alloc((void **)&order, (size_t)stages.points, sizeof *order, "a table of a transform", err);
-    if (status)
-        goto done;
+    HADA_TRY(hada_alloc((void **)&pass->ints, pass->int_count, sizeof *pass->ints, "a table of a transform", err));
+    HADA_TRY(
+        hada_alloc((void **)&pass->floats, pass->float_count, sizeof *pass->floats, "a table of a transform", err));
+    HADA_TRY(hada_alloc((void **)&order, (size_t)stages.points, sizeof *order, "a table of a transform", err));
 
     fill_header(pass->ints, &stages, n);
     float *next = pass->floats + 2;

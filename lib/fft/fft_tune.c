@@ -61,14 +61,14 @@ static hada_status enter(contest *c, int backend, char *reason, size_t size, had
 {
     hada_error local = {0};
     hada_status status = HADA_OK;
-    for (int d = 0; !status && d < DIRECTIONS; d++) {
+    for (int d = 0; d < DIRECTIONS; d++) {
         hada_fft_desc desc = c->desc;
         desc.backend = backends[backend];
         desc.direction = d ? HADA_FFT_INVERSE : HADA_FFT_FORWARD;
-        status = hada_fft_create(&c->plan[backend][d], c->slot, &desc, &local);
-        if (!status)
-            status = run(c, backend, d, &local);
+        HADA_TRY(hada_fft_create(&c->plan[backend][d], c->slot, &desc, &local));
+        HADA_TRY(run(c, backend, d, &local));
     }
+done:
     if (status) {
         leave(c, backend);
         snprintf(reason, size, "%.*s", (int)size - 1, local.message);
@@ -87,30 +87,32 @@ static hada_status make_buffers(contest *c, hada_error *err)
         spectrum = layout.count > spectrum ? layout.count : spectrum;
     }
     const size_t batch = (size_t)c->desc.batch;
-    hada_status status = hada_buffer_create(&c->real, context, c->desc.real_distance * batch * sizeof(float),
-                                            "the images of a measurement", err);
-    if (!status)
-        status = hada_buffer_create(&c->spectrum, context, spectrum * batch * 2 * sizeof(float),
-                                    "the spectra of a measurement", err);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_buffer_create(&c->real, context, c->desc.real_distance * batch * sizeof(float),
+                                "the images of a measurement", err));
+    HADA_TRY(hada_buffer_create(&c->spectrum, context, spectrum * batch * 2 * sizeof(float),
+                                "the spectra of a measurement", err));
     /* zeros: as fast as anything else, and free of denormals */
-    if (!status)
-        status = hada_buffer_clear(&c->real, c->slot, 0, c->real.bytes, err);
-    return status ? status : hada_buffer_clear(&c->spectrum, c->slot, 0, c->spectrum.bytes, err);
+    HADA_TRY(hada_buffer_clear(&c->real, c->slot, 0, c->real.bytes, err));
+    HADA_TRY(hada_buffer_clear(&c->spectrum, c->slot, 0, c->spectrum.bytes, err));
+done:
+    return status;
 }
 
 static hada_status measure(contest *c, int rounds, hada_error *err)
 {
     hada_status status = HADA_OK;
-    for (int r = 0; !status && r < rounds; r++)
-        for (int k = 0; !status && k < BACKENDS * DIRECTIONS; k++) {
+    for (int r = 0; r < rounds; r++)
+        for (int k = 0; k < BACKENDS * DIRECTIONS; k++) {
             /* they take turns, and who goes first changes */
             const int b = (k + r) % BACKENDS, d = k / BACKENDS;
             if (!c->plan[b][d])
                 continue;
             const double start = hada_seconds();
-            status = run(c, b, d, err);
+            HADA_TRY(run(c, b, d, err));
             c->seconds[b][d][r] = hada_seconds() - start;
         }
+done:
     return status;
 }
 
@@ -173,18 +175,14 @@ hada_status hada_tune_fft(hada_context *context, int rows, int cols, int rounds,
         return status;
     for (int k = 0; k < BACKENDS * DIRECTIONS; k++)
         c.seconds[k / DIRECTIONS][k % DIRECTIONS] = (double *)seconds + k * rounds;
-    status = hada_slot_create(&c.slot, context, err);
-    if (!status)
-        status = make_buffers(&c, err);
-    if (!status) {
-        const hada_status own = enter(&c, 0, row->own.reason, sizeof row->own.reason, err);
-        const hada_status other = enter(&c, 1, row->clfft.reason, sizeof row->clfft.reason, NULL);
-        status = own && other ? own : HADA_OK;
-    }
-    if (!status)
-        status = measure(&c, rounds, err);
-    if (!status)
-        conclude(&c, rounds, row);
+    HADA_TRY(hada_slot_create(&c.slot, context, err));
+    HADA_TRY(make_buffers(&c, err));
+    const hada_status own = enter(&c, 0, row->own.reason, sizeof row->own.reason, err);
+    const hada_status other = enter(&c, 1, row->clfft.reason, sizeof row->clfft.reason, NULL);
+    HADA_TRY(own && other ? own : HADA_OK);
+    HADA_TRY(measure(&c, rounds, err));
+    conclude(&c, rounds, row);
+done:
     finish(&c);
     return status;
 }
@@ -195,18 +193,18 @@ hada_status hada_tune_save(const hada_context *context, const char *path, const 
     enum { SHAPE = 32 };
     if (!context || !path || !*path || (count && !rows))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_tune_save: a context, a file name and rows are needed");
-    char *shapes;
+    char *shapes = NULL;
     const char **words = NULL;
-    hada_status status = hada_alloc((void **)&shapes, count + 1, SHAPE, "the rows of a tuning file", err);
-    if (!status)
-        status = hada_alloc((void **)&words, 2 * count + 1, sizeof *words, "the rows of a tuning file", err);
-    for (size_t i = 0; !status && i < count; i++) {
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&shapes, count + 1, SHAPE, "the rows of a tuning file", err));
+    HADA_TRY(hada_alloc((void **)&words, 2 * count + 1, sizeof *words, "the rows of a tuning file", err));
+    for (size_t i = 0; i < count; i++) {
         snprintf(shapes + i * SHAPE, SHAPE, "%dx%d", rows[i].rows, rows[i].cols);
         words[i] = shapes + i * SHAPE;
         words[count + i] = hada_tune_backend_name(rows[i].chosen);
     }
-    if (!status)
-        status = hada_tuning_write(context, path, "fft", words, words + count, count, err);
+    HADA_TRY(hada_tuning_write(context, path, "fft", words, words + count, count, err));
+done:
     free(shapes);
     free(words);
     return status;

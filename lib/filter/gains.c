@@ -77,23 +77,20 @@ hada_status hada_gains_create(hada_gains **out, const hada_model *model, const h
                               const int *depths, int count, int with_half, hada_error *err)
 {
     const size_t channels = (size_t)model->info.channels;
-    hada_gains *gains;
+    hada_gains *gains = NULL;
     double *room = NULL;
-    *out = NULL;
-    hada_status status = hada_alloc((void **)&gains, 1, sizeof *gains, "the filters' gains", err);
-    if (status)
-        return status;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&gains, 1, sizeof *gains, "the filters' gains", err));
     gains->tiles = hada_tiles_of(layout);
     gains->channels = model->info.channels;
-    status =
-        hada_alloc((void **)&gains->gain, channels * hada_model_plane(model), sizeof(float), "the filters' gains", err);
-    if (!status)
-        status = hada_alloc((void **)&gains->most, channels, sizeof(double), "the filters' gains", err);
-    if (!status)
-        status = hada_alloc_raw((void **)&room, 2 * hada_model_plane(model), sizeof *room, "the filters' gains", err);
-    for (int c = 0; !status && c < gains->channels; c++)
+    HADA_TRY(hada_alloc((void **)&gains->gain, channels * hada_model_plane(model), sizeof(float), "the filters' gains",
+                        err));
+    HADA_TRY(hada_alloc((void **)&gains->most, channels, sizeof(double), "the filters' gains", err));
+    HADA_TRY(hada_alloc_raw((void **)&room, 2 * hada_model_plane(model), sizeof *room, "the filters' gains", err));
+    for (int c = 0; c < gains->channels; c++)
         add_channel(gains, model, c, depths, count, with_half, room);
     hada_model_forget(model);
+done:
     free(room);
     if (status)
         hada_gains_destroy(&gains);

@@ -1,4 +1,3 @@
-#include "folder.h"
 #include "option.h"
 
 #include <stdio.h>

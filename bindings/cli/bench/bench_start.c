@@ -1,9 +1,9 @@
 /* From nothing to the first frame, in a process of its own: with caches that are empty, and with what that left. */
 #include "bench.h"
-#include "folder.h"
 
 #include <errno.h>
 #include <fcntl.h>
+#include <hadalens/folder.h>
 #include <hadalens/tiff.h>
 #include <spawn.h>
 #include <stdio.h>

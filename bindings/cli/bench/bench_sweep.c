@@ -3,7 +3,6 @@
  * Each setting is compared with the dense run of the same method and steps (float filters, nothing skipped, own
  * transforms), and with the truth where it is known. */
 #include "bench.h"
-#include "folder.h"
 
 #include <hadalens/tune.h>
 #include <math.h>

@@ -1,7 +1,7 @@
 /* Result files: bench.json for --compare and other programs, bench.csv as one long table. */
 #include "bench.h"
-#include "folder.h"
 
+#include <hadalens/folder.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -107,7 +107,7 @@ static hada_status write_csv(const hada_bench *bench, const char *path, hada_err
     hada_status status = HADA_OK;
     if (ferror(out) | fclose(out))
         HADA_TRY(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
-    HADA_TRY(hada_cli_write_text(path, text, size, err));
+    HADA_TRY(hada_file_write(path, text, size, err));
 done:
     free(text);
     return status;
@@ -120,7 +120,7 @@ hada_status hada_bench_write(const hada_bench *bench, const char *folder, hada_e
     hada_status status = HADA_OK;
     if (!(json && csv && text))
         HADA_TRY(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
-    HADA_TRY(hada_cli_write_text(json, text, strlen(text), err));
+    HADA_TRY(hada_file_write(json, text, strlen(text), err));
     HADA_TRY(write_csv(bench, csv, err));
     hada_cli_say(bench->cli, "\nWrote %s and %s.", json, csv);
 done:

@@ -1,7 +1,7 @@
 #include "bench.h"
 #include "command.h"
-#include "folder.h"
 
+#include <hadalens/folder.h>
 #include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>

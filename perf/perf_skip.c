@@ -79,7 +79,7 @@ static void run(kind *plan, const hada_image *raw, const kind *dense)
     must(hada_plan_run(plan->plan, raw, &plan->result, &error));
     plan->times[plan->count] = hada_seconds() - start;
     const hada_report *report = plan->result.report;
-    const hada_skip_report *skipped = &report->skipped;
+    const hada_skip_report *skipped = report->skipped;
     plan->linear[plan->count] = report->seconds_upload + report->seconds_linear;
     if (dense) {
         plan->ratios[plan->count] = dense->times[dense->count - 1] / plan->times[plan->count];

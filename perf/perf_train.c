@@ -132,7 +132,7 @@ static void step_engine(hada_replica *replica, const hada_sample *samples, int a
     hada_terms terms;
     double norm, critic_norm;
     unsigned char touched[1] = {0};
-    must(hada_replica_clear(replica, &err));
+    hada_parameters_clear(hada_replica_parameters(replica));
     must(hada_replica_backward(replica, samples, at_once, 1.0 / at_once, step, 0, &terms, touched, &err));
     must(hada_parameters_norm(hada_replica_parameters(replica), touched, &norm, &critic_norm, &err));
     for (int group = 0; group < hada_replica_parameters(replica)->count; group++)

@@ -131,7 +131,7 @@ static hada_status read_enhance(const hada_model *model, work *todo, hada_error 
     one->cols = info->enhance_cols ? info->enhance_cols : info->window_cols;
     todo->job_count++;
 done:
-    free(description);
+    hada_text_destroy(&description);
     return status;
 }
 
@@ -273,7 +273,7 @@ static hada_status tune_net(hada_cli *cli, hada_context *context, const work *to
                      skipped);
 done:
     hada_cli_progress_end(cli);
-    free(rows);
+    hada_tune_convs_destroy(&rows);
     return status;
 }
 

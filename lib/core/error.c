@@ -2,6 +2,7 @@
 
 #include <stdarg.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 const char *hada_status_name(hada_status status)
@@ -123,6 +124,14 @@ const char *hada_cl_code_name(int code)
         if (names[i].code == code)
             return names[i].name;
     return "an OpenCL error";
+}
+
+void hada_text_destroy(char **text)
+{
+    if (!text)
+        return;
+    free(*text);
+    *text = NULL;
 }
 
 const char *hada_version(void)

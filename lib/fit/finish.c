@@ -182,3 +182,11 @@ hada_status hada_fitter_judge_and_finish(hada_fitter *fitter, hada_fit_show show
 done:
     return status;
 }
+
+void hada_fit_rows_destroy(hada_fit_row **rows)
+{
+    if (!rows)
+        return;
+    free(*rows);
+    *rows = NULL;
+}

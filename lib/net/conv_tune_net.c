@@ -98,3 +98,11 @@ done:
     free(words);
     return status;
 }
+
+void hada_tune_convs_destroy(hada_tune_conv_row **rows)
+{
+    if (!rows)
+        return;
+    free(*rows);
+    *rows = NULL;
+}

@@ -140,7 +140,7 @@ static hada_status fit(fault_job *job, hada_context *context, hada_model **model
         status = hada_fitter_finish(fitter, model, &rows, &count, err);
     if (!status)
         add_bytes(job, rows, count * sizeof *rows);
-    free(rows);
+    hada_fit_rows_destroy(&rows);
     hada_fitter_destroy(&fitter);
     return status;
 }

@@ -203,7 +203,7 @@ static void the_table_marks_the_best_row(void **state)
     assert_int_equal(chosen, 1);
     /* more pairs make the scores stale: without new ones the defaults serve */
     ASSERT_OK(hada_fitter_add(fitter, 0, &f->frame[0][0], &f->scene[0][0], err));
-    free(rows);
+    hada_fit_rows_destroy(&rows);
     hada_model_destroy(&model);
     ASSERT_OK(hada_fitter_finish(fitter, &model, &rows, &count, err));
     assert_int_equal(count, 0);

@@ -97,7 +97,7 @@ static void refinement_is_chosen_where_it_pays(void **state)
             fail_msg("refinement gained only %g dB", chosen - linear);
         if (!strange)
             assert_true(model->info.refine_steps > 0);
-        free(rows);
+        hada_fit_rows_destroy(&rows);
         hada_model_destroy(&model);
     }
     assert_int_equal(hada_context_bytes(context), 0);

@@ -232,7 +232,7 @@ static void the_weight_is_chosen_on_held_out_pairs(void **state)
     /* new pairs discard it */
     ASSERT_OK(hada_fitter_add(fitter, 0, &f->frame[0][0], &f->scene[0][0], err));
     assert_null(fitter->outside.filters);
-    free(rows);
+    hada_fit_rows_destroy(&rows);
     hada_model_destroy(&plain);
     hada_model_destroy(&first);
     hada_fitter_destroy(&fitter);

@@ -72,8 +72,8 @@ static void check_round_trip(hada_net *net)
     for (int i = 0; i < net->count; i++)
         assert_memory_equal(&net->layers[i], &again->layers[i], sizeof(hada_layer));
     assert_int_equal(again->floats, net->floats);
-    free(text);
-    free(other);
+    hada_text_destroy(&text);
+    hada_text_destroy(&other);
     hada_net_destroy(&again);
     hada_net_destroy(&net);
 }

@@ -307,7 +307,7 @@ static void a_tuned_net_gives_the_same(void **state)
     assert_int_equal(count, 15);
     assert_int_equal(layers, 19);
     assert_string_equal(rows[count - 1].before, "plain"); /* as the file says */
-    free(rows);
+    hada_tune_convs_destroy(&rows);
     hada_net_destroy(&net);
     hada_image_destroy(&in);
     hada_image_destroy(&out[0]);

@@ -55,7 +55,7 @@ static hada_status profile_frame(void *user, int round, double *value, hada_erro
         *value += rows[i].seconds;
     }
 done:
-    free(rows);
+    hada_kernel_times_destroy(&rows);
     return status;
 }
 

@@ -109,9 +109,12 @@ typedef struct hada_fit_row {
     int chosen;
 } hada_fit_row;
 
-/* Chooses, solves W and H, and makes the model. *rows (may be NULL) is freed with free(). */
+/* Chooses, solves W and H, and makes the model. *rows (may be NULL) are given back by
+ * hada_fit_rows_destroy(). */
 HADA_API hada_status hada_fitter_finish(hada_fitter *fitter, hada_model **out, hada_fit_row **rows, size_t *row_count,
                                         hada_error *err);
+/* Frees the rows and clears the pointer; NULL is fine. */
+HADA_API void hada_fit_rows_destroy(hada_fit_row **rows);
 
 /* The same with hada_fitter_judge() before it, where that serves: where options.outside is given, or the linear filters
  * are what the model will use. Judging gains a decibel or two and takes most of the time of a fit, so where refinement,

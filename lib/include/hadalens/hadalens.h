@@ -1,4 +1,5 @@
-/* Hadalens: everything at once. The headers can also be included one by one. */
+/* Hadalens: everything at once. The headers can also be included one by one; each says its threads, shapes, units,
+ * ownership and errors. opencl.h, which needs the headers of OpenCL, is not among them. */
 #ifndef HADALENS_HADALENS_H
 #define HADALENS_HADALENS_H
 

@@ -9,10 +9,11 @@
  * Reports. Structs that the library fills in the caller's memory begin with their size as well, which the caller sets
  * before the call (hada_step_report report = {.size = sizeof report}; in C++ report.size = sizeof report); as much is
  * filled as both sides know. Structs that the library hands out by a const pointer are its own: later versions may
- * append to them. Plain structs without a size (hada_image, hada_error, hada_result, hada_plane) stay as they are.
+ * append to them. Plain structs without a size (hada_image, hada_error, hada_result, hada_plane) and the rows
+ * of arrays stay as they are.
  *
- * Lists and other things that the library makes are objects: made by ..._create(), read by ..._count() and ..._get(),
- * given back by ..._destroy(), which clears the pointer. Files are opened and closed. Nothing is given to free().
+ * What the library makes is given back by a ..._destroy(), which clears the pointer; most of it is made by ..._create()
+ * and read by ..._get(). Files are opened and closed. Nothing is given to free().
  *
  * Defaults. A number that the library is to choose is HADA_AUTO, in integers and in floating point alike, and each
  * option that can be left open says so; of an enumeration it is the member ..._AUTO. Pointers that are left open are
@@ -61,6 +62,9 @@ extern "C" {
 
 /* The version of the library that runs, such as "0.1.0". Never NULL. */
 HADA_API const char *hada_version(void);
+
+/* Frees a text that the library made and clears the pointer; NULL is fine. */
+HADA_API void hada_text_destroy(char **text);
 
 #ifdef __cplusplus
 }

@@ -3,7 +3,9 @@
  * All of them look for planes x that explain the frame, b = M sum_z PSF_z * x_z + noise, with the model's transfer
  * functions (measured or learned); M is the sensor's frame (circular boundary: everything), the sum over the depths
  * that are computed, or those that are listed as occupied. Each is a choice of hada_plan_options
- * (hadalens/reconstruct.h), so that frames, results, reports and jobs are the same for all. */
+ * (hadalens/reconstruct.h), so that frames, results, reports and jobs are the same for all.
+ *
+ * Threads: no state. Sources of each method: docs/rivals.md. */
 #ifndef HADALENS_CLASSIC_H
 #define HADALENS_CLASSIC_H
 

@@ -44,6 +44,10 @@ static inline void hada_fit_options_init(hada_fit_options *options)
     hada_fit_options_defaults(options, sizeof *options);
 }
 
+/* A model of zero filters with the sizes, distances, form, boundary and dark level of `sizes`: something to begin
+ * training from at random (hadalens/train.h). */
+HADA_API hada_status hada_model_blank(hada_model **out, const hada_fit_options *sizes, hada_error *err);
+
 HADA_API hada_status hada_fitter_create(hada_fitter **out, hada_context *context, const hada_fit_options *options,
                                         hada_error *err);
 HADA_API void hada_fitter_destroy(hada_fitter **fitter);
@@ -105,9 +109,18 @@ typedef struct hada_fit_row {
     int chosen;
 } hada_fit_row;
 
-/* Chooses, solves W and H, and makes the model. *rows (may be NULL) is freed with free(). */
+/* Chooses, solves W and H, and makes the model. *rows (may be NULL) are given back by
+ * hada_fit_rows_destroy(). */
 HADA_API hada_status hada_fitter_finish(hada_fitter *fitter, hada_model **out, hada_fit_row **rows, size_t *row_count,
                                         hada_error *err);
+/* Frees the rows and clears the pointer; NULL is fine. */
+HADA_API void hada_fit_rows_destroy(hada_fit_row **rows);
+
+/* The same with hada_fitter_judge() before it, where that serves: where options.outside is given, or the linear filters
+ * are what the model will use. Judging gains a decibel or two and takes most of the time of a fit, so where refinement,
+ * which does without the filters, is found to lead by more than that, it is left out. */
+HADA_API hada_status hada_fitter_judge_and_finish(hada_fitter *fitter, hada_fit_show show, void *user, hada_model **out,
+                                                  hada_fit_row **rows, size_t *row_count, hada_error *err);
 
 #ifdef __cplusplus
 }

@@ -17,7 +17,10 @@
  * depths, a pixel is covered when its best measure is above m + z s, and more than z s above every depth that is not
  * next to the best. Besides, it must be above mean + z standard deviations of the measure of white noise of the planes'
  * own level (J. Immerkaer, "Fast noise variance estimation", Computer Vision and Image Understanding 64(2), 300 (1996),
- * by the median). Ties go to the nearer depth. */
+ * by the median). Ties go to the nearer depth.
+ *
+ * Threads: no state, but a context is used; calls on one context may run at once. *all_in_focus and *distance_map are
+ * the caller's: hada_image_destroy(). */
 #ifndef HADALENS_FOCUS_H
 #define HADALENS_FOCUS_H
 

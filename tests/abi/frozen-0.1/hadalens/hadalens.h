@@ -1,4 +1,5 @@
-/* Hadalens: everything at once. The headers can also be included one by one. */
+/* Hadalens: everything at once. The headers can also be included one by one; each says its threads, shapes, units,
+ * ownership and errors. opencl.h, which needs the headers of OpenCL, is not among them. */
 #ifndef HADALENS_HADALENS_H
 #define HADALENS_HADALENS_H
 
@@ -18,6 +19,7 @@
 #include <hadalens/monitor.h>
 #include <hadalens/net.h>
 #include <hadalens/optics.h>
+#include <hadalens/pixels.h>
 #include <hadalens/plot.h>
 #include <hadalens/preview.h>
 #include <hadalens/profile.h>
@@ -27,8 +29,13 @@
 #include <hadalens/sensor.h>
 #include <hadalens/simulate.h>
 #include <hadalens/status.h>
+#include <hadalens/task_evaluate.h>
 #include <hadalens/task_fit.h>
+#include <hadalens/task_optics.h>
+#include <hadalens/task_reconstruct.h>
 #include <hadalens/task_register.h>
+#include <hadalens/task_simulate.h>
+#include <hadalens/task_train.h>
 #include <hadalens/tiff.h>
 #include <hadalens/train.h>
 #include <hadalens/tune.h>

@@ -1,7 +1,9 @@
 /* Hadalens: images on the host.
  *
  * float32, planar: data[(channel * rows + row) * cols + col]. Linear intensity. Integer files are
- * divided by their full scale (255, 65535, 4294967295); float files are taken as they are. */
+ * divided by their full scale (255, 65535, 4294967295); float files are taken as they are.
+ *
+ * Threads: images are plain values; any number of threads may read one. */
 #ifndef HADALENS_IMAGE_H
 #define HADALENS_IMAGE_H
 

@@ -42,6 +42,11 @@ typedef enum hada_job_state {
 HADA_API hada_status hada_job_submit(hada_job **out, hada_plan *plan, const hada_image *raw, hada_result *result,
                                      hada_error *err);
 
+/* As hada_job_submit(), of pixels in any form. Those that are not dense floats of one channel after the other are
+ * converted before it returns, and may be touched from then on. */
+HADA_API hada_status hada_job_submit_pixels(hada_job **out, hada_plan *plan, const hada_pixels *raw,
+                                            hada_result *result, hada_error *err);
+
 HADA_API hada_job_state hada_job_poll(const hada_job *job);
 
 /* Part done, 0 to 1, by counted work; never falls. */

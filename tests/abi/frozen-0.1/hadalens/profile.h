@@ -34,9 +34,11 @@ typedef struct hada_kernel_time {
 /* Turns profiling of a plan on, from nothing, or off, which forgets. Off by default. */
 HADA_API hada_status hada_plan_profile(hada_plan *plan, int on, hada_error *err);
 
-/* What the plan's queues did since profiling was turned on: *count rows in the order of first use, freed by the caller
- * with free(). Of several queues and devices together. HADA_ERROR_STATE while profiling is off. */
+/* What the plan's queues did since profiling was turned on: *count rows in the order of first use, given back
+ * by hada_kernel_times_destroy(). Of several queues and devices together. HADA_ERROR_STATE while profiling is off. */
 HADA_API hada_status hada_plan_kernel_times(hada_plan *plan, hada_kernel_time **rows, size_t *count, hada_error *err);
+/* Frees the rows and clears the pointer; NULL is fine. */
+HADA_API void hada_kernel_times_destroy(hada_kernel_time **rows);
 
 /* Measures the ceilings of a context's device by kernels made for it, in a second or two: the traffic of a copy
  * that is larger than caches (bytes read plus bytes written), and float32 arithmetic in registers (a fused multiply-add

@@ -10,6 +10,7 @@
 #include <hadalens/device.h>
 #include <hadalens/image.h>
 #include <hadalens/model.h>
+#include <hadalens/pixels.h>
 
 #ifdef __cplusplus
 extern "C" {
@@ -95,7 +96,7 @@ HADA_API hada_status hada_plan_estimate(hada_context *context, const hada_model 
  * needed at the same time did not share room (docs/scheduling.md). Either may be NULL. */
 HADA_API void hada_plan_memory(const hada_plan *plan, uint64_t *held, uint64_t *apart);
 
-/* What was not computed, and what that may have changed. */
+/* What was not computed, and what that may have changed. The library's own: later versions may append to it. */
 typedef struct hada_skip_report {
     unsigned kinds;       /* HADA_SKIP_... that saved something in this frame */
     double bound;         /* of the relative L2 change of the stack, by a chosen band as well; 0: none */
@@ -106,35 +107,63 @@ typedef struct hada_skip_report {
     int again;            /* 1: a bound did not hold when the result was known; the frame was done again in full */
 } hada_skip_report;
 
-/* What happened, with the seconds of each stage. */
+/* What happened, with the seconds of each stage. The library's own: later versions may append to it. */
 typedef struct hada_report {
     int occupied_count;
-    unsigned char *occupied; /* per computed depth, owned by the result */
+    const unsigned char *occupied; /* per computed depth */
     hada_method method;
     int refine_steps;       /* refinement steps, or iterations of a classic method, that were done */
     double residual_linear; /* |frame - what the linear result explains| / |frame|; NaN where not computed */
     double residual;        /* after refinement */
     double dark;            /* level taken off */
     size_t repaired_pixels;
-    hada_skip_report skipped;
+    const hada_skip_report *skipped;
     int enhanced; /* planes that went through the model's net */
     double seconds_total, seconds_upload, seconds_linear, seconds_pursuit, seconds_refine, seconds_enhance,
         seconds_focus, seconds_download;
 } hada_report;
 
+/* What comes of a frame. Begin with an empty one, hada_result result = {0}; its members are the result's until it is
+ * destroyed or filled again. This struct stays as it is: what later versions add is read by functions. */
 typedef struct hada_result {
-    int depths;
-    double *distances_mm;    /* per computed depth */
-    hada_image *planes;      /* per computed depth: channels x window */
-    hada_image all_in_focus; /* channels x window */
-    hada_image distance_map; /* 1 x window, millimetres, NaN where nothing is in focus */
-    hada_report report;
+    int depths;                 /* computed */
+    const double *distances_mm; /* per computed depth */
+    hada_image *planes;         /* per computed depth, channels x window; their pixels stand behind each other, so that
+                                   planes[0].data is the stack, [depth][channel][row][col] */
+    hada_image all_in_focus;    /* channels x window */
+    hada_image distance_map;    /* 1 x window, millimetres, NaN where nothing is in focus */
+    const hada_report *report;  /* NULL while the result is empty */
+    struct hada_result_memory *memory; /* the library's */
 } hada_result;
 
 /* Reconstructs one frame (the model's channels and raw size). The result is the caller's: hada_result_destroy. A result
  * used again for the next frame keeps its memory; after a failure in the work itself it is empty. */
 HADA_API hada_status hada_plan_run(hada_plan *plan, const hada_image *raw, hada_result *result, hada_error *err);
+/* As hada_plan_run(), of pixels in any form: the same bits as of the image that they are. */
+HADA_API hada_status hada_plan_run_pixels(hada_plan *plan, const hada_pixels *raw, hada_result *result,
+                                          hada_error *err);
 HADA_API void hada_result_destroy(hada_result *result);
+
+/* Arrays of the caller's that a result is written into, instead of memory of the library's: dense float32, in the order
+ * [depth][channel][row][col], [channel][row][col] and [row][col]. NULL (default): the library's own. */
+typedef struct hada_result_arrays {
+    size_t size; /* sizeof(hada_result_arrays) */
+    float *stack;
+    size_t stack_count; /* values that the array holds: depths x channels x window, exactly */
+    float *all_in_focus;
+    size_t all_in_focus_count;
+    float *distance_map;
+    size_t distance_map_count;
+} hada_result_arrays;
+HADA_API void hada_result_arrays_defaults(hada_result_arrays *arrays, size_t size);
+static inline void hada_result_arrays_init(hada_result_arrays *arrays)
+{
+    hada_result_arrays_defaults(arrays, sizeof *arrays);
+}
+
+/* From now on, until hada_result_destroy(), this result is written into these arrays, which must live as long. What it
+ * held is gone. A run whose sizes are others fails with HADA_ERROR_SIZE; after a failure the arrays hold anything. */
+HADA_API hada_status hada_result_use(hada_result *result, const hada_result_arrays *arrays, hada_error *err);
 
 #ifdef __cplusplus
 }

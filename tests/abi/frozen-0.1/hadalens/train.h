@@ -140,10 +140,6 @@ HADA_API hada_status hada_trainer_create_on(hada_trainer **out, hada_context *co
                                             hada_error *err);
 HADA_API void hada_trainer_destroy(hada_trainer **trainer);
 
-/* A model of zero filters with the sizes, distances, form, boundary and dark level of `sizes`: something to start
- * FILTERS from at random, or CONVENTIONAL. */
-HADA_API hada_status hada_model_blank(hada_model **out, const hada_fit_options *sizes, hada_error *err);
-
 /* Options as the trainer understood them (what was left open is filled in), and the net that is trained (owned by it,
  * with its first values; NULL: none). */
 HADA_API const hada_train_options *hada_trainer_get_options(const hada_trainer *trainer);

@@ -60,10 +60,13 @@ typedef struct hada_tune_conv_row {
     char reason[256];               /* of the last refusal, "" without one */
 } hada_tune_conv_row;
 
-/* The distinct convolutions of a net for images of rows x cols, in the order of its layers; *out is freed with free().
+/* The distinct convolutions of a net for images of rows x cols, in the order of its layers; *out is given back
+ * by hada_tune_convs_destroy().
  * HADA_ERROR_SIZE where the net does not take the size. */
 HADA_API hada_status hada_tune_net(hada_context *context, const hada_net *net, int rows, int cols,
                                    hada_tune_conv_row **out, size_t *count, hada_error *err);
+/* Frees the rows and clears the pointer; NULL is fine. */
+HADA_API void hada_tune_convs_destroy(hada_tune_conv_row **rows);
 
 /* Measures the implementations, tile sizes and shares of work that can serve a convolution (forward, with bias and
  * ReLU), taking turns, for about `seconds` and what the plain one takes once. Each is first held against the plain one,

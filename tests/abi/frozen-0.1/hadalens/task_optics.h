@@ -1,0 +1,42 @@
+/* Hadalens: what a camera resolves, as the command 'optics' finds and writes it.
+ *
+ * Threads: a run uses the calling thread; several may run at once on contexts of their own. Source: docs/optics.md. */
+#ifndef HADALENS_TASK_OPTICS_H
+#define HADALENS_TASK_OPTICS_H
+
+#include <hadalens/monitor.h>
+#include <hadalens/optics.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct hada_optics_task {
+    size_t size;      /* sizeof(hada_optics_task) */
+    const char *psf;  /* a TIFF file of PSFs, a page per depth, of the sensor's size; NULL: by the camera's design */
+    int coherent;     /* by wave optics, all lenses together (hada_wave_options) */
+    double threshold; /* of the MTF, below 1; HADA_AUTO (default): 0.05 */
+    const hada_monitor *monitor;
+} hada_optics_task;
+HADA_API void hada_optics_task_defaults(hada_optics_task *task, size_t size);
+static inline void hada_optics_task_init(hada_optics_task *task)
+{
+    hada_optics_task_defaults(task, sizeof *task);
+}
+
+/* Makes or reads the PSFs of all depths, reports on them, and writes a folder that is not there yet, or empty, and that
+ * appears whole or not at all: camera.json, psf.tif, depths.csv, mtf.csv, self_correlation.csv, correlation.csv,
+ * lenses.csv (masks of lenses or holes) and, where this build draws pictures, the tables as .svg, mask.png and
+ * psf_z<distance>mm.png. *report is the caller's, as after hada_optics_report_begin(); empty after a failure. `task`
+ * may be NULL. */
+HADA_API hada_status hada_optics_run(hada_optics_report *report, hada_context *context, const hada_camera *camera,
+                                     const char *folder, const hada_optics_task *task, hada_error *err);
+
+/* The columns of depths.csv: the name of column 0, 1, ..., NULL behind the last, and its value in a row. */
+HADA_API const char *hada_optics_column(int column);
+HADA_API double hada_optics_value(const hada_optics_row *row, int column);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

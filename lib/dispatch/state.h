@@ -24,7 +24,7 @@ typedef struct hada_queue_worker {
 } hada_queue_worker;
 
 struct hada_job {
-    hada_frame frame; /* its owner is the job */
+    hada_frame frame;           /* its owner is the job */
     hada_image converted, view; /* of a frame that was given in another form; the latter owns nothing */
     hada_dispatcher *dispatcher;
     hada_job *next; /* in one of the dispatcher's lists */

@@ -76,9 +76,9 @@ hada_status hada_pipeline_help(hada_pipeline *pipeline, hada_frame *frame, int f
     if (status)
         return status;
     hada_slot_cancel_by(pipeline->slot, &frame->cancelled);
-    status = hada_pipeline_load(pipeline, frame, err);
-    if (!status)
-        status = hada_pipeline_linear_batch(pipeline, frame, first, count, err);
+    HADA_TRY(hada_pipeline_load(pipeline, frame, err));
+    HADA_TRY(hada_pipeline_linear_batch(pipeline, frame, first, count, err));
+done:
     if (status)
         reset(pipeline);
     hada_slot_cancel_by(pipeline->slot, NULL);

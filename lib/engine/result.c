@@ -25,6 +25,7 @@ void hada_result_clear(hada_result *result)
         hada_image_destroy(&memory->distance_map);
         *memory = (hada_result_memory){.arrays = memory->arrays, .device = memory->device};
     }
+    /* NOLINTNEXTLINE(clang-analyzer-unix.Malloc): it takes the emptied struct below for the one before */
     free((double *)result->distances_mm);
     free(result->planes);
     *result = (hada_result){.memory = memory};

@@ -112,5 +112,7 @@ hada_range hada_own_pass_range(const hada_own_pass *pass, const hada_slot *slot,
 
 hada_either hada_own_pass_scratch(const hada_own_pass *pass)
 {
-    return pass->local_bytes ? (hada_either){.bytes = pass->local_bytes} : (hada_either){.buffer = pass->scratch.mem};
+    if (pass->local_bytes)
+        return (hada_either){.bytes = pass->local_bytes};
+    return (hada_either){.buffer = pass->scratch.mem};
 }

@@ -62,24 +62,24 @@ static hada_status pack_filter(const hada_bank *bank, const hada_model *model, i
 {
     const size_t plane = hada_model_plane(model);
     const size_t first = ((size_t)depth * (size_t)bank->channels + (size_t)channel) * plane * 2;
+    hada_status status = HADA_OK;
     if (!bank->half) {
         hada_layout_pack(&bank->layout, model->filter + first, out);
         return check_finite(model, depth, "filter", model->filter + first, plane * 2, err);
     }
     if (!model->filter_half) {
-        hada_status status = check_finite(model, depth, "filter", model->filter + first, plane * 2, err);
-        if (!status)
-            status = hada_filter_to_half(model->filter + first, plane * 2, rows, err);
-        if (!status)
-            hada_layout_pack_half(&bank->layout, rows, out);
-        return status;
+        HADA_TRY(check_finite(model, depth, "filter", model->filter + first, plane * 2, err));
+        HADA_TRY(hada_filter_to_half(model->filter + first, plane * 2, rows, err));
+        hada_layout_pack_half(&bank->layout, rows, out);
+        return HADA_OK;
     }
     const uint16_t *half = model->filter_half + first;
     for (size_t i = 0; i < plane * 2; i++)
         if ((half[i] & 0x7c00u) == 0x7c00u)
-            return not_finite(model, depth, "half-precision filter", err);
+            HADA_TRY(not_finite(model, depth, "half-precision filter", err));
     hada_layout_pack_half(&bank->layout, half, out);
-    return HADA_OK;
+done:
+    return status;
 }
 
 static hada_status upload(hada_bank *bank, hada_slot *slot, const hada_model *model, const int *depths, int otf,
@@ -88,34 +88,33 @@ static hada_status upload(hada_bank *bank, hada_slot *slot, const hada_model *mo
     const int per_buffer = otf ? bank->otf_depths : bank->filter_depths;
     const int half = bank->half && !otf, buffers = (bank->depths + per_buffer - 1) / per_buffer;
     const size_t plane = hada_model_plane(model), image_bytes = bank->layout.count * (half ? 4 : 8);
+    hada_status status = HADA_OK;
     hada_buffer *list;
     void *image = NULL, *rows = NULL;
-    hada_status status = hada_alloc((void **)&list, (size_t)buffers, sizeof *list, "a filter bank", err);
-    if (status)
-        return status;
+    HADA_TRY(hada_alloc((void **)&list, (size_t)buffers, sizeof *list, "a filter bank", err));
     *(otf ? &bank->otfs : &bank->filters) = list;
-    status = hada_alloc_raw(&image, 1, image_bytes, "a filter on its way to the device", err);
-    if (!status && half)
-        status = hada_alloc_raw(&rows, plane, 4, "a filter in half precision", err);
-    for (int b = 0; !status && b < buffers; b++) {
+    HADA_TRY(hada_alloc_raw(&image, 1, image_bytes, "a filter on its way to the device", err));
+    if (half)
+        HADA_TRY(hada_alloc_raw(&rows, plane, 4, "a filter in half precision", err));
+    for (int b = 0; b < buffers; b++) {
         const int left = bank->depths - b * per_buffer, here = left < per_buffer ? left : per_buffer;
-        status = hada_buffer_create(&list[b], slot->context, (size_t)here * (size_t)bank->channels * image_bytes,
-                                    otf ? "the transfer functions" : "the filters", err);
+        HADA_TRY(hada_buffer_create(&list[b], slot->context, (size_t)here * (size_t)bank->channels * image_bytes,
+                                    otf ? "the transfer functions" : "the filters", err));
     }
-    for (int i = 0; !status && i < bank->depths * bank->channels; i++) {
+    for (int i = 0; i < bank->depths * bank->channels; i++) {
         const int z = i / bank->channels, c = i % bank->channels, depth = depths ? depths[z] : z;
         if (otf) {
             const float *from = model->otf + ((size_t)depth * (size_t)bank->channels + (size_t)c) * plane * 2;
             hada_layout_pack(&bank->layout, from, image);
-            status = check_finite(model, depth, "transfer function", from, plane * 2, err);
+            HADA_TRY(check_finite(model, depth, "transfer function", from, plane * 2, err));
         } else {
-            status = pack_filter(bank, model, depth, c, rows, image, err);
+            HADA_TRY(pack_filter(bank, model, depth, c, rows, image, err));
         }
         const size_t at = (size_t)((z % per_buffer) * bank->channels + c) * image_bytes;
-        if (!status)
-            status = hada_buffer_write(&list[z / per_buffer], slot, at, image, image_bytes, err);
+        HADA_TRY(hada_buffer_write(&list[z / per_buffer], slot, at, image, image_bytes, err));
         hada_model_forget(model); /* copied: the file need not stand in memory beside the device's copy */
     }
+done:
     free(image);
     free(rows);
     return status;
@@ -126,6 +125,7 @@ hada_status hada_bank_create(hada_bank **out, hada_slot *slot, const hada_model 
                              hada_error *err)
 {
     const hada_model_info *info = &model->info;
+    hada_status status = HADA_OK;
     hada_bank *bank;
     *out = NULL;
     if (!depths)
@@ -139,22 +139,20 @@ hada_status hada_bank_create(hada_bank **out, hada_slot *slot, const hada_model 
     if ((parts & HADA_BANK_OTFS) && !model->otf)
         return hada_fail(err, HADA_ERROR_MODEL,
                          "the model holds no transfer functions, which refinement needs; fit again, or use --refine 0");
-    hada_status status = hada_alloc((void **)&bank, 1, sizeof *bank, "a filter bank", err);
-    if (status)
-        return status;
+    HADA_TRY(hada_alloc((void **)&bank, 1, sizeof *bank, "a filter bank", err));
     bank->layout = *layout;
     bank->depths = count;
     bank->channels = info->channels;
     bank->parts = parts;
     bank->half = half || info->half;
     bank->product = info->form == HADA_FORM_SPLIT ? HADA_FFT_SPLIT : HADA_FFT_COMPLEX;
-    status = split(slot->context, depth_bytes(layout, info->channels, bank->half), count, &bank->filter_depths, err);
-    if (!status)
-        status = split(slot->context, depth_bytes(layout, info->channels, 0), count, &bank->otf_depths, err);
-    if (!status && (parts & HADA_BANK_FILTERS))
-        status = upload(bank, slot, model, depths, 0, err);
-    if (!status && (parts & HADA_BANK_OTFS))
-        status = upload(bank, slot, model, depths, 1, err);
+    HADA_TRY(split(slot->context, depth_bytes(layout, info->channels, bank->half), count, &bank->filter_depths, err));
+    HADA_TRY(split(slot->context, depth_bytes(layout, info->channels, 0), count, &bank->otf_depths, err));
+    if (parts & HADA_BANK_FILTERS)
+        HADA_TRY(upload(bank, slot, model, depths, 0, err));
+    if (parts & HADA_BANK_OTFS)
+        HADA_TRY(upload(bank, slot, model, depths, 1, err));
+done:
     if (status)
         hada_bank_destroy(&bank);
     *out = bank;
@@ -203,6 +201,7 @@ hada_status hada_bank_prior(hada_buffer *out, hada_slot *slot, const hada_model 
 {
     const hada_model_info *info = &model->info;
     const size_t plane = hada_model_plane(model), channels = (size_t)info->channels;
+    hada_status status = HADA_OK;
     float *rows = NULL, *blocks = NULL;
     double noise = 0.0;
     /* noise fills the grid, scenes the window alone: their ratio within the window is what the prior means */
@@ -213,10 +212,9 @@ hada_status hada_bank_prior(hada_buffer *out, hada_slot *slot, const hada_model 
         noise += model->noise_power[i];
     if (!model->scene_power || !(noise > 0.0))
         return HADA_OK;
-    hada_status status = hada_alloc_raw((void **)&rows, plane, sizeof *rows, "the prior", err);
-    if (!status)
-        status = hada_alloc_raw((void **)&blocks, channels * layout->count, sizeof *blocks, "the prior", err);
-    for (size_t c = 0; !status && c < channels; c++) {
+    HADA_TRY(hada_alloc_raw((void **)&rows, plane, sizeof *rows, "the prior", err));
+    HADA_TRY(hada_alloc_raw((void **)&blocks, channels * layout->count, sizeof *blocks, "the prior", err));
+    for (size_t c = 0; c < channels; c++) {
         double mean = 0.0;
         for (int z = 0; z < info->depths; z++)
             mean += share * model->noise_power[(size_t)z * channels + c] / info->depths;
@@ -225,9 +223,8 @@ hada_status hada_bank_prior(hada_buffer *out, hada_slot *slot, const hada_model 
             rows[i] = mean > 0.0 ? (float)fmin(mean / model->scene_power[i], most) : 0.0f;
         hada_layout_pack_real(layout, rows, blocks + c * layout->count);
     }
-    if (!status)
-        status =
-            hada_buffer_create_from(out, slot, blocks, channels * layout->count * sizeof *blocks, "the prior", err);
+    HADA_TRY(hada_buffer_create_from(out, slot, blocks, channels * layout->count * sizeof *blocks, "the prior", err));
+done:
     free(rows);
     free(blocks);
     return status;

@@ -91,31 +91,28 @@ uint64_t hada_hadamard_check_bytes(const hada_context *context, const hada_model
 hada_status hada_hadamard_note(const hada_context *context, const hada_model_info *info, int batch,
                                hada_scratch *scratch, int first, int raw_last, int last, hada_error *err)
 {
+    hada_status status = HADA_OK;
     hada_geometry geometry;
-    hada_status status = hada_geometry_of(info, &geometry, err);
-    if (status)
-        return status;
+    HADA_TRY(hada_geometry_of(info, &geometry, err));
     const hada_fft_desc forward = forward_desc(info, &geometry), inverse = inverse_desc(info, &geometry, batch);
     hada_scratch_steps(scratch, first, last);
-    status = hada_fft_note(context, &forward, scratch, err);
-    if (!status)
-        status = hada_fft_note(context, &inverse, scratch, err);
+    HADA_TRY(hada_fft_note(context, &forward, scratch, err));
+    HADA_TRY(hada_fft_note(context, &inverse, scratch, err));
     hada_scratch_steps(scratch, first, raw_last);
-    return status
-               ? status
-               : hada_scratch_note(scratch, (size_t)info->channels * forward.real_distance * 4, "the raw frame", err);
+    HADA_TRY(hada_scratch_note(scratch, (size_t)info->channels * forward.real_distance * 4, "the raw frame", err));
+done:
+    return status;
 }
 
 hada_status hada_hadamard_create(hada_hadamard **out, hada_slot *slot, hada_scratch *scratch,
                                  const hada_model_info *info, int batch, hada_error *err)
 {
+    hada_status status = HADA_OK;
     hada_hadamard *stage;
     *out = NULL;
     if (batch < 1)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a batch of %d depths is not possible", batch);
-    hada_status status = hada_alloc((void **)&stage, 1, sizeof *stage, "a Hadamard stage", err);
-    if (status)
-        return status;
+    HADA_TRY(hada_alloc((void **)&stage, 1, sizeof *stage, "a Hadamard stage", err));
     stage->slot = slot;
     stage->channels = info->channels;
     stage->raw_rows = info->raw_rows;
@@ -123,21 +120,17 @@ hada_status hada_hadamard_create(hada_hadamard **out, hada_slot *slot, hada_scra
     stage->window_rows = info->window_rows;
     stage->window_cols = info->window_cols;
     stage->batch = batch;
-    status = hada_geometry_of(info, &stage->geometry, err);
+    HADA_TRY(hada_geometry_of(info, &stage->geometry, err));
     const hada_fft_desc forward = forward_desc(info, &stage->geometry);
     const hada_fft_desc inverse = inverse_desc(info, &stage->geometry, batch);
-    if (!status)
-        status = hada_fft_create_in(&stage->forward, slot, scratch, &forward, err);
-    if (!status)
-        status = hada_fft_create_in(&stage->inverse, slot, scratch, &inverse, err);
-    if (!status) {
-        stage->layout = *hada_fft_plan_layout(stage->forward);
-        status = hada_scratch_take(&stage->raw, slot->context, scratch,
-                                   (size_t)info->channels * forward.real_distance * 4, "the raw frame", err);
-    }
-    if (!status)
-        status = hada_buffer_create(&stage->spectrum, slot->context, (size_t)info->channels * stage->layout.count * 8,
-                                    "the frame's spectrum", err);
+    HADA_TRY(hada_fft_create_in(&stage->forward, slot, scratch, &forward, err));
+    HADA_TRY(hada_fft_create_in(&stage->inverse, slot, scratch, &inverse, err));
+    stage->layout = *hada_fft_plan_layout(stage->forward);
+    HADA_TRY(hada_scratch_take(&stage->raw, slot->context, scratch, (size_t)info->channels * forward.real_distance * 4,
+                               "the raw frame", err));
+    HADA_TRY(hada_buffer_create(&stage->spectrum, slot->context, (size_t)info->channels * stage->layout.count * 8,
+                                "the frame's spectrum", err));
+done:
     if (status)
         hada_hadamard_destroy(&stage);
     *out = stage;
@@ -163,13 +156,13 @@ void hada_hadamard_destroy(hada_hadamard **pointer)
 hada_status hada_hadamard_unprune(hada_hadamard *stage, hada_error *err)
 {
     const hada_fft_desc desc = whole_desc(stage->layout.rows, stage->layout.cols, stage->batch * stage->channels);
-    hada_status status = hada_slot_finish(stage->slot, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_slot_finish(stage->slot, err));
     hada_fft_destroy(&stage->inverse);
-    if (!status)
-        status = hada_fft_create(&stage->inverse, stage->slot, &desc, err);
-    if (!status)
-        status = hada_buffer_create(&stage->whole, stage->slot->context,
-                                    (size_t)desc.batch * desc.real_distance * sizeof(float), "the whole planes", err);
+    HADA_TRY(hada_fft_create(&stage->inverse, stage->slot, &desc, err));
+    HADA_TRY(hada_buffer_create(&stage->whole, stage->slot->context,
+                                (size_t)desc.batch * desc.real_distance * sizeof(float), "the whole planes", err));
+done:
     return status;
 }
 
@@ -180,10 +173,10 @@ hada_status hada_hadamard_set_dark(hada_hadamard *stage, const float *dark, hada
     if (!dark)
         return HADA_OK;
     if (!stage->dark.mem)
-        status = hada_buffer_create(&stage->dark, stage->slot->context, stage->raw.bytes, "the dark frame", err);
-    if (!status)
-        status = hada_buffer_write(&stage->dark, stage->slot, 0, dark, stage->raw.bytes, err);
-    stage->has_dark = !status;
+        HADA_TRY(hada_buffer_create(&stage->dark, stage->slot->context, stage->raw.bytes, "the dark frame", err));
+    HADA_TRY(hada_buffer_write(&stage->dark, stage->slot, 0, dark, stage->raw.bytes, err));
+    stage->has_dark = 1;
+done:
     return status;
 }
 
@@ -301,13 +294,13 @@ static hada_status invert(hada_hadamard *stage, const hada_fft_filter *filter, i
     const int step = filter->stride, at_once = step == 1 ? batch : 1;
     hada_fft_filter here = *filter;
     hada_status status = HADA_OK;
-    for (int i = 0; !status && i < batch; i += at_once) {
+    for (int i = 0; i < batch; i += at_once) {
         here.filter_first = filter->filter_first + i * step;
-        status = hada_fft_inverse(stage->inverse, at_once, stage->spectrum.mem, spectrum_offset, stage->whole.mem, 0,
-                                  &here, err);
-        if (!status)
-            status = crop(stage, at_once, planes, offset + (size_t)(i * step) * window, window, err);
+        HADA_TRY(hada_fft_inverse(stage->inverse, at_once, stage->spectrum.mem, spectrum_offset, stage->whole.mem, 0,
+                                  &here, err));
+        HADA_TRY(crop(stage, at_once, planes, offset + (size_t)(i * step) * window, window, err));
     }
+done:
     return status;
 }
 

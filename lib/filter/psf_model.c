@@ -98,24 +98,18 @@ static hada_status work_create(psf_work *work, hada_context *context, const hada
                                 .real_cols = info->grid_cols,
                                 .real_pitch = (size_t)info->grid_cols,
                                 .real_distance = area};
-    hada_status status = hada_slot_create(&work->slot, context, err);
-    if (!status)
-        status = hada_fft_create(&work->fft, work->slot, &desc, err);
-    if (status)
-        return status;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_slot_create(&work->slot, context, err));
+    HADA_TRY(hada_fft_create(&work->fft, work->slot, &desc, err));
     const size_t count = hada_fft_plan_layout(work->fft)->count;
-    status = hada_buffer_create(&work->real, context, channels * area * 4, "a point spread function", err);
-    if (!status)
-        status = hada_buffer_create(&work->spectrum, context, channels * count * 8, "a transfer function", err);
-    if (!status)
-        status = hada_alloc_raw((void **)&work->grid, channels * area, 4, "a point spread function", err);
-    if (!status)
-        status = hada_alloc_raw((void **)&work->blocks, channels * count, 8, "a transfer function", err);
-    if (!status)
-        status = hada_alloc_raw((void **)&work->room, (size_t)info->raw_rows * (size_t)info->raw_cols, 4,
-                                "the background of a point spread function", err);
-    if (!status)
-        status = hada_alloc((void **)&work->square, channels, sizeof(double), "a point spread function", err);
+    HADA_TRY(hada_buffer_create(&work->real, context, channels * area * 4, "a point spread function", err));
+    HADA_TRY(hada_buffer_create(&work->spectrum, context, channels * count * 8, "a transfer function", err));
+    HADA_TRY(hada_alloc_raw((void **)&work->grid, channels * area, 4, "a point spread function", err));
+    HADA_TRY(hada_alloc_raw((void **)&work->blocks, channels * count, 8, "a transfer function", err));
+    HADA_TRY(hada_alloc_raw((void **)&work->room, (size_t)info->raw_rows * (size_t)info->raw_cols, 4,
+                            "the background of a point spread function", err));
+    HADA_TRY(hada_alloc((void **)&work->square, channels, sizeof(double), "a point spread function", err));
+done:
     return status;
 }
 
@@ -139,19 +133,18 @@ static hada_status transform_depth(psf_work *work, hada_model *model, const hada
     const hada_model_info *info = &model->info;
     const hada_spectrum_layout *layout = hada_fft_plan_layout(work->fft);
     const size_t plane = hada_model_plane(model), area = (size_t)info->grid_rows * (size_t)info->grid_cols;
-    hada_status status = place(psf, info, psf_dark, depth, work->grid, work->square, work->room, err);
-    if (!status)
-        status = hada_buffer_write(&work->real, work->slot, 0, work->grid, (size_t)info->channels * area * 4, err);
-    if (!status)
-        status = hada_fft_forward(work->fft, info->channels, work->real.mem, 0, work->spectrum.mem, 0, err);
-    if (!status)
-        status = hada_buffer_read(&work->spectrum, work->slot, 0, work->blocks,
-                                  (size_t)info->channels * layout->count * 8, err);
-    for (int c = 0; !status && c < info->channels; c++) {
+    hada_status status = HADA_OK;
+    HADA_TRY(place(psf, info, psf_dark, depth, work->grid, work->square, work->room, err));
+    HADA_TRY(hada_buffer_write(&work->real, work->slot, 0, work->grid, (size_t)info->channels * area * 4, err));
+    HADA_TRY(hada_fft_forward(work->fft, info->channels, work->real.mem, 0, work->spectrum.mem, 0, err));
+    HADA_TRY(hada_buffer_read(&work->spectrum, work->slot, 0, work->blocks, (size_t)info->channels * layout->count * 8,
+                              err));
+    for (int c = 0; c < info->channels; c++) {
         const size_t at = ((size_t)depth * (size_t)info->channels + (size_t)c) * plane * 2;
         hada_layout_unpack(layout, work->blocks + (size_t)c * layout->count * 2, model->otf + at);
         make_filter(model->otf + at, plane, info->form, info->lambda, work->square[c], model->filter + at);
     }
+done:
     return status;
 }
 
@@ -176,27 +169,25 @@ hada_status hada_model_from_psf(hada_model **out, hada_context *context, const h
                                 const double *distances_mm, const hada_psf_options *callers, hada_error *err)
 {
     hada_psf_options own, *options = &own;
+    hada_status status = HADA_OK;
     psf_work work = {0};
     if (!out || !context || !psfs || depths < 1 || !distances_mm)
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "hada_model_from_psf: out, a context, point spread functions and distances are needed");
     *out = NULL;
     hada_psf_options_init(options);
-    hada_status status = HADA_OPTIONS_TAKE(options, callers, hada_psf_options, err);
-    if (status)
-        return status;
+    HADA_TRY(HADA_OPTIONS_TAKE(options, callers, hada_psf_options, err));
     if (options->form != HADA_FORM_MATCHED && options->form != HADA_FORM_WIENER)
-        return hada_fail(err, HADA_ERROR_ARGUMENT,
-                         "a point spread function gives filters of the forms matched and wiener; for complex or split, "
-                         "fit from pairs");
+        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT,
+                           "a point spread function gives filters of the forms matched and wiener; for complex or "
+                           "split, fit from pairs"));
     if (!isfinite(options->lambda) || (options->lambda <= 0.0 && options->lambda != HADA_AUTO) ||
         !isfinite(options->refine_tv) || options->refine_tv < 0.0 || !isfinite(options->dark) ||
         !isfinite(options->psf_dark))
-        return hada_fail(err, HADA_ERROR_ARGUMENT,
-                         "lambda, refine_tv and dark levels must be finite, lambda above 0 and refine_tv not negative");
-    status = check_psfs(psfs, depths, err);
-    if (status)
-        return status;
+        HADA_TRY(
+            hada_fail(err, HADA_ERROR_ARGUMENT,
+                      "lambda, refine_tv and dark levels must be finite, lambda above 0 and refine_tv not negative"));
+    HADA_TRY(check_psfs(psfs, depths, err));
     const choice *chosen = options->boundary == HADA_BOUNDARY_PADDED ? &for_padded : &for_circular;
     hada_model_info info = {.depths = depths,
                             .channels = psfs->channels,
@@ -211,13 +202,12 @@ hada_status hada_model_from_psf(hada_model **out, hada_context *context, const h
                             .distances_mm = distances_mm};
     if (info.form == HADA_FORM_MATCHED)
         info.lambda = 0.0;
-    status = hada_model_set_sizes(&info, psfs->rows, psfs->cols, options->window_rows, options->window_cols, err);
-    if (!status)
-        status = hada_model_create(out, &info, 0, err);
-    if (!status)
-        status = work_create(&work, context, &info, err);
-    for (int z = 0; !status && z < depths; z++)
-        status = transform_depth(&work, *out, &psfs[z], options->psf_dark, z, err);
+    HADA_TRY(hada_model_set_sizes(&info, psfs->rows, psfs->cols, options->window_rows, options->window_cols, err));
+    HADA_TRY(hada_model_create(out, &info, 0, err));
+    HADA_TRY(work_create(&work, context, &info, err));
+    for (int z = 0; z < depths; z++)
+        HADA_TRY(transform_depth(&work, *out, &psfs[z], options->psf_dark, z, err));
+done:
     work_destroy(&work);
     if (status)
         hada_model_destroy(out);

@@ -257,7 +257,7 @@ static hada_status best_addition(search *s, const hada_set *current, hada_set *m
 {
     const hada_pursuit_options *o = &s->pursuit->options;
     const int last = current->count + 1 == o->max_depths && o->max_depths < o->depths;
-    hada_set largest;
+    hada_set largest = {0};
     double reduction, energy;
     hada_status status = HADA_OK;
     *many = 0;

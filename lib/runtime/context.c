@@ -26,9 +26,10 @@ static hada_status find_device(const hada_context_options *options, const hada_d
     *parts = options->parts;
     if (!words)
         return hada_fail(err, HADA_ERROR_MEMORY, "no memory for a context");
-    hada_status status = hada_device_part(words, part, parts, err);
-    if (!status)
-        status = hada_device_choose(infos, count, words, binaries && *binaries, chosen, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_device_part(words, part, parts, err));
+    HADA_TRY(hada_device_choose(infos, count, words, binaries && *binaries, chosen, err));
+done:
     free(words);
     return status;
 }
@@ -54,22 +55,21 @@ static hada_status choose_device(hada_context *context, const hada_context_optio
     hada_device_info *infos = NULL;
     size_t count, chosen = 0;
     int part, parts;
-    hada_status status = hada_platform_devices(&devices, &count, err);
-    if (status)
-        return status;
-    status = hada_alloc((void **)&infos, count, sizeof *infos, "the list of devices", err);
-    for (size_t i = 0; !status && i < count; i++)
-        status = hada_device_describe(devices[i].platform, devices[i].device, (int)i, &infos[i], err);
-    if (!status)
-        status = find_device(options, infos, count, &chosen, &part, &parts, err);
-    if (!status) {
-        context->platform = devices[chosen].platform;
-        context->device = devices[chosen].device;
-        context->info = infos[chosen];
-    }
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_platform_devices(&devices, &count, err));
+    HADA_TRY(hada_alloc((void **)&infos, count, sizeof *infos, "the list of devices", err));
+    for (size_t i = 0; i < count; i++)
+        HADA_TRY(hada_device_describe(devices[i].platform, devices[i].device, (int)i, &infos[i], err));
+    HADA_TRY(find_device(options, infos, count, &chosen, &part, &parts, err));
+    context->platform = devices[chosen].platform;
+    context->device = devices[chosen].device;
+    context->info = infos[chosen];
+    if (part || parts)
+        HADA_TRY(take_part(context, part, parts, err));
+done:
     free(devices);
     free(infos);
-    return !status && (part || parts) ? take_part(context, part, parts, err) : status;
+    return status;
 }
 
 /* What follows from the device. */

@@ -56,24 +56,22 @@ hada_status hada_device_divide(cl_device_id device, const hada_device_info *info
         return hada_fail(err, HADA_ERROR_DEVICE_CHOICE,
                          "%s cannot be divided into %d parts: it has %u compute unit(s) and takes at most %u parts",
                          info->name, parts, info->compute_units, info->max_sub_devices);
-    cl_device_partition_property *list;
+    cl_device_partition_property *list = NULL;
     cl_device_id *made = NULL;
     cl_uint count = 0;
-    hada_status status = describe_parts(device, info, (unsigned)parts, &list, err);
-    if (!status)
-        status = hada_alloc((void **)&made, (size_t)parts, sizeof *made, "the parts of a device", err);
-    if (!status) {
-        const cl_int code = clCreateSubDevices(device, list, (cl_uint)parts, made, &count);
-        if (code != CL_SUCCESS)
-            status = hada_fail_cl(err, code, "clCreateSubDevices");
-        else if (count < (cl_uint)parts)
-            status = hada_fail(err, HADA_ERROR_DEVICE, "%s gave %u parts instead of %d", info->name, count, parts);
-    }
+    hada_status status = HADA_OK;
+    HADA_TRY(describe_parts(device, info, (unsigned)parts, &list, err));
+    HADA_TRY(hada_alloc((void **)&made, (size_t)parts, sizeof *made, "the parts of a device", err));
+    const cl_int code = clCreateSubDevices(device, list, (cl_uint)parts, made, &count);
+    if (code != CL_SUCCESS)
+        HADA_TRY(hada_fail_cl(err, code, "clCreateSubDevices"));
+    if (count < (cl_uint)parts)
+        HADA_TRY(hada_fail(err, HADA_ERROR_DEVICE, "%s gave %u parts instead of %d", info->name, count, parts));
+    *out = made[part - 1];
+done: /* only the part that was asked for stays */
     for (cl_uint i = 0; made && i < count && i < (cl_uint)parts; i++)
         if (status || i + 1 != (cl_uint)part)
             clReleaseDevice(made[i]);
-    if (!status)
-        *out = made[part - 1];
     free(made);
     free(list);
     return status;

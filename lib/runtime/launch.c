@@ -87,11 +87,9 @@ hada_status hada_launch(hada_slot *slot, const hada_kernel *kernel, int program,
     cl_kernel object = NULL;
     if (slot->cancelled && atomic_load(slot->cancelled))
         return hada_fail(err, HADA_ERROR_CANCELLED, "the work was cancelled");
-    hada_status status = object_of(slot, kernel, program, &object, err);
-    if (!status)
-        status = set_arguments(object, kernel, args, err);
-    if (status)
-        return status;
+    hada_status status = HADA_OK;
+    HADA_TRY(object_of(slot, kernel, program, &object, err));
+    HADA_TRY(set_arguments(object, kernel, args, err));
     if (!range->global[0] || !range->global[1] || !range->global[2]) { /* nothing to do */
         hada_slot_cost(slot, 0, 0);
         return HADA_OK;
@@ -105,5 +103,6 @@ hada_status hada_launch(hada_slot *slot, const hada_kernel *kernel, int program,
     }
     if (slot->profile)
         hada_profile_add(slot, kernel->name, 0, NULL, slot->event);
-    return HADA_OK;
+done:
+    return status;
 }

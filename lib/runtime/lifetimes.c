@@ -86,20 +86,20 @@ hada_status hada_lifetimes_plan(hada_piece *pieces, int count, size_t alignment,
         if (pieces[i].first > pieces[i].last || pieces[i].bytes > SIZE_MAX / 4)
             return hada_fail(err, HADA_ERROR_ARGUMENT, "lifetimes: %s ends before it begins, or is too large",
                              pieces[i].what);
-    hada_status status = hada_alloc((void **)&list, (size_t)count, sizeof *list, "a memory plan", err);
-    if (!status)
-        status = hada_alloc((void **)&near, (size_t)count, sizeof *near, "a memory plan", err);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&list, (size_t)count, sizeof *list, "a memory plan", err));
+    HADA_TRY(hada_alloc((void **)&near, (size_t)count, sizeof *near, "a memory plan", err));
     /* at most one buffer for each piece */
-    if (!status)
-        status = hada_alloc((void **)&arenas->bytes, (size_t)count, sizeof *arenas->bytes, "a memory plan", err);
-    for (int i = 0; !status && i < count; i++) {
+    HADA_TRY(hada_alloc((void **)&arenas->bytes, (size_t)count, sizeof *arenas->bytes, "a memory plan", err));
+    for (int i = 0; i < count; i++) {
         const size_t bytes = pieces[i].bytes;
         list[i] = (placed){&pieces[i], i, hada_round_up(bytes, alignment)};
     }
-    if (!status && count)
+    if (count)
         qsort(list, (size_t)count, sizeof *list, larger_first);
-    for (int i = 0; !status && i < count; i++)
-        status = place(list, i, largest, arenas, near, err);
+    for (int i = 0; i < count; i++)
+        HADA_TRY(place(list, i, largest, arenas, near, err));
+done:
     free(list);
     free(near);
     if (status)

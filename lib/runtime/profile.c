@@ -33,15 +33,17 @@ static hada_status add_time(hada_profile *profile, const pending *entry, hada_er
 {
     cl_ulong from = 0, to = 0;
     const cl_int code = clWaitForEvents(1, &entry->end);
-    hada_status status = code == CL_SUCCESS ? HADA_OK : hada_fail_cl(err, code, "clWaitForEvents");
-    if (!status && entry->begin)
-        status = event_time(entry->begin, CL_PROFILING_COMMAND_END, &from, err);
-    else if (!status)
-        status = event_time(entry->end, CL_PROFILING_COMMAND_START, &from, err);
-    if (!status)
-        status = event_time(entry->end, CL_PROFILING_COMMAND_END, &to, err);
-    if (!status && to > from)
+    hada_status status = HADA_OK;
+    if (code != CL_SUCCESS)
+        HADA_TRY(hada_fail_cl(err, code, "clWaitForEvents"));
+    if (entry->begin)
+        HADA_TRY(event_time(entry->begin, CL_PROFILING_COMMAND_END, &from, err));
+    else
+        HADA_TRY(event_time(entry->end, CL_PROFILING_COMMAND_START, &from, err));
+    HADA_TRY(event_time(entry->end, CL_PROFILING_COMMAND_END, &to, err));
+    if (to > from)
         profile->rows[entry->row].seconds += 1e-9 * (double)(to - from);
+done:
     return status;
 }
 

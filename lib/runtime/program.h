@@ -16,7 +16,7 @@ typedef struct hada_kernel hada_kernel; /* runtime/launch.h */
 /* A kernel file, embedded in the library at build time (cmake/kernels.py): its text with includes flattened, its
  * kernels, and its programs as the manifest lists them. */
 typedef struct hada_kernel_file {
-    const char *name; /* without suffix */
+    const char *name;          /* without suffix */
     const char *const *pieces; /* one after the other */
     size_t piece_count;
     const hada_kernel *const *kernels;

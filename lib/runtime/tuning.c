@@ -144,17 +144,18 @@ hada_status hada_tuning_read(hada_tuning **out, const char *path, hada_error *er
         return errno == ENOENT ? HADA_OK
                                : hada_fail(err, HADA_ERROR_FILE_OPEN, "the tuning file %s cannot be opened: %s", path,
                                            strerror(errno));
+    hada_status status = HADA_OK;
     hada_tuning *tuning;
-    hada_status status = hada_alloc((void **)&tuning, 1, sizeof *tuning, "a tuning file", err);
-    if (!status && !(tuning->path = hada_string_copy(path)))
-        status = hada_fail(err, HADA_ERROR_MEMORY, "no memory for a tuning file");
-    if (!status)
-        status = read_lines(tuning, file, err);
+    HADA_TRY(hada_alloc((void **)&tuning, 1, sizeof *tuning, "a tuning file", err));
+    tuning->path = hada_string_copy(path);
+    if (!tuning->path)
+        HADA_TRY(hada_fail(err, HADA_ERROR_MEMORY, "no memory for a tuning file"));
+    HADA_TRY(read_lines(tuning, file, err));
+    *out = tuning;
+    tuning = NULL;
+done:
     fclose(file);
-    if (status)
-        hada_tuning_destroy(&tuning);
-    else
-        *out = tuning;
+    hada_tuning_destroy(&tuning);
     return status;
 }
 

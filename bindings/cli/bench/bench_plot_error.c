@@ -168,8 +168,11 @@ hada_status hada_bench_plot_error(const hada_bench *bench, const hada_bench_plac
     const size_t room = (size_t)bench->count + 1;
     panel_data data = {.rows = calloc(room, sizeof *data.rows), .x = calloc(4 * room, sizeof *data.x)};
     hada_status status = HADA_OK;
-    if (!(data.rows && data.x))
-        HADA_TRY(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
+    if (!data.rows || !data.x) {
+        free(data.rows);
+        free(data.x);
+        return hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
+    }
     data.y = data.x + room;
     data.front_x = data.y + room;
     data.front_y = data.front_x + room;

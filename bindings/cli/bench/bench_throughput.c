@@ -118,7 +118,7 @@ hada_status hada_bench_throughput(hada_bench *bench, hada_bench_device *device, 
     stream *s = calloc(1, sizeof *s);
     hada_status status = HADA_OK;
     if (!s)
-        HADA_TRY(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
+        return hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
     s->workload = workload;
     for (int mode = 0; mode < HADA_BENCH_MODES; mode++)
         if (!mode || hada_model_get_info(workload->model)->has_otf) {
@@ -126,7 +126,7 @@ hada_status hada_bench_throughput(hada_bench *bench, hada_bench_device *device, 
             HADA_TRY(hada_bench_left_out(bench, measured, hada_bench_mode_names[mode], err) ? HADA_OK : measured);
         }
 done:
-    for (int i = 0; s && i < IN_FLIGHT; i++)
+    for (int i = 0; i < IN_FLIGHT; i++)
         hada_result_destroy(&s->results[i]);
     free(s);
     return status;

@@ -14,21 +14,31 @@ void hada_result_arrays_defaults(hada_result_arrays *arrays, size_t size)
     HADA_OPTIONS_GIVE(arrays, size, &own);
 }
 
-/* Empties a result; arrays of the caller's stay in use. */
+static int on_device(const hada_cl_arrays *device)
+{
+    return device->stack || device->all_in_focus || device->distance_map;
+}
+
+/* Empties a result; arrays of the caller's stay in use, and without any nothing is left to free. */
 void hada_result_clear(hada_result *result)
 {
     hada_result_memory *memory = result->memory;
     if (memory) {
+        const hada_result_arrays *arrays = &memory->arrays;
         free(memory->stack);
         free(memory->occupied);
         hada_image_destroy(&memory->all_in_focus);
         hada_image_destroy(&memory->distance_map);
         *memory = (hada_result_memory){.arrays = memory->arrays, .device = memory->device};
+        if (!arrays->stack && !arrays->all_in_focus && !arrays->distance_map && !on_device(&memory->device)) {
+            free(memory);
+            memory = NULL;
+        }
     }
-    /* NOLINTNEXTLINE(clang-analyzer-unix.Malloc): it takes the emptied struct below for the one before */
     free((double *)result->distances_mm);
     free(result->planes);
-    *result = (hada_result){.memory = memory};
+    memset(result, 0, sizeof *result);
+    result->memory = memory;
 }
 
 static hada_status make_memory(hada_result *result, hada_error *err)
@@ -45,8 +55,8 @@ hada_status hada_result_use(hada_result *result, const hada_result_arrays *array
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_result_use: a result is needed");
     hada_result_arrays_init(&own);
     HADA_TRY(HADA_OPTIONS_TAKE(&own, arrays, hada_result_arrays, err));
-    HADA_TRY(make_memory(result, err));
     hada_result_clear(result);
+    HADA_TRY(make_memory(result, err));
     result->memory->arrays = own;
 done:
     return status;
@@ -66,8 +76,8 @@ hada_status hada_result_use_cl(hada_result *result, const hada_cl_arrays *arrays
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_result_use_cl: a result is needed");
     hada_cl_arrays_init(&own);
     HADA_TRY(HADA_OPTIONS_TAKE(&own, arrays, hada_cl_arrays, err));
-    HADA_TRY(make_memory(result, err));
     hada_result_clear(result);
+    HADA_TRY(make_memory(result, err));
     result->memory->device = own;
 done:
     return status;
@@ -75,8 +85,7 @@ done:
 
 int hada_result_on_device(const hada_result *result)
 {
-    const hada_cl_arrays *device = result->memory ? &result->memory->device : NULL;
-    return device && (device->stack || device->all_in_focus || device->distance_map);
+    return result->memory && on_device(&result->memory->device);
 }
 
 static hada_status check_array(const float *values, size_t count, size_t needed, const char *what, hada_error *err)

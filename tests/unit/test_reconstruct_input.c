@@ -121,6 +121,7 @@ static void takes_a_dark_level_off(void **state)
 static void refuses_options_that_cannot_work(void **state)
 {
     const learned_camera *learned = *state;
+    static const int beyond[] = {0, 4}, descending[] = {2, 1}, computed[] = {0, 1}, occupied[] = {3};
     hada_plan_options options;
     hada_plan *plan;
     hada_error error;
@@ -132,11 +133,11 @@ static void refuses_options_that_cannot_work(void **state)
         switch (k) {
         case 0: options.size = 1; break;
         case 1:
-            options.depths = (int[]){0, 4};
+            options.depths = beyond;
             options.depth_count = 2;
             break;
         case 2:
-            options.depths = (int[]){2, 1};
+            options.depths = descending;
             options.depth_count = 2;
             break;
         case 3: options.occupied = HADA_OCCUPIED_LIST; break;
@@ -148,10 +149,10 @@ static void refuses_options_that_cannot_work(void **state)
             expected = HADA_ERROR_SIZE;
             break;
         case 7: /* the occupied depth is not computed */
-            options.depths = (int[]){0, 1};
+            options.depths = computed;
             options.depth_count = 2;
             options.occupied = HADA_OCCUPIED_LIST;
-            options.occupied_list = (int[]){3};
+            options.occupied_list = occupied;
             options.occupied_count = 1;
             break;
         }

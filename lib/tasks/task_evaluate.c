@@ -37,28 +37,39 @@ done:
     return status;
 }
 
-/* Takes the three names over. */
-static void add(hada_evaluate_report *report, char *name, char *result, char *truth)
+/* A row named after a file, that of `named`. */
+static hada_status add(hada_evaluate_report *report, const char *named, const char *result, const char *truth,
+                       hada_error *err)
 {
+    hada_status status = HADA_OK;
+    char *name = NULL, *result_copy = NULL, *truth_copy = NULL;
+    HADA_TRY(hada_path_stem(&name, named, err));
+    HADA_TRY(hada_path_format(&result_copy, err, "%s", result));
+    HADA_TRY(hada_path_format(&truth_copy, err, "%s", truth));
     report->rows[report->count++] =
-        (hada_evaluation){.size = sizeof(hada_evaluation), .name = name, .result = result, .truth = truth};
+        (hada_evaluation){.size = sizeof(hada_evaluation), .name = name, .result = result_copy, .truth = truth_copy};
+    name = result_copy = truth_copy = NULL;
+done:
+    free(name);
+    free(result_copy);
+    free(truth_copy);
+    return status;
 }
 
 static hada_status add_file(hada_evaluate_report *report, const char *folder, const char *truth_folder,
                             const char *file, int *alone, hada_error *err)
 {
     hada_status status = HADA_OK;
-    char *name = NULL, *result = NULL, *truth = NULL;
-    HADA_TRY(hada_path_stem(&name, file, err));
-    HADA_TRY(find_result(&result, folder, name, err));
+    char *stem = NULL, *result = NULL, *truth = NULL;
+    HADA_TRY(hada_path_stem(&stem, file, err));
+    HADA_TRY(find_result(&result, folder, stem, err));
     *alone += !result;
     if (result) {
         HADA_TRY(hada_path_format(&truth, err, "%s/%s", truth_folder, file));
-        add(report, name, result, truth);
-        name = result = truth = NULL;
+        HADA_TRY(add(report, file, result, truth, err));
     }
 done:
-    free(name);
+    free(stem);
     free(result);
     free(truth);
     return status;
@@ -89,17 +100,9 @@ done:
 static hada_status list_files(hada_evaluate_report *report, const char *result, const char *truth, hada_error *err)
 {
     hada_status status = HADA_OK;
-    char *name = NULL, *result_copy = NULL, *truth_copy = NULL;
     HADA_TRY(hada_alloc((void **)&report->rows, 1, sizeof *report->rows, "a list of files", err));
-    HADA_TRY(hada_path_stem(&name, result, err));
-    HADA_TRY(hada_path_format(&result_copy, err, "%s", result));
-    HADA_TRY(hada_path_format(&truth_copy, err, "%s", truth));
-    add(report, name, result_copy, truth_copy);
-    name = result_copy = truth_copy = NULL;
+    HADA_TRY(add(report, result, result, truth, err));
 done:
-    free(name);
-    free(result_copy);
-    free(truth_copy);
     return status;
 }
 

@@ -10,7 +10,7 @@
 #include "core/options.h"
 #include "dataset/dataset.h"
 #include "io/folder.h"
-#include "io/tiff_meta.h"
+#include "io/text.h"
 
 /* So many files without their partner are named. */
 enum { INCOMPLETE_NAMED = 4 };

@@ -48,3 +48,43 @@ void hada_text_add_number(hada_text *text, double value)
     hada_format_number(digits, sizeof digits, "%.15g", value);
     hada_text_add(text, "%s", digits);
 }
+
+enum { LONGEST_NUMBER = 120 }; /* characters: seven times what any double needs */
+
+/* How many digits stand there. */
+static size_t digits(const char *at)
+{
+    return strspn(at, "0123456789");
+}
+
+/* Characters of the exponent at `at`, 0 where none is. */
+static size_t exponent(const char *at)
+{
+    if (*at != 'e' && *at != 'E')
+        return 0;
+    const size_t sign = at[1] == '-' || at[1] == '+', count = digits(at + 1 + sign);
+    return count ? 1 + sign + count : 0;
+}
+
+double hada_text_number(const char *from, const char **end)
+{
+    /* strtod() wants the decimal sign of the locale, which is not ours to change: it gets what printf writes. */
+    char zero[16], text[LONGEST_NUMBER + sizeof zero];
+    const char *at = from + strspn(from, " \t");
+    const size_t minus = *at == '-' || *at == '+', whole = digits(at + minus);
+    const char *point = at + minus + whole;
+    const size_t fraction = *point == '.' ? digits(point + 1) : 0;
+    const char *rest = point + (*point == '.') + fraction;
+    *end = from;
+    if (!whole && !fraction)
+        return 0;
+    rest += exponent(rest);
+    if (rest - at > LONGEST_NUMBER)
+        return 0;
+    snprintf(zero, sizeof zero, "%.1f", 0.0);
+    const int sign_bytes = *point == '.' ? (int)strlen(zero) - 2 : 0;
+    snprintf(text, sizeof text, "%.*s%.*s%.*s", (int)(point - at), at, sign_bytes, zero + 1,
+             (int)(rest - point) - (*point == '.'), point + (*point == '.'));
+    *end = rest;
+    return strtod(text, NULL);
+}

@@ -5,6 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "io/text.h"
+
 const char *hada_text_line(const char *text, const char *key)
 {
     size_t length = strlen(key);
@@ -14,44 +16,6 @@ const char *hada_text_line(const char *text, const char *key)
             return line + length + 1;
     }
     return NULL;
-}
-
-/* strtod() would follow the program's locale, which is not ours to change. Correctly rounded up to 15 digits. */
-double hada_text_number(const char *from, const char **end)
-{
-    const char *at = from;
-    while (*at == ' ' || *at == '\t')
-        at++;
-    int negative = *at == '-', digits = 0, exponent = 0;
-    at += *at == '-' || *at == '+';
-    double value = 0;
-    for (; *at >= '0' && *at <= '9'; at++, digits++)
-        value = value * 10 + (*at - '0');
-    if (*at == '.')
-        for (at++; *at >= '0' && *at <= '9'; at++, digits++, exponent--)
-            value = value * 10 + (*at - '0');
-    if (!digits) {
-        *end = from;
-        return 0;
-    }
-    if ((*at == 'e' || *at == 'E') && (at[1] == '-' || at[1] == '+' || (at[1] >= '0' && at[1] <= '9'))) {
-        const char *power = at + 1;
-        int minus = *power == '-', shift = 0, any = 0;
-        power += *power == '-' || *power == '+';
-        for (; *power >= '0' && *power <= '9'; power++, any = 1)
-            shift = shift < 10000 ? shift * 10 + (*power - '0') : shift;
-        if (any) {
-            exponent += minus ? -shift : shift;
-            at = power;
-        }
-    }
-    *end = at;
-    /* Dividing by an exact power of ten rounds once; multiplying by a negative power would round twice. */
-    if (exponent < 0)
-        value = exponent >= -300 ? value / pow(10, -exponent) : 0;
-    else if (exponent)
-        value *= pow(10, exponent);
-    return negative ? -value : value;
 }
 
 static int line_count(const char *text, const char *key, int otherwise)

@@ -22,7 +22,5 @@ void hada_tiff_stack_free(hada_tiff_stack *stack);
 
 /* The value of a "key=value" line: where it begins, NULL where there is none. */
 const char *hada_text_line(const char *text, const char *key);
-/* The number at `from`, '.' being the decimal point whatever the locale is; 0 and *end == from where there is none. */
-double hada_text_number(const char *from, const char **end);
 
 #endif

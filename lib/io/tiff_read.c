@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include "core/alloc.h"
+#include "io/text.h"
 #include "io/tiff_chain.h"
 #include "io/tiff_meta.h"
 #include "io/tiff_page.h"

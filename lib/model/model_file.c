@@ -1,6 +1,4 @@
 /* Model files: safetensors with every convention in the metadata (docs/model-file.md). */
-#include <errno.h>
-#include <locale.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -9,6 +7,7 @@
 #include "core/alloc.h"
 #include "core/error.h"
 #include "io/safetensors.h"
+#include "io/text.h"
 #include "model/model.h"
 #include "netlist/weights_file.h"
 
@@ -29,33 +28,10 @@ static const char *const conventions[][2] = {
     {"intensity", "linear, divided by the full scale of integer files (255, 65535); float files as they are"},
 };
 
-/* Numbers are written and read in the C locale, of this thread alone. */
-typedef struct c_numbers {
-    locale_t c, before;
-} c_numbers;
-
-static hada_status enter(c_numbers *numbers, hada_error *err)
-{
-    numbers->c = newlocale(LC_NUMERIC_MASK, "C", (locale_t)0);
-    if (!numbers->c)
-        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the C number format");
-    numbers->before = uselocale(numbers->c);
-    return HADA_OK;
-}
-
-/* Also where enter() failed. */
-static void leave(c_numbers *numbers)
-{
-    if (!numbers->c)
-        return;
-    uselocale(numbers->before);
-    freelocale(numbers->c);
-}
-
 static hada_status put_number(hada_tensors_writer *writer, const char *key, double value, hada_error *err)
 {
     char text[40];
-    snprintf(text, sizeof text, "%.17g", value);
+    hada_format_number(text, sizeof text, "%.17g", value);
     return hada_tensors_put_meta(writer, key, text, err);
 }
 
@@ -171,16 +147,13 @@ hada_status hada_model_save(const hada_model *model, const char *path, hada_erro
 {
     hada_status status = HADA_OK;
     hada_tensors_writer *writer = NULL;
-    c_numbers numbers = {0};
     if (!model || !path)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_model_save: model and path are needed");
-    HADA_TRY(enter(&numbers, err));
     HADA_TRY(hada_tensors_create(&writer, path, err));
     HADA_TRY(write_model(model, writer, err));
     HADA_TRY(hada_tensors_finish(&writer, err));
 done:
     hada_tensors_abandon(&writer);
-    leave(&numbers);
     return status;
 }
 
@@ -195,11 +168,11 @@ static hada_status missing(const char *path, const char *what, hada_error *err)
 static hada_status get_number(const hada_tensors *file, const char *path, const char *key, double *out, hada_error *err)
 {
     const char *text = hada_tensors_meta(file, key);
-    char *end;
+    const char *end = NULL;
     if (!text || !*text)
         return missing(path, key, err);
-    *out = strtod(text, &end);
-    return *end || !isfinite(*out) ? missing(path, key, err) : HADA_OK;
+    *out = hada_text_number(text, &end);
+    return end == text || *end || !isfinite(*out) ? missing(path, key, err) : HADA_OK;
 }
 
 static hada_status get_size(const hada_tensors *file, const char *path, const char *key, int *rows, int *cols,
@@ -378,15 +351,12 @@ hada_status hada_model_load(hada_model **out, const char *path, hada_error *err)
 {
     hada_status status = HADA_OK;
     hada_tensors *file = NULL;
-    c_numbers numbers = {0};
     if (!out || !path)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_model_load: out and path are needed");
     *out = NULL;
-    HADA_TRY(enter(&numbers, err));
     HADA_TRY(hada_tensors_open(&file, path, err));
     HADA_TRY(load(out, file, path, err));
 done:
-    leave(&numbers);
     if (status)
         hada_tensors_close(&file);
     return status;

@@ -9,7 +9,6 @@
 #include "core/error.h"
 #include "io/folder.h"
 #include "io/text.h"
-#include "io/tiff_meta.h"
 
 static const char losses_head[] =
     "step,loss,mse,perceptual,adversarial,variation,critic,gradient_norm,rate,critic_only,rolled_back,seconds\n";

@@ -25,6 +25,7 @@
 #include <hadalens/profile.h>
 #include <hadalens/reconstruct.h>
 #include <hadalens/register.h>
+#include <hadalens/response.h>
 #include <hadalens/scene.h>
 #include <hadalens/sensor.h>
 #include <hadalens/simulate.h>

@@ -12,7 +12,9 @@
 #include <unistd.h>
 
 #include "core/alloc.h"
-#include "io/outfile.h"
+#include "core/outfile.h"
+#include "core/staged.h"
+#include "core/sync.h"
 
 int hada_path_is_folder(const char *path)
 {
@@ -31,13 +33,15 @@ int hada_path_is_vacant(const char *path)
     struct stat what;
     if (lstat(path, &what))
         return 1;
-    DIR *open = S_ISDIR(what.st_mode) ? opendir(path) : NULL;
+    DIR *open = opendir(path);
     int entries = 0;
+    errno = 0;
     while (open && entries < 3 && readdir(open))
         entries++;
+    const int whole = open && !errno;
     if (open)
         closedir(open);
-    return open && entries < 3; /* "." and ".." */
+    return whole && entries < 3; /* "." and ".." */
 }
 
 hada_status hada_path_format(char **out, hada_error *err, const char *format, ...)
@@ -71,20 +75,6 @@ void hada_error_prefix_path(hada_error *err, const char *path)
         hada_error_prefix(err, "%s: ", path);
 }
 
-/* Makes a folder and those above it; what failed is in errno. */
-static int make_folders(char *path)
-{
-    for (char *at = path + 1; *at; at++)
-        if (*at == '/') {
-            *at = '\0';
-            const int failed = mkdir(path, 0777) && errno != EEXIST;
-            *at = '/';
-            if (failed)
-                return 0;
-        }
-    return !mkdir(path, 0777) || errno == EEXIST;
-}
-
 /* Tried rather than asked: permissions, read-only mounts and full disks all show. */
 static hada_status try_file(const char *folder, hada_error *err)
 {
@@ -107,25 +97,24 @@ done:
 
 hada_status hada_folder_ensure(const char *path, hada_error *err)
 {
-    char *whole = NULL;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_path_format(&whole, err, "%s", path));
-    if (!make_folders(whole))
+    if (hada_folders_make(path, 0777))
         HADA_TRY(hada_fail(err, HADA_ERROR_FILE_WRITE, "the folder %s cannot be made: %s", path, strerror(errno)));
     if (!hada_path_is_folder(path))
         HADA_TRY(hada_fail(err, HADA_ERROR_FILE_WRITE, "%s is a file; a folder is needed here", path));
     HADA_TRY(try_file(path, err));
 done:
-    free(whole);
     return status;
 }
 
 hada_status hada_file_check_target(const char *path, hada_error *err)
 {
-    char *folder = NULL;
+    char *folder = NULL, *real = NULL;
+    struct stat old;
     hada_status status = HADA_OK;
     if (hada_path_is_folder(path))
         return hada_fail(err, HADA_ERROR_FILE_WRITE, "%s is a folder; give the name of a file", path);
+    HADA_TRY(hada_outfile_check(path, &real, &old, err));
     const char *slash = strrchr(path, '/');
     const int length = slash == path ? 1 : slash ? (int)(slash - path) : 1;
     HADA_TRY(hada_path_format(&folder, err, "%.*s", length, slash ? path : "."));
@@ -133,21 +122,14 @@ hada_status hada_file_check_target(const char *path, hada_error *err)
         HADA_TRY(hada_fail(err, HADA_ERROR_FILE_WRITE, "%s cannot be written: there is no folder %s", path, folder));
     HADA_TRY(hada_folder_ensure(folder, err));
 done:
+    free(real);
     free(folder);
     return status;
 }
 
 hada_status hada_file_write(const char *path, const void *data, size_t bytes, hada_error *err)
 {
-    hada_outfile out;
-    hada_status status = hada_outfile_open(&out, path, err);
-    if (status)
-        return status;
-    HADA_TRY(hada_outfile_write(&out, data, bytes, err));
-    return hada_outfile_commit(&out, err);
-done:
-    hada_outfile_abandon(&out);
-    return status;
+    return hada_outfile_save(path, data, bytes, err);
 }
 
 static int by_name(const void *a, const void *b)
@@ -184,9 +166,12 @@ hada_status hada_folder_list_tiffs(const char *folder, char ***names, int *count
     DIR *open = opendir(folder);
     if (!open)
         return hada_fail(err, HADA_ERROR_FILE_OPEN, "the folder %s cannot be read: %s", folder, strerror(errno));
-    for (const struct dirent *entry; (entry = readdir(open));)
+    const struct dirent *entry;
+    while ((errno = 0, entry = readdir(open)))
         if (is_tiff(entry->d_name))
             HADA_TRY(add_name(names, count, &room, entry->d_name, err));
+    if (errno)
+        HADA_TRY(hada_fail(err, HADA_ERROR_FILE_READ, "the folder %s cannot be read: %s", folder, strerror(errno)));
     if (*count)
         qsort(*names, (size_t)*count, sizeof **names, by_name);
 done:
@@ -218,29 +203,72 @@ void hada_folder_remove(const char *path)
     nftw(path, remove_one, 16, FTW_DEPTH | FTW_PHYS);
 }
 
-hada_status hada_folder_create(const char *path, hada_folder_fill fill, void *user, hada_error *err)
+/* The folder's path without '/' at its end and, where something is there, without links. */
+static hada_status find_target(char **target, const char *path, hada_error *err)
 {
-    char *target = NULL, *beside = NULL;
     hada_status status = HADA_OK;
     size_t length = strlen(path);
     while (length > 1 && path[length - 1] == '/')
         length--;
-    HADA_TRY(hada_path_format(&target, err, "%.*s", (int)length, path));
-    HADA_TRY(hada_path_format(&beside, err, "%s.part-%ld", target, (long)getpid()));
-    if (!hada_path_is_vacant(target))
+    HADA_TRY(hada_path_format(target, err, "%.*s", (int)length, path));
+    if (!hada_path_is_vacant(*target))
         HADA_TRY(hada_fail(err, HADA_ERROR_FILE_WRITE,
                            "%s is there already and not an empty folder; choose another name with options.output, or "
                            "move it away",
-                           target));
-    HADA_TRY(hada_folder_ensure(beside, err));
-    status = fill(user, beside, err);
-    if (!status && rename(beside, target))
-        status =
-            hada_fail(err, HADA_ERROR_FILE_WRITE, "%s cannot be renamed to %s: %s", beside, target, strerror(errno));
-    if (status)
-        hada_folder_remove(beside);
+                           *target));
+    char *real = realpath(*target, NULL);
+    if (real) {
+        free(*target);
+        *target = real;
+    }
 done:
-    free(beside);
+    return status;
+}
+
+/* The folders above a path, where they are missing. */
+static hada_status ensure_parent(const char *path, hada_error *err)
+{
+    const char *slash = strrchr(path, '/');
+    char *parent = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(
+        hada_path_format(&parent, err, "%.*s", slash ? (int)(slash - path) + (slash == path) : 1, slash ? path : "."));
+    HADA_TRY(hada_folder_ensure(parent, err));
+done:
+    free(parent);
+    return status;
+}
+
+/* Mode and owner of the empty folder that is replaced. */
+static int take_over(const char *from, const char *to)
+{
+    struct stat old;
+    if (stat(from, &old))
+        return 0;
+    if (chown(to, old.st_uid, old.st_gid) && errno != EPERM)
+        return -1;
+    return chmod(to, old.st_mode & 07777);
+}
+
+hada_status hada_folder_create(const char *path, hada_folder_fill fill, void *user, hada_error *err)
+{
+    char *target = NULL, *beside = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(find_target(&target, path, err));
+    HADA_TRY(ensure_parent(target, err));
+    HADA_TRY(hada_staged_make(&beside, NULL, HADA_STAGED_FOLDER, target, 0777, path, err));
+    HADA_TRY(fill(user, beside, err));
+    if (take_over(target, beside) || hada_sync_tree(beside) || rename(beside, target))
+        HADA_TRY(hada_fail(err, HADA_ERROR_FILE_WRITE, "%s could not be completed: %s; nothing was left behind", target,
+                           strerror(errno)));
+    hada_staged_forget(&beside);
+    if (hada_sync_parent(target))
+        HADA_TRY(
+            hada_fail(err, HADA_ERROR_FILE_WRITE, "%s may not outlast a loss of power: %s", target, strerror(errno)));
+done:
+    if (beside)
+        hada_folder_remove(beside);
+    hada_staged_forget(&beside);
     free(target);
     return status;
 }

@@ -66,8 +66,6 @@ hada_status hada_tensors_declare(hada_tensors_writer *writer, const char *name, 
                                  const int64_t *shape, hada_error *err);
 /* Appends bytes of the tensors in the order declared; may be called in pieces of any size. */
 hada_status hada_tensors_write(hada_tensors_writer *writer, const void *data, size_t bytes, hada_error *err);
-/* Waits until what was written so far is on the disk: for files that must outlast a loss of power. */
-hada_status hada_tensors_sync(hada_tensors_writer *writer, hada_error *err);
 /* Checks that all declared bytes came, closes, renames; the writer is destroyed also on failure. */
 hada_status hada_tensors_finish(hada_tensors_writer **writer, hada_error *err);
 void hada_tensors_abandon(hada_tensors_writer **writer);

@@ -6,7 +6,7 @@
 #include <unistd.h>
 
 #include "core/alloc.h"
-#include "io/outfile.h"
+#include "core/outfile.h"
 #include "io/safetensors.h"
 
 struct hada_tensors_writer {
@@ -115,14 +115,6 @@ hada_status hada_tensors_write(hada_tensors_writer *w, const void *data, size_t 
     w->written += bytes;
 done:
     return status;
-}
-
-hada_status hada_tensors_sync(hada_tensors_writer *writer, hada_error *err)
-{
-    if (!fsync(writer->file.fd))
-        return HADA_OK;
-    return hada_fail(err, HADA_ERROR_FILE_WRITE, "%s cannot be brought to the disk: %s", writer->file.path,
-                     strerror(errno));
 }
 
 hada_status hada_tensors_finish(hada_tensors_writer **writer, hada_error *err)

@@ -5,7 +5,7 @@
 #ifndef HADA_IO_TIFF_STACK_WRITE_H
 #define HADA_IO_TIFF_STACK_WRITE_H
 
-#include "io/outfile.h"
+#include "core/outfile.h"
 #include "io/tiff_text.h"
 
 typedef struct hada_stack_layout {

@@ -8,7 +8,7 @@
 
 #include "core/alloc.h"
 #include "core/options.h"
-#include "io/outfile.h"
+#include "core/outfile.h"
 #include "io/tiff_handle.h"
 #include "io/tiff_stack_write.h"
 #include "io/tiff_text.h"

@@ -1,15 +1,14 @@
 /* Cameras as JSON files. */
-#include <errno.h>
 #include <hadalens/camera.h>
 #include <jansson.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
-#include "core/alloc.h"
 #include "core/error.h"
+#include "core/input.h"
 #include "core/options.h"
+#include "core/outfile.h"
 #include "optics/mask.h"
 
 /* The fields of a camera that are plain numbers, with their names in the file. */
@@ -48,7 +47,9 @@ static const field fields[] = {INTEGER(rows),
                                REAL(blur_pixels)};
 #undef INTEGER
 #undef REAL
-#define FIELDS (sizeof fields / sizeof *fields)
+/* A camera with the most distances has some 30 KB. */
+#define MOST_BYTES ((size_t)1 << 20)
+#define FIELDS     (sizeof fields / sizeof *fields)
 
 static json_t *to_json(const hada_camera *camera)
 {
@@ -82,45 +83,24 @@ static json_t *to_json(const hada_camera *camera)
     return object;
 }
 
-/* Writes beside the place and moves there: a file of that name is whole or as it was. */
-static hada_status write_text(const char *path, const char *text, hada_error *err)
-{
-    const size_t room = strlen(path) + 32;
-    char *beside = NULL;
-    hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&beside, room, 1, "a file's name", err));
-    snprintf(beside, room, "%s.part%ld", path, (long)getpid());
-    FILE *file = fopen(beside, "w");
-    int bad = !file;
-    if (file) {
-        bad = fprintf(file, "%s\n", text) < 0;
-        bad |= fclose(file) != 0;
-    }
-    if (bad || rename(beside, path)) {
-        status = hada_fail(err, HADA_ERROR_FILE_WRITE,
-                           "'%s' could not be written (%s); check that the folder exists, may be written and has room",
-                           path, strerror(errno));
-        if (file)
-            unlink(beside);
-    }
-done:
-    free(beside);
-    return status;
-}
-
 hada_status hada_camera_save(const hada_camera *callers, const char *path, hada_error *err)
 {
     hada_camera camera;
     json_t *object = NULL;
     char *text = NULL;
+    hada_outfile file = {.fd = -1};
     hada_status status = HADA_OK;
     HADA_TRY(hada_camera_take(&camera, callers, err));
     object = to_json(&camera);
     text = object ? json_dumps(object, JSON_INDENT(2) | JSON_REAL_PRECISION(15)) : NULL;
     if (!text)
         HADA_TRY(hada_fail(err, HADA_ERROR_MEMORY, "no memory to write '%s'", path));
-    HADA_TRY(write_text(path, text, err));
+    HADA_TRY(hada_outfile_open(&file, path, err));
+    HADA_TRY(hada_outfile_write(&file, text, strlen(text), err));
+    HADA_TRY(hada_outfile_write(&file, "\n", 1, err));
+    HADA_TRY(hada_outfile_commit(&file, err));
 done:
+    hada_outfile_abandon(&file);
     json_decref(object);
     free(text);
     return status;
@@ -195,18 +175,21 @@ hada_status hada_camera_load_sized(hada_camera *callers, size_t size, const char
 {
     json_error_t where;
     hada_camera own, *camera = &own;
+    char *text = NULL;
+    size_t bytes;
     hada_camera_init(camera);
-    FILE *file = fopen(path, "r");
-    if (!file)
-        return hada_fail(err, HADA_ERROR_FILE_OPEN, "'%s' could not be opened (%s)", path, strerror(errno));
-    json_t *object = json_loadf(file, JSON_REJECT_DUPLICATES, &where);
-    fclose(file);
+    hada_status status = hada_input_read(&text, &bytes, path, MOST_BYTES, NULL, err);
+    if (status) {
+        hada_error_prefix(err, "'%s' ", path);
+        return status;
+    }
+    json_t *object = json_loadb(text, bytes, JSON_REJECT_DUPLICATES, &where);
+    free(text);
     if (!json_is_object(object)) {
         json_decref(object);
         return hada_fail(err, HADA_ERROR_FILE_FORMAT, "'%s' is not a camera in JSON (line %d: %s)", path, where.line,
                          object ? "an object is expected" : where.text);
     }
-    hada_status status = HADA_OK;
     HADA_TRY(read_fields(camera, object, path, err));
     HADA_TRY(read_kinds(camera, object, path, err));
     status = hada_camera_check(camera, err);

@@ -8,7 +8,7 @@
 #include <string.h>
 
 #include "core/alloc.h"
-#include "io/outfile.h"
+#include "core/outfile.h"
 
 #define PI 3.14159265358979323846
 

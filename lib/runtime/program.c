@@ -42,6 +42,14 @@ hada_status hada_program_store_create(hada_context *context, const hada_context_
             return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the program store");
     } else {
         store->cache = cache_folder(context, options);
+        if (store->cache && !hada_folder_is_ours(store->cache)) {
+            hada_log(context, HADA_LOG_INFO,
+                     "the program cache %s is left aside, since others can write into it: chmod 700 it, or name "
+                     "another (HADALENS_CACHE)",
+                     store->cache);
+            free(store->cache);
+            store->cache = NULL;
+        }
     }
     return HADA_OK;
 }

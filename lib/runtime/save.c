@@ -35,7 +35,7 @@ hada_status hada_programs_save(hada_context *context, const char *folder, hada_e
     hada_status status = HADA_OK;
     if (!context || !folder || !*folder)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_programs_save: a context and a folder are needed");
-    HADA_TRY(hada_folder_make(folder, err));
+    HADA_TRY(hada_folder_make(folder, 0777, err));
     for (int f = 0; f < hada_kernel_file_count; f++)
         for (int i = 0; i < hada_kernel_files[f]->program_count; i++)
             if (serves(context, &hada_kernel_files[f]->programs[i]))

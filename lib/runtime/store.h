@@ -40,8 +40,11 @@ hada_status hada_binary_write(const char *folder, const char *name, const unsign
 /* Removes a binary that does not load, so that the next one can take its place. */
 void hada_binary_drop(const char *folder, const char *name);
 
-/* Makes a folder and its parents. */
-hada_status hada_folder_make(const char *folder, hada_error *err);
+/* Makes a folder and its parents. A cache is for this user alone, since what stands in it is run. */
+enum { HADA_OURS_ALONE = 0700 };
+hada_status hada_folder_make(const char *folder, unsigned mode, hada_error *err);
+/* Whether nobody but this user (or root) can put files into a folder; also where there is none yet. */
+int hada_folder_is_ours(const char *folder);
 
 /* The device binary of a built program; *out is freed with free(). */
 hada_status hada_program_binary(cl_program program, unsigned char **out, size_t *bytes, hada_error *err);

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "core/alloc.h"
+#include "core/input.h"
 
 /* What rows may say; the operations know what it means. */
 typedef struct operation_form {
@@ -110,51 +111,53 @@ static hada_status add(hada_tuning *tuning, const hada_tuning_row *row, hada_err
     return HADA_OK;
 }
 
-static hada_status read_lines(hada_tuning *tuning, FILE *file, hada_error *err)
+static hada_status read_lines(hada_tuning *tuning, const char *text, hada_error *err)
 {
     char line[HADA_TUNING_LINE], shown[HADA_TUNING_LINE];
     hada_status status = HADA_OK;
-    for (int n = 1; !status && fgets(line, sizeof line, file); n++) {
+    for (int n = 1; !status && *text; n++) {
         const char *wrong = NULL;
-        const size_t first = strspn(line, " \t\r\n");
+        const size_t length = strcspn(text, "\n"), first = strspn(text, " \t\r");
         hada_tuning_row row = {.line = n};
-        if (!strchr(line, '\n') && !feof(file) && line[first] != '#')
-            wrong = "is too long";
-        for (int c = 0; line[first] == '#' && !strchr(line, '\n') && c != EOF && c != '\n';)
-            c = fgetc(file); /* remarks may be of any length */
-        if (line[first] == '#' || !line[first])
+        snprintf(line, sizeof line, "%.*s", (int)(length < sizeof line ? length : sizeof line - 1), text);
+        const int empty = first >= length || text[first] == '#'; /* remarks may be of any length */
+        text += length + (text[length] == '\n');
+        if (empty)
             continue;
-        snprintf(shown, sizeof shown, "%.*s", (int)strcspn(line, "\r\n"), line);
-        if (!wrong)
-            wrong = read_row(&row, line);
+        snprintf(shown, sizeof shown, "%.*s", (int)strcspn(line, "\r"), line);
+        wrong = length >= sizeof line ? "is too long" : read_row(&row, line);
         status = wrong ? hada_fail(err, HADA_ERROR_FILE_FORMAT, "%s, line %d %s: %s (docs/devices.md)", tuning->path, n,
                                    wrong, shown)
                        : add(tuning, &row, err);
     }
-    if (!status && ferror(file))
-        status = hada_fail(err, HADA_ERROR_FILE_READ, "%s cannot be read", tuning->path);
     return status;
 }
 
 hada_status hada_tuning_read(hada_tuning **out, const char *path, hada_error *err)
 {
+    hada_tuning *tuning = NULL;
+    char *text = NULL;
+    size_t bytes;
+    int code = 0;
     *out = NULL;
-    FILE *file = fopen(path, "r");
-    if (!file)
-        return errno == ENOENT ? HADA_OK
-                               : hada_fail(err, HADA_ERROR_FILE_OPEN, "the tuning file %s cannot be opened: %s", path,
-                                           strerror(errno));
-    hada_status status = HADA_OK;
-    hada_tuning *tuning;
+    hada_status status = hada_input_read(&text, &bytes, path, HADA_TUNING_BYTES, &code, err);
+    if (status && code == ENOENT)
+        return HADA_OK;
+    if (status) {
+        hada_error_prefix(err, "the tuning file %s ", path);
+        return status;
+    }
     HADA_TRY(hada_alloc((void **)&tuning, 1, sizeof *tuning, "a tuning file", err));
     tuning->path = hada_string_copy(path);
     if (!tuning->path)
         HADA_TRY(hada_fail(err, HADA_ERROR_MEMORY, "no memory for a tuning file"));
-    HADA_TRY(read_lines(tuning, file, err));
+    if (strlen(text) != bytes)
+        HADA_TRY(hada_fail(err, HADA_ERROR_FILE_FORMAT, "the tuning file %s is no text", path));
+    HADA_TRY(read_lines(tuning, text, err));
     *out = tuning;
     tuning = NULL;
 done:
-    fclose(file);
+    free(text);
     hada_tuning_destroy(&tuning);
     return status;
 }

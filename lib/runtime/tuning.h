@@ -7,6 +7,8 @@
 #include "runtime/device.h"
 
 enum { HADA_TUNING_OPTIONS = 6, HADA_TUNING_WORD = 64, HADA_TUNING_LINE = 256 };
+/* A file has no more: a row a shape, thousands of shapes. */
+#define HADA_TUNING_BYTES ((size_t)1 << 22)
 
 /* "OPERATION KIND SHAPE CHOICE [NAME=NUMBER]...": numbers of options that are not given are -1, in the order of the
  * operation's names. KIND and SHAPE may be "*". */
@@ -40,8 +42,8 @@ hada_status hada_tuning_refuse(const hada_context *context, const hada_tuning_ro
                                hada_error *err);
 
 /* Writes rows for the context's kind of device into a file: `choices` are what stands behind the shapes. Lines of an
- * existing file stay, but for those about the same operation, kind, shape and (where it is given) block. Written beside
- * the file and renamed. */
+ * existing file stay, but for those about the same operation, kind, shape and (where it is given) block; also when
+ * several processes write at once. */
 hada_status hada_tuning_write(const hada_context *context, const char *path, const char *operation,
                               const char *const *shapes, const char *const *choices, size_t count, hada_error *err);
 

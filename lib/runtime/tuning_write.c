@@ -1,12 +1,14 @@
 /* Writing a tuning file: what it says of other devices and shapes stays. */
 #include <errno.h>
+#include <fcntl.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
+#include <sys/file.h>
 #include <unistd.h>
 
-#include "core/alloc.h"
+#include "core/input.h"
+#include "core/outfile.h"
 #include "runtime/tuning.h"
 
 typedef struct news {
@@ -35,79 +37,82 @@ static int superseded(const char *line, const news *now)
     return 0;
 }
 
-/* Copies what stays. Lines may be of any length: only their head is looked at. */
-static int copy_rest(FILE *from, FILE *to, const news *now)
+static hada_status put(hada_outfile *to, const char *text, hada_error *err)
 {
-    char part[HADA_TUNING_LINE];
-    int first = 1, keep = 1, ended = 1;
-    while (fgets(part, sizeof part, from)) {
-        if (first)
-            keep = !superseded(part, now);
-        if (keep && fputs(part, to) < 0)
-            return 0;
-        first = strchr(part, '\n') != NULL;
-        ended = keep ? first : ended;
-    }
-    return !ferror(from) && (ended || fputc('\n', to) != EOF);
+    return hada_outfile_write(to, text, strlen(text), err);
 }
 
-static int write_rows(FILE *to, const news *now)
+/* Copies what stays of a file's text. */
+static hada_status copy_rest(const char *text, hada_outfile *to, const news *now, hada_error *err)
 {
-    int good = 1;
-    for (size_t i = 0; good && i < now->count; i++)
-        good = fprintf(to, "%s %s %s %s\n", now->operation, now->kind, now->shapes[i], now->choices[i]) > 0;
-    return good;
+    hada_status status = HADA_OK;
+    while (!status && *text) {
+        char head[HADA_TUNING_LINE];
+        const size_t length = strcspn(text, "\n");
+        snprintf(head, sizeof head, "%.*s", (int)(length < sizeof head ? length : sizeof head - 1), text);
+        if (!superseded(head, now)) {
+            status = hada_outfile_write(to, text, length, err);
+            status = status ? status : put(to, "\n", err);
+        }
+        text += length + (text[length] == '\n');
+    }
+    return status;
 }
 
-static hada_status failed(const char *path, int code, hada_error *err)
+static hada_status write_rows(hada_outfile *to, const news *now, hada_error *err)
 {
-    return hada_fail(err, HADA_ERROR_FILE_WRITE, "%s cannot be written: %s; nothing was left behind", path,
-                     strerror(code));
+    hada_status status = HADA_OK;
+    for (size_t i = 0; i < now->count; i++) {
+        const char *const words[] = {now->operation, " ", now->kind, " ", now->shapes[i], " ", now->choices[i], "\n"};
+        for (size_t w = 0; w < sizeof words / sizeof *words; w++)
+            HADA_TRY(put(to, words[w], err));
+    }
+done:
+    return status;
 }
 
-static hada_status write_beside(const char *beside, const char *path, const news *now, hada_error *err)
+/* Held from reading the old file until the new one stands: two tuners at once must not lose each other's rows. The
+ * folder is locked, since the file is replaced. -1 where the file system has no locks: then there is none. */
+static int lock_folder(const char *path)
 {
-    FILE *old = fopen(path, "r");
-    if (!old && errno != ENOENT)
-        return hada_fail(err, HADA_ERROR_FILE_READ, "%s cannot be read, so it is not changed: %s", path,
-                         strerror(errno));
-    FILE *file = fopen(beside, "w");
-    int good = file != NULL;
-    if (good && !old)
-        good = fprintf(file, "# Hadalens: which of several ways serves a shape (docs/devices.md)\n") > 0;
-    if (good && old)
-        good = copy_rest(old, file, now);
-    good = good && write_rows(file, now);
-    int code = errno;
-    if (file && fclose(file) && good) {
-        good = 0;
-        code = errno;
+    const char *slash = strrchr(path, '/');
+    char *folder = slash ? strndup(path, slash == path ? 1 : (size_t)(slash - path)) : strdup(".");
+    const int fd = folder ? open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC) : -1;
+    while (fd >= 0 && flock(fd, LOCK_EX) && errno == EINTR)
+        ;
+    free(folder);
+    return fd;
+}
+
+static hada_status write_new(const char *path, const news *now, hada_error *err)
+{
+    hada_outfile file = {.fd = -1};
+    char *old = NULL;
+    size_t bytes;
+    int code = 0;
+    hada_status status = hada_input_read(&old, &bytes, path, HADA_TUNING_BYTES, &code, err);
+    if (status && code != ENOENT) {
+        hada_error_prefix(err, "%s is not changed: ", path);
+        goto done;
     }
-    if (old)
-        fclose(old);
-    if (good && rename(beside, path)) {
-        good = 0;
-        code = errno;
-    }
-    if (!good && file)
-        unlink(beside);
-    return good ? HADA_OK : failed(path, code, err);
+    HADA_TRY(hada_outfile_open(&file, path, err));
+    HADA_TRY(old ? copy_rest(old, &file, now, err)
+                 : put(&file, "# Hadalens: which of several ways serves a shape (docs/devices.md)\n", err));
+    HADA_TRY(write_rows(&file, now, err));
+    HADA_TRY(hada_outfile_commit(&file, err));
+done:
+    hada_outfile_abandon(&file);
+    free(old);
+    return status;
 }
 
 hada_status hada_tuning_write(const hada_context *context, const char *path, const char *operation,
                               const char *const *shapes, const char *const *choices, size_t count, hada_error *err)
 {
     const news now = {operation, hada_device_kind_name(context->info.kind), shapes, choices, count};
-    struct stat info;
-    if (!stat(path, &info) && !S_ISREG(info.st_mode))
-        return hada_fail(err, HADA_ERROR_FILE_WRITE, "%s is not an ordinary file: choose another name", path);
-    const size_t bytes = strlen(path) + 48;
-    char *beside;
-    hada_status status = hada_alloc((void **)&beside, bytes, 1, "a file name", err);
-    if (status)
-        return status;
-    snprintf(beside, bytes, "%s.tmp-%ld-%p", path, (long)getpid(), (const void *)&info);
-    status = write_beside(beside, path, &now, err);
-    free(beside);
+    const int lock = lock_folder(path);
+    const hada_status status = write_new(path, &now, err);
+    if (lock >= 0)
+        close(lock); /* and unlocked */
     return status;
 }

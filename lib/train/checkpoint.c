@@ -205,7 +205,6 @@ hada_status hada_trainer_save(hada_trainer *trainer, const char *path, hada_erro
     }
     HADA_TRY(hada_tensors_create(&writer, path, err));
     HADA_TRY(write_all(trainer, writer, err));
-    HADA_TRY(hada_tensors_sync(writer, err));
     HADA_TRY(hada_tensors_finish(&writer, err));
 done:
     hada_tensors_abandon(&writer);

@@ -52,7 +52,7 @@ expect 2 'full well' simulate "${small[@]}" --full-well 1e9 -o f
 expect 3 'nosuch.tif' simulate "${small[@]}" --vignetting nosuch.tif -o f
 "$FRAME_TOOL" flat gain.tif 10 10 1 1
 expect 4 '10 x 10' simulate "${small[@]}" --vignetting gain.tif -o f
-lacks f f.part-*
+lacks f .f.hadalens-*
 
 # The picture behind the leaf: 6 dB better than a single lens sees it, as it is and with the leaf accounted for.
 mkdir leaf

@@ -52,12 +52,12 @@ expect 2 'with -o FOLDER' optics
 expect 2 'one camera too many' optics a.json b.json -o x
 expect 2 'not with both' optics plain/camera.json --preset sim300 -o x
 expect 3 'not an empty folder' optics -o plain
-expect 3 'could not be opened' optics nosuch.json -o x
+expect 3 'cannot be opened' optics nosuch.json -o x
 expect 4 '3 pages' optics --preset sim512 --psf plain/psf.tif -o x
 expect 2 'one of mla' optics --mask hole -o x
 expect 2 'correlation length' optics --mask diffuser --correlation 1000 -o x
 expect 2 'no diameter' optics --mask diffuser --fill 0.5 -o x
 expect 2 'three numbers' optics --wavelengths 610,530 -o x
 expect 2 'do not fit' optics --mask grid --spacing 9 -o x
-lacks x x.part-*
+lacks x .x.hadalens-*
 finish

@@ -26,7 +26,7 @@ files e/z100mm/raw 3
 
 # What cannot be done leaves nothing.
 expect 3 'not an empty folder' simulate "${small[@]}" -o a
-expect 3 'cannot be' simulate "${small[@]}" -o a/camera.json/x
+expect 3 'is a file; a folder is needed' simulate "${small[@]}" -o a/camera.json/x
 expect 3 'nosuch' simulate "${small[@]}" --scenes nosuch -o f
 mkdir empty
 expect 4 'holds no TIFF' simulate "${small[@]}" --scenes empty -o f
@@ -34,5 +34,5 @@ expect 4 'holds no TIFF' simulate "${small[@]}" --scenes empty -o f
 expect 4 'a_nan.tif.*NaN' simulate "${small[@]}" --scenes pictures -o f
 expect 2 'lens' simulate "${small[@]}" --lenses 5000 -o f
 expect 2 'window' simulate --preset sim300 --window 999x999 -o f
-lacks f f.part-*
+lacks f .f.hadalens-*
 finish

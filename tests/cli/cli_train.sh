@@ -62,7 +62,7 @@ cut -d, -f1-11 <whole.model.log/losses.csv >one
 cut -d, -f1-11 <killed.model.log/losses.csv >two
 cmp -s one two || fail 'a run that was killed now and then logged other losses'
 cmp -s whole.model.log/validation.csv killed.model.log/validation.csv || fail 'and other validations'
-find . -name '*.tmp-*' -delete # of those that were killed while they wrote
+find . -name '.*.hadalens-*' -delete # of those that were killed while they wrote
 
 # Ctrl-C and SIGTERM save.
 for signal in INT TERM; do
@@ -103,5 +103,5 @@ mv set/z90mm set/z100mm
 "$FRAME_TOOL" nan set/z100mm/raw/scene0001.tif bad.tif 7 && cp bad.tif set/z100mm/raw/scene0001.tif
 expect 4 'pair 1 of the depth at 100 mm: 7 pixels are NaN' train set -m "$model" -o x "${quick[@]}" --steps 20 --restart
 lacks nosuch
-[ -z "$(find . -name '*.part*' -o -name '.*.tmp*' -o -name '*.tmp-*')" ] || fail 'temporary files left'
+[ -z "$(find . -name '.*.hadalens-*')" ] || fail 'temporary files left'
 finish

@@ -123,7 +123,7 @@ static void put_folder(const char *folder, const char *name)
     char path[400];
     snprintf(path, sizeof path, "%s/%s", folder, name);
     assert_int_equal(unlink(path), 0);
-    ASSERT_OK(hada_folder_make(path, err));
+    ASSERT_OK(hada_folder_make(path, HADA_OURS_ALONE, err));
 }
 
 /* As our files are, but what the driver gets is nonsense; longer than a true binary. */

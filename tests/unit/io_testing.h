@@ -33,7 +33,7 @@ static inline int io_teardown(void **state)
     for (struct dirent *entry; folder && (entry = readdir(folder));) {
         char path[600];
         snprintf(path, sizeof path, "%s/%s", io_folder, entry->d_name);
-        unfinished += strstr(entry->d_name, ".tmp-") != NULL;
+        unfinished += strstr(entry->d_name, ".hadalens-") != NULL;
         if (entry->d_name[0] != '.')
             unlink(path);
     }

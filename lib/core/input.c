@@ -1,0 +1,149 @@
+#include "core/input.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <hadalens/folder.h>
+#include <pthread.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "core/alloc.h"
+
+static hada_status open_failed(int fd, int *code, int reason, hada_error *err)
+{
+    if (fd >= 0)
+        close(fd);
+    if (code)
+        *code = reason;
+    return reason ? hada_fail(err, HADA_ERROR_FILE_OPEN, "cannot be opened: %s", strerror(reason))
+                  : hada_fail(err, HADA_ERROR_FILE_OPEN, "is not an ordinary file");
+}
+
+hada_status hada_input_open(int *out, size_t *bytes, const char *path, int *code, hada_error *err)
+{
+    struct stat what;
+    *out = -1;
+    const int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY);
+    if (fd < 0 || fstat(fd, &what))
+        return open_failed(fd, code, errno, err);
+    if (!S_ISREG(what.st_mode))
+        return open_failed(fd, code, 0, err);
+    *out = fd;
+    *bytes = (size_t)what.st_size;
+    return HADA_OK;
+}
+
+/* As much as there is, up to `room`; -1 on failure. */
+static ssize_t read_up_to(int fd, char *to, size_t room)
+{
+    size_t have = 0;
+    while (have < room) {
+        const ssize_t got = read(fd, to + have, room - have);
+        if (got < 0 && errno == EINTR)
+            continue;
+        if (got < 0)
+            return -1;
+        if (!got)
+            break;
+        have += (size_t)got;
+    }
+    return (ssize_t)have;
+}
+
+hada_status hada_input_read(char **text, size_t *bytes, const char *path, size_t most, int *code, hada_error *err)
+{
+    int fd = -1;
+    size_t size = 0;
+    char *read_into = NULL;
+    hada_status status = HADA_OK;
+    *text = NULL;
+    *bytes = 0;
+    HADA_TRY(hada_input_open(&fd, &size, path, code, err));
+    if (size > most)
+        HADA_TRY(hada_fail(err, HADA_ERROR_FILE_FORMAT, "has %zu bytes; at most %zu are read here", size, most));
+    HADA_TRY(hada_alloc((void **)&read_into, size + 1, 1, "a file", err));
+    const ssize_t got = read_up_to(fd, read_into, size);
+    if (got < 0)
+        HADA_TRY(hada_fail(err, HADA_ERROR_FILE_READ, "cannot be read: %s", strerror(errno)));
+    *bytes = (size_t)got;
+    *text = read_into;
+    read_into = NULL;
+done:
+    if (status && code && fd >= 0)
+        *code = 0;
+    if (fd >= 0)
+        close(fd);
+    free(read_into);
+    return status;
+}
+
+typedef struct identity {
+    dev_t device;
+    ino_t inode;
+} identity;
+
+struct hada_inputs {
+    hada_inputs *next;
+    size_t count;
+    identity files[]; /* sorted */
+};
+
+static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
+static hada_inputs *in_use;
+
+static int by_identity(const void *a, const void *b)
+{
+    const identity *one = a, *two = b;
+    if (one->device != two->device)
+        return one->device < two->device ? -1 : 1;
+    return (one->inode > two->inode) - (one->inode < two->inode);
+}
+
+hada_status hada_inputs_protect(hada_inputs **out, const char *const *paths, size_t count, hada_error *err)
+{
+    struct stat what;
+    hada_inputs *inputs = NULL;
+    *out = NULL;
+    const hada_status status = hada_alloc((void **)&inputs, 1, sizeof *inputs + count * sizeof *inputs->files,
+                                          "the names of a command's files", err);
+    if (status)
+        return status;
+    for (size_t i = 0; i < count; i++)
+        if (paths[i] && !stat(paths[i], &what) && S_ISREG(what.st_mode))
+            inputs->files[inputs->count++] = (identity){what.st_dev, what.st_ino};
+    qsort(inputs->files, inputs->count, sizeof *inputs->files, by_identity);
+    pthread_mutex_lock(&lock);
+    inputs->next = in_use;
+    in_use = inputs;
+    pthread_mutex_unlock(&lock);
+    *out = inputs;
+    return HADA_OK;
+}
+
+void hada_inputs_release(hada_inputs **inputs)
+{
+    hada_inputs *mine = inputs ? *inputs : NULL;
+    if (!mine)
+        return;
+    *inputs = NULL;
+    pthread_mutex_lock(&lock);
+    for (hada_inputs **at = &in_use; *at; at = &(*at)->next)
+        if (*at == mine) {
+            *at = mine->next;
+            break;
+        }
+    pthread_mutex_unlock(&lock);
+    free(mine);
+}
+
+int hada_input_is_in_use(const struct stat *file)
+{
+    const identity key = {file->st_dev, file->st_ino};
+    int found = 0;
+    pthread_mutex_lock(&lock);
+    for (const hada_inputs *at = in_use; at && !found; at = at->next)
+        found = bsearch(&key, at->files, at->count, sizeof key, by_identity) != NULL;
+    pthread_mutex_unlock(&lock);
+    return found;
+}

@@ -1,0 +1,22 @@
+/* Files that are read: opened so that nothing else than an ordinary file is, and kept from being replaced while a
+ * command works. Internal. */
+#ifndef HADA_CORE_INPUT_H
+#define HADA_CORE_INPUT_H
+
+#include <stddef.h>
+#include <sys/stat.h>
+
+#include "core/error.h"
+
+/* Opens an ordinary file for reading; never waits (a FIFO would), and refuses folders and devices. *code, where not
+ * NULL, is the reason of the system (ENOENT where there is nothing), 0 where it gave none. Messages do not name the
+ * path. */
+hada_status hada_input_open(int *fd, size_t *bytes, const char *path, int *code, hada_error *err);
+
+/* A whole file of at most `most` bytes with a NUL behind it, to be freed; HADA_ERROR_FILE_FORMAT for longer ones. */
+hada_status hada_input_read(char **text, size_t *bytes, const char *path, size_t most, int *code, hada_error *err);
+
+/* Whether a file is one of those that hada_inputs_protect() named. */
+int hada_input_is_in_use(const struct stat *file);
+
+#endif

@@ -210,6 +210,10 @@ void hada_simulator_destroy(hada_simulator **simulator)
         if (s->psf)
             hada_image_destroy(&s->psf[i]);
     }
+    for (int i = 0; i < s->between.count; i++)
+        hada_buffer_destroy(&s->between.otf[i]);
+    free(s->between.otf);
+    free(s->between.distance_mm);
     free(s->otf);
     free(s->psf);
     hada_slot_destroy(&s->slot);

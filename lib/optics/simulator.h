@@ -11,6 +11,25 @@ typedef struct hada_extent {
     int rows, cols;
 } hada_extent;
 
+/* Where a plane stands: at a depth of the camera, or (depth -1) at any distance, with a PSF by the camera's optics. */
+typedef struct hada_place {
+    int depth;
+    double distance_mm;
+} hada_place;
+
+typedef struct hada_layer {
+    hada_place place;
+    const hada_image *image;   /* light that it sends itself; NULL: none */
+    const hada_image *opacity; /* NULL: hides nothing */
+} hada_layer;
+
+/* Transfer functions of other distances than the camera's, as many as are kept. */
+typedef struct hada_between {
+    double *distance_mm;
+    hada_buffer *otf;
+    int count, room;
+} hada_between;
+
 struct hada_simulator {
     hada_camera camera;
     hada_image *psf;          /* given ones, one a depth; NULL: by the camera's optics */
@@ -28,14 +47,17 @@ struct hada_simulator {
     hada_buffer spectrum; /* of a plane */
     hada_buffer sum;      /* of the frame */
     hada_buffer *otf;     /* per depth, empty until first used */
+    hada_between between;
 };
 
 /* HADA_ERROR_ARGUMENT where the camera has no such depth. */
 hada_status hada_simulator_check_depth(const hada_simulator *simulator, int depth, hada_error *err);
 
-/* The PSF of a depth on a grid about the axis, moved by the sensor's shift; created by the call. */
-hada_status hada_simulator_place_psf(const hada_simulator *simulator, int depth, int rows, int cols, hada_image *psf,
-                                     hada_error *err);
+hada_place hada_simulator_place(const hada_simulator *simulator, int depth);
+
+/* The PSF of a place on a grid about the axis, moved by the sensor's shift; created by the call. */
+hada_status hada_simulator_place_psf(const hada_simulator *simulator, hada_place place, int rows, int cols,
+                                     hada_image *psf, hada_error *err);
 
 /* Transfer functions (psf->channels of them) of a placed PSF of the transform's size into `otf`, created where empty.
  * With `share`, of that share of each pixel alone. */
@@ -43,6 +65,7 @@ hada_status hada_simulator_make_otf(hada_simulator *simulator, const hada_image 
                                     hada_buffer *otf, hada_error *err);
 
 /* HADA_ERROR_SIZE and others where an image cannot be shown. */
+hada_status hada_simulator_check_image(const hada_simulator *simulator, const hada_image *image, hada_error *err);
 hada_status hada_simulator_check_plane(const hada_simulator *simulator, const hada_plane *plane, hada_error *err);
 
 /* A plane of window or field size to the middle of a field on the device, `channels` of them (a grey one is repeated).
@@ -50,8 +73,20 @@ hada_status hada_simulator_check_plane(const hada_simulator *simulator, const ha
 hada_status hada_simulator_upload(hada_simulator *simulator, const hada_image *image, int channels, hada_buffer *to,
                                   size_t offset, hada_error *err);
 
-/* Adds a plane's part to the frame's spectrum, unhidden, through all lenses. */
-hada_status hada_simulator_add_plane(hada_simulator *simulator, const hada_plane *plane, int add, hada_error *err);
+/* The transfer functions of a place, made where they are first needed: kept by the simulator or, where many others are
+ * kept, in `scratch`, which is created where it is empty. */
+hada_status hada_simulator_otf(hada_simulator *simulator, hada_place place, hada_buffer *scratch,
+                               const hada_buffer **otf, hada_error *err);
+
+/* Adds (add 1) an image's part, unhidden and through all lenses, to the frame's spectrum, or begins it (add 0). */
+hada_status hada_simulator_add_image(hada_simulator *simulator, const hada_image *image, const hada_buffer *otf,
+                                     int add, hada_error *err);
+
+/* The frame's spectrum of layers that hide each other: opaque ones hide those that stand behind by more than `gap`
+ * (1/mm). `reach`, where given, has a row of `count` for each layer: which of the others can hide some of its light at
+ * all. `lens` as for hada_simulator_render_occluded. */
+hada_status hada_simulator_add_layers(hada_simulator *simulator, const hada_layer *layers, int count, int lens,
+                                      double gap, const unsigned char *reach, hada_error *err);
 
 /* From the frame's spectrum to the frame, with noise as hada_simulator_render says. */
 hada_status hada_simulator_finish(hada_simulator *simulator, double noise, uint64_t seed, hada_image *raw,

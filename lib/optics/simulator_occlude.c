@@ -10,9 +10,10 @@
 
 typedef struct occluded {
     hada_simulator *simulator;
-    const hada_plane *planes;
-    const hada_image *const *opacity;
+    const hada_layer *layers;
     int count, lens;
+    double gap;
+    const unsigned char *reach;
     hada_lenses lenses;
     int *labels;  /* of the transform's grid */
     float *share; /* of the light of a pixel of that grid: what one lens makes */
@@ -37,10 +38,15 @@ static hada_status check_opacity(const hada_image *opacity, const hada_image *im
     return HADA_OK;
 }
 
-/* Whether plane j hides something of plane i. */
+/* Whether layer j hides something of layer i. */
 static int hides(const occluded *o, int j, int i)
 {
-    return o->opacity && o->opacity[j] && o->planes[j].depth < o->planes[i].depth;
+    const hada_layer *near = &o->layers[j], *far = &o->layers[i];
+    if (!near->opacity || !(near->place.distance_mm < far->place.distance_mm))
+        return 0;
+    if (o->gap > 0.0 && !(1.0 / near->place.distance_mm - 1.0 / far->place.distance_mm > o->gap))
+        return 0;
+    return !o->reach || o->reach[(size_t)i * (size_t)o->count + (size_t)j];
 }
 
 static int is_hidden(const occluded *o, int i)
@@ -64,8 +70,8 @@ static double patch_side(const occluded *o)
     for (int i = 0; i < o->count; i++)
         for (int j = 0; j < o->count; j++)
             if (hides(o, j, i)) {
-                hada_camera_parallax(camera, camera->distances_mm[o->planes[j].depth],
-                                     camera->distances_mm[o->planes[i].depth], 1.0, 0.0, &cols, &rows);
+                hada_camera_parallax(camera, o->layers[j].place.distance_mm, o->layers[i].place.distance_mm, 1.0, 0.0,
+                                     &cols, &rows);
                 most = fmax(most, cols);
             }
     return most > 0.0 ? o->simulator->patch_pixels / most : camera->aperture_mm;
@@ -91,8 +97,8 @@ static hada_status prepare(occluded *o, hada_error *err)
     HADA_TRY(hada_buffer_create(&o->opaque, context, bytes * (size_t)o->count, "opacities", err));
     HADA_TRY(hada_buffer_create(&o->seen, context, bytes * (size_t)s->camera.channels, "a view", err));
     for (int i = 0; i < o->count; i++)
-        if (o->opacity && o->opacity[i])
-            HADA_TRY(hada_simulator_upload(s, o->opacity[i], 1, &o->opaque, (size_t)i * field_pixels(o), err));
+        if (o->layers[i].opacity)
+            HADA_TRY(hada_simulator_upload(s, o->layers[i].opacity, 1, &o->opaque, (size_t)i * field_pixels(o), err));
 done:
     return status;
 }
@@ -101,7 +107,6 @@ done:
 static hada_status hide(occluded *o, int i, int lens, hada_error *err)
 {
     hada_simulator *s = o->simulator;
-    const double *distances = s->camera.distances_mm;
     cl_mem light = s->scene.mem;
     hada_taps taps = {0};
     hada_status status = HADA_OK;
@@ -109,8 +114,8 @@ static hada_status hide(occluded *o, int i, int lens, hada_error *err)
         if (!hides(o, j, i))
             continue;
         hada_taps_destroy(&taps);
-        HADA_TRY(hada_taps_create(&taps, &s->camera, &o->lenses, lens, distances[o->planes[j].depth],
-                                  distances[o->planes[i].depth], err));
+        HADA_TRY(hada_taps_create(&taps, &s->camera, &o->lenses, lens, o->layers[j].place.distance_mm,
+                                  o->layers[i].place.distance_mm, err));
         hada_buffer_destroy(&o->weights);
         HADA_TRY(hada_buffer_create_from(&o->weights, s->slot, taps.weight,
                                          (size_t)taps.rows * (size_t)taps.cols * sizeof(float), "the view of a lens",
@@ -145,24 +150,36 @@ done:
     return status;
 }
 
-static hada_status add_plane(occluded *o, int i, hada_error *err)
+/* A layer that nothing hides, through all lenses. */
+static hada_status add_whole(occluded *o, const hada_layer *layer, hada_error *err)
 {
     hada_simulator *s = o->simulator;
-    const hada_plane *plane = &o->planes[i];
-    if (o->lens < 0 && !is_hidden(o, i)) {
-        const hada_status status = hada_simulator_add_plane(s, plane, o->any, err);
-        o->any = 1;
-        return status;
-    }
+    const hada_buffer *otf;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_simulator_otf(s, layer->place, &o->otf, &otf, err));
+    HADA_TRY(hada_simulator_add_image(s, layer->image, otf, o->any, err));
+    o->any = 1;
+done:
+    return status;
+}
+
+static hada_status add_layer(occluded *o, int i, hada_error *err)
+{
+    hada_simulator *s = o->simulator;
+    const hada_layer *layer = &o->layers[i];
+    if (!layer->image)
+        return HADA_OK;
+    if (o->lens < 0 && !is_hidden(o, i))
+        return add_whole(o, layer, err);
     hada_image psf = {0};
     hada_status status = HADA_OK;
-    HADA_TRY(hada_simulator_place_psf(s, plane->depth, s->rows, s->cols, &psf, err));
-    const double distance = s->camera.distances_mm[plane->depth];
+    HADA_TRY(hada_simulator_place_psf(s, layer->place, s->rows, s->cols, &psf, err));
+    const double distance = layer->place.distance_mm;
     const int row = s->rows / 2 - s->shift.rows, col = s->cols / 2 - s->shift.cols;
     hada_lens_labels(&s->camera, &o->lenses, distance, s->rows, s->cols, row, col, o->labels);
     if (o->lenses.side > 0.0)
         HADA_TRY(hada_patch_light_make(&o->patch_light, &o->lenses, distance, s->rows, s->cols, row, col, err));
-    HADA_TRY(hada_simulator_upload(s, plane->image, s->camera.channels, &s->scene, 0, err));
+    HADA_TRY(hada_simulator_upload(s, layer->image, s->camera.channels, &s->scene, 0, err));
     for (int lens = 0; lens < o->lenses.count; lens++)
         if (o->lens < 0 || lens == o->lens)
             HADA_TRY(add_lens(o, i, &psf, lens, err));
@@ -172,24 +189,14 @@ done:
     return status;
 }
 
-hada_status hada_simulator_render_occluded(hada_simulator *s, const hada_plane *planes,
-                                           const hada_image *const *opacity, int count, int lens, double noise,
-                                           uint64_t noise_seed, hada_image *raw, hada_error *err)
+hada_status hada_simulator_add_layers(hada_simulator *s, const hada_layer *layers, int count, int lens, double gap,
+                                      const unsigned char *reach, hada_error *err)
 {
-    *raw = (hada_image){0};
-    if (count < 1 || !(noise >= 0.0))
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "a scene of %d planes with noise %g is not possible", count, noise);
-    occluded o = {.simulator = s, .planes = planes, .opacity = opacity, .count = count, .lens = lens};
+    occluded o = {.simulator = s, .layers = layers, .count = count, .lens = lens, .gap = gap, .reach = reach};
     hada_status status = HADA_OK;
-    for (int i = 0; i < count; i++) {
-        HADA_TRY(hada_simulator_check_plane(s, &planes[i], err));
-        if (opacity && opacity[i])
-            HADA_TRY(check_opacity(opacity[i], planes[i].image, err));
-    }
     HADA_TRY(prepare(&o, err));
     for (int i = 0; i < count; i++)
-        HADA_TRY(add_plane(&o, i, err));
-    HADA_TRY(hada_simulator_finish(s, noise, noise_seed, raw, err));
+        HADA_TRY(add_layer(&o, i, err));
 done:
     if (status)
         hada_slot_finish(s->slot, NULL);
@@ -200,5 +207,29 @@ done:
     hada_lenses_destroy(&o.lenses);
     free(o.labels);
     free(o.share);
+    return status;
+}
+
+hada_status hada_simulator_render_occluded(hada_simulator *s, const hada_plane *planes,
+                                           const hada_image *const *opacity, int count, int lens, double noise,
+                                           uint64_t noise_seed, hada_image *raw, hada_error *err)
+{
+    *raw = (hada_image){0};
+    if (count < 1 || !(noise >= 0.0))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "a scene of %d planes with noise %g is not possible", count, noise);
+    hada_layer *layers = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&layers, (size_t)count, sizeof *layers, "a scene", err));
+    for (int i = 0; i < count; i++) {
+        HADA_TRY(hada_simulator_check_plane(s, &planes[i], err));
+        if (opacity && opacity[i])
+            HADA_TRY(check_opacity(opacity[i], planes[i].image, err));
+        layers[i] =
+            (hada_layer){hada_simulator_place(s, planes[i].depth), planes[i].image, opacity ? opacity[i] : NULL};
+    }
+    HADA_TRY(hada_simulator_add_layers(s, layers, count, lens, 0.0, NULL, err));
+    HADA_TRY(hada_simulator_finish(s, noise, noise_seed, raw, err));
+done:
+    free(layers);
     return status;
 }

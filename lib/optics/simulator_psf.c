@@ -6,6 +6,10 @@
 #include "optics/simulator.h"
 #include "optics/wave.h"
 
+/* Transfer functions of other distances than the camera's that are kept: all of a camera of 300 x 400 pixels, and few
+ * enough of large ones to leave a device its memory. */
+#define BETWEEN_BYTES ((size_t)256 << 20)
+
 hada_status hada_simulator_check_depth(const hada_simulator *s, int depth, hada_error *err)
 {
     if (depth < 0 || depth >= s->camera.depths)
@@ -14,11 +18,15 @@ hada_status hada_simulator_check_depth(const hada_simulator *s, int depth, hada_
     return HADA_OK;
 }
 
+hada_place hada_simulator_place(const hada_simulator *s, int depth)
+{
+    return (hada_place){depth, s->camera.distances_mm[depth]};
+}
+
 /* By the camera's optics. */
-static hada_status designed_psf(const hada_simulator *s, int depth, int rows, int cols, hada_image *psf,
+static hada_status designed_psf(const hada_simulator *s, double distance, int rows, int cols, hada_image *psf,
                                 hada_error *err)
 {
-    const double distance = s->camera.distances_mm[depth];
     if (!s->wave)
         return hada_camera_psf_sized(&s->camera, distance, rows, cols, psf, err);
     const hada_status status = hada_wave_psf(s->wave, distance, rows, cols, psf, err);
@@ -26,21 +34,21 @@ static hada_status designed_psf(const hada_simulator *s, int depth, int rows, in
     return status;
 }
 
-hada_status hada_simulator_place_psf(const hada_simulator *s, int depth, int rows, int cols, hada_image *psf,
+hada_status hada_simulator_place_psf(const hada_simulator *s, hada_place place, int rows, int cols, hada_image *psf,
                                      hada_error *err)
 {
     const hada_extent shift = s->shift;
     if (s->psf) { /* stands about the axis: what is beyond it is dark */
-        const hada_image *given = &s->psf[depth];
+        const hada_image *given = &s->psf[place.depth];
         return hada_image_crop(psf, given, given->rows / 2 - rows / 2 + shift.rows,
                                given->cols / 2 - cols / 2 + shift.cols, rows, cols, err);
     }
     if (!shift.rows && !shift.cols)
-        return designed_psf(s, depth, rows, cols, psf, err);
+        return designed_psf(s, place.distance_mm, rows, cols, psf, err);
     const int down = abs(shift.rows), across = abs(shift.cols);
     hada_image wide = {0};
     hada_status status = HADA_OK;
-    HADA_TRY(designed_psf(s, depth, rows + 2 * down, cols + 2 * across, &wide, err));
+    HADA_TRY(designed_psf(s, place.distance_mm, rows + 2 * down, cols + 2 * across, &wide, err));
     HADA_TRY(hada_image_crop(psf, &wide, down + shift.rows, across + shift.cols, rows, cols, err));
 done:
     hada_image_destroy(&wide);
@@ -52,7 +60,7 @@ hada_status hada_simulator_psf(const hada_simulator *s, int depth, hada_image *p
     *psf = (hada_image){0};
     hada_status status = HADA_OK;
     HADA_TRY(hada_simulator_check_depth(s, depth, err));
-    HADA_TRY(hada_simulator_place_psf(s, depth, s->camera.rows, s->camera.cols, psf, err));
+    HADA_TRY(hada_simulator_place_psf(s, hada_simulator_place(s, depth), s->camera.rows, s->camera.cols, psf, err));
 done:
     return status;
 }
@@ -93,5 +101,69 @@ hada_status hada_simulator_make_otf(hada_simulator *s, const hada_image *psf, co
 done:
     if (status)
         hada_buffer_destroy(otf);
+    return status;
+}
+
+static hada_status make_room(hada_between *between, hada_error *err)
+{
+    hada_between more = {.room = 2 * between->room + 16, .count = between->count};
+    hada_status status = HADA_OK;
+    if (between->count < between->room)
+        return HADA_OK;
+    HADA_TRY(hada_alloc((void **)&more.distance_mm, (size_t)more.room, sizeof *more.distance_mm, "distances", err));
+    HADA_TRY(hada_alloc((void **)&more.otf, (size_t)more.room, sizeof *more.otf, "the transfer functions", err));
+    for (int i = 0; i < between->count; i++) {
+        more.distance_mm[i] = between->distance_mm[i];
+        more.otf[i] = between->otf[i];
+    }
+    free(between->distance_mm);
+    free(between->otf);
+    *between = more;
+    return HADA_OK;
+done:
+    free(more.distance_mm);
+    free(more.otf);
+    return status;
+}
+
+/* Where the transfer functions of a place stand, or shall stand. */
+static hada_status find_otf(hada_simulator *s, hada_place place, hada_buffer *scratch, hada_buffer **otf,
+                            hada_error *err)
+{
+    hada_between *between = &s->between;
+    const size_t bytes = s->layout.count * 2 * sizeof(float) * (size_t)s->psf_images;
+    hada_status status = HADA_OK;
+    *otf = place.depth >= 0 ? &s->otf[place.depth] : NULL;
+    for (int i = 0; i < between->count && !*otf; i++)
+        if (between->distance_mm[i] == place.distance_mm)
+            *otf = &between->otf[i];
+    if (*otf)
+        return HADA_OK;
+    if (((size_t)between->count + 1) * bytes > BETWEEN_BYTES) {
+        hada_buffer_destroy(scratch);
+        *otf = scratch;
+        return HADA_OK;
+    }
+    HADA_TRY(make_room(between, err));
+    between->distance_mm[between->count] = place.distance_mm;
+    *otf = &between->otf[between->count++];
+done:
+    return status;
+}
+
+hada_status hada_simulator_otf(hada_simulator *s, hada_place place, hada_buffer *scratch, const hada_buffer **out,
+                               hada_error *err)
+{
+    hada_image psf = {0};
+    hada_buffer *otf;
+    hada_status status = HADA_OK;
+    HADA_TRY(find_otf(s, place, scratch, &otf, err));
+    *out = otf;
+    if (otf->mem)
+        goto done;
+    HADA_TRY(hada_simulator_place_psf(s, place, s->rows, s->cols, &psf, err));
+    HADA_TRY(hada_simulator_make_otf(s, &psf, NULL, otf, err));
+done:
+    hada_image_destroy(&psf);
     return status;
 }

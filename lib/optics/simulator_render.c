@@ -21,12 +21,9 @@ hada_status hada_optics_accumulate(hada_slot *slot, cl_mem sum, size_t sum_offse
                                          .otf_images = otf_images, .add = add);
 }
 
-hada_status hada_simulator_check_plane(const hada_simulator *s, const hada_plane *plane, hada_error *err)
+hada_status hada_simulator_check_image(const hada_simulator *s, const hada_image *image, hada_error *err)
 {
     const hada_camera *c = &s->camera;
-    const hada_image *image = plane->image;
-    hada_status status = HADA_OK;
-    HADA_TRY(hada_simulator_check_depth(s, plane->depth, err));
     const int window = image->rows == c->window_rows && image->cols == c->window_cols,
               field = image->rows == s->field.rows && image->cols == s->field.cols;
     if ((!window && !field) || (image->channels != 1 && image->channels != c->channels))
@@ -37,8 +34,13 @@ hada_status hada_simulator_check_plane(const hada_simulator *s, const hada_plane
                          s->field.rows, s->field.cols);
     if (hada_image_count_not_finite(image))
         return hada_fail(err, HADA_ERROR_NOT_FINITE, "a scene holds NaN or infinite values");
-done:
-    return status;
+    return HADA_OK;
+}
+
+hada_status hada_simulator_check_plane(const hada_simulator *s, const hada_plane *plane, hada_error *err)
+{
+    const hada_status status = hada_simulator_check_depth(s, plane->depth, err);
+    return status ? status : hada_simulator_check_image(s, plane->image, err);
 }
 
 hada_status hada_simulator_upload(hada_simulator *s, const hada_image *image, int channels, hada_buffer *to,
@@ -66,28 +68,14 @@ done:
     return status;
 }
 
-/* The transfer functions of a depth, made where they are first needed. */
-static hada_status need_otf(hada_simulator *s, int depth, hada_error *err)
+hada_status hada_simulator_add_image(hada_simulator *s, const hada_image *image, const hada_buffer *otf, int add,
+                                     hada_error *err)
 {
-    hada_image psf = {0};
+    const int channels = s->camera.channels;
     hada_status status = HADA_OK;
-    if (s->otf[depth].mem)
-        goto done;
-    HADA_TRY(hada_simulator_place_psf(s, depth, s->rows, s->cols, &psf, err));
-    HADA_TRY(hada_simulator_make_otf(s, &psf, NULL, &s->otf[depth], err));
-done:
-    hada_image_destroy(&psf);
-    return status;
-}
-
-hada_status hada_simulator_add_plane(hada_simulator *s, const hada_plane *plane, int add, hada_error *err)
-{
-    const int channels = s->camera.channels, depth = plane->depth;
-    hada_status status = HADA_OK;
-    HADA_TRY(need_otf(s, depth, err));
-    HADA_TRY(hada_simulator_upload(s, plane->image, channels, &s->scene, 0, err));
+    HADA_TRY(hada_simulator_upload(s, image, channels, &s->scene, 0, err));
     HADA_TRY(hada_fft_forward(s->forward_scene, channels, s->scene.mem, 0, s->spectrum.mem, 0, err));
-    HADA_TRY(hada_optics_accumulate(s->slot, s->sum.mem, 0, s->otf[depth].mem, s->psf_images, s->spectrum.mem, channels,
+    HADA_TRY(hada_optics_accumulate(s->slot, s->sum.mem, 0, otf->mem, s->psf_images, s->spectrum.mem, channels,
                                     s->layout.count, add, err));
 done:
     return status;
@@ -122,11 +110,14 @@ hada_status hada_simulator_render(hada_simulator *s, const hada_plane *planes, i
     *raw = (hada_image){0};
     if (count < 1 || !(noise >= 0.0))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a scene of %d planes with noise %g is not possible", count, noise);
+    const hada_buffer *otf;
     hada_status status = HADA_OK;
     for (int i = 0; i < count; i++)
         HADA_TRY(hada_simulator_check_plane(s, &planes[i], err));
-    for (int i = 0; i < count; i++)
-        HADA_TRY(hada_simulator_add_plane(s, &planes[i], i > 0, err));
+    for (int i = 0; i < count; i++) {
+        HADA_TRY(hada_simulator_otf(s, hada_simulator_place(s, planes[i].depth), NULL, &otf, err));
+        HADA_TRY(hada_simulator_add_image(s, planes[i].image, otf, i > 0, err));
+    }
     HADA_TRY(hada_simulator_finish(s, noise, noise_seed, raw, err));
 done:
     return status;

@@ -143,10 +143,66 @@ static void noise(void **state)
     hada_image_destroy(&image);
 }
 
+/* Every kind stays in the range and differs by its seed; plain shapes by what they are. */
+static void reliefs(void **state)
+{
+    (void)state;
+    enum { SIDE = 121 };
+    hada_image one, two;
+    for (hada_relief_kind kind = HADA_RELIEF_SLANT; kind <= HADA_RELIEF_BARS; kind++) {
+        assert_int_equal(hada_relief_from_word(hada_relief_word(kind)), kind);
+        for (uint64_t seed = 0; seed < 6; seed++) {
+            double differs = 0.0;
+            assert_int_equal(hada_scene_relief(&one, kind, seed, 90, SIDE, NULL), HADA_OK);
+            assert_int_equal(hada_scene_relief(&two, kind, seed + 1, 90, SIDE, NULL), HADA_OK);
+            for (size_t i = 0; i < hada_image_count(&one); i++) {
+                assert_true(one.data[i] >= 0.0f && one.data[i] <= 1.0f);
+                differs = fmax(differs, fabs((double)(one.data[i] - two.data[i])));
+            }
+            assert_true(differs > 0.1);
+            hada_image_destroy(&one);
+            hada_image_destroy(&two);
+        }
+    }
+    assert_int_equal(hada_scene_relief(&one, HADA_RELIEF_SLANT, 0, SIDE, SIDE, NULL), HADA_OK);
+    for (int i = 0; i < SIDE * SIDE; i++)
+        assert_true(fabs((double)one.data[i] - i % SIDE / (SIDE - 1.0)) < 1e-6);
+    hada_image_destroy(&one);
+    assert_int_equal(hada_scene_relief(&one, HADA_RELIEF_HALF, 0, SIDE, SIDE, NULL), HADA_OK);
+    for (int i = 0; i < SIDE * SIDE; i++)
+        assert_true(fabs((double)one.data[i] - (0.25 + 0.5 * (double)(i / SIDE) / (SIDE - 1.0))) < 1e-6);
+    hada_image_destroy(&one);
+    assert_int_equal(hada_scene_relief(&one, HADA_RELIEF_STEPS, 0, SIDE, SIDE, NULL), HADA_OK);
+    for (int i = 0; i < SIDE * SIDE; i++) {
+        const double stair = fmin(floor(i % SIDE / (SIDE - 1.0) * 5.0), 4.0);
+        assert_true(fabs((double)one.data[i] - (stair / 4.0 * 0.9 + 0.03)) < 1e-6);
+    }
+    hada_image_destroy(&one);
+    assert_int_equal(hada_scene_relief(&one, HADA_RELIEF_BALL, 0, SIDE, SIDE, NULL), HADA_OK);
+    assert_true(fabsf(one.data[SIDE * SIDE / 2] - 0.15f) < 1e-6f); /* its middle is nearest, the corners are the wall */
+    assert_true(one.data[0] == 0.75f && one.data[SIDE * SIDE - 1] == 0.75f);
+    hada_image_destroy(&one);
+    /* smooth hills that use the range from 0.1 to 0.9 */
+    assert_int_equal(hada_scene_relief(&one, HADA_RELIEF_HILL, 3, SIDE, SIDE, NULL), HADA_OK);
+    float least = 1.0f, most = 0.0f, slope = 0.0f;
+    for (int i = 1; i < SIDE * SIDE; i++) {
+        least = fminf(least, one.data[i]);
+        most = fmaxf(most, one.data[i]);
+        if (i % SIDE)
+            slope = fmaxf(slope, fabsf(one.data[i] - one.data[i - 1]));
+    }
+    assert_true(fabsf(least - 0.1f) < 1e-6f && fabsf(most - 0.9f) < 1e-6f && slope < 0.05f);
+    hada_image_destroy(&one);
+    hada_error err;
+    assert_int_equal(hada_scene_relief(&one, (hada_relief_kind)9, 0, 8, 8, &err), HADA_ERROR_ARGUMENT);
+    assert_null(hada_relief_word((hada_relief_kind)9));
+    assert_int_equal(hada_relief_from_word("valley"), 0);
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(scaling), cmocka_unit_test(cutting),
+    const struct CMUnitTest tests[] = {cmocka_unit_test(scaling),    cmocka_unit_test(cutting),
                                        cmocka_unit_test(procedural), cmocka_unit_test(regions),
-                                       cmocka_unit_test(noise)};
+                                       cmocka_unit_test(noise),      cmocka_unit_test(reliefs)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

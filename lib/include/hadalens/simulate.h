@@ -68,6 +68,20 @@ HADA_API hada_status hada_simulator_render_occluded(hada_simulator *simulator, c
                                                     const hada_image *const *opacity, int count, int lens, double noise,
                                                     uint64_t noise_seed, hada_image *raw, hada_error *err);
 
+/* A scene's part on a surface: each pixel at a distance of its own, between the camera's depths or beyond them. */
+typedef struct hada_relief {
+    const hada_image *image;        /* as of a plane */
+    const hada_image *distances_mm; /* one channel of the image's size, from the mask; NaN: nothing stands there */
+} hada_relief;
+
+/* As hada_simulator_render, of `count` surfaces of one size, whose light adds up. `opaque` 1: they hide what stands
+ * behind them, as planes do in hada_simulator_render_occluded; 0: nothing hides anything. PSFs are made in steps of 1/z
+ * from which to which the outermost spot moves by a quarter of a pixel, and light between two is shared out to both:
+ * docs/forward.md says what that leaves, and of opaque surfaces. HADA_ERROR_UNSUPPORTED with PSFs that were given. */
+HADA_API hada_status hada_simulator_render_reliefs(hada_simulator *simulator, const hada_relief *surfaces, int count,
+                                                   int opaque, double noise, uint64_t noise_seed, hada_image *raw,
+                                                   hada_error *err);
+
 /* How far the shadow of a plane at the nearer of two depths moves on one at the farther, in pixels, for a lens at
  * (x_mm, y_mm): p d (1/near - 1/far) / pitch. Column first, as x. */
 HADA_API void hada_camera_parallax(const hada_camera *camera, double near_mm, double far_mm, double x_mm, double y_mm,

@@ -1,0 +1,197 @@
+/* Scenes on surfaces: against PSFs made for every distance that occurs, in double precision. */
+#include "forward_fixture.h"
+
+#include "ref/ref_convolve.h"
+
+#define AREA (HIGH * WIDE)
+
+/* A distance for every column, 1/z linear from one end to the other. */
+static hada_image slanted(double near_mm, double far_mm)
+{
+    hada_image map;
+    ASSERT_OK(hada_image_create(&map, 1, HIGH, WIDE, err));
+    for (int i = 0; i < AREA; i++) {
+        const double t = (double)(i % WIDE) / (WIDE - 1);
+        map.data[i] = (float)(1.0 / ((1.0 - t) / near_mm + t / far_mm));
+    }
+    return map;
+}
+
+/* One channel of the frame of an image whose columns stand at the map's distances. */
+static void add_columns(const hada_camera *camera, const hada_image *image, int channel, const hada_image *map,
+                        double *out)
+{
+    static float wide[PIXELS];
+    for (int c = 0; c < WIDE; c++) {
+        hada_image psf;
+        memset(wide, 0, sizeof wide);
+        for (int r = 0; r < HIGH; r++)
+            wide[((ROWS - HIGH) / 2 + r) * COLS + (COLS - WIDE) / 2 + c] = image->data[(channel * HIGH + r) * WIDE + c];
+        ASSERT_OK(hada_camera_psf_sized(camera, (double)map->data[c], 2 * ROWS, 2 * COLS, &psf, err));
+        hada_ref_convolve_crop(ROWS, COLS, wide, 2 * ROWS, 2 * COLS, psf.data, out);
+        hada_image_destroy(&psf);
+    }
+}
+
+/* From before the nearest depth to behind the farthest, on lenses (sharp spots) and a diffuser. Two surfaces add up. */
+static void every_distance_has_its_psf(void **state)
+{
+    (void)state;
+    static double expected[PIXELS];
+    for (int mask = 0; mask < 2; mask++) {
+        hada_camera camera = small_camera(HADA_BOUNDARY_PADDED);
+        if (mask)
+            ASSERT_OK(hada_camera_set_mask(&camera, HADA_MASK_DIFFUSER, err));
+        hada_simulator *simulator = simulator_of(&camera, 0, 0, 0, 0);
+        hada_image map[] = {slanted(80.0, 900.0), slanted(300.0, 120.0)},
+                   scene[] = {drawn(3, 3, HIGH, WIDE), drawn(4, 1, HIGH, WIDE)}, raw, again;
+        const hada_relief reliefs[] = {{&scene[0], &map[0]}, {&scene[1], &map[1]}};
+        ASSERT_OK(hada_simulator_render_reliefs(simulator, reliefs, 2, 0, 0.0, 0, &raw, err));
+        memset(expected, 0, sizeof expected);
+        add_columns(&camera, &scene[0], 2, &map[0], expected);
+        add_columns(&camera, &scene[1], 0, &map[1], expected);
+        const double error = distance(raw.data + 2 * PIXELS, expected, PIXELS);
+        print_message("relative error of the frame, %s: %.1e\n", mask ? "diffuser" : "lenses", error);
+        assert_true(error < 3e-3);
+        /* what is kept from the first frame changes nothing */
+        ASSERT_OK(hada_simulator_render_reliefs(simulator, reliefs, 2, 0, 0.0, 0, &again, err));
+        assert_memory_equal(raw.data, again.data, 3 * PIXELS * sizeof(float));
+        for (int i = 0; i < 2; i++) {
+            hada_image_destroy(&map[i]);
+            hada_image_destroy(&scene[i]);
+        }
+        hada_image_destroy(&raw);
+        hada_image_destroy(&again);
+        hada_simulator_destroy(&simulator);
+    }
+}
+
+static double difference(const hada_image *a, const hada_image *b)
+{
+    static double wide[3 * PIXELS];
+    for (int i = 0; i < 3 * PIXELS; i++)
+        wide[i] = (double)b->data[i];
+    return distance(a->data, wide, 3 * PIXELS);
+}
+
+/* Opaque: a slope hides nothing of itself; a jump hides what planes hide. */
+static void opaque_surfaces(void **state)
+{
+    (void)state;
+    const hada_camera camera = small_camera(HADA_BOUNDARY_PADDED);
+    hada_simulator *simulator = simulator_of(&camera, 0, 0, 0, 0);
+    hada_image slope = slanted(100.0, 600.0), jump, scene = drawn(5, 3, HIGH, WIDE), clear, opaque, planes[2], hidden,
+               mask;
+    hada_relief relief = {&scene, &slope};
+    ASSERT_OK(hada_simulator_render_reliefs(simulator, &relief, 1, 0, 0.0, 0, &clear, err));
+    ASSERT_OK(hada_simulator_render_reliefs(simulator, &relief, 1, 1, 0.0, 0, &opaque, err));
+    assert_true(difference(&opaque, &clear) < 1e-6);
+    hada_image_destroy(&clear);
+    hada_image_destroy(&opaque);
+
+    ASSERT_OK(hada_image_create(&jump, 1, HIGH, WIDE, err));
+    ASSERT_OK(hada_image_create(&mask, 1, HIGH, WIDE, err));
+    for (int k = 0; k < 2; k++)
+        ASSERT_OK(hada_image_create(&planes[k], 3, HIGH, WIDE, err));
+    for (int i = 0; i < 3 * AREA; i++) {
+        const int far = i % WIDE / 5 % 2;
+        planes[far].data[i] = scene.data[i];
+        mask.data[i % AREA] = (float)!far;
+        jump.data[i % AREA] = (float)camera.distances_mm[far ? 3 : 0];
+    }
+    relief.distances_mm = &jump;
+    const hada_plane both[] = {{0, &planes[0]}, {3, &planes[1]}};
+    const hada_image *const opacity[] = {&mask, NULL};
+    ASSERT_OK(hada_simulator_render_occluded(simulator, both, opacity, 2, -1, 0.0, 0, &hidden, err));
+    ASSERT_OK(hada_simulator_render_reliefs(simulator, &relief, 1, 0, 0.0, 0, &clear, err));
+    ASSERT_OK(hada_simulator_render_reliefs(simulator, &relief, 1, 1, 0.0, 0, &opaque, err));
+    assert_true(difference(&clear, &hidden) > 0.1);
+    assert_true(difference(&opaque, &hidden) < 3e-3);
+    for (int k = 0; k < 2; k++)
+        hada_image_destroy(&planes[k]);
+    hada_image *all[] = {&slope, &jump, &scene, &clear, &opaque, &hidden, &mask};
+    for (size_t i = 0; i < sizeof all / sizeof *all; i++)
+        hada_image_destroy(all[i]);
+    hada_simulator_destroy(&simulator);
+}
+
+/* Where the map is NaN nothing stands; the same noise as planes get. */
+static void holes_and_noise(void **state)
+{
+    (void)state;
+    const hada_camera camera = small_camera(HADA_BOUNDARY_PADDED);
+    hada_simulator *simulator = simulator_of(&camera, 0, 0, 0, 0);
+    hada_image map = slanted(100.0, 600.0), scene = drawn(6, 3, HIGH, WIDE), dark, holes, noisy;
+    hada_relief relief = {&scene, &map};
+    ASSERT_OK(hada_image_crop(&dark, &scene, 0, 0, HIGH, WIDE, err));
+    for (int i = 0; i < 3 * AREA; i++)
+        if (i % 3 == 0)
+            dark.data[i] = 0.0f;
+    relief.image = &dark;
+    ASSERT_OK(hada_simulator_render_reliefs(simulator, &relief, 1, 0, 0.0, 0, &holes, err));
+    relief.image = &scene;
+    for (int i = 0; i < AREA; i += 3)
+        map.data[i] = NAN;
+    for (int opaque = 0; opaque < 2; opaque++) {
+        ASSERT_OK(hada_simulator_render_reliefs(simulator, &relief, 1, opaque, 0.05, 7, &noisy, err));
+        float most = 0.0f;
+        double square = 0.0;
+        for (int i = 0; i < 3 * PIXELS; i++) {
+            most = fmaxf(most, holes.data[i]);
+            square += pow((double)(noisy.data[i] - holes.data[i]), 2);
+        }
+        assert_true(fabs(sqrt(square / (3 * PIXELS)) / (0.05 * (double)most) - 1.0) < 0.03);
+        hada_image_destroy(&noisy);
+    }
+    hada_image *all[] = {&map, &scene, &dark, &holes};
+    for (size_t i = 0; i < sizeof all / sizeof *all; i++)
+        hada_image_destroy(all[i]);
+    hada_simulator_destroy(&simulator);
+}
+
+static void refusals(void **state)
+{
+    (void)state;
+    const hada_camera camera = small_camera(HADA_BOUNDARY_CIRCULAR);
+    hada_simulator *simulator = simulator_of(&camera, 0, 0, 0, 0), *given;
+    hada_image map = slanted(100.0, 600.0), scene = drawn(7, 3, HIGH, WIDE), psf[4], raw;
+    hada_relief relief[] = {{&scene, &map}, {&scene, NULL}};
+    hada_error error;
+#define REFUSED(count, status, word)                                                                                   \
+    do {                                                                                                               \
+        assert_int_equal(hada_simulator_render_reliefs(simulator, relief, count, 1, 0.0, 0, &raw, &error), status);    \
+        assert_non_null(strstr(error.message, word));                                                                  \
+        assert_null(raw.data);                                                                                         \
+    } while (0)
+    REFUSED(0, HADA_ERROR_ARGUMENT, "0 surfaces");
+    REFUSED(2, HADA_ERROR_ARGUMENT, "its distances");
+    map.cols--;
+    REFUSED(1, HADA_ERROR_SIZE, "24 x 25");
+    map.cols++;
+    map.data[9] = 0.0f;
+    REFUSED(1, HADA_ERROR_ARGUMENT, "0 mm");
+    map.data[9] = INFINITY;
+    REFUSED(1, HADA_ERROR_ARGUMENT, "inf mm");
+    for (int i = 0; i < AREA; i++)
+        map.data[i] = NAN;
+    REFUSED(1, HADA_ERROR_ARGUMENT, "no pixel");
+#undef REFUSED
+    for (int z = 0; z < 4; z++)
+        ASSERT_OK(hada_camera_psf(&camera, camera.distances_mm[z], &psf[z], err));
+    map.data[0] = 200.0f;
+    ASSERT_OK(hada_simulator_create_psf(&given, context, &camera, psf, err));
+    assert_int_equal(hada_simulator_render_reliefs(given, relief, 1, 0, 0.0, 0, &raw, &error), HADA_ERROR_UNSUPPORTED);
+    for (int z = 0; z < 4; z++)
+        hada_image_destroy(&psf[z]);
+    hada_image_destroy(&map);
+    hada_image_destroy(&scene);
+    hada_simulator_destroy(&given);
+    hada_simulator_destroy(&simulator);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(every_distance_has_its_psf), cmocka_unit_test(opaque_surfaces),
+                                       cmocka_unit_test(holes_and_noise), cmocka_unit_test(refusals)};
+    return cmocka_run_group_tests(tests, open_device, close_device);
+}

@@ -9,7 +9,7 @@
 
 typedef struct settings {
     hada_cli_sensor_settings frame;
-    const char *output, *scenes, *test_scenes;
+    const char *output, *scenes, *test_scenes, *surfaces;
     int bits, pairs, test, test_depths;
 } settings;
 
@@ -30,6 +30,12 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_TEXT, "test-scenes", 0, "FOLDER", "pictures for the test frames",
      "Without it they are taken from the end of --scenes, and not used for pairs where there are enough.",
      AT(test_scenes)},
+    {HADA_OPTION_TEXT, "surface", 0, "KIND|MAP.tif[,...]", "test scenes on surfaces, every pixel at its own distance",
+     "slant, half (as slant, over half of the range), hill, ball, steps, bars; outside (a slant beyond the nearest and "
+     "the farthest depth), overlap (two see-through pictures, one behind the other); or a file of distances: floats in "
+     "millimetres, integers as shares of the range of depths. The kinds take turns; without --test there is one frame "
+     "of each. With --occlude near parts hide what is behind them.",
+     AT(surfaces)},
     {HADA_OPTION_CHOICE, "bits", 0, "16|32", "raw frames and scenes as 16-bit integers or floats (default: 32)",
      "A camera writes 16 bits; then noise below zero is cut off.", HADA_CLI_ONE_OF(settings, bits, 16, 32)},
     {0},
@@ -66,6 +72,7 @@ static void fill_task(const settings *set, const hada_cli_sensor *sensor, hada_s
     task->tests = set->test;
     task->test_depths = set->test_depths;
     task->occlude = sensor->occlude;
+    task->surfaces = set->surfaces;
     task->bits = set->bits;
     task->simulator = &sensor->options;
     task->noise = sensor->noise;
@@ -86,15 +93,21 @@ static void report_all(hada_cli *cli, const settings *set, const hada_camera *ca
                  camera->distances_mm[camera->depths - 1], report->pairs, report->pairs == 1 ? "" : "s", camera->rows,
                  camera->cols, camera->channels == 1 ? "grey" : "colour", camera->window_rows, camera->window_cols,
                  hada_mask_word(camera->mask), lenses, noise, seconds);
-    if (set->test)
+    if (report->light_lost > 0.001)
+        hada_cli_say(cli, "%.1f %% of the window's light misses the sensor", 100 * report->light_lost);
+    if (set->surfaces)
+        hada_cli_say(cli, "%s/test: %d test frames on surfaces (%s), and their truth", set->output, report->tests,
+                     set->surfaces);
+    else if (set->test)
         hada_cli_say(cli, "%s/test: %d test frames with %d occupied depths each, and their truth", set->output,
                      set->test, report->test_depths);
     json_object_update_new(cli->document,
                            json_pack("{s:s, s:i, s:i, s:[ii], s:[ii], s:i, s:s, s:i, s:f, s:f}", "dataset", set->output,
-                                     "pairs_per_depth", report->pairs, "tests", set->test, "size", camera->rows,
+                                     "pairs_per_depth", report->pairs, "tests", report->tests, "size", camera->rows,
                                      camera->cols, "window", camera->window_rows, camera->window_cols, "channels",
                                      camera->channels, "mask", hada_mask_word(camera->mask), "lenses", camera->lenses,
                                      "noise", noise, "seconds", seconds));
+    json_object_set_new(cli->document, "light_lost", hada_cli_real(report->light_lost));
     if (!isnan(report->exposure))
         json_object_set_new(cli->document, "exposure", hada_cli_real(report->exposure));
     json_object_set_new(cli->document, "distances_mm", hada_cli_reals(camera->distances_mm, camera->depths));
@@ -131,6 +144,8 @@ done:
 static const hada_cli_example examples[] = {
     {"hadalens simulate --preset sim300 --test 4 -o camera", "a small camera, drawn scenes, four test frames."},
     {"hadalens simulate --scenes photographs --depths 6 --near 50 --far 300 -o camera", "your own pictures."},
+    {"hadalens simulate --preset sim300 --boundary padded --aperture 20 --surface slant,hill,steps -o camera",
+     "three surfaces, and a sensor that loses light."},
     {"hadalens simulate --full-well 10000 --read-noise 5 --adc-bits 12 --dark 0.02 --bits 16 -o camera",
      "a sensor as one can buy it."},
     {0},

@@ -59,7 +59,7 @@ static shape shape_of(uint64_t seed, hada_random *random)
 }
 
 /* Depth at a place of the window, (y, x) in shorter sides from its middle; `along` goes from 0 to 1 in the shape's
- * direction. The shapes are those of the first trials of surfaces, so that figures can be compared. */
+ * direction. */
 static double depth_at(hada_relief_kind kind, const shape *s, double along, double y, double x)
 {
     const double r2 = (y - s->row) * (y - s->row) + (x - s->col) * (x - s->col);

@@ -9,7 +9,6 @@
 
 #include "io/folder.h"
 #include "io/text.h"
-#include "tasks/test_scene.h"
 
 /* Where a frame's noise begins: every frame its own. */
 enum { NOISE_OF_PAIRS = 1000, NOISE_OF_TESTS = 9000000 };
@@ -185,21 +184,29 @@ static hada_status write_test(const hada_recipe *recipe, int t, const char *raw_
     const hada_camera *camera = &recipe->camera;
     const hada_simulate_task *task = &recipe->task;
     const hada_scenes *source = task->test_scenes ? &recipe->test_scenes : &recipe->scenes;
-    const uint64_t noise_seed = camera->seed + NOISE_OF_TESTS + (uint64_t)t;
+    const uint64_t noise_seed = camera->seed + NOISE_OF_TESTS + (uint64_t)t,
+                   seed = camera->seed + TEST_SEED * (uint64_t)(t + 1);
+    const int number = first_test_scene(recipe) + t;
     hada_test_scene scene = {0};
     hada_image raw = {0};
-    char name[32], map_name[48], aif_name[48];
+    char name[32], map_name[48], over_name[48], aif_name[48];
     hada_status status = HADA_OK;
-    snprintf(name, sizeof name, "test%02d", t + 1);
+    snprintf(name, sizeof name, recipe->surfaces.count ? "test%02d_%s" : "test%02d", t + 1,
+             recipe->surfaces.count ? hada_surface_name(&recipe->surfaces, t) : "");
     snprintf(map_name, sizeof map_name, "%s_depth", name);
+    snprintf(over_name, sizeof over_name, "%s_depth2", name);
     snprintf(aif_name, sizeof aif_name, "%s_aif", name);
-    HADA_TRY(hada_test_scene_make(&scene, source, first_test_scene(recipe) + t, task->tests, camera, task->test_depths,
-                                  task->occlude, camera->seed + TEST_SEED * (uint64_t)(t + 1), err));
+    HADA_TRY(recipe->surfaces.count ? hada_test_surface_make(&scene, &recipe->surfaces, t, source, number, task->tests,
+                                                             camera, task->occlude, seed, err)
+                                    : hada_test_scene_make(&scene, source, number, task->tests, camera,
+                                                           task->test_depths, task->occlude, seed, err));
     HADA_TRY(hada_test_scene_render(&scene, recipe->simulator, task->noise, noise_seed, &raw, err));
     HADA_TRY(expose(recipe, noise_seed, &raw, err));
     HADA_TRY(save(raw_folder, name, &raw, task->bits, err));
     HADA_TRY(write_truth_stack(&scene, camera, truth_folder, name, err));
     HADA_TRY(save_window(camera, truth_folder, map_name, &scene.map, 32, err));
+    if (scene.over.data)
+        HADA_TRY(save_window(camera, truth_folder, over_name, &scene.over, 32, err));
     HADA_TRY(save_window(camera, truth_folder, aif_name, &scene.whole, 32, err));
 done:
     hada_test_scene_free(&scene);

@@ -6,6 +6,7 @@
 
 #include "core/monitor.h"
 #include "tasks/scene_source.h"
+#include "tasks/test_surface.h"
 
 /* What is to be written, and with what. */
 typedef struct hada_recipe {
@@ -17,8 +18,10 @@ typedef struct hada_recipe {
     int has_sensor;
     hada_simulator *simulator;
     hada_scenes scenes;
-    int training_count;      /* scenes that pairs may use; the rest is for test frames */
-    hada_scenes test_scenes; /* where they are not those of the pairs */
+    int training_count;          /* scenes that pairs may use; the rest is for test frames */
+    hada_scenes test_scenes;     /* where they are not those of the pairs */
+    hada_surface_words surfaces; /* of the tests; none: planes */
+    double light_lost;
     hada_progress progress;
 } hada_recipe;
 

@@ -31,6 +31,12 @@ static hada_status take_task(hada_recipe *recipe, const hada_camera *camera, con
                            "hada_simulate_run: a pair per depth and a depth per test frame are the least"));
     if (task->test_depths > recipe->camera.depths)
         task->test_depths = recipe->camera.depths;
+    if (task->surfaces) {
+        if (recipe->camera.depths < 2)
+            HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "options.surfaces: a camera of two depths is the least"));
+        HADA_TRY(hada_surface_words_read(&recipe->surfaces, task->surfaces, err));
+        task->tests = task->tests ? task->tests : recipe->surfaces.count;
+    }
 done:
     return status;
 }
@@ -83,6 +89,30 @@ static hada_status make_simulator(hada_recipe *recipe, hada_error *err)
     return status;
 }
 
+/* The share of a white window's light that misses the sensor: all of a PSF sums to 1. */
+static hada_status measure_loss(hada_recipe *recipe, hada_error *err)
+{
+    const hada_camera *camera = &recipe->camera;
+    hada_image white = {0}, raw = {0};
+    double caught = 0.0;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_image_create(&white, 1, camera->window_rows, camera->window_cols, err));
+    for (size_t i = 0; i < hada_image_count(&white); i++)
+        white.data[i] = 1.0f;
+    for (int z = 0; z < camera->depths; z++) {
+        hada_image_destroy(&raw);
+        HADA_TRY(hada_simulator_render(recipe->simulator, &(hada_plane){z, &white}, 1, 0.0, 0, &raw, err));
+        for (size_t i = 0; i < hada_image_count(&raw); i++)
+            caught += (double)raw.data[i];
+    }
+    recipe->light_lost =
+        fmax(0.0, 1.0 - caught / ((double)hada_image_count(&white) * camera->channels * camera->depths));
+done:
+    hada_image_destroy(&white);
+    hada_image_destroy(&raw);
+    return status;
+}
+
 static hada_status fill(void *user, const char *folder, hada_error *err)
 {
     hada_recipe *recipe = user;
@@ -90,6 +120,7 @@ static hada_status fill(void *user, const char *folder, hada_error *err)
     hada_status status = HADA_OK;
     HADA_TRY(open_scenes(recipe, err));
     HADA_TRY(make_simulator(recipe, err));
+    HADA_TRY(measure_loss(recipe, err));
     recipe->progress =
         hada_progress_begin(task->monitor, "frames", (long)recipe->camera.depths * task->pairs + task->tests);
     status = hada_recipe_write(recipe, folder, err);
@@ -112,12 +143,15 @@ hada_status hada_simulate_run(hada_context *context, const hada_camera *camera, 
         const hada_simulate_report own = {.size = sizeof own,
                                           .pairs = recipe.task.pairs,
                                           .test_depths = recipe.task.test_depths,
-                                          .exposure = recipe.has_sensor ? recipe.sensor.exposure : (double)NAN};
+                                          .exposure = recipe.has_sensor ? recipe.sensor.exposure : (double)NAN,
+                                          .tests = recipe.task.tests,
+                                          .light_lost = recipe.light_lost};
         HADA_REPORT_GIVE(report, &own);
     }
 done:
     hada_simulator_destroy(&recipe.simulator);
     hada_scenes_close(&recipe.scenes);
     hada_scenes_close(&recipe.test_scenes);
+    hada_surface_words_free(&recipe.surfaces);
     return status;
 }

@@ -29,6 +29,9 @@ void hada_test_scene_free(hada_test_scene *scene)
     }
     hada_image_destroy(&scene->whole);
     hada_image_destroy(&scene->map);
+    hada_image_destroy(&scene->light[0]);
+    hada_image_destroy(&scene->light[1]);
+    hada_image_destroy(&scene->over);
     free(scene->planes);
     free(scene->opacity);
     free(scene->depths);
@@ -112,7 +115,10 @@ hada_status hada_test_scene_render(const hada_test_scene *scene, hada_simulator 
 {
     hada_plane *planes = NULL;
     const hada_image **opacity = NULL;
+    const hada_relief reliefs[] = {{&scene->light[0], &scene->map}, {&scene->light[1], &scene->over}};
     hada_status status = HADA_OK;
+    if (scene->surfaces)
+        return hada_simulator_render_reliefs(simulator, reliefs, scene->surfaces, scene->opaque, noise, seed, raw, err);
     HADA_TRY(hada_alloc((void **)&planes, (size_t)scene->count, sizeof *planes, "a test scene", err));
     HADA_TRY(hada_alloc((void **)&opacity, (size_t)scene->count, sizeof *opacity, "a test scene", err));
     for (int k = 0; k < scene->count; k++) {

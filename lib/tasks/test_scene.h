@@ -15,6 +15,12 @@ typedef struct hada_test_scene {
     hada_image *opacity; /* the same, the farthest empty; NULL: nothing hides anything */
     hada_image whole;    /* what the middle of the mask sees, everything in focus */
     hada_image map;      /* and its distances, mm */
+
+    int surfaces; /* 0: planes as above. Else light[0] at `map` and, of 2, light[1] at `over`; the planes are their
+                     truth alone */
+    int opaque;   /* they hide what is behind */
+    hada_image light[2];
+    hada_image over; /* NaN where the second is not */
 } hada_test_scene;
 
 /* One picture in regions that stand at `count` depths; or, with `occlude`, a whole picture at the farthest of them and

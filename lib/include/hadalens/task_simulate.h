@@ -3,7 +3,9 @@
  * FOLDER/z<distance>mm/raw/NAME.tif (frames) and scene/NAME.tif (the window of what was shown) as hadalens/dataset.h
  * reads them; psf.tif (a page per depth, in the frames' units), camera.json and, where the sensor is special,
  * sensor.json; test/raw/NAME.tif with their truth test/truth/NAME_stack.tif, NAME_aif.tif and NAME_depth.tif, as
- * hadalens/task_reconstruct.h names results. Everything that is drawn at random comes from the camera's seed.
+ * hadalens/task_reconstruct.h names results. Of surfaces, NAME ends with the kind, the stack has the light of a pixel
+ * in the two planes nearest to it, and NAME_depth2.tif says where a second surface is seen through the first.
+ * Everything that is drawn at random comes from the camera's seed.
  *
  * Threads: a run uses the calling thread; several may run at once on contexts of their own. */
 #ifndef HADALENS_TASK_SIMULATE_H
@@ -34,6 +36,13 @@ typedef struct hada_simulate_task {
     double white; /* with a sensor: its exposure is that with which a white scene reaches this share of the full scale;
                      0 (default): sensor->exposure */
     const hada_monitor *monitor;
+
+    /* Test scenes on surfaces, every pixel at its own distance: kinds by their words, separated by commas, in turn:
+     * "slant", "half", "hill", "ball", "steps", "bars" (hada_relief_kind); "outside", a slant beyond the nearest and
+     * the farthest depth; "overlap", two see-through pictures one behind the other; or files, which hold distances in
+     * millimetres (floats; NaN: nothing there) or shares of the range of depths (integers, linear in 1/z), cut and
+     * scaled to the window. `occlude`: opaque ones. `tests` 0: one of each. NULL (default): planes */
+    const char *surfaces;
 } hada_simulate_task;
 HADA_API void hada_simulate_task_defaults(hada_simulate_task *task, size_t size);
 static inline void hada_simulate_task_init(hada_simulate_task *task)
@@ -47,6 +56,8 @@ typedef struct hada_simulate_report {
     int pairs;       /* per depth */
     int test_depths; /* of each test frame */
     double exposure; /* of the sensor; NaN without one */
+    int tests;
+    double light_lost; /* share of a white window's light that misses the sensor; mean of the depths */
 } hada_simulate_report;
 
 /* Writes the data set into a folder that is not there yet, or empty; it appears whole or not at all. `task` and

@@ -1,0 +1,245 @@
+#include "tasks/test_surface.h"
+
+#include <hadalens/folder.h>
+#include <hadalens/metrics.h>
+#include <hadalens/tiff.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/alloc.h"
+#include "io/folder.h"
+
+/* Kinds beside those of hada_relief_kind. */
+static const char outside_word[] = "outside", overlap_word[] = "overlap";
+
+/* 'outside' leans beyond both ends by so many depth steps, or this share of the range where that is more; its far end
+ * comes this near to infinity. */
+#define OUTSIDE_STEPS 2.0
+#define OUTSIDE_SHARE 0.15
+#define OUTSIDE_FAR   0.9
+/* Where the two surfaces of 'overlap' stand. */
+#define OVERLAP_NEAR 0.25f
+#define OVERLAP_FAR  0.75f
+
+static int is_kind(const char *word)
+{
+    return hada_relief_from_word(word) || !strcmp(word, outside_word) || !strcmp(word, overlap_word);
+}
+
+static hada_status add_word(hada_surface_words *words, const char *text, size_t length, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    char **word = &words->words[words->count];
+    HADA_TRY(hada_path_format(word, err, "%.*s", (int)length, text));
+    words->count++;
+    if (!is_kind(*word) && !hada_path_is_file(*word))
+        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT,
+                           "'%s' is neither a kind of surface (slant, half, hill, ball, steps, bars, overlap, outside) "
+                           "nor a file with a distance map",
+                           *word));
+done:
+    return status;
+}
+
+hada_status hada_surface_words_read(hada_surface_words *words, const char *list, hada_error *err)
+{
+    size_t room = 1;
+    hada_status status = HADA_OK;
+    *words = (hada_surface_words){0};
+    for (const char *at = list; *at; at++)
+        room += *at == ',';
+    HADA_TRY(hada_alloc((void **)&words->words, room, sizeof *words->words, "a list of surfaces", err));
+    for (const char *at = list;; at++) {
+        const size_t length = strcspn(at, ",");
+        HADA_TRY(add_word(words, at, length, err));
+        at += length;
+        if (!*at)
+            break;
+    }
+done:
+    return status;
+}
+
+void hada_surface_words_free(hada_surface_words *words)
+{
+    for (int i = 0; i < words->count; i++)
+        free(words->words[i]);
+    free(words->words);
+    *words = (hada_surface_words){0};
+}
+
+const char *hada_surface_name(const hada_surface_words *words, int test)
+{
+    const char *word = words->words[test % words->count];
+    return is_kind(word) ? word : "surface";
+}
+
+/* From shares of the range, linear in 1/z, to millimetres, in place. */
+static void to_distances(hada_image *map, const hada_camera *camera, double from, double to)
+{
+    const double near = 1.0 / camera->distances_mm[0], far = 1.0 / camera->distances_mm[camera->depths - 1];
+    for (size_t i = 0; i < hada_image_count(map); i++) {
+        const double share = from + (to - from) * (double)map->data[i];
+        map->data[i] = (float)(1.0 / (near + (far - near) * share));
+    }
+}
+
+static hada_status make_outside(hada_image *map, const hada_scenes *source, const hada_camera *camera, uint64_t seed,
+                                hada_error *err)
+{
+    const double near = 1.0 / camera->distances_mm[0], far = 1.0 / camera->distances_mm[camera->depths - 1],
+                 over = fmax(OUTSIDE_SHARE, OUTSIDE_STEPS / (camera->depths - 1));
+    const hada_status status = hada_scene_relief(map, HADA_RELIEF_SLANT, seed, source->rows, source->cols, err);
+    if (!status)
+        to_distances(map, camera, -over, 1.0 + fmin(over, OUTSIDE_FAR * far / (near - far)));
+    return status;
+}
+
+/* The middle of a map with the source's aspect ratio, each pixel that of the map which is nearest: means would stand
+ * where nothing is. */
+static hada_status fit_map(hada_image *out, const hada_image *map, const hada_scenes *source, hada_error *err)
+{
+    const double scale = fmin((double)map->rows / source->rows, (double)map->cols / source->cols);
+    const double row0 = (map->rows - scale * source->rows) / 2.0, col0 = (map->cols - scale * source->cols) / 2.0;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_image_create(out, 1, source->rows, source->cols, err));
+    for (int r = 0; r < source->rows; r++)
+        for (int c = 0; c < source->cols; c++) {
+            const int row = (int)(row0 + scale * (r + 0.5)), col = (int)(col0 + scale * (c + 0.5));
+            out->data[(size_t)r * (size_t)source->cols + (size_t)c] =
+                map->data[(size_t)row * (size_t)map->cols + (size_t)col];
+        }
+done:
+    return status;
+}
+
+/* Floats are millimetres, NaN where nothing stands; integers are shares of the range of depths. */
+static hada_status read_map(hada_image *out, const char *path, const hada_scenes *source, const hada_camera *camera,
+                            hada_error *err)
+{
+    hada_tiff_reader *reader = NULL;
+    hada_image map = {0};
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_tiff_open(&reader, path, err));
+    HADA_TRY(hada_tiff_read(reader, 0, &map, err));
+    if (map.channels != 1)
+        HADA_TRY(hada_fail(err, HADA_ERROR_SIZE, "a distance map has one channel, not %d", map.channels));
+    if (!hada_tiff_get_info(reader)->is_float)
+        to_distances(&map, camera, 0.0, 1.0);
+    HADA_TRY(fit_map(out, &map, source, err));
+    for (size_t i = 0; i < hada_image_count(out); i++)
+        if (!isnan(out->data[i]) && !(out->data[i] > 0.0f && isfinite(out->data[i])))
+            HADA_TRY(hada_fail(err, HADA_ERROR_DATASET,
+                               "a distance of %g is not possible; floats are millimetres above 0, or NaN where nothing "
+                               "stands, integers shares of the range of depths",
+                               (double)out->data[i]));
+done:
+    hada_tiff_close(&reader);
+    hada_image_destroy(&map);
+    if (status)
+        hada_error_prefix_path(err, path);
+    return status;
+}
+
+static hada_status make_map(hada_image *map, const char *word, const hada_scenes *source, const hada_camera *camera,
+                            uint64_t seed, hada_error *err)
+{
+    if (!strcmp(word, outside_word))
+        return make_outside(map, source, camera, seed, err);
+    if (!is_kind(word))
+        return read_map(map, word, source, camera, err);
+    const hada_status status =
+        hada_scene_relief(map, hada_relief_from_word(word), seed, source->rows, source->cols, err);
+    if (!status)
+        to_distances(map, camera, 0.0, 1.0);
+    return status;
+}
+
+/* A second picture, see-through, over about half of the first: where both are, each gives half of its light. */
+static hada_status lay_over(hada_test_scene *scene, const hada_scenes *source, int number, const hada_camera *camera,
+                            uint64_t seed, hada_error *err)
+{
+    hada_image *under = &scene->light[0], *over = &scene->light[1];
+    const size_t pixels = hada_image_count(&scene->map);
+    int *labels = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_scenes_get(source, number, over, NULL, err));
+    HADA_TRY(hada_image_create(&scene->over, 1, over->rows, over->cols, err));
+    HADA_TRY(hada_alloc((void **)&labels, pixels, sizeof *labels, "a test scene", err));
+    HADA_TRY(hada_scene_regions(labels, seed, 2, over->rows, over->cols, err));
+    for (size_t i = 0; i < pixels; i++) {
+        scene->map.data[i] = OVERLAP_FAR;
+        scene->over.data[i] = OVERLAP_NEAR;
+    }
+    to_distances(&scene->map, camera, 0.0, 1.0);
+    to_distances(&scene->over, camera, 0.0, 1.0);
+    for (size_t i = 0; i < hada_image_count(over); i++) {
+        const int both = labels[i % pixels];
+        under->data[i] *= both ? 0.5f : 1.0f;
+        over->data[i] *= both ? 0.5f : 0.0f;
+        scene->whole.data[i] = under->data[i] + over->data[i];
+    }
+    for (size_t i = 0; i < pixels; i++)
+        if (!labels[i])
+            scene->over.data[i] = NAN;
+    scene->surfaces = 2;
+done:
+    free(labels);
+    return status;
+}
+
+/* Light to the planes of the two depths nearest to each pixel; beyond the ends to the last. */
+static void share_out(hada_test_scene *scene, const hada_image *light, const hada_image *map, const hada_camera *camera)
+{
+    const size_t pixels = hada_image_count(map);
+    const double last = camera->depths - 1;
+    for (size_t i = 0; i < pixels; i++) {
+        if (isnan(map->data[i]))
+            continue;
+        const double at =
+            fmin(fmax(hada_depth_index(camera->distances_mm, camera->depths, (double)map->data[i]), 0.0), last);
+        const int z = (int)at < camera->depths - 1 ? (int)at : camera->depths - 2;
+        for (int c = 0; c < light->channels; c++) {
+            const size_t k = (size_t)c * pixels + i;
+            scene->planes[z].data[k] += (float)(z + 1 - at) * light->data[k];
+            scene->planes[z + 1].data[k] += (float)(at - z) * light->data[k];
+        }
+    }
+}
+
+hada_status hada_test_surface_make(hada_test_scene *scene, const hada_surface_words *words, int test,
+                                   const hada_scenes *source, int number, int step, const hada_camera *camera,
+                                   int opaque, uint64_t seed, hada_error *err)
+{
+    const char *word = words->words[test % words->count];
+    /* hills have no plain shape */
+    const uint64_t shape = test < words->count && hada_relief_from_word(word) != HADA_RELIEF_HILL ? 0 : seed;
+    const int overlap = !strcmp(word, overlap_word);
+    hada_status status = HADA_OK;
+    *scene = (hada_test_scene){.count = camera->depths, .surfaces = 1, .opaque = opaque && !overlap};
+    HADA_TRY(hada_alloc((void **)&scene->planes, (size_t)scene->count, sizeof *scene->planes, "a test scene", err));
+    HADA_TRY(hada_alloc((void **)&scene->depths, (size_t)scene->count, sizeof *scene->depths, "a test scene", err));
+    HADA_TRY(hada_scenes_get(source, number, &scene->light[0], NULL, err));
+    const hada_image *light = &scene->light[0];
+    HADA_TRY(hada_image_crop(&scene->whole, light, 0, 0, light->rows, light->cols, err));
+    if (overlap) {
+        HADA_TRY(hada_image_create(&scene->map, 1, light->rows, light->cols, err));
+        HADA_TRY(lay_over(scene, source, number + step, camera, seed, err));
+    } else {
+        HADA_TRY(make_map(&scene->map, word, source, camera, shape, err));
+    }
+    const size_t pixels = hada_image_count(&scene->map);
+    for (size_t i = 0; i < hada_image_count(&scene->whole); i++)
+        if (isnan(scene->map.data[i % pixels]))
+            scene->whole.data[i] = 0.0f;
+    for (int z = 0; z < scene->count; z++) {
+        scene->depths[z] = z;
+        HADA_TRY(hada_image_create(&scene->planes[z], light->channels, light->rows, light->cols, err));
+    }
+    share_out(scene, &scene->light[0], &scene->map, camera);
+    if (overlap)
+        share_out(scene, &scene->light[1], &scene->over, camera);
+done:
+    return status;
+}

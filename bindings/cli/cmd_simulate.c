@@ -9,7 +9,7 @@
 
 typedef struct settings {
     hada_cli_sensor_settings frame;
-    const char *output, *scenes, *test_scenes, *surfaces;
+    const char *output, *scenes, *test_scenes, *surfaces, *response;
     int bits, pairs, test, test_depths;
 } settings;
 
@@ -36,6 +36,10 @@ static const hada_cli_option options[] = {
      "millimetres, integers as shares of the range of depths. The kinds take turns; without --test there is one frame "
      "of each. With --occlude near parts hide what is behind them.",
      AT(surfaces)},
+    {HADA_OPTION_TEXT, "scene-response", 0, "linear|srgb|POWER", "how the pictures stand for light (default: linear)",
+     "srgb or a power such as 2.2: as photographs mostly are. The frames are made of the light, the scenes and the truth "
+     "are written as the pictures are.",
+     AT(response)},
     {HADA_OPTION_CHOICE, "bits", 0, "16|32", "raw frames and scenes as 16-bit integers or floats (default: 32)",
      "A camera writes 16 bits; then noise below zero is cut off.", HADA_CLI_ONE_OF(settings, bits, 16, 32)},
     {0},
@@ -45,6 +49,7 @@ static void defaults(void *user)
 {
     settings *set = user;
     set->scenes = "procedural";
+    set->response = "linear";
     hada_cli_sensor_defaults(&set->frame);
     set->pairs = 8;
     set->test_depths = 2;
@@ -63,7 +68,8 @@ static int check(hada_cli *cli, const settings *set, int count, const char **arg
     return HADA_EXIT_OK;
 }
 
-static void fill_task(const settings *set, const hada_cli_sensor *sensor, hada_simulate_task *task)
+static hada_status fill_task(const settings *set, const hada_cli_sensor *sensor, hada_simulate_task *task,
+                             hada_error *err)
 {
     hada_simulate_task_init(task);
     task->scenes = strcmp(set->scenes, "procedural") ? set->scenes : NULL;
@@ -78,6 +84,7 @@ static void fill_task(const settings *set, const hada_cli_sensor *sensor, hada_s
     task->noise = sensor->noise;
     task->sensor = sensor->used ? &sensor->sensor : NULL;
     task->white = sensor->auto_exposure ? HADA_CLI_WHITE : 0;
+    return hada_response_from_name(&task->scene_response, set->response, err);
 }
 
 static void report_all(hada_cli *cli, const settings *set, const hada_camera *camera, double noise,
@@ -129,7 +136,7 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
         return wrong;
     HADA_TRY(hada_cli_make_camera(&camera, &set->frame.camera, &err));
     HADA_TRY(hada_cli_make_sensor(&sensor, &set->frame, &err));
-    fill_task(set, &sensor, &task);
+    HADA_TRY(fill_task(set, &sensor, &task, &err));
     task.monitor = &cli->monitor;
     HADA_TRY(hada_cli_open(cli, &context, &err));
     HADA_TRY(hada_simulate_run(context, &camera, set->output, &task, &report, &err));

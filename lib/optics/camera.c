@@ -50,6 +50,16 @@ hada_status hada_camera_preset_sized(hada_camera *camera, size_t size, const cha
         c.aperture_mm = 12.0;
         c.minimum_spacing_mm = 1.28;
         depths = 4;
+    } else if (!strcmp(name, "crop300")) { /* lenses so far out that a part of the light leaves the sensor */
+        c.rows = 300, c.cols = 400;
+        c.window_rows = c.window_cols = 120;
+        c.pixel_pitch_mm = 0.08;
+        c.boundary = HADA_BOUNDARY_PADDED;
+        c.distance_mm = 15.0;
+        c.focal_length_mm = 13.78; /* 1/f = 1/d + 1/170 mm */
+        c.lenses = 29;
+        c.aperture_mm = 20.0;
+        c.minimum_spacing_mm = 2.08;
     } else if (!strcmp(name, "paper2022")) {
         c.rows = 1376, c.cols = 2064;
         c.window_rows = c.window_cols = 383;
@@ -62,7 +72,7 @@ hada_status hada_camera_preset_sized(hada_camera *camera, size_t size, const cha
         c.minimum_spacing_mm = 1.2;
     } else
         return hada_fail(err, HADA_ERROR_ARGUMENT,
-                         "there is no camera preset '%s'; the presets are sim512, sim300 and paper2022", name);
+                         "there is no camera preset '%s'; the presets are sim512, sim300, crop300 and paper2022", name);
     hada_status status = HADA_OK;
     HADA_TRY(hada_camera_set_depths(&c, 100.0, 600.0, depths, err));
     HADA_OPTIONS_GIVE(camera, size, &c);

@@ -1,5 +1,6 @@
 #include "tasks/scene_source.h"
 
+#include <hadalens/response.h>
 #include <hadalens/scene.h>
 #include <hadalens/tiff.h>
 #include <limits.h>
@@ -15,8 +16,13 @@ hada_status hada_scenes_open(hada_scenes *scenes, const char *folder, uint64_t s
                              hada_error *err)
 {
     hada_status status = HADA_OK;
-    *scenes = (hada_scenes){
-        .folder = folder, .seed = seed, .channels = channels, .rows = rows, .cols = cols, .count = INT_MAX};
+    *scenes = (hada_scenes){.folder = folder,
+                            .seed = seed,
+                            .channels = channels,
+                            .rows = rows,
+                            .cols = cols,
+                            .count = INT_MAX,
+                            .response = HADA_RESPONSE_LINEAR};
     if (!folder)
         return HADA_OK;
     HADA_TRY(hada_folder_list_tiffs(folder, &scenes->names, &scenes->count, err));
@@ -87,6 +93,7 @@ hada_status hada_scenes_get(const hada_scenes *scenes, int index, hada_image *im
         HADA_TRY(hada_scene_procedural(image, scenes->seed * SEED_STEP + (uint64_t)index, scenes->channels,
                                        scenes->rows, scenes->cols, err));
     }
+    hada_response_convert(image->data, hada_image_count(image), scenes->response, HADA_RESPONSE_LINEAR);
     if (name) {
         *name = text;
         text = NULL;

@@ -37,12 +37,14 @@ static hada_status window_of(const hada_camera *camera, const hada_image *scene,
                            rows, cols, err);
 }
 
+/* `response`: that of what is written; `scene` is light (or anything, where it is linear). */
 static hada_status save_window(const hada_camera *camera, const char *folder, const char *name, const hada_image *scene,
-                               int bits, hada_error *err)
+                               double response, int bits, hada_error *err)
 {
     hada_image window = {0};
     hada_status status = HADA_OK;
     HADA_TRY(window_of(camera, scene, &window, err));
+    hada_response_convert(window.data, hada_image_count(&window), HADA_RESPONSE_LINEAR, response);
     HADA_TRY(save(folder, name, &window, bits, err));
 done:
     hada_image_destroy(&window);
@@ -116,7 +118,8 @@ static hada_status write_pair(const hada_recipe *recipe, int z, int i, const cha
     HADA_TRY(hada_simulator_render(recipe->simulator, &plane, 1, recipe->task.noise, seed, &raw, err));
     HADA_TRY(expose(recipe, seed, &raw, err));
     HADA_TRY(save(raw_folder, name, &raw, recipe->task.bits, err));
-    HADA_TRY(save_window(&recipe->camera, scene_folder, name, &scene, recipe->task.bits, err));
+    HADA_TRY(
+        save_window(&recipe->camera, scene_folder, name, &scene, recipe->task.scene_response, recipe->task.bits, err));
 done:
     hada_image_destroy(&scene);
     hada_image_destroy(&raw);
@@ -142,8 +145,8 @@ done:
     return status;
 }
 
-static hada_status write_truth_stack(const hada_test_scene *scene, const hada_camera *camera, const char *folder,
-                                     const char *name, hada_error *err)
+static hada_status write_truth_stack(const hada_test_scene *scene, const hada_camera *camera, double response,
+                                     const char *folder, const char *name, hada_error *err)
 {
     const int rows = camera->window_rows, cols = camera->window_cols;
     hada_tiff_writer *writer = NULL;
@@ -157,6 +160,7 @@ static hada_status write_truth_stack(const hada_test_scene *scene, const hada_ca
         const int here = k < scene->count && scene->depths[k] == z;
         if (here)
             HADA_TRY(window_of(camera, &scene->planes[k++], &window, err));
+        hada_response_convert(window.data, hada_image_count(&window), HADA_RESPONSE_LINEAR, response);
         HADA_TRY(hada_tiff_write(writer, here ? &window : &dark, err));
         hada_image_destroy(&window);
     }
@@ -203,11 +207,11 @@ static hada_status write_test(const hada_recipe *recipe, int t, const char *raw_
     HADA_TRY(hada_test_scene_render(&scene, recipe->simulator, task->noise, noise_seed, &raw, err));
     HADA_TRY(expose(recipe, noise_seed, &raw, err));
     HADA_TRY(save(raw_folder, name, &raw, task->bits, err));
-    HADA_TRY(write_truth_stack(&scene, camera, truth_folder, name, err));
-    HADA_TRY(save_window(camera, truth_folder, map_name, &scene.map, 32, err));
+    HADA_TRY(write_truth_stack(&scene, camera, task->scene_response, truth_folder, name, err));
+    HADA_TRY(save_window(camera, truth_folder, map_name, &scene.map, HADA_RESPONSE_LINEAR, 32, err));
     if (scene.over.data)
-        HADA_TRY(save_window(camera, truth_folder, over_name, &scene.over, 32, err));
-    HADA_TRY(save_window(camera, truth_folder, aif_name, &scene.whole, 32, err));
+        HADA_TRY(save_window(camera, truth_folder, over_name, &scene.over, HADA_RESPONSE_LINEAR, 32, err));
+    HADA_TRY(save_window(camera, truth_folder, aif_name, &scene.whole, task->scene_response, 32, err));
 done:
     hada_test_scene_free(&scene);
     hada_image_destroy(&raw);
@@ -239,6 +243,11 @@ static json_t *sensor_json(const hada_recipe *recipe)
     json_t *document = json_pack("{s:[ii]}", "shift", o->shift_rows, o->shift_cols);
     if (document && o->field_rows)
         json_object_set_new(document, "field", json_pack("[ii]", o->field_rows, o->field_cols));
+    if (document && recipe->task.scene_response != HADA_RESPONSE_LINEAR) {
+        char name[HADA_RESPONSE_NAME];
+        hada_response_name(name, recipe->task.scene_response);
+        json_object_set_new(document, "scene_response", json_string(name));
+    }
     if (document && recipe->has_sensor)
         json_object_update_new(document,
                                json_pack("{s:f, s:f, s:f, s:f, s:i, s:s}", "exposure", s->exposure, "full_well",
@@ -253,7 +262,8 @@ static hada_status write_sensor(const hada_recipe *recipe, const char *folder, h
     const hada_simulator_options *o = &recipe->simulator_options;
     char *path = NULL, *text = NULL;
     hada_status status = HADA_OK;
-    if (!recipe->has_sensor && !o->shift_rows && !o->shift_cols && !o->field_rows)
+    if (!recipe->has_sensor && !o->shift_rows && !o->shift_cols && !o->field_rows &&
+        recipe->task.scene_response == HADA_RESPONSE_LINEAR)
         return HADA_OK;
     json_t *document = sensor_json(recipe);
     HADA_TRY(hada_path_format(&path, err, "%s/sensor.json", folder));

@@ -8,7 +8,12 @@
 
 void hada_simulate_task_defaults(hada_simulate_task *task, size_t size)
 {
-    const hada_simulate_task own = {.size = sizeof own, .pairs = 8, .test_depths = 2, .bits = 32, .noise = 0.01};
+    const hada_simulate_task own = {.size = sizeof own,
+                                    .pairs = 8,
+                                    .test_depths = 2,
+                                    .bits = 32,
+                                    .noise = 0.01,
+                                    .scene_response = HADA_RESPONSE_LINEAR};
     HADA_OPTIONS_GIVE(task, size, &own);
 }
 
@@ -29,6 +34,11 @@ static hada_status take_task(hada_recipe *recipe, const hada_camera *camera, con
     if (task->pairs < 1 || task->test_depths < 1 || task->tests < 0)
         HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT,
                            "hada_simulate_run: a pair per depth and a depth per test frame are the least"));
+    if (!hada_response_is_known(task->scene_response))
+        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT,
+                           "options.scene_response: %g is no response; use linear, srgb, or "
+                           "a power from %g to %g",
+                           task->scene_response, HADA_RESPONSE_LEAST, HADA_RESPONSE_MOST));
     if (task->test_depths > recipe->camera.depths)
         task->test_depths = recipe->camera.depths;
     if (task->surfaces) {
@@ -54,6 +64,7 @@ static hada_status open_scenes(hada_recipe *recipe, hada_error *err)
     if (task->test_scenes)
         HADA_TRY(hada_scenes_open(&recipe->test_scenes, task->test_scenes, camera->seed + 1, camera->channels, rows,
                                   cols, err));
+    recipe->scenes.response = recipe->test_scenes.response = task->scene_response;
     const int count = recipe->scenes.count;
     recipe->training_count = count;
     if (task->tests && !task->test_scenes && task->scenes) {

@@ -24,6 +24,34 @@ grep -q '"boundary": "padded"' d/camera.json || fail '--boundary padded'
 expect 0 'instead of 5' simulate "${small[@]}" --pairs 5 --scenes pictures -o e
 files e/z100mm/raw 3
 
+# Surfaces: a frame of each kind, the second layer of what overlaps, a map in millimetres or as shares of the range.
+kinds=slant,half,hill,ball,steps,bars,overlap,outside
+expect 0 '8 test frames on surfaces' simulate "${small[@]}" --surface $kinds -o g
+files g/test/truth 25
+[ "$(info g/test/truth/test01_slant_stack.tif)" = '2 3 24 24 32' ] || fail 'the stack of a surface'
+[ "$(info g/test/truth/test07_overlap_depth2.tif)" = '1 1 24 24 32' ] || fail 'the second surface'
+expect 0 '' simulate "${small[@]}" --surface $kinds --test 9 -o h
+for file in g/test/raw/test0[1-6]*.tif; do cmp -s "$file" "h/test/raw/${file##*/}" || fail "$file: --test 9 changed it"; done
+cmp -s h/test/truth/test01_slant_depth.tif h/test/truth/test09_slant_depth.tif && fail 'twice the same slant'
+"$FRAME_TOOL" flat map.tif 20 30 1 250
+expect 0 '"tests": 2' simulate "${small[@]}" --surface map.tif,ball --occlude -o i --json
+"$FRAME_TOOL" flat flat_depth.tif 24 24 1 250
+expect 0 '100.0% +100.0% +0 mm' evaluate i/test/truth/test01_surface_depth.tif flat_depth.tif
+expect 2 'neither a kind of surface' simulate "${small[@]}" --surface valley -o f
+"$FRAME_TOOL" flat below.tif 20 30 1 -1
+expect 4 'below.tif.*-1 is not possible' simulate "${small[@]}" --surface below.tif -o f
+expect 2 'two depths' simulate --preset sim300 --size 64x80 --window 24x24 --depths 1 --lenses 9 --surface ball -o f
+# Encoded scenes: they are written as they are, the frames are made of their light.
+expect 0 '' simulate "${small[@]}" --scene-response 2 --test 1 -o j
+cmp -s a/z100mm/raw/scene0001.tif j/z100mm/raw/scene0001.tif && fail '--scene-response changed no frame'
+expect 0 '(inf|1[0-9][0-9]\.[0-9]+) +1\.000' evaluate a/z100mm/scene/scene0001.tif j/z100mm/scene/scene0001.tif
+expect 0 '(inf|1[0-9][0-9]\.[0-9]+) +1\.000' evaluate a/test/truth/test01_aif.tif j/test/truth/test01_aif.tif
+grep -q '"scene_response": "2"' j/sensor.json || fail 'sensor.json does not say how the scenes stand for light'
+expect 2 'no response' simulate "${small[@]}" --scene-response film -o f
+expect 2 'scene_response|scene-response' simulate "${small[@]}" --scene-response auto -o f
+# A sensor that crops.
+expect 0 "% of the window's light misses the sensor" simulate "${small[@]}" --boundary padded --distance 60 -o k
+
 # What cannot be done leaves nothing.
 expect 3 'not an empty folder' simulate "${small[@]}" -o a
 expect 3 'is a file; a folder is needed' simulate "${small[@]}" -o a/camera.json/x

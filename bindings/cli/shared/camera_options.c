@@ -10,7 +10,7 @@
 const hada_cli_option hada_cli_camera_options[] = {
     HADA_CLI_GROUP("The camera"),
     {HADA_OPTION_TEXT, "preset", 0, "NAME", "camera to begin with (default: sim512)",
-     "sim300: 300x400, 4 depths; sim512: 512x512, 14 depths; paper2022: 1376x2064, 14 depths. All see colour and 100 "
+     "sim300: 300x400, 4 depths; crop300: the same size, 14 depths, a sensor that loses light; sim512: 512x512, 14 depths; paper2022: 1376x2064, 14 depths. All see colour and 100 "
      "to 600 mm.",
      AT(preset)},
     {HADA_OPTION_TEXT, "camera", 0, "FILE", "camera.json to begin with, instead of a preset", NULL, AT(file)},

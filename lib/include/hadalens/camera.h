@@ -96,6 +96,7 @@ static inline void hada_camera_init(hada_camera *camera)
 /* Presets by workload:
  *   "sim512"     512 x 512 RGB, window 192 x 192, 14 depths from 100 to 600 mm, 37 lenses
  *   "sim300"     300 x 400 RGB, window 120 x 120, 4 depths from 100 to 600 mm, 29 lenses
+ *   "crop300"    as sim300 with 14 depths, lenses over 20 mm at 15 mm, padded: 2 to 4 % of the light leaves the sensor
  *   "paper2022"  1376 x 2064 RGB (24 x 36 mm), window 383 x 383, 14 depths from 100 to 600 mm, 37 lenses of 3 mm,
  *                f = 15 mm, in a 12 mm aperture 15 mm before the sensor (Table 1 of the paper)
  * HADA_ERROR_ARGUMENT with the list of names for any other. */

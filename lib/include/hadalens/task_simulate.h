@@ -12,6 +12,7 @@
 #define HADALENS_TASK_SIMULATE_H
 
 #include <hadalens/monitor.h>
+#include <hadalens/response.h>
 #include <hadalens/simulate.h>
 
 #ifdef __cplusplus
@@ -43,6 +44,10 @@ typedef struct hada_simulate_task {
      * millimetres (floats; NaN: nothing there) or shares of the range of depths (integers, linear in 1/z), cut and
      * scaled to the window. `occlude`: opaque ones. `tests` 0: one of each. NULL (default): planes */
     const char *surfaces;
+
+    /* How the pictures stand for light, which is what reaches the sensor; scenes and truth are written as the pictures
+     * are. A response of hadalens/response.h, HADA_RESPONSE_LINEAR by default */
+    double scene_response;
 } hada_simulate_task;
 HADA_API void hada_simulate_task_defaults(hada_simulate_task *task, size_t size);
 static inline void hada_simulate_task_init(hada_simulate_task *task)

@@ -1,0 +1,265 @@
+#include "surface/between.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "core/alloc.h"
+#include "launch/refine.h"
+#include "launch/surface_magnify.h"
+#include "surface/spline.h"
+
+static const char what[] = "the optics between depths";
+
+struct hada_between {
+    hada_slot *slot;
+    hada_surface_camera camera;
+    const hada_magnification *magnification;
+    double pool;
+    hada_spectrum_layout layout;
+    hada_fft *forward, *inverse;
+    hada_program_surface_magnify program;
+    int slots;                        /* of coefficients */
+    int loaded[HADA_SURFACE_SOURCES]; /* depth in each of them; -1: none */
+    hada_buffer prefilter, coefficients, lines, image, spectrum, bases, weights;
+    int *host_bases;
+    float *host_weights;
+};
+
+/* Depths whose PSFs make one in between. */
+static int sources_of(double pool)
+{
+    return pool > 0.0 ? 4 : 2;
+}
+
+static hada_fft_desc plan_of(const hada_surface_camera *camera, hada_fft_direction direction)
+{
+    return (hada_fft_desc){.direction = direction,
+                           .rows = camera->rows,
+                           .cols = camera->cols,
+                           .batch = camera->channels,
+                           .real_rows = camera->rows,
+                           .real_cols = camera->cols,
+                           .real_pitch = (size_t)camera->cols,
+                           .real_distance = (size_t)camera->rows * (size_t)camera->cols};
+}
+
+/* Bytes of every buffer. */
+typedef struct sizes {
+    size_t prefilter, image, coefficients, lines, spectrum, bases, weights;
+} sizes;
+
+static sizes sizes_of(const hada_context *context, const hada_surface_camera *camera, double pool)
+{
+    const size_t count = hada_surface_layout(context, camera->rows, camera->cols).count;
+    const size_t sources = (size_t)sources_of(pool), channels = (size_t)camera->channels;
+    const size_t image = channels * (size_t)camera->rows * (size_t)camera->cols * sizeof(float);
+    const size_t bases = sources * (size_t)(camera->rows + camera->cols) * sizeof(cl_int);
+    return (sizes){
+        count * 2 * sizeof(float), image, sources * image, sources * image, channels * count * 2 * sizeof(float), bases,
+        HADA_SPLINE_TAPS * bases};
+}
+
+size_t hada_between_bytes(const hada_context *context, const hada_surface_camera *camera, double pool)
+{
+    const sizes b = sizes_of(context, camera, pool);
+    const hada_fft_desc forward = plan_of(camera, HADA_FFT_FORWARD), inverse = plan_of(camera, HADA_FFT_INVERSE);
+    return b.prefilter + b.image + b.coefficients + b.lines + b.spectrum + b.bases + b.weights +
+           hada_fft_bytes(context, &forward) + hada_fft_bytes(context, &inverse);
+}
+
+static hada_status make_buffers(hada_between *b, hada_error *err)
+{
+    hada_context *context = b->slot->context;
+    const sizes bytes = sizes_of(context, &b->camera, b->pool);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_surface_prefilter(&b->prefilter, b->slot, &b->layout, err));
+    HADA_TRY(hada_buffer_create(&b->coefficients, context, bytes.coefficients, what, err));
+    HADA_TRY(hada_buffer_create(&b->lines, context, bytes.lines, what, err));
+    HADA_TRY(hada_buffer_create(&b->image, context, bytes.image, what, err));
+    HADA_TRY(hada_buffer_create(&b->spectrum, context, bytes.spectrum, what, err));
+    HADA_TRY(hada_buffer_create(&b->bases, context, bytes.bases, what, err));
+    HADA_TRY(hada_buffer_create(&b->weights, context, bytes.weights, what, err));
+    HADA_TRY(hada_alloc((void **)&b->host_bases, bytes.bases, 1, what, err));
+    HADA_TRY(hada_alloc((void **)&b->host_weights, bytes.weights, 1, what, err));
+done:
+    return status;
+}
+
+static hada_status check(const hada_surface_camera *camera, const hada_magnification *m, hada_error *err)
+{
+    /* what vectors and the taps of a spline reach */
+    if (camera->rows < 8 || camera->cols < 8)
+        return hada_fail(err, HADA_ERROR_SIZE,
+                         "optics between depths need a grid of 8 x 8 pixels at least (got %d x %d)", camera->rows,
+                         camera->cols);
+    if (camera->depths != m->depths)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "the law of magnification is of %d depths, the camera has %d",
+                         m->depths, camera->depths);
+    return HADA_OK;
+}
+
+hada_status hada_between_create(hada_between **out, hada_slot *slot, const hada_surface_camera *camera,
+                                const hada_magnification *magnification, double pool, hada_error *err)
+{
+    const hada_fft_desc forward = plan_of(camera, HADA_FFT_FORWARD), inverse = plan_of(camera, HADA_FFT_INVERSE);
+    hada_between *b = NULL;
+    hada_status status = HADA_OK;
+    *out = NULL;
+    HADA_TRY(check(camera, magnification, err));
+    HADA_TRY(hada_alloc((void **)&b, 1, sizeof *b, what, err));
+    *b = (hada_between){.slot = slot, .camera = *camera, .magnification = magnification, .pool = pool};
+    b->layout = hada_surface_layout(slot->context, camera->rows, camera->cols);
+    b->slots = sources_of(pool);
+    for (int i = 0; i < HADA_SURFACE_SOURCES; i++)
+        b->loaded[i] = -1;
+    b->program = slot->context->shape == HADA_SHAPE_GROUPS ? HADA_PROGRAM_SURFACE_MAGNIFY_GROUPS
+                                                           : HADA_PROGRAM_SURFACE_MAGNIFY_DEFAULT;
+    HADA_TRY(make_buffers(b, err));
+    HADA_TRY(hada_fft_create(&b->forward, slot, &forward, err));
+    HADA_TRY(hada_fft_create(&b->inverse, slot, &inverse, err));
+    HADA_TRY(hada_prepare_surface_magnify(slot, b->program, err));
+    HADA_TRY(hada_prepare_refine(slot, HADA_PROGRAM_REFINE_DEFAULT, err));
+    *out = b;
+done:
+    if (status)
+        hada_between_destroy(&b);
+    return status;
+}
+
+void hada_between_destroy(hada_between **pointer)
+{
+    if (!pointer || !*pointer)
+        return;
+    hada_between *b = *pointer;
+    *pointer = NULL;
+    hada_slot_finish(b->slot, NULL);
+    hada_fft_destroy(&b->forward);
+    hada_fft_destroy(&b->inverse);
+    hada_buffer *buffers[] = {&b->prefilter, &b->coefficients, &b->lines,  &b->image,
+                              &b->spectrum,  &b->bases,        &b->weights};
+    for (size_t i = 0; i < HADA_COUNT(buffers); i++)
+        hada_buffer_destroy(buffers[i]);
+    free(b->host_bases);
+    free(b->host_weights);
+    free(b);
+}
+
+/* The depths that make one in between: from `first` on, with weights whose sum is 1. */
+static int blend(const hada_between *b, double depth, double weight[HADA_SURFACE_SOURCES])
+{
+    const int depths = b->camera.depths, low = depth >= depths - 1 ? depths - 1 : (int)floor(depth);
+    const double part[2] = {1.0 - (depth - low), depth - low};
+    for (int i = 0; i < HADA_SURFACE_SOURCES; i++)
+        weight[i] = 0.0;
+    for (int i = 0; i < 2 && low + i < depths; i++) {
+        const int before = low + i > 0, after = low + i + 1 < depths;
+        const double all = 1.0 + b->pool * (before + after);
+        weight[i] += before ? part[i] * b->pool / all : 0.0;
+        weight[i + 1] += part[i] / all;
+        weight[i + 2] += after ? part[i] * b->pool / all : 0.0;
+    }
+    return low - 1;
+}
+
+/* Brings a depth's coefficients to their place, unless they are there. */
+static hada_status load(hada_between *b, int depth, hada_error *err)
+{
+    const int slot = depth % b->slots, channels = b->camera.channels;
+    const size_t area = (size_t)b->camera.rows * (size_t)b->camera.cols;
+    /* the transfer functions are the filters, and the spline's prefilter is what they are multiplied with */
+    const hada_fft_filter use = {.product = HADA_FFT_COMPLEX,
+                                 .filter = b->camera.otf,
+                                 .spectrum_count = 1,
+                                 .filter_first = (int)b->camera.first + depth * channels};
+    hada_status status = HADA_OK;
+    if (b->loaded[slot] == depth)
+        goto done;
+    b->loaded[slot] = -1;
+    HADA_TRY(hada_fft_inverse(b->inverse, channels, b->prefilter.mem, 0, b->coefficients.mem,
+                              (size_t)(slot * channels) * area, &use, err));
+    b->loaded[slot] = depth;
+done:
+    return status;
+}
+
+static hada_status add_source(hada_between *b, hada_surface_sources *sources, int depth, double weight,
+                              const hada_magnified *to, hada_error *err)
+{
+    const int rows = b->camera.rows, cols = b->camera.cols;
+    const hada_magnified by = hada_magnified_between(&b->magnification->depth[depth], to);
+    const size_t table = (size_t)sources->count * (size_t)(rows + cols);
+    int *bases = b->host_bases + table;
+    float *weights = b->host_weights + HADA_SPLINE_TAPS * table;
+    hada_status status = HADA_OK;
+    HADA_TRY(load(b, depth, err));
+    hada_spline_axis(rows, by.scale, by.row, 1.0 / by.scale, bases, weights);
+    hada_spline_axis(cols, by.scale, by.col, weight / by.scale, bases + rows, weights + HADA_SPLINE_TAPS * rows);
+    sources->slot[sources->count++] = depth % b->slots;
+done:
+    return status;
+}
+
+/* The images at a depth. */
+static hada_status magnify(hada_between *b, double depth, hada_error *err)
+{
+    const int rows = b->camera.rows, cols = b->camera.cols, channels = b->camera.channels;
+    const size_t group = (size_t)hada_macros_of_surface_magnify(b->program)->surface_group;
+    const hada_range range = hada_range_groups(1, group, (size_t)rows, (size_t)channels);
+    const hada_magnified to = hada_magnification_at(b->magnification, depth);
+    hada_surface_sources sources = {.channels = channels, .rows = rows, .cols = cols};
+    double weight[HADA_SURFACE_SOURCES];
+    const int first = blend(b, depth, weight);
+    hada_status status = HADA_OK;
+    for (int i = 0; i < HADA_SURFACE_SOURCES; i++)
+        if (weight[i] > 0.0)
+            HADA_TRY(add_source(b, &sources, first + i, weight[i], &to, err));
+    const size_t entries = (size_t)sources.count * (size_t)(rows + cols);
+    HADA_TRY(hada_buffer_write(&b->bases, b->slot, 0, b->host_bases, entries * sizeof(cl_int), err));
+    HADA_TRY(
+        hada_buffer_write(&b->weights, b->slot, 0, b->host_weights, HADA_SPLINE_TAPS * entries * sizeof(float), err));
+    hada_slot_cost(b->slot, 4.0 * rows * cols * channels * (3.0 * sources.count + 1.0),
+                   4.0 * HADA_SPLINE_TAPS * rows * cols * channels * sources.count);
+    HADA_TRY(hada_launch_surface_magnify(b->slot, b->program, &range, err, .coefficients = b->coefficients.mem,
+                                         .bases = b->bases.mem, .weights = b->weights.mem, .lines = b->lines.mem,
+                                         .out = b->image.mem, .sources = sources));
+done:
+    return status;
+}
+
+/* The transfer functions of one depth; `at` in complex numbers. */
+static hada_status make(hada_between *b, double depth, cl_mem out, size_t at, const hada_spectrum_layout *to,
+                        hada_error *err)
+{
+    const int channels = b->camera.channels;
+    const size_t step = (size_t)channels * b->layout.count;
+    const size_t from = b->camera.first * b->layout.count + (size_t)depth * step;
+    const int known = depth == floor(depth) && !(b->pool > 0.0);
+    const cl_mem whole = known ? b->camera.otf : to ? b->spectrum.mem : out;
+    hada_status status = HADA_OK;
+    if (!known) {
+        HADA_TRY(magnify(b, depth, err));
+        HADA_TRY(hada_fft_forward(b->forward, channels, b->image.mem, 0, whole, to ? 0 : at, err));
+    }
+    if (to)
+        HADA_TRY(hada_surface_crop(b->slot, whole, known ? from : 0, &b->layout, channels, 1, 0.0, out, at, to, err));
+    else if (known)
+        HADA_TRY(hada_buffer_copy(b->slot, whole, from * 2 * sizeof(float), out, at * 2 * sizeof(float),
+                                  step * 2 * sizeof(float), err));
+done:
+    return status;
+}
+
+hada_status hada_between_make(hada_between *between, int count, const double *depth, cl_mem out, size_t first,
+                              const hada_spectrum_layout *to, hada_error *err)
+{
+    const size_t values = to ? to->count : between->layout.count;
+    hada_status status = HADA_OK;
+    for (int i = 0; i < count; i++)
+        if (!(depth[i] >= 0.0 && depth[i] <= between->camera.depths - 1))
+            return hada_fail(err, HADA_ERROR_ARGUMENT, "a depth of %g is not between the %d of the camera", depth[i],
+                             between->camera.depths);
+    for (int i = 0; i < count; i++)
+        HADA_TRY(make(between, depth[i], out, (first + (size_t)(i * between->camera.channels)) * values, to, err));
+done:
+    return status;
+}

@@ -1,0 +1,335 @@
+#include "surface/magnification.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/alloc.h"
+#include "surface/bright.h"
+#include "surface/spline.h"
+
+/* Steps of a search, in pixels that light at the edge moves between neighbours: spots are wider. */
+#define SEARCH_STEP 0.5
+/* How far the law's a is looked for, in units of the nearest distance: masks stand much closer than scenes; in
+ * microscopes a few times farther. Below 0: optics in front of the mask that turn the order round. */
+#define MASK_LOW  (-0.5)
+#define MASK_HIGH 4.0
+/* Places of the axis, and magnifications of a pair: pixels that they move light at the edge between neighbours. */
+#define REACH 4.0
+/* A search ends with this part of its step. */
+#define PRECISION 0.01
+/* Pairs of depths are compared from which light at the edge has moved by so many pixels: what learned PSFs have wrong
+ * alike, at the same place, then no longer correlates. */
+#define APART 4.0
+/* A kind with more parameters is taken where it correlates better by this. */
+#define BETTER 0.02
+/* While a search steps, one bright pixel in so many is looked at. */
+enum { THIN = 4 };
+
+hada_magnified hada_magnified_between(const hada_magnified *from, const hada_magnified *to)
+{
+    const double scale = to->scale / from->scale;
+    return (hada_magnified){scale, to->row - scale * from->row, to->col - scale * from->col};
+}
+
+hada_magnified hada_magnification_at(const hada_magnification *m, double depth)
+{
+    int low = (int)floor(depth);
+    low = low > m->depths - 2 ? m->depths - 2 : low;
+    if (low < 0)
+        return m->depth[0];
+    const hada_magnified *a = &m->depth[low], *b = a + 1;
+    const double f = depth - low;
+    return (hada_magnified){(1.0 - f) * a->scale + f * b->scale, (1.0 - f) * a->row + f * b->row,
+                            (1.0 - f) * a->col + f * b->col};
+}
+
+int hada_magnification_steps(const hada_magnification *m, double pixels)
+{
+    const int steps = (int)ceil(m->shift / pixels);
+    return steps < 1 ? 1 : steps;
+}
+
+void hada_magnification_zoom(hada_magnification *m, double zoom)
+{
+    for (int k = 0; k < m->depths; k++) {
+        m->depth[k].row *= zoom;
+        m->depth[k].col *= zoom;
+    }
+    m->row *= zoom;
+    m->col *= zoom;
+    m->edge *= zoom;
+    m->shift *= zoom;
+}
+
+/* What a fit works with. */
+typedef struct fit {
+    hada_magnification *m;
+    const float *coefficients;
+    int rows, cols;
+    hada_bright *bright; /* [depths] */
+    int apart;           /* depths between those of a pair */
+    int pair;            /* free: the pair in hand */
+    int thin;            /* one bright pixel in so many */
+} fit;
+
+static void set_law(hada_magnification *m, const double *p)
+{
+    for (int k = 0; k < m->depths; k++)
+        m->depth[k] = (hada_magnified){1.0 + p[0] * m->inverse[k], p[1] * m->inverse[k], p[2] * m->inverse[k]};
+}
+
+/* The PSF of depth `from`, made that of another, at a pixel. */
+static double magnified(const fit *f, int from, const hada_magnified *by, double y, double x)
+{
+    const float *image = f->coefficients + (size_t)from * (size_t)f->rows * (size_t)f->cols;
+    return hada_spline_value(image, f->rows, f->cols, (y - by->row) / by->scale, (x - by->col) / by->scale) /
+           (by->scale * by->scale);
+}
+
+/* How well a depth, magnified so that its norm stays, correlates with a later one's bright pixels. */
+static double correlation(const fit *f, int from, int to, const hada_magnified *by)
+{
+    const hada_bright *bright = &f->bright[to];
+    double sum = 0.0;
+    for (int i = 0; i < bright->count; i += f->thin)
+        sum += bright->point[i].value * magnified(f, from, by, bright->point[i].y, bright->point[i].x);
+    return f->thin * sum * by->scale / (bright->norm * f->bright[from].norm + 1e-300);
+}
+
+/* The mean over pairs, by the depths as they stand. */
+static double correlations(const fit *f)
+{
+    const int pairs = f->m->depths - f->apart;
+    double sum = 0.0;
+    for (int k = 0; k < pairs; k++) {
+        const hada_magnified by = hada_magnified_between(&f->m->depth[k], &f->m->depth[k + f->apart]);
+        sum += correlation(f, k, k + f->apart, &by);
+    }
+    return sum / pairs;
+}
+
+static double law_objective(const fit *f, const double *p)
+{
+    set_law(f->m, p);
+    return correlations(f);
+}
+
+/* p: what light at the edge moves outwards, and down, and right. */
+static hada_magnified free_pair(const fit *f, const double *p)
+{
+    return (hada_magnified){1.0 + p[0] / f->m->edge, p[1], p[2]};
+}
+
+static double free_objective(const fit *f, const double *p)
+{
+    const hada_magnified by = free_pair(f, p);
+    return by.scale > 0.1 ? correlation(f, f->pair, f->pair + 1, &by) : -1.0;
+}
+
+/* The place of the largest of three values at -reach, 0 and reach, by a parabola. */
+static double summit(double low, double middle, double high, double reach)
+{
+    const double bend = low - 2.0 * middle + high, at = bend < 0.0 ? reach * (low - high) / (2.0 * bend) : 0.0;
+    return at < -reach ? -reach : at > reach ? reach : at;
+}
+
+/* p[which], from low to high: where the objective is largest, in steps, then by parabolas. */
+static void improve(fit *f, double (*objective)(const fit *, const double *), double *p, int which, double low,
+                    double high, double step)
+{
+    const int steps = (int)ceil((high - low) / step);
+    double q[3] = {p[0], p[1], p[2]}, most;
+    f->thin = THIN;
+    most = objective(f, p);
+    for (int i = 0; i <= steps; i++) {
+        q[which] = low + i * step;
+        const double value = objective(f, q);
+        if (value > most) {
+            most = value;
+            p[which] = q[which];
+        }
+    }
+    f->thin = 1;
+    most = objective(f, p);
+    for (double reach = step; reach > PRECISION * step; reach /= 4.0) {
+        double side[2];
+        for (int i = 0; i < 2; i++) {
+            q[which] = p[which] + (i ? reach : -reach);
+            side[i] = objective(f, q);
+        }
+        p[which] += summit(side[0], most, side[1], reach);
+        most = objective(f, p);
+    }
+}
+
+/* The share of the bright pixels' energy, and with it the amplitude, that predictions by the neighbours miss. */
+static double unexplained(const fit *f)
+{
+    const hada_magnification *m = f->m;
+    double missed = 0.0, all = 0.0;
+    for (int k = m->depths > 2 ? 1 : 0; k < (m->depths > 2 ? m->depths - 1 : 2); k++) {
+        const int near = m->depths > 2 ? k - 1 : 1 - k, far = m->depths > 2 ? k + 1 : near;
+        const double part =
+            near == far ? 0.0 : (m->inverse[near] - m->inverse[k]) / (m->inverse[near] - m->inverse[far]);
+        const hada_magnified a = hada_magnified_between(&m->depth[near], &m->depth[k]);
+        const hada_magnified b = hada_magnified_between(&m->depth[far], &m->depth[k]);
+        double square = 0.0, energy = 0.0;
+        for (int i = 0; i < f->bright[k].count; i++) {
+            const hada_bright_point *p = &f->bright[k].point[i];
+            const double guess = (1.0 - part) * magnified(f, near, &a, p->y, p->x) +
+                                 (part > 0.0 ? part * magnified(f, far, &b, p->y, p->x) : 0.0);
+            square += (p->value - guess) * (p->value - guess);
+            energy += p->value * p->value;
+        }
+        missed += energy > 0.0 ? square / energy : 0.0;
+        all += 1.0;
+    }
+    return sqrt(missed / all);
+}
+
+/* The largest shift of light at the edge between neighbours. */
+static double largest_shift(const hada_magnification *m)
+{
+    double shift = 0.0;
+    for (int k = 0; k + 1 < m->depths; k++) {
+        const hada_magnified by = hada_magnified_between(&m->depth[k], &m->depth[k + 1]);
+        shift = fmax(shift, fabs(by.scale - 1.0) * m->edge + hypot(by.row, by.col));
+    }
+    return shift;
+}
+
+/* Pairs of depths between which light at the edge moves by APART pixels. */
+static void set_apart(fit *f)
+{
+    const double depths = ceil(APART / (largest_shift(f->m) + 1e-300));
+    f->apart = depths < f->m->depths - 1 ? (int)depths : f->m->depths - 1;
+}
+
+/* The law by neighbours, then by pairs farther apart. */
+static void fit_law(fit *f)
+{
+    hada_magnification *m = f->m;
+    double gap = 0.0, p[3] = {0};
+    for (int k = 0; k + 1 < m->depths; k++)
+        gap = fmax(gap, m->inverse[k] - m->inverse[k + 1]);
+    double pixel = 1.0 / gap, a = pixel / m->edge;
+    const double nearest = 1.0 / m->inverse[0];
+    improve(f, law_objective, p, 0, MASK_LOW * nearest, MASK_HIGH * nearest, SEARCH_STEP * a);
+    for (double reach = REACH; reach >= SEARCH_STEP; reach /= 2.0) {
+        improve(f, law_objective, p, 1, p[1] - reach * pixel, p[1] + reach * pixel, SEARCH_STEP * pixel);
+        improve(f, law_objective, p, 2, p[2] - reach * pixel, p[2] + reach * pixel, SEARCH_STEP * pixel);
+        improve(f, law_objective, p, 0, fmax(p[0] - reach * a, MASK_LOW * nearest), p[0] + reach * a, SEARCH_STEP * a);
+        set_law(m, p);
+        set_apart(f);
+        pixel = 1.0 / (f->apart * gap);
+        a = pixel / m->edge;
+    }
+    set_law(m, p);
+    m->mask = p[0];
+    m->row = p[1];
+    m->col = p[2];
+}
+
+/* From the law, each pair by itself. */
+static void fit_free(fit *f)
+{
+    hada_magnification *m = f->m;
+    hada_magnified next = m->depth[0];
+    for (int k = 0; k + 1 < m->depths; k++) {
+        const hada_magnified law = hada_magnified_between(&m->depth[k], &m->depth[k + 1]);
+        double p[3] = {(law.scale - 1.0) * m->edge, law.row, law.col};
+        f->pair = k;
+        for (double reach = REACH; reach >= SEARCH_STEP; reach /= 4.0)
+            for (int i = 0; i < 3; i++)
+                improve(f, free_objective, p, i, p[i] - reach, p[i] + reach, SEARCH_STEP);
+        const hada_magnified by = free_pair(f, p);
+        m->depth[k] = next;
+        next = (hada_magnified){by.scale * next.scale, by.row + by.scale * next.row, by.col + by.scale * next.col};
+    }
+    m->depth[m->depths - 1] = next;
+}
+
+/* Keeps how the depths stand now, as one kind; returns how well they correlate. */
+static double keep(const fit *f, hada_magnification_kind kind, hada_magnified *kept)
+{
+    const size_t count = (size_t)f->m->depths;
+    memcpy(kept + kind * count, f->m->depth, count * sizeof *kept);
+    f->m->unexplained[kind] = unexplained(f);
+    return correlations(f);
+}
+
+/* Tries all kinds and takes the simplest of those that correlate best, far apart as well. */
+static void choose(fit *f, hada_magnified *kept)
+{
+    hada_magnification *m = f->m;
+    const size_t count = (size_t)m->depths;
+    hada_magnified *plain = kept + HADA_MAGNIFICATION_NONE * count;
+    hada_magnification_kind kind = HADA_MAGNIFICATION_NONE;
+    memcpy(plain, m->depth, count * sizeof *plain);
+    fit_law(f);
+    const double law = keep(f, HADA_MAGNIFICATION_LAW, kept);
+    memcpy(m->depth, plain, count * sizeof *plain);
+    const double none = keep(f, HADA_MAGNIFICATION_NONE, kept);
+    if (law > none)
+        memcpy(m->depth, kept + HADA_MAGNIFICATION_LAW * count, count * sizeof *kept);
+    fit_free(f);
+    const double each = keep(f, HADA_MAGNIFICATION_FREE, kept);
+    if (law > none + BETTER)
+        kind = HADA_MAGNIFICATION_LAW;
+    if (each > (kind == HADA_MAGNIFICATION_LAW ? law : none) + BETTER)
+        kind = HADA_MAGNIFICATION_FREE;
+    memcpy(m->depth, kept + kind * count, count * sizeof *kept);
+    m->kind = kind;
+    m->shift = largest_shift(m);
+}
+
+static hada_status check_distances(int depths, const double *distances, hada_error *err)
+{
+    for (int k = 0; k < depths; k++)
+        if (!(distances[k] > (k ? distances[k - 1] : 0.0)))
+            return hada_fail(err, HADA_ERROR_ARGUMENT,
+                             "optics between depths need distances that rise from above 0; number %d is %g", k + 1,
+                             distances[k]);
+    return HADA_OK;
+}
+
+hada_status hada_magnification_fit(hada_magnification *out, int depths, const double *distances,
+                                   const float *coefficients, int rows, int cols, hada_error *err)
+{
+    const char what[] = "the optics between depths";
+    const size_t count = (size_t)depths, area = (size_t)rows * (size_t)cols;
+    hada_magnified *memory = NULL;
+    fit f = {.m = out, .coefficients = coefficients, .rows = rows, .cols = cols, .apart = 1, .thin = 1};
+    hada_status status = HADA_OK;
+    *out = (hada_magnification){.depths = depths};
+    HADA_TRY(check_distances(depths, distances, err));
+    HADA_TRY(hada_alloc((void **)&out->inverse, count, sizeof *out->inverse, what, err));
+    HADA_TRY(hada_alloc((void **)&out->depth, count, sizeof *out->depth, what, err));
+    HADA_TRY(hada_alloc((void **)&memory, HADA_MAGNIFICATION_KINDS * count, sizeof *memory, what, err));
+    HADA_TRY(hada_alloc((void **)&f.bright, count, sizeof *f.bright, what, err));
+    for (size_t k = 0; k < count; k++) {
+        out->inverse[k] = 1.0 / distances[k];
+        out->depth[k].scale = 1.0;
+    }
+    HADA_TRY(hada_bright_edge(coefficients, depths, rows, cols, &out->edge, err));
+    for (size_t k = 0; k < count; k++)
+        HADA_TRY(hada_bright_find(&f.bright[k], coefficients + k * area, rows, cols, out->edge, err));
+    if (depths > 1)
+        choose(&f, memory);
+done:
+    for (size_t k = 0; f.bright && k < count; k++)
+        free(f.bright[k].point);
+    free(f.bright);
+    free(memory);
+    if (status)
+        hada_magnification_free(out);
+    return status;
+}
+
+void hada_magnification_free(hada_magnification *magnification)
+{
+    free(magnification->inverse);
+    free(magnification->depth);
+    *magnification = (hada_magnification){0};
+}

@@ -1,0 +1,57 @@
+/* How the point spread functions of a camera's depths become one another, found from themselves. Internal.
+ *
+ * Light that a mask casts from a point at distance z is the mask's pattern magnified by 1 + a/z about the optical axis,
+ * a the distance from mask to sensor: PSFs of neighbouring depths are magnified to the depth in between and then
+ * blended (docs/surfaces.md). The law's a, and the axis' place, are those that make neighbours correlate best. Where
+ * waves or other optics spoil the law, each pair of neighbours may have a magnification of its own, or none. */
+#ifndef HADA_SURFACE_MAGNIFICATION_H
+#define HADA_SURFACE_MAGNIFICATION_H
+
+#include "core/error.h"
+
+typedef enum hada_magnification_kind {
+    HADA_MAGNIFICATION_NONE = 0, /* PSFs are blended as they are */
+    HADA_MAGNIFICATION_LAW = 1,  /* 1 + a/z */
+    HADA_MAGNIFICATION_FREE = 2, /* from pair to pair */
+    HADA_MAGNIFICATION_KINDS = 3
+} hada_magnification_kind;
+
+/* The PSF of depth k is 1/scale^2 g((x - place) / scale) of one pattern g, x in pixels from the grid's origin. */
+typedef struct hada_magnified {
+    double scale, row, col;
+} hada_magnified;
+
+typedef struct hada_magnification {
+    hada_magnification_kind kind;
+    int depths;
+    double *inverse;       /* [depths] 1 / distance, falling */
+    hada_magnified *depth; /* [depths] */
+    double mask;           /* a, in the unit of the distances; the law's, also where another kind was chosen */
+    double row, col;       /* the law's: pixels that the pattern moves, times distance: 0 where the grid's origin is the
+                              optical axis */
+    double edge;           /* radius in pixels within which 0.9 of the PSFs' energy lies */
+    double shift;          /* largest, of light at the edge, between neighbours, in pixels */
+    double unexplained[HADA_MAGNIFICATION_KINDS]; /* |difference| / |PSF| at its brightest pixels when each depth is
+                                                     predicted from its two neighbours (two depths: from the other one);
+                                                     noise of the PSFs included. Between depths as they stand it is
+                                                     less: about a quarter of what is not noise. */
+} hada_magnification;
+
+/* From spline coefficients (spline.h) of the PSFs, [depths][rows][cols], origin at pixel (0, 0). Distances rise. */
+hada_status hada_magnification_fit(hada_magnification *out, int depths, const double *distances,
+                                   const float *coefficients, int rows, int cols, hada_error *err);
+void hada_magnification_free(hada_magnification *magnification);
+
+/* The same for a grid `zoom` times as fine. */
+void hada_magnification_zoom(hada_magnification *magnification, double zoom);
+
+/* At a depth between two, counted in depths; between them all is linear in 1 / distance. */
+hada_magnified hada_magnification_at(const hada_magnification *magnification, double depth);
+
+/* What makes the PSF `from` the PSF `to`: to(x) = 1/scale^2 from((x - place) / scale). */
+hada_magnified hada_magnified_between(const hada_magnified *from, const hada_magnified *to);
+
+/* Steps from a depth to the next so that light at the edge moves by at most `pixels` a step. */
+int hada_magnification_steps(const hada_magnification *magnification, double pixels);
+
+#endif

@@ -6,12 +6,14 @@
 #include <math.h>
 #include <stddef.h>
 #include <stdio.h>
+#include <string.h>
 
 typedef struct settings {
     hada_cli_common common;
-    const char *output, *psf, *dark, *refine, *refine_tv, *distances, *sums;
+    const char *output, *psf, *dark, *refine, *refine_tv, *distances, *sums, *response;
     hada_cli_texts merge;
     int form, boundary; /* 0: not given */
+    int exposure;       /* a hada_exposure */
     int psf_sign;       /* 1: nowhere negative, 0: free, -1: not given */
     int half, skip_incomplete, no_leave_one_out, colour;
     int window[2];
@@ -36,6 +38,16 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_TEXTS, "merge", 0, "FILE", "add saved sums; may be given more than once",
      "They must come from the same camera and depths. So pairs can be added later, or from several machines.",
      AT(merge)},
+    {HADA_OPTION_TEXT, "scene-response", 0, "auto|linear|srgb|P", "how the scenes are encoded (default: auto)",
+     "Frames are linear in light, scenes often are photographs for a display: srgb, or a power P such as 2.2, light = "
+     "value^P. Scenes are brought to light before anything is learned, and the model remembers it. auto: what leaves "
+     "least of held-out frames unexplained; linear unless there is evidence.",
+     AT(response)},
+    {HADA_OPTION_CHOICE, "exposure", 0, "auto|same|each",
+     "whether frames of a depth were exposed alike (default: auto)",
+     "each: every pair has an exposure of its own, as with a camera that sets it by itself; it is found. auto: each "
+     "where that explains most of what is unexplained otherwise.",
+     ONE_OF(exposure, HADA_EXPOSURE_AUTO, HADA_EXPOSURE_SAME, HADA_EXPOSURE_EACH)},
     {HADA_OPTION_FLAG, "skip-incomplete", 0, NULL, "leave out files that have no partner, instead of refusing", NULL,
      AT(skip_incomplete)},
 
@@ -82,7 +94,7 @@ static void defaults(void *user)
 {
     settings *set = user;
     set->dark = "none";
-    set->refine = set->refine_tv = "auto";
+    set->refine = set->refine_tv = set->response = "auto";
     set->alpha = set->lambda = set->outside = set->psf_dark = -1;
     set->psf_sign = -1;
 }
@@ -151,12 +163,36 @@ static void print_rows(hada_cli *cli, const hada_fit_report *report)
     json_object_set_new(cli->document, "leave_one_out", list);
 }
 
+/* What the pairs said of their scenes. */
+static void print_survey(hada_cli *cli, const hada_survey *survey)
+{
+    size_t count = 0;
+    const hada_survey_row *rows = survey ? hada_survey_rows(survey, &count) : NULL;
+    json_t *list = json_array();
+    if (count > 1)
+        hada_cli_say(cli, "Response of the scenes, unexplained share of held-out frames in %%\n  %9s  %13s  %14s",
+                     "response", "exposed alike", "each by itself");
+    for (size_t i = 0; i < count; i++) {
+        char name[HADA_RESPONSE_NAME];
+        hada_response_name(name, rows[i].response);
+        if (count > 1)
+            hada_cli_say(cli, "%s %9s  %13.2f  %14.2f%s", rows[i].chosen ? "*" : " ", name, 100 * rows[i].unexplained,
+                         100 * rows[i].unexplained_apart, rows[i].chosen ? "  chosen" : "");
+        json_array_append_new(list, json_pack("{s:s, s:f, s:f, s:b}", "response", name, "unexplained",
+                                              rows[i].unexplained, "unexplained_exposed_apart",
+                                              rows[i].unexplained_apart, "chosen", rows[i].chosen));
+    }
+    json_object_set_new(cli->document, "responses", list);
+    json_object_set_new(cli->document, "exposed_apart", json_boolean(survey && hada_survey_exposed(survey)));
+}
+
 static void tell_pairs(hada_cli *cli, const hada_dataset_info *info, const hada_fit_report *report)
 {
     json_t *pairs = json_array();
     for (int z = 0; z < info->depths; z++)
         json_array_append_new(pairs, json_integer(hada_fit_report_pairs(report, z)));
     json_object_set_new(cli->document, "pairs", pairs);
+    print_survey(cli, hada_fit_report_survey(report));
     print_rows(cli, report);
     hada_cli_say(cli, "\n%d pairs; at least %d for each of %d %s", info->pairs, info->least_pairs, info->depths,
                  info->depths == 1 ? "depth" : "depths");
@@ -196,12 +232,14 @@ static hada_status fit_pairs(hada_cli *cli, const settings *set, const char *fol
     fit.window_cols = set->window[1];
     task.fit = &fit;
     task.boundary = set->boundary;
+    task.exposure = (hada_exposure)set->exposure;
     task.leave_one_out = !set->no_leave_one_out;
     task.half = set->half;
     task.merge = set->merge.items;
     task.merge_count = set->merge.count;
     task.save_sums = set->sums;
     task.monitor = &cli->monitor;
+    HADA_TRY(hada_response_from_name(&fit.scene_response, set->response, err));
     HADA_TRY(hada_cli_read_refine(set->refine, &fit.refine_steps, err));
     HADA_TRY(hada_cli_read_refine_tv(set->refine_tv, &fit.refine_tv, err));
     if (folder) {
@@ -255,17 +293,19 @@ static void print_model(hada_cli *cli, const settings *set, const hada_model *mo
     static const char *const forms[] = {"", "complex", "split", "matched", "wiener"};
     const hada_model_info *info = hada_model_get_info(model);
     const char *boundary = info->boundary == HADA_BOUNDARY_PADDED ? "padded" : "circular";
-    char size[16], dark[32] = "found per frame", refine[64] = "no refinement";
+    char size[16], dark[32] = "found per frame", refine[64] = "no refinement", response[HADA_RESPONSE_NAME];
     hada_cli_bytes(size, info->bytes);
+    hada_response_name(response, info->scene_response);
     if (info->dark >= 0)
         snprintf(dark, sizeof dark, "%.4g", info->dark);
     if (info->refine_steps)
         snprintf(refine, sizeof refine,
                  info->refine_tv > 0 ? "%d refinement steps, total variation %.2g" : "%d refinement steps",
                  info->refine_steps, info->refine_tv);
-    hada_cli_say(cli, "%s: %d %s, %dx%d frames, window %dx%d, %s, %s, dark level %s, %s, %s (%.1f s)", set->output,
-                 info->depths, info->depths == 1 ? "depth" : "depths", info->raw_rows, info->raw_cols,
-                 info->window_rows, info->window_cols, forms[info->form], boundary, dark, refine, size, seconds);
+    hada_cli_say(cli, "%s: %d %s, %dx%d frames, window %dx%d, %s, %s, scenes %s, dark level %s, %s, %s (%.1f s)",
+                 set->output, info->depths, info->depths == 1 ? "depth" : "depths", info->raw_rows, info->raw_cols,
+                 info->window_rows, info->window_cols, forms[info->form], boundary, response, dark, refine, size,
+                 seconds);
     json_t *entry = json_pack("{s:s, s:s, s:s, s:i, s:[ii], s:[ii], s:[ii], s:i, s:b, s:I}", "file", set->output,
                               "form", forms[info->form], "boundary", boundary, "channels", info->channels, "frame",
                               info->raw_rows, info->raw_cols, "grid", info->grid_rows, info->grid_cols, "window",
@@ -277,6 +317,7 @@ static void print_model(hada_cli *cli, const settings *set, const hada_model *mo
     json_object_set_new(entry, "dark", info->dark >= 0 ? hada_cli_real(info->dark) : json_null());
     json_object_set_new(entry, "refine_tv", hada_cli_real(info->refine_tv));
     json_object_set_new(entry, "noise", hada_cli_real(info->noise));
+    json_object_set_new(entry, "scene_response", json_string(response));
     json_object_set_new(cli->document, "model", entry);
     json_object_set_new(cli->document, "seconds", json_real(seconds));
 }
@@ -304,6 +345,10 @@ static int check(hada_cli *cli, const settings *set, int count, const char **arg
     if (set->outside >= 0 && set->outside < 1 && set->merge.count)
         return hada_cli_usage(cli, "--outside below 1 looks at every pair several times, and sums (--merge) have none; "
                                    "give all pairs in one DATASET");
+    if (set->psf && (strcmp(set->response, "auto") || set->exposure))
+        return hada_cli_usage(cli, "--scene-response and --exposure belong to pairs, not to --psf");
+    if (!count && set->merge.count && set->exposure)
+        return hada_cli_usage(cli, "--exposure is found from pairs, which sums (--merge) do not hold");
     if (set->psf && (set->sums || set->merge.count))
         return hada_cli_usage(cli, "--sums and --merge belong to pairs, not to --psf");
     if (!set->psf && set->form && !learned)

@@ -1,5 +1,6 @@
 #include "fit/fit_grid.h"
 
+#include <hadalens/response.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -32,7 +33,9 @@ hada_status hada_fit_info(hada_model_info *info, const hada_fit_options *options
                               .form = options->form,
                               .boundary = options->boundary,
                               .dark = options->dark,
-                              .distances_mm = options->distances_mm};
+                              .distances_mm = options->distances_mm,
+                              .scene_response = options->scene_response == HADA_AUTO ? HADA_RESPONSE_LINEAR
+                                                                                     : options->scene_response};
     HADA_TRY(hada_model_set_sizes(info, options->raw_rows, options->raw_cols, options->window_rows,
                                   options->window_cols, err));
     HADA_TRY(hada_model_info_check(info, err));

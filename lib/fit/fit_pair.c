@@ -1,5 +1,6 @@
 #include "fit/fit_pair.h"
 
+#include <hadalens/response.h>
 #include <stdlib.h>
 
 #include "core/alloc.h"
@@ -116,6 +117,14 @@ static double take(const float *from, size_t pitch, int rows, int cols, double d
     return energy;
 }
 
+static double energy_of(const float *values, size_t count)
+{
+    double energy = 0.0;
+    for (size_t i = 0; i < count; i++)
+        energy += (double)values[i] * (double)values[i];
+    return energy;
+}
+
 void hada_fit_pair_take(hada_fit_pair *pair, const hada_image *raw, const hada_image *scene)
 {
     const hada_model_info *info = &pair->grid->info;
@@ -128,9 +137,13 @@ void hada_fit_pair_take(hada_fit_pair *pair, const hada_image *raw, const hada_i
         const double dark = info->dark < 0.0 ? hada_dark_estimate(from, raw_area, pair->scratch) : info->dark;
         pair->raw_energy[c] =
             take(from, (size_t)raw->cols, raw->rows, raw->cols, dark, pair->raw_pixels + (size_t)c * raw_area);
+        float *light = pair->scene_pixels + (size_t)c * window;
         from = scene->data + (size_t)c * area + row0 * (size_t)scene->cols + col0;
-        pair->scene_energy[c] = take(from, (size_t)scene->cols, info->window_rows, info->window_cols, 0.0,
-                                     pair->scene_pixels + (size_t)c * window);
+        pair->scene_energy[c] = take(from, (size_t)scene->cols, info->window_rows, info->window_cols, 0.0, light);
+        if (info->scene_response != HADA_RESPONSE_LINEAR) {
+            hada_response_convert(light, window, info->scene_response, HADA_RESPONSE_LINEAR);
+            pair->scene_energy[c] = energy_of(light, window);
+        }
     }
 }
 

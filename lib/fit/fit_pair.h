@@ -23,7 +23,8 @@ void hada_fit_pair_destroy(hada_fit_pair *pair);
 hada_status hada_fit_pair_check(const hada_fit_grid *grid, int depth, const hada_image *raw, const hada_image *scene,
                                 hada_error *err);
 
-/* Pixels and energies of a checked pair: takes the dark level off, and the centre of a scene as large as the frame. */
+/* Pixels and energies of a checked pair: takes the dark level off, and the centre of a scene as large as the frame,
+ * which it brings to linear light. */
 void hada_fit_pair_take(hada_fit_pair *pair, const hada_image *raw, const hada_image *scene);
 
 /* Spectra of pixels, `pair`'s own or others of that size; scene NULL: of the frame alone. */

@@ -1,6 +1,7 @@
 /* The public face of a fit, as far as the sums and what is chosen on pairs held out. */
 #include "fit/fitter.h"
 
+#include <hadalens/response.h>
 #include <math.h>
 #include <stdlib.h>
 
@@ -18,7 +19,8 @@ void hada_fit_options_defaults(hada_fit_options *options, size_t size)
                                   .outside = HADA_AUTO,
                                   .refine_steps = HADA_AUTO,
                                   .refine_tv = HADA_AUTO,
-                                  .nonnegative = 1};
+                                  .nonnegative = 1,
+                                  .scene_response = HADA_AUTO};
     HADA_OPTIONS_GIVE(options, size, &own);
 }
 
@@ -49,6 +51,9 @@ static hada_status check_options(const hada_fit_options *options, hada_error *er
     if (!isfinite(options->alpha) || !isfinite(options->lambda) || !isfinite(options->refine_tv) ||
         !isfinite(options->dark))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "alpha, lambda and the dark level must be finite");
+    if (options->scene_response != HADA_AUTO && !hada_response_is_known(options->scene_response))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "the response of the scenes, %g, is none (hadalens/response.h)",
+                         options->scene_response);
     if (!(options->outside <= 1.0) || (options->outside >= 0.0 && options->outside < HADA_FIT_LEAST_OUTSIDE))
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "the weight outside the window is %g; it must lie between %g and 1, or be negative to have it "

@@ -1,5 +1,6 @@
 #include "fit/sums_file.h"
 
+#include <hadalens/response.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -8,7 +9,8 @@
 #include "core/alloc.h"
 #include "filter/layout.h"
 
-#define FORMAT "hadalens-sums-1"
+#define FORMAT   "hadalens-sums-1"
+#define RESPONSE "scene_response"
 
 /* What must agree, as text. */
 typedef struct sizes_text {
@@ -27,10 +29,13 @@ static sizes_text sizes_of(const hada_model_info *info)
 static hada_status put_metadata(const hada_fit_grid *grid, hada_tensors_writer *writer, hada_error *err)
 {
     const sizes_text sizes = sizes_of(&grid->info);
+    char response[HADA_RESPONSE_NAME];
     hada_status status = HADA_OK;
+    hada_response_name(response, grid->info.scene_response);
     HADA_TRY(hada_tensors_put_meta(writer, "format", FORMAT, err));
     HADA_TRY(hada_tensors_put_meta(writer, "library", "hadalens " HADALENS_VERSION, err));
     HADA_TRY(hada_tensors_put_meta(writer, "sizes", sizes.text, err));
+    HADA_TRY(hada_tensors_put_meta(writer, RESPONSE, response, err));
     HADA_TRY(hada_tensors_put_meta(
         writer, "axes",
         "sums: [depth, channel, sum, value/rest, ky, kx]; the sums are Re and Im of sum X conj(B), sum |B|^2, sum "
@@ -213,6 +218,37 @@ static hada_status check_sums(const hada_fit_grid *grid, const hada_tensors *fil
                : hada_fail(err, HADA_ERROR_NOT_FINITE, "%s: the sums are not finite; the file is damaged", path);
 }
 
+static hada_status damaged(const char *path, hada_error *err)
+{
+    return hada_fail(err, HADA_ERROR_FILE_FORMAT, "%s does not hold the sums of a fit, or is damaged", path);
+}
+
+/* How the scenes behind the sums were brought to light; files of before knew no other way than linear. */
+static hada_status response_of(const hada_tensors *file, const char *path, double *response, hada_error *err)
+{
+    const char *name = hada_tensors_meta(file, RESPONSE);
+    *response = HADA_RESPONSE_LINEAR;
+    if (name && (hada_response_from_name(response, name, NULL) || !hada_response_is_known(*response)))
+        return damaged(path, err);
+    return HADA_OK;
+}
+
+static hada_status check_response(const hada_fit_grid *grid, const hada_tensors *file, const char *path,
+                                  hada_error *err)
+{
+    char of_file[HADA_RESPONSE_NAME], of_fit[HADA_RESPONSE_NAME];
+    double response;
+    const hada_status status = response_of(file, path, &response, err);
+    if (status || response == grid->info.scene_response)
+        return status;
+    hada_response_name(of_file, response);
+    hada_response_name(of_fit, grid->info.scene_response);
+    return hada_fail(err, HADA_ERROR_SIZE,
+                     "%s: these sums cannot be added to this fit: their scenes were brought to light as '%s', those of "
+                     "this fit as '%s' (options.scene_response); sums cannot be brought from one to the other",
+                     path, of_file, of_fit);
+}
+
 static hada_status check_file(const hada_fit_grid *grid, const hada_tensors *file, const char *path, small list[SMALL],
                               hada_error *err)
 {
@@ -223,6 +259,7 @@ static hada_status check_file(const hada_fit_grid *grid, const hada_tensors *fil
     HADA_TRY(read_small(file, path, list, err));
     HADA_TRY(check_small(grid, path, list, err));
     HADA_TRY(check_sums(grid, file, path, err));
+    HADA_TRY(check_response(grid, file, path, err));
 done:
     return status;
 }
@@ -291,11 +328,6 @@ done:
     return status;
 }
 
-static hada_status damaged(const char *path, hada_error *err)
-{
-    return hada_fail(err, HADA_ERROR_FILE_FORMAT, "%s does not hold the sums of a fit, or is damaged", path);
-}
-
 /* Depths or channels of which a damaged file speaks are refused before anything is allocated for them. */
 enum { MOST_IMAGES = 100000 };
 
@@ -319,5 +351,18 @@ hada_status hada_fit_sums_camera(const hada_tensors *file, const char *path, had
     options->distances_mm = distances->data;
     options->boundary = hada_boundary_from_name(boundary);
     memcpy(&options->dark, dark->data, sizeof options->dark);
-    return options->boundary ? HADA_OK : damaged(path, err);
+    if (!options->boundary)
+        return damaged(path, err);
+    return options->scene_response == HADA_AUTO ? response_of(file, path, &options->scene_response, err) : HADA_OK;
+}
+
+hada_status hada_fit_sums_response(const char *path, double *response, hada_error *err)
+{
+    hada_tensors *file = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_tensors_open(&file, path, err));
+    HADA_TRY(response_of(file, path, response, err));
+done:
+    hada_tensors_close(&file);
+    return status;
 }

@@ -11,7 +11,11 @@ hada_status hada_fit_sums_save(hada_fit_sums *sums, const char *path, hada_error
 /* Adds a file's sums; one that does not belong to this fit is refused before anything changes. */
 hada_status hada_fit_sums_load(hada_fit_sums *sums, const char *path, hada_error *err);
 
-/* What a file says of its camera: sizes, depths, boundary and dark level; the distances point into the file. */
+/* The response of the scenes behind a file's sums. */
+hada_status hada_fit_sums_response(const char *path, double *response, hada_error *err);
+
+/* What a file says of its camera: sizes, depths, boundary, dark level, and, where it is open in `options`, the response
+ * of the scenes; the distances point into the file. */
 hada_status hada_fit_sums_camera(const hada_tensors *file, const char *path, hada_fit_options *options,
                                  hada_error *err);
 

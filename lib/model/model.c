@@ -1,6 +1,7 @@
 /* Models: making, checking, giving a net, freeing. */
 #include "model/model.h"
 
+#include <hadalens/response.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -80,6 +81,9 @@ hada_status hada_model_info_check(const hada_model_info *info, hada_error *err)
         info->refine_steps < 0)
         return hada_fail(err, HADA_ERROR_MODEL,
                          "the model's alpha, lambda, noise, dark level or refinement settings are not usable numbers");
+    if (info->scene_response != 0.0 && !hada_response_is_known(info->scene_response)) /* 0: not set, linear */
+        return hada_fail(err, HADA_ERROR_MODEL, "the response of the model's scenes, %g, is none (hadalens/response.h)",
+                         info->scene_response);
     if (info->distances_mm)
         for (int z = 0; z < info->depths; z++)
             if (!isfinite(info->distances_mm[z]) || (z && info->distances_mm[z] <= info->distances_mm[z - 1]))
@@ -98,6 +102,8 @@ hada_status hada_model_create_head(hada_model **out, const hada_model_info *info
     HADA_TRY(hada_alloc((void **)&model, 1, sizeof *model, "a model", err));
     const size_t depths = (size_t)info->depths;
     model->info = *info;
+    if (model->info.scene_response == 0.0)
+        model->info.scene_response = HADA_RESPONSE_LINEAR;
     model->info.enhance = model->info.enhance_rows = model->info.enhance_cols = 0; /* until it has the net */
     HADA_TRY(hada_alloc((void **)&model->distances, depths, sizeof *model->distances, "the distances", err));
     if (!(model->name = hada_string_copy(info->name ? info->name : "")))

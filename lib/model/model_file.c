@@ -1,4 +1,5 @@
 /* Model files: safetensors with every convention in the metadata (docs/model-file.md). */
+#include <hadalens/response.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -13,6 +14,7 @@
 
 #define FORMAT         "hadalens-model"
 #define FORMAT_VERSION 1
+#define RESPONSE       "scene_response"
 #define MOST_STEPS     100000 /* of refinement: more is a damaged number */
 
 /* What a reader must know and the numbers cannot say; the same in every file. */
@@ -25,7 +27,8 @@ static const char *const conventions[][2] = {
     {"use", "scene = inverse(filter * forward(raw - dark)) in the window; form split: Re*re + i*Im*im"},
     {"psf_axis", "optical axis at pixel (rows/2, cols/2) rounded down; otf = forward(psf rolled so that the axis is at "
                  "(0, 0))"},
-    {"intensity", "linear, divided by the full scale of integer files (255, 65535); float files as they are"},
+    {"intensity", "linear, divided by the full scale of integer files (255, 65535); float files as they are; scenes "
+                  "brought to light by scene_response"},
 };
 
 static hada_status put_number(hada_tensors_writer *writer, const char *key, double value, hada_error *err)
@@ -62,6 +65,9 @@ static hada_status put_metadata(hada_tensors_writer *writer, const hada_model_in
         {"refine_tv", info->refine_tv}};
     for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++)
         HADA_TRY(put_number(writer, numbers[i].key, numbers[i].value, err));
+    char response[HADA_RESPONSE_NAME];
+    hada_response_name(response, info->scene_response);
+    HADA_TRY(hada_tensors_put_meta(writer, RESPONSE, response, err));
     for (size_t i = 0; i < sizeof conventions / sizeof *conventions; i++)
         HADA_TRY(hada_tensors_put_meta(writer, conventions[i][0], conventions[i][1], err));
 done:
@@ -214,6 +220,11 @@ static hada_status get_metadata(const hada_tensors *file, const char *path, hada
         HADA_TRY(get_number(file, path, numbers[i].key, numbers[i].out, err));
     if (hada_tensors_meta(file, "refine_tv")) /* models of before have none */
         HADA_TRY(get_number(file, path, "refine_tv", &info->refine_tv, err));
+    const char *response = hada_tensors_meta(file, RESPONSE); /* the same */
+    info->scene_response = HADA_RESPONSE_LINEAR;
+    if (response && (hada_response_from_name(&info->scene_response, response, NULL) ||
+                     !hada_response_is_known(info->scene_response)))
+        HADA_TRY(missing(path, RESPONSE, err));
     if (steps < 0 || steps > MOST_STEPS || steps != floor(steps))
         HADA_TRY(missing(path, "refine_steps", err));
     info->refine_steps = (int)steps;

@@ -154,7 +154,7 @@ static hada_status transform(hada_register_level *level, const hada_register_pla
             hada_register_sample(&view, inverse, level->pitch, row, col, n, n, level->work + (k - i), 2 * n, 2);
             hada_register_view_destroy(&view);
         }
-        hada_register_fft_run(&level->fft, level->work);
+        hada_small_fft_run(&level->fft, level->work);
         for (int a = 0; a < n; a++)
             for (int b = 0; b < n; b++) {
                 const float *z = level->work + 2 * ((size_t)a * (size_t)n + (size_t)b);
@@ -252,7 +252,7 @@ hada_status hada_register_level_create(hada_register_level *level, const hada_re
     const size_t area = (size_t)size * (size_t)size;
     *level = (hada_register_level){.set = set, .size = size, .pitch = (double)set->frame_side / size};
     hada_status status = HADA_OK;
-    HADA_TRY(hada_register_fft_create(&level->fft, size, err));
+    HADA_TRY(hada_small_fft_create(&level->fft, size, err));
     HADA_TRY(hada_alloc_raw((void **)&level->work, 2 * area, sizeof(float), "a transform", err));
     HADA_TRY(hada_alloc_raw((void **)&level->x, 2 * area * (size_t)set->count, sizeof(float), "spectra", err));
     HADA_TRY(list_bins(level, err));
@@ -265,7 +265,7 @@ done:
 
 void hada_register_level_destroy(hada_register_level *level)
 {
-    hada_register_fft_destroy(&level->fft);
+    hada_small_fft_destroy(&level->fft);
     free(level->at);
     free(level->b);
     free(level->x);
@@ -379,7 +379,7 @@ void hada_register_level_psf(hada_register_level *level, float *psf)
         here[1] = -im / energy;
         there[1] = im / energy;
     }
-    hada_register_fft_run(&level->fft, level->work);
+    hada_small_fft_run(&level->fft, level->work);
     for (int r = 1; r < n; r++)
         for (int c = 1; c < n; c++)
             *psf++ =

@@ -2,7 +2,7 @@
 #ifndef HADA_REGISTER_REGISTER_LEVEL_H
 #define HADA_REGISTER_REGISTER_LEVEL_H
 
-#include "register/register_fft.h"
+#include "image/small_fft.h"
 #include "register/register_sample.h"
 
 enum { HADA_REGISTER_RINGS = 32 };
@@ -22,7 +22,7 @@ typedef struct hada_register_level {
     const hada_register_set *set;
     int size;
     double pitch; /* pixels of the sensor per pixel of the grid */
-    hada_register_fft fft;
+    hada_small_fft fft;
     int bins;  /* frequencies looked at: half of the plane */
     short *at; /* per bin: row and column frequency, ring */
     float *b;  /* spectra of the frames: [bin][pair] complex */

@@ -37,7 +37,7 @@ done:
 
 /* Two PSFs on a grid that holds both without wrapping half of them. */
 typedef struct match {
-    hada_register_fft fft;
+    hada_small_fft fft;
     hada_register_plane plane; /* the one that is scaled */
     float *work, *other;       /* complex: the transform of the other one */
     int side;
@@ -77,13 +77,13 @@ static hada_status correlate(match *m, peak *at, hada_error *err)
     hada_register_sample(&view, inverse, 1.0, 0, 0, m->side, m->side, m->work, 2 * n, 2);
     hada_register_view_destroy(&view);
     const double energy = energy_of(m->work, area) * m->other_energy;
-    hada_register_fft_run(&m->fft, m->work);
+    hada_small_fft_run(&m->fft, m->work);
     for (size_t i = 0; i < area; i++) {
         const float re = m->work[2 * i], im = m->work[2 * i + 1], a = m->other[2 * i], b = m->other[2 * i + 1];
         m->work[2 * i] = a * re + b * im;
         m->work[2 * i + 1] = -(b * re - a * im); /* conjugate: a forward transform is then the inverse one */
     }
-    hada_register_fft_run(&m->fft, m->work);
+    hada_small_fft_run(&m->fft, m->work);
     size_t best = 0;
     for (size_t i = 1; i < area; i++)
         if (m->work[2 * i] > m->work[2 * best])
@@ -161,13 +161,13 @@ hada_status hada_register_offset(const hada_image *psf, const hada_image *other,
     while (n < 2 * psf->rows)
         n *= 2;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_register_fft_create(&m.fft, n, err));
+    HADA_TRY(hada_small_fft_create(&m.fft, n, err));
     HADA_TRY(hada_register_plane_create(&m.plane, psf->data, psf->rows, psf->cols, err));
     HADA_TRY(hada_alloc((void **)&m.work, 2 * (size_t)n * (size_t)n, sizeof(float), "a transform", err));
     HADA_TRY(hada_alloc((void **)&m.other, 2 * (size_t)n * (size_t)n, sizeof(float), "a transform", err));
     put(other, m.other, n);
     m.other_energy = energy_of(m.other, (size_t)n * (size_t)n);
-    hada_register_fft_run(&m.fft, m.other);
+    hada_small_fft_run(&m.fft, m.other);
     HADA_TRY(find(&m, &best, err));
     *scale = exp(best.log_scale);
     *row = best.row * pitch;
@@ -177,6 +177,6 @@ done:
     free(m.work);
     free(m.other);
     hada_register_plane_destroy(&m.plane);
-    hada_register_fft_destroy(&m.fft);
+    hada_small_fft_destroy(&m.fft);
     return status;
 }

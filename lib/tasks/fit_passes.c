@@ -8,11 +8,21 @@ enum { SCORED_IN_ALL = 8, SCORED_PER_DEPTH = 2 };
 typedef hada_status (*take_pair)(hada_fitter *fitter, int depth, const hada_image *raw, const hada_image *scene,
                                  hada_error *err);
 
-static hada_status one_pair(hada_fitter *fitter, const hada_dataset *data, int z, int i, take_pair take,
+static hada_status read_even(const hada_fit_source *from, int z, int i, hada_image *raw, hada_image *scene,
+                             hada_error *err)
+{
+    const hada_status status = hada_dataset_read(from->data, z, i, raw, scene, err);
+    if (!status && from->survey)
+        hada_survey_even(from->survey, z, i, scene);
+    return status;
+}
+
+static hada_status one_pair(hada_fitter *fitter, const hada_fit_source *from, int z, int i, take_pair take,
                             hada_error *err)
 {
+    const hada_dataset *data = from->data;
     hada_image raw, scene;
-    hada_status status = hada_dataset_read(data, z, i, &raw, &scene, err);
+    hada_status status = read_even(from, z, i, &raw, &scene, err);
     if (status)
         return status;
     status = take(fitter, z, &raw, &scene, err);
@@ -29,19 +39,19 @@ static int least(int a, int b)
 }
 
 /* Up to `most` pairs of each depth, evenly spread. */
-static hada_status each_pair(hada_fitter *fitter, const hada_dataset *data, int most, const char *what, take_pair take,
-                             const hada_monitor *monitor, hada_error *err)
+static hada_status each_pair(hada_fitter *fitter, const hada_fit_source *from, int most, const char *what,
+                             take_pair take, hada_error *err)
 {
-    const hada_dataset_info *info = hada_dataset_get_info(data);
+    const hada_dataset_info *info = hada_dataset_get_info(from->data);
     hada_status status = HADA_OK;
     long total = 0;
     for (int z = 0; z < info->depths; z++)
         total += least(info->counts[z], most);
-    hada_progress progress = hada_progress_begin(monitor, what, total);
+    hada_progress progress = hada_progress_begin(from->monitor, what, total);
     for (int z = 0; z < info->depths; z++) {
         const int count = least(info->counts[z], most);
         for (int i = 0; i < count; i++) {
-            HADA_TRY(one_pair(fitter, data, z, (int)((long)i * info->counts[z] / count), take, err));
+            HADA_TRY(one_pair(fitter, from, z, (int)((long)i * info->counts[z] / count), take, err));
             HADA_TRY(hada_progress_step(&progress, NULL, err));
         }
     }
@@ -50,24 +60,22 @@ done:
     return status;
 }
 
-hada_status hada_fit_pass_add(hada_fitter *fitter, const hada_dataset *data, const hada_monitor *monitor,
-                              hada_error *err)
+hada_status hada_fit_pass_add(hada_fitter *fitter, const hada_fit_source *from, hada_error *err)
 {
-    return each_pair(fitter, data, hada_dataset_get_info(data)->pairs, "pairs", hada_fitter_add, monitor, err);
+    return each_pair(fitter, from, hada_dataset_get_info(from->data)->pairs, "pairs", hada_fitter_add, err);
 }
 
-hada_status hada_fit_pass_score(hada_fitter *fitter, const hada_dataset *data, const hada_monitor *monitor,
-                                hada_error *err)
+hada_status hada_fit_pass_score(hada_fitter *fitter, const hada_fit_source *from, hada_error *err)
 {
-    const int depths = hada_dataset_get_info(data)->depths, share = (SCORED_IN_ALL + depths - 1) / depths;
+    const int depths = hada_dataset_get_info(from->data)->depths, share = (SCORED_IN_ALL + depths - 1) / depths;
     const int most = share < SCORED_PER_DEPTH ? SCORED_PER_DEPTH : share;
-    return each_pair(fitter, data, most, "leave-one-out", hada_fitter_score, monitor, err);
+    return each_pair(fitter, from, most, "leave-one-out", hada_fitter_score, err);
 }
 
 /* The pair that is shown, until the next one is. */
 typedef struct shown {
-    const hada_dataset *data;
-    const hada_monitor *monitor;
+    const hada_fit_source *from;
+    const char *why;
     hada_progress progress; /* once one is shown */
     hada_image raw, scene;
 } shown;
@@ -78,10 +86,10 @@ static hada_status show(void *user, int depth, int64_t number, const hada_image 
     shown *at = user;
     hada_status status = HADA_OK;
     if (!at->progress.what)
-        at->progress = hada_progress_begin(at->monitor, "looks at pairs, to judge in the window", 0);
+        at->progress = hada_progress_begin(at->from->monitor, at->why, 0);
     hada_image_destroy(&at->raw);
     hada_image_destroy(&at->scene);
-    HADA_TRY(hada_dataset_read(at->data, depth, (int)number, &at->raw, &at->scene, err));
+    HADA_TRY(read_even(at->from, depth, (int)number, &at->raw, &at->scene, err));
     HADA_TRY(hada_progress_step(&at->progress, NULL, err));
     *raw = &at->raw;
     *scene = &at->scene;
@@ -89,27 +97,46 @@ done:
     return status;
 }
 
-hada_status hada_fit_pass_judge_and_finish(hada_fitter *fitter, const hada_dataset *data, const hada_monitor *monitor,
-                                           hada_model **out, hada_fit_row **rows, size_t *row_count, hada_error *err)
+static void show_end(shown *at)
 {
-    shown at = {.data = data, .monitor = monitor};
+    if (at->progress.what)
+        hada_progress_end(&at->progress);
+    hada_image_destroy(&at->raw);
+    hada_image_destroy(&at->scene);
+}
+
+hada_status hada_fit_pass_judge_and_finish(hada_fitter *fitter, const hada_fit_source *from, hada_model **out,
+                                           hada_fit_row **rows, size_t *row_count, hada_error *err)
+{
+    shown at = {.from = from, .why = "looks at pairs, to judge in the window"};
     const hada_status status = hada_fitter_judge_and_finish(fitter, show, &at, out, rows, row_count, err);
-    if (at.progress.what)
-        hada_progress_end(&at.progress);
-    hada_image_destroy(&at.raw);
-    hada_image_destroy(&at.scene);
+    show_end(&at);
+    return status;
+}
+
+hada_status hada_fit_pass_survey(hada_survey **out, const hada_fit_source *from, const hada_fit_options *fit,
+                                 hada_exposure exposure, hada_error *err)
+{
+    shown at = {.from = from, .why = "looks at pairs, for the response of their scenes"};
+    const hada_status status =
+        hada_survey_create(out, fit, hada_dataset_get_info(from->data)->counts, exposure, show, &at, err);
+    show_end(&at);
+    if (!status && hada_survey_exposed(*out))
+        hada_monitor_tell(from->monitor, HADA_MESSAGE_NOTE,
+                          "frames of one depth differ in exposure: each scene is learned as bright as its frame was "
+                          "exposed");
     return status;
 }
 
 hada_status hada_fit_exact(hada_model **out, hada_context *context, const hada_fit_options *fit,
-                           const hada_dataset *data, const hada_monitor *monitor, hada_error *err)
+                           const hada_fit_source *from, hada_error *err)
 {
     hada_fitter *fitter = NULL;
     hada_status status = HADA_OK;
     HADA_TRY(hada_fitter_create(&fitter, context, fit, err));
-    HADA_TRY(hada_fit_pass_add(fitter, data, monitor, err));
-    if (hada_dataset_get_info(data)->least_pairs > 1)
-        HADA_TRY(hada_fit_pass_score(fitter, data, monitor, err));
+    HADA_TRY(hada_fit_pass_add(fitter, from, err));
+    if (hada_dataset_get_info(from->data)->least_pairs > 1)
+        HADA_TRY(hada_fit_pass_score(fitter, from, err));
     HADA_TRY(hada_fitter_finish(fitter, out, NULL, NULL, err));
 done:
     hada_fitter_destroy(&fitter);

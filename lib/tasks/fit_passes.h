@@ -5,23 +5,33 @@
 #include <hadalens/dataset.h>
 #include <hadalens/fit.h>
 #include <hadalens/monitor.h>
+#include <hadalens/survey.h>
+
+/* Where pairs come from. */
+typedef struct hada_fit_source {
+    const hada_dataset *data;
+    const hada_survey *survey; /* evens scenes out where frames were exposed differently; NULL: they were not */
+    const hada_monitor *monitor;
+} hada_fit_source;
+
+/* Before all passes: what the pairs say of themselves; where pairs disagree in exposure, a note tells. */
+hada_status hada_fit_pass_survey(hada_survey **out, const hada_fit_source *from, const hada_fit_options *fit,
+                                 hada_exposure exposure, hada_error *err);
 
 /* First pass: all pairs into the sums. */
-hada_status hada_fit_pass_add(hada_fitter *fitter, const hada_dataset *data, const hada_monitor *monitor,
-                              hada_error *err);
+hada_status hada_fit_pass_add(hada_fitter *fitter, const hada_fit_source *from, hada_error *err);
 
 /* Second pass: as many pairs as the fitter scores, evenly spread over each depth. */
-hada_status hada_fit_pass_score(hada_fitter *fitter, const hada_dataset *data, const hada_monitor *monitor,
-                                hada_error *err);
+hada_status hada_fit_pass_score(hada_fitter *fitter, const hada_fit_source *from, hada_error *err);
 
 /* Chooses and solves, with filters judged in the window where that serves (hada_fitter_judge_and_finish()). *rows is
  * freed with free(). */
-hada_status hada_fit_pass_judge_and_finish(hada_fitter *fitter, const hada_dataset *data, const hada_monitor *monitor,
-                                           hada_model **out, hada_fit_row **rows, size_t *row_count, hada_error *err);
+hada_status hada_fit_pass_judge_and_finish(hada_fitter *fitter, const hada_fit_source *from, hada_model **out,
+                                           hada_fit_row **rows, size_t *row_count, hada_error *err);
 
 /* The exact fit with all that is left open chosen, but for filters judged in the window. */
 hada_status hada_fit_exact(hada_model **out, hada_context *context, const hada_fit_options *fit,
-                           const hada_dataset *data, const hada_monitor *monitor, hada_error *err);
+                           const hada_fit_source *from, hada_error *err);
 
 /* The model's filters in half precision, in its place. */
 hada_status hada_model_make_half(hada_model **model, hada_error *err);

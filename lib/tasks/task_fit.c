@@ -7,6 +7,7 @@
 #include "core/alloc.h"
 #include "core/monitor.h"
 #include "core/options.h"
+#include "fit/sums_file.h"
 #include "io/folder.h"
 #include "tasks/fit_passes.h"
 
@@ -14,6 +15,7 @@ struct hada_fit_report {
     hada_fit_row *rows;
     size_t row_count;
     int64_t *pairs; /* of each depth */
+    hada_survey *survey;
 };
 
 /* A fit on its way. */
@@ -23,6 +25,7 @@ typedef struct learning {
     hada_fit_options fit;
     hada_fitter *fitter;
     hada_fit_report *report;
+    hada_fit_source from;
 } learning;
 
 void hada_fit_task_defaults(hada_fit_task *task, size_t size)
@@ -42,11 +45,17 @@ int64_t hada_fit_report_pairs(const hada_fit_report *report, int depth)
     return report->pairs[depth];
 }
 
+const hada_survey *hada_fit_report_survey(const hada_fit_report *report)
+{
+    return report->survey;
+}
+
 void hada_fit_report_destroy(hada_fit_report **report)
 {
     if (*report) {
         free((*report)->rows);
         free((*report)->pairs);
+        hada_survey_destroy(&(*report)->survey);
     }
     free(*report);
     *report = NULL;
@@ -114,8 +123,7 @@ static hada_status solve(learning *of, hada_model **out, hada_error *err)
     hada_fit_report *report = of->report;
     const int can_judge = of->data && !of->task.merge_count && (of->task.leave_one_out || of->fit.outside >= 0.0);
     if (can_judge)
-        return hada_fit_pass_judge_and_finish(of->fitter, of->data, of->task.monitor, out, &report->rows,
-                                              &report->row_count, err);
+        return hada_fit_pass_judge_and_finish(of->fitter, &of->from, out, &report->rows, &report->row_count, err);
     return hada_fitter_finish(of->fitter, out, &report->rows, &report->row_count, err);
 }
 
@@ -147,6 +155,24 @@ static void tell_data(const learning *of)
                           "camera about eight scenes per depth");
 }
 
+/* The response of the scenes, where it is open, and exposures, before any pair is added up. */
+static hada_status survey(learning *of, hada_error *err)
+{
+    const hada_fit_task *task = &of->task;
+    hada_fit_options *fit = &of->fit;
+    hada_status status = HADA_OK;
+    of->from = (hada_fit_source){.data = of->data, .monitor = task->monitor};
+    if (fit->scene_response == HADA_AUTO && task->merge_count)
+        HADA_TRY(hada_fit_sums_response(task->merge[0], &fit->scene_response, err));
+    if (!task->leave_one_out && task->exposure != HADA_EXPOSURE_EACH)
+        return HADA_OK;
+    HADA_TRY(hada_fit_pass_survey(&of->report->survey, &of->from, fit, task->exposure, err));
+    of->from.survey = of->report->survey;
+    fit->scene_response = hada_survey_response(of->report->survey);
+done:
+    return status;
+}
+
 static hada_status learn_pairs(learning *of, hada_context *context, hada_model **out, hada_error *err)
 {
     const hada_fit_task *task = &of->task;
@@ -154,15 +180,16 @@ static hada_status learn_pairs(learning *of, hada_context *context, hada_model *
     hada_status status = HADA_OK;
     tell_data(of);
     HADA_TRY(hada_fit_options_from_dataset(&of->fit, of->data, task->boundary, monitor, err));
+    HADA_TRY(survey(of, err));
     HADA_TRY(hada_fitter_create(&of->fitter, context, &of->fit, err));
     hada_monitor_tell(monitor, HADA_MESSAGE_DETAIL, "the sums take %.1f MiB on the device",
                       (double)hada_fitter_bytes(of->fitter) / (1024.0 * 1024.0));
     HADA_TRY(merge(of, 0, err));
-    HADA_TRY(hada_fit_pass_add(of->fitter, of->data, monitor, err));
+    HADA_TRY(hada_fit_pass_add(of->fitter, &of->from, err));
     HADA_TRY(save_sums(of, err));
     /* one pair alone cannot be left out */
     if (task->leave_one_out && (hada_dataset_get_info(of->data)->least_pairs > 1 || task->merge_count))
-        HADA_TRY(hada_fit_pass_score(of->fitter, of->data, monitor, err));
+        HADA_TRY(hada_fit_pass_score(of->fitter, &of->from, err));
     HADA_TRY(solve(of, out, err));
 done:
     return status;

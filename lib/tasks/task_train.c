@@ -148,7 +148,8 @@ static hada_status find_model(training *own, hada_context *context, hada_error *
         hada_monitor_tell(task->monitor, HADA_MESSAGE_INFO,
                           "No model is given (options.model): the exact fit of the %d pairs to learn from comes first.",
                           own->work.state.learned);
-        HADA_TRY(hada_fit_exact(&own->made, context, &fit, own->learn, task->monitor, err));
+        const hada_fit_source from = {.data = own->learn, .monitor = task->monitor};
+        HADA_TRY(hada_fit_exact(&own->made, context, &fit, &from, err));
     }
     own->model = own->made;
 done:

@@ -1,5 +1,6 @@
 #include "train/train_pairs.h"
 
+#include <hadalens/response.h>
 #include <string.h>
 
 #include "core/options.h"
@@ -97,8 +98,12 @@ hada_status hada_pairs_load(const hada_pairs *pairs, const hada_model_info *info
                             hada_image *scene, hada_error *err)
 {
     *raw = *scene = (hada_image){0};
-    hada_status status = pairs->read(pairs->user, depth, pair, raw, scene, err);
-    return status ? status : check(info, raw, scene, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(pairs->read(pairs->user, depth, pair, raw, scene, err));
+    HADA_TRY(check(info, raw, scene, err));
+    hada_response_convert(scene->data, hada_image_count(scene), info->scene_response, HADA_RESPONSE_LINEAR);
+done:
+    return status;
 }
 
 /* The centre of a scene that is larger than the window. */

@@ -23,6 +23,16 @@ expect 0 'no refinement' fit "$camera" -o plain.model --alpha 0.1 --lambda 0.001
 expect 0 '' fit "$camera" -o half.model --half
 [ "$(stat -c %s half.model)" -lt "$(stat -c %s a.model)" ] || fail '--half did not make the model smaller'
 
+# The response of the scenes: found, given, remembered; exposures.
+expect 0 'Response of the scenes.*\*    linear.*chosen.*scenes linear' fit "$camera" -o a.model
+expect 0 'scenes srgb' fit "$camera" -o srgb.model --scene-response srgb
+expect 0 '"scene_response": "2.2"' fit "$camera" -o power.model --scene-response 2.2 --exposure same --json
+cmp -s a.model srgb.model && fail '--scene-response changed nothing'
+expect 0 'differ in exposure' fit "$camera" -o each.model --exposure each
+expect 2 "'bright' is no response" fit "$camera" -o x --scene-response bright
+expect 2 'belong to pairs' fit --psf "$camera/psf.tif" -o x --scene-response srgb
+expect 2 'belong to pairs' fit --psf "$camera/psf.tif" -o x --exposure each
+
 # Filters judged in the window: the weight outside it is chosen, given, or 1, which is the exact fit.
 expect 0 'outside the window' fit "$camera" -o judged.model --refine 0
 expect 0 '"outside": 0.03' fit "$camera" -o judged.json.model --refine 0 --json
@@ -56,6 +66,8 @@ expect 0 '' evaluate whole plain --json
 psnr=$(grep '"psnr"' stdout | grep -oE '[0-9]+' | sort -n | head -n 1)
 [ "${psnr:-100}" -ge 90 ] || fail "merged sums gave other filters: $psnr dB"
 expect 2 'sums .--merge. have none' fit set -o x --merge part.sums --outside 0.5
+expect 4 "scenes were brought to light as 'linear', those of this fit as '2'.*--scene-response" \
+    fit set -o x --merge part.sums --scene-response 2
 # Sums alone make a model, without any pair at hand.
 expect 0 '6 pairs in 1 file of sums' fit --merge part.sums -o alone.model
 expect 0 '12 pairs in 2 files of sums' fit --merge part.sums --merge part.sums -o twice.model

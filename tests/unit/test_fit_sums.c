@@ -1,6 +1,8 @@
 /* The sums of a fit: accuracy, files, merging, and pairs that must not get in. */
 #include "fit_fixture.h"
 
+#include <hadalens/response.h>
+
 /* Ten thousand additions: the sums stay within a few 1e-12 of double precision; float sums would be off by 1e-5. */
 static void many_additions_stay_accurate(void **state)
 {
@@ -179,6 +181,55 @@ static void sums_merge_and_go_on(void **state)
 }
 
 /* The order in which depths come changes nothing: sums wait on the host while another depth is at work. */
+/* The same scenes in another encoding give the same camera, which remembers it; sums of one do not go with another. */
+static void scenes_are_brought_to_light(void **state)
+{
+    fixture *f = *state;
+    char path[] = "/tmp/hadalens-test-XXXXXX";
+    close(mkstemp(path));
+    hada_fit_options options = usual(1, HADA_FORM_COMPLEX);
+    hada_fitter *linear, *encoded;
+    hada_model *expected, *model;
+    hada_error error;
+    options.lambda = 1e-3;
+    ASSERT_OK(hada_fitter_create(&linear, f->context, &options, err));
+    options.scene_response = 2.0;
+    ASSERT_OK(hada_fitter_create(&encoded, f->context, &options, err));
+    for (int i = 0; i < PAIRS; i++) {
+        hada_image scene = small_scene(CHANNELS, WINDOW, WINDOW, 1);
+        for (size_t k = 0; k < hada_image_count(&scene); k++)
+            scene.data[k] = sqrtf(f->scene[0][i].data[k]);
+        ASSERT_OK(hada_fitter_add(linear, 0, &f->frame[0][i], &f->scene[0][i], err));
+        ASSERT_OK(hada_fitter_add(encoded, 0, &f->frame[0][i], &scene, err));
+        hada_image_destroy(&scene);
+    }
+    ASSERT_OK(hada_fitter_finish(linear, &expected, NULL, NULL, err));
+    ASSERT_OK(hada_fitter_finish(encoded, &model, NULL, NULL, err));
+    assert_true(expected->info.scene_response == HADA_RESPONSE_LINEAR && model->info.scene_response == 2.0);
+    double off = 0.0, size = 0.0;
+    for (size_t i = 0; i < hada_model_plane(model) * 2 * CHANNELS; i++) {
+        off += pow((double)model->filter[i] - (double)expected->filter[i], 2.0);
+        size += pow((double)expected->filter[i], 2.0);
+    }
+    assert_true(off < 1e-10 * size); /* the root of a float and its square: 1e-7, which the fit makes larger */
+    ASSERT_OK(hada_fitter_save_sums(encoded, path, err));
+    assert_int_equal(hada_fitter_load_sums(linear, path, &error), HADA_ERROR_SIZE);
+    assert_non_null(strstr(error.message, "'2'"));
+    assert_int_equal(hada_fitter_pairs(linear, 0), PAIRS);
+    ASSERT_OK(hada_fitter_load_sums(encoded, path, err));
+    assert_int_equal(hada_fitter_pairs(encoded, 0), 2 * PAIRS);
+    hada_fitter_destroy(&encoded);
+    ASSERT_OK(hada_fitter_create_from_sums(&encoded, f->context, path, NULL, err)); /* the file says it */
+    assert_true(encoded->grid.info.scene_response == 2.0);
+    hada_fitter_destroy(&encoded);
+    options.scene_response = 7.0;
+    assert_int_equal(hada_fitter_create(&encoded, f->context, &options, &error), HADA_ERROR_ARGUMENT);
+    unlink(path);
+    hada_model_destroy(&expected);
+    hada_model_destroy(&model);
+    hada_fitter_destroy(&linear);
+}
+
 static void depths_may_come_in_any_order(void **state)
 {
     fixture *f = *state;
@@ -228,7 +279,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(many_additions_stay_accurate),   cmocka_unit_test(bad_pairs_leave_the_sums_as_they_were),
         cmocka_unit_test(equal_inputs_give_equal_models), cmocka_unit_test(sums_merge_and_go_on),
-        cmocka_unit_test(depths_may_come_in_any_order),   cmocka_unit_test(bad_options_are_refused),
+        cmocka_unit_test(scenes_are_brought_to_light),    cmocka_unit_test(depths_may_come_in_any_order),
+        cmocka_unit_test(bad_options_are_refused),
     };
     return cmocka_run_group_tests(tests, fit_setup, fit_teardown);
 }

@@ -1,4 +1,5 @@
 /* Model files: what is saved comes back bit for bit, and what is damaged or inconsistent is refused. */
+#include <hadalens/response.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
@@ -25,7 +26,8 @@ static hada_model *make(int statistics)
                             .refine_rho = 3e-3,
                             .refine_tv = 2e-3,
                             .has_otf = 1,
-                            .distances_mm = distances};
+                            .distances_mm = distances,
+                            .scene_response = statistics ? HADA_RESPONSE_SRGB : 2.2};
     hada_model *model;
     hada_random random;
     ASSERT_OK(hada_model_set_sizes(&info, 10, 13, 4, 6, err));
@@ -73,7 +75,7 @@ static void files_come_back_bit_for_bit(void **state)
         assert_true(b->grid_rows == a->grid_rows && b->grid_cols == a->grid_cols);
         assert_true(b->alpha == a->alpha && b->lambda == a->lambda && b->dark == a->dark && b->noise == a->noise);
         assert_true(b->refine_steps == 12 && b->refine_rho == a->refine_rho && b->refine_tv == a->refine_tv &&
-                    b->has_otf && b->half == a->half);
+                    b->has_otf && b->half == a->half && b->scene_response == a->scene_response);
         assert_memory_equal(b->distances_mm, distances, sizeof distances);
         assert_string_equal(b->name, path);
         assert_int_equal(b->bytes, a->bytes);
@@ -108,7 +110,7 @@ static void rewrite(const char *path, const char *key, const char *value, const 
     hada_tensors_writer *writer;
     char beside[80];
     static const char *const keys[] = {"format", "version", "form", "boundary",     "raw",        "grid",      "window",
-                                       "alpha",  "lambda",  "dark", "refine_steps", "refine_rho", "refine_tv", "noise"};
+                                       "alpha",  "lambda",  "dark", "refine_steps", "refine_rho", "refine_tv", "noise", "scene_response"};
     snprintf(beside, sizeof beside, "%s-new", path);
     ASSERT_OK(hada_tensors_open(&file, path, err));
     ASSERT_OK(hada_tensors_create(&writer, beside, err));
@@ -162,6 +164,8 @@ static void damaged_files_are_refused(void **state)
                  {"refine_steps", "2.5", "", 0, HADA_ERROR_FILE_FORMAT},
                  {"refine_tv", "-1e-3", "", 0, HADA_ERROR_MODEL},
                  {"refine_tv", "much", "", 0, HADA_ERROR_FILE_FORMAT},
+                 {"scene_response", "bright", "", 0, HADA_ERROR_FILE_FORMAT},
+                 {"scene_response", "auto", "", 0, HADA_ERROR_FILE_FORMAT},
                  {"", NULL, "filter", 0, HADA_ERROR_FILE_FORMAT},
                  {"", NULL, "distances_mm", 0, HADA_ERROR_FILE_FORMAT},
                  {"", NULL, "pairs", 0, HADA_ERROR_FILE_FORMAT},
@@ -182,8 +186,15 @@ static void damaged_files_are_refused(void **state)
         assert_non_null(strstr(error.message, path)); /* the message names the file */
         hada_model_destroy(&model);
     }
-    hada_model *back;
+    hada_model *back, *old = make(1);
     hada_error error;
+    /* files of before knew no other scenes than linear ones */
+    ASSERT_OK(hada_model_save(old, path, err));
+    hada_model_destroy(&old);
+    rewrite(path, "scene_response", NULL, "", 0);
+    ASSERT_OK(hada_model_load(&back, path, err));
+    assert_true(hada_model_get_info(back)->scene_response == HADA_RESPONSE_LINEAR);
+    hada_model_destroy(&back);
     assert_int_equal(truncate(path, 300), 0);
     assert_int_not_equal(hada_model_load(&back, path, &error), HADA_OK);
     assert_int_equal(truncate(path, 0), 0);

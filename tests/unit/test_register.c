@@ -10,7 +10,7 @@
 
 #include "core/random.h"
 #include "ref/ref_fft.h"
-#include "register/register_fft.h"
+#include "image/small_fft.h"
 
 enum { ROWS = 112, COLS = 144, WINDOW_ROWS = 56, WINDOW_COLS = 64, SPOTS = 12, PAIRS = 5 };
 
@@ -23,7 +23,7 @@ static void transforms(void **state)
 {
     (void)state;
     enum { SIZE = 32 };
-    hada_register_fft fft;
+    hada_small_fft fft;
     hada_random random;
     static float data[2 * SIZE * SIZE];
     static double image[SIZE * SIZE], spectrum[SIZE * (SIZE / 2 + 1) * 2];
@@ -32,16 +32,16 @@ static void transforms(void **state)
         data[2 * i] = (float)hada_random_range(&random, -1, 1);
         image[i] = data[2 * i];
     }
-    ASSERT_OK(hada_register_fft_create(&fft, SIZE, err));
+    ASSERT_OK(hada_small_fft_create(&fft, SIZE, err));
     ASSERT_OK(hada_ref_fft_forward(image, SIZE, SIZE, spectrum, err));
-    hada_register_fft_run(&fft, data);
+    hada_small_fft_run(&fft, data);
     for (int ky = 0; ky < SIZE; ky++)
         for (int kx = 0; kx <= SIZE / 2; kx++)
             for (int part = 0; part < 2; part++) {
                 const double want = spectrum[2 * (ky * (SIZE / 2 + 1) + kx) + part];
                 assert_true(fabs(data[2 * (kx * SIZE + ky) + part] - want) < 1e-4);
             }
-    hada_register_fft_destroy(&fft);
+    hada_small_fft_destroy(&fft);
 }
 
 /* What the header promises of directions, by one bright pixel; flips and quarter turns move pixels exactly. */

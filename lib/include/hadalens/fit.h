@@ -37,6 +37,9 @@ typedef struct hada_fit_options {
                                where these are given; 0: none */
     int nonnegative;        /* 1 (default): transfer functions are those of point spread functions that are nowhere
                                negative, as light's are, where the pairs say too little; 0: from the pairs alone */
+    double scene_response;  /* how the scenes are encoded (hadalens/response.h): they are brought to linear light before
+                               anything is learned. HADA_AUTO (default): chosen by hada_fit_run(); saved sums say it
+                               themselves; a fitter that is given none takes them as linear */
 } hada_fit_options;
 HADA_API void hada_fit_options_defaults(hada_fit_options *options, size_t size);
 static inline void hada_fit_options_init(hada_fit_options *options)

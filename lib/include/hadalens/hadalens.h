@@ -30,6 +30,7 @@
 #include <hadalens/sensor.h>
 #include <hadalens/simulate.h>
 #include <hadalens/status.h>
+#include <hadalens/survey.h>
 #include <hadalens/task_evaluate.h>
 #include <hadalens/task_fit.h>
 #include <hadalens/task_optics.h>

@@ -57,6 +57,8 @@ typedef struct hada_model_info {
     uint64_t bytes;                 /* of filters and transfer functions */
     const double *distances_mm;     /* per depth, owned by the model */
     const char *name;               /* file name it was loaded from, or "" */
+    double scene_response;          /* how the scenes that it was learned from were encoded (hadalens/response.h); what
+                                       it makes of a frame is linear light all the same */
 } hada_model_info;
 
 HADA_API hada_status hada_model_load(hada_model **out, const char *path, hada_error *err);

@@ -12,6 +12,7 @@
 #include <hadalens/fit.h>
 #include <hadalens/model.h>
 #include <hadalens/monitor.h>
+#include <hadalens/survey.h>
 
 #ifdef __cplusplus
 extern "C" {
@@ -20,9 +21,10 @@ extern "C" {
 typedef struct hada_fit_task {
     size_t size; /* sizeof(hada_fit_task) */
 
-    /* How to fit; NULL: hada_fit_options_init(). Depths, distances, channels and the frame's size are the data set's,
-     * and so is the window unless window_rows x window_cols is set: then it is cut from scenes that are as large as the
-     * frame. `boundary` here is not looked at, but the one below. */
+    /* How to fit; NULL: hada_fit_options_init(). An open scene_response is that of the first file of `merge`; without
+     * one, what the pairs say (hadalens/survey.h); linear where leave_one_out is 0. Depths, distances, channels and the
+     * frame's size are the data set's, and so is the window unless window_rows x window_cols is set: then it is cut
+     * from scenes that are as large as the frame. `boundary` here is not looked at, but the one below. */
     const hada_fit_options *fit;
     int boundary;      /* a hada_boundary; 0 (default): what camera.json says, else padded, as on a real sensor */
     int leave_one_out; /* 1 (default): pairs are left out to choose what `fit` leaves open; 0: its plain defaults */
@@ -31,6 +33,8 @@ typedef struct hada_fit_task {
     int merge_count;
     const char *save_sums; /* a file for the sums over all pairs; NULL: none */
     const hada_monitor *monitor;
+    hada_exposure exposure; /* HADA_EXPOSURE_AUTO (default): found, with the response of the scenes; not looked for
+                               where leave_one_out is 0 */
 } hada_fit_task;
 HADA_API void hada_fit_task_defaults(hada_fit_task *task, size_t size);
 static inline void hada_fit_task_init(hada_fit_task *task)
@@ -51,6 +55,8 @@ HADA_API hada_status hada_fit_run(hada_model **out, hada_fit_report **report, ha
 HADA_API const hada_fit_row *hada_fit_report_rows(const hada_fit_report *report, size_t *count);
 /* Pairs in the sums of a depth, those of merged files counted. */
 HADA_API int64_t hada_fit_report_pairs(const hada_fit_report *report, int depth);
+/* What the pairs said before the fit; owned by the report, NULL where they were not asked. */
+HADA_API const hada_survey *hada_fit_report_survey(const hada_fit_report *report);
 HADA_API void hada_fit_report_destroy(hada_fit_report **report);
 
 /* The data set's depths, sizes (of its first pair; the others are checked when they are read) and boundary, into

@@ -1,20 +1,20 @@
 /* Small transforms on the host: complex, square, a power of two a side. Internal. */
-#ifndef HADA_REGISTER_REGISTER_FFT_H
-#define HADA_REGISTER_REGISTER_FFT_H
+#ifndef HADA_IMAGE_SMALL_FFT_H
+#define HADA_IMAGE_SMALL_FFT_H
 
 #include "core/error.h"
 
-typedef struct hada_register_fft {
+typedef struct hada_small_fft {
     int size;
     float *twiddles; /* size / 2 complex numbers exp(-2 pi i k / size) */
     int *order;      /* bits reversed */
-} hada_register_fft;
+} hada_small_fft;
 
-hada_status hada_register_fft_create(hada_register_fft *fft, int size, hada_error *err);
-void hada_register_fft_destroy(hada_register_fft *fft);
+hada_status hada_small_fft_create(hada_small_fft *fft, int size, hada_error *err);
+void hada_small_fft_destroy(hada_small_fft *fft);
 
 /* In place on size x size complex numbers (re, im), unnormalised. The result is transposed: row and column frequencies
  * are exchanged, [kx][ky]. Twice gives the image mirrored in both directions, times size * size. */
-void hada_register_fft_run(const hada_register_fft *fft, float *data);
+void hada_small_fft_run(const hada_small_fft *fft, float *data);
 
 #endif

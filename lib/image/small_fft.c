@@ -1,13 +1,13 @@
-#include "register/register_fft.h"
+#include "image/small_fft.h"
 
 #include <math.h>
 #include <stdlib.h>
 
 #include "core/alloc.h"
 
-hada_status hada_register_fft_create(hada_register_fft *fft, int size, hada_error *err)
+hada_status hada_small_fft_create(hada_small_fft *fft, int size, hada_error *err)
 {
-    *fft = (hada_register_fft){.size = size};
+    *fft = (hada_small_fft){.size = size};
     hada_status status = HADA_OK;
     HADA_TRY(hada_alloc((void **)&fft->twiddles, (size_t)size, sizeof(float), "a transform", err));
     HADA_TRY(hada_alloc((void **)&fft->order, (size_t)size, sizeof(int), "a transform", err));
@@ -20,19 +20,19 @@ hada_status hada_register_fft_create(hada_register_fft *fft, int size, hada_erro
         fft->order[i] = fft->order[i / 2] / 2 + (i % 2 ? size / 2 : 0);
 done:
     if (status)
-        hada_register_fft_destroy(fft);
+        hada_small_fft_destroy(fft);
     return status;
 }
 
-void hada_register_fft_destroy(hada_register_fft *fft)
+void hada_small_fft_destroy(hada_small_fft *fft)
 {
     free(fft->twiddles);
     free(fft->order);
-    *fft = (hada_register_fft){0};
+    *fft = (hada_small_fft){0};
 }
 
 /* One line: bits reversed, then butterflies (Cooley and Tukey 1965). */
-static void line(const hada_register_fft *fft, float *x)
+static void line(const hada_small_fft *fft, float *x)
 {
     const int size = fft->size;
     for (int i = 0; i < size; i++) {
@@ -58,7 +58,7 @@ static void line(const hada_register_fft *fft, float *x)
             }
 }
 
-void hada_register_fft_run(const hada_register_fft *fft, float *data)
+void hada_small_fft_run(const hada_small_fft *fft, float *data)
 {
     const size_t size = (size_t)fft->size;
     for (size_t r = 0; r < size; r++)

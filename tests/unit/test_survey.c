@@ -1,0 +1,207 @@
+/* What pairs say of themselves: the response of their scenes and the exposures of their frames are found, whatever the
+ * response, with and without exposures that differ, on sensors that crop; and nothing is found where there is nothing.
+ */
+#include "camera_small.h"
+
+#include <hadalens/scene.h>
+#include <hadalens/survey.h>
+
+enum { ROWS = 48, COLS = 64, WINDOW = 24, DEPTHS = 4, CHANNELS = 3, PAIRS = 5 };
+
+typedef struct pairs {
+    hada_image frame[DEPTHS][PAIRS], scene[DEPTHS][PAIRS];
+    double gain[DEPTHS][PAIRS];
+    int shown, refuse;
+} pairs;
+
+/* Frames of scenes with large and small detail, as the sensor sees them; then the scenes are encoded. */
+static void make_pairs(pairs *set, double response, int exposed, double noise, uint64_t seed)
+{
+    hada_random random;
+    hada_random_seed(&random, seed, 3);
+    *set = (pairs){0};
+    for (int z = 0; z < DEPTHS; z++) {
+        hada_image psf = small_psf(CHANNELS, ROWS, COLS, 9, seed + (uint64_t)z);
+        for (int i = 0; i < PAIRS; i++) {
+            const double gain = exposed ? exp2(hada_random_range(&random, -1.0, 1.0)) : 1.0;
+            hada_image *scene = &set->scene[z][i], *frame = &set->frame[z][i];
+            ASSERT_OK(
+                hada_scene_procedural(scene, seed * 1000 + (uint64_t)(z * PAIRS + i), CHANNELS, WINDOW, WINDOW, err));
+            hada_response_convert(scene->data, hada_image_count(scene), response, HADA_RESPONSE_LINEAR);
+            *frame = small_frame(&psf, scene, 1, noise, seed + (uint64_t)i);
+            for (size_t k = 0; k < hada_image_count(frame); k++)
+                frame->data[k] *= (float)gain;
+            hada_response_convert(scene->data, hada_image_count(scene), HADA_RESPONSE_LINEAR, response);
+            set->gain[z][i] = gain;
+        }
+        hada_image_destroy(&psf);
+    }
+}
+
+static void free_pairs(pairs *set)
+{
+    for (int z = 0; z < DEPTHS; z++)
+        for (int i = 0; i < PAIRS; i++) {
+            hada_image_destroy(&set->frame[z][i]);
+            hada_image_destroy(&set->scene[z][i]);
+        }
+}
+
+static hada_status show(void *user, int depth, int64_t pair, const hada_image **raw, const hada_image **scene,
+                        hada_error *err)
+{
+    pairs *set = user;
+    if (set->refuse && ++set->shown == set->refuse) {
+        err->status = HADA_ERROR_FILE_READ;
+        return HADA_ERROR_FILE_READ;
+    }
+    *raw = &set->frame[depth][pair];
+    *scene = &set->scene[depth][pair];
+    return HADA_OK;
+}
+
+static hada_fit_options sizes(void)
+{
+    hada_fit_options options;
+    hada_fit_options_init(&options);
+    options.depths = DEPTHS;
+    options.channels = CHANNELS;
+    options.raw_rows = ROWS;
+    options.raw_cols = COLS;
+    options.window_rows = options.window_cols = WINDOW;
+    return options;
+}
+
+static const int counts[DEPTHS] = {PAIRS, PAIRS, PAIRS, PAIRS};
+
+static hada_survey *ask(pairs *set, hada_exposure exposure)
+{
+    const hada_fit_options options = sizes();
+    hada_survey *survey;
+    ASSERT_OK(hada_survey_create(&survey, &options, counts, exposure, show, set, err));
+    return survey;
+}
+
+/* The gains of a depth over their geometric mean. */
+static double expected_gain(const pairs *set, int z, int i)
+{
+    double sum = 0.0;
+    for (int k = 0; k < PAIRS; k++)
+        sum += log(set->gain[z][k]) / PAIRS;
+    return set->gain[z][i] / exp(sum);
+}
+
+static void response_is_found(void **state)
+{
+    (void)state;
+    static const double responses[] = {HADA_RESPONSE_LINEAR, HADA_RESPONSE_SRGB, 1.5, 2.2};
+    for (int exposed = 0; exposed < 2; exposed++)
+        for (size_t r = 0; r < sizeof responses / sizeof *responses; r++) {
+            size_t rows;
+            pairs set;
+            make_pairs(&set, responses[r], exposed, 0.003, 11 + r);
+            hada_survey *survey = ask(&set, HADA_EXPOSURE_AUTO);
+            /* sRGB and the power 2.2 are nearly one curve */
+            const double found = hada_survey_response(survey);
+            if (fabs(found - responses[r]) > 1e-9 && !(responses[r] == 2.2 && found == HADA_RESPONSE_SRGB))
+                fail_msg("response %g was found for %g, exposed %d", found, responses[r], exposed);
+            assert_int_equal(hada_survey_exposed(survey), exposed);
+            assert_non_null(hada_survey_rows(survey, &rows));
+            assert_true(rows > 3);
+            for (int z = 0; z < DEPTHS; z++)
+                for (int i = 0; i < PAIRS; i++) {
+                    const double gain = hada_survey_gain(survey, z, i), expected = expected_gain(&set, z, i);
+                    if (fabs(gain / expected - 1.0) > 0.04)
+                        fail_msg("exposure %g was found for %g", gain, expected);
+                }
+            hada_survey_destroy(&survey);
+            assert_null(survey);
+            free_pairs(&set);
+        }
+}
+
+/* Scenes that say nothing of their frames stay linear, and their exposures alike. */
+static void noise_is_no_evidence(void **state)
+{
+    (void)state;
+    for (uint64_t seed = 1; seed <= 6; seed++) {
+        pairs set, other;
+        make_pairs(&set, HADA_RESPONSE_LINEAR, 0, 0.003, seed);
+        make_pairs(&other, HADA_RESPONSE_LINEAR, 0, 0.003, seed + 50);
+        for (int z = 0; z < DEPTHS; z++)
+            for (int i = 0; i < PAIRS; i++)
+                for (size_t k = 0; k < hada_image_count(&set.frame[z][i]); k++)
+                    set.frame[z][i].data[k] = other.frame[z][(i + 2) % PAIRS].data[k];
+        hada_survey *survey = ask(&set, HADA_EXPOSURE_AUTO);
+        assert_true(hada_survey_response(survey) == HADA_RESPONSE_LINEAR);
+        hada_survey_destroy(&survey);
+        free_pairs(&set);
+        free_pairs(&other);
+    }
+}
+
+/* A scene made as bright as its frame was exposed, in its own encoding. */
+static void scenes_are_evened(void **state)
+{
+    (void)state;
+    pairs set;
+    make_pairs(&set, 2.0, 1, 0.0, 5);
+    hada_survey *survey = ask(&set, HADA_EXPOSURE_EACH);
+    assert_true(hada_survey_response(survey) == 2.0);
+    const double gain = hada_survey_gain(survey, 1, 2);
+    const float before = set.scene[1][2].data[7];
+    hada_survey_even(survey, 1, 2, &set.scene[1][2]);
+    assert_true(fabs((double)set.scene[1][2].data[7] - (double)before * sqrt(gain)) < 1e-6);
+    hada_survey_destroy(&survey);
+    free_pairs(&set);
+}
+
+/* What is given is not chosen; too few pairs say nothing; pairs that do not fit are left to the fit; errors pass on. */
+static void given_and_missing(void **state)
+{
+    (void)state;
+    static const int few[DEPTHS] = {2, 1, 2, 2};
+    pairs set;
+    size_t rows;
+    hada_survey *survey;
+    hada_fit_options options = sizes();
+    hada_error error;
+    make_pairs(&set, 2.0, 1, 0.003, 7);
+    options.scene_response = 1.5;
+    ASSERT_OK(hada_survey_create(&survey, &options, counts, HADA_EXPOSURE_SAME, show, &set, err));
+    assert_true(hada_survey_response(survey) == 1.5 && !hada_survey_exposed(survey));
+    hada_survey_destroy(&survey);
+    options.scene_response = HADA_AUTO;
+    ASSERT_OK(hada_survey_create(&survey, &options, few, HADA_EXPOSURE_AUTO, show, &set, err));
+    assert_true(hada_survey_response(survey) == HADA_RESPONSE_LINEAR && !hada_survey_exposed(survey));
+    assert_null(hada_survey_rows(survey, &rows));
+    assert_true(hada_survey_gain(survey, 0, 0) == 1.0 && hada_survey_gain(survey, 9, 9) == 1.0);
+    hada_survey_destroy(&survey);
+    set.frame[0][1].data[3] = NAN;
+    survey = ask(&set, HADA_EXPOSURE_AUTO);
+    assert_true(hada_survey_response(survey) == 2.0);
+    assert_true(hada_survey_gain(survey, 0, 1) == 1.0);
+    hada_survey_destroy(&survey);
+    for (set.refuse = 1; set.refuse < 40; set.refuse += 7) {
+        set.shown = 0;
+        const hada_status status =
+            hada_survey_create(&survey, &options, counts, HADA_EXPOSURE_EACH, show, &set, &error);
+        assert_int_equal(status, set.shown >= set.refuse ? HADA_ERROR_FILE_READ : HADA_OK);
+        hada_survey_destroy(&survey);
+    }
+    options.scene_response = 7.0;
+    assert_int_equal(hada_survey_create(&survey, &options, counts, HADA_EXPOSURE_AUTO, show, &set, &error),
+                     HADA_ERROR_ARGUMENT);
+    free_pairs(&set);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(response_is_found),
+        cmocka_unit_test(noise_is_no_evidence),
+        cmocka_unit_test(scenes_are_evened),
+        cmocka_unit_test(given_and_missing),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

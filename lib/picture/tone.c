@@ -86,6 +86,11 @@ static double weight_of(const hada_span *span, int index)
 /* One plane resampled into out[height * width]; `lines` holds rows * width values between the two passes. */
 static void resample(const float *plane, int rows, int cols, int width, int height, float *lines, float *out)
 {
+    if (width == cols && height == rows) { /* every weight would be 1 */
+        for (size_t i = 0, count = (size_t)rows * (size_t)cols; i < count; i++)
+            out[i] = isfinite(plane[i]) ? plane[i] : 0;
+        return;
+    }
     for (int x = 0; x < width; x++) {
         hada_span span = span_of(x, cols, width);
         for (int row = 0; row < rows; row++) {
@@ -118,11 +123,15 @@ static void show(uint32_t *pixels, size_t count, const float *planes, int channe
 {
     for (size_t i = 0; i < count; i++) {
         uint32_t rgb[3];
-        double mean = 0;
-        for (int c = 0; c < channels; c++)
-            mean += (double)planes[(size_t)c * count + i] / channels;
-        for (size_t c = 0; c < 3; c++)
-            rgb[c] = byte_of(channels == 3 ? (double)planes[c * count + i] : mean, white, gamma);
+        if (channels == 3) {
+            for (size_t c = 0; c < 3; c++)
+                rgb[c] = byte_of((double)planes[c * count + i], white, gamma);
+        } else {
+            double mean = 0;
+            for (int c = 0; c < channels; c++)
+                mean += (double)planes[(size_t)c * count + i] / channels;
+            rgb[0] = rgb[1] = rgb[2] = byte_of(mean, white, gamma);
+        }
         pixels[i] = rgb[0] << 16 | rgb[1] << 8 | rgb[2];
     }
 }

@@ -260,7 +260,7 @@ hada_status hada_cli_check_signals(hada_error *err)
 int hada_cli_pictures(hada_cli *cli)
 {
     if (!hada_pictures_available())
-        hada_cli_warn(cli, "pictures are left out: this build of hadalens has no cairo (Debian: libcairo2-dev, then "
-                           "build again)");
+        hada_cli_warn(cli, "pictures are left out: there is no cairo (Debian: libcairo2, or libcairo2-dev and build "
+                           "again)");
     return hada_pictures_available();
 }

@@ -1,7 +1,7 @@
 /* Hadalens: PNG pictures that a person can read at a glance. Written beside the file and renamed.
  *
- * Any thread may call; a call holds nothing afterwards. A build without cairo has no pictures: HADA_ERROR_UNSUPPORTED.
- */
+ * Any thread may call; a call holds nothing afterwards. There are no pictures without cairo, which is loaded
+ * when the first one is drawn: HADA_ERROR_UNSUPPORTED. */
 #ifndef HADALENS_PREVIEW_H
 #define HADALENS_PREVIEW_H
 
@@ -11,7 +11,7 @@
 extern "C" {
 #endif
 
-/* 1: this build draws previews and plots; 0: cairo was missing when it was built. */
+/* 1: previews and plots can be drawn; 0: cairo was missing when the library was built, or is not installed. */
 HADA_API int hada_pictures_available(void);
 
 /* What a preview shows; NULL parts are left out. */

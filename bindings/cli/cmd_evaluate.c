@@ -56,6 +56,15 @@ static void defaults(void *user)
     set->tolerance = 0.5;
 }
 
+static json_t *place_json(double coverage, double within, double steps)
+{
+    json_t *place = json_object();
+    json_object_set_new(place, "coverage", hada_cli_real(coverage));
+    json_object_set_new(place, "within", hada_cli_real(within));
+    json_object_set_new(place, "mean_error_steps", hada_cli_real(steps));
+    return place;
+}
+
 static json_t *row_json(const hada_evaluation *score)
 {
     static const char *const kinds[] = {"images", "stack", "distance_map"};
@@ -66,6 +75,12 @@ static json_t *row_json(const hada_evaluation *score)
         json_object_set_new(entry, "within", score->steps_known ? hada_cli_real(score->depth.within) : json_null());
         json_object_set_new(entry, "mean_error_mm", hada_cli_real(score->depth.mean_error_mm));
         json_object_set_new(entry, "mean_error_steps", hada_cli_real(score->depth.mean_steps));
+        json_object_set_new(entry, "jumps", place_json(score->coverage_jumps, score->within_jumps, score->steps_jumps));
+        json_object_set_new(entry, "away", place_json(score->coverage_away, score->within_away, score->steps_away));
+        json_object_set_new(entry, "outside", hada_cli_real(score->outside));
+        json_object_set_new(entry, "outside_unknown", hada_cli_real(score->outside_unknown));
+        json_object_set_new(entry, "confident_half_error", hada_cli_real(score->confident_half));
+        json_object_set_new(entry, "risk_coverage", hada_cli_real(score->risk));
         return entry;
     }
     json_object_set_new(entry, "occupied_pages", json_integer(score->occupied));
@@ -77,6 +92,10 @@ static json_t *row_json(const hada_evaluation *score)
     json_object_set_new(entry, "mae", hada_cli_real(score->mae));
     json_object_set_new(entry, "sharpness", hada_cli_real(score->sharpness));
     json_object_set_new(entry, "sharpness_truth", hada_cli_real(score->sharpness_truth));
+    json_object_set_new(entry, "psnr_jumps", hada_cli_real(score->psnr_jumps));
+    json_object_set_new(entry, "psnr_away", hada_cli_real(score->psnr_away));
+    json_object_set_new(entry, "ssim_jumps", hada_cli_real(score->ssim_jumps));
+    json_object_set_new(entry, "ssim_away", hada_cli_real(score->ssim_away));
     json_object_set_new(entry, "lpips", hada_cli_real(score->lpips));
     json_object_set_new(entry, "authors_psnr", hada_cli_real(score->authors_psnr));
     json_object_set_new(entry, "authors_ssim", hada_cli_real(score->authors_ssim));
@@ -163,24 +182,132 @@ static void print_kind(hada_cli *cli, const settings *set, const hada_evaluate_r
         print_line(cli, set, "  ", width - 2, "mean", sum);
 }
 
-static void print_maps(hada_cli *cli, const hada_evaluate_report *all, int width, double tolerance)
+/* A table of numbers for files of one kind, with their means where there is more than one. Of columns behind
+ * the first `fixed`, those that no file has a number for are left out. */
+typedef struct table {
+    const char *title;
+    hada_evaluated what;
+    const column *columns;
+    int count, fixed;
+} table;
+
+enum { TABLE_COLUMNS = 8 };
+
+static void print_row(hada_cli *cli, const table *of, const unsigned char *shown, int width, const char *name,
+                      const double *values)
 {
-    int count = 0;
-    char text[3][24];
+    char line[256] = "", text[24];
+    size_t used = 0;
+    for (int k = 0; k < of->count; k++)
+        if (shown[k])
+            used += (size_t)snprintf(line + used, sizeof line - used, "  %*s", of->columns[k].width,
+                                     values ? number(text, of->columns[k].format, values[k]) : of->columns[k].title);
+    hada_cli_say(cli, "%s%-*s%s", values ? "  " : "", values ? width - 2 : width, name, line);
+}
+
+static double entry_of(const column *of, const hada_evaluation *score)
+{
+    double value;
+    memcpy(&value, (const char *)score + of->offset, sizeof value);
+    if (of->offset == COLUMN(depth) + offsetof(hada_depth_score, within) && !score->steps_known)
+        return NAN; /* within so many millimetres says nothing */
+    if (of->offset == COLUMN(outside) && isnan(score->outside_unknown))
+        return NAN;
+    return of->format[strlen(of->format) - 1] == '%' ? 100 * value : value;
+}
+
+static void print_numbers(hada_cli *cli, const table *of, const hada_evaluate_report *all, int width)
+{
+    double sum[TABLE_COLUMNS] = {0};
+    int numbers[TABLE_COLUMNS] = {0}, rows = 0;
+    unsigned char shown[TABLE_COLUMNS] = {0};
     for (int i = 0; i < hada_evaluate_report_count(all); i++) {
         const hada_evaluation *score = hada_evaluate_report_get(all, i);
-        if (score->what != HADA_EVALUATED_MAP)
+        if (score->what != of->what)
             continue;
-        if (!count++)
-            hada_cli_say(cli, "%s%-*s  %8s  %8s  %10s  %6s", i ? "\n" : "", width, "Distance maps", "covered", "right",
-                         "mean error", "steps");
-        hada_cli_say(cli, "  %-*s  %7.1f%%  %8s  %7s mm  %6s", width - 2, score->name, 100 * score->depth.coverage,
-                     score->steps_known ? number(text[0], "%.1f%%", 100 * score->depth.within) : "-",
-                     number(text[1], "%.3g", score->depth.mean_error_mm),
-                     number(text[2], "%.2f", score->depth.mean_steps));
+        rows++;
+        for (int k = 0; k < of->count; k++) {
+            const double value = entry_of(&of->columns[k], score);
+            if (isnan(value))
+                continue;
+            sum[k] += value;
+            shown[k] = 1;
+            numbers[k]++;
+        }
     }
-    if (count)
-        hada_cli_say(cli, "  right: share of the covered pixels within %g depth steps", tolerance);
+    for (int k = 0; k < of->fixed; k++)
+        shown[k] = 1;
+    print_row(cli, of, shown, width, of->title, NULL);
+    for (int i = 0; i < hada_evaluate_report_count(all); i++) {
+        const hada_evaluation *score = hada_evaluate_report_get(all, i);
+        double values[TABLE_COLUMNS];
+        for (int k = 0; k < of->count; k++)
+            values[k] = entry_of(&of->columns[k], score);
+        if (score->what == of->what)
+            print_row(cli, of, shown, width, score->name, values);
+    }
+    for (int k = 0; k < of->count; k++)
+        sum[k] /= numbers[k];
+    if (rows > 1)
+        print_row(cli, of, shown, width, "mean", sum);
+}
+
+static const column map_columns[] = {
+    {"covered", "%.1f%%", 8, COLUMN(depth) + offsetof(hada_depth_score, coverage)},
+    {"right", "%.1f%%", 8, COLUMN(depth) + offsetof(hada_depth_score, within)},
+    {"mean error", "%.3g mm", 10, COLUMN(depth) + offsetof(hada_depth_score, mean_error_mm)},
+    {"steps", "%.2f", 6, COLUMN(depth) + offsetof(hada_depth_score, mean_steps)},
+    {"outside", "%.1f%%", 8, COLUMN(outside)},
+    {"said so", "%.1f%%", 8, COLUMN(outside_unknown)},
+    {"sure half", "%.2f", 9, COLUMN(confident_half)},
+    {"risk", "%.2f", 6, COLUMN(risk)}};
+static const column place_columns[] = {
+    {"covered", "%.1f%%", 8, COLUMN(coverage_jumps)}, {"right", "%.1f%%", 8, COLUMN(within_jumps)},
+    {"steps", "%.2f", 6, COLUMN(steps_jumps)},        {"| away: covered", "%.1f%%", 15, COLUMN(coverage_away)},
+    {"right", "%.1f%%", 8, COLUMN(within_away)},      {"steps", "%.2f", 6, COLUMN(steps_away)}};
+static const column image_columns[] = {{"PSNR dB", "%.2f", 7, COLUMN(psnr_jumps)},
+                                       {"SSIM", "%.3f", 6, COLUMN(ssim_jumps)},
+                                       {"| away: PSNR dB", "%.2f", 15, COLUMN(psnr_away)},
+                                       {"SSIM", "%.3f", 6, COLUMN(ssim_away)}};
+
+static int has(const hada_evaluate_report *all, hada_evaluated what)
+{
+    for (int i = 0; i < hada_evaluate_report_count(all); i++)
+        if (hada_evaluate_report_get(all, i)->what == what)
+            return 1;
+    return 0;
+}
+
+static int has_jumps(const hada_evaluate_report *all)
+{
+    for (int i = 0; i < hada_evaluate_report_count(all); i++)
+        if (!isnan(hada_evaluate_report_get(all, i)->coverage_jumps))
+            return 1;
+    return 0;
+}
+
+static void print_maps(hada_cli *cli, const hada_evaluate_report *all, int width, double tolerance)
+{
+#define TABLE(columns) columns, (int)(sizeof(columns) / sizeof *(columns))
+    const table maps = {"Distance maps", HADA_EVALUATED_MAP, TABLE(map_columns), 4},
+                map_places = {"Distance maps at jumps", HADA_EVALUATED_MAP, TABLE(place_columns), 6},
+                image_places = {"Images at jumps", HADA_EVALUATED_IMAGES, TABLE(image_columns), 4};
+#undef TABLE
+    if (!has(all, HADA_EVALUATED_MAP))
+        return;
+    if (has(all, HADA_EVALUATED_IMAGES) || has(all, HADA_EVALUATED_STACK))
+        hada_cli_say(cli, "%s", "");
+    print_numbers(cli, &maps, all, width);
+    hada_cli_say(cli, "  right: share of the covered pixels within %g depth steps", tolerance);
+    if (!has_jumps(all))
+        return;
+    hada_cli_say(cli, "%s", "");
+    print_numbers(cli, &map_places, all, width);
+    if (has(all, HADA_EVALUATED_IMAGES)) {
+        hada_cli_say(cli, "%s", "");
+        print_numbers(cli, &image_places, all, width);
+    }
+    hada_cli_say(cli, "  at jumps: within 3 pixels of where true distances differ by more than half a step");
 }
 
 static void print_table(hada_cli *cli, const settings *set, const hada_evaluate_report *all)
@@ -290,7 +417,9 @@ const hada_cli_command hada_cli_evaluate = {
     .description =
         "RESULT and TRUTH are two files or two folders. In folders, files of the same name are compared, and "
         "NAME_aif.tif with NAME.tif. Files named NAME_depth.tif are distance maps in millimetres: pixels that are NaN "
-        "in the result are not covered, those that are NaN in the truth are left out. In files named NAME_stack.tif "
+        "in the result are not covered, those that are NaN in the truth are left out. Where the depth steps are known, maps "
+        "and all-in-focus images are also judged at jumps of the true distances and away from them, pixels beyond the "
+        "camera's distances apart, and NAME_confidence.tif beside a map by what it promises. In files named NAME_stack.tif "
         "the planes that are dark in the truth are left out of the means; --json also gives the PSNR over all planes.",
     .options = options,
     .examples = examples,

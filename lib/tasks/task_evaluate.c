@@ -7,6 +7,7 @@
 #include "core/options.h"
 #include "io/folder.h"
 #include "tasks/evaluate_compare.h"
+#include "tasks/evaluate_pages.h"
 
 void hada_evaluate_task_defaults(hada_evaluate_task *task, size_t size)
 {
@@ -61,6 +62,8 @@ static hada_status add_file(hada_evaluate_report *report, const char *folder, co
 {
     hada_status status = HADA_OK;
     char *stem = NULL, *result = NULL, *truth = NULL;
+    if (hada_stem_ends(file, hada_stem_of(file), "_depth2")) /* goes with NAME_depth.tif */
+        return HADA_OK;
     HADA_TRY(hada_path_stem(&stem, file, err));
     HADA_TRY(find_result(&result, folder, stem, err));
     *alone += !result;

@@ -47,6 +47,20 @@ expect 4 'mask leaves no pixel' evaluate a.tif b.tif --mask none.tif
 expect 4 'mask is 20x21' evaluate a.tif b.tif --mask c.tif
 expect 3 'nosuch.tif' evaluate a.tif b.tif --mask nosuch.tif
 expect 0 '100.0% +- +5 mm' evaluate a_depth.tif b_depth.tif --mask a.tif --window 4x4
+# Jumps, what is outside the range, a second surface, confidence.
+expect 0 '' simulate --preset sim300 --size 64x80 --window 24x24 --depths 4 --lenses 9 --pairs 1 -o surfaces \
+    --surface bars,overlap,outside
+cp -r surfaces/test/truth guess
+expect 0 'said so.*outside_depth .* 0\.0% .*maps at jumps.*bars_depth +100\.0% +100\.0% +0\.00.*Images at jumps.*bars_aif +inf' \
+    evaluate guess surfaces/test/truth
+rm guess/*_stack.tif
+mv guess/test02_overlap_depth2.tif guess/test02_overlap_depth.tif # where it is NaN nothing is covered
+expect 0 'overlap_depth +[1-9][0-9]\.[0-9]% +100\.0% +0 mm' evaluate guess surfaces/test/truth
+"$FRAME_TOOL" flat guess/test01_bars_depth.tif 24 24 1 100
+"$FRAME_TOOL" flat guess/test01_bars_confidence.tif 24 24 1 0.5
+expect 0 'sure half' evaluate guess surfaces/test/truth
+expect 0 '"risk_coverage": [0-9.]+' evaluate guess surfaces/test/truth --json
+is_json 'evaluate --json of surfaces'
 # The figures of the 2022 paper's code: equal errors at all pixels, so both PSNR agree.
 expect 0 "authors' PSNR.*20\.00 .* 20\.00 " evaluate a.tif b.tif --authors
 expect 0 '"authors_psnr": 19.99' evaluate a.tif b.tif --json

@@ -78,6 +78,42 @@ HADA_API hada_status hada_metric_depth(const hada_image *map, const hada_image *
                                        int count, double tolerance, const unsigned char *mask, hada_depth_score *out,
                                        hada_error *err);
 
+/* What kind of place a pixel of a true distance map is. */
+typedef enum hada_depth_part {
+    HADA_DEPTH_NONE = 0,   /* no true distance */
+    HADA_DEPTH_AWAY = 1,   /* a smooth place */
+    HADA_DEPTH_JUMP = 2,   /* at a jump */
+    HADA_DEPTH_OUTSIDE = 3 /* more than half a step beyond the nearest or the farthest distance of the list */
+} hada_depth_part;
+
+/* Parts the pixels of a true map: parts[i] is a hada_depth_part; rows * cols values. A jump is where two neighbours
+ * differ by more than `jump_steps` (HADA_AUTO: 0.5) steps of the list; the `reach_pixels` (HADA_AUTO: 3) pixels on
+ * either side of it are at it. */
+HADA_API hada_status hada_metric_depth_parts(const hada_image *truth, const double *distances_mm, int count,
+                                             double jump_steps, int reach_pixels, unsigned char *parts,
+                                             hada_error *err);
+
+/* Where two surfaces are seen through each other: *truth becomes the one of the two true distances that is nearer to
+ * the map's (in steps of the list; NULL, 0: in millimetres). NaN: no second surface, or nothing known. */
+HADA_API hada_status hada_metric_depth_nearer(hada_image *truth, const hada_image *second, const hada_image *map,
+                                              const double *distances_mm, int count, hada_error *err);
+
+/* Whether a map knows where it is wrong. */
+typedef struct hada_confidence_score {
+    size_t size;       /* sizeof(hada_confidence_score), set by the caller */
+    double half_error; /* mean absolute error of the more confident half of the pixels */
+    double risk;       /* the mean over all shares of the most confident pixels of their mean error: the area under the
+                          curve of risk against coverage (El-Yaniv and Wiener, JMLR 11, 1605 (2010)) */
+    long long pixels;  /* that are known in all three images; with none, both are NaN */
+} hada_confidence_score;
+
+/* Errors in steps of the list, in millimetres without one. A higher value of `confidence` is more confident; equal ones
+ * count as being in any order. */
+HADA_API hada_status hada_metric_depth_confidence(const hada_image *map, const hada_image *truth,
+                                                  const hada_image *confidence, const double *distances_mm, int count,
+                                                  const unsigned char *mask, hada_confidence_score *out,
+                                                  hada_error *err);
+
 /* The fractional index of a distance in a list (near to far), linear in 1/z between neighbours and beyond the ends.
  * A list of one gives 0. */
 HADA_API double hada_depth_index(const double *distances_mm, int count, double distance_mm);

@@ -57,13 +57,24 @@ typedef struct hada_evaluation {
     double lpips, authors_psnr, authors_ssim; /* NaN where not asked for */
     hada_depth_score depth;                   /* of maps */
     int steps_known;                          /* 1: `depth` is in depth steps */
+
+    /* At jumps of the true distances and away from them (hada_metric_depth_parts), where the steps are known: of maps,
+     * and of NAME_aif.tif with a NAME_depth.tif beside the truth. NaN where there is no such place. */
+    double psnr_jumps, psnr_away, ssim_jumps, ssim_away;
+    double steps_jumps, steps_away, within_jumps, within_away, coverage_jumps, coverage_away;
+    /* Of maps. `depth` and what stands above leave out the pixels outside the list's range. */
+    double outside; /* share of the pixels with a true distance that are outside; NaN where steps are not known */
+    double outside_unknown;      /* share of these that the map says not to know; NaN without any */
+    double confident_half, risk; /* hada_confidence_score, of NAME_confidence.tif beside the result; NaN without one */
 } hada_evaluation;
 
 typedef struct hada_evaluate_report hada_evaluate_report;
 
 /* Compares two files, or in two folders every file of the truth that has a partner: NAME.tif goes with NAME.tif or
- * NAME_aif.tif; files without one are told as a note. In stacks, planes that are dark in the truth are left out of the
- * means: they say how clean a stack is, not how good a picture. *report is the caller's; `task` may be NULL. */
+ * NAME_aif.tif; files without one are told as a note. A NAME_depth2.tif of the truth says where a second surface is
+ * seen through the first: at a pixel, the nearer of the two to the result counts. In stacks, planes that are dark in
+ * the truth are left out of the means: they say how clean a stack is, not how good a picture. *report is the caller's;
+ * `task` may be NULL. */
 HADA_API hada_status hada_evaluate_run(hada_evaluate_report **report, const char *result, const char *truth,
                                        const hada_evaluate_task *task, hada_error *err);
 HADA_API int hada_evaluate_report_count(const hada_evaluate_report *report);

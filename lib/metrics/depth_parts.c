@@ -1,0 +1,151 @@
+/* Where distance maps are hard: at jumps, beyond the camera's depths, and where they do not trust themselves. */
+#include <hadalens/metrics.h>
+#include <math.h>
+#include <stdlib.h>
+
+#include "core/alloc.h"
+#include "core/options.h"
+
+/* As fractional indices; NaN stays. */
+static hada_status indices_of(double **out, const hada_image *map, const double *distances_mm, int count,
+                              hada_error *err)
+{
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)out, hada_image_count(map), sizeof **out, "depth indices", err));
+    for (size_t i = 0; i < hada_image_count(map); i++)
+        (*out)[i] = isnan(map->data[i]) ? (double)NAN : hada_depth_index(distances_mm, count, (double)map->data[i]);
+done:
+    return status;
+}
+
+/* Marks the pixels within `reach` of the line between two neighbours, (row, col) and the next one to the right or
+ * below.
+ */
+static void mark(const hada_image *map, unsigned char *parts, int row, int col, int down, int reach)
+{
+    const int top = row - reach + 1, left = col - reach + 1;
+    for (int r = down ? top : row - reach; r <= row + reach; r++)
+        for (int c = down ? col - reach : left; c <= col + reach; c++)
+            if (r >= 0 && c >= 0 && r < map->rows && c < map->cols &&
+                parts[(size_t)r * (size_t)map->cols + (size_t)c] == HADA_DEPTH_AWAY)
+                parts[(size_t)r * (size_t)map->cols + (size_t)c] = HADA_DEPTH_JUMP;
+}
+
+static void mark_jumps(const hada_image *map, const double *index, double jump, int reach, unsigned char *parts)
+{
+    for (int r = 0; r < map->rows; r++)
+        for (int c = 0; c < map->cols; c++) {
+            const size_t i = (size_t)r * (size_t)map->cols + (size_t)c;
+            if (c + 1 < map->cols && fabs(index[i] - index[i + 1]) > jump)
+                mark(map, parts, r, c, 0, reach);
+            if (r + 1 < map->rows && fabs(index[i] - index[i + (size_t)map->cols]) > jump)
+                mark(map, parts, r, c, 1, reach);
+        }
+}
+
+hada_status hada_metric_depth_parts(const hada_image *truth, const double *distances_mm, int count, double jump_steps,
+                                    int reach_pixels, unsigned char *parts, hada_error *err)
+{
+    const double jump = jump_steps == HADA_AUTO ? 0.5 : jump_steps;
+    const int reach = reach_pixels == HADA_AUTO ? 3 : reach_pixels;
+    double *index = NULL;
+    hada_status status = HADA_OK;
+    if (truth->channels != 1 || !distances_mm || count < 2)
+        return hada_fail(
+            err, HADA_ERROR_ARGUMENT,
+            "hada_metric_depth_parts: a map of one channel and a list of two distances or more are needed");
+    if (!(jump > 0.0) || reach < 1)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "jumps of %g steps, %d pixels about, are not possible", jump, reach);
+    HADA_TRY(indices_of(&index, truth, distances_mm, count, err));
+    for (size_t i = 0; i < hada_image_count(truth); i++)
+        parts[i] = isnan(index[i])                             ? HADA_DEPTH_NONE
+                   : index[i] < -0.5 || index[i] > count - 0.5 ? HADA_DEPTH_OUTSIDE
+                                                               : HADA_DEPTH_AWAY;
+    mark_jumps(truth, index, jump, reach, parts);
+done:
+    free(index);
+    return status;
+}
+
+typedef struct claim {
+    double confidence, error;
+} claim;
+
+static int more_confident(const void *a, const void *b)
+{
+    const double one = ((const claim *)a)->confidence, two = ((const claim *)b)->confidence;
+    return (one < two) - (one > two);
+}
+
+/* Pixels of the same confidence in any order: each of them stands for their mean. */
+static void level(claim *claims, size_t count)
+{
+    for (size_t i = 0; i < count;) {
+        size_t end = i;
+        double sum = 0.0;
+        for (; end < count && claims[end].confidence == claims[i].confidence; end++)
+            sum += claims[end].error;
+        for (const double mean = sum / (double)(end - i); i < end; i++)
+            claims[i].error = mean;
+    }
+}
+
+hada_status hada_metric_depth_confidence(const hada_image *map, const hada_image *truth, const hada_image *confidence,
+                                         const double *distances_mm, int count, const unsigned char *mask,
+                                         hada_confidence_score *out, hada_error *err)
+{
+    claim *claims = NULL;
+    size_t known = 0;
+    double sum = 0.0, half = 0.0, area = 0.0;
+    hada_status status = HADA_REPORT_CHECK(out, hada_confidence_score, err);
+    if (status || !out)
+        return status ? status : hada_fail(err, HADA_ERROR_ARGUMENT, "hada_metric_depth_confidence: out is needed");
+    const hada_image *all[] = {map, truth, confidence};
+    for (int k = 0; k < 3; k++)
+        if (all[k]->channels != 1 || all[k]->rows != map->rows || all[k]->cols != map->cols)
+            return hada_fail(err, HADA_ERROR_SIZE,
+                             "a map, its truth and its confidence must be of one size, and of one "
+                             "channel");
+    if (distances_mm && count < 2)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "a list of %d distances has no depth step; give two or more", count);
+    HADA_TRY(hada_alloc((void **)&claims, hada_image_count(map), sizeof *claims, "the pixels of a map", err));
+    for (size_t i = 0; i < hada_image_count(map); i++) {
+        const double m = (double)map->data[i], t = (double)truth->data[i], c = (double)confidence->data[i];
+        if ((mask && !mask[i]) || isnan(m) || isnan(t) || isnan(c))
+            continue;
+        const double error =
+            distances_mm ? hada_depth_index(distances_mm, count, m) - hada_depth_index(distances_mm, count, t) : m - t;
+        claims[known++] = (claim){c, fabs(error)};
+    }
+    qsort(claims, known, sizeof *claims, more_confident);
+    level(claims, known);
+    for (size_t i = 0; i < known; i++) {
+        sum += claims[i].error;
+        area += sum / (double)(i + 1);
+        if (i + 1 == (known + 1) / 2)
+            half = sum / (double)(i + 1);
+    }
+    const hada_confidence_score own = {.pixels = (long long)known,
+                                       .half_error = known ? half : (double)NAN,
+                                       .risk = known ? area / (double)known : (double)NAN};
+    HADA_REPORT_GIVE(out, &own);
+done:
+    free(claims);
+    return status;
+}
+
+hada_status hada_metric_depth_nearer(hada_image *truth, const hada_image *second, const hada_image *map,
+                                     const double *distances_mm, int count, hada_error *err)
+{
+    if (truth->channels != 1 || truth->rows != second->rows || truth->cols != second->cols || second->channels != 1 ||
+        map->channels != 1 || truth->rows != map->rows || truth->cols != map->cols)
+        return hada_fail(err, HADA_ERROR_SIZE, "two true maps and a result must be of one size, and of one channel");
+    for (size_t i = 0; i < hada_image_count(truth); i++) {
+        double at[] = {(double)truth->data[i], (double)second->data[i], (double)map->data[i]};
+        for (int k = 0; k < 3 && count >= 2; k++)
+            at[k] = isnan(at[k]) ? at[k] : hada_depth_index(distances_mm, count, at[k]);
+        if (isnan(at[0]) || fabs(at[1] - at[2]) < fabs(at[0] - at[2])) /* never where a number is missing */
+            truth->data[i] = second->data[i];
+    }
+    return HADA_OK;
+}

@@ -1,0 +1,134 @@
+#include "tasks/evaluate_pages.h"
+
+#include <hadalens/folder.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/alloc.h"
+#include "io/folder.h"
+
+/* Distances that are the same but for the rounding of a file's text. */
+#define SAME_DISTANCE 1e-3
+
+int hada_stem_ends(const char *name, size_t length, const char *end)
+{
+    const size_t tail = strlen(end);
+    return length >= tail && !memcmp(name + length - tail, end, tail);
+}
+
+size_t hada_stem_of(const char *path)
+{
+    const char *slash = strrchr(path, '/'), *name = slash ? slash + 1 : path;
+    return (size_t)(name - path) + hada_name_stem(name);
+}
+
+void hada_compared_close(hada_compared *open)
+{
+    hada_tiff_close(&open->result);
+    hada_tiff_close(&open->truth);
+    free(open->page);
+}
+
+/* Slices by their distances, when the numbers of pages differ. */
+static hada_status match_slices(hada_compared *open, hada_error *err)
+{
+    const hada_tiff_info *result = hada_tiff_get_info(open->result), *truth = hada_tiff_get_info(open->truth);
+    const size_t results = (size_t)result->frames, truths = (size_t)truth->frames;
+    hada_status status = HADA_OK;
+    double *have = NULL, *want = NULL;
+    int found = 0;
+    HADA_TRY(hada_alloc((void **)&have, results, sizeof *have, "distances", err));
+    HADA_TRY(hada_alloc((void **)&want, truths, sizeof *want, "distances", err));
+    if (hada_tiff_distances(open->result, have, results) == results &&
+        hada_tiff_distances(open->truth, want, truths) == truths)
+        for (int t = 0; t < truth->frames; t++)
+            for (int r = 0; r < result->frames && open->page[t] < 0; r++)
+                if (fabs(have[r] - want[t]) < SAME_DISTANCE * want[t]) {
+                    open->page[t] = r;
+                    found++;
+                }
+    if (!found)
+        HADA_TRY(hada_fail(err, HADA_ERROR_SIZE,
+                           "%s has %d %s and %s has %d, and their distances do not tell which belong together",
+                           open->result_path, result->frames, result->frames == 1 ? "image" : "images",
+                           open->truth_path, truth->frames));
+done:
+    free(have);
+    free(want);
+    return status;
+}
+
+static hada_status open_tiff(hada_tiff_reader **reader, const char *path, hada_error *err)
+{
+    const hada_status status = hada_tiff_open(reader, path, err);
+    if (status)
+        hada_error_prefix_path(err, path);
+    return status;
+}
+
+hada_status hada_compared_open(hada_compared *open, const char *result, const char *truth, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    *open = (hada_compared){.result_path = result, .truth_path = truth};
+    HADA_TRY(open_tiff(&open->result, result, err));
+    HADA_TRY(open_tiff(&open->truth, truth, err));
+    open->count = hada_tiff_get_info(open->truth)->frames;
+    HADA_TRY(hada_alloc((void **)&open->page, (size_t)open->count, sizeof *open->page, "a list of pages", err));
+    const int equal = hada_tiff_get_info(open->result)->frames == open->count;
+    for (int t = 0; t < open->count; t++)
+        open->page[t] = equal ? t : -1;
+    if (!equal)
+        HADA_TRY(match_slices(open, err));
+done:
+    return status;
+}
+
+void hada_compared_page_free(hada_compared_page *one)
+{
+    hada_image_destroy(&one->result);
+    hada_image_destroy(&one->truth);
+    free(one->mask);
+    one->mask = NULL;
+}
+
+/* What the result has for page t of the truth. */
+static hada_status read_result(hada_compared_page *one, const hada_compared *open, int t, hada_error *err)
+{
+    hada_image *result = &one->result;
+    const hada_image *truth = &one->truth;
+    hada_status status = hada_tiff_read(open->result, open->page[t], result, err);
+    if (status)
+        hada_error_prefix_path(err, open->result_path);
+    else if (result->channels != truth->channels || result->rows != truth->rows || result->cols != truth->cols)
+        status = hada_fail(err, HADA_ERROR_SIZE, "%s is %dx%d with %d %s, but %s is %dx%d with %d", open->result_path,
+                           result->rows, result->cols, result->channels, result->channels == 1 ? "channel" : "channels",
+                           open->truth_path, truth->rows, truth->cols, truth->channels);
+    return status;
+}
+
+hada_status hada_compared_read(hada_compared_page *one, const hada_compared *open, int t, const hada_region *region,
+                               hada_error *err)
+{
+    hada_image *truth = &one->truth;
+    hada_status status = HADA_OK;
+    int reading_truth = 1;
+    *one = (hada_compared_page){0};
+    HADA_TRY(hada_tiff_read(open->truth, t, truth, err));
+    HADA_TRY(hada_region_mask(region, truth->rows, truth->cols, &one->mask, err));
+    reading_truth = 0;
+    if (open->page[t] >= 0) {
+        HADA_TRY(read_result(one, open, t, err));
+        HADA_TRY(hada_region_cut(region, &one->result, err));
+    }
+    HADA_TRY(hada_region_cut(region, truth, err));
+done:
+    if (status && reading_truth)
+        hada_error_prefix_path(err, open->truth_path);
+    return status;
+}
+
+int hada_compared_counts(const hada_compared_page *one, size_t i)
+{
+    return !one->mask || one->mask[i % ((size_t)one->truth.rows * (size_t)one->truth.cols)];
+}

@@ -10,16 +10,16 @@ import argparse
 import json
 import pathlib
 import shutil
-import struct
-import subprocess
 import sys
 import tempfile
-import zlib
 
 import numpy as np
 import tifffile
 
 here = pathlib.Path(__file__).resolve().parent
+sys.path.insert(0, str(here))
+import frames  # noqa: E402
+from frames import picture  # noqa: E402
 parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
 parser.add_argument("--build", default=str(here.parent / "build" / "release"))
 parser.add_argument("--scenes", default="procedural")
@@ -46,10 +46,7 @@ def say(line=""):
 
 
 def run(*words):
-    done = subprocess.run([hadalens, *map(str, words)], capture_output=True, text=True)
-    if done.returncode:
-        raise SystemExit(f"hadalens {' '.join(map(str, words))}\n{done.stderr}")
-    return done.stdout
+    return frames.run(hadalens, *words)
 
 
 # A way: its name, whether it takes the designer's PSFs, and its options; TV is replaced by the weight that serves best.
@@ -65,46 +62,14 @@ CLASSIC = [
 ]
 
 
-def png(path, image):
-    """8-bit RGB, rows x cols x 3, values 0 to 1."""
-    pixels = (255 * np.clip(image, 0, 1) ** (1 / 2.2) + 0.5).astype(np.uint8)
-    raw = b"".join(b"\0" + row.tobytes() for row in pixels)
-
-    def chunk(kind, data):
-        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
-    head = struct.pack(">IIBBBBB", pixels.shape[1], pixels.shape[0], 8, 2, 0, 0, 0)
-    path.write_bytes(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", zlib.compress(raw, 9)) + chunk(b"IEND", b""))
-
-
-def picture(path):
-    """A TIFF image as rows x cols x 3 of floats."""
-    image = np.asarray(tifffile.imread(path), float)
-    image = image[None] if image.ndim == 2 else image
-    image = image if image.shape[-1] in (1, 3) else np.moveaxis(image, 0, -1)
-    return np.repeat(image, 3, -1) if image.shape[-1] == 1 else image
-
-
 def sheet(name, panels, side, per_row=4):
     """Panels side by side, in rows, each scaled to its own brightness where it has no truth (gain given)."""
-    if not o.pictures:
-        return
-    def scaled(image):
-        rows = np.arange(side) * image.shape[0] // side
-        cols = np.arange(side) * image.shape[1] // side
-        return image[rows][:, cols]
-    panels = [scaled(p) for p in panels]
-    panels += [np.ones_like(panels[0])] * (-len(panels) % per_row)
-    grid = [np.concatenate(panels[k:k + per_row], 1) for k in range(0, len(panels), per_row)]
-    folder = pathlib.Path(o.pictures)
-    folder.mkdir(parents=True, exist_ok=True)
-    png(folder / name, np.concatenate(grid, 0))
+    if o.pictures:
+        frames.sheet(pathlib.Path(o.pictures) / name, panels, side, per_row)
 
 
 def reconstruct(files, model, out, options):
-    shutil.rmtree(out, ignore_errors=True)
-    report = json.loads(run("reconstruct", *files, "-m", model, "-o", out, "--no-preview", "--json", *options))
-    seconds = sorted(f["frames"][0]["seconds"]["total"] for f in report["files"][1:] or report["files"])
-    return seconds[len(seconds) // 2]
+    return frames.reconstruct(hadalens, files, model, out, options)
 
 
 def evaluate(out, truth, *options):

@@ -241,7 +241,8 @@ static hada_status make(hada_between *b, double depth, cl_mem out, size_t at, co
         HADA_TRY(hada_fft_forward(b->forward, channels, b->image.mem, 0, whole, to ? 0 : at, err));
     }
     if (to)
-        HADA_TRY(hada_surface_crop(b->slot, whole, known ? from : 0, &b->layout, channels, 1, 0.0, out, at, to, err));
+        HADA_TRY(
+            hada_surface_crop(b->slot, whole, known ? from : 0, &b->layout, channels, 1, 1.0, 0.0, out, at, to, err));
     else if (known)
         HADA_TRY(hada_buffer_copy(b->slot, whole, from * 2 * sizeof(float), out, at * 2 * sizeof(float),
                                   step * 2 * sizeof(float), err));

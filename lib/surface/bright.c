@@ -98,10 +98,11 @@ static void add_rings(const float *image, int rows, int cols, double *ring)
     }
 }
 
-hada_status hada_bright_edge(const float *coefficients, int depths, int rows, int cols, double *edge, hada_error *err)
+hada_status hada_bright_edge(const float *coefficients, int depths, int rows, int cols, double *edge, double *spread,
+                             hada_error *err)
 {
     const size_t rings = (size_t)(rows + cols), area = (size_t)rows * (size_t)cols;
-    double *ring = NULL, all = 0.0, sum = 0.0;
+    double *ring = NULL, all = 0.0, sum = 0.0, square = 0.0;
     float *image = NULL;
     size_t r = 0;
     hada_status status = HADA_OK;
@@ -116,7 +117,10 @@ hada_status hada_bright_edge(const float *coefficients, int depths, int rows, in
         all += ring[i];
     for (sum = ring[0]; sum < EDGE_SHARE * all && r + 1 < rings; sum += ring[r])
         r++;
+    for (size_t i = 0; i <= r; i++)
+        square += ring[i] * (double)(i * i);
     *edge = r > 1 ? (double)r : 1.0;
+    *spread = sum > 0.0 && square > sum ? sqrt(square / sum) : 1.0;
 done:
     free(image);
     free(ring);

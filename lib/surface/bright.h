@@ -17,8 +17,10 @@ typedef struct hada_bright {
 } hada_bright;
 
 /* Of PSFs by their spline coefficients, [depths][rows][cols], origin at pixel (0, 0): the radius within which 0.9 of
- * their energy lies, without that of noise; 1 at least. */
-hada_status hada_bright_edge(const float *coefficients, int depths, int rows, int cols, double *edge, hada_error *err);
+ * their energy lies, without that of noise; 1 at least; and *spread, the root of the mean square of its distance
+ * within. */
+hada_status hada_bright_edge(const float *coefficients, int depths, int rows, int cols, double *edge, double *spread,
+                             hada_error *err);
 
 /* A PSF's bright pixels, those far out before others: the farther out, the more they move. */
 hada_status hada_bright_find(hada_bright *out, const float *coefficients, int rows, int cols, double edge,

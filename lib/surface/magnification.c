@@ -44,6 +44,17 @@ hada_magnified hada_magnification_at(const hada_magnification *m, double depth)
                             (1.0 - f) * a->col + f * b->col};
 }
 
+static double shift_of(const hada_magnification *m, int k, double radius)
+{
+    const hada_magnified by = hada_magnified_between(&m->depth[k], &m->depth[k + 1]);
+    return fabs(by.scale - 1.0) * radius + hypot(by.row, by.col);
+}
+
+double hada_magnification_shift(const hada_magnification *m, int k, double radius)
+{
+    return m->kind == HADA_MAGNIFICATION_NONE ? m->unexplained[HADA_MAGNIFICATION_NONE] : shift_of(m, k, radius);
+}
+
 int hada_magnification_steps(const hada_magnification *m, double pixels)
 {
     const int steps = (int)ceil(m->shift / pixels);
@@ -59,6 +70,7 @@ void hada_magnification_zoom(hada_magnification *m, double zoom)
     m->row *= zoom;
     m->col *= zoom;
     m->edge *= zoom;
+    m->spread *= zoom;
     m->shift *= zoom;
 }
 
@@ -192,10 +204,8 @@ static double unexplained(const fit *f)
 static double largest_shift(const hada_magnification *m)
 {
     double shift = 0.0;
-    for (int k = 0; k + 1 < m->depths; k++) {
-        const hada_magnified by = hada_magnified_between(&m->depth[k], &m->depth[k + 1]);
-        shift = fmax(shift, fabs(by.scale - 1.0) * m->edge + hypot(by.row, by.col));
-    }
+    for (int k = 0; k + 1 < m->depths; k++)
+        shift = fmax(shift, shift_of(m, k, m->edge));
     return shift;
 }
 
@@ -312,7 +322,7 @@ hada_status hada_magnification_fit(hada_magnification *out, int depths, const do
         out->inverse[k] = 1.0 / distances[k];
         out->depth[k].scale = 1.0;
     }
-    HADA_TRY(hada_bright_edge(coefficients, depths, rows, cols, &out->edge, err));
+    HADA_TRY(hada_bright_edge(coefficients, depths, rows, cols, &out->edge, &out->spread, err));
     for (size_t k = 0; k < count; k++)
         HADA_TRY(hada_bright_find(&f.bright[k], coefficients + k * area, rows, cols, out->edge, err));
     if (depths > 1)

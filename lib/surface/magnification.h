@@ -30,6 +30,7 @@ typedef struct hada_magnification {
     double row, col;       /* the law's: pixels that the pattern moves, times distance: 0 where the grid's origin is the
                               optical axis */
     double edge;           /* radius in pixels within which 0.9 of the PSFs' energy lies */
+    double spread;         /* root of the mean square of that radius' light's distance from the origin */
     double shift;          /* largest, of light at the edge, between neighbours, in pixels */
     double unexplained[HADA_MAGNIFICATION_KINDS]; /* |difference| / |PSF| at its brightest pixels when each depth is
                                                      predicted from its two neighbours (two depths: from the other one);
@@ -50,6 +51,11 @@ hada_magnified hada_magnification_at(const hada_magnification *magnification, do
 
 /* What makes the PSF `from` the PSF `to`: to(x) = 1/scale^2 from((x - place) / scale). */
 hada_magnified hada_magnified_between(const hada_magnified *from, const hada_magnified *to);
+
+/* How far light at this radius moves from a depth to the next, in pixels, k < depths - 1. Where there is no law, as
+ * much as a pattern of spots of a pixel would have to move to change by what one depth leaves unexplained of the next.
+ */
+double hada_magnification_shift(const hada_magnification *magnification, int k, double radius);
 
 /* Steps from a depth to the next so that light at the edge moves by at most `pixels` a step. */
 int hada_magnification_steps(const hada_magnification *magnification, double pixels);

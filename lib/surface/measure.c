@@ -36,12 +36,12 @@ done:
 }
 
 hada_status hada_surface_crop(hada_slot *slot, cl_mem in, size_t in_offset, const hada_spectrum_layout *from,
-                              int images, int channels, double tapers, cl_mem out, size_t out_offset,
+                              int images, int channels, double factor, double tapers, cl_mem out, size_t out_offset,
                               const hada_spectrum_layout *to, hada_error *err)
 {
     const hada_range range =
         hada_range_of((size_t)to->blocks * (size_t)to->block, to->block < 8 ? 1 : 8, (size_t)to->rows, (size_t)images);
-    const hada_refine_crop crop = {.parts = 2, .channels = channels, .factor = 1.0F, .tapers = (float)tapers};
+    const hada_refine_crop crop = {.parts = 2, .channels = channels, .factor = (float)factor, .tapers = (float)tapers};
     hada_slot_cost(slot, 8.0 * images * (channels + 1.0) * to->rows * (to->cols / 2 + 1.0), 0);
     return hada_launch_refine_crop(slot, HADA_PROGRAM_REFINE_DEFAULT, &range, err, .in = in, .in_offset = in_offset,
                                    .in_shape = hada_spectrum_shape_of(from), .out = out,
@@ -104,7 +104,7 @@ hada_status hada_magnification_measure(hada_magnification *out, hada_slot *slot,
     for (size_t k = 0; k < (size_t)camera->depths; k++) {
         const hada_fft_filter use = {.product = HADA_FFT_COMPLEX, .filter = prefilter.mem, .spectrum_count = 1};
         HADA_TRY(hada_surface_crop(slot, camera->otf, camera->first * full.count + k * step, &full, 1, camera->channels,
-                                   zoom > 1.0 ? TAPERS : 0.0, spectrum.mem, 0, &small, err));
+                                   1.0, zoom > 1.0 ? TAPERS : 0.0, spectrum.mem, 0, &small, err));
         HADA_TRY(hada_fft_inverse(plan, 1, spectrum.mem, 0, image.mem, 0, &use, err));
         HADA_TRY(hada_buffer_read(&image, slot, 0, coefficients + k * area, area * sizeof(float), err));
     }

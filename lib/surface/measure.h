@@ -28,10 +28,11 @@ hada_spectrum_layout hada_surface_layout(const hada_context *context, int rows, 
 hada_status hada_surface_prefilter(hada_buffer *out, hada_slot *slot, const hada_spectrum_layout *layout,
                                    hada_error *err);
 
-/* `images` transfer functions, each the mean of `channels` of those that are read, for a coarser grid. tapers: times
- * that a Gaussian window over the frequencies is applied, 1/2 at the coarse grid's last. Offsets in complex numbers. */
+/* `images` spectra, each `factor` times the mean of `channels` of those that are read, for a coarser grid. tapers:
+ * times that a Gaussian window over the frequencies is applied, 1/2 at the coarse grid's last. Offsets in complex
+ * numbers. */
 hada_status hada_surface_crop(hada_slot *slot, cl_mem in, size_t in_offset, const hada_spectrum_layout *from,
-                              int images, int channels, double tapers, cl_mem out, size_t out_offset,
+                              int images, int channels, double factor, double tapers, cl_mem out, size_t out_offset,
                               const hada_spectrum_layout *to, hada_error *err);
 
 #endif

@@ -1,0 +1,55 @@
+/* Depth maps on the host: from the light of planes, from a level of resolution to the next, smoothed, trusted. Internal
+ * to lib/surface.
+ *
+ * Maps count depth in planes or in depths of the camera, as the caller does. Arithmetic is double, in a fixed order. */
+#ifndef HADA_SURFACE_DEPTH_MAP_H
+#define HADA_SURFACE_DEPTH_MAP_H
+
+#include "core/error.h"
+
+typedef struct hada_map_size {
+    int rows, cols;
+} hada_map_size;
+
+/* Where the pixel (y, x) of a map lies in another: row + y * down, col + x * along, in its pixels. */
+typedef struct hada_map_place {
+    double row, col, down, along;
+} hada_map_place;
+
+/* The centre of mass over planes of their light, [planes][channels][rows][cols], summed over channels and smoothed over
+ * pixels by a Gaussian of `blur` pixels: depth, in planes, and light, [rows][cols]. The middle of the planes where
+ * there is no light. */
+hada_status hada_map_centre(const float *light, int planes, int channels, hada_map_size size, double blur, float *depth,
+                            float *sum, hada_error *err);
+
+/* Planes that a level may fill by a map of another: allowed[planes][to] is 1 from `margin` below the least to `margin`
+ * above the most of the 3 x 3 pixels round the one where it lies, whole planes outwards, else 0. `scale` planes are one
+ * of the map's units. */
+hada_status hada_map_band(const float *depth, hada_map_size from, double scale, double margin, int planes,
+                          hada_map_size to, const hada_map_place *place, float *allowed, hada_error *err);
+
+/* Linear between the pixels of `in`, which go on outside as they are at its edge. */
+void hada_map_resample(const float *in, hada_map_size from, float *out, hada_map_size to, const hada_map_place *place);
+
+/* In place, towards the minimum over depths of  sum 1/2 light (d - depth)^2 + weight sum edge |grad d|,  light in units
+ * of its mean times `data`, edge = exp(-|grad texture| / (tolerance mean texture)), |grad texture| over all channels: a
+ * fixed number of primal-dual steps (A. Chambolle and T. Pock, Journal of Mathematical Imaging and Vision 40(1), 120
+ * (2011)).
+ */
+typedef struct hada_map_rule {
+    double weight, data, tolerance;
+    int steps;
+} hada_map_rule;
+void hada_map_rule_init(hada_map_rule *rule);
+hada_status hada_map_smooth(float *depth, const float *light, const float *texture, int channels, hada_map_size size,
+                            const hada_map_rule *rule, hada_error *err);
+
+/* How sure the depth of a pixel is: 1 / (1 + (s / 0.5)^2), s its standard deviation in depths of the camera:
+ * noise / (shift * root of the sum of |grad texture|^2 over channels and (2 radius + 1)^2 pixels). noise: of the
+ * gradient by which the texture was found; shift: rms, of the PSF's light from a depth to the next, in pixels, at each
+ * depth of the camera; depth in depths of the camera. */
+hada_status hada_map_confidence(const float *texture, int channels, const float *depth, hada_map_size size,
+                                double noise, const double *shift, int depths, int radius, float *confidence,
+                                hada_error *err);
+
+#endif

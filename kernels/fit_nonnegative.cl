@@ -6,9 +6,10 @@
 
 /* Between the pairs and a guess G, each by its weight: H = (S + weight G) / (w + weight), S = conj(Sxb) scale,
  * w = Sxx scale. Written to the image of `out`; G stands from complex number `guess_first` of `guess` on and may be
- * what is written. guessed 0: G = 0. */
-__kernel void fit_blend(__global const float *sums, __global const float *guess, ulong guess_first, int guessed,
-                        __global float *out, hada_fit_image image, hada_fit_blend_rule rule)
+ * what is written. guessed 0: G = 0. is_filled 1: S = filled scale, which stands from the same number on. */
+__kernel void fit_blend(__global const float *sums, __global const float *filled, int is_filled,
+                        __global const float *guess, ulong guess_first, int guessed, __global float *out,
+                        hada_fit_image image, hada_fit_blend_rule rule)
 {
     const size_t i = get_global_id(0), first = 8 * i, count = image.count, stride = image.stride;
     const float scale = rule.scale, weight = rule.weight;
@@ -16,8 +17,12 @@ __kernel void fit_blend(__global const float *sums, __global const float *guess,
         return;
     const float8 under = fma(max(fit_high(sums, stride, 3, i), 0.0f), (float8)scale, (float8)weight);
     float16 h;
-    h.even = fit_high(sums, stride, 0, i) * scale;
-    h.odd = fit_high(sums, stride, 1, i) * -scale;
+    if (is_filled) {
+        h = vload16(i, filled + 2 * guess_first) * scale;
+    } else {
+        h.even = fit_high(sums, stride, 0, i) * scale;
+        h.odd = fit_high(sums, stride, 1, i) * -scale;
+    }
     __global const float *g = guess + 2 * guess_first;
     __global float *to = out + 2 * image.first;
     if (first + 8 <= count) {

@@ -10,7 +10,7 @@
 
 typedef struct settings {
     hada_cli_common common;
-    const char *output, *psf, *dark, *refine, *refine_tv, *distances, *sums, *response;
+    const char *output, *psf, *dark, *refine, *refine_tv, *crop_passes, *distances, *sums, *response;
     hada_cli_texts merge;
     int form, boundary; /* 0: not given */
     int exposure;       /* a hada_exposure */
@@ -76,6 +76,11 @@ static const hada_cli_option options[] = {
      "Below 1 filters are judged in the window, which takes several looks at every pair; with 1 the fit is one pass. "
      "Without it the weight is chosen unless refinement, which does without the filters, is found to be clearly better.",
      AT(outside)},
+    {HADA_OPTION_TEXT, "crop-passes", 0, "N|auto|0",
+     "iterations with which transfer functions are learned where the sensor crops (default: auto)",
+     "With the boundary padded, light that leaves the sensor is missing in every pair; each iteration looks at all of "
+     "them. auto: 15, fewer where nothing leaves. 0: one pass, without it. Merged sums cannot have it.",
+     AT(crop_passes)},
     {HADA_OPTION_TEXT, "refine", 0, "N|auto|0", "refinement steps that the model recommends (default: auto)",
      "auto measures by leave-one-out whether refinement pays for this camera.", AT(refine)},
     {HADA_OPTION_TEXT, "refine-tv", 0, "W|auto|0", "weight of total variation in refinement (default: auto)",
@@ -94,7 +99,7 @@ static void defaults(void *user)
 {
     settings *set = user;
     set->dark = "none";
-    set->refine = set->refine_tv = set->response = "auto";
+    set->refine = set->refine_tv = set->crop_passes = set->response = "auto";
     set->alpha = set->lambda = set->outside = set->psf_dark = -1;
     set->psf_sign = -1;
 }
@@ -209,6 +214,15 @@ static void tell_sums(hada_cli *cli, const settings *set, const hada_model *mode
                  pairs, set->merge.count, set->merge.count == 1 ? "" : "s");
 }
 
+static hada_status read_crop_passes(const char *text, int *passes, hada_error *err)
+{
+    *passes = (int)HADA_AUTO;
+    if (!strcmp(text, "auto") || hada_cli_read_count(text, passes))
+        return HADA_OK;
+    return hada_cli_error(err, HADA_ERROR_ARGUMENT, "--crop-passes takes a number of iterations or 'auto', not '%s'",
+                          text);
+}
+
 /* From a data set's pairs, or (folder NULL) from saved sums. */
 static hada_status fit_pairs(hada_cli *cli, const settings *set, const char *folder, hada_context *context,
                              hada_model **model, hada_error *err)
@@ -241,6 +255,7 @@ static hada_status fit_pairs(hada_cli *cli, const settings *set, const char *fol
     task.monitor = &cli->monitor;
     HADA_TRY(hada_response_from_name(&fit.scene_response, set->response, err));
     HADA_TRY(hada_cli_read_refine(set->refine, &fit.refine_steps, err));
+    HADA_TRY(read_crop_passes(set->crop_passes, &fit.crop_passes, err));
     HADA_TRY(hada_cli_read_refine_tv(set->refine_tv, &fit.refine_tv, err));
     if (folder) {
         HADA_TRY(hada_dataset_scan(&data, folder, &scan, err));
@@ -340,6 +355,8 @@ static int check(hada_cli *cli, const settings *set, int count, const char **arg
         return hada_cli_usage(cli, "forms complex and split are learned from pairs; with --psf take wiener or matched");
     if (set->psf && set->psf_sign >= 0)
         return hada_cli_usage(cli, "--psf-sign belongs to pairs; what --psf gives is made non-negative anyway");
+    if (set->psf && strcmp(set->crop_passes, "auto"))
+        return hada_cli_usage(cli, "--crop-passes belongs to pairs, not to --psf");
     if (set->outside >= 0 && set->psf)
         return hada_cli_usage(cli, "--outside belongs to pairs, not to --psf");
     if (set->outside >= 0 && set->outside < 1 && set->merge.count)

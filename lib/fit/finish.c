@@ -103,7 +103,7 @@ static hada_status solve_and_try(hada_fitter *fitter, hada_model **out, table *a
         HADA_TRY(hada_nonnegative_create(&nonnegative, fitter->grid.slot, info->grid_rows, info->grid_cols,
                                          info->channels, err));
     HADA_TRY(hada_fit_model_make(out, &fitter->sums, hada_leave_one_out_best(&fitter->scores), fitter->outside.filters,
-                                 nonnegative, err));
+                                 &fitter->transfers, nonnegative, err));
     HADA_TRY(list_filters(fitter, all, err));
     set_refinement(*out, options->refine_steps < 0 ? REFINE_STEPS : options->refine_steps,
                    options->refine_tv > 0.0 ? options->refine_tv : 0.0);
@@ -167,6 +167,8 @@ hada_status hada_fitter_judge_and_finish(hada_fitter *fitter, hada_fit_show show
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "hada_fitter_judge_and_finish: a fitter, a function that shows pairs, out and rows are "
                          "needed");
+    if (!fitter->transfers.otf)
+        HADA_TRY(hada_fitter_learn_cropped(fitter, show, user, err));
     /* refinement is tried where its steps are not given; without that there is nothing to learn before judging */
     if (fitter->options.outside < 0.0 && fitter->options.refine_steps < 0) {
         HADA_TRY(hada_fitter_finish(fitter, out, rows, row_count, err));

@@ -11,6 +11,7 @@
 typedef struct solve_work {
     hada_fit_sums *sums;
     const float *filters;
+    const hada_fit_transfers *learned;
     hada_nonnegative *nonnegative;
     hada_buffer out, partial;
     float *blocks, *rows;
@@ -84,8 +85,14 @@ static hada_status solve_depth(solve_work *work, hada_model *model, int z, hada_
     const size_t values = 2 * hada_model_plane(model), channels = (size_t)model->info.channels;
     const size_t first = (size_t)z * channels;
     hada_status status = HADA_OK;
-    for (size_t c = 0; c < channels; c++) {
+    for (size_t c = 0; c < channels; c++)
         HADA_TRY(solve_filter(work, model, z, (int)c, model->filter + (first + c) * values, err));
+    if (work->learned->otf) {
+        memcpy(model->otf + first * values, work->learned->otf + first * values, channels * values * sizeof(float));
+        memcpy(model->noise_power + first, work->learned->noise + first, channels * sizeof(double));
+        return HADA_OK;
+    }
+    for (size_t c = 0; c < channels; c++) {
         HADA_TRY(noise_power(work, z, (int)c, &model->noise_power[first + c], err));
         work->trust[c] = hada_nonnegative_trust(model->noise_power[first + c], depth->raw_energy[c]);
     }
@@ -127,9 +134,9 @@ static hada_status check_depths(const hada_fit_sums *sums, hada_error *err)
 }
 
 hada_status hada_fit_model_make(hada_model **out, hada_fit_sums *sums, hada_fit_setting setting, const float *filters,
-                                hada_nonnegative *nonnegative, hada_error *err)
+                                const hada_fit_transfers *learned, hada_nonnegative *nonnegative, hada_error *err)
 {
-    solve_work work = {.sums = sums, .filters = filters, .nonnegative = nonnegative};
+    solve_work work = {.sums = sums, .filters = filters, .learned = learned, .nonnegative = nonnegative};
     hada_model_info info = sums->grid->info;
     const size_t channels = (size_t)info.channels;
     double noise = 0.0;

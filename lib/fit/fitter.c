@@ -7,6 +7,7 @@
 
 #include "core/alloc.h"
 #include "core/options.h"
+#include "fit/cropped.h"
 #include "fit/sums_file.h"
 
 void hada_fit_options_defaults(hada_fit_options *options, size_t size)
@@ -20,7 +21,8 @@ void hada_fit_options_defaults(hada_fit_options *options, size_t size)
                                   .refine_steps = HADA_AUTO,
                                   .refine_tv = HADA_AUTO,
                                   .nonnegative = 1,
-                                  .scene_response = HADA_AUTO};
+                                  .scene_response = HADA_AUTO,
+                                  .crop_passes = (int)HADA_AUTO};
     HADA_OPTIONS_GIVE(options, size, &own);
 }
 
@@ -59,6 +61,10 @@ static hada_status check_options(const hada_fit_options *options, hada_error *er
                          "the weight outside the window is %g; it must lie between %g and 1, or be negative to have it "
                          "chosen",
                          options->outside, HADA_FIT_LEAST_OUTSIDE);
+    if (options->crop_passes > 0 && options->crop_passes < HADA_FIT_LEAST_PASSES)
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "crop_passes is %d; it must be at least %d, or 0 for none, or negative to have it chosen",
+                         options->crop_passes, HADA_FIT_LEAST_PASSES);
     return HADA_OK;
 }
 
@@ -94,6 +100,7 @@ static void forget_choices(hada_fitter *fitter)
     hada_leave_one_out_forget(&fitter->scores);
     hada_fit_kept_free(&fitter->kept);
     hada_fit_outside_free(&fitter->outside);
+    hada_fit_transfers_free(&fitter->transfers);
 }
 
 void hada_fitter_destroy(hada_fitter **pointer)
@@ -104,6 +111,7 @@ void hada_fitter_destroy(hada_fitter **pointer)
     *pointer = NULL;
     if (fitter->grid.slot)
         hada_slot_finish(fitter->grid.slot, NULL);
+    hada_fit_transfers_free(&fitter->transfers);
     hada_fit_outside_free(&fitter->outside);
     hada_fit_kept_free(&fitter->kept);
     hada_leave_one_out_destroy(&fitter->scores);
@@ -205,6 +213,20 @@ hada_status hada_fitter_score(hada_fitter *fitter, int depth, const hada_image *
         HADA_TRY(hada_fit_keep(&fitter->kept, pair, depth, err));
 done:
     return status;
+}
+
+hada_status hada_fitter_learn_cropped(hada_fitter *fitter, hada_fit_show show, void *user, hada_error *err)
+{
+    if (!fitter || !show)
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "hada_fitter_learn_cropped: a fitter and a function that shows pairs are needed");
+    const hada_fit_options *options = &fitter->options;
+    hada_fit_transfers_free(&fitter->transfers);
+    if (options->boundary != HADA_BOUNDARY_PADDED || !options->nonnegative || !options->crop_passes)
+        return HADA_OK;
+    return hada_fit_transfers_learn(&fitter->transfers, &fitter->sums, &fitter->pair, &fitter->kept,
+                                    options->crop_passes < 0 ? HADA_FIT_CROP_PASSES : options->crop_passes, show, user,
+                                    err);
 }
 
 hada_status hada_fitter_judge(hada_fitter *fitter, hada_fit_show show, void *user, hada_error *err)

@@ -5,6 +5,7 @@
 #include "fit/fit_sums.h"
 #include "fit/leave_one_out.h"
 #include "fit/outside.h"
+#include "fit/transfers.h"
 #include "fit/trial.h"
 
 struct hada_fitter {
@@ -16,6 +17,7 @@ struct hada_fitter {
     hada_leave_one_out scores;
     hada_fit_kept kept;
     hada_fit_outside outside;
+    hada_fit_transfers transfers;
 };
 
 #endif

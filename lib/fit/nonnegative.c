@@ -116,16 +116,9 @@ void hada_nonnegative_destroy(hada_nonnegative **pointer)
     free(plan);
 }
 
-/* Sums of pairs as the kernels take them. */
-typedef struct pairs_sums {
-    const hada_buffer *sums; /* per channel */
-    size_t stride;
-    const double *mean; /* per channel, of Sxx */
-} pairs_sums;
-
-/* Every channel's transfer function, between its sums and (guessed) the plan's spectra. weight: of all channels, times
+/* Every channel's transfer function, between the data and (guessed) the plan's spectra. weight: of all channels, times
  * that of each (or NULL). */
-static hada_status blend(hada_nonnegative *plan, int channels, const pairs_sums *pairs, double weight,
+static hada_status blend(hada_nonnegative *plan, int channels, const hada_nonnegative_data *data, double weight,
                          const double *weights, int guessed, cl_mem out, size_t at, hada_error *err)
 {
     const size_t count = plan->layout.count, vectors = hada_divide_up(count, HADA_FIT_VECTOR);
@@ -133,14 +126,16 @@ static hada_status blend(hada_nonnegative *plan, int channels, const pairs_sums 
     hada_status status = HADA_OK;
     for (int c = 0; c < channels; c++) {
         const size_t first = (size_t)c * count;
-        const hada_fit_image image = {.first = at + first, .count = count, .vectors = vectors, .stride = pairs->stride};
-        const hada_fit_blend_rule rule = {.scale = pairs->mean[c] > FLT_MIN ? (float)(1.0 / pairs->mean[c])
-                                                                            : 0.0f, /* 0: scenes were dark */
+        const hada_fit_image image = {.first = at + first, .count = count, .vectors = vectors, .stride = data->stride};
+        const hada_fit_blend_rule rule = {.scale = data->mean[c] > FLT_MIN ? (float)(1.0 / data->mean[c])
+                                                                           : 0.0f, /* 0: scenes were dark */
                                           .weight = (float)(weights ? weight * weights[c] : weight)};
         hada_slot_cost(plan->slot, (guessed ? 28.0 : 20.0) * (double)count, 9.0 * (double)count);
-        HADA_TRY(hada_launch_fit_blend(plan->slot, HADA_PROGRAM_FIT_NONNEGATIVE_DEFAULT, &range, err,
-                                       .sums = pairs->sums[c].mem, .guess = plan->spectrum.mem, .guess_first = first,
-                                       .guessed = guessed, .out = out, .image = image, .rule = rule));
+        HADA_TRY(
+            hada_launch_fit_blend(plan->slot, HADA_PROGRAM_FIT_NONNEGATIVE_DEFAULT, &range, err,
+                                  .sums = data->sums[c].mem, .filled = data->filled ? data->filled : plan->spectrum.mem,
+                                  .is_filled = data->filled != NULL, .guess = plan->spectrum.mem, .guess_first = first,
+                                  .guessed = guessed, .out = out, .image = image, .rule = rule));
     }
 done:
     return status;
@@ -156,30 +151,64 @@ static hada_status clip(hada_nonnegative *plan, int channels, hada_fit_clip_rule
                                 .v = plan->state.mem, .rule = rule, .vectors = vectors);
 }
 
+static hada_status guess(hada_nonnegative *plan, int channels, hada_error *err)
+{
+    return hada_fft_forward(plan->forward, channels, plan->image.mem, 0, plan->spectrum.mem, 0, err);
+}
+
+hada_status hada_nonnegative_step(hada_nonnegative *plan, int channels, const hada_nonnegative_data *data,
+                                  const hada_nonnegative_weights *at, cl_mem out, hada_error *err)
+{
+    const hada_fit_clip_rule rule = {
+        .relaxation = (float)at->relaxation, .dual_scale = (float)at->dual_scale, .start = at->start, .last = at->last};
+    const cl_mem transfers = out ? out : plan->spectrum.mem;
+    hada_status status = HADA_OK;
+    HADA_TRY(blend(plan, channels, data, at->weight, NULL, !at->start, transfers, 0, err));
+    HADA_TRY(hada_fft_inverse(plan->inverse, channels, transfers, 0, plan->image.mem, 0, NULL, err));
+    HADA_TRY(clip(plan, channels, rule, err));
+    HADA_TRY(guess(plan, channels, err));
+done:
+    return status;
+}
+
+hada_status hada_nonnegative_end(hada_nonnegative *plan, int channels, const hada_nonnegative_data *data,
+                                 const double *trust, cl_mem out, size_t at, hada_error *err)
+{
+    /* without relaxation the state stays, and what comes out is its non-negative part */
+    hada_fit_clip_rule rule = {.relaxation = 0.0f, .dual_scale = 1.0f, .last = 1};
+    hada_status status = HADA_OK;
+    HADA_TRY(clip(plan, channels, rule, err));
+    HADA_TRY(guess(plan, channels, err));
+    HADA_TRY(blend(plan, channels, data, 1.0, trust, 1, out, at, err));
+    rule.last = 0; /* the guess of a step to come */
+    HADA_TRY(clip(plan, channels, rule, err));
+    HADA_TRY(guess(plan, channels, err));
+done:
+    return status;
+}
+
 hada_status hada_nonnegative_solve(hada_nonnegative *plan, const hada_nonnegative_rule *rule, int channels,
                                    const hada_buffer *sums, size_t stride, const double *mean, const double *trust,
                                    cl_mem out, size_t at, hada_error *err)
 {
     const double factor = rule->steps > 1 ? pow(rule->last / rule->first, 1.0 / (rule->steps - 1)) : 1.0;
+    const hada_nonnegative_data data = {.sums = sums, .stride = stride, .mean = mean};
     hada_status status = HADA_OK;
     if (rule->steps < 1 || !(rule->first > 0.0) || !(rule->last > 0.0) || channels < 1 || channels > plan->channels)
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "non-negative point spread functions: steps, weights and channels "
                          "must be positive, channels at most %d",
                          plan->channels);
-    const pairs_sums pairs = {sums, stride, mean};
     double weight = rule->first;
     for (int i = 0; i < rule->steps; i++, weight *= factor) {
-        const hada_fit_clip_rule step = {.relaxation = (float)rule->relaxation,
-                                         .dual_scale = (float)(1.0 / factor),
-                                         .start = i == 0,
-                                         .last = i + 1 == rule->steps};
-        HADA_TRY(blend(plan, channels, &pairs, weight, NULL, i > 0, plan->spectrum.mem, 0, err));
-        HADA_TRY(hada_fft_inverse(plan->inverse, channels, plan->spectrum.mem, 0, plan->image.mem, 0, NULL, err));
-        HADA_TRY(clip(plan, channels, step, err));
-        HADA_TRY(hada_fft_forward(plan->forward, channels, plan->image.mem, 0, plan->spectrum.mem, 0, err));
+        const hada_nonnegative_weights step = {.weight = weight,
+                                               .relaxation = rule->relaxation,
+                                               .dual_scale = 1.0 / factor,
+                                               .start = i == 0,
+                                               .last = i + 1 == rule->steps};
+        HADA_TRY(hada_nonnegative_step(plan, channels, &data, &step, NULL, err));
     }
-    HADA_TRY(blend(plan, channels, &pairs, 1.0, trust, 1, out, at, err));
+    HADA_TRY(blend(plan, channels, &data, 1.0, trust, 1, out, at, err));
 done:
     return status;
 }

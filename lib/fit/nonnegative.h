@@ -39,4 +39,30 @@ hada_status hada_nonnegative_solve(hada_nonnegative *plan, const hada_nonnegativ
                                    const hada_buffer *sums, size_t stride, const double *mean, const double *trust,
                                    cl_mem out, size_t at, hada_error *err);
 
+/* The same step by step, for data that change on the way (cropped.h).
+ *
+ * What the pairs say: Sxx, and in the place of conj(Sxb) `filled`, [channel][count] complex, or (NULL) the sums' own.
+ */
+typedef struct hada_nonnegative_data {
+    const hada_buffer *sums; /* per channel */
+    size_t stride;
+    const double *mean; /* per channel, m */
+    cl_mem filled;
+} hada_nonnegative_data;
+
+/* weight: of the constraint; dual_scale: it over that of the step which follows; start: the first step, u = d = 0;
+ * last: the next guess is u, not u - d. */
+typedef struct hada_nonnegative_weights {
+    double weight, relaxation, dual_scale;
+    int start, last;
+} hada_nonnegative_weights;
+
+/* Enqueues a step. out: NULL, or takes the transfer functions between data and image, [channel][count]. */
+hada_status hada_nonnegative_step(hada_nonnegative *plan, int channels, const hada_nonnegative_data *data,
+                                  const hada_nonnegative_weights *at, cl_mem out, hada_error *err);
+
+/* Enqueues H = (S + q F(u)) / (w + q) of the image as it stands. Steps may follow, with `filled` data. */
+hada_status hada_nonnegative_end(hada_nonnegative *plan, int channels, const hada_nonnegative_data *data,
+                                 const double *trust, cl_mem out, size_t at, hada_error *err);
+
 #endif

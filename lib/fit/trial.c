@@ -66,6 +66,7 @@ void hada_fit_kept_free(hada_fit_kept *kept)
     for (int k = 0; k < kept->count; k++) {
         free(kept->pair[k].raw);
         free(kept->pair[k].scene);
+        free(kept->pair[k].transfers);
     }
     *kept = (hada_fit_kept){0};
 }
@@ -156,6 +157,9 @@ static hada_status hold_out(trial_work *work, const hada_fit_kept_pair *kept, in
         work->scene_energy[c] = fmax(depth->scene_energy[c] - energy(kept->scene + c * window, window), 0.0);
         work->trust[c] = hada_nonnegative_trust(noise, depth->raw_energy[c]);
     }
+    if (kept->transfers)
+        return hada_buffer_write(&work->otfs, grid->slot, first * grid->layout.count * 2 * sizeof(float),
+                                 kept->transfers, channels * grid->layout.count * 2 * sizeof(float), err);
     HADA_TRY(hada_fit_solve_transfers(with->sums, with->nonnegative, work->scene_energy, work->trust, work->otfs.mem,
                                       first, err));
 done:

@@ -12,6 +12,7 @@ enum { HADA_FIT_KEPT = 4 };
 typedef struct hada_fit_kept_pair {
     int depth;
     float *raw, *scene; /* pixels, dark level off */
+    float *transfers;   /* its depth's, learned without it, as the device has them; NULL: from the sums without it */
 } hada_fit_kept_pair;
 
 typedef struct hada_fit_kept {

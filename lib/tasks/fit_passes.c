@@ -105,6 +105,14 @@ static void show_end(shown *at)
     hada_image_destroy(&at->scene);
 }
 
+hada_status hada_fit_pass_learn_cropped(hada_fitter *fitter, const hada_fit_source *from, hada_error *err)
+{
+    shown at = {.from = from, .why = "looks at pairs, for the light beyond the sensor"};
+    const hada_status status = hada_fitter_learn_cropped(fitter, show, &at, err);
+    show_end(&at);
+    return status;
+}
+
 hada_status hada_fit_pass_judge_and_finish(hada_fitter *fitter, const hada_fit_source *from, hada_model **out,
                                            hada_fit_row **rows, size_t *row_count, hada_error *err)
 {
@@ -137,6 +145,7 @@ hada_status hada_fit_exact(hada_model **out, hada_context *context, const hada_f
     HADA_TRY(hada_fit_pass_add(fitter, from, err));
     if (hada_dataset_get_info(from->data)->least_pairs > 1)
         HADA_TRY(hada_fit_pass_score(fitter, from, err));
+    HADA_TRY(hada_fit_pass_learn_cropped(fitter, from, err));
     HADA_TRY(hada_fitter_finish(fitter, out, NULL, NULL, err));
 done:
     hada_fitter_destroy(&fitter);

@@ -24,6 +24,9 @@ hada_status hada_fit_pass_add(hada_fitter *fitter, const hada_fit_source *from, 
 /* Second pass: as many pairs as the fitter scores, evenly spread over each depth. */
 hada_status hada_fit_pass_score(hada_fitter *fitter, const hada_fit_source *from, hada_error *err);
 
+/* Further passes: transfer functions with the crop in the model (hada_fitter_learn_cropped()). */
+hada_status hada_fit_pass_learn_cropped(hada_fitter *fitter, const hada_fit_source *from, hada_error *err);
+
 /* Chooses and solves, with filters judged in the window where that serves (hada_fitter_judge_and_finish()). *rows is
  * freed with free(). */
 hada_status hada_fit_pass_judge_and_finish(hada_fitter *fitter, const hada_fit_source *from, hada_model **out,

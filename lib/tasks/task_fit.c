@@ -143,6 +143,18 @@ static hada_status save_sums(const learning *of, hada_error *err)
     return of->task.save_sums ? hada_fitter_save_sums(of->fitter, of->task.save_sums, err) : HADA_OK;
 }
 
+/* Sums say nothing of the light that left the sensor; without the pairs, transfer functions stay those of one pass. */
+static hada_status learn_cropped(const learning *of, hada_error *err)
+{
+    if (!of->task.merge_count)
+        return hada_fit_pass_learn_cropped(of->fitter, &of->from, err);
+    if (of->fit.boundary == HADA_BOUNDARY_PADDED && of->fit.nonnegative && of->fit.crop_passes)
+        hada_monitor_tell(of->task.monitor, HADA_MESSAGE_NOTE,
+                          "transfer functions are those of one pass, without what left the sensor, since merged sums "
+                          "do not hold the pairs; give all pairs in one data set to have it learned");
+    return HADA_OK;
+}
+
 static void tell_data(const learning *of)
 {
     const hada_dataset_info *info = hada_dataset_get_info(of->data);
@@ -190,6 +202,7 @@ static hada_status learn_pairs(learning *of, hada_context *context, hada_model *
     /* one pair alone cannot be left out */
     if (task->leave_one_out && (hada_dataset_get_info(of->data)->least_pairs > 1 || task->merge_count))
         HADA_TRY(hada_fit_pass_score(of->fitter, &of->from, err));
+    HADA_TRY(learn_cropped(of, err));
     HADA_TRY(solve(of, out, err));
 done:
     return status;

@@ -41,6 +41,14 @@ expect 0 '' fit "$camera" -o exact.model --refine 0 --outside 1
 expect 0 '' fit "$camera" -o light.model --refine 0 --outside 0.1
 cmp -s exact.model light.model && fail '--outside 0.1 changed nothing'
 expect 2 '0.01' fit "$camera" -o x --outside 0.001
+
+# Transfer functions with the crop in the model: for the boundary padded, as often as wanted.
+expect 0 '' fit "$camera" -o cropped.model --boundary padded --refine 0 --outside 1
+expect 0 '' fit "$camera" -o once.model --boundary padded --refine 0 --outside 1 --crop-passes 0
+cmp -s cropped.model once.model && fail '--crop-passes 0 changed nothing'
+expect 2 'at least 3' fit "$camera" -o x --boundary padded --crop-passes 2
+expect 2 'iterations or .auto' fit "$camera" -o x --crop-passes many
+expect 2 'belongs to pairs' fit --psf "$camera/psf.tif" -o x --crop-passes 0
 expect 2 '0.01 and 1' fit "$camera" -o x --outside 2
 expect 2 'belongs to pairs' fit --psf "$camera/psf.tif" -o x --outside 0.5
 

@@ -40,6 +40,7 @@ typedef struct hada_fit_options {
     double scene_response;  /* how the scenes are encoded (hadalens/response.h): they are brought to linear light before
                                anything is learned. HADA_AUTO (default): chosen by hada_fit_run(); saved sums say it
                                themselves; a fitter that is given none takes them as linear */
+    int crop_passes; /* iterations of hada_fitter_learn_cropped(), at least 3; HADA_AUTO (default): 15; 0: none */
 } hada_fit_options;
 HADA_API void hada_fit_options_defaults(hada_fit_options *options, size_t size);
 static inline void hada_fit_options_init(hada_fit_options *options)
@@ -88,6 +89,16 @@ HADA_API hada_status hada_fitter_score(hada_fitter *fitter, int depth, const had
 typedef hada_status (*hada_fit_show)(void *user, int depth, int64_t pair, const hada_image **raw,
                                      const hada_image **scene, hada_error *err);
 
+/* Further passes, optional, for the boundary padded: transfer functions of a sensor that crops its scenes' light. What
+ * leaves the sensor is missing in the sums, so that transfer functions of one pass are off by up to a tenth there; with
+ * the crop in the model they are not (docs/cropped.md). Every pair of the sums is shown once where all pairs of a depth
+ * find room on the device (a quarter of its memory at most), else options.crop_passes times, and again where the trial
+ * of refinement needs them left out. Noise is what this model leaves. Call it after scoring, before
+ * hada_fitter_finish(); new pairs discard what was found. Pairs that are not those of the sums are refused
+ * (HADA_ERROR_STATE). With another boundary, with nonnegative or crop_passes 0, nothing is shown and the transfer
+ * functions of the sums stay. While it runs it takes the room of about ten frames' spectra, beside the pairs. */
+HADA_API hada_status hada_fitter_learn_cropped(hada_fitter *fitter, hada_fit_show show, void *user, hada_error *err);
+
 /* Further passes, optional: filters that are judged in the window. The exact fit of the first pass minds the whole
  * grid, although only the window of what a filter makes is kept; here what it makes outside counts with the weight
  * options.outside alone (docs/filters.md). Every pair of the sums is shown up to 12 times, and some more often to
@@ -119,7 +130,8 @@ HADA_API hada_status hada_fitter_finish(hada_fitter *fitter, hada_model **out, h
 /* Frees the rows and clears the pointer; NULL is fine. */
 HADA_API void hada_fit_rows_destroy(hada_fit_row **rows);
 
-/* The same with hada_fitter_judge() before it, where that serves: where options.outside is given, or the linear filters
+/* The same with hada_fitter_learn_cropped() before it, unless that was called, and hada_fitter_judge(), where that
+ * serves: where options.outside is given, or the linear filters
  * are what the model will use. Judging gains a decibel or two and takes most of the time of a fit, so where refinement,
  * which does without the filters, is found to lead by more than that, it is left out. */
 HADA_API hada_status hada_fitter_judge_and_finish(hada_fitter *fitter, hada_fit_show show, void *user, hada_model **out,

@@ -1,0 +1,47 @@
+/* Transfer functions where the sensor crops: what stands beside the steps of fit_nonnegative.cl (lib/fit/cropped.c).
+ *
+ * Images of pixels stand one channel after the other. */
+#include "inc_fit.h"
+
+/* What a model leaves of a frame: e, what it makes of the scene, becomes e - b. Work-items: chunks of
+ * 8 HADA_FIT_CHUNK pixels of a channel; the sum of the squares of a chunk is added to out[channel * chunks + chunk]. */
+__kernel void fit_remain(__global float *e, __global const float *b, __global float *out, ulong pixels, ulong chunks)
+{
+    const size_t chunk = get_global_id(0), channel = get_global_id(1);
+    if (chunk >= chunks)
+        return;
+    const size_t from = chunk * 8 * HADA_FIT_CHUNK, to = min(from + 8 * HADA_FIT_CHUNK, (size_t)pixels);
+    __global float *at = e + channel * pixels;
+    __global const float *frame = b + channel * pixels;
+    float8 sum = 0.0f;
+    size_t i = from;
+    for (; i + 8 <= to; i += 8) {
+        const float8 left = vload8(0, at + i) - vload8(0, frame + i);
+        vstore8(left, 0, at + i);
+        sum += left * left;
+    }
+    float rest = 0.0f;
+    for (; i < to; i++) {
+        const float left = at[i] - frame[i];
+        at[i] = left;
+        rest += left * left;
+    }
+    out[channel * chunks + chunk] += fit_total(sum) + rest;
+}
+
+/* The cross sums that whole frames would give, of which the sensor shows a part: g, which holds sum conj(X) F(e - b) of
+ * the transfer functions h, becomes Sxx h - step g. Both stand in the image; step 1 fills in what h says of the light
+ * beyond the sensor. */
+__kernel void fit_fill(__global const float *sums, __global const float *h, __global float *g, hada_fit_image image,
+                       float step)
+{
+    const size_t i = get_global_id(0), first = 2 * image.first;
+    if (i >= image.vectors)
+        return;
+    const float8 scene = fit_high(sums, image.stride, 3, i);
+    const float16 hv = vload16(i, h + first), gv = vload16(i, g + first);
+    float16 filled;
+    filled.even = scene * hv.even - step * gv.even;
+    filled.odd = scene * hv.odd - step * gv.odd;
+    fit_put(filled, i, image.count, g + first);
+}

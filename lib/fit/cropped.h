@@ -1,0 +1,53 @@
+/* A depth's transfer functions where the sensor crops the light of its scenes. Internal.
+ *
+ * Per channel, over the pairs of a depth, the point spread function h >= 0 that minimises
+ *     sum |b - crop(h * x)|^2
+ * The crop couples the frequencies, so that sums do not hold what is needed. Since crop takes nothing but pixels away,
+ * sum |X|^2 |H' - H|^2 bounds what the sum of squares does beyond its tangent at H, and the problem of one pass
+ * (nonnegative.h) with the cross sums
+ *     V = Sxx H - step G,     G = sum conj(X) F(crop F^-1(H X) - b)
+ * in the place of conj(Sxb) is that bound: V is Sxb with the light beyond the sensor filled in as H has it (D. Hunter
+ * and K. Lange, The American Statistician 58(1), 2004). An iteration takes every pair once, and then the steps of ADMM
+ * that share V: the linearised method of multipliers (Z. Lin et al., NIPS 2011). What lies half beyond the sensor comes
+ * slowly, so that every third step is longer: 1, 3, 1 leaves (1 - s)^2 (1 - 3 s) of an error whose share s the sensor
+ * sees, which is below 1 in magnitude for all s in (0, 1]. docs/cropped.md has the figures. Results are the same bits
+ * at every run, whether pairs are kept on the device or brought again. */
+#ifndef HADA_FIT_CROPPED_H
+#define HADA_FIT_CROPPED_H
+
+#include "fit/fit_sums.h"
+#include "fit/nonnegative.h"
+
+/* Iterations of a fit from nothing, and of one that goes on with other pairs; whole rounds of three steps. The first
+ * of those from nothing needs no pass. */
+enum { HADA_FIT_CROP_PASSES = 15, HADA_FIT_CROP_FURTHER = 6, HADA_FIT_LEAST_PASSES = 3 };
+
+typedef struct hada_fit_cropped hada_fit_cropped;
+
+/* The pair's spectra are used as said below; `nonnegative` is of the grid's size. */
+hada_status hada_fit_cropped_create(hada_fit_cropped **out, const hada_fit_sums *sums, hada_fit_pair *pair,
+                                    hada_nonnegative *nonnegative, hada_error *err);
+void hada_fit_cropped_destroy(hada_fit_cropped **cropped);
+
+/* Begins with the sums on the device, of `pairs` pairs; scene_energy: per channel, the mean over frequencies of their
+ * Sxx. further: from what is there, else from nothing. */
+hada_status hada_fit_cropped_begin(hada_fit_cropped *cropped, int64_t pairs, const double *scene_energy, int passes,
+                                   int further, hada_error *err);
+
+/* Whether another pass is to come; if so it begins. */
+hada_status hada_fit_cropped_next(hada_fit_cropped *cropped, int *more, hada_error *err);
+
+/* A pair of this pass: pixels of the frame and spectra of the scene, of all channels; pair->raw_spectrum is
+ * overwritten. */
+hada_status hada_fit_cropped_pair(hada_fit_cropped *cropped, cl_mem raw, cl_mem scene_spectrum, hada_error *err);
+
+/* After the passes: the transfer functions of all channels, enqueued, [channel][layout.count]. raw_energy: per channel,
+ * the mean over frequencies of Sbb; noise: per channel, receives |N|^2 of what is left of a frame, 0 where one pair
+ * says nothing of it. */
+hada_status hada_fit_cropped_end(hada_fit_cropped *cropped, const double *raw_energy, double *noise,
+                                 const hada_buffer **transfers, hada_error *err);
+
+/* Of the last pass: the sum of squares of what the model left, over all pairs, per channel. */
+const double *hada_fit_cropped_left(const hada_fit_cropped *cropped);
+
+#endif

@@ -1,0 +1,325 @@
+#include "fit/transfers.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/alloc.h"
+#include "fit/cropped.h"
+
+/* The part of the device's memory that pairs may take. */
+enum { MEMORY_SHARE = 4 };
+
+/* Sums of squares that are added in another order differ by less than this. */
+#define SAME_ENERGY 1e-6
+
+/* A pair on the device. */
+typedef struct stored {
+    hada_buffer raw, spectrum; /* pixels of the frame, X */
+} stored;
+
+typedef struct passes {
+    hada_fit_sums *sums;
+    hada_fit_pair *pair;
+    hada_fit_kept *kept;
+    hada_fit_show show;
+    void *user;
+    hada_fit_cropped *cropped;
+    hada_nonnegative *nonnegative;
+    int z; /* the depth, and of its pairs: */
+    int64_t count;
+    stored *stored;                        /* NULL: shown again in every pass */
+    int *held;                             /* which of the kept pairs it is, from 1; 0: none */
+    double *scene_energy, *noise, *energy; /* per channel */
+    float *blocks;
+} passes;
+
+void hada_fit_transfers_free(hada_fit_transfers *transfers)
+{
+    free(transfers->otf);
+    free(transfers->noise);
+    *transfers = (hada_fit_transfers){0};
+}
+
+/* Has a pair shown: its pixels. */
+static hada_status bring(passes *with, int64_t number, hada_error *err)
+{
+    const hada_image *raw = NULL, *scene = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(with->show(with->user, with->z, number, &raw, &scene, err));
+    HADA_TRY(hada_fit_pair_check(with->pair->grid, with->z, raw, scene, err));
+    hada_fit_pair_take(with->pair, raw, scene);
+done:
+    return status;
+}
+
+/* A pair that was brought, to the device: the frame's pixels and the scene's spectra. */
+static hada_status upload(passes *with, hada_buffer *raw, const hada_buffer *spectrum, hada_error *err)
+{
+    hada_fit_pair *pair = with->pair;
+    hada_slot *slot = pair->grid->slot;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_buffer_write(raw, slot, 0, pair->raw_pixels, pair->raw.bytes, err));
+    HADA_TRY(hada_buffer_write(&pair->scene, slot, 0, pair->scene_pixels, pair->scene.bytes, err));
+    HADA_TRY(hada_fft_forward(pair->scene_fft, pair->grid->info.channels, pair->scene.mem, 0, spectrum->mem, 0, err));
+done:
+    return status;
+}
+
+static void release(passes *with)
+{
+    hada_slot_finish(with->pair->grid->slot, NULL);
+    for (int64_t i = 0; with->stored && i < with->count; i++) {
+        hada_buffer_destroy(&with->stored[i].raw);
+        hada_buffer_destroy(&with->stored[i].spectrum);
+    }
+    free(with->stored);
+    free(with->held);
+    with->stored = NULL;
+    with->held = NULL;
+}
+
+/* Room on the device for the depth's pairs, unless they are too many. */
+static hada_status reserve(passes *with, hada_error *err)
+{
+    const hada_fit_pair *pair = with->pair;
+    hada_context *context = pair->grid->slot->context;
+    const double each = (double)pair->raw.bytes + (double)pair->scene_spectrum.bytes;
+    hada_status status = HADA_OK;
+    if ((double)with->count * each > (double)(context->info.memory_bytes / MEMORY_SHARE))
+        return HADA_OK;
+    HADA_TRY(hada_alloc((void **)&with->stored, (size_t)with->count, sizeof *with->stored, "pairs", err));
+    for (int64_t i = 0; i < with->count; i++) {
+        HADA_TRY(hada_buffer_create(&with->stored[i].raw, context, pair->raw.bytes, "a raw frame", err));
+        HADA_TRY(hada_buffer_create(&with->stored[i].spectrum, context, pair->scene_spectrum.bytes,
+                                    "a scene's spectrum", err));
+    }
+done:
+    return status;
+}
+
+/* Which of the kept pairs of the depth was brought. */
+static int find_kept(const passes *with)
+{
+    const hada_fit_pair *pair = with->pair;
+    for (int k = 0; k < with->kept->count; k++) {
+        const hada_fit_kept_pair *kept = &with->kept->pair[k];
+        if (kept->depth == with->z && !memcmp(kept->raw, pair->raw_pixels, pair->raw.bytes) &&
+            !memcmp(kept->scene, pair->scene_pixels, pair->scene.bytes))
+            return k + 1;
+    }
+    return 0;
+}
+
+static hada_status check_energy(const passes *with, hada_error *err)
+{
+    const hada_fit_grid *grid = with->sums->grid;
+    const double *energy = with->sums->depth[with->z].raw_energy;
+    for (int c = 0; c < grid->info.channels; c++)
+        if (fabs(with->energy[c] - energy[c]) > SAME_ENERGY * energy[c])
+            return hada_fail(err, HADA_ERROR_STATE,
+                             "the pairs shown for depth %d (%g mm) are not those in its sums; with sums from files "
+                             "transfer functions cannot be learned with the crop in the model: set crop_passes to 0",
+                             with->z, grid->distances[with->z]);
+    return HADA_OK;
+}
+
+/* The first look at the pairs of a depth. */
+static hada_status open_depth(passes *with, int z, hada_error *err)
+{
+    const int channels = with->sums->grid->info.channels;
+    hada_status status = HADA_OK;
+    with->z = z;
+    with->count = with->sums->depth[z].pairs;
+    HADA_TRY(hada_alloc((void **)&with->held, (size_t)with->count, sizeof *with->held, "pairs", err));
+    status = reserve(with, err);
+    if (status == HADA_ERROR_DEVICE_MEMORY) { /* then they are shown again */
+        int *held = with->held;
+        with->held = NULL;
+        release(with);
+        with->held = held;
+        status = HADA_OK;
+    }
+    HADA_TRY(status);
+    for (int c = 0; c < channels; c++)
+        with->energy[c] = 0.0;
+    for (int64_t i = 0; i < with->count; i++) {
+        HADA_TRY(bring(with, i, err));
+        for (int c = 0; c < channels; c++)
+            with->energy[c] += with->pair->raw_energy[c];
+        with->held[i] = find_kept(with);
+        if (with->stored)
+            HADA_TRY(upload(with, &with->stored[i].raw, &with->stored[i].spectrum, err));
+    }
+    HADA_TRY(check_energy(with, err));
+done:
+    return status;
+}
+
+/* Whether a pair stands aside: `aside` is one of the kept pairs from 1, 0: none, -1: all of them. */
+static int stands_aside(const passes *with, int64_t i, int aside)
+{
+    return aside < 0 ? with->held[i] > 0 : aside && with->held[i] == aside;
+}
+
+/* The depth's sums without the pairs that stand aside; how many are left. */
+static hada_status hold_out(passes *with, int aside, int64_t *left, hada_error *err)
+{
+    const int channels = with->sums->grid->info.channels;
+    hada_fit_pair *pair = with->pair;
+    hada_status status = HADA_OK;
+    *left = with->count;
+    for (int c = 0; c < channels; c++)
+        with->scene_energy[c] = with->sums->depth[with->z].scene_energy[c];
+    if (!aside)
+        return hada_fit_sums_select(with->sums, with->z, err);
+    HADA_TRY(hada_fit_sums_borrow(with->sums, with->z, err));
+    for (int64_t i = 0; i < with->count; i++) {
+        if (!stands_aside(with, i, aside))
+            continue;
+        HADA_TRY(bring(with, i, err));
+        HADA_TRY(hada_fit_pair_transform(pair, pair->raw_pixels, pair->scene_pixels, err));
+        HADA_TRY(hada_fit_sums_accumulate(with->sums, pair, -1.0, err));
+        for (int c = 0; c < channels; c++)
+            with->scene_energy[c] = fmax(with->scene_energy[c] - pair->scene_energy[c], 0.0);
+        --*left;
+    }
+done:
+    return status;
+}
+
+static hada_status pass(passes *with, int aside, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    for (int64_t i = 0; i < with->count; i++) {
+        if (stands_aside(with, i, aside))
+            continue;
+        if (with->stored) {
+            HADA_TRY(hada_fit_cropped_pair(with->cropped, with->stored[i].raw.mem, with->stored[i].spectrum.mem, err));
+            continue;
+        }
+        HADA_TRY(bring(with, i, err));
+        HADA_TRY(upload(with, &with->pair->raw, &with->pair->scene_spectrum, err));
+        HADA_TRY(hada_fit_cropped_pair(with->cropped, with->pair->raw.mem, with->pair->scene_spectrum.mem, err));
+    }
+done:
+    return status;
+}
+
+/* The transfer functions of the depth without some pairs. */
+static hada_status solve(passes *with, int aside, int count, int further, const hada_buffer **transfers,
+                         hada_error *err)
+{
+    int64_t left;
+    int more = 0;
+    hada_status status = HADA_OK;
+    HADA_TRY(hold_out(with, aside, &left, err));
+    HADA_TRY(hada_fit_cropped_begin(with->cropped, left, with->scene_energy, count, further, err));
+    HADA_TRY(hada_fit_cropped_next(with->cropped, &more, err));
+    while (more) {
+        HADA_TRY(pass(with, aside, err));
+        HADA_TRY(hada_fit_cropped_next(with->cropped, &more, err));
+    }
+    HADA_TRY(hada_fit_cropped_end(with->cropped, with->sums->depth[with->z].raw_energy, with->noise, transfers, err));
+done:
+    return status;
+}
+
+/* What was solved without a kept pair, for the trial. */
+static hada_status keep(const passes *with, hada_fit_kept_pair *kept, const hada_buffer *transfers, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    free(kept->transfers);
+    kept->transfers = NULL;
+    HADA_TRY(hada_alloc_raw((void **)&kept->transfers, transfers->bytes, 1, "transfer functions on trial", err));
+    HADA_TRY(hada_buffer_read(transfers, with->pair->grid->slot, 0, kept->transfers, transfers->bytes, err));
+done:
+    return status;
+}
+
+/* Those without the kept pairs: of all of them at once where at least as many are left, else one by one, each from
+ * nothing. *tried: whether there were any. */
+static hada_status solve_held(passes *with, int count, int *tried, hada_error *err)
+{
+    const hada_buffer *transfers = NULL;
+    int64_t held = 0;
+    hada_status status = HADA_OK;
+    *tried = 0;
+    for (int64_t i = 0; i < with->count; i++)
+        held += with->held[i] > 0;
+    const int together = 2 * held <= with->count;
+    for (int k = 0; k < with->kept->count && held && with->count > 1; k++) {
+        hada_fit_kept_pair *kept = &with->kept->pair[k];
+        if (kept->depth != with->z)
+            continue;
+        if (!*tried || !together)
+            HADA_TRY(solve(with, together ? -1 : k + 1, count, 0, &transfers, err));
+        HADA_TRY(keep(with, kept, transfers, err));
+        *tried = 1;
+    }
+done:
+    return status;
+}
+
+static hada_status learn_depth(passes *with, int z, int count, hada_fit_transfers *out, hada_error *err)
+{
+    const hada_fit_grid *grid = with->sums->grid;
+    const size_t plane = hada_model_info_plane(&grid->info), channels = (size_t)grid->info.channels;
+    const hada_buffer *transfers = NULL;
+    int tried = 0;
+    hada_status status = HADA_OK;
+    HADA_TRY(open_depth(with, z, err));
+    HADA_TRY(solve_held(with, count, &tried, err));
+    HADA_TRY(
+        solve(with, 0, tried && count > HADA_FIT_CROP_FURTHER ? HADA_FIT_CROP_FURTHER : count, tried, &transfers, err));
+    for (size_t c = 0; c < channels; c++) {
+        out->noise[(size_t)z * channels + c] = with->noise[c];
+        HADA_TRY(hada_fit_read_plane(grid, transfers, c * grid->layout.count, with->blocks,
+                                     out->otf + ((size_t)z * channels + c) * plane * 2, "a transfer function", err));
+    }
+done:
+    release(with);
+    return status;
+}
+
+static hada_status make_room(passes *with, hada_fit_transfers *out, hada_error *err)
+{
+    const hada_fit_grid *grid = with->sums->grid;
+    const hada_model_info *info = &grid->info;
+    const size_t channels = (size_t)info->channels, images = (size_t)info->depths * channels;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&with->scene_energy, channels, sizeof(double), "a fit", err));
+    HADA_TRY(hada_alloc((void **)&with->noise, channels, sizeof(double), "a fit", err));
+    HADA_TRY(hada_alloc((void **)&with->energy, channels, sizeof(double), "a fit", err));
+    HADA_TRY(hada_alloc_raw((void **)&with->blocks, 2 * grid->stride, sizeof(float), "a transfer function", err));
+    HADA_TRY(hada_alloc((void **)&out->noise, images, sizeof(double), "transfer functions", err));
+    HADA_TRY(hada_alloc_raw((void **)&out->otf, images * hada_model_info_plane(info) * 2, sizeof(float),
+                            "transfer functions", err));
+    HADA_TRY(
+        hada_nonnegative_create(&with->nonnegative, grid->slot, info->grid_rows, info->grid_cols, info->channels, err));
+    HADA_TRY(hada_fit_cropped_create(&with->cropped, with->sums, with->pair, with->nonnegative, err));
+done:
+    return status;
+}
+
+hada_status hada_fit_transfers_learn(hada_fit_transfers *out, hada_fit_sums *sums, hada_fit_pair *pair,
+                                     hada_fit_kept *kept, int count, hada_fit_show show, void *user, hada_error *err)
+{
+    passes with = {.sums = sums, .pair = pair, .kept = kept, .show = show, .user = user};
+    hada_status status = HADA_OK;
+    *out = (hada_fit_transfers){0};
+    HADA_TRY(make_room(&with, out, err));
+    for (int z = 0; z < sums->grid->info.depths; z++)
+        if (sums->depth[z].pairs)
+            HADA_TRY(learn_depth(&with, z, count, out, err));
+done:
+    hada_fit_cropped_destroy(&with.cropped);
+    hada_nonnegative_destroy(&with.nonnegative);
+    free(with.scene_energy);
+    free(with.noise);
+    free(with.energy);
+    free(with.blocks);
+    if (status)
+        hada_fit_transfers_free(out);
+    return status;
+}

@@ -1,0 +1,389 @@
+/* Transfer functions where the sensor crops: against the double reference, nearer to the truth than one pass, the same
+ * bits whether pairs stay on the device, and what is refused. */
+#include <string.h>
+
+#include "camera_small.h"
+#include "filter/layout.h"
+#include "fit/cropped.h"
+#include "fit/fitter.h"
+#include "ref/ref_fft.h"
+#include "ref/ref_filter.h"
+#include "ref/ref_fit.h"
+#include "ref/ref_fit_cropped.h"
+
+enum { ROWS = 36, COLS = 44, WINDOW = 15, DEPTHS = 2, CHANNELS = 2, PAIRS = 4, SPOTS = 12 };
+enum { TALL = ROWS + WINDOW - 1, WIDE = COLS + WINDOW - 1, AREA = ROWS * COLS };
+static const double distances[] = {100.0, 300.0};
+
+typedef struct fixture {
+    hada_context *context;
+    hada_image psf[DEPTHS], scene[DEPTHS][PAIRS], frame[DEPTHS][PAIRS];
+} fixture;
+
+/* Spots up to `reach` of the half sensor from the axis: with 1 the outermost ones have half of their light beyond it.
+ */
+static hada_image spots(double reach, uint64_t seed)
+{
+    hada_image psf;
+    hada_random random;
+    ASSERT_OK(hada_image_create(&psf, CHANNELS, TALL, WIDE, err));
+    for (int c = 0; c < CHANNELS; c++) {
+        hada_random_seed(&random, seed, (uint64_t)c);
+        for (int i = 0; i < SPOTS; i++) {
+            const int row = TALL / 2 + (int)(reach * ROWS / 2 * hada_random_range(&random, -1.0, 1.0));
+            const int col = WIDE / 2 + (int)(reach * COLS / 2 * hada_random_range(&random, -1.0, 1.0));
+            psf.data[(c * TALL + row) * WIDE + col] += (float)hada_random_range(&random, 0.04, 0.12);
+        }
+    }
+    return psf;
+}
+
+/* A scene with the power of photographs at low frequencies: a ramp and squares. */
+static hada_image squares(uint64_t seed)
+{
+    hada_image scene;
+    hada_random random;
+    ASSERT_OK(hada_image_create(&scene, CHANNELS, WINDOW, WINDOW, err));
+    hada_random_seed(&random, seed, 3);
+    const float base = (float)hada_random_range(&random, 0.1, 0.5);
+    for (size_t i = 0; i < hada_image_count(&scene); i++)
+        scene.data[i] = base + 0.02f * (float)(i % WINDOW) + 0.02f * (float)hada_random_normal(&random);
+    for (int k = 0; k < 8; k++) {
+        const int c = k % CHANNELS, size = 3 + (int)hada_random_below(&random, 4);
+        const int row = (int)hada_random_below(&random, (uint32_t)(WINDOW - size)),
+                  col = (int)hada_random_below(&random, (uint32_t)(WINDOW - size));
+        const float value = (float)hada_random_range(&random, 0.1, 1.0);
+        for (int i = 0; i < size * size; i++)
+            scene.data[(c * WINDOW + row + i / size) * WINDOW + col + i % size] = value;
+    }
+    return scene;
+}
+
+static hada_image expose(const hada_image *psf, const hada_image *scene, uint64_t seed)
+{
+    static const double noise = 0.002;
+    hada_image frame;
+    hada_random random;
+    double seen[AREA];
+    float whole[AREA];
+    ASSERT_OK(hada_image_create(&frame, CHANNELS, ROWS, COLS, err));
+    hada_random_seed(&random, seed, 7);
+    for (int c = 0; c < CHANNELS; c++) {
+        memset(seen, 0, sizeof seen);
+        memset(whole, 0, sizeof whole);
+        for (int i = 0; i < WINDOW * WINDOW; i++)
+            whole[((ROWS - WINDOW) / 2 + i / WINDOW) * COLS + (COLS - WINDOW) / 2 + i % WINDOW] =
+                scene->data[c * WINDOW * WINDOW + i];
+        hada_ref_convolve_crop(ROWS, COLS, whole, TALL, WIDE, psf->data + (size_t)c * TALL * WIDE, seen);
+        for (int i = 0; i < AREA; i++)
+            frame.data[c * AREA + i] = (float)(seen[i] + noise * hada_random_normal(&random));
+    }
+    return frame;
+}
+
+static int set_up(fixture *f, double reach)
+{
+    ASSERT_OK(hada_context_create(&f->context, NULL, err));
+    for (int z = 0; z < DEPTHS; z++) {
+        f->psf[z] = spots(reach, (uint64_t)z + 1);
+        for (int i = 0; i < PAIRS; i++) {
+            f->scene[z][i] = squares((uint64_t)(10 * z + i));
+            f->frame[z][i] = expose(&f->psf[z], &f->scene[z][i], (uint64_t)(10 * z + i));
+        }
+    }
+    return 0;
+}
+
+static int set_up_cropping(void **state)
+{
+    static fixture f;
+    *state = &f;
+    return set_up(&f, 1.0);
+}
+
+/* Light that stays: nothing of a window's copy reaches the border. */
+static int set_up_inside(void **state)
+{
+    static fixture f;
+    *state = &f;
+    return set_up(&f, 0.5);
+}
+
+static int tear_down(void **state)
+{
+    fixture *f = *state;
+    for (int z = 0; z < DEPTHS; z++) {
+        hada_image_destroy(&f->psf[z]);
+        for (int i = 0; i < PAIRS; i++) {
+            hada_image_destroy(&f->scene[z][i]);
+            hada_image_destroy(&f->frame[z][i]);
+        }
+    }
+    assert_int_equal(hada_context_bytes(f->context), 0);
+    hada_context_destroy(&f->context);
+    return 0;
+}
+
+static hada_fitter *fitter_of(fixture *f, hada_boundary boundary, int passes, int refine_steps)
+{
+    hada_fit_options options;
+    hada_fitter *fitter;
+    hada_fit_options_init(&options);
+    options.depths = DEPTHS;
+    options.channels = CHANNELS;
+    options.distances_mm = distances;
+    options.raw_rows = ROWS;
+    options.raw_cols = COLS;
+    options.window_rows = options.window_cols = WINDOW;
+    options.boundary = boundary;
+    options.crop_passes = passes;
+    options.refine_steps = refine_steps;
+    ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
+    for (int z = 0; z < DEPTHS; z++)
+        for (int i = 0; i < PAIRS; i++)
+            ASSERT_OK(hada_fitter_add(fitter, z, &f->frame[z][i], &f->scene[z][i], err));
+    return fitter;
+}
+
+typedef struct shower {
+    fixture *f;
+    int shown, swap; /* swap: shows another pair in the first one's place */
+} shower;
+
+static hada_status show(void *user, int depth, int64_t pair, const hada_image **raw, const hada_image **scene,
+                        hada_error *err)
+{
+    shower *at = user;
+    (void)err;
+    at->shown++;
+    const int64_t number = at->swap && pair == 0 ? 1 : pair;
+    *raw = &at->f->frame[depth][number];
+    *scene = &at->f->scene[depth][number];
+    return HADA_OK;
+}
+
+/* The truth of a depth and channel on the grid of a fit. */
+static void truth(const fixture *f, const hada_fit_grid *grid, int z, int c, double *otf)
+{
+    const int rows = grid->info.grid_rows, cols = grid->info.grid_cols;
+    double *image = calloc((size_t)rows * (size_t)cols, sizeof *image);
+    for (int row = 0; row < TALL; row++)
+        for (int col = 0; col < WIDE; col++)
+            image[(row - TALL / 2 + rows) % rows * cols + (col - WIDE / 2 + cols) % cols] +=
+                f->psf[z].data[(c * TALL + row) * WIDE + col];
+    ASSERT_OK(hada_ref_fft_forward(image, rows, cols, otf, err));
+    free(image);
+}
+
+/* The relative error of a model's transfer functions. */
+static double error_of(const fixture *f, const hada_fit_grid *grid, const hada_model *model)
+{
+    const size_t plane = hada_model_plane(model);
+    double *otf = malloc(2 * plane * sizeof *otf), error = 0.0;
+    for (int z = 0; z < DEPTHS; z++)
+        for (int c = 0; c < CHANNELS; c++) {
+            truth(f, grid, z, c, otf);
+            error += small_distance(model->otf + (size_t)(z * CHANNELS + c) * plane * 2, otf, 2 * plane);
+        }
+    free(otf);
+    return error / (DEPTHS * CHANNELS);
+}
+
+static hada_model *learn(fixture *f, int passes, double *error, int *shown)
+{
+    hada_fitter *fitter = fitter_of(f, HADA_BOUNDARY_PADDED, passes, 0);
+    hada_model *model;
+    shower at = {.f = f};
+    ASSERT_OK(hada_fitter_learn_cropped(fitter, show, &at, err));
+    ASSERT_OK(hada_fitter_finish(fitter, &model, NULL, NULL, err));
+    if (error)
+        *error = error_of(f, &fitter->grid, model);
+    if (shown)
+        *shown = at.shown;
+    hada_fitter_destroy(&fitter);
+    return model;
+}
+
+/* What the reference makes of a channel of the first depth. */
+static void expect(const fixture *f, const hada_fit_grid *grid, int c, double trust, int iterations, double *otf,
+                   double *left)
+{
+    static const double lengths[] = {1.0, 3.0, 1.0, 1.0, 3.0, 1.0};
+    const hada_geometry *at = &grid->geometry;
+    const hada_ref_grid sizes = {grid->info.grid_rows, grid->info.grid_cols, at->raw_row, at->raw_col, ROWS, COLS,
+                                 at->window_row,       at->window_col,       WINDOW,      WINDOW};
+    const size_t plane = hada_model_info_plane(&grid->info);
+    double *x[PAIRS], *b = calloc(2 * plane, sizeof *b), *sums = calloc(plane * HADA_REF_FIT_SUMS, sizeof *sums);
+    const float *frames[PAIRS];
+    double mean = 0.0;
+    for (int i = 0; i < PAIRS; i++) {
+        const float *scene = f->scene[0][i].data + c * WINDOW * WINDOW;
+        frames[i] = f->frame[0][i].data + c * AREA;
+        x[i] = calloc(2 * plane, sizeof *x[i]);
+        ASSERT_OK(hada_ref_grid_forward(&sizes, frames[i], at->raw_row, at->raw_col, ROWS, COLS, b, err));
+        ASSERT_OK(hada_ref_grid_forward(&sizes, scene, at->window_row, at->window_col, WINDOW, WINDOW, x[i], err));
+        hada_ref_fit_pair(x[i], b, plane, 1.0, sums);
+        for (int k = 0; k < WINDOW * WINDOW; k++)
+            mean += (double)scene[k] * scene[k];
+    }
+    const hada_ref_fit_cropped fit = {.grid = &sizes,
+                                      .x = (const double *const *)x,
+                                      .b = frames,
+                                      .pairs = PAIRS,
+                                      .sums = sums,
+                                      .mean = mean,
+                                      .iterations = iterations,
+                                      .steps = 2,
+                                      .length = lengths,
+                                      .first = 0.1,
+                                      .last = 0.03,
+                                      .relaxation = 1.7,
+                                      .trust = trust};
+    ASSERT_OK(hada_ref_fit_cropped_solve(&fit, otf, left, err));
+    for (int i = 0; i < PAIRS; i++)
+        free(x[i]);
+    free(b);
+    free(sums);
+}
+
+static void iterations_agree_with_the_reference(void **state)
+{
+    enum { ITERATIONS = 6 };
+    fixture *f = *state;
+    hada_fitter *fitter = fitter_of(f, HADA_BOUNDARY_PADDED, ITERATIONS, 0);
+    const hada_fit_grid *grid = &fitter->grid;
+    const size_t plane = hada_model_info_plane(&grid->info);
+    hada_nonnegative *nonnegative;
+    hada_fit_cropped *cropped;
+    const hada_buffer *transfers;
+    double noise[CHANNELS], left, *otf = malloc(2 * plane * sizeof *otf);
+    float *got = malloc(2 * plane * sizeof *got), *blocks = malloc(2 * grid->stride * sizeof *blocks);
+    int more;
+    ASSERT_OK(
+        hada_nonnegative_create(&nonnegative, grid->slot, grid->info.grid_rows, grid->info.grid_cols, CHANNELS, err));
+    ASSERT_OK(hada_fit_cropped_create(&cropped, &fitter->sums, &fitter->pair, nonnegative, err));
+    ASSERT_OK(hada_fit_sums_select(&fitter->sums, 0, err));
+    ASSERT_OK(hada_fit_cropped_begin(cropped, PAIRS, fitter->sums.depth[0].scene_energy, ITERATIONS, 0, err));
+    ASSERT_OK(hada_fit_cropped_next(cropped, &more, err));
+    while (more) {
+        for (int i = 0; i < PAIRS; i++) {
+            hada_fit_pair_take(&fitter->pair, &f->frame[0][i], &f->scene[0][i]);
+            ASSERT_OK(hada_fit_pair_transform(&fitter->pair, fitter->pair.raw_pixels, fitter->pair.scene_pixels, err));
+            ASSERT_OK(hada_fit_cropped_pair(cropped, fitter->pair.raw.mem, fitter->pair.scene_spectrum.mem, err));
+        }
+        ASSERT_OK(hada_fit_cropped_next(cropped, &more, err));
+    }
+    ASSERT_OK(hada_fit_cropped_end(cropped, fitter->sums.depth[0].raw_energy, noise, &transfers, err));
+    for (int c = 0; c < CHANNELS; c++) {
+        expect(f, grid, c, hada_nonnegative_trust(noise[c], fitter->sums.depth[0].raw_energy[c]), ITERATIONS, otf,
+               &left);
+        ASSERT_OK(hada_fit_read_plane(grid, transfers, (size_t)c * grid->layout.count, blocks, got, "a transfer", err));
+        const double error = small_distance(got, otf, 2 * plane);
+        if (!(error < 2e-5))
+            fail_msg("channel %d: relative error %g", c, error);
+        if (!(fabs(hada_fit_cropped_left(cropped)[c] - left) < 1e-4 * left))
+            fail_msg("channel %d: left %g, expected %g", c, hada_fit_cropped_left(cropped)[c], left);
+    }
+    free(otf);
+    free(got);
+    free(blocks);
+    hada_fit_cropped_destroy(&cropped);
+    hada_nonnegative_destroy(&nonnegative);
+    hada_fitter_destroy(&fitter);
+}
+
+static void light_beyond_the_sensor_is_found(void **state)
+{
+    double before, now;
+    hada_model *one = learn(*state, 0, &before, NULL), *model = learn(*state, HADA_AUTO, &now, NULL);
+    if (!(now < before / 4.0))
+        fail_msg("error %g in one pass, %g with the crop in the model", before, now);
+    if (!(model->info.noise < 0.5 * one->info.noise))
+        fail_msg("noise %g in one pass, %g with the crop in the model", one->info.noise, model->info.noise);
+    hada_model_destroy(&one);
+    hada_model_destroy(&model);
+}
+
+static void light_that_stays_costs_little(void **state)
+{
+    double before, now;
+    int shown;
+    hada_model *one = learn(*state, 0, &before, &shown), *model;
+    assert_int_equal(shown, 0);
+    model = learn(*state, HADA_AUTO, &now, &shown);
+    assert_int_equal(shown, DEPTHS * PAIRS);
+    if (!(now < 1.05 * before))
+        fail_msg("error %g in one pass, %g with the crop in the model", before, now);
+    hada_model_destroy(&one);
+    hada_model_destroy(&model);
+}
+
+static void streamed_pairs_give_the_same_bits(void **state)
+{
+    fixture *f = *state;
+    int shown;
+    hada_model *kept = learn(f, 6, NULL, &shown), *streamed;
+    const uint64_t memory = f->context->info.memory_bytes;
+    assert_int_equal(shown, DEPTHS * PAIRS);
+    f->context->info.memory_bytes = 0;
+    streamed = learn(f, 6, NULL, &shown);
+    f->context->info.memory_bytes = memory;
+    assert_int_equal(shown, DEPTHS * PAIRS * 6); /* the first look, and five passes */
+    assert_memory_equal(kept->otf, streamed->otf, DEPTHS * CHANNELS * hada_model_plane(kept) * 2 * sizeof(float));
+    hada_model_destroy(&kept);
+    hada_model_destroy(&streamed);
+}
+
+static void the_trial_has_transfer_functions_of_its_own(void **state)
+{
+    fixture *f = *state;
+    hada_fitter *fitter = fitter_of(f, HADA_BOUNDARY_PADDED, (int)HADA_AUTO, (int)HADA_AUTO);
+    hada_model *model;
+    hada_fit_row *rows;
+    size_t count;
+    shower at = {.f = f};
+    for (int z = 0; z < DEPTHS; z++)
+        for (int i = 0; i < PAIRS; i++)
+            ASSERT_OK(hada_fitter_score(fitter, z, &f->frame[z][i], &f->scene[z][i], err));
+    ASSERT_OK(hada_fitter_judge_and_finish(fitter, show, &at, &model, &rows, &count, err));
+    assert_int_equal(fitter->kept.count, HADA_FIT_KEPT);
+    const size_t bytes = CHANNELS * fitter->grid.layout.count * 2 * sizeof(float);
+    for (int k = 0; k < HADA_FIT_KEPT; k++) {
+        assert_non_null(fitter->kept.pair[k].transfers);
+        assert_true(k == 0 || memcmp(fitter->kept.pair[0].transfers, fitter->kept.pair[3].transfers, bytes));
+    }
+    hada_fit_rows_destroy(&rows);
+    hada_model_destroy(&model);
+    hada_fitter_destroy(&fitter);
+}
+
+static void other_pairs_are_refused(void **state)
+{
+    fixture *f = *state;
+    hada_error error = {0};
+    shower at = {.f = f, .swap = 1};
+    hada_fitter *fitter = fitter_of(f, HADA_BOUNDARY_PADDED, (int)HADA_AUTO, 0);
+    assert_int_equal(hada_fitter_learn_cropped(fitter, show, &at, &error), HADA_ERROR_STATE);
+    at.swap = 0;
+    ASSERT_OK(hada_fitter_learn_cropped(fitter, show, &at, err));
+    hada_fitter_destroy(&fitter);
+    at.shown = 0;
+    fitter = fitter_of(f, HADA_BOUNDARY_CIRCULAR, (int)HADA_AUTO, 0);
+    ASSERT_OK(hada_fitter_learn_cropped(fitter, show, &at, err));
+    assert_int_equal(at.shown, 0);
+    hada_fitter_destroy(&fitter);
+}
+
+int main(void)
+{
+    const struct CMUnitTest cropping[] = {
+        cmocka_unit_test(iterations_agree_with_the_reference),
+        cmocka_unit_test(light_beyond_the_sensor_is_found),
+        cmocka_unit_test(streamed_pairs_give_the_same_bits),
+        cmocka_unit_test(the_trial_has_transfer_functions_of_its_own),
+        cmocka_unit_test(other_pairs_are_refused),
+    };
+    const struct CMUnitTest inside[] = {cmocka_unit_test(light_that_stays_costs_little)};
+    const int failed = cmocka_run_group_tests(cropping, set_up_cropping, tear_down);
+    return failed + cmocka_run_group_tests(inside, set_up_inside, tear_down);
+}

@@ -171,11 +171,13 @@ static hada_status check(const hada_dataset *set, int skip_incomplete, hada_erro
 /* The path of a file that may stand beside the depths; NULL where it does not. */
 static hada_status find_file(char **out, const char *folder, const char *name, hada_error *err)
 {
-    const hada_status status = hada_path_format(out, err, "%s/%s", folder, name);
-    if (!status && !hada_path_is_file(*out)) {
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_path_format(out, err, "%s/%s", folder, name));
+    if (!hada_path_is_file(*out)) {
         free(*out);
         *out = NULL;
     }
+done:
     return status;
 }
 

@@ -246,13 +246,13 @@ static hada_status start_threads(hada_dispatcher *dispatcher, hada_error *err)
 hada_status hada_dispatcher_submit(hada_dispatcher *dispatcher, hada_job *job, hada_error *err)
 {
     pthread_mutex_lock(&dispatcher->lock);
-    hada_status status = start_threads(dispatcher, err);
-    if (!status) {
-        dispatcher->references++;
-        job->frame.serial = ++dispatcher->serial;
-        push_back(&dispatcher->waiting, job);
-        pthread_cond_broadcast(&dispatcher->changed);
-    }
+    hada_status status = HADA_OK;
+    HADA_TRY(start_threads(dispatcher, err));
+    dispatcher->references++;
+    job->frame.serial = ++dispatcher->serial;
+    push_back(&dispatcher->waiting, job);
+    pthread_cond_broadcast(&dispatcher->changed);
+done:
     pthread_mutex_unlock(&dispatcher->lock);
     return status;
 }

@@ -169,21 +169,29 @@ void hada_job_destroy(hada_job **pointer)
     free(job);
 }
 
+/* Ends the job. */
+static hada_status run_begun(hada_job *job, hada_plan *plan, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    job->worker = &plan->dispatcher->workers[0];
+    HADA_TRY(hada_frame_cache_enter(&plan->cache, job, err));
+    HADA_TRY(hada_worker_run(job->worker, job, err));
+done:
+    hada_job_release(job, status);
+    return status;
+}
+
 /* In the caller's thread, on the plan's one worker, which is occupied. */
 static hada_status run_here(hada_plan *plan, uint64_t serial, const frame_input *input, hada_result *result,
                             hada_error *err)
 {
     hada_job job;
     const double start = hada_seconds();
-    hada_status status = begin(&job, plan, input, result, err);
-    if (!status) {
-        job.frame.serial = serial;
-        job.worker = &plan->dispatcher->workers[0];
-        status = hada_frame_cache_enter(&plan->cache, &job, err);
-        if (!status)
-            status = hada_worker_run(job.worker, &job, err);
-        hada_job_release(&job, status);
-    }
+    hada_status status = HADA_OK;
+    HADA_TRY(begin(&job, plan, input, result, err));
+    job.frame.serial = serial;
+    HADA_TRY(run_begun(&job, plan, err));
+done:
     hada_dispatcher_leave(plan->dispatcher, hada_seconds() - start);
     return status;
 }

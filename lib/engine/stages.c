@@ -30,11 +30,12 @@ hada_status hada_pipeline_load(hada_pipeline *pipeline, hada_frame *frame, hada_
     hada_pipeline_apply_skip(pipeline, frame);
     /* repaired pixels are on the host alone */
     const int on_device = frame->device && frame->staged == frame->raw;
-    hada_status status =
-        on_device ? hada_hadamard_frame_from(pipeline->stage, frame->device, frame->device_offset, frame->levels, err)
-                  : hada_hadamard_frame(pipeline->stage, frame->staged->data, frame->levels, err);
-    if (!status)
-        pipeline->loaded = frame->serial;
+    hada_status status = HADA_OK;
+    HADA_TRY(on_device
+                 ? hada_hadamard_frame_from(pipeline->stage, frame->device, frame->device_offset, frame->levels, err)
+                 : hada_hadamard_frame(pipeline->stage, frame->staged->data, frame->levels, err));
+    pipeline->loaded = frame->serial;
+done:
     return status;
 }
 

@@ -6,6 +6,7 @@
 #ifndef HADA_PICTURE_DRAWING_H
 #define HADA_PICTURE_DRAWING_H
 
+#include <math.h>
 #include <stdint.h>
 
 #include "core/error.h"
@@ -17,6 +18,13 @@ typedef uint32_t hada_colour;
 
 /* Where a text, or what else, stands from its x. */
 typedef enum hada_anchor { HADA_ANCHOR_LEFT, HADA_ANCHOR_MIDDLE, HADA_ANCHOR_RIGHT } hada_anchor;
+
+/* The step of a scale: 1, 2 or 5 times a power of ten, which divides `range` in at most `most` parts. */
+static inline double hada_drawing_step(double range, int most)
+{
+    const double least = range / most, power = pow(10, floor(log10(least))), digit = least / power;
+    return power * (digit <= 1 ? 1 : digit <= 2 ? 2 : digit <= 5 ? 5 : 10);
+}
 
 hada_status hada_drawing_create(hada_drawing **out, double width, double height, hada_colour paper, hada_error *err);
 void hada_drawing_destroy(hada_drawing **drawing);

@@ -55,14 +55,6 @@ static double at_y(const hada_plot *plot, double y)
     return plot->panel.top + plot->panel.height * (1 - place(&plot->panel.up, y));
 }
 
-/* 1, 2 or 5 times a power of ten: about `parts` steps in a range. */
-static double nice_step(double range, int parts)
-{
-    const double rough = range / parts, power = pow(10, floor(log10(rough)));
-    const double digit = rough / power;
-    return power * (digit <= 1 ? 1 : digit <= 2 ? 2 : digit <= 5 ? 5 : 10);
-}
-
 hada_plot_axis hada_plot_axis_for(const double *values, int count, int logarithmic, const char *text)
 {
     hada_plot_axis axis = {.logarithmic = logarithmic, .label = text};
@@ -83,7 +75,7 @@ hada_plot_axis hada_plot_axis_for(const double *values, int count, int logarithm
     }
     if (axis.high <= axis.low)
         axis.high = axis.low + (axis.low == 0 ? 1 : 0.1 * fabs(axis.low));
-    const double step = nice_step(axis.high - axis.low, 5);
+    const double step = hada_drawing_step(axis.high - axis.low, 5);
     axis.low = floor(axis.low / step) * step;
     axis.high = ceil(axis.high / step) * step;
     return axis;
@@ -173,7 +165,7 @@ static void ticks(hada_plot *plot, int across)
     /* less than a decade may hold no power of ten: even steps there, too */
     const double decades = axis->logarithmic ? log10(axis->high / axis->low) : 0;
     if (decades < 0.8) {
-        const double step = nice_step(axis->high - axis->low, 5);
+        const double step = hada_drawing_step(axis->high - axis->low, 5);
         for (double v = ceil(axis->low / step - 1e-9) * step; v <= axis->high + 1e-9 * step; v += step)
             tick(plot, across, v, 1);
         return;

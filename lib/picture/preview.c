@@ -172,17 +172,6 @@ done:
     return status;
 }
 
-/* A step of 1, 2 or 5 times a power of ten that divides the range in at most `most` parts. */
-static double nice_step(double range, int most)
-{
-    double power = pow(10, floor(log10(range / most)));
-    static const double steps[] = {1, 2, 5, 10};
-    for (int i = 0; i < 4; i++)
-        if (range / (steps[i] * power) <= most)
-            return steps[i] * power;
-    return 10 * power;
-}
-
 static void draw_tick(const hada_sheet *sheet, int x, int y, int height, double distance)
 {
     char number[32], label[40];
@@ -196,7 +185,7 @@ static void draw_tick(const hada_sheet *sheet, int x, int y, int height, double 
 
 static void draw_bar(const hada_sheet *sheet, int x, int y, int height)
 {
-    const double range = sheet->far - sheet->near, step = nice_step(range, height >= 300 ? 8 : 4);
+    const double range = sheet->far - sheet->near, step = hada_drawing_step(range, height >= 300 ? 8 : 4);
     for (int row = 0; row < height; row++)
         hada_drawing_fill(sheet->drawing, x, y + row, BAR, 1,
                           hada_colormap(height > 1 ? (double)row / (height - 1) : 0));

@@ -70,9 +70,11 @@ hada_status hada_buffer_create(hada_buffer *buffer, hada_context *context, size_
 hada_status hada_buffer_create_from(hada_buffer *buffer, hada_slot *slot, const void *data, size_t bytes,
                                     const char *what, hada_error *err)
 {
-    hada_status status = hada_buffer_create(buffer, slot->context, bytes, what, err);
-    if (!status && bytes)
-        status = hada_buffer_write(buffer, slot, 0, data, bytes, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_buffer_create(buffer, slot->context, bytes, what, err));
+    if (bytes)
+        HADA_TRY(hada_buffer_write(buffer, slot, 0, data, bytes, err));
+done:
     if (status)
         hada_buffer_destroy(buffer);
     return status;

@@ -2,7 +2,7 @@
 #ifndef HADA_RUNTIME_PLATFORM_H
 #define HADA_RUNTIME_PLATFORM_H
 
-#include "runtime/device.h"
+#include "runtime/context.h"
 
 typedef struct hada_platform_device {
     cl_platform_id platform;
@@ -11,6 +11,13 @@ typedef struct hada_platform_device {
 
 /* *out is freed with free(). */
 hada_status hada_platform_devices(hada_platform_device **out, size_t *count, hada_error *err);
+
+/* Fills info for a device. */
+hada_status hada_device_describe(cl_platform_id platform, cl_device_id device, int index, hada_device_info *info,
+                                 hada_error *err);
+
+/* Looks the device up in the table of quirks; also writes the reasons into info->quirks. */
+void hada_quirks_find(hada_device_info *info, hada_quirks *quirks);
 
 /* A part of a device as a device of its own, to be released with clReleaseDevice(). */
 hada_status hada_device_divide(cl_device_id device, const hada_device_info *info, int part, int parts,

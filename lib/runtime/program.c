@@ -106,37 +106,31 @@ static hada_status make(hada_context *context, hada_program_store *store, const 
 {
     char name[256];
     char *text = hada_kernel_text(file);
-    if (!text)
-        return hada_kernel_text_missing(file, err);
-
     unsigned char *binary = NULL;
     size_t bytes = 0;
     const char *folder = store->binaries ? store->binaries : store->cache;
-    hada_status status = hada_program_key(context, file, options, text, name, sizeof name, err);
-    if (!status && folder)
-        status = hada_binary_read(folder, name, &binary, &bytes, err);
-    if (!status && bytes) {
-        status = hada_program_from_binary(context, file, options, binary, bytes, out, err);
-        if (!status)
-            store->loaded++;
-        else if (!store->binaries) {
-            /* a cache entry that does not load is only a slower start */
-            hada_binary_drop(store->cache, name);
-            bytes = 0;
-        }
-    } else if (!status && store->binaries) {
-        status = hada_fail(err, HADA_ERROR_BUILD,
+    hada_status status = HADA_OK;
+    if (!text)
+        return hada_kernel_text_missing(file, err);
+    HADA_TRY(hada_program_key(context, file, options, text, name, sizeof name, err));
+    if (folder)
+        HADA_TRY(hada_binary_read(folder, name, &binary, &bytes, err));
+    if (store->binaries && !bytes)
+        HADA_TRY(hada_fail(err, HADA_ERROR_BUILD,
                            "the folder %s holds no binary of %s.cl with macros '%s' for %s; make it with "
                            "'hadalens devices --save-binaries FOLDER' on the same device, driver and version",
-                           store->binaries, file, options, context->info.name);
+                           store->binaries, file, options, context->info.name));
+    if (bytes) {
+        status = hada_program_from_binary(context, file, options, binary, bytes, out, err);
+        store->loaded += status == HADA_OK;
+        if (status == HADA_OK || store->binaries)
+            goto done;
+        hada_binary_drop(store->cache, name); /* a cache entry that does not load is only a slower start */
     }
-    if (!store->binaries && !bytes) {
-        status = hada_program_compile(context, file, options, text, out, err);
-        if (!status) {
-            store->compiled++;
-            hada_log(context, HADA_LOG_TRACE, "compiled %s.cl '%s'", file, options);
-        }
-    }
+    HADA_TRY(hada_program_compile(context, file, options, text, out, err));
+    store->compiled++;
+    hada_log(context, HADA_LOG_TRACE, "compiled %s.cl '%s'", file, options);
+done:
     free(binary);
     free(text);
     return status;

@@ -2,7 +2,7 @@
 #ifndef HADA_RUNTIME_PROGRAM_H
 #define HADA_RUNTIME_PROGRAM_H
 
-#include "runtime/device.h"
+#include "runtime/context.h"
 
 /* A row of kernels/manifest.txt: a program that a device needs. */
 typedef struct hada_program_row {

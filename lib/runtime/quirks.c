@@ -3,7 +3,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "runtime/device.h"
+#include "runtime/platform.h"
 
 typedef struct quirk_row {
     const char *platform, *name; /* NULL: any */

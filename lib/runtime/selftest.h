@@ -2,7 +2,7 @@
 #ifndef HADA_RUNTIME_SELFTEST_H
 #define HADA_RUNTIME_SELFTEST_H
 
-#include "runtime/device.h"
+#include "runtime/context.h"
 
 /* Integer sums through local memory and barriers, complex products in vector lanes, half as storage: all exact.
  * HADA_ERROR_SELF_TEST names what came out wrong. */

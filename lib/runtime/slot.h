@@ -8,7 +8,7 @@
 #include <stdatomic.h>
 
 #include "core/round.h"
-#include "runtime/device.h"
+#include "runtime/context.h"
 
 typedef struct hada_profile hada_profile; /* runtime/profile.h */
 

@@ -4,7 +4,7 @@
 #ifndef HADA_RUNTIME_TUNING_H
 #define HADA_RUNTIME_TUNING_H
 
-#include "runtime/device.h"
+#include "runtime/context.h"
 
 enum { HADA_TUNING_OPTIONS = 6, HADA_TUNING_WORD = 64, HADA_TUNING_LINE = 256 };
 /* A file has no more: a row a shape, thousands of shapes. */

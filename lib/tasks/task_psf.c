@@ -103,8 +103,9 @@ hada_status hada_psf_run(hada_model **out, hada_context *context, const char *pa
     status = hada_model_from_psf(out, context, of.image, of.count, of.distances_mm, task->psf, err);
     if (status)
         hada_error_prefix_path(err, path);
-    if (!status && task->half)
-        status = hada_model_make_half(out, err);
+    HADA_TRY(status);
+    if (task->half)
+        HADA_TRY(hada_model_make_half(out, err));
 done:
     pages_free(&of);
     if (status)

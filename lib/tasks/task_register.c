@@ -99,11 +99,13 @@ static hada_status find_offset(hada_registered *one, const hada_registration *be
                                const hada_image *last, double pitch, hada_error *err)
 {
     double scale, row, col;
-    const hada_status status = hada_register_offset(last, psf, pitch, &scale, &row, &col, &one->depth.likeness, err);
-    if (!status && one->depth.likeness >= LEAST_LIKENESS) {
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_register_offset(last, psf, pitch, &scale, &row, &col, &one->depth.likeness, err));
+    if (one->depth.likeness >= LEAST_LIKENESS) {
         one->found.offset_row = row + scale * before->offset_row;
         one->found.offset_col = col + scale * before->offset_col;
     }
+done:
     return status;
 }
 

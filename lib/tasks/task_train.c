@@ -202,6 +202,7 @@ static hada_status resume(training *own, hada_error *err)
 {
     const hada_train_work *work = &own->work;
     const hada_monitor *monitor = own->task.monitor;
+    hada_status status = HADA_OK;
     if (!own->task.resume)
         return HADA_OK;
     if (!hada_path_is_file(work->checkpoint)) {
@@ -209,10 +210,10 @@ static hada_status resume(training *own, hada_error *err)
                           work->log_folder);
         return HADA_OK;
     }
-    const hada_status status = hada_trainer_load(work->trainer, work->checkpoint, err);
-    if (!status)
-        hada_monitor_tell(monitor, HADA_MESSAGE_INFO, "Going on from step %llu.",
-                          (unsigned long long)hada_trainer_steps(work->trainer));
+    HADA_TRY(hada_trainer_load(work->trainer, work->checkpoint, err));
+    hada_monitor_tell(monitor, HADA_MESSAGE_INFO, "Going on from step %llu.",
+                      (unsigned long long)hada_trainer_steps(work->trainer));
+done:
     return status;
 }
 

@@ -33,9 +33,10 @@ static hada_status grow(void **items, size_t count, size_t *room, size_t size, h
 
 static hada_status remember_loss(hada_train_log *log, double step, double loss, hada_error *err)
 {
-    const hada_status status = grow((void **)&log->loss, log->loss_count, &log->loss_room, sizeof *log->loss, err);
-    if (!status)
-        log->loss[log->loss_count++] = (hada_loss_row){step, loss};
+    hada_status status = HADA_OK;
+    HADA_TRY(grow((void **)&log->loss, log->loss_count, &log->loss_room, sizeof *log->loss, err));
+    log->loss[log->loss_count++] = (hada_loss_row){step, loss};
+done:
     return status;
 }
 

@@ -1,6 +1,6 @@
-/* The context's device, its OpenCL context, its quirks and its books. Internal. */
-#ifndef HADA_RUNTIME_DEVICE_H
-#define HADA_RUNTIME_DEVICE_H
+/* A context: its device, its OpenCL context, its quirks, its log and its books. open.c makes it. Internal. */
+#ifndef HADA_RUNTIME_CONTEXT_H
+#define HADA_RUNTIME_CONTEXT_H
 
 #define CL_TARGET_OPENCL_VERSION 120
 #include <CL/cl.h>
@@ -48,12 +48,5 @@ struct hada_context {
 
 /* Sends a message to the context's log function, when its level is asked for. */
 void hada_log(const hada_context *context, hada_log_level level, const char *format, ...) HADA_PRINTF(3, 4);
-
-/* Fills info for a device. */
-hada_status hada_device_describe(cl_platform_id platform, cl_device_id device, int index, hada_device_info *info,
-                                 hada_error *err);
-
-/* Looks the device up in the table of quirks; also writes the reasons into info->quirks. */
-void hada_quirks_find(hada_device_info *info, hada_quirks *quirks);
 
 #endif

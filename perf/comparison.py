@@ -4,12 +4,14 @@ classic methods get the designer's own PSFs, the best case for them, and the lea
 folders are given. Weights of total variation are chosen for the best PSNR on a frame that is not scored.
    perf/comparison.py [--build build/release] [--scenes FOLDER --test-scenes FOLDER] [--pairs FOLDER] [--hand FOLDER]
                       [--out docs/comparison.md] [--pictures docs/pictures] [--preset sim300] [--frames 6]
+                      [--only flat,two-depths,crop-flat,crop-two-depths,encoded-flat,surfaces,pairs,hand]
 --pairs: a data set of real pairs, each left out in turn. --hand: psf_sample.tif and rawdata_hand_sample.tif.
-Needs NumPy and tifffile."""
+--only: some of the sections. Needs NumPy and tifffile."""
 import argparse
 import json
 import pathlib
 import shutil
+import subprocess
 import sys
 import tempfile
 
@@ -31,6 +33,7 @@ parser.add_argument("--frames", type=int, default=6)
 parser.add_argument("--iterations", type=int, default=100)
 parser.add_argument("--train-steps", type=int, default=400, help="of the net of the enhanced row; 0: no such row")
 parser.add_argument("--seed", default="1")
+parser.add_argument("--only", default="flat,two-depths,crop-flat,crop-two-depths,encoded-flat,surfaces,pairs,hand")
 parser.add_argument("--out", default="")
 parser.add_argument("--pictures", default="")
 o = parser.parse_args()
@@ -90,7 +93,8 @@ def best_weight(options, tune):
     return max(tried, key=tune)
 
 
-def simulated(title, camera, models, name):
+def simulated(title, camera, models, name, short=False):
+    """`short`: the best of the classic methods alone."""
     files = sorted((camera / "test" / "raw").glob("*.tif"))
     tune_file, files = files[0], files[1:]
     truth = camera / "test" / "truth"
@@ -103,7 +107,7 @@ def simulated(title, camera, models, name):
             ("**learned, refined**", learned, "learned", "found", [])]
     if enhanced:
         ways.append(("**learned, refined, enhanced**", enhanced, "learned", "found", []))
-    for method, options in CLASSIC:
+    for method, options in CLASSIC[-1:] if short else CLASSIC:
         ways.append((method, designed, "designed", "all", options))
         ways.append((method, learned, "learned", "all", options))
         if method.startswith("ADMM"):
@@ -138,8 +142,30 @@ def simulated(title, camera, models, name):
     shown.append(picture(truth / f"{files[0].stem}_aif.tif"))
     sheet(f"comparison-{name}.png", shown, 192)
     say(f"\n![{title}](pictures/comparison-{name}.png)\n")
-    say("In rows: the raw frame, learned filters, learned and refined, " + ("the same enhanced, " if enhanced else "") + "Wiener, Richardson-Lucy, FISTA non-negative, FISTA "
-        "with TV, ADMM with TV (designed OTF, all depths), the truth. All-in-focus images of the first frame.")
+    classic = "" if short else "Wiener, Richardson-Lucy, FISTA non-negative, FISTA with TV, "
+    say("In rows: the raw frame, learned filters, learned and refined, " + ("the same enhanced, " if enhanced else "") + classic +
+        "ADMM with TV (designed OTF, all depths), the truth. All-in-focus images of the first frame.")
+
+
+# A title, the depths that a scene occupies, the name of its picture, the camera, and options of its simulation.
+SIMULATED = [
+    (f"Flat scenes, {o.preset}", 1, "flat", o.preset, []),
+    (f"Scenes at two depths, {o.preset}", 2, "two-depths", o.preset, []),
+    ("Flat scenes, a sensor that crops (crop300)", 1, "crop-flat", "crop300", []),
+    ("Scenes at two depths, a sensor that crops (crop300)", 2, "crop-two-depths", "crop300", []),
+    (f"Flat scenes, display-encoded, {o.preset}", 1, "encoded-flat", o.preset, ["--scene-response", "srgb"]),
+]
+
+
+def surfaces():
+    """What perf/surface.py says of two cameras."""
+    words = [sys.executable, here / "surface.py", "--build", o.build, "--scenes", o.scenes, "--seeds", "11,12", "--out",
+             folder / "surface.md", *(["--test-scenes", o.test_scenes] if o.test_scenes else []),
+             *(["--pictures", o.pictures] if o.pictures else [])]
+    subprocess.run([str(w) for w in words], check=True, stdout=subprocess.DEVNULL)
+    say("\n## Scenes on surfaces, a sensor that crops (crop300)")
+    for line in (folder / "surface.md").read_text().splitlines()[1:]:  # without its command
+        say(line.replace("## ", "### ").replace("](surface-", "](pictures/surface-"))
 
 
 def real_pairs(source):
@@ -212,23 +238,28 @@ with tempfile.TemporaryDirectory() as scratch:
         "scored. `designed`: the OTFs that the simulation used, which nobody has of a real camera; `learned`: estimated from "
         "8 pairs a depth. The net of the enhanced row learned from the same pairs. Depths: `all` of the camera, `told` (those that the scene occupies), or `found` by pursuit. PSNR "
         "and SSIM of the occupied planes, peak 1.")
-    for title, depths, name in (("Flat scenes", 1, "flat"), ("Scenes at two depths", 2, "two-depths")):
+    for title, depths, name, preset, options in SIMULATED:
+        if name not in o.only.split(","):
+            continue
+        short = name not in ("flat", "two-depths")
         camera = folder / name
-        words = ["simulate", "--preset", o.preset, "--pairs", 8, "--test", o.frames + 1, "--test-depths", depths, "--seed", o.seed,
-                 "--scenes", o.scenes, "-o", camera, "--quiet"]
+        words = ["simulate", "--preset", preset, "--pairs", 8, "--test", o.frames + 1, "--test-depths", depths, "--seed", o.seed,
+                 "--scenes", o.scenes, "-o", camera, "--quiet", *options]
         run(*words, *(["--test-scenes", o.test_scenes] if o.test_scenes else []))
         learned, designed = folder / f"{name}.model", folder / f"{name}-designed.model"
         run("fit", camera, "-o", learned, "--quiet")
         facts = json.load(open(camera / "camera.json"))
         run("fit", "--psf", camera / "psf.tif", "--distances", ",".join(f"{d:g}" for d in facts["distances_mm"]), "--boundary",
-            "circular", "--window", f"{facts['window_rows']}x{facts['window_cols']}", "--psf-dark", "0", "--colour", "-o", designed, "--quiet")
-        enhanced = folder / f"{name}-enhanced.model" if o.train_steps else None
+            facts["boundary"], "--window", f"{facts['window_rows']}x{facts['window_cols']}", "--psf-dark", "0", "--colour", "-o", designed, "--quiet")
+        enhanced = folder / f"{name}-enhanced.model" if o.train_steps and not short else None
         if enhanced:
             run("train", camera, "-m", learned, "-o", enhanced, "--steps", o.train_steps, "--quiet")
-        simulated(f"{title}, {o.preset}", camera, (learned, designed, enhanced), name)
-    if o.pairs:
+        simulated(title, camera, (learned, designed, enhanced), name, short)
+    if "surfaces" in o.only.split(","):
+        surfaces()
+    if o.pairs and "pairs" in o.only.split(","):
         real_pairs(o.pairs)
-    if o.hand:
+    if o.hand and "hand" in o.only.split(","):
         real_hand(o.hand)
 if o.out:
     out = pathlib.Path(o.out)  # what a person wrote above the mark stays

@@ -4,9 +4,10 @@ surfaces (photographs that were not learned from; nothing is told), and what oth
 kinds, one of the kinds, and sheets of pictures.
   perf/surface.py --scenes FOLDER --test-scenes FOLDER [--seeds 11,12] [--preset crop300] [--noise 0.01] [--response linear]
                   [--kinds slant,half,hill,ball,steps,bars] [--more overlap,outside] [--occlude] [--rivals 1]
-                  [--simulate "OPTIONS"] [--fit "OPTIONS"] [--way "NAME: OPTIONS of reconstruct"]...
+                  [--simulate "OPTIONS"] [--also "NAME: OPTIONS of simulate"]... [--fit "OPTIONS"]
+                  [--way "NAME: OPTIONS of reconstruct"]...
                   [--camera FOLDER] [--out FILE.md] [--pictures FOLDER] [--build build/release] [--keep FOLDER]
---more: kinds with rows of their own, which the means leave out. --camera: a data set that is there already, with test/raw
+--also: a further camera, with another mask for instance. --more: kinds with rows of their own, which the means leave out. --camera: a data set that is there already, with test/raw
 and test/truth. --rivals 0: without ADMM with total variation over all depths (60 iterations, its weight chosen on a frame
 that is not scored). Needs NumPy and tifffile."""
 import argparse
@@ -37,6 +38,7 @@ parser.add_argument("--more", default="overlap,outside")
 parser.add_argument("--occlude", action="store_true")
 parser.add_argument("--rivals", type=int, default=1)
 parser.add_argument("--simulate", default="")
+parser.add_argument("--also", action="append", default=[])
 parser.add_argument("--fit", default="")
 parser.add_argument("--way", action="append", default=[])
 parser.add_argument("--camera", default="")
@@ -96,10 +98,10 @@ def head(first):
     say("|" + "---|" * (len(first) + len(COLUMNS)))
 
 
-def make(folder, seed, kinds):
+def make(folder, design, kinds):
     """A camera, its frames, and the one to choose the rival's weight by."""
-    words = ["simulate", "--preset", o.preset, "--seed", seed, "--noise", o.noise, "--pairs", 8, "--scenes", o.scenes,
-             "--surface", ",".join(kinds), "--test", len(kinds) + 1, "-o", folder, "--quiet", *shlex.split(o.simulate)]
+    words = ["simulate", "--noise", o.noise, "--pairs", 8, "--scenes", o.scenes, "--surface", ",".join(kinds), "--test",
+             len(kinds) + 1, "-o", folder, "--quiet", *design]
     words += ["--test-scenes", o.test_scenes] if o.test_scenes else []
     words += ["--scene-response", o.response] if o.response != "linear" else []
     frames.run(hadalens, *words, *(["--occlude"] if o.occlude else []))
@@ -185,11 +187,13 @@ with tempfile.TemporaryDirectory() as scratch:
         base.mkdir(parents=True, exist_ok=True)
         done.append(one_camera(camera.name, camera, files, None, base))
         kinds = [k for k in kinds if any(kind_of(f.stem) == k for f in files)]
-    for seed in o.seeds.split(",") if not o.camera else []:
-        folder = base / f"seed{seed}"
+    designs = {f"{o.preset} {s}": ["--preset", o.preset, "--seed", s, *shlex.split(o.simulate)] for s in o.seeds.split(",") if s}
+    designs.update((a.split(":", 1)[0], shlex.split(a.split(":", 1)[1])) for a in o.also)
+    for title, design in designs.items() if not o.camera else []:
+        folder = base / title.replace(" ", "-")
         folder.mkdir(parents=True, exist_ok=True)
-        files, tune = make(folder / "camera", seed, kinds + [k for k in o.more.split(",") if k])
-        done.append(one_camera(f"{o.preset} {seed}", folder / "camera", files, tune, folder))
+        files, tune = make(folder / "camera", design, kinds + [k for k in o.more.split(",") if k])
+        done.append(one_camera(title, folder / "camera", files, tune, folder))
     command = " ".join(shlex.quote(w) for w in sys.argv[1:])
     say(f"Made by `perf/surface.py {command}`.")
     report(done, kinds)

@@ -41,6 +41,8 @@ expect 2 'neither a kind of surface' simulate "${small[@]}" --surface valley -o 
 "$FRAME_TOOL" flat below.tif 20 30 1 -1
 expect 4 'below.tif.*-1 is not possible' simulate "${small[@]}" --surface below.tif -o f
 expect 2 'two depths' simulate --preset sim300 --size 64x80 --window 24x24 --depths 1 --lenses 9 --surface ball -o f
+expect 0 '' simulate "${small[@]}" --surface bars --full-well 10000 --read-noise 5 --adc-bits 12 --bits 16 -o l
+[ "$(info l/test/raw/test01_bars.tif)" = '1 3 64 80 16' ] || fail 'a surface before a sensor'
 # Encoded scenes: they are written as they are, the frames are made of their light.
 expect 0 '' simulate "${small[@]}" --scene-response 2 --test 1 -o j
 cmp -s a/z100mm/raw/scene0001.tif j/z100mm/raw/scene0001.tif && fail '--scene-response changed no frame'

@@ -2,6 +2,7 @@
 #include "forward_fixture.h"
 
 #include "ref/ref_convolve.h"
+#include "ref/ref_forward.h"
 
 #define AREA (HIGH * WIDE)
 
@@ -115,6 +116,83 @@ static void opaque_surfaces(void **state)
     hada_simulator_destroy(&simulator);
 }
 
+/* How much of pixel i's light each lens sees past what stands nearer by more than a pixel of parallax at the rim of the
+ * aperture, each of these pixels at its own distance. Nothing stands behind anything else, so shadows add up. */
+static void see(const hada_camera *camera, const hada_image *map, int i, const double *x, const double *y, double *seen)
+{
+    static float opacity[AREA];
+    unsigned char done[AREA] = {0};
+    for (int l = 0; l < LENSES; l++)
+        seen[l] = 1.0;
+    for (int j = 0; j < AREA; j++) {
+        double cols, rows;
+        const double near_mm = (double)map->data[j], far_mm = (double)map->data[i];
+        hada_camera_parallax(camera, near_mm, far_mm, camera->aperture_mm / 2.0, 0.0, &cols, &rows);
+        if (done[j] || !(cols > 1.0))
+            continue;
+        for (int k = 0; k < AREA; k++) { /* all pixels at this distance */
+            opacity[k] = map->data[k] == map->data[j];
+            done[k] |= opacity[k] > 0.0f;
+        }
+        for (int l = 0; l < LENSES; l++)
+            seen[l] -=
+                1.0 - hada_ref_clear(camera, opacity, HIGH, WIDE, near_mm, far_mm, x[l], y[l], 4, i / WIDE, i % WIDE);
+    }
+    for (int l = 0; l < LENSES; l++)
+        seen[l] = fmax(seen[l], 0.0);
+}
+
+/* One channel of the frame of an opaque surface, pixel by pixel and lens by lens. */
+static void add_opaque(const hada_camera *camera, const hada_image *image, int channel, const hada_image *map,
+                       double *out)
+{
+    double x[LENSES], y[LENSES], seen[LENSES];
+    const double pitch = camera->pixel_pitch_mm;
+    ASSERT_OK(hada_camera_lenses(camera, x, y, err));
+    for (int i = 0; i < AREA; i++) {
+        hada_image psf;
+        const int row = (ROWS - HIGH) / 2 + i / WIDE, col = (COLS - WIDE) / 2 + i % WIDE;
+        see(camera, map, i, x, y, seen);
+        ASSERT_OK(hada_camera_psf_sized(camera, (double)map->data[i], 2 * ROWS, 2 * COLS, &psf, err));
+        for (int r = 0; r < ROWS; r++)
+            for (int c = 0; c < COLS; c++) {
+                const float light = psf.data[(r - row + ROWS) * 2 * COLS + (c - col + COLS)];
+                if (light > 0.0f)
+                    out[r * COLS + c] += (double)light * (double)image->data[channel * AREA + i] *
+                                         seen[hada_ref_nearest_spot(camera, x, y, (double)map->data[i],
+                                                                    (c - col) * pitch, (r - row) * pitch)];
+            }
+        hada_image_destroy(&psf);
+    }
+}
+
+/* A ball before a wall, whose rim falls off steeply: a hard case, with more parallax than the ball has radius. */
+static void opaque_ball(void **state)
+{
+    (void)state;
+    static double expected[PIXELS];
+    hada_camera camera = small_camera(HADA_BOUNDARY_PADDED);
+    camera.pixel_pitch_mm /= 4.0; /* 15 pixels of parallax from the nearest to the farthest depth */
+    hada_simulator *simulator = simulator_of(&camera, 0, 0, 0, 0);
+    hada_image map, scene = drawn(8, 3, HIGH, WIDE), raw;
+    ASSERT_OK(hada_scene_relief(&map, HADA_RELIEF_BALL, 0, HIGH, WIDE, err));
+    for (int i = 0; i < AREA; i++)
+        map.data[i] = (float)(1.0 / (0.01 + ((double)map.data[i]) * (1.0 / 600.0 - 0.01)));
+    const hada_relief relief = {&scene, &map};
+    memset(expected, 0, sizeof expected);
+    add_opaque(&camera, &scene, 1, &map, expected);
+    for (int opaque = 0; opaque < 2; opaque++) {
+        ASSERT_OK(hada_simulator_render_reliefs(simulator, &relief, 1, opaque, 0.0, 0, &raw, err));
+        const double error = distance(raw.data + PIXELS, expected, PIXELS);
+        print_message("a ball, %s: %.1e from rays\n", opaque ? "opaque" : "clear", error);
+        assert_true(opaque ? error < 4e-2 : error > 0.15);
+        hada_image_destroy(&raw);
+    }
+    hada_image_destroy(&map);
+    hada_image_destroy(&scene);
+    hada_simulator_destroy(&simulator);
+}
+
 /* Where the map is NaN nothing stands; the same noise as planes get. */
 static void holes_and_noise(void **state)
 {
@@ -192,6 +270,7 @@ static void refusals(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(every_distance_has_its_psf), cmocka_unit_test(opaque_surfaces),
-                                       cmocka_unit_test(holes_and_noise), cmocka_unit_test(refusals)};
+                                       cmocka_unit_test(opaque_ball), cmocka_unit_test(holes_and_noise),
+                                       cmocka_unit_test(refusals)};
     return cmocka_run_group_tests(tests, open_device, close_device);
 }

@@ -10,6 +10,7 @@ folders are given. Weights of total variation are chosen for the best PSNR on a 
 import argparse
 import json
 import pathlib
+import re
 import shutil
 import subprocess
 import sys
@@ -164,8 +165,8 @@ def surfaces():
              *(["--pictures", o.pictures] if o.pictures else [])]
     subprocess.run([str(w) for w in words], check=True, stdout=subprocess.DEVNULL)
     say("\n## Scenes on surfaces, a sensor that crops (crop300)")
-    for line in (folder / "surface.md").read_text().splitlines()[1:]:  # without its command
-        say(line.replace("## ", "### ").replace("](surface-", "](pictures/surface-"))
+    for line in (folder / "surface.md").read_text().split("-->")[1].splitlines()[2:]:
+        say(re.sub(r"\]\(.*/surface-", "](pictures/surface-", line.replace("## ", "### ")))
 
 
 def real_pairs(source):

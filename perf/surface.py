@@ -12,7 +12,9 @@ and test/truth. --rivals 0: without ADMM with total variation over all depths (6
 that is not scored). Needs NumPy and tifffile."""
 import argparse
 import json
+import os
 import pathlib
+import re
 import shlex
 import sys
 import tempfile
@@ -49,6 +51,7 @@ o = parser.parse_args()
 hadalens = f"{o.build}/bindings/cli/hadalens"
 ITERATIONS = 60
 WEIGHTS = ["0.001", "0.003", "0.01"]  # of the rival's total variation
+MARK = "<!-- below this line: perf/surface.py -->"
 USUAL = "0.003"                       # where there is no frame to choose by: the best on most
 lines = []
 
@@ -116,6 +119,10 @@ def panels(name, out, truth, distances):
             *(frames.coloured(tifffile.imread(p / f"{name}_depth.tif"), near, far) for p in out)]
 
 
+def picture_of(title):
+    return "surface-" + re.sub("[^a-z0-9]+", "-", title.lower()) + ".png"
+
+
 def kind_of(name):
     return name.split("_")[-1]
 
@@ -146,8 +153,7 @@ def one_camera(title, camera, files, tune, folder):
         facts = json.loads((camera / "camera.json").read_text()) if (camera / "camera.json").exists() else None
         distances = facts["distances_mm"] if facts else [100.0, 600.0]
         shown = [p for f in files for p in panels(f.stem, out, truth, distances)]
-        name = "surface-" + title.replace(" ", "-") + ".png"
-        frames.sheet(pathlib.Path(o.pictures) / name, shown, 128, 2 * (1 + len(ways)), gamma=1)
+        frames.sheet(pathlib.Path(o.pictures) / picture_of(title), shown, 128, 2 * (1 + len(ways)), gamma=1)
     return title, fitted, table
 
 
@@ -171,8 +177,9 @@ def report(cameras, kinds):
             of = [r for _, _, table in cameras for n, r in table[k][1].items() if kind_of(n) == kind]
             say(f"| {kind} | {way} | {cells(of)} |")
     if o.pictures:
+        relative = pathlib.Path(os.path.relpath(o.pictures, pathlib.Path(o.out or "x").parent))
         for title, _, table in cameras:
-            say(f"\n![{title}](surface-{title.replace(' ', '-')}.png)")
+            say(f"\n![{title}]({relative / picture_of(title)})")
         say("\nA row a kind. All-in-focus: the truth, then " + ", ".join(w for w, _, _ in cameras[0][2]) +
             "; distance maps in the same order (warm is near, cold is far, grey is not known).")
 
@@ -194,8 +201,8 @@ with tempfile.TemporaryDirectory() as scratch:
         folder.mkdir(parents=True, exist_ok=True)
         files, tune = make(folder / "camera", design, kinds + [k for k in o.more.split(",") if k])
         done.append(one_camera(title, folder / "camera", files, tune, folder))
-    command = " ".join(shlex.quote(w) for w in sys.argv[1:])
-    say(f"Made by `perf/surface.py {command}`.")
     report(done, kinds)
 if o.out:
-    pathlib.Path(o.out).write_text("\n".join(lines) + "\n")
+    out = pathlib.Path(o.out)  # what a person wrote above the mark stays
+    above = out.read_text().split(MARK)[0] if out.exists() and MARK in out.read_text() else "# Scenes on surfaces\n\n"
+    out.write_text(above + MARK + "\n\n" + "\n".join(lines) + "\n")

@@ -13,7 +13,7 @@ typedef struct settings {
 
 static const hada_cli_option options[] = {
     HADA_CLI_GROUP("Work"),
-    {HADA_OPTION_TEXT, "save-binaries", 0, "FOLDER", "compile every kernel and write the binaries here",
+    {HADA_OPTION_TARGET, "save-binaries", 0, "FOLDER", "compile every kernel and write the binaries here",
      "For the device that --device chooses. Other runs take them with --binaries, and compile nothing.",
      HADA_CLI_AT(settings, save_binaries)},
     {HADA_OPTION_FLAG, "check", 0, NULL, "open the device and compare its first results with known answers",

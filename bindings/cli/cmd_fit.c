@@ -24,7 +24,7 @@ typedef struct settings {
 #define ONE_OF(member, ...) HADA_CLI_ONE_OF(settings, member, __VA_ARGS__)
 static const hada_cli_option options[] = {
     HADA_CLI_GROUP("What to write"),
-    {HADA_OPTION_TEXT, "output", 'o', "MODEL", "the model file to write (safetensors)", NULL, AT(output)},
+    {HADA_OPTION_TARGET, "output", 'o', "MODEL", "the model file to write (safetensors)", NULL, AT(output)},
     {HADA_OPTION_FLAG, "half", 0, NULL, "store the filters in half precision: half the size", NULL, AT(half)},
 
     HADA_CLI_GROUP("What to learn from"),
@@ -33,7 +33,7 @@ static const hada_cli_option options[] = {
      AT(psf)},
     {HADA_OPTION_TEXT, "distances", 0, "LIST", "the distances of the pages of --psf in mm, such as 100,200,400",
      "Needed where the file does not say them.", AT(distances)},
-    {HADA_OPTION_TEXT, "sums", 0, "FILE", "also save the sums over the pairs",
+    {HADA_OPTION_TARGET, "sums", 0, "FILE", "also save the sums over the pairs",
      "A later fit adds to them with --merge, without the pairs.", AT(sums)},
     {HADA_OPTION_TEXTS, "merge", 0, "FILE", "add saved sums; may be given more than once",
      "They must come from the same camera and depths. So pairs can be added later, or from several machines.",
@@ -259,6 +259,7 @@ static hada_status fit_pairs(hada_cli *cli, const settings *set, const char *fol
     HADA_TRY(hada_cli_read_refine_tv(set->refine_tv, &fit.refine_tv, err));
     if (folder) {
         HADA_TRY(hada_dataset_scan(&data, folder, &scan, err));
+        HADA_TRY(hada_file_check_target(set->output, err)); /* now that the data set's own files are known */
         HADA_TRY(hada_cli_read_dark_level(&fit.dark, set->dark, err));
     }
     HADA_TRY(hada_fit_run(model, &report, context, data, &task, err));

@@ -16,7 +16,7 @@ typedef struct settings {
 #define AT(member) HADA_CLI_AT(settings, member)
 static const hada_cli_option options[] = {
     HADA_CLI_GROUP("What to write"),
-    {HADA_OPTION_TEXT, "output", 'o', "FOLDER", "the folder to make", "It must not exist yet, or be empty.",
+    {HADA_OPTION_TARGET, "output", 'o', "FOLDER", "the folder to make", "It must not exist yet, or be empty.",
      AT(output)},
     {HADA_OPTION_REAL, "threshold", 0, "MTF", "frequencies count as passed from here on (default: 0.05)", NULL,
      AT(threshold)},

@@ -18,7 +18,7 @@ typedef struct settings {
 #define AT(member) HADA_CLI_AT(settings, member)
 static const hada_cli_option options[] = {
     HADA_CLI_GROUP("Result"),
-    {HADA_OPTION_TEXT, "output", 'o', "DATASET", "write a data set with registered scenes; without it, only report",
+    {HADA_OPTION_TARGET, "output", 'o', "DATASET", "write a data set with registered scenes; without it, only report",
      "Raw frames are taken over as they are, as hard links where that goes. Transforms that would move no pixel of a "
      "scene by more than the precision reached are not applied.",
      AT(output)},

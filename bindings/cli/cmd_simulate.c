@@ -16,7 +16,7 @@ typedef struct settings {
 #define AT(member) HADA_CLI_AT(settings, member)
 static const hada_cli_option options[] = {
     HADA_CLI_GROUP("What to write"),
-    {HADA_OPTION_TEXT, "output", 'o', "DATASET", "the folder to make", "It must not exist yet, or be empty.",
+    {HADA_OPTION_TARGET, "output", 'o', "DATASET", "the folder to make", "It must not exist yet, or be empty.",
      AT(output)},
     {HADA_OPTION_TEXT, "scenes", 0, "FOLDER|procedural", "pictures to show to the camera (default: procedural)",
      "A folder of TIFF pictures of any size, cut and scaled to the window; or coloured shapes drawn from the seed.",

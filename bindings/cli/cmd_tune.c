@@ -23,7 +23,7 @@ typedef struct settings {
 #define AT(member) HADA_CLI_AT(settings, member)
 static const hada_cli_option options[] = {
     HADA_CLI_GROUP("Measurement"),
-    {HADA_OPTION_TEXT, "output", 'o', "FILE", "the tuning file to write or to bring up to date (needed)",
+    {HADA_OPTION_TARGET, "output", 'o', "FILE", "the tuning file to write or to bring up to date (needed)",
      "Lines about other devices and shapes stay as they are.", AT(output)},
     {HADA_OPTION_TEXT, "model", 'm', "MODEL", "measure what this model needs: its transforms and the net in it", NULL,
      AT(model)},

@@ -1,6 +1,7 @@
 /* hadalens: the command line. Chooses the command, parses its options, prints the JSON document at the end. */
 #include "command.h"
 
+#include <hadalens/limits.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -50,6 +51,21 @@ static int print_manual(const char *name)
     return HADA_EXIT_OK;
 }
 
+/* The environment's budgets, and what --limits changes of them. */
+static hada_status set_limits(const hada_cli *cli, hada_error *err)
+{
+    hada_limits limits;
+    hada_status status = HADA_OK;
+    hada_limits_init(&limits);
+    HADA_TRY(hada_limits_get(&limits, err));
+    if (cli->common->limits) {
+        HADA_TRY(hada_limits_parse(&limits, cli->common->limits, err));
+        HADA_TRY(hada_limits_set(&limits, err));
+    }
+done:
+    return status;
+}
+
 static int run(const hada_cli_command *command, int argc, const char **argv)
 {
     hada_cli_parsed parsed;
@@ -69,7 +85,8 @@ static int run(const hada_cli_command *command, int argc, const char **argv)
         code = HADA_EXIT_OK;
     } else {
         hada_cli_catch_signals();
-        code = command->run(&cli, parsed.settings, parsed.count, parsed.arguments);
+        code = set_limits(&cli, &err) ? hada_cli_fail(&cli, &err)
+                                      : command->run(&cli, parsed.settings, parsed.count, parsed.arguments);
         hada_cli_progress_end(&cli);
     }
     /* A command line that could not be parsed still answers in JSON when it asks for it. */
@@ -109,7 +126,9 @@ int main(int argc, char **argv)
         const hada_cli_command *command = hada_cli_find_command(first);
         code = command ? run(command, argc - 1, (const char **)argv + 1) : unknown_command(first);
     }
-    if (fflush(stdout) && code == HADA_EXIT_OK) {
+    const int unwritten = fflush(stdout) || ferror(stdout);
+    hada_cli_end_by_pipe();
+    if (unwritten && code == HADA_EXIT_OK) {
         fprintf(stderr, "hadalens: stdout could not be written\n");
         code = HADA_EXIT_FILE;
     }

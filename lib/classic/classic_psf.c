@@ -116,7 +116,6 @@ hada_status hada_psf_read(hada_psf_reader *reader, int depth, int channel, hada_
         reader->largest = fmax(reader->largest, square_of(otf + 2 * i));
     reader->largest = sqrt(reader->largest);
     hada_layout_pack(&reader->layout, otf, reader->values);
-    hada_model_forget(reader->model);
     HADA_TRY(hada_buffer_write(&reader->spectrum, reader->slot, 0, reader->values, reader->spectrum.bytes, err));
     HADA_TRY(hada_fft_inverse(reader->inverse, 1, reader->spectrum.mem, 0, reader->image.mem, 0, NULL, err));
     HADA_TRY(hada_buffer_read(&reader->image, reader->slot, 0, reader->psf, reader->image.bytes, err));

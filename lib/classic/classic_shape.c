@@ -147,7 +147,6 @@ hada_status hada_classic_camera_of(hada_classic_camera *camera, const hada_model
         camera->largest[c] = largest_square(model, depths, count, c, &mean);
         camera->mean_square += mean / channels / count;
     }
-    hada_model_forget(model);
     for (int c = 0; c < channels; c++)
         if (!(camera->largest[c] > 0.0))
             return hada_fail(err, HADA_ERROR_MODEL, "the model's transfer functions are 0 in channel %d", c + 1);

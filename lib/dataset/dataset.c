@@ -26,6 +26,7 @@ void hada_dataset_destroy(hada_dataset **dataset)
     free(set->depth);
     free(set->distances_mm);
     free(set->counts);
+    hada_inputs_release(&set->inputs);
     free(set->psf);
     free(set->camera);
     free(set);

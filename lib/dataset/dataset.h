@@ -3,6 +3,7 @@
 #define HADA_DATASET_DATASET_H
 
 #include <hadalens/dataset.h>
+#include <hadalens/folder.h>
 
 #include "core/error.h"
 
@@ -24,6 +25,7 @@ struct hada_dataset {
     int *counts;
     char incomplete_text[600];
     char *psf, *camera;
+    hada_inputs *inputs; /* all files, kept from being overwritten as long as the set that was scanned lives */
 };
 
 /* Fills `info` from the depths, which stand near to far. */

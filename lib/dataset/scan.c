@@ -132,11 +132,14 @@ static hada_status find_depths(hada_dataset *set, const char *folder, hada_error
     DIR *open = opendir(folder);
     if (!open)
         return hada_fail(err, HADA_ERROR_FILE_OPEN, "the data set %s cannot be read: %s", folder, strerror(errno));
-    for (const struct dirent *entry; (entry = readdir(open));) {
+    const struct dirent *entry;
+    while ((errno = 0, entry = readdir(open))) {
         const double distance = folder_distance(entry->d_name);
         if (distance >= 0.0)
             HADA_TRY(add_depth(set, folder, entry->d_name, distance, err));
     }
+    if (errno)
+        HADA_TRY(hada_fail(err, HADA_ERROR_FILE_READ, "the data set %s cannot be read: %s", folder, strerror(errno)));
     if (!set->info.depths)
         HADA_TRY(hada_fail(err, HADA_ERROR_DATASET,
                            "%s holds no folder named z<distance>mm; a data set looks like %s/z100mm/raw/NAME.tif and "
@@ -181,6 +184,25 @@ done:
     return status;
 }
 
+static hada_status protect(hada_dataset *set, hada_error *err)
+{
+    const char **paths = NULL;
+    size_t count = 0;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&paths, 2 * (size_t)set->info.pairs + 2, sizeof *paths, "a data set", err));
+    for (int z = 0; z < set->info.depths; z++)
+        for (int i = 0; i < set->depth[z].count; i++) {
+            paths[count++] = set->depth[z].pair[i].raw;
+            paths[count++] = set->depth[z].pair[i].scene;
+        }
+    paths[count++] = set->psf;
+    paths[count++] = set->camera;
+    HADA_TRY(hada_inputs_protect(&set->inputs, paths, count, err));
+done:
+    free(paths);
+    return status;
+}
+
 hada_status hada_dataset_scan(hada_dataset **out, const char *folder, const hada_dataset_options *callers,
                               hada_error *err)
 {
@@ -200,6 +222,7 @@ hada_status hada_dataset_scan(hada_dataset **out, const char *folder, const hada
     HADA_TRY(find_file(&set->psf, folder, "psf.tif", err));
     HADA_TRY(find_file(&set->camera, folder, "camera.json", err));
     HADA_TRY(hada_dataset_count(set, err));
+    HADA_TRY(protect(set, err));
 done:
     if (status && *out)
         hada_dataset_destroy(out);

@@ -107,7 +107,6 @@ static hada_status find_same_channels(hada_setup *setup, hada_error *err)
                 setup->same_filter[c] = before;
         }
     }
-    hada_model_forget(setup->model);
 done:
     return status;
 }

@@ -112,7 +112,6 @@ static hada_status upload(hada_bank *bank, hada_slot *slot, const hada_model *mo
         }
         const size_t at = (size_t)((z % per_buffer) * bank->channels + c) * image_bytes;
         HADA_TRY(hada_buffer_write(&list[z / per_buffer], slot, at, image, image_bytes, err));
-        hada_model_forget(model); /* copied: the file need not stand in memory beside the device's copy */
     }
 done:
     free(image);

@@ -68,7 +68,6 @@ int hada_gains_fits_half(const hada_model *model, const int *depths, int count)
                              (size_t)(i % model->info.channels);
         fits = !hada_filter_to_half(model->filter + image * plane, plane, room, NULL);
     }
-    hada_model_forget(model);
     free(room);
     return fits;
 }
@@ -89,7 +88,6 @@ hada_status hada_gains_create(hada_gains **out, const hada_model *model, const h
     HADA_TRY(hada_alloc_raw((void **)&room, 2 * hada_model_plane(model), sizeof *room, "the filters' gains", err));
     for (int c = 0; c < gains->channels; c++)
         add_channel(gains, model, c, depths, count, with_half, room);
-    hada_model_forget(model);
 done:
     free(room);
     if (status)

@@ -1,5 +1,5 @@
 /* Tensors by name with text metadata, in the safetensors format (https://huggingface.co/docs/safetensors). Internal.
- * Reading maps the file; writing streams, beside the file and renamed at the end. Little-endian. */
+ * Reading takes the whole file into memory; writing streams, beside the file and renamed at the end. Little-endian. */
 #ifndef HADA_IO_SAFETENSORS_H
 #define HADA_IO_SAFETENSORS_H
 
@@ -36,18 +36,18 @@ typedef struct hada_stored_tensor {
     hada_dtype type;
     int dims;
     int64_t shape[HADA_TENSOR_DIMS];
-    const void *data; /* into the mapped file; hada_tensor_copy_f32 reads it at any alignment */
+    const void *data; /* hada_tensor_copy_f32 reads it at any alignment */
     size_t bytes;
 } hada_stored_tensor;
 
 typedef struct hada_tensors hada_tensors;
-/* Maps the file and checks the whole header (offsets inside the file, no overlap, sizes equal shapes) before anything
- * is used. Tensors stand in the order of their data. Several threads may read one hada_tensors. The file must not
- * shrink meanwhile: replace it by renaming, as this library does. */
+/* Reads the file and checks the whole header (offsets inside the file, no overlap, sizes equal shapes) before anything
+ * is used. Tensors stand in the order of their data. Several threads may read one hada_tensors. What happens to
+ * the file afterwards does not matter: it is not mapped, since one that shrinks would end the process. */
 hada_status hada_tensors_open(hada_tensors **out, const char *path, hada_error *err);
 void hada_tensors_close(hada_tensors **tensors);
-/* Gives the memory of pages read so far back to the system; they are read again from the file when touched. */
-void hada_tensors_forget(const hada_tensors *tensors);
+/* Bytes of the whole file: more numbers it cannot hold. */
+size_t hada_tensors_bytes(const hada_tensors *tensors);
 size_t hada_tensors_count(const hada_tensors *tensors);
 const hada_stored_tensor *hada_tensors_at(const hada_tensors *tensors, size_t index);
 const hada_stored_tensor *hada_tensors_find(const hada_tensors *tensors, const char *name); /* NULL where absent */

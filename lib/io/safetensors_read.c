@@ -1,14 +1,13 @@
-#include <errno.h>
-#include <fcntl.h>
+#include <hadalens/limits.h>
 #include <jansson.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/mman.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include "core/alloc.h"
+#include "core/input.h"
 #include "io/safetensors.h"
+#include "io/tiff_chain.h"
 
 /* The limit of the reference implementation. */
 #define HEADER_LIMIT ((uint64_t)100000000)
@@ -17,9 +16,10 @@ struct hada_tensors {
     json_t *header;
     const json_t *meta;
     hada_stored_tensor *list;
+    const hada_stored_tensor **by_name; /* the same, sorted */
     size_t count;
-    void *map;
-    size_t map_bytes;
+    unsigned char *data; /* the whole file */
+    size_t bytes;
 };
 
 static const struct {
@@ -120,6 +120,12 @@ static int by_place(const void *a, const void *b)
     return strcmp(left->name, right->name);
 }
 
+static int by_name(const void *a, const void *b)
+{
+    const hada_stored_tensor *const *left = a, *const *right = b;
+    return strcmp((*left)->name, (*right)->name);
+}
+
 static hada_status read_meta(hada_tensors *tensors, hada_error *err)
 {
     tensors->meta = json_object_get(tensors->header, "__metadata__");
@@ -138,22 +144,30 @@ static hada_status read_meta(hada_tensors *tensors, hada_error *err)
 
 static hada_status parse(hada_tensors *tensors, hada_error *err)
 {
-    const unsigned char *bytes = tensors->map;
+    const unsigned char *bytes = tensors->data;
+    hada_limits limits = {.size = sizeof limits};
+    hada_status status = hada_limits_get(&limits, err);
     uint64_t length = 0;
+    if (status)
+        return status;
     for (int i = 7; i >= 0; i--)
         length = length << 8 | bytes[i];
     if (length > HEADER_LIMIT || length < 2 || bytes[8] != '{')
         return hada_fail(err, HADA_ERROR_FILE_FORMAT, "not a safetensors file (no header of a plausible length)");
-    if (length > tensors->map_bytes - 8)
+    if (length > tensors->bytes - 8)
         return hada_fail(err, HADA_ERROR_FILE_READ,
                          "the safetensors header has %llu bytes, but the file ends before: it is cut off; get it again",
+                         (unsigned long long)length);
+    if (length > limits.text)
+        return hada_fail(err, HADA_ERROR_FILE_FORMAT,
+                         "the safetensors header has %llu bytes, more than the limits allow (options.limits text=N)",
                          (unsigned long long)length);
     json_error_t why;
     tensors->header = json_loadb((const char *)bytes + 8, (size_t)length, JSON_REJECT_DUPLICATES, &why);
     if (!json_is_object(tensors->header))
         return hada_fail(err, HADA_ERROR_FILE_FORMAT, "the safetensors header is damaged: %s at its byte %d", why.text,
                          why.position);
-    hada_status status = read_meta(tensors, err);
+    status = read_meta(tensors, err);
     if (status)
         return status;
     void *list;
@@ -162,8 +176,12 @@ static hada_status parse(hada_tensors *tensors, hada_error *err)
     if (status)
         return status;
     tensors->list = list;
+    status = hada_alloc(&list, json_object_size(tensors->header), sizeof *tensors->by_name, "the list of tensors", err);
+    if (status)
+        return status;
+    tensors->by_name = list;
     const unsigned char *data = bytes + 8 + length;
-    uint64_t data_bytes = tensors->map_bytes - 8 - length;
+    uint64_t data_bytes = tensors->bytes - 8 - length;
     const char *name;
     json_t *entry;
     json_object_foreach(tensors->header, name, entry)
@@ -176,6 +194,9 @@ static hada_status parse(hada_tensors *tensors, hada_error *err)
         tensors->count++;
     }
     qsort(tensors->list, tensors->count, sizeof(hada_stored_tensor), by_place);
+    for (size_t i = 0; i < tensors->count; i++)
+        tensors->by_name[i] = &tensors->list[i];
+    qsort(tensors->by_name, tensors->count, sizeof *tensors->by_name, by_name);
     const unsigned char *expected = data;
     for (size_t i = 0; i < tensors->count; i++) {
         const unsigned char *at = tensors->list[i].data;
@@ -192,25 +213,21 @@ static hada_status parse(hada_tensors *tensors, hada_error *err)
     return HADA_OK;
 }
 
-static hada_status map_file(hada_tensors *tensors, const char *path, hada_error *err)
+static hada_status read_file(hada_tensors *tensors, const char *path, hada_error *err)
 {
+    int fd = -1;
     hada_status status = HADA_OK;
-    struct stat info;
-    const int fd = open(path, O_RDONLY | O_CLOEXEC);
-    if (fd < 0)
-        return hada_fail(err, HADA_ERROR_FILE_OPEN, "cannot be opened: %s", strerror(errno));
-    if (fstat(fd, &info) || !S_ISREG(info.st_mode))
-        HADA_TRY(hada_fail(err, HADA_ERROR_FILE_OPEN, "is not an ordinary file"));
-    if (info.st_size < 10)
+    HADA_TRY(hada_input_open(&fd, &tensors->bytes, path, NULL, err));
+    if (tensors->bytes < 10)
         HADA_TRY(hada_fail(err, HADA_ERROR_FILE_READ, "%s: not a safetensors file",
-                           info.st_size ? "the file has fewer than 10 bytes" : "the file is empty"));
-    void *map = mmap(NULL, (size_t)info.st_size, PROT_READ, MAP_PRIVATE, fd, 0);
-    if (map == MAP_FAILED)
-        HADA_TRY(hada_fail(err, HADA_ERROR_FILE_READ, "cannot be mapped: %s", strerror(errno)));
-    tensors->map = map;
-    tensors->map_bytes = (size_t)info.st_size;
+                           tensors->bytes ? "the file has fewer than 10 bytes" : "the file is empty"));
+    HADA_TRY(hada_alloc_raw((void **)&tensors->data, tensors->bytes, 1, "the file", err));
+    if (hada_read_at(fd, tensors->data, tensors->bytes, 0))
+        HADA_TRY(
+            hada_fail(err, HADA_ERROR_FILE_READ, "cannot be read: it became shorter meanwhile, or the disk fails"));
 done:
-    close(fd);
+    if (fd >= 0)
+        close(fd);
     return status;
 }
 
@@ -221,7 +238,7 @@ hada_status hada_tensors_open(hada_tensors **out, const char *path, hada_error *
     if (!tensors)
         return hada_fail(err, HADA_ERROR_MEMORY, "no memory to open %s", path);
     hada_status status = HADA_OK;
-    HADA_TRY(map_file(tensors, path, err));
+    HADA_TRY(read_file(tensors, path, err));
     HADA_TRY(parse(tensors, err));
 done:
     if (status) {
@@ -237,17 +254,17 @@ void hada_tensors_close(hada_tensors **tensors)
     hada_tensors *t = tensors ? *tensors : NULL;
     if (!t)
         return;
-    if (t->map)
-        munmap(t->map, t->map_bytes);
+    free(t->data);
     json_decref(t->header);
     free(t->list);
+    free(t->by_name);
     free(t);
     *tensors = NULL;
 }
 
-void hada_tensors_forget(const hada_tensors *tensors)
+size_t hada_tensors_bytes(const hada_tensors *tensors)
 {
-    madvise(tensors->map, tensors->map_bytes, MADV_DONTNEED); /* only a hint: nothing is lost when it fails */
+    return tensors->bytes;
 }
 
 size_t hada_tensors_count(const hada_tensors *tensors)
@@ -262,10 +279,10 @@ const hada_stored_tensor *hada_tensors_at(const hada_tensors *tensors, size_t in
 
 const hada_stored_tensor *hada_tensors_find(const hada_tensors *tensors, const char *name)
 {
-    for (size_t i = 0; i < tensors->count; i++)
-        if (!strcmp(tensors->list[i].name, name))
-            return &tensors->list[i];
-    return NULL;
+    const hada_stored_tensor key = {.name = name}, *wanted = &key;
+    const hada_stored_tensor **found =
+        bsearch(&wanted, tensors->by_name, tensors->count, sizeof *tensors->by_name, by_name);
+    return found ? *found : NULL;
 }
 
 const char *hada_tensors_meta(const hada_tensors *tensors, const char *key)

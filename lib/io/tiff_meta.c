@@ -2,6 +2,7 @@
 
 #include <limits.h>
 #include <math.h>
+#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -68,11 +69,14 @@ static void parse_imagej(hada_tiff_stack *stack, const char *text)
 /* The value of an attribute of the element that begins at `element`, NULL where it has none. */
 static const char *attribute(const char *element, const char *name)
 {
-    const char *end = strchr(element, '>');
-    size_t length = strlen(name);
-    for (const char *at = element; end && (at = strstr(at, name)) && at < end; at += length)
-        if (strchr(" \t\r\n", at[-1]) && at[length] == '=' && (at[length + 1] == '"' || at[length + 1] == '\''))
-            return at + length + 2;
+    /* up to the next element, or a text of many that do not end would be gone through for each */
+    const size_t length = strlen(name), whole = 1 + strcspn(element + 1, "<>");
+    if (element[whole] != '>')
+        return NULL;
+    for (size_t at = 1; at + length + 2 <= whole; at++)
+        if (element[at] == *name && !strncmp(element + at, name, length) && strchr(" \t\r\n", element[at - 1]) &&
+            element[at + length] == '=' && (element[at + length + 1] == '"' || element[at + length + 1] == '\''))
+            return element + at + length + 2;
     return NULL;
 }
 
@@ -101,16 +105,20 @@ static hada_status place_planes(hada_tiff_stack *stack, const char *pixels, int 
     stack->pages = linear + stack->images; /* kept at the front below */
     for (int i = 0; i < 2 * stack->images; i++)
         linear[i] = -1;
-    int page = 0, sound = 1;
+    int page = 0, sound = 1, placed = 0;
     for (; block && (!end || block < end); block = strstr(block + 1, "<TiffData")) {
-        int first = attribute_count(block, "FirstC", 0) / samples * stack->channel_step +
-                    attribute_count(block, "FirstZ", 0) * stack->slice_step +
-                    attribute_count(block, "FirstT", 0) * stack->time_step;
+        int64_t first = (int64_t)(attribute_count(block, "FirstC", 0) / samples) * stack->channel_step +
+                        (int64_t)attribute_count(block, "FirstZ", 0) * stack->slice_step +
+                        (int64_t)attribute_count(block, "FirstT", 0) * stack->time_step;
         int has_page = attribute(block, "IFD") != NULL;
         page = attribute_count(block, "IFD", page);
         int planes = attribute_count(block, "PlaneCount", has_page ? 1 : stack->images);
-        for (int i = 0; i < planes && first >= 0 && first < stack->images && page < stack->images; i++)
+        for (int i = 0; i < planes && first >= 0 && first < stack->images && page < stack->images; i++, placed++)
             linear[first++] = page++;
+        /* blocks that place a plane again and again are not of a sound file, and could go on for hours */
+        sound &= placed <= stack->images;
+        if (!sound)
+            break;
     }
     for (int i = 0; i < stack->images; i++)
         sound &= linear[i] >= 0;
@@ -131,7 +139,7 @@ static hada_status place_planes(hada_tiff_stack *stack, const char *pixels, int 
     return HADA_OK;
 }
 
-static hada_status parse_ome(hada_tiff_stack *stack, const char *text, hada_error *err)
+static hada_status parse_ome(hada_tiff_stack *stack, const char *text, size_t pages, hada_error *err)
 {
     const char *pixels = strstr(text, "<Pixels");
     const char *order = pixels ? attribute(pixels, "DimensionOrder") : NULL;
@@ -144,7 +152,7 @@ static hada_status parse_ome(hada_tiff_stack *stack, const char *text, hada_erro
     stack->slices = attribute_count(pixels, "SizeZ", 1);
     stack->times = attribute_count(pixels, "SizeT", 1);
     double images = (double)stack->channels * stack->slices * stack->times;
-    if (images < 1 || images > 1 << 24)
+    if (images < 1 || images != (double)pages || images > INT_MAX)
         return HADA_OK;
     stack->images = (int)images;
     int step = 1;
@@ -169,7 +177,7 @@ static hada_status parse_ome(hada_tiff_stack *stack, const char *text, hada_erro
     return place_planes(stack, pixels, samples, err);
 }
 
-hada_status hada_tiff_stack_parse(hada_tiff_stack *stack, const char *text, hada_error *err)
+hada_status hada_tiff_stack_parse(hada_tiff_stack *stack, const char *text, size_t pages, hada_error *err)
 {
     *stack = (hada_tiff_stack){.images = 1, .channels = 1, .slices = 1, .times = 1};
     hada_status status = HADA_OK;
@@ -177,7 +185,7 @@ hada_status hada_tiff_stack_parse(hada_tiff_stack *stack, const char *text, hada
         parse_imagej(stack, text);
     } else if (strstr(text, "<OME") || strstr(text, "<ome:OME")) {
         stack->channel_step = stack->slice_step = stack->time_step = 0;
-        status = parse_ome(stack, text, err);
+        status = parse_ome(stack, text, pages, err);
     }
     return status;
 }

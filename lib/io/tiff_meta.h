@@ -17,7 +17,8 @@ typedef struct hada_tiff_stack {
     double spacing_um, width_um, height_um;  /* 0 where unknown */
 } hada_tiff_stack;
 
-hada_status hada_tiff_stack_parse(hada_tiff_stack *stack, const char *text, hada_error *err);
+/* `pages`: of the file. A text that places other planes says nothing about the order of its pages. */
+hada_status hada_tiff_stack_parse(hada_tiff_stack *stack, const char *text, size_t pages, hada_error *err);
 void hada_tiff_stack_free(hada_tiff_stack *stack);
 
 /* The value of a "key=value" line: where it begins, NULL where there is none. */

@@ -1,5 +1,6 @@
 #include "io/tiff_page.h"
 
+#include <hadalens/limits.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -8,6 +9,8 @@
 
 #define LARGEST_SIDE   (1 << 24)
 #define LARGEST_VALUES ((uint64_t)1 << 34)
+/* What no limit refuses: 8 of 1 bit, compressed to an eighth. */
+#define VALUES_A_BYTE 64
 
 static hada_status damaged(const hada_tiff_handle *handle, hada_error *err)
 {
@@ -145,6 +148,20 @@ uint64_t hada_tiff_page_bytes(const hada_tiff_page *page)
     return row * (uint64_t)page->rows * (page->separate ? (uint64_t)page->samples : 1);
 }
 
+/* What a file claims, against the limits: `largest` is the larger of the page's numbers and those of a piece that is
+ * read at once. */
+static hada_status check_budget(uint64_t largest, uint64_t file_bytes, hada_error *err)
+{
+    hada_limits limits = {.size = sizeof limits};
+    const hada_status status = hada_limits_get(&limits, err);
+    if (status || largest <= limits.pixels || largest / VALUES_A_BYTE <= file_bytes)
+        return status;
+    return hada_fail(err, HADA_ERROR_FILE_FORMAT,
+                     "a file of %llu bytes that claims to hold %llu numbers is beyond the limits; where it is to be "
+                     "trusted, allow them (options.limits pixels=N)",
+                     (unsigned long long)file_bytes, (unsigned long long)largest);
+}
+
 hada_status hada_tiff_page_check(TIFF *tif, uint64_t file_bytes, int keep_indices, hada_tiff_page *page,
                                  hada_error *err)
 {
@@ -187,6 +204,9 @@ hada_status hada_tiff_page_check(TIFF *tif, uint64_t file_bytes, int keep_indice
                          "%u x %u pixels need %llu bytes, more than a file of %llu bytes can hold: it is cut off or "
                          "damaged; get it again",
                          cols, rows, (unsigned long long)pixels, (unsigned long long)file_bytes);
+    const uint64_t piece = (TIFFIsTiled(tif) ? TIFFTileSize64(tif) : 0) * 8 / bits;
+    const uint64_t values = (uint64_t)rows * cols * samples;
+    HADA_TRY(check_budget(piece > values ? piece : values, file_bytes, err));
 done:
     return status;
 }

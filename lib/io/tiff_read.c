@@ -1,5 +1,4 @@
-#include <errno.h>
-#include <fcntl.h>
+#include <hadalens/limits.h>
 #include <hadalens/tiff.h>
 #include <limits.h>
 #include <stdlib.h>
@@ -7,6 +6,7 @@
 #include <unistd.h>
 
 #include "core/alloc.h"
+#include "core/input.h"
 #include "io/text.h"
 #include "io/tiff_chain.h"
 #include "io/tiff_meta.h"
@@ -102,22 +102,39 @@ static hada_status fill_info(hada_tiff_reader *reader, hada_error *err)
     return HADA_OK;
 }
 
+/* Before libtiff takes memory for it. */
+static hada_status check_text(const hada_tiff_reader *reader, hada_error *err)
+{
+    hada_limits limits = {.size = sizeof limits};
+    uint64_t bytes = 0;
+    const hada_status status = hada_limits_get(&limits, err);
+    if (status ||
+        !hada_tiff_chain_find(&reader->chain, reader->fd, reader->chain.pages[0], TIFFTAG_IMAGEDESCRIPTION, &bytes))
+        return status;
+    return bytes <= limits.text
+               ? HADA_OK
+               : hada_fail(err, HADA_ERROR_FILE_FORMAT,
+                           "the description has %llu bytes, more than the limits allow (options.limits text=N)",
+                           (unsigned long long)bytes);
+}
+
 static hada_status open_file(hada_tiff_reader *reader, hada_error *err)
 {
-    reader->fd = open(reader->path, O_RDONLY | O_CLOEXEC);
-    if (reader->fd < 0)
-        return hada_fail(err, HADA_ERROR_FILE_OPEN, "cannot be opened: %s", strerror(errno));
-    hada_status status = HADA_OK;
+    size_t bytes;
+    hada_status status = hada_input_open(&reader->fd, &bytes, reader->path, NULL, err);
+    if (status)
+        return status;
     hada_tiff_handle handle;
     TIFF *tif = NULL;
     char *text = NULL;
     HADA_TRY(hada_tiff_chain_read(&reader->chain, reader->fd, err));
+    HADA_TRY(check_text(reader, err));
     HADA_TRY(open_page(reader, 0, &handle, &tif, NULL, err));
     TIFFGetField(tif, TIFFTAG_IMAGEDESCRIPTION, &text);
     reader->description = hada_string_copy(text ? text : "");
     if (!reader->description)
         HADA_TRY(hada_fail(err, HADA_ERROR_MEMORY, "no memory for the description"));
-    HADA_TRY(hada_tiff_stack_parse(&reader->stack, reader->description, err));
+    HADA_TRY(hada_tiff_stack_parse(&reader->stack, reader->description, reader->chain.count, err));
     HADA_TRY(hada_tiff_page_check(tif, reader->chain.bytes, reader->stack.imagej, &reader->first, err));
     HADA_TRY(find_raw_images(reader, tif, err));
     HADA_TRY(fill_info(reader, err));

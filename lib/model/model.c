@@ -157,8 +157,8 @@ void hada_model_destroy(hada_model **pointer)
         return;
     hada_model *model = *pointer;
     *pointer = NULL;
-    if (model->mapped) {
-        hada_tensors *tensors = model->mapped;
+    if (model->file) {
+        hada_tensors *tensors = model->file;
         hada_tensors_close(&tensors);
     } else {
         free(model->filter);

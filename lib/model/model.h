@@ -20,7 +20,7 @@ struct hada_model {
     double *noise_power;
     double *pairs;
     hada_net *enhance; /* NULL where none */
-    void *mapped;      /* non-NULL: the large arrays stand in this opened file (hada_tensors), not freed one by one */
+    void *file;        /* non-NULL: the large arrays stand in this opened file (hada_tensors), not freed one by one */
 };
 
 /* Where things stand on the grid, in pixels from its top left. */
@@ -37,10 +37,6 @@ hada_status hada_geometry_of(const hada_model_info *info, hada_geometry *out, ha
  * well. */
 hada_status hada_model_set_sizes(hada_model_info *info, int raw_rows, int raw_cols, int window_rows, int window_cols,
                                  hada_error *err);
-
-/* After the large arrays were copied to a device: those of a loaded model are dropped from memory and come back from
- * the file when needed. */
-void hada_model_forget(const hada_model *model);
 
 /* The largest |OTF(0)|^2 of all depths and channels: the unit of refine_rho. 1 without transfer functions. */
 double hada_model_gain(const hada_model *model);

@@ -1,5 +1,6 @@
 /* Lists of layers as JSON text and back (docs/nets.md). A layer's object names
  * what differs from hada_layer_of(). */
+#include <hadalens/limits.h>
 #include <jansson.h>
 #include <math.h>
 #include <stdlib.h>
@@ -207,7 +208,7 @@ done:
     return status;
 }
 
-static hada_status read_list(hada_net **out, const json_t *root, hada_error *err)
+static hada_status read_list(hada_net **out, const json_t *root, uint64_t most, hada_error *err)
 {
     hada_status status = HADA_OK;
     const char *format = json_string_value(json_object_get(root, "format"));
@@ -219,6 +220,7 @@ static hada_status read_list(hada_net **out, const json_t *root, hada_error *err
     HADA_TRY(hada_net_begin(out, count > 0 && count < 1000 ? (int)count : 0, err));
     for (size_t i = 0; i < json_array_size(layers); i++)
         HADA_TRY(read_layer(*out, (int)i, json_array_get(layers, i), err));
+    (*out)->most = most;
     HADA_TRY(hada_net_finish(*out, err));
 done:
     return status;
@@ -226,16 +228,32 @@ done:
 
 hada_status hada_net_create(hada_net **out, const char *description, uint64_t seed, hada_error *err)
 {
-    hada_status status = HADA_OK;
-    json_error_t why;
+    hada_limits limits = {.size = sizeof limits};
     if (!out || !description)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_net_create: out and description are needed");
     *out = NULL;
-    json_t *root = json_loads(description, JSON_REJECT_DUPLICATES, &why);
+    const hada_status status = hada_limits_get(&limits, err);
+    return status ? status : hada_net_create_within(out, description, limits.parameters, seed, err);
+}
+
+hada_status hada_net_create_within(hada_net **out, const char *description, uint64_t most, uint64_t seed,
+                                   hada_error *err)
+{
+    hada_limits limits = {.size = sizeof limits};
+    hada_status status = HADA_OK;
+    json_t *root = NULL;
+    json_error_t why;
+    HADA_TRY(hada_limits_get(&limits, err));
+    const size_t length = strlen(description);
+    if (length > limits.text)
+        return hada_fail(err, HADA_ERROR_MODEL,
+                         "the net's description has %zu bytes, more than the limits allow (options.limits text=N)",
+                         length);
+    root = json_loadb(description, length, JSON_REJECT_DUPLICATES, &why);
     if (!root)
         return hada_fail(err, HADA_ERROR_MODEL, "the net's description is not JSON: %s at its byte %d", why.text,
                          why.position);
-    HADA_TRY(read_list(out, root, err));
+    HADA_TRY(read_list(out, root, most, err));
     HADA_TRY(hada_net_init(*out, seed, err));
 done:
     json_decref(root);

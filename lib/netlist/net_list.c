@@ -12,10 +12,11 @@
 
 /* Bounds on what a list read from a file may claim: far above any net in use, and small enough that products of two of
  * them do not overflow. */
-#define MOST_LAYERS   4096
-#define MOST_CHANNELS 65536
-#define MOST_COLOURS  64
-#define MOST_PIXELS   (1 << 20) /* of a side, a kernel, a stride */
+#define MOST_LAYERS     4096
+#define MOST_CHANNELS   65536
+#define MOST_COLOURS    64
+#define MOST_PIXELS     (1 << 20) /* of a side, a kernel, a stride */
+#define MOST_PARAMETERS 65536     /* tensors of them */
 
 hada_status hada_net_begin(hada_net **out, int colours, hada_error *err)
 {
@@ -156,15 +157,18 @@ static void set_channels(hada_net *net, int index)
 
 static hada_status check_used(const hada_net *net, hada_error *err)
 {
-    for (int i = 0; i < net->count - 1; i++) {
-        int used = 0;
-        for (int k = i + 1; k < net->count; k++)
-            for (int n = 0; n < net->layers[k].input_count; n++)
-                used |= net->layers[k].inputs[n] == i;
-        if (!used)
-            return refuse(net, i, "is taken by no other layer; only the last one is the output", err);
-    }
-    return HADA_OK;
+    unsigned char *used = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&used, (size_t)net->count, 1, "a net", err));
+    for (int k = 0; k < net->count; k++)
+        for (int n = 0; n < net->layers[k].input_count; n++)
+            used[net->layers[k].inputs[n]] = 1;
+    for (int i = 0; i < net->count - 1; i++)
+        if (!used[i])
+            HADA_TRY(refuse(net, i, "is taken by no other layer; only the last one is the output", err));
+done:
+    free(used);
+    return status;
 }
 
 static int parameters_of(const hada_net *net, const hada_layer *layer)
@@ -184,7 +188,7 @@ static void add_parameter(hada_net *net, int layer, int colour, const char *what
     *parameter = (hada_parameter){.dims = dims, .count = 1, .trained = trained, .layer = layer};
     for (int d = 0; d < dims; d++) {
         parameter->shape[d] = shape[d];
-        parameter->count *= (size_t)shape[d];
+        parameter->count = hada_size_product(parameter->count, (size_t)shape[d]); /* SIZE_MAX: too many */
     }
     if (colour < 0)
         snprintf(parameter->name, sizeof parameter->name, "%s.%s", net->layers[layer].name, what);
@@ -214,17 +218,68 @@ static void add_parameters(hada_net *net, int index)
         add_parameter(net, index, -1, "bias", 1, &out, 1);
 }
 
-static hada_status make_parameters(hada_net *net, hada_error *err)
+static int by_name(const void *a, const void *b)
+{
+    const hada_parameter *const *one = a, *const *two = b;
+    return strcmp((*one)->name, (*two)->name);
+}
+
+/* No parameter without a name, no two of the same. */
+static hada_status check_names(const hada_net *net, hada_error *err)
+{
+    const size_t count = (size_t)net->parameter_count;
+    const hada_parameter **sorted = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&sorted, count, sizeof *sorted, "the table of parameters", err));
+    for (size_t i = 0; i < count; i++)
+        sorted[i] = &net->parameters[i];
+    qsort(sorted, count, sizeof *sorted, by_name);
+    for (size_t i = 0; i < count; i++)
+        if (*sorted[i]->name == '.' || (i && !by_name(&sorted[i - 1], &sorted[i])))
+            HADA_TRY(refuse(net, sorted[i]->layer, "needs a name of its own for its parameters", err));
+done:
+    free(sorted);
+    return status;
+}
+
+static hada_status make_table(hada_net *net, hada_error *err)
 {
     size_t count = 0;
     for (int i = 0; i < net->count; i++)
         count += (size_t)parameters_of(net, &net->layers[i]);
+    if (count > MOST_PARAMETERS)
+        return hada_fail(err, HADA_ERROR_MODEL, "the net has %zu tensors of parameters; at most %d are offered", count,
+                         MOST_PARAMETERS);
     const hada_status status =
         hada_alloc((void **)&net->parameters, count, sizeof *net->parameters, "the table of parameters", err);
-    if (status)
-        return status;
-    for (int i = 0; i < net->count; i++)
+    for (int i = 0; !status && i < net->count; i++)
         add_parameters(net, i);
+    return status;
+}
+
+/* Before memory for them is taken. */
+static hada_status check_count(const hada_net *net, hada_error *err)
+{
+    const uint64_t most = net->most ? net->most : SIZE_MAX / sizeof *net->values;
+    uint64_t count = 0;
+    for (int i = 0; i < net->parameter_count; i++) {
+        const uint64_t more = net->parameters[i].count;
+        if (more > most - count)
+            return hada_fail(err, HADA_ERROR_MODEL,
+                             "the net's description speaks of more than %llu parameters, which is all that its file or "
+                             "the limits allow (options.limits parameters=N)",
+                             (unsigned long long)most);
+        count += more;
+    }
+    return HADA_OK;
+}
+
+static hada_status make_parameters(hada_net *net, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    HADA_TRY(make_table(net, err));
+    HADA_TRY(check_count(net, err));
+    HADA_TRY(check_names(net, err));
     for (int trained = 1; trained >= 0; trained--) {
         for (int i = 0; i < net->parameter_count; i++) {
             hada_parameter *parameter = &net->parameters[i];
@@ -236,10 +291,9 @@ static hada_status make_parameters(hada_net *net, hada_error *err)
         if (trained)
             net->trained = net->floats;
     }
-    for (int i = 0; i < net->parameter_count; i++)
-        if (hada_net_find(net, net->parameters[i].name) != &net->parameters[i] || *net->parameters[i].name == '.')
-            return refuse(net, net->parameters[i].layer, "needs a name of its own for its parameters", err);
-    return hada_alloc((void **)&net->values, net->floats, sizeof *net->values, "the weights", err);
+    HADA_TRY(hada_alloc((void **)&net->values, net->floats, sizeof *net->values, "the weights", err));
+done:
+    return status;
 }
 
 hada_status hada_net_finish(hada_net *net, hada_error *err)

@@ -51,6 +51,7 @@ struct hada_net {
     int colours;
     hada_parameter *parameters;
     int parameter_count;
+    uint64_t most; /* of floats, for a list that others wrote; 0: what memory takes */
     size_t trained, floats;
     float *values;
 };
@@ -73,6 +74,10 @@ typedef struct hada_size {
     int rows, cols;
 } hada_size;
 hada_status hada_net_sizes(const hada_net *net, int rows, int cols, hada_size *sizes, hada_error *err);
+
+/* As hada_net_create(), of at most `most` parameters: HADA_ERROR_MODEL before memory for more is taken. */
+hada_status hada_net_create_within(hada_net **out, const char *description, uint64_t most, uint64_t seed,
+                                   hada_error *err);
 
 /* A copy with its values. */
 hada_status hada_net_copy(hada_net **out, const hada_net *net, hada_error *err);

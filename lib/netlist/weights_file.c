@@ -62,7 +62,7 @@ hada_status hada_net_from_file(hada_net **out, const char *description, const ha
                                hada_error *err)
 {
     hada_status status = HADA_OK;
-    HADA_TRY(hada_net_create(out, description, 0, err));
+    HADA_TRY(hada_net_create_within(out, description, hada_tensors_bytes(file), 0, err));
     HADA_TRY(hada_net_read(*out, file, prefix, err));
 done:
     if (status)

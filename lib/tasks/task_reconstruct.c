@@ -152,6 +152,7 @@ hada_status hada_reconstruct_files(hada_plan *plan, const hada_model *model, con
                                    const hada_files_task *task, int *failed, hada_error *err)
 {
     run own = {.model = model, .paths = paths, .count = count};
+    hada_inputs *inputs = NULL;
     hada_status status = HADA_OK;
     hada_files_task_init(&own.task);
     HADA_TRY(HADA_OPTIONS_TAKE(&own.task, task, hada_files_task, err));
@@ -159,6 +160,7 @@ hada_status hada_reconstruct_files(hada_plan *plan, const hada_model *model, con
         HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT,
                            "hada_reconstruct_files: a plan, its model, files and a folder are needed"));
     HADA_TRY(make_names(&own, err));
+    HADA_TRY(hada_inputs_protect(&inputs, paths, (size_t)count, err));
     HADA_TRY(hada_folder_ensure(own.task.output, err));
     HADA_TRY(hada_stream_begin(&own.stream, plan, model, paths, count, hada_files_ahead(plan), own.task.monitor, err));
     own.progress = hada_progress_begin(own.task.monitor, "frames", count);
@@ -171,6 +173,7 @@ done:
     if (failed)
         *failed = own.failed;
     hada_stream_end(&own.stream);
+    hada_inputs_release(&inputs);
     for (int i = 0; own.names && i < count; i++)
         free(own.names[i]);
     free(own.names);

@@ -1,5 +1,6 @@
 /* Model files: what is saved comes back bit for bit, and what is damaged or inconsistent is refused. */
 #include <hadalens/response.h>
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
@@ -206,6 +207,53 @@ static void damaged_files_are_refused(void **state)
     hada_model_destroy(&model);
 }
 
+/* The first number of a tensor becomes another one, in the file. */
+static void poison(const char *path, const char *name, double value)
+{
+    hada_tensors *file;
+    ASSERT_OK(hada_tensors_open(&file, path, err));
+    const hada_stored_tensor *last = hada_tensors_at(file, hada_tensors_count(file) - 1);
+    const hada_stored_tensor *tensor = hada_tensors_find(file, name);
+    const long back = (long)((const char *)last->data + last->bytes - (const char *)tensor->data);
+    const float single = (float)value;
+    FILE *out = fopen(path, "r+b");
+    assert_non_null(out);
+    assert_int_equal(fseek(out, -back, SEEK_END), 0);
+    const int wide = tensor->type == HADA_F64;
+    assert_int_equal(fwrite(wide ? (const void *)&value : (const void *)&single, wide ? 8 : 4, 1, out), 1);
+    fclose(out);
+    hada_tensors_close(&file);
+}
+
+static void numbers_without_a_picture_are_refused(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *name;
+        double value;
+    } cases[] = {{"scene_power", (double)NAN},
+                 {"scene_power", -1},
+                 {"noise_power", (double)INFINITY},
+                 {"noise_power", -1},
+                 {"pairs", -2},
+                 {"pairs", (double)NAN},
+                 {"otf", (double)NAN},
+                 {"filter", (double)INFINITY}};
+    char path[64];
+    make_path(path);
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        hada_model *model = make(1), *back;
+        hada_error error = {0};
+        ASSERT_OK(hada_model_save(model, path, err));
+        poison(path, cases[i].name, cases[i].value);
+        if (hada_model_load(&back, path, &error) != HADA_ERROR_MODEL || !strstr(error.message, cases[i].name))
+            fail_msg("%s %g: %s", cases[i].name, cases[i].value, error.message);
+        assert_null(back);
+        hada_model_destroy(&model);
+    }
+    unlink(path);
+}
+
 /* A program that uses a locale with a decimal comma reads and writes the same files. */
 static void numbers_do_not_depend_on_the_locale(void **state)
 {
@@ -234,6 +282,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(files_come_back_bit_for_bit),
         cmocka_unit_test(damaged_files_are_refused),
+        cmocka_unit_test(numbers_without_a_picture_are_refused),
         cmocka_unit_test(numbers_do_not_depend_on_the_locale),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -38,6 +38,25 @@ static void test_golden(void **state)
     assert_null(tensors);
 }
 
+/* What was opened stays as it was, whatever happens to the file. */
+static void test_shrinking(void **state)
+{
+    (void)state;
+    hada_error err = {0};
+    hada_tensors *tensors;
+    size_t bytes;
+    float values[70];
+    unsigned char *data = io_read_bytes(io_golden("tensors.safetensors"), &bytes);
+    io_write_bytes(io_path("shrinks"), data, bytes);
+    free(data);
+    assert_int_equal(hada_tensors_open(&tensors, io_path("shrinks"), &err), HADA_OK);
+    assert_int_equal(truncate(io_path("shrinks"), 0), 0);
+    const hada_stored_tensor *weight = hada_tensors_find(tensors, "weight");
+    assert_int_equal(hada_tensor_copy_f32(weight, 0, 70, values, &err), HADA_OK);
+    assert_true(values[69] == (float)(69 % 35 + 1 + 40));
+    hada_tensors_close(&tensors);
+}
+
 static void test_round_trip(void **state)
 {
     (void)state;
@@ -234,8 +253,9 @@ static void test_halves(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_golden),    cmocka_unit_test(test_round_trip),      cmocka_unit_test(test_damaged),
-        cmocka_unit_test(test_no_header), cmocka_unit_test(test_cut_and_flipped), cmocka_unit_test(test_halves),
+        cmocka_unit_test(test_golden),  cmocka_unit_test(test_shrinking), cmocka_unit_test(test_round_trip),
+        cmocka_unit_test(test_damaged), cmocka_unit_test(test_no_header), cmocka_unit_test(test_cut_and_flipped),
+        cmocka_unit_test(test_halves),
     };
     return cmocka_run_group_tests(tests, io_setup, io_teardown);
 }

@@ -38,7 +38,7 @@ enum {
 /* Options that all commands have. The settings of every command begin with this. */
 typedef struct hada_cli_common {
     int help, json, quiet, verbose;
-    const char *device, *binaries;
+    const char *device, *binaries, *limits;
 } hada_cli_common;
 
 /* A progress bar on stderr, on a terminal only. */
@@ -107,9 +107,11 @@ json_t *hada_cli_device_json(const hada_device_info *device);
 /* "1.5 GiB"; `text` holds at least 16 characters. */
 const char *hada_cli_bytes(char *text, uint64_t bytes);
 
-/* Ctrl-C and SIGTERM end the work at the next occasion, so that nothing is left half-written; a second one ends at
- * once. */
+/* Ctrl-C, SIGTERM, SIGHUP and a pipe that nobody reads any more end the work at the next occasion, so that nothing is
+ * left half-written; a second signal ends at once, and only removes what was being written. */
 void hada_cli_catch_signals(void);
+/* Where it was a pipe, ends the program by that signal, in silence, as others do. */
+void hada_cli_end_by_pipe(void);
 int hada_cli_interrupted(void);
 /* HADA_ERROR_CANCELLED when a signal came. */
 hada_status hada_cli_check_signals(hada_error *err);

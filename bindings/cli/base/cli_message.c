@@ -1,5 +1,6 @@
 #include "cli.h"
 
+#include <hadalens/folder.h>
 #include <hadalens/preview.h>
 
 #include <math.h>
@@ -234,16 +235,36 @@ json_t *hada_cli_error_json(const hada_error *err)
     return object ? object : json_pack("{s:s}", "status", hada_status_name(err->status));
 }
 
+/* A pipe that nobody reads tells so at every write: once is enough. */
 static void on_signal(int number)
 {
-    interrupted = 1;
-    signal(number, SIG_DFL);
+    if (interrupted && number != SIGPIPE) {
+        hada_outputs_remove();
+        signal(number, SIG_DFL);
+        raise(number);
+    }
+    interrupted = number;
 }
 
 void hada_cli_catch_signals(void)
 {
-    signal(SIGINT, on_signal);
-    signal(SIGTERM, on_signal);
+    const int numbers[] = {SIGINT, SIGTERM, SIGPIPE, SIGHUP};
+    struct sigaction now = {.sa_handler = on_signal, .sa_flags = SA_RESTART}, before;
+    sigemptyset(&now.sa_mask);
+    for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++) {
+        /* nohup and its like let SIGHUP be ignored */
+        if (numbers[i] == SIGHUP && !sigaction(SIGHUP, NULL, &before) && before.sa_handler == SIG_IGN)
+            continue;
+        sigaction(numbers[i], &now, NULL);
+    }
+}
+
+void hada_cli_end_by_pipe(void)
+{
+    if (interrupted != SIGPIPE)
+        return;
+    signal(SIGPIPE, SIG_DFL);
+    raise(SIGPIPE);
 }
 
 int hada_cli_interrupted(void)

@@ -27,6 +27,10 @@ const hada_cli_option hada_cli_common_options[] = {
      HADA_CLI_AT(hada_cli_common, json)},
     {HADA_OPTION_FLAG, "quiet", 'q', NULL, "print errors only", NULL, HADA_CLI_AT(hada_cli_common, quiet)},
     {HADA_OPTION_FLAG, "verbose", 'v', NULL, "say more on stderr", NULL, HADA_CLI_AT(hada_cli_common, verbose)},
+    {HADA_OPTION_TEXT, "limits", 0, "NAME=N,...", "how much a file may claim: pixels, pages, text, parameters",
+     "A small file can claim to be a large picture or net; beyond these budgets it is refused. The environment variable "
+     "HADALENS_LIMITS says the same. Default: pixels=33554432,pages=262144,text=8388608,parameters=50000000.",
+     HADA_CLI_AT(hada_cli_common, limits)},
     {HADA_OPTION_FLAG, "help", 'h', NULL, "print this help", NULL, HADA_CLI_AT(hada_cli_common, help)},
     {0},
 };
@@ -113,6 +117,7 @@ static hada_status store(const hada_cli_option *option, char *settings, const ch
     case HADA_OPTION_GROUP: return HADA_OK;
     case HADA_OPTION_FLAG: *(int *)target = 1; return HADA_OK;
     case HADA_OPTION_TEXT:
+    case HADA_OPTION_TARGET:
         if (!*text)
             return hada_cli_error(err, HADA_ERROR_ARGUMENT, "--%s needs a value, and got an empty one", option->name);
         *(const char **)target = text;
@@ -182,6 +187,45 @@ static hada_status bad_option(poptContext context, int code, rows *all, hada_err
     return hada_cli_error(err, HADA_ERROR_ARGUMENT, "%s: %s", word, poptStrerror(code));
 }
 
+/* Whatever names a file that is there and is not an option's to write. */
+static hada_status protect_inputs(hada_cli_parsed *parsed, const char **named, int count, hada_error *err)
+{
+    const char **all = calloc((size_t)(count + parsed->count) + 1, sizeof *all);
+    if (!all)
+        return hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
+    for (int i = 0; i < count; i++)
+        all[i] = named[i];
+    for (int i = 0; i < parsed->count; i++)
+        all[count + i] = parsed->arguments[i];
+    const hada_status status = hada_inputs_protect(&parsed->inputs, all, (size_t)(count + parsed->count), err);
+    free(all);
+    return status;
+}
+
+static hada_status parse_all(hada_cli_parsed *parsed, poptContext context, rows *all, const char **named,
+                             hada_error *err)
+{
+    hada_status status = HADA_OK;
+    int value, count = 0;
+    while (!status && (value = poptGetNextOpt(context)) > 0) {
+        const hada_cli_option *option = all->items[value - 1];
+        char *text = poptGetOptArg(context);
+        if (text)
+            parsed->texts[parsed->text_count++] = text;
+        if (text && option->kind != HADA_OPTION_TARGET)
+            named[count++] = text;
+        status = store(option, parsed->settings, text ? text : "", err);
+    }
+    if (!status && value < -1)
+        status = bad_option(context, value, all, err);
+    if (status)
+        return status;
+    parsed->arguments = poptGetArgs(context);
+    while (parsed->arguments && parsed->arguments[parsed->count])
+        parsed->count++;
+    return protect_inputs(parsed, named, count, err);
+}
+
 hada_status hada_cli_parse(hada_cli_parsed *parsed, const hada_cli_command *command, int argc, const char **argv,
                            hada_error *err)
 {
@@ -205,27 +249,18 @@ hada_status hada_cli_parse(hada_cli_parsed *parsed, const hada_cli_command *comm
         command->defaults(parsed->settings);
     poptContext context = poptGetContext("hadalens", argc, argv, table, 0);
     parsed->popt = context;
-    int value;
-    while (!status && (value = poptGetNextOpt(context)) > 0) {
-        char *text = poptGetOptArg(context);
-        if (text)
-            parsed->texts[parsed->text_count++] = text;
-        status = store(all.items[value - 1], parsed->settings, text ? text : "", err);
-    }
-    if (!status && value < -1)
-        status = bad_option(context, value, &all, err);
-    if (status)
-        return status;
-    parsed->arguments = poptGetArgs(context);
-    while (parsed->arguments && parsed->arguments[parsed->count])
-        parsed->count++;
-    return HADA_OK;
+    const char **named = calloc((size_t)argc + 1, sizeof *named);
+    status =
+        named ? parse_all(parsed, context, &all, named, err) : hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
+    free(named);
+    return status;
 }
 
 void hada_cli_parsed_free(hada_cli_parsed *parsed)
 {
     for (int i = 0; i < parsed->text_count; i++)
         free(parsed->texts[i]);
+    hada_inputs_release(&parsed->inputs);
     free(parsed->texts);
     free(parsed->settings);
     if (parsed->popt)

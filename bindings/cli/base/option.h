@@ -4,10 +4,13 @@
 
 #include "cli.h"
 
+#include <hadalens/folder.h>
+
 typedef enum hada_cli_kind {
     HADA_OPTION_GROUP = 0, /* a heading; only `help` is used */
     HADA_OPTION_FLAG,      /* int: 1 when given */
     HADA_OPTION_TEXT,      /* const char * */
+    HADA_OPTION_TARGET,    /* const char *: what is written; every other text may name an input */
     HADA_OPTION_TEXTS,     /* hada_cli_texts: may be given more than once */
     HADA_OPTION_REAL,      /* double */
     HADA_OPTION_COUNT,     /* int, not negative */
@@ -80,6 +83,7 @@ typedef struct hada_cli_parsed {
     void *popt;
     char **texts; /* values of options, freed with the rest */
     int text_count;
+    hada_inputs *inputs; /* files that the command line names, kept from being overwritten */
 } hada_cli_parsed;
 
 /* Parses; HADA_ERROR_ARGUMENT with a message that names the option and, for a misspelt one, the nearest. */

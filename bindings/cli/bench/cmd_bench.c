@@ -35,7 +35,7 @@ static const hada_cli_option options[] = {
      AT(first_frame)},
 
     HADA_CLI_GROUP("Results"),
-    {HADA_OPTION_TEXT, "output", 'o', "FOLDER", "where bench.json, bench.csv and the figures go; made when missing",
+    {HADA_OPTION_TARGET, "output", 'o', "FOLDER", "where bench.json, bench.csv and the figures go; made when missing",
      NULL, AT(output)},
     {HADA_OPTION_FLAG, "compare", 0, NULL, "compare two result files, OLD.json NEW.json, row by row",
      "Two devices, or two versions: the ratio, and whether it is more than the spread of both.", AT(compare)},

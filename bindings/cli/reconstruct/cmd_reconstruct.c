@@ -24,7 +24,7 @@ typedef struct settings {
 static const hada_cli_option options[] = {
     HADA_CLI_GROUP("Input and output"),
     {HADA_OPTION_TEXT, "model", 'm', "MODEL", "the camera, from 'hadalens fit'", NULL, AT(model)},
-    {HADA_OPTION_TEXT, "output", 'o', "FOLDER", "where the results go; made when missing", NULL, AT(output)},
+    {HADA_OPTION_TARGET, "output", 'o', "FOLDER", "where the results go; made when missing", NULL, AT(output)},
     {HADA_OPTION_CHOICE, "bits", 0, "8|16|32", "bits per value of stack and all-in-focus image (default: 32, float)",
      "8 and 16 bits hold 0 to 1 (see --white) and cut off what is beyond. The distance map is always float.",
      ONE_OF(bits, 8, 16, 32)},

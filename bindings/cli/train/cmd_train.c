@@ -30,7 +30,7 @@ static const hada_cli_option options[] = {
     HADA_CLI_GROUP("What to train"),
     {HADA_OPTION_TEXT, "model", 'm', "MODEL", "the model to begin with ('hadalens fit' or an earlier stage made it)",
      "Without it the exact fit comes first; filters then start at random.", AT(model)},
-    {HADA_OPTION_TEXT, "output", 'o', "MODEL2", "the model file to write: at each new best, and at the end",
+    {HADA_OPTION_TARGET, "output", 'o', "MODEL2", "the model file to write: at each new best, and at the end",
      "Stage conventional: the file of a net.", AT(output)},
     {HADA_OPTION_CHOICE, "stage", 0, "filters|enhance|adversarial|joint|conventional",
      "which part is trained (default: enhance)",
@@ -110,7 +110,7 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_TEXT, "vgg", 0, "FILE", "weights of VGG-16 (safetensors, names as torchvision's)", NULL, AT(vgg)},
 
     HADA_CLI_GROUP("On the way"),
-    {HADA_OPTION_TEXT, "log", 0, "FOLDER", "for log, figure, pictures, checkpoint (default: MODEL2.log)", NULL,
+    {HADA_OPTION_TARGET, "log", 0, "FOLDER", "for log, figure, pictures, checkpoint (default: MODEL2.log)", NULL,
      AT(log)},
     {HADA_OPTION_FLAG, "resume", 0, NULL, "go on from the checkpoint in the log folder",
      "Give what the training began with; rates, losses and the number of steps may differ.", AT(resume)},

@@ -13,6 +13,7 @@
 #include <hadalens/folder.h>
 #include <hadalens/image.h>
 #include <hadalens/job.h>
+#include <hadalens/limits.h>
 #include <hadalens/lpips.h>
 #include <hadalens/metrics.h>
 #include <hadalens/model.h>

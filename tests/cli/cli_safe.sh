@@ -1,0 +1,57 @@
+#!/usr/bin/env bash
+# What is read is never overwritten; signals, full disks and broken pipes leave what was there.
+. "$(dirname "$0")/cli_testing.sh"
+
+# The second input has the name of the first one's result.
+mkdir cap
+cp "$camera/test/raw/test01.tif" cap/f.tif
+cp "$camera/test/raw/test02.tif" cap/f_aif.tif
+before=$(cksum <cap/f_aif.tif)
+expect 3 'f_aif.tif is read by this command' reconstruct cap/f.tif cap/f_aif.tif -m "$model" -o cap --no-preview
+[ "$before" = "$(cksum <cap/f_aif.tif)" ] || fail 'an input was overwritten'
+cp -r "$camera" data
+frame=$(find data/z* -path '*/raw/*.tif' | sort | head -n 1)
+before=$(cksum <"$frame")
+expect 3 'read by this command' fit data -o "$frame"
+[ "$before" = "$(cksum <"$frame")" ] || fail 'fit overwrote a frame of its data set'
+expect 3 'read by this command' fit --psf "$camera/psf.tif" --distances 100,600 -o "$camera/psf.tif"
+
+# A device, a FIFO, a full disk.
+mkfifo pipe.tif
+expect 3 'not an ordinary file' fit data -o pipe.tif
+expect 3 'not an ordinary file' fit data -o /dev/null
+expect 3 'not an ordinary file' reconstruct pipe.tif -m "$model" -o x
+if [ -e /dev/full ]; then
+    "$HADALENS" devices >/dev/full 2>stderr
+    [ $? = 3 ] || fail 'devices to a full disk'
+    grep -q 'could not be written' stderr || fail 'devices to a full disk says nothing'
+fi
+for odd in /dev/zero pipe.tif; do
+    HADALENS_TUNING=$odd expect 3 'tuning file.*not an ordinary file' devices --check
+done
+
+# Signals in the midst of writing a folder leave nothing.
+small=(--preset sim300 --size 64x80 --window 24x24 --depths 2 --lenses 9 --pairs 400)
+for signal in HUP INT TERM; do
+    "$HADALENS" simulate "${small[@]}" -o set >stdout 2>stderr &
+    for _ in $(seq 200); do
+        [ -n "$(find . -maxdepth 1 -name '.set.hadalens-*')" ] && break
+        sleep 0.05
+    done
+    kill -s "$signal" $!
+    wait $!
+    code=$?
+    [ $code = 130 ] || fail "exit code $code after $signal"
+    lacks set .set.hadalens-*
+done
+# twice: at once
+"$HADALENS" simulate "${small[@]}" -o set >stdout 2>stderr &
+for _ in $(seq 200); do
+    [ -n "$(find . -maxdepth 1 -name '.set.hadalens-*')" ] && break
+    sleep 0.05
+done
+kill -s TERM $!
+kill -s TERM $!
+wait $!
+lacks set .set.hadalens-*
+finish

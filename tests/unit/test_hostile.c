@@ -1,0 +1,305 @@
+/* Small files that claim much: each ends within two seconds and 256 MiB, with a message. Larger budgets let them in. */
+#include <hadalens/limits.h>
+#include <hadalens/net.h>
+#include <hadalens/tiff.h>
+#include <sys/resource.h>
+#include <time.h>
+
+#include "io/tiff_meta.h"
+#include "io_testing.h"
+
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+enum { MOST_SECONDS = 20, MOST_KIB = 1 << 30 }; /* shadow memory is not ours */
+#else
+enum { MOST_SECONDS = 2, MOST_KIB = 256 << 10 };
+#endif
+
+static double now(void)
+{
+    struct timespec time;
+    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
+    return (double)time.tv_sec + 1e-9 * (double)time.tv_nsec;
+}
+
+static double started;
+
+static void begin(void)
+{
+    started = now();
+}
+
+static void assert_cheap(const hada_error *err, const char *word)
+{
+    struct rusage usage;
+    getrusage(RUSAGE_SELF, &usage);
+    if (now() - started > MOST_SECONDS || usage.ru_maxrss > MOST_KIB)
+        fail_msg("%.1f s, %ld KiB: %s", now() - started, usage.ru_maxrss, err->message);
+    if (word && !strstr(err->message, word))
+        fail_msg("no '%s' in '%s'", word, err->message);
+}
+
+static unsigned char *put(unsigned char *to, uint64_t value, int bytes)
+{
+    for (int i = 0; i < bytes; i++)
+        *to++ = (unsigned char)(value >> 8 * i);
+    return to;
+}
+
+static unsigned char *put_entry(unsigned char *to, unsigned tag, unsigned type, uint32_t count, uint32_t value)
+{
+    return put(put(put(put(to, tag, 2), type, 2), count, 4), value, 4);
+}
+
+/* A little-endian grey picture in one strip, with the bytes of `data` behind its directory. */
+static void write_grey(const char *path, uint32_t rows, uint32_t cols, unsigned bits, unsigned compression,
+                       const char *text, const void *data, size_t bytes)
+{
+    const size_t length = text ? strlen(text) + 1 : 0;
+    unsigned char *file = calloc(1, 400 + bytes + length), *at = file;
+    memcpy(at, "II*\0", 4);
+    at = put(at + 4, 8, 4);
+    at = put(at, text ? 10 : 9, 2);
+    at = put_entry(at, 256, 4, 1, cols);
+    at = put_entry(at, 257, 4, 1, rows);
+    at = put_entry(at, 258, 3, 1, bits);
+    at = put_entry(at, 259, 3, 1, compression);
+    at = put_entry(at, 262, 3, 1, 1);
+    if (text)
+        at = put_entry(at, 270, 2, (uint32_t)length, (uint32_t)(200 + bytes));
+    at = put_entry(at, 273, 4, 1, 200);
+    at = put_entry(at, 277, 3, 1, 1);
+    at = put_entry(at, 278, 4, 1, rows);
+    put_entry(at, 279, 4, 1, (uint32_t)bytes);
+    memcpy(file + 200, data, bytes);
+    if (text)
+        memcpy(file + 200 + bytes, text, length);
+    io_write_bytes(path, file, 200 + bytes + length);
+    free(file);
+}
+
+/* One bit a pixel, compressed: 33 KB for a gigabyte of floats. */
+static void a_small_file_is_not_a_large_picture(void **state)
+{
+    (void)state;
+    enum { BYTES = 33000 };
+    static unsigned char packed[BYTES];
+    hada_image image;
+    hada_error err = {0};
+    for (size_t i = 0; i < BYTES; i += 2)
+        packed[i] = 0x81;                                                      /* PackBits: 128 times the next */
+    write_grey(io_path("small.tif"), 16384, 16384, 1, 4, NULL, packed, BYTES); /* CCITT */
+    begin();
+    assert_int_equal(hada_tiff_load(io_path("small.tif"), 0, &image, &err), HADA_ERROR_FILE_FORMAT);
+    assert_cheap(&err, "options.limits pixels=N");
+    /* and where it is trusted it is read, as far as it goes */
+    hada_limits limits;
+    hada_limits_init(&limits);
+    limits.pixels = UINT64_C(1) << 40;
+    assert_int_equal(hada_limits_set(&limits, &err), HADA_OK);
+    write_grey(io_path("fine.tif"), 1024, 2048, 1, 32773, NULL, packed, BYTES);
+    assert_int_equal(hada_tiff_load(io_path("fine.tif"), 0, &image, &err), HADA_OK);
+    hada_image_destroy(&image);
+    limits.pixels = 10;
+    assert_int_equal(hada_limits_set(&limits, &err), HADA_OK);
+    assert_int_equal(hada_tiff_load(io_path("fine.tif"), 0, &image, &err), HADA_OK); /* 64 for each byte */
+    hada_image_destroy(&image);
+    assert_int_equal(hada_limits_set(NULL, &err), HADA_OK);
+}
+
+static void open_text(char *text)
+{
+    hada_error err = {0};
+    hada_tiff_reader *reader;
+    const unsigned char pixel = 0;
+    write_grey(io_path("text.tif"), 1, 1, 8, 1, text, &pixel, 1);
+    begin();
+    if (!hada_tiff_open(&reader, io_path("text.tif"), &err))
+        hada_tiff_close(&reader);
+    assert_cheap(&err, NULL);
+    hada_tiff_stack stack;
+    begin();
+    if (!hada_tiff_stack_parse(&stack, text, 1 << 24, &err))
+        hada_tiff_stack_free(&stack);
+    assert_cheap(&err, NULL);
+    free(text);
+}
+
+static char *repeat(const char *head, const char *part, size_t bytes)
+{
+    char *text = malloc(bytes + strlen(head) + strlen(part) + 1), *at = text + sprintf(text, "%s", head);
+    while ((size_t)(at - text) < bytes)
+        at += sprintf(at, "%s", part);
+    return text;
+}
+
+static void descriptions_cost_what_they_are_long(void **state)
+{
+    (void)state;
+    const char *const heads[] = {
+        "<OME><Pixels DimensionOrder=\"XYCZT\" SizeC=\"1\" SizeZ=\"16777216\" SizeT=\"1\">",
+        "<OME><Pixels DimensionOrder=\"XYCZT\" SizeC=\"1\" SizeZ=\"1\" SizeT=\"1\">",
+    };
+    const char *const parts[] = {"<TiffData IFD=\"0\" PlaneCount=\"16777216\"/>", "<TiffData ", "<TiffData/>",
+                                 "<TiffData FirstZ=\"1000000000\" FirstT=\"1000000000\" IFD=\"0\"/>"};
+    for (size_t h = 0; h < 2; h++)
+        for (size_t p = 0; p < 4; p++)
+            open_text(repeat(heads[h], parts[p], 123000));
+    open_text(repeat("ImageJ=1.53\nimages=1000000000\nslices=1000000000\n", "\n", 123000));
+    hada_error err = {0};
+    hada_tiff_reader *reader;
+    char *text = repeat("", "a long description. ", 9 << 20);
+    const unsigned char pixel = 0;
+    write_grey(io_path("long.tif"), 1, 1, 8, 1, text, &pixel, 1);
+    free(text);
+    begin();
+    assert_int_equal(hada_tiff_open(&reader, io_path("long.tif"), &err), HADA_ERROR_FILE_FORMAT);
+    assert_cheap(&err, "options.limits text=N");
+}
+
+/* Directories of 65535 entries, each 8 bytes behind the one before. */
+static void directories_do_not_overlap(void **state)
+{
+    (void)state;
+    enum { BYTES = 1500000, STEP = 8, COUNT = 190000 / 4 };
+    unsigned char *file = calloc(1, BYTES);
+    hada_error err = {0};
+    hada_tiff_reader *reader;
+    memcpy(file, "II*\0", 4);
+    put(file + 4, 8, 4);
+    /* each directory's count, and what it finds as its link, stand in one pattern */
+    for (size_t at = 8; at + 4 < BYTES; at += STEP)
+        put(put(file + at, 5000, 2), 0, 2);
+    for (uint32_t i = 0; i < COUNT; i++) {
+        const size_t link = 8 + (size_t)i * STEP + 2 + 5000 * 12;
+        if (link + 4 < BYTES)
+            put(file + link, 8 + (i + 1) * STEP, 4);
+    }
+    io_write_bytes(io_path("chain.tif"), file, BYTES);
+    begin();
+    assert_int_equal(hada_tiff_open(&reader, io_path("chain.tif"), &err), HADA_ERROR_FILE_READ);
+    assert_cheap(&err, "overlap");
+    /* many pages that are sound but for what is in them */
+    const uint32_t pages = BYTES / 6 - 2;
+    memset(file, 0, BYTES);
+    memcpy(file, "II*\0", 4);
+    put(file + 4, 8, 4);
+    for (uint32_t i = 0; i + 1 < pages; i++)
+        put(file + 8 + i * 6 + 2, 8 + (i + 1) * 6, 4);
+    io_write_bytes(io_path("pages.tif"), file, BYTES);
+    free(file);
+    begin();
+    assert_int_not_equal(hada_tiff_open(&reader, io_path("pages.tif"), &err), HADA_OK);
+    assert_cheap(&err, NULL);
+    hada_limits limits;
+    hada_limits_init(&limits);
+    limits.pages = 1000;
+    assert_int_equal(hada_limits_set(&limits, &err), HADA_OK);
+    assert_int_equal(hada_tiff_open(&reader, io_path("pages.tif"), &err), HADA_ERROR_FILE_FORMAT);
+    assert_cheap(&err, "options.limits pages=N");
+    assert_int_equal(hada_limits_set(NULL, &err), HADA_OK);
+}
+
+#define NET "{\"format\":\"hadalens-net-1\",\"colours\":%d,\"layers\":[{\"layer\":\"input\",\"channels\":%d}"
+
+static void nets_are_no_larger_than_their_files(void **state)
+{
+    (void)state;
+    hada_net *net;
+    hada_error err = {0};
+    char text[600];
+    /* 600 million weights */
+    snprintf(text, sizeof text,
+             NET ",{\"layer\":\"conv\",\"name\":\"a\",\"channels\":8192,\"kernel\":3},{\"layer\":\"conv\",\"name\":"
+                 "\"b\",\"channels\":8192,\"kernel\":3}]}",
+             1, 1);
+    begin();
+    assert_int_equal(hada_net_create(&net, text, 1, &err), HADA_ERROR_MODEL);
+    assert_cheap(&err, "options.limits parameters=N");
+    /* products that do not fit into 64 bits */
+    snprintf(text, sizeof text,
+             NET ",{\"layer\":\"conv\",\"name\":\"a\",\"channels\":65536,\"kernel\":1048576,\"pad\":0}]}", 1, 65536);
+    assert_int_equal(hada_net_create(&net, text, 1, &err), HADA_ERROR_MODEL);
+    /* the same in a file with hardly any weight */
+    snprintf(text, sizeof text,
+             NET ",{\\\"layer\\\":\\\"conv\\\",\\\"name\\\":\\\"a\\\",\\\"channels\\\":1024,\\\"kernel\\\":3}]}", 1,
+             512);
+    char header[900], quoted[700];
+    char *to = quoted;
+    for (const char *from = text; *from; from++) {
+        if (*from == '"' && (from == text || from[-1] != '\\'))
+            *to++ = '\\';
+        *to++ = *from;
+    }
+    *to = '\0';
+    const int length = snprintf(header + 8, sizeof header - 8,
+                                "{\"__metadata__\":{\"net\":\"%s\"},\"x\":{\"dtype\":\"U8\",\"shape\":[0],"
+                                "\"data_offsets\":[0,0]}}",
+                                quoted);
+    put((unsigned char *)header, (uint64_t)length, 8);
+    io_write_bytes(io_path("net.safetensors"), header, 8 + (size_t)length);
+    begin();
+    assert_int_equal(hada_net_load(&net, io_path("net.safetensors"), &err), HADA_ERROR_MODEL);
+    assert_cheap(&err, "more than");
+}
+
+/* Many layers, many parameters each: names are compared once. */
+static void lists_of_layers_cost_what_they_are_long(void **state)
+{
+    (void)state;
+    hada_net *net;
+    hada_error err = {0};
+    char *text = malloc(200000), *at = text + sprintf(text, NET, 64, 1);
+    for (int i = 0; i < 250; i++)
+        at += sprintf(at, ",{\"layer\":\"norm\",\"name\":\"n%d\"}", i);
+    sprintf(at, "]}");
+    begin();
+    assert_int_equal(hada_net_create(&net, text, 1, &err), HADA_OK);
+    assert_cheap(&err, NULL);
+    hada_net_destroy(&net);
+    at = text + sprintf(text, NET, 64, 1);
+    for (int i = 0; i < 4095; i++)
+        at += sprintf(at, ",{\"layer\":\"norm\",\"name\":\"n%d\"}", i);
+    sprintf(at, "]}");
+    begin();
+    assert_int_equal(hada_net_create(&net, text, 1, &err), HADA_ERROR_MODEL);
+    assert_cheap(&err, "tensors of parameters");
+    free(text);
+}
+
+static void limits_are_words_or_numbers(void **state)
+{
+    (void)state;
+    hada_limits limits;
+    hada_error err = {0};
+    hada_limits_init(&limits);
+    assert_int_equal(hada_limits_parse(&limits, "pixels=4G,pages=20k,text=3M,parameters=17", &err), HADA_OK);
+    assert_true(limits.pixels == 4000000000u && limits.pages == 20000 && limits.text == 3000000 &&
+                limits.parameters == 17);
+    const char *const wrong[] = {"pixels",    "pixels=",   "pixels=0",   "pixels=-1",
+                                 "pixels=4T", "colours=4", "pixels=4,,", "pixels=99999999999999999999",
+                                 "pages=1k2"};
+    for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++)
+        if (hada_limits_parse(&limits, wrong[i], &err) != HADA_ERROR_ARGUMENT)
+            fail_msg("%s", wrong[i]);
+    assert_int_equal(limits.parameters, 17);
+    setenv("HADALENS_LIMITS", "pages=5", 1);
+    assert_int_equal(hada_limits_get(&limits, &err), HADA_OK);
+    assert_int_equal(limits.pages, 5);
+    setenv("HADALENS_LIMITS", "pages=", 1);
+    assert_int_equal(hada_limits_get(&limits, &err), HADA_ERROR_ARGUMENT);
+    assert_non_null(strstr(err.message, "HADALENS_LIMITS"));
+    unsetenv("HADALENS_LIMITS");
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(a_small_file_is_not_a_large_picture),
+        cmocka_unit_test(descriptions_cost_what_they_are_long),
+        cmocka_unit_test(directories_do_not_overlap),
+        cmocka_unit_test(nets_are_no_larger_than_their_files),
+        cmocka_unit_test(lists_of_layers_cost_what_they_are_long),
+        cmocka_unit_test(limits_are_words_or_numbers),
+    };
+    return cmocka_run_group_tests(tests, io_setup, io_teardown);
+}

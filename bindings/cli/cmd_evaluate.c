@@ -1,6 +1,7 @@
 #include "command.h"
 #include "option.h"
 
+#include <hadalens/response.h>
 #include <hadalens/task_evaluate.h>
 #include <math.h>
 #include <stddef.h>
@@ -9,7 +10,7 @@
 
 typedef struct settings {
     hada_cli_common common;
-    const char *distances, *window, *mask, *lpips, *lpips_heads;
+    const char *distances, *window, *mask, *lpips, *lpips_heads, *encoding, *truth_encoding;
     double peak, tolerance;
     int match_gain, authors, lpips_net;
 } settings;
@@ -29,6 +30,11 @@ static const hada_cli_option options[] = {
      "The mean of each pixel's PSNR, and SSIM with twice the data range: for comparing with that paper's figures "
      "alone. --json always has them.",
      AT(authors)},
+    {HADA_OPTION_TEXT, "encoding", 0, "linear|srgb|P", "compare in this encoding (default: the truth's)",
+     "Both are brought to it; the result says how its values stand for light.", AT(encoding)},
+    {HADA_OPTION_TEXT, "truth-encoding", 0, "linear|srgb|P", "how the values of the truth stand for light",
+     "Without it: what its file says, else as the scenes that the result's camera was learned from.",
+     AT(truth_encoding)},
     HADA_CLI_GROUP("Where"),
     {HADA_OPTION_TEXT, "window", 0, "HxW[+ROW+COL]", "compare within this rectangle alone",
      "It stands at the centre where the row and column of its top left are not given. Nothing outside it is looked at.",
@@ -53,6 +59,7 @@ static void defaults(void *user)
 {
     settings *set = user;
     set->peak = 1;
+    set->encoding = set->truth_encoding = "auto";
     set->tolerance = 0.5;
 }
 
@@ -63,6 +70,13 @@ static json_t *place_json(double coverage, double within, double steps)
     json_object_set_new(place, "within", hada_cli_real(within));
     json_object_set_new(place, "mean_error_steps", hada_cli_real(steps));
     return place;
+}
+
+static json_t *encoding_json(double encoding)
+{
+    char name[HADA_RESPONSE_NAME];
+    hada_response_name(name, encoding);
+    return encoding == 0 ? json_null() : json_string(name);
 }
 
 static json_t *row_json(const hada_evaluation *score)
@@ -86,6 +100,8 @@ static json_t *row_json(const hada_evaluation *score)
     json_object_set_new(entry, "occupied_pages", json_integer(score->occupied));
     json_object_set_new(entry, "missing_pages", json_integer(score->missing));
     json_object_set_new(entry, "gain", hada_cli_real(score->gain));
+    json_object_set_new(entry, "encoding", encoding_json(score->encoding));
+    json_object_set_new(entry, "result_encoding", encoding_json(score->result_encoding));
     json_object_set_new(entry, "psnr", hada_cli_real(score->psnr));
     json_object_set_new(entry, "psnr_all_pages", hada_cli_real(score->psnr_all));
     json_object_set_new(entry, "ssim", hada_cli_real(score->ssim));
@@ -310,6 +326,24 @@ static void print_maps(hada_cli *cli, const hada_evaluate_report *all, int width
     hada_cli_say(cli, "  at jumps: within 3 pixels of where true distances differ by more than half a step");
 }
 
+/* Says once how images were compared, where that is not as they are. */
+static void print_encoding(hada_cli *cli, const hada_evaluate_report *all)
+{
+    for (int i = 0; i < hada_evaluate_report_count(all); i++) {
+        const hada_evaluation *score = hada_evaluate_report_get(all, i);
+        char both[HADA_RESPONSE_NAME], result[HADA_RESPONSE_NAME];
+        if (score->encoding == 0 || score->encoding == HADA_RESPONSE_LINEAR)
+            continue;
+        hada_response_name(both, score->encoding);
+        hada_response_name(result, score->result_encoding);
+        hada_cli_say(cli, "  images are compared in the encoding '%s'%s%s%s", both,
+                     score->result_encoding != score->encoding ? ", to which results in '" : "",
+                     score->result_encoding != score->encoding ? result : "",
+                     score->result_encoding != score->encoding ? "' were brought" : "");
+        return;
+    }
+}
+
 static void print_table(hada_cli *cli, const settings *set, const hada_evaluate_report *all)
 {
     size_t width = 30;
@@ -324,6 +358,7 @@ static void print_table(hada_cli *cli, const settings *set, const hada_evaluate_
     print_kind(cli, set, all, HADA_EVALUATED_IMAGES, (int)width);
     print_kind(cli, set, all, HADA_EVALUATED_STACK, (int)width);
     print_maps(cli, all, (int)width, set->tolerance);
+    print_encoding(cli, all);
 }
 
 /* "HxW", or "HxW+ROW+COL". */
@@ -376,6 +411,8 @@ static hada_status evaluate(hada_cli *cli, const settings *set, const char **pat
                                 "--window %s is not a window; write rows x columns as in 192x192, or with the row and "
                                 "column of its top left as in 192x192+10+20",
                                 set->window));
+    HADA_TRY(hada_response_from_name(&task.encoding, set->encoding, err));
+    HADA_TRY(hada_response_from_name(&task.truth_encoding, set->truth_encoding, err));
     if (set->distances)
         HADA_TRY(hada_cli_read_distances("distances", set->distances, distances, 4096, &task.distances, err));
     if (set->lpips)

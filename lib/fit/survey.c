@@ -22,13 +22,16 @@ enum { EXPOSED_TOGETHER = 32 };
 static const double responses[] = {HADA_RESPONSE_LINEAR, 1.25, 1.5, 1.8, 2.0, HADA_RESPONSE_SRGB, 2.2, 2.6};
 enum { RESPONSES = sizeof responses / sizeof *responses };
 
-/* Another response than linear must leave less unexplained by this share, and by so many standard errors of the
- * difference over pairs. */
+/* Another response than linear must leave less unexplained by about this share (a difference of logarithms), and by so
+ * many standard errors of the difference over pairs. */
 #define BETTER_BY     0.1
 #define BETTER_ERRORS 2.0
 /* Exposures are taken apart where that leaves less than this share of what is unexplained otherwise. On frames that
  * were exposed alike it takes off a few percent, on those exposed by a factor of two it left a fiftieth. */
 #define APART_BELOW 0.5
+
+/* Shares below this, of frames without noise, count as this. */
+#define LEAST_SHARE 1e-9
 
 struct hada_survey {
     double response;
@@ -173,12 +176,13 @@ static void compare(surveying *work)
     }
 }
 
-static double mean_of(const double *values, int count)
+/* The geometric mean: shares of one response differ by ten from pair to pair, and their mean is that of the worst. */
+static double mean_of(const double *shares, int count)
 {
     double sum = 0.0;
     for (int k = 0; k < count; k++)
-        sum += values[k] / count;
-    return sum;
+        sum += log(fmax(shares[k], LEAST_SHARE)) / count;
+    return exp(sum);
 }
 
 /* The response with the least share, exposures alike (0) or apart (1); the first one, linear, unless there is
@@ -190,12 +194,14 @@ static int best_response(const surveying *work, int apart)
         if (mean_of(work->unexplained[r][apart], work->count) < mean_of(work->unexplained[best][apart], work->count))
             best = r;
     const double *linear = work->unexplained[0][apart], *other = work->unexplained[best][apart];
-    const double gain = mean_of(linear, work->count) - mean_of(other, work->count);
+    const double gain = log(mean_of(linear, work->count) / mean_of(other, work->count));
     double spread = 0.0;
-    for (int k = 0; k < work->count; k++)
-        spread += (linear[k] - other[k] - gain) * (linear[k] - other[k] - gain);
+    for (int k = 0; k < work->count; k++) {
+        const double off = log(fmax(linear[k], LEAST_SHARE) / fmax(other[k], LEAST_SHARE)) - gain;
+        spread += off * off;
+    }
     const double error = sqrt(spread / ((double)work->count * fmax(1.0, work->count - 1.0)));
-    return gain > BETTER_BY * mean_of(linear, work->count) && gain > BETTER_ERRORS * error ? best : 0;
+    return gain > BETTER_BY && gain > BETTER_ERRORS * error ? best : 0;
 }
 
 /* Fills the rows; returns whether exposures are to be taken apart. */

@@ -4,7 +4,6 @@
 
 #include "core/error.h"
 #include "io/text.h"
-#include "io/tiff_meta.h"
 
 /* sRGB, IEC 61966-2-1: a straight line near black, a power above. The line ends at 0.04045 of the encoding. */
 #define LINE_SLOPE 12.92

@@ -1,5 +1,6 @@
 #include "io/tiff_meta.h"
 
+#include <hadalens/response.h>
 #include <limits.h>
 #include <math.h>
 #include <stdint.h>
@@ -17,6 +18,18 @@ const char *hada_text_line(const char *text, const char *key)
             return line + length + 1;
     }
     return NULL;
+}
+
+double hada_text_response(const char *text, const char *key)
+{
+    const char *value = hada_text_line(text, key);
+    char name[HADA_RESPONSE_NAME] = "";
+    double response;
+    const size_t length = value ? strcspn(value, "\r\n") : 0;
+    if (!length || length >= sizeof name)
+        return 0.0;
+    memcpy(name, value, length);
+    return hada_response_from_name(&response, name, NULL) || !hada_response_is_known(response) ? 0.0 : response;
 }
 
 static int line_count(const char *text, const char *key, int otherwise)

@@ -23,5 +23,7 @@ void hada_tiff_stack_free(hada_tiff_stack *stack);
 
 /* The value of a "key=value" line: where it begins, NULL where there is none. */
 const char *hada_text_line(const char *text, const char *key);
+/* The response that such a line names (hadalens/response.h); 0 where there is none. */
+double hada_text_response(const char *text, const char *key);
 
 #endif

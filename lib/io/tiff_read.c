@@ -188,6 +188,11 @@ const char *hada_tiff_description(const hada_tiff_reader *reader)
     return reader->description;
 }
 
+double hada_tiff_encoding(const hada_tiff_reader *reader)
+{
+    return hada_text_response(reader->description, "encoding");
+}
+
 size_t hada_tiff_distances(const hada_tiff_reader *reader, double *out, size_t capacity)
 {
     const char *at = hada_text_line(reader->description, "distances_mm"), *end;

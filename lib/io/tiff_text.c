@@ -1,5 +1,6 @@
 #include "io/tiff_text.h"
 
+#include <hadalens/response.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -67,6 +68,11 @@ static void add_own(hada_text *text, int distances, const hada_tiff_write_option
         hada_text_add(text, "value_scale=");
         hada_text_add_number(text, options->scale);
         hada_text_add(text, "\nfull_scale=%d\n", options->bits == 8 ? 255 : 65535);
+    }
+    if (options->encoding != 0.0) {
+        char name[HADA_RESPONSE_NAME];
+        hada_response_name(name, options->encoding);
+        hada_text_add(text, "encoding=%s\n", name);
     }
     if (options->description)
         hada_text_add(text, "%s", options->description);

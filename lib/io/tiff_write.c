@@ -1,5 +1,6 @@
 #include <errno.h>
 #include <float.h>
+#include <hadalens/response.h>
 #include <hadalens/tiff.h>
 #include <math.h>
 #include <stdlib.h>
@@ -50,6 +51,8 @@ static hada_status complete_options(hada_tiff_writer *w, const hada_tiff_write_o
         return status;
     if (!(o->scale > 0))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a full scale of %g was asked for; it is above 0", o->scale);
+    if (o->encoding != 0.0 && !hada_response_is_known(o->encoding))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "an encoding of %g is none (hadalens/response.h)", o->encoding);
     o->description = o->description ? o->description : "";
     if (o->layout == HADA_TIFF_HYPERSTACK || o->distances_mm) {
         o->slices = o->slices < 1 ? 1 : o->slices;

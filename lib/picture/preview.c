@@ -325,7 +325,7 @@ hada_status hada_preview_save(const char *path, const hada_preview *callers, had
                          preview->gamma);
     if (shows_nothing(preview))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "%s: there is no image to show", path);
-    sheet.gamma = preview->gamma == HADA_AUTO ? 1 / 2.2 : preview->gamma;
+    sheet.gamma = preview->gamma == HADA_AUTO ? 0 : preview->gamma;
     find_range(&sheet);
     place(&sheet);
     HADA_TRY(hada_drawing_create(&sheet.drawing, WIDTH, sheet.height, paper, err));

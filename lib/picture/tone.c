@@ -1,5 +1,6 @@
 #include "picture/tone.h"
 
+#include <hadalens/response.h>
 #include <math.h>
 #include <stdint.h>
 #include <stdlib.h>
@@ -113,9 +114,12 @@ static void resample(const float *plane, int rows, int cols, int width, int heig
     }
 }
 
+/* gamma 0: as displays take it. */
 static uint32_t byte_of(double value, double white, double gamma)
 {
-    return (uint32_t)(pow(fmin(fmax(value / white, 0), 1), gamma) * 255 + 0.5);
+    const double light = fmin(fmax(value / white, 0), 1);
+    const double shown = gamma > 0 ? pow(light, gamma) : hada_response_from_light(HADA_RESPONSE_SRGB, light);
+    return (uint32_t)(shown * 255 + 0.5);
 }
 
 /* Planes of floats to pixels. */
@@ -151,7 +155,7 @@ hada_status hada_tone_pixels(uint32_t **pixels, int width, int height, const had
     for (int c = 0; c < image->channels; c++)
         resample(image->data + (size_t)c * plane, image->rows, image->cols, width, height, lines,
                  (float *)planes + (size_t)c * count);
-    show(out, count, planes, image->channels, white > 0 ? white : 1, gamma > 0 ? gamma : 1 / 2.2);
+    show(out, count, planes, image->channels, white > 0 ? white : 1, gamma);
     *pixels = out;
 done:
     free(lines);

@@ -197,10 +197,14 @@ hada_status hada_evaluate_compare(hada_evaluation *one, const hada_evaluate_task
     if (one->what == HADA_EVALUATED_IMAGES)
         one->what = kind_of(one->result);
     HADA_TRY(hada_compared_open(&open, one->result, one->truth, err));
-    if (one->what == HADA_EVALUATED_MAP)
+    if (one->what == HADA_EVALUATED_MAP) {
         HADA_TRY(hada_evaluate_maps(one, &open, by, region, err));
-    else
+    } else {
+        HADA_TRY(hada_compared_encode(&open, by->truth_encoding, by->encoding, err));
+        one->result_encoding = open.result_encoding;
+        one->encoding = open.encoding;
         HADA_TRY(compare_images(one, &open, by, region, err));
+    }
 done:
     hada_compared_close(&open);
     return status;

@@ -1,12 +1,14 @@
 #include "tasks/evaluate_pages.h"
 
 #include <hadalens/folder.h>
+#include <hadalens/response.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "core/alloc.h"
 #include "io/folder.h"
+#include "io/tiff_meta.h"
 
 /* Distances that are the same but for the rounding of a file's text. */
 #define SAME_DISTANCE 1e-3
@@ -84,6 +86,41 @@ done:
     return status;
 }
 
+static hada_status not_said(const char *path, hada_error *err)
+{
+    return hada_fail(
+        err, HADA_ERROR_ARGUMENT,
+        "options.encoding: %s does not say how its values stand for light, so that they cannot be brought to "
+        "another encoding (options.truth_encoding says it of a truth)",
+        path);
+}
+
+hada_status hada_compared_encode(hada_compared *open, double truth, double both, hada_error *err)
+{
+    const double said = hada_tiff_encoding(open->truth);
+    if ((truth != HADA_AUTO && !hada_response_is_known(truth)) || (both != HADA_AUTO && !hada_response_is_known(both)))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "options.encoding and truth_encoding: %g is no response",
+                         truth != HADA_AUTO && !hada_response_is_known(truth) ? truth : both);
+    open->result_encoding = hada_tiff_encoding(open->result);
+    open->truth_encoding = truth != HADA_AUTO ? truth
+                           : said != 0.0      ? said
+                                         : hada_text_response(hada_tiff_description(open->result), "scene_response");
+    if (both != HADA_AUTO && open->result_encoding == 0.0)
+        return not_said(open->result_path, err);
+    if (both != HADA_AUTO && open->truth_encoding == 0.0)
+        return not_said(open->truth_path, err);
+    if (open->result_encoding != 0.0)
+        open->encoding = both != HADA_AUTO ? both : open->truth_encoding;
+    return HADA_OK;
+}
+
+/* An image of a file in the encoding of the comparison. */
+static void encode(hada_image *image, double from, double to)
+{
+    if (image->data && from != 0.0 && to != 0.0)
+        hada_response_convert(image->data, hada_image_count(image), from, to);
+}
+
 void hada_compared_page_free(hada_compared_page *one)
 {
     hada_image_destroy(&one->result);
@@ -122,6 +159,8 @@ hada_status hada_compared_read(hada_compared_page *one, const hada_compared *ope
         HADA_TRY(hada_region_cut(region, &one->result, err));
     }
     HADA_TRY(hada_region_cut(region, truth, err));
+    encode(&one->result, open->result_encoding, open->encoding);
+    encode(truth, open->truth_encoding, open->encoding);
 done:
     if (status && reading_truth)
         hada_error_prefix_path(err, open->truth_path);

@@ -10,10 +10,14 @@ typedef struct hada_compared {
     const char *result_path, *truth_path;
     hada_tiff_reader *result, *truth;
     int count;
-    int *page; /* of the result, for each page of the truth; -1: none */
+    int *page;                                        /* of the result, for each page of the truth; -1: none */
+    double result_encoding, truth_encoding, encoding; /* of the files, and in which they are compared; 0: not known, as
+                                                         they are */
 } hada_compared;
 
 hada_status hada_compared_open(hada_compared *open, const char *result, const char *truth, hada_error *err);
+/* How values stand for light; truth, both: as in hada_evaluate_task. */
+hada_status hada_compared_encode(hada_compared *open, double truth, double both, hada_error *err);
 void hada_compared_close(hada_compared *open);
 
 /* A page of the truth, what belongs to it, and which pixels count. */

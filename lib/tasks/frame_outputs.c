@@ -1,24 +1,37 @@
 #include "tasks/frame_outputs.h"
 
 #include <hadalens/preview.h>
+#include <hadalens/response.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
 #include "io/folder.h"
 
-hada_status hada_outputs_begin(hada_outputs *out, const hada_files_task *task, const char *name, const char *model,
-                               int frames, hada_error *err)
+static void choose_encoding(hada_outputs *out, const hada_files_task *task, double gamma)
+{
+    const double raised = 1.0 / gamma; /* light^gamma: light = value^(1 / gamma) */
+    out->encoding = gamma != 1.0                  ? hada_response_is_known(raised) ? raised : 0.0
+                    : task->encoding == HADA_AUTO ? out->scene_response
+                                                  : task->encoding;
+    out->convert = gamma == 1.0 && out->encoding != HADA_RESPONSE_LINEAR;
+}
+
+hada_status hada_outputs_begin(hada_outputs *out, const hada_files_task *task, const char *name,
+                               const hada_model_info *model, double gamma, int frames, hada_error *err)
 {
     static const char *const endings[HADA_OUTPUTS] = {"stack.tif", "aif.tif", "depth.tif", "preview.png"};
-    const char *slash = strrchr(model, '/');
+    const char *slash = strrchr(model->name, '/');
     const int preview = task->preview && hada_pictures_available();
     hada_status status = HADA_OK;
-    *out = (hada_outputs){.frames = frames, .bits = task->bits, .white = task->white};
+    *out = (hada_outputs){
+        .frames = frames, .bits = task->bits, .white = task->white, .scene_response = model->scene_response};
+    choose_encoding(out, task, gamma);
     for (int k = 0; k < HADA_OUTPUTS; k++)
         if (k != HADA_OUTPUT_PREVIEW || preview)
             HADA_TRY(hada_path_format(&out->path[k], err, "%s/%s_%s", task->output, name, endings[k]));
-    HADA_TRY(hada_path_format(&out->title, err, "%s, %s", name, slash ? slash + 1 : model));
+    HADA_TRY(hada_path_format(&out->title, err, "%s, %s", name, slash ? slash + 1 : model->name));
 done:
     return status;
 }
@@ -27,6 +40,7 @@ static hada_status open_writer(hada_outputs *out, hada_output which, const hada_
                                hada_error *err)
 {
     hada_tiff_write_options options;
+    char name[HADA_RESPONSE_NAME], line[HADA_RESPONSE_NAME + 20];
     hada_tiff_write_options_init(&options);
     /* millimetres and NaN need floats */
     options.bits = which == HADA_OUTPUT_DISTANCE_MAP ? 32 : out->bits;
@@ -38,8 +52,14 @@ static hada_status open_writer(hada_outputs *out, hada_output which, const hada_
         options.slices = result->depths;
         options.distances_mm = result->distances_mm;
     }
-    if (which == HADA_OUTPUT_DISTANCE_MAP)
+    if (which == HADA_OUTPUT_DISTANCE_MAP) {
         options.description = "unit=millimetre\n";
+    } else {
+        options.encoding = out->encoding;
+        hada_response_name(name, out->scene_response);
+        snprintf(line, sizeof line, "scene_response=%s\n", name);
+        options.description = line;
+    }
     return hada_tiff_create(&out->writer[which], out->path[which], first->channels, first->rows, first->cols, &options,
                             err);
 }
@@ -72,14 +92,31 @@ done:
     return status;
 }
 
+/* One image of light, as it is to be encoded. */
+static hada_status write_light(hada_outputs *out, hada_output which, const hada_image *light, hada_error *err)
+{
+    hada_image *encoded = &out->encoded;
+    const size_t count = hada_image_count(light);
+    hada_status status = HADA_OK;
+    if (!out->convert)
+        return hada_tiff_write(out->writer[which], light, err);
+    if (!encoded->data)
+        HADA_TRY(hada_image_create(encoded, light->channels, light->rows, light->cols, err));
+    memcpy(encoded->data, light->data, count * sizeof(float));
+    hada_response_convert(encoded->data, count, HADA_RESPONSE_LINEAR, out->encoding);
+    HADA_TRY(hada_tiff_write(out->writer[which], encoded, err));
+done:
+    return status;
+}
+
 hada_status hada_outputs_add(hada_outputs *out, const hada_image *raw, const hada_result *result, hada_error *err)
 {
     hada_status status = HADA_OK;
     if (!out->written++)
         HADA_TRY(open_all(out, raw, result, err));
     for (int z = 0; z < result->depths; z++)
-        HADA_TRY(hada_tiff_write(out->writer[HADA_OUTPUT_STACK], &result->planes[z], err));
-    HADA_TRY(hada_tiff_write(out->writer[HADA_OUTPUT_ALL_IN_FOCUS], &result->all_in_focus, err));
+        HADA_TRY(write_light(out, HADA_OUTPUT_STACK, &result->planes[z], err));
+    HADA_TRY(write_light(out, HADA_OUTPUT_ALL_IN_FOCUS, &result->all_in_focus, err));
     HADA_TRY(hada_tiff_write(out->writer[HADA_OUTPUT_DISTANCE_MAP], &result->distance_map, err));
 done:
     return status;
@@ -108,5 +145,6 @@ void hada_outputs_end(hada_outputs *out)
     for (int k = 0; k < HADA_OUTPUTS; k++)
         free(out->path[k]);
     free(out->title);
+    hada_image_destroy(&out->encoded);
     *out = (hada_outputs){0};
 }

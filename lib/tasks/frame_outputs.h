@@ -11,13 +11,17 @@ typedef struct hada_outputs {
     char *title;
     int frames, bits;
     double white;
-    int written; /* frames so far */
+    double encoding; /* of what is written; 0: a gamma that is no response */
+    int convert;     /* 1: results are light, and brought to it */
+    hada_image encoded;
+    double scene_response; /* the model's */
+    int written;           /* frames so far */
     int finished;
 } hada_outputs;
 
-/* For an input of `frames` frames, whose results are called NAME_... */
-hada_status hada_outputs_begin(hada_outputs *out, const hada_files_task *task, const char *name, const char *model,
-                               int frames, hada_error *err);
+/* For an input of `frames` frames, whose results are called NAME_... gamma: what they have been raised to. */
+hada_status hada_outputs_begin(hada_outputs *out, const hada_files_task *task, const char *name,
+                               const hada_model_info *model, double gamma, int frames, hada_error *err);
 /* Adds a frame; the first one is shown in the preview. */
 hada_status hada_outputs_add(hada_outputs *out, const hada_image *raw, const hada_result *result, hada_error *err);
 /* Gives the files their names: all of them, or none. */

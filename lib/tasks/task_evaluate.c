@@ -11,8 +11,13 @@
 
 void hada_evaluate_task_defaults(hada_evaluate_task *task, size_t size)
 {
-    const hada_evaluate_task own = {
-        .size = sizeof own, .peak = 1.0, .tolerance = 0.5, .window_row = HADA_AUTO, .window_col = HADA_AUTO};
+    const hada_evaluate_task own = {.size = sizeof own,
+                                    .peak = 1.0,
+                                    .tolerance = 0.5,
+                                    .window_row = HADA_AUTO,
+                                    .window_col = HADA_AUTO,
+                                    .truth_encoding = HADA_AUTO,
+                                    .encoding = HADA_AUTO};
     HADA_OPTIONS_GIVE(task, size, &own);
 }
 

@@ -1,4 +1,5 @@
 /* Files through a plan: whose turn it is, what is written, what failed. */
+#include <hadalens/response.h>
 #include <hadalens/task_reconstruct.h>
 #include <stdlib.h>
 #include <string.h>
@@ -6,13 +7,14 @@
 #include "core/alloc.h"
 #include "core/monitor.h"
 #include "core/options.h"
+#include "dispatch/plan.h"
 #include "io/folder.h"
 #include "tasks/frame_outputs.h"
 #include "tasks/frame_stream.h"
 
 void hada_files_task_defaults(hada_files_task *task, size_t size)
 {
-    const hada_files_task own = {.size = sizeof own, .preview = 1, .bits = 32, .white = 1.0};
+    const hada_files_task own = {.size = sizeof own, .preview = 1, .bits = 32, .white = 1.0, .encoding = HADA_AUTO};
     HADA_OPTIONS_GIVE(task, size, &own);
 }
 
@@ -20,6 +22,7 @@ void hada_files_task_defaults(hada_files_task *task, size_t size)
 typedef struct run {
     hada_files_task task;
     const hada_model *model;
+    double gamma; /* of the plan */
     const char *const *paths;
     int count;
     char **names; /* of the results of each file */
@@ -76,8 +79,8 @@ static hada_status begin_file(run *own, const hada_streamed *frame, hada_error *
     memset(own->state.outputs, 0, sizeof own->state.outputs);
     if (frame->frames) {
         own->progress.total += frame->frames - 1;
-        status = hada_outputs_begin(&own->out, &own->task, own->names[frame->file],
-                                    hada_model_get_info(own->model)->name, frame->frames, err);
+        status = hada_outputs_begin(&own->out, &own->task, own->names[frame->file], hada_model_get_info(own->model),
+                                    own->gamma, frame->frames, err);
     }
     for (int k = 0; k < HADA_OUTPUTS; k++)
         own->state.outputs[k] = own->out.path[k];
@@ -148,6 +151,21 @@ static void break_off(run *own)
     leave_file(own);
 }
 
+static hada_status check_encoding(const run *own, hada_error *err)
+{
+    const double encoding = own->task.encoding;
+    if (encoding == HADA_AUTO)
+        return HADA_OK;
+    if (!hada_response_is_known(encoding))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "options.encoding: %g is no response (hadalens/response.h)",
+                         encoding);
+    if (own->gamma != 1.0)
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "options.encoding: the plan's gamma %g is an encoding already; leave one of the two out",
+                         own->gamma);
+    return HADA_OK;
+}
+
 hada_status hada_reconstruct_files(hada_plan *plan, const hada_model *model, const char *const *paths, int count,
                                    const hada_files_task *task, int *failed, hada_error *err)
 {
@@ -159,6 +177,8 @@ hada_status hada_reconstruct_files(hada_plan *plan, const hada_model *model, con
     if (!plan || !model || !paths || !own.task.output)
         HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT,
                            "hada_reconstruct_files: a plan, its model, files and a folder are needed"));
+    own.gamma = plan->setup.options.gamma;
+    HADA_TRY(check_encoding(&own, err));
     HADA_TRY(make_names(&own, err));
     HADA_TRY(hada_inputs_protect(&inputs, paths, (size_t)count, err));
     HADA_TRY(hada_folder_ensure(own.task.output, err));

@@ -83,7 +83,6 @@ done:
 }
 
 enum { PANELS = 4, ROWS = 3, GAP = 4 }; /* of the sheet; pixels between panels */
-#define GAMMA (1 / 2.2)                 /* linear intensities on a screen */
 
 static float brightest(const hada_image *image)
 {
@@ -137,7 +136,7 @@ hada_status hada_train_picture(hada_trainer *trainer, int held, const char *path
         return HADA_OK;
     for (int i = 0; i < rows; i++)
         HADA_TRY(add_row(trainer, rows > 1 ? (int)((long)i * (held - 1) / (rows - 1)) : 0, i, rows, &sheet, err));
-    HADA_TRY(hada_png_save(path, &sheet, 1, GAMMA, err));
+    HADA_TRY(hada_png_save(path, &sheet, 1, HADA_AUTO, err));
 done:
     hada_image_destroy(&sheet);
     return status;

@@ -105,4 +105,34 @@ if [ "$(id -u)" != 0 ]; then
     mkdir locked && chmod 555 locked
     expect 3 'nothing can be written' reconstruct "$raw/test01.tif" -m "$model" -o locked
 fi
+
+# Encodings: as the scenes were, unless another one is asked for; evaluate brings results to the truth's.
+frame="$camera/test/raw/test01.tif"
+truth="$camera/test/truth/test01_aif.tif"
+expect 0 'scenes srgb' fit "$camera" -o srgb.model --scene-response srgb --no-leave-one-out
+for encoding in scene linear srgb 1.8; do
+    expect 0 '' reconstruct "$frame" -m srgb.model -o "as_$encoding" --encoding "$encoding" --no-preview
+    expect 0 '' evaluate "as_$encoding/test01_aif.tif" "$truth" --json
+    grep -oE '"(psnr|encoding|result_encoding)": *[^,]*' stdout >"as_$encoding.txt"
+    grep -q '"encoding": "srgb"' "as_$encoding.txt" || fail "results as $encoding are not compared as the scenes were"
+done
+cmp -s as_scene/test01_stack.tif as_srgb/test01_stack.tif || fail 'srgb is not how the scenes were encoded'
+cmp -s as_scene/test01_stack.tif as_linear/test01_stack.tif && fail '--encoding linear changed nothing'
+cmp -s as_scene/test01_depth.tif as_linear/test01_depth.tif || fail '--encoding changed the distances'
+grep -q '"result_encoding": "1.8"' as_1.8.txt || fail 'the encoding 1.8 is not stated'
+for encoding in linear srgb 1.8; do
+    [ "$(grep -oE 'psnr": *[0-9]+\.[0-9]{3}' "as_$encoding.txt")" = "$(grep -oE 'psnr": *[0-9]+\.[0-9]{3}' as_scene.txt)" ] ||
+        fail "results as $encoding compare otherwise"
+done
+expect 0 "encoding '1.8', to which results in 'linear'" evaluate as_linear/test01_aif.tif "$truth" --encoding 1.8
+expect 0 '"encoding": "linear"' evaluate as_srgb/test01_aif.tif "$truth" --truth-encoding linear --json
+expect 2 'does not say.*--truth-encoding' evaluate "$truth" "$truth" --encoding srgb
+expect 2 "'dim' is no response" evaluate as_linear/test01_aif.tif "$truth" --encoding dim
+expect 2 "'dim' is no response" reconstruct "$frame" -m srgb.model -o x --encoding dim
+expect 2 'encoding already' reconstruct "$frame" -m srgb.model -o x --encoding srgb --gamma 0.5
+expect 0 '' reconstruct "$frame" -m srgb.model -o as_gamma --gamma 0.5 --no-preview
+expect 0 '"result_encoding": "2"' evaluate as_gamma/test01_aif.tif "$truth" --json
+expect 0 '' reconstruct "$frame" -m "$model" -o as_ever --no-preview
+expect 0 '"encoding": "linear"' evaluate as_ever/test01_aif.tif "$truth" --json
+lacks x
 finish

@@ -35,6 +35,7 @@ static void round_trip(int bits, hada_tiff_layout layout, int channels, int slic
     options.layout = layout;
     options.slices = slices;
     options.distances_mm = distances;
+    options.encoding = 2.2;
     options.compress = compress;
     options.scale = scale;
     options.pixel_um = 2;
@@ -61,6 +62,7 @@ static void round_trip(int bits, hada_tiff_layout layout, int channels, int slic
     assert_float_equal(info->pixel_width_um, 2, 1e-5);
     double found[3] = {0};
     assert_int_equal(hada_tiff_distances(reader, found, 3), slices);
+    assert_true(hada_tiff_encoding(reader) == 2.2);
     assert_memory_equal(found, distances, (size_t)slices * sizeof(double));
     assert_non_null(strstr(hada_tiff_description(reader), "model=some camera\n"));
     if (bits < 32)

@@ -6,6 +6,7 @@
 
 #include <hadalens/folder.h>
 #include <hadalens/job.h>
+#include <hadalens/response.h>
 #include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -13,7 +14,7 @@
 
 typedef struct settings {
     hada_cli_common common;
-    const char *model, *output, *depths, *occupied, *refine, *refine_tv, *dark, *skip;
+    const char *model, *output, *depths, *occupied, *refine, *refine_tv, *dark, *skip, *encoding;
     int bits, half, repair, no_enhance, no_preview, batch, queues;
     double gamma, white, max_error, band;
     hada_cli_method_settings method;
@@ -30,7 +31,12 @@ static const hada_cli_option options[] = {
      ONE_OF(bits, 8, 16, 32)},
     {HADA_OPTION_REAL, "white", 0, "VALUE", "value that becomes full scale in 8 and 16 bits (default: 1)", NULL,
      AT(white)},
-    {HADA_OPTION_REAL, "gamma", 0, "G", "exponent on the finished images (default: 1, linear)", NULL, AT(gamma)},
+    {HADA_OPTION_REAL, "gamma", 0, "G", "exponent on the finished images, instead of an encoding (default: 1, none)",
+     NULL, AT(gamma)},
+    {HADA_OPTION_TEXT, "encoding", 0, "scene|linear|srgb|P", "how values stand for light (default: scene)",
+     "scene: as those of the scenes that the model was learned from, which results then compare with. linear: light. "
+     "srgb, or a power P such as 2.2: for a display. The metadata say which; distance maps have none.",
+     AT(encoding)},
     {HADA_OPTION_FLAG, "no-preview", 0, NULL, "write no NAME_preview.png", NULL, AT(no_preview)},
 
     HADA_CLI_GROUP("Reconstruction"),
@@ -101,6 +107,7 @@ static void defaults(void *user)
 {
     settings *set = user;
     set->occupied = "auto";
+    set->encoding = "scene";
     set->refine_tv = "auto";
     set->skip = "all";
     set->band = 1;
@@ -121,6 +128,7 @@ typedef struct job {
     hada_classic_options classic;
     hada_cli_dark dark;
     int *depths, *occupied;
+    double encoding;
 } job;
 
 static hada_status read_depths(job *work, hada_error *err)
@@ -225,7 +233,9 @@ done:
 
 static hada_status prepare(job *work, hada_error *err)
 {
+    const char *encoding = work->set->encoding;
     hada_status status = HADA_OK;
+    HADA_TRY(hada_response_from_name(&work->encoding, strcmp(encoding, "scene") ? encoding : "auto", err));
     HADA_TRY(hada_model_load(&work->model, work->set->model, err));
     HADA_TRY(change_form(work, err));
     HADA_TRY(read_options(work, err));
@@ -233,7 +243,7 @@ static hada_status prepare(job *work, hada_error *err)
     HADA_TRY(hada_cli_open_all(work->cli, &work->devices, err));
     HADA_TRY(make_plan(work, err));
 done:
-    if (status && !work->model)
+    if (status && status != HADA_ERROR_ARGUMENT && !work->model)
         hada_cli_prefix(err, "%s: ", work->set->model);
     return status;
 }
@@ -254,6 +264,7 @@ static int run_files(job *work, int count, const char **paths)
     task.user = &listener;
     task.monitor = &work->cli->monitor;
     json_object_set_new(work->cli->document, "files", json_array());
+    task.encoding = work->encoding;
     const hada_status status = hada_reconstruct_files(work->plan, work->model, paths, count, &task, NULL, &err);
     if (status == HADA_ERROR_CANCELLED) {
         hada_cli_print_error(work->cli, &err);
@@ -274,6 +285,8 @@ static int check(hada_cli *cli, const settings *set, int count)
         return hada_cli_usage(cli, "say where the results shall go, with -o FOLDER");
     if (!(set->gamma > 0) || !(set->white > 0))
         return hada_cli_usage(cli, "--gamma and --white must be greater than zero");
+    if (set->gamma != 1 && strcmp(set->encoding, "scene"))
+        return hada_cli_usage(cli, "--gamma is an encoding already; leave it or --encoding out");
     if (!(set->max_error >= 0 && set->max_error < 1) || !(set->band > 0 && set->band <= 1))
         return hada_cli_usage(cli, "--max-error takes 0 to below 1, --band a share above 0 and at most 1");
     return HADA_EXIT_OK;

@@ -25,7 +25,7 @@ typedef struct hada_preview {
     const unsigned char *occupied; /* per depth: 1 where the scene was found; NULL: not known */
     const hada_image *all_in_focus;
     const hada_image *distance_map; /* millimetres, NaN where nothing is in focus */
-    double gamma;                   /* exponent for showing linear intensities, above 0; HADA_AUTO (default): 1/2.2 */
+    double gamma;                   /* exponent for showing linear intensities, above 0; HADA_AUTO (default): sRGB */
 } hada_preview;
 HADA_API void hada_preview_defaults(hada_preview *preview, size_t size);
 static inline void hada_preview_init(hada_preview *preview)
@@ -37,7 +37,8 @@ static inline void hada_preview_init(hada_preview *preview)
  * distances (occupied planes marked). */
 HADA_API hada_status hada_preview_save(const char *path, const hada_preview *preview, hada_error *err);
 
-/* One image as PNG; intensities are shown as (value / white)^gamma; white HADA_AUTO: the 99.9th percentile. */
+/* One image as PNG; linear intensities are shown as (value / white)^gamma; gamma HADA_AUTO: as sRGB;
+ * white HADA_AUTO: the 99.9th percentile. */
 HADA_API hada_status hada_png_save(const char *path, const hada_image *image, double white, double gamma,
                                    hada_error *err);
 

@@ -26,8 +26,8 @@ typedef enum hada_exposure {
     HADA_EXPOSURE_EACH = 2  /* each by itself */
 } hada_exposure;
 
-/* A response that was compared: the share of held-out frames, mean over pairs, that is unexplained with it, frames
- * being exposed alike, and apart. */
+/* A response that was compared: the share of held-out frames, geometric mean over pairs, that is unexplained with it,
+ * frames being exposed alike, and apart. */
 typedef struct hada_survey_row {
     double response, unexplained, unexplained_apart;
     int chosen;

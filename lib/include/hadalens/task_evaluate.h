@@ -36,6 +36,11 @@ typedef struct hada_evaluate_task {
     int window_row, window_col;   /* HADA_AUTO by default */
     const char *mask;             /* a TIFF file of the images' size, its first page; NULL: all pixels count */
     const hada_monitor *monitor;
+
+    /* How values stand for light (hadalens/response.h). Results say it themselves (reconstruct writes it); a truth that
+     * does not is taken as the scenes that the result's camera was learned from, and the result is brought to it. */
+    double truth_encoding; /* HADA_AUTO (default): so */
+    double encoding;       /* in which both are compared; HADA_AUTO (default): the truth's */
 } hada_evaluate_task;
 HADA_API void hada_evaluate_task_defaults(hada_evaluate_task *task, size_t size);
 static inline void hada_evaluate_task_init(hada_evaluate_task *task)
@@ -66,6 +71,10 @@ typedef struct hada_evaluation {
     double outside; /* share of the pixels with a true distance that are outside; NaN where steps are not known */
     double outside_unknown;      /* share of these that the map says not to know; NaN without any */
     double confident_half, risk; /* hada_confidence_score, of NAME_confidence.tif beside the result; NaN without one */
+
+    /* Of images, as hadalens/response.h has it, 0 where it is not known: how the result was written, and in which
+     * encoding the two were compared, to which it was brought. */
+    double result_encoding, encoding;
 } hada_evaluation;
 
 typedef struct hada_evaluate_report hada_evaluate_report;

@@ -40,6 +40,10 @@ typedef struct hada_files_task {
     void (*tell)(void *user, const hada_files_state *state);
     void *user;
     const hada_monitor *monitor;
+    double encoding; /* how the values of stack and all-in-focus image stand for light (hadalens/response.h), which
+                        their metadata state: HADA_AUTO (default) as the scenes that the model was learned from did
+                        (scene_response), so that results compare with them. Results that are told are linear light. Of
+                        a plan with a gamma G the values are light^G, and nothing else can be asked for */
 } hada_files_task;
 HADA_API void hada_files_task_defaults(hada_files_task *task, size_t size);
 static inline void hada_files_task_init(hada_files_task *task)

@@ -38,6 +38,8 @@ HADA_API const hada_tiff_info *hada_tiff_get_info(const hada_tiff_reader *reader
 HADA_API const char *hada_tiff_description(const hada_tiff_reader *reader);
 /* Distances of the slices in millimetres where the file says them (files written by this library); returns how many. */
 HADA_API size_t hada_tiff_distances(const hada_tiff_reader *reader, double *out, size_t capacity);
+/* How the values stand for light, where the file says it (files written by this library); 0 where it does not. */
+HADA_API double hada_tiff_encoding(const hada_tiff_reader *reader);
 /* Reads frame `index` into *image (created by the call; the caller destroys it). NaN and infinite pixels are read as
  * they are: the caller decides. */
 HADA_API hada_status hada_tiff_read(hada_tiff_reader *reader, int index, hada_image *image, hada_error *err);
@@ -62,6 +64,8 @@ typedef struct hada_tiff_write_options {
     double scale; /* 8 and 16 bits: a value of `scale` becomes full scale; stated in the metadata; 1 by default */
     const char *description; /* further lines for the metadata ("key=value\n"), or NULL */
     int compress;            /* 1: deflate with predictor; 0: none (default) */
+    double encoding; /* how the values stand for light (hadalens/response.h), stated in the metadata; 0 (default):
+                        not stated */
 } hada_tiff_write_options;
 
 HADA_API void hada_tiff_write_options_defaults(hada_tiff_write_options *options, size_t size);

@@ -100,7 +100,10 @@ static sizes sizes_of(const hada_context *context, const hada_refine_shape *shap
     b.spectra = images * layout.count * complex_bytes;
     /* total variation's loads reach a vector beyond the last image */
     b.planes = hada_round_up(images * area(&shape->window) + 8, HADA_REFINE_PAD) * sizeof(float);
-    b.tv = shape->tv ? (2 * images * area(&shape->window) + 8) * sizeof(float) : 0;
+    b.tv = shape->tv
+               ? hada_variation_floats(shape->channels, shape->window.rows, shape->window.cols, shape->max_planes) *
+                     sizeof(float)
+               : 0;
     if (shape->boundary == HADA_BOUNDARY_PADDED) {
         b.split = sets * layout.count * complex_bytes;
         b.dual = sets * area(&shape->frame) * sizeof(float);
@@ -237,7 +240,8 @@ hada_status hada_refiner_create(hada_refiner **out, hada_slot *slot, hada_scratc
     HADA_TRY(make_buffers(refiner, scratch, &b, err));
     HADA_TRY(hada_refine_prepare(refiner, err));
     if (shape->tv)
-        HADA_TRY(hada_refine_tv_prepare(refiner, err));
+        HADA_TRY(hada_variation_prepare(&refiner->variation, slot, shape->channels, shape->window.rows,
+                                        shape->window.cols, err));
     *out = refiner;
 done:
     if (status)

@@ -86,11 +86,6 @@ static inline double hada_refine_rho(double tv)
 void hada_refine_rule_weigh(hada_refine_rule *rule, const hada_model_info *info, double tv, double gain,
                             double mean_square);
 
-/* What a step's total variation is made with (kernels/refine_tv.cl): projected gradients on its dual, which goes on
- * from step to step, each of this length. */
-enum { HADA_REFINE_TV_STEPS = 6 };
-#define HADA_REFINE_TV_LENGTH 0.2
-
 typedef struct hada_refiner hada_refiner;
 
 hada_status hada_refiner_create(hada_refiner **out, hada_slot *slot, hada_scratch *scratch,

@@ -163,6 +163,13 @@ hada_status hada_refine_nonnegative(const hada_refine_run *r, hada_error *err)
     return hada_launch_refine_prox(refiner->slot, refiner->program, &range, err, .w = refiner->planes.mem);
 }
 
+hada_status hada_refine_tv_step(hada_refiner *refiner, int planes, double theta, int fresh, hada_error *err)
+{
+    const cl_mem duals[2] = {refiner->tv[0].mem, refiner->tv[1].mem};
+    return hada_variation_step(&refiner->variation, refiner->slot, refiner->planes.mem, duals, planes, theta, fresh,
+                               err);
+}
+
 /* Transforms `images` images in calls of the plan's batch. */
 static hada_status transform(hada_refiner *refiner, hada_fft *plan, int forward, int images, cl_mem real,
                              size_t distance, cl_mem spectrum, hada_error *err)

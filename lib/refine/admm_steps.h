@@ -3,8 +3,8 @@
 #define HADA_REFINE_ADMM_STEPS_H
 
 #include "launch/refine.h"
-#include "launch/refine_tv.h"
 #include "refine/admm.h"
+#include "refine/variation.h"
 
 enum {
     HADA_REFINE_BATCH = 48,  /* images that one transform call takes */
@@ -26,7 +26,7 @@ struct hada_refiner {
     double *energy;              /* [step][set] */
     hada_buffer tv[2];           /* total variation: its duals, and where the next ones go */
     hada_program_refine program; /* in the shape that fits the device and the layout */
-    hada_program_refine_tv tv_program;
+    hada_variation variation;
     size_t group; /* work-items of a group in the kernels with sums */
     size_t window_area, frame_area;
     size_t transforms;
@@ -42,7 +42,6 @@ typedef struct hada_refine_run {
 
 /* Chooses the programs and makes them. */
 hada_status hada_refine_prepare(hada_refiner *refiner, hada_error *err);
-hada_status hada_refine_tv_prepare(hada_refiner *refiner, hada_error *err);
 
 /* The rho of a step. */
 double hada_refine_rho_at(const hada_refine_rule *rule, int step);

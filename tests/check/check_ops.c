@@ -12,7 +12,7 @@ extern const check_op check_classic;
 extern const check_op check_tensor, check_conv_forward, check_conv_data, check_conv_weights;
 extern const check_op check_net_activation, check_net_blend, check_net_dropout, check_net_pool, check_net_resize,
     check_net_place, check_net_batch_norm, check_net_linear;
-extern const check_op check_surface_magnify;
+extern const check_op check_surface_magnify, check_volume;
 extern const check_op check_net_loss, check_net_optimizer, check_net_clip, check_net_content, check_net_part,
     check_lpips;
 
@@ -30,6 +30,6 @@ const check_op *const check_ops[] = {
     &check_net_dropout,     &check_net_pool,     &check_net_resize,     &check_net_place,
     &check_net_batch_norm,  &check_net_linear,   &check_net_loss,       &check_net_optimizer,
     &check_net_clip,        &check_net_content,  &check_net_part,       &check_lpips,
-    &check_surface_magnify,
+    &check_surface_magnify, &check_volume,
 };
 const size_t check_op_count = HADA_COUNT(check_ops);

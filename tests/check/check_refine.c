@@ -6,6 +6,7 @@
 #include "ref/ref_fft.h"
 #include "ref/ref_refine.h"
 #include "refine/admm.h"
+#include "refine/variation.h"
 
 enum { MAX_LIST = 64 };
 

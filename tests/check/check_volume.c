@@ -1,0 +1,195 @@
+/* Volumes: free planes, or a texture on continuous depths, after a few steps, against the reference. */
+#include <string.h>
+
+#include "check.h"
+#include "filter/layout.h"
+#include "ref/ref_fft.h"
+#include "ref/ref_volume.h"
+#include "refine/variation.h"
+#include "surface/volume.h"
+
+typedef struct volume_state {
+    hada_volume *volume;
+    hada_volume_shape shape;
+    hada_volume_rule rule;
+    hada_buffer otf, spectrum, frame, allowed, depth, texture, start;
+    int is_texture, is_masked;
+    size_t area, unknown;
+    double *otfs, *image, *mask, *depths; /* of the reference */
+} volume_state;
+
+static void read_shape(const check_state *state, volume_state *own)
+{
+    const int rows = check_get(state, 'r', 24), cols = check_get(state, 'c', 24), padded = check_get(state, 'p', 0);
+    const int window_rows = check_get(state, 'h', rows / 2), window_cols = check_get(state, 'w', cols / 2);
+    own->is_texture = check_get(state, 'x', 0);
+    own->is_masked = check_get(state, 'm', 0);
+    own->shape =
+        (hada_volume_shape){.rows = rows,
+                            .cols = cols,
+                            .window = {(rows - window_rows) / 2, (cols - window_cols) / 2, window_rows, window_cols},
+                            .frame = {rows / 5, cols / 5, rows - 2 * (rows / 5), cols - 2 * (cols / 5)},
+                            .boundary = padded ? HADA_BOUNDARY_PADDED : HADA_BOUNDARY_CIRCULAR,
+                            .channels = check_get(state, 'k', 1),
+                            .planes = check_get(state, 'd', 2),
+                            .free = !own->is_texture};
+    own->rule = (hada_volume_rule){.steps = check_get(state, 'n', 6),
+                                   .floor = 0.01,
+                                   .variation = 1e-3 * check_get(state, 'y', 0),
+                                   .bound = own->shape.planes + 0.5};
+    own->area = (size_t)window_rows * (size_t)window_cols;
+    own->unknown = (size_t)(own->is_texture ? 1 : own->shape.planes) * (size_t)own->shape.channels * own->area;
+}
+
+/* Random point spread functions with |OTF|^2 about 1, then a random frame, as half spectra of the layout. */
+static hada_status make_camera(check_state *state, volume_state *own, hada_error *err)
+{
+    const hada_volume_shape *shape = &own->shape;
+    const int rows = shape->rows, cols = shape->cols, padded = shape->boundary == HADA_BOUNDARY_PADDED;
+    const size_t pixels = (size_t)rows * (size_t)cols, values = (size_t)rows * (size_t)(cols / 2 + 1);
+    const hada_spectrum_layout layout = hada_fft_layout(state->slot->context, rows, cols, HADA_FFT_AUTO);
+    const size_t channels = (size_t)shape->channels, images = (size_t)shape->planes * channels;
+    const hada_refine_rect *frame = &shape->frame;
+    const size_t frame_area = (size_t)frame->rows * (size_t)frame->cols;
+    float *noise = check_room(state, pixels * sizeof *noise), *half = check_room(state, 2 * values * sizeof *half);
+    float *packed = check_room(state, (images + channels) * layout.count * 2 * sizeof *packed);
+    float *seen = check_room(state, channels * frame_area * sizeof *seen);
+    double *spectrum = check_room(state, 2 * values * sizeof *spectrum);
+    double *drawn = check_room(state, pixels * sizeof *drawn);
+    hada_status status = HADA_OK;
+    own->otfs = check_room(state, images * 2 * values * sizeof *own->otfs);
+    own->image = check_room(state, channels * pixels * sizeof *own->image);
+    for (size_t k = 0; k < images + channels; k++) {
+        const int is_frame = k >= images;
+        double *to = is_frame ? spectrum : own->otfs + k * 2 * values;
+        check_fill_normal(state, k, noise, pixels);
+        for (size_t i = 0; i < pixels; i++) {
+            const int row = (int)(i / (size_t)cols) - frame->row0, col = (int)(i % (size_t)cols) - frame->col0;
+            const int inside = row >= 0 && row < frame->rows && col >= 0 && col < frame->cols;
+            const float value = padded && is_frame && !inside ? 0.0f : noise[i];
+            if (is_frame && inside)
+                seen[(k - images) * frame_area + (size_t)row * (size_t)frame->cols + (size_t)col] = value;
+            drawn[i] = is_frame ? value : value / (float)rows;
+            if (is_frame)
+                own->image[(k - images) * pixels + i] = drawn[i];
+        }
+        HADA_TRY(hada_ref_fft_forward(drawn, rows, cols, to, err));
+        for (size_t i = 0; i < 2 * values; i++)
+            half[i] = (float)to[i];
+        hada_layout_pack(&layout, half, packed + k * layout.count * 2);
+    }
+    HADA_TRY(check_upload(state, &own->otf, packed, images * layout.count * 8, err));
+    HADA_TRY(check_upload(state, &own->spectrum, packed + images * layout.count * 2, channels * layout.count * 8, err));
+    HADA_TRY(check_upload(state, &own->frame, seen, channels * frame_area * 4, err));
+done:
+    return status;
+}
+
+/* Where a run starts, which planes a pixel has, or how deep it lies. */
+static hada_status make_scene(check_state *state, volume_state *own, double *start, hada_error *err)
+{
+    const size_t room = own->unknown + HADA_VARIATION_ROOM;
+    float *first = check_room(state, room * sizeof *first), *noise = check_room(state, own->area * sizeof *noise);
+    float *mask = check_room(state, room * sizeof *mask);
+    hada_status status = HADA_OK;
+    own->mask = check_room(state, own->unknown * sizeof *own->mask);
+    own->depths = check_room(state, own->area * sizeof *own->depths);
+    check_fill_normal(state, 1000, first, own->unknown);
+    check_fill_normal(state, 1001, mask, own->unknown);
+    check_fill_normal(state, 1002, noise, own->area);
+    for (size_t i = 0; i < own->unknown; i++) {
+        mask[i] = mask[i] > -0.5f;
+        own->mask[i] = mask[i];
+        first[i] = first[i] > 0 ? 0.1f * first[i] * (own->is_masked ? mask[i] : 1.0f) : 0.0f;
+        start[i] = first[i];
+    }
+    for (size_t i = 0; i < own->area; i++) {
+        const float top = (float)(own->shape.planes - 1), depth = top * (0.5f + 0.3f * noise[i]);
+        noise[i] = depth < 0 ? 0 : depth > top ? top : depth;
+        own->depths[i] = noise[i];
+    }
+    HADA_TRY(check_upload(state, &own->start, first, room * sizeof *first, err));
+    HADA_TRY(check_upload(state, &own->allowed, mask, own->unknown * sizeof *mask, err));
+    HADA_TRY(check_upload(state, &own->depth, noise, own->area * sizeof *noise, err));
+    HADA_TRY(check_scratch(state, &own->texture, room * sizeof *first, err));
+done:
+    return status;
+}
+
+static hada_status expect(check_state *state, const volume_state *own, hada_error *err)
+{
+    const hada_volume_shape *s = &own->shape;
+    const hada_ref_volume problem = {.rows = s->rows,
+                                     .cols = s->cols,
+                                     .window_row0 = s->window.row0,
+                                     .window_col0 = s->window.col0,
+                                     .window_rows = s->window.rows,
+                                     .window_cols = s->window.cols,
+                                     .padded = s->boundary == HADA_BOUNDARY_PADDED,
+                                     .frame_row0 = s->frame.row0,
+                                     .frame_col0 = s->frame.col0,
+                                     .frame_rows = s->frame.rows,
+                                     .frame_cols = s->frame.cols,
+                                     .planes = s->planes,
+                                     .channels = s->channels,
+                                     .otf = own->otfs,
+                                     .image = own->image,
+                                     .allowed = own->is_masked ? own->mask : NULL,
+                                     .depth = own->is_texture ? own->depths : NULL,
+                                     .floor = own->rule.floor,
+                                     .variation = own->rule.variation,
+                                     .bound = own->rule.bound,
+                                     .tv_length = HADA_REFINE_TV_LENGTH,
+                                     .tv_steps = HADA_REFINE_TV_STEPS,
+                                     .steps = own->rule.steps};
+    return hada_ref_volume_run(&problem, state->expected, err);
+}
+
+static hada_status prepare(check_state *state, hada_error *err)
+{
+    volume_state *own = check_own(state, sizeof *own);
+    hada_status status = HADA_OK;
+    read_shape(state, own);
+    const double points = (double)own->shape.rows * own->shape.cols * own->shape.planes * own->shape.channels;
+    HADA_TRY(make_camera(state, own, err));
+    HADA_TRY(hada_volume_create(&own->volume, state->slot, &own->shape, err));
+    HADA_TRY(hada_volume_set_camera(own->volume, 0, own->shape.planes, own->otf.mem, 0, err));
+    hada_volume_set_frame(own->volume, own->spectrum.mem, 0, own->frame.mem, 0);
+    HADA_TRY(check_output(state, own->unknown, err));
+    HADA_TRY(make_scene(state, own, state->expected, err));
+    HADA_TRY(expect(state, own, err));
+    /* single precision through a transform there and back in every step, on values of about one; nothing amplifies */
+    state->tolerance = 1e-5;
+    /* per step, plane and frequency: H read twice, U written and read, and each transform reads and writes */
+    state->bytes = own->rule.steps * points / 2.0 * (32.0 + 32.0);
+    state->flops = own->rule.steps * points / 2.0 * 40.0;
+done:
+    return status;
+}
+
+static hada_status launch(check_state *state, hada_error *err)
+{
+    volume_state *own = state->own;
+    const size_t bytes = own->unknown * sizeof(float);
+    const cl_mem values = own->is_texture ? own->texture.mem : hada_volume_planes(own->volume);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_buffer_copy(state->slot, own->start.mem, 0, values, 0, bytes, err));
+    HADA_TRY(
+        own->is_texture
+            ? hada_volume_texture(own->volume, &own->rule, own->depth.mem, 0, own->shape.planes - 1, values, NULL, err)
+            : hada_volume_solve(own->volume, &own->rule, own->is_masked ? own->allowed.mem : NULL, NULL, err));
+    HADA_TRY(hada_buffer_copy(state->slot, values, 0, state->out.mem, state->out_offset * sizeof(float), bytes, err));
+done:
+    return status;
+}
+
+static void release(check_state *state)
+{
+    volume_state *own = state->own;
+    hada_volume_destroy(&own->volume);
+}
+
+const check_op check_volume = {"volume",
+                               "r rows, c columns, h and w of the window, d planes, k channels, n steps, p1 cropped by "
+                               "the sensor, y total variation (thousandths), m1 within a mask, x1 a texture",
+                               prepare, launch, release};

@@ -1,0 +1,27 @@
+/* Reference of volumes: the planes, or the one texture, near a surface that explain a frame, by accelerated proximal
+ * gradients on the whole grid, in double precision. It shares no shortcut with lib/surface. Internal. */
+#ifndef HADA_REF_VOLUME_H
+#define HADA_REF_VOLUME_H
+
+#include "core/error.h"
+
+typedef struct hada_ref_volume {
+    int rows, cols;                                         /* grid */
+    int window_row0, window_col0, window_rows, window_cols; /* where planes may be bright */
+    int padded;                                             /* 0: data everywhere (circular) */
+    int frame_row0, frame_col0, frame_rows, frame_cols;     /* padded: where data is known */
+    int planes, channels;
+    const double *otf;     /* [plane][channel][rows][cols / 2 + 1] complex, row-major */
+    const double *image;   /* [channel][rows][cols]: the data, zero outside the frame */
+    const double *allowed; /* [plane][channel][window], or NULL: everywhere */
+    const double *depth;   /* [window]: of a texture, in planes; NULL: the planes are free */
+    double floor, variation, bound;
+    double tv_length;
+    int tv_steps, steps;
+} hada_ref_volume;
+
+/* values: the planes [plane][channel][window], or the texture [channel][window]; where the run starts and what it
+ * finds. */
+hada_status hada_ref_volume_run(const hada_ref_volume *problem, double *values, hada_error *err);
+
+#endif

@@ -6,9 +6,7 @@
 #include <string.h>
 
 #include "core/alloc.h"
-#include "launch/refine.h"
-#include "launch/surface_volume.h"
-#include "refine/variation.h"
+#include "surface/volume_steps.h"
 
 enum {
     BATCH = 48,     /* images that one transform call takes */
@@ -20,37 +18,9 @@ enum {
 #define ASTRAY      4.0
 #define ASTRAY_PART 1e-3
 
-struct hada_volume {
-    hada_slot *slot;
-    hada_volume_shape shape;
-    hada_spectrum_layout layout;
-    hada_program_surface_volume program;
-    hada_program_refine refine;
-    size_t group;
-    hada_variation variation;
-    int batch; /* planes at once */
-    size_t window_area, frame_area, slices;
-    hada_fft *forward, *inverse;             /* of the window's planes */
-    hada_fft *frame_forward, *frame_inverse; /* padded */
-    hada_buffer otf;                         /* conjugate */
-    hada_buffer weight, spectra, sum, frame; /* weights; spectra of a batch; of what the planes make; in the frame */
-    hada_buffer planes;                      /* free planes; textures: those of a batch */
-    hada_buffer at, gradient, start;         /* the extrapolated point, the gradient there, where a run began */
-    hada_buffer duals[2], partial;
-    float *host_partial;
-    double floor; /* that the weights were made with; 0: not yet */
-    cl_mem frame_spectrum, frame_pixels;
-    size_t spectrum_offset, pixels_offset;
-};
-
 static size_t area_of(const hada_refine_rect *rect)
 {
     return (size_t)rect->rows * (size_t)rect->cols;
-}
-
-static int is_padded(const hada_volume_shape *shape)
-{
-    return shape->boundary == HADA_BOUNDARY_PADDED;
 }
 
 static int batch_of(const hada_volume_shape *shape)
@@ -84,7 +54,7 @@ static int list_plans(const hada_volume_shape *shape, hada_fft_desc *plans)
     plans[1] = describe(shape, &shape->window, images, HADA_FFT_INVERSE);
     plans[2] = describe(shape, &shape->frame, shape->channels, HADA_FFT_FORWARD);
     plans[3] = describe(shape, &shape->frame, shape->channels, HADA_FFT_INVERSE);
-    return is_padded(shape) ? PLANS : 2;
+    return hada_volume_is_padded(shape) ? PLANS : 2;
 }
 
 /* A buffer, where it stands in the object, and how large it is. */
@@ -94,7 +64,7 @@ typedef struct row {
 
 static size_t slices_of(const hada_volume_shape *shape, const hada_spectrum_layout *layout)
 {
-    const size_t frame = is_padded(shape) ? area_of(&shape->frame) : 0;
+    const size_t frame = hada_volume_is_padded(shape) ? area_of(&shape->frame) : 0;
     return hada_divide_up(frame > layout->count ? frame : layout->count, HADA_VOLUME_SLICE);
 }
 
@@ -107,18 +77,18 @@ static void list_buffers(const hada_context *context, const hada_volume_shape *s
     const size_t batch = ((size_t)batch_of(shape) * channels * window + HADA_VARIATION_ROOM) * sizeof(float);
     const size_t duals =
         sizeof(float) * hada_variation_floats(shape->channels, shape->window.rows, shape->window.cols, (int)unknown);
-    const row list[ROWS] = {
-        {offsetof(hada_volume, otf), planes * spectrum},
-        {offsetof(hada_volume, weight), spectrum / 2},
-        {offsetof(hada_volume, spectra), (size_t)batch_of(shape) * spectrum},
-        {offsetof(hada_volume, sum), spectrum},
-        {offsetof(hada_volume, frame), is_padded(shape) ? channels * area_of(&shape->frame) * sizeof(float) : 0},
-        {offsetof(hada_volume, planes), shape->free ? values : batch},
-        {offsetof(hada_volume, at), values},
-        {offsetof(hada_volume, gradient), values},
-        {offsetof(hada_volume, start), values},
-        {offsetof(hada_volume, duals[0]), duals},
-        {offsetof(hada_volume, duals[1]), duals}};
+    const row list[ROWS] = {{offsetof(hada_volume, otf), planes * spectrum},
+                            {offsetof(hada_volume, weight), spectrum / 2},
+                            {offsetof(hada_volume, spectra), (size_t)batch_of(shape) * spectrum},
+                            {offsetof(hada_volume, sum), spectrum},
+                            {offsetof(hada_volume, frame),
+                             hada_volume_is_padded(shape) ? channels * area_of(&shape->frame) * sizeof(float) : 0},
+                            {offsetof(hada_volume, planes), shape->free ? values : batch},
+                            {offsetof(hada_volume, at), values},
+                            {offsetof(hada_volume, gradient), values},
+                            {offsetof(hada_volume, start), values},
+                            {offsetof(hada_volume, duals[0]), duals},
+                            {offsetof(hada_volume, duals[1]), duals}};
     memcpy(rows, list, sizeof list);
 }
 
@@ -156,7 +126,7 @@ static hada_status check_shape(const hada_volume_shape *shape, hada_error *err)
     if (!inside(shape, &shape->window))
         return hada_fail(err, HADA_ERROR_SIZE, "a surface: the window of %d x %d pixels leaves the grid of %d x %d",
                          shape->window.rows, shape->window.cols, shape->rows, shape->cols);
-    if (is_padded(shape) && !inside(shape, &shape->frame))
+    if (hada_volume_is_padded(shape) && !inside(shape, &shape->frame))
         return hada_fail(err, HADA_ERROR_SIZE, "a surface: the frame of %d x %d pixels leaves the grid of %d x %d",
                          shape->frame.rows, shape->frame.cols, shape->rows, shape->cols);
     return HADA_OK;
@@ -257,237 +227,9 @@ void hada_volume_set_frame(hada_volume *v, cl_mem spectrum, size_t spectrum_offs
     v->pixels_offset = pixels_offset;
 }
 
-/* Work-groups for `count` values of each of rows x planes. */
-static hada_range slices(const hada_volume *v, size_t count, size_t rows, size_t planes)
-{
-    return hada_range_groups(hada_divide_up(count, HADA_VOLUME_SLICE), v->group, rows, planes);
-}
-
-static hada_volume_batch batch_at(const hada_volume *v, int first, int planes, int add)
-{
-    return (hada_volume_batch){.spectrum = hada_spectrum_shape_of(&v->layout),
-                               .channels = (unsigned)v->shape.channels,
-                               .first = (unsigned)first,
-                               .planes = (unsigned)planes,
-                               .add = add};
-}
-
-hada_status hada_volume_set_camera(hada_volume *v, int first, int count, cl_mem otf, size_t from, hada_error *err)
-{
-    const size_t each = (size_t)v->shape.channels * v->layout.count, values = (size_t)count * each;
-    const size_t offset = (size_t)first * each;
-    const hada_range range = slices(v, values, 1, 1);
-    hada_status status = HADA_OK;
-    v->floor = 0;
-    HADA_TRY(hada_buffer_copy(v->slot, otf, from * 2 * sizeof(float), v->otf.mem, offset * 2 * sizeof(float),
-                              values * 2 * sizeof(float), err));
-    hada_slot_cost(v->slot, 8.0 * (double)values, (double)values);
-    HADA_TRY(hada_launch_volume_conjugate(v->slot, v->program, &range, err, .otf = v->otf.mem,
-                                          .offset = (cl_ulong)offset, .count = (cl_ulong)values));
-done:
-    return status;
-}
-
-/* The weights of the residual, over all planes of the camera. */
-static hada_status weigh(hada_volume *v, double floor, hada_error *err)
-{
-    const hada_range range = slices(v, v->layout.count, (size_t)v->shape.channels, 1);
-    const double values = (double)v->layout.count * v->shape.channels;
-    if (floor == v->floor)
-        return HADA_OK;
-    v->floor = floor;
-    hada_slot_cost(v->slot, (8.0 * v->shape.planes + 4.0) * values, 4.0 * v->shape.planes * values);
-    return hada_launch_volume_weights(v->slot, v->program, &range, err, .otf = v->otf.mem, .offset = 0,
-                                      .weight = v->weight.mem, .batch = batch_at(v, 0, v->shape.planes, 0),
-                                      .floor = (float)floor);
-}
-
-/* The unknown of a run: free planes, or a texture that makes some of them. */
-typedef struct unknown {
-    int texture;
-    int first, last; /* planes that take part */
-    cl_mem depth;    /* of a texture */
-    cl_mem values;   /* the planes, or the texture: u */
-    cl_mem allowed;  /* or NULL */
-    size_t count;    /* of values */
-} unknown;
-
-static hada_volume_splat splat_of(const hada_volume *v, int first, int planes, int add)
-{
-    return (hada_volume_splat){.area = (unsigned)v->window_area,
-                               .channels = (unsigned)v->shape.channels,
-                               .first = (unsigned)first,
-                               .planes = (unsigned)planes,
-                               .add = add};
-}
-
-/* The spectrum that a batch of planes makes, added to that of those before. */
-static hada_status explain(hada_volume *v, const unknown *u, int first, int planes, int add, hada_error *err)
-{
-    const size_t channels = (size_t)v->shape.channels;
-    const hada_range spread = slices(v, v->window_area, channels, (size_t)planes);
-    const hada_range range = slices(v, v->layout.count, channels, 1);
-    const hada_volume_splat splat = splat_of(v, first, planes, 0);
-    const double pixels = (double)(v->window_area * channels) * planes;
-    const double values = (double)(v->layout.count * channels) * planes;
-    hada_status status = HADA_OK;
-    if (u->texture) {
-        hada_slot_cost(v->slot, 4.0 * pixels, 4.0 * pixels);
-        HADA_TRY(hada_launch_volume_splat(v->slot, v->program, &spread, err, .depth = u->depth, .texture = v->at.mem,
-                                          .planes = v->planes.mem, .splat = splat));
-    }
-    HADA_TRY(hada_fft_forward(v->forward, planes * v->shape.channels, u->texture ? v->planes.mem : v->at.mem,
-                              u->texture ? 0 : (size_t)first * channels * v->window_area, v->spectra.mem, 0, err));
-    hada_slot_cost(v->slot, 16.0 * values, 8.0 * values);
-    HADA_TRY(hada_launch_volume_explain(v->slot, v->program, &range, err, .otf = v->otf.mem, .offset = 0,
-                                        .u = v->spectra.mem, .sum = v->sum.mem,
-                                        .batch = batch_at(v, first, planes, add)));
-done:
-    return status;
-}
-
-static hada_status weigh_sum(hada_volume *v, hada_error *err)
-{
-    const hada_range range = slices(v, v->layout.count, (size_t)v->shape.channels, 1);
-    const double values = (double)v->layout.count * v->shape.channels;
-    hada_slot_cost(v->slot, 20.0 * values, 2.0 * values);
-    return hada_launch_volume_weigh(v->slot, v->program, &range, err, .sum = v->sum.mem, .weight = v->weight.mem,
-                                    .count = (cl_uint)v->layout.count);
-}
-
-/* Padded: what the spectrum of the model leaves of the frame, within it, weighted, back within it; sums of squares
- * before the weight. */
-static hada_status residual_padded(hada_volume *v, hada_error *err)
-{
-    const int channels = v->shape.channels;
-    const hada_range range = slices(v, v->frame_area, (size_t)channels, 1);
-    const hada_refine_sums sums = {HADA_VOLUME_SLICE, 0};
-    hada_status status = HADA_OK;
-    HADA_TRY(hada_fft_inverse(v->frame_inverse, channels, v->sum.mem, 0, v->frame.mem, 0, NULL, err));
-    hada_slot_cost(v->slot, 12.0 * channels * (double)v->frame_area, 4.0 * channels * (double)v->frame_area);
-    HADA_TRY(hada_launch_refine_frame(v->slot, v->refine, &range, err, .a = v->frame.mem, .frame = v->frame_pixels,
-                                      .frame_offset = (cl_ulong)v->pixels_offset, .use_frame = 1,
-                                      .channels = (cl_uint)channels, .pixels = (cl_uint)v->frame_area, .scale = 1.0f,
-                                      .partial = v->partial.mem, .sums = sums));
-    HADA_TRY(hada_fft_forward(v->frame_forward, channels, v->frame.mem, 0, v->sum.mem, 0, err));
-    HADA_TRY(weigh_sum(v, err));
-    HADA_TRY(hada_fft_inverse(v->frame_inverse, channels, v->sum.mem, 0, v->frame.mem, 0, NULL, err));
-    HADA_TRY(hada_fft_forward(v->frame_forward, channels, v->frame.mem, 0, v->sum.mem, 0, err));
-done:
-    return status;
-}
-
-/* The same where the sensor sees everything. */
-static hada_status residual_circular(hada_volume *v, hada_error *err)
-{
-    const hada_range range = slices(v, v->layout.count, (size_t)v->shape.channels, 1);
-    const double values = (double)v->layout.count * v->shape.channels;
-    const hada_spectrum_shape shape = hada_spectrum_shape_of(&v->layout);
-    hada_status status = HADA_OK;
-    hada_slot_cost(v->slot, 24.0 * values, 6.0 * values);
-    HADA_TRY(hada_launch_volume_residual(v->slot, v->program, &range, err, .sum = v->sum.mem,
-                                         .frame = v->frame_spectrum, .frame_offset = (cl_ulong)v->spectrum_offset,
-                                         .spectrum = shape, .partial = v->partial.mem));
-    HADA_TRY(weigh_sum(v, err));
-done:
-    return status;
-}
-
-/* The gradient from the weighted residual's spectrum, for a batch of planes. */
-static hada_status correlate(hada_volume *v, const unknown *u, int first, int planes, int add, hada_error *err)
-{
-    const int channels = v->shape.channels;
-    const hada_fft_filter filter = {.product = HADA_FFT_COMPLEX,
-                                    .filter = v->otf.mem,
-                                    .spectrum_count = channels,
-                                    .filter_first = first * channels,
-                                    .stride = 1};
-    const hada_range range = slices(v, v->window_area, (size_t)channels, 1);
-    const hada_volume_splat splat = splat_of(v, first, planes, add);
-    const double pixels = (double)v->window_area * channels;
-    hada_status status = HADA_OK;
-    HADA_TRY(hada_fft_inverse(v->inverse, planes * channels, v->sum.mem, 0,
-                              u->texture ? v->planes.mem : v->gradient.mem,
-                              u->texture ? 0 : (size_t)(first * channels) * v->window_area, &filter, err));
-    if (u->texture) {
-        hada_slot_cost(v->slot, (4.0 * planes + 8.0) * pixels, 6.0 * planes * pixels);
-        HADA_TRY(hada_launch_volume_gather(v->slot, v->program, &range, err, .depth = u->depth, .planes = v->planes.mem,
-                                           .texture = v->gradient.mem, .splat = splat));
-    }
-done:
-    return status;
-}
-
-/* The gradient at the extrapolated point; the residual's energies are on their way. */
-static hada_status differentiate(hada_volume *v, const unknown *u, hada_error *err)
-{
-    hada_status status = HADA_OK;
-    for (int first = u->first; first <= u->last; first += v->batch) {
-        const int left = u->last - first + 1;
-        HADA_TRY(explain(v, u, first, left < v->batch ? left : v->batch, first > u->first, err));
-    }
-    HADA_TRY(is_padded(&v->shape) ? residual_padded(v, err) : residual_circular(v, err));
-    for (int first = u->first; first <= u->last; first += v->batch) {
-        const int left = u->last - first + 1;
-        HADA_TRY(correlate(v, u, first, left < v->batch ? left : v->batch, first > u->first, err));
-    }
-done:
-    return status;
-}
-
-/* The proximal step of length 1 / bound from the extrapolated point, and the next such point. */
-static hada_status step(hada_volume *v, const unknown *u, const hada_volume_rule *rule, double bound, double momentum,
-                        int fresh, hada_error *err)
-{
-    const cl_mem duals[2] = {v->duals[0].mem, v->duals[1].mem}, allowed = u->allowed ? u->allowed : v->at.mem;
-    const hada_range range = slices(v, u->count, 1, 1);
-    const double values = (double)u->count, theta = rule->variation > 0 ? rule->variation / bound : 0;
-    hada_status status = HADA_OK;
-    hada_slot_cost(v->slot, (u->allowed ? 16.0 : 12.0) * values, 3.0 * values);
-    HADA_TRY(hada_launch_volume_descend(v->slot, v->program, &range, err, .g = v->gradient.mem, .y = v->at.mem,
-                                        .allowed = allowed, .has_allowed = u->allowed != NULL,
-                                        .values = (cl_uint)u->count, .length = (float)(1.0 / bound)));
-    if (theta > 0)
-        HADA_TRY(hada_variation_step(&v->variation, v->slot, v->gradient.mem, duals, u->texture ? 1 : v->shape.planes,
-                                     theta, fresh, err));
-    hada_slot_cost(v->slot, (u->allowed ? 20.0 : 16.0) * values, 4.0 * values);
-    HADA_TRY(hada_launch_volume_advance(v->slot, v->program, &range, err, .point = v->gradient.mem, .u = u->values,
-                                        .y = v->at.mem, .allowed = allowed, .has_allowed = u->allowed != NULL,
-                                        .values = (cl_uint)u->count, .momentum = (float)momentum));
-done:
-    return status;
-}
-
-/* The energy of the last residual, within the frame. */
-static hada_status fetch_energy(hada_volume *v, double *energy, hada_error *err)
-{
-    const int padded = is_padded(&v->shape);
-    const size_t each = hada_divide_up(padded ? v->frame_area : v->layout.count, HADA_VOLUME_SLICE);
-    const size_t count = each * (size_t)v->shape.channels;
-    double sum = 0;
-    hada_status status = HADA_OK;
-    HADA_TRY(hada_buffer_read(&v->partial, v->slot, 0, v->host_partial, count * sizeof(float), err));
-    for (size_t i = 0; i < count; i++)
-        sum += v->host_partial[i];
-    *energy = padded ? sum : sum / ((double)v->layout.rows * v->layout.cols);
-done:
-    return status;
-}
-
-/* The energy of the frame itself: what nothing explains. */
-static hada_status frame_energy(hada_volume *v, double *energy, hada_error *err)
-{
-    hada_status status = HADA_OK;
-    HADA_TRY(hada_buffer_clear(&v->sum, v->slot, 0, v->sum.bytes, err));
-    HADA_TRY(is_padded(&v->shape) ? residual_padded(v, err) : residual_circular(v, err));
-    HADA_TRY(fetch_energy(v, energy, err));
-done:
-    return status;
-}
-
 /* From `start` on with steps of length 1 / bound. astray: they were too long, and the values are worth nothing. */
-static hada_status descend(hada_volume *v, const unknown *u, const hada_volume_rule *rule, double bound, double whole,
-                           double *energy, int *astray, hada_error *err)
+static hada_status descend(hada_volume *v, const hada_volume_unknown *u, const hada_volume_rule *rule, double bound,
+                           double whole, double *energy, int *astray, hada_error *err)
 {
     double t = 1, least = whole;
     hada_status status = HADA_OK;
@@ -496,20 +238,21 @@ static hada_status descend(hada_volume *v, const unknown *u, const hada_volume_r
     HADA_TRY(hada_buffer_copy(v->slot, v->start.mem, 0, u->values, 0, u->count * sizeof(float), err));
     for (int k = 0; k < rule->steps && !*astray; k++) {
         const double next = (1 + sqrt(1 + 4 * t * t)) / 2;
-        HADA_TRY(differentiate(v, u, err));
+        HADA_TRY(hada_volume_differentiate(v, u, err));
         if (k % CHECK_EVERY == CHECK_EVERY - 1 || k == rule->steps - 1) {
-            HADA_TRY(fetch_energy(v, energy, err));
+            HADA_TRY(hada_volume_fetch_energy(v, energy, err));
             *astray = !(*energy <= whole) || *energy > ASTRAY * least + ASTRAY_PART * whole;
             least = fmin(least, *energy);
         }
-        HADA_TRY(step(v, u, rule, bound, (t - 1) / next, !k, err));
+        HADA_TRY(hada_volume_step(v, u, rule, bound, (t - 1) / next, !k, err));
         t = next;
     }
 done:
     return status;
 }
 
-static hada_status run(hada_volume *v, const unknown *u, const hada_volume_rule *rule, double *energy, hada_error *err)
+static hada_status run(hada_volume *v, const hada_volume_unknown *u, const hada_volume_rule *rule, double *energy,
+                       hada_error *err)
 {
     double whole = 0, left = 0, bound = rule->bound;
     int astray = 1;
@@ -518,9 +261,9 @@ static hada_status run(hada_volume *v, const unknown *u, const hada_volume_rule 
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "a surface: steps from 1 on, a floor and a bound above 0 are possible (got %d, %g, %g)",
                          rule->steps, rule->floor, rule->bound);
-    HADA_TRY(weigh(v, rule->floor, err));
+    HADA_TRY(hada_volume_weigh(v, rule->floor, err));
     HADA_TRY(hada_buffer_copy(v->slot, u->values, 0, v->start.mem, 0, u->count * sizeof(float), err));
-    HADA_TRY(frame_energy(v, &whole, err));
+    HADA_TRY(hada_volume_frame_energy(v, &whole, err));
     /* no curvature is above the number of planes, so this ends */
     for (; astray && bound < 4.0 * v->shape.planes + 4.0 * rule->bound; bound *= 2)
         HADA_TRY(descend(v, u, rule, bound, whole, &left, &astray, err));
@@ -533,7 +276,7 @@ done:
 hada_status hada_volume_solve(hada_volume *v, const hada_volume_rule *rule, cl_mem allowed, double *energy,
                               hada_error *err)
 {
-    const unknown u = {
+    const hada_volume_unknown u = {
         .last = v->shape.planes - 1, .values = v->planes.mem, .allowed = allowed, .count = hada_volume_values(v)};
     if (!v->shape.free)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a surface: this volume was made for textures");
@@ -543,12 +286,12 @@ hada_status hada_volume_solve(hada_volume *v, const hada_volume_rule *rule, cl_m
 hada_status hada_volume_texture(hada_volume *v, const hada_volume_rule *rule, cl_mem depth, int first, int last,
                                 cl_mem texture, double *energy, hada_error *err)
 {
-    const unknown u = {.texture = 1,
-                       .first = first,
-                       .last = last,
-                       .depth = depth,
-                       .values = texture,
-                       .count = (size_t)v->shape.channels * v->window_area};
+    const hada_volume_unknown u = {.texture = 1,
+                                   .first = first,
+                                   .last = last,
+                                   .depth = depth,
+                                   .values = texture,
+                                   .count = (size_t)v->shape.channels * v->window_area};
     if (first < 0 || last < first || last >= v->shape.planes)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a surface: planes %d to %d of %d", first, last, v->shape.planes);
     return run(v, &u, rule, energy, err);

@@ -1,0 +1,221 @@
+#include "surface/volume_steps.h"
+
+int hada_volume_is_padded(const hada_volume_shape *shape)
+{
+    return shape->boundary == HADA_BOUNDARY_PADDED;
+}
+
+/* Work-groups for `count` values of each of rows x planes. */
+static hada_range slices(const hada_volume *v, size_t count, size_t rows, size_t planes)
+{
+    return hada_range_groups(hada_divide_up(count, HADA_VOLUME_SLICE), v->group, rows, planes);
+}
+
+static hada_volume_batch batch_at(const hada_volume *v, int first, int planes, int add)
+{
+    return (hada_volume_batch){.spectrum = hada_spectrum_shape_of(&v->layout),
+                               .channels = (unsigned)v->shape.channels,
+                               .first = (unsigned)first,
+                               .planes = (unsigned)planes,
+                               .add = add};
+}
+
+hada_status hada_volume_set_camera(hada_volume *v, int first, int count, cl_mem otf, size_t from, hada_error *err)
+{
+    const size_t each = (size_t)v->shape.channels * v->layout.count, values = (size_t)count * each;
+    const size_t offset = (size_t)first * each;
+    const hada_range range = slices(v, values, 1, 1);
+    hada_status status = HADA_OK;
+    v->floor = 0;
+    HADA_TRY(hada_buffer_copy(v->slot, otf, from * 2 * sizeof(float), v->otf.mem, offset * 2 * sizeof(float),
+                              values * 2 * sizeof(float), err));
+    hada_slot_cost(v->slot, 8.0 * (double)values, (double)values);
+    HADA_TRY(hada_launch_volume_conjugate(v->slot, v->program, &range, err, .otf = v->otf.mem,
+                                          .offset = (cl_ulong)offset, .count = (cl_ulong)values));
+done:
+    return status;
+}
+
+hada_status hada_volume_weigh(hada_volume *v, double floor, hada_error *err)
+{
+    const hada_range range = slices(v, v->layout.count, (size_t)v->shape.channels, 1);
+    const double values = (double)v->layout.count * v->shape.channels;
+    if (floor == v->floor)
+        return HADA_OK;
+    v->floor = floor;
+    hada_slot_cost(v->slot, (8.0 * v->shape.planes + 4.0) * values, 4.0 * v->shape.planes * values);
+    return hada_launch_volume_weights(v->slot, v->program, &range, err, .otf = v->otf.mem, .offset = 0,
+                                      .weight = v->weight.mem, .batch = batch_at(v, 0, v->shape.planes, 0),
+                                      .floor = (float)floor);
+}
+
+static hada_volume_splat splat_of(const hada_volume *v, int first, int planes, int add)
+{
+    return (hada_volume_splat){.area = (unsigned)v->window_area,
+                               .channels = (unsigned)v->shape.channels,
+                               .first = (unsigned)first,
+                               .planes = (unsigned)planes,
+                               .add = add};
+}
+
+/* The spectrum that a batch of planes makes, added to that of those before. */
+static hada_status explain(hada_volume *v, const hada_volume_unknown *u, int first, int planes, int add,
+                           hada_error *err)
+{
+    const size_t channels = (size_t)v->shape.channels;
+    const hada_range spread = slices(v, v->window_area, channels, (size_t)planes);
+    const hada_range range = slices(v, v->layout.count, channels, 1);
+    const hada_volume_splat splat = splat_of(v, first, planes, 0);
+    const double pixels = (double)(v->window_area * channels) * planes;
+    const double values = (double)(v->layout.count * channels) * planes;
+    hada_status status = HADA_OK;
+    if (u->texture) {
+        hada_slot_cost(v->slot, 4.0 * pixels, 4.0 * pixels);
+        HADA_TRY(hada_launch_volume_splat(v->slot, v->program, &spread, err, .depth = u->depth, .texture = v->at.mem,
+                                          .planes = v->planes.mem, .splat = splat));
+    }
+    HADA_TRY(hada_fft_forward(v->forward, planes * v->shape.channels, u->texture ? v->planes.mem : v->at.mem,
+                              u->texture ? 0 : (size_t)first * channels * v->window_area, v->spectra.mem, 0, err));
+    hada_slot_cost(v->slot, 16.0 * values, 8.0 * values);
+    HADA_TRY(hada_launch_volume_explain(v->slot, v->program, &range, err, .otf = v->otf.mem, .offset = 0,
+                                        .u = v->spectra.mem, .sum = v->sum.mem,
+                                        .batch = batch_at(v, first, planes, add)));
+done:
+    return status;
+}
+
+static hada_status weigh_sum(hada_volume *v, hada_error *err)
+{
+    const hada_range range = slices(v, v->layout.count, (size_t)v->shape.channels, 1);
+    const double values = (double)v->layout.count * v->shape.channels;
+    hada_slot_cost(v->slot, 20.0 * values, 2.0 * values);
+    return hada_launch_volume_weigh(v->slot, v->program, &range, err, .sum = v->sum.mem, .weight = v->weight.mem,
+                                    .count = (cl_uint)v->layout.count);
+}
+
+/* Padded: what the spectrum of the model leaves of the frame, within it, weighted, back within it; sums of squares
+ * before the weight. */
+static hada_status residual_padded(hada_volume *v, hada_error *err)
+{
+    const int channels = v->shape.channels;
+    const hada_range range = slices(v, v->frame_area, (size_t)channels, 1);
+    const hada_refine_sums sums = {HADA_VOLUME_SLICE, 0};
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_fft_inverse(v->frame_inverse, channels, v->sum.mem, 0, v->frame.mem, 0, NULL, err));
+    hada_slot_cost(v->slot, 12.0 * channels * (double)v->frame_area, 4.0 * channels * (double)v->frame_area);
+    HADA_TRY(hada_launch_refine_frame(v->slot, v->refine, &range, err, .a = v->frame.mem, .frame = v->frame_pixels,
+                                      .frame_offset = (cl_ulong)v->pixels_offset, .use_frame = 1,
+                                      .channels = (cl_uint)channels, .pixels = (cl_uint)v->frame_area, .scale = 1.0f,
+                                      .partial = v->partial.mem, .sums = sums));
+    HADA_TRY(hada_fft_forward(v->frame_forward, channels, v->frame.mem, 0, v->sum.mem, 0, err));
+    HADA_TRY(weigh_sum(v, err));
+    HADA_TRY(hada_fft_inverse(v->frame_inverse, channels, v->sum.mem, 0, v->frame.mem, 0, NULL, err));
+    HADA_TRY(hada_fft_forward(v->frame_forward, channels, v->frame.mem, 0, v->sum.mem, 0, err));
+done:
+    return status;
+}
+
+/* The same where the sensor sees everything. */
+static hada_status residual_circular(hada_volume *v, hada_error *err)
+{
+    const hada_range range = slices(v, v->layout.count, (size_t)v->shape.channels, 1);
+    const double values = (double)v->layout.count * v->shape.channels;
+    const hada_spectrum_shape shape = hada_spectrum_shape_of(&v->layout);
+    hada_status status = HADA_OK;
+    hada_slot_cost(v->slot, 24.0 * values, 6.0 * values);
+    HADA_TRY(hada_launch_volume_residual(v->slot, v->program, &range, err, .sum = v->sum.mem,
+                                         .frame = v->frame_spectrum, .frame_offset = (cl_ulong)v->spectrum_offset,
+                                         .spectrum = shape, .partial = v->partial.mem));
+    HADA_TRY(weigh_sum(v, err));
+done:
+    return status;
+}
+
+/* The gradient from the weighted residual's spectrum, for a batch of planes. */
+static hada_status correlate(hada_volume *v, const hada_volume_unknown *u, int first, int planes, int add,
+                             hada_error *err)
+{
+    const int channels = v->shape.channels;
+    const hada_fft_filter filter = {.product = HADA_FFT_COMPLEX,
+                                    .filter = v->otf.mem,
+                                    .spectrum_count = channels,
+                                    .filter_first = first * channels,
+                                    .stride = 1};
+    const hada_range range = slices(v, v->window_area, (size_t)channels, 1);
+    const hada_volume_splat splat = splat_of(v, first, planes, add);
+    const double pixels = (double)v->window_area * channels;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_fft_inverse(v->inverse, planes * channels, v->sum.mem, 0,
+                              u->texture ? v->planes.mem : v->gradient.mem,
+                              u->texture ? 0 : (size_t)(first * channels) * v->window_area, &filter, err));
+    if (u->texture) {
+        hada_slot_cost(v->slot, (4.0 * planes + 8.0) * pixels, 6.0 * planes * pixels);
+        HADA_TRY(hada_launch_volume_gather(v->slot, v->program, &range, err, .depth = u->depth, .planes = v->planes.mem,
+                                           .texture = v->gradient.mem, .splat = splat));
+    }
+done:
+    return status;
+}
+
+hada_status hada_volume_differentiate(hada_volume *v, const hada_volume_unknown *u, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    for (int first = u->first; first <= u->last; first += v->batch) {
+        const int left = u->last - first + 1;
+        HADA_TRY(explain(v, u, first, left < v->batch ? left : v->batch, first > u->first, err));
+    }
+    HADA_TRY(hada_volume_is_padded(&v->shape) ? residual_padded(v, err) : residual_circular(v, err));
+    for (int first = u->first; first <= u->last; first += v->batch) {
+        const int left = u->last - first + 1;
+        HADA_TRY(correlate(v, u, first, left < v->batch ? left : v->batch, first > u->first, err));
+    }
+done:
+    return status;
+}
+
+hada_status hada_volume_step(hada_volume *v, const hada_volume_unknown *u, const hada_volume_rule *rule, double bound,
+                             double momentum, int fresh, hada_error *err)
+{
+    const cl_mem duals[2] = {v->duals[0].mem, v->duals[1].mem}, allowed = u->allowed ? u->allowed : v->at.mem;
+    const hada_range range = slices(v, u->count, 1, 1);
+    const double values = (double)u->count, theta = rule->variation > 0 ? rule->variation / bound : 0;
+    hada_status status = HADA_OK;
+    hada_slot_cost(v->slot, (u->allowed ? 16.0 : 12.0) * values, 3.0 * values);
+    HADA_TRY(hada_launch_volume_descend(v->slot, v->program, &range, err, .g = v->gradient.mem, .y = v->at.mem,
+                                        .allowed = allowed, .has_allowed = u->allowed != NULL,
+                                        .values = (cl_uint)u->count, .length = (float)(1.0 / bound)));
+    if (theta > 0)
+        HADA_TRY(hada_variation_step(&v->variation, v->slot, v->gradient.mem, duals, u->texture ? 1 : v->shape.planes,
+                                     theta, fresh, err));
+    hada_slot_cost(v->slot, (u->allowed ? 20.0 : 16.0) * values, 4.0 * values);
+    HADA_TRY(hada_launch_volume_advance(v->slot, v->program, &range, err, .point = v->gradient.mem, .u = u->values,
+                                        .y = v->at.mem, .allowed = allowed, .has_allowed = u->allowed != NULL,
+                                        .values = (cl_uint)u->count, .momentum = (float)momentum));
+done:
+    return status;
+}
+
+hada_status hada_volume_fetch_energy(hada_volume *v, double *energy, hada_error *err)
+{
+    const int padded = hada_volume_is_padded(&v->shape);
+    const size_t each = hada_divide_up(padded ? v->frame_area : v->layout.count, HADA_VOLUME_SLICE);
+    const size_t count = each * (size_t)v->shape.channels;
+    double sum = 0;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_buffer_read(&v->partial, v->slot, 0, v->host_partial, count * sizeof(float), err));
+    for (size_t i = 0; i < count; i++)
+        sum += v->host_partial[i];
+    *energy = padded ? sum : sum / ((double)v->layout.rows * v->layout.cols);
+done:
+    return status;
+}
+
+hada_status hada_volume_frame_energy(hada_volume *v, double *energy, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_buffer_clear(&v->sum, v->slot, 0, v->sum.bytes, err));
+    HADA_TRY(hada_volume_is_padded(&v->shape) ? residual_padded(v, err) : residual_circular(v, err));
+    HADA_TRY(hada_volume_fetch_energy(v, energy, err));
+done:
+    return status;
+}

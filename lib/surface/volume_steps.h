@@ -1,0 +1,62 @@
+/* A volume, and what a step of it is made of: kernels and transforms, each one call. Internal to lib/surface. */
+#ifndef HADA_SURFACE_VOLUME_STEPS_H
+#define HADA_SURFACE_VOLUME_STEPS_H
+
+#include "launch/refine.h"
+#include "launch/surface_volume.h"
+#include "refine/variation.h"
+#include "surface/volume.h"
+
+struct hada_volume {
+    hada_slot *slot;
+    hada_volume_shape shape;
+    hada_spectrum_layout layout;
+    hada_program_surface_volume program;
+    hada_program_refine refine;
+    size_t group;
+    hada_variation variation;
+    int batch; /* planes at once */
+    size_t window_area, frame_area, slices;
+    hada_fft *forward, *inverse;             /* of the window's planes */
+    hada_fft *frame_forward, *frame_inverse; /* padded */
+    hada_buffer otf;                         /* conjugate */
+    hada_buffer weight, spectra, sum, frame; /* weights; spectra of a batch; of what the planes make; in the frame */
+    hada_buffer planes;                      /* free planes; textures: those of a batch */
+    hada_buffer at, gradient, start;         /* the extrapolated point, the gradient there, where a run began */
+    hada_buffer duals[2], partial;
+    float *host_partial;
+    double floor; /* that the weights were made with; 0: not yet */
+    cl_mem frame_spectrum, frame_pixels;
+    size_t spectrum_offset, pixels_offset;
+};
+
+/* The unknown of a run: free planes, or a texture that makes some of them. */
+typedef struct hada_volume_unknown {
+    int texture;
+    int first, last; /* planes that take part */
+    cl_mem depth;    /* of a texture */
+    cl_mem values;   /* the planes, or the texture: u */
+    cl_mem allowed;  /* or NULL */
+    size_t count;    /* of values */
+} hada_volume_unknown;
+
+/* 1 where the sensor crops. */
+int hada_volume_is_padded(const hada_volume_shape *shape);
+
+/* The weights of the residual, over all planes of the camera. */
+hada_status hada_volume_weigh(hada_volume *v, double floor, hada_error *err);
+
+/* The gradient at the extrapolated point; the residual's energies are on their way. */
+hada_status hada_volume_differentiate(hada_volume *v, const hada_volume_unknown *u, hada_error *err);
+
+/* The proximal step of length 1 / bound from the extrapolated point, and the next such point. */
+hada_status hada_volume_step(hada_volume *v, const hada_volume_unknown *u, const hada_volume_rule *rule, double bound,
+                             double momentum, int fresh, hada_error *err);
+
+/* The energy of the last residual, within the frame. */
+hada_status hada_volume_fetch_energy(hada_volume *v, double *energy, hada_error *err);
+
+/* The energy of the frame itself: what nothing explains. */
+hada_status hada_volume_frame_energy(hada_volume *v, double *energy, hada_error *err);
+
+#endif

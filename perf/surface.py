@@ -153,7 +153,7 @@ def one_camera(title, camera, files, tune, folder):
         facts = json.loads((camera / "camera.json").read_text()) if (camera / "camera.json").exists() else None
         distances = facts["distances_mm"] if facts else [100.0, 600.0]
         shown = [p for f in files for p in panels(f.stem, out, truth, distances)]
-        frames.sheet(pathlib.Path(o.pictures) / picture_of(title), shown, 128, 2 * (1 + len(ways)), gamma=1)
+        frames.sheet(pathlib.Path(o.pictures) / picture_of(title), shown, 96, 2 * (1 + len(ways)), gamma=1)
     return title, fitted, table
 
 

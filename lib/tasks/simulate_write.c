@@ -15,13 +15,21 @@ enum { NOISE_OF_PAIRS = 1000, NOISE_OF_TESTS = 9000000 };
 /* Between the seeds of test scenes. */
 #define TEST_SEED 77777u
 
-static hada_status save(const char *folder, const char *name, const hada_image *image, int bits, hada_error *err)
+static double stated(double encoding)
+{
+    return encoding == HADA_RESPONSE_LINEAR ? 0.0 : encoding;
+}
+
+/* `encoding`: that of the pictures, stated where it is more than the default; 0: of frames and distances. */
+static hada_status save(const char *folder, const char *name, const hada_image *image, double encoding, int bits,
+                        hada_error *err)
 {
     hada_tiff_write_options options;
     char *path = NULL;
     hada_status status = HADA_OK;
     hada_tiff_write_options_init(&options);
     options.bits = bits;
+    options.encoding = stated(encoding);
     HADA_TRY(hada_path_format(&path, err, "%s/%s.tif", folder, name));
     HADA_TRY(hada_tiff_save(path, image, &options, err));
 done:
@@ -37,15 +45,16 @@ static hada_status window_of(const hada_camera *camera, const hada_image *scene,
                            rows, cols, err);
 }
 
-/* `response`: that of what is written; `scene` is light (or anything, where it is linear). */
+/* `encoding`: of what is written, of light; 0: of distances. */
 static hada_status save_window(const hada_camera *camera, const char *folder, const char *name, const hada_image *scene,
-                               double response, int bits, hada_error *err)
+                               double encoding, int bits, hada_error *err)
 {
     hada_image window = {0};
     hada_status status = HADA_OK;
     HADA_TRY(window_of(camera, scene, &window, err));
-    hada_response_convert(window.data, hada_image_count(&window), HADA_RESPONSE_LINEAR, response);
-    HADA_TRY(save(folder, name, &window, bits, err));
+    if (encoding != 0.0)
+        hada_response_convert(window.data, hada_image_count(&window), HADA_RESPONSE_LINEAR, encoding);
+    HADA_TRY(save(folder, name, &window, encoding, bits, err));
 done:
     hada_image_destroy(&window);
     return status;
@@ -66,7 +75,7 @@ static hada_status expose(const hada_recipe *recipe, uint64_t seed, hada_image *
 
 /* A page per depth, near to far. */
 static hada_status create_stack(hada_tiff_writer **writer, const char *path, const hada_camera *camera, int channels,
-                                int rows, int cols, hada_error *err)
+                                int rows, int cols, double encoding, hada_error *err)
 {
     hada_tiff_write_options options;
     hada_tiff_write_options_init(&options);
@@ -74,6 +83,7 @@ static hada_status create_stack(hada_tiff_writer **writer, const char *path, con
     options.slices = camera->depths;
     options.times = 1;
     options.distances_mm = camera->distances_mm;
+    options.encoding = stated(encoding);
     return hada_tiff_create(writer, path, channels, rows, cols, &options, err);
 }
 
@@ -92,7 +102,7 @@ static hada_status write_psf(const hada_recipe *recipe, const char *folder, hada
         for (size_t i = 0; i < hada_image_count(&psf); i++)
             psf.data[i] *= scale;
         if (!writer)
-            HADA_TRY(create_stack(&writer, path, camera, psf.channels, psf.rows, psf.cols, err));
+            HADA_TRY(create_stack(&writer, path, camera, psf.channels, psf.rows, psf.cols, 0.0, err));
         HADA_TRY(hada_tiff_write(writer, &psf, err));
         hada_image_destroy(&psf);
     }
@@ -117,7 +127,7 @@ static hada_status write_pair(const hada_recipe *recipe, int z, int i, const cha
     const hada_plane plane = {z, &scene};
     HADA_TRY(hada_simulator_render(recipe->simulator, &plane, 1, recipe->task.noise, seed, &raw, err));
     HADA_TRY(expose(recipe, seed, &raw, err));
-    HADA_TRY(save(raw_folder, name, &raw, recipe->task.bits, err));
+    HADA_TRY(save(raw_folder, name, &raw, 0.0, recipe->task.bits, err));
     HADA_TRY(
         save_window(&recipe->camera, scene_folder, name, &scene, recipe->task.scene_response, recipe->task.bits, err));
 done:
@@ -155,7 +165,7 @@ static hada_status write_truth_stack(const hada_test_scene *scene, const hada_ca
     hada_status status = HADA_OK;
     HADA_TRY(hada_path_format(&path, err, "%s/%s_stack.tif", folder, name));
     HADA_TRY(hada_image_create(&dark, camera->channels, rows, cols, err));
-    HADA_TRY(create_stack(&writer, path, camera, camera->channels, rows, cols, err));
+    HADA_TRY(create_stack(&writer, path, camera, camera->channels, rows, cols, response, err));
     for (int z = 0, k = 0; z < camera->depths; z++) {
         const int here = k < scene->count && scene->depths[k] == z;
         if (here)
@@ -206,11 +216,11 @@ static hada_status write_test(const hada_recipe *recipe, int t, const char *raw_
                                                            task->test_depths, task->occlude, seed, err));
     HADA_TRY(hada_test_scene_render(&scene, recipe->simulator, task->noise, noise_seed, &raw, err));
     HADA_TRY(expose(recipe, noise_seed, &raw, err));
-    HADA_TRY(save(raw_folder, name, &raw, task->bits, err));
+    HADA_TRY(save(raw_folder, name, &raw, 0.0, task->bits, err));
     HADA_TRY(write_truth_stack(&scene, camera, task->scene_response, truth_folder, name, err));
-    HADA_TRY(save_window(camera, truth_folder, map_name, &scene.map, HADA_RESPONSE_LINEAR, 32, err));
+    HADA_TRY(save_window(camera, truth_folder, map_name, &scene.map, 0.0, 32, err));
     if (scene.over.data)
-        HADA_TRY(save_window(camera, truth_folder, over_name, &scene.over, HADA_RESPONSE_LINEAR, 32, err));
+        HADA_TRY(save_window(camera, truth_folder, over_name, &scene.over, 0.0, 32, err));
     HADA_TRY(save_window(camera, truth_folder, aif_name, &scene.whole, task->scene_response, 32, err));
 done:
     hada_test_scene_free(&scene);

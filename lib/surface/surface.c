@@ -1,0 +1,445 @@
+#include "surface/surface.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/alloc.h"
+#include "refine/variation.h"
+#include "surface/level.h"
+
+static const char what[] = "a surface";
+
+/* A pixel's light is smoothed by so many pixels before its centre of mass is taken. */
+#define BLUR 0.5
+/* A level between holds planes up to so many depths of the camera from what the coarser one found near a pixel. */
+#define BAND 1.5
+/* Largest curvatures of the data terms: of planes their number and this, of a texture. */
+#define PLANES_BOUND  0.5
+#define TEXTURE_BOUND 1.5
+/* Pixels on each side of one over which the texture says how sure its depth is. */
+enum { SURE_RADIUS = 2 };
+
+struct hada_surface {
+    hada_slot *slot;
+    hada_surface_camera camera;
+    hada_spectrum_layout layout;
+    hada_surface_level level[HADA_SURFACE_LEVELS];
+    int levels;
+    hada_buffer map, texture, allowed; /* depth in planes, of the last level; the texture; masks of planes */
+    double *light;                     /* [channel] H(0) of the middle depth */
+    double *shift;                     /* [depth] rms, of light from a depth to the next, in pixels */
+    float *power;                      /* [count] mean over channels of the middle depth's |H|^2 */
+    /* on the host: planes of a level and of the one before, masks; maps of a level and of the one before; textures */
+    float *planes[2], *mask, *depth[2], *sum, *image[2], *confidence;
+};
+
+void hada_surface_rule_init(hada_surface_rule *rule)
+{
+    *rule = (hada_surface_rule){.first_steps = 100,
+                                .band_steps = 40,
+                                .texture_steps = 20,
+                                .floor = 0.003,
+                                .variation = 0.0075,
+                                .texture_variation = 0.08};
+}
+
+static size_t area_of(const hada_surface_plan *plan)
+{
+    return (size_t)plan->shape.window.rows * (size_t)plan->shape.window.cols;
+}
+
+static hada_map_size size_of(const hada_surface_plan *plan)
+{
+    return (hada_map_size){plan->shape.window.rows, plan->shape.window.cols};
+}
+
+/* Values of the planes of a level, and of the largest window, of all levels at most. */
+static size_t plane_values(const hada_surface_plan *plan)
+{
+    return (size_t)plan->shape.planes * (size_t)plan->shape.channels * area_of(plan);
+}
+
+typedef struct sizes {
+    size_t values, area, texture;
+} sizes;
+
+static sizes sizes_of(const hada_surface_plan *plans, int levels)
+{
+    const hada_surface_plan *last = &plans[levels - 1];
+    sizes n = {.texture = (size_t)last->shape.channels * area_of(last)};
+    for (int l = 0; l < levels; l++) {
+        n.area = area_of(&plans[l]) > n.area ? area_of(&plans[l]) : n.area;
+        if (l + 1 < levels && plane_values(&plans[l]) > n.values)
+            n.values = plane_values(&plans[l]);
+    }
+    return n;
+}
+
+static size_t texture_bytes(const sizes *n)
+{
+    return (n->texture + HADA_VARIATION_ROOM) * sizeof(float);
+}
+
+size_t hada_surface_bytes(const hada_context *context, const hada_surface_camera *camera,
+                          const hada_surface_shape *shape, const hada_magnification *magnification)
+{
+    hada_surface_plan plans[HADA_SURFACE_LEVELS];
+    const int levels = hada_surface_levels(context, camera, shape, magnification, plans);
+    const sizes n = sizes_of(plans, levels);
+    size_t bytes = (n.values + n.area) * sizeof(float) + texture_bytes(&n);
+    for (int l = 0; l < levels; l++)
+        bytes += hada_surface_level_bytes(context, &plans[l]);
+    return bytes;
+}
+
+static size_t plane_bytes(const hada_surface_camera *camera, const hada_spectrum_layout *layout)
+{
+    return (size_t)camera->channels * layout->count * 2 * sizeof(float);
+}
+
+size_t hada_surface_making_bytes(const hada_context *context, const hada_surface_camera *camera)
+{
+    const hada_spectrum_layout layout = hada_surface_layout(context, camera->rows, camera->cols);
+    return hada_between_bytes(context, camera, 0.0) + plane_bytes(camera, &layout);
+}
+
+static hada_status make_arrays(hada_surface *s, const sizes *n, hada_error *err)
+{
+    hada_context *context = s->slot->context;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_buffer_create(&s->map, context, n->area * sizeof(float), what, err));
+    HADA_TRY(hada_buffer_create(&s->texture, context, texture_bytes(n), what, err));
+    HADA_TRY(hada_buffer_create(&s->allowed, context, n->values * sizeof(float), what, err));
+    for (int i = 0; i < 2; i++) {
+        HADA_TRY(hada_alloc((void **)&s->planes[i], n->values, sizeof(float), what, err));
+        HADA_TRY(hada_alloc((void **)&s->depth[i], n->area, sizeof(float), what, err));
+        HADA_TRY(hada_alloc((void **)&s->image[i], n->area * (size_t)s->camera.channels, sizeof(float), what, err));
+    }
+    HADA_TRY(hada_alloc((void **)&s->mask, n->values, sizeof(float), what, err));
+    HADA_TRY(hada_alloc((void **)&s->sum, n->area, sizeof(float), what, err));
+    HADA_TRY(hada_alloc((void **)&s->confidence, n->area, sizeof(float), what, err));
+    HADA_TRY(hada_alloc((void **)&s->light, (size_t)s->camera.channels, sizeof *s->light, what, err));
+    HADA_TRY(hada_alloc((void **)&s->shift, (size_t)s->camera.depths, sizeof *s->shift, what, err));
+    HADA_TRY(hada_alloc((void **)&s->power, s->layout.count, sizeof *s->power, what, err));
+done:
+    return status;
+}
+
+static hada_status make_levels(hada_surface *s, const hada_surface_plan *plans, const hada_magnification *magnification,
+                               hada_error *err)
+{
+    hada_between *between = NULL;
+    hada_buffer plane = {0};
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_between_create(&between, s->slot, &s->camera, magnification, 0.0, err));
+    HADA_TRY(hada_buffer_create(&plane, s->slot->context, plane_bytes(&s->camera, &s->layout), what, err));
+    for (int l = 0; l < s->levels; l++)
+        HADA_TRY(hada_surface_level_make(&s->level[l], s->slot, &plans[l], between, &plane, err));
+done:
+    hada_between_destroy(&between);
+    hada_buffer_destroy(&plane);
+    return status;
+}
+
+/* A buffer of so many floats that another object holds. */
+static hada_buffer view_of(const hada_surface *s, cl_mem mem, size_t values)
+{
+    return (hada_buffer){s->slot->context, mem, values * sizeof(float), 1};
+}
+
+/* What is known of the camera without a frame. */
+static hada_status measure(hada_surface *s, const hada_magnification *magnification, hada_error *err)
+{
+    const int channels = s->camera.channels, depths = s->camera.depths;
+    const size_t count = s->layout.count, from = s->camera.first + (size_t)(depths / 2 * channels);
+    const hada_buffer otf = view_of(s, s->camera.otf, (s->camera.first + (size_t)(depths * channels)) * count * 2);
+    float *values = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc_raw((void **)&values, 2 * count, sizeof *values, what, err));
+    for (size_t c = 0; c < (size_t)channels; c++) {
+        HADA_TRY(hada_buffer_read(&otf, s->slot, (from + c) * count * 2 * sizeof *values, values,
+                                  count * 2 * sizeof *values, err));
+        s->light[c] = values[0];
+        for (size_t i = 0; i < count; i++)
+            s->power[i] += (values[2 * i] * values[2 * i] + values[2 * i + 1] * values[2 * i + 1]) / (float)channels;
+    }
+    for (int k = 0; k < depths; k++)
+        s->shift[k] = depths < 2 ? 0.0
+                                 : hada_magnification_shift(magnification, k < depths - 1 ? k : depths - 2,
+                                                            magnification->spread);
+done:
+    free(values);
+    return status;
+}
+
+hada_status hada_surface_create(hada_surface **out, hada_slot *slot, const hada_surface_camera *camera,
+                                const hada_surface_shape *shape, const hada_magnification *magnification,
+                                hada_error *err)
+{
+    hada_surface_plan plans[HADA_SURFACE_LEVELS];
+    hada_surface *s = NULL;
+    hada_status status = HADA_OK;
+    *out = NULL;
+    HADA_TRY(hada_alloc((void **)&s, 1, sizeof *s, what, err));
+    s->slot = slot;
+    s->camera = *camera;
+    s->layout = hada_surface_layout(slot->context, camera->rows, camera->cols);
+    s->levels = hada_surface_levels(slot->context, camera, shape, magnification, plans);
+    const sizes n = sizes_of(plans, s->levels);
+    HADA_TRY(make_arrays(s, &n, err));
+    HADA_TRY(make_levels(s, plans, magnification, err));
+    HADA_TRY(measure(s, magnification, err));
+    *out = s;
+done:
+    if (status)
+        hada_surface_destroy(&s);
+    return status;
+}
+
+void hada_surface_destroy(hada_surface **pointer)
+{
+    if (!pointer || !*pointer)
+        return;
+    hada_surface *s = *pointer;
+    *pointer = NULL;
+    hada_slot_finish(s->slot, NULL);
+    for (int l = 0; l < s->levels; l++)
+        hada_surface_level_free(&s->level[l]);
+    hada_buffer_destroy(&s->map);
+    hada_buffer_destroy(&s->texture);
+    hada_buffer_destroy(&s->allowed);
+    float *floats[] = {s->planes[0], s->planes[1], s->mask,     s->depth[0],   s->depth[1],
+                       s->sum,       s->image[0],  s->image[1], s->confidence, s->power};
+    for (size_t i = 0; i < HADA_COUNT(floats); i++)
+        free(floats[i]);
+    free(s->light);
+    free(s->shift);
+    free(s);
+}
+
+/* The scene's mean, over its window and channels, by the frame's light over the PSF's. */
+static hada_status mean_light(const hada_surface *s, cl_mem spectrum, size_t offset, double *mean, hada_error *err)
+{
+    const size_t channels = (size_t)s->camera.channels;
+    const hada_buffer view = view_of(s, spectrum, 2 * (offset + channels * s->layout.count));
+    double sum = 0.0;
+    hada_status status = HADA_OK;
+    for (size_t c = 0; c < channels; c++) {
+        float value = 0.0F;
+        HADA_TRY(hada_buffer_read(&view, s->slot, (offset + c * s->layout.count) * 2 * sizeof value, &value,
+                                  sizeof value, err));
+        sum += s->light[c] > 0.0 ? value / s->light[c] : 0.0;
+    }
+    *mean = sum / ((double)channels * (double)area_of(&s->level[s->levels - 1].plan));
+done:
+    return status;
+}
+
+/* A level's planes on the device. */
+static hada_buffer planes_of(const hada_surface *s, const hada_surface_level *level)
+{
+    return view_of(s, hada_volume_planes(level->volume), plane_values(&level->plan));
+}
+
+/* The planes that a level starts from, where they are allowed: those of the coarser one, interpolated; where it has
+ * more of them, its light is shared out. */
+static void start_planes(hada_surface *s, const hada_surface_plan *from, const hada_surface_plan *to)
+{
+    const hada_map_place place = hada_surface_level_place(to, from);
+    const size_t few = area_of(from), many = area_of(to), channels = (size_t)to->shape.channels;
+    const double share = (double)from->steps / to->steps;
+    float *blend = s->image[0];
+    for (int k = 0; k < to->shape.planes; k++) {
+        const double at = (double)k * from->steps / to->steps, part = at - floor(at);
+        const size_t low = (size_t)at, high = part > 0.0 ? low + 1 : low;
+        for (size_t c = 0; c < channels; c++) {
+            const float *a = s->planes[0] + (low * channels + c) * few, *b = s->planes[0] + (high * channels + c) * few;
+            float *out = s->planes[1] + ((size_t)k * channels + c) * many;
+            for (size_t i = 0; i < few; i++)
+                blend[i] = (float)(share * ((1.0 - part) * a[i] + part * b[i]));
+            hada_map_resample(blend, size_of(from), out, size_of(to), &place);
+            for (size_t i = 0; i < many; i++)
+                out[i] *= s->mask[((size_t)k * channels + c) * many + i];
+        }
+    }
+    float *other = s->planes[0];
+    s->planes[0] = s->planes[1];
+    s->planes[1] = other;
+}
+
+/* Masks of planes for all channels, from those for one that stand before them. */
+static void spread_mask(float *mask, int planes, size_t channels, size_t area)
+{
+    for (size_t k = (size_t)planes; k-- > 0;)
+        for (size_t c = channels; c-- > 0;)
+            memmove(mask + (k * channels + c) * area, mask + k * area, area * sizeof *mask);
+}
+
+/* What a level may fill, and what it starts from, by the one before. */
+static hada_status follow(hada_surface *s, int l, hada_error *err)
+{
+    const hada_surface_plan *from = &s->level[l - 1].plan, *to = &s->level[l].plan;
+    const hada_map_place place = hada_surface_level_place(to, from);
+    hada_buffer planes = planes_of(s, &s->level[l]);
+    const size_t bytes = plane_values(to) * sizeof(float);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_map_band(s->depth[0], size_of(from), to->steps, BAND, to->shape.planes, size_of(to), &place, s->mask,
+                           err));
+    spread_mask(s->mask, to->shape.planes, (size_t)to->shape.channels, area_of(to));
+    start_planes(s, from, to);
+    HADA_TRY(hada_buffer_write(&s->allowed, s->slot, 0, s->mask, bytes, err));
+    HADA_TRY(hada_buffer_write(&planes, s->slot, 0, s->planes[0], bytes, err));
+done:
+    return status;
+}
+
+/* The sum of a level's planes. */
+static void add_planes(const hada_surface *s, const hada_surface_plan *plan, float *image)
+{
+    const size_t values = (size_t)plan->shape.channels * area_of(plan);
+    memset(image, 0, values * sizeof *image);
+    for (int k = 0; k < plan->shape.planes; k++)
+        for (size_t i = 0; i < values; i++)
+            image[i] += s->planes[0][(size_t)k * values + i];
+}
+
+/* Planes of a level, and the depths, in depths of the camera, at which their light stands. */
+static hada_status solve_planes(hada_surface *s, int l, const hada_surface_rule *rule, double mean, double *energy,
+                                hada_error *err)
+{
+    const hada_surface_plan *plan = &s->level[l].plan;
+    const hada_volume_rule solve = {.steps = l ? rule->band_steps : rule->first_steps,
+                                    .floor = rule->floor,
+                                    .variation = rule->variation * mean,
+                                    .bound = plan->shape.planes + PLANES_BOUND};
+    hada_buffer planes = planes_of(s, &s->level[l]);
+    hada_map_rule smooth;
+    hada_status status = HADA_OK;
+    hada_map_rule_init(&smooth);
+    if (l)
+        HADA_TRY(follow(s, l, err));
+    else
+        HADA_TRY(hada_buffer_clear(&planes, s->slot, 0, plane_values(plan) * sizeof(float), err));
+    HADA_TRY(hada_volume_solve(s->level[l].volume, &solve, l ? s->allowed.mem : NULL, energy, err));
+    HADA_TRY(hada_buffer_read(&planes, s->slot, 0, s->planes[0], plane_values(plan) * sizeof(float), err));
+    HADA_TRY(hada_map_centre(s->planes[0], plan->shape.planes, plan->shape.channels, size_of(plan), BLUR, s->depth[0],
+                             s->sum, err));
+    for (size_t i = 0; i < area_of(plan); i++)
+        s->depth[0][i] /= (float)plan->steps;
+    if (l + 2 < s->levels)
+        goto done;
+    add_planes(s, plan, s->image[0]);
+    HADA_TRY(hada_map_smooth(s->depth[0], s->sum, s->image[0], plan->shape.channels, size_of(plan), &smooth, err));
+done:
+    return status;
+}
+
+/* Brings depths to the window's pixels, and the planes' sum as the texture to start from; says which planes the depths
+ * touch. */
+static hada_status begin_texture(hada_surface *s, int *first, int *last, hada_error *err)
+{
+    const hada_surface_plan *from = &s->level[s->levels - 2].plan, *to = &s->level[s->levels - 1].plan;
+    const hada_map_place place = hada_surface_level_place(to, from);
+    const size_t area = area_of(to);
+    float least = INFINITY, most = 0.0F;
+    hada_status status = HADA_OK;
+    add_planes(s, from, s->image[0]);
+    for (size_t c = 0; c < (size_t)to->shape.channels; c++)
+        hada_map_resample(s->image[0] + c * area_of(from), size_of(from), s->image[1] + c * area, size_of(to), &place);
+    hada_map_resample(s->depth[0], size_of(from), s->depth[1], size_of(to), &place);
+    for (size_t i = 0; i < area; i++) {
+        s->depth[1][i] = fminf(fmaxf(s->depth[1][i], 0.0F), (float)(s->camera.depths - 1));
+        s->sum[i] = fminf(s->depth[1][i] * (float)to->steps, (float)(to->shape.planes - 1));
+        least = fminf(least, s->sum[i]);
+        most = fmaxf(most, s->sum[i]);
+    }
+    *first = (int)least;
+    *last = (int)most + 1 < to->shape.planes ? (int)most + 1 : to->shape.planes - 1;
+    HADA_TRY(hada_buffer_write(&s->map, s->slot, 0, s->sum, area * sizeof(float), err));
+    HADA_TRY(hada_buffer_write(&s->texture, s->slot, 0, s->image[1], area * (size_t)to->shape.channels * sizeof(float),
+                               err));
+done:
+    return status;
+}
+
+/* Standard deviation of the noise in the gradient of the texture's data term, by what its frames leave unexplained. */
+static double gradient_noise(const hada_surface *s, double floor, double energy)
+{
+    const hada_surface_plan *plan = &s->level[s->levels - 1].plan;
+    const hada_refine_rect *frame = &plan->shape.frame;
+    const int padded = plan->shape.boundary == HADA_BOUNDARY_PADDED;
+    const double pixels = (padded ? (double)frame->rows * frame->cols : (double)plan->shape.rows * plan->shape.cols) *
+                          plan->shape.channels;
+    double sum = 0.0, all = 0.0;
+    for (int ky = 0; ky < s->layout.rows; ky++)
+        for (int kx = 0; kx <= s->layout.cols / 2; kx++) {
+            const double power = s->power[hada_spectrum_index(&s->layout, ky, kx)];
+            const double weight = 1.0 / (power + floor * s->power[0] + 1e-300);
+            sum += weight * weight * power;
+            all += 1.0;
+        }
+    return sqrt(energy / pixels * sum / all);
+}
+
+static hada_status solve_texture(hada_surface *s, const hada_surface_rule *rule, double mean,
+                                 hada_surface_result *result, hada_error *err)
+{
+    const hada_surface_plan *plan = &s->level[s->levels - 1].plan;
+    const hada_volume_rule solve = {.steps = rule->texture_steps,
+                                    .floor = rule->floor,
+                                    .variation = rule->texture_variation * mean,
+                                    .bound = TEXTURE_BOUND};
+    double *energy = &result->energy[s->levels - 1];
+    int first, last;
+    hada_status status = HADA_OK;
+    HADA_TRY(begin_texture(s, &first, &last, err));
+    HADA_TRY(hada_volume_texture(s->level[s->levels - 1].volume, &solve, s->map.mem, first, last, s->texture.mem,
+                                 energy, err));
+    HADA_TRY(hada_buffer_read(&s->texture, s->slot, 0, s->image[0],
+                              area_of(plan) * (size_t)plan->shape.channels * sizeof(float), err));
+    HADA_TRY(hada_map_confidence(s->image[0], plan->shape.channels, s->depth[1], size_of(plan),
+                                 gradient_noise(s, rule->floor, *energy), s->shift, s->camera.depths, SURE_RADIUS,
+                                 s->confidence, err));
+    result->touched = last - first + 1;
+done:
+    return status;
+}
+
+/* A frame without light: nothing anywhere, at no depth. */
+static hada_status nothing(hada_surface *s, hada_error *err)
+{
+    const hada_surface_plan *plan = &s->level[s->levels - 1].plan;
+    const size_t area = area_of(plan);
+    memset(s->confidence, 0, area * sizeof *s->confidence);
+    for (size_t i = 0; i < area; i++)
+        s->depth[1][i] = (float)(s->camera.depths - 1) / 2.0F;
+    return hada_buffer_clear(&s->texture, s->slot, 0, area * (size_t)plan->shape.channels * sizeof(float), err);
+}
+
+hada_status hada_surface_run(hada_surface *s, cl_mem spectrum, size_t offset, cl_mem pixels, size_t pixels_offset,
+                             const hada_surface_rule *rule, hada_surface_result *result, hada_error *err)
+{
+    const hada_surface_plan *last = &s->level[s->levels - 1].plan;
+    double mean;
+    hada_status status = HADA_OK;
+    *result = (hada_surface_result){.rows = last->shape.window.rows,
+                                    .cols = last->shape.window.cols,
+                                    .depth = s->depth[1],
+                                    .confidence = s->confidence,
+                                    .texture = s->texture.mem,
+                                    .levels = s->levels};
+    HADA_TRY(mean_light(s, spectrum, offset, &mean, err));
+    if (!(mean > 0.0)) {
+        HADA_TRY(nothing(s, err));
+        goto done;
+    }
+    for (int l = 0; l < s->levels; l++)
+        HADA_TRY(
+            hada_surface_level_load(&s->level[l], s->slot, &s->layout, spectrum, offset, pixels, pixels_offset, err));
+    for (int l = 0; l + 1 < s->levels; l++)
+        HADA_TRY(solve_planes(s, l, rule, mean, &result->energy[l], err));
+    HADA_TRY(solve_texture(s, rule, mean, result, err));
+done:
+    return status;
+}

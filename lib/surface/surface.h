@@ -1,0 +1,57 @@
+/* The surface that explains a frame: one texture and one continuous depth map. Internal.
+ *
+ * Coarse to fine (docs/surfaces.md): at a fraction of the resolution the planes of all depths, whose light's centre of
+ * mass is the depth of a pixel; at twice that only planes near it; at the whole resolution the one texture that, at
+ * these depths, explains the frame. Planes stand between the depths of the camera where those lie far apart.
+ *
+ * An object belongs to one slot. Same bits at every run. */
+#ifndef HADA_SURFACE_SURFACE_H
+#define HADA_SURFACE_SURFACE_H
+
+#include "surface/measure.h"
+#include "surface/volume.h"
+
+typedef struct hada_surface_shape {
+    hada_refine_rect frame;  /* what the sensor sees; the whole grid where the boundary is circular */
+    hada_refine_rect window; /* where the scene may be bright */
+    hada_boundary boundary;
+} hada_surface_shape;
+
+enum { HADA_SURFACE_LEVELS = 8 };
+
+typedef struct hada_surface_rule {
+    int first_steps, band_steps, texture_steps; /* at the coarsest level, at those between, and at the last */
+    double floor;                               /* of the weight of frequencies, in units of |H(0)|^2 */
+    double variation;                           /* of planes, in units of the scene's mean */
+    double texture_variation;
+} hada_surface_rule;
+void hada_surface_rule_init(hada_surface_rule *rule);
+
+typedef struct hada_surface_result {
+    int rows, cols;                     /* of the window */
+    const float *depth;                 /* [rows][cols], in depths of the camera, 0 ... depths - 1 */
+    const float *confidence;            /* [rows][cols], 0 to 1 */
+    cl_mem texture;                     /* [channel][rows][cols] */
+    int levels, touched;                /* of resolution; planes of the last that any depth needs */
+    double energy[HADA_SURFACE_LEVELS]; /* what each level leaves of its frame, sum of squares over its pixels */
+} hada_surface_result;
+
+typedef struct hada_surface hada_surface;
+
+/* The camera's transfer functions and the magnification are read now and not again. */
+hada_status hada_surface_create(hada_surface **out, hada_slot *slot, const hada_surface_camera *camera,
+                                const hada_surface_shape *shape, const hada_magnification *magnification,
+                                hada_error *err);
+void hada_surface_destroy(hada_surface **surface);
+
+/* Bytes of device memory that it holds, and that making it takes beside: known before. */
+size_t hada_surface_bytes(const hada_context *context, const hada_surface_camera *camera,
+                          const hada_surface_shape *shape, const hada_magnification *magnification);
+size_t hada_surface_making_bytes(const hada_context *context, const hada_surface_camera *camera);
+
+/* The surface of a frame: its spectrum [channel][count] complex, zero outside the sensor and without dark level; offset
+ * in complex numbers. *result is the object's, until the next call. A frame without light has a texture without. */
+hada_status hada_surface_run(hada_surface *surface, cl_mem spectrum, size_t offset, cl_mem pixels, size_t pixels_offset,
+                             const hada_surface_rule *rule, hada_surface_result *result, hada_error *err);
+
+#endif

@@ -1,0 +1,325 @@
+/* Surfaces found from frames of a small camera: slants and balls, the sensor cropping or not, and what has no light. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/random.h"
+#include "surface/level.h"
+#include "testing.h"
+
+enum { DEPTHS = 12, CHANNELS = 2, SPOTS = 29, WINDOW = 96, AREA = WINDOW * WINDOW, REACH = 6 };
+#define SIGMA  0.9
+#define MASK   22.0
+#define RADIUS 56.0
+
+/* A camera on the device and its law. */
+typedef struct fixture {
+    hada_context *context;
+    hada_slot *slot;
+    hada_spectrum_layout layout;
+    hada_buffer otf, spectrum, pixels;
+    hada_surface_camera camera;
+    hada_surface_shape shape;
+    hada_magnification law;
+    hada_surface *surface;
+    double spot[SPOTS][2];
+    size_t grid; /* pixels */
+} fixture;
+
+static double distance_of(double depth)
+{
+    return 1.0 / (1.0 / 60.0 - 0.00115 * depth);
+}
+
+/* Adds a point's light of this depth to an image of the grid, which is periodic; the point is `y`, `x` from the axis.
+ */
+static void shine(const fixture *f, double depth, int channel, double light, int y, int x, float *image)
+{
+    const int rows = f->camera.rows, cols = f->camera.cols;
+    const double scale =
+        (1.0 + MASK / distance_of(depth)) / (1.0 + MASK / distance_of(DEPTHS / 2)) * (1.0 + 0.002 * channel);
+    light /= SPOTS * 2.0 * 3.14159265358979 * SIGMA * SIGMA;
+    for (int s = 0; s < SPOTS; s++) {
+        const double at_y = scale * f->spot[s][0], at_x = scale * f->spot[s][1];
+        const int row = (int)lrint(at_y), col = (int)lrint(at_x);
+        double along[2 * REACH + 1];
+        for (int j = -REACH; j <= REACH; j++)
+            along[j + REACH] = exp(-(col + j - at_x) * (col + j - at_x) / (2.0 * SIGMA * SIGMA));
+        for (int i = -REACH; i <= REACH; i++) {
+            const double down = light * exp(-(row + i - at_y) * (row + i - at_y) / (2.0 * SIGMA * SIGMA));
+            float *line = image + (size_t)((y + row + i + 2 * rows) % rows) * (size_t)cols;
+            for (int j = -REACH; j <= REACH; j++)
+                line[(x + col + j + 2 * cols) % cols] += (float)(down * along[j + REACH]);
+        }
+    }
+}
+
+/* The spectra of images of the grid. */
+static void transform(fixture *f, const float *images, int count, hada_buffer *out, size_t first)
+{
+    const size_t bytes = (size_t)count * f->grid * sizeof *images;
+    const hada_fft_desc desc = {.direction = HADA_FFT_FORWARD,
+                                .rows = f->camera.rows,
+                                .cols = f->camera.cols,
+                                .batch = count,
+                                .real_rows = f->camera.rows,
+                                .real_cols = f->camera.cols,
+                                .real_pitch = (size_t)f->camera.cols,
+                                .real_distance = f->grid};
+    hada_buffer real;
+    hada_fft *plan;
+    ASSERT_OK(hada_buffer_create_from(&real, f->slot, images, bytes, "images", err));
+    ASSERT_OK(hada_fft_create(&plan, f->slot, &desc, err));
+    ASSERT_OK(hada_fft_forward(plan, count, real.mem, 0, out->mem, first, err));
+    hada_fft_destroy(&plan);
+    hada_buffer_destroy(&real);
+}
+
+static void upload_camera(fixture *f)
+{
+    const int images = DEPTHS * CHANNELS;
+    float *psfs = calloc((size_t)images * f->grid, sizeof *psfs);
+    assert_non_null(psfs);
+    ASSERT_OK(hada_buffer_create(&f->otf, f->context, (size_t)images * f->layout.count * 8, "the OTFs", err));
+    for (int i = 0; i < images; i++)
+        shine(f, i / CHANNELS, i % CHANNELS, 1.0, 0, 0, psfs + (size_t)i * f->grid);
+    transform(f, psfs, images, &f->otf, 0);
+    free(psfs);
+}
+
+/* rows x cols of the sensor; padded: it crops, else it is the grid. */
+static void set_up(fixture *f, int rows, int cols, int padded)
+{
+    double distances[DEPTHS];
+    hada_random random;
+    *f = (fixture){0};
+    hada_random_seed(&random, 11, 0);
+    for (int s = 0; s < SPOTS;) {
+        double nearest = HUGE_VAL;
+        f->spot[s][0] = hada_random_range(&random, -RADIUS, RADIUS);
+        f->spot[s][1] = hada_random_range(&random, -RADIUS, RADIUS);
+        for (int i = 0; i < s; i++)
+            nearest = fmin(nearest, hypot(f->spot[s][0] - f->spot[i][0], f->spot[s][1] - f->spot[i][1]));
+        s += nearest > 11.0 && hypot(f->spot[s][0], f->spot[s][1]) < RADIUS;
+    }
+    for (int k = 0; k < DEPTHS; k++)
+        distances[k] = distance_of(k);
+    ASSERT_OK(hada_context_create(&f->context, NULL, err));
+    ASSERT_OK(hada_slot_create(&f->slot, f->context, err));
+    const int grid_rows = padded ? rows + WINDOW : rows, grid_cols = padded ? cols + WINDOW : cols;
+    f->grid = (size_t)grid_rows * (size_t)grid_cols;
+    f->layout = hada_surface_layout(f->context, grid_rows, grid_cols);
+    f->camera = (hada_surface_camera){grid_rows, grid_cols, CHANNELS, DEPTHS, NULL, 0};
+    f->shape = (hada_surface_shape){.frame = {(grid_rows - rows) / 2, (grid_cols - cols) / 2, rows, cols},
+                                    .window = {(grid_rows - WINDOW) / 2, (grid_cols - WINDOW) / 2, WINDOW, WINDOW},
+                                    .boundary = padded ? HADA_BOUNDARY_PADDED : HADA_BOUNDARY_CIRCULAR};
+    upload_camera(f);
+    f->camera.otf = f->otf.mem;
+    ASSERT_OK(hada_buffer_create(&f->spectrum, f->context, CHANNELS * f->layout.count * 8, "the frame", err));
+    ASSERT_OK(hada_buffer_create(&f->pixels, f->context, (size_t)(CHANNELS * rows * cols) * 4, "the frame", err));
+    ASSERT_OK(hada_magnification_measure(&f->law, f->slot, &f->camera, distances, err));
+    ASSERT_OK(hada_surface_create(&f->surface, f->slot, &f->camera, &f->shape, &f->law, err));
+}
+
+static void tear_down(fixture *f)
+{
+    hada_surface_destroy(&f->surface);
+    hada_magnification_free(&f->law);
+    hada_buffer_destroy(&f->otf);
+    hada_buffer_destroy(&f->spectrum);
+    hada_buffer_destroy(&f->pixels);
+    hada_slot_destroy(&f->slot);
+    hada_context_destroy(&f->context);
+}
+
+/* Bright rectangles of every size on a grey ground, in each channel a little different. */
+static void paint(double *scene)
+{
+    hada_random random;
+    hada_random_seed(&random, 4, 0);
+    for (int i = 0; i < CHANNELS * AREA; i++)
+        scene[i] = 0.2;
+    for (int k = 0; k < 300; k++) {
+        const int h = 2 + (int)hada_random_below(&random, 12), w = 2 + (int)hada_random_below(&random, 12);
+        const int y = (int)hada_random_below(&random, (uint32_t)(WINDOW - h)),
+                  x = (int)hada_random_below(&random, (uint32_t)(WINDOW - w));
+        const double light = hada_random_range(&random, 0.1, 1.0);
+        for (int i = y; i < y + h; i++)
+            for (int j = x; j < x + w; j++)
+                for (int c = 0; c < CHANNELS; c++)
+                    scene[c * AREA + i * WINDOW + j] = light * (1.0 - 0.3 * c);
+    }
+}
+
+/* What the sensor sees of a scene at these depths, with 1 % noise. */
+static void shoot(fixture *f, const double *scene, const double *depth)
+{
+    const int rows = f->camera.rows, cols = f->camera.cols;
+    const hada_refine_rect *w = &f->shape.window, *frame = &f->shape.frame;
+    float *images = calloc(CHANNELS * f->grid, sizeof *images), *pixels = calloc(CHANNELS * f->grid, sizeof *pixels);
+    float *to = pixels;
+    hada_random random;
+    assert_true(images && pixels);
+    hada_random_seed(&random, 9, 0);
+    for (int c = 0; c < CHANNELS; c++) {
+        float *image = images + (size_t)c * f->grid, top = 0.0F;
+        for (int i = 0; i < AREA; i++)
+            shine(f, depth[i], c, scene[c * AREA + i], w->row0 + i / WINDOW, w->col0 + i % WINDOW, image);
+        for (size_t i = 0; i < f->grid; i++)
+            top = fmaxf(top, image[i]);
+        for (int y = 0; y < rows; y++)
+            for (int x = 0; x < cols; x++) {
+                float *pixel = image + (size_t)y * (size_t)cols + (size_t)x;
+                const int seen = y >= frame->row0 && y < frame->row0 + frame->rows && x >= frame->col0 &&
+                                 x < frame->col0 + frame->cols;
+                *pixel = seen ? *pixel + (float)(0.01 * top * hada_random_normal(&random)) : 0.0F;
+                if (seen)
+                    *to++ = *pixel;
+            }
+    }
+    transform(f, images, CHANNELS, &f->spectrum, 0);
+    ASSERT_OK(hada_buffer_write(&f->pixels, f->slot, 0, pixels, f->pixels.bytes, err));
+    free(images);
+    free(pixels);
+}
+
+static float *read_texture(const fixture *f, const hada_surface_result *result)
+{
+    const hada_buffer view = {f->context, result->texture, CHANNELS * AREA * sizeof(float), 1};
+    float *texture = calloc(CHANNELS * AREA, sizeof *texture);
+    assert_non_null(texture);
+    ASSERT_OK(hada_buffer_read(&view, f->slot, 0, texture, CHANNELS * AREA * sizeof *texture, err));
+    return texture;
+}
+
+/* Runs, and holds the depths' mean error and the texture's PSNR. */
+static void find(fixture *f, const double *scene, const double *depth, double error, double psnr)
+{
+    hada_surface_rule rule;
+    hada_surface_result result;
+    double apart = 0.0, square = 0.0, close = 0.0;
+    hada_surface_rule_init(&rule);
+    shoot(f, scene, depth);
+    ASSERT_OK(hada_surface_run(f->surface, f->spectrum.mem, 0, f->pixels.mem, 0, &rule, &result, err));
+    float *texture = read_texture(f, &result);
+    assert_int_equal(result.rows, WINDOW);
+    assert_int_equal(result.cols, WINDOW);
+    for (int i = 0; i < AREA; i++) {
+        assert_true(result.depth[i] >= 0.0F && result.depth[i] <= DEPTHS - 1);
+        assert_true(result.confidence[i] >= 0.0F && result.confidence[i] <= 1.0F);
+        apart += fabs(result.depth[i] - depth[i]) / AREA;
+        close += fabs(result.depth[i] - depth[i]) < 0.5 ? 1.0 / AREA : 0.0;
+    }
+    for (int i = 0; i < CHANNELS * AREA; i++)
+        square += (texture[i] - scene[i]) * (texture[i] - scene[i]) / (CHANNELS * AREA);
+    if (apart > error || -10.0 * log10(square) < psnr || close < 0.9)
+        fail_msg("depth error %.3f, %.3f within half, %.2f dB", apart, close, -10.0 * log10(square));
+    free(texture);
+}
+
+static void slant(double *depth)
+{
+    for (int i = 0; i < AREA; i++)
+        depth[i] = 0.5 + (DEPTHS - 2.0) * (i % WINDOW) / (WINDOW - 1.0);
+}
+
+static void ball(double *depth)
+{
+    for (int i = 0; i < AREA; i++) {
+        const double y = (i / WINDOW - 48.0) / 40.0, x = (i % WINDOW - 48.0) / 40.0, r = y * y + x * x;
+        depth[i] = r < 1.0 ? 8.0 - 6.0 * sqrt(1.0 - r) : 8.0;
+    }
+}
+
+static double scene[CHANNELS * AREA], depth[AREA];
+
+static void test_cropped(void **state)
+{
+    fixture f;
+    (void)state;
+    set_up(&f, 180, 216, 1);
+    paint(scene);
+    slant(depth);
+    find(&f, scene, depth, 0.3, 23.5);
+    ball(depth);
+    find(&f, scene, depth, 0.3, 23.5);
+    tear_down(&f);
+}
+
+static void test_circular(void **state)
+{
+    fixture f;
+    (void)state;
+    set_up(&f, 216, 240, 0);
+    paint(scene);
+    slant(depth);
+    find(&f, scene, depth, 0.3, 23.5);
+    tear_down(&f);
+}
+
+/* Sizes that are no round numbers, memory that is known before, the same bits whatever was before, no light. */
+static void test_objects(void **state)
+{
+    fixture f;
+    hada_surface_rule rule;
+    hada_surface_result result;
+    (void)state;
+    set_up(&f, 185, 219, 1);
+    hada_surface_rule_init(&rule);
+    hada_surface_destroy(&f.surface);
+    const uint64_t before = hada_context_bytes(f.context);
+    ASSERT_OK(hada_surface_create(&f.surface, f.slot, &f.camera, &f.shape, &f.law, err));
+    assert_int_equal(hada_context_bytes(f.context) - before,
+                     hada_surface_bytes(f.context, &f.camera, &f.shape, &f.law));
+    paint(scene);
+    slant(depth);
+    find(&f, scene, depth, 0.3, 23.5);
+    ASSERT_OK(hada_surface_run(f.surface, f.spectrum.mem, 0, f.pixels.mem, 0, &rule, &result, err));
+    float *first = read_texture(&f, &result), kept = result.depth[AREA / 3];
+    assert_int_equal(result.levels, 3);
+    assert_true(result.energy[0] > 0.0 && result.energy[2] > 0.0);
+    hada_buffer_clear(&f.spectrum, f.slot, 0, f.spectrum.bytes, NULL);
+    hada_buffer_clear(&f.pixels, f.slot, 0, f.pixels.bytes, NULL);
+    ASSERT_OK(hada_surface_run(f.surface, f.spectrum.mem, 0, f.pixels.mem, 0, &rule, &result, err));
+    float *dark = read_texture(&f, &result);
+    for (int i = 0; i < AREA; i++)
+        assert_true(dark[i] == 0.0F && result.confidence[i] == 0.0F);
+    shoot(&f, scene, depth);
+    ASSERT_OK(hada_surface_run(f.surface, f.spectrum.mem, 0, f.pixels.mem, 0, &rule, &result, err));
+    float *again = read_texture(&f, &result);
+    assert_memory_equal(first, again, CHANNELS * AREA * sizeof *first);
+    assert_true(kept == result.depth[AREA / 3]);
+    free(first);
+    free(dark);
+    free(again);
+    tear_down(&f);
+}
+
+/* Levels: by how far light moves, down to windows that are too small; planes between depths that lie far apart. */
+static void test_levels(void **state)
+{
+    hada_surface_plan plans[HADA_SURFACE_LEVELS];
+    fixture f;
+    (void)state;
+    set_up(&f, 180, 216, 1);
+    assert_int_equal(hada_surface_levels(f.context, &f.camera, &f.shape, &f.law, plans), 3);
+    assert_true(plans[0].shrink == 4.0 && plans[1].shrink == 2.0 && plans[2].whole);
+    assert_true(plans[0].shape.free && plans[1].shape.free && !plans[2].shape.free);
+    assert_int_equal(plans[0].steps, 1);
+    assert_int_equal(plans[2].steps, (int)ceil(f.law.shift / 0.6));
+    assert_int_equal(plans[2].shape.planes, (DEPTHS - 1) * plans[2].steps + 1);
+    /* a window's pixel stands where it stood, within the coarse window's margin */
+    const hada_map_place place = hada_surface_level_place(&plans[2], &plans[0]);
+    assert_true(place.row >= 2.0 && place.row < 4.0 && fabs(place.down - 0.25) < 0.01);
+    f.shape.window.rows = 40;
+    assert_int_equal(hada_surface_levels(f.context, &f.camera, &f.shape, &f.law, plans), 2);
+    assert_true(plans[0].whole && plans[0].shape.free && plans[1].whole && !plans[1].shape.free);
+    tear_down(&f);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_levels), cmocka_unit_test(test_cropped),
+                                       cmocka_unit_test(test_circular), cmocka_unit_test(test_objects)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -75,11 +75,12 @@ find . -name '.*.hadalens-*' -delete # of those that were killed while they wrot
 
 # Ctrl-C and SIGTERM save.
 for signal in INT TERM; do
+    touch begun
     bash -c 'trap - INT; exec "$@"' - "$HADALENS" "${go[@]}" -o stopped.model --steps 9000 --resume >stdout 2>stderr &
     pid=$!
     for ((i = 0; i < 100; i++)); do
         sleep 0.1
-        [ -s stopped.model.log/checkpoint.safetensors ] && break
+        [ stopped.model.log/checkpoint.safetensors -nt begun ] && break
     done
     kill -$signal $pid
     wait $pid

@@ -7,6 +7,7 @@
 #include "filter/gains.h"
 
 enum {
+    LEAST_DEPTHS = 3, /* of a surface: two say nothing of a law between them */
     MOST_QUEUES = 64, /* of a device: more than any needs to be kept busy */
     BATCH = 8         /* depths at once: more only cost memory, the spectrum stays in the cache either way */
 };
@@ -86,6 +87,21 @@ static int at_least_one(double value)
     return value < 1.0 ? 1 : (int)value;
 }
 
+/* Whether a frame may be taken for a surface: its depths are found, not told. */
+static hada_status choose_scene(const hada_plan_options *options, hada_config *config, hada_error *err)
+{
+    const int possible = config->pursuit && config->depths >= LEAST_DEPTHS;
+    if ((int)options->scene < HADA_SCENE_AUTO || options->scene > HADA_SCENE_SURFACE)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: scene is one of HADA_SCENE_...");
+    if (options->scene == HADA_SCENE_SURFACE && !possible)
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "a surface is found among %d depths at least, with refinement and without --occupied or "
+                         "another --method: take --scene planes, or leave those out",
+                         LEAST_DEPTHS);
+    config->scene = possible ? options->scene : HADA_SCENE_PLANES;
+    return HADA_OK;
+}
+
 static hada_status choose_skips(const hada_model *model, const hada_plan_options *options, hada_config *config,
                                 hada_error *err)
 {
@@ -153,6 +169,7 @@ hada_status hada_config_of(const hada_model *model, const hada_plan_options *opt
         config->batch = config->depths;
     config->queues = options->queues ? options->queues : 1;
     hada_focus_options_init(&config->focus, config->joint);
+    HADA_TRY(choose_scene(options, config, err));
     HADA_TRY(choose_skips(model, options, config, err));
 done:
     return status;

@@ -20,6 +20,7 @@ typedef struct hada_config {
     double tv;                /* of refinement: weight of total variation */
     int steps;                /* refinement steps or iterations at most */
     int pursuit;              /* 1: the occupied depths are found */
+    hada_scene scene;         /* what it may be taken for; planes where it cannot be a surface */
     int half;                 /* filters on the device as half */
     int bank;                 /* what the bank holds: HADA_BANK_FILTERS or HADA_BANK_OTFS */
     int dark;                 /* 1: a dark frame is taken off */

@@ -141,6 +141,40 @@ done:
     return status;
 }
 
+/* A surface is tried where the planes take more unknowns of a pixel than it does: its light and its distance. Each
+ * plane more has to explain this share of what is left (docs/surfaces.md). */
+enum { SURFACE_UNKNOWNS = 2 };
+#define PLANE_WORTH 0.04
+
+/* Whether a surface explains the frame better than `count` planes did, by what each unknown is worth. It stands in the
+ * pipeline then. */
+static hada_status is_surface(hada_pipeline *pipeline, hada_frame *frame, int count, int *surface, double *energy,
+                              hada_error *err)
+{
+    const hada_report *report = &frame->result->memory->report;
+    const double planes = report->residual * report->residual * frame->energy;
+    hada_status status = HADA_OK;
+    *surface = 0;
+    if (pipeline->setup->config.scene != HADA_SCENE_AUTO || count <= SURFACE_UNKNOWNS)
+        goto done;
+    HADA_TRY(hada_pipeline_find_surface(pipeline, frame, surface, energy, err));
+    *surface = *surface && *energy < planes * (1.0 + PLANE_WORTH * (count - SURFACE_UNKNOWNS));
+done:
+    return status;
+}
+
+/* Told that it is one. */
+static hada_status only_surface(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
+{
+    int found;
+    double energy;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_pipeline_find_surface(pipeline, frame, &found, &energy, err));
+    HADA_TRY(hada_pipeline_take_surface(pipeline, frame, energy, err));
+done:
+    return status;
+}
+
 /* What is not occupied is dark. */
 static hada_status mark_occupied(hada_pipeline *pipeline, hada_frame *frame, int count, hada_error *err)
 {
@@ -155,8 +189,11 @@ static hada_status mark_occupied(hada_pipeline *pipeline, hada_frame *frame, int
 
 hada_status hada_pipeline_joint(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
 {
-    int count = 0;
+    int count = 0, surface;
+    double energy;
     hada_status status = HADA_OK;
+    if (pipeline->setup->config.scene == HADA_SCENE_SURFACE)
+        return only_surface(pipeline, frame, err);
     if (pipeline->setup->config.pursuit)
         HADA_TRY(pursue(pipeline, frame, &count, err));
     else
@@ -167,7 +204,12 @@ hada_status hada_pipeline_joint(hada_pipeline *pipeline, hada_frame *frame, hada
         goto done;
     }
     HADA_TRY(solve(pipeline, frame, count, err));
-    HADA_TRY(hada_pipeline_enhance(pipeline, frame, planes_of(pipeline), count, 1, err));
+    HADA_TRY(is_surface(pipeline, frame, count, &surface, &energy, err));
+    if (surface) {
+        HADA_TRY(hada_pipeline_take_surface(pipeline, frame, energy, err));
+        goto done;
+    }
+    HADA_TRY(hada_pipeline_enhance(pipeline, frame, planes_of(pipeline), count, err));
     HADA_TRY(hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_enhance, err));
     HADA_TRY(focus(pipeline, frame, count, err));
     HADA_TRY(read_planes(pipeline, frame, count, err));

@@ -29,6 +29,7 @@ void hada_result_clear(hada_result *result)
         free(memory->occupied);
         hada_image_destroy(&memory->all_in_focus);
         hada_image_destroy(&memory->distance_map);
+        hada_image_destroy(&memory->confidence);
         *memory = (hada_result_memory){.arrays = memory->arrays, .device = memory->device};
         if (!arrays->stack && !arrays->all_in_focus && !arrays->distance_map && !on_device(&memory->device)) {
             free(memory);
@@ -146,12 +147,34 @@ done:
     return status;
 }
 
+hada_status hada_result_make_confidence(hada_result *result, hada_error *err)
+{
+    hada_result_memory *memory = result->memory;
+    const hada_image *map = &result->distance_map;
+    hada_status status = HADA_OK;
+    if (!memory->confidence.data)
+        HADA_TRY(hada_image_create(&memory->confidence, 1, map->rows, map->cols, err));
+    memory->has_confidence = 1;
+done:
+    return status;
+}
+
+const hada_image *hada_result_confidence(const hada_result *result)
+{
+    const hada_result_memory *memory = result ? result->memory : NULL;
+    return memory && memory->has_confidence ? &memory->confidence : NULL;
+}
+
 hada_report *hada_result_renew(hada_result *result)
 {
     hada_result_memory *memory = result->memory;
     memory->skipped = (hada_skip_report){0};
-    memory->report = (hada_report){
-        .occupied = memory->occupied, .skipped = &memory->skipped, .residual_linear = NAN, .residual = NAN};
+    memory->has_confidence = 0;
+    memory->report = (hada_report){.occupied = memory->occupied,
+                                   .skipped = &memory->skipped,
+                                   .residual_linear = NAN,
+                                   .residual = NAN,
+                                   .scene = HADA_SCENE_PLANES};
     result->report = &memory->report;
     return &memory->report;
 }
@@ -177,7 +200,12 @@ hada_status hada_result_copy(hada_result *to, const hada_result *from, const had
         copy_image(&to->planes[z], &from->planes[z]);
     copy_image(&to->all_in_focus, &from->all_in_focus);
     copy_image(&to->distance_map, &from->distance_map);
-    return HADA_OK;
+    if (from->memory->has_confidence) {
+        status = hada_result_make_confidence(to, err);
+        if (!status)
+            copy_image(&memory->confidence, &from->memory->confidence);
+    }
+    return status;
 }
 
 static void raise(hada_image *image, float gamma)

@@ -13,6 +13,8 @@ typedef struct hada_result_memory {
     unsigned char *occupied;
     float *stack;                          /* of all planes; NULL where the caller has an array for it */
     hada_image all_in_focus, distance_map; /* empty where the caller has arrays for them */
+    hada_image confidence;                 /* empty until a frame is a surface */
+    int has_confidence;                    /* of the frame in hand */
     hada_result_arrays arrays;             /* the caller's, on the host and on the device */
     hada_cl_arrays device;
 } hada_result_memory;
@@ -25,6 +27,9 @@ hada_status hada_result_fit(hada_result *result, const hada_model_info *info, in
 
 /* An empty report, to be filled. */
 hada_report *hada_result_renew(hada_result *result);
+
+/* Room for the confidence of the frame in hand; hada_result_renew() takes it away. */
+hada_status hada_result_make_confidence(hada_result *result, hada_error *err);
 
 /* Empties a result; arrays of the caller's stay in use. */
 void hada_result_clear(hada_result *result);

@@ -8,6 +8,7 @@
 #include "engine/pipeline.h"
 #include "filter/hadamard.h"
 #include "refine/admm.h"
+#include "surface/surface.h"
 
 struct hada_pipeline {
     const hada_setup *setup;
@@ -20,6 +21,9 @@ struct hada_pipeline {
     hada_pursuit *pursuit;
     hada_refiner *refiner; /* this or the next, or neither */
     hada_classic *classic;
+    hada_surface *surface;     /* made when a frame first needs it */
+    hada_surface_result shape; /* of the frame in hand */
+    int no_surface;            /* 1: this camera, or the device's memory, allows none */
     hada_focus *focus;
     hada_enhance *enhance; /* NULL where no net is used */
     hada_buffer planes;    /* linear: a batch, [depth][channel][window] */
@@ -47,9 +51,8 @@ void hada_pipeline_apply_skip(hada_pipeline *pipeline, const hada_frame *frame);
 /* Frame and spectrum of a prepared frame stand in the Hadamard stage; nothing is done where they do already. */
 hada_status hada_pipeline_load(hada_pipeline *pipeline, hada_frame *frame, hada_error *err);
 
-/* `count` planes through the model's net, in place; together: 1 where they are all that explain the frame jointly.
- * Nothing where the plan uses none. */
-hada_status hada_pipeline_enhance(hada_pipeline *pipeline, hada_frame *frame, cl_mem planes, int count, int together,
+/* `count` planes through the model's net, in place. Nothing where the plan uses none. */
+hada_status hada_pipeline_enhance(hada_pipeline *pipeline, hada_frame *frame, cl_mem planes, int count,
                                   hada_error *err);
 
 /* Plane number `place` of those that stand one after the other, into the result as that of a depth; with the caller's
@@ -70,6 +73,13 @@ hada_status hada_pipeline_pictures(hada_pipeline *pipeline, hada_frame *frame, h
  * by refinement or a classic method. */
 hada_status hada_pipeline_linear(hada_pipeline *pipeline, hada_frame *frame, hada_error *err);
 hada_status hada_pipeline_joint(hada_pipeline *pipeline, hada_frame *frame, hada_error *err);
+
+/* The surface that explains the frame; it stands in the pipeline then. *found: 0 where this camera has none, with why
+ * in the log; energy: what it leaves unexplained. */
+hada_status hada_pipeline_find_surface(hada_pipeline *pipeline, hada_frame *frame, int *found, double *energy,
+                                       hada_error *err);
+/* The result, from the surface that was found last. */
+hada_status hada_pipeline_take_surface(hada_pipeline *pipeline, hada_frame *frame, double energy, hada_error *err);
 
 /* The linear path for one batch, without the focus. */
 hada_status hada_pipeline_linear_batch(hada_pipeline *pipeline, hada_frame *frame, int first, int count,

@@ -423,12 +423,14 @@ hada_status hada_surface_run(hada_surface *s, cl_mem spectrum, size_t offset, cl
     const hada_surface_plan *last = &s->level[s->levels - 1].plan;
     double mean;
     hada_status status = HADA_OK;
-    *result = (hada_surface_result){.rows = last->shape.window.rows,
-                                    .cols = last->shape.window.cols,
-                                    .depth = s->depth[1],
-                                    .confidence = s->confidence,
-                                    .texture = s->texture.mem,
-                                    .levels = s->levels};
+    *result =
+        (hada_surface_result){.rows = last->shape.window.rows,
+                              .cols = last->shape.window.cols,
+                              .depth = s->depth[1],
+                              .confidence = s->confidence,
+                              .texture = s->texture.mem,
+                              .levels = s->levels,
+                              .steps = rule->first_steps + (s->levels - 2) * rule->band_steps + rule->texture_steps};
     HADA_TRY(mean_light(s, spectrum, offset, &mean, err));
     if (!(mean > 0.0)) {
         HADA_TRY(nothing(s, err));
@@ -440,6 +442,16 @@ hada_status hada_surface_run(hada_surface *s, cl_mem spectrum, size_t offset, cl
     for (int l = 0; l + 1 < s->levels; l++)
         HADA_TRY(solve_planes(s, l, rule, mean, &result->energy[l], err));
     HADA_TRY(solve_texture(s, rule, mean, result, err));
+done:
+    return status;
+}
+
+hada_status hada_surface_planes(hada_surface *s, cl_mem planes, hada_error *err)
+{
+    const hada_surface_level *last = &s->level[s->levels - 1];
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_buffer_write(&s->map, s->slot, 0, s->depth[1], area_of(&last->plan) * sizeof(float), err));
+    HADA_TRY(hada_volume_spread(last->volume, s->map.mem, s->texture.mem, s->camera.depths, planes, err));
 done:
     return status;
 }

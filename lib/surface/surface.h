@@ -32,6 +32,7 @@ typedef struct hada_surface_result {
     const float *depth;                 /* [rows][cols], in depths of the camera, 0 ... depths - 1 */
     const float *confidence;            /* [rows][cols], 0 to 1 */
     cl_mem texture;                     /* [channel][rows][cols] */
+    int steps;                          /* of all levels */
     int levels, touched;                /* of resolution; planes of the last that any depth needs */
     double energy[HADA_SURFACE_LEVELS]; /* what each level leaves of its frame, sum of squares over its pixels */
 } hada_surface_result;
@@ -53,5 +54,9 @@ size_t hada_surface_making_bytes(const hada_context *context, const hada_surface
  * in complex numbers. *result is the object's, until the next call. A frame without light has a texture without. */
 hada_status hada_surface_run(hada_surface *surface, cl_mem spectrum, size_t offset, cl_mem pixels, size_t pixels_offset,
                              const hada_surface_rule *rule, hada_surface_result *result, hada_error *err);
+
+/* The planes at the camera's depths that the texture makes, as it is now: shares of it, linear between two depths.
+ * [depth][channel][window] floats. Enqueued. */
+hada_status hada_surface_planes(hada_surface *surface, cl_mem planes, hada_error *err);
 
 #endif

@@ -61,4 +61,9 @@ hada_status hada_volume_solve(hada_volume *volume, const hada_volume_rule *rule,
 hada_status hada_volume_texture(hada_volume *volume, const hada_volume_rule *rule, cl_mem depth, int first, int last,
                                 cl_mem texture, double *energy, hada_error *err);
 
+/* The shares of a texture at these depths, in `planes` planes, which need not be the volume's: [plane][channel][window]
+ * floats. */
+hada_status hada_volume_spread(hada_volume *volume, cl_mem depth, cl_mem texture, int planes, cl_mem out,
+                               hada_error *err);
+
 #endif

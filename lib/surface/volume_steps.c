@@ -58,6 +58,17 @@ static hada_volume_splat splat_of(const hada_volume *v, int first, int planes, i
                                .add = add};
 }
 
+hada_status hada_volume_spread(hada_volume *v, cl_mem depth, cl_mem texture, int planes, cl_mem out, hada_error *err)
+{
+    const size_t channels = (size_t)v->shape.channels;
+    const hada_range range = slices(v, v->window_area, channels, (size_t)planes);
+    const hada_volume_splat splat = splat_of(v, 0, planes, 0);
+    const double pixels = (double)(v->window_area * channels) * planes;
+    hada_slot_cost(v->slot, 4.0 * pixels, 4.0 * pixels);
+    return hada_launch_volume_splat(v->slot, v->program, &range, err, .depth = depth, .texture = texture, .planes = out,
+                                    .splat = splat);
+}
+
 /* The spectrum that a batch of planes makes, added to that of those before. */
 static hada_status explain(hada_volume *v, const hada_volume_unknown *u, int first, int planes, int add,
                            hada_error *err)

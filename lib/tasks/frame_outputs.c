@@ -2,6 +2,7 @@
 
 #include <hadalens/preview.h>
 #include <hadalens/response.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -21,14 +22,15 @@ static void choose_encoding(hada_outputs *out, const hada_files_task *task, doub
 hada_status hada_outputs_begin(hada_outputs *out, const hada_files_task *task, const char *name,
                                const hada_model_info *model, double gamma, int frames, hada_error *err)
 {
-    static const char *const endings[HADA_OUTPUTS] = {"stack.tif", "aif.tif", "depth.tif", "preview.png"};
+    static const char *const endings[HADA_OUTPUT_FILES] = {"stack.tif", "aif.tif", "depth.tif", "preview.png",
+                                                           "confidence.tif"};
     const char *slash = strrchr(model->name, '/');
     const int preview = task->preview && hada_pictures_available();
     hada_status status = HADA_OK;
     *out = (hada_outputs){
         .frames = frames, .bits = task->bits, .white = task->white, .scene_response = model->scene_response};
     choose_encoding(out, task, gamma);
-    for (int k = 0; k < HADA_OUTPUTS; k++)
+    for (int k = 0; k < HADA_OUTPUT_FILES; k++)
         if (k != HADA_OUTPUT_PREVIEW || preview)
             HADA_TRY(hada_path_format(&out->path[k], err, "%s/%s_%s", task->output, name, endings[k]));
     HADA_TRY(hada_path_format(&out->title, err, "%s, %s", name, slash ? slash + 1 : model->name));
@@ -36,14 +38,15 @@ done:
     return status;
 }
 
-static hada_status open_writer(hada_outputs *out, hada_output which, const hada_image *first, const hada_result *result,
+static hada_status open_writer(hada_outputs *out, int which, const hada_image *first, const hada_result *result,
                                hada_error *err)
 {
     hada_tiff_write_options options;
     char name[HADA_RESPONSE_NAME], line[HADA_RESPONSE_NAME + 20];
     hada_tiff_write_options_init(&options);
     /* millimetres and NaN need floats */
-    options.bits = which == HADA_OUTPUT_DISTANCE_MAP ? 32 : out->bits;
+    const int is_map = which == HADA_OUTPUT_DISTANCE_MAP || which == HADA_OUTPUT_CONFIDENCE;
+    options.bits = is_map ? 32 : out->bits;
     options.scale = out->white;
     options.slices = 1;
     options.times = out->frames;
@@ -54,7 +57,7 @@ static hada_status open_writer(hada_outputs *out, hada_output which, const hada_
     }
     if (which == HADA_OUTPUT_DISTANCE_MAP) {
         options.description = "unit=millimetre\n";
-    } else {
+    } else if (!is_map) {
         options.encoding = out->encoding;
         hada_response_name(name, out->scene_response);
         snprintf(line, sizeof line, "scene_response=%s\n", name);
@@ -86,6 +89,9 @@ static hada_status open_all(hada_outputs *out, const hada_image *raw, const hada
     HADA_TRY(open_writer(out, HADA_OUTPUT_STACK, &result->planes[0], result, err));
     HADA_TRY(open_writer(out, HADA_OUTPUT_ALL_IN_FOCUS, &result->all_in_focus, result, err));
     HADA_TRY(open_writer(out, HADA_OUTPUT_DISTANCE_MAP, &result->distance_map, result, err));
+    if (hada_result_confidence(result))
+        HADA_TRY(open_writer(out, HADA_OUTPUT_CONFIDENCE, &result->distance_map, result, err));
+    out->has_confidence = out->writer[HADA_OUTPUT_CONFIDENCE] != NULL;
     if (out->path[HADA_OUTPUT_PREVIEW])
         HADA_TRY(save_preview(out, raw, result, err));
 done:
@@ -109,6 +115,21 @@ done:
     return status;
 }
 
+/* NaN for a frame that is no surface. */
+static hada_status write_confidence(hada_outputs *out, const hada_result *result, hada_error *err)
+{
+    const hada_image *confidence = hada_result_confidence(result), *map = &result->distance_map;
+    hada_status status = HADA_OK;
+    if (!confidence && !out->unknown.data) {
+        HADA_TRY(hada_image_create(&out->unknown, 1, map->rows, map->cols, err));
+        for (size_t i = 0; i < hada_image_count(map); i++)
+            out->unknown.data[i] = NAN;
+    }
+    HADA_TRY(hada_tiff_write(out->writer[HADA_OUTPUT_CONFIDENCE], confidence ? confidence : &out->unknown, err));
+done:
+    return status;
+}
+
 hada_status hada_outputs_add(hada_outputs *out, const hada_image *raw, const hada_result *result, hada_error *err)
 {
     hada_status status = HADA_OK;
@@ -118,6 +139,8 @@ hada_status hada_outputs_add(hada_outputs *out, const hada_image *raw, const had
         HADA_TRY(write_light(out, HADA_OUTPUT_STACK, &result->planes[z], err));
     HADA_TRY(write_light(out, HADA_OUTPUT_ALL_IN_FOCUS, &result->all_in_focus, err));
     HADA_TRY(hada_tiff_write(out->writer[HADA_OUTPUT_DISTANCE_MAP], &result->distance_map, err));
+    if (out->writer[HADA_OUTPUT_CONFIDENCE])
+        HADA_TRY(write_confidence(out, result, err));
 done:
     return status;
 }
@@ -126,25 +149,30 @@ hada_status hada_outputs_finish(hada_outputs *out, hada_error *err)
 {
     hada_status status = HADA_OK;
     int finished = 0;
-    for (; finished < HADA_OUTPUT_PREVIEW; finished++)
-        HADA_TRY(hada_tiff_finish(&out->writer[finished], err));
+    for (; finished < HADA_OUTPUT_FILES; finished++)
+        if (out->writer[finished])
+            HADA_TRY(hada_tiff_finish(&out->writer[finished], err));
     out->finished = 1;
+    if (!out->has_confidence)
+        unlink(out->path[HADA_OUTPUT_CONFIDENCE]); /* of a run before */
 done:
     for (int k = 0; status && k < finished; k++)
-        unlink(out->path[k]);
+        if (k != HADA_OUTPUT_PREVIEW)
+            unlink(out->path[k]);
     return status;
 }
 
 void hada_outputs_end(hada_outputs *out)
 {
-    for (int k = 0; k < HADA_OUTPUT_PREVIEW; k++)
+    for (int k = 0; k < HADA_OUTPUT_FILES; k++)
         if (out->writer[k])
             hada_tiff_abandon(&out->writer[k]);
     if (out->path[HADA_OUTPUT_PREVIEW] && out->written && !out->finished)
         unlink(out->path[HADA_OUTPUT_PREVIEW]);
-    for (int k = 0; k < HADA_OUTPUTS; k++)
+    for (int k = 0; k < HADA_OUTPUT_FILES; k++)
         free(out->path[k]);
     free(out->title);
     hada_image_destroy(&out->encoded);
+    hada_image_destroy(&out->unknown);
     *out = (hada_outputs){0};
 }

@@ -5,9 +5,14 @@
 #include <hadalens/task_reconstruct.h>
 #include <hadalens/tiff.h>
 
+/* Files of an input: those of hada_output, and the confidence of surfaces. */
+enum { HADA_OUTPUT_CONFIDENCE = HADA_OUTPUTS, HADA_OUTPUT_FILES = HADA_OUTPUTS + 1 };
+
 typedef struct hada_outputs {
-    char *path[HADA_OUTPUTS]; /* the preview's is NULL where none is wanted */
-    hada_tiff_writer *writer[HADA_OUTPUT_PREVIEW];
+    char *path[HADA_OUTPUT_FILES];               /* the preview's is NULL where none is wanted */
+    hada_tiff_writer *writer[HADA_OUTPUT_FILES]; /* NULL: the preview's, and that of confidence where the first frame is
+                                                    no surface */
+    hada_image unknown;                          /* confidence of frames that are none */
     char *title;
     int frames, bits;
     double white;
@@ -15,6 +20,7 @@ typedef struct hada_outputs {
     int convert;     /* 1: results are light, and brought to it */
     hada_image encoded;
     double scene_response; /* the model's */
+    int has_confidence;    /* 1: the file of confidence is written */
     int written;           /* frames so far */
     int finished;
 } hada_outputs;

@@ -77,6 +77,7 @@ static hada_status begin_file(run *own, const hada_streamed *frame, hada_error *
     hada_status status = HADA_OK;
     own->open = 1;
     memset(own->state.outputs, 0, sizeof own->state.outputs);
+    own->state.confidence = NULL;
     if (frame->frames) {
         own->progress.total += frame->frames - 1;
         status = hada_outputs_begin(&own->out, &own->task, own->names[frame->file], hada_model_get_info(own->model),
@@ -118,6 +119,7 @@ static hada_status take_frame(run *own, hada_streamed *frame, hada_error *err)
     tell(own, HADA_FILES_FRAME, frame);
     if (frame->frame == frame->frames - 1) {
         HADA_TRY(hada_outputs_finish(&own->out, err));
+        own->state.confidence = own->out.has_confidence ? own->out.path[HADA_OUTPUT_CONFIDENCE] : NULL;
         tell(own, HADA_FILES_DONE, frame);
         leave_file(own);
     }

@@ -15,7 +15,7 @@
 typedef struct settings {
     hada_cli_common common;
     const char *model, *output, *depths, *occupied, *refine, *refine_tv, *dark, *skip, *encoding;
-    int bits, half, repair, no_enhance, no_preview, batch, queues;
+    int bits, half, repair, no_enhance, no_preview, batch, queues, scene;
     double gamma, white, max_error, band;
     hada_cli_method_settings method;
 } settings;
@@ -44,6 +44,10 @@ static const hada_cli_option options[] = {
      "Slices counted from 1 (near), such as 1,3-5, or distances, such as 100mm,250mm.", AT(depths)},
     {HADA_OPTION_TEXT, "occupied", 0, "auto|all|LIST", "depths at which the scene has something (default: auto)",
      "auto finds the few depths that explain the frame; the others are dark then. LIST as for --depths.", AT(occupied)},
+    {HADA_OPTION_CHOICE, "scene", 0, "auto|planes|surface", "what a scene is taken for (default: auto)",
+     "planes: objects at some of the depths. surface: one texture at a distance that changes from pixel to pixel, between "
+     "the depths too. auto: what explains the frame with the fewest unknowns.",
+     ONE_OF(scene, HADA_SCENE_AUTO, HADA_SCENE_PLANES, HADA_SCENE_SURFACE)},
     {HADA_OPTION_TEXT, "refine", 0, "N|auto|0", "refinement steps on the occupied depths (default: auto)",
      "auto takes what the fit measured to pay for this camera. 0: the linear filters alone, the quickest; the default "
      "with "
@@ -187,6 +191,7 @@ static hada_status read_options(job *work, hada_error *err)
     plan->batch = set->batch;
     plan->queues = set->queues;
     plan->gamma = set->gamma;
+    plan->scene = (hada_scene)set->scene;
 done:
     return status;
 }
@@ -326,7 +331,8 @@ const hada_cli_command hada_cli_reconstruct = {
     .description =
         "For each NAME.tif it writes NAME_stack.tif (a refocused image per depth, near to far, as ImageJ hyperstack "
         "with the distances), NAME_aif.tif (everything in focus), NAME_depth.tif (distances in millimetres, NaN where "
-        "nothing is in focus) and NAME_preview.png, a sheet to look at.\n\n"
+        "nothing is in focus) and NAME_preview.png, a sheet to look at; of a surface also NAME_confidence.tif, 0 to 1, how "
+        "sure each distance is.\n\n"
         "A file of many pages is a sequence: its results have as many frames, and memory does not grow with them; the "
         "preview shows the first. A file that cannot be done is reported and does not stop the others. Results appear "
         "under their names when they are whole, so nothing half-written is left.",

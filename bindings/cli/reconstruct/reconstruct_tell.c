@@ -18,6 +18,7 @@ static json_t *frame_json(const hada_result *result)
         if (report->occupied[z])
             json_array_append_new(occupied, hada_cli_real(result->distances_mm[z]));
     json_object_set_new(frame, "occupied_mm", occupied);
+    json_object_set_new(frame, "scene", json_string(report->scene == HADA_SCENE_SURFACE ? "surface" : "planes"));
     json_object_set_new(frame, "method", json_string(methods[report->method]));
     json_object_set_new(frame, "refine_steps", json_integer(report->refine_steps));
     json_object_set_new(frame, "residual_linear", hada_cli_real(report->residual_linear));
@@ -42,6 +43,23 @@ static void add(char *text, size_t size, const char *format, double value)
     snprintf(text + used, size - used, format, value);
 }
 
+/* "a surface, 120 to 340 mm" */
+static void surface_words(const hada_result *result, char *text, size_t size)
+{
+    const hada_image *map = &result->distance_map;
+    const size_t count = (size_t)map->rows * (size_t)map->cols;
+    double least = INFINITY, most = 0;
+    for (size_t i = 0; i < count; i++) {
+        least = fmin(least, map->data[i]);
+        most = fmax(most, map->data[i]);
+    }
+    add(text, size, "a surface", 0);
+    if (most > 0) {
+        add(text, size, ", %.4g", least);
+        add(text, size, " to %.4g mm", most);
+    }
+}
+
 /* "100 and 250 mm; 8 refinement steps; 2.1 % unexplained" into `text` of `size` bytes. */
 static void frame_words(const hada_result *result, char *text, size_t size)
 {
@@ -50,7 +68,9 @@ static void frame_words(const hada_result *result, char *text, size_t size)
     *text = '\0';
     for (int z = 0; report->occupied && z < result->depths; z++)
         count += report->occupied[z] != 0;
-    if (!report->refine_steps && report->method == HADA_METHOD_MODEL && count == result->depths) {
+    if (report->scene == HADA_SCENE_SURFACE) {
+        surface_words(result, text, size);
+    } else if (!report->refine_steps && report->method == HADA_METHOD_MODEL && count == result->depths) {
         add(text, size, "linear filters alone", 0);
     } else if (count == result->depths && count > 1) {
         add(text, size, "all %.0f depths", count);
@@ -73,7 +93,7 @@ static void frame_words(const hada_result *result, char *text, size_t size)
         add(text, size, methods[report->method], 0);
         if (report->refine_steps)
             add(text, size, report->refine_steps == 1 ? ", %.0f iteration" : ", %.0f iterations", report->refine_steps);
-    } else if (report->refine_steps) {
+    } else if (report->refine_steps && report->scene != HADA_SCENE_SURFACE) {
         add(text, size, report->refine_steps == 1 ? "; %.0f refinement step" : "; %.0f refinement steps",
             report->refine_steps);
     }
@@ -102,6 +122,8 @@ static json_t *outputs_json(const hada_files_state *state)
     for (int k = 0; k < HADA_OUTPUTS; k++)
         if (state->outputs[k])
             json_object_set_new(outputs, keys[k], json_string(state->outputs[k]));
+    if (state->confidence)
+        json_object_set_new(outputs, "confidence", json_string(state->confidence));
     return outputs;
 }
 

@@ -23,6 +23,13 @@ typedef enum hada_occupied {
     HADA_OCCUPIED_LIST = 2
 } hada_occupied;
 
+/* What a scene is taken for. */
+typedef enum hada_scene {
+    HADA_SCENE_AUTO = 0,   /* what explains the frame with the fewest unknowns */
+    HADA_SCENE_PLANES = 1, /* objects at some of the depths */
+    HADA_SCENE_SURFACE = 2 /* one texture on one continuous surface, anywhere between the depths (docs/surfaces.md) */
+} hada_scene;
+
 typedef enum hada_dark {
     HADA_DARK_MODEL = 0,
     HADA_DARK_NONE = 1,
@@ -74,6 +81,10 @@ typedef struct hada_plan_options {
     const hada_classic_options *classic; /* another method in place of the model's filters and refinement; the depths
                                             are all that are computed, or those of the list, and no net follows; NULL
                                             (default): none. Copied */
+    hada_scene scene; /* HADA_SCENE_AUTO by default. A surface needs three depths, their transfer functions, refinement
+                         and HADA_OCCUPIED_AUTO. Its memory on the device is taken when a frame first needs it, beyond
+                         a plan's estimate; where there is too little, frames are taken for planes, or, told to be
+                         surfaces, fail */
 } hada_plan_options;
 HADA_API void hada_plan_options_defaults(hada_plan_options *options, size_t size);
 static inline void hada_plan_options_init(hada_plan_options *options)
@@ -121,6 +132,7 @@ typedef struct hada_report {
     int enhanced; /* planes that went through the model's net */
     double seconds_total, seconds_upload, seconds_linear, seconds_pursuit, seconds_refine, seconds_enhance,
         seconds_focus, seconds_download;
+    hada_scene scene; /* what the frame was taken for: planes or a surface */
 } hada_report;
 
 /* What comes of a frame. Begin with an empty one, hada_result result = {0}; its members are the result's until it is
@@ -143,6 +155,11 @@ HADA_API hada_status hada_plan_run(hada_plan *plan, const hada_image *raw, hada_
 HADA_API hada_status hada_plan_run_pixels(hada_plan *plan, const hada_pixels *raw, hada_result *result,
                                           hada_error *err);
 HADA_API void hada_result_destroy(hada_result *result);
+
+/* How sure the distance map is, 1 x window, 0 to 1: 1 / (1 + (s / 0.5)^2) where the distance has a standard deviation
+ * of s depths of the camera, by the texture that stands there; a distance without texture is interpolated from its
+ * surroundings. The result's, like its members. NULL where the frame was not taken for a surface. */
+HADA_API const hada_image *hada_result_confidence(const hada_result *result);
 
 /* Arrays of the caller's that a result is written into, instead of memory of the library's: dense float32, in the order
  * [depth][channel][row][col], [channel][row][col] and [row][col]. NULL (default): the library's own. */

@@ -1,0 +1,177 @@
+/* The path of a frame that is taken for a surface: one texture, one continuous distance. */
+#include <math.h>
+#include <string.h>
+
+#include "engine/stages.h"
+
+/* A camera whose neighbouring depths do not predict one another this well has no optics between them. The share is that
+ * of each depth's PSF, predicted from both neighbours; in between it is about a quarter (docs/surfaces.md). */
+#define MOST_UNEXPLAINED 0.8
+/* Pixels of less light than this part of the mean say nothing of a distance. */
+#define DARK 0.02
+
+static hada_surface_camera camera_of(const hada_pipeline *pipeline)
+{
+    const hada_model_info *info = hada_model_get_info(pipeline->setup->model);
+    size_t offset;
+    const cl_mem otf = hada_constants_otf(pipeline->constants, &offset);
+    return (hada_surface_camera){.rows = info->grid_rows,
+                                 .cols = info->grid_cols,
+                                 .channels = info->channels,
+                                 .depths = pipeline->setup->config.depths,
+                                 .otf = otf,
+                                 .first = offset / pipeline->constants->bank->layout.count};
+}
+
+static hada_surface_shape shape_of(const hada_pipeline *pipeline)
+{
+    const hada_refine_shape refine = hada_refine_shape_of(hada_model_get_info(pipeline->setup->model), 1, 1);
+    return (hada_surface_shape){.frame = refine.frame, .window = refine.window, .boundary = refine.boundary};
+}
+
+/* Makes what surfaces need. HADA_ERROR_MODEL where the camera has no optics between its depths. */
+static hada_status make_surface(hada_pipeline *pipeline, hada_error *err)
+{
+    const hada_surface_camera camera = camera_of(pipeline);
+    const hada_surface_shape shape = shape_of(pipeline);
+    hada_magnification law = {0};
+    double unexplained;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_magnification_measure(&law, pipeline->slot, &camera, pipeline->setup->distances, err));
+    unexplained = law.unexplained[law.kind];
+    if (!(unexplained < MOST_UNEXPLAINED))
+        HADA_TRY(hada_fail(err, HADA_ERROR_MODEL,
+                           "neighbouring depths of this camera have too little in common for optics between them "
+                           "(%.0f %% of a PSF stays unexplained): learn more depths, or take --scene planes",
+                           100 * unexplained));
+    HADA_TRY(hada_surface_create(&pipeline->surface, pipeline->slot, &camera, &shape, &law, err));
+done:
+    hada_magnification_free(&law);
+    return status;
+}
+
+/* What a scene may be without: where it was not asked for, planes have to do. */
+static hada_status ready(hada_pipeline *pipeline, int *found, hada_error *err)
+{
+    const int asked = pipeline->setup->config.scene == HADA_SCENE_SURFACE;
+    hada_error error = {0};
+    *found = !pipeline->no_surface;
+    if (pipeline->surface || pipeline->no_surface)
+        return HADA_OK;
+    const hada_status status = make_surface(pipeline, &error);
+    if (!status)
+        return HADA_OK;
+    if (asked || (status != HADA_ERROR_MODEL && status != HADA_ERROR_DEVICE_MEMORY)) {
+        if (err)
+            *err = error;
+        return status;
+    }
+    hada_log(pipeline->constants->context, HADA_LOG_INFO, "no surfaces: %s", error.message);
+    pipeline->no_surface = 1;
+    *found = 0;
+    return HADA_OK;
+}
+
+hada_status hada_pipeline_find_surface(hada_pipeline *pipeline, hada_frame *frame, int *found, double *energy,
+                                       hada_error *err)
+{
+    hada_surface_rule rule;
+    hada_surface_result *result = &pipeline->shape;
+    hada_status status = HADA_OK;
+    hada_slot_stage(pipeline->slot, "surface");
+    HADA_TRY(ready(pipeline, found, err));
+    if (!*found)
+        goto done;
+    hada_surface_rule_init(&rule);
+    HADA_TRY(hada_surface_run(pipeline->surface, pipeline->stage->spectrum.mem, 0, pipeline->stage->raw.mem, 0, &rule,
+                              result, err));
+    *energy = result->energy[result->levels - 1];
+    HADA_TRY(hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_refine, err));
+done:
+    return status;
+}
+
+/* Millimetres from depths, which are linear in 1 / distance between those of the camera; NaN where nothing shines. */
+static void fill_distances(const hada_pipeline *pipeline, hada_frame *frame)
+{
+    hada_result *result = frame->result;
+    const double *mm = pipeline->setup->distances;
+    const int channels = result->all_in_focus.channels, last = pipeline->setup->config.depths - 1;
+    const size_t area = hada_image_count(&result->distance_map);
+    const float *texture = result->all_in_focus.data;
+    double mean = 0.0;
+    for (size_t i = 0; i < area * (size_t)channels; i++)
+        mean += texture[i];
+    mean /= (double)area;
+    for (size_t i = 0; i < area; i++) {
+        const double depth = fmin(fmax(pipeline->shape.depth[i], 0.0), last);
+        const int low = depth < last ? (int)depth : last - 1;
+        const double part = depth - low;
+        double light = 0.0;
+        for (size_t c = 0; c < (size_t)channels; c++)
+            light += texture[c * area + i];
+        result->distance_map.data[i] =
+            light > DARK * mean ? (float)(1.0 / ((1.0 - part) / mm[low] + part / mm[low + 1])) : NAN;
+        result->memory->confidence.data[i] = light > DARK * mean ? pipeline->shape.confidence[i] : 0.0F;
+    }
+}
+
+/* The planes of the stack: the texture's shares, at the depths next to it. */
+static hada_status read_planes(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
+{
+    const int depths = pipeline->setup->config.depths;
+    const size_t values = hada_plane_values(hada_model_get_info(pipeline->setup->model));
+    const hada_buffer planes = {.mem = hada_refiner_planes(pipeline->refiner),
+                                .bytes = values * (size_t)depths * sizeof(float)};
+    unsigned char *occupied = frame->result->memory->occupied;
+    hada_report *report = &frame->result->memory->report;
+    const size_t area = hada_image_count(&frame->result->distance_map);
+    hada_status status = HADA_OK;
+    memset(occupied, 0, (size_t)depths);
+    report->occupied_count = 0;
+    for (size_t i = 0; i < area; i++) {
+        const float depth = pipeline->shape.depth[i];
+        occupied[(int)floorf(depth)] = occupied[(int)ceilf(depth)] = 1;
+    }
+    HADA_TRY(hada_surface_planes(pipeline->surface, planes.mem, err));
+    for (int z = 0; z < depths; z++) {
+        report->occupied_count += occupied[z];
+        if (occupied[z])
+            HADA_TRY(hada_pipeline_read_plane(pipeline, frame, &planes, z, z, err));
+    }
+    HADA_TRY(hada_pipeline_dark_planes(pipeline, frame, err));
+done:
+    return status;
+}
+
+hada_status hada_pipeline_take_surface(hada_pipeline *pipeline, hada_frame *frame, double energy, hada_error *err)
+{
+    hada_result *result = frame->result;
+    hada_report *report = &result->memory->report;
+    const hada_cl_arrays *device = &result->memory->device;
+    const size_t texture = hada_image_count(&result->all_in_focus), map = hada_image_count(&result->distance_map);
+    const hada_buffer view = {.mem = pipeline->shape.texture, .bytes = texture * sizeof(float)};
+    hada_status status = HADA_OK;
+    report->scene = HADA_SCENE_SURFACE;
+    report->refine_steps = pipeline->shape.steps;
+    if (frame->energy > 0)
+        report->residual = sqrt(energy / frame->energy);
+    HADA_TRY(hada_result_make_confidence(result, err));
+    HADA_TRY(hada_pipeline_enhance(pipeline, frame, view.mem, 1, err));
+    HADA_TRY(hada_pipeline_lap(pipeline, frame, &report->seconds_enhance, err));
+    hada_slot_stage(pipeline->slot, "download");
+    HADA_TRY(hada_buffer_read(&view, pipeline->slot, 0, result->all_in_focus.data, view.bytes, err));
+    fill_distances(pipeline, frame);
+    if (device->all_in_focus)
+        HADA_TRY(hada_buffer_copy(pipeline->slot, view.mem, 0, device->all_in_focus, device->all_in_focus_offset,
+                                  view.bytes, err));
+    if (device->distance_map) {
+        HADA_TRY(hada_buffer_write(&pipeline->pictures, pipeline->slot, 0, result->distance_map.data,
+                                   map * sizeof(float), err));
+        HADA_TRY(hada_buffer_copy(pipeline->slot, pipeline->pictures.mem, 0, device->distance_map,
+                                  device->distance_map_offset, map * sizeof(float), err));
+    }
+    HADA_TRY(read_planes(pipeline, frame, err));
+done:
+    return status;
+}

@@ -13,6 +13,9 @@ static const char what[] = "a depth map";
 /* Light, as a part of the mean over pixels, that is added to every pixel, evenly over its planes: where there is none,
  * a depth is as good as another. */
 #define FAINT 1e-6
+/* A pixel at a jump is wrong by about twice the rms bend of the map round it, over so many pixels on each side. */
+#define BEND 2.0
+enum { BEND_RADIUS = 3 };
 /* Steps of the primal-dual iteration; their product with the square of the gradient's norm, 8, is below 1. */
 #define STEP 0.35
 
@@ -160,6 +163,55 @@ void hada_map_resample(const float *in, hada_map_size from, float *out, hada_map
     }
 }
 
+/* The depth below and above which half of the light stands; the depths are put in order. */
+static float weighted_median(float *depth, float *light, int count)
+{
+    double all = 0.0, sum = 0.0;
+    for (int i = 0; i < count; i++)
+        all += light[i];
+    for (int i = 1; i < count; i++)
+        for (int k = i; k > 0 && depth[k] < depth[k - 1]; k--) {
+            const float d = depth[k], l = light[k];
+            depth[k] = depth[k - 1];
+            light[k] = light[k - 1];
+            depth[k - 1] = d;
+            light[k - 1] = l;
+        }
+    for (int i = 0; i < count; i++) {
+        sum += light[i];
+        if (sum >= all / 2.0)
+            return depth[i];
+    }
+    return depth[count - 1];
+}
+
+hada_status hada_map_sharpen(float *depth, const float *light, hada_map_size size, double jump, hada_error *err)
+{
+    const size_t area = area_of(size);
+    float *given = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&given, area, sizeof *given, what, err));
+    memcpy(given, depth, area * sizeof *given);
+    for (int y = 0; y < size.rows; y++)
+        for (int x = 0; x < size.cols; x++) {
+            float near[9], weight[9], least = INFINITY, most = -INFINITY;
+            int count = 0;
+            for (int i = within(y - 1, size.rows); i <= within(y + 1, size.rows); i++)
+                for (int j = within(x - 1, size.cols); j <= within(x + 1, size.cols); j++) {
+                    const size_t at = (size_t)i * (size_t)size.cols + (size_t)j;
+                    near[count] = given[at];
+                    weight[count++] = light[at];
+                    least = fminf(least, given[at]);
+                    most = fmaxf(most, given[at]);
+                }
+            if (most - least > jump)
+                depth[(size_t)y * (size_t)size.cols + (size_t)x] = weighted_median(near, weight, count);
+        }
+done:
+    free(given);
+    return status;
+}
+
 void hada_map_rule_init(hada_map_rule *rule)
 {
     /* of a trial on slants, hills, balls and stairs: weak, which little depends on (docs/surfaces.md) */
@@ -267,6 +319,25 @@ static void sum_line(int radius, int n, size_t step, const double *in, double *o
     }
 }
 
+/* The mean square distance of the depths round a pixel from the plane through them. */
+static double bend_square(const float *depth, hada_map_size size, int y, int x)
+{
+    const double pixels = (2.0 * BEND_RADIUS + 1.0) * (2.0 * BEND_RADIUS + 1.0);
+    /* of i^2, or of j^2, over them */
+    const double inertia = pixels * BEND_RADIUS * (BEND_RADIUS + 1.0) / 3.0;
+    double sum = 0.0, square = 0.0, down = 0.0, along = 0.0;
+    for (int i = -BEND_RADIUS; i <= BEND_RADIUS; i++)
+        for (int j = -BEND_RADIUS; j <= BEND_RADIUS; j++) {
+            const size_t row = (size_t)within(y + i, size.rows), col = (size_t)within(x + j, size.cols);
+            const double d = depth[row * (size_t)size.cols + col];
+            sum += d;
+            square += d * d;
+            down += i * d;
+            along += j * d;
+        }
+    return fmax((square - sum * sum / pixels - (down * down + along * along) / inertia) / pixels, 0.0);
+}
+
 hada_status hada_map_confidence(const float *texture, int channels, const float *depth, hada_map_size size,
                                 double noise, const double *shift, int depths, int radius, float *confidence,
                                 hada_error *err)
@@ -282,10 +353,11 @@ hada_status hada_map_confidence(const float *texture, int channels, const float 
     for (int x = 0; x < size.cols; x++)
         sum_line(radius, size.rows, (size_t)size.cols, work + x, memory + x);
     for (size_t i = 0; i < area; i++) {
-        const double s = shift[within((int)lround(depth[i]), depths)];
-        /* (0.5 / standard deviation)^2 */
-        const double sure = 0.25 * s * s * fmax(memory[i], 0.0) / (noise * noise + 1e-300);
-        confidence[i] = (float)(isfinite(sure) ? sure / (1.0 + sure) : 1.0);
+        const double moved = shift[within((int)lround(depth[i]), depths)];
+        const double seen = moved * moved * fmax(memory[i], 0.0);
+        const double bend = bend_square(depth, size, (int)(i / (size_t)size.cols), (int)(i % (size_t)size.cols));
+        /* variances over 0.5^2 */
+        confidence[i] = seen > 0.0 ? (float)(1.0 / (1.0 + 4.0 * (noise * noise / seen + BEND * BEND * bend))) : 0.0F;
     }
 done:
     free(memory);

@@ -31,6 +31,10 @@ hada_status hada_map_band(const float *depth, hada_map_size from, double scale, 
 /* Linear between the pixels of `in`, which go on outside as they are at its edge. */
 void hada_map_resample(const float *in, hada_map_size from, float *out, hada_map_size to, const hada_map_place *place);
 
+/* In place: where depths of the 3 x 3 pixels round one are further apart than `jump`, their median by light. A pixel
+ * that stands on a jump has the light of both sides, and none of their depths. */
+hada_status hada_map_sharpen(float *depth, const float *light, hada_map_size size, double jump, hada_error *err);
+
 /* In place, towards the minimum over depths of  sum 1/2 light (d - depth)^2 + weight sum edge |grad d|,  light in units
  * of its mean times `data`, edge = exp(-|grad texture| / (tolerance mean texture)), |grad texture| over all channels: a
  * fixed number of primal-dual steps (A. Chambolle and T. Pock, Journal of Mathematical Imaging and Vision 40(1), 120
@@ -44,10 +48,11 @@ void hada_map_rule_init(hada_map_rule *rule);
 hada_status hada_map_smooth(float *depth, const float *light, const float *texture, int channels, hada_map_size size,
                             const hada_map_rule *rule, hada_error *err);
 
-/* How sure the depth of a pixel is: 1 / (1 + (s / 0.5)^2), s its standard deviation in depths of the camera:
- * noise / (shift * root of the sum of |grad texture|^2 over channels and (2 radius + 1)^2 pixels). noise: of the
- * gradient by which the texture was found; shift: rms, of the PSF's light from a depth to the next, in pixels, at each
- * depth of the camera; depth in depths of the camera. */
+/* How sure the depth of a pixel is: 1 / (1 + (s / 0.5)^2), s^2 the sum of the squares of two deviations in depths of
+ * the camera: noise / (shift * root of the sum of |grad texture|^2 over channels and (2 radius + 1)^2 pixels); and
+ * twice the rms distance of the depths of 7 x 7 pixels from the plane through them, which is large at jumps, where a
+ * pixel's depth is that of one side or the other. noise: of the gradient by which the texture was found; shift: rms, of
+ * the PSF's light from a depth to the next, in pixels, at each depth of the camera; depth in depths of the camera. */
 hada_status hada_map_confidence(const float *texture, int channels, const float *depth, hada_map_size size,
                                 double noise, const double *shift, int depths, int radius, float *confidence,
                                 hada_error *err);

@@ -14,6 +14,8 @@ static const char what[] = "a surface";
 #define BLUR 0.5
 /* A level between holds planes up to so many depths of the camera from what the coarser one found near a pixel. */
 #define BAND 1.5
+/* Depths of neighbouring pixels further apart than this, in depths of the camera, stand on both sides of a jump. */
+#define JUMP 1.0
 /* Largest curvatures of the data terms: of planes their number and this, of a texture. */
 #define PLANES_BOUND  0.5
 #define TEXTURE_BOUND 1.5
@@ -330,6 +332,7 @@ static hada_status solve_planes(hada_surface *s, int l, const hada_surface_rule 
     if (l + 2 < s->levels)
         goto done;
     add_planes(s, plan, s->image[0]);
+    HADA_TRY(hada_map_sharpen(s->depth[0], s->sum, size_of(plan), JUMP, err));
     HADA_TRY(hada_map_smooth(s->depth[0], s->sum, s->image[0], plan->shape.channels, size_of(plan), &smooth, err));
 done:
     return status;

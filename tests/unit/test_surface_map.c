@@ -159,10 +159,59 @@ static void test_confidence(void **state)
     assert_true(sure[7 * COLS + 4] == 0.0F && sure[6 * COLS + 4] > 0.0F);
 }
 
+/* A pixel with the light of both sides of a jump takes a side; maps without jumps stay. */
+static void test_sharpen(void **state)
+{
+    static float depth[AREA], light[AREA];
+    (void)state;
+    for (int i = 0; i < AREA; i++) {
+        depth[i] = i % COLS < 8 ? 2.0F : i % COLS > 8 ? 6.0F : 4.5F;
+        light[i] = i % COLS < 9 ? 1.0F : 1.2F;
+    }
+    ASSERT_OK(hada_map_sharpen(depth, light, whole, 1.0, err));
+    for (int i = 0; i < AREA; i++)
+        assert_true(depth[i] == (i % COLS < 8 ? 2.0F : i % COLS > 8 ? 6.0F : 4.5F));
+    for (int i = 0; i < AREA; i++)
+        light[i] = i % COLS == 8 ? 0.1F : i % COLS > 8 ? 3.0F : 1.0F;
+    ASSERT_OK(hada_map_sharpen(depth, light, whole, 1.0, err));
+    for (int i = 0; i < AREA; i++)
+        assert_true(depth[i] == (i % COLS < 8 ? 2.0F : 6.0F));
+    for (int i = 0; i < AREA; i++)
+        depth[i] = 0.4F * (float)(i % COLS);
+    ASSERT_OK(hada_map_sharpen(depth, light, whole, 1.0, err));
+    for (int i = 0; i < AREA; i++)
+        assert_true(depth[i] == 0.4F * (float)(i % COLS));
+}
+
+/* Depths on a plane, however steep, are as sure as their texture; beside a jump they are not. */
+static void test_bend(void **state)
+{
+    static float texture[AREA], depth[AREA], sure[2][AREA];
+    const double shift[3] = {1.0, 1.0, 1.0};
+    (void)state;
+    for (int i = 0; i < AREA; i++) {
+        texture[i] = (float)((i / COLS + i % COLS) % 2);
+        depth[i] = 0.3F * (float)(i % COLS) - 0.2F * (float)(i / COLS);
+    }
+    ASSERT_OK(hada_map_confidence(texture, 1, depth, whole, 1e-3, shift, 3, 1, sure[0], err));
+    for (int y = 3; y < ROWS - 3; y++)
+        for (int x = 3; x < COLS - 3; x++)
+            assert_true(sure[0][y * COLS + x] > 0.999F);
+    for (int i = 0; i < AREA; i++)
+        depth[i] = i % COLS < 9 ? 0.0F : 2.0F;
+    ASSERT_OK(hada_map_confidence(texture, 1, depth, whole, 1e-3, shift, 3, 1, sure[1], err));
+    assert_true(sure[1][5 * COLS + 3] > 0.999F && sure[1][5 * COLS + 14] > 0.999F);
+    /* of the columns -3 ... 3 the last four are 2 */
+    const double mean = 8.0 / 7.0, slope = 2.0 * (0 + 1 + 2 + 3) / 28.0;
+    const double bend = 16.0 / 7.0 - mean * mean - slope * slope * 28.0 / 7.0;
+    assert_near(sure[1][5 * COLS + 9], 1.0 / (1.0 + 16.0 * bend), 1e-4);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_centre),   cmocka_unit_test(test_band),
                                        cmocka_unit_test(test_resample), cmocka_unit_test(test_smooth_exact),
-                                       cmocka_unit_test(test_smooth),   cmocka_unit_test(test_confidence)};
+                                       cmocka_unit_test(test_smooth),   cmocka_unit_test(test_confidence),
+                                       cmocka_unit_test(test_sharpen),  cmocka_unit_test(test_bend)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -98,3 +98,28 @@ __kernel void net_part(__global const float *from, __global float *to, hada_plan
     for (; x < last; x++)
         b[x] = a[x];
 }
+
+/* Planes [plane][value] that together explain a frame. Work-items: values. */
+
+__kernel void net_add_planes(__global const float *planes, __global float *sum, ulong offset, ulong values, int count)
+{
+    const ulong i = get_global_id(0);
+    float total = 0.0f;
+    if (i >= values)
+        return;
+    for (int k = 0; k < count; k++)
+        total += planes[offset + k * values + i];
+    sum[i] = total;
+}
+
+/* A plane, and beside it what the others hold. */
+__kernel void net_beside(__global const float *planes, __global const float *sum, __global float *out, ulong offset,
+                         ulong out_offset, ulong values)
+{
+    const ulong i = get_global_id(0);
+    if (i >= values)
+        return;
+    const float own = planes[offset + i];
+    out[out_offset + i] = own;
+    out[out_offset + values + i] = sum[i] - own;
+}

@@ -184,7 +184,7 @@ static void run(const perf_case *c, int rounds, int at_once)
                                         .variation = 5e-7};
     must(perf_train_model(&model, c->frame, c->window, &err));
     for (int i = 0; samples && i < at_once; i++)
-        samples[i] = (hada_sample){0, &input, &scene, 0};
+        samples[i] = (hada_sample){0, &input, &scene, 0, 0.0};
     if (c->net)
         must(hada_net_create_preset(&net, c->net, 3, 1, &err));
     if (c->stage == HADA_STAGE_ADVERSARIAL) {

@@ -106,15 +106,23 @@ static int is_of_the_device(hada_status status)
            status == HADA_ERROR_SELF_TEST;
 }
 
+/* Without the lock: whoever takes the message may ask for the state of the queues. */
+static void tell_loss(hada_dispatcher *dispatcher, const hada_queue_worker *worker, const hada_error *error)
+{
+    pthread_mutex_lock(&dispatcher->lock);
+    const int others = dispatcher->alive > 1;
+    pthread_mutex_unlock(&dispatcher->lock);
+    hada_log(worker->context, HADA_LOG_WARNING, "queue %d of device %d (%s) is out of use: %s%s", worker->number,
+             worker->info.device, worker->context->info.name, error->message,
+             others ? "; the others take over its work" : "");
+}
+
 /* The worker goes out of use. When it was the last one, all may try again: the next frame is not to blame. Returns how
  * many are left now. */
-static int lose(hada_dispatcher *dispatcher, hada_queue_worker *worker, const hada_error *error)
+static int lose(hada_dispatcher *dispatcher, hada_queue_worker *worker)
 {
     const int left = --dispatcher->alive;
     worker->info.lost = 1;
-    hada_log(worker->context, HADA_LOG_WARNING, "queue %d of device %d (%s) is out of use: %s%s", worker->number,
-             worker->info.device, worker->context->info.name, error->message,
-             left ? "; the others take over its work" : "");
     for (int i = 0; !left && i < dispatcher->worker_count; i++) {
         dispatcher->workers[i].info.lost = 0;
         dispatcher->alive++;
@@ -146,6 +154,8 @@ static void run_frame(hada_dispatcher *dispatcher, hada_queue_worker *worker, ha
     const double start = hada_seconds();
     const hada_status status = hada_worker_run(worker, job, &error);
     const double busy = hada_seconds() - start;
+    if (is_of_the_device(status))
+        tell_loss(dispatcher, worker, &error);
     pthread_mutex_lock(&dispatcher->lock);
     worker->info.busy_seconds += busy;
     job->worker = NULL;
@@ -156,7 +166,7 @@ static void run_frame(hada_dispatcher *dispatcher, hada_queue_worker *worker, ha
     }
     if (!job->error.status)
         job->error = error; /* the first failure is the one to tell */
-    if (lose(dispatcher, worker, &error)) {
+    if (lose(dispatcher, worker)) {
         push_front(&dispatcher->waiting, job);
         pthread_cond_broadcast(&dispatcher->changed);
     } else {
@@ -192,12 +202,15 @@ static void help(hada_dispatcher *dispatcher, hada_queue_worker *worker, hada_jo
     const double start = hada_seconds();
     const hada_status status = help_once(worker, job, &error);
     const double busy = hada_seconds() - start;
+    const int lost = status && status != HADA_ERROR_CANCELLED;
+    if (lost)
+        tell_loss(dispatcher, worker, &error);
     pthread_mutex_lock(&dispatcher->lock);
     worker->info.busy_seconds += busy;
     job->helpers--;
     pthread_cond_broadcast(&dispatcher->changed);
-    if (status && status != HADA_ERROR_CANCELLED)
-        lose(dispatcher, worker, &error);
+    if (lost)
+        lose(dispatcher, worker);
 }
 
 static void *work(void *argument)

@@ -209,7 +209,7 @@ hada_status hada_pipeline_joint(hada_pipeline *pipeline, hada_frame *frame, hada
         HADA_TRY(hada_pipeline_take_surface(pipeline, frame, energy, err));
         goto done;
     }
-    HADA_TRY(hada_pipeline_enhance(pipeline, frame, planes_of(pipeline), count, err));
+    HADA_TRY(hada_pipeline_enhance(pipeline, frame, planes_of(pipeline), count, 1, err));
     HADA_TRY(hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_enhance, err));
     HADA_TRY(focus(pipeline, frame, count, err));
     HADA_TRY(read_planes(pipeline, frame, count, err));

@@ -58,7 +58,7 @@ static hada_status own_batch(hada_pipeline *pipeline, hada_frame *frame, int fir
     hada_status status = HADA_OK;
     HADA_TRY(compute(pipeline, frame, first, count, err));
     HADA_TRY(hada_pipeline_lap(pipeline, frame, &report->seconds_linear, err));
-    HADA_TRY(hada_pipeline_enhance(pipeline, frame, pipeline->planes.mem, count, err));
+    HADA_TRY(hada_pipeline_enhance(pipeline, frame, pipeline->planes.mem, count, 0, err));
     HADA_TRY(hada_pipeline_lap(pipeline, frame, &report->seconds_enhance, err));
     if (first == *next) {
         *next += count;
@@ -136,7 +136,7 @@ hada_status hada_pipeline_linear_batch(hada_pipeline *pipeline, hada_frame *fram
 {
     hada_status status = HADA_OK;
     HADA_TRY(compute(pipeline, frame, first, count, err));
-    HADA_TRY(hada_pipeline_enhance(pipeline, frame, pipeline->planes.mem, count, err));
+    HADA_TRY(hada_pipeline_enhance(pipeline, frame, pipeline->planes.mem, count, 0, err));
     HADA_TRY(read_planes(pipeline, frame, first, count, err));
 done:
     return status;

@@ -39,13 +39,14 @@ done:
     return status;
 }
 
-hada_status hada_pipeline_enhance(hada_pipeline *pipeline, hada_frame *frame, cl_mem planes, int count, hada_error *err)
+hada_status hada_pipeline_enhance(hada_pipeline *pipeline, hada_frame *frame, cl_mem planes, int count, int together,
+                                  hada_error *err)
 {
     int computed, left_out;
     if (!pipeline->enhance)
         return HADA_OK;
     hada_slot_stage(pipeline->slot, "enhance");
-    hada_status status = hada_enhance_run(pipeline->enhance, planes, 0, count, err);
+    hada_status status = hada_enhance_run(pipeline->enhance, planes, 0, count, together, err);
     hada_enhance_counts(pipeline->enhance, &computed, &left_out);
     atomic_fetch_add(&frame->enhanced, count);
     atomic_fetch_add(&frame->tiles, computed);

@@ -51,8 +51,9 @@ void hada_pipeline_apply_skip(hada_pipeline *pipeline, const hada_frame *frame);
 /* Frame and spectrum of a prepared frame stand in the Hadamard stage; nothing is done where they do already. */
 hada_status hada_pipeline_load(hada_pipeline *pipeline, hada_frame *frame, hada_error *err);
 
-/* `count` planes through the model's net, in place. Nothing where the plan uses none. */
-hada_status hada_pipeline_enhance(hada_pipeline *pipeline, hada_frame *frame, cl_mem planes, int count,
+/* `count` planes through the model's net, in place; together: 1 where they are all that explain the frame jointly.
+ * Nothing where the plan uses none. */
+hada_status hada_pipeline_enhance(hada_pipeline *pipeline, hada_frame *frame, cl_mem planes, int count, int together,
                                   hada_error *err);
 
 /* Plane number `place` of those that stand one after the other, into the result as that of a depth; with the caller's

@@ -157,7 +157,7 @@ hada_status hada_pipeline_take_surface(hada_pipeline *pipeline, hada_frame *fram
     if (frame->energy > 0)
         report->residual = sqrt(energy / frame->energy);
     HADA_TRY(hada_result_make_confidence(result, err));
-    HADA_TRY(hada_pipeline_enhance(pipeline, frame, view.mem, 1, err));
+    HADA_TRY(hada_pipeline_enhance(pipeline, frame, view.mem, 1, 1, err));
     HADA_TRY(hada_pipeline_lap(pipeline, frame, &report->seconds_enhance, err));
     hada_slot_stage(pipeline->slot, "download");
     HADA_TRY(hada_buffer_read(&view, pipeline->slot, 0, result->all_in_focus.data, view.bytes, err));

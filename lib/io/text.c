@@ -88,3 +88,15 @@ double hada_text_number(const char *from, const char **end)
     *end = rest;
     return strtod(text, NULL);
 }
+
+void hada_format_exact(char *out, size_t room, double value)
+{
+    static const char *const formats[] = {"%g",    "%.7g",  "%.8g",  "%.9g",  "%.10g", "%.11g",
+                                          "%.12g", "%.13g", "%.14g", "%.15g", "%.16g", "%.17g"};
+    const char *end;
+    for (size_t i = 0; i < sizeof formats / sizeof *formats; i++) {
+        hada_format_number(out, room, formats[i], value);
+        if (hada_text_number(out, &end) == value)
+            return;
+    }
+}

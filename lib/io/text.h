@@ -18,6 +18,9 @@ void hada_text_add(hada_text *text, const char *format, ...) HADA_PRINTF(2, 3);
 void hada_text_add_number(hada_text *text, double value);
 /* As snprintf with "%*.*e" or "%.*g", with a decimal point. */
 void hada_format_number(char *out, size_t room, const char *format, double value);
+/* The shortest decimal, of 6 digits at least where there are as many, that reads back as the same value: numbers that
+ * differ have names that differ. */
+void hada_format_exact(char *out, size_t room, double value);
 /* The decimal number at `from` behind blanks, correctly rounded, '.' being the decimal point whatever the locale is. 0
  * and *end == from where there is none, or one of more than 120 characters. */
 double hada_text_number(const char *from, const char **end);

@@ -188,7 +188,9 @@ hada_status hada_model_own_enhance(hada_model *model, hada_net *net, int rows, i
     model->info.enhance_rows = rows;
     model->info.enhance_cols = cols;
     hada_net_get_info(net, &info);
-    if (info.channels != model->info.channels || info.out_channels != model->info.channels)
+    /* twice as many: it sees what the other planes hold beside its own */
+    const int fits = info.channels == model->info.channels || info.channels == 2 * model->info.channels;
+    if (!fits || info.out_channels != model->info.channels)
         return hada_fail(err, HADA_ERROR_MODEL,
                          "the net takes images of %d channel(s) and gives %d; the model's planes have %d",
                          info.channels, info.out_channels, model->info.channels);

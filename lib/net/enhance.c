@@ -16,13 +16,14 @@ struct hada_enhance {
     hada_buffer values, content;
     hada_buffer window, scaled;         /* resized: tensors at the window's and at the net's size */
     hada_buffer full_in, full_out, out; /* tiled: planar images of the whole, and of one tile */
+    hada_buffer sum, beside;            /* of all planes; a plane and what the others hold */
     hada_tensor window_tensor, scaled_tensor;
     float *map; /* [rows][content_cells] */
     int computed, left_out;
 };
 
 /* Bytes of the buffers beside the graph, in the order of the struct. */
-enum { BUFFERS = 7 };
+enum { BUFFERS = 9 };
 static void sizes_of(const hada_context *context, const hada_enhance_desc *desc, const hada_enhance_shape *shape,
                      size_t *bytes)
 {
@@ -32,8 +33,11 @@ static void sizes_of(const hada_context *context, const hada_enhance_desc *desc,
     bytes[1] = (size_t)desc->rows * (size_t)shape->content_cells * sizeof(float);
     bytes[2] = shape->resized ? hada_enhance_window_floats(context, desc) * sizeof(float) : 0;
     bytes[3] = shape->resized && shape->tiled ? hada_enhance_scaled_floats(context, desc, shape) * sizeof(float) : 0;
-    bytes[4] = bytes[5] = full;
+    bytes[4] = full * (size_t)shape->inputs;
+    bytes[5] = full;
     bytes[6] = shape->tiled ? planes * (size_t)shape->tile_rows * (size_t)shape->tile_cols : 0;
+    bytes[7] = shape->inputs > 1 ? planes * (size_t)desc->rows * (size_t)desc->cols : 0;
+    bytes[8] = 2 * bytes[7];
 }
 
 hada_status hada_enhance_bytes(const hada_context *context, const hada_enhance_desc *desc, size_t *bytes,
@@ -57,8 +61,8 @@ static hada_status make_buffers(hada_enhance *e, hada_error *err)
     hada_status status = HADA_OK;
     hada_context *context = e->slot->context;
     const hada_net *net = e->desc.net;
-    hada_buffer *const buffers[BUFFERS] = {&e->values,  &e->content,  &e->window, &e->scaled,
-                                           &e->full_in, &e->full_out, &e->out};
+    hada_buffer *const buffers[BUFFERS] = {&e->values,   &e->content, &e->window, &e->scaled, &e->full_in,
+                                           &e->full_out, &e->out,     &e->sum,    &e->beside};
     size_t bytes[BUFFERS];
     sizes_of(context, &e->desc, &e->shape, bytes);
     HADA_TRY(hada_buffer_create_from(&e->values, e->slot, net->values, bytes[0], "the net's weights", err));
@@ -103,8 +107,8 @@ void hada_enhance_destroy(hada_enhance **pointer)
     hada_enhance *e = *pointer;
     *pointer = NULL;
     hada_graph_destroy(&e->graph);
-    hada_buffer *const buffers[BUFFERS] = {&e->values,  &e->content,  &e->window, &e->scaled,
-                                           &e->full_in, &e->full_out, &e->out};
+    hada_buffer *const buffers[BUFFERS] = {&e->values,   &e->content, &e->window, &e->scaled, &e->full_in,
+                                           &e->full_out, &e->out,     &e->sum,    &e->beside};
     for (int i = 0; i < BUFFERS; i++)
         hada_buffer_destroy(buffers[i]);
     free(e->map);
@@ -142,10 +146,11 @@ static hada_planar_layout layout_of(const part *p)
                                 .row = row};
 }
 
-static hada_status copy(const hada_enhance *e, const part *from, const part *to, int rows, int cols, hada_error *err)
+static hada_status copy(const hada_enhance *e, const part *from, const part *to, int rows, int cols, int channels,
+                        hada_error *err)
 {
-    const hada_range range = hada_layer_flat_range(e->slot, hada_divide_up((size_t)cols, HADA_PART_COLS),
-                                                   (size_t)rows * (size_t)e->desc.channels);
+    const hada_range range =
+        hada_layer_flat_range(e->slot, hada_divide_up((size_t)cols, HADA_PART_COLS), (size_t)rows * (size_t)channels);
     return hada_launch_net_part(e->slot, HADA_PROGRAM_NET_TENSOR_DEFAULT, &range, err, .from = from->mem, .to = to->mem,
                                 .at_from = layout_of(from), .at_to = layout_of(to), .rows = rows, .cols = cols);
 }
@@ -195,7 +200,9 @@ static hada_status run_whole(hada_enhance *e, cl_mem planes, size_t offset, hada
     const hada_planar plane = planar_of(e, planes, offset, e->desc.rows, e->desc.cols, 0, 0);
     const hada_tensor *x = hada_graph_input(e->graph), *y = hada_graph_output(e->graph);
     e->computed++;
-    HADA_TRY(hada_tensor_load(e->slot, &plane, e->shape.resized ? &e->window_tensor : x, err));
+    const hada_planar seen =
+        e->shape.inputs > 1 ? planar_of(e, e->beside.mem, 0, e->desc.rows, e->desc.cols, 0, 0) : plane;
+    HADA_TRY(hada_tensor_load(e->slot, &seen, e->shape.resized ? &e->window_tensor : x, err));
     if (e->shape.resized) {
         HADA_TRY(hada_tensor_clear_halo(e->slot, x, err));
         HADA_TRY(hada_resize_forward(e->slot, HADA_RESIZE_LINEAR, &e->window_tensor, x, err));
@@ -230,7 +237,7 @@ static hada_status run_tile(hada_enhance *e, int down, int right, hada_error *er
     HADA_TRY(hada_tensor_load(e->slot, &in, hada_graph_input(e->graph), err));
     HADA_TRY(run_graph(e, err));
     HADA_TRY(hada_tensor_store(e->slot, hada_graph_output(e->graph), &out, err));
-    HADA_TRY(copy(e, &tile, &whole, rows, cols, err));
+    HADA_TRY(copy(e, &tile, &whole, rows, cols, e->desc.channels, err));
 done:
     return status;
 }
@@ -241,10 +248,13 @@ static hada_status bring(hada_enhance *e, cl_mem planes, size_t offset, int back
     hada_status status = HADA_OK;
     const hada_enhance_shape *s = &e->shape;
     const part plane = {planes, offset, e->desc.rows, e->desc.cols, 0, 0};
+    const part seen = {e->beside.mem, 0, e->desc.rows, e->desc.cols, 0, 0};
     const part in = {e->full_in.mem, 0, s->full_rows, s->full_cols, 0, 0};
     const part out = {e->full_out.mem, 0, s->full_rows, s->full_cols, 0, 0};
+    if (!s->resized && back)
+        return copy(e, &out, &plane, s->rows, s->cols, e->desc.channels, err);
     if (!s->resized)
-        return copy(e, back ? &out : &plane, back ? &plane : &in, s->rows, s->cols, err);
+        return copy(e, s->inputs > 1 ? &seen : &plane, &in, s->rows, s->cols, s->inputs * e->desc.channels, err);
     const hada_planar here = planar_of(e, planes, offset, e->desc.rows, e->desc.cols, 0, 0);
     const hada_planar there =
         planar_of(e, back ? e->full_out.mem : e->full_in.mem, 0, s->full_rows, s->full_cols, 0, 0);
@@ -271,12 +281,39 @@ done:
     return status;
 }
 
-hada_status hada_enhance_run(hada_enhance *e, cl_mem planes, size_t offset, int count, hada_error *err)
+/* The sum of planes that belong together; otherwise each is its own sum, so that nothing stands beside it. */
+static hada_status add_up(hada_enhance *e, cl_mem planes, size_t offset, int count, hada_error *err)
+{
+    const size_t values = (size_t)e->desc.channels * (size_t)e->desc.rows * (size_t)e->desc.cols;
+    const hada_range range = hada_layer_flat_range(e->slot, values, 1);
+    if (e->shape.inputs < 2)
+        return HADA_OK;
+    return hada_launch_net_add_planes(e->slot, HADA_PROGRAM_NET_TENSOR_DEFAULT, &range, err, .planes = planes,
+                                      .sum = e->sum.mem, .offset = offset, .values = values, .count = count);
+}
+
+static hada_status put_beside(hada_enhance *e, cl_mem planes, size_t offset, hada_error *err)
+{
+    const size_t values = (size_t)e->desc.channels * (size_t)e->desc.rows * (size_t)e->desc.cols;
+    const hada_range range = hada_layer_flat_range(e->slot, values, 1);
+    if (e->shape.inputs < 2)
+        return HADA_OK;
+    return hada_launch_net_beside(e->slot, HADA_PROGRAM_NET_TENSOR_DEFAULT, &range, err, .planes = planes,
+                                  .sum = e->sum.mem, .out = e->beside.mem, .offset = offset, .out_offset = 0,
+                                  .values = values);
+}
+
+hada_status hada_enhance_run(hada_enhance *e, cl_mem planes, size_t offset, int count, int together, hada_error *err)
 {
     hada_status status = HADA_OK;
     const size_t plane = (size_t)e->desc.channels * (size_t)e->desc.rows * (size_t)e->desc.cols;
     e->computed = e->left_out = 0;
+    if (together)
+        HADA_TRY(add_up(e, planes, offset, count, err));
     for (int i = 0; i < count; i++, offset += plane) {
+        if (!together)
+            HADA_TRY(add_up(e, planes, offset, 1, err));
+        HADA_TRY(put_beside(e, planes, offset, err));
         HADA_TRY(map_content(e, planes, offset, err));
         if (!has_content(e, 0, 0, e->desc.rows, e->desc.cols))
             e->left_out += e->shape.tiles_down * e->shape.tiles_right;

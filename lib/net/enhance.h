@@ -4,7 +4,10 @@
  * comes out below zero becomes zero, as intensities are. A plane without content is left alone. Where memory is too
  * short for the whole plane at once it is run in tiles with a halo of what they depend on: the tiles that are computed
  * hold the bits that the whole plane at once would have given by direct convolutions, and tiles that see no content at
- * all, halo included, are dark. Sizes that are no multiple of what tiles need are filled up with zeros then. */
+ * all, halo included, are dark. Sizes that are no multiple of what tiles need are filled up with zeros then.
+ *
+ * A net that takes twice the planes' channels sees beside a plane the light of all others that explain the frame
+ * together with it: their sum (before they are enhanced), 0 where there are none. It runs at the window's size. */
 #ifndef HADA_NET_ENHANCE_H
 #define HADA_NET_ENHANCE_H
 
@@ -22,6 +25,12 @@ typedef struct hada_enhance_desc {
 
 typedef struct hada_enhance hada_enhance;
 
+/* Whether a net sees the other planes beside its own. */
+static inline int hada_enhance_sees_others(const hada_net *net, int channels)
+{
+    return net->colours == 1 && net->layers[0].channels == 2 * channels;
+}
+
 /* HADA_ERROR_MODEL where the net cannot take and give planes like these. */
 hada_status hada_enhance_bytes(const hada_context *context, const hada_enhance_desc *desc, size_t *bytes,
                                hada_error *err);
@@ -30,9 +39,10 @@ hada_status hada_enhance_bytes(const hada_context *context, const hada_enhance_d
 hada_status hada_enhance_create(hada_enhance **out, hada_slot *slot, const hada_enhance_desc *desc, hada_error *err);
 void hada_enhance_destroy(hada_enhance **enhance);
 
-/* Enhances `count` planes [plane][channel][row][col] that begin at float `offset`, in place. Waits for each plane's
- * content, not for the end. */
-hada_status hada_enhance_run(hada_enhance *enhance, cl_mem planes, size_t offset, int count, hada_error *err);
+/* Enhances `count` planes [plane][channel][row][col] that begin at float `offset`, in place. together: 1 where these
+ * are all that explain a frame jointly. Waits for each plane's content, not for the end. */
+hada_status hada_enhance_run(hada_enhance *enhance, cl_mem planes, size_t offset, int count, int together,
+                             hada_error *err);
 
 /* How many tiles the last run computed and left out; a plane that is run at once is a tile. */
 void hada_enhance_counts(const hada_enhance *enhance, int *computed, int *left_out);

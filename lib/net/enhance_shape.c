@@ -12,6 +12,14 @@ static hada_status check_net(const hada_enhance_desc *desc, int rows, int cols, 
     hada_net_info info;
     hada_size *sizes = NULL;
     hada_net_get_info(desc->net, &info);
+    if (hada_enhance_sees_others(desc->net, desc->channels)) {
+        if (rows != desc->rows || cols != desc->cols)
+            return hada_fail(err, HADA_ERROR_MODEL,
+                             "the net for enhancement sees the other planes beside its own, so it runs at the window's "
+                             "size, %d x %d, not at %d x %d",
+                             desc->rows, desc->cols, rows, cols);
+        info.channels = desc->channels;
+    }
     if (info.channels != desc->channels || info.out_channels != desc->channels)
         return hada_fail(err, HADA_ERROR_MODEL,
                          "the net for enhancement takes %d channel(s) and gives %d, but the planes have %d",
@@ -106,6 +114,7 @@ hada_status hada_enhance_shape_of(const hada_context *context, const hada_enhanc
                                   .tiles_down = 1,
                                   .tiles_right = 1};
     shape->resized = shape->rows != desc->rows || shape->cols != desc->cols;
+    shape->inputs = hada_enhance_sees_others(desc->net, desc->channels) ? 2 : 1;
     HADA_TRY(check_net(desc, shape->rows, shape->cols, err));
     if (desc->tile_rows <= 1 && desc->tile_cols <= 1)
         HADA_TRY(try_size(context, desc, limit, shape, shape->rows, shape->cols, &fits, err));

@@ -10,6 +10,7 @@
 typedef struct hada_enhance_shape {
     int rows, cols;           /* at which the net runs */
     int resized;              /* they are not the window's */
+    int inputs;               /* 2: the net sees the other planes beside its own; else 1 */
     int tiled;                /* several tiles; the rest of this is only then */
     int full_rows, full_cols; /* rows and cols, filled up to multiples */
     int core_rows, core_cols; /* of a tile's own */

@@ -376,11 +376,13 @@ void hada_net_get_info(const hada_net *net, hada_net_info *info)
                             .values = net->floats};
 }
 
-/* Pixels along one axis; 0 or less: none are left. */
+/* Pixels along one axis; 0 or less: none are left. Pads may be as large as kernels. */
 static int conv_pixels(const hada_layer *layer, int in)
 {
-    if (layer->transposed)
-        return (in - 1) * layer->stride - 2 * layer->pad + layer->kernel + layer->output_pad;
+    if (layer->transposed) {
+        const int64_t out = ((int64_t)in - 1) * layer->stride - 2 * layer->pad + layer->kernel + layer->output_pad;
+        return out > MOST_PIXELS ? MOST_PIXELS + 1 : (int)out;
+    }
     return in + 2 * layer->pad < layer->kernel ? 0 : (in + 2 * layer->pad - layer->kernel) / layer->stride + 1;
 }
 

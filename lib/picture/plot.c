@@ -157,6 +157,9 @@ static void tick(hada_plot *plot, int across, double value, int numbered)
     }
 }
 
+/* Far more than steps make; above 2^53 a number and the next are one, and counting would not end. */
+enum { MOST_TICKS = 64 };
+
 static void ticks(hada_plot *plot, int across)
 {
     const hada_plot_axis *axis = across ? &plot->panel.across : &plot->panel.up;
@@ -166,8 +169,9 @@ static void ticks(hada_plot *plot, int across)
     const double decades = axis->logarithmic ? log10(axis->high / axis->low) : 0;
     if (decades < 0.8) {
         const double step = hada_drawing_step(axis->high - axis->low, 5);
-        for (double v = ceil(axis->low / step - 1e-9) * step; v <= axis->high + 1e-9 * step; v += step)
-            tick(plot, across, v, 1);
+        const double first = ceil(axis->low / step - 1e-9) * step;
+        for (int i = 0; i < MOST_TICKS && first + i * step <= axis->high + 1e-9 * step; i++)
+            tick(plot, across, first + i * step, 1);
         return;
     }
     /* few decades: 2 and 5 have numbers too; many: only every other power */

@@ -183,6 +183,9 @@ static void draw_tick(const hada_sheet *sheet, int x, int y, int height, double 
     text(sheet, x + 12, y + baseline, BAR_TEXT - 12, ink, label);
 }
 
+/* Far more than steps make; above 2^53 a number and the next are one, and counting would not end. */
+enum { MOST_TICKS = 64 };
+
 static void draw_bar(const hada_sheet *sheet, int x, int y, int height)
 {
     const double range = sheet->far - sheet->near, step = hada_drawing_step(range, height >= 300 ? 8 : 4);
@@ -194,8 +197,9 @@ static void draw_bar(const hada_sheet *sheet, int x, int y, int height)
     draw_tick(sheet, x + BAR, y, height, sheet->far);
     /* Round numbers between the ends, where their text does not touch that of the ends. */
     const double clear = 1.2 * TEXT * range / height;
-    for (double k = ceil((sheet->near + clear) / step); k * step <= sheet->far - clear; k++)
-        draw_tick(sheet, x + BAR, y, height, k * step);
+    const double first = ceil((sheet->near + clear) / step);
+    for (int i = 0; i < MOST_TICKS && (first + i) * step <= sheet->far - clear; i++)
+        draw_tick(sheet, x + BAR, y, height, (first + i) * step);
 }
 
 static void caption(const hada_sheet *sheet, int x, int y, int width, const char *words)

@@ -105,22 +105,6 @@ static void show_end(shown *at)
     hada_image_destroy(&at->scene);
 }
 
-hada_status hada_fit_pass_boundary(hada_fit_options *fit, hada_context *context, const hada_fit_source *from,
-                                   hada_error *err)
-{
-    shown at = {.from = from, .why = "looks at pairs, for the boundary"};
-    const hada_status status =
-        hada_fit_find_boundary(fit, context, hada_dataset_get_info(from->data)->counts, show, &at, err);
-    show_end(&at);
-    if (status)
-        return status;
-    if (fit->boundary == HADA_BOUNDARY_CIRCULAR)
-        hada_monitor_tell(from->monitor, HADA_MESSAGE_DETAIL, "no light leaves the sensor: boundary circular");
-    else
-        hada_monitor_tell(from->monitor, HADA_MESSAGE_DETAIL, "light leaves the sensor: boundary padded");
-    return HADA_OK;
-}
-
 hada_status hada_fit_pass_learn_cropped(hada_fitter *fitter, const hada_fit_source *from, hada_error *err)
 {
     shown at = {.from = from, .why = "looks at pairs, for the light beyond the sensor"};

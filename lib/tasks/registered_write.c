@@ -1,11 +1,12 @@
 /* A data set with registered scenes. */
-#include <errno.h>
+#include <fcntl.h>
 #include <hadalens/tiff.h>
-#include <stdio.h>
+#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
+#include "core/input.h"
 #include "core/monitor.h"
 #include "core/options.h"
 #include "io/folder.h"
@@ -49,17 +50,12 @@ static hada_status choose_window(writing *w, hada_error *err)
 static hada_status copy_file(const char *from, const char *to, hada_error *err)
 {
     char *bytes = NULL;
-    long size = -1;
-    hada_status status = HADA_OK;
-    FILE *file = fopen(from, "rb");
-    if (file && !fseek(file, 0, SEEK_END) && (size = ftell(file)) >= 0 && !fseek(file, 0, SEEK_SET))
-        bytes = malloc((size_t)size + 1);
-    if (!bytes || fread(bytes, 1, (size_t)size, file) != (size_t)size)
-        HADA_TRY(hada_fail(err, HADA_ERROR_FILE_READ, "%s cannot be read: %s", from, strerror(errno)));
-    HADA_TRY(hada_file_write(to, bytes, (size_t)size, err));
-done:
-    if (file)
-        fclose(file);
+    size_t size;
+    hada_status status = hada_input_read(&bytes, &size, from, SIZE_MAX / 2, NULL, err);
+    if (status)
+        hada_error_prefix(err, "%s ", from);
+    else
+        status = hada_file_write(to, bytes, size, err);
     free(bytes);
     return status;
 }
@@ -94,7 +90,8 @@ static hada_status write_pair(const writing *w, int z, int i, const char *raws, 
     hada_status status = HADA_OK;
     HADA_TRY(hada_path_format(&raw, err, "%s/%s", raws, name_of(raw_from)));
     HADA_TRY(hada_path_format(&scene, err, "%s/%s", scenes, name_of(scene_from)));
-    if (link(raw_from, raw))
+    /* a link to what a link leads to: one that is relative would lead elsewhere from here */
+    if (linkat(AT_FDCWD, raw_from, AT_FDCWD, raw, AT_SYMLINK_FOLLOW))
         HADA_TRY(copy_file(raw_from, raw, err));
     HADA_TRY(write_scene(w, scene_from, scene, &w->report->depth[z].applied, err));
 done:
@@ -108,7 +105,7 @@ static hada_status write_depth(writing *w, int z, const char *folder, hada_error
     const hada_dataset_info *info = hada_dataset_get_info(w->data);
     char *raws = NULL, *scenes = NULL, distance[32];
     hada_status status = HADA_OK;
-    hada_format_number(distance, sizeof distance, "%g", info->distances_mm[z]);
+    hada_format_exact(distance, sizeof distance, info->distances_mm[z]);
     HADA_TRY(hada_path_format(&raws, err, "%s/z%smm/raw", folder, distance));
     HADA_TRY(hada_path_format(&scenes, err, "%s/z%smm/scene", folder, distance));
     HADA_TRY(hada_folder_ensure(raws, err));

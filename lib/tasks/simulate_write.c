@@ -141,7 +141,7 @@ static hada_status write_depth(hada_recipe *recipe, int z, const char *folder, h
 {
     char *raw = NULL, *scene = NULL, distance[32];
     hada_status status = HADA_OK;
-    hada_format_number(distance, sizeof distance, "%g", recipe->camera.distances_mm[z]);
+    hada_format_exact(distance, sizeof distance, recipe->camera.distances_mm[z]);
     HADA_TRY(hada_path_format(&raw, err, "%s/z%smm/raw", folder, distance));
     HADA_TRY(hada_path_format(&scene, err, "%s/z%smm/scene", folder, distance));
     HADA_TRY(make_folders(raw, scene, err));

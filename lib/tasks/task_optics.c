@@ -84,7 +84,7 @@ static hada_status write_picture(const hada_image *psf, double distance, const c
     char *path = NULL, number[32];
     if (!hada_pictures_available())
         return HADA_OK;
-    hada_format_number(number, sizeof number, "%.6g", distance);
+    hada_format_exact(number, sizeof number, distance);
     HADA_TRY(hada_path_format(&path, err, "%s/psf_z%smm.png", folder, number));
     HADA_TRY(hada_png_save(path, psf, HADA_AUTO, PSF_GAMMA, err));
 done:

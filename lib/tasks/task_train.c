@@ -26,6 +26,13 @@ void hada_train_task_defaults(hada_train_task *task, size_t size)
     HADA_OPTIONS_GIVE(task, size, &own);
 }
 
+/* Pairs of one part of the data set, whose first ones of each depth the other part may have. */
+typedef struct part {
+    const hada_dataset *data;
+    const hada_survey *survey; /* of the whole */
+    const int *before;         /* pairs of each depth; NULL: none */
+} part;
+
 /* All that a run holds. */
 typedef struct training {
     hada_train_task task;
@@ -33,6 +40,8 @@ typedef struct training {
     hada_train_work work;
     const hada_dataset *data;
     hada_dataset *learn, *held_out;
+    hada_survey *survey;
+    part learned, validated;
     const hada_model *model; /* the caller's, or `made` */
     hada_model *made;
 } training;
@@ -41,6 +50,7 @@ static void training_free(training *own)
 {
     hada_trainer_destroy(&own->work.trainer);
     hada_model_destroy(&own->made);
+    hada_survey_destroy(&own->survey);
     hada_dataset_destroy(&own->learn);
     hada_dataset_destroy(&own->held_out);
     free(own->work.log_folder);
@@ -130,6 +140,28 @@ static hada_status check_depths(const hada_model *model, const hada_dataset_info
                             data->distances_mm[data->depths - 1]);
 }
 
+/* The response of the scenes, where no model says it, and exposures: as in a fit. */
+static hada_status survey(training *own, hada_fit_options *fit, hada_error *err)
+{
+    const hada_train_task *task = &own->task;
+    const hada_fit_source whole = {.data = own->data, .monitor = task->monitor};
+    hada_status status = HADA_OK;
+    hada_fit_options_init(fit);
+    HADA_TRY(HADA_OPTIONS_TAKE(fit, task->fit, hada_fit_options, err));
+    HADA_TRY(hada_fit_options_from_dataset(fit, own->data, task->boundary, task->monitor, err));
+    if (own->model) {
+        const hada_model_info *info = hada_model_get_info(own->model);
+        fit->scene_response = info->scene_response;
+        fit->dark = info->dark;
+    }
+    HADA_TRY(hada_fit_pass_survey(&own->survey, &whole, fit, HADA_EXPOSURE_AUTO, err));
+    fit->scene_response = hada_survey_response(own->survey);
+    own->learned = (part){own->learn, own->survey, NULL};
+    own->validated = (part){own->held_out, own->survey, hada_dataset_get_info(own->learn)->counts};
+done:
+    return status;
+}
+
 static hada_status find_model(training *own, hada_context *context, hada_error *err)
 {
     const hada_train_task *task = &own->task;
@@ -138,17 +170,17 @@ static hada_status find_model(training *own, hada_context *context, hada_error *
     hada_status status = HADA_OK;
     own->model = task->model;
     if (own->model)
-        return check_depths(own->model, hada_dataset_get_info(own->data), err);
-    hada_fit_options_init(&fit);
-    HADA_TRY(HADA_OPTIONS_TAKE(&fit, task->fit, hada_fit_options, err));
-    HADA_TRY(hada_fit_options_from_dataset(&fit, own->data, task->boundary, task->monitor, err));
+        HADA_TRY(check_depths(own->model, hada_dataset_get_info(own->data), err));
+    HADA_TRY(survey(own, &fit, err));
+    if (own->model)
+        return HADA_OK;
     if (blank) {
         HADA_TRY(hada_model_blank(&own->made, &fit, err));
     } else { /* training goes on from the filters, so they are not judged in the window */
         hada_monitor_tell(task->monitor, HADA_MESSAGE_INFO,
                           "No model is given (options.model): the exact fit of the %d pairs to learn from comes first.",
                           own->work.state.learned);
-        const hada_fit_source from = {.data = own->learn, .monitor = task->monitor};
+        const hada_fit_source from = {.data = own->learn, .survey = own->survey, .monitor = task->monitor};
         HADA_TRY(hada_fit_exact(&own->made, context, &fit, &from, err));
     }
     own->model = own->made;
@@ -159,18 +191,22 @@ done:
 /* Called from several threads: reads nothing but what stays as it is. */
 static hada_status read_pair(void *user, int depth, int pair, hada_image *raw, hada_image *scene, hada_error *err)
 {
-    return hada_dataset_read(user, depth, pair, raw, scene, err);
+    const part *of = user;
+    const hada_status status = hada_dataset_read(of->data, depth, pair, raw, scene, err);
+    if (!status)
+        hada_survey_even(of->survey, depth, pair + (of->before ? of->before[depth] : 0), scene);
+    return status;
 }
 
-static hada_pairs as_pairs(hada_dataset *data)
+static hada_pairs as_pairs(part *of)
 {
-    const hada_dataset_info *info = hada_dataset_get_info(data);
+    const hada_dataset_info *info = hada_dataset_get_info(of->data);
     hada_pairs pairs;
     hada_pairs_init(&pairs);
     pairs.depths = info->depths;
     pairs.counts = info->counts;
     pairs.read = read_pair;
-    pairs.user = data;
+    pairs.user = of;
     return pairs;
 }
 
@@ -188,7 +224,7 @@ static void note_linear(const training *own)
 
 static hada_status make_trainer(training *own, hada_context *const *contexts, int count, hada_error *err)
 {
-    const hada_pairs pairs = as_pairs(own->learn), held = as_pairs(own->held_out);
+    const hada_pairs pairs = as_pairs(&own->learned), held = as_pairs(&own->validated);
     const hada_status status = hada_trainer_create_on(&own->work.trainer, contexts, count, own->model, &pairs,
                                                       own->work.state.held_out ? &held : NULL, &own->options, err);
     if (status == HADA_ERROR_DEVICE_MEMORY)

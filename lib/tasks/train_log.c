@@ -1,12 +1,16 @@
 #include "tasks/train_log.h"
 
 #include <errno.h>
+#include <limits.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "core/alloc.h"
 #include "core/error.h"
+#include "core/input.h"
+#include "core/sync.h"
 #include "io/folder.h"
 #include "io/text.h"
 
@@ -16,6 +20,8 @@ static const char validation_head[] = "step,pairs,psnr,ssim,mae,sharpness,psnr_b
                                       "sharpness_before,sharpness_truth\n";
 /* The first number of a line is the step. */
 enum { LOSS_NUMBERS = 12, VALIDATION_NUMBERS = 11, MOST_NUMBERS = 12 };
+
+#define MOST_STEPS 9007199254740992.0 /* 2^53 */
 
 /* Room for `count` + 1 items in a growing array. */
 static hada_status grow(void **items, size_t count, size_t *room, size_t size, hada_error *err)
@@ -77,6 +83,12 @@ static int read_line(const char *line, double *numbers, int count)
     return 1;
 }
 
+/* The step at the head of a line; UINT64_MAX for one that no double counts up to. */
+static uint64_t step_of(double number)
+{
+    return number >= 0.0 && number <= MOST_STEPS ? (uint64_t)number : UINT64_MAX;
+}
+
 /* Both give UINT64_MAX for a line that is none of theirs. */
 static hada_status take_loss(hada_train_log *log, const char *line, uint64_t *step, hada_error *err)
 {
@@ -84,7 +96,9 @@ static hada_status take_loss(hada_train_log *log, const char *line, uint64_t *st
     *step = UINT64_MAX;
     if (!read_line(line, n, LOSS_NUMBERS))
         return HADA_OK;
-    *step = (uint64_t)n[0];
+    *step = step_of(n[0]);
+    if (*step == UINT64_MAX)
+        return HADA_OK;
     const int critic_only = n[9] != 0.0, rolled_back = n[10] != 0.0;
     return critic_only || rolled_back ? HADA_OK : remember_loss(log, n[0], n[1], err);
 }
@@ -95,7 +109,9 @@ static hada_status take_validation(hada_train_log *log, const char *line, uint64
     *step = UINT64_MAX;
     if (!read_line(line, n, VALIDATION_NUMBERS))
         return HADA_OK;
-    *step = (uint64_t)n[0];
+    *step = step_of(n[0]);
+    if (*step == UINT64_MAX || !(n[1] >= 0.0 && n[1] <= INT_MAX))
+        return HADA_OK;
     const hada_validation r = {.size = sizeof r,
                                .pairs = (int)n[1],
                                .psnr = n[2],
@@ -118,8 +134,16 @@ static hada_status keep_lines(hada_train_log *log, const char *path, uint64_t fr
 {
     char line[1024];
     hada_status status = HADA_OK;
-    FILE *old = fopen(path, "r");
-    while (old && fgets(line, sizeof line, old) && strchr(line, '\n')) {
+    int fd;
+    size_t bytes;
+    if (hada_input_open(&fd, &bytes, path, NULL, NULL))
+        return HADA_OK; /* there is none */
+    FILE *old = fdopen(fd, "r");
+    if (!old) {
+        close(fd);
+        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the log of a training");
+    }
+    while (fgets(line, sizeof line, old) && strchr(line, '\n')) {
         const size_t losses = log->loss_count, rows = log->row_count;
         uint64_t step;
         HADA_TRY(take(log, line, &step, err));
@@ -130,9 +154,10 @@ static hada_status keep_lines(hada_train_log *log, const char *path, uint64_t fr
             forget_rows(log, rows);
         }
     }
+    if (ferror(old))
+        HADA_TRY(hada_fail(err, HADA_ERROR_FILE_READ, "%s cannot be read: %s", path, strerror(errno)));
 done:
-    if (old)
-        fclose(old);
+    fclose(old);
     return status;
 }
 
@@ -214,8 +239,11 @@ hada_status hada_train_log_validation(hada_train_log *log, uint64_t step, const 
 
 hada_status hada_train_log_flush(hada_train_log *log, hada_error *err)
 {
-    fflush(log->losses);
-    fflush(log->validation);
+    /* on the disk before the checkpoint that stands for these steps */
+    if (fflush(log->losses) || hada_sync(fileno(log->losses)) || fflush(log->validation) ||
+        hada_sync(fileno(log->validation)))
+        return hada_fail(err, HADA_ERROR_FILE_WRITE, "the log in %s cannot be written: %s", log->folder,
+                         strerror(errno));
     const hada_status status = check(log->losses, log->folder, err);
     return status ? status : check(log->validation, log->folder, err);
 }

@@ -52,6 +52,16 @@ static void list_facts(const hada_trainer *trainer, fact facts[NUMBERS], int *co
     *count = n;
 }
 
+/* The share of scenes of several depths, in parts of a milliard; NULL where none are composed, as before there were
+ * any.
+ */
+static const char *compose_of(const hada_trainer *trainer, char text[32])
+{
+    const double share = trainer->options.compose;
+    snprintf(text, 32, "%" PRIu64, (uint64_t)(share * 1e9 + 0.5));
+    return share > 0.0 ? text : NULL;
+}
+
 static void name_of(int group, const char *what, char name[NAME])
 {
     if (group >= HADA_GROUP_FILTERS)
@@ -82,13 +92,15 @@ static hada_status put_metadata(hada_trainer *trainer, hada_tensors_writer *writ
 {
     const hada_progress *progress = &trainer->progress;
     fact facts[NUMBERS];
-    char *net = NULL, *critic = NULL;
+    char *net = NULL, *critic = NULL, share[32];
     int count;
     hada_status status = HADA_OK;
     list_facts(trainer, facts, &count);
     HADA_TRY(hada_tensors_put_meta(writer, "format", FORMAT, err));
     for (int i = 0; i < count; i++)
         HADA_TRY(hada_tensors_put_meta(writer, facts[i].key, facts[i].text, err));
+    if (compose_of(trainer, share))
+        HADA_TRY(hada_tensors_put_meta(writer, "compose", share, err));
     HADA_TRY(put_number(writer, "step", progress->step, err));
     HADA_TRY(put_number(writer, "place", progress->place, err));
     HADA_TRY(put_number(writer, "rollbacks", (uint64_t)progress->bad, err));
@@ -233,7 +245,7 @@ static hada_status check_text(const hada_tensors *file, const char *key, const c
 static hada_status check_facts(hada_trainer *trainer, const hada_tensors *file, hada_error *err)
 {
     fact facts[NUMBERS];
-    char *net = NULL, *critic = NULL;
+    char *net = NULL, *critic = NULL, share[32];
     int count;
     const char *format = hada_tensors_meta(file, "format");
     if (!format || strcmp(format, FORMAT))
@@ -243,6 +255,7 @@ static hada_status check_facts(hada_trainer *trainer, const hada_tensors *file, 
     for (int i = 0; i < count; i++)
         HADA_TRY(check_text(file, facts[i].key, facts[i].what, facts[i].text, strcmp(facts[i].key, "model") != 0, err));
     HADA_TRY(describe(trainer, &net, &critic, err));
+    HADA_TRY(check_text(file, "compose", "the share of scenes of several depths", compose_of(trainer, share), 0, err));
     HADA_TRY(check_text(file, "net", "the net", net, 0, err));
     HADA_TRY(check_text(file, "critic", "the discriminator", critic, 0, err));
 done:

@@ -53,12 +53,13 @@ done:
 }
 
 hada_status hada_example_make(hada_example *out, hada_stage stage, const hada_model_info *info, hada_planes *planes,
-                              int depth, hada_image *raw, hada_image *scene, hada_error *err)
+                              int depth, hada_image *raw, const hada_composed *composed, hada_image *scene,
+                              hada_error *err)
 {
     hada_status status = HADA_OK;
     *out = (hada_example){0};
     if (planes) {
-        HADA_TRY(hada_planes_make(planes, depth, raw, &out->input, err));
+        HADA_TRY(hada_planes_make(planes, depth, raw, composed, &out->input, err));
     } else {
         HADA_TRY(take_dark_off(raw, info->dark, err));
         if (stage == HADA_STAGE_CONVENTIONAL) {
@@ -76,12 +77,15 @@ done:
     return status;
 }
 
+/* A pair as it was captured, and the scenes that it becomes. */
+enum { WAYS = HADA_COMPOSED_VARIANTS + 1 };
+
 hada_status hada_examples_create(hada_examples *examples, const hada_pairs *pairs, size_t most, hada_error *err)
 {
     *examples = (hada_examples){.pairs = pairs, .most = most};
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&examples->kept, (size_t)hada_pairs_total(pairs), sizeof *examples->kept,
-                        "the list of pairs", err));
+    HADA_TRY(hada_alloc((void **)&examples->kept, hada_size_product((size_t)hada_pairs_total(pairs), WAYS),
+                        sizeof *examples->kept, "the list of pairs", err));
     pthread_mutex_init(&examples->lock, NULL);
 done:
     return status;
@@ -91,7 +95,7 @@ void hada_examples_free(hada_examples *examples)
 {
     if (!examples->kept)
         return;
-    const uint64_t total = hada_pairs_total(examples->pairs);
+    const uint64_t total = hada_pairs_total(examples->pairs) * WAYS;
     for (uint64_t i = 0; i < total; i++)
         hada_example_free(&examples->kept[i]);
     free(examples->kept);
@@ -107,23 +111,23 @@ size_t hada_examples_number(const hada_examples *examples, int depth, int pair)
     return number;
 }
 
-static hada_example *place_of(hada_examples *examples, int depth, int pair)
+static hada_example *place_of(hada_examples *examples, int depth, int pair, int variant)
 {
-    return examples->kept + hada_examples_number(examples, depth, pair);
+    return examples->kept + hada_examples_number(examples, depth, pair) * WAYS + (size_t)variant;
 }
 
-const hada_example *hada_examples_find(hada_examples *examples, int depth, int pair)
+const hada_example *hada_examples_find(hada_examples *examples, int depth, int pair, int variant)
 {
-    hada_example *at = place_of(examples, depth, pair);
+    hada_example *at = place_of(examples, depth, pair, variant);
     pthread_mutex_lock(&examples->lock);
     const int kept = at->input.data != NULL;
     pthread_mutex_unlock(&examples->lock);
     return kept ? at : NULL;
 }
 
-const hada_example *hada_examples_add(hada_examples *examples, int depth, int pair, hada_example *example)
+const hada_example *hada_examples_add(hada_examples *examples, int depth, int pair, int variant, hada_example *example)
 {
-    hada_example *at = place_of(examples, depth, pair);
+    hada_example *at = place_of(examples, depth, pair, variant);
     const size_t bytes = (hada_image_count(&example->input) + hada_image_count(&example->scene)) * sizeof(float);
     pthread_mutex_lock(&examples->lock);
     if (!at->input.data && bytes <= examples->most - examples->bytes) {

@@ -16,15 +16,16 @@ void hada_example_free(hada_example *example);
 hada_status hada_example_copy(hada_example *out, const hada_example *example, hada_error *err);
 
 /* Takes the scene over, and the raw frame where the stage needs it. planes: of the worker, NULL where the stage needs
- * none. */
+ * none; composed: what becomes of the frame (it is changed then), for planes. */
 hada_status hada_example_make(hada_example *out, hada_stage stage, const hada_model_info *info, hada_planes *planes,
-                              int depth, hada_image *raw, hada_image *scene, hada_error *err);
+                              int depth, hada_image *raw, const hada_composed *composed, hada_image *scene,
+                              hada_error *err);
 
-/* Examples of the pairs of a list. Any thread may ask and add. */
+/* Examples of the pairs of a list in their variants (train/compose.h). Any thread may ask and add. */
 typedef struct hada_examples {
     pthread_mutex_t lock;
     const hada_pairs *pairs;
-    hada_example *kept; /* of every pair; empty: not kept */
+    hada_example *kept; /* of every pair and variant; empty: not kept */
     size_t bytes, most;
 } hada_examples;
 
@@ -36,9 +37,9 @@ void hada_examples_free(hada_examples *examples);
 size_t hada_examples_number(const hada_examples *examples, int depth, int pair);
 
 /* NULL: not kept. What is found stays until the end. */
-const hada_example *hada_examples_find(hada_examples *examples, int depth, int pair);
+const hada_example *hada_examples_find(hada_examples *examples, int depth, int pair, int variant);
 
 /* Takes the example over where there is room (it is empty then), and returns the kept one; NULL: no room. */
-const hada_example *hada_examples_add(hada_examples *examples, int depth, int pair, hada_example *example);
+const hada_example *hada_examples_add(hada_examples *examples, int depth, int pair, int variant, hada_example *example);
 
 #endif

@@ -21,24 +21,29 @@ struct hada_feed {
     hada_error error;
 };
 
-static void drop(hada_image *raw, hada_image *scene)
+static void drop(hada_fed *fed)
 {
-    hada_image_destroy(raw);
-    hada_image_destroy(scene);
+    hada_image_destroy(&fed->raw);
+    hada_image_destroy(&fed->scene);
+    hada_composed_free(&fed->composed);
 }
 
 static hada_status make(const hada_feed_desc *desc, hada_fed *fed, hada_error *err)
 {
     hada_order_pair(desc->pairs, desc->seed, fed->place, &fed->depth, &fed->pair);
-    if (desc->known && desc->known(desc->user, fed->depth, fed->pair))
+    fed->variant = hada_compose_variant(desc->pairs, desc->seed, fed->place, desc->compose);
+    if (desc->known && desc->known(desc->user, fed->depth, fed->pair, fed->variant))
         return HADA_OK;
     hada_status status = HADA_OK;
     HADA_TRY(hada_pairs_load(desc->pairs, desc->info, fed->depth, fed->pair, &fed->raw, &fed->scene, err));
     HADA_TRY(hada_augment_pair(&desc->augment, desc->info->dark, desc->seed, fed->place, &fed->raw, &fed->scene, err));
     HADA_TRY(hada_pairs_crop(desc->info, &fed->scene, err));
+    if (fed->variant)
+        HADA_TRY(hada_compose(&fed->composed, desc->pairs, desc->info, desc->seed, fed->depth, fed->pair, fed->variant,
+                              &fed->scene, err));
 done:
     if (status) {
-        drop(&fed->raw, &fed->scene);
+        drop(fed);
         hada_pairs_name(desc->info, fed->depth, fed->pair, err);
     }
     return status;
@@ -110,7 +115,7 @@ static void release(hada_feed *feed)
 {
     for (; feed->taken; feed->taken--, feed->ready--) {
         hada_fed *fed = &feed->ring[feed->first];
-        drop(&fed->raw, &fed->scene);
+        drop(fed);
         feed->first = (feed->first + 1) % feed->desc.ahead;
     }
 }

@@ -8,25 +8,28 @@
 #include <hadalens/train.h>
 
 #include "train/augment.h"
+#include "train/compose.h"
 #include "train/train_pairs.h"
 
 /* A ring that a thread of its own fills in order. */
 typedef struct hada_feed hada_feed;
 typedef struct hada_fed {
     uint64_t place;
-    int depth, pair;
+    int depth, pair, variant;
     hada_image raw, scene; /* owned by the feed until the next call; empty where `known` said so */
+    hada_composed composed;
 } hada_fed;
 
 typedef struct hada_feed_desc {
     const hada_pairs *pairs;
     const hada_model_info *info;
     hada_augment augment;
+    double compose;       /* share of pairs that become scenes of several depths */
     uint64_t seed, first; /* place to begin at */
     int ahead;            /* pairs kept in memory, with those handed out */
     /* Whether the caller keeps what it makes of a pair, which then isn't read again; asked from the feed's thread.
      * NULL: every pair is read. */
-    int (*known)(void *user, int depth, int pair);
+    int (*known)(void *user, int depth, int pair, int variant);
     void *user;
 } hada_feed_desc;
 hada_status hada_feed_create(hada_feed **out, const hada_feed_desc *desc, hada_error *err);

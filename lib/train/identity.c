@@ -21,7 +21,7 @@ static int keeps_size(const hada_layer *layer)
 static int held_at(const hada_net *net, int index, const int *held)
 {
     const hada_layer *layer = &net->layers[index];
-    const int channels = net->layers[0].channels, from = held[layer->inputs[0]];
+    const int channels = net->layers[net->count - 1].channels, from = held[layer->inputs[0]];
     switch (layer->kind) {
     case HADA_LAYER_INPUT: return 0;
     case HADA_LAYER_CONV:
@@ -44,7 +44,7 @@ static void copy_through(hada_net *net, int index, int from)
     const hada_layer *layer = &net->layers[index];
     const hada_parameter *weight = hada_net_parameter(net, index, 0, 0);
     const size_t taps = (size_t)layer->kernel * (size_t)layer->kernel, each = (size_t)weight->shape[1] * taps;
-    for (int c = 0; c < net->layers[0].channels; c++) {
+    for (int c = 0; c < net->layers[net->count - 1].channels; c++) {
         float *row = net->values + weight->offset + (size_t)c * each;
         memset(row, 0, each * sizeof *row);
         row[(size_t)(from + c) * taps + taps / 2] = 1.0f;
@@ -62,7 +62,7 @@ int hada_net_start_as_identity(hada_net *net)
     for (int i = 0; i < net->count; i++)
         held[i] = held_at(net, i, held);
     const int found = net->layers[last].kind == HADA_LAYER_CONV && held[last] == 0 &&
-                      net->layers[last].channels == net->layers[0].channels;
+                      net->layers[last].channels <= net->layers[0].channels;
     for (int i = 1; found && i < net->count; i++)
         if (net->layers[i].kind == HADA_LAYER_CONV && held[i] == 0)
             copy_through(net, i, held[net->layers[i].inputs[0]]);

@@ -281,18 +281,19 @@ done:
     return status;
 }
 
-/* All at_once images of `mem` into one half of HADA_STEP_CONDITIONED, or (out) out of it: planes are the first half,
- * what is discriminated the second. */
-static hada_status copy_half(const terms_call *now, int half, cl_mem mem, int out, hada_error *err)
+/* All at_once images of `mem`, each `pitch` floats from the other, into one half of HADA_STEP_CONDITIONED, or (out) out
+ * of it: planes are the first half, what is discriminated the second. */
+static hada_status copy_half(const terms_call *now, int half, cl_mem mem, size_t pitch, int out, hada_error *err)
 {
     const hada_replica_shape *shape = now->images->shape;
     const cl_command_queue queue = now->images->slot->queue;
     const cl_mem both = hada_step_mem(now->images, HADA_STEP_CONDITIONED);
-    const size_t bytes = shape->plane * sizeof(float), alone[3] = {0, 0, 0}, among[3] = {half ? bytes : 0, 0, 0};
+    const size_t bytes = shape->plane * sizeof(float), apart = pitch * sizeof(float), alone[3] = {0, 0, 0},
+                 among[3] = {half ? bytes : 0, 0, 0};
     const size_t region[3] = {bytes, (size_t)shape->at_once, 1};
     const cl_int code =
-        out ? clEnqueueCopyBufferRect(queue, both, mem, among, alone, region, 2 * bytes, 0, bytes, 0, 0, NULL, NULL)
-            : clEnqueueCopyBufferRect(queue, mem, both, alone, among, region, bytes, 0, 2 * bytes, 0, 0, NULL, NULL);
+        out ? clEnqueueCopyBufferRect(queue, both, mem, among, alone, region, 2 * bytes, 0, apart, 0, 0, NULL, NULL)
+            : clEnqueueCopyBufferRect(queue, mem, both, alone, among, region, apart, 0, 2 * bytes, 0, 0, NULL, NULL);
     return code == CL_SUCCESS ? HADA_OK : hada_fail_cl(err, code, "clEnqueueCopyBufferRect");
 }
 
@@ -308,7 +309,7 @@ static hada_status discriminate(const terms_call *now, cl_mem mem, int label, do
     const hada_loss_desc loss = {.loss = HADA_LOSS_LOGITS, .weight = (float)weight};
     hada_status status = HADA_OK;
     if (shape->conditioned) {
-        HADA_TRY(copy_half(now, 1, mem, 0, err));
+        HADA_TRY(copy_half(now, 1, mem, shape->plane, 0, err));
         mem = hada_step_mem(now->images, HADA_STEP_CONDITIONED);
     }
     HADA_TRY(load_images(now, losses->discriminator, 0, mem, shape->plane << shape->conditioned, err));
@@ -352,7 +353,7 @@ static hada_status generator_loss(const terms_call *now, hada_error *err)
     HADA_TRY(hada_graph_backward(losses->discriminator, (hada_floats){0}, 0, err));
     HADA_TRY(store_gradient(now, losses->discriminator, shape->channels << conditioned, gradient, err));
     if (conditioned)
-        HADA_TRY(copy_half(now, 1, plain, 1, err));
+        HADA_TRY(copy_half(now, 1, plain, shape->plane, 1, err));
     HADA_TRY(add_gradient(now, &part, err));
 done:
     return status;
@@ -369,10 +370,29 @@ static hada_status adversarial(const terms_call *now, hada_error *err)
     losses->discriminator_version = group->version;
     hada_graph_set_step(losses->discriminator, losses->options->seed + 1, now->call->step);
     if (now->images->shape->conditioned)
-        HADA_TRY(copy_half(now, 0, hada_step_mem(now->images, HADA_STEP_PLANES), 0, err));
+        HADA_TRY(copy_half(now, 0, hada_step_mem(now->images, HADA_STEP_PLANES), now->images->shape->input, 0, err));
     HADA_TRY(discriminator_loss(now, err));
     if (!now->call->critic_only && losses->options->adversarial > 0.0)
         HADA_TRY(generator_loss(now, err));
+done:
+    return status;
+}
+
+/* Samples that have a weight: their gradient by all terms alone, so that the terms stay what they are. */
+static hada_status weigh(const terms_call *now, hada_error *err)
+{
+    const hada_losses *losses = now->losses;
+    const hada_tensor *gradient = hada_generator_output_gradient(losses->generator);
+    const int each = gradient->images / now->images->shape->at_once;
+    hada_status status = HADA_OK;
+    for (int i = 0; i < now->call->count; i++) {
+        const float weight = (float)now->call->samples[i].weight;
+        if (weight <= 0.0f)
+            continue;
+        const hada_tensor finite = hada_tensor_images(&losses->target, i * each, each),
+                          own = hada_tensor_images(gradient, i * each, each);
+        HADA_TRY(hada_blend(now->images->slot, 0.0f, &finite, weight, &own, err));
+    }
 done:
     return status;
 }
@@ -394,6 +414,8 @@ hada_status hada_losses_run(hada_losses *losses, const hada_losses_call *call, h
     }
     if (shape->critic)
         HADA_TRY(adversarial(&now, err));
+    if (!call->critic_only)
+        HADA_TRY(weigh(&now, err));
 done:
     return status;
 }

@@ -1,6 +1,7 @@
 #include "train/planes.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 #include "core/alloc.h"
 #include "filter/bank.h"
@@ -8,6 +9,7 @@
 #include "filter/hadamard.h"
 #include "image/dark.h"
 #include "refine/admm.h"
+#include "train/light.h"
 
 struct hada_planes {
     hada_slot *slot;
@@ -16,7 +18,9 @@ struct hada_planes {
     hada_hadamard *stage;
     hada_bank *bank;
     hada_refiner *refiner;     /* NULL: linear */
+    hada_light light;          /* empty: nothing is composed */
     hada_buffer prior, planes; /* refined; linear */
+    int others;                /* beside a plane stands what the others hold */
     double *levels;
     float *room; /* a channel of a frame, for its dark level */
 };
@@ -26,11 +30,24 @@ static int is_refined(const hada_model_info *info)
     return info->has_otf && info->refine_steps > 0;
 }
 
-static hada_refine_shape refine_shape(const hada_model_info *info)
+/* Depths that are explained together, at most. */
+static int most_depths(const hada_model_info *info, int composes)
 {
-    hada_refine_shape shape = hada_refine_shape_of(info, 1, is_refined(info) ? info->refine_steps : 1);
+    return !composes ? 1 : info->depths < HADA_COMPOSED_DEPTHS ? info->depths : HADA_COMPOSED_DEPTHS;
+}
+
+static hada_refine_shape refine_shape(const hada_model_info *info, int composes)
+{
+    hada_refine_shape shape =
+        hada_refine_shape_of(info, most_depths(info, composes), is_refined(info) ? info->refine_steps : 1);
     shape.tv = info->refine_tv > 0;
     return shape;
+}
+
+static int bank_parts(const hada_model_info *info, int composes)
+{
+    const int refined = is_refined(info);
+    return (refined ? 0 : HADA_BANK_FILTERS) | (refined || composes ? HADA_BANK_OTFS : 0);
 }
 
 static size_t plane_bytes(const hada_model_info *info)
@@ -38,7 +55,8 @@ static size_t plane_bytes(const hada_model_info *info)
     return (size_t)info->channels * (size_t)info->window_rows * (size_t)info->window_cols * sizeof(float);
 }
 
-hada_status hada_planes_bytes(const hada_context *context, const hada_model *model, size_t *bytes, hada_error *err)
+hada_status hada_planes_bytes(const hada_context *context, const hada_model *model, int composes, size_t *bytes,
+                              hada_error *err)
 {
     const hada_model_info *info = hada_model_get_info(model);
     const int refined = is_refined(info);
@@ -48,9 +66,11 @@ hada_status hada_planes_bytes(const hada_context *context, const hada_model *mod
     if (status)
         return status;
     const hada_spectrum_layout layout = hada_hadamard_layout(context, info);
-    const hada_refine_shape shape = refine_shape(info);
+    const hada_refine_shape shape = refine_shape(info, composes);
     uint64_t all = hada_hadamard_bytes(context, info, 1) +
-                   hada_bank_bytes(info, &layout, info->depths, refined ? HADA_BANK_OTFS : HADA_BANK_FILTERS, 0);
+                   hada_bank_bytes(info, &layout, info->depths, bank_parts(info, composes), 0);
+    if (composes)
+        all += hada_light_bytes(context, info, &layout);
     if (refined && model->scene_power)
         all += (uint64_t)info->channels * layout.count * sizeof(float);
     all += refined ? hada_refiner_bytes(context, &shape) : plane_bytes(info);
@@ -58,11 +78,26 @@ hada_status hada_planes_bytes(const hada_context *context, const hada_model *mod
     return HADA_OK;
 }
 
-hada_status hada_planes_create(hada_planes **out, hada_slot *slot, const hada_model *model, hada_error *err)
+/* Refinement takes depths from one buffer. */
+static hada_status check_together(const hada_planes *planes, hada_error *err)
+{
+    size_t first;
+    int left;
+    hada_bank_otf(planes->bank, 0, &first, &left);
+    return left == planes->info->depths
+               ? HADA_OK
+               : hada_fail(err, HADA_ERROR_DEVICE_MEMORY,
+                           "scenes of several depths need the transfer functions of %d depths in one buffer, and %s "
+                           "takes %d: train without them (options.compose 0)",
+                           planes->info->depths, planes->slot->context->info.name, left);
+}
+
+hada_status hada_planes_create(hada_planes **out, hada_slot *slot, const hada_model *model, int composes, int others,
+                               hada_error *err)
 {
     const hada_model_info *info = hada_model_get_info(model);
     const int refined = is_refined(info);
-    const hada_refine_shape shape = refine_shape(info);
+    const hada_refine_shape shape = refine_shape(info, composes);
     hada_planes *planes = NULL;
     hada_status status = HADA_OK;
     *out = NULL;
@@ -70,12 +105,17 @@ hada_status hada_planes_create(hada_planes **out, hada_slot *slot, const hada_mo
     planes->slot = slot;
     planes->model = model;
     planes->info = info;
+    planes->others = others;
     HADA_TRY(hada_alloc((void **)&planes->levels, (size_t)info->channels, sizeof(double), "dark levels", err));
     HADA_TRY(hada_alloc((void **)&planes->room, (size_t)info->raw_rows * (size_t)info->raw_cols, sizeof(float),
                         "dark levels", err));
     HADA_TRY(hada_hadamard_create(&planes->stage, slot, NULL, info, 1, err));
     HADA_TRY(hada_bank_create(&planes->bank, slot, model, &planes->stage->layout, NULL, info->depths,
-                              refined ? HADA_BANK_OTFS : HADA_BANK_FILTERS, 0, err));
+                              bank_parts(info, composes), 0, err));
+    if (composes) {
+        HADA_TRY(check_together(planes, err));
+        HADA_TRY(hada_light_create(&planes->light, slot, info, err));
+    }
     if (refined) {
         HADA_TRY(hada_bank_prior(&planes->prior, slot, model, &planes->stage->layout, err));
         HADA_TRY(hada_refiner_create(&planes->refiner, slot, NULL, &shape, err));
@@ -99,6 +139,7 @@ void hada_planes_destroy(hada_planes **pointer)
     hada_refiner_destroy(&planes->refiner);
     hada_bank_destroy(&planes->bank);
     hada_hadamard_destroy(&planes->stage);
+    hada_light_destroy(&planes->light);
     hada_buffer_destroy(&planes->prior);
     hada_buffer_destroy(&planes->planes);
     free(planes->levels);
@@ -106,11 +147,8 @@ void hada_planes_destroy(hada_planes **pointer)
     free(planes);
 }
 
-/* The model's dark level, or that of each channel of the frame. */
-static hada_status expose(hada_planes *planes, const hada_image *raw, hada_error *err)
+static hada_status check_frame(const hada_model_info *info, const hada_image *raw, hada_error *err)
 {
-    const hada_model_info *info = planes->info;
-    const size_t pixels = (size_t)info->raw_rows * (size_t)info->raw_cols;
     if (raw->channels != info->channels || raw->rows != info->raw_rows || raw->cols != info->raw_cols)
         return hada_fail(err, HADA_ERROR_SIZE,
                          "the frame has %d channel(s) of %d x %d pixels; the model is for %d of %d x %d", raw->channels,
@@ -118,6 +156,14 @@ static hada_status expose(hada_planes *planes, const hada_image *raw, hada_error
     if (hada_image_count_not_finite(raw))
         return hada_fail(err, HADA_ERROR_NOT_FINITE, "%zu pixel(s) of the frame are NaN or infinite",
                          hada_image_count_not_finite(raw));
+    return HADA_OK;
+}
+
+/* The model's dark level, or that of each channel of the frame. */
+static hada_status expose(hada_planes *planes, const hada_image *raw, hada_error *err)
+{
+    const hada_model_info *info = planes->info;
+    const size_t pixels = (size_t)info->raw_rows * (size_t)info->raw_cols;
     for (int c = 0; c < info->channels; c++)
         planes->levels[c] =
             info->dark < 0 ? hada_dark_estimate(raw->data + (size_t)c * pixels, pixels, planes->room) : info->dark;
@@ -136,21 +182,24 @@ static double mean_square(const hada_planes *planes, const hada_image *raw)
     return sum / (double)count;
 }
 
-static hada_status refine(hada_planes *planes, int depth, const hada_image *raw, hada_error *err)
+static hada_status refine(hada_planes *planes, int depth, const hada_image *raw, const hada_composed *composed,
+                          hada_error *err)
 {
     const hada_model_info *info = planes->info;
     hada_refine_data data = {
         .spectrum = planes->stage->spectrum.mem, .frame = planes->stage->raw.mem, .prior = planes->prior.mem};
     hada_refine_rule rule;
     size_t image;
-    const int list[1] = {0};
-    data.otf = hada_bank_otf(planes->bank, depth, &image, &data.otf_depths);
+    const int one[1] = {0}, several = composed->count;
+    /* all depths from the first one on, or from the pair's */
+    data.otf = hada_bank_otf(planes->bank, several ? 0 : depth, &image, &data.otf_depths);
     data.otf_offset = image * planes->stage->layout.count;
     hada_refine_rule_init(&rule);
     rule.steps = info->refine_steps;
     hada_refine_rule_weigh(&rule, info, info->refine_tv, hada_model_gain(planes->model), mean_square(planes, raw));
     rule.stop = hada_refine_stop(info->boundary, rule.tv);
-    return hada_refiner_run(planes->refiner, &data, &rule, 1, 1, list, NULL, err);
+    return hada_refiner_run(planes->refiner, &data, &rule, 1, several ? several : 1, several ? composed->depth : one,
+                            NULL, err);
 }
 
 static hada_status filter(hada_planes *planes, int depth, hada_error *err)
@@ -160,31 +209,104 @@ static hada_status filter(hada_planes *planes, int depth, hada_error *err)
     return status ? status : hada_image_clip(planes->slot, out, planes->planes.bytes / sizeof(float), err);
 }
 
-static hada_status read_plane(hada_planes *planes, hada_image *out, hada_error *err)
+/* The plane that stands at a place among those that were made. */
+static hada_status read_plane(hada_planes *planes, int place, float *out, hada_error *err)
 {
     const size_t bytes = plane_bytes(planes->info);
     const cl_mem from = planes->refiner ? hada_refiner_planes(planes->refiner) : planes->planes.mem;
-    const cl_int code = clEnqueueReadBuffer(planes->slot->queue, from, CL_TRUE, 0, bytes, out->data, 0, NULL,
-                                            hada_slot_event(planes->slot));
+    const cl_int code = clEnqueueReadBuffer(planes->slot->queue, from, CL_TRUE, (size_t)place * bytes, bytes, out, 0,
+                                            NULL, hada_slot_event(planes->slot));
     if (code != CL_SUCCESS)
         return hada_fail_cl(err, code, "clEnqueueReadBuffer");
     hada_slot_moved(planes->slot, "read", (double)bytes);
     return HADA_OK;
 }
 
-hada_status hada_planes_make(hada_planes *planes, int depth, const hada_image *raw, hada_image *out, hada_error *err)
+static hada_status make_room(const hada_planes *planes, hada_image *out, hada_error *err)
+{
+    const hada_model_info *info = planes->info;
+    const int channels = info->channels << planes->others;
+    if (hada_image_count(out) * sizeof(float) == plane_bytes(info) << planes->others)
+        return HADA_OK;
+    hada_image_destroy(out);
+    return hada_image_create(out, channels, info->window_rows, info->window_cols, err);
+}
+
+/* All planes of a composed scene added up in their order, in the first half of `out`: a linear filter makes one by
+ * one. */
+static hada_status add_up(hada_planes *planes, const hada_composed *composed, float *out, hada_error *err)
+{
+    const size_t values = plane_bytes(planes->info) / sizeof(float);
+    float *one = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&one, values, sizeof *one, "a sum of planes", err));
+    memset(out, 0, values * sizeof *out);
+    for (int i = 0; i < composed->count; i++) {
+        if (!planes->refiner)
+            HADA_TRY(filter(planes, composed->depth[i], err));
+        HADA_TRY(read_plane(planes, planes->refiner ? i : 0, one, err));
+        for (size_t k = 0; k < values; k++)
+            out[k] += one[k];
+    }
+done:
+    free(one);
+    return status;
+}
+
+/* The sum of all planes becomes what the others hold. */
+static void take_off(const float *own, float *sum, size_t values)
+{
+    for (size_t k = 0; k < values; k++)
+        sum[k] -= own[k];
+}
+
+static hada_status make_plane(hada_planes *planes, int depth, const hada_composed *composed, hada_image *out,
+                              hada_error *err)
+{
+    const size_t values = plane_bytes(planes->info) / sizeof(float);
+    int place = 0;
+    hada_status status = HADA_OK;
+    for (int i = 0; planes->refiner && i < composed->count; i++)
+        place = composed->depth[i] == depth ? i : place;
+    if (!planes->refiner)
+        HADA_TRY(filter(planes, depth, err));
+    HADA_TRY(read_plane(planes, place, out->data, err));
+    if (!planes->others)
+        return HADA_OK;
+    memset(out->data + values, 0, values * sizeof(float));
+    if (planes->refiner && composed->count) {
+        HADA_TRY(add_up(planes, composed, out->data + values, err));
+        take_off(out->data, out->data + values, values);
+    }
+done:
+    return status;
+}
+
+/* The sum of all planes, beside which there is nothing. */
+static hada_status make_sum(hada_planes *planes, const hada_composed *composed, hada_image *out, hada_error *err)
+{
+    const size_t values = plane_bytes(planes->info) / sizeof(float);
+    if (planes->others)
+        memset(out->data + values, 0, values * sizeof(float));
+    return add_up(planes, composed, out->data, err);
+}
+
+hada_status hada_planes_make(hada_planes *planes, int depth, hada_image *raw, const hada_composed *composed,
+                             hada_image *out, hada_error *err)
 {
     const hada_model_info *info = planes->info;
     hada_status status = HADA_OK;
     if (depth < 0 || depth >= info->depths)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a plane of depth %d of %d", depth, info->depths);
+    HADA_TRY(check_frame(info, raw, err));
+    for (int i = 0; i < composed->count; i++)
+        if (composed->light[i].data)
+            HADA_TRY(hada_light_add(&planes->light, planes->bank, composed->depth[i], &composed->light[i], raw, err));
     HADA_TRY(expose(planes, raw, err));
-    HADA_TRY(planes->refiner ? refine(planes, depth, raw, err) : filter(planes, depth, err));
-    if (hada_image_count(out) * sizeof(float) != plane_bytes(info)) {
-        hada_image_destroy(out);
-        HADA_TRY(hada_image_create(out, info->channels, info->window_rows, info->window_cols, err));
-    }
-    HADA_TRY(read_plane(planes, out, err));
+    if (planes->refiner)
+        HADA_TRY(refine(planes, depth, raw, composed, err));
+    HADA_TRY(make_room(planes, out, err));
+    HADA_TRY(composed->whole ? make_sum(planes, composed, out, err) : make_plane(planes, depth, composed, out, err));
 done:
     return status;
 }

@@ -116,7 +116,7 @@ static hada_status check_samples(const hada_replica_shape *shape, const hada_sam
         if (shape->filters && (sample->depth < 0 || sample->depth >= shape->depths))
             return hada_fail(err, HADA_ERROR_ARGUMENT, "training: a pair of depth %d of %d", sample->depth,
                              shape->depths);
-        if (hada_image_count(sample->input) != (shape->filters ? shape->frame : shape->plane) ||
+        if (hada_image_count(sample->input) != (shape->filters ? shape->frame : shape->input) ||
             (scenes && hada_image_count(sample->scene) != shape->plane))
             return hada_fail(err, HADA_ERROR_SIZE, "training: an image of another size than the model's");
     }

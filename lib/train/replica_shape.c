@@ -6,6 +6,7 @@
 #include "core/round.h"
 #include "filter/hadamard.h"
 #include "kernels/shared_train.h"
+#include "net/enhance.h"
 #include "net/layer_launch.h"
 #include "net/loss.h"
 
@@ -52,8 +53,8 @@ void hada_group_sizes(const hada_replica_shape *shape, const hada_replica_desc *
 hada_tensor hada_step_tensor(const hada_context *context, const hada_replica_shape *shape, const hada_net *net,
                              cl_mem mem)
 {
-    return hada_tensor_at(context, mem, 0, shape->at_once * net->colours, net->layers[0].channels, shape->rows,
-                          shape->cols);
+    return hada_tensor_at(context, mem, 0, shape->at_once * net->colours, net->layers[net->count - 1].channels,
+                          shape->rows, shape->cols);
 }
 
 hada_tensor hada_step_logits(const hada_context *context, const hada_replica_shape *shape, cl_mem mem)
@@ -171,7 +172,13 @@ static hada_status net_shape(const hada_replica_desc *desc, hada_replica_shape *
     shape->net_cols = options->net_cols ? options->net_cols : shape->cols;
     shape->resized = shape->net_rows != shape->rows || shape->net_cols != shape->cols;
     hada_net_get_info(desc->net, &info);
-    HADA_TRY(check_net(desc->net, "net", shape->channels, shape->net_rows, shape->net_cols, &out, err));
+    const int others = hada_enhance_sees_others(desc->net, shape->channels);
+    if (others && shape->resized)
+        return hada_fail(err, HADA_ERROR_MODEL,
+                         "the net sees the other planes beside its own, at the window's size alone: leave "
+                         "options.net_size, or train a new net (options.net)");
+    shape->input = shape->plane << others;
+    HADA_TRY(check_net(desc->net, "net", shape->channels << others, shape->net_rows, shape->net_cols, &out, err));
     if (info.out_channels != shape->channels || out.rows != shape->net_rows || out.cols != shape->net_cols)
         return hada_fail(err, HADA_ERROR_MODEL, "the net makes %d channel(s) of %d x %d pixels of %d of %d x %d",
                          info.out_channels, out.rows, out.cols, shape->channels, shape->net_rows, shape->net_cols);
@@ -248,6 +255,7 @@ static void net_buffers(const hada_context *context, const hada_replica_desc *de
     const hada_loss_desc loss = {.loss = HADA_LOSS_MSE};
     const size_t tensor = tensor_bytes(&out), at_once = (size_t)shape->at_once;
     size_t *bytes = shape->bytes;
+    bytes[HADA_STEP_PLANES] = at_once * shape->input * sizeof(float);
     bytes[HADA_STEP_PLAIN] = at_once * shape->plane * sizeof(float);
     bytes[HADA_STEP_TARGET] = tensor;
     if (shape->resized)
@@ -304,7 +312,7 @@ static void base_shape(const hada_replica_desc *desc, hada_replica_shape *shape)
     shape->critic = shape->net && desc->critic;
     shape->vgg = shape->net && desc->vgg && desc->options->perceptual > 0.0;
     shape->pixels = (size_t)shape->rows * (size_t)shape->cols;
-    shape->plane = shape->pixels * (size_t)shape->channels;
+    shape->input = shape->plane = shape->pixels * (size_t)shape->channels;
     shape->groups = HADA_GROUP_FILTERS + (shape->filters ? shape->depths : 0);
     shape->bytes[HADA_STEP_PLANES] = shape->bytes[HADA_STEP_SCENES] =
         (size_t)shape->at_once * shape->plane * sizeof(float);

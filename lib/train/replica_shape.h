@@ -82,6 +82,7 @@ typedef struct hada_replica_shape {
     int filters, net, critic, vgg; /* 1: there are some */
     int conditioned;               /* the discriminator takes the plane beside the image */
     size_t pixels, plane;          /* of the window; floats of all its channels */
+    size_t input;                  /* floats that the net takes: a plane, or as many again of the others beside it */
     size_t frame;                  /* floats of a raw frame, all channels */
     hada_form form;
     hada_spectrum_layout layout;

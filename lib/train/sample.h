@@ -10,6 +10,7 @@ typedef struct hada_sample {
     int depth;
     const hada_image *input, *scene; /* scene: the window */
     size_t scene_number;             /* the same one always means the same scene; 0: it may change */
+    double weight;                   /* of its gradient, for a net; 0: 1 */
 } hada_sample;
 
 /* Terms of a loss: each is its mean over the samples of a call, times its weight of the options, times `weight` and the

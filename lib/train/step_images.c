@@ -36,7 +36,8 @@ hada_planar hada_step_plain(const hada_tensor *tensor, cl_mem mem, size_t offset
 hada_status hada_step_upload(hada_step_images *images, hada_step_place place, const hada_image *image, int number,
                              hada_error *err)
 {
-    const size_t bytes = images->shape->plane * sizeof(float);
+    const hada_replica_shape *shape = images->shape;
+    const size_t bytes = (place == HADA_STEP_PLANES ? shape->input : shape->plane) * sizeof(float);
     hada_slot_stage(images->slot, "upload");
     return hada_buffer_write(&images->place[place], images->slot, (size_t)number * bytes, image->data, bytes, err);
 }

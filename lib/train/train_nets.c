@@ -1,9 +1,29 @@
 #include "train/train_nets.h"
 
+#include <string.h>
+
 #include "core/error.h"
+#include "net/enhance.h"
 #include "netlist/presets.h"
 #include "train/identity.h"
 #include "train/train_options.h"
+
+/* A new net sees beside a plane what the other planes of its scene hold, where there are such and it can. */
+static int sees_others(const hada_train_options *options, const hada_model_info *info)
+{
+    const int own_size =
+        !options->net_rows || (options->net_rows == info->window_rows && options->net_cols == info->window_cols);
+    return options->compose > 0.0 && info->refine_steps > 0 && own_size && !strcmp(options->net, "compact");
+}
+
+static hada_status create_with_others(hada_net **out, int channels, uint64_t seed, hada_error *err)
+{
+    hada_unet_options options;
+    hada_unet_options_init(&options);
+    options.channels = 2 * channels;
+    options.out_channels = channels;
+    return hada_net_create_unet(out, &options, seed, err);
+}
 
 /* The net that the caller gives, the model's own, or a new one. */
 static hada_status begin_net(hada_net **out, const hada_train_options *options, const hada_model *model,
@@ -15,7 +35,10 @@ static hada_status begin_net(hada_net **out, const hada_train_options *options, 
         return hada_net_copy(out, options->net_given, err);
     if (!options->new_net)
         return hada_net_copy(out, hada_model_get_enhance(model), err);
-    HADA_TRY(hada_net_create_preset(out, options->net, channels, options->seed, err));
+    if (sees_others(options, hada_model_get_info(model)))
+        HADA_TRY(create_with_others(out, channels, options->seed, err));
+    else
+        HADA_TRY(hada_net_create_preset(out, options->net, channels, options->seed, err));
     /* Training then begins at the planes as they are, not at noise. */
     if (options->stage != HADA_STAGE_CONVENTIONAL)
         hada_net_start_as_identity(*out);
@@ -30,7 +53,12 @@ static hada_status make_net(hada_net **out, const hada_train_options *options, c
     hada_status status = HADA_OK;
     HADA_TRY(begin_net(out, options, model, err));
     hada_net_get_info(*out, &net);
-    if (net.channels != channels || net.out_channels != channels)
+    const int others = hada_enhance_sees_others(*out, channels);
+    if (others && !hada_stage_has_planes(options->stage))
+        return hada_fail(err, HADA_ERROR_MODEL,
+                         "the model's net sees the other planes beside its own, which the stages enhance and "
+                         "adversarial alone have: give a new one (options.net)");
+    if (net.channels != channels << others || net.out_channels != channels)
         return hada_fail(err, HADA_ERROR_MODEL, "the net takes %d channel(s) and gives %d; the camera has %d",
                          net.channels, net.out_channels, channels);
 done:

@@ -28,6 +28,9 @@ int hada_stage_keeps(const hada_augment *augment)
     return !augment->shift && !augment->flips && augment->noise <= 0.0 && augment->exposure <= 0.0;
 }
 
+/* The share of scenes of several depths where the caller does not say (docs/training.md). */
+#define COMPOSED 0.3
+
 void hada_train_options_defaults(hada_train_options *options, size_t size, hada_stage stage)
 {
     /* with a net that knows much */
@@ -52,7 +55,8 @@ void hada_train_options_defaults(hada_train_options *options, size_t size, hada_
                                     .perceptual = 0.1,
                                     .adversarial = stage == HADA_STAGE_ADVERSARIAL ? HADA_AUTO : 0.0,
                                     .variation = 5e-7,
-                                    .critic_steps = stage == HADA_STAGE_ADVERSARIAL ? 60 : 0};
+                                    .critic_steps = stage == HADA_STAGE_ADVERSARIAL ? 60 : 0,
+                                    .compose = HADA_AUTO};
     HADA_OPTIONS_GIVE(options, size, &own);
 }
 
@@ -155,6 +159,21 @@ static void settle_rates(hada_train_options *options)
         options->adversarial = paper ? 8e-3 : 2e-3;
 }
 
+static hada_status settle_compose(hada_train_options *options, const hada_model_info *info, hada_error *err)
+{
+    const int can = hada_stage_has_planes(options->stage) && info->has_otf && info->depths > 1;
+    if (options->compose == HADA_AUTO)
+        options->compose = can ? COMPOSED : 0.0;
+    if (!(options->compose >= 0.0 && options->compose <= 1.0))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "scenes of several depths are a share from 0 to 1, not %g",
+                         options->compose);
+    if (options->compose > 0.0 && !can)
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "scenes of several depths are composed for the stages enhance and adversarial, by a model of "
+                         "several depths with transfer functions; set compose to 0");
+    return HADA_OK;
+}
+
 /* What the stage has no use for is off, and what it must have is on. */
 static void settle_stage(hada_train_options *options, const hada_model_info *info)
 {
@@ -189,6 +208,7 @@ hada_status hada_train_options_settle(hada_train_options *options, hada_augment 
     HADA_TRY(check_numbers(options, err));
     HADA_TRY(take_augment(augment, given, options->stage, info, err));
     HADA_TRY(settle_form(options, info, err));
+    HADA_TRY(settle_compose(options, info, err));
     settle_stage(options, info);
     if (!(options->mse + options->perceptual + options->adversarial + options->variation > 0.0))
         status = hada_fail(err, HADA_ERROR_ARGUMENT, "all losses are off; give one of them a weight");

@@ -202,7 +202,7 @@ hada_status hada_trainer_bytes(hada_context *context, const hada_model *model, c
     HADA_TRY(choose_at_once(&desc.at_once, context, &settled, settled.batch, &desc, err));
     HADA_TRY(hada_replica_bytes(context, &desc, &replica, err));
     if (hada_stage_has_planes(settled.stage))
-        HADA_TRY(hada_planes_bytes(context, model, &planes, err));
+        HADA_TRY(hada_planes_bytes(context, model, settled.compose > 0.0, &planes, err));
     *bytes = replica + planes;
 done:
     hada_train_nets_free(&nets);

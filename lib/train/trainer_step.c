@@ -18,9 +18,9 @@ enum { WAVES_AHEAD = 2 };
 /* Keeps the quotient of clipping finite, as PyTorch's clip_grad_norm_ has it. */
 #define CLIP_EPS 1e-6
 
-static int is_known(void *user, int depth, int pair)
+static int is_known(void *user, int depth, int pair, int variant)
 {
-    return hada_examples_find(user, depth, pair) != NULL;
+    return hada_examples_find(user, depth, pair, variant) != NULL;
 }
 
 static hada_status start_feed(hada_trainer *trainer, hada_error *err)
@@ -30,12 +30,29 @@ static hada_status start_feed(hada_trainer *trainer, hada_error *err)
     const hada_feed_desc desc = {.pairs = &trainer->pairs,
                                  .info = &trainer->info,
                                  .augment = trainer->augment,
+                                 .compose = options->compose,
                                  .seed = options->seed,
                                  .first = trainer->progress.place,
                                  .ahead = WAVES_AHEAD * wave,
                                  .known = hada_stage_keeps(&trainer->augment) ? is_known : NULL,
                                  .user = &trainer->known};
     return hada_feed_create(&trainer->feed, &desc, err);
+}
+
+/* Planes of composed scenes differ in their error by a factor of a hundred: each counts by the share that is taken off
+ * its own, as PSNR does, where the plain error would have those that no net can mend decide alone. The error at which a
+ * sample counts as it is, 30 dB; and 40 dB, where it stops to count more. */
+#define ERROR_OF_ONE   1e-3
+#define ERROR_OF_SHARP 1e-4
+static double weight_of(const hada_example *example)
+{
+    const size_t count = hada_image_count(&example->scene);
+    double sum = 0.0;
+    for (size_t i = 0; i < count; i++) {
+        const double difference = (double)example->input.data[i] - (double)example->scene.data[i];
+        sum += difference * difference;
+    }
+    return ERROR_OF_ONE / (sum / (double)count + ERROR_OF_SHARP);
 }
 
 /* What the replica takes of a fed pair: a kept example, or *own. Flipping needs a copy of a kept one. */
@@ -45,15 +62,16 @@ static hada_status sample_of(hada_trainer *trainer, hada_worker *worker, hada_fe
     const hada_augment *augment = &trainer->augment;
     const hada_stage stage = trainer->options.stage;
     const int flips = hada_stage_has_planes(stage) && augment->plane_flips, keeps = hada_stage_keeps(augment);
-    const hada_example *known = fed->raw.data ? NULL : hada_examples_find(&trainer->known, fed->depth, fed->pair);
+    const hada_example *known =
+        fed->raw.data ? NULL : hada_examples_find(&trainer->known, fed->depth, fed->pair, fed->variant);
     int sides = 0;
     hada_status status = HADA_OK;
     hada_example_free(own);
     if (!known) {
-        HADA_TRY(
-            hada_example_make(own, stage, &trainer->info, worker->planes, fed->depth, &fed->raw, &fed->scene, err));
+        HADA_TRY(hada_example_make(own, stage, &trainer->info, worker->planes, fed->depth, &fed->raw, &fed->composed,
+                                   &fed->scene, err));
         if (keeps)
-            known = hada_examples_add(&trainer->known, fed->depth, fed->pair, own);
+            known = hada_examples_add(&trainer->known, fed->depth, fed->pair, fed->variant, own);
     }
     if (known && flips) {
         hada_example_free(own);
@@ -64,7 +82,9 @@ static hada_status sample_of(hada_trainer *trainer, hada_worker *worker, hada_fe
         sides = hada_augment_plane(augment, trainer->options.seed, fed->place, &own->input, &own->scene);
     const hada_example *example = known ? known : own;
     *out = (hada_sample){.depth = fed->depth, .input = &example->input, .scene = &example->scene};
-    if (keeps)
+    if (trainer->options.compose > 0.0)
+        out->weight = weight_of(example);
+    if (keeps && !fed->variant)
         out->scene_number =
             1 + HADA_FLIPPED_WAYS * hada_examples_number(&trainer->known, fed->depth, fed->pair) + (size_t)sides;
 done:

@@ -32,49 +32,67 @@ done:
     return status;
 }
 
-static hada_status read_pair(hada_trainer *trainer, int depth, int pair, hada_image *raw, hada_image *scene,
-                             hada_error *err)
+/* Scenes of several depths that each held-out pair becomes, where training composes them; they are the same for any
+ * seed of the training. */
+enum { COMPOSED_WAYS = 2, COMPOSED_SEED = 0 };
+
+/* A held-out pair in one of its variants. */
+typedef struct held_pair {
+    int depth, pair, variant;
+} held_pair;
+
+static hada_status read_pair(hada_trainer *trainer, const held_pair *which, hada_image *raw, hada_composed *composed,
+                             hada_image *scene, hada_error *err)
 {
     hada_held_out *held = &trainer->held_out;
+    hada_status status;
     pthread_mutex_lock(&held->reading);
-    const hada_status status = hada_pairs_read(&held->pairs, &trainer->info, depth, pair, raw, scene, err);
+    status = hada_pairs_read(&held->pairs, &trainer->info, which->depth, which->pair, raw, scene, err);
+    if (!status && which->variant)
+        status = hada_compose(composed, &held->pairs, &trainer->info, COMPOSED_SEED, which->depth, which->pair,
+                              which->variant, scene, err);
     pthread_mutex_unlock(&held->reading);
     return status;
 }
 
-static hada_status find_example(hada_trainer *trainer, const hada_worker *worker, int depth, int pair, int with_raw,
+static hada_status find_example(hada_trainer *trainer, const hada_worker *worker, const held_pair *which, int with_raw,
                                 prediction *what, hada_error *err)
 {
     hada_image raw = {0}, scene = {0};
+    hada_composed composed = {0};
     hada_examples *examples = &trainer->held_out.examples;
     hada_status status = HADA_OK;
-    what->example = with_raw ? NULL : hada_examples_find(examples, depth, pair);
+    what->example = with_raw ? NULL : hada_examples_find(examples, which->depth, which->pair, which->variant);
     if (what->example)
         return HADA_OK;
-    HADA_TRY(read_pair(trainer, depth, pair, &raw, &scene, err));
+    HADA_TRY(read_pair(trainer, which, &raw, &composed, &scene, err));
     if (with_raw)
         HADA_TRY(copy_raw(&what->raw, &raw, err));
-    HADA_TRY(hada_example_make(&what->own, trainer->options.stage, &trainer->info, worker->planes, depth, &raw, &scene,
-                               err));
+    HADA_TRY(hada_example_make(&what->own, trainer->options.stage, &trainer->info, worker->planes, which->depth, &raw,
+                               &composed, &scene, err));
     if (!with_raw)
-        what->example = hada_examples_add(examples, depth, pair, &what->own);
+        what->example = hada_examples_add(examples, which->depth, which->pair, which->variant, &what->own);
     if (!what->example)
         what->example = &what->own;
 done:
     hada_image_destroy(&raw);
     hada_image_destroy(&scene);
+    hada_composed_free(&composed);
     return status;
 }
 
+/* All pairs as they were captured come first, then all in their first variant, and so on. */
 static hada_status predict(hada_trainer *trainer, const hada_worker *worker, uint64_t index, int with_raw,
                            prediction *what, hada_error *err)
 {
-    int depth, pair;
+    const hada_pairs *pairs = &trainer->held_out.pairs;
+    const uint64_t total = hada_pairs_total(pairs);
+    held_pair which = {.variant = (int)(index / total)};
     hada_status status = HADA_OK;
     *what = (prediction){0};
-    hada_pairs_find(&trainer->held_out.pairs, index, &depth, &pair);
-    HADA_TRY(find_example(trainer, worker, depth, pair, with_raw, what, err));
-    const hada_sample sample = {depth, &what->example->input, &what->example->scene, 0};
+    hada_pairs_find(pairs, index % total, &which.depth, &which.pair);
+    HADA_TRY(find_example(trainer, worker, &which, with_raw, what, err));
+    const hada_sample sample = {.depth = which.depth, .input = &what->example->input, .scene = &what->example->scene};
     HADA_TRY(hada_replica_forward(worker->replica, &sample, &what->before, &what->after, err));
 done:
     if (status)
@@ -179,6 +197,8 @@ hada_status hada_trainer_validate(hada_trainer *trainer, int most, hada_validati
     all.total = count_held_out(trainer);
     if (!all.total)
         return hada_fail(err, HADA_ERROR_STATE, "no pair is held out to validate with");
+    if (trainer->options.compose > 0.0)
+        all.total *= 1 + COMPOSED_WAYS;
     all.count = most > 0 && (uint64_t)most < all.total ? most : (int)all.total;
     HADA_TRY(hada_alloc((void **)&all.rows, (size_t)all.count, sizeof *all.rows, "validation", err));
     HADA_TRY(hada_workers_run(&trainer->workers, measure_share, &all, err));

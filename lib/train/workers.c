@@ -3,6 +3,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
+#include "net/enhance.h"
 
 static hada_status make_worker(hada_worker *worker, hada_context *context, const hada_replica_desc *desc, int planes,
                                hada_error *err)
@@ -12,7 +13,8 @@ static hada_status make_worker(hada_worker *worker, hada_context *context, const
     HADA_TRY(hada_slot_create(&worker->slot, context, err));
     HADA_TRY(hada_replica_create(&worker->replica, worker->slot, desc, err));
     if (planes)
-        HADA_TRY(hada_planes_create(&worker->planes, worker->slot, desc->model, err));
+        HADA_TRY(hada_planes_create(&worker->planes, worker->slot, desc->model, desc->options->compose > 0.0,
+                                    hada_enhance_sees_others(desc->net, desc->model->info.channels), err));
     HADA_TRY(hada_alloc((void **)&worker->samples, most, sizeof *worker->samples, "a step", err));
     HADA_TRY(hada_alloc((void **)&worker->own, most, sizeof *worker->own, "a step", err));
     HADA_TRY(hada_alloc((void **)&worker->touched, depths, 1, "a step", err));

@@ -21,6 +21,15 @@ cmp -s same/z100mm/raw/scene0001.tif "$camera/z100mm/raw/scene0001.tif" || fail 
 files same 30
 expect 2 'is there already' register "$camera" -o same
 
+# Frames that are links, relative ones: what they lead to is taken.
+cp -r "$camera" linked
+for frame in linked/z*/raw/*.tif; do
+    mv "$frame" "${frame%.tif}.real"
+    ln -s "$(basename "${frame%.tif}.real")" "$frame"
+done
+expect 0 'nothing to do' register linked --rotation 3 -o unlinked
+cmp -s unlinked/z100mm/raw/scene0001.tif "$camera/z100mm/raw/scene0001.tif" || fail 'a link was taken over as it is'
+
 # Mirrored, turned and enlarged, and one depth moved: comes back.
 near=z100mm
 far=$(basename "$(ls -d "$camera"/z600*mm)")

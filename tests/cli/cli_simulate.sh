@@ -55,6 +55,13 @@ expect 2 'scene_response|scene-response' simulate "${small[@]}" --scene-response
 # A sensor that crops.
 expect 0 "% of the window's light misses the sensor" simulate "${small[@]}" --boundary padded --distance 60 -o k
 
+# Distances that six digits do not tell apart, and a model that goes with such a set.
+sed 's/100\.0$/12345.67,/;s/100\.0,/12345.67,/;s/600\.0/12345.68/' a/camera.json >near.json
+expect 0 '' simulate --camera near.json --pairs 2 -o near
+[ -d near/z12345.67mm ] && [ -d near/z12345.68mm ] || fail 'distances that are close'
+expect 0 '12345.67' fit near -o near.model --no-leave-one-out --refine 0 --json
+expect 0 '' train near -m near.model -o near2.model --steps 1 --hold-out 0
+
 # What cannot be done leaves nothing.
 expect 3 'not an empty folder' simulate "${small[@]}" -o a
 expect 3 'is a file; a folder is needed' simulate "${small[@]}" -o a/camera.json/x

@@ -41,6 +41,15 @@ expect 0 'not finite; back to step 0 with half the rate' train "$camera" -m "$mo
 expect 0 '' train "$camera" -m "$model" -o changed.model "${quick[@]}" --steps 2 --shift 3 --noise 0.02 --exposure 0.2 \
     --flips both --plane-flips none --mse 1 --tv 0 --at-once 1 --recompute --validate-pairs 1 --seed 9
 
+expect 0 '' train "$camera" -m "$model" -o composed.model --steps 2 --batch 2 --compose 1 --show-every 0
+expect 0 'enhanced' reconstruct "$camera/test/raw/test01.tif" -m composed.model -o composed
+expect 0 '' train "$camera" -m "$model" -o single.model "${quick[@]}" --steps 2 --compose 0 --show-every 0
+expect 2 'a share from 0 to 1' train "$camera" -m "$model" -o none.model "${quick[@]}" --compose 1.5
+expect 2 'for the stages enhance and adversarial' train "$camera" -m "$model" --stage joint -o none.model "${quick[@]}" \
+    --compose 0.5
+expect 4 'belongs to another training: the share of scenes' train "$camera" -m "$model" -o single.model "${quick[@]}" \
+    --steps 2 --compose 0.5 --resume --show-every 0
+
 # Going on gives the bits of going through, whatever was killed on the way.
 go=(train "$camera" -m "$model" "${quick[@]}" --noise 0.01 --steps 600 --save-every 5 --validate-every 100
     --show-every 0 -q)
@@ -66,11 +75,12 @@ find . -name '.*.hadalens-*' -delete # of those that were killed while they wrot
 
 # Ctrl-C and SIGTERM save.
 for signal in INT TERM; do
+    touch begun
     bash -c 'trap - INT; exec "$@"' - "$HADALENS" "${go[@]}" -o stopped.model --steps 9000 --resume >stdout 2>stderr &
     pid=$!
     for ((i = 0; i < 100; i++)); do
         sleep 0.1
-        [ -s stopped.model.log/checkpoint.safetensors ] && break
+        [ stopped.model.log/checkpoint.safetensors -nt begun ] && break
     done
     kill -$signal $pid
     wait $pid

@@ -120,7 +120,7 @@ static hada_status enhance(fault_job *job, const hada_model *with, hada_error *e
     if (!status)
         status = hada_buffer_create_from(&planes, slot, image.data, count * sizeof(float), "planes", err);
     if (!status)
-        status = hada_enhance_run(enhance, planes.mem, 0, 1, err);
+        status = hada_enhance_run(enhance, planes.mem, 0, 1, 1, err);
     if (!status)
         status = hada_buffer_read(&planes, slot, 0, image.data, count * sizeof(float), err);
     if (!status)

@@ -36,8 +36,8 @@ static hada_status make_nets(nets *all, hada_error *err)
 static hada_status step(fault_job *job, hada_replica *replica, hada_error *err)
 {
     static const unsigned char touched[JOB_DEPTHS] = {1, 1};
-    const hada_sample samples[2] = {{0, &job->frame[0][0], &job->scene[0][0], 1},
-                                    {1, &job->frame[1][0], &job->scene[1][0], 2}};
+    const hada_sample samples[2] = {{0, &job->frame[0][0], &job->scene[0][0], 1, 0.0},
+                                    {1, &job->frame[1][0], &job->scene[1][0], 2, 0.5}};
     hada_terms terms;
     hada_image before = {0}, after = {0};
     double norms[2];
@@ -110,11 +110,12 @@ static hada_status train(fault_job *job, hada_slot *slot, hada_stage stage, cons
 
 static hada_status make_plane(fault_job *job, hada_slot *slot, hada_error *err)
 {
+    static const hada_composed as_captured = {0};
     hada_planes *planes;
     hada_image plane = {0};
-    hada_status status = hada_planes_create(&planes, slot, job->model, err);
+    hada_status status = hada_planes_create(&planes, slot, job->model, 0, 0, err);
     if (!status)
-        status = hada_planes_make(planes, 1, &job->frame[1][1], &plane, err);
+        status = hada_planes_make(planes, 1, &job->frame[1][1], &as_captured, &plane, err);
     if (!status)
         add(job, plane.data, hada_image_count(&plane));
     hada_image_destroy(&plane);

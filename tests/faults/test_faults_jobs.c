@@ -54,9 +54,11 @@ static void the_other_device_takes_over(void **state)
             hada_queue_info queues[2];
             make_plan(f, kind, 2, 3, &plan);
             job_warnings = 0;
+            job_asked = plan;
             lose(f->part[i % 2], when[i], 0, LOST);
             assert_int_equal(run_all(f, plan, kind, HADA_OK), JOB_FRAMES);
             fault_lose(NULL);
+            job_asked = NULL;
             hada_plan_queues(plan, queues, 2);
             assert_false(queues[1 - i % 2].lost);
             assert_int_equal(queues[i % 2].lost, job_warnings);

@@ -21,10 +21,15 @@ typedef struct job_fixture {
 
 /* Warnings of all contexts. */
 static atomic_int job_warnings;
+/* Where not NULL: whoever takes a message asks this plan for its queues, as a program may. */
+static _Atomic(hada_plan *) job_asked;
 
 static inline void job_log(void *user, hada_log_level level, const char *message)
 {
     (void)user;
+    hada_plan *plan = atomic_load(&job_asked);
+    if (plan)
+        hada_plan_queues(plan, NULL, 0);
     job_warnings += level == HADA_LOG_WARNING && *message;
 }
 

@@ -32,8 +32,8 @@ static float *planes_of(const hada_enhance_desc *desc, int count)
 }
 
 /* Enhances `count` planes in place, which stand behind one other float in a part of a buffer; bytes are as stated. */
-static void run(net_device *device, const hada_enhance_desc *desc, float *planes, int count, int *computed,
-                int *left_out)
+static void run_as(net_device *device, const hada_enhance_desc *desc, float *planes, int count, int together,
+                   int *computed, int *left_out)
 {
     hada_enhance *enhance;
     hada_buffer buffer;
@@ -50,13 +50,19 @@ static void run(net_device *device, const hada_enhance_desc *desc, float *planes
         hada_buffer_write(&buffer, device->slot, region.origin + sizeof(float), planes, values * sizeof(float), err));
     cl_mem part = clCreateSubBuffer(buffer.mem, CL_MEM_READ_WRITE, CL_BUFFER_CREATE_TYPE_REGION, &region, &code);
     assert_int_equal(code, CL_SUCCESS);
-    ASSERT_OK(hada_enhance_run(enhance, part, 1, count, err));
+    ASSERT_OK(hada_enhance_run(enhance, part, 1, count, together, err));
     ASSERT_OK(
         hada_buffer_read(&buffer, device->slot, region.origin + sizeof(float), planes, values * sizeof(float), err));
     hada_enhance_counts(enhance, computed, left_out);
     clReleaseMemObject(part);
     hada_enhance_destroy(&enhance);
     hada_buffer_destroy(&buffer);
+}
+
+static void run(net_device *device, const hada_enhance_desc *desc, float *planes, int count, int *computed,
+                int *left_out)
+{
+    run_as(device, desc, planes, count, 1, computed, left_out);
 }
 
 /* Without resizing: what a runner gives, zero where that is negative. */
@@ -95,6 +101,57 @@ static void a_plane_at_once_is_the_net(void **state)
         free(planes);
         free(before);
     }
+}
+
+/* A plane and what all others hold beside it, as they were before any was enhanced; 0 where planes do not belong
+ * together. In tiles the same. */
+static void a_net_may_see_the_other_planes(void **state)
+{
+    enum { COUNT = 3, ROWS = 32, COLS = 48, CHANNELS = 2, PLANE = CHANNELS * ROWS * COLS };
+    net_device *device = *state;
+    hada_net *net;
+    hada_unet_options options;
+    hada_net_runner *runner;
+    hada_image in, out = {0};
+    hada_unet_options_init(&options);
+    options.channels = 2 * CHANNELS;
+    options.out_channels = CHANNELS;
+    options.down = "8|12";
+    options.up = "9";
+    ASSERT_OK(hada_net_create_unet(&net, &options, 5, err));
+    hada_enhance_desc desc = {.net = net, .channels = CHANNELS, .rows = ROWS, .cols = COLS, .method = HADA_CONV_DIRECT};
+    float *before = planes_of(&desc, COUNT);
+    ASSERT_OK(hada_net_runner_create(&runner, device->context, net, ROWS, COLS, err));
+    ASSERT_OK(hada_image_create(&in, 2 * CHANNELS, ROWS, COLS, err));
+    for (int way = 0; way < 4; way++) {
+        const int together = way & 1, tiled = way >> 1;
+        float *planes = planes_of(&desc, COUNT);
+        int computed, left_out;
+        desc.tile_rows = desc.tile_cols = 1 + tiled;
+        run_as(device, &desc, planes, COUNT, together, &computed, &left_out);
+        assert_int_equal(computed, COUNT * (tiled ? 4 : 1));
+        for (int own = 0; own < COUNT; own++) {
+            memcpy(in.data, before + own * PLANE, PLANE * sizeof(float));
+            for (int k = 0; k < PLANE; k++) {
+                const float sum = before[k] + before[PLANE + k] + before[2 * PLANE + k];
+                in.data[PLANE + k] = together ? sum - in.data[k] : 0.0f;
+            }
+            ASSERT_OK(hada_net_run(runner, &in, &out, err));
+            for (int k = 0; k < PLANE; k++)
+                assert_true(fabsf(planes[own * PLANE + k] - fmaxf(out.data[k], 0.0f)) < 1e-5f);
+        }
+        free(planes);
+    }
+    desc.net_rows = desc.net_cols = 16; /* it has no other size */
+    hada_enhance *enhance;
+    hada_error error = {0};
+    assert_int_equal(hada_enhance_create(&enhance, device->slot, &desc, &error), HADA_ERROR_MODEL);
+    assert_non_null(strstr(error.message, "at the window's size"));
+    hada_net_runner_destroy(&runner);
+    hada_net_destroy(&net);
+    hada_image_destroy(&in);
+    hada_image_destroy(&out);
+    free(before);
 }
 
 /* A net between two resizings, as one list. */
@@ -283,6 +340,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_plane_at_once_is_the_net),
+        cmocka_unit_test(a_net_may_see_the_other_planes),
         cmocka_unit_test(a_window_of_another_size_goes_there_and_back),
         cmocka_unit_test(tiles_hold_the_bits_of_the_whole),
         cmocka_unit_test(tiles_without_content_are_left_out),

@@ -281,6 +281,26 @@ static void test_sheets(void **state)
     }
 }
 
+/* Distances beyond which a number and the next are one. */
+static void test_far_away(void **state)
+{
+    (void)state;
+    static const double ends[][2] = {{9e15, 9.1e15}, {1e17, 1e17 + 64}, {1e300, 2e300}, {-1e18, 1e18}};
+    for (size_t i = 0; i < sizeof ends / sizeof *ends; i++) {
+        scene s;
+        hada_plot *plot;
+        hada_plot_panel panel = {.left = 40, .top = 10, .width = 200, .height = 100};
+        make(&s, 2, 1, 300, 40);
+        memcpy(s.distances, ends[i], sizeof ends[i]);
+        assert_int_equal(hada_preview_save(io_path("far.png"), &s.preview, NULL), HADA_OK);
+        drop(&s);
+        panel.across = panel.up = hada_plot_axis_for(ends[i], 2, 0, "far");
+        assert_int_equal(hada_plot_begin(&plot, 300, 150, NULL), HADA_OK);
+        hada_plot_panel_begin(plot, &panel);
+        assert_int_equal(hada_plot_save(&plot, io_path("far.svg"), NULL), HADA_OK);
+    }
+}
+
 /* Any part may be missing; none at all, or a folder that is not there, is an error that leaves nothing. */
 static void test_parts(void **state)
 {
@@ -315,9 +335,9 @@ static void test_parts(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_one_image), cmocka_unit_test(test_white), cmocka_unit_test(test_resampling),
-        cmocka_unit_test(test_colours),   cmocka_unit_test(test_text),  cmocka_unit_test(test_plot),
-        cmocka_unit_test(test_sheets),    cmocka_unit_test(test_parts),
+        cmocka_unit_test(test_one_image), cmocka_unit_test(test_white),    cmocka_unit_test(test_resampling),
+        cmocka_unit_test(test_colours),   cmocka_unit_test(test_text),     cmocka_unit_test(test_plot),
+        cmocka_unit_test(test_sheets),    cmocka_unit_test(test_far_away), cmocka_unit_test(test_parts),
     };
     return cmocka_run_group_tests(tests, io_setup, io_teardown);
 }

@@ -89,6 +89,26 @@ static void doubles_with_a_point(void **state)
     every_double_comes_back();
 }
 
+static void numbers_that_differ_have_names_that_differ(void **state)
+{
+    (void)state;
+    static const struct {
+        double value;
+        const char *name;
+    } cases[] = {{100, "100"},
+                 {12345.67, "12345.67"},
+                 {0.1, "0.1"},
+                 {1.0 / 3.0, "0.3333333333333333"},
+                 {250.00001, "250.00001"},
+                 {123456789, "123456789"},
+                 {1e-7, "1e-07"}};
+    char name[40];
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        hada_format_exact(name, sizeof name, cases[i].value);
+        assert_string_equal(name, cases[i].name);
+    }
+}
+
 static void doubles_where_people_write_a_comma(void **state)
 {
     if (!decimal_comma())
@@ -103,6 +123,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(what_a_number_is),
+        cmocka_unit_test(numbers_that_differ_have_names_that_differ),
         cmocka_unit_test(doubles_with_a_point),
         cmocka_unit_test(doubles_where_people_write_a_comma),
     };

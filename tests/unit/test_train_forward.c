@@ -34,7 +34,7 @@ static void forward_is_the_enhancement(void **state)
         const size_t bytes = hada_image_count(input) * sizeof(float);
         ASSERT_OK(hada_enhance_create(&enhance, device->slot, &desc, err));
         ASSERT_OK(hada_buffer_create_from(&buffer, device->slot, input->data, bytes, "a plane", err));
-        ASSERT_OK(hada_enhance_run(enhance, buffer.mem, 0, 1, err));
+        ASSERT_OK(hada_enhance_run(enhance, buffer.mem, 0, 1, 1, err));
         ASSERT_OK(hada_buffer_read(&buffer, device->slot, 0, before.data, bytes, err));
         assert_memory_equal(before.data, after.data, bytes);
         memset(input->data, 0, bytes);

@@ -1,4 +1,4 @@
-/* Planes for training: those of a plan that is told the depth, bit for bit. */
+/* Planes for training: those of a plan that is told the depths, bit for bit, also of a frame that was composed. */
 #include <hadalens/job.h>
 
 #include "camera_small.h"
@@ -38,6 +38,8 @@ static hada_model *model_of(hada_context *context, const planes_case *c, hada_im
     return half;
 }
 
+static const hada_composed as_captured = {0};
+
 static void planes_are_those_of_a_plan(void **state)
 {
     train_device *device = *state;
@@ -50,8 +52,8 @@ static void planes_are_those_of_a_plan(void **state)
         hada_planes *planes;
         size_t bytes;
         const uint64_t before = hada_context_bytes(device->context);
-        ASSERT_OK(hada_planes_bytes(device->context, model, &bytes, err));
-        ASSERT_OK(hada_planes_create(&planes, device->slot, model, err));
+        ASSERT_OK(hada_planes_bytes(device->context, model, 0, &bytes, err));
+        ASSERT_OK(hada_planes_create(&planes, device->slot, model, 0, 0, err));
         assert_int_equal(hada_context_bytes(device->context) - before, bytes);
         for (int z = 0; z < DEPTHS; z++) {
             hada_plan *plan;
@@ -63,7 +65,7 @@ static void planes_are_those_of_a_plan(void **state)
             options.occupied_count = 1;
             ASSERT_OK(hada_plan_create(&plan, device->context, model, &options, err));
             ASSERT_OK(hada_plan_run(plan, &frame, &result, err));
-            ASSERT_OK(hada_planes_make(planes, z, &frame, &plane, err));
+            ASSERT_OK(hada_planes_make(planes, z, &frame, &as_captured, &plane, err));
             assert_int_equal(result.report->refine_steps > 0, cases[i].steps > 0);
             assert_int_equal(hada_image_count(&plane), hada_image_count(&result.planes[z]));
             assert_memory_equal(plane.data, result.planes[z].data, hada_image_count(&plane) * sizeof(float));
@@ -80,6 +82,131 @@ static void planes_are_those_of_a_plan(void **state)
         hada_image_destroy(&psfs[z]);
 }
 
+/* A scene at depths 0 and 2 in place of the captured one at depth 1: left half, right half, and a neighbour told. */
+static hada_composed halves(const hada_image *scene)
+{
+    hada_composed out = {.count = DEPTHS, .depth = {0, 1, 2}};
+    for (int z = 0; z < DEPTHS; z++) {
+        ASSERT_OK(hada_image_create(&out.light[z], CHANNELS, WINDOW_ROWS, WINDOW_COLS, err));
+        for (size_t i = 0; i < hada_image_count(scene); i++) {
+            const int right = i % WINDOW_COLS >= WINDOW_COLS / 2;
+            out.light[z].data[i] = z == 1 ? -scene->data[i] : right == (z == 2) ? 0.8f * scene->data[i] : 0.0f;
+        }
+    }
+    return out;
+}
+
+/* What the frame should become, in double precision: what each depth has in addition, convolved with its PSF. */
+static double *expected_frame(const hada_image *psfs, const hada_image *frame, const hada_composed *composed,
+                              int padded)
+{
+    double *out = calloc(hada_image_count(frame), sizeof *out);
+    for (size_t i = 0; i < hada_image_count(frame); i++)
+        out[i] = frame->data[i];
+    for (int z = 0; z < composed->count; z++) {
+        hada_image seen = small_frame(&psfs[z], &composed->light[z], padded, 0.0, 0);
+        for (size_t i = 0; i < hada_image_count(frame); i++)
+            out[i] += seen.data[i];
+        hada_image_destroy(&seen);
+    }
+    return out;
+}
+
+static void told(hada_context *context, const hada_model *model, const hada_composed *composed, const hada_image *frame,
+                 hada_result *result)
+{
+    hada_plan *plan;
+    hada_plan_options options;
+    hada_plan_options_init(&options);
+    options.occupied = HADA_OCCUPIED_LIST;
+    options.occupied_list = composed->depth;
+    options.occupied_count = composed->count;
+    ASSERT_OK(hada_plan_create(&plan, context, model, &options, err));
+    ASSERT_OK(hada_plan_run(plan, frame, result, err));
+    hada_plan_destroy(&plan);
+}
+
+/* Beside a plane stands what the others hold; 0 where they were not explained together, or the frame is as captured. */
+static void check_others(const train_device *device, const hada_model *model, const hada_composed *composed,
+                         const hada_image *psfs, const hada_result *result, int padded)
+{
+    const hada_image scene = small_scene(CHANNELS, WINDOW_ROWS, WINDOW_COLS, 1);
+    const size_t values = hada_image_count(&scene);
+    const int refined = hada_model_get_info(model)->refine_steps > 0;
+    hada_planes *planes;
+    hada_image plane = {0};
+    ASSERT_OK(hada_planes_create(&planes, device->slot, model, 1, 1, err));
+    for (int alone = 0; alone < 2; alone++) {
+        hada_image frame = small_frame(&psfs[1], &scene, padded, 0.003, 5);
+        ASSERT_OK(hada_planes_make(planes, 1, &frame, alone ? &as_captured : composed, &plane, err));
+        assert_int_equal(plane.channels, 2 * CHANNELS);
+        for (size_t i = 0; i < values; i++) {
+            const float sum = result->planes[0].data[i] + result->planes[1].data[i] + result->planes[2].data[i];
+            assert_true(plane.data[values + i] == (alone || !refined ? 0.0f : sum - plane.data[i]));
+            assert_true(alone || plane.data[i] == result->planes[1].data[i]);
+        }
+        hada_image_destroy(&frame);
+    }
+    hada_image_destroy(&plane);
+    hada_planes_destroy(&planes);
+    hada_image_destroy((hada_image *)&scene);
+}
+
+static void check_composed(const train_device *device, const hada_model *model, const hada_image *psfs, int padded)
+{
+    const hada_image scene = small_scene(CHANNELS, WINDOW_ROWS, WINDOW_COLS, 1);
+    hada_composed composed = halves(&scene);
+    hada_planes *planes;
+    hada_result result = {0};
+    hada_image plane = {0}, all = {0}, first = {0};
+    size_t bytes;
+    const uint64_t before = hada_context_bytes(device->context);
+    ASSERT_OK(hada_planes_bytes(device->context, model, 1, &bytes, err));
+    ASSERT_OK(hada_planes_create(&planes, device->slot, model, 1, 0, err));
+    assert_int_equal(hada_context_bytes(device->context) - before, bytes);
+    for (int z = 0; z < DEPTHS; z++) {
+        hada_image frame = small_frame(&psfs[1], &scene, padded, 0.003, 5);
+        double *expected = expected_frame(psfs, &frame, &composed, padded);
+        ASSERT_OK(hada_planes_make(planes, z, &frame, &composed, &plane, err));
+        assert_true(small_distance(frame.data, expected, hada_image_count(&frame)) < 2e-6);
+        if (!z)
+            told(device->context, model, &composed, &frame, &result);
+        assert_memory_equal(plane.data, result.planes[z].data, hada_image_count(&plane) * sizeof(float));
+        free(expected);
+        hada_image_destroy(&frame);
+    }
+    check_others(device, model, &composed, psfs, &result, padded);
+    composed.whole = 1;
+    first = small_frame(&psfs[1], &scene, padded, 0.003, 5);
+    ASSERT_OK(hada_planes_make(planes, 1, &first, &composed, &all, err));
+    for (size_t i = 0; i < hada_image_count(&all); i++)
+        assert_true(all.data[i] == result.planes[0].data[i] + result.planes[1].data[i] + result.planes[2].data[i]);
+    hada_image_destroy(&first);
+    hada_image_destroy(&all);
+    hada_image_destroy(&plane);
+    hada_result_destroy(&result);
+    hada_planes_destroy(&planes);
+    hada_composed_free(&composed);
+    hada_image_destroy((hada_image *)&scene);
+}
+
+static void composed_frames_are_those_of_their_scene(void **state)
+{
+    static const planes_case how[] = {
+        {0, 8, 0, 0.0, 3e-3}, {1, 5, 0, 0.01, 1e-3}, {0, 4, 1, -1.0, 0}, {1, 0, 0, 0.0, 0}};
+    train_device *device = *state;
+    hada_image psfs[DEPTHS];
+    for (int z = 0; z < DEPTHS; z++)
+        psfs[z] = small_psf(CHANNELS, ROWS, COLS, 12, (uint64_t)z + 1);
+    for (size_t i = 0; i < HADA_COUNT(how); i++) {
+        hada_model *model = model_of(device->context, &how[i], psfs);
+        check_composed(device, model, psfs, how[i].padded);
+        hada_model_destroy(&model);
+    }
+    for (int z = 0; z < DEPTHS; z++)
+        hada_image_destroy(&psfs[z]);
+}
+
 static void what_does_not_fit_is_refused(void **state)
 {
     train_device *device = *state;
@@ -88,13 +215,13 @@ static void what_does_not_fit_is_refused(void **state)
     hada_image frame, plane = {0};
     hada_error error;
     ASSERT_OK(hada_image_create(&frame, 1, 12, 14, err));
-    ASSERT_OK(hada_planes_create(&planes, device->slot, model, err));
-    assert_int_equal(hada_planes_make(planes, -1, &frame, &plane, &error), HADA_ERROR_ARGUMENT);
-    assert_int_equal(hada_planes_make(planes, TRAIN_DEPTHS, &frame, &plane, &error), HADA_ERROR_ARGUMENT);
+    ASSERT_OK(hada_planes_create(&planes, device->slot, model, 0, 0, err));
+    assert_int_equal(hada_planes_make(planes, -1, &frame, &as_captured, &plane, &error), HADA_ERROR_ARGUMENT);
+    assert_int_equal(hada_planes_make(planes, TRAIN_DEPTHS, &frame, &as_captured, &plane, &error), HADA_ERROR_ARGUMENT);
     frame.data[3] = NAN;
-    assert_int_equal(hada_planes_make(planes, 0, &frame, &plane, &error), HADA_ERROR_NOT_FINITE);
+    assert_int_equal(hada_planes_make(planes, 0, &frame, &as_captured, &plane, &error), HADA_ERROR_NOT_FINITE);
     frame.rows = 11;
-    assert_int_equal(hada_planes_make(planes, 0, &frame, &plane, &error), HADA_ERROR_SIZE);
+    assert_int_equal(hada_planes_make(planes, 0, &frame, &as_captured, &plane, &error), HADA_ERROR_SIZE);
     assert_null(plane.data);
     hada_image_destroy(&frame);
     hada_planes_destroy(&planes);
@@ -105,6 +232,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(planes_are_those_of_a_plan),
+        cmocka_unit_test(composed_frames_are_those_of_their_scene),
         cmocka_unit_test(what_does_not_fit_is_refused),
     };
     return cmocka_run_group_tests(tests, train_open, train_close);

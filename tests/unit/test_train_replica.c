@@ -227,12 +227,56 @@ static void norms_and_updates(void **state)
     run_free(&run);
 }
 
+/* The gradient of one sample, or of the first two, by all terms. */
+static float *gradient_of(hada_replica *replica, const hada_sample *samples, int count, hada_terms *terms)
+{
+    hada_parameters_clear(hada_replica_parameters(replica));
+    ASSERT_OK(hada_replica_backward(replica, samples, count, 0.5, 1, 0, terms, NULL, err));
+    return train_read(replica, HADA_GROUP_NET, HADA_CONTENT_GRADIENT);
+}
+
+/* A sample's weight is that of its gradient; terms are shown without it. */
+static void weights_are_of_the_gradient(void **state)
+{
+    static const int which[] = {2, 5};
+    for (size_t i = 0; i < HADA_COUNT(which); i++) {
+        replica_case without_norm = train_cases[which[i]];
+        replica_run run;
+        hada_terms plain, weighed;
+        without_norm.norm = 0;
+        run_make(&run, &without_norm);
+        hada_replica *replica = train_replica(*state, &run.desc);
+        const hada_sample *samples = run.pairs.samples;
+        hada_sample both[2] = {samples[0], samples[1]};
+        const size_t count =
+            hada_parameters_floats(hada_replica_parameters(replica), HADA_GROUP_NET, HADA_CONTENT_GRADIENT);
+        float *first = gradient_of(replica, samples, 1, &plain), *second = gradient_of(replica, samples + 1, 1, &plain);
+        free(gradient_of(replica, both, 2, &plain));
+        both[0].weight = 2.5;
+        both[1].weight = 0.25;
+        float *sum = gradient_of(replica, both, 2, &weighed);
+        double apart = 0.0, size = 0.0;
+        for (size_t k = 0; k < count; k++) {
+            const double expected = 2.5 * first[k] + 0.25 * second[k];
+            apart += (sum[k] - expected) * (sum[k] - expected);
+            size += expected * expected;
+        }
+        assert_true(size > 0.0 && sqrt(apart / size) < 1e-5);
+        check_terms(&weighed, &plain);
+        free(first);
+        free(second);
+        free(sum);
+        hada_replica_destroy(&replica);
+        run_free(&run);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(gradients_are_differences), cmocka_unit_test(fewer_samples_count_alone),
         cmocka_unit_test(pieces_and_recomputing),    cmocka_unit_test(the_critic_alone),
-        cmocka_unit_test(norms_and_updates),
+        cmocka_unit_test(norms_and_updates),         cmocka_unit_test(weights_are_of_the_gradient),
     };
     return cmocka_run_group_tests(tests, train_open, train_close);
 }

@@ -2,6 +2,8 @@
  * down. */
 #include "testing.h"
 
+#include <hadalens/job.h>
+
 #include "trainer_fixture.h"
 
 static void every_stage_learns(void **state)
@@ -61,6 +63,109 @@ static void new_nets_start_with_the_planes(void **state)
     assert_false(hada_net_start_as_identity(paper)); /* its batch norm stands in the way */
     assert_true(paper->values[0] == first);
     hada_net_destroy(&paper);
+}
+
+/* Scenes of several depths are made of pairs, to learn from and to validate with, and have the same bits on any devices
+ * and whatever is kept. */
+static void scenes_of_several_depths_are_learned(void **state)
+{
+    (void)state;
+    hada_validation first = {.size = sizeof first}, last = {.size = sizeof last}, other = {.size = sizeof other};
+    hada_train_options options = options_of(HADA_STAGE_ENHANCE);
+    options.compose = 0.5;
+    options.steps = 60;
+    options.at_once = 1;
+    hada_trainer *one = make(&options, 1), *again = make(&options, 1), *two = make(&options, 2);
+    ASSERT_OK(hada_trainer_validate(one, 0, &first, err));
+    assert_int_equal(first.pairs, 3 * DEPTHS * HELD);
+    again->known.most = 0; /* nothing is kept */
+    steps(one, 60);
+    steps(again, 60);
+    save(one, 0);
+    save(again, 1);
+    assert_true(same_files());
+    ASSERT_OK(hada_trainer_validate(one, 0, &last, err));
+    printf("composed: %.2f dB, then %.2f dB\n", last.psnr_before, last.psnr);
+    assert_true(last.psnr > last.psnr_before + 0.5);
+    assert_true(last.psnr_before == first.psnr_before);
+    ASSERT_OK(hada_trainer_validate(two, 0, &other, err));
+    assert_true(other.psnr_before == first.psnr_before);
+    steps(two, 2);
+    hada_error error = {0};
+    hada_trainer_destroy(&two);
+    options.compose = 0.25; /* another training */
+    hada_trainer *less = make(&options, 1);
+    assert_int_equal(hada_trainer_load(less, f.path[0], &error), HADA_ERROR_MODEL);
+    assert_non_null(strstr(error.message, "scenes of several depths"));
+    hada_trainer_destroy(&less);
+    hada_trainer_destroy(&one);
+    hada_trainer_destroy(&again);
+}
+
+/* A new net sees what the other planes of a scene hold; it begins with the planes all the same, follows into the
+ * adversarial stage, and reconstruction takes it. */
+static void new_nets_see_the_other_planes(void **state)
+{
+    (void)state;
+    hada_train_options options = options_of(HADA_STAGE_ENHANCE);
+    hada_validation result = {.size = sizeof result};
+    hada_net_info info;
+    hada_model *model;
+    hada_trainer *trainer;
+    hada_error error = {0};
+    options.net_given = NULL;
+    options.compose = 0.5;
+    trainer = make(&options, 1);
+    hada_net_get_info(hada_trainer_get_net(trainer), &info);
+    assert_int_equal(info.channels, 2);
+    assert_int_equal(info.out_channels, 1);
+    ASSERT_OK(hada_trainer_validate(trainer, 0, &result, err));
+    assert_true(fabs(result.psnr - result.psnr_before) < 1e-3);
+    steps(trainer, 3);
+    ASSERT_OK(hada_trainer_model(trainer, &model, err));
+    hada_trainer_destroy(&trainer);
+    options = options_of(HADA_STAGE_ADVERSARIAL);
+    options.net_given = NULL;
+    options.critic = "conditional";
+    for (int composed = 0; composed < 2; composed++) { /* the net has two inputs whether scenes are composed or not */
+        options.compose = 0.5 * composed;
+        ASSERT_OK(hada_trainer_create(&trainer, f.whole, model, &pairs, &held, &options, err));
+        steps(trainer, 4);
+        hada_trainer_destroy(&trainer);
+    }
+    options = options_of(HADA_STAGE_JOINT);
+    options.net_given = NULL;
+    assert_int_equal(hada_trainer_create(&trainer, f.whole, model, &pairs, &held, &options, &error), HADA_ERROR_MODEL);
+    assert_non_null(strstr(error.message, "options.net"));
+    hada_plan *plan;
+    hada_result enhanced = {0};
+    ASSERT_OK(hada_plan_create(&plan, f.whole, model, NULL, err));
+    ASSERT_OK(hada_plan_run(plan, &f.raw[0][0], &enhanced, err));
+    assert_true(enhanced.report->enhanced > 0);
+    hada_result_destroy(&enhanced);
+    hada_plan_destroy(&plan);
+    hada_model_destroy(&model);
+}
+
+static void composing_that_makes_no_sense_is_refused(void **state)
+{
+    (void)state;
+    hada_trainer *trainer;
+    hada_error error = {0};
+    hada_train_options options = options_of(HADA_STAGE_JOINT);
+    options.compose = 0.5;
+    assert_int_equal(hada_trainer_create(&trainer, f.whole, f.model, &pairs, &held, &options, &error),
+                     HADA_ERROR_ARGUMENT);
+    assert_non_null(strstr(error.message, "enhance and adversarial"));
+    options = options_of(HADA_STAGE_ENHANCE);
+    options.compose = 1.5;
+    assert_int_equal(hada_trainer_create(&trainer, f.whole, f.model, &pairs, &held, &options, &error),
+                     HADA_ERROR_ARGUMENT);
+    options = options_of(HADA_STAGE_JOINT);
+    options.compose = HADA_AUTO; /* the caller leaves it open */
+    trainer = make(&options, 1);
+    assert_true(hada_trainer_get_options(trainer)->compose == 0.0);
+    hada_trainer_destroy(&trainer);
 }
 
 /* The values of a group on a device. */
@@ -323,6 +428,9 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(every_stage_learns),
         cmocka_unit_test(new_nets_start_with_the_planes),
+        cmocka_unit_test(scenes_of_several_depths_are_learned),
+        cmocka_unit_test(new_nets_see_the_other_planes),
+        cmocka_unit_test(composing_that_makes_no_sense_is_refused),
         cmocka_unit_test(two_devices_share_a_step),
         cmocka_unit_test(broken_numbers_are_rolled_back),
         cmocka_unit_test(a_rate_that_is_too_high_is_halved),

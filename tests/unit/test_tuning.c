@@ -1,5 +1,6 @@
 /* The tuning file: rows that are read and honoured, rows that are refused, and the tuner of convolutions, which leaves
  * out what is wrong. */
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include "net_fixture.h"
@@ -316,17 +317,49 @@ static void a_tuned_net_gives_the_same(void **state)
     remove(file);
 }
 
+/* Two tuners that write one file at once lose no row of each other. */
+static void rows_of_two_processes_all_stay(void **state)
+{
+    enum { ROWS_EACH = 25, PROCESSES = 2 };
+    pid_t child[PROCESSES];
+    hada_context *context;
+    hada_error error = {0};
+    int count = 0, result;
+    (void)state;
+    ASSERT_OK(open_with("", &context, &error));
+    for (int p = 0; p < PROCESSES; p++) {
+        child[p] = fork();
+        for (int i = 0; !child[p] && i < ROWS_EACH; i++) {
+            char shape[32];
+            snprintf(shape, sizeof shape, "%dx%d", 8 + p, 8 + i);
+            const char *const shapes[] = {shape}, *const choices[] = {"own"};
+            if (hada_tuning_write(context, file, "fft", shapes, choices, 1, &error))
+                _exit(1);
+        }
+        if (!child[p])
+            _exit(0);
+    }
+    for (int p = 0; p < PROCESSES; p++)
+        assert_true(waitpid(child[p], &result, 0) == child[p] && WIFEXITED(result) && !WEXITSTATUS(result));
+    FILE *in = fopen(file, "r");
+    char line[256];
+    assert_non_null(in);
+    while (fgets(line, sizeof line, in))
+        count += !strncmp(line, "fft ", 4);
+    fclose(in);
+    assert_int_equal(count, PROCESSES * ROWS_EACH);
+    hada_context_destroy(&context);
+    remove(file);
+}
+
 int main(void)
 {
     snprintf(file, sizeof file, "/tmp/hadalens-tuning-%ld", (long)getpid());
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(wrong_rows_are_refused_by_line),
-        cmocka_unit_test(rows_are_honoured),
-        cmocka_unit_test(rows_that_cannot_serve_are_refused_by_line),
-        cmocka_unit_test(wrong_variants_are_left_out),
-        cmocka_unit_test(nothing_is_wrong_by_itself),
-        cmocka_unit_test(variants_survive_the_file),
-        cmocka_unit_test(a_tuned_net_gives_the_same),
+        cmocka_unit_test(wrong_rows_are_refused_by_line), cmocka_unit_test(rows_are_honoured),
+        cmocka_unit_test(rows_of_two_processes_all_stay), cmocka_unit_test(rows_that_cannot_serve_are_refused_by_line),
+        cmocka_unit_test(wrong_variants_are_left_out),    cmocka_unit_test(nothing_is_wrong_by_itself),
+        cmocka_unit_test(variants_survive_the_file),      cmocka_unit_test(a_tuned_net_gives_the_same),
     };
     return cmocka_run_group_tests(tests, net_device_open, net_device_close);
 }

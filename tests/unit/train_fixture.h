@@ -101,7 +101,7 @@ static inline void train_pairs_make(train_pairs *pairs, const hada_model_info *i
         ASSERT_OK(hada_image_create(scene, info->channels, info->window_rows, info->window_cols, err));
         train_fill(input->data, hada_image_count(input), 0.4, 0.3, 20 + (uint64_t)i);
         train_fill(scene->data, hada_image_count(scene), 0.5, 0.3, 40 + (uint64_t)i);
-        pairs->samples[i] = (hada_sample){depths[i], input, scene, 0};
+        pairs->samples[i] = (hada_sample){depths[i], input, scene, 0, 0.0};
     }
 }
 

@@ -182,6 +182,7 @@ static inline hada_train_options options_of(hada_stage stage)
     options.random_start = stage == HADA_STAGE_FILTERS;
     options.filter_rate = stage == HADA_STAGE_JOINT ? 1e-5 : 5e-2;
     options.rate = 5e-3;
+    options.compose = 0.0;
     return options;
 }
 

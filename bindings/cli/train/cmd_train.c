@@ -19,7 +19,7 @@ typedef struct settings {
     double rate, filter_rate, critic_rate, last_rate, clip, decay;
     double mse, perceptual, adversarial, variation;
     int variation_squared, shift, flips, plane_flips;
-    double noise, exposure;
+    double noise, exposure, compose;
     int validate_every, validate_most, show_every, save_every, patience, keep, resume, restart;
     uint64_t seed;
 } settings;
@@ -66,6 +66,11 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_REAL, "noise", 0, "SHARE", "add Gaussian noise, as a share of the frame's maximum", NULL, AT(noise)},
     {HADA_OPTION_REAL, "exposure", 0, "SHARE", "scale pairs by a factor from 1 - SHARE to 1 + SHARE", NULL,
      AT(exposure)},
+    {HADA_OPTION_REAL, "compose", 0, "SHARE",
+     "enhance, adversarial: share of pairs that become scenes of several depths (default: 0.3)",
+     "Parts of a pair's scene are moved to other depths or replaced, and its frame is changed by what the model says "
+     "that this makes. 0 where the model has no transfer functions, or a single depth.",
+     AT(compose)},
     {HADA_OPTION_CHOICE, "boundary", 0, "circular|padded", "without a model: as for 'hadalens fit'", NULL,
      ONE_OF(boundary, HADA_BOUNDARY_CIRCULAR, HADA_BOUNDARY_PADDED)},
     {HADA_OPTION_SIZE, "window", 0, "HxW", "without a model: field of view, as for 'hadalens fit'", NULL, AT(window)},
@@ -138,9 +143,9 @@ static void defaults(void *user)
     int *const counts[] = {&set->steps,       &set->epochs,   &set->batch,      &set->critic_steps,   &set->period,
                            &set->warmup,      &set->shift,    &set->flips,      &set->validate_every, &set->rule,
                            &set->plane_flips, &set->schedule, &set->show_every, &set->save_every};
-    double *const reals[] = {&set->rate,        &set->filter_rate, &set->critic_rate, &set->last_rate,
-                             &set->clip,        &set->decay,       &set->mse,         &set->perceptual,
-                             &set->adversarial, &set->variation,   &set->noise,       &set->exposure};
+    double *const reals[] = {&set->rate,  &set->filter_rate, &set->critic_rate, &set->last_rate,   &set->clip,
+                             &set->decay, &set->mse,         &set->perceptual,  &set->adversarial, &set->variation,
+                             &set->noise, &set->exposure,    &set->compose};
     for (size_t i = 0; i < sizeof counts / sizeof *counts; i++)
         *counts[i] = NOT_GIVEN;
     for (size_t i = 0; i < sizeof reals / sizeof *reals; i++)
@@ -257,6 +262,7 @@ static hada_status make_options(const settings *set, parts *of, hada_error *err)
     take_count(set->batch, &how->batch);
     take_steps(set->critic_steps, &how->critic_steps);
     take_steps(set->steps, &how->steps);
+    take_real(set->compose, &how->compose);
     take_rates(set, how);
     take_losses(set, how);
     take_changes(set, &of->augment);

@@ -118,6 +118,11 @@ typedef struct hada_train_options {
     const char *vgg;       /* safetensors file of VGG-16; NULL: the perceptual term is off */
 
     const hada_augment *augment; /* NULL (default): hada_augment_init(); copied */
+
+    double compose; /* ENHANCE and ADVERSARIAL: the share of pairs that become scenes of several depths: parts of their
+                       scene are moved to other depths or replaced, and the captured frame is changed by what the model
+                       says that this makes of it. Planes are then refined together, as reconstruction does. 0: none;
+                       HADA_AUTO (default): 0.3 where the model has transfer functions and several depths, else 0 */
 } hada_train_options;
 HADA_API void hada_train_options_defaults(hada_train_options *options, size_t size, hada_stage stage);
 static inline void hada_train_options_init(hada_train_options *options, hada_stage stage)
@@ -166,8 +171,10 @@ typedef struct hada_step_report {
 /* One step. HADA_ERROR_NUMERIC when it was rolled back ten times without a good step between. */
 HADA_API hada_status hada_trainer_step(hada_trainer *trainer, hada_step_report *report, hada_error *err);
 
-/* Means over the held-out pairs, at most `most` of them, evenly chosen (0: all): PSNR (peak 1), SSIM, MAE, sharpness,
- * of what the parameters give now, and of what they start from (the planes without the net; NaN for CONVENTIONAL). */
+/* Means over the held-out pairs, at most `most` of them, evenly chosen (0: all), as they were captured and, where
+ * training composes scenes of several depths, each as two of these as well (always the same ones): PSNR (peak 1), SSIM,
+ * MAE, sharpness, of what the parameters give now, and of what they start from (the planes without the net; NaN for
+ * CONVENTIONAL). */
 typedef struct hada_validation {
     size_t size; /* sizeof(hada_validation), set by the caller */
     int pairs;

@@ -1,0 +1,75 @@
+#include "fuzz.h"
+
+#include <hadalens/folder.h>
+#include <hadalens/limits.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+const fuzz_target fuzz_targets[] = {
+    {"tiff", fuzz_tiff, ".tif"}, {"tiff_text", fuzz_tiff_text, ""}, {"safetensors", fuzz_safetensors, ".safetensors"},
+    {"model", fuzz_model, ""},   {"sums", fuzz_sums, ""},           {"net", fuzz_net, ""},
+    {"list", fuzz_list, ""},     {"camera", fuzz_camera, ""},       {"tuning", fuzz_tuning, ""},
+    {"binary", fuzz_binary, ""}, {"dataset", fuzz_dataset, ""},     {"log", fuzz_log, ""},
+    {"words", fuzz_words, ""},   {"options", fuzz_options, ""},     {NULL, NULL, NULL},
+};
+
+const fuzz_target *fuzz_find(const char *name)
+{
+    for (const fuzz_target *target = fuzz_targets; name && target->name; target++)
+        if (!strcmp(target->name, name))
+            return target;
+    fprintf(stderr, "FUZZ_TARGET names the target, one of:");
+    for (const fuzz_target *target = fuzz_targets; target->name; target++)
+        fprintf(stderr, " %s", target->name);
+    fprintf(stderr, "\n");
+    exit(2);
+}
+
+const char *fuzz_path(const uint8_t *data, size_t bytes)
+{
+    static int fd = -1;
+    static char path[40];
+    if (fd < 0) {
+        fd = memfd_create("fuzz", MFD_CLOEXEC);
+        snprintf(path, sizeof path, "/proc/self/fd/%d", fd);
+    }
+    if (fd < 0 || ftruncate(fd, 0) || pwrite(fd, data, bytes, 0) != (ssize_t)bytes)
+        abort();
+    return path;
+}
+
+const char *fuzz_folder(void)
+{
+    static char folder[64];
+    if (*folder)
+        hada_folder_remove(folder);
+    else
+        snprintf(folder, sizeof folder, "%s/hadalens-fuzz-%ld", access("/dev/shm", W_OK) ? "/tmp" : "/dev/shm",
+                 (long)getpid());
+    if (mkdir(folder, 0700))
+        abort();
+    return folder;
+}
+
+char *fuzz_text(const uint8_t *data, size_t bytes)
+{
+    char *text = malloc(bytes + 1);
+    if (!text)
+        abort();
+    if (bytes)
+        memcpy(text, data, bytes);
+    text[bytes] = '\0';
+    return text;
+}
+
+void fuzz_check(hada_status status, const hada_error *err)
+{
+    if (status && (err->status != status || strlen(err->message) < 8)) {
+        fprintf(stderr, "status %d, in the record %d: '%s'\n", (int)status, (int)err->status, err->message);
+        abort();
+    }
+}

@@ -1,0 +1,67 @@
+/* fuzz_replay TARGET FILE|FOLDER...: runs a target on files as they are, each within a time; what CTest does with the
+ * corpora, under every compiler and sanitizer. */
+#include <dirent.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "fuzz.h"
+
+/* For an input; under sanitizers a hundred times slower than without. */
+enum { SECONDS = 20 };
+/* Address space, where no sanitizer reserves terabytes of it. */
+#define MOST_BYTES ((rlim_t)2 << 30)
+
+static int replay_file(const fuzz_target *target, const char *path)
+{
+    FILE *file = fopen(path, "rb");
+    struct stat what;
+    if (!file || fstat(fileno(file), &what))
+        return 0;
+    uint8_t *data = malloc((size_t)what.st_size + 1);
+    if (!data || fread(data, 1, (size_t)what.st_size, file) != (size_t)what.st_size)
+        abort();
+    fclose(file);
+    fprintf(stderr, "%s\r", path); /* who it was, after a crash */
+    alarm(SECONDS);
+    target->run(data, (size_t)what.st_size);
+    alarm(0);
+    free(data);
+    return 1;
+}
+
+static int replay(const fuzz_target *target, const char *path)
+{
+    struct stat what;
+    DIR *folder = !stat(path, &what) && S_ISDIR(what.st_mode) ? opendir(path) : NULL;
+    int count = 0;
+    if (!folder)
+        return replay_file(target, path);
+    for (const struct dirent *entry; (entry = readdir(folder));) {
+        char inner[4096];
+        if (entry->d_name[0] == '.' || strlen(entry->d_name) < strlen(target->ends) ||
+            strcmp(entry->d_name + strlen(entry->d_name) - strlen(target->ends), target->ends))
+            continue;
+        snprintf(inner, sizeof inner, "%s/%s", path, entry->d_name);
+        count += replay_file(target, inner);
+    }
+    closedir(folder);
+    return count;
+}
+
+int main(int argc, char **argv)
+{
+    const fuzz_target *target = fuzz_find(argc > 1 ? argv[1] : NULL);
+    int count = 0;
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__) && !defined(HADALENS_SANITIZED)
+    const struct rlimit room = {MOST_BYTES, MOST_BYTES};
+    setrlimit(RLIMIT_AS, &room);
+#endif
+    for (int i = 2; i < argc; i++)
+        count += replay(target, argv[i]);
+    printf("%d inputs of %s\n", count, target->name);
+    return count ? 0 : 1;
+}

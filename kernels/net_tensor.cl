@@ -123,3 +123,17 @@ __kernel void net_beside(__global const float *planes, __global const float *sum
     out[out_offset + i] = own;
     out[out_offset + values + i] = sum[i] - own;
 }
+
+/* The planes of a frame keep their shares of each value, and add up to `whole`. What no plane holds stays 0. */
+__kernel void net_share(__global float *planes, __global const float *whole, ulong offset, ulong values, int count)
+{
+    const ulong i = get_global_id(0);
+    float total = 0.0f;
+    if (i >= values)
+        return;
+    for (int k = 0; k < count; k++)
+        total += planes[offset + k * values + i];
+    const float factor = total > 0.0f ? whole[i] / total : 0.0f;
+    for (int k = 0; k < count; k++)
+        planes[offset + k * values + i] *= factor;
+}

@@ -303,6 +303,34 @@ static hada_status put_beside(hada_enhance *e, cl_mem planes, size_t offset, had
                                   .values = values);
 }
 
+/* What stands in `planes`, and beside it the sum less that. */
+static hada_status run_one(hada_enhance *e, cl_mem planes, size_t offset, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    HADA_TRY(put_beside(e, planes, offset, err));
+    HADA_TRY(map_content(e, planes, offset, err));
+    if (!has_content(e, 0, 0, e->desc.rows, e->desc.cols))
+        e->left_out += e->shape.tiles_down * e->shape.tiles_right;
+    else
+        HADA_TRY(e->shape.tiled ? run_tiles(e, planes, offset, err) : run_whole(e, planes, offset, err));
+done:
+    return status;
+}
+
+/* A net that sees one plane after the other knows of each what is its own, but not that together they must make a
+ * whole: the sum is enhanced by itself, and shared out as the planes say. */
+static hada_status share_out(hada_enhance *e, cl_mem planes, size_t offset, int count, hada_error *err)
+{
+    const size_t values = (size_t)e->desc.channels * (size_t)e->desc.rows * (size_t)e->desc.cols;
+    const hada_range range = hada_layer_flat_range(e->slot, values, 1);
+    hada_status status = HADA_OK;
+    HADA_TRY(run_one(e, e->sum.mem, 0, err));
+    HADA_TRY(hada_launch_net_share(e->slot, HADA_PROGRAM_NET_TENSOR_DEFAULT, &range, err, .planes = planes,
+                                   .whole = e->sum.mem, .offset = offset, .values = values, .count = count));
+done:
+    return status;
+}
+
 hada_status hada_enhance_run(hada_enhance *e, cl_mem planes, size_t offset, int count, int together, hada_error *err)
 {
     hada_status status = HADA_OK;
@@ -310,16 +338,13 @@ hada_status hada_enhance_run(hada_enhance *e, cl_mem planes, size_t offset, int 
     e->computed = e->left_out = 0;
     if (together)
         HADA_TRY(add_up(e, planes, offset, count, err));
-    for (int i = 0; i < count; i++, offset += plane) {
+    for (int i = 0; i < count; i++) {
         if (!together)
-            HADA_TRY(add_up(e, planes, offset, 1, err));
-        HADA_TRY(put_beside(e, planes, offset, err));
-        HADA_TRY(map_content(e, planes, offset, err));
-        if (!has_content(e, 0, 0, e->desc.rows, e->desc.cols))
-            e->left_out += e->shape.tiles_down * e->shape.tiles_right;
-        else
-            HADA_TRY(e->shape.tiled ? run_tiles(e, planes, offset, err) : run_whole(e, planes, offset, err));
+            HADA_TRY(add_up(e, planes, offset + (size_t)i * plane, 1, err));
+        HADA_TRY(run_one(e, planes, offset + (size_t)i * plane, err));
     }
+    if (together && count > 1 && e->shape.inputs > 1)
+        HADA_TRY(share_out(e, planes, offset, count, err));
 done:
     if (status)
         hada_error_prefix(err, "enhancement: ");

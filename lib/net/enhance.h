@@ -7,7 +7,8 @@
  * all, halo included, are dark. Sizes that are no multiple of what tiles need are filled up with zeros then.
  *
  * A net that takes twice the planes' channels sees beside a plane the light of all others that explain the frame
- * together with it: their sum (before they are enhanced), 0 where there are none. It runs at the window's size. */
+ * together with it: their sum (before they are enhanced), 0 where there are none. Several such planes keep the shares
+ * that come out, of what the net makes of their sum alone. It runs at the window's size. */
 #ifndef HADA_NET_ENHANCE_H
 #define HADA_NET_ENHANCE_H
 

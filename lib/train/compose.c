@@ -11,7 +11,7 @@
 enum { COIN = 3, SCENE = 4 };
 
 /* How often, in so many parts of a hundred: a picture on a surface (else objects side by side); the surface in stairs
- * from depth to depth (else it lies between them as well); its whole seen at once; objects of one picture (else of
+ * from depth to depth (else it lies between them as well); the whole seen at once; objects of one picture (else of
  * several); three objects (else two); one of them dark; a depth too many told. Rough shares: no scene to be met is
  * known. */
 enum { ON_SURFACE = 40, IN_STAIRS = 30, SEEN_WHOLE = 30, ONE_PICTURE = 50, THREE = 33, DARK = 25, ONE_TOO_MANY = 10 };
@@ -255,7 +255,8 @@ done:
     return status;
 }
 
-/* What is left of the pair's scene becomes the truth; what is not is taken away from the frame. */
+/* What is left of the pair's scene is the truth of its plane; what is not is taken away from the frame. Seen whole, the
+ * truth is all that the scene holds now. */
 static hada_status light_own(hada_composed *out, const scene_plan *plan, int own, hada_image *scene, hada_error *err)
 {
     const int at = place_of(plan, own);
@@ -266,11 +267,12 @@ static hada_status light_own(hada_composed *out, const scene_plan *plan, int own
     HADA_TRY(hada_image_create(&out->light[at], scene->channels, scene->rows, scene->cols, err));
     for (size_t i = 0; i < count; i++)
         out->light[at].data[i] = rest.data[i] - scene->data[i];
-    if (!out->whole) {
-        hada_image_destroy(scene);
-        *scene = rest;
-        rest = (hada_image){0};
-    }
+    for (int k = 0; out->whole && k < plan->count; k++)
+        for (size_t i = 0; k != at && out->light[k].data && i < count; i++)
+            rest.data[i] += out->light[k].data[i];
+    hada_image_destroy(scene);
+    *scene = rest;
+    rest = (hada_image){0};
 done:
     hada_image_destroy(&rest);
     return status;
@@ -294,7 +296,7 @@ hada_status hada_compose(hada_composed *out, const hada_pairs *pairs, const hada
         plan_surface(&plan, &random, info->depths, depth);
     else
         plan_objects(&plan, &random, info->depths, depth);
-    out->whole = plan.surface && chance(&random, SEEN_WHOLE);
+    out->whole = chance(&random, SEEN_WHOLE);
     if (chance(&random, ONE_TOO_MANY))
         add_neighbour(&plan, &random, info->depths);
     out->count = plan.count;

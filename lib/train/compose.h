@@ -19,8 +19,8 @@ typedef struct hada_composed {
     int depth[HADA_COMPOSED_DEPTHS];
     hada_image light[HADA_COMPOSED_DEPTHS]; /* what the scene has there and the pair's had not, over the window; below
                                                zero where it is gone; empty: no change */
-    int whole;                              /* 1: one picture on a surface, of which the sum of all planes is to be
-                                               seen; 0: the plane of the pair's depth */
+    int whole;                              /* 1: the sum of all planes is to be seen; 0: the plane of the
+                                               pair's depth */
 } hada_composed;
 void hada_composed_free(hada_composed *composed);
 

@@ -104,7 +104,7 @@ static void a_plane_at_once_is_the_net(void **state)
 }
 
 /* A plane and what all others hold beside it, as they were before any was enhanced; 0 where planes do not belong
- * together. In tiles the same. */
+ * together. Those that do are shares of their sum, which is enhanced by itself. In tiles the same. */
 static void a_net_may_see_the_other_planes(void **state)
 {
     enum { COUNT = 3, ROWS = 32, COLS = 48, CHANNELS = 2, PLANE = CHANNELS * ROWS * COLS };
@@ -129,17 +129,25 @@ static void a_net_may_see_the_other_planes(void **state)
         int computed, left_out;
         desc.tile_rows = desc.tile_cols = 1 + tiled;
         run_as(device, &desc, planes, COUNT, together, &computed, &left_out);
-        assert_int_equal(computed, COUNT * (tiled ? 4 : 1));
-        for (int own = 0; own < COUNT; own++) {
-            memcpy(in.data, before + own * PLANE, PLANE * sizeof(float));
+        assert_int_equal(computed, (COUNT + together) * (tiled ? 4 : 1));
+        float *expected = calloc((COUNT + 1) * PLANE, sizeof *expected); /* of the planes, and of their sum */
+        for (int own = 0; own <= COUNT; own++) {
             for (int k = 0; k < PLANE; k++) {
                 const float sum = before[k] + before[PLANE + k] + before[2 * PLANE + k];
+                in.data[k] = own < COUNT ? before[own * PLANE + k] : sum;
                 in.data[PLANE + k] = together ? sum - in.data[k] : 0.0f;
             }
             ASSERT_OK(hada_net_run(runner, &in, &out, err));
             for (int k = 0; k < PLANE; k++)
-                assert_true(fabsf(planes[own * PLANE + k] - fmaxf(out.data[k], 0.0f)) < 1e-5f);
+                expected[own * PLANE + k] = fmaxf(out.data[k], 0.0f);
         }
+        for (int k = 0; k < COUNT * PLANE; k++) {
+            const float *shares = expected + k % PLANE;
+            const double total = (double)shares[0] + shares[PLANE] + shares[2 * PLANE];
+            const double factor = !together ? 1.0 : total > 0.0 ? shares[COUNT * PLANE] / total : 0.0;
+            assert_true(fabs(planes[k] - factor * expected[k]) < 1e-4);
+        }
+        free(expected);
         free(planes);
     }
     desc.net_rows = desc.net_cols = 16; /* it has no other size */

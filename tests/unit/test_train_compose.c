@@ -73,8 +73,7 @@ static void check_pixel(const hada_composed *composed, size_t i, float truth, se
     }
     assert_in_range(count, 0, 2);
     assert_true(count < 2 || fabsf(total - shade(OWN, 1)) < 1e-5f); /* one picture lies between depths */
-    if (composed->whole)
-        assert_true(fabsf(total - truth) < 1e-5f && truth == shade(OWN, 1));
+    assert_true(!composed->whole || fabsf(total - truth) < 1e-5f);
     all->others |= count == 1 && fabsf(total - shade(OWN, 1)) > 0.5f;
     all->between |= count == 2;
     all->dark |= !count;
@@ -120,7 +119,7 @@ static void light_is_moved_and_not_made(void **state)
         for (int variant = 1; variant <= HADA_COMPOSED_VARIANTS; variant++)
             check_scene(variant, seed, &all);
     /* everything that is to be met comes up in 320 scenes */
-    assert_in_range(all.whole, 5, 60);
+    assert_in_range(all.whole, 60, 140);
     assert_in_range(all.told_too_many, 5, 80);
     assert_true(all.others && all.between && all.dark);
     for (int count = 1; count <= HADA_COMPOSED_DEPTHS; count++)

@@ -1,16 +1,20 @@
 /* The proximal step of total variation with non-negativity, in the window, channels coupled: for each depth
- *     min over u >= 0 of  1/2 |u - w|^2 + theta sum over pixels of sqrt(sum over channels of |grad u|^2)
- * by projected gradients on its dual (A. Chambolle, "Total variation minimization and a class of binary MRF models",
- * 2005; coupled channels: X. Bresson and T. Chan, Inverse Problems and Imaging 2(4), 2008; bounds as in Beck and
- * Teboulle, IEEE TIP 18(11), 2009): with p a vector per pixel and channel,
- *     u = max(0, w + theta div p),   p' = q / max(1, |q|),   q = p + step / theta grad u,
- * |q| over both directions and all channels of a pixel. Differences are forward, 0 at the far edges, so p is 0 there.
+ *     min over u >= 0 of  1/2 |u - w|^2 + theta sum over pixels of sqrt(|mean|^2 + colour^2 |rest|^2)
+ * where grad u at a pixel, a vector over channels and directions, is parted into what the channels have in common and
+ * the rest, by projected gradients on its dual (A. Chambolle, "Total variation minimization and a class of binary MRF
+ * models", 2005; coupled channels: X. Bresson and T. Chan, Inverse Problems and Imaging 2(4), 2008; bounds as in Beck
+ * and Teboulle, IEEE TIP 18(11), 2009): with p a vector per pixel and channel,
+ *     u = max(0, w + theta div p),   p' = the nearest to p + step / theta grad u with |mean|^2 + |rest|^2 / colour^2
+ * <= 1. Differences are forward, 0 at the far edges, so p is 0 there.
  *
  * Planes stand as [place][channel][rows][cols], duals as [place][channel][2][rows][cols] (along columns, along rows).
  * Loads reach a value beyond an image: both arrays have room behind. A row's last vector overlaps the one before, so
  * REFINE_WIDTH 8 wants windows of at least eight columns. Dimensions: bands of rows, places. */
 #include "inc_refine.h"
 #include "shared_refine.h"
+
+/* Lest a slope of nothing divides. */
+#define TV_LEAST 1e-30f
 
 #if REFINE_WIDTH == 8
 REFINE_INLINE refine_real tv_get(__global const float *p, size_t i)
@@ -69,18 +73,41 @@ REFINE_INLINE refine_real tv_plane(__global const float *w, __global const float
     return max(fma((refine_real)theta, div, tv_get(w, at)), 0.0f);
 }
 
-/* p' from p; fresh: p is 0 */
+/* The nearest point of the ellipsoid |mean|^2 + per_colour |rest|^2 <= 1: the mean of the channels is shortened by
+ * 1 + mu, the rest by 1 + per_colour mu. Newton's method on 1 / |p| = 1 finds mu: exact at once where per_colour is 1,
+ * to single precision in three rounds for colours up to 4. mean, rest: the squares. */
+REFINE_INLINE void tv_shorten(refine_real mean, refine_real rest, float per_colour, refine_real *of_mean,
+                              refine_real *of_rest)
+{
+    const int rounds = per_colour == 1.0f ? 0 : 3;
+    const refine_real length = sqrt(fma(rest, (refine_real)per_colour, mean));
+    refine_real mu = max(length - 1.0f, 0.0f);
+    *of_mean = *of_rest = 1.0f / (1.0f + mu);
+    for (int k = 0; k < rounds; ++k) {
+        *of_rest = 1.0f / fma((refine_real)per_colour, mu, 1.0f);
+        const refine_real a = mean * *of_mean * *of_mean, b = per_colour * rest * *of_rest * *of_rest;
+        const refine_real slope = fma(a, *of_mean, per_colour * b * *of_rest);
+        /* 0 stays where p is within */
+        mu = mu > 0.0f ? max(fma((a + b) / max(slope, TV_LEAST), sqrt(a + b) - 1.0f, mu), 0.0f) : mu;
+        *of_mean = 1.0f / (1.0f + mu);
+    }
+    if (rounds)
+        *of_rest = 1.0f / fma((refine_real)per_colour, mu, 1.0f);
+}
+
+/* p' from p; fresh: p is 0; per_colour: 1 / colour^2 */
 __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
 refine_tv_duals(__global const float *given, __global const float *old, __global float *next, int fresh,
-                hada_refine_window window, float theta, float step)
+                hada_refine_window window, float theta, float step, float per_colour)
 {
     const int channels = window.channels, rows = window.rows, cols = window.cols, band = window.band;
     const int from = get_group_id(0) * band, to = min(rows, from + band), area = rows * cols;
     const size_t first = (size_t)get_global_id(1) * channels * area;
+    const float share = 1.0f / (float)channels;
     for (int i = from; i < to; ++i) {
         for (int j = get_local_id(0) * REFINE_WIDTH; j < cols; j += REFINE_GROUP * REFINE_WIDTH) {
             const int col = min(j, cols - REFINE_WIDTH), at = i * cols + col, down = i + 1 < rows ? at + cols : at;
-            refine_real square = (refine_real)0.0f;
+            refine_real square = (refine_real)0.0f, sum_i = square, sum_j = square, of_mean, of_rest;
             for (int c = 0; c < channels; ++c) {
                 __global const float *w = given + first + (size_t)c * area, *p = old + 2 * (first + (size_t)c * area);
                 __global float *q = next + 2 * (first + (size_t)c * area);
@@ -102,12 +129,17 @@ refine_tv_duals(__global const float *given, __global const float *old, __global
                 tv_put(q, at, qi);
                 tv_put(q, at + area, qj);
                 square = fma(qi, qi, fma(qj, qj, square));
+                sum_i += qi;
+                sum_j += qj;
             }
-            const refine_real scale = 1.0f / max(sqrt(square), 1.0f);
+            const refine_real mean = share * fma(sum_i, sum_i, sum_j * sum_j);
+            tv_shorten(mean, max(square - mean, 0.0f), per_colour, &of_mean, &of_rest);
+            sum_i *= share * (of_mean - of_rest);
+            sum_j *= share * (of_mean - of_rest);
             for (int c = 0; c < channels; ++c) {
                 __global float *q = next + 2 * (first + (size_t)c * area);
-                tv_put(q, at, scale * tv_get(q, at));
-                tv_put(q, at + area, scale * tv_get(q, at + area));
+                tv_put(q, at, fma(of_rest, tv_get(q, at), sum_i));
+                tv_put(q, at + area, fma(of_rest, tv_get(q, at + area), sum_j));
             }
         }
     }

@@ -10,7 +10,7 @@
 
 typedef struct settings {
     hada_cli_common common;
-    const char *output, *psf, *dark, *refine, *refine_tv, *crop_passes, *distances, *sums, *response;
+    const char *output, *psf, *dark, *refine, *refine_tv, *refine_colour, *crop_passes, *distances, *sums, *response;
     hada_cli_texts merge;
     int form, boundary; /* 0: not given */
     int exposure;       /* a hada_exposure */
@@ -86,6 +86,10 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_TEXT, "refine-tv", 0, "W|auto|0", "weight of total variation in refinement (default: auto)",
      "auto compares a few weights by leave-one-out where the steps are chosen too; otherwise, and from a PSF, none.",
      AT(refine_tv)},
+    {HADA_OPTION_TEXT, "refine-colour", 0, "K|auto",
+     "in total variation, how much heavier differences of colour are (default: auto)",
+     "1 to 16. auto compares a few by leave-one-out where the weight is chosen too, and is 1.5 otherwise.",
+     AT(refine_colour)},
     {HADA_OPTION_CHOICE, "psf-sign", 0, "nonnegative|free", "what is known of the camera's point spread functions",
      "nonnegative (default): light adds up, so they are nowhere negative; this fills in frequencies of which the pairs "
      "say too little. free: from the pairs alone. Refinement and the search for occupied depths use them.",
@@ -99,7 +103,7 @@ static void defaults(void *user)
 {
     settings *set = user;
     set->dark = "none";
-    set->refine = set->refine_tv = set->crop_passes = set->response = "auto";
+    set->refine = set->refine_tv = set->refine_colour = set->crop_passes = set->response = "auto";
     set->alpha = set->lambda = set->outside = set->psf_dark = -1;
     set->psf_sign = -1;
 }
@@ -257,6 +261,7 @@ static hada_status fit_pairs(hada_cli *cli, const settings *set, const char *fol
     HADA_TRY(hada_cli_read_refine(set->refine, &fit.refine_steps, err));
     HADA_TRY(read_crop_passes(set->crop_passes, &fit.crop_passes, err));
     HADA_TRY(hada_cli_read_refine_tv(set->refine_tv, &fit.refine_tv, err));
+    HADA_TRY(hada_cli_read_refine_colour(set->refine_colour, &fit.refine_colour, err));
     if (folder) {
         HADA_TRY(hada_dataset_scan(&data, folder, &scan, err));
         HADA_TRY(hada_file_check_target(set->output, err)); /* now that the data set's own files are known */
@@ -332,6 +337,7 @@ static void print_model(hada_cli *cli, const settings *set, const hada_model *mo
     json_object_set_new(entry, "lambda", hada_cli_real(info->lambda));
     json_object_set_new(entry, "dark", info->dark >= 0 ? hada_cli_real(info->dark) : json_null());
     json_object_set_new(entry, "refine_tv", hada_cli_real(info->refine_tv));
+    json_object_set_new(entry, "refine_colour", hada_cli_real(info->refine_colour));
     json_object_set_new(entry, "noise", hada_cli_real(info->noise));
     json_object_set_new(entry, "scene_response", json_string(response));
     json_object_set_new(cli->document, "model", entry);
@@ -358,6 +364,8 @@ static int check(hada_cli *cli, const settings *set, int count, const char **arg
         return hada_cli_usage(cli, "--psf-sign belongs to pairs; what --psf gives is made non-negative anyway");
     if (set->psf && strcmp(set->crop_passes, "auto"))
         return hada_cli_usage(cli, "--crop-passes belongs to pairs, not to --psf");
+    if (set->psf && strcmp(set->refine_colour, "auto"))
+        return hada_cli_usage(cli, "--refine-colour belongs to pairs, not to --psf; reconstruct has it too");
     if (set->outside >= 0 && set->psf)
         return hada_cli_usage(cli, "--outside belongs to pairs, not to --psf");
     if (set->outside >= 0 && set->outside < 1 && set->merge.count)

@@ -17,6 +17,7 @@ void hada_plan_options_defaults(hada_plan_options *options, size_t size)
     const hada_plan_options own = {.size = sizeof own,
                                    .refine = HADA_AUTO,
                                    .refine_tv = HADA_AUTO,
+                                   .refine_colour = HADA_AUTO,
                                    .enhance = 1,
                                    .gamma = 1.0,
                                    .skip = HADA_SKIP_ALL,
@@ -40,6 +41,11 @@ static hada_status check_numbers(const hada_plan_options *options, hada_error *e
         return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: counts are not negative and gamma is above 0");
     if (!isfinite(options->refine_tv))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: the weight of total variation is not a number");
+    if (!isfinite(options->refine_colour) ||
+        (options->refine_colour >= 0 && !hada_refine_colour_known(options->refine_colour)))
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "plan options: the weight of colour in total variation is %g; 1 to %g are possible",
+                         options->refine_colour, HADA_REFINE_MOST_COLOUR);
     if (options->queues < 0 || options->queues > MOST_QUEUES)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: %d queues; a device can have 1 to %d",
                          options->queues, MOST_QUEUES);
@@ -155,7 +161,8 @@ hada_status hada_config_of(const hada_model *model, const hada_plan_options *opt
     *config = (hada_config){.depths = options->depths ? options->depth_count : info->depths};
     /* auto: what leave-one-out found to pay for this camera */
     config->steps = options->refine >= 0 ? options->refine : info->has_otf ? info->refine_steps : 0;
-    config->tv = options->refine_tv >= 0 ? options->refine_tv : info->refine_tv;
+    config->weights.tv = options->refine_tv >= 0 ? options->refine_tv : info->refine_tv;
+    config->weights.colour = options->refine_colour >= 0 ? options->refine_colour : info->refine_colour;
     HADA_TRY(use_classic(info, options, config, err));
     config->joint = config->steps > 0;
     config->pursuit =
@@ -200,7 +207,7 @@ hada_focus_desc hada_config_focus(const hada_config *config, const hada_model_in
 hada_refine_shape hada_config_refine(const hada_config *config, const hada_model *model)
 {
     hada_refine_shape refine = hada_refine_shape_of(hada_model_get_info(model), config->depths, config->steps);
-    refine.tv = config->tv > 0;
+    refine.tv = config->weights.tv > 0;
     return refine;
 }
 

@@ -11,26 +11,26 @@
 #include "refine/pursuit.h"
 
 typedef struct hada_config {
-    int depths;               /* computed */
-    int batch;                /* depths at once in the Hadamard stage, at most */
-    int queues;               /* of each device */
-    int joint;                /* 1: planes that explain the frame jointly, by refinement of the occupied depths or a
-                                 classic method; 0: linear filters */
-    int classic;              /* 1: by a classic method */
-    double tv;                /* of refinement: weight of total variation */
-    int steps;                /* refinement steps or iterations at most */
-    int pursuit;              /* 1: the occupied depths are found */
-    hada_scene scene;         /* what it may be taken for; planes where it cannot be a surface */
-    int half;                 /* filters on the device as half */
-    int bank;                 /* what the bank holds: HADA_BANK_FILTERS or HADA_BANK_OTFS */
-    int dark;                 /* 1: a dark frame is taken off */
-    int enhance;              /* 1: planes go through the model's net */
-    int full_grid;            /* of the pursuit: 1: no small grids */
-    int pruned;               /* 1: inverse transforms compute the window alone */
-    int bounded;              /* 1: max_error may change the planes */
-    int measured;             /* 1: the energy of spectra is measured */
-    int half_by_error;        /* 1: max_error chose half */
-    int band_rows, band_cols; /* of the caller; 0, 0: all */
+    int depths;                  /* computed */
+    int batch;                   /* depths at once in the Hadamard stage, at most */
+    int queues;                  /* of each device */
+    int joint;                   /* 1: planes that explain the frame jointly, by refinement of the occupied depths or a
+                                    classic method; 0: linear filters */
+    int classic;                 /* 1: by a classic method */
+    hada_refine_weights weights; /* of refinement */
+    int steps;                   /* refinement steps or iterations at most */
+    int pursuit;                 /* 1: the occupied depths are found */
+    hada_scene scene;            /* what it may be taken for; planes where it cannot be a surface */
+    int half;                    /* filters on the device as half */
+    int bank;                    /* what the bank holds: HADA_BANK_FILTERS or HADA_BANK_OTFS */
+    int dark;                    /* 1: a dark frame is taken off */
+    int enhance;                 /* 1: planes go through the model's net */
+    int full_grid;               /* of the pursuit: 1: no small grids */
+    int pruned;                  /* 1: inverse transforms compute the window alone */
+    int bounded;                 /* 1: max_error may change the planes */
+    int measured;                /* 1: the energy of spectra is measured */
+    int half_by_error;           /* 1: max_error chose half */
+    int band_rows, band_cols;    /* of the caller; 0, 0: all */
     hada_focus_options focus;
     hada_classic_shape method; /* of the classic method */
 } hada_config;

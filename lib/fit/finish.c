@@ -54,11 +54,19 @@ static hada_status list_filters(const hada_fitter *fitter, table *all, hada_erro
     return HADA_OK;
 }
 
-static void set_refinement(hada_model *model, int steps, double tv)
+static void set_refinement(hada_model *model, int steps, const hada_refine_weights *weights)
 {
     model->info.refine_steps = steps;
-    model->info.refine_tv = tv;
-    model->info.refine_rho = hada_refine_rho(tv);
+    model->info.refine_tv = weights->tv;
+    model->info.refine_colour = weights->colour;
+    model->info.refine_rho = hada_refine_rho(model->info.boundary, weights->tv);
+}
+
+/* The weights that options ask for: tv 0 and colour HADA_REFINE_COLOUR where they leave them open. */
+static hada_refine_weights weights_of(const hada_fit_options *options)
+{
+    return (hada_refine_weights){fmax(options->refine_tv, 0.0),
+                                 options->refine_colour >= 0.0 ? options->refine_colour : HADA_REFINE_COLOUR};
 }
 
 /* Tries refinement on the pairs that were kept. The trial compares with the exact fit's filters; where judging them in
@@ -71,7 +79,8 @@ static hada_status try_refinement(hada_fitter *fitter, hada_nonnegative *nonnega
                                   .nonnegative = nonnegative,
                                   .kept = &fitter->kept,
                                   .model = model,
-                                  .tv = fitter->options.refine_tv};
+                                  .tv = fitter->options.refine_tv,
+                                  .colour = fitter->options.refine_colour};
     hada_fit_trial_result result;
     hada_status status = HADA_OK;
     if (!fitter->kept.count)
@@ -82,12 +91,12 @@ static hada_status try_refinement(hada_fitter *fitter, hada_nonnegative *nonnega
         return HADA_ERROR_MEMORY;
     if (result.steps && result.gain <= hada_fit_outside_gain(&fitter->outside)) {
         result.steps = 0;
-        result.tv = 0.0;
+        result.weights.tv = 0.0;
         for (int i = 0; i < result.row_count; i++)
             result.rows[i].chosen = i == 0;
     }
     memcpy(rows, result.rows, (size_t)result.row_count * sizeof *rows);
-    set_refinement(model, result.steps, result.tv);
+    set_refinement(model, result.steps, &result.weights);
 done:
     return status;
 }
@@ -105,8 +114,8 @@ static hada_status solve_and_try(hada_fitter *fitter, hada_model **out, table *a
     HADA_TRY(hada_fit_model_make(out, &fitter->sums, hada_leave_one_out_best(&fitter->scores), fitter->outside.filters,
                                  &fitter->transfers, nonnegative, err));
     HADA_TRY(list_filters(fitter, all, err));
-    set_refinement(*out, options->refine_steps < 0 ? REFINE_STEPS : options->refine_steps,
-                   options->refine_tv > 0.0 ? options->refine_tv : 0.0);
+    const hada_refine_weights weights = weights_of(options);
+    set_refinement(*out, options->refine_steps < 0 ? REFINE_STEPS : options->refine_steps, &weights);
     if (options->refine_steps >= 0)
         goto done;
     status = try_refinement(fitter, nonnegative, *out, all, err);

@@ -22,7 +22,8 @@ void hada_fit_options_defaults(hada_fit_options *options, size_t size)
                                   .refine_tv = HADA_AUTO,
                                   .nonnegative = 1,
                                   .scene_response = HADA_AUTO,
-                                  .crop_passes = (int)HADA_AUTO};
+                                  .crop_passes = (int)HADA_AUTO,
+                                  .refine_colour = HADA_AUTO};
     HADA_OPTIONS_GIVE(options, size, &own);
 }
 
@@ -56,6 +57,12 @@ static hada_status check_options(const hada_fit_options *options, hada_error *er
     if (options->scene_response != HADA_AUTO && !hada_response_is_known(options->scene_response))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "the response of the scenes, %g, is none (hadalens/response.h)",
                          options->scene_response);
+    if (!isfinite(options->refine_colour) ||
+        (options->refine_colour >= 0.0 && !hada_refine_colour_known(options->refine_colour)))
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "the weight of colour in total variation is %g; it must lie between 1 and %g, or be negative "
+                         "to have it chosen",
+                         options->refine_colour, HADA_REFINE_MOST_COLOUR);
     if (!(options->outside <= 1.0) || (options->outside >= 0.0 && options->outside < HADA_FIT_LEAST_OUTSIDE))
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "the weight outside the window is %g; it must lie between %g and 1, or be negative to have it "

@@ -14,15 +14,21 @@ static const int steps_tried[] = {0, 4, 8, 12, 16};
 enum { TRIED = sizeof steps_tried / sizeof *steps_tried, MEMBERS = 2 };
 
 /* Weights of total variation that are tried, by what the noise says: the best of simulated cameras with 0.3 to 3 %
- * noise were about 0.1 of its standard deviation over the rms of the pairs' frames (docs/refinement.md). 0: the prior
- * of the pairs. A few steps on one depth rank them as many on two do. */
-static const double tv_tried[] = {0.0, 0.63, 1.0, 1.6};
-enum { TV_TRIED = sizeof tv_tried / sizeof *tv_tried, TV_STEPS = 6 };
+ * noise were about 0.1 of its standard deviation over the rms of the pairs' frames (docs/refinement.md). That and a
+ * step of TV_RATIO to both sides, one more where the outermost is best; the best of all lies where a parabola through
+ * three has its top. A few steps on one depth rank them as many on two do; where the sensor crops they settle later. */
+enum { TV_SIDE = 2, TV_PLACES = 2 * TV_SIDE + 1, TV_STEPS = 6, TV_STEPS_CROPPED = 12 };
+#define TV_RATIO     1.6
 #define TV_PER_NOISE 0.1
 #define TV_UNKNOWN   0.003
 #define TV_LEAST     1e-5
 
-_Static_assert((int)TRIED + (int)TV_TRIED == (int)HADA_FIT_TRIAL_ROWS, "room for rows");
+/* Weights of colour that are tried beside HADA_REFINE_COLOUR. The heavier colour is, the less total variation is
+ * needed: by this power of the weights' ratio (docs/refinement.md). */
+static const double colours_tried[] = {1.0, 2.0, 3.0};
+#define TV_PER_COLOUR 0.6
+
+_Static_assert((int)TRIED + (int)TV_SIDE + 2 + 1 <= (int)HADA_FIT_TRIAL_ROWS, "room for rows");
 
 /* A reconstruction stops by itself once its residual has settled, so the number of steps to keep is the largest that
  * still has most of the best gain; the sum of two whole scenes is a hard case and its curve is uneven. Gains below a
@@ -32,44 +38,6 @@ _Static_assert((int)TRIED + (int)TV_TRIED == (int)HADA_FIT_TRIAL_ROWS, "room for
 
 /* Mean squared errors below this, 200 dB, count as this. */
 #define LEAST_ERROR 1e-20
-
-/* The k-th depth of which a pair is kept. */
-static int kept_depth(const hada_fit_grid *grid, int k)
-{
-    return (k * (grid->info.depths - 1) + (HADA_FIT_KEPT - 1) / 2) / (HADA_FIT_KEPT - 1);
-}
-
-hada_status hada_fit_keep(hada_fit_kept *kept, const hada_fit_pair *pair, int depth, hada_error *err)
-{
-    hada_fit_kept_pair own = {.depth = depth};
-    int wanted = 0;
-    hada_status status = HADA_OK;
-    for (int k = 0; k < HADA_FIT_KEPT; k++)
-        wanted += kept_depth(pair->grid, k) == depth;
-    for (int k = 0; k < kept->count; k++)
-        wanted -= kept->pair[k].depth == depth;
-    if (wanted <= 0 || kept->count == HADA_FIT_KEPT)
-        return HADA_OK;
-    HADA_TRY(hada_alloc_raw((void **)&own.raw, pair->raw.bytes, 1, "a raw frame", err));
-    HADA_TRY(hada_alloc_raw((void **)&own.scene, pair->scene.bytes, 1, "a scene", err));
-    memcpy(own.raw, pair->raw_pixels, pair->raw.bytes);
-    memcpy(own.scene, pair->scene_pixels, pair->scene.bytes);
-    kept->pair[kept->count++] = own;
-done:
-    if (status)
-        free(own.raw);
-    return status;
-}
-
-void hada_fit_kept_free(hada_fit_kept *kept)
-{
-    for (int k = 0; k < kept->count; k++) {
-        free(kept->pair[k].raw);
-        free(kept->pair[k].scene);
-        free(kept->pair[k].transfers);
-    }
-    *kept = (hada_fit_kept){0};
-}
 
 typedef struct trial_work {
     const hada_fit_trial *with;
@@ -82,9 +50,9 @@ typedef struct trial_work {
     double *scene_energy, *trust; /* per channel; without a pair, and the model's */
     double sum[2][TRIED];         /* decibels: one depth, two depths */
     int count[2];
-    double tv;            /* what is refined with */
-    double tvs[TV_TRIED]; /* weights compared, and decibels after TV_STEPS steps */
-    double tv_sum[TV_TRIED];
+    hada_refine_weights weights; /* what is refined with */
+    int rank_steps;              /* after which weights are compared */
+    hada_fit_row tv_rows[1 + TV_SIDE + 2];
     int tv_count;
 } trial_work;
 
@@ -238,8 +206,9 @@ static hada_status read_planes(trial_work *work, int members, hada_error *err)
     return HADA_OK;
 }
 
-/* `steps` further steps of refinement with weight tv, or the first ones; the planes come to the host. */
-static hada_status refine(trial_work *work, const trial_frame *frame, double tv, int steps, int cold, hada_error *err)
+/* `steps` further steps of refinement after `before` others, or the first ones; the planes come to the host. */
+static hada_status refine(trial_work *work, const trial_frame *frame, const hada_refine_weights *weights, int before,
+                          int steps, hada_error *err)
 {
     const hada_fit_trial *with = work->with;
     const size_t raw = hada_fit_raw_floats(work->grid);
@@ -251,11 +220,12 @@ static hada_status refine(trial_work *work, const trial_frame *frame, double tv,
                                    .prior = work->prior.mem};
     hada_refine_rule rule;
     hada_refine_rule_init(&rule);
-    hada_refine_rule_weigh(&rule, &with->model->info, tv, hada_model_gain(with->model),
+    hada_refine_rule_weigh(&rule, &with->model->info, weights, frame->members, hada_model_gain(with->model),
                            energy(work->raw, raw) / (double)raw);
     rule.stop = 0.0;
     rule.steps = steps;
-    rule.start = cold ? HADA_REFINE_COLD : HADA_REFINE_CONTINUE;
+    rule.start = before ? HADA_REFINE_CONTINUE : HADA_REFINE_COLD;
+    rule.before = before;
     hada_status status = hada_refiner_run(work->refiner, &data, &rule, 1, frame->members, list, NULL, err);
     return status ? status : read_planes(work, frame->members, err);
 }
@@ -269,7 +239,7 @@ static hada_status try_frame(trial_work *work, const trial_frame *frame, hada_er
     HADA_TRY(filter(work, frame, err));
     sum[0] += compare(work, frame);
     for (int i = 1; i < TRIED; i++) {
-        HADA_TRY(refine(work, frame, work->tv, steps_tried[i] - steps_tried[i - 1], i == 1, err));
+        HADA_TRY(refine(work, frame, &work->weights, steps_tried[i - 1], steps_tried[i] - steps_tried[i - 1], err));
         sum[i] += compare(work, frame);
     }
     work->count[frame->members - 1]++;
@@ -277,8 +247,8 @@ done:
     return status;
 }
 
-/* The weights to compare, by the noise of the camera and the light of a frame. */
-static void list_weights(trial_work *work, const trial_frame *frame)
+/* The weight of total variation that the noise of the camera and the light of a frame suggest. */
+static double guess_weight(const trial_work *work, const trial_frame *frame)
 {
     const hada_model_info *info = &work->grid->info;
     const size_t images = (size_t)info->depths * (size_t)info->channels;
@@ -286,30 +256,105 @@ static void list_weights(trial_work *work, const trial_frame *frame)
     double noise = 0.0;
     for (size_t i = 0; i < images; i++)
         noise += work->with->model->noise_power[i] / (double)images;
-    double guess = noise > 0.0 && light > 0.0 ? TV_PER_NOISE * sqrt(noise / light) : TV_UNKNOWN;
-    guess = fmax(guess, TV_LEAST);
-    for (int i = 0; i < TV_TRIED; i++)
-        work->tvs[i] = tv_tried[i] * guess;
-    work->tv_count = TV_TRIED;
+    return fmax(noise > 0.0 && light > 0.0 ? TV_PER_NOISE * sqrt(noise / light) : TV_UNKNOWN, TV_LEAST);
 }
 
-/* Chooses the weight on frames of one pair each, whose filters are held out by now. */
-static hada_status choose_weight(trial_work *work, const trial_frame *frames, int count, hada_error *err)
+/* Frames of one pair each, whose filters are held out by now. */
+typedef struct trial_set {
+    const trial_frame *frames;
+    int count;
+} trial_set;
+
+/* Mean decibels of the frames with some weights. */
+static hada_status rank(trial_work *work, const trial_set *set, const hada_refine_weights *weights, double *psnr,
+                        hada_error *err)
 {
-    int best = 0;
     hada_status status = HADA_OK;
-    list_weights(work, frames);
-    for (int k = 0; k < count; k++) {
-        HADA_TRY(expose(work, &frames[k], err));
-        for (int i = 0; i < work->tv_count; i++) {
-            HADA_TRY(refine(work, &frames[k], work->tvs[i], TV_STEPS, 1, err));
-            work->tv_sum[i] += compare(work, &frames[k]) / count;
+    *psnr = 0.0;
+    for (int k = 0; k < set->count; k++) {
+        HADA_TRY(expose(work, &set->frames[k], err));
+        HADA_TRY(refine(work, &set->frames[k], weights, 0, work->rank_steps, err));
+        *psnr += compare(work, &set->frames[k]) / set->count;
+    }
+done:
+    return status;
+}
+
+/* The same, with a row of the table. */
+static hada_status rank_tv(trial_work *work, const trial_set *set, double tv, double *psnr, hada_error *err)
+{
+    const hada_model_info *info = &work->with->model->info;
+    const hada_refine_weights weights = {tv, work->weights.colour};
+    const hada_status status = rank(work, set, &weights, psnr, err);
+    work->tv_rows[work->tv_count++] = (hada_fit_row){.alpha = info->alpha,
+                                                     .lambda = info->lambda,
+                                                     .refine_steps = work->rank_steps,
+                                                     .refine_rho = hada_refine_rho(info->boundary, tv),
+                                                     .refine_tv = tv,
+                                                     .psnr_single = *psnr,
+                                                     .psnr_double = NAN};
+    return status;
+}
+
+/* The top of a parabola through three values a step apart, the middle one the largest, in steps from it. */
+static double parabola_top(double left, double middle, double right)
+{
+    const double bend = left - 2.0 * middle + right;
+    return bend < 0.0 ? 0.5 * (left - right) / bend : 0.0;
+}
+
+/* Chooses the weight of total variation, 0 where the prior of the pairs is better. */
+static hada_status choose_tv(trial_work *work, const trial_set *set, double *psnr, hada_error *err)
+{
+    const double guess = guess_weight(work, set->frames);
+    double value[TV_PLACES], none;
+    int best = TV_SIDE;
+    hada_status status = HADA_OK;
+    HADA_TRY(rank_tv(work, set, 0.0, &none, err));
+    for (int i = TV_SIDE - 1; i <= TV_SIDE + 1; i++) {
+        HADA_TRY(rank_tv(work, set, guess * pow(TV_RATIO, i - TV_SIDE), &value[i], err));
+        if (value[i] > value[best])
+            best = i;
+    }
+    const int outer = best < TV_SIDE ? 0 : TV_PLACES - 1;
+    if (best != TV_SIDE) {
+        HADA_TRY(rank_tv(work, set, guess * pow(TV_RATIO, outer - TV_SIDE), &value[outer], err));
+        if (value[outer] > value[best])
+            best = outer;
+    }
+    const double top = best == outer ? 0.0 : parabola_top(value[best - 1], value[best], value[best + 1]);
+    *psnr = value[best];
+    work->weights.tv = value[best] > none ? guess * pow(TV_RATIO, best - TV_SIDE + top) : 0.0;
+done:
+    return status;
+}
+
+/* Chooses the weight of colour; psnr: with the one at hand. */
+static hada_status choose_colour(trial_work *work, const trial_set *set, double psnr, hada_error *err)
+{
+    const hada_refine_weights now = work->weights;
+    hada_status status = HADA_OK;
+    for (size_t i = 0; i < HADA_COUNT(colours_tried); i++) {
+        const double ratio = now.colour / colours_tried[i];
+        const hada_refine_weights weights = {now.tv * pow(ratio, TV_PER_COLOUR), colours_tried[i]};
+        double value;
+        HADA_TRY(rank(work, set, &weights, &value, err));
+        if (value > psnr) {
+            psnr = value;
+            work->weights = weights;
         }
     }
-    for (int i = 1; i < work->tv_count; i++)
-        if (work->tv_sum[i] > work->tv_sum[best])
-            best = i;
-    work->tv = work->tvs[best];
+done:
+    return status;
+}
+
+static hada_status choose_weights(trial_work *work, const trial_set *set, hada_error *err)
+{
+    double psnr;
+    hada_status status = HADA_OK;
+    HADA_TRY(choose_tv(work, set, &psnr, err));
+    if (work->weights.tv > 0.0 && work->with->colour < 0.0 && work->grid->info.channels > 1)
+        HADA_TRY(choose_colour(work, set, psnr, err));
 done:
     return status;
 }
@@ -329,7 +374,7 @@ static hada_status try_singles(trial_work *work, hada_error *err)
             HADA_TRY(hold_out_members(work, &frames[count], err));
         }
         if (choose)
-            HADA_TRY(choose_weight(work, frames, count, err));
+            HADA_TRY(choose_weights(work, &(trial_set){frames, count}, err));
         for (int i = 0; i < count; i++)
             HADA_TRY(try_frame(work, &frames[i], err));
     }
@@ -383,36 +428,35 @@ static void fill_rows(const trial_work *work, int best, hada_fit_trial_result *r
     const hada_model_info *info = &work->with->model->info;
     result->row_count = TRIED + work->tv_count;
     for (int k = 0; k < TRIED; k++) {
-        const double tv = k ? work->tv : 0.0;
+        const double tv = k ? work->weights.tv : 0.0;
         result->rows[k] = (hada_fit_row){.alpha = info->alpha,
                                          .lambda = info->lambda,
                                          .refine_steps = steps_tried[k],
-                                         .refine_rho = hada_refine_rho(tv),
+                                         .refine_rho = hada_refine_rho(info->boundary, tv),
                                          .refine_tv = tv,
                                          .psnr_single = work->count[0] ? mean(work, 0, k) : NAN,
                                          .psnr_double = work->count[1] ? mean(work, 1, k) : NAN,
                                          .chosen = k == best};
     }
-    for (int k = 0; k < work->tv_count; k++)
-        result->rows[TRIED + k] = (hada_fit_row){.alpha = info->alpha,
-                                                 .lambda = info->lambda,
-                                                 .refine_steps = TV_STEPS,
-                                                 .refine_rho = hada_refine_rho(work->tvs[k]),
-                                                 .refine_tv = work->tvs[k],
-                                                 .psnr_single = work->tv_sum[k],
-                                                 .psnr_double = NAN};
+    memcpy(result->rows + TRIED, work->tv_rows, (size_t)work->tv_count * sizeof *work->tv_rows);
 }
 
 hada_status hada_fit_trial_run(const hada_fit_trial *trial, hada_fit_trial_result *result, hada_error *err)
 {
-    trial_work work = {.with = trial, .grid = trial->sums->grid, .tv = fmax(trial->tv, 0.0)};
+    const int cropped = trial->sums->grid->info.boundary == HADA_BOUNDARY_PADDED;
+    trial_work work = {.with = trial,
+                       .grid = trial->sums->grid,
+                       .weights = {fmax(trial->tv, 0.0), trial->colour >= 0.0 ? trial->colour : HADA_REFINE_COLOUR},
+                       .rank_steps = cropped ? TV_STEPS_CROPPED : TV_STEPS};
     hada_status status = HADA_OK;
     HADA_TRY(work_create(&work, err));
     HADA_TRY(try_singles(&work, err));
     HADA_TRY(try_doubles(&work, err));
     const int best = best_of(&work);
     *result = (hada_fit_trial_result){
-        .steps = steps_tried[best], .tv = best ? work.tv : 0.0, .gain = score(&work, best) - score(&work, 0)};
+        .steps = steps_tried[best], .weights = work.weights, .gain = score(&work, best) - score(&work, 0)};
+    if (!best)
+        result->weights.tv = 0.0;
     fill_rows(&work, best, result);
 done:
     work_destroy(&work);

@@ -4,41 +4,26 @@
 #define HADA_FIT_TRIAL_H
 
 #include "fit/fit_sums.h"
+#include "fit/kept.h"
 #include "fit/nonnegative.h"
+#include "refine/admm.h"
 
-/* Pairs kept for the trial. */
-enum { HADA_FIT_KEPT = 4 };
-
-typedef struct hada_fit_kept_pair {
-    int depth;
-    float *raw, *scene; /* pixels, dark level off */
-    float *transfers;   /* its depth's, learned without it, as the device has them; NULL: from the sums without it */
-} hada_fit_kept_pair;
-
-typedef struct hada_fit_kept {
-    hada_fit_kept_pair pair[HADA_FIT_KEPT];
-    int count;
-} hada_fit_kept;
-
-/* Keeps a pair that was taken, if the trial wants one of its depth: the first ones of depths spread over all. */
-hada_status hada_fit_keep(hada_fit_kept *kept, const hada_fit_pair *pair, int depth, hada_error *err);
-void hada_fit_kept_free(hada_fit_kept *kept);
-
-/* What the trial works with. tv: weight of total variation; < 0: chosen. */
+/* What the trial works with. tv, colour: weights of total variation and of colour in it; < 0: chosen. */
 typedef struct hada_fit_trial {
     hada_fit_sums *sums;
     hada_fit_pair *pair;
     hada_nonnegative *nonnegative; /* NULL: transfer functions from the pairs alone */
     const hada_fit_kept *kept;
     const hada_model *model; /* of the fit */
-    double tv;
+    double tv, colour;
 } hada_fit_trial;
 
 /* What it found. The gains are in decibels over the linear filters, one depth occupied plus two. */
-enum { HADA_FIT_TRIAL_ROWS = 9 };
+enum { HADA_FIT_TRIAL_ROWS = 10 };
 typedef struct hada_fit_trial_result {
     int steps; /* 0: refinement does not pay */
-    double tv, gain;
+    hada_refine_weights weights;
+    double gain;
     hada_fit_row rows[HADA_FIT_TRIAL_ROWS]; /* numbers of steps, 0 first, then weights that were compared */
     int row_count;
 } hada_fit_trial_result;

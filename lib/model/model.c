@@ -78,7 +78,8 @@ hada_status hada_model_info_check(const hada_model_info *info, hada_error *err)
         return hada_fail(err, HADA_ERROR_MODEL, "the model's form or boundary is unknown");
     if (!not_negative(info->alpha) || !not_negative(info->lambda) || !not_negative(info->noise) ||
         !not_negative(info->refine_rho) || !not_negative(info->refine_tv) || !isfinite(info->dark) ||
-        info->refine_steps < 0)
+        info->refine_steps < 0 || (info->refine_colour != 0.0 && !(info->refine_colour >= 1.0)) ||
+        !isfinite(info->refine_colour))
         return hada_fail(err, HADA_ERROR_MODEL,
                          "the model's alpha, lambda, noise, dark level or refinement settings are not usable numbers");
     if (info->scene_response != 0.0 && !hada_response_is_known(info->scene_response)) /* 0: not set, linear */
@@ -104,6 +105,8 @@ hada_status hada_model_create_head(hada_model **out, const hada_model_info *info
     model->info = *info;
     if (model->info.scene_response == 0.0)
         model->info.scene_response = HADA_RESPONSE_LINEAR;
+    if (!(info->refine_colour > 0.0)) /* not said */
+        model->info.refine_colour = 1.0;
     model->info.enhance = model->info.enhance_rows = model->info.enhance_cols = 0; /* until it has the net */
     HADA_TRY(hada_alloc((void **)&model->distances, depths, sizeof *model->distances, "the distances", err));
     if (!(model->name = hada_string_copy(info->name ? info->name : "")))

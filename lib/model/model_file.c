@@ -59,10 +59,14 @@ static hada_status put_metadata(hada_tensors_writer *writer, const hada_model_in
     const struct {
         const char *key;
         double value;
-    } numbers[] = {
-        {"alpha", info->alpha},        {"lambda", info->lambda},         {"dark", info->dark},
-        {"noise", info->noise},        {"refine_rho", info->refine_rho}, {"refine_steps", info->refine_steps},
-        {"refine_tv", info->refine_tv}};
+    } numbers[] = {{"alpha", info->alpha},
+                   {"lambda", info->lambda},
+                   {"dark", info->dark},
+                   {"noise", info->noise},
+                   {"refine_rho", info->refine_rho},
+                   {"refine_steps", info->refine_steps},
+                   {"refine_tv", info->refine_tv},
+                   {"refine_colour", info->refine_colour}};
     for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++)
         HADA_TRY(put_number(writer, numbers[i].key, numbers[i].value, err));
     char response[HADA_RESPONSE_NAME];
@@ -225,6 +229,8 @@ static hada_status get_metadata(const hada_tensors *file, const char *path, hada
     if (response && (hada_response_from_name(&info->scene_response, response, NULL) ||
                      !hada_response_is_known(info->scene_response)))
         HADA_TRY(missing(path, RESPONSE, err));
+    if (hada_tensors_meta(file, "refine_colour"))
+        HADA_TRY(get_number(file, path, "refine_colour", &info->refine_colour, err));
     if (steps < 0 || steps > MOST_STEPS || steps != floor(steps))
         HADA_TRY(missing(path, "refine_steps", err));
     info->refine_steps = (int)steps;

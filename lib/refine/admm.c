@@ -10,18 +10,36 @@
 
 void hada_refine_rule_init(hada_refine_rule *rule)
 {
-    *rule = (hada_refine_rule){.steps = 8, .rho = 1e-3, .growth = 1.0, .relaxation = 1.6, .mu = 1.0};
+    *rule = (hada_refine_rule){.steps = 8, .rho = 1e-3, .growth = 1.0, .relaxation = 1.6, .mu = 1.0, .tv_colour = 1.0};
 }
 
-void hada_refine_rule_weigh(hada_refine_rule *rule, const hada_model_info *info, double tv, double gain,
-                            double mean_square)
+/* Where the sensor crops, rho begins low, so that depths part, and grows, so that what lies beyond the frame settles
+ * (docs/refinement.md). In units of the largest |OTF(0)|^2. */
+#define CROPPED_FIRST_RHO 1e-3
+#define CROPPED_GROWTH    1.25
+
+/* Depths that are close share their light out slowly: longer steps at first (docs/refinement.md). */
+#define PARTING_RELAXATION 1.95
+enum { PARTING_STEPS = 7 };
+
+void hada_refine_rule_weigh(hada_refine_rule *rule, const hada_model_info *info, const hada_refine_weights *weights,
+                            int depths, double gain, double mean_square)
 {
-    const int same = (tv > 0.0) == (info->refine_tv > 0.0);
-    rule->rho = (same ? info->refine_rho : hada_refine_rho(tv)) * gain;
-    rule->tv = tv * sqrt(info->channels * gain * mean_square);
+    const int same = (weights->tv > 0.0) == (info->refine_tv > 0.0);
+    rule->rho = (same ? info->refine_rho : hada_refine_rho(info->boundary, weights->tv)) * gain;
+    rule->tv = weights->tv * sqrt(info->channels * gain * mean_square);
+    rule->tv_colour = weights->colour;
     /* so faint that the step on the dual would leave single precision: black */
     if (!(rule->tv / rule->rho > 1e-36))
         rule->tv = 0.0;
+    if (rule->tv > 0.0 && depths > 1) {
+        rule->first_relaxation = PARTING_RELAXATION;
+        rule->first_steps = PARTING_STEPS;
+    }
+    if (rule->tv > 0.0 && info->boundary == HADA_BOUNDARY_PADDED) {
+        rule->first_rho = CROPPED_FIRST_RHO * gain;
+        rule->growth = CROPPED_GROWTH;
+    }
 }
 
 hada_refine_shape hada_refine_shape_of(const hada_model_info *info, int max_depths, int max_steps)

@@ -2,10 +2,10 @@
  *
  * ADMM for  min 1/2 |b - M sum_z PSF_z * x_z|^2 + 1/2 sum_f prior(f) sum_z |X_z(f)|^2 + tv sum_z TV(x_z),  x_z >= 0
  * in the window and 0 outside, M the sensor's frame (circular boundary: everything), TV the total variation in the
- * window with its channels coupled. docs/refinement.md derives the steps and says why no
- * array of the whole grid is ever transformed: S. Boyd et al., "Distributed optimization and statistical learning via
- * ADMM" (2011), sections 3 and 3.4.3; M. Almeida and M. Figueiredo, "Deconvolving images with unknown boundaries
- * using ADMM", IEEE TIP 22(8), 2013, for the split at the frame.
+ * window with its channels coupled and differences of colour heavier than those of brightness. docs/refinement.md
+ * derives the steps and says why no array of the whole grid is ever transformed: S. Boyd et al., "Distributed
+ * optimization and statistical learning via ADMM" (2011), sections 3 and 3.4.3; M. Almeida and M. Figueiredo,
+ * "Deconvolving images with unknown boundaries using ADMM", IEEE TIP 22(8), 2013, for the split at the frame.
  *
  * Several sets of equally many depths can be refined side by side in one batch on the same frame (depth pursuit). A
  * refiner belongs to one slot. Results are the same bits at every run and for every number of sets. */
@@ -64,27 +64,47 @@ typedef struct hada_refine_rule {
     int steps;         /* linear steps, 1 to max_steps; the first is the joint linear filter */
     double rho;        /* > 0, in units of |OTF|^2 */
     double first_rho;  /* of the first step; it grows by the factor `growth` a step up to rho; 0: rho throughout */
+    int before;        /* where a run continues others: the steps that they did, for rho */
     double growth;     /* >= 1 */
     double relaxation; /* 0 < relaxation < 2; 1.6 is usual, 1 none */
-    double mu;         /* > 0: weight of the split at the frame (padded), in units of the data's weight; 1 */
-    double tv;         /* weight of total variation, in units of OTF x frame; 0: none. See hada_refine_tv() */
-    double stop;       /* stop when the residual changes by less than this part of itself, twice running; 0: never */
+    double first_relaxation; /* of the first first_steps steps, as relaxation */
+    int first_steps;
+    double mu;        /* > 0: weight of the split at the frame (padded), in units of the data's weight; 1 */
+    double tv;        /* weight of total variation, in units of OTF x frame; 0: none. See hada_refine_rule_weigh() */
+    double tv_colour; /* >= 1: how much heavier differences of colour are than those of brightness */
+    double stop;      /* stop when the residual changes by less than this part of itself, twice running; 0: never */
     hada_refine_start start;
 } hada_refine_rule;
 
 void hada_refine_rule_init(hada_refine_rule *rule);
 
-/* rho with total variation of weight tv or without, in units of the largest |OTF(0)|^2 (docs/refinement.md). */
-static inline double hada_refine_rho(double tv)
+/* Weights of refinement: of total variation (0: none) and, in it, of differences of colour over those of brightness. */
+typedef struct hada_refine_weights {
+    double tv, colour;
+} hada_refine_weights;
+
+/* The weight of colour that photographs favour, where nothing was measured (docs/refinement.md). */
+#define HADA_REFINE_COLOUR 1.5
+/* Beyond this the proximal step would not be exact; a grey scene is as grey with less. */
+#define HADA_REFINE_MOST_COLOUR 16.0
+
+static inline int hada_refine_colour_known(double colour)
 {
-    return tv > 0.0 ? 3e-3 : 1e-3;
+    return colour >= 1.0 && colour <= HADA_REFINE_MOST_COLOUR;
 }
 
-/* rho and tv for a frame of this mean square (over pixels and channels). tv: the weight in units of
- * sqrt(channels gain mean square), so that a brighter frame gives the same planes, brighter, and a grey scene the same
- * ones in one channel or three; gain: hada_model_gain(). Where tv is 0 on one side only, rho is not the model's. */
-void hada_refine_rule_weigh(hada_refine_rule *rule, const hada_model_info *info, double tv, double gain,
-                            double mean_square);
+/* rho with total variation of weight tv or without, in units of the largest |OTF(0)|^2 (docs/refinement.md). */
+static inline double hada_refine_rho(hada_boundary boundary, double tv)
+{
+    return !(tv > 0.0) ? 1e-3 : boundary == HADA_BOUNDARY_PADDED ? 1e-2 : 3.5e-3;
+}
+
+/* rho, relaxation and total variation for so many depths and a frame of this mean square (over pixels and channels).
+ * weights->tv is in units of sqrt(channels gain mean square), so that a brighter frame gives the same planes, brighter,
+ * and a grey scene the same ones in one channel or three; gain: hada_model_gain(). Where tv is 0 on one side only, rho
+ * is not the model's. */
+void hada_refine_rule_weigh(hada_refine_rule *rule, const hada_model_info *info, const hada_refine_weights *weights,
+                            int depths, double gain, double mean_square);
 
 typedef struct hada_refiner hada_refiner;
 

@@ -33,11 +33,14 @@ done:
 static hada_status check_rule(const hada_refiner *refiner, const hada_refine_rule *rule, hada_error *err)
 {
     if (rule->steps < 1 || rule->steps > refiner->shape.max_steps || !(rule->rho > 0.0) ||
-        !(rule->relaxation > 0.0 && rule->relaxation < 2.0) || !(rule->mu > 0.0) || !(rule->growth >= 1.0))
+        !(rule->relaxation > 0.0 && rule->relaxation < 2.0) || !(rule->mu > 0.0) || !(rule->growth >= 1.0) ||
+        !hada_refine_colour_known(rule->tv_colour) || rule->before < 0 ||
+        (rule->first_steps > 0 && !(rule->first_relaxation > 0.0 && rule->first_relaxation < 2.0)))
         return hada_fail(err, HADA_ERROR_ARGUMENT,
-                         "refinement: steps 1 to %d, rho and mu above 0, relaxation between 0 and 2, growth from 1 "
-                         "on are possible (got %d, %g, %g, %g, %g)",
-                         refiner->shape.max_steps, rule->steps, rule->rho, rule->mu, rule->relaxation, rule->growth);
+                         "refinement: steps 1 to %d, rho and mu above 0, relaxation between 0 and 2, growth and the "
+                         "weight of colour from 1 on are possible (got %d, %g, %g, %g, %g, %g)",
+                         refiner->shape.max_steps, rule->steps, rule->rho, rule->mu, rule->relaxation, rule->growth,
+                         rule->tv_colour);
     if (rule->tv > 0.0 && !refiner->shape.tv)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "refinement: this refiner was made without total variation");
     return HADA_OK;
@@ -72,7 +75,7 @@ static hada_status iterate(const hada_refine_run *r, const hada_refine_rule *rul
     HADA_TRY(hada_refine_planes_inverse(r, err));
     HADA_TRY(rule->tv > 0.0
                  ? hada_refine_tv_step(refiner, r->sets * r->depths, rule->tv / hada_refine_rho_at(rule, step),
-                                       start != HADA_REFINE_CONTINUE, err)
+                                       rule->tv_colour, start != HADA_REFINE_CONTINUE, err)
                  : hada_refine_nonnegative(r, err));
     if (r->padded) {
         HADA_TRY(hada_refine_frame_inverse(r, &refiner->split_a, &refiner->dual, err));

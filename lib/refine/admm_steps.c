@@ -58,7 +58,13 @@ static void cost_score(const hada_refine_run *r, double share, int has_prior, in
 
 double hada_refine_rho_at(const hada_refine_rule *rule, int step)
 {
-    return rule->first_rho > 0.0 ? fmin(rule->rho, rule->first_rho * pow(rule->growth, step)) : rule->rho;
+    return rule->first_rho > 0.0 ? fmin(rule->rho, rule->first_rho * pow(rule->growth, step + rule->before))
+                                 : rule->rho;
+}
+
+static double relaxation_at(const hada_refine_rule *rule, int step)
+{
+    return step + rule->before < rule->first_steps ? rule->first_relaxation : rule->relaxation;
 }
 
 /* Sums over slices go to the place `place`, one for each step. */
@@ -91,8 +97,9 @@ hada_status hada_refine_solve(const hada_refine_run *r, const hada_refine_rule *
     const int has_prior = data->prior && !(rule->tv > 0.0);
     const hada_refine_step now = {
         .rho = (float)hada_refine_rho_at(rule, step),
-        .keep = step ? (float)(hada_refine_rho_at(rule, step - 1) / hada_refine_rho_at(rule, step)) : 1.0f,
-        .relaxation = start == HADA_REFINE_CONTINUE ? (float)rule->relaxation : 1.0f,
+        .keep =
+            step + rule->before ? (float)(hada_refine_rho_at(rule, step - 1) / hada_refine_rho_at(rule, step)) : 1.0f,
+        .relaxation = start == HADA_REFINE_CONTINUE ? (float)relaxation_at(rule, step) : 1.0f,
         .start = start,
         .padded = r->padded,
         .has_prior = has_prior};
@@ -163,11 +170,12 @@ hada_status hada_refine_nonnegative(const hada_refine_run *r, hada_error *err)
     return hada_launch_refine_prox(refiner->slot, refiner->program, &range, err, .w = refiner->planes.mem);
 }
 
-hada_status hada_refine_tv_step(hada_refiner *refiner, int planes, double theta, int fresh, hada_error *err)
+hada_status hada_refine_tv_step(hada_refiner *refiner, int planes, double theta, double colour, int fresh,
+                                hada_error *err)
 {
     const cl_mem duals[2] = {refiner->tv[0].mem, refiner->tv[1].mem};
-    return hada_variation_step(&refiner->variation, refiner->slot, refiner->planes.mem, duals, planes, theta, fresh,
-                               err);
+    return hada_variation_step(&refiner->variation, refiner->slot, refiner->planes.mem, duals, planes, theta, colour,
+                               fresh, err);
 }
 
 /* Transforms `images` images in calls of the plan's batch. */

@@ -67,7 +67,8 @@ hada_status hada_refine_nonnegative(const hada_refine_run *run, hada_error *err)
 
 /* The proximal step of total variation and non-negativity on the planes, sets x depths in number. theta: weight over
  * rho. fresh: its duals are not those of a step before. */
-hada_status hada_refine_tv_step(hada_refiner *refiner, int planes, double theta, int fresh, hada_error *err);
+hada_status hada_refine_tv_step(hada_refiner *refiner, int planes, double theta, double colour, int fresh,
+                                hada_error *err);
 
 /* Planes to their spectra U and from W; padded: the frame's dual to its spectrum E, and from a spectrum to the frame.
  */

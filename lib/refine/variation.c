@@ -38,14 +38,16 @@ static double values_of(const hada_variation *v, int count)
 
 /* A projected gradient step on the dual. */
 static hada_status dual_step(const hada_variation *v, hada_slot *slot, cl_mem planes, cl_mem old, cl_mem next,
-                             int count, double theta, int fresh, hada_error *err)
+                             int count, double theta, double colour, int fresh, hada_error *err)
 {
+    /* one channel has no colour */
+    const double per_colour = v->channels > 1 ? 1.0 / (colour * colour) : 1.0;
     const hada_refine_window window = window_of(v);
     const hada_range range = bands_of(v, &window, count);
     hada_slot_cost(slot, (fresh ? 12.0 : 20.0) * values_of(v, count), 20.0 * values_of(v, count));
     return hada_launch_refine_tv_duals(slot, v->program, &range, err, .given = planes, .old = old, .next = next,
                                        .fresh = fresh, .window = window, .theta = (float)theta,
-                                       .step = (float)(HADA_REFINE_TV_LENGTH / theta));
+                                       .step = (float)(HADA_REFINE_TV_LENGTH / theta), .per_colour = (float)per_colour);
 }
 
 /* The planes that the dual stands for. */
@@ -60,12 +62,13 @@ static hada_status primal_step(const hada_variation *v, hada_slot *slot, cl_mem 
 }
 
 hada_status hada_variation_step(const hada_variation *variation, hada_slot *slot, cl_mem planes, const cl_mem duals[2],
-                                int count, double theta, int fresh, hada_error *err)
+                                int count, double theta, double colour, int fresh, hada_error *err)
 {
     hada_status status = HADA_OK;
     /* an even number of steps: the duals end where they began */
     for (int k = 0; k < HADA_REFINE_TV_STEPS; k++)
-        HADA_TRY(dual_step(variation, slot, planes, duals[k % 2], duals[!(k % 2)], count, theta, fresh && !k, err));
+        HADA_TRY(
+            dual_step(variation, slot, planes, duals[k % 2], duals[!(k % 2)], count, theta, colour, fresh && !k, err));
     HADA_TRY(primal_step(variation, slot, planes, duals[0], count, theta, err));
 done:
     return status;

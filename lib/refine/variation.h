@@ -8,7 +8,7 @@
 
 /* Of a step: projected gradients on its dual, which goes on from step to step, each of this length. */
 enum { HADA_REFINE_TV_STEPS = 6 };
-#define HADA_REFINE_TV_LENGTH 0.2
+#define HADA_REFINE_TV_LENGTH 0.22
 
 /* Loads reach a vector beyond the last plane and the last dual: floats that both arrays have behind. */
 enum { HADA_VARIATION_ROOM = 8 };
@@ -27,8 +27,9 @@ hada_status hada_variation_prepare(hada_variation *variation, hada_slot *slot, i
 size_t hada_variation_floats(int channels, int rows, int cols, int planes);
 
 /* The step on `count` planes [plane][channel][rows][cols], in place. theta: weight of total variation over that of the
- * distance. duals[0] is read and holds the new ones in the end; fresh: they are taken as 0. */
+ * distance; colour: weight of differences of colour over those of brightness, from 1. duals[0] is read and holds the
+ * new ones in the end; fresh: they are taken as 0. */
 hada_status hada_variation_step(const hada_variation *variation, hada_slot *slot, cl_mem planes, const cl_mem duals[2],
-                                int count, double theta, int fresh, hada_error *err);
+                                int count, double theta, double colour, int fresh, hada_error *err);
 
 #endif

@@ -27,6 +27,7 @@ typedef struct hada_volume_rule {
     int steps;
     double floor;     /* of the weight, in units of |H(0)|^2; > 0 */
     double variation; /* weight of total variation, in units of the scene (docs/surfaces.md); 0: none */
+    double colour;    /* in it, weight of differences of colour over those of brightness, from 1; 0: 1 */
     double bound;     /* the largest curvature, of which a step is the inverse; it is doubled where it was too small */
 } hada_volume_rule;
 

@@ -1,5 +1,7 @@
 #include "surface/volume_steps.h"
 
+#include <math.h>
+
 int hada_volume_is_padded(const hada_volume_shape *shape)
 {
     return shape->boundary == HADA_BOUNDARY_PADDED;
@@ -197,7 +199,7 @@ hada_status hada_volume_step(hada_volume *v, const hada_volume_unknown *u, const
                                         .values = (cl_uint)u->count, .length = (float)(1.0 / bound)));
     if (theta > 0)
         HADA_TRY(hada_variation_step(&v->variation, v->slot, v->gradient.mem, duals, u->texture ? 1 : v->shape.planes,
-                                     theta, fresh, err));
+                                     theta, fmax(rule->colour, 1.0), fresh, err));
     hada_slot_cost(v->slot, (u->allowed ? 20.0 : 16.0) * values, 4.0 * values);
     HADA_TRY(hada_launch_volume_advance(v->slot, v->program, &range, err, .point = v->gradient.mem, .u = u->values,
                                         .y = v->at.mem, .allowed = allowed, .has_allowed = u->allowed != NULL,

@@ -196,10 +196,11 @@ static hada_status refine(hada_planes *planes, int depth, const hada_image *raw,
     data.otf_offset = image * planes->stage->layout.count;
     hada_refine_rule_init(&rule);
     rule.steps = info->refine_steps;
-    hada_refine_rule_weigh(&rule, info, info->refine_tv, hada_model_gain(planes->model), mean_square(planes, raw));
+    const hada_refine_weights weights = {info->refine_tv, info->refine_colour};
+    const int depths = several ? several : 1;
+    hada_refine_rule_weigh(&rule, info, &weights, depths, hada_model_gain(planes->model), mean_square(planes, raw));
     rule.stop = hada_refine_stop(info->boundary, rule.tv);
-    return hada_refiner_run(planes->refiner, &data, &rule, 1, several ? several : 1, several ? composed->depth : one,
-                            NULL, err);
+    return hada_refiner_run(planes->refiner, &data, &rule, 1, depths, several ? composed->depth : one, NULL, err);
 }
 
 static hada_status filter(hada_planes *planes, int depth, hada_error *err)

@@ -42,9 +42,12 @@ static void read_shape(const check_state *state, refine_state *own)
     hada_refine_rule_init(&own->rule);
     own->rule.rho = 1e-2;
     own->rule.tv = 1e-3 * check_get(state, 'y', 0);
+    own->rule.tv_colour = 0.1 * check_get(state, 'z', 10);
     if (check_get(state, 'q', 0)) {
         own->rule.first_rho = 1e-3;
         own->rule.growth = 1.5;
+        own->rule.first_relaxation = 1.95;
+        own->rule.first_steps = 3;
     }
     own->rule.steps = check_get(state, 'n', 6);
     for (int i = 0; i < own->sets * own->depths; i++)
@@ -127,6 +130,7 @@ static hada_status expect(check_state *state, const refine_state *own, hada_erro
                                          .depths = own->depths,
                                          .channels = own->channels,
                                          .tv = own->rule.tv,
+                                         .tv_colour = own->rule.tv_colour,
                                          .tv_length = HADA_REFINE_TV_LENGTH,
                                          .tv_steps = HADA_REFINE_TV_STEPS,
                                          .otf = otf,
@@ -135,6 +139,8 @@ static hada_status expect(check_state *state, const refine_state *own, hada_erro
                                          .first_rho = own->rule.first_rho,
                                          .growth = own->rule.growth,
                                          .relaxation = own->rule.relaxation,
+                                         .first_relaxation = own->rule.first_relaxation,
+                                         .first_steps = own->rule.first_steps,
                                          .mu = own->rule.mu,
                                          .steps = own->rule.steps};
         status = hada_ref_refine_run(&problem, state->expected + (size_t)set * own->set_floats, NULL, NULL, err);
@@ -191,7 +197,9 @@ static void release(check_state *state)
     hada_refiner_destroy(&own->refiner);
 }
 
-const check_op check_refine = {"refine",
-                               "r rows, c columns, h and w of the window, d depths in a set, s sets, n steps, p1 "
-                               "cropped by the sensor, q1 growing rho, k channels, y total variation (thousandths)",
-                               prepare, launch, release};
+const check_op check_refine = {
+    "refine",
+    "r rows, c columns, h and w of the window, d depths in a set, s sets, n steps, p1 "
+    "cropped by the sensor, q1 growing rho and falling relaxation, k channels, y total variation (thousandths), z its weight of "
+    "colour (tenths)",
+    prepare, launch, release};

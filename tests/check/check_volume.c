@@ -36,6 +36,7 @@ static void read_shape(const check_state *state, volume_state *own)
     own->rule = (hada_volume_rule){.steps = check_get(state, 'n', 6),
                                    .floor = 0.01,
                                    .variation = 1e-3 * check_get(state, 'y', 0),
+                                   .colour = 0.1 * check_get(state, 'z', 10),
                                    .bound = own->shape.planes + 0.5};
     own->area = (size_t)window_rows * (size_t)window_cols;
     own->unknown = (size_t)(own->is_texture ? 1 : own->shape.planes) * (size_t)own->shape.channels * own->area;
@@ -138,6 +139,7 @@ static hada_status expect(check_state *state, const volume_state *own, hada_erro
                                      .depth = own->is_texture ? own->depths : NULL,
                                      .floor = own->rule.floor,
                                      .variation = own->rule.variation,
+                                     .colour = own->rule.colour,
                                      .bound = own->rule.bound,
                                      .tv_length = HADA_REFINE_TV_LENGTH,
                                      .tv_steps = HADA_REFINE_TV_STEPS,
@@ -189,7 +191,8 @@ static void release(check_state *state)
     hada_volume_destroy(&own->volume);
 }
 
-const check_op check_volume = {"volume",
-                               "r rows, c columns, h and w of the window, d planes, k channels, n steps, p1 cropped by "
-                               "the sensor, y total variation (thousandths), m1 within a mask, x1 a texture",
-                               prepare, launch, release};
+const check_op check_volume = {
+    "volume",
+    "r rows, c columns, h and w of the window, d planes, k channels, n steps, p1 cropped by "
+    "the sensor, y total variation (thousandths), z its weight of colour (tenths), m1 within a mask, x1 a texture",
+    prepare, launch, release};

@@ -45,6 +45,9 @@ expect 0 '' reconstruct "${one[@]}" -o smooth --refine 6 --refine-tv 0.05 --no-p
 expect 0 '' reconstruct "${one[@]}" -o rough --refine 6 --refine-tv 0 --no-preview
 cmp -s smooth/test01_stack.tif rough/test01_stack.tif && fail '--refine-tv changed nothing'
 expect 2 '--refine-tv takes' reconstruct "${one[@]}" -o a --refine-tv -1
+expect 0 '' reconstruct "${one[@]}" -o grey --refine 6 --refine-tv 0.05 --refine-colour 4 --no-preview
+cmp -s smooth/test01_stack.tif grey/test01_stack.tif && fail '--refine-colour changed nothing'
+expect 2 '--refine-colour takes' reconstruct "${one[@]}" -o a --refine-colour 0.5
 expect 2 '--refine takes' reconstruct "${one[@]}" -o a --refine soon
 expect 2 'greater than zero' reconstruct "${one[@]}" -o a --gamma 0
 

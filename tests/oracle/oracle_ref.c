@@ -184,11 +184,11 @@ static void variation(void)
 {
     hada_error error;
     const int channels = whole(), rows = whole(), cols = whole();
-    const double theta = number(), length = number();
+    const double theta = number(), colour = number(), length = number();
     const int steps = whole();
     const size_t values = (size_t)channels * (size_t)rows * (size_t)cols;
     double *w = take(values), *duals = room(2 * values), *u = room(values);
-    check(hada_ref_tv_coupled(w, channels, rows, cols, theta, length, steps, duals, u, &error), &error);
+    check(hada_ref_tv_coupled(w, channels, rows, cols, theta, colour, length, steps, duals, u, &error), &error);
     give(u, values);
     give(duals, 2 * values);
     free(w);

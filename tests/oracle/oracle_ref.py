@@ -229,21 +229,25 @@ def refine(padded):
 def variation():
     """The proximal step of total variation. Its end is proved by the duality gap: half the square of the distance to the
     true minimum is no more. Where scikit-image has the same step (grey, nothing negative) it gives the same image."""
-    for channels, rows, cols, theta in [(1, 9, 12, 0.3), (3, 8, 11, 0.6), (2, 1, 6, 0.2), (4, 7, 1, 0.5)]:
+    for channels, rows, cols, theta, colour in [(1, 9, 12, 0.3, 1), (3, 8, 11, 0.6, 1), (2, 1, 6, 0.2, 1.5), (4, 7, 1, 0.5, 1),
+                                                (3, 8, 11, 0.3, 1.5), (3, 7, 5, 0.2, 4)]:
         w = normal(channels, rows, cols)
-        u, p = run(["variation", channels, rows, cols, theta, 0.2, 40000], w,
+        u, p = run(["variation", channels, rows, cols, theta, colour, 0.2, 40000], w,
                    outputs=[(channels, rows, cols), (channels, 2, rows, cols)])
         slopes = np.zeros_like(p)
         slopes[:, 0, :-1] = np.diff(u, axis=1)
         slopes[:, 1, :, :-1] = np.diff(u, axis=2)
-        assert np.all((p ** 2).sum((0, 1)) <= 1 + 1e-12) and np.all(u >= 0)
+        parts = lambda v: ((v.mean(0) ** 2).sum(0) * channels, ((v - v.mean(0)) ** 2).sum((0, 1)))
+        common, rest = parts(p)
+        assert np.all(common + rest / colour ** 2 <= 1 + 1e-12) and np.all(u >= 0)
         back = np.zeros_like(w)  # the transposed differences of p
         back[:, 1:] += p[:, 0, :-1]
         back[:, :-1] -= p[:, 0, :-1]
         back[:, :, 1:] += p[:, 1, :, :-1]
         back[:, :, :-1] -= p[:, 1, :, :-1]
         best = np.maximum(w - theta * back, 0)
-        primal = ((u - w) ** 2).sum() / 2 + theta * np.sqrt((slopes ** 2).sum((0, 1))).sum()
+        common, rest = parts(slopes)
+        primal = ((u - w) ** 2).sum() / 2 + theta * np.sqrt(common + colour ** 2 * rest).sum()
         dual = ((best - w) ** 2).sum() / 2 + theta * (best * back).sum()
         assert -1e-9 < (primal - dual) / primal < 1e-8, ("duality gap", channels, primal, dual)
         assert (slopes != 0).any() and ((u - np.maximum(w, 0)) ** 2).sum() > 1e-2 * (w ** 2).sum()
@@ -252,7 +256,7 @@ def variation():
     except ImportError:
         return
     w = 5 + normal(1, 14, 17)
-    u = run(["variation", 1, 14, 17, 0.7, 0.2, 40000], w, outputs=[(1, 14, 17), (2, 14, 17)])[0]
+    u = run(["variation", 1, 14, 17, 0.7, 1, 0.2, 40000], w, outputs=[(1, 14, 17), (2, 14, 17)])[0]
     check("variation, scikit-image", u[0] - 5,
           restoration.denoise_tv_chambolle(w[0], weight=0.7, eps=1e-14, max_num_iter=40000) - 5, 1e-4)
 

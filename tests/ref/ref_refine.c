@@ -107,7 +107,8 @@ static hada_status linear(ref_state *s, int number, hada_error *err)
 {
     const hada_ref_refine *p = s->p;
     const size_t all = (size_t)p->depths * s->pixels;
-    const double relaxation = number ? p->relaxation : 1.0, rho = rho_of(p, number);
+    const double usual = number < p->first_steps ? p->first_relaxation : p->relaxation;
+    const double relaxation = number ? usual : 1.0, rho = rho_of(p, number);
     for (size_t i = 0; number && i < all; i++) /* the dual is scaled: rho d stays what it is */
         s->d[i] *= rho_of(p, number - 1) / rho;
     for (size_t i = 0; i < s->pixels; i++)
@@ -159,7 +160,8 @@ static hada_status proximal(ref_state *states, int number, const tv_room *tv, ha
             tv->w[i] = states[i / area].x[z * states->pixels + window_pixel(p, i % area)];
         if (p->tv > 0.0)
             status = hada_ref_tv_coupled(tv->w, p->channels, p->window_rows, p->window_cols, p->tv / rho_of(p, number),
-                                         p->tv_length, p->tv_steps, tv->duals + z * 2 * channels * area, tv->u, err);
+                                         p->tv_colour, p->tv_length, p->tv_steps, tv->duals + z * 2 * channels * area,
+                                         tv->u, err);
         for (size_t i = 0; i < channels * area; i++)
             states[i / area].u[z * states->pixels + window_pixel(p, i % area)] =
                 p->tv > 0.0 ? tv->u[i] : fmax(tv->w[i], 0.0);

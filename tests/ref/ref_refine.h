@@ -16,8 +16,10 @@ typedef struct hada_ref_refine {
     const double *image; /* [channel][rows][cols]: the data, zero outside the frame */
     double rho, relaxation, mu;
     double first_rho, growth; /* rho of step k: the smaller of rho and first_rho growth^k; first_rho 0: rho */
-    int steps;
-    double tv; /* weight of total variation, the channels coupled; 0: none */
+    double first_relaxation;  /* of the first first_steps steps */
+    int first_steps, steps;
+    double tv;        /* weight of total variation, the channels coupled; 0: none */
+    double tv_colour; /* how much heavier differences of colour are; 1: no heavier */
     double tv_length;
     int tv_steps; /* of its proximal step (ref_tv.h), whose duals go on from step to step */
 } hada_ref_refine;

@@ -30,19 +30,46 @@ static void climb(const double *u, double *p, int rows, int cols, double factor)
         }
 }
 
-static void shorten(double *duals, int channels, size_t area)
+/* The multiplier of the nearest point of the ellipsoid mean + rest / colour^2 <= 1 (squares), by bisection; 0 within.
+ */
+static double multiplier(double mean, double rest, double colour)
 {
+    const double per = 1.0 / (colour * colour);
+    double low = 0.0, high = 1.0;
+    if (mean + per * rest <= 1.0)
+        return 0.0;
+    while (mean / pow(1.0 + high, 2) + per * rest / pow(1.0 + per * high, 2) > 1.0)
+        high *= 2.0;
+    for (int k = 0; k < 100; k++) {
+        const double middle = 0.5 * (low + high);
+        if (mean / pow(1.0 + middle, 2) + per * rest / pow(1.0 + per * middle, 2) > 1.0)
+            low = middle;
+        else
+            high = middle;
+    }
+    return high;
+}
+
+static void shorten(double *duals, int channels, size_t area, double colour)
+{
+    const size_t parts = (size_t)channels;
     for (size_t i = 0; i < area; i++) {
-        double square = 0.0;
-        for (size_t k = 0; k < 2 * (size_t)channels; k++)
-            square += duals[k * area + i] * duals[k * area + i];
-        for (size_t k = 0; square > 1.0 && k < 2 * (size_t)channels; k++)
-            duals[k * area + i] /= sqrt(square);
+        double common[2] = {0.0, 0.0}, mean = 0.0, rest = 0.0;
+        for (size_t k = 0; k < 2 * parts; k++)
+            common[k % 2] += duals[k * area + i] / (double)parts;
+        for (size_t k = 0; k < 2 * parts; k++) {
+            mean += common[k % 2] * common[k % 2];
+            rest += pow(duals[k * area + i] - common[k % 2], 2);
+        }
+        const double mu = multiplier(mean, rest, colour);
+        for (size_t k = 0; k < 2 * parts; k++)
+            duals[k * area + i] =
+                common[k % 2] / (1.0 + mu) + (duals[k * area + i] - common[k % 2]) / (1.0 + mu / (colour * colour));
     }
 }
 
-hada_status hada_ref_tv_coupled(const double *w, int channels, int rows, int cols, double theta, double length,
-                                int steps, double *duals, double *u, hada_error *err)
+hada_status hada_ref_tv_coupled(const double *w, int channels, int rows, int cols, double theta, double colour,
+                                double length, int steps, double *duals, double *u, hada_error *err)
 {
     const size_t area = (size_t)rows * (size_t)cols;
     double *now;
@@ -54,7 +81,7 @@ hada_status hada_ref_tv_coupled(const double *w, int channels, int rows, int col
             plane(w + c * area, duals + 2 * c * area, rows, cols, theta, now);
             climb(now, duals + 2 * c * area, rows, cols, length / theta);
         }
-        shorten(duals, channels, area);
+        shorten(duals, channels, area, colour);
     }
     for (size_t c = 0; c < (size_t)channels; c++)
         plane(w + c * area, duals + 2 * c * area, rows, cols, theta, u + c * area);

@@ -135,8 +135,8 @@ static hada_status step(state *s, double momentum, double *u, hada_error *err)
         s->point[i] = (p->allowed ? p->allowed[i] : 1.0) * (s->at[i] - s->gradient[i] / p->bound);
     for (size_t first = 0; p->variation > 0 && first < s->unknown; first += each)
         HADA_TRY(hada_ref_tv_coupled(s->point + first, p->channels, p->window_rows, p->window_cols,
-                                     p->variation / p->bound, p->tv_length, p->tv_steps, s->duals + 2 * first,
-                                     s->gradient + first, err));
+                                     p->variation / p->bound, fmax(p->colour, 1.0), p->tv_length, p->tv_steps,
+                                     s->duals + 2 * first, s->gradient + first, err));
     for (size_t i = 0; i < s->unknown; i++) {
         const double v =
             (p->allowed ? p->allowed[i] : 1.0) * fmax(p->variation > 0 ? s->gradient[i] : s->point[i], 0.0);

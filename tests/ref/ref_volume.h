@@ -16,6 +16,7 @@ typedef struct hada_ref_volume {
     const double *allowed; /* [plane][channel][window], or NULL: everywhere */
     const double *depth;   /* [window]: of a texture, in planes; NULL: the planes are free */
     double floor, variation, bound;
+    double colour; /* as ref_tv.h; 0: 1 */
     double tv_length;
     int tv_steps, steps;
 } hada_ref_volume;

@@ -26,6 +26,7 @@ static hada_model *make(int statistics)
                             .refine_steps = 12,
                             .refine_rho = 3e-3,
                             .refine_tv = 2e-3,
+                            .refine_colour = statistics ? 1.5 : 0.0, /* not said: 1 */
                             .has_otf = 1,
                             .distances_mm = distances,
                             .scene_response = statistics ? HADA_RESPONSE_SRGB : 2.2};
@@ -75,6 +76,7 @@ static void files_come_back_bit_for_bit(void **state)
         assert_true(b->raw_rows == 10 && b->raw_cols == 13 && b->window_rows == 4 && b->window_cols == 6);
         assert_true(b->grid_rows == a->grid_rows && b->grid_cols == a->grid_cols);
         assert_true(b->alpha == a->alpha && b->lambda == a->lambda && b->dark == a->dark && b->noise == a->noise);
+        assert_true(a->refine_colour >= 1.0 && b->refine_colour == a->refine_colour);
         assert_true(b->refine_steps == 12 && b->refine_rho == a->refine_rho && b->refine_tv == a->refine_tv &&
                     b->has_otf && b->half == a->half && b->scene_response == a->scene_response);
         assert_memory_equal(b->distances_mm, distances, sizeof distances);
@@ -110,8 +112,9 @@ static void rewrite(const char *path, const char *key, const char *value, const 
     hada_tensors *file;
     hada_tensors_writer *writer;
     char beside[80];
-    static const char *const keys[] = {"format", "version", "form", "boundary",     "raw",        "grid",      "window",
-                                       "alpha",  "lambda",  "dark", "refine_steps", "refine_rho", "refine_tv", "noise", "scene_response"};
+    static const char *const keys[] = {
+        "format", "version", "form",         "boundary",   "raw",       "grid",  "window",         "alpha",
+        "lambda", "dark",    "refine_steps", "refine_rho", "refine_tv", "noise", "scene_response", "refine_colour"};
     snprintf(beside, sizeof beside, "%s-new", path);
     ASSERT_OK(hada_tensors_open(&file, path, err));
     ASSERT_OK(hada_tensors_create(&writer, beside, err));
@@ -165,6 +168,8 @@ static void damaged_files_are_refused(void **state)
                  {"refine_steps", "2.5", "", 0, HADA_ERROR_FILE_FORMAT},
                  {"refine_tv", "-1e-3", "", 0, HADA_ERROR_MODEL},
                  {"refine_tv", "much", "", 0, HADA_ERROR_FILE_FORMAT},
+                 {"refine_colour", "0.5", "", 0, HADA_ERROR_MODEL},
+                 {"refine_colour", "red", "", 0, HADA_ERROR_FILE_FORMAT},
                  {"scene_response", "bright", "", 0, HADA_ERROR_FILE_FORMAT},
                  {"scene_response", "auto", "", 0, HADA_ERROR_FILE_FORMAT},
                  {"", NULL, "filter", 0, HADA_ERROR_FILE_FORMAT},

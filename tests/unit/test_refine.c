@@ -132,6 +132,10 @@ static void gives_the_same_bits_whatever_runs_beside(void **state)
         two_depths(&f, 0, 2);
         expose(&f, 0.01, 1.0);
         hada_refine_rule_init(&rule);
+        rule.first_rho = 0.1 * rule.rho;
+        rule.growth = 1.5;
+        rule.first_relaxation = 1.95;
+        rule.first_steps = 4;
         ASSERT_OK(hada_refiner_run(f.refiner, &f.device.data, &rule, 3, 2, sets, NULL, err));
         float *beside = read_planes(&f, 6);
         const double energy = hada_refiner_energy(f.refiner, 1, rule.steps - 1);
@@ -143,6 +147,7 @@ static void gives_the_same_bits_whatever_runs_beside(void **state)
         rule.steps = 3;
         ASSERT_OK(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, 2, alone, NULL, err));
         rule.steps = 5;
+        rule.before = 3;
         rule.start = HADA_REFINE_CONTINUE;
         ASSERT_OK(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, 2, alone, NULL, err));
         float *halves = read_planes(&f, 2);

@@ -59,3 +59,12 @@ hada_status hada_cli_read_refine_tv(const char *text, double *weight, hada_error
     return hada_cli_error(err, HADA_ERROR_ARGUMENT,
                           "--refine-tv takes a weight, such as 0.003, 0 for none, or 'auto', not '%s'", text);
 }
+
+hada_status hada_cli_read_refine_colour(const char *text, double *weight, hada_error *err)
+{
+    *weight = -1.0;
+    if (!strcmp(text, "auto") || (hada_cli_read_real(text, weight) && *weight >= 1.0 && *weight <= 16.0))
+        return HADA_OK;
+    return hada_cli_error(err, HADA_ERROR_ARGUMENT,
+                          "--refine-colour takes a weight from 1 to 16, such as 1.5, or 'auto', not '%s'", text);
+}

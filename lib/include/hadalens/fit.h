@@ -41,6 +41,8 @@ typedef struct hada_fit_options {
                                anything is learned. HADA_AUTO (default): chosen by hada_fit_run(); saved sums say it
                                themselves; a fitter that is given none takes them as linear */
     int crop_passes; /* iterations of hada_fitter_learn_cropped(), at least 3; HADA_AUTO (default): 15; 0: none */
+    double refine_colour; /* in total variation, weight of differences of colour over those of brightness, 1 to 16;
+                             HADA_AUTO (default): chosen with the weight, 1.5 where that is given */
 } hada_fit_options;
 HADA_API void hada_fit_options_defaults(hada_fit_options *options, size_t size);
 static inline void hada_fit_options_init(hada_fit_options *options)
@@ -71,8 +73,8 @@ HADA_API hada_status hada_fitter_save_sums(hada_fitter *fitter, const char *path
 HADA_API hada_status hada_fitter_load_sums(hada_fitter *fitter, const char *path, hada_error *err);
 
 /* A fitter from saved sums alone, for merging without pairs: camera, depths and dark level are the file's; `choices`
- * says form, alpha, lambda, refine_steps, refine_tv and nonnegative (its other fields are not used); NULL: the
- * defaults. */
+ * says form, alpha, lambda, refine_steps, refine_tv, refine_colour and nonnegative (its other fields are not used);
+ * NULL: the defaults. */
 HADA_API hada_status hada_fitter_create_from_sums(hada_fitter **out, hada_context *context, const char *path,
                                                   const hada_fit_options *choices, hada_error *err);
 

@@ -59,6 +59,7 @@ typedef struct hada_model_info {
     const char *name;               /* file name it was loaded from, or "" */
     double scene_response;          /* how the scenes that it was learned from were encoded (hadalens/response.h); what
                                        it makes of a frame is linear light all the same */
+    double refine_colour;           /* in refine_tv, weight of differences of colour over those of brightness, from 1 */
 } hada_model_info;
 
 HADA_API hada_status hada_model_load(hada_model **out, const char *path, hada_error *err);

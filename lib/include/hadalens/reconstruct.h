@@ -85,6 +85,8 @@ typedef struct hada_plan_options {
                          and HADA_OCCUPIED_AUTO. Its memory on the device is taken when a frame first needs it, beyond
                          a plan's estimate; where there is too little, frames are taken for planes, or, told to be
                          surfaces, fail */
+    double refine_colour; /* in total variation, weight of differences of colour over those of brightness, 1 to 16;
+                             HADA_AUTO (default): the model's */
 } hada_plan_options;
 HADA_API void hada_plan_options_defaults(hada_plan_options *options, size_t size);
 static inline void hada_plan_options_init(hada_plan_options *options)

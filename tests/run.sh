@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Builds and runs tests on a fresh Debian or Ubuntu machine, installing what is missing.
 #   tests/run.sh [all|quick|full|oracle|stress] [release|debug|asan|tsan|clang] [further arguments for ctest]
+#   tests/run.sh fuzz [MINUTES]: libFuzzer (clang) makes inputs, so many minutes (1) for each target
 # quick: within two minutes on two cores, once kernels are compiled. oracle: against PyTorch, SciPy and others, in a
 # Python environment that is made in build/oracle. all, the default: everything; oracles are skipped where their
 # environment cannot be made. README.md tells the tiers.
@@ -11,6 +12,7 @@ preset=release
 while [ $# -gt 0 ]; do
     case $1 in
     all | quick | full | oracle | stress) tier=$1 ;;
+    fuzz) exec tests/fuzz/run.sh "${2:-1}" ;;
     release | debug | asan | tsan | clang) preset=$1 ;;
     *) break ;;
     esac

@@ -99,9 +99,8 @@ static int take_over(const hada_outfile *out)
     return fchmod(out->fd, mode);
 }
 
-static int finish(hada_outfile *out)
+static int finish(hada_outfile *out, int alone)
 {
-    const int alone = !hada_staged_holds(out->path);
     int failed = take_over(out) || (alone && hada_sync(out->fd));
     const int code = errno;
     /* close() reports what a network file system could not store */
@@ -109,13 +108,19 @@ static int finish(hada_outfile *out)
     out->fd = -1;
     if (failed)
         errno = code;
-    return failed || unclosed || rename(out->temp, out->path) || (alone && hada_sync_parent(out->path));
+    return failed || unclosed || rename(out->temp, out->path);
 }
 
 hada_status hada_outfile_commit(hada_outfile *out, hada_error *err)
 {
     hada_status status = HADA_OK;
-    if (finish(out)) {
+    const int alone = !hada_staged_holds(out->path);
+    if (!finish(out, alone)) {
+        if (alone && hada_sync_parent(out->path))
+            status =
+                hada_fail(err, HADA_ERROR_FILE_WRITE, "%s is written, but its name may not outlast a loss of power: %s",
+                          out->path, strerror(errno));
+    } else {
         status = hada_fail(err, HADA_ERROR_FILE_WRITE, "%s could not be completed: %s; nothing was left behind",
                            out->path, strerror(errno));
         unlink(out->temp);

@@ -1,4 +1,5 @@
 /* Wrappers of the calls that reach files: a full disk, a lost server, a folder without permission. */
+#include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <stdarg.h>
@@ -14,7 +15,14 @@ ssize_t __real_write(int fd, const void *data, size_t bytes);
 ssize_t __real_pwrite(int fd, const void *data, size_t bytes, off_t at);
 ssize_t __real_pread(int fd, void *data, size_t bytes, off_t at);
 off_t __real_lseek(int fd, off_t at, int whence);
-void *__real_mmap(void *at, size_t bytes, int protection, int flags, int fd, off_t offset);
+ssize_t __real_read(int fd, void *data, size_t bytes);
+int __real_fsync(int fd);
+int __real_fstat(int fd, struct stat *what);
+int __real_fchmod(int fd, mode_t mode);
+char *__real_realpath(const char *path, char *out);
+DIR *__real_opendir(const char *path);
+struct dirent *__real_readdir(DIR *folder);
+ssize_t __real_getrandom(void *out, size_t bytes, unsigned flags);
 int __real_rename(const char *from, const char *to);
 int __real_mkdir(const char *path, mode_t mode);
 FILE *__real_fopen(const char *path, const char *mode);
@@ -28,7 +36,14 @@ ssize_t __wrap_write(int fd, const void *data, size_t bytes);
 ssize_t __wrap_pwrite(int fd, const void *data, size_t bytes, off_t at);
 ssize_t __wrap_pread(int fd, void *data, size_t bytes, off_t at);
 off_t __wrap_lseek(int fd, off_t at, int whence);
-void *__wrap_mmap(void *at, size_t bytes, int protection, int flags, int fd, off_t offset);
+ssize_t __wrap_read(int fd, void *data, size_t bytes);
+int __wrap_fsync(int fd);
+int __wrap_fstat(int fd, struct stat *what);
+int __wrap_fchmod(int fd, mode_t mode);
+char *__wrap_realpath(const char *path, char *out);
+DIR *__wrap_opendir(const char *path);
+struct dirent *__wrap_readdir(DIR *folder);
+ssize_t __wrap_getrandom(void *out, size_t bytes, unsigned flags);
 int __wrap_rename(const char *from, const char *to);
 int __wrap_mkdir(const char *path, mode_t mode);
 FILE *__wrap_fopen(const char *path, const char *mode);
@@ -80,9 +95,44 @@ off_t __wrap_lseek(int fd, off_t at, int whence)
     return fails("lseek", EINVAL) ? -1 : __real_lseek(fd, at, whence);
 }
 
-void *__wrap_mmap(void *at, size_t bytes, int protection, int flags, int fd, off_t offset)
+ssize_t __wrap_read(int fd, void *data, size_t bytes)
 {
-    return fails("mmap", ENOMEM) ? (void *)-1 : __real_mmap(at, bytes, protection, flags, fd, offset);
+    return fails("read", EIO) ? -1 : __real_read(fd, data, bytes);
+}
+
+int __wrap_fsync(int fd)
+{
+    return fails("fsync", EIO) ? -1 : __real_fsync(fd);
+}
+
+int __wrap_fstat(int fd, struct stat *what)
+{
+    return fails("fstat", EIO) ? -1 : __real_fstat(fd, what);
+}
+
+int __wrap_fchmod(int fd, mode_t mode)
+{
+    return fails("fchmod", EPERM) ? -1 : __real_fchmod(fd, mode);
+}
+
+char *__wrap_realpath(const char *path, char *out)
+{
+    return fails("realpath", EACCES) ? NULL : __real_realpath(path, out);
+}
+
+DIR *__wrap_opendir(const char *path)
+{
+    return fails("opendir", EACCES) ? NULL : __real_opendir(path);
+}
+
+struct dirent *__wrap_readdir(DIR *folder)
+{
+    return fails("readdir", EIO) ? NULL : __real_readdir(folder);
+}
+
+ssize_t __wrap_getrandom(void *out, size_t bytes, unsigned flags)
+{
+    return fails("getrandom", ENOSYS) ? -1 : __real_getrandom(out, bytes, flags);
 }
 
 int __wrap_rename(const char *from, const char *to)

@@ -30,6 +30,7 @@ static void add_image(fault_job *job, const hada_image *image)
 
 /* The true functions: reading what was written is not part of the stage. */
 int __real_open(const char *path, int flags, ...);
+ssize_t __real_read(int fd, void *data, size_t bytes);
 int __real_close(int fd);
 
 static void add_file(fault_job *job, const char *path)
@@ -37,7 +38,7 @@ static void add_file(fault_job *job, const char *path)
     unsigned char bytes[4096];
     const int fd = __real_open(path, O_RDONLY);
     assert_true(fd >= 0);
-    for (ssize_t got; (got = read(fd, bytes, sizeof bytes)) > 0;)
+    for (ssize_t got; (got = __real_read(fd, bytes, sizeof bytes)) > 0;)
         add_bytes(job, bytes, (size_t)got);
     __real_close(fd);
 }

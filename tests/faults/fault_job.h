@@ -44,6 +44,8 @@ hada_status fault_stage_register(fault_job *job, hada_error *err); /* fault_comp
 hada_status fault_stage_lpips(fault_job *job, hada_error *err);
 hada_status fault_stage_model_file(fault_job *job, hada_error *err);
 hada_status fault_stage_tiff(fault_job *job, hada_error *err);
+hada_status fault_stage_files(fault_job *job,
+                              hada_error *err); /* fault_files.c: a folder, a camera, tuning, a data set */
 hada_status fault_stage_preview(fault_job *job, hada_error *err);
 hada_status fault_stage_clfft(fault_job *job, hada_error *err); /* transforms by the other back end */
 

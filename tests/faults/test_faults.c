@@ -38,6 +38,7 @@ static const struct stage {
     {"lpips", fault_stage_lpips, 10},
     {"model_file", fault_stage_model_file, 100},
     {"tiff", fault_stage_tiff, 100},
+    {"files", fault_stage_files, 100},
     {"preview", fault_stage_preview, 100},
     {"clfft", fault_stage_clfft, 6},
 };

@@ -1,0 +1,84 @@
+/* Files that are no pictures: a folder that appears at once, with a camera in it and a data set beside it; a tuning
+ * file that is written twice. */
+#include <hadalens/camera.h>
+#include <hadalens/dataset.h>
+#include <hadalens/folder.h>
+#include <hadalens/tiff.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "fault_job.h"
+#include "io/folder.h"
+#include "runtime/tuning.h"
+
+static hada_status write_pair(const fault_job *job, const char *folder, const char *kind, const hada_image *image,
+                              hada_error *err)
+{
+    char path[400];
+    (void)job;
+    snprintf(path, sizeof path, "%s/z100mm/%s", folder, kind);
+    hada_status status = hada_folder_ensure(path, err);
+    strcat(path, "/a.tif");
+    return status ? status : hada_tiff_save(path, image, NULL, err);
+}
+
+static hada_status fill(void *user, const char *folder, hada_error *err)
+{
+    const fault_job *job = user;
+    char path[400];
+    hada_camera camera;
+    hada_status status = HADA_OK;
+    hada_camera_init(&camera);
+    snprintf(path, sizeof path, "%s/camera.json", folder);
+    HADA_TRY(hada_camera_save(&camera, path, err));
+    HADA_TRY(write_pair(job, folder, "raw", &job->frame[0][0], err));
+    HADA_TRY(write_pair(job, folder, "scene", &job->scene[0][0], err));
+done:
+    return status;
+}
+
+static hada_status read_back(fault_job *job, const char *folder, hada_error *err)
+{
+    char path[400];
+    hada_camera camera;
+    hada_dataset *set = NULL;
+    hada_status status = HADA_OK;
+    hada_camera_init(&camera);
+    snprintf(path, sizeof path, "%s/camera.json", folder);
+    HADA_TRY(hada_camera_load(&camera, path, err));
+    HADA_TRY(hada_dataset_scan(&set, folder, NULL, err));
+    job->sum = job->sum * 31 + (uint64_t)camera.rows + (uint64_t)hada_dataset_get_info(set)->pairs;
+done:
+    hada_dataset_destroy(&set);
+    return status;
+}
+
+static hada_status tune_twice(fault_job *job, hada_error *err)
+{
+    static const char *const shapes[] = {"8x8", "9x9"}, *const choices[] = {"own", "clfft"};
+    char path[400];
+    hada_tuning *tuning = NULL;
+    hada_status status = HADA_OK;
+    snprintf(path, sizeof path, "%s/rows.bin", job->folder); /* an ending that says "whole" to the test */
+    for (int i = 0; i < 2; i++)
+        HADA_TRY(hada_tuning_write(job->context, path, "fft", shapes + i, choices + i, 1, err));
+    HADA_TRY(hada_tuning_read(&tuning, path, err));
+    job->sum = job->sum * 31 + (tuning ? tuning->count : 0);
+done:
+    hada_tuning_destroy(&tuning);
+    return status;
+}
+
+hada_status fault_stage_files(fault_job *job, hada_error *err)
+{
+    char folder[300];
+    hada_status status = HADA_OK;
+    snprintf(folder, sizeof folder, "%s/set", job->folder);
+    hada_folder_remove(folder);
+    HADA_TRY(hada_folder_create(folder, fill, job, err));
+    HADA_TRY(read_back(job, folder, err));
+    HADA_TRY(tune_twice(job, err));
+done:
+    hada_folder_remove(folder);
+    return status;
+}

@@ -314,7 +314,7 @@ static void print_model(hada_cli *cli, const settings *set, const hada_model *mo
     static const char *const forms[] = {"", "complex", "split", "matched", "wiener"};
     const hada_model_info *info = hada_model_get_info(model);
     const char *boundary = info->boundary == HADA_BOUNDARY_PADDED ? "padded" : "circular";
-    char size[16], dark[32] = "found per frame", refine[64] = "no refinement", response[HADA_RESPONSE_NAME];
+    char size[16], dark[32] = "found per frame", refine[96] = "no refinement", response[HADA_RESPONSE_NAME];
     hada_cli_bytes(size, info->bytes);
     hada_response_name(response, info->scene_response);
     if (info->dark >= 0)
@@ -323,6 +323,10 @@ static void print_model(hada_cli *cli, const settings *set, const hada_model *mo
         snprintf(refine, sizeof refine,
                  info->refine_tv > 0 ? "%d refinement steps, total variation %.2g" : "%d refinement steps",
                  info->refine_steps, info->refine_tv);
+    if (info->refine_steps && info->refine_share < 1) {
+        const size_t used = strlen(refine);
+        snprintf(refine + used, sizeof refine - used, ", %.0f %% linear", 100 * (1 - info->refine_share));
+    }
     hada_cli_say(cli, "%s: %d %s, %dx%d frames, window %dx%d, %s, %s, scenes %s, dark level %s, %s, %s (%.1f s)",
                  set->output, info->depths, info->depths == 1 ? "depth" : "depths", info->raw_rows, info->raw_cols,
                  info->window_rows, info->window_cols, forms[info->form], boundary, response, dark, refine, size,
@@ -338,6 +342,7 @@ static void print_model(hada_cli *cli, const settings *set, const hada_model *mo
     json_object_set_new(entry, "dark", info->dark >= 0 ? hada_cli_real(info->dark) : json_null());
     json_object_set_new(entry, "refine_tv", hada_cli_real(info->refine_tv));
     json_object_set_new(entry, "refine_colour", hada_cli_real(info->refine_colour));
+    json_object_set_new(entry, "refine_share", hada_cli_real(info->refine_share));
     json_object_set_new(entry, "noise", hada_cli_real(info->noise));
     json_object_set_new(entry, "scene_response", json_string(response));
     json_object_set_new(cli->document, "model", entry);

@@ -169,8 +169,13 @@ hada_status hada_config_of(const hada_model *model, const hada_plan_options *opt
         config->joint && !config->classic && options->occupied == HADA_OCCUPIED_AUTO && config->depths > 1;
     config->dark = options->dark == HADA_DARK_FRAME;
     config->enhance = options->enhance && info->enhance && !config->classic;
+    /* as chosen with the model's steps; a net was trained behind refined planes alone */
+    config->share =
+        config->joint && !config->classic && !config->enhance && options->refine < 0 ? info->refine_share : 1.0;
     config->half = options->half || info->half;
-    config->bank = config->joint ? HADA_BANK_OTFS : HADA_BANK_FILTERS;
+    config->bank = !config->joint        ? HADA_BANK_FILTERS
+                   : config->share < 1.0 ? HADA_BANK_OTFS | HADA_BANK_FILTERS
+                                         : HADA_BANK_OTFS;
     config->batch = options->batch ? options->batch : BATCH;
     if (config->batch > config->depths)
         config->batch = config->depths;

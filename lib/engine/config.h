@@ -18,6 +18,7 @@ typedef struct hada_config {
                                     classic method; 0: linear filters */
     int classic;                 /* 1: by a classic method */
     hada_refine_weights weights; /* of refinement */
+    double share;                /* of refined planes, the rest being those of the linear filters; 1: refined alone */
     int steps;                   /* refinement steps or iterations at most */
     int pursuit;                 /* 1: the occupied depths are found */
     hada_scene scene;            /* what it may be taken for; planes where it cannot be a surface */

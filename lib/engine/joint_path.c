@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "engine/stages.h"
+#include "filter/clip.h"
 
 /* Which computed depths the frame occupies, into pipeline->occupied. */
 static hada_status pursue(hada_pipeline *pipeline, hada_frame *frame, int *count, hada_error *err)
@@ -118,6 +119,24 @@ static cl_mem planes_of(const hada_pipeline *pipeline)
     return pipeline->classic ? hada_classic_planes(pipeline->classic) : hada_refiner_planes(pipeline->refiner);
 }
 
+/* Refined planes and those of the linear filters, as their errors on held-out pairs say (docs/refinement.md). */
+static hada_status blend(hada_pipeline *pipeline, int count, hada_error *err)
+{
+    const double share = pipeline->setup->config.share;
+    const size_t values = hada_plane_values(hada_model_get_info(pipeline->setup->model));
+    hada_status status = HADA_OK;
+    if (share >= 1.0)
+        return HADA_OK;
+    for (int i = 0; i < count; i++) {
+        HADA_TRY(hada_hadamard_run(pipeline->stage, pipeline->constants->bank, pipeline->occupied[i], 1,
+                                   pipeline->planes.mem, 0, err));
+        HADA_TRY(hada_image_blend(pipeline->slot, planes_of(pipeline), (size_t)i * values, pipeline->planes.mem, values,
+                                  share, err));
+    }
+done:
+    return status;
+}
+
 /* The planes stand in the order of pipeline->occupied. */
 static hada_status focus(hada_pipeline *pipeline, hada_frame *frame, int count, hada_error *err)
 {
@@ -209,6 +228,7 @@ hada_status hada_pipeline_joint(hada_pipeline *pipeline, hada_frame *frame, hada
         HADA_TRY(hada_pipeline_take_surface(pipeline, frame, energy, err));
         goto done;
     }
+    HADA_TRY(blend(pipeline, count, err));
     HADA_TRY(hada_pipeline_enhance(pipeline, frame, planes_of(pipeline), count, 1, err));
     HADA_TRY(hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_enhance, err));
     HADA_TRY(focus(pipeline, frame, count, err));

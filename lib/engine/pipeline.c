@@ -99,7 +99,7 @@ static hada_status make_parts(hada_pipeline *pipeline, hada_error *err)
         HADA_TRY(hada_refiner_create(&pipeline->refiner, slot, scratch, &refine, err));
     if (config->pursuit)
         HADA_TRY(make_pursuit(pipeline, err));
-    if (!config->joint)
+    if (hada_pipeline_planes_bytes(info, config, pipeline->batch))
         HADA_TRY(hada_scratch_take(&pipeline->planes, slot->context, scratch,
                                    hada_pipeline_planes_bytes(info, config, pipeline->batch), "the refocused planes",
                                    err));

@@ -14,7 +14,9 @@ enum {
 
 size_t hada_pipeline_planes_bytes(const hada_model_info *info, const hada_config *config, int batch)
 {
-    return config->joint ? 0 : hada_plane_values(info) * (size_t)batch * sizeof(float);
+    /* beside refined planes one of the linear filters at a time, where the two are blended */
+    const size_t planes = !config->joint ? (size_t)batch : config->share < 1.0 ? 1 : 0;
+    return hada_plane_values(info) * planes * sizeof(float);
 }
 
 size_t hada_pipeline_pictures_bytes(const hada_model_info *info)
@@ -48,7 +50,7 @@ static hada_status note(hada_scratch *scratch, const hada_context *context, cons
         HADA_TRY(hada_pursuit_note(context, &pursuit, scratch, PURSUE, err));
     }
     hada_scratch_steps(scratch, COMPUTE, DOWNLOAD);
-    if (!config->joint)
+    if (hada_pipeline_planes_bytes(info, config, batch))
         HADA_TRY(
             hada_scratch_note(scratch, hada_pipeline_planes_bytes(info, config, batch), "the refocused planes", err));
 done:

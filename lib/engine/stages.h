@@ -26,7 +26,7 @@ struct hada_pipeline {
     int no_surface;            /* 1: this camera, or the device's memory, allows none */
     hada_focus *focus;
     hada_enhance *enhance; /* NULL where no net is used */
-    hada_buffer planes;    /* linear: a batch, [depth][channel][window] */
+    hada_buffer planes;    /* linear: a batch, [depth][channel][window]; joint, blended: one */
     hada_buffer pictures;  /* all-in-focus image, then distance map */
     int *occupied;         /* a list of computed depths, ascending */
     uint64_t loaded;       /* serial of the frame whose spectrum stands in the stage; 0: none */

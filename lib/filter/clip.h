@@ -7,4 +7,9 @@
 /* The first `count` floats of a buffer (enqueued). */
 hada_status hada_image_clip(hada_slot *slot, cl_mem planes, size_t count, hada_error *err);
 
+/* `count` floats from `offset` on: share times these, plus the rest times the first floats of `others`, both clipped
+ * (enqueued). */
+hada_status hada_image_blend(hada_slot *slot, cl_mem planes, size_t offset, cl_mem others, size_t count, double share,
+                             hada_error *err);
+
 #endif

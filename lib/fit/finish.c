@@ -91,12 +91,14 @@ static hada_status try_refinement(hada_fitter *fitter, hada_nonnegative *nonnega
         return HADA_ERROR_MEMORY;
     if (result.steps && result.gain <= hada_fit_outside_gain(&fitter->outside)) {
         result.steps = 0;
+        result.share = 1.0;
         result.weights.tv = 0.0;
         for (int i = 0; i < result.row_count; i++)
             result.rows[i].chosen = i == 0;
     }
     memcpy(rows, result.rows, (size_t)result.row_count * sizeof *rows);
     set_refinement(model, result.steps, &result.weights);
+    model->info.refine_share = result.share;
 done:
     return status;
 }

@@ -36,6 +36,13 @@ _Static_assert((int)TRIED + (int)TV_SIDE + 2 + 1 <= (int)HADA_FIT_TRIAL_ROWS, "r
 #define MOST_OF_THE_GAIN 0.8
 #define LEAST_GAIN       0.01
 
+/* Shares of refined planes that are tried, the rest being the linear filter's: where the camera is known badly, the two
+ * err differently (L. Breiman, "Stacked regressions", Machine Learning 24, 1996). Less than a fifth of a decibel is not
+ * worth filtering as well. */
+static const double shares_tried[] = {1.0, 0.75, 0.5, 0.25};
+enum { SHARES = sizeof shares_tried / sizeof *shares_tried };
+#define SHARE_GAIN 0.2
+
 /* Mean squared errors below this, 200 dB, count as this. */
 #define LEAST_ERROR 1e-20
 
@@ -46,9 +53,9 @@ typedef struct trial_work {
     hada_fft *inverse;
     hada_buffer filters, otfs; /* [member][channel][count] complex */
     hada_buffer prior;
-    float *raw, *planes;
+    float *raw, *planes, *linear; /* planes at hand, and those of the linear filters */
     double *scene_energy, *trust; /* per channel; without a pair, and the model's */
-    double sum[2][TRIED];         /* decibels: one depth, two depths */
+    double sum[2][TRIED][SHARES]; /* decibels: one depth, two depths */
     int count[2];
     hada_refine_weights weights; /* what is refined with */
     int rank_steps;              /* after which weights are compared */
@@ -74,6 +81,8 @@ static hada_status work_create(trial_work *work, hada_error *err)
     HADA_TRY(hada_alloc_raw((void **)&work->raw, hada_fit_raw_floats(grid), sizeof(float), "a raw frame", err));
     HADA_TRY(hada_alloc_raw((void **)&work->planes, MEMBERS * hada_fit_window_floats(grid), sizeof(float),
                             "planes on trial", err));
+    HADA_TRY(hada_alloc_raw((void **)&work->linear, MEMBERS * hada_fit_window_floats(grid), sizeof(float),
+                            "planes on trial", err));
     HADA_TRY(hada_alloc((void **)&work->scene_energy, channels, sizeof(double), "a fitter", err));
     HADA_TRY(hada_alloc((void **)&work->trust, channels, sizeof(double), "a fitter", err));
 done:
@@ -90,6 +99,7 @@ static void work_destroy(trial_work *work)
     hada_buffer_destroy(&work->prior);
     free(work->raw);
     free(work->planes);
+    free(work->linear);
     free(work->scene_energy);
     free(work->trust);
 }
@@ -140,15 +150,20 @@ typedef struct trial_frame {
     int members, first;
 } trial_frame;
 
-/* PSNR of planes (negative light clipped, as reconstruction does) against the members' scenes, mean over members. */
-static double compare(const trial_work *work, const trial_frame *frame)
+/* PSNR of planes (negative light clipped, as reconstruction does), blended with linear ones where their share is below
+ * 1, against the members' scenes, mean over members. */
+static double compare(const trial_work *work, const trial_frame *frame, double share)
 {
     const size_t count = hada_fit_window_floats(work->grid);
     double total = 0.0;
     for (int m = 0; m < frame->members; m++) {
         double sum = 0.0;
         for (size_t i = 0; i < count; i++) {
-            const double error = fmax((double)work->planes[(size_t)m * count + i], 0.0) - frame->member[m]->scene[i];
+            const size_t at = (size_t)m * count + i;
+            double plane = fmax((double)work->planes[at], 0.0);
+            if (share < 1.0)
+                plane = share * plane + (1.0 - share) * fmax((double)work->linear[at], 0.0);
+            const double error = plane - frame->member[m]->scene[i];
             sum += error * error;
         }
         total -= 10.0 * log10(fmax(sum / (double)count, LEAST_ERROR));
@@ -233,14 +248,18 @@ static hada_status refine(trial_work *work, const trial_frame *frame, const hada
 /* Every number of steps. */
 static hada_status try_frame(trial_work *work, const trial_frame *frame, hada_error *err)
 {
-    double *sum = work->sum[frame->members - 1];
+    double(*sum)[SHARES] = work->sum[frame->members - 1];
     hada_status status = HADA_OK;
     HADA_TRY(expose(work, frame, err));
     HADA_TRY(filter(work, frame, err));
-    sum[0] += compare(work, frame);
+    memcpy(work->linear, work->planes,
+           (size_t)frame->members * hada_fit_window_floats(work->grid) * sizeof *work->linear);
+    for (int s = 0; s < SHARES; s++)
+        sum[0][s] += compare(work, frame, 1.0);
     for (int i = 1; i < TRIED; i++) {
         HADA_TRY(refine(work, frame, &work->weights, steps_tried[i - 1], steps_tried[i] - steps_tried[i - 1], err));
-        sum[i] += compare(work, frame);
+        for (int s = 0; s < SHARES; s++)
+            sum[i][s] += compare(work, frame, shares_tried[s]);
     }
     work->count[frame->members - 1]++;
 done:
@@ -274,7 +293,7 @@ static hada_status rank(trial_work *work, const trial_set *set, const hada_refin
     for (int k = 0; k < set->count; k++) {
         HADA_TRY(expose(work, &set->frames[k], err));
         HADA_TRY(refine(work, &set->frames[k], weights, 0, work->rank_steps, err));
-        *psnr += compare(work, &set->frames[k]) / set->count;
+        *psnr += compare(work, &set->frames[k], 1.0) / set->count;
     }
 done:
     return status;
@@ -398,14 +417,29 @@ done:
     return status;
 }
 
-static double mean(const trial_work *work, int occupied, int i)
+static double mean(const trial_work *work, int occupied, int i, int share)
 {
-    return work->count[occupied] ? work->sum[occupied][i] / work->count[occupied] : 0.0;
+    return work->count[occupied] ? work->sum[occupied][i][share] / work->count[occupied] : 0.0;
+}
+
+static double blend_score(const trial_work *work, int i, int share)
+{
+    return mean(work, 0, i, share) + mean(work, 1, i, share);
+}
+
+/* The share after so many steps: refined planes alone, unless another one is clearly better. */
+static int share_of(const trial_work *work, int i)
+{
+    int best = 0;
+    for (int s = 1; s < SHARES; s++)
+        if (blend_score(work, i, s) > blend_score(work, i, best))
+            best = s;
+    return blend_score(work, i, best) - blend_score(work, i, 0) > SHARE_GAIN ? best : 0;
 }
 
 static double score(const trial_work *work, int i)
 {
-    return mean(work, 0, i) + mean(work, 1, i);
+    return blend_score(work, i, share_of(work, i));
 }
 
 /* Which number of steps to keep. */
@@ -434,8 +468,8 @@ static void fill_rows(const trial_work *work, int best, hada_fit_trial_result *r
                                          .refine_steps = steps_tried[k],
                                          .refine_rho = hada_refine_rho(info->boundary, tv),
                                          .refine_tv = tv,
-                                         .psnr_single = work->count[0] ? mean(work, 0, k) : NAN,
-                                         .psnr_double = work->count[1] ? mean(work, 1, k) : NAN,
+                                         .psnr_single = work->count[0] ? mean(work, 0, k, share_of(work, k)) : NAN,
+                                         .psnr_double = work->count[1] ? mean(work, 1, k, share_of(work, k)) : NAN,
                                          .chosen = k == best};
     }
     memcpy(result->rows + TRIED, work->tv_rows, (size_t)work->tv_count * sizeof *work->tv_rows);
@@ -453,8 +487,10 @@ hada_status hada_fit_trial_run(const hada_fit_trial *trial, hada_fit_trial_resul
     HADA_TRY(try_singles(&work, err));
     HADA_TRY(try_doubles(&work, err));
     const int best = best_of(&work);
-    *result = (hada_fit_trial_result){
-        .steps = steps_tried[best], .weights = work.weights, .gain = score(&work, best) - score(&work, 0)};
+    *result = (hada_fit_trial_result){.steps = steps_tried[best],
+                                      .share = best ? shares_tried[share_of(&work, best)] : 1.0,
+                                      .weights = work.weights,
+                                      .gain = score(&work, best) - score(&work, 0)};
     if (!best)
         result->weights.tv = 0.0;
     fill_rows(&work, best, result);

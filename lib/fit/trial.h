@@ -21,7 +21,8 @@ typedef struct hada_fit_trial {
 /* What it found. The gains are in decibels over the linear filters, one depth occupied plus two. */
 enum { HADA_FIT_TRIAL_ROWS = 10 };
 typedef struct hada_fit_trial_result {
-    int steps; /* 0: refinement does not pay */
+    int steps;    /* 0: refinement does not pay */
+    double share; /* of refined planes, the rest being the linear filters' */
     hada_refine_weights weights;
     double gain;
     hada_fit_row rows[HADA_FIT_TRIAL_ROWS]; /* numbers of steps, 0 first, then weights that were compared */

@@ -82,6 +82,9 @@ hada_status hada_model_info_check(const hada_model_info *info, hada_error *err)
         !isfinite(info->refine_colour))
         return hada_fail(err, HADA_ERROR_MODEL,
                          "the model's alpha, lambda, noise, dark level or refinement settings are not usable numbers");
+    if (!(info->refine_share >= 0.0 && info->refine_share <= 1.0)) /* 0: not set, 1 */
+        return hada_fail(err, HADA_ERROR_MODEL, "the share of refined planes, %g, does not lie between 0 and 1",
+                         info->refine_share);
     if (info->scene_response != 0.0 && !hada_response_is_known(info->scene_response)) /* 0: not set, linear */
         return hada_fail(err, HADA_ERROR_MODEL, "the response of the model's scenes, %g, is none (hadalens/response.h)",
                          info->scene_response);
@@ -103,6 +106,8 @@ hada_status hada_model_create_head(hada_model **out, const hada_model_info *info
     HADA_TRY(hada_alloc((void **)&model, 1, sizeof *model, "a model", err));
     const size_t depths = (size_t)info->depths;
     model->info = *info;
+    if (model->info.refine_share == 0.0)
+        model->info.refine_share = 1.0;
     if (model->info.scene_response == 0.0)
         model->info.scene_response = HADA_RESPONSE_LINEAR;
     if (!(info->refine_colour > 0.0)) /* not said */

@@ -1,5 +1,8 @@
-/* Clipping of planes at zero: exact. */
+/* Clipping of planes at zero, and blending with others: exact on integers and a share of a quarter. */
+#include <math.h>
+
 #include "check.h"
+#include "filter/clip.h"
 #include "launch/filter_clip.h"
 
 static hada_status prepare(check_state *state, hada_error *err)
@@ -31,3 +34,41 @@ static hada_status launch(check_state *state, hada_error *err)
 }
 
 const check_op check_clip = {"filter_clip", "n values", prepare, launch, NULL};
+
+#define SHARE 0.25
+
+typedef struct blending {
+    hada_buffer in, others;
+} blending;
+
+static hada_status prepare_blend(check_state *state, hada_error *err)
+{
+    const size_t count = (size_t)check_get(state, 'n', 8);
+    float *values = check_room(state, count * sizeof *values), *others = check_room(state, count * sizeof *others);
+    blending *own = check_own(state, sizeof *own);
+    hada_status status = HADA_OK;
+    check_fill_integers(state, 1, values, count, 99);
+    check_fill_integers(state, 2, others, count, 99);
+    HADA_TRY(check_output(state, count, err));
+    for (size_t i = 0; i < count; i++)
+        state->expected[i] = SHARE * fmax((double)values[i], 0.0) + (1.0 - SHARE) * fmax((double)others[i], 0.0);
+    HADA_TRY(check_upload(state, &own->in, values, count * sizeof *values, err));
+    HADA_TRY(check_upload(state, &own->others, others, count * sizeof *others, err));
+    state->bytes = 3.0 * (double)count * sizeof(float);
+    state->flops = 5.0 * (double)count;
+done:
+    return status;
+}
+
+static hada_status launch_blend(check_state *state, hada_error *err)
+{
+    const blending *own = state->own;
+    const cl_int code = clEnqueueCopyBuffer(state->slot->queue, own->in.mem, state->out.mem, 0,
+                                            state->out_offset * sizeof(float), own->in.bytes, 0, NULL, NULL);
+    if (code != CL_SUCCESS)
+        return hada_fail_cl(err, code, "clEnqueueCopyBuffer");
+    return hada_image_blend(state->slot, state->out.mem, state->out_offset, own->others.mem, state->out_count, SHARE,
+                            err);
+}
+
+const check_op check_filter_blend = {"filter_blend", "n values", prepare_blend, launch_blend, NULL};

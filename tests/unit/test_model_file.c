@@ -29,6 +29,7 @@ static hada_model *make(int statistics)
                             .refine_colour = statistics ? 1.5 : 0.0, /* not said: 1 */
                             .has_otf = 1,
                             .distances_mm = distances,
+                            .refine_share = statistics ? 0.5 : 0.0, /* 0: not said, 1 */
                             .scene_response = statistics ? HADA_RESPONSE_SRGB : 2.2};
     hada_model *model;
     hada_random random;
@@ -78,7 +79,8 @@ static void files_come_back_bit_for_bit(void **state)
         assert_true(b->alpha == a->alpha && b->lambda == a->lambda && b->dark == a->dark && b->noise == a->noise);
         assert_true(a->refine_colour >= 1.0 && b->refine_colour == a->refine_colour);
         assert_true(b->refine_steps == 12 && b->refine_rho == a->refine_rho && b->refine_tv == a->refine_tv &&
-                    b->has_otf && b->half == a->half && b->scene_response == a->scene_response);
+                    b->has_otf && b->half == a->half && b->scene_response == a->scene_response &&
+                    b->refine_share == (k & 1 ? 0.5 : 1.0));
         assert_memory_equal(b->distances_mm, distances, sizeof distances);
         assert_string_equal(b->name, path);
         assert_int_equal(b->bytes, a->bytes);
@@ -112,9 +114,10 @@ static void rewrite(const char *path, const char *key, const char *value, const 
     hada_tensors *file;
     hada_tensors_writer *writer;
     char beside[80];
-    static const char *const keys[] = {
-        "format", "version", "form",         "boundary",   "raw",       "grid",  "window",         "alpha",
-        "lambda", "dark",    "refine_steps", "refine_rho", "refine_tv", "noise", "scene_response", "refine_colour"};
+    static const char *const keys[] = {"format",        "version",     "form",      "boundary", "raw",
+                                       "grid",          "window",      "alpha",     "lambda",   "dark",
+                                       "refine_steps",  "refine_rho",  "refine_tv", "noise",    "scene_response",
+                                       "refine_colour", "refine_share"};
     snprintf(beside, sizeof beside, "%s-new", path);
     ASSERT_OK(hada_tensors_open(&file, path, err));
     ASSERT_OK(hada_tensors_create(&writer, beside, err));
@@ -170,6 +173,8 @@ static void damaged_files_are_refused(void **state)
                  {"refine_tv", "much", "", 0, HADA_ERROR_FILE_FORMAT},
                  {"refine_colour", "0.5", "", 0, HADA_ERROR_MODEL},
                  {"refine_colour", "red", "", 0, HADA_ERROR_FILE_FORMAT},
+                 {"refine_share", "1.5", "", 0, HADA_ERROR_MODEL},
+                 {"refine_share", "half", "", 0, HADA_ERROR_FILE_FORMAT},
                  {"scene_response", "bright", "", 0, HADA_ERROR_FILE_FORMAT},
                  {"scene_response", "auto", "", 0, HADA_ERROR_FILE_FORMAT},
                  {"", NULL, "filter", 0, HADA_ERROR_FILE_FORMAT},

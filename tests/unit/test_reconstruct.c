@@ -1,5 +1,6 @@
 /* The main job: quality on scenes not fitted, occupancy not told; stated bytes; same bits. */
 #include "learned_camera.h"
+#include "model/model.h"
 
 static void plan_of(const learned_camera *learned, const hada_plan_options *options, hada_plan **plan)
 {
@@ -92,6 +93,63 @@ static void finds_two_depths_and_tells_them_apart(void **state)
         fail_msg("two depths: %.2f dB", mean);
     hada_result_destroy(&result);
     hada_plan_destroy(&plan);
+}
+
+/* A model whose held-out pairs preferred a blend: refined planes and those of the linear filters, by its share. Steps
+ * that the caller gives are refinement alone. */
+static void refined_and_linear_planes_are_blended(void **state)
+{
+    const learned_camera *learned = *state;
+    static const int listed[] = {0, 2};
+    const double share = 0.25;
+    hada_model *blended;
+    hada_result of[4] = {0}; /* refined, linear, blended, blended with steps given */
+    ASSERT_OK(hada_model_with_enhance(&blended, learned->model, NULL, 0, 0, err));
+    blended->info.refine_share = share;
+    hada_image scene = learned_scene(learned, 31), parts[2];
+    hada_plane planes[2];
+    learned_split(learned, &scene, listed, 2, 31, parts, planes);
+    hada_image raw = learned_frame(learned, planes, 2, 31);
+    for (int i = 0; i < 4; i++) {
+        hada_plan_options options;
+        hada_plan *plan;
+        uint64_t device, host;
+        const uint64_t before = hada_context_bytes(learned->context);
+        const hada_model *model = i < 2 ? learned->model : blended;
+        hada_plan_options_init(&options);
+        options.occupied = HADA_OCCUPIED_LIST;
+        options.occupied_list = listed;
+        options.occupied_count = 2;
+        options.scene = HADA_SCENE_PLANES;
+        options.refine = i == 1 ? 0 : i == 3 ? 3 : HADA_AUTO;
+        ASSERT_OK(hada_plan_estimate(learned->context, model, &options, &device, &host, err));
+        ASSERT_OK(hada_plan_create(&plan, learned->context, model, &options, err));
+        ASSERT_OK(hada_plan_run(plan, &raw, &of[i], err));
+        const double held = (double)(hada_context_bytes(learned->context) - before);
+        if (fabs(held / (double)device - 1) > 0.1)
+            fail_msg("plan %d: %llu bytes stated, %.0f held", i, (unsigned long long)device, held);
+        hada_plan_destroy(&plan);
+    }
+    const size_t count = hada_image_count(&scene);
+    for (int k = 0; k < 2; k++) {
+        const float *refined = of[0].planes[listed[k]].data, *linear = of[1].planes[listed[k]].data;
+        const float *blend = of[2].planes[listed[k]].data;
+        double apart = 0.0;
+        for (size_t i = 0; i < count; i++) {
+            const double expected = share * (double)refined[i] + (1.0 - share) * (double)linear[i];
+            if (fabs((double)blend[i] - expected) > 1e-6)
+                fail_msg("%g instead of %g", (double)blend[i], expected);
+            apart = fmax(apart, fabs((double)of[3].planes[listed[k]].data[i] - (double)refined[i]));
+        }
+        assert_true(apart < 0.5); /* refined, and no blend: two depths' linear planes are far from it */
+    }
+    for (int i = 0; i < 4; i++)
+        hada_result_destroy(&of[i]);
+    for (int i = 0; i < 2; i++)
+        hada_image_destroy(&parts[i]);
+    hada_image_destroy(&scene);
+    hada_image_destroy(&raw);
+    hada_model_destroy(&blended);
 }
 
 static void holds_the_bytes_it_states(void **state)
@@ -200,8 +258,11 @@ static void half_filters_stay_close(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(finds_one_depth_and_refines_it), cmocka_unit_test(finds_two_depths_and_tells_them_apart),
-        cmocka_unit_test(holds_the_bytes_it_states),      cmocka_unit_test(gives_the_same_bits_in_every_batch_and_run),
+        cmocka_unit_test(finds_one_depth_and_refines_it),
+        cmocka_unit_test(finds_two_depths_and_tells_them_apart),
+        cmocka_unit_test(refined_and_linear_planes_are_blended),
+        cmocka_unit_test(holds_the_bytes_it_states),
+        cmocka_unit_test(gives_the_same_bits_in_every_batch_and_run),
         cmocka_unit_test(half_filters_stay_close),
     };
     return cmocka_run_group_tests(tests, learned_setup, learned_teardown);

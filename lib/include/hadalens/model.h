@@ -60,6 +60,8 @@ typedef struct hada_model_info {
     double scene_response;          /* how the scenes that it was learned from were encoded (hadalens/response.h); what
                                        it makes of a frame is linear light all the same */
     double refine_colour;           /* in refine_tv, weight of differences of colour over those of brightness, from 1 */
+    double refine_share; /* share of refined planes where refine_steps recommends refinement; the rest is the linear
+                            filters', whose errors are others. 1: refined planes alone */
 } hada_model_info;
 
 HADA_API hada_status hada_model_load(hada_model **out, const char *path, hada_error *err);

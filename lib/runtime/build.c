@@ -1,10 +1,26 @@
 /* Compiling, loading and taking binaries of programs. */
+#include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "core/alloc.h"
 #include "runtime/store.h"
+
+/* A driver that compiles into a folder of its own fails where it cannot write there, and its build log does not say
+ * so. Names that folder where a variable sets one that cannot be written to; NULL else. */
+static const char *unwritable_cache(const char **variable)
+{
+    static const char *const variables[] = {"POCL_CACHE_DIR", "CUDA_CACHE_PATH", "NEO_CACHE_DIR", "XDG_CACHE_HOME"};
+    for (size_t i = 0; i < sizeof variables / sizeof *variables; i++) {
+        const char *folder = getenv(variables[i]);
+        *variable = variables[i];
+        if (folder && *folder && access(folder, W_OK | X_OK))
+            return folder;
+    }
+    return NULL;
+}
 
 static hada_status build(hada_context *context, cl_program program, const char *file, const char *options,
                          hada_error *err)
@@ -16,10 +32,17 @@ static hada_status build(hada_context *context, cl_program program, const char *
     cl_int code = clBuildProgram(program, 1, &context->device, all, NULL, NULL);
     if (code == CL_SUCCESS)
         return HADA_OK;
-    hada_fail(err, HADA_ERROR_BUILD,
-              "the kernel file %s.cl with macros '%s' does not build on %s (%s); please report the build log with the "
-              "output of 'hadalens devices'",
-              file, options, context->info.name, hada_cl_code_name(code));
+    const char *variable, *folder = unwritable_cache(&variable);
+    if (folder)
+        hada_fail(err, HADA_ERROR_BUILD,
+                  "the kernel file %s.cl with macros '%s' does not build on %s (%s): the driver may be missing its "
+                  "cache, for %s=%s cannot be written to (%s); name a folder that can",
+                  file, options, context->info.name, hada_cl_code_name(code), variable, folder, strerror(errno));
+    else
+        hada_fail(err, HADA_ERROR_BUILD,
+                  "the kernel file %s.cl with macros '%s' does not build on %s (%s); please report the build log with "
+                  "the output of 'hadalens devices'",
+                  file, options, context->info.name, hada_cl_code_name(code));
     if (err) {
         err->cl_code = code;
         size_t size = 0;

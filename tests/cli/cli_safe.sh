@@ -30,6 +30,14 @@ for odd in /dev/zero pipe.tif; do
     HADALENS_TUNING=$odd expect 3 'tuning file.*not an ordinary file' devices --check
 done
 
+# A driver that cannot keep what it compiles: the folder is named, not a defect of the kernels.
+mkdir -m 0555 readonly
+if command -v setpriv >/dev/null && [ "$(id -u)" = 0 ] && setpriv --reuid 65534 --clear-groups test -x "$HADALENS"; then
+    POCL_CACHE_DIR=$PWD/readonly HADALENS_CACHE=off setpriv --reuid 65534 --clear-groups \
+        "$HADALENS" devices --check >stdout 2>stderr
+    grep -q 'does not build' stderr && { grep -q 'POCL_CACHE_DIR=.*cannot be written' stderr || fail 'read-only cache'; }
+fi
+
 # Signals in the midst of writing a folder leave nothing.
 small=(--preset sim300 --size 64x80 --window 24x24 --depths 2 --lenses 9 --pairs 400)
 for signal in HUP INT TERM; do

@@ -82,10 +82,11 @@ static hada_status make_plan(clfft_state *state, const hada_slot *slot, const ha
     const size_t lengths[2] = {(size_t)desc->cols, (size_t)desc->rows};
     clfftStatus code = CLFFT_SUCCESS;
     if (!users) {
-        clfftSetupData setup;
-        code = clfftInitSetupData(&setup);
-        if (!code)
-            code = clfftSetup(&setup);
+        /* what clfftInitSetupData() does: in C that is an inline function which no object defines, and compilers that
+         * inline nothing leave it to the linker */
+        const clfftSetupData setup = {
+            .major = clfftVersionMajor, .minor = clfftVersionMinor, .patch = clfftVersionPatch};
+        code = clfftSetup(&setup);
         if (code)
             return fail(err, code, "clfftSetup");
     }

@@ -139,11 +139,16 @@ focus_select(__global const float *response, __global const float *weights, __gl
              __global float *kept, __global int *bins)
 {
     const int channels = image.channels, rows = image.rows, cols = image.cols, pitch = image.pitch;
-    const int radius = image.radius, measure = image.measure, seen = past.seen, count = batch.count;
+    const int radius = image.radius, measure = image.measure, count = batch.count;
+    const int seen = past.seen, last_depth = past.last_depth, weighted = past.weighted;
     const size_t pixels = (size_t)rows * cols, one = (size_t)rows * pitch, whole_image = (size_t)(rows + 2) * pitch;
     const int down = (rows + FOCUS_BAND - 1) / FOCUS_BAND, step = FOCUS_SIDE * FOCUS_WIDTH * FOCUS_GROUP,
               across = (cols + step - 1) / step, kinds = measure == COMBINED ? 2 : 1;
     __global int *losers = OWN_BINS(bins) + HADA_FOCUS_BINS;
+    __global const float *first_plane = planes + batch.offset;
+    int places[HADA_FOCUS_DEPTHS], depths[HADA_FOCUS_DEPTHS];
+    FOCUS_COPY(places, batch.place);
+    FOCUS_COPY(depths, batch.depth);
     FOR_TILES (t, down * across) {
         const int first = t / across * FOCUS_BAND, x = t % across * step + FOCUS_SIDE * FOCUS_WIDTH * get_local_id(0);
         for (int r = first; r < min(first + FOCUS_BAND, rows) && x < cols; r++) {
@@ -173,12 +178,12 @@ focus_select(__global const float *response, __global const float *weights, __gl
                     total = LOAD(at + WEIGHTS * one);
                 }
                 for (int p = 0; p < count; p++) {
-                    const real now = value[p][v], number = (real)(float)batch.depth[p];
+                    const real now = value[p][v], number = (real)(float)depths[p];
                     if (seen + p == 0) {
                         best = now;
                         best_depth = number;
                     } else {
-                        const int adjacent = (p ? batch.depth[p - 1] : past.last_depth) == batch.depth[p] - 1;
+                        const int adjacent = (p ? depths[p - 1] : last_depth) == depths[p] - 1;
                         const whole next = best_depth == number - 1.0f, wins = now > best; /* ties: the nearer depth */
                         count_values(losers, max(min(now, best), (real)0.0f), x + v * FOCUS_WIDTH, 0, cols);
                         second = select(select(max(second, now), second, next), select(best, max(second, before), next),
@@ -189,7 +194,7 @@ focus_select(__global const float *response, __global const float *weights, __gl
                         best_depth = select(best_depth, number, wins);
                     }
                     last = now;
-                    if (past.weighted) {
+                    if (weighted) {
                         total += now;
                         value[p][v] = select((real)(1.0f / (float)(seen + p + 1)), now / total, total > (real)0.0f);
                     }
@@ -203,16 +208,16 @@ focus_select(__global const float *response, __global const float *weights, __gl
                 STORE(total, at + WEIGHTS * one);
             }
             for (int c = 0; c < channels; c++) {
-                __global const float *row = planes + batch.offset + (size_t)c * pixels + (size_t)r * cols;
+                __global const float *row = first_plane + (size_t)c * pixels + (size_t)r * cols;
                 at = kept + (FUSED + c) * one + (size_t)r * pitch + x;
                 for (int v = 0; v < FOCUS_SIDE && x + v * FOCUS_WIDTH < cols; v++, at += FOCUS_WIDTH) {
                     real fused = seen ? LOAD(at) : (real)0.0f;
                     for (int p = 0; p < count; p++) {
                         const real light =
-                            load_row(row + (size_t)batch.place[p] * channels * pixels, x + v * FOCUS_WIDTH, cols);
-                        fused = seen + p == 0   ? light
-                                : past.weighted ? fused + value[p][v] * (light - fused)
-                                                : fused + light;
+                            load_row(row + (size_t)places[p] * channels * pixels, x + v * FOCUS_WIDTH, cols);
+                        fused = seen + p == 0 ? light
+                                : weighted    ? fused + value[p][v] * (light - fused)
+                                              : fused + light;
                     }
                     STORE(fused, at);
                 }

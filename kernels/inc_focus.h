@@ -34,6 +34,12 @@
 #define ENERGY       FOCUS_MEASURE_ENERGY
 #define COMBINED     FOCUS_MEASURE_COMBINED
 
+/* What a loop that stores reads of a struct argument stands in variables: the compiler has to read the struct again
+ * after every store that might have changed it. */
+#define FOCUS_COPY(to, from)                                                                                           \
+    for (int depth = 0; depth < HADA_FOCUS_DEPTHS; depth++)                                                            \
+        to[depth] = from[depth];
+
 #if FOCUS_WIDTH == 16
 typedef float16 real;
 typedef int16 whole;

@@ -45,11 +45,12 @@ static const char *number(char *text, size_t size, double value, const char *for
 
 static void say_rows(hada_cli *cli, const hada_optics_report *report)
 {
+    const hada_optics_curves *curves = hada_optics_report_curves(report);
     hada_cli_say(cli, "%9s %6s %8s %6s %6s %8s %8s %8s %9s %9s", "distance", "1+d/z", "defocus", "Airy", "spot",
                  "support", "sidelobe", "lateral", "axial", "occupancy");
     hada_cli_say(cli, "%9s %6s %8s %6s %6s %8s %8s %8s %9s %9s", "mm", "", "px", "px", "px", "", "", "mm", "mm", "");
-    for (int z = 0; z < report->depths; z++) {
-        const hada_optics_row *r = &report->row[z];
+    for (int z = 0; z < curves->depths; z++) {
+        const hada_optics_row *r = hada_optics_report_row(report, z);
         char defocus[32], airy[32], axial[32], occupancy[32];
         hada_cli_say(cli, "%9.4g %6.3f %8s %6s %6.2f %8.3f %8.3f %8.3f %9s %9s", r->distance_mm, r->magnification,
                      number(defocus, sizeof defocus, r->defocus_pixels, "%.2f"),
@@ -61,11 +62,13 @@ static void say_rows(hada_cli *cli, const hada_optics_report *report)
 
 static json_t *rows_json(const hada_optics_report *report)
 {
+    const hada_optics_curves *curves = hada_optics_report_curves(report);
     json_t *rows = json_array();
-    for (int z = 0; z < report->depths; z++) {
+    for (int z = 0; z < curves->depths; z++) {
         json_t *row = json_object();
         for (int c = 0; hada_optics_column(c); c++)
-            json_object_set_new(row, hada_optics_column(c), hada_cli_real(hada_optics_value(&report->row[z], c)));
+            json_object_set_new(row, hada_optics_column(c),
+                                hada_cli_real(hada_optics_value(hada_optics_report_row(report, z), c)));
         json_array_append_new(rows, row);
     }
     return rows;
@@ -74,6 +77,7 @@ static json_t *rows_json(const hada_optics_report *report)
 static void tell(hada_cli *cli, const settings *set, const hada_camera *camera, const hada_optics_report *report,
                  double seconds)
 {
+    const hada_optics_curves *curves = hada_optics_report_curves(report);
     double fill = NAN;
     hada_camera_fill_factor(camera, &fill, NULL);
     const char *optics = set->psf ? "measured" : camera->optics == HADA_OPTICS_WAVE ? "wave" : "geometry";
@@ -83,7 +87,7 @@ static void tell(hada_cli *cli, const settings *set, const hada_camera *camera, 
     json_object_update_new(cli->document,
                            json_pack("{s:s, s:s, s:s, s:o, s:f, s:f, s:o}", "folder", set->output, "mask",
                                      hada_mask_word(camera->mask), "optics", optics, "fill_factor", hada_cli_real(fill),
-                                     "threshold", report->threshold, "seconds", seconds, "depths", rows_json(report)));
+                                     "threshold", curves->threshold, "seconds", seconds, "depths", rows_json(report)));
 }
 
 static int run(hada_cli *cli, void *user, int count, const char **arguments)
@@ -92,7 +96,7 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
     hada_error err = {0};
     hada_camera camera;
     hada_context *context = NULL;
-    hada_optics_report report = {0};
+    hada_optics_report *report = NULL;
     hada_optics_task task;
     hada_status status = HADA_OK;
     const double start = hada_cli_seconds();
@@ -113,9 +117,9 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
     HADA_TRY(hada_cli_make_camera(&camera, &set->camera, &err));
     HADA_TRY(hada_cli_open(cli, &context, &err));
     HADA_TRY(hada_optics_run(&report, context, &camera, set->output, &task, &err));
-    tell(cli, set, &camera, &report, hada_cli_seconds() - start);
+    tell(cli, set, &camera, report, hada_cli_seconds() - start);
 done:
-    hada_optics_report_end(&report);
+    hada_optics_report_destroy(&report);
     hada_cli_close(cli, &context);
     return status ? hada_cli_fail(cli, &err) : HADA_EXIT_OK;
 }

@@ -19,6 +19,8 @@ void hada_plan_options_defaults(hada_plan_options *options, size_t size)
                                    .refine_tv = HADA_AUTO,
                                    .refine_colour = HADA_AUTO,
                                    .enhance = 1,
+                                   .batch = HADA_AUTO,
+                                   .queues = HADA_AUTO,
                                    .gamma = 1.0,
                                    .skip = HADA_SKIP_ALL,
                                    .band = 1.0};
@@ -37,7 +39,8 @@ static hada_status check_list(const int *list, int count, int limit, const char 
 
 static hada_status check_numbers(const hada_plan_options *options, hada_error *err)
 {
-    if (options->depth_count < 0 || options->occupied_count < 0 || options->batch < 0 || !(options->gamma > 0))
+    if (options->depth_count < 0 || options->occupied_count < 0 ||
+        (options->batch < 0 && options->batch != HADA_AUTO) || !(options->gamma > 0))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: counts are not negative and gamma is above 0");
     if (!isfinite(options->refine_tv))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: the weight of total variation is not a number");
@@ -46,7 +49,7 @@ static hada_status check_numbers(const hada_plan_options *options, hada_error *e
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "plan options: the weight of colour in total variation is %g; 1 to %g are possible",
                          options->refine_colour, HADA_REFINE_MOST_COLOUR);
-    if (options->queues < 0 || options->queues > MOST_QUEUES)
+    if ((options->queues < 0 && options->queues != HADA_AUTO) || options->queues > MOST_QUEUES)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: %d queues; a device can have 1 to %d",
                          options->queues, MOST_QUEUES);
     if (!(options->max_error >= 0 && options->max_error < 1) || !(options->band > 0 && options->band <= 1) ||
@@ -176,10 +179,10 @@ hada_status hada_config_of(const hada_model *model, const hada_plan_options *opt
     config->bank = !config->joint        ? HADA_BANK_FILTERS
                    : config->share < 1.0 ? HADA_BANK_OTFS | HADA_BANK_FILTERS
                                          : HADA_BANK_OTFS;
-    config->batch = options->batch ? options->batch : BATCH;
+    config->batch = options->batch > 0 ? options->batch : BATCH;
     if (config->batch > config->depths)
         config->batch = config->depths;
-    config->queues = options->queues ? options->queues : 1;
+    config->queues = options->queues > 0 ? options->queues : 1;
     hada_focus_options_init(&config->focus, config->joint);
     HADA_TRY(choose_scene(options, config, err));
     HADA_TRY(choose_skips(model, options, config, err));

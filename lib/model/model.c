@@ -189,19 +189,18 @@ const hada_model_info *hada_model_get_info(const hada_model *model)
 
 hada_status hada_model_own_enhance(hada_model *model, hada_net *net, int rows, int cols, hada_error *err)
 {
-    hada_net_info info;
     hada_net_destroy(&model->enhance);
     model->enhance = net;
     model->info.enhance = 1;
     model->info.enhance_rows = rows;
     model->info.enhance_cols = cols;
-    hada_net_get_info(net, &info);
+    const hada_net_info *info = hada_net_get_info(net);
     /* twice as many: it sees what the other planes hold beside its own */
-    const int fits = info.channels == model->info.channels || info.channels == 2 * model->info.channels;
-    if (!fits || info.out_channels != model->info.channels)
+    const int fits = info->channels == model->info.channels || info->channels == 2 * model->info.channels;
+    if (!fits || info->out_channels != model->info.channels)
         return hada_fail(err, HADA_ERROR_MODEL,
                          "the net takes images of %d channel(s) and gives %d; the model's planes have %d",
-                         info.channels, info.out_channels, model->info.channels);
+                         info->channels, info->out_channels, model->info.channels);
     if ((rows || cols) && (rows < 1 || cols < 1 || rows > MOST_NET_SIDE || cols > MOST_NET_SIDE))
         return hada_fail(err, HADA_ERROR_MODEL, "the net's size %d x %d is none", rows, cols);
     return HADA_OK;

@@ -9,21 +9,18 @@
 static hada_status check_net(const hada_enhance_desc *desc, int rows, int cols, hada_error *err)
 {
     hada_status status = HADA_OK;
-    hada_net_info info;
     hada_size *sizes = NULL;
-    hada_net_get_info(desc->net, &info);
-    if (hada_enhance_sees_others(desc->net, desc->channels)) {
-        if (rows != desc->rows || cols != desc->cols)
-            return hada_fail(err, HADA_ERROR_MODEL,
-                             "the net for enhancement sees the other planes beside its own, so it runs at the window's "
-                             "size, %d x %d, not at %d x %d",
-                             desc->rows, desc->cols, rows, cols);
-        info.channels = desc->channels;
-    }
-    if (info.channels != desc->channels || info.out_channels != desc->channels)
+    const hada_net_info *info = hada_net_get_info(desc->net);
+    const int others = hada_enhance_sees_others(desc->net, desc->channels);
+    if (others && (rows != desc->rows || cols != desc->cols))
+        return hada_fail(err, HADA_ERROR_MODEL,
+                         "the net for enhancement sees the other planes beside its own, so it runs at the window's "
+                         "size, %d x %d, not at %d x %d",
+                         desc->rows, desc->cols, rows, cols);
+    if ((!others && info->channels != desc->channels) || info->out_channels != desc->channels)
         return hada_fail(err, HADA_ERROR_MODEL,
                          "the net for enhancement takes %d channel(s) and gives %d, but the planes have %d",
-                         info.channels, info.out_channels, desc->channels);
+                         info->channels, info->out_channels, desc->channels);
     HADA_TRY(hada_alloc((void **)&sizes, (size_t)desc->net->count, sizeof *sizes, "a net", err));
     HADA_TRY(hada_net_sizes(desc->net, rows, cols, sizes, err));
     const hada_size out = sizes[desc->net->count - 1];

@@ -44,17 +44,16 @@ hada_status hada_net_bytes(hada_context *context, const hada_net *net, int rows,
 {
     hada_status status = HADA_OK;
     size_t graph;
-    hada_net_info info;
     hada_size size;
     if (!context || !net || !bytes)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_net_bytes: an argument is missing");
     const hada_graph_options options = {.images = 1, .rows = rows, .cols = cols};
     *bytes = 0;
-    hada_net_get_info(net, &info);
+    const hada_net_info *info = hada_net_get_info(net);
     HADA_TRY(output_size(net, rows, cols, &size, err));
     HADA_TRY(hada_graph_bytes(context, net, &options, &graph, err));
-    *bytes = graph + net->floats * sizeof(float) + image_bytes(info.channels, rows, cols) +
-             image_bytes(info.out_channels, size.rows, size.cols);
+    *bytes = graph + net->floats * sizeof(float) + image_bytes(info->channels, rows, cols) +
+             image_bytes(info->out_channels, size.rows, size.cols);
 done:
     return status;
 }
@@ -84,18 +83,17 @@ hada_status hada_net_runner_create(hada_net_runner **out, hada_context *context,
 {
     hada_status status = HADA_OK;
     hada_net_runner *runner = NULL;
-    hada_net_info info;
     hada_size size;
     if (!out || !context || !net)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_net_runner_create: an argument is missing");
     *out = NULL;
-    hada_net_get_info(net, &info);
+    const hada_net_info *info = hada_net_get_info(net);
     HADA_TRY(output_size(net, rows, cols, &size, err));
     HADA_TRY(hada_alloc((void **)&runner, 1, sizeof *runner, "a net", err));
-    *runner = (hada_net_runner){.channels = info.channels,
+    *runner = (hada_net_runner){.channels = info->channels,
                                 .rows = rows,
                                 .cols = cols,
-                                .out_channels = info.out_channels,
+                                .out_channels = info->out_channels,
                                 .out_rows = size.rows,
                                 .out_cols = size.cols};
     HADA_TRY(make(runner, context, net, err));

@@ -310,6 +310,13 @@ hada_status hada_net_finish(hada_net *net, hada_error *err)
     }
     HADA_TRY(check_used(net, err));
     HADA_TRY(make_parameters(net, err));
+    net->info = (hada_net_info){.channels = net->layers[0].channels * net->colours,
+                                .out_channels = net->layers[net->count - 1].channels * net->colours,
+                                .shared = net->colours > 1,
+                                .layers = net->count,
+                                .parameters = net->parameter_count,
+                                .trained = net->trained,
+                                .values = net->floats};
 done:
     return status;
 }
@@ -365,15 +372,9 @@ done:
     return status;
 }
 
-void hada_net_get_info(const hada_net *net, hada_net_info *info)
+const hada_net_info *hada_net_get_info(const hada_net *net)
 {
-    *info = (hada_net_info){.channels = net->layers[0].channels * net->colours,
-                            .out_channels = net->layers[net->count - 1].channels * net->colours,
-                            .shared = net->colours > 1,
-                            .layers = net->count,
-                            .parameters = net->parameter_count,
-                            .trained = net->trained,
-                            .values = net->floats};
+    return &net->info;
 }
 
 /* Pixels along one axis; 0 or less: none are left. Pads may be as large as kernels. */

@@ -54,6 +54,7 @@ struct hada_net {
     uint64_t most; /* of floats, for a list that others wrote; 0: what memory takes */
     size_t trained, floats;
     float *values;
+    hada_net_info info; /* set where the list is finished */
 };
 
 /* An empty list; layers are added one after the other, *index (may be NULL) is the place of the new one; finish checks

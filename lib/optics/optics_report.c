@@ -9,64 +9,89 @@
 
 #define RINGS 256
 
-typedef struct report_state {
+struct hada_optics_report {
+    hada_optics_curves curves; /* as they are shown */
+    hada_optics_row *row;      /* by depth */
+    double *mtf, *self, *correlation;
     hada_camera camera;
-    hada_mtf mtf;
+    hada_mtf measure;
     int done;
     hada_image *mean; /* of the channels of each PSF so far */
     double *norm;
-} report_state;
+};
 
-hada_status hada_optics_report_begin(hada_optics_report *report, hada_context *context, const hada_camera *callers,
-                                     double threshold, hada_error *err)
+static hada_status reserve(hada_optics_report *report, hada_error *err)
 {
-    hada_camera own, *camera = &own;
-    *report = (hada_optics_report){.threshold = threshold == HADA_AUTO ? 0.05 : threshold};
-    hada_status status = HADA_OK;
-    HADA_TRY(hada_camera_take(camera, callers, err));
-    const size_t depths = (size_t)camera->depths;
-    const int lags = (camera->rows < camera->cols ? camera->rows : camera->cols) / 2;
-    report->depths = camera->depths;
-    report->frequencies = RINGS;
-    report->lags = lags > 0 ? lags : 1;
+    const size_t depths = (size_t)report->curves.depths;
     const struct {
         void **at;
         size_t count, size;
     } rooms[] = {{(void **)&report->row, depths, sizeof(hada_optics_row)},
                  {(void **)&report->mtf, depths * RINGS, sizeof(double)},
-                 {(void **)&report->self, depths * (size_t)report->lags, sizeof(double)},
+                 {(void **)&report->self, depths * (size_t)report->curves.lags, sizeof(double)},
                  {(void **)&report->correlation, depths * depths, sizeof(double)},
-                 {&report->state, 1, sizeof(report_state)}};
+                 {(void **)&report->mean, depths, sizeof(hada_image)},
+                 {(void **)&report->norm, depths, sizeof(double)}};
+    hada_status status = HADA_OK;
     for (size_t i = 0; i < sizeof rooms / sizeof *rooms; i++)
         HADA_TRY(hada_alloc(rooms[i].at, rooms[i].count, rooms[i].size, "a report", err));
-    report_state *state = report->state;
-    void *memory = NULL;
-    state->camera = *camera;
-    HADA_TRY(hada_alloc(&memory, depths, sizeof(hada_image), "a report", err));
-    state->mean = memory;
-    HADA_TRY(hada_alloc(&memory, depths, sizeof(double), "a report", err));
-    state->norm = memory;
-    HADA_TRY(hada_mtf_create(&state->mtf, context, camera->rows, camera->cols, err));
+    report->curves.mtf = report->mtf;
+    report->curves.self = report->self;
+    report->curves.correlation = report->correlation;
 done:
     return status;
 }
 
-void hada_optics_report_end(hada_optics_report *report)
+hada_status hada_optics_report_create(hada_optics_report **out, hada_context *context, const hada_camera *callers,
+                                      double threshold, hada_error *err)
 {
-    report_state *state = report->state;
-    if (state) {
-        for (int z = 0; state->mean && z < report->depths; z++)
-            hada_image_destroy(&state->mean[z]);
-        free(state->mean);
-        free(state->norm);
-        hada_mtf_destroy(&state->mtf);
-    }
+    hada_camera camera;
+    hada_optics_report *report = NULL;
+    hada_status status = HADA_OK;
+    *out = NULL;
+    HADA_TRY(hada_camera_take(&camera, callers, err));
+    HADA_TRY(hada_alloc((void **)&report, 1, sizeof *report, "a report", err));
+    const int lags = (camera.rows < camera.cols ? camera.rows : camera.cols) / 2;
+    report->camera = camera;
+    report->curves = (hada_optics_curves){.depths = camera.depths,
+                                          .frequencies = RINGS,
+                                          .lags = lags > 0 ? lags : 1,
+                                          .threshold = threshold == HADA_AUTO ? 0.05 : threshold};
+    HADA_TRY(reserve(report, err));
+    HADA_TRY(hada_mtf_create(&report->measure, context, camera.rows, camera.cols, err));
+    *out = report;
+    report = NULL;
+done:
+    hada_optics_report_destroy(&report);
+    return status;
+}
+
+void hada_optics_report_destroy(hada_optics_report **pointer)
+{
+    hada_optics_report *report = pointer ? *pointer : NULL;
+    if (!report)
+        return;
+    *pointer = NULL;
+    for (int z = 0; report->mean && z < report->curves.depths; z++)
+        hada_image_destroy(&report->mean[z]);
+    free(report->mean);
+    free(report->norm);
+    hada_mtf_destroy(&report->measure);
     free(report->row);
     free(report->mtf);
     free(report->self);
     free(report->correlation);
-    free(state);
-    *report = (hada_optics_report){0};
+    free(report);
+}
+
+const hada_optics_curves *hada_optics_report_curves(const hada_optics_report *report)
+{
+    return &report->curves;
+}
+
+const hada_optics_row *hada_optics_report_row(const hada_optics_report *report, int depth)
+{
+    return &report->row[depth];
 }
 
 static hada_status mean_of_channels(hada_image *mean, const hada_image *psf, hada_error *err)
@@ -152,19 +177,18 @@ static double peak_width(const hada_mtf *mtf, int lags)
 
 static void fill_measured(hada_optics_report *report, int z, double support)
 {
-    const report_state *state = report->state;
-    const hada_camera *c = &state->camera;
+    const hada_camera *c = &report->camera;
     hada_optics_row *row = &report->row[z];
-    double *self = report->self + (size_t)z * (size_t)report->lags;
+    double *self = report->self + (size_t)z * (size_t)report->curves.lags;
     const double *mtf = report->mtf + (size_t)z * RINGS;
-    fill_self(&state->mtf, report->lags, self);
-    const double width = peak_width(&state->mtf, report->lags);
+    fill_self(&report->measure, report->curves.lags, self);
+    const double width = peak_width(&report->measure, report->curves.lags);
     row->spot_pixels = width / sqrt(2.0);
     row->support = support;
     for (int i = 0; i < RINGS; i++)
-        if (mtf[i] >= report->threshold)
+        if (mtf[i] >= report->curves.threshold)
             row->cutoff = (i + 1) / (2.0 * RINGS);
-    for (int lag = (int)ceil(2.0 * width); lag < report->lags; lag++)
+    for (int lag = (int)ceil(2.0 * width); lag < report->curves.lags; lag++)
         row->sidelobe = fmax(row->sidelobe, self[lag]);
     row->lateral_mm = row->spot_pixels * row->object_pixel_mm;
     row->axial_design_mm = row->distance_mm * row->distance_mm * row->spot_pixels * c->pixel_pitch_mm /
@@ -177,8 +201,8 @@ static void fill_measured(hada_optics_report *report, int z, double support)
 static double axial(const hada_optics_report *report, int z, int side)
 {
     const double near = 1.0 / report->row[z].distance_mm;
-    for (int i = z + side; i >= 0 && i < report->depths; i += side) {
-        const double *line = report->correlation + (size_t)z * (size_t)report->depths;
+    for (int i = z + side; i >= 0 && i < report->curves.depths; i += side) {
+        const double *line = report->correlation + (size_t)z * (size_t)report->curves.depths;
         if (line[i] >= 0.5)
             continue;
         const double from = 1.0 / report->row[i - side].distance_mm, to = 1.0 / report->row[i].distance_mm;
@@ -190,40 +214,39 @@ static double axial(const hada_optics_report *report, int z, int side)
 
 hada_status hada_optics_report_add(hada_optics_report *report, const hada_image *psf, hada_error *err)
 {
-    report_state *state = report->state;
-    const hada_camera *c = &state->camera;
-    const int z = state->done;
+    const hada_camera *c = &report->camera;
+    const int z = report->done;
     double support = 0.0;
-    if (z >= report->depths)
+    if (z >= report->curves.depths)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "the report has all %d depths of the camera already", z);
     if (psf->rows != c->rows || psf->cols != c->cols || psf->channels < 1)
         return hada_fail(err, HADA_ERROR_SIZE, "a PSF of %d x %d does not fit a camera of %d x %d", psf->rows,
                          psf->cols, c->rows, c->cols);
     if (hada_image_count_not_finite(psf))
         return hada_fail(err, HADA_ERROR_NOT_FINITE, "PSF %d holds NaN or infinite values", z + 1);
-    hada_image_destroy(&state->mean[z]); /* of an earlier try */
+    hada_image_destroy(&report->mean[z]); /* of an earlier try */
     hada_status status = HADA_OK;
-    HADA_TRY(mean_of_channels(&state->mean[z], psf, err));
-    state->norm[z] = sqrt(product(&state->mean[z], &state->mean[z]));
+    HADA_TRY(mean_of_channels(&report->mean[z], psf, err));
+    report->norm[z] = sqrt(product(&report->mean[z], &report->mean[z]));
     fill_design(c, c->distances_mm[z], &report->row[z]);
-    for (size_t i = 0; i < hada_image_count(&state->mean[z]); i++)
-        report->row[z].light += state->mean[z].data[i];
-    if (!(state->norm[z] > 0.0))
+    for (size_t i = 0; i < hada_image_count(&report->mean[z]); i++)
+        report->row[z].light += report->mean[z].data[i];
+    if (!(report->norm[z] > 0.0))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "PSF %d is dark", z + 1);
-    HADA_TRY(hada_mtf_measure(&state->mtf, &state->mean[z], report->threshold, RINGS, report->mtf + (size_t)z * RINGS,
-                              &support, err));
+    HADA_TRY(hada_mtf_measure(&report->measure, &report->mean[z], report->curves.threshold, RINGS,
+                              report->mtf + (size_t)z * RINGS, &support, err));
     fill_measured(report, z, support);
-    const size_t depths = (size_t)report->depths;
+    const size_t depths = (size_t)report->curves.depths;
     for (int i = 0; i <= z; i++) {
-        const double value = product(&state->mean[i], &state->mean[z]) / (state->norm[i] * state->norm[z]);
+        const double value = product(&report->mean[i], &report->mean[z]) / (report->norm[i] * report->norm[z]);
         report->correlation[(size_t)i * depths + (size_t)z] = report->correlation[(size_t)z * depths + (size_t)i] =
             value;
     }
-    if (++state->done < report->depths)
+    if (++report->done < report->curves.depths)
         goto done;
-    for (int i = 0; i < report->depths; i++)
-        report->row[i].axial_mm = axial(report, i, i + 1 < report->depths ? 1 : -1);
-    hada_mtf_destroy(&state->mtf); /* the device has done its part */
+    for (int i = 0; i < report->curves.depths; i++)
+        report->row[i].axial_mm = axial(report, i, i + 1 < report->curves.depths ? 1 : -1);
+    hada_mtf_destroy(&report->measure); /* the device has done its part */
 done:
     return status;
 }

@@ -81,7 +81,7 @@ hada_plot_axis hada_plot_axis_for(const double *values, int count, int logarithm
     return axis;
 }
 
-hada_status hada_plot_begin(hada_plot **out, double width, double height, hada_error *err)
+hada_status hada_plot_create(hada_plot **out, double width, double height, hada_error *err)
 {
     hada_status status = HADA_OK;
     hada_plot *plot = NULL;
@@ -384,18 +384,21 @@ double hada_plot_legend(hada_plot *plot, double x, double y, const hada_plot_mar
     return x + 19 + put_text(plot, x + 19, y + 0.35 * FONT, HADA_ANCHOR_LEFT, FONT, text) + 14;
 }
 
-hada_status hada_plot_save(hada_plot **pointer, const char *path, hada_error *err)
+hada_status hada_plot_save(const hada_plot *plot, const char *path, hada_error *err)
 {
-    hada_plot *plot = *pointer;
-    hada_status status = HADA_OK;
-    *pointer = NULL;
     if (!plot)
         return HADA_OK;
-    if (path)
-        status = hada_drawing_save(plot->drawing, path, err);
-    else
-        status = hada_fail(err, HADA_ERROR_MEMORY, "out of memory for a figure");
+    if (!path)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_plot_save: a path is needed");
+    return hada_drawing_save(plot->drawing, path, err);
+}
+
+void hada_plot_destroy(hada_plot **pointer)
+{
+    hada_plot *plot = pointer ? *pointer : NULL;
+    if (!plot)
+        return;
+    *pointer = NULL;
     hada_drawing_destroy(&plot->drawing);
     free(plot);
-    return status;
 }

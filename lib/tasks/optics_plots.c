@@ -16,9 +16,10 @@ enum { CURVES = 5 };
 /* Depths that figures show: near, far, and some between. */
 static int chosen(const hada_optics_report *report, int out[CURVES])
 {
-    const int count = report->depths < CURVES ? report->depths : CURVES;
+    const hada_optics_curves *curves = hada_optics_report_curves(report);
+    const int count = curves->depths < CURVES ? curves->depths : CURVES;
     for (int i = 0; i < count; i++)
-        out[i] = count > 1 ? (int)lrint((double)i * (report->depths - 1) / (count - 1)) : 0;
+        out[i] = count > 1 ? (int)lrint((double)i * (curves->depths - 1) / (count - 1)) : 0;
     return count;
 }
 
@@ -28,13 +29,15 @@ static unsigned colour_of(int curve)
     return hada_plot_colour(order[curve % CURVES]);
 }
 
-static hada_status save(hada_plot **plot, const char *folder, const char *name, hada_error *err)
+static hada_status save(const hada_plot *plot, const char *folder, const char *name, hada_error *err)
 {
+    hada_status status = HADA_OK;
     char *path = NULL;
-    const hada_status named = hada_path_format(&path, err, "%s/%s.svg", folder, name);
-    const hada_status saved = hada_plot_save(plot, path, named ? NULL : err); /* frees it in any case */
+    HADA_TRY(hada_path_format(&path, err, "%s/%s.svg", folder, name));
+    HADA_TRY(hada_plot_save(plot, path, err));
+done:
     free(path);
-    return named ? named : saved;
+    return status;
 }
 
 /* One panel with a curve for each chosen depth, and a legend above. */
@@ -54,10 +57,10 @@ static hada_status plot_family(const hada_optics_report *report, const family *f
     int depth[CURVES];
     const int curves = chosen(report, depth);
     HADA_TRY(hada_alloc((void **)&y, (size_t)f->count, sizeof *y, "a figure", err));
-    HADA_TRY(hada_plot_begin(&plot, 640, 420, err));
+    HADA_TRY(hada_plot_create(&plot, 640, 420, err));
     for (int i = 0; i < curves; i++) {
         char number[32], text[40];
-        hada_format_number(number, sizeof number, "%.4g", report->row[depth[i]].distance_mm);
+        hada_format_number(number, sizeof number, "%.4g", hada_optics_report_row(report, depth[i])->distance_mm);
         snprintf(text, sizeof text, "%s mm", number);
         at = hada_plot_legend(plot, at, 20, NULL, colour_of(i), text);
     }
@@ -75,8 +78,9 @@ static hada_status plot_family(const hada_optics_report *report, const family *f
         hada_plot_line(plot, f->x, y, f->count, colour_of(i), 0);
     }
     hada_plot_panel_end(plot);
-    HADA_TRY(save(&plot, folder, f->name, err));
+    HADA_TRY(save(plot, folder, f->name, err));
 done:
+    hada_plot_destroy(&plot);
     free(y);
     return status;
 }
@@ -91,11 +95,12 @@ typedef struct curve {
 
 static int collect(const hada_optics_report *report, size_t offset, double *x, double *y)
 {
+    const hada_optics_curves *curves = hada_optics_report_curves(report);
     int count = 0;
-    for (int z = 0; z < report->depths; z++) {
-        const double value = *(const double *)(const void *)((const char *)&report->row[z] + offset);
+    for (int z = 0; z < curves->depths; z++) {
+        const double value = *(const double *)(const void *)((const char *)hada_optics_report_row(report, z) + offset);
         if (isfinite(value) && value > 0.0) {
-            x[count] = report->row[z].distance_mm;
+            x[count] = hada_optics_report_row(report, z)->distance_mm;
             y[count++] = value;
         }
     }
@@ -130,6 +135,7 @@ static void plot_quantities(hada_plot *plot, const hada_optics_report *report, h
 
 static hada_status plot_depths(const hada_optics_report *report, const char *folder, hada_error *err)
 {
+    const hada_optics_curves *curves = hada_optics_report_curves(report);
     static const curve scale[] = {{"magnification 1 + d/z", OF(magnification)}, {"occupancy N R M²", OF(occupancy)}};
     static const curve blur[] = {
         {"defocus", OF(defocus_pixels)}, {"Airy radius", OF(airy_pixels)}, {"spot, measured", OF(spot_pixels)}};
@@ -138,11 +144,11 @@ static hada_status plot_depths(const hada_optics_report *report, const char *fol
                                    {"axial, by design", OF(axial_design_mm)}};
     static const curve band[] = {{"support of the MTF", OF(support)},
                                  {"self-correlation beside the peak", OF(sidelobe)}};
-    const double ends[] = {report->row[0].distance_mm, report->row[report->depths - 1].distance_mm};
-    hada_plot *plot;
-    hada_status status = hada_plot_begin(&plot, 900, 660, err);
-    if (status)
-        return status;
+    const double ends[] = {hada_optics_report_row(report, 0)->distance_mm,
+                           hada_optics_report_row(report, curves->depths - 1)->distance_mm};
+    hada_plot *plot = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_plot_create(&plot, 900, 660, err));
     hada_plot_panel panel = {.width = 340, .height = 210};
     panel.across = hada_plot_axis_for(ends, 2, 1, "distance, mm");
     panel.left = 80, panel.top = 50, panel.title = "Scale";
@@ -153,30 +159,34 @@ static hada_status plot_depths(const hada_optics_report *report, const char *fol
     plot_quantities(plot, report, &panel, "mm", object, 3);
     panel.left = 530, panel.title = "Frequencies and likeness";
     plot_quantities(plot, report, &panel, "share", band, 2);
-    return save(&plot, folder, "depths", err);
+    HADA_TRY(save(plot, folder, "depths", err));
+done:
+    hada_plot_destroy(&plot);
+    return status;
 }
 
 hada_status hada_optics_plots(const hada_optics_report *report, const char *folder, hada_error *err)
 {
-    const int shown = report->lags < 64 ? report->lags : 64;
-    const int longest = report->frequencies > report->lags ? report->frequencies : report->lags;
+    const hada_optics_curves *curves = hada_optics_report_curves(report);
+    const int shown = curves->lags < 64 ? curves->lags : 64;
+    const int longest = curves->frequencies > curves->lags ? curves->frequencies : curves->lags;
     hada_status status = HADA_OK;
     double *x = NULL;
     if (!hada_pictures_available())
         return HADA_OK;
-    HADA_TRY(hada_alloc((void **)&x, (size_t)(longest > report->depths ? longest : report->depths), sizeof *x,
+    HADA_TRY(hada_alloc((void **)&x, (size_t)(longest > curves->depths ? longest : curves->depths), sizeof *x,
                         "a figure", err));
-    for (int i = 0; i < report->frequencies; i++)
-        x[i] = (i + 0.5) / (2.0 * report->frequencies);
+    for (int i = 0; i < curves->frequencies; i++)
+        x[i] = (i + 0.5) / (2.0 * curves->frequencies);
     const family mtf = {.name = "mtf",
                         .title = "Modulation transfer, mean of a ring; dashed: threshold",
                         .across = {0, 0.5, 0, 0, "cycles per pixel"},
                         .up = {1e-3, 1, 1, 0, "MTF"},
                         .x = x,
-                        .values = report->mtf,
-                        .count = report->frequencies,
-                        .stride = report->frequencies,
-                        .level = report->threshold};
+                        .values = curves->mtf,
+                        .count = curves->frequencies,
+                        .stride = curves->frequencies,
+                        .level = curves->threshold};
     HADA_TRY(plot_family(report, &mtf, folder, err));
     for (int i = 0; i < shown; i++)
         x[i] = i;
@@ -185,21 +195,21 @@ hada_status hada_optics_plots(const hada_optics_report *report, const char *fold
                          .across = {0, shown > 1 ? shown - 1 : 1, 0, 0, "pixels"},
                          .up = {0, 1, 0, 0, "relative to the peak"},
                          .x = x,
-                         .values = report->self,
+                         .values = curves->self,
                          .count = shown,
-                         .stride = report->lags,
+                         .stride = curves->lags,
                          .level = NAN};
     HADA_TRY(plot_family(report, &self, folder, err));
-    for (int z = 0; z < report->depths; z++)
-        x[z] = report->row[z].distance_mm;
+    for (int z = 0; z < curves->depths; z++)
+        x[z] = hada_optics_report_row(report, z)->distance_mm;
     const family correlation = {.name = "correlation",
                                 .title = "Correlation of the PSF with those of other distances",
-                                .across = hada_plot_axis_for(x, report->depths, 1, "distance, mm"),
+                                .across = hada_plot_axis_for(x, curves->depths, 1, "distance, mm"),
                                 .up = {0, 1, 0, 0, "correlation"},
                                 .x = x,
-                                .values = report->correlation,
-                                .count = report->depths,
-                                .stride = report->depths,
+                                .values = curves->correlation,
+                                .count = curves->depths,
+                                .stride = curves->depths,
                                 .level = 0.5};
     HADA_TRY(plot_family(report, &correlation, folder, err));
     HADA_TRY(plot_depths(report, folder, err));

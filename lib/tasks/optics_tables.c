@@ -54,21 +54,23 @@ static void put(hada_text *out, const char *before, double number)
 
 static void put_depths(hada_text *out, const hada_optics_report *report)
 {
+    const hada_optics_curves *curves = hada_optics_report_curves(report);
     for (int c = 0; c < COLUMNS; c++)
         hada_text_add(out, "%s%s", c ? "," : "", columns[c].name);
     hada_text_add(out, "\n");
-    for (int z = 0; z < report->depths; z++) {
+    for (int z = 0; z < curves->depths; z++) {
         for (int c = 0; c < COLUMNS; c++)
-            put(out, c ? "," : "", hada_optics_value(&report->row[z], c));
+            put(out, c ? "," : "", hada_optics_value(hada_optics_report_row(report, z), c));
         hada_text_add(out, "\n");
     }
 }
 
 static void put_heads(hada_text *out, const char *first, const hada_optics_report *report)
 {
+    const hada_optics_curves *curves = hada_optics_report_curves(report);
     hada_text_add(out, "%s", first);
-    for (int z = 0; z < report->depths; z++) {
-        put(out, ",z", report->row[z].distance_mm);
+    for (int z = 0; z < curves->depths; z++) {
+        put(out, ",z", hada_optics_report_row(report, z)->distance_mm);
         hada_text_add(out, "mm");
     }
     hada_text_add(out, "\n");
@@ -76,33 +78,36 @@ static void put_heads(hada_text *out, const char *first, const hada_optics_repor
 
 static void put_mtf(hada_text *out, const hada_optics_report *report)
 {
+    const hada_optics_curves *curves = hada_optics_report_curves(report);
     put_heads(out, "cycles_per_pixel", report);
-    for (int i = 0; i < report->frequencies; i++) {
-        put(out, "", (i + 0.5) / (2.0 * report->frequencies));
-        for (int z = 0; z < report->depths; z++)
-            put(out, ",", report->mtf[(size_t)z * (size_t)report->frequencies + (size_t)i]);
+    for (int i = 0; i < curves->frequencies; i++) {
+        put(out, "", (i + 0.5) / (2.0 * curves->frequencies));
+        for (int z = 0; z < curves->depths; z++)
+            put(out, ",", curves->mtf[(size_t)z * (size_t)curves->frequencies + (size_t)i]);
         hada_text_add(out, "\n");
     }
 }
 
 static void put_self(hada_text *out, const hada_optics_report *report)
 {
+    const hada_optics_curves *curves = hada_optics_report_curves(report);
     put_heads(out, "lag_pixels", report);
-    for (int i = 0; i < report->lags; i++) {
+    for (int i = 0; i < curves->lags; i++) {
         put(out, "", i);
-        for (int z = 0; z < report->depths; z++)
-            put(out, ",", report->self[(size_t)z * (size_t)report->lags + (size_t)i]);
+        for (int z = 0; z < curves->depths; z++)
+            put(out, ",", curves->self[(size_t)z * (size_t)curves->lags + (size_t)i]);
         hada_text_add(out, "\n");
     }
 }
 
 static void put_correlation(hada_text *out, const hada_optics_report *report)
 {
+    const hada_optics_curves *curves = hada_optics_report_curves(report);
     put_heads(out, "distance_mm", report);
-    for (int i = 0; i < report->depths; i++) {
-        put(out, "", report->row[i].distance_mm);
-        for (int z = 0; z < report->depths; z++)
-            put(out, ",", report->correlation[(size_t)i * (size_t)report->depths + (size_t)z]);
+    for (int i = 0; i < curves->depths; i++) {
+        put(out, "", hada_optics_report_row(report, i)->distance_mm);
+        for (int z = 0; z < curves->depths; z++)
+            put(out, ",", curves->correlation[(size_t)i * (size_t)curves->depths + (size_t)z]);
         hada_text_add(out, "\n");
     }
 }

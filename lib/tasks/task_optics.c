@@ -97,7 +97,7 @@ typedef struct run {
     const hada_optics_task *task;
     const hada_camera *camera;
     hada_context *context;
-    hada_optics_report *report;
+    hada_optics_report **report;
     double threshold;
 } run;
 
@@ -111,7 +111,7 @@ static hada_status write_depths(const run *r, source *from, const char *folder, 
         HADA_TRY(source_get(from, r->camera, z, &psf, err));
         HADA_TRY(write_psf(&writer, r->camera, &psf, folder, err));
         HADA_TRY(write_picture(&psf, r->camera->distances_mm[z], folder, err));
-        HADA_TRY(hada_optics_report_add(r->report, &psf, err));
+        HADA_TRY(hada_optics_report_add(*r->report, &psf, err));
         hada_image_destroy(&psf);
         HADA_TRY(hada_progress_step(&progress, NULL, err));
     }
@@ -137,10 +137,10 @@ static hada_status fill_folder(void *user, const char *folder, hada_error *err)
     if (camera->mask == HADA_MASK_MLA || camera->mask == HADA_MASK_GRID || holes)
         HADA_TRY(hada_optics_lenses(camera, folder, err));
     HADA_TRY(source_open(&from, r->task, camera, r->context, err));
-    HADA_TRY(hada_optics_report_begin(r->report, r->context, camera, r->threshold, err));
+    HADA_TRY(hada_optics_report_create(r->report, r->context, camera, r->threshold, err));
     HADA_TRY(write_depths(r, &from, folder, err));
-    HADA_TRY(hada_optics_tables(r->report, folder, err));
-    HADA_TRY(hada_optics_plots(r->report, folder, err));
+    HADA_TRY(hada_optics_tables(*r->report, folder, err));
+    HADA_TRY(hada_optics_plots(*r->report, folder, err));
 done:
     hada_tiff_close(&from.reader);
     hada_wave_destroy(&from.wave);
@@ -148,22 +148,27 @@ done:
     return status;
 }
 
-hada_status hada_optics_run(hada_optics_report *report, hada_context *context, const hada_camera *camera,
+hada_status hada_optics_run(hada_optics_report **report, hada_context *context, const hada_camera *camera,
                             const char *folder, const hada_optics_task *callers, hada_error *err)
 {
     hada_optics_task task;
     hada_status status = HADA_OK;
-    if (!report || !camera || !folder)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_optics_run: a report, a camera and a folder are needed");
-    *report = (hada_optics_report){0};
+    hada_optics_report *made = NULL;
+    if (report)
+        *report = NULL;
+    if (!camera || !folder)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_optics_run: a camera and a folder are needed");
     hada_optics_task_init(&task);
     HADA_TRY(HADA_OPTIONS_TAKE(&task, callers, hada_optics_task, err));
     if (task.threshold >= 1.0)
         HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "options.threshold takes a number from 0 to 1"));
-    run r = {&task, camera, context, report, task.threshold};
+    run r = {&task, camera, context, &made, task.threshold};
     HADA_TRY(hada_folder_create(folder, fill_folder, &r, err));
+    if (report) {
+        *report = made;
+        made = NULL;
+    }
 done:
-    if (status)
-        hada_optics_report_end(report);
+    hada_optics_report_destroy(&made);
     return status;
 }

@@ -72,12 +72,13 @@ hada_status hada_train_figure(const hada_train_log *log, hada_error *err)
         return HADA_OK;
     const double end = log->loss[log->loss_count - 1].step;
     HADA_TRY(hada_path_format(&path, err, "%s/training.svg", log->folder));
-    HADA_TRY(hada_plot_begin(&plot, 660, log->row_count ? 570 : 290, err));
+    HADA_TRY(hada_plot_create(&plot, 660, log->row_count ? 570 : 290, err));
     draw_losses(plot, log, end);
     if (log->row_count)
         draw_validation(plot, log, end);
-    HADA_TRY(hada_plot_save(&plot, path, err));
+    HADA_TRY(hada_plot_save(plot, path, err));
 done:
+    hada_plot_destroy(&plot);
     free(path);
     return status;
 }

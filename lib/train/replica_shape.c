@@ -92,12 +92,11 @@ static hada_status check(const hada_replica_desc *desc, hada_error *err)
 static hada_status check_net(const hada_net *net, const char *what, int channels, int rows, int cols, hada_size *out,
                              hada_error *err)
 {
-    hada_net_info info;
     hada_size *sizes = NULL;
     hada_status status = HADA_OK;
-    hada_net_get_info(net, &info);
-    if (info.channels != channels)
-        return hada_fail(err, HADA_ERROR_MODEL, "the %s takes %d channel(s), but images have %d", what, info.channels,
+    const hada_net_info *info = hada_net_get_info(net);
+    if (info->channels != channels)
+        return hada_fail(err, HADA_ERROR_MODEL, "the %s takes %d channel(s), but images have %d", what, info->channels,
                          channels);
     HADA_TRY(hada_alloc((void **)&sizes, (size_t)net->count, sizeof *sizes, "a net", err));
     HADA_TRY(hada_net_sizes(net, rows, cols, sizes, err));
@@ -165,13 +164,12 @@ done:
 static hada_status net_shape(const hada_replica_desc *desc, hada_replica_shape *shape, hada_error *err)
 {
     const hada_train_options *options = desc->options;
-    hada_net_info info;
     hada_size out = {0, 0};
     hada_status status = HADA_OK;
     shape->net_rows = options->net_rows ? options->net_rows : shape->rows;
     shape->net_cols = options->net_cols ? options->net_cols : shape->cols;
     shape->resized = shape->net_rows != shape->rows || shape->net_cols != shape->cols;
-    hada_net_get_info(desc->net, &info);
+    const hada_net_info *info = hada_net_get_info(desc->net);
     const int others = hada_enhance_sees_others(desc->net, shape->channels);
     if (others && shape->resized)
         return hada_fail(err, HADA_ERROR_MODEL,
@@ -179,9 +177,9 @@ static hada_status net_shape(const hada_replica_desc *desc, hada_replica_shape *
                          "options.net_size, or train a new net (options.net)");
     shape->input = shape->plane << others;
     HADA_TRY(check_net(desc->net, "net", shape->channels << others, shape->net_rows, shape->net_cols, &out, err));
-    if (info.out_channels != shape->channels || out.rows != shape->net_rows || out.cols != shape->net_cols)
+    if (info->out_channels != shape->channels || out.rows != shape->net_rows || out.cols != shape->net_cols)
         return hada_fail(err, HADA_ERROR_MODEL, "the net makes %d channel(s) of %d x %d pixels of %d of %d x %d",
-                         info.out_channels, out.rows, out.cols, shape->channels, shape->net_rows, shape->net_cols);
+                         info->out_channels, out.rows, out.cols, shape->channels, shape->net_rows, shape->net_cols);
     shape->training = (hada_graph_options){.images = shape->at_once,
                                            .rows = shape->net_rows,
                                            .cols = shape->net_cols,
@@ -196,7 +194,6 @@ done:
 
 static hada_status loss_shapes(const hada_replica_desc *desc, hada_replica_shape *shape, hada_error *err)
 {
-    hada_net_info info;
     hada_status status = HADA_OK;
     const hada_graph_options options = {.images = shape->at_once,
                                         .rows = shape->rows,
@@ -207,13 +204,13 @@ static hada_status loss_shapes(const hada_replica_desc *desc, hada_replica_shape
     shape->discriminator = shape->vgg_graph = options;
     shape->discriminator.weight_gradients = 1;
     if (shape->critic) {
-        hada_net_get_info(desc->critic, &info);
-        shape->conditioned = info.channels == 2 * shape->channels;
+        const hada_net_info *info = hada_net_get_info(desc->critic);
+        shape->conditioned = info->channels == 2 * shape->channels;
         HADA_TRY(check_net(desc->critic, "discriminator", shape->channels << shape->conditioned, shape->rows,
                            shape->cols, &shape->logits, err));
-        if (info.out_channels != 1)
+        if (info->out_channels != 1)
             return hada_fail(err, HADA_ERROR_MODEL, "a discriminator gives one channel of logits, not %d",
-                             info.out_channels);
+                             info->out_channels);
     }
     if (shape->vgg) {
         if (shape->channels != 1 && shape->channels != 3)

@@ -49,18 +49,17 @@ done:
 static hada_status make_net(hada_net **out, const hada_train_options *options, const hada_model *model, hada_error *err)
 {
     const int channels = hada_model_get_info(model)->channels;
-    hada_net_info net;
     hada_status status = HADA_OK;
     HADA_TRY(begin_net(out, options, model, err));
-    hada_net_get_info(*out, &net);
+    const hada_net_info *net = hada_net_get_info(*out);
     const int others = hada_enhance_sees_others(*out, channels);
     if (others && !hada_stage_has_planes(options->stage))
         return hada_fail(err, HADA_ERROR_MODEL,
                          "the model's net sees the other planes beside its own, which the stages enhance and "
                          "adversarial alone have: give a new one (options.net)");
-    if (net.channels != channels << others || net.out_channels != channels)
+    if (net->channels != channels << others || net->out_channels != channels)
         return hada_fail(err, HADA_ERROR_MODEL, "the net takes %d channel(s) and gives %d; the camera has %d",
-                         net.channels, net.out_channels, channels);
+                         net->channels, net->out_channels, channels);
 done:
     return status;
 }

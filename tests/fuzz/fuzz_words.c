@@ -37,9 +37,8 @@ void fuzz_list(const uint8_t *data, size_t bytes)
     const hada_status status = hada_net_create(&net, text, 1, &err);
     fuzz_check(status, &err);
     if (!status) {
-        hada_net_info info;
-        hada_net_get_info(net, &info);
-        hada_size *sizes = calloc((size_t)info.layers, sizeof *sizes);
+        const hada_net_info *info = hada_net_get_info(net);
+        hada_size *sizes = calloc((size_t)info->layers, sizeof *sizes);
         fuzz_check(hada_net_sizes(net, data[0] + 1, data[1] + 1, sizes, &err), &err);
         fuzz_check(hada_net_describe(net, &back, &err), &err);
         free(sizes);

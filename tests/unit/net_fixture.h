@@ -56,12 +56,11 @@ static inline void net_fill(float *out, size_t count, uint64_t stream)
 static inline net_case net_case_make(const hada_net *net, int images, int rows, int cols)
 {
     net_case c = {.images = images, .rows = rows, .cols = cols};
-    hada_net_info info;
     hada_size *sizes = calloc((size_t)net->count, sizeof *sizes);
-    hada_net_get_info(net, &info);
+    const hada_net_info *info = hada_net_get_info(net);
     ASSERT_OK(hada_net_sizes(net, rows, cols, sizes, err));
-    c.channels = info.channels;
-    c.out_channels = info.out_channels;
+    c.channels = info->channels;
+    c.out_channels = info->out_channels;
     c.out_rows = sizes[net->count - 1].rows;
     c.out_cols = sizes[net->count - 1].cols;
     c.in_count = (size_t)images * (size_t)c.channels * (size_t)rows * (size_t)cols;

@@ -13,29 +13,28 @@ static void presets_have_the_values_they_should(void **state)
 {
     (void)state;
     hada_net *net;
-    hada_net_info info;
     /* the paper's net: 3,745,057 values with the running statistics of three batch norms */
     ASSERT_OK(hada_net_create_preset(&net, "paper", 3, 1, err));
-    hada_net_get_info(net, &info);
-    assert_int_equal(info.values, 3745057);
-    assert_int_equal(info.trained, 3745057 - 3 * 2 * 64);
-    assert_int_equal(info.channels, 3);
-    assert_int_equal(info.out_channels, 3);
-    assert_true(info.shared);
+    const hada_net_info *info = hada_net_get_info(net);
+    assert_int_equal(info->values, 3745057);
+    assert_int_equal(info->trained, 3745057 - 3 * 2 * 64);
+    assert_int_equal(info->channels, 3);
+    assert_int_equal(info->out_channels, 3);
+    assert_true(info->shared);
     assert_string_equal(net->parameters[hada_net_find(net, "norm.2.running_var") - net->parameters].name,
                         "norm.2.running_var");
     hada_net_destroy(&net);
     ASSERT_OK(hada_net_create_preset(&net, "compact", 3, 1, err));
-    hada_net_get_info(net, &info);
+    info = hada_net_get_info(net);
     size_t trained = 0;
     const int convs[][2] = {{3, 16},   {16, 16},   {16, 32},   {32, 32},   {32, 64},   {64, 64},
                             {64, 128}, {128, 128}, {128, 256}, {256, 256}, {384, 128}, {128, 128},
                             {192, 64}, {64, 64},   {96, 32},   {32, 32},   {48, 16},   {16, 16}};
     for (size_t i = 0; i < sizeof convs / sizeof *convs; i++)
         trained += (size_t)(9 * convs[i][0] + 1) * (size_t)convs[i][1];
-    assert_int_equal(info.trained, trained + 16 * 3 + 3);
-    assert_int_equal(info.values, info.trained);
-    assert_false(info.shared);
+    assert_int_equal(info->trained, trained + 16 * 3 + 3);
+    assert_int_equal(info->values, info->trained);
+    assert_false(info->shared);
     hada_net_destroy(&net);
     hada_error error;
     assert_int_equal(hada_net_create_preset(&net, "huge", 3, 1, &error), HADA_ERROR_ARGUMENT);

@@ -171,14 +171,15 @@ static void test_plot(void **state)
         panel.up = hada_plot_axis_for(y, 3, 0, "up");
         assert_true(panel.up.low == 0 && panel.up.high == 10);
         const hada_plot_mark mark = {HADA_PLOT_SQUARE, 0xff0000, 6, 0, 0};
-        assert_int_equal(hada_plot_begin(&plot, 300, 180, NULL), HADA_OK);
+        assert_int_equal(hada_plot_create(&plot, 300, 180, NULL), HADA_OK);
         hada_plot_panel_begin(plot, &panel);
         hada_plot_bar(plot, 10, 100, 0, 2, 0x00ff00);
         hada_plot_line(plot, x, y, 3, 0x0000ff, 0);
         hada_plot_point(plot, 10, 5, &mark);
         hada_plot_label(plot, 10, 5, "<here & there>");
         hada_plot_panel_end(plot);
-        assert_int_equal(hada_plot_save(&plot, io_path(svg ? "plot.svg" : "plot.png"), NULL), HADA_OK);
+        assert_int_equal(hada_plot_save(plot, io_path(svg ? "plot.svg" : "plot.png"), NULL), HADA_OK);
+        hada_plot_destroy(&plot);
         assert_null(plot);
     }
     picture p = load(io_path("plot.png"));
@@ -195,11 +196,13 @@ static void test_plot(void **state)
     unsigned char *text = io_read_bytes(io_path("plot.svg"), &bytes);
     assert_true(bytes > 500 && !memcmp(text, "<?xml", 5));
     free(text);
-    hada_plot *none = NULL; /* as after a failed begin: nothing happens */
+    hada_plot *none = NULL; /* as after a failed create: nothing happens */
     hada_plot_point(none, 1, 1, &(hada_plot_mark){0});
-    assert_int_equal(hada_plot_save(&none, NULL, NULL), HADA_OK);
-    assert_int_equal(hada_plot_begin(&none, 10, 10, NULL), HADA_OK);
-    assert_int_equal(hada_plot_save(&none, NULL, NULL), HADA_ERROR_MEMORY);
+    assert_int_equal(hada_plot_save(none, NULL, NULL), HADA_OK);
+    hada_plot_destroy(&none);
+    assert_int_equal(hada_plot_create(&none, 10, 10, NULL), HADA_OK);
+    assert_int_equal(hada_plot_save(none, NULL, NULL), HADA_ERROR_ARGUMENT);
+    hada_plot_destroy(&none);
 }
 
 typedef struct scene {
@@ -295,9 +298,10 @@ static void test_far_away(void **state)
         assert_int_equal(hada_preview_save(io_path("far.png"), &s.preview, NULL), HADA_OK);
         drop(&s);
         panel.across = panel.up = hada_plot_axis_for(ends[i], 2, 0, "far");
-        assert_int_equal(hada_plot_begin(&plot, 300, 150, NULL), HADA_OK);
+        assert_int_equal(hada_plot_create(&plot, 300, 150, NULL), HADA_OK);
         hada_plot_panel_begin(plot, &panel);
-        assert_int_equal(hada_plot_save(&plot, io_path("far.svg"), NULL), HADA_OK);
+        assert_int_equal(hada_plot_save(plot, io_path("far.svg"), NULL), HADA_OK);
+        hada_plot_destroy(&plot);
     }
 }
 

@@ -142,7 +142,7 @@ static void refuses_options_that_cannot_work(void **state)
             break;
         case 3: options.occupied = HADA_OCCUPIED_LIST; break;
         case 4: options.gamma = 0; break;
-        case 5: options.batch = -1; break;
+        case 5: options.batch = -2; break;
         case 6:
             options.dark = HADA_DARK_FRAME;
             options.dark_frame = &dark;
@@ -161,6 +161,27 @@ static void refuses_options_that_cannot_work(void **state)
         assert_null(plan);
     }
     hada_image_destroy(&dark);
+}
+
+/* HADA_AUTO leaves the batch and the queues to the library; 0, as older programs have it, says the same. */
+static void zero_leaves_open_as_auto_does(void **state)
+{
+    const learned_camera *learned = *state;
+    uint64_t bytes[3];
+    for (int k = 0; k < 3; k++) {
+        hada_plan_options options;
+        hada_plan *plan;
+        hada_plan_options_init(&options);
+        assert_true(options.batch == HADA_AUTO && options.queues == HADA_AUTO);
+        if (k == 1)
+            options.batch = options.queues = 0;
+        if (k == 2)
+            options.queues = 2;
+        ASSERT_OK(hada_plan_create(&plan, learned->context, learned->model, &options, err));
+        hada_plan_memory(plan, &bytes[k], NULL);
+        hada_plan_destroy(&plan);
+    }
+    assert_true(bytes[0] == bytes[1] && bytes[0] < bytes[2]);
 }
 
 static void gamma_is_an_exponent_on_the_pictures(void **state)
@@ -188,11 +209,9 @@ static void gamma_is_an_exponent_on_the_pictures(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(refuses_frames_of_another_sensor),
-        cmocka_unit_test(refuses_or_repairs_broken_pixels),
-        cmocka_unit_test(repairs_from_the_nearest_finite_pixels),
-        cmocka_unit_test(takes_a_dark_level_off),
-        cmocka_unit_test(refuses_options_that_cannot_work),
+        cmocka_unit_test(refuses_frames_of_another_sensor),       cmocka_unit_test(refuses_or_repairs_broken_pixels),
+        cmocka_unit_test(repairs_from_the_nearest_finite_pixels), cmocka_unit_test(takes_a_dark_level_off),
+        cmocka_unit_test(refuses_options_that_cannot_work),       cmocka_unit_test(zero_leaves_open_as_auto_does),
         cmocka_unit_test(gamma_is_an_exponent_on_the_pictures),
     };
     return cmocka_run_group_tests(tests, learned_setup, learned_teardown);

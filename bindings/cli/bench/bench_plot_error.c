@@ -147,7 +147,7 @@ static hada_status plot(const hada_bench_place *place, panel_data *data, const c
         truth |= !isnan(data->rows[i]->psnr);
     }
     const double wide = truth ? LEFT + 2 * WIDTH + 90 + 24 : LEFT + WIDTH + 24 + 200;
-    hada_status status = hada_plot_begin(&figure, wide, TOP + HEIGHT + 84, err);
+    hada_status status = hada_plot_create(&figure, wide, TOP + HEIGHT + 84, err);
     if (status)
         return status;
     snprintf(title, sizeof title, "%s on %s", place->workload, place->device);
@@ -157,7 +157,8 @@ static hada_status plot(const hada_bench_place *place, panel_data *data, const c
     change_panel(figure, data, truth ? LEFT + WIDTH + 90 : LEFT, !truth);
     legend(figure, data);
     char *path = hada_cli_text("%s/time-error-%s%s.svg", folder, place->workload, place->suffix);
-    status = hada_plot_save(&figure, path, err);
+    status = hada_plot_save(figure, path, err);
+    hada_plot_destroy(&figure);
     free(path);
     return status;
 }

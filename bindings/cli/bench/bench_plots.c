@@ -88,7 +88,7 @@ static hada_status plot_latency(const hada_bench *bench, const hada_bench_place 
     for (int i = 0; i < count; i++)
         workloads += places[i].first_of_workload;
     double height = 46 + 84.0 * workloads + (double)count * HADA_BENCH_MODES * BAR, x = 60, top = 62;
-    hada_status status = hada_plot_begin(&plot, 760, height, err);
+    hada_status status = hada_plot_create(&plot, 760, height, err);
     if (status)
         return status;
     for (int s = 0; s < HADA_BENCH_STAGES; s++)
@@ -98,7 +98,8 @@ static hada_status plot_latency(const hada_bench *bench, const hada_bench_place 
         if (places[i].first_of_workload)
             top = latency_panel(plot, bench, places, count, places[i].workload, top);
     char *path = hada_cli_text("%s/latency.svg", folder);
-    status = hada_plot_save(&plot, path, err);
+    status = hada_plot_save(plot, path, err);
+    hada_plot_destroy(&plot);
     free(path);
     return status;
 }
@@ -198,7 +199,7 @@ static hada_status plot_roofline(const hada_bench *bench, const hada_bench_place
         char title[400];
         snprintf(title, sizeof title, "%s on %s", place->workload, place->device);
         panel.title = title;
-        HADA_TRY(hada_plot_begin(&plot, 700, 540, err));
+        HADA_TRY(hada_plot_create(&plot, 700, 540, err));
         hada_plot_panel_begin(plot, &panel);
         roof(plot, &panel, bandwidth, arithmetic);
         roofline_points(plot, list, count);
@@ -211,7 +212,8 @@ static hada_status plot_roofline(const hada_bench *bench, const hada_bench_place
         at = hada_plot_legend(plot, at, 528, &marks[1], HADA_PLOT_NO_COLOUR, "refined");
         hada_plot_text(plot, at, 532, 'l', 11, "area: share of the frame's time on the device");
         char *path = hada_cli_text("%s/roofline-%s%s.svg", folder, place->workload, place->suffix);
-        status = hada_plot_save(&plot, path, err);
+        status = hada_plot_save(plot, path, err);
+        hada_plot_destroy(&plot);
         free(path);
     }
 done:

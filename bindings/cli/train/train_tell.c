@@ -34,18 +34,18 @@ static void tell_begin(listener *to, const hada_train_state *state)
     const hada_train_options *use = hada_trainer_get_options(state->trainer);
     const hada_net *net = hada_trainer_get_net(state->trainer);
     json_t *document = to->cli->document;
-    hada_net_info info = {0};
+    uint64_t held_values = 0;
     char held[16], values[48] = "no net", on[40] = "";
     if (net) {
-        hada_net_get_info(net, &info);
-        snprintf(values, sizeof values, "a net of %llu values", (unsigned long long)info.values);
+        held_values = hada_net_get_info(net)->values;
+        snprintf(values, sizeof values, "a net of %llu values", (unsigned long long)held_values);
     }
     if (to->devices->count > 1)
         snprintf(on, sizeof on, ", on %d devices", to->devices->count);
     json_object_set_new(document, "stage", json_string(stages[use->stage]));
     json_object_set_new(document, "pairs", json_integer(state->learned));
     json_object_set_new(document, "held_out", json_integer(state->held_out));
-    json_object_set_new(document, "net_values", json_integer((json_int_t)info.values));
+    json_object_set_new(document, "net_values", json_integer((json_int_t)held_values));
     json_object_set_new(document, "output", json_string(state->output));
     json_object_set_new(document, "log", json_string(state->log));
     hada_cli_say(to->cli, "Stage %s, %s; %d pairs to learn from, %d held out, %d %s", stages[use->stage], values,

@@ -2,7 +2,7 @@
  *
  * Everything is drawn in order and written by hada_plot_save(); a failure on the way is told there. Lengths are pixels
  * of the figure, y runs down; colours are sRGB, 0xRRGGBB; texts are UTF-8 and copied. One figure is used by one thread
- * at a time. A build without cairo has no pictures (hada_pictures_available() in preview.h): hada_plot_begin() says so
+ * at a time. A build without cairo has no pictures (hada_pictures_available() in preview.h): hada_plot_create() says so
  * with HADA_ERROR_UNSUPPORTED, and NULL for a plot is taken by every call and does nothing. */
 #ifndef HADALENS_PLOT_H
 #define HADALENS_PLOT_H
@@ -52,7 +52,8 @@ HADA_API unsigned hada_plot_colour(int index); /* 0 to 7, then again from the fi
 /* Rounded limits that hold all values (NaN left out; logarithmic: those above 0 only). */
 HADA_API hada_plot_axis hada_plot_axis_for(const double *values, int count, int logarithmic, const char *label);
 
-HADA_API hada_status hada_plot_begin(hada_plot **out, double width, double height, hada_error *err);
+HADA_API hada_status hada_plot_create(hada_plot **out, double width, double height, hada_error *err);
+HADA_API void hada_plot_destroy(hada_plot **plot);
 HADA_API void hada_plot_panel_begin(hada_plot *plot, const hada_plot_panel *panel);
 /* Places the labels of the panel; needed after the last of its points. */
 HADA_API void hada_plot_panel_end(hada_plot *plot);
@@ -74,9 +75,8 @@ HADA_API void hada_plot_text(hada_plot *plot, double x, double y, char anchor, d
  * returns the x where the next entry may begin. */
 HADA_API double hada_plot_legend(hada_plot *plot, double x, double y, const hada_plot_mark *mark, unsigned box,
                                  const char *text);
-/* Writes NAME.svg or NAME.png, beside the file and renamed; the figure is destroyed also on failure. path NULL: memory
- * was out for it (HADA_ERROR_MEMORY). */
-HADA_API hada_status hada_plot_save(hada_plot **plot, const char *path, hada_error *err);
+/* Writes NAME.svg or NAME.png, beside the file and renamed; the figure stays as it is. */
+HADA_API hada_status hada_plot_save(const hada_plot *plot, const char *path, hada_error *err);
 
 #ifdef __cplusplus
 }

@@ -69,10 +69,10 @@ typedef struct hada_plan_options {
                                      report; 0 (default): such a frame is refused */
     int half;                     /* 1: filters on the device in half precision */
     int enhance;                  /* 1 (default): planes go through the model's net, where it has one; 0: not */
-    int batch;                    /* depths at once; 0: chosen from the memory */
+    int batch;                    /* depths at once; HADA_AUTO (default) or 0: chosen from the memory */
     double gamma;                 /* exponent on the finished images; 1 (default): linear */
     int queues;                   /* frames or batches in flight on each device, each on a queue of its own with its
-                                     own memory; 0: 1 */
+                                     own memory; HADA_AUTO (default) or 0: 1 */
     unsigned skip;                /* HADA_SKIP_... that may be used; HADA_SKIP_ALL by default, 0: none (a dense run) */
     double max_error; /* the largest relative L2 change of the stack (before gamma) against the dense run, below 1;
                          0 (default): only what is exact */

@@ -27,9 +27,9 @@ static inline void hada_optics_task_init(hada_optics_task *task)
 /* Makes or reads the PSFs of all depths, reports on them, and writes a folder that is not there yet, or empty, and that
  * appears whole or not at all: camera.json, psf.tif, depths.csv, mtf.csv, self_correlation.csv, correlation.csv,
  * lenses.csv (masks of lenses or holes) and, where this build draws pictures, the tables as .svg, mask.png and
- * psf_z<distance>mm.png. *report is the caller's, as after hada_optics_report_begin(); empty after a failure. `task`
- * may be NULL. */
-HADA_API hada_status hada_optics_run(hada_optics_report *report, hada_context *context, const hada_camera *camera,
+ * psf_z<distance>mm.png. *report is given back by
+ * hada_optics_report_destroy(); NULL after a failure. `report` may be left out (NULL), and so may `task`. */
+HADA_API hada_status hada_optics_run(hada_optics_report **report, hada_context *context, const hada_camera *camera,
                                      const char *folder, const hada_optics_task *task, hada_error *err);
 
 /* The columns of depths.csv: the name of column 0, 1, ..., NULL behind the last, and its value in a row. */

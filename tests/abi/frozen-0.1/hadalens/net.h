@@ -70,7 +70,8 @@ HADA_API hada_status hada_net_save(const hada_net *net, const char *path, hada_e
 HADA_API hada_status hada_net_load_weights(hada_net *net, const char *path, const char *prefix, hada_error *err);
 
 HADA_API void hada_net_destroy(hada_net **net);
-HADA_API void hada_net_get_info(const hada_net *net, hada_net_info *info);
+/* Kept by the net, as long as it is there; later versions may add members at the end. */
+HADA_API const hada_net_info *hada_net_get_info(const hada_net *net);
 
 /* A net on a device for images of rows x cols. The runner copies the weights; the net must live as long as it does. */
 typedef struct hada_net_runner hada_net_runner;

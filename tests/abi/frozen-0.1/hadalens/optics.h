@@ -80,24 +80,28 @@ typedef struct hada_optics_row {
                          at the nearest distance */
 } hada_optics_row;
 
-typedef struct hada_optics_report {
-    int depths, frequencies, lags;
-    double threshold;     /* of the MTF, for cutoff and support */
-    hada_optics_row *row; /* by depth, filled as PSFs are added */
-    double *mtf;          /* [depth][frequency]: mean of |OTF| over a ring about (i + 0.5) / (2 frequencies) cycles per
-                             pixel; 1 at 0 */
-    double *self;         /* [depth][lag]: largest self-correlation of the PSF at that many pixels; 1 at 0 */
-    double *correlation;  /* [depth][depth]: of PSFs, <a, b> / (|a| |b|) */
-    void *state;
-} hada_optics_report;
+/* Makes a report on a camera as its PSFs are added, from near to far. Created and destroyed by the caller; NULL is fine
+ * to destroy. Destroyed before the context is, where not all PSFs were added. */
+typedef struct hada_optics_report hada_optics_report;
 
-/* Begins a report on a camera, whose PSFs are added from near to far; `threshold` HADA_AUTO: 0.05. Ended by
- * hada_optics_report_end(), also after a failure; before the context is, where not all PSFs were added. */
-HADA_API hada_status hada_optics_report_begin(hada_optics_report *report, hada_context *context,
-                                              const hada_camera *camera, double threshold, hada_error *err);
+/* `threshold` HADA_AUTO: 0.05. */
+HADA_API hada_status hada_optics_report_create(hada_optics_report **out, hada_context *context,
+                                               const hada_camera *camera, double threshold, hada_error *err);
+HADA_API void hada_optics_report_destroy(hada_optics_report **report);
 /* The PSF of the next depth, of sensor size, designed or measured; the mean of its channels counts. */
 HADA_API hada_status hada_optics_report_add(hada_optics_report *report, const hada_image *psf, hada_error *err);
-HADA_API void hada_optics_report_end(hada_optics_report *report);
+
+/* What was found, filled as PSFs are added. Both belong to the report; later versions may add members at the end. */
+typedef struct hada_optics_curves {
+    int depths, frequencies, lags;
+    double threshold;          /* of the MTF, for cutoff and support */
+    const double *mtf;         /* [depth][frequency]: mean of |OTF| over a ring about (i + 0.5) / (2 frequencies) cycles
+                                  per pixel; 1 at 0 */
+    const double *self;        /* [depth][lag]: largest self-correlation of the PSF at that many pixels; 1 at 0 */
+    const double *correlation; /* [depth][depth]: of PSFs, <a, b> / (|a| |b|) */
+} hada_optics_curves;
+HADA_API const hada_optics_curves *hada_optics_report_curves(const hada_optics_report *report);
+HADA_API const hada_optics_row *hada_optics_report_row(const hada_optics_report *report, int depth);
 
 #ifdef __cplusplus
 }

@@ -1,0 +1,258 @@
+/* Data sets: what a folder holds, which files belong together, what is refused and in which words, and the two parts
+ * to learn from and to hold out. No device. */
+#include <hadalens/dataset.h>
+#include <hadalens/folder.h>
+#include <hadalens/tiff.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "testing.h"
+
+static char root[200], set[240];
+
+static const char *at(const char *name)
+{
+    static char paths[4][400];
+    static int next;
+    char *path = paths[next++ % 4];
+    snprintf(path, sizeof paths[0], "%s/%s", set, name);
+    return path;
+}
+
+/* A picture of one value, with the folders above it. */
+static void put(const char *name, float value)
+{
+    char folder[400];
+    hada_image image;
+    snprintf(folder, sizeof folder, "%s", at(name));
+    *strrchr(folder, '/') = '\0';
+    ASSERT_OK(hada_folder_ensure(folder, err));
+    ASSERT_OK(hada_image_create(&image, 1, 2, 3, err));
+    for (size_t i = 0; i < 6; i++)
+        image.data[i] = value;
+    ASSERT_OK(hada_tiff_save(at(name), &image, NULL, err));
+    hada_image_destroy(&image);
+}
+
+static void put_pair(const char *depth, const char *name, float value)
+{
+    char path[100];
+    snprintf(path, sizeof path, "%s/raw/%s.tif", depth, name);
+    put(path, value);
+    snprintf(path, sizeof path, "%s/scene/%s.tif", depth, name);
+    put(path, value + 100.0f);
+}
+
+static int begin(void **state)
+{
+    (void)state;
+    const char *folder = getenv("TMPDIR");
+    snprintf(root, sizeof root, "%s/hadalens-set-XXXXXX", folder ? folder : P_tmpdir);
+    if (!mkdtemp(root))
+        return 1;
+    snprintf(set, sizeof set, "%s/set", root);
+    return 0;
+}
+
+static int end(void **state)
+{
+    (void)state;
+    hada_folder_remove(root);
+    return 0;
+}
+
+/* Scanning fails with that status; the message holds every word. */
+static void refused(int skip, hada_status status, const char *const *words)
+{
+    hada_dataset_options options;
+    hada_dataset *data = (hada_dataset *)&options;
+    hada_error error = {0};
+    hada_dataset_options_init(&options);
+    options.skip_incomplete = skip;
+    assert_int_equal(hada_dataset_scan(&data, set, &options, &error), status);
+    assert_null(data);
+    for (; *words; words++)
+        if (!strstr(error.message, *words))
+            fail_msg("no '%s' in: %s", *words, error.message);
+}
+
+#define REFUSED(skip, status, ...) refused(skip, status, (const char *const[]){__VA_ARGS__, NULL})
+
+static void depths_stand_near_to_far_and_pairs_by_name(void **state)
+{
+    (void)state;
+    hada_dataset *data;
+    put_pair("z100mm", "b", 1);
+    put_pair("z100mm", "a", 2);
+    put_pair("z20.5mm", "one", 3);
+    put_pair("z1e3mm", "far", 4);
+    /* endings may differ between partners; names that mean nothing are passed over */
+    put("z1e3mm/raw/last.TIFF", 5);
+    put("z1e3mm/scene/last.tif", 105);
+    put("notes/raw/a.tif", 0);
+    put("zmm/raw/a.tif", 0);
+    put("z5cm/raw/a.tif", 0);
+    put("z-5mm/raw/a.tif", 0);
+    ASSERT_OK(hada_file_write(at("z100mm/raw/readme.txt"), "x", 1, err));
+    ASSERT_OK(hada_dataset_scan(&data, set, NULL, err));
+    const hada_dataset_info *info = hada_dataset_get_info(data);
+    assert_int_equal(info->depths, 3);
+    assert_true(info->distances_mm[0] == 20.5 && info->distances_mm[1] == 100.0 && info->distances_mm[2] == 1000.0);
+    assert_true(info->counts[0] == 1 && info->counts[1] == 2 && info->counts[2] == 2);
+    assert_true(info->pairs == 5 && info->least_pairs == 1 && info->incomplete == 0);
+    assert_string_equal(info->incomplete_text, "");
+    assert_true(!info->psf && !info->camera);
+    assert_string_equal(hada_dataset_folder(data, 2), at("z1e3mm"));
+    assert_string_equal(hada_dataset_raw_path(data, 1, 0), at("z100mm/raw/a.tif"));
+    assert_string_equal(hada_dataset_scene_path(data, 1, 1), at("z100mm/scene/b.tif"));
+    assert_string_equal(hada_dataset_raw_path(data, 2, 1), at("z1e3mm/raw/last.TIFF"));
+    assert_string_equal(hada_dataset_scene_path(data, 2, 1), at("z1e3mm/scene/last.tif"));
+    hada_image raw, scene;
+    ASSERT_OK(hada_dataset_read(data, 1, 0, &raw, &scene, err));
+    assert_true(raw.data[5] == 2.0f && scene.data[0] == 102.0f && raw.rows == 2 && scene.cols == 3);
+    hada_image_destroy(&raw);
+    hada_image_destroy(&scene);
+    /* a file that went away since: the message names it, and nothing is held */
+    hada_error error = {0};
+    unlink(at("z100mm/scene/a.tif"));
+    assert_int_equal(hada_dataset_read(data, 1, 0, &raw, &scene, &error), HADA_ERROR_FILE_OPEN);
+    assert_non_null(strstr(error.message, "z100mm/scene/a.tif"));
+    assert_true(!raw.data && !scene.data);
+    hada_dataset_destroy(&data);
+    assert_null(data);
+}
+
+static void what_stands_beside_is_found(void **state)
+{
+    (void)state;
+    hada_dataset *data;
+    put_pair("z1mm", "a", 1);
+    put("psf.tif", 0);
+    ASSERT_OK(hada_file_write(at("camera.json"), "{}", 2, err));
+    ASSERT_OK(hada_dataset_scan(&data, set, NULL, err));
+    assert_string_equal(hada_dataset_get_info(data)->psf, at("psf.tif"));
+    assert_string_equal(hada_dataset_get_info(data)->camera, at("camera.json"));
+    hada_dataset_destroy(&data);
+}
+
+static void files_without_partner_are_told(void **state)
+{
+    (void)state;
+    hada_dataset *data;
+    hada_dataset_options options;
+    put_pair("z1mm", "a", 1);
+    put("z1mm/raw/alone.tif", 1);
+    REFUSED(0, HADA_ERROR_DATASET, "1 file has no partner", "z1mm/raw/alone.tif has no scene",
+            "options.skip_incomplete");
+    put("z1mm/scene/b.tif", 1);
+    REFUSED(0, HADA_ERROR_DATASET, "2 files have no partner", "z1mm/scene/b.tif has no raw frame");
+    for (char name[] = "z1mm/scene/c.tif"; name[11] < 'g'; name[11]++)
+        put(name, 1);
+    REFUSED(0, HADA_ERROR_DATASET, "6 files have no partner", "and so on");
+    hada_dataset_options_init(&options);
+    options.skip_incomplete = 1;
+    ASSERT_OK(hada_dataset_scan(&data, set, &options, err));
+    assert_int_equal(hada_dataset_get_info(data)->pairs, 1);
+    assert_int_equal(hada_dataset_get_info(data)->incomplete, 6);
+    assert_non_null(strstr(hada_dataset_get_info(data)->incomplete_text, "alone.tif has no scene"));
+    hada_dataset_destroy(&data);
+}
+
+static void folders_that_are_none_are_refused(void **state)
+{
+    (void)state;
+    hada_error error;
+    hada_dataset *data;
+    REFUSED(0, HADA_ERROR_FILE_OPEN, "set");
+    assert_int_equal(hada_dataset_scan(&data, NULL, NULL, &error), HADA_ERROR_ARGUMENT);
+    put("other/raw/a.tif", 1);
+    REFUSED(0, HADA_ERROR_DATASET, "z<distance>mm", "z100mm/scene/NAME.tif");
+    put("z7mm/scene/a.tif", 1);
+    REFUSED(1, HADA_ERROR_DATASET, "z7mm has no folder 'raw'");
+    put("z7mm/raw/b.tif", 1);
+    REFUSED(1, HADA_ERROR_DATASET, "z7mm holds no pair");
+    put("z7mm/raw/a.tif", 1);
+    put_pair("z7.0mm", "a", 1);
+    REFUSED(1, HADA_ERROR_DATASET, "z7mm", "z7.0mm", "the same distance");
+}
+
+static void two_parts_have_every_pair_once(void **state)
+{
+    (void)state;
+    static const struct {
+        double hold_out;
+        int near, far; /* held out of 5 and of 2 */
+    } cases[] = {{0, 0, 0}, {1, 1, 1}, {0.2, 1, 0}, {0.4, 2, 1}, {0.01, 1, 0}};
+    hada_dataset *data, *learn, *held;
+    hada_error error = {0};
+    for (char name[] = "a"; *name <= 'e'; (*name)++)
+        put_pair("z1mm", name, 1);
+    put_pair("z2mm", "a", 1);
+    put_pair("z2mm", "b", 1);
+    ASSERT_OK(hada_dataset_scan(&data, set, NULL, err));
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        ASSERT_OK(hada_dataset_split(data, cases[i].hold_out, &learn, &held, err));
+        const int *kept = hada_dataset_get_info(learn)->counts, *out = hada_dataset_get_info(held)->counts;
+        assert_true(out[0] == cases[i].near && out[1] == cases[i].far);
+        assert_true(kept[0] == 5 - out[0] && kept[1] == 2 - out[1]);
+        for (int pair = 0; pair < 5; pair++)
+            assert_string_equal(pair < kept[0] ? hada_dataset_raw_path(learn, 0, pair)
+                                               : hada_dataset_raw_path(held, 0, pair - kept[0]),
+                                hada_dataset_raw_path(data, 0, pair));
+        hada_dataset_destroy(&learn);
+        hada_dataset_destroy(&held);
+    }
+    assert_int_equal(hada_dataset_split(data, 2, &learn, &held, &error), HADA_ERROR_DATASET);
+    assert_non_null(strstr(error.message, "z2mm has 2 pairs"));
+    assert_true(!learn && !held);
+    static const double wrong[] = {-1, 1.5, NAN, 1e9};
+    for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++)
+        assert_int_equal(hada_dataset_split(data, wrong[i], &learn, &held, &error), HADA_ERROR_ARGUMENT);
+    hada_dataset_destroy(&data);
+}
+
+static void dark_frames_are_means_over_pages(void **state)
+{
+    (void)state;
+    hada_image page, mean;
+    hada_tiff_writer *writer;
+    double level;
+    hada_error error = {0};
+    ASSERT_OK(hada_folder_ensure(set, err));
+    ASSERT_OK(hada_image_create(&page, 1, 2, 2, err));
+    ASSERT_OK(hada_tiff_create(&writer, at("dark.tif"), 1, 2, 2, NULL, err));
+    for (int t = 0; t < 4; t++) {
+        for (int i = 0; i < 4; i++)
+            page.data[i] = (float)(t + i);
+        ASSERT_OK(hada_tiff_write(writer, &page, err));
+    }
+    ASSERT_OK(hada_tiff_finish(&writer, err));
+    ASSERT_OK(hada_dark_frame_load(&mean, &level, at("dark.tif"), err));
+    for (int i = 0; i < 4; i++)
+        assert_true(mean.data[i] == 1.5f + (float)i);
+    assert_true(level == 3.0);
+    hada_image_destroy(&mean);
+    page.data[0] = NAN;
+    ASSERT_OK(hada_tiff_save(at("bad.tif"), &page, NULL, err));
+    assert_int_equal(hada_dark_frame_load(&mean, NULL, at("bad.tif"), &error), HADA_ERROR_NOT_FINITE);
+    assert_non_null(strstr(error.message, "bad.tif"));
+    assert_null(mean.data);
+    hada_image_destroy(&page);
+}
+
+#define TEST(function) cmocka_unit_test_setup_teardown(function, begin, end)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(depths_stand_near_to_far_and_pairs_by_name),
+        TEST(what_stands_beside_is_found),
+        TEST(files_without_partner_are_told),
+        TEST(folders_that_are_none_are_refused),
+        TEST(two_parts_have_every_pair_once),
+        TEST(dark_frames_are_means_over_pages),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

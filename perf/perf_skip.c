@@ -88,7 +88,7 @@ static void run(kind *plan, const hada_image *raw, const kind *dense)
     }
     plan->bound = fmax(plan->bound, skipped->bound);
     plan->frequencies += skipped->frequencies;
-    plan->again += skipped->again;
+    plan->again += skipped->recomputed;
     plan->count++;
 }
 

@@ -165,7 +165,7 @@ void hada_skip_fill_report(hada_frame *frame)
     report->depths = config->depths - frame->result->memory->report.occupied_count;
     report->tiles = tiles ? (double)left_out / tiles : 0.0;
     report->channels = skip->channels;
-    report->again = skip->exact;
+    report->recomputed = skip->exact;
     report->frequencies =
         banded ? hada_tiles_share_outside(&frame->setup->gains->tiles, skip->band_rows, skip->band_cols) : 0.0;
     report->kinds =

@@ -170,13 +170,13 @@ static double refinement_gain(const hada_fit_row *rows, size_t count)
     return isfinite(gain) ? gain : 0.0;
 }
 
-hada_status hada_fitter_judge_and_finish(hada_fitter *fitter, hada_fit_show show, void *user, hada_model **out,
+hada_status hada_fitter_learn_and_finish(hada_fitter *fitter, hada_fit_show show, void *user, hada_model **out,
                                          hada_fit_row **rows, size_t *row_count, hada_error *err)
 {
     hada_status status = HADA_OK;
     if (!fitter || !show || !out || !rows || !row_count)
         return hada_fail(err, HADA_ERROR_ARGUMENT,
-                         "hada_fitter_judge_and_finish: a fitter, a function that shows pairs, out and rows are "
+                         "hada_fitter_learn_and_finish: a fitter, a function that shows pairs, out and rows are "
                          "needed");
     if (!fitter->transfers.otf)
         HADA_TRY(hada_fitter_learn_cropped(fitter, show, user, err));
@@ -190,7 +190,7 @@ hada_status hada_fitter_judge_and_finish(hada_fitter *fitter, hada_fit_show show
         *rows = NULL;
         *row_count = 0;
     }
-    HADA_TRY(hada_fitter_judge(fitter, show, user, err));
+    HADA_TRY(hada_fitter_learn_windowed(fitter, show, user, err));
     HADA_TRY(hada_fitter_finish(fitter, out, rows, row_count, err));
 done:
     return status;

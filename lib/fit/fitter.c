@@ -236,11 +236,11 @@ hada_status hada_fitter_learn_cropped(hada_fitter *fitter, hada_fit_show show, v
                                     err);
 }
 
-hada_status hada_fitter_judge(hada_fitter *fitter, hada_fit_show show, void *user, hada_error *err)
+hada_status hada_fitter_learn_windowed(hada_fitter *fitter, hada_fit_show show, void *user, hada_error *err)
 {
     if (!fitter || !show)
         return hada_fail(err, HADA_ERROR_ARGUMENT,
-                         "hada_fitter_judge: a fitter and a function that shows pairs are needed");
+                         "hada_fitter_learn_windowed: a fitter and a function that shows pairs are needed");
     hada_fit_outside_free(&fitter->outside);
     return hada_fit_outside_solve(&fitter->outside, &fitter->sums, &fitter->pair,
                                   hada_leave_one_out_best(&fitter->scores), fitter->options.outside, show, user, err);

@@ -117,7 +117,7 @@ hada_status hada_fit_pass_judge_and_finish(hada_fitter *fitter, const hada_fit_s
                                            hada_fit_row **rows, size_t *row_count, hada_error *err)
 {
     shown at = {.from = from, .why = "looks at pairs, to judge in the window"};
-    const hada_status status = hada_fitter_judge_and_finish(fitter, show, &at, out, rows, row_count, err);
+    const hada_status status = hada_fitter_learn_and_finish(fitter, show, &at, out, rows, row_count, err);
     show_end(&at);
     return status;
 }

@@ -214,15 +214,16 @@ static void put_numbers(FILE *file, const char *format, const double *numbers, s
 
 hada_status hada_train_log_step(hada_train_log *log, const hada_step_report *r, hada_error *err)
 {
-    const double numbers[] = {r->loss,      r->mse,    r->perceptual, r->adversarial,
-                              r->variation, r->critic, r->norm,       r->rate};
+    const double numbers[] = {r->loss,      r->mse,           r->perceptual, r->adversarial,
+                              r->variation, r->discriminator, r->norm,       r->rate};
     fprintf(log->losses, "%llu", (unsigned long long)r->step);
     put_numbers(log->losses, "%.9g", numbers, sizeof numbers / sizeof *numbers);
-    fprintf(log->losses, ",%d,%d", r->critic_only, r->rolled_back);
+    fprintf(log->losses, ",%d,%d", r->discriminator_only, r->rolled_back);
     put_numbers(log->losses, "%.4f", &r->seconds, 1);
     fputc('\n', log->losses);
     const hada_status status = check(log->losses, log->folder, err);
-    return status || r->critic_only || r->rolled_back ? status : remember_loss(log, (double)r->step, r->loss, err);
+    return status || r->discriminator_only || r->rolled_back ? status
+                                                             : remember_loss(log, (double)r->step, r->loss, err);
 }
 
 hada_status hada_train_log_validation(hada_train_log *log, uint64_t step, const hada_validation *r, hada_error *err)

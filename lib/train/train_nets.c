@@ -68,7 +68,7 @@ done:
 static hada_status make_critic(hada_net **out, const hada_train_options *options, int channels, hada_error *err)
 {
     hada_status status = HADA_OK;
-    HADA_TRY(hada_discriminator_make(out, options->critic, channels, err));
+    HADA_TRY(hada_discriminator_make(out, options->discriminator, channels, err));
     HADA_TRY(hada_net_init(*out, options->seed, err));
 done:
     return status;
@@ -92,7 +92,7 @@ hada_status hada_train_nets_make(hada_train_nets *nets, const hada_train_options
     *nets = (hada_train_nets){0};
     if (hada_stage_has_net(options->stage))
         HADA_TRY(make_net(&nets->net, options, model, err));
-    if (hada_stage_has_critic(options))
+    if (hada_stage_has_discriminator(options))
         HADA_TRY(make_critic(&nets->critic, options, channels, err));
     if (options->perceptual > 0.0)
         HADA_TRY(load_vgg(&nets->vgg, options, channels, err));

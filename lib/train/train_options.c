@@ -12,7 +12,7 @@ int hada_stage_has_net(hada_stage stage)
     return stage != HADA_STAGE_FILTERS;
 }
 
-int hada_stage_has_critic(const hada_train_options *options)
+int hada_stage_has_discriminator(const hada_train_options *options)
 {
     return options->stage == HADA_STAGE_ADVERSARIAL ||
            (options->stage == HADA_STAGE_JOINT && options->adversarial > 0.0);
@@ -39,14 +39,14 @@ void hada_train_options_defaults(hada_train_options *options, size_t size, hada_
                                     .stage = stage,
                                     .seed = 1,
                                     .net = "compact",
-                                    .critic = "patch",
+                                    .discriminator = "patch",
                                     .steps = stage == HADA_STAGE_ADVERSARIAL ? 300 : 1000,
                                     .batch = 4,
                                     .at_once = HADA_AUTO,
                                     .rule = HADA_RULE_ADAM,
                                     .rate = rate,
                                     .filter_rate = HADA_AUTO,
-                                    .critic_rate = HADA_AUTO,
+                                    .discriminator_rate = HADA_AUTO,
                                     .schedule = HADA_RATE_COSINE,
                                     .last_rate = 0.02,
                                     .warmup = 20,
@@ -55,7 +55,7 @@ void hada_train_options_defaults(hada_train_options *options, size_t size, hada_
                                     .perceptual = 0.1,
                                     .adversarial = stage == HADA_STAGE_ADVERSARIAL ? HADA_AUTO : 0.0,
                                     .variation = 5e-7,
-                                    .critic_steps = stage == HADA_STAGE_ADVERSARIAL ? 60 : 0,
+                                    .discriminator_steps = stage == HADA_STAGE_ADVERSARIAL ? 60 : 0,
                                     .compose = HADA_AUTO};
     HADA_OPTIONS_GIVE(options, size, &own);
 }
@@ -99,9 +99,9 @@ static hada_status check_numbers(const hada_train_options *options, hada_error *
                          options->at_once);
     if ((int)options->rule < HADA_RULE_RMSPROP || options->rule > HADA_RULE_ADAMW)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "there is no rule %d", (int)options->rule);
-    if (!is_rate(options->rate) || !is_rate(options->filter_rate) || !is_rate(options->critic_rate))
+    if (!is_rate(options->rate) || !is_rate(options->filter_rate) || !is_rate(options->discriminator_rate))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "learning rates are above 0; not %g, %g, %g", options->rate,
-                         options->filter_rate, options->critic_rate);
+                         options->filter_rate, options->discriminator_rate);
     if (!is_weight(options->clip) || !is_weight(options->weight_decay) || !is_weight(options->last_rate))
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "clipping, weight decay and the last rate are not below 0; not %g, %g, %g", options->clip,
@@ -150,11 +150,11 @@ done:
 /* Rates and weights that the caller leaves open (docs/training.md). */
 static void settle_rates(hada_train_options *options)
 {
-    const int paper = options->critic && !strcmp(options->critic, "paper");
+    const int paper = options->discriminator && !strcmp(options->discriminator, "paper");
     if (options->filter_rate == HADA_AUTO) /* filters have values around 1; those of a fit need little */
         options->filter_rate = options->random_start ? 0.1 : 1e-3;
-    if (options->critic_rate == HADA_AUTO) /* fully connected layers die at more */
-        options->critic_rate = paper ? 3e-4 : 1e-3;
+    if (options->discriminator_rate == HADA_AUTO) /* fully connected layers die at more */
+        options->discriminator_rate = paper ? 3e-4 : 1e-3;
     if (options->adversarial == HADA_AUTO) /* the authors', for the discriminator that they had */
         options->adversarial = paper ? 8e-3 : 2e-3;
 }
@@ -179,9 +179,9 @@ static void settle_stage(hada_train_options *options, const hada_model_info *inf
 {
     if (!options->vgg)
         options->perceptual = 0.0;
-    if (!hada_stage_has_critic(options)) {
+    if (!hada_stage_has_discriminator(options)) {
         options->adversarial = 0.0;
-        options->critic_steps = 0;
+        options->discriminator_steps = 0;
     }
     if (options->stage == HADA_STAGE_FILTERS)
         options->perceptual = options->variation = 0.0;

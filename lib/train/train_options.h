@@ -10,7 +10,7 @@ hada_status hada_train_options_settle(hada_train_options *options, hada_augment 
                                       const hada_train_options *callers, const hada_model *model, hada_error *err);
 
 int hada_stage_has_net(hada_stage stage);
-int hada_stage_has_critic(const hada_train_options *options);
+int hada_stage_has_discriminator(const hada_train_options *options);
 int hada_stage_has_planes(hada_stage stage);
 
 /* Nothing but the pair itself decides what a replica takes of it (flips of planes apart), so it can be kept. */

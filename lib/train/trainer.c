@@ -126,7 +126,7 @@ static hada_status make(hada_trainer *trainer, hada_context *const *contexts, in
     HADA_TRY(hada_snapshot_create(&trainer->snapshot, &trainer->workers, &trainer->progress, err));
 done:
     /* What the caller owns is not read any more. */
-    trainer->options.net = trainer->options.vgg = trainer->options.critic = NULL;
+    trainer->options.net = trainer->options.vgg = trainer->options.discriminator = NULL;
     trainer->options.net_given = NULL;
     return status;
 }

@@ -220,7 +220,9 @@ static hada_status update(hada_trainer *trainer, int critic_only, double share, 
         if (!takes_part(trainer, g, critic_only))
             continue;
         const int critic = g == HADA_GROUP_CRITIC;
-        const double rate = critic ? options->critic_rate : g == HADA_GROUP_NET ? options->rate : options->filter_rate;
+        const double rate = critic                ? options->discriminator_rate
+                            : g == HADA_GROUP_NET ? options->rate
+                                                  : options->filter_rate;
         change what = {g, progress->group_steps[g] + 1, rate * share,
                        scale_for(critic ? critic_norm : norm, options->clip)};
         trainer->snapshot.dirty[g] = 1;
@@ -264,19 +266,19 @@ static void fill_report(const hada_trainer *trainer, const hada_terms *terms, in
     report->perceptual = all && options->perceptual > 0.0 ? terms->perceptual : NAN;
     report->adversarial = all && options->adversarial > 0.0 ? terms->adversarial : NAN;
     report->variation = all && options->variation > 0.0 ? terms->variation : NAN;
-    report->critic = trainer->nets.critic ? terms->critic : NAN;
+    report->discriminator = trainer->nets.critic ? terms->critic : NAN;
     report->loss = critic_only ? terms->critic : terms->mse + terms->perceptual + terms->adversarial + terms->variation;
     report->norm = norm;
-    report->rate = share * (critic_only                            ? options->critic_rate
+    report->rate = share * (critic_only                            ? options->discriminator_rate
                             : options->stage == HADA_STAGE_FILTERS ? options->filter_rate
                                                                    : options->rate);
-    report->critic_only = critic_only;
+    report->discriminator_only = critic_only;
 }
 
 static hada_status step(hada_trainer *trainer, hada_step_report *report, hada_error *err)
 {
     hada_progress *progress = &trainer->progress;
-    const int critic_only = progress->step < trainer->options.critic_steps;
+    const int critic_only = progress->step < trainer->options.discriminator_steps;
     const double share = ldexp(hada_train_rate(&trainer->options, progress->step), -progress->halvings);
     hada_terms terms = {0};
     double norm = 0.0, critic_norm = 0.0;

@@ -345,7 +345,7 @@ static void the_trial_has_transfer_functions_of_its_own(void **state)
     for (int z = 0; z < DEPTHS; z++)
         for (int i = 0; i < PAIRS; i++)
             ASSERT_OK(hada_fitter_score(fitter, z, &f->frame[z][i], &f->scene[z][i], err));
-    ASSERT_OK(hada_fitter_judge_and_finish(fitter, show, &at, &model, &rows, &count, err));
+    ASSERT_OK(hada_fitter_learn_and_finish(fitter, show, &at, &model, &rows, &count, err));
     assert_int_equal(fitter->kept.count, HADA_FIT_KEPT);
     const size_t bytes = CHANNELS * fitter->grid.layout.count * 2 * sizeof(float);
     for (int k = 0; k < HADA_FIT_KEPT; k++) {

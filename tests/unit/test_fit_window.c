@@ -177,7 +177,7 @@ static void a_lower_weight_lowers_the_error_in_the_window(void **state)
             hada_fitter *fitter = fitter_of(f, weights[s], split ? HADA_FORM_SPLIT : HADA_FORM_COMPLEX);
             hada_model *model;
             shower at = {.f = f};
-            ASSERT_OK(hada_fitter_judge(fitter, show, &at, err));
+            ASSERT_OK(hada_fitter_learn_windowed(fitter, show, &at, err));
             assert_true(s ? at.shown % (DEPTHS * PAIRS) == 0 || at.shown > DEPTHS * PAIRS : at.shown == 0);
             assert_true(at.shown <= DEPTHS * PAIRS * HADA_FIT_ITERATIONS);
             ASSERT_OK(hada_fitter_finish(fitter, &model, NULL, NULL, err));
@@ -201,7 +201,7 @@ static void the_weight_is_chosen_on_held_out_pairs(void **state)
     size_t count;
     ASSERT_OK(hada_fitter_finish(fitter, &plain, NULL, NULL, err));
     shower at = {.f = f};
-    ASSERT_OK(hada_fitter_judge(fitter, show, &at, err));
+    ASSERT_OK(hada_fitter_learn_windowed(fitter, show, &at, err));
     ASSERT_OK(hada_fitter_finish(fitter, &first, &rows, &count, err));
     assert_int_equal(count, HADA_FIT_OUTSIDES);
     size_t chosen = count, best = 0;
@@ -218,13 +218,13 @@ static void the_weight_is_chosen_on_held_out_pairs(void **state)
     const size_t values = hada_model_plane(plain) * DEPTHS * CHANNELS * 2;
     assert_memory_equal(plain->otf, first->otf, values * sizeof(float));
     assert_int_equal(memcmp(plain->filter, first->filter, values * sizeof(float)) == 0, chosen == count - 1);
-    ASSERT_OK(hada_fitter_judge(fitter, show, &at, err));
+    ASSERT_OK(hada_fitter_learn_windowed(fitter, show, &at, err));
     ASSERT_OK(hada_fitter_finish(fitter, &second, NULL, NULL, err));
     assert_memory_equal(second->filter, first->filter, values * sizeof(float));
     /* a fixed weight of that size gives these filters too */
     hada_fitter *fixed = fitter_of(f, rows[chosen].outside, HADA_FORM_COMPLEX);
     hada_model_destroy(&second);
-    ASSERT_OK(hada_fitter_judge(fixed, show, &at, err));
+    ASSERT_OK(hada_fitter_learn_windowed(fixed, show, &at, err));
     ASSERT_OK(hada_fitter_finish(fixed, &second, NULL, NULL, err));
     assert_memory_equal(second->filter, first->filter, values * sizeof(float));
     hada_fitter_destroy(&fixed);
@@ -252,17 +252,17 @@ static void what_cannot_be_judged_is_refused(void **state)
         assert_null(fitter);
     }
     fitter = fitter_of(f, -1.0, HADA_FORM_COMPLEX);
-    assert_int_equal(hada_fitter_judge(fitter, NULL, NULL, &error), HADA_ERROR_ARGUMENT);
+    assert_int_equal(hada_fitter_learn_windowed(fitter, NULL, NULL, &error), HADA_ERROR_ARGUMENT);
     ASSERT_OK(hada_fitter_finish(fitter, &plain, NULL, NULL, err));
     shower swapped = {.f = f, .swap = 1};
-    assert_int_equal(hada_fitter_judge(fitter, show, &swapped, &error), HADA_ERROR_STATE);
+    assert_int_equal(hada_fitter_learn_windowed(fitter, show, &swapped, &error), HADA_ERROR_STATE);
     assert_non_null(strstr(error.message, "not those in its sums"));
     /* whenever showing fails, the fit is as it was */
     shower all = {.f = f};
-    ASSERT_OK(hada_fitter_judge(fitter, show, &all, err));
+    ASSERT_OK(hada_fitter_learn_windowed(fitter, show, &all, err));
     for (int at = 1; at <= all.shown; at += at < 12 ? 1 : 7) {
         shower refusing = {.f = f, .refuse_at = at};
-        assert_int_equal(hada_fitter_judge(fitter, show, &refusing, &error), HADA_ERROR_FILE_OPEN);
+        assert_int_equal(hada_fitter_learn_windowed(fitter, show, &refusing, &error), HADA_ERROR_FILE_OPEN);
     }
     ASSERT_OK(hada_fitter_finish(fitter, &after, NULL, NULL, err));
     const size_t values = hada_model_plane(plain) * DEPTHS * CHANNELS * 2;
@@ -282,7 +282,7 @@ static void single_pairs_are_left_alone(void **state)
     ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
     add_all(f, fitter, DEPTHS, 0, 1);
     shower at = {.f = f};
-    ASSERT_OK(hada_fitter_judge(fitter, show, &at, err));
+    ASSERT_OK(hada_fitter_learn_windowed(fitter, show, &at, err));
     assert_int_equal(at.shown, 0);
     assert_null(fitter->outside.filters);
     hada_fitter_destroy(&fitter);

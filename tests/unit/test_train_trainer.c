@@ -16,7 +16,7 @@ static void every_stage_learns(void **state)
         const int count = stage == HADA_STAGE_ADVERSARIAL ? 10 : 100;
         hada_train_options options = options_of(stage);
         options.steps = (uint64_t)count;
-        options.critic_steps = stage == HADA_STAGE_ADVERSARIAL ? 5 : 0;
+        options.discriminator_steps = stage == HADA_STAGE_ADVERSARIAL ? 5 : 0;
         hada_trainer *trainer = make(&options, 1);
         hada_validation first = {.size = sizeof first}, last = {.size = sizeof last};
         hada_step_report report = {.size = sizeof report};
@@ -25,9 +25,9 @@ static void every_stage_learns(void **state)
         for (int i = 0; i < count; i++) {
             ASSERT_OK(hada_trainer_step(trainer, &report, err));
             assert_int_equal(report.step, i + 1);
-            assert_int_equal(report.critic_only, (uint64_t)i < options.critic_steps);
+            assert_int_equal(report.discriminator_only, (uint64_t)i < options.discriminator_steps);
             assert_true(isfinite(report.loss) && report.norm > 0.0 && report.rate > 0.0);
-            critic = i ? critic : report.critic;
+            critic = i ? critic : report.discriminator;
         }
         ASSERT_OK(hada_trainer_validate(trainer, 0, &last, err));
         assert_int_equal(last.pairs, DEPTHS * HELD);
@@ -40,9 +40,10 @@ static void every_stage_learns(void **state)
         assert_true(last.sharpness_truth > 0.0 && last.mae > 0.0);
         assert_true(isnan(last.psnr_before) == (stage == HADA_STAGE_CONVENTIONAL));
         if (stage == HADA_STAGE_ADVERSARIAL)
-            assert_true(isfinite(report.critic) && report.critic != critic && isfinite(report.adversarial));
+            assert_true(isfinite(report.discriminator) && report.discriminator != critic &&
+                        isfinite(report.adversarial));
         else
-            assert_true(isnan(report.critic) && isnan(report.adversarial) && isnan(report.perceptual));
+            assert_true(isnan(report.discriminator) && isnan(report.adversarial) && isnan(report.perceptual));
         hada_trainer_destroy(&trainer);
     }
 }
@@ -125,7 +126,7 @@ static void new_nets_see_the_other_planes(void **state)
     hada_trainer_destroy(&trainer);
     options = options_of(HADA_STAGE_ADVERSARIAL);
     options.net_given = NULL;
-    options.critic = "conditional";
+    options.discriminator = "conditional";
     for (int composed = 0; composed < 2; composed++) { /* the net has two inputs whether scenes are composed or not */
         options.compose = 0.5 * composed;
         ASSERT_OK(hada_trainer_create(&trainer, f.whole, model, &pairs, &held, &options, err));

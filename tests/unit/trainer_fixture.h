@@ -178,7 +178,7 @@ static inline hada_train_options options_of(hada_stage stage)
     options.batch = 4;
     options.steps = 40;
     options.warmup = 2;
-    options.critic_steps = stage == HADA_STAGE_ADVERSARIAL ? 2 : 0;
+    options.discriminator_steps = stage == HADA_STAGE_ADVERSARIAL ? 2 : 0;
     options.random_start = stage == HADA_STAGE_FILTERS;
     options.filter_rate = stage == HADA_STAGE_JOINT ? 1e-5 : 5e-2;
     options.rate = 5e-3;

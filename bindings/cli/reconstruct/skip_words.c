@@ -55,7 +55,7 @@ json_t *hada_cli_skip_json(const hada_result *result)
     return json_pack("{s:o, s:o, s:f, s:i, s:i, s:b, s:f, s:f, s:b}", "kinds", list, "bound",
                      hada_cli_real(skipped->bound), "planes", 1.0 - computed, "depths", skipped->depths, "channels",
                      skipped->channels, "frame", skipped->frame, "frequencies", skipped->frequencies, "tiles",
-                     skipped->tiles, "again", skipped->again);
+                     skipped->tiles, "again", skipped->recomputed);
 }
 
 static void add(char *text, size_t size, const char *format, double value)
@@ -79,6 +79,6 @@ void hada_cli_skip_words(const hada_result *result, char *text, size_t size)
         add(text, size, "; half filters", 0);
     if (skipped->bound > 0 && isfinite(skipped->bound))
         add(text, size, "; at most %.2g %% change", 100 * skipped->bound);
-    if (skipped->again)
+    if (skipped->recomputed)
         add(text, size, "; done again in full", 0);
 }

@@ -198,7 +198,7 @@ static void take_rates(const settings *set, hada_train_options *how)
 {
     take_real(set->rate, &how->rate);
     take_real(set->filter_rate, &how->filter_rate);
-    take_real(set->critic_rate, &how->critic_rate);
+    take_real(set->critic_rate, &how->discriminator_rate);
     take_real(set->last_rate, &how->last_rate);
     take_real(set->clip, &how->clip);
     take_real(set->decay, &how->weight_decay);
@@ -258,9 +258,9 @@ static hada_status make_options(const settings *set, parts *of, hada_error *err)
         how->at_once = set->at_once;
     how->recompute = set->recompute;
     if (set->critic)
-        how->critic = set->critic;
+        how->discriminator = set->critic;
     take_count(set->batch, &how->batch);
-    take_steps(set->critic_steps, &how->critic_steps);
+    take_steps(set->critic_steps, &how->discriminator_steps);
     take_steps(set->steps, &how->steps);
     take_real(set->compose, &how->compose);
     take_rates(set, how);

@@ -117,7 +117,7 @@ typedef struct hada_skip_report {
     int frame;            /* 1: the result is that of the frame before */
     double frequencies;   /* share of the spectrum that was not used, 0 to 1 */
     double tiles;         /* share of the tiles of the enhancement net that was not computed */
-    int again;            /* 1: a bound did not hold when the result was known; the frame was done again in full */
+    int recomputed;       /* 1: a bound did not hold when the result was known; the frame was done again in full */
 } hada_skip_report;
 
 /* What happened, with the seconds of each stage. The library's own: later versions may append to it. */

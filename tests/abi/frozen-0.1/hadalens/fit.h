@@ -31,7 +31,7 @@ typedef struct hada_fit_options {
                                percentile */
     double alpha, lambda;   /* HADA_AUTO (default): chosen by leave-one-out */
     double outside;         /* weight of a filter's error outside the window, 0.01 to 1; HADA_AUTO (default): chosen by
-                               hada_fitter_judge(), without which it is 1 */
+                               hada_fitter_learn_windowed(), without which it is 1 */
     int refine_steps;       /* HADA_AUTO (default): chosen by leave-one-out; 0: none */
     double refine_tv;       /* weight of total variation in refinement; HADA_AUTO (default): chosen with the steps, none
                                where these are given; 0: none */
@@ -93,7 +93,7 @@ typedef hada_status (*hada_fit_show)(void *user, int depth, int64_t pair, const 
  * found. Pairs that are not those of the sums are refused (HADA_ERROR_STATE): sums from files cannot be judged without
  * their pairs. With options.outside = 1, or where nothing can be left out, no pair is shown and the exact fit stays.
  * While it runs it takes as much room on the device as 14 frames' spectra (6 with options.outside given). */
-HADA_API hada_status hada_fitter_judge(hada_fitter *fitter, hada_fit_show show, void *user, hada_error *err);
+HADA_API hada_status hada_fitter_learn_windowed(hada_fitter *fitter, hada_fit_show show, void *user, hada_error *err);
 
 /* A row of the leave-one-out table: mean PSNR in the window of held-out pairs (dB, peak 1) when only their depth is
  * occupied, and when one other depth is occupied as well (NaN for one depth); the latter counts the other depth's light
@@ -116,10 +116,10 @@ HADA_API hada_status hada_fitter_finish(hada_fitter *fitter, hada_model **out, h
 /* Frees the rows and clears the pointer; NULL is fine. */
 HADA_API void hada_fit_rows_destroy(hada_fit_row **rows);
 
-/* The same with hada_fitter_judge() before it, where that serves: where options.outside is given, or the linear filters
+/* The same with hada_fitter_learn_windowed() before it, where that serves: where options.outside is given, or the linear filters
  * are what the model will use. Judging gains a decibel or two and takes most of the time of a fit, so where refinement,
  * which does without the filters, is found to lead by more than that, it is left out. */
-HADA_API hada_status hada_fitter_judge_and_finish(hada_fitter *fitter, hada_fit_show show, void *user, hada_model **out,
+HADA_API hada_status hada_fitter_learn_and_finish(hada_fitter *fitter, hada_fit_show show, void *user, hada_model **out,
                                                   hada_fit_row **rows, size_t *row_count, hada_error *err);
 
 #ifdef __cplusplus

@@ -62,10 +62,10 @@ typedef struct hada_plan_options {
                                      report; 0 (default): such a frame is refused */
     int half;                     /* 1: filters on the device in half precision */
     int enhance;                  /* 1 (default): planes go through the model's net, where it has one; 0: not */
-    int batch;                    /* depths at once; HADA_AUTO (default) or 0: chosen from the memory */
+    int batch;                    /* depths at once; 0: chosen from the memory */
     double gamma;                 /* exponent on the finished images; 1 (default): linear */
     int queues;                   /* frames or batches in flight on each device, each on a queue of its own with its
-                                     own memory; HADA_AUTO (default) or 0: 1 */
+                                     own memory; 0: 1 */
     unsigned skip;                /* HADA_SKIP_... that may be used; HADA_SKIP_ALL by default, 0: none (a dense run) */
     double max_error; /* the largest relative L2 change of the stack (before gamma) against the dense run, below 1;
                          0 (default): only what is exact */
@@ -104,7 +104,7 @@ typedef struct hada_skip_report {
     int frame;            /* 1: the result is that of the frame before */
     double frequencies;   /* share of the spectrum that was not used, 0 to 1 */
     double tiles;         /* share of the tiles of the enhancement net that was not computed */
-    int again;            /* 1: a bound did not hold when the result was known; the frame was done again in full */
+    int recomputed;       /* 1: a bound did not hold when the result was known; the frame was done again in full */
 } hada_skip_report;
 
 /* What happened, with the seconds of each stage. The library's own: later versions may append to it. */

@@ -88,7 +88,7 @@ typedef struct hada_train_options {
     const char *net;  /* preset of a new net ("compact", "paper"), used where the model has none or `new_net` is 1 */
     const hada_net *net_given; /* instead of a preset; copied; NULL: none */
     int new_net;
-    const char *critic; /* preset of the discriminator: "patch" (default) sees the image patch by patch at the window's
+    const char *discriminator; /* preset of the discriminator: "patch" (default) sees the image patch by patch at the window's
                            own size, "conditional" the plane beside it, "paper" the whole image at 256 x 256 */
     int net_rows, net_cols; /* size at which the net runs; 0, 0: the window's */
 
@@ -99,7 +99,7 @@ typedef struct hada_train_options {
                        HADA_AUTO (default): chosen from the memory */
     int recompute;  /* 1: keep less for backward, compute it again */
     hada_rule rule; /* HADA_RULE_RMSPROP is the paper's */
-    double rate, filter_rate, critic_rate; /* of the net, the filters (HADA_AUTO: 0.1 for a random start, else 1e-3),
+    double rate, filter_rate, discriminator_rate; /* of the net, the filters (HADA_AUTO: 0.1 for a random start, else 1e-3),
                                               the discriminator (HADA_AUTO: 3e-4 for "paper", else 1e-3) */
     hada_rate schedule;
     double last_rate;      /* COSINE: at the end, as a share of the rate; STEP: factor after each period */
@@ -107,7 +107,7 @@ typedef struct hada_train_options {
     uint64_t warmup;       /* steps in which the rate rises from a tenth */
     double clip;           /* largest norm of a step's gradient; 0: as it is */
     double weight_decay;   /* ADAMW */
-    uint64_t critic_steps; /* steps (of `steps`) of the discriminator alone, before the first of the net */
+    uint64_t discriminator_steps; /* steps (of `steps`) of the discriminator alone, before the first of the net */
 
     /* losses: weights; those of the paper's code by default: 1.5, 0.1, 8e-3, 5e-7, but ADVERSARIAL with another
        discriminator than "paper" 2e-3 (adversarial HADA_AUTO, as it is set up: that default); JOINT: adversarial 0, and
@@ -154,10 +154,10 @@ typedef struct hada_step_report {
     uint64_t step;                                  /* steps done, with this one */
     double loss;                                    /* sum of the weighted terms, mean over the pairs of the step */
     double mse, perceptual, adversarial, variation; /* the weighted terms; NaN where a term is off */
-    double critic;                                  /* loss of the discriminator; NaN without one */
+    double discriminator;                                  /* loss of the discriminator; NaN without one */
     double norm;                                    /* of the gradient before clipping */
     double rate;                                    /* of this step */
-    int critic_only;                                /* 1: a step of the discriminator alone */
+    int discriminator_only;                                /* 1: a step of the discriminator alone */
     int rolled_back; /* 1: loss or gradient were not finite: parameters went back to the last good ones, the rate was
                         halved for what follows; step is where it goes on */
     double seconds;

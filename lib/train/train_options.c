@@ -29,7 +29,7 @@ int hada_stage_keeps(const hada_augment *augment)
 }
 
 /* The share of scenes of several depths where the caller does not say (docs/training.md). */
-#define COMPOSED 0.3
+#define COMPOSED 0.15
 
 void hada_train_options_defaults(hada_train_options *options, size_t size, hada_stage stage)
 {

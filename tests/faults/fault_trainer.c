@@ -70,6 +70,7 @@ static hada_status train(fault_job *job, hada_context *const *contexts, int coun
     hada_trainer *trainer;
     hada_train_options_init(&options, stage);
     options.net_given = net;
+    options.compose = stage == HADA_STAGE_JOINT ? 0.0 : 0.5;
     options.batch = count == 1 ? 2 : 3;
     hada_augment_init(&augment);
     augment.noise = stage == HADA_STAGE_JOINT ? 0.01 : 0.0;

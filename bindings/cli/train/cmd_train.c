@@ -67,7 +67,7 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_REAL, "exposure", 0, "SHARE", "scale pairs by a factor from 1 - SHARE to 1 + SHARE", NULL,
      AT(exposure)},
     {HADA_OPTION_REAL, "compose", 0, "SHARE",
-     "enhance, adversarial: share of pairs that become scenes of several depths (default: 0.3)",
+     "enhance, adversarial: share of pairs that become scenes of several depths (default: 0.15)",
      "Parts of a pair's scene are moved to other depths or replaced, and its frame is changed by what the model says "
      "that this makes. 0 where the model has no transfer functions, or a single depth.",
      AT(compose)},

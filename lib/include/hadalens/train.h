@@ -122,7 +122,7 @@ typedef struct hada_train_options {
     double compose; /* ENHANCE and ADVERSARIAL: the share of pairs that become scenes of several depths: parts of their
                        scene are moved to other depths or replaced, and the captured frame is changed by what the model
                        says that this makes of it. Planes are then refined together, as reconstruction does. 0: none;
-                       HADA_AUTO (default): 0.3 where the model has transfer functions and several depths, else 0 */
+                       HADA_AUTO (default): 0.15 where the model has transfer functions and several depths, else 0 */
 } hada_train_options;
 HADA_API void hada_train_options_defaults(hada_train_options *options, size_t size, hada_stage stage);
 static inline void hada_train_options_init(hada_train_options *options, hada_stage stage)

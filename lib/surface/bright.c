@@ -8,7 +8,7 @@
 #include "core/alloc.h"
 
 /* So many that noise averages out, and so few that a search over them takes well below a second. */
-#define POINTS 4000
+#define POINTS 2000
 /* Pixels below so many standard deviations of the noise are left out, unless fewer than FEWEST remain. */
 #define ABOVE_NOISE 3.0
 #define FEWEST      500

@@ -14,10 +14,12 @@
  * microscopes a few times farther. Below 0: optics in front of the mask that turn the order round. */
 #define MASK_LOW  (-0.5)
 #define MASK_HIGH 4.0
-/* Places of the axis, and magnifications of a pair: pixels that they move light at the edge between neighbours. */
-#define REACH 4.0
+/* Places of the axis, and magnifications of a pair: pixels that they move light at the edge between neighbours; then
+ * half of that, and again, to the last. */
+#define REACH      4.0
+#define LAST_REACH 1.0
 /* A search ends with this part of its step. */
-#define PRECISION 0.01
+#define PRECISION 0.03
 /* Pairs of depths are compared from which light at the edge has moved by so many pixels: what learned PSFs have wrong
  * alike, at the same place, then no longer correlates. */
 #define APART 4.0
@@ -226,7 +228,7 @@ static void fit_law(fit *f)
     double pixel = 1.0 / gap, a = pixel / m->edge;
     const double nearest = 1.0 / m->inverse[0];
     improve(f, law_objective, p, 0, MASK_LOW * nearest, MASK_HIGH * nearest, SEARCH_STEP * a);
-    for (double reach = REACH; reach >= SEARCH_STEP; reach /= 2.0) {
+    for (double reach = REACH; reach >= LAST_REACH; reach /= 2.0) {
         improve(f, law_objective, p, 1, p[1] - reach * pixel, p[1] + reach * pixel, SEARCH_STEP * pixel);
         improve(f, law_objective, p, 2, p[2] - reach * pixel, p[2] + reach * pixel, SEARCH_STEP * pixel);
         improve(f, law_objective, p, 0, fmax(p[0] - reach * a, MASK_LOW * nearest), p[0] + reach * a, SEARCH_STEP * a);
@@ -250,7 +252,7 @@ static void fit_free(fit *f)
         const hada_magnified law = hada_magnified_between(&m->depth[k], &m->depth[k + 1]);
         double p[3] = {(law.scale - 1.0) * m->edge, law.row, law.col};
         f->pair = k;
-        for (double reach = REACH; reach >= SEARCH_STEP; reach /= 4.0)
+        for (double reach = REACH; reach >= LAST_REACH; reach /= 2.0)
             for (int i = 0; i < 3; i++)
                 improve(f, free_objective, p, i, p[i] - reach, p[i] + reach, SEARCH_STEP);
         const hada_magnified by = free_pair(f, p);

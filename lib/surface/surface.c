@@ -39,8 +39,8 @@ struct hada_surface {
 void hada_surface_rule_init(hada_surface_rule *rule)
 {
     *rule = (hada_surface_rule){.first_steps = 100,
-                                .band_steps = 40,
-                                .texture_steps = 20,
+                                .band_steps = 80,
+                                .texture_steps = 12,
                                 .floor = 0.003,
                                 .variation = 0.0075,
                                 .texture_variation = 0.08};

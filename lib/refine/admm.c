@@ -22,6 +22,10 @@ void hada_refine_rule_init(hada_refine_rule *rule)
 #define PARTING_RELAXATION 1.95
 enum { PARTING_STEPS = 7 };
 
+/* A single depth has nothing to part from: rho grows to this many times what several bear, by this a step. */
+#define ALONE_RHO    3.0
+#define ALONE_GROWTH 1.2
+
 void hada_refine_rule_weigh(hada_refine_rule *rule, const hada_model_info *info, const hada_refine_weights *weights,
                             int depths, double gain, double mean_square)
 {
@@ -32,11 +36,17 @@ void hada_refine_rule_weigh(hada_refine_rule *rule, const hada_model_info *info,
     /* so faint that the step on the dual would leave single precision: black */
     if (!(rule->tv / rule->rho > 1e-36))
         rule->tv = 0.0;
-    if (rule->tv > 0.0 && depths > 1) {
+    if (!(rule->tv > 0.0))
+        return;
+    if (depths > 1) {
         rule->first_relaxation = PARTING_RELAXATION;
         rule->first_steps = PARTING_STEPS;
+    } else {
+        rule->first_rho = rule->rho;
+        rule->growth = ALONE_GROWTH;
+        rule->rho *= ALONE_RHO;
     }
-    if (rule->tv > 0.0 && info->boundary == HADA_BOUNDARY_PADDED) {
+    if (info->boundary == HADA_BOUNDARY_PADDED) {
         rule->first_rho = CROPPED_FIRST_RHO * gain;
         rule->growth = CROPPED_GROWTH;
     }

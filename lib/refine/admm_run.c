@@ -3,6 +3,9 @@
 
 #include "refine/admm_steps.h"
 
+/* After first steps of another relaxation: while depths part, the residual may stand still. */
+enum { SETTLING_STEPS = 5 };
+
 static hada_status check_run(const hada_refine_run *r, const int *list, hada_error *err)
 {
     const hada_refine_shape *shape = &r->refiner->shape;
@@ -110,6 +113,7 @@ hada_status hada_refiner_run(hada_refiner *refiner, const hada_refine_data *data
 {
     hada_refine_run r;
     int count = 0, read = 0;
+    const int least = rule->first_steps > 0 ? rule->first_steps + SETTLING_STEPS : 0;
     hada_status status = HADA_OK;
     HADA_TRY(begin(&r, refiner, data, sets, depths, list, err));
     HADA_TRY(check_rule(refiner, rule, err));
@@ -120,7 +124,7 @@ hada_status hada_refiner_run(hada_refiner *refiner, const hada_refine_data *data
         const int known = r.padded ? count + 1 : count;
         HADA_TRY(read_energies(&r, rule, read, known, err));
         read = known;
-        if (rule->stop > 0.0 && read >= 4 && converged(refiner, sets, read - 1, rule->stop) &&
+        if (rule->stop > 0.0 && count >= least && read >= 4 && converged(refiner, sets, read - 1, rule->stop) &&
             converged(refiner, sets, read - 2, rule->stop))
             break;
     }

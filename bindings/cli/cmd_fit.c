@@ -57,7 +57,8 @@ static const hada_cli_option options[] = {
      "(default) or matched, their Eq. 2.",
      ONE_OF(form, HADA_FORM_COMPLEX, HADA_FORM_SPLIT, HADA_FORM_MATCHED, HADA_FORM_WIENER)},
     {HADA_OPTION_CHOICE, "boundary", 0, "circular|padded", "whether light beyond the sensor comes back in, or is lost",
-     "Without it: what camera.json says; without that, padded, as on a real sensor.",
+     "Without it: circular where camera.json says so, else found from the pairs, with the smallest grid that serves. "
+     "padded: on a grid that holds all light.",
      ONE_OF(boundary, HADA_BOUNDARY_CIRCULAR, HADA_BOUNDARY_PADDED)},
     {HADA_OPTION_SIZE, "window", 0, "HxW", "field of view, where the scenes or the PSF are as large as the frame", NULL,
      AT(window)},

@@ -239,27 +239,50 @@ done:
     return status;
 }
 
-hada_status hada_fit_cropped_pair(hada_fit_cropped *own, cl_mem raw, cl_mem scene_spectrum, hada_error *err)
+/* What transfer functions leave of a frame, in own->frame; its squares are added to the partial sums. */
+static hada_status subtract(hada_fit_cropped *own, const hada_buffer *transfers, cl_mem raw, cl_mem scene_spectrum,
+                            hada_error *err)
 {
     const hada_fit_grid *grid = own->grid;
     const int channels = grid->info.channels;
-    const hada_fft_filter model = {
-        .product = HADA_FFT_COMPLEX, .filter = own->transfers.mem, .spectrum_count = channels};
-    const size_t vectors = hada_divide_up((size_t)channels * grid->layout.count, HADA_FIT_VECTOR);
-    const hada_range range = hada_range_of(vectors, GROUP, 1, 1);
+    const hada_fft_filter model = {.product = HADA_FFT_COMPLEX, .filter = transfers->mem, .spectrum_count = channels};
     const size_t local = grid->slot->context->shape == HADA_SHAPE_LANES ? 1 : 32;
     const hada_range chunks = hada_range_of(own->chunks, local, (size_t)channels, 1);
-    const double values = (double)vectors * HADA_FIT_VECTOR, all = (double)channels * (double)own->pixels;
+    const double all = (double)channels * (double)own->pixels;
     hada_status status = HADA_OK;
     HADA_TRY(hada_fft_inverse(own->inverse, channels, scene_spectrum, 0, own->frame.mem, 0, &model, err));
     hada_slot_cost(grid->slot, 12.0 * all, 3.0 * all);
     HADA_TRY(hada_launch_fit_remain(grid->slot, HADA_PROGRAM_FIT_CROPPED_DEFAULT, &chunks, err, .e = own->frame.mem,
                                     .b = raw, .out = own->partial.mem, .pixels = own->pixels, .chunks = own->chunks));
+done:
+    return status;
+}
+
+hada_status hada_fit_cropped_pair(hada_fit_cropped *own, cl_mem raw, cl_mem scene_spectrum, hada_error *err)
+{
+    const hada_fit_grid *grid = own->grid;
+    const int channels = grid->info.channels;
+    const size_t vectors = hada_divide_up((size_t)channels * grid->layout.count, HADA_FIT_VECTOR);
+    const hada_range range = hada_range_of(vectors, GROUP, 1, 1);
+    const double values = (double)vectors * HADA_FIT_VECTOR;
+    hada_status status = HADA_OK;
+    HADA_TRY(subtract(own, &own->transfers, raw, scene_spectrum, err));
     HADA_TRY(hada_fft_forward(own->pair->raw_fft, channels, own->frame.mem, 0, own->pair->raw_spectrum.mem, 0, err));
     hada_slot_cost(grid->slot, 32.0 * values, 10.0 * values);
     HADA_TRY(hada_launch_fit_gather(grid->slot, HADA_PROGRAM_FIT_WINDOW_DEFAULT, &range, err,
                                     .g = own->pair->raw_spectrum.mem, .b = scene_spectrum, .sum = own->filled.mem,
                                     .vectors = vectors));
+done:
+    return status;
+}
+
+hada_status hada_fit_cropped_explain(hada_fit_cropped *own, cl_mem raw, cl_mem scene_spectrum, double *left,
+                                     hada_error *err)
+{
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_buffer_clear(&own->partial, own->grid->slot, 0, own->partial.bytes, err));
+    HADA_TRY(subtract(own, &own->result, raw, scene_spectrum, err));
+    HADA_TRY(read_left(own, left, err));
 done:
     return status;
 }

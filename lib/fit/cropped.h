@@ -47,6 +47,10 @@ hada_status hada_fit_cropped_pair(hada_fit_cropped *cropped, cl_mem raw, cl_mem 
 hada_status hada_fit_cropped_end(hada_fit_cropped *cropped, const double *raw_energy, double *noise,
                                  const hada_buffer **transfers, hada_error *err);
 
+/* After the end: the sum of squares that the transfer functions leave of a frame. */
+hada_status hada_fit_cropped_explain(hada_fit_cropped *cropped, cl_mem raw, cl_mem scene_spectrum, double *left,
+                                     hada_error *err);
+
 /* Of the last pass: the sum of squares of what the model left, over all pairs, per channel. */
 const double *hada_fit_cropped_left(const hada_fit_cropped *cropped);
 

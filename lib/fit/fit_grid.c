@@ -38,6 +38,10 @@ hada_status hada_fit_info(hada_model_info *info, const hada_fit_options *options
                                                                                      : options->scene_response};
     HADA_TRY(hada_model_set_sizes(info, options->raw_rows, options->raw_cols, options->window_rows,
                                   options->window_cols, err));
+    if (options->boundary == HADA_BOUNDARY_PADDED && options->grid_rows && options->grid_cols) {
+        info->grid_rows = options->grid_rows;
+        info->grid_cols = options->grid_cols;
+    }
     HADA_TRY(hada_model_info_check(info, err));
 done:
     return status;

@@ -151,11 +151,6 @@ static hada_status clip(hada_nonnegative *plan, int channels, hada_fit_clip_rule
                                 .v = plan->state.mem, .rule = rule, .vectors = vectors);
 }
 
-static hada_status guess(hada_nonnegative *plan, int channels, hada_error *err)
-{
-    return hada_fft_forward(plan->forward, channels, plan->image.mem, 0, plan->spectrum.mem, 0, err);
-}
-
 hada_status hada_nonnegative_step(hada_nonnegative *plan, int channels, const hada_nonnegative_data *data,
                                   const hada_nonnegative_weights *at, cl_mem out, hada_error *err)
 {
@@ -166,7 +161,18 @@ hada_status hada_nonnegative_step(hada_nonnegative *plan, int channels, const ha
     HADA_TRY(blend(plan, channels, data, at->weight, NULL, !at->start, transfers, 0, err));
     HADA_TRY(hada_fft_inverse(plan->inverse, channels, transfers, 0, plan->image.mem, 0, NULL, err));
     HADA_TRY(clip(plan, channels, rule, err));
-    HADA_TRY(guess(plan, channels, err));
+    HADA_TRY(hada_fft_forward(plan->forward, channels, plan->image.mem, 0, plan->spectrum.mem, 0, err));
+done:
+    return status;
+}
+
+/* The image, or (last 0) the guess of a step to come, as the plan's spectra: without relaxation the state stays. */
+static hada_status bring_out(hada_nonnegative *plan, int channels, int last, hada_error *err)
+{
+    const hada_fit_clip_rule rule = {.relaxation = 0.0f, .dual_scale = 1.0f, .last = last};
+    hada_status status = HADA_OK;
+    HADA_TRY(clip(plan, channels, rule, err));
+    HADA_TRY(hada_fft_forward(plan->forward, channels, plan->image.mem, 0, plan->spectrum.mem, 0, err));
 done:
     return status;
 }
@@ -174,15 +180,10 @@ done:
 hada_status hada_nonnegative_end(hada_nonnegative *plan, int channels, const hada_nonnegative_data *data,
                                  const double *trust, cl_mem out, size_t at, hada_error *err)
 {
-    /* without relaxation the state stays, and what comes out is its non-negative part */
-    hada_fit_clip_rule rule = {.relaxation = 0.0f, .dual_scale = 1.0f, .last = 1};
     hada_status status = HADA_OK;
-    HADA_TRY(clip(plan, channels, rule, err));
-    HADA_TRY(guess(plan, channels, err));
+    HADA_TRY(bring_out(plan, channels, 1, err));
     HADA_TRY(blend(plan, channels, data, 1.0, trust, 1, out, at, err));
-    rule.last = 0; /* the guess of a step to come */
-    HADA_TRY(clip(plan, channels, rule, err));
-    HADA_TRY(guess(plan, channels, err));
+    HADA_TRY(bring_out(plan, channels, 0, err));
 done:
     return status;
 }

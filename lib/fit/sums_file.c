@@ -333,7 +333,6 @@ enum { MOST_IMAGES = 100000 };
 
 hada_status hada_fit_sums_camera(const hada_tensors *file, const char *path, hada_fit_options *options, hada_error *err)
 {
-    int grid_rows, grid_cols;
     char boundary[16];
     const char *sizes = hada_tensors_meta(file, "sizes");
     const hada_stored_tensor *sums = hada_tensors_find(file, "sums"),
@@ -344,7 +343,7 @@ hada_status hada_fit_sums_camera(const hada_tensors *file, const char *path, had
         sums->shape[0] < 1 || sums->shape[0] > MOST_IMAGES || sums->shape[1] < 1 || sums->shape[1] > MOST_IMAGES)
         return damaged(path, err);
     if (sscanf(sizes, "raw %dx%d, window %dx%d, grid %dx%d, %15s", &options->raw_rows, &options->raw_cols,
-               &options->window_rows, &options->window_cols, &grid_rows, &grid_cols, boundary) != 7)
+               &options->window_rows, &options->window_cols, &options->grid_rows, &options->grid_cols, boundary) != 7)
         return damaged(path, err);
     options->depths = (int)sums->shape[0];
     options->channels = (int)sums->shape[1];
@@ -354,6 +353,21 @@ hada_status hada_fit_sums_camera(const hada_tensors *file, const char *path, had
     if (!options->boundary)
         return damaged(path, err);
     return options->scene_response == HADA_AUTO ? response_of(file, path, &options->scene_response, err) : HADA_OK;
+}
+
+hada_status hada_fit_sums_grid(const char *path, hada_fit_options *options, hada_error *err)
+{
+    hada_fit_options own = *options;
+    hada_tensors *file = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_tensors_open(&file, path, err));
+    HADA_TRY(hada_fit_sums_camera(file, path, &own, err));
+    options->boundary = own.boundary;
+    options->grid_rows = own.grid_rows;
+    options->grid_cols = own.grid_cols;
+done:
+    hada_tensors_close(&file);
+    return status;
 }
 
 hada_status hada_fit_sums_response(const char *path, double *response, hada_error *err)

@@ -19,4 +19,7 @@ hada_status hada_fit_sums_response(const char *path, double *response, hada_erro
 hada_status hada_fit_sums_camera(const hada_tensors *file, const char *path, hada_fit_options *options,
                                  hada_error *err);
 
+/* Its boundary and grid alone, into options. */
+hada_status hada_fit_sums_grid(const char *path, hada_fit_options *options, hada_error *err);
+
 #endif

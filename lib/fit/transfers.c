@@ -282,19 +282,16 @@ done:
     return status;
 }
 
-static hada_status make_room(passes *with, hada_fit_transfers *out, hada_error *err)
+static hada_status make_room(passes *with, hada_error *err)
 {
     const hada_fit_grid *grid = with->sums->grid;
     const hada_model_info *info = &grid->info;
-    const size_t channels = (size_t)info->channels, images = (size_t)info->depths * channels;
+    const size_t channels = (size_t)info->channels;
     hada_status status = HADA_OK;
     HADA_TRY(hada_alloc((void **)&with->scene_energy, channels, sizeof(double), "a fit", err));
     HADA_TRY(hada_alloc((void **)&with->noise, channels, sizeof(double), "a fit", err));
     HADA_TRY(hada_alloc((void **)&with->energy, channels, sizeof(double), "a fit", err));
     HADA_TRY(hada_alloc_raw((void **)&with->blocks, 2 * grid->stride, sizeof(float), "a transfer function", err));
-    HADA_TRY(hada_alloc((void **)&out->noise, images, sizeof(double), "transfer functions", err));
-    HADA_TRY(hada_alloc_raw((void **)&out->otf, images * hada_model_info_plane(info) * 2, sizeof(float),
-                            "transfer functions", err));
     HADA_TRY(
         hada_nonnegative_create(&with->nonnegative, grid->slot, info->grid_rows, info->grid_cols, info->channels, err));
     HADA_TRY(hada_fit_cropped_create(&with->cropped, with->sums, with->pair, with->nonnegative, err));
@@ -302,24 +299,58 @@ done:
     return status;
 }
 
+static void free_room(passes *with)
+{
+    hada_fit_cropped_destroy(&with->cropped);
+    hada_nonnegative_destroy(&with->nonnegative);
+    free(with->scene_energy);
+    free(with->noise);
+    free(with->energy);
+    free(with->blocks);
+}
+
 hada_status hada_fit_transfers_learn(hada_fit_transfers *out, hada_fit_sums *sums, hada_fit_pair *pair,
                                      hada_fit_kept *kept, int count, hada_fit_show show, void *user, hada_error *err)
 {
+    const hada_model_info *info = &sums->grid->info;
+    const size_t images = (size_t)info->depths * (size_t)info->channels;
     passes with = {.sums = sums, .pair = pair, .kept = kept, .show = show, .user = user};
     hada_status status = HADA_OK;
     *out = (hada_fit_transfers){0};
-    HADA_TRY(make_room(&with, out, err));
-    for (int z = 0; z < sums->grid->info.depths; z++)
+    HADA_TRY(make_room(&with, err));
+    HADA_TRY(hada_alloc((void **)&out->noise, images, sizeof(double), "transfer functions", err));
+    HADA_TRY(hada_alloc_raw((void **)&out->otf, images * hada_model_info_plane(info) * 2, sizeof(float),
+                            "transfer functions", err));
+    for (int z = 0; z < info->depths; z++)
         if (sums->depth[z].pairs)
             HADA_TRY(learn_depth(&with, z, count, out, err));
 done:
-    hada_fit_cropped_destroy(&with.cropped);
-    hada_nonnegative_destroy(&with.nonnegative);
-    free(with.scene_energy);
-    free(with.noise);
-    free(with.energy);
-    free(with.blocks);
+    free_room(&with);
     if (status)
         hada_fit_transfers_free(out);
+    return status;
+}
+
+hada_status hada_fit_transfers_left(hada_fit_sums *sums, hada_fit_pair *pair, int count, int held, hada_fit_show show,
+                                    void *user, double *left, hada_error *err)
+{
+    hada_fit_kept none = {0};
+    passes with = {.sums = sums, .pair = pair, .kept = &none, .show = show, .user = user};
+    const hada_buffer *transfers = NULL;
+    double of = 0.0;
+    hada_status status = HADA_OK;
+    *left = 0.0;
+    HADA_TRY(make_room(&with, err));
+    HADA_TRY(open_depth(&with, 0, err));
+    HADA_TRY(solve(&with, 0, count, 0, &transfers, err));
+    for (int k = 0; k < held; k++) {
+        HADA_TRY(bring(&with, with.count + k, err));
+        HADA_TRY(upload(&with, &pair->raw, &pair->scene_spectrum, err));
+        HADA_TRY(hada_fit_cropped_explain(with.cropped, pair->raw.mem, pair->scene_spectrum.mem, &of, err));
+        *left += of;
+    }
+done:
+    release(&with);
+    free_room(&with);
     return status;
 }

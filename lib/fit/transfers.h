@@ -18,4 +18,9 @@ hada_status hada_fit_transfers_learn(hada_fit_transfers *out, hada_fit_sums *sum
                                      hada_fit_kept *kept, int passes, hada_fit_show show, void *user, hada_error *err);
 void hada_fit_transfers_free(hada_fit_transfers *transfers);
 
+/* What is left of the frames of `held` pairs that are not in the sums, of the first depth alone, whose pairs are: their
+ * number and those that follow. */
+hada_status hada_fit_transfers_left(hada_fit_sums *sums, hada_fit_pair *pair, int passes, int held, hada_fit_show show,
+                                    void *user, double *left, hada_error *err);
+
 #endif

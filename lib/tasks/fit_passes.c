@@ -78,6 +78,7 @@ typedef struct shown {
     const char *why;
     hada_progress progress; /* once one is shown */
     hada_image raw, scene;
+    int depth, number; /* of it */
 } shown;
 
 static hada_status show(void *user, int depth, int64_t number, const hada_image **raw, const hada_image **scene,
@@ -89,6 +90,8 @@ static hada_status show(void *user, int depth, int64_t number, const hada_image 
         at->progress = hada_progress_begin(at->from->monitor, at->why, 0);
     hada_image_destroy(&at->raw);
     hada_image_destroy(&at->scene);
+    at->depth = depth;
+    at->number = (int)number;
     HADA_TRY(read_even(at->from, depth, (int)number, &at->raw, &at->scene, err));
     HADA_TRY(hada_progress_step(&at->progress, NULL, err));
     *raw = &at->raw;
@@ -103,6 +106,31 @@ static void show_end(shown *at)
         hada_progress_end(&at->progress);
     hada_image_destroy(&at->raw);
     hada_image_destroy(&at->scene);
+}
+
+/* What is wrong with a pair that could be read is said without its name. */
+static hada_status name_pair(const shown *at, hada_status status, hada_error *err)
+{
+    if (status == HADA_ERROR_NOT_FINITE || status == HADA_ERROR_SIZE || status == HADA_ERROR_NUMERIC)
+        hada_error_prefix(err, "%s and %s: ", hada_dataset_raw_path(at->from->data, at->depth, at->number),
+                          hada_dataset_scene_path(at->from->data, at->depth, at->number));
+    return status;
+}
+
+hada_status hada_fit_pass_boundary(hada_fit_options *fit, hada_context *context, const hada_fit_source *from,
+                                   hada_error *err)
+{
+    shown at = {.from = from, .why = "looks at pairs, for the boundary"};
+    const hada_status status =
+        hada_fit_find_boundary(fit, context, hada_dataset_get_info(from->data)->counts, show, &at, err);
+    show_end(&at);
+    if (status)
+        return name_pair(&at, status, err);
+    if (fit->boundary == HADA_BOUNDARY_CIRCULAR)
+        hada_monitor_tell(from->monitor, HADA_MESSAGE_DETAIL, "no light leaves the sensor: boundary circular");
+    else
+        hada_monitor_tell(from->monitor, HADA_MESSAGE_DETAIL, "light leaves the sensor: boundary padded");
+    return HADA_OK;
 }
 
 hada_status hada_fit_pass_learn_cropped(hada_fitter *fitter, const hada_fit_source *from, hada_error *err)

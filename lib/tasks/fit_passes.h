@@ -18,6 +18,10 @@ typedef struct hada_fit_source {
 hada_status hada_fit_pass_survey(hada_survey **out, const hada_fit_source *from, const hada_fit_options *fit,
                                  hada_exposure exposure, hada_error *err);
 
+/* Whether light leaves the sensor, and on which grid to fit (hada_fit_find_boundary()); a note says what was found. */
+hada_status hada_fit_pass_boundary(hada_fit_options *fit, hada_context *context, const hada_fit_source *from,
+                                   hada_error *err);
+
 /* First pass: all pairs into the sums. */
 hada_status hada_fit_pass_add(hada_fitter *fitter, const hada_fit_source *from, hada_error *err);
 

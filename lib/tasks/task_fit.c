@@ -185,6 +185,16 @@ done:
     return status;
 }
 
+/* The boundary where neither the caller nor the camera says that it is circular; sums to be added say theirs. */
+static hada_status find_boundary(learning *of, hada_context *context, hada_error *err)
+{
+    if (of->task.boundary || of->fit.boundary == HADA_BOUNDARY_CIRCULAR)
+        return HADA_OK;
+    if (of->task.merge_count)
+        return hada_fit_sums_grid(of->task.merge[0], &of->fit, err);
+    return hada_fit_pass_boundary(&of->fit, context, &of->from, err);
+}
+
 static hada_status learn_pairs(learning *of, hada_context *context, hada_model **out, hada_error *err)
 {
     const hada_fit_task *task = &of->task;
@@ -193,6 +203,7 @@ static hada_status learn_pairs(learning *of, hada_context *context, hada_model *
     tell_data(of);
     HADA_TRY(hada_fit_options_from_dataset(&of->fit, of->data, task->boundary, monitor, err));
     HADA_TRY(survey(of, err));
+    HADA_TRY(find_boundary(of, context, err));
     HADA_TRY(hada_fitter_create(&of->fitter, context, &of->fit, err));
     hada_monitor_tell(monitor, HADA_MESSAGE_DETAIL, "the sums take %.1f MiB on the device",
                       (double)hada_fitter_bytes(of->fitter) / (1024.0 * 1024.0));

@@ -174,13 +174,15 @@ static hada_status find_model(training *own, hada_context *context, hada_error *
     HADA_TRY(survey(own, &fit, err));
     if (own->model)
         return HADA_OK;
+    const hada_fit_source from = {.data = own->learn, .survey = own->survey, .monitor = task->monitor};
+    if (!task->boundary && fit.boundary == HADA_BOUNDARY_PADDED)
+        HADA_TRY(hada_fit_pass_boundary(&fit, context, &from, err));
     if (blank) {
         HADA_TRY(hada_model_blank(&own->made, &fit, err));
     } else { /* training goes on from the filters, so they are not judged in the window */
         hada_monitor_tell(task->monitor, HADA_MESSAGE_INFO,
                           "No model is given (options.model): the exact fit of the %d pairs to learn from comes first.",
                           own->work.state.learned);
-        const hada_fit_source from = {.data = own->learn, .survey = own->survey, .monitor = task->monitor};
         HADA_TRY(hada_fit_exact(&own->made, context, &fit, &from, err));
     }
     own->model = own->made;

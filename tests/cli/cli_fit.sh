@@ -46,6 +46,9 @@ expect 2 '0.01' fit "$camera" -o x --outside 0.001
 expect 0 '' fit "$camera" -o cropped.model --boundary padded --refine 0 --outside 1
 expect 0 '' fit "$camera" -o once.model --boundary padded --refine 0 --outside 1 --crop-passes 0
 cmp -s cropped.model once.model && fail '--crop-passes 0 changed nothing'
+copy && rm set/camera.json
+expect 0 'circular' fit set -o found.model --refine 0 --outside 1 # nothing leaves the sensor
+cmp -s found.model exact.model || fail 'the boundary that was found gave another model'
 expect 2 'at least 3' fit "$camera" -o x --boundary padded --crop-passes 2
 expect 2 'iterations or .auto' fit "$camera" -o x --crop-passes many
 expect 2 'belongs to pairs' fit --psf "$camera/psf.tif" -o x --crop-passes 0
@@ -114,6 +117,8 @@ expect 4 "no folder 'raw'" fit set -o x
 copy
 first=$(find set/z100mm/raw -name '*.tif' | sort | head -n 1)
 "$FRAME_TOOL" nan "$first" bad.tif 7 && cp bad.tif "$first"
+expect 4 "$first.* 7 .*(NaN|finite)" fit set -o x
+rm set/camera.json
 expect 4 "$first.* 7 .*(NaN|finite)" fit set -o x
 "$FRAME_TOOL" flat "$first" 60 80 3 0.5
 expect 4 "60.*80" fit set -o x

@@ -28,7 +28,7 @@ static hada_image spots(double reach, uint64_t seed)
     hada_random random;
     ASSERT_OK(hada_image_create(&psf, CHANNELS, TALL, WIDE, err));
     for (int c = 0; c < CHANNELS; c++) {
-        hada_random_seed(&random, seed, (uint64_t)c);
+        hada_random_seed(&random, seed, 0); /* colours are cast alike */
         for (int i = 0; i < SPOTS; i++) {
             const int row = TALL / 2 + (int)(reach * ROWS / 2 * hada_random_range(&random, -1.0, 1.0));
             const int col = WIDE / 2 + (int)(reach * COLS / 2 * hada_random_range(&random, -1.0, 1.0));
@@ -85,7 +85,7 @@ static int set_up(fixture *f, double reach)
 {
     ASSERT_OK(hada_context_create(&f->context, NULL, err));
     for (int z = 0; z < DEPTHS; z++) {
-        f->psf[z] = spots(reach, (uint64_t)z + 1);
+        f->psf[z] = spots(reach / (1.0 + 0.1 * z), (uint64_t)z + 1); /* smaller from afar */
         for (int i = 0; i < PAIRS; i++) {
             f->scene[z][i] = squares((uint64_t)(10 * z + i));
             f->frame[z][i] = expose(&f->psf[z], &f->scene[z][i], (uint64_t)(10 * z + i));
@@ -124,10 +124,9 @@ static int tear_down(void **state)
     return 0;
 }
 
-static hada_fitter *fitter_of(fixture *f, hada_boundary boundary, int passes, int refine_steps)
+static hada_fit_options options_of(hada_boundary boundary, int passes, int refine_steps)
 {
     hada_fit_options options;
-    hada_fitter *fitter;
     hada_fit_options_init(&options);
     options.depths = DEPTHS;
     options.channels = CHANNELS;
@@ -138,6 +137,13 @@ static hada_fitter *fitter_of(fixture *f, hada_boundary boundary, int passes, in
     options.boundary = boundary;
     options.crop_passes = passes;
     options.refine_steps = refine_steps;
+    return options;
+}
+
+static hada_fitter *fitter_of(fixture *f, hada_boundary boundary, int passes, int refine_steps)
+{
+    const hada_fit_options options = options_of(boundary, passes, refine_steps);
+    hada_fitter *fitter;
     ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
     for (int z = 0; z < DEPTHS; z++)
         for (int i = 0; i < PAIRS; i++)
@@ -202,6 +208,23 @@ static hada_model *learn(fixture *f, int passes, double *error, int *shown)
         *shown = at.shown;
     hada_fitter_destroy(&fitter);
     return model;
+}
+
+/* The error of what is learned with such options, on their grid. */
+static void learn_on(fixture *f, const hada_fit_options *options, double *error)
+{
+    hada_fitter *fitter;
+    hada_model *model;
+    shower at = {.f = f};
+    ASSERT_OK(hada_fitter_create(&fitter, f->context, options, err));
+    for (int z = 0; z < DEPTHS; z++)
+        for (int i = 0; i < PAIRS; i++)
+            ASSERT_OK(hada_fitter_add(fitter, z, &f->frame[z][i], &f->scene[z][i], err));
+    ASSERT_OK(hada_fitter_learn_cropped(fitter, show, &at, err));
+    ASSERT_OK(hada_fitter_finish(fitter, &model, NULL, NULL, err));
+    *error = error_of(f, &fitter->grid, model);
+    hada_model_destroy(&model);
+    hada_fitter_destroy(&fitter);
 }
 
 /* What the reference makes of a channel of the first depth. */
@@ -312,7 +335,7 @@ static void light_that_stays_costs_little(void **state)
     assert_int_equal(shown, 0);
     model = learn(*state, HADA_AUTO, &now, &shown);
     assert_int_equal(shown, DEPTHS * PAIRS);
-    if (!(now < 1.05 * before))
+    if (!(now < 1.15 * before)) /* one pass takes for granted what is so here: no light beyond the sensor */
         fail_msg("error %g in one pass, %g with the crop in the model", before, now);
     hada_model_destroy(&one);
     hada_model_destroy(&model);
@@ -374,6 +397,42 @@ static void other_pairs_are_refused(void **state)
     hada_fitter_destroy(&fitter);
 }
 
+static void a_boundary_is_found_that_pads(void **state)
+{
+    static const int counts[DEPTHS] = {PAIRS, PAIRS}, few[DEPTHS] = {1, 1};
+    fixture *f = *state;
+    hada_fit_options options = options_of(HADA_BOUNDARY_CIRCULAR, (int)HADA_AUTO, 0);
+    shower at = {.f = f};
+    hada_model *model;
+    double found, whole;
+    ASSERT_OK(hada_fit_find_boundary(&options, f->context, counts, show, &at, err));
+    assert_int_equal(options.boundary, HADA_BOUNDARY_PADDED);
+    assert_in_range(options.grid_rows, ROWS + 1, hada_fft_good_size(TALL));
+    assert_in_range(options.grid_cols, COLS + 1, hada_fft_good_size(WIDE));
+    learn_on(f, &options, &found);
+    model = learn(f, (int)HADA_AUTO, &whole, NULL);
+    if (!(found < 1.1 * whole))
+        fail_msg("error %g on the grid that was found, %g on the whole one", found, whole);
+    hada_model_destroy(&model);
+    /* where nothing can be held out the grid has room for all light */
+    options.boundary = HADA_BOUNDARY_CIRCULAR;
+    at.shown = 0;
+    ASSERT_OK(hada_fit_find_boundary(&options, f->context, few, show, &at, err));
+    assert_int_equal(options.boundary, HADA_BOUNDARY_PADDED);
+    assert_int_equal(options.grid_rows + options.grid_cols + at.shown, 0);
+}
+
+static void a_boundary_is_found_that_is_circular(void **state)
+{
+    static const int counts[DEPTHS] = {PAIRS, PAIRS};
+    fixture *f = *state;
+    hada_fit_options options = options_of(HADA_BOUNDARY_PADDED, (int)HADA_AUTO, 0);
+    shower at = {.f = f};
+    ASSERT_OK(hada_fit_find_boundary(&options, f->context, counts, show, &at, err));
+    assert_int_equal(options.boundary, HADA_BOUNDARY_CIRCULAR);
+    assert_int_equal(options.grid_rows + options.grid_cols, 0);
+}
+
 int main(void)
 {
     const struct CMUnitTest cropping[] = {
@@ -382,8 +441,10 @@ int main(void)
         cmocka_unit_test(streamed_pairs_give_the_same_bits),
         cmocka_unit_test(the_trial_has_transfer_functions_of_its_own),
         cmocka_unit_test(other_pairs_are_refused),
+        cmocka_unit_test(a_boundary_is_found_that_pads),
     };
-    const struct CMUnitTest inside[] = {cmocka_unit_test(light_that_stays_costs_little)};
+    const struct CMUnitTest inside[] = {cmocka_unit_test(light_that_stays_costs_little),
+                                        cmocka_unit_test(a_boundary_is_found_that_is_circular)};
     const int failed = cmocka_run_group_tests(cropping, set_up_cropping, tear_down);
     return failed + cmocka_run_group_tests(inside, set_up_inside, tear_down);
 }

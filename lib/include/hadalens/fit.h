@@ -43,6 +43,8 @@ typedef struct hada_fit_options {
     int crop_passes; /* iterations of hada_fitter_learn_cropped(), at least 3; HADA_AUTO (default): 15; 0: none */
     double refine_colour; /* in total variation, weight of differences of colour over those of brightness, 1 to 16;
                              HADA_AUTO (default): chosen with the weight, 1.5 where that is given */
+    int grid_rows, grid_cols; /* boundary padded: the grid, at least the frame's size; 0 (default): large enough for all
+                                 light that a scene can send onto the sensor (hada_fit_find_boundary()) */
 } hada_fit_options;
 HADA_API void hada_fit_options_defaults(hada_fit_options *options, size_t size);
 static inline void hada_fit_options_init(hada_fit_options *options)
@@ -53,6 +55,17 @@ static inline void hada_fit_options_init(hada_fit_options *options)
 /* A model of zero filters with the sizes, distances, form, boundary and dark level of `sizes`: something to begin
  * training from at random (hadalens/train.h). */
 HADA_API hada_status hada_model_blank(hada_model **out, const hada_fit_options *sizes, hada_error *err);
+
+/* Gives a pair of a depth (0 <= pair < the depth's number of pairs) by pointers that last until the next call. */
+typedef hada_status (*hada_fit_show)(void *user, int depth, int64_t pair, const hada_image **raw,
+                                     const hada_image **scene, hada_error *err);
+
+/* Whether light leaves the sensor, from pairs: sets options->boundary, and for HADA_BOUNDARY_PADDED the smallest grid
+ * that serves. counts: the number of pairs of each depth. Of the first and the last depth a few pairs and one channel
+ * are learned from with all light allowed, and where folding it back onto a smaller grid explains held-out frames as
+ * well, that grid serves (docs/cropped.md). Where no depth has a pair to hold out, padded, with its default grid. */
+HADA_API hada_status hada_fit_find_boundary(hada_fit_options *options, hada_context *context, const int *counts,
+                                            hada_fit_show show, void *user, hada_error *err);
 
 HADA_API hada_status hada_fitter_create(hada_fitter **out, hada_context *context, const hada_fit_options *options,
                                         hada_error *err);
@@ -86,10 +99,6 @@ HADA_API int64_t hada_fitter_pairs(const hada_fitter *fitter, int depth);
  * and 2 of a depth) are checked and passed over; new pairs in the sums discard the scores so far. */
 HADA_API hada_status hada_fitter_score(hada_fitter *fitter, int depth, const hada_image *raw, const hada_image *scene,
                                        hada_error *err);
-
-/* Gives a pair of a depth (0 <= pair < the depth's number of pairs) by pointers that last until the next call. */
-typedef hada_status (*hada_fit_show)(void *user, int depth, int64_t pair, const hada_image **raw,
-                                     const hada_image **scene, hada_error *err);
 
 /* Further passes, optional, for the boundary padded: transfer functions of a sensor that crops its scenes' light. What
  * leaves the sensor is missing in the sums, so that transfer functions of one pass are off by up to a tenth there; with

@@ -5,7 +5,7 @@
  * Files are safetensors: docs/model-file.md names the tensors and the metadata.
  *
  * Geometry. A raw frame has `raw_rows` x `raw_cols` pixels. Transforms run on a grid of `grid_rows` x `grid_cols`:
- * equal to the raw frame for the circular boundary, larger for the padded one, with the frame in the centre
+ * equal to the raw frame for the circular boundary, as a rule larger for the padded one, with the frame in the centre
  * (offset (grid - raw) / 2, rounded down). The scene is the window of `window_rows` x `window_cols` in the centre of
  * the frame (offset (raw - window) / 2, rounded down); outside it the scene is dark. Depths run near to far. */
 #ifndef HADALENS_MODEL_H

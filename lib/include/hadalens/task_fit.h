@@ -26,7 +26,8 @@ typedef struct hada_fit_task {
      * frame's size are the data set's, and so is the window unless window_rows x window_cols is set: then it is cut
      * from scenes that are as large as the frame. `boundary` here is not looked at, but the one below. */
     const hada_fit_options *fit;
-    int boundary;      /* a hada_boundary; 0 (default): what camera.json says, else padded, as on a real sensor */
+    int boundary; /* a hada_boundary; 0 (default): circular where camera.json says so, that of merged sums, else found
+                     from the pairs (hada_fit_find_boundary()) */
     int leave_one_out; /* 1 (default): pairs are left out to choose what `fit` leaves open; 0: its plain defaults */
     int half;          /* 1: the model's filters in half precision */
     const char *const *merge; /* files of sums to add, from the same camera and depths */

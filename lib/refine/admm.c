@@ -23,8 +23,9 @@ void hada_refine_rule_init(hada_refine_rule *rule)
 enum { PARTING_STEPS = 7 };
 
 /* A single depth has nothing to part from: rho grows to this many times what several bear, by this a step. */
-#define ALONE_RHO    3.0
-#define ALONE_GROWTH 1.2
+#define ALONE_RHO         3.0
+#define ALONE_RHO_CROPPED 10.0
+#define ALONE_GROWTH      1.2
 
 void hada_refine_rule_weigh(hada_refine_rule *rule, const hada_model_info *info, const hada_refine_weights *weights,
                             int depths, double gain, double mean_square)
@@ -44,7 +45,7 @@ void hada_refine_rule_weigh(hada_refine_rule *rule, const hada_model_info *info,
     } else {
         rule->first_rho = rule->rho;
         rule->growth = ALONE_GROWTH;
-        rule->rho *= ALONE_RHO;
+        rule->rho *= info->boundary == HADA_BOUNDARY_PADDED ? ALONE_RHO_CROPPED : ALONE_RHO;
     }
     if (info->boundary == HADA_BOUNDARY_PADDED) {
         rule->first_rho = CROPPED_FIRST_RHO * gain;

@@ -96,7 +96,7 @@ static inline int hada_refine_colour_known(double colour)
 /* rho with total variation of weight tv or without, in units of the largest |OTF(0)|^2 (docs/refinement.md). */
 static inline double hada_refine_rho(hada_boundary boundary, double tv)
 {
-    return !(tv > 0.0) ? 1e-3 : boundary == HADA_BOUNDARY_PADDED ? 1e-2 : 3.5e-3;
+    return !(tv > 0.0) ? 1e-3 : boundary == HADA_BOUNDARY_PADDED ? 3e-3 : 3.5e-3;
 }
 
 /* rho, relaxation and total variation for so many depths and a frame of this mean square (over pixels and channels).

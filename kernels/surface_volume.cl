@@ -115,7 +115,8 @@ volume_descend(__global float *restrict g, __global const float *restrict y, __g
         g[i] = (has_allowed ? allowed[i] : 1.0f) * fma(-length, g[i], y[i]);
 }
 
-/* Momentum: y = v + momentum (v - u), u = v, where v = allowed max(0, the proximal point). Dimensions: slices of values. */
+/* Momentum: y = v + momentum (v - u), u = v, where v = allowed max(0, the proximal point). Dimensions: slices of
+ * values. */
 __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
 volume_advance(__global const float *restrict point, __global float *restrict u, __global float *restrict y,
                __global const float *restrict allowed, int has_allowed, uint values, float momentum)

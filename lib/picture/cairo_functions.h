@@ -55,7 +55,8 @@
     EACH(translate)
 
 typedef struct hada_cairo {
-#define HADA_CAIRO_MEMBER(name) __typeof__(cairo_##name) *name;
+/* a declaration: its name cannot stand in parentheses */
+#define HADA_CAIRO_MEMBER(name) __typeof__(cairo_##name) *name; /* NOLINT(bugprone-macro-parentheses) */
     HADA_CAIRO_FUNCTIONS(HADA_CAIRO_MEMBER)
 #undef HADA_CAIRO_MEMBER
 } hada_cairo;

@@ -184,7 +184,7 @@ static void refuses_what_cannot_be_done(void **state)
     assert_null(plan);
     assert_int_equal(hada_plan_create_on(&plan, twice, 0, f->model, NULL, &error), HADA_ERROR_ARGUMENT);
     assert_int_equal(hada_plan_create_on(&plan, NULL, 1, f->model, NULL, &error), HADA_ERROR_ARGUMENT);
-    for (int queues = -1; queues <= 1000; queues += 1001) {
+    for (int queues = -2; queues <= 1000; queues += 1002) /* -1 is HADA_AUTO */ {
         hada_plan_options options = f->options[0];
         options.queues = queues;
         assert_int_equal(hada_plan_create(&plan, f->whole, f->model, &options, &error), HADA_ERROR_ARGUMENT);

@@ -9,8 +9,8 @@
 #include <string.h>
 
 #include "core/random.h"
-#include "ref/ref_fft.h"
 #include "image/small_fft.h"
+#include "ref/ref_fft.h"
 
 enum { ROWS = 112, COLS = 144, WINDOW_ROWS = 56, WINDOW_COLS = 64, SPOTS = 12, PAIRS = 5 };
 

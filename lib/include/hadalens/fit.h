@@ -40,7 +40,7 @@ typedef struct hada_fit_options {
     double scene_response;  /* how the scenes are encoded (hadalens/response.h): they are brought to linear light before
                                anything is learned. HADA_AUTO (default): chosen by hada_fit_run(); saved sums say it
                                themselves; a fitter that is given none takes them as linear */
-    int crop_passes; /* iterations of hada_fitter_learn_cropped(), at least 3; HADA_AUTO (default): 15; 0: none */
+    int crop_passes;      /* iterations of hada_fitter_learn_cropped(), at least 3; HADA_AUTO (default): 15; 0: none */
     double refine_colour; /* in total variation, weight of differences of colour over those of brightness, 1 to 16;
                              HADA_AUTO (default): chosen with the weight, 1.5 where that is given */
     int grid_rows, grid_cols; /* boundary padded: the grid, at least the frame's size; 0 (default): large enough for all

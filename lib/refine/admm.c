@@ -70,46 +70,27 @@ hada_refine_shape hada_refine_shape_of(const hada_model_info *info, int max_dept
     return shape;
 }
 
-static int inside(const hada_refine_shape *shape, const hada_refine_rect *rect)
-{
-    return rect->row0 >= 0 && rect->col0 >= 0 && rect->rows > 0 && rect->cols > 0 &&
-           rect->row0 + rect->rows <= shape->grid_rows && rect->col0 + rect->cols <= shape->grid_cols;
-}
-
 static hada_status check_shape(const hada_refine_shape *shape, hada_error *err)
 {
     if (shape->channels < 1 || shape->max_sets < 1 || shape->max_planes < shape->max_sets || shape->max_steps < 1)
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "refinement: channels, sets, planes and steps must be at least 1 (got %d, %d, %d, %d)",
                          shape->channels, shape->max_sets, shape->max_planes, shape->max_steps);
-    if (!inside(shape, &shape->window))
+    if (!hada_rect_inside(&shape->window, shape->grid_rows, shape->grid_cols))
         return hada_fail(err, HADA_ERROR_SIZE, "refinement: the window of %d x %d pixels leaves the grid of %d x %d",
                          shape->window.rows, shape->window.cols, shape->grid_rows, shape->grid_cols);
-    if (shape->boundary == HADA_BOUNDARY_PADDED && !inside(shape, &shape->frame))
+    if (shape->boundary == HADA_BOUNDARY_PADDED && !hada_rect_inside(&shape->frame, shape->grid_rows, shape->grid_cols))
         return hada_fail(err, HADA_ERROR_SIZE, "refinement: the frame of %d x %d pixels leaves the grid of %d x %d",
                          shape->frame.rows, shape->frame.cols, shape->grid_rows, shape->grid_cols);
     return HADA_OK;
-}
-
-static size_t area(const hada_refine_rect *rect)
-{
-    return (size_t)rect->rows * (size_t)rect->cols;
 }
 
 /* Transforms of one rectangle's images, at most HADA_REFINE_BATCH at once, so that the plans' scratch stays small. */
 static hada_fft_desc describe(const hada_refine_shape *shape, const hada_refine_rect *rect, int images,
                               hada_fft_direction direction)
 {
-    return (hada_fft_desc){.direction = direction,
-                           .rows = shape->grid_rows,
-                           .cols = shape->grid_cols,
-                           .batch = images < HADA_REFINE_BATCH ? images : HADA_REFINE_BATCH,
-                           .row0 = rect->row0,
-                           .col0 = rect->col0,
-                           .real_rows = rect->rows,
-                           .real_cols = rect->cols,
-                           .real_pitch = (size_t)rect->cols,
-                           .real_distance = area(rect)};
+    return hada_rect_transform(rect, shape->grid_rows, shape->grid_cols,
+                               images < HADA_REFINE_BATCH ? images : HADA_REFINE_BATCH, direction);
 }
 
 /* Bytes of every buffer. */
@@ -128,16 +109,16 @@ static sizes sizes_of(const hada_context *context, const hada_refine_shape *shap
     size_t longest = layout.count;
     b.spectra = images * layout.count * complex_bytes;
     /* total variation's loads reach a vector beyond the last image */
-    b.planes = hada_round_up(images * area(&shape->window) + 8, HADA_REFINE_PAD) * sizeof(float);
+    b.planes = hada_round_up(images * hada_rect_area(&shape->window) + 8, HADA_REFINE_PAD) * sizeof(float);
     b.tv = shape->tv
                ? hada_variation_floats(shape->channels, shape->window.rows, shape->window.cols, shape->max_planes) *
                      sizeof(float)
                : 0;
     if (shape->boundary == HADA_BOUNDARY_PADDED) {
         b.split = sets * layout.count * complex_bytes;
-        b.dual = sets * area(&shape->frame) * sizeof(float);
-        if (area(&shape->frame) > longest)
-            longest = area(&shape->frame);
+        b.dual = sets * hada_rect_area(&shape->frame) * sizeof(float);
+        if (hada_rect_area(&shape->frame) > longest)
+            longest = hada_rect_area(&shape->frame);
     }
     b.list = (size_t)shape->max_planes * sizeof(cl_int);
     b.slices = (int)((longest + HADA_REFINE_SLICE - 1) / HADA_REFINE_SLICE);
@@ -260,8 +241,8 @@ hada_status hada_refiner_create(hada_refiner **out, hada_slot *slot, hada_scratc
     refiner->shape = *shape;
     refiner->layout = hada_fft_layout(slot->context, shape->grid_rows, shape->grid_cols, HADA_FFT_AUTO);
     refiner->partials = b.partials;
-    refiner->window_area = area(&shape->window);
-    refiner->frame_area = area(&shape->frame);
+    refiner->window_area = hada_rect_area(&shape->window);
+    refiner->frame_area = hada_rect_area(&shape->frame);
     HADA_TRY(hada_alloc((void **)&refiner->energy, ((size_t)shape->max_steps + 1) * (size_t)shape->max_sets,
                         sizeof *refiner->energy, what, err));
     HADA_TRY(hada_alloc((void **)&refiner->host_partial, b.partial / sizeof(float), sizeof(float), what, err));

@@ -16,11 +16,7 @@
 
 #include "fft/fft.h"
 #include "kernels/shared_refine.h"
-
-/* A rectangle of the grid: top left pixel and size. */
-typedef struct hada_refine_rect {
-    int row0, col0, rows, cols;
-} hada_refine_rect;
+#include "refine/rect.h"
 
 typedef struct hada_refine_shape {
     int grid_rows, grid_cols;

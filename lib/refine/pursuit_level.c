@@ -1,6 +1,5 @@
 #include "refine/pursuit_level.h"
 
-#include <math.h>
 #include <stdlib.h>
 
 #include "core/alloc.h"
@@ -17,46 +16,22 @@ enum { MARGIN = 2 /* pixels: the window is wider by this on every side, for the 
 #define FIRST_RHO 0.05
 #define GROWTH    1.5
 
-static int grid_size(int size, double shrink)
-{
-    return shrink == 1.0 ? size : hada_fft_good_size(2 * (int)lround(size / shrink / 2.0));
-}
-
-/* The rectangle of the small grid round (outward) or within a rectangle of the whole one. */
-static void shrink_span(int first, int size, int full, int small, int outward, int *to_first, int *to_size)
-{
-    const double scale = (double)small / full;
-    int from = outward ? (int)floor(first * scale) - MARGIN : (int)ceil(first * scale);
-    int end = outward ? (int)ceil((first + size) * scale) + MARGIN : (int)floor((first + size) * scale);
-    from = from < 0 ? 0 : from;
-    end = end > small ? small : end;
-    *to_first = from;
-    *to_size = end - from;
-}
-
-static hada_refine_rect shrink_rect(const hada_refine_rect *rect, const hada_refine_shape *full,
-                                    const hada_refine_shape *small, int outward)
-{
-    hada_refine_rect out;
-    shrink_span(rect->row0, rect->rows, full->grid_rows, small->grid_rows, outward, &out.row0, &out.rows);
-    shrink_span(rect->col0, rect->cols, full->grid_cols, small->grid_cols, outward, &out.col0, &out.cols);
-    return out;
-}
-
 static hada_refine_shape shape_of(const hada_pursuit_options *options, const hada_level_spec *spec, double shrink)
 {
     const hada_refine_shape *full = &options->shape;
     const int planes = spec->max_sets * options->max_depths;
-    hada_refine_shape shape = {.grid_rows = grid_size(full->grid_rows, shrink),
-                               .grid_cols = grid_size(full->grid_cols, shrink),
+    hada_refine_shape shape = {.grid_rows = hada_rect_grid_size(full->grid_rows, shrink),
+                               .grid_cols = hada_rect_grid_size(full->grid_cols, shrink),
                                .boundary = full->boundary,
                                .channels = spec->separate ? full->channels : 1,
                                .max_sets = spec->max_sets,
                                .max_planes = spec->all_depths && options->depths > planes ? options->depths : planes,
                                .max_steps = spec->max_steps};
-    shape.window = shrink_rect(&full->window, full, &shape, 1);
+    shape.window =
+        hada_rect_shrink(&full->window, full->grid_rows, full->grid_cols, shape.grid_rows, shape.grid_cols, 1, MARGIN);
     if (full->boundary == HADA_BOUNDARY_PADDED)
-        shape.frame = shrink_rect(&full->frame, full, &shape, 0);
+        shape.frame =
+            hada_rect_shrink(&full->frame, full->grid_rows, full->grid_cols, shape.grid_rows, shape.grid_cols, 0, 0);
     return shape;
 }
 
@@ -65,24 +40,10 @@ static size_t spectrum_bytes(const hada_spectrum_layout *layout, int channels)
     return (size_t)channels * layout->count * 2 * sizeof(float);
 }
 
-static size_t area(const hada_refine_rect *rect)
-{
-    return (size_t)rect->rows * (size_t)rect->cols;
-}
-
 /* From spectra to the pixels of the frame, padded boundary. */
 static hada_fft_desc frame_plan(const hada_refine_shape *shape, int batch)
 {
-    return (hada_fft_desc){.direction = HADA_FFT_INVERSE,
-                           .rows = shape->grid_rows,
-                           .cols = shape->grid_cols,
-                           .batch = batch,
-                           .row0 = shape->frame.row0,
-                           .col0 = shape->frame.col0,
-                           .real_rows = shape->frame.rows,
-                           .real_cols = shape->frame.cols,
-                           .real_pitch = (size_t)shape->frame.cols,
-                           .real_distance = area(&shape->frame)};
+    return hada_rect_transform(&shape->frame, shape->grid_rows, shape->grid_cols, batch, HADA_FFT_INVERSE);
 }
 
 size_t hada_level_bytes(const hada_context *context, const hada_pursuit_options *options, const hada_level_spec *spec)
@@ -97,9 +58,10 @@ size_t hada_level_bytes(const hada_context *context, const hada_pursuit_options 
         const hada_spectrum_layout small =
             hada_fft_layout(context, evidence.grid_rows, evidence.grid_cols, HADA_FFT_AUTO);
         const hada_fft_desc plan = frame_plan(&shape, shape.channels), sets = frame_plan(&evidence, spec->max_sets);
-        bytes += area(&shape.frame) * (size_t)shape.channels * sizeof(float) + hada_fft_bytes(context, &plan);
-        bytes += (size_t)spec->max_sets * (spectrum_bytes(&small, 1) + area(&evidence.frame) * sizeof(float)) +
-                 hada_fft_bytes(context, &sets);
+        bytes += hada_rect_area(&shape.frame) * (size_t)shape.channels * sizeof(float) + hada_fft_bytes(context, &plan);
+        bytes +=
+            (size_t)spec->max_sets * (spectrum_bytes(&small, 1) + hada_rect_area(&evidence.frame) * sizeof(float)) +
+            hada_fft_bytes(context, &sets);
     }
     return bytes;
 }
@@ -130,10 +92,10 @@ static hada_status make_frames(hada_pursuit_level *l, hada_scratch *scratch, had
     const size_t sets = (size_t)l->spec.max_sets;
     const hada_fft_desc plan = frame_plan(&l->shape, l->shape.channels), back = frame_plan(&evidence, l->spec.max_sets);
     l->evidence_layout = hada_fft_layout(context, evidence.grid_rows, evidence.grid_cols, HADA_FFT_AUTO);
-    l->evidence_area = area(&evidence.frame);
+    l->evidence_area = hada_rect_area(&evidence.frame);
     hada_status status = HADA_OK;
-    HADA_TRY(hada_buffer_create(&l->frame, context, area(&l->shape.frame) * (size_t)l->shape.channels * sizeof(float),
-                                what, err));
+    HADA_TRY(hada_buffer_create(
+        &l->frame, context, hada_rect_area(&l->shape.frame) * (size_t)l->shape.channels * sizeof(float), what, err));
     HADA_TRY(hada_buffer_create(&l->evidence, context, sets * spectrum_bytes(&l->evidence_layout, 1), what, err));
     HADA_TRY(hada_buffer_create(&l->evidence_frame, context, sets * l->evidence_area * sizeof(float), what, err));
     HADA_TRY(hada_alloc((void **)&l->host_evidence, sets * l->evidence_area, sizeof(float), what, err));
@@ -287,8 +249,8 @@ static hada_refine_data data_of(const hada_pursuit_level *l)
 /* Rows and columns of the grid whose frequencies count. */
 static void band_of(const hada_pursuit_level *l, int *rows, int *cols)
 {
-    *rows = grid_size(l->options->shape.grid_rows, l->spec.evidence);
-    *cols = grid_size(l->options->shape.grid_cols, l->spec.evidence);
+    *rows = hada_rect_grid_size(l->options->shape.grid_rows, l->spec.evidence);
+    *cols = hada_rect_grid_size(l->options->shape.grid_cols, l->spec.evidence);
 }
 
 void hada_level_set_frame(hada_pursuit_level *l, cl_mem spectrum, size_t offset)

@@ -2,8 +2,6 @@
 
 #include <math.h>
 
-#include "core/fft_factor.h"
-
 static const char what[] = "a surface's level of resolution";
 
 /* From the nearest depth to the farthest light at the PSFs' edge moves by about so many pixels of the coarsest level:
@@ -25,38 +23,22 @@ static int at_least(int value, int least)
     return value < least ? least : value;
 }
 
-/* The rectangle of a coarse grid round (margin > 0) or within (< 0) a rectangle of the whole one. */
-static void shrink_span(int first, int size, int full, int small, int margin, int *to_first, int *to_size)
+/* A rectangle of the camera's grid on a coarser one; a pixel of it at least. */
+static hada_refine_rect narrow(const hada_refine_rect *rect, const hada_surface_camera *camera, int rows, int cols,
+                               int outward, int margin)
 {
-    const double scale = (double)small / full;
-    int from = (margin > 0 ? (int)floor(first * scale) : (int)ceil(first * scale)) - margin;
-    int end = (margin > 0 ? (int)ceil((first + size) * scale) : (int)floor((first + size) * scale)) + margin;
-    from = at_least(from, 0);
-    end = end > small ? small : end;
-    *to_first = from;
-    *to_size = at_least(end - from, 1);
-}
-
-static hada_refine_rect shrink_rect(const hada_refine_rect *rect, const hada_surface_camera *camera, int rows, int cols,
-                                    int margin)
-{
-    hada_refine_rect out;
-    shrink_span(rect->row0, rect->rows, camera->rows, rows, margin, &out.row0, &out.rows);
-    shrink_span(rect->col0, rect->cols, camera->cols, cols, margin, &out.col0, &out.cols);
+    hada_refine_rect out = hada_rect_shrink(rect, camera->rows, camera->cols, rows, cols, outward, margin);
+    out.rows = at_least(out.rows, 1);
+    out.cols = at_least(out.cols, 1);
     return out;
-}
-
-static int grid_size(int size, double shrink)
-{
-    return hada_fft_good_size(2 * (int)lround(size / shrink / 2.0));
 }
 
 static hada_surface_plan plan_of(const hada_context *context, const hada_surface_camera *camera,
                                  const hada_surface_shape *shape, const hada_magnification *magnification, int shrink,
                                  int texture)
 {
-    const int whole = shrink == 1, rows = whole ? camera->rows : grid_size(camera->rows, shrink);
-    const int cols = whole ? camera->cols : grid_size(camera->cols, shrink);
+    const int whole = shrink == 1, rows = hada_rect_grid_size(camera->rows, shrink);
+    const int cols = hada_rect_grid_size(camera->cols, shrink);
     hada_surface_plan plan = {.shrink = shrink,
                               .steps = hada_magnification_steps(magnification, PLANE_STEP * shrink),
                               .whole = whole,
@@ -70,8 +52,8 @@ static hada_surface_plan plan_of(const hada_context *context, const hada_surface
                                      .planes = (camera->depths - 1) * plan.steps + 1,
                                      .free = !texture};
     if (!whole) {
-        plan.shape.frame = shrink_rect(&shape->frame, camera, rows, cols, -CROP_MARGIN);
-        plan.shape.window = shrink_rect(&shape->window, camera, rows, cols, MARGIN);
+        plan.shape.frame = narrow(&shape->frame, camera, rows, cols, 0, CROP_MARGIN);
+        plan.shape.window = narrow(&shape->window, camera, rows, cols, 1, MARGIN);
     }
     return plan;
 }
@@ -100,17 +82,8 @@ int hada_surface_levels(const hada_context *context, const hada_surface_camera *
 
 static hada_fft_desc inverse_of(const hada_surface_plan *plan)
 {
-    const hada_refine_rect *frame = &plan->shape.frame;
-    return (hada_fft_desc){.direction = HADA_FFT_INVERSE,
-                           .rows = plan->shape.rows,
-                           .cols = plan->shape.cols,
-                           .batch = plan->shape.channels,
-                           .row0 = frame->row0,
-                           .col0 = frame->col0,
-                           .real_rows = frame->rows,
-                           .real_cols = frame->cols,
-                           .real_pitch = (size_t)frame->cols,
-                           .real_distance = (size_t)frame->rows * (size_t)frame->cols};
+    return hada_rect_transform(&plan->shape.frame, plan->shape.rows, plan->shape.cols, plan->shape.channels,
+                               HADA_FFT_INVERSE);
 }
 
 static size_t spectrum_bytes(const hada_surface_plan *plan)

@@ -18,30 +18,10 @@ enum {
 #define ASTRAY      4.0
 #define ASTRAY_PART 1e-3
 
-static size_t area_of(const hada_refine_rect *rect)
-{
-    return (size_t)rect->rows * (size_t)rect->cols;
-}
-
 static int batch_of(const hada_volume_shape *shape)
 {
     const int most = BATCH / shape->channels > 1 ? BATCH / shape->channels : 1;
     return shape->planes < most ? shape->planes : most;
-}
-
-static hada_fft_desc describe(const hada_volume_shape *shape, const hada_refine_rect *rect, int images,
-                              hada_fft_direction direction)
-{
-    return (hada_fft_desc){.direction = direction,
-                           .rows = shape->rows,
-                           .cols = shape->cols,
-                           .batch = images,
-                           .row0 = rect->row0,
-                           .col0 = rect->col0,
-                           .real_rows = rect->rows,
-                           .real_cols = rect->cols,
-                           .real_pitch = (size_t)rect->cols,
-                           .real_distance = area_of(rect)};
 }
 
 enum { PLANS = 4, ROWS = 11 };
@@ -50,10 +30,10 @@ enum { PLANS = 4, ROWS = 11 };
 static int list_plans(const hada_volume_shape *shape, hada_fft_desc *plans)
 {
     const int images = batch_of(shape) * shape->channels;
-    plans[0] = describe(shape, &shape->window, images, HADA_FFT_FORWARD);
-    plans[1] = describe(shape, &shape->window, images, HADA_FFT_INVERSE);
-    plans[2] = describe(shape, &shape->frame, shape->channels, HADA_FFT_FORWARD);
-    plans[3] = describe(shape, &shape->frame, shape->channels, HADA_FFT_INVERSE);
+    plans[0] = hada_rect_transform(&shape->window, shape->rows, shape->cols, images, HADA_FFT_FORWARD);
+    plans[1] = hada_rect_transform(&shape->window, shape->rows, shape->cols, images, HADA_FFT_INVERSE);
+    plans[2] = hada_rect_transform(&shape->frame, shape->rows, shape->cols, shape->channels, HADA_FFT_FORWARD);
+    plans[3] = hada_rect_transform(&shape->frame, shape->rows, shape->cols, shape->channels, HADA_FFT_INVERSE);
     return hada_volume_is_padded(shape) ? PLANS : 2;
 }
 
@@ -64,31 +44,33 @@ typedef struct row {
 
 static size_t slices_of(const hada_volume_shape *shape, const hada_spectrum_layout *layout)
 {
-    const size_t frame = hada_volume_is_padded(shape) ? area_of(&shape->frame) : 0;
+    const size_t frame = hada_volume_is_padded(shape) ? hada_rect_area(&shape->frame) : 0;
     return hada_divide_up(frame > layout->count ? frame : layout->count, HADA_VOLUME_SLICE);
 }
 
 static void list_buffers(const hada_context *context, const hada_volume_shape *shape, row *rows)
 {
     const hada_spectrum_layout layout = hada_fft_layout(context, shape->rows, shape->cols, HADA_FFT_AUTO);
-    const size_t window = area_of(&shape->window), channels = (size_t)shape->channels, planes = (size_t)shape->planes;
+    const size_t window = hada_rect_area(&shape->window), channels = (size_t)shape->channels,
+                 planes = (size_t)shape->planes;
     const size_t unknown = shape->free ? planes : 1, spectrum = channels * layout.count * 2 * sizeof(float);
     const size_t values = (unknown * channels * window + HADA_VARIATION_ROOM) * sizeof(float);
     const size_t batch = ((size_t)batch_of(shape) * channels * window + HADA_VARIATION_ROOM) * sizeof(float);
     const size_t duals =
         sizeof(float) * hada_variation_floats(shape->channels, shape->window.rows, shape->window.cols, (int)unknown);
-    const row list[ROWS] = {{offsetof(hada_volume, otf), planes * spectrum},
-                            {offsetof(hada_volume, weight), spectrum / 2},
-                            {offsetof(hada_volume, spectra), (size_t)batch_of(shape) * spectrum},
-                            {offsetof(hada_volume, sum), spectrum},
-                            {offsetof(hada_volume, frame),
-                             hada_volume_is_padded(shape) ? channels * area_of(&shape->frame) * sizeof(float) : 0},
-                            {offsetof(hada_volume, planes), shape->free ? values : batch},
-                            {offsetof(hada_volume, at), values},
-                            {offsetof(hada_volume, gradient), values},
-                            {offsetof(hada_volume, start), values},
-                            {offsetof(hada_volume, duals[0]), duals},
-                            {offsetof(hada_volume, duals[1]), duals}};
+    const row list[ROWS] = {
+        {offsetof(hada_volume, otf), planes * spectrum},
+        {offsetof(hada_volume, weight), spectrum / 2},
+        {offsetof(hada_volume, spectra), (size_t)batch_of(shape) * spectrum},
+        {offsetof(hada_volume, sum), spectrum},
+        {offsetof(hada_volume, frame),
+         hada_volume_is_padded(shape) ? channels * hada_rect_area(&shape->frame) * sizeof(float) : 0},
+        {offsetof(hada_volume, planes), shape->free ? values : batch},
+        {offsetof(hada_volume, at), values},
+        {offsetof(hada_volume, gradient), values},
+        {offsetof(hada_volume, start), values},
+        {offsetof(hada_volume, duals[0]), duals},
+        {offsetof(hada_volume, duals[1]), duals}};
     memcpy(rows, list, sizeof list);
 }
 
@@ -112,21 +94,15 @@ size_t hada_volume_bytes(const hada_context *context, const hada_volume_shape *s
     return bytes;
 }
 
-static int inside(const hada_volume_shape *shape, const hada_refine_rect *rect)
-{
-    return rect->row0 >= 0 && rect->col0 >= 0 && rect->rows > 0 && rect->cols > 0 &&
-           rect->row0 + rect->rows <= shape->rows && rect->col0 + rect->cols <= shape->cols;
-}
-
 static hada_status check_shape(const hada_volume_shape *shape, hada_error *err)
 {
     if (shape->channels < 1 || shape->planes < 1)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a surface: channels and planes must be at least 1 (got %d, %d)",
                          shape->channels, shape->planes);
-    if (!inside(shape, &shape->window))
+    if (!hada_rect_inside(&shape->window, shape->rows, shape->cols))
         return hada_fail(err, HADA_ERROR_SIZE, "a surface: the window of %d x %d pixels leaves the grid of %d x %d",
                          shape->window.rows, shape->window.cols, shape->rows, shape->cols);
-    if (hada_volume_is_padded(shape) && !inside(shape, &shape->frame))
+    if (hada_volume_is_padded(shape) && !hada_rect_inside(&shape->frame, shape->rows, shape->cols))
         return hada_fail(err, HADA_ERROR_SIZE, "a surface: the frame of %d x %d pixels leaves the grid of %d x %d",
                          shape->frame.rows, shape->frame.cols, shape->rows, shape->cols);
     return HADA_OK;
@@ -163,8 +139,8 @@ hada_status hada_volume_create(hada_volume **out, hada_slot *slot, const hada_vo
     v->shape = *shape;
     v->layout = hada_fft_layout(slot->context, shape->rows, shape->cols, HADA_FFT_AUTO);
     v->batch = batch_of(shape);
-    v->window_area = area_of(&shape->window);
-    v->frame_area = area_of(&shape->frame);
+    v->window_area = hada_rect_area(&shape->window);
+    v->frame_area = hada_rect_area(&shape->frame);
     v->slices = slices_of(shape, &v->layout);
     {
         hada_fft **const made[PLANS] = {&v->forward, &v->inverse, &v->frame_forward, &v->frame_inverse};

@@ -106,8 +106,7 @@ static hada_status weigh_sum(hada_volume *v, hada_error *err)
                                     .count = (cl_uint)v->layout.count);
 }
 
-/* Padded: what the spectrum of the model leaves of the frame, within it, weighted, back within it; sums of squares
- * before the weight. */
+/* Padded: what the spectrum of the model leaves of the frame, within it, with sums of its squares. */
 static hada_status residual_padded(hada_volume *v, hada_error *err)
 {
     const int channels = v->shape.channels;
@@ -120,10 +119,6 @@ static hada_status residual_padded(hada_volume *v, hada_error *err)
                                       .frame_offset = (cl_ulong)v->pixels_offset, .use_frame = 1,
                                       .channels = (cl_uint)channels, .pixels = (cl_uint)v->frame_area, .scale = 1.0f,
                                       .partial = v->partial.mem, .sums = sums));
-    HADA_TRY(hada_fft_forward(v->frame_forward, channels, v->frame.mem, 0, v->sum.mem, 0, err));
-    HADA_TRY(weigh_sum(v, err));
-    HADA_TRY(hada_fft_inverse(v->frame_inverse, channels, v->sum.mem, 0, v->frame.mem, 0, NULL, err));
-    HADA_TRY(hada_fft_forward(v->frame_forward, channels, v->frame.mem, 0, v->sum.mem, 0, err));
 done:
     return status;
 }
@@ -139,7 +134,27 @@ static hada_status residual_circular(hada_volume *v, hada_error *err)
     HADA_TRY(hada_launch_volume_residual(v->slot, v->program, &range, err, .sum = v->sum.mem,
                                          .frame = v->frame_spectrum, .frame_offset = (cl_ulong)v->spectrum_offset,
                                          .spectrum = shape, .partial = v->partial.mem));
+done:
+    return status;
+}
+
+static hada_status leave_residual(hada_volume *v, hada_error *err)
+{
+    return hada_volume_is_padded(&v->shape) ? residual_padded(v, err) : residual_circular(v, err);
+}
+
+/* The spectrum of the residual, weighted; where the sensor crops, back within it. */
+static hada_status weigh_residual(hada_volume *v, hada_error *err)
+{
+    const int channels = v->shape.channels, padded = hada_volume_is_padded(&v->shape);
+    hada_status status = HADA_OK;
+    if (padded)
+        HADA_TRY(hada_fft_forward(v->frame_forward, channels, v->frame.mem, 0, v->sum.mem, 0, err));
     HADA_TRY(weigh_sum(v, err));
+    if (padded) {
+        HADA_TRY(hada_fft_inverse(v->frame_inverse, channels, v->sum.mem, 0, v->frame.mem, 0, NULL, err));
+        HADA_TRY(hada_fft_forward(v->frame_forward, channels, v->frame.mem, 0, v->sum.mem, 0, err));
+    }
 done:
     return status;
 }
@@ -177,7 +192,8 @@ hada_status hada_volume_differentiate(hada_volume *v, const hada_volume_unknown 
         const int left = u->last - first + 1;
         HADA_TRY(explain(v, u, first, left < v->batch ? left : v->batch, first > u->first, err));
     }
-    HADA_TRY(hada_volume_is_padded(&v->shape) ? residual_padded(v, err) : residual_circular(v, err));
+    HADA_TRY(leave_residual(v, err));
+    HADA_TRY(weigh_residual(v, err));
     for (int first = u->first; first <= u->last; first += v->batch) {
         const int left = u->last - first + 1;
         HADA_TRY(correlate(v, u, first, left < v->batch ? left : v->batch, first > u->first, err));
@@ -227,7 +243,7 @@ hada_status hada_volume_frame_energy(hada_volume *v, double *energy, hada_error 
 {
     hada_status status = HADA_OK;
     HADA_TRY(hada_buffer_clear(&v->sum, v->slot, 0, v->sum.bytes, err));
-    HADA_TRY(hada_volume_is_padded(&v->shape) ? residual_padded(v, err) : residual_circular(v, err));
+    HADA_TRY(leave_residual(v, err));
     HADA_TRY(hada_volume_fetch_energy(v, energy, err));
 done:
     return status;

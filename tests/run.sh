@@ -25,6 +25,9 @@ case $tier in
 oracle) tests/oracle/environment.sh build/oracle ;;
 all) tests/oracle/environment.sh build/oracle || echo "Without their environment, oracles are skipped." ;;
 esac
+case $tier in
+full | all) tests/budget/environment.sh build/budget || echo "Without their tools, the budgets of kernels are skipped." ;;
+esac
 cmake --preset "$preset" -DHADALENS_TESTS=ON -DHADALENS_WERROR=ON >/dev/null
 cmake --build "build/$preset"
 

@@ -14,16 +14,18 @@
  * v = sum H X, kept as A = F(Hx + e') and E = F(e'): Y = A - 2 E, and A is written for this step.
  *
  * Dimensions: slices of frequencies, channels, sets. OTFs stand as [depth][channel][count], U and W as
- * [set][place in the set][channel][count], A and E as [set][channel][count], B and prior as [channel][count].
+ * [set][place in the set][channel][count], A and, from now.split_e on, E as [set][channel][count], B and prior as
+ * [channel][count].
  * now.start: cold, the first step from u = d = 0; warm, from U (d = 0); on, a further step.
  * partial[set][channel][slice]: sum of |B - sum H U|^2 over the whole spectrum (of the start's U: not padded, or
  * start). */
 __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
-refine_solve(__global const float *otf, __global const int *list, __global const float *frame, __global float *split_a,
-             __global const float *split_e, __global const float *prior, __global const float *now_u,
-             __global float *now_w, __global float *partial, hada_refine_problem problem, hada_refine_step now)
+refine_solve(__global const float *otf, __global const int *list, __global const float *frame, __global float *split,
+             __global const float *prior, __global const float *now_u, __global float *now_w, __global float *partial,
+             hada_refine_step now)
 {
     REFINE_LOCAL
+    const hada_refine_problem problem = now.problem;
     const uint count = problem.spectrum.count, slice = problem.sums.slice, rows = problem.spectrum.rows;
     const uint block = problem.spectrum.block, cols = problem.spectrum.cols;
     const int depths = problem.depths, start = now.start, padded = now.padded, has_prior = now.has_prior;
@@ -34,8 +36,8 @@ refine_solve(__global const float *otf, __global const int *list, __global const
     const size_t plane = (size_t)set * channels + channel;
     __global const float *h = otf + 2 * (problem.otf_offset + (size_t)channel * count);
     __global const float *b = frame + 2 * (problem.frame_offset + (size_t)channel * count);
-    __global float *a = split_a + (padded ? 2 * plane * count : 0);
-    __global const float *e = split_e + (padded ? 2 * plane * count : 0);
+    __global float *a = split + (padded ? 2 * plane * count : 0);
+    __global const float *e = split + (padded ? 2 * (now.split_e + plane * count) : 0);
     __global const float *u = now_u + 2 * first;
     __global float *w = now_w + 2 * first;
     __global const float *p = prior + (has_prior ? (size_t)channel * count : 0);

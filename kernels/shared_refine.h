@@ -30,6 +30,8 @@ HADA_SHARED_SIZE(hada_refine_problem, 48)
 
 /* A linear step. */
 typedef struct hada_refine_step {
+    hada_refine_problem problem;
+    hada_ulong split_e; /* where E stands behind A, in complex numbers */
     float rho;
     float keep; /* the last step's rho over this one's: the dual is scaled by rho */
     float relaxation;
@@ -37,7 +39,7 @@ typedef struct hada_refine_step {
     int padded; /* the sensor crops: the data are the split's */
     int has_prior;
 } hada_refine_step;
-HADA_SHARED_SIZE(hada_refine_step, 24)
+HADA_SHARED_SIZE(hada_refine_step, 80)
 
 /* What the score counts. */
 typedef struct hada_refine_band {

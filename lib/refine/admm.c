@@ -133,7 +133,7 @@ typedef struct row {
     size_t offset, bytes;
     const char *what;
 } row;
-enum { ROWS = 12, PLANS = 4 };
+enum { ROWS = 11, PLANS = 4 };
 
 static void list_buffers(const sizes *b, row *rows)
 {
@@ -142,8 +142,7 @@ static void list_buffers(const sizes *b, row *rows)
                             {offsetof(hada_refiner, now_w), b->spectra, "the spectra of the refinement's duals"},
                             {offsetof(hada_refiner, list), b->list, "the list of occupied depths"},
                             {offsetof(hada_refiner, partial), b->partial, "the refinement's residuals"},
-                            {offsetof(hada_refiner, split_a), b->split, "the refinement's split at the frame"},
-                            {offsetof(hada_refiner, split_e), b->split, "the refinement's split at the frame"},
+                            {offsetof(hada_refiner, split), 2 * b->split, "the refinement's split at the frame"},
                             {offsetof(hada_refiner, dual), b->dual, "the refinement's split at the frame"},
                             {offsetof(hada_refiner, residual), b->split, "the refinement's residuals"},
                             {offsetof(hada_refiner, residual_frame), b->dual, "the refinement's residuals"},
@@ -241,6 +240,7 @@ hada_status hada_refiner_create(hada_refiner **out, hada_slot *slot, hada_scratc
     refiner->shape = *shape;
     refiner->layout = hada_fft_layout(slot->context, shape->grid_rows, shape->grid_cols, HADA_FFT_AUTO);
     refiner->partials = b.partials;
+    refiner->split_e = (size_t)shape->max_sets * (size_t)shape->channels * refiner->layout.count;
     refiner->window_area = hada_rect_area(&shape->window);
     refiner->frame_area = hada_rect_area(&shape->frame);
     HADA_TRY(hada_alloc((void **)&refiner->energy, ((size_t)shape->max_steps + 1) * (size_t)shape->max_sets,
@@ -270,9 +270,9 @@ void hada_refiner_destroy(hada_refiner **pointer)
     hada_fft_destroy(&refiner->inverse);
     hada_fft_destroy(&refiner->frame_forward);
     hada_fft_destroy(&refiner->frame_inverse);
-    hada_buffer *buffers[] = {&refiner->now_u,    &refiner->now_w,          &refiner->planes,  &refiner->list,
-                              &refiner->partial,  &refiner->split_a,        &refiner->split_e, &refiner->dual,
-                              &refiner->residual, &refiner->residual_frame, &refiner->tv[0],   &refiner->tv[1]};
+    hada_buffer *buffers[] = {&refiner->now_u,          &refiner->now_w, &refiner->planes, &refiner->list,
+                              &refiner->partial,        &refiner->split, &refiner->dual,   &refiner->residual,
+                              &refiner->residual_frame, &refiner->tv[0], &refiner->tv[1]};
     for (size_t i = 0; i < HADA_COUNT(buffers); i++)
         hada_buffer_destroy(buffers[i]);
     free(refiner->energy);

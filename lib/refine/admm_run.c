@@ -81,7 +81,7 @@ static hada_status iterate(const hada_refine_run *r, const hada_refine_rule *rul
                                        rule->tv_colour, start != HADA_REFINE_CONTINUE, err)
                  : hada_refine_nonnegative(r, err));
     if (r->padded) {
-        HADA_TRY(hada_refine_frame_inverse(r, &refiner->split_a, &refiner->dual, err));
+        HADA_TRY(hada_refine_frame_inverse(r, &refiner->split, &refiner->dual, err));
         HADA_TRY(hada_refine_frame_dual(r, refiner->dual.mem, 1, 1.0 / (1.0 + rule->mu), step + 1, err));
     }
 done:

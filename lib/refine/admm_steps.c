@@ -96,6 +96,8 @@ hada_status hada_refine_solve(const hada_refine_run *r, const hada_refine_rule *
     const hada_refine_data *data = r->data;
     const int has_prior = data->prior && !(rule->tv > 0.0);
     const hada_refine_step now = {
+        .problem = problem_of(r, place),
+        .split_e = refiner->split_e,
         .rho = (float)hada_refine_rho_at(rule, step),
         .keep =
             step + rule->before ? (float)(hada_refine_rho_at(rule, step - 1) / hada_refine_rho_at(rule, step)) : 1.0f,
@@ -106,12 +108,11 @@ hada_status hada_refine_solve(const hada_refine_run *r, const hada_refine_rule *
     const hada_range range = slices_range(r, refiner->layout.count, refiner->shape.channels, r->sets);
     cost_solve(r, start, has_prior);
     /* what a step does not use is some other buffer */
-    return hada_launch_refine_solve(
-        refiner->slot, refiner->program, &range, err, .otf = data->otf, .list = refiner->list.mem,
-        .frame = data->spectrum, .split_a = r->padded ? refiner->split_a.mem : refiner->now_w.mem,
-        .split_e = r->padded ? refiner->split_e.mem : refiner->now_u.mem,
-        .prior = has_prior ? data->prior : data->spectrum, .now_u = refiner->now_u.mem, .now_w = refiner->now_w.mem,
-        .partial = refiner->partial.mem, .problem = problem_of(r, place), .now = now);
+    return hada_launch_refine_solve(refiner->slot, refiner->program, &range, err, .otf = data->otf,
+                                    .list = refiner->list.mem, .frame = data->spectrum,
+                                    .split = r->padded ? refiner->split.mem : refiner->now_w.mem,
+                                    .prior = has_prior ? data->prior : data->spectrum, .now_u = refiner->now_u.mem,
+                                    .now_w = refiner->now_w.mem, .partial = refiner->partial.mem, .now = now);
 }
 
 hada_status hada_refine_explain(const hada_refine_run *r, int has_residual, hada_error *err)
@@ -178,16 +179,16 @@ hada_status hada_refine_tv_step(hada_refiner *refiner, int planes, double theta,
                                fresh, err);
 }
 
-/* Transforms `images` images in calls of the plan's batch. */
+/* Transforms `images` images in calls of the plan's batch; their spectra stand from `offset` on. */
 static hada_status transform(hada_refiner *refiner, hada_fft *plan, int forward, int images, cl_mem real,
-                             size_t distance, cl_mem spectrum, hada_error *err)
+                             size_t distance, const hada_buffer *spectra, size_t offset, hada_error *err)
 {
     hada_status status = HADA_OK;
     for (int first = 0; first < images; first += HADA_REFINE_BATCH) {
         const int batch = images - first < HADA_REFINE_BATCH ? images - first : HADA_REFINE_BATCH;
-        const size_t at = (size_t)first * refiner->layout.count, real_at = (size_t)first * distance;
-        HADA_TRY(forward ? hada_fft_forward(plan, batch, real, real_at, spectrum, at, err)
-                         : hada_fft_inverse(plan, batch, spectrum, at, real, real_at, NULL, err));
+        const size_t at = offset + (size_t)first * refiner->layout.count, real_at = (size_t)first * distance;
+        HADA_TRY(forward ? hada_fft_forward(plan, batch, real, real_at, spectra->mem, at, err)
+                         : hada_fft_inverse(plan, batch, spectra->mem, at, real, real_at, NULL, err));
     }
     refiner->transforms += (size_t)images;
 done:
@@ -198,21 +199,21 @@ hada_status hada_refine_planes_forward(const hada_refine_run *r, hada_error *err
 {
     hada_refiner *refiner = r->refiner;
     return transform(refiner, refiner->forward, 1, r->sets * r->depths * refiner->shape.channels, refiner->planes.mem,
-                     refiner->window_area, refiner->now_u.mem, err);
+                     refiner->window_area, &refiner->now_u, 0, err);
 }
 
 hada_status hada_refine_planes_inverse(const hada_refine_run *r, hada_error *err)
 {
     hada_refiner *refiner = r->refiner;
     return transform(refiner, refiner->inverse, 0, r->sets * r->depths * refiner->shape.channels, refiner->planes.mem,
-                     refiner->window_area, refiner->now_w.mem, err);
+                     refiner->window_area, &refiner->now_w, 0, err);
 }
 
 hada_status hada_refine_frame_forward(const hada_refine_run *r, hada_error *err)
 {
     hada_refiner *refiner = r->refiner;
     return transform(refiner, refiner->frame_forward, 1, r->sets * refiner->shape.channels, refiner->dual.mem,
-                     refiner->frame_area, refiner->split_e.mem, err);
+                     refiner->frame_area, &refiner->split, refiner->split_e, err);
 }
 
 hada_status hada_refine_frame_inverse(const hada_refine_run *r, const hada_buffer *spectrum, const hada_buffer *frame,
@@ -220,7 +221,7 @@ hada_status hada_refine_frame_inverse(const hada_refine_run *r, const hada_buffe
 {
     hada_refiner *refiner = r->refiner;
     return transform(refiner, refiner->frame_inverse, 0, r->sets * refiner->shape.channels, frame->mem,
-                     refiner->frame_area, spectrum->mem, err);
+                     refiner->frame_area, spectrum, 0, err);
 }
 
 /* Parseval: from energies of spectra to energies of images. */

@@ -19,7 +19,7 @@ struct hada_refiner {
     hada_fft *forward, *inverse;             /* planes of the window */
     hada_fft *frame_forward, *frame_inverse; /* padded: of the frame */
     hada_buffer now_u, now_w, planes, list, partial;
-    hada_buffer split_a, split_e, dual;   /* padded: the split at the frame */
+    hada_buffer split, dual;              /* padded: the split at the frame, A and behind it E, and its dual */
     hada_buffer residual, residual_frame; /* padded: what the planes do not explain */
     size_t partials;                      /* partial sums of one step, at most */
     float *host_partial;
@@ -29,6 +29,7 @@ struct hada_refiner {
     hada_variation variation;
     size_t group; /* work-items of a group in the kernels with sums */
     size_t window_area, frame_area;
+    size_t split_e; /* where E begins, in complex numbers */
     size_t transforms;
 };
 

@@ -90,7 +90,7 @@ static hada_status learn(bench *b, hada_error *err)
             hada_image_destroy(&raw);
         }
     if (!status)
-        status = hada_fitter_finish(fitter, &b->model, NULL, NULL, err);
+        status = hada_fitter_finish(fitter, &b->model, NULL, err);
     hada_fitter_destroy(&fitter);
     return status;
 }

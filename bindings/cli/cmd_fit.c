@@ -109,101 +109,122 @@ static void defaults(void *user)
     set->psf_sign = -1;
 }
 
-/* Which comparison a row belongs to: of alpha and lambda, of weights outside the window, of refinement. */
-typedef enum table { TABLE_SETTINGS, TABLE_OUTSIDE, TABLE_REFINEMENT } table;
-
-static table table_of(const hada_fit_row *row)
+/* What stands before and behind a row of a table. */
+static const char *mark(int chosen)
 {
-    return row->outside > 0 ? TABLE_OUTSIDE : row->refine_rho > 0 ? TABLE_REFINEMENT : TABLE_SETTINGS;
+    return chosen ? "*" : " ";
 }
 
-static void print_head(hada_cli *cli, table which)
+static const char *word(int chosen)
 {
-    if (which == TABLE_OUTSIDE)
-        hada_cli_say(cli, "\nWeight of what filters make outside the window, on a few held-out pairs\n  %20s  %9s",
-                     "outside", "one depth");
-    else if (which == TABLE_REFINEMENT)
-        hada_cli_say(cli, "\nDoes refinement pay? On a few held-out frames\n  %9s  %9s  %9s  %10s", "steps",
-                     "variation", "one depth", "two depths");
-    else
-        hada_cli_say(cli, "\nLeave-one-out, mean PSNR of held-out pairs in dB\n  %9s  %9s  %9s  %10s", "alpha",
-                     "lambda", "one depth", "two depths");
+    return chosen ? "  chosen" : "";
 }
 
-static void print_row(hada_cli *cli, const hada_fit_row *row)
+/* An entry of the list that scripts read: each has all members, whatever was compared. */
+static json_t *score_json(double alpha, double lambda, double psnr_one, double psnr_two, int chosen)
 {
-    char steps[32] = "none", two[32] = "-";
-    const char *mark = row->chosen ? "*" : " ", *chosen = row->chosen ? "  chosen" : "";
-    if (row->refine_steps)
-        snprintf(steps, sizeof steps, "%d", row->refine_steps);
-    if (isfinite(row->psnr_double))
-        snprintf(two, sizeof two, "%.2f", row->psnr_double);
-    if (table_of(row) == TABLE_OUTSIDE)
-        hada_cli_say(cli, "%s %20.3g  %9.2f%s", mark, row->outside, row->psnr_single, chosen);
-    else if (table_of(row) == TABLE_REFINEMENT)
-        hada_cli_say(cli, "%s %9s  %9.2g  %9.2f  %10s%s", mark, steps, row->refine_tv, row->psnr_single, two, chosen);
-    else
-        hada_cli_say(cli, "%s %9.3g  %9.3g  %9.2f  %10s%s", mark, row->alpha, row->lambda, row->psnr_single, two,
-                     chosen);
-}
-
-static json_t *row_json(const hada_fit_row *row)
-{
-    json_t *entry = json_pack("{s:f, s:f, s:i, s:b}", "alpha", row->alpha, "lambda", row->lambda, "refine_steps",
-                              row->refine_steps, "chosen", row->chosen);
-    json_object_set_new(entry, "outside", row->outside > 0 ? hada_cli_real(row->outside) : json_null());
-    json_object_set_new(entry, "refine_rho", hada_cli_real(row->refine_rho));
-    json_object_set_new(entry, "refine_tv", hada_cli_real(row->refine_tv));
-    json_object_set_new(entry, "psnr_one_depth", hada_cli_real(row->psnr_single));
-    json_object_set_new(entry, "psnr_two_depths", hada_cli_real(row->psnr_double));
+    json_t *entry = json_pack("{s:f, s:f, s:i, s:b, s:n, s:f, s:f}", "alpha", alpha, "lambda", lambda, "refine_steps",
+                              0, "chosen", chosen, "outside", "refine_rho", 0.0, "refine_tv", 0.0);
+    json_object_set_new(entry, "psnr_one_depth", hada_cli_real(psnr_one));
+    json_object_set_new(entry, "psnr_two_depths", hada_cli_real(psnr_two));
     return entry;
 }
 
-static void print_rows(hada_cli *cli, const hada_fit_report *report)
+static void print_filters(hada_cli *cli, const hada_fit_scores *scores, json_t *list)
 {
-    size_t count;
-    const hada_fit_row *rows = hada_fit_report_rows(report, &count);
-    json_t *list = json_array();
-    for (size_t i = 0; i < count; i++) {
-        if (!i || table_of(&rows[i]) != table_of(&rows[i - 1]))
-            print_head(cli, table_of(&rows[i]));
-        print_row(cli, &rows[i]);
-        json_array_append_new(list, row_json(&rows[i]));
+    const hada_fit_filter_score *row;
+    for (size_t i = 0; (row = hada_fit_scores_filter(scores, i)); i++) {
+        char two[32] = "-";
+        if (!i)
+            hada_cli_say(cli, "\nLeave-one-out, mean PSNR of held-out pairs in dB\n  %9s  %9s  %9s  %10s", "alpha",
+                         "lambda", "one depth", "two depths");
+        if (isfinite(row->psnr_double))
+            snprintf(two, sizeof two, "%.2f", row->psnr_double);
+        hada_cli_say(cli, "%s %9.3g  %9.3g  %9.2f  %10s%s", mark(row->chosen), row->alpha, row->lambda,
+                     row->psnr_single, two, word(row->chosen));
+        json_array_append_new(list,
+                              score_json(row->alpha, row->lambda, row->psnr_single, row->psnr_double, row->chosen));
     }
+}
+
+static void print_outsides(hada_cli *cli, const hada_fit_scores *scores, const hada_model_info *info, json_t *list)
+{
+    const hada_fit_outside_score *row;
+    for (size_t i = 0; (row = hada_fit_scores_outside(scores, i)); i++) {
+        json_t *entry = score_json(info->alpha, info->lambda, row->psnr, NAN, row->chosen);
+        if (!i)
+            hada_cli_say(cli, "\nWeight of what filters make outside the window, on a few held-out pairs\n  %20s  %9s",
+                         "outside", "one depth");
+        hada_cli_say(cli, "%s %20.3g  %9.2f%s", mark(row->chosen), row->outside, row->psnr, word(row->chosen));
+        json_object_set_new(entry, "outside", hada_cli_real(row->outside));
+        json_array_append_new(list, entry);
+    }
+}
+
+static void print_refinements(hada_cli *cli, const hada_fit_scores *scores, const hada_model_info *info, json_t *list)
+{
+    const hada_fit_refine_score *row;
+    for (size_t i = 0; (row = hada_fit_scores_refinement(scores, i)); i++) {
+        json_t *entry = score_json(info->alpha, info->lambda, row->psnr_single, row->psnr_double, row->chosen);
+        char steps[32] = "none", two[32] = "-";
+        if (!i)
+            hada_cli_say(cli, "\nDoes refinement pay? On a few held-out frames\n  %9s  %9s  %9s  %10s", "steps",
+                         "variation", "one depth", "two depths");
+        if (row->steps)
+            snprintf(steps, sizeof steps, "%d", row->steps);
+        if (isfinite(row->psnr_double))
+            snprintf(two, sizeof two, "%.2f", row->psnr_double);
+        hada_cli_say(cli, "%s %9s  %9.2g  %9.2f  %10s%s", mark(row->chosen), steps, row->tv, row->psnr_single, two,
+                     word(row->chosen));
+        json_object_set_new(entry, "refine_steps", json_integer(row->steps));
+        json_object_set_new(entry, "refine_rho", hada_cli_real(row->rho));
+        json_object_set_new(entry, "refine_tv", hada_cli_real(row->tv));
+        json_array_append_new(list, entry);
+    }
+}
+
+static void print_scores(hada_cli *cli, const hada_fit_scores *scores, const hada_model *model)
+{
+    const hada_model_info *info = hada_model_get_info(model);
+    json_t *list = json_array();
+    print_filters(cli, scores, list);
+    print_outsides(cli, scores, info, list);
+    print_refinements(cli, scores, info, list);
     json_object_set_new(cli->document, "leave_one_out", list);
 }
 
 /* What the pairs said of their scenes. */
 static void print_survey(hada_cli *cli, const hada_survey *survey)
 {
-    size_t count = 0;
-    const hada_survey_row *rows = survey ? hada_survey_rows(survey, &count) : NULL;
+    const int several = hada_survey_get_row(survey, 1) != NULL;
+    const hada_survey_row *row;
     json_t *list = json_array();
-    if (count > 1)
+    if (several)
         hada_cli_say(cli, "Response of the scenes, unexplained share of held-out frames in %%\n  %9s  %13s  %14s",
                      "response", "exposed alike", "each by itself");
-    for (size_t i = 0; i < count; i++) {
+    for (size_t i = 0; (row = hada_survey_get_row(survey, i)); i++) {
         char name[HADA_RESPONSE_NAME];
-        hada_response_name(name, rows[i].response);
-        if (count > 1)
-            hada_cli_say(cli, "%s %9s  %13.2f  %14.2f%s", rows[i].chosen ? "*" : " ", name, 100 * rows[i].unexplained,
-                         100 * rows[i].unexplained_apart, rows[i].chosen ? "  chosen" : "");
-        json_array_append_new(list, json_pack("{s:s, s:f, s:f, s:b}", "response", name, "unexplained",
-                                              rows[i].unexplained, "unexplained_exposed_apart",
-                                              rows[i].unexplained_apart, "chosen", rows[i].chosen));
+        hada_response_name(name, row->response);
+        if (several)
+            hada_cli_say(cli, "%s %9s  %13.2f  %14.2f%s", mark(row->chosen), name, 100 * row->unexplained,
+                         100 * row->unexplained_apart, word(row->chosen));
+        json_array_append_new(list,
+                              json_pack("{s:s, s:f, s:f, s:b}", "response", name, "unexplained", row->unexplained,
+                                        "unexplained_exposed_apart", row->unexplained_apart, "chosen", row->chosen));
     }
     json_object_set_new(cli->document, "responses", list);
     json_object_set_new(cli->document, "exposed_apart", json_boolean(survey && hada_survey_exposed(survey)));
 }
 
-static void tell_pairs(hada_cli *cli, const hada_dataset_info *info, const hada_fit_report *report)
+static void tell_pairs(hada_cli *cli, const hada_dataset_info *info, const hada_model *model,
+                       const hada_fit_report *report)
 {
     json_t *pairs = json_array();
     for (int z = 0; z < info->depths; z++)
         json_array_append_new(pairs, json_integer(hada_fit_report_pairs(report, z)));
     json_object_set_new(cli->document, "pairs", pairs);
     print_survey(cli, hada_fit_report_survey(report));
-    print_rows(cli, report);
+    print_scores(cli, hada_fit_report_scores(report), model);
     hada_cli_say(cli, "\n%d pairs; at least %d for each of %d %s", info->pairs, info->least_pairs, info->depths,
                  info->depths == 1 ? "depth" : "depths");
 }
@@ -270,7 +291,7 @@ static hada_status fit_pairs(hada_cli *cli, const settings *set, const char *fol
     }
     HADA_TRY(hada_fit_run(model, &report, context, data, &task, err));
     if (folder)
-        tell_pairs(cli, hada_dataset_get_info(data), report);
+        tell_pairs(cli, hada_dataset_get_info(data), *model, report);
     else
         tell_sums(cli, set, *model, report);
 done:

@@ -1,10 +1,9 @@
 /* The end of a fit: the setting that leave-one-out prefers, a model, and whether refinement pays. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
-#include "core/alloc.h"
 #include "fit/fit_model.h"
+#include "fit/fit_scores.h"
 #include "fit/fitter.h"
 #include "refine/admm.h"
 
@@ -14,44 +13,22 @@
  * gain (docs/filters.md). */
 #define ENOUGH_GAIN 3.0
 
-/* The rows of a table, in parts. */
-typedef struct table {
-    hada_fit_row *rows;
-    size_t count;
-} table;
-
-static hada_fit_row *append(table *all, size_t count, hada_error *err)
-{
-    hada_fit_row *rows = realloc(all->rows, (all->count + count) * sizeof *rows);
-    if (!rows) {
-        hada_fail(err, HADA_ERROR_MEMORY, "no memory for the leave-one-out table");
-        return NULL;
-    }
-    all->rows = rows;
-    all->count += count;
-    return rows + all->count - count;
-}
-
-/* Rows for the settings (where scored) and for the weights outside the window that were compared. */
-static hada_status list_filters(const hada_fitter *fitter, table *all, hada_error *err)
+/* The settings (where scored) and the weights outside the window that were compared; places for the trial. */
+static hada_status list_scores(hada_fit_scores **out, const hada_fitter *fitter, hada_error *err)
 {
     const hada_fit_outside *outside = &fitter->outside;
-    const hada_fit_setting setting = hada_leave_one_out_best(&fitter->scores);
-    const int settings = hada_leave_one_out_row_count(&fitter->scores);
-    if (!settings && !outside->count)
-        return HADA_OK;
-    hada_fit_row *rows = append(all, (size_t)settings + (size_t)outside->count, err);
-    if (!rows)
-        return HADA_ERROR_MEMORY;
-    hada_leave_one_out_rows(&fitter->scores, rows);
+    hada_fit_scores *scores;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_fit_scores_create(out, (size_t)hada_leave_one_out_row_count(&fitter->scores), (size_t)outside->count,
+                                    HADA_FIT_TRIAL_ROWS, err));
+    scores = *out;
+    scores->refinement_count = 0;
+    hada_leave_one_out_rows(&fitter->scores, scores->filters);
     for (int s = 0; s < outside->count; s++)
-        rows[settings + s] = (hada_fit_row){.alpha = setting.alpha,
-                                            .lambda = setting.lambda,
-                                            .outside = outside->weight[s],
-                                            .psnr_single = outside->psnr[s],
-                                            .psnr_double = NAN,
-                                            .chosen = s == outside->chosen};
-    return HADA_OK;
+        scores->outsides[s] = (hada_fit_outside_score){
+            .outside = outside->weight[s], .psnr = outside->psnr[s], .chosen = s == outside->chosen};
+done:
+    return status;
 }
 
 static void set_refinement(hada_model *model, int steps, const hada_refine_weights *weights)
@@ -71,8 +48,8 @@ static hada_refine_weights weights_of(const hada_fit_options *options)
 
 /* Tries refinement on the pairs that were kept. The trial compares with the exact fit's filters; where judging them in
  * the window gained more than refinement does, the model keeps the filters. */
-static hada_status try_refinement(hada_fitter *fitter, hada_nonnegative *nonnegative, hada_model *model, table *all,
-                                  hada_error *err)
+static hada_status try_refinement(hada_fitter *fitter, hada_nonnegative *nonnegative, hada_model *model,
+                                  hada_fit_scores *scores, hada_error *err)
 {
     const hada_fit_trial trial = {.sums = &fitter->sums,
                                   .pair = &fitter->pair,
@@ -86,9 +63,6 @@ static hada_status try_refinement(hada_fitter *fitter, hada_nonnegative *nonnega
     if (!fitter->kept.count)
         return HADA_OK;
     HADA_TRY(hada_fit_trial_run(&trial, &result, err));
-    hada_fit_row *rows = append(all, (size_t)result.row_count, err);
-    if (!rows)
-        return HADA_ERROR_MEMORY;
     if (result.steps && result.gain <= hada_fit_outside_gain(&fitter->outside)) {
         result.steps = 0;
         result.share = 1.0;
@@ -96,7 +70,8 @@ static hada_status try_refinement(hada_fitter *fitter, hada_nonnegative *nonnega
         for (int i = 0; i < result.row_count; i++)
             result.rows[i].chosen = i == 0;
     }
-    memcpy(rows, result.rows, (size_t)result.row_count * sizeof *rows);
+    memcpy(scores->refinements, result.rows, (size_t)result.row_count * sizeof *result.rows);
+    scores->refinement_count = (size_t)result.row_count;
     set_refinement(model, result.steps, &result.weights);
     model->info.refine_share = result.share;
 done:
@@ -104,7 +79,7 @@ done:
 }
 
 /* Solves, and tries on pairs held out whether refinement pays. */
-static hada_status solve_and_try(hada_fitter *fitter, hada_model **out, table *all, hada_error *err)
+static hada_status solve_and_try(hada_fitter *fitter, hada_model **out, hada_fit_scores **scores, hada_error *err)
 {
     const hada_fit_options *options = &fitter->options;
     const hada_model_info *info = &fitter->grid.info;
@@ -115,12 +90,12 @@ static hada_status solve_and_try(hada_fitter *fitter, hada_model **out, table *a
                                          info->channels, err));
     HADA_TRY(hada_fit_model_make(out, &fitter->sums, hada_leave_one_out_best(&fitter->scores), fitter->outside.filters,
                                  &fitter->transfers, nonnegative, err));
-    HADA_TRY(list_filters(fitter, all, err));
+    HADA_TRY(list_scores(scores, fitter, err));
     const hada_refine_weights weights = weights_of(options);
     set_refinement(*out, options->refine_steps < 0 ? REFINE_STEPS : options->refine_steps, &weights);
     if (options->refine_steps >= 0)
         goto done;
-    status = try_refinement(fitter, nonnegative, *out, all, err);
+    status = try_refinement(fitter, nonnegative, *out, *scores, err);
     if (status == HADA_ERROR_DEVICE_MEMORY || status == HADA_ERROR_MEMORY) {
         /* the model is there; only the trial needed more */
         hada_log(fitter->grid.slot->context, HADA_LOG_WARNING,
@@ -133,73 +108,55 @@ done:
     return status;
 }
 
-hada_status hada_fitter_finish(hada_fitter *fitter, hada_model **out, hada_fit_row **rows, size_t *row_count,
-                               hada_error *err)
+hada_status hada_fitter_finish(hada_fitter *fitter, hada_model **out, hada_fit_scores **scores, hada_error *err)
 {
-    table all = {0};
-    if (!fitter || !out || (rows && !row_count))
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_fitter_finish: a fitter, out and row_count are needed");
+    hada_fit_scores *own = NULL;
+    hada_status status = HADA_OK;
+    if (scores)
+        *scores = NULL;
+    if (!fitter || !out)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_fitter_finish: a fitter and out are needed");
     *out = NULL;
-    const hada_status status = solve_and_try(fitter, out, &all, err);
+    HADA_TRY(solve_and_try(fitter, out, &own, err));
+    if (scores) {
+        *scores = own;
+        own = NULL;
+    }
+done:
+    hada_fit_scores_destroy(&own);
     if (status)
         hada_model_destroy(out);
-    if (status || !rows) {
-        free(all.rows);
-        all = (table){0};
-    }
-    if (rows) {
-        *rows = all.rows;
-        *row_count = all.count;
-    }
     return status;
 }
 
-/* By how much the trial found refinement better than the linear filters, in decibels, one depth occupied; 0 where it
- * was not tried. */
-static double refinement_gain(const hada_fit_row *rows, size_t count)
-{
-    double linear = NAN, gain = 0.0;
-    for (size_t i = 0; i < count; i++) {
-        if (!(rows[i].refine_rho > 0.0))
-            continue;
-        if (!isfinite(linear))
-            linear = rows[i].psnr_single;
-        if (rows[i].chosen)
-            gain = rows[i].psnr_single - linear;
-    }
-    return isfinite(gain) ? gain : 0.0;
-}
-
 hada_status hada_fitter_learn_and_finish(hada_fitter *fitter, hada_fit_show show, void *user, hada_model **out,
-                                         hada_fit_row **rows, size_t *row_count, hada_error *err)
+                                         hada_fit_scores **scores, hada_error *err)
 {
+    hada_fit_scores *first = NULL;
     hada_status status = HADA_OK;
-    if (!fitter || !show || !out || !rows || !row_count)
+    if (scores)
+        *scores = NULL;
+    if (!fitter || !show || !out)
         return hada_fail(err, HADA_ERROR_ARGUMENT,
-                         "hada_fitter_learn_and_finish: a fitter, a function that shows pairs, out and rows are "
-                         "needed");
+                         "hada_fitter_learn_and_finish: a fitter, a function that shows pairs, and out are needed");
+    *out = NULL;
     if (!fitter->transfers.otf)
         HADA_TRY(hada_fitter_learn_cropped(fitter, show, user, err));
     /* refinement is tried where its steps are not given; without that there is nothing to learn before judging */
     if (fitter->options.outside < 0.0 && fitter->options.refine_steps < 0) {
-        HADA_TRY(hada_fitter_finish(fitter, out, rows, row_count, err));
-        if (refinement_gain(*rows, *row_count) > ENOUGH_GAIN)
-            return HADA_OK;
+        HADA_TRY(hada_fitter_finish(fitter, out, &first, err));
+        if (hada_fit_scores_gain(first) > ENOUGH_GAIN) {
+            if (scores) {
+                *scores = first;
+                first = NULL;
+            }
+            goto done;
+        }
         hada_model_destroy(out);
-        free(*rows);
-        *rows = NULL;
-        *row_count = 0;
     }
     HADA_TRY(hada_fitter_learn_windowed(fitter, show, user, err));
-    HADA_TRY(hada_fitter_finish(fitter, out, rows, row_count, err));
+    HADA_TRY(hada_fitter_finish(fitter, out, scores, err));
 done:
+    hada_fit_scores_destroy(&first);
     return status;
-}
-
-void hada_fit_rows_destroy(hada_fit_row **rows)
-{
-    if (!rows)
-        return;
-    free(*rows);
-    *rows = NULL;
 }

@@ -294,12 +294,12 @@ int hada_leave_one_out_row_count(const hada_leave_one_out *scores)
     return find_best(scores) < 0 ? 0 : scores->distinct;
 }
 
-void hada_leave_one_out_rows(const hada_leave_one_out *scores, hada_fit_row *rows)
+void hada_leave_one_out_rows(const hada_leave_one_out *scores, hada_fit_filter_score *rows)
 {
     const int best = find_best(scores);
     for (int s = 0; best >= 0 && s < scores->distinct; s++) {
-        hada_fit_row *row = &rows[s];
-        *row = (hada_fit_row){
+        hada_fit_filter_score *row = &rows[s];
+        *row = (hada_fit_filter_score){
             .alpha = scores->settings[s].alpha, .lambda = scores->settings[s].lambda, .chosen = s == best};
         mean_psnr(scores, s, &row->psnr_single, &row->psnr_double);
         if (scores->grid->info.depths == 1)

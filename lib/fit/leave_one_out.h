@@ -51,6 +51,6 @@ hada_fit_setting hada_leave_one_out_best(const hada_leave_one_out *scores);
 
 /* The table: a row for each setting, none where nothing was scored. */
 int hada_leave_one_out_row_count(const hada_leave_one_out *scores);
-void hada_leave_one_out_rows(const hada_leave_one_out *scores, hada_fit_row *rows);
+void hada_leave_one_out_rows(const hada_leave_one_out *scores, hada_fit_filter_score *rows);
 
 #endif

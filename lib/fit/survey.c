@@ -353,10 +353,9 @@ double hada_survey_response(const hada_survey *survey)
     return survey->response;
 }
 
-const hada_survey_row *hada_survey_rows(const hada_survey *survey, size_t *count)
+const hada_survey_row *hada_survey_get_row(const hada_survey *survey, size_t index)
 {
-    *count = (size_t)survey->rows;
-    return survey->rows ? survey->row : NULL;
+    return survey && index < (size_t)survey->rows ? &survey->row[index] : NULL;
 }
 
 int hada_survey_exposed(const hada_survey *survey)

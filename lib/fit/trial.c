@@ -59,7 +59,7 @@ typedef struct trial_work {
     int count[2];
     hada_refine_weights weights; /* what is refined with */
     int rank_steps;              /* after which weights are compared */
-    hada_fit_row tv_rows[1 + TV_SIDE + 2];
+    hada_fit_refine_score tv_rows[1 + TV_SIDE + 2];
     int tv_count;
 } trial_work;
 
@@ -305,13 +305,11 @@ static hada_status rank_tv(trial_work *work, const trial_set *set, double tv, do
     const hada_model_info *info = &work->with->model->info;
     const hada_refine_weights weights = {tv, work->weights.colour};
     const hada_status status = rank(work, set, &weights, psnr, err);
-    work->tv_rows[work->tv_count++] = (hada_fit_row){.alpha = info->alpha,
-                                                     .lambda = info->lambda,
-                                                     .refine_steps = work->rank_steps,
-                                                     .refine_rho = hada_refine_rho(info->boundary, tv),
-                                                     .refine_tv = tv,
-                                                     .psnr_single = *psnr,
-                                                     .psnr_double = NAN};
+    work->tv_rows[work->tv_count++] = (hada_fit_refine_score){.steps = work->rank_steps,
+                                                              .rho = hada_refine_rho(info->boundary, tv),
+                                                              .tv = tv,
+                                                              .psnr_single = *psnr,
+                                                              .psnr_double = NAN};
     return status;
 }
 
@@ -463,14 +461,13 @@ static void fill_rows(const trial_work *work, int best, hada_fit_trial_result *r
     result->row_count = TRIED + work->tv_count;
     for (int k = 0; k < TRIED; k++) {
         const double tv = k ? work->weights.tv : 0.0;
-        result->rows[k] = (hada_fit_row){.alpha = info->alpha,
-                                         .lambda = info->lambda,
-                                         .refine_steps = steps_tried[k],
-                                         .refine_rho = hada_refine_rho(info->boundary, tv),
-                                         .refine_tv = tv,
-                                         .psnr_single = work->count[0] ? mean(work, 0, k, share_of(work, k)) : NAN,
-                                         .psnr_double = work->count[1] ? mean(work, 1, k, share_of(work, k)) : NAN,
-                                         .chosen = k == best};
+        result->rows[k] =
+            (hada_fit_refine_score){.steps = steps_tried[k],
+                                    .rho = hada_refine_rho(info->boundary, tv),
+                                    .tv = tv,
+                                    .psnr_single = work->count[0] ? mean(work, 0, k, share_of(work, k)) : NAN,
+                                    .psnr_double = work->count[1] ? mean(work, 1, k, share_of(work, k)) : NAN,
+                                    .chosen = k == best};
     }
     memcpy(result->rows + TRIED, work->tv_rows, (size_t)work->tv_count * sizeof *work->tv_rows);
 }

@@ -25,7 +25,7 @@ typedef struct hada_fit_trial_result {
     double share; /* of refined planes, the rest being the linear filters' */
     hada_refine_weights weights;
     double gain;
-    hada_fit_row rows[HADA_FIT_TRIAL_ROWS]; /* numbers of steps, 0 first, then weights that were compared */
+    hada_fit_refine_score rows[HADA_FIT_TRIAL_ROWS]; /* numbers of steps, 0 first, then weights that were compared */
     int row_count;
 } hada_fit_trial_result;
 

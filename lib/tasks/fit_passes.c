@@ -142,10 +142,10 @@ hada_status hada_fit_pass_learn_cropped(hada_fitter *fitter, const hada_fit_sour
 }
 
 hada_status hada_fit_pass_judge_and_finish(hada_fitter *fitter, const hada_fit_source *from, hada_model **out,
-                                           hada_fit_row **rows, size_t *row_count, hada_error *err)
+                                           hada_fit_scores **scores, hada_error *err)
 {
     shown at = {.from = from, .why = "looks at pairs, to judge in the window"};
-    const hada_status status = hada_fitter_learn_and_finish(fitter, show, &at, out, rows, row_count, err);
+    const hada_status status = hada_fitter_learn_and_finish(fitter, show, &at, out, scores, err);
     show_end(&at);
     return status;
 }
@@ -174,7 +174,7 @@ hada_status hada_fit_exact(hada_model **out, hada_context *context, const hada_f
     if (hada_dataset_get_info(from->data)->least_pairs > 1)
         HADA_TRY(hada_fit_pass_score(fitter, from, err));
     HADA_TRY(hada_fit_pass_learn_cropped(fitter, from, err));
-    HADA_TRY(hada_fitter_finish(fitter, out, NULL, NULL, err));
+    HADA_TRY(hada_fitter_finish(fitter, out, NULL, err));
 done:
     hada_fitter_destroy(&fitter);
     return status;

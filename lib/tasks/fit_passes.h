@@ -31,10 +31,9 @@ hada_status hada_fit_pass_score(hada_fitter *fitter, const hada_fit_source *from
 /* Further passes: transfer functions with the crop in the model (hada_fitter_learn_cropped()). */
 hada_status hada_fit_pass_learn_cropped(hada_fitter *fitter, const hada_fit_source *from, hada_error *err);
 
-/* Chooses and solves, with filters judged in the window where that serves (hada_fitter_learn_and_finish()). *rows is
- * freed with free(). */
+/* Chooses and solves, with filters judged in the window where that serves (hada_fitter_learn_and_finish()). */
 hada_status hada_fit_pass_judge_and_finish(hada_fitter *fitter, const hada_fit_source *from, hada_model **out,
-                                           hada_fit_row **rows, size_t *row_count, hada_error *err);
+                                           hada_fit_scores **scores, hada_error *err);
 
 /* The exact fit with all that is left open chosen, but for filters judged in the window. */
 hada_status hada_fit_exact(hada_model **out, hada_context *context, const hada_fit_options *fit,

@@ -12,8 +12,7 @@
 #include "tasks/fit_passes.h"
 
 struct hada_fit_report {
-    hada_fit_row *rows;
-    size_t row_count;
+    hada_fit_scores *scores;
     int64_t *pairs; /* of each depth */
     hada_survey *survey;
 };
@@ -34,10 +33,9 @@ void hada_fit_task_defaults(hada_fit_task *task, size_t size)
     HADA_OPTIONS_GIVE(task, size, &own);
 }
 
-const hada_fit_row *hada_fit_report_rows(const hada_fit_report *report, size_t *count)
+const hada_fit_scores *hada_fit_report_scores(const hada_fit_report *report)
 {
-    *count = report->row_count;
-    return report->rows;
+    return report->scores;
 }
 
 int64_t hada_fit_report_pairs(const hada_fit_report *report, int depth)
@@ -53,7 +51,7 @@ const hada_survey *hada_fit_report_survey(const hada_fit_report *report)
 void hada_fit_report_destroy(hada_fit_report **report)
 {
     if (*report) {
-        free((*report)->rows);
+        hada_fit_scores_destroy(&(*report)->scores);
         free((*report)->pairs);
         hada_survey_destroy(&(*report)->survey);
     }
@@ -123,8 +121,8 @@ static hada_status solve(learning *of, hada_model **out, hada_error *err)
     hada_fit_report *report = of->report;
     const int can_judge = of->data && !of->task.merge_count && (of->task.leave_one_out || of->fit.outside >= 0.0);
     if (can_judge)
-        return hada_fit_pass_judge_and_finish(of->fitter, &of->from, out, &report->rows, &report->row_count, err);
-    return hada_fitter_finish(of->fitter, out, &report->rows, &report->row_count, err);
+        return hada_fit_pass_judge_and_finish(of->fitter, &of->from, out, &report->scores, err);
+    return hada_fitter_finish(of->fitter, out, &report->scores, err);
 }
 
 static hada_status merge(learning *of, int first, hada_error *err)

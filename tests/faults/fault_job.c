@@ -116,8 +116,8 @@ static hada_status fit(fault_job *job, hada_context *context, hada_model **model
 {
     hada_fit_options options;
     hada_fitter *fitter = NULL;
-    hada_fit_row *rows = NULL;
-    size_t count = 0;
+    hada_fit_scores *scores = NULL;
+    const hada_fit_filter_score *row;
     hada_fit_options_init(&options);
     options.depths = JOB_DEPTHS;
     options.channels = 1;
@@ -138,10 +138,10 @@ static hada_status fit(fault_job *job, hada_context *context, hada_model **model
     for (int z = 0; !status && z < JOB_DEPTHS; z++)
         status = hada_fitter_score(fitter, z, &job->frame[z][0], &job->scene[z][0], err);
     if (!status)
-        status = hada_fitter_finish(fitter, model, &rows, &count, err);
-    if (!status)
-        add_bytes(job, rows, count * sizeof *rows);
-    hada_fit_rows_destroy(&rows);
+        status = hada_fitter_finish(fitter, model, &scores, err);
+    for (size_t i = 0; (row = hada_fit_scores_filter(scores, i)); i++)
+        add_bytes(job, row, sizeof *row);
+    hada_fit_scores_destroy(&scores);
     hada_fitter_destroy(&fitter);
     return status;
 }

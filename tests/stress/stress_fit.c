@@ -160,7 +160,7 @@ static void fit(const stress_device *device, pair_kind kind, int64_t pairs, cons
             if (!k)
                 set_add(&s, &raw, &scene);
         }
-        ASSERT_OK(hada_fitter_finish(fitter, &model, NULL, NULL, err));
+        ASSERT_OK(hada_fitter_finish(fitter, &model, NULL, err));
         filter_row(&s, model, lambdas[k], pairs, what);
         if (!k)
             transfer_row(&s, model, pairs, what);

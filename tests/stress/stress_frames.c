@@ -167,7 +167,7 @@ static void fit_and_run(const stress_device *device, int power, hada_result *res
         }
         hada_image_destroy(&psf);
     }
-    ASSERT_OK(hada_fitter_finish(fitter, &model, NULL, NULL, err));
+    ASSERT_OK(hada_fitter_finish(fitter, &model, NULL, err));
     hada_plan_options_init(&plan_options);
     plan_options.refine = 6;
     plan_options.occupied = HADA_OCCUPIED_ALL;

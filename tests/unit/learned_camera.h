@@ -65,7 +65,7 @@ static inline void learned_fit(learned_camera *learned)
                 hada_image_destroy(&raw);
                 hada_image_destroy(&scene);
             }
-    ASSERT_OK(hada_fitter_finish(fitter, &learned->model, NULL, NULL, err));
+    ASSERT_OK(hada_fitter_finish(fitter, &learned->model, NULL, err));
     hada_fitter_destroy(&fitter);
 }
 

@@ -102,7 +102,7 @@ static void filters_agree_with_the_reference(void **state)
         hada_model *model;
         ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
         add_all(f, fitter, DEPTHS, 0, PAIRS);
-        ASSERT_OK(hada_fitter_finish(fitter, &model, NULL, NULL, err));
+        ASSERT_OK(hada_fitter_finish(fitter, &model, NULL, err));
         reference r = reference_make(f, fitter);
         double *expected = malloc(r.plane * 2 * sizeof *expected);
         for (int z = 0; z < DEPTHS; z++)
@@ -182,32 +182,36 @@ static void the_table_marks_the_best_row(void **state)
     hada_fit_options options = usual(DEPTHS, HADA_FORM_COMPLEX);
     hada_fitter *fitter;
     hada_model *model;
-    hada_fit_row *rows;
+    hada_fit_scores *scores;
+    const hada_fit_filter_score *row, *other;
     size_t count, chosen = 0;
     ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
     add_all(f, fitter, DEPTHS, 0, PAIRS);
     for (int z = 0; z < DEPTHS; z++)
         for (int i = 0; i < PAIRS; i++)
             ASSERT_OK(hada_fitter_score(fitter, z, &f->frame[z][i], &f->scene[z][i], err));
-    ASSERT_OK(hada_fitter_finish(fitter, &model, &rows, &count, err));
-    assert_int_equal(count, 10);
-    for (size_t i = 0; i < count; i++) {
-        assert_true(isfinite(rows[i].psnr_single) && rows[i].psnr_single > rows[i].psnr_double);
-        if (rows[i].chosen) {
+    ASSERT_OK(hada_fitter_finish(fitter, &model, &scores, err));
+    for (count = 0; (row = hada_fit_scores_filter(scores, count)); count++) {
+        assert_true(isfinite(row->psnr_single) && row->psnr_single > row->psnr_double);
+        if (row->chosen) {
             chosen++;
-            assert_true(model->info.alpha == rows[i].alpha && model->info.lambda == rows[i].lambda);
-            for (size_t k = 0; k < count; k++)
-                assert_true(rows[k].psnr_single + rows[k].psnr_double <= rows[i].psnr_single + rows[i].psnr_double);
+            assert_true(model->info.alpha == row->alpha && model->info.lambda == row->lambda);
+            for (size_t k = 0; (other = hada_fit_scores_filter(scores, k)); k++)
+                assert_true(other->psnr_single + other->psnr_double <= row->psnr_single + row->psnr_double);
         }
     }
+    assert_int_equal(count, 10);
+    assert_null(hada_fit_scores_outside(scores, 0));
+    assert_null(hada_fit_scores_refinement(scores, 0));
     assert_int_equal(chosen, 1);
     /* more pairs make the scores stale: without new ones the defaults serve */
     ASSERT_OK(hada_fitter_add(fitter, 0, &f->frame[0][0], &f->scene[0][0], err));
-    hada_fit_rows_destroy(&rows);
+    hada_fit_scores_destroy(&scores);
+    assert_null(scores);
     hada_model_destroy(&model);
-    ASSERT_OK(hada_fitter_finish(fitter, &model, &rows, &count, err));
-    assert_int_equal(count, 0);
-    assert_null(rows);
+    ASSERT_OK(hada_fitter_finish(fitter, &model, &scores, err));
+    assert_null(hada_fit_scores_filter(scores, 0));
+    hada_fit_scores_destroy(&scores);
     assert_true(model->info.lambda == HADA_FIT_LAMBDA && model->info.alpha == HADA_FIT_ALPHA);
     hada_model_destroy(&model);
     hada_fitter_destroy(&fitter);
@@ -232,7 +236,7 @@ static void a_camera_without_noise_is_recovered(void **state)
             hada_image_destroy(&scene);
             hada_image_destroy(&frame);
         }
-        ASSERT_OK(hada_fitter_finish(fitter, &model, NULL, NULL, err));
+        ASSERT_OK(hada_fitter_finish(fitter, &model, NULL, err));
         double worst = 0.0;
         for (size_t k = 0; k < hada_model_plane(model) * CHANNELS; k++) {
             const float *w = model->filter + 2 * k, *h = model->otf + 2 * k;
@@ -272,7 +276,7 @@ static void point_spread_functions_are_nowhere_negative(void **state)
             hada_image_destroy(&frame);
         }
         const uint64_t held = hada_context_bytes(f->context);
-        ASSERT_OK(hada_fitter_finish(fitter, &model, NULL, NULL, err));
+        ASSERT_OK(hada_fitter_finish(fitter, &model, NULL, err));
         assert_int_equal(hada_context_bytes(f->context), held);
         error[nonnegative] = small_distance(model->otf, truth, hada_model_plane(model) * 2);
         hada_model_destroy(&model);

@@ -201,7 +201,7 @@ static hada_model *learn(fixture *f, int passes, double *error, int *shown)
     hada_model *model;
     shower at = {.f = f};
     ASSERT_OK(hada_fitter_learn_cropped(fitter, show, &at, err));
-    ASSERT_OK(hada_fitter_finish(fitter, &model, NULL, NULL, err));
+    ASSERT_OK(hada_fitter_finish(fitter, &model, NULL, err));
     if (error)
         *error = error_of(f, &fitter->grid, model);
     if (shown)
@@ -221,7 +221,7 @@ static void learn_on(fixture *f, const hada_fit_options *options, double *error)
         for (int i = 0; i < PAIRS; i++)
             ASSERT_OK(hada_fitter_add(fitter, z, &f->frame[z][i], &f->scene[z][i], err));
     ASSERT_OK(hada_fitter_learn_cropped(fitter, show, &at, err));
-    ASSERT_OK(hada_fitter_finish(fitter, &model, NULL, NULL, err));
+    ASSERT_OK(hada_fitter_finish(fitter, &model, NULL, err));
     *error = error_of(f, &fitter->grid, model);
     hada_model_destroy(&model);
     hada_fitter_destroy(&fitter);
@@ -362,20 +362,20 @@ static void the_trial_has_transfer_functions_of_its_own(void **state)
     fixture *f = *state;
     hada_fitter *fitter = fitter_of(f, HADA_BOUNDARY_PADDED, (int)HADA_AUTO, (int)HADA_AUTO);
     hada_model *model;
-    hada_fit_row *rows;
-    size_t count;
+    hada_fit_scores *scores;
     shower at = {.f = f};
     for (int z = 0; z < DEPTHS; z++)
         for (int i = 0; i < PAIRS; i++)
             ASSERT_OK(hada_fitter_score(fitter, z, &f->frame[z][i], &f->scene[z][i], err));
-    ASSERT_OK(hada_fitter_learn_and_finish(fitter, show, &at, &model, &rows, &count, err));
+    ASSERT_OK(hada_fitter_learn_and_finish(fitter, show, &at, &model, &scores, err));
     assert_int_equal(fitter->kept.count, HADA_FIT_KEPT);
     const size_t bytes = CHANNELS * fitter->grid.layout.count * 2 * sizeof(float);
     for (int k = 0; k < HADA_FIT_KEPT; k++) {
         assert_non_null(fitter->kept.pair[k].transfers);
         assert_true(k == 0 || memcmp(fitter->kept.pair[0].transfers, fitter->kept.pair[3].transfers, bytes));
     }
-    hada_fit_rows_destroy(&rows);
+    assert_non_null(hada_fit_scores_refinement(scores, 0));
+    hada_fit_scores_destroy(&scores);
     hada_model_destroy(&model);
     hada_fitter_destroy(&fitter);
 }

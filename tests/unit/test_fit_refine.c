@@ -22,7 +22,7 @@ static hada_image squares(uint64_t seed)
     return scene;
 }
 
-static hada_model *fit(hada_context *context, int strange, hada_fit_row **rows, size_t *count)
+static hada_model *fit(hada_context *context, int strange, hada_fit_scores **scores)
 {
     hada_fit_options options;
     hada_fitter *fitter;
@@ -49,11 +49,11 @@ static hada_model *fit(hada_context *context, int strange, hada_fit_row **rows, 
         for (int i = 0; i < PAIRS; i++)
             ASSERT_OK(hada_fitter_score(fitter, z, &frame[z][i], &scene[z][i], err));
     assert_int_equal(fitter->kept.count, HADA_FIT_KEPT);
-    ASSERT_OK(hada_fitter_finish(fitter, &model, rows, count, err));
+    ASSERT_OK(hada_fitter_finish(fitter, &model, scores, err));
 
     /* the trial leaves the sums as they were: a second end gives the same model */
     hada_model *again;
-    ASSERT_OK(hada_fitter_finish(fitter, &again, NULL, NULL, err));
+    ASSERT_OK(hada_fitter_finish(fitter, &again, NULL, err));
     const size_t values = hada_model_plane(model) * 2 * DEPTHS;
     assert_memory_equal(model->filter, again->filter, values * sizeof(float));
     assert_memory_equal(model->otf, again->otf, values * sizeof(float));
@@ -72,32 +72,32 @@ static void refinement_is_chosen_where_it_pays(void **state)
 {
     (void)state;
     hada_context *context;
-    hada_fit_row *rows;
-    size_t count;
+    hada_fit_scores *scores;
+    const hada_fit_refine_score *row;
     ASSERT_OK(hada_context_create(&context, NULL, err));
     for (int strange = 0; strange < 2; strange++) {
-        hada_model *model = fit(context, strange, &rows, &count);
+        hada_model *model = fit(context, strange, &scores);
         double linear = NAN, chosen = NAN;
         int marked = 0;
-        for (size_t i = 0; i < count; i++)
-            if (rows[i].refine_rho > 0.0) {
-                const double both = rows[i].psnr_single + rows[i].psnr_double;
-                assert_true(isfinite(rows[i].psnr_single));
-                if (!rows[i].refine_steps)
-                    linear = both;
-                if (rows[i].chosen) {
-                    chosen = both;
-                    marked++;
-                    assert_int_equal(rows[i].refine_steps, model->info.refine_steps);
-                }
+        for (size_t i = 0; (row = hada_fit_scores_refinement(scores, i)); i++) {
+            const double both = row->psnr_single + row->psnr_double;
+            assert_true(isfinite(row->psnr_single) && row->rho > 0.0);
+            assert_true(!i == !row->steps);
+            if (!i)
+                linear = both;
+            if (row->chosen) {
+                chosen = both;
+                marked++;
+                assert_int_equal(row->steps, model->info.refine_steps);
             }
+        }
         assert_int_equal(marked, 1);
         assert_true(chosen >= linear); /* never worse than the linear filter */
         if (!strange && !(chosen > linear + 2.0))
             fail_msg("refinement gained only %g dB", chosen - linear);
         if (!strange)
             assert_true(model->info.refine_steps > 0);
-        hada_fit_rows_destroy(&rows);
+        hada_fit_scores_destroy(&scores);
         hada_model_destroy(&model);
     }
     assert_int_equal(hada_context_bytes(context), 0);

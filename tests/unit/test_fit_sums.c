@@ -56,10 +56,10 @@ static void bad_pairs_leave_the_sums_as_they_were(void **state)
     hada_error error;
     options.lambda = 1e-3;
     ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
-    assert_int_equal(hada_fitter_finish(fitter, &before, NULL, NULL, &error), HADA_ERROR_STATE);
+    assert_int_equal(hada_fitter_finish(fitter, &before, NULL, &error), HADA_ERROR_STATE);
     assert_non_null(strstr(error.message, "100 mm"));
     add_all(f, fitter, 1, 0, 2);
-    ASSERT_OK(hada_fitter_finish(fitter, &before, NULL, NULL, err));
+    ASSERT_OK(hada_fitter_finish(fitter, &before, NULL, err));
     hada_image bad = small_scene(CHANNELS, ROWS, COLS, 1), small = small_scene(CHANNELS, WINDOW - 1, WINDOW, 1);
     bad.data[77] = NAN;
     assert_int_equal(hada_fitter_add(fitter, 0, &bad, &f->scene[0][0], &error), HADA_ERROR_NOT_FINITE);
@@ -69,7 +69,7 @@ static void bad_pairs_leave_the_sums_as_they_were(void **state)
     assert_int_equal(hada_fitter_add(fitter, 0, &small, &f->scene[0][0], &error), HADA_ERROR_SIZE);
     assert_int_equal(hada_fitter_add(fitter, 1, &f->frame[0][0], &f->scene[0][0], &error), HADA_ERROR_ARGUMENT);
     assert_int_equal(hada_fitter_pairs(fitter, 0), 2);
-    ASSERT_OK(hada_fitter_finish(fitter, &after, NULL, NULL, err));
+    ASSERT_OK(hada_fitter_finish(fitter, &after, NULL, err));
     assert_memory_equal(before->filter, after->filter, hada_model_plane(before) * 2 * CHANNELS * sizeof(float));
     hada_image_destroy(&bad);
     hada_image_destroy(&small);
@@ -100,7 +100,7 @@ static void equal_inputs_give_equal_models(void **state)
                        f->scene[0][0].data + (c * WINDOW + row) * WINDOW, WINDOW * sizeof(float));
         for (int i = 0; i < (k == 2 ? 4 : 1); i++)
             ASSERT_OK(hada_fitter_add(fitter, 0, &frame, k == 1 ? &scene : &f->scene[0][0], err));
-        ASSERT_OK(hada_fitter_finish(fitter, &models[k], NULL, NULL, err));
+        ASSERT_OK(hada_fitter_finish(fitter, &models[k], NULL, err));
         hada_image_destroy(&frame);
         hada_image_destroy(&scene);
         hada_fitter_destroy(&fitter);
@@ -128,7 +128,7 @@ static void sums_merge_and_go_on(void **state)
         options.lambda = 1e-4;
         ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
         add_all(f, fitter, DEPTHS, 0, PAIRS);
-        ASSERT_OK(hada_fitter_finish(fitter, &whole, NULL, NULL, err));
+        ASSERT_OK(hada_fitter_finish(fitter, &whole, NULL, err));
         hada_fitter_destroy(&fitter);
         for (int part = 0; part < 2; part++) {
             snprintf(path[part], sizeof path[part], "%s/%d-%d.safetensors", folder, form, part);
@@ -142,12 +142,12 @@ static void sums_merge_and_go_on(void **state)
         ASSERT_OK(hada_fitter_load_sums(fitter, path[0], err));
         assert_int_equal(hada_fitter_pairs(fitter, DEPTHS - 1), 2);
         add_all(f, fitter, DEPTHS, 2, PAIRS);
-        ASSERT_OK(hada_fitter_finish(fitter, &resumed, NULL, NULL, err));
+        ASSERT_OK(hada_fitter_finish(fitter, &resumed, NULL, err));
         hada_fitter_destroy(&fitter);
         ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
         ASSERT_OK(hada_fitter_load_sums(fitter, path[1], err));
         ASSERT_OK(hada_fitter_load_sums(fitter, path[0], err));
-        ASSERT_OK(hada_fitter_finish(fitter, &merged, NULL, NULL, err));
+        ASSERT_OK(hada_fitter_finish(fitter, &merged, NULL, err));
         const size_t values = hada_model_plane(whole) * 2 * DEPTHS * CHANNELS;
         assert_memory_equal(whole->filter, resumed->filter, values * sizeof(float));
         assert_memory_equal(whole->otf, resumed->otf, values * sizeof(float));
@@ -203,8 +203,8 @@ static void scenes_are_brought_to_light(void **state)
         ASSERT_OK(hada_fitter_add(encoded, 0, &f->frame[0][i], &scene, err));
         hada_image_destroy(&scene);
     }
-    ASSERT_OK(hada_fitter_finish(linear, &expected, NULL, NULL, err));
-    ASSERT_OK(hada_fitter_finish(encoded, &model, NULL, NULL, err));
+    ASSERT_OK(hada_fitter_finish(linear, &expected, NULL, err));
+    ASSERT_OK(hada_fitter_finish(encoded, &model, NULL, err));
     assert_true(expected->info.scene_response == HADA_RESPONSE_LINEAR && model->info.scene_response == 2.0);
     double off = 0.0, size = 0.0;
     for (size_t i = 0; i < hada_model_plane(model) * 2 * CHANNELS; i++) {
@@ -246,8 +246,8 @@ static void depths_may_come_in_any_order(void **state)
     for (int i = 0; i < PAIRS; i++)
         for (int z = DEPTHS - 1; z >= 0; z--)
             ASSERT_OK(hada_fitter_add(b, z, &f->frame[z][i], &f->scene[z][i], err));
-    ASSERT_OK(hada_fitter_finish(a, &one, NULL, NULL, err));
-    ASSERT_OK(hada_fitter_finish(b, &two, NULL, NULL, err));
+    ASSERT_OK(hada_fitter_finish(a, &one, NULL, err));
+    ASSERT_OK(hada_fitter_finish(b, &two, NULL, err));
     assert_memory_equal(one->filter, two->filter, hada_model_plane(one) * 2 * DEPTHS * CHANNELS * sizeof(float));
     hada_model_destroy(&one);
     hada_model_destroy(&two);

@@ -180,7 +180,7 @@ static void a_lower_weight_lowers_the_error_in_the_window(void **state)
             ASSERT_OK(hada_fitter_learn_windowed(fitter, show, &at, err));
             assert_true(s ? at.shown % (DEPTHS * PAIRS) == 0 || at.shown > DEPTHS * PAIRS : at.shown == 0);
             assert_true(at.shown <= DEPTHS * PAIRS * HADA_FIT_ITERATIONS);
-            ASSERT_OK(hada_fitter_finish(fitter, &model, NULL, NULL, err));
+            ASSERT_OK(hada_fitter_finish(fitter, &model, NULL, err));
             inside[s] = objective(f, fitter, model, 0.0);
             hada_model_destroy(&model);
             hada_fitter_destroy(&fitter);
@@ -197,42 +197,43 @@ static void the_weight_is_chosen_on_held_out_pairs(void **state)
     fixture *f = *state;
     hada_fitter *fitter = fitter_of(f, -1.0, HADA_FORM_COMPLEX);
     hada_model *plain, *first, *second;
-    hada_fit_row *rows;
+    hada_fit_scores *scores;
+    const hada_fit_outside_score *row, *taken = NULL, *last = NULL;
+    double best = -INFINITY;
     size_t count;
-    ASSERT_OK(hada_fitter_finish(fitter, &plain, NULL, NULL, err));
+    ASSERT_OK(hada_fitter_finish(fitter, &plain, NULL, err));
     shower at = {.f = f};
     ASSERT_OK(hada_fitter_learn_windowed(fitter, show, &at, err));
-    ASSERT_OK(hada_fitter_finish(fitter, &first, &rows, &count, err));
-    assert_int_equal(count, HADA_FIT_OUTSIDES);
-    size_t chosen = count, best = 0;
-    for (size_t i = 0; i < count; i++) {
-        assert_true(isfinite(rows[i].psnr_single) && rows[i].outside > 0.0 && rows[i].lambda == 1e-3);
-        if (rows[i].chosen)
-            chosen = i;
-        if (rows[i].psnr_single > rows[best].psnr_single)
-            best = i;
+    ASSERT_OK(hada_fitter_finish(fitter, &first, &scores, err));
+    for (count = 0; (row = hada_fit_scores_outside(scores, count)); count++) {
+        assert_true(isfinite(row->psnr) && row->outside > 0.0);
+        best = fmax(best, row->psnr);
+        last = row;
+        if (row->chosen)
+            taken = row;
     }
-    assert_true(rows[count - 1].outside == 1.0);
-    assert_true(chosen < count && rows[chosen].psnr_single > rows[best].psnr_single - 0.03);
+    assert_int_equal(count, HADA_FIT_OUTSIDES);
+    assert_true(last->outside == 1.0 && first->info.lambda == 1e-3);
+    assert_true(taken && taken->psnr > best - 0.03);
     /* transfer functions are not touched; the same pairs give the same bits */
     const size_t values = hada_model_plane(plain) * DEPTHS * CHANNELS * 2;
     assert_memory_equal(plain->otf, first->otf, values * sizeof(float));
-    assert_int_equal(memcmp(plain->filter, first->filter, values * sizeof(float)) == 0, chosen == count - 1);
+    assert_int_equal(memcmp(plain->filter, first->filter, values * sizeof(float)) == 0, taken == last);
     ASSERT_OK(hada_fitter_learn_windowed(fitter, show, &at, err));
-    ASSERT_OK(hada_fitter_finish(fitter, &second, NULL, NULL, err));
+    ASSERT_OK(hada_fitter_finish(fitter, &second, NULL, err));
     assert_memory_equal(second->filter, first->filter, values * sizeof(float));
     /* a fixed weight of that size gives these filters too */
-    hada_fitter *fixed = fitter_of(f, rows[chosen].outside, HADA_FORM_COMPLEX);
+    hada_fitter *fixed = fitter_of(f, taken->outside, HADA_FORM_COMPLEX);
     hada_model_destroy(&second);
     ASSERT_OK(hada_fitter_learn_windowed(fixed, show, &at, err));
-    ASSERT_OK(hada_fitter_finish(fixed, &second, NULL, NULL, err));
+    ASSERT_OK(hada_fitter_finish(fixed, &second, NULL, err));
     assert_memory_equal(second->filter, first->filter, values * sizeof(float));
     hada_fitter_destroy(&fixed);
     hada_model_destroy(&second);
     /* new pairs discard it */
     ASSERT_OK(hada_fitter_add(fitter, 0, &f->frame[0][0], &f->scene[0][0], err));
     assert_null(fitter->outside.filters);
-    hada_fit_rows_destroy(&rows);
+    hada_fit_scores_destroy(&scores);
     hada_model_destroy(&plain);
     hada_model_destroy(&first);
     hada_fitter_destroy(&fitter);
@@ -253,7 +254,7 @@ static void what_cannot_be_judged_is_refused(void **state)
     }
     fitter = fitter_of(f, -1.0, HADA_FORM_COMPLEX);
     assert_int_equal(hada_fitter_learn_windowed(fitter, NULL, NULL, &error), HADA_ERROR_ARGUMENT);
-    ASSERT_OK(hada_fitter_finish(fitter, &plain, NULL, NULL, err));
+    ASSERT_OK(hada_fitter_finish(fitter, &plain, NULL, err));
     shower swapped = {.f = f, .swap = 1};
     assert_int_equal(hada_fitter_learn_windowed(fitter, show, &swapped, &error), HADA_ERROR_STATE);
     assert_non_null(strstr(error.message, "not those in its sums"));
@@ -264,7 +265,7 @@ static void what_cannot_be_judged_is_refused(void **state)
         shower refusing = {.f = f, .refuse_at = at};
         assert_int_equal(hada_fitter_learn_windowed(fitter, show, &refusing, &error), HADA_ERROR_FILE_OPEN);
     }
-    ASSERT_OK(hada_fitter_finish(fitter, &after, NULL, NULL, err));
+    ASSERT_OK(hada_fitter_finish(fitter, &after, NULL, err));
     const size_t values = hada_model_plane(plain) * DEPTHS * CHANNELS * 2;
     assert_memory_equal(plain->filter, after->filter, values * sizeof(float));
     assert_memory_equal(plain->otf, after->otf, values * sizeof(float));

@@ -118,7 +118,7 @@ static inline void make_model(void)
         }
         hada_image_destroy(&psf);
     }
-    ASSERT_OK(hada_fitter_finish(fitter, &f.model, NULL, NULL, err));
+    ASSERT_OK(hada_fitter_finish(fitter, &f.model, NULL, err));
     hada_fitter_destroy(&fitter);
     ASSERT_OK(hada_model_blank(&f.blank, &options, err));
 }

@@ -71,7 +71,7 @@ static hada_status fit(hada_bench *bench, hada_simulator *simulator, hada_contex
             HADA_TRY(hada_cli_check_signals(err));
             hada_cli_progress_step(bench->cli, NULL);
         }
-    HADA_TRY(hada_fitter_finish(fitter, model, NULL, NULL, err));
+    HADA_TRY(hada_fitter_finish(fitter, model, NULL, err));
 done:
     hada_image_destroy(&scene);
     hada_image_destroy(&raw);

@@ -120,33 +120,52 @@ HADA_API hada_status hada_fitter_learn_cropped(hada_fitter *fitter, hada_fit_sho
  * While it runs it takes as much room on the device as 14 frames' spectra (6 with options.outside given). */
 HADA_API hada_status hada_fitter_learn_windowed(hada_fitter *fitter, hada_fit_show show, void *user, hada_error *err);
 
-/* A row of the leave-one-out table: mean PSNR in the window of held-out pairs (dB, peak 1) when only their depth is
- * occupied, and when one other depth is occupied as well (NaN for one depth); the latter counts the other depth's light
- * over the whole frame, so it is a lower bound. `chosen` marks what the model takes. Rows with outside > 0 compare
- * weights of the error outside the window on a few held-out pairs (psnr_single: of the mean squared error of all;
- * psnr_double: NaN). Rows with refine_rho > 0 compare refinement on a few held-out frames, the first of
- * them without any step. */
-typedef struct hada_fit_row {
-    double alpha, lambda, outside;
-    int refine_steps;
-    double refine_rho, refine_tv;
-    double psnr_single, psnr_double;
-    int chosen;
-} hada_fit_row;
+/* What was compared to choose what the options leave open, and how it did: PSNR is the mean in the window of held-out
+ * pairs (dB, peak 1), and of each kind at most one is `chosen`: what the model takes. */
+typedef struct hada_fit_scores hada_fit_scores;
 
-/* Chooses, solves W and H, and makes the model. *rows (may be NULL) are given back by
- * hada_fit_rows_destroy(). */
-HADA_API hada_status hada_fitter_finish(hada_fitter *fitter, hada_model **out, hada_fit_row **rows, size_t *row_count,
+/* Alpha and lambda of filters, by leave-one-out. */
+typedef struct hada_fit_filter_score {
+    double alpha, lambda;
+    double psnr_single; /* only the pair's depth is occupied */
+    double psnr_double; /* one other depth is occupied as well, whose light is counted over the whole frame: a lower
+                           bound. NaN for one depth */
+    int chosen;
+} hada_fit_filter_score;
+
+/* Weights of the error outside the window. */
+typedef struct hada_fit_outside_score {
+    double outside;
+    double psnr; /* of the mean squared error of all pairs */
+    int chosen;
+} hada_fit_outside_score;
+
+/* Refinement: first with numbers of steps, of which the first is none (linear filters), then weights of total variation
+ * that were compared, never marked, for one depth. NaN where there was no such pair. */
+typedef struct hada_fit_refine_score {
+    int steps;
+    double rho, tv;
+    double psnr_single, psnr_double; /* of frames of one pair, and of the sum of two */
+    int chosen;
+} hada_fit_refine_score;
+
+/* The score number `index` of a kind, from 0 on; NULL behind the last one. Owned by the scores, which may be NULL.
+ * Later versions may add members at the end. */
+HADA_API const hada_fit_filter_score *hada_fit_scores_filter(const hada_fit_scores *scores, size_t index);
+HADA_API const hada_fit_outside_score *hada_fit_scores_outside(const hada_fit_scores *scores, size_t index);
+HADA_API const hada_fit_refine_score *hada_fit_scores_refinement(const hada_fit_scores *scores, size_t index);
+HADA_API void hada_fit_scores_destroy(hada_fit_scores **scores);
+
+/* Chooses, solves W and H, and makes the model. *scores (may be left out, NULL) are for the caller to destroy. */
+HADA_API hada_status hada_fitter_finish(hada_fitter *fitter, hada_model **out, hada_fit_scores **scores,
                                         hada_error *err);
-/* Frees the rows and clears the pointer; NULL is fine. */
-HADA_API void hada_fit_rows_destroy(hada_fit_row **rows);
 
 /* The same with hada_fitter_learn_cropped() before it, unless that was called, and hada_fitter_learn_windowed(), where
  * that serves: where options.outside is given, or the linear filters are what the model will use. Judging gains a
  * decibel or two and takes most of the time of a fit, so where refinement, which does without the filters, is found to
  * lead by more than that, it is left out. */
 HADA_API hada_status hada_fitter_learn_and_finish(hada_fitter *fitter, hada_fit_show show, void *user, hada_model **out,
-                                                  hada_fit_row **rows, size_t *row_count, hada_error *err);
+                                                  hada_fit_scores **scores, hada_error *err);
 
 #ifdef __cplusplus
 }

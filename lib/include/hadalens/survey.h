@@ -43,8 +43,9 @@ HADA_API void hada_survey_destroy(hada_survey **survey);
 
 /* The response of the scenes, never HADA_AUTO. */
 HADA_API double hada_survey_response(const hada_survey *survey);
-/* What was compared, *count of them; owned by the survey, NULL where nothing was. */
-HADA_API const hada_survey_row *hada_survey_rows(const hada_survey *survey, size_t *count);
+/* What was compared, from 0 on, NULL behind the last one; owned by the survey, which may be NULL. Later versions may
+ * add members to a row, at its end. */
+HADA_API const hada_survey_row *hada_survey_get_row(const hada_survey *survey, size_t index);
 
 /* 1: the frames of a depth were exposed differently. */
 HADA_API int hada_survey_exposed(const hada_survey *survey);

@@ -51,9 +51,8 @@ typedef struct hada_fit_report hada_fit_report;
 HADA_API hada_status hada_fit_run(hada_model **out, hada_fit_report **report, hada_context *context,
                                   const hada_dataset *data, const hada_fit_task *task, hada_error *err);
 
-/* The rows of the comparisons (hadalens/fit.h), *count of them; owned by the report, NULL where nothing was compared.
- */
-HADA_API const hada_fit_row *hada_fit_report_rows(const hada_fit_report *report, size_t *count);
+/* What was compared (hadalens/fit.h); owned by the report. */
+HADA_API const hada_fit_scores *hada_fit_report_scores(const hada_fit_report *report);
 /* Pairs in the sums of a depth, those of merged files counted. */
 HADA_API int64_t hada_fit_report_pairs(const hada_fit_report *report, int depth);
 /* What the pairs said before the fit; owned by the report, NULL where they were not asked. */

@@ -12,7 +12,7 @@ static inline float8 conv_eight(__global const float *p, int here)
     return here ? vload8(0, p) : (float8)(0.0f);
 }
 
-__kernel __attribute__((reqd_work_group_size(HADA_CONV_GROUP_ITEMS, 1, 1))) void
+__kernel __attribute__((reqd_work_group_size(HADA_CONV_GRADIENT_ITEMS, 1, 1))) void
 conv_group_weights(__global const float *restrict coarse, __global const float *restrict fine,
                    __global float *restrict partial, hada_conv_correlation sizes)
 {
@@ -23,15 +23,15 @@ conv_group_weights(__global const float *restrict coarse, __global const float *
     const int pad_rows = sizes.pad_rows, pad_cols = sizes.pad_cols;
     const int strip_rows = sizes.strip_rows, fine_groups = sizes.fine_groups;
     const ulong coarse_image = sizes.coarse.image, fine_image = sizes.fine.image;
-    __local float a[CONV_SLICE][HADA_CONV_GROUP_LANES], b[CONV_SLICE][HADA_CONV_GROUP_LANES];
+    __local float a[CONV_SLICE][HADA_CONV_GRADIENT_LANES], b[CONV_SLICE][HADA_CONV_GRADIENT_LANES];
     const int item = get_local_id(0), tx = item % 8, ty = item / 8, pixel = item / 4, eight = item % 4 * 8;
     const int fine_group = get_group_id(0) % fine_groups, place = get_group_id(0) / fine_groups;
     const int places = get_num_groups(0) / fine_groups, part = get_global_id(2), parts = get_global_size(2);
     const int strips = (coarse_rows + strip_rows - 1) / strip_rows, first = part * (images * strips) / parts;
-    const int end = (part + 1) * (images * strips) / parts, fine_filled = fine_groups * HADA_CONV_GROUP_LANES;
+    const int end = (part + 1) * (images * strips) / parts, fine_filled = fine_groups * HADA_CONV_GRADIENT_LANES;
     const int coarse_row = (coarse_cols + 2) * NET_BLOCK, fine_row = (fine_cols + 2) * NET_BLOCK;
-    const int my_coarse = get_global_id(1) * HADA_CONV_GROUP_LANES + eight,
-              my_fine = fine_group * HADA_CONV_GROUP_LANES + eight;
+    const int my_coarse = get_global_id(1) * HADA_CONV_GRADIENT_LANES + eight,
+              my_fine = fine_group * HADA_CONV_GRADIENT_LANES + eight;
     /* channels that fill up the last block are zero; beyond it there is nothing */
     const int coarse_here = my_coarse / NET_BLOCK * NET_BLOCK < coarse_channels;
     const int fine_here = my_fine / NET_BLOCK * NET_BLOCK < fine_channels;
@@ -70,12 +70,12 @@ conv_group_weights(__global const float *restrict coarse, __global const float *
         for (int i = 0; i < 4; ++i)
             sums[i] += strip_sums[i];
     }
-    const int my_lane = get_global_id(1) * HADA_CONV_GROUP_LANES + tx * 4;
-    partial +=
-        (((size_t)part * get_global_size(1) * HADA_CONV_GROUP_LANES + my_lane / NET_BLOCK * NET_BLOCK) * fine_filled +
-         (fine_group * HADA_CONV_GROUP_LANES + ty * 4) * NET_BLOCK) *
-            places +
-        place * NET_BLOCK + my_lane % NET_BLOCK;
+    const int my_lane = get_global_id(1) * HADA_CONV_GRADIENT_LANES + tx * 4;
+    partial += (((size_t)part * get_global_size(1) * HADA_CONV_GRADIENT_LANES + my_lane / NET_BLOCK * NET_BLOCK) *
+                    fine_filled +
+                (fine_group * HADA_CONV_GRADIENT_LANES + ty * 4) * NET_BLOCK) *
+                   places +
+               place * NET_BLOCK + my_lane % NET_BLOCK;
     for (int i = 0; i < 4; ++i)
         vstore4(sums[i], 0, partial + i * places * NET_BLOCK);
 }

@@ -4,9 +4,11 @@
 
 #include "shared_net.h"
 
-/* Channels, coarse and fine, in the tiles of work-groups, and work-items of a group. */
-#define HADA_CONV_GROUP_LANES 32
-#define HADA_CONV_GROUP_ITEMS 64
+/* Work-items of a group: of a pass, and of the gradient of the weights, which takes so many channels, coarse and
+ * fine. */
+#define HADA_CONV_GROUP_ITEMS    128
+#define HADA_CONV_GRADIENT_ITEMS 64
+#define HADA_CONV_GRADIENT_LANES 32
 
 /* What becomes of a finished sum. */
 enum {
@@ -34,7 +36,7 @@ typedef struct hada_conv_problem {
     int to_coarse;
     int rows_each; /* conv_direct: rows of a work-item */
     int tiles;     /* conv_winograd: tiles of a work-item */
-    int unused;
+    int parts;     /* conv_group: groups that share the steps of a tile */
 } hada_conv_problem;
 HADA_SHARED_SIZE(hada_conv_problem, 160)
 

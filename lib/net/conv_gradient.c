@@ -44,7 +44,7 @@ static hada_status partial_weights(hada_conv *conv, const hada_tensor *coarse, c
     const hada_conv_correlation sizes = hada_conv_correlation_of(conv, coarse, fine);
     const size_t items = (size_t)(sizes.places / (g->rows_each * g->cols_each)) * (size_t)g->fine_groups;
     const hada_range range =
-        hada_range_groups(items, conv->plan.groups ? HADA_CONV_GROUP_ITEMS : 1, (size_t)g->coarse_groups, parts);
+        hada_range_groups(items, conv->plan.groups ? HADA_CONV_GRADIENT_ITEMS : 1, (size_t)g->coarse_groups, parts);
     if (conv->plan.groups)
         return hada_launch_conv_group_weights(conv->slot, HADA_PROGRAM_BY_BLOCK(CONV_GROUP_WEIGHTS, conv->plan.block),
                                               &range, err, .coarse = coarse->mem, .fine = fine->mem,
@@ -65,12 +65,13 @@ hada_status hada_conv_weights(hada_conv *conv, const hada_tensor *coarse, const 
         return plain_weights(conv, coarse, fine, dw, accumulate, err);
     /* every part has a strip at least */
     const int strips = coarse->images * ((coarse->rows + g->strip_rows - 1) / g->strip_rows);
-    const hada_conv_partials sizes = {.parts = g->parts < strips ? g->parts : strips,
-                                      .blocks = g->coarse_groups * (groups ? HADA_CONV_GROUP_LANES / block : g->blocks),
-                                      .fine_filled = g->fine_groups * (groups ? HADA_CONV_GROUP_LANES : g->fine_each),
-                                      .places = d->kernel_rows * d->kernel_cols,
-                                      .coarse_channels = coarse->channels,
-                                      .fine_channels = fine->channels};
+    const hada_conv_partials sizes = {
+        .parts = g->parts < strips ? g->parts : strips,
+        .blocks = g->coarse_groups * (groups ? HADA_CONV_GRADIENT_LANES / block : g->blocks),
+        .fine_filled = g->fine_groups * (groups ? HADA_CONV_GRADIENT_LANES : g->fine_each),
+        .places = d->kernel_rows * d->kernel_cols,
+        .coarse_channels = coarse->channels,
+        .fine_channels = fine->channels};
     const hada_range range = hada_range_of((size_t)fine->channels, LOCAL, (size_t)hada_layout_of(coarse).blocks, 1);
     HADA_TRY(partial_weights(conv, coarse, fine, (size_t)sizes.parts, err));
     HADA_TRY(hada_launch_conv_reduce_weights(conv->slot, HADA_PROGRAM_BY_BLOCK(CONV_REDUCE, block), &range, err,

@@ -24,6 +24,8 @@ typedef struct hada_conv_pass {
     int tile;                 /* Winograd: 2 or 4 */
     int tiles;                /* Winograd in one launch: tiles of a work-item; 0: in three launches */
     int room;                 /* Winograd in three launches: tiles at most */
+    int parts;                /* direct in work-groups: groups that share the steps of a tile */
+    int images_each;          /* then: images whose sums find room in scratch */
     int program;              /* of the kernel file that serves it: a row of the manifest */
     size_t scratch_floats;
     size_t weight_floats;
@@ -120,7 +122,15 @@ int hada_conv_table_step(int block, int three_launches);
 int hada_conv_table_tiles_fit(const hada_context *context, const hada_conv_pass *pass, int blocks, int tiles);
 void hada_conv_table_gradient_tiles(const hada_context *context, hada_conv_gradient *gradient);
 void hada_conv_table_pass(const hada_context *context, hada_conv_pass *pass);
+/* In work-groups: output channels of a tile, pixels of an item, and parts, of a kernel with so many places. */
+void hada_conv_table_group(const hada_context *context, hada_conv_pass *pass, int places);
 void hada_conv_table_gradient(const hada_context *context, const hada_conv_desc *desc, hada_conv_gradient *gradient);
+
+/* Pixels of a tile of work-groups. */
+static inline int hada_conv_group_tile(const hada_conv_pass *pass)
+{
+    return pass->pixels * HADA_CONV_GROUP_ITEMS / (pass->lanes / 8);
+}
 
 /* What is done with a finished sum (hada_conv_epilogue). */
 typedef struct hada_conv_finish {

@@ -7,7 +7,11 @@
 #include "launch/conv_pool.h"
 #include "net/conv_internal.h"
 
-enum { PLAIN_LOCAL = 8 }; /* work-items of a group of conv_plain and conv_pack */
+enum {
+    PLAIN_LOCAL = 8, /* work-items of a group of conv_plain and conv_pack */
+    POOL_LOCAL = 64,
+    FINISH_LOCAL = 128
+};
 
 void hada_conv_cost(hada_conv *conv, const hada_tensor *coarse, const hada_tensor *fine)
 {
@@ -51,7 +55,8 @@ static hada_conv_problem geometry_of(const hada_conv *conv, int index)
                                .step = pass->step,
                                .to_coarse = pass->to_coarse,
                                .rows_each = pass->rows_each,
-                               .tiles = pass->tiles};
+                               .tiles = pass->tiles,
+                               .parts = pass->parts};
 }
 
 hada_conv_problem hada_conv_problem_of(const hada_conv *conv, int index, const hada_tensor *in, const hada_tensor *out,
@@ -92,7 +97,7 @@ hada_status hada_conv_pool(hada_conv *conv, const hada_tensor *y, const hada_ten
 {
     const int groups = conv->plan.groups;
     const hada_tensor_layout at_y = hada_layout_of(y);
-    const hada_range range = hada_range_of(groups ? (size_t)pooled->cols : 1, groups ? HADA_CONV_GROUP_ITEMS : 1,
+    const hada_range range = hada_range_of(groups ? (size_t)pooled->cols : 1, groups ? POOL_LOCAL : 1,
                                            (size_t)pooled->rows, (size_t)at_y.blocks * (size_t)y->images);
     return hada_launch_conv_pool(conv->slot, HADA_PROGRAM_BY_BLOCK(CONV_POOL, y->block), &range, err, .y = y->mem,
                                  .pooled = pooled->mem, .at_y = at_y, .at_pooled = hada_layout_of(pooled),
@@ -112,26 +117,57 @@ static hada_status direct_lanes(hada_conv *conv, int index, const hada_tensor *i
                                    .problem = hada_conv_problem_of(conv, index, in, out, finish, 0));
 }
 
+/* So many images, whose parts find room in scratch. */
 static hada_status direct_groups(hada_conv *conv, int index, const hada_tensor *in, const hada_tensor *out,
                                  const hada_conv_finish *finish, hada_error *err)
 {
     const hada_conv_pass *pass = &conv->plan.pass[index];
-    const size_t step = (size_t)pass->step;
+    const hada_program_conv_group program = (hada_program_conv_group)pass->program;
+    const size_t step = (size_t)pass->step, tile = (size_t)hada_conv_group_tile(pass), parts = (size_t)pass->parts;
     const size_t pixels = hada_divide_up((size_t)out->rows, step) * hada_divide_up((size_t)out->cols, step);
-    const hada_range range =
-        hada_range_of(pixels, HADA_CONV_GROUP_ITEMS, hada_divide_up((size_t)out->channels, (size_t)pass->lanes),
-                      (size_t)in->images * step * step);
-    return hada_launch_conv_group(conv->slot, HADA_PROGRAM_BY_BLOCK(CONV_GROUP, conv->plan.block), &range, err,
-                                  .x = in->mem, .weights = conv->weights[index].mem, .bias = finish->bias.mem,
-                                  .y = out->mem, .mask = hada_conv_mask(finish),
-                                  .problem = hada_conv_problem_of(conv, index, in, out, finish, 0));
+    const size_t fours = (size_t)out->cols * (size_t)(out->block / 4), blocks = (size_t)hada_layout_of(out).blocks;
+    const hada_range range = hada_range_groups(hada_divide_up(pixels, tile), HADA_CONV_GROUP_ITEMS,
+                                               hada_divide_up((size_t)out->channels, (size_t)pass->lanes),
+                                               (size_t)in->images * step * step * parts);
+    const hada_range finish_range = hada_range_of(fours, FINISH_LOCAL, (size_t)out->rows, (size_t)out->images * blocks);
+    hada_conv_problem problem = hada_conv_problem_of(conv, index, in, out, finish, 0);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_launch_conv_group(conv->slot, program, &range, err, .x = in->mem, .weights = conv->weights[index].mem,
+                                    .bias = finish->bias.mem, .y = parts > 1 ? conv->scratch.mem : out->mem,
+                                    .mask = hada_conv_mask(finish), .problem = problem));
+    if (parts > 1)
+        HADA_TRY(hada_launch_conv_group_finish(conv->slot, program, &finish_range, err, .partial = conv->scratch.mem,
+                                               .bias = finish->bias.mem, .y = out->mem, .mask = hada_conv_mask(finish),
+                                               .problem = problem));
+done:
+    return status;
+}
+
+static hada_status direct_groups_all(hada_conv *conv, int index, const hada_tensor *in, const hada_tensor *out,
+                                     const hada_conv_finish *finish, hada_error *err)
+{
+    const int each = conv->plan.pass[index].images_each;
+    hada_status status = HADA_OK;
+    for (int n = 0; n < in->images; n += each) {
+        const int count = each < in->images - n ? each : in->images - n;
+        const hada_tensor some_in = hada_tensor_images(in, n, count), some_out = hada_tensor_images(out, n, count);
+        hada_conv_finish some = *finish;
+        hada_tensor mask;
+        if (finish->mask) {
+            mask = hada_tensor_images(finish->mask, n, count);
+            some.mask = &mask;
+        }
+        HADA_TRY(direct_groups(conv, index, &some_in, &some_out, &some, err));
+    }
+done:
+    return status;
 }
 
 hada_status hada_conv_direct(hada_conv *conv, int index, const hada_tensor *in, const hada_tensor *out,
                              const hada_conv_finish *finish, hada_error *err)
 {
     hada_status status = HADA_OK;
-    HADA_TRY(conv->plan.groups ? direct_groups(conv, index, in, out, finish, err)
+    HADA_TRY(conv->plan.groups ? direct_groups_all(conv, index, in, out, finish, err)
                                : direct_lanes(conv, index, in, out, finish, err));
     if (finish->pooled)
         HADA_TRY(hada_conv_pool(conv, out, finish->pooled, err));

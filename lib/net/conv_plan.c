@@ -5,6 +5,7 @@
 
 #include "core/round.h"
 #include "launch/conv_direct.h"
+#include "launch/conv_group.h"
 #include "launch/conv_weights.h"
 #include "launch/conv_winograd.h"
 #include "launch/conv_winograd_steps.h"
@@ -18,6 +19,7 @@
 #define MOST_PARTS     64                /* more would only write more sums */
 #define PARTIAL_FLOATS ((size_t)1 << 20) /* of all parts together, 4 MiB */
 #define CACHED_FLOATS  ((size_t)1 << 16) /* of a part's images, 256 KiB: they stay in a near cache */
+#define PART_FLOATS    ((size_t)1 << 24) /* of the parts of a pass in work-groups, 64 MiB */
 #define STEP_FLOATS    ((size_t)1 << 22) /* of transformed tiles in scratch, 16 MiB */
 /* tiles that one step of a gradient of weights adds up in one running sum: more lose accuracy (1024: 6e-6) */
 #define LEAST_STEP_TILES 64
@@ -151,7 +153,7 @@ static void plan_direct(const hada_conv_plan *plan, const hada_context *context,
 {
     hada_conv_table_pass(context, pass);
     if (plan->groups)
-        pass->lanes = HADA_CONV_GROUP_LANES;
+        hada_conv_table_group(context, pass, plan->desc.kernel_rows * plan->desc.kernel_cols);
     if (choice->method != HADA_CONV_DIRECT || plan->groups)
         return;
     pass->lanes = choice->blocks > 0 ? choice->blocks * plan->block : pass->lanes;
@@ -168,6 +170,16 @@ static size_t direct_weight_floats(const hada_conv_plan *plan, const hada_conv_p
         return (size_t)d->in_channels * (size_t)d->out_channels * (size_t)d->kernel_rows * (size_t)d->kernel_cols;
     return step * step * hada_divide_up((size_t)d->kernel_rows, step) * hada_divide_up((size_t)d->kernel_cols, step) *
            (size_t)padded(pass->in_channels, plan->block) * (size_t)padded(pass->out_channels, pass->lanes);
+}
+
+/* Scratch for the sums of parts, of as many images as find room. */
+static void plan_parts(const hada_conv_plan *plan, hada_conv_pass *pass)
+{
+    const size_t floats = (size_t)pass->parts * (size_t)padded(pass->out_channels, plan->block) *
+                          (size_t)pass->out_rows * (size_t)pass->out_cols;
+    const size_t room = PART_FLOATS / floats, images = (size_t)plan->desc.images;
+    pass->images_each = (int)(pass->parts < 2 || room > images ? images : room < 1 ? 1 : room);
+    pass->scratch_floats = pass->parts < 2 ? 0 : floats * (size_t)pass->images_each;
 }
 
 static hada_status plan_pass(hada_conv_plan *plan, const hada_context *context, hada_conv_pass *pass, int to_coarse,
@@ -193,6 +205,8 @@ static hada_status plan_pass(hada_conv_plan *plan, const hada_context *context, 
         pass->tile = 0;
     }
     pass->weight_floats = direct_weight_floats(plan, pass);
+    if (plan->groups && pass->method == HADA_CONV_DIRECT)
+        plan_parts(plan, pass);
     return HADA_OK;
 }
 
@@ -233,8 +247,8 @@ static void plan_gradient_sums(hada_conv_plan *plan, const hada_context *context
 {
     const hada_conv_desc *d = &plan->desc;
     hada_conv_table_gradient(context, d, g);
-    const int coarse_tile = plan->groups ? HADA_CONV_GROUP_LANES : g->blocks * plan->block;
-    const int fine_tile = plan->groups ? HADA_CONV_GROUP_LANES : g->fine_each;
+    const int coarse_tile = plan->groups ? HADA_CONV_GRADIENT_LANES : g->blocks * plan->block;
+    const int fine_tile = plan->groups ? HADA_CONV_GRADIENT_LANES : g->fine_each;
     if (plan->groups)
         g->cols_each = g->rows_each = 1;
     g->coarse_groups = padded(g->coarse_channels, coarse_tile) / coarse_tile;
@@ -289,6 +303,8 @@ static int pass_program(const hada_conv_plan *plan, const hada_conv_pass *pass)
     if (pass->method == HADA_CONV_DIRECT && !plan->groups)
         return hada_find_conv_direct(.net_block = block, .conv_blocks = blocks, .conv_pixels = pass->pixels,
                                      .conv_step = pass->in_step);
+    if (pass->method == HADA_CONV_DIRECT)
+        return hada_find_conv_group(.net_block = block, .conv_high = pass->lanes, .conv_pixels = pass->pixels);
     return 0;
 }
 

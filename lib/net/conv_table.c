@@ -1,6 +1,8 @@
 /* Which implementation and which tile sizes serve a shape: read, never timed, during a run. */
 #include "net/conv_internal.h"
 
+#include "core/round.h"
+
 /* Vectors that a work-item sums in: as many as registers hold besides the operands. */
 typedef struct tile_row {
     int block, in_step; /* of the device and the pass */
@@ -68,6 +70,40 @@ void hada_conv_table_pass(const hada_context *context, hada_conv_pass *pass)
     const long groups = best ? (pass->out_channels + pass->lanes - 1) / pass->lanes : 1;
     const long rows = groups * pass->out_rows / LEAST_ITEMS;
     pass->rows_each = rows < 1 ? 1 : (int)rows;
+}
+
+/* Tiles of conv_group.cl. Pixels of an item: fewer where local memory would not hold them. */
+static const struct {
+    int lanes, pixels;
+} group_rows[] = {{64, 8}, {32, 8}, {16, 4}};
+
+/* A tile costs as if it had so many more channels: reading its pixels. */
+#define GROUP_READS 4
+/* Groups that a large device wants: two for each of its units. Where one image has fewer, several share a tile, each
+ * so many steps at least. One image alone decides: results do not change with the batch. */
+#define GROUPS_WANTED 256
+#define PART_STEPS    8
+#define PARTS_MOST    16
+
+void hada_conv_table_group(const hada_context *context, hada_conv_pass *pass, int places)
+{
+    long best = 0;
+    for (size_t i = 0; i < sizeof group_rows / sizeof *group_rows; i++) {
+        const long groups = (pass->out_channels + group_rows[i].lanes - 1) / group_rows[i].lanes;
+        const long cost = groups * (group_rows[i].lanes + GROUP_READS);
+        if (!best || cost < best) {
+            best = cost;
+            pass->lanes = group_rows[i].lanes;
+            pass->pixels = group_rows[i].pixels;
+        }
+    }
+    const int step = pass->step, tile = hada_conv_group_tile(pass);
+    const int blocks = (int)hada_round_up((size_t)pass->in_channels, (size_t)hada_net_block(context)) / 8;
+    const long pixels = (long)((pass->out_rows + step - 1) / step) * ((pass->out_cols + step - 1) / step);
+    const long tiles = (pixels + tile - 1) / tile * ((pass->out_channels + pass->lanes - 1) / pass->lanes);
+    const long steps = (long)blocks * places / (step * step), most = steps / PART_STEPS;
+    const long parts = GROUPS_WANTED / (tiles * step * step), fit = parts < most ? parts : most;
+    pass->parts = fit < 2 ? 1 : fit > PARTS_MOST ? PARTS_MOST : (int)fit;
 }
 
 /* Winograd pays from so many channels on, on vector units (perf/results/conv-cpu.md): fewer leave its transforms

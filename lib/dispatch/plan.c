@@ -132,7 +132,8 @@ void hada_plan_memory(const hada_plan *plan, uint64_t *held, uint64_t *apart)
     const hada_config *config = &plan->setup.config;
     uint64_t bytes = 0, more = 0;
     for (int i = 0; i < plan->contexts; i++)
-        bytes += hada_constants_bytes(plan->constants[i]->context, model, config);
+        bytes += hada_constants_bytes(plan->constants[i]->context, model, config) +
+                 hada_surfaces_bytes(plan->constants[i]->surfaces);
     more = bytes;
     for (int i = 0; i < plan->dispatcher->worker_count; i++) {
         const hada_queue_worker *worker = &plan->dispatcher->workers[i];

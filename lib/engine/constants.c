@@ -47,6 +47,7 @@ hada_status hada_constants_create(hada_constants **out, hada_context *context, c
     hada_status status = HADA_OK;
     HADA_TRY(hada_alloc((void **)&constants, 1, sizeof *constants, "a plan", err));
     constants->context = context;
+    HADA_TRY(hada_surfaces_create(&constants->surfaces, err));
     HADA_TRY(hada_slot_create(&slot, context, err));
     HADA_TRY(hada_bank_create(&constants->bank, slot, model, &layout, setup->depths, config->depths,
                               has_optics(config) ? 0 : config->bank, config->half, err));
@@ -79,6 +80,7 @@ void hada_constants_destroy(hada_constants **pointer)
     hada_buffer_destroy(&constants->gains);
     hada_buffer_destroy(&constants->optics);
     hada_bank_destroy(&constants->bank);
+    hada_surfaces_destroy(&constants->surfaces);
     free(constants);
 }
 

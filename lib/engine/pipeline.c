@@ -118,7 +118,7 @@ void hada_pipeline_clear(hada_pipeline *pipeline)
     hada_pursuit_destroy(&pipeline->pursuit);
     hada_refiner_destroy(&pipeline->refiner);
     hada_classic_destroy(&pipeline->classic);
-    hada_surface_destroy(&pipeline->surface);
+    hada_surfaces_unmake(pipeline->constants->surfaces, &pipeline->surface);
     pipeline->no_surface = 0;
     hada_focus_destroy(&pipeline->focus);
     hada_enhance_destroy(&pipeline->enhance);

@@ -34,7 +34,7 @@ hada_status hada_pipeline_profile(hada_pipeline *pipeline, int on, hada_error *e
 int hada_pipeline_is_profiled(const hada_pipeline *pipeline);
 hada_status hada_pipeline_times(hada_pipeline *pipeline, hada_kernel_time **rows, size_t *count, hada_error *err);
 
-/* Bytes of device memory that a pipeline holds, and would hold if no buffers shared memory. */
+/* Bytes of device memory that a pipeline holds, without a surface, and would hold if no buffers shared memory. */
 hada_status hada_pipeline_bytes(const hada_context *context, const hada_model *model, const hada_config *config,
                                 int batch, uint64_t *bytes, uint64_t *apart, hada_error *err);
 

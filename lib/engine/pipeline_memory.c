@@ -121,10 +121,28 @@ uint64_t hada_pipeline_making_bytes(const hada_context *context, const hada_mode
     return hada_hadamard_check_bytes(context, hada_model_get_info(model));
 }
 
+/* A quarter is left to the driver and to other programs. */
+static uint64_t most_bytes(const hada_context *context)
+{
+    return context->info.memory_bytes / 4 * 3;
+}
+
+hada_status hada_pipeline_room(const hada_context *context, const hada_model *model, const hada_config *config,
+                               int batch, uint64_t *bytes, hada_error *err)
+{
+    const uint64_t most = most_bytes(context), queues = (uint64_t)config->queues;
+    uint64_t each, apart;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_pipeline_bytes(context, model, config, batch, &each, &apart, err));
+    const uint64_t held = hada_constants_bytes(context, model, config) + queues * each;
+    *bytes = most > held ? (most - held) / queues : 0;
+done:
+    return status;
+}
+
 int hada_pipeline_fit(const hada_context *context, const hada_model *model, const hada_config *config, int queues)
 {
-    /* a quarter is left to the driver and to other programs */
-    const uint64_t most = context->info.memory_bytes / 4 * 3, constants = hada_constants_bytes(context, model, config);
+    const uint64_t most = most_bytes(context), constants = hada_constants_bytes(context, model, config);
     int batch = config->batch;
     for (; batch > 1; batch = (batch + 1) / 2) {
         uint64_t bytes, apart;

@@ -8,7 +8,6 @@
 #include "engine/pipeline.h"
 #include "filter/hadamard.h"
 #include "refine/admm.h"
-#include "surface/surface.h"
 
 struct hada_pipeline {
     const hada_setup *setup;
@@ -37,6 +36,10 @@ hada_status hada_pipeline_plan_memory(hada_scratch *scratch, const hada_context 
                                       const hada_config *config, int batch, hada_error *err);
 size_t hada_pipeline_planes_bytes(const hada_model_info *info, const hada_config *config, int batch);
 size_t hada_pipeline_pictures_bytes(const hada_model_info *info);
+
+/* Bytes of device memory that the plan leaves to each of its pipelines for what a frame may need beyond it. */
+hada_status hada_pipeline_room(const hada_context *context, const hada_model *model, const hada_config *config,
+                               int batch, uint64_t *bytes, hada_error *err);
 
 /* The parts are there: made again after hada_pipeline_clear(). */
 hada_status hada_pipeline_ready(hada_pipeline *pipeline, hada_error *err);

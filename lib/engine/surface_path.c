@@ -4,9 +4,6 @@
 
 #include "engine/stages.h"
 
-/* A camera whose neighbouring depths do not predict one another this well has no optics between them. The share is that
- * of each depth's PSF, predicted from both neighbours; in between it is about a quarter (docs/surfaces.md). */
-#define MOST_UNEXPLAINED 0.8
 /* Pixels of less light than this part of the mean say nothing of a distance. */
 #define DARK 0.02
 
@@ -29,24 +26,16 @@ static hada_surface_shape shape_of(const hada_pipeline *pipeline)
     return (hada_surface_shape){.frame = refine.frame, .window = refine.window, .boundary = refine.boundary};
 }
 
-/* Makes what surfaces need. HADA_ERROR_MODEL where the camera has no optics between its depths. */
 static hada_status make_surface(hada_pipeline *pipeline, hada_error *err)
 {
-    const hada_surface_camera camera = camera_of(pipeline);
-    const hada_surface_shape shape = shape_of(pipeline);
-    hada_magnification law = {0};
-    double unexplained;
+    const hada_setup *setup = pipeline->setup;
+    hada_surfaces_desc desc = {
+        .camera = camera_of(pipeline), .shape = shape_of(pipeline), .distances_mm = setup->distances};
     hada_status status = HADA_OK;
-    HADA_TRY(hada_magnification_measure(&law, pipeline->slot, &camera, pipeline->setup->distances, err));
-    unexplained = law.unexplained[law.kind];
-    if (!(unexplained < MOST_UNEXPLAINED))
-        HADA_TRY(hada_fail(err, HADA_ERROR_MODEL,
-                           "neighbouring depths of this camera have too little in common for optics between them "
-                           "(%.0f %% of a PSF stays unexplained): learn more depths, or take --scene planes",
-                           100 * unexplained));
-    HADA_TRY(hada_surface_create(&pipeline->surface, pipeline->slot, &camera, &shape, &law, err));
+    HADA_TRY(hada_pipeline_room(pipeline->constants->context, setup->model, &setup->config, pipeline->batch,
+                                &desc.most_bytes, err));
+    HADA_TRY(hada_surfaces_make(pipeline->constants->surfaces, &pipeline->surface, pipeline->slot, &desc, err));
 done:
-    hada_magnification_free(&law);
     return status;
 }
 
@@ -59,7 +48,7 @@ static hada_status ready(hada_pipeline *pipeline, int *found, hada_error *err)
     if (pipeline->surface || pipeline->no_surface)
         return HADA_OK;
     const hada_status status = make_surface(pipeline, &error);
-    if (!status)
+    if (status == HADA_OK)
         return HADA_OK;
     if (asked || (status != HADA_ERROR_MODEL && status != HADA_ERROR_DEVICE_MEMORY)) {
         if (err)

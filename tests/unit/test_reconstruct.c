@@ -152,6 +152,41 @@ static void refined_and_linear_planes_are_blended(void **state)
     hada_model_destroy(&blended);
 }
 
+/* A surface's memory is known before it is taken, for all queues; where there is too little, nothing is taken. */
+static void surfaces_are_planned(void **state)
+{
+    const learned_camera *learned = *state;
+    const uint64_t memory = learned->context->info.memory_bytes, before = hada_context_bytes(learned->context);
+    hada_plan_options options;
+    hada_plan *plan;
+    hada_result result = {0};
+    hada_error error;
+    uint64_t without, with;
+    hada_plan_options_init(&options);
+    options.scene = HADA_SCENE_SURFACE;
+    options.queues = 2;
+    hada_image scene = learned_scene(learned, 5);
+    hada_image raw = learned_frame(learned, &(hada_plane){1, &scene}, 1, 5);
+    plan_of(learned, &options, &plan);
+    hada_plan_memory(plan, &without, NULL);
+    assert_true(without == hada_context_bytes(learned->context) - before);
+    learned->context->info.memory_bytes = without / 3 * 4 + 4000000; /* less than the three quarters that count */
+    assert_int_equal(hada_plan_run(plan, &raw, &result, &error), HADA_ERROR_DEVICE_MEMORY);
+    assert_non_null(strstr(error.message, "--scene planes"));
+    assert_true(without == hada_context_bytes(learned->context) - before);
+    learned->context->info.memory_bytes = memory;
+    for (int i = 0; i < 3; i++) {
+        ASSERT_OK(hada_plan_run(plan, &raw, &result, err));
+        hada_plan_memory(plan, &with, NULL);
+        assert_true(with > without && with == hada_context_bytes(learned->context) - before);
+    }
+    hada_result_destroy(&result);
+    hada_plan_destroy(&plan);
+    assert_true(hada_context_bytes(learned->context) == before);
+    hada_image_destroy(&raw);
+    hada_image_destroy(&scene);
+}
+
 static void holds_the_bytes_it_states(void **state)
 {
     const learned_camera *learned = *state;
@@ -262,6 +297,7 @@ int main(void)
         cmocka_unit_test(finds_two_depths_and_tells_them_apart),
         cmocka_unit_test(refined_and_linear_planes_are_blended),
         cmocka_unit_test(holds_the_bytes_it_states),
+        cmocka_unit_test(surfaces_are_planned),
         cmocka_unit_test(gives_the_same_bits_in_every_batch_and_run),
         cmocka_unit_test(half_filters_stay_close),
     };

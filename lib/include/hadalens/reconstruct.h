@@ -100,13 +100,16 @@ HADA_API hada_status hada_plan_create(hada_plan **out, hada_context *context, co
 HADA_API void hada_plan_destroy(hada_plan **plan);
 
 /* Device bytes that a plan on one device needs, the most at any time, and host bytes that a run adds; no device memory
- * is needed to say it. */
+ * is needed to say it. Surfaces are not in it: what they take goes by optics that are measured when a frame first may
+ * be one. It is planned before it is taken, for all queues, within three quarters of the device's memory; where it does
+ * not fit, planes have to do, or with HADA_SCENE_SURFACE the frame fails with HADA_ERROR_DEVICE_MEMORY. */
 HADA_API hada_status hada_plan_estimate(hada_context *context, const hada_model *model,
                                         const hada_plan_options *options, uint64_t *device_bytes, uint64_t *host_bytes,
                                         hada_error *err);
 
 /* Device bytes that a plan holds on all its devices and queues, and that it would hold if buffers which are never
- * needed at the same time did not share room (docs/scheduling.md). Either may be NULL. */
+ * needed at the same time did not share room (docs/scheduling.md), with the surfaces that frames made it take so far.
+ * Either may be NULL. */
 HADA_API void hada_plan_memory(const hada_plan *plan, uint64_t *held, uint64_t *apart);
 
 /* What was not computed, and what that may have changed. The library's own: later versions may append to it. */

@@ -69,17 +69,16 @@ static int read_row(hada_limits *limits, const char **text)
 hada_status hada_limits_parse(hada_limits *limits, const char *text, hada_error *err)
 {
     hada_limits own;
+    hada_status status = HADA_OK;
     hada_limits_init(&own);
-    hada_status status = HADA_OPTIONS_TAKE(&own, limits, hada_limits, err);
-    for (const char *from = text; !status && *from;) {
+    HADA_TRY(HADA_OPTIONS_TAKE(&own, limits, hada_limits, err));
+    for (const char *from = text; *from; from += *from == ',')
         if (!read_row(&own, &from) || (*from && *from != ','))
-            status =
-                hada_fail(err, HADA_ERROR_ARGUMENT,
-                          "limits are a list such as pixels=4G,pages=1M,text=20M,parameters=1G; '%.100s' is not", text);
-        from += !status && *from == ',';
-    }
-    if (!status)
-        HADA_REPORT_GIVE(limits, &own);
+            return hada_fail(err, HADA_ERROR_ARGUMENT,
+                             "limits are a list such as pixels=4G,pages=1M,text=20M,parameters=1G; '%.100s' is not",
+                             text);
+    HADA_REPORT_GIVE(limits, &own);
+done:
     return status;
 }
 
@@ -92,31 +91,33 @@ hada_status hada_limits_set(const hada_limits *limits, hada_error *err)
     hada_status status = HADA_OK;
     if (limits) {
         hada_limits_init(&own);
-        status = HADA_OPTIONS_TAKE(&own, limits, hada_limits, err);
+        HADA_TRY(HADA_OPTIONS_TAKE(&own, limits, hada_limits, err));
     }
     pthread_mutex_lock(&lock);
-    if (!status)
-        chosen = own;
+    chosen = own;
     pthread_mutex_unlock(&lock);
+done:
     return status;
 }
 
 hada_status hada_limits_get(hada_limits *limits, hada_error *err)
 {
     const char *words = getenv("HADALENS_LIMITS");
-    hada_status status = HADA_REPORT_CHECK(limits, hada_limits, err);
-    if (status)
-        return status;
+    hada_limits own;
+    hada_status status = HADA_OK;
+    HADA_TRY(HADA_REPORT_CHECK(limits, hada_limits, err));
     pthread_mutex_lock(&lock);
-    hada_limits own = chosen;
+    own = chosen;
     pthread_mutex_unlock(&lock);
     if (!own.size) {
         hada_limits_init(&own);
         status = words ? hada_limits_parse(&own, words, err) : HADA_OK;
-        if (status)
+        if (status) {
             hada_error_prefix(err, "HADALENS_LIMITS: ");
+            goto done;
+        }
     }
-    if (!status)
-        HADA_REPORT_GIVE(limits, &own);
+    HADA_REPORT_GIVE(limits, &own);
+done:
     return status;
 }

@@ -201,10 +201,10 @@ hada_status hada_result_copy(hada_result *to, const hada_result *from, const had
     copy_image(&to->all_in_focus, &from->all_in_focus);
     copy_image(&to->distance_map, &from->distance_map);
     if (from->memory->has_confidence) {
-        status = hada_result_make_confidence(to, err);
-        if (!status)
-            copy_image(&memory->confidence, &from->memory->confidence);
+        HADA_TRY(hada_result_make_confidence(to, err));
+        copy_image(&memory->confidence, &from->memory->confidence);
     }
+done:
     return status;
 }
 

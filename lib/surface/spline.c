@@ -3,12 +3,12 @@
 #include <math.h>
 #include <stddef.h>
 
-#define TURN 6.283185307179586476925286766559
+#define TWO_PI 6.283185307179586476925286766559
 
 double hada_spline_gain(int k, int n)
 {
-    const double turn = TURN * k / n;
-    return (66.0 + 52.0 * cos(turn) + 2.0 * cos(2.0 * turn)) / 120.0;
+    const double omega = TWO_PI * k / n;
+    return (66.0 + 52.0 * cos(omega) + 2.0 * cos(2.0 * omega)) / 120.0;
 }
 
 /* The B-spline of degree 5 at 2 + t, at 1 + t and at t, 0 <= t <= 1, times 120. */

@@ -194,9 +194,10 @@ done:
 static hada_status read_pair(void *user, int depth, int pair, hada_image *raw, hada_image *scene, hada_error *err)
 {
     const part *of = user;
-    const hada_status status = hada_dataset_read(of->data, depth, pair, raw, scene, err);
-    if (!status)
-        hada_survey_even(of->survey, depth, pair + (of->before ? of->before[depth] : 0), scene);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_dataset_read(of->data, depth, pair, raw, scene, err));
+    hada_survey_even(of->survey, depth, pair + (of->before ? of->before[depth] : 0), scene);
+done:
     return status;
 }
 

@@ -90,9 +90,10 @@ static hada_status make_outside(hada_image *map, const hada_scenes *source, cons
 {
     const double near = 1.0 / camera->distances_mm[0], far = 1.0 / camera->distances_mm[camera->depths - 1],
                  over = fmax(OUTSIDE_SHARE, OUTSIDE_STEPS / (camera->depths - 1));
-    const hada_status status = hada_scene_relief(map, HADA_RELIEF_SLANT, seed, source->rows, source->cols, err);
-    if (!status)
-        to_distances(map, camera, -over, 1.0 + fmin(over, OUTSIDE_FAR * far / (near - far)));
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_scene_relief(map, HADA_RELIEF_SLANT, seed, source->rows, source->cols, err));
+    to_distances(map, camera, -over, 1.0 + fmin(over, OUTSIDE_FAR * far / (near - far)));
+done:
     return status;
 }
 
@@ -145,14 +146,14 @@ done:
 static hada_status make_map(hada_image *map, const char *word, const hada_scenes *source, const hada_camera *camera,
                             uint64_t seed, hada_error *err)
 {
+    hada_status status = HADA_OK;
     if (!strcmp(word, outside_word))
         return make_outside(map, source, camera, seed, err);
     if (!is_kind(word))
         return read_map(map, word, source, camera, err);
-    const hada_status status =
-        hada_scene_relief(map, hada_relief_from_word(word), seed, source->rows, source->cols, err);
-    if (!status)
-        to_distances(map, camera, 0.0, 1.0);
+    HADA_TRY(hada_scene_relief(map, hada_relief_from_word(word), seed, source->rows, source->cols, err));
+    to_distances(map, camera, 0.0, 1.0);
+done:
     return status;
 }
 

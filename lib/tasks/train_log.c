@@ -15,7 +15,7 @@
 #include "io/text.h"
 
 static const char losses_head[] =
-    "step,loss,mse,perceptual,adversarial,variation,critic,gradient_norm,rate,critic_only,rolled_back,seconds\n";
+    "step,loss,mse,perceptual,adversarial,variation,discriminator,gradient_norm,rate,discriminator_only,rolled_back,seconds\n";
 static const char validation_head[] = "step,pairs,psnr,ssim,mae,sharpness,psnr_before,ssim_before,mae_before,"
                                       "sharpness_before,sharpness_truth\n";
 /* The first number of a line is the step. */
@@ -99,8 +99,8 @@ static hada_status take_loss(hada_train_log *log, const char *line, uint64_t *st
     *step = step_of(n[0]);
     if (*step == UINT64_MAX)
         return HADA_OK;
-    const int critic_only = n[9] != 0.0, rolled_back = n[10] != 0.0;
-    return critic_only || rolled_back ? HADA_OK : remember_loss(log, n[0], n[1], err);
+    const int discriminator_only = n[9] != 0.0, rolled_back = n[10] != 0.0;
+    return discriminator_only || rolled_back ? HADA_OK : remember_loss(log, n[0], n[1], err);
 }
 
 static hada_status take_validation(hada_train_log *log, const char *line, uint64_t *step, hada_error *err)

@@ -62,21 +62,24 @@ static const char *compose_of(const hada_trainer *trainer, char text[32])
     return share > 0.0 ? text : NULL;
 }
 
+/* The discriminator's word in files, and what it was in 0.1.0. */
+static const char discriminator_word[] = "discriminator", old_discriminator_word[] = "critic";
+
 static void name_of(int group, const char *what, char name[NAME])
 {
     if (group >= HADA_GROUP_FILTERS)
         snprintf(name, NAME, "filters.%d.%s", group - HADA_GROUP_FILTERS, what);
     else
-        snprintf(name, NAME, "%s.%s", group == HADA_GROUP_NET ? "net" : "critic", what);
+        snprintf(name, NAME, "%s.%s", group == HADA_GROUP_NET ? "net" : discriminator_word, what);
 }
 
-static hada_status describe(const hada_trainer *trainer, char **net, char **critic, hada_error *err)
+static hada_status describe(const hada_trainer *trainer, char **net, char **discriminator, hada_error *err)
 {
     hada_status status = HADA_OK;
     if (trainer->nets.net)
         HADA_TRY(hada_net_describe(trainer->nets.net, net, err));
-    if (trainer->nets.critic)
-        HADA_TRY(hada_net_describe(trainer->nets.critic, critic, err));
+    if (trainer->nets.discriminator)
+        HADA_TRY(hada_net_describe(trainer->nets.discriminator, discriminator, err));
 done:
     return status;
 }
@@ -92,7 +95,7 @@ static hada_status put_metadata(hada_trainer *trainer, hada_tensors_writer *writ
 {
     const hada_progress *progress = &trainer->progress;
     fact facts[NUMBERS];
-    char *net = NULL, *critic = NULL, share[32];
+    char *net = NULL, *discriminator = NULL, share[32];
     int count;
     hada_status status = HADA_OK;
     list_facts(trainer, facts, &count);
@@ -105,14 +108,14 @@ static hada_status put_metadata(hada_trainer *trainer, hada_tensors_writer *writ
     HADA_TRY(put_number(writer, "place", progress->place, err));
     HADA_TRY(put_number(writer, "rollbacks", (uint64_t)progress->bad, err));
     HADA_TRY(put_number(writer, "halvings", (uint64_t)progress->halvings, err));
-    HADA_TRY(describe(trainer, &net, &critic, err));
+    HADA_TRY(describe(trainer, &net, &discriminator, err));
     if (net)
         HADA_TRY(hada_tensors_put_meta(writer, "net", net, err));
-    if (critic)
-        HADA_TRY(hada_tensors_put_meta(writer, "critic", critic, err));
+    if (discriminator)
+        HADA_TRY(hada_tensors_put_meta(writer, discriminator_word, discriminator, err));
 done:
     free(net);
-    free(critic);
+    free(discriminator);
     return status;
 }
 
@@ -245,7 +248,7 @@ static hada_status check_text(const hada_tensors *file, const char *key, const c
 static hada_status check_facts(hada_trainer *trainer, const hada_tensors *file, hada_error *err)
 {
     fact facts[NUMBERS];
-    char *net = NULL, *critic = NULL, share[32];
+    char *net = NULL, *discriminator = NULL, share[32];
     int count;
     const char *format = hada_tensors_meta(file, "format");
     if (!format || strcmp(format, FORMAT))
@@ -254,13 +257,14 @@ static hada_status check_facts(hada_trainer *trainer, const hada_tensors *file, 
     hada_status status = HADA_OK;
     for (int i = 0; i < count; i++)
         HADA_TRY(check_text(file, facts[i].key, facts[i].what, facts[i].text, strcmp(facts[i].key, "model") != 0, err));
-    HADA_TRY(describe(trainer, &net, &critic, err));
+    HADA_TRY(describe(trainer, &net, &discriminator, err));
     HADA_TRY(check_text(file, "compose", "the share of scenes of several depths", compose_of(trainer, share), 0, err));
     HADA_TRY(check_text(file, "net", "the net", net, 0, err));
-    HADA_TRY(check_text(file, "critic", "the discriminator", critic, 0, err));
+    HADA_TRY(check_text(file, hada_tensors_meta(file, discriminator_word) ? discriminator_word : old_discriminator_word,
+                        "the discriminator", discriminator, 0, err));
 done:
     free(net);
-    free(critic);
+    free(discriminator);
     return status;
 }
 
@@ -279,9 +283,19 @@ static hada_status get_number(const hada_tensors *file, const char *key, uint64_
     return *end ? damaged(key, err) : HADA_OK;
 }
 
+static const hada_stored_tensor *find_array(const hada_tensors *file, const array *what)
+{
+    const hada_stored_tensor *tensor = hada_tensors_find(file, what->name);
+    char old[NAME];
+    if (tensor || what->group != HADA_GROUP_DISCRIMINATOR)
+        return tensor;
+    snprintf(old, sizeof old, "%s%s", old_discriminator_word, what->name + strlen(discriminator_word));
+    return hada_tensors_find(file, old);
+}
+
 static hada_status check_array(hada_trainer *trainer, const array *what, void *user, hada_error *err)
 {
-    const hada_stored_tensor *tensor = hada_tensors_find(user, what->name);
+    const hada_stored_tensor *tensor = find_array(user, what);
     (void)trainer;
     return tensor && tensor->type == HADA_F32 && tensor->bytes == what->count * sizeof(float)
                ? HADA_OK
@@ -292,7 +306,7 @@ static hada_status read_array(hada_trainer *trainer, const array *what, void *us
 {
     hada_snapshot *shot = &trainer->snapshot;
     float *to = what->content == HADA_CONTENT_VALUES ? shot->values[what->group] : shot->states[what->group];
-    return hada_tensor_copy_f32(hada_tensors_find(user, what->name), 0, what->count, to, err);
+    return hada_tensor_copy_f32(find_array(user, what), 0, what->count, to, err);
 }
 
 /* Where a checkpoint stands, beside its arrays. */

@@ -64,8 +64,9 @@ hada_status hada_losses_create(hada_losses *losses, const hada_generator *genera
         .images = images, .parameters = generator->parameters, .generator = generator, .options = options};
     losses->target = hada_step_tensor(context, shape, desc->net, hada_step_mem(images, HADA_STEP_TARGET));
     losses->term_gradient = hada_step_tensor(context, shape, desc->net, hada_step_mem(images, HADA_STEP_TERM_GRADIENT));
-    if (shape->critic) {
-        HADA_TRY(hada_graph_create(&losses->discriminator, images->slot, desc->critic, &shape->discriminator, err));
+    if (shape->has_discriminator) {
+        HADA_TRY(
+            hada_graph_create(&losses->discriminator, images->slot, desc->discriminator, &shape->discriminator, err));
         HADA_TRY(make_labels(losses, err));
     }
     if (shape->vgg)
@@ -325,15 +326,15 @@ static hada_status discriminator_loss(const terms_call *now, hada_error *err)
 {
     hada_losses *losses = now->losses;
     hada_parameters *parameters = losses->parameters;
-    const hada_floats gradient = hada_parameters_gradient(parameters, HADA_GROUP_CRITIC);
+    const hada_floats gradient = hada_parameters_gradient(parameters, HADA_GROUP_DISCRIMINATOR);
     hada_status status = HADA_OK;
     HADA_TRY(discriminate(now, hada_step_mem(now->images, HADA_STEP_SCENES), REAL, now->weight, HADA_TERM_REAL, err));
     HADA_TRY(hada_graph_backward(losses->discriminator, gradient,
-                                 hada_parameters_accumulates(parameters, HADA_GROUP_CRITIC), err));
+                                 hada_parameters_accumulates(parameters, HADA_GROUP_DISCRIMINATOR), err));
     HADA_TRY(store_output(now, err));
     HADA_TRY(discriminate(now, hada_step_mem(now->images, HADA_STEP_PLAIN), FAKE, now->weight, HADA_TERM_FAKE, err));
     HADA_TRY(hada_graph_backward(losses->discriminator, gradient,
-                                 hada_parameters_accumulates(parameters, HADA_GROUP_CRITIC), err));
+                                 hada_parameters_accumulates(parameters, HADA_GROUP_DISCRIMINATOR), err));
 done:
     return status;
 }
@@ -362,7 +363,7 @@ done:
 static hada_status adversarial(const terms_call *now, hada_error *err)
 {
     hada_losses *losses = now->losses;
-    const hada_parameter_group *group = &losses->parameters->group[HADA_GROUP_CRITIC];
+    const hada_parameter_group *group = &losses->parameters->group[HADA_GROUP_DISCRIMINATOR];
     hada_status status = HADA_OK;
     hada_slot_stage(now->images->slot, "discriminator");
     if (losses->discriminator_version != group->version)
@@ -372,7 +373,7 @@ static hada_status adversarial(const terms_call *now, hada_error *err)
     if (now->images->shape->conditioned)
         HADA_TRY(copy_half(now, 0, hada_step_mem(now->images, HADA_STEP_PLANES), now->images->shape->input, 0, err));
     HADA_TRY(discriminator_loss(now, err));
-    if (!now->call->critic_only && losses->options->adversarial > 0.0)
+    if (!now->call->discriminator_only && losses->options->adversarial > 0.0)
         HADA_TRY(generator_loss(now, err));
 done:
     return status;
@@ -406,15 +407,15 @@ hada_status hada_losses_run(hada_losses *losses, const hada_losses_call *call, h
     now.target = first_images(&now, &losses->target);
     now.dx = first_images(&now, hada_generator_output_gradient(losses->generator));
     hada_slot_stage(losses->images->slot, "losses");
-    if (!call->critic_only) {
+    if (!call->discriminator_only) {
         HADA_TRY(squared_error(&now, err));
         HADA_TRY(variation(&now, err));
         if (shape->vgg)
             HADA_TRY(perceptual(&now, err));
     }
-    if (shape->critic)
+    if (shape->has_discriminator)
         HADA_TRY(adversarial(&now, err));
-    if (!call->critic_only)
+    if (!call->discriminator_only)
         HADA_TRY(weigh(&now, err));
 done:
     return status;

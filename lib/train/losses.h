@@ -25,13 +25,13 @@ hada_status hada_losses_create(hada_losses *losses, const hada_generator *genera
 void hada_losses_destroy(hada_losses *losses);
 
 /* A call: terms of the first `count` of at_once samples, whose scenes stand in HADA_STEP_SCENES; weight: of each in the
- * step's mean; step: names the random numbers of dropout; critic_only: only the discriminator learns. */
+ * step's mean; step: names the random numbers of dropout; discriminator_only: only the discriminator learns. */
 typedef struct hada_losses_call {
     const hada_sample *samples;
     int count;
     double weight;
     uint64_t step;
-    int critic_only;
+    int discriminator_only;
 } hada_losses_call;
 
 /* Terms to HADA_STEP_TERMS, the gradient of the output, and that of the discriminator's parameters. */

@@ -20,7 +20,7 @@ static hada_status write_first(hada_parameters *parameters, const hada_replica_s
 {
     hada_parameter_group *it = &parameters->group[group];
     const size_t bytes = it->floats * sizeof(float);
-    const hada_net *net = group == HADA_GROUP_NET ? desc->net : desc->critic;
+    const hada_net *net = group == HADA_GROUP_NET ? desc->net : desc->discriminator;
     float *values = NULL;
     hada_status status = HADA_OK;
     if (group < HADA_GROUP_FILTERS)
@@ -162,28 +162,28 @@ static hada_status list_gradient(hada_parameters *parameters, int group, hada_gr
 }
 
 hada_status hada_parameters_norm(hada_parameters *parameters, const unsigned char *touched, double *norm,
-                                 double *critic_norm, hada_error *err)
+                                 double *discriminator_norm, hada_error *err)
 {
     float values[4] = {0.0f};
     hada_gradient_part *parts = NULL;
-    int count = 0, critic = 0;
+    int count = 0, discriminator = 0;
     hada_status status = HADA_OK;
     hada_slot_stage(parameters->slot, "update");
     HADA_TRY(hada_alloc((void **)&parts, (size_t)parameters->count + 1, sizeof *parts, "the norm of gradients", err));
     for (int group = 0; group < parameters->count; group++) {
-        if (group == HADA_GROUP_CRITIC || !parameters->group[group].trained ||
+        if (group == HADA_GROUP_DISCRIMINATOR || !parameters->group[group].trained ||
             (group >= HADA_GROUP_FILTERS && touched && !touched[group - HADA_GROUP_FILTERS]))
             continue;
         HADA_TRY(list_gradient(parameters, group, &parts[count++], err));
     }
     HADA_TRY(norm_of(parameters, parts, count, 0, err));
-    if (parameters->group[HADA_GROUP_CRITIC].trained)
-        HADA_TRY(list_gradient(parameters, HADA_GROUP_CRITIC, &parts[critic++], err));
-    HADA_TRY(norm_of(parameters, parts, critic, 2, err));
+    if (parameters->group[HADA_GROUP_DISCRIMINATOR].trained)
+        HADA_TRY(list_gradient(parameters, HADA_GROUP_DISCRIMINATOR, &parts[discriminator++], err));
+    HADA_TRY(norm_of(parameters, parts, discriminator, 2, err));
     HADA_TRY(hada_buffer_read(&parameters->images->place[HADA_STEP_TERMS], parameters->slot,
                               HADA_TERM_NORM * sizeof(float), values, sizeof values, err));
     *norm = values[0];
-    *critic_norm = values[2];
+    *discriminator_norm = values[2];
 done:
     free(parts);
     return status;

@@ -1,6 +1,6 @@
 /* What is trained: parameters in groups, with their gradients and optimiser states. Internal.
  *
- * Each group is an array of floats with an optimiser state of its own: the net; the discriminator (critic); the filters
+ * Each group is an array of floats with an optimiser state of its own: the net; the discriminator; the filters
  * of each depth (a depth's filters are updated only in steps that show it, with a count of steps of their own). */
 #ifndef HADA_TRAIN_PARAMETERS_H
 #define HADA_TRAIN_PARAMETERS_H
@@ -55,7 +55,7 @@ hada_status hada_parameters_settle(hada_parameters *parameters, int group, hada_
 
 /* The norm over the gradients of net and filters (groups that are touched), and of the discriminator by itself. */
 hada_status hada_parameters_norm(hada_parameters *parameters, const unsigned char *touched, double *norm,
-                                 double *critic_norm, hada_error *err);
+                                 double *discriminator_norm, hada_error *err);
 
 /* One update of a group, or of this replica's part of it, from its gradient times `scale`; step counts from 1. */
 hada_status hada_parameters_update(hada_parameters *parameters, int group, uint64_t step, double rate, double scale,

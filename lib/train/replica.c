@@ -49,8 +49,8 @@ hada_status hada_replica_bytes(const hada_context *context, const hada_replica_d
         HADA_TRY(add_graph(context, desc->net, &shape.training, bytes, err));
         HADA_TRY(add_graph(context, desc->net, &shape.inference, bytes, err));
     }
-    if (shape.critic)
-        HADA_TRY(add_graph(context, desc->critic, &shape.discriminator, bytes, err));
+    if (shape.has_discriminator)
+        HADA_TRY(add_graph(context, desc->discriminator, &shape.discriminator, bytes, err));
     if (shape.vgg)
         HADA_TRY(add_graph(context, desc->vgg, &shape.vgg_graph, bytes, err));
 done:
@@ -148,7 +148,7 @@ static hada_status net_step(hada_replica *replica, const hada_losses_call *call,
     HADA_TRY(take_samples(replica, call->samples, at_once, err));
     HADA_TRY(hada_generator_forward(&replica->generator, call->step, err));
     HADA_TRY(hada_losses_run(&replica->losses, call, err));
-    if (call->critic_only)
+    if (call->discriminator_only)
         return HADA_OK;
     HADA_TRY(hada_generator_backward(&replica->generator, err));
     if (replica->shape.filters) {
@@ -189,16 +189,16 @@ done:
 }
 
 hada_status hada_replica_backward(hada_replica *replica, const hada_sample *samples, int count, double weight,
-                                  uint64_t step, int critic_only, hada_terms *terms, unsigned char *touched,
+                                  uint64_t step, int discriminator_only, hada_terms *terms, unsigned char *touched,
                                   hada_error *err)
 {
     hada_slot *slot = replica->images.slot;
     hada_buffer *buffer = &replica->images.place[HADA_STEP_TERMS];
-    const hada_losses_call call = {samples, count, weight, step, critic_only};
+    const hada_losses_call call = {samples, count, weight, step, discriminator_only};
     float values[HADA_TERM_COUNT] = {0.0f};
     hada_status status = HADA_OK;
     HADA_TRY(check_samples(&replica->shape, samples, count, 1, err));
-    if (critic_only && !replica->shape.critic)
+    if (discriminator_only && !replica->shape.has_discriminator)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "training: there is no discriminator");
     HADA_TRY(hada_buffer_clear(buffer, slot, 0, sizeof values, err));
     HADA_TRY(replica->shape.net ? filled_step(replica, call, touched, err)
@@ -208,7 +208,7 @@ hada_status hada_replica_backward(hada_replica *replica, const hada_sample *samp
                           .perceptual = values[HADA_TERM_PERCEPTUAL],
                           .adversarial = values[HADA_TERM_ADVERSARIAL],
                           .variation = values[HADA_TERM_VARIATION],
-                          .critic = (double)values[HADA_TERM_REAL] + values[HADA_TERM_FAKE]};
+                          .discriminator = (double)values[HADA_TERM_REAL] + values[HADA_TERM_FAKE]};
 done:
     return status;
 }

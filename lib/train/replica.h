@@ -21,7 +21,7 @@ hada_parameters *hada_replica_parameters(hada_replica *replica);
 hada_features *hada_replica_features(hada_replica *replica);
 
 /* Forward and backward of up to at_once samples. `weight`: of each sample in the step's mean (1 / batch). `step` names
- * the random numbers of dropout, for the call (images are counted from its first); critic_only: only the
+ * the random numbers of dropout, for the call (images are counted from its first); discriminator_only: only the
  * discriminator's gradients are wanted. Terms are known when it returns. `touched` (per depth, may be NULL) is set to 1
  * where a depth's filters have a gradient.
  *
@@ -29,7 +29,7 @@ hada_features *hada_replica_features(hada_replica *replica);
  * samples of a call, so nets that have them depend on at_once; a call with fewer than at_once samples takes as long as
  * a full one (the samples are repeated to fill up, for the statistics alone). */
 hada_status hada_replica_backward(hada_replica *replica, const hada_sample *samples, int count, double weight,
-                                  uint64_t step, int critic_only, hada_terms *terms, unsigned char *touched,
+                                  uint64_t step, int discriminator_only, hada_terms *terms, unsigned char *touched,
                                   hada_error *err);
 
 /* Forward alone, as reconstruction does it: batch norms with their running statistics, no dropout, and what is below

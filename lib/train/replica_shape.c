@@ -40,11 +40,11 @@ hada_part hada_group_part(const hada_replica_desc *desc, int group, size_t train
 void hada_group_sizes(const hada_replica_shape *shape, const hada_replica_desc *desc, int group, size_t *floats,
                       size_t *trained)
 {
-    const hada_net *net = group == HADA_GROUP_NET ? desc->net : desc->critic;
+    const hada_net *net = group == HADA_GROUP_NET ? desc->net : desc->discriminator;
     *floats = *trained = 0;
     if (group >= HADA_GROUP_FILTERS) {
         *floats = *trained = 2 * (size_t)shape->channels * shape->layout.count;
-    } else if (group == HADA_GROUP_NET ? shape->net : shape->critic) {
+    } else if (group == HADA_GROUP_NET ? shape->net : shape->has_discriminator) {
         *floats = net->floats;
         *trained = net->trained;
     }
@@ -80,7 +80,7 @@ static hada_status check(const hada_replica_desc *desc, hada_error *err)
     if (desc->at_once < 1)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "training with %d pairs at once is not possible", desc->at_once);
     if (!desc->model || (stage != HADA_STAGE_FILTERS && !desc->net) ||
-        (stage == HADA_STAGE_ADVERSARIAL && !desc->critic))
+        (stage == HADA_STAGE_ADVERSARIAL && !desc->discriminator))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "training needs a model%s",
                          stage == HADA_STAGE_FILTERS       ? ""
                          : stage == HADA_STAGE_ADVERSARIAL ? ", a net and a discriminator"
@@ -203,10 +203,10 @@ static hada_status loss_shapes(const hada_replica_desc *desc, hada_replica_shape
                                         .recompute = desc->options->recompute};
     shape->discriminator = shape->vgg_graph = options;
     shape->discriminator.weight_gradients = 1;
-    if (shape->critic) {
-        const hada_net_info *info = hada_net_get_info(desc->critic);
+    if (shape->has_discriminator) {
+        const hada_net_info *info = hada_net_get_info(desc->discriminator);
         shape->conditioned = info->channels == 2 * shape->channels;
-        HADA_TRY(check_net(desc->critic, "discriminator", shape->channels << shape->conditioned, shape->rows,
+        HADA_TRY(check_net(desc->discriminator, "discriminator", shape->channels << shape->conditioned, shape->rows,
                            shape->cols, &shape->logits, err));
         if (info->out_channels != 1)
             return hada_fail(err, HADA_ERROR_MODEL, "a discriminator gives one channel of logits, not %d",
@@ -258,9 +258,9 @@ static void net_buffers(const hada_context *context, const hada_replica_desc *de
     if (shape->resized)
         bytes[HADA_STEP_INPUT] = bytes[HADA_STEP_OUTPUT] = bytes[HADA_STEP_OUTPUT_GRADIENT] = tensor;
     at_least(&bytes[HADA_STEP_SCRATCH], hada_loss_scratch(&loss, &out));
-    if (shape->critic || shape->vgg)
+    if (shape->has_discriminator || shape->vgg)
         bytes[HADA_STEP_TERM_GRADIENT] = tensor;
-    if (shape->critic) {
+    if (shape->has_discriminator) {
         const hada_tensor logits = hada_step_logits(context, shape, NULL);
         bytes[HADA_STEP_FAKE] = bytes[HADA_STEP_REAL] = tensor_bytes(&logits);
         at_least(&bytes[HADA_STEP_SCRATCH], hada_loss_scratch(&loss, &logits));
@@ -306,7 +306,7 @@ static void base_shape(const hada_replica_desc *desc, hada_replica_shape *shape)
                                   .depths = info->depths,
                                   .filters = stage == HADA_STAGE_FILTERS || stage == HADA_STAGE_JOINT,
                                   .net = stage != HADA_STAGE_FILTERS};
-    shape->critic = shape->net && desc->critic;
+    shape->has_discriminator = shape->net && desc->discriminator;
     shape->vgg = shape->net && desc->vgg && desc->options->perceptual > 0.0;
     shape->pixels = (size_t)shape->rows * (size_t)shape->cols;
     shape->input = shape->plane = shape->pixels * (size_t)shape->channels;

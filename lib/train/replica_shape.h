@@ -14,21 +14,21 @@
 #include "net/optimizer.h"
 
 /* Groups of parameters; HADA_GROUP_FILTERS + z: the filters of depth z. */
-typedef enum hada_group { HADA_GROUP_NET = 0, HADA_GROUP_CRITIC = 1, HADA_GROUP_FILTERS = 2 } hada_group;
+typedef enum hada_group { HADA_GROUP_NET = 0, HADA_GROUP_DISCRIMINATOR = 1, HADA_GROUP_FILTERS = 2 } hada_group;
 
 /* Floats of a group that are trained. */
 typedef struct hada_part {
     size_t first, count;
 } hada_part;
 
-/* `net`, `critic` and `vgg` may be NULL where the stage has none; copied values, lists must live as long. `model` gives
- * the sizes, and for FILTERS and JOINT the start of the filters; with `random_start` those of FILTERS start from normal
- * numbers (real and imaginary parts, deviation 0.05: planes of about 7 % of the frames' contrast), symmetric as
- * those of a real kernel. It may go once the replica is made. */
+/* `net`, `discriminator` and `vgg` may be NULL where the stage has none; copied values, lists must live as long.
+ * `model` gives the sizes, and for FILTERS and JOINT the start of the filters; with `random_start` those of FILTERS
+ * start from normal numbers (real and imaginary parts, deviation 0.05: planes of about 7 % of the frames' contrast),
+ * symmetric as those of a real kernel. It may go once the replica is made. */
 typedef struct hada_replica_desc {
     const hada_model *model;
     const hada_train_options *options;
-    const hada_net *net, *critic, *vgg;
+    const hada_net *net, *discriminator, *vgg;
     int at_once; /* samples of one call, at most */
     /* Several replicas update the same values: of the nets' values this one updates share number `share` of `shares`
      * (0: all), and holds the optimiser's states of these alone; of filters it updates all. */
@@ -79,11 +79,11 @@ typedef struct hada_replica_shape {
     hada_stage stage;
     int channels, rows, cols; /* of the window */
     int at_once, depths;
-    int filters, net, critic, vgg; /* 1: there are some */
-    int conditioned;               /* the discriminator takes the plane beside the image */
-    size_t pixels, plane;          /* of the window; floats of all its channels */
-    size_t input;                  /* floats that the net takes: a plane, or as many again of the others beside it */
-    size_t frame;                  /* floats of a raw frame, all channels */
+    int filters, net, has_discriminator, vgg; /* 1: there are some */
+    int conditioned;                          /* the discriminator takes the plane beside the image */
+    size_t pixels, plane;                     /* of the window; floats of all its channels */
+    size_t input; /* floats that the net takes: a plane, or as many again of the others beside it */
+    size_t frame; /* floats of a raw frame, all channels */
     hada_form form;
     hada_spectrum_layout layout;
     hada_fft_desc forward, inverse, back; /* frames; planes; gradients of planes */

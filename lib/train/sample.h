@@ -14,11 +14,11 @@ typedef struct hada_sample {
 } hada_sample;
 
 /* Terms of a loss: each is its mean over the samples of a call, times its weight of the options, times `weight` and the
- * number of samples, so that those of the calls of a step add up to the step's mean. 0 where a term is off. `critic` is
- * the discriminator's own loss: cross-entropy of real images (label 1) plus that of the net's (label 0); 2 ln 2 where
- * it cannot tell them apart. */
+ * number of samples, so that those of the calls of a step add up to the step's mean. 0 where a term is off.
+ * `discriminator` is the discriminator's own loss: cross-entropy of real images (label 1) plus that of the net's (label
+ * 0); 2 ln 2 where it cannot tell them apart. */
 typedef struct hada_terms {
-    double mse, perceptual, adversarial, variation, critic;
+    double mse, perceptual, adversarial, variation, discriminator;
 } hada_terms;
 
 #endif

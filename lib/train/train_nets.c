@@ -65,7 +65,7 @@ done:
 }
 
 /* The discriminator that the options name. */
-static hada_status make_critic(hada_net **out, const hada_train_options *options, int channels, hada_error *err)
+static hada_status make_discriminator(hada_net **out, const hada_train_options *options, int channels, hada_error *err)
 {
     hada_status status = HADA_OK;
     HADA_TRY(hada_discriminator_make(out, options->discriminator, channels, err));
@@ -93,7 +93,7 @@ hada_status hada_train_nets_make(hada_train_nets *nets, const hada_train_options
     if (hada_stage_has_net(options->stage))
         HADA_TRY(make_net(&nets->net, options, model, err));
     if (hada_stage_has_discriminator(options))
-        HADA_TRY(make_critic(&nets->critic, options, channels, err));
+        HADA_TRY(make_discriminator(&nets->discriminator, options, channels, err));
     if (options->perceptual > 0.0)
         HADA_TRY(load_vgg(&nets->vgg, options, channels, err));
 done:
@@ -105,6 +105,6 @@ done:
 void hada_train_nets_free(hada_train_nets *nets)
 {
     hada_net_destroy(&nets->net);
-    hada_net_destroy(&nets->critic);
+    hada_net_destroy(&nets->discriminator);
     hada_net_destroy(&nets->vgg);
 }

@@ -8,7 +8,7 @@
 
 /* NULL where the stage has none: the generator, its discriminator, VGG-16. */
 typedef struct hada_train_nets {
-    hada_net *net, *critic, *vgg;
+    hada_net *net, *discriminator, *vgg;
 } hada_train_nets;
 
 hada_status hada_train_nets_make(hada_train_nets *nets, const hada_train_options *options, const hada_model *model,

@@ -63,7 +63,7 @@ static hada_status make_workers(hada_trainer *trainer, hada_context *const *cont
     hada_replica_desc desc = {.model = trainer->model,
                               .options = options,
                               .net = trainer->nets.net,
-                              .critic = trainer->nets.critic,
+                              .discriminator = trainer->nets.discriminator,
                               .vgg = trainer->nets.vgg,
                               .at_once = share,
                               .shares = count,
@@ -198,7 +198,7 @@ hada_status hada_trainer_bytes(hada_context *context, const hada_model *model, c
     HADA_TRY(hada_train_options_settle(&settled, &augment, options, model, err));
     HADA_TRY(hada_train_nets_make(&nets, &settled, model, err));
     hada_replica_desc desc = {
-        .model = model, .options = &settled, .net = nets.net, .critic = nets.critic, .vgg = nets.vgg};
+        .model = model, .options = &settled, .net = nets.net, .discriminator = nets.discriminator, .vgg = nets.vgg};
     HADA_TRY(choose_at_once(&desc.at_once, context, &settled, settled.batch, &desc, err));
     HADA_TRY(hada_replica_bytes(context, &desc, &replica, err));
     if (hada_stage_has_planes(settled.stage))

@@ -23,7 +23,7 @@ struct hada_trainer {
     hada_augment augment;
     const hada_model *model;
     hada_model_info info;
-    hada_train_nets nets; /* net and critic: first values */
+    hada_train_nets nets; /* net and discriminator: first values */
     hada_pairs pairs;
     hada_examples known; /* of them */
     hada_held_out held_out;

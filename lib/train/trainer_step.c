@@ -94,7 +94,7 @@ done:
 /* The pairs of a wave, which the workers share: as many for each as can be, in order. */
 typedef struct wave {
     hada_trainer *trainer;
-    int count, critic_only;
+    int count, discriminator_only;
 } wave;
 
 static int first_of(const wave *all, int worker, int workers)
@@ -114,8 +114,8 @@ static hada_status compute(hada_workers *workers, int number, void *user, hada_e
         HADA_TRY(sample_of(trainer, worker, trainer->fed[first + i], &worker->own[i], &worker->samples[i], err));
     if (count)
         HADA_TRY(hada_replica_backward(worker->replica, worker->samples, count, 1.0 / trainer->options.batch,
-                                       trainer->fed[first]->place, all->critic_only, &worker->terms, worker->touched,
-                                       err));
+                                       trainer->fed[first]->place, all->discriminator_only, &worker->terms,
+                                       worker->touched, err));
 done:
     return status;
 }
@@ -135,18 +135,18 @@ static void add_terms(hada_terms *sum, const hada_terms *terms)
     sum->perceptual += terms->perceptual;
     sum->adversarial += terms->adversarial;
     sum->variation += terms->variation;
-    sum->critic += terms->critic;
+    sum->discriminator += terms->discriminator;
 }
 
 /* Gradients and terms of all pairs of a step. */
-static hada_status gather(hada_trainer *trainer, int critic_only, hada_terms *terms, hada_error *err)
+static hada_status gather(hada_trainer *trainer, int discriminator_only, hada_terms *terms, hada_error *err)
 {
     hada_workers *workers = &trainer->workers;
     const int most = trainer->options.at_once * workers->count;
     hada_status status = HADA_OK;
     clear(trainer);
     for (int left = trainer->options.batch; left;) {
-        wave all = {trainer, left < most ? left : most, critic_only};
+        wave all = {trainer, left < most ? left : most, discriminator_only};
         HADA_TRY(hada_feed_take(trainer->feed, all.count, trainer->fed, err));
         HADA_TRY(hada_workers_run(workers, compute, &all, err));
         for (int i = 0; i < workers->count; i++)
@@ -162,29 +162,31 @@ done:
 }
 
 /* Whether a group is updated in this step. */
-static int takes_part(const hada_trainer *trainer, int group, int critic_only)
+static int takes_part(const hada_trainer *trainer, int group, int discriminator_only)
 {
     if (!hada_workers_have(&trainer->workers, group))
         return 0;
-    if (group == HADA_GROUP_CRITIC || critic_only)
-        return group == HADA_GROUP_CRITIC;
+    if (group == HADA_GROUP_DISCRIMINATOR || discriminator_only)
+        return group == HADA_GROUP_DISCRIMINATOR;
     return group == HADA_GROUP_NET || trainer->workers.worker->touched[group - HADA_GROUP_FILTERS];
 }
 
 /* One gradient of all workers', and its norms. */
-static hada_status sum_up(hada_trainer *trainer, int critic_only, double *norm, double *critic_norm, hada_error *err)
+static hada_status sum_up(hada_trainer *trainer, int discriminator_only, double *norm, double *discriminator_norm,
+                          hada_error *err)
 {
     hada_workers *workers = &trainer->workers;
-    double squares = 0.0, critic = 0.0;
+    double squares = 0.0, discriminator = 0.0;
     hada_status status = HADA_OK;
     if (workers->count == 1)
         return hada_parameters_norm(hada_worker_parameters(workers->worker), workers->worker->touched, norm,
-                                    critic_norm, err);
+                                    discriminator_norm, err);
     for (int g = 0; g < workers->groups; g++)
-        if (takes_part(trainer, g, critic_only))
-            HADA_TRY(hada_exchange_gradients(workers, g, g == HADA_GROUP_CRITIC ? &critic : &squares, err));
+        if (takes_part(trainer, g, discriminator_only))
+            HADA_TRY(
+                hada_exchange_gradients(workers, g, g == HADA_GROUP_DISCRIMINATOR ? &discriminator : &squares, err));
     *norm = sqrt(squares);
-    *critic_norm = sqrt(critic);
+    *discriminator_norm = sqrt(discriminator);
 done:
     return status;
 }
@@ -208,8 +210,8 @@ static double scale_for(double norm, double clip)
     return clip > 0.0 && norm > clip ? clip / (norm + CLIP_EPS) : 1.0;
 }
 
-static hada_status update(hada_trainer *trainer, int critic_only, double share, double norm, double critic_norm,
-                          hada_error *err)
+static hada_status update(hada_trainer *trainer, int discriminator_only, double share, double norm,
+                          double discriminator_norm, hada_error *err)
 {
     const hada_train_options *options = &trainer->options;
     hada_workers *workers = &trainer->workers;
@@ -217,21 +219,21 @@ static hada_status update(hada_trainer *trainer, int critic_only, double share, 
     hada_status status = HADA_OK;
     trainer->snapshot.dirty[HADA_GROUP_NET] = 1;
     for (int g = 0; g < workers->groups; g++) {
-        if (!takes_part(trainer, g, critic_only))
+        if (!takes_part(trainer, g, discriminator_only))
             continue;
-        const int critic = g == HADA_GROUP_CRITIC;
-        const double rate = critic                ? options->discriminator_rate
+        const int discriminator = g == HADA_GROUP_DISCRIMINATOR;
+        const double rate = discriminator         ? options->discriminator_rate
                             : g == HADA_GROUP_NET ? options->rate
                                                   : options->filter_rate;
         change what = {g, progress->group_steps[g] + 1, rate * share,
-                       scale_for(critic ? critic_norm : norm, options->clip)};
+                       scale_for(discriminator ? discriminator_norm : norm, options->clip)};
         trainer->snapshot.dirty[g] = 1;
         HADA_TRY(hada_workers_run(workers, update_one, &what, err));
         HADA_TRY(hada_exchange_values(workers, g, err));
         progress->group_steps[g]++;
     }
     /* statistics of batch norms have changed without the net's being updated */
-    if (critic_only)
+    if (discriminator_only)
         HADA_TRY(hada_exchange_values(workers, HADA_GROUP_NET, err));
 done:
     return status;
@@ -257,45 +259,46 @@ done:
     return status;
 }
 
-static void fill_report(const hada_trainer *trainer, const hada_terms *terms, int critic_only, double norm,
+static void fill_report(const hada_trainer *trainer, const hada_terms *terms, int discriminator_only, double norm,
                         double share, hada_step_report *report)
 {
     const hada_train_options *options = &trainer->options;
-    const int all = !critic_only;
+    const int all = !discriminator_only;
     report->mse = all && options->mse > 0.0 ? terms->mse : NAN;
     report->perceptual = all && options->perceptual > 0.0 ? terms->perceptual : NAN;
     report->adversarial = all && options->adversarial > 0.0 ? terms->adversarial : NAN;
     report->variation = all && options->variation > 0.0 ? terms->variation : NAN;
-    report->discriminator = trainer->nets.critic ? terms->critic : NAN;
-    report->loss = critic_only ? terms->critic : terms->mse + terms->perceptual + terms->adversarial + terms->variation;
+    report->discriminator = trainer->nets.discriminator ? terms->discriminator : NAN;
+    report->loss = discriminator_only ? terms->discriminator
+                                      : terms->mse + terms->perceptual + terms->adversarial + terms->variation;
     report->norm = norm;
-    report->rate = share * (critic_only                            ? options->discriminator_rate
+    report->rate = share * (discriminator_only                     ? options->discriminator_rate
                             : options->stage == HADA_STAGE_FILTERS ? options->filter_rate
                                                                    : options->rate);
-    report->discriminator_only = critic_only;
+    report->discriminator_only = discriminator_only;
 }
 
 static hada_status step(hada_trainer *trainer, hada_step_report *report, hada_error *err)
 {
     hada_progress *progress = &trainer->progress;
-    const int critic_only = progress->step < trainer->options.discriminator_steps;
+    const int discriminator_only = progress->step < trainer->options.discriminator_steps;
     const double share = ldexp(hada_train_rate(&trainer->options, progress->step), -progress->halvings);
     hada_terms terms = {0};
-    double norm = 0.0, critic_norm = 0.0;
+    double norm = 0.0, discriminator_norm = 0.0;
     hada_status status = HADA_OK;
     if (!trainer->feed)
         HADA_TRY(start_feed(trainer, err));
-    HADA_TRY(gather(trainer, critic_only, &terms, err));
-    HADA_TRY(sum_up(trainer, critic_only, &norm, &critic_norm, err));
-    if (critic_only)
-        norm = critic_norm;
-    fill_report(trainer, &terms, critic_only, norm, share, report);
-    if (!isfinite(report->loss + norm + (trainer->nets.critic ? terms.critic + critic_norm : 0.0)))
+    HADA_TRY(gather(trainer, discriminator_only, &terms, err));
+    HADA_TRY(sum_up(trainer, discriminator_only, &norm, &discriminator_norm, err));
+    if (discriminator_only)
+        norm = discriminator_norm;
+    fill_report(trainer, &terms, discriminator_only, norm, share, report);
+    if (!isfinite(report->loss + norm + (trainer->nets.discriminator ? terms.discriminator + discriminator_norm : 0.0)))
         return roll_back(trainer, report, err);
     /* These parameters gave finite numbers: they are good. */
     if (progress->step % SNAPSHOT_EVERY == 0)
         HADA_TRY(hada_snapshot_take(&trainer->snapshot, &trainer->workers, progress, err));
-    HADA_TRY(update(trainer, critic_only, share, norm, critic_norm, err));
+    HADA_TRY(update(trainer, discriminator_only, share, norm, discriminator_norm, err));
     progress->bad = 0;
     report->step = ++progress->step;
 done:

@@ -17,7 +17,7 @@ has enhanced.model $log/losses.csv $log/validation.csv $log/training.svg $log/ch
 [ "$(wc -l <$log/validation.csv)" = 14 ] || fail 'validation.csv has not a row for each validation'
 expect 0 '' reconstruct "$camera/test/raw/test01.tif" -m enhanced.model -o enhanced -q
 expect 0 '"stage": "adversarial".*"kept": "last"' train "$camera" -m enhanced.model -o sharp.model --stage adversarial \
-    --batch 2 --steps 3 --critic-steps 1 --show-every 0 --json
+    --batch 2 --steps 3 --discriminator-steps 1 --show-every 0 --json
 is_json 'train'
 expect 0 'Stage joint' train "$camera" -m sharp.model -o joint.model --stage joint --batch 2 --steps 4 --filter-rate 1e-5
 expect 0 'linear filters alone.*enhanced' reconstruct "$camera/test/raw/test01.tif" -m joint.model -o joint
@@ -27,6 +27,7 @@ expect 0 'Stage filters' train "$camera" --stage filters --form split -o split.m
 expect 0 'Stage filters' train "$camera" -m "$model" --stage filters -o warm.model --steps 2 --filter-rate 1e-4
 expect 0 'Stage conventional' train "$camera" --stage conventional -o plain.net "${quick[@]}" --epochs 1 --hold-out 0.4
 expect 0 'exact fit of the 12 pairs to learn from comes first' train "$camera" -o fitted.model "${quick[@]}" --steps 2
+expect 2 '--discriminator takes one of patch' train "$camera" -m enhanced.model -o none.model --critic none # its old name
 has sharp.model joint.model filters.model split.model plain.net fitted.model
 expect 0 'on 2 devices' train "$camera" -m "$model" -o two.model "${quick[@]}" --steps 2 --device cpu/2
 

@@ -12,7 +12,7 @@ static void add(fault_job *job, const float *values, size_t count)
 
 /* A net, a discriminator, and what serves as VGG, for one channel of the window. */
 typedef struct nets {
-    hada_net *net, *critic, *vgg;
+    hada_net *net, *discriminator, *vgg;
 } nets;
 
 static hada_status make_nets(nets *all, hada_error *err)
@@ -21,14 +21,14 @@ static hada_status make_nets(nets *all, hada_error *err)
                               "{\"layer\": \"conv\", \"name\": \"a\", \"channels\": 4, \"activation\": \"relu\"},"
                               "{\"layer\": \"norm\", \"name\": \"n\"},"
                               "{\"layer\": \"conv\", \"name\": \"b\", \"channels\": 1}]}";
-    static const char critic[] =
+    static const char discriminator[] =
         "{\"format\": \"hadalens-net-1\", \"layers\": [{\"layer\": \"input\", \"channels\": 1},"
         "{\"layer\": \"pool\"}, {\"layer\": \"linear\", \"name\": \"a\", \"in\": 49, \"channels\": 1}]}";
     static const char vgg[] = "{\"format\": \"hadalens-net-1\", \"layers\": [{\"layer\": \"input\", \"channels\": 3},"
                               "{\"layer\": \"conv\", \"name\": \"a\", \"channels\": 2, \"activation\": \"relu\"}]}";
     hada_status status = hada_net_create(&all->net, net, 1, err);
     if (!status)
-        status = hada_net_create(&all->critic, critic, 1, err);
+        status = hada_net_create(&all->discriminator, discriminator, 1, err);
     return status ? status : hada_net_create(&all->vgg, vgg, 1, err);
 }
 
@@ -93,7 +93,7 @@ static hada_status train(fault_job *job, hada_slot *slot, hada_stage stage, cons
     const hada_replica_desc desc = {.model = job->model,
                                     .options = &options,
                                     .net = all->net,
-                                    .critic = all->critic,
+                                    .discriminator = all->discriminator,
                                     .vgg = all->vgg,
                                     .at_once = 2,
                                     .scenes = 2,
@@ -137,7 +137,7 @@ hada_status fault_stage_training_step(fault_job *job, hada_error *err)
     if (!status)
         status = make_plane(job, slot, err);
     hada_net_destroy(&all.net);
-    hada_net_destroy(&all.critic);
+    hada_net_destroy(&all.discriminator);
     hada_net_destroy(&all.vgg);
     hada_slot_destroy(&slot);
     return status;

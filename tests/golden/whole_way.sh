@@ -127,8 +127,8 @@ train filters-split colour --stage filters --form split --steps 2
 train filters-warm padded -m padded.model --stage filters --steps 2 --filter-rate 1e-4
 train enhance colour -m colour.model "${small[@]}" --steps 3
 train perceptual opaque -m opaque.model --net-size 32x40 --batch 1 "${vgg[@]}" --steps 1 --validate-every 0
-train sharp colour -m enhance.model --stage adversarial --batch 2 --steps 2 --critic-steps 1
-train conditional colour -m enhance.model --stage adversarial --critic conditional --batch 1 --steps 1 --critic-steps 1
+train sharp colour -m enhance.model --stage adversarial --batch 2 --steps 2 --discriminator-steps 1
+train conditional colour -m enhance.model --stage adversarial --discriminator conditional --batch 1 --steps 1 --discriminator-steps 1
 train joint colour -m enhance.model --stage joint --batch 2 --steps 2 --filter-rate 1e-5
 train conventional grey --stage conventional "${small[@]}" --steps 2
 train changed colour -m colour.model "${small[@]}" --steps 2 --shift 3 --noise 0.02 --exposure 0.2 --flips both \

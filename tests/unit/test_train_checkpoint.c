@@ -49,7 +49,7 @@ static void devices_may_be_more_or_fewer(void **state)
         ASSERT_OK(hada_trainer_load(two, f.path[1], err));
         save(two, 0);
         assert_true(same_files());
-        for (int group = HADA_GROUP_NET; group <= HADA_GROUP_CRITIC; group++) {
+        for (int group = HADA_GROUP_NET; group <= HADA_GROUP_DISCRIMINATOR; group++) {
             const size_t all =
                 hada_parameters_floats(hada_worker_parameters(one->workers.worker), group, HADA_CONTENT_GRADIENT);
             const hada_part whole = hada_parameters_part(hada_worker_parameters(one->workers.worker), group);
@@ -154,6 +154,55 @@ static void damaged_checkpoints_are_refused(void **state)
     hada_trainer_destroy(&trainer);
 }
 
+/* Writes the header of a checkpoint as 0.1.0 did: it is shorter, and ends with spaces. */
+static void rename_discriminator(const char *path)
+{
+    static const char now[] = "discriminator", before[] = "critic";
+    FILE *file = fopen(path, "r+b");
+    uint64_t bytes;
+    int found = 0;
+    assert_non_null(file);
+    assert_int_equal(fread(&bytes, sizeof bytes, 1, file), 1);
+    char *header = calloc(bytes + 1, 1), *to = header;
+    assert_non_null(header);
+    assert_int_equal(fread(header, 1, bytes, file), bytes);
+    for (const char *from = header; *from;) {
+        const int here = !strncmp(from, now, strlen(now));
+        found += here;
+        if (here) {
+            memcpy(to, before, strlen(before));
+            to += strlen(before);
+            from += strlen(now);
+        } else {
+            *to++ = *from++;
+        }
+    }
+    memset(to, ' ', (size_t)(header + bytes - to));
+    assert_true(found == 3); /* the net, its values, their optimiser's state */
+    assert_int_equal(fseek(file, sizeof bytes, SEEK_SET), 0);
+    assert_int_equal(fwrite(header, 1, bytes, file), bytes);
+    fclose(file);
+    free(header);
+}
+
+static void checkpoints_of_older_versions_go_on(void **state)
+{
+    (void)state;
+    const hada_train_options options = options_of(HADA_STAGE_ADVERSARIAL);
+    hada_trainer *trainer = make(&options, 1);
+    steps(trainer, 2);
+    save(trainer, 0);
+    save(trainer, 1);
+    rename_discriminator(f.path[1]);
+    assert_false(same_files());
+    hada_trainer_destroy(&trainer);
+    trainer = make(&options, 1);
+    ASSERT_OK(hada_trainer_load(trainer, f.path[1], err));
+    save(trainer, 1);
+    assert_true(same_files());
+    hada_trainer_destroy(&trainer);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -162,6 +211,7 @@ int main(void)
         cmocka_unit_test(fewer_filters_at_once_give_the_same_bits),
         cmocka_unit_test(checkpoints_of_others_are_refused),
         cmocka_unit_test(damaged_checkpoints_are_refused),
+        cmocka_unit_test(checkpoints_of_older_versions_go_on),
     };
     return cmocka_run_group_tests(tests, setup, teardown);
 }

@@ -66,7 +66,7 @@ static void case_free(train_case *c)
     for (int z = 0; z < TRAIN_DEPTHS; z++)
         free(c->filters[z]);
     free(c->values);
-    free(c->critic_values);
+    free(c->discriminator_values);
 }
 
 static void gradients_are_the_references(void **state)

@@ -124,9 +124,9 @@ static void nets_that_do_not_fit_are_refused(void **state)
     desc.net = run.vgg; /* gives nine channels */
     assert_int_equal(hada_replica_bytes(device->context, &desc, &bytes, &error), HADA_ERROR_MODEL);
     desc = run.desc;
-    desc.critic = run.net;
+    desc.discriminator = run.net;
     assert_int_equal(hada_replica_bytes(device->context, &desc, &bytes, &error), HADA_ERROR_MODEL);
-    desc.critic = NULL;
+    desc.discriminator = NULL;
     assert_int_equal(hada_replica_bytes(device->context, &desc, &bytes, &error), HADA_ERROR_ARGUMENT);
     run_free(&run);
     run_make(&run, &train_cases[0]);

@@ -11,13 +11,13 @@ static train_case case_of(const replica_run *run, int count)
                     .samples = run->pairs.samples,
                     .count = count,
                     .net = run->net,
-                    .critic = run->critic,
+                    .discriminator = run->discriminator,
                     .vgg = run->vgg};
     for (size_t z = 0; z < TRAIN_DEPTHS; z++)
         c.filters[z] = train_doubles(run->model->filter + z * floats, floats);
     c.values = train_doubles(run->net->values, run->net->floats);
-    if (run->critic)
-        c.critic_values = train_doubles(run->critic->values, run->critic->floats);
+    if (run->discriminator)
+        c.discriminator_values = train_doubles(run->discriminator->values, run->discriminator->floats);
     return c;
 }
 
@@ -26,7 +26,7 @@ static void case_free(train_case *c)
     for (int z = 0; z < TRAIN_DEPTHS; z++)
         free(c->filters[z]);
     free(c->values);
-    free(c->critic_values);
+    free(c->discriminator_values);
 }
 
 static void near(double got, double expected, const char *what)
@@ -41,14 +41,14 @@ static void check_terms(const hada_terms *got, const hada_terms *expected)
     near(got->variation, expected->variation, "variation");
     near(got->perceptual, expected->perceptual, "perceptual");
     near(got->adversarial, expected->adversarial, "adversarial");
-    near(got->critic, expected->critic, "critic");
+    near(got->discriminator, expected->discriminator, "discriminator");
 }
 
 static void check_group(hada_replica *replica, const train_case *c, int group, double *values)
 {
     const size_t count = hada_parameters_floats(hada_replica_parameters(replica), group, HADA_CONTENT_GRADIENT);
     float *gradient = train_read(replica, group, HADA_CONTENT_GRADIENT);
-    train_difference(c, values, gradient, count, group == HADA_GROUP_CRITIC);
+    train_difference(c, values, gradient, count, group == HADA_GROUP_DISCRIMINATOR);
     free(gradient);
 }
 
@@ -68,8 +68,8 @@ static void gradients_are_differences(void **state)
         const hada_terms expected = train_terms(&c);
         check_terms(&terms, &expected);
         check_group(replica, &c, HADA_GROUP_NET, c.values);
-        if (run.critic)
-            check_group(replica, &c, HADA_GROUP_CRITIC, c.critic_values);
+        if (run.discriminator)
+            check_group(replica, &c, HADA_GROUP_DISCRIMINATOR, c.discriminator_values);
         for (int z = 0; z < TRAIN_DEPTHS; z++) {
             assert_int_equal(touched[z], train_cases[i].stage == HADA_STAGE_JOINT);
             if (touched[z])
@@ -98,8 +98,8 @@ static void fewer_samples_count_alone(void **state)
         const hada_terms expected = train_terms(&c);
         check_terms(&terms, &expected);
         check_group(replica, &c, HADA_GROUP_NET, c.values);
-        if (run.critic)
-            check_group(replica, &c, HADA_GROUP_CRITIC, c.critic_values);
+        if (run.discriminator)
+            check_group(replica, &c, HADA_GROUP_DISCRIMINATOR, c.discriminator_values);
         if (without_norm.stage == HADA_STAGE_JOINT)
             check_group(replica, &c, HADA_GROUP_FILTERS, c.filters[0]);
         hada_replica_destroy(&replica);
@@ -161,23 +161,23 @@ static void pieces_and_recomputing(void **state)
 }
 
 /* Steps of the discriminator alone leave the net's gradient as it is, and give its own as other steps do. */
-static void the_critic_alone(void **state)
+static void the_discriminator_alone(void **state)
 {
     replica_run run;
     hada_terms both, alone;
     run_make(&run, &train_cases[5]);
     hada_replica *replica = train_replica(*state, &run.desc);
     const size_t count =
-        hada_parameters_floats(hada_replica_parameters(replica), HADA_GROUP_CRITIC, HADA_CONTENT_GRADIENT);
+        hada_parameters_floats(hada_replica_parameters(replica), HADA_GROUP_DISCRIMINATOR, HADA_CONTENT_GRADIENT);
     hada_parameters_clear(hada_replica_parameters(replica));
     ASSERT_OK(hada_replica_backward(replica, run.pairs.samples, TRAIN_PAIRS, 1.0, 1, 0, &both, NULL, err));
-    float *first = train_read(replica, HADA_GROUP_CRITIC, HADA_CONTENT_GRADIENT);
+    float *first = train_read(replica, HADA_GROUP_DISCRIMINATOR, HADA_CONTENT_GRADIENT);
     hada_parameters_clear(hada_replica_parameters(replica));
     ASSERT_OK(hada_replica_backward(replica, run.pairs.samples, TRAIN_PAIRS, 1.0, 1, 1, &alone, NULL, err));
-    float *second = train_read(replica, HADA_GROUP_CRITIC, HADA_CONTENT_GRADIENT);
+    float *second = train_read(replica, HADA_GROUP_DISCRIMINATOR, HADA_CONTENT_GRADIENT);
     float *net = train_read(replica, HADA_GROUP_NET, HADA_CONTENT_GRADIENT);
     assert_memory_equal(first, second, count * sizeof(float));
-    assert_true(alone.critic == both.critic && alone.mse == 0.0 && alone.adversarial == 0.0);
+    assert_true(alone.discriminator == both.discriminator && alone.mse == 0.0 && alone.adversarial == 0.0);
     for (size_t i = 0;
          i < hada_parameters_floats(hada_replica_parameters(replica), HADA_GROUP_NET, HADA_CONTENT_GRADIENT); i++)
         assert_true(net[i] == 0.0f);
@@ -193,14 +193,14 @@ static void norms_and_updates(void **state)
 {
     replica_run run;
     hada_terms terms;
-    double norm, critic_norm, sums[3] = {0.0};
+    double norm, discriminator_norm, sums[3] = {0.0};
     const unsigned char touched[TRAIN_DEPTHS] = {0, 1};
-    const int groups[3] = {HADA_GROUP_NET, HADA_GROUP_FILTERS + 1, HADA_GROUP_CRITIC};
+    const int groups[3] = {HADA_GROUP_NET, HADA_GROUP_FILTERS + 1, HADA_GROUP_DISCRIMINATOR};
     run_make(&run, &train_cases[8]);
     hada_replica *replica = train_replica(*state, &run.desc);
     hada_parameters_clear(hada_replica_parameters(replica));
     ASSERT_OK(hada_replica_backward(replica, run.pairs.samples, TRAIN_PAIRS, 1.0, 1, 0, &terms, NULL, err));
-    ASSERT_OK(hada_parameters_norm(hada_replica_parameters(replica), touched, &norm, &critic_norm, err));
+    ASSERT_OK(hada_parameters_norm(hada_replica_parameters(replica), touched, &norm, &discriminator_norm, err));
     for (int g = 0; g < 3; g++) {
         const double rate = 1e-3, scale = 0.25, eps = groups[g] >= HADA_GROUP_FILTERS ? 1e-24 : 1e-7;
         const size_t count = hada_parameters_floats(hada_replica_parameters(replica), groups[g], HADA_CONTENT_GRADIENT);
@@ -222,7 +222,7 @@ static void norms_and_updates(void **state)
         free(squares);
     }
     near(norm, sqrt(sums[0] + sums[1]), "norm");
-    near(critic_norm, sqrt(sums[2]), "norm of the critic");
+    near(discriminator_norm, sqrt(sums[2]), "norm of the discriminator");
     hada_replica_destroy(&replica);
     run_free(&run);
 }
@@ -275,7 +275,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(gradients_are_differences), cmocka_unit_test(fewer_samples_count_alone),
-        cmocka_unit_test(pieces_and_recomputing),    cmocka_unit_test(the_critic_alone),
+        cmocka_unit_test(pieces_and_recomputing),    cmocka_unit_test(the_discriminator_alone),
         cmocka_unit_test(norms_and_updates),         cmocka_unit_test(weights_are_of_the_gradient),
     };
     return cmocka_run_group_tests(tests, train_open, train_close);

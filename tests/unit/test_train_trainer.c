@@ -20,14 +20,14 @@ static void every_stage_learns(void **state)
         hada_trainer *trainer = make(&options, 1);
         hada_validation first = {.size = sizeof first}, last = {.size = sizeof last};
         hada_step_report report = {.size = sizeof report};
-        double critic = NAN;
+        double discriminator = NAN;
         ASSERT_OK(hada_trainer_validate(trainer, 0, &first, err));
         for (int i = 0; i < count; i++) {
             ASSERT_OK(hada_trainer_step(trainer, &report, err));
             assert_int_equal(report.step, i + 1);
             assert_int_equal(report.discriminator_only, (uint64_t)i < options.discriminator_steps);
             assert_true(isfinite(report.loss) && report.norm > 0.0 && report.rate > 0.0);
-            critic = i ? critic : report.discriminator;
+            discriminator = i ? discriminator : report.discriminator;
         }
         ASSERT_OK(hada_trainer_validate(trainer, 0, &last, err));
         assert_int_equal(last.pairs, DEPTHS * HELD);
@@ -40,7 +40,7 @@ static void every_stage_learns(void **state)
         assert_true(last.sharpness_truth > 0.0 && last.mae > 0.0);
         assert_true(isnan(last.psnr_before) == (stage == HADA_STAGE_CONVENTIONAL));
         if (stage == HADA_STAGE_ADVERSARIAL)
-            assert_true(isfinite(report.discriminator) && report.discriminator != critic &&
+            assert_true(isfinite(report.discriminator) && report.discriminator != discriminator &&
                         isfinite(report.adversarial));
         else
             assert_true(isnan(report.discriminator) && isnan(report.adversarial) && isnan(report.perceptual));

@@ -155,8 +155,8 @@ typedef struct train_case {
     const hada_train_options *options;
     const hada_sample *samples;
     int count;
-    const hada_net *net, *critic, *vgg;
-    double *filters[TRAIN_DEPTHS], *values, *critic_values;
+    const hada_net *net, *discriminator, *vgg;
+    double *filters[TRAIN_DEPTHS], *values, *discriminator_values;
 } train_case;
 
 /* The linear plane of a sample. */
@@ -250,19 +250,19 @@ static inline double *train_features(const train_case *c, const double *images, 
     return features;
 }
 
-/* Cross-entropy of the critic's logits: one an image, or one a patch. */
+/* Cross-entropy of the discriminator's logits: one an image, or one a patch. */
 static inline double train_logits(const train_case *c, const double *images, double label, double weight)
 {
     const int rows = c->info->window_rows, cols = c->info->window_cols;
     hada_size sizes[64];
-    ASSERT_OK(hada_net_sizes(c->critic, rows, cols, sizes, err));
-    const hada_size last = sizes[c->critic->count - 1];
+    ASSERT_OK(hada_net_sizes(c->discriminator, rows, cols, sizes, err));
+    const hada_size last = sizes[c->discriminator->count - 1];
     const size_t count = (size_t)c->count * (size_t)last.rows * (size_t)last.cols;
     double *labels = calloc(count, sizeof *labels);
     for (size_t i = 0; i < count; i++)
         labels[i] = label;
     const size_t plane = (size_t)c->info->channels * (size_t)rows * (size_t)cols;
-    const int paired = c->critic->layers[0].channels == 2 * c->info->channels;
+    const int paired = c->discriminator->layers[0].channels == 2 * c->info->channels;
     double *pairs = calloc(2 * plane * (size_t)c->count, sizeof *pairs), *at = pairs;
     for (size_t i = 0; paired && i < (size_t)c->count; i++) { /* the plane first */
         for (size_t k = 0; k < plane; k++)
@@ -270,7 +270,8 @@ static inline double train_logits(const train_case *c, const double *images, dou
         memcpy(at, images + i * plane, plane * sizeof *at);
         at += plane;
     }
-    double *logits = train_run(c->critic, c->critic_values, c->count, rows, cols, paired ? pairs : images, count);
+    double *logits =
+        train_run(c->discriminator, c->discriminator_values, c->count, rows, cols, paired ? pairs : images, count);
     const double loss = hada_ref_logits(count, weight, logits, labels, NULL);
     free(pairs);
     free(logits);
@@ -295,9 +296,9 @@ static inline hada_terms train_terms(const train_case *c)
         free(a);
         free(b);
     }
-    if (c->critic) {
+    if (c->discriminator) {
         terms.adversarial = train_logits(c, x, 1.0, o->adversarial);
-        terms.critic = train_logits(c, t, 1.0, 1.0) + train_logits(c, x, 0.0, 1.0);
+        terms.discriminator = train_logits(c, t, 1.0, 1.0) + train_logits(c, x, 0.0, 1.0);
     }
     free(x);
     free(t);
@@ -312,7 +313,7 @@ static inline double train_sum(const hada_terms *terms)
 /* Holds a gradient against the central difference of the terms along random directions: `values` are parameters of the
  * case. */
 static inline void train_difference(const train_case *c, double *values, const float *gradient, size_t count,
-                                    int critic)
+                                    int discriminator)
 {
     double size = 0.0, *direction = calloc(count, sizeof *direction);
     for (size_t i = 0; i < count; i++)
@@ -332,7 +333,7 @@ static inline void train_difference(const train_case *c, double *values, const f
             for (size_t i = 0; i < count; i++)
                 values[i] += (side ? -2.0 : 1.0) * step * direction[i];
             const hada_terms terms = train_terms(c);
-            loss[side] = critic ? terms.critic : train_sum(&terms);
+            loss[side] = discriminator ? terms.discriminator : train_sum(&terms);
         }
         for (size_t i = 0; i < count; i++)
             values[i] += step * direction[i];

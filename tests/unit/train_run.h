@@ -4,11 +4,11 @@
 
 #include "train_fixture.h"
 
-/* critic: 1 gives one logit an image, 2 one a patch, 3 as well, and sees the plane. */
+/* discriminator: 1 gives one logit an image, 2 one a patch, 3 as well, and sees the plane. */
 typedef struct replica_case {
     const char *name;
     hada_stage stage;
-    int channels, shared, norm, net_rows, net_cols, vgg, critic, squared, padded, split;
+    int channels, shared, norm, net_rows, net_cols, vgg, discriminator, squared, padded, split;
 } replica_case;
 
 static const replica_case train_cases[] = {
@@ -29,7 +29,7 @@ enum { ROWS = 15, COLS = 18, WINDOW_ROWS = 12, WINDOW_COLS = 14 };
 /* A case made ready; the replica looks at all pairs at once. */
 typedef struct replica_run {
     hada_model *model;
-    hada_net *net, *critic, *vgg;
+    hada_net *net, *discriminator, *vgg;
     hada_train_options options;
     train_pairs pairs;
     hada_replica_desc desc;
@@ -53,7 +53,7 @@ static inline void shake(hada_net *net, uint64_t stream)
 
 static inline void run_make(replica_run *run, const replica_case *c)
 {
-    static const char critic[] =
+    static const char discriminator[] =
         "{\"format\": \"hadalens-net-1\", \"layers\": [{\"layer\": \"input\", \"channels\": %d},"
         "{\"layer\": \"conv\", \"name\": \"a\", \"channels\": 5, \"stride\": 2, \"activation\": \"leaky_relu\","
         " \"slope\": 0.2}, {%s, \"name\": \"b\", \"channels\": 1}]}";
@@ -74,9 +74,10 @@ static inline void run_make(replica_run *run, const replica_case *c)
     unet.last_norm = c->norm;
     ASSERT_OK(hada_net_create_unet(&run->net, &unet, 3, err));
     shake(run->net, 1);
-    if (c->critic) {
-        snprintf(text, sizeof text, critic, c->critic == 3 ? 2 * c->channels : c->channels, ends[c->critic > 1]);
-        run->critic = net_from(text, 4);
+    if (c->discriminator) {
+        snprintf(text, sizeof text, discriminator, c->discriminator == 3 ? 2 * c->channels : c->channels,
+                 ends[c->discriminator > 1]);
+        run->discriminator = net_from(text, 4);
     }
     if (c->vgg) {
         run->vgg = net_from(vgg, 5);
@@ -90,7 +91,7 @@ static inline void run_make(replica_run *run, const replica_case *c)
     run->desc = (hada_replica_desc){.model = run->model,
                                     .options = &run->options,
                                     .net = run->net,
-                                    .critic = run->critic,
+                                    .discriminator = run->discriminator,
                                     .vgg = run->vgg,
                                     .at_once = TRAIN_PAIRS};
 }
@@ -100,7 +101,7 @@ static inline void run_free(replica_run *run)
     train_pairs_free(&run->pairs);
     hada_model_destroy(&run->model);
     hada_net_destroy(&run->net);
-    hada_net_destroy(&run->critic);
+    hada_net_destroy(&run->discriminator);
     hada_net_destroy(&run->vgg);
 }
 

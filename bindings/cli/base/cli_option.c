@@ -81,17 +81,19 @@ void hada_cli_nearest_try(hada_cli_nearest *nearest, const char *candidate)
     }
 }
 
+enum { MOST_OPTIONS = 96, MOST_RENAMED = 16 };
+
 /* The rows that are options, in the order that popt's values count from 1. */
 typedef struct rows {
     int count;
-    const hada_cli_option *items[64];
+    const hada_cli_option *items[MOST_OPTIONS];
     hada_cli_nearest nearest;
 } rows;
 
 static void collect(void *user, const hada_cli_option *option)
 {
     rows *all = user;
-    if (option->kind != HADA_OPTION_GROUP && all->count < 64)
+    if (option->kind != HADA_OPTION_GROUP && all->count < MOST_OPTIONS)
         all->items[all->count++] = option;
 }
 
@@ -226,20 +228,34 @@ static hada_status parse_all(hada_cli_parsed *parsed, poptContext context, rows 
     return protect_inputs(parsed, named, count, err);
 }
 
+/* popt's table: the options, and those that have had another name. */
+static void fill_table(struct poptOption *table, const rows *all, const char *const *renamed)
+{
+    int count = all->count;
+    memset(table, 0, (MOST_OPTIONS + MOST_RENAMED + 1) * sizeof *table);
+    for (int i = 0; i < all->count; i++) {
+        table[i].longName = all->items[i]->name;
+        table[i].shortName = all->items[i]->letter;
+        table[i].argInfo = all->items[i]->kind == HADA_OPTION_FLAG ? POPT_ARG_NONE : POPT_ARG_STRING;
+        table[i].val = i + 1;
+    }
+    for (; renamed && *renamed && count < all->count + MOST_RENAMED; renamed += 2)
+        for (int i = 0; i < all->count; i++)
+            if (!strcmp(all->items[i]->name, renamed[1])) {
+                table[count] = table[i];
+                table[count].longName = renamed[0];
+                table[count++].shortName = 0;
+            }
+}
+
 hada_status hada_cli_parse(hada_cli_parsed *parsed, const hada_cli_command *command, int argc, const char **argv,
                            hada_error *err)
 {
     rows all = {0};
-    struct poptOption table[65];
+    struct poptOption table[MOST_OPTIONS + MOST_RENAMED + 1];
     hada_status status = HADA_OK;
     hada_cli_each_option(command, collect, &all);
-    memset(table, 0, sizeof table);
-    for (int i = 0; i < all.count; i++) {
-        table[i].longName = all.items[i]->name;
-        table[i].shortName = all.items[i]->letter;
-        table[i].argInfo = all.items[i]->kind == HADA_OPTION_FLAG ? POPT_ARG_NONE : POPT_ARG_STRING;
-        table[i].val = i + 1;
-    }
+    fill_table(table, &all, command->renamed);
     memset(parsed, 0, sizeof *parsed);
     parsed->settings = calloc(1, command->settings_size);
     parsed->texts = calloc((size_t)argc + 1, sizeof *parsed->texts);

@@ -53,6 +53,7 @@ typedef struct hada_cli_command {
     const char *description;          /* paragraphs, each ended by \n\n or the end */
     const hada_cli_option *options;   /* ended by a row without help */
     const hada_cli_example *examples; /* ended by a row without line */
+    const char *const *renamed;       /* old and new names of options in turn, ended by NULL; understood, not shown */
     size_t settings_size;
     void (*defaults)(void *settings);
     int (*run)(hada_cli *cli, void *settings, int count, const char **arguments);

@@ -12,11 +12,11 @@ enum { NOT_GIVEN = HADA_AUTO }; /* of counts and choices; reals are NaN */
 
 typedef struct settings {
     hada_cli_common common;
-    const char *model, *output, *net, *vgg, *log, *hold_out, *dark, *critic;
+    const char *model, *output, *net, *vgg, *log, *hold_out, *dark, *discriminator;
     int stage, random, form, boundary, window[2], net_size[2], skip_incomplete;
-    int steps, epochs, batch, at_once, recompute, critic_steps;
+    int steps, epochs, batch, at_once, recompute, discriminator_steps;
     int rule, schedule, period, warmup;
-    double rate, filter_rate, critic_rate, last_rate, clip, decay;
+    double rate, filter_rate, discriminator_rate, last_rate, clip, decay;
     double mse, perceptual, adversarial, variation;
     int variation_squared, shift, flips, plane_flips;
     double noise, exposure, compose;
@@ -43,11 +43,11 @@ static const hada_cli_option options[] = {
      "compact starts by giving planes back as they are. FILE: a net with its weights.", AT(net)},
     {HADA_OPTION_SIZE, "net-size", 0, "HxW", "pixels at which the net runs (default: the window's)", NULL,
      AT(net_size)},
-    {HADA_OPTION_WORD, "critic", 0, "patch|conditional|paper",
+    {HADA_OPTION_WORD, "discriminator", 0, "patch|conditional|paper",
      "the discriminator of adversarial training (default: patch)",
      "patch: judges patches of 25 x 25 pixels. conditional: the same, beside the plane before the net. paper: the "
      "whole image, at 256 x 256.",
-     AT(critic)},
+     AT(discriminator)},
     {HADA_OPTION_FLAG, "random", 0, NULL, "filters: start at random, not from the model's", NULL, AT(random)},
     {HADA_OPTION_CHOICE, "form", 0, "complex|split", "filters without a model: how they act on a frame's spectrum",
      NULL, ONE_OF(form, HADA_FORM_COMPLEX, HADA_FORM_SPLIT)},
@@ -92,7 +92,7 @@ static const hada_cli_option options[] = {
      "rmsprop is the paper's.", ONE_OF(rule, HADA_RULE_RMSPROP, HADA_RULE_ADAM, HADA_RULE_ADAMW)},
     {HADA_OPTION_REAL, "rate", 0, "R", "learning rate of the net", NULL, AT(rate)},
     {HADA_OPTION_REAL, "filter-rate", 0, "R", "of the filters", NULL, AT(filter_rate)},
-    {HADA_OPTION_REAL, "critic-rate", 0, "R", "of the discriminator", NULL, AT(critic_rate)},
+    {HADA_OPTION_REAL, "discriminator-rate", 0, "R", "of the discriminator", NULL, AT(discriminator_rate)},
     {HADA_OPTION_CHOICE, "schedule", 0, "constant|step|cosine", "how rates change (default: cosine)", NULL,
      ONE_OF(schedule, HADA_RATE_CONSTANT, HADA_RATE_STEP, HADA_RATE_COSINE)},
     {HADA_OPTION_REAL, "last-rate", 0, "SHARE", "cosine: the rates at the end; step: the factor of each change", NULL,
@@ -101,7 +101,8 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_COUNT, "warmup", 0, "N", "steps in which rates rise from a tenth", NULL, AT(warmup)},
     {HADA_OPTION_REAL, "clip", 0, "NORM", "largest norm of a step's gradient; 0: any", NULL, AT(clip)},
     {HADA_OPTION_REAL, "decay", 0, "W", "weight decay of adamw", NULL, AT(decay)},
-    {HADA_OPTION_COUNT, "critic-steps", 0, "N", "first steps, of the discriminator alone", NULL, AT(critic_steps)},
+    {HADA_OPTION_COUNT, "discriminator-steps", 0, "N", "first steps, of the discriminator alone", NULL,
+     AT(discriminator_steps)},
     {HADA_OPTION_SEED, "seed", 0, "N", "first weights, order and changes of pairs (default: 1)", NULL, AT(seed)},
 
     HADA_CLI_GROUP("Weights of the losses (default: 1.5, 0.1, 0.008, 5e-7, the paper's)"),
@@ -137,15 +138,19 @@ static const hada_cli_option options[] = {
     {0},
 };
 
+static const char *const renamed[] = {"critic",       "discriminator",       "critic-rate", "discriminator-rate",
+                                      "critic-steps", "discriminator-steps", NULL};
+
 static void defaults(void *user)
 {
     settings *set = user;
-    int *const counts[] = {&set->steps,       &set->epochs,   &set->batch,      &set->critic_steps,   &set->period,
-                           &set->warmup,      &set->shift,    &set->flips,      &set->validate_every, &set->rule,
+    int *const counts[] = {&set->steps,       &set->epochs,   &set->batch,      &set->discriminator_steps, &set->period,
+                           &set->warmup,      &set->shift,    &set->flips,      &set->validate_every,      &set->rule,
                            &set->plane_flips, &set->schedule, &set->show_every, &set->save_every};
-    double *const reals[] = {&set->rate,  &set->filter_rate, &set->critic_rate, &set->last_rate,   &set->clip,
-                             &set->decay, &set->mse,         &set->perceptual,  &set->adversarial, &set->variation,
-                             &set->noise, &set->exposure,    &set->compose};
+    double *const reals[] = {
+        &set->rate,   &set->filter_rate, &set->discriminator_rate, &set->last_rate, &set->clip,  &set->decay,
+        &set->mse,    &set->perceptual,  &set->adversarial,        &set->variation, &set->noise, &set->exposure,
+        &set->compose};
     for (size_t i = 0; i < sizeof counts / sizeof *counts; i++)
         *counts[i] = NOT_GIVEN;
     for (size_t i = 0; i < sizeof reals / sizeof *reals; i++)
@@ -198,7 +203,7 @@ static void take_rates(const settings *set, hada_train_options *how)
 {
     take_real(set->rate, &how->rate);
     take_real(set->filter_rate, &how->filter_rate);
-    take_real(set->critic_rate, &how->discriminator_rate);
+    take_real(set->discriminator_rate, &how->discriminator_rate);
     take_real(set->last_rate, &how->last_rate);
     take_real(set->clip, &how->clip);
     take_real(set->decay, &how->weight_decay);
@@ -257,10 +262,10 @@ static hada_status make_options(const settings *set, parts *of, hada_error *err)
     if (set->at_once)
         how->at_once = set->at_once;
     how->recompute = set->recompute;
-    if (set->critic)
-        how->discriminator = set->critic;
+    if (set->discriminator)
+        how->discriminator = set->discriminator;
     take_count(set->batch, &how->batch);
-    take_steps(set->critic_steps, &how->discriminator_steps);
+    take_steps(set->discriminator_steps, &how->discriminator_steps);
     take_steps(set->steps, &how->steps);
     take_real(set->compose, &how->compose);
     take_rates(set, how);
@@ -380,6 +385,7 @@ const hada_cli_command hada_cli_train = {
         "goes on after any interruption, with the same bits.\n\n"
         "Numbers that are no longer finite take training back to the last good parameters, with half the rate.",
     .options = options,
+    .renamed = renamed,
     .examples = examples,
     .settings_size = sizeof(settings),
     .defaults = defaults,

@@ -53,24 +53,24 @@ static void examples_free(examples *all)
 
 typedef struct player {
     hada_model *model;
-    hada_net *net, *critic;
+    hada_net *net, *discriminator;
     hada_train_options options;
     hada_replica *replica;
-    uint64_t step, net_steps, critic_steps;
+    uint64_t step, net_steps, discriminator_steps;
 } player;
 
 /* `net` is taken over. */
-static void begin(player *p, const train_device *device, hada_stage stage, const char *critic, hada_net *net)
+static void begin(player *p, const train_device *device, hada_stage stage, const char *discriminator, hada_net *net)
 {
     *p = (player){.model = train_model(1, SIDE, SIDE, SIDE, SIDE, 0, 0), .net = net};
     hada_train_options_init(&p->options, stage);
     p->options.adversarial = stage == HADA_STAGE_ADVERSARIAL ? 8e-3 : 0.0;
-    if (critic) {
-        ASSERT_OK(hada_discriminator_make(&p->critic, critic, 1, err));
-        ASSERT_OK(hada_net_init(p->critic, 1, err));
+    if (discriminator) {
+        ASSERT_OK(hada_discriminator_make(&p->discriminator, discriminator, 1, err));
+        ASSERT_OK(hada_net_init(p->discriminator, 1, err));
     }
     const hada_replica_desc desc = {
-        .model = p->model, .options = &p->options, .net = p->net, .critic = p->critic, .at_once = COUNT};
+        .model = p->model, .options = &p->options, .net = p->net, .discriminator = p->discriminator, .at_once = COUNT};
     p->replica = train_replica(device, &desc);
 }
 
@@ -79,7 +79,7 @@ static void end(player *p)
     hada_replica_destroy(&p->replica);
     hada_model_destroy(&p->model);
     hada_net_destroy(&p->net);
-    hada_net_destroy(&p->critic);
+    hada_net_destroy(&p->discriminator);
 }
 
 static hada_net *new_net(void)
@@ -96,7 +96,7 @@ static hada_net *new_net(void)
 }
 
 /* A step on examples that were never seen; the loss of the discriminator. */
-static double play(player *p, int net, int critic, double noise)
+static double play(player *p, int net, int discriminator, double noise)
 {
     examples all;
     hada_terms terms;
@@ -106,11 +106,11 @@ static double play(player *p, int net, int critic, double noise)
     if (net)
         ASSERT_OK(hada_parameters_update(hada_replica_parameters(p->replica), HADA_GROUP_NET, ++p->net_steps, 1e-3, 1.0,
                                          err));
-    if (critic)
-        ASSERT_OK(hada_parameters_update(hada_replica_parameters(p->replica), HADA_GROUP_CRITIC, ++p->critic_steps,
-                                         1e-3, 1.0, err));
+    if (discriminator)
+        ASSERT_OK(hada_parameters_update(hada_replica_parameters(p->replica), HADA_GROUP_DISCRIMINATOR,
+                                         ++p->discriminator_steps, 1e-3, 1.0, err));
     examples_free(&all);
-    return terms.critic;
+    return terms.discriminator;
 }
 
 static void blurred_is_told_from_sharp(void **state)

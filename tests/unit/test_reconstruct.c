@@ -1,6 +1,7 @@
 /* The main job: quality on scenes not fitted, occupancy not told; stated bytes; same bits. */
 #include "learned_camera.h"
 #include "model/model.h"
+#include "runtime/context.h"
 
 static void plan_of(const learned_camera *learned, const hada_plan_options *options, hada_plan **plan)
 {

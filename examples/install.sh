@@ -1,4 +1,4 @@
-# Installs what is missing, from Debian or Ubuntu. To be sourced: hadalens_install [tests|oracle|budget|lint]
+# Installs what is missing, from Debian or Ubuntu. To be sourced: hadalens_install [tests|oracle|budget|python|lint]
 # What is there already is left alone; with nothing missing, nothing is asked.
 hadalens_install() {
     local packages="gcc libc6-dev cmake ninja-build pkg-config python3 ocl-icd-opencl-dev libclfft-dev libtiff-dev
@@ -18,6 +18,8 @@ hadalens_install() {
     oracle) packages="python3-venv python3-numpy python3-scipy python3-skimage python3-tifffile python3-torch" ;;
     # what looks at kernels as a GPU's compiler makes them (tests/budget/environment.sh)
     budget) packages="python3-venv clang-15 libclc-15" ;;
+    # the Python package (tests/python/environment.sh): what pip does not bring
+    python) packages="$packages python3-venv python3-dev" ;;
     # a second compiler, and what reads the sources (tests/house/lint.sh)
     lint) packages="clang clang-format clang-tidy cppcheck" ;;
     esac

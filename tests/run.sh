@@ -1,17 +1,18 @@
 #!/usr/bin/env bash
 # Builds and runs tests on a fresh Debian or Ubuntu machine, installing what is missing.
-#   tests/run.sh [all|quick|full|oracle|stress] [release|debug|asan|tsan|clang] [further arguments for ctest]
+#   tests/run.sh [all|quick|full|oracle|stress|python] [release|debug|asan|tsan|clang] [further arguments for ctest]
 #   tests/run.sh fuzz [MINUTES]: libFuzzer (clang) makes inputs, so many minutes (1) for each target
 # quick: within two minutes on two cores, once kernels are compiled. oracle: against PyTorch, SciPy and others, in a
-# Python environment that is made in build/oracle. all, the default: everything; oracles are skipped where their
-# environment cannot be made. README.md tells the tiers.
+# Python environment that is made in build/oracle. python: the Python package, built and installed into an environment
+# in build/python. all, the default: everything; what needs an environment is skipped where it cannot be made. README.md
+# tells the tiers.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 tier=all
 preset=release
 while [ $# -gt 0 ]; do
     case $1 in
-    all | quick | full | oracle | stress) tier=$1 ;;
+    all | quick | full | oracle | stress | python) tier=$1 ;;
     fuzz) exec tests/fuzz/run.sh "${2:-1}" ;;
     release | debug | asan | tsan | clang) preset=$1 ;;
     *) break ;;
@@ -23,7 +24,11 @@ source examples/install.sh
 hadalens_install tests
 case $tier in
 oracle) tests/oracle/environment.sh build/oracle ;;
-all) tests/oracle/environment.sh build/oracle || echo "Without their environment, oracles are skipped." ;;
+python) tests/python/environment.sh build/python ;;
+all)
+    tests/oracle/environment.sh build/oracle || echo "Without their environment, oracles are skipped."
+    tests/python/environment.sh build/python || echo "Without its environment, the Python package is not tested."
+    ;;
 esac
 case $tier in
 full | all) tests/budget/environment.sh build/budget || echo "Without their tools, the budgets of kernels are skipped." ;;

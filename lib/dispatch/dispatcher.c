@@ -6,6 +6,7 @@
 
 #include "core/alloc.h"
 #include "core/clock.h"
+#include "core/condition.h"
 #include "dispatch/batches.h"
 #include "dispatch/frame_cache.h"
 
@@ -16,7 +17,7 @@ hada_status hada_dispatcher_create(hada_dispatcher **out, int workers, hada_erro
     HADA_TRY(hada_alloc((void **)&dispatcher, 1, sizeof *dispatcher, "a plan", err));
     HADA_TRY(hada_alloc((void **)&dispatcher->workers, (size_t)workers, sizeof *dispatcher->workers, "a plan", err));
     pthread_mutex_init(&dispatcher->lock, NULL);
-    pthread_cond_init(&dispatcher->changed, NULL);
+    hada_condition_init(&dispatcher->changed);
     dispatcher->references = 1;
     dispatcher->capacity = workers;
 done:

@@ -1,8 +1,10 @@
 /* Jobs: frames handed in, asked for and waited for. */
+#include <math.h>
 #include <stdlib.h>
 
 #include "core/alloc.h"
 #include "core/clock.h"
+#include "core/condition.h"
 #include "dispatch/batches.h"
 #include "dispatch/interop.h"
 #include "dispatch/plan.h"
@@ -149,6 +151,18 @@ hada_status hada_job_wait(hada_job *job, hada_error *err)
         *err = job->error;
     pthread_mutex_unlock(&dispatcher->lock);
     return status;
+}
+
+hada_job_state hada_job_wait_for(hada_job *job, double seconds)
+{
+    hada_dispatcher *dispatcher = job->dispatcher;
+    const double deadline = hada_seconds() + fmax(seconds, 0.0);
+    pthread_mutex_lock(&dispatcher->lock);
+    while (job->state < HADA_JOB_DONE && hada_condition_wait_until(&dispatcher->changed, &dispatcher->lock, deadline))
+        ;
+    const hada_job_state state = job->state;
+    pthread_mutex_unlock(&dispatcher->lock);
+    return state;
 }
 
 void hada_job_cancel(hada_job *job)

@@ -4,6 +4,7 @@
 #include <hadalens/response.h>
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "core/alloc.h"
 #include "core/options.h"
@@ -40,6 +41,39 @@ hada_status hada_model_blank(hada_model **out, const hada_fit_options *callers, 
     HADA_TRY(hada_fit_info(&info, &sizes, err));
     HADA_TRY(hada_model_create(out, &info, 0, err));
 done:
+    return status;
+}
+
+static int all_finite(const float *values, size_t count)
+{
+    int good = 1;
+    for (size_t i = 0; i < count; i++)
+        good &= isfinite(values[i]) != 0;
+    return good;
+}
+
+hada_status hada_model_from_filters(hada_model **out, const hada_fit_options *sizes, const float *filters,
+                                    const float *otf, hada_error *err)
+{
+    hada_model *blank = NULL;
+    hada_status status = HADA_OK;
+    if (!out || !sizes || !filters)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_model_from_filters: out, sizes and filters are needed");
+    *out = NULL;
+    HADA_TRY(hada_model_blank(&blank, sizes, err));
+    hada_model_info info = blank->info;
+    info.has_otf = otf != NULL;
+    HADA_TRY(hada_model_create(out, &info, 0, err));
+    const size_t values = 2 * (size_t)info.depths * (size_t)info.channels * hada_model_plane(*out);
+    if (!all_finite(filters, values) || (otf && !all_finite(otf, values)))
+        HADA_TRY(hada_fail(err, HADA_ERROR_NOT_FINITE, "filters or transfer functions hold NaN or infinite values"));
+    memcpy((*out)->filter, filters, values * sizeof *filters);
+    if (otf)
+        memcpy((*out)->otf, otf, values * sizeof *otf);
+done:
+    hada_model_destroy(&blank);
+    if (status)
+        hada_model_destroy(out);
     return status;
 }
 

@@ -206,6 +206,21 @@ hada_status hada_model_own_enhance(hada_model *model, hada_net *net, int rows, i
     return HADA_OK;
 }
 
+const float *hada_model_get_filters(const hada_model *model)
+{
+    return model->filter;
+}
+
+const uint16_t *hada_model_get_half_filters(const hada_model *model)
+{
+    return model->filter_half;
+}
+
+const float *hada_model_get_otf(const hada_model *model)
+{
+    return model->otf;
+}
+
 const hada_net *hada_model_get_enhance(const hada_model *model)
 {
     return model->enhance;

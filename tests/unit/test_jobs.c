@@ -28,6 +28,7 @@ static void check_all(const job_fixture *f, int kind, const char *name, int batc
                       hada_result *results)
 {
     for (int i = 0; i < JOB_FRAMES; i++) {
+        assert_int_equal(hada_job_wait_for(jobs[i], 600.0), HADA_JOB_DONE);
         ASSERT_OK(hada_job_wait(jobs[i], err));
         assert_int_equal(hada_job_poll(jobs[i]), HADA_JOB_DONE);
         assert_true(hada_job_progress(jobs[i]) == 1.0);

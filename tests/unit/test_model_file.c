@@ -1,4 +1,5 @@
 /* Model files: what is saved comes back bit for bit, and what is damaged or inconsistent is refused. */
+#include <hadalens/fit.h>
 #include <hadalens/response.h>
 #include <math.h>
 #include <stdlib.h>
@@ -287,12 +288,52 @@ static void numbers_do_not_depend_on_the_locale(void **state)
     unlink(path);
 }
 
+/* A camera that others have learned: filters and transfer functions go in, and come out as they were. */
+static void arrays_make_a_model(void **state)
+{
+    (void)state;
+    hada_model *model = make(0), *made, *half;
+    hada_fit_options sizes;
+    hada_fit_options_init(&sizes);
+    sizes.depths = 3;
+    sizes.channels = 2;
+    sizes.distances_mm = distances;
+    sizes.raw_rows = 10;
+    sizes.raw_cols = 13;
+    sizes.window_rows = 4;
+    sizes.window_cols = 6;
+    sizes.boundary = HADA_BOUNDARY_PADDED;
+    sizes.form = HADA_FORM_SPLIT;
+    const size_t bytes = hada_model_plane(model) * 12 * sizeof(float);
+    ASSERT_OK(hada_model_from_filters(&made, &sizes, model->filter, model->otf, err));
+    assert_memory_equal(hada_model_get_filters(made), model->filter, bytes);
+    assert_memory_equal(hada_model_get_otf(made), model->otf, bytes);
+    assert_null(hada_model_get_half_filters(made));
+    assert_int_equal(hada_model_get_info(made)->has_otf, 1);
+    hada_model_destroy(&made);
+
+    ASSERT_OK(hada_model_from_filters(&made, &sizes, model->filter, NULL, err));
+    assert_null(hada_model_get_otf(made));
+    ASSERT_OK(hada_model_to_half(&half, made, err));
+    assert_null(hada_model_get_filters(half));
+    assert_non_null(hada_model_get_half_filters(half));
+    hada_model_destroy(&half);
+    hada_model_destroy(&made);
+
+    hada_error failure;
+    model->otf[5] = NAN;
+    assert_int_equal(hada_model_from_filters(&made, &sizes, model->filter, model->otf, &failure),
+                     HADA_ERROR_NOT_FINITE);
+    assert_null(made);
+    assert_int_equal(hada_model_from_filters(&made, &sizes, NULL, NULL, &failure), HADA_ERROR_ARGUMENT);
+    hada_model_destroy(&model);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(files_come_back_bit_for_bit),
-        cmocka_unit_test(damaged_files_are_refused),
-        cmocka_unit_test(numbers_without_a_picture_are_refused),
+        cmocka_unit_test(files_come_back_bit_for_bit),           cmocka_unit_test(damaged_files_are_refused),
+        cmocka_unit_test(numbers_without_a_picture_are_refused), cmocka_unit_test(arrays_make_a_model),
         cmocka_unit_test(numbers_do_not_depend_on_the_locale),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

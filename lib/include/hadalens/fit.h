@@ -56,6 +56,12 @@ static inline void hada_fit_options_init(hada_fit_options *options)
  * training from at random (hadalens/train.h). */
 HADA_API hada_status hada_model_blank(hada_model **out, const hada_fit_options *sizes, hada_error *err);
 
+/* The same with filters, and with transfer functions where `otf` is not NULL, copied from arrays as
+ * hada_model_get_filters() and hada_model_get_otf() have them: cameras that others have learned. NaN and infinite
+ * values are HADA_ERROR_NOT_FINITE. */
+HADA_API hada_status hada_model_from_filters(hada_model **out, const hada_fit_options *sizes, const float *filters,
+                                             const float *otf, hada_error *err);
+
 /* Gives a pair of a depth (0 <= pair < the depth's number of pairs) by pointers that last until the next call. */
 typedef hada_status (*hada_fit_show)(void *user, int depth, int64_t pair, const hada_image **raw,
                                      const hada_image **scene, hada_error *err);

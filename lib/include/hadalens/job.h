@@ -56,6 +56,9 @@ HADA_API double hada_job_progress(const hada_job *job);
  * plan was destroyed before the job was done. May be called again, with the same answer. */
 HADA_API hada_status hada_job_wait(hada_job *job, hada_error *err);
 
+/* Waits for the end for so many seconds at most, and returns the state: for callers that look elsewhere meanwhile. */
+HADA_API hada_job_state hada_job_wait_for(hada_job *job, double seconds);
+
 /* Asks the job to end; returns at once. A job that waits ends at once; one that runs ends between two kernels, after
  * those that are on the device already. A job that was done stays done. */
 HADA_API void hada_job_cancel(hada_job *job);

@@ -69,6 +69,14 @@ HADA_API hada_status hada_model_save(const hada_model *model, const char *path, 
 HADA_API void hada_model_destroy(hada_model **model);
 HADA_API const hada_model_info *hada_model_get_info(const hada_model *model);
 
+/* The filters W, as they multiply the frame's spectrum, and the transfer functions H: complex numbers (re, im)
+ * [depth][channel][grid_rows][grid_cols / 2 + 1], a half spectrum each; of the form split Wr and Wi in their place.
+ * docs/model-file.md has the conventions. Owned by the model. NULL: filters are kept in half precision (then those are
+ * in hada_model_get_half_filters(), NULL otherwise); the model has no transfer functions. */
+HADA_API const float *hada_model_get_filters(const hada_model *model);
+HADA_API const uint16_t *hada_model_get_half_filters(const hada_model *model);
+HADA_API const float *hada_model_get_otf(const hada_model *model);
+
 /* Converts the filters to half precision (a copy): a quarter of the memory and traffic less; docs/filters.md states
  * the error. */
 HADA_API hada_status hada_model_to_half(hada_model **out, const hada_model *model, hada_error *err);

@@ -1,0 +1,151 @@
+"""Arrays on their way in and out: one rule for all that takes pixels.
+
+Integers of 8, 16 and 32 bits are divided by their full scale, float32 is shared without a copy, float64 is copied to
+float32; anything else is a TypeError. What is not a NumPy array comes in by DLPack, the array interface or the buffer
+protocol.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from . import errors
+from ._native import ffi, lib
+
+Float32: TypeAlias = npt.NDArray[np.float32]
+
+_DLPACK_CPU = 1  # kDLCPU of dlpack.h
+_PIXELS = {"|u1": lib.HADA_PIXEL_U8, "<u2": lib.HADA_PIXEL_U16, "<f4": lib.HADA_PIXEL_F32}
+
+
+def as_array(given: Any, what: str) -> npt.NDArray[Any]:
+    """Return an array of what is given, without a copy where that goes; TypeError for what is no array of numbers."""
+    if isinstance(given, np.ndarray):
+        array = given
+    elif hasattr(given, "__array_interface__"):
+        array = np.asarray(given)
+    elif hasattr(given, "__dlpack__"):
+        if given.__dlpack_device__()[0] != _DLPACK_CPU:
+            raise TypeError(f"{what} is on a device: bring it to the host first (.cpu() of PyTorch, .get() of CuPy)")
+        array = np.from_dlpack(given)
+    elif hasattr(given, "__array__") or isinstance(given, memoryview):
+        array = np.asarray(given)
+    else:
+        raise TypeError(f"{what} is a {type(given).__name__}: an array is needed (NumPy's, or one with DLPack)")
+    kind, size = array.dtype.kind, array.dtype.itemsize
+    if (kind in "ui" and size <= 4) or (kind == "f" and size in (4, 8)):
+        return array
+    raise TypeError(
+        f"{what} is of {array.dtype}: integers of 8, 16 or 32 bits, float32 and float64 are taken; convert others to "
+        "float32, with 1 for full scale"
+    )
+
+
+def planes_first(array: npt.NDArray[Any], channel_axis: int | None, what: str) -> npt.NDArray[Any]:
+    """Return a view (C, Y, X) of an image (Y, X), or of three axes one of which is the channels'."""
+    if array.ndim == 2 and channel_axis is None:
+        return array[np.newaxis]
+    if array.ndim != 3:
+        raise errors.SizeError(
+            f"{what} has the shape {array.shape}: (Y, X), (C, Y, X), or (Y, X, C) with channel_axis=-1"
+        )
+    return array if channel_axis is None else np.moveaxis(array, channel_axis, 0)
+
+
+def to_float(array: npt.NDArray[Any], full_scale: float | None = None) -> Float32:
+    """Return dense float32 values: the very bits that reading the same numbers from a TIFF file gives."""
+    dtype = array.dtype
+    if dtype.kind == "f":
+        return np.ascontiguousarray(array, dtype=np.float32)
+    scale = float(np.iinfo(dtype).max) if full_scale is None else full_scale
+    # up to 16 bits both numbers are exact in single precision
+    wide = np.float32 if dtype.itemsize <= 2 else np.float64
+    return np.ascontiguousarray(np.divide(array, wide(scale), dtype=wide), dtype=np.float32)
+
+
+class Pixels:
+    """A frame as the library takes it: `c` is a hada_pixels that looks into the caller's memory where it can."""
+
+    def __init__(self, given: Any, channel_axis: int | None, full_scale: float | None, what: str = "raw") -> None:
+        """Check and wrap."""
+        if full_scale is not None and not full_scale > 0:
+            raise errors.ArgumentError(f"full_scale={full_scale} is not possible; it is above 0")
+        array = planes_first(as_array(given, what), channel_axis, what)
+        if array.dtype.newbyteorder("<").str not in _PIXELS or not array.dtype.isnative or not array.flags.aligned:
+            array = to_float(array, full_scale)
+        self.array = array  # whose memory C reads
+        self.c = ffi.new("hada_pixels *")
+        lib.hada_pixels_init(self.c)
+        self.c.data = ffi.cast("void *", address(array))
+        self.c.type = _PIXELS[array.dtype.newbyteorder("<").str]
+        self.c.channels, self.c.rows, self.c.cols = array.shape
+        self.c.channel_stride, self.c.row_stride, self.c.col_stride = array.strides
+        if full_scale is not None:
+            self.c.full_scale = full_scale
+
+
+def address(array: npt.NDArray[Any]) -> int:
+    """Return where an array's values stand."""
+    return int(array.__array_interface__["data"][0])
+
+
+class Image:
+    """An array as a hada_image that C only reads: `c` points to one, or to the first of several."""
+
+    def __init__(self, *given: Any, what: str = "image", channel_axis: int | None = None) -> None:
+        """Take images of (Y, X) or (C, Y, X)."""
+        self.arrays = [to_float(planes_first(as_array(one, what), channel_axis, what)) for one in given]
+        self.c = ffi.new("hada_image[]", max(len(given), 1))
+        for index, array in enumerate(self.arrays):
+            image = self.c[index]
+            image.channels, image.rows, image.cols = array.shape
+            image.data = ffi.cast("float *", address(array))
+
+    def __iter__(self) -> Iterator[Float32]:
+        """Iterate over the arrays."""
+        return iter(self.arrays)
+
+
+class NewImage:
+    """An image that C makes: `c` to hand over, then `array()` once."""
+
+    def __init__(self, count: int = 1) -> None:
+        """Make room for `count` of them."""
+        self.c = ffi.new("hada_image[]", count)
+        self._count = count
+
+    def array(self, index: int = 0) -> Float32:
+        """Return the pixels (C, Y, X), copied, and free C's."""
+        return copy_of(self.c[index])
+
+    def __del__(self) -> None:
+        """Free what C made."""
+        for index in range(self._count):
+            lib.hada_image_destroy(self.c + index)
+
+
+def copy_of(image: Any) -> Float32:
+    """Return a copy (C, Y, X) of a hada_image."""
+    shape = (image.channels, image.rows, image.cols)
+    if image.data == ffi.NULL:
+        return np.empty(shape, np.float32)
+    count = image.channels * image.rows * image.cols
+    return np.frombuffer(ffi.buffer(image.data, 4 * count), np.float32).reshape(shape).copy()
+
+
+def floats(array: Float32) -> Any:
+    """Return the C pointer to an array's values."""
+    return ffi.cast("float *", address(array))
+
+
+def check_out(array: Any, shape: Sequence[int], what: str) -> Float32:
+    """Check an array that is to be filled."""
+    if not isinstance(array, np.ndarray) or array.dtype != np.float32:
+        raise TypeError(f"{what} must be a NumPy array of float32")
+    if array.shape != tuple(shape) or not array.flags.c_contiguous or not array.flags.writeable:
+        raise errors.SizeError(f"{what} must be a dense, writable array of shape {tuple(shape)}, not {array.shape}")
+    return array

@@ -1,0 +1,356 @@
+"""The C library as Python calls it: loading, errors, options, objects that own C memory, progress."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import glob
+import itertools
+import logging
+import os
+import sys
+import weakref
+from collections.abc import Callable, Mapping, Sequence
+from types import TracebackType
+from typing import Any, Self, TypeVar
+
+import numpy as np
+
+from . import errors
+
+log = logging.getLogger("hadalens")
+
+#: What to install where OpenCL finds nothing to compute on.
+INSTALL = (
+    "On Debian and Ubuntu: apt install pocl-opencl-icd. With conda: conda install -c conda-forge pocl. From PyPI: "
+    "pip install pocl-binary-distribution. GPUs: the driver of their vendor."
+)
+
+
+def _preload_loader() -> bool:
+    """Load an OpenCL loader that is no system library: of conda, or of packages that bring one. The system's is first.
+
+    The library asks for libOpenCL.so.1 by that name, so one that is in the process already serves. None comes with this
+    package: it would stand before the system's and hide the drivers that are registered there.
+    """
+    import ctypes
+
+    sites = [path for path in sys.path if path.endswith("-packages")]
+    places = [os.path.join(sys.prefix, "lib", "libOpenCL.so.1")]
+    places += [found for site in sites for found in sorted(glob.glob(os.path.join(site, "*.libs", "libOpenCL*.so*")))]
+    places += [found for site in sites for found in sorted(glob.glob(os.path.join(site, "*", "libOpenCL.so*")))]
+    for place in places:
+        if os.path.exists(place):
+            try:
+                ctypes.CDLL(place, mode=ctypes.RTLD_GLOBAL)
+            except OSError:
+                continue
+            return True
+    return False
+
+
+try:
+    from . import _binding
+except ImportError as error:
+    if "libOpenCL" not in str(error):
+        raise
+    if not _preload_loader():
+        raise ImportError(
+            "No OpenCL loader (libOpenCL.so.1) was found. On Debian and Ubuntu: apt install ocl-icd-libopencl1. "
+            "With conda: conda install -c conda-forge ocl-icd. " + INSTALL
+        ) from error
+    from . import _binding
+
+ffi = _binding.ffi
+lib = _binding.lib
+
+AUTO: int = lib.HADA_AUTO
+
+#: Called as progress(what, done, total, note): `done` of `total` `what` are done; `total` 0: not known beforehand.
+Progress = Callable[[str, int, int, str | None], None]
+
+
+def text(pointer: Any) -> str:
+    """Return a C string, "" for NULL."""
+    return "" if pointer == ffi.NULL else str(ffi.string(pointer).decode("utf-8", "replace"))
+
+
+def error_of(record: Any) -> errors.HadalensError:
+    """Return the exception that a filled hada_error stands for."""
+    status = errors.Status(record.status)
+    message = text(record.message)
+    if status is errors.Status.NO_DEVICE:
+        message = f"{message} {INSTALL}"
+    return errors.BY_STATUS[status](message, code=int(record.cl_code), detail=text(record.detail))
+
+
+def call(function: Callable[..., int], *arguments: Any) -> None:
+    """Call a C function whose last argument is a hada_error, and raise what it says.
+
+    The GIL is free meanwhile, as in all calls through cffi.
+    """
+    record = ffi.new("hada_error *")
+    if function(*arguments, record):
+        raise error_of(record)
+
+
+def path(name: str | os.PathLike[str]) -> bytes:
+    """Return a path as C takes it."""
+    return os.fsencode(name)
+
+
+# words of enumerations ------------------------------------------------------------------------------------------------
+
+
+@functools.cache
+def words(enumeration: str) -> Mapping[str, int]:
+    """Return the members of a C enumeration by their words: HADA_FORM_COMPLEX is "complex"."""
+    members = {tuple(name.split("_")): value for name, value in ffi.typeof(enumeration).relements.items()}
+    alike = (len(set(parts)) == 1 for parts in zip(*members, strict=False))
+    common = sum(1 for _ in itertools.takewhile(bool, alike))
+    return {"_".join(parts[common:]).lower(): value for parts, value in members.items()}
+
+
+def word(enumeration: str, value: int) -> str:
+    """Return the word of a value of a C enumeration."""
+    for name, number in words(enumeration).items():
+        if number == value:
+            return name
+    return str(value)
+
+
+def value_of(enumeration: str, name: str, what: str) -> int:
+    """Return the value of a word; ValueError lists what there is."""
+    found = words(enumeration).get(name)
+    if found is None:
+        raise errors.ArgumentError(f"{what}={name!r} is not known: one of {', '.join(words(enumeration))}")
+    return found
+
+
+# options and reports --------------------------------------------------------------------------------------------------
+
+
+class Options:
+    """A C struct of options with what its pointers point to: `c` is the pointer to hand over."""
+
+    def __init__(self, struct: str, *arguments: Any, **given: Any) -> None:
+        """Set the defaults by the struct's own init, then what is given and not None."""
+        self.c = ffi.new(f"{struct} *")
+        self.kept: list[Any] = []
+        getattr(lib, f"{struct}_init")(self.c, *arguments)
+        self._fields = dict(ffi.typeof(struct).fields)
+        self.set(**given)
+
+    def set(self, **given: Any) -> None:
+        """Set members; None leaves one as it is."""
+        for name, value in given.items():
+            if value is not None:
+                self._set(name, self._fields[name].type, value)
+
+    def _set(self, name: str, kind: Any, value: Any) -> None:
+        if kind.kind == "enum" and isinstance(value, str):
+            value = value_of(kind.cname.removeprefix("enum "), value, name)
+        elif kind.kind == "pointer" and isinstance(value, Options):
+            self.kept.append(value)
+            value = value.c
+        elif kind.kind == "pointer" and not isinstance(value, ffi.CData):
+            value = self._pointed(kind, value)
+        elif kind.kind == "primitive" and isinstance(value, bool | np.bool_):
+            value = int(value)
+        setattr(self.c, name, value)
+
+    def _pointed(self, kind: Any, value: Any) -> Any:
+        item = kind.item.cname
+        if isinstance(value, str | os.PathLike):
+            made = ffi.new("char[]", path(value))
+        else:
+            made = ffi.new(f"{item}[]", list(value))
+        self.kept.append(made)
+        return made
+
+
+R = TypeVar("R")
+
+
+def record(kind: type[R], struct: Any, /, **others: Any) -> R:
+    """Return a dataclass whose fields are those of a C struct of the same names; `others` are given as they are."""
+    of_struct = ffi.typeof(struct)
+    types = {n: f.type for n, f in (of_struct.item if of_struct.kind == "pointer" else of_struct).fields}
+    values: dict[str, Any] = {}
+    for field in dataclasses.fields(kind):  # type: ignore[arg-type]
+        if field.name in others:
+            values[field.name] = others[field.name]
+            continue
+        value, of = getattr(struct, field.name), types[field.name]
+        if of.kind == "enum":
+            value = word(of.cname.removeprefix("enum "), int(value))
+        elif of.cname in ("char *", "char const *", "const char *") or (of.kind == "array" and of.item.cname == "char"):
+            value = text(value)
+        elif str(field.type) == "bool":
+            value = bool(value)
+        values[field.name] = value
+    return kind(**values)
+
+
+# objects that own C memory --------------------------------------------------------------------------------------------
+
+
+class Owner:
+    """A C object, destroyed when nobody holds it any more; what it was made from lives as long."""
+
+    def __init__(self, kind: str, destroy: Callable[[Any], None], *parents: Any) -> None:
+        """Make room for the pointer, which a create function fills through `pointer`."""
+        self.pointer = ffi.new(f"{kind} **")
+        weakref.finalize(self, _destroy, destroy, self.pointer, parents, os.getpid())
+
+    @property
+    def c(self) -> Any:
+        """The C pointer."""
+        return self.pointer[0]
+
+
+def _destroy(destroy: Callable[[Any], None], pointer: Any, _parents: Any, process: int) -> None:
+    # in a child of fork() the threads are gone that would have to end
+    if pointer[0] != ffi.NULL and process == os.getpid():
+        destroy(pointer)
+
+
+class Handle:
+    """A Python object that stands for a C object. ``close()`` gives its memory back, and so does ``with``.
+
+    Without either, that happens when Python drops the object. After ``close()`` every use is a :class:`StateError`.
+    """
+
+    _owner: Owner | None = None
+
+    @property
+    def _c(self) -> Any:
+        return self._own.c
+
+    @property
+    def _own(self) -> Owner:
+        if self._owner is None:
+            raise errors.StateError(f"this {type(self).__name__} is closed")
+        return self._owner
+
+    def close(self) -> None:
+        """Give the memory back; once is enough, and again is fine. What was made from it keeps what it needs."""
+        self._owner = None
+
+    def __enter__(self) -> Self:
+        """Return the object itself."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close."""
+        self.close()
+
+
+# callbacks ------------------------------------------------------------------------------------------------------------
+
+
+class Caller:
+    """What C hands back to Python: the error that a callback raised is kept here and raised when C has returned."""
+
+    def __init__(self) -> None:
+        """Make the handle that goes through C as `user`."""
+        self.error: BaseException | None = None
+        self.user = ffi.new_handle(self)
+
+    def run(self, function: Callable[..., int], *arguments: Any) -> None:
+        """Call C as :func:`call` does; what a callback raised comes first."""
+        try:
+            call(function, *arguments)
+        except errors.HadalensError as failed:
+            if self.error is not None:
+                raise self.error from failed
+            raise
+        if self.error is not None:
+            raise self.error
+
+
+def keep_error(_kind: Any, value: BaseException, trace: TracebackType | None) -> None:
+    """For ffi.def_extern(onerror=...): keep what a callback raised with its Caller."""
+    while trace is not None:
+        user = trace.tb_frame.f_locals.get("user")
+        if user is not None:
+            caller = ffi.from_handle(user)
+            if caller.error is None:
+                caller.error = value
+            return
+        trace = trace.tb_next
+
+
+class Monitor(Caller):
+    """A hada_monitor: progress to a function or to tqdm, messages to the logger "hadalens", Ctrl-C and errors stop."""
+
+    def __init__(self, progress: Progress | bool | None) -> None:
+        """`progress`: a function, True for tqdm's bars (where it is installed), None or False for none."""
+        super().__init__()
+        self.progress: Progress | None = (_bars() if progress is True else None) if not callable(progress) else progress
+        self.options = Options("hada_monitor", user=self.user)
+        self.c = self.options.c
+        self.c.progress = lib.py_monitor_progress
+        self.c.message = lib.py_monitor_message
+        self.c.cancelled = lib.py_monitor_cancelled
+
+
+def _bars() -> Progress | None:
+    """Return a progress function that shows tqdm's bars; None where tqdm is not installed."""
+    try:
+        from tqdm.auto import tqdm
+    except ImportError:
+        return None
+    bars: dict[str, Any] = {}
+
+    def show(what: str, done: int, total: int, note: str | None) -> None:
+        if not what:
+            for bar in bars.values():
+                bar.close()
+            bars.clear()
+            return
+        bar = bars.setdefault(what, None)
+        if bar is None:
+            bar = bars[what] = tqdm(desc=what, total=total or None)
+        if note:
+            bar.set_postfix_str(note, refresh=False)
+        bar.update(done - bar.n)
+
+    return show
+
+
+@ffi.def_extern(onerror=keep_error)  # type: ignore[untyped-decorator]
+def py_monitor_progress(user: Any, what: Any, done: int, total: int, note: Any) -> None:
+    """Pass progress on; `what` is "" where a stretch of work ends."""
+    monitor = ffi.from_handle(user)
+    if monitor.progress is not None:
+        monitor.progress(text(what), done, total, text(note) or None)
+
+
+_MESSAGE_LEVELS = {1: logging.WARNING, 2: logging.INFO, 3: logging.DEBUG}  # of hada_message
+_LOG_LEVELS = {1: logging.WARNING, 2: logging.INFO, 3: logging.DEBUG}  # of hada_log_level
+
+
+@ffi.def_extern(onerror=keep_error)  # type: ignore[untyped-decorator]
+def py_monitor_message(user: Any, kind: int, message: Any) -> None:  # noqa: ARG001 (keep_error reads it)
+    """Log a message."""
+    log.log(_MESSAGE_LEVELS.get(kind, logging.DEBUG), "%s", text(message))
+
+
+@ffi.def_extern(error=1, onerror=keep_error)  # type: ignore[untyped-decorator]
+def py_monitor_cancelled(user: Any) -> int:
+    """Stop once a callback raised; a Ctrl-C of this moment is raised here and kept like that."""
+    return int(ffi.from_handle(user).error is not None)
+
+
+@ffi.def_extern()  # type: ignore[untyped-decorator]
+def py_log_function(_user: Any, level: int, message: Any) -> None:
+    """Log what a context tells."""
+    log.log(_LOG_LEVELS.get(level, logging.DEBUG), "%s", text(message))
+
+
+def doubles(values: Sequence[float]) -> Any:
+    """Return a C array of doubles."""
+    return ffi.new("double[]", [float(value) for value in values])

@@ -1,0 +1,515 @@
+"""Plans: a model on a device, and what frames become there."""
+
+from __future__ import annotations
+
+import collections
+import threading
+from collections.abc import Generator, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from ._arrays import Float32, Image, Pixels, check_out, copy_of, floats
+from ._native import Handle, Options, Owner, call, error_of, ffi, lib, record, value_of, word, words
+from .device import Context, address_of, default
+from .model import Model
+
+Method: TypeAlias = Literal["wiener", "rl", "fista", "admm"]
+Skip: TypeAlias = Literal["prune", "depths", "frequencies", "half", "channels", "frames", "tiles"]
+
+# Seconds after which a wait for C lets Python look for signals: Ctrl-C is heard within these.
+_HEARTBEAT = 0.1
+
+
+@dataclass(frozen=True)
+class Classic:
+    """One of the iterative methods that others use, in place of the model's filters and refinement.
+
+    Attributes:
+        method: "wiener", "rl" (Richardson-Lucy), "fista" or "admm"; docs/rivals.md.
+        iterations: at most.
+        stop: ends when the planes' relative change is below it twice running; 0: never.
+        seconds: ends after so much time, which makes the result depend on it; 0: never.
+        prior: "auto", "none", "tv", "wavelet" or "haar".
+        weight: of the prior; None: the method's own.
+        support: where planes may be bright: "auto", "window" or "grid".
+        regularisation: of Wiener, noise in units of the mean power.
+
+    """
+
+    method: Method
+    iterations: int = 100
+    stop: float = 0.0
+    seconds: float = 0.0
+    prior: Literal["auto", "none", "tv", "wavelet", "haar"] = "auto"
+    weight: float | None = None
+    support: Literal["auto", "window", "grid"] = "auto"
+    regularisation: float = 0.1
+    accelerate: bool = True
+    step: float = 1.0
+    inner: int = 5
+    levels: int = 3
+    mu1: float | None = None
+    mu2: float | None = None
+    mu3: float | None = None
+
+    def _options(self) -> Options:
+        given = {name: value for name, value in vars(self).items() if name != "regularisation"}
+        return Options("hada_classic_options", **given, **{"lambda": self.regularisation})
+
+
+@dataclass(frozen=True)
+class SkipReport:
+    """What was not computed, and what that may have changed.
+
+    Attributes:
+        kinds: words of what saved something in this frame.
+        bound: of the relative L2 change of the stack; 0: none.
+        depths, channels: not computed.
+        frame: the result is that of the frame before.
+        frequencies: share of the spectrum that was not used.
+        tiles: share of the net's tiles that was not computed.
+        recomputed: a bound did not hold, and the frame was done again in full.
+
+    """
+
+    kinds: tuple[str, ...]
+    bound: float
+    depths: int
+    channels: int
+    frame: bool
+    frequencies: float
+    tiles: float
+    recomputed: bool
+
+
+@dataclass(frozen=True)
+class Report:
+    """How a frame was reconstructed.
+
+    Attributes:
+        occupied: for each computed depth, whether the scene was found there.
+        method: "model", or a classic method.
+        scene: what the frame was taken for, "planes" or "surface".
+        refine_steps: steps of refinement, or iterations of a classic method, that were done.
+        residual_linear, residual: what the linear result, and the refined one, leave unexplained of the frame, as a
+            share of it; NaN where not computed.
+        dark: level taken off.
+        repaired_pixels: NaN and infinite pixels that were replaced.
+        enhanced: planes that went through the model's net.
+        seconds: of each stage, with "total".
+
+    """
+
+    occupied: tuple[bool, ...]
+    method: str
+    scene: str
+    refine_steps: int
+    residual_linear: float
+    residual: float
+    dark: float
+    repaired_pixels: int
+    enhanced: int
+    seconds: dict[str, float]
+    skipped: SkipReport
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """What comes of a frame; arrays are NumPy's and stay as they are, whatever happens to the plan.
+
+    Attributes:
+        stack: refocused planes, float32 (Z, C, Y, X) in linear light, near to far, of the window's size.
+        all_in_focus: float32 (C, Y, X).
+        distance_map: float32 (Y, X) in millimetres, NaN where nothing is in focus.
+        confidence: float32 (Y, X), 0 to 1: how sure the distance map is; None where the frame is no surface.
+        distances_mm: float64 (Z,), of the planes.
+        report: how it was done.
+
+    """
+
+    stack: Float32
+    all_in_focus: Float32
+    distance_map: Float32
+    confidence: Float32 | None
+    distances_mm: npt.NDArray[np.float64]
+    report: Report
+
+
+def _skip_report(struct: Any) -> SkipReport:
+    kinds = tuple(name for name, bit in words("hada_skip").items() if name != "all" and struct.kinds & bit)
+    return record(SkipReport, struct[0], kinds=kinds)
+
+
+_STAGES = ("total", "upload", "linear", "pursuit", "refine", "enhance", "focus", "download")
+
+
+def _report(struct: Any, depths: int) -> Report:
+    return record(
+        Report,
+        struct[0],
+        occupied=tuple(bool(struct.occupied[z]) for z in range(depths)),
+        seconds={stage: getattr(struct, f"seconds_{stage}") for stage in _STAGES},
+        skipped=_skip_report(struct.skipped),
+    )
+
+
+class _Results:
+    """A hada_result that is written into arrays of NumPy's."""
+
+    def __init__(self, stack: Float32, all_in_focus: Float32, distance_map: Float32) -> None:
+        self.stack, self.all_in_focus, self.distance_map = stack, all_in_focus, distance_map
+        self.c = ffi.new("hada_result *")
+        arrays = Options("hada_result_arrays")
+        arrays.c.stack, arrays.c.stack_count = floats(stack), stack.size
+        arrays.c.all_in_focus, arrays.c.all_in_focus_count = floats(all_in_focus), all_in_focus.size
+        arrays.c.distance_map, arrays.c.distance_map_count = floats(distance_map), distance_map.size
+        call(lib.hada_result_use, self.c, arrays.c)
+
+    def take(self) -> Result:
+        """What was computed."""
+        sure = lib.hada_result_confidence(self.c)
+        depths = self.c.depths
+        distances = np.frombuffer(ffi.buffer(self.c.distances_mm, 8 * depths), np.float64).copy()
+        return Result(
+            self.stack,
+            self.all_in_focus,
+            self.distance_map,
+            None if sure == ffi.NULL else copy_of(sure)[0],
+            distances,
+            _report(self.c.report, depths),
+        )
+
+    def __del__(self) -> None:
+        lib.hada_result_destroy(self.c)
+
+
+class Job:
+    """A frame in flight. Ask it, wait for it, or ``await`` it.
+
+    Example:
+        >>> job = plan.submit(raw)
+        >>> job.progress
+        0.25
+        >>> result = job.result()
+
+    """
+
+    def __init__(self, plan: Owner, submit: Any, frame: Any, results: _Results, kept: Any) -> None:
+        """Jobs come from :meth:`Plan.submit`."""
+        self._kept: Any = (frame, kept)  # C reads the frame in place
+        self._results: _Results | None = results
+        self._result: Result | None = None
+        self._lock = threading.Lock()
+        # the result, the frame and the plan must outlive the C job
+        self._owner = Owner("hada_job", lib.hada_job_destroy, plan, results, frame, kept)
+        call(submit, self._owner.pointer, plan.c, frame, results.c)
+
+    @property
+    def state(self) -> str:
+        """One of "waiting", "running", "done", "failed" or "cancelled"."""
+        return word("hada_job_state", lib.hada_job_poll(self._owner.c))
+
+    @property
+    def progress(self) -> float:
+        """Part done, 0 to 1; never falls."""
+        return float(lib.hada_job_progress(self._owner.c))
+
+    def done(self) -> bool:
+        """Return whether it has ended, well or not."""
+        return bool(lib.hada_job_poll(self._owner.c) >= lib.HADA_JOB_DONE)
+
+    def cancel(self) -> None:
+        """Ask the job to end; returns at once. One that was done stays done."""
+        lib.hada_job_cancel(self._owner.c)
+
+    def wait(self, timeout: float | None = None) -> bool:
+        """Wait for the end, for `timeout` seconds at most; return whether it has come. Ctrl-C is heard meanwhile."""
+        left = float("inf") if timeout is None else timeout
+        while True:
+            if lib.hada_job_wait_for(self._owner.c, min(_HEARTBEAT, left)) >= lib.HADA_JOB_DONE:
+                return True
+            left -= _HEARTBEAT
+            if left <= 0:
+                return False
+
+    def result(self, timeout: float | None = None) -> Result:
+        """Wait for the end and return the result.
+
+        Raises:
+            TimeoutError: it is not done after `timeout` seconds; it goes on.
+            CancelledError: it was cancelled, or its plan closed.
+            HadalensError: what it failed with.
+
+        """
+        if not self.wait(timeout):
+            raise TimeoutError(f"the frame is not done after {timeout} seconds")
+        failure = ffi.new("hada_error *")
+        if lib.hada_job_wait(self._owner.c, failure):
+            raise error_of(failure)
+        with self._lock:
+            if self._result is None and self._results is not None:
+                self._result = self._results.take()
+                self._results = None
+                self._kept = None
+        assert self._result is not None
+        return self._result
+
+    def __await__(self) -> Generator[Any, None, Result]:
+        """Wait in asyncio; cancelling the task cancels the job."""
+        return self._wait_in_loop().__await__()
+
+    async def _wait_in_loop(self) -> Result:
+        import asyncio  # takes longer to import than all of this package
+
+        try:
+            await asyncio.get_running_loop().run_in_executor(None, self.wait)
+        except asyncio.CancelledError:
+            self.cancel()
+            raise
+        return self.result()
+
+
+class Plan(Handle):
+    """A model on one or more devices, ready to reconstruct frames. Any thread may hand frames in.
+
+    Args:
+        model: the camera.
+        context: a device, or several that share the frames; None: :meth:`Context.default`.
+        depths: indices of the depths to compute, ascending; None: all.
+        occupied: depths where the scene may be: "auto" (found for each frame), "all", or their indices.
+        scene: what scenes are taken for: "auto", "planes" (objects at some depths) or "surface" (one texture on one
+            continuous surface, anywhere between the depths).
+        refine: steps of refinement; None: the model's, 0: linear filters alone.
+        refine_tv: weight of total variation in it; None: the model's.
+        refine_colour: there, weight of differences of colour over those of brightness, 1 to 16; None: the model's.
+        dark: taken off the frames: None (what the model says), "auto" (each frame's own, estimated), a level from 0
+            (nothing) to 1, or a dark frame (an array like raw frames).
+        repair: NaN and infinite pixels take the median of their neighbours; otherwise such frames are refused.
+        enhance: planes go through the model's net, where it has one.
+        classic: a :class:`Classic` method in place of filters and refinement, or its word.
+        gamma: exponent on the finished images; 1: linear.
+        max_error: largest relative L2 change of the stack that skipped work may bring; 0: only what is exact.
+        skip: kinds of work that may be skipped; None: all, (): none. docs/skipping.md.
+        band: share of the sensor's Nyquist limits beyond which linear filters leave frequencies out; 1: none.
+        half: filters on the device in half precision.
+        batch: depths at once; None: chosen from the memory.
+        queues: frames in flight on each device; None: 1.
+
+    Raises:
+        ModelError, ArgumentError: options that do not fit the model, or are not possible.
+        DeviceMemoryError: the device has too little memory; the message says what would help.
+
+    Example:
+        >>> plan = hadalens.Plan(hadalens.Model.load("camera.model"))
+        >>> result = plan.run(tifffile.imread("frame.tif"), channel_axis=-1)
+        >>> result.stack.shape, result.stack.dtype
+        ((4, 3, 120, 120), dtype('float32'))
+
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        *,
+        context: Context | Sequence[Context] | None = None,
+        depths: Sequence[int] | None = None,
+        occupied: Literal["auto", "all"] | Sequence[int] = "auto",
+        scene: Literal["auto", "planes", "surface"] = "auto",
+        refine: int | None = None,
+        refine_tv: float | None = None,
+        refine_colour: float | None = None,
+        dark: Any = None,
+        repair: bool = False,
+        enhance: bool = True,
+        classic: Classic | Method | None = None,
+        gamma: float = 1.0,
+        max_error: float = 0.0,
+        skip: Iterable[Skip] | None = None,
+        band: float = 1.0,
+        half: bool = False,
+        batch: int | None = None,
+        queues: int | None = None,
+    ) -> None:
+        """Make the plan: memory on the device is taken, kernels are compiled or loaded."""
+        options = Options(
+            "hada_plan_options",
+            depths=depths,
+            depth_count=None if depths is None else len(depths),
+            scene=scene,
+            refine=refine,
+            refine_tv=refine_tv,
+            refine_colour=refine_colour,
+            repair_not_finite=repair,
+            enhance=enhance,
+            gamma=gamma,
+            max_error=max_error,
+            band=band,
+            half=half,
+            batch=batch,
+            queues=queues,
+        )
+        _set_occupied(options, occupied)
+        _set_dark(options, dark)
+        if classic is not None:
+            options.set(classic=(classic if isinstance(classic, Classic) else Classic(classic))._options())
+        if skip is not None:
+            options.c.skip = sum({value_of("hada_skip", kind, "skip") for kind in skip})
+        contexts = [default(context)] if context is None or isinstance(context, Context) else list(context)
+        owner = Owner("hada_plan", lib.hada_plan_destroy, [one._own for one in contexts], model._own)
+        array = ffi.new("hada_context *[]", [one._c for one in contexts])
+        call(lib.hada_plan_create_on, owner.pointer, array, len(contexts), model._c, options.c)
+        self._owner = owner
+        self.model = model
+        info = model.info
+        self._planes = info.depths if depths is None else len(depths)
+        self._window = (info.channels, info.window_rows, info.window_cols)
+
+    @property
+    def stack_shape(self) -> tuple[int, int, int, int]:
+        """Shape (Z, C, Y, X) of the stacks."""
+        return (self._planes, *self._window)
+
+    def _results(self, out: Result | Float32 | None) -> _Results:
+        shape = self.stack_shape
+        if isinstance(out, Result):
+            return _Results(
+                check_out(out.stack, shape, "out.stack"),
+                check_out(out.all_in_focus, shape[1:], "out.all_in_focus"),
+                check_out(out.distance_map, shape[2:], "out.distance_map"),
+            )
+        stack = np.empty(shape, np.float32) if out is None else check_out(out, shape, "out")
+        return _Results(stack, np.empty(shape[1:], np.float32), np.empty(shape[2:], np.float32))
+
+    def run(
+        self,
+        raw: Any,
+        out: Result | Float32 | None = None,
+        *,
+        channel_axis: int | None = None,
+        full_scale: float | None = None,
+    ) -> Result:
+        """Reconstruct one frame.
+
+        Args:
+            raw: (Y, X), (C, Y, X), or with channel_axis=-1 (Y, X, C), in linear light. Integers of 8, 16 or 32 bits
+                are divided by their full scale, float32 is read where it stands, float64 is copied. Anything with the
+                array interface, DLPack or the buffer protocol on the host; ``pyopencl`` arrays and buffers on a
+                device of :meth:`Context.adopt`, float32 (C, Y, X).
+            out: what is filled: the stack, a dense float32 array (Z, C, Y, X), or a :class:`Result` of an earlier
+                frame, whose arrays are used again; None: new arrays.
+            channel_axis: where the channels stand; None: first.
+            full_scale: of integers, such as 4095 for 12 bits in uint16; None: the type's.
+
+        Raises:
+            TypeError: no array, or of another dtype.
+            ModelError: the frame has not the model's size or channels.
+            NotFiniteError: it holds NaN or infinite values, and the plan does not repair.
+            HadalensError: other failures; the message says what to do.
+
+        Example:
+            >>> result = plan.run(raw)
+            >>> result = plan.run(raw, out=result)  # the same arrays, filled again
+
+        """
+        job = self.submit(raw, out, channel_axis=channel_axis, full_scale=full_scale)
+        try:
+            return job.result()
+        except BaseException:
+            job.cancel()
+            raise
+
+    def submit(
+        self,
+        raw: Any,
+        out: Result | Float32 | None = None,
+        *,
+        channel_axis: int | None = None,
+        full_scale: float | None = None,
+    ) -> Job:
+        """Hand a frame in and return at once; arguments as :meth:`run`.
+
+        The frame must not change until the job has ended.
+
+        Example:
+            >>> first, second = plan.submit(a), plan.submit(b)
+            >>> stack = (await first).stack
+
+        """
+        results = self._results(out)
+        buffer = _device_buffer(raw)
+        if buffer is not None:
+            frame = Options("hada_cl_frame", pixels=buffer[0], offset=buffer[1], queue=buffer[2])
+            return Job(self._own, lib.hada_job_submit_cl, frame.c, results, (raw, frame))
+        pixels = Pixels(raw, channel_axis, full_scale)
+        return Job(self._own, lib.hada_job_submit_pixels, pixels.c, results, pixels)
+
+    def map(
+        self, frames: Iterable[Any], *, channel_axis: int | None = None, full_scale: float | None = None
+    ) -> Iterator[Result]:
+        """Yield the results of many frames in their order, some of them being computed while others are read.
+
+        Memory does not grow with their number: as many frames are in flight as the plan has queues, and two more.
+
+        Example:
+            >>> with tifffile.TiffFile("sequence.tif") as file:
+            ...     for result in plan.map(page.asarray() for page in file.pages):
+            ...         show(result.all_in_focus)
+
+        """
+        jobs: collections.deque[Job] = collections.deque()
+        ahead = lib.hada_files_ahead(self._c)
+        try:
+            for raw in frames:
+                jobs.append(self.submit(raw, channel_axis=channel_axis, full_scale=full_scale))
+                if len(jobs) >= ahead:
+                    yield jobs.popleft().result()
+            while jobs:
+                yield jobs.popleft().result()
+        finally:
+            for job in jobs:
+                job.cancel()
+
+    def __repr__(self) -> str:
+        """Return the shape of the stacks."""
+        return "Plan(closed)" if self._owner is None else f"<Plan of {self.model!r}: stacks of {self.stack_shape}>"
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Plans stay in their process."""
+        raise TypeError("a Plan cannot be pickled: pickle its model, and make a plan in each process")
+
+
+def _set_occupied(options: Options, occupied: str | Sequence[int]) -> None:
+    if isinstance(occupied, str):
+        options.set(occupied=occupied)
+    else:
+        options.set(occupied="list", occupied_list=occupied, occupied_count=len(occupied))
+
+
+def _set_dark(options: Options, dark: Any) -> None:
+    if dark is None:
+        return
+    if isinstance(dark, str):
+        options.set(dark=dark)
+    elif isinstance(dark, float | int):
+        options.set(dark="level", dark_level=float(dark))
+    else:
+        frame = Image(dark, what="dark")
+        options.kept.append(frame)
+        options.set(dark="frame", dark_frame=frame.c)
+
+
+def _device_buffer(raw: Any) -> tuple[Any, int, Any] | None:
+    """Return buffer, offset and queue of a pyopencl array or buffer; None for everything else."""
+    data = getattr(raw, "base_data", None)
+    if data is None and not hasattr(raw, "int_ptr"):
+        return None
+    offset, queue = 0, None
+    if data is not None:
+        if raw.dtype != np.float32 or not raw.flags.c_contiguous:
+            raise TypeError("a frame on the device must be dense float32, (C, Y, X)")
+        offset = int(raw.offset)
+        queue = None if raw.queue is None else ffi.cast("cl_command_queue", address_of(raw.queue))
+    return ffi.cast("cl_mem", address_of(raw if data is None else data)), offset, queue

@@ -1,0 +1,13 @@
+/* Conditions of threads that can be waited for with a deadline. Internal. */
+#ifndef HADA_CORE_CONDITION_H
+#define HADA_CORE_CONDITION_H
+
+#include <pthread.h>
+
+/* A condition whose deadlines are those of hada_seconds(). */
+void hada_condition_init(pthread_cond_t *condition);
+
+/* Waits as pthread_cond_wait() does, at most until `deadline` (hada_seconds()). 0: not any more. */
+int hada_condition_wait_until(pthread_cond_t *condition, pthread_mutex_t *lock, double deadline);
+
+#endif

@@ -4,7 +4,8 @@
 # Builds with the command line and the tests (the check tool times single operations). A ratio is old/new of two runs
 # side by side; above 1 the new version is faster. The table has the medians, and the least and greatest ratio; rows
 # whose median is below 0.98 are marked. ROUNDS: 7 by default, about six minutes on two idle cores. ROWS: an extended
-# regular expression of the names of rows. Only words that both versions know stand here.
+# regular expression of the names of rows. Files stand in memory (/dev/shm) where that is possible: newer versions wait
+# until the disk has what they wrote. Where a version does more unless told otherwise, `like` tells it.
 set -euo pipefail
 usage() { sed -n '3s/^# *//p' "$0" >&2; exit 2; }
 [ $# -ge 2 ] || usage
@@ -24,7 +25,7 @@ for side in old new; do
         [ -x "${build[$side]}/$program" ] || { echo "no $program in ${build[$side]}" >&2; exit 2; }
     done
 done
-work=$(mktemp -d)
+work=$(mktemp -d /dev/shm/against.XXXXXX 2>/dev/null || mktemp -d)
 trap 'rm -rf "$work"' EXIT
 cd "$work"
 export LC_ALL=C HADALENS_TUNING=/nonexistent
@@ -44,6 +45,16 @@ wall() { # the time of a command as a whole
     "$@" >/dev/null
     awk -v a="$from" -v b="$EPOCHREALTIME" 'BEGIN { print (b - a) * 1000 }'
 }
+# like COMMAND OPTION VALUE...: those options that this side knows, so that both do the same
+like() {
+    local help
+    help=$("${build[$side]}/bindings/cli/hadalens" "$1" --help)
+    shift
+    for (( ; $# > 1; )); do
+        ! grep -qE -e " $1( |$)" <<<"$help" || echo "$1 $2"
+        shift 2
+    done
+}
 operation() { check --op "$1" --shape "$2" && tail -n 1 said | cut -d, -f3; }
 fitted() { hadalens fit "$@" -o out.model && figure seconds; }
 step() { hadalens train "$@" -o out.model --restart --show-every 0 --validate-every 0 --save-every 1000 && figure seconds_per_step; }
@@ -55,20 +66,22 @@ frame() { # frame DATASET FRAMES WHAT OPTION...: milliseconds a frame
 }
 begin() { hadalens bench --first-frame -m small.model small/test/raw/test01.tif --quick && started "$1"; }
 
+light="--scene-response linear --exposure same" # nothing to find out about the scenes
+planes="--scene planes --refine-colour 1"
 rows=(
     "start: device open|begin open"
     "start: plan|begin plan"
     "start: first frame|begin 'first frame'"
     "simulate sim300, whole command|wall hadalens simulate --preset sim300 --pairs 2 -o out"
-    "fit sim300, choosing by leave-one-out|fitted small"
-    "fit sim300 padded|fitted small --boundary padded --no-leave-one-out"
-    "fit sim300, judged in the window|fitted small --refine 0 --outside 0.1"
+    "fit sim300, choosing by leave-one-out|fitted small \$(like fit \$light --refine-colour 1)"
+    "fit sim300 padded|fitted small --boundary padded --no-leave-one-out \$(like fit --crop-passes 0)"
+    "fit sim300, judged in the window|fitted small --refine 0 --outside 0.1 \$(like fit \$light)"
     "fit sim300 from its PSF|fitted --psf small/psf.tif --colour"
     "linear frame, sim300|frame small 16 total -m small.model --refine 0"
     "linear frame, sim512|frame large 4 total -m large.model --refine 0"
-    "refined frame, sim300|frame small 8 total -m small.model"
-    "refined frame, sim300, all depths|frame small 4 total -m small.model --occupied all --refine 8"
-    "refined frame, sim512|frame large 3 total -m large.model"
+    "refined frame, sim300|frame small 8 total -m small.model \$(like reconstruct \$planes)"
+    "refined frame, sim300, all depths|frame small 4 total -m small.model --occupied all --refine 8 \$(like reconstruct \$planes)"
+    "refined frame, sim512|frame large 3 total -m large.model \$(like reconstruct \$planes)"
     "frames of two queues, whole command|wall frame small 16 total -m small.model --refine 0 --queues 2"
     "all-in-focus and distances, sim512|frame large 4 focus -m large.model --refine 0"
     "wiener, sim300|frame small 6 total -m small.model --method wiener"
@@ -76,8 +89,8 @@ rows=(
     "FISTA with TV, sim300|frame small 3 total -m small.model --method fista --iterations 10 --tv 0.01"
     "ADMM, sim300|frame small 3 total -m small.model --method admm --iterations 10"
     "net forward, of a frame|frame small 6 enhance -m net.model --occupied all"
-    "training step, enhance|step small -m small.model --steps 6 --batch 2"
-    "training step, adversarial|step small -m net.model --stage adversarial --critic-steps 0 --steps 4 --batch 2"
+    "training step, enhance|step small -m small.model --steps 6 --batch 2 \$(like train --compose 0)"
+    "training step, adversarial|step small -m net.model --stage adversarial \$(like train --critic-steps 0 --discriminator-steps 0 --compose 0) --steps 4 --batch 2"
     "training step, filters|step small --stage filters --steps 10"
     "register, whole command|wall hadalens register tiny --rotation 3"
     "evaluate, whole command|wall hadalens evaluate truth small/test/truth"

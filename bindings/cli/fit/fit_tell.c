@@ -1,0 +1,176 @@
+#include "fit_tell.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+/* What stands before and behind a row of a table. */
+static const char *mark(int chosen)
+{
+    return chosen ? "*" : " ";
+}
+
+static const char *word(int chosen)
+{
+    return chosen ? "  chosen" : "";
+}
+
+/* An entry of the list that scripts read: each has all members, whatever was compared. */
+static json_t *score_json(double alpha, double lambda, double psnr_one, double psnr_two, int chosen)
+{
+    json_t *entry = json_pack("{s:f, s:f, s:i, s:b, s:n, s:f, s:f}", "alpha", alpha, "lambda", lambda, "refine_steps",
+                              0, "chosen", chosen, "outside", "refine_rho", 0.0, "refine_tv", 0.0);
+    json_object_set_new(entry, "psnr_one_depth", hada_cli_real(psnr_one));
+    json_object_set_new(entry, "psnr_two_depths", hada_cli_real(psnr_two));
+    return entry;
+}
+
+static void print_filters(hada_cli *cli, const hada_fit_scores *scores, json_t *list)
+{
+    const hada_fit_filter_score *row;
+    for (size_t i = 0; (row = hada_fit_scores_filter(scores, i)); i++) {
+        char two[32] = "-";
+        if (!i)
+            hada_cli_say(cli, "\nLeave-one-out, mean PSNR of held-out pairs in dB\n  %9s  %9s  %9s  %10s", "alpha",
+                         "lambda", "one depth", "two depths");
+        if (isfinite(row->psnr_double))
+            snprintf(two, sizeof two, "%.2f", row->psnr_double);
+        hada_cli_say(cli, "%s %9.3g  %9.3g  %9.2f  %10s%s", mark(row->chosen), row->alpha, row->lambda,
+                     row->psnr_single, two, word(row->chosen));
+        json_array_append_new(list,
+                              score_json(row->alpha, row->lambda, row->psnr_single, row->psnr_double, row->chosen));
+    }
+}
+
+static void print_outsides(hada_cli *cli, const hada_fit_scores *scores, const hada_model_info *info, json_t *list)
+{
+    const hada_fit_outside_score *row;
+    for (size_t i = 0; (row = hada_fit_scores_outside(scores, i)); i++) {
+        json_t *entry = score_json(info->alpha, info->lambda, row->psnr, NAN, row->chosen);
+        if (!i)
+            hada_cli_say(cli, "\nWeight of what filters make outside the window, on a few held-out pairs\n  %20s  %9s",
+                         "outside", "one depth");
+        hada_cli_say(cli, "%s %20.3g  %9.2f%s", mark(row->chosen), row->outside, row->psnr, word(row->chosen));
+        json_object_set_new(entry, "outside", hada_cli_real(row->outside));
+        json_array_append_new(list, entry);
+    }
+}
+
+static void print_refinements(hada_cli *cli, const hada_fit_scores *scores, const hada_model_info *info, json_t *list)
+{
+    const hada_fit_refine_score *row;
+    for (size_t i = 0; (row = hada_fit_scores_refinement(scores, i)); i++) {
+        json_t *entry = score_json(info->alpha, info->lambda, row->psnr_single, row->psnr_double, row->chosen);
+        char steps[32] = "none", two[32] = "-";
+        if (!i)
+            hada_cli_say(cli, "\nDoes refinement pay? On a few held-out frames\n  %9s  %9s  %9s  %10s", "steps",
+                         "variation", "one depth", "two depths");
+        if (row->steps)
+            snprintf(steps, sizeof steps, "%d", row->steps);
+        if (isfinite(row->psnr_double))
+            snprintf(two, sizeof two, "%.2f", row->psnr_double);
+        hada_cli_say(cli, "%s %9s  %9.2g  %9.2f  %10s%s", mark(row->chosen), steps, row->tv, row->psnr_single, two,
+                     word(row->chosen));
+        json_object_set_new(entry, "refine_steps", json_integer(row->steps));
+        json_object_set_new(entry, "refine_rho", hada_cli_real(row->rho));
+        json_object_set_new(entry, "refine_tv", hada_cli_real(row->tv));
+        json_array_append_new(list, entry);
+    }
+}
+
+static void print_scores(hada_cli *cli, const hada_fit_scores *scores, const hada_model *model)
+{
+    const hada_model_info *info = hada_model_get_info(model);
+    json_t *list = json_array();
+    print_filters(cli, scores, list);
+    print_outsides(cli, scores, info, list);
+    print_refinements(cli, scores, info, list);
+    json_object_set_new(cli->document, "leave_one_out", list);
+}
+
+/* What the pairs said of their scenes. */
+static void print_survey(hada_cli *cli, const hada_survey *survey)
+{
+    const int several = hada_survey_get_row(survey, 1) != NULL;
+    const hada_survey_row *row;
+    json_t *list = json_array();
+    if (several)
+        hada_cli_say(cli, "Response of the scenes, unexplained share of held-out frames in %%\n  %9s  %13s  %14s",
+                     "response", "exposed alike", "each by itself");
+    for (size_t i = 0; (row = hada_survey_get_row(survey, i)); i++) {
+        char name[HADA_RESPONSE_NAME];
+        hada_response_name(name, row->response);
+        if (several)
+            hada_cli_say(cli, "%s %9s  %13.2f  %14.2f%s", mark(row->chosen), name, 100 * row->unexplained,
+                         100 * row->unexplained_apart, word(row->chosen));
+        json_array_append_new(list,
+                              json_pack("{s:s, s:f, s:f, s:b}", "response", name, "unexplained", row->unexplained,
+                                        "unexplained_exposed_apart", row->unexplained_apart, "chosen", row->chosen));
+    }
+    json_object_set_new(cli->document, "responses", list);
+    json_object_set_new(cli->document, "exposed_apart", json_boolean(survey && hada_survey_exposed(survey)));
+}
+
+void hada_cli_fit_tell_pairs(hada_cli *cli, const hada_dataset_info *info, const hada_model *model,
+                             const hada_fit_report *report)
+{
+    json_t *pairs = json_array();
+    for (int z = 0; z < info->depths; z++)
+        json_array_append_new(pairs, json_integer(hada_fit_report_pairs(report, z)));
+    json_object_set_new(cli->document, "pairs", pairs);
+    print_survey(cli, hada_fit_report_survey(report));
+    print_scores(cli, hada_fit_report_scores(report), model);
+    hada_cli_say(cli, "\n%d pairs; at least %d for each of %d %s", info->pairs, info->least_pairs, info->depths,
+                 info->depths == 1 ? "depth" : "depths");
+}
+
+void hada_cli_fit_tell_sums(hada_cli *cli, int files, const hada_model *model, const hada_fit_report *report)
+{
+    long long pairs = 0;
+    for (int z = 0; z < hada_model_get_info(model)->depths; z++)
+        pairs += hada_fit_report_pairs(report, z);
+    hada_cli_say(cli,
+                 "%lld pairs in %d file%s of sums; without pairs to leave out, alpha, lambda and refinement are those "
+                 "given or the defaults",
+                 pairs, files, files == 1 ? "" : "s");
+}
+
+void hada_cli_fit_tell_model(hada_cli *cli, const char *path, const hada_model *model, double seconds)
+{
+    static const char *const forms[] = {"", "complex", "split", "matched", "wiener"};
+    const hada_model_info *info = hada_model_get_info(model);
+    const char *boundary = info->boundary == HADA_BOUNDARY_PADDED ? "padded" : "circular";
+    char size[16], dark[32] = "found per frame", refine[96] = "no refinement", response[HADA_RESPONSE_NAME];
+    hada_cli_bytes(size, info->bytes);
+    hada_response_name(response, info->scene_response);
+    if (info->dark >= 0)
+        snprintf(dark, sizeof dark, "%.4g", info->dark);
+    if (info->refine_steps)
+        snprintf(refine, sizeof refine,
+                 info->refine_tv > 0 ? "%d refinement steps, total variation %.2g" : "%d refinement steps",
+                 info->refine_steps, info->refine_tv);
+    if (info->refine_steps && info->refine_share < 1) {
+        const size_t used = strlen(refine);
+        snprintf(refine + used, sizeof refine - used, ", %.0f %% linear", 100 * (1 - info->refine_share));
+    }
+    hada_cli_say(cli, "%s: %d %s, %dx%d frames, window %dx%d, %s, %s, scenes %s, dark level %s, %s, %s (%.1f s)", path,
+                 info->depths, info->depths == 1 ? "depth" : "depths", info->raw_rows, info->raw_cols,
+                 info->window_rows, info->window_cols, forms[info->form], boundary, response, dark, refine, size,
+                 seconds);
+    json_t *entry = json_pack("{s:s, s:s, s:s, s:i, s:[ii], s:[ii], s:[ii], s:i, s:b, s:I}", "file", path, "form",
+                              forms[info->form], "boundary", boundary, "channels", info->channels, "frame",
+                              info->raw_rows, info->raw_cols, "grid", info->grid_rows, info->grid_cols, "window",
+                              info->window_rows, info->window_cols, "refine_steps", info->refine_steps, "half",
+                              info->half, "bytes", (json_int_t)info->bytes);
+    json_object_set_new(entry, "distances_mm", hada_cli_reals(info->distances_mm, info->depths));
+    json_object_set_new(entry, "alpha", hada_cli_real(info->alpha));
+    json_object_set_new(entry, "lambda", hada_cli_real(info->lambda));
+    json_object_set_new(entry, "dark", info->dark >= 0 ? hada_cli_real(info->dark) : json_null());
+    json_object_set_new(entry, "refine_tv", hada_cli_real(info->refine_tv));
+    json_object_set_new(entry, "refine_colour", hada_cli_real(info->refine_colour));
+    json_object_set_new(entry, "refine_share", hada_cli_real(info->refine_share));
+    json_object_set_new(entry, "noise", hada_cli_real(info->noise));
+    json_object_set_new(entry, "scene_response", json_string(response));
+    json_object_set_new(cli->document, "model", entry);
+    json_object_set_new(cli->document, "seconds", json_real(seconds));
+}

@@ -18,9 +18,10 @@ struct hada_surfaces {
 
 hada_status hada_surfaces_create(hada_surfaces **out, hada_error *err)
 {
-    const hada_status status = hada_alloc((void **)out, 1, sizeof **out, "a plan", err);
-    if (!status)
-        pthread_mutex_init(&(*out)->lock, NULL);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)out, 1, sizeof **out, "a plan", err));
+    pthread_mutex_init(&(*out)->lock, NULL);
+done:
     return status;
 }
 

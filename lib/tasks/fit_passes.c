@@ -141,7 +141,7 @@ hada_status hada_fit_pass_learn_cropped(hada_fitter *fitter, const hada_fit_sour
     return status;
 }
 
-hada_status hada_fit_pass_judge_and_finish(hada_fitter *fitter, const hada_fit_source *from, hada_model **out,
+hada_status hada_fit_pass_learn_and_finish(hada_fitter *fitter, const hada_fit_source *from, hada_model **out,
                                            hada_fit_scores **scores, hada_error *err)
 {
     shown at = {.from = from, .why = "looks at pairs, to judge in the window"};

@@ -32,7 +32,7 @@ hada_status hada_fit_pass_score(hada_fitter *fitter, const hada_fit_source *from
 hada_status hada_fit_pass_learn_cropped(hada_fitter *fitter, const hada_fit_source *from, hada_error *err);
 
 /* Chooses and solves, with filters judged in the window where that serves (hada_fitter_learn_and_finish()). */
-hada_status hada_fit_pass_judge_and_finish(hada_fitter *fitter, const hada_fit_source *from, hada_model **out,
+hada_status hada_fit_pass_learn_and_finish(hada_fitter *fitter, const hada_fit_source *from, hada_model **out,
                                            hada_fit_scores **scores, hada_error *err);
 
 /* The exact fit with all that is left open chosen, but for filters judged in the window. */

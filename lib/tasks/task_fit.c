@@ -121,7 +121,7 @@ static hada_status solve(learning *of, hada_model **out, hada_error *err)
     hada_fit_report *report = of->report;
     const int can_judge = of->data && !of->task.merge_count && (of->task.leave_one_out || of->fit.outside >= 0.0);
     if (can_judge)
-        return hada_fit_pass_judge_and_finish(of->fitter, &of->from, out, &report->scores, err);
+        return hada_fit_pass_learn_and_finish(of->fitter, &of->from, out, &report->scores, err);
     return hada_fitter_finish(of->fitter, out, &report->scores, err);
 }
 

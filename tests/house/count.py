@@ -2,8 +2,9 @@
 """Counts what shows whether the house is in order: how many, how long, how many of what should not be.
 
     count.py ROOT [BUILD]      a table; with a build also its tests, library and circles
+    count.py --hold ROOT       fails where a number is above its limit, and says which
 
-Run it on two versions to compare them. What must hold is held by the other scripts here.
+Run it on two versions to compare them.
 """
 import pathlib
 import re
@@ -15,7 +16,9 @@ MANY = 10  # parameters that nobody can keep apart by position
 SUBJECT = 72  # characters of a commit's first line
 # private words where the field has one: docs/glossary.md
 PRIVATE = (r'\bTURN\b', r'\bSHADOW\b', r'\bSEEN\b', r'\bMADE\b', r'\bENGINE_FALL\b', r'\bbe_positive\b', r'\bmeet_frame\b',
-           r'\bstumble\b', r'\bhada_\w*_look\b')
+           r'\bstumble\b', r'\bhada_\w*_look\b', r'(?<!")critic')  # in quotes: the old spelling, which is understood
+# Kernels of MANY parameters or more that may stay for now.
+WIDE_KERNELS = {'classic_rows', 'fft_image_inverse'}
 KERNEL = re.compile(r'__kernel\b[^;{}]*?\bvoid\s+(\w+)\s*\(([^{}]*?)\)\s*\{', re.S)
 STRUCT = re.compile(r'struct (\w+)\s*\{(.*?)^\}', re.S | re.M)
 COMMENT = re.compile(r'/\*.*?\*/|//[^\n]*', re.S)
@@ -69,30 +72,35 @@ def count_sources(root, row):
     kernels = texts(root, ['kernels'], '.cl', '.h')
     host = {**lib, **cli}
     small = sum(text.count('\n') <= SMALL for path, text in host.items())
+    bare = {path: COMMENT.sub('', text) for path, text in host.items()}
     row('files of the library and its bindings', len(host))
     row(f'of these, of {SMALL} lines or fewer', small)
     row('lines of the library', lines(lib))
-    row('lines of the bindings', lines(cli))
+    row('lines of the command line', lines({path: text for path, text in cli.items() if '/cli/' in path}), 8000)
     row('lines of the kernels', lines(kernels))
-    row('files of more than 500 lines', sum(text.count('\n') > 500 for text in {**host, **kernels}.values()))
+    row('files of more than 500 lines', sum(text.count('\n') > 500 for text in {**host, **kernels}.values()), 0)
     widest = widest_struct(lib)
     row(f'fields of the widest internal struct ({widest[1]})', widest[0])
     row('  files that include its header', matches(host, '#include "' + re.escape(widest[2].removeprefix('lib/')) + '"'))
-    row('positional kernel arguments (HADA_ARG)', matches(host, r'\bHADA_ARG\w*\('))
+    row('positional kernel arguments (HADA_ARG)', matches(host, r'\bHADA_ARG\w*\('), 0)
     row('launches by name', matches(host, r'\bhada_launch_\w+\('))
     counts = parameters(kernels)
     row('kernels', len(counts))
-    row(f'kernels of {MANY} parameters or more', sum(n >= MANY for n in counts.values()))
+    wide = {name for name, n in counts.items() if n >= MANY}
+    row(f'kernels of {MANY} parameters or more', len(wide))
+    row('  of these, not on the list of those that may: ' + ' '.join(sorted(wide - WIDE_KERNELS)),
+        len(wide - WIDE_KERNELS), 0)
+    row('  on the list, but no longer so wide: ' + ' '.join(sorted(WIDE_KERNELS - wide)), len(WIDE_KERNELS - wide), 0)
     row('parameters of the longest', max(counts.values()))
-    row('macros of kernels spelt in host code (-D)', matches(host, r'"[^"\n]*-D[A-Z]'))
-    row('if (!status) in the library', matches(lib, r'if \(!status\)'))
+    row('macros of kernels spelt in host code (-D)', matches(bare, r'"[^"\n]*-D[A-Z]'), 0)
+    row('if (!status) in the library', matches(lib, r'if \(!status\)'), 0)
     row('HADA_TRY in the library', matches(lib, r'\bHADA_TRY\('))
-    row('private words', sum(matches({**host, **kernels}, word) for word in PRIVATE))
-    row('"freed with free()" in public headers', matches(texts(root, ['lib/include'], '.h'), r'free\(\)'))
+    row('private words', sum(matches({**host, **kernels}, word) for word in PRIVATE), 0)
+    row('"freed with free()" in public headers', matches(texts(root, ['lib/include'], '.h'), r'freed with free\(\)'), 0)
     drawn = {path: text for path, text in host.items() if re.search(r'font|canvas|svg|plot|preview|draw|picture', path)}
     row('lines that draw previews and plots', lines(drawn))
     for path, text in texts(root, ['examples'], '.c').items():
-        row(f'lines of {path}', text.count('\n'))
+        row(f'lines of {path}', text.count('\n'), 80 if 'learn' in path else None)
     subjects = run('git', '-C', root, 'log', '-n', '50', '--format=%s').splitlines()
     row(f'of the last {len(subjects)} commits, subjects above {SUBJECT} characters',
         sum(len(subject) > SUBJECT for subject in subjects))
@@ -129,15 +137,23 @@ def count_build(root, build, row):
 
 
 def main(words):
-    if len(words) not in (1, 2):
+    hold = words[:1] == ['--hold']
+    words = words[hold:]
+    if len(words) not in ((1,) if hold else (1, 2)):
         sys.exit(__doc__)
+    above = []
 
-    def row(what, number):
-        print(f'{number:>9,}  {what}')
+    def row(what, number, most=None):
+        if most is not None and number > most:
+            above.append(f'{what}: {number:,}, at most {most:,}')
+        if not hold:
+            print(f'{number:>9,}  {what}')
     root = pathlib.Path(words[0])
     count_sources(root, row)
     if len(words) == 2:
         count_build(root, pathlib.Path(words[1]), row)
+    if hold and above:
+        sys.exit('\n'.join(above))
 
 
 if __name__ == '__main__':

@@ -199,9 +199,7 @@ hada_status hada_classic_create(hada_classic **out, hada_slot *slot, hada_scratc
     classic->plane = image_of(&plane);
     classic->frame = image_of(&frame);
     /* vectors need whole ones of eight frequencies in a row of the layout */
-    classic->spectrum_program = slot->context->shape == HADA_SHAPE_GROUPS ? HADA_PROGRAM_CLASSIC_SPECTRUM_GROUPS
-                                : classic->layout.block % 8               ? HADA_PROGRAM_CLASSIC_SPECTRUM_SCALAR
-                                                                          : HADA_PROGRAM_CLASSIC_SPECTRUM_DEFAULT;
+    classic->spectrum_program = HADA_PROGRAM_VARIANT(CLASSIC_SPECTRUM, slot->context, classic->layout.block % 8 == 0);
     classic->group = (size_t)hada_macros_of_classic_spectrum(classic->spectrum_program)->refine_group;
     classic->has_frame = has_frame(shape);
     classic->fuses = fuses(slot->context, shape);

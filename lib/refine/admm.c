@@ -127,27 +127,22 @@ static sizes sizes_of(const hada_context *context, const hada_refine_shape *shap
     return b;
 }
 
-/* A buffer of a refiner, where it stands in the object, and how large it is: one list serves the plan of the memory and
- * the allocation. */
-typedef struct row {
-    size_t offset, bytes;
-    const char *what;
-} row;
 enum { ROWS = 11, PLANS = 4 };
 
-static void list_buffers(const sizes *b, row *rows)
+static void list_buffers(const sizes *b, hada_buffer_row *rows)
 {
-    const row list[ROWS] = {{offsetof(hada_refiner, planes), b->planes, "the refined planes"},
-                            {offsetof(hada_refiner, now_u), b->spectra, "the spectra of the refined planes"},
-                            {offsetof(hada_refiner, now_w), b->spectra, "the spectra of the refinement's duals"},
-                            {offsetof(hada_refiner, list), b->list, "the list of occupied depths"},
-                            {offsetof(hada_refiner, partial), b->partial, "the refinement's residuals"},
-                            {offsetof(hada_refiner, split), 2 * b->split, "the refinement's split at the frame"},
-                            {offsetof(hada_refiner, dual), b->dual, "the refinement's split at the frame"},
-                            {offsetof(hada_refiner, residual), b->split, "the refinement's residuals"},
-                            {offsetof(hada_refiner, residual_frame), b->dual, "the refinement's residuals"},
-                            {offsetof(hada_refiner, tv[0]), b->tv, "the refinement's total variation"},
-                            {offsetof(hada_refiner, tv[1]), b->tv, "the refinement's total variation"}};
+    const hada_buffer_row list[ROWS] = {
+        {offsetof(hada_refiner, planes), b->planes, "the refined planes"},
+        {offsetof(hada_refiner, now_u), b->spectra, "the spectra of the refined planes"},
+        {offsetof(hada_refiner, now_w), b->spectra, "the spectra of the refinement's duals"},
+        {offsetof(hada_refiner, list), b->list, "the list of occupied depths"},
+        {offsetof(hada_refiner, partial), b->partial, "the refinement's residuals"},
+        {offsetof(hada_refiner, split), 2 * b->split, "the refinement's split at the frame"},
+        {offsetof(hada_refiner, dual), b->dual, "the refinement's split at the frame"},
+        {offsetof(hada_refiner, residual), b->split, "the refinement's residuals"},
+        {offsetof(hada_refiner, residual_frame), b->dual, "the refinement's residuals"},
+        {offsetof(hada_refiner, tv[0]), b->tv, "the refinement's total variation"},
+        {offsetof(hada_refiner, tv[1]), b->tv, "the refinement's total variation"}};
     memcpy(rows, list, sizeof list);
 }
 
@@ -166,14 +161,12 @@ size_t hada_refiner_bytes(const hada_context *context, const hada_refine_shape *
 {
     const sizes b = sizes_of(context, shape);
     hada_fft_desc plans[PLANS];
-    row rows[ROWS];
-    size_t bytes = 0;
+    hada_buffer_row rows[ROWS];
     const int count = list_plans(shape, plans);
     list_buffers(&b, rows);
+    size_t bytes = hada_buffer_rows_bytes(rows, ROWS);
     for (int i = 0; i < count; i++)
         bytes += hada_fft_bytes(context, &plans[i]);
-    for (int i = 0; i < ROWS; i++)
-        bytes += rows[i].bytes;
     return bytes;
 }
 
@@ -182,7 +175,7 @@ hada_status hada_refiner_note(const hada_context *context, const hada_refine_sha
 {
     const sizes b = sizes_of(context, shape);
     hada_fft_desc plans[PLANS];
-    row rows[ROWS];
+    hada_buffer_row rows[ROWS];
     hada_status status = HADA_OK;
     const int count = list_plans(shape, plans);
     list_buffers(&b, rows);
@@ -213,13 +206,10 @@ done:
 
 static hada_status make_buffers(hada_refiner *refiner, hada_scratch *scratch, const sizes *b, hada_error *err)
 {
-    row rows[ROWS];
+    hada_buffer_row rows[ROWS];
     hada_status status = HADA_OK;
     list_buffers(b, rows);
-    for (int i = 0; i < ROWS; i++)
-        if (rows[i].bytes)
-            HADA_TRY(hada_scratch_take((hada_buffer *)(void *)((char *)refiner + rows[i].offset),
-                                       refiner->slot->context, scratch, rows[i].bytes, rows[i].what, err));
+    HADA_TRY(hada_buffer_rows_take(refiner, refiner->slot->context, scratch, rows, ROWS, err));
     HADA_TRY(hada_buffer_clear(&refiner->planes, refiner->slot, 0, b->planes, err));
 done:
     return status;
@@ -264,17 +254,15 @@ void hada_refiner_destroy(hada_refiner **pointer)
     if (!pointer || !*pointer)
         return;
     hada_refiner *refiner = *pointer;
+    hada_buffer_row rows[ROWS];
     *pointer = NULL;
     hada_slot_finish(refiner->slot, NULL);
     hada_fft_destroy(&refiner->forward);
     hada_fft_destroy(&refiner->inverse);
     hada_fft_destroy(&refiner->frame_forward);
     hada_fft_destroy(&refiner->frame_inverse);
-    hada_buffer *buffers[] = {&refiner->now_u,          &refiner->now_w, &refiner->planes, &refiner->list,
-                              &refiner->partial,        &refiner->split, &refiner->dual,   &refiner->residual,
-                              &refiner->residual_frame, &refiner->tv[0], &refiner->tv[1]};
-    for (size_t i = 0; i < HADA_COUNT(buffers); i++)
-        hada_buffer_destroy(buffers[i]);
+    list_buffers(&(sizes){0}, rows);
+    hada_buffer_rows_destroy(refiner, rows, ROWS);
     free(refiner->energy);
     free(refiner->host_partial);
     free(refiner);

@@ -5,9 +5,7 @@
 hada_status hada_refine_prepare(hada_refiner *refiner, hada_error *err)
 {
     /* vectors need whole ones of eight frequencies in a row of the layout */
-    refiner->program = refiner->slot->context->shape == HADA_SHAPE_GROUPS ? HADA_PROGRAM_REFINE_GROUPS
-                       : refiner->layout.block % 8                        ? HADA_PROGRAM_REFINE_SCALAR
-                                                                          : HADA_PROGRAM_REFINE_DEFAULT;
+    refiner->program = HADA_PROGRAM_VARIANT(REFINE, refiner->slot->context, refiner->layout.block % 8 == 0);
     refiner->group = (size_t)hada_macros_of_refine(refiner->program)->refine_group;
     return hada_prepare_refine(refiner->slot, refiner->program, err);
 }

@@ -7,9 +7,7 @@ hada_status hada_variation_prepare(hada_variation *variation, hada_slot *slot, i
                                    hada_error *err)
 {
     *variation = (hada_variation){.channels = channels, .rows = rows, .cols = cols};
-    variation->program = slot->context->shape == HADA_SHAPE_GROUPS ? HADA_PROGRAM_REFINE_TV_GROUPS
-                         : cols < 8 /* a vector */                 ? HADA_PROGRAM_REFINE_TV_SCALAR
-                                                                   : HADA_PROGRAM_REFINE_TV_DEFAULT;
+    variation->program = HADA_PROGRAM_VARIANT(REFINE_TV, slot->context, cols >= 8);
     variation->group = (size_t)hada_macros_of_refine_tv(variation->program)->refine_group;
     return hada_prepare_refine_tv(slot, variation->program, err);
 }

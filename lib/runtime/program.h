@@ -11,6 +11,13 @@ typedef struct hada_program_row {
     const char *shapes; /* "lanes", "groups" or "all": which devices need it */
 } hada_program_row;
 
+/* Of a file whose programs are DEFAULT (vectors of eight values), SCALAR (value by value) and GROUPS (work-groups of a
+ * GPU), the one for a device; vectors: whether the data consist of whole ones. */
+#define HADA_PROGRAM_VARIANT(FILE, context, vectors)                                                                   \
+    ((context)->shape == HADA_SHAPE_GROUPS ? HADA_PROGRAM_##FILE##_GROUPS                                              \
+     : (vectors)                           ? HADA_PROGRAM_##FILE##_DEFAULT                                             \
+                                           : HADA_PROGRAM_##FILE##_SCALAR)
+
 typedef struct hada_kernel hada_kernel; /* runtime/launch.h */
 
 /* A kernel file, embedded in the library at build time (cmake/kernels.py): its text with includes flattened, its

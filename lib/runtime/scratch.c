@@ -93,3 +93,34 @@ hada_status hada_scratch_take(hada_buffer *buffer, hada_context *context, hada_s
     scratch->next++;
     return hada_buffer_part(buffer, &scratch->buffers[piece->arena], piece->offset, piece->bytes, what, err);
 }
+
+hada_buffer *hada_buffer_of(void *object, const hada_buffer_row *row)
+{
+    return (hada_buffer *)(void *)((char *)object + row->offset);
+}
+
+size_t hada_buffer_rows_bytes(const hada_buffer_row *rows, int count)
+{
+    size_t bytes = 0;
+    for (int i = 0; i < count; i++)
+        bytes += rows[i].bytes;
+    return bytes;
+}
+
+hada_status hada_buffer_rows_take(void *object, hada_context *context, hada_scratch *scratch,
+                                  const hada_buffer_row *rows, int count, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    for (int i = 0; i < count; i++)
+        if (rows[i].bytes)
+            HADA_TRY(hada_scratch_take(hada_buffer_of(object, &rows[i]), context, scratch, rows[i].bytes, rows[i].what,
+                                       err));
+done:
+    return status;
+}
+
+void hada_buffer_rows_destroy(void *object, const hada_buffer_row *rows, int count)
+{
+    for (int i = 0; i < count; i++)
+        hada_buffer_destroy(hada_buffer_of(object, &rows[i]));
+}

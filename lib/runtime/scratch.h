@@ -35,4 +35,18 @@ void hada_scratch_free(hada_scratch *scratch); /* parts that are in use keep the
 hada_status hada_scratch_take(hada_buffer *buffer, hada_context *context, hada_scratch *scratch, size_t bytes,
                               const char *what, hada_error *err);
 
+/* A buffer of an object that has several: where it stands there, its bytes (0: there is none), what it holds. One list
+ * serves the plan of the memory, the allocation and the end. */
+typedef struct hada_buffer_row {
+    size_t offset, bytes;
+    const char *what;
+} hada_buffer_row;
+
+hada_buffer *hada_buffer_of(void *object, const hada_buffer_row *row);
+size_t hada_buffer_rows_bytes(const hada_buffer_row *rows, int count);
+/* As hada_scratch_take(), one after the other; what a failure leaves is for hada_buffer_rows_destroy(). */
+hada_status hada_buffer_rows_take(void *object, hada_context *context, hada_scratch *scratch,
+                                  const hada_buffer_row *rows, int count, hada_error *err);
+void hada_buffer_rows_destroy(void *object, const hada_buffer_row *rows, int count);
+
 #endif

@@ -24,7 +24,7 @@ static int batch_of(const hada_volume_shape *shape)
     return shape->planes < most ? shape->planes : most;
 }
 
-enum { PLANS = 4, ROWS = 11 };
+enum { PLANS = 4, ROWS = 12 };
 
 /* The transforms; returns how many. */
 static int list_plans(const hada_volume_shape *shape, hada_fft_desc *plans)
@@ -37,19 +37,15 @@ static int list_plans(const hada_volume_shape *shape, hada_fft_desc *plans)
     return hada_volume_is_padded(shape) ? PLANS : 2;
 }
 
-/* A buffer, where it stands in the object, and how large it is. */
-typedef struct row {
-    size_t offset, bytes;
-} row;
-
 static size_t slices_of(const hada_volume_shape *shape, const hada_spectrum_layout *layout)
 {
     const size_t frame = hada_volume_is_padded(shape) ? hada_rect_area(&shape->frame) : 0;
     return hada_divide_up(frame > layout->count ? frame : layout->count, HADA_VOLUME_SLICE);
 }
 
-static void list_buffers(const hada_context *context, const hada_volume_shape *shape, row *rows)
+static void list_buffers(const hada_context *context, const hada_volume_shape *shape, hada_buffer_row *rows)
 {
+    static const char what[] = "a surface";
     const hada_spectrum_layout layout = hada_fft_layout(context, shape->rows, shape->cols, HADA_FFT_AUTO);
     const size_t window = hada_rect_area(&shape->window), channels = (size_t)shape->channels,
                  planes = (size_t)shape->planes;
@@ -58,39 +54,32 @@ static void list_buffers(const hada_context *context, const hada_volume_shape *s
     const size_t batch = ((size_t)batch_of(shape) * channels * window + HADA_VARIATION_ROOM) * sizeof(float);
     const size_t duals =
         sizeof(float) * hada_variation_floats(shape->channels, shape->window.rows, shape->window.cols, (int)unknown);
-    const row list[ROWS] = {
-        {offsetof(hada_volume, otf), planes * spectrum},
-        {offsetof(hada_volume, weight), spectrum / 2},
-        {offsetof(hada_volume, spectra), (size_t)batch_of(shape) * spectrum},
-        {offsetof(hada_volume, sum), spectrum},
+    const hada_buffer_row list[ROWS] = {
+        {offsetof(hada_volume, otf), planes * spectrum, what},
+        {offsetof(hada_volume, weight), spectrum / 2, what},
+        {offsetof(hada_volume, spectra), (size_t)batch_of(shape) * spectrum, what},
+        {offsetof(hada_volume, sum), spectrum, what},
         {offsetof(hada_volume, frame),
-         hada_volume_is_padded(shape) ? channels * hada_rect_area(&shape->frame) * sizeof(float) : 0},
-        {offsetof(hada_volume, planes), shape->free ? values : batch},
-        {offsetof(hada_volume, at), values},
-        {offsetof(hada_volume, gradient), values},
-        {offsetof(hada_volume, start), values},
-        {offsetof(hada_volume, duals[0]), duals},
-        {offsetof(hada_volume, duals[1]), duals}};
+         hada_volume_is_padded(shape) ? channels * hada_rect_area(&shape->frame) * sizeof(float) : 0, what},
+        {offsetof(hada_volume, planes), shape->free ? values : batch, what},
+        {offsetof(hada_volume, at), values, what},
+        {offsetof(hada_volume, gradient), values, what},
+        {offsetof(hada_volume, start), values, what},
+        {offsetof(hada_volume, duals[0]), duals, what},
+        {offsetof(hada_volume, duals[1]), duals, what},
+        {offsetof(hada_volume, partial), channels * slices_of(shape, &layout) * sizeof(float), what}};
     memcpy(rows, list, sizeof list);
-}
-
-static size_t partial_bytes(const hada_volume_shape *shape, const hada_spectrum_layout *layout)
-{
-    return (size_t)shape->channels * slices_of(shape, layout) * sizeof(float);
 }
 
 size_t hada_volume_bytes(const hada_context *context, const hada_volume_shape *shape)
 {
-    const hada_spectrum_layout layout = hada_fft_layout(context, shape->rows, shape->cols, HADA_FFT_AUTO);
     hada_fft_desc plans[PLANS];
-    row rows[ROWS];
-    size_t bytes = partial_bytes(shape, &layout);
+    hada_buffer_row rows[ROWS];
     const int count = list_plans(shape, plans);
     list_buffers(context, shape, rows);
+    size_t bytes = hada_buffer_rows_bytes(rows, ROWS);
     for (int i = 0; i < count; i++)
         bytes += hada_fft_bytes(context, &plans[i]);
-    for (int i = 0; i < ROWS; i++)
-        bytes += rows[i].bytes;
     return bytes;
 }
 
@@ -111,12 +100,10 @@ static hada_status check_shape(const hada_volume_shape *shape, hada_error *err)
 static hada_status prepare(hada_volume *v, hada_error *err)
 {
     const hada_volume_shape *s = &v->shape;
-    const int groups = v->slot->context->shape == HADA_SHAPE_GROUPS, scalar = v->layout.block % 8 != 0;
+    const int vectors = v->layout.block % 8 == 0;
     hada_status status = HADA_OK;
-    v->program = groups   ? HADA_PROGRAM_SURFACE_VOLUME_GROUPS
-                 : scalar ? HADA_PROGRAM_SURFACE_VOLUME_SCALAR
-                          : HADA_PROGRAM_SURFACE_VOLUME_DEFAULT;
-    v->refine = groups ? HADA_PROGRAM_REFINE_GROUPS : scalar ? HADA_PROGRAM_REFINE_SCALAR : HADA_PROGRAM_REFINE_DEFAULT;
+    v->program = HADA_PROGRAM_VARIANT(SURFACE_VOLUME, v->slot->context, vectors);
+    v->refine = HADA_PROGRAM_VARIANT(REFINE, v->slot->context, vectors);
     v->group = (size_t)hada_macros_of_surface_volume(v->program)->refine_group;
     HADA_TRY(hada_prepare_surface_volume(v->slot, v->program, err));
     HADA_TRY(hada_prepare_refine(v->slot, v->refine, err));
@@ -130,7 +117,7 @@ hada_status hada_volume_create(hada_volume **out, hada_slot *slot, const hada_vo
     static const char what[] = "a surface";
     hada_volume *v = NULL;
     hada_fft_desc plans[PLANS];
-    row rows[ROWS];
+    hada_buffer_row rows[ROWS];
     hada_status status = HADA_OK;
     *out = NULL;
     HADA_TRY(check_shape(shape, err));
@@ -149,14 +136,10 @@ hada_status hada_volume_create(hada_volume **out, hada_slot *slot, const hada_vo
             HADA_TRY(hada_fft_create(made[i], slot, &plans[i], err));
     }
     list_buffers(slot->context, shape, rows);
-    for (int i = 0; i < ROWS; i++)
-        if (rows[i].bytes) {
-            hada_buffer *buffer = (hada_buffer *)(void *)((char *)v + rows[i].offset);
-            HADA_TRY(hada_buffer_create(buffer, slot->context, rows[i].bytes, what, err));
-            /* what lies behind the last value is read and multiplied by 0 */
-            HADA_TRY(hada_buffer_clear(buffer, slot, 0, rows[i].bytes, err));
-        }
-    HADA_TRY(hada_buffer_create(&v->partial, slot->context, partial_bytes(shape, &v->layout), what, err));
+    HADA_TRY(hada_buffer_rows_take(v, slot->context, NULL, rows, ROWS, err));
+    for (int i = 0; i < ROWS; i++) /* what lies behind the last value is read and multiplied by 0 */
+        if (rows[i].bytes)
+            HADA_TRY(hada_buffer_clear(hada_buffer_of(v, &rows[i]), slot, 0, rows[i].bytes, err));
     HADA_TRY(hada_alloc((void **)&v->host_partial, v->slices * (size_t)shape->channels, sizeof(float), what, err));
     HADA_TRY(prepare(v, err));
     *out = v;
@@ -171,16 +154,15 @@ void hada_volume_destroy(hada_volume **pointer)
     if (!pointer || !*pointer)
         return;
     hada_volume *v = *pointer;
+    hada_buffer_row rows[ROWS];
     *pointer = NULL;
     hada_slot_finish(v->slot, NULL);
     hada_fft_destroy(&v->forward);
     hada_fft_destroy(&v->inverse);
     hada_fft_destroy(&v->frame_forward);
     hada_fft_destroy(&v->frame_inverse);
-    hada_buffer *buffers[] = {&v->otf, &v->weight,   &v->spectra, &v->sum,      &v->frame,    &v->planes,
-                              &v->at,  &v->gradient, &v->start,   &v->duals[0], &v->duals[1], &v->partial};
-    for (size_t i = 0; i < HADA_COUNT(buffers); i++)
-        hada_buffer_destroy(buffers[i]);
+    list_buffers(v->slot->context, &v->shape, rows);
+    hada_buffer_rows_destroy(v, rows, ROWS);
     free(v->host_partial);
     free(v);
 }

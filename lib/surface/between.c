@@ -10,26 +10,21 @@
 
 static const char what[] = "the optics between depths";
 
+/* The depths whose PSFs make one in between: those next to it. */
+enum { SOURCES = 2 };
+
 struct hada_between {
     hada_slot *slot;
     hada_surface_camera camera;
     const hada_magnification *magnification;
-    double pool;
     hada_spectrum_layout layout;
     hada_fft *forward, *inverse;
     hada_program_surface_magnify program;
-    int slots;                        /* of coefficients */
-    int loaded[HADA_SURFACE_SOURCES]; /* depth in each of them; -1: none */
+    int loaded[SOURCES]; /* depth in each place of coefficients; -1: none */
     hada_buffer prefilter, coefficients, lines, image, spectrum, bases, weights;
     int *host_bases;
     float *host_weights;
 };
-
-/* Depths whose PSFs make one in between. */
-static int sources_of(double pool)
-{
-    return pool > 0.0 ? 4 : 2;
-}
 
 static hada_fft_desc plan_of(const hada_surface_camera *camera, hada_fft_direction direction)
 {
@@ -48,10 +43,10 @@ typedef struct sizes {
     size_t prefilter, image, coefficients, lines, spectrum, bases, weights;
 } sizes;
 
-static sizes sizes_of(const hada_context *context, const hada_surface_camera *camera, double pool)
+static sizes sizes_of(const hada_context *context, const hada_surface_camera *camera)
 {
     const size_t count = hada_surface_layout(context, camera->rows, camera->cols).count;
-    const size_t sources = (size_t)sources_of(pool), channels = (size_t)camera->channels;
+    const size_t sources = SOURCES, channels = (size_t)camera->channels;
     const size_t image = channels * (size_t)camera->rows * (size_t)camera->cols * sizeof(float);
     const size_t bases = sources * (size_t)(camera->rows + camera->cols) * sizeof(cl_int);
     return (sizes){
@@ -59,9 +54,9 @@ static sizes sizes_of(const hada_context *context, const hada_surface_camera *ca
         HADA_SPLINE_TAPS * bases};
 }
 
-size_t hada_between_bytes(const hada_context *context, const hada_surface_camera *camera, double pool)
+size_t hada_between_bytes(const hada_context *context, const hada_surface_camera *camera)
 {
-    const sizes b = sizes_of(context, camera, pool);
+    const sizes b = sizes_of(context, camera);
     const hada_fft_desc forward = plan_of(camera, HADA_FFT_FORWARD), inverse = plan_of(camera, HADA_FFT_INVERSE);
     return b.prefilter + b.image + b.coefficients + b.lines + b.spectrum + b.bases + b.weights +
            hada_fft_bytes(context, &forward) + hada_fft_bytes(context, &inverse);
@@ -70,7 +65,7 @@ size_t hada_between_bytes(const hada_context *context, const hada_surface_camera
 static hada_status make_buffers(hada_between *b, hada_error *err)
 {
     hada_context *context = b->slot->context;
-    const sizes bytes = sizes_of(context, &b->camera, b->pool);
+    const sizes bytes = sizes_of(context, &b->camera);
     hada_status status = HADA_OK;
     HADA_TRY(hada_surface_prefilter(&b->prefilter, b->slot, &b->layout, err));
     HADA_TRY(hada_buffer_create(&b->coefficients, context, bytes.coefficients, what, err));
@@ -99,7 +94,7 @@ static hada_status check(const hada_surface_camera *camera, const hada_magnifica
 }
 
 hada_status hada_between_create(hada_between **out, hada_slot *slot, const hada_surface_camera *camera,
-                                const hada_magnification *magnification, double pool, hada_error *err)
+                                const hada_magnification *magnification, hada_error *err)
 {
     const hada_fft_desc forward = plan_of(camera, HADA_FFT_FORWARD), inverse = plan_of(camera, HADA_FFT_INVERSE);
     hada_between *b = NULL;
@@ -107,10 +102,9 @@ hada_status hada_between_create(hada_between **out, hada_slot *slot, const hada_
     *out = NULL;
     HADA_TRY(check(camera, magnification, err));
     HADA_TRY(hada_alloc((void **)&b, 1, sizeof *b, what, err));
-    *b = (hada_between){.slot = slot, .camera = *camera, .magnification = magnification, .pool = pool};
+    *b = (hada_between){.slot = slot, .camera = *camera, .magnification = magnification};
     b->layout = hada_surface_layout(slot->context, camera->rows, camera->cols);
-    b->slots = sources_of(pool);
-    for (int i = 0; i < HADA_SURFACE_SOURCES; i++)
+    for (int i = 0; i < SOURCES; i++)
         b->loaded[i] = -1;
     b->program = slot->context->shape == HADA_SHAPE_GROUPS ? HADA_PROGRAM_SURFACE_MAGNIFY_GROUPS
                                                            : HADA_PROGRAM_SURFACE_MAGNIFY_DEFAULT;
@@ -144,27 +138,10 @@ void hada_between_destroy(hada_between **pointer)
     free(b);
 }
 
-/* The depths that make one in between: from `first` on, with weights whose sum is 1. */
-static int blend(const hada_between *b, double depth, double weight[HADA_SURFACE_SOURCES])
-{
-    const int depths = b->camera.depths, low = depth >= depths - 1 ? depths - 1 : (int)floor(depth);
-    const double part[2] = {1.0 - (depth - low), depth - low};
-    for (int i = 0; i < HADA_SURFACE_SOURCES; i++)
-        weight[i] = 0.0;
-    for (int i = 0; i < 2 && low + i < depths; i++) {
-        const int before = low + i > 0, after = low + i + 1 < depths;
-        const double all = 1.0 + b->pool * (before + after);
-        weight[i] += before ? part[i] * b->pool / all : 0.0;
-        weight[i + 1] += part[i] / all;
-        weight[i + 2] += after ? part[i] * b->pool / all : 0.0;
-    }
-    return low - 1;
-}
-
 /* Brings a depth's coefficients to their place, unless they are there. */
 static hada_status load(hada_between *b, int depth, hada_error *err)
 {
-    const int slot = depth % b->slots, channels = b->camera.channels;
+    const int slot = depth % SOURCES, channels = b->camera.channels;
     const size_t area = (size_t)b->camera.rows * (size_t)b->camera.cols;
     /* the transfer functions are the filters, and the spline's prefilter is what they are multiplied with */
     const hada_fft_filter use = {.product = HADA_FFT_COMPLEX,
@@ -194,12 +171,12 @@ static hada_status add_source(hada_between *b, hada_surface_sources *sources, in
     HADA_TRY(load(b, depth, err));
     hada_spline_axis(rows, by.scale, by.row, 1.0 / by.scale, bases, weights);
     hada_spline_axis(cols, by.scale, by.col, weight / by.scale, bases + rows, weights + HADA_SPLINE_TAPS * rows);
-    sources->slot[sources->count++] = depth % b->slots;
+    sources->slot[sources->count++] = depth % SOURCES;
 done:
     return status;
 }
 
-/* The images at a depth. */
+/* The images at a depth between two of the camera. */
 static hada_status magnify(hada_between *b, double depth, hada_error *err)
 {
     const int rows = b->camera.rows, cols = b->camera.cols, channels = b->camera.channels;
@@ -207,12 +184,11 @@ static hada_status magnify(hada_between *b, double depth, hada_error *err)
     const hada_range range = hada_range_groups(1, group, (size_t)rows, (size_t)channels);
     const hada_magnified to = hada_magnification_at(b->magnification, depth);
     hada_surface_sources sources = {.channels = channels, .rows = rows, .cols = cols};
-    double weight[HADA_SURFACE_SOURCES];
-    const int first = blend(b, depth, weight);
+    const int low = (int)floor(depth);
+    const double part = depth - low;
     hada_status status = HADA_OK;
-    for (int i = 0; i < HADA_SURFACE_SOURCES; i++)
-        if (weight[i] > 0.0)
-            HADA_TRY(add_source(b, &sources, first + i, weight[i], &to, err));
+    HADA_TRY(add_source(b, &sources, low, 1.0 - part, &to, err));
+    HADA_TRY(add_source(b, &sources, low + 1, part, &to, err));
     const size_t entries = (size_t)sources.count * (size_t)(rows + cols);
     HADA_TRY(hada_buffer_write(&b->bases, b->slot, 0, b->host_bases, entries * sizeof(cl_int), err));
     HADA_TRY(
@@ -233,7 +209,7 @@ static hada_status make(hada_between *b, double depth, cl_mem out, size_t at, co
     const int channels = b->camera.channels;
     const size_t step = (size_t)channels * b->layout.count;
     const size_t from = b->camera.first * b->layout.count + (size_t)depth * step;
-    const int known = depth == floor(depth) && !(b->pool > 0.0);
+    const int known = depth == floor(depth);
     const cl_mem whole = known ? b->camera.otf : to ? b->spectrum.mem : out;
     hada_status status = HADA_OK;
     if (!known) {

@@ -2,8 +2,7 @@
  * (magnification.h), blended, and transformed again. Internal.
  *
  * They are made on demand, for any depth counted in depths of the camera; neighbouring depths one after the other cost
- * the least. With a weight for pooling each PSF is also helped by its neighbours, magnified to it, which averages the
- * noise of learned ones. An object belongs to one slot. Same bits whatever was made before. */
+ * the least. An object belongs to one slot. Same bits whatever was made before. */
 #ifndef HADA_SURFACE_BETWEEN_H
 #define HADA_SURFACE_BETWEEN_H
 
@@ -11,14 +10,13 @@
 
 typedef struct hada_between hada_between;
 
-/* `camera` and `magnification` are copied but for the buffer and the arrays they refer to, which must stay. pool:
- * weight of a depth's neighbours, its own being 1; 0: none. */
+/* `camera` and `magnification` are copied but for the buffer and the arrays they refer to, which must stay. */
 hada_status hada_between_create(hada_between **out, hada_slot *slot, const hada_surface_camera *camera,
-                                const hada_magnification *magnification, double pool, hada_error *err);
+                                const hada_magnification *magnification, hada_error *err);
 void hada_between_destroy(hada_between **between);
 
 /* Bytes of device memory that it holds: known before creating it. */
-size_t hada_between_bytes(const hada_context *context, const hada_surface_camera *camera, double pool);
+size_t hada_between_bytes(const hada_context *context, const hada_surface_camera *camera);
 
 /* The transfer functions of `count` depths, 0 <= depth <= depths - 1: [count][channel][to->count] complex, from
  * `first` images of to->count on. to: the layout of a coarser grid, whose Nyquist row and column are 0; NULL: the

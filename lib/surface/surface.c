@@ -103,7 +103,7 @@ static size_t plane_bytes(const hada_surface_camera *camera, const hada_spectrum
 size_t hada_surface_making_bytes(const hada_context *context, const hada_surface_camera *camera)
 {
     const hada_spectrum_layout layout = hada_surface_layout(context, camera->rows, camera->cols);
-    return hada_between_bytes(context, camera, 0.0) + plane_bytes(camera, &layout);
+    return hada_between_bytes(context, camera) + plane_bytes(camera, &layout);
 }
 
 static hada_status make_arrays(hada_surface *s, const sizes *n, hada_error *err)
@@ -134,7 +134,7 @@ static hada_status make_levels(hada_surface *s, const hada_surface_plan *plans, 
     hada_between *between = NULL;
     hada_buffer plane = {0};
     hada_status status = HADA_OK;
-    HADA_TRY(hada_between_create(&between, s->slot, &s->camera, magnification, 0.0, err));
+    HADA_TRY(hada_between_create(&between, s->slot, &s->camera, magnification, err));
     HADA_TRY(hada_buffer_create(&plane, s->slot->context, plane_bytes(&s->camera, &s->layout), what, err));
     for (int l = 0; l < s->levels; l++)
         HADA_TRY(hada_surface_level_make(&s->level[l], s->slot, &plans[l], between, &plane, err));

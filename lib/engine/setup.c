@@ -39,11 +39,13 @@ done:
 /* The listed depths as indices into the model; to be freed. */
 static hada_status list_depths(const hada_setup *setup, int **list, int *count, hada_error *err)
 {
+    hada_status status = HADA_OK;
     *count = 0;
-    hada_status status = hada_alloc((void **)list, (size_t)setup->config.depths, sizeof **list, "a plan", err);
-    for (int z = 0; !status && z < setup->config.depths; z++)
+    HADA_TRY(hada_alloc((void **)list, (size_t)setup->config.depths, sizeof **list, "a plan", err));
+    for (int z = 0; z < setup->config.depths; z++)
         if (setup->listed[z])
             (*list)[(*count)++] = setup->depths[z];
+done:
     return status;
 }
 

@@ -32,13 +32,14 @@ static hada_status make_settings(hada_leave_one_out *scores, const hada_fit_opti
     const hada_fit_setting *list = fixed_alpha ? (fixed_lambda ? one : lambdas) : fixed_lambda ? alphas : several;
     scores->distinct = (int)(list == one ? 1 : list == alphas ? HADA_COUNT(alphas) : HADA_COUNT(several));
     scores->setting_count = (int)hada_round_up((size_t)scores->distinct, HADA_FIT_TRIALS);
-    hada_status status =
-        hada_alloc((void **)&scores->settings, (size_t)scores->setting_count, sizeof *list, "settings", err);
-    for (int i = 0; !status && i < scores->setting_count; i++) {
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&scores->settings, (size_t)scores->setting_count, sizeof *list, "settings", err));
+    for (int i = 0; i < scores->setting_count; i++) {
         const hada_fit_setting *from = &list[i < scores->distinct ? i : scores->distinct - 1];
         scores->settings[i].alpha = fixed_alpha ? fmax(options->alpha, 0.0) : from->alpha;
         scores->settings[i].lambda = fixed_lambda ? options->lambda : from->lambda;
     }
+done:
     return status;
 }
 

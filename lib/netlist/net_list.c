@@ -250,10 +250,11 @@ static hada_status make_table(hada_net *net, hada_error *err)
     if (count > MOST_PARAMETERS)
         return hada_fail(err, HADA_ERROR_MODEL, "the net has %zu tensors of parameters; at most %d are offered", count,
                          MOST_PARAMETERS);
-    const hada_status status =
-        hada_alloc((void **)&net->parameters, count, sizeof *net->parameters, "the table of parameters", err);
-    for (int i = 0; !status && i < net->count; i++)
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&net->parameters, count, sizeof *net->parameters, "the table of parameters", err));
+    for (int i = 0; i < net->count; i++)
         add_parameters(net, i);
+done:
     return status;
 }
 

@@ -115,7 +115,7 @@ static hada_status read_lines(hada_tuning *tuning, const char *text, hada_error 
 {
     char line[HADA_TUNING_LINE], shown[HADA_TUNING_LINE];
     hada_status status = HADA_OK;
-    for (int n = 1; !status && *text; n++) {
+    for (int n = 1; *text; n++) {
         const char *wrong = NULL;
         const size_t length = strcspn(text, "\n"), first = strspn(text, " \t\r");
         hada_tuning_row row = {.line = n};
@@ -126,10 +126,11 @@ static hada_status read_lines(hada_tuning *tuning, const char *text, hada_error 
             continue;
         snprintf(shown, sizeof shown, "%.*s", (int)strcspn(line, "\r"), line);
         wrong = length >= sizeof line ? "is too long" : read_row(&row, line);
-        status = wrong ? hada_fail(err, HADA_ERROR_FILE_FORMAT, "%s, line %d %s: %s (docs/devices.md)", tuning->path, n,
+        HADA_TRY(wrong ? hada_fail(err, HADA_ERROR_FILE_FORMAT, "%s, line %d %s: %s (docs/devices.md)", tuning->path, n,
                                    wrong, shown)
-                       : add(tuning, &row, err);
+                       : add(tuning, &row, err));
     }
+done:
     return status;
 }
 

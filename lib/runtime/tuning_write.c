@@ -46,16 +46,17 @@ static hada_status put(hada_outfile *to, const char *text, hada_error *err)
 static hada_status copy_rest(const char *text, hada_outfile *to, const news *now, hada_error *err)
 {
     hada_status status = HADA_OK;
-    while (!status && *text) {
+    while (*text) {
         char head[HADA_TUNING_LINE];
         const size_t length = strcspn(text, "\n");
         snprintf(head, sizeof head, "%.*s", (int)(length < sizeof head ? length : sizeof head - 1), text);
         if (!superseded(head, now)) {
-            status = hada_outfile_write(to, text, length, err);
-            status = status ? status : put(to, "\n", err);
+            HADA_TRY(hada_outfile_write(to, text, length, err));
+            HADA_TRY(put(to, "\n", err));
         }
         text += length + (text[length] == '\n');
     }
+done:
     return status;
 }
 

@@ -59,12 +59,26 @@ done:
     return status;
 }
 
+/* Page t of a file, cut to the region; empty where there is no such page. */
+static hada_status read_page(hada_image *out, const char *path, int t, const hada_region *region, hada_error *err)
+{
+    hada_tiff_reader *reader = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_tiff_open(&reader, path, err));
+    if (t >= hada_tiff_get_info(reader)->frames)
+        goto done;
+    HADA_TRY(hada_tiff_read(reader, t, out, err));
+    HADA_TRY(hada_region_cut(region, out, err));
+done:
+    hada_tiff_close(&reader);
+    return status;
+}
+
 /* Page t of the image whose name has another tail, cut to the region; empty where there is no such file or page. */
 static hada_status read_beside(hada_image *out, const char *path, const char *tail, const char *other, int t,
                                const hada_region *region, hada_error *err)
 {
     const size_t stem = hada_stem_of(path), length = strlen(tail);
-    hada_tiff_reader *reader = NULL;
     char *beside = NULL;
     hada_status status = HADA_OK;
     *out = (hada_image){0};
@@ -73,15 +87,10 @@ static hada_status read_beside(hada_image *out, const char *path, const char *ta
     HADA_TRY(hada_path_format(&beside, err, "%.*s%s%s", (int)(stem - length), path, other, path + stem));
     if (!hada_path_is_file(beside))
         goto done;
-    status = hada_tiff_open(&reader, beside, err);
-    if (!status && t < hada_tiff_get_info(reader)->frames)
-        status = hada_tiff_read(reader, t, out, err);
-    if (!status && out->data)
-        status = hada_region_cut(region, out, err);
+    status = read_page(out, beside, t, region, err);
     if (status)
         hada_error_prefix_path(err, beside);
 done:
-    hada_tiff_close(&reader);
     free(beside);
     return status;
 }

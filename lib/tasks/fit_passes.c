@@ -11,9 +11,11 @@ typedef hada_status (*take_pair)(hada_fitter *fitter, int depth, const hada_imag
 static hada_status read_even(const hada_fit_source *from, int z, int i, hada_image *raw, hada_image *scene,
                              hada_error *err)
 {
-    const hada_status status = hada_dataset_read(from->data, z, i, raw, scene, err);
-    if (!status && from->survey)
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_dataset_read(from->data, z, i, raw, scene, err));
+    if (from->survey)
         hada_survey_even(from->survey, z, i, scene);
+done:
     return status;
 }
 

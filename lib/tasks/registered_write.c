@@ -126,8 +126,9 @@ static hada_status write_all(void *user, const char *folder, hada_error *err)
     const hada_dataset_info *info = hada_dataset_get_info(w->data);
     hada_status status = HADA_OK;
     w->progress = hada_progress_begin(w->task.monitor, "pairs", info->pairs);
-    for (int z = 0; !status && z < info->depths; z++)
-        status = write_depth(w, z, folder, err);
+    for (int z = 0; z < info->depths; z++)
+        HADA_TRY(write_depth(w, z, folder, err));
+done:
     hada_progress_end(&w->progress);
     return status;
 }

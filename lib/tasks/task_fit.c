@@ -128,11 +128,13 @@ static hada_status solve(learning *of, hada_model **out, hada_error *err)
 static hada_status merge(learning *of, int first, hada_error *err)
 {
     hada_status status = HADA_OK;
-    for (int i = first; !status && i < of->task.merge_count; i++) {
+    for (int i = first; i < of->task.merge_count; i++) {
         status = hada_fitter_load_sums(of->fitter, of->task.merge[i], err);
         if (status)
             hada_error_prefix_path(err, of->task.merge[i]);
+        HADA_TRY(status);
     }
+done:
     return status;
 }
 
@@ -231,10 +233,11 @@ done:
 
 static hada_status count_pairs(learning *of, int depths, hada_error *err)
 {
-    const hada_status status =
-        hada_alloc((void **)&of->report->pairs, (size_t)depths, sizeof *of->report->pairs, "a report", err);
-    for (int z = 0; !status && z < depths; z++)
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&of->report->pairs, (size_t)depths, sizeof *of->report->pairs, "a report", err));
+    for (int z = 0; z < depths; z++)
         of->report->pairs[z] = hada_fitter_pairs(of->fitter, z);
+done:
     return status;
 }
 

@@ -53,10 +53,10 @@ static hada_status pictures_load(pictures *all, const hada_dataset *data, int z,
     const int pairs = hada_dataset_get_info(data)->counts[z];
     const int count = pairs < HADA_REGISTER_PAIRS ? pairs : HADA_REGISTER_PAIRS;
     hada_status status = HADA_OK;
-    for (int i = 0; !status && i < count; i++) {
-        status = hada_dataset_read(data, z, (int)((long)i * pairs / count), &all->raws[i], &all->scenes[i], err);
-        all->count += !status;
-    }
+    for (all->count = 0; all->count < count; all->count++)
+        HADA_TRY(hada_dataset_read(data, z, (int)((long)all->count * pairs / count), &all->raws[all->count],
+                                   &all->scenes[all->count], err));
+done:
     return status;
 }
 

@@ -95,8 +95,10 @@ static hada_status make_simulator(hada_recipe *recipe, hada_error *err)
         if (err)
             err->status = status;
     }
-    if (!status && recipe->has_sensor && white > 0.0)
-        status = hada_simulator_white_exposure(recipe->simulator, white, &recipe->sensor.exposure, err);
+    HADA_TRY(status);
+    if (recipe->has_sensor && white > 0.0)
+        HADA_TRY(hada_simulator_white_exposure(recipe->simulator, white, &recipe->sensor.exposure, err));
+done:
     return status;
 }
 

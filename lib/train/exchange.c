@@ -87,11 +87,13 @@ static hada_status add_part(hada_workers *workers, int worker, void *user, hada_
 hada_status hada_exchange_gradients(hada_workers *workers, int group, double *squares, hada_error *err)
 {
     exchange what = {group, HADA_CONTENT_GRADIENT};
+    hada_status status = HADA_OK;
     if (workers->count == 1)
         return HADA_OK;
-    const hada_status status = with_open(workers, &what, add_part, err);
-    for (int w = 0; !status && w < workers->count; w++)
+    HADA_TRY(with_open(workers, &what, add_part, err));
+    for (int w = 0; w < workers->count; w++)
         *squares += workers->worker[w].squares;
+done:
     return status;
 }
 

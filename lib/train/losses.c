@@ -208,7 +208,7 @@ static hada_status keep_features(const terms_call *now, hada_error *err)
     hada_losses *losses = now->losses;
     const size_t bytes = feature_bytes(losses);
     hada_status status = HADA_OK;
-    for (int i = 0; !status && i < now->images->shape->at_once; i++) {
+    for (int i = 0; i < now->images->shape->at_once; i++) {
         const size_t scene = now->call->samples[i].scene_number;
         float *room = hada_features_room(&losses->kept, scene);
         if (!room)
@@ -217,7 +217,9 @@ static hada_status keep_features(const terms_call *now, hada_error *err)
                                   bytes, err);
         if (status)
             hada_features_drop(&losses->kept, scene);
+        HADA_TRY(status);
     }
+done:
     return status;
 }
 

@@ -45,12 +45,13 @@ static hada_status read_pair(hada_trainer *trainer, const held_pair *which, hada
                              hada_image *scene, hada_error *err)
 {
     hada_held_out *held = &trainer->held_out;
-    hada_status status;
+    hada_status status = HADA_OK;
     pthread_mutex_lock(&held->reading);
-    status = hada_pairs_read(&held->pairs, &trainer->info, which->depth, which->pair, raw, scene, err);
-    if (!status && which->variant)
-        status = hada_compose(composed, &held->pairs, &trainer->info, COMPOSED_SEED, which->depth, which->pair,
-                              which->variant, scene, err);
+    HADA_TRY(hada_pairs_read(&held->pairs, &trainer->info, which->depth, which->pair, raw, scene, err));
+    if (which->variant)
+        HADA_TRY(hada_compose(composed, &held->pairs, &trainer->info, COMPOSED_SEED, which->depth, which->pair,
+                              which->variant, scene, err));
+done:
     pthread_mutex_unlock(&held->reading);
     return status;
 }

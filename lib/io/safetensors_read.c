@@ -142,14 +142,15 @@ static hada_status read_meta(hada_tensors *tensors, hada_error *err)
     return HADA_OK;
 }
 
-static hada_status parse(hada_tensors *tensors, hada_error *err)
+/* The header's text, as JSON; *end: bytes of the file up to the data. */
+static hada_status read_header(hada_tensors *tensors, size_t *end, hada_error *err)
 {
     const unsigned char *bytes = tensors->data;
     hada_limits limits = {.size = sizeof limits};
-    hada_status status = hada_limits_get(&limits, err);
     uint64_t length = 0;
-    if (status)
-        return status;
+    json_error_t why;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_limits_get(&limits, err));
     for (int i = 7; i >= 0; i--)
         length = length << 8 | bytes[i];
     if (length > HEADER_LIMIT || length < 2 || bytes[8] != '{')
@@ -162,41 +163,43 @@ static hada_status parse(hada_tensors *tensors, hada_error *err)
         return hada_fail(err, HADA_ERROR_FILE_FORMAT,
                          "the safetensors header has %llu bytes, more than the limits allow (options.limits text=N)",
                          (unsigned long long)length);
-    json_error_t why;
     tensors->header = json_loadb((const char *)bytes + 8, (size_t)length, JSON_REJECT_DUPLICATES, &why);
     if (!json_is_object(tensors->header))
         return hada_fail(err, HADA_ERROR_FILE_FORMAT, "the safetensors header is damaged: %s at its byte %d", why.text,
                          why.position);
-    status = read_meta(tensors, err);
-    if (status)
-        return status;
-    void *list;
-    status =
-        hada_alloc(&list, json_object_size(tensors->header), sizeof(hada_stored_tensor), "the list of tensors", err);
-    if (status)
-        return status;
-    tensors->list = list;
-    status = hada_alloc(&list, json_object_size(tensors->header), sizeof *tensors->by_name, "the list of tensors", err);
-    if (status)
-        return status;
-    tensors->by_name = list;
-    const unsigned char *data = bytes + 8 + length;
-    uint64_t data_bytes = tensors->bytes - 8 - length;
+    *end = 8 + (size_t)length;
+done:
+    return status;
+}
+
+static hada_status list_tensors(hada_tensors *tensors, const unsigned char *data, uint64_t data_bytes, hada_error *err)
+{
+    static const char what[] = "the list of tensors";
+    const size_t most = json_object_size(tensors->header);
     const char *name;
     json_t *entry;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&tensors->list, most, sizeof *tensors->list, what, err));
+    HADA_TRY(hada_alloc((void **)&tensors->by_name, most, sizeof *tensors->by_name, what, err));
     json_object_foreach(tensors->header, name, entry)
     {
         if (!strcmp(name, "__metadata__"))
             continue;
-        status = read_entry(name, entry, data, data_bytes, &tensors->list[tensors->count], err);
-        if (status)
-            return status;
+        HADA_TRY(read_entry(name, entry, data, data_bytes, &tensors->list[tensors->count], err));
         tensors->count++;
     }
-    qsort(tensors->list, tensors->count, sizeof(hada_stored_tensor), by_place);
+    qsort(tensors->list, tensors->count, sizeof *tensors->list, by_place);
     for (size_t i = 0; i < tensors->count; i++)
         tensors->by_name[i] = &tensors->list[i];
     qsort(tensors->by_name, tensors->count, sizeof *tensors->by_name, by_name);
+done:
+    return status;
+}
+
+/* Whether the tensors fill the data, one behind the other. */
+static hada_status check_places(const hada_tensors *tensors, const unsigned char *data, uint64_t data_bytes,
+                                hada_error *err)
+{
     const unsigned char *expected = data;
     for (size_t i = 0; i < tensors->count; i++) {
         const unsigned char *at = tensors->list[i].data;
@@ -211,6 +214,18 @@ static hada_status parse(hada_tensors *tensors, hada_error *err)
                          "the safetensors file has %llu bytes after its last tensor; get the file again",
                          (unsigned long long)(data + data_bytes - expected));
     return HADA_OK;
+}
+
+static hada_status parse(hada_tensors *tensors, hada_error *err)
+{
+    size_t end = 0;
+    hada_status status = HADA_OK;
+    HADA_TRY(read_header(tensors, &end, err));
+    HADA_TRY(read_meta(tensors, err));
+    HADA_TRY(list_tensors(tensors, tensors->data + end, tensors->bytes - end, err));
+    HADA_TRY(check_places(tensors, tensors->data + end, tensors->bytes - end, err));
+done:
+    return status;
 }
 
 static hada_status read_file(hada_tensors *tensors, const char *path, hada_error *err)

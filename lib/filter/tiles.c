@@ -31,12 +31,6 @@ static int last_column(const hada_tiles *tiles, size_t tile)
     return last < tiles->layout.cols / 2 ? last : tiles->layout.cols / 2;
 }
 
-size_t hada_tiles_index(const hada_tiles *tiles, int ky, int kx)
-{
-    const int distance = ky < tiles->layout.rows - ky ? ky : tiles->layout.rows - ky;
-    return (size_t)smallest(tiles->row_last, distance) * (size_t)tiles->groups + (size_t)(kx / HADA_TILE_COLS);
-}
-
 int hada_tiles_inside(const hada_tiles *tiles, size_t tile, int band_rows, int band_cols)
 {
     const size_t strip = tile / (size_t)tiles->groups;

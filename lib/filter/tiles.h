@@ -24,9 +24,6 @@ static inline size_t hada_tiles_count(const hada_tiles *tiles)
     return (size_t)HADA_BANDS * (size_t)tiles->groups;
 }
 
-/* The tile of a frequency, 0 <= ky < rows. */
-size_t hada_tiles_index(const hada_tiles *tiles, int ky, int kx);
-
 /* Whether the tile lies wholly within a band. */
 int hada_tiles_inside(const hada_tiles *tiles, size_t tile, int band_rows, int band_cols);
 

@@ -11,6 +11,9 @@
 #include "core/error.h"
 #include "netlist/kinds.h"
 
+/* Of a side of an image, a kernel, a stride, at most: products of two do not overflow. */
+#define HADA_NET_MOST_PIXELS (1 << 20)
+
 enum { HADA_LAYER_INPUTS = 8, HADA_LAYER_NAME = 64 };
 
 typedef struct hada_layer {

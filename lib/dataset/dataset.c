@@ -52,12 +52,34 @@ const char *hada_dataset_scene_path(const hada_dataset *dataset, int depth, int 
     return dataset->depth[depth].pair[pair].scene;
 }
 
+int hada_dataset_has_files(const hada_dataset *dataset)
+{
+    return !dataset->read;
+}
+
+static hada_status read_callers(const hada_dataset *dataset, int depth, const hada_dataset_pair *pair, hada_image *raw,
+                                hada_image *scene, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    HADA_TRY(dataset->read(dataset->user, depth, pair->number, raw, scene, err));
+    if (!raw->data || !scene->data)
+        HADA_TRY(hada_fail(err, HADA_ERROR_DATASET, "no images were given for %s", pair->raw));
+done:
+    if (status) {
+        hada_image_destroy(raw);
+        hada_image_destroy(scene);
+    }
+    return status;
+}
+
 hada_status hada_dataset_read(const hada_dataset *dataset, int depth, int pair, hada_image *raw, hada_image *scene,
                               hada_error *err)
 {
     const hada_dataset_pair *files = &dataset->depth[depth].pair[pair];
     memset(raw, 0, sizeof *raw);
     memset(scene, 0, sizeof *scene);
+    if (dataset->read)
+        return read_callers(dataset, depth, files, raw, scene, err);
     hada_status status = hada_tiff_load(files->raw, 0, raw, err);
     if (status) {
         hada_error_prefix_path(err, files->raw);
@@ -111,6 +133,7 @@ static hada_status copy_depth(hada_dataset_depth *to, const hada_dataset_depth *
     HADA_TRY(hada_alloc((void **)&to->pair, (size_t)count, sizeof *to->pair, "a data set", err));
     for (; to->count < count; to->count++) {
         hada_dataset_pair *pair = &to->pair[to->count];
+        pair->number = from->pair[first + to->count].number;
         HADA_TRY(copy_name(&pair->raw, from->pair[first + to->count].raw, err));
         status = copy_name(&pair->scene, from->pair[first + to->count].scene, err);
         if (status)
@@ -130,6 +153,8 @@ static hada_status copy_part(hada_dataset **out, const hada_dataset *from, const
     hada_dataset *set = *out;
     HADA_TRY(hada_alloc((void **)&set->depth, (size_t)from->info.depths, sizeof *set->depth, "a data set", err));
     set->info.depths = from->info.depths;
+    set->read = from->read;
+    set->user = from->user;
     for (int z = 0; z < from->info.depths; z++) {
         const int learn = from->counts[z] - held[z];
         HADA_TRY(copy_depth(&set->depth[z], &from->depth[z], want_held ? learn : 0, want_held ? held[z] : learn, err));

@@ -9,6 +9,7 @@
 #include "core/input.h"
 #include "core/monitor.h"
 #include "core/options.h"
+#include "dataset/dataset.h"
 #include "io/folder.h"
 #include "io/text.h"
 #include "tasks/registered.h"
@@ -140,6 +141,9 @@ hada_status hada_register_write(const hada_register_report *report, const hada_d
     writing w = {.report = report, .data = data};
     hada_register_task_init(&w.task);
     HADA_TRY(HADA_OPTIONS_TAKE(&w.task, task, hada_register_task, err));
+    if (!hada_dataset_has_files(data))
+        HADA_TRY(hada_fail(err, HADA_ERROR_UNSUPPORTED,
+                           "only a data set of files can be written registered: apply the transforms to the scenes"));
     HADA_TRY(choose_window(&w, err));
     HADA_TRY(hada_folder_create(folder, write_all, &w, err));
     if (rows)

@@ -1,7 +1,6 @@
 /* A camera from a data set, or from saved sums. */
 #include <hadalens/camera.h>
 #include <hadalens/task_fit.h>
-#include <hadalens/tiff.h>
 #include <stdlib.h>
 
 #include "core/alloc.h"
@@ -59,18 +58,6 @@ void hada_fit_report_destroy(hada_fit_report **report)
     *report = NULL;
 }
 
-static hada_status measure(const char *path, hada_tiff_info *info, hada_error *err)
-{
-    hada_tiff_reader *reader = NULL;
-    const hada_status status = hada_tiff_open(&reader, path, err);
-    if (status)
-        hada_error_prefix_path(err, path);
-    else
-        *info = *hada_tiff_get_info(reader);
-    hada_tiff_close(&reader);
-    return status;
-}
-
 static hada_boundary choose_boundary(int given, const hada_dataset *data, const hada_monitor *monitor)
 {
     const char *path = hada_dataset_get_info(data)->camera;
@@ -91,11 +78,10 @@ hada_status hada_fit_options_from_dataset(hada_fit_options *fit, const hada_data
                                           const hada_monitor *monitor, hada_error *err)
 {
     const hada_dataset_info *info = hada_dataset_get_info(data);
-    hada_tiff_info raw, scene;
+    hada_image raw = {0}, scene = {0};
     hada_status status = HADA_OK;
     fit->boundary = choose_boundary(boundary, data, monitor);
-    HADA_TRY(measure(hada_dataset_raw_path(data, 0, 0), &raw, err));
-    HADA_TRY(measure(hada_dataset_scene_path(data, 0, 0), &scene, err));
+    HADA_TRY(hada_dataset_read(data, 0, 0, &raw, &scene, err));
     fit->depths = info->depths;
     fit->distances_mm = info->distances_mm;
     fit->channels = raw.channels;
@@ -112,6 +98,8 @@ hada_status hada_fit_options_from_dataset(hada_fit_options *fit, const hada_data
                            "one can be cut only from scenes as large as the frame (%dx%d)",
                            fit->window_rows, fit->window_cols, scene.rows, scene.cols, raw.rows, raw.cols));
 done:
+    hada_image_destroy(&raw);
+    hada_image_destroy(&scene);
     return status;
 }
 

@@ -244,6 +244,52 @@ static void dark_frames_are_means_over_pages(void **state)
 
 #define TEST(function) cmocka_unit_test_setup_teardown(function, begin, end)
 
+/* Pairs of the caller's: a raw frame of the depth's number, a scene of the pair's. */
+static hada_status read_callers(void *user, int depth, int pair, hada_image *raw, hada_image *scene, hada_error *err)
+{
+    hada_status status;
+    if (*(int *)user == pair)
+        return HADA_OK; /* forgets the images */
+    if ((status = hada_image_create(raw, 1, 4, 5, err)) || (status = hada_image_create(scene, 1, 2, 3, err)))
+        return status;
+    raw->data[0] = (float)depth;
+    scene->data[0] = (float)pair;
+    return HADA_OK;
+}
+
+static void callers_give_pairs(void **state)
+{
+    (void)state;
+    const double distances[] = {100.0, 250.5}, wrong[] = {250.5, 100.0};
+    const int counts[] = {3, 4}, none[] = {3, 0};
+    int forgotten = -1;
+    hada_dataset *data, *learn, *held;
+    hada_image raw, scene;
+    hada_error failure;
+    ASSERT_OK(hada_dataset_create(&data, 2, distances, counts, read_callers, &forgotten, err));
+    const hada_dataset_info *info = hada_dataset_get_info(data);
+    assert_int_equal(info->pairs, 7);
+    assert_int_equal(info->least_pairs, 3);
+    assert_true(info->distances_mm[1] == 250.5);
+    assert_string_equal(hada_dataset_scene_path(data, 1, 2), "z250.5mm/scene/2");
+    ASSERT_OK(hada_dataset_split(data, 1.0, &learn, &held, err));
+    ASSERT_OK(hada_dataset_read(held, 1, 0, &raw, &scene, err));
+    assert_true(raw.data[0] == 1.0f && scene.data[0] == 3.0f); /* the last one keeps its number */
+    hada_image_destroy(&raw);
+    hada_image_destroy(&scene);
+    forgotten = 2;
+    assert_int_equal(hada_dataset_read(learn, 1, 2, &raw, &scene, &failure), HADA_ERROR_DATASET);
+    assert_null(raw.data);
+    hada_dataset_destroy(&learn);
+    hada_dataset_destroy(&held);
+    hada_dataset_destroy(&data);
+
+    assert_int_equal(hada_dataset_create(&data, 2, wrong, counts, read_callers, NULL, &failure), HADA_ERROR_ARGUMENT);
+    assert_int_equal(hada_dataset_create(&data, 2, distances, none, read_callers, NULL, &failure), HADA_ERROR_DATASET);
+    assert_int_equal(hada_dataset_create(&data, 2, distances, counts, NULL, NULL, &failure), HADA_ERROR_ARGUMENT);
+    assert_null(data);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -253,6 +299,7 @@ int main(void)
         TEST(folders_that_are_none_are_refused),
         TEST(two_parts_have_every_pair_once),
         TEST(dark_frames_are_means_over_pages),
+        TEST(callers_give_pairs),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -9,7 +9,35 @@ from a few pairs of raw frame and known scene per distance.
     >>> result.stack, result.all_in_focus, result.distance_map
 """
 
+from . import metrics, optics, response
+from ._fit import FilterScore, FitReport, Fitter, OutsideScore, RefineScore, ResponseRow, find_boundary, fit
 from ._native import lib, text
+from ._register import (
+    RegisteredDepth,
+    Registration,
+    register,
+    register_dataset,
+    register_offset,
+    register_psf,
+)
+from ._simulate import (
+    Camera,
+    Sensor,
+    SimulateReport,
+    Simulator,
+    add_noise,
+    crop,
+    fit_scene,
+    part,
+    procedural_scene,
+    regions,
+    relief,
+    resize,
+    simulate,
+    window_origin,
+)
+from ._train import Augment, Step, Trainer, TrainState, Validation, train
+from .dataset import Dataset, load_dark
 from .device import Context, DeviceInfo, devices
 from .errors import (
     ArgumentError,
@@ -36,17 +64,35 @@ from .errors import (
     Status,
     UnsupportedError,
 )
+from .files import (
+    FileResult,
+    TiffInfo,
+    TiffReader,
+    limits,
+    pictures_available,
+    read_tiff,
+    reconstruct_files,
+    save_png,
+    save_preview,
+    set_limits,
+    write_tiff,
+)
+from .focus import FocusReport, focus_stack
 from .model import Model, ModelInfo
-from .plan import Classic, Job, Plan, Report, Result, SkipReport
+from .net import Net, NetInfo, NetRunner
+from .plan import Classic, Job, KernelTime, Plan, QueueInfo, Report, Result, SkipReport
 
 __version__ = text(lib.hada_version())
 
 __all__ = [
     "ArgumentError",
+    "Augment",
     "BuildError",
+    "Camera",
     "CancelledError",
     "Classic",
     "Context",
+    "Dataset",
     "DatasetError",
     "DeviceChoiceError",
     "DeviceError",
@@ -56,24 +102,78 @@ __all__ = [
     "FileFormatError",
     "FileOpenError",
     "FileReadError",
+    "FileResult",
     "FileWriteError",
+    "FilterScore",
+    "FitReport",
+    "Fitter",
+    "FocusReport",
     "HadalensError",
     "HostMemoryError",
     "Job",
+    "KernelTime",
     "Model",
     "ModelError",
     "ModelInfo",
+    "Net",
+    "NetInfo",
+    "NetRunner",
     "NoDeviceError",
     "NotFiniteError",
     "NumericError",
+    "OutsideScore",
     "Plan",
+    "QueueInfo",
+    "RefineScore",
+    "RegisteredDepth",
+    "Registration",
     "Report",
+    "ResponseRow",
     "Result",
     "SelfTestError",
+    "Sensor",
+    "SimulateReport",
+    "Simulator",
     "SizeError",
     "SkipReport",
     "StateError",
     "Status",
+    "Step",
+    "TiffInfo",
+    "TiffReader",
+    "TrainState",
+    "Trainer",
     "UnsupportedError",
+    "Validation",
+    "add_noise",
+    "crop",
     "devices",
+    "find_boundary",
+    "fit",
+    "fit_scene",
+    "focus_stack",
+    "limits",
+    "load_dark",
+    "metrics",
+    "optics",
+    "part",
+    "pictures_available",
+    "procedural_scene",
+    "read_tiff",
+    "reconstruct_files",
+    "regions",
+    "register",
+    "register_dataset",
+    "register_offset",
+    "register_psf",
+    "relief",
+    "resize",
+    "response",
+    "save_png",
+    "save_preview",
+    "set_limits",
+    "simulate",
+    "train",
+    "window_origin",
+    "write_tiff",
 ]

@@ -7,16 +7,18 @@ protocol.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from . import errors
-from ._native import ffi, lib
+from ._native import ffi, lib, tie
 
 Float32: TypeAlias = npt.NDArray[np.float32]
+#: Numbers, such as the distances of depths.
+Floats: TypeAlias = Sequence[float] | npt.NDArray[np.float64]
 
 _DLPACK_CPU = 1  # kDLCPU of dlpack.h
 _PIXELS = {"|u1": lib.HADA_PIXEL_U8, "<u2": lib.HADA_PIXEL_U16, "<f4": lib.HADA_PIXEL_F32}
@@ -78,7 +80,7 @@ class Pixels:
         if array.dtype.newbyteorder("<").str not in _PIXELS or not array.dtype.isnative or not array.flags.aligned:
             array = to_float(array, full_scale)
         self.array = array  # whose memory C reads
-        self.c = ffi.new("hada_pixels *")
+        self.c = tie(ffi.new("hada_pixels *"), array)
         lib.hada_pixels_init(self.c)
         self.c.data = ffi.cast("void *", address(array))
         self.c.type = _PIXELS[array.dtype.newbyteorder("<").str]
@@ -99,15 +101,11 @@ class Image:
     def __init__(self, *given: Any, what: str = "image", channel_axis: int | None = None) -> None:
         """Take images of (Y, X) or (C, Y, X)."""
         self.arrays = [to_float(planes_first(as_array(one, what), channel_axis, what)) for one in given]
-        self.c = ffi.new("hada_image[]", max(len(given), 1))
+        self.c = tie(ffi.new("hada_image[]", max(len(given), 1)), self.arrays)
         for index, array in enumerate(self.arrays):
             image = self.c[index]
             image.channels, image.rows, image.cols = array.shape
             image.data = ffi.cast("float *", address(array))
-
-    def __iter__(self) -> Iterator[Float32]:
-        """Iterate over the arrays."""
-        return iter(self.arrays)
 
 
 class NewImage:
@@ -121,6 +119,11 @@ class NewImage:
     def array(self, index: int = 0) -> Float32:
         """Return the pixels (C, Y, X), copied, and free C's."""
         return copy_of(self.c[index])
+
+    def plane(self, index: int = 0) -> Float32:
+        """Return the pixels (Y, X) of an image of one channel."""
+        image = self.array(index)
+        return image.reshape(image.shape[1:])
 
     def __del__(self) -> None:
         """Free what C made."""

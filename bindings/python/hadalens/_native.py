@@ -10,7 +10,7 @@ import logging
 import os
 import sys
 import weakref
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from types import TracebackType
 from typing import Any, Self, TypeVar
 
@@ -78,7 +78,7 @@ def text(pointer: Any) -> str:
 def error_of(record: Any) -> errors.HadalensError:
     """Return the exception that a filled hada_error stands for."""
     status = errors.Status(record.status)
-    message = text(record.message)
+    message = text(record.message) or status.name
     if status is errors.Status.NO_DEVICE:
         message = f"{message} {INSTALL}"
     return errors.BY_STATUS[status](message, code=int(record.cl_code), detail=text(record.detail))
@@ -89,9 +89,11 @@ def call(function: Callable[..., int], *arguments: Any) -> None:
 
     The GIL is free meanwhile, as in all calls through cffi.
     """
-    record = ffi.new("hada_error *")
-    if function(*arguments, record):
-        raise error_of(record)
+    failure = ffi.new("hada_error *")
+    status = function(*arguments, failure)
+    if status:
+        failure.status = status  # a callback that raised leaves the record empty
+        raise error_of(failure)
 
 
 def path(name: str | os.PathLike[str]) -> bytes:
@@ -108,7 +110,8 @@ def words(enumeration: str) -> Mapping[str, int]:
     members = {tuple(name.split("_")): value for name, value in ffi.typeof(enumeration).relements.items()}
     alike = (len(set(parts)) == 1 for parts in zip(*members, strict=False))
     common = sum(1 for _ in itertools.takewhile(bool, alike))
-    return {"_".join(parts[common:]).lower(): value for parts, value in members.items()}
+    named = {"_".join(parts[common:]).lower(): value for parts, value in members.items()}
+    return dict(sorted(named.items(), key=lambda one: one[1]))
 
 
 def word(enumeration: str, value: int) -> str:
@@ -127,6 +130,16 @@ def value_of(enumeration: str, name: str, what: str) -> int:
     return found
 
 
+# What C sees behind a pointer lives as long as the pointer, whoever still holds the Python object that made it.
+_ties: weakref.WeakKeyDictionary[Any, Any] = weakref.WeakKeyDictionary()
+
+
+def tie(pointer: Any, things: Any) -> Any:
+    """Keep things alive as long as a pointer that cffi owns; return the pointer."""
+    _ties[pointer] = things
+    return pointer
+
+
 # options and reports --------------------------------------------------------------------------------------------------
 
 
@@ -135,8 +148,8 @@ class Options:
 
     def __init__(self, struct: str, *arguments: Any, **given: Any) -> None:
         """Set the defaults by the struct's own init, then what is given and not None."""
-        self.c = ffi.new(f"{struct} *")
         self.kept: list[Any] = []
+        self.c = tie(ffi.new(f"{struct} *"), self.kept)
         getattr(lib, f"{struct}_init")(self.c, *arguments)
         self._fields = dict(ffi.typeof(struct).fields)
         self.set(**given)
@@ -351,6 +364,6 @@ def py_log_function(_user: Any, level: int, message: Any) -> None:
     log.log(_LOG_LEVELS.get(level, logging.DEBUG), "%s", text(message))
 
 
-def doubles(values: Sequence[float]) -> Any:
+def doubles(values: Iterable[float]) -> Any:
     """Return a C array of doubles."""
     return ffi.new("double[]", [float(value) for value in values])

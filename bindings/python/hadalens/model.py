@@ -4,15 +4,21 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, Self, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, Self, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
 
 from . import errors
-from ._arrays import Image
-from ._native import Handle, Options, Owner, call, doubles, lib, path, record, value_of
+from ._arrays import Float32, Floats, Image, address
+from ._native import Handle, Options, Owner, call, doubles, ffi, lib, path, record, value_of
 from .device import Context, default
+from .net import Net
+
+if TYPE_CHECKING:
+    from ._fit import FitReport
 
 Form: TypeAlias = Literal["complex", "split", "matched", "wiener"]
 Boundary: TypeAlias = Literal["circular", "padded"]
@@ -76,6 +82,9 @@ class Model(Handle):
 
     """
 
+    #: What the choices of the fit were made from; None for models that were loaded or made otherwise.
+    fit_report: FitReport | None = None
+
     def __init__(self) -> None:
         """Models come from load, from_psf, fit and Trainer."""
         raise TypeError("make a model by Model.load, Model.from_psf, hadalens.fit or a Trainer")
@@ -89,11 +98,10 @@ class Model(Handle):
         return model
 
     @classmethod
-    def _adopt(cls, pointer: Any) -> Self:
+    def _of(cls, owner: Owner) -> Self:
         """Take over a hada_model that C made."""
         model = cls.__new__(cls)
-        model._owner = Owner("hada_model", lib.hada_model_destroy)
-        model._owner.pointer[0] = pointer
+        model._owner = owner
         return model
 
     @classmethod
@@ -120,7 +128,7 @@ class Model(Handle):
     def from_psf(
         cls,
         psfs: Any,
-        distances_mm: Sequence[float],
+        distances_mm: Floats,
         *,
         context: Context | None = None,
         form: Literal["matched", "wiener"] = "wiener",
@@ -181,6 +189,166 @@ class Model(Handle):
             doubles(distances_mm),
             options.c,
         )
+
+    @classmethod
+    def from_filters(
+        cls,
+        filters: npt.ArrayLike,
+        distances_mm: Floats,
+        raw_size: tuple[int, int],
+        *,
+        otf: npt.ArrayLike | None = None,
+        window: tuple[int, int] | None = None,
+        form: Literal["complex", "split"] = "complex",
+        boundary: Boundary = "circular",
+        grid: tuple[int, int] | None = None,
+        dark: float | None = 0.0,
+    ) -> Self:
+        """Return a model made from filters that others have learned, such as the paper's authors.
+
+        Args:
+            filters: complex (Z, C, grid rows, grid columns // 2 + 1): W on the half spectrum, which multiplies the
+                frame's spectrum; of the form "split" Wr + i Wi.
+            distances_mm: of the depths, near to far.
+            raw_size: rows and columns of the raw frames.
+            otf: the transfer functions, of the same shape; refinement needs them.
+            window: rows and columns of the scene; None: the frame's.
+            form: how a filter acts on the spectrum.
+            boundary: "circular" or "padded".
+            grid: rows and columns of the grid of a padded model; None: as large as the library chooses.
+            dark: taken off the frames; None: estimated from each.
+
+        Raises:
+            SizeError: an array has not the shape that the sizes say.
+            NotFiniteError: filters hold NaN or infinite values.
+
+        Example:
+            >>> again = hadalens.Model.from_filters(
+            ...     model.filters, model.info.distances_mm, (300, 400), otf=model.otf, window=(120, 120))
+
+        """
+        values = np.ascontiguousarray(filters, np.complex64)
+        if values.ndim != 4:
+            raise errors.SizeError(f"filters have the shape {values.shape}: (Z, C, rows, columns // 2 + 1) is needed")
+        rows, cols = window or raw_size
+        sizes = Options(
+            "hada_fit_options",
+            depths=len(distances_mm),
+            channels=values.shape[1],
+            distances_mm=distances_mm,
+            raw_rows=raw_size[0],
+            raw_cols=raw_size[1],
+            window_rows=rows,
+            window_cols=cols,
+            form=form,
+            boundary=boundary,
+            grid_rows=None if grid is None else grid[0],
+            grid_cols=None if grid is None else grid[1],
+            dark=float(lib.HADA_AUTO) if dark is None else dark,
+        )
+        blank = cls._new(lib.hada_model_blank, sizes.c)
+        shape = blank._shape()
+        functions = None if otf is None else np.ascontiguousarray(otf, np.complex64)
+        for name, array in (("filters", values), ("otf", functions)):
+            if array is not None and array.shape != shape:
+                raise errors.SizeError(f"{name} have the shape {array.shape}, not {shape}")
+        pointers = [ffi.NULL if array is None else ffi.cast("float *", address(array)) for array in (values, functions)]
+        return cls._new(lib.hada_model_from_filters, sizes.c, *pointers)
+
+    @classmethod
+    def from_psf_file(
+        cls,
+        name: str | os.PathLike[str],
+        distances_mm: Floats | None = None,
+        *,
+        context: Context | None = None,
+        colour: bool = False,
+        half: bool = False,
+    ) -> Self:
+        """Return a model made from the pages of a TIFF file, near to far; options are those of :meth:`from_psf`.
+
+        Args:
+            name: the file.
+            distances_mm: of the pages; None: what the file says.
+            context: a device.
+            colour: a grey page serves red, green and blue alike.
+            half: filters in half precision.
+
+        """
+        task = Options(
+            "hada_psf_task",
+            distances_mm=distances_mm,
+            distances=None if distances_mm is None else len(distances_mm),
+            colour=colour,
+            half=half,
+        )
+        return cls._new(lib.hada_psf_run, default(context)._c, path(name), task.c)
+
+    def _shape(self) -> tuple[int, int, int, int]:
+        info = lib.hada_model_get_info(self._c)
+        return info.depths, info.channels, info.grid_rows, info.grid_cols // 2 + 1
+
+    def _array(self, pointer: Any, dtype: npt.DTypeLike) -> npt.NDArray[Any]:
+        """Return a view of the model's memory, which lives as long."""
+        shape = (*self._shape(), 2)
+        owner = self._own
+        held = ffi.gc(ffi.cast("char *", pointer), lambda _: owner)  # the buffer holds it, and it the model
+        count = int(np.prod(shape)) * np.dtype(dtype).itemsize
+        view = np.frombuffer(ffi.buffer(held, count), dtype).reshape(shape)
+        view.flags.writeable = False
+        return view
+
+    @property
+    def filters(self) -> npt.NDArray[np.complex64]:
+        """The filters W: complex64 (Z, C, grid rows, grid columns // 2 + 1), read-only; docs/model-file.md.
+
+        They multiply the half spectrum of the frame; of the form "split" real and imaginary parts are Wr and Wi.
+        """
+        pointer = lib.hada_model_get_filters(self._c)
+        if pointer != ffi.NULL:
+            return self._array(pointer, np.float32).view(np.complex64)[..., 0]
+        halves = self._array(lib.hada_model_get_half_filters(self._c), np.float16)
+        return halves.astype(np.float32).view(np.complex64)[..., 0]
+
+    @property
+    def otf(self) -> npt.NDArray[np.complex64] | None:
+        """The optical transfer functions H, as :attr:`filters`; None where the model has none."""
+        pointer = lib.hada_model_get_otf(self._c)
+        return None if pointer == ffi.NULL else self._array(pointer, np.float32).view(np.complex64)[..., 0]
+
+    @property
+    def psf(self) -> Float32 | None:
+        """The point spread functions that the transfer functions stand for: float32 (Z, C, grid rows, grid columns).
+
+        The optical axis is at (rows // 2, columns // 2). None where the model has no transfer functions.
+        """
+        otf = self.otf
+        if otf is None:
+            return None
+        rows, cols = self.info.grid_rows, self.info.grid_cols
+        spread = np.fft.irfft2(otf, s=(rows, cols))
+        return np.ascontiguousarray(np.roll(spread, (rows // 2, cols // 2), axis=(-2, -1)), np.float32)
+
+    @property
+    def enhance(self) -> Net | None:
+        """A copy of the net that enhances refocused planes; None where the model has none."""
+        net = lib.hada_model_get_enhance(self._c)
+        return None if net == ffi.NULL else Net._copy(net)
+
+    def with_enhance(self, net: Net | None, size: tuple[int, int] | None = None) -> Model:
+        """Return a copy with a net that enhances refocused planes, or without one.
+
+        Args:
+            net: it is copied; None: none.
+            size: rows and columns at which it runs; None: the window's.
+
+        Raises:
+            ModelError: the net's channels are not the model's.
+
+        """
+        rows, cols = size or (0, 0)
+        pointer = ffi.NULL if net is None else net._c
+        return Model._new(lib.hada_model_with_enhance, self._c, pointer, rows, cols)
 
     @property
     def info(self) -> ModelInfo:

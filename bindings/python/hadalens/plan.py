@@ -138,6 +138,30 @@ class Result:
     report: Report
 
 
+@dataclass(frozen=True)
+class QueueInfo:
+    """What a queue of a plan did: frames begun, batches of depths done, seconds busy; `lost`: it failed."""
+
+    device: int
+    frames: int
+    batches: int
+    busy_seconds: float
+    lost: bool
+
+
+@dataclass(frozen=True)
+class KernelTime:
+    """Time of a kernel, or of a kind of transfer, in a stage; bytes and flops are the least that the work needs."""
+
+    name: str
+    stage: str
+    transfer: bool
+    launches: int
+    seconds: float
+    bytes: float
+    flops: float
+
+
 def _skip_report(struct: Any) -> SkipReport:
     kinds = tuple(name for name, bit in words("hada_skip").items() if name != "all" and struct.kinds & bit)
     return record(SkipReport, struct[0], kinds=kinds)
@@ -334,29 +358,25 @@ class Plan(Handle):
         queues: int | None = None,
     ) -> None:
         """Make the plan: memory on the device is taken, kernels are compiled or loaded."""
-        options = Options(
-            "hada_plan_options",
+        options = plan_options(
             depths=depths,
-            depth_count=None if depths is None else len(depths),
+            occupied=occupied,
             scene=scene,
             refine=refine,
             refine_tv=refine_tv,
             refine_colour=refine_colour,
-            repair_not_finite=repair,
+            dark=dark,
+            repair=repair,
             enhance=enhance,
+            classic=classic,
             gamma=gamma,
             max_error=max_error,
+            skip=skip,
             band=band,
             half=half,
             batch=batch,
             queues=queues,
         )
-        _set_occupied(options, occupied)
-        _set_dark(options, dark)
-        if classic is not None:
-            options.set(classic=(classic if isinstance(classic, Classic) else Classic(classic))._options())
-        if skip is not None:
-            options.c.skip = sum({value_of("hada_skip", kind, "skip") for kind in skip})
         contexts = [default(context)] if context is None or isinstance(context, Context) else list(context)
         owner = Owner("hada_plan", lib.hada_plan_destroy, [one._own for one in contexts], model._own)
         array = ffi.new("hada_context *[]", [one._c for one in contexts])
@@ -472,6 +492,53 @@ class Plan(Handle):
             for job in jobs:
                 job.cancel()
 
+    @staticmethod
+    def estimate(model: Model, *, context: Context | None = None, **options: Any) -> tuple[int, int]:
+        """Return the bytes that a plan would need on the device, and that a run would add on the host.
+
+        `options` are those of a plan; nothing is allocated.
+        """
+        device, host = ffi.new("uint64_t *"), ffi.new("uint64_t *")
+        chosen = plan_options(**options)
+        call(lib.hada_plan_estimate, default(context)._c, model._c, chosen.c, device, host)
+        return int(device[0]), int(host[0])
+
+    @property
+    def memory(self) -> tuple[int, int]:
+        """Bytes of device memory that the plan holds, and that it would hold if buffers did not share room."""
+        held, apart = ffi.new("uint64_t *"), ffi.new("uint64_t *")
+        lib.hada_plan_memory(self._c, held, apart)
+        return int(held[0]), int(apart[0])
+
+    @property
+    def queues(self) -> list[QueueInfo]:
+        """What each queue did so far."""
+        count = lib.hada_plan_queues(self._c, ffi.NULL, 0)
+        rows = ffi.new("hada_queue_info[]", count)
+        lib.hada_plan_queues(self._c, rows, count)
+        return [record(QueueInfo, rows[i]) for i in range(count)]
+
+    def cl_queue(self, index: int = 0) -> int:
+        """Return the address of the cl_command_queue that a queue works on, 0 where it has none now."""
+        return int(ffi.cast("uintptr_t", lib.hada_plan_cl_queue(self._c, index)))
+
+    def profile(self, on: bool = True) -> None:
+        """Turn profiling on, from nothing, or off, which forgets; not while a frame runs."""
+        call(lib.hada_plan_profile, self._c, on)
+
+    def kernel_times(self) -> list[KernelTime]:
+        """Return where the time went since profiling was turned on.
+
+        Raises:
+            StateError: profiling is off.
+
+        """
+        rows, count = ffi.new("hada_kernel_time **"), ffi.new("size_t *")
+        call(lib.hada_plan_kernel_times, self._c, rows, count)
+        times = [record(KernelTime, rows[0][i]) for i in range(count[0])]
+        lib.hada_kernel_times_destroy(rows)
+        return times
+
     def __repr__(self) -> str:
         """Return the shape of the stacks."""
         return "Plan(closed)" if self._owner is None else f"<Plan of {self.model!r}: stacks of {self.stack_shape}>"
@@ -479,6 +546,33 @@ class Plan(Handle):
     def __reduce__(self) -> tuple[Any, ...]:
         """Plans stay in their process."""
         raise TypeError("a Plan cannot be pickled: pickle its model, and make a plan in each process")
+
+
+def plan_options(
+    *,
+    depths: Sequence[int] | None = None,
+    occupied: str | Sequence[int] = "auto",
+    repair: bool | None = None,
+    dark: Any = None,
+    classic: Classic | Method | None = None,
+    skip: Iterable[Skip] | None = None,
+    **others: Any,
+) -> Options:
+    """Return hada_plan_options of what a plan takes."""
+    options = Options(
+        "hada_plan_options",
+        depths=depths,
+        depth_count=None if depths is None else len(depths),
+        repair_not_finite=repair,
+        **others,
+    )
+    _set_occupied(options, occupied)
+    _set_dark(options, dark)
+    if classic is not None:
+        options.set(classic=(classic if isinstance(classic, Classic) else Classic(classic))._options())
+    if skip is not None:
+        options.c.skip = sum({value_of("hada_skip", kind, "skip") for kind in skip})
+    return options
 
 
 def _set_occupied(options: Options, occupied: str | Sequence[int]) -> None:

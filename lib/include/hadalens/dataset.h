@@ -40,6 +40,18 @@ typedef struct hada_dataset_info {
  * pair, two folders of one distance, and (see options) files without their partner. */
 HADA_API hada_status hada_dataset_scan(hada_dataset **out, const char *folder, const hada_dataset_options *options,
                                        hada_error *err);
+
+/* How a pair of a data set without files is read: fills two empty images by hada_image_create(), raw frame and scene.
+ * May be called from several threads, one at a time. */
+typedef hada_status (*hada_dataset_read_pair)(void *user, int depth, int pair, hada_image *raw, hada_image *scene,
+                                              hada_error *err);
+
+/* A data set whose pairs come from the caller: as a folder's for all that takes data sets, but hada_register_write().
+ * distances_mm: near to far, no two equal; counts: pairs of each depth, 1 or more; both are copied. `user` must be
+ * usable as long as the data set and those that are split from it. Names of pairs (hada_dataset_raw_path()) are those
+ * that files would have. */
+HADA_API hada_status hada_dataset_create(hada_dataset **out, int depths, const double *distances_mm, const int *counts,
+                                         hada_dataset_read_pair read, void *user, hada_error *err);
 HADA_API void hada_dataset_destroy(hada_dataset **dataset);
 HADA_API const hada_dataset_info *hada_dataset_get_info(const hada_dataset *dataset);
 

@@ -1,0 +1,194 @@
+"""How scenes stand on the sensor, found from pairs alone."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from . import errors
+from ._arrays import Float32, Image, NewImage
+from ._fit import monitored
+from ._native import Monitor, Options, Owner, Progress, call, ffi, lib, path, record
+from .dataset import Dataset
+
+
+@dataclass(frozen=True)
+class Registration:
+    """Where the pixels of a scene stand on the sensor's grid (hadalens/register.h has the formula).
+
+    Attributes:
+        mirrored: left and right exchanged; with two quarter turns: upside down.
+        quarter_turns: 0 to 3, counter-clockwise.
+        magnification: pixels of the sensor per pixel of the scene.
+        rotation_deg: the rest of the turn.
+        offset_row, offset_col: in pixels of the sensor.
+        explained: share of the frames' structure that this transform explains.
+        explained_otherwise: with the best one of another orientation.
+
+    """
+
+    mirrored: bool = False
+    quarter_turns: int = 0
+    magnification: float = 1.0
+    rotation_deg: float = 0.0
+    offset_row: float = 0.0
+    offset_col: float = 0.0
+    explained: float = 0.0
+    explained_otherwise: float = 0.0
+
+    def _options(self) -> Options:
+        return Options("hada_registration", **vars(self))
+
+    def apply(self, scene: Any, size: tuple[int, int] | None = None) -> Float32:
+        """Return a scene on the sensor's grid, (C, Y, X); zero where it has nothing.
+
+        Args:
+            scene: (Y, X) or (C, Y, X).
+            size: rows and columns about the same middle; None: what the scene fills.
+
+        """
+        given, made, options = Image(scene, what="scene"), NewImage(), self._options()
+        rows, cols = size or self.size(given.arrays[0].shape[1], given.arrays[0].shape[2])
+        call(lib.hada_register_apply, made.c, given.c, options.c, rows, cols)
+        return made.array()
+
+    def size(self, rows: int, cols: int) -> tuple[int, int]:
+        """Return the size that a scene of rows x cols has on the sensor."""
+        out = ffi.new("int[2]")
+        lib.hada_register_size(self._options().c, rows, cols, out, out + 1)
+        return out[0], out[1]
+
+
+def _search(magnification: tuple[float, float] | None, most_rotation_deg: float | None) -> Options:
+    least, most = magnification or (None, None)
+    return Options(
+        "hada_register_options",
+        least_magnification=least,
+        most_magnification=most,
+        most_rotation_deg=most_rotation_deg,
+    )
+
+
+def _images(raws: Any, scenes: Any) -> tuple[Image, Image]:
+    first, second = Image(*raws, what="raws"), Image(*scenes, what="scenes")
+    if len(first.arrays) != len(second.arrays):
+        raise errors.SizeError(f"{len(first.arrays)} frames and {len(second.arrays)} scenes")
+    return first, second
+
+
+def register(
+    raws: Sequence[Any],
+    scenes: Sequence[Any],
+    *,
+    magnification: tuple[float, float] | None = None,
+    most_rotation_deg: float | None = None,
+) -> Registration:
+    """Find how the scenes of one depth stand on the sensor, from two pairs or more.
+
+    Args:
+        raws: frames of one size, (Y, X) or (C, Y, X).
+        scenes: of one size.
+        magnification: least and most that are searched; None: chosen.
+        most_rotation_deg: to either side of the quarter turns; None: 15.
+
+    Raises:
+        DatasetError: the pairs cannot tell.
+
+    Example:
+        >>> found = hadalens.register(raws, scenes)
+        >>> registered = [found.apply(scene) for scene in scenes]
+
+    """
+    frames, shown = _images(raws, scenes)
+    out = ffi.new("hada_registration *", {"size": ffi.sizeof("hada_registration")})
+    search = _search(magnification, most_rotation_deg)
+    call(lib.hada_register_pairs, out, frames.c, shown.c, len(frames.arrays), search.c)
+    return record(Registration, out[0])
+
+
+def register_psf(raws: Sequence[Any], scenes: Sequence[Any], registration: Registration) -> tuple[Float32, float]:
+    """Return the point spread function (Y, X) that explains the pairs, and its pitch in pixels of the sensor."""
+    frames, shown = _images(raws, scenes)
+    made, pitch = NewImage(), ffi.new("double *")
+    call(lib.hada_register_psf, made.c, pitch, frames.c, shown.c, len(frames.arrays), registration._options().c)
+    return made.plane(), pitch[0]
+
+
+def register_offset(psf: Any, other: Any, pitch: float) -> tuple[float, float, float, float]:
+    """Return scale, row and column shift (pixels of the sensor) between the PSFs of two depths, and their likeness."""
+    images, out = Image(psf, other, what="psf"), ffi.new("double[4]")
+    call(lib.hada_register_offset, images.c, images.c + 1, pitch, out, out + 1, out + 2, out + 3)
+    return out[0], out[1], out[2], out[3]
+
+
+@dataclass(frozen=True)
+class RegisteredDepth:
+    """What was found for a depth of a folder, and what of it is applied (hadalens/task_register.h)."""
+
+    found: Registration
+    applied: Registration
+    pairs: int
+    scene_rows: int
+    scene_cols: int
+    displacement: float
+    likeness: float
+    offset_unknown: bool
+    rough: bool
+    other_orientation: bool
+    stands_right: bool
+
+
+def register_dataset(
+    data: Dataset,
+    output: str | os.PathLike[str] | None = None,
+    *,
+    keep_offsets: bool = False,
+    window: tuple[int, int] | None = None,
+    magnification: tuple[float, float] | None = None,
+    most_rotation_deg: float | None = None,
+    progress: Progress | bool | None = None,
+) -> list[RegisteredDepth]:
+    """Find how the scenes of each depth of a data set stand, as ``hadalens register`` does.
+
+    Args:
+        data: the pairs.
+        output: a folder for a data set with registered scenes, for pairs that are files; None: nothing is written.
+        keep_offsets: shifts between the depths are left as they are.
+        window: rows and columns of the registered scenes; None: what they fill.
+        magnification, most_rotation_deg: as of :func:`register`.
+        progress: a function, or True for tqdm's bars.
+
+    Example:
+        >>> data = hadalens.Dataset.scan("captures")
+        >>> hadalens.register_dataset(data, "registered")
+        >>> model = hadalens.fit("registered")
+
+    """
+    monitor = Monitor(progress)
+    rows, cols = window or (None, None)
+    task = Options(
+        "hada_register_task",
+        search=_search(magnification, most_rotation_deg),
+        keep_offsets=keep_offsets,
+        window_rows=rows,
+        window_cols=cols,
+        monitor=monitor.options,
+    )
+    report = Owner("hada_register_report", lib.hada_register_report_destroy)
+    monitored(monitor, data, lib.hada_register_run, report.pointer, data._c, task.c)
+    if output is not None:
+        arguments = (report.c, data._c, path(Path(output)), task.c, ffi.NULL, ffi.NULL)
+        monitored(monitor, data, lib.hada_register_write, *arguments)
+    found = [lib.hada_register_report_depth(report.c, z)[0] for z in range(len(data.distances_mm))]
+    return [
+        record(
+            RegisteredDepth,
+            one,
+            found=record(Registration, one.found[0]),
+            applied=record(Registration, one.applied[0]),
+        )
+        for one in found
+    ]

@@ -1,0 +1,351 @@
+"""Files: TIFF with all it says, frames to results in folders as the command does it, pictures to look at."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from . import errors
+from . import response as responses
+from ._arrays import Float32, Floats, Image, NewImage, as_array
+from ._native import Handle, Monitor, Options, Owner, Progress, call, ffi, keep_error, lib, path, record, text
+from .plan import Plan, Result
+
+
+@dataclass(frozen=True)
+class TiffInfo:
+    """What a TIFF file holds.
+
+    Attributes:
+        frames: images to read, (C, Y, X) each.
+        channels, rows, cols: of the first.
+        bits: per sample.
+        scale: what stored numbers were divided by: 255, 65535, ..., 1 for floats.
+        slices, times: of a hyperstack.
+        pixel_width_um, pixel_height_um, slice_spacing: micrometres, 0 where the file does not say.
+        distances_mm: of the slices, where the file says them.
+        encoding: how values stand for light, as :mod:`hadalens.response` has it; 0 where the file does not say.
+        description: the text of ImageDescription.
+
+    """
+
+    frames: int
+    channels: int
+    rows: int
+    cols: int
+    bits: int
+    is_float: bool
+    is_signed: bool
+    scale: float
+    slices: int
+    times: int
+    pixel_width_um: float
+    pixel_height_um: float
+    slice_spacing: float
+    distances_mm: tuple[float, ...]
+    encoding: float
+    description: str
+
+
+class TiffReader(Handle):
+    """Reads a TIFF file frame by frame: memory does not grow with their number.
+
+    Example:
+        >>> with hadalens.TiffReader("sequence.tif") as file:
+        ...     results = list(plan.map(file))
+
+    """
+
+    def __init__(self, name: str | os.PathLike[str]) -> None:
+        """Open the file.
+
+        Raises:
+            FileOpenError, FileReadError, FileFormatError: missing, damaged, or no TIFF that can be read.
+
+        """
+        owner = Owner("hada_tiff_reader", lib.hada_tiff_close)
+        call(lib.hada_tiff_open, owner.pointer, path(name))
+        self._owner = owner
+
+    @property
+    def info(self) -> TiffInfo:
+        """What the file holds."""
+        room = ffi.new("double[]", max(lib.hada_tiff_distances(self._c, ffi.NULL, 0), 1))
+        count = lib.hada_tiff_distances(self._c, room, len(room))
+        return record(
+            TiffInfo,
+            lib.hada_tiff_get_info(self._c)[0],
+            distances_mm=tuple(room[0:count]),
+            encoding=lib.hada_tiff_encoding(self._c),
+            description=text(lib.hada_tiff_description(self._c)),
+        )
+
+    def read(self, index: int) -> Float32:
+        """Return frame `index`: float32 (C, Y, X), integers divided by full scale."""
+        image = NewImage()
+        call(lib.hada_tiff_read, self._c, index, image.c)
+        return image.array()
+
+    def __len__(self) -> int:
+        """Return the number of frames."""
+        return int(lib.hada_tiff_get_info(self._c).frames)
+
+    def __iter__(self) -> Iterator[Float32]:
+        """Iterate over the frames."""
+        for index in range(len(self)):
+            yield self.read(index)
+
+
+def read_tiff(name: str | os.PathLike[str], index: int | None = None) -> Float32:
+    """Return the frames of a TIFF file: float32 (N, C, Y, X), integers divided by full scale.
+
+    Args:
+        name: the file.
+        index: of one frame, which is returned as (C, Y, X); None: all, of one size.
+
+    Raises:
+        FileOpenError, FileReadError, FileFormatError: missing, damaged, or no TIFF that can be read.
+
+    Example:
+        >>> raw = hadalens.read_tiff("frame.tif", 0)
+
+    """
+    if index is not None:
+        image = NewImage()
+        call(lib.hada_tiff_load, path(name), index, image.c)
+        return image.array()
+    with TiffReader(name) as reader:
+        return np.stack(list(reader))
+
+
+def write_tiff(
+    name: str | os.PathLike[str],
+    frames: Any,
+    *,
+    bits: Literal[8, 16, 32] = 32,
+    hyperstack: bool = False,
+    distances_mm: Floats | None = None,
+    pixel_um: float | None = None,
+    scale: float = 1.0,
+    description: str | None = None,
+    compress: bool = False,
+    encoding: float | str | None = None,
+) -> Path:
+    """Write frames into a TIFF file with the metadata that the library reads again; whole or not at all.
+
+    Args:
+        name: the file.
+        frames: (Y, X), (C, Y, X), or (N, C, Y, X).
+        bits: 32 (float), or 16 and 8 (integers, clipped).
+        hyperstack: as ImageJ has it, frames being slices; with distances it is one anyway.
+        distances_mm: of the frames, near to far.
+        pixel_um: size of a pixel.
+        scale: the value that becomes full scale in 8 and 16 bits.
+        description: further lines for the metadata, "key=value".
+        compress: deflate.
+        encoding: how the values stand for light ("linear", "srgb", a power), stated in the metadata.
+
+    Returns:
+        The path.
+
+    Example:
+        >>> hadalens.write_tiff("stack.tif", result.stack, distances_mm=result.distances_mm)
+
+    """
+    array = as_array(frames, "frames")
+    several = array if array.ndim == 4 else array[np.newaxis]
+    images = Image(*several, what="frames")
+    if distances_mm is not None and len(distances_mm) != len(images.arrays):
+        raise errors.SizeError(f"{len(distances_mm)} distances for {len(images.arrays)} frames")
+    options = Options(
+        "hada_tiff_write_options",
+        bits=bits,
+        layout="hyperstack" if hyperstack or distances_mm is not None else "pages",
+        slices=len(images.arrays),
+        times=1,
+        distances_mm=distances_mm,
+        pixel_um=pixel_um,
+        scale=scale,
+        description=description,
+        compress=compress,
+        encoding=None if encoding is None else responses.number(encoding),
+    )
+    writer = ffi.new("hada_tiff_writer **")
+    call(lib.hada_tiff_create, writer, path(name), *images.arrays[0].shape, options.c)
+    try:
+        for index in range(len(images.arrays)):
+            call(lib.hada_tiff_write, writer[0], images.c + index)
+        call(lib.hada_tiff_finish, writer)
+    finally:
+        lib.hada_tiff_abandon(writer)  # nothing where it is finished
+    return Path(name)
+
+
+@dataclass(frozen=True)
+class FileResult:
+    """What became of a file of frames.
+
+    Attributes:
+        path: of the frames.
+        frames: how many it had.
+        outputs: files that were written; empty where it failed.
+        error: why, where it failed.
+
+    """
+
+    path: Path
+    frames: int
+    outputs: tuple[Path, ...]
+    error: errors.HadalensError | None
+
+
+class _FilesMonitor(Monitor):
+    def __init__(self, progress: Progress | bool | None, tell: Callable[[str, int], None] | None) -> None:
+        super().__init__(progress)
+        self.tell = tell
+        self.results: list[FileResult] = []
+
+
+@ffi.def_extern(onerror=keep_error)  # type: ignore[untyped-decorator]
+def py_files_task_tell(user: Any, state: Any) -> None:
+    """Take down what became of a file."""
+    from ._native import error_of
+
+    monitor = ffi.from_handle(user)
+    name = Path(text(state.path))
+    if state.event == lib.HADA_FILES_FRAME and monitor.tell is not None:
+        monitor.tell(str(name), state.frame)
+    elif state.event == lib.HADA_FILES_DONE:
+        places = [text(one) for one in (*state.outputs, state.confidence)]
+        monitor.results.append(FileResult(name, state.frames, tuple(Path(one) for one in places if one), None))
+    elif state.event == lib.HADA_FILES_FAILED:
+        monitor.results.append(FileResult(name, state.frames, (), error_of(state.error[0])))
+
+
+def reconstruct_files(
+    plan: Plan,
+    files: Sequence[str | os.PathLike[str]],
+    output: str | os.PathLike[str],
+    *,
+    preview: bool = True,
+    bits: Literal[8, 16, 32] = 32,
+    white: float = 1.0,
+    encoding: float | str | None = None,
+    tell: Callable[[str, int], None] | None = None,
+    progress: Progress | bool | None = None,
+) -> list[FileResult]:
+    """Reconstruct files of frames into a folder, as ``hadalens reconstruct`` does.
+
+    For each NAME.tif: NAME_stack.tif, NAME_aif.tif, NAME_depth.tif, NAME_preview.png, and of surfaces
+    NAME_confidence.tif. A file that cannot be done does not stop the others.
+
+    Args:
+        plan: of the model.
+        files: TIFF files of one frame or a sequence.
+        output: the folder, made where it is missing.
+        preview: a picture to look at.
+        bits: of stack and all-in-focus image.
+        white: value that becomes full scale in 8 and 16 bits.
+        encoding: how these stand for light; None: as the scenes of the model did.
+        tell: called with path and frame number as frames are done.
+        progress: a function, or True for tqdm's bars.
+
+    Example:
+        >>> for done in hadalens.reconstruct_files(plan, glob.glob("raw/*.tif"), "pictures"):
+        ...     print(done.path, done.error or done.outputs)
+
+    """
+    monitor = _FilesMonitor(progress, tell)
+    task = Options(
+        "hada_files_task",
+        output=output,
+        preview=preview,
+        bits=bits,
+        white=white,
+        encoding=None if encoding is None else responses.number(encoding),
+        tell=lib.py_files_task_tell,
+        user=monitor.user,
+        monitor=monitor.options,
+    )
+    names = [ffi.new("char[]", path(name)) for name in files]
+    array = ffi.new("char *[]", names)
+    monitor.run(lib.hada_reconstruct_files, plan._c, plan.model._c, array, len(names), task.c, ffi.NULL)
+    return monitor.results
+
+
+def pictures_available() -> bool:
+    """Return whether previews can be drawn (cairo is there)."""
+    return bool(lib.hada_pictures_available())
+
+
+def save_preview(
+    name: str | os.PathLike[str],
+    result: Result,
+    *,
+    raw: Any = None,
+    title: str | None = None,
+    gamma: float | None = None,
+) -> Path:
+    """Draw a sheet (PNG) of a result: all-in-focus image, distance map with its scale, and the stack.
+
+    Raises:
+        UnsupportedError: there is no cairo.
+
+    """
+    images = Image(*result.stack, what="stack")
+    others = Image(result.all_in_focus, result.distance_map, what="result")
+    frame = None if raw is None else Image(raw, what="raw")
+    options = Options(
+        "hada_preview",
+        title=title,
+        raw=None if frame is None else frame.c,
+        planes=images.c,
+        depths=len(images.arrays),
+        distances_mm=result.distances_mm,
+        occupied=result.report.occupied,
+        all_in_focus=others.c,
+        distance_map=others.c + 1,
+        gamma=gamma,
+    )
+    call(lib.hada_preview_save, path(name), options.c)
+    return Path(name)
+
+
+def save_png(
+    name: str | os.PathLike[str], image: Any, *, white: float | None = None, gamma: float | None = None
+) -> Path:
+    """Draw an image (Y, X) or (C, Y, X) of linear light as PNG.
+
+    Args:
+        name: the file.
+        image: the image.
+        white: the value that is white; None: the 99.9th percentile.
+        gamma: exponent; None: as sRGB.
+
+    """
+    auto = float(lib.HADA_AUTO)
+    chosen = [auto if value is None else value for value in (white, gamma)]
+    call(lib.hada_png_save, path(name), Image(image).c, *chosen)
+    return Path(name)
+
+
+def set_limits(limits: str | None) -> None:
+    """Set the budgets for files from elsewhere, such as "pixels=4G,pages=1M"; None: back to the environment's."""
+    if limits is None:
+        call(lib.hada_limits_set, ffi.NULL)
+        return
+    options = Options("hada_limits")
+    call(lib.hada_limits_parse, options.c, limits.encode())
+    call(lib.hada_limits_set, options.c)
+
+
+def limits() -> dict[str, int]:
+    """Return the budgets in force: numbers of a page, pages, bytes of a text, parameters of a net."""
+    options = Options("hada_limits")
+    call(lib.hada_limits_get, options.c)
+    return {name: int(getattr(options.c, name)) for name in ("pixels", "pages", "text", "parameters")}

@@ -1,0 +1,182 @@
+"""What goes in and comes out: dtypes, strides, protocols, arrays to fill."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import hadalens
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hadalens._arrays import Pixels, address, to_float
+from hadalens._native import call, ffi, lib
+
+Array = npt.NDArray[Any]
+
+
+@pytest.fixture(scope="module")
+def linear(model: hadalens.Model) -> hadalens.Plan:
+    """Return a plan that is quick."""
+    return hadalens.Plan(model, refine=0)
+
+
+@pytest.fixture(scope="module")
+def integers(raw: Array) -> Array:
+    """Return a frame of 16 bits."""
+    levels: Array = np.clip(raw / raw.max(), 0, 1) * 65535
+    return levels.astype(np.uint16)
+
+
+@pytest.mark.parametrize("dtype", ["u1", "i1", "u2", "i2", "u4", "i4", ">u2", "<u4", "f8", ">f4"])
+def test_dtypes_are_as_tiff_has_them(dtype: str, integers: Array, tmp_path: Path) -> None:
+    """Integers are divided by their full scale: the bits are those of the C library's TIFF reader."""
+    tifffile = pytest.importorskip("tifffile")
+    kind = np.dtype(dtype)
+    if kind.kind == "f":
+        values = (integers / 65535.0).astype(kind)
+    else:
+        span = np.iinfo(kind).max
+        values = (integers.astype(np.float64) / 65535 * span).astype(kind)
+    tifffile.imwrite(tmp_path / "a.tif", values, photometric="minisblack")
+    read = hadalens.read_tiff(tmp_path / "a.tif")
+    np.testing.assert_array_equal(to_float(values), read.reshape(values.shape))
+
+
+@pytest.mark.parametrize("dtype", ["u1", "u2", "i2", "u4", "f4", "f8"])
+def test_frames_of_every_dtype_give_the_same(dtype: str, linear: hadalens.Plan, integers: Array) -> None:
+    """A frame as integers gives the bits of the same frame as floats."""
+    kind = np.dtype(dtype)
+    values = integers / 65535.0 if kind.kind == "f" else integers / 65535.0 * np.iinfo(kind).max
+    frame = values.astype(kind)
+    np.testing.assert_array_equal(linear.run(frame).stack, linear.run(to_float(frame)).stack)
+
+
+def test_pixels_are_the_librarys(integers: Array) -> None:
+    """C converts these pixels to the same floats as to_float does."""
+    pixels, image = Pixels(integers, None, None), ffi.new("hada_image *")
+    call(lib.hada_pixels_to_image, pixels.c, image)
+    count = integers.size
+    mine = np.frombuffer(ffi.buffer(image.data, 4 * count), np.float32).reshape(integers.shape).copy()
+    lib.hada_image_destroy(image)
+    np.testing.assert_array_equal(mine, to_float(integers))
+
+
+@pytest.mark.parametrize("wrong", ["c8", "f2", "?", "i8", "u8", "O", "U3", "M8[s]"])
+def test_other_dtypes_are_type_errors(wrong: str, linear: hadalens.Plan, raw: Array) -> None:
+    """Nothing is guessed."""
+    with pytest.raises(TypeError, match="float32"):
+        linear.run(np.zeros(raw.shape, wrong))
+
+
+@pytest.mark.parametrize("wrong", [[[1.0]], 3, None, "frame.tif"])
+def test_what_is_no_array_is_a_type_error(wrong: Any, linear: hadalens.Plan) -> None:
+    """Lists would have to be guessed as well."""
+    with pytest.raises(TypeError, match="array"):
+        linear.run(wrong)
+
+
+def test_float32_is_shared(raw: Array) -> None:
+    """C reads where the array stands, whatever its strides."""
+    for view in (raw, raw[:, ::-1], raw[:, :, ::2], np.moveaxis(raw, 0, -1).copy()):
+        axis = -1 if view.shape[-1] == 3 else None
+        pixels = Pixels(view, axis, None)
+        assert int(ffi.cast("uintptr_t", pixels.c.data)) == address(view)
+
+
+def test_strides_and_channel_axis(linear: hadalens.Plan, raw: Array) -> None:
+    """Views give what their copies give."""
+    expected = linear.run(raw).stack
+    interleaved = np.ascontiguousarray(np.moveaxis(raw, 0, -1))
+    wide = np.repeat(raw, 2, axis=2)
+    readonly = raw.copy()
+    readonly.flags.writeable = False
+    np.testing.assert_array_equal(linear.run(interleaved, channel_axis=-1).stack, expected)
+    np.testing.assert_array_equal(linear.run(np.moveaxis(raw, 0, 1), channel_axis=1).stack, expected)
+    np.testing.assert_array_equal(linear.run(wide[:, :, ::2]).stack, expected)
+    np.testing.assert_array_equal(linear.run(raw[:, ::-1][:, ::-1]).stack, expected)
+    np.testing.assert_array_equal(linear.run(readonly).stack, expected)
+
+
+def test_full_scale(linear: hadalens.Plan, integers: Array) -> None:
+    """A camera of 12 bits in uint16."""
+    twelve = integers >> 4
+    expected = linear.run(twelve.astype(np.float32) / np.float32(4095)).stack
+    np.testing.assert_array_equal(linear.run(twelve, full_scale=4095).stack, expected)
+    with pytest.raises(ValueError, match="full_scale"):
+        linear.run(twelve, full_scale=0)
+
+
+class OnlyDlpack:
+    """What has DLPack alone, as tensors have."""
+
+    def __init__(self, array: Array, device: int = 1) -> None:
+        """Wrap an array; device 2 is CUDA."""
+        self.array, self.device = array, device
+
+    def __dlpack__(self, **given: Any) -> Any:
+        """Return the capsule."""
+        return self.array.__dlpack__(**given)
+
+    def __dlpack_device__(self) -> tuple[int, int]:
+        """Return kind and number."""
+        return self.device, 0
+
+
+class OnlyInterface:
+    """What has the array interface alone."""
+
+    def __init__(self, array: Array) -> None:
+        """Wrap an array."""
+        self.array = array
+        self.__array_interface__ = array.__array_interface__
+
+
+def test_protocols(linear: hadalens.Plan, raw: Array) -> None:
+    """DLPack, the array interface and buffers go in."""
+    expected = linear.run(raw).stack
+    for frame in (OnlyDlpack(raw), OnlyInterface(raw), memoryview(raw)):  # type: ignore[arg-type]
+        np.testing.assert_array_equal(linear.run(frame).stack, expected)
+    with pytest.raises(TypeError, match=r"\.cpu\(\)"):
+        linear.run(OnlyDlpack(raw, device=2))
+
+
+def test_torch_tensors(linear: hadalens.Plan, raw: Array) -> None:
+    """Tensors of PyTorch on the host."""
+    torch = pytest.importorskip("torch")
+    np.testing.assert_array_equal(linear.run(torch.from_numpy(raw)).stack, linear.run(raw).stack)
+
+
+def test_out_is_filled(linear: hadalens.Plan, raw: Array) -> None:
+    """The caller's arrays are those of the result."""
+    expected = linear.run(raw)
+    stack = np.full(linear.stack_shape, np.nan, np.float32)
+    result = linear.run(raw, out=stack)
+    assert result.stack is stack
+    np.testing.assert_array_equal(stack, expected.stack)
+    again = linear.run(raw / 2, out=result)
+    assert again.stack is stack
+    assert again.distance_map is result.distance_map
+    assert not np.array_equal(stack, expected.stack)
+
+
+def test_out_of_another_kind(linear: hadalens.Plan, raw: Array) -> None:
+    """Arrays that cannot be filled are refused before anything is done."""
+    shape = linear.stack_shape
+    frozen = np.zeros(shape, np.float32)
+    frozen.flags.writeable = False
+    with pytest.raises(TypeError, match="float32"):
+        linear.run(raw, out=np.zeros(shape))  # type: ignore[arg-type]
+    for wrong in (np.zeros((1, *shape[1:]), np.float32), np.zeros(shape[::-1], np.float32).T, frozen):
+        with pytest.raises(hadalens.SizeError, match="out"):
+            linear.run(raw, out=wrong)
+
+
+def test_shapes(linear: hadalens.Plan, raw: Array) -> None:
+    """Frames of other shapes say what the model takes."""
+    with pytest.raises(hadalens.ModelError, match="96 x 128"):
+        linear.run(raw[0])
+    with pytest.raises(hadalens.SizeError, match="channel_axis"):
+        linear.run(raw[0, 0])
+    with pytest.raises(hadalens.SizeError, match="channel_axis"):
+        linear.run(raw[np.newaxis])

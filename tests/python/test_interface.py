@@ -1,0 +1,166 @@
+"""Nothing of the C interface is forgotten, and what stands twice is the same."""
+
+from __future__ import annotations
+
+import fnmatch
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import hadalens
+import numpy as np
+import pytest
+from hadalens import errors
+from hadalens._native import ffi, lib, words
+
+ROOT = Path(__file__).parents[2]
+
+
+def c_functions() -> set[str]:
+    """Return the names of the functions that the public headers declare."""
+    found: set[str] = set()
+    for header in (ROOT / "lib/include/hadalens").glob("*.h"):
+        text = re.sub(r"/\*.*?\*/", "", header.read_text(), flags=re.S)
+        found |= set(re.findall(r"(?:HADA_API|static inline)\s[^;{]*?\b(hada_\w+)\s*\(", text))
+    return found
+
+
+def exceptions() -> list[str]:
+    """Return the patterns of not_bound.txt; each says why."""
+    patterns = []
+    for line in (Path(__file__).parent / "not_bound.txt").read_text().splitlines():
+        if not line.startswith("#"):
+            pattern, reason = line.split(None, 1)
+            assert reason.strip(), f"{pattern}: why?"
+            patterns.append(pattern)
+    return patterns
+
+
+def used() -> set[str]:
+    """Return the functions that the package calls."""
+    return {
+        name
+        for file in (ROOT / "bindings/python/hadalens").glob("*.py")
+        for name in re.findall(r"\blib\.(hada_\w+)", file.read_text())
+    }
+
+
+def test_every_function_can_be_called() -> None:
+    """What the headers declare is in the extension module."""
+    functions = c_functions()
+    assert len(functions) > 300
+    assert [name for name in functions if not hasattr(lib, name)] == []
+
+
+def test_every_function_is_bound_or_excused() -> None:
+    """The package calls it, or not_bound.txt says why not; nothing is excused that is called."""
+    functions, called, excused = c_functions(), used(), exceptions()
+    assert called <= functions
+    left = {name for name in functions - called if not any(fnmatch.fnmatch(name, one) for one in excused)}
+    assert left == set()
+    for pattern in excused:
+        some = set(fnmatch.filter(functions, pattern))
+        assert some, f"{pattern} excuses nothing"
+        assert some - called, f"{pattern} excuses what is called"
+
+
+def test_statuses_are_those_of_the_header() -> None:
+    """Names and numbers agree, and each but OK has a class of its own."""
+    assert {status.name.lower(): int(status) for status in errors.Status if status} == {
+        name.removeprefix("error_"): value for name, value in words("hada_status").items() if value
+    }
+    assert set(errors.BY_STATUS) == set(errors.Status) - {errors.Status.OK}
+    assert all(issubclass(kind, hadalens.HadalensError) for kind in errors.BY_STATUS.values())
+    assert all(kind.status is status for status, kind in errors.BY_STATUS.items())
+
+
+def test_enumerations_have_words() -> None:
+    """Words come from the headers."""
+    assert words("hada_form")["wiener"] == lib.HADA_FORM_WIENER
+    assert words("hada_skip")["all"] == lib.HADA_SKIP_ALL
+    assert words("hada_exposure") == {"auto": 0, "same": 1, "each": 2}
+
+
+@pytest.mark.parametrize(
+    ("kind", "struct", "left_out"),
+    [
+        (hadalens.DeviceInfo, "hada_device_info", set()),
+        (hadalens.ModelInfo, "hada_model_info", {"lambda"}),
+        (hadalens.SkipReport, "hada_skip_report", set()),
+        (hadalens.Step, "hada_step_report", {"size"}),
+        (hadalens.Validation, "hada_validation", {"size"}),
+        (hadalens.NetInfo, "hada_net_info", set()),
+        (hadalens.QueueInfo, "hada_queue_info", set()),
+        (hadalens.KernelTime, "hada_kernel_time", set()),
+        (hadalens.FilterScore, "hada_fit_filter_score", {"lambda"}),
+        (hadalens.OutsideScore, "hada_fit_outside_score", set()),
+        (hadalens.RefineScore, "hada_fit_refine_score", set()),
+        (hadalens.ResponseRow, "hada_survey_row", set()),
+        (hadalens.Registration, "hada_registration", {"size"}),
+        (hadalens.RegisteredDepth, "hada_registered_depth", set()),
+        (hadalens.TiffInfo, "hada_tiff_info", set()),
+        (hadalens.SimulateReport, "hada_simulate_report", {"size"}),
+        (hadalens.FocusReport, "hada_focus_report", {"size"}),
+        (hadalens.Augment, "hada_augment", {"size"}),
+        (hadalens.Sensor, "hada_sensor", {"size", "gain"}),
+        (hadalens.Classic, "hada_classic_options", {"size", "lambda"}),
+        (hadalens.metrics.DepthScore, "hada_depth_score", {"size"}),
+        (hadalens.metrics.ConfidenceScore, "hada_confidence_score", {"size"}),
+        (hadalens.metrics.Evaluation, "hada_evaluation", {"size"}),
+        (hadalens.optics.OpticsRow, "hada_optics_row", set()),
+    ],
+)
+def test_records_have_every_member(kind: type, struct: str, left_out: set[str]) -> None:
+    """A member that a struct gains is missed here."""
+    members = {name for name, _ in ffi.typeof(struct).fields} - left_out
+    assert members <= set(kind.__dataclass_fields__)  # type: ignore[attr-defined]
+
+
+def test_defaults_are_those_of_the_library() -> None:
+    """What Python states as a default is the C library's."""
+    for options, struct in ((hadalens.Classic("fista"), "hada_classic_options"), (hadalens.Sensor(), "hada_sensor")):
+        fresh = ffi.new(f"{struct} *")
+        getattr(lib, f"{struct}_init")(fresh)
+        given = options._options().c
+        for name, field in ffi.typeof(struct).fields:
+            if name not in ("method", "size") and field.type.kind != "pointer":
+                assert getattr(given, name) == getattr(fresh, name), name
+
+
+def test_all_names_are_there() -> None:
+    """__all__ is whole."""
+    assert [name for name in hadalens.__all__ if not hasattr(hadalens, name)] == []
+    assert hadalens.__version__ == re.search(
+        r'HADALENS_VERSION +"(.*)"', (ROOT / "lib/include/hadalens/base.h").read_text()
+    ).group(1)  # type: ignore[union-attr]
+
+
+def test_import_touches_no_device(tmp_path: Path) -> None:
+    """Importing works where no driver is registered, and says what to install when one is needed."""
+    code = "import hadalens\ntry: hadalens.devices()\nexcept hadalens.NoDeviceError as e: print(e)"
+    empty = tmp_path / "vendors"
+    empty.mkdir()
+    text = subprocess.run(
+        [sys.executable, "-c", code],
+        env={"OCL_ICD_VENDORS": str(empty), "PATH": ""},
+        check=True,
+        text=True,
+        capture_output=True,
+    ).stdout
+    assert "pocl-opencl-icd" in text
+    assert "conda-forge" in text
+
+
+def test_import_takes_little_cpu_time() -> None:
+    """`import hadalens` after NumPy takes 100 ms of CPU time at most: the best of three."""
+    code = "import numpy, time; t = time.process_time(); import hadalens; print(time.process_time() - t)"
+    times = [float(subprocess.check_output([sys.executable, "-c", code])) for _ in range(3)]
+    assert min(times) <= 0.1
+
+
+def test_words_are_listed_when_one_is_wrong(model: hadalens.Model) -> None:
+    """A word that is none is a ValueError with those that there are."""
+    with pytest.raises(ValueError, match="auto, planes, surface"):
+        hadalens.Plan(model, scene="cube")  # type: ignore[arg-type]
+    assert np.isfinite(model.filters).all()

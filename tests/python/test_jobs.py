@@ -1,0 +1,284 @@
+"""Frames in flight: order, waiting, cancelling, asyncio, threads, and Python beside C."""
+
+from __future__ import annotations
+
+import asyncio
+import gc
+import os
+import pickle
+import resource
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import hadalens
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+Array = npt.NDArray[Any]
+
+
+@pytest.fixture(scope="module")
+def slow(model: hadalens.Model) -> hadalens.Plan:
+    """Return a plan whose frames take some seconds."""
+    return hadalens.Plan(model, classic=hadalens.Classic("admm", iterations=200000))
+
+
+def test_submit_gives_what_run_gives(plan: hadalens.Plan, raw: Array) -> None:
+    """A job is a run that does not wait."""
+    job = plan.submit(raw)
+    result = job.result()
+    assert job.done()
+    assert job.state == "done"
+    assert job.progress == 1.0
+    assert job.result() is result
+    np.testing.assert_array_equal(result.stack, plan.run(raw).stack)
+
+
+def test_map_keeps_order(model: hadalens.Model, raw: Array) -> None:
+    """Results come in the order of the frames, also from two queues, and no more frames are taken than needed."""
+    plan = hadalens.Plan(model, refine=0, queues=2)
+    taken = 0
+
+    def frames() -> Iterator[Array]:
+        nonlocal taken
+        for factor in range(1, 13):
+            taken += 1
+            yield raw * np.float32(factor)
+
+    sums, ahead = [], 0
+    for count, result in enumerate(plan.map(frames()), 1):
+        ahead = max(ahead, taken - count)
+        sums.append(float(result.all_in_focus.sum()))
+    assert sums == sorted(sums)
+    assert len(sums) == 12
+    assert ahead <= 4
+
+
+def test_map_can_be_left(plan: hadalens.Plan, raw: Array) -> None:
+    """Breaking off cancels what is in flight; the plan goes on."""
+    for _ in plan.map([raw] * 10):
+        break
+    assert plan.run(raw).report.method == "model"
+
+
+def second() -> float:
+    """Return a second, as it is on this machine: longer where more work waits than there are cores."""
+    return max(1.0, 1.5 * os.getloadavg()[0] / (os.cpu_count() or 1))
+
+
+def test_cancel(slow: hadalens.Plan, raw: Array) -> None:
+    """A cancelled job ends within a second, and says so."""
+    job = slow.submit(raw)
+    assert not job.wait(0.2)
+    with pytest.raises(TimeoutError):
+        job.result(timeout=0.1)
+    start, within = time.monotonic(), second()
+    job.cancel()
+    with pytest.raises(hadalens.CancelledError):
+        job.result()
+    assert time.monotonic() - start < within
+    assert job.state == "cancelled"
+
+
+def test_closing_the_plan_leaves_its_jobs(model: hadalens.Model, raw: Array) -> None:
+    """A job keeps its plan's memory until it has ended."""
+    plan = hadalens.Plan(model)
+    job = plan.submit(raw)
+    plan.close()
+    assert job.result().stack.shape == (4, 3, 48, 48)
+    with pytest.raises(hadalens.StateError, match="closed"):
+        plan.run(raw)
+
+
+def test_await(plan: hadalens.Plan, raw: Array) -> None:
+    """Jobs are awaitable, and the loop goes on meanwhile."""
+
+    async def main() -> tuple[hadalens.Result, hadalens.Result, int]:
+        beats = 0
+
+        async def beat() -> None:
+            nonlocal beats
+            while True:
+                beats += 1
+                await asyncio.sleep(0.001)
+
+        beating = asyncio.ensure_future(beat())
+        first, second = await asyncio.gather(plan.submit(raw), plan.submit(raw / 2))
+        beating.cancel()
+        return first, second, beats
+
+    first, second, beats = asyncio.run(main())
+    np.testing.assert_array_equal(first.stack, plan.run(raw).stack)
+    np.testing.assert_array_equal(second.stack, plan.run(raw / 2).stack)
+    assert beats > 1
+
+
+def test_cancelling_the_task_cancels_the_job(slow: hadalens.Plan, raw: Array) -> None:
+    """Asyncio's way of stopping works."""
+
+    async def main() -> hadalens.Job:
+        job = slow.submit(raw)
+        with pytest.raises(asyncio.TimeoutError):
+            await asyncio.wait_for(job, 0.2)
+        return job
+
+    job = asyncio.run(main())
+    assert job.wait(second())
+    assert job.state == "cancelled"
+
+
+def test_threads_may_share_a_plan(plan: hadalens.Plan, raw: Array) -> None:
+    """Frames from several threads give what one gives."""
+    expected = [plan.run(raw * np.float32(i)).stack for i in range(1, 5)]
+    got: dict[int, Array] = {}
+
+    def work(index: int) -> None:
+        got[index] = plan.run(raw * np.float32(index + 1)).stack
+
+    threads = [threading.Thread(target=work, args=(index,)) for index in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    for index in range(4):
+        np.testing.assert_array_equal(got[index], expected[index])
+
+
+CTRL_C = """
+import signal, sys, time, numpy, hadalens
+model = hadalens.Model.load(sys.argv[1])
+what = sys.argv[2]
+if what == "run":
+    plan = hadalens.Plan(model, classic=hadalens.Classic("admm", iterations=10**7))
+    def work(): plan.run(numpy.ones((3, 96, 128), numpy.float32))
+elif what == "fit":
+    def work():
+        while True: hadalens.fit(sys.argv[3])
+elif what == "train":
+    net = hadalens.Net.unet("4|4", "4")
+    def work(): hadalens.train(sys.argv[3], sys.argv[4], model=model, net=net, batch=1, steps=10**6, restart=True)
+print("ready", flush=True)
+try:
+    work()
+except KeyboardInterrupt:
+    print("interrupted", flush=True)
+"""
+
+
+@pytest.mark.parametrize("what", ["run", "fit", "train"])
+def test_ctrl_c(what: str, model_file: Path, camera: Path, tmp_path: Path) -> None:
+    """Ctrl-C is heard, and the process ends within seconds of its own accord."""
+    code = [sys.executable, "-c", CTRL_C, str(model_file), what, str(camera), str(tmp_path / "out.model")]
+    with subprocess.Popen(code, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "ready\n"
+        time.sleep(1.0)
+        start, within = time.monotonic(), second()
+        process.send_signal(signal.SIGINT)
+        assert process.stdout.readline() == "interrupted\n"
+        assert time.monotonic() - start < within
+        assert process.wait(20) == 0
+
+
+def test_python_goes_on_while_c_works(slow: hadalens.Plan, raw: Array) -> None:
+    """Another Python thread keeps most of its rate: of the CPU time that it gets, run takes nothing away."""
+    ended = threading.Event()
+    rates: list[float] = []
+
+    def count() -> None:
+        start, turns = time.thread_time(), 0
+        began = time.monotonic()
+        while not ended.is_set():
+            turns += 1
+        rates.append(turns / (time.thread_time() - start))
+        waited.append(time.monotonic() - began - (time.thread_time() - start))
+
+    waited: list[float] = []
+
+    def measure(work: Any) -> float:
+        ended.clear()
+        thread = threading.Thread(target=count)
+        thread.start()
+        work()
+        ended.set()
+        thread.join()
+        return rates.pop()
+
+    def compute() -> None:
+        job = slow.submit(raw)
+        job.wait(1.5)
+        job.cancel()
+
+    alone = max(measure(lambda: time.sleep(0.5)) for _ in range(2))
+    beside = max(measure(compute) for _ in range(2))
+    assert beside >= 0.8 * alone
+
+
+def resident() -> int:
+    """Return the bytes that the process holds."""
+    with open("/proc/self/statm") as file:
+        return int(file.read().split()[1]) * resource.getpagesize()
+
+
+def test_memory_does_not_grow(model: hadalens.Model, raw: Array) -> None:
+    """A thousand frames leave nothing behind, on the host and on the device."""
+    context = hadalens.Context()
+    plan = hadalens.Plan(model, context=context, refine=0, occupied="all")
+    frames = [raw, raw / 2]
+    for index in range(200):
+        plan.run(frames[index % 2])
+    gc.collect()
+    host, device = resident(), context.bytes
+    for index in range(1000):
+        plan.run(frames[index % 2])
+    gc.collect()
+    assert context.bytes == device
+    assert resident() - host < 4 << 20
+
+
+def test_objects_give_their_memory_back(model: hadalens.Model, raw: Array) -> None:
+    """Plans that are dropped or closed free the device; what is closed twice is fine."""
+    context = hadalens.Context()
+    before = context.bytes
+    with hadalens.Plan(model, context=context) as plan:
+        plan.run(raw)
+        assert context.bytes > before
+    plan.close()
+    gc.collect()
+    assert context.bytes == before
+    plan = hadalens.Plan(model, context=context)
+    context.close()  # the plan keeps what it needs
+    assert plan.run(raw).stack.size
+    with pytest.raises(hadalens.StateError):
+        _ = context.device
+
+
+def test_pickling(model: hadalens.Model, plan: hadalens.Plan, raw: Array) -> None:
+    """Models cross borders of processes with the same bits; plans and contexts say what to do instead."""
+    copy = pickle.loads(pickle.dumps(model))
+    np.testing.assert_array_equal(copy.filters, model.filters)
+    np.testing.assert_array_equal(hadalens.Plan(copy).run(raw).stack, plan.run(raw).stack)
+    for thing in (plan, hadalens.Context.default()):
+        with pytest.raises(TypeError, match="process"):
+            pickle.dumps(thing)
+    error = pickle.loads(pickle.dumps(hadalens.FileOpenError("gone", code=3, detail="more")))
+    assert isinstance(error, hadalens.FileOpenError)
+    assert (str(error), error.code, error.detail) == ("gone", 3, "more")
+
+
+def test_a_child_of_fork_opens_its_own_device(model: hadalens.Model) -> None:
+    """Context.default() of a parent is not its child's."""
+    mine = hadalens.Context.default()
+    child = os.fork()
+    if not child:
+        os._exit(0 if hadalens.Context._default is not None and hadalens.Context._default[0] != os.getpid() else 1)
+    assert os.waitpid(child, 0)[1] == 0
+    assert hadalens.Context.default() is mine
+    assert model.info.depths == 4

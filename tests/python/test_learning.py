@@ -1,0 +1,257 @@
+"""Learning: fit, Fitter, data sets, training; the same bits as the C program."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import hadalens
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+Array = npt.NDArray[Any]
+Pairs = dict[float, list[tuple[Array, Array]]]
+
+
+@pytest.fixture(scope="module")
+def data(camera: Path) -> hadalens.Dataset:
+    """Return the camera's data set."""
+    return hadalens.Dataset.scan(camera)
+
+
+@pytest.fixture(scope="module")
+def arrays(data: hadalens.Dataset) -> Pairs:
+    """Return its pairs in memory."""
+    return {
+        distance: [data.read(depth, pair) for pair in range(data.counts[depth])]
+        for depth, distance in enumerate(data.distances_mm)
+    }
+
+
+def same(a: hadalens.Model, b: hadalens.Model) -> bool:
+    """Return whether two models are the same bits."""
+    assert a.otf is not None
+    return np.array_equal(a.filters, b.filters) and np.array_equal(a.otf, b.otf)  # type: ignore[arg-type]
+
+
+def test_fit_is_that_of_the_program(camera: Path, model: hadalens.Model) -> None:
+    """A folder gives what `hadalens fit` gives, and progress is told."""
+    told: list[tuple[str, int, int]] = []
+    learned = hadalens.fit(camera, progress=lambda what, done, total, _: told.append((what, done, total)))
+    assert same(learned, model)
+    assert ("pairs", 12, 12) in told
+    report = learned.fit_report
+    assert report is not None
+    assert report.pairs == (3, 3, 3, 3)
+    assert sum(row.chosen for row in report.filters) == 1
+    assert report.refinement[0].steps == 0
+    assert report.response is not None
+
+
+def test_pairs_of_arrays_are_those_of_files(arrays: Pairs, camera: Path, model: hadalens.Model) -> None:
+    """Arrays give the same bits as the files; files by name and functions do as well."""
+    learned = hadalens.fit(arrays, boundary="circular")
+    assert same(learned, model)
+    flat = [(distance, lambda raw=raw: raw, scene) for distance, some in arrays.items() for raw, scene in some]
+    assert same(hadalens.fit(flat, boundary="circular"), model)
+    files = {
+        float(folder.name[1:-2]): list(
+            zip(sorted((folder / "raw").glob("*.tif")), sorted((folder / "scene").glob("*.tif")), strict=True)
+        )
+        for folder in camera.glob("z*mm")
+    }
+    assert sorted(files) == pytest.approx(sorted(arrays), rel=1e-3)
+
+
+def test_dataset(data: hadalens.Dataset, arrays: Pairs) -> None:
+    """What a data set tells."""
+    assert len(data) == 12
+    assert data.counts == (3, 3, 3, 3)
+    raw, scene = data.read(1, 2)
+    assert (raw.shape, scene.shape) == ((3, 96, 128), (3, 48, 48))
+    assert data.names(1, 2)[0].endswith(".tif")
+    learn, held = data.split(1)
+    assert (learn.counts, held.counts) == ((2,) * 4, (1,) * 4)
+    held_raw, _ = held.read(1, 0)
+    np.testing.assert_array_equal(held_raw, raw)
+    mine = hadalens.Dataset(arrays)
+    np.testing.assert_array_equal(mine.split(1)[1].read(1, 0)[0], raw)
+    with pytest.raises(IndexError):
+        data.read(1, 3)
+
+
+def test_npy_files_and_channel_axis(arrays: Pairs, tmp_path: Path) -> None:
+    """Pairs may be .npy files, and (Y, X, C)."""
+    raw, scene = next(iter(arrays.values()))[0]
+    np.save(tmp_path / "raw.npy", np.moveaxis(raw, 0, -1))
+    data = hadalens.Dataset([(100.0, tmp_path / "raw.npy", np.moveaxis(scene, 0, -1))], channel_axis=-1)
+    back = data.read(0, 0)
+    np.testing.assert_array_equal(back[0], raw)
+    np.testing.assert_array_equal(back[1], scene)
+
+
+def test_fitter(arrays: Pairs, tmp_path: Path) -> None:
+    """Pair by pair; sums that are saved and merged give the same bits."""
+    distances = sorted(arrays)
+    size: dict[str, Any] = {"window": (48, 48), "channels": 3}
+    whole = hadalens.Fitter(distances, (96, 128), **size)
+    parts = [hadalens.Fitter(distances, (96, 128), **size) for _ in range(2)]
+    for depth, distance in enumerate(distances):
+        for pair, (raw, scene) in enumerate(arrays[distance]):
+            whole.add(depth, raw, scene)
+            parts[pair % 2].add(depth, raw, scene)
+    assert whole.pairs == (3, 3, 3, 3)
+    assert whole.bytes > 0
+    for index, part in enumerate(parts):
+        part.save_sums(tmp_path / f"{index}.sums")
+    merged = hadalens.Fitter.from_sums(tmp_path / "0.sums", depths=4)
+    merged.load_sums(tmp_path / "1.sums")
+    assert merged.pairs == whole.pairs
+    model = whole.finish()
+    np.testing.assert_allclose(merged.finish().filters, model.filters, atol=1e-4)
+    whole.score(0, *arrays[distances[0]][0])
+    shown: list[tuple[int, int]] = []
+
+    def show(depth: int, pair: int) -> tuple[Array, Array]:
+        shown.append((depth, pair))
+        return arrays[distances[depth]][pair]
+
+    judged = whole.finish(show)
+    assert judged.fit_report is not None
+    assert judged.info.depths == 4
+
+
+def test_fitter_of_a_sensor_that_crops(arrays: Pairs) -> None:
+    """The further passes show pairs again; what showing raises comes through."""
+    distance = min(arrays)
+    fitter = hadalens.Fitter([distance], (96, 128), window=(48, 48), channels=3, boundary="padded", crop_passes=3)
+    for raw, scene in arrays[distance]:
+        fitter.add(0, raw, scene)
+    fitter.learn_cropped(lambda _, pair: arrays[distance][pair])
+    fitter.score(0, *arrays[distance][0])
+    fitter.learn_windowed(lambda _, pair: arrays[distance][pair])
+    assert fitter.finish().info.boundary == "padded"
+
+    def broken(depth: int, pair: int) -> tuple[Array, Array]:
+        raise LookupError(f"{depth}, {pair}")
+
+    fitter.add(0, *arrays[distance][0])  # what was found is discarded
+    with pytest.raises(LookupError):
+        fitter.learn_cropped(broken)
+
+
+def test_boundary_is_found(data: hadalens.Dataset) -> None:
+    """The simulated camera keeps its light."""
+    boundary, grid = hadalens.find_boundary(data)
+    assert boundary in ("circular", "padded")
+    assert (grid is None) == (boundary == "circular")
+
+
+def test_models_from_arrays(model: hadalens.Model, raw: Array, tmp_path: Path) -> None:
+    """Filters and transfer functions come out and go in; files, half precision and baselines."""
+    info = model.info
+    again = hadalens.Model.from_filters(model.filters, info.distances_mm, (96, 128), otf=model.otf, window=(48, 48))
+    assert same(again, model)
+    linear = hadalens.Plan(model, refine=0).run(raw).stack
+    np.testing.assert_array_equal(hadalens.Plan(again, refine=0).run(raw).stack, linear)
+    with pytest.raises(hadalens.SizeError, match="shape"):
+        hadalens.Model.from_filters(model.filters[..., :-1], info.distances_mm, (96, 128), window=(48, 48))
+    half = model.to_half()
+    assert half.info.half
+    assert half.info.bytes < info.bytes
+    assert np.abs(half.filters - model.filters).max() <= 2e-3 * np.abs(model.filters).max()
+    assert model.with_form("wiener").info.form == "wiener"
+    with pytest.raises(ValueError, match="read-only"):
+        model.filters[0] = 0
+    filters = again.filters
+    again.close()
+    np.testing.assert_array_equal(filters, model.filters)  # the array keeps the model's memory
+    assert model.save(tmp_path / "a.model").stat().st_size > info.bytes / 2
+    assert same(hadalens.Model.load(tmp_path / "a.model"), model)
+
+
+def test_model_from_psf(camera: Path) -> None:
+    """Point spread functions of a file and of arrays make the same model."""
+    psfs = hadalens.read_tiff(camera / "psf.tif")
+    distances = hadalens.TiffReader(camera / "psf.tif").info.distances_mm
+    model = hadalens.Model.from_psf(psfs, distances)
+    assert same(model, hadalens.Model.from_psf_file(camera / "psf.tif"))
+    assert model.info.form == "wiener"
+    psf = model.psf
+    assert psf is not None
+    assert psf.shape[-2:] == (model.info.grid_rows, model.info.grid_cols)
+    with pytest.raises(hadalens.SizeError):
+        hadalens.Model.from_psf(psfs, distances[:-1])
+
+
+def test_trainer(model: hadalens.Model, data: hadalens.Dataset, tmp_path: Path) -> None:
+    """Steps, validation, checkpoints that go on with the same bits, and what comes of it."""
+    net = hadalens.Net.unet("4|4", "4", channels=3)
+    learn, held = data.split(1)
+
+    def make() -> hadalens.Trainer:
+        return hadalens.Trainer(
+            model, learn, held_out=held, net=net, steps=4, batch=2, compose=0.0, augment=hadalens.Augment(noise=0.01)
+        )
+
+    trainer = make()
+    assert len(trainer) == 4
+    assert trainer.options["stage"] == "enhance"
+    first = [trainer.step() for _ in range(2)]
+    assert [step.step for step in first] == [1, 2]
+    trainer.save(tmp_path / "checkpoint")
+    rest = list(trainer)
+    assert trainer.done == 4
+    assert trainer.seen == 8
+    other = make().load(tmp_path / "checkpoint")
+    assert [step.loss for step in other] == [step.loss for step in rest]
+    found = trainer.validate()
+    assert found.pairs == 4
+    assert np.isfinite(found.psnr)
+    shown = trainer.show(0)
+    assert [image.shape for image in shown] == [(3, 96, 128), (3, 48, 48), (3, 48, 48), (3, 48, 48)]
+    better = trainer.model()
+    assert better.info.enhance
+    assert better.enhance is not None
+    assert better.enhance.info == trainer.net().info
+    assert trainer.first_net() is not None
+    assert better.with_enhance(None).info.enhance is False
+    assert hadalens.Trainer.bytes(model, net=net, batch=2) > 0
+
+
+def test_training_as_the_command_does(model: hadalens.Model, arrays: Pairs, tmp_path: Path) -> None:
+    """The log, the callback and the file."""
+    events: list[str] = []
+    file = hadalens.train(
+        arrays,
+        tmp_path / "better.model",
+        model=model,
+        net=hadalens.Net.unet("4|4", "4", channels=3),
+        steps=2,
+        batch=2,
+        compose=0.0,
+        validate_every=1,
+        tell=lambda state: events.append(state.event),
+    )
+    assert hadalens.Model.load(file).info.enhance
+    assert events[0] == "begins"
+    assert events[-1] == "ends"
+    assert "validated" in events
+    assert (tmp_path / "better.model.log" / "losses.csv").exists()
+
+
+def test_nets(tmp_path: Path) -> None:
+    """Nets: files, weights, description, running."""
+    net = hadalens.Net.preset("compact", 1, seed=3)
+    again = hadalens.Net.load(net.save(tmp_path / "net"))
+    assert again.info == net.info
+    assert again.description == net.description
+    image = np.random.default_rng(1).random((32, 40), np.float32)
+    expected = hadalens.NetRunner(net, 32, 40).run(image)
+    assert expected.shape == (1, 32, 40)
+    np.testing.assert_array_equal(hadalens.NetRunner(again, 32, 40).run(image), expected)
+    fresh = hadalens.Net(net.description, seed=5)
+    fresh.load_weights(tmp_path / "net")
+    np.testing.assert_array_equal(hadalens.NetRunner(fresh, 32, 40).run(image), expected)
+    assert net.bytes(32, 40) > 0

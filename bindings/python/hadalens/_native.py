@@ -114,6 +114,7 @@ def words(enumeration: str) -> Mapping[str, int]:
     return dict(sorted(named.items(), key=lambda one: one[1]))
 
 
+@functools.cache
 def word(enumeration: str, value: int) -> str:
     """Return the word of a value of a C enumeration."""
     for name, number in words(enumeration).items():
@@ -143,6 +144,12 @@ def tie(pointer: Any, things: Any) -> Any:
 # options and reports --------------------------------------------------------------------------------------------------
 
 
+@functools.cache
+def members(struct: str) -> dict[str, Any]:
+    """Return the members of a C struct by their names."""
+    return dict(ffi.typeof(struct).fields)
+
+
 class Options:
     """A C struct of options with what its pointers point to: `c` is the pointer to hand over."""
 
@@ -151,8 +158,9 @@ class Options:
         self.kept: list[Any] = []
         self.c = tie(ffi.new(f"{struct} *"), self.kept)
         getattr(lib, f"{struct}_init")(self.c, *arguments)
-        self._fields = dict(ffi.typeof(struct).fields)
-        self.set(**given)
+        self._fields = members(struct)
+        if given:
+            self.set(**given)
 
     def set(self, **given: Any) -> None:
         """Set members; None leaves one as it is."""
@@ -187,22 +195,33 @@ R = TypeVar("R")
 
 def record(kind: type[R], struct: Any, /, **others: Any) -> R:
     """Return a dataclass whose fields are those of a C struct of the same names; `others` are given as they are."""
-    of_struct = ffi.typeof(struct)
-    types = {n: f.type for n, f in (of_struct.item if of_struct.kind == "pointer" else of_struct).fields}
-    values: dict[str, Any] = {}
-    for field in dataclasses.fields(kind):  # type: ignore[arg-type]
-        if field.name in others:
-            values[field.name] = others[field.name]
-            continue
-        value, of = getattr(struct, field.name), types[field.name]
-        if of.kind == "enum":
-            value = word(of.cname.removeprefix("enum "), int(value))
-        elif of.cname in ("char *", "char const *", "const char *") or (of.kind == "array" and of.item.cname == "char"):
-            value = text(value)
-        elif str(field.type) == "bool":
-            value = bool(value)
-        values[field.name] = value
-    return kind(**values)
+    values = {
+        name: take(getattr(struct, name)) for name, take in _takers(kind, ffi.typeof(struct)) if name not in others
+    }
+    return kind(**values, **others)
+
+
+@functools.cache
+def _takers(kind: type, struct: Any) -> list[tuple[str, Callable[[Any], Any]]]:
+    """Return how each field of a dataclass is made from the member of its name."""
+    if struct.kind == "pointer":
+        struct = struct.item
+    types = {name: field.type for name, field in struct.fields}
+    return [(field.name, _taker(types.get(field.name), str(field.type))) for field in dataclasses.fields(kind)]
+
+
+def _taker(member: Any, annotation: str) -> Callable[[Any], Any]:
+    if member is None:
+        return _as_it_is
+    if member.kind == "enum":
+        return functools.partial(word, member.cname.removeprefix("enum "))
+    if member.kind in ("pointer", "array") and member.item.cname in ("char", "char const"):
+        return text
+    return bool if annotation == "bool" else _as_it_is
+
+
+def _as_it_is(value: Any) -> Any:
+    return value
 
 
 # objects that own C memory --------------------------------------------------------------------------------------------

@@ -14,7 +14,22 @@ import numpy.typing as npt
 from . import errors
 from . import response as responses
 from ._arrays import Float32, Image, NewImage, as_array, planes_first, to_float
-from ._native import Handle, Monitor, Options, Owner, Progress, call, ffi, lib, path, record, text, value_of, word
+from ._native import (
+    Handle,
+    Monitor,
+    Options,
+    Owner,
+    Progress,
+    call,
+    ffi,
+    lib,
+    members,
+    path,
+    record,
+    text,
+    value_of,
+    word,
+)
 from .dataset import Dataset
 from .device import Context, default
 
@@ -67,7 +82,7 @@ class Camera:
 
     def __getattr__(self, name: str) -> Any:
         """Return a member of hada_camera."""
-        field = dict(ffi.typeof("hada_camera").fields).get(name)
+        field = members("hada_camera").get(name)
         if field is None or name == "size":
             raise AttributeError(f"a camera has no {name}")
         value = getattr(self._c, name)
@@ -79,7 +94,7 @@ class Camera:
 
     def __setattr__(self, name: str, value: Any) -> None:
         """Set a member of hada_camera."""
-        field = dict(ffi.typeof("hada_camera").fields).get(name)
+        field = members("hada_camera").get(name)
         if field is None or name == "size":
             raise AttributeError(f"a camera has no {name}")
         if name == "distances_mm":

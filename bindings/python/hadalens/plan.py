@@ -186,11 +186,12 @@ class _Results:
     def __init__(self, stack: Float32, all_in_focus: Float32, distance_map: Float32) -> None:
         self.stack, self.all_in_focus, self.distance_map = stack, all_in_focus, distance_map
         self.c = ffi.new("hada_result *")
-        arrays = Options("hada_result_arrays")
-        arrays.c.stack, arrays.c.stack_count = floats(stack), stack.size
-        arrays.c.all_in_focus, arrays.c.all_in_focus_count = floats(all_in_focus), all_in_focus.size
-        arrays.c.distance_map, arrays.c.distance_map_count = floats(distance_map), distance_map.size
-        call(lib.hada_result_use, self.c, arrays.c)
+        arrays = ffi.new("hada_result_arrays *")
+        lib.hada_result_arrays_init(arrays)
+        arrays.stack, arrays.stack_count = floats(stack), stack.size
+        arrays.all_in_focus, arrays.all_in_focus_count = floats(all_in_focus), all_in_focus.size
+        arrays.distance_map, arrays.distance_map_count = floats(distance_map), distance_map.size
+        call(lib.hada_result_use, self.c, arrays)
 
     def take(self) -> Result:
         """What was computed."""

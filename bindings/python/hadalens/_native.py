@@ -195,9 +195,8 @@ R = TypeVar("R")
 
 def record(kind: type[R], struct: Any, /, **others: Any) -> R:
     """Return a dataclass whose fields are those of a C struct of the same names; `others` are given as they are."""
-    values = {
-        name: take(getattr(struct, name)) for name, take in _takers(kind, ffi.typeof(struct)) if name not in others
-    }
+    takers = _takers(kind, ffi.typeof(struct))  # type: ignore[arg-type]
+    values = {name: take(getattr(struct, name)) for name, take in takers if name not in others}
     return kind(**values, **others)
 
 

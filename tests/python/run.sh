@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # run.sh MODULE [ARGUMENTS]: a Python module in the environment that environment.sh made in build/python; skipped
 # without one.
-python=$(cd "$(dirname "$0")/../.." && pwd)/build/python/bin/python
-[ -x "$python" ] || { echo "skipped: tests/python/environment.sh build/python makes the environment"; exit 77; }
+folder=$(cd "$(dirname "$0")/../.." && pwd)/build/python
+python=$folder/bin/python
+[ -f "$folder/requirements.txt" ] || { echo "skipped: tests/python/environment.sh build/python makes the environment"; exit 77; }
 exec "$python" -m "$@"

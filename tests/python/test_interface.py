@@ -12,7 +12,7 @@ import hadalens
 import numpy as np
 import pytest
 from hadalens import errors
-from hadalens._native import ffi, lib, words
+from hadalens._native import _preload_loader, ffi, lib, words
 
 ROOT = Path(__file__).parents[2]
 
@@ -150,6 +150,49 @@ def test_import_touches_no_device(tmp_path: Path) -> None:
     ).stdout
     assert "pocl-opencl-icd" in text
     assert "conda-forge" in text
+
+
+def test_a_loader_that_a_package_brought_serves(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the system has no OpenCL loader, one of conda or of another package is used."""
+    with open("/proc/self/maps") as maps:
+        loader = next(line.split()[-1] for line in maps if "libOpenCL" in line)
+    monkeypatch.setattr(sys, "path", [])
+    monkeypatch.setattr(sys, "prefix", str(tmp_path))
+    assert not _preload_loader()
+    (tmp_path / "lib").mkdir()
+    (tmp_path / "lib" / "libOpenCL.so.1").symlink_to(loader)
+    assert _preload_loader()
+    monkeypatch.setattr(sys, "prefix", "nowhere")
+    monkeypatch.setattr(sys, "path", [str(tmp_path / "site-packages")])
+    (tmp_path / "site-packages" / "some.libs").mkdir(parents=True)
+    (tmp_path / "site-packages" / "some.libs" / "libOpenCL-1234.so.1.0.0").symlink_to(loader)
+    assert _preload_loader()
+
+
+WITHOUT_LOADER = """
+import sys
+
+class NoLoader:
+    def find_spec(self, name, path=None, target=None):
+        if name == "hadalens._binding":
+            raise ImportError("libOpenCL.so.1: cannot open shared object file: No such file or directory")
+
+sys.meta_path.insert(0, NoLoader())
+sys.prefix, sys.path = "nowhere", [path for path in sys.path if "numpy" not in path]
+import glob
+glob.glob = lambda pattern: []
+try:
+    import hadalens
+except ImportError as error:
+    print(error)
+"""
+
+
+def test_without_any_loader_the_message_says_what_to_install() -> None:
+    """There is a loader to install, and a driver."""
+    text = subprocess.run([sys.executable, "-c", WITHOUT_LOADER], check=True, text=True, capture_output=True).stdout
+    for word in ("ocl-icd-libopencl1", "pocl-opencl-icd", "conda-forge"):
+        assert word in text
 
 
 def test_import_takes_little_cpu_time() -> None:

@@ -327,6 +327,13 @@ def test_opencl_of_the_program(model: hadalens.Model, raw: Array) -> None:
         expected = plan.run(raw).stack
         np.testing.assert_array_equal(plan.run(frame).stack, expected)
         np.testing.assert_array_equal(plan.run(frame.data).stack, expected)
+        stack = arrays.zeros(queue, plan.stack_shape, np.float32)
+        assert plan.run(frame, out=stack).stack.any()
+        np.testing.assert_array_equal(stack.get(), expected)
+        with pytest.raises(hadalens.SizeError):
+            plan.run(frame, out=stack[:1])
+        with pytest.raises(hadalens.SizeError):
+            plan.run(frame[:2])
 
 
 def test_addresses_of_opencl(model: hadalens.Model) -> None:

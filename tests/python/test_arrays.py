@@ -166,7 +166,7 @@ def test_out_of_another_kind(linear: hadalens.Plan, raw: Array) -> None:
     frozen = np.zeros(shape, np.float32)
     frozen.flags.writeable = False
     with pytest.raises(TypeError, match="float32"):
-        linear.run(raw, out=np.zeros(shape))  # type: ignore[arg-type]
+        linear.run(raw, out=np.zeros(shape))
     for wrong in (np.zeros((1, *shape[1:]), np.float32), np.zeros(shape[::-1], np.float32).T, frozen):
         with pytest.raises(hadalens.SizeError, match="out"):
             linear.run(raw, out=wrong)

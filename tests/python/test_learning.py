@@ -49,6 +49,13 @@ def test_fit_is_that_of_the_program(camera: Path, model: hadalens.Model) -> None
     assert report.response is not None
 
 
+def test_bars(camera: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """progress=True shows tqdm's bars, where it is installed."""
+    pytest.importorskip("tqdm")
+    hadalens.fit(camera, progress=True)
+    assert "12/12" in capsys.readouterr().err
+
+
 def test_pairs_of_arrays_are_those_of_files(arrays: Pairs, camera: Path, model: hadalens.Model) -> None:
     """Arrays give the same bits as the files; files by name and functions do as well."""
     learned = hadalens.fit(arrays, boundary="circular")

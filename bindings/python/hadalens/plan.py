@@ -183,6 +183,8 @@ def _report(struct: Any, depths: int) -> Report:
 class _Results:
     """A hada_result that is written into arrays of NumPy's."""
 
+    device: Any = None
+
     def __init__(self, stack: Float32, all_in_focus: Float32, distance_map: Float32) -> None:
         self.stack, self.all_in_focus, self.distance_map = stack, all_in_focus, distance_map
         self.c = ffi.new("hada_result *")
@@ -386,6 +388,7 @@ class Plan(Handle):
         self.model = model
         info = model.info
         self._planes = info.depths if depths is None else len(depths)
+        self._frame = (info.channels, info.raw_rows, info.raw_cols)
         self._window = (info.channels, info.window_rows, info.window_cols)
 
     @property
@@ -393,8 +396,15 @@ class Plan(Handle):
         """Shape (Z, C, Y, X) of the stacks."""
         return (self._planes, *self._window)
 
-    def _results(self, out: Result | Float32 | None) -> _Results:
+    def _results(self, out: Any) -> _Results:
         shape = self.stack_shape
+        buffer = _device_buffer(out, shape, "out")
+        if buffer is not None:
+            results = self._results(None)
+            arrays = Options("hada_cl_arrays", stack=buffer[0], stack_offset=buffer[1])
+            call(lib.hada_result_use_cl, results.c, arrays.c)
+            results.device = out  # which must live as long
+            return results
         if isinstance(out, Result):
             return _Results(
                 check_out(out.stack, shape, "out.stack"),
@@ -407,7 +417,7 @@ class Plan(Handle):
     def run(
         self,
         raw: Any,
-        out: Result | Float32 | None = None,
+        out: Any = None,
         *,
         channel_axis: int | None = None,
         full_scale: float | None = None,
@@ -420,7 +430,8 @@ class Plan(Handle):
                 array interface, DLPack or the buffer protocol on the host; ``pyopencl`` arrays and buffers on a
                 device of :meth:`Context.adopt`, float32 (C, Y, X).
             out: what is filled: the stack, a dense float32 array (Z, C, Y, X), or a :class:`Result` of an earlier
-                frame, whose arrays are used again; None: new arrays.
+                frame, whose arrays are used again; None: new arrays. A ``pyopencl`` array or buffer on the plan's
+                device gets the stack as well, without a way over the host.
             channel_axis: where the channels stand; None: first.
             full_scale: of integers, such as 4095 for 12 bits in uint16; None: the type's.
 
@@ -445,7 +456,7 @@ class Plan(Handle):
     def submit(
         self,
         raw: Any,
-        out: Result | Float32 | None = None,
+        out: Any = None,
         *,
         channel_axis: int | None = None,
         full_scale: float | None = None,
@@ -460,7 +471,7 @@ class Plan(Handle):
 
         """
         results = self._results(out)
-        buffer = _device_buffer(raw)
+        buffer = _device_buffer(raw, self._frame, "raw")
         if buffer is not None:
             frame = Options("hada_cl_frame", pixels=buffer[0], offset=buffer[1], queue=buffer[2])
             return Job(self._own, lib.hada_job_submit_cl, frame.c, results, (raw, frame))
@@ -596,15 +607,14 @@ def _set_dark(options: Options, dark: Any) -> None:
         options.set(dark="frame", dark_frame=frame.c)
 
 
-def _device_buffer(raw: Any) -> tuple[Any, int, Any] | None:
-    """Return buffer, offset and queue of a pyopencl array or buffer; None for everything else."""
-    data = getattr(raw, "base_data", None)
-    if data is None and not hasattr(raw, "int_ptr"):
-        return None
-    offset, queue = 0, None
-    if data is not None:
-        if raw.dtype != np.float32 or not raw.flags.c_contiguous:
-            raise TypeError("a frame on the device must be dense float32, (C, Y, X)")
-        offset = int(raw.offset)
-        queue = None if raw.queue is None else ffi.cast("cl_command_queue", address_of(raw.queue))
-    return ffi.cast("cl_mem", address_of(raw if data is None else data)), offset, queue
+def _device_buffer(given: Any, shape: tuple[int, ...], what: str) -> tuple[Any, int, Any] | None:
+    """Return buffer, offset and queue of a pyopencl array (of this shape) or buffer; None for everything else."""
+    data = getattr(given, "base_data", None)
+    if data is None:
+        return (ffi.cast("cl_mem", address_of(given)), 0, None) if hasattr(given, "int_ptr") else None
+    if given.dtype != np.float32 or not given.flags.c_contiguous:
+        raise TypeError(f"{what} on the device must be dense float32")
+    if given.shape != shape and (1, *given.shape) != shape:
+        raise errors.SizeError(f"{what} has the shape {given.shape}: {shape} is needed")
+    queue = None if given.queue is None else ffi.cast("cl_command_queue", address_of(given.queue))
+    return ffi.cast("cl_mem", address_of(data)), int(given.offset), queue

@@ -20,7 +20,9 @@ Run = Callable[..., str]
 @pytest.fixture(scope="session")
 def program() -> Run:
     """Run the C program with these arguments; the text that it prints."""
-    name = os.environ.get("HADALENS_PROGRAM", "build/release/bindings/cli/hadalens")
+    name = os.environ.get("HADALENS_PROGRAM") or str(Path(__file__).parents[2] / "build/release/bindings/cli/hadalens")
+    if not Path(name).exists():
+        pytest.skip(f"{name} is not built: HADALENS_PROGRAM says where the program is")
 
     def run(*arguments: str | Path) -> str:
         return subprocess.run([name, *map(str, arguments)], check=True, text=True, capture_output=True).stdout

@@ -10,7 +10,8 @@ from a few pairs of raw frame and known scene per distance.
 """
 
 from . import metrics, optics, response
-from ._fit import FilterScore, FitReport, Fitter, OutsideScore, RefineScore, ResponseRow, find_boundary, fit
+from ._fit import FilterScore, FitReport, OutsideScore, RefineScore, ResponseRow, fit
+from ._fitter import Fitter, find_boundary
 from ._native import lib, text
 from ._register import (
     RegisteredDepth,
@@ -20,22 +21,8 @@ from ._register import (
     register_offset,
     register_psf,
 )
-from ._simulate import (
-    Camera,
-    Sensor,
-    SimulateReport,
-    Simulator,
-    add_noise,
-    crop,
-    fit_scene,
-    part,
-    procedural_scene,
-    regions,
-    relief,
-    resize,
-    simulate,
-    window_origin,
-)
+from ._scenes import add_noise, crop, fit_scene, part, procedural_scene, regions, relief, resize
+from ._simulate import Camera, Sensor, SimulateReport, Simulator, simulate, window_origin
 from ._train import Augment, Step, Trainer, TrainState, Validation, train
 from .dataset import Dataset, load_dark
 from .device import Context, DeviceInfo, devices
@@ -80,7 +67,8 @@ from .files import (
 from .focus import FocusReport, focus_stack
 from .model import Model, ModelInfo
 from .net import Net, NetInfo, NetRunner
-from .plan import Classic, Job, KernelTime, Plan, QueueInfo, Report, Result, SkipReport
+from .plan import Classic, Job, KernelTime, Plan, QueueInfo
+from .result import Report, Result, SkipReport
 
 __version__ = text(lib.hada_version())
 

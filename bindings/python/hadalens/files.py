@@ -14,7 +14,8 @@ from . import errors
 from . import response as responses
 from ._arrays import Float32, Floats, Image, NewImage, as_array
 from ._native import Handle, Monitor, Options, Owner, Progress, call, ffi, keep_error, lib, path, record, text
-from .plan import Plan, Result
+from .plan import Plan
+from .result import Result
 
 
 @dataclass(frozen=True)

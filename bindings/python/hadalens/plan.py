@@ -9,12 +9,13 @@ from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
-from ._arrays import Float32, Image, Pixels, check_out, copy_of, floats
-from ._native import Handle, Options, Owner, call, error_of, ffi, lib, record, value_of, word, words
+from . import errors
+from ._arrays import Image, Pixels, check_out
+from ._native import Handle, Options, Owner, call, error_of, ffi, lib, record, value_of, word
 from .device import Context, address_of, default
 from .model import Model
+from .result import Result, Results
 
 Method: TypeAlias = Literal["wiener", "rl", "fista", "admm"]
 Skip: TypeAlias = Literal["prune", "depths", "frequencies", "half", "channels", "frames", "tiles"]
@@ -61,84 +62,6 @@ class Classic:
 
 
 @dataclass(frozen=True)
-class SkipReport:
-    """What was not computed, and what that may have changed.
-
-    Attributes:
-        kinds: words of what saved something in this frame.
-        bound: of the relative L2 change of the stack; 0: none.
-        depths, channels: not computed.
-        frame: the result is that of the frame before.
-        frequencies: share of the spectrum that was not used.
-        tiles: share of the net's tiles that was not computed.
-        recomputed: a bound did not hold, and the frame was done again in full.
-
-    """
-
-    kinds: tuple[str, ...]
-    bound: float
-    depths: int
-    channels: int
-    frame: bool
-    frequencies: float
-    tiles: float
-    recomputed: bool
-
-
-@dataclass(frozen=True)
-class Report:
-    """How a frame was reconstructed.
-
-    Attributes:
-        occupied: for each computed depth, whether the scene was found there.
-        method: "model", or a classic method.
-        scene: what the frame was taken for, "planes" or "surface".
-        refine_steps: steps of refinement, or iterations of a classic method, that were done.
-        residual_linear, residual: what the linear result, and the refined one, leave unexplained of the frame, as a
-            share of it; NaN where not computed.
-        dark: level taken off.
-        repaired_pixels: NaN and infinite pixels that were replaced.
-        enhanced: planes that went through the model's net.
-        seconds: of each stage, with "total".
-
-    """
-
-    occupied: tuple[bool, ...]
-    method: str
-    scene: str
-    refine_steps: int
-    residual_linear: float
-    residual: float
-    dark: float
-    repaired_pixels: int
-    enhanced: int
-    seconds: dict[str, float]
-    skipped: SkipReport
-
-
-@dataclass(frozen=True, eq=False)
-class Result:
-    """What comes of a frame; arrays are NumPy's and stay as they are, whatever happens to the plan.
-
-    Attributes:
-        stack: refocused planes, float32 (Z, C, Y, X) in linear light, near to far, of the window's size.
-        all_in_focus: float32 (C, Y, X).
-        distance_map: float32 (Y, X) in millimetres, NaN where nothing is in focus.
-        confidence: float32 (Y, X), 0 to 1: how sure the distance map is; None where the frame is no surface.
-        distances_mm: float64 (Z,), of the planes.
-        report: how it was done.
-
-    """
-
-    stack: Float32
-    all_in_focus: Float32
-    distance_map: Float32
-    confidence: Float32 | None
-    distances_mm: npt.NDArray[np.float64]
-    report: Report
-
-
-@dataclass(frozen=True)
 class QueueInfo:
     """What a queue of a plan did: frames begun, batches of depths done, seconds busy; `lost`: it failed."""
 
@@ -162,57 +85,6 @@ class KernelTime:
     flops: float
 
 
-def _skip_report(struct: Any) -> SkipReport:
-    kinds = tuple(name for name, bit in words("hada_skip").items() if name != "all" and struct.kinds & bit)
-    return record(SkipReport, struct[0], kinds=kinds)
-
-
-_STAGES = ("total", "upload", "linear", "pursuit", "refine", "enhance", "focus", "download")
-
-
-def _report(struct: Any, depths: int) -> Report:
-    return record(
-        Report,
-        struct[0],
-        occupied=tuple(bool(struct.occupied[z]) for z in range(depths)),
-        seconds={stage: getattr(struct, f"seconds_{stage}") for stage in _STAGES},
-        skipped=_skip_report(struct.skipped),
-    )
-
-
-class _Results:
-    """A hada_result that is written into arrays of NumPy's."""
-
-    device: Any = None
-
-    def __init__(self, stack: Float32, all_in_focus: Float32, distance_map: Float32) -> None:
-        self.stack, self.all_in_focus, self.distance_map = stack, all_in_focus, distance_map
-        self.c = ffi.new("hada_result *")
-        arrays = ffi.new("hada_result_arrays *")
-        lib.hada_result_arrays_init(arrays)
-        arrays.stack, arrays.stack_count = floats(stack), stack.size
-        arrays.all_in_focus, arrays.all_in_focus_count = floats(all_in_focus), all_in_focus.size
-        arrays.distance_map, arrays.distance_map_count = floats(distance_map), distance_map.size
-        call(lib.hada_result_use, self.c, arrays)
-
-    def take(self) -> Result:
-        """What was computed."""
-        sure = lib.hada_result_confidence(self.c)
-        depths = self.c.depths
-        distances = np.frombuffer(ffi.buffer(self.c.distances_mm, 8 * depths), np.float64).copy()
-        return Result(
-            self.stack,
-            self.all_in_focus,
-            self.distance_map,
-            None if sure == ffi.NULL else copy_of(sure)[0],
-            distances,
-            _report(self.c.report, depths),
-        )
-
-    def __del__(self) -> None:
-        lib.hada_result_destroy(self.c)
-
-
 class Job:
     """A frame in flight. Ask it, wait for it, or ``await`` it.
 
@@ -224,10 +96,10 @@ class Job:
 
     """
 
-    def __init__(self, plan: Owner, submit: Any, frame: Any, results: _Results, kept: Any) -> None:
+    def __init__(self, plan: Owner, submit: Any, frame: Any, results: Results, kept: Any) -> None:
         """Jobs come from :meth:`Plan.submit`."""
         self._kept: Any = (frame, kept)  # C reads the frame in place
-        self._results: _Results | None = results
+        self._results: Results | None = results
         self._result: Result | None = None
         self._lock = threading.Lock()
         # the result, the frame and the plan must outlive the C job
@@ -396,7 +268,7 @@ class Plan(Handle):
         """Shape (Z, C, Y, X) of the stacks."""
         return (self._planes, *self._window)
 
-    def _results(self, out: Any) -> _Results:
+    def _results(self, out: Any) -> Results:
         shape = self.stack_shape
         buffer = _device_buffer(out, shape, "out")
         if buffer is not None:
@@ -406,13 +278,13 @@ class Plan(Handle):
             results.device = out  # which must live as long
             return results
         if isinstance(out, Result):
-            return _Results(
+            return Results(
                 check_out(out.stack, shape, "out.stack"),
                 check_out(out.all_in_focus, shape[1:], "out.all_in_focus"),
                 check_out(out.distance_map, shape[2:], "out.distance_map"),
             )
         stack = np.empty(shape, np.float32) if out is None else check_out(out, shape, "out")
-        return _Results(stack, np.empty(shape[1:], np.float32), np.empty(shape[2:], np.float32))
+        return Results(stack, np.empty(shape[1:], np.float32), np.empty(shape[2:], np.float32))
 
     def run(
         self,

@@ -1,0 +1,77 @@
+"""Scenes to show to a camera: drawn from a seed, cut from photographs, parted over depths."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from . import errors
+from ._arrays import Float32, Image, NewImage, as_array, planes_first, to_float
+from ._native import call, ffi, lib, value_of
+
+
+def procedural_scene(rows: int, cols: int, *, channels: int = 3, seed: int = 0) -> Float32:
+    """Return a scene (C, Y, X) drawn from a seed: a coloured background, shapes and textures before it; 0 to 1."""
+    image = NewImage()
+    call(lib.hada_scene_procedural, image.c, seed, channels, rows, cols)
+    return image.array()
+
+
+def fit_scene(image: Any, rows: int, cols: int) -> Float32:
+    """Return the largest centred part of an image with the aspect ratio rows:cols, scaled to that size."""
+    made = NewImage()
+    call(lib.hada_scene_fit, made.c, Image(image).c, rows, cols)
+    return made.array()
+
+
+def resize(image: Any, rows: int, cols: int) -> Float32:
+    """Return a whole image scaled to rows x cols: mean over area where it shrinks, bilinear where it grows."""
+    given, made = Image(image), NewImage()
+    call(lib.hada_image_resize, made.c, given.c, rows, cols)
+    return made.array()
+
+
+def crop(image: Any, row: int, col: int, rows: int, cols: int) -> Float32:
+    """Return a rectangle of an image; parts outside it are zero."""
+    given, made = Image(image), NewImage()
+    call(lib.hada_image_crop, made.c, given.c, row, col, rows, cols)
+    return made.array()
+
+
+def regions(count: int, rows: int, cols: int, *, seed: int = 0) -> npt.NDArray[np.int32]:
+    """Return labels 0 to count - 1 of every pixel, int32 (Y, X): compact regions with smooth outlines."""
+    labels = np.empty((rows, cols), np.int32)
+    call(lib.hada_scene_regions, ffi.cast("int *", ffi.from_buffer(labels)), seed, count, rows, cols)
+    return labels
+
+
+def part(image: Any, labels: npt.NDArray[np.int32], label: int) -> Float32:
+    """Return the part of an image whose label is `label`; the rest is zero."""
+    given, made = Image(image), NewImage()
+    marks = np.ascontiguousarray(labels, np.int32)
+    if marks.shape != given.arrays[0].shape[1:]:
+        raise errors.SizeError(f"labels of {marks.shape} for an image of {given.arrays[0].shape[1:]}")
+    call(lib.hada_scene_part, made.c, given.c, ffi.cast("int *", ffi.from_buffer(marks)), label)
+    return made.array()
+
+
+def relief(
+    kind: Literal["slant", "half", "hill", "ball", "steps", "bars"], rows: int, cols: int, *, seed: int = 0
+) -> Float32:
+    """Return depth over a window, (Y, X): 0 (nearest) to 1 (farthest), linear in 1/z; seed 0 is the plain shape."""
+    made = NewImage()
+    number = lib.hada_relief_from_word(kind.encode())
+    if not number:
+        number = value_of("hada_relief_kind", kind, "kind")
+    call(lib.hada_scene_relief, made.c, number, seed, rows, cols)
+    return made.plane()
+
+
+def add_noise(image: Any, sigma: float, *, seed: int = 0) -> Float32:
+    """Return an image with Gaussian noise of standard deviation `sigma`."""
+    copy = np.array(to_float(planes_first(as_array(image, "image"), None, "image")), copy=True)
+    noisy = Image(copy)
+    lib.hada_image_add_noise(noisy.c, sigma, seed)
+    return noisy.arrays[0]

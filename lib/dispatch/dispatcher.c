@@ -16,7 +16,7 @@ hada_status hada_dispatcher_create(hada_dispatcher **out, int workers, hada_erro
     hada_status status = HADA_OK;
     HADA_TRY(hada_alloc((void **)&dispatcher, 1, sizeof *dispatcher, "a plan", err));
     HADA_TRY(hada_alloc((void **)&dispatcher->workers, (size_t)workers, sizeof *dispatcher->workers, "a plan", err));
-    pthread_mutex_init(&dispatcher->lock, NULL);
+    dispatcher->lock = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
     hada_condition_init(&dispatcher->changed);
     dispatcher->references = 1;
     dispatcher->capacity = workers;

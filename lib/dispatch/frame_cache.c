@@ -25,7 +25,7 @@ struct hada_cache_entry {
 
 void hada_frame_cache_make(hada_frame_cache *cache)
 {
-    pthread_mutex_init(&cache->lock, NULL);
+    cache->lock = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
 }
 
 static void release(hada_cache_entry *entry)
@@ -65,8 +65,8 @@ static hada_status make(hada_cache_entry **out, const hada_image *raw, hada_erro
     hada_status status = HADA_OK;
     HADA_TRY(hada_alloc((void **)&entry, 1, sizeof *entry, "the frame before", err));
     HADA_TRY(hada_image_create(&entry->raw, raw->channels, raw->rows, raw->cols, err));
-    pthread_mutex_init(&entry->lock, NULL);
-    pthread_cond_init(&entry->changed, NULL);
+    entry->lock = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
+    entry->changed = (pthread_cond_t)PTHREAD_COND_INITIALIZER;
     entry->references = 1;
 done:
     if (status) {

@@ -29,7 +29,7 @@ typedef struct hada_tuning hada_tuning;               /* runtime/tuning.h */
 struct hada_context {
     cl_platform_id platform;
     cl_device_id device;
-    int divided; /* the device is a sub-device of our own making */
+    int adopted; /* the device is the caller's, and held as long as the context is */
     cl_context cl;
     hada_device_info info;
     hada_shape shape;

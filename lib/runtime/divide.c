@@ -1,4 +1,6 @@
-/* Parts of a device, as devices of their own. */
+/* Parts of a device, as devices of their own. They are made once and stay: PoCL's threads look at the device of a
+ * command after whoever waited for it was told, so that a part that is given back then is read after it is gone. */
+#include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -46,9 +48,55 @@ static hada_status describe_parts(cl_device_id device, const hada_device_info *i
                      info->name, parts);
 }
 
+/* A device in so many parts. */
+typedef struct division {
+    struct division *next;
+    cl_device_id whole;
+    cl_uint parts;
+    cl_device_id part[];
+} division;
+
+static struct {
+    pthread_mutex_t lock;
+    division *first;
+} known = {.lock = PTHREAD_MUTEX_INITIALIZER};
+
+static const division *find_division(cl_device_id whole, cl_uint parts)
+{
+    const division *it = known.first;
+    while (it && (it->whole != whole || it->parts != parts))
+        it = it->next;
+    return it;
+}
+
+static hada_status make_division(cl_device_id whole, const hada_device_info *info, cl_uint parts, hada_error *err)
+{
+    cl_device_partition_property *list = NULL;
+    division *made = NULL;
+    cl_uint count = 0;
+    hada_status status = HADA_OK;
+    HADA_TRY(describe_parts(whole, info, parts, &list, err));
+    HADA_TRY(hada_alloc((void **)&made, 1, sizeof *made + parts * sizeof *made->part, "the parts of a device", err));
+    *made = (division){.next = known.first, .whole = whole, .parts = parts};
+    const cl_int code = clCreateSubDevices(whole, list, parts, made->part, &count);
+    if (code != CL_SUCCESS)
+        HADA_TRY(hada_fail_cl(err, code, "clCreateSubDevices"));
+    if (count < parts)
+        HADA_TRY(hada_fail(err, HADA_ERROR_DEVICE, "%s gave %u parts instead of %u", info->name, count, parts));
+    known.first = made;
+    made = NULL;
+done:
+    for (cl_uint i = 0; made && i < count && i < parts; i++)
+        clReleaseDevice(made->part[i]);
+    free(made);
+    free(list);
+    return status;
+}
+
 hada_status hada_device_divide(cl_device_id device, const hada_device_info *info, int part, int parts,
                                cl_device_id *out, hada_error *err)
 {
+    hada_status status = HADA_OK;
     if (parts < 1 || part < 1 || part > parts)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "part %d of %d of a device: parts are counted from 1", part, parts);
     /* some drivers crash when asked for what they do not offer: look before */
@@ -56,24 +104,12 @@ hada_status hada_device_divide(cl_device_id device, const hada_device_info *info
         return hada_fail(err, HADA_ERROR_DEVICE_CHOICE,
                          "%s cannot be divided into %d parts: it has %u compute unit(s) and takes at most %u parts",
                          info->name, parts, info->compute_units, info->max_sub_devices);
-    cl_device_partition_property *list = NULL;
-    cl_device_id *made = NULL;
-    cl_uint count = 0;
-    hada_status status = HADA_OK;
-    HADA_TRY(describe_parts(device, info, (unsigned)parts, &list, err));
-    HADA_TRY(hada_alloc((void **)&made, (size_t)parts, sizeof *made, "the parts of a device", err));
-    const cl_int code = clCreateSubDevices(device, list, (cl_uint)parts, made, &count);
-    if (code != CL_SUCCESS)
-        HADA_TRY(hada_fail_cl(err, code, "clCreateSubDevices"));
-    if (count < (cl_uint)parts)
-        HADA_TRY(hada_fail(err, HADA_ERROR_DEVICE, "%s gave %u parts instead of %d", info->name, count, parts));
-    *out = made[part - 1];
-done: /* only the part that was asked for stays */
-    for (cl_uint i = 0; made && i < count && i < (cl_uint)parts; i++)
-        if (status || i + 1 != (cl_uint)part)
-            clReleaseDevice(made[i]);
-    free(made);
-    free(list);
+    pthread_mutex_lock(&known.lock);
+    if (!find_division(device, (cl_uint)parts))
+        status = make_division(device, info, (cl_uint)parts, err);
+    if (!status)
+        *out = find_division(device, (cl_uint)parts)->part[part - 1];
+    pthread_mutex_unlock(&known.lock);
     return status;
 }
 

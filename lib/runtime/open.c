@@ -42,7 +42,6 @@ static hada_status take_part(hada_context *context, int part, int parts, hada_er
     if (status)
         return status;
     context->device = device;
-    context->divided = 1;
     status = hada_device_describe(context->platform, device, index, &context->info, err);
     context->info.part = part;
     context->info.parts = parts;
@@ -126,7 +125,7 @@ static hada_status take_device(hada_context *context, const adopted *from, hada_
     HADA_TRY(hada_device_describe(context->platform, from->device, index_of(from->device), &context->info, err));
     clRetainDevice(from->device);
     context->device = from->device;
-    context->divided = 1; /* released with the context; a whole device minds neither */
+    context->adopted = 1;
     clRetainContext(from->context);
     context->cl = from->context;
 done:
@@ -154,7 +153,7 @@ static hada_status open_context(hada_context **out, const adopted *from, const h
     hada_context_options_init(&options);
     HADA_TRY(HADA_OPTIONS_TAKE(&options, callers, hada_context_options, err));
     HADA_TRY(hada_alloc((void **)&context, 1, sizeof *context, "a context", err));
-    pthread_mutex_init(&context->lock, NULL);
+    context->lock = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
     context->log = options.log;
     context->log_user = options.log_user;
     context->log_level = options.log_level;
@@ -209,7 +208,7 @@ void hada_context_destroy(hada_context **pointer)
     hada_program_store_destroy(context);
     if (context->cl)
         clReleaseContext(context->cl);
-    if (context->divided)
+    if (context->adopted)
         clReleaseDevice(context->device);
     pthread_mutex_destroy(&context->lock);
     hada_tuning_destroy(&context->tuning);

@@ -19,7 +19,7 @@ hada_status hada_device_describe(cl_platform_id platform, cl_device_id device, i
 /* Looks the device up in the table of quirks; also writes the reasons into info->quirks. */
 void hada_quirks_find(hada_device_info *info, hada_quirks *quirks);
 
-/* A part of a device as a device of its own, to be released with clReleaseDevice(). */
+/* A part of a device as a device of its own; never released: whoever asks again gets the same. */
 hada_status hada_device_divide(cl_device_id device, const hada_device_info *info, int part, int parts,
                                cl_device_id *out, hada_error *err);
 

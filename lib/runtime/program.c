@@ -33,7 +33,7 @@ hada_status hada_program_store_create(hada_context *context, const hada_context_
     hada_status status = hada_alloc((void **)&store, 1, sizeof *store, "the program store", err);
     if (status)
         return status;
-    pthread_mutex_init(&store->lock, NULL);
+    store->lock = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
     context->programs = store;
     const char *binaries = options->binaries ? options->binaries : getenv("HADALENS_BINARIES");
     if (binaries && *binaries) {

@@ -86,7 +86,7 @@ hada_status hada_examples_create(hada_examples *examples, const hada_pairs *pair
     hada_status status = HADA_OK;
     HADA_TRY(hada_alloc((void **)&examples->kept, hada_size_product((size_t)hada_pairs_total(pairs), WAYS),
                         sizeof *examples->kept, "the list of pairs", err));
-    pthread_mutex_init(&examples->lock, NULL);
+    examples->lock = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
 done:
     return status;
 }

@@ -98,8 +98,8 @@ hada_status hada_feed_create(hada_feed **out, const hada_feed_desc *desc, hada_e
     HADA_TRY(hada_alloc((void **)&feed, 1, sizeof *feed, "the pairs to read", err));
     feed->desc = *desc;
     feed->next = desc->first;
-    pthread_mutex_init(&feed->lock, NULL);
-    pthread_cond_init(&feed->changed, NULL);
+    feed->lock = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
+    feed->changed = (pthread_cond_t)PTHREAD_COND_INITIALIZER;
     HADA_TRY(hada_alloc((void **)&feed->ring, (size_t)desc->ahead, sizeof *feed->ring, "the pairs to read", err));
     feed->running = !start(feed);
     if (!feed->running)

@@ -145,7 +145,7 @@ hada_status hada_trainer_create_on(hada_trainer **out, hada_context *const *cont
             if (!contexts[i] || (k < i && contexts[k] == contexts[i]))
                 return hada_fail(err, HADA_ERROR_ARGUMENT, "a trainer's contexts are different ones");
     HADA_TRY(hada_alloc((void **)&trainer, 1, sizeof *trainer, "a trainer", err));
-    pthread_mutex_init(&trainer->held_out.reading, NULL);
+    trainer->held_out.reading = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
     trainer->model = model;
     trainer->info = *hada_model_get_info(model);
     hada_pairs_init(&trainer->pairs);

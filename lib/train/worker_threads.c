@@ -55,9 +55,9 @@ hada_status hada_worker_threads_create(hada_worker_threads **out, int count, had
     HADA_TRY(hada_alloc((void **)&threads, 1, sizeof *threads, "threads", err));
     HADA_TRY(hada_alloc((void **)&threads->members, (size_t)count, sizeof *threads->members, "threads", err));
     threads->count = count;
-    pthread_mutex_init(&threads->lock, NULL);
-    pthread_cond_init(&threads->begins, NULL);
-    pthread_cond_init(&threads->ends, NULL);
+    threads->lock = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
+    threads->begins = (pthread_cond_t)PTHREAD_COND_INITIALIZER;
+    threads->ends = (pthread_cond_t)PTHREAD_COND_INITIALIZER;
     sigfillset(&all); /* signals are for the program's own threads */
     pthread_sigmask(SIG_SETMASK, &all, &before);
     for (int i = 0; i < count; i++) {

@@ -10,11 +10,22 @@
 #include <unistd.h>
 
 const fuzz_target fuzz_targets[] = {
-    {"tiff", fuzz_tiff, ".tif"}, {"tiff_text", fuzz_tiff_text, ""}, {"safetensors", fuzz_safetensors, ".safetensors"},
-    {"model", fuzz_model, ""},   {"sums", fuzz_sums, ""},           {"net", fuzz_net, ""},
-    {"list", fuzz_list, ""},     {"camera", fuzz_camera, ""},       {"tuning", fuzz_tuning, ""},
-    {"binary", fuzz_binary, ""}, {"dataset", fuzz_dataset, ""},     {"log", fuzz_log, ""},
-    {"words", fuzz_words, ""},   {"options", fuzz_options, ""},     {NULL, NULL, NULL},
+    {"tiff", NULL, fuzz_tiff, ".tif"},
+    {"tiff_text", NULL, fuzz_tiff_text, ""},
+    {"safetensors", NULL, fuzz_safetensors, ".safetensors"},
+    {"model", NULL, fuzz_model, ""},
+    {"sums", NULL, fuzz_sums, ""},
+    {"checkpoint", fuzz_checkpoint_begin, fuzz_checkpoint, ""},
+    {"net", NULL, fuzz_net, ""},
+    {"list", NULL, fuzz_list, ""},
+    {"camera", NULL, fuzz_camera, ""},
+    {"tuning", NULL, fuzz_tuning, ""},
+    {"binary", NULL, fuzz_binary, ""},
+    {"dataset", NULL, fuzz_dataset, ""},
+    {"log", NULL, fuzz_log, ""},
+    {"words", NULL, fuzz_words, ""},
+    {"options", NULL, fuzz_options, ""},
+    {NULL, NULL, NULL, NULL},
 };
 
 const fuzz_target *fuzz_find(const char *name)

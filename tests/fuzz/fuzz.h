@@ -9,6 +9,7 @@
 
 typedef struct fuzz_target {
     const char *name;
+    void (*begin)(void); /* once, before the first input; may be NULL */
     void (*run)(const uint8_t *data, size_t bytes);
     const char *ends; /* names of files of this kind, for what is taken from elsewhere; "" where there are none */
 } fuzz_target;
@@ -30,6 +31,8 @@ void fuzz_tiff_text(const uint8_t *data, size_t bytes);
 void fuzz_safetensors(const uint8_t *data, size_t bytes);
 void fuzz_model(const uint8_t *data, size_t bytes);
 void fuzz_sums(const uint8_t *data, size_t bytes);
+void fuzz_checkpoint_begin(void);
+void fuzz_checkpoint(const uint8_t *data, size_t bytes);
 void fuzz_net(const uint8_t *data, size_t bytes);
 void fuzz_list(const uint8_t *data, size_t bytes);
 void fuzz_camera(const uint8_t *data, size_t bytes);

@@ -19,7 +19,11 @@ int LLVMFuzzerInitialize(int *count, char ***words)
     hada_limits_init(&limits);
     limits.pixels = 1 << 18; /* quick runs: large pictures are no other code */
     limits.parameters = 1 << 18;
-    return hada_limits_set(&limits, &err) ? 1 : 0;
+    if (hada_limits_set(&limits, &err))
+        return 1;
+    if (target->begin)
+        target->begin();
+    return 0;
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t bytes)

@@ -60,6 +60,8 @@ int main(int argc, char **argv)
     const struct rlimit room = {MOST_BYTES, MOST_BYTES};
     setrlimit(RLIMIT_AS, &room);
 #endif
+    if (target->begin)
+        target->begin();
     for (int i = 2; i < argc; i++)
         count += replay(target, argv[i]);
     printf("%d inputs of %s\n", count, target->name);

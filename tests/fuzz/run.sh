@@ -13,7 +13,13 @@ failed=0
 for target in "$@"; do
     target=$(basename "$target")
     corpus=(tests/fuzz/corpus/"$target")
-    case $target in tiff | safetensors) corpus+=(tests/golden) ;; esac
+    words=tests/fuzz/dictionary/$target
+    case $target in
+    tiff | safetensors) corpus+=(tests/golden) ;;
+    model | sums | checkpoint | net) words=tests/fuzz/dictionary/safetensors ;;
+    camera | list) words=tests/fuzz/dictionary/json ;;
+    esac
+    [ -e "$words" ] && corpus+=(-dict="$words")
     mkdir -p "build/fuzz/corpus/$target"
     FUZZ_TARGET=$target build/fuzz/tests/fuzz/fuzz_engine "build/fuzz/corpus/$target" "${corpus[@]}" \
         -max_total_time="$seconds" -max_len=8192 -timeout=10 -rss_limit_mb=1500 -malloc_limit_mb=800 \

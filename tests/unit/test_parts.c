@@ -1,4 +1,5 @@
 /* Parts of a device as devices of their own: words, refusals, and what a context on a part is. */
+#include <hadalens/opencl.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -96,12 +97,36 @@ static void divides(void **state)
     hada_context_destroy(&whole);
 }
 
+/* A driver may look at a part after the last command on it has ended: parts stay, and are the same for all. */
+static void parts_outlive_their_contexts(void **state)
+{
+    (void)state;
+    hada_context *context;
+    cl_device_id before = NULL;
+    ASSERT_OK(hada_context_create(&context, NULL, err));
+    const hada_device_info whole = *hada_context_device(context);
+    hada_context_destroy(&context);
+    if (whole.max_sub_devices < 2 || whole.compute_units < 2)
+        skip();
+    for (int i = 0; i < 20; i++) {
+        cl_uint units = 0;
+        ASSERT_OK(open_part(&context, NULL, 1, 2, err));
+        const cl_device_id device = hada_context_cl_device(context);
+        hada_context_destroy(&context);
+        assert_true(!before || device == before);
+        before = device;
+        assert_int_equal(clGetDeviceInfo(device, CL_DEVICE_MAX_COMPUTE_UNITS, sizeof units, &units, NULL), CL_SUCCESS);
+        assert_true(units >= 1 && units < whole.compute_units);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(reads_words),
         cmocka_unit_test(refuses_what_cannot_be_divided),
         cmocka_unit_test(divides),
+        cmocka_unit_test(parts_outlive_their_contexts),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

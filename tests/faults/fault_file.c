@@ -1,4 +1,5 @@
-/* Wrappers of the calls that reach files: a full disk, a lost server, a folder without permission. */
+/* Wrappers of the calls that reach files: a full disk, a lost server, a folder without permission. Removing is not
+ * among them: what cannot be removed stays behind, whatever a program does. */
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
@@ -9,48 +10,6 @@
 
 #include "fault.h"
 
-int __real_open(const char *path, int flags, ...);
-int __real_close(int fd);
-ssize_t __real_write(int fd, const void *data, size_t bytes);
-ssize_t __real_pwrite(int fd, const void *data, size_t bytes, off_t at);
-ssize_t __real_pread(int fd, void *data, size_t bytes, off_t at);
-off_t __real_lseek(int fd, off_t at, int whence);
-ssize_t __real_read(int fd, void *data, size_t bytes);
-int __real_fsync(int fd);
-int __real_fstat(int fd, struct stat *what);
-int __real_fchmod(int fd, mode_t mode);
-char *__real_realpath(const char *path, char *out);
-DIR *__real_opendir(const char *path);
-struct dirent *__real_readdir(DIR *folder);
-ssize_t __real_getrandom(void *out, size_t bytes, unsigned flags);
-int __real_rename(const char *from, const char *to);
-int __real_mkdir(const char *path, mode_t mode);
-FILE *__real_fopen(const char *path, const char *mode);
-int __real_fclose(FILE *file);
-size_t __real_fread(void *data, size_t size, size_t count, FILE *file);
-size_t __real_fwrite(const void *data, size_t size, size_t count, FILE *file);
-
-int __wrap_open(const char *path, int flags, ...);
-int __wrap_close(int fd);
-ssize_t __wrap_write(int fd, const void *data, size_t bytes);
-ssize_t __wrap_pwrite(int fd, const void *data, size_t bytes, off_t at);
-ssize_t __wrap_pread(int fd, void *data, size_t bytes, off_t at);
-off_t __wrap_lseek(int fd, off_t at, int whence);
-ssize_t __wrap_read(int fd, void *data, size_t bytes);
-int __wrap_fsync(int fd);
-int __wrap_fstat(int fd, struct stat *what);
-int __wrap_fchmod(int fd, mode_t mode);
-char *__wrap_realpath(const char *path, char *out);
-DIR *__wrap_opendir(const char *path);
-struct dirent *__wrap_readdir(DIR *folder);
-ssize_t __wrap_getrandom(void *out, size_t bytes, unsigned flags);
-int __wrap_rename(const char *from, const char *to);
-int __wrap_mkdir(const char *path, mode_t mode);
-FILE *__wrap_fopen(const char *path, const char *mode);
-int __wrap_fclose(FILE *file);
-size_t __wrap_fread(void *data, size_t size, size_t count, FILE *file);
-size_t __wrap_fwrite(const void *data, size_t size, size_t count, FILE *file);
-
 static int fails(const char *name, int code)
 {
     if (!fault_here(FAULT_FILE, name))
@@ -59,6 +18,60 @@ static int fails(const char *name, int code)
     return 1;
 }
 
+/* A call that fails before anything is done. Every wrapper has two prototypes: the true function, and the one that the
+ * library reaches. */
+#define CALLS(type, name, failure, code, parameters, ...)                                                              \
+    type __real_##name parameters;                                                                                     \
+    type __wrap_##name parameters;                                                                                     \
+    type __wrap_##name parameters                                                                                      \
+    {                                                                                                                  \
+        return fails(#name, code) ? (failure) : __real_##name(__VA_ARGS__);                                            \
+    }
+
+/* A call that has done its work, and fails all the same: what is closed is closed. */
+#define CLOSES(type, name, failure, code, parameters, ...)                                                             \
+    type __real_##name parameters;                                                                                     \
+    type __wrap_##name parameters;                                                                                     \
+    type __wrap_##name parameters                                                                                      \
+    {                                                                                                                  \
+        const type result = __real_##name(__VA_ARGS__);                                                                \
+        return fails(#name, code) ? (failure) : result;                                                                \
+    }
+
+CALLS(ssize_t, write, -1, ENOSPC, (int fd, const void *data, size_t bytes), fd, data, bytes)
+CALLS(ssize_t, pwrite, -1, ENOSPC, (int fd, const void *data, size_t bytes, off_t at), fd, data, bytes, at)
+CALLS(ssize_t, pread, -1, EIO, (int fd, void *data, size_t bytes, off_t at), fd, data, bytes, at)
+CALLS(ssize_t, read, -1, EIO, (int fd, void *data, size_t bytes), fd, data, bytes)
+CALLS(off_t, lseek, -1, EINVAL, (int fd, off_t at, int whence), fd, at, whence)
+CALLS(int, fsync, -1, EIO, (int fd), fd)
+CALLS(int, fstat, -1, EIO, (int fd, struct stat *what), fd, what)
+CALLS(int, stat, -1, EACCES, (const char *path, struct stat *what), path, what)
+CALLS(int, lstat, -1, EACCES, (const char *path, struct stat *what), path, what)
+CALLS(int, fchmod, -1, EPERM, (int fd, mode_t mode), fd, mode)
+CALLS(int, fchown, -1, EPERM, (int fd, uid_t user, gid_t group), fd, user, group)
+CALLS(int, chmod, -1, EPERM, (const char *path, mode_t mode), path, mode)
+CALLS(int, chown, -1, EPERM, (const char *path, uid_t user, gid_t group), path, user, group)
+CALLS(int, flock, -1, EINTR, (int fd, int what), fd, what)
+CALLS(char *, realpath, NULL, EACCES, (const char *path, char *out), path, out)
+CALLS(DIR *, opendir, NULL, EACCES, (const char *path), path)
+CALLS(struct dirent *, readdir, NULL, EIO, (DIR * folder), folder)
+CALLS(ssize_t, getrandom, -1, ENOSYS, (void *out, size_t bytes, unsigned flags), out, bytes, flags)
+CALLS(int, rename, -1, EACCES, (const char *from, const char *to), from, to)
+CALLS(int, linkat, -1, EXDEV, (int from, const char *path, int to, const char *name, int flags), from, path, to, name,
+      flags)
+CALLS(int, mkdir, -1, EACCES, (const char *path, mode_t mode), path, mode)
+CALLS(int, mkstemp, -1, EACCES, (char *path), path)
+CALLS(char *, mkdtemp, NULL, EACCES, (char *path), path)
+CALLS(FILE *, fopen, NULL, EACCES, (const char *path, const char *mode), path, mode)
+CALLS(FILE *, fdopen, NULL, ENOMEM, (int fd, const char *mode), fd, mode)
+CALLS(size_t, fread, 0, EIO, (void *data, size_t size, size_t count, FILE *file), data, size, count, file)
+CALLS(size_t, fwrite, 0, ENOSPC, (const void *data, size_t size, size_t count, FILE *file), data, size, count, file)
+CLOSES(int, close, -1, EIO, (int fd), fd)
+CLOSES(int, fclose, EOF, ENOSPC, (FILE * file), file)
+CLOSES(int, fflush, EOF, ENOSPC, (FILE * file), file)
+
+int __real_open(const char *path, int flags, ...);
+int __wrap_open(const char *path, int flags, ...);
 int __wrap_open(const char *path, int flags, ...)
 {
     va_list arguments;
@@ -66,102 +79,4 @@ int __wrap_open(const char *path, int flags, ...)
     const unsigned mode = flags & O_CREAT ? va_arg(arguments, unsigned) : 0;
     va_end(arguments);
     return fails("open", EACCES) ? -1 : __real_open(path, flags, mode);
-}
-
-/* A failed close has closed all the same. */
-int __wrap_close(int fd)
-{
-    const int result = __real_close(fd);
-    return fails("close", EIO) ? -1 : result;
-}
-
-ssize_t __wrap_write(int fd, const void *data, size_t bytes)
-{
-    return fails("write", ENOSPC) ? -1 : __real_write(fd, data, bytes);
-}
-
-ssize_t __wrap_pwrite(int fd, const void *data, size_t bytes, off_t at)
-{
-    return fails("pwrite", ENOSPC) ? -1 : __real_pwrite(fd, data, bytes, at);
-}
-
-ssize_t __wrap_pread(int fd, void *data, size_t bytes, off_t at)
-{
-    return fails("pread", EIO) ? -1 : __real_pread(fd, data, bytes, at);
-}
-
-off_t __wrap_lseek(int fd, off_t at, int whence)
-{
-    return fails("lseek", EINVAL) ? -1 : __real_lseek(fd, at, whence);
-}
-
-ssize_t __wrap_read(int fd, void *data, size_t bytes)
-{
-    return fails("read", EIO) ? -1 : __real_read(fd, data, bytes);
-}
-
-int __wrap_fsync(int fd)
-{
-    return fails("fsync", EIO) ? -1 : __real_fsync(fd);
-}
-
-int __wrap_fstat(int fd, struct stat *what)
-{
-    return fails("fstat", EIO) ? -1 : __real_fstat(fd, what);
-}
-
-int __wrap_fchmod(int fd, mode_t mode)
-{
-    return fails("fchmod", EPERM) ? -1 : __real_fchmod(fd, mode);
-}
-
-char *__wrap_realpath(const char *path, char *out)
-{
-    return fails("realpath", EACCES) ? NULL : __real_realpath(path, out);
-}
-
-DIR *__wrap_opendir(const char *path)
-{
-    return fails("opendir", EACCES) ? NULL : __real_opendir(path);
-}
-
-struct dirent *__wrap_readdir(DIR *folder)
-{
-    return fails("readdir", EIO) ? NULL : __real_readdir(folder);
-}
-
-ssize_t __wrap_getrandom(void *out, size_t bytes, unsigned flags)
-{
-    return fails("getrandom", ENOSYS) ? -1 : __real_getrandom(out, bytes, flags);
-}
-
-int __wrap_rename(const char *from, const char *to)
-{
-    return fails("rename", EACCES) ? -1 : __real_rename(from, to);
-}
-
-int __wrap_mkdir(const char *path, mode_t mode)
-{
-    return fails("mkdir", EACCES) ? -1 : __real_mkdir(path, mode);
-}
-
-FILE *__wrap_fopen(const char *path, const char *mode)
-{
-    return fails("fopen", EACCES) ? NULL : __real_fopen(path, mode);
-}
-
-int __wrap_fclose(FILE *file)
-{
-    const int result = __real_fclose(file);
-    return fails("fclose", ENOSPC) ? EOF : result;
-}
-
-size_t __wrap_fread(void *data, size_t size, size_t count, FILE *file)
-{
-    return fails("fread", EIO) ? 0 : __real_fread(data, size, count, file);
-}
-
-size_t __wrap_fwrite(const void *data, size_t size, size_t count, FILE *file)
-{
-    return fails("fwrite", ENOSPC) ? 0 : __real_fwrite(data, size, count, file);
 }

@@ -1,6 +1,8 @@
 /* The books, and the wrappers of the allocator. */
 #include <errno.h>
+#include <locale.h>
 #include <pthread.h>
+#include <stdio.h>
 #include <stdlib.h>
 
 #include "fault.h"
@@ -18,6 +20,7 @@ static struct {
 static char gone;
 
 fault_device fault_pretend;
+void (*fault_counted)(long n);
 
 void fault_arm(fault_kind kind, long n)
 {
@@ -60,11 +63,14 @@ int fault_here(fault_kind kind, const char *name)
 {
     int here = 0;
     pthread_mutex_lock(&books.lock);
-    if (books.armed && kind == books.kind && ++books.count == books.n) {
+    const long n = books.armed && kind == books.kind ? ++books.count : 0;
+    if (n && n == books.n) {
         books.struck = name;
         here = 1;
     }
     pthread_mutex_unlock(&books.lock);
+    if (n && fault_counted)
+        fault_counted(n);
     return here;
 }
 
@@ -110,6 +116,15 @@ static int died(const void *pointer)
     return known;
 }
 
+/* The call that fails, as the true one would. */
+static int fails(const char *name)
+{
+    const int here = fault_here(FAULT_MEMORY, name);
+    if (here)
+        errno = ENOMEM;
+    return here;
+}
+
 void *__real_malloc(size_t bytes);
 void *__real_calloc(size_t count, size_t bytes);
 void *__real_realloc(void *pointer, size_t bytes);
@@ -123,17 +138,17 @@ void __wrap_free(void *pointer);
 
 void *__wrap_malloc(size_t bytes)
 {
-    return fault_here(FAULT_MEMORY, "malloc") ? NULL : born(__real_malloc(bytes));
+    return fails("malloc") ? NULL : born(__real_malloc(bytes));
 }
 
 void *__wrap_calloc(size_t count, size_t bytes)
 {
-    return fault_here(FAULT_MEMORY, "calloc") ? NULL : born(__real_calloc(count, bytes));
+    return fails("calloc") ? NULL : born(__real_calloc(count, bytes));
 }
 
 void *__wrap_realloc(void *pointer, size_t bytes)
 {
-    if (fault_here(FAULT_MEMORY, "realloc"))
+    if (fails("realloc"))
         return NULL;
     const int known = died(pointer);
     void *moved = __real_realloc(pointer, bytes);
@@ -146,13 +161,42 @@ void *__wrap_realloc(void *pointer, size_t bytes)
 
 void *__wrap_aligned_alloc(size_t alignment, size_t bytes)
 {
-    return fault_here(FAULT_MEMORY, "aligned_alloc") ? NULL : born(__real_aligned_alloc(alignment, bytes));
+    return fails("aligned_alloc") ? NULL : born(__real_aligned_alloc(alignment, bytes));
 }
 
 void __wrap_free(void *pointer)
 {
     died(pointer);
     __real_free(pointer);
+}
+
+char *__real_strdup(const char *text);
+char *__real_strndup(const char *text, size_t most);
+FILE *__real_open_memstream(char **out, size_t *bytes);
+char *__wrap_strdup(const char *text);
+char *__wrap_strndup(const char *text, size_t most);
+FILE *__wrap_open_memstream(char **out, size_t *bytes);
+
+char *__wrap_strdup(const char *text)
+{
+    return fails("strdup") ? NULL : born(__real_strdup(text));
+}
+
+char *__wrap_strndup(const char *text, size_t most)
+{
+    return fails("strndup") ? NULL : born(__real_strndup(text, most));
+}
+
+FILE *__wrap_open_memstream(char **out, size_t *bytes)
+{
+    return fails("open_memstream") ? NULL : __real_open_memstream(out, bytes);
+}
+
+locale_t __real_newlocale(int what, const char *name, locale_t base);
+locale_t __wrap_newlocale(int what, const char *name, locale_t base);
+locale_t __wrap_newlocale(int what, const char *name, locale_t base)
+{
+    return fails("newlocale") ? (locale_t)0 : __real_newlocale(what, name, base);
 }
 
 /* A system that is short of memory gives no threads either. */

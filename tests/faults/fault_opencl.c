@@ -109,6 +109,13 @@ COMMANDS(clEnqueueCopyBuffer,
          (cl_command_queue queue, cl_mem from, cl_mem to, size_t from_offset, size_t to_offset, size_t size,
           cl_uint waits, const cl_event *wait, cl_event *event),
          queue, from, to, from_offset, to_offset, size, waits, wait, event)
+COMMANDS(clEnqueueCopyBufferRect,
+         (cl_command_queue queue, cl_mem from, cl_mem to, const size_t *from_origin, const size_t *to_origin,
+          const size_t *region, size_t from_row, size_t from_slice, size_t to_row, size_t to_slice, cl_uint waits,
+          const cl_event *wait, cl_event *event),
+         queue, from, to, from_origin, to_origin, region, from_row, from_slice, to_row, to_slice, waits, wait, event)
+COMMANDS(clEnqueueMarkerWithWaitList, (cl_command_queue queue, cl_uint waits, const cl_event *wait, cl_event *event),
+         queue, waits, wait, event)
 /* What is mapped is an object until it is unmapped. */
 void *__real_clEnqueueMapBuffer(cl_command_queue queue, cl_mem buffer, cl_bool blocking, cl_map_flags flags,
                                 size_t offset, size_t size, cl_uint waits, const cl_event *wait, cl_event *event,
@@ -146,6 +153,20 @@ CALLS(clGetProgramInfo, CL_OUT_OF_HOST_MEMORY,
       (cl_program program, cl_program_info what, size_t size, void *value, size_t *got), program, what, size, value,
       got)
 
+CALLS(clGetContextInfo, CL_OUT_OF_HOST_MEMORY,
+      (cl_context context, cl_context_info what, size_t size, void *value, size_t *got), context, what, size, value,
+      got)
+CALLS(clGetMemObjectInfo, CL_OUT_OF_HOST_MEMORY,
+      (cl_mem buffer, cl_mem_info what, size_t size, void *value, size_t *got), buffer, what, size, value, got)
+CALLS(clGetPlatformInfo, CL_OUT_OF_HOST_MEMORY,
+      (cl_platform_id platform, cl_platform_info what, size_t size, void *value, size_t *got), platform, what, size,
+      value, got)
+CALLS(clGetProgramBuildInfo, CL_OUT_OF_HOST_MEMORY,
+      (cl_program program, cl_device_id device, cl_program_build_info what, size_t size, void *value, size_t *got),
+      program, device, what, size, value, got)
+CALLS(clGetEventProfilingInfo, CL_PROFILING_INFO_NOT_AVAILABLE,
+      (cl_event event, cl_profiling_info what, size_t size, void *value, size_t *got), event, what, size, value, got)
+CALLS(clWaitForEvents, CL_OUT_OF_RESOURCES, (cl_uint count, const cl_event *events), count, events)
 CALLS(clSetMemObjectDestructorCallback, CL_OUT_OF_HOST_MEMORY,
       (cl_mem buffer, void(CL_CALLBACK *call)(cl_mem, void *), void *user), buffer, call, user)
 RELEASES(clReleaseContext, cl_context)

@@ -4,6 +4,7 @@
  * At most FAULT_RUNS runs (48 by default, "all" for every n) are spread over the calls of a stage. To reproduce a
  * failure: FAULT_ONLY=STAGE:KIND:N (or a part of it from the left); FAULT_TRACE=1 names each run before it starts. */
 #include <dirent.h>
+#include <errno.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -70,10 +71,11 @@ static int sweep(const char *folder)
     return half;
 }
 
-static int fits(fault_kind kind, hada_status status)
+static int fits(fault_kind kind, hada_status status, const char *message)
 {
-    if (kind == FAULT_MEMORY)
-        return status == HADA_ERROR_MEMORY || status == HADA_ERROR_DEVICE_MEMORY;
+    if (kind == FAULT_MEMORY) /* where the system's reason is quoted, it may be memory as well */
+        return status == HADA_ERROR_MEMORY || status == HADA_ERROR_DEVICE_MEMORY ||
+               (status == HADA_ERROR_FILE_WRITE && strstr(message, strerror(ENOMEM)));
     if (kind == FAULT_FILE)
         return status >= HADA_ERROR_FILE_OPEN && status <= HADA_ERROR_FILE_WRITE;
     return status == HADA_ERROR_DEVICE_MEMORY || (status >= HADA_ERROR_NO_DEVICE && status <= HADA_ERROR_SELF_TEST);
@@ -111,7 +113,7 @@ static int run_one(fault_job *job, const struct stage *stage, fault_kind kind, l
     *wrong += hada_context_bytes(job->context) + hada_context_bytes(job->part) != before;
     *wrong += sweep(job->folder) != 0;
     if (status) {
-        *wrong += !fits(kind, status);
+        *wrong += !fits(kind, status, error.message);
         *wrong += error.status != status;
         *wrong += strlen(error.message) < 10;
     } else {

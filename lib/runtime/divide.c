@@ -61,15 +61,16 @@ static struct {
     division *first;
 } known = {.lock = PTHREAD_MUTEX_INITIALIZER};
 
-static const division *find_division(cl_device_id whole, cl_uint parts)
+static division *find_division(cl_device_id whole, cl_uint parts)
 {
-    const division *it = known.first;
+    division *it = known.first;
     while (it && (it->whole != whole || it->parts != parts))
         it = it->next;
     return it;
 }
 
-static hada_status make_division(cl_device_id whole, const hada_device_info *info, cl_uint parts, hada_error *err)
+static hada_status make_division(cl_device_id whole, const hada_device_info *info, cl_uint parts, division **out,
+                                 hada_error *err)
 {
     cl_device_partition_property *list = NULL;
     division *made = NULL;
@@ -83,7 +84,7 @@ static hada_status make_division(cl_device_id whole, const hada_device_info *inf
         HADA_TRY(hada_fail_cl(err, code, "clCreateSubDevices"));
     if (count < parts)
         HADA_TRY(hada_fail(err, HADA_ERROR_DEVICE, "%s gave %u parts instead of %u", info->name, count, parts));
-    known.first = made;
+    *out = known.first = made;
     made = NULL;
 done:
     for (cl_uint i = 0; made && i < count && i < parts; i++)
@@ -105,10 +106,11 @@ hada_status hada_device_divide(cl_device_id device, const hada_device_info *info
                          "%s cannot be divided into %d parts: it has %u compute unit(s) and takes at most %u parts",
                          info->name, parts, info->compute_units, info->max_sub_devices);
     pthread_mutex_lock(&known.lock);
-    if (!find_division(device, (cl_uint)parts))
-        status = make_division(device, info, (cl_uint)parts, err);
-    if (!status)
-        *out = find_division(device, (cl_uint)parts)->part[part - 1];
+    division *all = find_division(device, (cl_uint)parts);
+    if (!all)
+        status = make_division(device, info, (cl_uint)parts, &all, err);
+    if (all)
+        *out = all->part[part - 1];
     pthread_mutex_unlock(&known.lock);
     return status;
 }

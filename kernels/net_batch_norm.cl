@@ -27,19 +27,35 @@ __kernel void net_batch_norm_apply(__global const float *x, __global float *y, _
 /* Place of part `index` among `parts` of a block, `vectors` each. */
 NET_INLINE size_t net_part_place(int block, uint parts, uint index, int vectors)
 {
-    return ((size_t)block * parts + index) * vectors * NET_BLOCK;
+    return ((size_t)block * parts + index) * vectors * NET_BLOCK + NET_FIRST_LANE;
 }
 
+/* A part is a group's: its first work-items write it. */
 NET_INLINE uint net_part_index(net_part part)
 {
-    return (part.image * get_global_size(1) + get_global_id(1)) * get_global_size(0) + get_global_id(0);
+    return (part.image * get_global_size(1) + get_global_id(1)) * get_num_groups(0) + get_group_id(0);
+}
+
+/* Mean, sum of squares about it, number of values: joined by the formula of Chan, Golub and LeVeque 1979. */
+typedef struct net_moments {
+    net_vector mean, squares, count;
+} net_moments;
+
+NET_INLINE net_moments net_join(net_moments a, net_moments b)
+{
+    const net_vector all = a.count + b.count, difference = b.mean - a.mean, share = b.count / max(all, 1.0f);
+    a.mean = fma(difference, share, a.mean);
+    a.squares += b.squares + difference * difference * a.count * share;
+    a.count = all;
+    return a;
 }
 
 /* Of each part: its mean, the sum of squares about it, the number of values. Two walks over the part, the second in the
  * cache, so that nothing cancels; what the first mean is off by is seen in the second (Chan, Golub,
  * LeVeque 1983). */
-__kernel void net_batch_norm_statistics(__global const float *x, __global float *parts, hada_tensor_layout at_x,
-                                        int span, uint part_count)
+__kernel __attribute__((reqd_work_group_size(NET_GROUP, 1, 1))) void
+net_batch_norm_statistics(__global const float *x, __global float *parts, hada_tensor_layout at_x, int span,
+                          uint part_count)
 {
     const int rows = at_x.rows, cols = at_x.cols;
     const net_part part = net_part_of(at_x.blocks, rows, span);
@@ -62,33 +78,40 @@ __kernel void net_batch_norm_statistics(__global const float *x, __global float 
         }
     }
     off /= (float)max(count, 1);
+    net_moments own = {mean + off, fma(-(float)count * off, off, squares), (net_vector)(float)count};
+#if NET_SHARES > 1
+    __local net_moments all[NET_GROUP];
+    all[get_local_id(0)] = own;
+#define NET_JOIN(to, from) all[to] = net_join(all[to], all[from])
+    NET_TREE(NET_JOIN)
+    if (get_local_id(0) >= NET_SHARES)
+        return;
+    own = all[get_local_id(0)];
+#endif
     __global float *to = parts + net_part_place(part.block, part_count, net_part_index(part), 3);
-    net_put(mean + off, to);
-    net_put(fma(-(float)count * off, off, squares), to + NET_BLOCK);
-    net_put((net_vector)(float)count, to + 2 * NET_BLOCK);
+    net_put(own.mean, to);
+    net_put(own.squares, to + NET_BLOCK);
+    net_put(own.count, to + 2 * NET_BLOCK);
 }
 
-/* Joins runs of parts: Chan, Golub and LeVeque 1979. Dimensions: parts of the result, blocks. */
+/* Joins runs of parts. Dimensions: parts of the result, blocks. */
 __kernel void net_batch_norm_merge(__global float *parts, ulong in_offset, uint in_count, ulong out_offset,
                                    uint out_count)
 {
-    const uint index = get_global_id(0);
+    const uint index = NET_ITEM;
     const int block = get_global_id(1);
     if (index >= out_count)
         return;
-    net_vector mean = 0.0f, squares = 0.0f, count = 0.0f;
+    net_moments own = {(net_vector)0.0f, (net_vector)0.0f, (net_vector)0.0f};
     for (uint i = index * HADA_NORM_MERGE; i < min((index + 1) * HADA_NORM_MERGE, in_count); i++) {
         __global const float *from = parts + in_offset + net_part_place(block, in_count, i, 3);
-        const net_vector more = net_get(from + 2 * NET_BLOCK), all = count + more;
-        const net_vector difference = net_get(from) - mean, share = more / max(all, 1.0f);
-        mean = fma(difference, share, mean);
-        squares += net_get(from + NET_BLOCK) + difference * difference * count * share;
-        count = all;
+        const net_moments more = {net_get(from), net_get(from + NET_BLOCK), net_get(from + 2 * NET_BLOCK)};
+        own = net_join(own, more);
     }
     __global float *to = parts + out_offset + net_part_place(block, out_count, index, 3);
-    net_put(mean, to);
-    net_put(squares, to + NET_BLOCK);
-    net_put(count, to + 2 * NET_BLOCK);
+    net_put(own.mean, to);
+    net_put(own.squares, to + NET_BLOCK);
+    net_put(own.count, to + 2 * NET_BLOCK);
 }
 
 /* The batch's mean and 1 / sqrt(variance + eps), and the running values. One work-item per channel. */
@@ -109,9 +132,10 @@ __kernel void net_batch_norm_finish(__global const float *parts, __global float 
 }
 
 /* Of each part: the sum of dy and of dy times the normalised x. */
-__kernel void net_batch_norm_gradients(__global const float *x, __global const float *dy, __global const float *saved,
-                                       __global float *parts, hada_tensor_layout at_x, hada_tensor_layout at_dy,
-                                       ulong saved_offset, int span, uint part_count)
+__kernel __attribute__((reqd_work_group_size(NET_GROUP, 1, 1))) void
+net_batch_norm_gradients(__global const float *x, __global const float *dy, __global const float *saved,
+                         __global float *parts, hada_tensor_layout at_x, hada_tensor_layout at_dy, ulong saved_offset,
+                         int span, uint part_count)
 {
     const int rows = at_x.rows, cols = at_x.cols, channels = at_x.channels;
     const net_part part = net_part_of(at_x.blocks, rows, span);
@@ -127,6 +151,17 @@ __kernel void net_batch_norm_gradients(__global const float *x, __global const f
         }
     }
     product *= net_per_channel(saved + saved_offset + channels, part.block, channels, 0.0f);
+#if NET_SHARES > 1
+    __local net_vector sums[NET_GROUP], products[NET_GROUP];
+    sums[get_local_id(0)] = sum;
+    products[get_local_id(0)] = product;
+#define NET_ADD(to, from) (sums[to] += sums[from], products[to] += products[from])
+    NET_TREE(NET_ADD)
+    if (get_local_id(0) >= NET_SHARES)
+        return;
+    sum = sums[get_local_id(0)];
+    product = products[get_local_id(0)];
+#endif
     __global float *to = parts + net_part_place(part.block, part_count, net_part_index(part), 2);
     net_put(sum, to);
     net_put(product, to + NET_BLOCK);
@@ -135,7 +170,7 @@ __kernel void net_batch_norm_gradients(__global const float *x, __global const f
 __kernel void net_batch_norm_add(__global float *parts, ulong in_offset, uint in_count, ulong out_offset,
                                  uint out_count)
 {
-    const uint index = get_global_id(0);
+    const uint index = NET_ITEM;
     const int block = get_global_id(1);
     if (index >= out_count)
         return;
@@ -171,7 +206,7 @@ __kernel void net_batch_norm_backward(__global const float *x, __global const fl
 {
     const int rows = at.x.rows, cols = at.x.cols, channels = at.x.channels;
     const net_part part = net_part_of(at.x.blocks, rows, at.span);
-    __global const float *sums = parts + at.sums + (size_t)part.block * 2 * NET_BLOCK;
+    __global const float *sums = parts + at.sums + (size_t)part.block * 2 * NET_BLOCK + NET_FIRST_LANE;
     const net_vector mean = net_per_channel(saved + at.saved, part.block, channels, 0.0f);
     const net_vector inverse = net_per_channel(saved + at.saved + channels, part.block, channels, 0.0f);
     const net_vector scale = inverse * net_per_channel(weight + at.weight, part.block, channels, 0.0f);

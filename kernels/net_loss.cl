@@ -1,11 +1,28 @@
-/* Losses of single values or neighbours: the value as one sum per work-item, at sums[index of the work-item],
- * and the gradient, times `scale`. Sums are not scaled. */
+/* Losses of single values or neighbours: the value as one sum per group of work-items, at sums[index of the group], and
+ * the gradient, times `scale`. Sums are not scaled. */
 #include "inc_layers.h"
 
-NET_INLINE size_t net_item(void)
+NET_INLINE size_t net_group(void)
 {
-    return (get_global_id(2) * get_global_size(1) + get_global_id(1)) * get_global_size(0) + get_global_id(0);
+    return (get_global_id(2) * get_global_size(1) + get_global_id(1)) * get_num_groups(0) + get_group_id(0);
 }
+
+/* The sum of a group, in its place. */
+#if NET_SHARES > 1
+#define NET_ADD(to, from) (all[to] += all[from])
+#define NET_PUT_SUM(sum, sums)                                                                                         \
+    __local net_vector all[NET_GROUP];                                                                                 \
+    all[get_local_id(0)] = sum;                                                                                        \
+    NET_TREE(NET_ADD)                                                                                                  \
+    barrier(CLK_LOCAL_MEM_FENCE);                                                                                      \
+    if (get_local_id(0) == 0) {                                                                                        \
+        for (int share = 1; share < NET_SHARES; share++)                                                               \
+            all[0] += all[share];                                                                                      \
+        sums[net_group()] = net_sum(all[0]);                                                                           \
+    }
+#else
+#define NET_PUT_SUM(sum, sums) sums[net_group()] = net_sum(sum);
+#endif
 
 NET_INLINE net_vector net_sign(net_vector v)
 {
@@ -17,9 +34,10 @@ NET_INLINE void net_gradient(net_vector g, __global float *to, int accumulate)
     net_put(accumulate ? g + net_get(to) : g, to);
 }
 
-__kernel void net_loss_values(__global const float *x, __global const float *target, __global float *dx,
-                              __global float *sums, hada_tensor_layout at_x, hada_tensor_layout at_target,
-                              hada_tensor_layout at_dx, int span, hada_loss_term term)
+__kernel __attribute__((reqd_work_group_size(NET_GROUP, 1, 1))) void
+net_loss_values(__global const float *x, __global const float *target, __global float *dx, __global float *sums,
+                hada_tensor_layout at_x, hada_tensor_layout at_target, hada_tensor_layout at_dx, int span,
+                hada_loss_term term)
 {
     const int rows = at_x.rows, cols = at_x.cols, channels = at_x.channels;
     const int kind = term.loss, has_gradient = term.has_gradient, accumulate = term.accumulate;
@@ -48,12 +66,13 @@ __kernel void net_loss_values(__global const float *x, __global const float *tar
                 net_gradient(g, to + c * NET_BLOCK, accumulate);
         }
     }
-    sums[net_item()] = net_sum(sum);
+    NET_PUT_SUM(sum, sums)
 }
 
 /* Total variation. At the edges the neighbour is the pixel itself, whose difference counts nothing. */
-__kernel void net_loss_variation(__global const float *x, __global float *dx, __global float *sums,
-                                 hada_tensor_layout at_x, hada_tensor_layout at_dx, int span, hada_loss_term term)
+__kernel __attribute__((reqd_work_group_size(NET_GROUP, 1, 1))) void
+net_loss_variation(__global const float *x, __global float *dx, __global float *sums, hada_tensor_layout at_x,
+                   hada_tensor_layout at_dx, int span, hada_loss_term term)
 {
     const int rows = at_x.rows, cols = at_x.cols, squared = term.loss == HADA_LOSS_TV_SQUARED;
     const int has_gradient = term.has_gradient, accumulate = term.accumulate;
@@ -79,5 +98,5 @@ __kernel void net_loss_variation(__global const float *x, __global float *dx, __
             }
         }
     }
-    sums[net_item()] = net_sum(sum);
+    NET_PUT_SUM(sum, sums)
 }

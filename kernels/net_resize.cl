@@ -62,8 +62,8 @@ __kernel void net_resize_nearest(__global const float *x, __global float *y, had
 {
     const int in_rows = at_x.rows, in_cols = at_x.cols, rows = at_y.rows, cols = at_y.cols;
     const net_part part = net_part_of(at_y.blocks, rows, span);
-    const net_at first = net_at_of(get_global_id(0), in_cols, cols, HADA_RESIZE_FLOOR);
-    const net_at step = net_step_of(get_global_size(0), in_cols, cols, HADA_RESIZE_FLOOR);
+    const net_at first = net_at_of(NET_ITEM, in_cols, cols, HADA_RESIZE_FLOOR);
+    const net_at step = net_step_of(NET_ITEMS, in_cols, cols, HADA_RESIZE_FLOOR);
     for (int r = part.first; r < part.last; r++) {
         const int row = net_at_of(r, in_rows, rows, HADA_RESIZE_FLOOR).index;
         __global const float *in = x + net_row(at_x, part.image, part.block, row);
@@ -81,8 +81,8 @@ __kernel void net_resize_linear(__global const float *x, __global float *y, hada
 {
     const int in_rows = at_x.rows, in_cols = at_x.cols, rows = at_y.rows, cols = at_y.cols;
     const net_part part = net_part_of(at_y.blocks, rows, span);
-    const net_at first = net_at_of(get_global_id(0), in_cols, cols, rule);
-    const net_at step = net_step_of(get_global_size(0), in_cols, cols, rule);
+    const net_at first = net_at_of(NET_ITEM, in_cols, cols, rule);
+    const net_at step = net_step_of(NET_ITEMS, in_cols, cols, rule);
     const float unit = 1.0f / first.whole;
     const int pitch = (in_cols + 2) * NET_BLOCK;
     for (int r = part.first; r < part.last; r++) {
@@ -110,8 +110,8 @@ __kernel void net_resize_cubic(__global const float *x, __global float *y, hada_
 {
     const int in_rows = at_x.rows, in_cols = at_x.cols, rows = at_y.rows, cols = at_y.cols;
     const net_part part = net_part_of(at_y.blocks, rows, span);
-    const net_at first = net_at_of(get_global_id(0), in_cols, cols, rule);
-    const net_at step = net_step_of(get_global_size(0), in_cols, cols, rule);
+    const net_at first = net_at_of(NET_ITEM, in_cols, cols, rule);
+    const net_at step = net_step_of(NET_ITEMS, in_cols, cols, rule);
     const float unit = 1.0f / first.whole;
     const int pitch = (in_cols + 2) * NET_BLOCK;
     __global const float *in = x + net_row(at_x, part.image, part.block, 0);
@@ -196,10 +196,10 @@ __kernel void net_resize_backward(__global const float *dy, __global float *dx, 
             net_at row = net_at_of(first, in_rows, rows, rule);
             for (int i = 0; i < tall; i++, row = net_walk(row, one_row))
                 weight[i] = net_weight(row, row_unit, r, in_rows, taps);
-            int col0 = net_first_from((int)get_global_id(0) - behind, in_cols, cols, rule);
+            int col0 = net_first_from(NET_ITEM - behind, in_cols, cols, rule);
             net_at at0 = net_at_of(col0, in_cols, cols, rule);
             NET_EACH_PIXEL (c, in_cols) {
-                if (get_global_size(0) > 1) { /* far from the last pixel */
+                if (NET_ITEMS > 1) { /* far from the last pixel */
                     col0 = net_first_from(c - behind, in_cols, cols, rule);
                     at0 = net_at_of(col0, in_cols, cols, rule);
                 }

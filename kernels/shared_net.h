@@ -30,6 +30,7 @@ typedef enum hada_resize_rule {
 
 /* Sizes of work that both sides count with. */
 #define HADA_SUM_RUN        64   /* floats that one work-item of net_sum adds */
+#define HADA_NET_GROUP      128  /* work-items of a group that makes a sum, on GPUs */
 #define HADA_NORM_MERGE     32   /* parts that one work-item of net_batch_norm.cl joins */
 #define HADA_OPTIMIZER_RUN  4096 /* parameters of a run of net_optimizer.cl */
 #define HADA_LINEAR_IMAGES  4    /* images, and outputs, that net_linear.cl works on at once */

@@ -188,7 +188,7 @@ hada_status hada_lpips_distance(hada_slot *slot, const hada_tensor *x, hada_floa
     if (x->images < 2 || x->images % 2)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "LPIPS compares pairs, not %d images", x->images);
     const int pairs = x->images / 2;
-    hada_layer_grid grid = hada_layer_grid_of(slot, x, x->rows, x->cols);
+    hada_layer_grid grid = hada_layer_pixel_grid_of(slot, x, x->rows, x->cols);
     grid.range.global[2] = (size_t)pairs;
     const double pixels = (double)pairs * x->rows * x->cols;
     hada_slot_cost(slot, pixels * 4.0 * (2.0 * x->channels + 1.0), pixels * 9.0 * x->channels);

@@ -13,13 +13,13 @@ static size_t chain_floats(const hada_tensor *x, size_t parts, size_t vectors)
 
 size_t hada_batch_norm_scratch(const hada_tensor *x)
 {
-    return chain_floats(x, hada_layer_items_at_most(x) / (size_t)hada_layout_of(x).blocks, 3) * sizeof(float);
+    return chain_floats(x, hada_layer_sums_at_most(x) / (size_t)hada_layout_of(x).blocks, 3) * sizeof(float);
 }
 
-/* Parts of a block of channels: work-items and images. */
+/* Parts of a block of channels: sums of the launch and images. */
 static size_t parts_of(const hada_tensor *x, const hada_layer_grid *grid)
 {
-    return hada_layer_grid_items(grid) / (size_t)hada_layout_of(x).blocks;
+    return hada_layer_grid_sums(grid) / (size_t)hada_layout_of(x).blocks;
 }
 
 /* How a chain of sums goes on: from parts to fewer parts. */
@@ -34,13 +34,14 @@ typedef hada_status merge_parts(hada_slot *slot, const hada_tensor *x, cl_mem sc
 
 static hada_range merge_range(const hada_slot *slot, const hada_tensor *x, const merging *m)
 {
-    return hada_layer_flat_range(slot, m->fewer, (size_t)hada_layout_of(x).blocks);
+    const size_t shares = slot->context->shape == HADA_SHAPE_GROUPS ? (size_t)x->block / HADA_LAYER_FOUR : 1;
+    return hada_layer_flat_range(slot, m->fewer * shares, (size_t)hada_layout_of(x).blocks);
 }
 
 static hada_status merge_means(hada_slot *slot, const hada_tensor *x, cl_mem scratch, const merging *m, hada_error *err)
 {
     const hada_range range = merge_range(slot, x, m);
-    return hada_launch_net_batch_norm_merge(slot, HADA_PROGRAM_BY_BLOCK(NET_BATCH_NORM, x->block), &range, err,
+    return hada_launch_net_batch_norm_merge(slot, HADA_PROGRAM_OF_LAYER(NET_BATCH_NORM, slot, x->block), &range, err,
                                             .parts = scratch, .in_offset = m->from, .in_count = (cl_uint)m->parts,
                                             .out_offset = m->to, .out_count = (cl_uint)m->fewer);
 }
@@ -48,7 +49,7 @@ static hada_status merge_means(hada_slot *slot, const hada_tensor *x, cl_mem scr
 static hada_status merge_sums(hada_slot *slot, const hada_tensor *x, cl_mem scratch, const merging *m, hada_error *err)
 {
     const hada_range range = merge_range(slot, x, m);
-    return hada_launch_net_batch_norm_add(slot, HADA_PROGRAM_BY_BLOCK(NET_BATCH_NORM, x->block), &range, err,
+    return hada_launch_net_batch_norm_add(slot, HADA_PROGRAM_OF_LAYER(NET_BATCH_NORM, slot, x->block), &range, err,
                                           .parts = scratch, .in_offset = m->from, .in_count = (cl_uint)m->parts,
                                           .out_offset = m->to, .out_count = (cl_uint)m->fewer);
 }
@@ -83,8 +84,8 @@ static hada_status apply(hada_slot *slot, const hada_batch_norm *norm, const had
                                  .is_variance = is_variance,
                                  .eps = norm->eps,
                                  .span = grid.span};
-    return hada_launch_net_batch_norm_apply(slot, HADA_PROGRAM_BY_BLOCK(NET_BATCH_NORM, x->block), &grid.range, err,
-                                            .x = x->mem, .y = y->mem, .weight = norm->weight.mem,
+    return hada_launch_net_batch_norm_apply(slot, HADA_PROGRAM_OF_LAYER(NET_BATCH_NORM, slot, x->block), &grid.range,
+                                            err, .x = x->mem, .y = y->mem, .weight = norm->weight.mem,
                                             .bias = norm->bias.mem, .mean = mean.mem, .second = second.mem,
                                             .at_x = hada_layout_of(x), .at_y = hada_layout_of(y), .at = at);
 }
@@ -103,9 +104,9 @@ static hada_status measure(hada_slot *slot, const hada_batch_norm *norm, const h
                            cl_mem scratch, hada_error *err)
 {
     hada_status status = HADA_OK;
-    const hada_layer_grid grid = hada_layer_grid_of(slot, x, x->rows, x->cols);
+    const hada_layer_grid grid = hada_layer_sum_grid_of(slot, x);
     const hada_range channels = hada_layer_flat_range(slot, (size_t)x->channels, 1);
-    const hada_program_net_batch_norm program = HADA_PROGRAM_BY_BLOCK(NET_BATCH_NORM, x->block);
+    const hada_program_net_batch_norm program = HADA_PROGRAM_OF_LAYER(NET_BATCH_NORM, slot, x->block);
     const size_t parts = parts_of(x, &grid);
     const hada_norm_values at = {.mean = norm->mean.offset, .second = norm->variance.offset, .eps = norm->eps};
     size_t place;
@@ -142,10 +143,10 @@ static hada_status gradient_sums(hada_slot *slot, const hada_tensor *x, hada_flo
                                  cl_mem scratch, size_t *place, hada_error *err)
 {
     hada_status status = HADA_OK;
-    const hada_layer_grid grid = hada_layer_grid_of(slot, x, x->rows, x->cols);
+    const hada_layer_grid grid = hada_layer_sum_grid_of(slot, x);
     const size_t parts = parts_of(x, &grid);
     HADA_TRY(hada_launch_net_batch_norm_gradients(
-        slot, HADA_PROGRAM_BY_BLOCK(NET_BATCH_NORM, x->block), &grid.range, err, .x = x->mem, .dy = dy->mem,
+        slot, HADA_PROGRAM_OF_LAYER(NET_BATCH_NORM, slot, x->block), &grid.range, err, .x = x->mem, .dy = dy->mem,
         .saved = saved.mem, .parts = scratch, .at_x = hada_layout_of(x), .at_dy = hada_layout_of(dy),
         .saved_offset = saved.offset, .span = grid.span, .part_count = (cl_uint)parts));
     HADA_TRY(join(slot, merge_sums, x, parts, 2, scratch, place, err));
@@ -165,7 +166,7 @@ hada_status hada_batch_norm_backward(hada_slot *slot, const hada_batch_norm *nor
     HADA_TRY(gradient_sums(slot, x, saved, dy, scratch, &place, err));
     const hada_layer_grid grid = hada_layer_grid_of(slot, x, x->rows, x->cols);
     const hada_range channels = hada_layer_flat_range(slot, (size_t)x->channels, 1);
-    const hada_program_net_batch_norm program = HADA_PROGRAM_BY_BLOCK(NET_BATCH_NORM, x->block);
+    const hada_program_net_batch_norm program = HADA_PROGRAM_OF_LAYER(NET_BATCH_NORM, slot, x->block);
     const hada_norm_gradient at = {.x = hada_layout_of(x),
                                    .dy = hada_layout_of(dy),
                                    .dx = hada_layout_of(dx),

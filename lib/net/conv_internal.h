@@ -167,7 +167,6 @@ hada_status hada_conv_plain(hada_conv *conv, int pass, const hada_tensor *in, co
 hada_status hada_conv_winograd(hada_conv *conv, int pass, const hada_tensor *in, const hada_tensor *out,
                                const hada_conv_finish *finish, hada_error *err);
 hada_status hada_conv_winograd_pack(hada_conv *conv, int pass, hada_floats weights, hada_error *err);
-hada_status hada_conv_pool(hada_conv *conv, const hada_tensor *y, const hada_tensor *pooled, hada_error *err);
 hada_status hada_conv_weights(hada_conv *conv, const hada_tensor *coarse, const hada_tensor *fine, hada_floats dw,
                               int accumulate, hada_error *err);
 /* Also db (NULL: none) where the coarse image is dy. */

@@ -4,12 +4,11 @@
 #include "launch/conv_group.h"
 #include "launch/conv_pack.h"
 #include "launch/conv_plain.h"
-#include "launch/conv_pool.h"
 #include "net/conv_internal.h"
+#include "net/layers.h"
 
 enum {
     PLAIN_LOCAL = 8, /* work-items of a group of conv_plain and conv_pack */
-    POOL_LOCAL = 64,
     FINISH_LOCAL = 128
 };
 
@@ -93,17 +92,6 @@ hada_status hada_conv_pack(hada_conv *conv, int index, hada_floats weights, hada
                                  .lanes = pass->lanes);
 }
 
-hada_status hada_conv_pool(hada_conv *conv, const hada_tensor *y, const hada_tensor *pooled, hada_error *err)
-{
-    const int groups = conv->plan.groups;
-    const hada_tensor_layout at_y = hada_layout_of(y);
-    const hada_range range = hada_range_of(groups ? (size_t)pooled->cols : 1, groups ? POOL_LOCAL : 1,
-                                           (size_t)pooled->rows, (size_t)at_y.blocks * (size_t)y->images);
-    return hada_launch_conv_pool(conv->slot, HADA_PROGRAM_BY_BLOCK(CONV_POOL, y->block), &range, err, .y = y->mem,
-                                 .pooled = pooled->mem, .at_y = at_y, .at_pooled = hada_layout_of(pooled),
-                                 .each = groups ? 1 : pooled->cols);
-}
-
 static hada_status direct_lanes(hada_conv *conv, int index, const hada_tensor *in, const hada_tensor *out,
                                 const hada_conv_finish *finish, hada_error *err)
 {
@@ -170,7 +158,7 @@ hada_status hada_conv_direct(hada_conv *conv, int index, const hada_tensor *in, 
     HADA_TRY(conv->plan.groups ? direct_groups_all(conv, index, in, out, finish, err)
                                : direct_lanes(conv, index, in, out, finish, err));
     if (finish->pooled)
-        HADA_TRY(hada_conv_pool(conv, out, finish->pooled, err));
+        HADA_TRY(hada_pool_forward(conv->slot, HADA_POOL_MAX, 2, 2, out, finish->pooled, err));
 done:
     return status;
 }
@@ -186,7 +174,7 @@ hada_status hada_conv_plain(hada_conv *conv, int index, const hada_tensor *in, c
                                     .x = in->mem, .w = conv->weights[index].mem, .bias = finish->bias.mem,
                                     .y = out->mem, .mask = hada_conv_mask(finish), .problem = problem));
     if (finish->pooled)
-        HADA_TRY(hada_conv_pool(conv, out, finish->pooled, err));
+        HADA_TRY(hada_pool_forward(conv->slot, HADA_POOL_MAX, 2, 2, out, finish->pooled, err));
 done:
     return status;
 }

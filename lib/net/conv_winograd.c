@@ -4,6 +4,7 @@
 #include "launch/conv_pack.h"
 #include "launch/conv_winograd_steps.h"
 #include "net/conv_internal.h"
+#include "net/layers.h"
 
 static size_t places_of(const hada_conv_pass *pass)
 {
@@ -93,7 +94,7 @@ hada_status hada_conv_winograd(hada_conv *conv, int index, const hada_tensor *in
                                     all - begin < most ? all - begin : most, err));
     }
     if (finish->pooled && !pools)
-        HADA_TRY(hada_conv_pool(conv, out, finish->pooled, err));
+        HADA_TRY(hada_pool_forward(conv->slot, HADA_POOL_MAX, 2, 2, out, finish->pooled, err));
 done:
     return status;
 }

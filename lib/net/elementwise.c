@@ -27,7 +27,7 @@ hada_status hada_activation_forward(hada_slot *slot, hada_activation activation,
     HADA_TRY(check_slope(activation, &slope, err));
     const hada_layer_grid grid = hada_layer_grid_of(slot, x, x->rows, x->cols);
     const hada_tensor_layout at_x = hada_layout_of(x), at_y = hada_layout_of(y);
-    const hada_program_net_elementwise program = HADA_PROGRAM_BY_BLOCK(NET_ELEMENTWISE, x->block);
+    const hada_program_net_elementwise program = HADA_PROGRAM_OF_LAYER(NET_ELEMENTWISE, slot, x->block);
     if (activation == HADA_ACTIVATION_SIGMOID)
         HADA_TRY(hada_launch_net_sigmoid_forward(slot, program, &grid.range, err, .x = x->mem, .y = y->mem,
                                                  .at_x = at_x, .at_y = at_y, .span = grid.span));
@@ -47,7 +47,7 @@ hada_status hada_activation_backward(hada_slot *slot, hada_activation activation
     HADA_TRY(check_slope(activation, &slope, err));
     const hada_layer_grid grid = hada_layer_grid_of(slot, y, y->rows, y->cols);
     const hada_tensor_layout at_y = hada_layout_of(y), at_dy = hada_layout_of(dy), at_dx = hada_layout_of(dx);
-    const hada_program_net_elementwise program = HADA_PROGRAM_BY_BLOCK(NET_ELEMENTWISE, y->block);
+    const hada_program_net_elementwise program = HADA_PROGRAM_OF_LAYER(NET_ELEMENTWISE, slot, y->block);
     if (activation == HADA_ACTIVATION_SIGMOID)
         HADA_TRY(hada_launch_net_sigmoid_backward(slot, program, &grid.range, err, .y = y->mem, .dy = dy->mem,
                                                   .dx = dx->mem, .at_y = at_y, .at_dy = at_dy, .at_dx = at_dx,
@@ -66,9 +66,9 @@ hada_status hada_blend(hada_slot *slot, float a, const hada_tensor *x, float b, 
     if (status)
         return status;
     const hada_layer_grid grid = hada_layer_grid_of(slot, x, x->rows, x->cols);
-    return hada_launch_net_blend(slot, HADA_PROGRAM_BY_BLOCK(NET_ELEMENTWISE, x->block), &grid.range, err, .x = x->mem,
-                                 .y = y->mem, .at_x = hada_layout_of(x), .at_y = hada_layout_of(y), .span = grid.span,
-                                 .a = a, .b = b);
+    return hada_launch_net_blend(slot, HADA_PROGRAM_OF_LAYER(NET_ELEMENTWISE, slot, x->block), &grid.range, err,
+                                 .x = x->mem, .y = y->mem, .at_x = hada_layout_of(x), .at_y = hada_layout_of(y),
+                                 .span = grid.span, .a = a, .b = b);
 }
 
 hada_status hada_dropout(hada_slot *slot, float p, uint64_t seed, uint64_t step, const hada_tensor *x,
@@ -85,16 +85,16 @@ hada_status hada_dropout(hada_slot *slot, float p, uint64_t seed, uint64_t step,
                                     .step = (cl_uint)step,
                                     .threshold = (cl_uint)ceil((double)p * 16777216.0),
                                     .scale = (cl_float)(1.0 / (1.0 - (double)p))};
-    return hada_launch_net_dropout(slot, HADA_PROGRAM_BY_BLOCK(NET_DROPOUT, x->block), &grid.range, err, .x = x->mem,
-                                   .y = y->mem, .at_x = hada_layout_of(x), .at_y = hada_layout_of(y), .span = grid.span,
-                                   .draw = draw);
+    return hada_launch_net_dropout(slot, HADA_PROGRAM_OF_LAYER(NET_DROPOUT, slot, x->block), &grid.range, err,
+                                   .x = x->mem, .y = y->mem, .at_x = hada_layout_of(x), .at_y = hada_layout_of(y),
+                                   .span = grid.span, .draw = draw);
 }
 
 /* Channel y_first + k of y takes channel x_first + k of x; x's top left stands at (row, col) of y. */
 static hada_status place(hada_slot *slot, const hada_tensor *x, const hada_tensor *y, const hada_placing *to,
                          hada_error *err)
 {
-    hada_layer_grid grid = hada_layer_grid_of(slot, y, y->rows, y->cols);
+    hada_layer_grid grid = hada_layer_pixel_grid_of(slot, y, y->rows, y->cols);
     const int first_block = to->y_first / y->block, last_block = (to->y_first + to->count - 1) / y->block;
     const int blocks = last_block - first_block + 1;
     grid.range.global[2] = (size_t)blocks * (size_t)y->images;

@@ -48,7 +48,7 @@ hada_status hada_resize_forward(hada_slot *slot, hada_resize resize, const hada_
         return status;
     const hada_layer_grid grid = hada_layer_grid_of(slot, y, y->rows, y->cols);
     const hada_tensor_layout at_x = hada_layout_of(x), at_y = hada_layout_of(y);
-    const hada_program_net_resize program = HADA_PROGRAM_BY_BLOCK(NET_RESIZE, x->block);
+    const hada_program_net_resize program = HADA_PROGRAM_OF_LAYER(NET_RESIZE, slot, x->block);
     switch (taps_of(resize)) {
     case 1:
         return hada_launch_net_resize_nearest(slot, program, &grid.range, err, .x = x->mem, .y = y->mem, .at_x = at_x,
@@ -69,7 +69,7 @@ hada_status hada_resize_backward(hada_slot *slot, hada_resize resize, const hada
     if (status)
         return status;
     const hada_layer_grid grid = hada_layer_grid_of(slot, dx, dx->rows, dx->cols);
-    return hada_launch_net_resize_backward(slot, HADA_PROGRAM_BY_BLOCK(NET_RESIZE, dx->block), &grid.range, err,
+    return hada_launch_net_resize_backward(slot, HADA_PROGRAM_OF_LAYER(NET_RESIZE, slot, dx->block), &grid.range, err,
                                            .dy = dy->mem, .dx = dx->mem, .at_dy = hada_layout_of(dy),
                                            .at_dx = hada_layout_of(dx), .span = grid.span, .rule = rule_of(resize),
                                            .taps = taps_of(resize), .accumulate = accumulate);

@@ -6,38 +6,84 @@
 
 enum {
     ITEM_FLOATS = 8192, /* of a tensor per work-item on CPUs: above what a work-group's start costs, within the cache */
-    ROW_ITEMS = 32,     /* work-items that share a row on GPUs */
-    FLAT_LOCAL = 64
+    GROUP_ITEMS = 128,  /* of a group that makes no sum, on GPUs */
+    FEWEST_ITEMS = 8,   /* of its items in a row */
+    SUM_VECTORS = 32,   /* that a work-item adds up on GPUs before its group does */
+    FLAT_LOCAL = 128
 };
 
-static hada_layer_grid grid_of(int groups, const hada_tensor *tensor, int rows, int cols)
+static int in_groups(const hada_slot *slot)
+{
+    return slot->context->shape == HADA_SHAPE_GROUPS;
+}
+
+static size_t planes_of(const hada_tensor *tensor)
+{
+    return (size_t)hada_layout_of(tensor).blocks * (size_t)tensor->images;
+}
+
+/* Runs of whole rows. */
+static hada_layer_grid lanes_grid(const hada_tensor *tensor, int rows, int cols)
 {
     const size_t row_floats = (size_t)cols * (size_t)tensor->block, wanted = ITEM_FLOATS / row_floats;
-    const size_t planes = (size_t)hada_layout_of(tensor).blocks * (size_t)tensor->images;
-    const int span = groups || wanted < 2 ? 1 : wanted < (size_t)rows ? (int)wanted : rows;
-    const size_t runs = hada_divide_up((size_t)rows, (size_t)span);
-    return (hada_layer_grid){hada_range_groups(1, groups ? ROW_ITEMS : 1, runs, planes), span};
+    const int span = wanted < 2 ? 1 : wanted < (size_t)rows ? (int)wanted : rows;
+    return (hada_layer_grid){hada_range_groups(1, 1, hada_divide_up((size_t)rows, (size_t)span), planes_of(tensor)),
+                             span};
+}
+
+/* A vector for each work-item; narrow rows share a group. */
+static hada_layer_grid groups_grid(const hada_tensor *tensor, int rows, size_t vectors)
+{
+    size_t across = GROUP_ITEMS;
+    while (across > FEWEST_ITEMS && across / 2 >= vectors)
+        across /= 2;
+    const size_t down = GROUP_ITEMS / across;
+    return (hada_layer_grid){
+        {{hada_round_up(vectors, across), hada_round_up((size_t)rows, down), planes_of(tensor)}, {across, down, 1}}, 1};
+}
+
+/* A group for some rows. */
+static hada_layer_grid groups_sum_grid(const hada_tensor *tensor)
+{
+    const size_t vectors = (size_t)tensor->cols * (size_t)(tensor->block / HADA_LAYER_FOUR);
+    const size_t wanted = SUM_VECTORS * HADA_NET_GROUP / vectors, rows = (size_t)tensor->rows;
+    const size_t span = wanted < 1 ? 1 : wanted < rows ? wanted : rows;
+    return (hada_layer_grid){hada_range_groups(1, HADA_NET_GROUP, hada_divide_up(rows, span), planes_of(tensor)),
+                             (int)span};
 }
 
 hada_layer_grid hada_layer_grid_of(const hada_slot *slot, const hada_tensor *tensor, int rows, int cols)
 {
-    return grid_of(slot->context->shape == HADA_SHAPE_GROUPS, tensor, rows, cols);
+    return in_groups(slot) ? groups_grid(tensor, rows, (size_t)cols * (size_t)(tensor->block / HADA_LAYER_FOUR))
+                           : lanes_grid(tensor, rows, cols);
 }
 
-size_t hada_layer_grid_items(const hada_layer_grid *grid)
+hada_layer_grid hada_layer_pixel_grid_of(const hada_slot *slot, const hada_tensor *tensor, int rows, int cols)
 {
-    return grid->range.global[0] * grid->range.global[1] * grid->range.global[2];
+    return in_groups(slot) ? groups_grid(tensor, rows, (size_t)cols) : lanes_grid(tensor, rows, cols);
 }
 
-size_t hada_layer_items_at_most(const hada_tensor *tensor)
+hada_layer_grid hada_layer_sum_grid_of(const hada_slot *slot, const hada_tensor *tensor)
 {
-    const hada_layer_grid groups = grid_of(1, tensor, tensor->rows, tensor->cols);
-    return hada_layer_grid_items(&groups); /* lanes have fewer: one item for a row or more */
+    return in_groups(slot) ? groups_sum_grid(tensor) : lanes_grid(tensor, tensor->rows, tensor->cols);
+}
+
+size_t hada_layer_grid_sums(const hada_layer_grid *grid)
+{
+    const hada_range *r = &grid->range;
+    return r->global[0] / r->local[0] * r->global[1] * r->global[2];
+}
+
+size_t hada_layer_sums_at_most(const hada_tensor *tensor)
+{
+    const hada_layer_grid lanes = lanes_grid(tensor, tensor->rows, tensor->cols), groups = groups_sum_grid(tensor);
+    const size_t a = hada_layer_grid_sums(&lanes), b = hada_layer_grid_sums(&groups);
+    return a > b ? a : b;
 }
 
 hada_range hada_layer_flat_range(const hada_slot *slot, size_t items, size_t lines)
 {
-    return hada_range_of(items, slot->context->shape == HADA_SHAPE_GROUPS ? FLAT_LOCAL : 1, lines, 1);
+    return hada_range_of(items, in_groups(slot) ? FLAT_LOCAL : 1, lines, 1);
 }
 
 static int possible(const hada_tensor *t)

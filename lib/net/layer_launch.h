@@ -11,10 +11,15 @@ typedef struct hada_layer_grid {
     hada_range range;
     int span; /* rows that a work-item takes */
 } hada_layer_grid;
+enum { HADA_LAYER_FOUR = 4 }; /* channels of a vector in work-groups */
 hada_layer_grid hada_layer_grid_of(const hada_slot *slot, const hada_tensor *tensor, int rows, int cols);
-size_t hada_layer_grid_items(const hada_layer_grid *grid);
-/* The most work-items of a grid over a tensor of this shape on any device: what scratch must hold. */
-size_t hada_layer_items_at_most(const hada_tensor *tensor);
+/* The same for kernels whose work-items take whole pixels of a block on GPUs too. */
+hada_layer_grid hada_layer_pixel_grid_of(const hada_slot *slot, const hada_tensor *tensor, int rows, int cols);
+/* For kernels that make sums, one for each work-group: how many, and how many at most on any device, which scratch must
+ * hold. */
+hada_layer_grid hada_layer_sum_grid_of(const hada_slot *slot, const hada_tensor *tensor);
+size_t hada_layer_grid_sums(const hada_layer_grid *grid);
+size_t hada_layer_sums_at_most(const hada_tensor *tensor);
 
 /* `items` times `lines` work-items, each doing one thing. */
 hada_range hada_layer_flat_range(const hada_slot *slot, size_t items, size_t lines);

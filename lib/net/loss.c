@@ -130,8 +130,8 @@ size_t hada_loss_scratch(const hada_loss_desc *desc, const hada_tensor *x)
 {
     if (desc->loss == HADA_LOSS_SSIM)
         return ssim_scratch(x);
-    const size_t items = hada_layer_items_at_most(x);
-    return (items + hada_sum_scratch(items)) * sizeof(float);
+    const size_t sums = hada_layer_sums_at_most(x);
+    return (sums + hada_sum_scratch(sums)) * sizeof(float);
 }
 
 static hada_status check_loss(const hada_loss_desc *desc, const hada_tensor *x, const hada_tensor *target,
@@ -160,10 +160,10 @@ static hada_status by_value(hada_slot *slot, const hada_loss_desc *desc, const h
                                  .has_gradient = dx != NULL,
                                  .accumulate = accumulate,
                                  .scale = (cl_float)(desc->weight / values_of(x))};
-    return hada_launch_net_loss_values(slot, HADA_PROGRAM_BY_BLOCK(NET_LOSS, x->block), &grid->range, err, .x = x->mem,
-                                       .target = target->mem, .dx = to->mem, .sums = scratch, .at_x = hada_layout_of(x),
-                                       .at_target = hada_layout_of(target), .at_dx = hada_layout_of(to),
-                                       .span = grid->span, .term = term);
+    return hada_launch_net_loss_values(slot, HADA_PROGRAM_OF_LAYER(NET_LOSS, slot, x->block), &grid->range, err,
+                                       .x = x->mem, .target = target->mem, .dx = to->mem, .sums = scratch,
+                                       .at_x = hada_layout_of(x), .at_target = hada_layout_of(target),
+                                       .at_dx = hada_layout_of(to), .span = grid->span, .term = term);
 }
 
 static hada_status variation(hada_slot *slot, const hada_loss_desc *desc, const hada_tensor *x, const hada_tensor *dx,
@@ -174,7 +174,7 @@ static hada_status variation(hada_slot *slot, const hada_loss_desc *desc, const 
                                  .has_gradient = dx != NULL,
                                  .accumulate = accumulate,
                                  .scale = desc->weight / (cl_float)x->images};
-    return hada_launch_net_loss_variation(slot, HADA_PROGRAM_BY_BLOCK(NET_LOSS, x->block), &grid->range, err,
+    return hada_launch_net_loss_variation(slot, HADA_PROGRAM_OF_LAYER(NET_LOSS, slot, x->block), &grid->range, err,
                                           .x = x->mem, .dx = to->mem, .sums = scratch, .at_x = hada_layout_of(x),
                                           .at_dx = hada_layout_of(to), .span = grid->span, .term = term);
 }
@@ -186,7 +186,7 @@ hada_status hada_loss_run(hada_slot *slot, const hada_loss_desc *desc, const had
     HADA_TRY(check_loss(desc, x, target, dx, err));
     if (desc->loss == HADA_LOSS_SSIM)
         return ssim_run(slot, desc, x, target, value, dx, accumulate, scratch, err);
-    const hada_layer_grid grid = hada_layer_grid_of(slot, x, x->rows, x->cols);
+    const hada_layer_grid grid = hada_layer_sum_grid_of(slot, x);
     double count = values_of(x);
     if (target) {
         HADA_TRY(by_value(slot, desc, x, target, dx, accumulate, &grid, scratch, err));
@@ -194,7 +194,7 @@ hada_status hada_loss_run(hada_slot *slot, const hada_loss_desc *desc, const had
         HADA_TRY(variation(slot, desc, x, dx, accumulate, &grid, scratch, err));
         count = x->images;
     }
-    HADA_TRY(hada_sum_floats(slot, scratch, 0, hada_layer_grid_items(&grid), (float)(desc->weight / count), 0.0f, value,
+    HADA_TRY(hada_sum_floats(slot, scratch, 0, hada_layer_grid_sums(&grid), (float)(desc->weight / count), 0.0f, value,
                              err));
 done:
     return status;

@@ -28,7 +28,7 @@ hada_status hada_pool_forward(hada_slot *slot, hada_pool pool, int size, int str
     const hada_layer_grid grid = hada_layer_grid_of(slot, y, y->rows, y->cols);
     const hada_tensor_layout at_x = hada_layout_of(x), at_y = hada_layout_of(y);
     const hada_pool_window windows = {size, stride};
-    const hada_program_net_pool program = HADA_PROGRAM_BY_BLOCK(NET_POOL, x->block);
+    const hada_program_net_pool program = HADA_PROGRAM_OF_LAYER(NET_POOL, slot, x->block);
     if (pool == HADA_POOL_MAX)
         return hada_launch_net_pool_max_forward(slot, program, &grid.range, err, .x = x->mem, .y = y->mem, .at_x = at_x,
                                                 .at_y = at_y, .span = grid.span, .windows = windows);
@@ -54,8 +54,8 @@ static hada_status backward_pairs(hada_slot *slot, const hada_tensor *x, const h
 {
     const hada_layer_grid grid = hada_layer_grid_of(slot, x, (x->rows + 1) / 2, (x->cols + 1) / 2);
     return hada_launch_net_pool_max2_backward(
-        slot, HADA_PROGRAM_BY_BLOCK(NET_POOL, x->block), &grid.range, err, .x = x->mem, .y = y->mem, .dy = dy->mem,
-        .dx = dx->mem, .at = gradient_of(x, y, dy, dx, (hada_pool_window){2, 2}, grid.span, accumulate));
+        slot, HADA_PROGRAM_OF_LAYER(NET_POOL, slot, x->block), &grid.range, err, .x = x->mem, .y = y->mem,
+        .dy = dy->mem, .dx = dx->mem, .at = gradient_of(x, y, dy, dx, (hada_pool_window){2, 2}, grid.span, accumulate));
 }
 
 hada_status hada_pool_backward(hada_slot *slot, hada_pool pool, int size, int stride, const hada_tensor *x,
@@ -71,7 +71,7 @@ hada_status hada_pool_backward(hada_slot *slot, hada_pool pool, int size, int st
     const hada_layer_grid grid = hada_layer_grid_of(slot, x, x->rows, x->cols);
     const hada_tensor_layout at_dy = hada_layout_of(dy), at_dx = hada_layout_of(dx);
     const hada_pool_window windows = {size, stride};
-    const hada_program_net_pool program = HADA_PROGRAM_BY_BLOCK(NET_POOL, x->block);
+    const hada_program_net_pool program = HADA_PROGRAM_OF_LAYER(NET_POOL, slot, x->block);
     if (pool == HADA_POOL_MAX)
         HADA_TRY(hada_launch_net_pool_max_backward(slot, program, &grid.range, err, .x = x->mem, .y = y->mem,
                                                    .dy = dy->mem, .dx = dx->mem,

@@ -36,6 +36,12 @@ hada_tensor_layout hada_layout_of(const hada_tensor *tensor);
 #define HADA_PROGRAM_BY_BLOCK(FILE, block)                                                                             \
     ((block) == 16 ? HADA_PROGRAM_##FILE##_BLOCK16 : HADA_PROGRAM_##FILE##_DEFAULT)
 
+/* The same where work-groups have programs of their own, which take four channels of a pixel at a time. */
+#define HADA_PROGRAM_OF_LAYER(FILE, slot, block)                                                                       \
+    ((slot)->context->shape != HADA_SHAPE_GROUPS ? HADA_PROGRAM_BY_BLOCK(FILE, block)                                  \
+     : (block) == 16                             ? HADA_PROGRAM_##FILE##_BLOCK16_FOURS                                 \
+                                                 : HADA_PROGRAM_##FILE##_FOURS)
+
 /* Floats of one image: blocks x (rows + 2) x (cols + 2) x block. */
 size_t hada_tensor_image_floats(int block, int channels, int rows, int cols);
 

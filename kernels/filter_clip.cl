@@ -1,28 +1,28 @@
 /* Intensities are not negative: values below zero become zero. Planes of two ways, blended. */
+#include "inc_values.h"
 
-/* One work-item takes eight floats from `offset` on; the last one what is left of `count`. */
+/* `count` values from `offset` on. */
 __kernel void filter_clip(__global float *values, ulong offset, ulong count)
 {
-    const size_t at = get_global_id(0) * 8;
-    __global float *p = values + offset + at;
-    if (at + 8 <= count) {
-        vstore8(max(vload8(0, p), 0.0f), 0, p);
-    } else {
-        for (size_t i = 0; at + i < count; i++)
-            p[i] = max(p[i], 0.0f);
-    }
+    const long first = VALUES_FIRST(offset);
+    __global float *p = values + offset;
+    if (VALUES_WHOLE(first, count))
+        VALUES_PUT(max(VALUES_GET(p + first), 0.0f), p + first);
+    else
+        VALUES_EACH(i, first, count)
+    p[i] = max(p[i], 0.0f);
 }
 
 /* values = share * values + (1 - share) * others, both clipped: light is not negative. */
 __kernel void filter_blend(__global float *values, ulong offset, __global const float *others, ulong count, float share)
 {
-    const size_t at = get_global_id(0) * 8;
-    __global float *p = values + offset + at;
-    if (at + 8 <= count) {
-        const float8 blended = share * max(vload8(0, p), 0.0f) + (1.0f - share) * max(vload8(0, others + at), 0.0f);
-        vstore8(blended, 0, p);
+    const long first = VALUES_FIRST(offset);
+    __global float *p = values + offset;
+    if (VALUES_WHOLE(first, count)) {
+        const values_v other = offset % VALUE_WIDTH ? VALUES_GET_ANY(others + first) : VALUES_GET(others + first);
+        VALUES_PUT(share * max(VALUES_GET(p + first), 0.0f) + (1.0f - share) * max(other, 0.0f), p + first);
     } else {
-        for (size_t i = 0; at + i < count; i++)
-            p[i] = share * max(p[i], 0.0f) + (1.0f - share) * max(others[at + i], 0.0f);
+        VALUES_EACH(i, first, count)
+        p[i] = share * max(p[i], 0.0f) + (1.0f - share) * max(others[i], 0.0f);
     }
 }

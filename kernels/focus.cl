@@ -27,7 +27,7 @@ FOCUS_INLINE void make_light(__global const float *plane, int channels, int rows
  * intensity. `noise`: where the absolute response of Immerkaer's noise operator is counted at the image's inner pixels.
  * Column x here is column left + x of the image; the tile's own columns are left + radius .. end - 1. */
 FOCUS_INLINE void make_edges(__local const float *light, int measure, int rows, int cols, int top, int left, int radius,
-                             int end, int wide, __local float *contrast, __local float *energy, __global int *noise)
+                             int end, int wide, __local float *contrast, __local float *energy, focus_bins noise)
 {
     for (int i = 0; i < FOCUS_ROWS; i++) {
         const int row = top + i, counts = row > 0 && row < rows - 1;
@@ -85,6 +85,9 @@ focus_measure(__global const float *planes, const hada_focus_batch batch, const 
 {
     __local float light[LIGHT_ROWS * LIGHT_PITCH];
     __local float contrast[FOCUS_ROWS * EDGES_PITCH], energy[FOCUS_ROWS * EDGES_PITCH];
+    LOCAL_COUNTS
+    const focus_bins noise = BINS_OF(OWN_BINS(bins));
+    BEGIN_COUNTS
     const int channels = image.channels, rows = image.rows, cols = image.cols, pitch = image.pitch;
     const int radius = image.radius, measure = image.measure;
     const int down = (rows + 2 + FOCUS_ROWS - 1) / FOCUS_ROWS, across = (cols + FOCUS_COLS - 1) / FOCUS_COLS;
@@ -97,7 +100,7 @@ focus_measure(__global const float *planes, const hada_focus_batch batch, const 
         make_light(planes + batch.offset + (size_t)batch.place[plane] * channels * rows * cols, channels, rows, cols,
                    i - 2, x - radius - 1, wide + 2, light);
         WAIT;
-        make_edges(light, measure, rows, cols, i - 1, x - radius, radius, end, wide, contrast, energy, OWN_BINS(bins));
+        make_edges(light, measure, rows, cols, i - 1, x - radius, radius, end, wide, contrast, energy, noise);
         WAIT;
         const int height = min(FOCUS_ROWS, rows + 2 - i);
         if (measure & CONTRAST)
@@ -106,6 +109,7 @@ focus_measure(__global const float *planes, const hada_focus_batch batch, const 
             window_across(energy, weights, radius, height, end - x, pitch,
                           out + (measure == COMBINED ? whole_image : 0));
     }
+    END_COUNTS(OWN_BINS(bins))
 }
 
 /* The window down: image row r and its neighbours, at FOCUS_SIDE vectors of a response. */
@@ -144,7 +148,9 @@ focus_select(__global const float *response, __global const float *weights, __gl
     const size_t pixels = (size_t)rows * cols, one = (size_t)rows * pitch, whole_image = (size_t)(rows + 2) * pitch;
     const int down = (rows + FOCUS_BAND - 1) / FOCUS_BAND, step = FOCUS_SIDE * FOCUS_WIDTH * FOCUS_GROUP,
               across = (cols + step - 1) / step, kinds = measure == COMBINED ? 2 : 1;
-    __global int *losers = OWN_BINS(bins) + HADA_FOCUS_BINS;
+    LOCAL_COUNTS
+    const focus_bins losers = BINS_OF(OWN_BINS(bins) + HADA_FOCUS_BINS);
+    BEGIN_COUNTS
     __global const float *first_plane = planes + batch.offset;
     int places[HADA_FOCUS_DEPTHS], depths[HADA_FOCUS_DEPTHS];
     FOCUS_COPY(places, batch.place);
@@ -224,6 +230,7 @@ focus_select(__global const float *response, __global const float *weights, __gl
             }
         }
     }
+    END_COUNTS(OWN_BINS(bins) + HADA_FOCUS_BINS)
 }
 
 /* counts[i]: the sum over the groups' bins; the noise operator's, then the losers'. Each group takes `share` of them.

@@ -59,31 +59,68 @@ typedef int whole;
 #define EACH_SIDE __attribute__((opencl_unroll_hint(FOCUS_SIDE)))
 
 /* In groups of one, a group takes many tiles, and counts into bins that no other group has. In groups of many it takes
- * one tile, and all count into the same bins. The counts are integers: their order does not matter. */
+ * one tile, and all count into the same bins: first into FOCUS_PLACES of local memory, where a place serves the bin
+ * that came there first, then all at once; the values of a tile are mostly alike, and the dark ones the same. The
+ * counts are integers: their order does not matter. */
 #if FOCUS_GROUP == 1
 #define FOR_TILES(t, tiles) for (int t = get_group_id(0); t < tiles; t += get_num_groups(0))
 #define WAIT
-#define COUNT(bin)     (*(bin) += 1)
+#define LOCAL_COUNTS
+#define COUNT(bins, bin) (bins[bin] += 1)
+#define BEGIN_COUNTS
+#define END_COUNTS(bins)
 #define OWN_BINS(bins) (bins + (size_t)get_group_id(0) * 2 * HADA_FOCUS_BINS)
+typedef __global int *focus_bins;
+#define BINS_OF(list) (list)
 #else
+#define FOCUS_PLACES        256
 #define FOR_TILES(t, tiles) const int t = get_group_id(0);
 #define WAIT                barrier(CLK_LOCAL_MEM_FENCE)
-#define COUNT(bin)          atomic_inc(bin)
-#define OWN_BINS(bins)      (bins)
+#define LOCAL_COUNTS        __local int place_bins[FOCUS_PLACES], place_counts[FOCUS_PLACES];
+#define COUNT(bins, bin)    count_one(bins, bin)
+#define BEGIN_COUNTS                                                                                                   \
+    for (int place = get_local_id(0); place < FOCUS_PLACES; place += FOCUS_GROUP) {                                    \
+        place_bins[place] = -1;                                                                                        \
+        place_counts[place] = 0;                                                                                       \
+    }                                                                                                                  \
+    barrier(CLK_LOCAL_MEM_FENCE);
+#define END_COUNTS(bins)                                                                                               \
+    barrier(CLK_LOCAL_MEM_FENCE);                                                                                      \
+    for (int place = get_local_id(0); place < FOCUS_PLACES; place += FOCUS_GROUP)                                      \
+        if (place_counts[place])                                                                                       \
+            atomic_add((bins) + place_bins[place], place_counts[place]);
+#define OWN_BINS(bins) (bins)
+typedef struct focus_bins {
+    __global int *all;
+    __local int *places, *counts;
+} focus_bins;
+#define BINS_OF(list)                                                                                                  \
+    {                                                                                                                  \
+        list, place_bins, place_counts                                                                                 \
+    }
+
+FOCUS_INLINE void count_one(focus_bins bins, int bin)
+{
+    const int place = bin % FOCUS_PLACES, there = atomic_cmpxchg(bins.places + place, -1, bin);
+    if (there == -1 || there == bin)
+        atomic_inc(bins.counts + place);
+    else
+        atomic_inc(bins.all + bin);
+}
 #endif
 
 /* Counts values by the upper 16 bits of their float pattern without its sign, those at columns first <= x < end. */
-FOCUS_INLINE void count_values(__global int *bins, real value, int x, int first, int end)
+FOCUS_INLINE void count_values(focus_bins bins, real value, int x, int first, int end)
 {
     const whole bin = (BITS(value) & 0x7fffffff) >> 16;
 #if FOCUS_WIDTH == 1
     if (x >= first && x < end)
-        COUNT(bins + bin);
+        COUNT(bins, bin);
 #else
     int list[FOCUS_WIDTH];
     vstore16(bin, 0, list);
     for (int k = max(first - x, 0); k < min(end - x, FOCUS_WIDTH); k++)
-        COUNT(bins + list[k]);
+        COUNT(bins, list[k]);
 #endif
 }
 

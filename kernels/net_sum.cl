@@ -6,7 +6,10 @@
 __kernel void net_sum(__global const float *in, __global float *out, ulong in_offset, ulong out_offset, uint in_count,
                       float scale, float shift)
 {
-    const uint run = get_global_id(0), first = run * HADA_SUM_RUN, count = min(in_count - first, (uint)HADA_SUM_RUN);
+    const uint run = get_global_id(0), first = run * HADA_SUM_RUN;
+    if (first >= in_count)
+        return;
+    const uint count = min(in_count - first, (uint)HADA_SUM_RUN);
     __global const float *from = in + in_offset + first;
     float8 lanes = 0.0f;
     uint i = 0;

@@ -2,49 +2,82 @@
 
 #include "shared_net.h"
 
-/* Activations in blocks of channels (lib/net/tensor.h): from and to planar floats, and the halo by itself. One
- * work-item takes `step` pixels of a row of one block: a whole row on CPUs, one pixel on GPUs. Dimensions: pixels over
- * step, rows, blocks times images. */
+/* Activations in blocks of channels (lib/net/tensor.h): from and to planar floats, and the halo by itself. A work-item
+ * takes a row of a block or (TENSOR_FOURS, for work-groups) four channels of a pixel, an aligned access of 128 bits.
+ * Dimensions: 1, or pixels times the fours of a block; rows; blocks times images. */
+#ifndef TENSOR_FOURS
+#define TENSOR_FOURS 0
+#endif
+#if TENSOR_FOURS
+#define TENSOR_LANE(block)  ((int)get_global_id(0) % ((block) / 4) * 4)
+#define TENSOR_PIXEL(block) ((int)get_global_id(0) / ((block) / 4))
+#define TENSOR_ITEMS(block) ((int)get_global_size(0) / ((block) / 4))
+#endif
 
 /* Rows and columns with the halo; channels beyond the last one and the halo become zero. */
 __kernel void net_tensor_load(__global const float *in, __global float *out, hada_planar_layout at_in,
-                              hada_tensor_layout at_out, int block, int step)
+                              hada_tensor_layout at_out, int block)
 {
     const int channels = at_out.channels, rows = at_out.rows, cols = at_out.cols;
     const ulong in_channel = at_in.channel;
     const int blocks = (channels + block - 1) / block, b = get_global_id(2) % blocks, image = get_global_id(2) / blocks;
-    const int row = (int)get_global_id(1) - 1, first = (int)get_global_id(0) * step - 1;
-    const int last = min(first + step, cols + 1), present = min(block, channels - b * block);
+    const int row = (int)get_global_id(1) - 1, present = min(block, channels - b * block);
     const int inside = row >= 0 && row < rows;
     __global const float *from = in + at_in.offset + image * at_in.image + b * block * in_channel + row * at_in.row;
     __global float *to =
         out + at_out.offset + image * at_out.image + ((size_t)b * (rows + 2) + row + 1) * (cols + 2) * block + block;
-    for (int x = first; x < last; ++x) {
+#if TENSOR_FOURS
+    const int x = TENSOR_PIXEL(block) - 1, lane = TENSOR_LANE(block);
+    const int here = inside && x >= 0 && x < cols ? present - lane : 0;
+    if (x > cols)
+        return;
+    from += lane * in_channel + x;
+    float4 v = (float4)(0.0f);
+    v.x = here > 0 ? from[0] : 0.0f;
+    v.y = here > 1 ? from[in_channel] : 0.0f;
+    v.z = here > 2 ? from[2 * in_channel] : 0.0f;
+    v.w = here > 3 ? from[3 * in_channel] : 0.0f;
+    *(__global float4 *)(to + x * block + lane) = v;
+#else
+    for (int x = -1; x < cols + 1; ++x) {
         const int here = inside && x >= 0 && x < cols ? present : 0;
         for (int k = 0; k < here; ++k)
             to[x * block + k] = from[k * in_channel + x];
         for (int k = here; k < block; ++k)
             to[x * block + k] = 0.0f;
     }
+#endif
 }
 
 __kernel void net_tensor_store(__global const float *in, __global float *out, hada_tensor_layout at_in,
-                               hada_planar_layout at_out, int block, int step)
+                               hada_planar_layout at_out, int block)
 {
     const int channels = at_in.channels, rows = at_in.rows, cols = at_in.cols;
     const ulong out_channel = at_out.channel;
     const int blocks = (channels + block - 1) / block, b = get_global_id(2) % blocks, image = get_global_id(2) / blocks;
-    const int row = get_global_id(1), first = get_global_id(0) * step, last = min(first + step, cols);
+    const int row = get_global_id(1);
     const int present = min(block, channels - b * block);
     __global const float *from =
         in + at_in.offset + image * at_in.image + (((size_t)b * (rows + 2) + row + 1) * (cols + 2) + 1) * block;
     __global float *to = out + at_out.offset + image * at_out.image + b * block * out_channel + row * at_out.row;
+#if TENSOR_FOURS
+    const int x = TENSOR_PIXEL(block), lane = TENSOR_LANE(block), here = present - lane;
+    if (x >= cols)
+        return;
+    const float4 v = *(__global const float4 *)(from + x * block + lane);
+    const float lanes[4] = {v.x, v.y, v.z, v.w};
+#pragma unroll
+    for (int k = 0; k < 4; ++k)
+        if (k < here)
+            to[(lane + k) * out_channel + x] = lanes[k];
+#else
     for (int k = 0; k < present; ++k)
-        for (int x = first; x < last; ++x)
+        for (int x = 0; x < cols; ++x)
             to[k * out_channel + x] = from[x * block + k];
+#endif
 }
 
-/* Zeros into the halo alone; step does not matter: dimension 0 is one. */
+/* Zeros into the halo alone. Some work-items share a row in work-groups. */
 __kernel void net_tensor_halo(__global float *out, hada_tensor_layout at_out, int block)
 {
     const int rows = at_out.rows, cols = at_out.cols;
@@ -52,9 +85,14 @@ __kernel void net_tensor_halo(__global float *out, hada_tensor_layout at_out, in
               image = get_global_id(2) / blocks;
     const int row = get_global_id(1), width = (cols + 2) * block, jump = row > 0 && row <= rows ? width - block : block;
     __global float *to = out + at_out.offset + image * at_out.image + ((size_t)b * (rows + 2) + row) * width;
+#if TENSOR_FOURS
+    for (int x = TENSOR_PIXEL(block) * jump; row < rows + 2 && x < width; x += TENSOR_ITEMS(block) * jump)
+        *(__global float4 *)(to + x + TENSOR_LANE(block)) = (float4)(0.0f);
+#else
     for (int x = 0; x < width; x += jump)
         for (int k = 0; k < block; ++k)
             to[x + k] = 0.0f;
+#endif
 }
 
 /* How much light stands where: the largest magnitude over all channels in cells of one row by `cell` columns of planar

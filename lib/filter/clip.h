@@ -2,7 +2,10 @@
 #ifndef HADA_FILTER_CLIP_H
 #define HADA_FILTER_CLIP_H
 
-#include "runtime/slot.h"
+#include "runtime/launch.h"
+
+/* The launch over `count` floats from `offset` on of kernels with kernels/inc_values.h. */
+hada_range hada_values_range(const hada_slot *slot, size_t offset, size_t count);
 
 /* The first `count` floats of a buffer (enqueued). */
 hada_status hada_image_clip(hada_slot *slot, cl_mem planes, size_t count, hada_error *err);

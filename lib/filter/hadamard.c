@@ -3,6 +3,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
+#include "filter/clip.h"
 #include "launch/fft_plain.h"
 #include "launch/filter_dark.h"
 
@@ -183,13 +184,14 @@ done:
 static hada_status subtract(hada_hadamard *stage, int channel, double level, hada_error *err)
 {
     const size_t count = (size_t)stage->raw_rows * (size_t)stage->raw_cols;
-    const hada_range range = hada_range_of(hada_divide_up(count, 8), GROUP, 1, 1);
+    const size_t offset = (size_t)channel * count;
+    const hada_range range = hada_values_range(stage->slot, offset, count);
     hada_slot_cost(stage->slot, (stage->has_dark ? 12.0 : 8.0) * (double)count, (double)count);
-    return hada_launch_filter_dark(stage->slot, HADA_PROGRAM_FILTER_DARK_DEFAULT, &range, err, .raw = stage->raw.mem,
+    return hada_launch_filter_dark(stage->slot, hada_program_filter_dark_of(stage->slot), &range, err,
+                                   .raw = stage->raw.mem,
                                    /* not read without a dark frame */
-                                   .dark = stage->has_dark ? stage->dark.mem : stage->raw.mem,
-                                   .offset = (cl_ulong)channel * count, .framed = stage->has_dark,
-                                   .level = (float)level, .count = count);
+                                   .dark = stage->has_dark ? stage->dark.mem : stage->raw.mem, .offset = offset,
+                                   .framed = stage->has_dark, .level = (float)level, .count = count);
 }
 
 /* Where a channel's spectrum or plane comes from. */

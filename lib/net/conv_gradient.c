@@ -1,5 +1,6 @@
 /* Launches of the gradients of weights and biases: partial sums, then their sum in order. */
 #include "core/round.h"
+#include "launch/conv_group_reduce.h"
 #include "launch/conv_group_weights.h"
 #include "launch/conv_plain.h"
 #include "launch/conv_reduce.h"
@@ -54,6 +55,27 @@ static hada_status partial_weights(hada_conv *conv, const hada_tensor *coarse, c
                                     .sizes = sizes);
 }
 
+static hada_status reduce_lanes(hada_conv *conv, const hada_tensor *coarse, hada_floats dw,
+                                const hada_conv_partials *sizes, int accumulate, hada_error *err)
+{
+    const hada_range range =
+        hada_range_of((size_t)sizes->fine_channels, LOCAL, (size_t)hada_layout_of(coarse).blocks, 1);
+    return hada_launch_conv_reduce_weights(conv->slot, HADA_PROGRAM_BY_BLOCK(CONV_REDUCE, conv->plan.block), &range,
+                                           err, .partial = conv->scratch.mem, .dw = dw.mem, .sizes = *sizes,
+                                           .dw_offset = dw.offset, .accumulate = accumulate);
+}
+
+static hada_status reduce_groups(hada_conv *conv, const hada_tensor *coarse, hada_floats dw,
+                                 const hada_conv_partials *sizes, int accumulate, hada_error *err)
+{
+    const size_t fours = (size_t)conv->plan.block / 4 * (size_t)sizes->places;
+    const hada_range range = hada_range_of((size_t)sizes->fine_channels * fours, HADA_CONV_GROUP_ITEMS,
+                                           (size_t)hada_layout_of(coarse).blocks, 1);
+    return hada_launch_conv_group_reduce_weights(conv->slot, HADA_PROGRAM_BY_BLOCK(CONV_GROUP_REDUCE, conv->plan.block),
+                                                 &range, err, .partial = conv->scratch.mem, .dw = dw.mem,
+                                                 .sizes = *sizes, .dw_offset = dw.offset, .accumulate = accumulate);
+}
+
 hada_status hada_conv_weights(hada_conv *conv, const hada_tensor *coarse, const hada_tensor *fine, hada_floats dw,
                               int accumulate, hada_error *err)
 {
@@ -72,11 +94,9 @@ hada_status hada_conv_weights(hada_conv *conv, const hada_tensor *coarse, const 
         .places = d->kernel_rows * d->kernel_cols,
         .coarse_channels = coarse->channels,
         .fine_channels = fine->channels};
-    const hada_range range = hada_range_of((size_t)fine->channels, LOCAL, (size_t)hada_layout_of(coarse).blocks, 1);
     HADA_TRY(partial_weights(conv, coarse, fine, (size_t)sizes.parts, err));
-    HADA_TRY(hada_launch_conv_reduce_weights(conv->slot, HADA_PROGRAM_BY_BLOCK(CONV_REDUCE, block), &range, err,
-                                             .partial = conv->scratch.mem, .dw = dw.mem, .sizes = sizes,
-                                             .dw_offset = dw.offset, .accumulate = accumulate));
+    HADA_TRY(groups ? reduce_groups(conv, coarse, dw, &sizes, accumulate, err)
+                    : reduce_lanes(conv, coarse, dw, &sizes, accumulate, err));
 done:
     return status;
 }
@@ -99,9 +119,15 @@ hada_status hada_conv_bias(hada_conv *conv, const hada_tensor *dy, hada_floats d
     const int parts = most < lines ? most : lines;
     const hada_tensor_layout at_dy = hada_layout_of(dy);
     const hada_range range = hada_range_of((size_t)at_dy.blocks, 1, (size_t)parts, 1);
-    HADA_TRY(hada_launch_conv_bias_partial(conv->slot, HADA_PROGRAM_BY_BLOCK(CONV_REDUCE, conv->plan.block), &range,
-                                           err, .dy = dy->mem, .partial = conv->scratch.mem, .at_dy = at_dy,
-                                           .images = dy->images));
+    const hada_range groups = hada_range_groups(1, HADA_CONV_GROUP_ITEMS, (size_t)at_dy.blocks, (size_t)parts);
+    if (conv->plan.groups)
+        HADA_TRY(hada_launch_conv_group_bias(conv->slot, HADA_PROGRAM_BY_BLOCK(CONV_GROUP_REDUCE, conv->plan.block),
+                                             &groups, err, .dy = dy->mem, .partial = conv->scratch.mem, .at_dy = at_dy,
+                                             .images = dy->images));
+    else
+        HADA_TRY(hada_launch_conv_bias_partial(conv->slot, HADA_PROGRAM_BY_BLOCK(CONV_REDUCE, conv->plan.block), &range,
+                                               err, .dy = dy->mem, .partial = conv->scratch.mem, .at_dy = at_dy,
+                                               .images = dy->images));
     HADA_TRY(hada_conv_reduce_bias(conv, 0, parts, dy->channels, db, accumulate, err));
 done:
     return status;

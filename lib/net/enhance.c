@@ -151,8 +151,9 @@ static hada_status copy(const hada_enhance *e, const part *from, const part *to,
 {
     const hada_range range =
         hada_layer_flat_range(e->slot, hada_divide_up((size_t)cols, HADA_PART_COLS), (size_t)rows * (size_t)channels);
-    return hada_launch_net_part(e->slot, HADA_PROGRAM_NET_TENSOR_DEFAULT, &range, err, .from = from->mem, .to = to->mem,
-                                .at_from = layout_of(from), .at_to = layout_of(to), .rows = rows, .cols = cols);
+    return hada_launch_net_part(e->slot, hada_program_net_tensor_of(e->slot), &range, err, .from = from->mem,
+                                .to = to->mem, .at_from = layout_of(from), .at_to = layout_of(to), .rows = rows,
+                                .cols = cols);
 }
 
 /* Fills the map of content of a plane. */
@@ -162,7 +163,7 @@ static hada_status map_content(hada_enhance *e, cl_mem planes, size_t offset, ha
     const hada_enhance_desc *d = &e->desc;
     const int cells = e->shape.content_cells;
     const hada_range range = hada_layer_flat_range(e->slot, (size_t)cells, (size_t)d->rows);
-    HADA_TRY(hada_launch_net_content(e->slot, HADA_PROGRAM_NET_TENSOR_DEFAULT, &range, err, .image = planes,
+    HADA_TRY(hada_launch_net_content(e->slot, hada_program_net_tensor_of(e->slot), &range, err, .image = planes,
                                      .out = e->content.mem, .offset = offset, .channels = d->channels, .rows = d->rows,
                                      .cols = d->cols, .cell = HADA_CONTENT_CELL, .cells = cells));
     HADA_TRY(hada_buffer_read(&e->content, e->slot, 0, e->map, e->content.bytes, err));
@@ -288,7 +289,7 @@ static hada_status add_up(hada_enhance *e, cl_mem planes, size_t offset, int cou
     const hada_range range = hada_layer_flat_range(e->slot, values, 1);
     if (e->shape.inputs < 2)
         return HADA_OK;
-    return hada_launch_net_add_planes(e->slot, HADA_PROGRAM_NET_TENSOR_DEFAULT, &range, err, .planes = planes,
+    return hada_launch_net_add_planes(e->slot, hada_program_net_tensor_of(e->slot), &range, err, .planes = planes,
                                       .sum = e->sum.mem, .offset = offset, .values = values, .count = count);
 }
 
@@ -298,7 +299,7 @@ static hada_status put_beside(hada_enhance *e, cl_mem planes, size_t offset, had
     const hada_range range = hada_layer_flat_range(e->slot, values, 1);
     if (e->shape.inputs < 2)
         return HADA_OK;
-    return hada_launch_net_beside(e->slot, HADA_PROGRAM_NET_TENSOR_DEFAULT, &range, err, .planes = planes,
+    return hada_launch_net_beside(e->slot, hada_program_net_tensor_of(e->slot), &range, err, .planes = planes,
                                   .sum = e->sum.mem, .out = e->beside.mem, .offset = offset, .out_offset = 0,
                                   .values = values);
 }
@@ -325,7 +326,7 @@ static hada_status share_out(hada_enhance *e, cl_mem planes, size_t offset, int 
     const hada_range range = hada_layer_flat_range(e->slot, values, 1);
     hada_status status = HADA_OK;
     HADA_TRY(run_one(e, e->sum.mem, 0, err));
-    HADA_TRY(hada_launch_net_share(e->slot, HADA_PROGRAM_NET_TENSOR_DEFAULT, &range, err, .planes = planes,
+    HADA_TRY(hada_launch_net_share(e->slot, hada_program_net_tensor_of(e->slot), &range, err, .planes = planes,
                                    .whole = e->sum.mem, .offset = offset, .values = values, .count = count));
 done:
     return status;

@@ -122,7 +122,7 @@ hada_status hada_sum_floats(hada_slot *slot, cl_mem scratch, size_t first, size_
         return hada_fail(err, HADA_ERROR_UNSUPPORTED, "a sum of %zu values is too long", count);
     for (int last = 0; !last;) {
         const size_t runs = hada_divide_up(count, HADA_SUM_RUN);
-        const hada_range range = hada_range_of(runs, 1, 1, 1);
+        const hada_range range = hada_layer_flat_range(slot, runs, 1);
         last = runs == 1;
         HADA_TRY(hada_launch_net_sum(slot, HADA_PROGRAM_NET_SUM_DEFAULT, &range, err, .in = scratch,
                                      .out = last ? out.mem : scratch, .in_offset = first,

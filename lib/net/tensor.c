@@ -62,39 +62,50 @@ static hada_planar_layout planar_layout(const hada_planar *planar)
     return (hada_planar_layout){planar->offset, planar->image_stride, planar->channel_stride, planar->row_stride};
 }
 
-/* Work-items of a row on GPUs, one for a pixel; on CPUs, where each costs a call, one takes a whole row. */
-enum { ROW_ITEMS = 64 };
+/* In work-groups a work-item for four channels of a pixel; of the halo, a few share a row. On CPUs, where each costs a
+ * call, one takes a whole row. */
+enum { FOUR = 4, GROUP_ITEMS = 128, HALO_ITEMS = 16 };
 
-static hada_range rows_range(const hada_slot *slot, const hada_tensor *tensor, int width, int height, int *step)
+static size_t planes_of(const hada_tensor *tensor)
 {
-    const int groups = slot->context->shape == HADA_SHAPE_GROUPS;
-    const size_t planes = blocks_of(tensor->block, tensor->channels) * (size_t)tensor->images;
-    *step = groups ? 1 : width;
-    return hada_range_of(groups ? (size_t)width : 1, groups ? ROW_ITEMS : 1, (size_t)height, planes);
+    return blocks_of(tensor->block, tensor->channels) * (size_t)tensor->images;
+}
+
+static hada_range rows_range(const hada_slot *slot, const hada_tensor *tensor, int width, int height)
+{
+    if (slot->context->shape != HADA_SHAPE_GROUPS)
+        return hada_range_of(1, 1, (size_t)height, planes_of(tensor));
+    return hada_range_of((size_t)width * (size_t)(tensor->block / FOUR), GROUP_ITEMS, (size_t)height,
+                         planes_of(tensor));
+}
+
+static hada_range halo_range(const hada_slot *slot, const hada_tensor *tensor)
+{
+    const size_t height = (size_t)tensor->rows + 2, down = GROUP_ITEMS / HALO_ITEMS;
+    if (slot->context->shape != HADA_SHAPE_GROUPS)
+        return hada_range_of(1, 1, height, planes_of(tensor));
+    return (hada_range){{HALO_ITEMS, hada_round_up(height, down), planes_of(tensor)}, {HALO_ITEMS, down, 1}};
 }
 
 hada_status hada_tensor_load(hada_slot *slot, const hada_planar *in, const hada_tensor *out, hada_error *err)
 {
-    int step;
-    const hada_range range = rows_range(slot, out, out->cols + 2, out->rows + 2, &step);
-    return hada_launch_net_tensor_load(slot, HADA_PROGRAM_NET_TENSOR_DEFAULT, &range, err, .in = in->mem,
+    const hada_range range = rows_range(slot, out, out->cols + 2, out->rows + 2);
+    return hada_launch_net_tensor_load(slot, hada_program_net_tensor_of(slot), &range, err, .in = in->mem,
                                        .out = out->mem, .at_in = planar_layout(in), .at_out = hada_layout_of(out),
-                                       .block = out->block, .step = step);
+                                       .block = out->block);
 }
 
 hada_status hada_tensor_store(hada_slot *slot, const hada_tensor *in, const hada_planar *out, hada_error *err)
 {
-    int step;
-    const hada_range range = rows_range(slot, in, in->cols, in->rows, &step);
-    return hada_launch_net_tensor_store(slot, HADA_PROGRAM_NET_TENSOR_DEFAULT, &range, err, .in = in->mem,
+    const hada_range range = rows_range(slot, in, in->cols, in->rows);
+    return hada_launch_net_tensor_store(slot, hada_program_net_tensor_of(slot), &range, err, .in = in->mem,
                                         .out = out->mem, .at_in = hada_layout_of(in), .at_out = planar_layout(out),
-                                        .block = in->block, .step = step);
+                                        .block = in->block);
 }
 
 hada_status hada_tensor_clear_halo(hada_slot *slot, const hada_tensor *tensor, hada_error *err)
 {
-    const hada_range range = hada_range_of(1, 1, (size_t)tensor->rows + 2,
-                                           blocks_of(tensor->block, tensor->channels) * (size_t)tensor->images);
-    return hada_launch_net_tensor_halo(slot, HADA_PROGRAM_NET_TENSOR_DEFAULT, &range, err, .out = tensor->mem,
+    const hada_range range = halo_range(slot, tensor);
+    return hada_launch_net_tensor_halo(slot, hada_program_net_tensor_of(slot), &range, err, .out = tensor->mem,
                                        .at_out = hada_layout_of(tensor), .block = tensor->block);
 }

@@ -40,10 +40,10 @@ static hada_status launch(check_state *state, hada_error *err)
     const beside_state *own = state->own;
     const hada_range range = hada_layer_flat_range(state->slot, own->values, 1);
     hada_status status = HADA_OK;
-    HADA_TRY(hada_launch_net_add_planes(state->slot, HADA_PROGRAM_NET_TENSOR_DEFAULT, &range, err,
+    HADA_TRY(hada_launch_net_add_planes(state->slot, hada_program_net_tensor_of(state->slot), &range, err,
                                         .planes = own->planes.mem, .sum = own->sum.mem, .offset = BEFORE,
                                         .values = own->values, .count = own->count));
-    HADA_TRY(hada_launch_net_beside(state->slot, HADA_PROGRAM_NET_TENSOR_DEFAULT, &range, err,
+    HADA_TRY(hada_launch_net_beside(state->slot, hada_program_net_tensor_of(state->slot), &range, err,
                                     .planes = own->planes.mem, .sum = own->sum.mem, .out = state->out.mem,
                                     .offset = BEFORE + (size_t)own->own * own->values, .out_offset = state->out_offset,
                                     .values = own->values));
@@ -94,9 +94,9 @@ static hada_status launch_share(check_state *state, hada_error *err)
     hada_status status = HADA_OK;
     HADA_TRY(hada_buffer_copy(state->slot, own->planes.mem, 0, state->out.mem, state->out_offset * sizeof(float), bytes,
                               err));
-    HADA_TRY(hada_launch_net_share(state->slot, HADA_PROGRAM_NET_TENSOR_DEFAULT, &range, err, .planes = state->out.mem,
-                                   .whole = own->sum.mem, .offset = state->out_offset, .values = own->values,
-                                   .count = own->count));
+    HADA_TRY(hada_launch_net_share(state->slot, hada_program_net_tensor_of(state->slot), &range, err,
+                                   .planes = state->out.mem, .whole = own->sum.mem, .offset = state->out_offset,
+                                   .values = own->values, .count = own->count));
 done:
     return status;
 }

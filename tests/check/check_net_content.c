@@ -35,9 +35,9 @@ static hada_status launch(check_state *state, hada_error *err)
     cl_mem out;
     hada_status status = check_region(state, 0, state->out_count, &out, err);
     return status ? status
-                  : hada_launch_net_content(state->slot, HADA_PROGRAM_NET_TENSOR_DEFAULT, &range, err, .image = in->mem,
-                                            .out = out, .offset = 3, .channels = channels, .rows = rows, .cols = cols,
-                                            .cell = cell, .cells = cells);
+                  : hada_launch_net_content(state->slot, hada_program_net_tensor_of(state->slot), &range, err,
+                                            .image = in->mem, .out = out, .offset = 3, .channels = channels,
+                                            .rows = rows, .cols = cols, .cell = cell, .cells = cells);
 }
 
 const check_op check_net_content = {"net_content", "k channels, r rows, c columns, w columns to a cell", prepare,
@@ -82,7 +82,7 @@ static hada_status launch_part(check_state *state, hada_error *err)
         .offset = state->out_offset, .channel = to_row * (hada_ulong)own->rows, .row = to_row};
     const hada_range range = hada_layer_flat_range(state->slot, hada_divide_up((size_t)own->cols, HADA_PART_COLS),
                                                    (size_t)own->rows * (size_t)own->channels);
-    return hada_launch_net_part(state->slot, HADA_PROGRAM_NET_TENSOR_DEFAULT, &range, err, .from = own->in.mem,
+    return hada_launch_net_part(state->slot, hada_program_net_tensor_of(state->slot), &range, err, .from = own->in.mem,
                                 .to = state->out.mem, .at_from = from, .at_to = to, .rows = own->rows,
                                 .cols = own->cols);
 }

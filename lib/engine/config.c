@@ -242,5 +242,7 @@ hada_enhance_desc hada_config_enhance(const hada_config *config, const hada_cont
                                .net_cols = info->enhance_cols,
                                /* a quarter of the device's, whatever the queues */
                                .memory = (size_t)(context->info.memory_bytes / 4 / (uint64_t)config->queues),
+                               /* small images leave a GPU idle, large ones a CPU's caches */
+                               .planes = context->shape == HADA_SHAPE_GROUPS ? config->depths : 1,
                                .content = skip & HADA_SKIP_TILES ? 0.0f : -1.0f};
 }

@@ -18,7 +18,9 @@ struct hada_enhance {
     hada_buffer full_in, full_out, out; /* tiled: planar images of the whole, and of one tile */
     hada_buffer sum, beside;            /* of all planes; a plane and what the others hold */
     hada_tensor window_tensor, scaled_tensor;
-    float *map; /* [rows][content_cells] */
+    float *map;      /* [plane][rows][content_cells] of the planes that are looked at */
+    size_t *waiting; /* where the planes begin that go through the net next */
+    int waiting_count;
     int computed, left_out;
 };
 
@@ -30,8 +32,8 @@ static void sizes_of(const hada_context *context, const hada_enhance_desc *desc,
     const size_t planes = (size_t)desc->channels * sizeof(float);
     const size_t full = planes * (size_t)shape->full_rows * (size_t)shape->full_cols;
     bytes[0] = desc->net->floats * sizeof(float);
-    bytes[1] = (size_t)desc->rows * (size_t)shape->content_cells * sizeof(float);
-    bytes[2] = shape->resized ? hada_enhance_window_floats(context, desc) * sizeof(float) : 0;
+    bytes[1] = (size_t)shape->planes * (size_t)desc->rows * (size_t)shape->content_cells * sizeof(float);
+    bytes[2] = shape->resized ? hada_enhance_window_floats(context, desc, shape) * sizeof(float) : 0;
     bytes[3] = shape->resized && shape->tiled ? hada_enhance_scaled_floats(context, desc, shape) * sizeof(float) : 0;
     bytes[4] = full * (size_t)shape->inputs;
     bytes[5] = full;
@@ -73,7 +75,8 @@ static hada_status make_buffers(hada_enhance *e, hada_error *err)
         HADA_TRY(hada_buffer_clear(buffers[i], e->slot, 0, bytes[i], err)); /* halos and what fills up stay zero */
     }
     const int channels = net->layers[0].channels;
-    e->window_tensor = hada_tensor_at(context, e->window.mem, 0, net->colours, channels, e->desc.rows, e->desc.cols);
+    const int images = e->shape.graph.images * net->colours;
+    e->window_tensor = hada_tensor_at(context, e->window.mem, 0, images, channels, e->desc.rows, e->desc.cols);
     e->scaled_tensor = hada_tensor_at(context, e->scaled.mem, 0, net->colours, channels, e->shape.rows, e->shape.cols);
 done:
     return status;
@@ -88,8 +91,9 @@ hada_status hada_enhance_create(hada_enhance **out, hada_slot *slot, const hada_
     e->slot = slot;
     e->desc = *desc;
     HADA_TRY(hada_enhance_shape_of(slot->context, desc, &e->shape, err));
-    HADA_TRY(hada_alloc((void **)&e->map, (size_t)desc->rows * (size_t)e->shape.content_cells, sizeof *e->map,
-                        "the map of content", err));
+    const size_t cells = (size_t)desc->rows * (size_t)e->shape.content_cells;
+    HADA_TRY(hada_alloc((void **)&e->map, (size_t)e->shape.planes * cells, sizeof *e->map, "the map of content", err));
+    HADA_TRY(hada_alloc((void **)&e->waiting, (size_t)e->shape.planes, sizeof *e->waiting, "the planes", err));
     HADA_TRY(hada_graph_create(&e->graph, slot, desc->net, &e->shape.graph, err));
     HADA_TRY(make_buffers(e, err));
     HADA_TRY(hada_graph_set_weights(e->graph, (hada_floats){e->values.mem, 0}, err));
@@ -112,6 +116,7 @@ void hada_enhance_destroy(hada_enhance **pointer)
     for (int i = 0; i < BUFFERS; i++)
         hada_buffer_destroy(buffers[i]);
     free(e->map);
+    free(e->waiting);
     free(e);
 }
 
@@ -156,29 +161,31 @@ static hada_status copy(const hada_enhance *e, const part *from, const part *to,
                                 .cols = cols);
 }
 
-/* Fills the map of content of a plane. */
-static hada_status map_content(hada_enhance *e, cl_mem planes, size_t offset, hada_error *err)
+/* Fills the maps of content of `count` planes. */
+static hada_status map_content(hada_enhance *e, cl_mem planes, size_t offset, int count, hada_error *err)
 {
     hada_status status = HADA_OK;
     const hada_enhance_desc *d = &e->desc;
     const int cells = e->shape.content_cells;
-    const hada_range range = hada_layer_flat_range(e->slot, (size_t)cells, (size_t)d->rows);
+    const size_t floats = (size_t)count * (size_t)d->rows * (size_t)cells;
+    hada_range range = hada_layer_flat_range(e->slot, (size_t)cells, (size_t)d->rows);
+    range.global[2] = (size_t)count;
     HADA_TRY(hada_launch_net_content(e->slot, hada_program_net_tensor_of(e->slot), &range, err, .image = planes,
                                      .out = e->content.mem, .offset = offset, .channels = d->channels, .rows = d->rows,
                                      .cols = d->cols, .cell = HADA_CONTENT_CELL, .cells = cells));
-    HADA_TRY(hada_buffer_read(&e->content, e->slot, 0, e->map, e->content.bytes, err));
+    HADA_TRY(hada_buffer_read(&e->content, e->slot, 0, e->map, floats * sizeof *e->map, err));
 done:
     return status;
 }
 
-/* Whether anything stands in a part of the plane. */
-static int has_content(const hada_enhance *e, int row, int col, int rows, int cols)
+/* Whether anything stands in a part of the plane whose map is given. */
+static int has_content(const hada_enhance *e, const float *map, int row, int col, int rows, int cols)
 {
     const int last_row = row + rows < e->desc.rows ? row + rows : e->desc.rows;
     const int last_col = col + cols < e->desc.cols ? col + cols : e->desc.cols;
     for (int r = row; r < last_row; r++)
         for (int c = col / HADA_CONTENT_CELL; c * HADA_CONTENT_CELL < last_col; c++)
-            if (!(e->map[(size_t)r * (size_t)e->shape.content_cells + (size_t)c] <= e->desc.content))
+            if (!(map[(size_t)r * (size_t)e->shape.content_cells + (size_t)c] <= e->desc.content))
                 return 1;
     return 0;
 }
@@ -194,29 +201,56 @@ done:
     return status;
 }
 
-/* The whole plane at once. */
-static hada_status run_whole(hada_enhance *e, cl_mem planes, size_t offset, hada_error *err)
+/* The images of plane `slot` of those that go through the net at once. */
+static hada_tensor images_of(const hada_enhance *e, const hada_tensor *tensor, int slot)
+{
+    return hada_tensor_images(tensor, slot * e->desc.net->colours, e->desc.net->colours);
+}
+
+/* A whole plane to the net, which takes it with others. */
+static hada_status wait_for_others(hada_enhance *e, cl_mem planes, size_t offset, hada_error *err)
 {
     hada_status status = HADA_OK;
     const hada_planar plane = planar_of(e, planes, offset, e->desc.rows, e->desc.cols, 0, 0);
-    const hada_tensor *x = hada_graph_input(e->graph), *y = hada_graph_output(e->graph);
-    e->computed++;
     const hada_planar seen =
         e->shape.inputs > 1 ? planar_of(e, e->beside.mem, 0, e->desc.rows, e->desc.cols, 0, 0) : plane;
-    HADA_TRY(hada_tensor_load(e->slot, &seen, e->shape.resized ? &e->window_tensor : x, err));
-    if (e->shape.resized) {
-        HADA_TRY(hada_tensor_clear_halo(e->slot, x, err));
-        HADA_TRY(hada_resize_forward(e->slot, HADA_RESIZE_LINEAR, &e->window_tensor, x, err));
-    }
-    HADA_TRY(run_graph(e, err));
-    if (e->shape.resized)
-        HADA_TRY(hada_resize_forward(e->slot, HADA_RESIZE_LINEAR, y, &e->window_tensor, err));
-    HADA_TRY(hada_tensor_store(e->slot, e->shape.resized ? &e->window_tensor : y, &plane, err));
+    const hada_tensor *x = hada_graph_input(e->graph);
+    const hada_tensor to = images_of(e, e->shape.resized ? &e->window_tensor : x, e->waiting_count);
+    e->computed++;
+    HADA_TRY(hada_tensor_load(e->slot, &seen, &to, err));
+    e->waiting[e->waiting_count++] = offset;
 done:
     return status;
 }
 
-static hada_status run_tile(hada_enhance *e, int down, int right, hada_error *err)
+/* The whole planes that wait go through the net, and back to where they stood. */
+static hada_status run_waiting(hada_enhance *e, cl_mem planes, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    const int count = e->waiting_count;
+    if (!count)
+        return HADA_OK;
+    hada_graph_set_images(e->graph, count);
+    const hada_tensor *x = hada_graph_input(e->graph), *y = hada_graph_output(e->graph);
+    const hada_tensor window = hada_tensor_images(&e->window_tensor, 0, count * e->desc.net->colours);
+    if (e->shape.resized) {
+        HADA_TRY(hada_tensor_clear_halo(e->slot, x, err));
+        HADA_TRY(hada_resize_forward(e->slot, HADA_RESIZE_LINEAR, &window, x, err));
+    }
+    HADA_TRY(run_graph(e, err));
+    if (e->shape.resized)
+        HADA_TRY(hada_resize_forward(e->slot, HADA_RESIZE_LINEAR, y, &window, err));
+    for (int i = 0; i < count; i++) {
+        const hada_planar plane = planar_of(e, planes, e->waiting[i], e->desc.rows, e->desc.cols, 0, 0);
+        const hada_tensor from = images_of(e, e->shape.resized ? &window : y, i);
+        HADA_TRY(hada_tensor_store(e->slot, &from, &plane, err));
+    }
+done:
+    e->waiting_count = 0;
+    return status;
+}
+
+static hada_status run_tile(hada_enhance *e, const float *map, int down, int right, hada_error *err)
 {
     hada_status status = HADA_OK;
     const hada_enhance_shape *s = &e->shape;
@@ -226,7 +260,7 @@ static hada_status run_tile(hada_enhance *e, int down, int right, hada_error *er
     const int first_col = hada_enhance_core_at(right, s->core_cols, s->full_cols);
     const int rows = hada_enhance_core_at(down + 1, s->core_rows, s->full_rows) - first_row;
     const int cols = hada_enhance_core_at(right + 1, s->core_cols, s->full_cols) - first_col;
-    if (!s->resized && !has_content(e, row, col, s->tile_rows, s->tile_cols)) {
+    if (!s->resized && !has_content(e, map, row, col, s->tile_rows, s->tile_cols)) {
         e->left_out++;
         return HADA_OK;
     }
@@ -268,7 +302,7 @@ done:
     return status;
 }
 
-static hada_status run_tiles(hada_enhance *e, cl_mem planes, size_t offset, hada_error *err)
+static hada_status run_tiles(hada_enhance *e, const float *map, cl_mem planes, size_t offset, hada_error *err)
 {
     hada_status status = HADA_OK;
     HADA_TRY(bring(e, planes, offset, 0, err));
@@ -276,7 +310,7 @@ static hada_status run_tiles(hada_enhance *e, cl_mem planes, size_t offset, hada
     HADA_TRY(hada_buffer_clear(&e->full_out, e->slot, 0, e->full_out.bytes, err));
     for (int down = 0; down < e->shape.tiles_down; down++)
         for (int right = 0; right < e->shape.tiles_right; right++)
-            HADA_TRY(run_tile(e, down, right, err));
+            HADA_TRY(run_tile(e, map, down, right, err));
     HADA_TRY(bring(e, planes, offset, 1, err));
 done:
     return status;
@@ -304,16 +338,20 @@ static hada_status put_beside(hada_enhance *e, cl_mem planes, size_t offset, had
                                   .values = values);
 }
 
-/* What stands in `planes`, and beside it the sum less that. */
-static hada_status run_one(hada_enhance *e, cl_mem planes, size_t offset, hada_error *err)
+/* What stands in `planes`, and beside it the sum less that. Whole planes go through the net when as many wait as it
+ * takes at once. */
+static hada_status run_one(hada_enhance *e, const float *map, cl_mem planes, size_t offset, hada_error *err)
 {
     hada_status status = HADA_OK;
     HADA_TRY(put_beside(e, planes, offset, err));
-    HADA_TRY(map_content(e, planes, offset, err));
-    if (!has_content(e, 0, 0, e->desc.rows, e->desc.cols))
+    if (!has_content(e, map, 0, 0, e->desc.rows, e->desc.cols))
         e->left_out += e->shape.tiles_down * e->shape.tiles_right;
+    else if (e->shape.tiled)
+        HADA_TRY(run_tiles(e, map, planes, offset, err));
     else
-        HADA_TRY(e->shape.tiled ? run_tiles(e, planes, offset, err) : run_whole(e, planes, offset, err));
+        HADA_TRY(wait_for_others(e, planes, offset, err));
+    if (e->waiting_count == e->shape.planes)
+        HADA_TRY(run_waiting(e, planes, err));
 done:
     return status;
 }
@@ -325,9 +363,28 @@ static hada_status share_out(hada_enhance *e, cl_mem planes, size_t offset, int 
     const size_t values = (size_t)e->desc.channels * (size_t)e->desc.rows * (size_t)e->desc.cols;
     const hada_range range = hada_layer_flat_range(e->slot, values, 1);
     hada_status status = HADA_OK;
-    HADA_TRY(run_one(e, e->sum.mem, 0, err));
+    HADA_TRY(map_content(e, e->sum.mem, 0, 1, err));
+    HADA_TRY(run_one(e, e->map, e->sum.mem, 0, err));
+    HADA_TRY(run_waiting(e, e->sum.mem, err));
     HADA_TRY(hada_launch_net_share(e->slot, hada_program_net_tensor_of(e->slot), &range, err, .planes = planes,
                                    .whole = e->sum.mem, .offset = offset, .values = values, .count = count));
+done:
+    return status;
+}
+
+/* Planes whose content is read at once. */
+static hada_status run_some(hada_enhance *e, cl_mem planes, size_t offset, int count, int together, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    const size_t plane = (size_t)e->desc.channels * (size_t)e->desc.rows * (size_t)e->desc.cols;
+    const size_t cells = (size_t)e->desc.rows * (size_t)e->shape.content_cells;
+    HADA_TRY(map_content(e, planes, offset, count, err));
+    for (int i = 0; i < count; i++, offset += plane) {
+        if (!together)
+            HADA_TRY(add_up(e, planes, offset, 1, err));
+        HADA_TRY(run_one(e, e->map + (size_t)i * cells, planes, offset, err));
+    }
+    HADA_TRY(run_waiting(e, planes, err));
 done:
     return status;
 }
@@ -336,14 +393,12 @@ hada_status hada_enhance_run(hada_enhance *e, cl_mem planes, size_t offset, int 
 {
     hada_status status = HADA_OK;
     const size_t plane = (size_t)e->desc.channels * (size_t)e->desc.rows * (size_t)e->desc.cols;
-    e->computed = e->left_out = 0;
+    const int most = e->shape.planes;
+    e->computed = e->left_out = e->waiting_count = 0;
     if (together)
         HADA_TRY(add_up(e, planes, offset, count, err));
-    for (int i = 0; i < count; i++) {
-        if (!together)
-            HADA_TRY(add_up(e, planes, offset + (size_t)i * plane, 1, err));
-        HADA_TRY(run_one(e, planes, offset + (size_t)i * plane, err));
-    }
+    for (int i = 0; i < count; i += most)
+        HADA_TRY(run_some(e, planes, offset + (size_t)i * plane, most < count - i ? most : count - i, together, err));
     if (together && count > 1 && e->shape.inputs > 1)
         HADA_TRY(share_out(e, planes, offset, count, err));
 done:

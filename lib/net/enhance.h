@@ -2,7 +2,7 @@
  *
  * A plane goes to the net's size (bilinear, where that differs from the window's), through the net, and back; what
  * comes out below zero becomes zero, as intensities are. A plane without content is left alone. Where memory is too
- * short for the whole plane at once it is run in tiles with a halo of what they depend on: the tiles that are computed
+ * short for a whole plane it is run in tiles with a halo of what they depend on: the tiles that are computed
  * hold the bits that the whole plane at once would have given by direct convolutions, and tiles that see no content at
  * all, halo included, are dark. Sizes that are no multiple of what tiles need are filled up with zeros then.
  *
@@ -19,6 +19,7 @@ typedef struct hada_enhance_desc {
     int channels, rows, cols; /* of a plane: the window */
     int net_rows, net_cols;   /* size at which the net runs; 0: the window's */
     size_t memory;            /* most bytes of the net's activations; 0: a quarter of the device's memory */
+    int planes;               /* that go through the net at once where memory allows and they fit whole; 0: one */
     int tile_rows, tile_cols; /* at least this many tiles, for tests; 0: one */
     float content;            /* values of at most this magnitude are no content; 0: only zeros are none */
     hada_conv_method method;
@@ -41,7 +42,7 @@ hada_status hada_enhance_create(hada_enhance **out, hada_slot *slot, const hada_
 void hada_enhance_destroy(hada_enhance **enhance);
 
 /* Enhances `count` planes [plane][channel][row][col] that begin at float `offset`, in place. together: 1 where these
- * are all that explain a frame jointly. Waits for each plane's content, not for the end. */
+ * are all that explain a frame jointly. Waits for the content of so many planes as go at once, not for the end. */
 hada_status hada_enhance_run(hada_enhance *enhance, cl_mem planes, size_t offset, int count, int together,
                              hada_error *err);
 

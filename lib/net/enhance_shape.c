@@ -36,7 +36,8 @@ done:
 static hada_status try_size(const hada_context *context, const hada_enhance_desc *desc, size_t limit,
                             hada_enhance_shape *shape, int rows, int cols, int *fits, hada_error *err)
 {
-    shape->graph = (hada_graph_options){.images = 1, .rows = rows, .cols = cols, .method = desc->method};
+    shape->graph = (hada_graph_options){
+        .images = shape->tiled ? 1 : shape->planes, .rows = rows, .cols = cols, .method = desc->method};
     if (shape->tiled) /* pixels that do not depend on their place */
         shape->graph.method = HADA_CONV_DIRECT;
     const hada_status status = hada_graph_bytes(context, desc->net, &shape->graph, &shape->graph_bytes, err);
@@ -107,14 +108,19 @@ hada_status hada_enhance_shape_of(const hada_context *context, const hada_enhanc
     int fits = 0;
     *shape = (hada_enhance_shape){.rows = desc->net_rows ? desc->net_rows : desc->rows,
                                   .cols = desc->net_cols ? desc->net_cols : desc->cols,
+                                  .planes = desc->planes > 1 ? desc->planes : 1,
                                   .content_cells = (desc->cols + HADA_CONTENT_CELL - 1) / HADA_CONTENT_CELL,
                                   .tiles_down = 1,
                                   .tiles_right = 1};
     shape->resized = shape->rows != desc->rows || shape->cols != desc->cols;
     shape->inputs = hada_enhance_sees_others(desc->net, desc->channels) ? 2 : 1;
     HADA_TRY(check_net(desc, shape->rows, shape->cols, err));
-    if (desc->tile_rows <= 1 && desc->tile_cols <= 1)
+    while (desc->tile_rows <= 1 && desc->tile_cols <= 1) {
         HADA_TRY(try_size(context, desc, limit, shape, shape->rows, shape->cols, &fits, err));
+        if (fits || shape->planes == 1)
+            break;
+        shape->planes = (shape->planes + 1) / 2;
+    }
     if (!fits)
         HADA_TRY(find_tiles(context, desc, limit, shape, err));
 done:
@@ -140,9 +146,10 @@ static size_t tensor_floats(const hada_context *context, const hada_enhance_desc
     return (size_t)desc->net->colours * hada_tensor_image_floats(hada_net_block(context), channels, rows, cols);
 }
 
-size_t hada_enhance_window_floats(const hada_context *context, const hada_enhance_desc *desc)
+size_t hada_enhance_window_floats(const hada_context *context, const hada_enhance_desc *desc,
+                                  const hada_enhance_shape *shape)
 {
-    return tensor_floats(context, desc, desc->rows, desc->cols);
+    return (size_t)shape->graph.images * tensor_floats(context, desc, desc->rows, desc->cols);
 }
 
 size_t hada_enhance_scaled_floats(const hada_context *context, const hada_enhance_desc *desc,

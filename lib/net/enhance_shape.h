@@ -16,7 +16,8 @@ typedef struct hada_enhance_shape {
     int core_rows, core_cols; /* of a tile's own */
     int tile_rows, tile_cols; /* with halo */
     int tiles_down, tiles_right;
-    hada_graph_options graph;
+    int planes;               /* that are looked at at once, and go through the net where there is one tile */
+    hada_graph_options graph; /* images: planes at once */
     size_t graph_bytes;
     int content_cells; /* in a row of the map of content */
 } hada_enhance_shape;
@@ -29,7 +30,8 @@ int hada_enhance_core_at(int tile, int core, int full);
 int hada_enhance_tile_at(int tile, int core, int tile_size, int full);
 
 /* Floats of the tensors in which planes are resized, at the window's and at the net's size. */
-size_t hada_enhance_window_floats(const hada_context *context, const hada_enhance_desc *desc);
+size_t hada_enhance_window_floats(const hada_context *context, const hada_enhance_desc *desc,
+                                  const hada_enhance_shape *shape);
 size_t hada_enhance_scaled_floats(const hada_context *context, const hada_enhance_desc *desc,
                                   const hada_enhance_shape *shape);
 

@@ -125,6 +125,12 @@ done:
     return status;
 }
 
+void hada_graph_set_images(hada_graph *graph, int images)
+{
+    for (int i = 0; i < graph->plan.piece_count; i++)
+        graph->tensors[i].images = images * graph->plan.net->colours;
+}
+
 const hada_tensor *hada_graph_input(const hada_graph *graph)
 {
     return &graph->tensors[graph->plan.nodes[0].value];

@@ -36,6 +36,9 @@ void hada_graph_destroy(hada_graph **graph);
  * which must stay. Training updates running statistics in `values`. */
 hada_status hada_graph_set_weights(hada_graph *graph, hada_floats values, hada_error *err);
 
+/* The images that forward runs from now on, at most those of the options; all of them before (not for training). */
+void hada_graph_set_images(hada_graph *graph, int images);
+
 /* The input, to be written before forward with its halo (hada_tensor_load, or hada_graph_load): images * colours
  * images; and the output. The output of a net that ends in a linear layer has 1 x 1 pixels. */
 const hada_tensor *hada_graph_input(const hada_graph *graph);

@@ -54,7 +54,7 @@ static hada_status linear(hada_graph *graph, int i, const hada_tensor *x, const 
     hada_status status = HADA_OK;
     const graph_plan *plan = &graph->plan;
     const graph_node *node = &plan->nodes[i];
-    const hada_linear shape = {plan->images, node->layer->in, node->channels};
+    const hada_linear shape = {x->images, node->layer->in, node->channels};
     const hada_planar flat_x = hada_graph_flat(graph, x, plan->flat_in);
     const hada_planar flat_y = hada_graph_flat(graph, y, plan->flat_out);
     const hada_floats weight = hada_graph_parameter(graph, graph->values, i, 0, 0);

@@ -21,8 +21,9 @@ hada_tensor hada_graph_gradient(const hada_graph *graph, int node)
 
 hada_tensor hada_graph_colour(const hada_graph *graph, const hada_tensor *tensor, int colour)
 {
-    hada_tensor view = hada_tensor_images(tensor, colour, graph->plan.options.images);
-    view.image_stride *= (size_t)graph->plan.net->colours;
+    const int colours = graph->plan.net->colours;
+    hada_tensor view = hada_tensor_images(tensor, colour, tensor->images / colours);
+    view.image_stride *= (size_t)colours;
     return view;
 }
 

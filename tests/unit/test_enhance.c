@@ -103,6 +103,42 @@ static void a_plane_at_once_is_the_net(void **state)
     }
 }
 
+/* Whatever number of planes goes through the net at once, with dark ones among them, which are left out, and at another
+ * size than the window's. */
+static void planes_at_once_hold_the_bits_of_one_by_one(void **state)
+{
+    enum { COUNT = 5, DARK = 2, ROWS = 21, COLS = 34, PLANE = 3 * ROWS * COLS };
+    net_device *device = *state;
+    for (int way = 0; way < 4; way++) {
+        const int resized = way & 1, shared = way >> 1;
+        hada_net *net = unet_of("6|10", "7", 3, HADA_UNET_LINEAR, shared);
+        hada_enhance_desc desc = {.net = net, .channels = 3, .rows = ROWS, .cols = COLS};
+        desc.net_rows = resized ? 28 : 0;
+        desc.net_cols = resized ? 24 : 0;
+        float *expected = planes_of(&desc, COUNT);
+        memset(expected + (size_t)DARK * PLANE, 0, PLANE * sizeof *expected);
+        float *before = malloc((size_t)COUNT * PLANE * sizeof *before);
+        memcpy(before, expected, (size_t)COUNT * PLANE * sizeof *before);
+        for (int at_once = 0; at_once <= COUNT; at_once++) {
+            float *planes = malloc((size_t)COUNT * PLANE * sizeof *planes);
+            int computed, left_out;
+            memcpy(planes, before, (size_t)COUNT * PLANE * sizeof *planes);
+            desc.planes = at_once;
+            run(device, &desc, planes, COUNT, &computed, &left_out);
+            assert_int_equal(computed, COUNT - 1);
+            assert_int_equal(left_out, 1);
+            if (!at_once)
+                memcpy(expected, planes, (size_t)COUNT * PLANE * sizeof *planes);
+            assert_memory_equal(planes, expected, (size_t)COUNT * PLANE * sizeof *planes);
+            free(planes);
+        }
+        assert_true(memcmp(before, expected, PLANE * sizeof *before));
+        hada_net_destroy(&net);
+        free(before);
+        free(expected);
+    }
+}
+
 /* A plane and what all others hold beside it, as they were before any was enhanced; 0 where planes do not belong
  * together. Those that do are shares of their sum, which is enhanced by itself. In tiles the same. */
 static void a_net_may_see_the_other_planes(void **state)
@@ -349,6 +385,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_plane_at_once_is_the_net),
         cmocka_unit_test(a_net_may_see_the_other_planes),
+        cmocka_unit_test(planes_at_once_hold_the_bits_of_one_by_one),
         cmocka_unit_test(a_window_of_another_size_goes_there_and_back),
         cmocka_unit_test(tiles_hold_the_bits_of_the_whole),
         cmocka_unit_test(tiles_without_content_are_left_out),

@@ -29,45 +29,49 @@ inline float8 fit_inner(float16 under, float16 u, float16 v)
 }
 
 /* Of a channel: t, which holds N p, becomes (T + shift) p; out[chunk] = sum of weight P p t over its frequencies. */
-__kernel void fit_apply(__global const float *p, __global float *t, __global const float *sums,
-                        __global const float *pool, __global const float *weights, __global float *out,
-                        hada_fit_image image, hada_fit_penalty penalty, float shift)
+__kernel __attribute__((reqd_work_group_size(FIT_GROUP, 1, 1))) void
+fit_apply(__global const float *p, __global float *t, __global const float *sums, __global const float *pool,
+          __global const float *weights, __global float *out, hada_fit_image image, hada_fit_penalty penalty,
+          float shift)
 {
-    const size_t chunk = get_global_id(0), offset = image.first;
-    if (chunk >= image.chunks)
-        return;
-    const size_t from = chunk * HADA_FIT_CHUNK, to = min(from + HADA_FIT_CHUNK, (size_t)image.vectors);
+    FIT_LOCAL
+    const size_t offset = image.first;
+    const fit_share share = fit_share_of(image);
     float8 sum = 0.0f;
-    for (size_t i = from; i < to; i++) {
+    for (size_t i = share.first; i < share.last; i += FIT_MEMBERS) {
         const fit_under under = fit_under_of(sums, pool, image.stride, penalty, i);
         const float16 pv = vload16(i, p + 2 * offset), gathered = vload16(i, t + 2 * offset);
         const float16 tv = fit_divide_parts(gathered + (under.whole - under.own) * pv, under.whole) + shift * pv;
-        const float8 weight = vload8(i, weights);
+        const float8 weight = fit_eight(i, weights);
         fit_put(tv, i, image.count, t + 2 * offset);
         /* padding holds anything, so it is left out rather than multiplied by zero */
         sum += weight > 0.0f ? weight * fit_inner(under.whole, pv, tv) : (float8)0.0f;
     }
-    out[image.partial + chunk] = fit_total(sum);
+    const float total = FIT_TOTAL(sum);
+    if (share.writes)
+        out[image.partial + share.chunk] = total;
 }
 
 /* The residual: r -= step t; out[chunk] = sum of weight P r r. */
-__kernel void fit_residual(__global float *r, __global const float *t, __global const float *sums,
-                           __global const float *pool, __global const float *weights, __global float *out,
-                           hada_fit_image image, hada_fit_penalty penalty, float step)
+__kernel __attribute__((reqd_work_group_size(FIT_GROUP, 1, 1))) void
+fit_residual(__global float *r, __global const float *t, __global const float *sums, __global const float *pool,
+             __global const float *weights, __global float *out, hada_fit_image image, hada_fit_penalty penalty,
+             float step)
 {
-    const size_t chunk = get_global_id(0), offset = image.first;
-    if (chunk >= image.chunks)
-        return;
-    const size_t from = chunk * HADA_FIT_CHUNK, to = min(from + HADA_FIT_CHUNK, (size_t)image.vectors);
+    FIT_LOCAL
+    const size_t offset = image.first;
+    const fit_share share = fit_share_of(image);
     float8 sum = 0.0f;
-    for (size_t i = from; i < to; i++) {
+    for (size_t i = share.first; i < share.last; i += FIT_MEMBERS) {
         const fit_under under = fit_under_of(sums, pool, image.stride, penalty, i);
         const float16 rv = vload16(i, r + 2 * offset) - step * vload16(i, t + 2 * offset);
-        const float8 weight = vload8(i, weights);
+        const float8 weight = fit_eight(i, weights);
         fit_put(rv, i, image.count, r + 2 * offset);
         sum += weight > 0.0f ? weight * fit_inner(under.whole, rv, rv) : (float8)0.0f;
     }
-    out[image.partial + chunk] = fit_total(sum);
+    const float total = FIT_TOTAL(sum);
+    if (share.writes)
+        out[image.partial + share.chunk] = total;
 }
 
 /* x += step p, and then the next direction: p = zeta r + beta p. */

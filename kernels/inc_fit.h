@@ -13,17 +13,33 @@
 #define FIT_SPLIT 0
 #endif
 
+/* Work-items of a chunk: one on CPUs or (FIT_SHARED, for work-groups) one for each vector, whose sums go through a tree
+ * in local memory. */
+#ifndef FIT_SHARED
+#define FIT_SHARED 0
+#endif
+
 /* rounding errors are computed exactly below: a fused multiply-add would spoil them */
 #pragma OPENCL FP_CONTRACT OFF
 
+/* Eight values of an array that begins at a multiple of 128 bits, as sums, pools and weights do. */
+static inline float8 fit_eight(size_t i, __global const float *p)
+{
+#if FIT_SHARED
+    return (float8)(((__global const float4 *)p)[2 * i], ((__global const float4 *)p)[2 * i + 1]);
+#else
+    return vload8(i, p);
+#endif
+}
+
 inline float8 fit_high(__global const float *sums, ulong stride, int k, size_t i)
 {
-    return vload8(i, sums + (size_t)(2 * k) * stride);
+    return fit_eight(i, sums + (size_t)(2 * k) * stride);
 }
 
 inline float8 fit_low(__global const float *sums, ulong stride, int k, size_t i)
 {
-    return vload8(i, sums + (size_t)(2 * k + 1) * stride);
+    return fit_eight(i, sums + (size_t)(2 * k + 1) * stride);
 }
 
 /* Adds a value: D. E. Knuth's two-sum keeps what rounding loses, a second sum puts the pair back in order. */
@@ -77,6 +93,58 @@ inline void fit_put(float16 value, size_t i, ulong count, __global float *image)
     }
 }
 
+/* Those beyond the last chunk have nothing to add. */
+#if FIT_SHARED
+#define FIT_MEMBERS    HADA_FIT_CHUNK
+#define FIT_GROUP      HADA_FIT_GROUP
+#define FIT_LOCAL      __local float fit_parts[FIT_GROUP];
+#define FIT_TOTAL(sum) fit_shared_total(fit_total(sum), fit_parts)
+/* A sum of several that are kept at once: eight at a time they would take all registers. */
+#define FIT_KEPT            float
+#define FIT_KEEP(value)     fit_total(value)
+#define FIT_KEPT_TOTAL(sum) fit_shared_total(sum, fit_parts)
+
+static inline __attribute__((always_inline)) float fit_shared_total(float own, __local float *parts)
+{
+    const int item = get_local_id(0), member = item % FIT_MEMBERS;
+    parts[item] = own;
+    for (int left = FIT_MEMBERS / 2; left > 0; left /= 2) {
+        barrier(CLK_LOCAL_MEM_FENCE);
+        if (member < left)
+            parts[item] += parts[item + left];
+    }
+    barrier(CLK_LOCAL_MEM_FENCE);
+    own = parts[item - member];
+    barrier(CLK_LOCAL_MEM_FENCE); /* before the next sum */
+    return own;
+}
+#else
+#define FIT_MEMBERS 1
+#define FIT_GROUP   1
+#define FIT_LOCAL
+#define FIT_TOTAL(sum)      fit_total(sum)
+#define FIT_KEPT            float8
+#define FIT_KEEP(value)     (value)
+#define FIT_KEPT_TOTAL(sum) fit_total(sum)
+#endif
+
+/* The work-item's chunk; its vectors are those from the first one on, every FIT_MEMBERS-th, before the last. */
+typedef struct fit_share {
+    size_t chunk, first, last;
+    int writes; /* the chunk's sum */
+} fit_share;
+
+static inline fit_share fit_share_of(hada_fit_image image)
+{
+    const size_t member = get_global_id(0) % FIT_MEMBERS;
+    fit_share share;
+    share.chunk = get_global_id(0) / FIT_MEMBERS;
+    share.first = share.chunk * HADA_FIT_CHUNK + member;
+    share.last = min(share.chunk * HADA_FIT_CHUNK + HADA_FIT_CHUNK, (size_t)image.vectors);
+    share.writes = !member && share.chunk < image.chunks;
+    return share;
+}
+
 /* What stands under a filter's fraction, for its real (even) and imaginary (odd) part: own |B|^2 + alpha * that of the
  * other depths + ridge; split: of the parts by themselves, with half the ridge. */
 typedef struct fit_under {
@@ -87,11 +155,11 @@ inline fit_under fit_under_of(__global const float *sums, __global const float *
                               hada_fit_penalty penalty, size_t i)
 {
     const float alpha = penalty.alpha, ridge = penalty.ridge;
-    const float8 raw = fit_high(sums, stride, 2, i), other = max(vload8(i, pool) - raw, 0.0f);
+    const float8 raw = fit_high(sums, stride, 2, i), other = max(fit_eight(i, pool) - raw, 0.0f);
     fit_under under;
 #if FIT_SPLIT
     const float8 part = fit_high(sums, stride, 5, i);
-    const float8 other_r = clamp(vload8(i, pool + 3 * stride) - part, 0.0f, other);
+    const float8 other_r = clamp(fit_eight(i, pool + 3 * stride) - part, 0.0f, other);
     under.own.even = part;
     under.own.odd = max((raw - part) + (fit_low(sums, stride, 2, i) - fit_low(sums, stride, 5, i)), 0.0f);
     under.whole.even = part + alpha * other_r + 0.5f * ridge;

@@ -269,7 +269,7 @@ hada_status hada_fit_cropped_pair(hada_fit_cropped *own, cl_mem raw, cl_mem scen
     HADA_TRY(subtract(own, &own->transfers, raw, scene_spectrum, err));
     HADA_TRY(hada_fft_forward(own->pair->raw_fft, channels, own->frame.mem, 0, own->pair->raw_spectrum.mem, 0, err));
     hada_slot_cost(grid->slot, 32.0 * values, 10.0 * values);
-    HADA_TRY(hada_launch_fit_gather(grid->slot, HADA_PROGRAM_FIT_WINDOW_DEFAULT, &range, err,
+    HADA_TRY(hada_launch_fit_gather(grid->slot, HADA_FIT_PROGRAM(FIT_WINDOW, 0, hada_fit_in_groups(grid)), &range, err,
                                     .g = own->pair->raw_spectrum.mem, .b = scene_spectrum, .sum = own->filled.mem,
                                     .vectors = vectors));
 done:

@@ -9,7 +9,7 @@
 
 /* Work-items of a group: of kernels by groups of eight frequencies, and of those by chunks where the device works in
  * groups (docs/devices.md). */
-enum { GROUP = 64, CHUNK_GROUP = 32 };
+enum { GROUP = 64 };
 
 /* Kernels write whole vectors of complex numbers, so up to that many bytes beyond the last frequency. */
 enum { VECTOR_BYTES = HADA_FIT_VECTOR * 2 * sizeof(float) };
@@ -153,6 +153,7 @@ hada_range hada_fit_vectors(const hada_fit_grid *grid)
 
 hada_range hada_fit_chunks(const hada_fit_grid *grid)
 {
-    const size_t local = grid->slot->context->shape == HADA_SHAPE_LANES ? 1 : CHUNK_GROUP;
-    return hada_range_of(grid->chunks, local, 1, 1);
+    if (grid->slot->context->shape == HADA_SHAPE_LANES)
+        return hada_range_of(grid->chunks, 1, 1, 1);
+    return hada_range_of(grid->chunks * HADA_FIT_CHUNK, HADA_FIT_GROUP, 1, 1);
 }

@@ -35,6 +35,16 @@ hada_status hada_fit_grid_create(hada_fit_grid *grid, hada_context *context, con
                                  hada_error *err);
 void hada_fit_grid_destroy(hada_fit_grid *grid); /* after all that stands on it */
 
+/* A program of a file that has one of each form, and others for work-groups. */
+#define HADA_FIT_PROGRAM(FILE, split, groups)                                                                          \
+    ((groups) ? ((split) ? HADA_PROGRAM_##FILE##_SPLIT_SHARED : HADA_PROGRAM_##FILE##_SHARED)                          \
+              : ((split) ? HADA_PROGRAM_##FILE##_SPLIT : HADA_PROGRAM_##FILE##_DEFAULT))
+
+static inline int hada_fit_in_groups(const hada_fit_grid *grid)
+{
+    return grid->slot->context->shape == HADA_SHAPE_GROUPS;
+}
+
 static inline int hada_fit_is_split(const hada_fit_grid *grid)
 {
     return grid->info.form == HADA_FORM_SPLIT;

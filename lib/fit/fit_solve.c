@@ -61,7 +61,7 @@ hada_status hada_fit_unexplained(const hada_fit_sums *sums, int channel, double 
     const hada_fit_grid *grid = sums->grid;
     const hada_range range = hada_fit_chunks(grid);
     const hada_program_fit_score program =
-        hada_fit_is_split(grid) ? HADA_PROGRAM_FIT_SCORE_SPLIT : HADA_PROGRAM_FIT_SCORE_DEFAULT;
+        HADA_FIT_PROGRAM(FIT_SCORE, hada_fit_is_split(grid), hada_fit_in_groups(grid));
     const double frequencies = (double)grid->vectors * HADA_FIT_VECTOR;
     hada_status status = HADA_OK;
     *sum = 0.0;

@@ -144,7 +144,7 @@ done:
 
 static hada_program_fit_score program_of(const hada_fit_grid *grid)
 {
-    return hada_fit_is_split(grid) ? HADA_PROGRAM_FIT_SCORE_SPLIT : HADA_PROGRAM_FIT_SCORE_DEFAULT;
+    return HADA_FIT_PROGRAM(FIT_SCORE, hada_fit_is_split(grid), hada_fit_in_groups(grid));
 }
 
 /* HADA_FIT_TRIALS settings from `first` on, for a channel of a depth. */

@@ -109,7 +109,7 @@ done:
 
 static hada_program_fit_window program_of(const hada_fit_grid *grid)
 {
-    return hada_fit_is_split(grid) ? HADA_PROGRAM_FIT_WINDOW_SPLIT : HADA_PROGRAM_FIT_WINDOW_DEFAULT;
+    return HADA_FIT_PROGRAM(FIT_WINDOW, hada_fit_is_split(grid), hada_fit_in_groups(grid));
 }
 
 /* filter += step p, and then the next direction p = zeta r + beta p, of a channel and a system. */

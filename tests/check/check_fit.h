@@ -3,6 +3,7 @@
 #define HADA_CHECK_FIT_H
 
 #include "check.h"
+#include "fit/fit_grid.h"
 #include "kernels/shared_fit.h"
 #include "ref/ref_fit.h"
 

@@ -118,22 +118,24 @@ static hada_status prepare(check_state *state, hada_error *err)
     return status;
 }
 
-static hada_program_fit_score program_of(const score_state *own)
+static hada_program_fit_score program_of(const check_state *state)
 {
-    return own->fit.split ? HADA_PROGRAM_FIT_SCORE_SPLIT : HADA_PROGRAM_FIT_SCORE_DEFAULT;
+    const score_state *own = state->own;
+    return HADA_FIT_PROGRAM(FIT_SCORE, own->fit.split, check_local(state, 2) > 1);
 }
 
 static hada_status launch_trial(check_state *state, hada_error *err)
 {
     const score_state *own = state->own;
     const hada_fit_image image = check_fit_image(&own->fit, 0);
-    const hada_range range = hada_range_of(own->chunks, check_local(state, 32), 1, 1);
+    const hada_range range =
+        hada_range_of(own->chunks * check_local(state, HADA_FIT_CHUNK), check_local(state, HADA_FIT_GROUP), 1, 1);
     hada_status status = HADA_OK;
-    HADA_TRY(hada_launch_fit_trial(state->slot, program_of(own), &range, err, .x = own->x.mem, .b = own->b.mem,
+    HADA_TRY(hada_launch_fit_trial(state->slot, program_of(state), &range, err, .x = own->x.mem, .b = own->b.mem,
                                    .sums = own->sums.mem, .pool = own->pool.mem, .weights = own->weights.mem,
                                    .error = state->region[0], .leak = state->region[1], .image = image,
                                    .trials = trials));
-    HADA_TRY(hada_launch_fit_unexplained(state->slot, program_of(own), &range, err, .sums = own->sums.mem,
+    HADA_TRY(hada_launch_fit_unexplained(state->slot, program_of(state), &range, err, .sums = own->sums.mem,
                                          .weights = own->weights.mem, .out = state->region[2], .image = image,
                                          .least = least));
 done:
@@ -144,7 +146,7 @@ static hada_status launch_energy(check_state *state, hada_error *err)
 {
     const score_state *own = state->own;
     const hada_range range = hada_range_of((size_t)own->rows, check_local(state, 32), SETTINGS, 1);
-    return hada_launch_fit_energy(state->slot, program_of(own), &range, err, .planes = own->planes.mem,
+    return hada_launch_fit_energy(state->slot, program_of(state), &range, err, .planes = own->planes.mem,
                                   .rows = own->rows, .cols = own->cols, .out = state->region[3]);
 }
 

@@ -127,11 +127,11 @@ static hada_status launch(check_state *state, hada_error *err)
 {
     const window_state *own = state->own;
     const check_fit *fit = &own->fit;
-    const hada_program_fit_window program =
-        fit->split ? HADA_PROGRAM_FIT_WINDOW_SPLIT : HADA_PROGRAM_FIT_WINDOW_DEFAULT;
+    const hada_program_fit_window program = HADA_FIT_PROGRAM(FIT_WINDOW, fit->split, check_local(state, 2) > 1);
     const size_t groups = hada_divide_up(own->all, HADA_FIT_VECTOR);
     const hada_range all = hada_range_of(groups, 64, 1, 1), vectors = hada_range_of(fit->vectors, 64, 1, 1);
-    const hada_range chunks = hada_range_of(own->chunks, check_local(state, 32), 1, 1);
+    const hada_range chunks =
+        hada_range_of(own->chunks * check_local(state, HADA_FIT_CHUNK), check_local(state, HADA_FIT_GROUP), 1, 1);
     hada_status status = HADA_OK;
     HADA_TRY(set_up(state, err));
     const cl_mem t = state->region[0], r = state->region[1], x = state->region[2], p = state->region[3];

@@ -22,3 +22,13 @@ rm -rf "$folder/wheel"
     --config-settings build-dir="$folder/build" .
 "$folder/bin/pip" install --quiet --no-deps --force-reinstall "$folder"/wheel/hadalens-*.whl
 "$folder/bin/python" -c 'import hadalens'
+
+# PyTorch is the distribution's, as for the oracles, with the NumPy that it was built for: an environment of its own
+torch=$folder-torch
+/usr/bin/python3 -c 'import tifffile, torch' 2>/dev/null || { echo "Without python3-torch, its tests are skipped."; exit 0; }
+if ! "$torch/bin/python" -c 'import cffi, h5py, pytest, safetensors, torch' 2>/dev/null; then
+    /usr/bin/python3 -m venv --clear --system-site-packages "$torch"
+    "$torch/bin/pip" install --quiet cffi h5py pytest 'safetensors==0.5.3' 'numpy<2'
+fi
+"$torch/bin/pip" install --quiet --no-deps --force-reinstall "$folder"/wheel/hadalens-*.whl
+cp "$needed" "$torch/requirements.txt" # the mark that it is whole

@@ -1,0 +1,216 @@
+"""Nets of Hadalens as PyTorch modules, with the same weights and the same output.
+
+A net is a list of layers with weights by PyTorch's names (``docs/nets.md``); :class:`Net` runs any such list. On the
+same input it gives what the library gives, within 1e-5 (relative L2) in single precision: sums are taken in another
+order.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import torch
+import torch.nn.functional as F  # noqa: N812  PyTorch's own habit
+from torch import Tensor, nn
+
+from ._files import PathLike, replaced
+
+__all__ = ["Net"]
+
+RESIZE: dict[str, dict[str, Any]] = {
+    "nearest": {"mode": "nearest"},
+    "linear": {"mode": "bilinear", "align_corners": False},
+    "linear_aligned": {"mode": "bilinear", "align_corners": True},
+    "cubic": {"mode": "bicubic", "align_corners": False},
+    "cubic_aligned": {"mode": "bicubic", "align_corners": True},
+}
+COUNTER = ".num_batches_tracked"  # of PyTorch's batch norms alone
+
+
+class Net(nn.Module):  # type: ignore[misc]  # which is Any to the type checker
+    """A net of Hadalens.
+
+    Takes and gives ``(N, C, Y, X)``: planes in linear intensity. ``state_dict()`` has the names and layouts of the
+    net's file (and a counter for each batch norm), so ``torch.save(net.state_dict(), path)`` exports it, and a module
+    of your own with these names loads it.
+
+    Args:
+        description: the list of layers, as a net's file holds it: JSON text, or what it means. Weights start as PyTorch
+            starts them.
+
+    Example:
+        >>> net = hadalens.torch.Net.load("enhance.safetensors")   # of a net's file, or of a model that holds a net
+        >>> image = net.eval()(torch.from_numpy(planes))
+        >>> net.save("tuned.safetensors")                          # which the library loads
+
+    """
+
+    def __init__(self, description: str | dict[str, Any]) -> None:
+        """Make the layers."""
+        super().__init__()
+        self.description: dict[str, Any] = json.loads(description) if isinstance(description, str) else description
+        if self.description.get("format") != "hadalens-net-1":
+            raise ValueError("this is not the description of a net (format hadalens-net-1)")
+        self.colours: int = self.description.get("colours", 1)
+        self.layers: list[dict[str, Any]] = [_complete(i, layer) for i, layer in enumerate(self.description["layers"])]
+        channels: list[int] = []
+        for layer in self.layers:
+            before = [channels[i] for i in layer["from"]]
+            for name, module in _modules(layer, before, self.colours):
+                _put(self, name, module)
+            channels.append(_channels(layer, before))
+
+    @classmethod
+    def load(cls, path: PathLike) -> Net:
+        """From a net's file, or from a model file that holds a net.
+
+        Raises:
+            ValueError: where the file holds no net.
+            RuntimeError: where its weights do not fit its list of layers.
+
+        """
+        from safetensors import safe_open
+
+        with safe_open(str(path), "pt") as file:
+            metadata = file.metadata() or {}
+            prefix = "" if "net" in metadata else "enhance."
+            description = metadata.get("net") or metadata.get("enhance")
+            if description is None:
+                raise ValueError(f"{path} holds no net: its metadata have neither net nor enhance")
+            net = cls(description)
+            names = net.state_dict().keys() & {name.removeprefix(prefix) for name in file.keys()}  # noqa: SIM118
+            net.load_state_dict({name: file.get_tensor(prefix + name).float() for name in names})
+        return net
+
+    def save(self, path: PathLike) -> None:
+        """Write a net's file, which the library loads."""
+        from safetensors.torch import save_file
+
+        weights = {name: value.detach().cpu().contiguous() for name, value in self.state_dict().items()}
+        weights = {name: value for name, value in weights.items() if not name.endswith(COUNTER)}
+        with replaced(path) as beside:
+            save_file(weights, str(beside), metadata={"net": json.dumps(self.description)})
+
+    def forward(self, image: Tensor) -> Tensor:
+        """Images ``(N, C, Y, X)`` of any size that the list of layers can take."""
+        rows, cols = image.shape[-2:]
+        images = image.reshape(-1, image.shape[1] // self.colours, rows, cols)
+        values: list[Tensor] = []
+        for layer in self.layers:
+            values.append(self._run(layer, values, images))
+        out = values[-1]
+        return out.reshape(image.shape[0], -1, *out.shape[-2:])
+
+    def _run(self, layer: dict[str, Any], values: list[Tensor], images: Tensor) -> Tensor:
+        kind = layer["layer"]
+        if kind == "input":
+            return images
+        x = values[layer["from"][0]]
+        if kind == "conv":
+            return _activate(self._module(layer)(x), layer)
+        if kind == "linear":
+            return _activate(self._module(layer)(x.flatten(1)), layer)[:, :, None, None]
+        if kind == "activation":
+            return _activate(x, layer)
+        if kind == "pool":
+            pool = F.max_pool2d if layer["pool"] == "max" else F.avg_pool2d
+            return pool(x, layer["kernel"], layer["stride"])
+        if kind == "resize":
+            like = layer["like"]
+            size = values[like].shape[-2:] if like >= 0 else (layer["rows"], layer["cols"])
+            return F.interpolate(x, size=size, **RESIZE[layer["resize"]])
+        if kind == "concat":
+            return torch.cat([_to_size(values[i], x.shape[-2:]) for i in layer["from"]], 1)
+        if kind == "norm":
+            if self.colours == 1:
+                return self._module(layer)(x)
+            parts = x.unflatten(0, (-1, self.colours)).unbind(1)
+            return torch.stack([self._module(layer, str(i))(part) for i, part in enumerate(parts)], 1).flatten(0, 1)
+        return F.dropout(x, layer["p"], self.training)
+
+    def _module(self, layer: dict[str, Any], *more: str) -> Any:
+        return self.get_submodule(".".join([layer["name"], *more]))
+
+
+# What holds where a layer says nothing (docs/nets.md).
+USUAL: dict[str, dict[str, Any]] = {
+    "input": {},
+    "conv": {
+        "kernel": 3,
+        "stride": 1,
+        "pad": 1,
+        "bias": 1,
+        "activation": "none",
+        "slope": 0.0,
+        "transposed": 0,
+        "output_pad": 0,
+    },
+    "linear": {"bias": 1, "activation": "none", "slope": 0.0},
+    "activation": {"activation": "none", "slope": 0.0},
+    "pool": {"pool": "max", "kernel": 2, "stride": 2},
+    "resize": {"resize": "nearest", "like": -1},
+    "concat": {},
+    "norm": {"eps": 1e-5, "momentum": 0.1},
+    "dropout": {"p": 0.0},
+}
+
+
+def _complete(index: int, layer: dict[str, Any]) -> dict[str, Any]:
+    kind = layer.get("layer")
+    if kind not in USUAL or (kind == "input") != (index == 0):
+        raise ValueError(f"layer {index} of the net is of no kind that can stand there: {kind}")
+    inputs = layer.get("from", index - 1)
+    inputs = [] if kind == "input" else [inputs] if isinstance(inputs, int) else list(inputs)
+    if any(not 0 <= i < index for i in inputs):
+        raise ValueError(f"layer {index} of the net takes a layer that does not stand before it")
+    return {**USUAL[kind], **layer, "from": inputs}
+
+
+def _channels(layer: dict[str, Any], before: list[int]) -> int:
+    if layer["layer"] in ("input", "conv", "linear"):
+        return int(layer["channels"])
+    return sum(before)
+
+
+def _modules(layer: dict[str, Any], before: list[int], colours: int) -> list[tuple[str, nn.Module]]:
+    """The modules of a layer that has weights, by their names."""
+    kind = layer["layer"]
+    if kind == "conv":
+        shape = (before[0], layer["channels"], layer["kernel"], layer["stride"], layer["pad"])
+        bias = bool(layer["bias"])
+        if layer["transposed"]:
+            return [(layer["name"], nn.ConvTranspose2d(*shape, layer["output_pad"], bias=bias))]
+        return [(layer["name"], nn.Conv2d(*shape, bias=bias))]
+    if kind == "linear":
+        return [(layer["name"], nn.Linear(layer["in"], layer["channels"], bool(layer["bias"])))]
+    if kind == "norm":
+        norms = [nn.BatchNorm2d(before[0], layer["eps"], layer["momentum"]) for _ in range(colours)]
+        if colours == 1:
+            return [(layer["name"], norms[0])]
+        return [(f"{layer['name']}.{i}", norm) for i, norm in enumerate(norms)]
+    return []
+
+
+def _put(root: nn.Module, name: str, module: nn.Module) -> None:
+    """Modules by names with points stand in modules of their own, as in any state dict."""
+    *parents, last = name.split(".")
+    for part in parents:
+        if part not in dict(root.named_children()):
+            root.add_module(part, nn.Module())
+        root = root.get_submodule(part)
+    root.add_module(last, module)
+
+
+def _activate(x: Tensor, layer: dict[str, Any]) -> Tensor:
+    kind = layer["activation"]
+    if kind == "relu":
+        return F.relu(x)
+    if kind == "leaky_relu":
+        return F.leaky_relu(x, layer["slope"])
+    return torch.sigmoid(x) if kind == "sigmoid" else x
+
+
+def _to_size(x: Tensor, size: torch.Size) -> Tensor:
+    """Cropped, or filled up with zeros at the bottom and right."""
+    return F.pad(x, (0, size[1] - x.shape[3], 0, size[0] - x.shape[2]))

@@ -52,7 +52,7 @@ class DiffuserCam(Sequence[Pair]):
 
     Example:
         >>> pairs = hadalens.datasets.DiffuserCam("DiffuserCam", "train")[:200]
-        >>> model = hadalens.fit(pairs)
+        >>> model = hadalens.fit({250.0: pairs})
 
     """
 

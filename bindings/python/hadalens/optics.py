@@ -74,7 +74,7 @@ class OpticsReport:
     Attributes:
         rows: of each distance.
         threshold: of the MTF, for cutoff and support.
-        mtf: float64 (depth, frequency): mean of |OTF| over rings; 1 at 0.
+        mtf: float64 (depth, frequency): mean of abs(OTF) over rings; 1 at 0.
         self_correlation: float64 (depth, lag): largest self-correlation at that many pixels.
         correlation: float64 (depth, depth): of the point spread functions with each other.
 

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Builds and runs tests on a fresh Debian or Ubuntu machine, installing what is missing.
-#   tests/run.sh [all|quick|full|oracle|stress|python] [release|debug|asan|tsan|clang] [further arguments for ctest]
+#   tests/run.sh [all|quick|full|oracle|stress|python] [release|debug|clang|asan|asan-clang|tsan|tsan-clang] [further arguments for ctest]
 #   tests/run.sh fuzz [MINUTES]: libFuzzer (clang) makes inputs, so many minutes (1) for each target
 # quick: within two minutes on two cores, once kernels are compiled. oracle: against PyTorch, SciPy and others, in a
 # Python environment that is made in build/oracle. python: the Python package, built and installed into an environment
@@ -14,7 +14,7 @@ while [ $# -gt 0 ]; do
     case $1 in
     all | quick | full | oracle | stress | python) tier=$1 ;;
     fuzz) exec tests/fuzz/run.sh "${2:-1}" ;;
-    release | debug | asan | tsan | clang) preset=$1 ;;
+    release | debug | clang | asan | asan-clang | tsan | tsan-clang) preset=$1 ;;
     *) break ;;
     esac
     shift

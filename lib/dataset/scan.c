@@ -54,14 +54,17 @@ static void listing_free(listing *of)
 
 static hada_status list(listing *of, const char *folder, hada_error *err)
 {
+    hada_stands raw, scene;
     hada_status status = HADA_OK;
     HADA_TRY(hada_path_format(&of->raw_folder, err, "%s/raw", folder));
     HADA_TRY(hada_path_format(&of->scene_folder, err, "%s/scene", folder));
-    if (!hada_path_is_folder(of->raw_folder))
+    HADA_TRY(hada_path_kind(of->raw_folder, &raw, err));
+    if (raw != HADA_STANDS_FOLDER)
         HADA_TRY(hada_fail(err, HADA_ERROR_DATASET,
                            "%s has no folder 'raw'; a depth needs raw/NAME.tif and scene/NAME.tif", folder));
     HADA_TRY(hada_folder_list_tiffs(of->raw_folder, &of->raws, &of->raw_count, err));
-    if (hada_path_is_folder(of->scene_folder))
+    HADA_TRY(hada_path_kind(of->scene_folder, &scene, err));
+    if (scene == HADA_STANDS_FOLDER)
         HADA_TRY(hada_folder_list_tiffs(of->scene_folder, &of->scenes, &of->scene_count, err));
 done:
     return status;
@@ -174,13 +177,15 @@ static hada_status check(const hada_dataset *set, int skip_incomplete, hada_erro
 /* The path of a file that may stand beside the depths; NULL where it does not. */
 static hada_status find_file(char **out, const char *folder, const char *name, hada_error *err)
 {
+    hada_stands what = HADA_STANDS_NOTHING;
     hada_status status = HADA_OK;
     HADA_TRY(hada_path_format(out, err, "%s/%s", folder, name));
-    if (!hada_path_is_file(*out)) {
+    HADA_TRY(hada_path_kind(*out, &what, err));
+done:
+    if (what != HADA_STANDS_FILE) {
         free(*out);
         *out = NULL;
     }
-done:
     return status;
 }
 

@@ -16,6 +16,17 @@
 #include "core/staged.h"
 #include "core/sync.h"
 
+hada_status hada_path_kind(const char *path, hada_stands *out, hada_error *err)
+{
+    struct stat what;
+    *out = HADA_STANDS_NOTHING;
+    if (!stat(path, &what))
+        *out = S_ISDIR(what.st_mode) ? HADA_STANDS_FOLDER : HADA_STANDS_FILE;
+    else if (errno != ENOENT && errno != ENOTDIR)
+        return hada_fail(err, HADA_ERROR_FILE_OPEN, "%s cannot be looked at: %s", path, strerror(errno));
+    return HADA_OK;
+}
+
 int hada_path_is_folder(const char *path)
 {
     struct stat what;

@@ -6,6 +6,11 @@
 
 #include "core/error.h"
 
+/* What stands under a name, where the system says so: unlike hada_path_is_folder() a failure to look is an error, not
+ * nothing. */
+typedef enum hada_stands { HADA_STANDS_NOTHING, HADA_STANDS_FILE, HADA_STANDS_FOLDER } hada_stands;
+hada_status hada_path_kind(const char *path, hada_stands *out, hada_error *err);
+
 /* The names of a folder's TIFF files (.tif, .tiff in any case; hidden ones left out), sorted; freed with
  * hada_names_free(). */
 hada_status hada_folder_list_tiffs(const char *folder, char ***names, int *count, hada_error *err);

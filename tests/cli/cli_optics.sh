@@ -22,9 +22,11 @@ has plain/{mtf,self_correlation,correlation,depths}.svg plain/psf_z100mm.png pla
 [ "$(head -n 1 plain/correlation.csv)" = 'distance_mm,z100mm,z171.429mm,z600mm' ] || fail 'heads of correlation.csv'
 
 # Where cairo is not installed, pictures are left out, and all else is the same.
-LD_PRELOAD=$NO_CAIRO expect 0 'pictures are left out' optics "${small[@]}" -o unseen
-files unseen 7
-diff -r -x '*.svg' -x '*.png' plain unseen || fail 'without cairo more than pictures is missing'
+if [ -n "$NO_CAIRO" ]; then # empty where a sanitizer must be loaded first
+    LD_PRELOAD=$NO_CAIRO expect 0 'pictures are left out' optics "${small[@]}" -o unseen
+    files unseen 7
+    diff -r -x '*.svg' -x '*.png' plain unseen || fail 'without cairo more than pictures is missing'
+fi
 
 # From the design's file, by waves, in colour.
 expect 0 '"optics": "wave"' optics plain/camera.json --optics wave -o waves --json

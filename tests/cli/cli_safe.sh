@@ -62,4 +62,14 @@ kill -s TERM $!
 kill -s TERM $!
 wait $!
 lacks set .set.hadalens-*
+
+# Whoever reads our words goes away: an end by SIGPIPE, as of other programs, and nothing half-written.
+(trap - PIPE && exec "$HADALENS" simulate "${small[@]}" -o set 2>stderr) | true
+code=${PIPESTATUS[0]}
+[ $code = 141 ] || [ $code = 0 ] || fail "exit code $code after a broken pipe"
+lacks .set.hadalens-*
+rm -rf set
+(trap - PIPE && exec "$HADALENS" evaluate "$camera/test/truth" "$camera/test/truth" --json 2>stderr) | true
+code=${PIPESTATUS[0]}
+[ $code = 141 ] || [ $code = 0 ] || fail "exit code $code of evaluate after a broken pipe"
 finish

@@ -7,19 +7,25 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "core/error.h"
 #include "fault_job.h"
 #include "io/folder.h"
 #include "runtime/tuning.h"
 
-static hada_status write_pair(const fault_job *job, const char *folder, const char *kind, const hada_image *image,
-                              hada_error *err)
+static hada_status write_pairs(const char *folder, const char *kind, const hada_image images[JOB_PAIRS],
+                               hada_error *err)
 {
-    char path[400];
-    (void)job;
+    static const char *const names[JOB_PAIRS] = {"a.tif", "b.tif"};
+    char path[400], file[450];
+    hada_status status = HADA_OK;
     snprintf(path, sizeof path, "%s/z100mm/%s", folder, kind);
-    hada_status status = hada_folder_ensure(path, err);
-    strcat(path, "/a.tif");
-    return status ? status : hada_tiff_save(path, image, NULL, err);
+    HADA_TRY(hada_folder_ensure(path, err));
+    for (int i = 0; i < JOB_PAIRS; i++) {
+        snprintf(file, sizeof file, "%s/%s", path, names[i]);
+        HADA_TRY(hada_tiff_save(file, &images[i], NULL, err));
+    }
+done:
+    return status;
 }
 
 static hada_status fill(void *user, const char *folder, hada_error *err)
@@ -31,8 +37,10 @@ static hada_status fill(void *user, const char *folder, hada_error *err)
     hada_camera_init(&camera);
     snprintf(path, sizeof path, "%s/camera.json", folder);
     HADA_TRY(hada_camera_save(&camera, path, err));
-    HADA_TRY(write_pair(job, folder, "raw", &job->frame[0][0], err));
-    HADA_TRY(write_pair(job, folder, "scene", &job->scene[0][0], err));
+    HADA_TRY(write_pairs(folder, "raw", job->frame[0], err));
+    HADA_TRY(write_pairs(folder, "scene", job->scene[0], err));
+    snprintf(path, sizeof path, "%s/psf.tif", folder);
+    HADA_TRY(hada_tiff_save(path, &job->frame[0][0], NULL, err));
 done:
     return status;
 }
@@ -41,14 +49,23 @@ static hada_status read_back(fault_job *job, const char *folder, hada_error *err
 {
     char path[400];
     hada_camera camera;
-    hada_dataset *set = NULL;
+    hada_dataset *set = NULL, *learn = NULL, *held = NULL;
+    hada_image dark = {0};
+    double level = 0.0;
     hada_status status = HADA_OK;
     hada_camera_init(&camera);
     snprintf(path, sizeof path, "%s/camera.json", folder);
     HADA_TRY(hada_camera_load(&camera, path, err));
     HADA_TRY(hada_dataset_scan(&set, folder, NULL, err));
-    job->sum = job->sum * 31 + (uint64_t)camera.rows + (uint64_t)hada_dataset_get_info(set)->pairs;
+    HADA_TRY(hada_dataset_split(set, 0.5, &learn, &held, err));
+    snprintf(path, sizeof path, "%s/psf.tif", folder);
+    HADA_TRY(hada_dark_frame_load(&dark, &level, path, err));
+    job->sum = job->sum * 31 + (uint64_t)camera.rows + (uint64_t)hada_dataset_get_info(set)->pairs +
+               10 * (uint64_t)hada_dataset_get_info(held)->pairs + (uint64_t)(1e6 * level);
 done:
+    hada_image_destroy(&dark);
+    hada_dataset_destroy(&learn);
+    hada_dataset_destroy(&held);
     hada_dataset_destroy(&set);
     return status;
 }

@@ -2,6 +2,7 @@
 #include <errno.h>
 #include <locale.h>
 #include <pthread.h>
+#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 
@@ -173,9 +174,11 @@ void __wrap_free(void *pointer)
 char *__real_strdup(const char *text);
 char *__real_strndup(const char *text, size_t most);
 FILE *__real_open_memstream(char **out, size_t *bytes);
+int __real_vasprintf(char **out, const char *format, va_list arguments);
 char *__wrap_strdup(const char *text);
 char *__wrap_strndup(const char *text, size_t most);
 FILE *__wrap_open_memstream(char **out, size_t *bytes);
+int __wrap_vasprintf(char **out, const char *format, va_list arguments);
 
 char *__wrap_strdup(const char *text)
 {
@@ -185,6 +188,14 @@ char *__wrap_strdup(const char *text)
 char *__wrap_strndup(const char *text, size_t most)
 {
     return fails("strndup") ? NULL : born(__real_strndup(text, most));
+}
+
+int __wrap_vasprintf(char **out, const char *format, va_list arguments)
+{
+    const int length = fails("vasprintf") ? -1 : __real_vasprintf(out, format, arguments);
+    if (length >= 0)
+        born(*out);
+    return length;
 }
 
 FILE *__wrap_open_memstream(char **out, size_t *bytes)

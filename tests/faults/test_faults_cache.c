@@ -2,6 +2,7 @@
 #include <dirent.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -190,6 +191,27 @@ static void works_without_a_home(void **state)
     }
 }
 
+/* Binaries run: a folder that others can write to is neither read nor written. */
+static void a_place_that_others_write_to_is_left_aside(void **state)
+{
+    const place *here = *state;
+    unsigned compiled = 0, loaded = 0;
+    char cache[160];
+    snprintf(cache, sizeof cache, "%s/open", here->folder);
+    ASSERT_OK(open_and_close(cache, &compiled, &loaded));
+    ASSERT_OK(open_and_close(cache, &compiled, &loaded));
+    assert_true(loaded >= 1 && each_file(cache, NULL) >= 1);
+    static const mode_t modes[] = {0770, 0707, 0777};
+    for (size_t i = 0; i < sizeof modes / sizeof *modes; i++) {
+        assert_int_equal(chmod(cache, modes[i]), 0);
+        ASSERT_OK(open_and_close(cache, &compiled, &loaded));
+        assert_true(compiled >= 1 && !loaded);
+    }
+    assert_int_equal(chmod(cache, 0755), 0);
+    ASSERT_OK(open_and_close(cache, &compiled, &loaded));
+    assert_true(loaded >= 1);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -197,6 +219,7 @@ int main(void)
         cmocka_unit_test(garbage_is_only_a_slower_start),
         cmocka_unit_test(a_place_that_cannot_be_written_does_no_harm),
         cmocka_unit_test(works_without_a_home),
+        cmocka_unit_test(a_place_that_others_write_to_is_left_aside),
     };
     return cmocka_run_group_tests(tests, begin, end);
 }

@@ -33,6 +33,15 @@ static int replay_file(const fuzz_target *target, const char *path)
     return 1;
 }
 
+/* Inputs of the corpora have no ending; of other files those of the kind serve. */
+static int is_of_kind(const fuzz_target *target, const char *name)
+{
+    const size_t length = strlen(name), end = strlen(target->ends);
+    if (!strchr(name, '.'))
+        return 1;
+    return *name != '.' && length >= end && !strcmp(name + length - end, target->ends);
+}
+
 static int replay(const fuzz_target *target, const char *path)
 {
     struct stat what;
@@ -42,8 +51,7 @@ static int replay(const fuzz_target *target, const char *path)
         return replay_file(target, path);
     for (const struct dirent *entry; (entry = readdir(folder));) {
         char inner[4096];
-        if (entry->d_name[0] == '.' || strlen(entry->d_name) < strlen(target->ends) ||
-            strcmp(entry->d_name + strlen(entry->d_name) - strlen(target->ends), target->ends))
+        if (!is_of_kind(target, entry->d_name))
             continue;
         snprintf(inner, sizeof inner, "%s/%s", path, entry->d_name);
         count += replay_file(target, inner);

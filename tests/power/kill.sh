@@ -1,57 +1,107 @@
 #!/usr/bin/env bash
-# kill -9 at random moments of every command that writes: afterwards there is the old result or the new one, whole, and
-# the next run is as a first. kill.sh TIMES [SEED]: so often for each command
+# kill -9 at random moments of every command: afterwards there is the old result or the new one, whole, what is read is
+# as it was, and the next run is as a first. kill.sh TIMES [SEED]: so often for each command; ONLY=TARGET: for one
 . "$(dirname "$0")/../cli/cli_testing.sh"
 times=$1
 RANDOM=${2:-1}
 small=(--preset sim300 --size 40x48 --window 24x24 --depths 2 --lenses 3 --pairs 3 --channels 1)
 
-# killed FOLDER COMMAND...: runs the command again and again, ended at random moments of the time that it takes; what
-# stands in FOLDER (hidden names aside) is what stood there or what a whole run leaves.
+# killed POLICY FRESH TARGET COMMAND...: runs the command again and again, ended at random moments of the time that it
+# takes. What stands under TARGET (hidden names aside) fits POLICY:
+#   whole     it appears at once, with all that is in it, as a whole run leaves it
+#   files     each file of it is as a whole run leaves it
+#   measured  files of it hold times: each is a whole one of its kind
+#   model     it is a model that serves
+#   nothing   the command writes nothing
+# FRESH 1: the command wants no old result; else it runs over the old one at times.
 killed() {
-    local target=$1 took start old
-    shift
-    rm -rf "$target" old
+    local policy=$1 fresh=$2 target=$3 took start
+    shift 3
+    [ -z "${ONLY:-}" ] || [ "$ONLY" = "$target" ] || [ "$policy" != nothing ] || return 0
+    rm -rf "$target" whole
     start=$(date +%s%N)
     "$HADALENS" "$@" >stdout 2>stderr || fail "hadalens $*"
     took=$((($(date +%s%N) - start) / 1000000 + 1))
-    cp -r "$target" whole
+    [ "$policy" = nothing ] || cp -r "$target" whole
+    [ -z "${ONLY:-}" ] || [ "$ONLY" = "$target" ] || return 0
     for _ in $(seq "$times"); do
-        # at times over nothing, at times over the result of before
-        [ $((RANDOM % 2)) = 0 ] && rm -rf "$target"
-        rm -rf old
-        [ -e "$target" ] && [ "$1" != fit ] && [ "$1" != reconstruct ] && rm -rf "$target"
+        { [ "$fresh" = 1 ] || [ $((RANDOM % 2)) = 0 ]; } && [ "$policy" != nothing ] && rm -rf "$target"
         "$HADALENS" "$@" >stdout 2>stderr &
         sleep "$(printf '%d.%03d' $((RANDOM % took / 1000)) $((RANDOM % took % 1000)))"
         kill -9 $! 2>/dev/null
         wait $! 2>/dev/null
-        [ ! -e "$target" ] || same "$target" || fail "half a result after kill -9: hadalens $*"
+        [ "$policy" = nothing ] || [ ! -e "$target" ] || "fits_$policy" "$target" ||
+            fail "half a result after kill -9: hadalens $*"
     done
-    rm -rf "$target"
+    [ "$policy" = nothing ] || rm -rf "$target"
     "$HADALENS" "$@" >stdout 2>stderr || fail "the next run: hadalens $*"
-    diff -r whole "$target" >/dev/null || fail "the next run gives something else: hadalens $*"
+    case $policy in
+    nothing) ;;
+    measured) diff <(cd whole && find . | sort) <(cd "$target" && find . | sort) >/dev/null ||
+        fail "the next run leaves other files: hadalens $*" ;;
+    *) diff -r whole "$target" >/dev/null || fail "the next run gives something else: hadalens $*" ;;
+    esac
     rm -rf whole
 }
 
-# Every file that is there is as a whole run leaves it; folders that appear at once are there with all that is in them.
-same() {
+fits_whole() { diff -r whole "$1" >/dev/null; }
+
+fits_files() {
     local file
-    if [ "$command" = files ]; then
-        for file in $(cd "$1" && find . -type f ! -name '.*'); do
-            cmp -s "$1/$file" "whole/$file" || return 1
-        done
-    else
-        diff -r whole "$1" >/dev/null
-    fi
+    while read -r file; do
+        cmp -s "$1/$file" "whole/$file" || return 1
+    done < <(cd "$1" && find . -type f ! -name '.*')
 }
 
-command=whole
-killed set simulate "${small[@]}" --test 1 -o set
+# Whole by form: JSON and SVG that end, tables whose rows have as many columns as their heads.
+fits_measured() {
+    python3 - "$1" <<'PYTHON'
+import csv, json, pathlib, sys, xml.dom.minidom
+for path in pathlib.Path(sys.argv[1]).rglob("[!.]*"):
+    text = path.read_text() if path.is_file() else ""
+    if path.suffix == ".json":
+        json.loads(text)
+    elif path.suffix == ".svg":
+        xml.dom.minidom.parseString(text)
+    elif path.suffix == ".csv":
+        rows = list(csv.reader(text.splitlines()))
+        assert rows and all(len(row) == len(rows[0]) for row in rows), path
+PYTHON
+}
+
+# Training writes the best model so far, which may be an earlier one: it serves.
+fits_model() { "$HADALENS" reconstruct data/test/raw/test01.tif -m "$1" -o served --no-preview -q >stdout 2>stderr; }
+
+# A tuning file: rows, each whole; those of others stay.
+fits_rows() { ! grep -Evq '^(fft|conv) [a-z*]+ [0-9x/+:>*]+ [a-z0-9]+( [a-z]+=[0-9]+)*$' "$1"; }
+
+killed whole 1 set simulate "${small[@]}" --test 1 -o set
 "$HADALENS" simulate "${small[@]}" --test 1 -o data >stdout 2>stderr
-killed a.model fit data -o a.model --refine 0 --no-leave-one-out
+killed whole 0 a.model fit data -o a.model --refine 0 --no-leave-one-out
 "$HADALENS" fit data -o b.model --refine 0 --no-leave-one-out >stdout 2>stderr
-killed registered register data --rotation 3 -o registered
-command=files
-killed pictures reconstruct data/test/raw/test01.tif -m b.model -o pictures --refine 0 --no-preview
+killed whole 0 psf.model fit --psf data/psf.tif --distances 100,600 -o psf.model
+killed whole 1 registered register data --rotation 3 -o registered
+killed files 0 pictures reconstruct data/test/raw/test01.tif -m b.model -o pictures --refine 0 --no-preview
+"$HADALENS" reconstruct data/test/raw/test01.tif -m b.model -o seen --refine 0 --no-preview >stdout 2>stderr
+killed files 0 design optics data/camera.json -o design
+killed files 0 kernels devices --save-binaries kernels
+killed model 0 trained.model train data -m b.model -o trained.model --steps 3 --hold-out 1 --restart
+killed measured 0 speed bench -m b.model data/test/raw/test01.tif --quick --no-start --no-sweep -o speed
+before=$(find data seen b.model -type f -exec cksum {} + | sort)
+killed nothing 0 evaluated evaluate seen data/test/truth
+killed nothing 0 listed devices
+[ "$before" = "$(find data seen b.model -type f -exec cksum {} + | sort)" ] || fail 'what is read was changed'
+
+# Rows of others outlast each moment.
+printf 'fft gpu 15x14 clfft\n' >tuning
+for _ in $(seq "$times"); do
+    "$HADALENS" tune -o tuning --size 15x14 --rounds 1 >stdout 2>stderr &
+    sleep "0.$((RANDOM % 900 + 100))"
+    kill -9 $! 2>/dev/null
+    wait $! 2>/dev/null
+    fits_rows tuning || fail "half a tuning file: $(cat tuning)"
+    grep -q '^fft gpu 15x14 clfft$' tuning || fail "the rows of others went: $(cat tuning)"
+done
+expect 0 '' tune -o tuning --size 15x14 --rounds 1
 find . -name '.*.hadalens-*' -prune -exec rm -r {} + # of those that were killed
 finish

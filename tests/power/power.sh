@@ -23,4 +23,7 @@ lossless register set --rotation 3 -o registered
 lossless optics set/camera.json -o design
 lossless tune -o tuning --size 15x14 --rounds 1
 lossless tune -o tuning --size 16x14 --rounds 1
+lossless devices --save-binaries kernels
+lossless bench -m a.model set/test/raw/test01.tif --quick --no-start --no-sweep -o speed
+lossless bench -m a.model set/test/raw/test01.tif --quick --no-start --no-sweep -o speed # over the old one
 finish

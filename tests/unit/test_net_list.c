@@ -263,6 +263,36 @@ static void files_come_back_and_others_are_refused(void **state)
     remove(path);
 }
 
+/* Transposed convolutions multiply sizes: what goes beyond integers is too large, not negative or small. */
+static void sizes_beyond_integers_are_refused(void **state)
+{
+    char list[2000];
+    hada_net *net;
+    hada_size sizes[10];
+    hada_error error = {0};
+    (void)state;
+    for (int depth = 1; depth <= 8; depth++) {
+        int used = snprintf(list, sizeof list,
+                            "{\"format\": \"hadalens-net-1\", \"layers\": [{\"layer\": \"input\", \"channels\": 1}");
+        for (int i = 0; i < depth; i++)
+            used += snprintf(list + used, sizeof list - (size_t)used,
+                             ", {\"layer\": \"conv\", \"name\": \"n%d\", \"channels\": 1, \"kernel\": 64, "
+                             "\"stride\": 64, \"pad\": 0, \"transposed\": true}",
+                             i);
+        snprintf(list + used, sizeof list - (size_t)used, "]}");
+        ASSERT_OK(hada_net_create(&net, list, 1, err));
+        const hada_status status = hada_net_sizes(net, 30, 20, sizes, &error);
+        if (status) {
+            assert_int_equal(status, HADA_ERROR_SIZE);
+            assert_true(depth >= 3 && strlen(error.message) > 20);
+        } else {
+            const hada_size last = sizes[depth];
+            assert_true(depth <= 3 && last.rows > 0 && last.cols > 0 && last.rows / 30 == last.cols / 20);
+        }
+        hada_net_destroy(&net);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -272,6 +302,7 @@ int main(void)
         cmocka_unit_test(any_unet_gives_the_size_it_takes),
         cmocka_unit_test(wrong_unets_are_refused),
         cmocka_unit_test(damaged_descriptions_are_refused),
+        cmocka_unit_test(sizes_beyond_integers_are_refused),
         cmocka_unit_test(first_weights_follow_the_seed),
         cmocka_unit_test(files_come_back_and_others_are_refused),
     };

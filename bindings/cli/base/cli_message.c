@@ -162,6 +162,8 @@ void hada_cli_print_error(hada_cli *cli, hada_error *err)
 
 int hada_cli_fail(hada_cli *cli, hada_error *err)
 {
+    if (err->status == HADA_ERROR_BUILD) /* a driver's compiler gives up at a signal by itself, as PoCL's does */
+        hada_cli_check_signals(err);
     hada_cli_print_error(cli, err);
     json_object_set_new(cli->document, "error", hada_cli_error_json(err));
     return hada_cli_exit_code(err->status);

@@ -19,8 +19,11 @@ static int replay_file(const fuzz_target *target, const char *path)
 {
     FILE *file = fopen(path, "rb");
     struct stat what;
-    if (!file || fstat(fileno(file), &what))
+    if (!file || fstat(fileno(file), &what) || !S_ISREG(what.st_mode)) {
+        if (file)
+            fclose(file);
         return 0;
+    }
     uint8_t *data = malloc((size_t)what.st_size + 1);
     if (!data || fread(data, 1, (size_t)what.st_size, file) != (size_t)what.st_size)
         abort();

@@ -32,20 +32,64 @@
 /* 16 blocks hold a pixel. */
 #define DCT_SHARE 0.0625f
 
+/* Values of pixels side by side, and as many of them as an item takes: the basis is worked out once for all. */
+#if DCT_GROUP == 1
+#define DCT_WIDTH 8
+#define DCT_RUN   16
+#else
+#define DCT_WIDTH 1
+#define DCT_RUN   1
+#endif
+
+/* Those from i on, of an image of `area` pixels. */
+DCT_INLINE dct_real dct_get(__global const float *image, int i, int area)
+{
+#if DCT_GROUP == 1
+    float8 v = (float8)0.0f;
+    if (i + 8 <= area)
+        return vload8(0, image + i);
+    for (int j = 0; j < area - i; ++j)
+        ((float *)&v)[j] = image[i + j];
+    return v;
+#else
+    return i < area ? image[i] : 0.0f;
+#endif
+}
+
+DCT_INLINE void dct_put(__global float *image, int i, int area, dct_real v)
+{
+#if DCT_GROUP == 1
+    if (i + 8 <= area)
+        vstore8(v, 0, image + i);
+    else
+        for (int j = 0; j < area - i; ++j)
+            image[i + j] = ((const float *)&v)[j];
+#else
+    if (i < area)
+        image[i] = v;
+#endif
+}
+
 /* Channels to brightness and colours (back 0), or from them to non-negative channels, with the rows of an orthonormal
- * cosine transform. first: where the image that is read begins. Dimensions: pixels. */
+ * cosine transform. first: where the image that is read begins. Dimensions: runs of DCT_WIDTH x DCT_RUN pixels. */
 __kernel void refine_dct_colours(__global const float *from, uint first, __global float *out, hada_refine_window window,
                                  int back)
 {
-    const int area = window.rows * window.cols, channels = window.channels, i = get_global_id(0);
-    __global const float *in = from + first;
-    if (i < area)
-        for (int k = 0; k < channels; ++k) {
-            float sum = 0.0f;
-            for (int c = 0; c < channels; ++c)
-                sum = fma(dct_basis(back ? c : k, back ? k : c, channels), in[(size_t)c * area + i], sum);
-            out[(size_t)k * area + i] = back ? max(sum, 0.0f) : sum;
+    const int area = window.rows * window.cols, channels = window.channels;
+    const int i = get_global_id(0) * DCT_WIDTH * DCT_RUN;
+    for (int k = 0; k < channels; ++k) {
+        dct_real sum[DCT_RUN];
+        for (int j = 0; j < DCT_RUN; ++j)
+            sum[j] = (dct_real)0.0f;
+        for (int c = 0; c < channels; ++c) {
+            const float weight = dct_basis(back ? c : k, back ? k : c, channels);
+            __global const float *in = from + first + (size_t)c * area;
+            for (int j = 0; j < DCT_RUN; ++j)
+                sum[j] = fma((dct_real)weight, dct_get(in, i + j * DCT_WIDTH, area), sum[j]);
         }
+        for (int j = 0; j < DCT_RUN; ++j)
+            dct_put(out + (size_t)k * area, i + j * DCT_WIDTH, area, back ? max(sum[j], 0.0f) : sum[j]);
+    }
 }
 
 #if DCT_GROUP == 1

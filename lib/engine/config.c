@@ -18,6 +18,7 @@ void hada_plan_options_defaults(hada_plan_options *options, size_t size)
                                    .refine = HADA_AUTO,
                                    .refine_tv = HADA_AUTO,
                                    .refine_colour = HADA_AUTO,
+                                   .refine_shrink = HADA_AUTO,
                                    .enhance = 1,
                                    .batch = HADA_AUTO,
                                    .queues = HADA_AUTO,
@@ -49,6 +50,11 @@ static hada_status check_numbers(const hada_plan_options *options, hada_error *e
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "plan options: the weight of colour in total variation is %g; 1 to %g are possible",
                          options->refine_colour, HADA_REFINE_MOST_COLOUR);
+    if (!isfinite(options->refine_shrink) ||
+        (options->refine_shrink >= 0 && !hada_refine_shrink_known(options->refine_shrink)))
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "plan options: the threshold of shrinkage is %g; 0 to %g are possible", options->refine_shrink,
+                         HADA_REFINE_MOST_SHRINK);
     if ((options->queues < 0 && options->queues != HADA_AUTO) || options->queues > MOST_QUEUES)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: %d queues; a device can have 1 to %d",
                          options->queues, MOST_QUEUES);
@@ -166,6 +172,7 @@ hada_status hada_config_of(const hada_model *model, const hada_plan_options *opt
     config->steps = options->refine >= 0 ? options->refine : info->has_otf ? info->refine_steps : 0;
     config->weights.tv = options->refine_tv >= 0 ? options->refine_tv : info->refine_tv;
     config->weights.colour = options->refine_colour >= 0 ? options->refine_colour : info->refine_colour;
+    config->weights.shrink = options->refine_shrink >= 0 ? options->refine_shrink : info->refine_shrink;
     HADA_TRY(use_classic(info, options, config, err));
     config->joint = config->steps > 0;
     config->pursuit =

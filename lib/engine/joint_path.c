@@ -52,7 +52,7 @@ static hada_refine_rule rule_of(const hada_setup *setup, int depths, double ener
     rule.steps = setup->config.steps;
     hada_refine_rule_weigh(&rule, info, &setup->config.weights, depths, hada_model_gain(setup->model),
                            energy / ((double)info->channels * info->raw_rows * info->raw_cols));
-    rule.stop = setup->options.refine < 0 ? hada_refine_stop(info->boundary, rule.tv) : 0;
+    rule.stop = setup->options.refine < 0 ? hada_refine_stop(info->boundary, &rule) : 0;
     return rule;
 }
 

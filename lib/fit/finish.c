@@ -36,14 +36,16 @@ static void set_refinement(hada_model *model, int steps, const hada_refine_weigh
     model->info.refine_steps = steps;
     model->info.refine_tv = weights->tv;
     model->info.refine_colour = weights->colour;
+    model->info.refine_shrink = weights->tv > 0.0 ? weights->shrink : 0.0;
     model->info.refine_rho = hada_refine_rho(model->info.boundary, weights->tv);
 }
 
-/* The weights that options ask for: tv 0 and colour HADA_REFINE_COLOUR where they leave them open. */
+/* The weights that options ask for: tv 0 and what photographs favour where they leave them open. */
 static hada_refine_weights weights_of(const hada_fit_options *options)
 {
     return (hada_refine_weights){fmax(options->refine_tv, 0.0),
-                                 options->refine_colour >= 0.0 ? options->refine_colour : HADA_REFINE_COLOUR};
+                                 options->refine_colour >= 0.0 ? options->refine_colour : HADA_REFINE_COLOUR,
+                                 options->refine_shrink >= 0.0 ? options->refine_shrink : HADA_REFINE_SHRINK};
 }
 
 /* Tries refinement on the pairs that were kept. The trial compares with the exact fit's filters; where judging them in
@@ -57,7 +59,8 @@ static hada_status try_refinement(hada_fitter *fitter, hada_nonnegative *nonnega
                                   .kept = &fitter->kept,
                                   .model = model,
                                   .tv = fitter->options.refine_tv,
-                                  .colour = fitter->options.refine_colour};
+                                  .colour = fitter->options.refine_colour,
+                                  .shrink = fitter->options.refine_shrink};
     hada_fit_trial_result result;
     hada_status status = HADA_OK;
     if (!fitter->kept.count)

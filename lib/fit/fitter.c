@@ -24,7 +24,8 @@ void hada_fit_options_defaults(hada_fit_options *options, size_t size)
                                   .nonnegative = 1,
                                   .scene_response = HADA_AUTO,
                                   .crop_passes = (int)HADA_AUTO,
-                                  .refine_colour = HADA_AUTO};
+                                  .refine_colour = HADA_AUTO,
+                                  .refine_shrink = HADA_AUTO};
     HADA_OPTIONS_GIVE(options, size, &own);
 }
 
@@ -97,6 +98,12 @@ static hada_status check_options(const hada_fit_options *options, hada_error *er
                          "the weight of colour in total variation is %g; it must lie between 1 and %g, or be negative "
                          "to have it chosen",
                          options->refine_colour, HADA_REFINE_MOST_COLOUR);
+    if (!isfinite(options->refine_shrink) ||
+        (options->refine_shrink >= 0.0 && !hada_refine_shrink_known(options->refine_shrink)))
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "the threshold of shrinkage is %g; it must lie between 0 and %g, or be negative to have it "
+                         "chosen",
+                         options->refine_shrink, HADA_REFINE_MOST_SHRINK);
     if (!(options->outside <= 1.0) || (options->outside >= 0.0 && options->outside < HADA_FIT_LEAST_OUTSIDE))
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "the weight outside the window is %g; it must lie between %g and 1, or be negative to have it "

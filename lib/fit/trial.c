@@ -28,6 +28,9 @@ enum { TV_SIDE = 2, TV_PLACES = 2 * TV_SIDE + 1, TV_STEPS = 6, TV_STEPS_CROPPED 
 static const double colours_tried[] = {1.0, 2.0, 3.0};
 #define TV_PER_COLOUR 0.6
 
+/* Thresholds of shrinkage that are tried, where total variation alone serves a single depth less well. */
+static const double shrinks_tried[] = {1.0, HADA_REFINE_SHRINK, 2.5};
+
 _Static_assert((int)TRIED + (int)TV_SIDE + 2 + 1 <= (int)HADA_FIT_TRIAL_ROWS, "room for rows");
 
 /* A reconstruction stops by itself once its residual has settled, so the number of steps to keep is the largest that
@@ -303,7 +306,7 @@ done:
 static hada_status rank_tv(trial_work *work, const trial_set *set, double tv, double *psnr, hada_error *err)
 {
     const hada_model_info *info = &work->with->model->info;
-    const hada_refine_weights weights = {tv, work->weights.colour};
+    const hada_refine_weights weights = {tv, work->weights.colour, 0.0};
     const hada_status status = rank(work, set, &weights, psnr, err);
     work->tv_rows[work->tv_count++] = (hada_fit_refine_score){.steps = work->rank_steps,
                                                               .rho = hada_refine_rho(info->boundary, tv),
@@ -346,15 +349,34 @@ done:
     return status;
 }
 
-/* Chooses the weight of colour; psnr: with the one at hand. */
-static hada_status choose_colour(trial_work *work, const trial_set *set, double psnr, hada_error *err)
+/* Chooses the weight of colour; psnr: with the weights at hand. */
+static hada_status choose_colour(trial_work *work, const trial_set *set, double *psnr, hada_error *err)
 {
     const hada_refine_weights now = work->weights;
     hada_status status = HADA_OK;
     for (size_t i = 0; i < HADA_COUNT(colours_tried); i++) {
         const double ratio = now.colour / colours_tried[i];
-        const hada_refine_weights weights = {now.tv * pow(ratio, TV_PER_COLOUR), colours_tried[i]};
+        const hada_refine_weights weights = {now.tv * pow(ratio, TV_PER_COLOUR), colours_tried[i], 0.0};
         double value;
+        HADA_TRY(rank(work, set, &weights, &value, err));
+        if (value > *psnr) {
+            *psnr = value;
+            work->weights = weights;
+        }
+    }
+done:
+    return status;
+}
+
+/* Chooses the threshold of shrinkage; psnr: without it. */
+static hada_status choose_shrink(trial_work *work, const trial_set *set, double psnr, hada_error *err)
+{
+    hada_refine_weights weights = work->weights;
+    hada_status status = HADA_OK;
+    work->weights.shrink = 0.0;
+    for (size_t i = 0; i < HADA_COUNT(shrinks_tried); i++) {
+        double value;
+        weights.shrink = shrinks_tried[i];
         HADA_TRY(rank(work, set, &weights, &value, err));
         if (value > psnr) {
             psnr = value;
@@ -371,7 +393,9 @@ static hada_status choose_weights(trial_work *work, const trial_set *set, hada_e
     hada_status status = HADA_OK;
     HADA_TRY(choose_tv(work, set, &psnr, err));
     if (work->weights.tv > 0.0 && work->with->colour < 0.0 && work->grid->info.channels > 1)
-        HADA_TRY(choose_colour(work, set, psnr, err));
+        HADA_TRY(choose_colour(work, set, &psnr, err));
+    if (work->weights.tv > 0.0 && work->with->shrink < 0.0)
+        HADA_TRY(choose_shrink(work, set, psnr, err));
 done:
     return status;
 }
@@ -477,7 +501,8 @@ hada_status hada_fit_trial_run(const hada_fit_trial *trial, hada_fit_trial_resul
     const int cropped = trial->sums->grid->info.boundary == HADA_BOUNDARY_PADDED;
     trial_work work = {.with = trial,
                        .grid = trial->sums->grid,
-                       .weights = {fmax(trial->tv, 0.0), trial->colour >= 0.0 ? trial->colour : HADA_REFINE_COLOUR},
+                       .weights = {fmax(trial->tv, 0.0), trial->colour >= 0.0 ? trial->colour : HADA_REFINE_COLOUR,
+                                   trial->shrink >= 0.0 ? trial->shrink : HADA_REFINE_SHRINK},
                        .rank_steps = cropped ? TV_STEPS_CROPPED : TV_STEPS};
     hada_status status = HADA_OK;
     HADA_TRY(work_create(&work, err));

@@ -78,8 +78,8 @@ hada_status hada_model_info_check(const hada_model_info *info, hada_error *err)
         return hada_fail(err, HADA_ERROR_MODEL, "the model's form or boundary is unknown");
     if (!not_negative(info->alpha) || !not_negative(info->lambda) || !not_negative(info->noise) ||
         !not_negative(info->refine_rho) || !not_negative(info->refine_tv) || !isfinite(info->dark) ||
-        info->refine_steps < 0 || (info->refine_colour != 0.0 && !(info->refine_colour >= 1.0)) ||
-        !isfinite(info->refine_colour))
+        info->refine_steps < 0 || !not_negative(info->refine_shrink) ||
+        (info->refine_colour != 0.0 && !(info->refine_colour >= 1.0)) || !isfinite(info->refine_colour))
         return hada_fail(err, HADA_ERROR_MODEL,
                          "the model's alpha, lambda, noise, dark level or refinement settings are not usable numbers");
     if (!(info->refine_share >= 0.0 && info->refine_share <= 1.0)) /* 0: not set, 1 */

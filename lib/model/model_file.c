@@ -67,6 +67,7 @@ static hada_status put_metadata(hada_tensors_writer *writer, const hada_model_in
                    {"refine_steps", info->refine_steps},
                    {"refine_tv", info->refine_tv},
                    {"refine_colour", info->refine_colour},
+                   {"refine_shrink", info->refine_shrink},
                    {"refine_share", info->refine_share}};
     for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++)
         HADA_TRY(put_number(writer, numbers[i].key, numbers[i].value, err));
@@ -227,6 +228,8 @@ static hada_status get_metadata(const hada_tensors *file, const char *path, hada
         HADA_TRY(get_number(file, path, "refine_tv", &info->refine_tv, err));
     if (hada_tensors_meta(file, "refine_share"))
         HADA_TRY(get_number(file, path, "refine_share", &info->refine_share, err));
+    if (hada_tensors_meta(file, "refine_shrink"))
+        HADA_TRY(get_number(file, path, "refine_shrink", &info->refine_shrink, err));
     const char *response = hada_tensors_meta(file, RESPONSE); /* the same */
     info->scene_response = HADA_RESPONSE_LINEAR;
     if (response && (hada_response_from_name(&info->scene_response, response, NULL) ||

@@ -22,10 +22,13 @@ void hada_refine_rule_init(hada_refine_rule *rule)
 #define PARTING_RELAXATION 1.95
 enum { PARTING_STEPS = 7 };
 
-/* A single depth has nothing to part from: rho grows to this many times what several bear, by this a step. */
-#define ALONE_RHO         3.0
-#define ALONE_RHO_CROPPED 10.0
-#define ALONE_GROWTH      1.2
+/* A single depth has nothing to part from: rho grows to this many times what several bear, by this a step; faster and
+ * further where shrinkage takes over from total variation. */
+#define ALONE_RHO           3.0
+#define ALONE_RHO_SHRINK    8.0
+#define ALONE_RHO_CROPPED   10.0
+#define ALONE_GROWTH        1.2
+#define ALONE_GROWTH_SHRINK 1.4
 
 void hada_refine_rule_weigh(hada_refine_rule *rule, const hada_model_info *info, const hada_refine_weights *weights,
                             int depths, double gain, double mean_square)
@@ -44,8 +47,11 @@ void hada_refine_rule_weigh(hada_refine_rule *rule, const hada_model_info *info,
         rule->first_steps = PARTING_STEPS;
     } else {
         rule->first_rho = rule->rho;
-        rule->growth = ALONE_GROWTH;
-        rule->rho *= info->boundary == HADA_BOUNDARY_PADDED ? ALONE_RHO_CROPPED : ALONE_RHO;
+        rule->shrink = weights->shrink;
+        rule->growth = rule->shrink > 0.0 ? ALONE_GROWTH_SHRINK : ALONE_GROWTH;
+        rule->rho *= info->boundary == HADA_BOUNDARY_PADDED ? ALONE_RHO_CROPPED
+                     : rule->shrink > 0.0                   ? ALONE_RHO_SHRINK
+                                                            : ALONE_RHO;
     }
     if (info->boundary == HADA_BOUNDARY_PADDED) {
         rule->first_rho = CROPPED_FIRST_RHO * gain;
@@ -239,9 +245,12 @@ hada_status hada_refiner_create(hada_refiner **out, hada_slot *slot, hada_scratc
     HADA_TRY(make_plans(refiner, scratch, err));
     HADA_TRY(make_buffers(refiner, scratch, &b, err));
     HADA_TRY(hada_refine_prepare(refiner, err));
-    if (shape->tv)
+    if (shape->tv) {
         HADA_TRY(hada_variation_prepare(&refiner->variation, slot, shape->channels, shape->window.rows,
                                         shape->window.cols, err));
+        HADA_TRY(hada_shrinkage_prepare(&refiner->shrinkage, slot, shape->channels, shape->window.rows,
+                                        shape->window.cols, err));
+    }
     *out = refiner;
 done:
     if (status)

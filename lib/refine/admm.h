@@ -48,14 +48,6 @@ typedef struct hada_refine_data {
                      noise power (1 / sum |X|^2 of the pairs); NULL: the OTF is exact */
 } hada_refine_data;
 
-/* A `stop` that ended within 0.1 dB of the best number of steps, with total variation of weight tv or without
- * (docs/refinement.md). Padded, what is known of a step is |b - v| within the frame, which settles before the planes
- * do. */
-static inline double hada_refine_stop(hada_boundary boundary, double tv)
-{
-    return boundary == HADA_BOUNDARY_PADDED ? 0.003 : tv > 0.0 ? 0.006 : 0.01;
-}
-
 typedef struct hada_refine_rule {
     int steps;         /* linear steps, 1 to max_steps; the first is the joint linear filter */
     double rho;        /* > 0, in units of |OTF|^2 */
@@ -68,21 +60,36 @@ typedef struct hada_refine_rule {
     double mu;        /* > 0: weight of the split at the frame (padded), in units of the data's weight; 1 */
     double tv;        /* weight of total variation, in units of OTF x frame; 0: none. See hada_refine_rule_weigh() */
     double tv_colour; /* >= 1: how much heavier differences of colour are than those of brightness */
+    double shrink;    /* with tv and a single image, in the last steps: threshold of the shrinkage of its blocks' cosine
+                         transforms (refine/shrinkage.h), in units of tv; 0: none */
     double stop;      /* stop when the residual changes by less than this part of itself, twice running; 0: never */
     hada_refine_start start;
 } hada_refine_rule;
 
 void hada_refine_rule_init(hada_refine_rule *rule);
 
-/* Weights of refinement: of total variation (0: none) and, in it, of differences of colour over those of brightness. */
+/* Weights of refinement: of total variation (0: none) and, in it, of differences of colour over those of brightness;
+ * with it, of the shrinkage of blocks of a single image, in units of tv. */
 typedef struct hada_refine_weights {
-    double tv, colour;
+    double tv, colour, shrink;
 } hada_refine_weights;
 
 /* The weight of colour that photographs favour, where nothing was measured (docs/refinement.md). */
 #define HADA_REFINE_COLOUR 1.5
 /* Beyond this the proximal step would not be exact; a grey scene is as grey with less. */
 #define HADA_REFINE_MOST_COLOUR 16.0
+
+/* The last steps of a run, those with shrinkage, and the share of total variation that stays in them; its threshold
+ * that photographs favour; beyond the last it would leave nothing (docs/refinement.md). */
+enum { HADA_REFINE_SHRINK_STEPS = 3 };
+#define HADA_REFINE_SHRINK_TV   0.3
+#define HADA_REFINE_SHRINK      1.6
+#define HADA_REFINE_MOST_SHRINK 100.0
+
+static inline int hada_refine_shrink_known(double shrink)
+{
+    return shrink >= 0.0 && shrink <= HADA_REFINE_MOST_SHRINK;
+}
 
 static inline int hada_refine_colour_known(double colour)
 {
@@ -93,6 +100,16 @@ static inline int hada_refine_colour_known(double colour)
 static inline double hada_refine_rho(hada_boundary boundary, double tv)
 {
     return !(tv > 0.0) ? 1e-3 : boundary == HADA_BOUNDARY_PADDED ? 3e-3 : 3.5e-3;
+}
+
+/* A `stop` that ended within 0.1 dB of the best number of steps, for such a rule (docs/refinement.md). Padded, what is
+ * known of a step is |b - v| within the frame, which settles before the planes do. Steps with shrinkage settle what
+ * those before them left, which need not have come so near. */
+static inline double hada_refine_stop(hada_boundary boundary, const hada_refine_rule *rule)
+{
+    if (boundary == HADA_BOUNDARY_PADDED)
+        return rule->shrink > 0.0 ? 0.006 : 0.003;
+    return rule->shrink > 0.0 ? 0.1 : rule->tv > 0.0 ? 0.006 : 0.01;
 }
 
 /* rho, relaxation and total variation for so many depths and a frame of this mean square (over pixels and channels).

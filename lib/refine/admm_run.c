@@ -37,13 +37,14 @@ static hada_status check_rule(const hada_refiner *refiner, const hada_refine_rul
 {
     if (rule->steps < 1 || rule->steps > refiner->shape.max_steps || !(rule->rho > 0.0) ||
         !(rule->relaxation > 0.0 && rule->relaxation < 2.0) || !(rule->mu > 0.0) || !(rule->growth >= 1.0) ||
-        !hada_refine_colour_known(rule->tv_colour) || rule->before < 0 ||
+        !hada_refine_colour_known(rule->tv_colour) || !hada_refine_shrink_known(rule->shrink) || rule->before < 0 ||
         (rule->first_steps > 0 && !(rule->first_relaxation > 0.0 && rule->first_relaxation < 2.0)))
-        return hada_fail(err, HADA_ERROR_ARGUMENT,
-                         "refinement: steps 1 to %d, rho and mu above 0, relaxation between 0 and 2, growth and the "
-                         "weight of colour from 1 on are possible (got %d, %g, %g, %g, %g, %g)",
-                         refiner->shape.max_steps, rule->steps, rule->rho, rule->mu, rule->relaxation, rule->growth,
-                         rule->tv_colour);
+        return hada_fail(
+            err, HADA_ERROR_ARGUMENT,
+            "refinement: steps 1 to %d, rho and mu above 0, relaxation between 0 and 2, growth and the "
+            "weight of colour from 1 on, shrinkage from 0 on are possible (got %d, %g, %g, %g, %g, %g, %g)",
+            refiner->shape.max_steps, rule->steps, rule->rho, rule->mu, rule->relaxation, rule->growth, rule->tv_colour,
+            rule->shrink);
     if (rule->tv > 0.0 && !refiner->shape.tv)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "refinement: this refiner was made without total variation");
     return HADA_OK;
@@ -61,8 +62,20 @@ static int converged(const hada_refiner *refiner, int sets, int step, double sto
     return 1;
 }
 
+/* The proximal step on the planes. */
+static hada_status constrain(const hada_refine_run *r, const hada_refine_rule *rule, int step, int fresh, int shrink,
+                             hada_error *err)
+{
+    const double theta = rule->tv / hada_refine_rho_at(rule, step);
+    if (!(rule->tv > 0.0))
+        return hada_refine_nonnegative(r, err);
+    return shrink ? hada_refine_shrink_step(r->refiner, theta, rule->tv_colour, rule->shrink, fresh, err)
+                  : hada_refine_tv_step(r->refiner, r->sets * r->depths, theta, rule->tv_colour, fresh, err);
+}
+
 /* Step number `step`: the linear step, then the proximal steps on planes and frame. */
-static hada_status iterate(const hada_refine_run *r, const hada_refine_rule *rule, int step, hada_error *err)
+static hada_status iterate(const hada_refine_run *r, const hada_refine_rule *rule, int step, int shrink,
+                           hada_error *err)
 {
     hada_refiner *refiner = r->refiner;
     const int start = step ? HADA_REFINE_CONTINUE : (int)rule->start;
@@ -76,10 +89,7 @@ static hada_status iterate(const hada_refine_run *r, const hada_refine_rule *rul
         HADA_TRY(hada_refine_frame_forward(r, err));
     HADA_TRY(hada_refine_solve(r, rule, start, step, place, err));
     HADA_TRY(hada_refine_planes_inverse(r, err));
-    HADA_TRY(rule->tv > 0.0
-                 ? hada_refine_tv_step(refiner, r->sets * r->depths, rule->tv / hada_refine_rho_at(rule, step),
-                                       rule->tv_colour, start != HADA_REFINE_CONTINUE, err)
-                 : hada_refine_nonnegative(r, err));
+    HADA_TRY(constrain(r, rule, step, start != HADA_REFINE_CONTINUE, shrink, err));
     if (r->padded) {
         HADA_TRY(hada_refine_frame_inverse(r, &refiner->split, &refiner->dual, err));
         HADA_TRY(hada_refine_frame_dual(r, refiner->dual.mem, 1, 1.0 / (1.0 + rule->mu), step + 1, err));
@@ -108,6 +118,14 @@ done:
     return status;
 }
 
+/* How many of the last steps have shrinkage: at most half of them, and of a single image. */
+static int shrink_steps(const hada_refine_run *r, const hada_refine_rule *rule)
+{
+    if (!(rule->tv > 0.0 && rule->shrink > 0.0) || r->sets * r->depths > 1)
+        return 0;
+    return rule->steps / 2 < HADA_REFINE_SHRINK_STEPS ? rule->steps / 2 : HADA_REFINE_SHRINK_STEPS;
+}
+
 hada_status hada_refiner_run(hada_refiner *refiner, const hada_refine_data *data, const hada_refine_rule *rule,
                              int sets, int depths, const int *list, int *steps, hada_error *err)
 {
@@ -117,16 +135,19 @@ hada_status hada_refiner_run(hada_refiner *refiner, const hada_refine_data *data
     hada_status status = HADA_OK;
     HADA_TRY(begin(&r, refiner, data, sets, depths, list, err));
     HADA_TRY(check_rule(refiner, rule, err));
-    while (count < rule->steps) {
-        HADA_TRY(iterate(&r, rule, count++, err));
-        if (count < rule->steps && !(rule->stop > 0.0))
+    const int last = shrink_steps(&r, rule);
+    int end = rule->steps;
+    while (count < end) {
+        const int shrink = count >= end - last;
+        HADA_TRY(iterate(&r, rule, count++, shrink, err));
+        if (count < end && (shrink || !(rule->stop > 0.0)))
             continue;
         const int known = r.padded ? count + 1 : count;
         HADA_TRY(read_energies(&r, rule, read, known, err));
         read = known;
-        if (rule->stop > 0.0 && count >= least && read >= 4 && converged(refiner, sets, read - 1, rule->stop) &&
-            converged(refiner, sets, read - 2, rule->stop))
-            break;
+        if (!shrink && rule->stop > 0.0 && count >= least && read >= 4 &&
+            converged(refiner, sets, read - 1, rule->stop) && converged(refiner, sets, read - 2, rule->stop))
+            end = count + last < end ? count + last : end;
     }
 done:
     if (steps)

@@ -177,6 +177,18 @@ hada_status hada_refine_tv_step(hada_refiner *refiner, int planes, double theta,
                                fresh, err);
 }
 
+hada_status hada_refine_shrink_step(hada_refiner *refiner, double theta, double colour, double shrink, int fresh,
+                                    hada_error *err)
+{
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_refine_tv_step(refiner, 1, HADA_REFINE_SHRINK_TV * theta, colour, fresh, err));
+    /* the duals are in the first buffer now, and the second, twice as large as an image, is free */
+    HADA_TRY(hada_shrinkage_step(&refiner->shrinkage, refiner->slot, refiner->planes.mem, refiner->tv[1].mem,
+                                 shrink * theta, err));
+done:
+    return status;
+}
+
 /* Transforms `images` images in calls of the plan's batch; their spectra stand from `offset` on. */
 static hada_status transform(hada_refiner *refiner, hada_fft *plan, int forward, int images, cl_mem real,
                              size_t distance, const hada_buffer *spectra, size_t offset, hada_error *err)

@@ -4,6 +4,7 @@
 
 #include "launch/refine.h"
 #include "refine/admm.h"
+#include "refine/shrinkage.h"
 #include "refine/variation.h"
 
 enum {
@@ -27,6 +28,7 @@ struct hada_refiner {
     hada_buffer tv[2];           /* total variation: its duals, and where the next ones go */
     hada_program_refine program; /* in the shape that fits the device and the layout */
     hada_variation variation;
+    hada_shrinkage shrinkage;
     size_t group; /* work-items of a group in the kernels with sums */
     size_t window_area, frame_area;
     size_t split_e; /* where E begins, in complex numbers */
@@ -70,6 +72,11 @@ hada_status hada_refine_nonnegative(const hada_refine_run *run, hada_error *err)
  * rho. fresh: its duals are not those of a step before. */
 hada_status hada_refine_tv_step(hada_refiner *refiner, int planes, double theta, double colour, int fresh,
                                 hada_error *err);
+
+/* The same for a single image, shrinkage after what stays of total variation. shrink: its threshold in units of theta.
+ */
+hada_status hada_refine_shrink_step(hada_refiner *refiner, double theta, double colour, double shrink, int fresh,
+                                    hada_error *err);
 
 /* Planes to their spectra U and from W; padded: the frame's dual to its spectrum E, and from a spectrum to the frame.
  */

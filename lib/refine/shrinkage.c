@@ -1,7 +1,7 @@
 #include "refine/shrinkage.h"
 
-/* Work-items of a group where pixels are taken one by one. */
-enum { PIXELS_GROUP = 64 };
+/* Pixels of an item in the kernel of colours: runs of vectors on a CPU, one on a GPU. */
+enum { LANES_RUN = 128 };
 
 hada_status hada_shrinkage_prepare(hada_shrinkage *shrinkage, hada_slot *slot, int channels, int rows, int cols,
                                    hada_error *err)
@@ -20,7 +20,8 @@ static hada_status colours(const hada_shrinkage *s, hada_slot *slot, cl_mem from
                            hada_error *err)
 {
     const size_t area = (size_t)s->rows * (size_t)s->cols;
-    const hada_range range = hada_range_of(area, PIXELS_GROUP, 1, 1);
+    const size_t run = s->group > 1 ? 1 : LANES_RUN;
+    const hada_range range = hada_range_of(hada_divide_up(area, run), s->group, 1, 1);
     const hada_refine_window window = {.channels = s->channels, .rows = s->rows, .cols = s->cols};
     const double values = (double)area * s->channels;
     hada_slot_cost(slot, 8.0 * values, 2.0 * s->channels * values);

@@ -196,10 +196,10 @@ static hada_status refine(hada_planes *planes, int depth, const hada_image *raw,
     data.otf_offset = image * planes->stage->layout.count;
     hada_refine_rule_init(&rule);
     rule.steps = info->refine_steps;
-    const hada_refine_weights weights = {info->refine_tv, info->refine_colour};
+    const hada_refine_weights weights = {info->refine_tv, info->refine_colour, info->refine_shrink};
     const int depths = several ? several : 1;
     hada_refine_rule_weigh(&rule, info, &weights, depths, hada_model_gain(planes->model), mean_square(planes, raw));
-    rule.stop = hada_refine_stop(info->boundary, rule.tv);
+    rule.stop = hada_refine_stop(info->boundary, &rule);
     return hada_refiner_run(planes->refiner, &data, &rule, 1, depths, several ? composed->depth : one, NULL, err);
 }
 

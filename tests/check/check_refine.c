@@ -6,6 +6,7 @@
 #include "ref/ref_fft.h"
 #include "ref/ref_refine.h"
 #include "refine/admm.h"
+#include "refine/shrinkage.h"
 #include "refine/variation.h"
 
 enum { MAX_LIST = 64 };
@@ -43,6 +44,7 @@ static void read_shape(const check_state *state, refine_state *own)
     own->rule.rho = 1e-2;
     own->rule.tv = 1e-3 * check_get(state, 'y', 0);
     own->rule.tv_colour = 0.1 * check_get(state, 'z', 10);
+    own->rule.shrink = 0.1 * check_get(state, 'x', 0);
     if (check_get(state, 'q', 0)) {
         own->rule.first_rho = 1e-3;
         own->rule.growth = 1.5;
@@ -133,6 +135,10 @@ static hada_status expect(check_state *state, const refine_state *own, hada_erro
                                          .tv_colour = own->rule.tv_colour,
                                          .tv_length = HADA_REFINE_TV_LENGTH,
                                          .tv_steps = HADA_REFINE_TV_STEPS,
+                                         .shrink = own->rule.shrink,
+                                         .shrink_tv = HADA_REFINE_SHRINK_TV,
+                                         .shrink_colour = HADA_SHRINKAGE_COLOUR,
+                                         .shrink_steps = own->rule.shrink > 0.0 ? HADA_REFINE_SHRINK_STEPS : 0,
                                          .otf = otf,
                                          .image = own->image,
                                          .rho = own->rule.rho,
@@ -201,5 +207,5 @@ const check_op check_refine = {
     "refine",
     "r rows, c columns, h and w of the window, d depths in a set, s sets, n steps, p1 "
     "cropped by the sensor, q1 growing rho and falling relaxation, k channels, y total variation (thousandths), z its weight of "
-    "colour (tenths)",
+    "colour (tenths), x shrinkage of one image (tenths)",
     prepare, launch, release};

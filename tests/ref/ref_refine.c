@@ -4,6 +4,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
+#include "ref/ref_dct.h"
 #include "ref/ref_fft.h"
 #include "ref/ref_tv.h"
 
@@ -150,6 +151,24 @@ static size_t window_pixel(const hada_ref_refine *p, size_t i)
     return row * (size_t)p->cols + i % (size_t)p->window_cols + (size_t)p->window_col0;
 }
 
+/* From w to u with total variation, and with shrinkage in the last steps. */
+static hada_status smooth(const hada_ref_refine *p, int number, const tv_room *tv, double *duals, hada_error *err)
+{
+    const int shrinks = number >= p->steps - p->shrink_steps;
+    const double theta = p->tv / rho_of(p, number);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_ref_tv_coupled(tv->w, p->channels, p->window_rows, p->window_cols,
+                                 shrinks ? p->shrink_tv * theta : theta, p->tv_colour, p->tv_length, p->tv_steps, duals,
+                                 tv->u, err));
+    if (shrinks)
+        HADA_TRY(hada_ref_dct_shrink(tv->u, p->channels, p->window_rows, p->window_cols, p->shrink * theta,
+                                     p->shrink_colour, tv->w, err));
+    for (size_t i = 0; shrinks && i < (size_t)p->channels * (size_t)p->window_rows * (size_t)p->window_cols; i++)
+        tv->u[i] = tv->w[i];
+done:
+    return status;
+}
+
 static hada_status proximal(ref_state *states, int number, const tv_room *tv, hada_error *err)
 {
     const hada_ref_refine *p = states->p;
@@ -159,9 +178,7 @@ static hada_status proximal(ref_state *states, int number, const tv_room *tv, ha
         for (size_t i = 0; i < channels * area; i++)
             tv->w[i] = states[i / area].x[z * states->pixels + window_pixel(p, i % area)];
         if (p->tv > 0.0)
-            status = hada_ref_tv_coupled(tv->w, p->channels, p->window_rows, p->window_cols, p->tv / rho_of(p, number),
-                                         p->tv_colour, p->tv_length, p->tv_steps, tv->duals + z * 2 * channels * area,
-                                         tv->u, err);
+            status = smooth(p, number, tv, tv->duals + z * 2 * channels * area, err);
         for (size_t i = 0; i < channels * area; i++)
             states[i / area].u[z * states->pixels + window_pixel(p, i % area)] =
                 p->tv > 0.0 ? tv->u[i] : fmax(tv->w[i], 0.0);

@@ -22,6 +22,9 @@ typedef struct hada_ref_refine {
     double tv_colour; /* how much heavier differences of colour are; 1: no heavier */
     double tv_length;
     int tv_steps; /* of its proximal step (ref_tv.h), whose duals go on from step to step */
+    /* in the last steps, with total variation, shrinkage (ref_dct.h) after a share of it: threshold in units of tv */
+    double shrink, shrink_tv, shrink_colour;
+    int shrink_steps;
 } hada_ref_refine;
 
 /* planes[depth][channel][window_rows][window_cols]; residual (may be NULL) takes steps + 1 energies of b - sum PSF * u

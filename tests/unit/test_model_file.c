@@ -115,10 +115,10 @@ static void rewrite(const char *path, const char *key, const char *value, const 
     hada_tensors *file;
     hada_tensors_writer *writer;
     char beside[80];
-    static const char *const keys[] = {"format",        "version",     "form",      "boundary", "raw",
-                                       "grid",          "window",      "alpha",     "lambda",   "dark",
-                                       "refine_steps",  "refine_rho",  "refine_tv", "noise",    "scene_response",
-                                       "refine_colour", "refine_share"};
+    static const char *const keys[] = {"format",        "version",      "form",         "boundary", "raw",
+                                       "grid",          "window",       "alpha",        "lambda",   "dark",
+                                       "refine_steps",  "refine_rho",   "refine_tv",    "noise",    "scene_response",
+                                       "refine_colour", "refine_share", "refine_shrink"};
     snprintf(beside, sizeof beside, "%s-new", path);
     ASSERT_OK(hada_tensors_open(&file, path, err));
     ASSERT_OK(hada_tensors_create(&writer, beside, err));
@@ -173,6 +173,7 @@ static void damaged_files_are_refused(void **state)
                  {"refine_tv", "-1e-3", "", 0, HADA_ERROR_MODEL},
                  {"refine_tv", "much", "", 0, HADA_ERROR_FILE_FORMAT},
                  {"refine_colour", "0.5", "", 0, HADA_ERROR_MODEL},
+                 {"refine_shrink", "-1", "", 0, HADA_ERROR_MODEL},
                  {"refine_colour", "red", "", 0, HADA_ERROR_FILE_FORMAT},
                  {"refine_share", "1.5", "", 0, HADA_ERROR_MODEL},
                  {"refine_share", "half", "", 0, HADA_ERROR_FILE_FORMAT},

@@ -8,7 +8,8 @@
 
 typedef struct settings {
     hada_cli_common common;
-    const char *output, *psf, *dark, *refine, *refine_tv, *refine_colour, *crop_passes, *distances, *sums, *response;
+    const char *output, *psf, *dark, *refine, *refine_tv, *refine_colour, *refine_shrink, *crop_passes, *distances,
+        *sums, *response;
     hada_cli_texts merge;
     int form, boundary; /* 0: not given */
     int exposure;       /* a hada_exposure */
@@ -89,6 +90,11 @@ static const hada_cli_option options[] = {
      "in total variation, how much heavier differences of colour are (default: auto)",
      "1 to 16. auto compares a few by leave-one-out where the weight is chosen too, and is 1.5 otherwise.",
      AT(refine_colour)},
+    {HADA_OPTION_TEXT, "refine-shrink", 0, "S|auto|0",
+     "with total variation, where one depth is occupied: shrinkage of blocks (default: auto)",
+     "The threshold in the cosine transforms of blocks of 8 x 8 pixels, in units of the weight of total variation. auto "
+     "compares none, 1, 1.6 and 2.5 by leave-one-out where the weight is chosen too, and is 1.6 otherwise.",
+     AT(refine_shrink)},
     {HADA_OPTION_CHOICE, "psf-sign", 0, "nonnegative|free", "what is known of the camera's point spread functions",
      "nonnegative (default): light adds up, so they are nowhere negative; this fills in frequencies of which the pairs "
      "say too little. free: from the pairs alone. Refinement and the search for occupied depths use them.",
@@ -102,7 +108,7 @@ static void defaults(void *user)
 {
     settings *set = user;
     set->dark = "none";
-    set->refine = set->refine_tv = set->refine_colour = set->crop_passes = set->response = "auto";
+    set->refine = set->refine_tv = set->refine_colour = set->refine_shrink = set->crop_passes = set->response = "auto";
     set->alpha = set->lambda = set->outside = set->psf_dark = -1;
     set->psf_sign = -1;
 }
@@ -151,6 +157,7 @@ static hada_status fit_pairs(hada_cli *cli, const settings *set, const char *fol
     HADA_TRY(read_crop_passes(set->crop_passes, &fit.crop_passes, err));
     HADA_TRY(hada_cli_read_refine_tv(set->refine_tv, &fit.refine_tv, err));
     HADA_TRY(hada_cli_read_refine_colour(set->refine_colour, &fit.refine_colour, err));
+    HADA_TRY(hada_cli_read_refine_shrink(set->refine_shrink, &fit.refine_shrink, err));
     if (folder) {
         HADA_TRY(hada_dataset_scan(&data, folder, &scan, err));
         HADA_TRY(hada_file_check_target(set->output, err)); /* now that the data set's own files are known */
@@ -218,8 +225,9 @@ static int check(hada_cli *cli, const settings *set, int count, const char **arg
         return hada_cli_usage(cli, "--psf-sign belongs to pairs; what --psf gives is made non-negative anyway");
     if (set->psf && strcmp(set->crop_passes, "auto"))
         return hada_cli_usage(cli, "--crop-passes belongs to pairs, not to --psf");
-    if (set->psf && strcmp(set->refine_colour, "auto"))
-        return hada_cli_usage(cli, "--refine-colour belongs to pairs, not to --psf; reconstruct has it too");
+    if (set->psf && (strcmp(set->refine_colour, "auto") || strcmp(set->refine_shrink, "auto")))
+        return hada_cli_usage(cli, "--refine-colour and --refine-shrink belong to pairs, not to --psf; reconstruct has "
+                                   "them too");
     if (set->outside >= 0 && set->psf)
         return hada_cli_usage(cli, "--outside belongs to pairs, not to --psf");
     if (set->outside >= 0 && set->outside < 1 && set->merge.count)

@@ -168,6 +168,7 @@ void hada_cli_fit_tell_model(hada_cli *cli, const char *path, const hada_model *
     json_object_set_new(entry, "dark", info->dark >= 0 ? hada_cli_real(info->dark) : json_null());
     json_object_set_new(entry, "refine_tv", hada_cli_real(info->refine_tv));
     json_object_set_new(entry, "refine_colour", hada_cli_real(info->refine_colour));
+    json_object_set_new(entry, "refine_shrink", hada_cli_real(info->refine_shrink));
     json_object_set_new(entry, "refine_share", hada_cli_real(info->refine_share));
     json_object_set_new(entry, "noise", hada_cli_real(info->noise));
     json_object_set_new(entry, "scene_response", json_string(response));

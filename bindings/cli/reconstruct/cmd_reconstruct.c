@@ -14,7 +14,8 @@
 
 typedef struct settings {
     hada_cli_common common;
-    const char *model, *output, *depths, *occupied, *refine, *refine_tv, *refine_colour, *dark, *skip, *encoding;
+    const char *model, *output, *depths, *occupied, *refine, *refine_tv, *refine_colour, *refine_shrink, *dark, *skip,
+        *encoding;
     int bits, half, repair, no_enhance, no_preview, batch, queues, scene;
     double gamma, white, max_error, band;
     hada_cli_method_settings method;
@@ -59,6 +60,11 @@ static const hada_cli_option options[] = {
      "in total variation, how much heavier differences of colour are (default: auto)",
      "1 to 16. auto takes what the fit measured to pay; more takes more of colour noise and of colour.",
      AT(refine_colour)},
+    {HADA_OPTION_TEXT, "refine-shrink", 0, "S|auto|0",
+     "with total variation, where one depth is occupied: shrinkage of blocks (default: auto)",
+     "The last steps keep what stands out of the cosine transforms of blocks of 8 x 8 pixels, by this threshold in units "
+     "of the weight of total variation. auto takes what the fit measured to pay.",
+     AT(refine_shrink)},
     {HADA_OPTION_TEXT, "dark", 0, "FILE|auto|none|LEVEL", "dark level of the frames (default: what the model says)",
      "FILE: a dark frame of the camera; auto: each frame's own; LEVEL: a share of full scale.", AT(dark)},
     {HADA_OPTION_FLAG, "repair", 0, NULL, "fill NaN and infinite pixels from their neighbours",
@@ -117,7 +123,7 @@ static void defaults(void *user)
     set->occupied = "auto";
     set->encoding = "scene";
     set->refine_tv = "auto";
-    set->refine_colour = "auto";
+    set->refine_colour = set->refine_shrink = "auto";
     set->skip = "all";
     set->band = 1;
     set->bits = 32;
@@ -180,6 +186,7 @@ static hada_status read_options(job *work, hada_error *err)
     HADA_TRY(hada_cli_read_refine(set->refine ? set->refine : refine, &plan->refine, err));
     HADA_TRY(hada_cli_read_refine_tv(set->refine_tv, &plan->refine_tv, err));
     HADA_TRY(hada_cli_read_refine_colour(set->refine_colour, &plan->refine_colour, err));
+    HADA_TRY(hada_cli_read_refine_shrink(set->refine_shrink, &plan->refine_shrink, err));
     if (set->dark) {
         HADA_TRY(hada_cli_read_dark(&work->dark, set->dark, err));
         plan->dark = work->dark.kind;

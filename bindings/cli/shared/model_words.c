@@ -60,6 +60,16 @@ hada_status hada_cli_read_refine_tv(const char *text, double *weight, hada_error
                           "--refine-tv takes a weight, such as 0.003, 0 for none, or 'auto', not '%s'", text);
 }
 
+hada_status hada_cli_read_refine_shrink(const char *text, double *threshold, hada_error *err)
+{
+    *threshold = -1.0;
+    if (!strcmp(text, "auto") || (hada_cli_read_real(text, threshold) && *threshold >= 0.0 && *threshold <= 100.0))
+        return HADA_OK;
+    return hada_cli_error(err, HADA_ERROR_ARGUMENT,
+                          "--refine-shrink takes a threshold from 0 (none) to 100, such as 1.6, or 'auto', not '%s'",
+                          text);
+}
+
 hada_status hada_cli_read_refine_colour(const char *text, double *weight, hada_error *err)
 {
     *weight = -1.0;

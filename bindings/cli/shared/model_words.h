@@ -22,6 +22,7 @@ hada_status hada_cli_read_dark_level(double *level, const char *text, hada_error
  * --refine-colour. */
 hada_status hada_cli_read_refine(const char *text, int *steps, hada_error *err);
 hada_status hada_cli_read_refine_tv(const char *text, double *weight, hada_error *err);
+hada_status hada_cli_read_refine_shrink(const char *text, double *threshold, hada_error *err);
 hada_status hada_cli_read_refine_colour(const char *text, double *weight, hada_error *err);
 
 #endif

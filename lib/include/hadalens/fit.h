@@ -45,6 +45,9 @@ typedef struct hada_fit_options {
                              HADA_AUTO (default): chosen with the weight, 1.5 where that is given */
     int grid_rows, grid_cols; /* boundary padded: the grid, at least the frame's size; 0 (default): large enough for all
                                  light that a scene can send onto the sensor (hada_fit_find_boundary()) */
+    double refine_shrink; /* with total variation, for a single depth: threshold of the shrinkage of blocks, in units of
+                             its weight, 0 to 100; HADA_AUTO (default): chosen with the weight, 1.6 where that is given;
+                             0: none */
 } hada_fit_options;
 HADA_API void hada_fit_options_defaults(hada_fit_options *options, size_t size);
 static inline void hada_fit_options_init(hada_fit_options *options)

@@ -62,6 +62,9 @@ typedef struct hada_model_info {
     double refine_colour;           /* in refine_tv, weight of differences of colour over those of brightness, from 1 */
     double refine_share; /* share of refined planes where refine_steps recommends refinement; the rest is the linear
                             filters', whose errors are others. 1: refined planes alone */
+    double
+        refine_shrink; /* with refine_tv, for a single depth: threshold of the shrinkage of cosine transforms of blocks
+                          in the last steps, in units of the weight of total variation; 0: none (docs/refinement.md) */
 } hada_model_info;
 
 HADA_API hada_status hada_model_load(hada_model **out, const char *path, hada_error *err);

@@ -87,6 +87,9 @@ typedef struct hada_plan_options {
                          surfaces, fail */
     double refine_colour; /* in total variation, weight of differences of colour over those of brightness, 1 to 16;
                              HADA_AUTO (default): the model's */
+    double
+        refine_shrink; /* with total variation, where one depth is occupied: threshold of the shrinkage of blocks in the
+                          last steps, in units of its weight, 0 to 100; HADA_AUTO (default): the model's; 0: none */
 } hada_plan_options;
 HADA_API void hada_plan_options_defaults(hada_plan_options *options, size_t size);
 static inline void hada_plan_options_init(hada_plan_options *options)

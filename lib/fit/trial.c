@@ -1,17 +1,13 @@
 #include "fit/trial.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
-#include "core/alloc.h"
-#include "filter/bank.h"
-#include "fit/fit_solve.h"
-#include "refine/admm.h"
+#include "fit/trial_frame.h"
 
 /* Steps after which a refined plane is compared; 0 is the linear filter. */
 static const int steps_tried[] = {0, 4, 8, 12, 16};
-enum { TRIED = sizeof steps_tried / sizeof *steps_tried, MEMBERS = 2 };
+enum { TRIED = sizeof steps_tried / sizeof *steps_tried };
 
 /* Weights of total variation that are tried, by what the noise says: the best of simulated cameras with 0.3 to 3 %
  * noise were about 0.1 of its standard deviation over the rms of the pairs' frames (docs/refinement.md). That and a
@@ -46,18 +42,8 @@ static const double shares_tried[] = {1.0, 0.75, 0.5, 0.25};
 enum { SHARES = sizeof shares_tried / sizeof *shares_tried };
 #define SHARE_GAIN 0.2
 
-/* Mean squared errors below this, 200 dB, count as this. */
-#define LEAST_ERROR 1e-20
-
 typedef struct trial_work {
-    const hada_fit_trial *with;
-    const hada_fit_grid *grid;
-    hada_refiner *refiner;
-    hada_fft *inverse;
-    hada_buffer filters, otfs; /* [member][channel][count] complex */
-    hada_buffer prior;
-    float *raw, *planes, *linear; /* planes at hand, and those of the linear filters */
-    double *scene_energy, *trust; /* per channel; without a pair, and the model's */
+    hada_trial_bench bench;
     double sum[2][TRIED][SHARES]; /* decibels: one depth, two depths */
     int count[2];
     hada_refine_weights weights; /* what is refined with */
@@ -66,203 +52,22 @@ typedef struct trial_work {
     int tv_count;
 } trial_work;
 
-static hada_status work_create(trial_work *work, hada_error *err)
-{
-    const hada_fit_grid *grid = work->grid;
-    const size_t channels = (size_t)grid->info.channels;
-    const size_t bytes = hada_fit_spectra_bytes(grid, MEMBERS * channels);
-    hada_context *context = grid->slot->context;
-    const hada_fft_desc desc = hada_fit_transform_desc(grid, HADA_FFT_INVERSE, 1);
-    hada_refine_shape shape = hada_refine_shape_of(&grid->info, MEMBERS, steps_tried[TRIED - 1]);
-    hada_status status = HADA_OK;
-    shape.tv = work->with->tv != 0.0;
-    HADA_TRY(hada_refiner_create(&work->refiner, grid->slot, NULL, &shape, err));
-    HADA_TRY(hada_fft_create(&work->inverse, grid->slot, &desc, err));
-    HADA_TRY(hada_buffer_create(&work->filters, context, bytes, "filters on trial", err));
-    HADA_TRY(hada_buffer_create(&work->otfs, context, bytes, "transfer functions on trial", err));
-    HADA_TRY(hada_bank_prior(&work->prior, grid->slot, work->with->model, &grid->layout, err));
-    HADA_TRY(hada_alloc_raw((void **)&work->raw, hada_fit_raw_floats(grid), sizeof(float), "a raw frame", err));
-    HADA_TRY(hada_alloc_raw((void **)&work->planes, MEMBERS * hada_fit_window_floats(grid), sizeof(float),
-                            "planes on trial", err));
-    HADA_TRY(hada_alloc_raw((void **)&work->linear, MEMBERS * hada_fit_window_floats(grid), sizeof(float),
-                            "planes on trial", err));
-    HADA_TRY(hada_alloc((void **)&work->scene_energy, channels, sizeof(double), "a fitter", err));
-    HADA_TRY(hada_alloc((void **)&work->trust, channels, sizeof(double), "a fitter", err));
-done:
-    return status;
-}
-
-static void work_destroy(trial_work *work)
-{
-    hada_slot_finish(work->grid->slot, NULL);
-    hada_refiner_destroy(&work->refiner);
-    hada_fft_destroy(&work->inverse);
-    hada_buffer_destroy(&work->filters);
-    hada_buffer_destroy(&work->otfs);
-    hada_buffer_destroy(&work->prior);
-    free(work->raw);
-    free(work->planes);
-    free(work->linear);
-    free(work->scene_energy);
-    free(work->trust);
-}
-
-static double energy(const float *values, size_t count)
-{
-    double sum = 0.0;
-    for (size_t i = 0; i < count; i++)
-        sum += (double)values[i] * values[i];
-    return sum;
-}
-
-/* Filters and transfer functions of a member's depth without its pair. The pool still counts the pair; that matters
- * only in the ratio of one pair to all pairs of the other depths. */
-static hada_status hold_out(trial_work *work, const hada_fit_kept_pair *kept, int member, hada_error *err)
-{
-    const hada_fit_grid *grid = work->grid;
-    const hada_fit_trial *with = work->with;
-    const hada_fit_depth *depth = &with->sums->depth[kept->depth];
-    const size_t channels = (size_t)grid->info.channels, window = hada_fit_window_floats(grid) / channels;
-    const size_t first = (size_t)member * channels;
-    const hada_fit_setting setting = {with->model->info.alpha, with->model->info.lambda};
-    hada_status status = HADA_OK;
-    HADA_TRY(hada_fit_sums_borrow(with->sums, kept->depth, err));
-    HADA_TRY(hada_fit_pair_transform(with->pair, kept->raw, kept->scene, err));
-    HADA_TRY(hada_fit_sums_accumulate(with->sums, with->pair, -1.0, err));
-    for (size_t c = 0; c < channels; c++) {
-        const hada_fit_penalty penalty = hada_fit_penalty_of(setting, depth->raw_energy[c]);
-        HADA_TRY(hada_fit_solve_filter(with->sums, (int)c, penalty, work->filters.mem, first + c, err));
-    }
-    for (size_t c = 0; c < channels; c++) {
-        const double noise = with->model->noise_power[(size_t)kept->depth * channels + c];
-        work->scene_energy[c] = fmax(depth->scene_energy[c] - energy(kept->scene + c * window, window), 0.0);
-        work->trust[c] = hada_nonnegative_trust(noise, depth->raw_energy[c]);
-    }
-    if (kept->transfers)
-        return hada_buffer_write(&work->otfs, grid->slot, first * grid->layout.count * 2 * sizeof(float),
-                                 kept->transfers, channels * grid->layout.count * 2 * sizeof(float), err);
-    HADA_TRY(hada_fit_solve_transfers(with->sums, with->nonnegative, work->scene_energy, work->trust, work->otfs.mem,
-                                      first, err));
-done:
-    return status;
-}
-
-/* A frame on trial: of one pair, or the sum of two, whose filters stand at the places from `first` on. */
-typedef struct trial_frame {
-    const hada_fit_kept_pair *member[MEMBERS];
-    int members, first;
-} trial_frame;
-
-/* PSNR of planes (negative light clipped, as reconstruction does), blended with linear ones where their share is below
- * 1, against the members' scenes, mean over members. */
-static double compare(const trial_work *work, const trial_frame *frame, double share)
-{
-    const size_t count = hada_fit_window_floats(work->grid);
-    double total = 0.0;
-    for (int m = 0; m < frame->members; m++) {
-        double sum = 0.0;
-        for (size_t i = 0; i < count; i++) {
-            const size_t at = (size_t)m * count + i;
-            double plane = fmax((double)work->planes[at], 0.0);
-            if (share < 1.0)
-                plane = share * plane + (1.0 - share) * fmax((double)work->linear[at], 0.0);
-            const double error = plane - frame->member[m]->scene[i];
-            sum += error * error;
-        }
-        total -= 10.0 * log10(fmax(sum / (double)count, LEAST_ERROR));
-    }
-    return total / frame->members;
-}
-
-static hada_status hold_out_members(trial_work *work, const trial_frame *frame, hada_error *err)
-{
-    hada_status status = HADA_OK;
-    for (int m = 0; m < frame->members; m++)
-        HADA_TRY(hold_out(work, frame->member[m], frame->first + m, err));
-done:
-    return status;
-}
-
-/* The frame's pixels and spectrum. */
-static hada_status expose(trial_work *work, const trial_frame *frame, hada_error *err)
-{
-    const size_t raw = hada_fit_raw_floats(work->grid);
-    memset(work->raw, 0, raw * sizeof *work->raw);
-    for (int m = 0; m < frame->members; m++)
-        for (size_t i = 0; i < raw; i++)
-            work->raw[i] += frame->member[m]->raw[i];
-    return hada_fit_pair_transform(work->with->pair, work->raw, NULL, err);
-}
-
-static hada_status filter(trial_work *work, const trial_frame *frame, hada_error *err)
-{
-    const hada_fit_grid *grid = work->grid;
-    hada_fit_pair *pair = work->with->pair;
-    const size_t count = hada_fit_window_floats(grid);
-    hada_status status = HADA_OK;
-    for (int m = 0; m < frame->members; m++) {
-        const hada_fft_filter of = hada_fit_product(grid, work->filters.mem, (frame->first + m) * grid->info.channels);
-        /* the scene's place on the device is free by now */
-        HADA_TRY(hada_fit_pair_filter(pair, work->inverse, &of, err));
-        HADA_TRY(
-            hada_buffer_read(&pair->scene, grid->slot, 0, work->planes + (size_t)m * count, pair->scene.bytes, err));
-    }
-done:
-    return status;
-}
-
-/* The refined planes of so many members, to the host. */
-static hada_status read_planes(trial_work *work, int members, hada_error *err)
-{
-    hada_slot *slot = work->grid->slot;
-    const size_t bytes = (size_t)members * hada_fit_window_floats(work->grid) * sizeof(float);
-    const cl_int code = clEnqueueReadBuffer(slot->queue, hada_refiner_planes(work->refiner), CL_TRUE, 0, bytes,
-                                            work->planes, 0, NULL, hada_slot_event(slot));
-    if (code != CL_SUCCESS)
-        return hada_fail_cl(err, code, "clEnqueueReadBuffer");
-    hada_slot_moved(slot, "read", (double)bytes);
-    return HADA_OK;
-}
-
-/* `steps` further steps of refinement after `before` others, or the first ones; the planes come to the host. */
-static hada_status refine(trial_work *work, const trial_frame *frame, const hada_refine_weights *weights, int before,
-                          int steps, hada_error *err)
-{
-    const hada_fit_trial *with = work->with;
-    const size_t raw = hada_fit_raw_floats(work->grid);
-    const int list[MEMBERS] = {frame->first, frame->first + 1};
-    const hada_refine_data data = {.spectrum = with->pair->raw_spectrum.mem,
-                                   .frame = with->pair->raw.mem,
-                                   .otf = work->otfs.mem,
-                                   .otf_depths = MEMBERS,
-                                   .prior = work->prior.mem};
-    hada_refine_rule rule;
-    hada_refine_rule_init(&rule);
-    hada_refine_rule_weigh(&rule, &with->model->info, weights, frame->members, hada_model_gain(with->model),
-                           energy(work->raw, raw) / (double)raw);
-    rule.stop = 0.0;
-    rule.steps = steps;
-    rule.start = before ? HADA_REFINE_CONTINUE : HADA_REFINE_COLD;
-    rule.before = before;
-    hada_status status = hada_refiner_run(work->refiner, &data, &rule, 1, frame->members, list, NULL, err);
-    return status ? status : read_planes(work, frame->members, err);
-}
-
 /* Every number of steps. */
-static hada_status try_frame(trial_work *work, const trial_frame *frame, hada_error *err)
+static hada_status try_frame(trial_work *work, const hada_trial_frame *frame, hada_error *err)
 {
     double(*sum)[SHARES] = work->sum[frame->members - 1];
     hada_status status = HADA_OK;
-    HADA_TRY(expose(work, frame, err));
-    HADA_TRY(filter(work, frame, err));
-    memcpy(work->linear, work->planes,
-           (size_t)frame->members * hada_fit_window_floats(work->grid) * sizeof *work->linear);
+    HADA_TRY(hada_trial_expose(&work->bench, frame, err));
+    HADA_TRY(hada_trial_filter(&work->bench, frame, err));
+    memcpy(work->bench.linear, work->bench.planes,
+           (size_t)frame->members * hada_fit_window_floats(work->bench.grid) * sizeof *work->bench.linear);
     for (int s = 0; s < SHARES; s++)
-        sum[0][s] += compare(work, frame, 1.0);
+        sum[0][s] += hada_trial_compare(&work->bench, frame, 1.0);
     for (int i = 1; i < TRIED; i++) {
-        HADA_TRY(refine(work, frame, &work->weights, steps_tried[i - 1], steps_tried[i] - steps_tried[i - 1], err));
+        HADA_TRY(hada_trial_refine(&work->bench, frame, &work->weights, steps_tried[i - 1],
+                                   steps_tried[i] - steps_tried[i - 1], err));
         for (int s = 0; s < SHARES; s++)
-            sum[i][s] += compare(work, frame, shares_tried[s]);
+            sum[i][s] += hada_trial_compare(&work->bench, frame, shares_tried[s]);
     }
     work->count[frame->members - 1]++;
 done:
@@ -270,20 +75,21 @@ done:
 }
 
 /* The weight of total variation that the noise of the camera and the light of a frame suggest. */
-static double guess_weight(const trial_work *work, const trial_frame *frame)
+static double guess_weight(const trial_work *work, const hada_trial_frame *frame)
 {
-    const hada_model_info *info = &work->grid->info;
+    const hada_model_info *info = &work->bench.grid->info;
     const size_t images = (size_t)info->depths * (size_t)info->channels;
-    const double light = energy(frame->member[0]->raw, hada_fit_raw_floats(work->grid)) / (double)info->channels;
+    const double light =
+        hada_trial_energy(frame->member[0]->raw, hada_fit_raw_floats(work->bench.grid)) / (double)info->channels;
     double noise = 0.0;
     for (size_t i = 0; i < images; i++)
-        noise += work->with->model->noise_power[i] / (double)images;
+        noise += work->bench.with->model->noise_power[i] / (double)images;
     return fmax(noise > 0.0 && light > 0.0 ? TV_PER_NOISE * sqrt(noise / light) : TV_UNKNOWN, TV_LEAST);
 }
 
 /* Frames of one pair each, whose filters are held out by now. */
 typedef struct trial_set {
-    const trial_frame *frames;
+    const hada_trial_frame *frames;
     int count;
 } trial_set;
 
@@ -294,9 +100,9 @@ static hada_status rank(trial_work *work, const trial_set *set, const hada_refin
     hada_status status = HADA_OK;
     *psnr = 0.0;
     for (int k = 0; k < set->count; k++) {
-        HADA_TRY(expose(work, &set->frames[k], err));
-        HADA_TRY(refine(work, &set->frames[k], weights, 0, work->rank_steps, err));
-        *psnr += compare(work, &set->frames[k], 1.0) / set->count;
+        HADA_TRY(hada_trial_expose(&work->bench, &set->frames[k], err));
+        HADA_TRY(hada_trial_refine(&work->bench, &set->frames[k], weights, 0, work->rank_steps, err));
+        *psnr += hada_trial_compare(&work->bench, &set->frames[k], 1.0) / set->count;
     }
 done:
     return status;
@@ -305,7 +111,7 @@ done:
 /* The same, with a row of the table. */
 static hada_status rank_tv(trial_work *work, const trial_set *set, double tv, double *psnr, hada_error *err)
 {
-    const hada_model_info *info = &work->with->model->info;
+    const hada_model_info *info = &work->bench.with->model->info;
     const hada_refine_weights weights = {tv, work->weights.colour, 0.0};
     const hada_status status = rank(work, set, &weights, psnr, err);
     work->tv_rows[work->tv_count++] = (hada_fit_refine_score){.steps = work->rank_steps,
@@ -392,27 +198,27 @@ static hada_status choose_weights(trial_work *work, const trial_set *set, hada_e
     double psnr;
     hada_status status = HADA_OK;
     HADA_TRY(choose_tv(work, set, &psnr, err));
-    if (work->weights.tv > 0.0 && work->with->colour < 0.0 && work->grid->info.channels > 1)
+    if (work->weights.tv > 0.0 && work->bench.with->colour < 0.0 && work->bench.grid->info.channels > 1)
         HADA_TRY(choose_colour(work, set, &psnr, err));
-    if (work->weights.tv > 0.0 && work->with->shrink < 0.0)
+    if (work->weights.tv > 0.0 && work->bench.with->shrink < 0.0)
         HADA_TRY(choose_shrink(work, set, psnr, err));
 done:
     return status;
 }
 
-/* Frames of one pair, MEMBERS at a time: the weight is chosen on the first of them. */
+/* Frames of one pair, HADA_TRIAL_MEMBERS at a time: the weight is chosen on the first of them. */
 static hada_status try_singles(trial_work *work, hada_error *err)
 {
-    const hada_fit_kept *kept = work->with->kept;
-    const int step = work->grid->info.depths == 1 ? 1 : HADA_FIT_KEPT - 1;
+    const hada_fit_kept *kept = work->bench.with->kept;
+    const int step = work->bench.grid->info.depths == 1 ? 1 : HADA_FIT_KEPT - 1;
     hada_status status = HADA_OK;
     for (int k = 0; k < kept->count;) {
-        trial_frame frames[MEMBERS];
-        const int choose = k == 0 && work->with->tv < 0.0;
+        hada_trial_frame frames[HADA_TRIAL_MEMBERS];
+        const int choose = k == 0 && work->bench.with->tv < 0.0;
         int count = 0;
-        for (; count < MEMBERS && k < kept->count; k += step, count++) {
-            frames[count] = (trial_frame){{&kept->pair[k]}, 1, count};
-            HADA_TRY(hold_out_members(work, &frames[count], err));
+        for (; count < HADA_TRIAL_MEMBERS && k < kept->count; k += step, count++) {
+            frames[count] = (hada_trial_frame){{&kept->pair[k]}, 1, count};
+            HADA_TRY(hada_trial_hold_out(&work->bench, &frames[count], err));
         }
         if (choose)
             HADA_TRY(choose_weights(work, &(trial_set){frames, count}, err));
@@ -426,13 +232,13 @@ done:
 /* Frames that are the sum of two depths' pairs. */
 static hada_status try_doubles(trial_work *work, hada_error *err)
 {
-    const hada_fit_kept *kept = work->with->kept;
+    const hada_fit_kept *kept = work->bench.with->kept;
     hada_status status = HADA_OK;
     for (int k = 0; k + 2 < kept->count; k++) {
-        const trial_frame two = {{&kept->pair[k], &kept->pair[k + 2]}, 2, 0};
+        const hada_trial_frame two = {{&kept->pair[k], &kept->pair[k + 2]}, 2, 0};
         if (two.member[0]->depth == two.member[1]->depth)
             continue;
-        HADA_TRY(hold_out_members(work, &two, err));
+        HADA_TRY(hada_trial_hold_out(&work->bench, &two, err));
         HADA_TRY(try_frame(work, &two, err));
     }
 done:
@@ -481,7 +287,7 @@ static int best_of(const trial_work *work)
 /* The numbers of steps, then the weights that were compared. */
 static void fill_rows(const trial_work *work, int best, hada_fit_trial_result *result)
 {
-    const hada_model_info *info = &work->with->model->info;
+    const hada_model_info *info = &work->bench.with->model->info;
     result->row_count = TRIED + work->tv_count;
     for (int k = 0; k < TRIED; k++) {
         const double tv = k ? work->weights.tv : 0.0;
@@ -499,13 +305,12 @@ static void fill_rows(const trial_work *work, int best, hada_fit_trial_result *r
 hada_status hada_fit_trial_run(const hada_fit_trial *trial, hada_fit_trial_result *result, hada_error *err)
 {
     const int cropped = trial->sums->grid->info.boundary == HADA_BOUNDARY_PADDED;
-    trial_work work = {.with = trial,
-                       .grid = trial->sums->grid,
+    trial_work work = {.bench = {.with = trial, .grid = trial->sums->grid},
                        .weights = {fmax(trial->tv, 0.0), trial->colour >= 0.0 ? trial->colour : HADA_REFINE_COLOUR,
                                    trial->shrink >= 0.0 ? trial->shrink : HADA_REFINE_SHRINK},
                        .rank_steps = cropped ? TV_STEPS_CROPPED : TV_STEPS};
     hada_status status = HADA_OK;
-    HADA_TRY(work_create(&work, err));
+    HADA_TRY(hada_trial_bench_create(&work.bench, err));
     HADA_TRY(try_singles(&work, err));
     HADA_TRY(try_doubles(&work, err));
     const int best = best_of(&work);
@@ -517,6 +322,6 @@ hada_status hada_fit_trial_run(const hada_fit_trial *trial, hada_fit_trial_resul
         result->weights.tv = 0.0;
     fill_rows(&work, best, result);
 done:
-    work_destroy(&work);
+    hada_trial_bench_destroy(&work.bench);
     return status;
 }

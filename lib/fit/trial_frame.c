@@ -1,0 +1,185 @@
+#include "fit/trial_frame.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/alloc.h"
+#include "filter/bank.h"
+#include "fit/fit_solve.h"
+
+/* Mean squared errors below this, 200 dB, count as this. */
+#define LEAST_ERROR 1e-20
+
+hada_status hada_trial_bench_create(hada_trial_bench *bench, hada_error *err)
+{
+    const hada_fit_grid *grid = bench->grid;
+    const size_t channels = (size_t)grid->info.channels;
+    const size_t bytes = hada_fit_spectra_bytes(grid, HADA_TRIAL_MEMBERS * channels);
+    hada_context *context = grid->slot->context;
+    const hada_fft_desc desc = hada_fit_transform_desc(grid, HADA_FFT_INVERSE, 1);
+    hada_refine_shape shape = hada_refine_shape_of(&grid->info, HADA_TRIAL_MEMBERS, HADA_TRIAL_STEPS);
+    hada_status status = HADA_OK;
+    shape.tv = bench->with->tv != 0.0;
+    HADA_TRY(hada_refiner_create(&bench->refiner, grid->slot, NULL, &shape, err));
+    HADA_TRY(hada_fft_create(&bench->inverse, grid->slot, &desc, err));
+    HADA_TRY(hada_buffer_create(&bench->filters, context, bytes, "filters on trial", err));
+    HADA_TRY(hada_buffer_create(&bench->otfs, context, bytes, "transfer functions on trial", err));
+    HADA_TRY(hada_bank_prior(&bench->prior, grid->slot, bench->with->model, &grid->layout, err));
+    HADA_TRY(hada_alloc_raw((void **)&bench->raw, hada_fit_raw_floats(grid), sizeof(float), "a raw frame", err));
+    HADA_TRY(hada_alloc_raw((void **)&bench->planes, HADA_TRIAL_MEMBERS * hada_fit_window_floats(grid), sizeof(float),
+                            "planes on trial", err));
+    HADA_TRY(hada_alloc_raw((void **)&bench->linear, HADA_TRIAL_MEMBERS * hada_fit_window_floats(grid), sizeof(float),
+                            "planes on trial", err));
+    HADA_TRY(hada_alloc((void **)&bench->scene_energy, channels, sizeof(double), "a fitter", err));
+    HADA_TRY(hada_alloc((void **)&bench->trust, channels, sizeof(double), "a fitter", err));
+done:
+    return status;
+}
+
+void hada_trial_bench_destroy(hada_trial_bench *bench)
+{
+    hada_slot_finish(bench->grid->slot, NULL);
+    hada_refiner_destroy(&bench->refiner);
+    hada_fft_destroy(&bench->inverse);
+    hada_buffer_destroy(&bench->filters);
+    hada_buffer_destroy(&bench->otfs);
+    hada_buffer_destroy(&bench->prior);
+    free(bench->raw);
+    free(bench->planes);
+    free(bench->linear);
+    free(bench->scene_energy);
+    free(bench->trust);
+}
+
+double hada_trial_energy(const float *values, size_t count)
+{
+    double sum = 0.0;
+    for (size_t i = 0; i < count; i++)
+        sum += (double)values[i] * values[i];
+    return sum;
+}
+
+/* Filters and transfer functions of a member's depth without its pair. The pool still counts the pair; that matters
+ * only in the ratio of one pair to all pairs of the other depths. */
+static hada_status hold_out(hada_trial_bench *bench, const hada_fit_kept_pair *kept, int member, hada_error *err)
+{
+    const hada_fit_grid *grid = bench->grid;
+    const hada_fit_trial *with = bench->with;
+    const hada_fit_depth *depth = &with->sums->depth[kept->depth];
+    const size_t channels = (size_t)grid->info.channels, window = hada_fit_window_floats(grid) / channels;
+    const size_t first = (size_t)member * channels;
+    const hada_fit_setting setting = {with->model->info.alpha, with->model->info.lambda};
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_fit_sums_borrow(with->sums, kept->depth, err));
+    HADA_TRY(hada_fit_pair_transform(with->pair, kept->raw, kept->scene, err));
+    HADA_TRY(hada_fit_sums_accumulate(with->sums, with->pair, -1.0, err));
+    for (size_t c = 0; c < channels; c++) {
+        const hada_fit_penalty penalty = hada_fit_penalty_of(setting, depth->raw_energy[c]);
+        HADA_TRY(hada_fit_solve_filter(with->sums, (int)c, penalty, bench->filters.mem, first + c, err));
+    }
+    for (size_t c = 0; c < channels; c++) {
+        const double noise = with->model->noise_power[(size_t)kept->depth * channels + c];
+        bench->scene_energy[c] =
+            fmax(depth->scene_energy[c] - hada_trial_energy(kept->scene + c * window, window), 0.0);
+        bench->trust[c] = hada_nonnegative_trust(noise, depth->raw_energy[c]);
+    }
+    if (kept->transfers)
+        return hada_buffer_write(&bench->otfs, grid->slot, first * grid->layout.count * 2 * sizeof(float),
+                                 kept->transfers, channels * grid->layout.count * 2 * sizeof(float), err);
+    HADA_TRY(hada_fit_solve_transfers(with->sums, with->nonnegative, bench->scene_energy, bench->trust, bench->otfs.mem,
+                                      first, err));
+done:
+    return status;
+}
+
+double hada_trial_compare(const hada_trial_bench *bench, const hada_trial_frame *frame, double share)
+{
+    const size_t count = hada_fit_window_floats(bench->grid);
+    double total = 0.0;
+    for (int m = 0; m < frame->members; m++) {
+        double sum = 0.0;
+        for (size_t i = 0; i < count; i++) {
+            const size_t at = (size_t)m * count + i;
+            double plane = fmax((double)bench->planes[at], 0.0);
+            if (share < 1.0)
+                plane = share * plane + (1.0 - share) * fmax((double)bench->linear[at], 0.0);
+            const double error = plane - frame->member[m]->scene[i];
+            sum += error * error;
+        }
+        total -= 10.0 * log10(fmax(sum / (double)count, LEAST_ERROR));
+    }
+    return total / frame->members;
+}
+
+hada_status hada_trial_hold_out(hada_trial_bench *bench, const hada_trial_frame *frame, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    for (int m = 0; m < frame->members; m++)
+        HADA_TRY(hold_out(bench, frame->member[m], frame->first + m, err));
+done:
+    return status;
+}
+
+hada_status hada_trial_expose(hada_trial_bench *bench, const hada_trial_frame *frame, hada_error *err)
+{
+    const size_t raw = hada_fit_raw_floats(bench->grid);
+    memset(bench->raw, 0, raw * sizeof *bench->raw);
+    for (int m = 0; m < frame->members; m++)
+        for (size_t i = 0; i < raw; i++)
+            bench->raw[i] += frame->member[m]->raw[i];
+    return hada_fit_pair_transform(bench->with->pair, bench->raw, NULL, err);
+}
+
+hada_status hada_trial_filter(hada_trial_bench *bench, const hada_trial_frame *frame, hada_error *err)
+{
+    const hada_fit_grid *grid = bench->grid;
+    hada_fit_pair *pair = bench->with->pair;
+    const size_t count = hada_fit_window_floats(grid);
+    hada_status status = HADA_OK;
+    for (int m = 0; m < frame->members; m++) {
+        const hada_fft_filter of = hada_fit_product(grid, bench->filters.mem, (frame->first + m) * grid->info.channels);
+        /* the scene's place on the device is free by now */
+        HADA_TRY(hada_fit_pair_filter(pair, bench->inverse, &of, err));
+        HADA_TRY(
+            hada_buffer_read(&pair->scene, grid->slot, 0, bench->planes + (size_t)m * count, pair->scene.bytes, err));
+    }
+done:
+    return status;
+}
+
+/* The refined planes of so many members, to the host. */
+static hada_status read_planes(hada_trial_bench *bench, int members, hada_error *err)
+{
+    hada_slot *slot = bench->grid->slot;
+    const size_t bytes = (size_t)members * hada_fit_window_floats(bench->grid) * sizeof(float);
+    const cl_int code = clEnqueueReadBuffer(slot->queue, hada_refiner_planes(bench->refiner), CL_TRUE, 0, bytes,
+                                            bench->planes, 0, NULL, hada_slot_event(slot));
+    if (code != CL_SUCCESS)
+        return hada_fail_cl(err, code, "clEnqueueReadBuffer");
+    hada_slot_moved(slot, "read", (double)bytes);
+    return HADA_OK;
+}
+
+hada_status hada_trial_refine(hada_trial_bench *bench, const hada_trial_frame *frame,
+                              const hada_refine_weights *weights, int before, int steps, hada_error *err)
+{
+    const hada_fit_trial *with = bench->with;
+    const size_t raw = hada_fit_raw_floats(bench->grid);
+    const int list[HADA_TRIAL_MEMBERS] = {frame->first, frame->first + 1};
+    const hada_refine_data data = {.spectrum = with->pair->raw_spectrum.mem,
+                                   .frame = with->pair->raw.mem,
+                                   .otf = bench->otfs.mem,
+                                   .otf_depths = HADA_TRIAL_MEMBERS,
+                                   .prior = bench->prior.mem};
+    hada_refine_rule rule;
+    hada_refine_rule_init(&rule);
+    hada_refine_rule_weigh(&rule, &with->model->info, weights, frame->members, hada_model_gain(with->model),
+                           hada_trial_energy(bench->raw, raw) / (double)raw);
+    rule.stop = 0.0;
+    rule.steps = steps;
+    rule.start = before ? HADA_REFINE_CONTINUE : HADA_REFINE_COLD;
+    rule.before = before;
+    hada_status status = hada_refiner_run(bench->refiner, &data, &rule, 1, frame->members, list, NULL, err);
+    return status ? status : read_planes(bench, frame->members, err);
+}

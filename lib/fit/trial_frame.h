@@ -1,0 +1,52 @@
+/* Frames on trial: pairs that the sums are without, filtered and refined as a reconstruction would, and compared with
+ * their scenes. Internal. */
+#ifndef HADA_FIT_TRIAL_FRAME_H
+#define HADA_FIT_TRIAL_FRAME_H
+
+#include "fit/trial.h"
+
+/* Pairs of a frame, at most, and steps of a refinement. */
+enum { HADA_TRIAL_MEMBERS = 2, HADA_TRIAL_STEPS = 16 };
+
+typedef struct hada_trial_bench {
+    const hada_fit_trial *with;
+    const hada_fit_grid *grid;
+    hada_refiner *refiner;
+    hada_fft *inverse;
+    hada_buffer filters, otfs; /* [member][channel][count] complex */
+    hada_buffer prior;
+    float *raw, *planes, *linear; /* planes at hand, and those of the linear filters */
+    double *scene_energy, *trust; /* per channel; without a pair, and the model's */
+} hada_trial_bench;
+
+/* A frame on trial: of one pair, or the sum of two, whose filters stand at the places from `first` on. */
+typedef struct hada_trial_frame {
+    const hada_fit_kept_pair *member[HADA_TRIAL_MEMBERS];
+    int members, first;
+} hada_trial_frame;
+
+/* `with` and `grid` are set. */
+hada_status hada_trial_bench_create(hada_trial_bench *bench, hada_error *err);
+void hada_trial_bench_destroy(hada_trial_bench *bench);
+
+/* Filters and transfer functions of the members' depths without their pairs. */
+hada_status hada_trial_hold_out(hada_trial_bench *bench, const hada_trial_frame *frame, hada_error *err);
+
+/* The frame's pixels and spectrum. */
+hada_status hada_trial_expose(hada_trial_bench *bench, const hada_trial_frame *frame, hada_error *err);
+
+/* Linear planes, to the host. */
+hada_status hada_trial_filter(hada_trial_bench *bench, const hada_trial_frame *frame, hada_error *err);
+
+/* `steps` further steps of refinement after `before` others, or the first ones; the planes come to the host. */
+hada_status hada_trial_refine(hada_trial_bench *bench, const hada_trial_frame *frame,
+                              const hada_refine_weights *weights, int before, int steps, hada_error *err);
+
+/* The sum of squares. */
+double hada_trial_energy(const float *values, size_t count);
+
+/* PSNR of planes (negative light clipped, as reconstruction does), blended with linear ones where their share is below
+ * 1, against the members' scenes, mean over members. */
+double hada_trial_compare(const hada_trial_bench *bench, const hada_trial_frame *frame, double share);
+
+#endif

@@ -79,12 +79,11 @@ typedef struct hada_refine_weights {
 /* Beyond this the proximal step would not be exact; a grey scene is as grey with less. */
 #define HADA_REFINE_MOST_COLOUR 16.0
 
-/* The last steps of a run, those with shrinkage, and the share of total variation that stays in them; its threshold
- * that photographs favour; beyond the last it would leave nothing (docs/refinement.md). */
-enum { HADA_REFINE_SHRINK_STEPS = 3 };
-#define HADA_REFINE_SHRINK_TV   0.3
+/* The threshold of shrinkage that photographs favour, and beyond which it would leave nothing. */
 #define HADA_REFINE_SHRINK      1.6
 #define HADA_REFINE_MOST_SHRINK 100.0
+/* The share of total variation that stays in steps with it. */
+#define HADA_REFINE_SHRINK_TV 0.3
 
 static inline int hada_refine_shrink_known(double shrink)
 {

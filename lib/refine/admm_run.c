@@ -123,7 +123,7 @@ static int shrink_steps(const hada_refine_run *r, const hada_refine_rule *rule)
 {
     if (!(rule->tv > 0.0 && rule->shrink > 0.0) || r->sets * r->depths > 1)
         return 0;
-    return rule->steps / 2 < HADA_REFINE_SHRINK_STEPS ? rule->steps / 2 : HADA_REFINE_SHRINK_STEPS;
+    return rule->steps / 2 < HADA_SHRINKAGE_STEPS ? rule->steps / 2 : HADA_SHRINKAGE_STEPS;
 }
 
 hada_status hada_refiner_run(hada_refiner *refiner, const hada_refine_data *data, const hada_refine_rule *rule,

@@ -9,6 +9,9 @@
 /* Thresholds of differences of colour, over that of brightness. */
 #define HADA_SHRINKAGE_COLOUR 1.25
 
+/* The last steps of a run, those with shrinkage. */
+enum { HADA_SHRINKAGE_STEPS = 3 };
+
 typedef struct hada_shrinkage {
     int channels, rows, cols; /* of the image */
     hada_program_refine_dct program;

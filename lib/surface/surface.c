@@ -19,6 +19,10 @@ static const char what[] = "a surface";
 /* Largest curvatures of the data terms: of planes their number and this, of a texture. */
 #define PLANES_BOUND  0.5
 #define TEXTURE_BOUND 1.5
+/* Weaker than that of a plane: where depths jump, total variation holds a texture that shrinkage alone would not
+ * (docs/surfaces.md). */
+#define TEXTURE_SHRINK    0.7
+#define TEXTURE_SHRINK_TV 0.6
 /* Pixels on each side of one over which the texture says how sure its depth is. */
 enum { SURE_RADIUS = 2 };
 
@@ -392,6 +396,8 @@ static hada_status solve_texture(hada_surface *s, const hada_surface_rule *rule,
     const hada_volume_rule solve = {.steps = rule->texture_steps,
                                     .floor = rule->floor,
                                     .variation = rule->texture_variation * mean,
+                                    .shrink = TEXTURE_SHRINK,
+                                    .shrink_tv = TEXTURE_SHRINK_TV,
                                     .bound = TEXTURE_BOUND};
     double *energy = &result->energy[s->levels - 1];
     int first, last;

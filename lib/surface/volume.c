@@ -108,6 +108,8 @@ static hada_status prepare(hada_volume *v, hada_error *err)
     HADA_TRY(hada_prepare_surface_volume(v->slot, v->program, err));
     HADA_TRY(hada_prepare_refine(v->slot, v->refine, err));
     HADA_TRY(hada_variation_prepare(&v->variation, v->slot, s->channels, s->window.rows, s->window.cols, err));
+    if (!s->free)
+        HADA_TRY(hada_shrinkage_prepare(&v->shrinkage, v->slot, s->channels, s->window.rows, s->window.cols, err));
 done:
     return status;
 }
@@ -202,7 +204,7 @@ static hada_status descend(hada_volume *v, const hada_volume_unknown *u, const h
             *astray = !(*energy <= whole) || *energy > ASTRAY * least + ASTRAY_PART * whole;
             least = fmin(least, *energy);
         }
-        HADA_TRY(hada_volume_step(v, u, rule, bound, (t - 1) / next, !k, err));
+        HADA_TRY(hada_volume_step(v, u, rule, bound, (t - 1) / next, k, err));
         t = next;
     }
 done:

@@ -28,7 +28,10 @@ typedef struct hada_volume_rule {
     double floor;     /* of the weight, in units of |H(0)|^2; > 0 */
     double variation; /* weight of total variation, in units of the scene (docs/surfaces.md); 0: none */
     double colour;    /* in it, weight of differences of colour over those of brightness, from 1; 0: 1 */
-    double bound;     /* the largest curvature, of which a step is the inverse; it is doubled where it was too small */
+    double shrink,
+        shrink_tv; /* of a texture, with variation: in the last steps the threshold of the shrinkage of its blocks
+                      (refine/shrinkage.h), in units of variation, and the share of variation that stays */
+    double bound;  /* the largest curvature, of which a step is the inverse; it is doubled where it was too small */
 } hada_volume_rule;
 
 typedef struct hada_volume hada_volume;

@@ -202,10 +202,27 @@ done:
     return status;
 }
 
-hada_status hada_volume_step(hada_volume *v, const hada_volume_unknown *u, const hada_volume_rule *rule, double bound,
-                             double momentum, int fresh, hada_error *err)
+/* The proximal step of total variation on the point that a gradient step found, with shrinkage at the end of a
+ * texture's run. */
+static hada_status smooth(hada_volume *v, const hada_volume_unknown *u, const hada_volume_rule *rule, double theta,
+                          int step, hada_error *err)
 {
-    const cl_mem duals[2] = {v->duals[0].mem, v->duals[1].mem}, allowed = u->allowed ? u->allowed : v->at.mem;
+    const cl_mem duals[2] = {v->duals[0].mem, v->duals[1].mem};
+    const int shrink = u->texture && rule->shrink > 0 && step >= rule->steps - HADA_SHRINKAGE_STEPS;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_variation_step(&v->variation, v->slot, v->gradient.mem, duals, u->texture ? 1 : v->shape.planes,
+                                 shrink ? rule->shrink_tv * theta : theta, fmax(rule->colour, 1.0), !step, err));
+    /* the second duals, twice as large as a texture, are free by now */
+    if (shrink)
+        HADA_TRY(hada_shrinkage_step(&v->shrinkage, v->slot, v->gradient.mem, duals[1], rule->shrink * theta, err));
+done:
+    return status;
+}
+
+hada_status hada_volume_step(hada_volume *v, const hada_volume_unknown *u, const hada_volume_rule *rule, double bound,
+                             double momentum, int step, hada_error *err)
+{
+    const cl_mem allowed = u->allowed ? u->allowed : v->at.mem;
     const hada_range range = slices(v, u->count, 1, 1);
     const double values = (double)u->count, theta = rule->variation > 0 ? rule->variation / bound : 0;
     hada_status status = HADA_OK;
@@ -214,8 +231,7 @@ hada_status hada_volume_step(hada_volume *v, const hada_volume_unknown *u, const
                                         .allowed = allowed, .has_allowed = u->allowed != NULL,
                                         .values = (cl_uint)u->count, .length = (float)(1.0 / bound)));
     if (theta > 0)
-        HADA_TRY(hada_variation_step(&v->variation, v->slot, v->gradient.mem, duals, u->texture ? 1 : v->shape.planes,
-                                     theta, fmax(rule->colour, 1.0), fresh, err));
+        HADA_TRY(smooth(v, u, rule, theta, step, err));
     hada_slot_cost(v->slot, (u->allowed ? 20.0 : 16.0) * values, 4.0 * values);
     HADA_TRY(hada_launch_volume_advance(v->slot, v->program, &range, err, .point = v->gradient.mem, .u = u->values,
                                         .y = v->at.mem, .allowed = allowed, .has_allowed = u->allowed != NULL,

@@ -4,6 +4,7 @@
 
 #include "launch/refine.h"
 #include "launch/surface_volume.h"
+#include "refine/shrinkage.h"
 #include "refine/variation.h"
 #include "surface/volume.h"
 
@@ -15,6 +16,7 @@ struct hada_volume {
     hada_program_refine refine;
     size_t group;
     hada_variation variation;
+    hada_shrinkage shrinkage;
     int batch; /* planes at once */
     size_t window_area, frame_area, slices;
     hada_fft *forward, *inverse;             /* of the window's planes */
@@ -49,9 +51,10 @@ hada_status hada_volume_weigh(hada_volume *v, double floor, hada_error *err);
 /* The gradient at the extrapolated point; the residual's energies are on their way. */
 hada_status hada_volume_differentiate(hada_volume *v, const hada_volume_unknown *u, hada_error *err);
 
-/* The proximal step of length 1 / bound from the extrapolated point, and the next such point. */
+/* The proximal step number `step` of a run, of length 1 / bound from the extrapolated point, and the next such point.
+ */
 hada_status hada_volume_step(hada_volume *v, const hada_volume_unknown *u, const hada_volume_rule *rule, double bound,
-                             double momentum, int fresh, hada_error *err);
+                             double momentum, int step, hada_error *err);
 
 /* The energy of the last residual, within the frame. */
 hada_status hada_volume_fetch_energy(hada_volume *v, double *energy, hada_error *err);

@@ -138,7 +138,7 @@ static hada_status expect(check_state *state, const refine_state *own, hada_erro
                                          .shrink = own->rule.shrink,
                                          .shrink_tv = HADA_REFINE_SHRINK_TV,
                                          .shrink_colour = HADA_SHRINKAGE_COLOUR,
-                                         .shrink_steps = own->rule.shrink > 0.0 ? HADA_REFINE_SHRINK_STEPS : 0,
+                                         .shrink_steps = own->rule.shrink > 0.0 ? HADA_SHRINKAGE_STEPS : 0,
                                          .otf = otf,
                                          .image = own->image,
                                          .rho = own->rule.rho,

@@ -5,6 +5,7 @@
 #include "filter/layout.h"
 #include "ref/ref_fft.h"
 #include "ref/ref_volume.h"
+#include "refine/shrinkage.h"
 #include "refine/variation.h"
 #include "surface/volume.h"
 
@@ -37,6 +38,8 @@ static void read_shape(const check_state *state, volume_state *own)
                                    .floor = 0.01,
                                    .variation = 1e-3 * check_get(state, 'y', 0),
                                    .colour = 0.1 * check_get(state, 'z', 10),
+                                   .shrink = 0.1 * check_get(state, 's', 0),
+                                   .shrink_tv = 0.6,
                                    .bound = own->shape.planes + 0.5};
     own->area = (size_t)window_rows * (size_t)window_cols;
     own->unknown = (size_t)(own->is_texture ? 1 : own->shape.planes) * (size_t)own->shape.channels * own->area;
@@ -141,6 +144,10 @@ static hada_status expect(check_state *state, const volume_state *own, hada_erro
                                      .variation = own->rule.variation,
                                      .colour = own->rule.colour,
                                      .bound = own->rule.bound,
+                                     .shrink = own->rule.shrink,
+                                     .shrink_tv = own->rule.shrink_tv,
+                                     .shrink_colour = HADA_SHRINKAGE_COLOUR,
+                                     .shrink_steps = own->is_texture && own->rule.shrink > 0 ? HADA_SHRINKAGE_STEPS : 0,
                                      .tv_length = HADA_REFINE_TV_LENGTH,
                                      .tv_steps = HADA_REFINE_TV_STEPS,
                                      .steps = own->rule.steps};
@@ -194,5 +201,6 @@ static void release(check_state *state)
 const check_op check_volume = {
     "volume",
     "r rows, c columns, h and w of the window, d planes, k channels, n steps, p1 cropped by "
-    "the sensor, y total variation (thousandths), z its weight of colour (tenths), m1 within a mask, x1 a texture",
+    "the sensor, y total variation (thousandths), z its weight of colour (tenths), m1 within a mask, x1 a texture, "
+    "s shrinkage of its blocks (tenths)",
     prepare, launch, release};

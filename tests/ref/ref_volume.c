@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "core/alloc.h"
+#include "ref/ref_dct.h"
 #include "ref/ref_fft.h"
 #include "ref/ref_tv.h"
 
@@ -119,7 +120,26 @@ done:
     return status;
 }
 
-static hada_status step(state *s, double momentum, double *u, hada_error *err)
+/* The proximal step of one texture or plane, from the point to the gradient's place. */
+static hada_status smooth(state *s, int number, size_t first, hada_error *err)
+{
+    const hada_ref_volume *p = s->p;
+    const int shrinks = number >= p->steps - p->shrink_steps;
+    const double theta = p->variation / p->bound;
+    double *u = s->gradient + first, *w = s->point + first;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_ref_tv_coupled(w, p->channels, p->window_rows, p->window_cols, shrinks ? p->shrink_tv * theta : theta,
+                                 fmax(p->colour, 1.0), p->tv_length, p->tv_steps, s->duals + 2 * first, u, err));
+    if (shrinks) {
+        HADA_TRY(hada_ref_dct_shrink(u, p->channels, p->window_rows, p->window_cols, p->shrink * theta,
+                                     p->shrink_colour, w, err));
+        memcpy(u, w, (size_t)p->channels * s->area * sizeof *u);
+    }
+done:
+    return status;
+}
+
+static hada_status step(state *s, int number, double momentum, double *u, hada_error *err)
 {
     const hada_ref_volume *p = s->p;
     const size_t each = (size_t)p->channels * s->area;
@@ -134,9 +154,7 @@ static hada_status step(state *s, double momentum, double *u, hada_error *err)
     for (size_t i = 0; i < s->unknown; i++)
         s->point[i] = (p->allowed ? p->allowed[i] : 1.0) * (s->at[i] - s->gradient[i] / p->bound);
     for (size_t first = 0; p->variation > 0 && first < s->unknown; first += each)
-        HADA_TRY(hada_ref_tv_coupled(s->point + first, p->channels, p->window_rows, p->window_cols,
-                                     p->variation / p->bound, fmax(p->colour, 1.0), p->tv_length, p->tv_steps,
-                                     s->duals + 2 * first, s->gradient + first, err));
+        HADA_TRY(smooth(s, number, first, err));
     for (size_t i = 0; i < s->unknown; i++) {
         const double v =
             (p->allowed ? p->allowed[i] : 1.0) * fmax(p->variation > 0 ? s->gradient[i] : s->point[i], 0.0);
@@ -169,7 +187,7 @@ hada_status hada_ref_volume_run(const hada_ref_volume *p, double *values, hada_e
     memcpy(s.at, values, s.unknown * sizeof *values);
     for (int k = 0; k < p->steps; k++) {
         const double next = (1 + sqrt(1 + 4 * t * t)) / 2;
-        HADA_TRY(step(&s, (t - 1) / next, values, err));
+        HADA_TRY(step(&s, k, (t - 1) / next, values, err));
         t = next;
     }
 done:

@@ -19,6 +19,10 @@ typedef struct hada_ref_volume {
     double colour; /* as ref_tv.h; 0: 1 */
     double tv_length;
     int tv_steps, steps;
+    /* of a texture, in the last steps: shrinkage (ref_dct.h) after a share of variation, its threshold in units of it
+     */
+    double shrink, shrink_tv, shrink_colour;
+    int shrink_steps;
 } hada_ref_volume;
 
 /* values: the planes [plane][channel][window], or the texture [channel][window]; where the run starts and what it

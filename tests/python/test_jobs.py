@@ -187,38 +187,48 @@ def test_ctrl_c(what: str, model_file: Path, camera: Path, tmp_path: Path) -> No
         assert process.wait(20) == 0
 
 
-def test_python_goes_on_while_c_works(slow: hadalens.Plan, raw: Array) -> None:
-    """Another Python thread keeps most of its rate: of the CPU time that it gets, run takes nothing away."""
-    ended = threading.Event()
-    rates: list[float] = []
+def runnable(work: Any) -> float:
+    """Return the share of the time in which another Python thread, which only counts, was not held up.
+
+    It runs, or waits for a core, as the kernel counts both; what is missing is waiting for the GIL.
+    """
+    ended, shares = threading.Event(), [0.0]
+
+    def busy() -> float:
+        ran, waited, _ = map(int, Path(f"/proc/self/task/{threading.get_native_id()}/schedstat").read_text().split())
+        return (ran + waited) / 1e9
 
     def count() -> None:
-        start, turns = time.thread_time(), 0
-        began = time.monotonic()
+        start, began = busy(), time.monotonic()
         while not ended.is_set():
-            turns += 1
-        rates.append(turns / (time.thread_time() - start))
-        waited.append(time.monotonic() - began - (time.thread_time() - start))
+            pass
+        shares[0] = (busy() - start) / (time.monotonic() - began)
 
-    waited: list[float] = []
+    thread = threading.Thread(target=count)
+    thread.start()
+    work()
+    ended.set()
+    thread.join()
+    return shares[0]
 
-    def measure(work: Any) -> float:
-        ended.clear()
-        thread = threading.Thread(target=count)
-        thread.start()
-        work()
-        ended.set()
-        thread.join()
-        return rates.pop()
+
+@pytest.mark.skipif(not Path("/proc/self/schedstat").exists(), reason="the kernel does not count waiting")
+def test_python_goes_on_while_c_works(slow: hadalens.Plan, raw: Array) -> None:
+    """Another Python thread keeps 80 % of its rate while a frame is run; beside one that keeps the GIL it does not."""
 
     def compute() -> None:
         job = slow.submit(raw)
         job.wait(1.5)
         job.cancel()
 
-    alone = max(measure(lambda: time.sleep(0.5)) for _ in range(2))
-    beside = max(measure(compute) for _ in range(2))
-    assert beside >= 0.8 * alone
+    def hold() -> None:
+        until = time.monotonic() + 1.0
+        while time.monotonic() < until:
+            pass
+
+    assert runnable(compute) >= 0.8
+    if os.getloadavg()[0] <= (os.cpu_count() or 1):  # else threads wait for cores more than for anything else
+        assert runnable(hold) < 0.8
 
 
 def resident() -> int:

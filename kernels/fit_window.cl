@@ -23,7 +23,7 @@ __kernel void fit_gather(__global const float *g, __global const float *b, __glo
     vstore16(vload16(i, sum) + product, i, sum);
 }
 
-inline float8 fit_inner(float16 under, float16 u, float16 v)
+static inline float8 fit_inner(float16 under, float16 u, float16 v)
 {
     return under.even * u.even * v.even + under.odd * u.odd * v.odd;
 }

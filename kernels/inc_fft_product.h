@@ -14,22 +14,22 @@
 typedef ushort filter_value;
 /* Eight finite halves: their bits moved to where float has them, and the exponent's bias set right. As exact as
  * vload_half8, which some CPU drivers do one by one. */
-inline float8 load_filter(__global const ushort *p)
+static inline float8 load_filter(__global const ushort *p)
 {
     const uint8 bits = convert_uint8(vload8(0, p));
     return as_float8((bits & 0x7fffu) << 13 | (bits & 0x8000u) << 16) * 0x1p112f;
 }
-inline float2 load_filter_value(__global const ushort *p)
+static inline float2 load_filter_value(__global const ushort *p)
 {
     return vload_half2(0, (__global const half *)p);
 }
 #else
 typedef float filter_value;
-inline float8 load_filter(__global const float *p)
+static inline float8 load_filter(__global const float *p)
 {
     return vload8(0, p);
 }
-inline float2 load_filter_value(__global const float *p)
+static inline float2 load_filter_value(__global const float *p)
 {
     return vload2(0, p);
 }

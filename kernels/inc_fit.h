@@ -32,18 +32,18 @@ static inline float8 fit_eight(size_t i, __global const float *p)
 #endif
 }
 
-inline float8 fit_high(__global const float *sums, ulong stride, int k, size_t i)
+static inline float8 fit_high(__global const float *sums, ulong stride, int k, size_t i)
 {
     return fit_eight(i, sums + (size_t)(2 * k) * stride);
 }
 
-inline float8 fit_low(__global const float *sums, ulong stride, int k, size_t i)
+static inline float8 fit_low(__global const float *sums, ulong stride, int k, size_t i)
 {
     return fit_eight(i, sums + (size_t)(2 * k + 1) * stride);
 }
 
 /* Adds a value: D. E. Knuth's two-sum keeps what rounding loses, a second sum puts the pair back in order. */
-inline void fit_add(__global float *sums, ulong stride, int k, size_t i, float8 value)
+static inline void fit_add(__global float *sums, ulong stride, int k, size_t i, float8 value)
 {
     const float8 high = fit_high(sums, stride, k, i), low = fit_low(sums, stride, k, i);
     const float8 sum = high + value, back = sum - high;
@@ -54,19 +54,19 @@ inline void fit_add(__global float *sums, ulong stride, int k, size_t i, float8 
 }
 
 /* A sum without one of its values, rounded once at the end. */
-inline float8 fit_without(__global const float *sums, ulong stride, int k, size_t i, float8 value)
+static inline float8 fit_without(__global const float *sums, ulong stride, int k, size_t i, float8 value)
 {
     const float8 high = fit_high(sums, stride, k, i), low = fit_low(sums, stride, k, i);
     const float8 sum = high - value, back = sum - high;
     return sum + (((high - (sum - back)) - (value + back)) + low);
 }
 
-inline float8 fit_divide(float8 over, float8 under)
+static inline float8 fit_divide(float8 over, float8 under)
 {
     return under > 0.0f ? over / under : (float8)0.0f;
 }
 
-inline float16 fit_divide_parts(float16 over, float16 under)
+static inline float16 fit_divide_parts(float16 over, float16 under)
 {
     float16 result;
     result.even = fit_divide(over.even, under.even);
@@ -74,14 +74,14 @@ inline float16 fit_divide_parts(float16 over, float16 under)
     return result;
 }
 
-inline float fit_total(float8 value)
+static inline float fit_total(float8 value)
 {
     const float4 half_sum = value.lo + value.hi;
     return (half_sum.x + half_sum.y) + (half_sum.z + half_sum.w);
 }
 
 /* The last values of an image may not fill a group, and the next image follows. */
-inline void fit_put(float16 value, size_t i, ulong count, __global float *image)
+static inline void fit_put(float16 value, size_t i, ulong count, __global float *image)
 {
     if (8 * i + 8 <= count) {
         vstore16(value, i, image);
@@ -151,7 +151,7 @@ typedef struct fit_under {
     float16 own, whole;
 } fit_under;
 
-inline fit_under fit_under_of(__global const float *sums, __global const float *pool, ulong stride,
+static inline fit_under fit_under_of(__global const float *sums, __global const float *pool, ulong stride,
                               hada_fit_penalty penalty, size_t i)
 {
     const float alpha = penalty.alpha, ridge = penalty.ridge;
@@ -176,7 +176,7 @@ typedef struct fit_terms {
     float8 cross_re, cross_im, raw, scene, split_cross, split_raw;
 } fit_terms;
 
-inline fit_terms fit_terms_of(float16 x, float16 b)
+static inline fit_terms fit_terms_of(float16 x, float16 b)
 {
     const float8 xr = x.even, xi = x.odd, br = b.even, bi = b.odd;
     fit_terms terms;

@@ -4,7 +4,7 @@
 #ifndef INC_SPECTRUM_H
 #define INC_SPECTRUM_H
 
-inline size_t spectrum_index(int rows, int block, int ky, int kx)
+static inline size_t spectrum_index(int rows, int block, int ky, int kx)
 {
     return ((size_t)(kx / block) * (size_t)rows + (size_t)ky) * (size_t)block + (size_t)(kx % block);
 }

@@ -5,7 +5,7 @@
 /* Adds the gradient of filters: scale m conj(B) G (form complex), or scale m (Re(B) Re(G), Im(B) Im(G)) (split), for
  * spectra B of a frame and G of the gradient of a plane. m, from `weights`, says how often a value of the half spectrum
  * stands in the whole one; where it is 0 (padding, which holds anything) nothing is added. */
-inline float16 train_add(float16 b, float16 g, float8 m, int split, float16 sum)
+static inline float16 train_add(float16 b, float16 g, float8 m, int split, float16 sum)
 {
     const int8 there = m > 0.0f;
     const float8 re = split ? b.even * g.even : fma(b.even, g.even, b.odd * g.odd);
@@ -50,7 +50,7 @@ __kernel void train_filter(__global const float *b, ulong offset, __global const
     for (size_t i = get_global_id(0) * HADA_TRAIN_RUN, train_end = min(i + HADA_TRAIN_RUN, (size_t)(count));           \
          i < train_end; i += 8)
 
-inline float8 train_get(__global const float *p, size_t i, ulong count)
+static inline float8 train_get(__global const float *p, size_t i, ulong count)
 {
     if (i + 8 <= count)
         return vload8(0, p + i);
@@ -60,7 +60,7 @@ inline float8 train_get(__global const float *p, size_t i, ulong count)
     return vload8(0, lanes);
 }
 
-inline void train_put(float8 v, __global float *p, size_t i, ulong count)
+static inline void train_put(float8 v, __global float *p, size_t i, ulong count)
 {
     if (i + 8 <= count) {
         vstore8(v, 0, p + i);

@@ -55,8 +55,10 @@ static int open_device(hada_cli *cli, const settings *set)
     hada_context *context = NULL;
     if (hada_cli_open(cli, &context, &err))
         return hada_cli_fail(cli, &err);
-    hada_cli_say(cli, "\nDevice %d gives the known answers.", hada_context_device(context)->index);
+    hada_cli_say(cli, "\nDevice %d gives the known answers; it takes kernels as %s.",
+                 hada_context_device(context)->index, hada_kernel_shape_name(hada_context_shape(context)));
     json_object_set_new(cli->document, "checked", json_true());
+    json_object_set_new(cli->document, "shape", json_string(hada_kernel_shape_name(hada_context_shape(context))));
     if (set->save_binaries) {
         hada_status status = hada_programs_save(context, set->save_binaries, &err);
         if (status) {

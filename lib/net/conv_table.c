@@ -115,8 +115,8 @@ void hada_conv_table_group(const hada_context *context, hada_conv_pass *pass, in
 
 static int winograd_pays(const hada_context *context, int in_channels, int out_channels)
 {
-    return context->info.kind == HADA_DEVICE_CPU && in_channels >= WINOGRAD_CHANNELS &&
-           out_channels >= WINOGRAD_CHANNELS;
+    return context->info.kind == HADA_DEVICE_CPU && context->shape == HADA_SHAPE_LANES &&
+           in_channels >= WINOGRAD_CHANNELS && out_channels >= WINOGRAD_CHANNELS;
 }
 
 int hada_conv_table_winograd(const hada_context *context, const hada_conv_desc *desc, const hada_conv_pass *pass)

@@ -21,6 +21,16 @@ const hada_device_info *hada_context_device(const hada_context *context)
     return &context->info;
 }
 
+hada_kernel_shape hada_context_shape(const hada_context *context)
+{
+    return context->shape;
+}
+
+const char *hada_kernel_shape_name(hada_kernel_shape shape)
+{
+    return shape == HADA_SHAPE_GROUPS ? "groups" : "lanes";
+}
+
 static uint64_t locked(const hada_context *context, const uint64_t *value)
 {
     pthread_mutex_t *lock = &((hada_context *)context)->lock;

@@ -9,12 +9,6 @@
 
 #include "core/error.h"
 
-/* The shape that kernels take on a device: which variant of an operation serves. */
-typedef enum hada_shape {
-    HADA_SHAPE_LANES = 0, /* CPU, FPGA: vectors in one work-item, work-groups of one, no barriers */
-    HADA_SHAPE_GROUPS = 1 /* GPU: work-groups with local memory */
-} hada_shape;
-
 /* What the library does differently on a device; filled from the table in quirks.c. */
 typedef struct hada_quirks {
     const char *build_options;   /* extra options for every program */
@@ -32,8 +26,8 @@ struct hada_context {
     int adopted; /* the device is the caller's, and held as long as the context is */
     cl_context cl;
     hada_device_info info;
-    hada_shape shape;
-    unsigned vector_floats; /* how many floats the device's vectors hold, as it says itself */
+    hada_kernel_shape shape; /* which variant of an operation serves */
+    unsigned vector_floats;  /* how many floats the device's vectors hold, as it says itself */
     hada_quirks quirks;
     hada_program_store *programs;
     hada_tuning *tuning; /* NULL where none */

@@ -1,6 +1,7 @@
 /* Opening a context: one chosen device, or one adopted, its programs and its tuning. */
 #include <hadalens/opencl.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "core/alloc.h"
 #include "core/options.h"
@@ -11,7 +12,7 @@
 
 void hada_context_options_defaults(hada_context_options *options, size_t size)
 {
-    const hada_context_options own = {.size = sizeof own, .log_level = HADA_LOG_WARNING};
+    const hada_context_options own = {.size = sizeof own, .log_level = HADA_LOG_WARNING, .shape = HADA_AUTO};
     HADA_OPTIONS_GIVE(options, size, &own);
 }
 
@@ -75,10 +76,27 @@ done:
 static void look_at_device(hada_context *context)
 {
     hada_quirks_find(&context->info, &context->quirks);
-    context->shape = context->info.kind == HADA_DEVICE_GPU ? HADA_SHAPE_GROUPS : HADA_SHAPE_LANES;
     cl_uint floats = 0; /* a device that does not say is one without vectors */
     clGetDeviceInfo(context->device, CL_DEVICE_NATIVE_VECTOR_WIDTH_FLOAT, sizeof floats, &floats, NULL);
     context->vector_floats = floats;
+}
+
+static hada_status choose_shape(hada_context *context, int wanted, hada_error *err)
+{
+    const char *named = getenv("HADALENS_SHAPE");
+    context->shape = context->info.kind == HADA_DEVICE_GPU ? HADA_SHAPE_GROUPS : HADA_SHAPE_LANES;
+    if (wanted == HADA_SHAPE_LANES || wanted == HADA_SHAPE_GROUPS) {
+        context->shape = (hada_kernel_shape)wanted;
+    } else if (wanted != HADA_AUTO) {
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "options.shape is %d: give HADA_SHAPE_LANES, HADA_SHAPE_GROUPS or HADA_AUTO", wanted);
+    } else if (named && *named) {
+        context->shape = strcmp(named, "groups") ? HADA_SHAPE_LANES : HADA_SHAPE_GROUPS;
+        if (strcmp(named, hada_kernel_shape_name(context->shape)))
+            return hada_fail(err, HADA_ERROR_DEVICE_CHOICE,
+                             "HADALENS_SHAPE is '%s', which is no shape of kernels: set it to lanes or groups", named);
+    }
+    return HADA_OK;
 }
 
 /* The device of an OpenCL context that is there already. */
@@ -162,11 +180,12 @@ static hada_status open_context(hada_context **out, const adopted *from, const h
         HADA_TRY(hada_tuning_read(&context->tuning, tuning, err));
     HADA_TRY(from ? take_device(context, from, err) : make_device(context, &options, err));
     look_at_device(context);
+    HADA_TRY(choose_shape(context, options.shape, err));
     HADA_TRY(hada_program_store_create(context, &options, err));
     if (!options.skip_self_test)
         HADA_TRY(hada_self_test(context, err));
-    hada_log(context, HADA_LOG_INFO, "device %d: %s (%s, %s)", context->info.index, context->info.name,
-             hada_device_kind_name(context->info.kind), context->info.platform);
+    hada_log(context, HADA_LOG_INFO, "device %d: %s (%s, %s), kernels as %s", context->info.index, context->info.name,
+             hada_device_kind_name(context->info.kind), context->info.platform, hada_kernel_shape_name(context->shape));
     *out = context;
 done:
     if (status)

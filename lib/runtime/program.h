@@ -18,6 +18,9 @@ typedef struct hada_program_row {
      : (vectors)                           ? HADA_PROGRAM_##FILE##_DEFAULT                                             \
                                            : HADA_PROGRAM_##FILE##_SCALAR)
 
+/* Whether a program serves the context's shape. */
+int hada_program_serves(const hada_context *context, const hada_program_row *row);
+
 typedef struct hada_kernel hada_kernel; /* runtime/launch.h */
 
 /* A kernel file, embedded in the library at build time (cmake/kernels.py): its text with includes flattened, its

@@ -4,10 +4,9 @@
 
 #include "runtime/store.h"
 
-static int serves(const hada_context *context, const hada_program_row *row)
+int hada_program_serves(const hada_context *context, const hada_program_row *row)
 {
-    return !strcmp(row->shapes, "all") ||
-           !strcmp(row->shapes, context->shape == HADA_SHAPE_GROUPS ? "groups" : "lanes");
+    return !strcmp(row->shapes, "all") || !strcmp(row->shapes, hada_kernel_shape_name(context->shape));
 }
 
 static hada_status save(hada_context *context, const char *folder, const char *file, const char *macros,
@@ -38,7 +37,7 @@ hada_status hada_programs_save(hada_context *context, const char *folder, hada_e
     HADA_TRY(hada_folder_make(folder, 0777, err));
     for (int f = 0; f < hada_kernel_file_count; f++)
         for (int i = 0; i < hada_kernel_files[f]->program_count; i++)
-            if (serves(context, &hada_kernel_files[f]->programs[i]))
+            if (hada_program_serves(context, &hada_kernel_files[f]->programs[i]))
                 HADA_TRY(
                     save(context, folder, hada_kernel_files[f]->name, hada_kernel_files[f]->programs[i].macros, err));
 done:

@@ -70,6 +70,12 @@ hada_status check_region(check_state *state, size_t first, size_t count, cl_mem 
     return HADA_OK;
 }
 
+int check_both_shapes(const hada_context *context)
+{
+    const char *forced = getenv("HADALENS_SHAPE");
+    return context->info.kind == HADA_DEVICE_CPU && !(forced && *forced);
+}
+
 size_t check_local(const check_state *state, size_t groups)
 {
     return state->slot->context->shape == HADA_SHAPE_GROUPS ? groups : 1;
@@ -241,7 +247,7 @@ static verdict run_case(hada_slot *slot, const check_op *op, const char *shape, 
 {
     check_state state = {.op = op, .shape = shape, .seed = how->seed, .slot = slot};
     state.timing = !strcmp(how->mode, "time");
-    const hada_shape own_shape = slot->context->shape;
+    const hada_kernel_shape own_shape = slot->context->shape;
     const uint64_t own_local = slot->context->info.local_memory_bytes;
     const unsigned own_units = slot->context->info.compute_units, own_floats = slot->context->vector_floats;
     /* which kernels serve depends on the number of units: the same ones are checked on every machine */
@@ -317,6 +323,14 @@ static verdict run_case(hada_slot *slot, const check_op *op, const char *shape, 
     return result;
 }
 
+/* A line that asks for the kernels of the other shape, where only one is run. */
+static int of_other_shape(const hada_slot *slot, const char *shape)
+{
+    const check_state state = {.shape = shape};
+    const int own = slot->context->shape == HADA_SHAPE_GROUPS;
+    return !check_both_shapes(slot->context) && check_get(&state, 'g', own) != own;
+}
+
 static int larger(const char *shape, int largest)
 {
     for (const char *p = shape; largest && *p; p++)
@@ -340,7 +354,7 @@ static void run_file(hada_slot *slot, const check_op *op, const settings *how, i
         /* shapes after a '*' are large: for timing only */
         int large = line[0] == '*';
         if (line[0] == '#' || sscanf(line + large, "%255s", shape) != 1 || (large && strcmp(how->mode, "time")) ||
-            larger(shape, how->largest))
+            larger(shape, how->largest) || of_other_shape(slot, shape))
             continue;
         counts[run_case(slot, op, shape, how)]++;
     }
@@ -438,7 +452,8 @@ int main(int count, char **words)
     if (how.csv)
         printf("operation,shape,median_ms,fastest_ms,gb_per_s,gflop_per_s,runs\n");
     else
-        printf("device %d: %s\n", context->info.index, context->info.name);
+        printf("device %d: %s, kernels as %s\n", context->info.index, context->info.name,
+               check_both_shapes(context) ? "lanes and groups" : hada_kernel_shape_name(context->shape));
     const int cover = !strcmp(how.mode, "cover");
     if (cover)
         run_cover(slot, words[0], &how, counts);

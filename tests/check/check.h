@@ -52,6 +52,10 @@ extern const size_t check_op_count;
  * t1 makes it believe that the device has no local memory to speak of, u1 has spectra row-major, as clFFT has them,
  * v16 or v8 is the length of its vectors (8 where only the result counts). */
 
+/* Whether kernels of both shapes are run: on CPUs, where HADALENS_SHAPE names none. Elsewhere lines that ask for the
+ * other shape are left out, and its kernels are not missed. */
+int check_both_shapes(const hada_context *context);
+
 /* The number behind a letter of the shape, or `otherwise` where the letter is absent. */
 int check_get(const check_state *state, char letter, int otherwise);
 

@@ -8,6 +8,12 @@ is_json 'devices'
 expect 0 'gives the known answers' devices --check
 expect 5 'HADALENS_DEVICE|--device|hadalens devices' devices --check --device nosuchdevice
 expect 5 '' devices --check --device 99
+expect 0 'kernels as groups' devices --check --shape groups
+expect 0 '"shape": "lanes"' devices --check --shape lanes --json
+HADALENS_SHAPE=groups expect 0 '"shape": "groups"' devices --check --json
+HADALENS_SHAPE=groups expect 0 '"shape": "lanes"' devices --check --shape lanes --json
+HADALENS_SHAPE=round expect 5 "HADALENS_SHAPE is 'round'.*lanes or groups" devices --check
+expect 2 '--shape takes one of lanes|groups' devices --check --shape round
 HADALENS_DEVICE=nosuchdevice expect 5 'nosuchdevice' fit "$camera" -o x
 lacks x
 

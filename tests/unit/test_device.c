@@ -77,6 +77,44 @@ static void chooses_by_index_kind_and_name(void **state)
     }
 }
 
+static void takes_kernels_in_the_shape_that_is_asked_for(void **state)
+{
+    (void)state;
+    static const struct {
+        int option;
+        const char *variable;
+        hada_status status;
+        hada_kernel_shape shape;
+    } rows[] = {
+        {HADA_SHAPE_GROUPS, NULL, HADA_OK, HADA_SHAPE_GROUPS},
+        {HADA_SHAPE_LANES, "groups", HADA_OK, HADA_SHAPE_LANES},
+        {HADA_AUTO, "groups", HADA_OK, HADA_SHAPE_GROUPS},
+        {HADA_AUTO, "lanes", HADA_OK, HADA_SHAPE_LANES},
+        {HADA_AUTO, "group", HADA_ERROR_DEVICE_CHOICE, HADA_SHAPE_LANES},
+        {7, NULL, HADA_ERROR_ARGUMENT, HADA_SHAPE_LANES},
+    };
+    const char *before = getenv("HADALENS_SHAPE");
+    char *kept = before ? strdup(before) : NULL;
+    for (size_t i = 0; i < HADA_COUNT(rows); i++) {
+        hada_context *context;
+        hada_context_options options;
+        hada_error error = {0};
+        hada_context_options_init(&options);
+        options.shape = rows[i].option;
+        rows[i].variable ? setenv("HADALENS_SHAPE", rows[i].variable, 1) : unsetenv("HADALENS_SHAPE");
+        assert_int_equal(hada_context_create(&context, &options, &error), rows[i].status);
+        if (context)
+            assert_int_equal(hada_context_shape(context), rows[i].shape);
+        else
+            assert_non_null(strstr(error.message, rows[i].variable ? "lanes or groups" : "HADA_AUTO"));
+        hada_context_destroy(&context);
+    }
+    kept ? setenv("HADALENS_SHAPE", kept, 1) : unsetenv("HADALENS_SHAPE");
+    free(kept);
+    assert_string_equal(hada_kernel_shape_name(HADA_SHAPE_LANES), "lanes");
+    assert_string_equal(hada_kernel_shape_name(HADA_SHAPE_GROUPS), "groups");
+}
+
 static void counts_bytes_and_keeps_the_peak(void **state)
 {
     (void)state;
@@ -235,6 +273,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(lists_devices_with_sizes),
         cmocka_unit_test(chooses_by_index_kind_and_name),
+        cmocka_unit_test(takes_kernels_in_the_shape_that_is_asked_for),
         cmocka_unit_test(counts_bytes_and_keeps_the_peak),
         cmocka_unit_test(moves_bytes_to_and_fro),
         cmocka_unit_test(programs_come_from_the_cache_the_second_time),

@@ -328,7 +328,7 @@ static void all_kernel_shapes_agree(void **state)
         expose(&f, 0.01, 1.0);
         hada_refine_rule_init(&rule);
         float *planes[2];
-        const hada_shape shape = f.device.context->shape;
+        const hada_kernel_shape shape = f.device.context->shape;
         for (int k = 0; k < 2; k++) {
             f.device.context->shape = k ? HADA_SHAPE_GROUPS : HADA_SHAPE_LANES;
             const hada_status status = hada_refine_prepare(f.refiner, NULL);

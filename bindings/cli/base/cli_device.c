@@ -21,6 +21,8 @@ static hada_status open_one(hada_cli *cli, const char *words, hada_context **out
     hada_context_options_init(&options);
     options.device = words;
     options.binaries = cli->common->binaries;
+    if (cli->common->shape)
+        options.shape = strcmp(cli->common->shape, "groups") ? HADA_SHAPE_LANES : HADA_SHAPE_GROUPS;
     options.log = log_message;
     options.log_user = cli;
     options.log_level = cli->common->verbose ? HADA_LOG_INFO : HADA_LOG_WARNING;

@@ -119,6 +119,7 @@ void hada_cli_print_man(const hada_cli_command *command, FILE *out)
     }
     fputs(".SH ENVIRONMENT\n.TP\n.B HADALENS_DEVICE\nThe device to work on, as \\fB\\-\\-device\\fR takes it.\n"
           ".TP\n.B HADALENS_BINARIES\nA folder of compiled kernels, as \\fB\\-\\-binaries\\fR takes it.\n"
+          ".TP\n.B HADALENS_SHAPE\nThe shape of kernels, as \\fB\\-\\-shape\\fR takes it.\n"
           ".TP\n.B HADALENS_CACHE\nThe folder of the cache of compiled kernels; \"off\" for none.\n"
           ".TP\n.B HADALENS_TUNING\nA text file of tuning choices.\n",
           out);

@@ -18,6 +18,10 @@ const hada_cli_option hada_cli_device_options[] = {
     {HADA_OPTION_TEXT, "binaries", 0, "FOLDER", "take compiled kernels from here",
      "A folder made by 'hadalens devices --save-binaries'. Nothing is compiled then, as FPGAs need it.",
      HADA_CLI_AT(hada_cli_common, binaries)},
+    {HADA_OPTION_WORD, "shape", 0, "lanes|groups", "the shape of kernels, whatever the device prefers",
+     "lanes: vectors in one work-item, as CPUs and FPGAs like it; groups: work-groups with local memory, as GPUs do. "
+     "Without it the environment variable HADALENS_SHAPE decides, else the kind of device. Results agree to rounding.",
+     HADA_CLI_AT(hada_cli_common, shape)},
     {0},
 };
 

@@ -145,9 +145,14 @@ static hada_status one_start(hada_bench *bench, const hada_bench_device *device,
     char **environment = environment_with(caches);
     const char *words[16] = {"hadalens", "bench",    "--first-frame", "-m",     model,
                              frame,      "--device", device->index,   "--json", "--quiet"};
+    int count = 10;
     if (device->common.binaries) {
-        words[10] = "--binaries";
-        words[11] = device->common.binaries;
+        words[count++] = "--binaries";
+        words[count++] = device->common.binaries;
+    }
+    if (device->common.shape) {
+        words[count++] = "--shape";
+        words[count++] = device->common.shape;
     }
     hada_status status = HADA_OK;
     if (!(output && environment && environment[VARIABLES - 1]))

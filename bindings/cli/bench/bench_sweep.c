@@ -282,6 +282,7 @@ static hada_status open_clfft(sweep *w, hada_error *err)
     hada_context_options_init(&options);
     options.device = w->device->index;
     options.tuning = file;
+    options.shape = (int)hada_context_shape(w->device->context);
     hada_status status = HADA_OK;
     HADA_TRY(hada_tune_save(w->device->context, file, &row, 1, err));
     HADA_TRY(hada_context_create(&w->clfft, &options, err));

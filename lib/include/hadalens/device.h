@@ -50,6 +50,15 @@ HADA_API const char *hada_device_kind_name(hada_device_kind kind);
 
 typedef struct hada_context hada_context;
 
+/* The shape that kernels take on a device: both compute the same, to rounding. */
+typedef enum hada_kernel_shape {
+    HADA_SHAPE_LANES = 0, /* vectors in one work-item, work-groups of one, no barriers: CPUs, FPGAs */
+    HADA_SHAPE_GROUPS = 1 /* work-groups with local memory and barriers: GPUs */
+} hada_kernel_shape;
+
+/* The word for a shape: "lanes", "groups". */
+HADA_API const char *hada_kernel_shape_name(hada_kernel_shape shape);
+
 typedef enum hada_log_level { HADA_LOG_WARNING = 1, HADA_LOG_INFO = 2, HADA_LOG_TRACE = 3 } hada_log_level;
 
 /* Receives messages; may be called from any thread, must not call back into the context. */
@@ -78,6 +87,9 @@ typedef struct hada_context_options {
     void *log_user;
     hada_log_level log_level;
     int skip_self_test; /* for the tests of the self-test */
+    /* A hada_kernel_shape. HADA_AUTO: what the environment variable HADALENS_SHAPE names ("lanes" or "groups"), else
+     * groups on GPUs and lanes elsewhere. */
+    int shape;
 } hada_context_options;
 
 HADA_API void hada_context_options_defaults(hada_context_options *options, size_t size);
@@ -94,6 +106,7 @@ HADA_API hada_status hada_context_create(hada_context **out, const hada_context_
 HADA_API void hada_context_destroy(hada_context **context);
 
 HADA_API const hada_device_info *hada_context_device(const hada_context *context);
+HADA_API hada_kernel_shape hada_context_shape(const hada_context *context);
 
 /* Bytes of device memory that this context holds now, and the most it held since the last reset. */
 HADA_API uint64_t hada_context_bytes(const hada_context *context);

@@ -131,6 +131,8 @@ __kernel void conv_pack(__global const float *w, __global float *packed, hada_co
     }
 }
 
+/* CONV_TILE 0: without those for Winograd's products, which groups have not. */
+#if CONV_TILE
 /* One dimension of the weights' transform: o = G g. */
 static inline void conv_weights_1d(const conv_pack_v *g, int step, conv_pack_v *o)
 {
@@ -174,3 +176,4 @@ __kernel void conv_winograd_pack(__global const float *w, __global float *packed
         }
     }
 }
+#endif

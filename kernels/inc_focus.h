@@ -25,10 +25,9 @@
 #ifndef FOCUS_SIDE
 #define FOCUS_SIDE 4
 #endif
-#define FOCUS_REACH  64 /* the widest window reaches that far, and less */
 #define FOCUS_INLINE static inline __attribute__((always_inline))
-#define LIGHT_PITCH  (FOCUS_COLS + 2 * FOCUS_REACH + FOCUS_WIDTH)
-#define EDGES_PITCH  (FOCUS_COLS + 2 * FOCUS_REACH)
+#define LIGHT_PITCH  HADA_FOCUS_LIGHT_PITCH(FOCUS_COLS, FOCUS_WIDTH)
+#define EDGES_PITCH  HADA_FOCUS_EDGES_PITCH(FOCUS_COLS)
 #define LIGHT_ROWS   (FOCUS_ROWS + 2)
 #define CONTRAST     FOCUS_MEASURE_CONTRAST
 #define ENERGY       FOCUS_MEASURE_ENERGY

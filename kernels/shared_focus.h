@@ -7,6 +7,12 @@
 #define HADA_FOCUS_DEPTHS 4     /* planes in a launch, at most */
 #define HADA_FOCUS_BINS   32768 /* of a count: patterns of floats without sign, their upper 16 bits */
 
+#define HADA_FOCUS_REACH 64 /* the widest window reaches that far, and less */
+
+/* Rows of a tile of `cols` columns in local memory: of luminance, for vectors of `width`, and of responses. */
+#define HADA_FOCUS_LIGHT_PITCH(cols, width) ((cols) + 2 * HADA_FOCUS_REACH + (width))
+#define HADA_FOCUS_EDGES_PITCH(cols)        ((cols) + 2 * HADA_FOCUS_REACH)
+
 /* Numbers of hada_focus_measure (<hadalens/focus.h>). */
 #define FOCUS_MEASURE_CONTRAST 1
 #define FOCUS_MEASURE_ENERGY   2

@@ -9,11 +9,28 @@ _Static_assert(FOCUS_MEASURE_CONTRAST == (int)HADA_FOCUS_CONTRAST && FOCUS_MEASU
  * are enough to read planes as fast as memory gives them. */
 #define GROUPS_MOST 16
 
+/* Local memory of focus_measure: luminance, with a row at either end, and two kinds of responses. */
+static size_t local_bytes(const hada_macros_focus *tiles)
+{
+    const int light = (tiles->focus_rows + 2) * HADA_FOCUS_LIGHT_PITCH(tiles->focus_cols, tiles->focus_width);
+    const int edges = 2 * tiles->focus_rows * HADA_FOCUS_EDGES_PITCH(tiles->focus_cols);
+    return (size_t)(light + edges) * sizeof(float);
+}
+
+static hada_program_focus program_of(const hada_context *context)
+{
+    if (context->shape == HADA_SHAPE_GROUPS)
+        return HADA_PROGRAM_FOCUS_GROUPS;
+    return local_bytes(hada_macros_of_focus(HADA_PROGRAM_FOCUS_DEFAULT)) <= context->info.local_memory_bytes
+               ? HADA_PROGRAM_FOCUS_DEFAULT
+               : HADA_PROGRAM_FOCUS_SMALL;
+}
+
 hada_focus_way hada_focus_way_of(const hada_context *context)
 {
     const int in_groups = context->shape == HADA_SHAPE_GROUPS;
     const unsigned groups = 2 * context->info.compute_units;
-    const hada_program_focus program = in_groups ? HADA_PROGRAM_FOCUS_GROUPS : HADA_PROGRAM_FOCUS_DEFAULT;
+    const hada_program_focus program = program_of(context);
     const hada_macros_focus *tiles = hada_macros_of_focus(program);
     return (hada_focus_way){.groups = in_groups              ? 1
                                       : groups < GROUPS_MOST ? (int)groups

@@ -79,7 +79,7 @@ hada_status hada_conv_pack(hada_conv *conv, int index, hada_floats weights, hada
         return code == CL_SUCCESS ? HADA_OK : hada_fail_cl(err, code, "clEnqueueCopyBuffer");
     }
     const hada_program_conv_pack program =
-        conv->plan.groups ? HADA_PROGRAM_CONV_PACK_DEFAULT : HADA_PROGRAM_CONV_PACK_PACK8;
+        conv->plan.groups ? HADA_PROGRAM_CONV_PACK_DIRECT : HADA_PROGRAM_CONV_PACK_PACK8;
     const size_t each = (size_t)hada_macros_of_conv_pack(program)->conv_pack, block = (size_t)conv->plan.block;
     const hada_range range =
         hada_range_of(hada_round_up((size_t)pass->out_channels, (size_t)pass->lanes) / each, PLAIN_LOCAL / each,

@@ -20,6 +20,12 @@ typedef struct hada_quirks {
 typedef struct hada_program_store hada_program_store; /* runtime/program.h */
 typedef struct hada_tuning hada_tuning;               /* runtime/tuning.h */
 
+/* A size of transforms that another library was tried on. */
+typedef struct hada_trial {
+    int rows, cols, serves;
+    struct hada_trial *next;
+} hada_trial;
+
 struct hada_context {
     cl_platform_id platform;
     cl_device_id device;
@@ -36,8 +42,10 @@ struct hada_context {
     void *log_user;
     hada_log_level log_level;
 
-    pthread_mutex_t lock; /* guards the books below */
+    pthread_mutex_t lock; /* guards what is below */
     uint64_t bytes, peak_bytes;
+    hada_trial *trials;     /* of clFFT (fft/fft_table.c) */
+    cl_command_queue queue; /* the first one, for slots that the device gives none (runtime/slot.c) */
 };
 
 /* Sends a message to the context's log function, when its level is asked for. */

@@ -225,6 +225,12 @@ void hada_context_destroy(hada_context **pointer)
     hada_context *context = *pointer;
     *pointer = NULL;
     hada_program_store_destroy(context);
+    for (hada_trial *trial = context->trials, *next; trial; trial = next) {
+        next = trial->next;
+        free(trial);
+    }
+    if (context->queue)
+        clReleaseCommandQueue(context->queue);
     if (context->cl)
         clReleaseContext(context->cl);
     if (context->adopted)

@@ -7,13 +7,31 @@
 #include "runtime/profile.h"
 #include "runtime/program.h"
 
+/* A context's first queue is its own, for every slot that the device gives none: work waits for others' work there, and
+ * is the same. */
 static hada_status make_queue(hada_context *context, cl_command_queue *queue, hada_error *err)
 {
     cl_int code;
     /* in-order: out-of-order queues are only a hint, and run in order or not at all on many drivers. Profiling costs
      * nothing measurable and lets a bench ask any slot. */
     *queue = clCreateCommandQueue(context->cl, context->device, CL_QUEUE_PROFILING_ENABLE, &code);
-    return code == CL_SUCCESS ? HADA_OK : hada_fail_cl(err, code, "clCreateCommandQueue");
+    pthread_mutex_lock(&context->lock);
+    if (code != CL_SUCCESS)
+        *queue = context->queue;
+    else if (!context->queue)
+        context->queue = *queue;
+    pthread_mutex_unlock(&context->lock);
+    return *queue ? HADA_OK : hada_fail_cl(err, code, "clCreateCommandQueue");
+}
+
+static void give_back_queue(const hada_slot *slot)
+{
+    pthread_mutex_lock(&slot->context->lock);
+    const int shared = slot->queue == slot->context->queue;
+    pthread_mutex_unlock(&slot->context->lock);
+    clFinish(slot->queue);
+    if (!shared)
+        clReleaseCommandQueue(slot->queue);
 }
 
 hada_status hada_slot_create(hada_slot **out, hada_context *context, hada_error *err)
@@ -39,10 +57,8 @@ void hada_slot_destroy(hada_slot **pointer)
     hada_slot *slot = *pointer;
     *pointer = NULL;
     hada_slot_profile(slot, 0, NULL);
-    if (slot->queue) {
-        clFinish(slot->queue);
-        clReleaseCommandQueue(slot->queue);
-    }
+    if (slot->queue)
+        give_back_queue(slot);
     for (int i = 0; slot->kernels && i < hada_kernel_object_count; i++)
         if (slot->kernels[i])
             clReleaseKernel(slot->kernels[i]);

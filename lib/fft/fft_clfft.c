@@ -26,12 +26,33 @@ typedef struct clfft_state {
 static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
 static int users; /* plans alive; guarded by the lock */
 
+/* What calls return where the text that clFFT writes does not compile. */
+static int is_of_compiling(clfftStatus code)
+{
+    return code == CLFFT_BUILD_PROGRAM_FAILURE || code == CLFFT_INVALID_PROGRAM ||
+           code == CLFFT_INVALID_PROGRAM_EXECUTABLE || code == CLFFT_INVALID_KERNEL_NAME;
+}
+
 static hada_status fail(hada_error *err, clfftStatus code, const char *call)
 {
+    if (is_of_compiling(code))
+        return hada_fail(err, HADA_ERROR_UNSUPPORTED,
+                         "what clFFT writes for this transform does not compile here (%s, %d): leave the choice to the "
+                         "table",
+                         call, (int)code);
     if (code > -1000 && code < 0)
         return hada_fail_cl(err, code, call);
     return hada_fail(err, HADA_ERROR_UNSUPPORTED, "%s refuses this transform (%d): leave the choice to the table", call,
                      (int)code);
+}
+
+int hada_clfft_takes(int n)
+{
+    static const int primes[] = {2, 3, 5, 7, 11, 13};
+    for (int i = 0; i < 6; i++)
+        while (n > 1 && n % primes[i] == 0)
+            n /= primes[i];
+    return n == 1;
 }
 
 static size_t half_count(const hada_fft_desc *desc)

@@ -1,5 +1,6 @@
 /* Which back end serves: a table by device kind and size, overridden by the tuning file. Never a timing. */
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "fft/fft_internal.h"
@@ -22,13 +23,77 @@ static const choice_row table[] = {
     {0, (size_t)-1, HADA_FFT_OWN},
 };
 
-int hada_clfft_takes(int n)
+static hada_status try_clfft(hada_slot *slot, hada_fft_direction direction, int rows, int cols, hada_error *err)
 {
-    static const int primes[] = {2, 3, 5, 7, 11, 13};
-    for (int i = 0; i < 6; i++)
-        while (n > 1 && n % primes[i] == 0)
-            n /= primes[i];
-    return n == 1;
+    const int half = cols / 2 + 1;
+    hada_fft plan = {
+        .slot = slot,
+        .desc = {.direction = direction,
+                 .backend = HADA_FFT_CLFFT,
+                 .rows = rows,
+                 .cols = cols,
+                 .batch = 1,
+                 .real_rows = rows,
+                 .real_cols = cols,
+                 .real_pitch = (size_t)cols,
+                 .real_distance = (size_t)rows * (size_t)cols,
+                 .band_rows = rows / 2,
+                 .band_cols = cols / 2},
+        .layout = {.rows = rows, .cols = cols, .block = half, .blocks = 1, .count = (size_t)rows * (size_t)half},
+        .engine = &hada_fft_clfft_engine};
+    hada_status status = HADA_OK;
+    HADA_TRY(plan.engine->create(&plan, NULL, err));
+    HADA_TRY(hada_fft_check(&plan, err));
+done:
+    plan.engine->destroy(&plan);
+    return status;
+}
+
+/* The list of trials only grows, at its head. */
+static const hada_trial *known(hada_context *context, int rows, int cols)
+{
+    pthread_mutex_lock(&context->lock);
+    const hada_trial *trial = context->trials;
+    pthread_mutex_unlock(&context->lock);
+    while (trial && (trial->rows != rows || trial->cols != cols))
+        trial = trial->next;
+    return trial;
+}
+
+static void remember(hada_context *context, int rows, int cols, int serves)
+{
+    hada_trial *trial = malloc(sizeof *trial);
+    if (!trial) /* it is tried again next time */
+        return;
+    pthread_mutex_lock(&context->lock);
+    *trial = (hada_trial){rows, cols, serves, context->trials};
+    context->trials = trial;
+    pthread_mutex_unlock(&context->lock);
+}
+
+/* Compilers differ, and clFFT writes its text for one of long ago: where a size does not compile, or comes out wrong,
+ * the own kernels serve. Tried once for a context and size. */
+static int clfft_serves(const hada_context *constant, int rows, int cols)
+{
+    hada_context *context = (hada_context *)constant; /* its books alone are written to */
+    const hada_trial *trial = known(context, rows, cols);
+    if (trial)
+        return trial->serves;
+    hada_slot *slot = NULL;
+    hada_error error = {0};
+    hada_status status = hada_slot_create(&slot, context, &error);
+    if (!status)
+        status = try_clfft(slot, HADA_FFT_FORWARD, rows, cols, &error);
+    if (!status)
+        status = try_clfft(slot, HADA_FFT_INVERSE, rows, cols, &error);
+    hada_slot_destroy(&slot);
+    const int no_text = status == HADA_ERROR_UNSUPPORTED || status == HADA_ERROR_SELF_TEST;
+    if (no_text)
+        hada_log(context, HADA_LOG_WARNING, "clFFT does not serve transforms of %d x %d, the own kernels do: %s", rows,
+                 cols, error.message);
+    if (!status || no_text) /* what else went wrong, such as memory, is for the plan to say */
+        remember(context, rows, cols, !no_text);
+    return !no_text;
 }
 
 hada_fft_backend hada_fft_choose(const hada_context *context, int rows, int cols)
@@ -45,7 +110,9 @@ hada_fft_backend hada_fft_choose(const hada_context *context, int rows, int cols
             row++;
         backend = row->backend;
     }
+    if (backend != HADA_FFT_CLFFT)
+        return backend;
     const int possible = !context->quirks.avoid_clfft && hada_program_can_compile(context) && hada_clfft_takes(rows) &&
-                         hada_clfft_takes(cols);
-    return backend == HADA_FFT_CLFFT && !possible ? HADA_FFT_OWN : backend;
+                         hada_clfft_takes(cols) && clfft_serves(context, rows, cols);
+    return possible ? HADA_FFT_CLFFT : HADA_FFT_OWN;
 }

@@ -1,4 +1,4 @@
-# Installs what is missing, from Debian or Ubuntu. To be sourced: hadalens_install [tests|oracle|budget|python|imagej|napari|lint]
+# Installs what is missing, from Debian or Ubuntu. To be sourced: hadalens_install [tests|oracle|budget|python|imagej|napari|devices|lint]
 # What is there already is left alone; with nothing missing, nothing is asked.
 hadalens_install() {
     local packages="gcc libc6-dev cmake ninja-build pkg-config python3 ocl-icd-opencl-dev libclfft-dev libtiff-dev
@@ -25,6 +25,8 @@ hadalens_install() {
     # the napari plugin (bindings/napari/tests/environment.sh): a screen in memory, and what Qt and OpenGL need
     napari) packages="$packages python3-venv python3-dev xauth xvfb libdbus-1-3 libegl1 libfontconfig1 libgl1 libgl1-mesa-dri
         libxcb-cursor0 libxcb-icccm4 libxcb-image0 libxcb-keysyms1 libxcb-render-util0 libxcb-shape0 libxkbcommon-x11-0" ;;
+    # a simulator of a device, and Python to bring another implementation of OpenCL (tests/devices/environment.sh)
+    devices) packages="python3-venv oclgrind" ;;
     # a second compiler, and what reads the sources (tests/house/lint.sh)
     lint) packages="clang clang-format clang-tidy cppcheck" ;;
     esac

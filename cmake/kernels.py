@@ -50,6 +50,7 @@ class Parameter:
                 self.kind, self.type = "BUFFER", "cl_mem"
             elif space == "__local":
                 self.kind, self.type = "LOCAL", "hada_local"
+                self.stated = "STATED_SIZE" in rest
             elif space.isupper():  # an address space by macro
                 self.kind, self.type = "EITHER", "hada_either"
             else:
@@ -98,6 +99,10 @@ class File:
         """Once its programs are known: what their macros choose."""
         if not self.programs:
             fail("kernels/manifest.txt", f"there is no row of {self.name}")
+        if any(program.shapes != "groups" for program in self.programs):
+            for parameter in (p for kernel in self.kernels for p in kernel.parameters):
+                if parameter.kind == "LOCAL" and not parameter.stated:
+                    fail(self.where, f"'{parameter.name}' lies in local memory: FPGAs need its STATED_SIZE (shared_local.h)")
         self.macros = sorted({macro for program in self.programs for macro in program.values})
         for macro in self.macros:
             if macro not in self.defaults:

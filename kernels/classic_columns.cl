@@ -5,6 +5,7 @@
  * A work-item takes one block of columns of one channel. `scratch`: a column block, two where depths > 1. */
 #include "inc_fft_convolve.h"
 #include "shared_classic.h"
+#include "shared_local.h"
 
 FFT_INLINE fft_columns image_block(__global float *images, size_t number, int row0, int rows)
 {
@@ -23,7 +24,7 @@ FFT_INLINE fft_columns image_block(__global float *images, size_t number, int ro
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 classic_columns(__global float *planes, __global float *frames, __global const float *otf, __global const int *list,
                 hada_classic_columns job, __global const int *table, __global const float *floats,
-                __local float8 *scratch)
+                __local STATED_SIZE float8 *scratch)
 {
     const int depths = job.depths, channels = job.channels, blocks = job.blocks, back = job.transpose;
     const int channel = get_group_id(0) % channels, block = get_group_id(0) / channels;

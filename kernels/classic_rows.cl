@@ -12,12 +12,13 @@
 
 #include "inc_classic.h"
 #include "shared_classic.h"
+#include "shared_local.h"
 
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 classic_rows(__global float *spectra, __global float *images, __global float *first, __global float *work,
              __global const float *alpha, hada_classic_rows job, __global const int *back_table,
              __global const float *back_floats, __global const int *table, __global const float *floats,
-             __global float *partial, __local float8 *scratch)
+             __global float *partial, __local STATED_SIZE float8 *scratch)
 {
     const int blocks = job.blocks, step = job.step, rows = job.rows, pitch = job.pitch, col0 = job.col0;
     const int cols = job.cols;

@@ -4,12 +4,13 @@
  * and the last rows overlap those before; so do the last tiles of an image. Dimensions: groups of tiles, images. */
 #define CONV_MEM __local
 #include "inc_conv_winograd_products.h"
+#include "shared_local.h"
 
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 conv_winograd(__global const float *restrict x, __global const float *restrict weights,
               __global const float *restrict bias, __global float *restrict y, __global const float *restrict mask,
-              __global float *restrict pooled, __local float *restrict v, __local float *restrict m,
-              hada_conv_problem problem)
+              __global float *restrict pooled, __local STATED_SIZE float *restrict v,
+              __local STATED_SIZE float *restrict m, hada_conv_problem problem)
 {
     const int in_blocks = problem.in.blocks, out_channels = problem.out.channels;
     const int rows = problem.out.rows, cols = problem.out.cols, tiles = problem.tiles;

@@ -5,11 +5,12 @@
  * "fine" as in conv_weights.cl. Shape lanes. Dimension: parts. */
 #define CONV_MEM __local
 #include "inc_conv_winograd_gradient.h"
+#include "shared_local.h"
 
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 conv_winograd_weights(__global const float *restrict coarse, __global const float *restrict fine,
-                      __global float *restrict partial, __local float *restrict v, __local float *restrict d,
-                      hada_conv_correlation sizes)
+                      __global float *restrict partial, __local STATED_SIZE float *restrict v,
+                      __local STATED_SIZE float *restrict d, hada_conv_correlation sizes)
 {
     const int rows = sizes.coarse.rows, cols = sizes.coarse.cols, images = sizes.images, tiles = sizes.tiles;
     const int coarse_blocks = sizes.coarse.blocks, fine_blocks = sizes.fine.blocks;

@@ -6,13 +6,14 @@
 #include "inc_fft_cols.h"
 #include "inc_fft_rows_forward.h"
 #include "shared_fft.h"
+#include "shared_local.h"
 
 /* Arguments as those of fft_rows_forward and fft_cols. `local_memory`: scratch for the longer of both transforms, then
  * the rows' half spectra. */
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 fft_image_forward(__global const float *in, hada_fft_real real, __global float *out, hada_fft_spectra spectra,
                   __global const int *row_table, __global const float *row_floats, __global const int *column_table,
-                  __global const float *column_floats, __local float8 *local_memory)
+                  __global const float *column_floats, __local STATED_SIZE float8 *local_memory)
 {
     const int rows = column_table[FFT_LENGTH], rows_in = real.rows, blocks = spectra.band / HADA_FFT_BLOCK + 1;
     __local float8 *scratch = local_memory;

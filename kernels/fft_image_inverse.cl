@@ -6,13 +6,15 @@
 #include "inc_fft_cols.h"
 #include "inc_fft_rows_inverse.h"
 #include "shared_fft.h"
+#include "shared_local.h"
 
 /* Arguments as those of fft_cols and fft_rows_inverse. `local_memory`: scratch for the longer of both transforms, then
  * the rows' half spectra. */
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 fft_image_inverse(__global const float *in, hada_fft_columns_in from, __global const void *filter, __global float *out,
                   hada_fft_real real, __global const int *row_table, __global const float *row_floats,
-                  __global const int *column_table, __global const float *column_floats, __local float8 *local_memory)
+                  __global const int *column_table, __global const float *column_floats,
+                  __local STATED_SIZE float8 *local_memory)
 {
     const int rows = column_table[FFT_LENGTH], rows_out = real.rows, band = from.band;
     __local float8 *scratch = local_memory;

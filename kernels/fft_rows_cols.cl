@@ -10,7 +10,7 @@
  * rows go to the spectrum's rows row0 and on. */
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 fft_rows_forward(__global const float *in, hada_fft_real real, __global float *out, hada_fft_spectra spectra,
-                 __global const int *table, __global const float *floats, FFT_MEM float8 *scratches)
+                 __global const int *table, __global const float *floats, FFT_MEM FFT_STATED_SIZE float8 *scratches)
 {
 #if FFT_SCRATCH_GLOBAL
     __global float8 *scratch = scratches + get_group_id(0) * (size_t)(2 * table[FFT_POINTS]);
@@ -30,7 +30,7 @@ fft_rows_forward(__global const float *in, hada_fft_real real, __global float *o
 /* Half spectra to real rows: a work-item takes sixteen rows of one image. */
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 fft_rows_inverse(__global const float *in, hada_fft_spectra spectra, __global float *out, hada_fft_real real,
-                 __global const int *table, __global const float *floats, FFT_MEM float8 *scratches)
+                 __global const int *table, __global const float *floats, FFT_MEM FFT_STATED_SIZE float8 *scratches)
 {
 #if FFT_SCRATCH_GLOBAL
     __global float8 *scratch = scratches + get_group_id(0) * (size_t)(2 * table[FFT_POINTS]);
@@ -54,7 +54,8 @@ fft_rows_inverse(__global const float *in, hada_fft_spectra spectra, __global fl
  * filter is applied to it. */
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 fft_cols(__global const float *in, hada_fft_columns_in from, __global const void *filter, __global float *out,
-         hada_fft_columns_out to, __global const int *table, __global const float *floats, FFT_MEM float8 *scratches)
+         hada_fft_columns_out to, __global const int *table, __global const float *floats,
+         FFT_MEM FFT_STATED_SIZE float8 *scratches)
 {
 #if FFT_SCRATCH_GLOBAL
     __global float8 *scratch = scratches + get_group_id(0) * (size_t)(2 * table[FFT_POINTS]);

@@ -8,6 +8,7 @@
 #include "inc_fft_radix.h"
 #include "inc_lanes.h"
 #include "shared_fft_table.h"
+#include "shared_local.h"
 
 /* FFT_SCRATCH_GLOBAL: scratch lies in global memory, for transforms too long for local memory. */
 #ifndef FFT_SCRATCH_GLOBAL
@@ -15,8 +16,10 @@
 #endif
 #if FFT_SCRATCH_GLOBAL
 #define FFT_MEM __global
+#define FFT_STATED_SIZE
 #else
-#define FFT_MEM __local
+#define FFT_MEM         __local
+#define FFT_STATED_SIZE STATED_SIZE
 #endif
 
 #define FFT_STORE(p, re, im)                                                                                           \

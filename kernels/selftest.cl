@@ -1,7 +1,8 @@
 /* Known answers: does this device add integers across a work-group, keep float vectors apart, and convert half? */
+#include "shared_local.h"
 
 /* out[g] = sum of the group's integers, by a tree in local memory with a barrier at every step. */
-__kernel void selftest_sum(__global const int *in, __global int *out, __local int *part)
+__kernel void selftest_sum(__global const int *in, __global int *out, __local STATED_SIZE int *part)
 {
     const int i = get_local_id(0), n = get_local_size(0);
     part[i] = in[get_global_id(0)];

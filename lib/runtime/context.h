@@ -14,6 +14,7 @@ typedef struct hada_quirks {
     const char *build_options;   /* extra options for every program */
     unsigned own_disk_cache : 1; /* the driver caches programs well itself: keep ours off */
     unsigned avoid_clfft : 1;    /* clFFT gives wrong results or cannot build here */
+    unsigned stated_local : 1;   /* local memory of arguments is laid out when compiling (shared_local.h) */
     unsigned host_pages : 1;     /* buffers in huge-page host memory (CL_MEM_USE_HOST_PTR) are faster */
 } hada_quirks;
 

@@ -5,6 +5,7 @@
 
 #include "core/alloc.h"
 #include "core/options.h"
+#include "kernels/shared_local.h"
 #include "runtime/platform.h"
 #include "runtime/program.h"
 #include "runtime/selftest.h"
@@ -76,6 +77,8 @@ done:
 static void look_at_device(hada_context *context)
 {
     hada_quirks_find(&context->info, &context->quirks);
+    if (context->quirks.stated_local && context->info.local_memory_bytes > HADA_STATED_LOCAL)
+        context->info.local_memory_bytes = HADA_STATED_LOCAL;
     cl_uint floats = 0; /* a device that does not say is one without vectors */
     clGetDeviceInfo(context->device, CL_DEVICE_NATIVE_VECTOR_WIDTH_FLOAT, sizeof floats, &floats, NULL);
     context->vector_floats = floats;

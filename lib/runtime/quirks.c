@@ -38,8 +38,9 @@ static const quirk_row rows[] = {
     {NULL,
      NULL,
      HADA_DEVICE_ACCELERATOR,
-     {.avoid_clfft = 1},
-     "clFFT writes source at run time, which an FPGA cannot compile: own transforms"},
+     {.avoid_clfft = 1, .stated_local = 1},
+     "clFFT writes source at run time, which an FPGA cannot compile: own transforms; compilers for FPGAs lay local memory "
+     "out: 64 KiB of it serve at most"},
 };
 
 static int has(const char *word, const char *a, const char *b)
@@ -60,6 +61,7 @@ void hada_quirks_find(hada_device_info *info, hada_quirks *quirks)
         quirks->own_disk_cache |= row->set.own_disk_cache;
         quirks->avoid_clfft |= row->set.avoid_clfft;
         quirks->host_pages |= row->set.host_pages;
+        quirks->stated_local |= row->set.stated_local;
         if (row->set.build_options)
             quirks->build_options = row->set.build_options;
         int n = snprintf(info->quirks + used, sizeof info->quirks - used, "%s%s", used ? "; " : "", row->reason);

@@ -63,6 +63,12 @@ wave64) as gpu,wave64,local=65536,align=256 ;;
 small) as gpu,wave64,local=32768,plain,queues=1 ;;
 tight) as gpu,memory=100663296,align=4096 ;;
 cpu) as local=32768,plain,memory=134217728,queues=1,align=4096,slow=100 ;;
+fpga)
+    # a cache that has seen the way is a folder of binaries as well
+    HADALENS_CACHE=$PWD/kernels as local=32768,queues=1,align=4096
+    rm -rf fitted* linear refined surface trained*
+    HADALENS_BINARIES=$PWD/kernels as fpga,queues=1,align=4096
+    ;;
 refused)
     refused 6 'in one piece|larger than|at most' memory=65536 fit "$camera" -o x.model
     refused 6 'in one piece|at most' gpu,memory=65536 reconstruct "$camera/test/raw/test01.tif" -m "$model" -o x

@@ -131,8 +131,11 @@ __kernel void conv_pack(__global const float *w, __global float *packed, hada_co
     }
 }
 
-/* CONV_TILE 0: without those for Winograd's products, which groups have not. */
-#if CONV_TILE
+/* Whether those for Winograd's products are there, which groups have not. */
+#ifndef CONV_WINOGRAD
+#define CONV_WINOGRAD 1
+#endif
+#if CONV_WINOGRAD
 /* One dimension of the weights' transform: o = G g. */
 static inline void conv_weights_1d(const conv_pack_v *g, int step, conv_pack_v *o)
 {

@@ -5,7 +5,7 @@
 
 #include "inc_conv.h"
 
-/* m: 2 or 4; 0: nobody asks. */
+/* m: 2 or 4. */
 #ifndef CONV_TILE
 #define CONV_TILE 4
 #endif

@@ -49,6 +49,18 @@ done:
     return status;
 }
 
+static hada_status try_both(hada_context *context, int rows, int cols, hada_error *err)
+{
+    hada_slot *slot = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_slot_create(&slot, context, err));
+    HADA_TRY(try_clfft(slot, HADA_FFT_FORWARD, rows, cols, err));
+    HADA_TRY(try_clfft(slot, HADA_FFT_INVERSE, rows, cols, err));
+done:
+    hada_slot_destroy(&slot);
+    return status;
+}
+
 /* The list of trials only grows, at its head. */
 static const hada_trial *known(hada_context *context, int rows, int cols)
 {
@@ -79,19 +91,13 @@ static int clfft_serves(const hada_context *constant, int rows, int cols)
     const hada_trial *trial = known(context, rows, cols);
     if (trial)
         return trial->serves;
-    hada_slot *slot = NULL;
     hada_error error = {0};
-    hada_status status = hada_slot_create(&slot, context, &error);
-    if (!status)
-        status = try_clfft(slot, HADA_FFT_FORWARD, rows, cols, &error);
-    if (!status)
-        status = try_clfft(slot, HADA_FFT_INVERSE, rows, cols, &error);
-    hada_slot_destroy(&slot);
+    const hada_status status = try_both(context, rows, cols, &error);
     const int no_text = status == HADA_ERROR_UNSUPPORTED || status == HADA_ERROR_SELF_TEST;
     if (no_text)
         hada_log(context, HADA_LOG_WARNING, "clFFT does not serve transforms of %d x %d, the own kernels do: %s", rows,
                  cols, error.message);
-    if (!status || no_text) /* what else went wrong, such as memory, is for the plan to say */
+    if (no_text || status == HADA_OK) /* what else went wrong, such as memory, is for the plan to say */
         remember(context, rows, cols, !no_text);
     return !no_text;
 }

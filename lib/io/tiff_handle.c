@@ -84,8 +84,12 @@ static tmsize_t on_write(thandle_t user, void *data, tmsize_t bytes)
 
 static toff_t file_size(thandle_t user)
 {
+    hada_tiff_handle *handle = user;
     struct stat info;
-    return fstat(((hada_tiff_handle *)user)->fd, &info) ? 0 : (toff_t)info.st_size;
+    if (!fstat(handle->fd, &info))
+        return (toff_t)info.st_size;
+    handle->write_code = errno; /* libtiff would write over the beginning, and not say so */
+    return 0;
 }
 
 static toff_t on_seek(thandle_t user, toff_t offset, int whence)

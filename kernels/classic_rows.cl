@@ -16,10 +16,12 @@
 
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 classic_rows(__global float *spectra, __global float *images, __global float *first, __global float *work,
-             __global const float *alpha, hada_classic_rows job, __global const int *back_table,
-             __global const float *back_floats, __global const int *table, __global const float *floats,
-             __global float *partial, __local STATED_SIZE float8 *scratch)
+             __global const float *alpha, hada_classic_rows job, __global const int *tables, __global float *partial,
+             __local STATED_SIZE float8 *scratch)
 {
+    __global const int *table = tables + job.tables.ints, *back_table = tables + job.tables.back_ints;
+    __global const float *floats = (__global const float *)(tables + job.tables.floats);
+    __global const float *back_floats = (__global const float *)(tables + job.tables.back_floats);
     const int blocks = job.blocks, step = job.step, rows = job.rows, pitch = job.pitch, col0 = job.col0;
     const int cols = job.cols;
     const float number = job.number;

@@ -2,6 +2,7 @@
 #ifndef SHARED_CLASSIC_H
 #define SHARED_CLASSIC_H
 
+#include "shared_fft.h"
 #include "shared_spectrum.h"
 
 /* A step on the pixels of a prediction y of the frame b, or of planes. */
@@ -74,6 +75,7 @@ HADA_SHARED_SIZE(hada_classic_columns, 40)
 
 /* Rows of images and of their half spectra. */
 typedef struct hada_classic_rows {
+    hada_fft_row_tables tables;
     int blocks;
     int inverse, forward; /* pixels from half spectra; half spectra from pixels */
     int step;             /* hada_classic_pixel_step between them */
@@ -82,6 +84,6 @@ typedef struct hada_classic_rows {
     float number;   /* of the step */
     float scale;    /* of the inverse transform */
 } hada_classic_rows;
-HADA_SHARED_SIZE(hada_classic_rows, 44)
+HADA_SHARED_SIZE(hada_classic_rows, 60)
 
 #endif

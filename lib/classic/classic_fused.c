@@ -56,7 +56,8 @@ static hada_status run_rows(hada_classic *classic, const rows_pass *pass, hada_e
     const hada_spectrum_layout *layout = &classic->layout;
     const hada_fft_fused *fused = &classic->fused;
     const int rows = pass->image->rows, cols = pass->rect.cols;
-    const hada_classic_rows job = {.blocks = layout->blocks,
+    const hada_classic_rows job = {.tables = fused->at,
+                                   .blocks = layout->blocks,
                                    .inverse = pass->inverse,
                                    .forward = pass->forward,
                                    .step = (int)pass->step,
@@ -79,9 +80,7 @@ static hada_status run_rows(hada_classic *classic, const rows_pass *pass, hada_e
         classic->slot, HADA_PROGRAM_CLASSIC_ROWS_DEFAULT, &range, err, .spectra = classic->part[pass->spectra].mem,
         .images = classic->part[pass->images].mem, .first = classic->part[pass->first].mem,
         .work = classic->part[pass->work].mem, .alpha = classic->part[alpha].mem, .job = job,
-        .back_table = fused->rows_back.ints.mem, .back_floats = fused->rows_back.floats.mem,
-        .table = fused->rows.ints.mem, .floats = fused->rows.floats.mem,
-        .partial = classic->part[HADA_CLASSIC_PARTIAL].mem, .scratch = scratch);
+        .tables = fused->row_tables.mem, .partial = classic->part[HADA_CLASSIC_PARTIAL].mem, .scratch = scratch);
 }
 
 hada_status hada_classic_fused_frame(hada_classic *classic, int inverse, int forward, hada_classic_pixel_step step,

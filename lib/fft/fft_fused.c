@@ -16,6 +16,36 @@ int hada_fft_fuses(const hada_context *context, int rows, int cols, int blocks)
            bytes <= context->info.local_memory_bytes;
 }
 
+/* Moves a table into the buffer of all of them. */
+static hada_status gather(hada_fft_fused *fused, hada_slot *slot, hada_buffer *table, size_t *end, unsigned *at,
+                          hada_error *err)
+{
+    hada_status status = HADA_OK;
+    *at = (unsigned)(*end / sizeof(cl_int));
+    if (table->bytes)
+        HADA_TRY(hada_buffer_copy(slot, table->mem, 0, fused->row_tables.mem, *end, table->bytes, err));
+    *end += table->bytes;
+    hada_buffer_destroy(table);
+done:
+    return status;
+}
+
+static hada_status gather_rows(hada_fft_fused *fused, hada_slot *slot, hada_error *err)
+{
+    hada_buffer *const tables[] = {&fused->rows.ints, &fused->rows.floats, &fused->rows_back.ints,
+                                   &fused->rows_back.floats};
+    unsigned *const at[] = {&fused->at.ints, &fused->at.floats, &fused->at.back_ints, &fused->at.back_floats};
+    hada_status status = HADA_OK;
+    size_t bytes = 0, end = 0;
+    for (int i = 0; i < 4; i++)
+        bytes += tables[i]->bytes;
+    HADA_TRY(hada_buffer_create(&fused->row_tables, slot->context, bytes, "the tables of a transform", err));
+    for (int i = 0; i < 4; i++)
+        HADA_TRY(gather(fused, slot, tables[i], &end, at[i], err));
+done:
+    return status;
+}
+
 hada_status hada_fft_fused_make(hada_fft_fused *fused, hada_slot *slot, int rows, int cols, hada_error *err)
 {
     const hada_fft_pass_desc forward = {.kind = HADA_PASS_ROWS, .n = cols},
@@ -25,6 +55,7 @@ hada_status hada_fft_fused_make(hada_fft_fused *fused, hada_slot *slot, int rows
     HADA_TRY(hada_own_pass_make(&fused->rows, slot, &forward, err));
     HADA_TRY(hada_own_pass_make(&fused->rows_back, slot, &back, err));
     HADA_TRY(hada_own_pass_make(&fused->columns, slot, &columns, err));
+    HADA_TRY(gather_rows(fused, slot, err));
 done:
     return status;
 }
@@ -34,6 +65,7 @@ void hada_fft_fused_free(hada_fft_fused *fused)
     hada_own_pass_free(&fused->rows);
     hada_own_pass_free(&fused->rows_back);
     hada_own_pass_free(&fused->columns);
+    hada_buffer_destroy(&fused->row_tables);
 }
 
 size_t hada_fft_fused_bytes(const hada_context *context, int rows, int cols)

@@ -8,10 +8,13 @@
 
 #include "fft/fft.h"
 #include "fft/fft_own.h"
+#include "kernels/shared_fft.h"
 
 typedef struct hada_fft_fused {
     hada_own_pass rows, rows_back; /* forward and inverse along rows */
     hada_own_pass columns;         /* forward along columns */
+    hada_buffer row_tables; /* of both passes along rows, which hold none: kernels that take both have one argument */
+    hada_fft_row_tables at;
 } hada_fft_fused;
 
 /* Whether there can be such kernels for transforms of rows x cols, with `blocks` blocks of columns in local memory. */

@@ -152,7 +152,7 @@ typedef struct fit_under {
 } fit_under;
 
 static inline fit_under fit_under_of(__global const float *sums, __global const float *pool, ulong stride,
-                              hada_fit_penalty penalty, size_t i)
+                                     hada_fit_penalty penalty, size_t i)
 {
     const float alpha = penalty.alpha, ridge = penalty.ridge;
     const float8 raw = fit_high(sums, stride, 2, i), other = max(fit_eight(i, pool) - raw, 0.0f);

@@ -11,9 +11,9 @@ enum {
     HADA_FIT_POOLS_SPLIT = 5, /* the same of the form split */
     HADA_FIT_SCENE_POOL = 2,  /* which of them is |X|^2 per pair */
     HADA_FIT_VECTOR = 8,      /* frequencies that a step takes */
-    HADA_FIT_CHUNK = 32, /* vectors in a partial sum: few enough for a float's digits, many enough to read in a row */
+    HADA_FIT_CHUNK = 32,  /* vectors in a partial sum: few enough for a float's digits, many enough to read in a row */
     HADA_FIT_GROUP = 128, /* work-items of a group where one takes a vector of a chunk */
-    HADA_FIT_TRIALS = 5  /* settings that are tried at once, which share what is read */
+    HADA_FIT_TRIALS = 5   /* settings that are tried at once, which share what is read */
 };
 
 /* The image of a channel among the spectra, and how its sums stand. */

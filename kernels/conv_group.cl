@@ -42,12 +42,14 @@ typedef struct conv_walk {
 
 static inline conv_walk conv_walk_of(int step, hada_conv_taps rows, hada_conv_taps cols, uint x_row, uint x_plane)
 {
-    const int eights = NET_BLOCK / 8, taps = rows.count * cols.count, tap = step / eights % taps;
+    /* a phase may have no taps, and then no steps */
+    const int eights = NET_BLOCK / 8, wide = max(cols.count, 1), taps = max(rows.count, 1) * wide;
+    const int tap = step / eights % taps;
     conv_walk walk;
     walk.eight = step % eights;
     walk.block = step / eights / taps;
-    walk.row = tap / cols.count;
-    walk.col = tap % cols.count;
+    walk.row = tap / wide;
+    walk.col = tap % wide;
     walk.at = walk.block * x_plane + walk.row * x_row + walk.col * (NET_BLOCK / 4) + walk.eight * 2;
     return walk;
 }

@@ -1,6 +1,12 @@
 /* Partial sums added in order: the second half of the gradients of weights and biases. */
 #include "inc_conv.h"
 
+/* Whether the sums for a CPU are there; groups have theirs in conv_group_reduce.cl. */
+#ifndef CONV_PARTIALS
+#define CONV_PARTIALS 1
+#endif
+#if CONV_PARTIALS
+
 /* dw[coarse][fine][place] from partial[part][coarse block][fine filled up][place][coarse], `blocks` coarse blocks.
  * Dimensions: fine channels, blocks of coarse channels. */
 __kernel void conv_reduce_weights(__global const float *partial, __global float *dw, hada_conv_partials sizes,
@@ -55,7 +61,9 @@ __kernel void conv_bias_partial(__global const float *dy, __global float *partia
     CONV_STORE(sum, partial + ((size_t)part * get_global_size(0) + block) * NET_BLOCK);
 }
 
-/* db from those, which stand from `offset` on. One work-item takes a channel. */
+#endif
+
+/* db from partial sums, which stand from `offset` on. One work-item takes a channel. */
 __kernel void conv_reduce_bias(__global const float *partial, __global float *db, ulong offset, ulong db_offset,
                                int parts, int blocks, int channels, int accumulate)
 {

@@ -106,8 +106,9 @@ hada_status hada_conv_reduce_bias(hada_conv *conv, size_t scratch_offset, int pa
 {
     const int block = conv->plan.block;
     const hada_range range = hada_range_of((size_t)channels, LOCAL, 1, 1);
+    const int program = hada_find_conv_reduce(.net_block = block, .conv_partials = !conv->plan.groups);
     return hada_launch_conv_reduce_bias(
-        conv->slot, HADA_PROGRAM_BY_BLOCK(CONV_REDUCE, block), &range, err, .partial = conv->scratch.mem, .db = db.mem,
+        conv->slot, (hada_program_conv_reduce)program, &range, err, .partial = conv->scratch.mem, .db = db.mem,
         .offset = scratch_offset, .db_offset = db.offset, .parts = parts, .blocks = (channels + block - 1) / block,
         .channels = channels, .accumulate = accumulate);
 }

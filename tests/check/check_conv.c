@@ -129,8 +129,11 @@ static hada_status begin(check_state *state, conv_what what, hada_error *err)
 
     hada_status status = hada_conv_create(&own->conv, state->slot, d, err);
     if (!status && d->method && hada_conv_serving(own->conv) != d->method)
-        status = hada_fail(err, HADA_ERROR_STATE, "method %d serves instead of %d", (int)hada_conv_serving(own->conv),
-                           (int)d->method);
+        status = hada_fail(err,
+                           /* Winograd's tiles stand in local memory */
+                           state->slot->context->info.local_memory_bytes < (size_t)64 << 10 ? HADA_ERROR_UNSUPPORTED
+                                                                                            : HADA_ERROR_STATE,
+                           "method %d serves instead of %d", (int)hada_conv_serving(own->conv), (int)d->method);
     own->w_planar = check_room(state, own->weights * sizeof(float));
     own->bias_planar = check_room(state, (size_t)d->out_channels * sizeof(float));
     own->coarse = check_room(state, (size_t)own->shape.coarse_channels * (size_t)own->shape.coarse_rows *

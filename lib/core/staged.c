@@ -21,8 +21,9 @@
 enum { SLOTS = 1024 };
 /* Random letters of a name, 5 bits each, and how often another name is tried. */
 enum { LETTERS = 16, ATTEMPTS = 100 };
-/* The longest name in a folder on the file systems in use, and how deep folders are removed. */
-enum { LONGEST_NAME = 255, DEEPEST = 16 };
+/* The longest name in a folder on the file systems in use, and how deep folders are removed, and how often one that
+ * fills again meanwhile. */
+enum { LONGEST_NAME = 255, DEEPEST = 16, PASSES = 100 };
 
 /* Changed under the lock, and read without it by a handler of a signal. */
 static _Atomic(char *) slots[SLOTS];
@@ -140,11 +141,10 @@ typedef struct entry {
 
 static void remove_in(int folder, const char *name, int depth);
 
-/* One pass over what is in a folder; how many names were met. */
-static int remove_some(int folder, int depth)
+/* One pass over what is in a folder. */
+static void remove_some(int folder, int depth)
 {
     _Alignas(entry) char block[2048];
-    int met = 0;
     for (long got; (got = syscall(SYS_getdents64, folder, block, sizeof block)) > 0;)
         for (long at = 0; at < got;) {
             const entry *one = (const entry *)(const void *)(block + at);
@@ -152,9 +152,7 @@ static int remove_some(int folder, int depth)
             if (!strcmp(one->name, ".") || !strcmp(one->name, ".."))
                 continue;
             remove_in(folder, one->name, depth);
-            met++;
         }
-    return met;
 }
 
 /* Calls nothing but the system. */
@@ -166,10 +164,13 @@ static void remove_in(int folder, const char *name, int depth)
     if (open < 0)
         return;
     /* again, since other threads may be writing still: they find no place any more once the folder is gone */
-    for (int pass = 0; pass < DEEPEST && remove_some(open, depth + 1); pass++)
+    for (int pass = 0; pass < PASSES; pass++) {
+        remove_some(open, depth + 1);
+        if (!unlinkat(folder, name, AT_REMOVEDIR) || (errno != ENOTEMPTY && errno != EEXIST))
+            break;
         lseek(open, 0, SEEK_SET);
+    }
     close(open);
-    unlinkat(folder, name, AT_REMOVEDIR);
 }
 
 void hada_outputs_remove(void)

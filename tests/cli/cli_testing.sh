@@ -1,7 +1,8 @@
-# Shared by the command line's tests. Needs HADALENS, FRAME_TOOL and WORK in the environment.
+# Shared by the command line's tests. Needs HADALENS, FRAME_TOOL and WORK in the environment. Each works in a folder of
+# its own, named as its script or, where one script is several tests that may run at once, TEST_NAME.
 set -u
 export LC_ALL=C
-here="$WORK/$(basename "$0" .sh)"
+here="$WORK/${TEST_NAME:-$(basename "$0" .sh)}"
 rm -rf "$here"
 mkdir -p "$here"
 cd "$here" || exit 1

@@ -130,11 +130,11 @@ static void free_alone(alone *a)
 static void step_engine(hada_replica *replica, const hada_sample *samples, int at_once, uint64_t step)
 {
     hada_terms terms;
-    double norm, critic_norm;
+    double norm, discriminator_norm;
     unsigned char touched[1] = {0};
     hada_parameters_clear(hada_replica_parameters(replica));
     must(hada_replica_backward(replica, samples, at_once, 1.0 / at_once, step, 0, &terms, touched, &err));
-    must(hada_parameters_norm(hada_replica_parameters(replica), touched, &norm, &critic_norm, &err));
+    must(hada_parameters_norm(hada_replica_parameters(replica), touched, &norm, &discriminator_norm, &err));
     for (int group = 0; group < hada_replica_parameters(replica)->count; group++)
         if (hada_parameters_floats(hada_replica_parameters(replica), group, HADA_CONTENT_GRADIENT))
             must(hada_parameters_update(hada_replica_parameters(replica), group, step, 1e-6, 1.0, &err));
@@ -170,7 +170,7 @@ static void show_stages(hada_replica *replica, const hada_sample *samples, int a
 static void run(const perf_case *c, int rounds, int at_once)
 {
     hada_model *model;
-    hada_net *net = NULL, *critic = NULL, *vgg = NULL;
+    hada_net *net = NULL, *discriminator = NULL, *vgg = NULL;
     hada_replica *replica;
     alone net_alone = {0};
     hada_image input = noise(3, c->frame, c->frame, 3), scene = noise(3, c->window, c->window, 4);
@@ -188,13 +188,17 @@ static void run(const perf_case *c, int rounds, int at_once)
     if (c->net)
         must(hada_net_create_preset(&net, c->net, 3, 1, &err));
     if (c->stage == HADA_STAGE_ADVERSARIAL) {
-        must(hada_discriminator_make(&critic, "conditional", 3, &err));
+        must(hada_discriminator_make(&discriminator, "conditional", 3, &err));
         must(hada_vgg16_make(&vgg, &err));
-        must(hada_net_init(critic, 1, &err));
+        must(hada_net_init(discriminator, 1, &err));
         must(hada_net_init(vgg, 1, &err));
     }
-    const hada_replica_desc desc = {
-        .model = model, .options = &options, .net = net, .critic = critic, .vgg = vgg, .at_once = at_once};
+    const hada_replica_desc desc = {.model = model,
+                                    .options = &options,
+                                    .net = net,
+                                    .discriminator = discriminator,
+                                    .vgg = vgg,
+                                    .at_once = at_once};
     size_t bytes;
     must(hada_replica_bytes(context, &desc, &bytes, &err));
     must(hada_replica_create(&replica, slot, &desc, &err));
@@ -220,7 +224,7 @@ static void run(const perf_case *c, int rounds, int at_once)
     if (net)
         free_alone(&net_alone);
     hada_net_destroy(&net);
-    hada_net_destroy(&critic);
+    hada_net_destroy(&discriminator);
     hada_net_destroy(&vgg);
     hada_model_destroy(&model);
     hada_image_destroy(&input);

@@ -18,10 +18,6 @@
 #ifndef DCT_TILE_COLS
 #define DCT_TILE_COLS 64
 #endif
-/* Work-items of a group: 1 with vectors of eight, more with one column or row of blocks each. */
-#ifndef DCT_GROUP
-#define DCT_GROUP 1
-#endif
 
 /* Blocks begin so far before a tile, and there are so many down it. */
 #define DCT_BEFORE     6
@@ -35,7 +31,7 @@
 /* Values of pixels side by side, and as many of them as an item takes: the basis is worked out once for all. */
 #if DCT_GROUP == 1
 #define DCT_WIDTH 8
-#define DCT_RUN   16
+#define DCT_RUN   (HADA_REFINE_DCT_RUN / DCT_WIDTH)
 #else
 #define DCT_WIDTH 1
 #define DCT_RUN   1

@@ -58,6 +58,9 @@ typedef struct hada_refine_crop {
 } hada_refine_crop;
 HADA_SHARED_SIZE(hada_refine_crop, 20)
 
+/* Pixels that an item of refine_dct_colours takes in lanes; a multiple of eight. */
+#define HADA_REFINE_DCT_RUN 128
+
 /* Planes of the window, in bands of rows. */
 typedef struct hada_refine_window {
     int channels, rows, cols;

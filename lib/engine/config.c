@@ -223,6 +223,7 @@ hada_refine_shape hada_config_refine(const hada_config *config, const hada_model
 {
     hada_refine_shape refine = hada_refine_shape_of(hada_model_get_info(model), config->depths, config->steps);
     refine.tv = config->weights.tv > 0;
+    refine.shrink = config->weights.shrink > 0;
     return refine;
 }
 

@@ -21,6 +21,7 @@ hada_status hada_trial_bench_create(hada_trial_bench *bench, hada_error *err)
     hada_refine_shape shape = hada_refine_shape_of(&grid->info, HADA_TRIAL_MEMBERS, HADA_TRIAL_STEPS);
     hada_status status = HADA_OK;
     shape.tv = bench->with->tv != 0.0;
+    shape.shrink = bench->with->shrink != 0.0;
     HADA_TRY(hada_refiner_create(&bench->refiner, grid->slot, NULL, &shape, err));
     HADA_TRY(hada_fft_create(&bench->inverse, grid->slot, &desc, err));
     HADA_TRY(hada_buffer_create(&bench->filters, context, bytes, "filters on trial", err));

@@ -245,12 +245,12 @@ hada_status hada_refiner_create(hada_refiner **out, hada_slot *slot, hada_scratc
     HADA_TRY(make_plans(refiner, scratch, err));
     HADA_TRY(make_buffers(refiner, scratch, &b, err));
     HADA_TRY(hada_refine_prepare(refiner, err));
-    if (shape->tv) {
+    if (shape->tv)
         HADA_TRY(hada_variation_prepare(&refiner->variation, slot, shape->channels, shape->window.rows,
                                         shape->window.cols, err));
+    if (shape->tv && shape->shrink)
         HADA_TRY(hada_shrinkage_prepare(&refiner->shrinkage, slot, shape->channels, shape->window.rows,
                                         shape->window.cols, err));
-    }
     *out = refiner;
 done:
     if (status)

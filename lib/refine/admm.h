@@ -27,7 +27,8 @@ typedef struct hada_refine_shape {
     int max_sets;   /* sets in one run, at most */
     int max_planes; /* sets x depths in one run, at most */
     int max_steps;
-    int tv; /* 1: rules may ask for total variation */
+    int tv;     /* 1: rules may ask for total variation */
+    int shrink; /* 1: and for shrinkage with it */
 } hada_refine_shape;
 
 /* The shape for a model: one set of up to max_depths depths. */

@@ -45,8 +45,9 @@ static hada_status check_rule(const hada_refiner *refiner, const hada_refine_rul
             "weight of colour from 1 on, shrinkage from 0 on are possible (got %d, %g, %g, %g, %g, %g, %g)",
             refiner->shape.max_steps, rule->steps, rule->rho, rule->mu, rule->relaxation, rule->growth, rule->tv_colour,
             rule->shrink);
-    if (rule->tv > 0.0 && !refiner->shape.tv)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "refinement: this refiner was made without total variation");
+    if (rule->tv > 0.0 && (!refiner->shape.tv || (rule->shrink > 0.0 && !refiner->shape.shrink)))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "refinement: this refiner was made without %s",
+                         refiner->shape.tv ? "shrinkage" : "total variation");
     return HADA_OK;
 }
 

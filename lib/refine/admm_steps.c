@@ -180,13 +180,10 @@ hada_status hada_refine_tv_step(hada_refiner *refiner, int planes, double theta,
 hada_status hada_refine_shrink_step(hada_refiner *refiner, double theta, double colour, double shrink, int fresh,
                                     hada_error *err)
 {
-    hada_status status = HADA_OK;
-    HADA_TRY(hada_refine_tv_step(refiner, 1, HADA_REFINE_SHRINK_TV * theta, colour, fresh, err));
-    /* the duals are in the first buffer now, and the second, twice as large as an image, is free */
-    HADA_TRY(hada_shrinkage_step(&refiner->shrinkage, refiner->slot, refiner->planes.mem, refiner->tv[1].mem,
-                                 shrink * theta, err));
-done:
-    return status;
+    const cl_mem duals[2] = {refiner->tv[0].mem, refiner->tv[1].mem};
+    const hada_shrinkage_weights weights = {theta, colour, HADA_REFINE_SHRINK_TV, shrink};
+    return hada_shrinkage_after_variation(&refiner->shrinkage, &refiner->variation, refiner->slot, refiner->planes.mem,
+                                          duals, &weights, fresh, err);
 }
 
 /* Transforms `images` images in calls of the plan's batch; their spectra stand from `offset` on. */

@@ -1,8 +1,5 @@
 #include "refine/shrinkage.h"
 
-/* Pixels of an item in the kernel of colours: runs of vectors on a CPU, one on a GPU. */
-enum { LANES_RUN = 128 };
-
 hada_status hada_shrinkage_prepare(hada_shrinkage *shrinkage, hada_slot *slot, int channels, int rows, int cols,
                                    hada_error *err)
 {
@@ -20,7 +17,7 @@ static hada_status colours(const hada_shrinkage *s, hada_slot *slot, cl_mem from
                            hada_error *err)
 {
     const size_t area = (size_t)s->rows * (size_t)s->cols;
-    const size_t run = s->group > 1 ? 1 : LANES_RUN;
+    const size_t run = s->group > 1 ? 1 : HADA_REFINE_DCT_RUN;
     const hada_range range = hada_range_of(hada_divide_up(area, run), s->group, 1, 1);
     const hada_refine_window window = {.channels = s->channels, .rows = s->rows, .cols = s->cols};
     const double values = (double)area * s->channels;
@@ -42,6 +39,19 @@ hada_status hada_shrinkage_step(const hada_shrinkage *s, hada_slot *slot, cl_mem
     HADA_TRY(hada_launch_refine_dct_shrink(slot, s->program, &range, err, .planes = scratch, .window = window,
                                            .threshold = (float)threshold, .colour = (float)HADA_SHRINKAGE_COLOUR));
     HADA_TRY(colours(s, slot, scratch, (size_t)values, image, 1, err));
+done:
+    return status;
+}
+
+hada_status hada_shrinkage_after_variation(const hada_shrinkage *s, const hada_variation *variation, hada_slot *slot,
+                                           cl_mem image, const cl_mem duals[2], const hada_shrinkage_weights *weights,
+                                           int fresh, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_variation_step(variation, slot, image, duals, 1, weights->variation * weights->theta, weights->colour,
+                                 fresh, err));
+    /* the duals are in the first buffer now, and the second, twice as large as an image, is free */
+    HADA_TRY(hada_shrinkage_step(s, slot, image, duals[1], weights->threshold * weights->theta, err));
 done:
     return status;
 }

@@ -208,15 +208,12 @@ static hada_status smooth(hada_volume *v, const hada_volume_unknown *u, const ha
                           int step, hada_error *err)
 {
     const cl_mem duals[2] = {v->duals[0].mem, v->duals[1].mem};
-    const int shrink = u->texture && rule->shrink > 0 && step >= rule->steps - HADA_SHRINKAGE_STEPS;
-    hada_status status = HADA_OK;
-    HADA_TRY(hada_variation_step(&v->variation, v->slot, v->gradient.mem, duals, u->texture ? 1 : v->shape.planes,
-                                 shrink ? rule->shrink_tv * theta : theta, fmax(rule->colour, 1.0), !step, err));
-    /* the second duals, twice as large as a texture, are free by now */
-    if (shrink)
-        HADA_TRY(hada_shrinkage_step(&v->shrinkage, v->slot, v->gradient.mem, duals[1], rule->shrink * theta, err));
-done:
-    return status;
+    const hada_shrinkage_weights weights = {theta, fmax(rule->colour, 1.0), rule->shrink_tv, rule->shrink};
+    if (u->texture && rule->shrink > 0 && step >= rule->steps - HADA_SHRINKAGE_STEPS)
+        return hada_shrinkage_after_variation(&v->shrinkage, &v->variation, v->slot, v->gradient.mem, duals, &weights,
+                                              !step, err);
+    return hada_variation_step(&v->variation, v->slot, v->gradient.mem, duals, u->texture ? 1 : v->shape.planes, theta,
+                               weights.colour, !step, err);
 }
 
 hada_status hada_volume_step(hada_volume *v, const hada_volume_unknown *u, const hada_volume_rule *rule, double bound,

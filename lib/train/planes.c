@@ -41,6 +41,7 @@ static hada_refine_shape refine_shape(const hada_model_info *info, int composes)
     hada_refine_shape shape =
         hada_refine_shape_of(info, most_depths(info, composes), is_refined(info) ? info->refine_steps : 1);
     shape.tv = info->refine_tv > 0;
+    shape.shrink = info->refine_shrink > 0;
     return shape;
 }
 

@@ -39,7 +39,8 @@ static void read_shape(const check_state *state, refine_state *own)
                             .max_sets = own->sets,
                             .max_planes = own->sets * own->depths,
                             .max_steps = 40,
-                            .tv = check_get(state, 'y', 0) > 0};
+                            .tv = check_get(state, 'y', 0) > 0,
+                            .shrink = check_get(state, 'x', 0) > 0};
     hada_refine_rule_init(&own->rule);
     own->rule.rho = 1e-2;
     own->rule.tv = 1e-3 * check_get(state, 'y', 0);

@@ -401,6 +401,10 @@ static void refuses_what_it_cannot_do(void **state)
     f.device.data.frame = NULL;
     assert_int_equal(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, 1, list, NULL, &error), HADA_ERROR_ARGUMENT);
     f.device.data.frame = f.device.data.spectrum; /* never read */
+    rule.tv = 1.0;
+    rule.shrink = 1.6;
+    assert_int_equal(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, 1, list, NULL, &error), HADA_ERROR_ARGUMENT);
+    assert_non_null(strstr(error.message, "shrinkage"));
     f.device.shape.tv = 0;
     hada_refiner *plain;
     ASSERT_OK(hada_refiner_create(&plain, f.device.slot, NULL, &f.device.shape, err));

@@ -51,10 +51,16 @@ hada_status hada_cli_read_refine(const char *text, int *steps, hada_error *err)
     return hada_cli_error(err, HADA_ERROR_ARGUMENT, "--refine takes a number of steps or 'auto', not '%s'", text);
 }
 
-hada_status hada_cli_read_refine_tv(const char *text, double *weight, hada_error *err)
+/* A number within bounds, or 'auto', which is -1. */
+static int is_weight(const char *text, double least, double most, double *weight)
 {
     *weight = -1.0;
-    if (!strcmp(text, "auto") || (hada_cli_read_real(text, weight) && *weight >= 0.0))
+    return !strcmp(text, "auto") || (hada_cli_read_real(text, weight) && *weight >= least && *weight <= most);
+}
+
+hada_status hada_cli_read_refine_tv(const char *text, double *weight, hada_error *err)
+{
+    if (is_weight(text, 0.0, INFINITY, weight))
         return HADA_OK;
     return hada_cli_error(err, HADA_ERROR_ARGUMENT,
                           "--refine-tv takes a weight, such as 0.003, 0 for none, or 'auto', not '%s'", text);
@@ -62,8 +68,7 @@ hada_status hada_cli_read_refine_tv(const char *text, double *weight, hada_error
 
 hada_status hada_cli_read_refine_shrink(const char *text, double *threshold, hada_error *err)
 {
-    *threshold = -1.0;
-    if (!strcmp(text, "auto") || (hada_cli_read_real(text, threshold) && *threshold >= 0.0 && *threshold <= 100.0))
+    if (is_weight(text, 0.0, 100.0, threshold))
         return HADA_OK;
     return hada_cli_error(err, HADA_ERROR_ARGUMENT,
                           "--refine-shrink takes a threshold from 0 (none) to 100, such as 1.6, or 'auto', not '%s'",
@@ -72,8 +77,7 @@ hada_status hada_cli_read_refine_shrink(const char *text, double *threshold, had
 
 hada_status hada_cli_read_refine_colour(const char *text, double *weight, hada_error *err)
 {
-    *weight = -1.0;
-    if (!strcmp(text, "auto") || (hada_cli_read_real(text, weight) && *weight >= 1.0 && *weight <= 16.0))
+    if (is_weight(text, 1.0, 16.0, weight))
         return HADA_OK;
     return hada_cli_error(err, HADA_ERROR_ARGUMENT,
                           "--refine-colour takes a weight from 1 to 16, such as 1.5, or 'auto', not '%s'", text);

@@ -29,6 +29,10 @@ def test_devices() -> None:
     context = hadalens.Context.default()
     assert context.device in found
     assert context.programs_compiled + context.programs_loaded >= 0
+    for shape in ("lanes", "groups"):
+        assert hadalens.Context(shape=shape).shape == shape
+    with pytest.raises(ValueError, match="lanes, groups"):
+        hadalens.Context(shape="rows")  # type: ignore[arg-type]
     context.reset_peak()
     assert context.peak_bytes >= context.bytes >= 0
 

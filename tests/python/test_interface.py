@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import fnmatch
+import inspect
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import hadalens
 import numpy as np
 import pytest
 from hadalens import errors
+from hadalens._fit import fit_options
 from hadalens._native import _preload_loader, ffi, lib, words
 
 ROOT = Path(__file__).parents[2]
@@ -115,6 +119,51 @@ def test_records_have_every_member(kind: type, struct: str, left_out: set[str]) 
     """A member that a struct gains is missed here."""
     members = {name for name, _ in ffi.typeof(struct).fields} - left_out
     assert members <= set(kind.__dataclass_fields__)  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    ("function", "struct", "otherwise"),
+    [
+        # those that go by another name, or by another way
+        (
+            hadalens.fit,
+            "hada_fit_options",
+            {"depths", "channels", "distances_mm", "raw_rows", "raw_cols", "window_rows", "window_cols"}
+            | {"lambda", "grid_rows", "grid_cols"},
+        ),
+        (hadalens.fit, "hada_fit_task", {"fit", "merge_count", "monitor"}),
+        (
+            hadalens.Fitter,
+            "hada_fit_options",
+            {"depths", "raw_rows", "raw_cols", "window_rows", "window_cols", "lambda", "grid_rows", "grid_cols"},
+        ),
+        (hadalens.Model.from_psf, "hada_psf_options", {"lambda", "window_rows", "window_cols"}),
+        (
+            hadalens.Plan,
+            "hada_plan_options",
+            {"depth_count", "occupied_list", "occupied_count", "dark_level", "dark_frame", "repair_not_finite"},
+        ),
+        # parts are in the device's name; the self-test is left out by nobody
+        (hadalens.Context, "hada_context_options", {"part", "parts", "log", "log_user", "skip_self_test"}),
+        (hadalens.focus_stack, "hada_focus_options", set()),
+        (
+            hadalens.train,
+            "hada_train_task",
+            {"fit", "boundary", "user", "monitor"},  # fit() makes another model to begin with
+        ),
+        (hadalens.simulate, "hada_simulate_task", {"simulator", "monitor"}),
+        (hadalens.Net.unet, "hada_unet_options", set()),
+        (hadalens.optics.Wave, "hada_wave_options", set()),
+        (hadalens.reconstruct_files, "hada_files_task", {"user", "monitor"}),
+    ],
+)
+def test_options_have_every_member(function: Callable[..., Any], struct: str, otherwise: set[str]) -> None:
+    """A member that a struct of options gains is missed here."""
+    names = set(inspect.signature(function).parameters)
+    if function is hadalens.Fitter:
+        names |= set(inspect.signature(fit_options).parameters)
+    members = {name for name, _ in ffi.typeof(struct).fields} - {"size"}
+    assert members - names == otherwise
 
 
 def test_defaults_are_those_of_the_library() -> None:

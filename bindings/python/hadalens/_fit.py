@@ -129,6 +129,7 @@ def fit_options(
     refine_steps: int | None = None,
     refine_tv: float | None = None,
     refine_colour: float | None = None,
+    refine_shrink: float | None = None,
     nonnegative: bool = True,
     scene_response: float | str | None = None,
     crop_passes: int | None = None,
@@ -147,6 +148,7 @@ def fit_options(
         refine_steps=refine_steps,
         refine_tv=refine_tv,
         refine_colour=refine_colour,
+        refine_shrink=refine_shrink,
         nonnegative=nonnegative,
         scene_response=None if scene_response is None else responses.number(scene_response),
         crop_passes=crop_passes,
@@ -169,6 +171,7 @@ def fit(
     refine_steps: int | None = None,
     refine_tv: float | None = None,
     refine_colour: float | None = None,
+    refine_shrink: float | None = None,
     nonnegative: bool = True,
     scene_response: float | str | None = None,
     exposure: Literal["auto", "same", "each"] = "auto",
@@ -190,8 +193,8 @@ def fit(
         window: rows and columns of the scene; None: the scenes' size.
         form: of the filters.
         dark: taken off the frames; None: estimated from each.
-        alpha, regularisation, outside, refine_steps, refine_tv, refine_colour, crop_passes: None: chosen by leaving
-            pairs out (docs/filters.md, docs/refinement.md, docs/cropped.md).
+        alpha, regularisation, outside, refine_steps, refine_tv, refine_colour, refine_shrink, crop_passes: None: chosen
+            by leaving pairs out (docs/filters.md, docs/refinement.md, docs/cropped.md).
         nonnegative: point spread functions are nowhere negative, where the pairs say too little.
         scene_response: how scenes stand for light: "linear", "srgb", a power; None: found.
         exposure: whether frames of a depth were exposed alike: "auto" (found), "same" or "each".
@@ -226,6 +229,7 @@ def fit(
         refine_steps=refine_steps,
         refine_tv=refine_tv,
         refine_colour=refine_colour,
+        refine_shrink=refine_shrink,
         nonnegative=nonnegative,
         scene_response=scene_response,
         crop_passes=crop_passes,

@@ -54,8 +54,8 @@ class Fitter(Handle):
         grid: "padded": rows and columns of the grid; None: large enough for all light.
         context: a device; None: :meth:`Context.default`.
         channel_axis: of arrays of three axes; None: the first.
-        options: form, dark, alpha, regularisation, outside, refine_steps, refine_tv, refine_colour, nonnegative,
-            scene_response, crop_passes as in :func:`fit`.
+        options: form, dark, alpha, regularisation, outside, refine_steps, refine_tv, refine_colour,
+            refine_shrink, nonnegative, scene_response, crop_passes as in :func:`fit`.
 
     Example:
         >>> fitter = hadalens.Fitter([100.0, 600.0], raw_size=(300, 400), window=(120, 120), channels=3)

@@ -6,10 +6,10 @@ import os
 import threading
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from . import errors
-from ._native import Handle, Options, Owner, call, ffi, lib, path, record, text
+from ._native import Handle, Options, Owner, call, ffi, lib, path, record, text, value_of
 
 
 @dataclass(frozen=True)
@@ -83,6 +83,8 @@ class Context(Handle):
         cache: folder of compiled programs; "" for none. None: HADALENS_CACHE, else in ~/.cache.
         tuning: a file of tuning choices; None: HADALENS_TUNING, else none.
         log_level: "warning" (default), "info" or "trace": what goes to the logger "hadalens".
+        shape: of kernels: "lanes" (vectors in one work-item) or "groups" (work-groups with local memory); None:
+            HADALENS_SHAPE, else groups on GPUs and lanes elsewhere.
 
     Raises:
         NoDeviceError: no device is there; the message says what to install.
@@ -106,12 +108,13 @@ class Context(Handle):
         cache: str | os.PathLike[str] | None = None,
         tuning: str | os.PathLike[str] | None = None,
         log_level: str = "warning",
+        shape: Literal["lanes", "groups"] | None = None,
     ) -> None:
         """Open the device."""
-        self._open(
-            lib.hada_context_create,
-            _options(None if device is None else str(device), binaries, cache, tuning, log_level),
-        )
+        options = _options(None if device is None else str(device), binaries, cache, tuning, log_level)
+        if shape is not None:
+            options.set(shape=value_of("hada_kernel_shape", shape, "shape"))
+        self._open(lib.hada_context_create, options)
 
     def _open(self, create: Any, options: Options, *given: Any) -> None:
         owner = Owner("hada_context", lib.hada_context_destroy, options)
@@ -159,6 +162,11 @@ class Context(Handle):
     def device(self) -> DeviceInfo:
         """The device."""
         return _info(lib.hada_context_device(self._c))
+
+    @property
+    def shape(self) -> str:
+        """The shape that kernels take on the device: "lanes" or "groups"; both compute the same, to rounding."""
+        return text(lib.hada_kernel_shape_name(lib.hada_context_shape(self._c)))
 
     @property
     def bytes(self) -> int:

@@ -184,6 +184,8 @@ class Plan(Handle):
         refine: steps of refinement; None: the model's, 0: linear filters alone.
         refine_tv: weight of total variation in it; None: the model's.
         refine_colour: there, weight of differences of colour over those of brightness, 1 to 16; None: the model's.
+        refine_shrink: there, where one depth is occupied, threshold of the shrinkage of blocks in units of `refine_tv`,
+            0 (none) to 100; None: the model's.
         dark: taken off the frames: None (what the model says), "auto" (each frame's own, estimated), a level from 0
             (nothing) to 1, or a dark frame (an array like raw frames).
         repair: NaN and infinite pixels take the median of their neighbours; otherwise such frames are refused.
@@ -220,6 +222,7 @@ class Plan(Handle):
         refine: int | None = None,
         refine_tv: float | None = None,
         refine_colour: float | None = None,
+        refine_shrink: float | None = None,
         dark: Any = None,
         repair: bool = False,
         enhance: bool = True,
@@ -240,6 +243,7 @@ class Plan(Handle):
             refine=refine,
             refine_tv=refine_tv,
             refine_colour=refine_colour,
+            refine_shrink=refine_shrink,
             dark=dark,
             repair=repair,
             enhance=enhance,

@@ -23,6 +23,12 @@ static inline float2 load_filter_value(__global const ushort *p)
 {
     return vload_half2(0, (__global const half *)p);
 }
+/* Two complex values, aligned. */
+static inline float4 load_filter_values(__global const ushort *p)
+{
+    const uint4 bits = convert_uint4(*(__global const ushort4 *)p);
+    return as_float4((bits & 0x7fffu) << 13 | (bits & 0x8000u) << 16) * 0x1p112f;
+}
 #else
 typedef float filter_value;
 static inline float8 load_filter(__global const float *p)
@@ -32,6 +38,10 @@ static inline float8 load_filter(__global const float *p)
 static inline float2 load_filter_value(__global const float *p)
 {
     return vload2(0, p);
+}
+static inline float4 load_filter_values(__global const float *p)
+{
+    return *(__global const float4 *)p;
 }
 #endif
 

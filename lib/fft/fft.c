@@ -144,20 +144,25 @@ const hada_spectrum_layout *hada_fft_plan_layout(const hada_fft *plan)
     return &plan->layout;
 }
 
-static hada_status check_batch(const hada_fft *plan, hada_fft_direction direction, int batch, hada_error *err)
+/* The own kernels read and write spectra by two values at a time. */
+static hada_status check_call(const hada_fft *plan, hada_fft_direction direction, int batch, size_t spectrum_offset,
+                              hada_error *err)
 {
     if (plan->desc.direction != direction)
         return hada_fail(err, HADA_ERROR_STATE, "this plan transforms in the other direction");
     if (batch < 1 || batch > plan->desc.batch)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a batch of %d: this plan takes 1 to %d images", batch,
                          plan->desc.batch);
+    if (plan->desc.backend == HADA_FFT_OWN && spectrum_offset % 2)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "spectra from the value %zu on: give an even offset",
+                         spectrum_offset);
     return HADA_OK;
 }
 
 hada_status hada_fft_forward(hada_fft *plan, int batch, cl_mem real, size_t real_offset, cl_mem spectrum,
                              size_t spectrum_offset, hada_error *err)
 {
-    hada_status status = check_batch(plan, HADA_FFT_FORWARD, batch, err);
+    hada_status status = check_call(plan, HADA_FFT_FORWARD, batch, spectrum_offset, err);
     return status ? status : plan->engine->forward(plan, batch, real, real_offset, spectrum, spectrum_offset, err);
 }
 
@@ -185,7 +190,7 @@ static hada_fft_filter resolve_filter(const hada_fft *plan, int batch, const had
 hada_status hada_fft_inverse(hada_fft *plan, int batch, cl_mem spectrum, size_t spectrum_offset, cl_mem real,
                              size_t real_offset, const hada_fft_filter *filter, hada_error *err)
 {
-    hada_status status = check_batch(plan, HADA_FFT_INVERSE, batch, err);
+    hada_status status = check_call(plan, HADA_FFT_INVERSE, batch, spectrum_offset, err);
     if (status)
         return status;
     if (filter && filter->product == HADA_FFT_PLAIN)

@@ -100,8 +100,8 @@ typedef struct hada_fft_filter {
 } hada_fft_filter;
 
 /* Enqueues `batch` (<= desc.batch) transforms on the slot's compute queue. Offsets count floats on the real side and
- * complex numbers on the spectrum side. Forward: real -> spectrum. The real input is preserved; an inverse preserves
- * its spectrum as well (it works in the plan's own scratch). */
+ * complex numbers on the spectrum side, even ones with the own kernels. Forward: real -> spectrum. The real input is
+ * preserved; an inverse preserves its spectrum as well (it works in the plan's own scratch). */
 hada_status hada_fft_forward(hada_fft *plan, int batch, cl_mem real, size_t real_offset, cl_mem spectrum,
                              size_t spectrum_offset, hada_error *err);
 hada_status hada_fft_inverse(hada_fft *plan, int batch, cl_mem spectrum, size_t spectrum_offset, cl_mem real,

@@ -1,6 +1,10 @@
 /* Passes of the library's own transforms: scratch in local or global memory, and launching. */
 #include "fft/fft_own.h"
 
+#include <stdlib.h>
+
+#include "core/alloc.h"
+
 #define GROUP_SIZE_GPU 256
 #define GROUP_SIZE_CPU 64
 
@@ -48,9 +52,26 @@ static int reads_memory_first(const hada_context *context, int columns)
     return columns && context->shape != HADA_SHAPE_GROUPS;
 }
 
+/* The table of a length that has a program of its own. */
+static hada_status make_sized(hada_own_pass *pass, hada_slot *slot, hada_fft_pass_kind kind, hada_error *err)
+{
+    const size_t count = hada_fft_sized_floats(&pass->size, kind);
+    float *floats = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&floats, count, sizeof *floats, "a table of a transform", err));
+    hada_fft_sized_fill(&pass->size, kind, floats);
+    HADA_TRY(hada_buffer_create_from(&pass->floats, slot, floats, count * sizeof *floats, "a transform's tables", err));
+done:
+    free(floats);
+    return status;
+}
+
 hada_status hada_own_pass_make(hada_own_pass *pass, hada_slot *slot, const hada_fft_pass_desc *desc, hada_error *err)
 {
     const hada_context *context = slot->context;
+    pass->sized = hada_fft_sized_find(&pass->size, context, desc->n, desc->kind == HADA_PASS_COLUMNS);
+    if (pass->sized)
+        return make_sized(pass, slot, desc->kind, err);
     hada_fft_pass_desc full = *desc;
     hada_fft_pass table = {0};
     int points, odd;
@@ -86,6 +107,12 @@ void hada_own_pass_free(hada_own_pass *pass)
 
 size_t hada_own_pass_bytes(const hada_context *context, int n, int columns)
 {
+    hada_fft_sized size;
+    if (hada_fft_sized_find(&size, context, n, columns)) {
+        const size_t there = hada_fft_sized_floats(&size, columns ? HADA_PASS_COLUMNS : HADA_PASS_ROWS);
+        const size_t back = hada_fft_sized_floats(&size, columns ? HADA_PASS_COLUMNS : HADA_PASS_ROWS_INVERSE);
+        return (there > back ? there : back) * sizeof(float);
+    }
     int points, odd;
     size_t ints, floats;
     hada_fft_pass_sizes(n, reads_memory_first(context, columns), &points, &odd, &ints, &floats);

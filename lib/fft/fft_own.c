@@ -15,6 +15,8 @@
 #include "launch/fft_group_rows_forward.h"
 #include "launch/fft_group_rows_inverse.h"
 #include "launch/fft_rows_cols.h"
+#include "launch/fft_sized_cols.h"
+#include "launch/fft_sized_rows.h"
 
 /* Bytes between the two passes at a time. Lanes: what the caches of a few cores keep, larger measured slower. Groups:
  * work enough for a GPU. */
@@ -111,12 +113,28 @@ static int row_tasks(const own_state *state, const hada_fft_desc *desc)
     return (desc->real_rows + 2 * pairs - 1) / (2 * pairs);
 }
 
+static hada_status launch_sized_columns(hada_fft *plan, cl_mem in, const hada_fft_columns_in *from,
+                                        const hada_fft_filter *use, cl_mem out, const hada_fft_columns_out *to,
+                                        hada_error *err)
+{
+    const hada_own_pass *pass = &((const own_state *)plan->state)->columns;
+    const int blocks = from->band / HADA_FFT_BLOCK + 1, groups = blocks * to->images * pass->size.parts;
+    const hada_range range = hada_range_groups((size_t)groups, (size_t)pass->size.group, 1, 1);
+    const int program =
+        hada_find_fft_sized_cols(.fft_points = plan->desc.rows, .fft_inverse = plan->desc.direction == HADA_FFT_INVERSE,
+                                 .fft_product = (int)use->product, .fft_half = use->half);
+    return hada_launch_fft_sized_cols(plan->slot, program, &range, err, .in = in, .from = *from, .filter = use->filter,
+                                      .out = out, .to = *to, .twiddles = pass->floats.mem);
+}
+
 static hada_status launch_columns(hada_fft *plan, cl_mem in, const hada_fft_columns_in *from,
                                   const hada_fft_filter *use, cl_mem out, const hada_fft_columns_out *to,
                                   hada_error *err)
 {
     const own_state *state = plan->state;
     const hada_own_pass *pass = &state->columns;
+    if (pass->sized)
+        return launch_sized_columns(plan, in, from, use, out, to, err);
     const int blocks = from->band / HADA_FFT_BLOCK + 1, global = !pass->local_bytes;
     const hada_range range =
         hada_own_pass_range(pass, plan->slot, blocks * to->images * (HADA_FFT_BLOCK / pass->width));
@@ -134,11 +152,24 @@ static hada_status launch_columns(hada_fft *plan, cl_mem in, const hada_fft_colu
         .floats = pass->floats.mem, .scratches = hada_own_pass_scratch(pass));
 }
 
+/* The groups of a pass along rows of a length that has a program of its own. */
+static hada_range sized_rows(const hada_own_pass *pass, const hada_fft_desc *desc, int images)
+{
+    const int rows = 2 * pass->size.pairs, groups = (desc->real_rows + rows - 1) / rows * images;
+    return hada_range_groups((size_t)groups, (size_t)pass->size.group, 1, 1);
+}
+
 static hada_status launch_rows_forward(hada_fft *plan, cl_mem in, const hada_fft_real *real, cl_mem out,
                                        const hada_fft_spectra *spectra, hada_error *err)
 {
     const own_state *state = plan->state;
     const hada_own_pass *pass = &state->rows;
+    if (pass->sized) {
+        const hada_range groups = sized_rows(pass, &plan->desc, real->images);
+        return hada_launch_fft_sized_rows_forward(plan->slot, hada_find_fft_sized_rows(.fft_points = plan->desc.cols),
+                                                  &groups, err, .in = in, .real = *real, .out = out,
+                                                  .spectra = *spectra, .twiddles = pass->floats.mem);
+    }
     const hada_range range = hada_own_pass_range(pass, plan->slot, row_tasks(state, &plan->desc) * real->images);
     if (plan->slot->context->shape == HADA_SHAPE_GROUPS)
         return hada_launch_fft_group_rows_forward(plan->slot,
@@ -158,6 +189,12 @@ static hada_status launch_rows_inverse(hada_fft *plan, cl_mem in, const hada_fft
 {
     const own_state *state = plan->state;
     const hada_own_pass *pass = &state->rows;
+    if (pass->sized) {
+        const hada_range groups = sized_rows(pass, &plan->desc, real->images);
+        return hada_launch_fft_sized_rows_inverse(plan->slot, hada_find_fft_sized_rows(.fft_points = plan->desc.cols),
+                                                  &groups, err, .in = in, .spectra = *spectra, .out = out,
+                                                  .real = *real, .twiddles = pass->floats.mem);
+    }
     const hada_range range = hada_own_pass_range(pass, plan->slot, row_tasks(state, &plan->desc) * real->images);
     if (plan->slot->context->shape == HADA_SHAPE_GROUPS)
         return hada_launch_fft_group_rows_inverse(plan->slot,

@@ -4,6 +4,7 @@
 #define HADA_FFT_OWN_H
 
 #include "fft/fft_pass.h"
+#include "fft/fft_sized.h"
 #include "kernels/shared_fft.h"
 #include "runtime/buffer.h"
 #include "runtime/launch.h"
@@ -16,6 +17,8 @@ typedef struct hada_own_pass {
     int width;          /* complex transforms that a work-group does side by side */
     size_t local_bytes; /* of local memory for each group, 0 where scratch lies in global memory */
     size_t groups;      /* at most in flight, where scratch lies in global memory */
+    int sized; /* a program of its own serves the length; then `floats` is its table, and nothing else is there */
+    hada_fft_sized size;
 } hada_own_pass;
 
 hada_status hada_own_pass_make(hada_own_pass *pass, hada_slot *slot, const hada_fft_pass_desc *desc, hada_error *err);

@@ -37,6 +37,13 @@ static double complex root(long long k, long long n)
     return cos(angle) + sin(angle) * I;
 }
 
+void hada_fft_root(long long k, long long n, float *out)
+{
+    const double complex value = root(k, n);
+    out[0] = (float)creal(value);
+    out[1] = (float)cimag(value);
+}
+
 static size_t stage_floats(int radix, int span)
 {
     size_t count = 2 * (size_t)(radix - 1) * (size_t)span;

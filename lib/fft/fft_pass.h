@@ -36,4 +36,7 @@ void hada_fft_pass_free(hada_fft_pass *pass);
  * hada_fft_pass_make() would give. */
 void hada_fft_pass_sizes(int n, int direct, int *points, int *odd, size_t *int_count, size_t *float_count);
 
+/* exp(-2 pi i k / n), rounded once. */
+void hada_fft_root(long long k, long long n, float *out);
+
 #endif

@@ -11,6 +11,7 @@ import argparse
 import concurrent.futures
 import hashlib
 import json
+import math
 import os
 import re
 import subprocess
@@ -28,6 +29,7 @@ ARCHITECTURE = "sm_90"
 CLANG_ARCHITECTURE, CLANG_PTX = "sm_86", "+ptx75"
 # Registers are given out in eights, and another order of the same sums moves a few instructions.
 REGISTER_STEP, INSTRUCTION_SLACK = 8, 0.05
+COLUMNS_OF_BLOCK = 8  # of half spectra: HADA_FFT_BLOCK
 COLUMNS = ("registers", "stack", "spills", "local", "instructions", "narrow_loads", "narrow_stores", "wide", "loop", "fma",
            "a_point")
 HEADER = """\
@@ -54,34 +56,42 @@ def run(command):
 
 
 def compile_row(options, row, folder):
-    """What the tools say of a program: (messages of ptxas, PTX, SASS)."""
+    """What the tools say of a program: ({kernel: its fixed group size}, messages of ptxas, SASS)."""
     file, program, macros = row
-    ptx, cubin = folder / f"{file}.{program}.ptx", folder / f"{file}.{program}.cubin"
-    front = ["-target", "nvptx64--nvidiacl"]
-    for word in ("-target-cpu", CLANG_ARCHITECTURE, "-target-feature", CLANG_PTX, "-finclude-default-header",
-                 "-mlink-builtin-bitcode", options.libclc):
-        front += ["-Xclang", word]
-    run([options.clang, "-x", "cl", "-cl-std=CL1.2", *front, "-O3", "-w", f"-I{KERNELS}", *macros.split(), "-S",
-         KERNELS / f"{file}.cl", "-o", ptx])
+    code, ptx, cubin = (folder / f"{file}.{program}.{end}" for end in ("ll", "ptx", "cubin"))
+    target = ["-target", "nvptx64--nvidiacl", "-O3", "-w", "-S"]
+    for word in ("-target-cpu", CLANG_ARCHITECTURE, "-target-feature", CLANG_PTX):
+        target += ["-Xclang", word]
+    run([options.clang, "-x", "cl", "-cl-std=CL1.2", *target, "-Xclang", "-finclude-default-header", "-Xclang",
+         "-mlink-builtin-bitcode", "-Xclang", options.libclc, f"-I{KERNELS}", *macros.split(), "-emit-llvm",
+         KERNELS / f"{file}.cl", "-o", code])
+    run([options.clang, "-x", "ir", *target, code, "-o", ptx])
+    sizes = sass.group_sizes(code.read_text())
+    ptx.write_text(sass.with_group_sizes(ptx.read_text(), sizes))
     messages = run([options.tools / "ptxas", "-v", f"-arch={ARCHITECTURE}", ptx, "-o", cubin]).stderr
-    return messages, ptx.read_text(), run([options.tools / "nvdisasm", "-c", cubin]).stdout
+    return sizes, messages, run([options.tools / "nvdisasm", "-c", cubin]).stdout
 
 
-def points_of_item(macros, group):
-    """Complex points that a work-item transforms, where the program is for one length of eight transforms a group."""
+def points_of_item(file, macros, group):
+    """Complex points that a work-item transforms, where the program is for one length (kernels/shared_fft_sizes.h)."""
     length = re.search(r"-DFFT_POINTS=(\d+)", macros)
-    side = re.search(r"-DFFT_SIDE=(\d+)", macros)
-    return int(length.group(1)) * int(side.group(1) if side else 8) / group if length and group else 0
+    if not length or file not in ("fft_sized_cols", "fft_sized_rows"):
+        return 0
+    sizes = (KERNELS / "shared_fft_sizes.h").read_text()
+    part = sizes[sizes.index("#define FFT_COLUMN_SIZES" if file == "fft_sized_cols" else "#define FFT_ROW_SIZES"):]
+    row = re.search(rf"M\({length.group(1)}, \d+, \d+, \d+, \d+, (\d+), \d+\)", part)
+    points, last = int(length.group(1)), int(row.group(1))
+    return points * COLUMNS_OF_BLOCK / last / group if file == "fft_sized_cols" else points / last
 
 
 def measure(options, row, folder):
     """{kernel: figures} of a program."""
-    messages, ptx, text = compile_row(options, row, folder)
-    groups, code = sass.group_sizes(ptx), sass.bodies(text)
+    sizes, messages, text = compile_row(options, row, folder)
+    code = sass.bodies(text)
     found = {}
     for kernel, figures in sass.resources(messages).items():
         figures.update(sass.figures(code[kernel]))
-        points = points_of_item(row[2], groups.get(kernel))
+        points = points_of_item(row[0], row[2], math.prod(sizes.get(kernel, (1,))))
         figures["a_point"] = round(figures["instructions"] / points) if points else 0
         for kind in ("load", "store"):
             widths = figures.pop(kind)

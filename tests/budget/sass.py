@@ -1,5 +1,4 @@
 """Reads what ptxas and nvdisasm say of kernels: resources, and figures of their machine code (SASS)."""
-import math
 import re
 
 ARITHMETIC = re.compile(r"FFMA|HMMA")
@@ -19,13 +18,19 @@ def resources(text):
     return found
 
 
-def group_sizes(ptx):
-    """{kernel: work-items of a group, or None where the kernel does not say}."""
-    found = {}
-    for name, rest in re.findall(r"\.entry (\w+)\(.*?\)\s*((?:\.\w+ [\d, ]+\s*)*)\{", ptx, re.S):
-        size = re.search(r"\.reqntid ([\d, ]+)", rest)
-        found[name] = math.prod(int(x) for x in size.group(1).split(",")) if size else None
-    return found
+def group_sizes(code):
+    """{kernel: (x, y, z)} of the kernels whose LLVM code states the size of their groups."""
+    nodes = dict(re.findall(r"^(!\d+) = !\{(i32 \d+, i32 \d+, i32 \d+)\}", code, re.M))
+    return {name: tuple(int(x) for x in re.findall(r"i32 (\d+)", nodes[node])) for name, node in
+            re.findall(r"^define .*?@(\w+)\(.*?!reqd_work_group_size (!\d+)", code, re.M)}
+
+
+def with_group_sizes(ptx, sizes):
+    """PTX that states them as well, from which ptxas knows how many registers there are; clang leaves them out."""
+    for name, size in sizes.items():
+        words = ", ".join(map(str, size))
+        ptx = re.sub(rf"(\.entry {name}\([^)]*\)\s*)\{{", rf"\1.reqntid {words}\n{{", ptx)
+    return ptx
 
 
 def bodies(sass):

@@ -67,6 +67,8 @@ static void test_products(void **user)
             if (context->shape == HADA_SHAPE_GROUPS && half != (product == HADA_FFT_COMPLEX))
                 continue; /* the others differ as they do in lanes, and every program costs seconds to compile */
             check_inverse(whole(HADA_FFT_INVERSE, 32, 40, 6), (hada_fft_product)product, half, 3);
+            if (context->shape == HADA_SHAPE_GROUPS) /* a length that has programs of its own */
+                check_inverse(whole(HADA_FFT_INVERSE, 128, 128, 6), (hada_fft_product)product, half, 3);
             check_inverse(rectangle(whole(HADA_FFT_INVERSE, 86, 131, 4), 20, 33, 40, 50, 3), (hada_fft_product)product,
                           half, 2);
         }
@@ -174,6 +176,7 @@ static void test_errors(void **user)
     assert_int_equal(hada_fft_forward(plan, 3, a.mem, 0, a.mem, 0, &err), HADA_ERROR_ARGUMENT);
     assert_int_equal(hada_fft_forward(plan, 0, a.mem, 0, a.mem, 0, &err), HADA_ERROR_ARGUMENT);
     assert_int_equal(hada_fft_inverse(plan, 1, a.mem, 0, a.mem, 0, NULL, &err), HADA_ERROR_STATE);
+    assert_int_equal(hada_fft_forward(plan, 1, a.mem, 0, a.mem, 1, &err), HADA_ERROR_ARGUMENT);
     hada_fft_destroy(&plan);
     hada_fft_destroy(&plan);
     bad = whole(HADA_FFT_INVERSE, 16, 24, 2);

@@ -23,12 +23,12 @@ FFT_INLINE fft_columns image_block(__global float *images, size_t number, int ro
 
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 classic_columns(__global float *planes, __global float *frames, __global const float *otf, __global const int *list,
-                hada_classic_columns job, __global const int *table, __global const float *floats,
-                __local STATED_SIZE float8 *scratch)
+                hada_classic_columns job, __global const int *table, __local STATED_SIZE float8 *scratch)
 {
     const int depths = job.depths, channels = job.channels, blocks = job.blocks, back = job.transpose;
     const int channel = get_group_id(0) % channels, block = get_group_id(0) / channels;
     const int n = table[FFT_LENGTH], stages = table[FFT_STAGES];
+    __global const float *floats = FFT_FLOATS_OF(table);
     const float sign = back ? -1.0f : 1.0f;
     const size_t image = (size_t)blocks * n * 16; /* floats of a transfer function */
     __global const float *h = otf + 2 * job.otf_offset + channel * image + block * (size_t)n * 16;

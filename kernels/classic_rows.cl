@@ -19,9 +19,7 @@ classic_rows(__global float *spectra, __global float *images, __global float *fi
              __global const float *alpha, hada_classic_rows job, __global const int *tables, __global float *partial,
              __local STATED_SIZE float8 *scratch)
 {
-    __global const int *table = tables + job.tables.ints, *back_table = tables + job.tables.back_ints;
-    __global const float *floats = (__global const float *)(tables + job.tables.floats);
-    __global const float *back_floats = (__global const float *)(tables + job.tables.back_floats);
+    __global const int *table = tables, *back_table = tables + job.back_table;
     const int blocks = job.blocks, step = job.step, rows = job.rows, pitch = job.pitch, col0 = job.col0;
     const int cols = job.cols;
     const float number = job.number;
@@ -33,7 +31,7 @@ classic_rows(__global float *spectra, __global float *images, __global float *fi
 
     if (job.inverse)
         fft_rows_inverse_task(values, rows, count, table[FFT_LENGTH] / 2, g, pitch, col0, cols, job.scale, scratch,
-                              back_table, back_floats);
+                              back_table, FFT_FLOATS_OF(back_table));
     if (step == HADA_CLASSIC_MOMENTUM) {
         const float8 a = alpha[image % job.channels];
         float8 change = 0.0f, size = 0.0f;
@@ -54,5 +52,5 @@ classic_rows(__global float *spectra, __global float *images, __global float *fi
             image_put(y, i, max(image_get(x, i), 0.0f) / max(image_get(y, i), number));
     }
     if (job.forward)
-        fft_rows_forward_task(y, pitch, count, col0, cols, values, rows, blocks, scratch, table, floats);
+        fft_rows_forward_task(y, pitch, count, col0, cols, values, rows, blocks, scratch, table, FFT_FLOATS_OF(table));
 }

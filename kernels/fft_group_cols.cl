@@ -5,14 +5,15 @@
 #include "shared_fft.h"
 
 __kernel void fft_group_cols(__global const float *in, hada_fft_columns_in from, __global const void *filter,
-                             __global float *out, hada_fft_columns_out to, __global const int *table,
-                             __global const float *floats, int width, FFT_MEM float2 *scratches)
+                             __global float *out, hada_fft_columns_out to, __global const int *table, int width,
+                             FFT_MEM float2 *scratches)
 {
     const int n = table[FFT_LENGTH], points = table[FFT_POINTS], chirped = table[FFT_CHIRP] != 0;
     const int parts = HADA_FFT_BLOCK / width, images = to.images;
-    const int tasks = (from.band / HADA_FFT_BLOCK + 1) * images * parts;
+    const fft_side side = fft_side_of(width);
+    const int w = side.w, tasks = (from.band / HADA_FFT_BLOCK + 1) * images * parts;
     __global const int *source = table + table[FFT_SOURCE], *place = table + table[FFT_PLACE];
-    __global const float *chirp = floats + table[FFT_CHIRP];
+    __global const float *chirp = FFT_FLOATS_OF(table) + table[FFT_CHIRP];
 #if FFT_SCRATCH_GLOBAL
     __global float2 *scratch = scratches + get_group_id(0) * (size_t)(points * width * (table[FFT_ODD] ? 2 : 1));
 #else
@@ -32,11 +33,12 @@ __kernel void fft_group_cols(__global const float *in, hada_fft_columns_in from,
         FFT_SHARE (i, (chirped ? points * width : 0))
             scratch[i] = (float2)0.0f;
         FFT_WAIT();
-        FFT_SHARE (i, n * width) {
-            const int y = i / width, w = i % width, row = source[y];
+        FFT_SHARE_SIDE(y, n, side)
+        {
+            const int row = source[y];
             float2 v = (float2)0.0f;
             if ((uint)(row - from.first_row) < (uint)from.rows || row >= from.last_row) {
-                v = vload2(0, p + 16 * (size_t)row + 2 * w);
+                v = *(__global const float2 *)(p + 16 * (size_t)row + 2 * w);
 #if FFT_PRODUCT == 1
                 const float2 h = load_filter_value(f + 16 * (size_t)row + 2 * w);
                 v = fft_twiddled(v, h.x, h.y);
@@ -46,11 +48,12 @@ __kernel void fft_group_cols(__global const float *in, hada_fft_columns_in from,
             }
             fft_put_in(scratch, width, w, place[y], y, v, chirped, chirp);
         }
-        FFT_MEM const float2 *result = fft_transform(scratch, width, table, floats);
-        FFT_SHARE (i, to.rows * width) {
-            const int y = to.row0 + i / width, w = i % width;
-            vstore2(fft_take_out(result, width, w, place[y], y, chirped, chirp), 0,
-                    q + 16 * (size_t)(i / width) + 2 * w);
+        FFT_MEM const float2 *result = fft_transform(scratch, side, table, FFT_FLOATS_OF(table));
+        FFT_SHARE_SIDE(i, to.rows, side)
+        {
+            const int y = to.row0 + i;
+            *(__global float2 *)(q + 16 * (size_t)i + 2 * w) =
+                fft_take_out(result, width, w, place[y], y, chirped, chirp);
         }
         FFT_WAIT();
     }

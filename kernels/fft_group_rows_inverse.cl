@@ -4,14 +4,15 @@
 #include "shared_fft.h"
 
 __kernel void fft_group_rows_inverse(__global const float *in, hada_fft_spectra spectra, __global float *out,
-                                     hada_fft_real real, __global const int *table, __global const float *floats,
-                                     int width, FFT_MEM float2 *scratches)
+                                     hada_fft_real real, __global const int *table, int width,
+                                     FFT_MEM float2 *scratches)
 {
     const int n = table[FFT_LENGTH], points = table[FFT_POINTS], chirped = table[FFT_CHIRP] != 0;
-    const int band = spectra.band, blocks = band / HADA_FFT_BLOCK + 1, rows_in = spectra.rows;
+    const int band = spectra.band, rows_in = spectra.rows;
     const int groups = (rows_in + 2 * width - 1) / (2 * width), tasks = groups * real.images, cols_out = real.cols;
+    const fft_side side = fft_side_of(width);
     __global const int *place = table + table[FFT_PLACE];
-    __global const float *chirp = floats + table[FFT_CHIRP];
+    __global const float *chirp = FFT_FLOATS_OF(table) + table[FFT_CHIRP];
 #if FFT_SCRATCH_GLOBAL
     __global float2 *scratch = scratches + get_group_id(0) * (size_t)(points * width * (table[FFT_ODD] ? 2 : 1));
 #else
@@ -23,15 +24,15 @@ __kernel void fft_group_rows_inverse(__global const float *in, hada_fft_spectra 
         FFT_SHARE (i, (chirped || band < n / 2 ? points * width : 0))
             scratch[i] = (float2)0.0f;
         FFT_WAIT();
-        FFT_SHARE (i, blocks * width * 8) {
-            const int block = i / 8 / width, w = i / 8 % width, k = 8 * block + i % 8;
-            if (k <= band) {
-                __global const float *q = p + 2 * ((ulong)block * (ulong)rows_in * 8 + (ulong)(i % 8));
+        for (int w = 0; w < width; ++w)
+            FFT_SHARE (k, band + 1) {
+                __global const float2 *q =
+                    (__global const float2 *)p + ((ulong)(k / 8) * (ulong)rows_in + (ulong)w) * 8 + k % 8;
                 float2 x = (float2)0.0f, y = (float2)0.0f;
                 if (w < count)
-                    x = vload2(0, q + 16 * w);
+                    x = q[0];
                 if (width + w < count)
-                    y = vload2(0, q + 16 * (width + w));
+                    y = q[8 * width];
                 /* frequency k is input number n - k of a forward transform; the list of places knows that */
                 if (k == 0 || 2 * k == n) {
                     fft_put_in(scratch, width, w, place[k], k, (float2)(x.x, y.x), chirped, chirp);
@@ -40,17 +41,17 @@ __kernel void fft_group_rows_inverse(__global const float *in, hada_fft_spectra 
                     fft_put_in(scratch, width, w, place[n - k], k, (float2)(x.x + y.y, y.x - x.y), chirped, chirp);
                 }
             }
-        }
-        FFT_MEM const float2 *result = fft_transform(scratch, width, table, floats);
+        FFT_MEM const float2 *result = fft_transform(scratch, side, table, FFT_FLOATS_OF(table));
         __global float *q = out + real.offset + (ulong)image * real.distance + (ulong)first * real.pitch;
-        FFT_SHARE (i, cols_out * width) {
-            const int c = i % cols_out, w = i / cols_out, x = real.col0 + c;
-            const float2 v = fft_take_out(result, width, w, place[x ? n - x : 0], x, chirped, chirp) * real.scale;
-            if (w < count)
-                q[(ulong)w * real.pitch + c] = v.x;
-            if (width + w < count)
-                q[(ulong)(width + w) * real.pitch + c] = v.y;
-        }
+        for (int w = 0; w < width; ++w)
+            FFT_SHARE (c, cols_out) {
+                const int x = real.col0 + c;
+                const float2 v = fft_take_out(result, width, w, place[x ? n - x : 0], x, chirped, chirp) * real.scale;
+                if (w < count)
+                    q[(ulong)w * real.pitch + c] = v.x;
+                if (width + w < count)
+                    q[(ulong)(width + w) * real.pitch + c] = v.y;
+            }
         FFT_WAIT();
     }
 }

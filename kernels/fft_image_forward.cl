@@ -12,8 +12,8 @@
  * the rows' half spectra. */
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 fft_image_forward(__global const float *in, hada_fft_real real, __global float *out, hada_fft_spectra spectra,
-                  __global const int *row_table, __global const float *row_floats, __global const int *column_table,
-                  __global const float *column_floats, __local STATED_SIZE float8 *local_memory)
+                  __global const int *row_table, __global const int *column_table,
+                  __local STATED_SIZE float8 *local_memory)
 {
     const int rows = column_table[FFT_LENGTH], rows_in = real.rows, blocks = spectra.band / HADA_FFT_BLOCK + 1;
     __local float8 *scratch = local_memory;
@@ -22,7 +22,8 @@ fft_image_forward(__global const float *in, hada_fft_real real, __global float *
         for (int first = 0; first < rows_in; first += ROWS)
             fft_rows_forward_task(in + real.offset + (ulong)image * real.distance + (ulong)first * real.pitch,
                                   real.pitch, min(ROWS, rows_in - first), real.col0, real.cols,
-                                  between + (real.row0 + first) * 16, rows, blocks, scratch, row_table, row_floats);
+                                  between + (real.row0 + first) * 16, rows, blocks, scratch, row_table,
+                                  FFT_FLOATS_OF(row_table));
         for (int block = 0; block < blocks; ++block) {
             fft_columns columns;
             columns.in = between + block * rows * 16;
@@ -32,7 +33,7 @@ fft_image_forward(__global const float *in, hada_fft_real real, __global float *
             columns.last = rows;
             columns.row0 = 0;
             columns.rows_out = rows;
-            fft_columns_block(&columns, scratch, column_table, column_floats);
+            fft_columns_block(&columns, scratch, column_table, FFT_FLOATS_OF(column_table));
         }
     }
 }

@@ -12,8 +12,7 @@
  * the rows' half spectra. */
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 fft_image_inverse(__global const float *in, hada_fft_columns_in from, __global const void *filter, __global float *out,
-                  hada_fft_real real, __global const int *row_table, __global const float *row_floats,
-                  __global const int *column_table, __global const float *column_floats,
+                  hada_fft_real real, __global const int *row_table, __global const int *column_table,
                   __local STATED_SIZE float8 *local_memory)
 {
     const int rows = column_table[FFT_LENGTH], rows_out = real.rows, band = from.band;
@@ -35,11 +34,12 @@ fft_image_inverse(__global const float *in, hada_fft_columns_in from, __global c
             columns.filter +=
                 2 * (from.filter_offset + (ulong)image * from.filter_distance + (ulong)block * (ulong)rows * 8);
 #endif
-            fft_columns_block(&columns, scratch, column_table, column_floats);
+            fft_columns_block(&columns, scratch, column_table, FFT_FLOATS_OF(column_table));
         }
         for (int first = 0; first < rows_out; first += ROWS)
             fft_rows_inverse_task(between + first * 16, rows_out, min(ROWS, rows_out - first), band,
                                   out + real.offset + (ulong)image * real.distance + (ulong)first * real.pitch,
-                                  real.pitch, real.col0, real.cols, real.scale, scratch, row_table, row_floats);
+                                  real.pitch, real.col0, real.cols, real.scale, scratch, row_table,
+                                  FFT_FLOATS_OF(row_table));
     }
 }

@@ -10,7 +10,7 @@
  * rows go to the spectrum's rows row0 and on. */
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 fft_rows_forward(__global const float *in, hada_fft_real real, __global float *out, hada_fft_spectra spectra,
-                 __global const int *table, __global const float *floats, FFT_MEM FFT_STATED_SIZE float8 *scratches)
+                 __global const int *table, FFT_MEM FFT_STATED_SIZE float8 *scratches)
 {
 #if FFT_SCRATCH_GLOBAL
     __global float8 *scratch = scratches + get_group_id(0) * (size_t)(2 * table[FFT_POINTS]);
@@ -23,14 +23,14 @@ fft_rows_forward(__global const float *in, hada_fft_real real, __global float *o
         const ulong to = spectra.offset + (ulong)image * spectra.distance + (ulong)(real.row0 + first) * 8;
         fft_rows_forward_task(in + real.offset + (ulong)image * real.distance + (ulong)first * real.pitch, real.pitch,
                               min(ROWS, real.rows - first), real.col0, real.cols, out + 2 * to, spectra.rows,
-                              spectra.band / HADA_FFT_BLOCK + 1, scratch, table, floats);
+                              spectra.band / HADA_FFT_BLOCK + 1, scratch, table, FFT_FLOATS_OF(table));
     }
 }
 
 /* Half spectra to real rows: a work-item takes sixteen rows of one image. */
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 fft_rows_inverse(__global const float *in, hada_fft_spectra spectra, __global float *out, hada_fft_real real,
-                 __global const int *table, __global const float *floats, FFT_MEM FFT_STATED_SIZE float8 *scratches)
+                 __global const int *table, FFT_MEM FFT_STATED_SIZE float8 *scratches)
 {
 #if FFT_SCRATCH_GLOBAL
     __global float8 *scratch = scratches + get_group_id(0) * (size_t)(2 * table[FFT_POINTS]);
@@ -43,7 +43,7 @@ fft_rows_inverse(__global const float *in, hada_fft_spectra spectra, __global fl
         fft_rows_inverse_task(in + 2 * (spectra.offset + (ulong)image * spectra.distance + (ulong)first * 8),
                               spectra.rows, min(ROWS, spectra.rows - first), spectra.band,
                               out + real.offset + (ulong)image * real.distance + (ulong)first * real.pitch, real.pitch,
-                              real.col0, real.cols, real.scale, scratch, table, floats);
+                              real.col0, real.cols, real.scale, scratch, table, FFT_FLOATS_OF(table));
     }
 }
 
@@ -54,8 +54,7 @@ fft_rows_inverse(__global const float *in, hada_fft_spectra spectra, __global fl
  * filter is applied to it. */
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 fft_cols(__global const float *in, hada_fft_columns_in from, __global const void *filter, __global float *out,
-         hada_fft_columns_out to, __global const int *table, __global const float *floats,
-         FFT_MEM FFT_STATED_SIZE float8 *scratches)
+         hada_fft_columns_out to, __global const int *table, FFT_MEM FFT_STATED_SIZE float8 *scratches)
 {
 #if FFT_SCRATCH_GLOBAL
     __global float8 *scratch = scratches + get_group_id(0) * (size_t)(2 * table[FFT_POINTS]);
@@ -79,6 +78,6 @@ fft_cols(__global const float *in, hada_fft_columns_in from, __global const void
 #if FFT_PRODUCT
         columns.filter += 2 * (from.filter_offset + (ulong)image * from.filter_distance + (ulong)block * (ulong)n * 8);
 #endif
-        fft_columns_block(&columns, scratch, table, floats);
+        fft_columns_block(&columns, scratch, table, FFT_FLOATS_OF(table));
     }
 }

@@ -28,6 +28,34 @@
          i##_round += get_local_size(0), i += get_local_size(0))                                                       \
         if (i < (total))
 
+/* The work-items of a group over `width` transforms side by side, a power of two: an item stays with one of them. */
+typedef struct fft_side {
+    int width, w;    /* transforms, that of the item */
+    int first, step; /* the item's share of what a transform has: first, first + step, ... */
+} fft_side;
+
+FFT_INLINE fft_side fft_side_of(int width)
+{
+    fft_side side;
+    const int shift = 31 - clz(width), item = get_local_id(0);
+    side.width = width;
+    side.w = item & (width - 1);
+    side.first = item >> shift;
+    side.step = (int)get_local_size(0) >> shift;
+    return side;
+}
+
+/* i = 0..total-1 of each transform shared out among its work-items; rounds as above. */
+#define FFT_SHARE_SIDE(i, total, side)                                                                                 \
+    for (int i##_round = 0, i = (side).first; i##_round < (total); i##_round += (side).step, i += (side).step)         \
+        if (i < (total))
+
+/* b / span by the stage's factor. */
+FFT_INLINE int fft_quotient(int b, int span, int magic)
+{
+    return magic ? (int)mul_hi((uint)b, (uint)magic) : span > 1 ? b / span : b;
+}
+
 FFT_INLINE float2 fft_twiddled(float2 x, float c, float d)
 {
     return (float2)(fma(x.x, c, -(x.y * d)), fma(x.x, d, x.y * c));
@@ -49,18 +77,19 @@ FFT_INLINE float2 fft_twiddled(float2 x, float c, float d)
         im[k] = v.y;                                                                                                   \
     }
 #define FFT_LEAVE(k)         q[k * step] = (float2)(re[k], im[k]);
-#define FFT_TIMES_TWIDDLE(k) fft_times_twiddle(&re[k], &im[k], w[2 * k - 2], w[2 * k - 1]);
+#define FFT_TIMES_TWIDDLE(k) fft_times_twiddle(&re[k], &im[k], w[k - 1].x, w[k - 1].y);
 
 /* A stage of radix R, in place; `back`: decimation in frequency, from natural to digit-reversed order. */
 #define FFT_STAGE(R)                                                                                                   \
-    FFT_INLINE void fft_stage##R(FFT_MEM float2 *scratch, int points, int width, int span,                             \
-                                 __global const float *twiddles, int back)                                             \
+    FFT_INLINE void fft_stage##R(FFT_MEM float2 *scratch, int points, fft_side side, int span, int magic,              \
+                                 __global const float2 *twiddles, int back)                                            \
     {                                                                                                                  \
-        const int step = span * width;                                                                                 \
-        FFT_SHARE (i, points / R * width) {                                                                            \
-            const int at = i / width, j = at % span;                                                                   \
-            FFT_MEM float2 *q = scratch + (size_t)(at / span * R * span + j) * width + i % width;                      \
-            __global const float *w = twiddles + 2 * (R - 1) * j;                                                      \
+        const int step = span * side.width;                                                                            \
+        FFT_SHARE_SIDE(b, points / R, side)                                                                            \
+        {                                                                                                              \
+            const int block = fft_quotient(b, span, magic), j = b - block * span;                                      \
+            FFT_MEM float2 *q = scratch + (block * R * span + j) * side.width + side.w;                                \
+            __global const float2 *w = twiddles + (R - 1) * j;                                                         \
             float re[R], im[R];                                                                                        \
             FFT_EACH(R, FFT_FETCH)                                                                                     \
             if (!back) {                                                                                               \
@@ -81,16 +110,18 @@ FFT_STAGE(5)
 FFT_STAGE(7)
 FFT_STAGE(8)
 
-FFT_INLINE void fft_stage(FFT_MEM float2 *scratch, int points, int width, int radix, int span, __global const float *w,
-                          int back)
+FFT_INLINE void fft_stage(FFT_MEM float2 *scratch, int points, fft_side side, __global const int *stage,
+                          __global const float *floats, int back)
 {
-    switch (radix) {
-    case 2: fft_stage2(scratch, points, width, span, w, back); break;
-    case 3: fft_stage3(scratch, points, width, span, w, back); break;
-    case 4: fft_stage4(scratch, points, width, span, w, back); break;
-    case 5: fft_stage5(scratch, points, width, span, w, back); break;
-    case 7: fft_stage7(scratch, points, width, span, w, back); break;
-    case 8: fft_stage8(scratch, points, width, span, w, back); break;
+    const int span = stage[FFT_SPAN], magic = stage[FFT_MAGIC];
+    __global const float2 *w = (__global const float2 *)(floats + stage[FFT_TWIDDLES]);
+    switch (stage[FFT_RADIX]) {
+    case 2: fft_stage2(scratch, points, side, span, magic, w, back); break;
+    case 3: fft_stage3(scratch, points, side, span, magic, w, back); break;
+    case 4: fft_stage4(scratch, points, side, span, magic, w, back); break;
+    case 5: fft_stage5(scratch, points, side, span, magic, w, back); break;
+    case 7: fft_stage7(scratch, points, side, span, magic, w, back); break;
+    case 8: fft_stage8(scratch, points, side, span, magic, w, back); break;
     default: break;
     }
 }
@@ -102,13 +133,15 @@ FFT_INLINE int fft_has_butterfly(int radix)
 
 /* An odd radix by its definition. First, in place: x[k] and x[p-k], times their twiddle factors, become a[k] = x[k] +
  * x[p-k] and b[k] = x[k] - x[p-k]. */
-FFT_INLINE void fft_odd_pairs(FFT_MEM float2 *scratch, int points, int width, int radix, int span,
+FFT_INLINE void fft_odd_pairs(FFT_MEM float2 *scratch, int points, fft_side side, int radix, int span, int magic,
                               __global const float *twiddles)
 {
-    const int pairs = radix / 2, step = span * width;
-    FFT_SHARE (i, points / radix * pairs * width) {
-        const int at = i / width % (points / radix), k = i / width / (points / radix) + 1, j = at % span;
-        FFT_MEM float2 *q = scratch + (size_t)(at / span * radix * span + j) * width + i % width;
+    const int pairs = radix / 2, step = span * side.width;
+    FFT_SHARE_SIDE(i, points / radix * pairs, side)
+    {
+        const int k = i / (points / radix) + 1, b = i % (points / radix), block = fft_quotient(b, span, magic);
+        const int j = b - block * span;
+        FFT_MEM float2 *q = scratch + (block * radix * span + j) * side.width + side.w;
         __global const float *w = twiddles + 2 * (radix - 1) * j;
         const float2 x = fft_twiddled(q[k * step], w[2 * k - 2], w[2 * k - 1]);
         const float2 y = fft_twiddled(q[(radix - k) * step], w[2 * (radix - k) - 2], w[2 * (radix - k) - 1]);
@@ -118,13 +151,14 @@ FFT_INLINE void fft_odd_pairs(FFT_MEM float2 *scratch, int points, int width, in
 }
 
 /* Then, into the other scratch: X[m], X[p-m] = x[0] + sum a[k] cos(2 pi m k / p)  -+  i sum b[k] sin(2 pi m k / p). */
-FFT_INLINE void fft_odd_sums(FFT_MEM const float2 *scratch, FFT_MEM float2 *out, int points, int width, int radix,
-                             int span, __global const float *cosines)
+FFT_INLINE void fft_odd_sums(FFT_MEM const float2 *scratch, FFT_MEM float2 *out, int points, fft_side side, int radix,
+                             int span, int magic, __global const float *cosines)
 {
-    const int pairs = radix / 2, step = span * width;
-    FFT_SHARE (i, points / radix * (pairs + 1) * width) {
-        const int at = i / width % (points / radix), m = i / width / (points / radix), j = at % span;
-        const size_t base = (size_t)(at / span * radix * span + j) * width + i % width;
+    const int pairs = radix / 2, step = span * side.width;
+    FFT_SHARE_SIDE(i, points / radix * (pairs + 1), side)
+    {
+        const int m = i / (points / radix), b = i % (points / radix), block = fft_quotient(b, span, magic);
+        const size_t base = (size_t)((block * radix * span + b - block * span) * side.width + side.w);
         FFT_MEM const float2 *q = scratch + base;
         float2 p = q[0], s = (float2)0.0f;
         if (m == 0) {
@@ -146,9 +180,10 @@ FFT_INLINE void fft_odd_sums(FFT_MEM const float2 *scratch, FFT_MEM float2 *out,
 
 /* All stages; input in scratch in digit-reversed order. Returns the scratch that holds the output, in natural order, or
  * for a chirp in digit-reversed order with real and imaginary parts swapped. */
-FFT_INLINE FFT_MEM float2 *fft_transform(FFT_MEM float2 *scratch, int width, __global const int *table,
+FFT_INLINE FFT_MEM float2 *fft_transform(FFT_MEM float2 *scratch, fft_side side, __global const int *table,
                                          __global const float *floats)
 {
+    const int width = side.width;
     const int points = table[FFT_POINTS], stages = table[FFT_STAGES], chirp = table[FFT_CHIRP] != 0;
     FFT_MEM float2 *other = scratch + (size_t)points * width;
     for (int s = 0; s < stages; ++s) {
@@ -157,28 +192,30 @@ FFT_INLINE FFT_MEM float2 *fft_transform(FFT_MEM float2 *scratch, int width, __g
         __global const float *w = floats + stage[FFT_TWIDDLES];
         FFT_WAIT();
         if (odd)
-            fft_odd_pairs(scratch, points, width, radix, span, w);
+            fft_odd_pairs(scratch, points, side, radix, span, stage[FFT_MAGIC], w);
         FFT_WAIT();
         if (odd) {
-            fft_odd_sums(scratch, other, points, width, radix, span, floats + stage[FFT_COSINES]);
+            fft_odd_sums(scratch, other, points, side, radix, span, stage[FFT_MAGIC], floats + stage[FFT_COSINES]);
             FFT_MEM float2 *t = scratch;
             scratch = other;
             other = t;
         } else {
-            fft_stage(scratch, points, width, radix, span, w, 0);
+            fft_stage(scratch, points, side, stage, floats, 0);
         }
     }
     FFT_WAIT();
     /* The chirp's transform times this, swapped, so that a forward transform backwards is an inverse one. */
-    FFT_SHARE (i, (chirp ? points * width : 0)) {
-        __global const float *c = floats + table[FFT_CHIRP_SPECTRUM] + 2 * (i / width);
-        const float2 v = fft_twiddled(scratch[i], c[0], c[1]);
-        scratch[i] = v.yx;
+    FFT_SHARE_SIDE(i, (chirp ? points : 0), side)
+    {
+        __global const float *c = floats + table[FFT_CHIRP_SPECTRUM] + 2 * i;
+        const int at = i * width + side.w;
+        const float2 v = fft_twiddled(scratch[at], c[0], c[1]);
+        scratch[at] = v.yx;
     }
     for (int s = (chirp ? stages : 0) - 1; s >= 0; --s) {
         __global const int *stage = table + FFT_HEADER + s * FFT_STAGE_INTS;
         FFT_WAIT();
-        fft_stage(scratch, points, width, stage[FFT_RADIX], stage[FFT_SPAN], floats + stage[FFT_TWIDDLES], 1);
+        fft_stage(scratch, points, side, stage, floats, 1);
     }
     FFT_WAIT();
     return scratch;

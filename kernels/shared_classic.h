@@ -2,7 +2,6 @@
 #ifndef SHARED_CLASSIC_H
 #define SHARED_CLASSIC_H
 
-#include "shared_fft.h"
 #include "shared_spectrum.h"
 
 /* A step on the pixels of a prediction y of the frame b, or of planes. */
@@ -75,7 +74,6 @@ HADA_SHARED_SIZE(hada_classic_columns, 40)
 
 /* Rows of images and of their half spectra. */
 typedef struct hada_classic_rows {
-    hada_fft_row_tables tables;
     int blocks;
     int inverse, forward; /* pixels from half spectra; half spectra from pixels */
     int step;             /* hada_classic_pixel_step between them */
@@ -83,7 +81,8 @@ typedef struct hada_classic_rows {
     int col0, cols; /* on the grid */
     float number;   /* of the step */
     float scale;    /* of the inverse transform */
+    int back_table; /* where the table of the inverse transform begins in that of both, in numbers */
 } hada_classic_rows;
-HADA_SHARED_SIZE(hada_classic_rows, 60)
+HADA_SHARED_SIZE(hada_classic_rows, 48)
 
 #endif

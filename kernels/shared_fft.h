@@ -49,10 +49,4 @@ typedef struct hada_fft_band {
 } hada_fft_band;
 HADA_SHARED_SIZE(hada_fft_band, 16)
 
-/* Tables of a pass along rows and of one back in one buffer: where each begins, in numbers. */
-typedef struct hada_fft_row_tables {
-    unsigned int ints, floats, back_ints, back_floats;
-} hada_fft_row_tables;
-HADA_SHARED_SIZE(hada_fft_row_tables, 16)
-
 #endif

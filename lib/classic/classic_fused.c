@@ -38,7 +38,7 @@ hada_status hada_classic_fused_columns(hada_classic *classic, int transpose, had
                                        .planes = classic->part[HADA_CLASSIC_SPECTRA].mem,
                                        .frames = classic->part[HADA_CLASSIC_PROJECTION].mem, .otf = data->otf,
                                        .list = classic->part[HADA_CLASSIC_LIST].mem, .job = job,
-                                       .table = pass->ints.mem, .floats = pass->floats.mem, .scratch = scratch);
+                                       .table = pass->table.mem, .scratch = scratch);
 }
 
 /* A pass along rows: which buffers, where their images stand on the grid, and how many there are. */
@@ -56,7 +56,7 @@ static hada_status run_rows(hada_classic *classic, const rows_pass *pass, hada_e
     const hada_spectrum_layout *layout = &classic->layout;
     const hada_fft_fused *fused = &classic->fused;
     const int rows = pass->image->rows, cols = pass->rect.cols;
-    const hada_classic_rows job = {.tables = fused->at,
+    const hada_classic_rows job = {.back_table = fused->back_table,
                                    .blocks = layout->blocks,
                                    .inverse = pass->inverse,
                                    .forward = pass->forward,

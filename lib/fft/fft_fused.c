@@ -16,32 +16,19 @@ int hada_fft_fuses(const hada_context *context, int rows, int cols, int blocks)
            bytes <= context->info.local_memory_bytes;
 }
 
-/* Moves a table into the buffer of all of them. */
-static hada_status gather(hada_fft_fused *fused, hada_slot *slot, hada_buffer *table, size_t *end, unsigned *at,
-                          hada_error *err)
-{
-    hada_status status = HADA_OK;
-    *at = (unsigned)(*end / sizeof(cl_int));
-    if (table->bytes)
-        HADA_TRY(hada_buffer_copy(slot, table->mem, 0, fused->row_tables.mem, *end, table->bytes, err));
-    *end += table->bytes;
-    hada_buffer_destroy(table);
-done:
-    return status;
-}
-
+/* The tables of both passes along rows in one buffer, each aligned as buffers are. */
 static hada_status gather_rows(hada_fft_fused *fused, hada_slot *slot, hada_error *err)
 {
-    hada_buffer *const tables[] = {&fused->rows.ints, &fused->rows.floats, &fused->rows_back.ints,
-                                   &fused->rows_back.floats};
-    unsigned *const at[] = {&fused->at.ints, &fused->at.floats, &fused->at.back_ints, &fused->at.back_floats};
+    enum { ALIGNED = 64 };
+    hada_buffer *there = &fused->rows.table, *back = &fused->rows_back.table;
+    const size_t at = hada_round_up(there->bytes, ALIGNED);
     hada_status status = HADA_OK;
-    size_t bytes = 0, end = 0;
-    for (int i = 0; i < 4; i++)
-        bytes += tables[i]->bytes;
-    HADA_TRY(hada_buffer_create(&fused->row_tables, slot->context, bytes, "the tables of a transform", err));
-    for (int i = 0; i < 4; i++)
-        HADA_TRY(gather(fused, slot, tables[i], &end, at[i], err));
+    fused->back_table = (int)(at / sizeof(cl_int));
+    HADA_TRY(hada_buffer_create(&fused->row_tables, slot->context, at + back->bytes, "the tables of a transform", err));
+    HADA_TRY(hada_buffer_copy(slot, there->mem, 0, fused->row_tables.mem, 0, there->bytes, err));
+    HADA_TRY(hada_buffer_copy(slot, back->mem, 0, fused->row_tables.mem, at, back->bytes, err));
+    hada_buffer_destroy(there);
+    hada_buffer_destroy(back);
 done:
     return status;
 }

@@ -14,7 +14,7 @@ typedef struct hada_fft_fused {
     hada_own_pass rows, rows_back; /* forward and inverse along rows */
     hada_own_pass columns;         /* forward along columns */
     hada_buffer row_tables; /* of both passes along rows, which hold none: kernels that take both have one argument */
-    hada_fft_row_tables at;
+    int back_table;         /* where that of the inverse one begins there, in numbers */
 } hada_fft_fused;
 
 /* Whether there can be such kernels for transforms of rows x cols, with `blocks` blocks of columns in local memory. */

@@ -14,24 +14,6 @@ typedef struct scratch_plan {
     int local;
 } scratch_plan;
 
-/* Lanes: always eight transforms. Groups: as many as local memory takes, and twice the room where a stage has no
- * butterfly of its own. */
-static scratch_plan plan_scratch(const hada_context *context, int points, int odd)
-{
-    const int groups = context->shape == HADA_SHAPE_GROUPS;
-    const uint64_t reported = context->info.local_memory_bytes;
-    const uint64_t limit = reported < HADA_OWN_LOCAL_BYTES ? reported : HADA_OWN_LOCAL_BYTES;
-    const size_t one = (size_t)points * 2 * sizeof(float) * (groups && odd ? 2 : 1);
-    scratch_plan plan = {.width = HADA_FFT_BLOCK, .bytes = one * HADA_FFT_BLOCK, .local = 1};
-    while (groups && plan.bytes > limit && plan.width > 1) {
-        plan.width /= 2;
-        plan.bytes /= 2;
-    }
-    if (plan.bytes > limit)
-        plan = (scratch_plan){.width = HADA_FFT_BLOCK, .bytes = one * HADA_FFT_BLOCK};
-    return plan;
-}
-
 static size_t group_size(const hada_context *context)
 {
     if (context->shape != HADA_SHAPE_GROUPS)
@@ -40,6 +22,27 @@ static size_t group_size(const hada_context *context)
     while (size > 1 && size > context->info.max_work_group)
         size /= 2;
     return size;
+}
+
+/* Lanes: always eight transforms. Groups: as many as local memory takes, at most one for each item, and twice the room
+ * where a stage has no butterfly of its own. */
+static scratch_plan plan_scratch(const hada_context *context, int points, int odd)
+{
+    const int groups = context->shape == HADA_SHAPE_GROUPS;
+    const uint64_t reported = context->info.local_memory_bytes;
+    const uint64_t limit = reported < HADA_OWN_LOCAL_BYTES ? reported : HADA_OWN_LOCAL_BYTES;
+    const size_t one = (size_t)points * 2 * sizeof(float) * (groups && odd ? 2 : 1);
+    int most = HADA_FFT_BLOCK;
+    while (groups && most > 1 && (size_t)most > group_size(context))
+        most /= 2;
+    scratch_plan plan = {.width = most, .bytes = one * (size_t)most, .local = 1};
+    while (groups && plan.bytes > limit && plan.width > 1) {
+        plan.width /= 2;
+        plan.bytes /= 2;
+    }
+    if (plan.bytes > limit)
+        plan = (scratch_plan){.width = most, .bytes = one * (size_t)most};
+    return plan;
 }
 
 static size_t global_groups(const hada_context *context)
@@ -60,7 +63,7 @@ static hada_status make_sized(hada_own_pass *pass, hada_slot *slot, hada_fft_pas
     hada_status status = HADA_OK;
     HADA_TRY(hada_alloc((void **)&floats, count, sizeof *floats, "a table of a transform", err));
     hada_fft_sized_fill(&pass->size, kind, floats);
-    HADA_TRY(hada_buffer_create_from(&pass->floats, slot, floats, count * sizeof *floats, "a transform's tables", err));
+    HADA_TRY(hada_buffer_create_from(&pass->table, slot, floats, count * sizeof *floats, "a transform's tables", err));
 done:
     free(floats);
     return status;
@@ -68,7 +71,7 @@ done:
 
 hada_status hada_own_pass_make(hada_own_pass *pass, hada_slot *slot, const hada_fft_pass_desc *desc, hada_error *err)
 {
-    const hada_context *context = slot->context;
+    hada_context *context = slot->context;
     pass->sized = hada_fft_sized_find(&pass->size, context, desc->n, desc->kind == HADA_PASS_COLUMNS);
     if (pass->sized)
         return make_sized(pass, slot, desc->kind, err);
@@ -82,10 +85,10 @@ hada_status hada_own_pass_make(hada_own_pass *pass, hada_slot *slot, const hada_
     hada_fft_pass_sizes(desc->n, full.direct, &points, &odd, &ints, &floats);
     const scratch_plan plan = plan_scratch(context, points, odd);
     pass->width = plan.width;
-    HADA_TRY(hada_buffer_create_from(&pass->ints, slot, table.ints, table.int_count * sizeof *table.ints,
-                                     "a transform's tables", err));
-    HADA_TRY(hada_buffer_create_from(&pass->floats, slot, table.floats, table.float_count * sizeof *table.floats,
-                                     "a transform's tables", err));
+    HADA_TRY(hada_buffer_create(&pass->table, context, hada_fft_pass_bytes(&table), "a transform's tables", err));
+    HADA_TRY(hada_buffer_write(&pass->table, slot, 0, table.ints, table.int_count * sizeof *table.ints, err));
+    HADA_TRY(hada_buffer_write(&pass->table, slot, table.int_count * sizeof *table.ints, table.floats,
+                               table.float_count * sizeof *table.floats, err));
     if (plan.local) {
         pass->local_bytes = plan.bytes;
     } else {
@@ -100,8 +103,7 @@ done:
 
 void hada_own_pass_free(hada_own_pass *pass)
 {
-    hada_buffer_destroy(&pass->ints);
-    hada_buffer_destroy(&pass->floats);
+    hada_buffer_destroy(&pass->table);
     hada_buffer_destroy(&pass->scratch);
 }
 

@@ -124,7 +124,7 @@ static hada_status launch_sized_columns(hada_fft *plan, cl_mem in, const hada_ff
         hada_find_fft_sized_cols(.fft_points = plan->desc.rows, .fft_inverse = plan->desc.direction == HADA_FFT_INVERSE,
                                  .fft_product = (int)use->product, .fft_half = use->half);
     return hada_launch_fft_sized_cols(plan->slot, program, &range, err, .in = in, .from = *from, .filter = use->filter,
-                                      .out = out, .to = *to, .twiddles = pass->floats.mem);
+                                      .out = out, .to = *to, .twiddles = pass->table.mem);
 }
 
 static hada_status launch_columns(hada_fft *plan, cl_mem in, const hada_fft_columns_in *from,
@@ -143,13 +143,13 @@ static hada_status launch_columns(hada_fft *plan, cl_mem in, const hada_fft_colu
                                           hada_find_fft_group_cols(.fft_product = (int)use->product,
                                                                    .fft_half = use->half, .fft_scratch_global = global),
                                           &range, err, .in = in, .from = *from, .filter = use->filter, .out = out,
-                                          .to = *to, .table = pass->ints.mem, .floats = pass->floats.mem,
-                                          .width = pass->width, .scratches = hada_own_pass_scratch(pass));
+                                          .to = *to, .table = pass->table.mem, .width = pass->width,
+                                          .scratches = hada_own_pass_scratch(pass));
     return hada_launch_fft_cols(
         plan->slot,
         hada_find_fft_rows_cols(.fft_product = (int)use->product, .fft_half = use->half, .fft_scratch_global = global),
-        &range, err, .in = in, .from = *from, .filter = use->filter, .out = out, .to = *to, .table = pass->ints.mem,
-        .floats = pass->floats.mem, .scratches = hada_own_pass_scratch(pass));
+        &range, err, .in = in, .from = *from, .filter = use->filter, .out = out, .to = *to, .table = pass->table.mem,
+        .scratches = hada_own_pass_scratch(pass));
 }
 
 /* The groups of a pass along rows of a length that has a program of its own. */
@@ -168,7 +168,7 @@ static hada_status launch_rows_forward(hada_fft *plan, cl_mem in, const hada_fft
         const hada_range groups = sized_rows(pass, &plan->desc, real->images);
         return hada_launch_fft_sized_rows_forward(plan->slot, hada_find_fft_sized_rows(.fft_points = plan->desc.cols),
                                                   &groups, err, .in = in, .real = *real, .out = out,
-                                                  .spectra = *spectra, .twiddles = pass->floats.mem);
+                                                  .spectra = *spectra, .twiddles = pass->table.mem);
     }
     const hada_range range = hada_own_pass_range(pass, plan->slot, row_tasks(state, &plan->desc) * real->images);
     if (plan->slot->context->shape == HADA_SHAPE_GROUPS)
@@ -176,12 +176,12 @@ static hada_status launch_rows_forward(hada_fft *plan, cl_mem in, const hada_fft
                                                   pass->local_bytes ? HADA_PROGRAM_FFT_GROUP_ROWS_FORWARD_DEFAULT
                                                                     : HADA_PROGRAM_FFT_GROUP_ROWS_FORWARD_GLOBAL,
                                                   &range, err, .in = in, .real = *real, .out = out, .spectra = *spectra,
-                                                  .table = pass->ints.mem, .floats = pass->floats.mem,
-                                                  .width = pass->width, .scratches = hada_own_pass_scratch(pass));
+                                                  .table = pass->table.mem, .width = pass->width,
+                                                  .scratches = hada_own_pass_scratch(pass));
     return hada_launch_fft_rows_forward(
         plan->slot, pass->local_bytes ? HADA_PROGRAM_FFT_ROWS_COLS_DEFAULT : HADA_PROGRAM_FFT_ROWS_COLS_GLOBAL, &range,
-        err, .in = in, .real = *real, .out = out, .spectra = *spectra, .table = pass->ints.mem,
-        .floats = pass->floats.mem, .scratches = hada_own_pass_scratch(pass));
+        err, .in = in, .real = *real, .out = out, .spectra = *spectra, .table = pass->table.mem,
+        .scratches = hada_own_pass_scratch(pass));
 }
 
 static hada_status launch_rows_inverse(hada_fft *plan, cl_mem in, const hada_fft_spectra *spectra, cl_mem out,
@@ -193,7 +193,7 @@ static hada_status launch_rows_inverse(hada_fft *plan, cl_mem in, const hada_fft
         const hada_range groups = sized_rows(pass, &plan->desc, real->images);
         return hada_launch_fft_sized_rows_inverse(plan->slot, hada_find_fft_sized_rows(.fft_points = plan->desc.cols),
                                                   &groups, err, .in = in, .spectra = *spectra, .out = out,
-                                                  .real = *real, .twiddles = pass->floats.mem);
+                                                  .real = *real, .twiddles = pass->table.mem);
     }
     const hada_range range = hada_own_pass_range(pass, plan->slot, row_tasks(state, &plan->desc) * real->images);
     if (plan->slot->context->shape == HADA_SHAPE_GROUPS)
@@ -201,12 +201,12 @@ static hada_status launch_rows_inverse(hada_fft *plan, cl_mem in, const hada_fft
                                                   pass->local_bytes ? HADA_PROGRAM_FFT_GROUP_ROWS_INVERSE_DEFAULT
                                                                     : HADA_PROGRAM_FFT_GROUP_ROWS_INVERSE_GLOBAL,
                                                   &range, err, .in = in, .spectra = *spectra, .out = out, .real = *real,
-                                                  .table = pass->ints.mem, .floats = pass->floats.mem,
-                                                  .width = pass->width, .scratches = hada_own_pass_scratch(pass));
+                                                  .table = pass->table.mem, .width = pass->width,
+                                                  .scratches = hada_own_pass_scratch(pass));
     return hada_launch_fft_rows_inverse(
         plan->slot, pass->local_bytes ? HADA_PROGRAM_FFT_ROWS_COLS_DEFAULT : HADA_PROGRAM_FFT_ROWS_COLS_GLOBAL, &range,
-        err, .in = in, .spectra = *spectra, .out = out, .real = *real, .table = pass->ints.mem,
-        .floats = pass->floats.mem, .scratches = hada_own_pass_scratch(pass));
+        err, .in = in, .spectra = *spectra, .out = out, .real = *real, .table = pass->table.mem,
+        .scratches = hada_own_pass_scratch(pass));
 }
 
 /* The images first..first+images-1 of a batch. */

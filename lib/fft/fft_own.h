@@ -13,11 +13,11 @@
 #define HADA_OWN_LOCAL_BYTES ((uint64_t)384 << 10)
 
 typedef struct hada_own_pass {
-    hada_buffer ints, floats, scratch;
+    hada_buffer table, scratch;
     int width;          /* complex transforms that a work-group does side by side */
     size_t local_bytes; /* of local memory for each group, 0 where scratch lies in global memory */
     size_t groups;      /* at most in flight, where scratch lies in global memory */
-    int sized; /* a program of its own serves the length; then `floats` is its table, and nothing else is there */
+    int sized;          /* a program of its own serves the length; then `table` is its one, and nothing else is there */
     hada_fft_sized size;
 } hada_own_pass;
 

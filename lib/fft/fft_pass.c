@@ -8,12 +8,16 @@
 
 #include "core/alloc.h"
 #include "core/fft_factor.h"
+#include "core/round.h"
 #include "kernels/shared_fft_table.h"
 
 #define TWO_PI 6.283185307179586476925286766559
 
 /* The points that the first stages take at a time: 16 KiB of the nearest cache. */
 #define CHUNK_POINTS 256
+
+/* Floats follow the integers at a multiple of this: vectors are aligned. */
+#define WORDS_TOGETHER 16
 
 static int has_butterfly(int radix)
 {
@@ -54,7 +58,7 @@ static size_t stage_floats(int radix, int span)
 
 static void sizes_of(int n, const hada_fft_stages *stages, size_t *int_count, size_t *float_count)
 {
-    *int_count = FFT_HEADER + (size_t)stages->count * FFT_STAGE_INTS + 2 * (size_t)n;
+    *int_count = hada_round_up(FFT_HEADER + (size_t)stages->count * FFT_STAGE_INTS + 2 * (size_t)n, WORDS_TOGETHER);
     *float_count = 2; /* never empty, and a chirp never stands at 0 */
     for (int s = 0, span = 1; s < stages->count; span *= stages->radix[s++])
         *float_count += stage_floats(stages->radix[s], span);
@@ -157,6 +161,15 @@ static hada_status fill_chirp(float *chirp, float *spectrum, int n, int points, 
     return HADA_OK;
 }
 
+/* With m = floor(2^32 / span) + 1, floor(b m / 2^32) = floor(b / span) while b span < 2^32 (T. Granlund, P. L.
+ * Montgomery, PLDI 1994). */
+static int32_t magic_of(int span, int points)
+{
+    return span > 1 && (uint64_t)span * (uint64_t)points < (uint64_t)1 << 32
+               ? (int32_t)(uint32_t)(((uint64_t)1 << 32) / (uint64_t)span + 1)
+               : 0;
+}
+
 static void fill_header(int32_t *ints, const hada_fft_stages *stages, int n)
 {
     int chunk = 1, chunk_stages = 0;
@@ -189,12 +202,14 @@ hada_status hada_fft_pass_make(hada_fft_pass *pass, const hada_fft_pass_desc *de
     HADA_TRY(hada_alloc((void **)&order, (size_t)stages.points, sizeof *order, "a table of a transform", err));
 
     fill_header(pass->ints, &stages, n);
+    pass->ints[FFT_FLOATS] = (int32_t)pass->int_count;
     float *next = pass->floats + 2;
     for (int s = 0, span = 1; s < stages.count; span *= stages.radix[s++]) {
         int32_t *stage = pass->ints + FFT_HEADER + s * FFT_STAGE_INTS;
         stage[FFT_RADIX] = stages.radix[s];
         stage[FFT_SPAN] = span;
         stage[FFT_TWIDDLES] = (int32_t)(next - pass->floats);
+        stage[FFT_MAGIC] = magic_of(span, stages.points);
         stage[FFT_COSINES] = stage[FFT_TWIDDLES] + 2 * (stages.radix[s] - 1) * span;
         next = fill_stage(next, stages.radix[s], span);
     }

@@ -65,7 +65,7 @@ def compile_row(options, row, folder):
     run([options.clang, "-x", "cl", "-cl-std=CL1.2", *target, "-Xclang", "-finclude-default-header", "-Xclang",
          "-mlink-builtin-bitcode", "-Xclang", options.libclc, f"-I{KERNELS}", *macros.split(), "-emit-llvm",
          KERNELS / f"{file}.cl", "-o", code])
-    run([options.clang, "-x", "ir", *target, code, "-o", ptx])
+    run([options.clang, "-x", "ir", *target, "-Xclang", "-disable-llvm-passes", code, "-o", ptx])
     sizes = sass.group_sizes(code.read_text())
     ptx.write_text(sass.with_group_sizes(ptx.read_text(), sizes))
     messages = run([options.tools / "ptxas", "-v", f"-arch={ARCHITECTURE}", ptx, "-o", cubin]).stderr
@@ -188,8 +188,8 @@ def compare(table, found, whole):
 def renew(table, found, whole):
     """The table with what is found; sorted as the manifest and the files have it."""
     files = list(dict.fromkeys(file for file, _, _ in rows_of_gpu()))
-    kept = {} if whole else {key: figures for key, figures in table.items()
-                             if key in found or key[:2] not in {other[:2] for other in found}}
+    built, renewed = {row[:2] for row in rows_of_gpu()}, {key[:2] for key in found}
+    kept = {} if whole else {key: figures for key, figures in table.items() if key[:2] in built - renewed}
     kept.update(found)
     rows = {key: kept[key] for key in sorted(kept, key=lambda key: (files.index(key[0]) if key[0] in files else -1))}
     TABLE.write_text(HEADER + "\n".join(lines_of(rows)) + "\n")

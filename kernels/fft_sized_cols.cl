@@ -133,14 +133,17 @@ typedef struct sized_input {
     int first_row, rows, last_row;
 } sized_input;
 
+#if FFT_PRODUCT == 1
 FFT_INLINE float2 product(float2 v, float2 h)
 {
-#if FFT_PRODUCT == 1
     return (float2)(fma(v.x, h.x, -(v.y * h.y)), fma(v.x, h.y, v.y * h.x));
-#else
-    return v * h;
-#endif
 }
+#elif FFT_PRODUCT == 2
+FFT_INLINE float2 product(float2 v, float2 h)
+{
+    return v * h;
+}
+#endif
 
 /* Whether a row is to be read: the others are zero. */
 FFT_INLINE int is_read(const sized_input *input, int row)

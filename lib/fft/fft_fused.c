@@ -16,12 +16,11 @@ int hada_fft_fuses(const hada_context *context, int rows, int cols, int blocks)
            bytes <= context->info.local_memory_bytes;
 }
 
-/* The tables of both passes along rows in one buffer, each aligned as buffers are. */
+/* The tables of both passes along rows in one buffer. */
 static hada_status gather_rows(hada_fft_fused *fused, hada_slot *slot, hada_error *err)
 {
-    enum { ALIGNED = 64 };
     hada_buffer *there = &fused->rows.table, *back = &fused->rows_back.table;
-    const size_t at = hada_round_up(there->bytes, ALIGNED);
+    const size_t at = there->bytes;
     hada_status status = HADA_OK;
     fused->back_table = (int)(at / sizeof(cl_int));
     HADA_TRY(hada_buffer_create(&fused->row_tables, slot->context, at + back->bytes, "the tables of a transform", err));

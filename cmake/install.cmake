@@ -11,5 +11,16 @@ if(BUILD_SHARED_LIBS)
     install(FILES ${PROJECT_BINARY_DIR}/hadalensConfig.cmake ${PROJECT_BINARY_DIR}/hadalensConfigVersion.cmake
             DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/hadalens)
 endif()
+# Only who links the static library has to have what it stands on; pkg-config asks everybody for what is named here.
+if(NOT BUILD_SHARED_LIBS)
+    set(HADALENS_PC_REQUIRES "OpenCL libtiff-4 jansson libxxhash")
+    set(HADALENS_PC_LIBS "-lclFFT -lm -lpthread -ldl")
+endif()
 configure_file(cmake/hadalens.pc.in ${PROJECT_BINARY_DIR}/hadalens.pc @ONLY)
 install(FILES ${PROJECT_BINARY_DIR}/hadalens.pc DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig)
+
+# cmake --build build/release --target uninstall
+if(PROJECT_IS_TOP_LEVEL)
+    add_custom_target(uninstall COMMAND ${CMAKE_COMMAND} -DBUILD=${PROJECT_BINARY_DIR} -P ${PROJECT_SOURCE_DIR}/cmake/uninstall.cmake
+        COMMENT "Uninstalling" VERBATIM)
+endif()

@@ -1,4 +1,4 @@
-# Installs what is missing, from Debian or Ubuntu. To be sourced: hadalens_install [tests|oracle|budget|python|imagej|napari|devices|lint]
+# Installs what is missing, from Debian or Ubuntu. To be sourced: hadalens_install [tests|oracle|budget|python|imagej|napari|devices|packages|cluster|lint]
 # What is there already is left alone; with nothing missing, nothing is asked.
 hadalens_install() {
     local packages="gcc libc6-dev cmake ninja-build pkg-config python3 ocl-icd-opencl-dev libclfft-dev libtiff-dev
@@ -27,6 +27,10 @@ hadalens_install() {
         libxcb-cursor0 libxcb-icccm4 libxcb-image0 libxcb-keysyms1 libxcb-render-util0 libxcb-shape0 libxkbcommon-x11-0" ;;
     # a simulator of a device, and Python to bring another implementation of OpenCL (tests/devices/environment.sh)
     devices) packages="python3-venv oclgrind" ;;
+    # what packages are made and looked at with (tests/packages)
+    packages) packages="mmdebstrap dpkg-dev lintian git python3-venv zsh" ;;
+    # a batch system on this machine (tests/cluster)
+    cluster) packages="$packages slurmctld slurmd slurm-client munge" ;;
     # a second compiler, and what reads the sources (tests/house/lint.sh)
     lint) packages="clang clang-format clang-tidy cppcheck" ;;
     esac

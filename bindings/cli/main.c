@@ -42,6 +42,14 @@ static int write_manuals(const char *folder)
     return HADA_EXIT_OK;
 }
 
+static int print_completion(const char *shell)
+{
+    if (hada_cli_print_completion(shell, stdout))
+        return HADA_EXIT_OK;
+    fprintf(stderr, "hadalens: there is completion for bash and zsh, not for '%s'\n", shell);
+    return HADA_EXIT_USAGE;
+}
+
 static int print_manual(const char *name)
 {
     const hada_cli_command *command = name ? hada_cli_find_command(name) : NULL;
@@ -113,6 +121,8 @@ int main(int argc, char **argv)
         code = HADA_EXIT_OK;
     } else if (!strcmp(first, "--man")) {
         code = print_manual(second);
+    } else if (!strcmp(first, "--completion") && second) {
+        code = print_completion(second);
     } else if (!strcmp(first, "--man-folder") && second) {
         code = write_manuals(second);
     } else if (!strcmp(first, "--help") || !strcmp(first, "-h") || !strcmp(first, "help")) {

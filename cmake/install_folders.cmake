@@ -1,0 +1,18 @@
+# Run by `cmake --install` before anything is copied: notes in install_folders.txt of the build which folders are about to
+# be made, so that uninstall.cmake takes away those and no others. DESTINATIONS are relative to the prefix, or absolute.
+cmake_policy(VERSION 3.22)
+set(made ${BUILD}/install_folders.txt)
+set(folders "")
+if(EXISTS ${made})
+    file(STRINGS ${made} folders)
+endif()
+foreach(destination IN LISTS DESTINATIONS)
+    cmake_path(ABSOLUTE_PATH destination BASE_DIRECTORY ${CMAKE_INSTALL_PREFIX} NORMALIZE)
+    set(folder "$ENV{DESTDIR}${destination}")
+    while(NOT EXISTS "${folder}" AND NOT folder IN_LIST folders)
+        list(APPEND folders "${folder}")
+        get_filename_component(folder "${folder}" DIRECTORY)
+    endwhile()
+endforeach()
+list(JOIN folders "\n" folders)
+file(WRITE ${made} "${folders}\n")

@@ -1,0 +1,20 @@
+#!/usr/bin/env bash
+# Debian packages from the commit at hand: libhadalens1, libhadalens-dev, hadalens, python3-hadalens.
+#   packaging/deb.sh FOLDER [--source]
+# Makes the source archive in FOLDER (packaging/dist.sh), unpacks it, lays packaging/debian into it as debian/, and runs
+# dpkg-buildpackage, which says what is missing. --source: stops there, so that another machine can build.
+# tests/packages/debian.sh builds in a clean chroot.
+set -euo pipefail
+[ $# -ge 1 ] || { sed -n '3s/^# *//p' "$0" >&2; exit 2; }
+folder=$(realpath -m "$1") what=${2:-}
+here=$(realpath "$(dirname "$0")")
+version=$("$here/version.sh")
+"$here/dist.sh" "$folder" >/dev/null
+cd "$folder"
+mv "hadalens-$version.tar.gz" "hadalens_$version.orig.tar.gz"
+rm -rf "hadalens-$version"
+tar -xf "hadalens_$version.orig.tar.gz"
+cp -r "hadalens-$version/packaging/debian" "hadalens-$version/debian"
+[ "$what" != --source ] || exit 0
+cd "hadalens-$version"
+dpkg-buildpackage -us -uc

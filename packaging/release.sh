@@ -1,0 +1,118 @@
+#!/usr/bin/env bash
+# What has to hold before a release, each step alone or all in turn; the table at the end says which did.
+#   packaging/release.sh [--list] [--without STEP]... [STEP...]
+# LAST: the last release (a tag or commit; default: the newest tag v*), which ABI, results and speed are compared with.
+# RELEASING.md says what each step is for. All of them take some hours on two cores.
+set -uo pipefail
+cd "$(dirname "$0")/.."
+out=build/release-check
+build=build/release
+mkdir -p $out
+
+step_names=(version changelog manuals abi release debug sanitized packages results speed)
+declare -A about=(
+    [version]="the version stands in one place, packages repeat it, and no such tag is there yet"
+    [changelog]="CHANGELOG.md has the version with a date, and nothing above it"
+    [manuals]="manual pages, completion and the reference are those of this program and these headers"
+    [abi]="exported functions and types: against the committed ones, and against the last release's"
+    [release]="everything: tests/run.sh all release"
+    [debug]="the quick tests in a debug build"
+    [sanitized]="unit tests and corpora under the address, undefined behaviour and thread sanitizers"
+    [packages]="source archive, sdist, conda recipe, Debian packages: built, checked, installed, used, removed"
+    [results]="the same bits as the last release, the whole way"
+    [speed]="against the last release, in turns"
+)
+last=${LAST:-$(git describe --tags --match 'v*' --abbrev=0 2>/dev/null || true)}
+version=$(packaging/version.sh)
+failed() { echo "$*"; return 1; }
+configured() { # PRESET
+    cmake --preset "$1" -DHADALENS_TESTS=ON -DHADALENS_WERROR=ON >/dev/null && cmake --build "build/$1"
+}
+tests() { ctest --test-dir "$build" --output-on-failure --no-tests=error -R "$1"; }
+# The last release, built in a folder of its own.
+last_build() {
+    [ -n "$last" ] || { echo "There is no tag v*, and LAST names no other: this is the first release."; return 2; }
+    local tree=$out/last
+    [ -e "$tree" ] || git worktree add --detach "$tree" "$last" >/dev/null || return 1
+    [ "$(git -C "$tree" rev-parse HEAD)" = "$(git rev-parse "$last^{commit}")" ] ||
+        failed "$tree holds another version than $last: git worktree remove --force $tree" || return 1
+    (cd "$tree" && cmake --preset release -DHADALENS_TESTS=ON >/dev/null && cmake --build build/release --target hadalens_cli check)
+}
+
+step_version() {
+    configured release && tests '^packages_version$' || return 1
+    ! git rev-parse -q --verify "refs/tags/v$version" >/dev/null || failed "the tag v$version is there: raise the version (lib/include/hadalens/base.h)"
+}
+step_changelog() {
+    grep -qE "^## $version \(20[0-9]{2}-[0-9]{2}-[0-9]{2}\)$" CHANGELOG.md ||
+        failed "CHANGELOG.md has no line '## $version (YEAR-MONTH-DAY)'" || return 1
+    local above
+    above=$(sed -n "/^## Unreleased/,/^## $version/p" CHANGELOG.md | grep -c '^- ')
+    [ "$above" = 0 ] || failed "$above lines still stand under 'Unreleased', above $version"
+}
+step_manuals() {
+    configured release || return 1
+    rm -rf "$out/man" && "$build/bindings/cli/hadalens" --man-folder "$out/man" && diff -r "$out/man" "$build/man" ||
+        failed "the build's manual pages are not those of its program" || return 1
+    grep -q "hadalens $version" "$build/man/hadalens.1" || failed "the manual pages are of another version" || return 1
+    tests '^(cli_words|packages_completion|house_reference|cli_make)$'
+}
+step_abi() {
+    configured release && tests '^(abi_.*|packages_symbols|house_symbols)$' || return 1
+    [ -n "$last" ] || { echo "There is no last release to compare with."; return 0; }
+    git show "$last:tests/abi/baseline.abi" >"$out/last.abi" 2>/dev/null || failed "$last has no tests/abi/baseline.abi" || return 1
+    abidiff "$out/last.abi" tests/abi/baseline.abi
+    local changed=$? was
+    was=$(git show "$last:CMakeLists.txt" | sed -n 's/^set(HADALENS_SOVERSION \(.*\))/\1/p')
+    # 8: what was built against the last release has to be built again
+    [ $((changed & 8)) = 0 ] || [ "$was" != "$(sed -n 's/^set(HADALENS_SOVERSION \(.*\))/\1/p' CMakeLists.txt)" ] ||
+        failed "programs have to be built again, and the soname is that of $last (CONTRIBUTING.md)"
+}
+step_release() { tests/run.sh all release; }
+step_debug() { tests/run.sh quick debug; }
+step_sanitized() { tests/run.sh quick asan -R '^(test_|fuzz_)' && tests/run.sh quick tsan -R '^test_'; }
+step_packages() {
+    tests/packages/sdist.sh "$out/sdist" && tests/packages/conda.sh "$out/conda" && tests/packages/debian.sh "$out/debian"
+}
+step_results() {
+    last_build
+    case $? in 1) return 1 ;; 2) return 0 ;; esac
+    configured release && tests/golden/compare.sh "$out/last/build/release/bindings/cli/hadalens" "$build/bindings/cli/hadalens" "$out/golden"
+}
+step_speed() {
+    last_build
+    case $? in 1) return 1 ;; 2) return 0 ;; esac
+    configured release && perf/against.sh "$out/last/build/release" "$build" -o "$out/against-$version.md" &&
+        ! grep 'slower |$' "$out/against-$version.md"
+}
+
+chosen=() without=" "
+while [ $# -gt 0 ]; do
+    case $1 in
+    --list)
+        for name in "${step_names[@]}"; do printf '%-10s %s\n' "$name" "${about[$name]}"; done
+        exit ;;
+    --without)
+        without="$without${2:-} "
+        shift ;;
+    *)
+        [ -n "${about[$1]:-}" ] || { echo "no step '$1'; --list names them" >&2; exit 2; }
+        chosen+=("$1") ;;
+    esac
+    shift
+done
+[ ${#chosen[@]} -gt 0 ] || chosen=("${step_names[@]}")
+worst=0 table=
+for name in "${chosen[@]}"; do
+    if [[ $without == *" $name "* ]]; then
+        table+=$(printf '%-10s left out' "$name")$'\n'
+        continue
+    fi
+    printf '\n== %s: %s\n' "$name" "${about[$name]}"
+    from=$SECONDS
+    if (set -e; "step_$name") >"$out/$name.log" 2>&1; then said=holds; else said="FAILS ($out/$name.log)" worst=1; fi
+    [ "$said" = holds ] || tail -n 15 "$out/$name.log"
+    table+=$(printf '%-10s %s, %d s' "$name" "$said" $((SECONDS - from)))$'\n'
+done
+printf '\nhadalens %s after %s\n%s' "$version" "${last:-nothing}" "$table"
+exit $worst

@@ -1,0 +1,113 @@
+#!/usr/bin/env bash
+# The Slurm scripts of examples/slurm on a Slurm of its own: munged, slurmctld and slurmd of Debian, on this machine, in a
+# folder, with a configuration that has two nodes' worth of tasks. As root; installs what is missing; ends what it started.
+#   tests/cluster/slurm.sh HADALENS FOLDER
+set -euo pipefail
+[ $# = 2 ] || { sed -n '4s/^# *//p' "$0" >&2; exit 2; }
+program=$(realpath "$1") work=$(realpath -m "$2")
+cd "$(dirname "$0")/../.."
+scripts=$PWD/examples/slurm
+[ "$(id -u)" = 0 ] || { echo "Slurm is started as root: skipped"; exit 77; }
+# the packages' own services are not started where there is a service manager
+policy=/usr/sbin/policy-rc.d
+daemons=() made=
+finish() {
+    for pid in "${daemons[@]}"; do kill "$pid" 2>/dev/null || true; done
+    wait
+    [ -z "$made" ] || rm -f "$made"
+}
+trap finish EXIT
+if [ ! -e $policy ]; then
+    made=$policy
+    printf '#!/bin/sh\nexit 101\n' >$policy
+    chmod +x $policy
+fi
+source examples/install.sh
+hadalens_install cluster
+[ ! -e "$work" ] || rm -rf "$work"
+mkdir -p "$work"/{munge,state,spool,jobs}
+export PATH=$(dirname "$program"):$PATH SLURM_CONF=$work/slurm.conf
+fail() {
+    echo "FAILED: $*"
+    tail -n 20 "$work"/*.log "$work"/jobs/*.log 2>/dev/null || true
+    exit 1
+}
+
+# munged asks for folders that nobody else can write to
+chmod 700 "$work/munge"
+dd if=/dev/urandom of="$work/munge/key" bs=1024 count=1 status=none
+chmod 600 "$work/munge/key"
+munged --foreground --force --key-file="$work/munge/key" --socket="$work/munge/socket" --pid-file="$work/munge/pid" \
+    --log-file="$work/munge/log" --seed-file="$work/munge/seed" >"$work/munged.log" 2>&1 &
+daemons+=($!)
+cores=$(nproc)
+cat >"$SLURM_CONF" <<END
+ClusterName=hadalens
+SlurmctldHost=$(hostname -s)(127.0.0.1)
+SlurmctldPort=46817
+SlurmdPort=46818
+SlurmUser=root
+AuthType=auth/munge
+AuthInfo=socket=$work/munge/socket
+CredType=cred/munge
+StateSaveLocation=$work/state
+SlurmdSpoolDir=$work/spool
+SlurmctldPidFile=$work/slurmctld.pid
+SlurmdPidFile=$work/slurmd.pid
+SlurmctldLogFile=$work/slurmctld.log
+SlurmdLogFile=$work/slurmd.log
+ProctrackType=proctrack/linuxproc
+TaskPlugin=task/none
+MpiDefault=none
+ReturnToService=2
+SelectType=select/cons_tres
+SelectTypeParameters=CR_Core
+JobAcctGatherType=jobacct_gather/none
+AccountingStorageType=accounting_storage/none
+MailProg=/bin/true
+NodeName=$(hostname -s) NodeAddr=127.0.0.1 CPUs=$cores State=UNKNOWN
+PartitionName=all Nodes=ALL Default=YES MaxTime=INFINITE State=UP
+END
+slurmctld -D -f "$SLURM_CONF" >"$work/controller.log" 2>&1 &
+daemons+=($!)
+slurmd -D -f "$SLURM_CONF" >"$work/node.log" 2>&1 &
+daemons+=($!)
+for _ in $(seq 60); do
+    [ "$(sinfo -h -o %t 2>/dev/null)" != idle ] || break
+    sleep 1
+done
+[ "$(sinfo -h -o %t)" = idle ] || fail "the node does not come up: $(sinfo -h -o %t 2>&1)"
+
+# Submits a job and waits until it has ended; its exit code is that of the worst task.
+submit() { sbatch --wait --parsable --chdir="$work/jobs" --cpus-per-task=1 "$@"; }
+export HADALENS_SLURM=$scripts
+cd "$work"
+hadalens simulate --preset sim300 --size 96x128 --window 48x48 --depths 2 --pairs 4 --test 3 -o camera -q
+alike=(--boundary circular --scene-response linear --exposure same)
+
+submit --array=0-1 "$scripts/fit-array.sbatch" "$work/camera" "$work/sums" "${alike[@]}" >/dev/null || fail "the array of fits"
+[ "$(ls sums)" = "$(printf '0.sums\n1.sums')" ] || fail "sums: $(ls sums)"
+submit "$scripts/merge.sbatch" "$work/sums" "$work/merged.model" >/dev/null || fail "merging"
+# one machine with all pairs; the scales of the two sums differ by rounding alone
+hadalens fit camera -o whole.model --no-leave-one-out --crop-passes 0 "${alike[@]}" -q
+submit --array=0-1 "$scripts/reconstruct-array.sbatch" "$work/camera/test/raw" "$work/merged.model" "$work/merged" --refine 0 \
+    >/dev/null || fail "the array of frames"
+hadalens reconstruct camera/test/raw/*.tif -m whole.model -o whole --refine 0 -q
+[ "$(ls merged)" = "$(ls whole)" ] || fail "other files: $(ls merged whole)"
+hadalens evaluate merged whole --json >compared.json
+python3 - <<'END' || fail "the merged camera makes other pictures"
+import json
+print(json.dumps(json.load(open("compared.json")), indent=1)[:1500])
+END
+
+# submitted again after a loss: what is there stays, what is missing is made
+rm sums/1.sums merged/*02*
+touch -d '1 hour ago' sums/0.sums
+submit --array=0-1 "$scripts/fit-array.sbatch" "$work/camera" "$work/sums" "${alike[@]}" >/dev/null || fail "the array, again"
+[ "$(find sums -mmin +30 | wc -l)" = 1 ] && [ -s sums/1.sums ] || fail "the second submission did what was done"
+submit --array=0-1 "$scripts/reconstruct-array.sbatch" "$work/camera/test/raw" "$work/merged.model" "$work/merged" --refine 0 \
+    >/dev/null || fail "the array of frames, again"
+[ "$(ls merged)" = "$(ls whole)" ] || fail "the second submission left frames out"
+# a task that fails is seen
+if submit "$scripts/merge.sbatch" "$work/nothing" "$work/x.model" >/dev/null 2>&1; then fail "a job that cannot succeed did"; fi
+echo "all as expected"

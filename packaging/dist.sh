@@ -14,8 +14,9 @@ git rev-parse --git-dir >/dev/null 2>&1 || { echo "dist: a source archive is mad
 
 mkdir -p "$folder"
 archive=$folder/hadalens-$version.tar.gz
-git -c tar.umask=0022 -c core.attributesFile=/dev/null archive --format=tar --prefix="hadalens-$version/" HEAD |
-    gzip -n -9 >"$archive.part"
+# whatever the person's configuration of git is
+git -c tar.umask=0022 -c core.attributesFile=/dev/null -c core.autocrlf=false -c core.eol=lf \
+    archive --format=tar --prefix="hadalens-$version/" HEAD | gzip -n -9 >"$archive.part"
 mv "$archive.part" "$archive"
 
 if [ -n "$python" ]; then

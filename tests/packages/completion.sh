@@ -8,7 +8,7 @@ cd "$work"
 failed=0
 fail() { echo "FAILED: $*"; failed=1; }
 "$program" --completion bash >hadalens
-"$program" --completion zsh >_hadalens
+"$program" --completion zsh >_hadalens # the name by which zsh finds it
 "$program" --completion fish >said 2>&1 && fail "fish is not known, and was taken"
 grep -q "bash and zsh" said
 commands=$("$program" --help | sed -n '/^Commands:/,/^$/s/^  \([a-z]\+\) .*/\1/p')
@@ -59,6 +59,24 @@ if command -v zsh >/dev/null; then
         grep -oE -- '^[^[]*--[a-z-]+=?\[' said | grep -oE -- '--[a-z-]+=?\[$' | sed 's/=*\[$//' | LC_ALL=C sort -u >in_zsh
         cmp -s in_help in_zsh || fail "zsh hands other options of $command to _arguments: $(head -n 3 said)"
     done
+    # as a person: a beginning, the tab key, and return
+    cat >person.zsh <<'END'
+zmodload zsh/zpty
+zpty -b person 'TERM=dumb zsh -f -i'
+zpty -w person 'PS1=; fpath=($PWD $fpath); autoload -U compinit; compinit -u -D; hadalens() print -r -- "RAN<$*>"; print re""ady'
+zpty -r -m person said '*ready*'
+while read -r line; do
+    zpty -w -n person "$line"$'\t\r'
+    zpty -r -m person said '*RAN<*>*'
+    print -r -- ${${said#*RAN<}%>*}
+done
+END
+    printf 'hadalens %s\n' 'recons' 'fit --cro' 'fit --boundary pad' 'fit --boundary=pad' 'reconstruct -m a.t' \
+        'reconstruct a.tif -o pla' 'fit --dark non' >typed
+    printf '%s\n' 'reconstruct' 'fit --crop-passes' 'fit --boundary padded' 'fit --boundary=padded' 'reconstruct -m a.tif' \
+        'reconstruct a.tif -o places' 'fit --dark none' >meant
+    timeout 60 zsh -f person.zsh <typed >ran || fail "zsh did not answer"
+    diff meant ran || fail "zsh completes otherwise (>) than meant (<)"
 fi
 rm -rf "$work"
 exit $failed

@@ -23,4 +23,8 @@ install(FILES ${PROJECT_BINARY_DIR}/hadalens.pc DESTINATION ${CMAKE_INSTALL_LIBD
 if(PROJECT_IS_TOP_LEVEL)
     add_custom_target(uninstall COMMAND ${CMAKE_COMMAND} -DBUILD=${PROJECT_BINARY_DIR} -P ${PROJECT_SOURCE_DIR}/cmake/uninstall.cmake
         COMMENT "Uninstalling" VERBATIM)
+
+    # The source archive of the commit at hand, in dist of the build
+    add_custom_target(dist COMMAND ${PROJECT_SOURCE_DIR}/packaging/dist.sh ${PROJECT_BINARY_DIR}/dist
+        COMMENT "Making the source archive" VERBATIM)
 endif()

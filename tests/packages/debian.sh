@@ -30,8 +30,8 @@ say() { printf '== %s (%d s)\n' "$*" "$SECONDS"; }
 fresh() { # FOLDER
     if [ ! -e "$folder/base-$suite.tar" ]; then
         say "a clean $suite"
-        mmdebstrap --quiet --variant=apt --mode=root "$suite" "$folder/base-$suite.tar.part" "$mirror"
-        mv "$folder/base-$suite.tar.part" "$folder/base-$suite.tar"
+        mmdebstrap --quiet --variant=apt --mode=root "$suite" "$folder/part-$suite.tar" "$mirror"
+        mv "$folder/part-$suite.tar" "$folder/base-$suite.tar"
     fi
     mkdir -p "$1"
     tar -xpf "$folder/base-$suite.tar" -C "$1" --numeric-owner

@@ -73,6 +73,7 @@ static hada_status left_on(look *at, int rows, int cols, double *left, hada_erro
         HADA_TRY(show_channel(at, 0, i, &raw, &scene, err));
         HADA_TRY(hada_fitter_add(fitter, 0, raw, scene, err));
     }
+    hada_slot_watch(fitter->grid.slot, options.monitor);
     HADA_TRY(hada_fit_transfers_left(&fitter->sums, &fitter->pair, PASSES, at->held, show_channel, at, left, err));
 done:
     hada_fitter_destroy(&fitter);

@@ -120,12 +120,14 @@ hada_status hada_fitter_finish(hada_fitter *fitter, hada_model **out, hada_fit_s
     if (!fitter || !out)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_fitter_finish: a fitter and out are needed");
     *out = NULL;
+    hada_slot_watch(fitter->grid.slot, fitter->options.monitor);
     HADA_TRY(solve_and_try(fitter, out, &own, err));
     if (scores) {
         *scores = own;
         own = NULL;
     }
 done:
+    hada_slot_watch(fitter->grid.slot, NULL);
     hada_fit_scores_destroy(&own);
     if (status)
         hada_model_destroy(out);

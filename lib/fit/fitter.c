@@ -269,12 +269,15 @@ hada_status hada_fitter_learn_cropped(hada_fitter *fitter, hada_fit_show show, v
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "hada_fitter_learn_cropped: a fitter and a function that shows pairs are needed");
     const hada_fit_options *options = &fitter->options;
+    const int passes = options->crop_passes < 0 ? HADA_FIT_CROP_PASSES : options->crop_passes;
     hada_fit_transfers_free(&fitter->transfers);
-    if (options->boundary != HADA_BOUNDARY_PADDED || !options->nonnegative || !options->crop_passes)
+    if (options->boundary != HADA_BOUNDARY_PADDED || !options->nonnegative || !passes)
         return HADA_OK;
-    return hada_fit_transfers_learn(&fitter->transfers, &fitter->sums, &fitter->pair, &fitter->kept,
-                                    options->crop_passes < 0 ? HADA_FIT_CROP_PASSES : options->crop_passes, show, user,
-                                    err);
+    hada_slot_watch(fitter->grid.slot, options->monitor);
+    const hada_status status = hada_fit_transfers_learn(&fitter->transfers, &fitter->sums, &fitter->pair, &fitter->kept,
+                                                        passes, show, user, err);
+    hada_slot_watch(fitter->grid.slot, NULL);
+    return status;
 }
 
 hada_status hada_fitter_learn_windowed(hada_fitter *fitter, hada_fit_show show, void *user, hada_error *err)
@@ -283,6 +286,10 @@ hada_status hada_fitter_learn_windowed(hada_fitter *fitter, hada_fit_show show, 
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "hada_fitter_learn_windowed: a fitter and a function that shows pairs are needed");
     hada_fit_outside_free(&fitter->outside);
-    return hada_fit_outside_solve(&fitter->outside, &fitter->sums, &fitter->pair,
-                                  hada_leave_one_out_best(&fitter->scores), fitter->options.outside, show, user, err);
+    hada_slot_watch(fitter->grid.slot, fitter->options.monitor);
+    const hada_status status =
+        hada_fit_outside_solve(&fitter->outside, &fitter->sums, &fitter->pair, hada_leave_one_out_best(&fitter->scores),
+                               fitter->options.outside, show, user, err);
+    hada_slot_watch(fitter->grid.slot, NULL);
+    return status;
 }

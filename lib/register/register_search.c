@@ -3,6 +3,8 @@
 
 #include <math.h>
 
+#include "core/monitor.h"
+
 #define RADIANS (3.14159265358979323846 / 180.0) /* a degree */
 
 /* A minimum in two dimensions by Nelder and Mead (1965). */
@@ -14,6 +16,7 @@ typedef struct search {
     hada_register_level *level;
     hada_registration orientation;
     double least, most, most_turn; /* of log magnification; radians */
+    const hada_monitor *monitor;
 } search;
 
 static hada_status evaluate(const search *where, corner *at, hada_error *err)
@@ -27,6 +30,7 @@ static hada_status evaluate(const search *where, corner *at, hada_error *err)
     one.magnification = exp(at->log_scale);
     one.rotation_deg = at->turn / RADIANS;
     hada_status status = HADA_OK;
+    HADA_TRY(hada_monitor_check(where->monitor, err));
     HADA_TRY(hada_register_level_take(level, &one, err));
     at->score = hada_register_level_score(level, 0, 0);
 done:
@@ -89,7 +93,8 @@ hada_status hada_register_refine(hada_register_level *level, const hada_register
                           .orientation = *at,
                           .least = log(options->least_magnification) - HADA_REGISTER_STEP,
                           .most = log(options->most_magnification) + HADA_REGISTER_STEP,
-                          .most_turn = (options->most_rotation_deg + HADA_REGISTER_TURN_DEG) * RADIANS};
+                          .most_turn = (options->most_rotation_deg + HADA_REGISTER_TURN_DEG) * RADIANS,
+                          .monitor = options->monitor};
     const double scale = log(at->magnification), turn = at->rotation_deg * RADIANS;
     corner c[3] = {{scale, turn, 0}, {scale + step, turn + 0.3 * step, 0}, {scale - 0.3 * step, turn + step, 0}};
     hada_status status = HADA_OK;
@@ -127,6 +132,7 @@ hada_status hada_register_scan(hada_register_level *level, const hada_register_o
             const hada_registration at = {.magnification =
                                               exp(from + (scales > 1 ? (to - from) * i / (scales - 1) : 0.0)),
                                           .rotation_deg = turns ? options->most_rotation_deg * k / turns : 0.0};
+            HADA_TRY(hada_monitor_check(options->monitor, err));
             HADA_TRY(hada_register_level_take(level, &at, err));
             for (int o = 0; o < 8; o++) {
                 const double score = hada_register_level_score(level, o % 4, o / 4);

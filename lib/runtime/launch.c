@@ -2,6 +2,7 @@
 
 #include <string.h>
 
+#include "core/monitor.h"
 #include "runtime/profile.h"
 
 int hada_program_find(const hada_kernel_file *file, const int *values)
@@ -81,13 +82,31 @@ static hada_status set_arguments(cl_kernel object, const hada_kernel *kernel, co
     return HADA_OK;
 }
 
+/* Launches that may be in flight when a monitor is asked: what is left of a long computation takes a part of a second
+ * then, and waiting so seldom costs nothing that could be measured. */
+enum { LAUNCHES_UNASKED = 16 };
+
+/* Whether the caller, or another thread, wants the work to stop. */
+static hada_status may_go_on(hada_slot *slot, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    if (slot->cancelled && atomic_load(slot->cancelled))
+        return hada_fail(err, HADA_ERROR_CANCELLED, "the work was cancelled");
+    if (!slot->monitor || ++slot->unasked < LAUNCHES_UNASKED)
+        return HADA_OK;
+    slot->unasked = 0;
+    HADA_TRY(hada_slot_finish(slot, err));
+    HADA_TRY(hada_monitor_check(slot->monitor, err));
+done:
+    return status;
+}
+
 hada_status hada_launch(hada_slot *slot, const hada_kernel *kernel, int program, const hada_range *range,
                         const void *args, hada_error *err)
 {
     cl_kernel object = NULL;
-    if (slot->cancelled && atomic_load(slot->cancelled))
-        return hada_fail(err, HADA_ERROR_CANCELLED, "the work was cancelled");
     hada_status status = HADA_OK;
+    HADA_TRY(may_go_on(slot, err));
     HADA_TRY(object_of(slot, kernel, program, &object, err));
     HADA_TRY(set_arguments(object, kernel, args, err));
     if (!range->global[0] || !range->global[1] || !range->global[2]) { /* nothing to do */

@@ -5,6 +5,7 @@
 #ifndef HADA_RUNTIME_SLOT_H
 #define HADA_RUNTIME_SLOT_H
 
+#include <hadalens/monitor.h>
 #include <stdatomic.h>
 
 #include "core/round.h"
@@ -21,6 +22,8 @@ typedef struct hada_slot {
     double cost_bytes, cost_flops;
     cl_event event;
     const atomic_int *cancelled; /* where set and not 0, launches are refused: HADA_ERROR_CANCELLED */
+    const hada_monitor *monitor; /* NULL: nobody is asked */
+    int unasked;                 /* launches since it was asked */
 } hada_slot;
 
 hada_status hada_slot_create(hada_slot **out, hada_context *context, hada_error *err);
@@ -30,6 +33,15 @@ void hada_slot_destroy(hada_slot **slot); /* waits for what is in flight */
 static inline void hada_slot_cancel_by(hada_slot *slot, const atomic_int *flag)
 {
     slot->cancelled = flag;
+}
+
+/* From now on the monitor is asked between launches, every few of which are waited for first, so that little is in
+ * flight when it says stop: launches are refused then. For work of one thread that takes long. NULL: nobody is asked.
+ */
+static inline void hada_slot_watch(hada_slot *slot, const hada_monitor *monitor)
+{
+    slot->monitor = monitor;
+    slot->unasked = 0;
 }
 
 /* Waits until everything in the queue is done. */

@@ -236,6 +236,8 @@ static hada_status take_task(learning *of, const hada_fit_task *task, hada_error
     hada_fit_options_init(&of->fit);
     HADA_TRY(HADA_OPTIONS_TAKE(&of->task, task, hada_fit_task, err));
     HADA_TRY(HADA_OPTIONS_TAKE(&of->fit, of->task.fit, hada_fit_options, err));
+    if (!of->fit.monitor)
+        of->fit.monitor = of->task.monitor;
     if (!of->data && !of->task.merge_count)
         HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "hada_fit_run: a data set or saved sums are needed"));
     if (of->fit.outside >= 0.0 && of->fit.outside < 1.0 && of->task.merge_count)

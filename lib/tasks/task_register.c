@@ -145,11 +145,18 @@ static hada_status find_all(hada_register_report *report, const hada_dataset *da
                             hada_error *err)
 {
     const int depths = hada_dataset_get_info(data)->depths;
+    hada_register_options search;
     hada_image last = {0};
     hada_status status = HADA_OK;
+    hada_register_options_init(&search);
+    status = HADA_OPTIONS_TAKE(&search, task->search, hada_register_options, err);
+    if (status)
+        return status;
+    if (!search.monitor)
+        search.monitor = task->monitor;
     hada_progress progress = hada_progress_begin(task->monitor, "depths", depths);
     for (int z = 0; z < depths; z++) {
-        HADA_TRY(find_depth(report, z, data, task->search, depths > 1 && !task->keep_offsets, &last, err));
+        HADA_TRY(find_depth(report, z, data, &search, depths > 1 && !task->keep_offsets, &last, err));
         HADA_TRY(hada_progress_step(&progress, NULL, err));
     }
 done:

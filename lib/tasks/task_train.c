@@ -148,6 +148,8 @@ static hada_status survey(training *own, hada_fit_options *fit, hada_error *err)
     hada_status status = HADA_OK;
     hada_fit_options_init(fit);
     HADA_TRY(HADA_OPTIONS_TAKE(fit, task->fit, hada_fit_options, err));
+    if (!fit->monitor)
+        fit->monitor = task->monitor;
     HADA_TRY(hada_fit_options_from_dataset(fit, own->data, task->boundary, task->monitor, err));
     if (own->model) {
         const hada_model_info *info = hada_model_get_info(own->model);

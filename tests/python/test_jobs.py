@@ -12,7 +12,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -185,6 +185,36 @@ def test_ctrl_c(what: str, model_file: Path, camera: Path, tmp_path: Path) -> No
         assert process.stdout.readline() == "interrupted\n"
         assert time.monotonic() - start < within
         assert process.wait(20) == 0
+
+
+@pytest.mark.parametrize("what", ["finish", "learn", "register"])
+def test_ctrl_c_ends_what_asks_nothing_else(what: str, camera: Path) -> None:
+    """C is stopped where it takes long and calls nothing of Python's: the ends of fits, passes, registration."""
+    data = hadalens.Dataset.scan(camera)
+    pairs = [data.read(0, pair) for pair in range(3)]
+    fitter = hadalens.Fitter([100.0], (96, 128), window=(48, 48), channels=3, boundary="padded")
+    for raw, scene in pairs:
+        fitter.add(0, raw, scene)
+        fitter.score(0, raw, scene)
+    work: dict[str, Callable[[], Any]] = {
+        "finish": fitter.finish,
+        "learn": lambda: fitter.learn_cropped(lambda _, pair: pairs[pair]),
+        "register": lambda: hadalens.register(*zip(*pairs, strict=True)),
+    }
+
+    def interrupt(*_: Any) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGALRM, interrupt)
+    signal.setitimer(signal.ITIMER_REAL, 0.5)
+    try:
+        with pytest.raises(KeyboardInterrupt) as caught:
+            while True:
+                work[what]()
+    finally:
+        signal.signal(signal.SIGALRM, before)
+    assert isinstance(caught.value.__cause__, hadalens.CancelledError)
+    assert fitter.finish().info.depths == 1  # it goes on
 
 
 def runnable(work: Any) -> float:

@@ -6,6 +6,7 @@
 #include "filter/layout.h"
 #include "fit/cropped.h"
 #include "fit/fitter.h"
+#include "patience.h"
 #include "ref/ref_fft.h"
 #include "ref/ref_filter.h"
 #include "ref/ref_fit.h"
@@ -327,6 +328,36 @@ static void light_beyond_the_sensor_is_found(void **state)
     hada_model_destroy(&model);
 }
 
+/* Passes over pairs that stay on the device show none, and can be stopped all the same. */
+static void passes_can_be_stopped(void **state)
+{
+    fixture *f = *state;
+    patience of = {.most = -1};
+    const hada_monitor monitor = patience_monitor(&of);
+    hada_fit_options options = options_of(HADA_BOUNDARY_PADDED, HADA_AUTO, 0);
+    hada_fitter *fitter;
+    hada_model *model, *expected = learn(f, HADA_AUTO, NULL, NULL);
+    shower at = {.f = f};
+    hada_error why;
+    options.monitor = &monitor;
+    ASSERT_OK(hada_fitter_create(&fitter, f->context, &options, err));
+    for (int z = 0; z < DEPTHS; z++)
+        for (int i = 0; i < PAIRS; i++)
+            ASSERT_OK(hada_fitter_add(fitter, z, &f->frame[z][i], &f->scene[z][i], err));
+    ASSERT_OK(hada_fitter_learn_cropped(fitter, show, &at, err));
+    const int asked = of.asked;
+    assert_true(asked > at.shown);
+    of = (patience){.most = asked / 2};
+    assert_int_equal(hada_fitter_learn_cropped(fitter, show, &at, &why), HADA_ERROR_CANCELLED);
+    of = (patience){.most = -1};
+    ASSERT_OK(hada_fitter_learn_cropped(fitter, show, &at, err));
+    ASSERT_OK(hada_fitter_finish(fitter, &model, NULL, err));
+    assert_memory_equal(model->otf, expected->otf, 2 * hada_model_plane(model) * DEPTHS * CHANNELS * sizeof(float));
+    hada_model_destroy(&model);
+    hada_model_destroy(&expected);
+    hada_fitter_destroy(&fitter);
+}
+
 static void light_that_stays_costs_little(void **state)
 {
     double before, now;
@@ -441,6 +472,7 @@ int main(void)
         cmocka_unit_test(streamed_pairs_give_the_same_bits),
         cmocka_unit_test(the_trial_has_transfer_functions_of_its_own),
         cmocka_unit_test(other_pairs_are_refused),
+        cmocka_unit_test(passes_can_be_stopped),
         cmocka_unit_test(a_boundary_is_found_that_pads),
     };
     const struct CMUnitTest inside[] = {cmocka_unit_test(light_that_stays_costs_little),

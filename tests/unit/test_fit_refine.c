@@ -2,6 +2,7 @@
  * that it does not describe. */
 #include "camera_small.h"
 #include "fit/fitter.h"
+#include "patience.h"
 
 enum { ROWS = 48, COLS = 60, WINDOW = 20, DEPTHS = 2, PAIRS = 6 };
 static const double distances[] = {100.0, 300.0};
@@ -22,8 +23,28 @@ static hada_image squares(uint64_t seed)
     return scene;
 }
 
+/* A caller may stop the end of a fit at any question; nothing is left of it, and the sums are as they were. */
+static void stop_anywhere(hada_fitter *fitter, patience *of)
+{
+    const int asked = of->asked;
+    assert_true(asked > 20);
+    for (int k = 0; k < 4; k++) {
+        hada_model *model;
+        hada_fit_scores *scores;
+        hada_error why;
+        *of = (patience){.most = k * (asked - 1) / 3};
+        assert_int_equal(hada_fitter_finish(fitter, &model, &scores, &why), HADA_ERROR_CANCELLED);
+        assert_null(model);
+        assert_null(scores);
+        assert_int_equal(of->asked, of->most + 1);
+    }
+    *of = (patience){.most = -1};
+}
+
 static hada_model *fit(hada_context *context, int strange, hada_fit_scores **scores)
 {
+    patience of = {.most = -1};
+    const hada_monitor monitor = patience_monitor(&of);
     hada_fit_options options;
     hada_fitter *fitter;
     hada_model *model;
@@ -35,6 +56,7 @@ static hada_model *fit(hada_context *context, int strange, hada_fit_scores **sco
     options.raw_rows = ROWS;
     options.raw_cols = COLS;
     options.window_rows = options.window_cols = WINDOW;
+    options.monitor = &monitor;
     ASSERT_OK(hada_fitter_create(&fitter, context, &options, err));
     for (int z = 0; z < DEPTHS; z++)
         for (int i = 0; i < PAIRS; i++) {
@@ -50,6 +72,7 @@ static hada_model *fit(hada_context *context, int strange, hada_fit_scores **sco
             ASSERT_OK(hada_fitter_score(fitter, z, &frame[z][i], &scene[z][i], err));
     assert_int_equal(fitter->kept.count, HADA_FIT_KEPT);
     ASSERT_OK(hada_fitter_finish(fitter, &model, scores, err));
+    stop_anywhere(fitter, &of);
 
     /* the trial leaves the sums as they were: a second end gives the same model */
     hada_model *again;

@@ -10,6 +10,7 @@
 
 #include "core/random.h"
 #include "image/small_fft.h"
+#include "patience.h"
 #include "ref/ref_fft.h"
 
 enum { ROWS = 112, COLS = 144, WINDOW_ROWS = 56, WINDOW_COLS = 64, SPOTS = 12, PAIRS = 5 };
@@ -227,6 +228,31 @@ static void recovered(void **state)
     }
 }
 
+static void search_can_be_stopped(void **state)
+{
+    (void)state;
+    const hada_registration truth = {.size = sizeof(hada_registration), .magnification = 1.0};
+    patience of = {.most = -1};
+    const hada_monitor monitor = patience_monitor(&of);
+    hada_registration found = {.size = sizeof found};
+    hada_register_options options;
+    hada_error why;
+    pairs all = make_pairs(&truth, PAIRS, 1.0, 0.003, 0);
+    hada_register_options_init(&options);
+    options.most_rotation_deg = 3.0;
+    options.monitor = &monitor;
+    ASSERT_OK(hada_register_pairs(&found, all.raws, all.scenes, PAIRS, &options, err));
+    const int asked = of.asked;
+    assert_true(asked > 100);
+    for (int k = 0; k < 3; k++) { /* at once, in the scan, while refining */
+        of = (patience){.most = k * (asked - 1) / 2};
+        assert_int_equal(hada_register_pairs(&found, all.raws, all.scenes, PAIRS, &options, &why),
+                         HADA_ERROR_CANCELLED);
+        assert_int_equal(of.asked, of.most + 1);
+    }
+    free_pairs(&all);
+}
+
 /* Scenes of a second depth that stand elsewhere; the mask's PSF is 0.9 times as wide there. */
 static void offsets(void **state)
 {
@@ -326,8 +352,12 @@ static void refusals(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(transforms), cmocka_unit_test(directions),
-                                       cmocka_unit_test(shrinking),  cmocka_unit_test(recovered),
-                                       cmocka_unit_test(offsets),    cmocka_unit_test(refusals)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(transforms),
+                                       cmocka_unit_test(directions),
+                                       cmocka_unit_test(shrinking),
+                                       cmocka_unit_test(recovered),
+                                       cmocka_unit_test(offsets),
+                                       cmocka_unit_test(refusals),
+                                       cmocka_unit_test(search_can_be_stopped)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -252,7 +252,7 @@ def fit(
     report = Owner("hada_fit_report", lib.hada_fit_report_destroy)
     monitored(
         monitor,
-        data,
+        call if data is None else data._call,
         lib.hada_fit_run,
         model.pointer,
         report.pointer,
@@ -265,13 +265,11 @@ def fit(
     return learned
 
 
-def monitored(monitor: Monitor, data: Dataset | None, function: Callable[..., int], *arguments: Any) -> None:
-    """Call C; what progress or reading pairs raised comes before what C says."""
+def monitored(monitor: Monitor, run: Callable[..., None], function: Callable[..., int], *arguments: Any) -> None:
+    """Call C by `run`; what a Ctrl-C or progress raised comes before what reading pairs raised, and that before C."""
+    monitor.error = None
     try:
-        if data is None:
-            call(function, *arguments)
-        else:
-            data._call(function, *arguments)
+        run(function, *arguments)
     except Exception as failed:
         if monitor.error is not None:
             raise monitor.error from failed

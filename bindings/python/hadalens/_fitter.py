@@ -7,8 +7,8 @@ from collections.abc import Callable
 from typing import Any, TypeAlias
 
 from ._arrays import Floats, Image
-from ._fit import FitReport, fit_options, scores_of
-from ._native import Caller, Handle, Options, Owner, call, ffi, keep_error, lib, path
+from ._fit import FitReport, fit_options, monitored, scores_of
+from ._native import Caller, Handle, Monitor, Options, Owner, call, ffi, keep_error, lib, path
 from .dataset import Dataset, Pairs, dataset
 from .device import Context, default
 from .model import Boundary, Model
@@ -43,7 +43,8 @@ def py_fit_show(user: Any, depth: int, pair: int, raw: Any, scene: Any, _err: An
 class Fitter(Handle):
     """Learns a camera pair by pair; memory does not grow with their number.
 
-    Sums over the pairs are kept; they can be saved, loaded and merged, on one machine or on several.
+    Sums over the pairs are kept; they can be saved, loaded and merged, on one machine or on several. Ctrl-C ends what
+    takes long, learning and finishing, within a second; the sums stay.
 
     Args:
         distances_mm: of the depths, near to far.
@@ -96,7 +97,9 @@ class Fitter(Handle):
     def _start(
         self, create: Any, context: Context, options: Options, channel_axis: int | None, depths: int, *given: Any
     ) -> None:
-        owner = Owner("hada_fitter", lib.hada_fitter_destroy, context._own)
+        self._monitor = Monitor(None)
+        options.set(monitor=self._monitor.options)
+        owner = Owner("hada_fitter", lib.hada_fitter_destroy, context._own, self._monitor)
         call(create, owner.pointer, context._c, *given, options.c)
         self._owner = owner
         self._channel_axis = channel_axis
@@ -162,7 +165,7 @@ class Fitter(Handle):
 
     def _show_all(self, function: Any, show: Show, *others: Any) -> None:
         shower = _Shower(show, self._channel_axis)
-        shower.run(function, self._c, lib.py_fit_show, shower.user, *others)
+        monitored(self._monitor, shower.run, function, self._c, lib.py_fit_show, shower.user, *others)
 
     def learn_cropped(self, show: Show) -> None:
         """Learn transfer functions with the crop of the sensor in the model ("padded"); pairs are shown again.
@@ -191,7 +194,7 @@ class Fitter(Handle):
         model = Owner("hada_model", lib.hada_model_destroy)
         scores = Owner("hada_fit_scores", lib.hada_fit_scores_destroy)
         if show is None:
-            call(lib.hada_fitter_finish, self._c, model.pointer, scores.pointer)
+            monitored(self._monitor, call, lib.hada_fitter_finish, self._c, model.pointer, scores.pointer)
         else:
             self._show_all(lib.hada_fitter_learn_and_finish, show, model.pointer, scores.pointer)
         learned = Model._of(model)
@@ -213,11 +216,13 @@ def find_boundary(
 
     """
     data = dataset(pairs, channel_axis)
-    options = fit_options()
+    monitor = Monitor(None)
+    options = fit_options(monitor=monitor.options)
     data._call(lib.hada_fit_options_from_dataset, options.c, data._c, lib.HADA_BOUNDARY_PADDED, ffi.NULL)
     shower = _Shower(data.read, None)
     counts = ffi.new("int[]", data.counts)
-    shower.run(lib.hada_fit_find_boundary, options.c, default(context)._c, counts, lib.py_fit_show, shower.user)
+    arguments = (options.c, default(context)._c, counts, lib.py_fit_show, shower.user)
+    monitored(monitor, shower.run, lib.hada_fit_find_boundary, *arguments)
     if options.c.boundary == lib.HADA_BOUNDARY_CIRCULAR:
         return "circular", None
     rows, cols = options.c.grid_rows, options.c.grid_cols

@@ -96,6 +96,7 @@ def register(
 
     Raises:
         DatasetError: the pairs cannot tell.
+        KeyboardInterrupt: Ctrl-C ends it at once.
 
     Example:
         >>> found = hadalens.register(raws, scenes)
@@ -104,8 +105,9 @@ def register(
     """
     frames, shown = _images(raws, scenes)
     out = ffi.new("hada_registration *", {"size": ffi.sizeof("hada_registration")})
-    search = _search(magnification, most_rotation_deg)
-    call(lib.hada_register_pairs, out, frames.c, shown.c, len(frames.arrays), search.c)
+    search, monitor = _search(magnification, most_rotation_deg), Monitor(None)
+    search.set(monitor=monitor.options)
+    monitor.run(lib.hada_register_pairs, out, frames.c, shown.c, len(frames.arrays), search.c)
     return record(Registration, out[0])
 
 
@@ -178,10 +180,10 @@ def register_dataset(
         monitor=monitor.options,
     )
     report = Owner("hada_register_report", lib.hada_register_report_destroy)
-    monitored(monitor, data, lib.hada_register_run, report.pointer, data._c, task.c)
+    monitored(monitor, data._call, lib.hada_register_run, report.pointer, data._c, task.c)
     if output is not None:
         arguments = (report.c, data._c, path(Path(output)), task.c, ffi.NULL, ffi.NULL)
-        monitored(monitor, data, lib.hada_register_write, *arguments)
+        monitored(monitor, data._call, lib.hada_register_write, *arguments)
     found = [lib.hada_register_report_depth(report.c, z)[0] for z in range(len(data.distances_mm))]
     return [
         record(

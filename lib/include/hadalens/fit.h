@@ -13,6 +13,7 @@
 #include <hadalens/device.h>
 #include <hadalens/image.h>
 #include <hadalens/model.h>
+#include <hadalens/monitor.h>
 
 #ifdef __cplusplus
 extern "C" {
@@ -48,6 +49,10 @@ typedef struct hada_fit_options {
     double refine_shrink; /* with total variation, for a single depth: threshold of the shrinkage of blocks, in units of
                              its weight, 0 to 100; HADA_AUTO (default): chosen with the weight, 1.6 where that is given;
                              0: none */
+    const hada_monitor *monitor; /* asked several times a second whether to stop, while a fitter learns or finishes and
+                                    while the boundary is looked for (then HADA_ERROR_CANCELLED; sums, scores and what
+                                    was learned before stay). It must last as long as the fitter. NULL (default):
+                                    nobody; in hada_fit_run() the task's */
 } hada_fit_options;
 HADA_API void hada_fit_options_defaults(hada_fit_options *options, size_t size);
 static inline void hada_fit_options_init(hada_fit_options *options)

@@ -1,6 +1,7 @@
 /* Hadalens: what work that takes long tells its caller, and how the caller stops it.
  *
- * A task (hadalens/task_*.h) takes a pointer to a hada_monitor, or NULL where nobody listens. Every member may be NULL.
+ * A task (hadalens/task_*.h) takes a pointer to a hada_monitor, or NULL where nobody listens; options of a fit and of a
+ * registration do as well, which ask nothing but whether to stop. Every member may be NULL.
  * Threads: the callbacks come from the thread that called the task; they must not call back into the task's objects. */
 #ifndef HADALENS_MONITOR_H
 #define HADALENS_MONITOR_H

@@ -12,6 +12,7 @@
 #define HADALENS_REGISTER_H
 
 #include <hadalens/image.h>
+#include <hadalens/monitor.h>
 #include <hadalens/status.h>
 
 #ifdef __cplusplus
@@ -48,6 +49,7 @@ typedef struct hada_register_options {
     double least_magnification, most_magnification; /* searched; HADA_AUTO (default): what makes the scene's longer side
  0.15 and 2.5 times that of the frame */
     double most_rotation_deg;                       /* to either side of the quarter turns: 15 by default, at most 45 */
+    const hada_monitor *monitor; /* asked before each transform that is tried; NULL (default): nobody */
 } hada_register_options;
 HADA_API void hada_register_options_defaults(hada_register_options *options, size_t size);
 static inline void hada_register_options_init(hada_register_options *options)

@@ -1,0 +1,1 @@
+"""Lensless cameras in napari: reads models and results, learns cameras, reconstructs frames."""

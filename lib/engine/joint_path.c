@@ -6,8 +6,9 @@
 #include "engine/stages.h"
 #include "filter/clip.h"
 
-/* Which computed depths the frame occupies, into pipeline->occupied. */
-static hada_status pursue(hada_pipeline *pipeline, hada_frame *frame, int *count, hada_error *err)
+/* Which computed depths the frame occupies, into pipeline->occupied; *more: the part of what they leave that one more
+ * depth would have explained. */
+static hada_status pursue(hada_pipeline *pipeline, hada_frame *frame, int *count, double *more, hada_error *err)
 {
     const int depths = pipeline->setup->config.depths;
     hada_pursuit_result found;
@@ -15,6 +16,7 @@ static hada_status pursue(hada_pipeline *pipeline, hada_frame *frame, int *count
     hada_slot_stage(pipeline->slot, "pursuit");
     HADA_TRY(hada_pursuit_run(pipeline->pursuit, pipeline->stage->spectrum.mem, 0, &found, err));
     *count = found.all ? depths : found.count;
+    *more = found.more;
     for (int i = 0; i < *count; i++)
         pipeline->occupied[i] = found.all ? i : found.list[i];
     hada_frame_progress(frame, 1 + HADA_WORK_PURSUIT);
@@ -160,24 +162,33 @@ done:
     return status;
 }
 
-/* A surface is tried where the planes take more unknowns of a pixel than it does, its light and its distance, and may
- * leave more of the frame for that. Surfaces left 0.7 to 1.1 times the energy that planes did, scenes of two and three
- * planes 1.6 to 7 times (docs/surfaces.md). */
+/* A surface has two unknowns of a pixel, its light and its distance. It is tried where the planes take more, and where
+ * one more depth would have explained this part of what they leave, which is too little for a plane: the most that any
+ * did was 0.08 on flat scenes, nearly always less on two planes, and 0.10 to 0.3 on surfaces that two planes were taken
+ * for, as they are where noise is strong (docs/surfaces.md). */
 enum { SURFACE_UNKNOWNS = 2 };
-#define SURFACE_LEAVES 1.3
+#define SURFACE_DOUBT 0.1
 
-/* Whether a surface explains the frame nearly as well as `count` planes did. It stands in the pipeline then. */
-static hada_status is_surface(hada_pipeline *pipeline, hada_frame *frame, int count, int *surface, double *energy,
-                              hada_error *err)
+/* What a surface may leave of the frame, in units of what so many planes leave, for it to be one: it has to pay for
+ * unknowns that they do without. */
+static double surface_leaves(int planes)
+{
+    return planes < SURFACE_UNKNOWNS ? 0.9 : planes == SURFACE_UNKNOWNS ? 1.0 : 1.3;
+}
+
+/* Whether a surface explains the frame as well as `count` planes did. It stands in the pipeline then. more: as pursue()
+ * has it. */
+static hada_status is_surface(hada_pipeline *pipeline, hada_frame *frame, int count, double more, int *surface,
+                              double *energy, hada_error *err)
 {
     const hada_report *report = &frame->result->memory->report;
     const double planes = report->residual * report->residual * frame->energy;
     hada_status status = HADA_OK;
     *surface = 0;
-    if (pipeline->setup->config.scene != HADA_SCENE_AUTO || count <= SURFACE_UNKNOWNS)
+    if (pipeline->setup->config.scene != HADA_SCENE_AUTO || (count <= SURFACE_UNKNOWNS && more < SURFACE_DOUBT))
         goto done;
     HADA_TRY(hada_pipeline_find_surface(pipeline, frame, surface, energy, err));
-    *surface = *surface && *energy < SURFACE_LEAVES * planes;
+    *surface = *surface && *energy < surface_leaves(count) * planes;
 done:
     return status;
 }
@@ -209,12 +220,12 @@ static hada_status mark_occupied(hada_pipeline *pipeline, hada_frame *frame, int
 hada_status hada_pipeline_joint(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
 {
     int count = 0, surface;
-    double energy;
+    double more = 0.0, energy;
     hada_status status = HADA_OK;
     if (pipeline->setup->config.scene == HADA_SCENE_SURFACE)
         return only_surface(pipeline, frame, err);
     if (pipeline->setup->config.pursuit)
-        HADA_TRY(pursue(pipeline, frame, &count, err));
+        HADA_TRY(pursue(pipeline, frame, &count, &more, err));
     else
         count = take_listed(pipeline);
     HADA_TRY(mark_occupied(pipeline, frame, count, err));
@@ -223,7 +234,7 @@ hada_status hada_pipeline_joint(hada_pipeline *pipeline, hada_frame *frame, hada
         goto done;
     }
     HADA_TRY(solve(pipeline, frame, count, err));
-    HADA_TRY(is_surface(pipeline, frame, count, &surface, &energy, err));
+    HADA_TRY(is_surface(pipeline, frame, count, more, &surface, &energy, err));
     if (surface) {
         HADA_TRY(hada_pipeline_take_surface(pipeline, frame, energy, err));
         goto done;

@@ -80,7 +80,8 @@ done:
     return status;
 }
 
-/* Millimetres from depths, which are linear in 1 / distance between those of the camera; NaN where nothing shines. */
+/* Millimetres from depths, which are linear in 1 / distance between those of the camera; NaN where nothing shines, or
+ * what does stands outside of them. */
 static void fill_distances(const hada_pipeline *pipeline, hada_frame *frame)
 {
     hada_result *result = frame->result;
@@ -99,9 +100,9 @@ static void fill_distances(const hada_pipeline *pipeline, hada_frame *frame)
         double light = 0.0;
         for (size_t c = 0; c < (size_t)channels; c++)
             light += texture[c * area + i];
-        result->distance_map.data[i] =
-            light > DARK * mean ? (float)(1.0 / ((1.0 - part) / mm[low] + part / mm[low + 1])) : NAN;
-        result->memory->confidence.data[i] = light > DARK * mean ? pipeline->shape.confidence[i] : 0.0F;
+        const int known = light > DARK * mean && !pipeline->shape.outside[i];
+        result->distance_map.data[i] = known ? (float)(1.0 / ((1.0 - part) / mm[low] + part / mm[low + 1])) : NAN;
+        result->memory->confidence.data[i] = known ? pipeline->shape.confidence[i] : 0.0F;
     }
 }
 

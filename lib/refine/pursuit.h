@@ -42,6 +42,7 @@ typedef struct hada_pursuit_result {
     int all;                                /* 1: the scene fills too many depths to tell them apart: take all */
     int rounds;                             /* additions tried, the last one usually in vain */
     double reduction[2 * HADA_PURSUIT_MAX]; /* part of the residual that each addition explained */
+    double more;                            /* the last of these, where it was in vain; else 0 */
     double residual;                        /* |unexplained| / |frame|, of the small images */
     int fine_comparisons;                   /* those that took the finer grid */
     size_t transforms;

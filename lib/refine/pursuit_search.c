@@ -297,6 +297,7 @@ static hada_status add(search *s, hada_set *found, int *added, hada_error *err)
         HADA_TRY(reduction_of(s, found, &more, &reduction, err));
         result->reduction[result->rounds++] = reduction;
         *added = reduction >= threshold_of(s, found);
+        result->more = *added ? 0.0 : reduction;
     }
     if (result->all || *added)
         *found = more;

@@ -176,7 +176,7 @@ done:
     return status;
 }
 
-/* The images at a depth between two of the camera. */
+/* The images at a depth that is none of the camera's. */
 static hada_status magnify(hada_between *b, double depth, hada_error *err)
 {
     const int rows = b->camera.rows, cols = b->camera.cols, channels = b->camera.channels;
@@ -184,11 +184,12 @@ static hada_status magnify(hada_between *b, double depth, hada_error *err)
     const hada_range range = hada_range_groups(1, group, (size_t)rows, (size_t)channels);
     const hada_magnified to = hada_magnification_at(b->magnification, depth);
     hada_surface_sources sources = {.channels = channels, .rows = rows, .cols = cols};
-    const int low = (int)floor(depth);
-    const double part = depth - low;
+    const int last = b->camera.depths - 1, low = depth < 0.0 ? 0 : depth > last ? last : (int)depth;
+    const double part = depth < 0.0 || depth > last ? 0.0 : depth - low;
     hada_status status = HADA_OK;
     HADA_TRY(add_source(b, &sources, low, 1.0 - part, &to, err));
-    HADA_TRY(add_source(b, &sources, low + 1, part, &to, err));
+    if (part > 0.0)
+        HADA_TRY(add_source(b, &sources, low + 1, part, &to, err));
     const size_t entries = (size_t)sources.count * (size_t)(rows + cols);
     HADA_TRY(hada_buffer_write(&b->bases, b->slot, 0, b->host_bases, entries * sizeof(cl_int), err));
     HADA_TRY(
@@ -208,8 +209,8 @@ static hada_status make(hada_between *b, double depth, cl_mem out, size_t at, co
 {
     const int channels = b->camera.channels;
     const size_t step = (size_t)channels * b->layout.count;
-    const size_t from = b->camera.first * b->layout.count + (size_t)depth * step;
-    const int known = depth == floor(depth);
+    const int known = depth == floor(depth) && depth >= 0.0 && depth < b->camera.depths;
+    const size_t from = known ? b->camera.first * b->layout.count + (size_t)depth * step : 0;
     const cl_mem whole = known ? b->camera.otf : to ? b->spectrum.mem : out;
     hada_status status = HADA_OK;
     if (!known) {
@@ -217,8 +218,7 @@ static hada_status make(hada_between *b, double depth, cl_mem out, size_t at, co
         HADA_TRY(hada_fft_forward(b->forward, channels, b->image.mem, 0, whole, to ? 0 : at, err));
     }
     if (to)
-        HADA_TRY(
-            hada_surface_crop(b->slot, whole, known ? from : 0, &b->layout, channels, 1, 1.0, 0.0, out, at, to, err));
+        HADA_TRY(hada_surface_crop(b->slot, whole, from, &b->layout, channels, 1, 1.0, 0.0, out, at, to, err));
     else if (known)
         HADA_TRY(hada_buffer_copy(b->slot, whole, from * 2 * sizeof(float), out, at * 2 * sizeof(float),
                                   step * 2 * sizeof(float), err));
@@ -230,11 +230,14 @@ hada_status hada_between_make(hada_between *between, int count, const double *de
                               const hada_spectrum_layout *to, hada_error *err)
 {
     const size_t values = to ? to->count : between->layout.count;
+    const double least = -hada_magnification_beyond(between->magnification, 0);
+    const double most = between->camera.depths - 1 + hada_magnification_beyond(between->magnification, 1);
     hada_status status = HADA_OK;
     for (int i = 0; i < count; i++)
-        if (!(depth[i] >= 0.0 && depth[i] <= between->camera.depths - 1))
-            return hada_fail(err, HADA_ERROR_ARGUMENT, "a depth of %g is not between the %d of the camera", depth[i],
-                             between->camera.depths);
+        if (!(depth[i] >= least && depth[i] <= most))
+            return hada_fail(err, HADA_ERROR_ARGUMENT,
+                             "a depth of %g is none of what is known of the camera's %d: %g to %g", depth[i],
+                             between->camera.depths, least, most);
     for (int i = 0; i < count; i++)
         HADA_TRY(make(between, depth[i], out, (first + (size_t)(i * between->camera.channels)) * values, to, err));
 done:

@@ -41,15 +41,18 @@ static hada_surface_plan plan_of(const hada_context *context, const hada_surface
     const int cols = hada_rect_grid_size(camera->cols, shrink);
     hada_surface_plan plan = {.shrink = shrink,
                               .steps = hada_magnification_steps(magnification, PLANE_STEP * shrink),
+                              .before = hada_magnification_beyond(magnification, 0) > 0.0,
                               .whole = whole,
                               .layout = hada_surface_layout(context, rows, cols)};
+    /* what stands beyond the camera's depths is not to be taken for the nearest of them */
+    const int behind = (int)(hada_magnification_beyond(magnification, 1) * plan.steps);
     plan.shape = (hada_volume_shape){.rows = rows,
                                      .cols = cols,
                                      .frame = shape->frame,
                                      .window = shape->window,
                                      .boundary = shape->boundary,
                                      .channels = camera->channels,
-                                     .planes = (camera->depths - 1) * plan.steps + 1,
+                                     .planes = (plan.before + camera->depths - 1) * plan.steps + 1 + behind,
                                      .free = !texture};
     if (!whole) {
         plan.shape.frame = narrow(&shape->frame, camera, rows, cols, 0, CROP_MARGIN);
@@ -116,7 +119,7 @@ hada_status hada_surface_level_make(hada_surface_level *level, hada_slot *slot, 
     *level = (hada_surface_level){.plan = *plan};
     HADA_TRY(hada_volume_create(&level->volume, slot, &plan->shape, err));
     for (int k = 0; k < plan->shape.planes; k++) {
-        const double depth = (double)k / plan->steps;
+        const double depth = (double)k / plan->steps - plan->before;
         HADA_TRY(hada_between_make(between, 1, &depth, plane->mem, 0, plan->whole ? NULL : &plan->layout, err));
         HADA_TRY(hada_volume_set_camera(level->volume, k, 1, plane->mem, 0, err));
     }

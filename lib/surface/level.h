@@ -10,6 +10,8 @@
 typedef struct hada_surface_plan {
     double shrink; /* whole grid over this one */
     int steps;     /* planes from a depth of the camera to the next */
+    int before;    /* depths before the camera's nearest one that its planes begin with: 0, or 1 where optics are known
+                      there */
     int whole;     /* the camera's own grid, and its frames as they are */
     hada_volume_shape shape;
     hada_spectrum_layout layout;

@@ -25,6 +25,8 @@
 #define APART 4.0
 /* A kind with more parameters is taken where it correlates better by this. */
 #define BETTER 0.02
+/* A plane beyond the farthest depth stands at this share of what is left to infinity at most. */
+#define TOWARDS_INFINITY 0.5
 /* While a search steps, one bright pixel in so many is looked at. */
 enum { THIN = 4 };
 
@@ -37,9 +39,9 @@ hada_magnified hada_magnified_between(const hada_magnified *from, const hada_mag
 hada_magnified hada_magnification_at(const hada_magnification *m, double depth)
 {
     int low = (int)floor(depth);
-    low = low > m->depths - 2 ? m->depths - 2 : low;
-    if (low < 0)
+    if (m->depths < 2)
         return m->depth[0];
+    low = low < 0 ? 0 : low > m->depths - 2 ? m->depths - 2 : low;
     const hada_magnified *a = &m->depth[low], *b = a + 1;
     const double f = depth - low;
     return (hada_magnified){(1.0 - f) * a->scale + f * b->scale, (1.0 - f) * a->row + f * b->row,
@@ -74,6 +76,14 @@ void hada_magnification_zoom(hada_magnification *m, double zoom)
     m->edge *= zoom;
     m->spread *= zoom;
     m->shift *= zoom;
+}
+
+double hada_magnification_beyond(const hada_magnification *m, int far)
+{
+    const double *inverse = m->inverse + (far ? m->depths - 2 : 0);
+    if (m->depths < 2 || m->kind != HADA_MAGNIFICATION_LAW)
+        return 0.0;
+    return far ? fmin(1.0, TOWARDS_INFINITY * inverse[1] / (inverse[0] - inverse[1])) : 1.0;
 }
 
 /* What a fit works with. */

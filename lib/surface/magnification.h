@@ -46,7 +46,8 @@ void hada_magnification_free(hada_magnification *magnification);
 /* The same for a grid `zoom` times as fine. */
 void hada_magnification_zoom(hada_magnification *magnification, double zoom);
 
-/* At a depth between two, counted in depths; between them all is linear in 1 / distance. */
+/* At a depth between two, counted in depths; between them all is linear in 1 / distance, and it goes on so beyond the
+ * first and the last. */
 hada_magnified hada_magnification_at(const hada_magnification *magnification, double depth);
 
 /* What makes the PSF `from` the PSF `to`: to(x) = 1/scale^2 from((x - place) / scale). */
@@ -56,6 +57,10 @@ hada_magnified hada_magnified_between(const hada_magnified *from, const hada_mag
  * much as a pattern of spots of a pixel would have to move to change by what one depth leaves unexplained of the next.
  */
 double hada_magnification_shift(const hada_magnification *magnification, int k, double radius);
+
+/* How far beyond the nearest or the farthest depth, in depths, the law says what point spread functions are: one, or
+ * less where that would be beyond infinity; 0 where no law holds. */
+double hada_magnification_beyond(const hada_magnification *magnification, int far);
 
 /* Steps from a depth to the next so that light at the edge moves by at most `pixels` a step. */
 int hada_magnification_steps(const hada_magnification *magnification, double pixels);

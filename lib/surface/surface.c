@@ -23,6 +23,8 @@ static const char what[] = "a surface";
  * (docs/surfaces.md). */
 #define TEXTURE_SHRINK    0.7
 #define TEXTURE_SHRINK_TV 0.6
+/* A depth that lies so far beyond those of the camera is none that it knows. */
+#define OUTSIDE 0.3F
 /* Pixels on each side of one over which the texture says how sure its depth is. */
 enum { SURE_RADIUS = 2 };
 
@@ -36,8 +38,10 @@ struct hada_surface {
     double *light;                     /* [channel] H(0) of the middle depth */
     double *shift;                     /* [depth] rms, of light from a depth to the next, in pixels */
     float *power;                      /* [count] mean over channels of the middle depth's |H|^2 */
-    /* on the host: planes of a level and of the one before, masks; maps of a level and of the one before; textures */
+    /* on the host: planes of a level and of the one before, masks; maps of a level and of the one before, in depths of
+     * the camera from the first plane on; textures */
     float *planes[2], *mask, *depth[2], *sum, *image[2], *confidence;
+    unsigned char *outside;
 };
 
 void hada_surface_rule_init(hada_surface_rule *rule)
@@ -46,8 +50,9 @@ void hada_surface_rule_init(hada_surface_rule *rule)
                                 .band_steps = 80,
                                 .texture_steps = 12,
                                 .floor = 0.003,
-                                .variation = 0.0075,
-                                .texture_variation = 0.08};
+                                .first_variation = 0.0075,
+                                .band_variation = 0.15,
+                                .texture_variation = 1.4};
 }
 
 static size_t area_of(const hada_surface_plan *plan)
@@ -122,6 +127,7 @@ static hada_status make_arrays(hada_surface *s, const sizes *n, hada_error *err)
         HADA_TRY(hada_alloc((void **)&s->depth[i], n->area, sizeof(float), what, err));
         HADA_TRY(hada_alloc((void **)&s->image[i], n->area * (size_t)s->camera.channels, sizeof(float), what, err));
     }
+    HADA_TRY(hada_alloc((void **)&s->outside, n->area, 1, what, err));
     HADA_TRY(hada_alloc((void **)&s->mask, n->values, sizeof(float), what, err));
     HADA_TRY(hada_alloc((void **)&s->sum, n->area, sizeof(float), what, err));
     HADA_TRY(hada_alloc((void **)&s->confidence, n->area, sizeof(float), what, err));
@@ -219,6 +225,7 @@ void hada_surface_destroy(hada_surface **pointer)
                        s->sum,       s->image[0],  s->image[1], s->confidence, s->power};
     for (size_t i = 0; i < HADA_COUNT(floats); i++)
         free(floats[i]);
+    free(s->outside);
     free(s->light);
     free(s->shift);
     free(s);
@@ -259,6 +266,10 @@ static void start_planes(hada_surface *s, const hada_surface_plan *from, const h
     for (int k = 0; k < to->shape.planes; k++) {
         const double at = (double)k * from->steps / to->steps, part = at - floor(at);
         const size_t low = (size_t)at, high = part > 0.0 ? low + 1 : low;
+        if (at > from->shape.planes - 1) {
+            memset(s->planes[1] + (size_t)k * channels * many, 0, channels * many * sizeof *s->planes[1]);
+            continue;
+        }
         for (size_t c = 0; c < channels; c++) {
             const float *a = s->planes[0] + (low * channels + c) * few, *b = s->planes[0] + (high * channels + c) * few;
             float *out = s->planes[1] + ((size_t)k * channels + c) * many;
@@ -310,14 +321,42 @@ static void add_planes(const hada_surface *s, const hada_surface_plan *plan, flo
             image[i] += s->planes[0][(size_t)k * values + i];
 }
 
+/* Pixels of a level's frame, of all channels. */
+static double frame_pixels(const hada_surface_plan *plan)
+{
+    const hada_volume_shape *shape = &plan->shape;
+    const int padded = shape->boundary == HADA_BOUNDARY_PADDED;
+    return (padded ? (double)shape->frame.rows * shape->frame.cols : (double)shape->rows * shape->cols) *
+           shape->channels;
+}
+
+/* Standard deviation of the noise in the gradient of the texture's data term, by what a level left of its frame: of a
+ * coarser frame's pixels noise has less, as they are fewer. */
+static double noise_of(const hada_surface *s, int l, const hada_surface_rule *rule, const hada_surface_result *result)
+{
+    const hada_surface_plan *level = &s->level[l].plan;
+    const double fewer = (double)s->camera.rows * s->camera.cols / ((double)level->shape.rows * level->shape.cols);
+    const double variance = fewer * result->energy[l] / frame_pixels(level);
+    double sum = 0.0, all = 0.0;
+    for (int ky = 0; ky < s->layout.rows; ky++)
+        for (int kx = 0; kx <= s->layout.cols / 2; kx++) {
+            const double power = s->power[hada_spectrum_index(&s->layout, ky, kx)];
+            const double weight = 1.0 / (power + rule->floor * s->power[0] + 1e-300);
+            sum += weight * weight * power;
+            all += 1.0;
+        }
+    return sqrt(variance * sum / all);
+}
+
 /* Planes of a level, and the depths, in depths of the camera, at which their light stands. */
-static hada_status solve_planes(hada_surface *s, int l, const hada_surface_rule *rule, double mean, double *energy,
-                                hada_error *err)
+static hada_status solve_planes(hada_surface *s, int l, const hada_surface_rule *rule, double mean,
+                                hada_surface_result *result, hada_error *err)
 {
     const hada_surface_plan *plan = &s->level[l].plan;
     const hada_volume_rule solve = {.steps = l ? rule->band_steps : rule->first_steps,
                                     .floor = rule->floor,
-                                    .variation = rule->variation * mean,
+                                    .variation = l ? rule->band_variation * noise_of(s, l - 1, rule, result)
+                                                   : rule->first_variation * mean,
                                     .bound = plan->shape.planes + PLANES_BOUND};
     hada_buffer planes = planes_of(s, &s->level[l]);
     hada_map_rule smooth;
@@ -327,7 +366,7 @@ static hada_status solve_planes(hada_surface *s, int l, const hada_surface_rule 
         HADA_TRY(follow(s, l, err));
     else
         HADA_TRY(hada_buffer_clear(&planes, s->slot, 0, plane_values(plan) * sizeof(float), err));
-    HADA_TRY(hada_volume_solve(s->level[l].volume, &solve, l ? s->allowed.mem : NULL, energy, err));
+    HADA_TRY(hada_volume_solve(s->level[l].volume, &solve, l ? s->allowed.mem : NULL, &result->energy[l], err));
     HADA_TRY(hada_buffer_read(&planes, s->slot, 0, s->planes[0], plane_values(plan) * sizeof(float), err));
     HADA_TRY(hada_map_centre(s->planes[0], plan->shape.planes, plan->shape.channels, size_of(plan), BLUR, s->depth[0],
                              s->sum, err));
@@ -349,6 +388,7 @@ static hada_status begin_texture(hada_surface *s, int *first, int *last, hada_er
     const hada_surface_plan *from = &s->level[s->levels - 2].plan, *to = &s->level[s->levels - 1].plan;
     const hada_map_place place = hada_surface_level_place(to, from);
     const size_t area = area_of(to);
+    const float end = (float)(s->camera.depths - 1);
     float least = INFINITY, most = 0.0F;
     hada_status status = HADA_OK;
     add_planes(s, from, s->image[0]);
@@ -356,8 +396,10 @@ static hada_status begin_texture(hada_surface *s, int *first, int *last, hada_er
         hada_map_resample(s->image[0] + c * area_of(from), size_of(from), s->image[1] + c * area, size_of(to), &place);
     hada_map_resample(s->depth[0], size_of(from), s->depth[1], size_of(to), &place);
     for (size_t i = 0; i < area; i++) {
-        s->depth[1][i] = fminf(fmaxf(s->depth[1][i], 0.0F), (float)(s->camera.depths - 1));
-        s->sum[i] = fminf(s->depth[1][i] * (float)to->steps, (float)(to->shape.planes - 1));
+        s->sum[i] = fminf(fmaxf(s->depth[1][i] * (float)to->steps, 0.0F), (float)(to->shape.planes - 1));
+        const float depth = s->depth[1][i] - (float)to->before;
+        s->outside[i] = depth < -OUTSIDE || depth > end + OUTSIDE;
+        s->depth[1][i] = fminf(fmaxf(depth, 0.0F), end);
         least = fminf(least, s->sum[i]);
         most = fmaxf(most, s->sum[i]);
     }
@@ -370,32 +412,13 @@ done:
     return status;
 }
 
-/* Standard deviation of the noise in the gradient of the texture's data term, by what its frames leave unexplained. */
-static double gradient_noise(const hada_surface *s, double floor, double energy)
-{
-    const hada_surface_plan *plan = &s->level[s->levels - 1].plan;
-    const hada_refine_rect *frame = &plan->shape.frame;
-    const int padded = plan->shape.boundary == HADA_BOUNDARY_PADDED;
-    const double pixels = (padded ? (double)frame->rows * frame->cols : (double)plan->shape.rows * plan->shape.cols) *
-                          plan->shape.channels;
-    double sum = 0.0, all = 0.0;
-    for (int ky = 0; ky < s->layout.rows; ky++)
-        for (int kx = 0; kx <= s->layout.cols / 2; kx++) {
-            const double power = s->power[hada_spectrum_index(&s->layout, ky, kx)];
-            const double weight = 1.0 / (power + floor * s->power[0] + 1e-300);
-            sum += weight * weight * power;
-            all += 1.0;
-        }
-    return sqrt(energy / pixels * sum / all);
-}
-
-static hada_status solve_texture(hada_surface *s, const hada_surface_rule *rule, double mean,
-                                 hada_surface_result *result, hada_error *err)
+static hada_status solve_texture(hada_surface *s, const hada_surface_rule *rule, hada_surface_result *result,
+                                 hada_error *err)
 {
     const hada_surface_plan *plan = &s->level[s->levels - 1].plan;
     const hada_volume_rule solve = {.steps = rule->texture_steps,
                                     .floor = rule->floor,
-                                    .variation = rule->texture_variation * mean,
+                                    .variation = rule->texture_variation * noise_of(s, s->levels - 2, rule, result),
                                     .shrink = TEXTURE_SHRINK,
                                     .shrink_tv = TEXTURE_SHRINK_TV,
                                     .bound = TEXTURE_BOUND};
@@ -408,7 +431,7 @@ static hada_status solve_texture(hada_surface *s, const hada_surface_rule *rule,
     HADA_TRY(hada_buffer_read(&s->texture, s->slot, 0, s->image[0],
                               area_of(plan) * (size_t)plan->shape.channels * sizeof(float), err));
     HADA_TRY(hada_map_confidence(s->image[0], plan->shape.channels, s->depth[1], size_of(plan),
-                                 gradient_noise(s, rule->floor, *energy), s->shift, s->camera.depths, SURE_RADIUS,
+                                 noise_of(s, s->levels - 1, rule, result), s->shift, s->camera.depths, SURE_RADIUS,
                                  s->confidence, err));
     result->touched = last - first + 1;
 done:
@@ -421,6 +444,7 @@ static hada_status nothing(hada_surface *s, hada_error *err)
     const hada_surface_plan *plan = &s->level[s->levels - 1].plan;
     const size_t area = area_of(plan);
     memset(s->confidence, 0, area * sizeof *s->confidence);
+    memset(s->outside, 0, area);
     for (size_t i = 0; i < area; i++)
         s->depth[1][i] = (float)(s->camera.depths - 1) / 2.0F;
     return hada_buffer_clear(&s->texture, s->slot, 0, area * (size_t)plan->shape.channels * sizeof(float), err);
@@ -437,6 +461,7 @@ hada_status hada_surface_run(hada_surface *s, cl_mem spectrum, size_t offset, cl
                               .cols = last->shape.window.cols,
                               .depth = s->depth[1],
                               .confidence = s->confidence,
+                              .outside = s->outside,
                               .texture = s->texture.mem,
                               .levels = s->levels,
                               .steps = rule->first_steps + (s->levels - 2) * rule->band_steps + rule->texture_steps};
@@ -449,8 +474,8 @@ hada_status hada_surface_run(hada_surface *s, cl_mem spectrum, size_t offset, cl
         HADA_TRY(
             hada_surface_level_load(&s->level[l], s->slot, &s->layout, spectrum, offset, pixels, pixels_offset, err));
     for (int l = 0; l + 1 < s->levels; l++)
-        HADA_TRY(solve_planes(s, l, rule, mean, &result->energy[l], err));
-    HADA_TRY(solve_texture(s, rule, mean, result, err));
+        HADA_TRY(solve_planes(s, l, rule, mean, result, err));
+    HADA_TRY(solve_texture(s, rule, result, err));
 done:
     return status;
 }

@@ -22,18 +22,21 @@ enum { HADA_SURFACE_LEVELS = 8 };
 typedef struct hada_surface_rule {
     int first_steps, band_steps, texture_steps; /* at the coarsest level, at those between, and at the last */
     double floor;                               /* of the weight of frequencies, in units of |H(0)|^2 */
-    double variation;                           /* of planes, in units of the scene's mean */
-    double texture_variation;
+    double first_variation;                     /* of planes of the coarsest level, in units of the scene's mean */
+    /* of planes and of the texture later on, in units of the noise in the gradient of the texture's data term, by what
+     * the level before left of its frame */
+    double band_variation, texture_variation;
 } hada_surface_rule;
 void hada_surface_rule_init(hada_surface_rule *rule);
 
 typedef struct hada_surface_result {
-    int rows, cols;                     /* of the window */
-    const float *depth;                 /* [rows][cols], in depths of the camera, 0 ... depths - 1 */
-    const float *confidence;            /* [rows][cols], 0 to 1 */
-    cl_mem texture;                     /* [channel][rows][cols] */
-    int steps;                          /* of all levels */
-    int levels, touched;                /* of resolution; planes of the last that any depth needs */
+    int rows, cols;               /* of the window */
+    const float *depth;           /* [rows][cols], in depths of the camera, 0 ... depths - 1 */
+    const float *confidence;      /* [rows][cols], 0 to 1 */
+    const unsigned char *outside; /* [rows][cols], 1: beyond the camera's depths, and the nearest of them is said */
+    cl_mem texture;               /* [channel][rows][cols] */
+    int steps;                    /* of all levels */
+    int levels, touched;          /* of resolution; planes of the last that any depth needs */
     double energy[HADA_SURFACE_LEVELS]; /* what each level leaves of its frame, sum of squares over its pixels */
 } hada_surface_result;
 

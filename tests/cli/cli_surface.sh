@@ -15,4 +15,8 @@ lacks found/test01_slant_confidence.tif
 expect 2 'take --scene planes' reconstruct set/test/raw/test01_slant.tif -m camera.model -o told --scene surface --occupied all
 expect 2 'take --scene planes' reconstruct set/test/raw/test01_slant.tif -m camera.model -o told --scene surface --depths 1,2
 expect 2 'auto\|planes\|surface' reconstruct set/test/raw/test01_slant.tif -m camera.model -o told --scene hill
+# noise hides what a surface has beside two planes
+expect 0 '' simulate --preset crop300 --size 150x200 --window 64x64 --depths 6 --pairs 6 -o noisy --surface hill --seed 5 --noise 0.03
+expect 0 '' fit noisy -o noisy.model
+expect 0 '"scene": "surface"' reconstruct noisy/test/raw/test01_hill.tif -m noisy.model -o noisy_out --json
 finish

@@ -246,6 +246,35 @@ static void test_cropped(void **state)
     tear_down(&f);
 }
 
+/* What stands beyond the camera's depths is said not to be known; what stands between them is not. */
+static void test_outside(void **state)
+{
+    hada_surface_rule rule;
+    hada_surface_result result;
+    double beyond = 0.0, said = 0.0, within = 0.0, wrong = 0.0;
+    fixture f;
+    (void)state;
+    set_up(&f, 180, 216, 1);
+    hada_surface_rule_init(&rule);
+    paint(scene);
+    for (int i = 0; i < AREA; i++)
+        depth[i] = -1.2 + (DEPTHS + 1.4) * (i % WINDOW) / (WINDOW - 1.0);
+    shoot(&f, scene, depth);
+    ASSERT_OK(hada_surface_run(f.surface, f.spectrum.mem, 0, f.pixels.mem, 0, &rule, &result, err));
+    for (int i = 0; i < AREA; i++) {
+        const int far = depth[i] < -0.7 || depth[i] > DEPTHS - 0.3, near = depth[i] > 0.0 && depth[i] < DEPTHS - 1;
+        beyond += far;
+        said += far && result.outside[i];
+        within += near;
+        wrong += near && result.outside[i];
+        assert_true(result.depth[i] >= 0.0F && result.depth[i] <= DEPTHS - 1);
+    }
+    if (said < 0.6 * beyond || wrong > 0.03 * within)
+        fail_msg("%.0f of %.0f pixels beyond are known as such, %.0f of %.0f within are taken for such", said, beyond,
+                 wrong, within);
+    tear_down(&f);
+}
+
 static void test_circular(void **state)
 {
     fixture f;
@@ -307,7 +336,15 @@ static void test_levels(void **state)
     assert_true(plans[0].shape.free && plans[1].shape.free && !plans[2].shape.free);
     assert_int_equal(plans[0].steps, 1);
     assert_int_equal(plans[2].steps, (int)ceil(f.law.shift / 0.6));
-    assert_int_equal(plans[2].shape.planes, (DEPTHS - 1) * plans[2].steps + 1);
+    /* one depth more at either end */
+    assert_int_equal(plans[2].before, 1);
+    assert_int_equal(plans[2].shape.planes, (DEPTHS + 1) * plans[2].steps + 1);
+    f.law.kind = HADA_MAGNIFICATION_NONE;
+    const int levels = hada_surface_levels(f.context, &f.camera, &f.shape, &f.law, plans);
+    const hada_surface_plan *last = &plans[levels - 1];
+    assert_true(last->before == 0 && last->shape.planes == (DEPTHS - 1) * last->steps + 1);
+    f.law.kind = HADA_MAGNIFICATION_LAW;
+    assert_int_equal(hada_surface_levels(f.context, &f.camera, &f.shape, &f.law, plans), 3);
     /* a window's pixel stands where it stood, within the coarse window's margin */
     const hada_map_place place = hada_surface_level_place(&plans[2], &plans[0]);
     assert_true(place.row >= 2.0 && place.row < 4.0 && fabs(place.down - 0.25) < 0.01);
@@ -320,6 +357,7 @@ static void test_levels(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_levels), cmocka_unit_test(test_cropped),
-                                       cmocka_unit_test(test_circular), cmocka_unit_test(test_objects)};
+                                       cmocka_unit_test(test_circular), cmocka_unit_test(test_outside),
+                                       cmocka_unit_test(test_objects)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -270,15 +270,16 @@ static void test_noise(void **state)
 
 static void reference(const fixture *f, double depth, int channel, double *spectrum)
 {
-    const int low = (int)depth;
+    /* beyond the camera's depths there is one neighbour */
+    const int beyond = depth < 0.0 || depth > DEPTHS - 1, low = depth < 0.0 ? 0 : (int)fmin(depth, DEPTHS - 1);
     const hada_magnified to = hada_magnification_at(&f->law, depth);
     double *coefficients = calloc(PIXELS, sizeof *coefficients), *image = calloc(PIXELS, sizeof *image);
     assert_true(coefficients && image);
-    for (int i = 0; i < 2; i++) {
+    for (int i = 0; i < 2 - beyond; i++) {
         const hada_magnified by = hada_magnified_between(&f->law.depth[low + i], &to);
+        const double share = beyond ? 1.0 : i ? depth - low : 1.0 - (depth - low);
         ASSERT_OK(hada_ref_spline(f->spectra + spectrum_at(low + i, channel), ROWS, COLS, coefficients, err));
-        hada_ref_magnify(coefficients, ROWS, COLS, by.scale, by.row, by.col, i ? depth - low : 1.0 - (depth - low),
-                         image);
+        hada_ref_magnify(coefficients, ROWS, COLS, by.scale, by.row, by.col, share, image);
     }
     ASSERT_OK(hada_ref_fft_forward(image, ROWS, COLS, spectrum, err));
     free(coefficients);
@@ -288,7 +289,7 @@ static void reference(const fixture *f, double depth, int channel, double *spect
 /* The way there and back on the device, against double precision; any order gives the same bits. */
 static void test_reference(void **state)
 {
-    const double depths[4] = {3.7, 0.4, 2.0, 4.6}, again = 0.4;
+    const double depths[4] = {3.7, 0.4, 2.0, 4.6}, again = 0.4, outside[2] = {-0.7, DEPTHS - 0.9};
     hada_between *between;
     fixture f;
     (void)state;
@@ -307,6 +308,14 @@ static void test_reference(void **state)
             assert_true(apart(made, spectrum) < 1e-6);
             free(made);
         }
+    ASSERT_OK(hada_between_make(between, 2, outside, f.made.mem, 0, NULL, err));
+    for (int i = 0; i < 2; i++) {
+        float *made = read_made(&f, i, 1);
+        reference(&f, outside[i], 1, spectrum);
+        assert_true(apart(made, spectrum) < 1e-6);
+        free(made);
+    }
+    ASSERT_OK(hada_between_make(between, 4, depths, f.made.mem, 0, NULL, err));
     float *first = read_made(&f, 1, 0);
     ASSERT_OK(hada_between_make(between, 1, &again, f.made.mem, (DEPTHS - 1) * CHANNELS, NULL, err));
     float *second = read_made(&f, DEPTHS - 1, 0);
@@ -352,7 +361,7 @@ static void test_coarse(void **state)
 
 static void test_refused(void **state)
 {
-    const double beyond = DEPTHS - 0.9;
+    const double beyond = DEPTHS + 0.1;
     hada_error error = {0};
     hada_between *between;
     fixture f;
@@ -360,7 +369,7 @@ static void test_refused(void **state)
     set_up(&f, pinhole, 0.0, 0.0);
     ASSERT_OK(hada_between_create(&between, f.slot, &f.camera, &f.law, err));
     assert_int_equal(hada_between_make(between, 1, &beyond, f.made.mem, 0, NULL, &error), HADA_ERROR_ARGUMENT);
-    assert_non_null(strstr(error.message, "not between"));
+    assert_non_null(strstr(error.message, "none of what is known"));
     hada_between_destroy(&between);
     f.camera.rows = 7;
     assert_int_equal(hada_between_create(&between, f.slot, &f.camera, &f.law, &error), HADA_ERROR_SIZE);

@@ -26,7 +26,7 @@ source examples/install.sh
 hadalens_install cluster
 [ ! -e "$work" ] || rm -rf "$work"
 mkdir -p "$work"/{munge,state,spool,jobs}
-export PATH=$(dirname "$program"):$PATH SLURM_CONF=$work/slurm.conf
+export PATH=$(dirname "$program"):$(dirname "$program")/../mpi:$PATH SLURM_CONF=$work/slurm.conf
 fail() {
     echo "FAILED: $*"
     tail -n 20 "$work"/*.log "$work"/jobs/*.log 2>/dev/null || true
@@ -113,6 +113,20 @@ submit --array=0-1 "$scripts/fit-array.sbatch" "$work/camera" "$work/sums" "${al
 submit --array=0-1 "$scripts/reconstruct-array.sbatch" "$work/camera/test/raw" "$work/merged.model" "$work/merged" --refine 0 \
     >/dev/null || fail "the array of frames, again"
 [ "$(ls merged)" = "$(ls whole)" ] || fail "the second submission left frames out"
+# ranks that share a command: the bits of one process for frames, its pictures for a fit
+if command -v hadalens-mpi >/dev/null; then
+    export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1
+    submit --ntasks=2 "$scripts/mpi.sbatch" reconstruct "$work"/camera/test/raw/*.tif -m "$work/whole.model" -o "$work/ranks" --refine 0 \
+        >/dev/null || fail "frames shared by ranks"
+    for file in whole/*.tif; do cmp "$file" "ranks/${file##*/}" || fail "ranks make other bits"; done
+    submit --ntasks=2 "$scripts/mpi.sbatch" fit "$work/camera" -o "$work/ranks.model" --no-leave-one-out --crop-passes 0 "${alike[@]}" \
+        >/dev/null || fail "a fit shared by ranks"
+    hadalens reconstruct camera/test/raw/*.tif -m ranks.model -o shared --refine 0 -q
+    shared=$(difference shared)
+    awk "BEGIN { exit !($shared < 1e-6) }" || fail "the ranks' camera makes other pictures: $shared"
+else
+    echo "hadalens-mpi is not built: jobs of ranks are left out"
+fi
 # a task that fails is seen
 if submit "$scripts/merge.sbatch" "$work/nothing" "$work/x.model" >/dev/null 2>&1; then fail "a job that cannot succeed did"; fi
 echo "all as expected"

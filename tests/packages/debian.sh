@@ -49,6 +49,7 @@ within() { # FOLDER COMMAND...
         root=$1 archives=$2
         shift 2
         mount -t proc proc "$root/proc"
+        mount -t sysfs -o ro sysfs "$root/sys" # PoCL counts cores there
         mount --rbind --make-rslave /dev "$root/dev"
         mount --bind "$archives" "$root/var/cache/apt/archives"
         exec chroot "$root" env -i PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin HOME=/root LC_ALL=C.UTF-8 \
@@ -92,7 +93,7 @@ install() {
     within "$root" apt-get update -qq
     contents "$root" >"$folder/before.list"
     say "apt install ./*.deb"
-    within "$root" sh -c 'cd /tmp/packages && apt-get install -qqy --no-install-recommends ./*.deb >/dev/null'
+    within "$root" sh -c 'cd /tmp/packages && apt-get install -qqy ./*.deb >/dev/null'
     # what tests need beside the packages, as debian/tests/control says
     local needed
     needed=$(sed -n 's/^Depends: //p' packaging/debian/tests/control | tr -s ', \n' '\n' | grep -v hadalens | sort -u | tr '\n' ' ')

@@ -35,13 +35,15 @@ last_build() {
     local tree=$out/last
     [ -e "$tree" ] || git worktree add --detach "$tree" "$last" >/dev/null || return 1
     [ "$(git -C "$tree" rev-parse HEAD)" = "$(git rev-parse "$last^{commit}")" ] ||
-        failed "$tree holds another version than $last: git worktree remove --force $tree" || return 1
-    (cd "$tree" && cmake --preset release -DHADALENS_TESTS=ON >/dev/null && cmake --build build/release --target hadalens_cli check)
+        failed "$tree is of another version than $last: git worktree remove --force $tree" || return 1
+    (cd "$tree" && cmake --preset release -DHADALENS_TESTS=ON >/dev/null &&
+        cmake --build build/release --target hadalens_cli check)
 }
 
 step_version() {
     configured release && tests '^packages_version$' || return 1
-    ! git rev-parse -q --verify "refs/tags/v$version" >/dev/null || failed "the tag v$version is there: raise the version (lib/include/hadalens/base.h)"
+    ! git rev-parse -q --verify "refs/tags/v$version" >/dev/null ||
+        failed "the tag v$version is there: raise the version (lib/include/hadalens/base.h)"
 }
 step_changelog() {
     grep -qE "^## $version \(20[0-9]{2}-[0-9]{2}-[0-9]{2}\)$" CHANGELOG.md ||
@@ -60,7 +62,8 @@ step_manuals() {
 step_abi() {
     configured release && tests '^(abi_.*|packages_symbols|house_symbols)$' || return 1
     [ -n "$last" ] || { echo "There is no last release to compare with."; return 0; }
-    git show "$last:tests/abi/baseline.abi" >"$out/last.abi" 2>/dev/null || failed "$last has no tests/abi/baseline.abi" || return 1
+    git show "$last:tests/abi/baseline.abi" >"$out/last.abi" 2>/dev/null ||
+        failed "$last has no tests/abi/baseline.abi" || return 1
     abidiff "$out/last.abi" tests/abi/baseline.abi
     local changed=$? was
     was=$(git show "$last:CMakeLists.txt" | sed -n 's/^set(HADALENS_SOVERSION \(.*\))/\1/p')
@@ -77,7 +80,8 @@ step_packages() {
 step_results() {
     last_build
     case $? in 1) return 1 ;; 2) return 0 ;; esac
-    configured release && tests/golden/compare.sh "$out/last/build/release/bindings/cli/hadalens" "$build/bindings/cli/hadalens" "$out/golden"
+    configured release && tests/golden/compare.sh "$out/last/build/release/bindings/cli/hadalens" \
+        "$build/bindings/cli/hadalens" "$out/golden"
 }
 step_speed() {
     last_build

@@ -56,8 +56,11 @@ within() { # FOLDER COMMAND...
             DEBIAN_FRONTEND=noninteractive TERM=dumb "$@"' within "$root" "$folder/archives" "$@"
 }
 # Every file, but what package managers and programs keep about themselves.
-contents() { (cd "$1" && find . -xdev \( -path ./proc -o -path ./dev -o -path ./sys -o -path ./tmp -o -path ./var/cache -o -path ./var/lib/apt \
-    -o -path ./var/lib/dpkg -o -path ./var/log -o -path ./root -o -path ./run \) -prune -o -print | LC_ALL=C sort); }
+contents() {
+    local others=(-path ./tmp)
+    for place in proc dev sys root run var/cache var/lib/apt var/lib/dpkg var/log; do others+=(-o -path "./$place"); done
+    (cd "$1" && find . -xdev \( "${others[@]}" \) -prune -o -print | LC_ALL=C sort)
+}
 
 build() {
     rm -rf "$folder"/*.deb "$folder"/*.changes
@@ -109,7 +112,9 @@ install() {
     done
     say "dpkg -r"
     within "$root" dpkg -r python3-hadalens hadalens libhadalens-dev libhadalens1 >/dev/null
-    (cd "$root" && find . -xdev \( -path ./tmp -o -path ./proc -o -path ./dev -o -path ./var/cache/apt -o -path ./root \) -prune -o -iname '*hadalens*' -print) >"$folder/left.list"
+    # what dpkg -r keeps by its own rule is configuration, which these packages have none of
+    (cd "$root" && find . -xdev \( -path ./tmp -o -path ./proc -o -path ./dev -o -path ./var/cache/apt -o -path ./root \) -prune \
+        -o -iname '*hadalens*' -print) >"$folder/left.list"
     [ ! -s "$folder/left.list" ] || { echo "dpkg -r left behind:"; cat "$folder/left.list"; exit 1; }
     # and with what came for them
     # shellcheck disable=SC2086

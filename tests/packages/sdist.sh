@@ -7,7 +7,7 @@ set -euo pipefail
 folder=$(realpath -m "$1")
 cd "$(dirname "$0")/../.."
 environment=$PWD/build/python
-[ -x "$environment/bin/python" ] && "$environment/bin/python" -c 'import scikit_build_core, cffi' || tests/python/environment.sh build/python
+"$environment/bin/python" -c 'import scikit_build_core, cffi' 2>/dev/null || tests/python/environment.sh build/python
 rm -rf "$folder"
 packaging/dist.sh "$folder/a" "$environment/bin/python"
 packaging/dist.sh "$folder/b" "$environment/bin/python" >/dev/null

@@ -6,7 +6,12 @@ source=$1 library=$2 renew=${3:-}
 file=$(ls "$source"/packaging/debian/libhadalens*.symbols)
 version=$("$source/packaging/version.sh")
 nm -D --defined-only "$library" | awk '$3 ~ /^hada_/ { print $3 }' | LC_ALL=C sort | awk -v version="$version" -v file="$file" '
-    BEGIN { while ((getline line < file) > 0) { split(line, part, /[ @]+/); if (line ~ /^ /) since[part[2]] = line; else print line } }
+    BEGIN {
+        while ((getline line < file) > 0) {
+            split(line, part, /[ @]+/)
+            if (line ~ /^ /) since[part[2]] = line; else print line
+        }
+    }
     { print $1 in since ? since[$1] : " " $1 "@Base " version }' >"$file.new"
 if [ "$renew" = --renew ]; then
     mv "$file.new" "$file"

@@ -137,8 +137,63 @@ def test_protocols(linear: hadalens.Plan, raw: Array) -> None:
     expected = linear.run(raw).stack
     for frame in (OnlyDlpack(raw), OnlyInterface(raw), memoryview(raw)):  # type: ignore[arg-type]
         np.testing.assert_array_equal(linear.run(frame).stack, expected)
-    with pytest.raises(TypeError, match=r"\.cpu\(\)"):
-        linear.run(OnlyDlpack(raw, device=2))
+    for host in (3, 11, 13):  # pinned and managed memory of GPUs, which the host reads
+        np.testing.assert_array_equal(linear.run(OnlyDlpack(raw, device=host)).stack, expected)
+
+
+class OnGpu:
+    """An array of CuPy's, as far as it shows: the host has no way to its values but get()."""
+
+    def __init__(self, array: Array) -> None:
+        """Hold the values."""
+        self._array = array
+        self.__cuda_array_interface__ = {"shape": array.shape, "typestr": "<f4", "data": (0xDEAD, False), "version": 3}
+
+    def __dlpack__(self, **_: Any) -> Any:
+        """Hand out device memory, which nobody here could read."""
+        raise AssertionError("device memory was asked for")
+
+    def __dlpack_device__(self) -> tuple[int, int]:
+        """CUDA, the first device."""
+        return 2, 0
+
+    def __array__(self, *_: Any, **__: Any) -> Any:
+        """Refuse, as CuPy does."""
+        raise AssertionError("CuPy converts nothing by itself")
+
+    def get(self) -> Array:
+        """Return a copy on the host."""
+        return self._array.copy()
+
+
+class Numba:
+    """A device array of Numba's: the CUDA array interface alone."""
+
+    def __init__(self, array: Array) -> None:
+        """Show where it would be."""
+        self.__cuda_array_interface__ = OnGpu(array).__cuda_array_interface__
+
+
+def test_arrays_of_gpus(linear: hadalens.Plan, raw: Array) -> None:
+    """Arrays in a GPU's memory are refused with the way out, untouched; on the host they go in."""
+    for given in (OnGpu(raw), Numba(raw), OnlyDlpack(raw, device=2), OnlyDlpack(raw, device=10)):
+        with pytest.raises(TypeError, match=r"\.cpu\(\) of PyTorch, \.get\(\) of CuPy"):
+            linear.run(given)
+    np.testing.assert_array_equal(linear.run(OnGpu(raw).get()).stack, linear.run(raw).stack)
+
+
+class Unwilling(OnlyDlpack):
+    """A tensor that does not hand its values out, as PyTorch's with gradients."""
+
+    def __dlpack__(self, **_: Any) -> Any:
+        """Refuse."""
+        raise BufferError("Can't export tensors that require gradient, use tensor.detach()")
+
+
+def test_tensors_that_refuse(linear: hadalens.Plan, raw: Array) -> None:
+    """What they say comes through, as a TypeError."""
+    with pytest.raises(TypeError, match="detach"):
+        linear.run(Unwilling(raw))
 
 
 def test_torch_tensors(linear: hadalens.Plan, raw: Array) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -74,6 +76,16 @@ def test_a_cluster_of_two_workers(
         kept = client.run(plans)
     assert len({process for process, _ in kept.values()}) == 2
     assert {device for _, device in kept.values()} == {"0:1/2", "0:2/2"}
+
+
+def test_the_example(model_file: Path, plan: hadalens.Plan, frames: list[Path], tmp_path: Path) -> None:
+    """examples/dask_cluster.py writes what a plan makes of the files."""
+    example = Path(__file__).parents[2] / "examples" / "dask_cluster.py"
+    subprocess.run([sys.executable, example, model_file, tmp_path / "out", *frames], check=True, cwd=tmp_path)
+    want = [plan.run(tifffile.imread(frame), channel_axis=-1) for frame in frames]
+    sharp, where = (hadalens.read_tiff(tmp_path / "out" / f"{name}.tif") for name in ("all_in_focus", "distance_map"))
+    np.testing.assert_array_equal(sharp, np.stack([result.all_in_focus for result in want]))
+    np.testing.assert_array_equal(where[:, 0], np.stack([result.distance_map for result in want]))
 
 
 def test_what_is_wrong_is_said(model: hadalens.Model) -> None:

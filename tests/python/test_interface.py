@@ -14,7 +14,7 @@ from typing import Any
 import hadalens
 import numpy as np
 import pytest
-from hadalens import errors
+from hadalens import _native, errors
 from hadalens._fit import fit_options
 from hadalens._native import _preload_loader, ffi, lib, words
 
@@ -212,6 +212,13 @@ def test_a_loader_that_a_package_brought_serves(tmp_path: Path, monkeypatch: pyt
     (tmp_path / "lib").mkdir()
     (tmp_path / "lib" / "libOpenCL.so.1").symlink_to(loader)
     assert _preload_loader()
+    monkeypatch.setattr(sys, "prefix", "nowhere")
+    assert not _preload_loader()
+    monkeypatch.setattr(_native, "__file__", str(tmp_path / "hadalens" / "_native.py"))
+    (tmp_path / "hadalens" / "loader").mkdir(parents=True)
+    (tmp_path / "hadalens" / "loader" / "libOpenCL.so.1").symlink_to(loader)
+    assert _preload_loader()  # of a wheel that has one
+    monkeypatch.undo()
     monkeypatch.setattr(sys, "prefix", "nowhere")
     monkeypatch.setattr(sys, "path", [str(tmp_path / "site-packages")])
     (tmp_path / "site-packages" / "some.libs").mkdir(parents=True)

@@ -205,12 +205,15 @@ def test_ctrl_c_ends_what_asks_nothing_else(what: str, camera: Path) -> None:
     def interrupt(*_: Any) -> None:
         raise KeyboardInterrupt
 
+    def again() -> None:
+        while True:
+            work[what]()
+
     before = signal.signal(signal.SIGALRM, interrupt)
     signal.setitimer(signal.ITIMER_REAL, 0.5)
     try:
         with pytest.raises(KeyboardInterrupt) as caught:
-            while True:
-                work[what]()
+            again()
     finally:
         signal.signal(signal.SIGALRM, before)
     assert isinstance(caught.value.__cause__, hadalens.CancelledError)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import zipfile
@@ -25,6 +26,38 @@ def test_one_wheel_serves_every_python(wheel: Path) -> None:
     """Its tag says so, and abi3audit finds nothing beyond the stable ABI of 3.11."""
     assert "-cp311-abi3-" in wheel.name
     subprocess.run([sys.executable, "-m", "abi3audit", "--strict", str(wheel)], check=True)
+
+
+@pytest.fixture(scope="module")
+def portable(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the wheel of manylinux.sh, from the objects of the other one."""
+    pytest.importorskip("auditwheel")
+    folder = tmp_path_factory.mktemp("wheel")
+    objects = Path(sys.prefix) / "build"
+    subprocess.run(
+        [ROOT / "bindings/python/manylinux.sh", folder, "--config-settings", f"build-dir={objects}"],
+        env={**os.environ, "PYTHON": sys.executable},
+        check=True,
+    )
+    assert wheel.exists()
+    return next(folder.glob("*.whl"))
+
+
+def test_a_wheel_for_other_machines(portable: Path, tmp_path: Path) -> None:
+    """What it links to is inside; OpenCL's loader is asked of the system, and works; one stands by."""
+    assert "-cp311-abi3-manylinux_" in portable.name
+    with zipfile.ZipFile(portable) as file:
+        names = file.namelist()
+        file.extractall(tmp_path / "site")
+    assert [name for name in names if "OpenCL" in name] == ["hadalens/loader/libOpenCL.so.1"]
+    assert "hadalens/loader/LICENSE" in names
+    assert any(name.startswith("hadalens.libs/libclFFT") for name in names)
+    code = "import sys; sys.path.insert(0, sys.argv[1]); import hadalens; hadalens.devices(); print(hadalens.__file__)"
+    code += "; print(*{line.split()[-1] for line in open('/proc/self/maps') if 'libOpenCL' in line})"
+    text = subprocess.check_output([sys.executable, "-c", code, str(tmp_path / "site")], text=True)
+    here, loader = text.splitlines()
+    assert here.startswith(str(tmp_path))
+    assert str(tmp_path) not in loader
 
 
 def test_what_is_inside(wheel: Path) -> None:

@@ -10,9 +10,13 @@ from a few pairs of raw frame and known scene per distance.
 """
 
 from . import metrics, optics, response
+from ._camera import Camera
 from ._fit import FilterScore, FitReport, OutsideScore, RefineScore, ResponseRow, fit
 from ._fitter import Fitter, find_boundary
+from ._job import Job
 from ._native import lib, text
+from ._pairs import Dataset, load_dark
+from ._plan_options import Classic
 from ._register import (
     RegisteredDepth,
     Registration,
@@ -22,9 +26,9 @@ from ._register import (
     register_psf,
 )
 from ._scenes import add_noise, crop, fit_scene, part, procedural_scene, regions, relief, resize
-from ._simulate import Camera, Sensor, SimulateReport, Simulator, simulate, window_origin
-from ._train import Augment, Step, Trainer, TrainState, Validation, train
-from .dataset import Dataset, load_dark
+from ._simulate import Sensor, SimulateReport, Simulator, simulate, window_origin
+from ._train import TrainState, train
+from ._trainer import Augment, Step, Trainer, Validation
 from .device import Context, DeviceInfo, devices
 from .errors import (
     ArgumentError,
@@ -67,7 +71,7 @@ from .files import (
 from .focus import FocusReport, focus_stack
 from .model import Model, ModelInfo
 from .net import Net, NetInfo, NetRunner
-from .plan import Classic, Job, KernelTime, Plan, QueueInfo
+from .plan import KernelTime, Plan, QueueInfo
 from .result import Report, Result, SkipReport
 
 __version__ = text(lib.hada_version())

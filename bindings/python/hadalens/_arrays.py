@@ -20,7 +20,9 @@ Float32: TypeAlias = npt.NDArray[np.float32]
 #: Numbers, such as the distances of depths.
 Floats: TypeAlias = Sequence[float] | npt.NDArray[np.float64]
 
-_DLPACK_CPU = 1  # kDLCPU of dlpack.h
+# Memory that the host reads, of dlpack.h: kDLCPU, kDLCUDAHost, kDLROCMHost, kDLCUDAManaged; NumPy takes these.
+_DLPACK_HOST = (1, 3, 11, 13)
+_TO_HOST = "bring it to the host first (.cpu() of PyTorch, .get() of CuPy, .copy_to_host() of Numba)"
 _PIXELS = {"|u1": lib.HADA_PIXEL_U8, "<u2": lib.HADA_PIXEL_U16, "<f4": lib.HADA_PIXEL_F32}
 
 
@@ -31,9 +33,11 @@ def as_array(given: Any, what: str) -> npt.NDArray[Any]:
     elif hasattr(given, "__array_interface__"):
         array = np.asarray(given)
     elif hasattr(given, "__dlpack__"):
-        if given.__dlpack_device__()[0] != _DLPACK_CPU:
-            raise TypeError(f"{what} is on a device: bring it to the host first (.cpu() of PyTorch, .get() of CuPy)")
-        array = np.from_dlpack(given)
+        if given.__dlpack_device__()[0] not in _DLPACK_HOST:
+            raise TypeError(f"{what} is on a device: {_TO_HOST}")
+        array = _from_dlpack(given, what)
+    elif hasattr(given, "__cuda_array_interface__"):
+        raise TypeError(f"{what} is on a device: {_TO_HOST}")
     elif hasattr(given, "__array__") or isinstance(given, memoryview):
         array = np.asarray(given)
     else:
@@ -45,6 +49,14 @@ def as_array(given: Any, what: str) -> npt.NDArray[Any]:
         f"{what} is of {array.dtype}: integers of 8, 16 or 32 bits, float32 and float64 are taken; convert others to "
         "float32, with 1 for full scale"
     )
+
+
+def _from_dlpack(given: Any, what: str) -> npt.NDArray[Any]:
+    """Return a view of what has DLPack; TypeError for what it, or NumPy, cannot hand over (bfloat16, gradients)."""
+    try:
+        return np.from_dlpack(given)
+    except (BufferError, RuntimeError) as failed:
+        raise TypeError(f"{what} cannot be taken over: {failed}") from failed
 
 
 def planes_first(array: npt.NDArray[Any], channel_axis: int | None, what: str) -> npt.NDArray[Any]:

@@ -20,7 +20,7 @@ from ._native import (
     record,
     value_of,
 )
-from .dataset import Dataset, Pairs, dataset
+from ._pairs import Dataset, Pairs, as_dataset
 from .device import Context, default
 from .model import Boundary, Model
 
@@ -218,7 +218,7 @@ def fit(
         >>> model.save("camera.model")
 
     """
-    data = None if pairs is None else dataset(pairs, channel_axis)
+    data = None if pairs is None else as_dataset(pairs, channel_axis)
     options = fit_options(
         form=form,
         window=window,

@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 from ._arrays import Floats, Image
 from ._fit import FitReport, fit_options, monitored, scores_of
 from ._native import Caller, Handle, Monitor, Options, Owner, call, ffi, keep_error, lib, path
-from .dataset import Dataset, Pairs, dataset
+from ._pairs import Dataset, Pairs, as_dataset
 from .device import Context, default
 from .model import Boundary, Model
 
@@ -215,7 +215,7 @@ def find_boundary(
         >>> fitter = hadalens.Fitter(distances, raw_size, boundary=boundary, grid=grid)
 
     """
-    data = dataset(pairs, channel_axis)
+    data = as_dataset(pairs, channel_axis)
     monitor = Monitor(None)
     options = fit_options(monitor=monitor.options)
     data._call(lib.hada_fit_options_from_dataset, options.c, data._c, lib.HADA_BOUNDARY_PADDED, ffi.NULL)

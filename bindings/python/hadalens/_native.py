@@ -28,10 +28,11 @@ INSTALL = (
 
 
 def _preload_loader() -> bool:
-    """Load an OpenCL loader that is no system library: of conda, or of packages that bring one. The system's is first.
+    """Load an OpenCL loader that is no system library, where the system has none.
 
-    The library asks for libOpenCL.so.1 by that name, so one that is in the process already serves. None comes with this
-    package: it would stand before the system's and hide the drivers that are registered there.
+    The library asks for libOpenCL.so.1 by that name, so one that is in the process already serves: of conda, of
+    packages that bring one, or (in wheels that manylinux.sh made) of this package. The system's is first, for it knows
+    the drivers that are registered there.
     """
     import ctypes
 
@@ -39,6 +40,7 @@ def _preload_loader() -> bool:
     places = [os.path.join(sys.prefix, "lib", "libOpenCL.so.1")]
     places += [found for site in sites for found in sorted(glob.glob(os.path.join(site, "*.libs", "libOpenCL*.so*")))]
     places += [found for site in sites for found in sorted(glob.glob(os.path.join(site, "*", "libOpenCL.so*")))]
+    places.append(os.path.join(os.path.dirname(__file__), "loader", "libOpenCL.so.1"))
     for place in places:
         if os.path.exists(place):
             try:

@@ -12,7 +12,7 @@ from . import errors
 from ._arrays import Float32, Image, NewImage
 from ._fit import monitored
 from ._native import Monitor, Options, Owner, Progress, call, ffi, lib, path, record
-from .dataset import Dataset
+from ._pairs import Dataset
 
 
 @dataclass(frozen=True)

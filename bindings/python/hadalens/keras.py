@@ -17,23 +17,16 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ._files import PathLike, replaced
+from ._keras_file import Array, read_layers
+from ._keras_net import Net, import_net
 
 __all__ = ["Imported", "Net", "import_filters", "import_model", "import_net"]
-
-Array: TypeAlias = NDArray[np.float32]
-
-# The authors' U-net: widths of its convolutions on the way down, level by level, and up (bottom first).
-DOWN = ((32, 32), (64,), (64,), (128,), (256,), (512, 256, 128))
-UP = ((128,), (64,), (32,), (32,), ())
-COLOURS = "rgb"
-# Of Keras' batch norm; its momentum weighs what was, PyTorch's and ours what comes.
-KERAS_EPS, KERAS_MOMENTUM = 1e-3, 0.01
 
 
 @dataclass(frozen=True)
@@ -57,21 +50,6 @@ class Imported:
     window: tuple[int, int]
     distances_mm: tuple[float, ...]
     real_share: NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Net:
-    """A net as its list of layers (``docs/nets.md``) and its weights, by PyTorch's names and layouts."""
-
-    description: dict[str, Any]
-    weights: dict[str, Array]
-
-    def save(self, path: PathLike) -> None:
-        """Write a net's file (safetensors), which the library and :class:`hadalens.torch.Net` load."""
-        from safetensors.numpy import save_file
-
-        with replaced(path) as beside:
-            save_file(self.weights, beside, metadata={"net": json.dumps(self.description)})
 
 
 def import_filters(
@@ -125,51 +103,6 @@ def import_filters(
     assert raw is not None
     assert size is not None
     return Imported(np.stack(filters), raw, size, tuple(float(distances_mm[i]) for i in order), np.array(shares))
-
-
-def import_net(file: PathLike, *, size: tuple[int, int] = (256, 256)) -> Net:
-    """Read the U-net of a ``fullgenerator`` or ``enhanceM`` file.
-
-    Both forms that the authors have are read: one net shared by the colours (our preset ``paper``), and one for each of
-    them, which becomes a net of three branches.
-
-    Args:
-        file: an HDF5 file that Keras wrote.
-        size: of the images that the net is meant for: rows and columns, multiples of 32 as Keras needs them.
-
-    Raises:
-        ValueError: where the file's convolutions are not those of the authors' net, or `size` is no multiple of 32.
-
-    """
-    if size[0] % 32 or size[1] % 32 or min(size) <= 0:
-        raise ValueError(f"the authors' net runs on multiples of 32 rows and columns, not on {size[0]} x {size[1]}")
-    layers = _read_layers(file)
-    convs = [layer for layer in layers if set(layer) == {"kernel", "bias"}]
-    norms = [layer for layer in layers if set(layer) == {"gamma", "beta", "moving_mean", "moving_variance"}]
-    names = _conv_names()
-    if len(norms) != len(COLOURS) or len(convs) not in (len(names), len(names) * len(COLOURS)):
-        raise ValueError(
-            f"{file} has {len(convs)} convolutions and {len(norms)} batch norms; the authors' net has 14 or 42, and 3"
-        )
-    shared = len(convs) == len(names)
-    weights: dict[str, Array] = {}
-    for i, conv in enumerate(convs):
-        colour, name = ("", names[i]) if shared else (f"{COLOURS[i % 3]}.", names[i // 3])
-        kernel, bias = _convolution(name, conv, file)
-        weights[f"{colour}{name}.weight"], weights[f"{colour}{name}.bias"] = kernel, bias
-    for i, norm in enumerate(norms):
-        name = f"norm.{i}" if shared else f"{COLOURS[i]}.norm"
-        for ours, theirs in (
-            ("weight", "gamma"),
-            ("bias", "beta"),
-            ("running_mean", "moving_mean"),
-            ("running_var", "moving_variance"),
-        ):
-            weights[f"{name}.{ours}"] = _skip_first(norm[theirs], _from_below()["last"])
-    if not shared:
-        for i, colour in enumerate(COLOURS):  # a convolution of one pixel takes a colour out of the image
-            weights[f"{colour}.take.weight"] = np.eye(3, dtype=np.float32)[i].reshape(1, 3, 1, 1)
-    return Net(_describe_shared() if shared else _describe_branches(), weights)
 
 
 def import_model(
@@ -252,35 +185,6 @@ def _metadata(imported: Imported) -> dict[str, str]:
 # What Keras wrote.
 
 
-def _read_layers(path: PathLike) -> list[dict[str, Array]]:
-    """Return the weights of each layer that has some, in the order in which the program made the layers.
-
-    Keras numbers layers of a kind as they are made (conv2d_7), starting anywhere, and writes them in another order.
-    """
-    import h5py
-
-    found: dict[str, dict[str, Array]] = {}
-
-    def visit(name: str, item: object) -> None:
-        if isinstance(item, h5py.Dataset):
-            parts = name.split("/")
-            found.setdefault(parts[0], {})[parts[-1].removesuffix(":0")] = np.asarray(item, np.float32)
-
-    with h5py.File(path, "r") as file:
-        weights = file.get("model_weights", file)
-        if not isinstance(weights, h5py.Group) or "layer_names" not in weights.attrs:
-            raise ValueError(
-                f"{path} is not in the HDF5 format of Keras 2 (model.save or save_weights to a name in .h5)"
-            )
-        weights.visititems(visit)
-    return [found[name] for name in sorted(found, key=_made)]
-
-
-def _made(layer: str) -> tuple[str, int]:
-    kind, _, number = layer.rpartition("_")
-    return (kind, int(number)) if number.isdigit() else (layer, 0)
-
-
 def _read_crop(path: PathLike) -> list[list[int]] | None:
     """Pixels that the file's cropping layers cut off: [[top, bottom], [left, right]]."""
     import h5py
@@ -298,7 +202,7 @@ def _read_crop(path: PathLike) -> list[list[int]] | None:
 
 def _read_filters(path: PathLike) -> Array:
     """Return the filters, (colour, 2, rows, cols)."""
-    kernels = [layer["kernel"] for layer in _read_layers(path) if set(layer) == {"kernel"}]
+    kernels = [layer["kernel"] for layer in read_layers(path) if set(layer) == {"kernel"}]
     kernels = [kernel[..., 0] for kernel in kernels if kernel.ndim == 4 and len(kernel) == 2 and kernel.shape[3] == 1]
     if not kernels or len({kernel.shape for kernel in kernels}) != 1:
         raise ValueError(f"{path} has no Hadamard filters, or filters of different sizes")
@@ -334,106 +238,3 @@ def _half_spectrum(kernel: Array, offset: tuple[int, int]) -> tuple[NDArray[np.c
     energy = np.sum(np.abs(full) ** 2)
     share = float(np.sum(np.abs(even) ** 2) / energy) if energy > 0 else 1.0
     return even[:, : cols // 2 + 1].astype(np.complex64), share
-
-
-# The authors' U-net. Where a level of the way up puts together what comes from below and its own skip, theirs stand in
-# this order; ours has the skip first.
-
-
-def _conv_names() -> list[str]:
-    """In the order in which the authors' program makes them."""
-    names = [f"down.{level}.{i}" for level, widths in enumerate(DOWN) for i in range(len(widths))]
-    names += [f"up.{len(UP) - 1 - step}.{i}" for step, widths in enumerate(UP) for i in range(len(widths))]
-    return [*names, "last"]
-
-
-def _from_below() -> dict[str, int]:
-    """Of the convolutions that take a concatenation: how many channels come from below."""
-    below, taken = DOWN[-1][-1], {}
-    for step, widths in enumerate(UP):
-        taken[f"up.{len(UP) - 1 - step}.0" if widths else "last"] = below
-        below = widths[-1] if widths else below
-    return taken
-
-
-def _skip_first(values: Array, below: int) -> Array:
-    """Channels on the first axis in our order."""
-    return np.ascontiguousarray(np.concatenate([values[below:], values[:below]]))
-
-
-def _convolution(name: str, layer: dict[str, Array], path: PathLike) -> tuple[Array, Array]:
-    shapes = _conv_shapes()
-    kernel = layer["kernel"]
-    if kernel.shape != shapes[name] or layer["bias"].shape != shapes[name][3:]:
-        raise ValueError(
-            f"{path}: a convolution ({name}) has the shape {kernel.shape}, the authors' has {shapes[name]}"
-        )
-    kernel = kernel.transpose(2, 3, 0, 1)  # input first
-    below = _from_below().get(name)
-    if below is not None:
-        kernel = _skip_first(kernel, below)
-    return np.ascontiguousarray(kernel.swapaxes(0, 1)), layer["bias"]
-
-
-def _conv_shapes() -> dict[str, tuple[int, ...]]:
-    """Rows, columns, channels in and out, as Keras has them."""
-    shapes: dict[str, tuple[int, ...]] = {}
-    width = 1
-    for level, widths in enumerate(DOWN):
-        for i, out in enumerate(widths):
-            shapes[f"down.{level}.{i}"] = (3, 3, width, out)
-            width = out
-    for step, widths in enumerate(UP):
-        level = len(UP) - 1 - step
-        width += DOWN[level][-1]
-        for i, out in enumerate(widths):
-            shapes[f"up.{level}.{i}"] = (3, 3, width, out)
-            width = out
-    return shapes | {"last": (3, 3, width, 1)}
-
-
-def _unet_layers(first: int, start: int, prefix: str) -> list[dict[str, Any]]:
-    """The list of layers of the authors' U-net on layer `start`; its own are numbered from `first`."""
-    layers: list[dict[str, Any]] = []
-    skips = []
-
-    def add(layer: str, **what: object) -> int:
-        layers.append({"layer": layer, **what})
-        return first + len(layers) - 1
-
-    def conv(at: int, name: str, channels: int) -> int:
-        return add("conv", name=prefix + name, **{"from": [at]}, channels=channels, activation="relu")
-
-    at = start
-    for level, widths in enumerate(DOWN):
-        if level:
-            at = add("pool", **{"from": [at]})
-        for i, width in enumerate(widths):
-            at = conv(at, f"down.{level}.{i}", width)
-        skips.append(at)
-    for step, widths in enumerate(UP):
-        level = len(UP) - 1 - step
-        at = add("resize", resize="linear", **{"from": [at]}, like=skips[level])
-        at = add("concat", **{"from": [skips[level], at]})
-        for i, width in enumerate(widths):
-            at = conv(at, f"up.{level}.{i}", width)
-    at = add("norm", name=prefix + "norm", **{"from": [at]}, eps=KERAS_EPS, momentum=KERAS_MOMENTUM)
-    conv(at, "last", 1)
-    return layers
-
-
-def _describe_shared() -> dict[str, Any]:
-    layers = [{"layer": "input", "channels": 1}, *_unet_layers(1, 0, "")]
-    return {"format": "hadalens-net-1", "colours": len(COLOURS), "layers": layers}
-
-
-def _describe_branches() -> dict[str, Any]:
-    layers: list[dict[str, Any]] = [{"layer": "input", "channels": len(COLOURS)}]
-    ends = []
-    for colour in COLOURS:
-        take = {"layer": "conv", "name": f"{colour}.take", "from": [0], "channels": 1, "kernel": 1, "pad": 0, "bias": 0}
-        layers.append(take)
-        layers += _unet_layers(len(layers), len(layers) - 1, f"{colour}.")
-        ends.append(len(layers) - 1)
-    layers.append({"layer": "concat", "from": ends})
-    return {"format": "hadalens-net-1", "colours": 1, "layers": layers}

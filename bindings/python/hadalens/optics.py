@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ._arrays import Float32, Image, NewImage
+from ._camera import Camera
 from ._native import Handle, Monitor, Options, Owner, Progress, call, ffi, lib, path, record
-from ._simulate import Camera
 from .device import Context, default
 
 

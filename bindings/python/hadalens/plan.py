@@ -3,62 +3,20 @@
 from __future__ import annotations
 
 import collections
-import threading
-from collections.abc import Generator, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal
 
 import numpy as np
 
 from . import errors
-from ._arrays import Image, Pixels, check_out
-from ._native import Handle, Options, Owner, call, error_of, ffi, lib, record, value_of, word
+from ._arrays import Pixels, check_out
+from ._job import Job
+from ._native import Handle, Options, Owner, call, ffi, lib, record
+from ._plan_options import Classic, Method, Skip, plan_options
 from .device import Context, address_of, default
 from .model import Model
 from .result import Result, Results
-
-Method: TypeAlias = Literal["wiener", "rl", "fista", "admm"]
-Skip: TypeAlias = Literal["prune", "depths", "frequencies", "half", "channels", "frames", "tiles"]
-
-# Seconds after which a wait for C lets Python look for signals: Ctrl-C is heard within these.
-_HEARTBEAT = 0.1
-
-
-@dataclass(frozen=True)
-class Classic:
-    """One of the iterative methods that others use, in place of the model's filters and refinement.
-
-    Attributes:
-        method: "wiener", "rl" (Richardson-Lucy), "fista" or "admm"; docs/rivals.md.
-        iterations: at most.
-        stop: ends when the planes' relative change is below it twice running; 0: never.
-        seconds: ends after so much time, which makes the result depend on it; 0: never.
-        prior: "auto", "none", "tv", "wavelet" or "haar".
-        weight: of the prior; None: the method's own.
-        support: where planes may be bright: "auto", "window" or "grid".
-        regularisation: of Wiener, noise in units of the mean power.
-
-    """
-
-    method: Method
-    iterations: int = 100
-    stop: float = 0.0
-    seconds: float = 0.0
-    prior: Literal["auto", "none", "tv", "wavelet", "haar"] = "auto"
-    weight: float | None = None
-    support: Literal["auto", "window", "grid"] = "auto"
-    regularisation: float = 0.1
-    accelerate: bool = True
-    step: float = 1.0
-    inner: int = 5
-    levels: int = 3
-    mu1: float | None = None
-    mu2: float | None = None
-    mu3: float | None = None
-
-    def _options(self) -> Options:
-        given = {name: value for name, value in vars(self).items() if name != "regularisation"}
-        return Options("hada_classic_options", **given, **{"lambda": self.regularisation})
 
 
 @dataclass(frozen=True)
@@ -83,92 +41,6 @@ class KernelTime:
     seconds: float
     bytes: float
     flops: float
-
-
-class Job:
-    """A frame in flight. Ask it, wait for it, or ``await`` it.
-
-    Example:
-        >>> job = plan.submit(raw)
-        >>> job.progress
-        0.25
-        >>> result = job.result()
-
-    """
-
-    def __init__(self, plan: Owner, submit: Any, frame: Any, results: Results, kept: Any) -> None:
-        """Jobs come from :meth:`Plan.submit`."""
-        self._kept: Any = (frame, kept)  # C reads the frame in place
-        self._results: Results | None = results
-        self._result: Result | None = None
-        self._lock = threading.Lock()
-        # the result, the frame and the plan must outlive the C job
-        self._owner = Owner("hada_job", lib.hada_job_destroy, plan, results, frame, kept)
-        call(submit, self._owner.pointer, plan.c, frame, results.c)
-
-    @property
-    def state(self) -> str:
-        """One of "waiting", "running", "done", "failed" or "cancelled"."""
-        return word("hada_job_state", lib.hada_job_poll(self._owner.c))
-
-    @property
-    def progress(self) -> float:
-        """Part done, 0 to 1; never falls."""
-        return float(lib.hada_job_progress(self._owner.c))
-
-    def done(self) -> bool:
-        """Return whether it has ended, well or not."""
-        return bool(lib.hada_job_poll(self._owner.c) >= lib.HADA_JOB_DONE)
-
-    def cancel(self) -> None:
-        """Ask the job to end; returns at once. One that was done stays done."""
-        lib.hada_job_cancel(self._owner.c)
-
-    def wait(self, timeout: float | None = None) -> bool:
-        """Wait for the end, for `timeout` seconds at most; return whether it has come. Ctrl-C is heard meanwhile."""
-        left = float("inf") if timeout is None else timeout
-        while True:
-            if lib.hada_job_wait_for(self._owner.c, min(_HEARTBEAT, left)) >= lib.HADA_JOB_DONE:
-                return True
-            left -= _HEARTBEAT
-            if left <= 0:
-                return False
-
-    def result(self, timeout: float | None = None) -> Result:
-        """Wait for the end and return the result.
-
-        Raises:
-            TimeoutError: it is not done after `timeout` seconds; it goes on.
-            CancelledError: it was cancelled, or its plan closed.
-            HadalensError: what it failed with.
-
-        """
-        if not self.wait(timeout):
-            raise TimeoutError(f"the frame is not done after {timeout} seconds")
-        failure = ffi.new("hada_error *")
-        if lib.hada_job_wait(self._owner.c, failure):
-            raise error_of(failure)
-        with self._lock:
-            if self._result is None and self._results is not None:
-                self._result = self._results.take()
-                self._results = None
-                self._kept = None
-        assert self._result is not None
-        return self._result
-
-    def __await__(self) -> Generator[Any, None, Result]:
-        """Wait in asyncio; cancelling the task cancels the job."""
-        return self._wait_in_loop().__await__()
-
-    async def _wait_in_loop(self) -> Result:
-        import asyncio  # takes longer to import than all of this package
-
-        try:
-            await asyncio.get_running_loop().run_in_executor(None, self.wait)
-        except asyncio.CancelledError:
-            self.cancel()
-            raise
-        return self.result()
 
 
 class Plan(Handle):
@@ -434,53 +306,6 @@ class Plan(Handle):
     def __reduce__(self) -> tuple[Any, ...]:
         """Plans stay in their process."""
         raise TypeError("a Plan cannot be pickled: pickle its model, and make a plan in each process")
-
-
-def plan_options(
-    *,
-    depths: Sequence[int] | None = None,
-    occupied: str | Sequence[int] = "auto",
-    repair: bool | None = None,
-    dark: Any = None,
-    classic: Classic | Method | None = None,
-    skip: Iterable[Skip] | None = None,
-    **others: Any,
-) -> Options:
-    """Return hada_plan_options of what a plan takes."""
-    options = Options(
-        "hada_plan_options",
-        depths=depths,
-        depth_count=None if depths is None else len(depths),
-        repair_not_finite=repair,
-        **others,
-    )
-    _set_occupied(options, occupied)
-    _set_dark(options, dark)
-    if classic is not None:
-        options.set(classic=(classic if isinstance(classic, Classic) else Classic(classic))._options())
-    if skip is not None:
-        options.c.skip = sum({value_of("hada_skip", kind, "skip") for kind in skip})
-    return options
-
-
-def _set_occupied(options: Options, occupied: str | Sequence[int]) -> None:
-    if isinstance(occupied, str):
-        options.set(occupied=occupied)
-    else:
-        options.set(occupied="list", occupied_list=occupied, occupied_count=len(occupied))
-
-
-def _set_dark(options: Options, dark: Any) -> None:
-    if dark is None:
-        return
-    if isinstance(dark, str):
-        options.set(dark=dark)
-    elif isinstance(dark, float | int):
-        options.set(dark="level", dark_level=float(dark))
-    else:
-        frame = Image(dark, what="dark")
-        options.kept.append(frame)
-        options.set(dark="frame", dark_frame=frame.c)
 
 
 def _device_buffer(given: Any, shape: tuple[int, ...], what: str) -> tuple[Any, int, Any] | None:

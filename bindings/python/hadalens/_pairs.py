@@ -193,7 +193,7 @@ class Dataset(Handle):
             self._reader.run(function, *arguments)
 
 
-def dataset(pairs: Dataset | Pairs | str | os.PathLike[str], channel_axis: int | None = None) -> Dataset:
+def as_dataset(pairs: Dataset | Pairs | str | os.PathLike[str], channel_axis: int | None = None) -> Dataset:
     """Return a data set of what is given: one, a folder, or pairs."""
     if isinstance(pairs, Dataset):
         return pairs

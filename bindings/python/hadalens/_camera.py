@@ -1,0 +1,186 @@
+"""Cameras by design."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any, Literal, Self, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from . import errors
+from ._arrays import Float32, NewImage
+from ._native import call, ffi, lib, members, path, text, value_of, word
+from .device import Context, default
+
+Mask: TypeAlias = Literal["mla", "grid", "diffuser", "contour", "aperture"]
+
+
+class Camera:
+    """A lensless camera by design: a mask in front of a bare sensor. Lengths in millimetres.
+
+    Every member of ``hada_camera`` (hadalens/camera.h) can be read and set by its name: ``camera.rows``,
+    ``camera.pixel_pitch_mm``, ``camera.boundary = "padded"``; enumerations are words.
+
+    Args:
+        preset: "sim512", "sim300", "crop300" or "paper2022".
+        members: by their names, in place of the preset's.
+
+    Example:
+        >>> camera = hadalens.Camera("sim300", channels=1)
+        >>> camera.set_depths(100, 600, 8)
+        >>> psf = camera.psf(250.0)
+
+    """
+
+    _c: Any
+
+    def __init__(self, preset: str = "sim512", **members: Any) -> None:
+        """Begin with a preset."""
+        object.__setattr__(self, "_c", ffi.new("hada_camera *"))
+        call(lib.hada_camera_preset, self._c, preset.encode())
+        for name, value in members.items():
+            setattr(self, name, value)
+
+    @classmethod
+    def load(cls, name: str | os.PathLike[str]) -> Self:
+        """Return the camera of a camera.json."""
+        camera = cls()
+        call(lib.hada_camera_load, camera._c, path(name))
+        return camera
+
+    @classmethod
+    def _copy(cls, struct: Any) -> Self:
+        camera = cls()
+        camera._c[0] = struct[0]
+        return camera
+
+    def save(self, name: str | os.PathLike[str]) -> Path:
+        """Write a camera.json. Returns its path."""
+        call(lib.hada_camera_save, self._c, path(name))
+        return Path(name)
+
+    def __getattr__(self, name: str) -> Any:
+        """Return a member of hada_camera."""
+        field = members("hada_camera").get(name)
+        if field is None or name == "size":
+            raise AttributeError(f"a camera has no {name}")
+        value = getattr(self._c, name)
+        if name == "distances_mm":
+            return tuple(value[z] for z in range(self._c.depths))
+        if field.type.kind == "array":
+            return tuple(value)
+        return word(field.type.cname, value) if field.type.kind == "enum" else value
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Set a member of hada_camera."""
+        field = members("hada_camera").get(name)
+        if field is None or name == "size":
+            raise AttributeError(f"a camera has no {name}")
+        if name == "distances_mm":
+            if len(value) > lib.HADA_CAMERA_DEPTHS:
+                raise errors.ArgumentError(f"{len(value)} distances: {lib.HADA_CAMERA_DEPTHS} at most")
+            self._c.depths = len(value)
+        if field.type.kind == "enum":
+            value = value_of(field.type.cname, value, name)
+        if field.type.kind == "array":
+            for index, one in enumerate(value):
+                getattr(self._c, name)[index] = one
+        else:
+            setattr(self._c, name, value)
+
+    def set_depths(self, near_mm: float, far_mm: float, count: int) -> None:
+        """Set distances from near to far with equal steps in 1/z."""
+        call(lib.hada_camera_set_depths, self._c, near_mm, far_mm, count)
+
+    def resize(self, size: tuple[int, int], window: tuple[int, int] | None = None) -> None:
+        """Set rows and columns; the sensor's shorter side keeps its length. window None: it keeps its share."""
+        call(lib.hada_camera_resize, self._c, *size, *(window or (0, 0)))
+
+    def set_mask(self, mask: Mask) -> None:
+        """Set another kind of mask, with dimensions that suit the camera."""
+        kind = lib.hada_mask_from_word(mask.encode())
+        call(lib.hada_camera_set_mask, self._c, kind)
+
+    @property
+    def mask(self) -> str:
+        """The kind of mask."""
+        return text(lib.hada_mask_word(self._c.mask))
+
+    @property
+    def fill_factor(self) -> float:
+        """The share of the aperture that lets light through."""
+        out = ffi.new("double *")
+        call(lib.hada_camera_fill_factor, self._c, out)
+        return float(out[0])
+
+    def set_fill_factor(self, fill: float) -> None:
+        """Set the lens diameter with which the mask lets this share of the aperture's light through."""
+        call(lib.hada_camera_set_fill_factor, self._c, fill)
+
+    def check(self) -> None:
+        """Raise ArgumentError with the first value that is impossible."""
+        call(lib.hada_camera_check, self._c)
+
+    def lenses(self) -> npt.NDArray[np.float64]:
+        """Return the centres of lenses or holes: float64 (lenses, 2), x and y in millimetres."""
+        centres = np.empty((2, self._c.lenses))
+        x, y = (ffi.cast("double *", ffi.from_buffer(row)) for row in centres)
+        call(lib.hada_camera_lenses, self._c, x, y)
+        return centres.T.copy()
+
+    def mask_map(self, rows: int, cols: int) -> tuple[Float32, Float32]:
+        """Return the mask's thickness in millimetres and its transmission over the aperture, each (Y, X)."""
+        images = NewImage(2)
+        call(lib.hada_camera_mask_map, self._c, rows, cols, images.c, images.c + 1)
+        return images.plane(0), images.plane(1)
+
+    def psf(self, distance_mm: float, size: tuple[int, int] | None = None) -> Float32:
+        """Return the point spread function at a distance by geometry: (Y, X), the axis at (rows // 2, columns // 2)."""
+        image = NewImage()
+        rows, cols = size or (self._c.rows, self._c.cols)
+        call(lib.hada_camera_psf_sized, self._c, distance_mm, rows, cols, image.c)
+        return image.plane()
+
+    def psf_stack(self, *, context: Context | None = None) -> Float32:
+        """Return the point spread functions of all distances by the camera's `optics`: (Z, C, Y, X)."""
+        images = NewImage(self._c.depths)
+        used = ffi.NULL if self.optics == "geometry" else default(context)._c
+        call(lib.hada_camera_psf_stack, used, self._c, images.c)
+        return np.stack([images.array(z) for z in range(self._c.depths)])
+
+    def magnification(self, distance_mm: float) -> float:
+        """Return 1 + d/z."""
+        return float(lib.hada_camera_magnification(self._c, distance_mm))
+
+    def defocus_pixels(self, distance_mm: float) -> float:
+        """Return the diameter of a lens's blur at a distance."""
+        return float(lib.hada_camera_defocus_pixels(self._c, distance_mm))
+
+    def refractive_index(self, wavelength_nm: float) -> float:
+        """Return the index of the mask's material."""
+        return float(lib.hada_camera_refractive_index(self._c, wavelength_nm))
+
+    def focal_length(self, wavelength_nm: float) -> float:
+        """Return the focal length in millimetres at a wavelength."""
+        return float(lib.hada_camera_focal_length(self._c, wavelength_nm))
+
+    def parallax(self, near_mm: float, far_mm: float, x_mm: float, y_mm: float) -> tuple[float, float]:
+        """Return how far a near plane's shadow moves on a far one, for a lens at (x, y): rows, columns in pixels."""
+        cols, rows = ffi.new("double *"), ffi.new("double *")
+        lib.hada_camera_parallax(self._c, near_mm, far_mm, x_mm, y_mm, cols, rows)
+        return rows[0], cols[0]
+
+    def __getstate__(self) -> bytes:
+        """Cameras can be pickled."""
+        return bytes(ffi.buffer(self._c))
+
+    def __setstate__(self, state: bytes) -> None:
+        """Restore a camera."""
+        object.__setattr__(self, "_c", ffi.new("hada_camera *"))
+        ffi.memmove(self._c, state, len(state))
+
+    def __repr__(self) -> str:
+        """Return mask and sizes."""
+        return f"<Camera {self.mask}: {self.channels} x {self.rows} x {self.cols}, {self.depths} depths>"

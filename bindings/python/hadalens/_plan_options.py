@@ -1,0 +1,97 @@
+"""What a plan is told: its options, and the methods of others."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, TypeAlias
+
+from ._arrays import Image
+from ._native import Options, value_of
+
+Method: TypeAlias = Literal["wiener", "rl", "fista", "admm"]
+Skip: TypeAlias = Literal["prune", "depths", "frequencies", "half", "channels", "frames", "tiles"]
+
+
+@dataclass(frozen=True)
+class Classic:
+    """One of the iterative methods that others use, in place of the model's filters and refinement.
+
+    Attributes:
+        method: "wiener", "rl" (Richardson-Lucy), "fista" or "admm"; docs/rivals.md.
+        iterations: at most.
+        stop: ends when the planes' relative change is below it twice running; 0: never.
+        seconds: ends after so much time, which makes the result depend on it; 0: never.
+        prior: "auto", "none", "tv", "wavelet" or "haar".
+        weight: of the prior; None: the method's own.
+        support: where planes may be bright: "auto", "window" or "grid".
+        regularisation: of Wiener, noise in units of the mean power.
+
+    """
+
+    method: Method
+    iterations: int = 100
+    stop: float = 0.0
+    seconds: float = 0.0
+    prior: Literal["auto", "none", "tv", "wavelet", "haar"] = "auto"
+    weight: float | None = None
+    support: Literal["auto", "window", "grid"] = "auto"
+    regularisation: float = 0.1
+    accelerate: bool = True
+    step: float = 1.0
+    inner: int = 5
+    levels: int = 3
+    mu1: float | None = None
+    mu2: float | None = None
+    mu3: float | None = None
+
+    def _options(self) -> Options:
+        given = {name: value for name, value in vars(self).items() if name != "regularisation"}
+        return Options("hada_classic_options", **given, **{"lambda": self.regularisation})
+
+
+def plan_options(
+    *,
+    depths: Sequence[int] | None = None,
+    occupied: str | Sequence[int] = "auto",
+    repair: bool | None = None,
+    dark: Any = None,
+    classic: Classic | Method | None = None,
+    skip: Iterable[Skip] | None = None,
+    **others: Any,
+) -> Options:
+    """Return hada_plan_options of what a plan takes."""
+    options = Options(
+        "hada_plan_options",
+        depths=depths,
+        depth_count=None if depths is None else len(depths),
+        repair_not_finite=repair,
+        **others,
+    )
+    _set_occupied(options, occupied)
+    _set_dark(options, dark)
+    if classic is not None:
+        options.set(classic=(classic if isinstance(classic, Classic) else Classic(classic))._options())
+    if skip is not None:
+        options.c.skip = sum({value_of("hada_skip", kind, "skip") for kind in skip})
+    return options
+
+
+def _set_occupied(options: Options, occupied: str | Sequence[int]) -> None:
+    if isinstance(occupied, str):
+        options.set(occupied=occupied)
+    else:
+        options.set(occupied="list", occupied_list=occupied, occupied_count=len(occupied))
+
+
+def _set_dark(options: Options, dark: Any) -> None:
+    if dark is None:
+        return
+    if isinstance(dark, str):
+        options.set(dark=dark)
+    elif isinstance(dark, float | int):
+        options.set(dark="level", dark_level=float(dark))
+    else:
+        frame = Image(dark, what="dark")
+        options.kept.append(frame)
+        options.set(dark="frame", dark_frame=frame.c)

@@ -147,3 +147,15 @@ int hada_input_is_in_use(const struct stat *file)
     pthread_mutex_unlock(&lock);
     return found;
 }
+
+/* What jansson takes for a list or an object and for another value, about; times the bytes of the text. Of headers of
+ * safetensors the densest (names of one letter, eight dimensions of one digit) come to 22. */
+enum { LIST_COST = 200, VALUE_COST = 80, MOST_TIMES = 24, SHORT_TEXT = 4096 };
+
+int hada_json_is_bloated(const char *text, size_t bytes)
+{
+    size_t cost = 0;
+    for (size_t i = 0; i < bytes; i++)
+        cost += text[i] == '[' || text[i] == '{' ? LIST_COST : text[i] == ',' ? VALUE_COST : 0;
+    return bytes > SHORT_TEXT && cost / MOST_TIMES > bytes;
+}

@@ -16,6 +16,10 @@ hada_status hada_input_open(int *fd, size_t *bytes, const char *path, int *code,
 /* A whole file of at most `most` bytes with a NUL behind it, to be freed; HADA_ERROR_FILE_FORMAT for longer ones. */
 hada_status hada_input_read(char **text, size_t *bytes, const char *path, size_t most, int *code, hada_error *err);
 
+/* Whether a text of JSON would take far more memory than it is long, and more than those of sound files do. Short texts
+ * may. */
+int hada_json_is_bloated(const char *text, size_t bytes);
+
 /* Whether a file is one of those that hada_inputs_protect() named. */
 int hada_input_is_in_use(const struct stat *file);
 

@@ -163,6 +163,10 @@ static hada_status read_header(hada_tensors *tensors, size_t *end, hada_error *e
         return hada_fail(err, HADA_ERROR_FILE_FORMAT,
                          "the safetensors header has %llu bytes, more than the limits allow (options.limits text=N)",
                          (unsigned long long)length);
+    if (hada_json_is_bloated((const char *)bytes + 8, (size_t)length))
+        return hada_fail(
+            err, HADA_ERROR_FILE_FORMAT,
+            "the safetensors header is damaged: it is made of little else than brackets and commas; get the file again");
     tensors->header = json_loadb((const char *)bytes + 8, (size_t)length, JSON_REJECT_DUPLICATES, &why);
     if (!json_is_object(tensors->header))
         return hada_fail(err, HADA_ERROR_FILE_FORMAT, "the safetensors header is damaged: %s at its byte %d", why.text,

@@ -62,19 +62,21 @@ hada_status hada_tensors_declare(hada_tensors_writer *w, const char *name, hada_
     if (!bytes || dims < 0 || dims > HADA_TENSOR_DIMS || json_object_get(w->header, name))
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "tensor \"%.200s\" is declared twice, or its type or dimensions are not valid", name);
-    json_t *extents = json_array();
     for (int d = 0; d < dims; d++) {
-        if (shape[d] < 0 || (shape[d] && bytes > (uint64_t)INT64_MAX / 2 / (uint64_t)shape[d])) {
-            json_decref(extents);
+        if (shape[d] < 0 || (shape[d] && bytes > (uint64_t)INT64_MAX / 2 / (uint64_t)shape[d]))
             return hada_fail(err, HADA_ERROR_ARGUMENT, "tensor \"%.200s\" has an impossible shape", name);
-        }
         bytes *= (uint64_t)shape[d];
-        json_array_append_new(extents, json_integer(shape[d]));
     }
-    uint64_t end = w->declared + bytes;
+    const uint64_t end = w->declared + bytes;
+    if (end > INT64_MAX)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "with tensor \"%.200s\" the file would have an impossible size",
+                         name);
+    json_t *extents = json_array();
+    for (int d = 0; d < dims; d++)
+        json_array_append_new(extents, json_integer(shape[d]));
     json_t *entry = json_pack("{s:s, s:o, s:[I, I]}", "dtype", hada_dtype_name(type), "shape", extents, "data_offsets",
                               (json_int_t)w->declared, (json_int_t)end);
-    if (!entry || end > INT64_MAX || json_object_set_new(w->header, name, entry))
+    if (!entry || json_object_set_new(w->header, name, entry))
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "tensor \"%.200s\" could not be declared: its name is not UTF-8 text", name);
     w->declared = end;

@@ -148,18 +148,19 @@ uint64_t hada_tiff_page_bytes(const hada_tiff_page *page)
     return row * (uint64_t)page->rows * (page->separate ? (uint64_t)page->samples : 1);
 }
 
-/* What a file claims, against the limits: `largest` is the larger of the page's numbers and those of a piece that is
- * read at once. */
-static hada_status check_budget(uint64_t largest, uint64_t file_bytes, hada_error *err)
+/* What a file claims, against the limits: the page's numbers, and the piece of it that is read at once, which stands
+ * beside them (four bytes are as many as a number has). */
+static hada_status check_budget(uint64_t values, uint64_t piece_bytes, uint64_t file_bytes, hada_error *err)
 {
     hada_limits limits = {.size = sizeof limits};
+    const uint64_t piece = piece_bytes / sizeof(float), larger = piece > values ? piece : values;
     const hada_status status = hada_limits_get(&limits, err);
-    if (status || largest <= limits.pixels || largest / VALUES_A_BYTE <= file_bytes)
+    if (status || values + piece <= limits.pixels || larger / VALUES_A_BYTE <= file_bytes)
         return status;
     return hada_fail(err, HADA_ERROR_FILE_FORMAT,
                      "a file of %llu bytes that claims to hold %llu numbers is beyond the limits; where it is to be "
                      "trusted, allow them (options.limits pixels=N)",
-                     (unsigned long long)file_bytes, (unsigned long long)largest);
+                     (unsigned long long)file_bytes, (unsigned long long)(values + piece));
 }
 
 hada_status hada_tiff_page_check(TIFF *tif, uint64_t file_bytes, int keep_indices, hada_tiff_page *page,
@@ -204,9 +205,7 @@ hada_status hada_tiff_page_check(TIFF *tif, uint64_t file_bytes, int keep_indice
                          "%u x %u pixels need %llu bytes, more than a file of %llu bytes can hold: it is cut off or "
                          "damaged; get it again",
                          cols, rows, (unsigned long long)pixels, (unsigned long long)file_bytes);
-    const uint64_t piece = (TIFFIsTiled(tif) ? TIFFTileSize64(tif) : 0) * 8 / bits;
-    const uint64_t values = (uint64_t)rows * cols * samples;
-    HADA_TRY(check_budget(piece > values ? piece : values, file_bytes, err));
+    HADA_TRY(check_budget((uint64_t)rows * cols * samples, chunk, file_bytes, err));
 done:
     return status;
 }

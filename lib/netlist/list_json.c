@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "core/alloc.h"
+#include "core/input.h"
 #include "netlist/net_list.h"
 
 #define FORMAT "hadalens-net-1"
@@ -249,6 +250,9 @@ hada_status hada_net_create_within(hada_net **out, const char *description, uint
         return hada_fail(err, HADA_ERROR_MODEL,
                          "the net's description has %zu bytes, more than the limits allow (options.limits text=N)",
                          length);
+    if (hada_json_is_bloated(description, length))
+        return hada_fail(err, HADA_ERROR_MODEL,
+                         "the net's description is not usable: it is made of little else than brackets and commas");
     root = json_loadb(description, length, JSON_REJECT_DUPLICATES, &why);
     if (!root)
         return hada_fail(err, HADA_ERROR_MODEL, "the net's description is not JSON: %s at its byte %d", why.text,

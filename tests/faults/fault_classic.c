@@ -1,13 +1,6 @@
 /* The classic methods under faults. */
 #include "fault_job.h"
 
-static void add(fault_job *job, const hada_image *image)
-{
-    const unsigned char *at = (const unsigned char *)image->data;
-    for (size_t i = 0; i < hada_image_count(image) * sizeof *image->data; i++)
-        job->sum = (job->sum ^ at[i]) * 1099511628211u;
-}
-
 static hada_status run(fault_job *job, const hada_model *model, hada_method method, hada_prior prior, hada_error *err)
 {
     hada_plan_options options;
@@ -27,7 +20,7 @@ static hada_status run(fault_job *job, const hada_model *model, hada_method meth
         status = hada_plan_run(plan, &job->frame[1][0], &result, err);
     hada_plan_destroy(&plan);
     for (int z = 0; !status && z < result.depths; z++)
-        add(job, &result.planes[z]);
+        fault_add_image(job, &result.planes[z]);
     hada_result_destroy(&result);
     return status;
 }

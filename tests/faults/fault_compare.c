@@ -10,13 +10,6 @@
 #include "core/error.h"
 #include "fault_job.h"
 
-static void add(fault_job *job, const void *data, size_t bytes)
-{
-    const unsigned char *at = data;
-    for (size_t i = 0; i < bytes; i++)
-        job->sum = (job->sum ^ at[i]) * 1099511628211u;
-}
-
 hada_status fault_stage_register(fault_job *job, hada_error *err)
 {
     const hada_image *raws = job->frame[0], *scenes = job->scene[0];
@@ -38,9 +31,9 @@ hada_status fault_stage_register(fault_job *job, hada_error *err)
     if (!status)
         status = hada_register_apply(&out, &scenes[0], &found, JOB_WINDOW, JOB_WINDOW, err);
     if (!status) {
-        add(job, &found, sizeof found);
-        add(job, where, sizeof where);
-        add(job, out.data, hada_image_count(&out) * sizeof *out.data);
+        fault_add(job, &found, sizeof found);
+        fault_add(job, where, sizeof where);
+        fault_add(job, out.data, hada_image_count(&out) * sizeof *out.data);
     }
     hada_image_destroy(&psf);
     hada_image_destroy(&out);
@@ -87,8 +80,8 @@ hada_status fault_stage_lpips(fault_job *job, hada_error *err)
     if (!status)
         status = hada_lpips_map(lpips, &job->frame[0][0], &job->frame[1][0], 1.0, &map, err);
     if (!status) {
-        add(job, &value, sizeof value);
-        add(job, map.data, hada_image_count(&map) * sizeof *map.data);
+        fault_add(job, &value, sizeof value);
+        fault_add(job, map.data, hada_image_count(&map) * sizeof *map.data);
     }
     hada_image_destroy(&map);
     hada_lpips_destroy(&lpips);

@@ -18,14 +18,14 @@
 
 static const double distances[JOB_DEPTHS] = {100.0, 300.0};
 
-static void add_bytes(fault_job *job, const void *data, size_t bytes)
+void fault_add(fault_job *job, const void *data, size_t bytes)
 {
     job->sum = XXH3_64bits_withSeed(data, bytes, job->sum);
 }
 
-static void add_image(fault_job *job, const hada_image *image)
+void fault_add_image(fault_job *job, const hada_image *image)
 {
-    add_bytes(job, image->data, hada_image_count(image) * sizeof *image->data);
+    fault_add(job, image->data, hada_image_count(image) * sizeof *image->data);
 }
 
 /* The true functions: reading what was written is not part of the stage. */
@@ -39,7 +39,7 @@ static void add_file(fault_job *job, const char *path)
     const int fd = __real_open(path, O_RDONLY);
     assert_true(fd >= 0);
     for (ssize_t got; (got = __real_read(fd, bytes, sizeof bytes)) > 0;)
-        add_bytes(job, bytes, (size_t)got);
+        fault_add(job, bytes, (size_t)got);
     __real_close(fd);
 }
 
@@ -48,7 +48,7 @@ static void path_in(const fault_job *job, char *out, const char *name)
     snprintf(out, 256, "%s/%s", job->folder, name);
 }
 
-static hada_status camera_make(hada_camera *camera, hada_error *err)
+hada_status fault_camera_make(hada_camera *camera, hada_error *err)
 {
     hada_camera_init(camera);
     camera->lenses = 7;
@@ -72,7 +72,7 @@ static hada_status simulate(fault_job *job, hada_context *context,
 {
     hada_camera camera;
     hada_simulator *simulator = NULL;
-    hada_status status = camera_make(&camera, err);
+    hada_status status = fault_camera_make(&camera, err);
     if (!status)
         status = hada_simulator_create(&simulator, context, &camera, err);
     for (int k = 0; !status && k < JOB_DEPTHS * JOB_PAIRS; k++) {
@@ -103,7 +103,7 @@ static hada_status only_look(fault_job *job, int z, int i, const hada_image *sce
     (void)i;
     (void)scene;
     (void)err;
-    add_image(job, raw);
+    fault_add_image(job, raw);
     return HADA_OK;
 }
 
@@ -140,7 +140,7 @@ static hada_status fit(fault_job *job, hada_context *context, hada_model **model
     if (!status)
         status = hada_fitter_finish(fitter, model, &scores, err);
     for (size_t i = 0; (row = hada_fit_scores_filter(scores, i)); i++)
-        add_bytes(job, row, sizeof *row);
+        fault_add(job, row, sizeof *row);
     hada_fit_scores_destroy(&scores);
     hada_fitter_destroy(&fitter);
     return status;
@@ -164,7 +164,7 @@ hada_status fault_stage_psf(fault_job *job, hada_error *err)
     hada_psf_options options;
     hada_psf_options_init(&options);
     options.window_rows = options.window_cols = JOB_WINDOW;
-    hada_status status = camera_make(&camera, err);
+    hada_status status = fault_camera_make(&camera, err);
     for (int z = 0; !status && z < JOB_DEPTHS; z++)
         status = hada_camera_psf(&camera, distances[z], &psf[z], err);
     if (!status)
@@ -174,7 +174,7 @@ hada_status fault_stage_psf(fault_job *job, hada_error *err)
     if (!status)
         status = hada_model_to_half(&half, model, err);
     if (!status)
-        add_bytes(job, &hada_model_get_info(half)->bytes, sizeof(uint64_t));
+        fault_add(job, &hada_model_get_info(half)->bytes, sizeof(uint64_t));
     hada_model_destroy(&half);
     hada_model_destroy(&matched);
     hada_model_destroy(&model);
@@ -195,9 +195,9 @@ static hada_status reconstruct(fault_job *job, hada_context *context, const hada
         status = hada_plan_run(plan, &job->frame[1][i], result, err);
     hada_plan_destroy(&plan);
     for (int z = 0; !status && z < result->depths; z++)
-        add_image(job, &result->planes[z]);
+        fault_add_image(job, &result->planes[z]);
     if (!status)
-        add_image(job, &result->all_in_focus);
+        fault_add_image(job, &result->all_in_focus);
     return status;
 }
 
@@ -234,7 +234,7 @@ static hada_status run_jobs(fault_job *job, hada_plan *plan, hada_error *err)
             status = hada_job_wait(jobs[i], err);
         hada_job_destroy(&jobs[i]);
         if (!status)
-            add_image(job, &results[i].all_in_focus);
+            fault_add_image(job, &results[i].all_in_focus);
         hada_result_destroy(&results[i]);
     }
     return status;
@@ -268,7 +268,7 @@ hada_status fault_stage_model_file(fault_job *job, hada_error *err)
     if (!status)
         status = hada_model_load(&model, path, err);
     if (!status)
-        add_bytes(job, &hada_model_get_info(model)->refine_rho, sizeof(double));
+        fault_add(job, &hada_model_get_info(model)->refine_rho, sizeof(double));
     hada_model_destroy(&model);
     return status;
 }
@@ -304,7 +304,7 @@ hada_status fault_stage_tiff(fault_job *job, hada_error *err)
         for (int z = 0; !status && z < JOB_DEPTHS; z++) {
             status = hada_tiff_load(path, z, &image, err);
             if (!status)
-                add_image(job, &image);
+                fault_add_image(job, &image);
             hada_image_destroy(&image);
         }
     }
@@ -403,6 +403,7 @@ void fault_job_begin(fault_job *job)
     *job = (fault_job){.folder = "/tmp/hadalens-faults-XXXXXX"};
     assert_non_null(mkdtemp(job->folder));
     path_in(job, job->cache, "cache");
+    snprintf(job->offline, sizeof job->offline, "%s.offline", job->folder); /* beside what stages are judged by */
     ASSERT_OK(open_context(job, &job->context, "off", err));
     ASSERT_OK(open_part(job, &job->part, err));
     ASSERT_OK(simulate(job, job->context, keep, err));
@@ -414,7 +415,7 @@ void fault_job_begin(fault_job *job)
 
 void fault_job_end(fault_job *job)
 {
-    char command[200];
+    char command[400];
     hada_result_destroy(&job->result);
     hada_model_destroy(&job->model);
     for (int k = 0; k < JOB_DEPTHS * JOB_PAIRS; k++) {
@@ -424,6 +425,6 @@ void fault_job_end(fault_job *job)
     assert_int_equal(hada_context_bytes(job->context), 0);
     hada_context_destroy(&job->context);
     hada_context_destroy(&job->part);
-    snprintf(command, sizeof command, "rm -rf '%s'", job->folder);
+    snprintf(command, sizeof command, "rm -rf '%s' '%s'", job->folder, job->offline);
     assert_int_equal(system(command), 0);
 }

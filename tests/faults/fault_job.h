@@ -2,6 +2,7 @@
 #ifndef HADA_TESTS_FAULT_JOB_H
 #define HADA_TESTS_FAULT_JOB_H
 
+#include <hadalens/camera.h>
 #include <hadalens/device.h>
 #include <hadalens/image.h>
 #include <hadalens/model.h>
@@ -12,6 +13,7 @@ enum { JOB_ROWS = 36, JOB_COLS = 44, JOB_WINDOW = 14, JOB_DEPTHS = 2, JOB_PAIRS 
 /* What the stages work on. `sum` is a checksum of all that the last stage computed. */
 typedef struct fault_job {
     char folder[128], cache[160];
+    char offline[160];            /* of binaries; made when a stage first needs it */
     hada_context *context, *part; /* the other: half a device, where it can be divided */
     hada_model *model;
     hada_result result;
@@ -24,6 +26,12 @@ typedef hada_status (*fault_stage)(fault_job *job, hada_error *err);
 /* Opens the context and computes what the stages start from. Fails the test where that does not succeed. */
 void fault_job_begin(fault_job *job);
 void fault_job_end(fault_job *job);
+
+/* Adds to the sum. */
+void fault_add(fault_job *job, const void *data, size_t bytes);
+void fault_add_image(fault_job *job, const hada_image *image);
+/* The camera of the job. */
+hada_status fault_camera_make(hada_camera *camera, hada_error *err);
 
 /* Each stage frees all it made, also when it fails. */
 hada_status fault_stage_context(fault_job *job, hada_error *err);  /* its own context: list, choice, programs, cache */
@@ -46,6 +54,11 @@ hada_status fault_stage_model_file(fault_job *job, hada_error *err);
 hada_status fault_stage_tiff(fault_job *job, hada_error *err);
 hada_status fault_stage_files(fault_job *job,
                               hada_error *err); /* fault_files.c: a folder, a camera, tuning, a data set */
+hada_status fault_stage_judging(fault_job *job, hada_error *err); /* fault_judging.c */
+hada_status fault_stage_surface(fault_job *job, hada_error *err); /* fault_surface.c */
+hada_status fault_stage_optics(fault_job *job, hada_error *err);  /* fault_optics.c */
+hada_status fault_stage_tuning(fault_job *job, hada_error *err);  /* fault_tuning.c */
+hada_status fault_stage_offline(fault_job *job, hada_error *err); /* by binaries that were made before */
 hada_status fault_stage_preview(fault_job *job, hada_error *err);
 hada_status fault_stage_clfft(fault_job *job, hada_error *err); /* transforms by the other back end */
 

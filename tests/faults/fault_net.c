@@ -6,13 +6,6 @@
 #include "fault_job.h"
 #include "net/enhance.h"
 
-static void add(fault_job *job, const void *data, size_t bytes)
-{
-    const unsigned char *at = data;
-    for (size_t i = 0; i < bytes; i++)
-        job->sum = (job->sum ^ at[i]) * 1099511628211u;
-}
-
 static hada_status make_net(const fault_job *job, hada_net **net, hada_error *err)
 {
     hada_unet_options options;
@@ -35,7 +28,7 @@ static hada_status files(fault_job *job, const hada_net *net, hada_model **with,
     if (!status)
         status = hada_net_load(&back, path, err);
     if (!status)
-        add(job, back->values, back->floats * sizeof(float));
+        fault_add(job, back->values, back->floats * sizeof(float));
     if (!status)
         status = hada_model_with_enhance(&model, job->model, back, 16, 18, err);
     if (!status)
@@ -68,7 +61,7 @@ static hada_status run_step(fault_job *job, const hada_net *net, hada_slot *slot
     if (!status)
         status = hada_buffer_read(gradients, slot, 0, host, net->trained * sizeof *host, err);
     if (!status)
-        add(job, host, net->trained * sizeof *host);
+        fault_add(job, host, net->trained * sizeof *host);
     free(host);
     return status;
 }
@@ -124,7 +117,7 @@ static hada_status enhance(fault_job *job, const hada_model *with, hada_error *e
     if (!status)
         status = hada_buffer_read(&planes, slot, 0, image.data, count * sizeof(float), err);
     if (!status)
-        add(job, image.data, count * sizeof(float));
+        fault_add(job, image.data, count * sizeof(float));
     if (slot)
         hada_slot_finish(slot, NULL);
     hada_enhance_destroy(&enhance);

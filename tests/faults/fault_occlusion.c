@@ -15,13 +15,6 @@ static hada_status camera_make(hada_camera *camera, hada_mask mask, hada_error *
     return status || mask == HADA_MASK_MLA ? status : hada_camera_set_mask(camera, mask, err);
 }
 
-static void add(fault_job *job, const hada_image *image)
-{
-    const unsigned char *at = (const unsigned char *)image->data;
-    for (size_t i = 0; i < hada_image_count(image) * sizeof *image->data; i++)
-        job->sum = (job->sum ^ at[i]) * 1099511628211u;
-}
-
 static hada_status render(fault_job *job, hada_mask mask, const hada_image *scene, const hada_image *opacity,
                           hada_error *err)
 {
@@ -36,7 +29,7 @@ static hada_status render(fault_job *job, hada_mask mask, const hada_image *scen
     if (!status)
         status = hada_simulator_render_occluded(simulator, planes, opacities, 2, -1, 0.0, 0, &raw, err);
     if (!status)
-        add(job, &raw);
+        fault_add_image(job, &raw);
     hada_image_destroy(&raw);
     hada_simulator_destroy(&simulator);
     return status;

@@ -42,6 +42,11 @@ static const struct stage {
     {"files", fault_stage_files, 100},
     {"preview", fault_stage_preview, 100},
     {"clfft", fault_stage_clfft, 6},
+    {"judging", fault_stage_judging, 30},
+    {"surface", fault_stage_surface, 30},
+    {"optics", fault_stage_optics, 10},
+    {"tuning", fault_stage_tuning, 6},
+    {"offline", fault_stage_offline, 20},
 };
 
 /* Deletes what a stage wrote and returns how many files have a name that says "half-written". */

@@ -1,4 +1,5 @@
 /* Safetensors: a file by the Python package, files of ours, damaged ones; halves. */
+#include <hadalens/limits.h>
 #include <math.h>
 
 #include "io/safetensors.h"
@@ -156,6 +157,15 @@ static void test_damaged(void **state)
         {"{\"a\":7}", 0, HADA_ERROR_FILE_FORMAT, "lacks"},
         {"{\"__metadata__\":{\"a\":7}}", 0, HADA_ERROR_FILE_FORMAT, "not a text"},
         {"{\"a\":", 0, HADA_ERROR_FILE_FORMAT, "damaged"},
+        {"{\"a\":{\"dtype\":7,\"shape\":[2],\"data_offsets\":[0,8]}}", 8, HADA_ERROR_FILE_FORMAT, "lacks"},
+        {"{\"a\":{\"dtype\":\"F32\",\"shape\":2,\"data_offsets\":[0,8]}}", 8, HADA_ERROR_FILE_FORMAT, "lacks"},
+        {"{\"a\":{\"dtype\":\"F32\",\"shape\":[2],\"data_offsets\":8}}", 8, HADA_ERROR_FILE_FORMAT, "lacks"},
+        {"{\"a\":{\"dtype\":\"F32\",\"shape\":[2],\"data_offsets\":[0,4,8]}}", 8, HADA_ERROR_FILE_FORMAT, "lacks"},
+        {"{\"a\":{\"dtype\":\"F32\",\"shape\":[2],\"data_offsets\":[0.5,8]}}", 8, HADA_ERROR_FILE_FORMAT, "ascending"},
+        {"{\"a\":{\"dtype\":\"F32\",\"shape\":[2],\"data_offsets\":[0,\"8\"]}}", 8, HADA_ERROR_FILE_FORMAT,
+         "ascending"},
+        {"{\"a\":{\"dtype\":\"F32\",\"shape\":[2],\"data_offsets\":[-8,0]}}", 8, HADA_ERROR_FILE_FORMAT, "ascending"},
+        {"{\"__metadata__\":7}", 0, HADA_ERROR_FILE_FORMAT, "not an object"},
         {"[1,2,3]", 0, HADA_ERROR_FILE_FORMAT, "not a safetensors"},
     };
     for (size_t i = 0; i < sizeof files / sizeof files[0]; i++) {
@@ -166,6 +176,101 @@ static void test_damaged(void **state)
             fail_msg("%s: status %d, \"%s\"; expected %d, \"%s\"", files[i].header, status, err.message,
                      files[i].status, files[i].word);
     }
+}
+
+/* Every type has its name and size; floats of each kind become ours, other numbers are refused by name. */
+static void test_types(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *name;
+        int bytes, is_float;
+        unsigned char one[8]; /* little-endian */
+    } types[] = {{"F32", 4, 1, {0, 0, 0x80, 0x3f}},
+                 {"F64", 8, 1, {0, 0, 0, 0, 0, 0, 0xf0, 0x3f}},
+                 {"F16", 2, 1, {0, 0x3c}},
+                 {"BF16", 2, 1, {0x80, 0x3f}},
+                 {"I8", 1, 0, {1}},
+                 {"U8", 1, 0, {1}},
+                 {"I16", 2, 0, {1}},
+                 {"U16", 2, 0, {1}},
+                 {"I32", 4, 0, {1}},
+                 {"U32", 4, 0, {1}},
+                 {"I64", 8, 0, {1}},
+                 {"U64", 8, 0, {1}},
+                 {"BOOL", 1, 0, {1}}};
+    for (size_t i = 0; i < sizeof types / sizeof *types; i++) {
+        const hada_dtype type = hada_dtype_find(types[i].name);
+        assert_int_equal(hada_dtype_bytes(type), types[i].bytes);
+        assert_string_equal(hada_dtype_name(type), types[i].name);
+        const hada_stored_tensor tensor = {
+            .name = "t", .type = type, .data = types[i].one, .bytes = (size_t)types[i].bytes};
+        hada_error err = {0};
+        float value = 7.0f;
+        const hada_status status = hada_tensor_copy_f32(&tensor, 0, 1, &value, &err);
+        assert_int_equal(status, types[i].is_float ? HADA_OK : HADA_ERROR_UNSUPPORTED);
+        if (types[i].is_float)
+            assert_true(value == 1.0f);
+        else
+            assert_non_null(strstr(err.message, types[i].name));
+        assert_int_equal(hada_tensor_copy_f32(&tensor, 2, 0, &value, &err), HADA_ERROR_SIZE);
+    }
+    assert_int_equal(hada_dtype_find("F8"), 0);
+    assert_int_equal(hada_dtype_bytes((hada_dtype)0), 0);
+    assert_null(hada_dtype_name((hada_dtype)0));
+    const hada_stored_tensor none = {.name = "t"};
+    float value;
+    assert_int_equal(hada_tensor_copy_f32(&none, 0, 1, &value, NULL), HADA_ERROR_SIZE);
+}
+
+/* Tensors without values share a place; what was declared cannot be more than a file holds. */
+static void test_places(void **state)
+{
+    (void)state;
+    hada_error err = {0};
+    static const char header[] = "{\"b\":{\"dtype\":\"F32\",\"shape\":[0],\"data_offsets\":[0,0]},"
+                                 "\"a\":{\"dtype\":\"F32\",\"shape\":[0],\"data_offsets\":[0,0]},"
+                                 "\"c\":{\"dtype\":\"F32\",\"shape\":[1],\"data_offsets\":[0,4]}}";
+    assert_int_equal(open_made(header, 4, &err), HADA_OK);
+    hada_tensors *tensors;
+    assert_int_equal(hada_tensors_open(&tensors, io_path("made.safetensors"), &err), HADA_OK);
+    static const char *const order[] = {"a", "b", "c"};
+    for (size_t i = 0; i < 3; i++)
+        assert_string_equal(hada_tensors_at(tensors, i)->name, order[i]);
+    assert_null(hada_tensors_at(tensors, 3));
+    assert_int_equal(hada_tensors_bytes(tensors), 8 + strlen(header) + 4);
+    hada_tensors_close(&tensors);
+    hada_tensors_close(&tensors);
+    hada_tensors_close(NULL);
+    hada_limits limits;
+    hada_limits_init(&limits);
+    limits.text = 100;
+    assert_int_equal(hada_limits_set(&limits, &err), HADA_OK);
+    assert_int_equal(open_made(header, 4, &err), HADA_ERROR_FILE_FORMAT);
+    assert_non_null(strstr(err.message, "options.limits text=N"));
+    assert_int_equal(hada_limits_set(NULL, &err), HADA_OK);
+    hada_tensors_writer *writer;
+    const int64_t huge[] = {INT64_MAX / 2}, negative[] = {-1}, over[] = {INT64_MAX / 2, 3};
+    assert_int_equal(hada_tensors_create(&writer, io_path("huge.safetensors"), &err), HADA_OK);
+    assert_int_equal(hada_tensors_declare(writer, "n", HADA_U8, 1, negative, &err), HADA_ERROR_ARGUMENT);
+    assert_int_equal(hada_tensors_declare(writer, "o", HADA_U8, 2, over, &err), HADA_ERROR_ARGUMENT);
+    assert_int_equal(hada_tensors_declare(writer, "d", HADA_U8, HADA_TENSOR_DIMS + 1, huge, &err), HADA_ERROR_ARGUMENT);
+    assert_int_equal(hada_tensors_declare(writer, "d", HADA_U8, -1, huge, &err), HADA_ERROR_ARGUMENT);
+    assert_int_equal(hada_tensors_declare(writer, "t", (hada_dtype)0, 1, huge, &err), HADA_ERROR_ARGUMENT);
+    assert_int_equal(hada_tensors_declare(writer, "\xff", HADA_U8, 1, huge, &err), HADA_ERROR_ARGUMENT);
+    for (int i = 0; i < 2; i++)
+        assert_int_equal(hada_tensors_declare(writer, i ? "b" : "a", HADA_U8, 1, huge, &err), HADA_OK);
+    assert_int_equal(hada_tensors_declare(writer, "c", HADA_U8, 1, huge, &err), HADA_ERROR_ARGUMENT);
+    assert_non_null(strstr(err.message, "impossible size"));
+    hada_tensors_abandon(&writer);
+    hada_tensors_abandon(&writer);
+    hada_tensors_abandon(NULL);
+    /* without tensors and words: a file all the same */
+    assert_int_equal(hada_tensors_create(&writer, io_path("none.safetensors"), &err), HADA_OK);
+    assert_int_equal(hada_tensors_finish(&writer, &err), HADA_OK);
+    assert_int_equal(hada_tensors_open(&tensors, io_path("none.safetensors"), &err), HADA_OK);
+    assert_int_equal(hada_tensors_count(tensors), 0);
+    hada_tensors_close(&tensors);
 }
 
 static void expect_bytes(const void *data, size_t bytes, hada_status status, const char *word)
@@ -255,7 +360,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_golden),  cmocka_unit_test(test_shrinking), cmocka_unit_test(test_round_trip),
         cmocka_unit_test(test_damaged), cmocka_unit_test(test_no_header), cmocka_unit_test(test_cut_and_flipped),
-        cmocka_unit_test(test_halves),
+        cmocka_unit_test(test_halves),  cmocka_unit_test(test_types),     cmocka_unit_test(test_places),
     };
     return cmocka_run_group_tests(tests, io_setup, io_teardown);
 }

@@ -1,0 +1,73 @@
+/* Measuring what is fastest and keeping it; and a device that works with binaries that were made before, as one that
+ * cannot compile. */
+#include <hadalens/tune.h>
+#include <stdio.h>
+
+#include "core/error.h"
+#include "fault_job.h"
+#include "io/folder.h"
+
+static hada_status make_net(hada_net **net, hada_error *err)
+{
+    return hada_net_create(net,
+                           "{\"format\": \"hadalens-net-1\", \"layers\": [{\"layer\": \"input\", \"channels\": 2}, "
+                           "{\"layer\": \"conv\", \"name\": \"a\", \"channels\": 2, \"kernel\": 3}]}",
+                           1, err);
+}
+
+/* What was chosen goes by times, which no sum holds. */
+hada_status fault_stage_tuning(fault_job *job, hada_error *err)
+{
+    char path[300];
+    hada_net *net = NULL;
+    hada_tune_conv_row *convs = NULL;
+    hada_tune_row row;
+    hada_context *tuned = NULL;
+    hada_context_options options;
+    size_t count = 0;
+    hada_status status = HADA_OK;
+    snprintf(path, sizeof path, "%s/tuning.bin", job->folder); /* an ending that says "whole" to the test */
+    HADA_TRY(hada_tune_fft(job->context, 8, 10, 1, &row, err));
+    HADA_TRY(hada_tune_save(job->context, path, &row, 1, err));
+    HADA_TRY(make_net(&net, err));
+    HADA_TRY(hada_tune_net(job->context, net, 12, 12, &convs, &count, err));
+    for (size_t i = 0; i < count; i++)
+        HADA_TRY(hada_tune_conv(job->context, &convs[i], 1e-6, err)); /* no time for others than what serves */
+    HADA_TRY(hada_tune_save_convs(job->context, path, convs, count, err));
+    hada_context_options_init(&options);
+    options.tuning = path;
+    options.cache = "off";
+    options.skip_self_test = 1;
+    HADA_TRY(hada_context_create(&tuned, &options, err));
+    fault_add(job, &count, sizeof count);
+done:
+    hada_context_destroy(&tuned);
+    hada_tune_convs_destroy(&convs);
+    hada_net_destroy(&net);
+    return status;
+}
+
+hada_status fault_stage_offline(fault_job *job, hada_error *err)
+{
+    hada_context *context = NULL;
+    hada_context_options options;
+    hada_plan_options plan_options;
+    hada_plan *plan = NULL;
+    hada_result result = {0};
+    hada_status status = HADA_OK;
+    if (!hada_path_is_folder(job->offline)) /* in the runs without faults that come first */
+        HADA_TRY(hada_programs_save(job->context, job->offline, err));
+    hada_context_options_init(&options);
+    options.binaries = job->offline;
+    HADA_TRY(hada_context_create(&context, &options, err));
+    hada_plan_options_init(&plan_options);
+    plan_options.refine = 0;
+    HADA_TRY(hada_plan_create(&plan, context, job->model, &plan_options, err));
+    HADA_TRY(hada_plan_run(plan, &job->frame[0][0], &result, err));
+    fault_add_image(job, &result.all_in_focus);
+done:
+    hada_plan_destroy(&plan);
+    hada_result_destroy(&result);
+    hada_context_destroy(&context);
+    return status;
+}

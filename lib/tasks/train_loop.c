@@ -19,6 +19,7 @@ typedef struct loop {
     uint64_t validate_every, show_every, save_every;
     double started;
     int without_better; /* validations since the best */
+    int whole;          /* the output holds what this training, or the one it goes on from, has written */
     hada_progress progress;
 } loop;
 
@@ -33,8 +34,9 @@ static void tell(loop *own, hada_train_event event)
         task->tell(task->user, own->state);
 }
 
-static hada_status write_output(const hada_train_work *work, hada_error *err)
+static hada_status write_output(loop *own, hada_error *err)
 {
+    const hada_train_work *work = own->work;
     hada_model *model = NULL;
     hada_net *net = NULL;
     hada_status status = HADA_OK;
@@ -45,10 +47,24 @@ static hada_status write_output(const hada_train_work *work, hada_error *err)
         HADA_TRY(hada_trainer_model(work->trainer, &model, err));
         HADA_TRY(hada_model_save(model, work->task->output, err));
     }
+    own->whole = 1;
 done:
     hada_net_destroy(&net);
     hada_model_destroy(&model);
     return status;
+}
+
+/* Whether the output can be read: a training that goes on says that its best is there. */
+static int output_is_whole(const hada_train_work *work)
+{
+    hada_model *model = NULL;
+    hada_net *net = NULL;
+    const hada_status status = work->stage == HADA_STAGE_CONVENTIONAL
+                                   ? hada_net_load(&net, work->task->output, NULL)
+                                   : hada_model_load(&model, work->task->output, NULL);
+    hada_net_destroy(&net);
+    hada_model_destroy(&model);
+    return !status;
 }
 
 /* Whether a validation is the best so far. */
@@ -76,7 +92,7 @@ static hada_status validate(loop *own, hada_error *err)
     state->better = is_better(own, state->step, result.psnr);
     tell(own, HADA_TRAIN_VALIDATED);
     if (state->better && state->keep_best)
-        HADA_TRY(write_output(own->work, err));
+        HADA_TRY(write_output(own, err));
 done:
     return status;
 }
@@ -102,7 +118,7 @@ static hada_status save(loop *own, hada_error *err)
     HADA_TRY(hada_train_figure(&own->log, err));
     HADA_TRY(hada_trainer_save(own->work->trainer, own->work->checkpoint, err));
     if (!own->state->keep_best)
-        HADA_TRY(write_output(own->work, err));
+        HADA_TRY(write_output(own, err));
 done:
     return status;
 }
@@ -217,8 +233,23 @@ static void set_up(loop *own)
                        (task->keep == HADA_KEEP_BEST || (task->keep == HADA_KEEP_AUTO && !adversarial));
     state->best_psnr = -INFINITY;
     own->started = hada_seconds();
-    for (size_t i = 0; i < own->log.row_count; i++)
+    own->whole = state->first > 0 && output_is_whole(own->work);
+    if (state->first > 0 && state->keep_best && !own->whole)
+        hada_monitor_tell(
+            task->monitor, HADA_MESSAGE_NOTE,
+            "%s holds no whole model: the best of the steps before is lost, that of those to come is kept",
+            task->output);
+    for (size_t i = 0; i < own->log.row_count && (own->whole || !state->keep_best); i++)
         is_better(own, own->log.rows[i].step, own->log.rows[i].result->psnr);
+}
+
+/* Where no validation has written the output. */
+static hada_status write_last(loop *own, hada_error *err)
+{
+    if (own->whole)
+        return HADA_OK;
+    own->state->keep_best = 0;
+    return write_output(own, err);
 }
 
 hada_status hada_train_loop(hada_train_work *work, hada_error *err)
@@ -233,8 +264,8 @@ hada_status hada_train_loop(hada_train_work *work, hada_error *err)
                                        state->steps > state->first ? (long)(state->steps - state->first) : 0);
     status = steps(&own, err);
     hada_progress_end(&own.progress);
-    if (!status && !hada_path_is_file(work->task->output))
-        status = write_output(work, err);
+    if (!status)
+        status = write_last(&own, err);
     state->step = hada_trainer_steps(work->trainer);
     state->status = status;
     tell(&own, HADA_TRAIN_ENDS);

@@ -73,6 +73,11 @@ cut -d, -f1-11 <killed.model.log/losses.csv >two
 cmp -s one two || fail 'a run that was killed now and then logged other losses'
 cmp -s whole.model.log/validation.csv killed.model.log/validation.csv || fail 'and other validations'
 find . -name '.*.hadalens-*' -delete # of those that were killed while they wrote
+# Where the best is gone, that is said, and the last takes its place.
+: >killed.model
+expect 0 'killed.model holds no whole model.*holds the parameters of the last step' "${go[@]:0:${#go[@]}-1}" \
+    -o killed.model --resume
+expect 0 '' reconstruct "$camera/test/raw/test01.tif" -m killed.model -o pictures --no-preview
 
 # Ctrl-C and SIGTERM save.
 for signal in INT TERM; do

@@ -1,5 +1,6 @@
 /* What is written appears whole or not at all: temporary names, modes, what is never replaced, signals. */
 #include <errno.h>
+#include <hadalens/camera.h>
 #include <hadalens/folder.h>
 #include <signal.h>
 #include <sys/stat.h>
@@ -75,6 +76,9 @@ static void devices_and_fifos_are_never_replaced_and_never_waited_for(void **sta
     assert_int_equal(hada_file_check_target(fifo, &err), HADA_ERROR_FILE_WRITE);
     assert_non_null(strstr(err.message, "not an ordinary file"));
     assert_int_equal(hada_file_write("/dev/null", "x", 1, &err), HADA_ERROR_FILE_WRITE);
+    hada_camera camera;
+    hada_camera_init(&camera);
+    assert_int_equal(hada_camera_save(&camera, "/dev/null", &err), HADA_ERROR_FILE_WRITE);
     const char *const unusual[] = {fifo, "/dev/zero", io_folder};
     for (size_t i = 0; i < 3; i++) {
         assert_int_equal(hada_input_read(&text, &bytes, unusual[i], 100, &code, &err), HADA_ERROR_FILE_OPEN);

@@ -133,7 +133,9 @@ static void tell_end(listener *to, const hada_train_state *state)
     if (!state->row_count)
         return;
     const hada_validation *start = state->rows[0].result;
-    if (stage_of(state) == HADA_STAGE_FILTERS || !isfinite(start->psnr_before))
+    if (!isfinite(state->best_psnr)) /* the best is lost */
+        hada_cli_say(to->cli, "The best on held-out pairs is lost.");
+    else if (stage_of(state) == HADA_STAGE_FILTERS || !isfinite(start->psnr_before))
         hada_cli_say(to->cli, "Best on held-out pairs: %.2f dB at step %llu (%.2f dB at the start)", state->best_psnr,
                      (unsigned long long)state->best_step, start->psnr);
     else

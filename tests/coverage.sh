@@ -17,7 +17,7 @@ stages=(model_file: tiff: files: preview: psf:memory net:memory net:file fit:mem
 if [ "$form" = readers ]; then
     cmake --build "$build" --target fuzz_replay test_faults "${files[@]}" >"$build/build.log"
     chosen="^(fuzz_.*|$(IFS='|' && echo "${files[*]}"))\$"
-    rooms=(io model dataset netlist core)
+    rooms=(io model dataset netlist)
 else
     cmake --build "$build" >"$build/build.log"
     chosen='^(test_|fuzz_|fault_|check_|cli_|soak)' # what measures times, or builds anew, is no test of this build

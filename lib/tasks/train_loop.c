@@ -252,6 +252,15 @@ static hada_status write_last(loop *own, hada_error *err)
     return write_output(own, err);
 }
 
+static hada_status run(loop *own, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    HADA_TRY(steps(own, err));
+    HADA_TRY(write_last(own, err));
+done:
+    return status;
+}
+
 hada_status hada_train_loop(hada_train_work *work, hada_error *err)
 {
     hada_train_state *state = &work->state;
@@ -262,10 +271,8 @@ hada_status hada_train_loop(hada_train_work *work, hada_error *err)
     set_up(&own);
     own.progress = hada_progress_begin(work->task->monitor, "steps",
                                        state->steps > state->first ? (long)(state->steps - state->first) : 0);
-    status = steps(&own, err);
+    status = run(&own, err);
     hada_progress_end(&own.progress);
-    if (!status)
-        status = write_last(&own, err);
     state->step = hada_trainer_steps(work->trainer);
     state->status = status;
     tell(&own, HADA_TRAIN_ENDS);

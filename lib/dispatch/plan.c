@@ -169,6 +169,24 @@ done:
     return status;
 }
 
+hada_status hada_plan_calls(const hada_plan *plan, hada_call_counts *counts, hada_error *err)
+{
+    hada_call_counts all = {0};
+    if (!plan || !counts)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_plan_calls: plan and counts are needed");
+    for (int i = 0; i < plan->dispatcher->worker_count; i++) {
+        const hada_calls calls = hada_pipeline_calls(plan->dispatcher->workers[i].pipeline);
+        all.launches += calls.launches;
+        all.transfers += calls.transfers;
+        all.waits += calls.waits;
+        all.arguments += calls.arguments;
+        all.bytes_up += calls.bytes_up;
+        all.bytes_down += calls.bytes_down;
+    }
+    *counts = all;
+    return HADA_OK;
+}
+
 hada_status hada_plan_kernel_times(hada_plan *plan, hada_kernel_time **rows, size_t *count, hada_error *err)
 {
     int found = 0;

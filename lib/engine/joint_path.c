@@ -156,8 +156,12 @@ static hada_status read_planes(hada_pipeline *pipeline, hada_frame *frame, int c
     const size_t values = hada_plane_values(hada_model_get_info(pipeline->setup->model));
     const hada_buffer planes = {.mem = planes_of(pipeline), .bytes = values * (size_t)count * sizeof(float)};
     hada_status status = HADA_OK;
-    for (int i = 0; i < count; i++)
-        HADA_TRY(hada_pipeline_read_plane(pipeline, frame, &planes, i, pipeline->occupied[i], err));
+    for (int i = 0, next; i < count; i = next) {
+        /* depths that follow each other, at once */
+        for (next = i + 1; next < count && pipeline->occupied[next] == pipeline->occupied[next - 1] + 1;)
+            next++;
+        HADA_TRY(hada_pipeline_read_planes(pipeline, frame, &planes, i, pipeline->occupied[i], next - i, err));
+    }
 done:
     return status;
 }

@@ -23,12 +23,8 @@ done:
 
 static hada_status read_planes(hada_pipeline *pipeline, hada_frame *frame, int first, int count, hada_error *err)
 {
-    hada_status status = HADA_OK;
     hada_slot_stage(pipeline->slot, "download");
-    for (int i = 0; i < count; i++)
-        HADA_TRY(hada_pipeline_read_plane(pipeline, frame, &pipeline->planes, i, first + i, err));
-done:
-    return status;
+    return hada_pipeline_read_planes(pipeline, frame, &pipeline->planes, 0, first, count, err);
 }
 
 /* Planes that another pipeline left in the result come into pipeline->planes. */
@@ -76,6 +72,7 @@ static hada_status others_batch(hada_pipeline *pipeline, hada_frame *frame, int 
     hada_status status = HADA_OK;
     count = count < pipeline->batch ? count : pipeline->batch;
     *next += count;
+    HADA_TRY(hada_slot_finish(pipeline->slot, err)); /* they may be this pipeline's own, still on their way */
     HADA_TRY(write_planes(pipeline, frame, first, count, err));
     HADA_TRY(push(pipeline, frame, first, count, err));
 done:
@@ -125,6 +122,8 @@ hada_status hada_pipeline_linear(hada_pipeline *pipeline, hada_frame *frame, had
     HADA_TRY(hada_pipeline_dark_planes(pipeline, frame, err)); /* the user knows that nothing is there */
     do {
         HADA_TRY(all_planes(pipeline, frame, err));
+        if (pipeline->setup->config.measured) /* their norm is asked for */
+            HADA_TRY(hada_slot_finish(pipeline->slot, err));
     } while (!hada_skip_kept(frame));
     HADA_TRY(hada_pipeline_pictures(pipeline, frame, err));
 done:
@@ -138,6 +137,7 @@ hada_status hada_pipeline_linear_batch(hada_pipeline *pipeline, hada_frame *fram
     HADA_TRY(compute(pipeline, frame, first, count, err));
     HADA_TRY(hada_pipeline_enhance(pipeline, frame, pipeline->planes.mem, count, 0, err));
     HADA_TRY(read_planes(pipeline, frame, first, count, err));
+    HADA_TRY(hada_slot_finish(pipeline->slot, err));
 done:
     return status;
 }

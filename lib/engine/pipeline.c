@@ -195,3 +195,8 @@ hada_status hada_pipeline_times(hada_pipeline *pipeline, hada_kernel_time **rows
 {
     return hada_pipeline_is_profiled(pipeline) ? hada_slot_times(pipeline->slot, rows, count, err) : HADA_OK;
 }
+
+hada_calls hada_pipeline_calls(const hada_pipeline *pipeline)
+{
+    return pipeline->slot ? pipeline->slot->calls : (hada_calls){0};
+}

@@ -34,6 +34,9 @@ hada_status hada_pipeline_profile(hada_pipeline *pipeline, int on, hada_error *e
 int hada_pipeline_is_profiled(const hada_pipeline *pipeline);
 hada_status hada_pipeline_times(hada_pipeline *pipeline, hada_kernel_time **rows, size_t *count, hada_error *err);
 
+/* What it asked of its device since it was made, or made again. */
+hada_calls hada_pipeline_calls(const hada_pipeline *pipeline);
+
 /* Bytes of device memory that a pipeline holds, without a surface, and would hold if no buffers shared memory. */
 hada_status hada_pipeline_bytes(const hada_context *context, const hada_model *model, const hada_config *config,
                                 int batch, uint64_t *bytes, uint64_t *apart, hada_error *err);

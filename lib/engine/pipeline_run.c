@@ -33,6 +33,7 @@ static hada_status all_stages(hada_pipeline *pipeline, hada_frame *frame, hada_e
                                  : hada_pipeline_linear(pipeline, frame, err));
     HADA_TRY(hada_frame_check(frame, err));
     hada_skip_fill_report(frame);
+    HADA_TRY(hada_slot_finish(pipeline->slot, err)); /* results are on their way until now */
     hada_result_apply_gamma(frame->result, setup->options.gamma);
     HADA_TRY(hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_download, err));
 done:

@@ -8,7 +8,8 @@
 
 hada_status hada_pipeline_lap(hada_pipeline *pipeline, hada_frame *frame, double *seconds, hada_error *err)
 {
-    const hada_status status = hada_slot_finish(pipeline->slot, err);
+    const hada_slot *slot = pipeline->slot;
+    const hada_status status = slot->context->info.unified_memory ? hada_slot_finish(pipeline->slot, err) : HADA_OK;
     const double now = hada_seconds();
     *seconds += now - frame->lap;
     frame->lap = now;
@@ -54,17 +55,17 @@ hada_status hada_pipeline_enhance(hada_pipeline *pipeline, hada_frame *frame, cl
     return status;
 }
 
-hada_status hada_pipeline_read_plane(hada_pipeline *pipeline, hada_frame *frame, const hada_buffer *planes, int place,
-                                     int depth, hada_error *err)
+hada_status hada_pipeline_read_planes(hada_pipeline *pipeline, hada_frame *frame, const hada_buffer *planes, int place,
+                                      int depth, int count, hada_error *err)
 {
-    const hada_image *plane = &frame->result->planes[depth];
+    const hada_image *first = &frame->result->planes[depth]; /* the others follow in the stack */
     const hada_cl_arrays *device = &frame->result->memory->device;
-    const size_t bytes = hada_image_count(plane) * sizeof *plane->data;
+    const size_t plane = hada_image_count(first) * sizeof *first->data, bytes = (size_t)count * plane;
     hada_status status = HADA_OK;
     if (device->stack)
-        HADA_TRY(hada_buffer_copy(pipeline->slot, planes->mem, (size_t)place * bytes, device->stack,
-                                  device->stack_offset + (size_t)depth * bytes, bytes, err));
-    HADA_TRY(hada_buffer_read(planes, pipeline->slot, (size_t)place * bytes, plane->data, bytes, err));
+        HADA_TRY(hada_buffer_copy(pipeline->slot, planes->mem, (size_t)place * plane, device->stack,
+                                  device->stack_offset + (size_t)depth * plane, bytes, err));
+    HADA_TRY(hada_buffer_read_later(planes, pipeline->slot, (size_t)place * plane, first->data, bytes, err));
 done:
     return status;
 }
@@ -121,9 +122,10 @@ hada_status hada_pipeline_pictures(hada_pipeline *pipeline, hada_frame *frame, h
     if (device->distance_map)
         HADA_TRY(hada_buffer_copy(pipeline->slot, pictures->mem, plane * sizeof(float), device->distance_map,
                                   device->distance_map_offset, map * sizeof(float), err));
-    HADA_TRY(hada_buffer_read(pictures, pipeline->slot, 0, result->all_in_focus.data, plane * sizeof(float), err));
-    HADA_TRY(hada_buffer_read(pictures, pipeline->slot, plane * sizeof(float), result->distance_map.data,
-                              map * sizeof(float), err));
+    HADA_TRY(
+        hada_buffer_read_later(pictures, pipeline->slot, 0, result->all_in_focus.data, plane * sizeof(float), err));
+    HADA_TRY(hada_buffer_read_later(pictures, pipeline->slot, plane * sizeof(float), result->distance_map.data,
+                                    map * sizeof(float), err));
 done:
     return status;
 }

@@ -45,7 +45,8 @@ hada_status hada_pipeline_room(const hada_context *context, const hada_model *mo
 hada_status hada_pipeline_ready(hada_pipeline *pipeline, hada_error *err);
 void hada_pipeline_clear(hada_pipeline *pipeline);
 
-/* Waits for the queue and adds the time since the last call to *seconds. */
+/* Adds the time since the last call to *seconds. Waits for the queue first where that costs next to nothing, on devices
+ * that work in the host's memory; elsewhere stages run into each other. */
 hada_status hada_pipeline_lap(hada_pipeline *pipeline, hada_frame *frame, double *seconds, hada_error *err);
 
 /* Makes the Hadamard stage leave out what the frame does not need. */
@@ -59,10 +60,11 @@ hada_status hada_pipeline_load(hada_pipeline *pipeline, hada_frame *frame, hada_
 hada_status hada_pipeline_enhance(hada_pipeline *pipeline, hada_frame *frame, cl_mem planes, int count, int together,
                                   hada_error *err);
 
-/* Plane number `place` of those that stand one after the other, into the result as that of a depth; with the caller's
- * buffer on the device, where there is one. */
-hada_status hada_pipeline_read_plane(hada_pipeline *pipeline, hada_frame *frame, const hada_buffer *planes, int place,
-                                     int depth, hada_error *err);
+/* `count` planes, from number `place` on of those that stand one after the other, into the result as those of as many
+ * depths from `depth` on; with the caller's buffer on the device, where there is one. Enqueued: they are there once the
+ * slot is waited for. */
+hada_status hada_pipeline_read_planes(hada_pipeline *pipeline, hada_frame *frame, const hada_buffer *planes, int place,
+                                      int depth, int count, hada_error *err);
 
 /* Zeros for the depths of the result that are not occupied. */
 hada_status hada_pipeline_dark_planes(hada_pipeline *pipeline, hada_frame *frame, hada_error *err);
@@ -70,7 +72,7 @@ hada_status hada_pipeline_dark_planes(hada_pipeline *pipeline, hada_frame *frame
 /* For a frame that no depth explains: everything dark, no distance anywhere. */
 hada_status hada_pipeline_no_pictures(hada_pipeline *pipeline, hada_frame *frame, hada_error *err);
 
-/* All-in-focus image and distance map from what was pushed to the focus, into the result. */
+/* All-in-focus image and distance map from what was pushed to the focus, into the result; enqueued as well. */
 hada_status hada_pipeline_pictures(hada_pipeline *pipeline, hada_frame *frame, hada_error *err);
 
 /* The two paths from a loaded frame to its result: linear filters, depths in batches; or the occupied depths jointly,

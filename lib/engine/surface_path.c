@@ -127,7 +127,7 @@ static hada_status read_planes(hada_pipeline *pipeline, hada_frame *frame, hada_
     for (int z = 0; z < depths; z++) {
         report->occupied_count += occupied[z];
         if (occupied[z])
-            HADA_TRY(hada_pipeline_read_plane(pipeline, frame, &planes, z, z, err));
+            HADA_TRY(hada_pipeline_read_planes(pipeline, frame, &planes, z, z, 1, err));
     }
     HADA_TRY(hada_pipeline_dark_planes(pipeline, frame, err));
 done:

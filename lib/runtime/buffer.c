@@ -111,6 +111,7 @@ void hada_buffer_destroy(hada_buffer *buffer)
 {
     if (!buffer || !buffer->mem)
         return;
+    atomic_fetch_add(&buffer->context->releases, 1);
     clReleaseMemObject(buffer->mem);
     pthread_mutex_lock(&buffer->context->lock);
     buffer->context->bytes -= buffer->part ? 0 : buffer->bytes;
@@ -118,32 +119,58 @@ void hada_buffer_destroy(hada_buffer *buffer)
     *buffer = (hada_buffer){0};
 }
 
-hada_status hada_buffer_write(hada_buffer *buffer, hada_slot *slot, size_t offset, const void *data, size_t bytes,
-                              hada_error *err)
+static hada_status enqueue_write(const hada_buffer *buffer, hada_slot *slot, cl_bool blocking, size_t offset,
+                                 const void *data, size_t bytes, hada_error *err)
 {
     hada_status status = check_range(buffer, offset, bytes, err);
     if (status || !bytes)
         return status;
     cl_int code =
-        clEnqueueWriteBuffer(slot->queue, buffer->mem, CL_TRUE, offset, bytes, data, 0, NULL, hada_slot_event(slot));
+        clEnqueueWriteBuffer(slot->queue, buffer->mem, blocking, offset, bytes, data, 0, NULL, hada_slot_event(slot));
     if (code != CL_SUCCESS)
         return hada_fail_cl(err, code, "clEnqueueWriteBuffer");
+    slot->calls.waits += blocking == CL_TRUE;
     hada_slot_moved(slot, "write", (double)bytes);
+    return HADA_OK;
+}
+
+hada_status hada_buffer_write(hada_buffer *buffer, hada_slot *slot, size_t offset, const void *data, size_t bytes,
+                              hada_error *err)
+{
+    return enqueue_write(buffer, slot, CL_TRUE, offset, data, bytes, err);
+}
+
+hada_status hada_buffer_write_later(hada_buffer *buffer, hada_slot *slot, size_t offset, const void *data, size_t bytes,
+                                    hada_error *err)
+{
+    return enqueue_write(buffer, slot, CL_FALSE, offset, data, bytes, err);
+}
+
+static hada_status enqueue_read(const hada_buffer *buffer, hada_slot *slot, cl_bool blocking, size_t offset, void *data,
+                                size_t bytes, hada_error *err)
+{
+    hada_status status = check_range(buffer, offset, bytes, err);
+    if (status || !bytes)
+        return status;
+    cl_int code =
+        clEnqueueReadBuffer(slot->queue, buffer->mem, blocking, offset, bytes, data, 0, NULL, hada_slot_event(slot));
+    if (code != CL_SUCCESS)
+        return hada_fail_cl(err, code, "clEnqueueReadBuffer");
+    slot->calls.waits += blocking == CL_TRUE;
+    hada_slot_moved(slot, "read", (double)bytes);
     return HADA_OK;
 }
 
 hada_status hada_buffer_read(const hada_buffer *buffer, hada_slot *slot, size_t offset, void *data, size_t bytes,
                              hada_error *err)
 {
-    hada_status status = check_range(buffer, offset, bytes, err);
-    if (status || !bytes)
-        return status;
-    cl_int code =
-        clEnqueueReadBuffer(slot->queue, buffer->mem, CL_TRUE, offset, bytes, data, 0, NULL, hada_slot_event(slot));
-    if (code != CL_SUCCESS)
-        return hada_fail_cl(err, code, "clEnqueueReadBuffer");
-    hada_slot_moved(slot, "read", (double)bytes);
-    return HADA_OK;
+    return enqueue_read(buffer, slot, CL_TRUE, offset, data, bytes, err);
+}
+
+hada_status hada_buffer_read_later(const hada_buffer *buffer, hada_slot *slot, size_t offset, void *data, size_t bytes,
+                                   hada_error *err)
+{
+    return enqueue_read(buffer, slot, CL_FALSE, offset, data, bytes, err);
 }
 
 hada_status hada_buffer_map(const hada_buffer *buffer, hada_slot *slot, void **data, hada_error *err)
@@ -155,6 +182,7 @@ hada_status hada_buffer_map(const hada_buffer *buffer, hada_slot *slot, void **d
         *data = NULL;
         return hada_fail_cl(err, code, "clEnqueueMapBuffer");
     }
+    slot->calls.waits++;
     hada_slot_moved(slot, "map", (double)buffer->bytes);
     return HADA_OK;
 }

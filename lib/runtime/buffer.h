@@ -37,6 +37,13 @@ hada_status hada_buffer_write(hada_buffer *buffer, hada_slot *slot, size_t offse
 hada_status hada_buffer_read(const hada_buffer *buffer, hada_slot *slot, size_t offset, void *data, size_t bytes,
                              hada_error *err);
 
+/* A read that is enqueued, not waited for: hada_slot_finish() says that it is done, and until then `data` stays. */
+hada_status hada_buffer_read_later(const hada_buffer *buffer, hada_slot *slot, size_t offset, void *data, size_t bytes,
+                                   hada_error *err);
+/* The same for a write: `data` stays as it is until a later call waited for the slot. */
+hada_status hada_buffer_write_later(hada_buffer *buffer, hada_slot *slot, size_t offset, const void *data, size_t bytes,
+                                    hada_error *err);
+
 /* The whole buffer as memory of the host, to read and write, until it is unmapped (enqueued); waits for what is in the
  * queue. On devices whose memory is the host's nothing is copied. */
 hada_status hada_buffer_map(const hada_buffer *buffer, hada_slot *slot, void **data, hada_error *err);

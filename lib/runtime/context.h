@@ -6,6 +6,7 @@
 #include <CL/cl.h>
 #include <hadalens/device.h>
 #include <pthread.h>
+#include <stdatomic.h>
 
 #include "core/error.h"
 
@@ -42,6 +43,8 @@ struct hada_context {
     hada_log_function log;
     void *log_user;
     hada_log_level log_level;
+
+    atomic_ulong releases; /* of buffers: a handle may then come back for another one */
 
     pthread_mutex_t lock; /* guards what is below */
     uint64_t bytes, peak_bytes;

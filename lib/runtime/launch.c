@@ -1,7 +1,9 @@
 #include "runtime/launch.h"
 
+#include <stdlib.h>
 #include <string.h>
 
+#include "core/alloc.h"
 #include "core/monitor.h"
 #include "runtime/profile.h"
 
@@ -30,29 +32,26 @@ hada_status hada_program_prepare(hada_slot *slot, const hada_kernel_file *file, 
 }
 
 /* The slot's own kernel object. */
-static hada_status object_of(hada_slot *slot, const hada_kernel *kernel, int program, cl_kernel *out, hada_error *err)
+static hada_status object_of(hada_slot *slot, const hada_kernel *kernel, int program, hada_kernel_object **out,
+                             hada_error *err)
 {
     const hada_kernel_file *file = kernel->file;
-    hada_status status = check_program(file, program, err);
-    if (status)
-        return status;
-    cl_kernel *object = &slot->kernels[file->first_object + program * file->kernel_count + kernel->index];
-    if (!*object) {
-        cl_program built;
-        cl_int code;
-        status = hada_program_get(slot->context, file->name, file->programs[program].macros, &built, err);
-        if (status)
-            return status;
-        *object = clCreateKernel(built, kernel->name, &code);
-        if (code != CL_SUCCESS) {
-            *object = NULL;
-            status = hada_fail_cl(err, code, "clCreateKernel");
-            hada_error_prefix(err, "kernel %s of %s.cl: ", kernel->name, file->name);
-            return status;
-        }
+    cl_program built;
+    cl_int code;
+    hada_status status = HADA_OK;
+    HADA_TRY(check_program(file, program, err));
+    *out = &slot->kernels[file->first_object + program * file->kernel_count + kernel->index];
+    if ((*out)->cl)
+        goto done;
+    HADA_TRY(hada_program_get(slot->context, file->name, file->programs[program].macros, &built, err));
+    (*out)->cl = clCreateKernel(built, kernel->name, &code);
+    if (code != CL_SUCCESS) {
+        (*out)->cl = NULL;
+        status = hada_fail_cl(err, code, "clCreateKernel");
+        hada_error_prefix(err, "kernel %s of %s.cl: ", kernel->name, file->name);
     }
-    *out = *object;
-    return HADA_OK;
+done:
+    return status;
 }
 
 static cl_int set_argument(cl_kernel object, cl_uint index, const hada_kernel_parameter *parameter, const void *value)
@@ -68,18 +67,60 @@ static cl_int set_argument(cl_kernel object, cl_uint index, const hada_kernel_pa
     }
 }
 
-static hada_status set_arguments(cl_kernel object, const hada_kernel *kernel, const void *args, hada_error *err)
+static size_t bytes_of(const hada_kernel *kernel)
 {
+    size_t bytes = 0;
+    for (int i = 0; i < kernel->parameter_count; i++) {
+        const size_t end = kernel->parameters[i].offset + kernel->parameters[i].size;
+        bytes = end > bytes ? end : bytes;
+    }
+    return bytes;
+}
+
+/* Whether the object was given this value last. */
+static int is_set(const hada_kernel_object *object, const hada_kernel_parameter *parameter, const void *args, int stale)
+{
+    const int buffer =
+        parameter->kind == HADA_KERNEL_PARAMETER_BUFFER || parameter->kind == HADA_KERNEL_PARAMETER_EITHER;
+    return !(buffer && stale) &&
+           !memcmp(object->args + parameter->offset, (const char *)args + parameter->offset, parameter->size);
+}
+
+/* What the object has is not known while it is being set: after a failure all arguments are set anew. */
+static hada_status set_arguments(hada_slot *slot, hada_kernel_object *object, const hada_kernel *kernel,
+                                 const void *args, hada_error *err)
+{
+    const size_t bytes = bytes_of(kernel);
+    const unsigned long releases = atomic_load(&slot->context->releases);
+    const int stale = releases != object->releases;
+    char *known = NULL;
+    hada_status status = HADA_OK;
+    if (!object->args)
+        HADA_TRY(hada_alloc((void **)&known, bytes + 1, 1, "a kernel's arguments", err));
     for (int i = 0; i < kernel->parameter_count; i++) {
         const hada_kernel_parameter *parameter = &kernel->parameters[i];
-        const cl_int code = set_argument(object, (cl_uint)i, parameter, (const char *)args + parameter->offset);
+        if (object->args && is_set(object, parameter, args, stale))
+            continue;
+        slot->calls.arguments++;
+        const cl_int code = set_argument(object->cl, (cl_uint)i, parameter, (const char *)args + parameter->offset);
         if (code != CL_SUCCESS) {
-            hada_status status = hada_fail_cl(err, code, "clSetKernelArg");
+            status = hada_fail_cl(err, code, "clSetKernelArg");
             hada_error_prefix(err, "kernel %s, argument %d: ", kernel->name, i);
-            return status;
+            goto done;
         }
     }
-    return HADA_OK;
+    if (known)
+        object->args = known;
+    known = NULL;
+    memcpy(object->args, args, bytes);
+    object->releases = releases;
+done:
+    if (status) {
+        free(known);
+        free(object->args);
+        object->args = NULL;
+    }
+    return status;
 }
 
 /* Launches that may be in flight when a monitor is asked: what is left of a long computation takes a part of a second
@@ -104,22 +145,23 @@ done:
 hada_status hada_launch(hada_slot *slot, const hada_kernel *kernel, int program, const hada_range *range,
                         const void *args, hada_error *err)
 {
-    cl_kernel object = NULL;
+    hada_kernel_object *object = NULL;
     hada_status status = HADA_OK;
     HADA_TRY(may_go_on(slot, err));
     HADA_TRY(object_of(slot, kernel, program, &object, err));
-    HADA_TRY(set_arguments(object, kernel, args, err));
+    HADA_TRY(set_arguments(slot, object, kernel, args, err));
     if (!range->global[0] || !range->global[1] || !range->global[2]) { /* nothing to do */
         hada_slot_cost(slot, 0, 0);
         return HADA_OK;
     }
-    const cl_int code = clEnqueueNDRangeKernel(slot->queue, object, 3, NULL, range->global, range->local, 0, NULL,
+    const cl_int code = clEnqueueNDRangeKernel(slot->queue, object->cl, 3, NULL, range->global, range->local, 0, NULL,
                                                hada_slot_event(slot));
     if (code != CL_SUCCESS) {
         status = hada_fail_cl(err, code, "clEnqueueNDRangeKernel");
         hada_error_prefix(err, "kernel %s: ", kernel->name);
         return status;
     }
+    slot->calls.launches++;
     if (slot->profile)
         hada_profile_add(slot, kernel->name, 0, NULL, slot->event);
 done:

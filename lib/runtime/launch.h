@@ -67,10 +67,22 @@ hada_status hada_program_prepare(hada_slot *slot, const hada_kernel_file *file, 
 /* The program of a file whose macros have these values, in the order of the file's table; negative: there is none. */
 int hada_program_find(const hada_kernel_file *file, const int *values);
 
-/* Sets all arguments and enqueues; launch/FILE.h calls it. `args` is the kernel's own struct. A range without
- * work-items is no error. */
+/* Sets the arguments that are not those of the object's last launch and enqueues; launch/FILE.h calls it. `args` is the
+ * kernel's own struct. A range without work-items is no error. */
 hada_status hada_launch(hada_slot *slot, const hada_kernel *kernel, int program, const hada_range *range,
                         const void *args, hada_error *err);
+
+/* A kernel object with the arguments that it was given last. Those that are buffers count only as long as no buffer of
+ * the context is released: a driver may give another one the same handle. */
+struct hada_kernel_object {
+    cl_kernel cl; /* NULL until first launched */
+    char *args;   /* the kernel's struct; NULL: not known */
+    unsigned long releases;
+};
+
+/* A slot's kernel objects: room for all of them; and their end, which the queue must be done with. */
+hada_status hada_kernel_objects_create(hada_slot *slot, hada_error *err);
+void hada_kernel_objects_destroy(hada_slot *slot);
 
 /* Structs that are only ever filled by name. */
 #if defined(__GNUC__) && !defined(__clang__)

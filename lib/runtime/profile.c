@@ -74,8 +74,14 @@ static void destroy(hada_slot *slot)
 hada_status hada_slot_profile(hada_slot *slot, int on, hada_error *err)
 {
     destroy(slot);
+    hada_status status = HADA_OK;
     slot->cost_bytes = slot->cost_flops = 0;
-    return on ? hada_alloc((void **)&slot->profile, 1, sizeof *slot->profile, "a profile", err) : HADA_OK;
+    if (!on)
+        return HADA_OK;
+    HADA_TRY(hada_slot_time(slot, err));
+    HADA_TRY(hada_alloc((void **)&slot->profile, 1, sizeof *slot->profile, "a profile", err));
+done:
+    return status;
 }
 
 /* The row of a stage and name, made where there is none. */
@@ -160,6 +166,9 @@ hada_status hada_slot_times(hada_slot *slot, hada_kernel_time **rows, size_t *co
 
 void hada_slot_moved(hada_slot *slot, const char *name, double bytes)
 {
+    slot->calls.transfers++;
+    slot->calls.bytes_up += strcmp(name, "write") ? 0 : bytes;
+    slot->calls.bytes_down += strcmp(name, "read") ? 0 : bytes;
     if (!slot->profile)
         return;
     hada_slot_cost(slot, bytes, 0);

@@ -11,15 +11,24 @@
 #include "core/round.h"
 #include "runtime/context.h"
 
-typedef struct hada_profile hada_profile; /* runtime/profile.h */
+typedef struct hada_profile hada_profile;             /* runtime/profile.h */
+typedef struct hada_kernel_object hada_kernel_object; /* runtime/launch.h */
+
+/* What was asked of the device so far. */
+typedef struct hada_calls {
+    uint64_t launches, transfers, waits, arguments;
+    double bytes_up, bytes_down;
+} hada_calls;
 
 typedef struct hada_slot {
     hada_context *context;
     cl_command_queue queue;
-    cl_kernel *kernels;    /* its own, of all programs; NULL until first launched (runtime/launch.c) */
-    hada_profile *profile; /* NULL: off */
-    const char *stage;     /* what the slot works at, for profiles; a constant text or NULL */
+    int timed; /* 1: the queue keeps the times of its events; some drivers then take longer over each command */
+    hada_kernel_object *kernels; /* its own, of all programs, made when first launched */
+    hada_profile *profile;       /* NULL: off */
+    const char *stage;           /* what the slot works at, for profiles; a constant text or NULL */
     double cost_bytes, cost_flops;
+    hada_calls calls;
     cl_event event;
     const atomic_int *cancelled; /* where set and not 0, launches are refused: HADA_ERROR_CANCELLED */
     const hada_monitor *monitor; /* NULL: nobody is asked */
@@ -43,6 +52,13 @@ static inline void hada_slot_watch(hada_slot *slot, const hada_monitor *monitor)
     slot->monitor = monitor;
     slot->unasked = 0;
 }
+
+/* Gives a slot without a queue one; timed: it keeps the times of its events. And takes it away, when it is done. */
+hada_status hada_slot_open(hada_slot *slot, int timed, hada_error *err);
+void hada_slot_close(hada_slot *slot);
+
+/* From now on the queue keeps the times of its events: another one, the first time. Waits for what is in flight. */
+hada_status hada_slot_time(hada_slot *slot, hada_error *err);
 
 /* Waits until everything in the queue is done. */
 hada_status hada_slot_finish(hada_slot *slot, hada_error *err);

@@ -77,7 +77,7 @@ static int program_ran(const hada_slot *slot, const hada_kernel_file *file, int 
     if (!strcmp(file->name, "selftest"))
         return ran("selftest_sum");
     for (int k = 0; k < file->kernel_count; k++)
-        if (launched_object(slot->kernels[file->first_object + program * file->kernel_count + k]))
+        if (launched_object(slot->kernels[file->first_object + program * file->kernel_count + k].cl))
             return 1;
     return was_noted("program", file->name, file->programs[program].macros);
 }

@@ -296,6 +296,9 @@ def test_plans_tell(model: hadalens.Model, raw: Array) -> None:
     assert plan.queues[0].frames == 1
     times = plan.kernel_times()
     assert any(row.stage == "linear" for row in times)
+    calls = plan.calls()
+    assert calls.launches >= len(times) / 2
+    assert calls.bytes_up >= raw.size * 4
     plan.profile(False)
     assert plan.run(raw).distances_mm.shape == (4,)
 

@@ -97,6 +97,7 @@ def test_enumerations_have_words() -> None:
         (hadalens.NetInfo, "hada_net_info", set()),
         (hadalens.QueueInfo, "hada_queue_info", set()),
         (hadalens.KernelTime, "hada_kernel_time", set()),
+        (hadalens.CallCounts, "hada_call_counts", set()),
         (hadalens.FilterScore, "hada_fit_filter_score", {"lambda"}),
         (hadalens.OutsideScore, "hada_fit_outside_score", set()),
         (hadalens.RefineScore, "hada_fit_refine_score", set()),

@@ -186,6 +186,22 @@ static void peaks_are_plausible(void **state)
     assert_int_equal(hada_device_peaks(NULL, &copy, &flops, &error), HADA_ERROR_ARGUMENT);
 }
 
+static void costs_of_calls_are_plausible(void **state)
+{
+    hada_context *context;
+    double launch = 0, wait = -1, rate = 0;
+    hada_error error;
+    (void)state;
+    ASSERT_OK(hada_context_create(&context, NULL, err));
+    ASSERT_OK(hada_device_call_costs(context, &launch, &wait, &rate, err));
+    assert_true(launch > 1e-8 && launch < 1e-1);
+    assert_true(wait >= 0 && wait < 1);
+    assert_true(rate > 1e7);
+    ASSERT_OK(hada_device_call_costs(context, NULL, NULL, NULL, err));
+    assert_int_equal(hada_device_call_costs(NULL, &launch, &wait, &rate, &error), HADA_ERROR_ARGUMENT);
+    hada_context_destroy(&context);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -193,6 +209,7 @@ int main(void)
         cmocka_unit_test(launches_are_counted_by_stage),
         cmocka_unit_test(another_librarys_commands_have_a_row),
         cmocka_unit_test(peaks_are_plausible),
+        cmocka_unit_test(costs_of_calls_are_plausible),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -27,6 +27,30 @@ static sums of_stage(const hada_kernel_time *rows, size_t count, const char *sta
     return s;
 }
 
+/* Frames that are the same ask for the same. */
+static void same_calls(hada_plan *plan, const hada_image *raw, hada_result *result)
+{
+    hada_call_counts counts[3];
+    hada_error error;
+    for (int i = 0; i < 3; i++) {
+        ASSERT_OK(hada_plan_calls(plan, &counts[i], err));
+        ASSERT_OK(hada_plan_run(plan, raw, result, err));
+    }
+    const uint64_t launches = counts[2].launches - counts[1].launches;
+    assert_true(launches >= 5);
+    assert_int_equal(launches, counts[1].launches - counts[0].launches);
+    assert_int_equal(counts[2].waits - counts[1].waits, counts[1].waits - counts[0].waits);
+    assert_int_equal(counts[2].transfers - counts[1].transfers, counts[1].transfers - counts[0].transfers);
+    /* the frame goes up, the planes and pictures come down */
+    const double up = (double)hada_image_count(raw) * sizeof(float);
+    const double down = (double)(hada_image_count(&result->planes[0]) + hada_image_count(&result->all_in_focus) +
+                                 hada_image_count(&result->distance_map)) *
+                        sizeof(float);
+    assert_true(counts[2].bytes_up - counts[1].bytes_up >= up);
+    assert_true(counts[2].bytes_down - counts[1].bytes_down >= down);
+    assert_int_equal(hada_plan_calls(NULL, &counts[0], &error), HADA_ERROR_ARGUMENT);
+}
+
 static void run(const learned_camera *learned, int refine, const char *const *stages, int frames)
 {
     const int depths[2] = {0, 3};
@@ -79,6 +103,7 @@ static void run(const learned_camera *learned, int refine, const char *const *st
     ASSERT_OK(hada_plan_run(plan, &raw, &profiled, err));
     assert_int_equal(hada_plan_kernel_times(plan, &rows, &count, &error), HADA_ERROR_STATE);
     assert_null(rows);
+    same_calls(plan, &raw, &profiled);
     hada_plan_destroy(&plan);
     hada_result_destroy(&plain);
     hada_result_destroy(&profiled);

@@ -71,7 +71,7 @@ from .files import (
 from .focus import FocusReport, focus_stack
 from .model import Model, ModelInfo
 from .net import Net, NetInfo, NetRunner
-from .plan import KernelTime, Plan, QueueInfo
+from .plan import CallCounts, KernelTime, Plan, QueueInfo
 from .result import Report, Result, SkipReport
 
 __version__ = text(lib.hada_version())
@@ -80,6 +80,7 @@ __all__ = [
     "ArgumentError",
     "Augment",
     "BuildError",
+    "CallCounts",
     "Camera",
     "CancelledError",
     "Classic",

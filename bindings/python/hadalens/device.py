@@ -213,6 +213,12 @@ class Context(Handle):
         call(lib.hada_device_peaks, self._c, copy, flops)
         return copy[0], flops[0]
 
+    def call_costs(self) -> tuple[float, float, float]:
+        """Measure what calls cost: seconds of a launch and of a wait, bytes per second of a write to the device."""
+        launch, wait, write = ffi.new("double *"), ffi.new("double *"), ffi.new("double *")
+        call(lib.hada_device_call_costs, self._c, launch, wait, write)
+        return launch[0], wait[0], write[0]
+
     def __repr__(self) -> str:
         """Return the device's name."""
         return "Context(closed)" if self._owner is None else f"Context({self.device.name!r})"

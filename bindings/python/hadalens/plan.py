@@ -43,6 +43,18 @@ class KernelTime:
     flops: float
 
 
+@dataclass(frozen=True)
+class CallCounts:
+    """What a plan asked of its devices so far: calls, and bytes that went up and came down."""
+
+    launches: int
+    transfers: int
+    waits: int
+    arguments: int
+    bytes_up: float
+    bytes_down: float
+
+
 class Plan(Handle):
     """A model on one or more devices, ready to reconstruct frames. Any thread may hand frames in.
 
@@ -298,6 +310,12 @@ class Plan(Handle):
         times = [record(KernelTime, rows[0][i]) for i in range(count[0])]
         lib.hada_kernel_times_destroy(rows)
         return times
+
+    def calls(self) -> CallCounts:
+        """Return what was asked of the devices since the plan was made; the difference of two is a frame's."""
+        counts = ffi.new("hada_call_counts *")
+        call(lib.hada_plan_calls, self._c, counts)
+        return record(CallCounts, counts)
 
     def __repr__(self) -> str:
         """Return the shape of the stacks."""

@@ -33,7 +33,8 @@ HADA_API cl_context hada_context_cl_context(const hada_context *context);
 HADA_API cl_device_id hada_context_cl_device(const hada_context *context);
 
 /* The in-order queue that a queue of a plan works on (0 <= index < hada_plan_queues()), while the plan is there; NULL
- * where it has none now. Commands may be enqueued in it while no frame runs. */
+ * where it has none now, and another one after hada_plan_profile(). Commands may be enqueued in it while no frame runs.
+ */
 HADA_API cl_command_queue hada_plan_cl_queue(const hada_plan *plan, int index);
 
 /* A frame on the device. Begin with hada_cl_frame_init(). */

@@ -40,6 +40,25 @@ HADA_API hada_status hada_plan_kernel_times(hada_plan *plan, hada_kernel_time **
 /* Frees the rows and clears the pointer; NULL is fine. */
 HADA_API void hada_kernel_times_destroy(hada_kernel_time **rows);
 
+/* What a plan asked of its devices; always counted. The time of a frame on a quick device is bound by these calls as
+ * much as by its arithmetic. */
+typedef struct hada_call_counts {
+    uint64_t launches;           /* of kernels; those of clFFT are not seen */
+    uint64_t transfers;          /* reads, writes, fills, copies, maps */
+    uint64_t waits;              /* of the host, for a device */
+    uint64_t arguments;          /* of kernels, set where they change */
+    double bytes_up, bytes_down; /* from host to device, and back */
+} hada_call_counts;
+
+/* Since the plan was made, by all its queues together. */
+HADA_API hada_status hada_plan_calls(const hada_plan *plan, hada_call_counts *counts, hada_error *err);
+
+/* Measures what calls cost on a context's device, in a fraction of a second: the launch of a kernel that does next to
+ * nothing, among many; what it takes longer where the host waits for it; and the traffic of a large write to the
+ * device. The best of several runs. Any pointer may be NULL. */
+HADA_API hada_status hada_device_call_costs(hada_context *context, double *launch_seconds, double *wait_seconds,
+                                            double *write_bytes_per_second, hada_error *err);
+
 /* Measures the ceilings of a context's device by kernels made for it, in a second or two: the traffic of a copy
  * that is larger than caches (bytes read plus bytes written), and float32 arithmetic in registers (a fused multiply-add
  * counts as two). The best of several runs, since a ceiling is wanted. Either pointer may be NULL. */

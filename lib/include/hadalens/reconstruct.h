@@ -126,7 +126,9 @@ typedef struct hada_skip_report {
     int recomputed;       /* 1: a bound did not hold when the result was known; the frame was done again in full */
 } hada_skip_report;
 
-/* What happened, with the seconds of each stage. The library's own: later versions may append to it. */
+/* What happened, with the seconds of each stage: on a device with memory of its own, stages run into each other, and
+ * these are the host's; what each takes of the device, hadalens/profile.h says. The library's own: later versions may
+ * append to it. */
 typedef struct hada_report {
     int occupied_count;
     const unsigned char *occupied; /* per computed depth */

@@ -7,20 +7,6 @@
 #include "shared_classic.h"
 #include "shared_local.h"
 
-FFT_INLINE fft_columns image_block(__global float *images, size_t number, int row0, int rows)
-{
-    fft_columns columns;
-    __global float *start = images + number * (size_t)rows * 16;
-    columns.in = start - row0 * 16;
-    columns.out = start;
-    columns.first = row0;
-    columns.count = rows;
-    columns.last = INT_MAX;
-    columns.row0 = row0;
-    columns.rows_out = rows;
-    return columns;
-}
-
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 classic_columns(__global float *planes, __global float *frames, __global const float *otf, __global const int *list,
                 hada_classic_columns job, __global const int *table, __local STATED_SIZE float8 *scratch)
@@ -32,14 +18,15 @@ classic_columns(__global float *planes, __global float *frames, __global const f
     const float sign = back ? -1.0f : 1.0f;
     const size_t image = (size_t)blocks * n * 16; /* floats of a transfer function */
     __global const float *h = otf + 2 * job.otf_offset + channel * image + block * (size_t)n * 16;
-    const fft_columns frame = image_block(frames, (size_t)channel * blocks + block, job.frame_row0, job.frame_rows);
+    const fft_columns frame =
+        fft_window_block(frames, (size_t)channel * blocks + block, job.frame_row0, job.frame_rows);
     __local float8 *other = scratch + 2 * n;
 
     if (back && depths > 1)
         fft_enter(&frame, scratch, table, floats, stages);
     for (int s = 0; s < depths; ++s) {
         const fft_columns plane =
-            image_block(planes, ((size_t)s * channels + channel) * blocks + block, job.plane_row0, job.plane_rows);
+            fft_window_block(planes, ((size_t)s * channels + channel) * blocks + block, job.plane_row0, job.plane_rows);
         __global const float *here = h + (size_t)list[s] * channels * image;
         if (depths == 1) {
             fft_enter(back ? &frame : &plane, scratch, table, floats, stages - 1);

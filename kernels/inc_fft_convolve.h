@@ -7,6 +7,21 @@
 
 #include "inc_fft_cols.h"
 
+/* Block `number` of those that hold some rows of a column alone, from row0 on, where it is read and written. */
+FFT_INLINE fft_columns fft_window_block(__global float *blocks, size_t number, int row0, int rows)
+{
+    fft_columns columns;
+    __global float *start = blocks + number * (size_t)rows * 16;
+    columns.in = start - row0 * 16;
+    columns.out = start;
+    columns.first = row0;
+    columns.count = rows;
+    columns.last = INT_MAX;
+    columns.row0 = row0;
+    columns.rows_out = rows;
+    return columns;
+}
+
 /* Input to scratch and through the stages 1 .. last-1. */
 FFT_INLINE void fft_enter(const fft_columns *columns, FFT_MEM float8 *scratch, __global const int *table,
                           __global const float *floats, int last)

@@ -61,6 +61,15 @@ HADA_SHARED_SIZE(hada_refine_crop, 20)
 /* Pixels that an item of refine_dct_colours takes in lanes; a multiple of eight. */
 #define HADA_REFINE_DCT_RUN 128
 
+/* The window's rows on the grid, and what a pass along them does (refine_rows.cl). */
+typedef struct hada_refine_rows {
+    int row0, rows, col0, cols;
+    int inverse, clip, forward;
+    float scale;    /* of the inverse */
+    int back_table; /* where the table of the inverse transform begins in that of both, in numbers */
+} hada_refine_rows;
+HADA_SHARED_SIZE(hada_refine_rows, 36)
+
 /* Planes of the window, in bands of rows. */
 typedef struct hada_refine_window {
     int channels, rows, cols;

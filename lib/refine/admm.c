@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "core/alloc.h"
-#include "refine/admm_steps.h"
+#include "refine/admm_fused.h"
 
 void hada_refine_rule_init(hada_refine_rule *rule)
 {
@@ -128,6 +128,8 @@ static sizes sizes_of(const hada_context *context, const hada_refine_shape *shap
     }
     b.list = (size_t)shape->max_planes * sizeof(cl_int);
     b.slices = (int)((longest + HADA_REFINE_SLICE - 1) / HADA_REFINE_SLICE);
+    if (b.slices < layout.blocks) /* of a fused step */
+        b.slices = layout.blocks;
     b.partials = sets * (size_t)b.slices;
     b.partial = ((size_t)shape->max_steps + 2) * b.partials * sizeof(float);
     return b;
@@ -170,7 +172,7 @@ size_t hada_refiner_bytes(const hada_context *context, const hada_refine_shape *
     hada_buffer_row rows[ROWS];
     const int count = list_plans(shape, plans);
     list_buffers(&b, rows);
-    size_t bytes = hada_buffer_rows_bytes(rows, ROWS);
+    size_t bytes = hada_buffer_rows_bytes(rows, ROWS) + hada_refine_fused_bytes(context, shape);
     for (int i = 0; i < count; i++)
         bytes += hada_fft_bytes(context, &plans[i]);
     return bytes;
@@ -242,9 +244,12 @@ hada_status hada_refiner_create(hada_refiner **out, hada_slot *slot, hada_scratc
     HADA_TRY(hada_alloc((void **)&refiner->energy, ((size_t)shape->max_steps + 1) * (size_t)shape->max_sets,
                         sizeof *refiner->energy, what, err));
     HADA_TRY(hada_alloc((void **)&refiner->host_partial, b.partial / sizeof(float), sizeof(float), what, err));
+    HADA_TRY(
+        hada_alloc((void **)&refiner->host_list, (size_t)shape->max_planes, sizeof *refiner->host_list, what, err));
     HADA_TRY(make_plans(refiner, scratch, err));
     HADA_TRY(make_buffers(refiner, scratch, &b, err));
     HADA_TRY(hada_refine_prepare(refiner, err));
+    HADA_TRY(hada_refine_fused_make(refiner, err));
     if (shape->tv)
         HADA_TRY(hada_variation_prepare(&refiner->variation, slot, shape->channels, shape->window.rows,
                                         shape->window.cols, err));
@@ -270,10 +275,12 @@ void hada_refiner_destroy(hada_refiner **pointer)
     hada_fft_destroy(&refiner->inverse);
     hada_fft_destroy(&refiner->frame_forward);
     hada_fft_destroy(&refiner->frame_inverse);
+    hada_fft_fused_free(&refiner->fused);
     list_buffers(&(sizes){0}, rows);
     hada_buffer_rows_destroy(refiner, rows, ROWS);
     free(refiner->energy);
     free(refiner->host_partial);
+    free(refiner->host_list);
     free(refiner);
 }
 

@@ -64,6 +64,7 @@ typedef struct hada_refine_rule {
     double shrink;    /* with tv and a single image, in the last steps: threshold of the shrinkage of its blocks' cosine
                          transforms (refine/shrinkage.h), in units of tv; 0: none */
     double stop;      /* stop when the residual changes by less than this part of itself, twice running; 0: never */
+    int quiet;        /* 1, without `stop`: nobody asks for the energies on the way, and the run waits for nothing */
     hada_refine_start start;
 } hada_refine_rule;
 
@@ -134,7 +135,8 @@ hada_status hada_refiner_note(const hada_context *context, const hada_refine_sha
                               int first, int last, int planes_last, hada_error *err);
 
 /* Refines `sets` sets of `depths` depths each; list[sets][depths] are depth indices of the OTF buffer. *steps (may be
- * NULL) takes the number of steps done. Returns when the residuals are known; the planes may still be on their way. */
+ * NULL) takes the number of steps done. Returns when the residuals are known (quiet: at once); the planes may still be
+ * on their way. */
 hada_status hada_refiner_run(hada_refiner *refiner, const hada_refine_data *data, const hada_refine_rule *rule,
                              int sets, int depths, const int *list, int *steps, hada_error *err);
 

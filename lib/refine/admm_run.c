@@ -1,7 +1,8 @@
 /* Runs of a refiner: steps until a rule stops them, and what planes leave unexplained. */
 #include <math.h>
+#include <string.h>
 
-#include "refine/admm_steps.h"
+#include "refine/admm_fused.h"
 
 /* After first steps of another relaxation: while depths part, the residual may stand still. */
 enum { SETTLING_STEPS = 5 };
@@ -22,13 +23,37 @@ static hada_status check_run(const hada_refine_run *r, const int *list, hada_err
     return HADA_OK;
 }
 
+/* The depths of a run. Its planes are asked about with the same ones, and then they stand there already; before a run
+ * others may have used the memory. */
+static hada_status put_list(hada_refiner *refiner, const int *list, int count, int again, hada_error *err)
+{
+    const size_t bytes = (size_t)count * sizeof *list;
+    hada_status status = HADA_OK;
+    if (again && count == refiner->host_count && !memcmp(list, refiner->host_list, bytes))
+        goto done;
+    if (refiner->list_busy)
+        HADA_TRY(hada_slot_finish(refiner->slot, err));
+    refiner->host_count = 0;
+    memcpy(refiner->host_list, list, bytes);
+    refiner->list_busy = 1;
+    HADA_TRY(hada_buffer_write_later(&refiner->list, refiner->slot, 0, refiner->host_list, bytes, err));
+    refiner->host_count = count;
+done:
+    return status;
+}
+
 static hada_status begin(hada_refine_run *r, hada_refiner *refiner, const hada_refine_data *data, int sets, int depths,
-                         const int *list, hada_error *err)
+                         const int *list, int again, hada_error *err)
 {
     hada_status status = HADA_OK;
-    *r = (hada_refine_run){refiner, data, sets, depths, refiner->shape.boundary == HADA_BOUNDARY_PADDED};
+    *r = (hada_refine_run){.refiner = refiner,
+                           .data = data,
+                           .sets = sets,
+                           .depths = depths,
+                           .padded = refiner->shape.boundary == HADA_BOUNDARY_PADDED,
+                           .fused = hada_refine_fused_takes(refiner, depths)};
     HADA_TRY(check_run(r, list, err));
-    HADA_TRY(hada_buffer_write(&refiner->list, refiner->slot, 0, list, (size_t)(sets * depths) * sizeof(cl_int), err));
+    HADA_TRY(put_list(refiner, list, sets * depths, again, err));
 done:
     return status;
 }
@@ -74,6 +99,25 @@ static hada_status constrain(const hada_refine_run *r, const hada_refine_rule *r
                   : hada_refine_tv_step(r->refiner, r->sets * r->depths, theta, rule->tv_colour, fresh, err);
 }
 
+/* Step number `step` in passes along columns and along rows. Where the step before was one as well, without total
+ * variation, the planes' half spectra stand there. */
+static hada_status iterate_fused(const hada_refine_run *r, const hada_refine_rule *rule, int step, int shrink,
+                                 hada_error *err)
+{
+    const int start = step ? HADA_REFINE_CONTINUE : (int)rule->start, tv = rule->tv > 0.0;
+    const hada_refine_fused_part forward = {.forward = 1};
+    const hada_refine_fused_part back = {.inverse = 1, .clip = !tv, .forward = !tv && step + 1 < rule->steps};
+    hada_status status = HADA_OK;
+    if (start != HADA_REFINE_COLD && (tv || !step))
+        HADA_TRY(hada_refine_fused_rows(r, &forward, err));
+    HADA_TRY(hada_refine_fused_columns(r, rule, start, step, step, err));
+    HADA_TRY(hada_refine_fused_rows(r, &back, err));
+    if (tv)
+        HADA_TRY(constrain(r, rule, step, start != HADA_REFINE_CONTINUE, shrink, err));
+done:
+    return status;
+}
+
 /* Step number `step`: the linear step, then the proximal steps on planes and frame. */
 static hada_status iterate(const hada_refine_run *r, const hada_refine_rule *rule, int step, int shrink,
                            hada_error *err)
@@ -105,7 +149,7 @@ static hada_status read_energies(const hada_refine_run *r, const hada_refine_rul
 {
     const hada_refiner *refiner = r->refiner;
     const size_t frame_slices = hada_refine_slices(refiner->frame_area),
-                 slices = hada_refine_slices(refiner->layout.count);
+                 slices = r->fused ? (size_t)refiner->layout.blocks : hada_refine_slices(refiner->layout.count);
     const size_t width = (size_t)refiner->shape.max_sets;
     hada_status status = HADA_OK;
     HADA_TRY(hada_refine_fetch(r, first, end - first, err));
@@ -134,14 +178,15 @@ hada_status hada_refiner_run(hada_refiner *refiner, const hada_refine_data *data
     int count = 0, read = 0;
     const int least = rule->first_steps > 0 ? rule->first_steps + SETTLING_STEPS : 0;
     hada_status status = HADA_OK;
-    HADA_TRY(begin(&r, refiner, data, sets, depths, list, err));
+    HADA_TRY(begin(&r, refiner, data, sets, depths, list, 0, err));
     HADA_TRY(check_rule(refiner, rule, err));
     const int last = shrink_steps(&r, rule);
     int end = rule->steps;
     while (count < end) {
         const int shrink = count >= end - last;
-        HADA_TRY(iterate(&r, rule, count++, shrink, err));
-        if (count < end && (shrink || !(rule->stop > 0.0)))
+        HADA_TRY(r.fused ? iterate_fused(&r, rule, count, shrink, err) : iterate(&r, rule, count, shrink, err));
+        count++;
+        if (count < end ? shrink || !(rule->stop > 0.0) || count < least : rule->quiet)
             continue;
         const int known = r.padded ? count + 1 : count;
         HADA_TRY(read_energies(&r, rule, read, known, err));
@@ -162,7 +207,7 @@ hada_status hada_refiner_residual(hada_refiner *refiner, const hada_refine_data 
     const int channels = refiner->shape.channels;
     hada_refine_run r;
     hada_status status = HADA_OK;
-    HADA_TRY(begin(&r, refiner, data, sets, depths, list, err));
+    HADA_TRY(begin(&r, refiner, data, sets, depths, list, 1, err));
     HADA_TRY(hada_refine_planes_forward(&r, err));
     HADA_TRY(hada_refine_explain(&r, r.padded, err));
     if (r.padded) {
@@ -179,10 +224,10 @@ done:
 hada_status hada_refiner_score(hada_refiner *refiner, const hada_refine_data *data, int sets, int depths,
                                const int *list, int band_rows, int band_cols, double *energy, hada_error *err)
 {
-    hada_refine_run r = {refiner, data, 1, 0, 0};
+    hada_refine_run r = {.refiner = refiner, .data = data, .sets = 1};
     hada_status status = HADA_OK;
     if (depths) {
-        HADA_TRY(begin(&r, refiner, data, sets, depths, list, err));
+        HADA_TRY(begin(&r, refiner, data, sets, depths, list, 1, err));
         HADA_TRY(hada_refine_planes_forward(&r, err));
     }
     HADA_TRY(hada_refine_score(&r, band_rows, band_cols, err));

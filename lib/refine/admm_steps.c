@@ -86,23 +86,29 @@ static hada_range slices_range(const hada_refine_run *r, size_t count, int rows,
     return hada_range_groups(hada_refine_slices(count), r->refiner->group, (size_t)rows, (size_t)planes);
 }
 
+hada_refine_step hada_refine_step_of(const hada_refine_run *r, const hada_refine_rule *rule, int start, int step,
+                                     int place)
+{
+    return (hada_refine_step){.problem = problem_of(r, place),
+                              .split_e = r->refiner->split_e,
+                              .rho = (float)hada_refine_rho_at(rule, step),
+                              .keep = step + rule->before
+                                          ? (float)(hada_refine_rho_at(rule, step - 1) / hada_refine_rho_at(rule, step))
+                                          : 1.0f,
+                              .relaxation = start == HADA_REFINE_CONTINUE ? (float)relaxation_at(rule, step) : 1.0f,
+                              .start = start,
+                              .padded = r->padded,
+                              .has_prior = r->data->prior && !(rule->tv > 0.0)};
+}
+
 /* Linear step `step` of a run. The sums go to the place `place`. */
 hada_status hada_refine_solve(const hada_refine_run *r, const hada_refine_rule *rule, int start, int step, int place,
                               hada_error *err)
 {
     hada_refiner *refiner = r->refiner;
     const hada_refine_data *data = r->data;
-    const int has_prior = data->prior && !(rule->tv > 0.0);
-    const hada_refine_step now = {
-        .problem = problem_of(r, place),
-        .split_e = refiner->split_e,
-        .rho = (float)hada_refine_rho_at(rule, step),
-        .keep =
-            step + rule->before ? (float)(hada_refine_rho_at(rule, step - 1) / hada_refine_rho_at(rule, step)) : 1.0f,
-        .relaxation = start == HADA_REFINE_CONTINUE ? (float)relaxation_at(rule, step) : 1.0f,
-        .start = start,
-        .padded = r->padded,
-        .has_prior = has_prior};
+    const hada_refine_step now = hada_refine_step_of(r, rule, start, step, place);
+    const int has_prior = now.has_prior;
     const hada_range range = slices_range(r, refiner->layout.count, refiner->shape.channels, r->sets);
     cost_solve(r, start, has_prior);
     /* what a step does not use is some other buffer */
@@ -242,8 +248,10 @@ hada_status hada_refine_fetch(const hada_refine_run *r, int step, int count, had
 {
     hada_refiner *refiner = r->refiner;
     const size_t first = refiner->partials * (size_t)step, floats = refiner->partials * (size_t)count;
-    return hada_buffer_read(&refiner->partial, refiner->slot, first * sizeof(float), refiner->host_partial + first,
-                            floats * sizeof(float), err);
+    const hada_status status = hada_buffer_read(&refiner->partial, refiner->slot, first * sizeof(float),
+                                                refiner->host_partial + first, floats * sizeof(float), err);
+    refiner->list_busy &= status != HADA_OK;
+    return status;
 }
 
 /* Adds a step's partial sums, those of `parts` images a set, up, in order and in double. */

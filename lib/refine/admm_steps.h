@@ -2,6 +2,7 @@
 #ifndef HADA_REFINE_ADMM_STEPS_H
 #define HADA_REFINE_ADMM_STEPS_H
 
+#include "fft/fft_fused.h"
 #include "launch/refine.h"
 #include "refine/admm.h"
 #include "refine/shrinkage.h"
@@ -19,11 +20,14 @@ struct hada_refiner {
     hada_spectrum_layout layout;
     hada_fft *forward, *inverse;             /* planes of the window */
     hada_fft *frame_forward, *frame_inverse; /* padded: of the frame */
+    hada_fft_fused fused;                    /* empty where steps cannot be fused: admm_fused.h */
     hada_buffer now_u, now_w, planes, list, partial;
     hada_buffer split, dual;              /* padded: the split at the frame, A and behind it E, and its dual */
     hada_buffer residual, residual_frame; /* padded: what the planes do not explain */
     size_t partials;                      /* partial sums of one step, at most */
     float *host_partial;
+    int *host_list;              /* what stands in `list`, host_count depths */
+    int host_count, list_busy;   /* 1: `list` may still be read from there */
     double *energy;              /* [step][set] */
     hada_buffer tv[2];           /* total variation: its duals, and where the next ones go */
     hada_program_refine program; /* in the shape that fits the device and the layout */
@@ -41,6 +45,7 @@ typedef struct hada_refine_run {
     const hada_refine_data *data;
     int sets, depths;
     int padded;
+    int fused; /* 1: steps are (admm_fused.h) */
 } hada_refine_run;
 
 /* Chooses the programs and makes them. */
@@ -48,6 +53,10 @@ hada_status hada_refine_prepare(hada_refiner *refiner, hada_error *err);
 
 /* The rho of a step. */
 double hada_refine_rho_at(const hada_refine_rule *rule, int step);
+
+/* What a linear step is told, by its number. Its sums go to `place`. */
+hada_refine_step hada_refine_step_of(const hada_refine_run *run, const hada_refine_rule *rule, int start, int step,
+                                     int place);
 
 /* The linear step number `step`. Its sums of |residual|^2 go to `place`, of which there is one for each step and one
  * more. */

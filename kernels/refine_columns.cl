@@ -1,0 +1,104 @@
+/* A step of the refinement along columns: the planes' half spectra of rows, which stand as [plane][block of eight
+ * columns][row of the window][8], become U by a forward transform, U and the last W the next W by the linear step of
+ * refine.cl, and that half spectra of rows again, while a block of columns of all depths of a set stands in the cache.
+ * Spectra U stand nowhere. For frames that are not cropped, and lengths whose stages all have butterflies.
+ *
+ * Arguments as in refine_solve; cold: nothing is read of the planes. Dimensions: blocks of columns, channels, sets.
+ * `scratch`: a column block for each depth of a set. partial[set][channel][block]: as there. */
+#include "inc_fft_convolve.h"
+#include "inc_refine.h"
+#include "shared_local.h"
+#include "shared_refine.h"
+
+/* The linear step at eight frequencies, number i of a spectrum. `scratch`: U of the first depth there, and those of the
+ * others every `each` values on; it takes the next W, real and imaginary parts changed over. */
+REFINE_INLINE float8 solve(const hada_refine_step *now, __global const float *h, size_t h_step, __global const int *z,
+                           __global const float *b, __global const float *prior, __global float *w, size_t w_step,
+                           size_t i, __local float8 *scratch, int each)
+{
+    const int depths = now->problem.depths, cold = now->start == HADA_REFINE_COLD;
+    const int further = now->start == HADA_REFINE_CONTINUE;
+    const float rho = now->rho, keep = now->keep, over = now->relaxation;
+    float8 square = 0.0f, hv_re = 0.0f, hv_im = 0.0f, hu_re = 0.0f, hu_im = 0.0f, y_re, y_im;
+    for (int s = 0; s < depths; ++s) {
+        float8 h_re, h_im;
+        refine_get(h + z[s] * h_step, i, &h_re, &h_im);
+        square = fma(h_re, h_re, fma(h_im, h_im, square));
+        if (!cold) {
+            const float8 u_re = scratch[s * each], u_im = scratch[s * each + 1];
+            float8 v_re = u_re, v_im = u_im;
+            if (further) {
+                float8 w_re, w_im;
+                refine_get(w + s * w_step, i, &w_re, &w_im);
+                v_re = fma(-keep, w_re - u_re, u_re);
+                v_im = fma(-keep, w_im - u_im, u_im);
+            }
+            hu_re = fma(h_re, u_re, fma(-h_im, u_im, hu_re));
+            hu_im = fma(h_re, u_im, fma(h_im, u_re, hu_im));
+            hv_re = fma(h_re, v_re, fma(-h_im, v_im, hv_re));
+            hv_im = fma(h_re, v_im, fma(h_im, v_re, hv_im));
+        }
+    }
+    refine_get(b, i, &y_re, &y_im);
+    const float8 r_re = y_re - hu_re, r_im = y_im - hu_im;
+    const float8 g = now->has_prior ? rho + refine_get_real(prior, i) : (float8)rho;
+    const float8 per_g = 1.0f / g, per_all = 1.0f / (g + square);
+    const float8 f_re = (g * y_re - rho * hv_re) * per_all, f_im = (g * y_im - rho * hv_im) * per_all;
+    for (int s = 0; s < depths; ++s) {
+        float8 h_re, h_im, u_re = 0.0f, u_im = 0.0f, d_re = 0.0f, d_im = 0.0f;
+        refine_get(h + z[s] * h_step, i, &h_re, &h_im);
+        if (!cold) {
+            u_re = scratch[s * each];
+            u_im = scratch[s * each + 1];
+        }
+        if (further) {
+            float8 w_re, w_im;
+            refine_get(w + s * w_step, i, &w_re, &w_im);
+            d_re = keep * (w_re - u_re);
+            d_im = keep * (w_im - u_im);
+        }
+        const float8 x_re = fma(h_re, f_re, fma(h_im, f_im, rho * (u_re - d_re))) * per_g;
+        const float8 x_im = fma(h_re, f_im, fma(-h_im, f_re, rho * (u_im - d_im))) * per_g;
+        const float8 next_re = fma((float8)over, x_re - u_re, u_re + d_re);
+        const float8 next_im = fma((float8)over, x_im - u_im, u_im + d_im);
+        refine_put(w + s * w_step, i, next_re, next_im);
+        scratch[s * each] = next_im;
+        scratch[s * each + 1] = next_re;
+    }
+    return fma(r_re, r_re, r_im * r_im);
+}
+
+__kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
+refine_columns(__global float *planes, __global const float *otf, __global const int *list, __global const float *frame,
+               __global const float *prior, __global float *now_w, __global float *partial, hada_refine_step now,
+               hada_refine_rows rows, __global const int *table, __local STATED_SIZE float8 *scratch)
+{
+    const int depths = now.problem.depths, n = table[FFT_LENGTH], stages = table[FFT_STAGES];
+    __global const float *floats = FFT_FLOATS_OF(table);
+    const uint block = get_group_id(0), blocks = get_num_groups(0), cols = now.problem.spectrum.cols;
+    const uint channel = get_group_id(1), channels = get_num_groups(1), set = get_group_id(2);
+    const size_t count = now.problem.spectrum.count, step = 2 * (size_t)channels * count;
+    const size_t first = (size_t)set * depths * channels + channel;
+    __global const float *h = otf + 2 * (now.problem.otf_offset + channel * count);
+    __global const float *b = frame + 2 * (now.problem.frame_offset + channel * count);
+    __global const float *p = prior + (now.has_prior ? channel * count : 0);
+    __global float *w = now_w + 2 * first * count;
+    __global const int *z = list + set * (uint)depths;
+    float8 sum = 0.0f;
+    if (now.start != HADA_REFINE_COLD)
+        for (int s = 0; s < depths; ++s) {
+            const fft_columns plane =
+                fft_window_block(planes, (first + s * channels) * blocks + block, rows.row0, rows.rows);
+            fft_enter(&plane, scratch + s * 2 * n, table, floats, stages);
+        }
+    for (int row = 0; row < n; ++row) {
+        const uint i = (block * (uint)n + row) * 8;
+        sum += refine_count(solve(&now, h, step, z, b, p, w, step, i, scratch + 2 * row, 2 * n), i, n, 8, cols);
+    }
+    for (int s = 0; s < depths; ++s) {
+        const fft_columns plane =
+            fft_window_block(planes, (first + s * channels) * blocks + block, rows.row0, rows.rows);
+        fft_leave(&plane, scratch + s * 2 * n, table, floats, stages);
+    }
+    partial[now.problem.sums.first + (set * channels + channel) * blocks + block] = refine_sum(sum);
+}

@@ -1,0 +1,29 @@
+/* A step of the refinement in two launches, where the frame is not cropped: along columns both transforms with the
+ * linear step between them, along rows both with the proximal step between them (kernels/refine_columns.cl,
+ * refine_rows.cl). Spectra of planes stand nowhere; what stands between the launches are half spectra of rows, in the
+ * place of U. Internal to lib/refine. */
+#ifndef HADA_REFINE_ADMM_FUSED_H
+#define HADA_REFINE_ADMM_FUSED_H
+
+#include "refine/admm_steps.h"
+
+/* Whether a grid's transforms can be fused at all; bytes of the tables, and their making. Nothing where they cannot. */
+int hada_refine_fused_grid(const hada_context *context, const hada_refine_shape *shape);
+size_t hada_refine_fused_bytes(const hada_context *context, const hada_refine_shape *shape);
+hada_status hada_refine_fused_make(hada_refiner *refiner, hada_error *err);
+
+/* Whether the sets of a run can be: a column block of each depth fits in local memory. */
+int hada_refine_fused_takes(const hada_refiner *refiner, int depths);
+
+/* The linear step number `step`, from half spectra of rows to half spectra of rows. Its sums go to `place`,
+ * [set][channel][block]. */
+hada_status hada_refine_fused_columns(const hada_refine_run *run, const hada_refine_rule *rule, int start, int step,
+                                      int place, hada_error *err);
+
+/* Along rows: half spectra to planes, their non-negative part, and their half spectra; any of the three. */
+typedef struct hada_refine_fused_part {
+    int inverse, clip, forward;
+} hada_refine_fused_part;
+hada_status hada_refine_fused_rows(const hada_refine_run *run, const hada_refine_fused_part *part, hada_error *err);
+
+#endif

@@ -185,7 +185,9 @@ way() {
 }
 bench() {
     "$hadalens" bench --help >/dev/null 2>&1 || { echo "this version has no bench"; return 77; }
-    "$hadalens" bench --quick -o "$out/bench-quick" && "$hadalens" bench -o "$out/bench"
+    "$hadalens" bench --quick -o "$out/bench-quick" && "$hadalens" bench -o "$out/bench" || return
+    # what a frame asks of this device would take on another one
+    ! command -v python3 >/dev/null || python3 "$source/perf/estimate.py" "$out/bench/bench.json" | tee "$out/estimate.txt"
 }
 check_time() { "$build/tests/check/check" --mode time --csv >"$out/check-time.csv"; }
 # bars FILE COLUMN UNIT TITLE: a column of the check tool's times, for the slowest shape of each operation

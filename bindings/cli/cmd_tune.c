@@ -57,12 +57,6 @@ typedef struct work {
     int job_count;
 } work;
 
-static void free_work(work *todo)
-{
-    for (int i = 0; i < todo->job_count; i++)
-        hada_net_destroy(&todo->jobs[i].net);
-}
-
 /* Without anything asked for, the usual sizes and nets are measured. */
 static int asks_nothing(const settings *set)
 {
@@ -296,7 +290,8 @@ static hada_status tune(hada_cli *cli, const settings *set, hada_context *contex
                  set->output);
     json_object_set_new(cli->document, "output", json_string(set->output));
 done:
-    free_work(&todo);
+    for (int i = 0; i < todo.job_count; i++)
+        hada_net_destroy(&todo.jobs[i].net);
     return status;
 }
 

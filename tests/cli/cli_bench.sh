@@ -24,10 +24,12 @@ files out 5
 # Every device is in it, and every part.
 columns='device,workload,group,name,unit,median,q1,q3,count,error_l2,bound_l2,psnr_db,psnr_in_focus_db,front,bytes,flops'
 [ "$(head -n 1 out/bench.csv)" = "$columns" ] || fail "columns: $(head -n 1 out/bench.csv)"
-for group in peak start latency stage kernel memory throughput sweep; do
+for group in peak start latency stage kernel calls memory throughput sweep; do
     grep -q "camera.model,$group,\|,,$group," out/bench.csv || fail "no row of $group"
 done
 if command -v python3 >/dev/null; then
+    python3 "$(dirname "$0")/../../perf/estimate.py" out/bench.json --device h100 | grep -q 'camera.model, refined.*ms' ||
+        fail "perf/estimate.py"
     python3 - out <<'PYTHON' || fail "the files of bench"
 import csv, json, sys, glob, xml.dom.minidom
 folder = sys.argv[1]
@@ -49,6 +51,11 @@ assert all(float(r['median']) > 0 for r in kernel.values())
 assert sum(float(r['bytes']) for r in kernel.values()) > 1e5
 stated, held = (float(memory['linear, %s on the device' % w]['median']) for w in ('stated', 'held at most'))
 assert 0 < held <= 1.01 * stated, (stated, held)
+calls = of('calls')
+assert 4 < float(calls['linear, launches']['median']) < float(calls['refined, launches']['median'])
+parts = sum(float(calls['refined, of it ' + p]['median']) for p in ('launches', 'waits', 'transfers', 'kernels at the peaks'))
+assert abs(parts / float(calls['refined, expected']['median']) - 1) < 1e-5
+assert float(calls['refined, waits']['median']) >= 2 and float(calls['refined, to the device']['median']) > 50
 assert any(r['front'] == '1' for r in sweep.values())
 assert float(sweep['hadamard float, dense']['error_l2']) == 0
 assert 0 < float(sweep['hadamard half, dense']['error_l2']) < 1e-2

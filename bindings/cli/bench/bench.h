@@ -15,6 +15,7 @@ typedef enum hada_bench_group {
     HADA_BENCH_LATENCY,    /* one frame at a time */
     HADA_BENCH_STAGE,      /* its stages, per depth */
     HADA_BENCH_KERNEL,     /* kernels and transfers of a frame */
+    HADA_BENCH_CALLS,      /* what a frame asks of the device, and the time that it should take */
     HADA_BENCH_MEMORY,     /* bytes stated and held */
     HADA_BENCH_THROUGHPUT, /* many frames */
     HADA_BENCH_SWEEP       /* run time against error */
@@ -70,6 +71,9 @@ hada_bench_row hada_bench_row_of(const char *device, const char *workload, hada_
 hada_status hada_bench_add(hada_bench *bench, const hada_bench_row *row, hada_error *err);
 const hada_bench_row *hada_bench_find(const hada_bench *bench, const char *device, const char *workload,
                                       hada_bench_group group, const char *name);
+/* All rows of a group, those of the longest time first, to be freed; NULL: no memory, and none are counted. */
+const hada_bench_row **hada_bench_rows_of(const hada_bench *bench, const char *device, const char *workload,
+                                          hada_bench_group group, int *count);
 
 /* A model, frames of its camera, and what stood before it. */
 typedef struct hada_bench_workload {
@@ -91,6 +95,9 @@ void hada_bench_workload_free(hada_bench_workload *workload);
 int hada_bench_workload_known(const char *name);
 extern const char hada_bench_workload_names[];
 
+/* What a device does at best, and what calls to it cost. */
+enum { HADA_BENCH_COPY, HADA_BENCH_ARITHMETIC, HADA_BENCH_LAUNCH, HADA_BENCH_WAIT, HADA_BENCH_WRITE, HADA_BENCH_PEAKS };
+
 /* A device in use. */
 typedef struct hada_bench_device {
     hada_device_info info;
@@ -98,6 +105,7 @@ typedef struct hada_bench_device {
     hada_cli cli; /* of this device: the name it is opened by */
     hada_cli_common common;
     char index[16];
+    double peak[HADA_BENCH_PEAKS]; /* medians: bytes and operations a second, seconds a call */
 } hada_bench_device;
 
 /* A clock for repeated runs: fills values until it has `rounds`, or three and the patience is over. */
@@ -132,6 +140,16 @@ void hada_bench_mode_options(int mode, hada_plan_options *options);
 enum { HADA_BENCH_STAGES = 7 };
 extern const char *const hada_bench_stage_names[HADA_BENCH_STAGES];
 double hada_bench_stage_seconds(const hada_report *report, int stage);
+
+/* A device and a workload that was measured on it. */
+enum { HADA_BENCH_PLACES = 64 };
+typedef struct hada_bench_place {
+    const char *device, *workload;
+    char suffix[16]; /* of file names, where there are several devices */
+    int number;      /* of the device */
+    int first_of_workload;
+} hada_bench_place;
+int hada_bench_places(const hada_bench *bench, hada_bench_place *places);
 
 /* What came out. */
 hada_status hada_bench_json(const hada_bench *bench, json_t *document, hada_error *err);

@@ -1,12 +1,12 @@
 /* One frame at a time: seconds, stage by stage and kernel by kernel, and bytes. */
 #include "bench.h"
 
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 enum { MOST = 256, KERNELS = 96 };
-
 typedef struct latency {
     hada_bench *bench;
     hada_plan *plan;
@@ -67,13 +67,12 @@ static hada_status add(latency *work, const char *device, hada_bench_group group
     return hada_bench_add(work->bench, &row, err);
 }
 
-static hada_status add_bytes(latency *work, const char *device, const char *mode, const char *what, uint64_t bytes,
-                             hada_error *err)
+static hada_status add_one(latency *work, const char *device, hada_bench_group group, const char *mode,
+                           const char *what, const char *unit, double value, hada_error *err)
 {
     char name[128];
-    double value = (double)bytes;
     snprintf(name, sizeof name, "%s, %s", mode, what);
-    return add(work, device, HADA_BENCH_MEMORY, name, "bytes", &value, 1, 1, err);
+    return add(work, device, group, name, unit, &value, 1, 1, err);
 }
 
 static hada_status add_latency(latency *work, const char *device, const char *mode, double *values, int count,
@@ -113,6 +112,56 @@ done:
     return status;
 }
 
+/* What the first frame asks of the device, and the time that it should take by that (docs/bench.md), beside what it
+ * takes. */
+static hada_status add_calls(latency *work, const hada_bench_device *device, const char *mode, hada_error *err)
+{
+    const double *peak = device->peak;
+    double least = 0, bytes = 0, flops = 0, busy = 0, seconds;
+    hada_call_counts a, b;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_plan_profile(work->plan, 0, err));
+    HADA_TRY(hada_plan_calls(work->plan, &a, err));
+    HADA_TRY(run_frame(work, 0, &seconds, err));
+    HADA_TRY(hada_plan_calls(work->plan, &b, err));
+    for (int k = 0; k < work->kernels; k++) {
+        const hada_kernel_time *kernel = &work->kernel[k];
+        if (kernel->transfer)
+            continue;
+        bytes += kernel->bytes;
+        flops += kernel->flops;
+        busy += kernel->seconds;
+        least += fmax(kernel->bytes / peak[HADA_BENCH_COPY], kernel->flops / peak[HADA_BENCH_ARITHMETIC]);
+    }
+    const double launches = (double)(b.launches - a.launches), launching = launches * peak[HADA_BENCH_LAUNCH];
+    const double waits = (double)(b.waits - a.waits), waiting = waits * peak[HADA_BENCH_WAIT];
+    const double up = b.bytes_up - a.bytes_up, down = b.bytes_down - a.bytes_down;
+    const double moving = (up + down) / peak[HADA_BENCH_WRITE];
+    struct {
+        const char *name, *unit;
+        double value;
+    } rows[] = {{"launches", "", launches},
+                {"transfers", "", (double)(b.transfers - a.transfers)},
+                {"waits", "", waits},
+                {"arguments set", "", (double)(b.arguments - a.arguments)},
+                {"to the device", "KiB", up / 1024},
+                {"to the host", "KiB", down / 1024},
+                {"expected", "ms", 1e3 * (launching + waiting + moving + least)},
+                {"of it launches", "ms", 1e3 * launching},
+                {"of it waits", "ms", 1e3 * waiting},
+                {"of it transfers", "ms", 1e3 * moving},
+                {"of it kernels at the peaks", "ms", 1e3 * least},
+                {"measured", "ms", 1e3 * seconds},
+                {"in kernels", "ms", 1e3 * busy},
+                {"share of bandwidth", "%", 100 * bytes / busy / peak[HADA_BENCH_COPY]},
+                {"share of arithmetic", "%", 100 * flops / busy / peak[HADA_BENCH_ARITHMETIC]}};
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++)
+        HADA_TRY(
+            add_one(work, device->info.name, HADA_BENCH_CALLS, mode, rows[i].name, rows[i].unit, rows[i].value, err));
+done:
+    return status;
+}
+
 static hada_status measure(latency *work, hada_bench_device *device, int mode, hada_error *err)
 {
     hada_plan_options options;
@@ -132,11 +181,13 @@ static hada_status measure(latency *work, hada_bench_device *device, int mode, h
     const uint64_t held = hada_context_peak_bytes(device->context) - before;
     HADA_TRY(hada_bench_repeat(work->bench, run_frame, work, work->bench->rounds, values, &count, err));
     HADA_TRY(add_latency(work, device->info.name, name, values, count, err));
-    HADA_TRY(add_bytes(work, device->info.name, name, "stated on the device", stated, err));
-    HADA_TRY(add_bytes(work, device->info.name, name, "held at most on the device", held, err));
-    HADA_TRY(add_bytes(work, device->info.name, name, "stated on the host", host, err));
+    const double bytes[] = {(double)stated, (double)held, (double)host};
+    static const char *const words[] = {"stated on the device", "held at most on the device", "stated on the host"};
+    for (int i = 0; i < 3; i++)
+        HADA_TRY(add_one(work, device->info.name, HADA_BENCH_MEMORY, name, words[i], "bytes", bytes[i], err));
     HADA_TRY(hada_bench_repeat(work->bench, profile_frame, work, work->bench->rounds, values, &count, err));
     HADA_TRY(add_kernels(work, device->info.name, name, count, err));
+    HADA_TRY(add_calls(work, device, name, err));
 done:
     hada_plan_destroy(&work->plan);
     hada_result_destroy(&work->result);
@@ -167,16 +218,30 @@ done:
 hada_status hada_bench_peaks(hada_bench *bench, hada_bench_device *device, hada_error *err)
 {
     enum { TIMES = 3 };
-    double copy[TIMES], flops[TIMES];
+    static const struct {
+        const char *name, *unit;
+        int better;
+        double factor;
+    } peaks[HADA_BENCH_PEAKS] = {{"copy", "GB/s", 1, 1e-9},
+                                 {"float32 arithmetic", "GFLOP/s", 1, 1e-9},
+                                 {"launch", "us", -1, 1e6},
+                                 {"wait", "us", -1, 1e6},
+                                 {"write", "GB/s", 1, 1e-9}};
+    double found[HADA_BENCH_PEAKS][TIMES];
     hada_status status = HADA_OK;
-    for (int i = 0; i < TIMES; i++)
-        HADA_TRY(hada_device_peaks(device->context, &copy[i], &flops[i], err));
-    hada_bench_row row = hada_bench_row_of(device->info.name, "", HADA_BENCH_PEAK, "copy", "GB/s", 1,
-                                           hada_bench_scaled(hada_bench_figure_of(copy, TIMES), 1e-9));
-    HADA_TRY(hada_bench_add(bench, &row, err));
-    row = hada_bench_row_of(device->info.name, "", HADA_BENCH_PEAK, "float32 arithmetic", "GFLOP/s", 1,
-                            hada_bench_scaled(hada_bench_figure_of(flops, TIMES), 1e-9));
-    HADA_TRY(hada_bench_add(bench, &row, err));
+    for (int i = 0; i < TIMES; i++) {
+        HADA_TRY(hada_device_peaks(device->context, &found[HADA_BENCH_COPY][i], &found[HADA_BENCH_ARITHMETIC][i], err));
+        HADA_TRY(hada_device_call_costs(device->context, &found[HADA_BENCH_LAUNCH][i], &found[HADA_BENCH_WAIT][i],
+                                        &found[HADA_BENCH_WRITE][i], err));
+    }
+    for (int p = 0; p < HADA_BENCH_PEAKS; p++) {
+        const hada_bench_figure figure = hada_bench_figure_of(found[p], TIMES);
+        const hada_bench_row row =
+            hada_bench_row_of(device->info.name, "", HADA_BENCH_PEAK, peaks[p].name, peaks[p].unit, peaks[p].better,
+                              hada_bench_scaled(figure, peaks[p].factor));
+        device->peak[p] = figure.median;
+        HADA_TRY(hada_bench_add(bench, &row, err));
+    }
 done:
     return status;
 }

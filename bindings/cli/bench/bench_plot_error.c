@@ -37,13 +37,6 @@ typedef struct panel_data {
     double *x, *y, *front_x, *front_y; /* room for count values each */
 } panel_data;
 
-static int by_time(const void *a, const void *b)
-{
-    const double x = (*(const hada_bench_row *const *)a)->value.median,
-                 y = (*(const hada_bench_row *const *)b)->value.median;
-    return (x > y) - (x < y);
-}
-
 /* `y` of a row that has none is NaN. The front is drawn, and its points named, where `with_front`. */
 static void draw(hada_plot *plot, const hada_plot_panel *panel, panel_data *data, int with_front)
 {
@@ -167,21 +160,16 @@ hada_status hada_bench_plot_error(const hada_bench *bench, const hada_bench_plac
                                   hada_error *err)
 {
     const size_t room = (size_t)bench->count + 1;
-    panel_data data = {.rows = calloc(room, sizeof *data.rows), .x = calloc(4 * room, sizeof *data.x)};
+    panel_data data = {.x = calloc(4 * room, sizeof *data.x)};
+    data.rows = hada_bench_rows_of(bench, place->device, place->workload, HADA_BENCH_SWEEP, &data.count);
     hada_status status = HADA_OK;
-    if (!data.rows || !data.x) {
-        free(data.rows);
-        free(data.x);
-        return hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
-    }
+    if (!data.rows || !data.x)
+        HADA_TRY(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
     data.y = data.x + room;
     data.front_x = data.y + room;
     data.front_y = data.front_x + room;
-    data.count = hada_bench_rows_of(bench, place, HADA_BENCH_SWEEP, data.rows);
-    if (data.count) {
-        qsort(data.rows, (size_t)data.count, sizeof *data.rows, by_time);
+    if (data.count)
         HADA_TRY(plot(place, &data, folder, err));
-    }
 done:
     free(data.rows);
     free(data.x);

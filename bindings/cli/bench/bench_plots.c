@@ -121,13 +121,6 @@ static const char *kernel_of(const hada_bench_row *row)
     return comma ? comma + 2 : row->name;
 }
 
-static int by_time(const void *a, const void *b)
-{
-    const double x = (*(const hada_bench_row *const *)a)->value.median,
-                 y = (*(const hada_bench_row *const *)b)->value.median;
-    return (x < y) - (x > y);
-}
-
 static void roof(hada_plot *plot, const hada_plot_panel *panel, double copy, double flops)
 {
     const double ridge = flops / copy;
@@ -170,23 +163,18 @@ static hada_status plot_roofline(const hada_bench *bench, const hada_bench_place
 {
     const hada_bench_row *copy = hada_bench_find(bench, place->device, "", HADA_BENCH_PEAK, "copy"),
                          *flops = hada_bench_find(bench, place->device, "", HADA_BENCH_PEAK, "float32 arithmetic");
-    const hada_bench_row **list = calloc((size_t)bench->count + 1, sizeof *list);
+    int all, count = 0, n = 0;
+    const hada_bench_row **list = hada_bench_rows_of(bench, place->device, place->workload, HADA_BENCH_KERNEL, &all);
     double *x = calloc(2 * (size_t)bench->count + 8, sizeof *x), *y = x ? x + bench->count + 4 : NULL;
     hada_plot *plot = NULL;
-    int count = 0, n = 0;
-    if (!list || !x) {
-        free(list);
-        free(x);
-        return hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
-    }
-    const int all = hada_bench_rows_of(bench, place, HADA_BENCH_KERNEL, list);
+    hada_status status = HADA_OK;
+    if (!list || !x)
+        HADA_TRY(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
     for (int i = 0; i < all; i++) /* what has operations and traffic has a place on a roofline */
         if (list[i]->flops > 0 && list[i]->bytes > 0 && list[i]->value.median > 0)
             list[count++] = list[i];
-    hada_status status = HADA_OK;
     if (count && copy && flops) {
         const double bandwidth = copy->value.q3, arithmetic = flops->value.q3, ridge = arithmetic / bandwidth;
-        qsort(list, (size_t)count, sizeof *list, by_time);
         for (; n < count; n++) {
             x[n] = list[n]->flops / list[n]->bytes;
             y[n] = list[n]->flops / list[n]->value.median * 1e-6;
@@ -222,34 +210,10 @@ done:
     return status;
 }
 
-/* Devices and workloads that have rows. */
-static int find_places(const hada_bench *bench, hada_bench_place *places, int most)
-{
-    int count = 0, devices = 0;
-    for (int i = 0; i < bench->count; i++) {
-        const hada_bench_row *row = &bench->rows[i];
-        int known = !*row->workload, device = -1, first = 1;
-        for (int k = 0; k < count; k++) {
-            known |= !strcmp(places[k].device, row->device) && !strcmp(places[k].workload, row->workload);
-            device = !strcmp(places[k].device, row->device) ? places[k].number : device;
-            first &= strcmp(places[k].workload, row->workload) != 0;
-        }
-        if (known || count == most)
-            continue;
-        places[count] = (hada_bench_place){row->device, row->workload, "", device < 0 ? devices++ : device, first};
-        count++;
-    }
-    for (int k = 0; k < count; k++)
-        if (places[k].number)
-            snprintf(places[k].suffix, sizeof places[k].suffix, "-%d", places[k].number);
-    return count;
-}
-
 hada_status hada_bench_plots(const hada_bench *bench, const char *folder, hada_error *err)
 {
-    enum { MOST = 64 };
-    hada_bench_place places[MOST];
-    const int count = find_places(bench, places, MOST);
+    hada_bench_place places[HADA_BENCH_PLACES];
+    const int count = hada_bench_places(bench, places);
     hada_status status = HADA_OK;
     if (count)
         HADA_TRY(plot_latency(bench, places, count, folder, err));

@@ -35,13 +35,6 @@ static void print_group(const hada_bench *bench, const char *device, const char 
     }
 }
 
-static int by_time(const void *a, const void *b)
-{
-    const double x = (*(const hada_bench_row *const *)a)->value.median,
-                 y = (*(const hada_bench_row *const *)b)->value.median;
-    return (x < y) - (x > y);
-}
-
 static double peak_of(const hada_bench *bench, const char *device, const char *name)
 {
     const hada_bench_row *row = hada_bench_find(bench, device, "", HADA_BENCH_PEAK, name);
@@ -51,15 +44,10 @@ static double peak_of(const hada_bench *bench, const char *device, const char *n
 /* The kernels that take most of the time, and how far each is from what traffic and arithmetic need at least. */
 static void print_kernels(const hada_bench *bench, const char *device, const char *workload)
 {
-    const hada_bench_row **list = calloc((size_t)bench->count + 1, sizeof *list);
+    int count;
+    const hada_bench_row **list = hada_bench_rows_of(bench, device, workload, HADA_BENCH_KERNEL, &count);
     const double copy = peak_of(bench, device, "copy"), flops = peak_of(bench, device, "float32 arithmetic");
-    int count = 0;
-    for (int i = 0; list && i < bench->count; i++)
-        if (bench->rows[i].group == HADA_BENCH_KERNEL && !strcmp(bench->rows[i].device, device) &&
-            !strcmp(bench->rows[i].workload, workload))
-            list[count++] = &bench->rows[i];
     if (count) {
-        qsort(list, (size_t)count, sizeof *list, by_time);
         hada_cli_say(bench->cli, "\n  Kernels and transfers that take most of a frame; 'floor': times the least time "
                                  "at the peaks above");
         hada_cli_say(bench->cli, "    %-44s %9s %9s %9s %7s", "mode, stage, kernel", "ms", "GB/s", "GFLOP/s", "floor");
@@ -78,19 +66,14 @@ static void print_kernels(const hada_bench *bench, const char *device, const cha
 
 static void print_front(const hada_bench *bench, const char *device, const char *workload)
 {
-    const hada_bench_row **list = calloc((size_t)bench->count + 1, sizeof *list);
-    int count = 0, all = 0, truth = 0;
-    for (int i = 0; list && i < bench->count; i++) {
-        const hada_bench_row *row = &bench->rows[i];
-        if (row->group != HADA_BENCH_SWEEP || strcmp(row->device, device) || strcmp(row->workload, workload))
-            continue;
-        all++;
-        truth |= !isnan(row->psnr);
-        if (row->front)
-            list[count++] = row;
+    int all, count = 0, truth = 0;
+    const hada_bench_row **list = hada_bench_rows_of(bench, device, workload, HADA_BENCH_SWEEP, &all);
+    for (int i = 0; i < all; i++) {
+        truth |= !isnan(list[i]->psnr);
+        if (list[i]->front)
+            list[count++] = list[i];
     }
     if (count) {
-        qsort(list, (size_t)count, sizeof *list, by_time);
         hada_cli_say(bench->cli, "\n  Run time against error: the %d of %d settings that no other beats in both", count,
                      all);
         hada_cli_say(bench->cli, "    %-36s %24s %16s%s", "setting", "ms a frame", "L2 to dense",
@@ -108,21 +91,13 @@ static void print_front(const hada_bench *bench, const char *device, const char 
     free(list);
 }
 
-static int seen_before(const hada_bench *bench, int at, int with_workload)
-{
-    const hada_bench_row *row = &bench->rows[at];
-    for (int i = 0; i < at; i++)
-        if (!strcmp(bench->rows[i].device, row->device) &&
-            (!with_workload || !strcmp(bench->rows[i].workload, row->workload)))
-            return 1;
-    return 0;
-}
-
 static void print_workload(const hada_bench *bench, const char *device, const char *workload)
 {
     hada_cli_say(bench->cli, "\n%s on %s", workload, device);
     print_group(bench, device, workload, HADA_BENCH_LATENCY, "Latency of a frame, and per depth");
     print_group(bench, device, workload, HADA_BENCH_STAGE, "Per depth, stage by stage");
+    print_group(bench, device, workload, HADA_BENCH_CALLS,
+                "What a frame asks of the device, and the time that it should take by that");
     print_group(bench, device, workload, HADA_BENCH_THROUGHPUT, "Many frames");
     print_group(bench, device, workload, HADA_BENCH_MEMORY, "Memory");
     print_group(bench, device, workload, HADA_BENCH_START, "From nothing to the first frame");
@@ -132,13 +107,15 @@ static void print_workload(const hada_bench *bench, const char *device, const ch
 
 void hada_bench_print(const hada_bench *bench)
 {
+    hada_bench_place places[HADA_BENCH_PLACES];
+    const int count = hada_bench_places(bench, places);
     hada_cli_say(bench->cli, "Medians, with the quartiles in brackets.");
-    for (int i = 0; i < bench->count; i++)
-        if (!seen_before(bench, i, 0)) {
-            hada_cli_say(bench->cli, "\n%s", bench->rows[i].device);
-            print_group(bench, bench->rows[i].device, "", HADA_BENCH_PEAK, "What the device can do at best");
+    for (int i = 0, devices = 0; i < count; i++)
+        if (places[i].number == devices) {
+            devices++;
+            hada_cli_say(bench->cli, "\n%s", places[i].device);
+            print_group(bench, places[i].device, "", HADA_BENCH_PEAK, "What the device can do at best");
         }
-    for (int i = 0; i < bench->count; i++)
-        if (*bench->rows[i].workload && !seen_before(bench, i, 1))
-            print_workload(bench, bench->rows[i].device, bench->rows[i].workload);
+    for (int i = 0; i < count; i++)
+        print_workload(bench, places[i].device, places[i].workload);
 }

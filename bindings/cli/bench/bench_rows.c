@@ -1,13 +1,13 @@
 /* Measured rows, and repeating what is measured. */
-#include "bench_plots.h"
+#include "bench.h"
 
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-const char *const hada_bench_group_names[] = {"peak",   "start",      "latency", "stage", "kernel",
-                                              "memory", "throughput", "sweep",   NULL};
+const char *const hada_bench_group_names[] = {"peak",  "start",  "latency",    "stage", "kernel",
+                                              "calls", "memory", "throughput", "sweep", NULL};
 const char *const hada_bench_mode_names[HADA_BENCH_MODES] = {"linear", "refined"};
 const char *const hada_bench_stage_names[HADA_BENCH_STAGES] = {"upload",  "linear", "pursuit", "refine",
                                                                "enhance", "focus",  "download"};
@@ -89,14 +89,46 @@ int hada_bench_left_out(const hada_bench *bench, hada_status status, const char 
     return 1;
 }
 
-int hada_bench_rows_of(const hada_bench *bench, const hada_bench_place *place, hada_bench_group group,
-                       const hada_bench_row **out)
+static int by_time(const void *a, const void *b)
 {
-    int count = 0;
+    const double x = (*(const hada_bench_row *const *)a)->value.median,
+                 y = (*(const hada_bench_row *const *)b)->value.median;
+    return (x < y) - (x > y);
+}
+
+const hada_bench_row **hada_bench_rows_of(const hada_bench *bench, const char *device, const char *workload,
+                                          hada_bench_group group, int *count)
+{
+    const hada_bench_row **rows = calloc((size_t)bench->count + 1, sizeof *rows);
+    *count = 0;
+    for (int i = 0; rows && i < bench->count; i++) {
+        const hada_bench_row *row = &bench->rows[i];
+        if (row->group == group && !strcmp(row->device, device) && !strcmp(row->workload, workload))
+            rows[(*count)++] = row;
+    }
+    if (rows)
+        qsort(rows, (size_t)*count, sizeof *rows, by_time);
+    return rows;
+}
+
+int hada_bench_places(const hada_bench *bench, hada_bench_place *places)
+{
+    int count = 0, devices = 0;
     for (int i = 0; i < bench->count; i++) {
         const hada_bench_row *row = &bench->rows[i];
-        if (row->group == group && !strcmp(row->device, place->device) && !strcmp(row->workload, place->workload))
-            out[count++] = row;
+        int known = !*row->workload, device = -1, first = 1;
+        for (int k = 0; k < count; k++) {
+            known |= !strcmp(places[k].device, row->device) && !strcmp(places[k].workload, row->workload);
+            device = !strcmp(places[k].device, row->device) ? places[k].number : device;
+            first &= strcmp(places[k].workload, row->workload) != 0;
+        }
+        if (known || count == HADA_BENCH_PLACES)
+            continue;
+        places[count] = (hada_bench_place){row->device, row->workload, "", device < 0 ? devices++ : device, first};
+        count++;
     }
+    for (int k = 0; k < count; k++)
+        if (places[k].number)
+            snprintf(places[k].suffix, sizeof places[k].suffix, "-%d", places[k].number);
     return count;
 }

@@ -155,12 +155,10 @@ static hada_status judge(const sweep *w, hada_bench_row *row, hada_error *err)
 {
     const hada_image *truth = w->workload->truth;
     fit_sums planes = {0}, picture = {0};
-    if (!truth)
-        return HADA_OK;
     const size_t count = hada_image_count(&w->now.all_in_focus);
-    float *whole = calloc(count, sizeof *whole);
+    float *whole = truth ? calloc(count, sizeof *whole) : NULL;
     if (!whole)
-        return hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
+        return truth ? hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory") : HADA_OK;
     for (int z = 0; z < w->now.depths; z++) {
         if (!truth[z].data)
             continue;

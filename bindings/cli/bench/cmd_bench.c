@@ -45,11 +45,9 @@ static const hada_cli_option options[] = {
 /* --device of this command: a list, or all. */
 static hada_status choose_devices(const settings *set, hada_bench_device *devices, int *count, hada_error *err)
 {
-    const char *wanted = set->common.device;
-    *count = 0;
     /* what the environment says counts as if it were given */
-    if (!wanted && getenv("HADALENS_DEVICE"))
-        wanted = getenv("HADALENS_DEVICE");
+    const char *wanted = set->common.device ? set->common.device : getenv("HADALENS_DEVICE");
+    *count = 0;
     if (!wanted || !strcmp(wanted, "all")) {
         hada_device_list *list;
         hada_status status = hada_device_list_create(&list, err);
@@ -236,25 +234,23 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
         if (count != 2)
             return hada_cli_usage(cli, "--compare takes two files that 'bench' wrote: OLD.json NEW.json");
         status = hada_bench_compare(cli, arguments[0], arguments[1], &err);
-        return status ? hada_cli_fail(cli, &err) : HADA_EXIT_OK;
-    }
-    if (set->first_frame) {
+    } else if (set->first_frame) {
         if (!set->model || count != 1)
             return hada_cli_usage(cli, "--first-frame needs -m MODEL and one frame of its camera");
         status = hada_bench_first_frame(cli, set->model, arguments[0], set->quick, &err);
-        return status ? hada_cli_fail(cli, &err) : HADA_EXIT_OK;
+    } else {
+        if (count && !set->model)
+            return hada_cli_usage(cli, "'%s' is a frame without its camera; add -m MODEL", arguments[0]);
+        if (set->model && !count)
+            return hada_cli_usage(cli, "add one or more raw frames of the camera %s", set->model);
+        if (set->rounds > MOST_ROUNDS)
+            return hada_cli_usage(cli, "--rounds takes 1 to %d", MOST_ROUNDS);
+        for (int i = 0; i < set->workloads.count; i++)
+            if (!hada_bench_workload_known(set->workloads.items[i]))
+                return hada_cli_usage(cli, "there is no workload '%s'; there are %s", set->workloads.items[i],
+                                      hada_bench_workload_names);
+        status = run_bench(cli, set, arguments, count, &err);
     }
-    if (count && !set->model)
-        return hada_cli_usage(cli, "'%s' is a frame without its camera; add -m MODEL", arguments[0]);
-    if (set->model && !count)
-        return hada_cli_usage(cli, "add one or more raw frames of the camera %s", set->model);
-    if (set->rounds > MOST_ROUNDS)
-        return hada_cli_usage(cli, "--rounds takes 1 to %d", MOST_ROUNDS);
-    for (int i = 0; i < set->workloads.count; i++)
-        if (!hada_bench_workload_known(set->workloads.items[i]))
-            return hada_cli_usage(cli, "there is no workload '%s'; there are %s", set->workloads.items[i],
-                                  hada_bench_workload_names);
-    status = run_bench(cli, set, arguments, count, &err);
     return status ? hada_cli_fail(cli, &err) : HADA_EXIT_OK;
 }
 

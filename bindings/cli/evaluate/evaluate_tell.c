@@ -8,11 +8,8 @@
 
 static json_t *place_json(double coverage, double within, double steps)
 {
-    json_t *place = json_object();
-    json_object_set_new(place, "coverage", hada_cli_real(coverage));
-    json_object_set_new(place, "within", hada_cli_real(within));
-    json_object_set_new(place, "mean_error_steps", hada_cli_real(steps));
-    return place;
+    return json_pack("{s:o, s:o, s:o}", "coverage", hada_cli_real(coverage), "within", hada_cli_real(within),
+                     "mean_error_steps", hada_cli_real(steps));
 }
 
 static json_t *encoding_json(double encoding)

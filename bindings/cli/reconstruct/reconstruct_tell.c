@@ -13,27 +13,19 @@ static const char *const methods[] = {"model", "wiener", "rl", "fista", "admm"};
 static json_t *frame_json(const hada_result *result)
 {
     const hada_report *report = result->report;
-    json_t *frame = json_object(), *occupied = json_array();
+    json_t *occupied = json_array();
     for (int z = 0; report->occupied && z < result->depths; z++)
         if (report->occupied[z])
             json_array_append_new(occupied, hada_cli_real(result->distances_mm[z]));
-    json_object_set_new(frame, "occupied_mm", occupied);
-    json_object_set_new(frame, "scene", json_string(report->scene == HADA_SCENE_SURFACE ? "surface" : "planes"));
-    json_object_set_new(frame, "method", json_string(methods[report->method]));
-    json_object_set_new(frame, "refine_steps", json_integer(report->refine_steps));
-    json_object_set_new(frame, "residual_linear", hada_cli_real(report->residual_linear));
-    json_object_set_new(frame, "residual", hada_cli_real(report->residual));
-    json_object_set_new(frame, "dark", hada_cli_real(report->dark));
-    json_object_set_new(frame, "enhanced", json_integer(report->enhanced));
-    json_object_set_new(frame, "repaired_pixels", json_integer((json_int_t)report->repaired_pixels));
-    json_object_set_new(frame, "skipped", hada_cli_skip_json(result));
-    json_object_set_new(frame, "seconds",
-                        json_pack("{s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f}", "total", report->seconds_total, "upload",
-                                  report->seconds_upload, "linear", report->seconds_linear, "pursuit",
-                                  report->seconds_pursuit, "refine", report->seconds_refine, "enhance",
-                                  report->seconds_enhance, "focus", report->seconds_focus, "download",
-                                  report->seconds_download));
-    return frame;
+    return json_pack("{s:o, s:s, s:s, s:i, s:o, s:o, s:o, s:i, s:I, s:o, s:{s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f}}",
+                     "occupied_mm", occupied, "scene", report->scene == HADA_SCENE_SURFACE ? "surface" : "planes",
+                     "method", methods[report->method], "refine_steps", report->refine_steps, "residual_linear",
+                     hada_cli_real(report->residual_linear), "residual", hada_cli_real(report->residual), "dark",
+                     hada_cli_real(report->dark), "enhanced", report->enhanced, "repaired_pixels",
+                     (json_int_t)report->repaired_pixels, "skipped", hada_cli_skip_json(result), "seconds", "total",
+                     report->seconds_total, "upload", report->seconds_upload, "linear", report->seconds_linear,
+                     "pursuit", report->seconds_pursuit, "refine", report->seconds_refine, "enhance",
+                     report->seconds_enhance, "focus", report->seconds_focus, "download", report->seconds_download);
 }
 
 static void add(char *text, size_t size, const char *format, double value)

@@ -1,0 +1,52 @@
+#!/usr/bin/env bash
+# What a frame asks of a device: launches, transfers, waits and arguments of a further frame, held below table.md.
+#   frames.sh WORKLOAD LANES|GROUPS SHIM PRETEND HADALENS WORK
+# WORKLOAD: sim512 or paper2022, a scene at two depths. GROUPS: the device calls itself a GPU (PRETEND, of
+# tests/devices/pretend.c). What the library needs once is no part of it: a run over three frames less one over a single
+# frame, halved.
+set -euo pipefail
+[ $# = 6 ] || { sed -n '2,6s/^# \{0,1\}//p' "$0" >&2; exit 2; }
+workload=$1 shape=$2 shim=$(realpath "$3") pretend=$(realpath "$4") hadalens=$(realpath "$5")
+here=$(realpath "$(dirname "$0")")
+export LC_ALL=C HADALENS_TUNING=/nonexistent
+mkdir -p "$6"
+cd "$6"
+
+# A camera and its model stay for the next run; what is half made does not count. The large one's model is that of its
+# point spread functions, which is quicker than a fit.
+if [ ! -e "$workload.model" ]; then
+    pairs=8
+    [ "$workload" = sim512 ] || pairs=1
+    rm -rf "$workload"
+    "$hadalens" simulate --preset "$workload" --pairs "$pairs" --test 2 --seed 4 --bits 16 \
+        -o "$workload" --quiet
+    case $workload in
+    paper2022) "$hadalens" fit --psf "$workload/psf.tif" --boundary circular --window 383x383 --colour -o part --quiet ;;
+    *) "$hadalens" fit "$workload" -o part --quiet ;;
+    esac
+    mv part "$workload.model"
+fi
+for i in 1 2 3; do ln -sf test02.tif "$workload/test/raw/frame$i.tif"; done
+
+before=$shim disguise=
+[ "$shape" = LANES ] || before=$pretend:$shim disguise=gpu,units=132
+# count FRAMES OPTION...: the counts of a run over so many frames, in FRAMES.counts
+count() {
+    local frames=("$workload"/test/raw/frame[123].tif) number=$1
+    shift
+    rm -rf out "$number.counts"
+    CL_PRETEND=$disguise LD_PRELOAD=$before CL_SHIM_COUNTS="$PWD/$number.counts" \
+        "$hadalens" reconstruct "${frames[@]:0:number}" -m "$workload.model" -o out --no-preview \
+        --skip prune,depths,channels,tiles --json "$@" >report.json
+}
+
+status=0
+for path in linear refined; do
+    options=()
+    [ "$path" = refined ] || options=(--refine 0)
+    count 1 "${options[@]}"
+    count 3 "${options[@]}"
+    echo "== $workload, $path, $shape"
+    python3 "$here/counts.py" 1.counts 3.counts 2 "$here/table.md" "$workload $path ${shape,,}" || status=1
+done
+exit $status

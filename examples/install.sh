@@ -1,4 +1,4 @@
-# Installs what is missing, from Debian or Ubuntu. To be sourced: hadalens_install [tests|oracle|budget|python|imagej|napari|devices|packages|cluster|lint]
+# Installs what is missing, from Debian or Ubuntu. To be sourced: hadalens_install [tests|oracle|budget|python|mpi|imagej|napari|devices|packages|cluster|lint]
 # What is there already is left alone; with nothing missing, nothing is asked.
 hadalens_install() {
     local packages="gcc libc6-dev cmake ninja-build pkg-config python3 ocl-icd-opencl-dev libclfft-dev libtiff-dev
@@ -20,6 +20,8 @@ hadalens_install() {
     budget) packages="python3-venv clang-15 libclc-15" ;;
     # the Python package (tests/python/environment.sh): what pip does not bring
     python) packages="$packages python3-venv python3-dev" ;;
+    # the program that ranks share
+    mpi) packages="libopenmpi-dev openmpi-bin" ;;
     # the ImageJ macro in ImageJ, before a screen in memory
     imagej) packages="imagej xvfb" ;;
     # the napari plugin (bindings/napari/tests/environment.sh): a screen in memory, and what Qt and OpenGL need

@@ -88,6 +88,7 @@ static hada_status solve_and_try(hada_fitter *fitter, hada_model **out, hada_fit
     const hada_model_info *info = &fitter->grid.info;
     hada_nonnegative *nonnegative = NULL;
     hada_status status = HADA_OK;
+    HADA_TRY(hada_leave_one_out_share(&fitter->scores, err));
     if (options->nonnegative)
         HADA_TRY(hada_nonnegative_create(&nonnegative, fitter->grid.slot, info->grid_rows, info->grid_cols,
                                          info->channels, err));
@@ -99,7 +100,7 @@ static hada_status solve_and_try(hada_fitter *fitter, hada_model **out, hada_fit
     if (options->refine_steps >= 0)
         goto done;
     status = try_refinement(fitter, nonnegative, *out, *scores, err);
-    if (status == HADA_ERROR_DEVICE_MEMORY || status == HADA_ERROR_MEMORY) {
+    if ((status == HADA_ERROR_DEVICE_MEMORY || status == HADA_ERROR_MEMORY) && fitter->grid.communicator.count == 1) {
         /* the model is there; only the trial needed more */
         hada_log(fitter->grid.slot->context, HADA_LOG_WARNING,
                  "no memory to try refinement on the pairs; the model keeps %d steps untried",

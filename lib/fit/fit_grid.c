@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "core/alloc.h"
+#include "core/options.h"
 #include "filter/layout.h"
 
 /* Work-items of a group: of kernels by groups of eight frequencies, and of those by chunks where the device works in
@@ -53,6 +54,9 @@ hada_status hada_fit_grid_create(hada_fit_grid *grid, hada_context *context, con
     hada_model_info *info = &grid->info;
     hada_status status = HADA_OK;
     *grid = (hada_fit_grid){0};
+    hada_communicator_init(&grid->communicator);
+    HADA_TRY(hada_communicator_check(options->communicator, err));
+    HADA_TRY(HADA_OPTIONS_TAKE(&grid->communicator, options->communicator, hada_communicator, err));
     HADA_TRY(hada_fit_info(info, options, err));
     info->has_otf = 1;
     HADA_TRY(hada_geometry_of(info, &grid->geometry, err));

@@ -5,6 +5,7 @@
 
 #include <hadalens/fit.h>
 
+#include "core/communicator.h"
 #include "fft/fft.h"
 #include "kernels/shared_fit.h"
 #include "model/model.h"
@@ -26,6 +27,7 @@ typedef struct hada_fit_grid {
     size_t stride;  /* floats from one array of sums to the next */
     size_t chunks;  /* partial sums over an image's frequencies */
     int sum_count;  /* per frequency */
+    hada_communicator communicator;
 } hada_fit_grid;
 
 /* The description of a model of such sizes, checked. */

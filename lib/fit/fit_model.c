@@ -105,6 +105,20 @@ done:
     return status;
 }
 
+/* What the depth's owner has solved, to all ranks. */
+static hada_status give_depth(const hada_fit_sums *sums, hada_model *model, int z, hada_error *err)
+{
+    const hada_communicator *ranks = &sums->grid->communicator;
+    const size_t channels = (size_t)model->info.channels, values = 2 * channels * hada_model_plane(model);
+    const int owner = hada_owner(ranks, z);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_broadcast(ranks, owner, model->filter + (size_t)z * values, values * sizeof(float), err));
+    HADA_TRY(hada_broadcast(ranks, owner, model->otf + (size_t)z * values, values * sizeof(float), err));
+    HADA_TRY(hada_broadcast(ranks, owner, model->noise_power + (size_t)z * channels, channels * sizeof(double), err));
+done:
+    return status;
+}
+
 /* Mean over depths and channels of |X|^2 per pair. */
 static hada_status scene_power(solve_work *work, hada_model *model, hada_error *err)
 {
@@ -149,8 +163,13 @@ hada_status hada_fit_model_make(hada_model **out, hada_fit_sums *sums, hada_fit_
     HADA_TRY(work_create(&work, err));
     HADA_TRY(hada_fit_sums_pool(sums, err));
     for (int z = 0; z < info.depths; z++) {
-        HADA_TRY(hada_fit_sums_select(sums, z, err));
-        HADA_TRY(solve_depth(&work, *out, z, err));
+        if (hada_is_mine(&sums->grid->communicator, z)) {
+            HADA_TRY(hada_fit_sums_select(sums, z, err));
+            HADA_TRY(solve_depth(&work, *out, z, err));
+        }
+    }
+    for (int z = 0; z < info.depths; z++) {
+        HADA_TRY(give_depth(sums, *out, z, err));
         for (size_t c = 0; c < channels; c++)
             noise += (*out)->noise_power[(size_t)z * channels + c];
         (*out)->pairs[z] = (double)sums->depth[z].pairs;

@@ -10,6 +10,7 @@
 #include "core/options.h"
 #include "fit/cropped.h"
 #include "fit/sums_file.h"
+#include "fit/sums_reduce.h"
 
 void hada_fit_options_defaults(hada_fit_options *options, size_t size)
 {
@@ -131,6 +132,7 @@ hada_status hada_fitter_create(hada_fitter **out, hada_context *context, const h
     HADA_TRY(hada_alloc((void **)&fitter, 1, sizeof *fitter, "a fitter", err));
     fitter->options = options;
     fitter->options.distances_mm = NULL;
+    fitter->options.communicator = NULL; /* the grid has it */
     HADA_TRY(hada_fit_grid_create(&fitter->grid, context, &options, err));
     HADA_TRY(hada_leave_one_out_create(&fitter->scores, &fitter->grid, &options, err));
     HADA_TRY(hada_fit_pair_create(&fitter->pair, &fitter->grid, err));
@@ -195,6 +197,16 @@ done:
     if (fitter->sums.version != before)
         forget_choices(fitter);
     return status;
+}
+
+hada_status hada_fitter_reduce(hada_fitter *fitter, hada_error *err)
+{
+    if (!fitter)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "hada_fitter_reduce: a fitter is needed");
+    if (fitter->grid.communicator.count == 1)
+        return HADA_OK;
+    forget_choices(fitter);
+    return hada_fit_sums_reduce(&fitter->sums, err);
 }
 
 hada_status hada_fitter_save_sums(hada_fitter *fitter, const char *path, hada_error *err)
@@ -286,10 +298,12 @@ hada_status hada_fitter_learn_windowed(hada_fitter *fitter, hada_fit_show show, 
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "hada_fitter_learn_windowed: a fitter and a function that shows pairs are needed");
     hada_fit_outside_free(&fitter->outside);
+    hada_status status = hada_leave_one_out_share(&fitter->scores, err);
+    if (status)
+        return status;
     hada_slot_watch(fitter->grid.slot, fitter->options.monitor);
-    const hada_status status =
-        hada_fit_outside_solve(&fitter->outside, &fitter->sums, &fitter->pair, hada_leave_one_out_best(&fitter->scores),
-                               fitter->options.outside, show, user, err);
+    status = hada_fit_outside_solve(&fitter->outside, &fitter->sums, &fitter->pair,
+                                    hada_leave_one_out_best(&fitter->scores), fitter->options.outside, show, user, err);
     hada_slot_watch(fitter->grid.slot, NULL);
     return status;
 }

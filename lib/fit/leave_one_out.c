@@ -80,6 +80,8 @@ void hada_leave_one_out_destroy(hada_leave_one_out *scores)
 void hada_leave_one_out_forget(hada_leave_one_out *scores)
 {
     const size_t bytes = (size_t)scores->setting_count * sizeof(double);
+    scores->taken = 0;
+    scores->shared = 0;
     for (int z = 0; z < scores->grid->info.depths; z++) {
         scores->depth[z].scored = 0;
         memset(scores->depth[z].single, 0, bytes);
@@ -222,6 +224,32 @@ static double decibels(const hada_fit_grid *grid, double sum)
     return -10.0 * log10(fmax(sum / (double)hada_fit_window_floats(grid), LEAST_ERROR));
 }
 
+/* Further scores among ranks: what all have together stays with the first. */
+static void reopen(hada_leave_one_out *scores)
+{
+    const size_t bytes = (size_t)scores->setting_count * sizeof(double);
+    for (int z = 0; scores->shared && hada_rank(&scores->grid->communicator) && z < scores->grid->info.depths; z++) {
+        memset(scores->depth[z].single, 0, bytes);
+        memset(scores->depth[z].twofold, 0, bytes);
+    }
+    scores->shared = 0;
+}
+
+hada_status hada_leave_one_out_share(hada_leave_one_out *scores, hada_error *err)
+{
+    const hada_communicator *ranks = &scores->grid->communicator;
+    hada_status status = HADA_OK;
+    for (int z = 0; !scores->shared && z < scores->grid->info.depths; z++) {
+        if (!scores->depth[z].scored)
+            continue;
+        HADA_TRY(hada_reduce(ranks, scores->depth[z].single, (size_t)scores->setting_count, err));
+        HADA_TRY(hada_reduce(ranks, scores->depth[z].twofold, (size_t)scores->setting_count, err));
+    }
+    scores->shared = 1;
+done:
+    return status;
+}
+
 hada_status hada_leave_one_out_add(hada_leave_one_out *scores, const hada_fit_sums *sums, const hada_fit_pair *pair,
                                    int depth, hada_error *err)
 {
@@ -230,6 +258,10 @@ hada_status hada_leave_one_out_add(hada_leave_one_out *scores, const hada_fit_su
     float *partial = NULL;
     double *own = NULL;
     hada_status status = HADA_OK;
+    reopen(scores);
+    to->scored++;
+    if (!hada_is_mine(&scores->grid->communicator, scores->taken++))
+        return HADA_OK;
     HADA_TRY(prepare(scores, err));
     HADA_TRY(hada_alloc_raw((void **)&partial, scores->partial.bytes, 1, "scores", err));
     HADA_TRY(hada_alloc((void **)&own, 2 * count, sizeof(double), "scores", err));
@@ -238,7 +270,6 @@ hada_status hada_leave_one_out_add(hada_leave_one_out *scores, const hada_fit_su
         to->single[s] += decibels(scores->grid, own[s]);
         to->twofold[s] += decibels(scores->grid, own[s] + own[count + s]);
     }
-    to->scored++;
 done:
     free(partial);
     free(own);

@@ -21,6 +21,8 @@ typedef struct hada_leave_one_out {
     int distinct;      /* settings that differ */
     hada_fit_setting fallback;
     hada_fit_score *depth;
+    long taken; /* pairs in all, which ranks share */
+    int shared; /* the sums are those of all ranks */
     /* made at the first score */
     hada_fft *inverse;
     hada_buffer errors, planes; /* of HADA_FIT_TRIALS settings: spectra; in the window */
@@ -40,9 +42,12 @@ void hada_leave_one_out_forget(hada_leave_one_out *scores);
 int hada_leave_one_out_wants(const hada_leave_one_out *scores, int depth, int64_t pairs);
 
 /* Scores a pair, taken and transformed, that is among the sums of its depth, which stand on the device; pools are up to
- * date. */
+ * date. Among ranks, one of them does. */
 hada_status hada_leave_one_out_add(hada_leave_one_out *scores, const hada_fit_sums *sums, const hada_fit_pair *pair,
                                    int depth, hada_error *err);
+
+/* Among ranks: the sums of all, before what follows is asked. */
+hada_status hada_leave_one_out_share(hada_leave_one_out *scores, hada_error *err);
 
 /* What the scores prefer; without any, what the caller gave or the defaults. Score: the PSNR of a depth alone plus the
  * PSNR with another depth's light, means over scored depths. In decibels, for the latter alone would ruin single

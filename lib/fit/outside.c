@@ -179,6 +179,8 @@ static int64_t fold_count(int64_t pairs, int held, int depths)
 static hada_status try_weights(passes *with, int spare, hada_error *err)
 {
     const int depths = spare < FOLDS ? spare : FOLDS;
+    const hada_communicator *ranks = &with->sums->grid->communicator;
+    long number_of = 0; /* of the fold */
     hada_status status = HADA_OK;
     for (int k = 0; k < depths; k++) {
         const int number = depths > 1 ? (k * (spare - 1) + (depths - 1) / 2) / (depths - 1) : 0;
@@ -189,9 +191,11 @@ static hada_status try_weights(passes *with, int spare, hada_error *err)
         for (int64_t i = 0; i < folds; i++, with->tried += of.held) {
             for (int j = 0; j < of.held; j++)
                 of.pair[j] = (i * of.held + j) * pairs / (folds * of.held);
-            HADA_TRY(solve(with, &of, weights, WEIGHTS, err));
+            if (hada_is_mine(ranks, number_of++))
+                HADA_TRY(solve(with, &of, weights, WEIGHTS, err));
         }
     }
+    HADA_TRY(hada_reduce(ranks, with->sum, HADA_FIT_OUTSIDES, err));
 done:
     return status;
 }
@@ -220,18 +224,23 @@ static hada_status solve_all(passes *with, double outside, float *filters, hada_
 {
     const hada_fit_grid *grid = with->sums->grid;
     const size_t plane = hada_model_info_plane(&grid->info), channels = (size_t)grid->info.channels;
+    const hada_communicator *ranks = &grid->communicator;
     float *blocks = NULL;
     hada_status status = HADA_OK;
     HADA_TRY(hada_alloc_raw((void **)&blocks, 2 * grid->stride, sizeof *blocks, "a filter", err));
     for (int z = 0; z < grid->info.depths; z++) {
         const fold whole = {.z = z};
-        if (!with->sums->depth[z].pairs)
+        if (!with->sums->depth[z].pairs || !hada_is_mine(ranks, z))
             continue;
         HADA_TRY(solve(with, &whole, &outside, 1, err));
         for (size_t c = 0; c < channels; c++)
             HADA_TRY(hada_fit_read_plane(grid, hada_fit_window_filters(with->window, 0), c * grid->layout.count, blocks,
                                          filters + ((size_t)z * channels + c) * plane * 2, "a filter", err));
     }
+    for (int z = 0; z < grid->info.depths; z++)
+        if (with->sums->depth[z].pairs)
+            HADA_TRY(hada_broadcast(ranks, hada_owner(ranks, z), filters + (size_t)z * channels * plane * 2,
+                                    channels * plane * 2 * sizeof *filters, err));
 done:
     free(blocks);
     return status;

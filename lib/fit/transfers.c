@@ -282,6 +282,32 @@ done:
     return status;
 }
 
+/* What the depth's owner has learned, to all ranks. */
+static hada_status give_depth(passes *with, int z, hada_fit_transfers *out, hada_error *err)
+{
+    const hada_fit_grid *grid = with->sums->grid;
+    const hada_communicator *ranks = &grid->communicator;
+    const size_t channels = (size_t)grid->info.channels, floats = channels * hada_model_info_plane(&grid->info) * 2;
+    const size_t trial = channels * grid->layout.count * 2 * sizeof(float);
+    const int owner = hada_owner(ranks, z);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_broadcast(ranks, owner, out->noise + (size_t)z * channels, channels * sizeof(double), err));
+    HADA_TRY(hada_broadcast(ranks, owner, out->otf + (size_t)z * floats, floats * sizeof(float), err));
+    for (int k = 0; k < with->kept->count; k++) {
+        hada_fit_kept_pair *kept = &with->kept->pair[k];
+        int has = kept->transfers != NULL;
+        if (kept->depth != z)
+            continue;
+        HADA_TRY(hada_broadcast(ranks, owner, &has, sizeof has, err));
+        if (has && !kept->transfers)
+            HADA_TRY(hada_alloc_raw((void **)&kept->transfers, trial, 1, "transfer functions on trial", err));
+        if (has)
+            HADA_TRY(hada_broadcast(ranks, owner, kept->transfers, trial, err));
+    }
+done:
+    return status;
+}
+
 static hada_status make_room(passes *with, hada_error *err)
 {
     const hada_fit_grid *grid = with->sums->grid;
@@ -315,6 +341,7 @@ hada_status hada_fit_transfers_learn(hada_fit_transfers *out, hada_fit_sums *sum
     const hada_model_info *info = &sums->grid->info;
     const size_t images = (size_t)info->depths * (size_t)info->channels;
     passes with = {.sums = sums, .pair = pair, .kept = kept, .show = show, .user = user};
+    const hada_communicator *ranks = &sums->grid->communicator;
     hada_status status = HADA_OK;
     *out = (hada_fit_transfers){0};
     HADA_TRY(make_room(&with, err));
@@ -322,8 +349,11 @@ hada_status hada_fit_transfers_learn(hada_fit_transfers *out, hada_fit_sums *sum
     HADA_TRY(hada_alloc_raw((void **)&out->otf, images * hada_model_info_plane(info) * 2, sizeof(float),
                             "transfer functions", err));
     for (int z = 0; z < info->depths; z++)
-        if (sums->depth[z].pairs)
+        if (sums->depth[z].pairs && hada_is_mine(ranks, z))
             HADA_TRY(learn_depth(&with, z, count, out, err));
+    for (int z = 0; ranks->count > 1 && z < info->depths; z++)
+        if (sums->depth[z].pairs)
+            HADA_TRY(give_depth(&with, z, out, err));
 done:
     free_room(&with);
     if (status)

@@ -100,10 +100,13 @@ static hada_status rank(trial_work *work, const trial_set *set, const hada_refin
     hada_status status = HADA_OK;
     *psnr = 0.0;
     for (int k = 0; k < set->count; k++) {
+        if (!hada_is_mine(&work->bench.grid->communicator, k))
+            continue;
         HADA_TRY(hada_trial_expose(&work->bench, &set->frames[k], err));
         HADA_TRY(hada_trial_refine(&work->bench, &set->frames[k], weights, 0, work->rank_steps, err));
         *psnr += hada_trial_compare(&work->bench, &set->frames[k], 1.0) / set->count;
     }
+    HADA_TRY(hada_reduce(&work->bench.grid->communicator, psnr, 1, err));
 done:
     return status;
 }
@@ -210,6 +213,7 @@ done:
 static hada_status try_singles(trial_work *work, hada_error *err)
 {
     const hada_fit_kept *kept = work->bench.with->kept;
+    const hada_communicator *ranks = &work->bench.grid->communicator;
     const int step = work->bench.grid->info.depths == 1 ? 1 : HADA_FIT_KEPT - 1;
     hada_status status = HADA_OK;
     for (int k = 0; k < kept->count;) {
@@ -218,12 +222,14 @@ static hada_status try_singles(trial_work *work, hada_error *err)
         int count = 0;
         for (; count < HADA_TRIAL_MEMBERS && k < kept->count; k += step, count++) {
             frames[count] = (hada_trial_frame){{&kept->pair[k]}, 1, count};
-            HADA_TRY(hada_trial_hold_out(&work->bench, &frames[count], err));
+            if (hada_is_mine(ranks, count))
+                HADA_TRY(hada_trial_hold_out(&work->bench, &frames[count], err));
         }
         if (choose)
             HADA_TRY(choose_weights(work, &(trial_set){frames, count}, err));
         for (int i = 0; i < count; i++)
-            HADA_TRY(try_frame(work, &frames[i], err));
+            if (hada_is_mine(ranks, i))
+                HADA_TRY(try_frame(work, &frames[i], err));
     }
 done:
     return status;
@@ -233,14 +239,30 @@ done:
 static hada_status try_doubles(trial_work *work, hada_error *err)
 {
     const hada_fit_kept *kept = work->bench.with->kept;
+    const hada_communicator *ranks = &work->bench.grid->communicator;
+    long number = 0;
     hada_status status = HADA_OK;
     for (int k = 0; k + 2 < kept->count; k++) {
         const hada_trial_frame two = {{&kept->pair[k], &kept->pair[k + 2]}, 2, 0};
-        if (two.member[0]->depth == two.member[1]->depth)
+        if (two.member[0]->depth == two.member[1]->depth || !hada_is_mine(ranks, number++))
             continue;
         HADA_TRY(hada_trial_hold_out(&work->bench, &two, err));
         HADA_TRY(try_frame(work, &two, err));
     }
+done:
+    return status;
+}
+
+/* The decibels of all ranks' frames. */
+static hada_status share(trial_work *work, hada_error *err)
+{
+    const hada_communicator *ranks = &work->bench.grid->communicator;
+    double count[2] = {work->count[0], work->count[1]};
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_reduce(ranks, count, HADA_COUNT(count), err));
+    HADA_TRY(hada_reduce(ranks, &work->sum[0][0][0], sizeof work->sum / sizeof(double), err));
+    work->count[0] = (int)count[0];
+    work->count[1] = (int)count[1];
 done:
     return status;
 }
@@ -313,6 +335,7 @@ hada_status hada_fit_trial_run(const hada_fit_trial *trial, hada_fit_trial_resul
     HADA_TRY(hada_trial_bench_create(&work.bench, err));
     HADA_TRY(try_singles(&work, err));
     HADA_TRY(try_doubles(&work, err));
+    HADA_TRY(share(&work, err));
     const int best = best_of(&work);
     *result = (hada_fit_trial_result){.steps = steps_tried[best],
                                       .share = best ? shares_tried[share_of(&work, best)] : 1.0,

@@ -1,6 +1,12 @@
 #include "tasks/fit_passes.h"
 
+#include <stdlib.h>
+
+#include "core/alloc.h"
+#include "core/clock.h"
+#include "core/communicator.h"
 #include "core/monitor.h"
+#include "io/folder.h"
 
 /* The fitter scores so many pairs in all, and two of each depth where there are many (hada_fitter_score()). */
 enum { SCORED_IN_ALL = 8, SCORED_PER_DEPTH = 2 };
@@ -62,9 +68,116 @@ done:
     return status;
 }
 
+/* Whole depths are dealt to ranks where none then has over so much of its fair share of pairs: sums of a depth that are
+ * one rank's are handed on as they are. Else each depth's pairs are shared. */
+#define FAIR 1.1
+
+static int goes_by_depth(const hada_fit_source *from)
+{
+    const hada_dataset_info *info = hada_dataset_get_info(from->data);
+    const int ranks = hada_ranks(from->communicator);
+    long most = 0;
+    for (int r = 0; r < ranks; r++) {
+        long load = 0;
+        for (int z = r; z < info->depths; z += ranks)
+            load += info->counts[z];
+        most = load > most ? load : most;
+    }
+    return (double)most * ranks <= FAIR * info->pairs;
+}
+
+/* This rank's pairs of a depth. */
+typedef struct range {
+    int begin, end;
+} range;
+
+static range share_of(const hada_fit_source *from, int z)
+{
+    const hada_communicator *ranks = from->communicator;
+    const int count = hada_dataset_get_info(from->data)->counts[z];
+    if (goes_by_depth(from))
+        return (range){0, hada_is_mine(ranks, z) ? count : 0};
+    return (range){(int)hada_share_begin(ranks, count, hada_rank(ranks)),
+                   (int)hada_share_begin(ranks, count, hada_rank(ranks) + 1)};
+}
+
+/* A save may take a twentieth of the time. */
+enum { SAVE_SHARE = 20 };
+
+typedef struct saving {
+    double last, took;
+} saving;
+
+static hada_status save_part(hada_fitter *fitter, const hada_fit_source *from, saving *at, hada_error *err)
+{
+    const double now = hada_seconds();
+    if (!from->part || now - at->last < from->part_seconds || now - at->last < SAVE_SHARE * at->took)
+        return HADA_OK;
+    const hada_status status = hada_fitter_save_sums(fitter, from->part, err);
+    at->last = hada_seconds();
+    at->took = at->last - now;
+    return status;
+}
+
+/* Pairs of a depth that an interrupted fit has added already. */
+static hada_status resume_part(hada_fitter *fitter, const hada_fit_source *from, hada_error *err)
+{
+    const int depths = hada_dataset_get_info(from->data)->depths;
+    hada_status status = HADA_OK;
+    if (!from->part || !from->resume || !hada_path_is_file(from->part))
+        return HADA_OK;
+    status = hada_fitter_load_sums(fitter, from->part, err);
+    if (status)
+        hada_error_prefix_path(err, from->part);
+    HADA_TRY(status);
+    for (int z = 0; z < depths; z++) {
+        const range mine = share_of(from, z);
+        if (hada_fitter_pairs(fitter, z) > mine.end - mine.begin)
+            HADA_TRY(hada_fail(err, HADA_ERROR_STATE,
+                               "%s holds more pairs than there are: it is of another data set; remove it, or leave out "
+                               "options.resume",
+                               from->part));
+    }
+done:
+    return status;
+}
+
+/* This rank's pairs that are not in the sums yet. */
+static hada_status add_share(hada_fitter *fitter, const hada_fit_source *from, hada_progress *progress, hada_error *err)
+{
+    saving at = {.last = hada_seconds()};
+    hada_status status = HADA_OK;
+    for (int z = 0; z < hada_dataset_get_info(from->data)->depths; z++) {
+        const range mine = share_of(from, z);
+        const int there = from->part ? (int)hada_fitter_pairs(fitter, z) : 0;
+        for (int i = mine.begin; i < mine.end; i++) {
+            if (i - mine.begin >= there) {
+                HADA_TRY(one_pair(fitter, from, z, i, hada_fitter_add, err));
+                HADA_TRY(save_part(fitter, from, &at, err));
+            }
+            HADA_TRY(hada_progress_step(progress, NULL, err));
+        }
+    }
+done:
+    if (status == HADA_ERROR_CANCELLED && from->part)
+        hada_fitter_save_sums(fitter, from->part, NULL); /* the wish to stop is what is told */
+    return status;
+}
+
 hada_status hada_fit_pass_add(hada_fitter *fitter, const hada_fit_source *from, hada_error *err)
 {
-    return each_pair(fitter, from, hada_dataset_get_info(from->data)->pairs, "pairs", hada_fitter_add, err);
+    const hada_dataset_info *info = hada_dataset_get_info(from->data);
+    long total = 0;
+    hada_status status = HADA_OK;
+    for (int z = 0; z < info->depths; z++)
+        total += share_of(from, z).end - share_of(from, z).begin;
+    hada_progress progress = hada_progress_begin(from->monitor, "pairs", total);
+    HADA_TRY(resume_part(fitter, from, err));
+    HADA_TRY(add_share(fitter, from, &progress, err));
+    HADA_TRY(hada_fitter_reduce(fitter, err));
+done:
+    hada_progress_end(&progress);
+    return status;
 }
 
 hada_status hada_fit_pass_score(hada_fitter *fitter, const hada_fit_source *from, hada_error *err)
@@ -133,6 +246,17 @@ hada_status hada_fit_pass_boundary(hada_fit_options *fit, hada_context *context,
     else
         hada_monitor_tell(from->monitor, HADA_MESSAGE_DETAIL, "light leaves the sensor: boundary padded");
     return HADA_OK;
+}
+
+hada_status hada_fit_pass_agree(hada_fit_options *fit, const hada_communicator *ranks, hada_error *err)
+{
+    double found[] = {fit->scene_response, fit->boundary, fit->grid_rows, fit->grid_cols};
+    const hada_status status = hada_broadcast(ranks, 0, found, sizeof found, err);
+    fit->scene_response = found[0];
+    fit->boundary = (hada_boundary)found[1];
+    fit->grid_rows = (int)found[2];
+    fit->grid_cols = (int)found[3];
+    return status;
 }
 
 hada_status hada_fit_pass_learn_cropped(hada_fitter *fitter, const hada_fit_source *from, hada_error *err)

@@ -12,6 +12,10 @@ typedef struct hada_fit_source {
     const hada_dataset *data;
     const hada_survey *survey; /* evens scenes out where frames were exposed differently; NULL: they were not */
     const hada_monitor *monitor;
+    const hada_communicator *communicator; /* ranks that share the pairs of the sums; NULL: none do */
+    const char *part;                      /* file for this rank's sums on the way; NULL: none */
+    double part_seconds;                   /* between two saves of it, at least */
+    int resume;                            /* 1: from what it holds */
 } hada_fit_source;
 
 /* Before all passes: what the pairs say of themselves; where pairs disagree in exposure, a note tells. */
@@ -22,7 +26,10 @@ hada_status hada_fit_pass_survey(hada_survey **out, const hada_fit_source *from,
 hada_status hada_fit_pass_boundary(hada_fit_options *fit, hada_context *context, const hada_fit_source *from,
                                    hada_error *err);
 
-/* First pass: all pairs into the sums. */
+/* Among ranks: what the first of them has found out so far, for devices round differently. */
+hada_status hada_fit_pass_agree(hada_fit_options *fit, const hada_communicator *ranks, hada_error *err);
+
+/* First pass: all pairs into the sums, each by one rank, and the sums of all ranks to each. */
 hada_status hada_fit_pass_add(hada_fitter *fitter, const hada_fit_source *from, hada_error *err);
 
 /* Second pass: as many pairs as the fitter scores, evenly spread over each depth. */

@@ -10,6 +10,9 @@
 
 #include "io/folder.h"
 
+static const char *const endings[HADA_OUTPUT_FILES] = {"stack.tif", "aif.tif", "depth.tif", "preview.png",
+                                                       "confidence.tif"};
+
 static void choose_encoding(hada_outputs *out, const hada_files_task *task, double gamma)
 {
     const double raised = 1.0 / gamma; /* light^gamma: light = value^(1 / gamma) */
@@ -22,8 +25,6 @@ static void choose_encoding(hada_outputs *out, const hada_files_task *task, doub
 hada_status hada_outputs_begin(hada_outputs *out, const hada_files_task *task, const char *name,
                                const hada_model_info *model, double gamma, int frames, hada_error *err)
 {
-    static const char *const endings[HADA_OUTPUT_FILES] = {"stack.tif", "aif.tif", "depth.tif", "preview.png",
-                                                           "confidence.tif"};
     const char *slash = strrchr(model->name, '/');
     const int preview = task->preview && hada_pictures_available();
     hada_status status = HADA_OK;
@@ -148,18 +149,31 @@ done:
 hada_status hada_outputs_finish(hada_outputs *out, hada_error *err)
 {
     hada_status status = HADA_OK;
-    int finished = 0;
-    for (; finished < HADA_OUTPUT_FILES; finished++)
-        if (out->writer[finished])
-            HADA_TRY(hada_tiff_finish(&out->writer[finished], err));
+    int next = HADA_OUTPUT_FILES - 1;
+    for (; next >= 0; next--)
+        if (out->writer[next])
+            HADA_TRY(hada_tiff_finish(&out->writer[next], err));
     out->finished = 1;
     if (!out->has_confidence)
         unlink(out->path[HADA_OUTPUT_CONFIDENCE]); /* of a run before */
 done:
-    for (int k = 0; status && k < finished; k++)
+    for (int k = next + 1; status && k < HADA_OUTPUT_FILES; k++)
         if (k != HADA_OUTPUT_PREVIEW)
             unlink(out->path[k]);
     return status;
+}
+
+int hada_outputs_are_there(const hada_files_task *task, const char *name)
+{
+    static const hada_output needed[] = {HADA_OUTPUT_STACK, HADA_OUTPUT_ALL_IN_FOCUS, HADA_OUTPUT_DISTANCE_MAP};
+    int there = 1;
+    for (size_t k = 0; there && k < sizeof needed / sizeof *needed; k++) {
+        char *path = NULL;
+        there = !hada_path_format(&path, NULL, "%s/%s_%s", task->output, name, endings[needed[k]]) &&
+                hada_path_is_file(path);
+        free(path);
+    }
+    return there;
 }
 
 void hada_outputs_end(hada_outputs *out)

@@ -2,8 +2,10 @@
 #include <hadalens/camera.h>
 #include <hadalens/task_fit.h>
 #include <stdlib.h>
+#include <unistd.h>
 
 #include "core/alloc.h"
+#include "core/communicator.h"
 #include "core/monitor.h"
 #include "core/options.h"
 #include "fit/sums_file.h"
@@ -24,11 +26,13 @@ typedef struct learning {
     hada_fitter *fitter;
     hada_fit_report *report;
     hada_fit_source from;
+    hada_communicator ranks;
+    char *part; /* file of this rank's sums on the way */
 } learning;
 
 void hada_fit_task_defaults(hada_fit_task *task, size_t size)
 {
-    const hada_fit_task own = {.size = sizeof own, .leave_one_out = 1};
+    const hada_fit_task own = {.size = sizeof own, .leave_one_out = 1, .save_seconds = 60.0};
     HADA_OPTIONS_GIVE(task, size, &own);
 }
 
@@ -126,9 +130,63 @@ done:
     return status;
 }
 
+/* By the first rank; what each had saved on the way is not needed once they are whole. */
 static hada_status save_sums(const learning *of, hada_error *err)
 {
-    return of->task.save_sums ? hada_fitter_save_sums(of->fitter, of->task.save_sums, err) : HADA_OK;
+    int saved = 1;
+    hada_status status = HADA_OK;
+    if (!of->task.save_sums)
+        return HADA_OK;
+    if (!of->ranks.rank)
+        HADA_TRY(hada_fitter_save_sums(of->fitter, of->task.save_sums, err));
+    HADA_TRY(hada_broadcast(&of->ranks, 0, &saved, sizeof saved, err));
+    if (of->part)
+        unlink(of->part);
+done:
+    return status;
+}
+
+/* Whether the sums of an earlier run are whole: then they are loaded, by the first rank. Its word counts, for files may
+ * be seen later elsewhere. */
+static hada_status find_sums(learning *of, int *whole, hada_error *err)
+{
+    const hada_fit_task *task = &of->task;
+    const hada_dataset_info *info = hada_dataset_get_info(of->data);
+    hada_status status = HADA_OK;
+    *whole = of->part && task->resume && hada_path_is_file(task->save_sums);
+    HADA_TRY(hada_broadcast(&of->ranks, 0, whole, sizeof *whole, err));
+    if (!*whole || of->ranks.rank)
+        return HADA_OK;
+    HADA_TRY(hada_fitter_load_sums(of->fitter, task->save_sums, err));
+    for (int z = 0; z < info->depths; z++)
+        if (hada_fitter_pairs(of->fitter, z) != info->counts[z])
+            HADA_TRY(hada_fail(err, HADA_ERROR_STATE,
+                               "%s holds other pairs than the data set: remove it, or leave out options.resume",
+                               task->save_sums));
+done:
+    return status;
+}
+
+static hada_status add_pairs(learning *of, hada_error *err)
+{
+    const hada_fit_task *task = &of->task;
+    int whole = 0;
+    hada_status status = HADA_OK;
+    if (task->save_sums && !task->merge_count)
+        HADA_TRY(hada_path_format(&of->part, err, "%s.%d-of-%d", task->save_sums, of->ranks.rank + 1, of->ranks.count));
+    of->from.communicator = &of->ranks;
+    of->from.part = of->part;
+    of->from.part_seconds = task->save_seconds;
+    of->from.resume = task->resume;
+    HADA_TRY(find_sums(of, &whole, err));
+    if (whole)
+        return hada_fitter_reduce(of->fitter, err);
+    if (!of->ranks.rank) /* which the others get with the sums of all */
+        HADA_TRY(merge(of, 0, err));
+    HADA_TRY(hada_fit_pass_add(of->fitter, &of->from, err));
+    HADA_TRY(save_sums(of, err));
+done:
+    return status;
 }
 
 /* Sums say nothing of the light that left the sensor; without the pairs, transfer functions stay those of one pass. */
@@ -192,12 +250,11 @@ static hada_status learn_pairs(learning *of, hada_context *context, hada_model *
     HADA_TRY(hada_fit_options_from_dataset(&of->fit, of->data, task->boundary, monitor, err));
     HADA_TRY(survey(of, err));
     HADA_TRY(find_boundary(of, context, err));
+    HADA_TRY(hada_fit_pass_agree(&of->fit, &of->ranks, err));
     HADA_TRY(hada_fitter_create(&of->fitter, context, &of->fit, err));
     hada_monitor_tell(monitor, HADA_MESSAGE_DETAIL, "the sums take %.1f MiB on the device",
                       (double)hada_fitter_bytes(of->fitter) / (1024.0 * 1024.0));
-    HADA_TRY(merge(of, 0, err));
-    HADA_TRY(hada_fit_pass_add(of->fitter, &of->from, err));
-    HADA_TRY(save_sums(of, err));
+    HADA_TRY(add_pairs(of, err));
     /* one pair alone cannot be left out */
     if (task->leave_one_out && (hada_dataset_get_info(of->data)->least_pairs > 1 || task->merge_count))
         HADA_TRY(hada_fit_pass_score(of->fitter, &of->from, err));
@@ -238,6 +295,13 @@ static hada_status take_task(learning *of, const hada_fit_task *task, hada_error
     HADA_TRY(HADA_OPTIONS_TAKE(&of->fit, of->task.fit, hada_fit_options, err));
     if (!of->fit.monitor)
         of->fit.monitor = of->task.monitor;
+    hada_communicator_init(&of->ranks);
+    HADA_TRY(hada_communicator_check(of->fit.communicator, err));
+    HADA_TRY(HADA_OPTIONS_TAKE(&of->ranks, of->fit.communicator, hada_communicator, err));
+    if (of->task.resume && !of->task.save_sums)
+        HADA_TRY(
+            hada_fail(err, HADA_ERROR_ARGUMENT,
+                      "options.resume goes on from sums that were saved on the way: say where (options.save_sums)"));
     if (!of->data && !of->task.merge_count)
         HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "hada_fit_run: a data set or saved sums are needed"));
     if (of->fit.outside >= 0.0 && of->fit.outside < 1.0 && of->task.merge_count)
@@ -271,5 +335,6 @@ done:
         hada_model_destroy(out);
     hada_fit_report_destroy(&of.report);
     hada_fitter_destroy(&of.fitter);
+    free(of.part);
     return status;
 }

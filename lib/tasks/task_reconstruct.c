@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "core/alloc.h"
+#include "core/communicator.h"
 #include "core/monitor.h"
 #include "core/options.h"
 #include "dispatch/plan.h"
@@ -25,7 +26,10 @@ typedef struct run {
     double gamma; /* of the plan */
     const char *const *paths;
     int count;
-    char **names; /* of the results of each file */
+    char **names;      /* of the results of each file */
+    int *todo;         /* indices of the files that are to be done here */
+    const char **here; /* and their paths */
+    int here_count;
     hada_stream stream;
     hada_outputs out;
     hada_files_state state;
@@ -44,9 +48,9 @@ static void tell(run *own, hada_files_event event, const hada_streamed *frame)
     hada_files_state *state = &own->state;
     state->event = event;
     if (frame) {
-        state->file = frame->file;
-        state->path = own->paths[frame->file];
-        state->name = own->names[frame->file];
+        state->file = own->todo[frame->file];
+        state->path = own->here[frame->file];
+        state->name = own->names[state->file];
         state->frames = frame->frames;
         state->frame = frame->frame;
         state->result = &frame->result;
@@ -72,6 +76,31 @@ done:
     return status;
 }
 
+/* What is this rank's to do: the files are dealt out before it is known which are done, so that ranks agree. */
+static hada_status choose_files(run *own, hada_error *err)
+{
+    hada_communicator ranks;
+    hada_status status = HADA_OK;
+    hada_communicator_init(&ranks);
+    HADA_TRY(hada_communicator_check(own->task.communicator, err));
+    HADA_TRY(HADA_OPTIONS_TAKE(&ranks, own->task.communicator, hada_communicator, err));
+    own->task.communicator = NULL;
+    HADA_TRY(hada_alloc((void **)&own->todo, (size_t)own->count, sizeof *own->todo, "the files", err));
+    HADA_TRY(hada_alloc((void **)&own->here, (size_t)own->count, sizeof *own->here, "the files", err));
+    for (int i = 0; i < own->count; i++) {
+        if (!hada_is_mine(&ranks, i))
+            continue;
+        own->todo[own->here_count] = i;
+        own->here[own->here_count] = own->paths[i];
+        if (own->task.resume && hada_outputs_are_there(&own->task, own->names[i]))
+            tell(own, HADA_FILES_THERE, &(hada_streamed){.file = own->here_count});
+        else
+            own->here_count++;
+    }
+done:
+    return status;
+}
+
 static hada_status begin_file(run *own, const hada_streamed *frame, hada_error *err)
 {
     hada_status status = HADA_OK;
@@ -80,8 +109,8 @@ static hada_status begin_file(run *own, const hada_streamed *frame, hada_error *
     own->state.confidence = NULL;
     if (frame->frames) {
         own->progress.total += frame->frames - 1;
-        status = hada_outputs_begin(&own->out, &own->task, own->names[frame->file], hada_model_get_info(own->model),
-                                    own->gamma, frame->frames, err);
+        status = hada_outputs_begin(&own->out, &own->task, own->names[own->todo[frame->file]],
+                                    hada_model_get_info(own->model), own->gamma, frame->frames, err);
     }
     for (int k = 0; k < HADA_OUTPUTS; k++)
         own->state.outputs[k] = own->out.path[k];
@@ -99,7 +128,7 @@ static void fail_file(run *own, const hada_streamed *frame, hada_error *err)
 {
     if (frame->frames > 1)
         hada_error_prefix(err, "frame %d of %d: ", frame->frame + 1, frame->frames);
-    hada_error_prefix_path(err, own->paths[frame->file]);
+    hada_error_prefix_path(err, own->here[frame->file]);
     own->failed++;
     own->state.error = err;
     tell(own, HADA_FILES_FAILED, frame);
@@ -184,8 +213,10 @@ hada_status hada_reconstruct_files(hada_plan *plan, const hada_model *model, con
     HADA_TRY(make_names(&own, err));
     HADA_TRY(hada_inputs_protect(&inputs, paths, (size_t)count, err));
     HADA_TRY(hada_folder_ensure(own.task.output, err));
-    HADA_TRY(hada_stream_begin(&own.stream, plan, model, paths, count, hada_files_ahead(plan), own.task.monitor, err));
-    own.progress = hada_progress_begin(own.task.monitor, "frames", count);
+    HADA_TRY(choose_files(&own, err));
+    HADA_TRY(hada_stream_begin(&own.stream, plan, model, own.here, own.here_count, hada_files_ahead(plan),
+                               own.task.monitor, err));
+    own.progress = hada_progress_begin(own.task.monitor, "frames", own.here_count);
     take_all(&own);
     if (own.open)
         break_off(&own);
@@ -199,5 +230,7 @@ done:
     for (int i = 0; own.names && i < count; i++)
         free(own.names[i]);
     free(own.names);
+    free(own.todo);
+    free(own.here);
     return status;
 }

@@ -66,6 +66,9 @@ static hada_status take_task(training *own, const hada_train_task *task, hada_er
     HADA_TRY(HADA_OPTIONS_TAKE(&own->options, own->task.options, hada_train_options, err));
     if (!own->task.output)
         HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "hada_train_run: say where the model shall be written"));
+    hada_communicator_init(&own->work.ranks);
+    HADA_TRY(hada_communicator_check(own->options.communicator, err));
+    HADA_TRY(HADA_OPTIONS_TAKE(&own->work.ranks, own->options.communicator, hada_communicator, err));
     own->work.task = &own->task;
     own->work.stage = own->options.stage;
 done:
@@ -111,14 +114,16 @@ static hada_status make_folders(training *own, hada_error *err)
                        : hada_path_format(&work->log_folder, err, "%s.log", task->output));
     HADA_TRY(hada_path_format(&work->checkpoint, err, "%s/checkpoint.safetensors", work->log_folder));
     HADA_TRY(hada_path_format(&pictures, err, "%s/pictures", work->log_folder));
+    work->state.log = work->log_folder;
+    work->state.output = task->output;
+    if (work->ranks.rank)
+        goto done;
     if (hada_path_is_file(work->checkpoint) && !task->resume && !task->restart)
         HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT,
                            "%s holds the checkpoint of an earlier training: go on with it (options.resume), begin anew "
                            "(options.restart), or choose another folder (options.log)",
                            work->log_folder));
     HADA_TRY(hada_folder_ensure(pictures, err));
-    work->state.log = work->log_folder;
-    work->state.output = task->output;
 done:
     free(pictures);
     return status;
@@ -176,9 +181,12 @@ static hada_status find_model(training *own, hada_context *context, hada_error *
     HADA_TRY(survey(own, &fit, err));
     if (own->model)
         return HADA_OK;
-    const hada_fit_source from = {.data = own->learn, .survey = own->survey, .monitor = task->monitor};
+    const hada_fit_source from = {
+        .data = own->learn, .survey = own->survey, .monitor = task->monitor, .communicator = &own->work.ranks};
+    fit.communicator = &own->work.ranks;
     if (!task->boundary && fit.boundary == HADA_BOUNDARY_PADDED)
         HADA_TRY(hada_fit_pass_boundary(&fit, context, &from, err));
+    HADA_TRY(hada_fit_pass_agree(&fit, &own->work.ranks, err));
     if (blank) {
         HADA_TRY(hada_model_blank(&own->made, &fit, err));
     } else { /* training goes on from the filters, so they are not judged in the window */
@@ -246,7 +254,9 @@ static hada_status resume(training *own, hada_error *err)
     hada_status status = HADA_OK;
     if (!own->task.resume)
         return HADA_OK;
-    if (!hada_path_is_file(work->checkpoint)) {
+    int there = hada_path_is_file(work->checkpoint);
+    HADA_TRY(hada_broadcast(&work->ranks, 0, &there, sizeof there, err));
+    if (!there) {
         hada_monitor_tell(monitor, HADA_MESSAGE_NOTE, "there is no checkpoint in %s yet: training begins at step 0",
                           work->log_folder);
         return HADA_OK;
@@ -261,7 +271,7 @@ done:
 static void tell_begin(training *own)
 {
     own->work.state.event = HADA_TRAIN_BEGINS;
-    if (own->task.tell)
+    if (own->task.tell && !own->work.ranks.rank)
         own->task.tell(own->task.user, &own->work.state);
 }
 

@@ -20,6 +20,7 @@ typedef struct loop {
     double started;
     int without_better; /* validations since the best */
     int whole;          /* the output holds what this training, or the one it goes on from, has written */
+    int writes;         /* this rank does */
     hada_progress progress;
 } loop;
 
@@ -30,7 +31,7 @@ static void tell(loop *own, hada_train_event event)
     own->state->rows = own->log.rows;
     own->state->row_count = own->log.row_count;
     own->state->seconds = hada_seconds() - own->started;
-    if (task->tell)
+    if (task->tell && own->writes)
         task->tell(task->user, own->state);
 }
 
@@ -40,6 +41,8 @@ static hada_status write_output(loop *own, hada_error *err)
     hada_model *model = NULL;
     hada_net *net = NULL;
     hada_status status = HADA_OK;
+    if (!own->writes)
+        return HADA_OK;
     if (work->stage == HADA_STAGE_CONVENTIONAL) {
         HADA_TRY(hada_trainer_net(work->trainer, &net, err));
         HADA_TRY(hada_net_save(net, work->task->output, err));
@@ -88,7 +91,8 @@ static hada_status validate(loop *own, hada_error *err)
     if (!state->held_out)
         return HADA_OK;
     HADA_TRY(hada_trainer_validate(own->work->trainer, own->work->task->validate_pairs, &result, err));
-    HADA_TRY(hada_train_log_validation(&own->log, state->step, &result, err));
+    if (own->writes)
+        HADA_TRY(hada_train_log_validation(&own->log, state->step, &result, err));
     state->better = is_better(own, state->step, result.psnr);
     tell(own, HADA_TRAIN_VALIDATED);
     if (state->better && state->keep_best)
@@ -101,7 +105,7 @@ static hada_status show(loop *own, hada_error *err)
 {
     char *path = NULL;
     hada_status status = HADA_OK;
-    if (!own->state->held_out)
+    if (!own->state->held_out || !own->writes)
         return HADA_OK;
     HADA_TRY(hada_path_format(&path, err, "%s/pictures/step%08llu.png", own->work->log_folder,
                               (unsigned long long)own->state->step));
@@ -114,6 +118,8 @@ done:
 static hada_status save(loop *own, hada_error *err)
 {
     hada_status status = HADA_OK;
+    if (!own->writes)
+        return HADA_OK;
     HADA_TRY(hada_train_log_flush(&own->log, err));
     HADA_TRY(hada_train_figure(&own->log, err));
     HADA_TRY(hada_trainer_save(own->work->trainer, own->work->checkpoint, err));
@@ -162,7 +168,8 @@ static hada_status one_step(loop *own, hada_error *err)
     char note[64];
     hada_status status = HADA_OK;
     HADA_TRY(hada_trainer_step(own->work->trainer, &report, err));
-    HADA_TRY(hada_train_log_step(&own->log, &report, err));
+    if (own->writes)
+        HADA_TRY(hada_train_log_step(&own->log, &report, err));
     if (report.rolled_back) {
         state->rolled_back++;
         hada_monitor_tell(own->work->task->monitor, HADA_MESSAGE_NOTE,
@@ -191,17 +198,28 @@ static hada_status stop(loop *own, hada_error *err)
                               (unsigned long long)state->step, (unsigned long long)state->steps, own->work->checkpoint);
 }
 
+/* Whether any rank is asked to. */
+static hada_status wish_to_stop(const loop *own, int *wish, hada_error *err)
+{
+    double wishes = hada_monitor_check(own->work->task->monitor, NULL) != HADA_OK;
+    const hada_status status = hada_reduce(&own->work->ranks, &wishes, 1, err);
+    *wish = wishes > 0.0;
+    return status;
+}
+
 static hada_status steps(loop *own, hada_error *err)
 {
     hada_train_state *state = own->state;
     const hada_train_task *task = own->work->task;
+    int wish = 0;
     hada_status status = HADA_OK;
     if (!state->first && own->validate_every)
         HADA_TRY(validate(own, err));
     if (!state->first && own->show_every)
         HADA_TRY(show(own, err));
     while (state->step < state->steps) {
-        if (hada_monitor_check(task->monitor, NULL))
+        HADA_TRY(wish_to_stop(own, &wish, err));
+        if (wish)
             return stop(own, err);
         HADA_TRY(one_step(own, err));
         state->step = hada_trainer_steps(own->work->trainer);
@@ -221,6 +239,20 @@ static uint64_t every(int given, uint64_t share)
     return given >= 0 ? (uint64_t)given : share ? share : 1;
 }
 
+/* What the log of the first rank says of the steps before, for all. */
+static hada_status recall(loop *own, hada_error *err)
+{
+    hada_train_state *state = own->state;
+    for (size_t i = 0; i < own->log.row_count && (own->whole || !state->keep_best); i++)
+        is_better(own, own->log.rows[i].step, own->log.rows[i].result->psnr);
+    double best[] = {state->best_psnr, (double)state->best_step, own->without_better};
+    const hada_status status = hada_broadcast(&own->work->ranks, 0, best, sizeof best, err);
+    state->best_psnr = best[0];
+    state->best_step = (uint64_t)best[1];
+    own->without_better = (int)best[2];
+    return status;
+}
+
 static void set_up(loop *own)
 {
     hada_train_state *state = own->state;
@@ -233,14 +265,12 @@ static void set_up(loop *own)
                        (task->keep == HADA_KEEP_BEST || (task->keep == HADA_KEEP_AUTO && !adversarial));
     state->best_psnr = -INFINITY;
     own->started = hada_seconds();
-    own->whole = state->first > 0 && output_is_whole(own->work);
+    own->whole = state->first > 0 && (!own->writes || output_is_whole(own->work));
     if (state->first > 0 && state->keep_best && !own->whole)
         hada_monitor_tell(
             task->monitor, HADA_MESSAGE_NOTE,
             "%s holds no whole model: the best of the steps before is lost, that of those to come is kept",
             task->output);
-    for (size_t i = 0; i < own->log.row_count && (own->whole || !state->keep_best); i++)
-        is_better(own, own->log.rows[i].step, own->log.rows[i].result->psnr);
 }
 
 /* Where no validation has written the output. */
@@ -264,11 +294,13 @@ done:
 hada_status hada_train_loop(hada_train_work *work, hada_error *err)
 {
     hada_train_state *state = &work->state;
-    loop own = {.work = work, .state = state};
+    loop own = {.work = work, .state = state, .writes = !work->ranks.rank};
     hada_status status = HADA_OK;
     state->first = state->step = hada_trainer_steps(work->trainer);
-    HADA_TRY(hada_train_log_open(&own.log, work->log_folder, state->first > 0, state->first, err));
+    if (own.writes)
+        HADA_TRY(hada_train_log_open(&own.log, work->log_folder, state->first > 0, state->first, err));
     set_up(&own);
+    HADA_TRY(recall(&own, err));
     own.progress = hada_progress_begin(work->task->monitor, "steps",
                                        state->steps > state->first ? (long)(state->steps - state->first) : 0);
     status = run(&own, err);

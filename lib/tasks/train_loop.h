@@ -2,6 +2,7 @@
 #ifndef HADA_TASKS_TRAIN_LOOP_H
 #define HADA_TASKS_TRAIN_LOOP_H
 
+#include "core/communicator.h"
 #include "tasks/train_log.h"
 
 /* A training that is set up. */
@@ -10,7 +11,8 @@ typedef struct hada_train_work {
     hada_trainer *trainer;
     hada_stage stage;
     char *log_folder, *checkpoint;
-    hada_train_state state; /* what is told: depths, pairs and steps are filled in */
+    hada_communicator ranks; /* the first one writes */
+    hada_train_state state;  /* what is told: depths, pairs and steps are filled in */
 } hada_train_work;
 
 /* Steps until the end, with validations, pictures, checkpoints and the best parameters on the way. */

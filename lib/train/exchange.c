@@ -27,12 +27,18 @@ static hada_status close_one(hada_workers *workers, int worker, void *user, hada
                   : HADA_OK;
 }
 
+/* What follows among ranks, while the group is open. */
+typedef hada_status (*among_ranks_of)(hada_workers *workers, const exchange *what, hada_error *err);
+
 /* Opens a group on all workers, does something with it, and closes it, also after a failure. */
-static hada_status with_open(hada_workers *workers, exchange *what, hada_work work, hada_error *err)
+static hada_status with_open(hada_workers *workers, exchange *what, hada_work work, among_ranks_of among_ranks,
+                             hada_error *err)
 {
     hada_status status = HADA_OK;
     HADA_TRY(hada_workers_run(workers, open_one, what, err));
     HADA_TRY(hada_workers_run(workers, work, what, err));
+    if (hada_ranks(workers->ranks) > 1)
+        HADA_TRY(among_ranks(workers, what, err));
 done:;
     const hada_status closed = hada_workers_run(workers, close_one, what, status ? NULL : err);
     return status ? status : closed;
@@ -84,13 +90,63 @@ static hada_status add_part(hada_workers *workers, int worker, void *user, hada_
     return HADA_OK;
 }
 
+/* The sum of squares, of runs of values as above. */
+static double squares_of(const float *values, size_t count)
+{
+    double all = 0.0;
+    for (size_t at = 0; at < count; at += RUN) {
+        float squares[LANES] = {0.0f};
+        const size_t end = count - at < RUN ? count : at + RUN;
+        for (size_t i = at; i < end; i++)
+            squares[(i - at) % LANES] += values[i] * values[i];
+        for (size_t k = 0; k < LANES; k++)
+            all += squares[k];
+    }
+    return all;
+}
+
+/* Values that ranks exchange at a time: enough that what an exchange costs beside its bytes is little. */
+enum { BUCKET = 1 << 20 };
+
+static hada_status reduce_part(const hada_workers *workers, float *values, hada_part part, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    for (size_t done = 0; done < part.count; done += BUCKET) {
+        const size_t count = part.count - done < BUCKET ? part.count - done : BUCKET;
+        HADA_TRY(hada_reduce_floats(workers->ranks, values + part.first + done, count, err));
+    }
+done:
+    return status;
+}
+
+/* After the workers' own sums, those of all ranks: of a net's gradient each worker's part, of filters the whole. */
+static hada_status reduce_gradient(hada_workers *workers, const exchange *what, hada_error *err)
+{
+    const int shared = what->group < HADA_GROUP_FILTERS;
+    hada_status status = HADA_OK;
+    for (int w = 0; w < (shared ? workers->count : 1); w++) {
+        hada_worker *own = &workers->worker[w];
+        hada_parameters *parameters = hada_worker_parameters(own);
+        const hada_part part = shared ? hada_parameters_part(parameters, what->group)
+                                      : (hada_part){0, hada_parameters_floats(parameters, what->group, what->content)};
+        HADA_TRY(reduce_part(workers, own->values, part, err));
+        own->squares = squares_of(own->values + part.first, part.count);
+        for (int k = 1; !shared && k < workers->count; k++) {
+            memcpy(workers->worker[k].values, own->values, part.count * sizeof *own->values);
+            workers->worker[k].squares = 0.0;
+        }
+    }
+done:
+    return status;
+}
+
 hada_status hada_exchange_gradients(hada_workers *workers, int group, double *squares, hada_error *err)
 {
     exchange what = {group, HADA_CONTENT_GRADIENT};
     hada_status status = HADA_OK;
-    if (workers->count == 1)
+    if (workers->count * hada_ranks(workers->ranks) == 1)
         return HADA_OK;
-    HADA_TRY(with_open(workers, &what, add_part, err));
+    HADA_TRY(with_open(workers, &what, add_part, reduce_gradient, err));
     for (int w = 0; w < workers->count; w++)
         *squares += workers->worker[w].squares;
 done:
@@ -123,6 +179,25 @@ static void average_statistics(hada_workers *workers, int worker)
     }
 }
 
+/* The statistics of all ranks' batch norms. */
+static hada_status reduce_statistics(hada_workers *workers, const exchange *what, hada_error *err)
+{
+    const hada_parameter_group *net = &hada_worker_parameters(workers->worker)->group[what->group];
+    const size_t first = net->trained, count = net->floats - first;
+    const float ranks = (float)hada_ranks(workers->ranks);
+    float *own = workers->worker->values + first;
+    hada_status status = HADA_OK;
+    if (what->group != HADA_GROUP_NET)
+        return HADA_OK;
+    HADA_TRY(hada_reduce_floats(workers->ranks, own, count, err));
+    for (size_t i = 0; i < count; i++)
+        own[i] /= ranks;
+    for (int w = 1; w < workers->count; w++)
+        memcpy(workers->worker[w].values + first, own, count * sizeof *own);
+done:
+    return status;
+}
+
 static hada_status share_one(hada_workers *workers, int worker, void *user, hada_error *err)
 {
     const exchange *what = user;
@@ -136,7 +211,9 @@ static hada_status share_one(hada_workers *workers, int worker, void *user, hada
 hada_status hada_exchange_values(hada_workers *workers, int group, hada_error *err)
 {
     exchange what = {group, HADA_CONTENT_VALUES};
-    if (workers->count == 1 || group >= HADA_GROUP_FILTERS)
+    const hada_parameter_group *net = &hada_worker_parameters(workers->worker)->group[group];
+    const int averages = group == HADA_GROUP_NET && net->trained < net->floats && hada_ranks(workers->ranks) > 1;
+    if (group >= HADA_GROUP_FILTERS || (workers->count == 1 && !averages))
         return HADA_OK;
-    return with_open(workers, &what, share_one, err);
+    return with_open(workers, &what, share_one, reduce_statistics, err);
 }

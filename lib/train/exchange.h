@@ -1,5 +1,6 @@
-/* Several devices: their gradients become one, in a fixed order, and what each has updated goes to all. Internal.
- * Nothing to do for one worker. */
+/* Several devices: their gradients become one, in a fixed order, and what each has updated goes to all; the gradients
+ * of ranks, each the sum over its devices, then become one in theirs. Internal. Nothing to do for one worker of one
+ * rank. */
 #ifndef HADA_TRAIN_EXCHANGE_H
 #define HADA_TRAIN_EXCHANGE_H
 

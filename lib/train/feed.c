@@ -15,7 +15,7 @@ struct hada_feed {
     pthread_mutex_t lock;
     pthread_cond_t changed;
     hada_fed *ring; /* `ready` of them from `first` on; `taken` of those are with the caller */
-    uint64_t next;  /* place of the next to read */
+    uint64_t next;  /* how many have been begun */
     int first, ready, taken;
     hada_status status; /* of the pair behind the last ready one */
     hada_error error;
@@ -49,6 +49,15 @@ done:
     return status;
 }
 
+/* Where the n-th pair stands. */
+static uint64_t place_of(const hada_feed_desc *desc, uint64_t n)
+{
+    if (!desc->batch)
+        return desc->first + n;
+    const uint64_t batch = (uint64_t)desc->batch, take = (uint64_t)desc->take;
+    return desc->first + n / take * batch + (uint64_t)desc->skip + n % take;
+}
+
 /* Reads until it is told to stop or a pair fails. */
 static void *fill(void *user)
 {
@@ -59,7 +68,7 @@ static void *fill(void *user)
             pthread_cond_wait(&feed->changed, &feed->lock);
             continue;
         }
-        hada_fed fed = {.place = feed->next++};
+        hada_fed fed = {.place = place_of(&feed->desc, feed->next++)};
         hada_error error = {0};
         pthread_mutex_unlock(&feed->lock);
         hada_status status = make(&feed->desc, &fed, &error);
@@ -97,7 +106,6 @@ hada_status hada_feed_create(hada_feed **out, const hada_feed_desc *desc, hada_e
     HADA_TRY(hada_augment_check(&desc->augment, desc->info, err));
     HADA_TRY(hada_alloc((void **)&feed, 1, sizeof *feed, "the pairs to read", err));
     feed->desc = *desc;
-    feed->next = desc->first;
     feed->lock = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
     feed->changed = (pthread_cond_t)PTHREAD_COND_INITIALIZER;
     HADA_TRY(hada_alloc((void **)&feed->ring, (size_t)desc->ahead, sizeof *feed->ring, "the pairs to read", err));

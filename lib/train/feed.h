@@ -24,9 +24,10 @@ typedef struct hada_feed_desc {
     const hada_pairs *pairs;
     const hada_model_info *info;
     hada_augment augment;
-    double compose;       /* share of pairs that become scenes of several depths */
-    uint64_t seed, first; /* place to begin at */
-    int ahead;            /* pairs kept in memory, with those handed out */
+    double compose;        /* share of pairs that become scenes of several depths */
+    uint64_t seed, first;  /* place to begin at */
+    int ahead;             /* pairs kept in memory, with those handed out */
+    int batch, skip, take; /* of each `batch` places, `take` behind the first `skip`; batch 0: all */
     /* Whether the caller keeps what it makes of a pair, which then isn't read again; asked from the feed's thread.
      * NULL: every pair is read. */
     int (*known)(void *user, int depth, int pair, int variant);

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "core/alloc.h"
+#include "core/communicator.h"
 
 hada_status hada_snapshot_create(hada_snapshot *snapshot, hada_workers *workers, const hada_progress *progress,
                                  hada_error *err)
@@ -42,6 +43,39 @@ void hada_snapshot_free(hada_snapshot *snapshot)
     *snapshot = (hada_snapshot){0};
 }
 
+/* An array of the first rank, in the place of the own one; *changed: it was another. */
+static hada_status take_first(const hada_communicator *ranks, float *values, size_t count, int *changed,
+                              hada_error *err)
+{
+    const size_t bytes = count * sizeof *values;
+    float *own = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc_raw((void **)&own, count, sizeof *own, "a copy of the parameters", err));
+    memcpy(own, values, bytes);
+    HADA_TRY(hada_broadcast(ranks, 0, values, bytes, err));
+    *changed |= memcmp(own, values, bytes) != 0;
+done:
+    free(own);
+    return status;
+}
+
+/* Devices of different kinds round differently, so that ranks would drift apart: all go on with what the first has. */
+static hada_status agree(hada_snapshot *snapshot, hada_workers *workers, int group, hada_error *err)
+{
+    int changed = 0;
+    hada_status status = HADA_OK;
+    if (hada_ranks(workers->ranks) == 1)
+        return HADA_OK;
+    HADA_TRY(take_first(workers->ranks, snapshot->values[group],
+                        hada_workers_floats(workers, group, HADA_CONTENT_VALUES), &changed, err));
+    HADA_TRY(take_first(workers->ranks, snapshot->states[group],
+                        hada_workers_floats(workers, group, HADA_CONTENT_STATE), &changed, err));
+    if (changed)
+        HADA_TRY(hada_snapshot_give(snapshot, workers, group, err));
+done:
+    return status;
+}
+
 hada_status hada_snapshot_take(hada_snapshot *snapshot, hada_workers *workers, const hada_progress *progress,
                                hada_error *err)
 {
@@ -51,6 +85,7 @@ hada_status hada_snapshot_take(hada_snapshot *snapshot, hada_workers *workers, c
             continue;
         HADA_TRY(hada_workers_read(workers, g, HADA_CONTENT_VALUES, snapshot->values[g], err));
         HADA_TRY(hada_workers_read(workers, g, HADA_CONTENT_STATE, snapshot->states[g], err));
+        HADA_TRY(agree(snapshot, workers, g, err));
         snapshot->dirty[g] = 0;
     }
     snapshot->step = progress->step;

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
+#include "core/communicator.h"
 #include "core/options.h"
 #include "core/round.h"
 #include "model/model.h"
@@ -59,7 +60,7 @@ static hada_status make_workers(hada_trainer *trainer, hada_context *const *cont
     hada_train_options *options = &trainer->options;
     const size_t scenes =
         hada_stage_keeps(&trainer->augment) ? HADA_FLIPPED_WAYS * (size_t)hada_pairs_total(&trainer->pairs) : 0;
-    const int share = (int)hada_divide_up((size_t)options->batch, (size_t)count);
+    const int share = (int)hada_divide_up((size_t)trainer->share, (size_t)count);
     hada_replica_desc desc = {.model = trainer->model,
                               .options = options,
                               .net = trainer->nets.net,
@@ -76,8 +77,8 @@ static hada_status make_workers(hada_trainer *trainer, hada_context *const *cont
         desc.at_once = own < desc.at_once ? own : desc.at_once;
     }
     options->at_once = desc.at_once;
-    HADA_TRY(
-        hada_workers_create(&trainer->workers, contexts, count, &desc, hada_stage_has_planes(options->stage), err));
+    HADA_TRY(hada_workers_create(&trainer->workers, contexts, count, &trainer->ranks, &desc,
+                                 hada_stage_has_planes(options->stage), err));
 done:
     return status;
 }
@@ -107,9 +108,25 @@ static hada_status check_all_pairs(const hada_trainer *trainer, int workers, had
         return hada_fail(err, HADA_ERROR_ARGUMENT, "there is no pair to learn from; hold fewer out, or add some");
     if (trainer->held_out.pairs.read)
         HADA_TRY(check_pairs(&trainer->held_out.pairs, &trainer->info, "to validate with", err));
-    if (trainer->options.batch < workers)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "%d devices share the pairs of a step: a batch of %d is too small",
-                         workers, trainer->options.batch);
+    if (trainer->share < workers)
+        return hada_fail(err, HADA_ERROR_ARGUMENT,
+                         "%d devices of %d ranks share the pairs of a step: a batch of %d is too small",
+                         workers * trainer->ranks.count, trainer->ranks.count, trainer->options.batch);
+done:
+    return status;
+}
+
+/* The ranks, and this one's share of a step. */
+static hada_status take_ranks(hada_trainer *trainer, hada_error *err)
+{
+    const hada_communicator *ranks = &trainer->ranks;
+    const int batch = trainer->options.batch;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_communicator_check(trainer->options.communicator, err));
+    HADA_TRY(HADA_OPTIONS_TAKE(&trainer->ranks, trainer->options.communicator, hada_communicator, err));
+    trainer->options.communicator = NULL;
+    trainer->first = (int)hada_share_begin(ranks, batch, ranks->rank);
+    trainer->share = (int)hada_share_begin(ranks, batch, ranks->rank + 1) - trainer->first;
 done:
     return status;
 }
@@ -119,6 +136,7 @@ static hada_status make(hada_trainer *trainer, hada_context *const *contexts, in
 {
     hada_status status = HADA_OK;
     HADA_TRY(hada_train_options_settle(&trainer->options, &trainer->augment, callers, trainer->model, err));
+    HADA_TRY(take_ranks(trainer, err));
     HADA_TRY(check_all_pairs(trainer, count, err));
     HADA_TRY(hada_train_nets_make(&trainer->nets, &trainer->options, trainer->model, err));
     HADA_TRY(make_workers(trainer, contexts, count, err));
@@ -148,6 +166,7 @@ hada_status hada_trainer_create_on(hada_trainer **out, hada_context *const *cont
     trainer->held_out.reading = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
     trainer->model = model;
     trainer->info = *hada_model_get_info(model);
+    hada_communicator_init(&trainer->ranks);
     hada_pairs_init(&trainer->pairs);
     hada_pairs_init(&trainer->held_out.pairs);
     HADA_TRY(HADA_OPTIONS_TAKE(&trainer->pairs, pairs, hada_pairs, err));

@@ -1,7 +1,8 @@
 /* The inside of a trainer: its modules, composed. Internal.
  *
  * A step is made of waves: each worker takes up to at_once samples of a wave, in a thread of its own where there are
- * several. What a checkpoint holds is hada_progress, the values, and the optimiser's states. */
+ * several; ranks share the pairs of a step, each with waves of its own. What a checkpoint holds is hada_progress, the
+ * values, and the optimiser's states. */
 #ifndef HADA_TRAIN_TRAINER_H
 #define HADA_TRAIN_TRAINER_H
 
@@ -19,8 +20,9 @@ typedef struct hada_held_out {
 } hada_held_out;
 
 struct hada_trainer {
-    hada_train_options options; /* its augment is the next member */
+    hada_train_options options; /* its augment and communicator are the next members */
     hada_augment augment;
+    hada_communicator ranks;
     const hada_model *model;
     hada_model_info info;
     hada_train_nets nets; /* net and discriminator: first values */
@@ -28,8 +30,9 @@ struct hada_trainer {
     hada_examples known; /* of them */
     hada_held_out held_out;
     hada_workers workers;
-    hada_feed *feed; /* NULL: to be started at progress.place */
-    hada_fed **fed;  /* of the wave */
+    hada_feed *feed;  /* NULL: to be started at progress.place */
+    hada_fed **fed;   /* of the wave */
+    int first, share; /* this rank's pairs of a step, of options.batch */
     hada_progress progress;
     hada_snapshot snapshot;
 };

@@ -3,7 +3,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/alloc.h"
 #include "core/clock.h"
+#include "core/communicator.h"
 #include "core/options.h"
 #include "train/exchange.h"
 #include "train/trainer.h"
@@ -34,6 +36,9 @@ static hada_status start_feed(hada_trainer *trainer, hada_error *err)
                                  .seed = options->seed,
                                  .first = trainer->progress.place,
                                  .ahead = WAVES_AHEAD * wave,
+                                 .batch = options->batch,
+                                 .skip = trainer->first,
+                                 .take = trainer->share,
                                  .known = hada_stage_keeps(&trainer->augment) ? is_known : NULL,
                                  .user = &trainer->known};
     return hada_feed_create(&trainer->feed, &desc, err);
@@ -129,6 +134,9 @@ static void clear(hada_trainer *trainer)
     }
 }
 
+/* hada_terms as an array. */
+enum { TERMS = sizeof(hada_terms) / sizeof(double) };
+
 static void add_terms(hada_terms *sum, const hada_terms *terms)
 {
     sum->mse += terms->mse;
@@ -138,6 +146,29 @@ static void add_terms(hada_terms *sum, const hada_terms *terms)
     sum->discriminator += terms->discriminator;
 }
 
+/* Terms, and which depths have a gradient, of all ranks; whether one of them cannot go on is not known here: it ends
+ * them all. */
+static hada_status share_terms(hada_trainer *trainer, hada_terms *terms, hada_error *err)
+{
+    const size_t depths = (size_t)trainer->info.depths;
+    unsigned char *touched = trainer->workers.worker->touched;
+    double *values = NULL;
+    hada_status status = HADA_OK;
+    if (trainer->ranks.count == 1)
+        return HADA_OK;
+    HADA_TRY(hada_alloc((void **)&values, TERMS + depths, sizeof *values, "a step", err));
+    memcpy(values, terms, sizeof *terms);
+    for (size_t z = 0; z < depths; z++)
+        values[TERMS + z] = touched[z];
+    HADA_TRY(hada_reduce(&trainer->ranks, values, TERMS + depths, err));
+    memcpy(terms, values, sizeof *terms);
+    for (size_t z = 0; z < depths; z++)
+        touched[z] = values[TERMS + z] > 0.0;
+done:
+    free(values);
+    return status;
+}
+
 /* Gradients and terms of all pairs of a step. */
 static hada_status gather(hada_trainer *trainer, int discriminator_only, hada_terms *terms, hada_error *err)
 {
@@ -145,18 +176,19 @@ static hada_status gather(hada_trainer *trainer, int discriminator_only, hada_te
     const int most = trainer->options.at_once * workers->count;
     hada_status status = HADA_OK;
     clear(trainer);
-    for (int left = trainer->options.batch; left;) {
+    for (int left = trainer->share; left;) {
         wave all = {trainer, left < most ? left : most, discriminator_only};
         HADA_TRY(hada_feed_take(trainer->feed, all.count, trainer->fed, err));
         HADA_TRY(hada_workers_run(workers, compute, &all, err));
         for (int i = 0; i < workers->count; i++)
             add_terms(terms, &workers->worker[i].terms);
-        trainer->progress.place += (uint64_t)all.count;
         left -= all.count;
     }
+    trainer->progress.place += (uint64_t)trainer->options.batch;
     for (int i = 1; i < workers->count; i++)
         for (int z = 0; z < trainer->info.depths; z++)
             workers->worker->touched[z] |= workers->worker[i].touched[z];
+    HADA_TRY(share_terms(trainer, terms, err));
 done:
     return status;
 }
@@ -178,7 +210,7 @@ static hada_status sum_up(hada_trainer *trainer, int discriminator_only, double 
     hada_workers *workers = &trainer->workers;
     double squares = 0.0, discriminator = 0.0;
     hada_status status = HADA_OK;
-    if (workers->count == 1)
+    if (workers->count == 1 && trainer->ranks.count == 1)
         return hada_parameters_norm(hada_worker_parameters(workers->worker), workers->worker->touched, norm,
                                     discriminator_norm, err);
     for (int g = 0; g < workers->groups; g++)

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "core/alloc.h"
+#include "core/communicator.h"
 #include "core/options.h"
 #include "train/trainer.h"
 
@@ -158,7 +159,8 @@ static hada_status measure_share(hada_workers *workers, int number, void *user, 
 {
     const list *all = user;
     hada_status status = HADA_OK;
-    for (int i = number; i < all->count; i += workers->count)
+    const int ranks = hada_ranks(workers->ranks), first = hada_rank(workers->ranks) * workers->count + number;
+    for (int i = first; i < all->count; i += ranks * workers->count)
         HADA_TRY(measure_one(all, &workers->worker[number], i, err));
 done:
     return status;
@@ -203,6 +205,8 @@ hada_status hada_trainer_validate(hada_trainer *trainer, int most, hada_validati
     all.count = most > 0 && (uint64_t)most < all.total ? most : (int)all.total;
     HADA_TRY(hada_alloc((void **)&all.rows, (size_t)all.count, sizeof *all.rows, "validation", err));
     HADA_TRY(hada_workers_run(&trainer->workers, measure_share, &all, err));
+    /* rows are doubles, those of other ranks zero */
+    HADA_TRY(hada_reduce(&trainer->ranks, (double *)all.rows, (size_t)all.count * (sizeof(row) / sizeof(double)), err));
     add_up(&all, &result);
     HADA_REPORT_GIVE(report, &result);
 done:

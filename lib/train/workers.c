@@ -24,22 +24,24 @@ done:
 }
 
 /* Room for what workers exchange: a depth's filters. */
-static hada_status make_exchange(hada_workers *workers, hada_error *err)
+static hada_status make_exchange(hada_workers *workers, const hada_communicator *ranks, hada_error *err)
 {
+    const int several = workers->count > 1 || hada_ranks(ranks) > 1;
     size_t most = 0;
     hada_status status = HADA_OK;
     for (int g = HADA_GROUP_FILTERS; g < workers->groups; g++) {
         const size_t count = hada_workers_floats(workers, g, HADA_CONTENT_VALUES);
         most = count > most ? count : most;
     }
-    for (int i = 0; most && workers->count > 1 && i < workers->count; i++)
+    for (int i = 0; most && several && i < workers->count; i++)
         HADA_TRY(hada_alloc_raw((void **)&workers->worker[i].room, most, sizeof(float), "averaging", err));
 done:
     return status;
 }
 
 hada_status hada_workers_create(hada_workers *workers, hada_context *const *contexts, int count,
-                                const hada_replica_desc *desc, int planes, hada_error *err)
+                                const hada_communicator *ranks, const hada_replica_desc *desc, int planes,
+                                hada_error *err)
 {
     hada_replica_desc own = *desc;
     hada_status status = HADA_OK;
@@ -56,7 +58,8 @@ hada_status hada_workers_create(hada_workers *workers, hada_context *const *cont
         HADA_TRY(status);
     }
     workers->groups = hada_worker_parameters(workers->worker)->count;
-    HADA_TRY(make_exchange(workers, err));
+    workers->ranks = ranks;
+    HADA_TRY(make_exchange(workers, ranks, err));
 done:
     return status;
 }

@@ -1,10 +1,12 @@
 /* One worker for each device: a slot, a replica and, where the stage needs one, a maker of planes. Internal.
  *
  * The values of all groups are the same on all workers; each updates a share of the values of a net, has the
- * optimiser's states of these alone, and gives the new values to the others (train/exchange.h). */
+ * optimiser's states of these alone, and gives the new values to the others (train/exchange.h). Ranks have the same
+ * values too, and each updates all of them. */
 #ifndef HADA_TRAIN_WORKERS_H
 #define HADA_TRAIN_WORKERS_H
 
+#include "core/communicator.h"
 #include "train/examples.h"
 #include "train/planes.h"
 #include "train/replica.h"
@@ -28,13 +30,16 @@ typedef struct hada_worker {
 
 typedef struct hada_workers {
     hada_worker *worker;
-    int count, groups;            /* groups of parameters */
-    hada_worker_threads *threads; /* where there are several workers */
+    int count, groups;              /* groups of parameters */
+    hada_worker_threads *threads;   /* where there are several workers */
+    const hada_communicator *ranks; /* that have workers as well; NULL: none */
 } hada_workers;
 
-/* A worker on each context. desc: of all replicas, but for their number; planes: whether they make planes. */
+/* A worker on each context. ranks: that have such workers too, NULL: none; desc: of all replicas, but for their number;
+ * planes: whether they make planes. */
 hada_status hada_workers_create(hada_workers *workers, hada_context *const *contexts, int count,
-                                const hada_replica_desc *desc, int planes, hada_error *err);
+                                const hada_communicator *ranks, const hada_replica_desc *desc, int planes,
+                                hada_error *err);
 void hada_workers_destroy(hada_workers *workers);
 
 static inline hada_parameters *hada_worker_parameters(const hada_worker *worker)

@@ -68,6 +68,9 @@ fixed=(--alpha 0.1 --lambda 0.001 --refine 0)
 part 'head -n 2'
 expect 0 '6 pairs; at least 2' fit set -o part.model --sums part.sums "${fixed[@]}"
 has part.sums
+expect 0 '6 pairs' fit set -o again.model --sums part.sums --resume "${fixed[@]}"
+cmp -s part.model again.model || fail 'a fit from whole sums is another'
+lacks part.sums.1-of-1
 part 'tail -n 3'
 expect 0 '"pairs": \[ +5, +5, +5 +\]' fit set -o whole.model --merge part.sums "${fixed[@]}" --json
 [ "$(stat -c %s whole.model)" = "$(stat -c %s plain.model)" ] || fail 'merged sums gave a model of another size'

@@ -141,5 +141,10 @@ expect 0 '' reconstruct "$frame" -m srgb.model -o as_gamma --gamma 0.5 --no-prev
 expect 0 '"result_encoding": "2"' evaluate as_gamma/test01_aif.tif "$truth" --json
 expect 0 '' reconstruct "$frame" -m "$model" -o as_ever --no-preview
 expect 0 '"encoding": "linear"' evaluate as_ever/test01_aif.tif "$truth" --json
+expect 0 'test01: there already' reconstruct "$frame" -m "$model" -o as_ever --no-preview --resume
+expect 0 '"there": true' reconstruct "$frame" -m "$model" -o as_ever --no-preview --resume --json
+rm as_ever/test01_depth.tif
+expect 0 'test01: [^t]' reconstruct "$frame" -m "$model" -o as_ever --no-preview --resume
+has as_ever/test01_depth.tif
 lacks x
 finish

@@ -37,6 +37,8 @@ expect 2 "one of circular\|padded, not 'round'" simulate -o x --boundary round
 expect 2 'presets are .*sim300' simulate -o x --preset nosuch
 expect 2 'must not be negative' simulate -o x --noise -1
 expect 2 'DATASET folder, --psf' fit -o x
+expect 2 'resume goes on with the pairs' fit "$camera" -o x --resume
+expect 2 'takes 0 or more' fit "$camera" -o x --save-seconds -1
 expect 2 'with -o MODEL' fit "$camera"
 expect 2 'not both' fit "$camera" --psf p.tif -o x
 expect 2 'need a PSF' fit "$camera" --form wiener -o x

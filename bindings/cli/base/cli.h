@@ -2,6 +2,7 @@
 #ifndef HADA_CLI_H
 #define HADA_CLI_H
 
+#include <hadalens/communicator.h>
 #include <hadalens/device.h>
 #include <hadalens/monitor.h>
 #include <hadalens/status.h>
@@ -49,6 +50,13 @@ typedef struct hada_cli_progress {
     double started, last;
 } hada_cli_progress;
 
+/* Ranks that run the same command together (bindings/mpi). */
+typedef struct hada_cli_ranks {
+    hada_communicator communicator;
+    int local, locals; /* this one, of so many on this machine */
+    int *agreed;       /* becomes 1 when all have come to an end together */
+} hada_cli_ranks;
+
 /* A run of one command. */
 typedef struct hada_cli {
     const char *command;
@@ -57,7 +65,20 @@ typedef struct hada_cli {
     hada_cli_progress *progress; /* the bar on the screen, NULL: none */
     hada_cli_progress bar;       /* of the library's tasks */
     hada_monitor monitor;        /* for the library's tasks: bar, messages, signals */
+    const hada_cli_ranks *ranks; /* that share the command; NULL: none do */
 } hada_cli;
+
+/* Whether this program writes what the ranks have made together. */
+int hada_cli_writes(const hada_cli *cli);
+/* For options of the library's tasks; NULL where no ranks share the command. */
+const hada_communicator *hada_cli_communicator(const hada_cli *cli);
+/* One exit code of all ranks, on all of them: they have all come to their end. */
+int hada_cli_agree(hada_cli *cli, int code);
+/* Adds the entries of the other ranks to an array of the document, on the first. */
+void hada_cli_gather(hada_cli *cli, const char *key);
+
+/* The program: chooses the command, parses its options, prints the JSON document. The exit code. ranks: NULL: none. */
+int hada_cli_program(int argc, char **argv, const hada_cli_ranks *ranks);
 
 int hada_cli_exit_code(hada_status status);
 hada_monitor hada_cli_monitor(hada_cli *cli);
@@ -94,6 +115,9 @@ json_t *hada_cli_error_json(const hada_error *err);
 hada_status hada_cli_open(hada_cli *cli, hada_context **out, hada_error *err);
 /* Closes it; the document tells how many programs were compiled and loaded (offline runs compile none). */
 void hada_cli_close(hada_cli *cli, hada_context **context);
+/* Where ranks share a machine and no device is named, each takes one of its accelerators in turn, or its part of the
+ * CPU; of a list that is named, each takes an entry in turn. */
+void hada_cli_take_device(const hada_cli_ranks *ranks, hada_cli_common *common, char *words, size_t size);
 /* Several devices: --device takes a list such as "0,1", and "cpu/2" for the CPU in two halves. */
 enum { HADA_CLI_DEVICES = 64 };
 typedef struct hada_cli_contexts {

@@ -178,6 +178,8 @@ int hada_cli_usage(hada_cli *cli, const char *format, ...)
     vsnprintf(text, sizeof text, format, arguments);
     va_end(arguments);
     hada_cli_error(&err, HADA_ERROR_ARGUMENT, "%s", text);
+    if (!hada_cli_writes(cli)) /* the first rank says it for all */
+        return HADA_EXIT_USAGE;
     hada_cli_fail(cli, &err);
     fprintf(stderr, "Try 'hadalens %s --help'.\n", cli->command);
     return HADA_EXIT_USAGE;

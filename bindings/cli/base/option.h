@@ -60,6 +60,7 @@ typedef struct hada_cli_command {
     int uses_device;    /* has --device and --binaries */
     int designs_camera; /* has the options of camera_options.h */
     int records_frames; /* and of sensor_options.h */
+    int shared;         /* ranks can share it (bindings/mpi) */
 } hada_cli_command;
 
 /* Tables that are appended to those of the commands. */

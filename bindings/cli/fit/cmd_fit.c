@@ -14,9 +14,9 @@ typedef struct settings {
     int form, boundary; /* 0: not given */
     int exposure;       /* a hada_exposure */
     int psf_sign;       /* 1: nowhere negative, 0: free, -1: not given */
-    int half, skip_incomplete, no_leave_one_out, colour;
+    int half, skip_incomplete, no_leave_one_out, colour, resume;
     int window[2];
-    double alpha, lambda, outside, psf_dark;
+    double alpha, lambda, outside, psf_dark, save_seconds;
 } settings;
 
 #define AT(member)          HADA_CLI_AT(settings, member)
@@ -34,6 +34,10 @@ static const hada_cli_option options[] = {
      "Needed where the file does not say them.", AT(distances)},
     {HADA_OPTION_TARGET, "sums", 0, "FILE", "also save the sums over the pairs",
      "A later fit adds to them with --merge, without the pairs.", AT(sums)},
+    {HADA_OPTION_FLAG, "resume", 0, NULL, "with --sums: go on after an interruption",
+     "Pairs that FILE holds, or the files FILE.N-of-N that are saved on the way, are not added up again.", AT(resume)},
+    {HADA_OPTION_REAL, "save-seconds", 0, "S", "with --sums: seconds between saves on the way (default: 60)", NULL,
+     AT(save_seconds)},
     {HADA_OPTION_TEXTS, "merge", 0, "FILE", "add saved sums; may be given more than once",
      "They must come from the same camera and depths. So pairs can be added later, or from several machines.",
      AT(merge)},
@@ -111,6 +115,7 @@ static void defaults(void *user)
     set->refine = set->refine_tv = set->refine_colour = set->refine_shrink = set->crop_passes = set->response = "auto";
     set->alpha = set->lambda = set->outside = set->psf_dark = -1;
     set->psf_sign = -1;
+    set->save_seconds = 60;
 }
 
 static hada_status read_crop_passes(const char *text, int *passes, hada_error *err)
@@ -151,6 +156,9 @@ static hada_status fit_pairs(hada_cli *cli, const settings *set, const char *fol
     task.merge = set->merge.items;
     task.merge_count = set->merge.count;
     task.save_sums = set->sums;
+    task.resume = set->resume;
+    task.save_seconds = set->save_seconds;
+    fit.communicator = hada_cli_communicator(cli);
     task.monitor = &cli->monitor;
     HADA_TRY(hada_response_from_name(&fit.scene_response, set->response, err));
     HADA_TRY(hada_cli_read_refine(set->refine, &fit.refine_steps, err));
@@ -219,6 +227,12 @@ static int check(hada_cli *cli, const settings *set, int count, const char **arg
         return hada_cli_usage(cli, "either the pairs of %s or --psf %s, not both", arguments[0], set->psf);
     if (!set->output)
         return hada_cli_usage(cli, "say where the model shall be written, with -o MODEL");
+    if (set->resume && (!set->sums || !count || set->merge.count))
+        return hada_cli_usage(cli,
+                              "--resume goes on with the pairs of a DATASET from what --sums FILE has of them; sums of "
+                              "others (--merge) are added afterwards");
+    if (!(set->save_seconds >= 0))
+        return hada_cli_usage(cli, "--save-seconds takes 0 or more");
     if (set->psf && learned)
         return hada_cli_usage(cli, "forms complex and split are learned from pairs; with --psf take wiener or matched");
     if (set->psf && set->psf_sign >= 0)
@@ -262,7 +276,8 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
     HADA_TRY(hada_cli_open(cli, &context, &err));
     HADA_TRY(set->psf ? fit_psf(set, context, &model, &err)
                       : fit_pairs(cli, set, count ? arguments[0] : NULL, context, &model, &err));
-    HADA_TRY(hada_model_save(model, set->output, &err));
+    if (hada_cli_writes(cli))
+        HADA_TRY(hada_model_save(model, set->output, &err));
     hada_cli_fit_tell_model(cli, set->output, model, hada_cli_seconds() - start);
 done:
     hada_model_destroy(&model);
@@ -298,4 +313,5 @@ const hada_cli_command hada_cli_fit = {
     .defaults = defaults,
     .run = run,
     .uses_device = 1,
+    .shared = 1,
 };

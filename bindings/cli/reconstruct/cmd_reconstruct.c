@@ -16,7 +16,7 @@ typedef struct settings {
     hada_cli_common common;
     const char *model, *output, *depths, *occupied, *refine, *refine_tv, *refine_colour, *refine_shrink, *dark, *skip,
         *encoding;
-    int bits, half, repair, no_enhance, no_preview, batch, queues, scene;
+    int bits, half, repair, no_enhance, no_preview, resume, batch, queues, scene;
     double gamma, white, max_error, band;
     hada_cli_method_settings method;
 } settings;
@@ -39,6 +39,10 @@ static const hada_cli_option options[] = {
      "srgb, or a power P such as 2.2: for a display. The metadata say which; distance maps have none.",
      AT(encoding)},
     {HADA_OPTION_FLAG, "no-preview", 0, NULL, "write no NAME_preview.png", NULL, AT(no_preview)},
+    {HADA_OPTION_FLAG, "resume", 0, NULL, "pass over files whose results are in the folder already",
+     "For going on after an interruption: results stand under their names only when they are whole. What made them is not "
+     "looked at.",
+     AT(resume)},
 
     HADA_CLI_GROUP("Reconstruction"),
     {HADA_OPTION_TEXT, "depths", 0, "LIST", "depths to compute (default: all)",
@@ -283,6 +287,8 @@ static int run_files(job *work, int count, const char **paths)
     task.monitor = &work->cli->monitor;
     json_object_set_new(work->cli->document, "files", json_array());
     task.encoding = work->encoding;
+    task.resume = set->resume;
+    task.communicator = hada_cli_communicator(work->cli);
     const hada_status status = hada_reconstruct_files(work->plan, work->model, paths, count, &task, NULL, &err);
     if (status == HADA_ERROR_CANCELLED) {
         hada_cli_print_error(work->cli, &err);
@@ -290,7 +296,10 @@ static int run_files(job *work, int count, const char **paths)
     }
     if (listener.failed && count > 1)
         fprintf(stderr, "hadalens %s: %d of %d files failed\n", work->cli->command, listener.failed, count);
-    return status ? hada_cli_fail(work->cli, &err) : listener.code;
+    if (status)
+        return hada_cli_fail(work->cli, &err);
+    hada_cli_gather(work->cli, "files");
+    return hada_cli_agree(work->cli, listener.code);
 }
 
 static int check(hada_cli *cli, const settings *set, int count)
@@ -355,4 +364,5 @@ const hada_cli_command hada_cli_reconstruct = {
     .defaults = defaults,
     .run = run,
     .uses_device = 1,
+    .shared = 1,
 };

@@ -151,6 +151,13 @@ static void fail_file(listener *to, const hada_files_state *state)
     to->before = hada_cli_seconds();
 }
 
+static void pass_over(listener *to, const hada_files_state *state)
+{
+    hada_cli_say(to->cli, "%s: there already", state->name);
+    json_array_append_new(json_object_get(to->cli->document, "files"),
+                          json_pack("{s:s, s:b, s:b}", "input", state->path, "ok", 1, "there", 1));
+}
+
 void hada_cli_files_tell(void *user, const hada_files_state *state)
 {
     listener *to = user;
@@ -159,5 +166,6 @@ void hada_cli_files_tell(void *user, const hada_files_state *state)
     case HADA_FILES_FRAME: json_array_append_new(to->frames, frame_json(state->result)); break;
     case HADA_FILES_DONE: tell_file(to, state); break;
     case HADA_FILES_FAILED: fail_file(to, state); break;
+    case HADA_FILES_THERE: pass_over(to, state); break;
     }
 }

@@ -310,6 +310,7 @@ static hada_status make_task(hada_cli *cli, const settings *set, parts *of, hada
     task->keep = (hada_keep)set->keep;
     task->monitor = &cli->monitor;
     HADA_TRY(make_options(set, of, err));
+    of->options.communicator = hada_cli_communicator(cli);
     HADA_TRY(read_hold_out(set->hold_out, &task->hold_out, err));
     HADA_TRY(hada_cli_read_dark_level(&of->fit.dark, set->dark, err));
     if (set->model)
@@ -391,4 +392,5 @@ const hada_cli_command hada_cli_train = {
     .defaults = defaults,
     .run = run,
     .uses_device = 1,
+    .shared = 1,
 };

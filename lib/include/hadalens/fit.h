@@ -10,6 +10,7 @@
 #ifndef HADALENS_FIT_H
 #define HADALENS_FIT_H
 
+#include <hadalens/communicator.h>
 #include <hadalens/device.h>
 #include <hadalens/image.h>
 #include <hadalens/model.h>
@@ -53,6 +54,8 @@ typedef struct hada_fit_options {
                                     while the boundary is looked for (then HADA_ERROR_CANCELLED; sums, scores and what
                                     was learned before stay). It must last as long as the fitter. NULL (default):
                                     nobody; in hada_fit_run() the task's */
+    const hada_communicator *communicator; /* ranks that share the fit, each with a fitter of its own; copied; NULL
+                                              (default): none do */
 } hada_fit_options;
 HADA_API void hada_fit_options_defaults(hada_fit_options *options, size_t size);
 static inline void hada_fit_options_init(hada_fit_options *options)
@@ -104,6 +107,12 @@ HADA_API hada_status hada_fitter_load_sums(hada_fitter *fitter, const char *path
  * NULL: the defaults. */
 HADA_API hada_status hada_fitter_create_from_sums(hada_fitter **out, hada_context *context, const char *path,
                                                   const hada_fit_options *choices, hada_error *err);
+
+/* Among ranks (options.communicator), once each has added pairs of its own: their sums become those of all ranks, on
+ * every rank, added in rank order. Where a depth's pairs are all of one rank, with the bits of that one. All ranks call
+ * it, once; hada_fitter_score() and what follows then take the same pairs on all ranks, in the same order, and share
+ * the work. For a fitter alone it does nothing. */
+HADA_API hada_status hada_fitter_reduce(hada_fitter *fitter, hada_error *err);
 
 /* Number of pairs in the sums of a depth. */
 HADA_API int64_t hada_fitter_pairs(const hada_fitter *fitter, int depth);

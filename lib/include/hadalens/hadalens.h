@@ -6,6 +6,7 @@
 #include <hadalens/base.h>
 #include <hadalens/camera.h>
 #include <hadalens/classic.h>
+#include <hadalens/communicator.h>
 #include <hadalens/dataset.h>
 #include <hadalens/device.h>
 #include <hadalens/fit.h>

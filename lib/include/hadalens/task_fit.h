@@ -4,6 +4,9 @@
  * Over hadalens/fit.h this adds what has to be decided: which pairs are scored, whether filters are judged in the
  * window (several looks at every pair) or refinement, which does without them, is so much better that this is left out.
  *
+ * Among ranks (task->fit->communicator, hadalens/communicator.h) each rank calls with the same data set and task and
+ * gets the same model; the first one writes save_sums.
+ *
  * Threads: a run uses the calling thread; several may run at once on contexts of their own. */
 #ifndef HADALENS_TASK_FIT_H
 #define HADALENS_TASK_FIT_H
@@ -36,6 +39,10 @@ typedef struct hada_fit_task {
     const hada_monitor *monitor;
     hada_exposure exposure; /* HADA_EXPOSURE_AUTO (default): found, with the response of the scenes; not looked for
                                where leave_one_out is 0 */
+    int resume;          /* 1: goes on after an interruption, with save_sums: pairs that it holds, or what each rank had
+                            saved on the way beside it (save_sums.RANK-of-RANKS), are not added again; the bits are
+                            those of a run without interruption. Files that are not there are no error */
+    double save_seconds; /* between saves on the way, at least; 60 by default */
 } hada_fit_task;
 HADA_API void hada_fit_task_defaults(hada_fit_task *task, size_t size);
 static inline void hada_fit_task_init(hada_fit_task *task)

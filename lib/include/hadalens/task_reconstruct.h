@@ -12,6 +12,7 @@
 #ifndef HADALENS_TASK_RECONSTRUCT_H
 #define HADALENS_TASK_RECONSTRUCT_H
 
+#include <hadalens/communicator.h>
 #include <hadalens/monitor.h>
 #include <hadalens/reconstruct.h>
 
@@ -45,6 +46,10 @@ typedef struct hada_files_task {
                         their metadata state: HADA_AUTO (default) as the scenes that the model was learned from did
                         (scene_response), so that results compare with them. Results that are told are linear light. Of
                         a plan with a gamma G the values are light^G, and nothing else can be asked for */
+    int resume;      /* 1: files whose results stand in the folder are passed over (HADA_FILES_THERE), whatever made
+                        them: to go on after an interruption. 0 (default): they are made anew */
+    const hada_communicator *communicator; /* ranks that share the files: dealt to them in order, each writing its own;
+                                              copied; NULL (default): none do. All ranks name the same files */
 } hada_files_task;
 HADA_API void hada_files_task_defaults(hada_files_task *task, size_t size);
 static inline void hada_files_task_init(hada_files_task *task)
@@ -56,7 +61,8 @@ typedef enum hada_files_event {
     HADA_FILES_BEGINS = 1, /* a file's turn */
     HADA_FILES_FRAME = 2,  /* a frame is done and written */
     HADA_FILES_DONE = 3,   /* with its last frame: the file's results have their names */
-    HADA_FILES_FAILED = 4  /* nothing of the file was left; the others go on, but for HADA_ERROR_CANCELLED */
+    HADA_FILES_FAILED = 4, /* nothing of the file was left; the others go on, but for HADA_ERROR_CANCELLED */
+    HADA_FILES_THERE = 5   /* its results are there already, and stay as they are */
 } hada_files_event;
 
 /* The library's; valid during the call. */
@@ -74,9 +80,9 @@ struct hada_files_state {
 /* Frames that hada_reconstruct_files() holds at a time: one for each queue, one that is read, one that is written. */
 HADA_API int hada_files_ahead(const hada_plan *plan);
 
-/* Reconstructs all frames of some files with a plan that was made from `model`. *failed (may be NULL): files that could
- * not be done; they do not stop the others and are no failure of the call. HADA_ERROR_ARGUMENT where two paths would
- * write the same files; HADA_ERROR_CANCELLED where the monitor wanted to stop. */
+/* Reconstructs all frames of some files with a plan that was made from `model`. *failed (may be NULL): files of this
+ * rank that could not be done; they do not stop the others and are no failure of the call. HADA_ERROR_ARGUMENT where
+ * two paths would write the same files; HADA_ERROR_CANCELLED where the monitor wanted to stop. */
 HADA_API hada_status hada_reconstruct_files(hada_plan *plan, const hada_model *model, const char *const *paths,
                                             int count, const hada_files_task *task, int *failed, hada_error *err);
 

@@ -19,6 +19,7 @@
 #ifndef HADALENS_TRAIN_H
 #define HADALENS_TRAIN_H
 
+#include <hadalens/communicator.h>
 #include <hadalens/device.h>
 #include <hadalens/fit.h>
 #include <hadalens/image.h>
@@ -123,6 +124,10 @@ typedef struct hada_train_options {
                        scene are moved to other depths or replaced, and the captured frame is changed by what the model
                        says that this makes of it. Planes are then refined together, as reconstruction does. 0: none;
                        HADA_AUTO (default): 0.15 where the model has transfer functions and several depths, else 0 */
+
+    const hada_communicator *communicator; /* ranks that share the pairs of each step, each with a trainer of its own
+                                              from the same arguments: they make the same calls, and all have the same
+                                              parameters at every time; copied; NULL (default): none do */
 } hada_train_options;
 HADA_API void hada_train_options_defaults(hada_train_options *options, size_t size, hada_stage stage);
 static inline void hada_train_options_init(hada_train_options *options, hada_stage stage)

@@ -1,0 +1,185 @@
+/* Sums in rank order: each rank gets its slice of all arrays, adds it up, and all get all slices. That moves as many
+ * bytes as a ring does, twice (ranks - 1) / ranks of the array from each (R. Thakur, R. Rabenseifner and W. Gropp,
+ * International Journal of High Performance Computing Applications 19, 2005), but the order is stated, which that of
+ * MPI_Allreduce is not. */
+#include "mpi_communicator.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* Values of a round, and of an exchange so small that every rank adds up the whole. */
+enum { ROUND = 1 << 20, SMALL = 1 << 10 };
+
+/* Bytes of one call: counts of MPI are ints. */
+enum { MOST_BYTES = 1 << 30 };
+
+static hada_status fail(hada_error *err, size_t bytes)
+{
+    if (err) {
+        memset(err, 0, sizeof *err);
+        err->status = HADA_ERROR_MEMORY;
+        snprintf(err->message, sizeof err->message, "out of memory: %zu bytes for an exchange between ranks", bytes);
+    }
+    return HADA_ERROR_MEMORY;
+}
+
+static hada_status make_room(hada_mpi *mpi, size_t bytes, hada_error *err)
+{
+    if (bytes <= mpi->room_bytes)
+        return HADA_OK;
+    free(mpi->room);
+    mpi->room = malloc(bytes);
+    mpi->room_bytes = mpi->room ? bytes : 0;
+    return mpi->room ? HADA_OK : fail(err, bytes);
+}
+
+/* Adds up `ranks` arrays of `count` values that stand `stride` apart; the sum goes to `out`. */
+static void add_doubles(double *out, const double *all, int ranks, size_t stride, size_t count)
+{
+    for (size_t i = 0; i < count; i++) {
+        double sum = all[i];
+        for (int r = 1; r < ranks; r++)
+            sum += all[(size_t)r * stride + i];
+        out[i] = sum;
+    }
+}
+
+static void add_floats(float *out, const float *all, int ranks, size_t stride, size_t count)
+{
+    for (size_t i = 0; i < count; i++) {
+        double sum = all[i];
+        for (int r = 1; r < ranks; r++)
+            sum += all[(size_t)r * stride + i];
+        out[i] = (float)sum;
+    }
+}
+
+/* What an array holds. */
+typedef struct kind {
+    MPI_Datatype type;
+    size_t size;
+} kind;
+
+static void add(kind of, void *out, const void *all, int ranks, size_t stride, size_t count)
+{
+    if (of.size == sizeof(double))
+        add_doubles(out, all, ranks, stride, count);
+    else
+        add_floats(out, all, ranks, stride, count);
+}
+
+static hada_status reduce_small(hada_mpi *mpi, kind of, void *values, int count, hada_error *err)
+{
+    const size_t ranks = (size_t)mpi->count;
+    const hada_status status = make_room(mpi, ranks * (size_t)count * of.size, err);
+    if (status)
+        return status;
+    MPI_Allgather(values, count, of.type, mpi->room, count, of.type, mpi->comm);
+    add(of, values, mpi->room, mpi->count, (size_t)count, (size_t)count);
+    mpi->bytes += (ranks - 1) * (size_t)count * of.size;
+    return HADA_OK;
+}
+
+/* Where a rank's slice begins; of rank + 1: where it ends. */
+static int slice_begin(const hada_mpi *mpi, int count, int rank)
+{
+    return (int)((long long)count * rank / mpi->count);
+}
+
+/* Where the slices of all ranks stand, and how long each is. */
+typedef struct slices {
+    int *counts, *offsets, *from_counts, *from_offsets;
+} slices;
+
+static void cut(const hada_mpi *mpi, const slices *list, int count)
+{
+    const int own = slice_begin(mpi, count, mpi->rank + 1) - slice_begin(mpi, count, mpi->rank);
+    for (int r = 0; r < mpi->count; r++) {
+        list->offsets[r] = slice_begin(mpi, count, r);
+        list->counts[r] = slice_begin(mpi, count, r + 1) - list->offsets[r];
+        list->from_counts[r] = own;
+        list->from_offsets[r] = r * own;
+    }
+}
+
+static hada_status reduce_round(hada_mpi *mpi, kind of, char *values, int count, const slices *list, hada_error *err)
+{
+    cut(mpi, list, count);
+    const size_t own = (size_t)list->counts[mpi->rank], ranks = (size_t)mpi->count;
+    const hada_status status = make_room(mpi, ranks * own * of.size, err);
+    if (status)
+        return status;
+    MPI_Alltoallv(values, list->counts, list->offsets, of.type, mpi->room, list->from_counts, list->from_offsets,
+                  of.type, mpi->comm);
+    add(of, values + (size_t)list->offsets[mpi->rank] * of.size, mpi->room, mpi->count, own, own);
+    MPI_Allgatherv(MPI_IN_PLACE, 0, of.type, values, list->counts, list->offsets, of.type, mpi->comm);
+    mpi->bytes += ((size_t)count - own + (ranks - 1) * own) * of.size;
+    return HADA_OK;
+}
+
+static hada_status reduce_all(hada_mpi *mpi, kind of, char *values, size_t count, hada_error *err)
+{
+    int *room = calloc(4 * (size_t)mpi->count, sizeof *room);
+    hada_status status = room ? HADA_OK : fail(err, 4 * (size_t)mpi->count * sizeof *room);
+    if (!status) {
+        const slices list = {room, room + mpi->count, room + 2 * mpi->count, room + 3 * mpi->count};
+        for (size_t done = 0; done < count && !status; done += ROUND)
+            status = reduce_round(mpi, of, values + done * of.size, (int)(count - done < ROUND ? count - done : ROUND),
+                                  &list, err);
+    }
+    free(room);
+    return status;
+}
+
+static hada_status reduce_kind(hada_mpi *mpi, kind of, void *values, size_t count, hada_error *err)
+{
+    const double begun = MPI_Wtime();
+    const hada_status status =
+        count <= SMALL ? reduce_small(mpi, of, values, (int)count, err) : reduce_all(mpi, of, values, count, err);
+    mpi->seconds += MPI_Wtime() - begun;
+    return status;
+}
+
+static hada_status reduce(void *user, double *values, size_t count, hada_error *err)
+{
+    return reduce_kind(user, (kind){MPI_DOUBLE, sizeof *values}, values, count, err);
+}
+
+static hada_status reduce_floats(void *user, float *values, size_t count, hada_error *err)
+{
+    return reduce_kind(user, (kind){MPI_FLOAT, sizeof *values}, values, count, err);
+}
+
+static hada_status broadcast(void *user, int root, void *bytes, size_t count, hada_error *err)
+{
+    hada_mpi *mpi = user;
+    const double begun = MPI_Wtime();
+    (void)err;
+    for (size_t done = 0; done < count; done += MOST_BYTES)
+        MPI_Bcast((char *)bytes + done, (int)(count - done < MOST_BYTES ? count - done : MOST_BYTES), MPI_BYTE, root,
+                  mpi->comm);
+    mpi->bytes += mpi->rank == root ? count : 0;
+    mpi->seconds += MPI_Wtime() - begun;
+    return HADA_OK;
+}
+
+void hada_mpi_open(hada_mpi *mpi, MPI_Comm comm, hada_communicator *out)
+{
+    *mpi = (hada_mpi){.comm = comm};
+    MPI_Comm_rank(comm, &mpi->rank);
+    MPI_Comm_size(comm, &mpi->count);
+    hada_communicator_init(out);
+    out->rank = mpi->rank;
+    out->count = mpi->count;
+    out->user = mpi;
+    out->reduce = reduce;
+    out->reduce_floats = reduce_floats;
+    out->broadcast = broadcast;
+}
+
+void hada_mpi_close(hada_mpi *mpi)
+{
+    free(mpi->room);
+    *mpi = (hada_mpi){0};
+}

@@ -1,0 +1,22 @@
+/* A communicator (hadalens/communicator.h) over MPI. */
+#ifndef HADA_MPI_COMMUNICATOR_H
+#define HADA_MPI_COMMUNICATOR_H
+
+#include <hadalens/communicator.h>
+#include <mpi.h>
+
+/* What the functions need of it. */
+typedef struct hada_mpi {
+    MPI_Comm comm;
+    int rank, count;
+    unsigned long long bytes; /* sent by this rank */
+    double seconds;           /* in exchanges, waiting for others included */
+    void *room;               /* for an exchange */
+    size_t room_bytes;
+} hada_mpi;
+
+/* Errors of MPI itself end the job, as MPI has it by default. */
+void hada_mpi_open(hada_mpi *mpi, MPI_Comm comm, hada_communicator *out);
+void hada_mpi_close(hada_mpi *mpi);
+
+#endif

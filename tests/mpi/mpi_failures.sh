@@ -1,0 +1,84 @@
+#!/usr/bin/env bash
+# Ranks that die: the job ends soon with a message, files are whole, and going on gives what an undisturbed run gives.
+. "$(dirname "$0")/mpi_testing.sh"
+# run_and_kill FOLDER PATTERN COUNT ARGUMENTS...: kills the second of two ranks once COUNT files like PATTERN are there.
+run_and_kill() {
+    local folder=$1 pattern=$2 count=$3 job begun victim code
+    shift 3
+    "$MPIRUN" "${root[@]}" --oversubscribe -np 2 "$HADALENS_MPI" "$@" >out.txt 2>&1 &
+    job=$!
+    begun=$SECONDS
+    until [ "$(find "$folder" -name "$pattern" 2>/dev/null | wc -l)" -ge "$count" ]; do
+        kill -0 $job 2>/dev/null || break
+        [ $((SECONDS - begun)) -lt 120 ] || break
+        sleep 0.02
+    done
+    victim=$(pgrep -P $job | tail -1)
+    begun=$SECONDS
+    [ -n "$victim" ] && kill -9 "$victim"
+    wait $job
+    code=$?
+    [ $code != 0 ] || { echo "FAILED: the job ended well although a rank was killed"; bad=1; }
+    [ $((SECONDS - begun)) -lt 30 ] || { echo "FAILED: the job took $((SECONDS - begun)) s to end"; bad=1; }
+    must "a message" grep -qi "killed" out.txt
+}
+
+camera 2
+for depth in camera/z*; do # many pairs, at no cost
+    first=$(find "$depth/raw" -name '*.tif' -printf '%f\n' | sort | head -1)
+    for i in $(seq 80); do
+        ln "$depth/raw/$first" "$depth/raw/more$i.tif"
+        ln "$depth/scene/$first" "$depth/scene/more$i.tif"
+    done
+done
+must fit "$HADALENS" fit camera -o camera.model --sums whole.sums
+
+# Frames.
+frames=120
+mkdir frames
+for i in $(seq $frames); do
+    cp "camera/test/raw/test0$((1 + i % 2)).tif" "frames/frame$(printf %03d "$i").tif"
+done
+must "undisturbed" "$HADALENS" reconstruct frames/*.tif -m camera.model -o undisturbed --no-preview
+run_and_kill broken '*_stack.tif' 20 reconstruct frames/*.tif -m camera.model -o broken --no-preview
+done=$(find broken -name '*_stack.tif' | wc -l)
+[ "$done" -lt $frames ] || { echo "FAILED: everything was done before the rank was killed"; bad=1; }
+for file in broken/*_stack.tif; do
+    name=$(basename "$file")
+    cmp -s "$file" "undisturbed/$name" || { echo "FAILED: $file is not whole"; bad=1; }
+done
+touch -d '2001-01-01' broken/*_stack.tif
+must "going on" ranks 2 reconstruct frames/*.tif -m camera.model -o broken --no-preview --resume
+[ "$(find broken -name '*_stack.tif' -not -newermt '2002-01-01' | wc -l)" -ge "$done" ] ||
+    { echo "FAILED: frames that were done were done again"; bad=1; }
+for file in undisturbed/*; do
+    cmp -s "$file" "broken/$(basename "$file")" || { echo "FAILED: $(basename "$file") differs after going on"; bad=1; }
+done
+
+# Sums, saved after every pair here.
+run_and_kill . 'sums.*-of-2' 1 fit camera -o sums.model --sums sums --save-seconds 0
+must "the fit goes on" ranks 2 fit camera -o sums.model --sums sums --save-seconds 0 --resume
+must "the sums of an undisturbed run" python3 "$here/compare.py" whole.sums sums same
+must "nothing is left of the parts" test -z "$(find . -name 'sums.*-of-*' -print -quit)"
+must "and again, from whole sums" ranks 2 fit camera -o more.model --sums sums --resume
+must "the same model" cmp sums.model more.model
+
+# Training, which goes on with another number of ranks.
+train() {
+    train=(train camera -m camera.model --batch 4 --seed 3 --validate-every 0 --show-every 0 --save-every 2 --steps 16
+        -o "$1.model" --log "$1.log")
+}
+train through
+must "training through" ranks 2 "${train[@]}"
+train on
+mkdir on.log
+run_and_kill on.log checkpoint.safetensors 1 "${train[@]}"
+cp -r on.log other.log
+must "two ranks go on" ranks 2 "${train[@]}" --resume
+must "the bits of going through" python3 "$here/compare.py" through.log/checkpoint.safetensors \
+    on.log/checkpoint.safetensors same
+train other
+must "three ranks go on" ranks 3 "${train[@]}" --resume
+must "which is the same training" python3 "$here/compare.py" through.log/checkpoint.safetensors \
+    other.log/checkpoint.safetensors 2e-2
+finish

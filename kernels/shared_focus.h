@@ -4,7 +4,7 @@
 
 #include "shared_types.h"
 
-#define HADA_FOCUS_DEPTHS 4     /* planes in a launch, at most */
+#define HADA_FOCUS_DEPTHS 8     /* planes in a launch, at most */
 #define HADA_FOCUS_BINS   32768 /* of a count: patterns of floats without sign, their upper 16 bits */
 
 #define HADA_FOCUS_REACH 64 /* the widest window reaches that far, and less */
@@ -24,7 +24,7 @@ typedef struct hada_focus_batch {
     int place[HADA_FOCUS_DEPTHS], depth[HADA_FOCUS_DEPTHS];
     int count;
 } hada_focus_batch;
-HADA_SHARED_SIZE(hada_focus_batch, 48)
+HADA_SHARED_SIZE(hada_focus_batch, 80)
 
 /* The images of a focus object: rows of its own ones stand `pitch` apart. */
 typedef struct hada_focus_image {

@@ -28,6 +28,7 @@ done:
 static hada_status add_devices(hada_plan *plan, hada_context *const *contexts, int count, hada_error *err)
 {
     hada_status status = HADA_OK;
+    plan->setup.config.batch_whole &= count == 1; /* several share the depths of a frame, batch by batch */
     HADA_TRY(hada_alloc((void **)&plan->constants, (size_t)count, sizeof *plan->constants, "a plan", err));
     HADA_TRY(hada_dispatcher_create(&plan->dispatcher, count * plan->setup.config.queues, err));
     for (int device = 0; device < count; device++)

@@ -190,6 +190,7 @@ hada_status hada_config_of(const hada_model *model, const hada_plan_options *opt
     if (config->batch > config->depths)
         config->batch = config->depths;
     config->queues = options->queues > 0 ? options->queues : 1;
+    config->batch_whole = options->batch <= 0 && config->queues == 1;
     hada_focus_options_init(&config->focus, config->joint);
     HADA_TRY(choose_scene(options, config, err));
     HADA_TRY(choose_skips(model, options, config, err));

@@ -13,6 +13,7 @@
 typedef struct hada_config {
     int depths;                  /* computed */
     int batch;                   /* depths at once in the Hadamard stage, at most */
+    int batch_whole;             /* 1: all of them where launches cost more than memory: on a GPU that works alone */
     int queues;                  /* of each device */
     int joint;                   /* 1: planes that explain the frame jointly, by refinement of the occupied depths or a
                                     classic method; 0: linear filters */

@@ -143,7 +143,7 @@ done:
 int hada_pipeline_fit(const hada_context *context, const hada_model *model, const hada_config *config, int queues)
 {
     const uint64_t most = most_bytes(context), constants = hada_constants_bytes(context, model, config);
-    int batch = config->batch;
+    int batch = config->batch_whole && context->shape == HADA_SHAPE_GROUPS ? config->depths : config->batch;
     for (; batch > 1; batch = (batch + 1) / 2) {
         uint64_t bytes, apart;
         if (!hada_pipeline_bytes(context, model, config, batch, &bytes, &apart, NULL) &&

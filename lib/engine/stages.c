@@ -34,7 +34,7 @@ hada_status hada_pipeline_load(hada_pipeline *pipeline, hada_frame *frame, hada_
     hada_status status = HADA_OK;
     HADA_TRY(on_device
                  ? hada_hadamard_frame_from(pipeline->stage, frame->device, frame->device_offset, frame->levels, err)
-                 : hada_hadamard_frame(pipeline->stage, frame->staged->data, frame->levels, err));
+                 : hada_hadamard_frame_later(pipeline->stage, frame->staged->data, frame->levels, err));
     pipeline->loaded = frame->serial;
 done:
     return status;

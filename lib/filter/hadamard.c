@@ -257,6 +257,12 @@ hada_status hada_hadamard_frame(hada_hadamard *stage, const float *raw, const do
     return status ? status : take_frame(stage, levels, err);
 }
 
+hada_status hada_hadamard_frame_later(hada_hadamard *stage, const float *raw, const double *levels, hada_error *err)
+{
+    const hada_status status = hada_buffer_write_later(&stage->raw, stage->slot, 0, raw, stage->raw.bytes, err);
+    return status ? status : take_frame(stage, levels, err);
+}
+
 hada_status hada_hadamard_frame_from(hada_hadamard *stage, cl_mem raw, size_t offset, const double *levels,
                                      hada_error *err)
 {

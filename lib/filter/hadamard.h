@@ -63,6 +63,8 @@ hada_status hada_hadamard_set_dark(hada_hadamard *stage, const float *dark, hada
 /* Uploads a frame (channels x raw size, planar), takes levels[channel] (NULL: nothing) off every pixel, and transforms
  * it: stage->raw and stage->spectrum are ready. */
 hada_status hada_hadamard_frame(hada_hadamard *stage, const float *raw, const double *levels, hada_error *err);
+/* The same without waiting for the upload: `raw` stays as it is until the slot was waited for. */
+hada_status hada_hadamard_frame_later(hada_hadamard *stage, const float *raw, const double *levels, hada_error *err);
 /* The same of a frame that stands on the device, `offset` bytes into a buffer. */
 hada_status hada_hadamard_frame_from(hada_hadamard *stage, cl_mem raw, size_t offset, const double *levels,
                                      hada_error *err);

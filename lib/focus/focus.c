@@ -75,7 +75,7 @@ static void list_parts(const hada_context *context, const hada_focus_desc *desc,
     const size_t radius = (size_t)window_radius(&desc->options),
                  pitch = hada_round_up((size_t)desc->cols, (size_t)way.width);
     const size_t row = pitch * sizeof(float), rows = (size_t)desc->rows;
-    const size_t planes = (size_t)(desc->depths < HADA_FOCUS_DEPTHS ? desc->depths : HADA_FOCUS_DEPTHS);
+    const size_t planes = (size_t)(desc->depths < way.depths ? desc->depths : way.depths);
     const size_t bins = 2 * HADA_FOCUS_BINS * sizeof(cl_int);
     parts[0] = (part){offsetof(hada_focus, weights), (2 * radius + 1) * sizeof(float), "the focus window"};
     parts[1] = (part){offsetof(hada_focus, inverse_distances), (size_t)desc->depths * sizeof(float), "the distances"};
@@ -256,7 +256,7 @@ static hada_status push(hada_focus *focus, const int *list, int first, int count
     if (!focus->begun)
         return hada_fail(err, HADA_ERROR_STATE, "planes came to the focus before a frame was begun");
     const int64_t fit = INT_MAX / ((int64_t)focus->rows * focus->cols); /* into counts that are int */
-    const int most = fit < HADA_FOCUS_DEPTHS ? (int)fit : HADA_FOCUS_DEPTHS;
+    const int most = fit < focus->way.depths ? (int)fit : focus->way.depths;
     hada_focus_batch gathered = {.offset = offset};
     hada_status status = HADA_OK;
     for (int i = 0; i < count; i++) {

@@ -9,6 +9,9 @@ _Static_assert(FOCUS_MEASURE_CONTRAST == (int)HADA_FOCUS_CONTRAST && FOCUS_MEASU
  * are enough to read planes as fast as memory gives them. */
 #define GROUPS_MOST 16
 
+/* Planes of a launch where responses are to stay in a CPU's caches until they are read again. */
+enum { LANES_DEPTHS = 4 };
+
 /* Local memory of focus_measure: luminance, with a row at either end, and two kinds of responses. */
 static size_t local_bytes(const hada_macros_focus *tiles)
 {
@@ -35,6 +38,7 @@ hada_focus_way hada_focus_way_of(const hada_context *context)
     return (hada_focus_way){.groups = in_groups              ? 1
                                       : groups < GROUPS_MOST ? (int)groups
                                                              : GROUPS_MOST,
+                            .depths = in_groups ? HADA_FOCUS_DEPTHS : LANES_DEPTHS,
                             .width = tiles->focus_width * tiles->focus_side,
                             .members = tiles->focus_group,
                             .rows = tiles->focus_rows,

@@ -8,6 +8,7 @@
 /* How the kernels part the work. */
 typedef struct hada_focus_way {
     int groups;  /* work-groups of one item that take many tiles each, every one with counts of its own; 1 on a GPU */
+    int depths;  /* planes of a launch, at most */
     int width;   /* pixels of an item of focus_select, which rows of the object's own images are multiples of */
     int members; /* items in a group */
     int rows, cols, band; /* tiles of focus_measure; rows of a tile of focus_select */
@@ -29,7 +30,7 @@ struct hada_focus {
     int pushed;      /* depths that competed so far */
 
     hada_buffer weights, inverse_distances;
-    hada_buffer response; /* of HADA_FOCUS_DEPTHS planes, averaged across */
+    hada_buffer response; /* of the planes of a launch, averaged across */
     hada_buffer kept;     /* the running best and the all-in-focus sums */
     hada_buffer bins, counts;
     int64_t counted;                      /* pixels in the device's counts, which are int */

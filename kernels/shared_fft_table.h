@@ -10,9 +10,9 @@
 #define FFT_CHUNK_STAGES   4 /* the number of these stages */
 #define FFT_CHIRP          5 /* 0, or the place of the chirp in the float table (then that of its transform follows) */
 #define FFT_CHIRP_SPECTRUM 6
-#define FFT_SOURCE         7 /* place of the list: number of an input -> its index in memory */
-#define FFT_PLACE          8 /* place of the list: number of an input -> its point in scratch */
-#define FFT_ODD            9 /* whether a stage has no butterfly of its own */
+#define FFT_SOURCE         7  /* place of the list: number of an input -> its index in memory */
+#define FFT_PLACE          8  /* place of the list: number of an input -> its point in scratch */
+#define FFT_ODD            9  /* whether a stage has no butterfly of its own */
 #define FFT_FLOATS         10 /* place of the float table, which follows */
 #define FFT_HEADER         12
 

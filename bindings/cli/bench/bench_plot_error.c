@@ -163,8 +163,10 @@ hada_status hada_bench_plot_error(const hada_bench *bench, const hada_bench_plac
     panel_data data = {.x = calloc(4 * room, sizeof *data.x)};
     data.rows = hada_bench_rows_of(bench, place->device, place->workload, HADA_BENCH_SWEEP, &data.count);
     hada_status status = HADA_OK;
-    if (!data.rows || !data.x)
-        HADA_TRY(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
+    if (!data.rows || !data.x) {
+        status = hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
+        goto done;
+    }
     data.y = data.x + room;
     data.front_x = data.y + room;
     data.front_y = data.front_x + room;

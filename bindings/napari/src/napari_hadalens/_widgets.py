@@ -246,9 +246,9 @@ def follow(viewer: napari.Viewer, layer: Layer, distances: list[float]) -> None:
 
     def show() -> None:
         depth = viewer.dims.current_step[-3] if viewer.dims.ndim > 2 else 0
-        shown = layer in viewer.layers and viewer.dims.ndisplay == 2
-        viewer.text_overlay.visible = shown
-        viewer.text_overlay.text = f"{distances[min(depth, len(distances) - 1)]:g} mm"
+        overlay = viewer.canvas.overlays.text if hasattr(viewer, "canvas") else viewer.text_overlay  # before napari 0.9
+        overlay.visible = layer in viewer.layers and viewer.dims.ndisplay == 2
+        overlay.text = f"{distances[min(depth, len(distances) - 1)]:g} mm"
 
     viewer.dims.events.current_step.connect(show)
     show()

@@ -203,6 +203,8 @@ def test_evaluate_and_files(
     assert [one.error is None for one in done] == [True, True, False]
     assert isinstance(done[2].error, OSError)
     assert len(seen) >= 2
+    again = hadalens.reconstruct_files(plan, frames, tmp_path / "out", preview=False, resume=True)
+    assert [(one.there, one.outputs) for one in again] == [(True, ())] * len(frames)
     stack = hadalens.read_tiff(tmp_path / "out" / f"{frames[0].stem}_stack.tif")
     np.testing.assert_array_equal(stack, plan.run(hadalens.read_tiff(frames[0], 0)).stack)
     rows = hadalens.metrics.evaluate(tmp_path / "out", camera / "test" / "truth")

@@ -125,19 +125,19 @@ def test_records_have_every_member(kind: type, struct: str, left_out: set[str]) 
 @pytest.mark.parametrize(
     ("function", "struct", "otherwise"),
     [
-        # those that go by another name, or by another way
+        # those that go by another name, or by another way; not_bound.txt tells of communicators
         (
             hadalens.fit,
             "hada_fit_options",
             {"depths", "channels", "distances_mm", "raw_rows", "raw_cols", "window_rows", "window_cols"}
-            | {"lambda", "grid_rows", "grid_cols", "monitor"},
+            | {"lambda", "grid_rows", "grid_cols", "monitor", "communicator"},
         ),
         (hadalens.fit, "hada_fit_task", {"fit", "merge_count", "monitor"}),
         (
             hadalens.Fitter,
             "hada_fit_options",
             {"depths", "raw_rows", "raw_cols", "window_rows", "window_cols", "lambda"}
-            | {"grid_rows", "grid_cols", "monitor"},
+            | {"grid_rows", "grid_cols", "monitor", "communicator"},
         ),
         (hadalens.Model.from_psf, "hada_psf_options", {"lambda", "window_rows", "window_cols"}),
         (
@@ -156,7 +156,7 @@ def test_records_have_every_member(kind: type, struct: str, left_out: set[str]) 
         (hadalens.simulate, "hada_simulate_task", {"simulator", "monitor"}),
         (hadalens.Net.unet, "hada_unet_options", set()),
         (hadalens.optics.Wave, "hada_wave_options", set()),
-        (hadalens.reconstruct_files, "hada_files_task", {"user", "monitor"}),
+        (hadalens.reconstruct_files, "hada_files_task", {"user", "monitor", "communicator"}),
     ],
 )
 def test_options_have_every_member(function: Callable[..., Any], struct: str, otherwise: set[str]) -> None:

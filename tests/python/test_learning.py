@@ -49,6 +49,28 @@ def test_fit_is_that_of_the_program(camera: Path, model: hadalens.Model) -> None
     assert report.response is not None
 
 
+def test_a_fit_goes_on(camera: Path, model: hadalens.Model, tmp_path: Path) -> None:
+    """A fit that was broken off goes on from what it saved, and gives the same bits."""
+    pairs = 0
+
+    def stop(what: str, done: int, *_: Any) -> None:
+        nonlocal pairs
+        pairs += what == "pairs" and done > 0
+        if pairs == 7:
+            raise InterruptedError
+
+    sums = tmp_path / "camera.sums"
+    with pytest.raises(InterruptedError):
+        hadalens.fit(camera, save_sums=sums, resume=True, save_seconds=0.0, progress=stop)
+    (saved,) = tmp_path.iterdir()
+    content = saved.read_bytes()
+    saved.write_bytes(b"no sums")
+    with pytest.raises(hadalens.FileError):  # it is read
+        hadalens.fit(camera, save_sums=sums, resume=True)
+    saved.write_bytes(content)
+    assert same(hadalens.fit(camera, save_sums=sums, resume=True), model)
+
+
 def test_bars(camera: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """progress=True shows tqdm's bars, where it is installed."""
     pytest.importorskip("tqdm")

@@ -180,6 +180,8 @@ def fit(
     half: bool = False,
     merge: Sequence[str | os.PathLike[str]] = (),
     save_sums: str | os.PathLike[str] | None = None,
+    resume: bool = False,
+    save_seconds: float | None = None,
     channel_axis: int | None = None,
     progress: Progress | bool | None = None,
 ) -> Model:
@@ -202,6 +204,9 @@ def fit(
         half: filters in half precision.
         merge: files of sums (:meth:`Fitter.save_sums`) of the same camera, to add.
         save_sums: a file for the sums over all pairs.
+        resume: go on after an interruption: pairs that `save_sums` holds, or what was saved on the way beside it, are
+            not added again. The bits are those of a fit without interruption.
+        save_seconds: between saves on the way, at least; None: 60.
         channel_axis: of arrays of three axes; None: the first.
         progress: a function (what, done, total, note), or True for tqdm's bars.
 
@@ -242,6 +247,8 @@ def fit(
         leave_one_out=leave_one_out,
         half=half,
         save_sums=save_sums,
+        resume=resume,
+        save_seconds=save_seconds,
         monitor=monitor.options,
         exposure=exposure,
     )

@@ -193,9 +193,10 @@ class FileResult:
 
     Attributes:
         path: of the frames.
-        frames: how many it had.
-        outputs: files that were written; empty where it failed.
+        frames: how many it had; 0 where it was passed over.
+        outputs: files that were written; empty where it failed or was passed over.
         error: why, where it failed.
+        there: its results were there already, and it was passed over.
 
     """
 
@@ -203,6 +204,7 @@ class FileResult:
     frames: int
     outputs: tuple[Path, ...]
     error: errors.HadalensError | None
+    there: bool = False
 
 
 class _FilesMonitor(Monitor):
@@ -224,6 +226,8 @@ def py_files_task_tell(user: Any, state: Any) -> None:
     elif state.event == lib.HADA_FILES_DONE:
         places = [text(one) for one in (*state.outputs, state.confidence)]
         monitor.results.append(FileResult(name, state.frames, tuple(Path(one) for one in places if one), None))
+    elif state.event == lib.HADA_FILES_THERE:
+        monitor.results.append(FileResult(name, 0, (), None, there=True))
     elif state.event == lib.HADA_FILES_FAILED:
         monitor.results.append(FileResult(name, state.frames, (), error_of(state.error[0])))
 
@@ -237,6 +241,7 @@ def reconstruct_files(
     bits: Literal[8, 16, 32] = 32,
     white: float = 1.0,
     encoding: float | str | None = None,
+    resume: bool = False,
     tell: Callable[[str, int], None] | None = None,
     progress: Progress | bool | None = None,
 ) -> list[FileResult]:
@@ -253,6 +258,7 @@ def reconstruct_files(
         bits: of stack and all-in-focus image.
         white: value that becomes full scale in 8 and 16 bits.
         encoding: how these stand for light; None: as the scenes of the model did.
+        resume: files whose results stand in the folder are passed over, whatever made them.
         tell: called with path and frame number as frames are done.
         progress: a function, or True for tqdm's bars.
 
@@ -269,6 +275,7 @@ def reconstruct_files(
         bits=bits,
         white=white,
         encoding=None if encoding is None else responses.number(encoding),
+        resume=resume,
         tell=lib.py_files_task_tell,
         user=monitor.user,
         monitor=monitor.options,

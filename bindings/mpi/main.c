@@ -25,8 +25,10 @@ static void tell_costs(const hada_mpi *mpi, double seconds)
     FILE *file = fopen(name, "w");
     if (!file)
         return;
-    fprintf(file, "{\"rank\": %d, \"ranks\": %d, \"seconds\": %.6f, \"exchange_seconds\": %.6f, \"bytes\": %llu}\n",
-            mpi->rank, mpi->count, seconds, mpi->seconds, mpi->bytes);
+    fprintf(file,
+            "{\"rank\": %d, \"ranks\": %d, \"seconds\": %.6f, \"exchange_seconds\": %.6f, \"cpu_seconds\": %.6f, "
+            "\"exchange_cpu_seconds\": %.6f, \"bytes\": %llu}\n",
+            mpi->rank, mpi->count, seconds, mpi->seconds, hada_mpi_cpu_seconds(), mpi->cpu_seconds, mpi->bytes);
     fclose(file);
 }
 

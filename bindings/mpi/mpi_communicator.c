@@ -7,6 +7,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 
 /* Values of a round, and of an exchange so small that every rank adds up the whole. */
 enum { ROUND = 1 << 20, SMALL = 1 << 10 };
@@ -132,12 +133,35 @@ static hada_status reduce_all(hada_mpi *mpi, kind of, char *values, size_t count
     return status;
 }
 
+double hada_mpi_cpu_seconds(void)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
+    return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
+}
+
+/* What an exchange costs, from before it on. */
+typedef struct costs {
+    double seconds, cpu_seconds;
+} costs;
+
+static costs begin(void)
+{
+    return (costs){MPI_Wtime(), hada_mpi_cpu_seconds()};
+}
+
+static void end(hada_mpi *mpi, costs begun)
+{
+    mpi->seconds += MPI_Wtime() - begun.seconds;
+    mpi->cpu_seconds += hada_mpi_cpu_seconds() - begun.cpu_seconds;
+}
+
 static hada_status reduce_kind(hada_mpi *mpi, kind of, void *values, size_t count, hada_error *err)
 {
-    const double begun = MPI_Wtime();
+    const costs begun = begin();
     const hada_status status =
         count <= SMALL ? reduce_small(mpi, of, values, (int)count, err) : reduce_all(mpi, of, values, count, err);
-    mpi->seconds += MPI_Wtime() - begun;
+    end(mpi, begun);
     return status;
 }
 
@@ -154,13 +178,13 @@ static hada_status reduce_floats(void *user, float *values, size_t count, hada_e
 static hada_status broadcast(void *user, int root, void *bytes, size_t count, hada_error *err)
 {
     hada_mpi *mpi = user;
-    const double begun = MPI_Wtime();
+    const costs begun = begin();
     (void)err;
     for (size_t done = 0; done < count; done += MOST_BYTES)
         MPI_Bcast((char *)bytes + done, (int)(count - done < MOST_BYTES ? count - done : MOST_BYTES), MPI_BYTE, root,
                   mpi->comm);
     mpi->bytes += mpi->rank == root ? count : 0;
-    mpi->seconds += MPI_Wtime() - begun;
+    end(mpi, begun);
     return HADA_OK;
 }
 

@@ -11,6 +11,7 @@ typedef struct hada_mpi {
     int rank, count;
     unsigned long long bytes; /* sent by this rank */
     double seconds;           /* in exchanges, waiting for others included */
+    double cpu_seconds;       /* of this process meanwhile */
     void *room;               /* for an exchange */
     size_t room_bytes;
 } hada_mpi;
@@ -18,5 +19,8 @@ typedef struct hada_mpi {
 /* Errors of MPI itself end the job, as MPI has it by default. */
 void hada_mpi_open(hada_mpi *mpi, MPI_Comm comm, hada_communicator *out);
 void hada_mpi_close(hada_mpi *mpi);
+
+/* Processor seconds of this process, all threads. */
+double hada_mpi_cpu_seconds(void);
 
 #endif

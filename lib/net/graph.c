@@ -219,6 +219,22 @@ static hada_status run_step(hada_graph *graph, const graph_step *step, hada_erro
     return status;
 }
 
+/* Parameters stand in the layers' order, those that are trained first: where they begin that belong to `layer` and to
+ * those behind it, which are done by then. */
+static size_t final_from(const hada_net *net, int layer)
+{
+    size_t from = net->trained;
+    for (int i = net->parameter_count - 1; i >= 0; i--) {
+        const hada_parameter *parameter = &net->parameters[i];
+        if (!parameter->trained)
+            continue;
+        if (parameter->layer < layer || parameter->offset + parameter->count != from)
+            break;
+        from = parameter->offset;
+    }
+    return from;
+}
+
 /* Runs the steps from `first` up to the loss, which is the caller's, or the end. */
 static hada_status run(hada_graph *graph, int first, hada_error *err)
 {
@@ -229,6 +245,8 @@ static hada_status run(hada_graph *graph, int first, hada_error *err)
         if (plan->steps[i].kind == GRAPH_LOSS)
             break;
         HADA_TRY(run_step(graph, &plan->steps[i], err));
+        if (graph->ready && graph->gradients.mem && plan->steps[i].kind == GRAPH_BACKWARD)
+            HADA_TRY(graph->ready(graph->ready_user, final_from(plan->net, plan->steps[i].node), err));
     }
 done:
     return status;
@@ -239,6 +257,12 @@ hada_status hada_graph_forward(hada_graph *graph, hada_error *err)
     if (!graph->values.mem && graph->plan.net->floats)
         return hada_fail(err, HADA_ERROR_STATE, "a net without weights: hada_graph_set_weights() comes first");
     return run(graph, 0, err);
+}
+
+void hada_graph_watch(hada_graph *graph, hada_graph_ready ready, void *user)
+{
+    graph->ready = ready;
+    graph->ready_user = user;
 }
 
 hada_status hada_graph_backward(hada_graph *graph, hada_floats gradients, int accumulate, hada_error *err)

@@ -60,6 +60,11 @@ const hada_tensor *hada_graph_output_gradient(const hada_graph *graph);
 const hada_tensor *hada_graph_input_gradient(const hada_graph *graph);
 hada_status hada_graph_backward(hada_graph *graph, hada_floats gradients, int accumulate, hada_error *err);
 
+/* Asked on the way of backward, layer by layer from the last: the gradients from float `from` on are final once what is
+ * enqueued by now is done. NULL: nobody is. */
+typedef hada_status (*hada_graph_ready)(void *user, size_t from, hada_error *err);
+void hada_graph_watch(hada_graph *graph, hada_graph_ready ready, void *user);
+
 /* The gradient of the output from planar images, and that of the input as such. */
 hada_status hada_graph_load_gradient(hada_graph *graph, const hada_planar *in, hada_error *err);
 hada_status hada_graph_store_gradient(hada_graph *graph, const hada_planar *out, hada_error *err);

@@ -15,6 +15,8 @@ struct hada_graph {
     uint64_t seed, step;
     hada_floats gradients; /* during backward */
     int accumulate;
+    hada_graph_ready ready; /* NULL: nobody watches */
+    void *ready_user;
 };
 
 /* graph_views.c. The tensors of a node: its value (for_backward: the recomputed one where there is one) and the value's

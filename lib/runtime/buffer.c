@@ -173,6 +173,19 @@ hada_status hada_buffer_read_later(const hada_buffer *buffer, hada_slot *slot, s
     return enqueue_read(buffer, slot, CL_FALSE, offset, data, bytes, err);
 }
 
+hada_status hada_buffer_read_event(const hada_buffer *buffer, hada_slot *slot, size_t offset, void *data, size_t bytes,
+                                   cl_event *event, hada_error *err)
+{
+    hada_status status = check_range(buffer, offset, bytes, err);
+    if (status)
+        return status;
+    cl_int code = clEnqueueReadBuffer(slot->queue, buffer->mem, CL_FALSE, offset, bytes, data, 0, NULL, event);
+    if (code != CL_SUCCESS)
+        return hada_fail_cl(err, code, "clEnqueueReadBuffer");
+    code = clFlush(slot->queue);
+    return code == CL_SUCCESS ? HADA_OK : hada_fail_cl(err, code, "clFlush");
+}
+
 hada_status hada_buffer_map(const hada_buffer *buffer, hada_slot *slot, void **data, hada_error *err)
 {
     cl_int code;

@@ -40,6 +40,10 @@ hada_status hada_buffer_read(const hada_buffer *buffer, hada_slot *slot, size_t 
 /* A read that is enqueued, not waited for: hada_slot_finish() says that it is done, and until then `data` stays. */
 hada_status hada_buffer_read_later(const hada_buffer *buffer, hada_slot *slot, size_t offset, void *data, size_t bytes,
                                    hada_error *err);
+/* One that can be waited for by itself: the data are there once *event, which is the caller's to release, is complete.
+ */
+hada_status hada_buffer_read_event(const hada_buffer *buffer, hada_slot *slot, size_t offset, void *data, size_t bytes,
+                                   cl_event *event, hada_error *err);
 /* The same for a write: `data` stays as it is until a later call waited for the slot. */
 hada_status hada_buffer_write_later(hada_buffer *buffer, hada_slot *slot, size_t offset, const void *data, size_t bytes,
                                     hada_error *err);

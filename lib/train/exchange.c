@@ -105,14 +105,11 @@ static double squares_of(const float *values, size_t count)
     return all;
 }
 
-/* Values that ranks exchange at a time: enough that what an exchange costs beside its bytes is little. */
-enum { BUCKET = 1 << 20 };
-
 static hada_status reduce_part(const hada_workers *workers, float *values, hada_part part, hada_error *err)
 {
     hada_status status = HADA_OK;
-    for (size_t done = 0; done < part.count; done += BUCKET) {
-        const size_t count = part.count - done < BUCKET ? part.count - done : BUCKET;
+    for (size_t done = 0; done < part.count; done += HADA_BUCKET) {
+        const size_t count = part.count - done < HADA_BUCKET ? part.count - done : HADA_BUCKET;
         HADA_TRY(hada_reduce_floats(workers->ranks, values + part.first + done, count, err));
     }
 done:
@@ -122,6 +119,7 @@ done:
 /* After the workers' own sums, those of all ranks: of a net's gradient each worker's part, of filters the whole. */
 static hada_status reduce_gradient(hada_workers *workers, const exchange *what, hada_error *err)
 {
+    hada_buckets *buckets = &workers->buckets;
     const int shared = what->group < HADA_GROUP_FILTERS;
     hada_status status = HADA_OK;
     for (int w = 0; w < (shared ? workers->count : 1); w++) {
@@ -129,7 +127,10 @@ static hada_status reduce_gradient(hada_workers *workers, const exchange *what, 
         hada_parameters *parameters = hada_worker_parameters(own);
         const hada_part part = shared ? hada_parameters_part(parameters, what->group)
                                       : (hada_part){0, hada_parameters_floats(parameters, what->group, what->content)};
-        HADA_TRY(reduce_part(workers, own->values, part, err));
+        if (what->group == HADA_GROUP_NET && buckets->full)
+            memcpy(own->values, buckets->values, part.count * sizeof *own->values);
+        else
+            HADA_TRY(reduce_part(workers, own->values, part, err));
         own->squares = squares_of(own->values + part.first, part.count);
         for (int k = 1; !shared && k < workers->count; k++) {
             memcpy(workers->worker[k].values, own->values, part.count * sizeof *own->values);
@@ -137,6 +138,8 @@ static hada_status reduce_gradient(hada_workers *workers, const exchange *what, 
         }
     }
 done:
+    if (what->group == HADA_GROUP_NET)
+        buckets->full = 0;
     return status;
 }
 

@@ -15,6 +15,7 @@ struct hada_replica {
     hada_filter_step filters; /* where the shape has them; so the others */
     hada_generator generator;
     hada_losses losses;
+    hada_buckets *buckets; /* of the pass that comes; NULL: none */
 };
 
 static hada_status add_graph(const hada_context *context, const hada_net *net, const hada_graph_options *options,
@@ -106,6 +107,13 @@ hada_features *hada_replica_features(hada_replica *replica)
     return &replica->losses.kept;
 }
 
+void hada_replica_share(hada_replica *replica, hada_buckets *buckets)
+{
+    replica->buckets = buckets;
+    if (replica->shape.net)
+        hada_graph_watch(replica->generator.training, buckets ? hada_buckets_ready : NULL, buckets);
+}
+
 static hada_status check_samples(const hada_replica_shape *shape, const hada_sample *samples, int count, int scenes,
                                  hada_error *err)
 {
@@ -150,7 +158,11 @@ static hada_status net_step(hada_replica *replica, const hada_losses_call *call,
     HADA_TRY(hada_losses_run(&replica->losses, call, err));
     if (call->discriminator_only)
         return HADA_OK;
+    if (replica->buckets)
+        hada_buckets_begin(replica->buckets);
     HADA_TRY(hada_generator_backward(&replica->generator, err));
+    if (replica->buckets) /* the device goes on meanwhile */
+        HADA_TRY(hada_buckets_exchange(replica->buckets, err));
     if (replica->shape.filters) {
         HADA_TRY(hada_filter_step_mask(&replica->filters, err));
         HADA_TRY(hada_filter_step_backward(&replica->filters, call->samples, at_once,

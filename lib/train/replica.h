@@ -4,6 +4,7 @@
 #ifndef HADA_TRAIN_REPLICA_H
 #define HADA_TRAIN_REPLICA_H
 
+#include "train/buckets.h"
 #include "train/features.h"
 #include "train/parameters.h"
 #include "train/sample.h"
@@ -31,6 +32,10 @@ hada_features *hada_replica_features(hada_replica *replica);
 hada_status hada_replica_backward(hada_replica *replica, const hada_sample *samples, int count, double weight,
                                   uint64_t step, int discriminator_only, hada_terms *terms, unsigned char *touched,
                                   hada_error *err);
+
+/* The next backward pass of the net ends a step's gradient: it goes to the other ranks layer by layer, through
+ * `buckets`; NULL: it does not. */
+void hada_replica_share(hada_replica *replica, hada_buckets *buckets);
 
 /* Forward alone, as reconstruction does it: batch norms with their running statistics, no dropout, and what is below
  * zero becomes zero (training takes what the net and, in FILTERS, the filters give without that). `before` (FILTERS,

@@ -116,9 +116,10 @@ done:
     return status;
 }
 
-/* The ranks, and this one's share of a step. */
-static hada_status take_ranks(hada_trainer *trainer, hada_error *err)
+/* The ranks, and this one's share of a step. Exchanges go device by device. */
+static hada_status take_ranks(hada_trainer *trainer, int devices, hada_error *err)
 {
+    double all = devices;
     const hada_communicator *ranks = &trainer->ranks;
     const int batch = trainer->options.batch;
     hada_status status = HADA_OK;
@@ -127,6 +128,12 @@ static hada_status take_ranks(hada_trainer *trainer, hada_error *err)
     trainer->options.communicator = NULL;
     trainer->first = (int)hada_share_begin(ranks, batch, ranks->rank);
     trainer->share = (int)hada_share_begin(ranks, batch, ranks->rank + 1) - trainer->first;
+    HADA_TRY(hada_reduce(ranks, &all, 1, err));
+    if (all != (double)devices * ranks->count)
+        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT,
+                           "rank %d trains on %d of %.0f devices: all %d ranks must have as many; start one for each "
+                           "device",
+                           ranks->rank, devices, all, ranks->count));
 done:
     return status;
 }
@@ -136,7 +143,7 @@ static hada_status make(hada_trainer *trainer, hada_context *const *contexts, in
 {
     hada_status status = HADA_OK;
     HADA_TRY(hada_train_options_settle(&trainer->options, &trainer->augment, callers, trainer->model, err));
-    HADA_TRY(take_ranks(trainer, err));
+    HADA_TRY(take_ranks(trainer, count, err));
     HADA_TRY(check_all_pairs(trainer, count, err));
     HADA_TRY(hada_train_nets_make(&trainer->nets, &trainer->options, trainer->model, err));
     HADA_TRY(make_workers(trainer, contexts, count, err));

@@ -100,6 +100,7 @@ done:
 typedef struct wave {
     hada_trainer *trainer;
     int count, discriminator_only;
+    int last; /* of the step */
 } wave;
 
 static int first_of(const wave *all, int worker, int workers)
@@ -117,6 +118,7 @@ static hada_status compute(hada_workers *workers, int number, void *user, hada_e
     memset(&worker->terms, 0, sizeof worker->terms);
     for (int i = 0; i < count; i++)
         HADA_TRY(sample_of(trainer, worker, trainer->fed[first + i], &worker->own[i], &worker->samples[i], err));
+    hada_replica_share(worker->replica, all->last && workers->buckets.values ? &workers->buckets : NULL);
     if (count)
         HADA_TRY(hada_replica_backward(worker->replica, worker->samples, count, 1.0 / trainer->options.batch,
                                        trainer->fed[first]->place, all->discriminator_only, &worker->terms,
@@ -177,7 +179,7 @@ static hada_status gather(hada_trainer *trainer, int discriminator_only, hada_te
     hada_status status = HADA_OK;
     clear(trainer);
     for (int left = trainer->share; left;) {
-        wave all = {trainer, left < most ? left : most, discriminator_only};
+        wave all = {trainer, left < most ? left : most, discriminator_only, left <= most};
         HADA_TRY(hada_feed_take(trainer->feed, all.count, trainer->fed, err));
         HADA_TRY(hada_workers_run(workers, compute, &all, err));
         for (int i = 0; i < workers->count; i++)

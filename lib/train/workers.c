@@ -60,6 +60,8 @@ hada_status hada_workers_create(hada_workers *workers, hada_context *const *cont
     workers->groups = hada_worker_parameters(workers->worker)->count;
     workers->ranks = ranks;
     HADA_TRY(make_exchange(workers, ranks, err));
+    if (count == 1)
+        HADA_TRY(hada_buckets_create(&workers->buckets, ranks, hada_worker_parameters(workers->worker), err));
 done:
     return status;
 }
@@ -80,6 +82,7 @@ static void destroy_worker(hada_worker *worker)
 void hada_workers_destroy(hada_workers *workers)
 {
     hada_worker_threads_destroy(&workers->threads);
+    hada_buckets_free(&workers->buckets);
     for (int i = 0; i < workers->count; i++)
         destroy_worker(&workers->worker[i]);
     free(workers->worker);

@@ -33,6 +33,7 @@ typedef struct hada_workers {
     int count, groups;              /* groups of parameters */
     hada_worker_threads *threads;   /* where there are several workers */
     const hada_communicator *ranks; /* that have workers as well; NULL: none */
+    hada_buckets buckets;           /* of a single worker among ranks */
 } hada_workers;
 
 /* A worker on each context. ranks: that have such workers too, NULL: none; desc: of all replicas, but for their number;

@@ -1,1 +1,0 @@
-"""Lensless cameras in napari: reads models and results, learns cameras, reconstructs frames."""

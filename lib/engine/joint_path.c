@@ -5,6 +5,7 @@
 
 #include "engine/stages.h"
 #include "filter/clip.h"
+#include "image/noise.h"
 
 /* Which computed depths the frame occupies, into pipeline->occupied; *more: the part of what they leave that one more
  * depth would have explained. */
@@ -46,14 +47,15 @@ static hada_refine_data data_of(const hada_pipeline *pipeline)
 }
 
 /* energy: of the frame */
-static hada_refine_rule rule_of(const hada_setup *setup, int depths, double energy)
+static hada_refine_rule rule_of(const hada_setup *setup, int depths, const hada_image *frame, double energy)
 {
     const hada_model_info *info = hada_model_get_info(setup->model);
     hada_refine_rule rule;
     hada_refine_rule_init(&rule);
     rule.steps = setup->config.steps;
     hada_refine_rule_weigh(&rule, info, &setup->config.weights, depths, hada_model_gain(setup->model),
-                           energy / ((double)info->channels * info->raw_rows * info->raw_cols));
+                           hada_noise_unit(frame->data, frame->channels, frame->rows, frame->cols, setup->noise_share,
+                                           energy / (double)hada_image_count(frame)));
     rule.stop = setup->options.refine < 0 ? hada_refine_stop(info->boundary, &rule) : 0;
     return rule;
 }
@@ -63,7 +65,7 @@ static hada_status refine(hada_pipeline *pipeline, hada_frame *frame, int count,
     hada_report *report = &frame->result->memory->report;
     hada_refiner *refiner = pipeline->refiner;
     const hada_refine_data data = data_of(pipeline);
-    const hada_refine_rule rule = rule_of(pipeline->setup, count, frame->energy);
+    const hada_refine_rule rule = rule_of(pipeline->setup, count, frame->staged, frame->energy);
     const int circular = hada_model_get_info(pipeline->setup->model)->boundary == HADA_BOUNDARY_CIRCULAR;
     double left = 0;
     hada_status status = HADA_OK;

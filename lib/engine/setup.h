@@ -13,6 +13,7 @@ typedef struct hada_setup {
     int *depths;                  /* indices into the model */
     double *distances;            /* per computed depth, mm */
     unsigned char *listed;        /* per computed depth: named by HADA_OCCUPIED_LIST */
+    double noise_share;           /* hada_model_noise_share(); 0 where a weight was told */
     hada_classic_camera camera;   /* of the listed depths, for a classic method */
     hada_image dark_frame;        /* empty where none */
     hada_gains *gains;            /* of the listed depths; NULL where spectra are not measured */

@@ -7,6 +7,7 @@
 #include "core/alloc.h"
 #include "filter/bank.h"
 #include "fit/fit_solve.h"
+#include "image/noise.h"
 
 /* Mean squared errors below this, 200 dB, count as this. */
 #define LEAST_ERROR 1e-20
@@ -26,6 +27,7 @@ hada_status hada_trial_bench_create(hada_trial_bench *bench, hada_error *err)
     HADA_TRY(hada_fft_create(&bench->inverse, grid->slot, &desc, err));
     HADA_TRY(hada_buffer_create(&bench->filters, context, bytes, "filters on trial", err));
     HADA_TRY(hada_buffer_create(&bench->otfs, context, bytes, "transfer functions on trial", err));
+    bench->noise_share = hada_model_noise_share(bench->with->model);
     HADA_TRY(hada_bank_prior(&bench->prior, grid->slot, bench->with->model, &grid->layout, err));
     HADA_TRY(hada_alloc_raw((void **)&bench->raw, hada_fit_raw_floats(grid), sizeof(float), "a raw frame", err));
     HADA_TRY(hada_alloc_raw((void **)&bench->planes, HADA_TRIAL_MEMBERS * hada_fit_window_floats(grid), sizeof(float),
@@ -175,8 +177,10 @@ hada_status hada_trial_refine(hada_trial_bench *bench, const hada_trial_frame *f
                                    .prior = bench->prior.mem};
     hada_refine_rule rule;
     hada_refine_rule_init(&rule);
-    hada_refine_rule_weigh(&rule, &with->model->info, weights, frame->members, hada_model_gain(with->model),
-                           hada_trial_energy(bench->raw, raw) / (double)raw);
+    const hada_model_info *info = &with->model->info;
+    hada_refine_rule_weigh(&rule, info, weights, frame->members, hada_model_gain(with->model),
+                           hada_noise_unit(bench->raw, info->channels, info->raw_rows, info->raw_cols,
+                                           bench->noise_share, hada_trial_energy(bench->raw, raw) / (double)raw));
     rule.stop = 0.0;
     rule.steps = steps;
     rule.start = before ? HADA_REFINE_CONTINUE : HADA_REFINE_COLD;

@@ -15,6 +15,7 @@ typedef struct hada_trial_bench {
     hada_fft *inverse;
     hada_buffer filters, otfs; /* [member][channel][count] complex */
     hada_buffer prior;
+    double noise_share;           /* hada_model_noise_share() */
     float *raw, *planes, *linear; /* planes at hand, and those of the linear filters */
     double *scene_energy, *trust; /* per channel; without a pair, and the model's */
 } hada_trial_bench;

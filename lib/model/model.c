@@ -60,6 +60,29 @@ double hada_model_gain(const hada_model *model)
     return gain > 0.0 ? gain : 1.0;
 }
 
+double hada_model_noise_share(const hada_model *model)
+{
+    const hada_model_info *info = &model->info;
+    const size_t plane = hada_model_plane(model), half = (size_t)info->grid_cols / 2 + 1;
+    const double grid = (double)info->grid_rows * info->grid_cols, frame = (double)info->raw_rows * info->raw_cols;
+    const int middle = info->depths / 2;
+    double energy = 0.0;
+    if (!model->otf || !model->scene_power || !(info->noise > 0.0))
+        return 0.0;
+    for (int c = 0; c < info->channels; c++) {
+        const float *h = model->otf + ((size_t)middle * (size_t)info->channels + (size_t)c) * plane * 2;
+        for (size_t i = 0; i < plane; i++) {
+            const size_t kx = i % half;
+            const double twice = kx == 0 || 2 * kx == (size_t)info->grid_cols ? 1.0 : 2.0;
+            energy += twice * ((double)h[2 * i] * h[2 * i] + (double)h[2 * i + 1] * h[2 * i + 1]) *
+                      model->scene_power[i] / info->channels;
+        }
+    }
+    /* Parseval; a frame holds nearly all of what the grid does */
+    const double mean_square = energy / (grid * frame);
+    return mean_square > 0.0 ? info->noise / sqrt(mean_square) : 0.0;
+}
+
 /* Of what a model file may claim: far above any camera, and small enough that sizes do not overflow. */
 enum { MOST_DEPTHS = 4096, MOST_CHANNELS = 64, MOST_NET_SIDE = 1 << 20 };
 

@@ -41,6 +41,10 @@ hada_status hada_model_set_sizes(hada_model_info *info, int raw_rows, int raw_co
 /* The largest |OTF(0)|^2 of all depths and channels: the unit of refine_rho. 1 without transfer functions. */
 double hada_model_gain(const hada_model *model);
 
+/* The noise of the frames that a model was learned from, as a share of their root mean square, by its transfer
+ * functions and the scenes' power; 0 where it does not know of noise. Reads the transfer functions of a depth. */
+double hada_model_noise_share(const hada_model *model);
+
 /* Number of complex values of one depth and channel. */
 size_t hada_model_plane(const hada_model *model);
 size_t hada_model_info_plane(const hada_model_info *info);

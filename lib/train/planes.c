@@ -8,6 +8,7 @@
 #include "filter/clip.h"
 #include "filter/hadamard.h"
 #include "image/dark.h"
+#include "image/noise.h"
 #include "refine/admm.h"
 #include "train/light.h"
 
@@ -22,7 +23,8 @@ struct hada_planes {
     hada_buffer prior, planes; /* refined; linear */
     int others;                /* beside a plane stands what the others hold */
     double *levels;
-    float *room; /* a channel of a frame, for its dark level */
+    double noise_share; /* hada_model_noise_share() */
+    float *room;        /* a channel of a frame, for its dark level */
 };
 
 static int is_refined(const hada_model_info *info)
@@ -107,6 +109,7 @@ hada_status hada_planes_create(hada_planes **out, hada_slot *slot, const hada_mo
     planes->model = model;
     planes->info = info;
     planes->others = others;
+    planes->noise_share = refined ? hada_model_noise_share(model) : 0.0;
     HADA_TRY(hada_alloc((void **)&planes->levels, (size_t)info->channels, sizeof(double), "dark levels", err));
     HADA_TRY(hada_alloc((void **)&planes->room, (size_t)info->raw_rows * (size_t)info->raw_cols, sizeof(float),
                         "dark levels", err));
@@ -199,7 +202,9 @@ static hada_status refine(hada_planes *planes, int depth, const hada_image *raw,
     rule.steps = info->refine_steps;
     const hada_refine_weights weights = {info->refine_tv, info->refine_colour, info->refine_shrink};
     const int depths = several ? several : 1;
-    hada_refine_rule_weigh(&rule, info, &weights, depths, hada_model_gain(planes->model), mean_square(planes, raw));
+    hada_refine_rule_weigh(
+        &rule, info, &weights, depths, hada_model_gain(planes->model),
+        hada_noise_unit(raw->data, raw->channels, raw->rows, raw->cols, planes->noise_share, mean_square(planes, raw)));
     rule.stop = hada_refine_stop(info->boundary, &rule);
     return hada_refiner_run(planes->refiner, &data, &rule, 1, depths, several ? composed->depth : one, NULL, err);
 }

@@ -1,0 +1,106 @@
+/* The noise of a frame, what weights go by, and the noise that a model knows of. */
+#include <math.h>
+#include <stdlib.h>
+
+#include "core/random.h"
+#include "image/noise.h"
+#include "model/model.h"
+#include "testing.h"
+
+enum { ROWS = 150, COLS = 201, AREA = ROWS * COLS };
+
+/* Two channels of a smooth image, a few edges, and noise. */
+static void paint(float *frame, double noise)
+{
+    hada_random random;
+    hada_random_seed(&random, 4, 0);
+    for (int c = 0; c < 2; c++)
+        for (int i = 0; i < AREA; i++) {
+            const int y = i / COLS, x = i % COLS;
+            const double light = 0.5 + 0.3 * sin(0.1 * x + c) * cos(0.07 * y) + (x > 90 && y > 40 ? 0.1 : 0.0);
+            frame[c * AREA + i] = (float)(light + noise * hada_random_normal(&random));
+        }
+}
+
+static double mean_square(const float *frame)
+{
+    double sum = 0.0;
+    for (int i = 0; i < 2 * AREA; i++)
+        sum += frame[i] * frame[i] / (2.0 * AREA);
+    return sum;
+}
+
+static void test_estimate(void **state)
+{
+    static float frame[2 * AREA];
+    (void)state;
+    for (double noise = 0.003; noise < 0.2; noise *= 3.0) {
+        paint(frame, noise);
+        const double found = hada_noise_estimate(frame, 2, ROWS, COLS);
+        if (!(fabs(found - noise) < 0.05 * noise + 1e-4))
+            fail_msg("noise %g, found %g", noise, found);
+    }
+    assert_true(hada_noise_estimate(frame, 1, 1, COLS) == 0.0);
+    assert_true(hada_noise_estimate(frame, 1, 2, 2) > 0.0);
+}
+
+/* A frame's own mean square while noise is as usual; with noise far from that, in proportion. */
+static void test_unit(void **state)
+{
+    static float frame[2 * AREA];
+    (void)state;
+    paint(frame, 0.02);
+    const double own = mean_square(frame), share = hada_noise_estimate(frame, 2, ROWS, COLS) / sqrt(own);
+    assert_true(hada_noise_unit(frame, 2, ROWS, COLS, 0.0, own) == own);
+    assert_true(hada_noise_unit(frame, 2, ROWS, COLS, share, own) == own);
+    assert_true(hada_noise_unit(frame, 2, ROWS, COLS, share / 1.5, own) == own);
+    assert_true(hada_noise_unit(frame, 2, ROWS, COLS, share * 1.5, own) == own);
+    assert_true(fabs(hada_noise_unit(frame, 2, ROWS, COLS, share / 5.0, own) / own - 25.0) < 1e-9);
+    assert_true(fabs(hada_noise_unit(frame, 2, ROWS, COLS, share * 5.0, own) / own - 1.0 / 25.0) < 1e-9);
+    assert_true(fabs(hada_noise_unit(frame, 2, ROWS, COLS, share / 500.0, own) / own - 64.0) < 1e-9);
+    assert_true(fabs(hada_noise_unit(frame, 2, ROWS, COLS, share * 500.0, own) / own - 1.0 / 64.0) < 1e-9);
+    /* between, it rises */
+    const double little = hada_noise_unit(frame, 2, ROWS, COLS, share / 1.8, own);
+    const double more = hada_noise_unit(frame, 2, ROWS, COLS, share / 2.4, own);
+    assert_true(little > own && more > little && more < 2.4 * 2.4 * own);
+    /* a frame without noise, and one without light */
+    for (int i = 0; i < 2 * AREA; i++)
+        frame[i] = 0.5F;
+    assert_true(fabs(hada_noise_unit(frame, 2, ROWS, COLS, share, 0.25) - 0.25 / 64.0) < 1e-12);
+    assert_true(hada_noise_unit(frame, 2, ROWS, COLS, share, 0.0) == 0.0);
+}
+
+/* A camera that shows the scene as it is: frames are as bright as scenes. */
+static void test_model(void **state)
+{
+    const double distance = 100.0, brightness = 0.16, noise = 0.01;
+    hada_model_info info = {.form = HADA_FORM_COMPLEX,
+                            .boundary = HADA_BOUNDARY_CIRCULAR,
+                            .depths = 1,
+                            .channels = 2,
+                            .has_otf = 1,
+                            .alpha = 1,
+                            .noise = noise,
+                            .distances_mm = &distance};
+    hada_model *model;
+    (void)state;
+    ASSERT_OK(hada_model_set_sizes(&info, 12, 15, 12, 15, err));
+    ASSERT_OK(hada_model_create(&model, &info, 1, err));
+    const size_t plane = hada_model_plane(model);
+    assert_true(hada_model_noise_share(model) == 0.0); /* frames are dark */
+    for (size_t i = 0; i < plane; i++) {
+        model->otf[2 * i] = model->otf[2 * (plane + i)] = 1.0F;
+        model->scene_power[i] = (float)(brightness * 12 * 15);
+    }
+    assert_true(fabs(hada_model_noise_share(model) - noise / sqrt(brightness)) < 1e-7);
+    model->info.noise = 0.0;
+    assert_true(hada_model_noise_share(model) == 0.0);
+    hada_model_destroy(&model);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_estimate), cmocka_unit_test(test_unit),
+                                       cmocka_unit_test(test_model)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -196,8 +196,8 @@ static int judge(const running *job, const fault_command *command, int status)
             want = TREE_ANY;
         if (command->leaves == MEASURED && code)
             want = TREE_ANY;
-        /* whether a name lasts is asked when it is there already: then the result is, and the message says so */
-        const int named = code && !strcmp(job->told->struck, "fsync");
+        /* whether a name lasts, and whether all words were written, is asked when the result is there already */
+        const int named = code && (!strcmp(job->told->struck, "fsync") || !strcmp(job->told->struck, "fflush"));
         if (!tree_is(job->folder, all.whole, command->output, want) &&
             !(named && tree_is(job->folder, all.whole, command->output, TREE_SAME)))
             complain(job, command, code ? "half a result is left" : "another result than without the fault");

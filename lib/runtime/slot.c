@@ -29,6 +29,8 @@ void hada_slot_destroy(hada_slot **pointer)
     hada_slot *slot = *pointer;
     *pointer = NULL;
     hada_slot_profile(slot, 0, NULL);
+    if (slot->landmark)
+        clReleaseEvent(slot->landmark);
     hada_slot_close(slot);
     hada_kernel_objects_destroy(slot);
     free(slot);

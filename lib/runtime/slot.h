@@ -33,6 +33,8 @@ typedef struct hada_slot {
     const atomic_int *cancelled; /* where set and not 0, launches are refused: HADA_ERROR_CANCELLED */
     const hada_monitor *monitor; /* NULL: nobody is asked */
     int unasked;                 /* launches since it was asked */
+    cl_event landmark;           /* in the queue, where work can be cancelled; NULL: none yet */
+    int past_landmark;           /* launches since */
 } hada_slot;
 
 hada_status hada_slot_create(hada_slot **out, hada_context *context, hada_error *err);

@@ -87,6 +87,16 @@ def test_cancel(slow: hadalens.Plan, raw: Array) -> None:
     assert job.state == "cancelled"
 
 
+def test_cancel_what_nothing_waits_for(model: hadalens.Model, raw: Array) -> None:
+    """Refinement looks at nothing on its way, and is not far ahead of the device all the same."""
+    job = hadalens.Plan(model, refine=10**6, scene="planes").submit(raw)
+    assert not job.wait(1.0)
+    start, within = time.monotonic(), second()
+    job.cancel()
+    assert job.wait(10)
+    assert time.monotonic() - start < within
+
+
 def test_closing_the_plan_leaves_its_jobs(model: hadalens.Model, raw: Array) -> None:
     """A job keeps its plan's memory until it has ended."""
     plan = hadalens.Plan(model)

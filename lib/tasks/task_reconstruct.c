@@ -57,6 +57,7 @@ static void tell(run *own, hada_files_event event, const hada_streamed *frame)
     }
     if (own->task.tell)
         own->task.tell(own->task.user, state);
+    state->result = NULL;
 }
 
 /* Two inputs must not write the same files. */

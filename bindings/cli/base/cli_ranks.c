@@ -86,7 +86,7 @@ static char *share(const hada_communicator *all, int root, char *text)
     if (!copy)
         exit(HADA_EXIT_MEMORY); /* the others would wait */
     if (text)
-        memcpy(copy, text, length);
+        memcpy(copy, text, length + 1);
     all->broadcast(all->user, root, copy, length, NULL);
     return copy;
 }

@@ -25,6 +25,6 @@ if(PROJECT_IS_TOP_LEVEL)
         COMMENT "Uninstalling" VERBATIM)
 
     # The source archive of the commit at hand, in dist of the build
-    add_custom_target(dist COMMAND ${PROJECT_SOURCE_DIR}/packaging/dist.sh ${PROJECT_BINARY_DIR}/dist
+    add_custom_target(dist COMMAND ${PROJECT_SOURCE_DIR}/bindings/packaging/dist.sh ${PROJECT_BINARY_DIR}/dist
         COMMENT "Making the source archive" VERBATIM)
 endif()

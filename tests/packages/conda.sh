@@ -12,4 +12,4 @@ if ! "$folder/venv/bin/python" -c 'import rattler_build' 2>/dev/null; then
     /usr/bin/python3 -m venv --clear "$folder/venv"
     "$folder/venv/bin/pip" install --quiet py-rattler-build || { echo "py-rattler-build cannot be had: skipped"; exit 77; }
 fi
-"$folder/venv/bin/python" tests/packages/conda_render.py packaging/conda/recipe.yaml "$(packaging/version.sh)"
+"$folder/venv/bin/python" tests/packages/conda_render.py bindings/packaging/conda/recipe.yaml "$(bindings/packaging/version.sh)"

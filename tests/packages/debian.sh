@@ -65,7 +65,7 @@ contents() {
 build() {
     rm -rf "$folder"/*.deb "$folder"/*.changes
     say "the source package"
-    packaging/deb.sh "$work/source" --source
+    bindings/packaging/deb.sh "$work/source" --source
     fresh "$work/build"
     mv "$work/source" "$work/build/build"
     say "what building needs"
@@ -99,16 +99,16 @@ install() {
     within "$root" sh -c 'cd /tmp/packages && apt-get install -qqy ./*.deb >/dev/null'
     # what tests need beside the packages, as debian/tests/control says
     local needed
-    needed=$(sed -n 's/^Depends: //p' packaging/debian/tests/control | tr -s ', \n' '\n' | grep -v hadalens | sort -u | tr '\n' ' ')
+    needed=$(sed -n 's/^Depends: //p' bindings/packaging/debian/tests/control | tr -s ', \n' '\n' | grep -v hadalens | sort -u | tr '\n' ' ')
     # shellcheck disable=SC2086
     within "$root" apt-get install -qqy --no-install-recommends $needed >/dev/null
     # others may be at work in it, and lose files that are theirs for a moment
     [ -z "${KERNELS:-}" ] || cp -r "$KERNELS/." "$root/tmp/pocl" 2>/dev/null || true
-    for one in $(sed -n 's/^Tests: //p' packaging/debian/tests/control); do
+    for one in $(sed -n 's/^Tests: //p' bindings/packaging/debian/tests/control); do
         say "debian/tests/$one"
         mkdir "$root/tmp/$one"
         within "$root" env AUTOPKGTEST_TMP="/tmp/$one" POCL_CACHE_DIR=/tmp/pocl TOUR_WITHOUT="${TOUR_WITHOUT:-}" \
-            sh -c 'mkdir -p /tmp/pocl; cd /tmp/source && packaging/debian/tests/'"$one" >"$folder/$one.log" 2>&1 ||
+            sh -c 'mkdir -p /tmp/pocl; cd /tmp/source && bindings/packaging/debian/tests/'"$one" >"$folder/$one.log" 2>&1 ||
             { tail -n 40 "$folder/$one.log"; echo "debian/tests/$one failed"; exit 1; }
     done
     say "dpkg -r"

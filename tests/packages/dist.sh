@@ -5,15 +5,15 @@ work=$1
 cd "$(dirname "$0")/../.."
 git rev-parse --git-dir >/dev/null 2>&1 || { echo "no git checkout: a source archive cannot be made"; exit 77; }
 rm -rf "$work"
-packaging/dist.sh "$work/a" >/dev/null
+bindings/packaging/dist.sh "$work/a" >/dev/null
 (
     umask 077
     export TZ=Pacific/Kiritimati LC_ALL=C GIT_CONFIG_COUNT=2 GIT_CONFIG_KEY_0=tar.umask GIT_CONFIG_VALUE_0=user
     export GIT_CONFIG_KEY_1=core.autocrlf GIT_CONFIG_VALUE_1=true
     sleep 1
-    packaging/dist.sh "$work/b" >/dev/null
+    bindings/packaging/dist.sh "$work/b" >/dev/null
 )
-archive=hadalens-$(packaging/version.sh).tar.gz
+archive=hadalens-$(bindings/packaging/version.sh).tar.gz
 cmp "$work/a/$archive" "$work/b/$archive"
 # it holds what is committed, in one folder
 git ls-tree -r --name-only HEAD | sed "s#^#${archive%.tar.gz}/#" | LC_ALL=C sort >"$work/committed"

@@ -9,8 +9,8 @@ cd "$(dirname "$0")/../.."
 environment=$PWD/build/python
 "$environment/bin/python" -c 'import scikit_build_core, cffi' 2>/dev/null || tests/python/environment.sh build/python
 rm -rf "$folder"
-packaging/dist.sh "$folder/a" "$environment/bin/python"
-packaging/dist.sh "$folder/b" "$environment/bin/python" >/dev/null
+bindings/packaging/dist.sh "$folder/a" "$environment/bin/python"
+bindings/packaging/dist.sh "$folder/b" "$environment/bin/python" >/dev/null
 sdist=$(ls "$folder"/a/sdist/*.tar.gz)
 cmp "$sdist" "$folder/b/sdist/${sdist##*/}"
 # what only tests and benchmarks need stays away

@@ -3,8 +3,8 @@
 # --renew adds what is new, with the version of today, as tests/abi/abi.sh --renew does.
 set -eu
 source=$1 library=$2 renew=${3:-}
-file=$(ls "$source"/packaging/debian/libhadalens*.symbols)
-version=$("$source/packaging/version.sh")
+file=$(ls "$source"/bindings/packaging/debian/libhadalens*.symbols)
+version=$("$source/bindings/packaging/version.sh")
 nm -D --defined-only "$library" | awk '$3 ~ /^hada_/ { print $3 }' | LC_ALL=C sort | awk -v version="$version" -v file="$file" '
     BEGIN {
         while ((getline line < file) > 0) {

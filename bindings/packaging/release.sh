@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
 # What has to hold before a release, each step alone or all in turn; the table at the end says which did.
-#   packaging/release.sh [--list] [--without STEP]... [STEP...]
+#   bindings/packaging/release.sh [--list] [--without STEP]... [STEP...]
 # LAST: the last release (a tag or commit; default: the newest tag v*), which ABI, results and speed are compared with.
 # RELEASING.md says what each step is for. All of them take some hours on two cores.
 set -uo pipefail
-cd "$(dirname "$0")/.."
+cd "$(dirname "$0")/../.."
 out=build/release-check
 build=build/release
 mkdir -p $out
@@ -23,7 +23,7 @@ declare -A about=(
     [speed]="against the last release, in turns"
 )
 last=${LAST:-$(git describe --tags --match 'v*' --abbrev=0 2>/dev/null || true)}
-version=$(packaging/version.sh)
+version=$(bindings/packaging/version.sh)
 failed() { echo "$*"; return 1; }
 configured() { # PRESET
     cmake --preset "$1" -DHADALENS_TESTS=ON -DHADALENS_WERROR=ON >/dev/null && cmake --build "build/$1"

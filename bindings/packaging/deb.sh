@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Debian packages from the commit at hand: libhadalens1, libhadalens-dev, hadalens, python3-hadalens.
-#   packaging/deb.sh FOLDER [--source]
-# Makes the source archive in FOLDER (packaging/dist.sh), unpacks it, lays packaging/debian into it as debian/, and runs
+#   bindings/packaging/deb.sh FOLDER [--source]
+# Makes the source archive in FOLDER (bindings/packaging/dist.sh), unpacks it, lays bindings/packaging/debian into it as debian/, and runs
 # dpkg-buildpackage, which says what is missing. --source: stops there, so that another machine can build.
 # tests/packages/debian.sh builds in a clean chroot.
 set -euo pipefail

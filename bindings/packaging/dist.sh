@@ -1,14 +1,14 @@
 #!/usr/bin/env bash
 # The source archive of the commit at hand, and the Python source package made from it.
-#   packaging/dist.sh FOLDER [PYTHON]
+#   bindings/packaging/dist.sh FOLDER [PYTHON]
 # FOLDER/hadalens-VERSION.tar.gz has the same bytes wherever and whenever it is made from a commit: files in git's order
 # with the commit's time, owner and modes that do not depend on who makes it, a compressor's header without time. PYTHON
 # (with scikit-build-core; tests/python/environment.sh makes one) also makes the sdist, FOLDER/sdist/hadalens-VERSION.tar.gz.
 set -euo pipefail
 [ $# -ge 1 ] || { sed -n '3s/^# *//p' "$0" >&2; exit 2; }
 folder=$(realpath -m "$1") python=${2:-}
-cd "$(dirname "$0")/.."
-version=$(packaging/version.sh)
+cd "$(dirname "$0")/../.."
+version=$(bindings/packaging/version.sh)
 git rev-parse --git-dir >/dev/null 2>&1 || { echo "dist: a source archive is made from a git checkout" >&2; exit 2; }
 [ -z "$(git status --porcelain --untracked-files=no)" ] || echo "dist: what is not committed is left out" >&2
 

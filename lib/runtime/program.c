@@ -116,10 +116,11 @@ static hada_status make(hada_context *context, hada_program_store *store, const 
     if (folder)
         HADA_TRY(hada_binary_read(folder, name, &binary, &bytes, err));
     if (store->binaries && !bytes)
-        HADA_TRY(hada_fail(err, HADA_ERROR_BUILD,
-                           "the folder %s holds no binary of %s.cl with macros '%s' for %s; make it with "
-                           "'hadalens devices --save-binaries FOLDER' on the same device, driver and version",
-                           store->binaries, file, options, context->info.name));
+        HADA_TRY(
+            hada_fail(err, HADA_ERROR_BUILD,
+                      "the folder %s holds no binary of %s.cl with macros '%s' for %s that can be read; make it with "
+                      "'hadalens devices --save-binaries FOLDER' on the same device, driver and version",
+                      store->binaries, file, options, context->info.name));
     if (bytes) {
         status = hada_program_from_binary(context, file, options, binary, bytes, out, err);
         store->loaded += status == HADA_OK;

@@ -81,8 +81,9 @@ static int fits(fault_kind kind, hada_status status, const char *message)
     if (kind == FAULT_MEMORY) /* where the system's reason is quoted, it may be memory as well */
         return status == HADA_ERROR_MEMORY || status == HADA_ERROR_DEVICE_MEMORY ||
                (status == HADA_ERROR_FILE_WRITE && strstr(message, strerror(ENOMEM)));
-    if (kind == FAULT_FILE)
-        return status >= HADA_ERROR_FILE_OPEN && status <= HADA_ERROR_FILE_WRITE;
+    if (kind == FAULT_FILE) /* a binary that cannot be read is one that has to be made */
+        return (status >= HADA_ERROR_FILE_OPEN && status <= HADA_ERROR_FILE_WRITE) ||
+               (status == HADA_ERROR_BUILD && strstr(message, "that can be read"));
     return status == HADA_ERROR_DEVICE_MEMORY || (status >= HADA_ERROR_NO_DEVICE && status <= HADA_ERROR_SELF_TEST);
 }
 

@@ -25,7 +25,7 @@ enum { REFUSED = 1, READ = 0, ANY = -1 };
 static void expect(const char *what, attempt look, const char *path, int wanted)
 {
     struct rusage usage;
-    int code, pipes[2];
+    int code = -1, pipes[2];
     char message[600] = "";
     assert_int_equal(pipe(pipes), 0);
     fflush(NULL);

@@ -6,12 +6,8 @@
 #include "shared_fft.h"
 
 /* The row of FFT_COLUMN_SIZES of this length. */
-#define FFT_RADIX0(n, r0, r1, r2, r3, h, g) (n == FFT_POINTS ? r0 : 0) +
-#define FFT_RADIX1(n, r0, r1, r2, r3, h, g) (n == FFT_POINTS ? r1 : 0) +
-#define FFT_RADIX2(n, r0, r1, r2, r3, h, g) (n == FFT_POINTS ? r2 : 0) +
-#define FFT_RADIX3(n, r0, r1, r2, r3, h, g) (n == FFT_POINTS ? r3 : 0) +
-#define FFT_PARTS(n, r0, r1, r2, r3, h, g)  (n == FFT_POINTS ? h : 0) +
-#define FFT_GROUP(n, r0, r1, r2, r3, h, g)  (n == FFT_POINTS ? g : 0) +
+#define FFT_PARTS(n, r0, r1, r2, r3, h, g) (n == FFT_POINTS ? h : 0) +
+#define FFT_GROUP(n, r0, r1, r2, r3, h, g) (n == FFT_POINTS ? g : 0) +
 enum {
     R0 = FFT_COLUMN_SIZES(FFT_RADIX0) 0,
     R1 = FFT_COLUMN_SIZES(FFT_RADIX1) 0,

@@ -5,10 +5,6 @@
 #include "shared_fft.h"
 
 /* The row of FFT_ROW_SIZES of this length. */
-#define FFT_RADIX0(n, r0, r1, r2, r3, i, w)    (n == FFT_POINTS ? r0 : 0) +
-#define FFT_RADIX1(n, r0, r1, r2, r3, i, w)    (n == FFT_POINTS ? r1 : 0) +
-#define FFT_RADIX2(n, r0, r1, r2, r3, i, w)    (n == FFT_POINTS ? r2 : 0) +
-#define FFT_RADIX3(n, r0, r1, r2, r3, i, w)    (n == FFT_POINTS ? r3 : 0) +
 #define FFT_ROW_ITEMS(n, r0, r1, r2, r3, i, w) (n == FFT_POINTS ? i : 0) +
 #define FFT_ROW_WIDTH(n, r0, r1, r2, r3, i, w) (n == FFT_POINTS ? w : 0) +
 enum {

@@ -21,6 +21,12 @@
 #define FFT_INVERSE 0
 #endif
 
+/* The radices of a length, of its row in FFT_COLUMN_SIZES or FFT_ROW_SIZES. */
+#define FFT_RADIX0(n, r0, r1, r2, r3, parts, width) (n == FFT_POINTS ? r0 : 0) +
+#define FFT_RADIX1(n, r0, r1, r2, r3, parts, width) (n == FFT_POINTS ? r1 : 0) +
+#define FFT_RADIX2(n, r0, r1, r2, r3, parts, width) (n == FFT_POINTS ? r2 : 0) +
+#define FFT_RADIX3(n, r0, r1, r2, r3, parts, width) (n == FFT_POINTS ? r3 : 0) +
+
 /* Written-out loops over the points of a butterfly and the rounds of a stage: compilers do not reliably unroll loops
  * whose bounds are constants only where a function is called, and arrays must live in registers. */
 #define FFT_EACH_POINT(M) M(0) M(1) M(2) M(3) M(4) M(5) M(6) M(7) M(8) M(9) M(10) M(11) M(12) M(13) M(14) M(15)

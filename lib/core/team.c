@@ -107,43 +107,46 @@ static slice slice_of(const member *own, size_t count)
     return (slice){begin, begin + each + (rank < more)};
 }
 
-/* Nobody else touches the slice, in any array. */
-static hada_status reduce(void *user, double *values, size_t count, hada_error *err)
+static double value_at(const member *own, int floats, size_t i)
 {
-    member *own = user;
+    return floats ? ((const float *)own->values)[i] : ((const double *)own->values)[i];
+}
+
+static void set_value(const member *own, int floats, size_t i, double value)
+{
+    if (floats)
+        ((float *)own->values)[i] = (float)value;
+    else
+        ((double *)own->values)[i] = value;
+}
+
+/* Nobody else touches the slice, in any array. */
+static hada_status add_up(member *own, void *values, int floats, size_t count, hada_error *err)
+{
     const member *all = own->team->members;
     const slice part = slice_of(own, count);
     hada_status status = HADA_OK;
     HADA_TRY(bring(own, values, count, err));
     for (size_t i = part.begin; i < part.end; i++) {
-        double sum = ((double *)all[0].values)[i];
+        double sum = value_at(&all[0], floats, i);
         for (int r = 1; r < own->team->count; r++)
-            sum += ((double *)all[r].values)[i];
+            sum += value_at(&all[r], floats, i);
         for (int r = 0; r < own->team->count; r++)
-            ((double *)all[r].values)[i] = sum;
+            set_value(&all[r], floats, i, sum);
     }
     HADA_TRY(meet(own->team, err));
 done:
     return status;
 }
 
+static hada_status reduce(void *user, double *values, size_t count, hada_error *err)
+{
+    return add_up(user, values, 0, count, err);
+}
+
 static hada_status reduce_floats(void *user, float *values, size_t count, hada_error *err)
 {
-    member *own = user;
-    const member *all = own->team->members;
-    const slice part = slice_of(own, count);
-    hada_status status = HADA_OK;
-    HADA_TRY(bring(own, values, count, err));
-    for (size_t i = part.begin; i < part.end; i++) {
-        double sum = ((float *)all[0].values)[i];
-        for (int r = 1; r < own->team->count; r++)
-            sum += ((float *)all[r].values)[i];
-        for (int r = 0; r < own->team->count; r++)
-            ((float *)all[r].values)[i] = (float)sum;
-    }
-    HADA_TRY(meet(own->team, err));
-done:
-    return status;
+    return add_up(user, values, 1, count, err);
 }
 
 static hada_status broadcast(void *user, int root, void *bytes, size_t count, hada_error *err)

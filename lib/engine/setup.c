@@ -134,7 +134,7 @@ hada_status hada_setup_make(hada_setup *setup, hada_context *context, const hada
     setup->options.dark_frame = NULL;
     setup->options.classic = NULL;
     HADA_TRY(hada_config_of(model, options, &setup->config, err));
-    if (setup->config.joint && options->refine_tv < 0)
+    if (setup->config.joint && !setup->config.classic && setup->config.weights.tv > 0 && options->refine_tv < 0)
         setup->noise_share = hada_model_noise_share(model);
     HADA_TRY(make_lists(setup, options, err));
     if (setup->config.classic)

@@ -38,6 +38,7 @@ struct hada_surface {
     double *light;                     /* [channel] H(0) of the middle depth */
     double *shift;                     /* [depth] rms, of light from a depth to the next, in pixels */
     float *power;                      /* [count] mean over channels of the middle depth's |H|^2 */
+    double gradient_power;             /* of white noise in the gradient of the texture's data term, by a run's rule */
     /* on the host: planes of a level and of the one before, masks; maps of a level and of the one before, in depths of
      * the camera from the first plane on; textures */
     float *planes[2], *mask, *depth[2], *sum, *image[2], *confidence;
@@ -330,22 +331,27 @@ static double frame_pixels(const hada_surface_plan *plan)
            shape->channels;
 }
 
+/* The sum over frequencies of what the data term's gradient makes of white noise of variance 1. */
+static double gradient_power(const hada_surface *s, double floor)
+{
+    double sum = 0.0;
+    for (int ky = 0; ky < s->layout.rows; ky++)
+        for (int kx = 0; kx <= s->layout.cols / 2; kx++) {
+            const double power = s->power[hada_spectrum_index(&s->layout, ky, kx)];
+            const double weight = 1.0 / (power + floor * s->power[0] + 1e-300);
+            sum += weight * weight * power;
+        }
+    return sum;
+}
+
 /* Standard deviation of the noise in the gradient of the texture's data term, by what a level left of its frame: of a
  * coarser frame's pixels noise has less, as they are fewer. */
-static double noise_of(const hada_surface *s, int l, const hada_surface_rule *rule, const hada_surface_result *result)
+static double noise_of(const hada_surface *s, int l, const hada_surface_result *result)
 {
     const hada_surface_plan *level = &s->level[l].plan;
     const double fewer = (double)s->camera.rows * s->camera.cols / ((double)level->shape.rows * level->shape.cols);
     const double variance = fewer * result->energy[l] / frame_pixels(level);
-    double sum = 0.0, all = 0.0;
-    for (int ky = 0; ky < s->layout.rows; ky++)
-        for (int kx = 0; kx <= s->layout.cols / 2; kx++) {
-            const double power = s->power[hada_spectrum_index(&s->layout, ky, kx)];
-            const double weight = 1.0 / (power + rule->floor * s->power[0] + 1e-300);
-            sum += weight * weight * power;
-            all += 1.0;
-        }
-    return sqrt(variance * sum / all);
+    return sqrt(variance * s->gradient_power / ((double)s->layout.rows * (s->layout.cols / 2 + 1)));
 }
 
 /* Planes of a level, and the depths, in depths of the camera, at which their light stands. */
@@ -355,7 +361,7 @@ static hada_status solve_planes(hada_surface *s, int l, const hada_surface_rule 
     const hada_surface_plan *plan = &s->level[l].plan;
     const hada_volume_rule solve = {.steps = l ? rule->band_steps : rule->first_steps,
                                     .floor = rule->floor,
-                                    .variation = l ? rule->band_variation * noise_of(s, l - 1, rule, result)
+                                    .variation = l ? rule->band_variation * noise_of(s, l - 1, result)
                                                    : rule->first_variation * mean,
                                     .bound = plan->shape.planes + PLANES_BOUND};
     hada_buffer planes = planes_of(s, &s->level[l]);
@@ -418,7 +424,7 @@ static hada_status solve_texture(hada_surface *s, const hada_surface_rule *rule,
     const hada_surface_plan *plan = &s->level[s->levels - 1].plan;
     const hada_volume_rule solve = {.steps = rule->texture_steps,
                                     .floor = rule->floor,
-                                    .variation = rule->texture_variation * noise_of(s, s->levels - 2, rule, result),
+                                    .variation = rule->texture_variation * noise_of(s, s->levels - 2, result),
                                     .shrink = TEXTURE_SHRINK,
                                     .shrink_tv = TEXTURE_SHRINK_TV,
                                     .bound = TEXTURE_BOUND};
@@ -431,7 +437,7 @@ static hada_status solve_texture(hada_surface *s, const hada_surface_rule *rule,
     HADA_TRY(hada_buffer_read(&s->texture, s->slot, 0, s->image[0],
                               area_of(plan) * (size_t)plan->shape.channels * sizeof(float), err));
     HADA_TRY(hada_map_confidence(s->image[0], plan->shape.channels, s->depth[1], size_of(plan),
-                                 noise_of(s, s->levels - 1, rule, result), s->shift, s->camera.depths, SURE_RADIUS,
+                                 noise_of(s, s->levels - 1, result), s->shift, s->camera.depths, SURE_RADIUS,
                                  s->confidence, err));
     result->touched = last - first + 1;
 done:
@@ -473,6 +479,7 @@ hada_status hada_surface_run(hada_surface *s, cl_mem spectrum, size_t offset, cl
     for (int l = 0; l < s->levels; l++)
         HADA_TRY(
             hada_surface_level_load(&s->level[l], s->slot, &s->layout, spectrum, offset, pixels, pixels_offset, err));
+    s->gradient_power = gradient_power(s, rule->floor);
     for (int l = 0; l + 1 < s->levels; l++)
         HADA_TRY(solve_planes(s, l, rule, mean, result, err));
     HADA_TRY(solve_texture(s, rule, result, err));

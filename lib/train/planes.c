@@ -109,7 +109,7 @@ hada_status hada_planes_create(hada_planes **out, hada_slot *slot, const hada_mo
     planes->model = model;
     planes->info = info;
     planes->others = others;
-    planes->noise_share = refined ? hada_model_noise_share(model) : 0.0;
+    planes->noise_share = refined && info->refine_tv > 0 ? hada_model_noise_share(model) : 0.0;
     HADA_TRY(hada_alloc((void **)&planes->levels, (size_t)info->channels, sizeof(double), "dark levels", err));
     HADA_TRY(hada_alloc((void **)&planes->room, (size_t)info->raw_rows * (size_t)info->raw_cols, sizeof(float),
                         "dark levels", err));

@@ -112,12 +112,9 @@ hada_status fault_stage_simulate(fault_job *job, hada_error *err)
     return simulate(job, job->context, only_look, err);
 }
 
-static hada_status fit(fault_job *job, hada_context *context, hada_model **model, const char *sums, hada_error *err)
+hada_fit_options fault_fit_options(void)
 {
     hada_fit_options options;
-    hada_fitter *fitter = NULL;
-    hada_fit_scores *scores = NULL;
-    const hada_fit_filter_score *row;
     hada_fit_options_init(&options);
     options.depths = JOB_DEPTHS;
     options.channels = 1;
@@ -125,6 +122,15 @@ static hada_status fit(fault_job *job, hada_context *context, hada_model **model
     options.raw_rows = JOB_ROWS;
     options.raw_cols = JOB_COLS;
     options.window_rows = options.window_cols = JOB_WINDOW;
+    return options;
+}
+
+static hada_status fit(fault_job *job, hada_context *context, hada_model **model, const char *sums, hada_error *err)
+{
+    hada_fit_options options = fault_fit_options();
+    hada_fitter *fitter = NULL;
+    hada_fit_scores *scores = NULL;
+    const hada_fit_filter_score *row;
     options.refine_steps = 4;
     options.refine_tv = 0.003;
     hada_status status = hada_fitter_create(&fitter, context, &options, err);

@@ -4,6 +4,7 @@
 
 #include <hadalens/camera.h>
 #include <hadalens/device.h>
+#include <hadalens/fit.h>
 #include <hadalens/image.h>
 #include <hadalens/model.h>
 #include <hadalens/reconstruct.h>
@@ -30,6 +31,9 @@ void fault_job_end(fault_job *job);
 /* Adds to the sum. */
 void fault_add(fault_job *job, const void *data, size_t bytes);
 void fault_add_image(fault_job *job, const hada_image *image);
+
+/* A camera of the job's depths and sizes, learned as fits are by default. */
+hada_fit_options fault_fit_options(void);
 /* The camera of the job. */
 hada_status fault_camera_make(hada_camera *camera, hada_error *err);
 

@@ -7,7 +7,6 @@
 #include "core/error.h"
 #include "fault_job.h"
 
-static const double distances[JOB_DEPTHS] = {100.0, 300.0};
 /* Three pairs of each depth, which the survey asks for; the third is one of the other depth's. */
 enum { SHOWN = JOB_PAIRS + 1 };
 static const int counts[JOB_DEPTHS] = {SHOWN, SHOWN};
@@ -25,14 +24,7 @@ static hada_status show(void *user, int depth, int64_t pair, const hada_image **
 
 static hada_fit_options options_of(void)
 {
-    hada_fit_options options;
-    hada_fit_options_init(&options);
-    options.depths = JOB_DEPTHS;
-    options.channels = 1;
-    options.distances_mm = distances;
-    options.raw_rows = JOB_ROWS;
-    options.raw_cols = JOB_COLS;
-    options.window_rows = options.window_cols = JOB_WINDOW;
+    hada_fit_options options = fault_fit_options();
     options.refine_steps = 2;
     options.crop_passes = 3;
     return options;

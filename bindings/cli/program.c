@@ -42,14 +42,6 @@ static int write_manuals(const char *folder)
     return HADA_EXIT_OK;
 }
 
-static int print_completion(const char *shell)
-{
-    if (hada_cli_print_completion(shell, stdout))
-        return HADA_EXIT_OK;
-    fprintf(stderr, "hadalens: there is completion for bash and zsh, not for '%s'\n", shell);
-    return HADA_EXIT_USAGE;
-}
-
 static int print_manual(const char *name)
 {
     const hada_cli_command *command = name ? hada_cli_find_command(name) : NULL;
@@ -144,8 +136,6 @@ int hada_cli_program(int argc, char **argv, const hada_cli_ranks *ranks)
         code = HADA_EXIT_OK;
     } else if (!strcmp(first, "--man")) {
         code = print_manual(second);
-    } else if (!strcmp(first, "--completion") && second) {
-        code = print_completion(second);
     } else if (!strcmp(first, "--man-folder") && second) {
         code = write_manuals(second);
     } else if (!strcmp(first, "--help") || !strcmp(first, "-h") || !strcmp(first, "help")) {

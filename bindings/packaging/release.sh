@@ -56,6 +56,8 @@ step_manuals() {
     configured release || return 1
     rm -rf "$out/man" && "$build/bindings/cli/hadalens" --man-folder "$out/man" && diff -r "$out/man" "$build/man" ||
         failed "the build's manual pages are not those of its program" || return 1
+    rm -rf "$out/completion" && python3 bindings/cli/completion/completion.py "$out/man" "$out/completion" &&
+        diff -r "$out/completion" "$build/completion" || failed "the build's completion is not that of its pages" || return 1
     grep -q "hadalens $version" "$build/man/hadalens.1" || failed "the manual pages are of another version" || return 1
     tests '^(cli_words|packages_completion|house_reference|cli_make)$'
 }

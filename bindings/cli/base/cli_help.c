@@ -113,6 +113,5 @@ void hada_cli_print_overview(void)
            "  hadalens reconstruct camera/test/raw/*.tif -m camera.model -o pictures\n"
            "  hadalens evaluate pictures camera/test/truth\n\n"
            "'hadalens COMMAND --help' explains a command, 'hadalens --man COMMAND' prints its manual page (troff).\n"
-           "'hadalens --completion bash' and 'zsh' print what completes command lines in these shells.\n"
            "'hadalens --version' prints the version.\n");
 }

@@ -1,4 +1,4 @@
-/* Options as data: one table per command, from which come the parser, --help, the manual pages and completion. */
+/* Options as data: one table per command, from which come the parser, --help and the manual pages. */
 #ifndef HADA_CLI_OPTION_H
 #define HADA_CLI_OPTION_H
 
@@ -98,8 +98,6 @@ void hada_cli_print_help(const hada_cli_command *command);
 void hada_cli_print_overview(void);
 /* A manual page in troff to a file; command NULL: that of the program itself. */
 void hada_cli_print_man(const hada_cli_command *command, FILE *out);
-/* Completion for a shell, "bash" or "zsh"; 0 for any other. */
-int hada_cli_print_completion(const char *shell, FILE *out);
 
 extern const char *const hada_cli_exit_texts[]; /* "0  all is well", ... ended by NULL */
 

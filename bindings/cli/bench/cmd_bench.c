@@ -20,7 +20,8 @@ typedef struct settings {
 #define AT(member) HADA_CLI_AT(settings, member)
 static const hada_cli_option options[] = {
     HADA_CLI_GROUP("What to measure"),
-    {HADA_OPTION_TEXTS, "workload", 0, "NAME", "a camera by design: sim300, sim512 or paper2022; may be given often",
+    {HADA_OPTION_TEXTS, "workload", 0, "NAME",
+     "a camera by design: sim300, sim512 or paper2022; may be given more than once",
      "Default: sim512 and paper2022; with --quick sim300.", AT(workloads)},
     {HADA_OPTION_TEXT, "model", 'm', "MODEL", "a camera of your own, with frames of it as arguments",
      "Its frames have no known truth, so errors are told against the dense run alone.", AT(model)},

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Debian packages from the commit at hand: libhadalens1, libhadalens-dev, hadalens, python3-hadalens.
+# Debian packages from the commit at hand: libhadalens1, libhadalens-dev, hadalens, hadalens-mpi, python3-hadalens.
 #   bindings/packaging/deb.sh FOLDER [--source]
 # Makes the source archive in FOLDER (bindings/packaging/dist.sh), unpacks it, lays bindings/packaging/debian into it as debian/, and runs
 # dpkg-buildpackage, which says what is missing. --source: stops there, so that another machine can build.
@@ -14,7 +14,7 @@ cd "$folder"
 mv "hadalens-$version.tar.gz" "hadalens_$version.orig.tar.gz"
 rm -rf "hadalens-$version"
 tar -xf "hadalens_$version.orig.tar.gz"
-cp -r "hadalens-$version/packaging/debian" "hadalens-$version/debian"
+cp -r "hadalens-$version/bindings/packaging/debian" "hadalens-$version/debian"
 [ "$what" != --source ] || exit 0
 cd "hadalens-$version"
 dpkg-buildpackage -us -uc

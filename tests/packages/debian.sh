@@ -81,7 +81,7 @@ build() {
 lint() {
     say "lintian"
     ls "$folder"/*.changes >/dev/null
-    for package in libhadalens1 libhadalens-dev hadalens python3-hadalens; do ls "$folder/${package}"_*.deb >/dev/null; done
+    for package in libhadalens1 libhadalens-dev hadalens hadalens-mpi python3-hadalens; do ls "$folder/${package}"_*.deb >/dev/null; done
     # lintian likes to be nobody in particular
     lintian --allow-root --fail-on error --display-level '>=warning' "$folder"/*.changes
 }
@@ -111,12 +111,19 @@ install() {
             sh -c 'mkdir -p /tmp/pocl; cd /tmp/source && bindings/packaging/debian/tests/'"$one" >"$folder/$one.log" 2>&1 ||
             { tail -n 40 "$folder/$one.log"; echo "debian/tests/$one failed"; exit 1; }
     done
+    # only the program for ranks brings MPI
+    for package in libhadalens1 libhadalens-dev hadalens python3-hadalens; do
+        ! dpkg-deb --field "$folder/${package}"_*.deb Depends | grep -i mpi || { echo "$package depends on MPI"; exit 1; }
+    done
     say "dpkg -r"
-    within "$root" dpkg -r python3-hadalens hadalens libhadalens-dev libhadalens1 >/dev/null
+    within "$root" dpkg -r python3-hadalens hadalens-mpi hadalens libhadalens-dev libhadalens1 >/dev/null
     # what dpkg -r keeps by its own rule is configuration, which these packages have none of
     (cd "$root" && find . -xdev \( -path ./tmp -o -path ./proc -o -path ./dev -o -path ./var/cache/apt -o -path ./root \) -prune \
         -o -iname '*hadalens*' -print) >"$folder/left.list"
     [ ! -s "$folder/left.list" ] || { echo "dpkg -r left behind:"; cat "$folder/left.list"; exit 1; }
+    # nor does dpkg remember any, as it does where something is left to purge
+    ! within "$root" dpkg-query -W -f '${Package} ${db:Status-Status}\n' '*hadalens*' 2>/dev/null | grep -v ' not-installed$' ||
+        { echo "dpkg -P would have something to do"; exit 1; }
     # and with what came for them
     # shellcheck disable=SC2086
     within "$root" sh -c "apt-get purge -qqy $needed >/dev/null; apt-get autoremove --purge -qqy >/dev/null"

@@ -190,12 +190,17 @@ done:
 static hada_status stop(loop *own, hada_error *err)
 {
     const hada_train_state *state = own->state;
-    const hada_status status = save(own, err);
-    return status ? status
-                  : hada_fail(err, HADA_ERROR_CANCELLED,
-                              "stopped after step %llu of %llu, which is saved in %s; the same command with "
-                              "options.resume goes on from there",
-                              (unsigned long long)state->step, (unsigned long long)state->steps, own->work->checkpoint);
+    double saved = 1.0;
+    hada_status status = HADA_OK;
+    HADA_TRY(save(own, err));
+    /* a rank that ends takes the others with it: it waits for the one that writes */
+    HADA_TRY(hada_reduce(&own->work->ranks, &saved, 1, err));
+    status = hada_fail(err, HADA_ERROR_CANCELLED,
+                       "stopped after step %llu of %llu, which is saved in %s; the same command with "
+                       "options.resume goes on from there",
+                       (unsigned long long)state->step, (unsigned long long)state->steps, own->work->checkpoint);
+done:
+    return status;
 }
 
 /* Whether any rank is asked to. */

@@ -40,7 +40,7 @@ fi
 
 # Signals in the midst of writing a folder leave nothing.
 small=(--preset sim300 --size 64x80 --window 24x24 --depths 2 --lenses 9 --pairs 400)
-for signal in HUP INT TERM; do
+for signal in HUP INT TERM USR2; do
     "$HADALENS" simulate "${small[@]}" -o set >stdout 2>stderr &
     for _ in $(seq 200); do
         [ -n "$(find . -maxdepth 1 -name '.set.hadalens-*')" ] && break

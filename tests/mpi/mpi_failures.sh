@@ -81,4 +81,21 @@ train other
 must "three ranks go on" ranks 3 "${train[@]}" --resume
 must "which is the same training" python3 "$here/compare.py" through.log/checkpoint.safetensors \
     other.log/checkpoint.safetensors 2e-2
+
+# A wish to stop, as batch systems send it: the ranks end when the first has saved, long before it was due.
+"$MPIRUN" "${root[@]}" --oversubscribe -np 2 "$HADALENS_MPI" train camera -m camera.model --batch 4 --validate-every 0 \
+    --show-every 2 --save-every 100000 --steps 100000 -o warned.model --log warned.log >out.txt 2>&1 &
+job=$!
+for _ in $(seq 1200); do
+    [ ! -e warned.log/pictures/step00000002.png ] || break
+    kill -0 $job 2>/dev/null || break
+    sleep 0.1
+done
+must "nothing is saved yet" test ! -e warned.log/checkpoint.safetensors
+kill -USR2 $job
+wait $job
+code=$?
+[ $code = 130 ] || { echo "FAILED: the job that was told to stop has code $code"; bad=1; }
+must "words" grep -q 'stopped after step .* --resume goes on' out.txt
+must "a checkpoint" test -s warned.log/checkpoint.safetensors
 finish

@@ -252,7 +252,8 @@ static void on_signal(int number)
 
 void hada_cli_catch_signals(void)
 {
-    const int numbers[] = {SIGINT, SIGTERM, SIGPIPE, SIGHUP};
+    /* SIGUSR2: from batch systems; SIGUSR1 is swallowed by LLVM, which CPU drivers bring */
+    const int numbers[] = {SIGINT, SIGTERM, SIGPIPE, SIGHUP, SIGUSR2};
     struct sigaction now = {.sa_handler = on_signal, .sa_flags = SA_RESTART}, before;
     sigemptyset(&now.sa_mask);
     for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++) {

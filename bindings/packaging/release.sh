@@ -1,13 +1,18 @@
 #!/usr/bin/env bash
 # What has to hold before a release, each step alone or all in turn; the table at the end says which did.
-#   bindings/packaging/release.sh [--list] [--without STEP]... [STEP...]
+#   bindings/packaging/release.sh [--list] [--help] [--brief] [--without STEP]... [STEP...]
+# --list names the steps. --brief goes through them in an hour or two, to try the check itself or to look early: quick tests in
+# the release build, those of files, models and jobs in the debug and sanitized builds, one round of the benchmarks; what it
+# finds is no release. Without it all steps take some hours on two cores.
 # LAST: the last release (a tag or commit; default: the newest tag v*), which ABI, results and speed are compared with.
-# RELEASING.md says what each step is for. All of them take some hours on two cores.
+# LAST_BUILD: a build of it with the tests, where there is one; else it is built. KERNELS: a cache of PoCL to begin with.
+# RELEASING.md says what each step is for.
 set -uo pipefail
 cd "$(dirname "$0")/../.."
 out=build/release-check
 build=build/release
-mkdir -p $out
+brief=                                                # or the tests that --brief leaves
+few='^(test_(dataset|fit_sums|jobs|model_file|options|output|safetensors|text)|fuzz_)'
 
 step_names=(version changelog manuals abi release debug sanitized packages results speed)
 declare -A about=(
@@ -31,6 +36,7 @@ configured() { # PRESET
 tests() { ctest --test-dir "$build" --output-on-failure --no-tests=error -R "$1"; }
 # The last release, built in a folder of its own.
 last_build() {
+    [ -z "${LAST_BUILD:-}" ] || return 0
     [ -n "$last" ] || { echo "There is no tag v*, and LAST names no other: this is the first release."; return 2; }
     local tree=$out/last
     [ -e "$tree" ] || git worktree add --detach "$tree" "$last" >/dev/null || return 1
@@ -38,6 +44,17 @@ last_build() {
         failed "$tree is of another version than $last: git worktree remove --force $tree" || return 1
     (cd "$tree" && cmake --preset release -DHADALENS_TESTS=ON >/dev/null &&
         cmake --build build/release --target hadalens_cli check)
+}
+
+# Its ABI: as it was committed, or where there was none, that of its headers.
+last_abi() {
+    ! git show "$last:tests/abi/baseline.abi" >"$out/last.abi" 2>/dev/null || return 0
+    local tree=$out/last.headers
+    rm -rf "$tree" && mkdir "$tree" && git archive "$last" lib/include | tar -x -C "$tree" &&
+        python3 tests/abi/stub.py "$tree/lib/include" >"$tree/stub.c" &&
+        cc -std=gnu11 -w -g -O0 -fPIC -shared -I"$tree/lib/include" "$tree/stub.c" -o "$tree/libhadalens.so" &&
+        abidw --no-show-locs --no-parameter-names --no-corpus-path --no-comp-dir-path --type-id-style hash \
+            --headers-dir "$tree/lib/include" --out-file "$out/last.abi" "$tree/libhadalens.so"
 }
 
 step_version() {
@@ -64,8 +81,7 @@ step_manuals() {
 step_abi() {
     configured release && tests '^(abi_.*|packages_symbols|house_symbols)$' || return 1
     [ -n "$last" ] || { echo "There is no last release to compare with."; return 0; }
-    git show "$last:tests/abi/baseline.abi" >"$out/last.abi" 2>/dev/null ||
-        failed "$last has no tests/abi/baseline.abi" || return 1
+    last_abi || return 1
     abidiff "$out/last.abi" tests/abi/baseline.abi
     local changed=$? was
     was=$(git show "$last:CMakeLists.txt" | sed -n 's/^set(HADALENS_SOVERSION \(.*\))/\1/p')
@@ -73,22 +89,27 @@ step_abi() {
     [ $((changed & 8)) = 0 ] || [ "$was" != "$(sed -n 's/^set(HADALENS_SOVERSION \(.*\))/\1/p' CMakeLists.txt)" ] ||
         failed "programs have to be built again, and the soname is that of $last (CONTRIBUTING.md)"
 }
-step_release() { tests/run.sh all release; }
-step_debug() { tests/run.sh quick debug; }
-step_sanitized() { tests/run.sh quick asan -R '^(test_|fuzz_)' && tests/run.sh quick tsan -R '^test_'; }
+# Each build's kernels begin with those of KERNELS.
+kernels_for() { [ -z "${KERNELS:-}" ] || { mkdir -p "build/$1/pocl-cache" && cp -rn "$KERNELS/." "build/$1/pocl-cache/"; }; }
+step_release() { tests/run.sh ${brief:+quick} release; }
+step_debug() { kernels_for debug && tests/run.sh quick debug -R "${brief:-.}"; }
+step_sanitized() {
+    kernels_for asan && tests/run.sh quick asan -R "${brief:-^(test_|fuzz_)}" || return 1
+    kernels_for tsan && tests/run.sh quick tsan -R "${brief:-^test_}"
+}
 step_packages() {
     tests/packages/sdist.sh "$out/sdist" && tests/packages/conda.sh "$out/conda" && tests/packages/debian.sh "$out/debian"
 }
 step_results() {
     last_build
     case $? in 1) return 1 ;; 2) return 0 ;; esac
-    configured release && tests/golden/compare.sh "$out/last/build/release/bindings/cli/hadalens" \
+    configured release && tests/golden/compare.sh "${LAST_BUILD:-$out/last/build/release}/bindings/cli/hadalens" \
         "$build/bindings/cli/hadalens" "$out/golden"
 }
 step_speed() {
     last_build
     case $? in 1) return 1 ;; 2) return 0 ;; esac
-    configured release && perf/against.sh "$out/last/build/release" "$build" -o "$out/against-$version.md" &&
+    configured release && perf/against.sh "${LAST_BUILD:-$out/last/build/release}" "$build" ${brief:+-n 1} -o "$out/against-$version.md" &&
         ! grep 'slower |$' "$out/against-$version.md"
 }
 
@@ -98,6 +119,10 @@ while [ $# -gt 0 ]; do
     --list)
         for name in "${step_names[@]}"; do printf '%-10s %s\n' "$name" "${about[$name]}"; done
         exit ;;
+    --help | -h)
+        sed -n '2,/^set/s/^# \{0,1\}//p' "$0"
+        exit ;;
+    --brief) brief=$few ;;
     --without)
         without="$without${2:-} "
         shift ;;
@@ -108,6 +133,7 @@ while [ $# -gt 0 ]; do
     shift
 done
 [ ${#chosen[@]} -gt 0 ] || chosen=("${step_names[@]}")
+mkdir -p $out
 worst=0 table=
 for name in "${chosen[@]}"; do
     if [[ $without == *" $name "* ]]; then
@@ -120,5 +146,5 @@ for name in "${chosen[@]}"; do
     [ "$said" = holds ] || tail -n 15 "$out/$name.log"
     table+=$(printf '%-10s %s, %d s' "$name" "$said" $((SECONDS - from)))$'\n'
 done
-printf '\nhadalens %s after %s\n%s' "$version" "${last:-nothing}" "$table"
+printf '\nhadalens %s after %s%s\n%s' "$version" "${last:-nothing}" "${brief:+, in brief: no release}" "$table"
 exit $worst

@@ -48,7 +48,7 @@ SlurmctldPort=46817
 SlurmdPort=46818
 SlurmUser=root
 AuthType=auth/munge
-AuthInfo=socket=$work/munge/socket
+AuthInfo=socket=$work/munge/socket,cred_expire=5 # a job that is requeued waits as long
 CredType=cred/munge
 StateSaveLocation=$work/state
 SlurmdSpoolDir=$work/spool
@@ -124,6 +124,34 @@ if command -v hadalens-mpi >/dev/null; then
     hadalens reconstruct camera/test/raw/*.tif -m ranks.model -o shared --refine 0 -q
     shared=$(difference shared)
     awk "BEGIN { exit !($shared < 1e-6) }" || fail "the ranks' camera makes other pictures: $shared"
+    # a training that is requeued as after the loss of a node, and warned once that its time is over, goes on both times
+    train=(train "$work/camera" -m "$work/whole.model" --steps 200 --batch 2 --seed 3 --validate-every 0 --show-every 0 --save-every 20)
+    submit --ntasks=2 "$scripts/mpi.sbatch" "${train[@]}" -o "$work/through.model" --log "$work/through.log" \
+        >/dev/null || fail "a training shared by ranks"
+    job=$(sbatch --parsable --chdir="$work/jobs" --cpus-per-task=1 --ntasks=2 "$scripts/mpi.sbatch" "${train[@]}" \
+        -o "$work/on.model" --log "$work/on.log" --resume)
+    restarts() { scontrol show job "$job" | sed -n 's/.*Restarts=\([0-9]*\).*/\1/p'; }
+    state() { squeue -h -j "$job" -o %T; }
+    steps() { tail -n +2 on.log/losses.csv 2>/dev/null | wc -l; }
+    until_so() { # WHAT CONDITION: waits for two minutes
+        for _ in $(seq 240); do
+            if eval "$2"; then return; fi
+            sleep 0.5
+        done
+        fail "$1: $(scontrol show job "$job" | grep -E 'JobState|Restarts' | paste -sd' ')"
+    }
+    until_so "the training does not begin" '[ -e on.log/checkpoint.safetensors ]'
+    scontrol requeue "$job"
+    until_so "the requeued training does not begin again" '[ "$(restarts)" = 1 ] && [ "$(state)" = RUNNING ]'
+    before=$(steps)
+    until_so "the requeued training does not go on" '[ "$(steps)" -gt "$before" ]'
+    scancel --batch --signal=USR2 "$job"
+    until_so "the training that was warned is not requeued" '[ "$(restarts)" = 2 ]'
+    until_so "the training does not end" '[ -z "$(state)" ] || [ "$(state)" = COMPLETED ]'
+    grep -q 'stopped after step' jobs/hadalens-mpi-"$job".log || fail "no rank told that it stopped and saved"
+    [ "$(steps)" = 200 ] || fail "the training that went on has $(steps) steps"
+    python3 "$scripts/../../tests/mpi/compare.py" through.log/checkpoint.safetensors on.log/checkpoint.safetensors same >/dev/null ||
+        fail "the training that went on has other bits"
 else
     echo "hadalens-mpi is not built: jobs of ranks are left out"
 fi

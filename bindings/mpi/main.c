@@ -37,12 +37,15 @@ int main(int argc, char **argv)
     int given, agreed = 0;
     hada_mpi mpi;
     hada_cli_ranks ranks = {.agreed = &agreed};
+    const double begun = hada_cli_seconds();
     MPI_Init_thread(&argc, &argv, MPI_THREAD_FUNNELED, &given);
-    const double begun = MPI_Wtime();
-    hada_mpi_open(&mpi, MPI_COMM_WORLD, &ranks.communicator);
+    if (hada_mpi_open(&mpi, MPI_COMM_WORLD, &ranks.communicator)) {
+        fprintf(stderr, "hadalens: out of memory\n");
+        MPI_Abort(MPI_COMM_WORLD, HADA_EXIT_MEMORY);
+    }
     find_local(&ranks);
     const int code = hada_cli_program(argc, argv, &ranks);
-    tell_costs(&mpi, MPI_Wtime() - begun);
+    tell_costs(&mpi, hada_cli_seconds() - begun);
     /* The others wait for a rank that failed: the job ends with its code. */
     if (code && !agreed && mpi.count > 1)
         MPI_Abort(MPI_COMM_WORLD, code);

@@ -1,13 +1,15 @@
-/* Sums in rank order: each rank gets its slice of all arrays, adds it up, and all get all slices. That moves as many
- * bytes as a ring does, twice (ranks - 1) / ranks of the array from each (R. Thakur, R. Rabenseifner and W. Gropp,
- * International Journal of High Performance Computing Applications 19, 2005), but the order is stated, which that of
- * MPI_Allreduce is not. */
+/* Sums in rank order. Ranks of one machine have memory in common (mpi_window.h). Between machines each rank gets its
+ * slice of all arrays, adds it up, and all get all slices. That moves as many bytes as a ring does, twice (ranks - 1) /
+ * ranks of the array from each (R. Thakur, R. Rabenseifner and W. Gropp, International Journal of High Performance
+ * Computing Applications 19, 2005), but the order is stated, which that of MPI_Allreduce is not. */
 #include "mpi_communicator.h"
 
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
+
+#include "mpi_sum.h"
 
 /* Values of a round, and of an exchange so small that every rank adds up the whole. */
 enum { ROUND = 1 << 20, SMALL = 1 << 10 };
@@ -35,39 +37,18 @@ static hada_status make_room(hada_mpi *mpi, size_t bytes, hada_error *err)
     return mpi->room ? HADA_OK : fail(err, bytes);
 }
 
-/* Adds up `ranks` arrays of `count` values that stand `stride` apart; the sum goes to `out`. */
-static void add_doubles(double *out, const double *all, int ranks, size_t stride, size_t count)
-{
-    for (size_t i = 0; i < count; i++) {
-        double sum = all[i];
-        for (int r = 1; r < ranks; r++)
-            sum += all[(size_t)r * stride + i];
-        out[i] = sum;
-    }
-}
-
-static void add_floats(float *out, const float *all, int ranks, size_t stride, size_t count)
-{
-    for (size_t i = 0; i < count; i++) {
-        double sum = all[i];
-        for (int r = 1; r < ranks; r++)
-            sum += all[(size_t)r * stride + i];
-        out[i] = (float)sum;
-    }
-}
-
 /* What an array holds. */
 typedef struct kind {
     MPI_Datatype type;
     size_t size;
 } kind;
 
-static void add(kind of, void *out, const void *all, int ranks, size_t stride, size_t count)
+/* Adds up the ranks' `count` values, which stand one rank's behind another's in the room. */
+static void add_room(hada_mpi *mpi, kind of, void *out, size_t count)
 {
-    if (of.size == sizeof(double))
-        add_doubles(out, all, ranks, stride, count);
-    else
-        add_floats(out, all, ranks, stride, count);
+    for (int r = 0; r < mpi->count; r++)
+        mpi->parts[r] = (const char *)mpi->room + (size_t)r * count * of.size;
+    hada_mpi_add(of.size, out, mpi->parts, 0, mpi->count, count);
 }
 
 static hada_status reduce_small(hada_mpi *mpi, kind of, void *values, int count, hada_error *err)
@@ -77,15 +58,9 @@ static hada_status reduce_small(hada_mpi *mpi, kind of, void *values, int count,
     if (status)
         return status;
     MPI_Allgather(values, count, of.type, mpi->room, count, of.type, mpi->comm);
-    add(of, values, mpi->room, mpi->count, (size_t)count, (size_t)count);
+    add_room(mpi, of, values, (size_t)count);
     mpi->bytes += (ranks - 1) * (size_t)count * of.size;
     return HADA_OK;
-}
-
-/* Where a rank's slice begins; of rank + 1: where it ends. */
-static int slice_begin(const hada_mpi *mpi, int count, int rank)
-{
-    return (int)((long long)count * rank / mpi->count);
 }
 
 /* Where the slices of all ranks stand, and how long each is. */
@@ -95,10 +70,11 @@ typedef struct slices {
 
 static void cut(const hada_mpi *mpi, const slices *list, int count)
 {
-    const int own = slice_begin(mpi, count, mpi->rank + 1) - slice_begin(mpi, count, mpi->rank);
+    const size_t all = (size_t)count;
+    const int own = (int)(hada_mpi_slice(all, mpi->rank + 1, mpi->count) - hada_mpi_slice(all, mpi->rank, mpi->count));
     for (int r = 0; r < mpi->count; r++) {
-        list->offsets[r] = slice_begin(mpi, count, r);
-        list->counts[r] = slice_begin(mpi, count, r + 1) - list->offsets[r];
+        list->offsets[r] = (int)hada_mpi_slice(all, r, mpi->count);
+        list->counts[r] = (int)hada_mpi_slice(all, r + 1, mpi->count) - list->offsets[r];
         list->from_counts[r] = own;
         list->from_offsets[r] = r * own;
     }
@@ -113,13 +89,13 @@ static hada_status reduce_round(hada_mpi *mpi, kind of, char *values, int count,
         return status;
     MPI_Alltoallv(values, list->counts, list->offsets, of.type, mpi->room, list->from_counts, list->from_offsets,
                   of.type, mpi->comm);
-    add(of, values + (size_t)list->offsets[mpi->rank] * of.size, mpi->room, mpi->count, own, own);
+    add_room(mpi, of, values + (size_t)list->offsets[mpi->rank] * of.size, own);
     MPI_Allgatherv(MPI_IN_PLACE, 0, of.type, values, list->counts, list->offsets, of.type, mpi->comm);
     mpi->bytes += ((size_t)count - own + (ranks - 1) * own) * of.size;
     return HADA_OK;
 }
 
-static hada_status reduce_all(hada_mpi *mpi, kind of, char *values, size_t count, hada_error *err)
+static hada_status reduce_network(hada_mpi *mpi, kind of, char *values, size_t count, hada_error *err)
 {
     int *room = calloc(4 * (size_t)mpi->count, sizeof *room);
     hada_status status = room ? HADA_OK : fail(err, 4 * (size_t)mpi->count * sizeof *room);
@@ -156,11 +132,21 @@ static void end(hada_mpi *mpi, costs begun)
     mpi->cpu_seconds += hada_mpi_cpu_seconds() - begun.cpu_seconds;
 }
 
+/* Among the ranks of one machine. */
+static hada_status reduce_window(hada_mpi *mpi, kind of, char *values, size_t count)
+{
+    const size_t own = hada_mpi_slice(count, mpi->rank + 1, mpi->count) - hada_mpi_slice(count, mpi->rank, mpi->count);
+    hada_mpi_window_reduce(&mpi->window, of.size, values, count);
+    mpi->bytes += (count - own + ((size_t)mpi->count - 1) * own) * of.size;
+    return HADA_OK;
+}
+
 static hada_status reduce_kind(hada_mpi *mpi, kind of, void *values, size_t count, hada_error *err)
 {
     const costs begun = begin();
-    const hada_status status =
-        count <= SMALL ? reduce_small(mpi, of, values, (int)count, err) : reduce_all(mpi, of, values, count, err);
+    const hada_status status = count <= SMALL                      ? reduce_small(mpi, of, values, (int)count, err)
+                               : mpi->window.comm != MPI_COMM_NULL ? reduce_window(mpi, of, values, count)
+                                                                   : reduce_network(mpi, of, values, count, err);
     end(mpi, begun);
     return status;
 }
@@ -188,11 +174,17 @@ static hada_status broadcast(void *user, int root, void *bytes, size_t count, ha
     return HADA_OK;
 }
 
-void hada_mpi_open(hada_mpi *mpi, MPI_Comm comm, hada_communicator *out)
+int hada_mpi_open(hada_mpi *mpi, MPI_Comm comm, hada_communicator *out)
 {
-    *mpi = (hada_mpi){.comm = comm};
+    const char *memory = getenv("HADALENS_MPI_MEMORY");
+    *mpi = (hada_mpi){.comm = comm, .window.comm = MPI_COMM_NULL};
     MPI_Comm_rank(comm, &mpi->rank);
     MPI_Comm_size(comm, &mpi->count);
+    mpi->parts = calloc((size_t)mpi->count, sizeof *mpi->parts);
+    if (!mpi->parts)
+        return 1;
+    if (mpi->count > 1 && !(memory && !strcmp(memory, "off")))
+        hada_mpi_window_open(&mpi->window, comm);
     hada_communicator_init(out);
     out->rank = mpi->rank;
     out->count = mpi->count;
@@ -200,10 +192,14 @@ void hada_mpi_open(hada_mpi *mpi, MPI_Comm comm, hada_communicator *out)
     out->reduce = reduce;
     out->reduce_floats = reduce_floats;
     out->broadcast = broadcast;
+    out->network = mpi->window.comm == MPI_COMM_NULL;
+    return 0;
 }
 
 void hada_mpi_close(hada_mpi *mpi)
 {
+    hada_mpi_window_close(&mpi->window);
+    free(mpi->parts);
     free(mpi->room);
-    *mpi = (hada_mpi){0};
+    *mpi = (hada_mpi){.window.comm = MPI_COMM_NULL};
 }

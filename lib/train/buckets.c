@@ -8,9 +8,10 @@ hada_status hada_buckets_create(hada_buckets *buckets, const hada_communicator *
                                 hada_error *err)
 {
     const size_t floats = hada_parameters_floats(parameters, HADA_GROUP_NET, HADA_CONTENT_GRADIENT);
+    const int cpu = parameters->slot->context->info.kind == HADA_DEVICE_CPU;
     hada_status status = HADA_OK;
     *buckets = (hada_buckets){0};
-    if (hada_ranks(ranks) == 1 || !floats)
+    if (hada_ranks(ranks) == 1 || !floats || (cpu && !ranks->network))
         return HADA_OK;
     buckets->ranks = ranks;
     buckets->parameters = parameters;

@@ -23,7 +23,9 @@ typedef struct hada_buckets {
     int count, full; /* full: all ranks' gradient stands in `values` */
 } hada_buckets;
 
-/* Nothing is made, and *buckets stays empty, where there is one rank, or no net is trained. */
+/* Nothing is made, and *buckets stays empty, where there is one rank, or no net is trained; nor on a CPU whose ranks
+ * exchange through memory: its cores would leave the backward pass for what they can do as well afterwards, in the
+ * place where the gradient stands. */
 hada_status hada_buckets_create(hada_buckets *buckets, const hada_communicator *ranks, hada_parameters *parameters,
                                 hada_error *err);
 void hada_buckets_free(hada_buckets *buckets);

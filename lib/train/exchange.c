@@ -30,13 +30,14 @@ static hada_status close_one(hada_workers *workers, int worker, void *user, hada
 /* What follows among ranks, while the group is open. */
 typedef hada_status (*among_ranks_of)(hada_workers *workers, const exchange *what, hada_error *err);
 
-/* Opens a group on all workers, does something with it, and closes it, also after a failure. */
+/* Opens a group on all workers, does something with it (NULL: nothing), and closes it, also after a failure. */
 static hada_status with_open(hada_workers *workers, exchange *what, hada_work work, among_ranks_of among_ranks,
                              hada_error *err)
 {
     hada_status status = HADA_OK;
     HADA_TRY(hada_workers_run(workers, open_one, what, err));
-    HADA_TRY(hada_workers_run(workers, work, what, err));
+    if (work)
+        HADA_TRY(hada_workers_run(workers, work, what, err));
     if (hada_ranks(workers->ranks) > 1)
         HADA_TRY(among_ranks(workers, what, err));
 done:;
@@ -44,11 +45,22 @@ done:;
     return status ? status : closed;
 }
 
-/* The sums of a run of values over all workers; returns that of their squares. */
-static double add_run(const hada_workers *workers, size_t at, size_t count, float sums[RUN])
+/* The sum of squares of a run, in lanes that compilers keep in vector registers. */
+static double squares_of_run(const float run[RUN])
 {
     float squares[LANES] = {0.0f};
     double all = 0.0;
+    for (size_t i = 0; i < RUN; i += LANES)
+        for (size_t k = 0; k < LANES; k++)
+            squares[k] += run[i + k] * run[i + k];
+    for (size_t k = 0; k < LANES; k++)
+        all += squares[k];
+    return all;
+}
+
+/* The sums of a run of values over all workers; returns that of their squares. */
+static double add_run(const hada_workers *workers, size_t at, size_t count, float sums[RUN])
+{
     memcpy(sums, workers->worker->values + at, count * sizeof *sums);
     memset(sums + count, 0, (RUN - count) * sizeof *sums);
     for (int w = 1; w < workers->count; w++) {
@@ -56,12 +68,19 @@ static double add_run(const hada_workers *workers, size_t at, size_t count, floa
         for (size_t i = 0; i < count; i++)
             sums[i] += more[i];
     }
-    for (size_t i = 0; i < RUN; i += LANES)
-        for (size_t k = 0; k < LANES; k++)
-            squares[k] += sums[i + k] * sums[i + k];
-    for (size_t k = 0; k < LANES; k++)
-        all += squares[k];
-    return all;
+    return squares_of_run(sums);
+}
+
+/* The sum of squares of values, in runs as above. */
+static double squares_of(const float *values, size_t count)
+{
+    const size_t whole = count / RUN * RUN;
+    float last[RUN] = {0.0f};
+    double all = 0.0;
+    for (size_t at = 0; at < whole; at += RUN)
+        all += squares_of_run(values + at);
+    memcpy(last, values + whole, (count - whole) * sizeof *last);
+    return all + squares_of_run(last);
 }
 
 /* A worker's part of a net's gradient, which no other needs; of filters each adds up a part for all. */
@@ -88,21 +107,6 @@ static hada_status add_part(hada_workers *workers, int worker, void *user, hada_
                 memcpy(workers->worker[w].values + at, sums, count * sizeof *sums);
     }
     return HADA_OK;
-}
-
-/* The sum of squares, of runs of values as above. */
-static double squares_of(const float *values, size_t count)
-{
-    double all = 0.0;
-    for (size_t at = 0; at < count; at += RUN) {
-        float squares[LANES] = {0.0f};
-        const size_t end = count - at < RUN ? count : at + RUN;
-        for (size_t i = at; i < end; i++)
-            squares[(i - at) % LANES] += values[i] * values[i];
-        for (size_t k = 0; k < LANES; k++)
-            all += squares[k];
-    }
-    return all;
 }
 
 static hada_status reduce_part(const hada_workers *workers, float *values, hada_part part, hada_error *err)
@@ -149,7 +153,7 @@ hada_status hada_exchange_gradients(hada_workers *workers, int group, double *sq
     hada_status status = HADA_OK;
     if (workers->count * hada_ranks(workers->ranks) == 1)
         return HADA_OK;
-    HADA_TRY(with_open(workers, &what, add_part, reduce_gradient, err));
+    HADA_TRY(with_open(workers, &what, workers->count > 1 ? add_part : NULL, reduce_gradient, err));
     for (int w = 0; w < workers->count; w++)
         *squares += workers->worker[w].squares;
 done:

@@ -43,6 +43,50 @@ void hada_snapshot_free(hada_snapshot *snapshot)
     *snapshot = (hada_snapshot){0};
 }
 
+/* What tells arrays apart, but for chance: FNV-1a over words of 64 bits in lanes, none of which waits for the one
+ * before (G. Fowler, L. C. Noll and P. Vo, 1991). */
+static uint64_t digest_of(const float *values, size_t count, uint64_t digest)
+{
+    enum { DIGEST_LANES = 8, WORD = sizeof(uint64_t) / sizeof(float) };
+    const uint64_t prime = UINT64_C(0x100000001b3);
+    uint64_t lanes[DIGEST_LANES], word;
+    for (int k = 0; k < DIGEST_LANES; k++)
+        lanes[k] = digest + (uint64_t)k;
+    const size_t step = (size_t)DIGEST_LANES * WORD, whole = count / step * step;
+    for (size_t i = 0; i < whole; i += step)
+        for (size_t k = 0; k < DIGEST_LANES; k++) {
+            memcpy(&word, values + i + k * WORD, sizeof word);
+            lanes[k] = (lanes[k] ^ word) * prime;
+        }
+    for (size_t i = whole; i < count; i++) {
+        word = 0;
+        memcpy(&word, values + i, sizeof *values);
+        lanes[0] = (lanes[0] ^ word) * prime;
+    }
+    for (int k = 0; k < DIGEST_LANES; k++)
+        digest = (digest ^ lanes[k]) * prime;
+    return digest;
+}
+
+/* Whether a rank has other values or states than the first; a digest is compared, which takes no more than reading. */
+static hada_status compare(const hada_snapshot *snapshot, const hada_workers *workers, int group, int *differ,
+                           hada_error *err)
+{
+    const uint64_t values = digest_of(snapshot->values[group], hada_workers_floats(workers, group, HADA_CONTENT_VALUES),
+                                      UINT64_C(0xcbf29ce484222325));
+    const uint64_t own =
+        digest_of(snapshot->states[group], hada_workers_floats(workers, group, HADA_CONTENT_STATE), values);
+    uint64_t first = own;
+    double others = 0.0;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_broadcast(workers->ranks, 0, &first, sizeof first, err));
+    others = first != own;
+    HADA_TRY(hada_reduce(workers->ranks, &others, 1, err));
+    *differ = others > 0.0;
+done:
+    return status;
+}
+
 /* An array of the first rank, in the place of the own one; *changed: it was another. */
 static hada_status take_first(const hada_communicator *ranks, float *values, size_t count, int *changed,
                               hada_error *err)
@@ -62,9 +106,12 @@ done:
 /* Devices of different kinds round differently, so that ranks would drift apart: all go on with what the first has. */
 static hada_status agree(hada_snapshot *snapshot, hada_workers *workers, int group, hada_error *err)
 {
-    int changed = 0;
+    int changed = 0, differ = 0;
     hada_status status = HADA_OK;
     if (hada_ranks(workers->ranks) == 1)
+        return HADA_OK;
+    HADA_TRY(compare(snapshot, workers, group, &differ, err));
+    if (!differ)
         return HADA_OK;
     HADA_TRY(take_first(workers->ranks, snapshot->values[group],
                         hada_workers_floats(workers, group, HADA_CONTENT_VALUES), &changed, err));

@@ -33,6 +33,9 @@ typedef struct hada_communicator {
     hada_status (*reduce_floats)(void *user, float *values, size_t count, hada_error *err);
     /* The bytes of one rank, `root`, to all. */
     hada_status (*broadcast)(void *user, int root, void *bytes, size_t count, hada_error *err);
+    /* 1: exchanges go over a network, and are begun while a CPU still computes; 0 (default): they go through memory,
+     * which takes the cores that compute, and wait until these are done. Other devices compute on in either case. */
+    int network;
 } hada_communicator;
 HADA_API void hada_communicator_defaults(hada_communicator *communicator, size_t size);
 static inline void hada_communicator_init(hada_communicator *communicator)

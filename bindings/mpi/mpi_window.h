@@ -1,0 +1,24 @@
+/* Memory that the ranks of one machine share: sums without messages. */
+#ifndef HADA_MPI_WINDOW_H
+#define HADA_MPI_WINDOW_H
+
+#include <mpi.h>
+#include <stddef.h>
+
+typedef struct hada_mpi_window {
+    MPI_Comm comm; /* MPI_COMM_NULL: there is none */
+    MPI_Win win;
+    int rank, count;
+    char *own;          /* this rank's part */
+    const void **parts; /* of each rank, where all see it */
+    size_t half;        /* bytes before the half of a part that comes next: 0 or those of a half */
+} hada_mpi_window;
+
+/* There is none where a rank of `comm` is on another machine, or the system gives no memory. The same on all ranks. */
+void hada_mpi_window_open(hada_mpi_window *window, MPI_Comm comm);
+void hada_mpi_window_close(hada_mpi_window *window);
+
+/* values[i], of `size` bytes (hada_mpi_add), becomes its sum over the ranks. */
+void hada_mpi_window_reduce(hada_mpi_window *window, size_t size, char *values, size_t count);
+
+#endif

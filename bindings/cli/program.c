@@ -66,7 +66,7 @@ done:
     return status;
 }
 
-/* Commands that ranks share; the first of them speaks, and all of errors. */
+/* Commands that ranks share; the first of them speaks, and those that fail alone. */
 static hada_status join_ranks(const hada_cli_ranks *ranks, const hada_cli_command *command, hada_cli_common *common,
                               char *words, size_t size, hada_error *err)
 {
@@ -104,7 +104,8 @@ static int run(const hada_cli_command *command, int argc, const char **argv, con
         code = hada_cli_usage(&cli, "%s", err.message);
         cli.common = &none;
     } else if (cli.common->help) {
-        hada_cli_print_help(command);
+        if (hada_cli_writes(&cli))
+            hada_cli_print_help(command);
         code = HADA_EXIT_OK;
     } else {
         hada_cli_catch_signals();
@@ -131,6 +132,8 @@ int hada_cli_program(int argc, char **argv, const hada_cli_ranks *ranks)
     const char *first = argc > 1 ? argv[1] : "--help";
     const char *second = argc > 2 ? argv[2] : NULL;
     int code;
+    if (ranks && ranks->communicator.rank && !hada_cli_find_command(first)) /* the first says it for all */
+        return HADA_EXIT_OK;
     if (!strcmp(first, "--version") || !strcmp(first, "-V")) {
         printf("hadalens %s\n", HADALENS_VERSION);
         code = HADA_EXIT_OK;

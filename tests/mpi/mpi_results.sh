@@ -48,10 +48,22 @@ one, other = ([float(x) for x in text.split(',')] for text in sys.argv[1:])
 sys.exit(any(abs(a - b) > 1e-6 * abs(a) for a, b in zip(one, other)))" "$(gradients t1)" "$(gradients t$count)"
 done
 
-# What is no work for ranks is refused, and what fails on all ends with its code.
-ranks 2 devices >out.txt 2>&1 && { echo "FAILED: devices on two ranks"; bad=1; }
-must "says so" grep -q "no work for several ranks" out.txt
-ranks 2 fit nothing -o x.model >out.txt 2>&1
-code=$?
-[ $code = 3 ] || { echo "FAILED: no data set: code $code"; bad=1; }
+# What is no work for ranks is refused, and what fails on all ends with its code and is said once, by the first.
+# fails CODE TEXT ARGUMENTS...
+fails() {
+    local code=$1 text=$2
+    shift 2
+    ranks 2 "$@" >out.txt 2>&1
+    local found=$?
+    [ $found = "$code" ] || { echo "FAILED: $*: code $found, not $code"; bad=1; }
+    [ "$(grep -c -- "$text" out.txt)" = 1 ] || { echo "FAILED: $*: not once '$text':"; cat out.txt; bad=1; }
+}
+fails 2 "no work for several ranks" devices
+fails 2 "there is no command" devises
+fails 2 "there is no option" fit --devises
+fails 3 "cannot be opened" reconstruct camera/test/raw/test01.tif -m no.model -o x
+fails 3 "no.tif" reconstruct camera/test/raw/*.tif no.tif -m 1.model -o x
+fails 3 "nothing" fit nothing -o x.model
+fails 5 "rank 1 of 2: no device" fit camera -o x.model --device 0,99
+fails 0 "Usage:" fit --help
 finish

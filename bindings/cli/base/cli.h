@@ -72,6 +72,11 @@ typedef struct hada_cli {
 int hada_cli_writes(const hada_cli *cli);
 /* For options of the library's tasks; NULL where no ranks share the command. */
 const hada_communicator *hada_cli_communicator(const hada_cli *cli);
+/* Before an error is printed that ends the command: what fails on all ranks alike is said by the first alone, which
+ * ends the job; the others wait a moment for that. */
+void hada_cli_let_first_speak(const hada_cli *cli);
+/* Of all ranks, which call it together. */
+long hada_cli_sum(const hada_cli *cli, long count);
 /* One exit code of all ranks, on all of them: they have all come to their end. */
 int hada_cli_agree(hada_cli *cli, int code);
 /* Adds the entries of the other ranks to an array of the document, on the first. */

@@ -153,7 +153,11 @@ void hada_cli_print_error(hada_cli *cli, hada_error *err)
 {
     translate(err->message);
     hada_cli_progress_hide(cli);
-    fprintf(stderr, "hadalens %s: %s\n", cli->command, err->message);
+    if (hada_cli_writes(cli))
+        fprintf(stderr, "hadalens %s: %s\n", cli->command, err->message);
+    else
+        fprintf(stderr, "hadalens %s, rank %d of %d: %s\n", cli->command, cli->ranks->communicator.rank,
+                cli->ranks->communicator.count, err->message);
     if (err->detail[0] && cli->common->verbose)
         fprintf(stderr, "%s\n", err->detail);
     else if (err->detail[0])
@@ -164,6 +168,7 @@ int hada_cli_fail(hada_cli *cli, hada_error *err)
 {
     if (err->status == HADA_ERROR_BUILD) /* a driver's compiler gives up at a signal by itself, as PoCL's does */
         hada_cli_check_signals(err);
+    hada_cli_let_first_speak(cli);
     hada_cli_print_error(cli, err);
     json_object_set_new(cli->document, "error", hada_cli_error_json(err));
     return hada_cli_exit_code(err->status);
@@ -178,8 +183,10 @@ int hada_cli_usage(hada_cli *cli, const char *format, ...)
     vsnprintf(text, sizeof text, format, arguments);
     va_end(arguments);
     hada_cli_error(&err, HADA_ERROR_ARGUMENT, "%s", text);
-    if (!hada_cli_writes(cli)) /* the first rank says it for all */
+    if (!hada_cli_writes(cli)) { /* the first rank says it for all */
+        hada_cli_let_first_speak(cli);
         return HADA_EXIT_USAGE;
+    }
     hada_cli_fail(cli, &err);
     fprintf(stderr, "Try 'hadalens %s --help'.\n", cli->command);
     return HADA_EXIT_USAGE;

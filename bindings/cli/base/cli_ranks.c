@@ -4,6 +4,11 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
+
+/* How long the other ranks wait for the first to say why a command ends; and, told by a signal that the job ends, to be
+ * ended: mpirun kills a second later. */
+enum { FIRST_SPEAKS_SECONDS = 1, JOB_ENDS_SECONDS = 10 };
 
 int hada_cli_writes(const hada_cli *cli)
 {
@@ -13,6 +18,16 @@ int hada_cli_writes(const hada_cli *cli)
 const hada_communicator *hada_cli_communicator(const hada_cli *cli)
 {
     return cli->ranks ? &cli->ranks->communicator : NULL;
+}
+
+void hada_cli_let_first_speak(const hada_cli *cli)
+{
+    const int before = hada_cli_interrupted();
+    if (hada_cli_writes(cli))
+        return;
+    nanosleep(&(struct timespec){.tv_sec = FIRST_SPEAKS_SECONDS}, NULL);
+    if (!before && hada_cli_interrupted())
+        nanosleep(&(struct timespec){.tv_sec = JOB_ENDS_SECONDS}, NULL);
 }
 
 /* The n-th entry of a list, counted round. */
@@ -55,6 +70,15 @@ void hada_cli_take_device(const hada_cli_ranks *ranks, hada_cli_common *common, 
         choose(ranks, words, size);
     if (*words)
         common->device = words;
+}
+
+long hada_cli_sum(const hada_cli *cli, long count)
+{
+    const hada_communicator *all = hada_cli_communicator(cli);
+    double sum = (double)count;
+    if (all && all->count > 1 && all->reduce(all->user, &sum, 1, NULL))
+        return count;
+    return (long)sum;
 }
 
 /* Codes of all ranks: the same, or HADA_EXIT_SOME where they failed for different reasons. */

@@ -291,11 +291,13 @@ static int run_files(job *work, int count, const char **paths)
     task.communicator = hada_cli_communicator(work->cli);
     const hada_status status = hada_reconstruct_files(work->plan, work->model, paths, count, &task, NULL, &err);
     if (status == HADA_ERROR_CANCELLED) {
+        hada_cli_let_first_speak(work->cli);
         hada_cli_print_error(work->cli, &err);
         return HADA_EXIT_INTERRUPTED;
     }
-    if (listener.failed && count > 1)
-        fprintf(stderr, "hadalens %s: %d of %d files failed\n", work->cli->command, listener.failed, count);
+    const long failed = status ? listener.failed : hada_cli_sum(work->cli, listener.failed);
+    if (failed && count > 1 && hada_cli_writes(work->cli))
+        fprintf(stderr, "hadalens %s: %ld of %d files failed\n", work->cli->command, failed, count);
     if (status)
         return hada_cli_fail(work->cli, &err);
     hada_cli_gather(work->cli, "files");

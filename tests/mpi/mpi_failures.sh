@@ -33,14 +33,14 @@ for depth in camera/z*; do # many pairs, at no cost
 done
 must fit "$HADALENS" fit camera -o camera.model --sums whole.sums
 
-# Frames.
-frames=120
+# Frames; MPI_FRAMES: so many, as .ci/nightly has it.
+frames=${MPI_FRAMES:-120}
 mkdir frames
 for i in $(seq $frames); do
-    cp "camera/test/raw/test0$((1 + i % 2)).tif" "frames/frame$(printf %03d "$i").tif"
+    cp "camera/test/raw/test0$((1 + i % 2)).tif" "frames/frame$(printf %04d "$i").tif"
 done
 must "undisturbed" "$HADALENS" reconstruct frames/*.tif -m camera.model -o undisturbed --no-preview
-run_and_kill broken '*_stack.tif' 20 reconstruct frames/*.tif -m camera.model -o broken --no-preview
+run_and_kill broken '*_stack.tif' $((frames / 2)) reconstruct frames/*.tif -m camera.model -o broken --no-preview
 done=$(find broken -name '*_stack.tif' | wc -l)
 [ "$done" -lt $frames ] || { echo "FAILED: everything was done before the rank was killed"; bad=1; }
 for file in broken/*_stack.tif; do
@@ -79,8 +79,11 @@ must "the bits of going through" python3 "$here/compare.py" through.log/checkpoi
     on.log/checkpoint.safetensors same
 train other
 must "three ranks go on" ranks 3 "${train[@]}" --resume
+# Pairs, their changes and the sums' order are the same, but each rank adds up other pairs in single precision: 1e-7 of a
+# gradient, which Adam's division by its size lets grow. After these 16 steps 2e-5 of the optimiser's states and 4e-7 of
+# the values were seen between 2 and 3 ranks, 6e-5 and 2e-5 between 1 and 2, which compute other numbers of pairs at once.
 must "which is the same training" python3 "$here/compare.py" through.log/checkpoint.safetensors \
-    other.log/checkpoint.safetensors 2e-2
+    other.log/checkpoint.safetensors 1e-4
 
 # A wish to stop, as batch systems send it: the ranks end when the first has saved, long before it was due.
 "$MPIRUN" "${root[@]}" --oversubscribe -np 2 "$HADALENS_MPI" train camera -m camera.model --batch 4 --validate-every 0 \

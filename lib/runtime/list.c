@@ -72,23 +72,38 @@ hada_status hada_platform_devices(hada_platform_device **out, size_t *count, had
     return HADA_OK;
 }
 
-static void text(cl_device_id device, cl_device_info what, char *out, size_t size)
+/* A device that is asked, and what became of it. A question that it does not know is none of our concern; one that it
+ * had no memory to answer is, for what it says decides how results are rounded. */
+typedef struct asked {
+    cl_device_id device;
+    cl_int failed;
+} asked;
+
+static cl_int ask(asked *of, cl_device_info what, size_t size, void *answer)
+{
+    const cl_int code = clGetDeviceInfo(of->device, what, size, answer, NULL);
+    if (code == CL_OUT_OF_HOST_MEMORY || code == CL_OUT_OF_RESOURCES)
+        of->failed = code;
+    return code;
+}
+
+static void text(asked *of, cl_device_info what, char *out, size_t size)
 {
     char buffer[1024] = "";
-    clGetDeviceInfo(device, what, sizeof buffer - 1, buffer, NULL);
+    ask(of, what, sizeof buffer - 1, buffer);
     const char *start = buffer + strspn(buffer, " ");
     snprintf(out, size, "%s", start);
 }
 
 /* 0 where the device does not know what is asked. */
-static cl_ulong number(cl_device_id device, cl_device_info what, size_t size)
+static cl_ulong number(asked *of, cl_device_info what, size_t size)
 {
     union {
         cl_uint u;
         cl_ulong ul;
         size_t s;
     } value = {.ul = 0};
-    if (clGetDeviceInfo(device, what, sizeof value, &value, NULL) != CL_SUCCESS)
+    if (ask(of, what, sizeof value, &value) != CL_SUCCESS)
         return 0;
     return size == sizeof(cl_uint) ? value.u : value.ul;
 }
@@ -109,34 +124,37 @@ static hada_status check_answers(const hada_device_info *info, hada_error *err)
 hada_status hada_device_describe(cl_platform_id platform, cl_device_id device, int index, hada_device_info *info,
                                  hada_error *err)
 {
+    asked of = {.device = device};
     *info = (hada_device_info){.index = index};
     cl_device_type type = 0;
-    cl_int code = clGetDeviceInfo(device, CL_DEVICE_TYPE, sizeof type, &type, NULL);
+    cl_int code = ask(&of, CL_DEVICE_TYPE, sizeof type, &type);
     if (code != CL_SUCCESS)
         return hada_fail_cl(err, code, "clGetDeviceInfo");
     info->kind = type & CL_DEVICE_TYPE_GPU           ? HADA_DEVICE_GPU
                  : type & CL_DEVICE_TYPE_ACCELERATOR ? HADA_DEVICE_ACCELERATOR
                  : type & CL_DEVICE_TYPE_CPU         ? HADA_DEVICE_CPU
                                                      : HADA_DEVICE_OTHER;
-    text(device, CL_DEVICE_NAME, info->name, sizeof info->name);
-    text(device, CL_DEVICE_VENDOR, info->vendor, sizeof info->vendor);
-    text(device, CL_DRIVER_VERSION, info->driver, sizeof info->driver);
-    text(device, CL_DEVICE_VERSION, info->version, sizeof info->version);
+    text(&of, CL_DEVICE_NAME, info->name, sizeof info->name);
+    text(&of, CL_DEVICE_VENDOR, info->vendor, sizeof info->vendor);
+    text(&of, CL_DRIVER_VERSION, info->driver, sizeof info->driver);
+    text(&of, CL_DEVICE_VERSION, info->version, sizeof info->version);
     clGetPlatformInfo(platform, CL_PLATFORM_NAME, sizeof info->platform - 1, info->platform, NULL);
-    info->compute_units = (unsigned)number(device, CL_DEVICE_MAX_COMPUTE_UNITS, sizeof(cl_uint));
-    info->clock_mhz = (unsigned)number(device, CL_DEVICE_MAX_CLOCK_FREQUENCY, sizeof(cl_uint));
-    info->memory_bytes = number(device, CL_DEVICE_GLOBAL_MEM_SIZE, sizeof(cl_ulong));
-    info->max_allocation_bytes = number(device, CL_DEVICE_MAX_MEM_ALLOC_SIZE, sizeof(cl_ulong));
-    info->local_memory_bytes = number(device, CL_DEVICE_LOCAL_MEM_SIZE, sizeof(cl_ulong));
-    info->max_work_group = (size_t)number(device, CL_DEVICE_MAX_WORK_GROUP_SIZE, sizeof(size_t));
-    info->alignment_bytes = (unsigned)number(device, CL_DEVICE_MEM_BASE_ADDR_ALIGN, sizeof(cl_uint)) / 8;
-    info->has_compiler = number(device, CL_DEVICE_COMPILER_AVAILABLE, sizeof(cl_uint)) != 0;
-    info->has_local_memory = number(device, CL_DEVICE_LOCAL_MEM_TYPE, sizeof(cl_uint)) == CL_LOCAL;
-    info->unified_memory = number(device, CL_DEVICE_HOST_UNIFIED_MEMORY, sizeof(cl_uint)) != 0;
-    info->max_sub_devices = (unsigned)number(device, CL_DEVICE_PARTITION_MAX_SUB_DEVICES, sizeof(cl_uint));
-    info->has_double = number(device, CL_DEVICE_DOUBLE_FP_CONFIG, sizeof(cl_ulong)) != 0;
+    info->compute_units = (unsigned)number(&of, CL_DEVICE_MAX_COMPUTE_UNITS, sizeof(cl_uint));
+    info->clock_mhz = (unsigned)number(&of, CL_DEVICE_MAX_CLOCK_FREQUENCY, sizeof(cl_uint));
+    info->memory_bytes = number(&of, CL_DEVICE_GLOBAL_MEM_SIZE, sizeof(cl_ulong));
+    info->max_allocation_bytes = number(&of, CL_DEVICE_MAX_MEM_ALLOC_SIZE, sizeof(cl_ulong));
+    info->local_memory_bytes = number(&of, CL_DEVICE_LOCAL_MEM_SIZE, sizeof(cl_ulong));
+    info->max_work_group = (size_t)number(&of, CL_DEVICE_MAX_WORK_GROUP_SIZE, sizeof(size_t));
+    info->alignment_bytes = (unsigned)number(&of, CL_DEVICE_MEM_BASE_ADDR_ALIGN, sizeof(cl_uint)) / 8;
+    info->has_compiler = number(&of, CL_DEVICE_COMPILER_AVAILABLE, sizeof(cl_uint)) != 0;
+    info->has_local_memory = number(&of, CL_DEVICE_LOCAL_MEM_TYPE, sizeof(cl_uint)) == CL_LOCAL;
+    info->unified_memory = number(&of, CL_DEVICE_HOST_UNIFIED_MEMORY, sizeof(cl_uint)) != 0;
+    info->max_sub_devices = (unsigned)number(&of, CL_DEVICE_PARTITION_MAX_SUB_DEVICES, sizeof(cl_uint));
+    info->has_double = number(&of, CL_DEVICE_DOUBLE_FP_CONFIG, sizeof(cl_ulong)) != 0;
     char extensions[8192] = "";
-    clGetDeviceInfo(device, CL_DEVICE_EXTENSIONS, sizeof extensions - 1, extensions, NULL);
+    ask(&of, CL_DEVICE_EXTENSIONS, sizeof extensions - 1, extensions);
+    if (of.failed)
+        return hada_fail_cl(err, of.failed, "clGetDeviceInfo");
     info->has_half_arithmetic = strstr(extensions, "cl_khr_fp16") != NULL;
     hada_quirks quirks;
     hada_quirks_find(info, &quirks);

@@ -74,14 +74,18 @@ done:
 }
 
 /* What follows from the device. */
-static void look_at_device(hada_context *context)
+static hada_status look_at_device(hada_context *context, hada_error *err)
 {
     hada_quirks_find(&context->info, &context->quirks);
     if (context->quirks.stated_local && context->info.local_memory_bytes > HADA_STATED_LOCAL)
         context->info.local_memory_bytes = HADA_STATED_LOCAL;
     cl_uint floats = 0; /* a device that does not say is one without vectors */
-    clGetDeviceInfo(context->device, CL_DEVICE_NATIVE_VECTOR_WIDTH_FLOAT, sizeof floats, &floats, NULL);
+    const cl_int code =
+        clGetDeviceInfo(context->device, CL_DEVICE_NATIVE_VECTOR_WIDTH_FLOAT, sizeof floats, &floats, NULL);
+    if (code == CL_OUT_OF_HOST_MEMORY || code == CL_OUT_OF_RESOURCES)
+        return hada_fail_cl(err, code, "clGetDeviceInfo");
     context->vector_floats = floats;
+    return HADA_OK;
 }
 
 static hada_status choose_shape(hada_context *context, int wanted, hada_error *err)
@@ -182,7 +186,7 @@ static hada_status open_context(hada_context **out, const adopted *from, const h
     if (tuning && *tuning)
         HADA_TRY(hada_tuning_read(&context->tuning, tuning, err));
     HADA_TRY(from ? take_device(context, from, err) : make_device(context, &options, err));
-    look_at_device(context);
+    HADA_TRY(look_at_device(context, err));
     HADA_TRY(choose_shape(context, options.shape, err));
     HADA_TRY(hada_program_store_create(context, &options, err));
     if (!options.skip_self_test)

@@ -11,7 +11,7 @@ static const struct {
     size_t offset;
     uint64_t value;
 } rows[] = {
-    {"pixels", offsetof(hada_limits, pixels), 1u << 22}, /* 16 MiB of float; a fit from a PSF takes 25 times that */
+    {"pixels", offsetof(hada_limits, pixels), 1u << 22}, /* 16 MiB of float; a fit from a PSF takes 18 times that */
     {"pages", offsetof(hada_limits, pages), 1u << 18},   /* two hours of frames at 30 a second */
     {"text", offsetof(hada_limits, text), 8u << 20},     /* OME-XML of some 30,000 planes */
     {"parameters", offsetof(hada_limits, parameters), 50000000}, /* three times VGG-16's convolutions */

@@ -28,40 +28,38 @@ void hada_psf_options_defaults(hada_psf_options *options, size_t size)
     HADA_OPTIONS_GIVE(options, size, &own);
 }
 
-/* A PSF onto the grid: background off, brightness 1 (mean over channels), axis at the origin. `square` takes the sum of
- * squares of each channel, which is the mean of |OTF|^2. */
-static hada_status place(const hada_image *psf, const hada_model_info *info, double dark, int depth, float *grid,
-                         double *square, float *room, hada_error *err)
+/* The background of each channel, and the brightness of all that lies above. */
+static double measure(const hada_image *psf, double dark, double *background, float *room)
 {
-    const size_t area = (size_t)info->grid_rows * (size_t)info->grid_cols;
-    const int row0 = info->grid_rows - psf->rows / 2, col0 = info->grid_cols - psf->cols / 2;
+    const size_t pixels = (size_t)psf->rows * (size_t)psf->cols;
     double total = 0.0;
-    memset(grid, 0, area * (size_t)psf->channels * sizeof *grid);
     for (int c = 0; c < psf->channels; c++) {
-        const float *from = psf->data + (size_t)c * (size_t)psf->rows * (size_t)psf->cols;
-        const double level = dark < 0.0 ? hada_dark_estimate(from, (size_t)psf->rows * (size_t)psf->cols, room) : dark;
-        square[c] = 0.0;
-        for (int row = 0; row < psf->rows; row++) {
-            float *to = grid + (size_t)c * area + (size_t)((row0 + row) % info->grid_rows) * (size_t)info->grid_cols;
-            for (int col = 0; col < psf->cols; col++) {
-                const double value = fmax((double)from[(size_t)row * (size_t)psf->cols + (size_t)col] - level, 0.0);
-                to[(col0 + col) % info->grid_cols] = (float)value;
-                total += value;
-                square[c] += value * value;
-            }
+        const float *from = psf->data + (size_t)c * pixels;
+        background[c] = dark < 0.0 ? hada_dark_estimate(from, pixels, room) : dark;
+        for (size_t i = 0; i < pixels; i++)
+            total += fmax((double)from[i] - background[c], 0.0);
+    }
+    return total;
+}
+
+/* A channel of a PSF onto the grid: background off, times `scale`, axis at the origin. Returns the sum of squares,
+ * which is the mean of |OTF|^2. */
+static double place(const hada_image *psf, const hada_model_info *info, int channel, double background, double scale,
+                    float *grid)
+{
+    const float *from = psf->data + (size_t)channel * (size_t)psf->rows * (size_t)psf->cols;
+    const int row0 = info->grid_rows - psf->rows / 2, col0 = info->grid_cols - psf->cols / 2;
+    double square = 0.0;
+    memset(grid, 0, (size_t)info->grid_rows * (size_t)info->grid_cols * sizeof *grid);
+    for (int row = 0; row < psf->rows; row++) {
+        float *to = grid + (size_t)((row0 + row) % info->grid_rows) * (size_t)info->grid_cols;
+        for (int col = 0; col < psf->cols; col++) {
+            const double value = fmax((double)from[(size_t)row * (size_t)psf->cols + (size_t)col] - background, 0.0);
+            to[(col0 + col) % info->grid_cols] = (float)((double)(float)value * scale);
+            square += value * value;
         }
     }
-    if (!(total > 0.0))
-        return hada_fail(err, HADA_ERROR_NUMERIC,
-                         "the point spread function of depth %d is dark everywhere once its background is taken off; "
-                         "check the file, or give its dark level",
-                         depth);
-    const double scale = psf->channels / total;
-    for (size_t i = 0; i < area * (size_t)psf->channels; i++)
-        grid[i] = (float)(grid[i] * scale);
-    for (int c = 0; c < psf->channels; c++)
-        square[c] *= scale * scale;
-    return HADA_OK;
+    return square * (scale * scale);
 }
 
 /* W from H: matched conj(H) / |H(0)|^2, which keeps the mean brightness; Wiener conj(H) / (|H|^2 + lambda mean|H|^2).
@@ -79,21 +77,22 @@ static void make_filter(const float *otf, size_t plane, hada_form form, double l
     }
 }
 
+/* A channel at a time: the arrays on grids are what a large PSF costs. */
 typedef struct psf_work {
     hada_slot *slot;
     hada_fft *fft;
     hada_buffer real, spectrum;
-    float *grid, *blocks, *room;
-    double *square;
+    float *room; /* for the background's estimate, then a channel on the grid, then its spectrum */
+    double *background;
 } psf_work;
 
 static hada_status work_create(psf_work *work, hada_context *context, const hada_model_info *info, hada_error *err)
 {
-    const size_t area = (size_t)info->grid_rows * (size_t)info->grid_cols, channels = (size_t)info->channels;
+    const size_t area = (size_t)info->grid_rows * (size_t)info->grid_cols;
     const hada_fft_desc desc = {.direction = HADA_FFT_FORWARD,
                                 .rows = info->grid_rows,
                                 .cols = info->grid_cols,
-                                .batch = info->channels,
+                                .batch = 1,
                                 .real_rows = info->grid_rows,
                                 .real_cols = info->grid_cols,
                                 .real_pitch = (size_t)info->grid_cols,
@@ -101,14 +100,12 @@ static hada_status work_create(psf_work *work, hada_context *context, const hada
     hada_status status = HADA_OK;
     HADA_TRY(hada_slot_create(&work->slot, context, err));
     HADA_TRY(hada_fft_create(&work->fft, work->slot, &desc, err));
-    const size_t count = hada_fft_plan_layout(work->fft)->count;
-    HADA_TRY(hada_buffer_create(&work->real, context, channels * area * 4, "a point spread function", err));
-    HADA_TRY(hada_buffer_create(&work->spectrum, context, channels * count * 8, "a transfer function", err));
-    HADA_TRY(hada_alloc_raw((void **)&work->grid, channels * area, 4, "a point spread function", err));
-    HADA_TRY(hada_alloc_raw((void **)&work->blocks, channels * count, 8, "a transfer function", err));
-    HADA_TRY(hada_alloc_raw((void **)&work->room, (size_t)info->raw_rows * (size_t)info->raw_cols, 4,
-                            "the background of a point spread function", err));
-    HADA_TRY(hada_alloc((void **)&work->square, channels, sizeof(double), "a point spread function", err));
+    const size_t values = 2 * hada_fft_plan_layout(work->fft)->count;
+    HADA_TRY(hada_buffer_create(&work->real, context, area * 4, "a point spread function", err));
+    HADA_TRY(hada_buffer_create(&work->spectrum, context, values * 4, "a transfer function", err));
+    HADA_TRY(hada_alloc_raw((void **)&work->room, values > area ? values : area, 4, "a point spread function", err));
+    HADA_TRY(
+        hada_alloc((void **)&work->background, (size_t)info->channels, sizeof(double), "a point spread function", err));
 done:
     return status;
 }
@@ -120,31 +117,48 @@ static void work_destroy(psf_work *work)
     hada_fft_destroy(&work->fft);
     hada_buffer_destroy(&work->real);
     hada_buffer_destroy(&work->spectrum);
-    free(work->grid);
-    free(work->blocks);
     free(work->room);
-    free(work->square);
+    free(work->background);
     hada_slot_destroy(&work->slot);
 }
 
+/* The transfer functions of a depth, brightness 1 (mean over channels), and the sums of squares of its channels. */
 static hada_status transform_depth(psf_work *work, hada_model *model, const hada_image *psf, double psf_dark, int depth,
-                                   hada_error *err)
+                                   double *square, hada_error *err)
 {
     const hada_model_info *info = &model->info;
     const hada_spectrum_layout *layout = hada_fft_plan_layout(work->fft);
     const size_t plane = hada_model_plane(model), area = (size_t)info->grid_rows * (size_t)info->grid_cols;
+    const double total = measure(psf, psf_dark, work->background, work->room);
     hada_status status = HADA_OK;
-    HADA_TRY(place(psf, info, psf_dark, depth, work->grid, work->square, work->room, err));
-    HADA_TRY(hada_buffer_write(&work->real, work->slot, 0, work->grid, (size_t)info->channels * area * 4, err));
-    HADA_TRY(hada_fft_forward(work->fft, info->channels, work->real.mem, 0, work->spectrum.mem, 0, err));
-    HADA_TRY(hada_buffer_read(&work->spectrum, work->slot, 0, work->blocks, (size_t)info->channels * layout->count * 8,
-                              err));
+    if (!(total > 0.0))
+        return hada_fail(err, HADA_ERROR_NUMERIC,
+                         "the point spread function of depth %d is dark everywhere once its background is taken off; "
+                         "check the file, or give its dark level",
+                         depth);
+    const double scale = psf->channels / total;
     for (int c = 0; c < info->channels; c++) {
-        const size_t at = ((size_t)depth * (size_t)info->channels + (size_t)c) * plane * 2;
-        hada_layout_unpack(layout, work->blocks + (size_t)c * layout->count * 2, model->otf + at);
-        make_filter(model->otf + at, plane, info->form, info->lambda, work->square[c], model->filter + at);
+        const size_t image = (size_t)depth * (size_t)info->channels + (size_t)c;
+        square[image] = place(psf, info, c, work->background[c], scale, work->room);
+        HADA_TRY(hada_buffer_write(&work->real, work->slot, 0, work->room, area * 4, err));
+        HADA_TRY(hada_fft_forward(work->fft, 1, work->real.mem, 0, work->spectrum.mem, 0, err));
+        HADA_TRY(hada_buffer_read(&work->spectrum, work->slot, 0, work->room, layout->count * 8, err));
+        hada_layout_unpack(layout, work->room, model->otf + image * plane * 2);
     }
 done:
+    return status;
+}
+
+static hada_status transform_all(hada_model *model, hada_context *context, const hada_image *psfs, double psf_dark,
+                                 double *square, hada_error *err)
+{
+    psf_work work = {0};
+    hada_status status = HADA_OK;
+    HADA_TRY(work_create(&work, context, &model->info, err));
+    for (int z = 0; z < model->info.depths; z++)
+        HADA_TRY(transform_depth(&work, model, &psfs[z], psf_dark, z, square, err));
+done:
+    work_destroy(&work);
     return status;
 }
 
@@ -170,7 +184,7 @@ hada_status hada_model_from_psf(hada_model **out, hada_context *context, const h
 {
     hada_psf_options own, *options = &own;
     hada_status status = HADA_OK;
-    psf_work work = {0};
+    double *square = NULL;
     if (!out || !context || !psfs || depths < 1 || !distances_mm)
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "hada_model_from_psf: out, a context, point spread functions and distances are needed");
@@ -204,11 +218,15 @@ hada_status hada_model_from_psf(hada_model **out, hada_context *context, const h
         info.lambda = 0.0;
     HADA_TRY(hada_model_set_sizes(&info, psfs->rows, psfs->cols, options->window_rows, options->window_cols, err));
     HADA_TRY(hada_model_create(out, &info, 0, err));
-    HADA_TRY(work_create(&work, context, &info, err));
-    for (int z = 0; z < depths; z++)
-        HADA_TRY(transform_depth(&work, *out, &psfs[z], options->psf_dark, z, err));
+    const size_t images = (size_t)depths * (size_t)info.channels, plane = hada_model_plane(*out);
+    HADA_TRY(hada_alloc((void **)&square, images, sizeof *square, "point spread functions", err));
+    HADA_TRY(transform_all(*out, context, psfs, options->psf_dark, square, err));
+    /* the device's memory is given back by now: the filters are as large */
+    for (size_t i = 0; i < images; i++)
+        make_filter((*out)->otf + i * plane * 2, plane, info.form, info.lambda, square[i],
+                    (*out)->filter + i * plane * 2);
 done:
-    work_destroy(&work);
+    free(square);
     if (status)
         hada_model_destroy(out);
     return status;

@@ -61,6 +61,13 @@ static void links_are_followed_and_never_replaced(void **state)
     assert_int_equal(symlink("gone", nowhere), 0);
     assert_int_equal(hada_file_write(nowhere, "new", 3, &err), HADA_ERROR_FILE_WRITE);
     assert_non_null(strstr(err.message, "leads to no file"));
+    hada_camera camera;
+    hada_camera_init(&camera);
+    assert_int_equal(hada_camera_save(&camera, link, &err), HADA_OK);
+    assert_int_equal(lstat(link, &what), 0);
+    assert_true(S_ISLNK(what.st_mode));
+    assert_int_equal(stat(file, &what), 0);
+    assert_true(what.st_size > 3);
 }
 
 static void devices_and_fifos_are_never_replaced_and_never_waited_for(void **state)

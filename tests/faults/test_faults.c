@@ -1,7 +1,8 @@
 /* The n-th call for memory, to OpenCL or to a file fails, for n = 1, 2, ...: every time there is a status with a
  * message, or the result is that of an undisturbed run; nothing leaks, and no file is left half-written.
  *
- * At most FAULT_RUNS runs (48 by default, "all" for every n) are spread over the calls of a stage. To reproduce a
+ * At most FAULT_RUNS runs (48 by default, "all" for every n) are spread over the calls of a stage; "chains" and "sites"
+ * choose them by their callers (fault_chain.h). To reproduce a
  * failure: FAULT_ONLY=STAGE:KIND:N (or a part of it from the left); FAULT_TRACE=1 names each run before it starts. */
 #include <dirent.h>
 #include <errno.h>
@@ -11,6 +12,7 @@
 #include <unistd.h>
 
 #include "fault.h"
+#include "fault_chain.h"
 #include "fault_job.h"
 #include "testing.h"
 
@@ -135,9 +137,13 @@ static int run_one(fault_job *job, const struct stage *stage, fault_kind kind, l
     return status != HADA_OK;
 }
 
+static fault_chains chains;
+
 static long runs_of(const struct stage *stage, long calls)
 {
     const char *words = getenv("FAULT_RUNS");
+    if (fault_choice_asked())
+        return chains.count;
     if (words && !strcmp(words, "all"))
         return calls;
     long runs = (words ? atol(words) : 48) * stage->share / 100;
@@ -161,9 +167,11 @@ static void every_call_may_fail(void **state)
             for (int warm = 0; warm < 2; warm++) { /* the first run may keep programs for later ones */
                 hada_error error = {0};
                 job->sum = 0;
+                fault_chains_listen(warm && fault_choice_asked() ? &chains : NULL, fault_choice_asked());
                 fault_arm(kind, 0);
                 if (stage->run(job, &error))
                     fail_msg("%s without faults: %s", stage->name, error.message);
+                fault_chains_listen(NULL, FAULT_SPREAD);
                 if (warm)
                     assert_true(memory_left() == 0 && fault_objects_alive() == 0);
                 calls = fault_disarm();
@@ -175,7 +183,7 @@ static void every_call_may_fail(void **state)
             if (!calls)
                 continue;
             for (long r = 0; r < runs; r++) {
-                n = single ? atol(only + strlen(name)) : 1 + r * calls / runs;
+                n = single ? atol(only + strlen(name)) : fault_choice_asked() ? chains.first[r] : 1 + r * calls / runs;
                 noticed += run_one(job, stage, kind, n, expected, &wrong);
             }
             print_message("%-12s %-7s %5ld calls, %4ld of %4ld faults noticed\n", stage->name, kinds[kind], calls,

@@ -2,11 +2,10 @@
  * failing. Each run is a process of its own: a failing one ends by itself, with a message and an exit code that says
  * so, and leaves what was there before; one that goes on without harm gives what an undisturbed run gives.
  *
- * FAULT_RUNS (3; chains; all) is how many n of each kind and command are tried, evenly spread; chains: one call of
- * every chain of callers that leads to one. FAULT_ONLY=COMMAND:KIND:N one of them (or a part of that from the left),
- * FAULT_JOBS (1) how many processes run at once. */
-#include <execinfo.h>
-#include <pthread.h>
+ * FAULT_RUNS (3; sites; chains; all) is how many n of each kind and command are tried, evenly spread; chains: one call
+ * of every chain of callers that leads to one; sites: so many that every call in such a chain has failed once.
+ * FAULT_ONLY=COMMAND:KIND:N one of them (or a part of that from the left), FAULT_JOBS (1) how many processes run at
+ * once. */
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -17,11 +16,12 @@
 #include <unistd.h>
 
 #include "fault.h"
+#include "fault_chain.h"
 #include "trees.h"
 
 int hada_cli_main(int argc, char **argv);
 
-enum { MOST_WORDS = 32, SECONDS = 300, LAST_EXIT = 7, MOST_JOBS = 64, MOST_CHAINS = 1 << 14, FRAMES = 16 };
+enum { MOST_WORDS = 32, SECONDS = 300, LAST_EXIT = 7, MOST_JOBS = 64 };
 
 /* What a command may leave of its output when it fails: nothing (or what was there before), or some files of it, each
  * whole; what it writes when it succeeds is the same every time, or holds times that it measured. */
@@ -55,14 +55,11 @@ static const fault_command commands[] = {
 
 static const char *const kinds[FAULT_KINDS] = {"none", "memory", "opencl", "map", "file"};
 
-/* What a run tells the program that started it; of an undisturbed one, where chains are asked for, the first call of
- * each as well. */
+/* What a run tells the program that started it; an undisturbed one also which calls to fail, where that is asked. */
 typedef struct told {
     long calls, memory, objects;
     char struck[40];
-    int chains;
-    uint64_t chain[MOST_CHAINS];
-    long first[MOST_CHAINS];
+    fault_chains chains;
 } told;
 
 typedef struct running {
@@ -77,10 +74,8 @@ static struct {
     const char *folder;
     char whole[300]; /* where undisturbed runs have left their results */
     running jobs[MOST_JOBS];
-    int wrong, most_jobs, by_chains;
-    told *listening; /* of this process, an undisturbed one */
-    pthread_mutex_t lock;
-} all = {.lock = PTHREAD_MUTEX_INITIALIZER};
+    int wrong, most_jobs;
+} all;
 
 static void must(int fine, const char *what)
 {
@@ -88,26 +83,6 @@ static void must(int fine, const char *what)
         return;
     perror(what);
     exit(2);
-}
-
-/* A call is the same as another where the same lines have led to it. */
-static void note_chain(long n)
-{
-    void *frames[FRAMES];
-    uint64_t hash = 0;
-    told *to = all.listening;
-    for (int i = backtrace(frames, FRAMES); i-- > 0;)
-        hash = (hash ^ (uint64_t)(uintptr_t)frames[i]) * 0x9e3779b97f4a7c15u;
-    pthread_mutex_lock(&all.lock);
-    int at = 0;
-    while (at < to->chains && to->chain[at] != hash)
-        at++;
-    if (at == to->chains && at < MOST_CHAINS) {
-        to->chain[at] = hash;
-        to->first[at] = n;
-        to->chains++;
-    }
-    pthread_mutex_unlock(&all.lock);
 }
 
 /* The command in the folder, in this process, which ends with it. */
@@ -123,10 +98,8 @@ static void run_here(const fault_command *command, const running *job)
     setenv("TMPDIR", job->folder, 1);
     must(freopen("stdout", "w", stdout) && freopen("stderr", "w", stderr), "stdout");
     alarm(SECONDS);
-    if (all.by_chains && !job->n) {
-        all.listening = job->told;
-        fault_counted = note_chain;
-    }
+    if (fault_choice_asked() && !job->n)
+        fault_chains_listen(&job->told->chains, fault_choice_asked());
     fault_arm(job->kind, job->n);
     const int code = hada_cli_main(count, list);
     job->told->memory = fault_memory_alive();
@@ -150,27 +123,32 @@ static void start(running *job, const fault_command *command, fault_kind kind, l
         run_here(command, job);
 }
 
-static void complain(const running *job, const fault_command *command, const char *what)
+/* What it said on stderr, the beginning of it; until it is asked again. */
+static const char *said(const running *job)
 {
-    char path[500], message[300] = "";
+    static char message[300];
+    char path[500];
     snprintf(path, sizeof path, "%s/stderr", job->folder);
     FILE *file = fopen(path, "r");
+    message[0] = '\0';
     if (file) {
         message[fread(message, 1, sizeof message - 1, file)] = '\0';
         fclose(file);
     }
+    return message;
+}
+
+static void complain(const running *job, const fault_command *command, const char *what)
+{
     printf("FAULT_ONLY=%s:%s:%ld (%s): %s; it said: %s\n", command->name, kinds[job->kind], job->n, job->told->struck,
-           what, message);
+           what, said(job));
     all.wrong++;
 }
 
 /* What it says on stderr is a message, or a note of what it went on without. */
 static int says_something(const running *job)
 {
-    char path[500];
-    struct stat what;
-    snprintf(path, sizeof path, "%s/stderr", job->folder);
-    return !stat(path, &what) && what.st_size > 20;
+    return strlen(said(job)) > 20;
 }
 
 /* Judges how a run ended. Returns whether it failed, as it may. */
@@ -197,7 +175,7 @@ static int judge(const running *job, const fault_command *command, int status)
         if (command->leaves == MEASURED && code)
             want = TREE_ANY;
         /* whether a name lasts, and whether all words were written, is asked when the result is there already */
-        const int named = code && (!strcmp(job->told->struck, "fsync") || !strcmp(job->told->struck, "fflush"));
+        const int named = code && (strstr(said(job), "may not outlast") || !strcmp(job->told->struck, "fflush"));
         if (!tree_is(job->folder, all.whole, command->output, want) &&
             !(named && tree_is(job->folder, all.whole, command->output, TREE_SAME)))
             complain(job, command, code ? "half a result is left" : "another result than without the fault");
@@ -239,11 +217,12 @@ static long *choose(const told *seen, long only, long *count)
 {
     const char *words = getenv("FAULT_RUNS");
     const long asked = words && !strcmp(words, "all") ? seen->calls : words ? atol(words) : 3;
-    *count = only ? 1 : all.by_chains ? seen->chains : asked < seen->calls ? asked : seen->calls;
+    const int listed = fault_choice_asked() != FAULT_SPREAD;
+    *count = only ? 1 : listed ? seen->chains.count : asked < seen->calls ? asked : seen->calls;
     long *list = calloc((size_t)*count + 1, sizeof *list);
     must(list != NULL, "memory");
     for (long r = 0; r < *count; r++) /* the middle of each share: the first and last calls are not all that is tried */
-        list[r] = only ? only : all.by_chains ? seen->first[r] : 1 + (2 * r + 1) * seen->calls / (2 * *count);
+        list[r] = only ? only : listed ? seen->chains.first[r] : 1 + (2 * r + 1) * seen->calls / (2 * *count);
     return list;
 }
 
@@ -272,8 +251,7 @@ static void fail_all(const fault_command *command, fault_kind kind, long only)
 
 static void make_jobs(void)
 {
-    const char *words = getenv("FAULT_JOBS"), *runs = getenv("FAULT_RUNS");
-    all.by_chains = runs && !strcmp(runs, "chains");
+    const char *words = getenv("FAULT_JOBS");
     all.most_jobs = words ? atoi(words) : 1;
     if (all.most_jobs < 1 || all.most_jobs > MOST_JOBS)
         all.most_jobs = 1;

@@ -10,11 +10,8 @@
  * Planes stand as [place][channel][rows][cols], duals as [place][channel][2][rows][cols] (along columns, along rows).
  * Loads reach a value beyond an image: both arrays have room behind. A row's last vector overlaps the one before, so
  * REFINE_WIDTH 8 wants windows of at least eight columns. Dimensions: bands of rows, places. */
-#include "inc_refine.h"
+#include "inc_refine_tv.h"
 #include "shared_refine.h"
-
-/* Lest a slope of nothing divides. */
-#define TV_LEAST 1e-30f
 
 #if REFINE_WIDTH == 8
 REFINE_INLINE refine_real tv_get(__global const float *p, size_t i)
@@ -71,28 +68,6 @@ REFINE_INLINE refine_real tv_plane(__global const float *w, __global const float
     const refine_real up = at < cols ? (refine_real)0.0f : tv_get(p, at - cols);
     const refine_real div = (tv_get(p, at) - up) + (tv_get(pj, at) - tv_get(pj, at - 1));
     return max(fma((refine_real)theta, div, tv_get(w, at)), 0.0f);
-}
-
-/* The nearest point of the ellipsoid |mean|^2 + per_colour |rest|^2 <= 1: the mean of the channels is shortened by
- * 1 + mu, the rest by 1 + per_colour mu. Newton's method on 1 / |p| = 1 finds mu: exact at once where per_colour is 1,
- * to single precision in three rounds for colours up to 4. mean, rest: the squares. */
-REFINE_INLINE void tv_shorten(refine_real mean, refine_real rest, float per_colour, refine_real *of_mean,
-                              refine_real *of_rest)
-{
-    const int rounds = per_colour == 1.0f ? 0 : 3;
-    const refine_real length = sqrt(fma(rest, (refine_real)per_colour, mean));
-    refine_real mu = max(length - 1.0f, 0.0f);
-    *of_mean = *of_rest = 1.0f / (1.0f + mu);
-    for (int k = 0; k < rounds; ++k) {
-        *of_rest = 1.0f / fma((refine_real)per_colour, mu, 1.0f);
-        const refine_real a = mean * *of_mean * *of_mean, b = per_colour * rest * *of_rest * *of_rest;
-        const refine_real slope = fma(a, *of_mean, per_colour * b * *of_rest);
-        /* 0 stays where p is within */
-        mu = mu > 0.0f ? max(fma((a + b) / max(slope, TV_LEAST), sqrt(a + b) - 1.0f, mu), 0.0f) : mu;
-        *of_mean = 1.0f / (1.0f + mu);
-    }
-    if (rounds)
-        *of_rest = 1.0f / fma((refine_real)per_colour, mu, 1.0f);
 }
 
 /* p' from p; fresh: p is 0; per_colour: 1 / colour^2 */

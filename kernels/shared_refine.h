@@ -61,14 +61,18 @@ HADA_SHARED_SIZE(hada_refine_crop, 20)
 /* Pixels that an item of refine_dct_colours takes in lanes; a multiple of eight. */
 #define HADA_REFINE_DCT_RUN 128
 
-/* The window's rows on the grid, and what a pass along them does (refine_rows.cl). */
+/* The window's rows on the grid, and what a pass along them does (refine_rows.cl, refine_group_rows.cl). */
 typedef struct hada_refine_rows {
     int row0, rows, col0, cols;
     int inverse, clip, forward;
     float scale;    /* of the inverse */
-    int back_table; /* where the table of the inverse transform begins in that of both, in numbers */
+    int back_table; /* lanes: where the table of the inverse transform begins in that of both, in numbers */
+    int width;      /* groups: transforms that one takes side by side, a power of two */
 } hada_refine_rows;
-HADA_SHARED_SIZE(hada_refine_rows, 36)
+HADA_SHARED_SIZE(hada_refine_rows, 40)
+
+/* Work-items of a group of these, by work-groups. */
+#define HADA_REFINE_FUSED_GROUP 256
 
 /* Planes of the window, in bands of rows. */
 typedef struct hada_refine_window {
@@ -76,5 +80,18 @@ typedef struct hada_refine_window {
     int band; /* rows of a work-group */
 } hada_refine_window;
 HADA_SHARED_SIZE(hada_refine_window, 16)
+
+/* Steps of total variation on tiles (refine_tv_tile.cl): square tiles of so many pixels a side, halo and all, by groups
+ * of so many work-items. Three channels of a tile take 24 KiB of local memory. */
+#define HADA_REFINE_TV_TILE  32
+#define HADA_REFINE_TV_GROUP 256
+
+typedef struct hada_refine_tv_tile {
+    hada_ulong copy; /* where the copy of the planes stands behind the duals, in numbers */
+    int rows, cols;
+    int steps;              /* of the launch */
+    int fresh, first, last; /* the duals are taken as 0; which launch of a proximal step it is */
+} hada_refine_tv_tile;
+HADA_SHARED_SIZE(hada_refine_tv_tile, 32)
 
 #endif

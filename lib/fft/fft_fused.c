@@ -16,6 +16,37 @@ int hada_fft_fuses(const hada_context *context, int rows, int cols, int blocks)
            bytes <= context->info.local_memory_bytes;
 }
 
+/* Columns or pairs of rows that a group takes at most: a row's part of a block is a whole sector of memory (32 bytes on
+ * the GPUs that we know), and small grids still make many groups. */
+enum { MOST_SIDE_BY_SIDE = 4 };
+
+/* How many transforms of length n, of each of `images`, fit in local memory, with the tree of a sum beside them. */
+static int side_by_side(const hada_context *context, int n, int columns, int images, size_t group)
+{
+    int points, odd, width = MOST_SIDE_BY_SIDE;
+    size_t ints, floats;
+    hada_fft_pass_sizes(n, 0, &points, &odd, &ints, &floats);
+    const uint64_t reported = context->info.local_memory_bytes, tree = group * sizeof(float);
+    const uint64_t limit = reported < HADA_OWN_LOCAL_BYTES ? reported : HADA_OWN_LOCAL_BYTES;
+    const uint64_t one = (uint64_t)images * (uint64_t)n * 2 * sizeof(float);
+    while (width && (uint64_t)width * one + tree > limit)
+        width /= 2;
+    return points != n || odd || (columns && width < HADA_FFT_LEAST_COLUMNS) ? 0 : width;
+}
+
+int hada_fft_group_pairs(const hada_context *context, int cols, size_t group)
+{
+    return side_by_side(context, cols, 0, 1, group);
+}
+
+int hada_fft_group_columns(const hada_context *context, int rows, int cols, int images, size_t group)
+{
+    return context->shape == HADA_SHAPE_GROUPS && context->info.max_work_group >= group &&
+                   hada_fft_choose(context, rows, cols) == HADA_FFT_OWN && hada_fft_group_pairs(context, cols, group)
+               ? side_by_side(context, rows, 1, images, group)
+               : 0;
+}
+
 /* The tables of both passes along rows in one buffer. */
 static hada_status gather_rows(hada_fft_fused *fused, hada_slot *slot, hada_error *err)
 {
@@ -38,6 +69,11 @@ hada_status hada_fft_fused_make(hada_fft_fused *fused, hada_slot *slot, int rows
                              back = {.kind = HADA_PASS_ROWS_INVERSE, .n = cols, .inverse = 1},
                              columns = {.kind = HADA_PASS_COLUMNS, .n = rows};
     hada_status status = HADA_OK;
+    if (slot->context->shape == HADA_SHAPE_GROUPS) {
+        HADA_TRY(hada_own_pass_make_any(&fused->rows, slot, &forward, err));
+        HADA_TRY(hada_own_pass_make_any(&fused->columns, slot, &columns, err));
+        goto done;
+    }
     HADA_TRY(hada_own_pass_make(&fused->rows, slot, &forward, err));
     HADA_TRY(hada_own_pass_make(&fused->rows_back, slot, &back, err));
     HADA_TRY(hada_own_pass_make(&fused->columns, slot, &columns, err));
@@ -56,7 +92,9 @@ void hada_fft_fused_free(hada_fft_fused *fused)
 
 size_t hada_fft_fused_bytes(const hada_context *context, int rows, int cols)
 {
-    return 2 * hada_own_pass_bytes(context, cols, 0) + hada_own_pass_bytes(context, rows, 1);
+    return context->shape == HADA_SHAPE_GROUPS
+               ? hada_own_table_bytes(context, cols, 0) + hada_own_table_bytes(context, rows, 1)
+               : 2 * hada_own_pass_bytes(context, cols, 0) + hada_own_pass_bytes(context, rows, 1);
 }
 
 /* Time of a stage for each point, in that of a stage of radix 2, as measured on a CPU with AVX-512; 0: no butterfly.

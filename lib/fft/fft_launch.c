@@ -71,10 +71,14 @@ done:
 
 hada_status hada_own_pass_make(hada_own_pass *pass, hada_slot *slot, const hada_fft_pass_desc *desc, hada_error *err)
 {
+    pass->sized = hada_fft_sized_find(&pass->size, slot->context, desc->n, desc->kind == HADA_PASS_COLUMNS);
+    return pass->sized ? make_sized(pass, slot, desc->kind, err) : hada_own_pass_make_any(pass, slot, desc, err);
+}
+
+hada_status hada_own_pass_make_any(hada_own_pass *pass, hada_slot *slot, const hada_fft_pass_desc *desc,
+                                   hada_error *err)
+{
     hada_context *context = slot->context;
-    pass->sized = hada_fft_sized_find(&pass->size, context, desc->n, desc->kind == HADA_PASS_COLUMNS);
-    if (pass->sized)
-        return make_sized(pass, slot, desc->kind, err);
     hada_fft_pass_desc full = *desc;
     hada_fft_pass table = {0};
     int points, odd;
@@ -107,6 +111,14 @@ void hada_own_pass_free(hada_own_pass *pass)
     hada_buffer_destroy(&pass->scratch);
 }
 
+size_t hada_own_table_bytes(const hada_context *context, int n, int columns)
+{
+    int points, odd;
+    size_t ints, floats;
+    hada_fft_pass_sizes(n, reads_memory_first(context, columns), &points, &odd, &ints, &floats);
+    return ints * sizeof(int32_t) + floats * sizeof(float);
+}
+
 size_t hada_own_pass_bytes(const hada_context *context, int n, int columns)
 {
     hada_fft_sized size;
@@ -119,7 +131,7 @@ size_t hada_own_pass_bytes(const hada_context *context, int n, int columns)
     size_t ints, floats;
     hada_fft_pass_sizes(n, reads_memory_first(context, columns), &points, &odd, &ints, &floats);
     const scratch_plan plan = plan_scratch(context, points, odd);
-    return ints * sizeof(int32_t) + floats * sizeof(float) + (plan.local ? 0 : global_groups(context) * plan.bytes);
+    return hada_own_table_bytes(context, n, columns) + (plan.local ? 0 : global_groups(context) * plan.bytes);
 }
 
 size_t hada_own_pass_local(const hada_context *context, int n, int columns)

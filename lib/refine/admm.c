@@ -116,10 +116,10 @@ static sizes sizes_of(const hada_context *context, const hada_refine_shape *shap
     b.spectra = images * layout.count * complex_bytes;
     /* total variation's loads reach a vector beyond the last image */
     b.planes = hada_round_up(images * hada_rect_area(&shape->window) + 8, HADA_REFINE_PAD) * sizeof(float);
-    b.tv = shape->tv
-               ? hada_variation_floats(shape->channels, shape->window.rows, shape->window.cols, shape->max_planes) *
-                     sizeof(float)
-               : 0;
+    b.tv = shape->tv ? hada_variation_floats(context, shape->channels, shape->window.rows, shape->window.cols,
+                                             shape->max_planes) *
+                           sizeof(float)
+                     : 0;
     if (shape->boundary == HADA_BOUNDARY_PADDED) {
         b.split = sets * layout.count * complex_bytes;
         b.dual = sets * hada_rect_area(&shape->frame) * sizeof(float);
@@ -128,8 +128,9 @@ static sizes sizes_of(const hada_context *context, const hada_refine_shape *shap
     }
     b.list = (size_t)shape->max_planes * sizeof(cl_int);
     b.slices = (int)((longest + HADA_REFINE_SLICE - 1) / HADA_REFINE_SLICE);
-    if (b.slices < layout.blocks) /* of a fused step */
-        b.slices = layout.blocks;
+    const int fused = hada_refine_fused_most_slices(context, &layout);
+    if (b.slices < fused)
+        b.slices = fused;
     b.partials = sets * (size_t)b.slices;
     b.partial = ((size_t)shape->max_steps + 2) * b.partials * sizeof(float);
     return b;

@@ -3,13 +3,27 @@
 #include <math.h>
 
 #include "launch/refine_columns.h"
+#include "launch/refine_group_columns.h"
+#include "launch/refine_group_rows.h"
 #include "launch/refine_rows.h"
 
 enum { GROUP_ROWS = 16 }; /* that a work-item of refine_rows takes */
 
+/* Columns that a work-group takes of each depth of a set; 0: groups do not. */
+static int group_columns(const hada_context *context, const hada_refine_shape *shape, int depths)
+{
+    return hada_fft_group_columns(context, shape->grid_rows, shape->grid_cols, depths, HADA_REFINE_FUSED_GROUP);
+}
+
+static int can_fuse(const hada_context *context, const hada_refine_shape *shape, int depths)
+{
+    return context->shape == HADA_SHAPE_GROUPS ? group_columns(context, shape, depths) > 0
+                                               : hada_fft_fuses(context, shape->grid_rows, shape->grid_cols, depths);
+}
+
 int hada_refine_fused_grid(const hada_context *context, const hada_refine_shape *shape)
 {
-    return shape->boundary == HADA_BOUNDARY_CIRCULAR && hada_fft_fuses(context, shape->grid_rows, shape->grid_cols, 1);
+    return shape->boundary == HADA_BOUNDARY_CIRCULAR && can_fuse(context, shape, 1);
 }
 
 size_t hada_refine_fused_bytes(const hada_context *context, const hada_refine_shape *shape)
@@ -26,6 +40,11 @@ hada_status hada_refine_fused_make(hada_refiner *refiner, hada_error *err)
     if (!hada_refine_fused_grid(slot->context, shape))
         goto done;
     HADA_TRY(hada_fft_fused_make(&refiner->fused, slot, shape->grid_rows, shape->grid_cols, err));
+    if (slot->context->shape == HADA_SHAPE_GROUPS) {
+        HADA_TRY(hada_prepare_refine_group_columns(slot, HADA_PROGRAM_REFINE_GROUP_COLUMNS_DEFAULT, err));
+        HADA_TRY(hada_prepare_refine_group_rows(slot, HADA_PROGRAM_REFINE_GROUP_ROWS_DEFAULT, err));
+        goto done;
+    }
     HADA_TRY(hada_prepare_refine_columns(slot, HADA_PROGRAM_REFINE_COLUMNS_DEFAULT, err));
     HADA_TRY(hada_prepare_refine_rows(slot, HADA_PROGRAM_REFINE_ROWS_DEFAULT, err));
 done:
@@ -34,9 +53,21 @@ done:
 
 int hada_refine_fused_takes(const hada_refiner *refiner, int depths)
 {
-    const hada_refine_shape *shape = &refiner->shape;
-    return refiner->fused.columns.table.mem &&
-           hada_fft_fuses(refiner->slot->context, shape->grid_rows, shape->grid_cols, depths);
+    return refiner->fused.columns.table.mem && can_fuse(refiner->slot->context, &refiner->shape, depths);
+}
+
+int hada_refine_fused_most_slices(const hada_context *context, const hada_spectrum_layout *layout)
+{
+    return context->shape == HADA_SHAPE_GROUPS ? layout->blocks * (HADA_FFT_BLOCK / HADA_FFT_LEAST_COLUMNS)
+                                               : layout->blocks;
+}
+
+size_t hada_refine_fused_slices(const hada_refine_run *run)
+{
+    const hada_context *context = run->refiner->slot->context;
+    const int width = context->shape == HADA_SHAPE_GROUPS ? group_columns(context, &run->refiner->shape, run->depths)
+                                                          : HADA_FFT_BLOCK;
+    return (size_t)(run->refiner->layout.blocks * (HADA_FFT_BLOCK / width));
 }
 
 /* The usual count of a transform of n points, in operations. */
@@ -45,7 +76,7 @@ static double transform(double n)
     return 5.0 * n * log2(n > 2.0 ? n : 2.0);
 }
 
-static hada_refine_rows rows_of(const hada_refiner *refiner, const hada_refine_fused_part *part)
+static hada_refine_rows rows_of(const hada_refiner *refiner, const hada_refine_fused_part *part, int width)
 {
     const hada_refine_rect *window = &refiner->shape.window;
     return (hada_refine_rows){.row0 = window->row0,
@@ -56,7 +87,25 @@ static hada_refine_rows rows_of(const hada_refiner *refiner, const hada_refine_f
                               .clip = part->clip,
                               .forward = part->forward,
                               .scale = (float)hada_refine_per_pixel(refiner),
-                              .back_table = refiner->fused.back_table};
+                              .back_table = refiner->fused.back_table,
+                              .width = width};
+}
+
+static hada_status launch_group_columns(const hada_refine_run *run, const hada_refine_step *now, hada_error *err)
+{
+    hada_refiner *refiner = run->refiner;
+    const hada_refine_data *data = run->data;
+    const int width = group_columns(refiner->slot->context, &refiner->shape, run->depths);
+    const hada_refine_rows rows = rows_of(refiner, &(hada_refine_fused_part){0}, width);
+    const hada_local scratch = {(size_t)(width * run->depths * refiner->layout.rows) * 2 * sizeof(float)};
+    const hada_range range = hada_range_groups(hada_refine_fused_slices(run), HADA_REFINE_FUSED_GROUP,
+                                               (size_t)refiner->shape.channels, (size_t)run->sets);
+    return hada_launch_refine_group_columns(
+        refiner->slot, HADA_PROGRAM_REFINE_GROUP_COLUMNS_DEFAULT, &range, err, .planes = refiner->now_u.mem,
+        .otf = data->otf, .list = refiner->list.mem, .frame = data->spectrum,
+        .prior = now->has_prior ? data->prior : data->spectrum, .now_w = refiner->now_w.mem,
+        .partial = refiner->partial.mem, .now = *now, .rows = rows, .table = refiner->fused.columns.table.mem,
+        .scratch = scratch);
 }
 
 hada_status hada_refine_fused_columns(const hada_refine_run *run, const hada_refine_rule *rule, int start, int step,
@@ -66,18 +115,20 @@ hada_status hada_refine_fused_columns(const hada_refine_run *run, const hada_ref
     const hada_refine_data *data = run->data;
     const hada_own_pass *pass = &refiner->fused.columns;
     const hada_refine_step now = hada_refine_step_of(run, rule, start, step, place);
-    const hada_refine_rows rows = rows_of(refiner, &(hada_refine_fused_part){0});
     const int channels = refiner->shape.channels, all = run->sets * run->depths;
-    const hada_local scratch = {pass->local_bytes * (size_t)run->depths};
-    const hada_range range = hada_range_groups((size_t)refiner->layout.blocks, 1, (size_t)channels, (size_t)run->sets);
     const double columns = (refiner->layout.cols / 2 + 1.0) * channels, grid = refiner->layout.rows;
     const int cold = start == HADA_REFINE_COLD, ways = cold ? 1 : 2;
     const int once = all < data->otf_depths ? all : data->otf_depths; /* one that several sets share is read once */
     hada_slot_cost(refiner->slot,
                    columns * (8.0 * grid * (once + 1.0 + (start == HADA_REFINE_CONTINUE ? 2.0 : 1.0) * all) +
-                              (now.has_prior ? 4.0 * grid : 0) + 8.0 * ways * all * rows.rows),
+                              (now.has_prior ? 4.0 * grid : 0) + 8.0 * ways * all * refiner->shape.window.rows),
                    columns * (ways * all * transform(grid) + grid * ((cold ? 20.0 : 44.0) * all + 16.0 * run->sets)));
     refiner->transforms += (size_t)(all * channels);
+    if (refiner->slot->context->shape == HADA_SHAPE_GROUPS)
+        return launch_group_columns(run, &now, err);
+    const hada_refine_rows rows = rows_of(refiner, &(hada_refine_fused_part){0}, 0);
+    const hada_local scratch = {pass->local_bytes * (size_t)run->depths};
+    const hada_range range = hada_range_groups((size_t)refiner->layout.blocks, 1, (size_t)channels, (size_t)run->sets);
     return hada_launch_refine_columns(refiner->slot, HADA_PROGRAM_REFINE_COLUMNS_DEFAULT, &range, err,
                                       .planes = refiner->now_u.mem, .otf = data->otf, .list = refiner->list.mem,
                                       .frame = data->spectrum, .prior = now.has_prior ? data->prior : data->spectrum,
@@ -85,18 +136,36 @@ hada_status hada_refine_fused_columns(const hada_refine_run *run, const hada_ref
                                       .rows = rows, .table = pass->table.mem, .scratch = scratch);
 }
 
+static hada_status launch_group_rows(hada_refiner *refiner, const hada_refine_fused_part *part, int images,
+                                     hada_error *err)
+{
+    const size_t group = HADA_REFINE_FUSED_GROUP;
+    const int pairs = hada_fft_group_pairs(refiner->slot->context, refiner->layout.cols, group);
+    const hada_refine_rows rows = rows_of(refiner, part, pairs);
+    const hada_local scratch = {(size_t)(pairs * refiner->layout.cols) * 2 * sizeof(float)};
+    const hada_range range =
+        hada_range_groups((size_t)images * hada_divide_up((size_t)rows.rows, 2 * (size_t)pairs), group, 1, 1);
+    return hada_launch_refine_group_rows(refiner->slot, HADA_PROGRAM_REFINE_GROUP_ROWS_DEFAULT, &range, err,
+                                         .spectra = refiner->now_u.mem, .planes = refiner->planes.mem, .rows = rows,
+                                         .table = refiner->fused.rows.table.mem, .scratch = scratch);
+}
+
 hada_status hada_refine_fused_rows(const hada_refine_run *run, const hada_refine_fused_part *part, hada_error *err)
 {
     hada_refiner *refiner = run->refiner;
     const hada_fft_fused *fused = &refiner->fused;
-    const hada_refine_rows rows = rows_of(refiner, part);
     const int images = run->sets * run->depths * refiner->shape.channels, ways = part->inverse + part->forward;
-    const hada_local scratch = {fused->rows.local_bytes};
-    const hada_range range = hada_range_groups((size_t)images * hada_divide_up((size_t)rows.rows, GROUP_ROWS), 1, 1, 1);
-    const double all = (double)images * rows.rows;
-    hada_slot_cost(refiner->slot, all * (8.0 * ways * (refiner->layout.cols / 2 + 1.0) + 4.0 * ways * rows.cols),
-                   all * (0.5 * ways * transform(refiner->layout.cols) + (part->clip ? 1.0 : 0) * rows.cols));
+    const int window_rows = refiner->shape.window.rows, cols = refiner->shape.window.cols;
+    const double all = (double)images * window_rows;
+    hada_slot_cost(refiner->slot, all * (8.0 * ways * (refiner->layout.cols / 2 + 1.0) + 4.0 * ways * cols),
+                   all * (0.5 * ways * transform(refiner->layout.cols) + (part->clip ? 1.0 : 0) * cols));
     refiner->transforms += part->forward ? (size_t)images : 0;
+    if (refiner->slot->context->shape == HADA_SHAPE_GROUPS)
+        return launch_group_rows(refiner, part, images, err);
+    const hada_refine_rows rows = rows_of(refiner, part, 0);
+    const hada_local scratch = {fused->rows.local_bytes};
+    const hada_range range =
+        hada_range_groups((size_t)images * hada_divide_up((size_t)window_rows, GROUP_ROWS), 1, 1, 1);
     return hada_launch_refine_rows(refiner->slot, HADA_PROGRAM_REFINE_ROWS_DEFAULT, &range, err,
                                    .spectra = refiner->now_u.mem, .planes = refiner->planes.mem, .rows = rows,
                                    .tables = fused->row_tables.mem, .scratch = scratch);

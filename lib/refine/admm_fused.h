@@ -1,7 +1,7 @@
 /* A step of the refinement in two launches, where the frame is not cropped: along columns both transforms with the
  * linear step between them, along rows both with the proximal step between them (kernels/refine_columns.cl,
- * refine_rows.cl). Spectra of planes stand nowhere; what stands between the launches are half spectra of rows, in the
- * place of U. Internal to lib/refine. */
+ * refine_rows.cl; by work-groups refine_group_columns.cl, refine_group_rows.cl). Spectra of planes stand nowhere; what
+ * stands between the launches are half spectra of rows, in the place of U. Internal to lib/refine. */
 #ifndef HADA_REFINE_ADMM_FUSED_H
 #define HADA_REFINE_ADMM_FUSED_H
 
@@ -12,11 +12,15 @@ int hada_refine_fused_grid(const hada_context *context, const hada_refine_shape 
 size_t hada_refine_fused_bytes(const hada_context *context, const hada_refine_shape *shape);
 hada_status hada_refine_fused_make(hada_refiner *refiner, hada_error *err);
 
-/* Whether the sets of a run can be: a column block of each depth fits in local memory. */
+/* Whether the sets of a run can be: a block of columns of each depth, or a part of one, fits in local memory. */
 int hada_refine_fused_takes(const hada_refiner *refiner, int depths);
 
+/* Sums of an image in a linear step, and the most for any number of depths. */
+size_t hada_refine_fused_slices(const hada_refine_run *run);
+int hada_refine_fused_most_slices(const hada_context *context, const hada_spectrum_layout *layout);
+
 /* The linear step number `step`, from half spectra of rows to half spectra of rows. Its sums go to `place`,
- * [set][channel][block]. */
+ * [set][channel][slice]. */
 hada_status hada_refine_fused_columns(const hada_refine_run *run, const hada_refine_rule *rule, int start, int step,
                                       int place, hada_error *err);
 

@@ -149,7 +149,7 @@ static hada_status read_energies(const hada_refine_run *r, const hada_refine_rul
 {
     const hada_refiner *refiner = r->refiner;
     const size_t frame_slices = hada_refine_slices(refiner->frame_area),
-                 slices = r->fused ? (size_t)refiner->layout.blocks : hada_refine_slices(refiner->layout.count);
+                 slices = r->fused ? hada_refine_fused_slices(r) : hada_refine_slices(refiner->layout.count);
     const size_t width = (size_t)refiner->shape.max_sets;
     hada_status status = HADA_OK;
     HADA_TRY(hada_refine_fetch(r, first, end - first, err));

@@ -4,6 +4,7 @@
 #define HADA_REFINE_VARIATION_H
 
 #include "launch/refine_tv.h"
+#include "launch/refine_tv_tile.h"
 #include "runtime/buffer.h"
 
 /* Of a step: projected gradients on its dual, which goes on from step to step, each of this length. */
@@ -17,6 +18,8 @@ typedef struct hada_variation {
     int channels, rows, cols; /* of a plane */
     hada_program_refine_tv program;
     size_t group;
+    int tiled; /* 1: some steps a launch, on tiles by work-groups (kernels/refine_tv_tile.cl) */
+    hada_program_refine_tv_tile tile_program;
 } hada_variation;
 
 /* Chooses the program for the window and makes it. */
@@ -24,7 +27,7 @@ hada_status hada_variation_prepare(hada_variation *variation, hada_slot *slot, i
                                    hada_error *err);
 
 /* Floats of each of the two arrays of duals. */
-size_t hada_variation_floats(int channels, int rows, int cols, int planes);
+size_t hada_variation_floats(const hada_context *context, int channels, int rows, int cols, int planes);
 
 /* The step on `count` planes [plane][channel][rows][cols], in place. theta: weight of total variation over that of the
  * distance; colour: weight of differences of colour over those of brightness, from 1. duals[0] is read and holds the

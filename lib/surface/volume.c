@@ -52,8 +52,8 @@ static void list_buffers(const hada_context *context, const hada_volume_shape *s
     const size_t unknown = shape->free ? planes : 1, spectrum = channels * layout.count * 2 * sizeof(float);
     const size_t values = (unknown * channels * window + HADA_VARIATION_ROOM) * sizeof(float);
     const size_t batch = ((size_t)batch_of(shape) * channels * window + HADA_VARIATION_ROOM) * sizeof(float);
-    const size_t duals =
-        sizeof(float) * hada_variation_floats(shape->channels, shape->window.rows, shape->window.cols, (int)unknown);
+    const size_t duals = sizeof(float) * hada_variation_floats(context, shape->channels, shape->window.rows,
+                                                               shape->window.cols, (int)unknown);
     const hada_buffer_row list[ROWS] = {
         {offsetof(hada_volume, otf), planes * spectrum, what},
         {offsetof(hada_volume, weight), spectrum / 2, what},

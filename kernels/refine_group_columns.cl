@@ -1,0 +1,114 @@
+/* As refine_columns.cl, by work-groups: a group takes `width` columns of one block (2, 4 or 8) of all depths of a set.
+ * Between the transforms the points stand in natural order; the stages backwards leave them in the digit-reversed order
+ * of the input. For lengths whose stages all have butterflies.
+ *
+ * Dimensions: parts of blocks of columns, channels, sets. `scratch`: `width` columns for each depth of a set.
+ * partial[set][channel][part]. */
+#include "shared_refine.h"
+#define REFINE_WIDTH 1
+#define REFINE_GROUP HADA_REFINE_FUSED_GROUP
+#include "inc_fft_groups.h"
+#include "inc_refine.h"
+#include "shared_fft.h"
+
+/* The linear step at one frequency, number i of a spectrum; arguments as in refine_columns.cl. `scratch`: U of the
+ * first depth there, and those of the others every `each` values on; it takes the next W, parts changed over. */
+REFINE_INLINE float solve(const hada_refine_step *now, __global const float *h, size_t h_step, __global const int *z,
+                          __global const float *b, __global const float *prior, __global float *w, size_t w_step,
+                          size_t i, __local float2 *scratch, int each)
+{
+    const int depths = now->problem.depths, cold = now->start == HADA_REFINE_COLD;
+    const int further = now->start == HADA_REFINE_CONTINUE;
+    const float rho = now->rho, keep = now->keep, over = now->relaxation;
+    float square = 0.0f, h_re, h_im;
+    float2 hv = (float2)0.0f, hu = hv, y;
+    for (int s = 0; s < depths; ++s) {
+        refine_get(h + z[s] * h_step, i, &h_re, &h_im);
+        square = fma(h_re, h_re, fma(h_im, h_im, square));
+        if (!cold) {
+            const float2 u = scratch[s * each];
+            float2 v = u;
+            if (further)
+                v = fma((float2)-keep, vload2(i, w + s * w_step) - u, u);
+            hu = fma((float2)h_re, u, fma((float2)(-h_im, h_im), u.yx, hu));
+            hv = fma((float2)h_re, v, fma((float2)(-h_im, h_im), v.yx, hv));
+        }
+    }
+    y = vload2(i, b);
+    const float2 r = y - hu;
+    const float g = now->has_prior ? rho + prior[i] : rho;
+    const float per_g = 1.0f / g, per_all = 1.0f / (g + square);
+    const float2 f = (g * y - rho * hv) * per_all;
+    for (int s = 0; s < depths; ++s) {
+        float2 u = (float2)0.0f, d = u;
+        refine_get(h + z[s] * h_step, i, &h_re, &h_im);
+        if (!cold)
+            u = scratch[s * each];
+        if (further)
+            d = keep * (vload2(i, w + s * w_step) - u);
+        const float2 x = fma((float2)h_re, f, fma((float2)(h_im, -h_im), f.yx, rho * (u - d))) * per_g;
+        const float2 next = fma((float2)over, x - u, u + d);
+        vstore2(next, i, w + s * w_step);
+        scratch[s * each] = next.yx;
+    }
+    return fma(r.x, r.x, r.y * r.y);
+}
+
+__kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
+refine_group_columns(__global float *planes, __global const float *otf, __global const int *list,
+                     __global const float *frame, __global const float *prior, __global float *now_w,
+                     __global float *partial, hada_refine_step now, hada_refine_rows rows, __global const int *table,
+                     __local float2 *scratch)
+{
+    REFINE_LOCAL
+    const int depths = now.problem.depths, n = table[FFT_LENGTH], stages = table[FFT_STAGES], width = rows.width;
+    const int cold = now.start == HADA_REFINE_COLD, each = n * width;
+    const fft_side side = fft_side_of(width);
+    __global const int *place = table + table[FFT_PLACE];
+    __global const float *floats = FFT_FLOATS_OF(table);
+    const uint parts = HADA_FFT_BLOCK / width, blocks = get_num_groups(0) / parts, cols = now.problem.spectrum.cols;
+    const uint block = get_group_id(0) / parts, col = get_group_id(0) % parts * width + side.w;
+    const uint channel = get_group_id(1), channels = get_num_groups(1), set = get_group_id(2);
+    const size_t count = now.problem.spectrum.count, step = 2 * (size_t)channels * count;
+    const size_t first = (size_t)set * depths * channels + channel, block_values = (size_t)rows.rows * HADA_FFT_BLOCK;
+    __global const float *h = otf + 2 * (now.problem.otf_offset + channel * count);
+    __global const float *b = frame + 2 * (now.problem.frame_offset + channel * count);
+    __global const float *p = prior + (now.has_prior ? channel * count : 0);
+    __global float *w = now_w + 2 * first * count;
+    __global float2 *window = (__global float2 *)planes + (first * blocks + block) * block_values + col;
+    const size_t window_step = (size_t)channels * blocks * block_values;
+    __global const int *z = list + set * (uint)depths;
+    float sum = 0.0f;
+
+    for (int s = 0; s < (cold ? 0 : depths); ++s)
+        FFT_SHARE_SIDE(y, n, side)
+        {
+            const int row = y - rows.row0;
+            float2 v = (float2)0.0f;
+            if ((uint)row < (uint)rows.rows)
+                v = window[s * window_step + (size_t)row * HADA_FFT_BLOCK];
+            scratch[s * each + place[y] * width + side.w] = v;
+        }
+    for (int s = 0; s < (cold ? 0 : stages); ++s) {
+        FFT_WAIT();
+        fft_stage(scratch, n * depths, side, table + FFT_HEADER + s * FFT_STAGE_INTS, floats, 0);
+    }
+    FFT_WAIT();
+    FFT_SHARE_SIDE(y, n, side)
+    {
+        const uint i = (block * (uint)n + y) * HADA_FFT_BLOCK + col;
+        sum += refine_count(solve(&now, h, step, z, b, p, w, step, i, scratch + y * width + side.w, each), i, n,
+                            HADA_FFT_BLOCK, cols);
+    }
+    for (int s = stages - 1; s >= 0; --s) {
+        FFT_WAIT();
+        fft_stage(scratch, n * depths, side, table + FFT_HEADER + s * FFT_STAGE_INTS, floats, 1);
+    }
+    FFT_WAIT();
+    for (int s = 0; s < depths; ++s)
+        FFT_SHARE_SIDE(row, rows.rows, side)
+    window[s * window_step + (size_t)row * HADA_FFT_BLOCK] =
+        scratch[s * each + place[rows.row0 + row] * width + side.w].yx;
+    REFINE_PARTIAL(partial, (now.problem.sums.first + (set * channels + channel) * get_num_groups(0) + get_group_id(0)),
+                   sum)
+}

@@ -65,6 +65,7 @@ typedef struct hada_refine_rule {
                          transforms (refine/shrinkage.h), in units of tv; 0: none */
     double stop;      /* stop when the residual changes by less than this part of itself, twice running; 0: never */
     int quiet;        /* 1, without `stop`: nobody asks for the energies on the way, and the run waits for nothing */
+    int scored; /* 1: hada_refiner_score() follows, with the planes as they are: a step may leave what it begins with */
     hada_refine_start start;
 } hada_refine_rule;
 

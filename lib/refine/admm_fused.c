@@ -5,6 +5,7 @@
 #include "launch/refine_columns.h"
 #include "launch/refine_group_columns.h"
 #include "launch/refine_group_rows.h"
+#include "launch/refine_group_score.h"
 #include "launch/refine_rows.h"
 
 enum { GROUP_ROWS = 16 }; /* that a work-item of refine_rows takes */
@@ -43,6 +44,7 @@ hada_status hada_refine_fused_make(hada_refiner *refiner, hada_error *err)
     if (slot->context->shape == HADA_SHAPE_GROUPS) {
         HADA_TRY(hada_prepare_refine_group_columns(slot, HADA_PROGRAM_REFINE_GROUP_COLUMNS_DEFAULT, err));
         HADA_TRY(hada_prepare_refine_group_rows(slot, HADA_PROGRAM_REFINE_GROUP_ROWS_DEFAULT, err));
+        HADA_TRY(hada_prepare_refine_group_score(slot, HADA_PROGRAM_REFINE_GROUP_SCORE_DEFAULT, err));
         goto done;
     }
     HADA_TRY(hada_prepare_refine_columns(slot, HADA_PROGRAM_REFINE_COLUMNS_DEFAULT, err));
@@ -134,6 +136,40 @@ hada_status hada_refine_fused_columns(const hada_refine_run *run, const hada_ref
                                       .frame = data->spectrum, .prior = now.has_prior ? data->prior : data->spectrum,
                                       .now_w = refiner->now_w.mem, .partial = refiner->partial.mem, .now = now,
                                       .rows = rows, .table = pass->table.mem, .scratch = scratch);
+}
+
+/* What the channels add up to takes as much as two columns of a plane do. */
+enum { SCORE_COLUMNS = 2 };
+
+int hada_refine_fused_scores(const hada_refiner *refiner, int depths)
+{
+    const hada_context *context = refiner->slot->context;
+    return refiner->fused.columns.table.mem && context->shape == HADA_SHAPE_GROUPS &&
+           group_columns(context, &refiner->shape, depths + SCORE_COLUMNS) > 0;
+}
+
+hada_status hada_refine_fused_score(const hada_refine_run *run, const hada_refine_band *band, size_t *slices,
+                                    hada_error *err)
+{
+    hada_refiner *refiner = run->refiner;
+    const hada_refine_data *data = run->data;
+    const int columns = run->depths + SCORE_COLUMNS, images = run->sets * run->depths * refiner->shape.channels;
+    const int width = group_columns(refiner->slot->context, &refiner->shape, columns);
+    const hada_refine_rows rows = rows_of(refiner, &(hada_refine_fused_part){0}, width);
+    const hada_refine_problem problem = hada_refine_problem_of(run, 0);
+    const hada_local scratch = {(size_t)(width * columns * refiner->layout.rows) * 2 * sizeof(float)};
+    *slices = (size_t)(refiner->layout.blocks * (HADA_FFT_BLOCK / width));
+    const hada_range range = hada_range_groups(*slices, HADA_REFINE_FUSED_GROUP, (size_t)run->sets, 1);
+    const double frequencies = refiner->layout.rows * (refiner->layout.cols / 2 + 1.0);
+    hada_slot_cost(refiner->slot, frequencies * images * (8.0 + (band->has_variance ? 12.0 : 8.0)),
+                   images * (frequencies * 14.0 + (refiner->layout.cols / 2 + 1.0) * transform(refiner->layout.rows)));
+    refiner->transforms += (size_t)images;
+    return hada_launch_refine_group_score(
+        refiner->slot, HADA_PROGRAM_REFINE_GROUP_SCORE_DEFAULT, &range, err, .planes = refiner->now_u.mem,
+        .otf = data->otf, .list = refiner->list.mem, .frame = data->spectrum,
+        .prior = band->has_prior ? data->prior : data->spectrum,
+        .variance = band->has_variance ? data->variance : data->spectrum, .partial = refiner->partial.mem,
+        .problem = problem, .band = *band, .rows = rows, .table = refiner->fused.columns.table.mem, .scratch = scratch);
 }
 
 static hada_status launch_group_rows(hada_refiner *refiner, const hada_refine_fused_part *part, int images,

@@ -24,6 +24,12 @@ int hada_refine_fused_most_slices(const hada_context *context, const hada_spectr
 hada_status hada_refine_fused_columns(const hada_refine_run *run, const hada_refine_rule *rule, int start, int step,
                                       int place, hada_error *err);
 
+/* Whether hada_refiner_score() takes half spectra of rows as well, and what it is made of then: by work-groups alone.
+ * `slices` sums of each set go to the first place. */
+int hada_refine_fused_scores(const hada_refiner *refiner, int depths);
+hada_status hada_refine_fused_score(const hada_refine_run *run, const hada_refine_band *band, size_t *slices,
+                                    hada_error *err);
+
 /* Along rows: half spectra to planes, their non-negative part, and their half spectra; any of the three. */
 typedef struct hada_refine_fused_part {
     int inverse, clip, forward;

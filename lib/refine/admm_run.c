@@ -106,7 +106,9 @@ static hada_status iterate_fused(const hada_refine_run *r, const hada_refine_rul
 {
     const int start = step ? HADA_REFINE_CONTINUE : (int)rule->start, tv = rule->tv > 0.0;
     const hada_refine_fused_part forward = {.forward = 1};
-    const hada_refine_fused_part back = {.inverse = 1, .clip = !tv, .forward = !tv && step + 1 < rule->steps};
+    const int asked = rule->scored && hada_refine_fused_scores(r->refiner, r->depths);
+    const hada_refine_fused_part back = {
+        .inverse = 1, .clip = !tv, .forward = !tv && (step + 1 < rule->steps || asked)};
     hada_status status = HADA_OK;
     if (start != HADA_REFINE_COLD && (tv || !step))
         HADA_TRY(hada_refine_fused_rows(r, &forward, err));
@@ -114,6 +116,7 @@ static hada_status iterate_fused(const hada_refine_run *r, const hada_refine_rul
     HADA_TRY(hada_refine_fused_rows(r, &back, err));
     if (tv)
         HADA_TRY(constrain(r, rule, step, start != HADA_REFINE_CONTINUE, shrink, err));
+    r->refiner->half_there = back.forward;
 done:
     return status;
 }
@@ -178,6 +181,7 @@ hada_status hada_refiner_run(hada_refiner *refiner, const hada_refine_data *data
     int count = 0, read = 0;
     const int least = rule->first_steps > 0 ? rule->first_steps + SETTLING_STEPS : 0;
     hada_status status = HADA_OK;
+    refiner->half_there = 0;
     HADA_TRY(begin(&r, refiner, data, sets, depths, list, 0, err));
     HADA_TRY(check_rule(refiner, rule, err));
     const int last = shrink_steps(&r, rule);
@@ -207,6 +211,7 @@ hada_status hada_refiner_residual(hada_refiner *refiner, const hada_refine_data 
     const int channels = refiner->shape.channels;
     hada_refine_run r;
     hada_status status = HADA_OK;
+    refiner->half_there = 0;
     HADA_TRY(begin(&r, refiner, data, sets, depths, list, 1, err));
     HADA_TRY(hada_refine_planes_forward(&r, err));
     HADA_TRY(hada_refine_explain(&r, r.padded, err));
@@ -225,14 +230,21 @@ hada_status hada_refiner_score(hada_refiner *refiner, const hada_refine_data *da
                                const int *list, int band_rows, int band_cols, double *energy, hada_error *err)
 {
     hada_refine_run r = {.refiner = refiner, .data = data, .sets = 1};
+    const hada_refine_band band = {(unsigned)band_rows, (unsigned)band_cols, data->prior != NULL,
+                                   data->variance != NULL};
+    const hada_refine_fused_part forward = {.forward = 1};
+    const int fused = depths && hada_refine_fused_scores(refiner, depths);
+    size_t slices = hada_refine_slices(refiner->layout.count);
     hada_status status = HADA_OK;
-    if (depths) {
+    if (depths)
         HADA_TRY(begin(&r, refiner, data, sets, depths, list, 1, err));
+    if (fused && !refiner->half_there)
+        HADA_TRY(hada_refine_fused_rows(&r, &forward, err));
+    if (depths && !fused)
         HADA_TRY(hada_refine_planes_forward(&r, err));
-    }
-    HADA_TRY(hada_refine_score(&r, band_rows, band_cols, err));
-    HADA_TRY(hada_refine_energies(&r, 1, hada_refine_slices(refiner->layout.count), hada_refine_per_pixel(refiner),
-                                  energy, err));
+    HADA_TRY(fused ? hada_refine_fused_score(&r, &band, &slices, err) : hada_refine_score(&r, &band, err));
+    refiner->half_there = 0;
+    HADA_TRY(hada_refine_energies(&r, 1, slices, hada_refine_per_pixel(refiner), energy, err));
 done:
     return status;
 }

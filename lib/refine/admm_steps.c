@@ -71,7 +71,7 @@ static hada_refine_sums sums_at(const hada_refine_run *r, int place)
     return (hada_refine_sums){HADA_REFINE_SLICE, (unsigned)(r->refiner->partials * (size_t)place)};
 }
 
-static hada_refine_problem problem_of(const hada_refine_run *r, int place)
+hada_refine_problem hada_refine_problem_of(const hada_refine_run *r, int place)
 {
     return (hada_refine_problem){.otf_offset = r->data->otf_offset,
                                  .frame_offset = r->data->spectrum_offset,
@@ -89,7 +89,7 @@ static hada_range slices_range(const hada_refine_run *r, size_t count, int rows,
 hada_refine_step hada_refine_step_of(const hada_refine_run *r, const hada_refine_rule *rule, int start, int step,
                                      int place)
 {
-    return (hada_refine_step){.problem = problem_of(r, place),
+    return (hada_refine_step){.problem = hada_refine_problem_of(r, place),
                               .split_e = r->refiner->split_e,
                               .rho = (float)hada_refine_rho_at(rule, step),
                               .keep = step + rule->before
@@ -128,24 +128,22 @@ hada_status hada_refine_explain(const hada_refine_run *r, int has_residual, hada
         refiner->slot, refiner->program, &range, err, .otf = r->data->otf, .list = refiner->list.mem,
         .frame = r->data->spectrum, .now_u = refiner->now_u.mem,
         .residual = has_residual ? refiner->residual.mem : refiner->now_w.mem, .has_residual = has_residual,
-        .partial = refiner->partial.mem, .problem = problem_of(r, 0));
+        .partial = refiner->partial.mem, .problem = hada_refine_problem_of(r, 0));
 }
 
-hada_status hada_refine_score(const hada_refine_run *r, int band_rows, int band_cols, hada_error *err)
+hada_status hada_refine_score(const hada_refine_run *r, const hada_refine_band *band, hada_error *err)
 {
     hada_refiner *refiner = r->refiner;
     const hada_refine_data *data = r->data;
     const hada_spectrum_layout *layout = &refiner->layout;
-    const hada_refine_band band = {(unsigned)band_rows, (unsigned)band_cols, data->prior != NULL,
-                                   data->variance != NULL};
     const hada_range range = slices_range(r, layout->count, r->sets, 1);
-    cost_score(r, fmin(1.0, (double)band_rows / layout->rows) * fmin(1.0, (double)band_cols / layout->cols),
-               band.has_prior, band.has_variance);
-    return hada_launch_refine_score(refiner->slot, refiner->program, &range, err, .otf = data->otf,
-                                    .list = refiner->list.mem, .frame = data->spectrum, .now_u = refiner->now_u.mem,
-                                    .prior = band.has_prior ? data->prior : data->spectrum,
-                                    .variance = band.has_variance ? data->variance : data->spectrum,
-                                    .partial = refiner->partial.mem, .problem = problem_of(r, 0), .band = band);
+    cost_score(r, fmin(1.0, (double)band->rows / layout->rows) * fmin(1.0, (double)band->cols / layout->cols),
+               band->has_prior, band->has_variance);
+    return hada_launch_refine_score(
+        refiner->slot, refiner->program, &range, err, .otf = data->otf, .list = refiner->list.mem,
+        .frame = data->spectrum, .now_u = refiner->now_u.mem, .prior = band->has_prior ? data->prior : data->spectrum,
+        .variance = band->has_variance ? data->variance : data->spectrum, .partial = refiner->partial.mem,
+        .problem = hada_refine_problem_of(r, 0), .band = *band);
 }
 
 /* dual = factor * (dual - frame), or factor * dual, with its energy. */

@@ -37,6 +37,7 @@ struct hada_refiner {
     size_t window_area, frame_area;
     size_t split_e; /* where E begins, in complex numbers */
     size_t transforms;
+    int half_there; /* 1: half spectra of rows of the planes stand in now_u (admm_fused.h) */
 };
 
 /* One run's constants. */
@@ -54,6 +55,9 @@ hada_status hada_refine_prepare(hada_refiner *refiner, hada_error *err);
 /* The rho of a step. */
 double hada_refine_rho_at(const hada_refine_rule *rule, int step);
 
+/* What is refined; sums go to `place`. */
+hada_refine_problem hada_refine_problem_of(const hada_refine_run *run, int place);
+
 /* What a linear step is told, by its number. Its sums go to `place`. */
 hada_refine_step hada_refine_step_of(const hada_refine_run *run, const hada_refine_rule *rule, int start, int step,
                                      int place);
@@ -67,7 +71,7 @@ hada_status hada_refine_solve(const hada_refine_run *run, const hada_refine_rule
 hada_status hada_refine_explain(const hada_refine_run *run, int has_residual, hada_error *err);
 
 /* What hada_refiner_score() is made of, to the first place. */
-hada_status hada_refine_score(const hada_refine_run *run, int band_rows, int band_cols, hada_error *err);
+hada_status hada_refine_score(const hada_refine_run *run, const hada_refine_band *band, hada_error *err);
 
 /* The data's split where a sensor crops: dual = factor * (dual - frame), or factor * dual; sums of |dual|^2 to `place`.
  */

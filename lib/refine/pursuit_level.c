@@ -319,6 +319,7 @@ hada_status hada_level_residuals(hada_pursuit_level *l, int steps, int sets, int
     rule.growth = GROWTH;
     rule.steps = steps;
     rule.quiet = 1;
+    rule.scored = !l->evidence_inverse;
     for (int first = 0; first < sets; first += l->spec.max_sets) {
         const int *part = list + (size_t)first * (size_t)depths;
         const int n = sets - first < l->spec.max_sets ? sets - first : l->spec.max_sets;

@@ -349,6 +349,26 @@ static void all_kernel_shapes_agree(void **state)
     }
 }
 
+/* What a run leaves behind for the score is what the score would make. */
+static void scores_what_a_run_leaves(void **state)
+{
+    (void)state;
+    fixture f;
+    hada_refine_rule rule;
+    static const int sets[] = {1, 3, 0, 2};
+    double energy[2], again[2];
+    set_up(&f, 40, 48, 20, 24, 4, 2, 0);
+    two_depths(&f, 0, 2);
+    expose(&f, 0.01, 1.0);
+    hada_refine_rule_init(&rule);
+    rule.quiet = rule.scored = 1;
+    ASSERT_OK(hada_refiner_run(f.refiner, &f.device.data, &rule, 2, 2, sets, NULL, err));
+    ASSERT_OK(hada_refiner_score(f.refiner, &f.device.data, 2, 2, sets, 40, 48, energy, err));
+    ASSERT_OK(hada_refiner_score(f.refiner, &f.device.data, 2, 2, sets, 40, 48, again, err));
+    assert_true(energy[0] > 0.0 && energy[0] == again[0] && energy[1] == again[1]);
+    tear_down(&f);
+}
+
 static void black_and_constant_frames_are_fine(void **state)
 {
     (void)state;
@@ -442,6 +462,7 @@ int main(void)
         cmocka_unit_test(beats_linear_filters),
         cmocka_unit_test(explains_more_with_every_step),
         cmocka_unit_test(all_kernel_shapes_agree),
+        cmocka_unit_test(scores_what_a_run_leaves),
         cmocka_unit_test(black_and_constant_frames_are_fine),
         cmocka_unit_test(refuses_what_it_cannot_do),
         cmocka_unit_test(holds_the_bytes_it_states),

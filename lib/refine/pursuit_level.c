@@ -35,6 +35,22 @@ static hada_refine_shape shape_of(const hada_pursuit_options *options, const had
     return shape;
 }
 
+/* OTFs of a level: where sets of several sizes may stand side by side, one of a depth that is not there, which is 0. */
+static int takes_no_depth(const hada_context *context)
+{
+    return context->shape == HADA_SHAPE_GROUPS;
+}
+
+static size_t otfs_of(const hada_context *context, const hada_pursuit_options *options)
+{
+    return (size_t)options->depths + (takes_no_depth(context) ? 1 : 0);
+}
+
+int hada_level_room(const hada_pursuit_level *l)
+{
+    return takes_no_depth(l->slot->context) ? l->spec.max_sets : 0;
+}
+
 static size_t spectrum_bytes(const hada_spectrum_layout *layout, int channels)
 {
     return (size_t)channels * layout->count * 2 * sizeof(float);
@@ -50,7 +66,7 @@ size_t hada_level_bytes(const hada_context *context, const hada_pursuit_options 
 {
     const hada_refine_shape shape = shape_of(options, spec, spec->shrink);
     const hada_spectrum_layout layout = hada_fft_layout(context, shape.grid_rows, shape.grid_cols, HADA_FFT_AUTO);
-    const size_t spectrum = spectrum_bytes(&layout, shape.channels), depths = (size_t)options->depths;
+    const size_t spectrum = spectrum_bytes(&layout, shape.channels), depths = otfs_of(context, options);
     size_t bytes =
         depths * spectrum + spectrum / 2 + depths * spectrum / 2 + spectrum + hada_refiner_bytes(context, &shape);
     if (shape.boundary == HADA_BOUNDARY_PADDED) {
@@ -115,13 +131,18 @@ hada_status hada_level_create(hada_pursuit_level *l, hada_slot *slot, hada_scrat
     l->shape = shape_of(options, spec, spec->shrink);
     l->full = hada_fft_layout(context, full->grid_rows, full->grid_cols, HADA_FFT_AUTO);
     l->layout = hada_fft_layout(context, l->shape.grid_rows, l->shape.grid_cols, HADA_FFT_AUTO);
-    const size_t spectrum = spectrum_bytes(&l->layout, l->shape.channels), depths = (size_t)options->depths;
+    const size_t spectrum = spectrum_bytes(&l->layout, l->shape.channels), depths = otfs_of(context, options);
+    const size_t there = (size_t)options->depths * spectrum, last = depths * spectrum - there;
     hada_status status = HADA_OK;
     HADA_TRY(hada_refiner_create(&l->refiner, slot, scratch, &l->shape, err));
     HADA_TRY(hada_buffer_create(&l->otf, context, depths * spectrum, what, err));
     HADA_TRY(hada_buffer_create(&l->prior, context, spectrum / 2, what, err));
     HADA_TRY(hada_buffer_create(&l->variance, context, depths * spectrum / 2, what, err));
     HADA_TRY(hada_buffer_create(&l->spectrum, context, spectrum, what, err));
+    if (last) {
+        HADA_TRY(hada_buffer_clear(&l->otf, slot, there, last, err));
+        HADA_TRY(hada_buffer_clear(&l->variance, slot, there / 2, last / 2, err));
+    }
     if (l->shape.boundary == HADA_BOUNDARY_PADDED)
         HADA_TRY(make_frames(l, scratch, err));
     HADA_TRY(hada_prepare_refine(slot, HADA_PROGRAM_REFINE_DEFAULT, err));
@@ -241,7 +262,7 @@ static hada_refine_data data_of(const hada_pursuit_level *l)
     return (hada_refine_data){.spectrum = l->spectrum.mem,
                               .frame = l->frame.mem,
                               .otf = l->otf.mem,
-                              .otf_depths = l->options->depths,
+                              .otf_depths = (int)otfs_of(l->slot->context, l->options),
                               .prior = l->has_prior ? l->prior.mem : NULL,
                               .variance = l->has_variance ? l->variance.mem : NULL};
 }
@@ -310,6 +331,7 @@ hada_status hada_level_residuals(hada_pursuit_level *l, int steps, int sets, int
                                  double *residual, hada_error *err)
 {
     const hada_refine_data data = data_of(l);
+    int places[HADA_PURSUIT_DEPTHS * HADA_PURSUIT_MAX];
     hada_refine_rule rule;
     hada_status status = HADA_OK;
     HADA_TRY(load_frame(l, err));
@@ -321,8 +343,11 @@ hada_status hada_level_residuals(hada_pursuit_level *l, int steps, int sets, int
     rule.quiet = 1;
     rule.scored = !l->evidence_inverse;
     for (int first = 0; first < sets; first += l->spec.max_sets) {
-        const int *part = list + (size_t)first * (size_t)depths;
-        const int n = sets - first < l->spec.max_sets ? sets - first : l->spec.max_sets;
+        const int n = sets - first < l->spec.max_sets ? sets - first : l->spec.max_sets, *part = places;
+        for (int i = 0; i < n * depths; i++) {
+            const int depth = list[first * depths + i];
+            places[i] = depth == HADA_LEVEL_NO_DEPTH ? l->options->depths : depth;
+        }
         HADA_TRY(hada_refiner_run(l->refiner, &data, &rule, n, depths, part, NULL, err));
         HADA_TRY(residuals(l, &data, n, depths, part, residual + first, err));
     }

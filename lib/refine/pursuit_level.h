@@ -58,6 +58,12 @@ void hada_level_set_frame(hada_pursuit_level *level, cl_mem spectrum, size_t off
 /* The frame's own energy, as hada_level_residuals() measures it. */
 hada_status hada_level_frame_energy(hada_pursuit_level *level, double *energy, hada_error *err);
 
+/* A place of a set that has none. Only for levels with room. */
+enum { HADA_LEVEL_NO_DEPTH = -1 };
+
+/* Sets that a run may hold at no more time than one, 0: each costs its own. */
+int hada_level_room(const hada_pursuit_level *level);
+
 /* residual[k]: the energy that set k of list[sets][depths], refined from nothing by `steps` steps, leaves unexplained
  * of the mean over channels, at the frequencies of the evidence. */
 hada_status hada_level_residuals(hada_pursuit_level *level, int steps, int sets, int depths, const int *list,

@@ -74,6 +74,7 @@ static hada_status reduction_at(search *s, hada_fidelity fidelity, const hada_se
     double frame, before, after;
     hada_status status = HADA_OK;
     HADA_TRY(hada_residuals_frame(&s->residuals, fidelity, &frame, err));
+    hada_residuals_ahead(&s->residuals, larger, 1);
     HADA_TRY(residual_of(s, fidelity, smaller, &before, err));
     HADA_TRY(residual_of(s, fidelity, larger, &after, err));
     *reduction = before > 0.0 ? (before - after) / (before + MODEL_ERROR * MODEL_ERROR * frame) : 0.0;
@@ -115,6 +116,7 @@ static hada_status is_better(search *s, const hada_set *current, const hada_set 
     for (int fidelity = HADA_FIDELITY_COARSE; fidelity <= (int)finest; fidelity++) {
         double now, then;
         s->result->fine_comparisons += fidelity == HADA_FIDELITY_FINE;
+        hada_residuals_ahead(&s->residuals, moved, 1);
         HADA_TRY(residual_of(s, (hada_fidelity)fidelity, current, &now, err));
         HADA_TRY(residual_of(s, (hada_fidelity)fidelity, moved, &then, err));
         *better = then < now;
@@ -125,17 +127,34 @@ done:
     return status;
 }
 
-/* All sets with one depth moved to a free neighbour. */
-static void list_moves(search *s, const hada_set *current)
+/* All sets with one depth moved to a free neighbour; how many. */
+static int moves_of(const search *s, const hada_set *current, hada_set *moves)
 {
-    s->count = 0;
+    int count = 0;
     for (int place = 0; place < current->count; place++)
         for (int side = -1; side <= 1; side += 2) {
             const int depth = current->depth[place] + side;
             const hada_set rest = hada_set_without(current, place);
             if (depth >= 0 && depth < s->pursuit->options.depths && !hada_set_has(current, depth))
-                s->candidates[s->count++] = hada_set_with(&rest, depth);
+                moves[count++] = hada_set_with(&rest, depth);
         }
+    return count;
+}
+
+/* What the candidates may be moved to next. */
+static void moves_ahead(search *s)
+{
+    hada_set next[2 * HADA_PURSUIT_MAX];
+    for (int i = 0; i < s->count; i++)
+        hada_residuals_ahead(&s->residuals, next, moves_of(s, &s->candidates[i], next));
+}
+
+/* All sets with a depth less; how many. */
+static int reductions_of(const hada_set *current, hada_set *less)
+{
+    for (int place = 0; place < current->count; place++)
+        less[place] = hada_set_without(current, place);
+    return current->count;
 }
 
 /* The best of the moves that leaves less than *current, which takes it. */
@@ -144,10 +163,12 @@ static hada_status move_once(search *s, hada_set *current, hada_fidelity finest,
     double now, energy;
     hada_status status = HADA_OK;
     *moved = 0;
-    list_moves(s, current);
+    s->count = moves_of(s, current, s->candidates);
     if (!s->count)
         goto done;
+    hada_residuals_ahead(&s->residuals, s->candidates, s->count);
     HADA_TRY(residual_of(s, HADA_FIDELITY_COARSE, current, &now, err));
+    moves_ahead(s);
     HADA_TRY(evaluate(s, HADA_FIDELITY_COARSE, err));
     for (int tried = 0; !*moved && tried < s->count; tried++) {
         const int best = take_best(s, &energy);
@@ -178,9 +199,7 @@ static hada_status prune(search *s, hada_set *current, hada_error *err)
     hada_status status = HADA_OK;
     while (current->count > 1) {
         double least, reduction;
-        s->count = current->count;
-        for (int place = 0; place < current->count; place++)
-            s->candidates[place] = hada_set_without(current, place);
+        s->count = reductions_of(current, s->candidates);
         HADA_TRY(evaluate(s, HADA_FIDELITY_COARSE, err));
         const hada_set less = s->candidates[take_best(s, &least)];
         HADA_TRY(reduction_of(s, &less, current, &reduction, err));
@@ -257,7 +276,7 @@ static hada_status best_addition(search *s, const hada_set *current, hada_set *m
 {
     const hada_pursuit_options *o = &s->pursuit->options;
     const int last = current->count + 1 == o->max_depths && o->max_depths < o->depths;
-    hada_set largest = {0};
+    hada_set largest = {0}, less[HADA_PURSUIT_MAX];
     double reduction, energy;
     hada_status status = HADA_OK;
     *many = 0;
@@ -269,6 +288,8 @@ static hada_status best_addition(search *s, const hada_set *current, hada_set *m
         if (reduction > CLOSE_ABOVE * o->threshold)
             goto done;
     }
+    /* where nothing is added, these come next */
+    hada_residuals_ahead(&s->residuals, less, reductions_of(current, less));
     HADA_TRY(best_candidate(s, more, &energy, err));
     if (more->count == 2)
         HADA_TRY(detect_many(s, more, &largest, many, err));

@@ -98,28 +98,64 @@ hada_status hada_residuals_frame(const hada_residuals *residuals, hada_fidelity 
     return hada_level_frame_energy(level_of(residuals, fidelity), energy, err);
 }
 
+void hada_residuals_ahead(hada_residuals *residuals, const hada_set *sets, int count)
+{
+    for (int i = 0; i < count && residuals->ahead_count < HADA_RESIDUALS_AHEAD; i++)
+        residuals->ahead[residuals->ahead_count++] = sets[i];
+}
+
+/* Sets that are to be refined side by side: those that are not known yet. */
+typedef struct batch {
+    const hada_set *sets[HADA_PURSUIT_DEPTHS];
+    int count, places;
+} batch;
+
+static void add_unknown(batch *all, const hada_residuals *residuals, hada_fidelity fidelity, const hada_set *set)
+{
+    if (!set->count || find(residuals, fidelity, set))
+        return;
+    for (int i = 0; i < all->count; i++)
+        if (hada_set_same(all->sets[i], set))
+            return;
+    all->sets[all->count++] = set;
+    all->places = set->count > all->places ? set->count : all->places;
+}
+
+/* Refines them and takes down what they leave. Smaller sets have places without a depth, which stay dark. */
+static hada_status refine(hada_residuals *residuals, hada_fidelity fidelity, const batch *all, hada_error *err)
+{
+    const hada_pursuit *p = residuals->pursuit;
+    int list[HADA_PURSUIT_DEPTHS * HADA_PURSUIT_MAX];
+    double energy[HADA_PURSUIT_DEPTHS];
+    hada_status status = HADA_OK;
+    for (int i = 0; i < all->count; i++)
+        for (int k = 0; k < all->places; k++)
+            list[i * all->places + k] = k < all->sets[i]->count ? all->sets[i]->depth[k] : HADA_LEVEL_NO_DEPTH;
+    HADA_TRY(make_room(residuals, (size_t)all->count, err));
+    HADA_TRY(hada_level_residuals(level_of(residuals, fidelity), p->fidelity[fidelity].steps, all->count, all->places,
+                                  list, energy, err));
+    for (int i = 0; i < all->count; i++)
+        residuals->known[residuals->count++] = (hada_known_residual){fidelity, *all->sets[i], energy[i]};
+done:
+    return status;
+}
+
 hada_status hada_residuals_of(hada_residuals *residuals, hada_fidelity asked, const hada_set *sets, int count,
                               double *energy, hada_error *err)
 {
     const hada_fidelity fidelity = first_alike(residuals, asked);
-    int list[HADA_PURSUIT_DEPTHS * HADA_PURSUIT_MAX], missing = 0;
-    double fresh[HADA_PURSUIT_DEPTHS];
-    const hada_set *unknown[HADA_PURSUIT_DEPTHS];
-    const int places = sets[0].count;
+    batch all = {0};
     hada_status status = HADA_OK;
-    if (!places)
+    if (!sets[0].count)
         return hada_residuals_frame(residuals, fidelity, energy, err);
-    HADA_TRY(make_room(residuals, (size_t)count, err));
     for (int i = 0; i < count; i++)
-        if (!find(residuals, fidelity, &sets[i])) {
-            memcpy(list + missing * places, sets[i].depth, (size_t)places * sizeof *list);
-            unknown[missing++] = &sets[i];
-        }
-    if (missing)
-        HADA_TRY(hada_level_residuals(level_of(residuals, fidelity), residuals->pursuit->fidelity[fidelity].steps,
-                                      missing, places, list, fresh, err));
-    for (int i = 0; i < missing; i++)
-        residuals->known[residuals->count++] = (hada_known_residual){fidelity, *unknown[i], fresh[i]};
+        add_unknown(&all, residuals, fidelity, &sets[i]);
+    const int room = all.count ? hada_level_room(level_of(residuals, fidelity)) : 0;
+    for (int i = 0; i < residuals->ahead_count && all.count < room; i++)
+        add_unknown(&all, residuals, fidelity, &residuals->ahead[i]);
+    residuals->ahead_count = 0;
+    if (all.count)
+        HADA_TRY(refine(residuals, fidelity, &all, err));
     for (int i = 0; i < count; i++)
         energy[i] = find(residuals, fidelity, &sets[i])->energy;
 done:

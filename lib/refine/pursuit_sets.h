@@ -37,11 +37,16 @@ hada_set hada_set_without(const hada_set *set, int place);
 
 typedef struct hada_known_residual hada_known_residual;
 
+enum { HADA_RESIDUALS_AHEAD = 64 };
+
 /* What is known of the frame in hand; all zero but for the pursuit at first. */
 typedef struct hada_residuals {
     hada_pursuit *pursuit;
     hada_known_residual *known;
     size_t count, room;
+    /* sets that may be asked about next */
+    hada_set ahead[HADA_RESIDUALS_AHEAD];
+    int ahead_count;
 } hada_residuals;
 
 void hada_residuals_free(hada_residuals *residuals);
@@ -49,6 +54,11 @@ void hada_residuals_free(hada_residuals *residuals);
 /* The energy of the frame itself. */
 hada_status hada_residuals_frame(const hada_residuals *residuals, hada_fidelity fidelity, double *energy,
                                  hada_error *err);
+
+/* Sets of any size that may be asked about after what is asked next. They are refined beside it where that costs a
+ * device nothing, which is so on GPUs: a few small grids leave most of one idle, and each look at its energies is
+ * waited for. */
+void hada_residuals_ahead(hada_residuals *residuals, const hada_set *sets, int count);
 
 /* The energies that each of `count` sets of one size leaves; those not yet known are refined side by side. */
 hada_status hada_residuals_of(hada_residuals *residuals, hada_fidelity fidelity, const hada_set *sets, int count,

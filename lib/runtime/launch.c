@@ -127,15 +127,20 @@ done:
  * then, and waiting so seldom costs nothing that could be measured. */
 enum { LAUNCHES_UNASKED = 16 };
 
-/* Launches between two landmarks, the one before the last of which is waited for: so many to twice as many are in
- * flight. Work that is cancelled ends when they have; refinement that nothing waits for was thousands ahead of its
- * device. */
-enum { LAUNCHES_AHEAD = 32 };
+/* Work between two landmarks, the one before the last of which is waited for: so much to twice as much is in flight.
+ * Work that is cancelled ends when it has; refinement that nothing waits for was thousands of launches ahead of its
+ * device. The time is that of two cores of a CPU, by what a launch needs at least (hada_slot_cost); faster devices end
+ * sooner, and launches of which nothing is known count by their number. */
+#define SECONDS_AHEAD       0.05
+#define BYTES_A_SECOND      20e9
+#define OPERATIONS_A_SECOND 50e9
+enum { LAUNCHES_AHEAD = 256 };
 
 static hada_status stay_near(hada_slot *slot, hada_error *err)
 {
     cl_event here;
-    if (++slot->past_landmark < LAUNCHES_AHEAD)
+    slot->past_seconds += slot->cost_bytes / BYTES_A_SECOND + slot->cost_flops / OPERATIONS_A_SECOND;
+    if (++slot->past_landmark < LAUNCHES_AHEAD && slot->past_seconds < SECONDS_AHEAD)
         return HADA_OK;
     cl_int code = clEnqueueMarkerWithWaitList(slot->queue, 0, NULL, &here);
     if (code != CL_SUCCESS)
@@ -146,6 +151,7 @@ static hada_status stay_near(hada_slot *slot, hada_error *err)
     }
     slot->landmark = here;
     slot->past_landmark = 0;
+    slot->past_seconds = 0.0;
     return code == CL_SUCCESS ? HADA_OK : hada_fail_cl(err, code, "clWaitForEvents");
 }
 

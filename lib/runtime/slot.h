@@ -34,7 +34,8 @@ typedef struct hada_slot {
     const hada_monitor *monitor; /* NULL: nobody is asked */
     int unasked;                 /* launches since it was asked */
     cl_event landmark;           /* in the queue, where work can be cancelled; NULL: none yet */
-    int past_landmark;           /* launches since */
+    int past_landmark;           /* launches since, and the time that they may take */
+    double past_seconds;
 } hada_slot;
 
 hada_status hada_slot_create(hada_slot **out, hada_context *context, hada_error *err);

@@ -278,25 +278,20 @@ void hada_level_set_frame(hada_pursuit_level *l, cl_mem spectrum, size_t offset)
 {
     l->whole = spectrum;
     l->whole_offset = offset;
-    l->loaded = 0;
+    l->loaded = l->measured = 0;
 }
 
 /* Brings the frame in hand to the grid, unless it is there. */
 static hada_status load_frame(hada_pursuit_level *l, hada_error *err)
 {
-    const hada_refine_data data = data_of(l);
     crop how = of_camera(l, 2, 0.0);
     hada_status status = HADA_OK;
-    int rows, cols;
     if (l->loaded)
         goto done;
-    band_of(l, &rows, &cols);
     how.factor = area_ratio(&l->layout, &l->full);
     HADA_TRY(crop_images(l, &how, l->whole, l->whole_offset, l->shape.channels, &l->spectrum, 0, err));
     if (l->frame_inverse)
         HADA_TRY(hada_fft_inverse(l->frame_inverse, l->shape.channels, l->spectrum.mem, 0, l->frame.mem, 0, NULL, err));
-    HADA_TRY(l->evidence_inverse ? measure(l, l->spectrum.mem, 1, &l->energy, err)
-                                 : hada_refiner_score(l->refiner, &data, 1, 0, NULL, rows, cols, &l->energy, err));
     l->loaded = 1;
 done:
     return status;
@@ -304,8 +299,15 @@ done:
 
 hada_status hada_level_frame_energy(hada_pursuit_level *l, double *energy, hada_error *err)
 {
+    const hada_refine_data data = data_of(l);
+    int rows, cols;
     hada_status status = HADA_OK;
     HADA_TRY(load_frame(l, err));
+    band_of(l, &rows, &cols);
+    if (!l->measured)
+        HADA_TRY(l->evidence_inverse ? measure(l, l->spectrum.mem, 1, &l->energy, err)
+                                     : hada_refiner_score(l->refiner, &data, 1, 0, NULL, rows, cols, &l->energy, err));
+    l->measured = 1;
     *energy = l->energy;
 done:
     return status;

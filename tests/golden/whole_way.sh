@@ -119,6 +119,8 @@ reconstruct admm-grey grey/test/raw/test01.tif -m grey.model --method admm "${fe
 train() { # train NAME ARGUMENT...: NAME.model, NAME.model.log
     step "train-$1" train "${@:2}" -o "$1.model" --show-every 0
 }
+# the program may be older than a word
+case $("$hadalens" train --help) in *--discriminator*) opponent=--discriminator ;; *) opponent=--critic ;; esac
 small=(--net-size 16x16 --batch 2)
 vgg=(--vgg vgg.safetensors)
 tool vgg vgg.safetensors
@@ -127,8 +129,8 @@ train filters-split colour --stage filters --form split --steps 2
 train filters-warm padded -m padded.model --stage filters --steps 2 --filter-rate 1e-4
 train enhance colour -m colour.model "${small[@]}" --steps 3
 train perceptual opaque -m opaque.model --net-size 32x40 --batch 1 "${vgg[@]}" --steps 1 --validate-every 0
-train sharp colour -m enhance.model --stage adversarial --batch 2 --steps 2 --discriminator-steps 1
-train conditional colour -m enhance.model --stage adversarial --discriminator conditional --batch 1 --steps 1 --discriminator-steps 1
+train sharp colour -m enhance.model --stage adversarial --batch 2 --steps 2 $opponent-steps 1
+train conditional colour -m enhance.model --stage adversarial $opponent conditional --batch 1 --steps 1 $opponent-steps 1
 train joint colour -m enhance.model --stage joint --batch 2 --steps 2 --filter-rate 1e-5
 train conventional grey --stage conventional "${small[@]}" --steps 2
 train changed colour -m colour.model "${small[@]}" --steps 2 --shift 3 --noise 0.02 --exposure 0.2 --flips both \

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # coverage.sh [readers|all] [FOLDER]: which share of lines and branches is reached, for each room of lib. readers: of what
 # reads and writes files, by the corpora, the tests of files, and every fault of the stages for files; all, the default: of
-# everything, by all tests. Builds in FOLDER (build/coverage). Fails where a room is below its aim (coverage.py; with
+# everything, by all tests, and a fault at every call site of every stage. Builds in FOLDER (build/coverage). Fails where a room is below its aim (coverage.py; with
 # --missed that tells what was not reached).
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -28,8 +28,10 @@ else
 fi
 find "$build" -name '*.gcda' -delete
 ctest --test-dir "$build" --timeout 3000 -R "$chosen" >"$build/coverage.log" || tail -n 20 "$build/coverage.log"
+runs=all
+[ "$form" = readers ] || { stages=("") && runs=sites; }
 for stage in "${stages[@]}"; do
-    FAULT_RUNS=all FAULT_ONLY=$stage POCL_CACHE_DIR=$PWD/$build/pocl-cache HADALENS_CACHE=off \
+    FAULT_RUNS=$runs FAULT_ONLY=$stage POCL_CACHE_DIR=$PWD/$build/pocl-cache HADALENS_CACHE=off \
         "$build/tests/faults/test_faults" >>"$build/coverage.log" 2>&1 || tail -n 5 "$build/coverage.log"
 done
 python3 tests/coverage.py . "$build/CMakeFiles/hadalens_objects.dir/lib" "${rooms[@]}"

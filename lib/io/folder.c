@@ -27,6 +27,14 @@ hada_status hada_path_kind(const char *path, hada_stands *out, hada_error *err)
     return HADA_OK;
 }
 
+hada_status hada_path_finds_file(const char *path, int *out, hada_error *err)
+{
+    hada_stands kind;
+    const hada_status status = hada_path_kind(path, &kind, err);
+    *out = kind == HADA_STANDS_FILE;
+    return status;
+}
+
 int hada_path_is_folder(const char *path)
 {
     struct stat what;

@@ -10,6 +10,8 @@
  * nothing. */
 typedef enum hada_stands { HADA_STANDS_NOTHING, HADA_STANDS_FILE, HADA_STANDS_FOLDER } hada_stands;
 hada_status hada_path_kind(const char *path, hada_stands *out, hada_error *err);
+/* Whether it is a file. */
+hada_status hada_path_finds_file(const char *path, int *out, hada_error *err);
 
 /* The names of a folder's TIFF files (.tif, .tiff in any case; hidden ones left out), sorted; freed with
  * hada_names_free(). */

@@ -19,12 +19,14 @@ static hada_status distances_beside(double **out, int *count, const char *map_pa
     hada_error ignored;
     char *path = NULL;
     const size_t stem = hada_stem_of(map_path), tail = strlen(tail_word);
+    int there = 0;
     *out = NULL;
     *count = 0;
     if (!hada_stem_ends(map_path, stem, tail_word))
         return HADA_OK;
     HADA_TRY(hada_path_format(&path, err, "%.*s_stack%s", (int)(stem - tail), map_path, map_path + stem));
-    if (!hada_path_is_file(path) || hada_tiff_open(&reader, path, &ignored))
+    HADA_TRY(hada_path_finds_file(path, &there, err));
+    if (!there || hada_tiff_open(&reader, path, &ignored))
         goto done;
     const size_t all = hada_tiff_distances(reader, NULL, 0);
     HADA_TRY(hada_alloc((void **)out, all + 1, sizeof **out, "distances", err));
@@ -80,12 +82,14 @@ static hada_status read_beside(hada_image *out, const char *path, const char *ta
 {
     const size_t stem = hada_stem_of(path), length = strlen(tail);
     char *beside = NULL;
+    int there = 0;
     hada_status status = HADA_OK;
     *out = (hada_image){0};
     if (!hada_stem_ends(path, stem, tail))
         return HADA_OK;
     HADA_TRY(hada_path_format(&beside, err, "%.*s%s%s", (int)(stem - length), path, other, path + stem));
-    if (!hada_path_is_file(beside))
+    HADA_TRY(hada_path_finds_file(beside, &there, err));
+    if (!there)
         goto done;
     status = read_page(out, beside, t, region, err);
     if (status)

@@ -31,15 +31,18 @@ static hada_status find_result(char **out, const char *folder, const char *stem,
 {
     static const char *const endings[] = {".tif", ".tiff", "_aif.tif"};
     hada_status status = HADA_OK;
+    int there = 0;
     *out = NULL;
-    for (size_t k = 0; k < sizeof endings / sizeof *endings; k++) {
+    for (size_t k = 0; !there && k < sizeof endings / sizeof *endings; k++) {
+        free(*out);
         HADA_TRY(hada_path_format(out, err, "%s/%s%s", folder, stem, endings[k]));
-        if (hada_path_is_file(*out))
-            break;
+        HADA_TRY(hada_path_finds_file(*out, &there, err));
+    }
+done:
+    if (!there) {
         free(*out);
         *out = NULL;
     }
-done:
     return status;
 }
 
@@ -117,11 +120,17 @@ done:
 static hada_status list(hada_evaluate_report *report, const char *result, const char *truth,
                         const hada_monitor *monitor, hada_error *err)
 {
-    const int folder = hada_path_is_folder(result);
-    if (folder != hada_path_is_folder(truth))
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "%s is a folder and %s is not; give two files or two folders",
-                         folder ? result : truth, folder ? truth : result);
-    return folder ? list_folders(report, result, truth, monitor, err) : list_files(report, result, truth, err);
+    hada_stands one, other;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_path_kind(result, &one, err));
+    HADA_TRY(hada_path_kind(truth, &other, err));
+    const int folder = one == HADA_STANDS_FOLDER;
+    if (folder != (other == HADA_STANDS_FOLDER))
+        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "%s is a folder and %s is not; give two files or two folders",
+                           folder ? result : truth, folder ? truth : result));
+    HADA_TRY(folder ? list_folders(report, result, truth, monitor, err) : list_files(report, result, truth, err));
+done:
+    return status;
 }
 
 hada_status hada_evaluate_run(hada_evaluate_report **out, const char *result, const char *truth,

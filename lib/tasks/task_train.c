@@ -109,6 +109,7 @@ static hada_status make_folders(training *own, hada_error *err)
     hada_train_work *work = &own->work;
     const hada_train_task *task = &own->task;
     char *pictures = NULL;
+    int there = 0;
     hada_status status = HADA_OK;
     HADA_TRY(task->log ? hada_path_format(&work->log_folder, err, "%s", task->log)
                        : hada_path_format(&work->log_folder, err, "%s.log", task->output));
@@ -118,7 +119,8 @@ static hada_status make_folders(training *own, hada_error *err)
     work->state.output = task->output;
     if (work->ranks.rank)
         goto done;
-    if (hada_path_is_file(work->checkpoint) && !task->resume && !task->restart)
+    HADA_TRY(hada_path_finds_file(work->checkpoint, &there, err));
+    if (there && !task->resume && !task->restart)
         HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT,
                            "%s holds the checkpoint of an earlier training: go on with it (options.resume), begin anew "
                            "(options.restart), or choose another folder (options.log)",
@@ -254,7 +256,8 @@ static hada_status resume(training *own, hada_error *err)
     hada_status status = HADA_OK;
     if (!own->task.resume)
         return HADA_OK;
-    int there = hada_path_is_file(work->checkpoint);
+    int there = 0;
+    HADA_TRY(hada_path_finds_file(work->checkpoint, &there, err));
     HADA_TRY(hada_broadcast(&work->ranks, 0, &there, sizeof there, err));
     if (!there) {
         hada_monitor_tell(monitor, HADA_MESSAGE_NOTE, "there is no checkpoint in %s yet: training begins at step 0",

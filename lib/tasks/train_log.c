@@ -140,8 +140,9 @@ static hada_status keep_lines(hada_train_log *log, const char *path, uint64_t fr
         return HADA_OK; /* there is none */
     FILE *old = fdopen(fd, "r");
     if (!old) {
+        status = hada_fail(err, HADA_ERROR_FILE_READ, "%s cannot be read: %s", path, strerror(errno));
         close(fd);
-        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the log of a training");
+        return status;
     }
     while (fgets(line, sizeof line, old) && strchr(line, '\n')) {
         const size_t losses = log->loss_count, rows = log->row_count;

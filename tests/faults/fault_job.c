@@ -410,6 +410,7 @@ void fault_job_begin(fault_job *job)
     assert_non_null(mkdtemp(job->folder));
     path_in(job, job->cache, "cache");
     snprintf(job->offline, sizeof job->offline, "%s.offline", job->folder); /* beside what stages are judged by */
+    snprintf(job->set, sizeof job->set, "%s.set", job->folder);
     ASSERT_OK(open_context(job, &job->context, "off", err));
     ASSERT_OK(open_part(job, &job->part, err));
     ASSERT_OK(simulate(job, job->context, keep, err));
@@ -421,7 +422,7 @@ void fault_job_begin(fault_job *job)
 
 void fault_job_end(fault_job *job)
 {
-    char command[400];
+    char command[600];
     hada_result_destroy(&job->result);
     hada_model_destroy(&job->model);
     for (int k = 0; k < JOB_DEPTHS * JOB_PAIRS; k++) {
@@ -431,6 +432,6 @@ void fault_job_end(fault_job *job)
     assert_int_equal(hada_context_bytes(job->context), 0);
     hada_context_destroy(&job->context);
     hada_context_destroy(&job->part);
-    snprintf(command, sizeof command, "rm -rf '%s' '%s'", job->folder, job->offline);
+    snprintf(command, sizeof command, "rm -rf '%s' '%s' '%s'", job->folder, job->offline, job->set);
     assert_int_equal(system(command), 0);
 }

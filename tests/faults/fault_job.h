@@ -14,7 +14,7 @@ enum { JOB_ROWS = 36, JOB_COLS = 44, JOB_WINDOW = 14, JOB_DEPTHS = 2, JOB_PAIRS 
 /* What the stages work on. `sum` is a checksum of all that the last stage computed. */
 typedef struct fault_job {
     char folder[128], cache[160];
-    char offline[160];            /* of binaries; made when a stage first needs it */
+    char offline[160], set[160];  /* of binaries, of pairs; made when a stage first needs them */
     hada_context *context, *part; /* the other: half a device, where it can be divided */
     hada_model *model;
     hada_result result;
@@ -63,6 +63,8 @@ hada_status fault_stage_surface(fault_job *job, hada_error *err); /* fault_surfa
 hada_status fault_stage_optics(fault_job *job, hada_error *err);  /* fault_optics.c */
 hada_status fault_stage_tuning(fault_job *job, hada_error *err);  /* fault_tuning.c */
 hada_status fault_stage_offline(fault_job *job, hada_error *err); /* by binaries that were made before */
+hada_status fault_stage_tasks(fault_job *job, hada_error *err);   /* fault_tasks.c */
+hada_status fault_stage_training(fault_job *job, hada_error *err);
 hada_status fault_stage_preview(fault_job *job, hada_error *err);
 hada_status fault_stage_clfft(fault_job *job, hada_error *err); /* transforms by the other back end */
 

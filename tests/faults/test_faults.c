@@ -49,6 +49,8 @@ static const struct stage {
     {"optics", fault_stage_optics, 10},
     {"tuning", fault_stage_tuning, 6},
     {"offline", fault_stage_offline, 20},
+    {"tasks", fault_stage_tasks, 10},
+    {"training", fault_stage_training, 10},
 };
 
 /* Deletes what a stage wrote and returns how many files have a name that says "half-written". */

@@ -1,15 +1,17 @@
 #!/usr/bin/env python3
-"""What sharing a command over ranks costs on one machine: measure.py BUILD OUT.json [ROUNDS].
+"""What sharing a command over ranks costs on one machine: measure.py BUILD OUT.json [ROUNDS] [--wall].
 
 Runs of one rank with little and with much work give the costs of an item and of all that comes once; runs of 1, 2 and 4
 ranks are what model.py has to foretell. What is counted is the processor time of each rank outside of exchanges: on a
-shared machine it says what the wall clock of a free one would. Rounds take turns, and the least counts: what else runs only adds.
+shared machine it says what the wall clock of a free one would. --wall, on a machine that does nothing else: the wall
+clock, of ranks that take turns on a core their part of it. Rounds take turns, and of each rank the least counts, for what
+else runs only adds; then that of the rank that has most.
 """
 
+import argparse
 import json
 import os
 import subprocess
-import sys
 import tempfile
 from pathlib import Path
 
@@ -40,20 +42,28 @@ def command(count, program, arguments, folder, whole=False):
     return [json.loads(Path(f"{costs}.{rank}").read_text()) for rank in range(count)]
 
 
-def busiest(ranks):
-    """Return the processor seconds of the rank that computes longest."""
-    return max(rank["cpu_seconds"] - rank["exchange_cpu_seconds"] for rank in ranks)
+def seconds(ranks, wall):
+    """Return the seconds of each rank outside of exchanges."""
+    if wall:
+        turns = max(1.0, len(ranks) / (os.cpu_count() or 1))
+        return [(rank["seconds"] - rank["exchange_seconds"]) / turns for rank in ranks]
+    return [rank["cpu_seconds"] - rank["exchange_cpu_seconds"] for rank in ranks]
+
+
+def busiest(rounds):
+    """Return the least of the rounds of the rank whose least is most."""
+    return max(min(rank) for rank in zip(*rounds))
 
 
 def frames(folder, count):
-    """Return `count` frames: the test frames under other names."""
-    raws = sorted((folder / "camera/test/raw").glob("*.tif"))
+    """Return `count` frames: one under other names, for frames differ in what they cost, and ranks get others of them."""
+    raw = folder / "camera/test/raw/test01.tif"
     out = folder / f"frames{count}"
     out.mkdir(exist_ok=True)
     for i in range(count):
         link = out / f"frame{i:05d}.tif"
         if not link.exists():
-            os.link(raws[i % len(raws)], link)
+            os.link(raw, link)
     return [str(path.relative_to(folder)) for path in sorted(out.glob("*.tif"))]
 
 
@@ -73,8 +83,13 @@ def data(folder, pairs):
 
 def main():
     """Measure."""
-    build, out = Path(sys.argv[1]).resolve(), Path(sys.argv[2]).resolve()
-    rounds = int(sys.argv[3]) if len(sys.argv) > 3 else 3
+    words = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    words.add_argument("build", type=Path)
+    words.add_argument("out", type=Path)
+    words.add_argument("rounds", type=int, nargs="?", default=3)
+    words.add_argument("--wall", action="store_true")
+    given = words.parse_args()
+    build, out = given.build.resolve(), given.out.resolve()
     alone, shared = build / "bindings/cli/hadalens", build / "bindings/mpi/hadalens-mpi"
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -85,7 +100,7 @@ def main():
                     "--validate-every", "0", "--show-every", "0", "--compose", "0", "--save-every", "1000"]
         # engine: arguments for some amount of work, the least and the most of it that one rank measures
         engines = {
-            # frames that equal the one before would cost nothing
+            # each is computed, though it is equal to the one before
             "frames": (lambda n: ["reconstruct", *frames(folder, n), "-m", "camera.model", "-o", "out", "--refine", "0",
                                   "--no-preview", "--skip", "none"], FRAMES // 4, FRAMES),
             "refined": (lambda n: ["reconstruct", *frames(folder, n), "-m", "camera.model", "-o", "out", "--no-preview",
@@ -94,13 +109,13 @@ def main():
             "train": (lambda n: [*training, "--batch", str(n), "--at-once", "1", "--steps", str(STEPS)], BATCH // 4, BATCH),
         }
         found = {engine: {} for engine in engines}
-        for _ in range(rounds):
+        for _ in range(given.rounds):
             for engine, (arguments, little, much) in engines.items():
                 for label, count, amount in (("little", 1, little), ("whole", 1, much), ("1", 1, much), ("2", 2, much),
                                              ("4", 4, much)):
                     ranks = command(count, shared, arguments(amount), folder, label == "whole")
-                    row = found[engine].setdefault(label, {"cpu": [], "bytes": 0, "amount": amount})
-                    row["cpu"].append(busiest(ranks))
+                    row = found[engine].setdefault(label, {"seconds": [], "bytes": 0, "amount": amount})
+                    row["seconds"].append(seconds(ranks, given.wall))
                     row["bytes"] = max(rank["bytes"] for rank in ranks)
         files = {
             "frame_in": (folder / "camera/test/raw/test01.tif").stat().st_size,
@@ -108,10 +123,11 @@ def main():
             "pair_in": sum(next((folder / "camera").glob(f"z100mm/{kind}/*.tif")).stat().st_size for kind in ("raw", "scene")),
         }
         depths = len(list((folder / "camera").glob("z*mm")))
-    report = {"files": files, "depths": depths, "steps": STEPS, "engines": {}}
+    report = {"files": files, "depths": depths, "steps": STEPS, "clock": "wall" if given.wall else "processor",
+              "engines": {}}
     for engine, rows in found.items():
         report["engines"][engine] = {
-            label: {"cpu": min(row["cpu"]), "spread": max(row["cpu"]) - min(row["cpu"]),
+            label: {"seconds": busiest(row["seconds"]), "rounds": row["seconds"],
                     "bytes": row["bytes"], "amount": row["amount"]}
             for label, row in rows.items()
         }

@@ -61,7 +61,7 @@ static hada_pursuit_options complete(const hada_pursuit_options *options)
 }
 
 /* The grids that completed options ask for, and what each fidelity takes, into p->count and p->fidelity. */
-static void choose_levels(hada_pursuit *p, hada_level_spec *specs)
+static void choose_levels(hada_pursuit *p, const hada_context *context, hada_level_spec *specs)
 {
     const hada_pursuit_options *o = &p->options;
     const double shrink = o->shrink;
@@ -71,7 +71,9 @@ static void choose_levels(hada_pursuit *p, hada_level_spec *specs)
         specs[p->count++] = (hada_level_spec){1.0, shrink, 1, CONVERGED_STEPS, FINE_SETS, 0};
     } else {
         specs[p->count++] = (hada_level_spec){shrink, shrink, 0, CONVERGED_STEPS, COARSE_SETS, 1};
-        if (longer_side(o) / shrink >= 2 * RANKING_SIDE) {
+        /* on GPUs all candidates that stand side by side take as long as a few: they need no order */
+        const int at_once = context->shape == HADA_SHAPE_GROUPS && o->depths <= COARSE_SETS;
+        if (longer_side(o) / shrink >= 2 * RANKING_SIDE && !at_once) {
             ranking = p->count++;
             specs[ranking] = (hada_level_spec){2.0 * shrink, 2.0 * shrink, 0, RANKING_STEPS, COARSE_SETS, 0};
         }
@@ -93,7 +95,7 @@ size_t hada_pursuit_bytes(const hada_context *context, const hada_pursuit_option
     hada_pursuit p = {.options = complete(options)};
     hada_level_spec specs[HADA_PURSUIT_LEVELS];
     size_t bytes = 0;
-    choose_levels(&p, specs);
+    choose_levels(&p, context, specs);
     for (int i = 0; i < p.count; i++)
         bytes += hada_level_bytes(context, &p.options, &specs[i]);
     return bytes;
@@ -106,7 +108,7 @@ hada_status hada_pursuit_note(const hada_context *context, const hada_pursuit_op
     hada_pursuit p = {.options = complete(options)};
     hada_level_spec specs[HADA_PURSUIT_LEVELS];
     hada_status status = HADA_OK;
-    choose_levels(&p, specs);
+    choose_levels(&p, context, specs);
     for (int i = 0; i < p.count; i++)
         HADA_TRY(hada_level_note(context, &p.options, &specs[i], scratch, first + i, err));
 done:
@@ -131,7 +133,7 @@ hada_status hada_pursuit_create(hada_pursuit **out, hada_slot *slot, hada_scratc
     HADA_TRY(hada_alloc((void **)&p, 1, sizeof *p, "a depth pursuit", err));
     p->slot = slot;
     p->options = o;
-    choose_levels(p, specs);
+    choose_levels(p, slot->context, specs);
     for (int i = 0; i < p->count; i++)
         HADA_TRY(hada_level_create(&p->levels[i], slot, scratch, &p->options, &specs[i], err));
     *out = p;

@@ -29,7 +29,7 @@ typedef struct hada_pursuit_level {
     float *host_evidence;
     size_t evidence_area;
     int has_prior, has_variance;
-    /* the frame in hand: its spectrum, whether it was brought to this grid, whether its energy there is known, and that */
+    /* the frame in hand: its spectrum, whether it was brought to this grid, its energy there where it was measured */
     cl_mem whole;
     size_t whole_offset;
     int loaded, measured;

@@ -74,7 +74,7 @@ static hada_status reduction_at(search *s, hada_fidelity fidelity, const hada_se
     double frame, before, after;
     hada_status status = HADA_OK;
     HADA_TRY(hada_residuals_frame(&s->residuals, fidelity, &frame, err));
-    hada_residuals_ahead(&s->residuals, larger, 1);
+    hada_residuals_ahead(&s->residuals, fidelity, larger, 1);
     HADA_TRY(residual_of(s, fidelity, smaller, &before, err));
     HADA_TRY(residual_of(s, fidelity, larger, &after, err));
     *reduction = before > 0.0 ? (before - after) / (before + MODEL_ERROR * MODEL_ERROR * frame) : 0.0;
@@ -116,7 +116,7 @@ static hada_status is_better(search *s, const hada_set *current, const hada_set 
     for (int fidelity = HADA_FIDELITY_COARSE; fidelity <= (int)finest; fidelity++) {
         double now, then;
         s->result->fine_comparisons += fidelity == HADA_FIDELITY_FINE;
-        hada_residuals_ahead(&s->residuals, moved, 1);
+        hada_residuals_ahead(&s->residuals, (hada_fidelity)fidelity, moved, 1);
         HADA_TRY(residual_of(s, (hada_fidelity)fidelity, current, &now, err));
         HADA_TRY(residual_of(s, (hada_fidelity)fidelity, moved, &then, err));
         *better = then < now;
@@ -146,7 +146,7 @@ static void moves_ahead(search *s)
 {
     hada_set next[2 * HADA_PURSUIT_MAX];
     for (int i = 0; i < s->count; i++)
-        hada_residuals_ahead(&s->residuals, next, moves_of(s, &s->candidates[i], next));
+        hada_residuals_ahead(&s->residuals, HADA_FIDELITY_COARSE, next, moves_of(s, &s->candidates[i], next));
 }
 
 /* All sets with a depth less; how many. */
@@ -166,7 +166,7 @@ static hada_status move_once(search *s, hada_set *current, hada_fidelity finest,
     s->count = moves_of(s, current, s->candidates);
     if (!s->count)
         goto done;
-    hada_residuals_ahead(&s->residuals, s->candidates, s->count);
+    hada_residuals_ahead(&s->residuals, HADA_FIDELITY_COARSE, s->candidates, s->count);
     HADA_TRY(residual_of(s, HADA_FIDELITY_COARSE, current, &now, err));
     moves_ahead(s);
     HADA_TRY(evaluate(s, HADA_FIDELITY_COARSE, err));
@@ -280,6 +280,8 @@ static hada_status best_addition(search *s, const hada_set *current, hada_set *m
     double reduction, energy;
     hada_status status = HADA_OK;
     *many = 0;
+    /* where nothing is added, these come next */
+    hada_residuals_ahead(&s->residuals, HADA_FIDELITY_COARSE, less, reductions_of(current, less));
     HADA_TRY(list_additions(s, current, err));
     /* the last one that there is room for: that it is needed says enough, which one it is does not matter */
     if (last) {
@@ -288,8 +290,6 @@ static hada_status best_addition(search *s, const hada_set *current, hada_set *m
         if (reduction > CLOSE_ABOVE * o->threshold)
             goto done;
     }
-    /* where nothing is added, these come next */
-    hada_residuals_ahead(&s->residuals, less, reductions_of(current, less));
     HADA_TRY(best_candidate(s, more, &energy, err));
     if (more->count == 2)
         HADA_TRY(detect_many(s, more, &largest, many, err));

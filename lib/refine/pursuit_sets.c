@@ -98,10 +98,12 @@ hada_status hada_residuals_frame(const hada_residuals *residuals, hada_fidelity 
     return hada_level_frame_energy(level_of(residuals, fidelity), energy, err);
 }
 
-void hada_residuals_ahead(hada_residuals *residuals, const hada_set *sets, int count)
+void hada_residuals_ahead(hada_residuals *residuals, hada_fidelity fidelity, const hada_set *sets, int count)
 {
-    for (int i = 0; i < count && residuals->ahead_count < HADA_RESIDUALS_AHEAD; i++)
+    for (int i = 0; i < count && residuals->ahead_count < HADA_RESIDUALS_AHEAD; i++) {
+        residuals->ahead_fidelity[residuals->ahead_count] = first_alike(residuals, fidelity);
         residuals->ahead[residuals->ahead_count++] = sets[i];
+    }
 }
 
 /* Sets that are to be refined side by side: those that are not known yet. */
@@ -119,6 +121,23 @@ static void add_unknown(batch *all, const hada_residuals *residuals, hada_fideli
             return;
     all->sets[all->count++] = set;
     all->places = set->count > all->places ? set->count : all->places;
+}
+
+/* Those of this fidelity that there is room for. What is left of them is forgotten, the others wait. */
+static void take_ahead(batch *all, hada_residuals *residuals, hada_fidelity fidelity)
+{
+    const int room = hada_level_room(level_of(residuals, fidelity));
+    int kept = 0;
+    for (int i = 0; i < residuals->ahead_count; i++) {
+        if (residuals->ahead_fidelity[i] != fidelity) {
+            residuals->ahead_fidelity[kept] = residuals->ahead_fidelity[i];
+            residuals->ahead[kept++] = residuals->ahead[i];
+        } else if (all->count < room) {
+            residuals->taken[all->count] = residuals->ahead[i];
+            add_unknown(all, residuals, fidelity, &residuals->taken[all->count]);
+        }
+    }
+    residuals->ahead_count = kept;
 }
 
 /* Refines them and takes down what they leave. Smaller sets have places without a depth, which stay dark. */
@@ -150,10 +169,8 @@ hada_status hada_residuals_of(hada_residuals *residuals, hada_fidelity asked, co
         return hada_residuals_frame(residuals, fidelity, energy, err);
     for (int i = 0; i < count; i++)
         add_unknown(&all, residuals, fidelity, &sets[i]);
-    const int room = all.count ? hada_level_room(level_of(residuals, fidelity)) : 0;
-    for (int i = 0; i < residuals->ahead_count && all.count < room; i++)
-        add_unknown(&all, residuals, fidelity, &residuals->ahead[i]);
-    residuals->ahead_count = 0;
+    if (all.count)
+        take_ahead(&all, residuals, fidelity);
     if (all.count)
         HADA_TRY(refine(residuals, fidelity, &all, err));
     for (int i = 0; i < count; i++)

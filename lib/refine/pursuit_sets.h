@@ -46,7 +46,9 @@ typedef struct hada_residuals {
     size_t count, room;
     /* sets that may be asked about next */
     hada_set ahead[HADA_RESIDUALS_AHEAD];
+    hada_fidelity ahead_fidelity[HADA_RESIDUALS_AHEAD];
     int ahead_count;
+    hada_set taken[HADA_PURSUIT_DEPTHS]; /* of them those that go along */
 } hada_residuals;
 
 void hada_residuals_free(hada_residuals *residuals);
@@ -55,10 +57,10 @@ void hada_residuals_free(hada_residuals *residuals);
 hada_status hada_residuals_frame(const hada_residuals *residuals, hada_fidelity fidelity, double *energy,
                                  hada_error *err);
 
-/* Sets of any size that may be asked about after what is asked next. They are refined beside it where that costs a
- * device nothing, which is so on GPUs: a few small grids leave most of one idle, and each look at its energies is
- * waited for. */
-void hada_residuals_ahead(hada_residuals *residuals, const hada_set *sets, int count);
+/* Sets of any size that may be asked about later, so closely. They are refined beside the next that are, where that
+ * costs a device nothing, which is so on GPUs: a few small grids leave most of one idle, and each look at its energies
+ * is waited for. */
+void hada_residuals_ahead(hada_residuals *residuals, hada_fidelity fidelity, const hada_set *sets, int count);
 
 /* The energies that each of `count` sets of one size leaves; those not yet known are refined side by side. */
 hada_status hada_residuals_of(hada_residuals *residuals, hada_fidelity fidelity, const hada_set *sets, int count,

@@ -67,7 +67,7 @@ int main(int argc, char **argv)
 {
     const fuzz_target *target = fuzz_find(argc > 1 ? argv[1] : NULL);
     int count = 0;
-#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__) && !defined(HADALENS_SANITIZED)
+#ifndef HADALENS_SANITIZED
     const struct rlimit room = {MOST_BYTES, MOST_BYTES};
     setrlimit(RLIMIT_AS, &room);
 #endif

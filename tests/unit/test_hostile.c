@@ -8,7 +8,7 @@
 #include "io/tiff_meta.h"
 #include "io_testing.h"
 
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#ifdef HADALENS_SANITIZED
 enum { MOST_SECONDS = 20, MOST_KIB = 1 << 30 }; /* shadow memory is not ours */
 #else
 enum { MOST_SECONDS = 2, MOST_KIB = 256 << 10 };

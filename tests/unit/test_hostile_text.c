@@ -11,7 +11,7 @@
 #include "io_testing.h"
 #include "runtime/tuning.h"
 
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#ifdef HADALENS_SANITIZED
 enum { MOST_MS = 40000, MOST_KIB = 1 << 30 }; /* shadow memory is not ours */
 #else
 enum { MOST_MS = 2000, MOST_KIB = 256 << 10 };

@@ -177,7 +177,7 @@ static void test_streaming(void **state)
         hada_image_destroy(&image);
     }
     hada_tiff_close(&reader);
-#ifndef __SANITIZE_ADDRESS__ /* which keeps freed memory aside */
+#ifndef HADALENS_SANITIZED /* sanitizers keep freed memory aside */
     long grown = peak_kib() - before;
     if (grown > 20000)
         fail_msg("streaming %d pages took %ld KiB", PAGES, grown);

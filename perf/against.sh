@@ -67,7 +67,8 @@ frame() { # frame DATASET FRAMES WHAT OPTION...: milliseconds a frame
 begin() { hadalens bench --first-frame -m small.model small/test/raw/test01.tif --quick && started "$1"; }
 
 light="--scene-response linear --exposure same" # nothing to find out about the scenes
-planes="--scene planes --refine-colour 1"
+flat="--scene planes --refine-colour 1"
+planes="$flat --refine 12" # as many steps as 0.1.0 takes of two depths
 rows=(
     "start: device open|begin open"
     "start: plan|begin plan"
@@ -80,7 +81,7 @@ rows=(
     "linear frame, sim300|frame small 16 total -m small.model --refine 0"
     "linear frame, sim512|frame large 4 total -m large.model --refine 0"
     "refined frame, sim300|frame small 8 total -m small.model \$(like reconstruct \$planes)"
-    "refined frame, sim300, all depths|frame small 4 total -m small.model --occupied all --refine 8 \$(like reconstruct \$planes)"
+    "refined frame, sim300, all depths|frame small 4 total -m small.model --occupied all --refine 8 \$(like reconstruct \$flat)"
     "refined frame, sim512|frame large 3 total -m large.model \$(like reconstruct \$planes)"
     "frames of two queues, whole command|wall frame small 16 total -m small.model --refine 0 --queues 2"
     "all-in-focus and distances, sim512|frame large 4 focus -m large.model --refine 0"

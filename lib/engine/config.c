@@ -170,6 +170,7 @@ hada_status hada_config_of(const hada_model *model, const hada_plan_options *opt
     *config = (hada_config){.depths = options->depths ? options->depth_count : info->depths};
     /* auto: what leave-one-out found to pay for this camera */
     config->steps = options->refine >= 0 ? options->refine : info->has_otf ? info->refine_steps : 0;
+    config->parting = options->refine < 0 && config->depths > 1;
     config->weights.tv = options->refine_tv >= 0 ? options->refine_tv : info->refine_tv;
     config->weights.colour = options->refine_colour >= 0 ? options->refine_colour : info->refine_colour;
     config->weights.shrink = options->refine_shrink >= 0 ? options->refine_shrink : info->refine_shrink;
@@ -222,7 +223,9 @@ hada_focus_desc hada_config_focus(const hada_config *config, const hada_model_in
 
 hada_refine_shape hada_config_refine(const hada_config *config, const hada_model *model)
 {
-    hada_refine_shape refine = hada_refine_shape_of(hada_model_get_info(model), config->depths, config->steps);
+    const int steps = config->parting ? hada_refine_most_steps(config->steps, config->depths) : config->steps;
+    hada_refine_shape refine = hada_refine_shape_of(hada_model_get_info(model), config->depths, steps);
+    refine.settle = config->parting;
     refine.tv = config->weights.tv > 0;
     refine.shrink = config->weights.shrink > 0;
     return refine;

@@ -46,8 +46,8 @@ static hada_refine_data data_of(const hada_pipeline *pipeline)
     return data;
 }
 
-/* energy: of the frame */
-static hada_refine_rule rule_of(const hada_setup *setup, int depths, const hada_image *frame, double energy)
+/* energy: of the frame; settle: several depths until they have parted */
+static hada_refine_rule rule_of(const hada_setup *setup, int depths, const hada_image *frame, double energy, int settle)
 {
     const hada_model_info *info = hada_model_get_info(setup->model);
     hada_refine_rule rule;
@@ -56,16 +56,19 @@ static hada_refine_rule rule_of(const hada_setup *setup, int depths, const hada_
     hada_refine_rule_weigh(&rule, info, &setup->config.weights, depths, hada_model_gain(setup->model),
                            hada_noise_unit(frame->data, frame->channels, frame->rows, frame->cols, setup->noise_share,
                                            energy / (double)hada_image_count(frame)));
-    rule.stop = setup->options.refine < 0 ? hada_refine_stop(info->boundary, &rule) : 0;
+    if (settle)
+        hada_refine_rule_stop(&rule, info->boundary, depths);
+    else
+        rule.stop = setup->options.refine < 0 ? hada_refine_stop(info->boundary, &rule) : 0;
     return rule;
 }
 
-static hada_status refine(hada_pipeline *pipeline, hada_frame *frame, int count, hada_error *err)
+static hada_status refine(hada_pipeline *pipeline, hada_frame *frame, int count, int settle, hada_error *err)
 {
     hada_report *report = &frame->result->memory->report;
     hada_refiner *refiner = pipeline->refiner;
     const hada_refine_data data = data_of(pipeline);
-    const hada_refine_rule rule = rule_of(pipeline->setup, count, frame->staged, frame->energy);
+    const hada_refine_rule rule = rule_of(pipeline->setup, count, frame->staged, frame->energy, settle);
     const int circular = hada_model_get_info(pipeline->setup->model)->boundary == HADA_BOUNDARY_CIRCULAR;
     double left = 0;
     hada_status status = HADA_OK;
@@ -107,11 +110,12 @@ done:
     return status;
 }
 
-static hada_status solve(hada_pipeline *pipeline, hada_frame *frame, int count, hada_error *err)
+static hada_status solve(hada_pipeline *pipeline, hada_frame *frame, int count, int settle, hada_error *err)
 {
     hada_status status = HADA_OK;
     hada_slot_stage(pipeline->slot, "refine");
-    HADA_TRY(pipeline->classic ? solve_classic(pipeline, frame, count, err) : refine(pipeline, frame, count, err));
+    HADA_TRY(pipeline->classic ? solve_classic(pipeline, frame, count, err)
+                               : refine(pipeline, frame, count, settle, err));
     hada_frame_progress(frame, frame->work - 1);
     HADA_TRY(hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_refine, err));
 done:
@@ -182,17 +186,19 @@ static double surface_leaves(int planes)
     return planes < SURFACE_UNKNOWNS ? 0.9 : planes == SURFACE_UNKNOWNS ? 1.0 : 1.3;
 }
 
-/* Whether a surface explains the frame as well as `count` planes did. It stands in the pipeline then. more: as pursue()
- * has it. */
-static hada_status is_surface(hada_pipeline *pipeline, hada_frame *frame, int count, double more, int *surface,
-                              double *energy, hada_error *err)
+/* more: as pursue() has it */
+static int may_be_surface(const hada_pipeline *pipeline, int count, double more)
+{
+    return pipeline->setup->config.scene == HADA_SCENE_AUTO && (count > SURFACE_UNKNOWNS || more >= SURFACE_DOUBT);
+}
+
+/* Whether a surface explains the frame as well as `count` planes did. It stands in the pipeline then. */
+static hada_status is_surface(hada_pipeline *pipeline, hada_frame *frame, int count, int *surface, double *energy,
+                              hada_error *err)
 {
     const hada_report *report = &frame->result->memory->report;
     const double planes = report->residual * report->residual * frame->energy;
     hada_status status = HADA_OK;
-    *surface = 0;
-    if (pipeline->setup->config.scene != HADA_SCENE_AUTO || (count <= SURFACE_UNKNOWNS && more < SURFACE_DOUBT))
-        goto done;
     HADA_TRY(hada_pipeline_find_surface(pipeline, frame, surface, energy, err));
     *surface = *surface && *energy < surface_leaves(count) * planes;
 done:
@@ -239,11 +245,17 @@ hada_status hada_pipeline_joint(hada_pipeline *pipeline, hada_frame *frame, hada
         HADA_TRY(hada_pipeline_no_pictures(pipeline, frame, err));
         goto done;
     }
-    HADA_TRY(solve(pipeline, frame, count, err));
-    HADA_TRY(is_surface(pipeline, frame, count, more, &surface, &energy, err));
-    if (surface) {
-        HADA_TRY(hada_pipeline_take_surface(pipeline, frame, energy, err));
-        goto done;
+    const int doubt = may_be_surface(pipeline, count, more), parting = pipeline->setup->config.parting && count > 1;
+    HADA_TRY(solve(pipeline, frame, count, parting && !doubt, err));
+    if (doubt) {
+        HADA_TRY(is_surface(pipeline, frame, count, &surface, &energy, err));
+        if (surface) {
+            HADA_TRY(hada_pipeline_take_surface(pipeline, frame, energy, err));
+            goto done;
+        }
+        /* first steps tell what planes leave; what they look like takes longer */
+        if (parting)
+            HADA_TRY(solve(pipeline, frame, count, 1, err));
     }
     HADA_TRY(blend(pipeline, count, err));
     HADA_TRY(hada_pipeline_enhance(pipeline, frame, planes_of(pipeline), count, 1, err));

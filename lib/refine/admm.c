@@ -59,6 +59,20 @@ void hada_refine_rule_weigh(hada_refine_rule *rule, const hada_model_info *info,
     }
 }
 
+/* Four steps that change planes by less than this leave them within 0.1 dB of what more would make of them
+ * (docs/refinement.md). */
+#define SETTLED 0.015
+
+void hada_refine_rule_stop(hada_refine_rule *rule, hada_boundary boundary, int depths)
+{
+    if (depths > 1 && rule->tv > 0.0) {
+        rule->settle = SETTLED;
+        rule->steps = hada_refine_most_steps(rule->steps, depths);
+    } else {
+        rule->stop = hada_refine_stop(boundary, rule);
+    }
+}
+
 hada_refine_shape hada_refine_shape_of(const hada_model_info *info, int max_depths, int max_steps)
 {
     hada_refine_shape shape = {.grid_rows = info->grid_rows,
@@ -101,7 +115,7 @@ static hada_fft_desc describe(const hada_refine_shape *shape, const hada_refine_
 
 /* Bytes of every buffer. */
 typedef struct sizes {
-    size_t spectra, planes, split, dual, list, partial, partials, tv;
+    size_t spectra, planes, kept, split, dual, list, partial, partials, tv;
     int slices;
 } sizes;
 
@@ -116,6 +130,7 @@ static sizes sizes_of(const hada_context *context, const hada_refine_shape *shap
     b.spectra = images * layout.count * complex_bytes;
     /* total variation's loads reach a vector beyond the last image */
     b.planes = hada_round_up(images * hada_rect_area(&shape->window) + 8, HADA_REFINE_PAD) * sizeof(float);
+    b.kept = shape->settle ? b.planes : 0;
     b.tv = shape->tv ? hada_variation_floats(context, shape->channels, shape->window.rows, shape->window.cols,
                                              shape->max_planes) *
                            sizeof(float)
@@ -133,15 +148,18 @@ static sizes sizes_of(const hada_context *context, const hada_refine_shape *shap
         b.slices = fused;
     b.partials = sets * (size_t)b.slices;
     b.partial = ((size_t)shape->max_steps + 2) * b.partials * sizeof(float);
+    if (shape->settle)
+        b.partial += 2 * images * hada_refine_slices(hada_rect_area(&shape->window)) * sizeof(float);
     return b;
 }
 
-enum { ROWS = 11, PLANS = 4 };
+enum { ROWS = 12, PLANS = 4 };
 
 static void list_buffers(const sizes *b, hada_buffer_row *rows)
 {
     const hada_buffer_row list[ROWS] = {
         {offsetof(hada_refiner, planes), b->planes, "the refined planes"},
+        {offsetof(hada_refiner, kept), b->kept, "the planes of a step before"},
         {offsetof(hada_refiner, now_u), b->spectra, "the spectra of the refined planes"},
         {offsetof(hada_refiner, now_w), b->spectra, "the spectra of the refinement's duals"},
         {offsetof(hada_refiner, list), b->list, "the list of occupied depths"},

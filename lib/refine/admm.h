@@ -29,6 +29,7 @@ typedef struct hada_refine_shape {
     int max_steps;
     int tv;     /* 1: rules may ask for total variation */
     int shrink; /* 1: and for shrinkage with it */
+    int settle; /* 1: and to stop when planes have settled */
 } hada_refine_shape;
 
 /* The shape for a model: one set of up to max_depths depths. */
@@ -64,6 +65,7 @@ typedef struct hada_refine_rule {
     double shrink;    /* with tv and a single image, in the last steps: threshold of the shrinkage of its blocks' cosine
                          transforms (refine/shrinkage.h), in units of tv; 0: none */
     double stop;      /* stop when the residual changes by less than this part of itself, twice running; 0: never */
+    double settle;    /* of one set: stop when four steps change the planes by less than this part of them; 0: never */
     int quiet;        /* 1, without `stop`: nobody asks for the energies on the way, and the run waits for nothing */
     int scored; /* 1: hada_refiner_score() follows, with the planes as they are: a step may leave what it begins with */
     hada_refine_start start;
@@ -112,6 +114,19 @@ static inline double hada_refine_stop(hada_boundary boundary, const hada_refine_
     if (boundary == HADA_BOUNDARY_PADDED)
         return rule->shrink > 0.0 ? 0.006 : 0.003;
     return rule->shrink > 0.0 ? 0.1 : rule->tv > 0.0 ? 0.006 : 0.01;
+}
+
+/* Several depths take up to so many times the steps that leave-one-out chose, mostly on scenes of one. */
+#define HADA_REFINE_PARTING 6
+
+/* Stops a rule that has been weighed where nobody said how many steps to take: where the residual has settled, with
+ * several depths and total variation where the planes have, for depths part long after. */
+void hada_refine_rule_stop(hada_refine_rule *rule, hada_boundary boundary, int depths);
+
+/* The most steps that such a rule makes of `steps` with up to so many depths. */
+static inline int hada_refine_most_steps(int steps, int depths)
+{
+    return depths > 1 ? HADA_REFINE_PARTING * steps : steps;
 }
 
 /* rho, relaxation and total variation for so many depths and a frame of this mean square (over pixels and channels).

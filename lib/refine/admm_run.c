@@ -7,6 +7,9 @@
 /* After first steps of another relaxation: while depths part, the residual may stand still. */
 enum { SETTLING_STEPS = 5 };
 
+/* What settles is looked at every so many steps, first after so many. */
+enum { KEEP_EVERY = 4, KEEP_FIRST = 8 };
+
 static hada_status check_run(const hada_refine_run *r, const int *list, hada_error *err)
 {
     const hada_refine_shape *shape = &r->refiner->shape;
@@ -73,6 +76,8 @@ static hada_status check_rule(const hada_refiner *refiner, const hada_refine_rul
     if (rule->tv > 0.0 && (!refiner->shape.tv || (rule->shrink > 0.0 && !refiner->shape.shrink)))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "refinement: this refiner was made without %s",
                          refiner->shape.tv ? "shrinkage" : "total variation");
+    if (rule->settle > 0.0 && !refiner->shape.settle)
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "refinement: this refiner was made without settling");
     return HADA_OK;
 }
 
@@ -174,6 +179,22 @@ static int shrink_steps(const hada_refine_run *r, const hada_refine_rule *rule)
     return rule->steps / 2 < HADA_SHRINKAGE_STEPS ? rule->steps / 2 : HADA_SHRINKAGE_STEPS;
 }
 
+/* Whether the planes have settled after `count` steps. */
+static hada_status look(const hada_refine_run *r, const hada_refine_rule *rule, int count, int *settled,
+                        hada_error *err)
+{
+    double change = 1.0;
+    hada_status status = HADA_OK;
+    *settled = 0;
+    if (count == KEEP_FIRST)
+        HADA_TRY(hada_refine_keep(r, err));
+    else if (count > KEEP_FIRST && count % KEEP_EVERY == 0)
+        HADA_TRY(hada_refine_change(r, &change, err));
+    *settled = change < rule->settle;
+done:
+    return status;
+}
+
 hada_status hada_refiner_run(hada_refiner *refiner, const hada_refine_data *data, const hada_refine_rule *rule,
                              int sets, int depths, const int *list, int *steps, hada_error *err)
 {
@@ -190,6 +211,11 @@ hada_status hada_refiner_run(hada_refiner *refiner, const hada_refine_data *data
         const int shrink = count >= end - last;
         HADA_TRY(r.fused ? iterate_fused(&r, rule, count, shrink, err) : iterate(&r, rule, count, shrink, err));
         count++;
+        if (rule->settle > 0.0 && count < end) {
+            int settled;
+            HADA_TRY(look(&r, rule, count, &settled, err));
+            end = settled ? count : end;
+        }
         if (count < end ? shrink || !(rule->stop > 0.0) || count < least : rule->quiet)
             continue;
         const int known = r.padded ? count + 1 : count;

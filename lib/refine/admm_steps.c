@@ -190,6 +190,54 @@ hada_status hada_refine_shrink_step(hada_refiner *refiner, double theta, double 
                                           duals, &weights, fresh, err);
 }
 
+hada_status hada_refine_keep(const hada_refine_run *r, hada_error *err)
+{
+    hada_refiner *refiner = r->refiner;
+    const size_t bytes = (size_t)(r->depths * refiner->shape.channels) * refiner->window_area * sizeof(float);
+    return hada_buffer_copy(refiner->slot, refiner->planes.mem, 0, refiner->kept.mem, 0, bytes, err);
+}
+
+/* kept = kept - planes, or kept as it is, with its energies, behind those of all steps. */
+static hada_status kept_energy(const hada_refine_run *r, int use_planes, size_t first, hada_error *err)
+{
+    hada_refiner *refiner = r->refiner;
+    const int images = r->depths * refiner->shape.channels;
+    const hada_range range = slices_range(r, refiner->window_area, images, 1);
+    const double values = (double)images * (double)refiner->window_area;
+    const hada_refine_sums sums = {HADA_REFINE_SLICE, (unsigned)first};
+    hada_slot_cost(refiner->slot, (use_planes ? 12.0 : 8.0) * values, (use_planes ? 4.0 : 3.0) * values);
+    return hada_launch_refine_frame(refiner->slot, refiner->program, &range, err, .a = refiner->kept.mem,
+                                    .frame = refiner->planes.mem, .frame_offset = 0, .use_frame = use_planes,
+                                    .channels = (cl_uint)images, .pixels = (cl_uint)refiner->window_area, .scale = 1.0f,
+                                    .partial = refiner->partial.mem, .sums = sums);
+}
+
+static double add(const float *values, size_t count)
+{
+    double sum = 0.0;
+    for (size_t i = 0; i < count; i++)
+        sum += values[i];
+    return sum;
+}
+
+hada_status hada_refine_change(const hada_refine_run *r, double *change, hada_error *err)
+{
+    hada_refiner *refiner = r->refiner;
+    const size_t first = refiner->partials * ((size_t)refiner->shape.max_steps + 2);
+    const size_t count = (size_t)(r->depths * refiner->shape.channels) * hada_refine_slices(refiner->window_area);
+    float *sums = refiner->host_partial + first;
+    hada_status status = HADA_OK;
+    HADA_TRY(kept_energy(r, 1, first, err));
+    HADA_TRY(hada_refine_keep(r, err));
+    HADA_TRY(kept_energy(r, 0, first + count, err));
+    HADA_TRY(hada_buffer_read(&refiner->partial, refiner->slot, first * sizeof(float), sums, 2 * count * sizeof(float),
+                              err));
+    const double planes = add(sums + count, count);
+    *change = planes > 0.0 ? sqrt(add(sums, count) / planes) : 0.0;
+done:
+    return status;
+}
+
 /* Transforms `images` images in calls of the plan's batch; their spectra stand from `offset` on. */
 static hada_status transform(hada_refiner *refiner, hada_fft *plan, int forward, int images, cl_mem real,
                              size_t distance, const hada_buffer *spectra, size_t offset, hada_error *err)

@@ -22,6 +22,7 @@ struct hada_refiner {
     hada_fft *frame_forward, *frame_inverse; /* padded: of the frame */
     hada_fft_fused fused;                    /* empty where steps cannot be fused: admm_fused.h */
     hada_buffer now_u, now_w, planes, list, partial;
+    hada_buffer kept;                     /* settle: planes of a step before */
     hada_buffer split, dual;              /* padded: the split at the frame, A and behind it E, and its dual */
     hada_buffer residual, residual_frame; /* padded: what the planes do not explain */
     size_t partials;                      /* partial sums of one step, at most */
@@ -90,6 +91,10 @@ hada_status hada_refine_tv_step(hada_refiner *refiner, int planes, double theta,
  */
 hada_status hada_refine_shrink_step(hada_refiner *refiner, double theta, double colour, double shrink, int fresh,
                                     hada_error *err);
+
+/* Keeps the planes of one set, and measures by what part of themselves (root of energies) they have changed since. */
+hada_status hada_refine_keep(const hada_refine_run *run, hada_error *err);
+hada_status hada_refine_change(const hada_refine_run *run, double *change, hada_error *err);
 
 /* Planes to their spectra U and from W; padded: the frame's dual to its spectrum E, and from a spectrum to the frame.
  */

@@ -40,8 +40,10 @@ static int most_depths(const hada_model_info *info, int composes)
 
 static hada_refine_shape refine_shape(const hada_model_info *info, int composes)
 {
-    hada_refine_shape shape =
-        hada_refine_shape_of(info, most_depths(info, composes), is_refined(info) ? info->refine_steps : 1);
+    const int depths = most_depths(info, composes);
+    hada_refine_shape shape = hada_refine_shape_of(
+        info, depths, is_refined(info) ? hada_refine_most_steps(info->refine_steps, depths) : 1);
+    shape.settle = depths > 1;
     shape.tv = info->refine_tv > 0;
     shape.shrink = info->refine_shrink > 0;
     return shape;
@@ -205,7 +207,7 @@ static hada_status refine(hada_planes *planes, int depth, const hada_image *raw,
     hada_refine_rule_weigh(
         &rule, info, &weights, depths, hada_model_gain(planes->model),
         hada_noise_unit(raw->data, raw->channels, raw->rows, raw->cols, planes->noise_share, mean_square(planes, raw)));
-    rule.stop = hada_refine_stop(info->boundary, &rule);
+    hada_refine_rule_stop(&rule, info->boundary, depths);
     return hada_refiner_run(planes->refiner, &data, &rule, 1, depths, several ? composed->depth : one, NULL, err);
 }
 

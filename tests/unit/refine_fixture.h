@@ -17,7 +17,7 @@ static void set_up(fixture *f, int frame_rows, int frame_cols, int window_rows, 
 {
     f->camera = tiny_make(frame_rows, frame_cols, window_rows, window_cols, depths, channels, padded);
     tiny_upload(&f->device, &f->camera);
-    f->device.shape.tv = 1;
+    f->device.shape.tv = f->device.shape.settle = 1;
     ASSERT_OK(hada_refiner_create(&f->refiner, f->device.slot, NULL, &f->device.shape, err));
     f->scenes = tiny_zeros((size_t)depths * f->camera.window_area);
     f->image = tiny_zeros(f->camera.pixels);
@@ -61,7 +61,7 @@ static float *read_planes(const fixture *f, int planes)
     return values;
 }
 
-static double *doubles(const float *values, size_t count)
+static inline double *doubles(const float *values, size_t count)
 {
     double *out = tiny_zeros(count);
     for (size_t i = 0; i < count; i++)
@@ -69,7 +69,7 @@ static double *doubles(const float *values, size_t count)
     return out;
 }
 
-static void assert_near(double got, double expected, double relative)
+static inline void assert_near(double got, double expected, double relative)
 {
     if (!(fabs(got - expected) <= relative * fabs(expected)))
         fail_msg("%.9g, expected %.9g within %g", got, expected, relative);

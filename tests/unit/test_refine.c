@@ -425,12 +425,16 @@ static void refuses_what_it_cannot_do(void **state)
     rule.shrink = 1.6;
     assert_int_equal(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, 1, list, NULL, &error), HADA_ERROR_ARGUMENT);
     assert_non_null(strstr(error.message, "shrinkage"));
-    f.device.shape.tv = 0;
+    f.device.shape.tv = f.device.shape.settle = 0;
     hada_refiner *plain;
     ASSERT_OK(hada_refiner_create(&plain, f.device.slot, NULL, &f.device.shape, err));
     rule.tv = 1.0;
     assert_int_equal(hada_refiner_run(plain, &f.device.data, &rule, 1, 1, list, NULL, &error), HADA_ERROR_ARGUMENT);
     assert_non_null(strstr(error.message, "total variation"));
+    rule.settle = 0.01;
+    rule.tv = 0.0;
+    assert_int_equal(hada_refiner_run(plain, &f.device.data, &rule, 1, 1, list, NULL, &error), HADA_ERROR_ARGUMENT);
+    assert_non_null(strstr(error.message, "settling"));
     hada_refiner_destroy(&plain);
     f.device.shape.window.cols = 999;
     assert_int_equal(hada_refiner_create(&none, f.device.slot, NULL, &f.device.shape, &error), HADA_ERROR_SIZE);

@@ -1,0 +1,53 @@
+/* Refinement that stops when its planes have settled. */
+#include "refine_fixture.h"
+
+/* How much the planes of two depths change from so many steps to four more, of what they are then. */
+static double change(fixture *f, hada_refine_rule rule, int steps)
+{
+    const size_t count = (size_t)(2 * f->camera.channels) * f->camera.window_area;
+    double of_change = 0.0, of_planes = 0.0;
+    float *planes[2];
+    rule.settle = 0.0;
+    for (int i = 0; i < 2; i++) {
+        rule.steps = steps + 4 * i;
+        ASSERT_OK(hada_refiner_run(f->refiner, &f->device.data, &rule, 1, 2, (const int[]){1, 2}, NULL, err));
+        planes[i] = read_planes(f, 2);
+    }
+    for (size_t k = 0; k < count; k++) {
+        of_change += pow((double)planes[1][k] - planes[0][k], 2);
+        of_planes += pow(planes[1][k], 2);
+    }
+    free(planes[0]);
+    free(planes[1]);
+    return sqrt(of_change / of_planes);
+}
+
+/* Neighbours part slowly: steps go on until four of them change little, and not beyond. */
+static void goes_on_until_depths_have_parted(void **state)
+{
+    (void)state;
+    for (int padded = 0; padded < 2; padded++) {
+        fixture f;
+        hada_refine_rule rule;
+        int steps, all;
+        set_up(&f, 48, 64, 20, 24, 4, 2, padded);
+        two_depths(&f, 1, 2);
+        expose(&f, 0.01, 1.0);
+        hada_refine_rule_init(&rule);
+        rule.tv = 1e-3;
+        rule.steps = 40;
+        ASSERT_OK(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, 2, (const int[]){1, 2}, &all, err));
+        assert_int_equal(all, 40);
+        rule.settle = 0.5 * (change(&f, rule, 16) + change(&f, rule, 20));
+        ASSERT_OK(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, 2, (const int[]){1, 2}, &steps, err));
+        assert_int_equal(steps, 24);
+        assert_true(change(&f, rule, 12) >= rule.settle && change(&f, rule, 20) < rule.settle);
+        tear_down(&f);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(goes_on_until_depths_have_parted)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -177,6 +177,12 @@ static hada_status add_candidate(measurement *c, const hada_conv_choice *choice,
     }
     c->count++;
     status = values_of(c, conv, c->got, &local);
+    if (status == HADA_ERROR_MEMORY) { /* which is no fault of the variant */
+        hada_conv_destroy(&conv);
+        if (err)
+            *err = local;
+        return status;
+    }
     if (status == HADA_OK && c->probe)
         c->probe(c->user, one->text, c->got, c->out.image_stride);
     const int loose = conv->plan.pass[HADA_CONV_FORWARD].method == HADA_CONV_WINOGRAD4;

@@ -44,8 +44,8 @@ c = json.load(open('$work/camera/camera.json')); m = json.load(open('$work/fit.j
 print(','.join('%g' % d for d in c['distances_mm']), c['boundary'], '%dx%d' % (c['window_rows'], c['window_cols']), m['refine_steps'], m['refine_tv'], m['refine_colour'], m['refine_shrink'])")
     # shellcheck disable=SC2086 # the facts are words
     set -- $facts
-    "$hadalens" fit --psf "$work/camera/psf.tif" --distances "$1" --boundary "$2" --window "$3" --psf-dark 0 --colour -o "$work/designed" --quiet >/dev/null
-    "$hadalens" reconstruct "$work"/camera/test/raw/*.tif -m "$work/designed" -o "$work/best" --refine "$4" --refine-tv "$5" --refine-colour "$6" --refine-shrink "$7" --no-preview --quiet >/dev/null
+    "$hadalens" fit --psf "$work/camera/psf.tif" --distances "$1" --boundary "$2" --window "$3" --psf-dark 0 --colour --refine "$4" -o "$work/designed" --quiet >/dev/null
+    "$hadalens" reconstruct "$work"/camera/test/raw/*.tif -m "$work/designed" -o "$work/best" --refine-tv "$5" --refine-colour "$6" --refine-shrink "$7" --no-preview --quiet >/dev/null
     "$hadalens" evaluate "$work/best" "$work/camera/test/truth" --json >"$work/designed.json"
 }
 row() {

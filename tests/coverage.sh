@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # coverage.sh [readers|all] [FOLDER]: which share of lines and branches is reached, for each room of lib. readers: of what
 # reads and writes files, by the corpora, the tests of files, and every fault of the stages for files; all, the default: of
-# everything, by unit tests, corpora, commands, and a fault at every call site of every stage. Builds in FOLDER (build/coverage). Fails where branches are below an aim (coverage.py; with --missed that tells
-# what was not reached).
+# everything, by unit tests, corpora, commands, and a fault at every call site of every stage. Builds in FOLDER
+# (build/coverage). Fails where branches are below an aim (coverage.py; with --missed that tells what was not reached).
 set -euo pipefail
 cd "$(dirname "$0")/.."
 form=all

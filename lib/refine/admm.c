@@ -65,7 +65,7 @@ void hada_refine_rule_weigh(hada_refine_rule *rule, const hada_model_info *info,
 
 void hada_refine_rule_stop(hada_refine_rule *rule, hada_boundary boundary, int depths)
 {
-    if (depths > 1 && rule->tv > 0.0) {
+    if (hada_refine_parts(depths) && rule->tv > 0.0) {
         rule->settle = SETTLED;
         rule->steps = hada_refine_most_steps(rule->steps, depths);
     } else {
@@ -130,7 +130,9 @@ static sizes sizes_of(const hada_context *context, const hada_refine_shape *shap
     b.spectra = images * layout.count * complex_bytes;
     /* total variation's loads reach a vector beyond the last image */
     b.planes = hada_round_up(images * hada_rect_area(&shape->window) + 8, HADA_REFINE_PAD) * sizeof(float);
-    b.kept = shape->settle ? b.planes : 0;
+    const int settling = shape->settle < shape->max_planes ? shape->settle : shape->max_planes;
+    const size_t settling_images = (size_t)settling * (size_t)shape->channels;
+    b.kept = settling_images * hada_rect_area(&shape->window) * sizeof(float);
     b.tv = shape->tv ? hada_variation_floats(context, shape->channels, shape->window.rows, shape->window.cols,
                                              shape->max_planes) *
                            sizeof(float)
@@ -148,8 +150,7 @@ static sizes sizes_of(const hada_context *context, const hada_refine_shape *shap
         b.slices = fused;
     b.partials = sets * (size_t)b.slices;
     b.partial = ((size_t)shape->max_steps + 2) * b.partials * sizeof(float);
-    if (shape->settle)
-        b.partial += 2 * images * hada_refine_slices(hada_rect_area(&shape->window)) * sizeof(float);
+    b.partial += 2 * settling_images * hada_refine_slices(hada_rect_area(&shape->window)) * sizeof(float);
     return b;
 }
 

@@ -29,7 +29,7 @@ typedef struct hada_refine_shape {
     int max_steps;
     int tv;     /* 1: rules may ask for total variation */
     int shrink; /* 1: and for shrinkage with it */
-    int settle; /* 1: and to stop when planes have settled */
+    int settle; /* so many depths may be asked whether their planes have settled; 0: none */
 } hada_refine_shape;
 
 /* The shape for a model: one set of up to max_depths depths. */
@@ -116,8 +116,14 @@ static inline double hada_refine_stop(hada_boundary boundary, const hada_refine_
     return rule->shrink > 0.0 ? 0.1 : rule->tv > 0.0 ? 0.006 : 0.01;
 }
 
-/* Several depths take up to so many times the steps that leave-one-out chose, mostly on scenes of one. */
-#define HADA_REFINE_PARTING 6
+/* Several depths, up to so many, take up to so many times the steps that leave-one-out chose, mostly on scenes of one;
+ * more of them would take long, and a copy of all their planes. */
+enum { HADA_REFINE_PARTING = 6, HADA_REFINE_PARTING_DEPTHS = 8 };
+
+static inline int hada_refine_parts(int depths)
+{
+    return depths > 1 && depths <= HADA_REFINE_PARTING_DEPTHS;
+}
 
 /* Stops a rule that has been weighed where nobody said how many steps to take: where the residual has settled, with
  * several depths and total variation where the planes have, for depths part long after. */

@@ -434,7 +434,7 @@ static void refuses_what_it_cannot_do(void **state)
     rule.settle = 0.01;
     rule.tv = 0.0;
     assert_int_equal(hada_refiner_run(plain, &f.device.data, &rule, 1, 1, list, NULL, &error), HADA_ERROR_ARGUMENT);
-    assert_non_null(strstr(error.message, "settling"));
+    assert_non_null(strstr(error.message, "settled"));
     hada_refiner_destroy(&plain);
     f.device.shape.window.cols = 999;
     assert_int_equal(hada_refiner_create(&none, f.device.slot, NULL, &f.device.shape, &error), HADA_ERROR_SIZE);

@@ -54,9 +54,8 @@ static const hada_cli_option options[] = {
      "the depths too. auto: what explains the frame with the fewest unknowns.",
      ONE_OF(scene, HADA_SCENE_AUTO, HADA_SCENE_PLANES, HADA_SCENE_SURFACE)},
     {HADA_OPTION_TEXT, "refine", 0, "N|auto|0", "refinement steps on the occupied depths (default: auto)",
-     "auto takes what the fit measured to pay for this camera. 0: the linear filters alone, the quickest; the default "
-     "with "
-     "--method matched.",
+     "auto takes what the fit measured to pay for this camera, and more where several depths have not parted by then. 0: "
+     "the linear filters alone, the quickest; the default with --method matched.",
      AT(refine)},
     {HADA_OPTION_TEXT, "refine-tv", 0, "W|auto|0", "weight of total variation in refinement (default: auto)",
      "auto takes what the fit measured to pay, which goes with the noise; more is smoother.", AT(refine_tv)},

@@ -60,7 +60,8 @@ typedef struct hada_plan_options {
     hada_occupied occupied;   /* HADA_OCCUPIED_AUTO by default */
     const int *occupied_list; /* indices of depths, for HADA_OCCUPIED_LIST */
     int occupied_count;
-    int refine;        /* steps; HADA_AUTO (default): the model's, 0: linear filters alone */
+    int refine;        /* steps; HADA_AUTO (default): the model's, and more until several depths have parted; 0: linear
+                        * filters alone */
     double refine_tv;  /* weight of total variation in refinement; HADA_AUTO (default): the model's, 0: none */
     hada_dark dark;    /* HADA_DARK_MODEL by default: what the model says */
     double dark_level; /* for HADA_DARK_LEVEL, in units of full scale */

@@ -104,7 +104,8 @@ refine_group_columns(__global float *planes, __global const float *otf, __global
         FFT_WAIT();
         fft_stage(scratch, n * depths, side, table + FFT_HEADER + s * FFT_STAGE_INTS, floats, 1);
     }
-    FFT_WAIT();
+    /* others have read what is written here */
+    barrier(CLK_LOCAL_MEM_FENCE | CLK_GLOBAL_MEM_FENCE);
     for (int s = 0; s < depths; ++s)
         FFT_SHARE_SIDE(row, rows.rows, side)
     window[s * window_step + (size_t)row * HADA_FFT_BLOCK] =

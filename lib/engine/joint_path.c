@@ -56,10 +56,8 @@ static hada_refine_rule rule_of(const hada_setup *setup, int depths, const hada_
     hada_refine_rule_weigh(&rule, info, &setup->config.weights, depths, hada_model_gain(setup->model),
                            hada_noise_unit(frame->data, frame->channels, frame->rows, frame->cols, setup->noise_share,
                                            energy / (double)hada_image_count(frame)));
-    if (settle)
-        hada_refine_rule_stop(&rule, info->boundary, depths);
-    else
-        rule.stop = setup->options.refine < 0 ? hada_refine_stop(info->boundary, &rule) : 0;
+    if (setup->options.refine < 0)
+        hada_refine_rule_stop(&rule, info->boundary, settle ? depths : 1);
     return rule;
 }
 

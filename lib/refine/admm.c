@@ -59,6 +59,16 @@ void hada_refine_rule_weigh(hada_refine_rule *rule, const hada_model_info *info,
     }
 }
 
+/* A `stop` that ended within 0.1 dB of the best number of steps, for such a rule (docs/refinement.md). Padded, what is
+ * known of a step is |b - v| within the frame, which settles before the planes do. Steps with shrinkage settle what
+ * those before them left, which need not have come so near. */
+static double residual_stop(hada_boundary boundary, const hada_refine_rule *rule)
+{
+    if (boundary == HADA_BOUNDARY_PADDED)
+        return rule->shrink > 0.0 ? 0.006 : 0.003;
+    return rule->shrink > 0.0 ? 0.1 : rule->tv > 0.0 ? 0.006 : 0.01;
+}
+
 /* Four steps that change planes by less than this leave them within 0.1 dB of what more would make of them
  * (docs/refinement.md). */
 #define SETTLED 0.015
@@ -69,7 +79,7 @@ void hada_refine_rule_stop(hada_refine_rule *rule, hada_boundary boundary, int d
         rule->settle = SETTLED;
         rule->steps = hada_refine_most_steps(rule->steps, depths);
     } else {
-        rule->stop = hada_refine_stop(boundary, rule);
+        rule->stop = residual_stop(boundary, rule);
     }
 }
 

@@ -106,16 +106,6 @@ static inline double hada_refine_rho(hada_boundary boundary, double tv)
     return !(tv > 0.0) ? 1e-3 : boundary == HADA_BOUNDARY_PADDED ? 3e-3 : 3.5e-3;
 }
 
-/* A `stop` that ended within 0.1 dB of the best number of steps, for such a rule (docs/refinement.md). Padded, what is
- * known of a step is |b - v| within the frame, which settles before the planes do. Steps with shrinkage settle what
- * those before them left, which need not have come so near. */
-static inline double hada_refine_stop(hada_boundary boundary, const hada_refine_rule *rule)
-{
-    if (boundary == HADA_BOUNDARY_PADDED)
-        return rule->shrink > 0.0 ? 0.006 : 0.003;
-    return rule->shrink > 0.0 ? 0.1 : rule->tv > 0.0 ? 0.006 : 0.01;
-}
-
 /* Several depths, up to so many, take up to so many times the steps that leave-one-out chose, mostly on scenes of one;
  * more of them would take long, and a copy of all their planes. */
 enum { HADA_REFINE_PARTING = 6, HADA_REFINE_PARTING_DEPTHS = 8 };
@@ -126,7 +116,8 @@ static inline int hada_refine_parts(int depths)
 }
 
 /* Stops a rule that has been weighed where nobody said how many steps to take: where the residual has settled, with
- * several depths and total variation where the planes have, for depths part long after. */
+ * several depths and total variation where the planes have, for depths part long after. depths 1: by the residual,
+ * however many there are. */
 void hada_refine_rule_stop(hada_refine_rule *rule, hada_boundary boundary, int depths);
 
 /* The most steps that such a rule makes of `steps` with up to so many depths. */

@@ -64,12 +64,18 @@ int hada_refine_fused_most_slices(const hada_context *context, const hada_spectr
                                                : layout->blocks;
 }
 
+/* Work-groups along the columns of a spectrum, of so many columns each; each adds a sum. */
+static size_t parts_of(const hada_refiner *refiner, int width)
+{
+    return (size_t)(refiner->layout.blocks * (HADA_FFT_BLOCK / width));
+}
+
 size_t hada_refine_fused_slices(const hada_refine_run *run)
 {
     const hada_context *context = run->refiner->slot->context;
     const int width = context->shape == HADA_SHAPE_GROUPS ? group_columns(context, &run->refiner->shape, run->depths)
                                                           : HADA_FFT_BLOCK;
-    return (size_t)(run->refiner->layout.blocks * (HADA_FFT_BLOCK / width));
+    return parts_of(run->refiner, width);
 }
 
 /* The usual count of a transform of n points, in operations. */
@@ -158,7 +164,7 @@ hada_status hada_refine_fused_score(const hada_refine_run *run, const hada_refin
     const hada_refine_rows rows = rows_of(refiner, &(hada_refine_fused_part){0}, width);
     const hada_refine_problem problem = hada_refine_problem_of(run, 0);
     const hada_local scratch = {(size_t)(width * columns * refiner->layout.rows) * 2 * sizeof(float)};
-    *slices = (size_t)(refiner->layout.blocks * (HADA_FFT_BLOCK / width));
+    *slices = parts_of(refiner, width);
     const hada_range range = hada_range_groups(*slices, HADA_REFINE_FUSED_GROUP, (size_t)run->sets, 1);
     const double frequencies = refiner->layout.rows * (refiner->layout.cols / 2 + 1.0);
     hada_slot_cost(refiner->slot, frequencies * images * (8.0 + (band->has_variance ? 12.0 : 8.0)),

@@ -190,6 +190,15 @@ hada_status hada_refine_shrink_step(hada_refiner *refiner, double theta, double 
                                           duals, &weights, fresh, err);
 }
 
+/* Partial sums in order and in double. */
+static double add(const float *values, size_t count)
+{
+    double sum = 0.0;
+    for (size_t i = 0; i < count; i++)
+        sum += values[i];
+    return sum;
+}
+
 hada_status hada_refine_keep(const hada_refine_run *r, hada_error *err)
 {
     hada_refiner *refiner = r->refiner;
@@ -210,14 +219,6 @@ static hada_status kept_energy(const hada_refine_run *r, int use_planes, size_t 
                                     .frame = refiner->planes.mem, .frame_offset = 0, .use_frame = use_planes,
                                     .channels = (cl_uint)images, .pixels = (cl_uint)refiner->window_area, .scale = 1.0f,
                                     .partial = refiner->partial.mem, .sums = sums);
-}
-
-static double add(const float *values, size_t count)
-{
-    double sum = 0.0;
-    for (size_t i = 0; i < count; i++)
-        sum += values[i];
-    return sum;
 }
 
 hada_status hada_refine_change(const hada_refine_run *r, double *change, hada_error *err)
@@ -305,12 +306,8 @@ void hada_refine_add_up(const hada_refine_run *r, int step, int parts, size_t sl
 {
     const size_t each = (size_t)parts * slices;
     const float *partial = r->refiner->host_partial + r->refiner->partials * (size_t)step;
-    for (int set = 0; set < r->sets; set++) {
-        double sum = 0.0;
-        for (size_t i = 0; i < each; i++)
-            sum += partial[(size_t)set * each + i];
-        energy[set] = sum * factor;
-    }
+    for (int set = 0; set < r->sets; set++)
+        energy[set] = add(partial + (size_t)set * each, each) * factor;
 }
 
 hada_status hada_refine_energies(const hada_refine_run *r, int parts, size_t slices, double factor, double *energy,

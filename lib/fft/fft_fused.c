@@ -94,7 +94,9 @@ size_t hada_fft_fused_bytes(const hada_context *context, int rows, int cols)
 {
     return context->shape == HADA_SHAPE_GROUPS
                ? hada_own_table_bytes(context, cols, 0) + hada_own_table_bytes(context, rows, 1)
-               : 2 * hada_own_pass_bytes(context, cols, 0) + hada_own_pass_bytes(context, rows, 1);
+               : hada_own_pass_bytes(context, cols, HADA_PASS_ROWS) +
+                     hada_own_pass_bytes(context, cols, HADA_PASS_ROWS_INVERSE) +
+                     hada_own_pass_bytes(context, rows, HADA_PASS_COLUMNS);
 }
 
 /* Time of a stage for each point, in that of a stage of radix 2, as measured on a CPU with AVX-512; 0: no butterfly.

@@ -119,14 +119,12 @@ size_t hada_own_table_bytes(const hada_context *context, int n, int columns)
     return ints * sizeof(int32_t) + floats * sizeof(float);
 }
 
-size_t hada_own_pass_bytes(const hada_context *context, int n, int columns)
+size_t hada_own_pass_bytes(const hada_context *context, int n, hada_fft_pass_kind kind)
 {
+    const int columns = kind == HADA_PASS_COLUMNS;
     hada_fft_sized size;
-    if (hada_fft_sized_find(&size, context, n, columns)) {
-        const size_t there = hada_fft_sized_floats(&size, columns ? HADA_PASS_COLUMNS : HADA_PASS_ROWS);
-        const size_t back = hada_fft_sized_floats(&size, columns ? HADA_PASS_COLUMNS : HADA_PASS_ROWS_INVERSE);
-        return (there > back ? there : back) * sizeof(float);
-    }
+    if (hada_fft_sized_find(&size, context, n, columns))
+        return hada_fft_sized_floats(&size, kind) * sizeof(float);
     int points, odd;
     size_t ints, floats;
     hada_fft_pass_sizes(n, reads_memory_first(context, columns), &points, &odd, &ints, &floats);

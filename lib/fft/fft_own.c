@@ -59,8 +59,9 @@ static size_t own_scratch(const hada_context *context, const hada_fft_desc *desc
 
 static size_t own_bytes(const hada_context *context, const hada_fft_desc *desc)
 {
-    const size_t bytes = hada_own_pass_bytes(context, desc->cols, 0) + hada_own_pass_bytes(context, desc->rows, 1);
-    return bytes + own_scratch(context, desc);
+    const hada_fft_pass_kind rows = desc->direction == HADA_FFT_INVERSE ? HADA_PASS_ROWS_INVERSE : HADA_PASS_ROWS;
+    return hada_own_pass_bytes(context, desc->cols, rows) +
+           hada_own_pass_bytes(context, desc->rows, HADA_PASS_COLUMNS) + own_scratch(context, desc);
 }
 
 static int own_block(const hada_context *context, int rows, int cols)

@@ -31,8 +31,8 @@ size_t hada_own_table_bytes(const hada_context *context, int n, int columns);
 
 void hada_own_pass_free(hada_own_pass *pass);
 
-/* Bytes of device memory of a pass along rows or columns. */
-size_t hada_own_pass_bytes(const hada_context *context, int n, int columns);
+/* Bytes of device memory of a pass. */
+size_t hada_own_pass_bytes(const hada_context *context, int n, hada_fft_pass_kind kind);
 
 /* Bytes of local memory of such a pass for each group, 0 where its scratch lies in global memory. */
 size_t hada_own_pass_local(const hada_context *context, int n, int columns);

@@ -129,7 +129,8 @@ static hada_status enqueue_write(const hada_buffer *buffer, hada_slot *slot, cl_
         clEnqueueWriteBuffer(slot->queue, buffer->mem, blocking, offset, bytes, data, 0, NULL, hada_slot_event(slot));
     if (code != CL_SUCCESS)
         return hada_fail_cl(err, code, "clEnqueueWriteBuffer");
-    slot->calls.waits += blocking == CL_TRUE;
+    if (blocking)
+        hada_slot_waited(slot);
     hada_slot_moved(slot, "write", (double)bytes);
     return HADA_OK;
 }
@@ -156,7 +157,8 @@ static hada_status enqueue_read(const hada_buffer *buffer, hada_slot *slot, cl_b
         clEnqueueReadBuffer(slot->queue, buffer->mem, blocking, offset, bytes, data, 0, NULL, hada_slot_event(slot));
     if (code != CL_SUCCESS)
         return hada_fail_cl(err, code, "clEnqueueReadBuffer");
-    slot->calls.waits += blocking == CL_TRUE;
+    if (blocking)
+        hada_slot_waited(slot);
     hada_slot_moved(slot, "read", (double)bytes);
     return HADA_OK;
 }
@@ -195,7 +197,7 @@ hada_status hada_buffer_map(const hada_buffer *buffer, hada_slot *slot, void **d
         *data = NULL;
         return hada_fail_cl(err, code, "clEnqueueMapBuffer");
     }
-    slot->calls.waits++;
+    hada_slot_waited(slot);
     hada_slot_moved(slot, "map", (double)buffer->bytes);
     return HADA_OK;
 }

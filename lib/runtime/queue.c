@@ -39,10 +39,20 @@ void hada_slot_close(hada_slot *slot)
     slot->queue = NULL;
 }
 
-hada_status hada_slot_finish(hada_slot *slot, hada_error *err)
+void hada_slot_waited(hada_slot *slot)
 {
     slot->calls.waits++;
-    cl_int code = clFinish(slot->queue);
+    if (slot->landmark)
+        clReleaseEvent(slot->landmark);
+    slot->landmark = NULL;
+    slot->past_landmark = 0;
+    slot->past_seconds = 0.0;
+}
+
+hada_status hada_slot_finish(hada_slot *slot, hada_error *err)
+{
+    const cl_int code = clFinish(slot->queue);
+    hada_slot_waited(slot);
     return code == CL_SUCCESS ? HADA_OK : hada_fail_cl(err, code, "clFinish");
 }
 

@@ -66,6 +66,9 @@ hada_status hada_slot_time(hada_slot *slot, hada_error *err);
 /* Waits until everything in the queue is done. */
 hada_status hada_slot_finish(hada_slot *slot, hada_error *err);
 
+/* For transfers that were waited for: counts it, and nothing is in flight. */
+void hada_slot_waited(hada_slot *slot);
+
 /* For profiles (runtime/profile.h turns them on). The stage that the following commands belong to: a constant text. */
 static inline void hada_slot_stage(hada_slot *slot, const char *stage)
 {

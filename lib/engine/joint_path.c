@@ -66,19 +66,31 @@ static hada_status refine(hada_pipeline *pipeline, hada_frame *frame, int count,
     hada_report *report = &frame->result->memory->report;
     hada_refiner *refiner = pipeline->refiner;
     const hada_refine_data data = data_of(pipeline);
-    const hada_refine_rule rule = rule_of(pipeline->setup, count, frame->staged, frame->energy, settle);
-    const int circular = hada_model_get_info(pipeline->setup->model)->boundary == HADA_BOUNDARY_CIRCULAR;
-    double left = 0;
+    hada_refine_rule rule = rule_of(pipeline->setup, count, frame->staged, frame->energy, settle);
     hada_status status = HADA_OK;
+    rule.quiet = !(rule.stop > 0.0);
     HADA_TRY(hada_refiner_run(refiner, &data, &rule, 1, count, pipeline->occupied, &report->refine_steps, err));
-    HADA_TRY(hada_refiner_residual(refiner, &data, 1, count, pipeline->occupied, &left, err));
-    if (frame->energy > 0)
-        report->residual = sqrt(left / frame->energy);
-    /* the first step is the joint linear filter; what it left is met in the second */
-    if (frame->energy > 0 && circular && report->refine_steps > 1)
-        report->residual_linear = sqrt(hada_refiner_energy(refiner, 0, 1) / frame->energy);
+    HADA_TRY(hada_refiner_residual_later(refiner, &data, 1, count, pipeline->occupied, err));
+    pipeline->residual_due = 1;
 done:
     return status;
+}
+
+void hada_pipeline_residual(hada_pipeline *pipeline, const hada_frame *frame)
+{
+    hada_report *report = &frame->result->memory->report;
+    const int circular = hada_model_get_info(pipeline->setup->model)->boundary == HADA_BOUNDARY_CIRCULAR;
+    double left = 0;
+    if (!pipeline->residual_due)
+        return;
+    pipeline->residual_due = 0;
+    hada_refiner_residual_arrived(pipeline->refiner, &left);
+    if (!(frame->energy > 0))
+        return;
+    report->residual = sqrt(left / frame->energy);
+    /* the first step is the joint linear filter; what it left is met in the second */
+    if (circular && report->refine_steps > 1)
+        report->residual_linear = sqrt(hada_refiner_energy(pipeline->refiner, 0, 1) / frame->energy);
 }
 
 static void classic_progress(void *user, int iterations)
@@ -195,8 +207,10 @@ static hada_status is_surface(hada_pipeline *pipeline, hada_frame *frame, int co
                               hada_error *err)
 {
     const hada_report *report = &frame->result->memory->report;
-    const double planes = report->residual * report->residual * frame->energy;
     hada_status status = HADA_OK;
+    HADA_TRY(hada_slot_finish(pipeline->slot, err));
+    hada_pipeline_residual(pipeline, frame);
+    const double planes = report->residual * report->residual * frame->energy;
     HADA_TRY(hada_pipeline_find_surface(pipeline, frame, surface, energy, err));
     *surface = *surface && *energy < surface_leaves(count) * planes;
 done:

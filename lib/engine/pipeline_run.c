@@ -22,6 +22,7 @@ static void reset(hada_pipeline *pipeline)
 {
     hada_slot_finish(pipeline->slot, NULL);
     pipeline->loaded = 0;
+    pipeline->residual_due = 0;
 }
 
 static hada_status all_stages(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
@@ -34,6 +35,7 @@ static hada_status all_stages(hada_pipeline *pipeline, hada_frame *frame, hada_e
     HADA_TRY(hada_frame_check(frame, err));
     hada_skip_fill_report(frame);
     HADA_TRY(hada_slot_finish(pipeline->slot, err)); /* results are on their way until now */
+    hada_pipeline_residual(pipeline, frame);
     hada_result_apply_gamma(frame->result, setup->options.gamma);
     HADA_TRY(hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_download, err));
 done:

@@ -28,6 +28,7 @@ struct hada_pipeline {
     hada_buffer planes;    /* linear: a batch, [depth][channel][window]; joint, blended: one */
     hada_buffer pictures;  /* all-in-focus image, then distance map */
     int *occupied;         /* a list of computed depths, ascending */
+    int residual_due;      /* 1: what refinement left of the frame in hand is on its way */
     uint64_t loaded;       /* serial of the frame whose spectrum stands in the stage; 0: none */
 };
 
@@ -86,6 +87,9 @@ hada_status hada_pipeline_find_surface(hada_pipeline *pipeline, hada_frame *fram
                                        hada_error *err);
 /* The result, from the surface that was found last. */
 hada_status hada_pipeline_take_surface(hada_pipeline *pipeline, hada_frame *frame, double energy, hada_error *err);
+
+/* What refinement left of the frame, into its report, once the slot was waited for; nothing where none was done. */
+void hada_pipeline_residual(hada_pipeline *pipeline, const hada_frame *frame);
 
 /* The linear path for one batch, without the focus. */
 hada_status hada_pipeline_linear_batch(hada_pipeline *pipeline, hada_frame *frame, int first, int count,

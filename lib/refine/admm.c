@@ -142,7 +142,8 @@ static sizes sizes_of(const hada_context *context, const hada_refine_shape *shap
     b.planes = hada_round_up(images * hada_rect_area(&shape->window) + 8, HADA_REFINE_PAD) * sizeof(float);
     const int settling = shape->settle < shape->max_planes ? shape->settle : shape->max_planes;
     const size_t settling_images = (size_t)settling * (size_t)shape->channels;
-    b.kept = settling_images * hada_rect_area(&shape->window) * sizeof(float);
+    const size_t looks = hada_refine_looks(context);
+    b.kept = looks * settling_images * hada_rect_area(&shape->window) * sizeof(float);
     b.tv = shape->tv ? hada_variation_floats(context, shape->channels, shape->window.rows, shape->window.cols,
                                              shape->max_planes) *
                            sizeof(float)
@@ -160,7 +161,7 @@ static sizes sizes_of(const hada_context *context, const hada_refine_shape *shap
         b.slices = fused;
     b.partials = sets * (size_t)b.slices;
     b.partial = ((size_t)shape->max_steps + 2) * b.partials * sizeof(float);
-    b.partial += 2 * settling_images * hada_refine_slices(hada_rect_area(&shape->window)) * sizeof(float);
+    b.partial += looks * 2 * settling_images * hada_refine_slices(hada_rect_area(&shape->window)) * sizeof(float);
     return b;
 }
 

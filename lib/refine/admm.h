@@ -166,12 +166,21 @@ double hada_refiner_energy(const hada_refiner *refiner, int set, int step);
 hada_status hada_refiner_residual(hada_refiner *refiner, const hada_refine_data *data, int sets, int depths,
                                   const int *list, double *energy, hada_error *err);
 
+/* The same after a quiet run, without waiting: once the slot was waited for, the second call has the energies, of the
+ * planes as they were, and circular and after two steps or more of the run, what the joint linear filter left (that is
+ * hada_refiner_energy(refiner, set, 1)). Nothing else is asked of the refiner in between. */
+hada_status hada_refiner_residual_later(hada_refiner *refiner, const hada_refine_data *data, int sets, int depths,
+                                        const int *list, hada_error *err);
+void hada_refiner_residual_arrived(hada_refiner *refiner, double *energy);
+
 /* How badly a set explains what the channels of the frame have in common, one value per set: the energy of the mean
  * over channels of b - sum PSF * u plus the prior's term, each frequency divided by 1 + sum |U|^2 variance, the growth
  * of its noise through the OTF's own error; of the frequencies with 2 |ky| < band_rows and 2 |kx| < band_cols. Whole
- * grid, also where the boundary is padded. depths 0: of the frame itself (one set, no list). */
+ * grid, also where the boundary is padded. depths 0: of the frame itself (one set, no list); *frame (may be NULL): the
+ * same beside that of sets, in one look. */
 hada_status hada_refiner_score(hada_refiner *refiner, const hada_refine_data *data, int sets, int depths,
-                               const int *list, int band_rows, int band_cols, double *energy, hada_error *err);
+                               const int *list, int band_rows, int band_cols, double *energy, double *frame,
+                               hada_error *err);
 
 /* Padded boundary: the spectra [set][channel][count] of what the sets did not explain at the last
  * hada_refiner_residual(). */

@@ -153,13 +153,18 @@ done:
     return status;
 }
 
+/* Slices that a linear step adds up. */
+static size_t step_slices(const hada_refine_run *r)
+{
+    return r->fused ? hada_refine_fused_slices(r) : hada_refine_slices(r->refiner->layout.count);
+}
+
 /* The energies of steps first ... end - 1: see hada_refiner_energy() for what they mean. */
 static hada_status read_energies(const hada_refine_run *r, const hada_refine_rule *rule, int first, int end,
                                  hada_error *err)
 {
     const hada_refiner *refiner = r->refiner;
-    const size_t frame_slices = hada_refine_slices(refiner->frame_area),
-                 slices = r->fused ? hada_refine_fused_slices(r) : hada_refine_slices(refiner->layout.count);
+    const size_t frame_slices = hada_refine_slices(refiner->frame_area), slices = step_slices(r);
     const size_t width = (size_t)refiner->shape.max_sets;
     hada_status status = HADA_OK;
     HADA_TRY(hada_refine_fetch(r, first, end - first, err));
@@ -181,18 +186,31 @@ static int shrink_steps(const hada_refine_run *r, const hada_refine_rule *rule)
     return rule->steps / 2 < HADA_SHRINKAGE_STEPS ? rule->steps / 2 : HADA_SHRINKAGE_STEPS;
 }
 
-/* Whether the planes have settled after `count` steps. */
-static hada_status look(const hada_refine_run *r, const hada_refine_rule *rule, int count, int *settled,
+/* Whether the planes have settled after *count steps. Planes seldom have at the first look: where a look leaves the
+ * device idle, the first two are read together, and if they had, the planes of the first come back, and *count. */
+static hada_status look(const hada_refine_run *r, const hada_refine_rule *rule, int *count, int *settled,
                         hada_error *err)
 {
-    double change = 1.0;
+    enum { FIRST = KEEP_FIRST + KEEP_EVERY, SECOND = FIRST + KEEP_EVERY };
+    const int now = *count, both = hada_refine_looks(r->refiner->slot->context) > 1 && SECOND < rule->steps;
+    const size_t place = both && now == SECOND;
+    double change[2];
     hada_status status = HADA_OK;
     *settled = 0;
-    if (count == KEEP_FIRST)
-        HADA_TRY(hada_refine_keep(r, err));
-    else if (count > KEEP_FIRST && count % KEEP_EVERY == 0)
-        HADA_TRY(hada_refine_change(r, &change, err));
-    *settled = change < rule->settle;
+    if (now < KEEP_FIRST || now % KEEP_EVERY)
+        goto done;
+    HADA_TRY(now == KEEP_FIRST ? hada_refine_keep(r, err) : hada_refine_change(r, place, err));
+    if (both && now == FIRST)
+        HADA_TRY(hada_refine_set_aside(r, err));
+    if (now == KEEP_FIRST || (both && now == FIRST))
+        goto done;
+    HADA_TRY(hada_refine_changes(r, place + 1, change, err));
+    *settled = change[place] < rule->settle;
+    if (place && change[0] < rule->settle) {
+        HADA_TRY(hada_refine_take_back(r, err));
+        *count = FIRST;
+        *settled = 1;
+    }
 done:
     return status;
 }
@@ -215,7 +233,7 @@ hada_status hada_refiner_run(hada_refiner *refiner, const hada_refine_data *data
         count++;
         if (rule->settle > 0.0 && count < end) {
             int settled;
-            HADA_TRY(look(&r, rule, count, &settled, err));
+            HADA_TRY(look(&r, rule, &count, &settled, err));
             end = settled ? count : end;
         }
         if (count < end ? shrink || !(rule->stop > 0.0) || count < least : rule->quiet)
@@ -227,37 +245,75 @@ hada_status hada_refiner_run(hada_refiner *refiner, const hada_refine_data *data
             converged(refiner, sets, read - 1, rule->stop) && converged(refiner, sets, read - 2, rule->stop))
             end = count + last < end ? count + last : end;
     }
+    refiner->arriving.linear_slices = !r.padded && count > 1 ? step_slices(&r) : 0;
 done:
     if (steps)
         *steps = count;
     return status;
 }
 
-hada_status hada_refiner_residual(hada_refiner *refiner, const hada_refine_data *data, int sets, int depths,
-                                  const int *list, double *energy, hada_error *err)
+/* Sums of what the planes leave, to the first place; refiner->arriving says of how many slices. */
+static hada_status explain(hada_refine_run *r, hada_refiner *refiner, const hada_refine_data *data, int sets,
+                           int depths, const int *list, hada_error *err)
 {
-    const int channels = refiner->shape.channels;
-    hada_refine_run r;
+    hada_refine_arriving *arriving = &refiner->arriving;
     hada_status status = HADA_OK;
     refiner->half_there = 0;
-    HADA_TRY(begin(&r, refiner, data, sets, depths, list, 1, err));
-    HADA_TRY(hada_refine_planes_forward(&r, err));
-    HADA_TRY(hada_refine_explain(&r, r.padded, err));
-    if (r.padded) {
-        HADA_TRY(hada_refine_frame_inverse(&r, &refiner->residual, &refiner->residual_frame, err));
-        HADA_TRY(hada_refine_frame_dual(&r, refiner->residual_frame.mem, 0, 1.0, 0, err));
+    HADA_TRY(begin(r, refiner, data, sets, depths, list, 1, err));
+    HADA_TRY(hada_refine_planes_forward(r, err));
+    HADA_TRY(hada_refine_explain(r, r->padded, err));
+    if (r->padded) {
+        HADA_TRY(hada_refine_frame_inverse(r, &refiner->residual, &refiner->residual_frame, err));
+        HADA_TRY(hada_refine_frame_dual(r, refiner->residual_frame.mem, 0, 1.0, 0, err));
     }
-    HADA_TRY(r.padded ? hada_refine_energies(&r, channels, hada_refine_slices(refiner->frame_area), 1.0, energy, err)
-                      : hada_refine_energies(&r, channels, hada_refine_slices(refiner->layout.count),
-                                             hada_refine_per_pixel(refiner), energy, err));
+    arriving->sets = sets;
+    arriving->slices = hada_refine_slices(r->padded ? refiner->frame_area : refiner->layout.count);
+    arriving->factor = r->padded ? 1.0 : hada_refine_per_pixel(refiner);
 done:
     return status;
 }
 
+hada_status hada_refiner_residual(hada_refiner *refiner, const hada_refine_data *data, int sets, int depths,
+                                  const int *list, double *energy, hada_error *err)
+{
+    const hada_refine_arriving *arriving = &refiner->arriving;
+    hada_refine_run r;
+    hada_status status = HADA_OK;
+    HADA_TRY(explain(&r, refiner, data, sets, depths, list, err));
+    HADA_TRY(hada_refine_energies(&r, refiner->shape.channels, arriving->slices, arriving->factor, energy, err));
+done:
+    return status;
+}
+
+hada_status hada_refiner_residual_later(hada_refiner *refiner, const hada_refine_data *data, int sets, int depths,
+                                        const int *list, hada_error *err)
+{
+    hada_refine_run r;
+    hada_status status = HADA_OK;
+    HADA_TRY(explain(&r, refiner, data, sets, depths, list, err));
+    HADA_TRY(hada_refine_fetch_later(&r, 0, refiner->arriving.linear_slices ? 2 : 1, err));
+done:
+    return status;
+}
+
+void hada_refiner_residual_arrived(hada_refiner *refiner, double *energy)
+{
+    const hada_refine_arriving *arriving = &refiner->arriving;
+    const hada_refine_run r = {.refiner = refiner, .sets = arriving->sets};
+    const int channels = refiner->shape.channels;
+    hada_refine_add_up(&r, 0, channels, arriving->slices, arriving->factor, energy);
+    if (arriving->linear_slices)
+        hada_refine_add_up(&r, 1, channels, arriving->linear_slices, arriving->factor,
+                           refiner->energy + refiner->shape.max_sets);
+    refiner->list_busy = 0;
+}
+
 hada_status hada_refiner_score(hada_refiner *refiner, const hada_refine_data *data, int sets, int depths,
-                               const int *list, int band_rows, int band_cols, double *energy, hada_error *err)
+                               const int *list, int band_rows, int band_cols, double *energy, double *frame,
+                               hada_error *err)
 {
     hada_refine_run r = {.refiner = refiner, .data = data, .sets = 1};
+    const hada_refine_run whole = r;
     const hada_refine_band band = {(unsigned)band_rows, (unsigned)band_cols, data->prior != NULL,
                                    data->variance != NULL};
     const hada_refine_fused_part forward = {.forward = 1};
@@ -270,9 +326,15 @@ hada_status hada_refiner_score(hada_refiner *refiner, const hada_refine_data *da
         HADA_TRY(hada_refine_fused_rows(&r, &forward, err));
     if (depths && !fused)
         HADA_TRY(hada_refine_planes_forward(&r, err));
-    HADA_TRY(fused ? hada_refine_fused_score(&r, &band, &slices, err) : hada_refine_score(&r, &band, err));
+    HADA_TRY(fused ? hada_refine_fused_score(&r, &band, &slices, err) : hada_refine_score(&r, &band, 0, err));
     refiner->half_there = 0;
-    HADA_TRY(hada_refine_energies(&r, 1, slices, hada_refine_per_pixel(refiner), energy, err));
+    if (frame)
+        HADA_TRY(hada_refine_score(&whole, &band, 1, err));
+    HADA_TRY(hada_refine_fetch(&r, 0, frame ? 2 : 1, err));
+    hada_refine_add_up(&r, 0, 1, slices, hada_refine_per_pixel(refiner), energy);
+    if (frame)
+        hada_refine_add_up(&whole, 1, 1, hada_refine_slices(refiner->layout.count), hada_refine_per_pixel(refiner),
+                           frame);
 done:
     return status;
 }

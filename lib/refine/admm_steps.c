@@ -131,7 +131,7 @@ hada_status hada_refine_explain(const hada_refine_run *r, int has_residual, hada
         .partial = refiner->partial.mem, .problem = hada_refine_problem_of(r, 0));
 }
 
-hada_status hada_refine_score(const hada_refine_run *r, const hada_refine_band *band, hada_error *err)
+hada_status hada_refine_score(const hada_refine_run *r, const hada_refine_band *band, int place, hada_error *err)
 {
     hada_refiner *refiner = r->refiner;
     const hada_refine_data *data = r->data;
@@ -143,7 +143,7 @@ hada_status hada_refine_score(const hada_refine_run *r, const hada_refine_band *
         refiner->slot, refiner->program, &range, err, .otf = data->otf, .list = refiner->list.mem,
         .frame = data->spectrum, .now_u = refiner->now_u.mem, .prior = band->has_prior ? data->prior : data->spectrum,
         .variance = band->has_variance ? data->variance : data->spectrum, .partial = refiner->partial.mem,
-        .problem = hada_refine_problem_of(r, 0), .band = *band);
+        .problem = hada_refine_problem_of(r, place), .band = *band);
 }
 
 /* dual = factor * (dual - frame), or factor * dual, with its energy. */
@@ -199,11 +199,28 @@ static double add(const float *values, size_t count)
     return sum;
 }
 
+/* Of the planes of a run's one set. */
+static size_t planes_bytes(const hada_refine_run *r)
+{
+    return (size_t)(r->depths * r->refiner->shape.channels) * r->refiner->window_area * sizeof(float);
+}
+
 hada_status hada_refine_keep(const hada_refine_run *r, hada_error *err)
 {
     hada_refiner *refiner = r->refiner;
-    const size_t bytes = (size_t)(r->depths * refiner->shape.channels) * refiner->window_area * sizeof(float);
-    return hada_buffer_copy(refiner->slot, refiner->planes.mem, 0, refiner->kept.mem, 0, bytes, err);
+    return hada_buffer_copy(refiner->slot, refiner->planes.mem, 0, refiner->kept.mem, 0, planes_bytes(r), err);
+}
+
+hada_status hada_refine_set_aside(const hada_refine_run *r, hada_error *err)
+{
+    const size_t bytes = planes_bytes(r);
+    return hada_buffer_copy(r->refiner->slot, r->refiner->planes.mem, 0, r->refiner->kept.mem, bytes, bytes, err);
+}
+
+hada_status hada_refine_take_back(const hada_refine_run *r, hada_error *err)
+{
+    const size_t bytes = planes_bytes(r);
+    return hada_buffer_copy(r->refiner->slot, r->refiner->kept.mem, bytes, r->refiner->planes.mem, 0, bytes, err);
 }
 
 /* kept = kept - planes, or kept as it is, with its energies, behind those of all steps. */
@@ -221,20 +238,38 @@ static hada_status kept_energy(const hada_refine_run *r, int use_planes, size_t 
                                     .partial = refiner->partial.mem, .sums = sums);
 }
 
-hada_status hada_refine_change(const hada_refine_run *r, double *change, hada_error *err)
+/* Where sums of changes stand behind those of all steps, and how many each look has of either kind. */
+static size_t changes_at(const hada_refine_run *r, size_t *count)
 {
-    hada_refiner *refiner = r->refiner;
-    const size_t first = refiner->partials * ((size_t)refiner->shape.max_steps + 2);
-    const size_t count = (size_t)(r->depths * refiner->shape.channels) * hada_refine_slices(refiner->window_area);
-    float *sums = refiner->host_partial + first;
+    *count = (size_t)(r->depths * r->refiner->shape.channels) * hada_refine_slices(r->refiner->window_area);
+    return r->refiner->partials * ((size_t)r->refiner->shape.max_steps + 2);
+}
+
+hada_status hada_refine_change(const hada_refine_run *r, size_t look, hada_error *err)
+{
+    size_t count;
+    const size_t first = changes_at(r, &count) + look * 2 * count;
     hada_status status = HADA_OK;
     HADA_TRY(kept_energy(r, 1, first, err));
     HADA_TRY(hada_refine_keep(r, err));
     HADA_TRY(kept_energy(r, 0, first + count, err));
-    HADA_TRY(hada_buffer_read(&refiner->partial, refiner->slot, first * sizeof(float), sums, 2 * count * sizeof(float),
-                              err));
-    const double planes = add(sums + count, count);
-    *change = planes > 0.0 ? sqrt(add(sums, count) / planes) : 0.0;
+done:
+    return status;
+}
+
+hada_status hada_refine_changes(const hada_refine_run *r, size_t looks, double *change, hada_error *err)
+{
+    hada_refiner *refiner = r->refiner;
+    size_t count;
+    const size_t first = changes_at(r, &count);
+    const float *sums = refiner->host_partial + first;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_buffer_read(&refiner->partial, refiner->slot, first * sizeof(float), refiner->host_partial + first,
+                              looks * 2 * count * sizeof(float), err));
+    for (size_t i = 0; i < looks; i++, sums += 2 * count) {
+        const double planes = add(sums + count, count);
+        change[i] = planes > 0.0 ? sqrt(add(sums, count) / planes) : 0.0;
+    }
 done:
     return status;
 }
@@ -299,6 +334,14 @@ hada_status hada_refine_fetch(const hada_refine_run *r, int step, int count, had
                                                 refiner->host_partial + first, floats * sizeof(float), err);
     refiner->list_busy &= status != HADA_OK;
     return status;
+}
+
+hada_status hada_refine_fetch_later(const hada_refine_run *r, int step, int count, hada_error *err)
+{
+    hada_refiner *refiner = r->refiner;
+    const size_t first = refiner->partials * (size_t)step, floats = refiner->partials * (size_t)count;
+    return hada_buffer_read_later(&refiner->partial, refiner->slot, first * sizeof(float),
+                                  refiner->host_partial + first, floats * sizeof(float), err);
 }
 
 /* Adds a step's partial sums, those of `parts` images a set, up, in order and in double. */

@@ -14,6 +14,14 @@ enum {
     HADA_REFINE_SLICE = 2048 /* frequencies or pixels of one work-group: fixes the order of sums on every device */
 };
 
+/* Sums on their way to the host: of what the planes of so many sets leave, in the first place, and in the second of
+ * what the joint linear filter left, where a run told that. */
+typedef struct hada_refine_arriving {
+    int sets;
+    size_t slices, linear_slices; /* of an image; 0: there is none */
+    double factor;
+} hada_refine_arriving;
+
 struct hada_refiner {
     hada_slot *slot;
     hada_refine_shape shape;
@@ -22,7 +30,7 @@ struct hada_refiner {
     hada_fft *frame_forward, *frame_inverse; /* padded: of the frame */
     hada_fft_fused fused;                    /* empty where steps cannot be fused: admm_fused.h */
     hada_buffer now_u, now_w, planes, list, partial;
-    hada_buffer kept;                     /* settle: planes of a step before */
+    hada_buffer kept;                     /* settle: planes of a step before, behind them those set aside */
     hada_buffer split, dual;              /* padded: the split at the frame, A and behind it E, and its dual */
     hada_buffer residual, residual_frame; /* padded: what the planes do not explain */
     size_t partials;                      /* partial sums of one step, at most */
@@ -38,6 +46,7 @@ struct hada_refiner {
     size_t window_area, frame_area;
     size_t split_e; /* where E begins, in complex numbers */
     size_t transforms;
+    hada_refine_arriving arriving;
     int half_there; /* 1: half spectra of rows of the planes stand in now_u (admm_fused.h) */
 };
 
@@ -71,8 +80,8 @@ hada_status hada_refine_solve(const hada_refine_run *run, const hada_refine_rule
 /* Sums of |residual|^2 of the planes, to the first place; with the residual itself where `has_residual`. */
 hada_status hada_refine_explain(const hada_refine_run *run, int has_residual, hada_error *err);
 
-/* What hada_refiner_score() is made of, to the first place. */
-hada_status hada_refine_score(const hada_refine_run *run, const hada_refine_band *band, hada_error *err);
+/* What hada_refiner_score() is made of, to `place`. */
+hada_status hada_refine_score(const hada_refine_run *run, const hada_refine_band *band, int place, hada_error *err);
 
 /* The data's split where a sensor crops: dual = factor * (dual - frame), or factor * dual; sums of |dual|^2 to `place`.
  */
@@ -92,9 +101,22 @@ hada_status hada_refine_tv_step(hada_refiner *refiner, int planes, double theta,
 hada_status hada_refine_shrink_step(hada_refiner *refiner, double theta, double colour, double shrink, int fresh,
                                     hada_error *err);
 
-/* Keeps the planes of one set, and measures by what part of themselves (root of energies) they have changed since. */
+/* Looks at the planes that are read together, at most. A device that shares the host's memory is waited for at little
+ * cost; another idles meanwhile. */
+static inline size_t hada_refine_looks(const hada_context *context)
+{
+    return context->info.unified_memory ? 1 : 2;
+}
+
+/* Keeps the planes of one set; measures what has changed since, and keeps them anew, as the look number `look` of those
+ * that are read together; and by what part of themselves (root of energies) they changed at each. */
 hada_status hada_refine_keep(const hada_refine_run *run, hada_error *err);
-hada_status hada_refine_change(const hada_refine_run *run, double *change, hada_error *err);
+hada_status hada_refine_change(const hada_refine_run *run, size_t look, hada_error *err);
+hada_status hada_refine_changes(const hada_refine_run *run, size_t looks, double *change, hada_error *err);
+
+/* The planes as they are now are set aside, and come back; where more than one look is read at once. */
+hada_status hada_refine_set_aside(const hada_refine_run *run, hada_error *err);
+hada_status hada_refine_take_back(const hada_refine_run *run, hada_error *err);
 
 /* Planes to their spectra U and from W; padded: the frame's dual to its spectrum E, and from a spectrum to the frame.
  */
@@ -110,9 +132,10 @@ size_t hada_refine_slices(size_t count);
 /* Parseval: from energies of spectra to energies of images. */
 double hada_refine_per_pixel(const hada_refiner *refiner);
 
-/* Brings the sums of `count` places to the host; adds a place's up, those of `parts` images a set, in order and in
- * double; both for the first place. */
+/* Brings the sums of `count` places to the host, at once or once the slot was waited for; adds a place's up, those of
+ * `parts` images a set, in order and in double; both for the first place. */
 hada_status hada_refine_fetch(const hada_refine_run *run, int place, int count, hada_error *err);
+hada_status hada_refine_fetch_later(const hada_refine_run *run, int place, int count, hada_error *err);
 void hada_refine_add_up(const hada_refine_run *run, int place, int parts, size_t slices, double factor, double *energy);
 hada_status hada_refine_energies(const hada_refine_run *run, int parts, size_t slices, double factor, double *energy,
                                  hada_error *err);

@@ -305,23 +305,28 @@ hada_status hada_level_frame_energy(hada_pursuit_level *l, double *energy, hada_
     HADA_TRY(load_frame(l, err));
     band_of(l, &rows, &cols);
     if (!l->measured)
-        HADA_TRY(l->evidence_inverse ? measure(l, l->spectrum.mem, 1, &l->energy, err)
-                                     : hada_refiner_score(l->refiner, &data, 1, 0, NULL, rows, cols, &l->energy, err));
+        HADA_TRY(l->evidence_inverse
+                     ? measure(l, l->spectrum.mem, 1, &l->energy, err)
+                     : hada_refiner_score(l->refiner, &data, 1, 0, NULL, rows, cols, &l->energy, NULL, err));
     l->measured = 1;
     *energy = l->energy;
 done:
     return status;
 }
 
-/* The residuals of sets that were just refined. */
+/* The residuals of sets that were just refined. Where looks are waited for, the first one brings the frame's energy. */
 static hada_status residuals(hada_pursuit_level *l, const hada_refine_data *data, int sets, int depths, const int *list,
                              double *residual, hada_error *err)
 {
+    double *frame = hada_level_room(l) && !l->measured ? &l->energy : NULL;
     int rows, cols;
     hada_status status = HADA_OK;
     band_of(l, &rows, &cols);
-    if (!l->evidence_inverse)
-        return hada_refiner_score(l->refiner, data, sets, depths, list, rows, cols, residual, err);
+    if (!l->evidence_inverse) {
+        HADA_TRY(hada_refiner_score(l->refiner, data, sets, depths, list, rows, cols, residual, frame, err));
+        l->measured |= frame != NULL;
+        goto done;
+    }
     /* where the sensor crops, only what is missing within the frame counts */
     HADA_TRY(hada_refiner_residual(l->refiner, data, sets, depths, list, residual, err));
     HADA_TRY(measure(l, hada_refiner_residual_spectra(l->refiner), sets, residual, err));

@@ -168,7 +168,7 @@ static hada_status launch(check_state *state, hada_error *err)
         if (code != CL_SUCCESS)
             HADA_TRY(hada_fail_cl(err, code, "clEnqueueWriteBuffer"));
         HADA_TRY(hada_refiner_score(own->refiner, &own->refined, n, own->depths, own->list + set * own->depths,
-                                    own->band_rows, own->band_cols, energy, err));
+                                    own->band_rows, own->band_cols, energy, NULL, err));
         for (int i = 0; i < n; i++)
             left[i] = (float)energy[i];
         code = clEnqueueWriteBuffer(state->slot->queue, state->out.mem, CL_TRUE,

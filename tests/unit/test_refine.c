@@ -356,16 +356,18 @@ static void scores_what_a_run_leaves(void **state)
     fixture f;
     hada_refine_rule rule;
     static const int sets[] = {1, 3, 0, 2};
-    double energy[2], again[2];
+    double energy[2], again[2], beside, frame;
     set_up(&f, 40, 48, 20, 24, 4, 2, 0);
     two_depths(&f, 0, 2);
     expose(&f, 0.01, 1.0);
     hada_refine_rule_init(&rule);
     rule.quiet = rule.scored = 1;
     ASSERT_OK(hada_refiner_run(f.refiner, &f.device.data, &rule, 2, 2, sets, NULL, err));
-    ASSERT_OK(hada_refiner_score(f.refiner, &f.device.data, 2, 2, sets, 40, 48, energy, err));
-    ASSERT_OK(hada_refiner_score(f.refiner, &f.device.data, 2, 2, sets, 40, 48, again, err));
+    ASSERT_OK(hada_refiner_score(f.refiner, &f.device.data, 2, 2, sets, 40, 48, energy, NULL, err));
+    ASSERT_OK(hada_refiner_score(f.refiner, &f.device.data, 2, 2, sets, 40, 48, again, &beside, err));
+    ASSERT_OK(hada_refiner_score(f.refiner, &f.device.data, 1, 0, NULL, 40, 48, &frame, NULL, err));
     assert_true(energy[0] > 0.0 && energy[0] == again[0] && energy[1] == again[1]);
+    assert_true(frame > energy[0] && beside == frame);
     tear_down(&f);
 }
 

@@ -46,8 +46,44 @@ static void goes_on_until_depths_have_parted(void **state)
     }
 }
 
+/* Devices with memory of their own are asked less often, about two looks at once: the planes are the same. */
+static void asks_less_often_where_that_is_dear(void **state)
+{
+    (void)state;
+    static const int at[] = {12, 16, 20, 24};
+    for (size_t k = 0; k < HADA_COUNT(at); k++) {
+        float *planes[2];
+        size_t bytes = 0;
+        for (int apart = 0; apart < 2; apart++) {
+            fixture f;
+            hada_refine_rule rule;
+            int steps;
+            set_up(&f, 48, 64, 20, 24, 4, 2, 0);
+            f.device.context->info.unified_memory = !apart;
+            hada_refiner_destroy(&f.refiner);
+            ASSERT_OK(hada_refiner_create(&f.refiner, f.device.slot, NULL, &f.device.shape, err));
+            two_depths(&f, 1, 2);
+            expose(&f, 0.01, 1.0);
+            hada_refine_rule_init(&rule);
+            rule.tv = 1e-3;
+            rule.steps = 40;
+            rule.settle = at[k] == 12 ? 2.0 * change(&f, rule, 8)
+                                      : 0.5 * (change(&f, rule, at[k] - 8) + change(&f, rule, at[k] - 4));
+            ASSERT_OK(hada_refiner_run(f.refiner, &f.device.data, &rule, 1, 2, (const int[]){1, 2}, &steps, err));
+            assert_int_equal(steps, at[k]);
+            planes[apart] = read_planes(&f, 2);
+            bytes = (size_t)(2 * f.camera.channels) * f.camera.window_area * sizeof(float);
+            tear_down(&f);
+        }
+        assert_memory_equal(planes[0], planes[1], bytes);
+        free(planes[0]);
+        free(planes[1]);
+    }
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(goes_on_until_depths_have_parted)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(goes_on_until_depths_have_parted),
+                                       cmocka_unit_test(asks_less_often_where_that_is_dear)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

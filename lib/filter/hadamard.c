@@ -131,6 +131,7 @@ hada_status hada_hadamard_create(hada_hadamard **out, hada_slot *slot, hada_scra
                                "the raw frame", err));
     HADA_TRY(hada_buffer_create(&stage->spectrum, slot->context, (size_t)info->channels * stage->layout.count * 8,
                                 "the frame's spectrum", err));
+    HADA_TRY(hada_upload_make(&stage->upload, slot, (size_t)info->channels * forward.real_distance, err));
 done:
     if (status)
         hada_hadamard_destroy(&stage);
@@ -147,6 +148,7 @@ void hada_hadamard_destroy(hada_hadamard **pointer)
     hada_slot_finish(stage->slot, NULL);
     hada_fft_destroy(&stage->forward);
     hada_fft_destroy(&stage->inverse);
+    hada_upload_free(&stage->upload);
     hada_buffer_destroy(&stage->raw);
     hada_buffer_destroy(&stage->dark);
     hada_buffer_destroy(&stage->spectrum);
@@ -259,7 +261,10 @@ hada_status hada_hadamard_frame(hada_hadamard *stage, const float *raw, const do
 
 hada_status hada_hadamard_frame_later(hada_hadamard *stage, const float *raw, const double *levels, hada_error *err)
 {
-    const hada_status status = hada_buffer_write_later(&stage->raw, stage->slot, 0, raw, stage->raw.bytes, err);
+    /* the spectrum is not needed any more */
+    const hada_status status = hada_upload_stages(&stage->upload)
+                                   ? hada_upload_frame(&stage->upload, raw, &stage->raw, &stage->spectrum, err)
+                                   : hada_buffer_write_later(&stage->raw, stage->slot, 0, raw, stage->raw.bytes, err);
     return status ? status : take_frame(stage, levels, err);
 }
 

@@ -7,6 +7,7 @@
 
 #include "fft/fft.h"
 #include "filter/bank.h"
+#include "filter/upload.h"
 #include "model/model.h"
 
 /* What of a frame is computed; all zero: everything. Where the channels' lists are given, channel c is computed if
@@ -30,6 +31,7 @@ typedef struct hada_hadamard {
     hada_buffer spectrum; /* channels x layout.count complex numbers */
     hada_buffer whole;    /* not pruned: a batch's images of the whole grid */
     hada_fft *forward, *inverse;
+    hada_upload upload;      /* the way of frames to devices with memory of their own */
     hada_hadamard_part part; /* of the frame in hand; the caller's to set before each call */
 } hada_hadamard;
 

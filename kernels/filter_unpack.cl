@@ -1,0 +1,35 @@
+/* Whole numbers of 8 or 16 bits over a full scale, as cameras and files store pixels, to the floats that they stand
+ * for: the correctly rounded quotient, as the host has it. The product with the rounded inverse is near, and one
+ * correction by what it leaves, in fused multiply-adds, finds it (P. W. Markstein, "Computation of elementary functions
+ * on the IBM RISC System/6000 processor", IBM Journal of Research and Development 34(1), 1990); a test holds every
+ * number. */
+
+#define UNPACK_NUMBERS 8 /* of a work-item: 128 bits of 16 each */
+
+float8 unpack_quotients(float8 numbers, float scale, float inverse);
+float8 unpack_quotients(float8 numbers, float scale, float inverse)
+{
+    const float8 near = numbers * inverse;
+    return fma(fma(-near, (float8)(scale), numbers), (float8)(inverse), near);
+}
+
+__kernel void filter_unpack(__global const uchar *stored, int bytes, float scale, float inverse, __global float *raw,
+                            ulong count)
+{
+    const ulong first = get_global_id(0) * UNPACK_NUMBERS;
+    __global const ushort *wide = (__global const ushort *)stored;
+    float8 numbers = (float8)(0.0f);
+    if (first + UNPACK_NUMBERS <= count) {
+        numbers = bytes == 1 ? convert_float8(*(__global const uchar8 *)(stored + first))
+                             : convert_float8(*(__global const ushort8 *)(wide + first));
+        const float8 values = unpack_quotients(numbers, scale, inverse);
+        __global float4 *out = (__global float4 *)(raw + first);
+        out[0] = values.lo;
+        out[1] = values.hi;
+    } else {
+        for (ulong i = first; i < count; i++) {
+            numbers.s0 = bytes == 1 ? stored[i] : wide[i];
+            raw[i] = unpack_quotients(numbers, scale, inverse).s0;
+        }
+    }
+}

@@ -13,7 +13,7 @@ from pathlib import Path
 
 VALUES = {f"{base}{width}": f"cl_{base}{width}" for base in ("int", "uint", "long", "ulong", "float")
           for width in ("", "2", "4", "8", "16")}
-SHAPES = ("lanes", "groups", "all")
+SHAPES = ("lanes", "groups", "tensor_cores", "all")
 
 
 def fail(where, message):

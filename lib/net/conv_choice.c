@@ -8,7 +8,7 @@
 
 #include "net/conv_internal.h"
 
-static const char *const methods[] = {"auto", "direct", "winograd2", "winograd4", "plain"};
+static const char *const methods[] = {"auto", "direct", "winograd2", "winograd4", "plain", "tf32"};
 
 static void shape_text(const hada_conv_desc *d, const hada_conv_pass *pass, char *text, size_t size)
 {
@@ -45,14 +45,15 @@ hada_status hada_conv_choice_find(const hada_context *context, const hada_conv_p
     if (!*row)
         return HADA_OK;
     const int *options = (*row)->options;
-    for (int m = HADA_CONV_DIRECT; m <= HADA_CONV_PLAIN; m++)
+    for (int m = HADA_CONV_DIRECT; m < HADA_CONV_METHODS; m++)
         if (!strcmp((*row)->choice, methods[m]))
             choice->method = (hada_conv_method)m;
     choice->blocks = options[HADA_TUNING_BLOCKS];
     choice->pixels = options[HADA_TUNING_PIXELS];
     choice->rows = options[HADA_TUNING_ROWS];
     choice->tiles = options[HADA_TUNING_TILES];
-    const int direct = choice->method == HADA_CONV_DIRECT, winograd = !direct && choice->method != HADA_CONV_PLAIN;
+    const int direct = choice->method == HADA_CONV_DIRECT;
+    const int winograd = choice->method == HADA_CONV_WINOGRAD2 || choice->method == HADA_CONV_WINOGRAD4;
     if ((!direct && (choice->pixels >= 0 || choice->rows >= 0)) || (!winograd && choice->tiles >= 0) ||
         (!direct && !winograd && choice->blocks >= 0))
         return hada_tuning_refuse(context, *row, "pixels and rows are for direct, tiles for winograd, blocks for both",
@@ -106,6 +107,8 @@ const char *hada_conv_choice_misfit(const hada_context *context, const hada_conv
     case HADA_CONV_DIRECT: return direct_misfit(context, plan, pass, near, choice);
     case HADA_CONV_WINOGRAD2:
     case HADA_CONV_WINOGRAD4: return winograd_misfit(context, plan, pass, choice);
+    case HADA_CONV_TF32:
+        return plan->groups && near ? NULL : "tf32 is for work-groups, and reads at most one pixel beyond the image";
     default: return NULL;
     }
 }
@@ -153,8 +156,10 @@ int hada_conv_variants(const hada_context *context, const hada_conv_plan *plan,
                        hada_conv_choice choices[HADA_CONV_VARIANTS])
 {
     list all = {context, plan, choices, 0};
-    if (plan->groups) { /* work-groups have one kernel without options */
+    if (plan->groups) { /* kernels of work-groups have no options */
         add(&all, (hada_conv_choice){HADA_CONV_DIRECT, -1, -1, -1, -1});
+        if (context->tensor_cores)
+            add(&all, (hada_conv_choice){HADA_CONV_TF32, -1, -1, -1, -1});
         return all.count;
     }
     add_direct(&all, -1);

@@ -84,6 +84,9 @@ hada_status hada_conv_create_chosen(hada_conv **out, hada_slot *slot, const hada
 void hada_conv_shape_text(const hada_conv_plan *plan, int pass, char *text, size_t size);
 void hada_conv_choice_text(const hada_conv_plan *plan, int pass, char *text, size_t size);
 
+/* Whether convolutions of TF32 are known to be right on the context's device: only then do they serve unasked. */
+enum { HADA_CONV_TF32_UNTRIED, HADA_CONV_TF32_RIGHT, HADA_CONV_TF32_WRONG };
+
 /* What the tuning file says of a pass; *row is its row, NULL where there is none. */
 hada_status hada_conv_choice_find(const hada_context *context, const hada_conv_plan *plan, const hada_conv_pass *pass,
                                   hada_conv_choice *choice, const hada_tuning_row **row, hada_error *err);
@@ -122,7 +125,11 @@ int hada_conv_table_step(int block, int three_launches);
 int hada_conv_table_tiles_fit(const hada_context *context, const hada_conv_pass *pass, int blocks, int tiles);
 void hada_conv_table_gradient_tiles(const hada_context *context, hada_conv_gradient *gradient);
 void hada_conv_table_pass(const hada_context *context, hada_conv_pass *pass);
-/* In work-groups: output channels of a tile, pixels of an item, and parts, of a kernel with so many places. */
+/* Whether a pass in work-groups goes by TF32 where nobody says otherwise, with the tile that it has: bytes stay the
+ * same. */
+int hada_conv_table_tf32(const hada_context *context, const hada_conv_pass *pass);
+/* In work-groups: output channels of a tile, pixels of an item, and parts, of a kernel with so many places; by the
+ * pass's method. */
 void hada_conv_table_group(const hada_context *context, hada_conv_pass *pass, int places);
 void hada_conv_table_gradient(const hada_context *context, const hada_conv_desc *desc, hada_conv_gradient *gradient);
 

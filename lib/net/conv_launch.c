@@ -2,8 +2,10 @@
 #include "core/round.h"
 #include "launch/conv_direct.h"
 #include "launch/conv_group.h"
+#include "launch/conv_group_finish.h"
 #include "launch/conv_pack.h"
 #include "launch/conv_plain.h"
+#include "launch/conv_tf32.h"
 #include "net/conv_internal.h"
 #include "net/layers.h"
 
@@ -110,7 +112,6 @@ static hada_status direct_groups(hada_conv *conv, int index, const hada_tensor *
                                  const hada_conv_finish *finish, hada_error *err)
 {
     const hada_conv_pass *pass = &conv->plan.pass[index];
-    const hada_program_conv_group program = (hada_program_conv_group)pass->program;
     const size_t step = (size_t)pass->step, tile = (size_t)hada_conv_group_tile(pass), parts = (size_t)pass->parts;
     const size_t pixels = hada_divide_up((size_t)out->rows, step) * hada_divide_up((size_t)out->cols, step);
     const size_t fours = (size_t)out->cols * (size_t)(out->block / 4), blocks = (size_t)hada_layout_of(out).blocks;
@@ -120,11 +121,18 @@ static hada_status direct_groups(hada_conv *conv, int index, const hada_tensor *
     const hada_range finish_range = hada_range_of(fours, FINISH_LOCAL, (size_t)out->rows, (size_t)out->images * blocks);
     hada_conv_problem problem = hada_conv_problem_of(conv, index, in, out, finish, 0);
     hada_status status = HADA_OK;
-    HADA_TRY(hada_launch_conv_group(conv->slot, program, &range, err, .x = in->mem, .weights = conv->weights[index].mem,
-                                    .bias = finish->bias.mem, .y = parts > 1 ? conv->scratch.mem : out->mem,
-                                    .mask = hada_conv_mask(finish), .problem = problem));
+    const cl_mem to = parts > 1 ? conv->scratch.mem : out->mem;
+    if (pass->method == HADA_CONV_TF32)
+        HADA_TRY(hada_launch_conv_tf32(conv->slot, (hada_program_conv_tf32)pass->program, &range, err, .x = in->mem,
+                                       .weights = conv->weights[index].mem, .bias = finish->bias.mem, .y = to,
+                                       .mask = hada_conv_mask(finish), .problem = problem));
+    else
+        HADA_TRY(hada_launch_conv_group(conv->slot, (hada_program_conv_group)pass->program, &range, err, .x = in->mem,
+                                        .weights = conv->weights[index].mem, .bias = finish->bias.mem, .y = to,
+                                        .mask = hada_conv_mask(finish), .problem = problem));
     if (parts > 1)
-        HADA_TRY(hada_launch_conv_group_finish(conv->slot, program, &finish_range, err, .partial = conv->scratch.mem,
+        HADA_TRY(hada_launch_conv_group_finish(conv->slot, HADA_PROGRAM_BY_BLOCK(CONV_GROUP_FINISH, conv->plan.block),
+                                               &finish_range, err, .partial = conv->scratch.mem,
                                                .bias = finish->bias.mem, .y = out->mem, .mask = hada_conv_mask(finish),
                                                .problem = problem));
 done:

@@ -6,6 +6,7 @@
 #include "core/round.h"
 #include "launch/conv_direct.h"
 #include "launch/conv_group.h"
+#include "launch/conv_tf32.h"
 #include "launch/conv_weights.h"
 #include "launch/conv_winograd.h"
 #include "launch/conv_winograd_steps.h"
@@ -56,7 +57,7 @@ static hada_status validate(const hada_conv_desc *d, hada_error *err)
     if (d->transposed ? d->output_pad < 0 || d->output_pad >= d->stride : d->output_pad != 0)
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "output padding is for transposed convolutions and smaller than the stride");
-    if ((unsigned)d->activation > HADA_ACTIVATION_SIGMOID || (unsigned)d->method > HADA_CONV_PLAIN)
+    if ((unsigned)d->activation > HADA_ACTIVATION_SIGMOID || (unsigned)d->method >= HADA_CONV_METHODS)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a convolution with an unknown activation or method");
     hada_conv_output_size(d, &rows, &cols);
     if (rows < 1 || cols < 1)
@@ -191,10 +192,14 @@ static hada_status plan_pass(hada_conv_plan *plan, const hada_context *context, 
     const hada_status status = choose(plan, context, pass, near, forced, &choice, err);
     if (status)
         return status;
-    plan_direct(plan, context, pass, &choice);
     hada_conv_desc wanted = plan->desc;
     wanted.method = choice.method ? choice.method : plan->desc.method;
-    pass->method = near && pass->lanes && wanted.method != HADA_CONV_PLAIN ? HADA_CONV_DIRECT : HADA_CONV_PLAIN;
+    pass->method = plan->groups && wanted.method == HADA_CONV_TF32 ? HADA_CONV_TF32 : HADA_CONV_DIRECT;
+    plan_direct(plan, context, pass, &choice);
+    if (plan->groups && wanted.method == HADA_CONV_AUTO && hada_conv_table_tf32(context, pass))
+        pass->method = HADA_CONV_TF32;
+    if (!near || !pass->lanes || wanted.method == HADA_CONV_PLAIN)
+        pass->method = HADA_CONV_PLAIN;
     pass->tile = hada_conv_is_winograd(plan) ? hada_conv_table_winograd(context, &wanted, pass) : 0;
     if (pass->tile) {
         const hada_conv_pass direct = *pass;
@@ -205,7 +210,7 @@ static hada_status plan_pass(hada_conv_plan *plan, const hada_context *context, 
         pass->tile = 0;
     }
     pass->weight_floats = direct_weight_floats(plan, pass);
-    if (plan->groups && pass->method == HADA_CONV_DIRECT)
+    if (plan->groups && pass->method != HADA_CONV_PLAIN)
         plan_parts(plan, pass);
     return HADA_OK;
 }
@@ -291,7 +296,7 @@ static void plan_gradient(hada_conv_plan *plan, const hada_context *context)
 
 /* The programs that serve, by the values of their macros; where there are no numbers to choose by, the launch names the
  * program. */
-static int pass_program(const hada_conv_plan *plan, const hada_conv_pass *pass)
+static int pass_program(const hada_conv_plan *plan, const hada_context *context, const hada_conv_pass *pass)
 {
     const int block = plan->block, blocks = pass->lanes / block;
     if (pass->tile && pass->tiles)
@@ -300,6 +305,9 @@ static int pass_program(const hada_conv_plan *plan, const hada_conv_pass *pass)
     if (pass->tile)
         return hada_find_conv_winograd_steps(.net_block = block, .conv_blocks = blocks, .conv_pixels = pass->pixels,
                                              .conv_tile = pass->tile);
+    if (pass->method == HADA_CONV_TF32)
+        return hada_find_conv_tf32(.net_block = block, .conv_high = pass->lanes,
+                                   .conv_mma = context->tensor_cores && block == 8);
     if (pass->method == HADA_CONV_DIRECT && !plan->groups)
         return hada_find_conv_direct(.net_block = block, .conv_blocks = blocks, .conv_pixels = pass->pixels,
                                      .conv_step = pass->in_step);
@@ -340,7 +348,7 @@ hada_status hada_conv_plan_make(hada_conv_plan *plan, const hada_context *contex
     }
     for (int p = 0; p < plan->pass_count; p++) {
         need_scratch(plan, plan->pass[p].scratch_floats);
-        plan->pass[p].program = pass_program(plan, &plan->pass[p]);
+        plan->pass[p].program = pass_program(plan, context, &plan->pass[p]);
     }
 done:
     return status;

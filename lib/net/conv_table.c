@@ -72,10 +72,21 @@ void hada_conv_table_pass(const hada_context *context, hada_conv_pass *pass)
     pass->rows_each = rows < 1 ? 1 : (int)rows;
 }
 
-/* Tiles of conv_group.cl. Pixels of an item: fewer where local memory would not hold them. */
+/* Tiles of conv_group.cl, and all but the last of conv_tf32.cl. Pixels of an item: fewer where local memory would not
+ * hold them. */
 static const struct {
     int lanes, pixels;
 } group_rows[] = {{64, 8}, {32, 8}, {16, 4}};
+enum { GROUP_ROWS = sizeof group_rows / sizeof *group_rows, TF32_ROWS = GROUP_ROWS - 1 };
+
+/* Fewer leave parts of each of the tensor cores' products to zeros. */
+#define TF32_IN_CHANNELS 8
+
+int hada_conv_table_tf32(const hada_context *context, const hada_conv_pass *pass)
+{
+    return atomic_load(&context->tf32) == HADA_CONV_TF32_RIGHT && pass->in_channels >= TF32_IN_CHANNELS &&
+           pass->lanes >= group_rows[TF32_ROWS - 1].lanes;
+}
 
 /* A tile costs as if it had so many more channels: reading its pixels. */
 #define GROUP_READS 4
@@ -87,8 +98,9 @@ static const struct {
 
 void hada_conv_table_group(const hada_context *context, hada_conv_pass *pass, int places)
 {
+    const int rows = pass->method == HADA_CONV_TF32 ? TF32_ROWS : GROUP_ROWS;
     long best = 0;
-    for (size_t i = 0; i < sizeof group_rows / sizeof *group_rows; i++) {
+    for (int i = 0; i < rows; i++) {
         const long groups = (pass->out_channels + group_rows[i].lanes - 1) / group_rows[i].lanes;
         const long cost = groups * (group_rows[i].lanes + GROUP_READS);
         if (!best || cost < best) {

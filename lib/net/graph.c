@@ -2,6 +2,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
+#include "net/conv_tf32.h"
 #include "net/graph_run.h"
 
 static size_t bytes_of(const graph_plan *plan, const hada_context *context)
@@ -83,6 +84,7 @@ hada_status hada_graph_create(hada_graph **out, hada_slot *slot, const hada_net 
     *out = NULL;
     HADA_TRY(hada_alloc((void **)&graph, 1, sizeof *graph, "a net", err));
     graph->slot = slot;
+    HADA_TRY(hada_conv_tf32_try(slot, err)); /* what serves has to stand before plans are made */
     HADA_TRY(hada_graph_plan_make(&graph->plan, slot->context, net, options, err));
     HADA_TRY(make_memory(graph, err));
     HADA_TRY(make_convs(graph, err));

@@ -36,6 +36,8 @@ struct hada_context {
     hada_device_info info;
     hada_kernel_shape shape; /* which variant of an operation serves */
     unsigned vector_floats;  /* how many floats the device's vectors hold, as it says itself */
+    int tensor_cores;        /* for TF32, by inline PTX: NVIDIA's GPUs of compute capability 8.0 and later */
+    atomic_int tf32;         /* whether convolutions may use them (net/conv_tf32.c) */
     hada_quirks quirks;
     hada_program_store *programs;
     hada_tuning *tuning; /* NULL where none */

@@ -73,6 +73,18 @@ done:
     return status;
 }
 
+/* Whether its compiler takes products of matrices in TF32 as inline PTX: compute capability 8.0 is the first. */
+static int has_tensor_cores(cl_device_id device)
+{
+    enum { COMPUTE_CAPABILITY_MAJOR_NV = 0x4000, FIRST_WITH_TF32 = 8 }; /* cl_nv_device_attribute_query */
+    char extensions[8192] = "";
+    cl_uint major = 0;
+    return clGetDeviceInfo(device, CL_DEVICE_EXTENSIONS, sizeof extensions - 1, extensions, NULL) == CL_SUCCESS &&
+           strstr(extensions, "cl_nv_device_attribute_query") &&
+           clGetDeviceInfo(device, COMPUTE_CAPABILITY_MAJOR_NV, sizeof major, &major, NULL) == CL_SUCCESS &&
+           major >= FIRST_WITH_TF32;
+}
+
 /* What follows from the device. */
 static hada_status look_at_device(hada_context *context, hada_error *err)
 {
@@ -85,6 +97,7 @@ static hada_status look_at_device(hada_context *context, hada_error *err)
     if (code == CL_OUT_OF_HOST_MEMORY || code == CL_OUT_OF_RESOURCES)
         return hada_fail_cl(err, code, "clGetDeviceInfo");
     context->vector_floats = floats;
+    context->tensor_cores = has_tensor_cores(context->device);
     return HADA_OK;
 }
 

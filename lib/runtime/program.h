@@ -8,7 +8,7 @@
 typedef struct hada_program_row {
     const char *name;
     const char *macros; /* "-DNAME=NUMBER ..." or "" */
-    const char *shapes; /* "lanes", "groups" or "all": which devices need it */
+    const char *shapes; /* "lanes", "groups", "tensor_cores" (groups that have them) or "all": which devices need it */
 } hada_program_row;
 
 /* Of a file whose programs are DEFAULT (vectors of eight values), SCALAR (value by value) and GROUPS (work-groups of a

@@ -6,6 +6,8 @@
 
 int hada_program_serves(const hada_context *context, const hada_program_row *row)
 {
+    if (!strcmp(row->shapes, "tensor_cores"))
+        return context->tensor_cores && context->shape == HADA_SHAPE_GROUPS;
     return !strcmp(row->shapes, "all") || !strcmp(row->shapes, hada_kernel_shape_name(context->shape));
 }
 

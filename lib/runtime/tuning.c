@@ -19,7 +19,7 @@ static const operation_form operations[] = {
     {"fft", "nxn", {"own", "clfft"}, {NULL}},
     {"conv",
      "nxn/n/n+m:n>n:nxn",
-     {"direct", "winograd2", "winograd4", "plain"},
+     {"direct", "winograd2", "winograd4", "plain", "tf32"},
      {"block", "blocks", "pixels", "rows", "tiles"}},
 };
 enum { OPERATIONS = sizeof operations / sizeof *operations };

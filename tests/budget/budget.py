@@ -25,6 +25,8 @@ HERE = Path(__file__).resolve().parent
 KERNELS = HERE.parent.parent / "kernels"
 TABLE = HERE / "budget.txt"
 ARCHITECTURE = "sm_90"
+# the first with tensor cores for TF32: programs that use them have to be good for it too
+FIRST_ARCHITECTURE = "sm_80"
 # clang 15 knows no later architecture; ptxas assembles its text for ARCHITECTURE
 CLANG_ARCHITECTURE, CLANG_PTX = "sm_86", "+ptx75"
 # Registers are given out in eights, and another order of the same sums moves a few instructions.
@@ -38,13 +40,15 @@ HEADER = """\
 
 
 def rows_of_gpu():
-    """[(file, program, macros)] of the manifest that a GPU builds. It prefers vectors of one value, so that tensors have
-    blocks of eight channels (lib/net): rows for blocks of sixteen are for CPUs."""
+    """[(file, program, macros, architecture)] of the manifest that a GPU builds. It prefers vectors of one value, so that
+    tensors have blocks of eight channels (lib/net): rows for blocks of sixteen are for CPUs."""
     rows = []
     for line in (KERNELS / "manifest.txt").read_text().splitlines():
         cells = [cell.strip() for cell in line.split("#")[0].split("|")]
-        if len(cells) == 4 and cells[1] in ("groups", "all") and "NET_BLOCK=16" not in cells[3]:
-            rows.append((cells[0], cells[2], cells[3]))
+        if len(cells) == 4 and cells[1] in ("groups", "tensor_cores", "all") and "NET_BLOCK=16" not in cells[3]:
+            rows.append((cells[0], cells[2], cells[3], ARCHITECTURE))
+            if cells[1] == "tensor_cores":
+                rows.append((cells[0], f"{cells[2]}_{FIRST_ARCHITECTURE}", cells[3], FIRST_ARCHITECTURE))
     return rows
 
 
@@ -57,10 +61,10 @@ def run(command):
 
 def compile_row(options, row, folder):
     """What the tools say of a program: ({kernel: its fixed group size}, messages of ptxas, SASS)."""
-    file, program, macros = row
+    file, program, macros, architecture = row
     code, ptx, cubin = (folder / f"{file}.{program}.{end}" for end in ("ll", "ptx", "cubin"))
     target = ["-target", "nvptx64--nvidiacl", "-O3", "-w", "-S"]
-    for word in ("-target-cpu", CLANG_ARCHITECTURE, "-target-feature", CLANG_PTX):
+    for word in ("-target-cpu", min(CLANG_ARCHITECTURE, architecture), "-target-feature", CLANG_PTX):
         target += ["-Xclang", word]
     run([options.clang, "-x", "cl", "-cl-std=CL1.2", *target, "-Xclang", "-finclude-default-header", "-Xclang",
          "-mlink-builtin-bitcode", "-Xclang", options.libclc, f"-I{KERNELS}", *macros.split(), "-emit-llvm",
@@ -68,7 +72,7 @@ def compile_row(options, row, folder):
     run([options.clang, "-x", "ir", *target, "-Xclang", "-disable-llvm-passes", code, "-o", ptx])
     sizes = sass.group_sizes(code.read_text())
     ptx.write_text(sass.with_group_sizes(ptx.read_text(), sizes))
-    messages = run([options.tools / "ptxas", "-v", f"-arch={ARCHITECTURE}", ptx, "-o", cubin]).stderr
+    messages = run([options.tools / "ptxas", "-v", f"-arch={architecture}", ptx, "-o", cubin]).stderr
     return sizes, messages, run([options.tools / "nvdisasm", "-c", cubin]).stdout
 
 
@@ -117,7 +121,7 @@ def text_of(file):
 
 def measured(options, row):
     """As measure(), kept in the cache under everything that it depends on."""
-    words = [text_of(row[0]), row[2], options.clang, str(options.libclc), (HERE / "sass.py").read_text(),
+    words = [text_of(row[0]), *row[2:], options.clang, str(options.libclc), (HERE / "sass.py").read_text(),
              Path(__file__).read_text(), str((options.tools / "ptxas").resolve())]
     key = hashlib.sha256("\0".join(words).encode()).hexdigest()[:32]
     kept = options.cache / f"{row[0]}.{row[1]}.{key}.json"
@@ -187,7 +191,7 @@ def compare(table, found, whole):
 
 def renew(table, found, whole):
     """The table with what is found; sorted as the manifest and the files have it."""
-    files = list(dict.fromkeys(file for file, _, _ in rows_of_gpu()))
+    files = list(dict.fromkeys(file for file, *_ in rows_of_gpu()))
     built, renewed = {row[:2] for row in rows_of_gpu()}, {key[:2] for key in found}
     kept = {} if whole else {key: figures for key, figures in table.items() if key[:2] in built - renewed}
     kept.update(found)

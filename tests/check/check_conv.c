@@ -127,7 +127,12 @@ static hada_status begin(check_state *state, conv_what what, hada_error *err)
     own->shape.pad_cols = d->pad_cols;
     own->weights = (size_t)d->in_channels * (size_t)d->out_channels * (size_t)d->kernel_rows * (size_t)d->kernel_cols;
 
+    hada_context *context = state->slot->context;
+    const int tensor_cores = context->tensor_cores;
+    if (check_get(state, 'h', 0))
+        context->tensor_cores = 0;
     hada_status status = hada_conv_create(&own->conv, state->slot, d, err);
+    context->tensor_cores = tensor_cores;
     if (!status && d->method && hada_conv_serving(own->conv) != d->method)
         status = hada_fail(err,
                            /* Winograd's tiles stand in local memory */
@@ -334,7 +339,7 @@ static void release(check_state *state)
 
 static const char forward_help[] =
     "n images, i o channels in and out, r c rows and columns, k l kernel, s stride, p q padding, d1 transposed, e "
-    "output padding, a activation, b0 no bias, z1 pooled too, w1 views, f1 normal numbers, m method, v block";
+    "output padding, a activation, b0 no bias, z1 pooled too, w1 views, f1 normal numbers, m method, h1 without tensor cores, v block";
 static const char data_help[] = "as conv_forward; x1 masked, y1 added to what is there";
 static const char weights_help[] = "as conv_forward; y1 added to what is there";
 

@@ -1,0 +1,151 @@
+/* Convolutions by tensor cores: whether they serve follows from a trial on the device. Here there are none, so that the
+ * trial of the true ones fails, and the emulation stands for them. */
+#include "net_fixture.h"
+
+#include "net/conv_compare.h"
+#include "net/conv_tf32.h"
+
+static char last[512];
+
+static void keep(void *user, hada_log_level level, const char *message)
+{
+    (void)user;
+    (void)level;
+    snprintf(last, sizeof last, "%s", message);
+}
+
+static int open_groups(void **state)
+{
+    static net_device device;
+    hada_error error = {0};
+    hada_context_options options;
+    hada_context_options_init(&options);
+    options.shape = HADA_SHAPE_GROUPS;
+    options.log = keep;
+    options.log_level = HADA_LOG_WARNING;
+    if (hada_context_create(&device.context, &options, &error) ||
+        hada_slot_create(&device.slot, device.context, &error)) {
+        print_error("%s\n", error.message);
+        return -1;
+    }
+    *state = &device;
+    return 0;
+}
+
+static hada_conv_desc conv_of(int in_channels, int out_channels)
+{
+    return (hada_conv_desc){.images = 1,
+                            .in_channels = in_channels,
+                            .out_channels = out_channels,
+                            .in_rows = 20,
+                            .in_cols = 24,
+                            .kernel_rows = 3,
+                            .kernel_cols = 3,
+                            .stride = 1,
+                            .pad_rows = 1,
+                            .pad_cols = 1};
+}
+
+static hada_conv_plan plan_of(const hada_context *context, int in_channels, int out_channels)
+{
+    const hada_conv_desc desc = conv_of(in_channels, out_channels);
+    hada_conv_plan plan;
+    ASSERT_OK(hada_conv_plan_make(&plan, context, &desc, NULL, err));
+    return plan;
+}
+
+/* Near to the plain one, but not the same: products are added up in another order. */
+static void the_emulation_is_near(void **state)
+{
+    net_device *device = *state;
+    double apart;
+    ASSERT_OK(hada_conv_tf32_apart(device->slot, &apart, err));
+    assert_true(apart > 0 && apart <= HADA_CONV_COMPARE_MOST);
+}
+
+static void without_tensor_cores_nothing_is_tried(void **state)
+{
+    net_device *device = *state;
+    if (device->context->tensor_cores)
+        skip();
+    ASSERT_OK(hada_conv_tf32_try(device->slot, err));
+    assert_int_equal(atomic_load(&device->context->tf32), HADA_CONV_TF32_UNTRIED);
+    assert_int_equal(plan_of(device->context, 32, 64).pass[0].method, HADA_CONV_DIRECT);
+}
+
+/* A device that says it has some, whose compiler does not take the instruction. */
+static void what_fails_is_off(void **state)
+{
+    net_device *device = *state;
+    hada_context *context = device->context;
+    if (context->tensor_cores)
+        skip();
+    const unsigned floats = context->vector_floats;
+    context->vector_floats = 1;
+    context->tensor_cores = 1;
+    ASSERT_OK(hada_conv_tf32_try(device->slot, err));
+    assert_int_equal(atomic_load(&context->tf32), HADA_CONV_TF32_WRONG);
+    assert_non_null(strstr(last, "without tensor cores"));
+    assert_non_null(strstr(last, "conv_tf32"));
+    assert_int_equal(plan_of(context, 32, 64).pass[0].method, HADA_CONV_DIRECT);
+    last[0] = '\0';
+    ASSERT_OK(hada_conv_tf32_try(device->slot, err)); /* once */
+    assert_int_equal(last[0], '\0');
+    context->vector_floats = floats;
+    context->tensor_cores = 0;
+}
+
+/* Where the trial went well, layers with enough channels take them, and hold as many bytes as before. */
+static void what_is_right_serves(void **state)
+{
+    net_device *device = *state;
+    hada_context *context = device->context;
+    const int before = atomic_load(&context->tf32);
+    const hada_conv_desc desc = conv_of(32, 64);
+    atomic_store(&context->tf32, HADA_CONV_TF32_WRONG);
+    const size_t bytes = hada_conv_bytes(context, &desc);
+    atomic_store(&context->tf32, HADA_CONV_TF32_RIGHT);
+    assert_int_equal(hada_conv_bytes(context, &desc), bytes);
+    const hada_conv_plan plan = plan_of(context, 32, 64);
+    assert_int_equal(plan.pass[0].method, HADA_CONV_TF32);
+    assert_true(plan.pass[0].program >= 0);
+    char words[64];
+    hada_conv_choice_text(&plan, HADA_CONV_FORWARD, words, sizeof words);
+    assert_string_equal(words, "tf32");
+    assert_int_equal(plan_of(context, 3, 64).pass[0].method, HADA_CONV_DIRECT);
+    assert_int_equal(plan_of(context, 32, 16).pass[0].method, HADA_CONV_DIRECT);
+    /* a choice of the tuning file is obeyed either way */
+    const hada_conv_choice direct = {HADA_CONV_DIRECT, -1, -1, -1, -1}, tf32 = {HADA_CONV_TF32, -1, -1, -1, -1};
+    hada_conv_plan chosen;
+    ASSERT_OK(hada_conv_plan_make(&chosen, context, &desc, &direct, err));
+    assert_int_equal(chosen.pass[0].method, HADA_CONV_DIRECT);
+    atomic_store(&context->tf32, HADA_CONV_TF32_WRONG);
+    ASSERT_OK(hada_conv_plan_make(&chosen, context, &desc, &tf32, err));
+    assert_int_equal(chosen.pass[0].method, HADA_CONV_TF32);
+    atomic_store(&context->tf32, before);
+}
+
+/* Lanes have no such kernel: a row of a tuning file that asks for one is refused. */
+static void lanes_have_none(void **state)
+{
+    net_device *device = *state;
+    const hada_kernel_shape shape = device->context->shape;
+    const hada_conv_desc desc = conv_of(32, 64);
+    const hada_conv_choice tf32 = {HADA_CONV_TF32, -1, -1, -1, -1};
+    hada_conv_plan plan;
+    hada_error error = {0};
+    device->context->shape = HADA_SHAPE_LANES;
+    assert_int_equal(hada_conv_plan_make(&plan, device->context, &desc, &tf32, &error), HADA_ERROR_UNSUPPORTED);
+    assert_non_null(strstr(error.message, "work-groups"));
+    device->context->shape = shape;
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(the_emulation_is_near), cmocka_unit_test(without_tensor_cores_nothing_is_tried),
+        cmocka_unit_test(what_fails_is_off),     cmocka_unit_test(what_is_right_serves),
+        cmocka_unit_test(lanes_have_none),
+    };
+    return cmocka_run_group_tests(tests, open_groups, net_device_close);
+}

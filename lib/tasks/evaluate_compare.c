@@ -5,6 +5,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
+#include "metrics/similarity.h"
 #include "tasks/evaluate_map.h"
 #include "tasks/evaluate_pages.h"
 
@@ -49,46 +50,116 @@ done:
     return status;
 }
 
+/* Places of an image: at jumps of the true distances, and away from them. */
+enum { JUMPS, AWAY, PLACES };
+
+/* What counts at each place; NULL: nothing. Freed with free(). */
+static hada_status find_places(unsigned char *mask[PLACES], const hada_compared *open, int t,
+                               const hada_compared_page *one, const hada_evaluate_task *by, const hada_region *region,
+                               hada_error *err)
+{
+    static const hada_depth_part which[PLACES] = {HADA_DEPTH_JUMP, HADA_DEPTH_AWAY};
+    const size_t pixels = (size_t)one->truth.rows * (size_t)one->truth.cols;
+    unsigned char *parts = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_evaluate_parts_beside(&parts, open, t, one, by, region, err));
+    for (int k = 0; parts && k < PLACES; k++) {
+        size_t found = 0;
+        HADA_TRY(hada_alloc((void **)&mask[k], pixels, 1, "a mask", err));
+        for (size_t i = 0; i < pixels; i++)
+            found += mask[k][i] = (unsigned char)(parts[i] == which[k] && hada_compared_counts(one, i));
+        if (!found) {
+            free(mask[k]);
+            mask[k] = NULL;
+        }
+    }
+done:
+    free(parts);
+    return status;
+}
+
 /* What yardsticks say of one page. */
 typedef struct marks {
     double mse, psnr, mae, ssim, sharpness, sharpness_truth, lpips, authors_psnr, authors_ssim;
+    double place_psnr[PLACES], place_ssim[PLACES];
 } marks;
 
-static hada_status measure(marks *of, const hada_compared_page *one, const hada_evaluate_task *by, hada_error *err)
+/* Structural similarities: of all that counts, as the 2022 paper's code has it, and of the places. */
+static hada_status measure_ssim(marks *of, const hada_compared_page *one, unsigned char *const place[PLACES],
+                                const hada_evaluate_task *by, hada_error *err)
+{
+    const hada_similarity kinds[] = {{.peak = by->peak, .mask = one->mask},
+                                     {.peak = HADA_AUTHORS_RANGE * by->peak, .mask = one->mask},
+                                     {.peak = by->peak, .mask = place[JUMPS]},
+                                     {.peak = by->peak, .mask = place[AWAY]}};
+    const int wanted[] = {1, by->authors, place[JUMPS] != NULL, place[AWAY] != NULL};
+    double *const to[] = {&of->ssim, &of->authors_ssim, &of->place_ssim[JUMPS], &of->place_ssim[AWAY]};
+    enum { KINDS = sizeof kinds / sizeof *kinds };
+    hada_similarity list[KINDS];
+    int count = 0;
+    hada_status status = HADA_OK;
+    for (int k = 0; k < KINDS; k++)
+        if (wanted[k])
+            list[count++] = kinds[k];
+    HADA_TRY(hada_similarities(&one->result, &one->truth, list, count, err));
+    if (!list[0].pixels)
+        HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT, "the mask leaves no pixel to compare"));
+    count = 0;
+    for (int k = 0; k < KINDS; k++)
+        if (wanted[k])
+            *to[k] = list[count++].mean; /* of a place that is all too near to the edges: NaN */
+done:
+    return status;
+}
+
+static hada_status measure(marks *of, const hada_compared_page *one, unsigned char *const place[PLACES],
+                           const hada_evaluate_task *by, hada_error *err)
 {
     const hada_image *result = &one->result, *truth = &one->truth;
     const unsigned char *mask = one->mask;
-    const int ssim = truth->rows >= SSIM_LEAST && truth->cols >= SSIM_LEAST;
     hada_status status = HADA_OK;
-    *of = (marks){.ssim = NAN, .lpips = NAN, .authors_psnr = NAN, .authors_ssim = NAN};
+    *of = (marks){.ssim = NAN, .lpips = NAN, .authors_psnr = NAN, .authors_ssim = NAN, .place_ssim = {NAN, NAN}};
     HADA_TRY(hada_metric_mse(result, truth, mask, &of->mse, err));
     HADA_TRY(hada_metric_psnr(result, truth, by->peak, mask, &of->psnr, err));
     HADA_TRY(hada_metric_mae(result, truth, mask, &of->mae, err));
-    if (ssim)
-        HADA_TRY(hada_metric_ssim(result, truth, by->peak, mask, &of->ssim, err));
+    if (truth->rows >= SSIM_LEAST && truth->cols >= SSIM_LEAST)
+        HADA_TRY(measure_ssim(of, one, place, by, err));
     HADA_TRY(hada_metric_sharpness(result, mask, &of->sharpness, err));
     HADA_TRY(hada_metric_sharpness(truth, mask, &of->sharpness_truth, err));
     if (by->lpips)
         HADA_TRY(hada_lpips_run(by->lpips, result, truth, by->peak, mask, &of->lpips, err));
     if (by->authors)
         HADA_TRY(hada_metric_authors_psnr(result, truth, by->peak, mask, &of->authors_psnr, err));
-    if (by->authors && ssim)
-        HADA_TRY(hada_metric_authors_ssim(result, truth, by->peak, mask, &of->authors_ssim, err));
+    for (int k = 0; k < PLACES; k++)
+        if (place[k])
+            HADA_TRY(hada_metric_psnr(result, truth, by->peak, place[k], &of->place_psnr[k], err));
 done:
     return status;
 }
 
-static hada_status add_page(hada_evaluation *score, hada_compared_page *one, const hada_evaluate_task *by,
-                            double *square, hada_error *err)
+/* Sums over the pages. */
+typedef struct sums {
+    double square, psnr[PLACES], ssim[PLACES];
+    int pages[PLACES];
+} sums;
+
+static hada_status add_page(hada_evaluation *score, sums *of_all, hada_compared_page *one,
+                            unsigned char *const place[PLACES], const hada_evaluate_task *by, hada_error *err)
 {
     marks of;
     for (size_t i = 0; score->gain != 1 && i < hada_image_count(&one->result); i++)
         one->result.data[i] = (float)((double)one->result.data[i] * score->gain);
-    hada_status status = measure(&of, one, by, err);
+    hada_status status = measure(&of, one, place, by, err);
     if (status)
         return status;
     score->pages++;
-    *square += of.mse;
+    of_all->square += of.mse;
+    for (int k = 0; k < PLACES; k++)
+        if (place[k]) {
+            of_all->psnr[k] += of.place_psnr[k];
+            of_all->ssim[k] += of.place_ssim[k];
+            of_all->pages[k]++;
+        }
     /* Dark planes of a stack say how clean it is, not how good the picture. */
     if (score->what == HADA_EVALUATED_STACK && is_dark(one))
         return HADA_OK;
@@ -104,66 +175,38 @@ static hada_status add_page(hada_evaluation *score, hada_compared_page *one, con
     return HADA_OK;
 }
 
-/* PSNR and SSIM at jumps of the true distances and away from them. */
-typedef struct places {
-    double psnr[2], ssim[2];
-    int pages[2];
-} places;
-
-static hada_status add_places(places *sums, const hada_compared *open, int t, const hada_compared_page *one,
-                              const hada_evaluate_task *by, const hada_region *region, hada_error *err)
+/* A page of the truth, with what stands beside it and what the result has for it. */
+static hada_status compare_page(hada_evaluation *score, sums *of_all, const hada_compared *open, int t,
+                                const hada_evaluate_task *by, const hada_region *region, hada_error *err)
 {
-    static const hada_depth_part which[] = {HADA_DEPTH_JUMP, HADA_DEPTH_AWAY};
-    const size_t pixels = (size_t)one->truth.rows * (size_t)one->truth.cols;
-    unsigned char *parts = NULL, *mask = NULL;
+    unsigned char *place[PLACES] = {NULL};
+    hada_compared_page one = {0};
     hada_status status = HADA_OK;
-    HADA_TRY(hada_evaluate_parts_beside(&parts, open, t, one, by, region, err));
-    if (!parts)
+    HADA_TRY(hada_compared_read(&one, open, t, region, err));
+    if (!one.result.data) {
+        score->missing += !is_dark(&one);
         goto done;
-    HADA_TRY(hada_alloc((void **)&mask, pixels, 1, "a mask", err));
-    for (int k = 0; k < 2; k++) {
-        double psnr, ssim = NAN;
-        size_t found = 0;
-        for (size_t i = 0; i < pixels; i++)
-            found += mask[i] = (unsigned char)(parts[i] == which[k] && hada_compared_counts(one, i));
-        if (!found)
-            continue;
-        HADA_TRY(hada_metric_psnr(&one->result, &one->truth, by->peak, mask, &psnr, err));
-        if (one->truth.rows >= SSIM_LEAST && one->truth.cols >= SSIM_LEAST &&
-            hada_metric_ssim(&one->result, &one->truth, by->peak, mask, &ssim, NULL))
-            ssim = NAN; /* all of the place is too near to the edges */
-        sums->psnr[k] += psnr;
-        sums->ssim[k] += ssim;
-        sums->pages[k]++;
     }
+    HADA_TRY(find_places(place, open, t, &one, by, region, err));
+    status = add_page(score, of_all, &one, place, by, err);
+    if (status)
+        hada_error_prefix(err, "%s and %s: ", open->result_path, open->truth_path);
 done:
-    free(parts);
-    free(mask);
+    for (int k = 0; k < PLACES; k++)
+        free(place[k]);
+    hada_compared_page_free(&one);
     return status;
 }
 
 static hada_status compare_images(hada_evaluation *score, const hada_compared *open, const hada_evaluate_task *by,
                                   const hada_region *region, hada_error *err)
 {
-    double square = 0;
-    places at = {0};
+    sums all = {0};
     hada_status status = HADA_OK;
-    hada_compared_page one = {0};
     if (by->match_gain)
         HADA_TRY(find_gain(open, region, &score->gain, err));
-    for (int t = 0; t < open->count; t++) {
-        HADA_TRY(hada_compared_read(&one, open, t, region, err));
-        if (!one.result.data) {
-            score->missing += !is_dark(&one);
-        } else {
-            status = add_page(score, &one, by, &square, err);
-            if (status)
-                hada_error_prefix(err, "%s and %s: ", open->result_path, open->truth_path);
-            HADA_TRY(status);
-            HADA_TRY(add_places(&at, open, t, &one, by, region, err));
-        }
-        hada_compared_page_free(&one);
-    }
+    for (int t = 0; t < open->count; t++)
+        HADA_TRY(compare_page(score, &all, open, t, by, region, err));
     const double count = score->occupied ? (double)score->occupied : (double)NAN;
     score->psnr /= count;
     score->ssim /= count;
@@ -173,13 +216,12 @@ static hada_status compare_images(hada_evaluation *score, const hada_compared *o
     score->lpips /= count;
     score->authors_psnr /= count;
     score->authors_ssim /= count;
-    score->psnr_jumps = at.psnr[0] / at.pages[0];
-    score->psnr_away = at.psnr[1] / at.pages[1];
-    score->ssim_jumps = at.ssim[0] / at.pages[0];
-    score->ssim_away = at.ssim[1] / at.pages[1];
-    score->psnr_all = 10 * log10(by->peak * by->peak / (square / score->pages));
+    score->psnr_jumps = all.psnr[JUMPS] / all.pages[JUMPS];
+    score->psnr_away = all.psnr[AWAY] / all.pages[AWAY];
+    score->ssim_jumps = all.ssim[JUMPS] / all.pages[JUMPS];
+    score->ssim_away = all.ssim[AWAY] / all.pages[AWAY];
+    score->psnr_all = 10 * log10(by->peak * by->peak / (all.square / score->pages));
 done:
-    hada_compared_page_free(&one);
     return status;
 }
 

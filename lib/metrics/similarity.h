@@ -1,0 +1,25 @@
+/* Structural similarity of a pair of images, judged in several ways at once. Internal. */
+#ifndef HADA_METRICS_SIMILARITY_H
+#define HADA_METRICS_SIMILARITY_H
+
+#include <hadalens/image.h>
+
+/* The data range, in peaks, that the code of Tian and Yang 2022 reckons with. */
+#define HADA_AUTHORS_RANGE 2.0
+
+/* One way to judge: hada_metric_ssim() has its words. */
+typedef struct hada_similarity {
+    double peak;
+    const unsigned char *mask; /* NULL: all pixels */
+    double mean;               /* found */
+    size_t pixels;             /* of the mask, within the inner part; 0: the mean is not known */
+} hada_similarity;
+
+/* Fills in `count` of them. The local means, which take the time, are made once for all. */
+hada_status hada_similarities(const hada_image *a, const hada_image *b, hada_similarity *list, int count,
+                              hada_error *err);
+
+/* That two images can be compared: of one shape, and finite. */
+hada_status hada_images_check_pair(const hada_image *a, const hada_image *b, hada_error *err);
+
+#endif

@@ -67,6 +67,7 @@ frame() { # frame DATASET FRAMES WHAT OPTION...: milliseconds a frame
 begin() { hadalens bench --first-frame -m small.model small/test/raw/test01.tif --quick && started "$1"; }
 
 light="--scene-response linear --exposure same" # nothing to find out about the scenes
+weights="--refine-colour 1 --refine-shrink 0" # weights of refinement that 0.1.0 does not compare
 flat="--scene planes --refine-colour 1"
 planes="$flat --refine 12" # as many steps as 0.1.0 takes of two depths
 rows=(
@@ -74,7 +75,7 @@ rows=(
     "start: plan|begin plan"
     "start: first frame|begin 'first frame'"
     "simulate sim300, whole command|wall hadalens simulate --preset sim300 --pairs 2 -o out"
-    "fit sim300, choosing by leave-one-out|fitted small \$(like fit \$light --refine-colour 1)"
+    "fit sim300, choosing by leave-one-out|fitted small \$(like fit \$light \$weights)"
     "fit sim300 padded|fitted small --boundary padded --no-leave-one-out \$(like fit --crop-passes 0)"
     "fit sim300, judged in the window|fitted small --refine 0 --outside 0.1 \$(like fit \$light)"
     "fit sim300 from its PSF|fitted --psf small/psf.tif --colour"

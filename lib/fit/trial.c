@@ -21,11 +21,12 @@ enum { TV_SIDE = 2, TV_PLACES = 2 * TV_SIDE + 1, TV_STEPS = 6, TV_STEPS_CROPPED 
 
 /* Weights of colour that are tried beside HADA_REFINE_COLOUR. The heavier colour is, the less total variation is
  * needed: by this power of the weights' ratio (docs/refinement.md). */
-static const double colours_tried[] = {1.0, 2.0, 3.0};
+enum { CHOICES = 3 };
+static const double colours_tried[CHOICES] = {1.0, 2.0, 3.0};
 #define TV_PER_COLOUR 0.6
 
 /* Thresholds of shrinkage that are tried, where total variation alone serves a single depth less well. */
-static const double shrinks_tried[] = {1.0, HADA_REFINE_SHRINK, 2.5};
+static const double shrinks_tried[CHOICES] = {1.0, HADA_REFINE_SHRINK, 2.5};
 
 _Static_assert((int)TRIED + (int)TV_SIDE + 2 + 1 <= (int)HADA_FIT_TRIAL_ROWS, "room for rows");
 
@@ -93,35 +94,44 @@ typedef struct trial_set {
     int count;
 } trial_set;
 
-/* Mean decibels of the frames with some weights. */
-static hada_status rank(trial_work *work, const trial_set *set, const hada_refine_weights *weights, double *psnr,
-                        hada_error *err)
+/* Mean decibels of the frames with each of some weights; a frame is exposed once for all. */
+static hada_status rank(trial_work *work, const trial_set *set, const hada_refine_weights *weights, int count,
+                        double *psnr, hada_error *err)
 {
     hada_status status = HADA_OK;
-    *psnr = 0.0;
+    for (int i = 0; i < count; i++)
+        psnr[i] = 0.0;
     for (int k = 0; k < set->count; k++) {
         if (!hada_is_mine(&work->bench.grid->communicator, k))
             continue;
         HADA_TRY(hada_trial_expose(&work->bench, &set->frames[k], err));
-        HADA_TRY(hada_trial_refine(&work->bench, &set->frames[k], weights, 0, work->rank_steps, err));
-        *psnr += hada_trial_compare(&work->bench, &set->frames[k], 1.0) / set->count;
+        for (int i = 0; i < count; i++) {
+            HADA_TRY(hada_trial_refine(&work->bench, &set->frames[k], &weights[i], 0, work->rank_steps, err));
+            psnr[i] += hada_trial_compare(&work->bench, &set->frames[k], 1.0) / set->count;
+        }
     }
-    HADA_TRY(hada_reduce(&work->bench.grid->communicator, psnr, 1, err));
+    HADA_TRY(hada_reduce(&work->bench.grid->communicator, psnr, (size_t)count, err));
 done:
     return status;
 }
 
-/* The same, with a row of the table. */
-static hada_status rank_tv(trial_work *work, const trial_set *set, double tv, double *psnr, hada_error *err)
+/* The same for weights of total variation, each with a row of the table. */
+static hada_status rank_tv(trial_work *work, const trial_set *set, const double *tv, int count, double *psnr,
+                           hada_error *err)
 {
     const hada_model_info *info = &work->bench.with->model->info;
-    const hada_refine_weights weights = {tv, work->weights.colour, 0.0};
-    const hada_status status = rank(work, set, &weights, psnr, err);
-    work->tv_rows[work->tv_count++] = (hada_fit_refine_score){.steps = work->rank_steps,
-                                                              .rho = hada_refine_rho(info->boundary, tv),
-                                                              .tv = tv,
-                                                              .psnr_single = *psnr,
-                                                              .psnr_double = NAN};
+    hada_refine_weights weights[TV_PLACES];
+    hada_status status = HADA_OK;
+    for (int i = 0; i < count; i++)
+        weights[i] = (hada_refine_weights){tv[i], work->weights.colour, 0.0};
+    HADA_TRY(rank(work, set, weights, count, psnr, err));
+    for (int i = 0; i < count; i++)
+        work->tv_rows[work->tv_count++] = (hada_fit_refine_score){.steps = work->rank_steps,
+                                                                  .rho = hada_refine_rho(info->boundary, tv[i]),
+                                                                  .tv = tv[i],
+                                                                  .psnr_single = psnr[i],
+                                                                  .psnr_double = NAN};
+done:
     return status;
 }
 
@@ -135,25 +145,44 @@ static double parabola_top(double left, double middle, double right)
 /* Chooses the weight of total variation, 0 where the prior of the pairs is better. */
 static hada_status choose_tv(trial_work *work, const trial_set *set, double *psnr, hada_error *err)
 {
+    enum { NEAR = 1 + 3 }; /* none, the guess, and a step to both sides */
     const double guess = guess_weight(work, set->frames);
-    double value[TV_PLACES], none;
+    double tv[NEAR] = {0.0}, near[NEAR], value[TV_PLACES];
     int best = TV_SIDE;
     hada_status status = HADA_OK;
-    HADA_TRY(rank_tv(work, set, 0.0, &none, err));
-    for (int i = TV_SIDE - 1; i <= TV_SIDE + 1; i++) {
-        HADA_TRY(rank_tv(work, set, guess * pow(TV_RATIO, i - TV_SIDE), &value[i], err));
+    for (int i = 1; i < NEAR; i++)
+        tv[i] = guess * pow(TV_RATIO, i - 2);
+    HADA_TRY(rank_tv(work, set, tv, NEAR, near, err));
+    memcpy(value + TV_SIDE - 1, near + 1, (NEAR - 1) * sizeof *value);
+    for (int i = TV_SIDE - 1; i <= TV_SIDE + 1; i++)
         if (value[i] > value[best])
             best = i;
-    }
     const int outer = best < TV_SIDE ? 0 : TV_PLACES - 1;
     if (best != TV_SIDE) {
-        HADA_TRY(rank_tv(work, set, guess * pow(TV_RATIO, outer - TV_SIDE), &value[outer], err));
+        const double beyond = guess * pow(TV_RATIO, outer - TV_SIDE);
+        HADA_TRY(rank_tv(work, set, &beyond, 1, &value[outer], err));
         if (value[outer] > value[best])
             best = outer;
     }
     const double top = best == outer ? 0.0 : parabola_top(value[best - 1], value[best], value[best + 1]);
     *psnr = value[best];
-    work->weights.tv = value[best] > none ? guess * pow(TV_RATIO, best - TV_SIDE + top) : 0.0;
+    work->weights.tv = value[best] > near[0] ? guess * pow(TV_RATIO, best - TV_SIDE + top) : 0.0;
+done:
+    return status;
+}
+
+/* Takes the best of some weights, where it is better than what is at hand; psnr: with that. */
+static hada_status choose_of(trial_work *work, const trial_set *set, const hada_refine_weights weights[CHOICES],
+                             double *psnr, hada_error *err)
+{
+    double value[CHOICES];
+    hada_status status = HADA_OK;
+    HADA_TRY(rank(work, set, weights, CHOICES, value, err));
+    for (int i = 0; i < CHOICES; i++)
+        if (value[i] > *psnr) {
+            *psnr = value[i];
+            work->weights = weights[i];
+        }
 done:
     return status;
 }
@@ -162,38 +191,23 @@ done:
 static hada_status choose_colour(trial_work *work, const trial_set *set, double *psnr, hada_error *err)
 {
     const hada_refine_weights now = work->weights;
-    hada_status status = HADA_OK;
-    for (size_t i = 0; i < HADA_COUNT(colours_tried); i++) {
-        const double ratio = now.colour / colours_tried[i];
-        const hada_refine_weights weights = {now.tv * pow(ratio, TV_PER_COLOUR), colours_tried[i], 0.0};
-        double value;
-        HADA_TRY(rank(work, set, &weights, &value, err));
-        if (value > *psnr) {
-            *psnr = value;
-            work->weights = weights;
-        }
-    }
-done:
-    return status;
+    hada_refine_weights weights[CHOICES];
+    for (int i = 0; i < CHOICES; i++)
+        weights[i] =
+            (hada_refine_weights){now.tv * pow(now.colour / colours_tried[i], TV_PER_COLOUR), colours_tried[i], 0.0};
+    return choose_of(work, set, weights, psnr, err);
 }
 
 /* Chooses the threshold of shrinkage; psnr: without it. */
 static hada_status choose_shrink(trial_work *work, const trial_set *set, double psnr, hada_error *err)
 {
-    hada_refine_weights weights = work->weights;
-    hada_status status = HADA_OK;
-    work->weights.shrink = 0.0;
-    for (size_t i = 0; i < HADA_COUNT(shrinks_tried); i++) {
-        double value;
-        weights.shrink = shrinks_tried[i];
-        HADA_TRY(rank(work, set, &weights, &value, err));
-        if (value > psnr) {
-            psnr = value;
-            work->weights = weights;
-        }
+    hada_refine_weights weights[CHOICES];
+    for (int i = 0; i < CHOICES; i++) {
+        weights[i] = work->weights;
+        weights[i].shrink = shrinks_tried[i];
     }
-done:
-    return status;
+    work->weights.shrink = 0.0;
+    return choose_of(work, set, weights, &psnr, err);
 }
 
 static hada_status choose_weights(trial_work *work, const trial_set *set, hada_error *err)

@@ -96,18 +96,25 @@ done:
     return status;
 }
 
+/* Negative light is none. */
+static double light_of(float value)
+{
+    return value > 0.0f ? value : 0.0;
+}
+
 double hada_trial_compare(const hada_trial_bench *bench, const hada_trial_frame *frame, double share)
 {
     const size_t count = hada_fit_window_floats(bench->grid);
     double total = 0.0;
     for (int m = 0; m < frame->members; m++) {
+        const float *planes = bench->planes + (size_t)m * count, *linear = bench->linear + (size_t)m * count;
+        const float *scene = frame->member[m]->scene;
         double sum = 0.0;
         for (size_t i = 0; i < count; i++) {
-            const size_t at = (size_t)m * count + i;
-            double plane = fmax((double)bench->planes[at], 0.0);
+            double plane = light_of(planes[i]);
             if (share < 1.0)
-                plane = share * plane + (1.0 - share) * fmax((double)bench->linear[at], 0.0);
-            const double error = plane - frame->member[m]->scene[i];
+                plane = share * plane + (1.0 - share) * light_of(linear[i]);
+            const double error = plane - scene[i];
             sum += error * error;
         }
         total -= 10.0 * log10(fmax(sum / (double)count, LEAST_ERROR));
@@ -131,6 +138,9 @@ hada_status hada_trial_expose(hada_trial_bench *bench, const hada_trial_frame *f
     for (int m = 0; m < frame->members; m++)
         for (size_t i = 0; i < raw; i++)
             bench->raw[i] += frame->member[m]->raw[i];
+    const hada_model_info *info = &bench->with->model->info;
+    bench->noise_unit = hada_noise_unit(bench->raw, info->channels, info->raw_rows, info->raw_cols, bench->noise_share,
+                                        hada_trial_energy(bench->raw, raw) / (double)raw);
     return hada_fit_pair_transform(bench->with->pair, bench->raw, NULL, err);
 }
 
@@ -168,7 +178,6 @@ hada_status hada_trial_refine(hada_trial_bench *bench, const hada_trial_frame *f
                               const hada_refine_weights *weights, int before, int steps, hada_error *err)
 {
     const hada_fit_trial *with = bench->with;
-    const size_t raw = hada_fit_raw_floats(bench->grid);
     const int list[HADA_TRIAL_MEMBERS] = {frame->first, frame->first + 1};
     const hada_refine_data data = {.spectrum = with->pair->raw_spectrum.mem,
                                    .frame = with->pair->raw.mem,
@@ -178,9 +187,7 @@ hada_status hada_trial_refine(hada_trial_bench *bench, const hada_trial_frame *f
     hada_refine_rule rule;
     hada_refine_rule_init(&rule);
     const hada_model_info *info = &with->model->info;
-    hada_refine_rule_weigh(&rule, info, weights, frame->members, hada_model_gain(with->model),
-                           hada_noise_unit(bench->raw, info->channels, info->raw_rows, info->raw_cols,
-                                           bench->noise_share, hada_trial_energy(bench->raw, raw) / (double)raw));
+    hada_refine_rule_weigh(&rule, info, weights, frame->members, hada_model_gain(with->model), bench->noise_unit);
     rule.stop = 0.0;
     rule.steps = steps;
     rule.start = before ? HADA_REFINE_CONTINUE : HADA_REFINE_COLD;

@@ -16,6 +16,7 @@ typedef struct hada_trial_bench {
     hada_buffer filters, otfs; /* [member][channel][count] complex */
     hada_buffer prior;
     double noise_share;           /* hada_model_noise_share() */
+    double noise_unit;            /* hada_noise_unit() of the frame at hand */
     float *raw, *planes, *linear; /* planes at hand, and those of the linear filters */
     double *scene_energy, *trust; /* per channel; without a pair, and the model's */
 } hada_trial_bench;
@@ -33,7 +34,7 @@ void hada_trial_bench_destroy(hada_trial_bench *bench);
 /* Filters and transfer functions of the members' depths without their pairs. */
 hada_status hada_trial_hold_out(hada_trial_bench *bench, const hada_trial_frame *frame, hada_error *err);
 
-/* The frame's pixels and spectrum. */
+/* Takes a frame in hand: its pixels, spectrum and noise. */
 hada_status hada_trial_expose(hada_trial_bench *bench, const hada_trial_frame *frame, hada_error *err);
 
 /* Linear planes, to the host. */

@@ -222,7 +222,8 @@ static hada_status survey(learning *of, hada_error *err)
     of->from = (hada_fit_source){.data = of->data, .monitor = task->monitor};
     if (fit->scene_response == HADA_AUTO && task->merge_count)
         HADA_TRY(hada_fit_sums_response(task->merge[0], &fit->scene_response, err));
-    if (!task->leave_one_out && task->exposure != HADA_EXPOSURE_EACH)
+    const int open = task->leave_one_out && (fit->scene_response == HADA_AUTO || task->exposure == HADA_EXPOSURE_AUTO);
+    if (!open && task->exposure != HADA_EXPOSURE_EACH)
         return HADA_OK;
     HADA_TRY(hada_fit_pass_survey(&of->report->survey, &of->from, fit, task->exposure, err));
     of->from.survey = of->report->survey;

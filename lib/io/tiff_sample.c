@@ -1,5 +1,7 @@
 #include "io/tiff_sample.h"
 
+#include <string.h>
+
 #include "io/safetensors.h"
 
 /* The loop is written once; each type gets its own compiled copy. 8 and 16 bits divide in float, which is correctly
@@ -30,7 +32,9 @@ static void floats(const hada_tiff_page *page, const void *row, size_t first, si
 {
     if (page->bits == 32) {
         const float *from = (const float *)row + first;
-        for (size_t i = 0; i < count; i++)
+        if (stride == 1)
+            memcpy(out, from, count * sizeof *out);
+        for (size_t i = 0; stride != 1 && i < count; i++)
             out[i] = from[i * stride];
     } else if (page->bits == 64) {
         const double *from = (const double *)row + first;

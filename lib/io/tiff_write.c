@@ -242,6 +242,9 @@ static void convert(const hada_tiff_writer *w, const hada_image *image, int chan
 static hada_status write_page(hada_tiff_writer *w, const hada_image *image, int channel, hada_error *err)
 {
     int samples = samples_a_page(w);
+    const size_t pixels = (size_t)w->rows * (size_t)w->cols;
+    if (!w->tif && samples == 1 && w->options.bits == 32) /* as it stands */
+        return hada_outfile_write(&w->file, image->data + (size_t)channel * pixels, pixels * sizeof(float), err);
     size_t row_bytes = (size_t)w->cols * (size_t)samples * (size_t)(w->options.bits / 8);
     if (w->tif && !set_tags(w, w->frames == 0 && channel == 0))
         return failed(w, err);
@@ -258,6 +261,41 @@ static hada_status write_page(hada_tiff_writer *w, const hada_image *image, int 
     return !w->tif || TIFFWriteDirectory(w->tif) ? HADA_OK : failed(w, err);
 }
 
+static float lower(float value, float low)
+{
+    return value < low && value >= -FLT_MAX ? value : low;
+}
+
+static float higher(float value, float high)
+{
+    return value > high && value <= FLT_MAX ? value : high;
+}
+
+/* The range of the finite values, some side by side, so that no comparison waits for the one before. */
+static void widen_range(hada_tiff_writer *w, const float *values, size_t count)
+{
+    enum { LANES = 8 };
+    float low[LANES], high[LANES];
+    size_t i = 0;
+    for (int l = 0; l < LANES; l++) {
+        low[l] = w->low;
+        high[l] = w->high;
+    }
+    for (; i + LANES <= count; i += LANES)
+        for (size_t l = 0; l < LANES; l++) {
+            low[l] = lower(values[i + l], low[l]);
+            high[l] = higher(values[i + l], high[l]);
+        }
+    for (; i < count; i++) {
+        low[0] = lower(values[i], low[0]);
+        high[0] = higher(values[i], high[0]);
+    }
+    for (int l = 0; l < LANES; l++) {
+        w->low = lower(low[l], w->low);
+        w->high = higher(high[l], w->high);
+    }
+}
+
 hada_status hada_tiff_write(hada_tiff_writer *w, const hada_image *image, hada_error *err)
 {
     if (image->channels != w->channels || image->rows != w->rows || image->cols != w->cols)
@@ -267,14 +305,7 @@ hada_status hada_tiff_write(hada_tiff_writer *w, const hada_image *image, hada_e
     if (w->options.layout == HADA_TIFF_HYPERSTACK && w->frames >= w->options.slices * w->options.times)
         return hada_fail(err, HADA_ERROR_STATE, "%s was declared with %d slices and %d times; all are written",
                          w->file.path, w->options.slices, w->options.times);
-    size_t count = hada_image_count(image);
-    for (size_t i = 0; i < count; i++) {
-        float value = image->data[i];
-        if (isfinite(value)) {
-            w->low = value < w->low ? value : w->low;
-            w->high = value > w->high ? value : w->high;
-        }
-    }
+    widen_range(w, image->data, hada_image_count(image));
     int pages = w->options.layout == HADA_TIFF_HYPERSTACK ? w->channels : 1;
     hada_status status = HADA_OK;
     for (int channel = 0; channel < pages; channel++)

@@ -20,11 +20,12 @@ static double lattice(uint64_t key, int row, int col)
     return (double)((z ^ (z >> 31)) >> 11) * (1.0 / 9007199254740992.0);
 }
 
-/* Smooth noise with one lattice point every `cell` pixels, -1 to 1. */
+/* Smooth noise with one lattice point every `cell` pixels, -1 to 1; row and column are not negative. */
 static double smooth_noise(uint64_t key, double row, double col, double cell)
 {
-    const double y = row / cell, x = col / cell, fy = y - floor(y), fx = x - floor(x);
-    const int i = (int)floor(y), j = (int)floor(x);
+    const double y = row / cell, x = col / cell;
+    const int i = (int)y, j = (int)x;
+    const double fy = y - i, fx = x - j;
     const double v = fy * fy * (3.0 - 2.0 * fy), u = fx * fx * (3.0 - 2.0 * fx);
     const double top = lattice(key, i, j) * (1.0 - u) + lattice(key, i, j + 1) * u,
                  bottom = lattice(key, i + 1, j) * (1.0 - u) + lattice(key, i + 1, j + 1) * u;
@@ -131,9 +132,13 @@ hada_status hada_scene_procedural(hada_image *out, uint64_t seed, int channels, 
             for (int c = 0; c < channels; c++) {
                 /* a grey scene shows the green of the coloured one */
                 const int colour = channels == 1 ? 1 : c;
-                const double own = natural_noise(key + 1 + (uint64_t)colour, r, k, largest);
-                const double value = front ? front->colour[colour] * light * (1.0 + 0.15 * common)
-                                           : ground[colour] + tint[colour] * (1.2 * common + 0.5 * own);
+                double value;
+                if (front)
+                    value = front->colour[colour] * light * (1.0 + 0.15 * common);
+                else
+                    value =
+                        ground[colour] +
+                        tint[colour] * (1.2 * common + 0.5 * natural_noise(key + 1 + (uint64_t)colour, r, k, largest));
                 out->data[((size_t)c * (size_t)rows + (size_t)r) * (size_t)cols + (size_t)k] =
                     (float)fmin(fmax(value, 0.0), 1.0);
             }

@@ -162,22 +162,17 @@ static json_t *time_json(const hada_tune_time *time)
                      hada_cli_real(time->inverse_ms), "reason", time->reason);
 }
 
-static const char *milliseconds(char *text, double value)
-{
-    if (isnan(value))
-        return "-";
-    snprintf(text, 16, "%.3f", value);
-    return text;
-}
-
 static void print_row(hada_cli *cli, const hada_tune_row *row)
 {
-    char text[4][16], size[32];
+    hada_cli_digits text[4];
+    char size[32];
     snprintf(size, sizeof size, "%dx%d", row->rows, row->cols);
     hada_cli_say(cli, "%-12s  %5d  %10s  %10s  %10s  %10s  %-6s  %s", size, row->batch,
-                 milliseconds(text[0], row->own.forward_ms), milliseconds(text[1], row->own.inverse_ms),
-                 milliseconds(text[2], row->clfft.forward_ms), milliseconds(text[3], row->clfft.inverse_ms),
-                 hada_tune_backend_name(row->before), hada_tune_backend_name(row->chosen));
+                 hada_cli_number(text[0], "%.3f", row->own.forward_ms),
+                 hada_cli_number(text[1], "%.3f", row->own.inverse_ms),
+                 hada_cli_number(text[2], "%.3f", row->clfft.forward_ms),
+                 hada_cli_number(text[3], "%.3f", row->clfft.inverse_ms), hada_tune_backend_name(row->before),
+                 hada_tune_backend_name(row->chosen));
     if (*row->own.reason)
         hada_cli_say(cli, "    own: %s", row->own.reason);
     if (*row->clfft.reason)
@@ -219,9 +214,9 @@ done:
 
 static void print_conv(hada_cli *cli, const hada_tune_conv_row *row, json_t *all)
 {
-    char text[2][16];
-    hada_cli_say(cli, "%-30s  %9s  %9s  %3d  %s%s", row->shape, milliseconds(text[0], row->before_ms),
-                 milliseconds(text[1], row->chosen_ms), row->measured, row->chosen,
+    hada_cli_digits text[2];
+    hada_cli_say(cli, "%-30s  %9s  %9s  %3d  %s%s", row->shape, hada_cli_number(text[0], "%.3f", row->before_ms),
+                 hada_cli_number(text[1], "%.3f", row->chosen_ms), row->measured, row->chosen,
                  strcmp(row->before, row->chosen) ? "" : " (as before)");
     if (row->refused)
         hada_cli_say(cli, "    %d left out as wrong; the last: %s", row->refused, row->reason);

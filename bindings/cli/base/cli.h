@@ -91,6 +91,13 @@ hada_monitor hada_cli_monitor(hada_cli *cli);
 /* Formatted text on the heap; NULL when memory is out. */
 char *hada_cli_text(const char *format, ...) HADA_CLI_PRINTF(1, 2);
 
+/* Adds to what `text` of so many bytes holds. */
+void hada_cli_append(char *text, size_t size, const char *format, ...) HADA_CLI_PRINTF(3, 4);
+
+/* A number in a format for one; "-" where it is NaN. */
+typedef char hada_cli_digits[32];
+const char *hada_cli_number(hada_cli_digits text, const char *format, double value);
+
 /* Fills *err and returns `status`. */
 hada_status hada_cli_error(hada_error *err, hada_status status, const char *format, ...) HADA_CLI_PRINTF(3, 4);
 /* Puts text before a message. */
@@ -114,6 +121,15 @@ int hada_cli_usage(hada_cli *cli, const char *format, ...) HADA_CLI_PRINTF(2, 3)
 /* JSON values. Numbers that JSON cannot hold (NaN, infinity) become null. */
 json_t *hada_cli_real(double value);
 json_t *hada_cli_reals(const double *values, int count);
+/* Sets members of an object: HADA_CLI_SET(object, {"psnr", psnr}, {"ssim", ssim}). */
+typedef struct hada_cli_member {
+    const char *key;
+    double value;
+} hada_cli_member;
+void hada_cli_set(json_t *object, const hada_cli_member *members, size_t count);
+#define HADA_CLI_SET(object, ...)                                                                                      \
+    hada_cli_set(object, (const hada_cli_member[]){__VA_ARGS__},                                                       \
+                 sizeof((const hada_cli_member[]){__VA_ARGS__}) / sizeof(hada_cli_member))
 json_t *hada_cli_error_json(const hada_error *err);
 
 /* Opens the device that --device, --binaries and the environment choose. */

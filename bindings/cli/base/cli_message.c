@@ -49,6 +49,23 @@ char *hada_cli_text(const char *format, ...)
     return length < 0 ? NULL : text;
 }
 
+void hada_cli_append(char *text, size_t size, const char *format, ...)
+{
+    const size_t used = strlen(text);
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(text + used, size - used, format, arguments);
+    va_end(arguments);
+}
+
+const char *hada_cli_number(hada_cli_digits text, const char *format, double value)
+{
+    if (isnan(value))
+        return "-";
+    snprintf(text, sizeof(hada_cli_digits), format, value);
+    return text;
+}
+
 hada_status hada_cli_error(hada_error *err, hada_status status, const char *format, ...)
 {
     va_list arguments;
@@ -234,6 +251,12 @@ json_t *hada_cli_reals(const double *values, int count)
     for (int i = 0; i < count; i++)
         json_array_append_new(list, hada_cli_real(values[i]));
     return list;
+}
+
+void hada_cli_set(json_t *object, const hada_cli_member *members, size_t count)
+{
+    for (size_t i = 0; i < count; i++)
+        json_object_set_new(object, members[i].key, hada_cli_real(members[i].value));
 }
 
 json_t *hada_cli_error_json(const hada_error *err)

@@ -44,13 +44,16 @@ static const char *only_device(const json_t *rows)
     return device;
 }
 
+static double number(const json_t *row, const char *key)
+{
+    const json_t *found = json_object_get(row, key);
+    return json_is_number(found) ? json_number_value(found) : NAN;
+}
+
 static hada_bench_figure figure(const json_t *row)
 {
-    const json_t *median = json_object_get(row, "median"), *q1 = json_object_get(row, "q1"),
-                 *q3 = json_object_get(row, "q3");
-    return (hada_bench_figure){
-        json_is_number(median) ? json_number_value(median) : NAN, json_is_number(q1) ? json_number_value(q1) : NAN,
-        json_is_number(q3) ? json_number_value(q3) : NAN, (int)json_integer_value(json_object_get(row, "count"))};
+    return (hada_bench_figure){number(row, "median"), number(row, "q1"), number(row, "q3"),
+                               (int)json_integer_value(json_object_get(row, "count"))};
 }
 
 static const json_t *partner(const json_t *row, const json_t *rows, int any_device)

@@ -59,38 +59,28 @@ done:
     return status;
 }
 
-static hada_status add(latency *work, const char *device, hada_bench_group group, const char *name, const char *unit,
-                       double *values, int count, double factor, hada_error *err)
+/* A row of the workload on a device, in a mode. */
+static hada_status add(latency *work, const char *device, hada_bench_group group, const char *mode, const char *what,
+                       const char *unit, const double *values, int count, double factor, hada_error *err)
 {
-    const hada_bench_figure figure = hada_bench_scaled(hada_bench_figure_of(values, count), factor);
-    const hada_bench_row row = hada_bench_row_of(device, work->workload->name, group, name, unit, -1, figure);
+    double copy[MOST];
+    memcpy(copy, values, (size_t)count * sizeof *copy);
+    const hada_bench_figure figure = hada_bench_scaled(hada_bench_figure_of(copy, count), factor);
+    const hada_bench_row row =
+        hada_bench_row_of(device, work->workload->name, group, unit, -1, figure, "%s, %s", mode, what);
     return hada_bench_add(work->bench, &row, err);
 }
 
-static hada_status add_one(latency *work, const char *device, hada_bench_group group, const char *mode,
-                           const char *what, const char *unit, double value, hada_error *err)
-{
-    char name[128];
-    snprintf(name, sizeof name, "%s, %s", mode, what);
-    return add(work, device, group, name, unit, &value, 1, 1, err);
-}
-
-static hada_status add_latency(latency *work, const char *device, const char *mode, double *values, int count,
+static hada_status add_latency(latency *work, const char *device, const char *mode, const double *values, int count,
                                hada_error *err)
 {
-    char name[128];
-    double copy[MOST];
-    const double depths = work->result.depths;
-    memcpy(copy, values, (size_t)count * sizeof *copy);
-    snprintf(name, sizeof name, "%s, frame", mode);
+    const double each = 1e3 / work->result.depths;
     hada_status status = HADA_OK;
-    HADA_TRY(add(work, device, HADA_BENCH_LATENCY, name, "ms", copy, count, 1e3, err));
-    snprintf(name, sizeof name, "%s, depth", mode);
-    HADA_TRY(add(work, device, HADA_BENCH_LATENCY, name, "ms", values, count, 1e3 / depths, err));
-    for (int s = 0; s < HADA_BENCH_STAGES; s++) {
-        snprintf(name, sizeof name, "%s, %s", mode, hada_bench_stage_names[s]);
-        HADA_TRY(add(work, device, HADA_BENCH_STAGE, name, "ms", work->stage[s], count, 1e3 / depths, err));
-    }
+    HADA_TRY(add(work, device, HADA_BENCH_LATENCY, mode, "frame", "ms", values, count, 1e3, err));
+    HADA_TRY(add(work, device, HADA_BENCH_LATENCY, mode, "depth", "ms", values, count, each, err));
+    for (int s = 0; s < HADA_BENCH_STAGES; s++)
+        HADA_TRY(add(work, device, HADA_BENCH_STAGE, mode, hada_bench_stage_names[s], "ms", work->stage[s], count, each,
+                     err));
 done:
     return status;
 }
@@ -100,10 +90,9 @@ static hada_status add_kernels(latency *work, const char *device, const char *mo
     hada_status status = HADA_OK;
     for (int k = 0; k < work->kernels; k++) {
         const hada_kernel_time *kernel = &work->kernel[k];
-        char name[160];
-        snprintf(name, sizeof name, "%s, %s, %s", mode, kernel->stage, kernel->name);
         const hada_bench_figure figure = hada_bench_scaled(hada_bench_figure_of(work->seconds[k], count), 1e3);
-        hada_bench_row row = hada_bench_row_of(device, work->workload->name, HADA_BENCH_KERNEL, name, "ms", -1, figure);
+        hada_bench_row row = hada_bench_row_of(device, work->workload->name, HADA_BENCH_KERNEL, "ms", -1, figure,
+                                               "%s, %s, %s", mode, kernel->stage, kernel->name);
         row.bytes = kernel->bytes;
         row.flops = kernel->flops;
         HADA_TRY(hada_bench_add(work->bench, &row, err));
@@ -156,8 +145,8 @@ static hada_status add_calls(latency *work, const hada_bench_device *device, con
                 {"share of bandwidth", "%", 100 * bytes / busy / peak[HADA_BENCH_COPY]},
                 {"share of arithmetic", "%", 100 * flops / busy / peak[HADA_BENCH_ARITHMETIC]}};
     for (size_t i = 0; i < sizeof rows / sizeof *rows; i++)
-        HADA_TRY(
-            add_one(work, device->info.name, HADA_BENCH_CALLS, mode, rows[i].name, rows[i].unit, rows[i].value, err));
+        HADA_TRY(add(work, device->info.name, HADA_BENCH_CALLS, mode, rows[i].name, rows[i].unit, &rows[i].value, 1, 1,
+                     err));
 done:
     return status;
 }
@@ -184,7 +173,7 @@ static hada_status measure(latency *work, hada_bench_device *device, int mode, h
     const double bytes[] = {(double)stated, (double)held, (double)host};
     static const char *const words[] = {"stated on the device", "held at most on the device", "stated on the host"};
     for (int i = 0; i < 3; i++)
-        HADA_TRY(add_one(work, device->info.name, HADA_BENCH_MEMORY, name, words[i], "bytes", bytes[i], err));
+        HADA_TRY(add(work, device->info.name, HADA_BENCH_MEMORY, name, words[i], "bytes", &bytes[i], 1, 1, err));
     HADA_TRY(hada_bench_repeat(work->bench, profile_frame, work, work->bench->rounds, values, &count, err));
     HADA_TRY(add_kernels(work, device->info.name, name, count, err));
     HADA_TRY(add_calls(work, device, name, err));
@@ -237,8 +226,8 @@ hada_status hada_bench_peaks(hada_bench *bench, hada_bench_device *device, hada_
     for (int p = 0; p < HADA_BENCH_PEAKS; p++) {
         const hada_bench_figure figure = hada_bench_figure_of(found[p], TIMES);
         const hada_bench_row row =
-            hada_bench_row_of(device->info.name, "", HADA_BENCH_PEAK, peaks[p].name, peaks[p].unit, peaks[p].better,
-                              hada_bench_scaled(figure, peaks[p].factor));
+            hada_bench_row_of(device->info.name, "", HADA_BENCH_PEAK, peaks[p].unit, peaks[p].better,
+                              hada_bench_scaled(figure, peaks[p].factor), "%s", peaks[p].name);
         device->peak[p] = figure.median;
         HADA_TRY(hada_bench_add(bench, &row, err));
     }

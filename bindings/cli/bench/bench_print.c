@@ -55,11 +55,11 @@ static void print_kernels(const hada_bench *bench, const char *device, const cha
     for (int i = 0; i < count && i < SHOWN_KERNELS; i++) {
         const double seconds = list[i]->value.median * 1e-3;
         const double least = fmax(list[i]->bytes / copy, list[i]->flops / flops);
-        char floor_text[16] = "-"; /* of kernels that do not say what they need */
-        if (least > 0)
-            snprintf(floor_text, sizeof floor_text, "%.1f", seconds / least);
+        hada_cli_digits floor_text;
         hada_cli_say(bench->cli, "    %-44s %9.3f %9.1f %9.1f %7s", list[i]->name, list[i]->value.median,
-                     list[i]->bytes / seconds * 1e-9, list[i]->flops / seconds * 1e-9, floor_text);
+                     list[i]->bytes / seconds * 1e-9, list[i]->flops / seconds * 1e-9,
+                     /* a dash for kernels that do not say what they need */
+                     hada_cli_number(floor_text, "%.1f", least > 0 ? seconds / least : NAN));
     }
     free(list);
 }
@@ -80,13 +80,13 @@ static void print_front(const hada_bench *bench, const char *device, const char 
                      truth ? "   PSNR" : "");
     }
     for (int i = count - 1; i >= 0; i--) {
-        char text[64], psnr[16] = "", error[16] = "-";
+        char text[64], psnr[16] = "";
+        hada_cli_digits error;
         with_spread(text, sizeof text, &list[i]->value);
         if (!isnan(list[i]->psnr))
             snprintf(psnr, sizeof psnr, "%5.2f dB", list[i]->psnr);
-        if (!isnan(list[i]->error))
-            snprintf(error, sizeof error, "%.2g", list[i]->error);
-        hada_cli_say(bench->cli, "    %-36s %24s %16s %s", list[i]->name, text, error, psnr);
+        hada_cli_say(bench->cli, "    %-36s %24s %16s %s", list[i]->name, text,
+                     hada_cli_number(error, "%.2g", list[i]->error), psnr);
     }
     free(list);
 }

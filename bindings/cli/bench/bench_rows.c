@@ -2,6 +2,7 @@
 #include "bench.h"
 
 #include <math.h>
+#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -29,14 +30,17 @@ void hada_bench_mode_options(int mode, hada_plan_options *options)
         options->refine = 0;
 }
 
-hada_bench_row hada_bench_row_of(const char *device, const char *workload, hada_bench_group group, const char *name,
-                                 const char *unit, int better, hada_bench_figure value)
+hada_bench_row hada_bench_row_of(const char *device, const char *workload, hada_bench_group group, const char *unit,
+                                 int better, hada_bench_figure value, const char *name, ...)
 {
+    va_list arguments;
     hada_bench_row row = {.group = group, .unit = unit, .better = better, .value = value};
     row.error = row.bound = row.psnr = row.psnr_in_focus = NAN;
     snprintf(row.device, sizeof row.device, "%s", device);
     snprintf(row.workload, sizeof row.workload, "%s", workload);
-    snprintf(row.name, sizeof row.name, "%s", name);
+    va_start(arguments, name);
+    vsnprintf(row.name, sizeof row.name, name, arguments);
+    va_end(arguments);
     return row;
 }
 

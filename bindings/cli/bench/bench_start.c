@@ -172,10 +172,9 @@ static hada_status add_rows(hada_bench *bench, const hada_bench_device *device, 
 {
     hada_status status = HADA_OK;
     for (int i = 0; i < STEPS; i++) {
-        char name[128];
-        snprintf(name, sizeof name, "%s, %s, %s", hada_bench_mode_names[!bench->quick], kind, step_names[i]);
-        const hada_bench_row row = hada_bench_row_of(device->info.name, workload, HADA_BENCH_START, name, "s", -1,
-                                                     hada_bench_figure_of(values[i], count));
+        const hada_bench_row row = hada_bench_row_of(device->info.name, workload, HADA_BENCH_START, "s", -1,
+                                                     hada_bench_figure_of(values[i], count), "%s, %s, %s",
+                                                     hada_bench_mode_names[!bench->quick], kind, step_names[i]);
         HADA_TRY(hada_bench_add(bench, &row, err));
     }
 done:

@@ -239,8 +239,8 @@ static hada_status measure(sweep *w, const hada_bench_setting *s, hada_bench_row
     swap(&work.result, &w->now);
     HADA_TRY(hada_bench_repeat(w->bench, run_frame, &work, w->bench->rounds, values, &count, err));
     name_of(s, name, sizeof name);
-    *row = hada_bench_row_of(w->device->info.name, w->workload->name, HADA_BENCH_SWEEP, name, "ms", -1,
-                             hada_bench_scaled(hada_bench_figure_of(values, count), 1e3));
+    *row = hada_bench_row_of(w->device->info.name, w->workload->name, HADA_BENCH_SWEEP, "ms", -1,
+                             hada_bench_scaled(hada_bench_figure_of(values, count), 1e3), "%s", name);
     row->setting = *s;
     row->bound = bound;
     const int is_dense = !s->skip && !s->half && !s->clfft;

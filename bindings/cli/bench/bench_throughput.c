@@ -78,16 +78,15 @@ static hada_status add_overlap(hada_bench *bench, hada_bench_device *device, str
 {
     double hidden[MOST];
     const int count = ones < twos ? ones : twos;
-    char name[128];
     for (int i = 0; i < count; i++) {
         const double rest = one[i] - kernels;
         if (rest < LEAST_REST * one[i])
             return HADA_OK; /* hardly anything beside kernels to hide: the ratio would be noise */
         hidden[i] = 100 * (one[i] - two[i]) / rest;
     }
-    snprintf(name, sizeof name, "%s, hidden by the second queue", mode);
-    const hada_bench_row row = hada_bench_row_of(device->info.name, s->workload->name, HADA_BENCH_THROUGHPUT, name, "%",
-                                                 1, hada_bench_figure_of(hidden, count));
+    const hada_bench_row row =
+        hada_bench_row_of(device->info.name, s->workload->name, HADA_BENCH_THROUGHPUT, "%", 1,
+                          hada_bench_figure_of(hidden, count), "%s, hidden by the second queue", mode);
     return hada_bench_add(bench, &row, err);
 }
 
@@ -98,12 +97,11 @@ static hada_status of_mode(hada_bench *bench, hada_bench_device *device, stream 
     hada_status status = HADA_OK;
     for (int q = 0; q < QUEUES; q++) {
         HADA_TRY(measure(bench, device, s, mode, q + 1, values[q], &count[q], q ? NULL : &kernels, err));
-        char name[128];
-        snprintf(name, sizeof name, "%s, %d %s", hada_bench_mode_names[mode], q + 1, q ? "queues" : "queue");
         for (int i = 0; i < count[q]; i++)
             rates[i] = 1 / values[q][i];
-        const hada_bench_row row = hada_bench_row_of(device->info.name, s->workload->name, HADA_BENCH_THROUGHPUT, name,
-                                                     "frames/s", 1, hada_bench_figure_of(rates, count[q]));
+        const hada_bench_row row = hada_bench_row_of(device->info.name, s->workload->name, HADA_BENCH_THROUGHPUT,
+                                                     "frames/s", 1, hada_bench_figure_of(rates, count[q]), "%s, %d %s",
+                                                     hada_bench_mode_names[mode], q + 1, q ? "queues" : "queue");
         HADA_TRY(hada_bench_add(bench, &row, err));
     }
     HADA_TRY(add_overlap(bench, device, s, hada_bench_mode_names[mode], values[0], count[0], values[1], count[1],

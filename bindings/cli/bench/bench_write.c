@@ -16,16 +16,12 @@ static json_t *row_json(const hada_bench_row *row)
                   "better", row->better > 0 ? "more" : "less", "median", hada_cli_real(row->value.median), "q1",
                   hada_cli_real(row->value.q1), "q3", hada_cli_real(row->value.q3), "count", row->value.count);
     if (row->group == HADA_BENCH_SWEEP) {
-        json_object_set_new(out, "error_l2", hada_cli_real(row->error));
-        json_object_set_new(out, "bound_l2", hada_cli_real(row->bound));
-        json_object_set_new(out, "psnr_db", hada_cli_real(row->psnr));
-        json_object_set_new(out, "psnr_in_focus_db", hada_cli_real(row->psnr_in_focus));
+        HADA_CLI_SET(out, {"error_l2", row->error}, {"bound_l2", row->bound}, {"psnr_db", row->psnr},
+                     {"psnr_in_focus_db", row->psnr_in_focus});
         json_object_set_new(out, "front", json_boolean(row->front));
     }
-    if (row->group == HADA_BENCH_KERNEL) {
-        json_object_set_new(out, "bytes", hada_cli_real(row->bytes));
-        json_object_set_new(out, "flops", hada_cli_real(row->flops));
-    }
+    if (row->group == HADA_BENCH_KERNEL)
+        HADA_CLI_SET(out, {"bytes", row->bytes}, {"flops", row->flops});
     return out;
 }
 
@@ -47,63 +43,43 @@ hada_status hada_bench_json(const hada_bench *bench, json_t *document, hada_erro
     return HADA_OK;
 }
 
-/* A field in quotes where it needs them. */
-static void put_text(FILE *out, const char *text)
+/* A field: text in quotes where it needs them; nothing where there is no value. */
+static void put_field(FILE *out, const json_t *value)
 {
-    const int quoted = strpbrk(text, ",\"\n") != NULL;
+    const char *text = json_string_value(value);
+    const int quoted = text && strpbrk(text, ",\"\n");
+    if (json_is_integer(value) || json_is_boolean(value))
+        fprintf(out, "%lld", json_is_integer(value) ? (long long)json_integer_value(value) : json_is_true(value));
+    else if (json_is_real(value))
+        fprintf(out, "%.9g", json_real_value(value));
     if (quoted)
         fputc('"', out);
-    for (; *text; text++) {
-        if (*text == '"')
-            fputc('"', out);
-        fputc(*text, out);
-    }
+    for (; text && *text; text++)
+        fputs(*text == '"' ? "\"\"" : (const char[]){*text, 0}, out);
     if (quoted)
         fputc('"', out);
 }
 
-static void put_number(FILE *out, double value, int known)
-{
-    fputc(',', out);
-    if (known && isfinite(value))
-        fprintf(out, "%.9g", value);
-}
-
-static void put_row(FILE *out, const hada_bench_row *row)
-{
-    const int sweep = row->group == HADA_BENCH_SWEEP, kernel = row->group == HADA_BENCH_KERNEL;
-    put_text(out, row->device);
-    fputc(',', out);
-    put_text(out, row->workload);
-    fprintf(out, ",%s,", hada_bench_group_names[row->group]);
-    put_text(out, row->name);
-    fprintf(out, ",%s", row->unit);
-    put_number(out, row->value.median, 1);
-    put_number(out, row->value.q1, 1);
-    put_number(out, row->value.q3, 1);
-    fprintf(out, ",%d", row->value.count);
-    put_number(out, row->error, sweep);
-    put_number(out, row->bound, sweep);
-    put_number(out, row->psnr, sweep);
-    put_number(out, row->psnr_in_focus, sweep);
-    fprintf(out, sweep ? ",%d" : ",", row->front);
-    put_number(out, row->bytes, kernel);
-    put_number(out, row->flops, kernel);
-    fputc('\n', out);
-}
-
+/* The rows of the document, a column for each of some keys. */
 static hada_status write_csv(const hada_bench *bench, const char *path, hada_error *err)
 {
+    static const char *const columns[] = {
+        "device",  "workload",         "group", "name",  "unit", "median", "q1", "q3", "count", "error_l2", "bound_l2",
+        "psnr_db", "psnr_in_focus_db", "front", "bytes", "flops"};
+    enum { COLUMNS = sizeof columns / sizeof *columns };
+    const json_t *rows = json_object_get(bench->cli->document, "rows");
     char *text = NULL;
     size_t size = 0;
     FILE *out = open_memstream(&text, &size);
     if (!out)
         return hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
-    fputs("device,workload,group,name,unit,median,q1,q3,count,error_l2,bound_l2,psnr_db,psnr_in_focus_db,front,bytes,"
-          "flops\n",
-          out);
-    for (int i = 0; i < bench->count; i++)
-        put_row(out, &bench->rows[i]);
+    for (int k = 0; k < COLUMNS; k++)
+        fprintf(out, "%s%c", columns[k], k + 1 < COLUMNS ? ',' : '\n');
+    for (size_t i = 0; i < json_array_size(rows); i++)
+        for (int k = 0; k < COLUMNS; k++) {
+            put_field(out, json_object_get(json_array_get(rows, i), columns[k]));
+            fputc(k + 1 < COLUMNS ? ',' : '\n', out);
+        }
     hada_status status = HADA_OK;
     if (ferror(out) | fclose(out))
         HADA_TRY(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));

@@ -22,50 +22,29 @@ static json_t *encoding_json(double encoding)
 static json_t *row_json(const hada_evaluation *score)
 {
     static const char *const kinds[] = {"images", "stack", "distance_map"};
+    const hada_depth_score *depth = &score->depth;
     json_t *entry = json_pack("{s:s, s:s, s:s, s:i}", "kind", kinds[score->what], "result", score->result, "truth",
                               score->truth, "pages", score->pages);
     if (score->what == HADA_EVALUATED_MAP) {
-        json_object_set_new(entry, "coverage", hada_cli_real(score->depth.coverage));
-        json_object_set_new(entry, "within", score->steps_known ? hada_cli_real(score->depth.within) : json_null());
-        json_object_set_new(entry, "mean_error_mm", hada_cli_real(score->depth.mean_error_mm));
-        json_object_set_new(entry, "mean_error_steps", hada_cli_real(score->depth.mean_steps));
+        HADA_CLI_SET(entry, {"coverage", depth->coverage}, {"within", score->steps_known ? depth->within : NAN},
+                     {"mean_error_mm", depth->mean_error_mm}, {"mean_error_steps", depth->mean_steps});
         json_object_set_new(entry, "jumps", place_json(score->coverage_jumps, score->within_jumps, score->steps_jumps));
         json_object_set_new(entry, "away", place_json(score->coverage_away, score->within_away, score->steps_away));
-        json_object_set_new(entry, "outside", hada_cli_real(score->outside));
-        json_object_set_new(entry, "outside_unknown", hada_cli_real(score->outside_unknown));
-        json_object_set_new(entry, "confident_half_error", hada_cli_real(score->confident_half));
-        json_object_set_new(entry, "risk_coverage", hada_cli_real(score->risk));
+        HADA_CLI_SET(entry, {"outside", score->outside}, {"outside_unknown", score->outside_unknown},
+                     {"confident_half_error", score->confident_half}, {"risk_coverage", score->risk});
         return entry;
     }
     json_object_set_new(entry, "occupied_pages", json_integer(score->occupied));
     json_object_set_new(entry, "missing_pages", json_integer(score->missing));
-    json_object_set_new(entry, "gain", hada_cli_real(score->gain));
+    HADA_CLI_SET(entry, {"gain", score->gain});
     json_object_set_new(entry, "encoding", encoding_json(score->encoding));
     json_object_set_new(entry, "result_encoding", encoding_json(score->result_encoding));
-    json_object_set_new(entry, "psnr", hada_cli_real(score->psnr));
-    json_object_set_new(entry, "psnr_all_pages", hada_cli_real(score->psnr_all));
-    json_object_set_new(entry, "ssim", hada_cli_real(score->ssim));
-    json_object_set_new(entry, "mae", hada_cli_real(score->mae));
-    json_object_set_new(entry, "sharpness", hada_cli_real(score->sharpness));
-    json_object_set_new(entry, "sharpness_truth", hada_cli_real(score->sharpness_truth));
-    json_object_set_new(entry, "psnr_jumps", hada_cli_real(score->psnr_jumps));
-    json_object_set_new(entry, "psnr_away", hada_cli_real(score->psnr_away));
-    json_object_set_new(entry, "ssim_jumps", hada_cli_real(score->ssim_jumps));
-    json_object_set_new(entry, "ssim_away", hada_cli_real(score->ssim_away));
-    json_object_set_new(entry, "lpips", hada_cli_real(score->lpips));
-    json_object_set_new(entry, "authors_psnr", hada_cli_real(score->authors_psnr));
-    json_object_set_new(entry, "authors_ssim", hada_cli_real(score->authors_ssim));
+    HADA_CLI_SET(entry, {"psnr", score->psnr}, {"psnr_all_pages", score->psnr_all}, {"ssim", score->ssim},
+                 {"mae", score->mae}, {"sharpness", score->sharpness}, {"sharpness_truth", score->sharpness_truth},
+                 {"psnr_jumps", score->psnr_jumps}, {"psnr_away", score->psnr_away}, {"ssim_jumps", score->ssim_jumps},
+                 {"ssim_away", score->ssim_away}, {"lpips", score->lpips}, {"authors_psnr", score->authors_psnr},
+                 {"authors_ssim", score->authors_ssim});
     return entry;
-}
-
-/* "27.31", or a dash where there is no such number. */
-static const char *number(char text[24], const char *format, double value)
-{
-    if (isnan(value))
-        snprintf(text, 24, "-");
-    else
-        snprintf(text, 24, format, value);
-    return text;
 }
 
 /* What a table shows of a score. */
@@ -100,12 +79,12 @@ enum { TABLE_COLUMNS = 8 };
 static void print_row(hada_cli *cli, const table *of, const unsigned char *shown, int width, const char *name,
                       const double *values)
 {
-    char line[256] = "", text[24];
-    size_t used = 0;
+    char line[256] = "";
+    hada_cli_digits text;
     for (int k = 0; k < of->count; k++)
         if (shown[k])
-            used += (size_t)snprintf(line + used, sizeof line - used, "  %*s", of->columns[k].width,
-                                     values ? number(text, of->columns[k].format, values[k]) : of->columns[k].title);
+            hada_cli_append(line, sizeof line, "  %*s", of->columns[k].width,
+                            values ? hada_cli_number(text, of->columns[k].format, values[k]) : of->columns[k].title);
     hada_cli_say(cli, "%s%-*s%s", values ? "  " : "", values ? width - 2 : width, name, line);
 }
 

@@ -20,8 +20,7 @@ static json_t *score_json(double alpha, double lambda, double psnr_one, double p
 {
     json_t *entry = json_pack("{s:f, s:f, s:i, s:b, s:n, s:f, s:f}", "alpha", alpha, "lambda", lambda, "refine_steps",
                               0, "chosen", chosen, "outside", "refine_rho", 0.0, "refine_tv", 0.0);
-    json_object_set_new(entry, "psnr_one_depth", hada_cli_real(psnr_one));
-    json_object_set_new(entry, "psnr_two_depths", hada_cli_real(psnr_two));
+    HADA_CLI_SET(entry, {"psnr_one_depth", psnr_one}, {"psnr_two_depths", psnr_two});
     return entry;
 }
 
@@ -29,14 +28,12 @@ static void print_filters(hada_cli *cli, const hada_fit_scores *scores, json_t *
 {
     const hada_fit_filter_score *row;
     for (size_t i = 0; (row = hada_fit_scores_filter(scores, i)); i++) {
-        char two[32] = "-";
+        hada_cli_digits two;
         if (!i)
             hada_cli_say(cli, "\nLeave-one-out, mean PSNR of held-out pairs in dB\n  %9s  %9s  %9s  %10s", "alpha",
                          "lambda", "one depth", "two depths");
-        if (isfinite(row->psnr_double))
-            snprintf(two, sizeof two, "%.2f", row->psnr_double);
         hada_cli_say(cli, "%s %9.3g  %9.3g  %9.2f  %10s%s", mark(row->chosen), row->alpha, row->lambda,
-                     row->psnr_single, two, word(row->chosen));
+                     row->psnr_single, hada_cli_number(two, "%.2f", row->psnr_double), word(row->chosen));
         json_array_append_new(list,
                               score_json(row->alpha, row->lambda, row->psnr_single, row->psnr_double, row->chosen));
     }
@@ -61,19 +58,17 @@ static void print_refinements(hada_cli *cli, const hada_fit_scores *scores, cons
     const hada_fit_refine_score *row;
     for (size_t i = 0; (row = hada_fit_scores_refinement(scores, i)); i++) {
         json_t *entry = score_json(info->alpha, info->lambda, row->psnr_single, row->psnr_double, row->chosen);
-        char steps[32] = "none", two[32] = "-";
+        char steps[32] = "none";
+        hada_cli_digits two;
         if (!i)
             hada_cli_say(cli, "\nDoes refinement pay? On a few held-out frames\n  %9s  %9s  %9s  %10s", "steps",
                          "variation", "one depth", "two depths");
         if (row->steps)
             snprintf(steps, sizeof steps, "%d", row->steps);
-        if (isfinite(row->psnr_double))
-            snprintf(two, sizeof two, "%.2f", row->psnr_double);
-        hada_cli_say(cli, "%s %9s  %9.2g  %9.2f  %10s%s", mark(row->chosen), steps, row->tv, row->psnr_single, two,
-                     word(row->chosen));
+        hada_cli_say(cli, "%s %9s  %9.2g  %9.2f  %10s%s", mark(row->chosen), steps, row->tv, row->psnr_single,
+                     hada_cli_number(two, "%.2f", row->psnr_double), word(row->chosen));
         json_object_set_new(entry, "refine_steps", json_integer(row->steps));
-        json_object_set_new(entry, "refine_rho", hada_cli_real(row->rho));
-        json_object_set_new(entry, "refine_tv", hada_cli_real(row->tv));
+        HADA_CLI_SET(entry, {"refine_rho", row->rho}, {"refine_tv", row->tv});
         json_array_append_new(list, entry);
     }
 }
@@ -149,10 +144,8 @@ void hada_cli_fit_tell_model(hada_cli *cli, const char *path, const hada_model *
         snprintf(refine, sizeof refine,
                  info->refine_tv > 0 ? "%d refinement steps, total variation %.2g" : "%d refinement steps",
                  info->refine_steps, info->refine_tv);
-    if (info->refine_steps && info->refine_share < 1) {
-        const size_t used = strlen(refine);
-        snprintf(refine + used, sizeof refine - used, ", %.0f %% linear", 100 * (1 - info->refine_share));
-    }
+    if (info->refine_steps && info->refine_share < 1)
+        hada_cli_append(refine, sizeof refine, ", %.0f %% linear", 100 * (1 - info->refine_share));
     hada_cli_say(cli, "%s: %d %s, %dx%d frames, window %dx%d, %s, %s, scenes %s, dark level %s, %s, %s (%.1f s)", path,
                  info->depths, info->depths == 1 ? "depth" : "depths", info->raw_rows, info->raw_cols,
                  info->window_rows, info->window_cols, forms[info->form], boundary, response, dark, refine, size,
@@ -163,14 +156,9 @@ void hada_cli_fit_tell_model(hada_cli *cli, const char *path, const hada_model *
                               info->window_rows, info->window_cols, "refine_steps", info->refine_steps, "half",
                               info->half, "bytes", (json_int_t)info->bytes);
     json_object_set_new(entry, "distances_mm", hada_cli_reals(info->distances_mm, info->depths));
-    json_object_set_new(entry, "alpha", hada_cli_real(info->alpha));
-    json_object_set_new(entry, "lambda", hada_cli_real(info->lambda));
-    json_object_set_new(entry, "dark", info->dark >= 0 ? hada_cli_real(info->dark) : json_null());
-    json_object_set_new(entry, "refine_tv", hada_cli_real(info->refine_tv));
-    json_object_set_new(entry, "refine_colour", hada_cli_real(info->refine_colour));
-    json_object_set_new(entry, "refine_shrink", hada_cli_real(info->refine_shrink));
-    json_object_set_new(entry, "refine_share", hada_cli_real(info->refine_share));
-    json_object_set_new(entry, "noise", hada_cli_real(info->noise));
+    HADA_CLI_SET(entry, {"alpha", info->alpha}, {"lambda", info->lambda}, {"dark", info->dark >= 0 ? info->dark : NAN},
+                 {"refine_tv", info->refine_tv}, {"refine_colour", info->refine_colour},
+                 {"refine_shrink", info->refine_shrink}, {"refine_share", info->refine_share}, {"noise", info->noise});
     json_object_set_new(entry, "scene_response", json_string(response));
     json_object_set_new(cli->document, "model", entry);
     json_object_set_new(cli->document, "seconds", json_real(seconds));

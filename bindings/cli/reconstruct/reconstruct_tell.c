@@ -28,13 +28,6 @@ static json_t *frame_json(const hada_result *result)
                      report->seconds_enhance, "focus", report->seconds_focus, "download", report->seconds_download);
 }
 
-static void add(char *text, size_t size, const char *format, double value)
-{
-    size_t used = strlen(text);
-    /* cppcheck-suppress wrongPrintfScanfArgNum ; some words have no number */
-    snprintf(text + used, size - used, format, value);
-}
-
 /* "a surface, 120 to 340 mm" */
 static void surface_words(const hada_result *result, char *text, size_t size)
 {
@@ -45,11 +38,9 @@ static void surface_words(const hada_result *result, char *text, size_t size)
         least = fmin(least, map->data[i]);
         most = fmax(most, map->data[i]);
     }
-    add(text, size, "a surface", 0);
-    if (most > 0) {
-        add(text, size, ", %.4g", least);
-        add(text, size, " to %.4g mm", most);
-    }
+    hada_cli_append(text, size, "a surface");
+    if (most > 0)
+        hada_cli_append(text, size, ", %.4g to %.4g mm", least, most);
 }
 
 /* "100 and 250 mm; 8 refinement steps; 2.1 % unexplained" into `text` of `size` bytes. */
@@ -63,39 +54,40 @@ static void frame_words(const hada_result *result, char *text, size_t size)
     if (report->scene == HADA_SCENE_SURFACE) {
         surface_words(result, text, size);
     } else if (!report->refine_steps && report->method == HADA_METHOD_MODEL && count == result->depths) {
-        add(text, size, "linear filters alone", 0);
+        hada_cli_append(text, size, "linear filters alone");
     } else if (count == result->depths && count > 1) {
-        add(text, size, "all %.0f depths", count);
+        hada_cli_append(text, size, "all %d depths", count);
     } else if (count > 8) {
-        add(text, size, "%.0f", count);
-        add(text, size, " of %.0f depths", result->depths);
+        hada_cli_append(text, size, "%d of %d depths", count, result->depths);
     } else if (!count) {
-        add(text, size, "no depth occupied", 0);
+        hada_cli_append(text, size, "no depth occupied");
     } else {
         for (int z = 0; z < result->depths; z++)
             if (report->occupied[z]) {
-                add(text, size, !shown ? "" : shown == count - 1 ? " and " : ", ", 0);
-                add(text, size, "%.4g", result->distances_mm[z]);
+                hada_cli_append(text, size, "%s%.4g",
+                                !shown               ? ""
+                                : shown == count - 1 ? " and "
+                                                     : ", ",
+                                result->distances_mm[z]);
                 shown++;
             }
-        add(text, size, " mm", 0);
+        hada_cli_append(text, size, " mm");
     }
     if (report->method != HADA_METHOD_MODEL) {
-        add(text, size, "; ", 0);
-        add(text, size, methods[report->method], 0);
+        hada_cli_append(text, size, "; %s", methods[report->method]);
         if (report->refine_steps)
-            add(text, size, report->refine_steps == 1 ? ", %.0f iteration" : ", %.0f iterations", report->refine_steps);
+            hada_cli_append(text, size, ", %d iteration%s", report->refine_steps, report->refine_steps == 1 ? "" : "s");
     } else if (report->refine_steps && report->scene != HADA_SCENE_SURFACE) {
-        add(text, size, report->refine_steps == 1 ? "; %.0f refinement step" : "; %.0f refinement steps",
-            report->refine_steps);
+        hada_cli_append(text, size, "; %d refinement step%s", report->refine_steps,
+                        report->refine_steps == 1 ? "" : "s");
     }
     double residual = isfinite(report->residual) ? report->residual : report->residual_linear;
     if (isfinite(residual))
-        add(text, size, "; %.2g %% unexplained", 100 * residual);
+        hada_cli_append(text, size, "; %.2g %% unexplained", 100 * residual);
     if (report->enhanced)
-        add(text, size, report->enhanced == 1 ? "; %.0f plane enhanced" : "; %.0f planes enhanced", report->enhanced);
+        hada_cli_append(text, size, "; %d plane%s enhanced", report->enhanced, report->enhanced == 1 ? "" : "s");
     if (report->repaired_pixels)
-        add(text, size, "; %.0f pixels repaired", (double)report->repaired_pixels);
+        hada_cli_append(text, size, "; %lld pixels repaired", (long long)report->repaired_pixels);
     hada_cli_skip_words(result, text, size);
 }
 

@@ -58,27 +58,20 @@ json_t *hada_cli_skip_json(const hada_result *result)
                      skipped->tiles, "again", skipped->recomputed);
 }
 
-static void add(char *text, size_t size, const char *format, double value)
-{
-    const size_t used = strlen(text);
-    /* cppcheck-suppress wrongPrintfScanfArgNum ; some words have no number */
-    snprintf(text + used, size - used, format, value);
-}
-
 void hada_cli_skip_words(const hada_result *result, char *text, size_t size)
 {
     const hada_skip_report *skipped = result->report->skipped;
     if (skipped->frame)
-        add(text, size, "; the result of the frame before", 0);
+        hada_cli_append(text, size, "; the result of the frame before");
     if (skipped->channels)
-        add(text, size, skipped->channels == 1 ? "; %.0f channel black or copied" : "; %.0f channels black or copied",
-            skipped->channels);
+        hada_cli_append(text, size, "; %d channel%s black or copied", skipped->channels,
+                        skipped->channels == 1 ? "" : "s");
     if (skipped->frequencies > 0)
-        add(text, size, "; %.0f %% of the frequencies left out", 100 * skipped->frequencies);
+        hada_cli_append(text, size, "; %.0f %% of the frequencies left out", 100 * skipped->frequencies);
     if (skipped->kinds & HADA_SKIP_HALF)
-        add(text, size, "; half filters", 0);
+        hada_cli_append(text, size, "; half filters");
     if (skipped->bound > 0 && isfinite(skipped->bound))
-        add(text, size, "; at most %.2g %% change", 100 * skipped->bound);
+        hada_cli_append(text, size, "; at most %.2g %% change", 100 * skipped->bound);
     if (skipped->recomputed)
-        add(text, size, "; done again in full", 0);
+        hada_cli_append(text, size, "; done again in full");
 }

@@ -95,10 +95,8 @@ static void tell_validation(listener *to, const hada_train_state *state)
 static json_t *measures(const hada_validation *r, int before)
 {
     json_t *object = json_object();
-    json_object_set_new(object, "psnr", hada_cli_real(before ? r->psnr_before : r->psnr));
-    json_object_set_new(object, "ssim", hada_cli_real(before ? r->ssim_before : r->ssim));
-    json_object_set_new(object, "mae", hada_cli_real(before ? r->mae_before : r->mae));
-    json_object_set_new(object, "sharpness", hada_cli_real(before ? r->sharpness_before : r->sharpness));
+    HADA_CLI_SET(object, {"psnr", before ? r->psnr_before : r->psnr}, {"ssim", before ? r->ssim_before : r->ssim},
+                 {"mae", before ? r->mae_before : r->mae}, {"sharpness", before ? r->sharpness_before : r->sharpness});
     return object;
 }
 
@@ -113,9 +111,8 @@ static void fill_document(json_t *document, const hada_train_state *state)
     }
     json_object_set_new(document, "validation", rows);
     json_object_set_new(document, "steps", json_integer((json_int_t)state->step));
-    json_object_set_new(document, "seconds", json_real(state->seconds));
-    json_object_set_new(document, "seconds_per_step", json_real(state->seconds_per_step));
-    json_object_set_new(document, "loss", hada_cli_real(state->loss));
+    HADA_CLI_SET(document, {"seconds", state->seconds}, {"seconds_per_step", state->seconds_per_step},
+                 {"loss", state->loss});
     json_object_set_new(document, "rolled_back", json_integer(state->rolled_back));
     json_object_set_new(document, "kept", json_string(state->keep_best ? "best" : "last"));
     if (state->row_count) {

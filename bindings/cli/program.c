@@ -4,7 +4,6 @@
 #include <hadalens/limits.h>
 #include <stdio.h>
 #include <string.h>
-#include <sys/stat.h>
 
 const hada_cli_command *const hada_cli_commands[] = {
     &hada_cli_devices,     &hada_cli_optics,   &hada_cli_simulate, &hada_cli_register, &hada_cli_fit, &hada_cli_train,
@@ -23,31 +22,12 @@ static int unknown_command(const char *name)
     return HADA_EXIT_USAGE;
 }
 
-/* --man-folder: used by the build. */
-static int write_manuals(const char *folder)
-{
-    mkdir(folder, 0777);
-    for (int i = -1; i < 0 || hada_cli_commands[i]; i++) {
-        const hada_cli_command *command = i < 0 ? NULL : hada_cli_commands[i];
-        char path[4096];
-        snprintf(path, sizeof path, "%s/hadalens%s%s.1", folder, command ? "-" : "", command ? command->name : "");
-        FILE *out = fopen(path, "w");
-        if (out)
-            hada_cli_print_man(command, out);
-        if (!out || ferror(out) || fclose(out)) {
-            fprintf(stderr, "hadalens: cannot write %s\n", path);
-            return HADA_EXIT_FILE;
-        }
-    }
-    return HADA_EXIT_OK;
-}
-
 static int print_manual(const char *name)
 {
     const hada_cli_command *command = name ? hada_cli_find_command(name) : NULL;
     if (name && !command)
         return unknown_command(name);
-    hada_cli_print_man(command, stdout);
+    hada_cli_print_man(command);
     return HADA_EXIT_OK;
 }
 
@@ -139,8 +119,6 @@ int hada_cli_program(int argc, char **argv, const hada_cli_ranks *ranks)
         code = HADA_EXIT_OK;
     } else if (!strcmp(first, "--man")) {
         code = print_manual(second);
-    } else if (!strcmp(first, "--man-folder") && second) {
-        code = write_manuals(second);
     } else if (!strcmp(first, "--help") || !strcmp(first, "-h") || !strcmp(first, "help")) {
         const hada_cli_command *command = second ? hada_cli_find_command(second) : NULL;
         if (command)

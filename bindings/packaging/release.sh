@@ -78,7 +78,13 @@ step_changelog() {
 }
 step_manuals() {
     configured release || return 1
-    rm -rf "$out/man" && "$build/bindings/cli/hadalens" --man-folder "$out/man" && diff -r "$out/man" "$build/man" ||
+    rm -rf "$out/man" && mkdir "$out/man" || return 1
+    local page command
+    for page in "$build"/man/*.1; do
+        command=$(basename "$page" .1 | sed 's/^hadalens-*//')
+        "$build/bindings/cli/hadalens" --man ${command:+"$command"} >"$out/man/${page##*/}" || return 1
+    done
+    diff -r "$out/man" "$build/man" ||
         failed "the build's manual pages are not those of its program" || return 1
     rm -rf "$out/completion" && python3 bindings/cli/completion/completion.py "$out/man" "$out/completion" &&
         diff -r "$out/completion" "$build/completion" || failed "the build's completion is not that of its pages" || return 1

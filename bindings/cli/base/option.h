@@ -96,8 +96,8 @@ void hada_cli_parsed_free(hada_cli_parsed *parsed);
 /* Text for --help and for manual pages. */
 void hada_cli_print_help(const hada_cli_command *command);
 void hada_cli_print_overview(void);
-/* A manual page in troff to a file; command NULL: that of the program itself. */
-void hada_cli_print_man(const hada_cli_command *command, FILE *out);
+/* A manual page in troff; command NULL: that of the program itself. */
+void hada_cli_print_man(const hada_cli_command *command);
 
 extern const char *const hada_cli_exit_texts[]; /* "0  all is well", ... ended by NULL */
 

@@ -53,24 +53,22 @@ static int open_device(hada_cli *cli, const settings *set)
 {
     hada_error err = {0};
     hada_context *context = NULL;
-    if (hada_cli_open(cli, &context, &err))
-        return hada_cli_fail(cli, &err);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_cli_open(cli, &context, &err));
+    const char *shape = hada_kernel_shape_name(hada_context_shape(context));
     hada_cli_say(cli, "\nDevice %d gives the known answers; it takes kernels as %s.",
-                 hada_context_device(context)->index, hada_kernel_shape_name(hada_context_shape(context)));
+                 hada_context_device(context)->index, shape);
     json_object_set_new(cli->document, "checked", json_true());
-    json_object_set_new(cli->document, "shape", json_string(hada_kernel_shape_name(hada_context_shape(context))));
+    json_object_set_new(cli->document, "shape", json_string(shape));
     if (set->save_binaries) {
-        hada_status status = hada_programs_save(context, set->save_binaries, &err);
-        if (status) {
-            hada_cli_close(cli, &context);
-            return hada_cli_fail(cli, &err);
-        }
+        HADA_TRY(hada_programs_save(context, set->save_binaries, &err));
         hada_cli_say(cli, "Wrote the binaries to %s; use them with --binaries %s.", set->save_binaries,
                      set->save_binaries);
         json_object_set_new(cli->document, "binaries", json_string(set->save_binaries));
     }
+done:
     hada_cli_close(cli, &context);
-    return HADA_EXIT_OK;
+    return status ? hada_cli_fail(cli, &err) : HADA_EXIT_OK;
 }
 
 static int run(hada_cli *cli, void *user, int count, const char **arguments)

@@ -8,8 +8,8 @@
 
 typedef struct settings {
     hada_cli_camera_settings camera;
-    const char *output, *psf;
-    int coherent;
+    hada_optics_task task;
+    const char *output;
     double threshold;
 } settings;
 
@@ -21,10 +21,10 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_REAL, "threshold", 0, "MTF", "frequencies count as passed from here on (default: 0.05)", NULL,
      AT(threshold)},
     {HADA_OPTION_TEXT, "psf", 0, "FILE", "PSFs from a TIFF file, a page per depth, instead of by design",
-     "Measured ones, for instance: of the sensor's size, near to far as the camera's distances.", AT(psf)},
+     "Measured ones, for instance: of the sensor's size, near to far as the camera's distances.", AT(task.psf)},
     {HADA_OPTION_FLAG, "coherent", 0, NULL, "wave optics of all lenses together",
      "Light of different lenses interferes. Takes more memory and time; masks without lenses always work so.",
-     AT(coherent)},
+     AT(task.coherent)},
     {0},
 };
 
@@ -32,15 +32,12 @@ static void defaults(void *user)
 {
     settings *set = user;
     hada_cli_camera_defaults(&set->camera);
+    hada_optics_task_init(&set->task);
 }
 
-static const char *number(char *text, size_t size, double value, const char *format)
+static const char *number(hada_cli_digits text, double value)
 {
-    if (isfinite(value))
-        snprintf(text, size, format, value);
-    else
-        snprintf(text, size, "-");
-    return text;
+    return hada_cli_number(text, "%.2f", isfinite(value) ? value : NAN);
 }
 
 static void say_rows(hada_cli *cli, const hada_optics_report *report)
@@ -51,12 +48,10 @@ static void say_rows(hada_cli *cli, const hada_optics_report *report)
     hada_cli_say(cli, "%9s %6s %8s %6s %6s %8s %8s %8s %9s %9s", "mm", "", "px", "px", "px", "", "", "mm", "mm", "");
     for (int z = 0; z < curves->depths; z++) {
         const hada_optics_row *r = hada_optics_report_row(report, z);
-        char defocus[32], airy[32], axial[32], occupancy[32];
+        hada_cli_digits defocus, airy, axial, occupancy;
         hada_cli_say(cli, "%9.4g %6.3f %8s %6s %6.2f %8.3f %8.3f %8.3f %9s %9s", r->distance_mm, r->magnification,
-                     number(defocus, sizeof defocus, r->defocus_pixels, "%.2f"),
-                     number(airy, sizeof airy, r->airy_pixels, "%.2f"), r->spot_pixels, r->support, r->sidelobe,
-                     r->lateral_mm, number(axial, sizeof axial, r->axial_mm, "%.2f"),
-                     number(occupancy, sizeof occupancy, r->occupancy, "%.2f"));
+                     number(defocus, r->defocus_pixels), number(airy, r->airy_pixels), r->spot_pixels, r->support,
+                     r->sidelobe, r->lateral_mm, number(axial, r->axial_mm), number(occupancy, r->occupancy));
     }
 }
 
@@ -80,7 +75,7 @@ static void tell(hada_cli *cli, const settings *set, const hada_camera *camera, 
     const hada_optics_curves *curves = hada_optics_report_curves(report);
     double fill = NAN;
     hada_camera_fill_factor(camera, &fill, NULL);
-    const char *optics = set->psf ? "measured" : camera->optics == HADA_OPTICS_WAVE ? "wave" : "geometry";
+    const char *optics = set->task.psf ? "measured" : camera->optics == HADA_OPTICS_WAVE ? "wave" : "geometry";
     say_rows(cli, report);
     hada_cli_say(cli, "%s: mask %s, fill factor %.3f, PSFs: %s, %d distances (%.1f s)", set->output,
                  hada_mask_word(camera->mask), fill, optics, camera->depths, seconds);
@@ -97,7 +92,6 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
     hada_camera camera;
     hada_context *context = NULL;
     hada_optics_report *report = NULL;
-    hada_optics_task task;
     hada_status status = HADA_OK;
     const double start = hada_cli_seconds();
     if (count > 1 || (count && set->camera.file))
@@ -108,15 +102,12 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
         return hada_cli_usage(cli, "say where tables, figures and PSFs shall be written, with -o FOLDER");
     if (set->threshold < 0 || set->threshold >= 1)
         return hada_cli_usage(cli, "--threshold takes a number from 0 to 1");
-    hada_optics_task_init(&task);
-    task.psf = set->psf;
-    task.coherent = set->coherent;
-    task.threshold = set->threshold > 0 ? set->threshold : HADA_AUTO;
-    task.monitor = &cli->monitor;
+    set->task.threshold = set->threshold > 0 ? set->threshold : HADA_AUTO;
+    set->task.monitor = &cli->monitor;
     hada_cli_pictures(cli);
     HADA_TRY(hada_cli_make_camera(&camera, &set->camera, &err));
     HADA_TRY(hada_cli_open(cli, &context, &err));
-    HADA_TRY(hada_optics_run(&report, context, &camera, set->output, &task, &err));
+    HADA_TRY(hada_optics_run(&report, context, &camera, set->output, &set->task, &err));
     tell(cli, set, &camera, report, hada_cli_seconds() - start);
 done:
     hada_optics_report_destroy(&report);

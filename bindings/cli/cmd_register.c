@@ -9,10 +9,11 @@
 
 typedef struct settings {
     hada_cli_common common;
+    hada_dataset_options scan;
+    hada_register_options search;
+    hada_register_task task;
     const char *output, *magnification;
-    double rotation;
     int window[2];
-    int no_offset, skip_incomplete;
 } settings;
 
 #define AT(member) HADA_CLI_AT(settings, member)
@@ -28,16 +29,21 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_TEXT, "magnification", 0, "MIN,MAX", "pixels of the frame per pixel of a scene file",
      "Default: such that the scene's longer side has 0.15 to 2.5 times that of the frame.", AT(magnification)},
     {HADA_OPTION_REAL, "rotation", 0, "DEGREES", "rotation beside quarter turns, to either side (default: 15)", NULL,
-     AT(rotation)},
-    {HADA_OPTION_FLAG, "no-offset", 0, NULL, "leave the shifts between depths as they are", NULL, AT(no_offset)},
-    {HADA_OPTION_FLAG, "skip-incomplete", 0, NULL, "leave out files without their partner", NULL, AT(skip_incomplete)},
+     AT(search.most_rotation_deg)},
+    {HADA_OPTION_FLAG, "no-offset", 0, NULL, "leave the shifts between depths as they are", NULL,
+     AT(task.keep_offsets)},
+    {HADA_OPTION_FLAG, "skip-incomplete", 0, NULL, "leave out files without their partner", NULL,
+     AT(scan.skip_incomplete)},
     {0},
 };
 
 static void defaults(void *user)
 {
     settings *set = user;
-    set->rotation = 15;
+    hada_dataset_options_init(&set->scan);
+    hada_register_options_init(&set->search);
+    hada_register_task_init(&set->task);
+    set->search.most_rotation_deg = 15;
 }
 
 /* "0.5,2" */
@@ -67,13 +73,10 @@ static json_t *depth_json(double distance_mm, const hada_registered_depth *one)
     const hada_registration *r = one->found, *a = one->applied;
     json_t *entry = json_pack("{s:f, s:i, s:b, s:i, s:s}", "distance_mm", distance_mm, "pairs", one->pairs, "mirrored",
                               r->mirrored, "quarter_turns", r->quarter_turns, "orientation", orientation(r));
-    json_object_set_new(entry, "magnification", hada_cli_real(r->magnification));
-    json_object_set_new(entry, "rotation_deg", hada_cli_real(r->rotation_deg));
+    HADA_CLI_SET(entry, {"magnification", r->magnification}, {"rotation_deg", r->rotation_deg});
     json_object_set_new(entry, "offset", json_pack("[f, f]", r->offset_row, r->offset_col));
-    json_object_set_new(entry, "likeness_to_the_depth_before", hada_cli_real(one->likeness));
-    json_object_set_new(entry, "explained", hada_cli_real(r->explained));
-    json_object_set_new(entry, "explained_otherwise", hada_cli_real(r->explained_otherwise));
-    json_object_set_new(entry, "displacement", hada_cli_real(one->displacement));
+    HADA_CLI_SET(entry, {"likeness_to_the_depth_before", one->likeness}, {"explained", r->explained},
+                 {"explained_otherwise", r->explained_otherwise}, {"displacement", one->displacement});
     json_object_set_new(entry, "stands_right", json_boolean(one->stands_right));
     json_object_set_new(entry, "applied",
                         json_pack("{s:f, s:f, s:[f, f]}", "magnification", a->magnification, "rotation_deg",
@@ -147,37 +150,28 @@ static hada_status write_registered(hada_cli *cli, const settings *set, const ha
 
 static int run(hada_cli *cli, void *user, int count, const char **arguments)
 {
-    const settings *set = user;
+    settings *set = user;
     hada_error err = {0};
     hada_dataset *data = NULL;
-    hada_dataset_options scan;
-    hada_register_options search;
-    hada_register_task task;
     hada_register_report *report = NULL;
     hada_status status = HADA_OK;
     if (count != 1)
         return hada_cli_usage(cli, "one data set is needed, not %d", count);
-    if (!(set->rotation >= 0 && set->rotation <= 45))
+    if (!(set->search.most_rotation_deg >= 0 && set->search.most_rotation_deg <= 45))
         return hada_cli_usage(cli, "--rotation takes 0 to 45 degrees, to either side of every quarter turn");
     if (set->output && !hada_path_is_vacant(set->output))
         return hada_cli_usage(cli, "%s is there already; give -o the name of a new folder", set->output);
-    hada_dataset_options_init(&scan);
-    hada_register_options_init(&search);
-    hada_register_task_init(&task);
-    scan.skip_incomplete = set->skip_incomplete;
-    search.most_rotation_deg = set->rotation;
-    task.search = &search;
-    task.keep_offsets = set->no_offset;
-    task.window_rows = set->window[0];
-    task.window_cols = set->window[1];
-    task.monitor = &cli->monitor;
+    set->task.search = &set->search;
+    set->task.window_rows = set->window[0];
+    set->task.window_cols = set->window[1];
+    set->task.monitor = &cli->monitor;
     if (set->magnification)
-        HADA_TRY(read_magnification(set->magnification, &search, &err));
-    HADA_TRY(hada_dataset_scan(&data, arguments[0], &scan, &err));
-    HADA_TRY(hada_register_run(&report, data, &task, &err));
+        HADA_TRY(read_magnification(set->magnification, &set->search, &err));
+    HADA_TRY(hada_dataset_scan(&data, arguments[0], &set->scan, &err));
+    HADA_TRY(hada_register_run(&report, data, &set->task, &err));
     report_all(cli, data, report);
     if (set->output)
-        HADA_TRY(write_registered(cli, set, data, report, &task, &err));
+        HADA_TRY(write_registered(cli, set, data, report, &set->task, &err));
 done:
     hada_register_report_destroy(&report);
     hada_dataset_destroy(&data);

@@ -9,8 +9,8 @@
 
 typedef struct settings {
     hada_cli_sensor_settings frame;
-    const char *output, *scenes, *test_scenes, *surfaces, *response;
-    int bits, pairs, test, test_depths;
+    hada_simulate_task task;
+    const char *output, *scenes, *response;
 } settings;
 
 #define AT(member) HADA_CLI_AT(settings, member)
@@ -21,27 +21,28 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_TEXT, "scenes", 0, "FOLDER|procedural", "pictures to show to the camera (default: procedural)",
      "A folder of TIFF pictures of any size, cut and scaled to the window; or coloured shapes drawn from the seed.",
      AT(scenes)},
-    {HADA_OPTION_COUNT, "pairs", 0, "N", "pairs of raw frame and scene per depth (default: 8)", NULL, AT(pairs)},
+    {HADA_OPTION_COUNT, "pairs", 0, "N", "pairs of raw frame and scene per depth (default: 8)", NULL, AT(task.pairs)},
     {HADA_OPTION_COUNT, "test", 0, "N", "test frames whose scene stands at several depths (default: 0)",
      "Written to DATASET/test: raw/NAME.tif, and as truth NAME_stack.tif, NAME_aif.tif and NAME_depth.tif, as "
      "'reconstruct' names its results.",
-     AT(test)},
-    {HADA_OPTION_COUNT, "test-depths", 0, "N", "depths that a test frame occupies (default: 2)", NULL, AT(test_depths)},
+     AT(task.tests)},
+    {HADA_OPTION_COUNT, "test-depths", 0, "N", "depths that a test frame occupies (default: 2)", NULL,
+     AT(task.test_depths)},
     {HADA_OPTION_TEXT, "test-scenes", 0, "FOLDER", "pictures for the test frames",
      "Without it they are taken from the end of --scenes, and not used for pairs where there are enough.",
-     AT(test_scenes)},
+     AT(task.test_scenes)},
     {HADA_OPTION_TEXT, "surface", 0, "KIND|MAP.tif[,...]", "test scenes on surfaces, every pixel at its own distance",
      "slant, half (as slant, over half of the range), hill, ball, steps, bars; outside (a slant beyond the nearest and "
      "the farthest depth), overlap (two see-through pictures, one behind the other); or a file of distances: floats in "
      "millimetres, integers as shares of the range of depths. The kinds take turns; without --test there is one frame "
      "of each. With --occlude near parts hide what is behind them.",
-     AT(surfaces)},
+     AT(task.surfaces)},
     {HADA_OPTION_TEXT, "scene-response", 0, "linear|srgb|POWER", "how the pictures stand for light (default: linear)",
      "srgb or a power such as 2.2: as photographs mostly are. The frames are made of the light, the scenes and the truth "
      "are written as the pictures are.",
      AT(response)},
     {HADA_OPTION_CHOICE, "bits", 0, "16|32", "raw frames and scenes as 16-bit integers or floats (default: 32)",
-     "A camera writes 16 bits; then noise below zero is cut off.", HADA_CLI_ONE_OF(settings, bits, 16, 32)},
+     "A camera writes 16 bits; then noise below zero is cut off.", HADA_CLI_ONE_OF(settings, task.bits, 16, 32)},
     {0},
 };
 
@@ -51,9 +52,7 @@ static void defaults(void *user)
     set->scenes = "procedural";
     set->response = "linear";
     hada_cli_sensor_defaults(&set->frame);
-    set->pairs = 8;
-    set->test_depths = 2;
-    set->bits = 32;
+    hada_simulate_task_init(&set->task);
 }
 
 static int check(hada_cli *cli, const settings *set, int count, const char **arguments)
@@ -63,23 +62,17 @@ static int check(hada_cli *cli, const settings *set, int count, const char **arg
                               arguments[0]);
     if (!set->output)
         return hada_cli_usage(cli, "say where the data set shall be written, with -o DATASET");
-    if (!set->pairs || !set->test_depths)
-        return hada_cli_usage(cli, "--%s must be at least 1", set->pairs ? "test-depths" : "pairs");
+    if (!set->task.pairs || !set->task.test_depths)
+        return hada_cli_usage(cli, "--%s must be at least 1", set->task.pairs ? "test-depths" : "pairs");
     return HADA_EXIT_OK;
 }
 
 static hada_status fill_task(const settings *set, const hada_cli_sensor *sensor, hada_simulate_task *task,
                              hada_error *err)
 {
-    hada_simulate_task_init(task);
+    *task = set->task;
     task->scenes = strcmp(set->scenes, "procedural") ? set->scenes : NULL;
-    task->test_scenes = set->test_scenes;
-    task->pairs = set->pairs;
-    task->tests = set->test;
-    task->test_depths = set->test_depths;
     task->occlude = sensor->occlude;
-    task->surfaces = set->surfaces;
-    task->bits = set->bits;
     task->simulator = &sensor->options;
     task->noise = sensor->noise;
     task->sensor = sensor->used ? &sensor->sensor : NULL;
@@ -102,12 +95,12 @@ static void report_all(hada_cli *cli, const settings *set, const hada_camera *ca
                  hada_mask_word(camera->mask), lenses, noise, seconds);
     if (report->light_lost > 0.001)
         hada_cli_say(cli, "%.1f %% of the window's light misses the sensor", 100 * report->light_lost);
-    if (set->surfaces)
+    if (set->task.surfaces)
         hada_cli_say(cli, "%s/test: %d test frames on surfaces (%s), and their truth", set->output, report->tests,
-                     set->surfaces);
-    else if (set->test)
+                     set->task.surfaces);
+    else if (set->task.tests)
         hada_cli_say(cli, "%s/test: %d test frames with %d occupied depths each, and their truth", set->output,
-                     set->test, report->test_depths);
+                     set->task.tests, report->test_depths);
     json_object_update_new(cli->document,
                            json_pack("{s:s, s:i, s:i, s:[ii], s:[ii], s:i, s:s, s:i, s:f, s:f}", "dataset", set->output,
                                      "pairs_per_depth", report->pairs, "tests", report->tests, "size", camera->rows,

@@ -50,7 +50,7 @@ copy && rm set/camera.json
 expect 0 'circular' fit set -o found.model --refine 0 --outside 1 # nothing leaves the sensor
 cmp -s found.model exact.model || fail 'the boundary that was found gave another model'
 expect 2 'at least 3' fit "$camera" -o x --boundary padded --crop-passes 2
-expect 2 'iterations or .auto' fit "$camera" -o x --crop-passes many
+expect 2 '--crop-passes takes a whole number such as 8, or .auto' fit "$camera" -o x --crop-passes many
 expect 2 'belongs to pairs' fit --psf "$camera/psf.tif" -o x --crop-passes 0
 expect 2 '0.01 and 1' fit "$camera" -o x --outside 2
 expect 2 'belongs to pairs' fit --psf "$camera/psf.tif" -o x --outside 0.5

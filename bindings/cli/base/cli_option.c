@@ -113,64 +113,78 @@ static int choice(const char *words, const char *text)
     return 0;
 }
 
-static hada_status store(const hada_cli_option *option, char *settings, const char *text, hada_error *err)
+/* Puts a value where it belongs; 0 where the text is none. */
+static int take(const hada_cli_option *option, void *target, const char *text)
 {
-    void *target = settings + option->offset;
-    unsigned long long seed;
-    int position;
+    hada_cli_texts *texts = target;
+    double *weight = target;
+    int count = 0;
     char *end;
     switch (option->kind) {
-    case HADA_OPTION_GROUP: return HADA_OK;
-    case HADA_OPTION_FLAG: *(int *)target = 1; return HADA_OK;
+    case HADA_OPTION_GROUP: return 1;
+    case HADA_OPTION_FLAG: return *(int *)target = 1;
     case HADA_OPTION_TEXT:
-    case HADA_OPTION_TARGET:
-        if (!*text)
-            return hada_cli_error(err, HADA_ERROR_ARGUMENT, "--%s needs a value, and got an empty one", option->name);
-        *(const char **)target = text;
-        return HADA_OK;
-    case HADA_OPTION_TEXTS: {
-        hada_cli_texts *texts = target;
-        if (texts->count == HADA_CLI_TEXTS)
-            return hada_cli_error(err, HADA_ERROR_ARGUMENT, "--%s can be given %d times at most", option->name,
-                                  HADA_CLI_TEXTS);
-        texts->items[texts->count++] = text;
-        return HADA_OK;
-    }
-    case HADA_OPTION_REAL:
-        if (hada_cli_read_real(text, target))
-            return HADA_OK;
-        return hada_cli_error(err, HADA_ERROR_ARGUMENT, "--%s takes a number such as 0.5, not '%s'", option->name,
-                              text);
-    case HADA_OPTION_COUNT:
-        if (hada_cli_read_count(text, target))
-            return HADA_OK;
-        return hada_cli_error(err, HADA_ERROR_ARGUMENT, "--%s takes a whole number such as 8, not '%s'", option->name,
-                              text);
-    case HADA_OPTION_SEED:
-        seed = strtoull(text, &end, 10);
-        if (*text < '0' || *text > '9' || *end)
-            return hada_cli_error(err, HADA_ERROR_ARGUMENT, "--%s takes a whole number, not '%s'", option->name, text);
-        *(uint64_t *)target = seed;
-        return HADA_OK;
-    case HADA_OPTION_SIZE:
-        if (hada_cli_read_size(text, target))
-            return HADA_OK;
-        return hada_cli_error(err, HADA_ERROR_ARGUMENT,
-                              "--%s takes HEIGHTxWIDTH in pixels, such as 300x400 (rows first), not '%s'", option->name,
-                              text);
-    case HADA_OPTION_WORD:
+    case HADA_OPTION_TARGET: *(const char **)target = text; return *text != '\0';
+    case HADA_OPTION_TEXTS:
+        if (texts->count < HADA_CLI_TEXTS)
+            texts->items[texts->count++] = text;
+        else
+            return 0;
+        return 1;
+    case HADA_OPTION_REAL: return hada_cli_read_real(text, target);
+    case HADA_OPTION_COUNT: return hada_cli_read_count(text, target);
+    case HADA_OPTION_STEPS:
+        if (hada_cli_read_count(text, &count))
+            *(uint64_t *)target = (uint64_t)count;
+        else
+            return 0;
+        return 1;
+    case HADA_OPTION_SEED: *(uint64_t *)target = strtoull(text, &end, 10); return *text >= '0' && *text <= '9' && !*end;
+    case HADA_OPTION_WEIGHT:
+        if (strcmp(text, "auto"))
+            return hada_cli_read_real(text, weight) && *weight >= (option->values ? option->values[0] : 0) &&
+                   (!option->values || *weight <= option->values[1]);
+        *weight = HADA_AUTO;
+        return 1;
+    case HADA_OPTION_PASSES:
+        if (strcmp(text, "auto"))
+            return hada_cli_read_count(text, target);
+        *(int *)target = HADA_AUTO;
+        return 1;
+    case HADA_OPTION_SIZE: return hada_cli_read_size(text, target);
+    case HADA_OPTION_WORD: *(const char **)target = text; return choice(option->argument, text);
     case HADA_OPTION_CHOICE:
-        position = choice(option->argument, text);
-        if (position && option->kind == HADA_OPTION_WORD)
-            *(const char **)target = text;
-        else if (position)
-            *(int *)target = option->values ? option->values[position - 1] : position;
-        if (position)
-            return HADA_OK;
+        count = choice(option->argument, text);
+        if (count)
+            *(int *)target = option->values ? option->values[count - 1] : count;
+        return count;
+    }
+    return 0;
+}
+
+static hada_status store(const hada_cli_option *option, char *settings, const char *text, hada_error *err)
+{
+    static const char *const takes[] = {[HADA_OPTION_REAL] = "a number such as 0.5",
+                                        [HADA_OPTION_COUNT] = "a whole number such as 8",
+                                        [HADA_OPTION_STEPS] = "a whole number such as 8",
+                                        [HADA_OPTION_SEED] = "a whole number",
+                                        [HADA_OPTION_WEIGHT] = "a number from 0 on, or 'auto'",
+                                        [HADA_OPTION_PASSES] = "a whole number such as 8, or 'auto'",
+                                        [HADA_OPTION_SIZE] = "HEIGHTxWIDTH in pixels, such as 300x400 (rows first)"};
+    if (take(option, settings + option->offset, text))
+        return HADA_OK;
+    if (option->kind == HADA_OPTION_TEXT || option->kind == HADA_OPTION_TARGET)
+        return hada_cli_error(err, HADA_ERROR_ARGUMENT, "--%s needs a value, and got an empty one", option->name);
+    if (option->kind == HADA_OPTION_TEXTS)
+        return hada_cli_error(err, HADA_ERROR_ARGUMENT, "--%s can be given %d times at most", option->name,
+                              HADA_CLI_TEXTS);
+    if (option->kind == HADA_OPTION_WORD || option->kind == HADA_OPTION_CHOICE)
         return hada_cli_error(err, HADA_ERROR_ARGUMENT, "--%s takes one of %s, not '%s'", option->name,
                               option->argument, text);
-    }
-    return HADA_OK;
+    if (option->kind == HADA_OPTION_WEIGHT && option->values)
+        return hada_cli_error(err, HADA_ERROR_ARGUMENT, "--%s takes a number from %d to %d, or 'auto', not '%s'",
+                              option->name, option->values[0], option->values[1], text);
+    return hada_cli_error(err, HADA_ERROR_ARGUMENT, "--%s takes %s, not '%s'", option->name, takes[option->kind], text);
 }
 
 static hada_status bad_option(poptContext context, int code, rows *all, hada_error *err)
@@ -208,28 +222,58 @@ static hada_status protect_inputs(hada_cli_parsed *parsed, const char **named, i
     return status;
 }
 
-static hada_status parse_all(hada_cli_parsed *parsed, poptContext context, rows *all, const char **named,
+/* A value that the command line gives. */
+typedef struct given {
+    const hada_cli_option *option;
+    const char *text;
+} given;
+
+/* The defaults, then what is given; first the option that defaults go by. */
+static hada_status store_all(const hada_cli_command *command, void *settings, const given *list, int count,
                              hada_error *err)
 {
     hada_status status = HADA_OK;
-    int value, count = 0;
-    while (!status && (value = poptGetNextOpt(context)) > 0) {
-        const hada_cli_option *option = all->items[value - 1];
-        char *text = poptGetOptArg(context);
+    for (int i = 0; command->decides && i < count; i++)
+        if (!strcmp(list[i].option->name, command->decides))
+            HADA_TRY(store(list[i].option, settings, list[i].text, err));
+    if (command->defaults)
+        command->defaults(settings);
+    for (int i = 0; i < count; i++)
+        HADA_TRY(store(list[i].option, settings, list[i].text, err));
+done:
+    return status;
+}
+
+/* letters: of the whole command line, each of which may be an option. */
+static hada_status parse_all(hada_cli_parsed *parsed, const hada_cli_command *command, rows *all, size_t letters,
+                             hada_error *err)
+{
+    given *list = calloc(letters + 1, sizeof *list);
+    const char **named = calloc(letters + 1, sizeof *named);
+    hada_status status = HADA_OK;
+    int value, count = 0, names = 0;
+    if (!list || !named)
+        HADA_TRY(hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory"));
+    while ((value = poptGetNextOpt(parsed->popt)) > 0) {
+        char *text = poptGetOptArg(parsed->popt);
+        list[count] = (given){all->items[value - 1], text ? text : ""};
         if (text)
             parsed->texts[parsed->text_count++] = text;
-        if (text && option->kind != HADA_OPTION_TARGET)
-            named[count++] = text;
-        status = store(option, parsed->settings, text ? text : "", err);
+        if (text && list[count].option->kind != HADA_OPTION_TARGET)
+            named[names++] = text;
+        count++;
     }
-    if (!status && value < -1)
-        status = bad_option(context, value, all, err);
-    if (status)
-        return status;
-    parsed->arguments = poptGetArgs(context);
+    HADA_TRY(store_all(command, parsed->settings, list, count, err));
+    if (value < -1)
+        HADA_TRY(bad_option(parsed->popt, value, all, err));
+    parsed->arguments = poptGetArgs(parsed->popt);
     while (parsed->arguments && parsed->arguments[parsed->count])
         parsed->count++;
-    return protect_inputs(parsed, named, count, err);
+    HADA_TRY(protect_inputs(parsed, named, names, err));
+done:
+    free(list);
+    free(named);
+    return status;
 }
 
 /* popt's table: the options, and those that have had another name. */
@@ -257,7 +301,9 @@ hada_status hada_cli_parse(hada_cli_parsed *parsed, const hada_cli_command *comm
 {
     rows all = {0};
     struct poptOption table[MOST_OPTIONS + MOST_RENAMED + 1];
-    hada_status status = HADA_OK;
+    size_t letters = 0;
+    for (int i = 0; i < argc; i++)
+        letters += strlen(argv[i]) + 1;
     hada_cli_each_option(command, collect, &all);
     fill_table(table, &all, command->renamed);
     memset(parsed, 0, sizeof *parsed);
@@ -265,15 +311,8 @@ hada_status hada_cli_parse(hada_cli_parsed *parsed, const hada_cli_command *comm
     parsed->texts = calloc((size_t)argc + 1, sizeof *parsed->texts);
     if (!parsed->settings || !parsed->texts)
         return hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
-    if (command->defaults)
-        command->defaults(parsed->settings);
-    poptContext context = poptGetContext("hadalens", argc, argv, table, 0);
-    parsed->popt = context;
-    const char **named = calloc((size_t)argc + 1, sizeof *named);
-    status =
-        named ? parse_all(parsed, context, &all, named, err) : hada_cli_error(err, HADA_ERROR_MEMORY, "out of memory");
-    free(named);
-    return status;
+    parsed->popt = poptGetContext("hadalens", argc, argv, table, 0);
+    return parse_all(parsed, command, &all, letters, err);
 }
 
 void hada_cli_parsed_free(hada_cli_parsed *parsed)

@@ -14,7 +14,10 @@ typedef enum hada_cli_kind {
     HADA_OPTION_TEXTS,     /* hada_cli_texts: may be given more than once */
     HADA_OPTION_REAL,      /* double */
     HADA_OPTION_COUNT,     /* int, not negative */
+    HADA_OPTION_STEPS,     /* the same as uint64_t */
     HADA_OPTION_SEED,      /* uint64_t */
+    HADA_OPTION_WEIGHT,    /* double, not negative, or "auto": HADA_AUTO */
+    HADA_OPTION_PASSES,    /* int, not negative, or "auto" */
     HADA_OPTION_SIZE,      /* int[2]: "HxW", rows first */
     HADA_OPTION_CHOICE,    /* int: the value (below) of the word in "a|b|c" */
     HADA_OPTION_WORD       /* const char *: one of "a|b|c" */
@@ -28,7 +31,8 @@ typedef struct hada_cli_option {
     const char *help;     /* one line */
     const char *more;     /* further sentences for --help and the manual, or NULL */
     size_t offset;        /* of the value in the command's settings */
-    const int *values;    /* of a choice: what each word of `argument` stands for, in their order */
+    const int *values; /* of a choice: what each word of `argument` stands for, in their order; of a weight: the least
+                          and the most, NULL: from 0 on */
 } hada_cli_option;
 
 /* The ends of rows: where the value goes, and what the words of a choice stand for. */
@@ -55,6 +59,7 @@ typedef struct hada_cli_command {
     const hada_cli_example *examples; /* ended by a row without line */
     const char *const *renamed;       /* old and new names of options in turn, ended by NULL; understood, not shown */
     size_t settings_size;
+    const char *decides; /* an option that the defaults of others go by: stored before `defaults`; NULL: none */
     void (*defaults)(void *settings);
     int (*run)(hada_cli *cli, void *settings, int count, const char **arguments);
     int uses_device;    /* has --device and --binaries */

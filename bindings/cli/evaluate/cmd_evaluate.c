@@ -9,26 +9,26 @@
 
 typedef struct settings {
     hada_cli_common common;
-    const char *distances, *window, *mask, *lpips, *lpips_heads, *encoding, *truth_encoding;
-    double peak, tolerance;
-    int match_gain, authors, lpips_net;
+    hada_evaluate_task task;
+    const char *distances, *window, *lpips, *lpips_heads, *encoding, *truth_encoding;
+    int lpips_net;
 } settings;
 
 #define AT(member) HADA_CLI_AT(settings, member)
 static const hada_cli_option options[] = {
     HADA_CLI_GROUP("Yardstick"),
     {HADA_OPTION_REAL, "peak", 0, "VALUE", "value that counts as full scale for PSNR and SSIM (default: 1)", NULL,
-     AT(peak)},
+     AT(task.peak)},
     {HADA_OPTION_FLAG, "match-gain", 0, NULL, "multiply each result by the factor that fits best first",
-     "For models made from a PSF, which do not know the scale of the scene.", AT(match_gain)},
+     "For models made from a PSF, which do not know the scale of the scene.", AT(task.match_gain)},
     {HADA_OPTION_REAL, "tolerance", 0, "STEPS", "a distance is right within this many depth steps (default: 0.5)", NULL,
-     AT(tolerance)},
+     AT(task.tolerance)},
     {HADA_OPTION_TEXT, "distances", 0, "LIST", "the camera's distances in mm, which say what a depth step is",
      "Without it they are read from NAME_stack.tif beside NAME_depth.tif.", AT(distances)},
     {HADA_OPTION_FLAG, "authors", 0, NULL, "show PSNR and SSIM also as the code of the 2022 paper computes them",
      "The mean of each pixel's PSNR, and SSIM with twice the data range: for comparing with that paper's figures "
      "alone. --json always has them.",
-     AT(authors)},
+     AT(task.authors)},
     {HADA_OPTION_TEXT, "encoding", 0, "linear|srgb|P", "compare in this encoding (default: the truth's)",
      "Both are brought to it; the result says how its values stand for light.", AT(encoding)},
     {HADA_OPTION_TEXT, "truth-encoding", 0, "linear|srgb|P", "how the values of the truth stand for light",
@@ -41,7 +41,7 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_TEXT, "mask", 0, "FILE", "compare only where this image is not 0",
      "A TIFF file of the size of the images, first page. SSIM and sharpness still see the neighbours of the pixels "
      "that count.",
-     AT(mask)},
+     AT(task.mask)},
     HADA_CLI_GROUP("LPIPS"),
     {HADA_OPTION_TEXT, "lpips", 0, "FILE", "weights of VGG-16 or AlexNet (safetensors): adds the perceptual distance",
      "docs/metrics.md tells how to make the file from the packages torchvision and lpips; none comes with this "
@@ -57,9 +57,8 @@ static const hada_cli_option options[] = {
 static void defaults(void *user)
 {
     settings *set = user;
-    set->peak = 1;
+    hada_evaluate_task_init(&set->task);
     set->encoding = set->truth_encoding = "auto";
-    set->tolerance = 0.5;
 }
 
 /* "HxW", or "HxW+ROW+COL". */
@@ -92,37 +91,32 @@ done:
     return status;
 }
 
-static hada_status evaluate(hada_cli *cli, const settings *set, const char **paths, hada_error *err)
+static hada_status evaluate(hada_cli *cli, settings *set, const char **paths, hada_error *err)
 {
     double distances[4096];
     hada_status status = HADA_OK;
     hada_context *context = NULL;
     hada_evaluate_report *report = NULL;
-    hada_evaluate_task task;
-    hada_evaluate_task_init(&task);
-    task.peak = set->peak;
-    task.tolerance = set->tolerance;
-    task.distances_mm = distances;
-    task.match_gain = set->match_gain;
-    task.authors = set->authors || set->common.json;
-    task.mask = set->mask;
-    task.monitor = &cli->monitor;
-    if (set->window && !read_window(&task, set->window))
+    hada_evaluate_task *task = &set->task;
+    task->distances_mm = distances;
+    task->authors |= set->common.json;
+    task->monitor = &cli->monitor;
+    if (set->window && !read_window(task, set->window))
         HADA_TRY(hada_cli_error(err, HADA_ERROR_ARGUMENT,
                                 "--window %s is not a window; write rows x columns as in 192x192, or with the row and "
                                 "column of its top left as in 192x192+10+20",
                                 set->window));
-    HADA_TRY(hada_response_from_name(&task.encoding, set->encoding, err));
-    HADA_TRY(hada_response_from_name(&task.truth_encoding, set->truth_encoding, err));
+    HADA_TRY(hada_response_from_name(&task->encoding, set->encoding, err));
+    HADA_TRY(hada_response_from_name(&task->truth_encoding, set->truth_encoding, err));
     if (set->distances)
-        HADA_TRY(hada_cli_read_distances("distances", set->distances, distances, 4096, &task.distances, err));
+        HADA_TRY(hada_cli_read_distances("distances", set->distances, distances, 4096, &task->distances, err));
     if (set->lpips)
-        HADA_TRY(open_lpips(cli, set, &context, &task.lpips, err));
-    HADA_TRY(hada_evaluate_run(&report, paths[0], paths[1], &task, err));
-    hada_cli_evaluate_tell(cli, report, set->tolerance);
+        HADA_TRY(open_lpips(cli, set, &context, &task->lpips, err));
+    HADA_TRY(hada_evaluate_run(&report, paths[0], paths[1], task, err));
+    hada_cli_evaluate_tell(cli, report, set->task.tolerance);
 done:
     hada_evaluate_report_destroy(&report);
-    hada_lpips_destroy(&task.lpips);
+    hada_lpips_destroy(&task->lpips);
     if (context)
         hada_cli_close(cli, &context);
     return status;
@@ -130,11 +124,11 @@ done:
 
 static int run(hada_cli *cli, void *user, int count, const char **arguments)
 {
-    const settings *set = user;
+    settings *set = user;
     hada_error err = {0};
     if (count != 2)
         return hada_cli_usage(cli, "two names are needed, the result and the truth, not %d", count);
-    if (!(set->peak > 0) || !(set->tolerance > 0))
+    if (!(set->task.peak > 0) || !(set->task.tolerance > 0))
         return hada_cli_usage(cli, "--peak and --tolerance must be greater than zero");
     if ((set->lpips_heads || set->lpips_net) && !set->lpips)
         return hada_cli_usage(cli, "--lpips-heads and --lpips-net need --lpips FILE");

@@ -8,15 +8,15 @@
 
 typedef struct settings {
     hada_cli_common common;
-    const char *output, *psf, *dark, *refine, *refine_tv, *refine_colour, *refine_shrink, *crop_passes, *distances,
-        *sums, *response;
+    hada_fit_options fit;
+    hada_fit_task task;
+    const char *output, *psf, *dark, *distances, *response;
     hada_cli_texts merge;
-    int form, boundary; /* 0: not given */
-    int exposure;       /* a hada_exposure */
-    int psf_sign;       /* 1: nowhere negative, 0: free, -1: not given */
-    int half, skip_incomplete, no_leave_one_out, colour, resume;
+    int form;     /* 0: not given */
+    int psf_sign; /* 1: nowhere negative, 0: free, -1: not given */
+    int skip_incomplete, no_leave_one_out, colour;
     int window[2];
-    double alpha, lambda, outside, psf_dark, save_seconds;
+    double psf_dark;
 } settings;
 
 #define AT(member)          HADA_CLI_AT(settings, member)
@@ -24,7 +24,7 @@ typedef struct settings {
 static const hada_cli_option options[] = {
     HADA_CLI_GROUP("What to write"),
     {HADA_OPTION_TARGET, "output", 'o', "MODEL", "the model file to write (safetensors)", NULL, AT(output)},
-    {HADA_OPTION_FLAG, "half", 0, NULL, "store the filters in half precision: half the size", NULL, AT(half)},
+    {HADA_OPTION_FLAG, "half", 0, NULL, "store the filters in half precision: half the size", NULL, AT(task.half)},
 
     HADA_CLI_GROUP("What to learn from"),
     {HADA_OPTION_TEXT, "psf", 0, "PSF.tif", "make the model from point spread functions instead of pairs",
@@ -33,11 +33,12 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_TEXT, "distances", 0, "LIST", "the distances of the pages of --psf in mm, such as 100,200,400",
      "Needed where the file does not say them.", AT(distances)},
     {HADA_OPTION_TARGET, "sums", 0, "FILE", "also save the sums over the pairs",
-     "A later fit adds to them with --merge, without the pairs.", AT(sums)},
+     "A later fit adds to them with --merge, without the pairs.", AT(task.save_sums)},
     {HADA_OPTION_FLAG, "resume", 0, NULL, "with --sums: go on after an interruption",
-     "Pairs that FILE holds, or the files FILE.N-of-N that are saved on the way, are not added up again.", AT(resume)},
+     "Pairs that FILE holds, or the files FILE.N-of-N that are saved on the way, are not added up again.",
+     AT(task.resume)},
     {HADA_OPTION_REAL, "save-seconds", 0, "S", "with --sums: seconds between saves on the way (default: 60)", NULL,
-     AT(save_seconds)},
+     AT(task.save_seconds)},
     {HADA_OPTION_TEXTS, "merge", 0, "FILE", "add saved sums; may be given more than once",
      "They must come from the same camera and depths. So pairs can be added later, or from several machines.",
      AT(merge)},
@@ -50,7 +51,7 @@ static const hada_cli_option options[] = {
      "whether frames of a depth were exposed alike (default: auto)",
      "each: every pair has an exposure of its own, as with a camera that sets it by itself; it is found. auto: each "
      "where that explains most of what is unexplained otherwise.",
-     ONE_OF(exposure, HADA_EXPOSURE_AUTO, HADA_EXPOSURE_SAME, HADA_EXPOSURE_EACH)},
+     ONE_OF(task.exposure, HADA_EXPOSURE_AUTO, HADA_EXPOSURE_SAME, HADA_EXPOSURE_EACH)},
     {HADA_OPTION_FLAG, "skip-incomplete", 0, NULL, "leave out files that have no partner, instead of refusing", NULL,
      AT(skip_incomplete)},
 
@@ -62,7 +63,7 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_CHOICE, "boundary", 0, "circular|padded", "whether light beyond the sensor comes back in, or is lost",
      "Without it: circular where camera.json says so, else found from the pairs, with the smallest grid that serves. "
      "padded: on a grid that holds all light.",
-     ONE_OF(boundary, HADA_BOUNDARY_CIRCULAR, HADA_BOUNDARY_PADDED)},
+     ONE_OF(task.boundary, HADA_BOUNDARY_CIRCULAR, HADA_BOUNDARY_PADDED)},
     {HADA_OPTION_SIZE, "window", 0, "HxW", "field of view, where the scenes or the PSF are as large as the frame", NULL,
      AT(window)},
     {HADA_OPTION_TEXT, "dark", 0, "FILE|auto|none|LEVEL", "dark level of the raw frames (default: none)",
@@ -73,32 +74,32 @@ static const hada_cli_option options[] = {
      AT(psf_dark)},
     {HADA_OPTION_FLAG, "colour", 0, NULL, "a grey PSF serves red, green and blue alike", NULL, AT(colour)},
     {HADA_OPTION_REAL, "alpha", 0, "A", "weight of the other depths' light (default: by leave-one-out)", NULL,
-     AT(alpha)},
-    {HADA_OPTION_REAL, "lambda", 0, "L", "regularisation (default: by leave-one-out)", NULL, AT(lambda)},
+     AT(fit.alpha)},
+    {HADA_OPTION_REAL, "lambda", 0, "L", "regularisation (default: by leave-one-out)", NULL, AT(fit.lambda)},
     {HADA_OPTION_REAL, "outside", 0, "W",
      "weight of what a filter makes outside the window, 0.01 to 1 (default: by leave-one-out, or 1)",
      "Below 1 filters are judged in the window, which takes several looks at every pair; with 1 the fit is one pass. "
      "Without it the weight is chosen unless refinement, which does without the filters, is found to be clearly better.",
-     AT(outside)},
-    {HADA_OPTION_TEXT, "crop-passes", 0, "N|auto|0",
+     AT(fit.outside)},
+    {HADA_OPTION_PASSES, "crop-passes", 0, "N|auto|0",
      "iterations with which transfer functions are learned where the sensor crops (default: auto)",
      "With the boundary padded, light that leaves the sensor is missing in every pair; each iteration looks at all of "
      "them. auto: 15, fewer where nothing leaves. 0: one pass, without it. Merged sums cannot have it.",
-     AT(crop_passes)},
-    {HADA_OPTION_TEXT, "refine", 0, "N|auto|0", "refinement steps that the model recommends (default: auto)",
-     "auto measures by leave-one-out whether refinement pays for this camera.", AT(refine)},
-    {HADA_OPTION_TEXT, "refine-tv", 0, "W|auto|0", "weight of total variation in refinement (default: auto)",
+     AT(fit.crop_passes)},
+    {HADA_OPTION_PASSES, "refine", 0, "N|auto|0", "refinement steps that the model recommends (default: auto)",
+     "auto measures by leave-one-out whether refinement pays for this camera.", AT(fit.refine_steps)},
+    {HADA_OPTION_WEIGHT, "refine-tv", 0, "W|auto|0", "weight of total variation in refinement (default: auto)",
      "auto compares a few weights by leave-one-out where the steps are chosen too; otherwise, and from a PSF, none.",
-     AT(refine_tv)},
-    {HADA_OPTION_TEXT, "refine-colour", 0, "K|auto",
+     AT(fit.refine_tv)},
+    {HADA_OPTION_WEIGHT, "refine-colour", 0, "K|auto",
      "in total variation, how much heavier differences of colour are (default: auto)",
      "1 to 16. auto compares a few by leave-one-out where the weight is chosen too, and is 1.5 otherwise.",
-     AT(refine_colour)},
-    {HADA_OPTION_TEXT, "refine-shrink", 0, "S|auto|0",
+     ONE_OF(fit.refine_colour, 1, 16)},
+    {HADA_OPTION_WEIGHT, "refine-shrink", 0, "S|auto|0",
      "with total variation, where one depth is occupied: shrinkage of blocks (default: auto)",
      "The threshold in the cosine transforms of blocks of 8 x 8 pixels, in units of the weight of total variation. auto "
      "compares none, 1, 1.6 and 2.5 by leave-one-out where the weight is chosen too, and is 1.6 otherwise.",
-     AT(refine_shrink)},
+     ONE_OF(fit.refine_shrink, 0, 100)},
     {HADA_OPTION_CHOICE, "psf-sign", 0, "nonnegative|free", "what is known of the camera's point spread functions",
      "nonnegative (default): light adds up, so they are nowhere negative; this fills in frequencies of which the pairs "
      "say too little. free: from the pairs alone. Refinement and the search for occupied depths use them.",
@@ -112,19 +113,10 @@ static void defaults(void *user)
 {
     settings *set = user;
     set->dark = "none";
-    set->refine = set->refine_tv = set->refine_colour = set->refine_shrink = set->crop_passes = set->response = "auto";
-    set->alpha = set->lambda = set->outside = set->psf_dark = -1;
-    set->psf_sign = -1;
-    set->save_seconds = 60;
-}
-
-static hada_status read_crop_passes(const char *text, int *passes, hada_error *err)
-{
-    *passes = (int)HADA_AUTO;
-    if (!strcmp(text, "auto") || hada_cli_read_count(text, passes))
-        return HADA_OK;
-    return hada_cli_error(err, HADA_ERROR_ARGUMENT, "--crop-passes takes a number of iterations or 'auto', not '%s'",
-                          text);
+    set->response = "auto";
+    hada_fit_options_init(&set->fit);
+    hada_fit_task_init(&set->task);
+    set->psf_dark = set->psf_sign = -1;
 }
 
 /* From a data set's pairs, or (folder NULL) from saved sums. */
@@ -134,38 +126,22 @@ static hada_status fit_pairs(hada_cli *cli, const settings *set, const char *fol
     hada_dataset *data = NULL;
     hada_fit_report *report = NULL;
     hada_dataset_options scan;
-    hada_fit_options fit;
-    hada_fit_task task;
+    hada_fit_options fit = set->fit;
+    hada_fit_task task = set->task;
     hada_status status = HADA_OK;
     hada_dataset_options_init(&scan);
-    hada_fit_options_init(&fit);
-    hada_fit_task_init(&task);
     scan.skip_incomplete = set->skip_incomplete;
-    fit.alpha = set->alpha;
-    fit.lambda = set->lambda;
-    fit.outside = set->outside;
     fit.nonnegative = set->psf_sign != 0;
     fit.form = set->form ? (hada_form)set->form : HADA_FORM_COMPLEX;
     fit.window_rows = set->window[0];
     fit.window_cols = set->window[1];
     task.fit = &fit;
-    task.boundary = set->boundary;
-    task.exposure = (hada_exposure)set->exposure;
     task.leave_one_out = !set->no_leave_one_out;
-    task.half = set->half;
     task.merge = set->merge.items;
     task.merge_count = set->merge.count;
-    task.save_sums = set->sums;
-    task.resume = set->resume;
-    task.save_seconds = set->save_seconds;
     fit.communicator = hada_cli_communicator(cli);
     task.monitor = &cli->monitor;
     HADA_TRY(hada_response_from_name(&fit.scene_response, set->response, err));
-    HADA_TRY(hada_cli_read_refine(set->refine, &fit.refine_steps, err));
-    HADA_TRY(read_crop_passes(set->crop_passes, &fit.crop_passes, err));
-    HADA_TRY(hada_cli_read_refine_tv(set->refine_tv, &fit.refine_tv, err));
-    HADA_TRY(hada_cli_read_refine_colour(set->refine_colour, &fit.refine_colour, err));
-    HADA_TRY(hada_cli_read_refine_shrink(set->refine_shrink, &fit.refine_shrink, err));
     if (folder) {
         HADA_TRY(hada_dataset_scan(&data, folder, &scan, err));
         HADA_TRY(hada_file_check_target(set->output, err)); /* now that the data set's own files are known */
@@ -185,29 +161,28 @@ done:
 static hada_status fit_psf(const settings *set, hada_context *context, hada_model **model, hada_error *err)
 {
     enum { MOST_DISTANCES = 256 };
-    double distances[MOST_DISTANCES], weight;
+    double distances[MOST_DISTANCES];
     hada_psf_options psf;
     hada_psf_task task;
     hada_status status = HADA_OK;
     hada_psf_options_init(&psf);
     hada_psf_task_init(&task);
     psf.form = set->form ? (hada_form)set->form : HADA_FORM_WIENER;
-    psf.boundary = set->boundary ? (hada_boundary)set->boundary : HADA_BOUNDARY_PADDED;
+    psf.boundary = set->task.boundary ? (hada_boundary)set->task.boundary : HADA_BOUNDARY_PADDED;
     psf.window_rows = set->window[0];
     psf.window_cols = set->window[1];
-    psf.lambda = set->lambda > 0 ? set->lambda : HADA_AUTO;
+    psf.lambda = set->fit.lambda > 0 ? set->fit.lambda : HADA_AUTO;
     psf.psf_dark = set->psf_dark;
     task.psf = &psf;
     task.colour = set->colour;
-    task.half = set->half;
+    task.half = set->task.half;
     if (set->distances) {
         task.distances_mm = distances;
         HADA_TRY(hada_cli_read_distances("distances", set->distances, distances, MOST_DISTANCES, &task.distances, err));
     }
     HADA_TRY(hada_cli_read_dark_level(&psf.dark, set->dark, err));
-    HADA_TRY(hada_cli_read_refine(set->refine, &psf.refine_steps, err));
-    HADA_TRY(hada_cli_read_refine_tv(set->refine_tv, &weight, err));
-    psf.refine_tv = weight > 0 ? weight : 0;
+    psf.refine_steps = set->fit.refine_steps;
+    psf.refine_tv = set->fit.refine_tv > 0 ? set->fit.refine_tv : 0;
     HADA_TRY(hada_psf_run(model, context, set->psf, &task, err));
 done:
     return status;
@@ -227,31 +202,31 @@ static int check(hada_cli *cli, const settings *set, int count, const char **arg
         return hada_cli_usage(cli, "either the pairs of %s or --psf %s, not both", arguments[0], set->psf);
     if (!set->output)
         return hada_cli_usage(cli, "say where the model shall be written, with -o MODEL");
-    if (set->resume && (!set->sums || !count || set->merge.count))
+    if (set->task.resume && (!set->task.save_sums || !count || set->merge.count))
         return hada_cli_usage(cli,
                               "--resume goes on with the pairs of a DATASET from what --sums FILE has of them; sums of "
                               "others (--merge) are added afterwards");
-    if (!(set->save_seconds >= 0))
+    if (!(set->task.save_seconds >= 0))
         return hada_cli_usage(cli, "--save-seconds takes 0 or more");
     if (set->psf && learned)
         return hada_cli_usage(cli, "forms complex and split are learned from pairs; with --psf take wiener or matched");
     if (set->psf && set->psf_sign >= 0)
         return hada_cli_usage(cli, "--psf-sign belongs to pairs; what --psf gives is made non-negative anyway");
-    if (set->psf && strcmp(set->crop_passes, "auto"))
+    if (set->psf && set->fit.crop_passes != HADA_AUTO)
         return hada_cli_usage(cli, "--crop-passes belongs to pairs, not to --psf");
-    if (set->psf && (strcmp(set->refine_colour, "auto") || strcmp(set->refine_shrink, "auto")))
+    if (set->psf && (set->fit.refine_colour != HADA_AUTO || set->fit.refine_shrink != HADA_AUTO))
         return hada_cli_usage(cli, "--refine-colour and --refine-shrink belong to pairs, not to --psf; reconstruct has "
                                    "them too");
-    if (set->outside >= 0 && set->psf)
+    if (set->fit.outside >= 0 && set->psf)
         return hada_cli_usage(cli, "--outside belongs to pairs, not to --psf");
-    if (set->outside >= 0 && set->outside < 1 && set->merge.count)
+    if (set->fit.outside >= 0 && set->fit.outside < 1 && set->merge.count)
         return hada_cli_usage(cli, "--outside below 1 looks at every pair several times, and sums (--merge) have none; "
                                    "give all pairs in one DATASET");
-    if (set->psf && (strcmp(set->response, "auto") || set->exposure))
+    if (set->psf && (strcmp(set->response, "auto") || set->task.exposure))
         return hada_cli_usage(cli, "--scene-response and --exposure belong to pairs, not to --psf");
-    if (!count && set->merge.count && set->exposure)
+    if (!count && set->merge.count && set->task.exposure)
         return hada_cli_usage(cli, "--exposure is found from pairs, which sums (--merge) do not hold");
-    if (set->psf && (set->sums || set->merge.count))
+    if (set->psf && (set->task.save_sums || set->merge.count))
         return hada_cli_usage(cli, "--sums and --merge belong to pairs, not to --psf");
     if (!set->psf && set->form && !learned)
         return hada_cli_usage(cli, "forms matched and wiener need a PSF: hadalens fit --psf %s/psf.tif -o %s",
@@ -271,8 +246,8 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
     if (wrong)
         return wrong;
     HADA_TRY(hada_file_check_target(set->output, &err));
-    if (set->sums)
-        HADA_TRY(hada_file_check_target(set->sums, &err));
+    if (set->task.save_sums)
+        HADA_TRY(hada_file_check_target(set->task.save_sums, &err));
     HADA_TRY(hada_cli_open(cli, &context, &err));
     HADA_TRY(set->psf ? fit_psf(set, context, &model, &err)
                       : fit_pairs(cli, set, count ? arguments[0] : NULL, context, &model, &err));

@@ -12,12 +12,14 @@
 #include <stdlib.h>
 #include <string.h>
 
+enum { NOT_GIVEN = -2 }; /* steps of refinement */
+
 typedef struct settings {
     hada_cli_common common;
-    const char *model, *output, *depths, *occupied, *refine, *refine_tv, *refine_colour, *refine_shrink, *dark, *skip,
-        *encoding;
-    int bits, half, repair, no_enhance, no_preview, resume, batch, queues, scene;
-    double gamma, white, max_error, band;
+    hada_plan_options plan;
+    hada_files_task task;
+    const char *model, *depths, *occupied, *dark, *skip, *encoding;
+    int no_enhance, no_preview;
     hada_cli_method_settings method;
 } settings;
 
@@ -26,14 +28,14 @@ typedef struct settings {
 static const hada_cli_option options[] = {
     HADA_CLI_GROUP("Input and output"),
     {HADA_OPTION_TEXT, "model", 'm', "MODEL", "the camera, from 'hadalens fit'", NULL, AT(model)},
-    {HADA_OPTION_TARGET, "output", 'o', "FOLDER", "where the results go; made when missing", NULL, AT(output)},
+    {HADA_OPTION_TARGET, "output", 'o', "FOLDER", "where the results go; made when missing", NULL, AT(task.output)},
     {HADA_OPTION_CHOICE, "bits", 0, "8|16|32", "bits per value of stack and all-in-focus image (default: 32, float)",
      "8 and 16 bits hold 0 to 1 (see --white) and cut off what is beyond. The distance map is always float.",
-     ONE_OF(bits, 8, 16, 32)},
+     ONE_OF(task.bits, 8, 16, 32)},
     {HADA_OPTION_REAL, "white", 0, "VALUE", "value that becomes full scale in 8 and 16 bits (default: 1)", NULL,
-     AT(white)},
+     AT(task.white)},
     {HADA_OPTION_REAL, "gamma", 0, "G", "exponent on the finished images, instead of an encoding (default: 1, none)",
-     NULL, AT(gamma)},
+     NULL, AT(plan.gamma)},
     {HADA_OPTION_TEXT, "encoding", 0, "scene|linear|srgb|P", "how values stand for light (default: scene)",
      "scene: as those of the scenes that the model was learned from, which results then compare with. linear: light. "
      "srgb, or a power P such as 2.2: for a display. The metadata say which; distance maps have none.",
@@ -42,7 +44,7 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_FLAG, "resume", 0, NULL, "pass over files whose results are in the folder already",
      "For going on after an interruption: results stand under their names only when they are whole. What made them is not "
      "looked at.",
-     AT(resume)},
+     AT(task.resume)},
 
     HADA_CLI_GROUP("Reconstruction"),
     {HADA_OPTION_TEXT, "depths", 0, "LIST", "depths to compute (default: all)",
@@ -52,42 +54,43 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_CHOICE, "scene", 0, "auto|planes|surface", "what a scene is taken for (default: auto)",
      "planes: objects at some of the depths. surface: one texture at a distance that changes from pixel to pixel, between "
      "the depths too. auto: what explains the frame with the fewest unknowns.",
-     ONE_OF(scene, HADA_SCENE_AUTO, HADA_SCENE_PLANES, HADA_SCENE_SURFACE)},
-    {HADA_OPTION_TEXT, "refine", 0, "N|auto|0", "refinement steps on the occupied depths (default: auto)",
+     ONE_OF(plan.scene, HADA_SCENE_AUTO, HADA_SCENE_PLANES, HADA_SCENE_SURFACE)},
+    {HADA_OPTION_PASSES, "refine", 0, "N|auto|0", "refinement steps on the occupied depths (default: auto)",
      "auto takes what the fit measured to pay for this camera, and more where several depths have not parted by then. 0: "
      "the linear filters alone, the quickest; the default with --method matched.",
-     AT(refine)},
-    {HADA_OPTION_TEXT, "refine-tv", 0, "W|auto|0", "weight of total variation in refinement (default: auto)",
-     "auto takes what the fit measured to pay, which goes with the noise; more is smoother.", AT(refine_tv)},
-    {HADA_OPTION_TEXT, "refine-colour", 0, "K|auto",
+     AT(plan.refine)},
+    {HADA_OPTION_WEIGHT, "refine-tv", 0, "W|auto|0", "weight of total variation in refinement (default: auto)",
+     "auto takes what the fit measured to pay, which goes with the noise; more is smoother.", AT(plan.refine_tv)},
+    {HADA_OPTION_WEIGHT, "refine-colour", 0, "K|auto",
      "in total variation, how much heavier differences of colour are (default: auto)",
      "1 to 16. auto takes what the fit measured to pay; more takes more of colour noise and of colour.",
-     AT(refine_colour)},
-    {HADA_OPTION_TEXT, "refine-shrink", 0, "S|auto|0",
+     ONE_OF(plan.refine_colour, 1, 16)},
+    {HADA_OPTION_WEIGHT, "refine-shrink", 0, "S|auto|0",
      "with total variation, where one depth is occupied: shrinkage of blocks (default: auto)",
      "The last steps keep what stands out of the cosine transforms of blocks of 8 x 8 pixels, by this threshold in units "
      "of the weight of total variation. auto takes what the fit measured to pay.",
-     AT(refine_shrink)},
+     ONE_OF(plan.refine_shrink, 0, 100)},
     {HADA_OPTION_TEXT, "dark", 0, "FILE|auto|none|LEVEL", "dark level of the frames (default: what the model says)",
      "FILE: a dark frame of the camera; auto: each frame's own; LEVEL: a share of full scale.", AT(dark)},
     {HADA_OPTION_FLAG, "repair", 0, NULL, "fill NaN and infinite pixels from their neighbours",
-     "Without it such a frame is refused.", AT(repair)},
+     "Without it such a frame is refused.", AT(plan.repair_not_finite)},
     {HADA_OPTION_FLAG, "no-enhance", 0, NULL, "leave out the net that the model holds", NULL, AT(no_enhance)},
-    {HADA_OPTION_FLAG, "half", 0, NULL, "keep the filters in half precision on the device", NULL, AT(half)},
+    {HADA_OPTION_FLAG, "half", 0, NULL, "keep the filters in half precision on the device", NULL, AT(plan.half)},
     {HADA_OPTION_REAL, "max-error", 0, "E", "relative change of the stack that may be traded for time (default: 0)",
      "Root of the sum of squares over all pixels, such as 0.01. Acts with --refine 0; each frame says what was "
      "skipped and how much it may have changed.",
-     AT(max_error)},
+     AT(plan.max_error)},
     {HADA_OPTION_TEXT, "skip", 0, "all|none|LIST", "what may be skipped where a scene does not need it (default: all)",
      "LIST of prune, depths, frequencies, half, channels, frames, tiles. Without --max-error only what is exact.",
      AT(skip)},
     {HADA_OPTION_REAL, "band", 0, "B", "share of the sensor's Nyquist frequency that is used (default: 1)",
-     "With --refine 0, for optics that resolve less than the sensor: 0.7 leaves half of the frequencies.", AT(band)},
-    {HADA_OPTION_COUNT, "batch", 0, "N", "depths computed at once (default: by memory)", NULL, AT(batch)},
+     "With --refine 0, for optics that resolve less than the sensor: 0.7 leaves half of the frequencies.",
+     AT(plan.band)},
+    {HADA_OPTION_COUNT, "batch", 0, "N", "depths computed at once (default: by memory)", NULL, AT(plan.batch)},
     {HADA_OPTION_COUNT, "queues", 0, "N", "frames at once on each device (default: 1)",
      "With two, the transfers of one frame overlap with computing another; each takes memory of its own. For several "
      "devices give a list of them, such as 0,1, or cpu/2 for the CPU in two halves.",
-     AT(queues)},
+     AT(plan.queues)},
 
     HADA_CLI_GROUP("Other methods, on the model's transfer functions"),
     {HADA_OPTION_CHOICE, "method", 0, "hadamard|matched|wiener|rl|fista|admm", "what to do (default: hadamard)",
@@ -125,13 +128,10 @@ static void defaults(void *user)
     settings *set = user;
     set->occupied = "auto";
     set->encoding = "scene";
-    set->refine_tv = "auto";
-    set->refine_colour = set->refine_shrink = "auto";
     set->skip = "all";
-    set->band = 1;
-    set->bits = 32;
-    set->gamma = 1;
-    set->white = 1;
+    hada_plan_options_init(&set->plan);
+    set->plan.refine = NOT_GIVEN;
+    hada_files_task_init(&set->task);
     hada_cli_method_defaults(&set->method);
 }
 
@@ -181,15 +181,12 @@ static hada_status read_options(job *work, hada_error *err)
     const settings *set = work->set;
     hada_plan_options *plan = &work->options;
     hada_status status = HADA_OK;
-    /* The transposed optics are a way of their own: refinement would take their place. */
-    const char *refine = set->method.method == HADA_CLI_MATCHED ? "0" : "auto";
-    hada_plan_options_init(plan);
+    *plan = set->plan;
+    /* the transposed optics are a way of their own: refinement would take their place */
+    if (plan->refine == NOT_GIVEN)
+        plan->refine = set->method.method == HADA_CLI_MATCHED ? 0 : HADA_AUTO;
     hada_classic_options_init(&work->classic);
     HADA_TRY(read_depths(work, err));
-    HADA_TRY(hada_cli_read_refine(set->refine ? set->refine : refine, &plan->refine, err));
-    HADA_TRY(hada_cli_read_refine_tv(set->refine_tv, &plan->refine_tv, err));
-    HADA_TRY(hada_cli_read_refine_colour(set->refine_colour, &plan->refine_colour, err));
-    HADA_TRY(hada_cli_read_refine_shrink(set->refine_shrink, &plan->refine_shrink, err));
     if (set->dark) {
         HADA_TRY(hada_cli_read_dark(&work->dark, set->dark, err));
         plan->dark = work->dark.kind;
@@ -199,15 +196,7 @@ static hada_status read_options(job *work, hada_error *err)
     HADA_TRY(hada_cli_read_skip(set->skip, &plan->skip, err));
     HADA_TRY(hada_cli_read_method(&set->method, &work->classic, err));
     plan->classic = &work->classic;
-    plan->max_error = set->max_error;
-    plan->band = set->band;
-    plan->repair_not_finite = set->repair;
-    plan->half = set->half;
     plan->enhance = !set->no_enhance;
-    plan->batch = set->batch;
-    plan->queues = set->queues;
-    plan->gamma = set->gamma;
-    plan->scene = (hada_scene)set->scene;
 done:
     return status;
 }
@@ -260,7 +249,7 @@ static hada_status prepare(job *work, hada_error *err)
     HADA_TRY(hada_model_load(&work->model, work->set->model, err));
     HADA_TRY(change_form(work, err));
     HADA_TRY(read_options(work, err));
-    HADA_TRY(hada_folder_ensure(work->set->output, err));
+    HADA_TRY(hada_folder_ensure(work->set->task.output, err));
     HADA_TRY(hada_cli_open_all(work->cli, &work->devices, err));
     HADA_TRY(make_plan(work, err));
 done:
@@ -274,19 +263,14 @@ static int run_files(job *work, int count, const char **paths)
 {
     const settings *set = work->set;
     hada_error err = {0};
-    hada_files_task task;
+    hada_files_task task = set->task;
     hada_cli_files_listener listener = {.cli = work->cli, .before = hada_cli_seconds()};
-    hada_files_task_init(&task);
-    task.output = set->output;
     task.preview = !set->no_preview && hada_cli_pictures(work->cli);
-    task.bits = set->bits;
-    task.white = set->white;
     task.tell = hada_cli_files_tell;
     task.user = &listener;
     task.monitor = &work->cli->monitor;
     json_object_set_new(work->cli->document, "files", json_array());
     task.encoding = work->encoding;
-    task.resume = set->resume;
     task.communicator = hada_cli_communicator(work->cli);
     const hada_status status = hada_reconstruct_files(work->plan, work->model, paths, count, &task, NULL, &err);
     if (status == HADA_ERROR_CANCELLED) {
@@ -309,13 +293,13 @@ static int check(hada_cli *cli, const settings *set, int count)
         return hada_cli_usage(cli, "name at least one raw frame");
     if (!set->model)
         return hada_cli_usage(cli, "say which camera took the frames, with -m MODEL ('hadalens fit' makes one)");
-    if (!set->output)
+    if (!set->task.output)
         return hada_cli_usage(cli, "say where the results shall go, with -o FOLDER");
-    if (!(set->gamma > 0) || !(set->white > 0))
+    if (!(set->plan.gamma > 0) || !(set->task.white > 0))
         return hada_cli_usage(cli, "--gamma and --white must be greater than zero");
-    if (set->gamma != 1 && strcmp(set->encoding, "scene"))
+    if (set->plan.gamma != 1 && strcmp(set->encoding, "scene"))
         return hada_cli_usage(cli, "--gamma is an encoding already; leave it or --encoding out");
-    if (!(set->max_error >= 0 && set->max_error < 1) || !(set->band > 0 && set->band <= 1))
+    if (!(set->plan.max_error >= 0 && set->plan.max_error < 1) || !(set->plan.band > 0 && set->plan.band <= 1))
         return hada_cli_usage(cli, "--max-error takes 0 to below 1, --band a share above 0 and at most 1");
     return HADA_EXIT_OK;
 }

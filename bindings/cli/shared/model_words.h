@@ -1,4 +1,4 @@
-/* Words that several commands take: dark level, refinement. */
+/* The dark level, as several commands take it. */
 #ifndef HADA_CLI_MODEL_WORDS_H
 #define HADA_CLI_MODEL_WORDS_H
 
@@ -17,12 +17,5 @@ void hada_cli_dark_free(hada_cli_dark *dark);
 
 /* The same as one number: negative for each frame's own, a file's mean. */
 hada_status hada_cli_read_dark_level(double *level, const char *text, hada_error *err);
-
-/* "8", "auto" (-1) or "0" of --refine; "0.003", "auto" (-1) or "0" of --refine-tv; "1.5" or "auto" (-1) of
- * --refine-colour. */
-hada_status hada_cli_read_refine(const char *text, int *steps, hada_error *err);
-hada_status hada_cli_read_refine_tv(const char *text, double *weight, hada_error *err);
-hada_status hada_cli_read_refine_shrink(const char *text, double *threshold, hada_error *err);
-hada_status hada_cli_read_refine_colour(const char *text, double *weight, hada_error *err);
 
 #endif

@@ -8,20 +8,18 @@
 #include <stddef.h>
 #include <string.h>
 
-enum { NOT_GIVEN = HADA_AUTO }; /* of counts and choices; reals are NaN */
+#define NOT_GIVEN UINT64_MAX /* steps, which --epochs may stand for */
 
+/* Options stand where the library reads them. */
 typedef struct settings {
     hada_cli_common common;
-    const char *model, *output, *net, *vgg, *log, *hold_out, *dark, *discriminator;
-    int stage, random, form, boundary, window[2], net_size[2], skip_incomplete;
-    int steps, epochs, batch, at_once, recompute, discriminator_steps;
-    int rule, schedule, period, warmup;
-    double rate, filter_rate, discriminator_rate, last_rate, clip, decay;
-    double mse, perceptual, adversarial, variation;
-    int variation_squared, shift, flips, plane_flips;
-    double noise, exposure, compose;
-    int validate_every, validate_most, show_every, save_every, patience, keep, resume, restart;
-    uint64_t seed;
+    hada_train_options how;
+    hada_augment augment;
+    hada_fit_options fit;
+    hada_train_task task;
+    const char *model, *net, *hold_out, *dark;
+    int random, form, window[2], net_size[2], skip_incomplete;
+    uint64_t steps;
 } settings;
 
 #define AT(member)          HADA_CLI_AT(settings, member)
@@ -31,13 +29,13 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_TEXT, "model", 'm', "MODEL", "the model to begin with ('hadalens fit' or an earlier stage made it)",
      "Without it the exact fit comes first; filters then start at random.", AT(model)},
     {HADA_OPTION_TARGET, "output", 'o', "MODEL2", "the model file to write: at each new best, and at the end",
-     "Stage conventional: the file of a net.", AT(output)},
+     "Stage conventional: the file of a net.", AT(task.output)},
     {HADA_OPTION_CHOICE, "stage", 0, "filters|enhance|adversarial|joint|conventional",
      "which part is trained (default: enhance)",
      "filters: the filters alone, by gradients. enhance: a net behind the filters, which stay. adversarial: the same "
      "against a discriminator. joint: net and filters together. conventional: a net from raw frame to image, without "
      "filters, to compare.",
-     ONE_OF(stage, HADA_STAGE_FILTERS, HADA_STAGE_ENHANCE, HADA_STAGE_ADVERSARIAL, HADA_STAGE_JOINT,
+     ONE_OF(how.stage, HADA_STAGE_FILTERS, HADA_STAGE_ENHANCE, HADA_STAGE_ADVERSARIAL, HADA_STAGE_JOINT,
             HADA_STAGE_CONVENTIONAL)},
     {HADA_OPTION_TEXT, "net", 0, "compact|paper|FILE", "a new net instead of the model's (default: compact)",
      "compact starts by giving planes back as they are. FILE: a net with its weights.", AT(net)},
@@ -47,7 +45,7 @@ static const hada_cli_option options[] = {
      "the discriminator of adversarial training (default: patch)",
      "patch: judges patches of 25 x 25 pixels. conditional: the same, beside the plane before the net. paper: the "
      "whole image, at 256 x 256.",
-     AT(discriminator)},
+     AT(how.discriminator)},
     {HADA_OPTION_FLAG, "random", 0, NULL, "filters: start at random, not from the model's", NULL, AT(random)},
     {HADA_OPTION_CHOICE, "form", 0, "complex|split", "filters without a model: how they act on a frame's spectrum",
      NULL, ONE_OF(form, HADA_FORM_COMPLEX, HADA_FORM_SPLIT)},
@@ -57,22 +55,23 @@ static const hada_cli_option options[] = {
      "The last ones of each folder. A model that was fitted to them as well makes them look easier than they are.",
      AT(hold_out)},
     {HADA_OPTION_COUNT, "shift", 0, "PIXELS", "move frame and scene together by up to so many pixels",
-     "Circular boundary only.", AT(shift)},
+     "Circular boundary only.", AT(augment.shift)},
     {HADA_OPTION_CHOICE, "flips", 0, "none|left-right|top-bottom|both", "flip frame and scene together",
-     "For optics that are symmetric in this way only.", ONE_OF(flips, 0, 1, 2, 3)},
+     "For optics that are symmetric in this way only.", ONE_OF(augment.flips, 0, 1, 2, 3)},
     {HADA_OPTION_CHOICE, "plane-flips", 0, "none|left-right|top-bottom|both",
      "enhance, adversarial: flip the plane behind the filters and the scene (default: both)", NULL,
-     ONE_OF(plane_flips, 0, 1, 2, 3)},
-    {HADA_OPTION_REAL, "noise", 0, "SHARE", "add Gaussian noise, as a share of the frame's maximum", NULL, AT(noise)},
+     ONE_OF(augment.plane_flips, 0, 1, 2, 3)},
+    {HADA_OPTION_REAL, "noise", 0, "SHARE", "add Gaussian noise, as a share of the frame's maximum", NULL,
+     AT(augment.noise)},
     {HADA_OPTION_REAL, "exposure", 0, "SHARE", "scale pairs by a factor from 1 - SHARE to 1 + SHARE", NULL,
-     AT(exposure)},
+     AT(augment.exposure)},
     {HADA_OPTION_REAL, "compose", 0, "SHARE",
      "enhance, adversarial: share of pairs that become scenes of several depths (default: 0.15)",
      "Parts of a pair's scene are moved to other depths or replaced, and its frame is changed by what the model says "
      "that this makes. 0 where the model has no transfer functions, or a single depth.",
-     AT(compose)},
+     AT(how.compose)},
     {HADA_OPTION_CHOICE, "boundary", 0, "circular|padded", "without a model: as for 'hadalens fit'", NULL,
-     ONE_OF(boundary, HADA_BOUNDARY_CIRCULAR, HADA_BOUNDARY_PADDED)},
+     ONE_OF(task.boundary, HADA_BOUNDARY_CIRCULAR, HADA_BOUNDARY_PADDED)},
     {HADA_OPTION_SIZE, "window", 0, "HxW", "without a model: field of view, as for 'hadalens fit'", NULL, AT(window)},
     {HADA_OPTION_TEXT, "dark", 0, "FILE|auto|none|LEVEL", "without a model: dark level, as for 'hadalens fit'", NULL,
      AT(dark)},
@@ -80,139 +79,78 @@ static const hada_cli_option options[] = {
      AT(skip_incomplete)},
 
     HADA_CLI_GROUP("Steps"),
-    {HADA_OPTION_COUNT, "steps", 0, "N", "steps of the whole training (default: 1000; adversarial: 300)", NULL,
+    {HADA_OPTION_STEPS, "steps", 0, "N", "steps of the whole training (default: 1000; adversarial: 300)", NULL,
      AT(steps)},
-    {HADA_OPTION_COUNT, "epochs", 0, "N", "instead: how often every pair is seen", NULL, AT(epochs)},
-    {HADA_OPTION_COUNT, "batch", 0, "N", "pairs of a step (default: 4)", NULL, AT(batch)},
+    {HADA_OPTION_STEPS, "epochs", 0, "N", "instead: how often every pair is seen", NULL, AT(task.epochs)},
+    {HADA_OPTION_COUNT, "batch", 0, "N", "pairs of a step (default: 4)", NULL, AT(how.batch)},
     {HADA_OPTION_COUNT, "at-once", 0, "N", "pairs computed together; fewer need less memory (default: as many as fit)",
-     "Gradients of a step add up, so that the result hardly changes.", AT(at_once)},
+     "Gradients of a step add up, so that the result hardly changes.", AT(how.at_once)},
     {HADA_OPTION_FLAG, "recompute", 0, NULL, "less memory still: compute what backward needs a second time", NULL,
-     AT(recompute)},
+     AT(how.recompute)},
     {HADA_OPTION_CHOICE, "rule", 0, "rmsprop|adam|adamw", "how gradients change parameters (default: adam)",
-     "rmsprop is the paper's.", ONE_OF(rule, HADA_RULE_RMSPROP, HADA_RULE_ADAM, HADA_RULE_ADAMW)},
-    {HADA_OPTION_REAL, "rate", 0, "R", "learning rate of the net", NULL, AT(rate)},
-    {HADA_OPTION_REAL, "filter-rate", 0, "R", "of the filters", NULL, AT(filter_rate)},
-    {HADA_OPTION_REAL, "discriminator-rate", 0, "R", "of the discriminator", NULL, AT(discriminator_rate)},
+     "rmsprop is the paper's.", ONE_OF(how.rule, HADA_RULE_RMSPROP, HADA_RULE_ADAM, HADA_RULE_ADAMW)},
+    {HADA_OPTION_REAL, "rate", 0, "R", "learning rate of the net", NULL, AT(how.rate)},
+    {HADA_OPTION_REAL, "filter-rate", 0, "R", "of the filters", NULL, AT(how.filter_rate)},
+    {HADA_OPTION_REAL, "discriminator-rate", 0, "R", "of the discriminator", NULL, AT(how.discriminator_rate)},
     {HADA_OPTION_CHOICE, "schedule", 0, "constant|step|cosine", "how rates change (default: cosine)", NULL,
-     ONE_OF(schedule, HADA_RATE_CONSTANT, HADA_RATE_STEP, HADA_RATE_COSINE)},
+     ONE_OF(how.schedule, HADA_RATE_CONSTANT, HADA_RATE_STEP, HADA_RATE_COSINE)},
     {HADA_OPTION_REAL, "last-rate", 0, "SHARE", "cosine: the rates at the end; step: the factor of each change", NULL,
-     AT(last_rate)},
-    {HADA_OPTION_COUNT, "period", 0, "N", "step: how many steps lie between two changes", NULL, AT(period)},
-    {HADA_OPTION_COUNT, "warmup", 0, "N", "steps in which rates rise from a tenth", NULL, AT(warmup)},
-    {HADA_OPTION_REAL, "clip", 0, "NORM", "largest norm of a step's gradient; 0: any", NULL, AT(clip)},
-    {HADA_OPTION_REAL, "decay", 0, "W", "weight decay of adamw", NULL, AT(decay)},
-    {HADA_OPTION_COUNT, "discriminator-steps", 0, "N", "first steps, of the discriminator alone", NULL,
-     AT(discriminator_steps)},
-    {HADA_OPTION_SEED, "seed", 0, "N", "first weights, order and changes of pairs (default: 1)", NULL, AT(seed)},
+     AT(how.last_rate)},
+    {HADA_OPTION_STEPS, "period", 0, "N", "step: how many steps lie between two changes", NULL, AT(how.rate_period)},
+    {HADA_OPTION_STEPS, "warmup", 0, "N", "steps in which rates rise from a tenth", NULL, AT(how.warmup)},
+    {HADA_OPTION_REAL, "clip", 0, "NORM", "largest norm of a step's gradient; 0: any", NULL, AT(how.clip)},
+    {HADA_OPTION_REAL, "decay", 0, "W", "weight decay of adamw", NULL, AT(how.weight_decay)},
+    {HADA_OPTION_STEPS, "discriminator-steps", 0, "N", "first steps, of the discriminator alone", NULL,
+     AT(how.discriminator_steps)},
+    {HADA_OPTION_SEED, "seed", 0, "N", "first weights, order and changes of pairs (default: 1)", NULL, AT(how.seed)},
 
     HADA_CLI_GROUP("Weights of the losses (default: 1.5, 0.1, 0.008, 5e-7, the paper's)"),
-    {HADA_OPTION_REAL, "mse", 0, "W", "mean squared error", NULL, AT(mse)},
-    {HADA_OPTION_REAL, "perceptual", 0, "W", "difference of VGG-16's features (needs --vgg)", NULL, AT(perceptual)},
+    {HADA_OPTION_REAL, "mse", 0, "W", "mean squared error", NULL, AT(how.mse)},
+    {HADA_OPTION_REAL, "perceptual", 0, "W", "difference of VGG-16's features (needs --vgg)", NULL, AT(how.perceptual)},
     {HADA_OPTION_REAL, "adversarial", 0, "W", "what the discriminator says (joint: 0 by default)", NULL,
-     AT(adversarial)},
-    {HADA_OPTION_REAL, "tv", 0, "W", "total variation", NULL, AT(variation)},
+     AT(how.adversarial)},
+    {HADA_OPTION_REAL, "tv", 0, "W", "total variation", NULL, AT(how.variation)},
     {HADA_OPTION_FLAG, "tv-squared", 0, NULL, "squares in the total variation, as the paper has it", NULL,
-     AT(variation_squared)},
-    {HADA_OPTION_TEXT, "vgg", 0, "FILE", "weights of VGG-16 (safetensors, names as torchvision's)", NULL, AT(vgg)},
+     AT(how.variation_squared)},
+    {HADA_OPTION_TEXT, "vgg", 0, "FILE", "weights of VGG-16 (safetensors, names as torchvision's)", NULL, AT(how.vgg)},
 
     HADA_CLI_GROUP("On the way"),
     {HADA_OPTION_TARGET, "log", 0, "FOLDER", "for log, figure, pictures, checkpoint (default: MODEL2.log)", NULL,
-     AT(log)},
+     AT(task.log)},
     {HADA_OPTION_FLAG, "resume", 0, NULL, "go on from the checkpoint in the log folder",
-     "Give what the training began with; rates, losses and the number of steps may differ.", AT(resume)},
-    {HADA_OPTION_FLAG, "restart", 0, NULL, "begin anew where the log folder holds a checkpoint", NULL, AT(restart)},
+     "Give what the training began with; rates, losses and the number of steps may differ.", AT(task.resume)},
+    {HADA_OPTION_FLAG, "restart", 0, NULL, "begin anew where the log folder holds a checkpoint", NULL,
+     AT(task.restart)},
     {HADA_OPTION_COUNT, "validate-every", 0, "N", "steps between validations (default: a twentieth of all); 0: none",
-     NULL, AT(validate_every)},
+     NULL, AT(task.validate_every)},
     {HADA_OPTION_COUNT, "validate-pairs", 0, "N", "pairs to validate with, evenly chosen (default: 24); 0: all", NULL,
-     AT(validate_most)},
+     AT(task.validate_pairs)},
     {HADA_OPTION_COUNT, "show-every", 0, "N", "steps between pictures (default: a quarter of all); 0: none", NULL,
-     AT(show_every)},
+     AT(task.show_every)},
     {HADA_OPTION_COUNT, "save-every", 0, "N", "steps between checkpoints (default: a twentieth of all)", NULL,
-     AT(save_every)},
+     AT(task.save_every)},
     {HADA_OPTION_COUNT, "patience", 0, "N", "end after so many validations without a better one (default: never)", NULL,
-     AT(patience)},
+     AT(task.patience)},
     {HADA_OPTION_CHOICE, "keep", 0, "best|last", "which parameters MODEL2 holds in the end",
      "best: by the PSNR of held-out pairs, the default; last: the default with an adversarial loss, which gives up "
      "PSNR for looks.",
-     ONE_OF(keep, HADA_KEEP_BEST, HADA_KEEP_LAST)},
+     ONE_OF(task.keep, HADA_KEEP_BEST, HADA_KEEP_LAST)},
     {0},
 };
 
 static const char *const renamed[] = {"critic",       "discriminator",       "critic-rate", "discriminator-rate",
                                       "critic-steps", "discriminator-steps", NULL};
 
+/* The stage, which the others go by, is there already where it was given. */
 static void defaults(void *user)
 {
     settings *set = user;
-    int *const counts[] = {&set->steps,       &set->epochs,   &set->batch,      &set->discriminator_steps, &set->period,
-                           &set->warmup,      &set->shift,    &set->flips,      &set->validate_every,      &set->rule,
-                           &set->plane_flips, &set->schedule, &set->show_every, &set->save_every};
-    double *const reals[] = {
-        &set->rate,   &set->filter_rate, &set->discriminator_rate, &set->last_rate, &set->clip,  &set->decay,
-        &set->mse,    &set->perceptual,  &set->adversarial,        &set->variation, &set->noise, &set->exposure,
-        &set->compose};
-    for (size_t i = 0; i < sizeof counts / sizeof *counts; i++)
-        *counts[i] = NOT_GIVEN;
-    for (size_t i = 0; i < sizeof reals / sizeof *reals; i++)
-        *reals[i] = NAN;
-    set->stage = HADA_STAGE_ENHANCE;
-    set->validate_most = 24;
-    set->seed = 1;
+    hada_train_options_init(&set->how, set->how.stage ? set->how.stage : HADA_STAGE_ENHANCE);
+    hada_augment_init(&set->augment);
+    hada_fit_options_init(&set->fit);
+    hada_train_task_init(&set->task);
     set->dark = "none";
-}
-
-static void take_count(int given, int *value)
-{
-    if (given != NOT_GIVEN)
-        *value = given;
-}
-
-static void take_steps(int given, uint64_t *value)
-{
-    if (given != NOT_GIVEN)
-        *value = (uint64_t)given;
-}
-
-static void take_real(double given, double *value)
-{
-    if (!isnan(given))
-        *value = given;
-}
-
-static void take_losses(const settings *set, hada_train_options *how)
-{
-    take_real(set->mse, &how->mse);
-    take_real(set->perceptual, &how->perceptual);
-    take_real(set->adversarial, &how->adversarial);
-    take_real(set->variation, &how->variation);
-    how->variation_squared = set->variation_squared;
-    how->vgg = set->vgg;
-}
-
-static void take_changes(const settings *set, hada_augment *augment)
-{
-    hada_augment_init(augment);
-    take_count(set->shift, &augment->shift);
-    take_count(set->flips, &augment->flips);
-    take_count(set->plane_flips, &augment->plane_flips);
-    take_real(set->noise, &augment->noise);
-    take_real(set->exposure, &augment->exposure);
-}
-
-static void take_rates(const settings *set, hada_train_options *how)
-{
-    take_real(set->rate, &how->rate);
-    take_real(set->filter_rate, &how->filter_rate);
-    take_real(set->discriminator_rate, &how->discriminator_rate);
-    take_real(set->last_rate, &how->last_rate);
-    take_real(set->clip, &how->clip);
-    take_real(set->decay, &how->weight_decay);
-    if (set->rule != NOT_GIVEN)
-        how->rule = (hada_rule)set->rule;
-    if (set->schedule != NOT_GIVEN)
-        how->schedule = (hada_rate)set->schedule;
-    take_steps(set->period, &how->rate_period);
-    take_steps(set->warmup, &how->warmup);
+    set->steps = NOT_GIVEN;
 }
 
 /* What a run needs that outlives its options. */
@@ -220,9 +158,6 @@ typedef struct parts {
     hada_dataset *data;
     hada_model *model;
     hada_net *net;
-    hada_augment augment;
-    hada_fit_options fit;
-    hada_train_options options;
 } parts;
 
 static void parts_free(parts *of)
@@ -233,46 +168,22 @@ static void parts_free(parts *of)
 }
 
 /* "compact", "paper", or a file with a net and its weights. */
-static hada_status choose_net(const char *text, parts *of, hada_error *err)
+static hada_status choose_net(settings *set, parts *of, hada_error *err)
 {
+    const char *text = set->net;
     if (!text)
         return HADA_OK;
-    of->options.new_net = 1;
+    set->how.new_net = 1;
     if (!strcmp(text, "compact") || !strcmp(text, "paper")) {
-        of->options.net = text;
+        set->how.net = text;
         return HADA_OK;
     }
     if (!hada_path_is_file(text))
         return hada_cli_error(err, HADA_ERROR_FILE_OPEN,
                               "--net takes compact, paper or the file of a net; there is no file '%s'", text);
     const hada_status status = hada_net_load(&of->net, text, err);
-    of->options.net_given = of->net;
+    set->how.net_given = of->net;
     return status;
-}
-
-static hada_status make_options(const settings *set, parts *of, hada_error *err)
-{
-    hada_train_options *how = &of->options;
-    hada_train_options_init(how, (hada_stage)set->stage);
-    how->seed = set->seed;
-    how->form = (hada_form)set->form;
-    how->random_start = set->stage == HADA_STAGE_FILTERS && (set->random || !set->model);
-    how->net_rows = set->net_size[0];
-    how->net_cols = set->net_size[1];
-    if (set->at_once)
-        how->at_once = set->at_once;
-    how->recompute = set->recompute;
-    if (set->discriminator)
-        how->discriminator = set->discriminator;
-    take_count(set->batch, &how->batch);
-    take_steps(set->discriminator_steps, &how->discriminator_steps);
-    take_steps(set->steps, &how->steps);
-    take_real(set->compose, &how->compose);
-    take_rates(set, how);
-    take_losses(set, how);
-    take_changes(set, &of->augment);
-    how->augment = &of->augment;
-    return choose_net(set->net, of, err);
 }
 
 /* "3": of each depth; "0.2": a share of each. */
@@ -285,34 +196,30 @@ static hada_status read_hold_out(const char *text, double *value, hada_error *er
                           "--hold-out takes a number of pairs of each depth, or a share such as 0.2; not '%s'", text);
 }
 
-static hada_status make_task(hada_cli *cli, const settings *set, parts *of, hada_train_task *task, hada_error *err)
+/* What options say of others, and what is read from files. */
+static hada_status complete(hada_cli *cli, settings *set, parts *of, hada_error *err)
 {
+    hada_train_options *how = &set->how;
+    hada_train_task *task = &set->task;
     hada_status status = HADA_OK;
-    hada_train_task_init(task);
-    hada_fit_options_init(&of->fit);
+    how->form = (hada_form)set->form;
+    how->random_start = how->stage == HADA_STAGE_FILTERS && (set->random || !set->model);
+    how->net_rows = set->net_size[0];
+    how->net_cols = set->net_size[1];
+    how->at_once = how->at_once ? how->at_once : (int)HADA_AUTO;
+    how->steps = set->steps != NOT_GIVEN ? set->steps : how->steps;
+    how->augment = &set->augment;
+    how->communicator = hada_cli_communicator(cli);
     if (set->form)
-        of->fit.form = (hada_form)set->form;
-    of->fit.window_rows = set->window[0];
-    of->fit.window_cols = set->window[1];
-    task->options = &of->options;
-    task->epochs = set->epochs == NOT_GIVEN ? 0 : (uint64_t)set->epochs;
-    task->fit = &of->fit;
-    task->boundary = set->boundary;
-    task->output = set->output;
-    task->log = set->log;
-    task->resume = set->resume;
-    task->restart = set->restart;
-    task->validate_every = set->validate_every;
-    task->show_every = set->show_every;
-    task->save_every = set->save_every;
-    task->validate_pairs = set->validate_most;
-    task->patience = set->patience;
-    task->keep = (hada_keep)set->keep;
+        set->fit.form = (hada_form)set->form;
+    set->fit.window_rows = set->window[0];
+    set->fit.window_cols = set->window[1];
+    task->options = how;
+    task->fit = &set->fit;
     task->monitor = &cli->monitor;
-    HADA_TRY(make_options(set, of, err));
-    of->options.communicator = hada_cli_communicator(cli);
+    HADA_TRY(choose_net(set, of, err));
     HADA_TRY(read_hold_out(set->hold_out, &task->hold_out, err));
-    HADA_TRY(hada_cli_read_dark_level(&of->fit.dark, set->dark, err));
+    HADA_TRY(hada_cli_read_dark_level(&set->fit.dark, set->dark, err));
     if (set->model)
         HADA_TRY(hada_model_load(&of->model, set->model, err));
     task->model = of->model;
@@ -324,24 +231,23 @@ static int check(hada_cli *cli, const settings *set, int count)
 {
     if (count != 1)
         return hada_cli_usage(cli, count ? "one DATASET at a time" : "say what to learn from: a DATASET folder");
-    if (!set->output)
+    if (!set->task.output)
         return hada_cli_usage(cli, "say where the trained model shall be written, with -o MODEL2");
-    if (set->steps != NOT_GIVEN && set->epochs != NOT_GIVEN)
+    if (set->steps != NOT_GIVEN && set->task.epochs)
         return hada_cli_usage(cli, "either --steps or --epochs, not both");
-    if (set->resume && set->restart)
+    if (set->task.resume && set->task.restart)
         return hada_cli_usage(cli, "either --resume or --restart, not both");
-    if (set->save_every == 0)
+    if (!set->task.save_every)
         return hada_cli_usage(cli, "--save-every needs at least one step");
     return HADA_EXIT_OK;
 }
 
 static int run(hada_cli *cli, void *user, int count, const char **arguments)
 {
-    const settings *set = user;
+    settings *set = user;
     hada_error err = {0};
     hada_cli_contexts devices = {.count = 0};
     hada_dataset_options scan;
-    hada_train_task task;
     parts of = {0};
     hada_status status = HADA_OK;
     const int wrong = check(cli, set, count);
@@ -349,14 +255,14 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
         return wrong;
     hada_dataset_options_init(&scan);
     scan.skip_incomplete = set->skip_incomplete;
-    HADA_TRY(hada_file_check_target(set->output, &err));
+    HADA_TRY(hada_file_check_target(set->task.output, &err));
     HADA_TRY(hada_dataset_scan(&of.data, arguments[0], &scan, &err));
-    HADA_TRY(make_task(cli, set, &of, &task, &err));
+    HADA_TRY(complete(cli, set, &of, &err));
     HADA_TRY(hada_cli_open_all(cli, &devices, &err));
     hada_cli_train_listener listener = {.cli = cli, .devices = &devices};
-    task.tell = hada_cli_train_tell;
-    task.user = &listener;
-    HADA_TRY(hada_train_run(devices.contexts, devices.count, of.data, &task, &err));
+    set->task.tell = hada_cli_train_tell;
+    set->task.user = &listener;
+    HADA_TRY(hada_train_run(devices.contexts, devices.count, of.data, &set->task, &err));
 done:
     hada_cli_close_all(cli, &devices);
     parts_free(&of);
@@ -389,6 +295,7 @@ const hada_cli_command hada_cli_train = {
     .renamed = renamed,
     .examples = examples,
     .settings_size = sizeof(settings),
+    .decides = "stage",
     .defaults = defaults,
     .run = run,
     .uses_device = 1,

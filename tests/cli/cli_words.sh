@@ -42,7 +42,7 @@ expect 2 'takes 0 or more' fit "$camera" -o x --save-seconds -1
 expect 2 'with -o MODEL' fit "$camera"
 expect 2 'not both' fit "$camera" --psf p.tif -o x
 expect 2 'need a PSF' fit "$camera" --form wiener -o x
-expect 2 "number of steps or 'auto', not 'many'" fit "$camera" -o x --refine many
+expect 2 "--refine takes a whole number such as 8, or 'auto', not 'many'" fit "$camera" -o x --refine many
 expect 2 'at least one raw frame' reconstruct -m "$model" -o x
 expect 2 'with -m MODEL' reconstruct a.tif -o x
 expect 2 'with -o FOLDER' reconstruct a.tif -m "$model"

@@ -6,7 +6,7 @@
 # quick: within two minutes on two cores, once kernels are compiled. oracle: against PyTorch, SciPy and others, in a
 # Python environment that is made in build/oracle. python: the Python package, built and installed into an environment
 # in build/python. mpi: the program that ranks share, on one machine. all, the default: everything; what needs an environment is skipped where it cannot be made. README.md
-# tells the tiers.
+# tells the tiers. TARGETS: what is built, where that is not all (unit_tests: what test_... and fuzz_... run).
 set -euo pipefail
 cd "$(dirname "$0")/.."
 tier=all
@@ -38,7 +38,8 @@ case $tier in
 full | all) tests/budget/environment.sh build/budget || echo "Without their tools, the budgets of kernels are skipped." ;;
 esac
 cmake --preset "$preset" -DHADALENS_TESTS=ON -DHADALENS_WERROR=ON >/dev/null
-cmake --build "build/$preset"
+read -ra targets <<<"${TARGETS:-all}"
+cmake --build "build/$preset" --target "${targets[@]}"
 
 label=(-L "^$tier\$")
 [ "$tier" != all ] || label=(-LE '^devices$')

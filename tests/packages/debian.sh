@@ -30,7 +30,8 @@ say() { printf '== %s (%d s)\n' "$*" "$SECONDS"; }
 fresh() { # FOLDER
     if [ ! -e "$folder/base-$suite.tar" ]; then
         say "a clean $suite"
-        mmdebstrap --quiet --variant=apt --mode=root "$suite" "$folder/part-$suite.tar" "$mirror"
+        mmdebstrap --quiet --variant=apt --mode=root "$suite" "$folder/part-$suite.tar" "$mirror" ||
+            { echo "no $suite from $mirror: skipped"; exit 77; }
         mv "$folder/part-$suite.tar" "$folder/base-$suite.tar"
     fi
     mkdir -p "$1"

@@ -1,38 +1,78 @@
 #!/usr/bin/env bash
-# coverage.sh [readers|all] [FOLDER]: which share of lines and branches is reached, for each room of lib. readers: of what
-# reads and writes files, by the corpora, the tests of files, and every fault of the stages for files; all, the default: of
-# everything, by unit tests, corpora, commands, and a fault at every call site of every stage. Builds in FOLDER
-# (build/coverage). Fails where branches are below an aim (coverage.py; with --missed that tells what was not reached).
+# coverage.sh [readers|all] [--go-on] [FOLDER]: which share of lines and branches is reached, for each room of lib.
+# readers: of what reads and writes files, by the corpora, the tests of files, and every fault of the stages for files;
+# all, the default: of everything, by unit tests, corpora, commands, and a fault at every call site of every stage, which
+# takes an hour on two cores. It goes by parts; --go-on leaves out those whose counts an interrupted run of the same build has
+# left. Builds in FOLDER (build/coverage), compared and told by coverage.py (with --missed that tells what was not
+# reached). Fails where a part fails, or branches are below an aim.
 set -euo pipefail
 cd "$(dirname "$0")/.."
-form=all
-case ${1:-} in readers | all) form=$1 && shift ;; esac
-build=${1:-build/coverage}
+form=all build=build/coverage going_on=0
+for word in "$@"; do
+    case $word in
+    readers | all) form=$word ;;
+    --go-on) going_on=1 ;;
+    -*) sed -n '2s/^# *//p' "$0" >&2 && exit 2 ;;
+    *) build=$word ;;
+    esac
+done
 command -v gcov >/dev/null || { echo "gcov is missing (it comes with gcc)"; exit 77; }
 cmake -B "$build" -G Ninja -DCMAKE_BUILD_TYPE=Debug -DHADALENS_TESTS=ON -DCMAKE_C_FLAGS='--coverage -O0' >/dev/null
-files=(test_output test_folders test_hostile test_hostile_text test_text test_tiff_golden test_tiff_forms test_tiff_bones
-    test_tiff_write test_safetensors test_model_file test_model_refusals test_model_enhance test_net_list test_dataset
-    test_response test_tuning test_fit_sums)
-stages=(model_file: tiff: files: preview: psf:memory net:memory net:file fit:memory fit:file)
+build=$(realpath "$build")
 if [ "$form" = readers ]; then
+    files=(test_output test_folders test_hostile test_hostile_text test_text test_tiff_golden test_tiff_forms test_tiff_bones
+        test_tiff_write test_safetensors test_model_file test_model_refusals test_model_enhance test_net_list test_dataset
+        test_response test_tuning test_fit_sums)
+    tests=("^($(IFS='|' && echo "${files[*]}"))\$")
     cmake --build "$build" --target fuzz_replay test_faults "${files[@]}" >"$build/build.log"
-    chosen="^(fuzz_.*|$(IFS='|' && echo "${files[*]}"))\$"
+    stages=(model_file: tiff: files: preview: psf:memory net:memory net:file fit:memory fit:file) runs=all
     rooms=(io model dataset netlist)
 else
-    cmake --build "$build" >"$build/build.log"
     # not what holds arithmetic (check_), measures times, or takes minutes for lines that others reach as well
-    chosen='^(test_|fuzz_|cli_(make|words|simulate|evaluate|fit|forward)$)'
-    rooms=()
+    left_out='faults|profile|hostile_text|pursuit_hard|fft|classic|fit_refine|train_discriminator|register|optics_occlusion'
+    tests=('^test_' '^cli_(make|words|simulate|evaluate|fit|forward)$')
+    cmake --build "$build" >"$build/build.log"
+    stages=() runs=sites rooms=()
+    while read -r stage; do
+        stages+=("$stage:memory" "$stage:opencl" "$stage:map" "$stage:file")
+    done < <(sed -n 's/^ *{"\([a-z_ ]*\)", fault_stage_.*/\1/p' tests/faults/test_faults.c)
     for folder in lib/*/; do
         [ "$folder" = lib/include/ ] || rooms+=("$(basename "$folder")")
     done
 fi
-find "$build" -name '*.gcda' -delete
-ctest --test-dir "$build" --timeout 3000 -j "$(nproc)" -R "$chosen" -E '^test_(faults|profile)$' >"$build/coverage.log" || tail -n 20 "$build/coverage.log"
-runs=all
-[ "$form" = readers ] || { stages=("") && runs=sites; }
-for stage in "${stages[@]}"; do
-    FAULT_RUNS=$runs FAULT_ONLY=$stage POCL_CACHE_DIR=$PWD/$build/pocl-cache HADALENS_CACHE=off \
-        "$build/tests/faults/test_faults" >>"$build/coverage.log" 2>&1 || tail -n 5 "$build/coverage.log"
+# counts go with a build: others are of no use
+state="$form $(find "$build/CMakeFiles/hadalens_objects.dir" -name '*.gcno' -exec cksum {} + | sort | cksum)"
+if [ $going_on = 0 ] || [ "$(cat "$build/coverage.state" 2>/dev/null)" != "$state" ]; then
+    find "$build" -name '*.gcda' -delete
+    rm -f "$build/coverage.done"
+    echo "$state" >"$build/coverage.state"
+fi
+touch "$build/coverage.done"
+: >"$build/coverage.failed"
+
+# What a part does, as a program of its own, so that several run at once: part NAME COMMAND...
+part() {
+    local name=$1 log
+    shift
+    ! grep -qxF "$name" "$build/coverage.done" || return 0
+    log=$build/coverage-$(tr -c 'a-z_:\n' . <<<"$name").log
+    if "$@" >"$log" 2>&1; then
+        echo "$name" >>"$build/coverage.done"
+    else
+        echo "$name" >>"$build/coverage.failed"
+        printf 'part %s failed, %s:\n' "$name" "$log"
+        tail -n 5 "$log"
+    fi
+}
+export -f part
+export build FAULT_RUNS=$runs HADALENS_CACHE=off POCL_CACHE_DIR=$build/pocl-cache
+for chosen in '^fuzz_' "${tests[@]}"; do
+    part "$chosen" env -u HADALENS_CACHE ctest --test-dir "$build" --timeout 3000 -j "$(nproc)" --output-on-failure \
+        -R "$chosen" -E "^test_(${left_out:-none})\$"
 done
-python3 tests/coverage.py . "$build/CMakeFiles/hadalens_objects.dir/lib" "${rooms[@]}"
+printf '%s\n' "${stages[@]}" | xargs -P "$(nproc)" -I STAGE \
+    bash -c 'FAULT_ONLY=$1 part "$1" "$build/tests/faults/test_faults"' part STAGE
+failed=0
+[ ! -s "$build/coverage.failed" ] || failed=1
+python3 tests/coverage.py . "$build/CMakeFiles/hadalens_objects.dir/lib" "${rooms[@]}" || failed=1
+exit $failed

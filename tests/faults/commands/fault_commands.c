@@ -5,7 +5,7 @@
  * FAULT_RUNS (3; sites; chains; all) is how many n of each kind and command are tried, evenly spread; chains: one call
  * of every chain of callers that leads to one; sites: so many that every call in such a chain has failed once.
  * FAULT_ONLY=COMMAND:KIND:N one of them (or a part of that from the left), FAULT_JOBS (1) how many processes run at
- * once. */
+ * once; FAULT_TRACE=1 tells of each run what failed, and how it ended. */
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -156,6 +156,9 @@ static int judge(const running *job, const fault_command *command, int status)
 {
     const int before = all.wrong, code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
     const char *left = tree_hidden(job->folder);
+    if (getenv("FAULT_TRACE"))
+        printf("FAULT_ONLY=%s:%s:%ld (%s): exit code %d; it said: %s\n", command->name, kinds[job->kind], job->n,
+               job->told->struck, code, said(job));
     if (code < 0)
         complain(job, command, WTERMSIG(status) == SIGALRM ? "it does not end" : "it crashed");
     else if (code > LAST_EXIT)

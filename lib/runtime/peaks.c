@@ -1,5 +1,6 @@
 #include "runtime/peaks.h"
 
+#include <math.h>
 #include <stdlib.h>
 
 #include "kernels/shared_peaks.h"
@@ -17,8 +18,13 @@ enum {
     EACH = 16,      /* vectors of a GPU's work-item */
     RUNS = 16,
     ROUNDS_LANES = 1 << 19,
-    ROUNDS_GROUPS = 1 << 12
+    ROUNDS_GROUPS = 1 << 12,
+    FIRST_SHARE = 64 /* of them, of runs that only compile and tell how slow the device is */
 };
+
+/* What a run takes at most, where the first ones say so: all rounds take a large GPU a millisecond, a CPU that calls
+ * itself one seconds. */
+#define RUN_SECONDS 0.03
 
 /* Floats of a copy: larger than any cache, but within what a small device can give. */
 #define COPY_FLOATS ((uint64_t)64 << 20)
@@ -109,6 +115,9 @@ static hada_status best_flops(hada_slot *slot, double *rate, hada_error *err)
     const int groups = context->shape == HADA_SHAPE_GROUPS;
     const size_t units = context->info.compute_units ? context->info.compute_units : 1;
     const size_t items = units * (groups ? 2048 : 8);
+    const int all = groups ? ROUNDS_GROUPS : ROUNDS_LANES;
+    int rounds = all / FIRST_SHARE;
+    double slowest = 0;
     hada_buffer out = {0};
     hada_status status = HADA_OK;
     HADA_TRY(
@@ -117,9 +126,12 @@ static hada_status best_flops(hada_slot *slot, double *rate, hada_error *err)
         const int width = !groups && run % 2 ? WIDTH_WIDE : hada_peak_width(context);
         double seconds = 0, flops = 0;
         HADA_TRY(hada_slot_profile(slot, 1, err));
-        HADA_TRY(hada_peak_flops(slot, width, out.mem, items, 0.999f, 0.001f, groups ? ROUNDS_GROUPS : ROUNDS_LANES,
-                                 &flops, err));
+        HADA_TRY(hada_peak_flops(slot, width, out.mem, items, 0.999f, 0.001f, rounds, &flops, err));
         HADA_TRY(last_seconds(slot, &seconds, err));
+        if (run < 0 && seconds > slowest)
+            slowest = seconds;
+        if (run == -1 && slowest > 0)
+            rounds = (int)fmin(all, rounds * fmax(1.0, RUN_SECONDS / slowest));
         if (run >= 0 && seconds > 0 && flops / seconds > *rate)
             *rate = flops / seconds;
     }

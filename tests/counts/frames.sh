@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # What a frame asks of a device: launches, transfers, waits and arguments of a further frame, held below table.md.
 #   frames.sh WORKLOAD LANES|GROUPS SHIM PRETEND HADALENS WORK
-# WORKLOAD: sim512 or paper2022, a scene at two depths. GROUPS: the device calls itself a GPU (PRETEND, of
+# WORKLOAD: sim512, crop300 or paper2022, a scene at two depths. GROUPS: the device calls itself a GPU (PRETEND, of
 # tests/devices/pretend.c). What the library needs once is no part of it: a run over three frames less one over a single
 # frame, halved.
 set -euo pipefail

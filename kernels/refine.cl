@@ -1,7 +1,6 @@
 /* The refinement's steps, over frequencies and over pixels. One program: a refinement needs nearly all of them. */
-#include "inc_refine.h"
+#include "inc_refine_step.h"
 #include "inc_spectrum.h"
-#include "shared_refine.h"
 
 /* The linear step of the refinement at every frequency: all depths of a set jointly (Sherman-Morrison).
  *
@@ -29,7 +28,6 @@ refine_solve(__global const float *otf, __global const int *list, __global const
     const uint count = problem.spectrum.count, slice = problem.sums.slice, rows = problem.spectrum.rows;
     const uint block = problem.spectrum.block, cols = problem.spectrum.cols;
     const int depths = problem.depths, start = now.start, padded = now.padded, has_prior = now.has_prior;
-    const float rho = now.rho, keep = now.keep, over = now.relaxation;
     const uint channel = get_global_id(1), channels = get_global_size(1), set = get_global_id(2);
     const uint from = get_group_id(0) * slice, to = min(count, from + slice);
     const size_t first = ((size_t)set * (size_t)depths * channels + channel) * count, step = (size_t)channels * count;
@@ -46,29 +44,18 @@ refine_solve(__global const float *otf, __global const int *list, __global const
     refine_real sum = (refine_real)0.0f;
 
     for (uint i = from + get_local_id(0) * REFINE_WIDTH; i < to; i += REFINE_GROUP * REFINE_WIDTH) {
-        refine_real square = (refine_real)0.0f, hv_re = square, hv_im = square, hu_re = square, hu_im = square;
+        const refine_real none = (refine_real)0.0f;
+        refine_joint joint = {none, none, none, none, none};
         for (int s = 0; s < depths; ++s) {
-            refine_real h_re, h_im;
+            refine_real h_re, h_im, u_re = none, u_im = none, w_re = none, w_im = none;
             refine_get(h + (size_t)z[s] * h_step, i, &h_re, &h_im);
-            square = fma(h_re, h_re, fma(h_im, h_im, square));
-            if (start != HADA_REFINE_COLD) {
-                refine_real u_re, u_im, v_re, v_im;
+            if (start != HADA_REFINE_COLD)
                 refine_get(u + 2 * (size_t)s * step, i, &u_re, &u_im);
-                v_re = u_re;
-                v_im = u_im;
-                if (start == HADA_REFINE_CONTINUE) {
-                    refine_real w_re, w_im;
-                    refine_get(w + 2 * (size_t)s * step, i, &w_re, &w_im);
-                    v_re = fma(-keep, w_re - u_re, u_re);
-                    v_im = fma(-keep, w_im - u_im, u_im);
-                }
-                hu_re = fma(h_re, u_re, fma(-h_im, u_im, hu_re));
-                hu_im = fma(h_re, u_im, fma(h_im, u_re, hu_im));
-                hv_re = fma(h_re, v_re, fma(-h_im, v_im, hv_re));
-                hv_im = fma(h_re, v_im, fma(h_im, v_re, hv_im));
-            }
+            if (start == HADA_REFINE_CONTINUE)
+                refine_get(w + 2 * (size_t)s * step, i, &w_re, &w_im);
+            refine_add_depth(&joint, &now, h_re, h_im, u_re, u_im, w_re, w_im);
         }
-        refine_real y_re, y_im, e_re = (refine_real)0.0f, e_im = e_re;
+        refine_real y_re, y_im, e_re = none, e_im = none, f_re, f_im;
         if (padded && start == HADA_REFINE_CONTINUE) {
             refine_get(a, i, &y_re, &y_im);
             refine_get(e, i, &e_re, &e_im);
@@ -77,32 +64,26 @@ refine_solve(__global const float *otf, __global const int *list, __global const
         } else {
             refine_get(b, i, &y_re, &y_im);
         }
-        const refine_real r_re = y_re - hu_re, r_im = y_im - hu_im;
+        const refine_real r_re = y_re - joint.hu_re, r_im = y_im - joint.hu_im;
         sum += refine_count(fma(r_re, r_re, r_im * r_im), i, rows, block, cols);
 
-        const refine_real g = has_prior ? rho + refine_get_real(p, i) : (refine_real)rho;
-        const refine_real per_g = 1.0f / g, per_all = 1.0f / (g + square);
-        const refine_real f_re = (g * y_re - rho * hv_re) * per_all, f_im = (g * y_im - rho * hv_im) * per_all;
+        const refine_real g = has_prior ? now.rho + refine_get_real(p, i) : (refine_real)now.rho;
+        const refine_real per_g = refine_share_out(&joint, &now, g, y_re, y_im, &f_re, &f_im);
         if (padded) {
             /* sum H X = Y - f; relaxed against v = Y + E; then A = that + E */
             const refine_real v_re = y_re + e_re, v_im = y_im + e_im;
+            const float over = now.relaxation;
             refine_put(a, i, v_re + e_re + over * (y_re - f_re - v_re), v_im + e_im + over * (y_im - f_im - v_im));
         }
         for (int s = 0; s < depths; ++s) {
-            refine_real h_re, h_im, u_re = (refine_real)0.0f, u_im = u_re, d_re = u_re, d_im = u_re;
+            refine_real h_re, h_im, u_re = none, u_im = none, w_re = none, w_im = none;
             refine_get(h + (size_t)z[s] * h_step, i, &h_re, &h_im);
             if (start != HADA_REFINE_COLD)
                 refine_get(u + 2 * (size_t)s * step, i, &u_re, &u_im);
-            if (start == HADA_REFINE_CONTINUE) {
-                refine_real w_re, w_im;
+            if (start == HADA_REFINE_CONTINUE)
                 refine_get(w + 2 * (size_t)s * step, i, &w_re, &w_im);
-                d_re = keep * (w_re - u_re);
-                d_im = keep * (w_im - u_im);
-            }
-            const refine_real x_re = fma(h_re, f_re, fma(h_im, f_im, rho * (u_re - d_re))) * per_g;
-            const refine_real x_im = fma(h_re, f_im, fma(-h_im, f_re, rho * (u_im - d_im))) * per_g;
-            refine_put(w + 2 * (size_t)s * step, i, fma(over, x_re - u_re, u_re + d_re),
-                       fma(over, x_im - u_im, u_im + d_im));
+            refine_next(&now, per_g, f_re, f_im, h_re, h_im, u_re, u_im, &w_re, &w_im);
+            refine_put(w + 2 * (size_t)s * step, i, w_re, w_im);
         }
     }
     REFINE_PARTIAL(partial, (problem.sums.first + plane * get_num_groups(0) + get_group_id(0)), refine_sum(sum))
@@ -135,8 +116,7 @@ refine_explain(__global const float *otf, __global const int *list, __global con
             refine_real h_re, h_im, u_re, u_im;
             refine_get(h + 2 * (size_t)z[s] * channels * count, i, &h_re, &h_im);
             refine_get(u + 2 * (size_t)s * channels * count, i, &u_re, &u_im);
-            r_re = fma(-h_re, u_re, fma(h_im, u_im, r_re));
-            r_im = fma(-h_re, u_im, fma(-h_im, u_re, r_im));
+            refine_take_off(&r_re, &r_im, h_re, h_im, u_re, u_im);
         }
         sum += refine_count(fma(r_re, r_re, r_im * r_im), i, rows, block, cols);
         if (has_residual)
@@ -164,36 +144,32 @@ refine_score(__global const float *otf, __global const int *list, __global const
     const uint set = get_global_id(1);
     const uint from = get_group_id(0) * slice, to = min(count, from + slice);
     __global const int *z = list + set * (uint)depths;
-    const float share = 1.0f / (float)channels;
-    refine_real sum = (refine_real)0.0f;
+    const refine_real none = (refine_real)0.0f;
+    refine_real sum = none;
 
     for (uint i = from + get_local_id(0) * REFINE_WIDTH; i < to; i += REFINE_GROUP * REFINE_WIDTH) {
         const uint ky = i / block % rows; /* the same for all lanes: vectors need blocks of eight columns */
         if (2 * min(ky, rows - ky) >= band.rows || 2 * (i / (rows * block) * block + i % block) >= band.cols)
             continue;
-        refine_real r_re = (refine_real)0.0f, r_im = r_re, cost = r_re, spread = r_re;
+        refine_left left = {none, none, none, none};
         for (uint c = 0; c < channels; ++c) {
-            refine_real b_re, b_im, power = (refine_real)0.0f;
+            refine_real b_re, b_im, power = none;
             refine_get(frame + 2 * (problem.frame_offset + (size_t)c * count), i, &b_re, &b_im);
-            r_re += b_re;
-            r_im += b_im;
+            left.re += b_re;
+            left.im += b_im;
             for (int s = 0; s < depths; ++s) {
                 const size_t at = ((size_t)z[s] * channels + c) * count;
                 refine_real h_re, h_im, u_re, u_im;
                 refine_get(otf + 2 * (problem.otf_offset + at), i, &h_re, &h_im);
                 refine_get(now_u + 2 * (((size_t)set * (uint)depths + (uint)s) * channels + c) * count, i, &u_re,
                            &u_im);
-                r_re = fma(-h_re, u_re, fma(h_im, u_im, r_re));
-                r_im = fma(-h_re, u_im, fma(-h_im, u_re, r_im));
-                const refine_real square = fma(u_re, u_re, u_im * u_im);
-                power += square;
-                if (band.has_variance)
-                    spread = fma(refine_get_real(variance + at, i), square, spread);
+                refine_left_by(&left, &power, band, h_re, h_im, u_re, u_im,
+                               band.has_variance ? refine_get_real(variance + at, i) : none);
             }
             if (band.has_prior)
-                cost = fma(refine_get_real(prior + (size_t)c * count, i), power, cost);
+                left.cost = fma(refine_get_real(prior + (size_t)c * count, i), power, left.cost);
         }
-        const refine_real energy = (fma(r_re, r_re, r_im * r_im) + cost) * (share * share) / fma(spread, share, 1.0f);
+        const refine_real energy = refine_badness(&left, channels);
         sum += refine_count(refine_band(energy, i, rows, block, band.cols), i, rows, block, cols);
     }
     REFINE_PARTIAL(partial, (problem.sums.first + (size_t)set * get_num_groups(0) + get_group_id(0)), refine_sum(sum))

@@ -6,9 +6,8 @@
  * Arguments as in refine_solve; cold: nothing is read of the planes. Dimensions: blocks of columns, channels, sets.
  * `scratch`: a column block for each depth of a set. partial[set][channel][block]: as there. */
 #include "inc_fft_convolve.h"
-#include "inc_refine.h"
+#include "inc_refine_step.h"
 #include "shared_local.h"
-#include "shared_refine.h"
 
 /* The linear step at eight frequencies, number i of a spectrum. `scratch`: U of the first depth there, and those of the
  * others every `each` values on; it takes the next W, real and imaginary parts changed over. */
@@ -18,52 +17,36 @@ REFINE_INLINE float8 solve(const hada_refine_step *now, __global const float *h,
 {
     const int depths = now->problem.depths, cold = now->start == HADA_REFINE_COLD;
     const int further = now->start == HADA_REFINE_CONTINUE;
-    const float rho = now->rho, keep = now->keep, over = now->relaxation;
-    float8 square = 0.0f, hv_re = 0.0f, hv_im = 0.0f, hu_re = 0.0f, hu_im = 0.0f, y_re, y_im;
+    refine_joint joint = {0.0f, 0.0f, 0.0f, 0.0f, 0.0f};
+    float8 y_re, y_im, f_re, f_im;
     for (int s = 0; s < depths; ++s) {
-        float8 h_re, h_im;
-        refine_get(h + z[s] * h_step, i, &h_re, &h_im);
-        square = fma(h_re, h_re, fma(h_im, h_im, square));
-        if (!cold) {
-            const float8 u_re = scratch[s * each], u_im = scratch[s * each + 1];
-            float8 v_re = u_re, v_im = u_im;
-            if (further) {
-                float8 w_re, w_im;
-                refine_get(w + s * w_step, i, &w_re, &w_im);
-                v_re = fma(-keep, w_re - u_re, u_re);
-                v_im = fma(-keep, w_im - u_im, u_im);
-            }
-            hu_re = fma(h_re, u_re, fma(-h_im, u_im, hu_re));
-            hu_im = fma(h_re, u_im, fma(h_im, u_re, hu_im));
-            hv_re = fma(h_re, v_re, fma(-h_im, v_im, hv_re));
-            hv_im = fma(h_re, v_im, fma(h_im, v_re, hv_im));
-        }
-    }
-    refine_get(b, i, &y_re, &y_im);
-    const float8 r_re = y_re - hu_re, r_im = y_im - hu_im;
-    const float8 g = now->has_prior ? rho + refine_get_real(prior, i) : (float8)rho;
-    const float8 per_g = 1.0f / g, per_all = 1.0f / (g + square);
-    const float8 f_re = (g * y_re - rho * hv_re) * per_all, f_im = (g * y_im - rho * hv_im) * per_all;
-    for (int s = 0; s < depths; ++s) {
-        float8 h_re, h_im, u_re = 0.0f, u_im = 0.0f, d_re = 0.0f, d_im = 0.0f;
+        float8 h_re, h_im, u_re = 0.0f, u_im = 0.0f, w_re = 0.0f, w_im = 0.0f;
         refine_get(h + z[s] * h_step, i, &h_re, &h_im);
         if (!cold) {
             u_re = scratch[s * each];
             u_im = scratch[s * each + 1];
         }
-        if (further) {
-            float8 w_re, w_im;
+        if (further)
             refine_get(w + s * w_step, i, &w_re, &w_im);
-            d_re = keep * (w_re - u_re);
-            d_im = keep * (w_im - u_im);
+        refine_add_depth(&joint, now, h_re, h_im, u_re, u_im, w_re, w_im);
+    }
+    refine_get(b, i, &y_re, &y_im);
+    const float8 r_re = y_re - joint.hu_re, r_im = y_im - joint.hu_im;
+    const float8 g = now->has_prior ? now->rho + refine_get_real(prior, i) : (float8)now->rho;
+    const float8 per_g = refine_share_out(&joint, now, g, y_re, y_im, &f_re, &f_im);
+    for (int s = 0; s < depths; ++s) {
+        float8 h_re, h_im, u_re = 0.0f, u_im = 0.0f, w_re = 0.0f, w_im = 0.0f;
+        refine_get(h + z[s] * h_step, i, &h_re, &h_im);
+        if (!cold) {
+            u_re = scratch[s * each];
+            u_im = scratch[s * each + 1];
         }
-        const float8 x_re = fma(h_re, f_re, fma(h_im, f_im, rho * (u_re - d_re))) * per_g;
-        const float8 x_im = fma(h_re, f_im, fma(-h_im, f_re, rho * (u_im - d_im))) * per_g;
-        const float8 next_re = fma((float8)over, x_re - u_re, u_re + d_re);
-        const float8 next_im = fma((float8)over, x_im - u_im, u_im + d_im);
-        refine_put(w + s * w_step, i, next_re, next_im);
-        scratch[s * each] = next_im;
-        scratch[s * each + 1] = next_re;
+        if (further)
+            refine_get(w + s * w_step, i, &w_re, &w_im);
+        refine_next(now, per_g, f_re, f_im, h_re, h_im, u_re, u_im, &w_re, &w_im);
+        refine_put(w + s * w_step, i, w_re, w_im);
+        scratch[s * each] = w_im;
+        scratch[s * each + 1] = w_re;
     }
     return fma(r_re, r_re, r_im * r_im);
 }

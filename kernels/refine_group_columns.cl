@@ -8,7 +8,7 @@
 #define REFINE_WIDTH 1
 #define REFINE_GROUP HADA_REFINE_FUSED_GROUP
 #include "inc_fft_groups.h"
-#include "inc_refine.h"
+#include "inc_refine_step.h"
 #include "shared_fft.h"
 
 /* The linear step at one frequency, number i of a spectrum; arguments as in refine_columns.cl. `scratch`: U of the
@@ -19,37 +19,24 @@ REFINE_INLINE float solve(const hada_refine_step *now, __global const float *h, 
 {
     const int depths = now->problem.depths, cold = now->start == HADA_REFINE_COLD;
     const int further = now->start == HADA_REFINE_CONTINUE;
-    const float rho = now->rho, keep = now->keep, over = now->relaxation;
-    float square = 0.0f, h_re, h_im;
-    float2 hv = (float2)0.0f, hu = hv, y;
+    refine_joint joint = {0.0f, 0.0f, 0.0f, 0.0f, 0.0f};
     for (int s = 0; s < depths; ++s) {
-        refine_get(h + z[s] * h_step, i, &h_re, &h_im);
-        square = fma(h_re, h_re, fma(h_im, h_im, square));
-        if (!cold) {
-            const float2 u = scratch[s * each];
-            float2 v = u;
-            if (further)
-                v = fma((float2)-keep, vload2(i, w + s * w_step) - u, u);
-            hu = fma((float2)h_re, u, fma((float2)(-h_im, h_im), u.yx, hu));
-            hv = fma((float2)h_re, v, fma((float2)(-h_im, h_im), v.yx, hv));
-        }
+        const float2 h_s = vload2(i, h + z[s] * h_step), u = cold ? (float2)0.0f : scratch[s * each];
+        const float2 last = further ? vload2(i, w + s * w_step) : (float2)0.0f;
+        refine_add_depth(&joint, now, h_s.x, h_s.y, u.x, u.y, last.x, last.y);
     }
-    y = vload2(i, b);
-    const float2 r = y - hu;
-    const float g = now->has_prior ? rho + prior[i] : rho;
-    const float per_g = 1.0f / g, per_all = 1.0f / (g + square);
-    const float2 f = (g * y - rho * hv) * per_all;
+    const float2 y = vload2(i, b), r = y - (float2)(joint.hu_re, joint.hu_im);
+    const float g = now->has_prior ? now->rho + prior[i] : now->rho;
+    float f_re, f_im;
+    const float per_g = refine_share_out(&joint, now, g, y.x, y.y, &f_re, &f_im);
     for (int s = 0; s < depths; ++s) {
-        float2 u = (float2)0.0f, d = u;
-        refine_get(h + z[s] * h_step, i, &h_re, &h_im);
-        if (!cold)
-            u = scratch[s * each];
+        const float2 h_s = vload2(i, h + z[s] * h_step), u = cold ? (float2)0.0f : scratch[s * each];
+        float w_re = 0.0f, w_im = 0.0f;
         if (further)
-            d = keep * (vload2(i, w + s * w_step) - u);
-        const float2 x = fma((float2)h_re, f, fma((float2)(h_im, -h_im), f.yx, rho * (u - d))) * per_g;
-        const float2 next = fma((float2)over, x - u, u + d);
-        vstore2(next, i, w + s * w_step);
-        scratch[s * each] = next.yx;
+            refine_get(w + s * w_step, i, &w_re, &w_im);
+        refine_next(now, per_g, f_re, f_im, h_s.x, h_s.y, u.x, u.y, &w_re, &w_im);
+        refine_put(w + s * w_step, i, w_re, w_im);
+        scratch[s * each] = (float2)(w_im, w_re);
     }
     return fma(r.x, r.x, r.y * r.y);
 }

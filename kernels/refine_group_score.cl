@@ -7,28 +7,28 @@
 #define REFINE_WIDTH 1
 #define REFINE_GROUP HADA_REFINE_FUSED_GROUP
 #include "inc_fft_groups.h"
-#include "inc_refine.h"
+#include "inc_refine_step.h"
 #include "shared_fft.h"
 
-/* What a channel adds at frequency i, as refine_score has it: the residual, its prior's term, the spread. `u`: U of the
- * first depth, and those of the others every `each` values on. */
-REFINE_INLINE float4 channel_at(hada_refine_problem problem, hada_refine_band band, __global const float *otf,
-                                __global const int *z, __global const float *frame, __global const float *prior,
-                                __global const float *variance, uint c, size_t i, __local const float2 *u, int each)
+/* Adds a channel at frequency i, as refine_score does. `u`: U of the first depth, and those of the others every `each`
+ * values on. */
+REFINE_INLINE void add_channel(refine_left *left, hada_refine_problem problem, hada_refine_band band,
+                               __global const float *otf, __global const int *z, __global const float *frame,
+                               __global const float *prior, __global const float *variance, uint c, size_t i,
+                               __local const float2 *u, int each)
 {
     const size_t count = problem.spectrum.count;
-    float2 r = vload2(problem.frame_offset + c * count + i, frame);
-    float power = 0.0f, spread = 0.0f;
+    const float2 b = vload2(problem.frame_offset + c * count + i, frame);
+    float power = 0.0f;
+    left->re += b.x;
+    left->im += b.y;
     for (int s = 0; s < problem.depths; ++s) {
         const size_t at = ((size_t)z[s] * problem.channels + c) * count + i;
         const float2 h = vload2(problem.otf_offset + at, otf), v = u[s * each];
-        r = fma((float2)-h.x, v, fma((float2)(h.y, -h.y), v.yx, r));
-        const float square = fma(v.x, v.x, v.y * v.y);
-        power += square;
-        if (band.has_variance)
-            spread = fma(variance[at], square, spread);
+        refine_left_by(left, &power, band, h.x, h.y, v.x, v.y, band.has_variance ? variance[at] : 0.0f);
     }
-    return (float4)(r, band.has_prior ? prior[c * count + i] * power : 0.0f, spread);
+    if (band.has_prior)
+        left->cost = fma(prior[c * count + i], power, left->cost);
 }
 
 __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
@@ -47,7 +47,6 @@ refine_group_score(__global const float *planes, __global const float *otf, __gl
     const uint block = get_group_id(0) / parts, col = get_group_id(0) % parts * width + side.w;
     const size_t block_values = (size_t)rows.rows * HADA_FFT_BLOCK, plane_values = blocks * block_values;
     __local float4 *sums = (__local float4 *)(scratch + depths * each);
-    const float share = 1.0f / (float)problem.channels;
     float sum = 0.0f;
 
     for (uint c = 0; c < problem.channels; ++c) {
@@ -74,15 +73,18 @@ refine_group_score(__global const float *planes, __global const float *otf, __gl
             /* an item meets the same points in every channel */
             const int at = y * width + side.w;
             const uint i = (block * (uint)n + y) * HADA_FFT_BLOCK + col;
-            const float4 more = channel_at(problem, band, otf, z, frame, prior, variance, c, i, scratch + at, each);
-            sums[at] = c ? sums[at] + more : more;
+            const float4 so_far = c ? sums[at] : (float4)0.0f;
+            refine_left left = {so_far.x, so_far.y, so_far.z, so_far.w};
+            add_channel(&left, problem, band, otf, z, frame, prior, variance, c, i, scratch + at, each);
+            sums[at] = (float4)(left.re, left.im, left.cost, left.spread);
         }
     }
     FFT_SHARE_SIDE(y, n, side)
     {
         const uint i = (block * (uint)n + y) * HADA_FFT_BLOCK + col;
         const float4 all = sums[y * width + side.w];
-        const float energy = (fma(all.x, all.x, all.y * all.y) + all.z) * (share * share) / fma(all.w, share, 1.0f);
+        const refine_left left = {all.x, all.y, all.z, all.w};
+        const float energy = refine_badness(&left, problem.channels);
         if (2 * (uint)min(y, n - y) < band.rows)
             sum += refine_count(refine_band(energy, i, n, HADA_FFT_BLOCK, band.cols), i, n, HADA_FFT_BLOCK,
                                 problem.spectrum.cols);

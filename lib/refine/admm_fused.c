@@ -10,16 +10,22 @@
 
 enum { GROUP_ROWS = 16 }; /* that a work-item of refine_rows takes */
 
-/* Columns that a work-group takes of each depth of a set; 0: groups do not. */
-static int group_columns(const hada_context *context, const hada_refine_shape *shape, int depths)
-{
-    return hada_fft_group_columns(context, shape->grid_rows, shape->grid_cols, depths, HADA_REFINE_FUSED_GROUP);
-}
+/* How the kernels of a shape of devices do it. */
+typedef struct fused_way {
+    /* Columns that a work-group takes of each depth of a set; 0: it cannot. */
+    int (*columns)(const hada_context *context, const hada_refine_shape *shape, int depths);
+    int least_columns;
+    int scores; /* 1: it has a kernel for scores */
+    hada_status (*prepare)(hada_slot *slot, hada_error *err);
+    hada_status (*launch_columns)(const hada_refine_run *run, const hada_refine_step *now, hada_error *err);
+    hada_status (*launch_rows)(hada_refiner *refiner, const hada_refine_fused_part *part, int images, hada_error *err);
+} fused_way;
+
+static const fused_way *way_of(const hada_context *context);
 
 static int can_fuse(const hada_context *context, const hada_refine_shape *shape, int depths)
 {
-    return context->shape == HADA_SHAPE_GROUPS ? group_columns(context, shape, depths) > 0
-                                               : hada_fft_fuses(context, shape->grid_rows, shape->grid_cols, depths);
+    return way_of(context)->columns(context, shape, depths) > 0;
 }
 
 int hada_refine_fused_grid(const hada_context *context, const hada_refine_shape *shape)
@@ -41,14 +47,7 @@ hada_status hada_refine_fused_make(hada_refiner *refiner, hada_error *err)
     if (!hada_refine_fused_grid(slot->context, shape))
         goto done;
     HADA_TRY(hada_fft_fused_make(&refiner->fused, slot, shape->grid_rows, shape->grid_cols, err));
-    if (slot->context->shape == HADA_SHAPE_GROUPS) {
-        HADA_TRY(hada_prepare_refine_group_columns(slot, HADA_PROGRAM_REFINE_GROUP_COLUMNS_DEFAULT, err));
-        HADA_TRY(hada_prepare_refine_group_rows(slot, HADA_PROGRAM_REFINE_GROUP_ROWS_DEFAULT, err));
-        HADA_TRY(hada_prepare_refine_group_score(slot, HADA_PROGRAM_REFINE_GROUP_SCORE_DEFAULT, err));
-        goto done;
-    }
-    HADA_TRY(hada_prepare_refine_columns(slot, HADA_PROGRAM_REFINE_COLUMNS_DEFAULT, err));
-    HADA_TRY(hada_prepare_refine_rows(slot, HADA_PROGRAM_REFINE_ROWS_DEFAULT, err));
+    HADA_TRY(way_of(slot->context)->prepare(slot, err));
 done:
     return status;
 }
@@ -60,8 +59,7 @@ int hada_refine_fused_takes(const hada_refiner *refiner, int depths)
 
 int hada_refine_fused_most_slices(const hada_context *context, const hada_spectrum_layout *layout)
 {
-    return context->shape == HADA_SHAPE_GROUPS ? layout->blocks * (HADA_FFT_BLOCK / HADA_FFT_LEAST_COLUMNS)
-                                               : layout->blocks;
+    return layout->blocks * (HADA_FFT_BLOCK / way_of(context)->least_columns);
 }
 
 /* Work-groups along the columns of a spectrum, of so many columns each; each adds a sum. */
@@ -73,9 +71,7 @@ static size_t parts_of(const hada_refiner *refiner, int width)
 size_t hada_refine_fused_slices(const hada_refine_run *run)
 {
     const hada_context *context = run->refiner->slot->context;
-    const int width = context->shape == HADA_SHAPE_GROUPS ? group_columns(context, &run->refiner->shape, run->depths)
-                                                          : HADA_FFT_BLOCK;
-    return parts_of(run->refiner, width);
+    return parts_of(run->refiner, way_of(context)->columns(context, &run->refiner->shape, run->depths));
 }
 
 /* The usual count of a transform of n points, in operations. */
@@ -99,29 +95,11 @@ static hada_refine_rows rows_of(const hada_refiner *refiner, const hada_refine_f
                               .width = width};
 }
 
-static hada_status launch_group_columns(const hada_refine_run *run, const hada_refine_step *now, hada_error *err)
-{
-    hada_refiner *refiner = run->refiner;
-    const hada_refine_data *data = run->data;
-    const int width = group_columns(refiner->slot->context, &refiner->shape, run->depths);
-    const hada_refine_rows rows = rows_of(refiner, &(hada_refine_fused_part){0}, width);
-    const hada_local scratch = {(size_t)(width * run->depths * refiner->layout.rows) * 2 * sizeof(float)};
-    const hada_range range = hada_range_groups(hada_refine_fused_slices(run), HADA_REFINE_FUSED_GROUP,
-                                               (size_t)refiner->shape.channels, (size_t)run->sets);
-    return hada_launch_refine_group_columns(
-        refiner->slot, HADA_PROGRAM_REFINE_GROUP_COLUMNS_DEFAULT, &range, err, .planes = refiner->now_u.mem,
-        .otf = data->otf, .list = refiner->list.mem, .frame = data->spectrum,
-        .prior = now->has_prior ? data->prior : data->spectrum, .now_w = refiner->now_w.mem,
-        .partial = refiner->partial.mem, .now = *now, .rows = rows, .table = refiner->fused.columns.table.mem,
-        .scratch = scratch);
-}
-
 hada_status hada_refine_fused_columns(const hada_refine_run *run, const hada_refine_rule *rule, int start, int step,
                                       int place, hada_error *err)
 {
     hada_refiner *refiner = run->refiner;
     const hada_refine_data *data = run->data;
-    const hada_own_pass *pass = &refiner->fused.columns;
     const hada_refine_step now = hada_refine_step_of(run, rule, start, step, place);
     const int channels = refiner->shape.channels, all = run->sets * run->depths;
     const double columns = (refiner->layout.cols / 2 + 1.0) * channels, grid = refiner->layout.rows;
@@ -132,16 +110,7 @@ hada_status hada_refine_fused_columns(const hada_refine_run *run, const hada_ref
                               (now.has_prior ? 4.0 * grid : 0) + 8.0 * ways * all * refiner->shape.window.rows),
                    columns * (ways * all * transform(grid) + grid * ((cold ? 20.0 : 44.0) * all + 16.0 * run->sets)));
     refiner->transforms += (size_t)(all * channels);
-    if (refiner->slot->context->shape == HADA_SHAPE_GROUPS)
-        return launch_group_columns(run, &now, err);
-    const hada_refine_rows rows = rows_of(refiner, &(hada_refine_fused_part){0}, 0);
-    const hada_local scratch = {pass->local_bytes * (size_t)run->depths};
-    const hada_range range = hada_range_groups((size_t)refiner->layout.blocks, 1, (size_t)channels, (size_t)run->sets);
-    return hada_launch_refine_columns(refiner->slot, HADA_PROGRAM_REFINE_COLUMNS_DEFAULT, &range, err,
-                                      .planes = refiner->now_u.mem, .otf = data->otf, .list = refiner->list.mem,
-                                      .frame = data->spectrum, .prior = now.has_prior ? data->prior : data->spectrum,
-                                      .now_w = refiner->now_w.mem, .partial = refiner->partial.mem, .now = now,
-                                      .rows = rows, .table = pass->table.mem, .scratch = scratch);
+    return way_of(refiner->slot->context)->launch_columns(run, &now, err);
 }
 
 /* What the channels add up to takes as much as two columns of a plane do. */
@@ -150,8 +119,8 @@ enum { SCORE_COLUMNS = 2 };
 int hada_refine_fused_scores(const hada_refiner *refiner, int depths)
 {
     const hada_context *context = refiner->slot->context;
-    return refiner->fused.columns.table.mem && context->shape == HADA_SHAPE_GROUPS &&
-           group_columns(context, &refiner->shape, depths + SCORE_COLUMNS) > 0;
+    return refiner->fused.columns.table.mem && way_of(context)->scores &&
+           can_fuse(context, &refiner->shape, depths + SCORE_COLUMNS);
 }
 
 hada_status hada_refine_fused_score(const hada_refine_run *run, const hada_refine_band *band, size_t *slices,
@@ -160,7 +129,7 @@ hada_status hada_refine_fused_score(const hada_refine_run *run, const hada_refin
     hada_refiner *refiner = run->refiner;
     const hada_refine_data *data = run->data;
     const int columns = run->depths + SCORE_COLUMNS, images = run->sets * run->depths * refiner->shape.channels;
-    const int width = group_columns(refiner->slot->context, &refiner->shape, columns);
+    const int width = way_of(refiner->slot->context)->columns(refiner->slot->context, &refiner->shape, columns);
     const hada_refine_rows rows = rows_of(refiner, &(hada_refine_fused_part){0}, width);
     const hada_refine_problem problem = hada_refine_problem_of(run, 0);
     const hada_local scratch = {(size_t)(width * columns * refiner->layout.rows) * 2 * sizeof(float)};
@@ -178,6 +147,93 @@ hada_status hada_refine_fused_score(const hada_refine_run *run, const hada_refin
         .problem = problem, .band = *band, .rows = rows, .table = refiner->fused.columns.table.mem, .scratch = scratch);
 }
 
+hada_status hada_refine_fused_rows(const hada_refine_run *run, const hada_refine_fused_part *part, hada_error *err)
+{
+    hada_refiner *refiner = run->refiner;
+    const int images = run->sets * run->depths * refiner->shape.channels, ways = part->inverse + part->forward;
+    const int window_rows = refiner->shape.window.rows, cols = refiner->shape.window.cols;
+    const double all = (double)images * window_rows;
+    hada_slot_cost(refiner->slot, all * (8.0 * ways * (refiner->layout.cols / 2 + 1.0) + 4.0 * ways * cols),
+                   all * (0.5 * ways * transform(refiner->layout.cols) + (part->clip ? 1.0 : 0) * cols));
+    refiner->transforms += part->forward ? (size_t)images : 0;
+    return way_of(refiner->slot->context)->launch_rows(refiner, part, images, err);
+}
+
+/* Work-groups of one, a block of columns each. */
+static int lane_columns(const hada_context *context, const hada_refine_shape *shape, int depths)
+{
+    return hada_fft_fuses(context, shape->grid_rows, shape->grid_cols, depths) ? HADA_FFT_BLOCK : 0;
+}
+
+static hada_status prepare_lanes(hada_slot *slot, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_prepare_refine_columns(slot, HADA_PROGRAM_REFINE_COLUMNS_DEFAULT, err));
+    HADA_TRY(hada_prepare_refine_rows(slot, HADA_PROGRAM_REFINE_ROWS_DEFAULT, err));
+done:
+    return status;
+}
+
+static hada_status launch_lane_columns(const hada_refine_run *run, const hada_refine_step *now, hada_error *err)
+{
+    hada_refiner *refiner = run->refiner;
+    const hada_refine_data *data = run->data;
+    const hada_own_pass *pass = &refiner->fused.columns;
+    const hada_refine_rows rows = rows_of(refiner, &(hada_refine_fused_part){0}, 0);
+    const hada_local scratch = {pass->local_bytes * (size_t)run->depths};
+    const hada_range range =
+        hada_range_groups((size_t)refiner->layout.blocks, 1, (size_t)refiner->shape.channels, (size_t)run->sets);
+    return hada_launch_refine_columns(refiner->slot, HADA_PROGRAM_REFINE_COLUMNS_DEFAULT, &range, err,
+                                      .planes = refiner->now_u.mem, .otf = data->otf, .list = refiner->list.mem,
+                                      .frame = data->spectrum, .prior = now->has_prior ? data->prior : data->spectrum,
+                                      .now_w = refiner->now_w.mem, .partial = refiner->partial.mem, .now = *now,
+                                      .rows = rows, .table = pass->table.mem, .scratch = scratch);
+}
+
+static hada_status launch_lane_rows(hada_refiner *refiner, const hada_refine_fused_part *part, int images,
+                                    hada_error *err)
+{
+    const hada_refine_rows rows = rows_of(refiner, part, 0);
+    const hada_local scratch = {refiner->fused.rows.local_bytes};
+    const hada_range range = hada_range_groups((size_t)images * hada_divide_up((size_t)rows.rows, GROUP_ROWS), 1, 1, 1);
+    return hada_launch_refine_rows(refiner->slot, HADA_PROGRAM_REFINE_ROWS_DEFAULT, &range, err,
+                                   .spectra = refiner->now_u.mem, .planes = refiner->planes.mem, .rows = rows,
+                                   .tables = refiner->fused.row_tables.mem, .scratch = scratch);
+}
+
+/* Work-groups with local memory. */
+static int group_columns(const hada_context *context, const hada_refine_shape *shape, int depths)
+{
+    return hada_fft_group_columns(context, shape->grid_rows, shape->grid_cols, depths, HADA_REFINE_FUSED_GROUP);
+}
+
+static hada_status prepare_groups(hada_slot *slot, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_prepare_refine_group_columns(slot, HADA_PROGRAM_REFINE_GROUP_COLUMNS_DEFAULT, err));
+    HADA_TRY(hada_prepare_refine_group_rows(slot, HADA_PROGRAM_REFINE_GROUP_ROWS_DEFAULT, err));
+    HADA_TRY(hada_prepare_refine_group_score(slot, HADA_PROGRAM_REFINE_GROUP_SCORE_DEFAULT, err));
+done:
+    return status;
+}
+
+static hada_status launch_group_columns(const hada_refine_run *run, const hada_refine_step *now, hada_error *err)
+{
+    hada_refiner *refiner = run->refiner;
+    const hada_refine_data *data = run->data;
+    const int width = group_columns(refiner->slot->context, &refiner->shape, run->depths);
+    const hada_refine_rows rows = rows_of(refiner, &(hada_refine_fused_part){0}, width);
+    const hada_local scratch = {(size_t)(width * run->depths * refiner->layout.rows) * 2 * sizeof(float)};
+    const hada_range range = hada_range_groups(hada_refine_fused_slices(run), HADA_REFINE_FUSED_GROUP,
+                                               (size_t)refiner->shape.channels, (size_t)run->sets);
+    return hada_launch_refine_group_columns(
+        refiner->slot, HADA_PROGRAM_REFINE_GROUP_COLUMNS_DEFAULT, &range, err, .planes = refiner->now_u.mem,
+        .otf = data->otf, .list = refiner->list.mem, .frame = data->spectrum,
+        .prior = now->has_prior ? data->prior : data->spectrum, .now_w = refiner->now_w.mem,
+        .partial = refiner->partial.mem, .now = *now, .rows = rows, .table = refiner->fused.columns.table.mem,
+        .scratch = scratch);
+}
+
 static hada_status launch_group_rows(hada_refiner *refiner, const hada_refine_fused_part *part, int images,
                                      hada_error *err)
 {
@@ -192,23 +248,19 @@ static hada_status launch_group_rows(hada_refiner *refiner, const hada_refine_fu
                                          .table = refiner->fused.rows.table.mem, .scratch = scratch);
 }
 
-hada_status hada_refine_fused_rows(const hada_refine_run *run, const hada_refine_fused_part *part, hada_error *err)
+/* The one place that asks for the shape. */
+static const fused_way *way_of(const hada_context *context)
 {
-    hada_refiner *refiner = run->refiner;
-    const hada_fft_fused *fused = &refiner->fused;
-    const int images = run->sets * run->depths * refiner->shape.channels, ways = part->inverse + part->forward;
-    const int window_rows = refiner->shape.window.rows, cols = refiner->shape.window.cols;
-    const double all = (double)images * window_rows;
-    hada_slot_cost(refiner->slot, all * (8.0 * ways * (refiner->layout.cols / 2 + 1.0) + 4.0 * ways * cols),
-                   all * (0.5 * ways * transform(refiner->layout.cols) + (part->clip ? 1.0 : 0) * cols));
-    refiner->transforms += part->forward ? (size_t)images : 0;
-    if (refiner->slot->context->shape == HADA_SHAPE_GROUPS)
-        return launch_group_rows(refiner, part, images, err);
-    const hada_refine_rows rows = rows_of(refiner, part, 0);
-    const hada_local scratch = {fused->rows.local_bytes};
-    const hada_range range =
-        hada_range_groups((size_t)images * hada_divide_up((size_t)window_rows, GROUP_ROWS), 1, 1, 1);
-    return hada_launch_refine_rows(refiner->slot, HADA_PROGRAM_REFINE_ROWS_DEFAULT, &range, err,
-                                   .spectra = refiner->now_u.mem, .planes = refiner->planes.mem, .rows = rows,
-                                   .tables = fused->row_tables.mem, .scratch = scratch);
+    static const fused_way lanes = {.columns = lane_columns,
+                                    .least_columns = HADA_FFT_BLOCK,
+                                    .prepare = prepare_lanes,
+                                    .launch_columns = launch_lane_columns,
+                                    .launch_rows = launch_lane_rows};
+    static const fused_way groups = {.columns = group_columns,
+                                     .least_columns = HADA_FFT_LEAST_COLUMNS,
+                                     .scores = 1,
+                                     .prepare = prepare_groups,
+                                     .launch_columns = launch_group_columns,
+                                     .launch_rows = launch_group_rows};
+    return context->shape == HADA_SHAPE_GROUPS ? &groups : &lanes;
 }

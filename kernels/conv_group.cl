@@ -11,7 +11,8 @@
  * items, groups of output channels, images times phases times parts. */
 #include "inc_conv_groups.h"
 
-/* Output channels of a tile: 16, 32 or 64; pixels of an item. */
+/* Output channels of a tile: 4, 16, 32 or 64; pixels of an item. Of a block of eight an item then has the first four
+ * alone: layers of one or three channels leave no more idle. */
 #ifndef CONV_HIGH
 #define CONV_HIGH 64
 #endif
@@ -21,7 +22,7 @@
 
 /* Items stand in CONV_DOWN rows of eight channels by CONV_ACROSS columns of pixels; a warp of 32 (or half a wave of 64)
  * in WARP_DOWN by WARP_ACROSS of them, so that it reads few different values at once. */
-#define CONV_DOWN   (CONV_HIGH / 8)
+#define CONV_DOWN   (CONV_HIGH > 8 ? CONV_HIGH / 8 : 1)
 #define CONV_ACROSS (HADA_CONV_GROUP_ITEMS / CONV_DOWN)
 #define CONV_TILE   (CONV_PIXELS * CONV_ACROSS)
 #define WARP_DOWN   (CONV_DOWN < 4 ? CONV_DOWN : 4)
@@ -36,11 +37,12 @@
 /* A vector of sums for each pixel += channel `c` of four of its values, times the weights of that channel. */
 #define CONV_ADD(c, k)                                                                                                 \
     {                                                                                                                  \
-        const float4 low = w[(k) * (CONV_HIGH / 4)], high = w[(k) * (CONV_HIGH / 4) + 1];                              \
+        const float4 low = w[(k) * (CONV_HIGH / 4)], high = w[(k) * (CONV_HIGH / 4) + (CONV_HIGH > 4)];                \
         _Pragma("unroll") for (int p = 0; p < CONV_PIXELS; ++p)                                                        \
         {                                                                                                              \
             lows[p] = fma((float4)(v[p].c), low, lows[p]);                                                             \
-            highs[p] = fma((float4)(v[p].c), high, highs[p]);                                                          \
+            if (CONV_HIGH > 4)                                                                                         \
+                highs[p] = fma((float4)(v[p].c), high, highs[p]);                                                      \
         }                                                                                                              \
     }
 

@@ -3,9 +3,10 @@
 #ifndef PEAK_WIDTH
 #define PEAK_WIDTH 8
 #endif
-#define PEAK_JOIN(name, width) name##width
-#define PEAK_LOAD(width)       PEAK_JOIN(vload, width)
-#define PEAK_STORE(width)      PEAK_JOIN(vstore, width)
+/* vectors lie at multiples of their size: vload says of floats alone, and compilers then split it */
+#define PEAK_JOIN(width) float##width
+#define PEAK_OF(width)   PEAK_JOIN(width)
+typedef PEAK_OF(PEAK_WIDTH) peak_v;
 
 __kernel void peak_copy(__global const float *in, __global float *out, ulong each, ulong apart, ulong step, ulong count)
 {
@@ -13,6 +14,6 @@ __kernel void peak_copy(__global const float *in, __global float *out, ulong eac
     for (size_t k = 0; k < each; k++) {
         const size_t at = first + k * step;
         if (at < count)
-            PEAK_STORE(PEAK_WIDTH)(PEAK_LOAD(PEAK_WIDTH)(at, in), at, out);
+            ((__global peak_v *)out)[at] = ((__global const peak_v *)in)[at];
     }
 }

@@ -136,7 +136,7 @@ void hada_conv_table_gradient(const hada_context *context, const hada_conv_desc 
 /* Pixels of a tile of work-groups. */
 static inline int hada_conv_group_tile(const hada_conv_pass *pass)
 {
-    return pass->pixels * HADA_CONV_GROUP_ITEMS / (pass->lanes / 8);
+    return pass->pixels * HADA_CONV_GROUP_ITEMS / (pass->lanes > 8 ? pass->lanes / 8 : 1);
 }
 
 /* What is done with a finished sum (hada_conv_epilogue). */

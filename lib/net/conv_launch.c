@@ -83,9 +83,10 @@ hada_status hada_conv_pack(hada_conv *conv, int index, hada_floats weights, hada
     const hada_program_conv_pack program =
         conv->plan.groups ? HADA_PROGRAM_CONV_PACK_DIRECT : HADA_PROGRAM_CONV_PACK_PACK8;
     const size_t each = (size_t)hada_macros_of_conv_pack(program)->conv_pack, block = (size_t)conv->plan.block;
-    const hada_range range =
-        hada_range_of(hada_round_up((size_t)pass->out_channels, (size_t)pass->lanes) / each, PLAIN_LOCAL / each,
-                      hada_round_up((size_t)pass->in_channels, block) / each, 1);
+    /* no more items than channels of whole groups: each writes */
+    const size_t lanes = (size_t)pass->lanes, local = lanes < PLAIN_LOCAL ? lanes : PLAIN_LOCAL;
+    const hada_range range = hada_range_of(hada_round_up((size_t)pass->out_channels, lanes) / each, local / each,
+                                           hada_round_up((size_t)pass->in_channels, block) / each, 1);
     hada_conv_problem problem = geometry_of(conv, index);
     problem.in.channels = pass->in_channels;
     problem.out.channels = pass->out_channels;

@@ -155,6 +155,8 @@ static void plan_direct(const hada_conv_plan *plan, const hada_context *context,
     hada_conv_table_pass(context, pass);
     if (plan->groups)
         hada_conv_table_group(context, pass, plan->desc.kernel_rows * plan->desc.kernel_cols);
+    if (plan->desc.method == HADA_CONV_DIRECT)
+        pass->parts = 1; /* tiles of an image hold the bits of the whole (net/enhance_shape.c) */
     if (choice->method != HADA_CONV_DIRECT || plan->groups)
         return;
     pass->lanes = choice->blocks > 0 ? choice->blocks * plan->block : pass->lanes;

@@ -72,12 +72,12 @@ void hada_conv_table_pass(const hada_context *context, hada_conv_pass *pass)
     pass->rows_each = rows < 1 ? 1 : (int)rows;
 }
 
-/* Tiles of conv_group.cl, and all but the last of conv_tf32.cl. Pixels of an item: fewer where local memory would not
- * hold them. */
+/* Tiles of conv_group.cl, of which conv_tf32.cl has the first. Pixels of an item: fewer where local memory would not
+ * hold them. Few channels are one block of eight, the rest of which the same items make zero. */
 static const struct {
     int lanes, pixels;
-} group_rows[] = {{64, 8}, {32, 8}, {16, 4}};
-enum { GROUP_ROWS = sizeof group_rows / sizeof *group_rows, TF32_ROWS = GROUP_ROWS - 1 };
+} group_rows[] = {{64, 8}, {32, 8}, {16, 4}, {4, 3}};
+enum { GROUP_ROWS = sizeof group_rows / sizeof *group_rows, TF32_ROWS = 2, FEW = 4 };
 
 /* Fewer leave parts of each of the tensor cores' products to zeros. */
 #define TF32_IN_CHANNELS 8
@@ -98,7 +98,8 @@ int hada_conv_table_tf32(const hada_context *context, const hada_conv_pass *pass
 
 void hada_conv_table_group(const hada_context *context, hada_conv_pass *pass, int places)
 {
-    const int rows = pass->method == HADA_CONV_TF32 ? TF32_ROWS : GROUP_ROWS;
+    const int few = pass->out_channels <= FEW && hada_net_block(context) == 8;
+    const int rows = pass->method == HADA_CONV_TF32 ? TF32_ROWS : few ? GROUP_ROWS : GROUP_ROWS - 1;
     long best = 0;
     for (int i = 0; i < rows; i++) {
         const long groups = (pass->out_channels + group_rows[i].lanes - 1) / group_rows[i].lanes;

@@ -3,6 +3,7 @@
 #include "net/receptive_field.h"
 #include "net_fixture.h"
 #include "ref/ref_net.h"
+#include "runtime/profile.h"
 
 static hada_net *unet_of(const char *down, const char *up, int channels, hada_unet_up up_by, int shared)
 {
@@ -380,9 +381,50 @@ static void fields_are_what_layers_reach(void **state)
     hada_net_destroy(&net);
 }
 
+/* Launches of kernels but those that take planes to the net and back. */
+static uint64_t launches_of(net_device *device, const hada_enhance_desc *desc, int count)
+{
+    hada_kernel_time *rows = NULL;
+    size_t row_count = 0;
+    uint64_t launches = 0;
+    int computed, left_out;
+    float *planes = planes_of(desc, count);
+    ASSERT_OK(hada_slot_profile(device->slot, 1, err));
+    run(device, desc, planes, count, &computed, &left_out);
+    assert_int_equal(computed, count);
+    ASSERT_OK(hada_slot_times(device->slot, &rows, &row_count, err));
+    ASSERT_OK(hada_slot_profile(device->slot, 0, err));
+    for (size_t i = 0; i < row_count; i++)
+        if (!rows[i].transfer && strcmp(rows[i].name, "net_tensor_load") != 0 &&
+            strcmp(rows[i].name, "net_tensor_store") != 0)
+            launches += rows[i].launches;
+    free(rows);
+    free(planes);
+    return launches;
+}
+
+/* As many launches as one plane takes. */
+static void planes_of_a_frame_go_in_one_batch(void **state)
+{
+    enum { DEPTHS = 6 };
+    net_device *device = *state;
+    hada_net *net = unet_of("6,6|10", "7", 3, HADA_UNET_LINEAR, 0);
+    hada_enhance_desc desc = {.net = net, .channels = 3, .rows = 20, .cols = 24, .planes = DEPTHS};
+    const hada_kernel_shape own = device->context->shape;
+    device->context->shape = HADA_SHAPE_GROUPS;
+    const uint64_t one = launches_of(device, &desc, 1), all = launches_of(device, &desc, DEPTHS);
+    assert_true(one >= 5);
+    assert_int_equal(all, one);
+    desc.planes = 1;
+    assert_true(launches_of(device, &desc, DEPTHS) > 2 * one);
+    device->context->shape = own;
+    hada_net_destroy(&net);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(planes_of_a_frame_go_in_one_batch),
         cmocka_unit_test(a_plane_at_once_is_the_net),
         cmocka_unit_test(a_net_may_see_the_other_planes),
         cmocka_unit_test(planes_at_once_hold_the_bits_of_one_by_one),

@@ -14,30 +14,23 @@ enum { SCORED_IN_ALL = 8, SCORED_PER_DEPTH = 2 };
 typedef hada_status (*take_pair)(hada_fitter *fitter, int depth, const hada_image *raw, const hada_image *scene,
                                  hada_error *err);
 
-static hada_status read_even(const hada_fit_source *from, int z, int i, hada_image *raw, hada_image *scene,
-                             hada_error *err)
+static hada_status take(hada_fit_loan *loan, const hada_fit_source *from, int z, int i, hada_error *err)
 {
-    hada_status status = HADA_OK;
-    HADA_TRY(hada_dataset_read(from->data, z, i, raw, scene, err));
-    if (from->survey)
-        hada_survey_even(from->survey, z, i, scene);
-done:
-    return status;
+    return hada_fit_loan_take(loan, from->store, from->data, from->survey, z, i, err);
 }
 
-static hada_status one_pair(hada_fitter *fitter, const hada_fit_source *from, int z, int i, take_pair take,
+static hada_status one_pair(hada_fitter *fitter, const hada_fit_source *from, int z, int i, take_pair use,
                             hada_error *err)
 {
     const hada_dataset *data = from->data;
-    hada_image raw, scene;
-    hada_status status = read_even(from, z, i, &raw, &scene, err);
-    if (status)
-        return status;
-    status = take(fitter, z, &raw, &scene, err);
+    hada_fit_loan loan;
+    hada_status status = HADA_OK;
+    HADA_TRY(take(&loan, from, z, i, err));
+    status = use(fitter, z, loan.raw, loan.scene, err);
     if (status)
         hada_error_prefix(err, "%s and %s: ", hada_dataset_raw_path(data, z, i), hada_dataset_scene_path(data, z, i));
-    hada_image_destroy(&raw);
-    hada_image_destroy(&scene);
+done:
+    hada_fit_loan_return(&loan);
     return status;
 }
 
@@ -48,7 +41,7 @@ static int least(int a, int b)
 
 /* Up to `most` pairs of each depth, evenly spread. */
 static hada_status each_pair(hada_fitter *fitter, const hada_fit_source *from, int most, const char *what,
-                             take_pair take, hada_error *err)
+                             take_pair use, hada_error *err)
 {
     const hada_dataset_info *info = hada_dataset_get_info(from->data);
     hada_status status = HADA_OK;
@@ -59,7 +52,7 @@ static hada_status each_pair(hada_fitter *fitter, const hada_fit_source *from, i
     for (int z = 0; z < info->depths; z++) {
         const int count = least(info->counts[z], most);
         for (int i = 0; i < count; i++) {
-            HADA_TRY(one_pair(fitter, from, z, (int)((long)i * info->counts[z] / count), take, err));
+            HADA_TRY(one_pair(fitter, from, z, (int)((long)i * info->counts[z] / count), use, err));
             HADA_TRY(hada_progress_step(&progress, NULL, err));
         }
     }
@@ -192,7 +185,7 @@ typedef struct shown {
     const hada_fit_source *from;
     const char *why;
     hada_progress progress; /* once one is shown */
-    hada_image raw, scene;
+    hada_fit_loan loan;
     int depth, number; /* of it */
 } shown;
 
@@ -203,14 +196,13 @@ static hada_status show(void *user, int depth, int64_t number, const hada_image 
     hada_status status = HADA_OK;
     if (!at->progress.what)
         at->progress = hada_progress_begin(at->from->monitor, at->why, 0);
-    hada_image_destroy(&at->raw);
-    hada_image_destroy(&at->scene);
+    hada_fit_loan_return(&at->loan);
     at->depth = depth;
     at->number = (int)number;
-    HADA_TRY(read_even(at->from, depth, (int)number, &at->raw, &at->scene, err));
+    HADA_TRY(take(&at->loan, at->from, depth, (int)number, err));
     HADA_TRY(hada_progress_step(&at->progress, NULL, err));
-    *raw = &at->raw;
-    *scene = &at->scene;
+    *raw = at->loan.raw;
+    *scene = at->loan.scene;
 done:
     return status;
 }
@@ -219,8 +211,7 @@ static void show_end(shown *at)
 {
     if (at->progress.what)
         hada_progress_end(&at->progress);
-    hada_image_destroy(&at->raw);
-    hada_image_destroy(&at->scene);
+    hada_fit_loan_return(&at->loan);
 }
 
 /* What is wrong with a pair that could be read is said without its name. */

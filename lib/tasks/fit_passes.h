@@ -7,10 +7,13 @@
 #include <hadalens/monitor.h>
 #include <hadalens/survey.h>
 
+#include "tasks/fit_store.h"
+
 /* Where pairs come from. */
 typedef struct hada_fit_source {
     const hada_dataset *data;
     const hada_survey *survey; /* evens scenes out where frames were exposed differently; NULL: they were not */
+    hada_fit_store *store;     /* for pairs that several passes ask for; NULL: they are read each time */
     const hada_monitor *monitor;
     const hada_communicator *communicator; /* ranks that share the pairs of the sums; NULL: none do */
     const char *part;                      /* file for this rank's sums on the way; NULL: none */

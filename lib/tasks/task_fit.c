@@ -26,6 +26,7 @@ typedef struct learning {
     hada_fitter *fitter;
     hada_fit_report *report;
     hada_fit_source from;
+    hada_fit_store store;
     hada_communicator ranks;
     char *part; /* file of this rank's sums on the way */
 } learning;
@@ -219,7 +220,7 @@ static hada_status survey(learning *of, hada_error *err)
     const hada_fit_task *task = &of->task;
     hada_fit_options *fit = &of->fit;
     hada_status status = HADA_OK;
-    of->from = (hada_fit_source){.data = of->data, .monitor = task->monitor};
+    of->from = (hada_fit_source){.data = of->data, .store = &of->store, .monitor = task->monitor};
     if (fit->scene_response == HADA_AUTO && task->merge_count)
         HADA_TRY(hada_fit_sums_response(task->merge[0], &fit->scene_response, err));
     const int open = task->leave_one_out && (fit->scene_response == HADA_AUTO || task->exposure == HADA_EXPOSURE_AUTO);
@@ -248,6 +249,8 @@ static hada_status learn_pairs(learning *of, hada_context *context, hada_model *
     const hada_monitor *monitor = task->monitor;
     hada_status status = HADA_OK;
     tell_data(of);
+    if (task->leave_one_out) /* without it most fits look at each pair once */
+        HADA_TRY(hada_fit_store_create(&of->store, of->data, err));
     HADA_TRY(hada_fit_options_from_dataset(&of->fit, of->data, task->boundary, monitor, err));
     HADA_TRY(survey(of, err));
     HADA_TRY(find_boundary(of, context, err));
@@ -336,6 +339,7 @@ done:
         hada_model_destroy(out);
     hada_fit_report_destroy(&of.report);
     hada_fitter_destroy(&of.fitter);
+    hada_fit_store_free(&of.store);
     free(of.part);
     return status;
 }

@@ -8,6 +8,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "tasks/fit_store.h"
 #include "testing.h"
 
 static char root[200], set[240];
@@ -290,6 +291,44 @@ static void callers_give_pairs(void **state)
     assert_null(data);
 }
 
+/* The passes of a fit read a pair once while there is room, and again where there is none. */
+static void pairs_are_read_once(void **state)
+{
+    hada_dataset *data;
+    hada_fit_store store;
+    hada_fit_loan loan;
+    hada_error failure;
+    (void)state;
+    hada_folder_remove(set);
+    put_pair("z100mm", "a", 1.0f);
+    put_pair("z100mm", "b", 2.0f);
+    put_pair("z200mm", "a", 3.0f);
+    ASSERT_OK(hada_dataset_scan(&data, set, NULL, err));
+    ASSERT_OK(hada_fit_store_create(&store, data, err));
+    ASSERT_OK(hada_fit_loan_take(&loan, &store, data, NULL, 1, 0, err));
+    const hada_image *raw = loan.raw;
+    assert_true(loan.raw->data[0] == 3.0f && loan.scene->data[5] == 103.0f);
+    hada_fit_loan_return(&loan);
+    assert_int_equal(unlink(at("z200mm/raw/a.tif")), 0); /* is not looked at any more */
+    ASSERT_OK(hada_fit_loan_take(&loan, &store, data, NULL, 1, 0, err));
+    assert_true(loan.raw == raw && loan.raw->data[0] == 3.0f && loan.scene->data[5] == 103.0f);
+    hada_fit_loan_return(&loan);
+    store.room = 2 * 6 * sizeof(float) - 1; /* a byte too little for a pair */
+    for (int i = 0; i < 2; i++) {
+        ASSERT_OK(hada_fit_loan_take(&loan, &store, data, NULL, 0, i, err));
+        assert_true(loan.raw->data[0] == 1.0f + (float)i && loan.raw == &loan.own.raw);
+        hada_fit_loan_return(&loan);
+    }
+    ASSERT_OK(hada_fit_loan_take(&loan, NULL, data, NULL, 0, 1, err));
+    assert_true(loan.raw->data[0] == 2.0f);
+    hada_fit_loan_return(&loan);
+    assert_int_equal(unlink(at("z100mm/raw/b.tif")), 0);
+    assert_int_not_equal(hada_fit_loan_take(&loan, &store, data, NULL, 0, 1, &failure), HADA_OK);
+    hada_fit_loan_return(&loan);
+    hada_fit_store_free(&store);
+    hada_dataset_destroy(&data);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -300,6 +339,7 @@ int main(void)
         TEST(two_parts_have_every_pair_once),
         TEST(dark_frames_are_means_over_pages),
         TEST(callers_give_pairs),
+        TEST(pairs_are_read_once),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -261,38 +261,27 @@ static hada_status write_page(hada_tiff_writer *w, const hada_image *image, int 
     return !w->tif || TIFFWriteDirectory(w->tif) ? HADA_OK : failed(w, err);
 }
 
-static float lower(float value, float low)
-{
-    return value < low && value >= -FLT_MAX ? value : low;
-}
-
-static float higher(float value, float high)
-{
-    return value > high && value <= FLT_MAX ? value : high;
-}
-
-/* The range of the finite values, some side by side, so that no comparison waits for the one before. */
+/* The range of the finite values, in many columns side by side, which compilers make vectors of. */
 static void widen_range(hada_tiff_writer *w, const float *values, size_t count)
 {
-    enum { LANES = 8 };
-    float low[LANES], high[LANES];
-    size_t i = 0;
-    for (int l = 0; l < LANES; l++) {
-        low[l] = w->low;
-        high[l] = w->high;
+    enum { COLUMNS = 64 };
+    float low[COLUMNS], high[COLUMNS];
+    for (size_t k = 0; k < COLUMNS; k++) {
+        low[k] = w->low;
+        high[k] = w->high;
     }
-    for (; i + LANES <= count; i += LANES)
-        for (size_t l = 0; l < LANES; l++) {
-            low[l] = lower(values[i + l], low[l]);
-            high[l] = higher(values[i + l], high[l]);
+    for (size_t i = 0; i < count; i += COLUMNS) {
+        const size_t here = count - i < COLUMNS ? count - i : COLUMNS;
+        for (size_t k = 0; k < here; k++) {
+            const float value = values[i + k];
+            const float down = value >= -FLT_MAX ? value : FLT_MAX, up = value <= FLT_MAX ? value : -FLT_MAX;
+            low[k] = down < low[k] ? down : low[k];
+            high[k] = up > high[k] ? up : high[k];
         }
-    for (; i < count; i++) {
-        low[0] = lower(values[i], low[0]);
-        high[0] = higher(values[i], high[0]);
     }
-    for (int l = 0; l < LANES; l++) {
-        w->low = lower(low[l], w->low);
-        w->high = higher(high[l], w->high);
+    for (size_t k = 0; k < COLUMNS; k++) {
+        w->low = low[k] < w->low ? low[k] : w->low;
+        w->high = high[k] > w->high ? high[k] : w->high;
     }
 }
 

@@ -73,16 +73,23 @@ done:
     return status;
 }
 
+/* A question that the device had no memory to answer: what it says decides how results are rounded. */
+static int had_no_memory(cl_int code)
+{
+    return code == CL_OUT_OF_HOST_MEMORY || code == CL_OUT_OF_RESOURCES;
+}
+
 /* Whether its compiler takes products of matrices in TF32 as inline PTX: compute capability 8.0 is the first. */
-static int has_tensor_cores(cl_device_id device)
+static cl_int find_tensor_cores(cl_device_id device, int *found)
 {
     enum { COMPUTE_CAPABILITY_MAJOR_NV = 0x4000, FIRST_WITH_TF32 = 8 }; /* cl_nv_device_attribute_query */
     char extensions[8192] = "";
     cl_uint major = 0;
-    return clGetDeviceInfo(device, CL_DEVICE_EXTENSIONS, sizeof extensions - 1, extensions, NULL) == CL_SUCCESS &&
-           strstr(extensions, "cl_nv_device_attribute_query") &&
-           clGetDeviceInfo(device, COMPUTE_CAPABILITY_MAJOR_NV, sizeof major, &major, NULL) == CL_SUCCESS &&
-           major >= FIRST_WITH_TF32;
+    cl_int code = clGetDeviceInfo(device, CL_DEVICE_EXTENSIONS, sizeof extensions - 1, extensions, NULL);
+    if (code == CL_SUCCESS && strstr(extensions, "cl_nv_device_attribute_query"))
+        code = clGetDeviceInfo(device, COMPUTE_CAPABILITY_MAJOR_NV, sizeof major, &major, NULL);
+    *found = code == CL_SUCCESS && major >= FIRST_WITH_TF32;
+    return code;
 }
 
 /* What follows from the device. */
@@ -92,12 +99,12 @@ static hada_status look_at_device(hada_context *context, hada_error *err)
     if (context->quirks.stated_local && context->info.local_memory_bytes > HADA_STATED_LOCAL)
         context->info.local_memory_bytes = HADA_STATED_LOCAL;
     cl_uint floats = 0; /* a device that does not say is one without vectors */
-    const cl_int code =
-        clGetDeviceInfo(context->device, CL_DEVICE_NATIVE_VECTOR_WIDTH_FLOAT, sizeof floats, &floats, NULL);
-    if (code == CL_OUT_OF_HOST_MEMORY || code == CL_OUT_OF_RESOURCES)
+    cl_int code = clGetDeviceInfo(context->device, CL_DEVICE_NATIVE_VECTOR_WIDTH_FLOAT, sizeof floats, &floats, NULL);
+    if (!had_no_memory(code))
+        code = find_tensor_cores(context->device, &context->tensor_cores);
+    if (had_no_memory(code))
         return hada_fail_cl(err, code, "clGetDeviceInfo");
     context->vector_floats = floats;
-    context->tensor_cores = has_tensor_cores(context->device);
     return HADA_OK;
 }
 

@@ -16,28 +16,40 @@ static uint32_t bits_of(float value)
     return bits;
 }
 
+/* Whether all values are from 0 to `most`: patterns of floats without sign rise with them, and all others are larger.
+ */
+static int within(const float *values, size_t count, float most)
+{
+    const uint32_t last = bits_of(most);
+    uint32_t beyond = 0;
+    for (size_t i = 0; i < count; i++)
+        beyond |= bits_of(values[i]) > last;
+    return !beyond;
+}
+
 /* The loop is written once; each type gets its own compiled copy. Integers divide in float, where both numbers are
- * exact, as wherever they are read (image/pixels.c, io/tiff_sample.c); what is no number is stored as 0. */
-#define PACK(type, most)                                                                                               \
-    do {                                                                                                               \
-        type *to = out;                                                                                                \
-        for (size_t i = 0; i < count; i++) {                                                                           \
-            const float scaled = values[i] * scale, within = scaled >= 0.0f ? scaled : 0.0f;                           \
-            const int number = (int)((within < (most) ? within : (most)) + 0.5f);                                      \
-            to[i] = (type)number;                                                                                      \
-            lost |= bits_of((float)number / scale) ^ bits_of(values[i]);                                               \
-        }                                                                                                              \
-    } while (0)
+ * exact, as wherever they are read (image/pixels.c, io/tiff_sample.c). Without branches: a frame on its way waits. */
+#define PACK(to, most)                                                                                                 \
+    for (size_t i = 0; i < count; i++) {                                                                               \
+        const int number = (int)(values[i] * scale + 0.5f);                                                            \
+        lost |= bits_of((float)number / scale) ^ bits_of(values[i]);                                                   \
+        (to)[i] = number & (most);                                                                                     \
+    }
 
 /* Returns whether every value comes back. */
 static int pack(const float *values, size_t count, void *out, const hada_stored *stored)
 {
     const float scale = stored->scale;
+    const int most = stored->bytes == 1 ? UINT8_MAX : UINT16_MAX;
+    uint8_t *bytes = out;
+    uint16_t *words = out;
     uint32_t lost = 0;
+    if (!within(values, count, (float)most / scale))
+        return 0;
     if (stored->bytes == 1)
-        PACK(uint8_t, 255.0f);
+        PACK(bytes, UINT8_MAX)
     else
-        PACK(uint16_t, 65535.0f);
+        PACK(words, UINT16_MAX)
     return !lost;
 }
 

@@ -23,14 +23,14 @@ if [ "$form" = readers ]; then
     files=(test_output test_folders test_hostile test_hostile_text test_text test_tiff_golden test_tiff_forms test_tiff_bones
         test_tiff_write test_safetensors test_model_file test_model_refusals test_model_enhance test_net_list test_dataset
         test_response test_tuning test_fit_sums)
-    tests=("^($(IFS='|' && echo "${files[*]}"))\$")
+    units="^($(IFS='|' && echo "${files[*]}"))\$" commands=''
     cmake --build "$build" --target fuzz_replay test_faults "${files[@]}" >"$build/build.log"
     stages=(model_file: tiff: files: preview: psf:memory net:memory net:file fit:memory fit:file) runs=all
     rooms=(io model dataset netlist)
 else
     # not what holds arithmetic (check_), measures times, or takes minutes for lines that others reach as well
     left_out='faults|profile|hostile_text|pursuit_hard|fft|classic|fit_refine|train_discriminator|register|optics_occlusion'
-    tests=('^test_' '^cli_(make|words|simulate|evaluate|fit|forward)$')
+    units='^test_' commands='^cli_(make|words|simulate|evaluate|fit|forward)$'
     cmake --build "$build" >"$build/build.log"
     stages=() runs=sites rooms=()
     while read -r stage; do
@@ -55,7 +55,7 @@ part() {
     local name=$1 log
     shift
     ! grep -qxF "$name" "$build/coverage.done" || return 0
-    log=$build/coverage-$(tr -c 'a-z_:\n' . <<<"$name").log
+    log=$build/coverage-${name//[: ]/-}.log
     if "$@" >"$log" 2>&1; then
         echo "$name" >>"$build/coverage.done"
     else
@@ -66,10 +66,13 @@ part() {
 }
 export -f part
 export build FAULT_RUNS=$runs HADALENS_CACHE=off POCL_CACHE_DIR=$build/pocl-cache
-for chosen in '^fuzz_' "${tests[@]}"; do
-    part "$chosen" env -u HADALENS_CACHE ctest --test-dir "$build" --timeout 3000 -j "$(nproc)" --output-on-failure \
-        -R "$chosen" -E "^test_(${left_out:-none})\$"
-done
+tests() { # NAME REGEX
+    [ -z "$2" ] || part "$1" env -u HADALENS_CACHE ctest --test-dir "$build" --timeout 3000 -j "$(nproc)" --output-on-failure \
+        -R "$2" -E "^test_(${left_out:-none})\$"
+}
+tests corpora '^fuzz_'
+tests units "$units"
+tests commands "$commands"
 printf '%s\n' "${stages[@]}" | xargs -P "$(nproc)" -I STAGE \
     bash -c 'FAULT_ONLY=$1 part "$1" "$build/tests/faults/test_faults"' part STAGE
 failed=0

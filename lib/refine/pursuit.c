@@ -13,11 +13,17 @@ enum {
     RANKING_STEPS = 4, /* steps of refinement of each fidelity: docs/refinement.md */
     COARSE_STEPS = 8,
     CONVERGED_STEPS = 20,
+    PARTED_STEPS = 64,
     COARSE_SETS = 16, /* sets side by side */
     FINE_SETS = 2,
     FEW_DEPTHS = 6, /* of a camera: so many are told apart on any grid, and searched for up to the last one */
     MOST_FOUND = 4  /* of more: a scene that needs more than these counts as one that fills all depths */
 };
+
+/* rho begins low, so that depths part, and grows by this a step, so that they settle: eight steps do what a constant
+ * one did in twelve. Neighbours that are nearly alike take their time (docs/refinement.md). */
+#define GROWTH        1.5
+#define PARTED_GROWTH 1.06
 
 /* A depth that is not there explains about the window's share of white noise; the threshold is clearly above that, and
  * between what false and true depths explained (docs/refinement.md). */
@@ -38,14 +44,19 @@ static int longer_side(const hada_pursuit_options *o)
     return rows > cols ? rows : cols;
 }
 
+/* Whether neighbouring depths may be nearly alike: many are told apart on less than half the grid only where it has
+ * many pixels (docs/refinement.md). */
+static int is_dense(const hada_pursuit_options *o)
+{
+    return o->depths > FEW_DEPTHS && longer_side(o) < 4 * SMALL_SIDE;
+}
+
 static hada_pursuit_options complete(const hada_pursuit_options *options)
 {
     hada_pursuit_options o = *options;
     const hada_refine_shape *full = &o.shape;
-    /* many depths are told apart on less than half the grid only where it has many pixels (docs/refinement.md) */
-    const int dense = o.depths > FEW_DEPTHS && longer_side(&o) < 4 * SMALL_SIDE;
     if (o.shrink == 0.0)
-        o.shrink = dense ? 2.0 : fmax(2.0, (double)longer_side(&o) / SMALL_SIDE);
+        o.shrink = is_dense(&o) ? 2.0 : fmax(2.0, (double)longer_side(&o) / SMALL_SIDE);
     if (o.threshold == 0.0) {
         const hada_refine_rect *frame = &full->frame;
         const double pixels = full->boundary == HADA_BOUNDARY_PADDED ? (double)frame->rows * frame->cols
@@ -65,10 +76,12 @@ static void choose_levels(hada_pursuit *p, const hada_context *context, hada_lev
 {
     const hada_pursuit_options *o = &p->options;
     const double shrink = o->shrink;
+    const int parts = is_dense(o), fine_steps = parts ? PARTED_STEPS : CONVERGED_STEPS;
     int ranking = 0, coarse = 0, fine = 0;
+    p->parts = parts;
     p->count = 0;
     if (o->full) {
-        specs[p->count++] = (hada_level_spec){1.0, shrink, 1, CONVERGED_STEPS, FINE_SETS, 0};
+        specs[p->count++] = (hada_level_spec){1.0, shrink, 1, fine_steps, FINE_SETS, 0};
     } else {
         specs[p->count++] = (hada_level_spec){shrink, shrink, 0, CONVERGED_STEPS, COARSE_SETS, 1};
         /* on GPUs all candidates that stand side by side take as long as a few: they need no order */
@@ -79,15 +92,14 @@ static void choose_levels(hada_pursuit *p, const hada_context *context, hada_lev
         }
         if (shrink > 1.0) {
             fine = p->count++;
-            specs[fine] = (hada_level_spec){fmax(1.0, shrink / 2.0), shrink, 1, CONVERGED_STEPS, FINE_SETS, 0};
+            specs[fine] = (hada_level_spec){fmax(1.0, shrink / 2.0), shrink, 1, fine_steps, FINE_SETS, 0};
         }
     }
-    p->fidelity[HADA_FIDELITY_RANKING].level = ranking;
-    p->fidelity[HADA_FIDELITY_COARSE].level = p->fidelity[HADA_FIDELITY_CONVERGED].level = coarse;
-    p->fidelity[HADA_FIDELITY_FINE].level = fine;
-    p->fidelity[HADA_FIDELITY_RANKING].steps = ranking == coarse ? COARSE_STEPS : RANKING_STEPS;
-    p->fidelity[HADA_FIDELITY_COARSE].steps = COARSE_STEPS;
-    p->fidelity[HADA_FIDELITY_CONVERGED].steps = p->fidelity[HADA_FIDELITY_FINE].steps = CONVERGED_STEPS;
+    p->fidelity[HADA_FIDELITY_RANKING] =
+        (hada_effort){ranking, ranking == coarse ? COARSE_STEPS : RANKING_STEPS, GROWTH};
+    p->fidelity[HADA_FIDELITY_COARSE] = (hada_effort){coarse, COARSE_STEPS, GROWTH};
+    p->fidelity[HADA_FIDELITY_CONVERGED] = (hada_effort){coarse, CONVERGED_STEPS, GROWTH};
+    p->fidelity[HADA_FIDELITY_FINE] = (hada_effort){fine, fine_steps, parts ? PARTED_GROWTH : GROWTH};
 }
 
 size_t hada_pursuit_bytes(const hada_context *context, const hada_pursuit_options *options)

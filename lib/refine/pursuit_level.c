@@ -11,10 +11,8 @@ enum { MARGIN = 2 /* pixels: the window is wider by this on every side, for the 
  * a scene cut off there would ring, and ringing is not non-negative. */
 #define TAPER 3.0
 
-/* rho begins low, so that depths part early, and grows, so that they settle: eight steps do what a constant one did in
- * twelve (docs/refinement.md). */
+/* Of rho where it begins: depths part early while it is low. */
 #define FIRST_RHO 0.05
-#define GROWTH    1.5
 
 static hada_refine_shape shape_of(const hada_pursuit_options *options, const hada_level_spec *spec, double shrink)
 {
@@ -334,7 +332,7 @@ done:
     return status;
 }
 
-hada_status hada_level_residuals(hada_pursuit_level *l, int steps, int sets, int depths, const int *list,
+hada_status hada_level_residuals(hada_pursuit_level *l, int steps, double growth, int sets, int depths, const int *list,
                                  double *residual, hada_error *err)
 {
     const hada_refine_data data = data_of(l);
@@ -345,7 +343,7 @@ hada_status hada_level_residuals(hada_pursuit_level *l, int steps, int sets, int
     hada_refine_rule_init(&rule);
     rule.rho = l->options->rho;
     rule.first_rho = FIRST_RHO * rule.rho;
-    rule.growth = GROWTH;
+    rule.growth = growth;
     rule.steps = steps;
     rule.quiet = 1;
     rule.scored = !l->evidence_inverse;

@@ -64,9 +64,9 @@ enum { HADA_LEVEL_NO_DEPTH = -1 };
 /* Sets that a run may hold at no more time than one, 0: each costs its own. */
 int hada_level_room(const hada_pursuit_level *level);
 
-/* residual[k]: the energy that set k of list[sets][depths], refined from nothing by `steps` steps, leaves unexplained
- * of the mean over channels, at the frequencies of the evidence. */
-hada_status hada_level_residuals(hada_pursuit_level *level, int steps, int sets, int depths, const int *list,
-                                 double *residual, hada_error *err);
+/* residual[k]: the energy that set k of list[sets][depths], refined from nothing by `steps` steps, in which rho grows
+ * by the factor `growth` each, leaves unexplained of the mean over channels, at the frequencies of the evidence. */
+hada_status hada_level_residuals(hada_pursuit_level *level, int steps, double growth, int sets, int depths,
+                                 const int *list, double *residual, hada_error *err);
 
 #endif

@@ -28,6 +28,15 @@ enum { SHORTLIST = 3 /* candidates, first in order, that are evaluated for an ad
 #define MOVE_PAIR_TO 0.9
 #define MOVE_TO      0.5
 
+/* Depths as close as this may hide one between or beside them, which explains at least this part of what they leave,
+ * once all have parted; one that is not there explained up to 0.10 (docs/refinement.md). */
+enum { CLOSE_DEPTHS = 2 };
+#define HIDDEN_THRESHOLD 0.12
+
+/* A third depth that steps too few for the threshold show: what depths that are not there explained by so many was
+ * below this, what others did above. */
+#define GLIMPSE 0.07
+
 /* A scene of many depths: what k of them leave, unmoved, is above MANY_LEAVE / k of the frame's amplitude, and all
  * depths together leave less than the part ALL_LEAVE of the energy that the largest set leaves: between what scenes of
  * three and of all depths left (docs/refinement.md). */
@@ -211,16 +220,21 @@ done:
     return status;
 }
 
+static void list_all_additions(search *s, const hada_set *current)
+{
+    s->count = 0;
+    for (int depth = 0; depth < s->pursuit->options.depths; depth++)
+        if (!hada_set_has(current, depth))
+            s->candidates[s->count++] = hada_set_with(current, depth);
+}
+
 /* All sets of one depth more than *current; of them the SHORTLIST first in order. */
 static hada_status list_additions(search *s, const hada_set *current, hada_error *err)
 {
     hada_set first[SHORTLIST];
     double energy;
     hada_status status = HADA_OK;
-    s->count = 0;
-    for (int depth = 0; depth < s->pursuit->options.depths; depth++)
-        if (!hada_set_has(current, depth))
-            s->candidates[s->count++] = hada_set_with(current, depth);
+    list_all_additions(s, current);
     HADA_TRY(evaluate(s, HADA_FIDELITY_RANKING, err));
     const int count = s->count < SHORTLIST ? s->count : SHORTLIST;
     for (int i = 0; i < count; i++)
@@ -355,6 +369,108 @@ done:
     return status;
 }
 
+/* Whether a set has depths within CLOSE_DEPTHS of `depth`, others than it. */
+static int has_near(const hada_set *set, int depth)
+{
+    for (int i = 0; i < set->count; i++)
+        if (set->depth[i] != depth && abs(set->depth[i] - depth) <= CLOSE_DEPTHS)
+            return 1;
+    return 0;
+}
+
+/* Whether `depth` is free and neighbour of one of several close depths. */
+static int is_hidden(const hada_set *set, int depth)
+{
+    int hidden = 0;
+    for (int i = 0; i < set->count; i++)
+        hidden |= abs(set->depth[i] - depth) == 1 && has_near(set, set->depth[i]);
+    return hidden && !hada_set_has(set, depth);
+}
+
+/* Whether a set is among the candidates. */
+static int holds(const search *s, const hada_set *set)
+{
+    int same = 0;
+    for (int i = 0; i < s->count; i++)
+        same |= hada_set_same(&s->candidates[i], set);
+    return same;
+}
+
+/* All sets of one depth more that may be better once all have parted: the first of those that begin to explain
+ * something, and those that hide. */
+static hada_status list_missed(search *s, const hada_set *current, hada_error *err)
+{
+    hada_set likely[SHORTLIST];
+    double now, energy;
+    int count = 0;
+    hada_status status = HADA_OK;
+    list_all_additions(s, current);
+    HADA_TRY(residual_of(s, HADA_FIDELITY_CONVERGED, current, &now, err));
+    HADA_TRY(evaluate(s, HADA_FIDELITY_CONVERGED, err));
+    for (int i = 0; i < SHORTLIST; i++) {
+        const int best = take_best(s, &energy);
+        if (energy <= (1.0 - GLIMPSE) * now)
+            likely[count++] = s->candidates[best];
+    }
+    s->count = 0;
+    for (int depth = 0; depth < s->pursuit->options.depths; depth++)
+        if (is_hidden(current, depth))
+            s->candidates[s->count++] = hada_set_with(current, depth);
+    for (int i = 0; i < count; i++)
+        if (!holds(s, &likely[i]))
+            s->candidates[s->count++] = likely[i];
+done:
+    return status;
+}
+
+/* Whether a set explains enough of what one of a depth less leaves, once all have parted: by what each of them leaves.
+ */
+static int explains(double smaller, double larger)
+{
+    return larger <= (1.0 - HIDDEN_THRESHOLD) * smaller;
+}
+
+/* Drops the depth of *current that explains least, unless that is enough. */
+static hada_status drop_hidden(search *s, hada_set *current, hada_error *err)
+{
+    double now, least;
+    hada_status status = HADA_OK;
+    s->count = reductions_of(current, s->candidates);
+    HADA_TRY(residual_of(s, HADA_FIDELITY_FINE, current, &now, err));
+    HADA_TRY(evaluate(s, HADA_FIDELITY_FINE, err));
+    const hada_set less = s->candidates[take_best(s, &least)];
+    if (!explains(least, now))
+        *current = less;
+done:
+    return status;
+}
+
+/* Depths that few steps do not tell from others: adds those that explain enough once all have parted, moves the set
+ * again, and drops what is then not needed. A single depth hides nothing. */
+static hada_status part(search *s, hada_set *current, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    int added = 0;
+    while (current->count > 1 && current->count < s->pursuit->options.max_depths) {
+        double now, least;
+        HADA_TRY(list_missed(s, current, err));
+        if (!s->count)
+            break;
+        HADA_TRY(residual_of(s, HADA_FIDELITY_FINE, current, &now, err));
+        HADA_TRY(evaluate(s, HADA_FIDELITY_FINE, err));
+        const hada_set more = s->candidates[take_best(s, &least)];
+        if (!explains(now, least))
+            break;
+        *current = more;
+        added = 1;
+        HADA_TRY(move(s, current, HADA_FIDELITY_FINE, err));
+    }
+    if (added)
+        HADA_TRY(drop_hidden(s, current, err));
+done:
+    return status;
+}
+
 hada_status hada_pursuit_search(hada_pursuit *p, hada_pursuit_result *result, hada_error *err)
 {
     search *s = NULL;
@@ -365,6 +481,8 @@ hada_status hada_pursuit_search(hada_pursuit *p, hada_pursuit_result *result, ha
     s->pursuit = s->residuals.pursuit = p;
     s->result = result;
     HADA_TRY(pursue(s, &found, err));
+    if (p->parts && !result->all)
+        HADA_TRY(part(s, &found, err));
     HADA_TRY(hada_residuals_frame(&s->residuals, HADA_FIDELITY_COARSE, &frame, err));
     HADA_TRY(residual_of(s, HADA_FIDELITY_COARSE, &found, &energy, err));
     result->residual = frame > 0.0 ? sqrt(energy / frame) : 0.0;

@@ -151,7 +151,8 @@ static hada_status refine(hada_residuals *residuals, hada_fidelity fidelity, con
         for (int k = 0; k < all->places; k++)
             list[i * all->places + k] = k < all->sets[i]->count ? all->sets[i]->depth[k] : HADA_LEVEL_NO_DEPTH;
     HADA_TRY(make_room(residuals, (size_t)all->count, err));
-    HADA_TRY(hada_level_residuals(level_of(residuals, fidelity), p->fidelity[fidelity].steps, all->count, all->places,
+    const hada_effort *effort = &p->fidelity[fidelity];
+    HADA_TRY(hada_level_residuals(level_of(residuals, fidelity), effort->steps, effort->growth, all->count, all->places,
                                   list, energy, err));
     for (int i = 0; i < all->count; i++)
         residuals->known[residuals->count++] = (hada_known_residual){fidelity, *all->sets[i], energy[i]};
@@ -185,6 +186,7 @@ hada_status hada_residuals_of_all(const hada_residuals *residuals, double *energ
     int list[HADA_PURSUIT_DEPTHS];
     for (int depth = 0; depth < p->options.depths; depth++)
         list[depth] = depth;
-    return hada_level_residuals(level_of(residuals, HADA_FIDELITY_COARSE), p->fidelity[HADA_FIDELITY_COARSE].steps, 1,
+    const hada_effort *effort = &p->fidelity[HADA_FIDELITY_COARSE];
+    return hada_level_residuals(level_of(residuals, HADA_FIDELITY_COARSE), effort->steps, effort->growth, 1,
                                 p->options.depths, list, energy, err);
 }

@@ -15,14 +15,18 @@ typedef enum hada_fidelity {
     HADA_FIDELITIES = 4
 } hada_fidelity;
 
+typedef struct hada_effort {
+    int level, steps;
+    double growth; /* of rho, a step */
+} hada_effort;
+
 struct hada_pursuit {
     hada_slot *slot;
     hada_pursuit_options options; /* zeros replaced */
     hada_pursuit_level levels[HADA_PURSUIT_LEVELS];
     int count; /* of levels */
-    struct {
-        int level, steps;
-    } fidelity[HADA_FIDELITIES];
+    hada_effort fidelity[HADA_FIDELITIES];
+    int parts; /* 1: neighbours may be nearly alike, and are parted at the finer grid */
 };
 
 /* Depths in rising order. */

@@ -15,17 +15,17 @@ typedef struct fixture {
     double *images; /* [channel][grid] */
 } fixture;
 
-static hada_pursuit *make_pursuit(const fixture *f, int full)
+static hada_pursuit *make_pursuit(const tiny_device *device, int depths, int full)
 {
     hada_pursuit *pursuit;
     hada_pursuit_options options;
     hada_pursuit_options_init(&options);
-    options.shape = f->device.shape;
-    options.depths = DEPTHS;
+    options.shape = device->shape;
+    options.depths = depths;
     options.full = full;
-    ASSERT_OK(hada_pursuit_create(&pursuit, f->device.slot, NULL, &options, err));
-    ASSERT_OK(hada_pursuit_set_otf(pursuit, 0, DEPTHS, f->device.otf.mem, 0, err));
-    ASSERT_OK(hada_pursuit_set_prior(pursuit, f->device.prior.mem, err));
+    ASSERT_OK(hada_pursuit_create(&pursuit, device->slot, NULL, &options, err));
+    ASSERT_OK(hada_pursuit_set_otf(pursuit, 0, depths, device->otf.mem, 0, err));
+    ASSERT_OK(hada_pursuit_set_prior(pursuit, device->prior.mem, err));
     return pursuit;
 }
 
@@ -45,8 +45,8 @@ static int set_up(void **state)
     tiny_scene(&f.world, 30, f.scenes);
     tiny_shoot(&f.world, f.scenes, NOISE, 6, f.images);
     tiny_prior(&f.device, &f.camera, f.images, NOISE);
-    f.cheap = make_pursuit(&f, 0);
-    f.full = make_pursuit(&f, 1);
+    f.cheap = make_pursuit(&f.device, DEPTHS, 0);
+    f.full = make_pursuit(&f.device, DEPTHS, 1);
     *state = &f;
     return 0;
 }
@@ -100,6 +100,13 @@ static void background(fixture *f, int depth)
     put(f, 41, 2 * depth, 0, WINDOW, 0, WINDOW, 1.0, 7);
 }
 
+/* The frame of the scenes, channel by channel. */
+static void shoot(fixture *f)
+{
+    for (int c = 0; c < CHANNELS; c++)
+        tiny_shoot(&f->world, scene_of(f, c, 0), NOISE, 7 + (unsigned)c, f->images + (size_t)c * f->world.pixels);
+}
+
 static void describe(const hada_pursuit_result *result, char *text, size_t size)
 {
     text[0] = 0;
@@ -114,8 +121,7 @@ static void look(fixture *f, const char *what, const char *wanted, hada_pursuit_
 {
     hada_pursuit_result full;
     char found[64], whole[64];
-    for (int c = 0; c < CHANNELS; c++)
-        tiny_shoot(&f->world, scene_of(f, c, 0), NOISE, 7 + (unsigned)c, f->images + (size_t)c * f->world.pixels);
+    shoot(f);
     tiny_expose_colours(&f->device, &f->camera, f->images);
     ASSERT_OK(hada_pursuit_run(f->cheap, f->device.spectrum.mem, 0, result, err));
     ASSERT_OK(hada_pursuit_run(f->full, f->device.spectrum.mem, 0, &full, err));
@@ -140,6 +146,37 @@ static void neighbouring_depths(void **state)
         put(f, 42, 2 * (3 * k + 1), 0, WINDOW, WINDOW / 2, WINDOW, 1.0, 7);
         look(f, "neighbours", wanted[k], &result);
     }
+}
+
+/* Depths half as far apart, as the world has them: few steps do not tell the middle one of three from those beside it.
+ */
+static void a_depth_hidden_between_neighbours(void **state)
+{
+    static const int first[] = {1, 4, 7};
+    fixture *f = *state;
+    tiny_device device;
+    hada_pursuit_result result;
+    tiny_upload(&device, &f->world);
+    tiny_scene(&f->world, 30, f->scenes);
+    tiny_shoot(&f->world, f->scenes, NOISE, 6, f->images);
+    tiny_prior(&device, &f->world, f->images, NOISE);
+    hada_pursuit *pursuit = make_pursuit(&device, FINE_DEPTHS, 0);
+    for (int k = 0; k < 3; k++) {
+        char found[64], wanted[64];
+        clear(f);
+        put(f, 41, first[k], 0, WINDOW, 0, WINDOW, 1.0, 7);
+        put(f, 42, first[k] + 1, 0, WINDOW, WINDOW / 2, WINDOW / 2 + 10, 0.4, 7);
+        put(f, 43, first[k] + 2, 0, WINDOW, WINDOW / 2 + 10, WINDOW, 1.0, 7);
+        shoot(f);
+        tiny_expose_colours(&device, &f->world, f->images);
+        ASSERT_OK(hada_pursuit_run(pursuit, device.spectrum.mem, 0, &result, err));
+        describe(&result, found, sizeof found);
+        snprintf(wanted, sizeof wanted, "%d %d %d", first[k], first[k] + 1, first[k] + 2);
+        print_message("hidden: found %s of %s, %zu transforms\n", found, wanted, result.transforms);
+        assert_string_equal(found, wanted);
+    }
+    hada_pursuit_destroy(&pursuit);
+    tiny_release(&device);
 }
 
 static void three_depths(void **state)
@@ -249,6 +286,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(neighbouring_depths),
+        cmocka_unit_test(a_depth_hidden_between_neighbours),
         cmocka_unit_test(three_depths),
         cmocka_unit_test(a_slanted_plane),
         cmocka_unit_test(an_object_in_one_colour),

@@ -2,7 +2,8 @@
  *
  *   CL_PRETEND=WORD[,WORD]...
  *     gpu          a GPU: memory of its own, vectors of one float, 48 KiB of local memory, groups of 1024
- *     fpga         an accelerator that cannot compile, with 32 KiB of local memory
+ *     fpga         an accelerator that cannot compile, with memory of its own, 32 KiB of it local
+ *     apart        memory of its own
  *     wave64       waves of 64 work-items, groups of 256
  *     local=N      so many bytes of local memory
  *     memory=N     so many bytes of memory, a quarter of them in one piece
@@ -25,7 +26,7 @@
 
 typedef struct pretence {
     cl_device_type type; /* 0: the truth, here and below */
-    int no_compiler, plain;
+    int no_compiler, plain, apart;
     cl_ulong local, memory, largest;
     size_t group, wave;
     cl_uint units, align, queues, slow_ms;
@@ -52,6 +53,8 @@ static void read_word(pretence *p, const char *word)
         p->group = 256;
     } else if (!strcmp(word, "plain")) {
         p->plain = 1;
+    } else if (!strcmp(word, "apart")) {
+        p->apart = 1;
     } else if (!strncmp(word, "local=", 6)) {
         p->local = number;
     } else if (!strncmp(word, "memory=", 7)) {
@@ -107,7 +110,7 @@ static void disguise(cl_device_info which, void *value)
     switch (which) {
     case CL_DEVICE_TYPE: *(cl_device_type *)value = now.type ? now.type : *(cl_device_type *)value; break;
     case CL_DEVICE_NATIVE_VECTOR_WIDTH_FLOAT: *(cl_uint *)value = gpu ? 1 : *(cl_uint *)value; break;
-    case CL_DEVICE_HOST_UNIFIED_MEMORY: *(cl_bool *)value = now.type ? CL_FALSE : *(cl_bool *)value; break;
+    case CL_DEVICE_HOST_UNIFIED_MEMORY: *(cl_bool *)value = now.type || now.apart ? CL_FALSE : *(cl_bool *)value; break;
     case CL_DEVICE_MAX_COMPUTE_UNITS: *(cl_uint *)value = now.units ? now.units : *(cl_uint *)value; break;
     case CL_DEVICE_LOCAL_MEM_TYPE:
         *(cl_device_local_mem_type *)value = now.type ? CL_LOCAL : *(cl_device_local_mem_type *)value;

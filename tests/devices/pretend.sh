@@ -66,7 +66,7 @@ tight) as gpu,memory=100663296,align=4096 ;;
 cpu) as local=32768,plain,memory=134217728,queues=1,align=4096,slow=100 ;;
 fpga)
     # a cache that has seen the way is a folder of binaries as well
-    HADALENS_CACHE=$PWD/kernels as local=32768,queues=1,align=4096
+    HADALENS_CACHE=$PWD/kernels as apart,local=32768,queues=1,align=4096
     rm -rf fitted* linear refined surface trained*
     HADALENS_BINARIES=$PWD/kernels as fpga,queues=1,align=4096
     ;;

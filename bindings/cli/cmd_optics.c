@@ -48,7 +48,7 @@ static void say_rows(hada_cli *cli, const hada_optics_report *report)
     hada_cli_say(cli, "%9s %6s %8s %6s %6s %8s %8s %8s %9s %9s", "mm", "", "px", "px", "px", "", "", "mm", "mm", "");
     for (int z = 0; z < curves->depths; z++) {
         const hada_optics_row *r = hada_optics_report_row(report, z);
-        hada_cli_digits defocus, airy, axial, occupancy;
+        hada_cli_digits defocus = "", airy = "", axial = "", occupancy = "";
         hada_cli_say(cli, "%9.4g %6.3f %8s %6s %6.2f %8.3f %8.3f %8.3f %9s %9s", r->distance_mm, r->magnification,
                      number(defocus, r->defocus_pixels), number(airy, r->airy_pixels), r->spot_pixels, r->support,
                      r->sidelobe, r->lateral_mm, number(axial, r->axial_mm), number(occupancy, r->occupancy));

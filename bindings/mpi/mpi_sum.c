@@ -4,6 +4,7 @@
 enum { RUN = 512 };
 
 /* Sums of all ranks in the order of their numbers, in double precision. */
+/* NOLINTBEGIN(bugprone-macro-parentheses): a type cannot stand in parentheses */
 #define DEFINE_ADD(type)                                                                                               \
     static void add_##type(type *out, const void *const *parts, size_t first, int ranks, size_t count)                 \
     {                                                                                                                  \
@@ -19,6 +20,7 @@ enum { RUN = 512 };
         for (size_t i = 0; i < count; i++)                                                                             \
             out[i] = (type)sums[i];                                                                                    \
     }
+/* NOLINTEND(bugprone-macro-parentheses) */
 DEFINE_ADD(double)
 DEFINE_ADD(float)
 

@@ -120,7 +120,7 @@ static hada_status rank_tv(trial_work *work, const trial_set *set, const double 
                            hada_error *err)
 {
     const hada_model_info *info = &work->bench.with->model->info;
-    hada_refine_weights weights[TV_PLACES];
+    hada_refine_weights weights[TV_PLACES] = {{0.0, 0.0, 0.0}};
     hada_status status = HADA_OK;
     for (int i = 0; i < count; i++)
         weights[i] = (hada_refine_weights){tv[i], work->weights.colour, 0.0};

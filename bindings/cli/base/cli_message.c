@@ -253,10 +253,10 @@ json_t *hada_cli_reals(const double *values, int count)
     return list;
 }
 
-void hada_cli_set(json_t *object, const hada_cli_member *members, size_t count)
+void hada_cli_set(json_t *object, const hada_cli_member *members)
 {
-    for (size_t i = 0; i < count; i++)
-        json_object_set_new(object, members[i].key, hada_cli_real(members[i].value));
+    for (; members->key; members++)
+        json_object_set_new(object, members->key, hada_cli_real(members->value));
 }
 
 json_t *hada_cli_error_json(const hada_error *err)

@@ -19,7 +19,7 @@ fi
 echo "$formatted" | xargs clang-format --dry-run -Werror || { echo "lint: format with $0 --fix"; failed=1; }
 
 cppcheck --quiet --enable=warning,performance,portability --inline-suppr --std=c11 --error-exitcode=1 -j "$(nproc)" \
-    --suppress=missingIncludeSystem -I lib -I lib/include -I kernels -I "$build/generated" lib bindings ||
+    --suppress=missingIncludeSystem -I lib -I lib/include -I kernels -I bindings/cli/base -I bindings/cli/shared -I "$build/generated" lib bindings ||
     { echo "lint: findings of cppcheck"; failed=1; }
 
 sources 'lib/*.c' 'bindings/*.c' | xargs -P "$(nproc)" -n 8 clang-tidy -p "$build" --quiet 2>/dev/null ||

@@ -127,11 +127,7 @@ typedef struct hada_cli_member {
     double value;
 } hada_cli_member;
 void hada_cli_set(json_t *object, const hada_cli_member *members); /* the last one has no key */
-#ifdef __cppcheck__ /* which gives up on braces among the arguments of a macro */
-#define HADA_CLI_SET(object, ...) (void)(object)
-#else
 #define HADA_CLI_SET(object, ...) hada_cli_set(object, (const hada_cli_member[]){__VA_ARGS__, {NULL, 0.0}})
-#endif
 json_t *hada_cli_error_json(const hada_error *err);
 
 /* Opens the device that --device, --binaries and the environment choose. */

@@ -58,6 +58,7 @@ for _ in $(seq 200); do
     [ -n "$(find . -maxdepth 1 -name '.set.hadalens-*')" ] && break
     sleep 0.05
 done
+sleep 0.2 # in the midst of writing
 kill -s TERM $!
 kill -s TERM $!
 wait $!

@@ -26,7 +26,10 @@ static hada_status open_one(hada_cli *cli, const char *words, hada_context **out
     options.log = log_message;
     options.log_user = cli;
     options.log_level = cli->common->verbose ? HADA_LOG_INFO : HADA_LOG_WARNING;
-    return hada_context_create(out, &options, err);
+    const hada_status status = hada_context_create(out, &options, err);
+    /* LLVM, in CPU drivers, has put its own handlers before ours, which a signal takes away for a moment */
+    hada_cli_catch_signals();
+    return status;
 }
 
 static json_t *name_json(const hada_device_info *device)

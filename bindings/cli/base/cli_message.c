@@ -284,14 +284,14 @@ void hada_cli_catch_signals(void)
 {
     /* SIGUSR2: from batch systems; SIGUSR1 is swallowed by LLVM, which CPU drivers bring */
     const int numbers[] = {SIGINT, SIGTERM, SIGPIPE, SIGHUP, SIGUSR2};
+    static int hangups = -1; /* nohup and its like let SIGHUP be ignored; a driver's handler would hide that later */
     struct sigaction now = {.sa_handler = on_signal, .sa_flags = SA_RESTART}, before;
     sigemptyset(&now.sa_mask);
-    for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++) {
-        /* nohup and its like let SIGHUP be ignored */
-        if (numbers[i] == SIGHUP && !sigaction(SIGHUP, NULL, &before) && before.sa_handler == SIG_IGN)
-            continue;
-        sigaction(numbers[i], &now, NULL);
-    }
+    if (hangups < 0)
+        hangups = sigaction(SIGHUP, NULL, &before) || before.sa_handler != SIG_IGN;
+    for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++)
+        if (numbers[i] != SIGHUP || hangups)
+            sigaction(numbers[i], &now, NULL);
 }
 
 void hada_cli_end_by_pipe(void)

@@ -220,25 +220,25 @@ done:
     return status;
 }
 
-static void list_all_additions(search *s, const hada_set *current)
+/* Lists the sets of one depth more than *current: the SHORTLIST that leave least, evaluated so, of those that leave no
+ * more than `most`. */
+static hada_status shortlist(search *s, const hada_set *current, hada_fidelity fidelity, double most, hada_error *err)
 {
+    hada_set first[SHORTLIST];
+    double energy;
+    int count = 0;
+    hada_status status = HADA_OK;
     s->count = 0;
     for (int depth = 0; depth < s->pursuit->options.depths; depth++)
         if (!hada_set_has(current, depth))
             s->candidates[s->count++] = hada_set_with(current, depth);
-}
-
-/* All sets of one depth more than *current; of them the SHORTLIST first in order. */
-static hada_status list_additions(search *s, const hada_set *current, hada_error *err)
-{
-    hada_set first[SHORTLIST];
-    double energy;
-    hada_status status = HADA_OK;
-    list_all_additions(s, current);
-    HADA_TRY(evaluate(s, HADA_FIDELITY_RANKING, err));
-    const int count = s->count < SHORTLIST ? s->count : SHORTLIST;
-    for (int i = 0; i < count; i++)
-        first[i] = s->candidates[take_best(s, &energy)];
+    HADA_TRY(evaluate(s, fidelity, err));
+    while (count < SHORTLIST && count < s->count) {
+        const int best = take_best(s, &energy);
+        if (energy > most)
+            break;
+        first[count++] = s->candidates[best];
+    }
     memcpy(s->candidates, first, (size_t)count * sizeof *first);
     s->count = count;
 done:
@@ -275,7 +275,7 @@ static hada_status detect_many(search *s, const hada_set *pair, hada_set *larges
             goto done;
         if (largest->count == o->max_depths)
             break;
-        HADA_TRY(list_additions(s, largest, err));
+        HADA_TRY(shortlist(s, largest, HADA_FIDELITY_RANKING, INFINITY, err));
         HADA_TRY(best_candidate(s, largest, &energy, err));
     }
     HADA_TRY(hada_residuals_of_all(&s->residuals, &all, err));
@@ -296,7 +296,7 @@ static hada_status best_addition(search *s, const hada_set *current, hada_set *m
     *many = 0;
     /* where nothing is added, these come next */
     hada_residuals_ahead(&s->residuals, HADA_FIDELITY_COARSE, less, reductions_of(current, less));
-    HADA_TRY(list_additions(s, current, err));
+    HADA_TRY(shortlist(s, current, HADA_FIDELITY_RANKING, INFINITY, err));
     /* the last one that there is room for: that it is needed says enough, which one it is does not matter */
     if (last) {
         *more = s->candidates[0];
@@ -387,38 +387,17 @@ static int is_hidden(const hada_set *set, int depth)
     return hidden && !hada_set_has(set, depth);
 }
 
-/* Whether a set is among the candidates. */
-static int holds(const search *s, const hada_set *set)
-{
-    int same = 0;
-    for (int i = 0; i < s->count; i++)
-        same |= hada_set_same(&s->candidates[i], set);
-    return same;
-}
-
 /* All sets of one depth more that may be better once all have parted: the first of those that begin to explain
  * something, and those that hide. */
 static hada_status list_missed(search *s, const hada_set *current, hada_error *err)
 {
-    hada_set likely[SHORTLIST];
-    double now, energy;
-    int count = 0;
+    double now;
     hada_status status = HADA_OK;
-    list_all_additions(s, current);
     HADA_TRY(residual_of(s, HADA_FIDELITY_CONVERGED, current, &now, err));
-    HADA_TRY(evaluate(s, HADA_FIDELITY_CONVERGED, err));
-    for (int i = 0; i < SHORTLIST; i++) {
-        const int best = take_best(s, &energy);
-        if (energy <= (1.0 - GLIMPSE) * now)
-            likely[count++] = s->candidates[best];
-    }
-    s->count = 0;
+    HADA_TRY(shortlist(s, current, HADA_FIDELITY_CONVERGED, (1.0 - GLIMPSE) * now, err));
     for (int depth = 0; depth < s->pursuit->options.depths; depth++)
-        if (is_hidden(current, depth))
+        if (is_hidden(current, depth)) /* once more in the list is no more work */
             s->candidates[s->count++] = hada_set_with(current, depth);
-    for (int i = 0; i < count; i++)
-        if (!holds(s, &likely[i]))
-            s->candidates[s->count++] = likely[i];
 done:
     return status;
 }

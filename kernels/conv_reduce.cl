@@ -8,7 +8,8 @@
 #if CONV_PARTIALS
 
 /* dw[coarse][fine][place] from partial[part][coarse block][fine filled up][place][coarse], `blocks` coarse blocks.
- * Dimensions: fine channels, blocks of coarse channels. */
+ * Where they are swapped, dw[fine][coarse][places - 1 - place]. Dimensions: fine channels, blocks of coarse channels.
+ */
 __kernel void conv_reduce_weights(__global const float *partial, __global float *dw, hada_conv_partials sizes,
                                   ulong dw_offset, int accumulate)
 {
@@ -16,11 +17,13 @@ __kernel void conv_reduce_weights(__global const float *partial, __global float 
     const int fine_channels = sizes.fine_channels;
     const int fine = get_global_id(0), block = get_global_id(1);
     const int present = min(NET_BLOCK, sizes.coarse_channels - block * NET_BLOCK);
+    const int swapped = sizes.swapped, lane_step = (swapped ? 1 : fine_channels) * places;
+    const int fine_step = (swapped ? sizes.coarse_channels : 1) * places;
     const size_t part_floats = (size_t)sizes.blocks * fine_filled * places * NET_BLOCK;
     if (fine >= fine_channels)
         return;
     partial += ((size_t)block * fine_filled + fine) * places * NET_BLOCK;
-    dw += dw_offset + ((size_t)block * NET_BLOCK * fine_channels + fine) * places;
+    dw += dw_offset + (size_t)block * NET_BLOCK * lane_step + (size_t)fine * fine_step;
     for (int place = 0; place < places; ++place) {
         conv_v sum = CONV_LOAD(partial + place * NET_BLOCK);
         for (int part = 1; part < parts; ++part)
@@ -28,7 +31,7 @@ __kernel void conv_reduce_weights(__global const float *partial, __global float 
         float lanes[NET_BLOCK];
         CONV_STORE(sum, lanes);
         for (int k = 0; k < present; ++k) {
-            __global float *to = dw + (size_t)k * fine_channels * places + place;
+            __global float *to = dw + (size_t)k * lane_step + (swapped ? places - 1 - place : place);
             *to = accumulate ? *to + lanes[k] : lanes[k];
         }
     }

@@ -57,8 +57,10 @@ HADA_SHARED_SIZE(hada_conv_correlation, 104)
 typedef struct hada_conv_partials {
     int parts, blocks, fine_filled, places;
     int coarse_channels, fine_channels;
+    int swapped; /* coarse and fine have changed places, and kernels are mirrored: lanes only */
+    int unused;
 } hada_conv_partials;
-HADA_SHARED_SIZE(hada_conv_partials, 24)
+HADA_SHARED_SIZE(hada_conv_partials, 32)
 
 /* Which of a kernel's taps meet the pixels of one phase. Output pixel R = step * r + phase takes input r + first + t
  * with taps t = 0 ... count - 1; of the kernel that is place u = u0 - step * t, where `pad` is counted as for a

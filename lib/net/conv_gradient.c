@@ -85,6 +85,11 @@ hada_status hada_conv_weights(hada_conv *conv, const hada_tensor *coarse, const 
     const int groups = conv->plan.groups, block = conv->plan.block;
     if (g->method == HADA_CONV_PLAIN)
         return plain_weights(conv, coarse, fine, dw, accumulate, err);
+    if (g->swapped) {
+        const hada_tensor *was = fine;
+        fine = coarse;
+        coarse = was;
+    }
     /* every part has a strip at least */
     const int strips = coarse->images * ((coarse->rows + g->strip_rows - 1) / g->strip_rows);
     const hada_conv_partials sizes = {
@@ -93,7 +98,8 @@ hada_status hada_conv_weights(hada_conv *conv, const hada_tensor *coarse, const 
         .fine_filled = g->fine_groups * (groups ? HADA_CONV_GRADIENT_LANES : g->fine_each),
         .places = d->kernel_rows * d->kernel_cols,
         .coarse_channels = coarse->channels,
-        .fine_channels = fine->channels};
+        .fine_channels = fine->channels,
+        .swapped = g->swapped};
     HADA_TRY(partial_weights(conv, coarse, fine, (size_t)sizes.parts, err));
     HADA_TRY(groups ? reduce_groups(conv, coarse, dw, &sizes, accumulate, err)
                     : reduce_lanes(conv, coarse, dw, &sizes, accumulate, err));

@@ -20,6 +20,7 @@ typedef struct hada_conv_pass {
     int taps_rows, taps_cols; /* padding as hada_conv_taps_of() counts it */
     int lanes;                /* output channels in a group of the packed weights */
     int pixels;               /* pixels, or tiles, at a time */
+    int few;                  /* direct: output channels that conv_few.cl takes; 0: conv_direct.cl serves */
     int rows_each;            /* direct: rows of a work-item */
     int tile;                 /* Winograd: 2 or 4 */
     int tiles;                /* Winograd in one launch: tiles of a work-item; 0: in three launches */
@@ -34,6 +35,7 @@ typedef struct hada_conv_pass {
 /* The gradient of the weights: sums over strips of rows, shared out to parts. */
 typedef struct hada_conv_gradient {
     hada_conv_method method;
+    int swapped; /* what is called fine here is the convolution's coarse image, and the other way round */
     int coarse_channels, coarse_rows, coarse_cols, fine_channels, fine_rows, fine_cols;
     int blocks, fine_each, cols_each, rows_each; /* of a work-item; columns and rows of the kernel */
     int coarse_groups, fine_groups;
@@ -115,6 +117,8 @@ int hada_conv_table_winograd(const hada_context *context, const hada_conv_desc *
 int hada_conv_table_gradient_winograd(const hada_context *context, const hada_conv_desc *desc,
                                       const hada_conv_gradient *gradient);
 void hada_conv_table_tiles(const hada_context *context, hada_conv_pass *pass);
+/* Whether conv_few.cl serves a direct pass with these taps, stride 1 and few output channels. */
+void hada_conv_table_few(const hada_context *context, hada_conv_pass *pass, int taps);
 /* Whether there is a direct kernel for so many blocks and pixels that takes the pass; number `index` of those that do,
  * 0 when there are no more; tiles that Winograd's kernels for one launch and for three take at a time, and whether a
  * work-item's tiles find room. */

@@ -1,6 +1,7 @@
 /* Launches of the passes of a convolution: packed weights, direct sums, the plain way, pooling. */
 #include "core/round.h"
 #include "launch/conv_direct.h"
+#include "launch/conv_few.h"
 #include "launch/conv_group.h"
 #include "launch/conv_group_finish.h"
 #include "launch/conv_pack.h"
@@ -95,10 +96,27 @@ hada_status hada_conv_pack(hada_conv *conv, int index, hada_floats weights, hada
                                  .lanes = pass->lanes);
 }
 
+static hada_status direct_few(hada_conv *conv, int index, const hada_tensor *in, const hada_tensor *out,
+                              const hada_conv_finish *finish, hada_error *err)
+{
+    const hada_conv_pass *pass = &conv->plan.pass[index];
+    const hada_conv_desc *d = &conv->plan.desc;
+    const size_t taps = (size_t)(d->kernel_rows * d->kernel_cols), blocks = (size_t)hada_layout_of(in).blocks;
+    const hada_range range =
+        hada_range_of(hada_divide_up((size_t)out->rows, (size_t)pass->rows_each), 1, (size_t)in->images, 1);
+    return hada_launch_conv_few(conv->slot, (hada_program_conv_few)pass->program, &range, err, .x = in->mem,
+                                .weights = conv->weights[index].mem, .bias = finish->bias.mem, .y = out->mem,
+                                .mask = hada_conv_mask(finish),
+                                .w = {taps * (size_t)pass->few * blocks * (size_t)in->block * sizeof(float)},
+                                .problem = hada_conv_problem_of(conv, index, in, out, finish, 0));
+}
+
 static hada_status direct_lanes(hada_conv *conv, int index, const hada_tensor *in, const hada_tensor *out,
                                 const hada_conv_finish *finish, hada_error *err)
 {
     const hada_conv_pass *pass = &conv->plan.pass[index];
+    if (pass->few)
+        return direct_few(conv, index, in, out, finish, err);
     const hada_range range =
         hada_range_of(hada_divide_up((size_t)out->channels, (size_t)pass->lanes), 1,
                       hada_divide_up((size_t)out->rows, (size_t)pass->rows_each), (size_t)in->images);

@@ -5,6 +5,7 @@
 
 #include "core/round.h"
 #include "launch/conv_direct.h"
+#include "launch/conv_few.h"
 #include "launch/conv_group.h"
 #include "launch/conv_tf32.h"
 #include "launch/conv_weights.h"
@@ -25,6 +26,8 @@
 /* tiles that one step of a gradient of weights adds up in one running sum: more lose accuracy (1024: 6e-6) */
 #define LEAST_STEP_TILES 64
 #define MOST_STEP_TILES  256
+
+#define FEW_COARSE 3 /* channels, of which gradients of weights make no lanes */
 
 /* Winograd's F(4 x 4, 3 x 3): output pixels of a tile's side, and places of a tile. */
 enum { TILE = 4, PLACES = (TILE + 2) * (TILE + 2) };
@@ -157,11 +160,14 @@ static void plan_direct(const hada_conv_plan *plan, const hada_context *context,
         hada_conv_table_group(context, pass, plan->desc.kernel_rows * plan->desc.kernel_cols);
     if (plan->desc.method == HADA_CONV_DIRECT)
         pass->parts = 1; /* tiles of an image hold the bits of the whole (net/enhance_shape.c) */
-    if (choice->method != HADA_CONV_DIRECT || plan->groups)
+    const int chosen = choice->method == HADA_CONV_DIRECT;
+    if (plan->groups)
         return;
-    pass->lanes = choice->blocks > 0 ? choice->blocks * plan->block : pass->lanes;
-    pass->pixels = choice->pixels > 0 ? choice->pixels : pass->pixels;
-    pass->rows_each = choice->rows > 0 ? choice->rows : pass->rows_each;
+    pass->lanes = chosen && choice->blocks > 0 ? choice->blocks * plan->block : pass->lanes;
+    pass->pixels = chosen && choice->pixels > 0 ? choice->pixels : pass->pixels;
+    pass->rows_each = chosen && choice->rows > 0 ? choice->rows : pass->rows_each;
+    if (!(chosen && choice->blocks > 0) && pass->lanes && pass->in_step == 1 && pass->step == 1)
+        hada_conv_table_few(context, pass, plan->desc.kernel_rows * plan->desc.kernel_cols);
 }
 
 /* Floats of the weights in the order of conv_pack, or as they are. */
@@ -272,6 +278,22 @@ static void plan_gradient_sums(hada_conv_plan *plan, const hada_context *context
     g->parts = g->parts < 1 ? 1 : g->parts > MOST_PARTS ? MOST_PARTS : g->parts;
 }
 
+/* Sums have a lane for each coarse channel. Where those are few, and both images of one size, the fine ones take their
+ * place: dw[a][b][u][v] = sum of fine[b][r][c] coarse[a][r + pad - u][c + pad - v]. */
+static void swap_where_few(const hada_conv_plan *plan, hada_conv_gradient *g)
+{
+    const hada_conv_desc *d = &plan->desc;
+    const int same_size = d->stride == 1 && 2 * d->pad_rows == d->kernel_rows - 1 &&
+                          2 * d->pad_cols == d->kernel_cols - 1 && !d->output_pad;
+    const int few = g->coarse_channels <= FEW_COARSE && g->fine_channels > g->coarse_channels;
+    g->swapped = g->method == HADA_CONV_DIRECT && !plan->groups && same_size && few;
+    if (g->swapped) {
+        const int fine = g->fine_channels;
+        g->fine_channels = g->coarse_channels;
+        g->coarse_channels = fine;
+    }
+}
+
 static void plan_gradient(hada_conv_plan *plan, const hada_context *context)
 {
     const hada_conv_desc *d = &plan->desc;
@@ -291,6 +313,7 @@ static void plan_gradient(hada_conv_plan *plan, const hada_context *context)
         plan_gradient_tiles(plan, context, g);
         return;
     }
+    swap_where_few(plan, g);
     if (g->method != HADA_CONV_PLAIN)
         plan_gradient_sums(plan, context, g);
     need_scratch(plan, g->part_floats * (size_t)g->parts);
@@ -310,6 +333,8 @@ static int pass_program(const hada_conv_plan *plan, const hada_context *context,
     if (pass->method == HADA_CONV_TF32)
         return hada_find_conv_tf32(.net_block = block, .conv_high = pass->lanes,
                                    .conv_mma = context->tensor_cores && block == 8);
+    if (pass->method == HADA_CONV_DIRECT && pass->few)
+        return hada_find_conv_few(.net_block = block, .conv_few = pass->few, .conv_pixels = pass->pixels);
     if (pass->method == HADA_CONV_DIRECT && !plan->groups)
         return hada_find_conv_direct(.net_block = block, .conv_blocks = blocks, .conv_pixels = pass->pixels,
                                      .conv_step = pass->in_step);

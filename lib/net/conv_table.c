@@ -72,6 +72,38 @@ void hada_conv_table_pass(const hada_context *context, hada_conv_pass *pass)
     pass->rows_each = rows < 1 ? 1 : (int)rows;
 }
 
+/* Local memory that drivers for CPUs bear. */
+#define LOCAL_BORNE ((size_t)500 << 10)
+
+static size_t local_borne(const hada_context *context)
+{
+    return context->info.local_memory_bytes < LOCAL_BORNE ? context->info.local_memory_bytes : LOCAL_BORNE;
+}
+
+/* Output channels and pixels of conv_few.cl. */
+static const struct {
+    int block, few, pixels;
+} few_rows[] = {{16, 1, 14}, {16, 3, 8}, {8, 1, 8}, {8, 3, 4}};
+
+/* Vector instructions that add up the lanes of a sum. */
+#define LANES_SUM 8
+
+void hada_conv_table_few(const hada_context *context, hada_conv_pass *pass, int taps)
+{
+    const int block = hada_net_block(context), blocks = (pass->in_channels + block - 1) / block;
+    pass->few = 0;
+    for (size_t i = 0; i < HADA_COUNT(few_rows) && !pass->few; i++) {
+        const int few = few_rows[i].few;
+        const size_t local = (size_t)(blocks * block * taps * few) * sizeof(float);
+        if (few_rows[i].block == block && pass->out_channels <= few && pass->out_cols >= few_rows[i].pixels &&
+            few * (taps * blocks + LANES_SUM) < taps * pass->in_channels && local <= local_borne(context)) {
+            pass->few = few;
+            pass->lanes = block;
+            pass->pixels = few_rows[i].pixels;
+        }
+    }
+}
+
 /* Tiles of conv_group.cl, of which conv_tf32.cl has the first. Pixels of an item: fewer where local memory would not
  * hold them. Few channels are one block of eight, the rest of which the same items make zero. */
 static const struct {
@@ -151,14 +183,6 @@ int hada_conv_table_gradient_winograd(const hada_context *context, const hada_co
     return desc->method == HADA_CONV_WINOGRAD4 || (desc->method == HADA_CONV_AUTO && pays) ? 4 : 0;
 }
 
-/* Local memory that drivers for CPUs bear. */
-#define WINOGRAD_LOCAL ((size_t)500 << 10)
-
-static size_t winograd_local(const hada_context *context)
-{
-    return context->info.local_memory_bytes < WINOGRAD_LOCAL ? context->info.local_memory_bytes : WINOGRAD_LOCAL;
-}
-
 int hada_conv_table_step(int block, int three_launches)
 {
     return block != 16 ? 6 : three_launches ? 8 : 12;
@@ -169,7 +193,7 @@ int hada_conv_table_tiles_fit(const hada_context *context, const hada_conv_pass 
     const int block = hada_net_block(context), reach = pass->tile + 2;
     const size_t in_blocks = (size_t)((pass->in_channels + block - 1) / block);
     const size_t each = (size_t)(reach * reach) * (in_blocks + (size_t)blocks) * (size_t)block * sizeof(float);
-    return (size_t)tiles <= winograd_local(context) / each;
+    return (size_t)tiles <= local_borne(context) / each;
 }
 
 void hada_conv_table_tiles(const hada_context *context, hada_conv_pass *pass)
@@ -188,7 +212,7 @@ void hada_conv_table_gradient_tiles(const hada_context *context, hada_conv_gradi
 {
     const int block = hada_net_block(context), coarse = (gradient->coarse_channels + block - 1) / block * block;
     const int fine = (gradient->fine_channels + block - 1) / block * block;
-    const size_t tiles = winograd_local(context) / ((size_t)(36 * (coarse + fine + 2)) * sizeof(float));
+    const size_t tiles = local_borne(context) / ((size_t)(36 * (coarse + fine + 2)) * sizeof(float));
     gradient->blocks = coarse / block % 2 ? 1 : 2;
     gradient->fine_each = gradient->blocks == 1 ? block : block / 2;
     /* more transformed gradients than this fall out of the caches from one group of tiles to the next */

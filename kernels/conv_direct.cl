@@ -47,7 +47,8 @@ conv_direct(__global const float *restrict x, __global const float *restrict wei
     const int out_channels = problem.out.channels, out_rows = problem.out.rows, out_cols = problem.out.cols;
     const int kernel_rows = problem.kernel_rows, kernel_cols = problem.kernel_cols;
     const int pad_rows = problem.pad_rows, pad_cols = problem.pad_cols, step = problem.step;
-    const int rows_each = problem.rows_each, flags = problem.epilogue.flags, activation = problem.epilogue.activation;
+    const int rows_each = problem.rows_each, flat = problem.flat, flags = problem.epilogue.flags,
+              activation = problem.epilogue.activation;
     const float slope = problem.epilogue.slope;
     const int group = get_global_id(0), image = get_global_id(2);
     const int in_blocks = (in_channels + NET_BLOCK - 1) / NET_BLOCK;
@@ -56,7 +57,10 @@ conv_direct(__global const float *restrict x, __global const float *restrict wei
     const size_t x_plane = (size_t)(in_rows + 2) * x_row, y_plane = (size_t)(out_rows + 2) * y_row;
     const size_t taps_most = (size_t)((kernel_rows + step - 1) / step) * ((kernel_cols + step - 1) / step);
     const size_t group_floats = taps_most * in_blocks * NET_BLOCK * NET_BLOCK * CONV_BLOCKS;
-    const int row_end = min((int)(get_global_id(1) + 1) * rows_each, out_rows);
+    /* flat: one row, whose pixels at the far end of each `pitch` belong to the halo */
+    const int pitch = out_cols + 2, long_row = out_rows * pitch - 2, flat_each = rows_each * CONV_PIXELS;
+    const int row_first = flat ? 0 : (int)get_global_id(1) * rows_each;
+    const int row_end = flat ? 1 : min((int)(get_global_id(1) + 1) * rows_each, out_rows);
     const size_t to = first_block * y_plane + y_row + NET_BLOCK;
     x += problem.in.offset + image * problem.in.image;
     y += problem.out.offset + image * problem.out.image + to;
@@ -67,16 +71,17 @@ conv_direct(__global const float *restrict x, __global const float *restrict wei
         biases[o] = flags & HADA_CONV_HAS_BIAS ? conv_bias(bias + problem.epilogue.bias + (first_block + o) * NET_BLOCK,
                                                            out_channels - (first_block + o) * NET_BLOCK)
                                                : (conv_v)(0.0f);
-    for (int row = get_global_id(1) * rows_each; row < row_end; ++row)
+    for (int row = row_first; row < row_end; ++row)
         for (int phase = 0; phase < step; ++phase) {
             const hada_conv_taps rows = hada_conv_taps_of(kernel_rows, pad_rows, step, row % step);
             const hada_conv_taps cols = hada_conv_taps_of(kernel_cols, pad_cols, step, phase);
-            const int width = (out_cols - phase + step - 1) / step;
+            const int col_first = flat ? (int)get_global_id(1) * flat_each : 0;
+            const int width = flat ? min(col_first + flat_each, long_row) : (out_cols - phase + step - 1) / step;
             __global const float *restrict w =
                 weights + ((row % step * step + phase) * (size_t)(out_blocks / CONV_BLOCKS) + group) * group_floats;
             __global const float *restrict x_first =
                 x + (row / step * CONV_STEP + rows.first + 1) * x_row + (cols.first + 1) * NET_BLOCK;
-            for (int col = 0; col < width; col += CONV_PIXELS) {
+            for (int col = col_first; col < width; col += CONV_PIXELS) {
                 const int start = min(col, width - CONV_PIXELS);
                 conv_v sums[CONV_BLOCKS][CONV_PIXELS];
 #pragma unroll
@@ -100,6 +105,8 @@ conv_direct(__global const float *restrict x, __global const float *restrict wei
                     for (int p = 0; p < CONV_PIXELS; ++p) {
                         __global float *restrict yp = y + at + p * step * NET_BLOCK;
                         if (start + p < col) /* done by the tile before, perhaps added to */
+                            continue;
+                        if (flat && (start + p) % pitch >= out_cols)
                             continue;
                         conv_v v = conv_activate(sums[o][p], activation, slope);
                         if (flags & HADA_CONV_HAS_MASK)

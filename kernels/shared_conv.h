@@ -34,11 +34,13 @@ typedef struct hada_conv_problem {
     int pad_rows, pad_cols; /* as hada_conv_taps_of() counts it; conv_plain: the convolution's own */
     int in_step, step;      /* pixels of the input and of the output from one place of the kernel to the next */
     int to_coarse;
-    int rows_each; /* conv_direct: rows of a work-item */
-    int tiles;     /* conv_winograd: tiles of a work-item */
-    int parts;     /* conv_group: groups that share the steps of a tile */
+    int rows_each; /* conv_direct: rows of a work-item; flat: tiles */
+    int flat;      /* conv_direct: rows one after the other with the halo between them, as one long row */
+    int unused;
+    int tiles; /* conv_winograd: tiles of a work-item */
+    int parts; /* conv_group: groups that share the steps of a tile */
 } hada_conv_problem;
-HADA_SHARED_SIZE(hada_conv_problem, 160)
+HADA_SHARED_SIZE(hada_conv_problem, 168)
 
 /* The gradient of the weights. */
 typedef struct hada_conv_correlation {

@@ -27,6 +27,8 @@ void hada_conv_choice_text(const hada_conv_plan *plan, int index, char *text, si
     const int block = plan->block, blocks = pass->lanes / block;
     if (pass->method == HADA_CONV_PLAIN || plan->groups)
         snprintf(text, size, "%s", methods[pass->method]);
+    else if (pass->method == HADA_CONV_DIRECT && pass->flat)
+        snprintf(text, size, "direct block=%d", block);
     else if (pass->method == HADA_CONV_DIRECT && pass->few)
         snprintf(text, size, "direct block=%d rows=%d", block, pass->rows_each);
     else if (pass->method == HADA_CONV_DIRECT)

@@ -21,7 +21,8 @@ typedef struct hada_conv_pass {
     int lanes;                /* output channels in a group of the packed weights */
     int pixels;               /* pixels, or tiles, at a time */
     int few;                  /* direct: output channels that conv_few.cl takes; 0: conv_direct.cl serves */
-    int rows_each;            /* direct: rows of a work-item */
+    int rows_each;            /* direct: rows of a work-item, or tiles where it is */
+    int flat;                 /* direct: rows taken as one long row */
     int tile;                 /* Winograd: 2 or 4 */
     int tiles;                /* Winograd in one launch: tiles of a work-item; 0: in three launches */
     int room;                 /* Winograd in three launches: tiles at most */
@@ -117,6 +118,8 @@ int hada_conv_table_winograd(const hada_context *context, const hada_conv_desc *
 int hada_conv_table_gradient_winograd(const hada_context *context, const hada_conv_desc *desc,
                                       const hada_conv_gradient *gradient);
 void hada_conv_table_tiles(const hada_context *context, hada_conv_pass *pass);
+/* Whether the rows of a narrow image are taken as one, where both images are of one size; once the tile is chosen. */
+void hada_conv_table_flat(const hada_context *context, hada_conv_pass *pass, int taps);
 /* Whether conv_few.cl serves a direct pass with these taps, stride 1 and few output channels. */
 void hada_conv_table_few(const hada_context *context, hada_conv_pass *pass, int taps);
 /* Whether there is a direct kernel for so many blocks and pixels that takes the pass; number `index` of those that do,

@@ -57,6 +57,7 @@ static hada_conv_problem geometry_of(const hada_conv *conv, int index)
                                .step = pass->step,
                                .to_coarse = pass->to_coarse,
                                .rows_each = pass->rows_each,
+                               .flat = pass->flat,
                                .tiles = pass->tiles,
                                .parts = pass->parts};
 }
@@ -117,9 +118,10 @@ static hada_status direct_lanes(hada_conv *conv, int index, const hada_tensor *i
     const hada_conv_pass *pass = &conv->plan.pass[index];
     if (pass->few)
         return direct_few(conv, index, in, out, finish, err);
-    const hada_range range =
-        hada_range_of(hada_divide_up((size_t)out->channels, (size_t)pass->lanes), 1,
-                      hada_divide_up((size_t)out->rows, (size_t)pass->rows_each), (size_t)in->images);
+    const size_t tiles = hada_divide_up((size_t)out->rows * ((size_t)out->cols + 2) - 2, (size_t)pass->pixels);
+    const size_t rows = pass->flat ? tiles : (size_t)out->rows;
+    const hada_range range = hada_range_of(hada_divide_up((size_t)out->channels, (size_t)pass->lanes), 1,
+                                           hada_divide_up(rows, (size_t)pass->rows_each), (size_t)in->images);
     return hada_launch_conv_direct(conv->slot, (hada_program_conv_direct)pass->program, &range, err, .x = in->mem,
                                    .weights = conv->weights[index].mem, .bias = finish->bias.mem, .y = out->mem,
                                    .mask = hada_conv_mask(finish),

@@ -166,8 +166,12 @@ static void plan_direct(const hada_conv_plan *plan, const hada_context *context,
     pass->lanes = chosen && choice->blocks > 0 ? choice->blocks * plan->block : pass->lanes;
     pass->pixels = chosen && choice->pixels > 0 ? choice->pixels : pass->pixels;
     pass->rows_each = chosen && choice->rows > 0 ? choice->rows : pass->rows_each;
-    if (!(chosen && choice->blocks > 0) && pass->lanes && pass->in_step == 1 && pass->step == 1)
-        hada_conv_table_few(context, pass, plan->desc.kernel_rows * plan->desc.kernel_cols);
+    if ((chosen && choice->blocks > 0) || !pass->lanes || pass->in_step > 1 || pass->step > 1)
+        return;
+    const int taps = plan->desc.kernel_rows * plan->desc.kernel_cols;
+    hada_conv_table_few(context, pass, taps);
+    if (!pass->few && !(chosen && choice->rows > 0))
+        hada_conv_table_flat(context, pass, taps);
 }
 
 /* Floats of the weights in the order of conv_pack, or as they are. */

@@ -35,6 +35,46 @@ static long cost_of(const tile_row *row, const hada_conv_pass *pass)
     return steps * ((work > 8 ? work : 8) + 2) * 2 / row->blocks;
 }
 
+/* The same for all rows as one long row with the halo between them. */
+static long flat_cost_of(const tile_row *row, const hada_conv_pass *pass)
+{
+    hada_conv_pass flat = *pass;
+    flat.out_cols = pass->out_rows * (pass->out_cols + 2) - 2;
+    return cost_of(row, &flat);
+}
+
+/* Work-items of a compute unit, where each reads weights of its own. */
+#define FLAT_ITEMS 4
+/* So many products of a pixel at least: finding out which pixels are halo is work of its own. */
+#define FLAT_PRODUCTS 128
+/* It is taken where it needs less than so much of the time, in percent. */
+#define FLAT_GAIN 90
+
+void hada_conv_table_flat(const hada_context *context, hada_conv_pass *pass, int taps)
+{
+    const int block = hada_net_block(context), out_blocks = (pass->out_channels + block - 1) / block;
+    const int positions = pass->out_rows * (pass->out_cols + 2) - 2;
+    const tile_row *best = NULL, now = {block, 1, pass->lanes / block, pass->pixels};
+    pass->flat = 0;
+    if (pass->in_rows != pass->out_rows || pass->in_cols != pass->out_cols || taps * pass->in_channels < FLAT_PRODUCTS)
+        return;
+    for (size_t i = 0; i < HADA_COUNT(tile_rows); i++) {
+        const tile_row *row = &tile_rows[i];
+        if (row->block == block && row->in_step == 1 && out_blocks % row->blocks == 0 && row->pixels <= positions &&
+            (!best || flat_cost_of(row, pass) < flat_cost_of(best, pass)))
+            best = row;
+    }
+    if (!best || 100 * flat_cost_of(best, pass) >= FLAT_GAIN * pass->out_rows * cost_of(&now, pass))
+        return;
+    /* tiles one after the other share weights, of which there are more than of pixels */
+    const long units = context->info.compute_units, tiles = (positions + best->pixels - 1) / best->pixels;
+    const long groups = out_blocks / best->blocks, each = tiles * groups / (FLAT_ITEMS * units);
+    pass->flat = 1;
+    pass->lanes = best->blocks * block;
+    pass->pixels = best->pixels;
+    pass->rows_each = each < 1 ? 1 : (int)each;
+}
+
 int hada_conv_table_direct_at(const hada_context *context, const hada_conv_pass *pass, int index, int *blocks,
                               int *pixels)
 {

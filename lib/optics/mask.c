@@ -86,8 +86,7 @@ done:
     return status;
 }
 
-/* The steepest slope where light passes, and how far the ground of a lens reaches. */
-static void find_bounds(hada_mask_design *design)
+void hada_mask_find_bounds(hada_mask_design *design)
 {
     const double half = design->camera.aperture_mm / 2.0;
     double most = 0.0, far = 0.0;
@@ -125,7 +124,6 @@ hada_status hada_mask_make(hada_mask_design *design, const hada_camera *callers,
         HADA_TRY(make_contour(design, err));
     else
         HADA_TRY(make_cells(design, err));
-    find_bounds(design);
 done:
     if (status)
         hada_mask_free(design);

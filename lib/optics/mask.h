@@ -68,8 +68,8 @@ typedef struct hada_mask_design {
     hada_sites sites;     /* lenses, holes, contour points */
     unsigned char *open;  /* aperture of cells: 1 where open */
     int cells;            /* a side */
-    double slope;         /* a bound of the path's slope */
-    double reach;         /* lenses, holes: from a centre to the farthest point that belongs to it */
+    double slope;         /* a bound of the path's slope, once hada_mask_find_bounds() has looked */
+    double reach;         /* lenses, holes: from a centre to the farthest point that belongs to it; likewise */
     double feature;       /* width of the smallest opening; 0: the aperture alone */
     double bend;          /* a typical large value of its second derivative: how far neighbouring rays part */
 } hada_mask_design;
@@ -83,6 +83,9 @@ typedef struct hada_mask_point {
 
 hada_status hada_mask_make(hada_mask_design *design, const hada_camera *camera, hada_error *err);
 void hada_mask_free(hada_mask_design *design);
+/* The steepest slope where light passes, and how far the ground of a lens reaches: a scan of the whole mask, which
+ * waves need and rays do not. */
+void hada_mask_find_bounds(hada_mask_design *design);
 void hada_mask_at(const hada_mask_design *design, double x, double y, hada_mask_point *point);
 
 /* How much of a sample of width `step` is open, by the distance to the edge. */

@@ -56,6 +56,7 @@ hada_status hada_wave_create(hada_wave **out, hada_context *context, const hada_
     HADA_TRY(hada_alloc((void **)&wave, 1, sizeof *wave, "wave optics", err));
     wave->options = options;
     HADA_TRY(hada_mask_make(&wave->design, camera, err));
+    hada_mask_find_bounds(&wave->design);
     wave->camera = wave->design.camera;
     HADA_TRY(hada_slot_create(&wave->slot, context, err));
     if (by_lens(wave))

@@ -62,8 +62,9 @@ static hada_status try_frame(trial_work *work, const hada_trial_frame *frame, ha
     HADA_TRY(hada_trial_filter(&work->bench, frame, err));
     memcpy(work->bench.linear, work->bench.planes,
            (size_t)frame->members * hada_fit_window_floats(work->bench.grid) * sizeof *work->bench.linear);
+    const double unrefined = hada_trial_compare(&work->bench, frame, 1.0);
     for (int s = 0; s < SHARES; s++)
-        sum[0][s] += hada_trial_compare(&work->bench, frame, 1.0);
+        sum[0][s] += unrefined;
     for (int i = 1; i < TRIED; i++) {
         HADA_TRY(hada_trial_refine(&work->bench, frame, &work->weights, steps_tried[i - 1],
                                    steps_tried[i] - steps_tried[i - 1], err));

@@ -112,10 +112,15 @@ done:
 static hada_status solve(learning *of, hada_model **out, hada_error *err)
 {
     hada_fit_report *report = of->report;
+    hada_status status = HADA_OK;
     const int can_judge = of->data && !of->task.merge_count && (of->task.leave_one_out || of->fit.outside >= 0.0);
-    if (can_judge)
-        return hada_fit_pass_learn_and_finish(of->fitter, &of->from, out, &report->scores, err);
-    return hada_fitter_finish(of->fitter, out, &report->scores, err);
+    if (!can_judge)
+        return hada_fitter_finish(of->fitter, out, &report->scores, err);
+    if (!of->store.pairs) /* judging looks at pairs several times, if it has to */
+        HADA_TRY(hada_fit_store_create(&of->store, of->data, err));
+    HADA_TRY(hada_fit_pass_learn_and_finish(of->fitter, &of->from, out, &report->scores, err));
+done:
+    return status;
 }
 
 static hada_status merge(learning *of, int first, hada_error *err)
@@ -214,6 +219,22 @@ static void tell_data(const learning *of)
                           "camera about eight scenes per depth");
 }
 
+/* Whether the response of the scenes or exposures are to be found. */
+static int response_is_open(const learning *of)
+{
+    const hada_fit_task *task = &of->task;
+    const int open = of->fit.scene_response == HADA_AUTO || task->exposure == HADA_EXPOSURE_AUTO;
+    return task->exposure == HADA_EXPOSURE_EACH || (task->leave_one_out && open);
+}
+
+/* Pairs that several passes look at stay in memory. Where they are added up and no more, the few that are scored are
+ * sooner read again than all are kept; without leave-one-out most fits look at each pair once. */
+static hada_status keep_pairs(learning *of, hada_error *err)
+{
+    const int again = response_is_open(of) || of->fit.boundary == HADA_BOUNDARY_PADDED || of->fit.outside >= 0.0;
+    return of->task.leave_one_out && again ? hada_fit_store_create(&of->store, of->data, err) : HADA_OK;
+}
+
 /* The response of the scenes, where it is open, and exposures, before any pair is added up. */
 static hada_status survey(learning *of, hada_error *err)
 {
@@ -223,8 +244,7 @@ static hada_status survey(learning *of, hada_error *err)
     of->from = (hada_fit_source){.data = of->data, .store = &of->store, .monitor = task->monitor};
     if (fit->scene_response == HADA_AUTO && task->merge_count)
         HADA_TRY(hada_fit_sums_response(task->merge[0], &fit->scene_response, err));
-    const int open = task->leave_one_out && (fit->scene_response == HADA_AUTO || task->exposure == HADA_EXPOSURE_AUTO);
-    if (!open && task->exposure != HADA_EXPOSURE_EACH)
+    if (!response_is_open(of))
         return HADA_OK;
     HADA_TRY(hada_fit_pass_survey(&of->report->survey, &of->from, fit, task->exposure, err));
     of->from.survey = of->report->survey;
@@ -249,9 +269,8 @@ static hada_status learn_pairs(learning *of, hada_context *context, hada_model *
     const hada_monitor *monitor = task->monitor;
     hada_status status = HADA_OK;
     tell_data(of);
-    if (task->leave_one_out) /* without it most fits look at each pair once */
-        HADA_TRY(hada_fit_store_create(&of->store, of->data, err));
     HADA_TRY(hada_fit_options_from_dataset(&of->fit, of->data, task->boundary, monitor, err));
+    HADA_TRY(keep_pairs(of, err));
     HADA_TRY(survey(of, err));
     HADA_TRY(find_boundary(of, context, err));
     HADA_TRY(hada_fit_pass_agree(&of->fit, &of->ranks, err));

@@ -97,11 +97,12 @@ static const char *struck_name(void)
 }
 
 /* Pieces of memory that stay alive: a driver may give a buffer's memory back from a thread of its own, a moment after
- * the last command that used it. */
+ * the last command that used it; that thread may wait for its turn. */
 static long memory_left(void)
 {
-    for (int i = 0; fault_memory_alive() && i < 200; i++)
-        usleep(5000);
+    enum { LOOK_US = 5000, MOST_LOOKS = 4000 };
+    for (int i = 0; fault_memory_alive() && i < MOST_LOOKS; i++)
+        usleep(LOOK_US);
     return fault_memory_alive();
 }
 

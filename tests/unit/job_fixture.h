@@ -2,7 +2,7 @@
 #ifndef HADA_TESTS_JOB_FIXTURE_H
 #define HADA_TESTS_JOB_FIXTURE_H
 
-#include <hadalens/job.h>
+#include <hadalens/opencl.h>
 #include <stdatomic.h>
 #include <string.h>
 
@@ -31,6 +31,39 @@ static inline void job_log(void *user, hada_log_level level, const char *message
     if (plan)
         hada_plan_queues(plan, NULL, 0);
     job_warnings += level == HADA_LOG_WARNING && *message;
+}
+
+/* Queues of a plan that get no further until they are let go, so that what a test does meanwhile it does in the midst
+ * of a frame, whoever gets a turn first. */
+enum { JOB_HELD = 4 };
+typedef struct job_gate {
+    int count;
+    cl_event open[JOB_HELD];
+} job_gate;
+
+/* While no frame runs. */
+static inline job_gate job_hold(const hada_plan *plan, int first, int count)
+{
+    job_gate gate = {.count = count};
+    for (int i = 0; i < count; i++) {
+        const cl_command_queue queue = hada_plan_cl_queue(plan, first + i);
+        cl_context context;
+        cl_int code;
+        assert_int_equal(clGetCommandQueueInfo(queue, CL_QUEUE_CONTEXT, sizeof context, &context, NULL), CL_SUCCESS);
+        gate.open[i] = clCreateUserEvent(context, &code);
+        assert_int_equal(code, CL_SUCCESS);
+        assert_int_equal(clEnqueueMarkerWithWaitList(queue, 1, &gate.open[i], NULL), CL_SUCCESS);
+        assert_int_equal(clFlush(queue), CL_SUCCESS);
+    }
+    return gate;
+}
+
+static inline void job_let_go(const job_gate *gate)
+{
+    for (int i = 0; i < gate->count; i++) {
+        assert_int_equal(clSetUserEventStatus(gate->open[i], CL_COMPLETE), CL_SUCCESS);
+        clReleaseEvent(gate->open[i]);
+    }
 }
 
 static inline int job_same_image(const hada_image *a, const hada_image *b)

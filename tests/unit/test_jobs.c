@@ -72,16 +72,18 @@ static void there_is_something_to_compare(void **state)
     assert_true(f->expected[JOB_PURSUED][0].report->occupied_count >= 1);
 }
 
-/* One frame alone: the other device takes batches of it, and the frame's own lane does the focus. */
+/* One frame alone: the other device takes batches of it, and the frame's own lane does the focus. On a busy machine a
+ * frame may be done before the other lane gets a turn, so that it takes as many frames as it takes. */
 static void another_device_helps(void **state)
 {
     const job_fixture *f = *state;
     hada_plan *plan;
     hada_result result = {0};
     hada_queue_info queues[2];
+    enum { BOTH = 10, MOST = 20000 };
     make_plan(f, &ways[2], &f->options[JOB_LINEAR], &plan);
     int both = 0, runs = 0;
-    for (; runs < 300 && both < 10; runs++) {
+    for (; runs < MOST && both < BOTH; runs++) {
         uint64_t before[2];
         assert_int_equal(hada_plan_queues(plan, queues, 2), 2);
         for (int q = 0; q < 2; q++)
@@ -91,7 +93,7 @@ static void another_device_helps(void **state)
         hada_plan_queues(plan, queues, 2);
         both += queues[0].batches > before[0] && queues[1].batches > before[1];
     }
-    assert_int_equal(both, 10);
+    assert_int_equal(both, BOTH);
     assert_int_equal(queues[0].frames + queues[1].frames, (uint64_t)runs);
     assert_int_equal(queues[0].device, 0);
     assert_int_equal(queues[1].device, 1);

@@ -124,34 +124,42 @@ if command -v hadalens-mpi >/dev/null; then
     hadalens reconstruct camera/test/raw/*.tif -m ranks.model -o shared --refine 0 -q
     shared=$(difference shared)
     awk "BEGIN { exit !($shared < 1e-6) }" || fail "the ranks' camera makes other pictures: $shared"
-    # a training that is requeued as after the loss of a node, and warned once that its time is over, goes on both times
-    train=(train "$work/camera" -m "$work/whole.model" --steps 200 --batch 2 --seed 3 --validate-every 0 --show-every 0 --save-every 20)
-    submit --ntasks=2 "$scripts/mpi.sbatch" "${train[@]}" -o "$work/through.model" --log "$work/through.log" \
-        >/dev/null || fail "a training shared by ranks"
-    job=$(sbatch --parsable --chdir="$work/jobs" --cpus-per-task=1 --ntasks=2 "$scripts/mpi.sbatch" "${train[@]}" \
-        -o "$work/on.model" --log "$work/on.log" --resume)
+    # a training that is requeued as after the loss of a node, and warned once that its time is over, goes on both times;
+    # it would take a day, so that it runs whenever one looks at it
+    train=(train "$work/camera" -m "$work/whole.model" --steps 1000000 --batch 2 --seed 3 --validate-every 0 --show-every 0
+        --save-every 20)
+    begin() { sbatch --parsable --chdir="$work/jobs" --cpus-per-task=1 --ntasks=2 "$scripts/mpi.sbatch" "${train[@]}" "$@"; }
     restarts() { scontrol show job "$job" | sed -n 's/.*Restarts=\([0-9]*\).*/\1/p'; }
     state() { squeue -h -j "$job" -o %T; }
-    steps() { tail -n +2 on.log/losses.csv 2>/dev/null | wc -l; }
-    until_so() { # WHAT CONDITION: waits for two minutes
-        for _ in $(seq 240); do
+    steps() { tail -n +2 "$1/losses.csv" 2>/dev/null | wc -l; }
+    until_so() { # WHAT CONDITION: waits for five minutes
+        for _ in $(seq 600); do
             if eval "$2"; then return; fi
             sleep 0.5
         done
         fail "$1: $(scontrol show job "$job" | grep -E 'JobState|Restarts' | paste -sd' ')"
     }
+    stop() {
+        scancel "$job"
+        until_so "the training does not end" '[ -z "$(state)" ] || [ "$(state)" = CANCELLED ]'
+    }
+    job=$(begin -o "$work/through.model" --log "$work/through.log")
+    until_so "the training does not go on" '[ "$(steps through.log)" -ge 100 ]'
+    stop
+    job=$(begin -o "$work/on.model" --log "$work/on.log" --resume)
     until_so "the training does not begin" '[ -e on.log/checkpoint.safetensors ]'
     scontrol requeue "$job"
     until_so "the requeued training does not begin again" '[ "$(restarts)" = 1 ] && [ "$(state)" = RUNNING ]'
-    before=$(steps)
-    until_so "the requeued training does not go on" '[ "$(steps)" -gt "$before" ]'
+    before=$(steps on.log)
+    until_so "the requeued training does not go on" '[ "$(steps on.log)" -gt "$before" ]'
     scancel --batch --signal=USR2 "$job"
     until_so "the training that was warned is not requeued" '[ "$(restarts)" = 2 ]'
-    until_so "the training does not end" '[ -z "$(state)" ] || [ "$(state)" = COMPLETED ]'
+    until_so "the training that was warned does not go on" '[ "$(state)" = RUNNING ] && [ "$(steps on.log)" -ge 100 ]'
+    stop
     grep -q 'stopped after step' jobs/hadalens-mpi-"$job".log || fail "no rank told that it stopped and saved"
-    [ "$(steps)" = 200 ] || fail "the training that went on has $(steps) steps"
-    python3 "$scripts/../../tests/mpi/compare.py" through.log/checkpoint.safetensors on.log/checkpoint.safetensors same >/dev/null ||
-        fail "the training that went on has other bits"
+    # but for their seconds
+    cmp <(head -n 101 through.log/losses.csv | cut -d, -f1-11) <(head -n 101 on.log/losses.csv | cut -d, -f1-11) ||
+        fail "the training that went on has other losses"
 else
     echo "hadalens-mpi is not built: jobs of ranks are left out"
 fi

@@ -53,15 +53,24 @@ const char *fuzz_path(const uint8_t *data, size_t bytes)
     return path;
 }
 
+static char folder[64];
+
+static void remove_folder(void)
+{
+    hada_folder_remove(folder);
+}
+
+/* A name of its own: one that a crash left behind may have been that of a process with the same number. */
 const char *fuzz_folder(void)
 {
-    static char folder[64];
-    if (*folder)
-        hada_folder_remove(folder);
-    else
-        snprintf(folder, sizeof folder, "%s/hadalens-fuzz-%ld", access("/dev/shm", W_OK) ? "/tmp" : "/dev/shm",
-                 (long)getpid());
-    if (mkdir(folder, 0700))
+    if (*folder) {
+        remove_folder();
+        if (mkdir(folder, 0700))
+            abort();
+        return folder;
+    }
+    snprintf(folder, sizeof folder, "%s/hadalens-fuzz-XXXXXX", access("/dev/shm", W_OK) ? "/tmp" : "/dev/shm");
+    if (!mkdtemp(folder) || atexit(remove_folder))
         abort();
     return folder;
 }

@@ -6,6 +6,7 @@
 #include <string.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
+#include <sys/time.h>
 #include <unistd.h>
 
 #include "fuzz.h"
@@ -14,6 +15,12 @@
 enum { SECONDS = 20 };
 /* Address space, where no sanitizer reserves terabytes of it. */
 #define MOST_BYTES ((rlim_t)2 << 30)
+
+/* Of the processor: others may be at work meanwhile. SIGPROF ends the program; 0: no limit. */
+static void limit_time(long seconds)
+{
+    setitimer(ITIMER_PROF, &(struct itimerval){.it_value.tv_sec = seconds}, NULL);
+}
 
 static int replay_file(const fuzz_target *target, const char *path)
 {
@@ -29,9 +36,9 @@ static int replay_file(const fuzz_target *target, const char *path)
         abort();
     fclose(file);
     fprintf(stderr, "%s\r", path); /* who it was, after a crash */
-    alarm(SECONDS);
+    limit_time(SECONDS);
     target->run(data, (size_t)what.st_size);
-    alarm(0);
+    limit_time(0);
     free(data);
     return 1;
 }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import ctypes
 import gc
 import os
 import pickle
@@ -26,8 +27,8 @@ Array = npt.NDArray[Any]
 
 @pytest.fixture(scope="module")
 def slow(model: hadalens.Model) -> hadalens.Plan:
-    """Return a plan whose frames take some seconds."""
-    return hadalens.Plan(model, classic=hadalens.Classic("admm", iterations=200000))
+    """Return a plan whose frames take minutes."""
+    return hadalens.Plan(model, classic=hadalens.Classic("admm", iterations=10**7))
 
 
 def test_submit_gives_what_run_gives(plan: hadalens.Plan, raw: Array) -> None:
@@ -69,8 +70,11 @@ def test_map_can_be_left(plan: hadalens.Plan, raw: Array) -> None:
 
 
 def second() -> float:
-    """Return a second, as it is on this machine: longer where more work waits than there are cores."""
-    return max(1.0, 1.5 * os.getloadavg()[0] / (os.cpu_count() or 1))
+    """Return a second of all cores.
+
+    What has to end soon is held to the processor's time of this process: by the clock, others may be at work meanwhile.
+    """
+    return float(os.cpu_count() or 1)
 
 
 def test_cancel(slow: hadalens.Plan, raw: Array) -> None:
@@ -79,11 +83,11 @@ def test_cancel(slow: hadalens.Plan, raw: Array) -> None:
     assert not job.wait(0.2)
     with pytest.raises(TimeoutError):
         job.result(timeout=0.1)
-    start, within = time.monotonic(), second()
+    start = time.process_time()
     job.cancel()
     with pytest.raises(hadalens.CancelledError):
         job.result()
-    assert time.monotonic() - start < within
+    assert time.process_time() - start < second()
     assert job.state == "cancelled"
 
 
@@ -91,10 +95,11 @@ def test_cancel_what_nothing_waits_for(model: hadalens.Model, raw: Array) -> Non
     """Refinement looks at nothing on its way, and is not far ahead of the device all the same."""
     job = hadalens.Plan(model, refine=10**6, scene="planes").submit(raw)
     assert not job.wait(1.0)
-    start, within = time.monotonic(), second()
+    start = time.process_time()
     job.cancel()
-    assert job.wait(10)
-    assert time.monotonic() - start < within
+    with pytest.raises(hadalens.CancelledError):
+        job.result()
+    assert time.process_time() - start < second()
 
 
 def test_closing_the_plan_leaves_its_jobs(model: hadalens.Model, raw: Array) -> None:
@@ -107,27 +112,21 @@ def test_closing_the_plan_leaves_its_jobs(model: hadalens.Model, raw: Array) -> 
         plan.run(raw)
 
 
-def test_await(plan: hadalens.Plan, raw: Array) -> None:
+def test_await(plan: hadalens.Plan, slow: hadalens.Plan, raw: Array) -> None:
     """Jobs are awaitable, and the loop goes on meanwhile."""
 
-    async def main() -> tuple[hadalens.Result, hadalens.Result, int]:
-        beats = 0
-
-        async def beat() -> None:
-            nonlocal beats
-            while True:
-                beats += 1
-                await asyncio.sleep(0.001)
-
-        beating = asyncio.ensure_future(beat())
+    async def main() -> tuple[hadalens.Result, hadalens.Result]:
+        waiting = asyncio.ensure_future(slow.submit(raw)._wait_in_loop())
         first, second = await asyncio.gather(plan.submit(raw), plan.submit(raw / 2))
-        beating.cancel()
-        return first, second, beats
+        for _ in range(5):
+            await asyncio.sleep(0.001)
+        assert not waiting.done()
+        waiting.cancel()
+        return first, second
 
-    first, second, beats = asyncio.run(main())
+    first, second = asyncio.run(main())
     np.testing.assert_array_equal(first.stack, plan.run(raw).stack)
     np.testing.assert_array_equal(second.stack, plan.run(raw / 2).stack)
-    assert beats > 1
 
 
 def test_cancelling_the_task_cancels_the_job(slow: hadalens.Plan, raw: Array) -> None:
@@ -140,7 +139,10 @@ def test_cancelling_the_task_cancels_the_job(slow: hadalens.Plan, raw: Array) ->
         return job
 
     job = asyncio.run(main())
-    assert job.wait(second())
+    start = time.process_time()
+    with pytest.raises(hadalens.CancelledError):
+        job.result()
+    assert time.process_time() - start < second()
     assert job.state == "cancelled"
 
 
@@ -174,12 +176,18 @@ elif what == "fit":
 elif what == "train":
     net = hadalens.Net.unet("4|4", "4")
     def work(): hadalens.train(sys.argv[3], sys.argv[4], model=model, net=net, batch=1, steps=10**6, restart=True)
-print("ready", flush=True)
 try:
+    print("ready", flush=True)
     work()
 except KeyboardInterrupt:
     print("interrupted", flush=True)
 """
+
+
+def used(process: int) -> float:
+    """Return the seconds of the processor that a process has used."""
+    words = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    return (int(words[11]) + int(words[12])) / os.sysconf("SC_CLK_TCK")
 
 
 @pytest.mark.parametrize("what", ["run", "fit", "train"])
@@ -190,11 +198,12 @@ def test_ctrl_c(what: str, model_file: Path, camera: Path, tmp_path: Path) -> No
         assert process.stdout is not None
         assert process.stdout.readline() == "ready\n"
         time.sleep(1.0)
-        start, within = time.monotonic(), second()
+        start = used(process.pid)
         process.send_signal(signal.SIGINT)
         assert process.stdout.readline() == "interrupted\n"
-        assert time.monotonic() - start < within
-        assert process.wait(20) == 0
+        assert os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT) is not None
+        assert used(process.pid) - start < 2 * second()  # with the end of Python
+        assert process.wait() == 0
 
 
 @pytest.mark.parametrize("what", ["finish", "learn", "register"])
@@ -215,44 +224,47 @@ def test_ctrl_c_ends_what_asks_nothing_else(what: str, camera: Path) -> None:
     def interrupt(*_: Any) -> None:
         raise KeyboardInterrupt
 
-    def again() -> None:
-        while True:
-            work[what]()
+    def stopped() -> BaseException | None:
+        """Return what the interrupt came from: nothing where Python was at work between two calls."""
+        signal.setitimer(signal.ITIMER_REAL, 0.5)
+        with pytest.raises(KeyboardInterrupt) as caught:
+            while True:
+                work[what]()
+        return caught.value.__cause__
 
     before = signal.signal(signal.SIGALRM, interrupt)
-    signal.setitimer(signal.ITIMER_REAL, 0.5)
     try:
-        with pytest.raises(KeyboardInterrupt) as caught:
-            again()
+        cause = next(cause for cause in iter(stopped, ...) if cause)
     finally:
         signal.signal(signal.SIGALRM, before)
-    assert isinstance(caught.value.__cause__, hadalens.CancelledError)
+    assert isinstance(cause, hadalens.CancelledError)
     assert fitter.finish().info.depths == 1  # it goes on
 
 
-def runnable(work: Any) -> float:
-    """Return the share of the time in which another Python thread, which only counts, was not held up.
+def shares_of_a_thread(work: Any) -> tuple[float, float]:
+    """Return the shares of the time in which another Python thread, which only counts, ran, and waited for a core.
 
-    It runs, or waits for a core, as the kernel counts both; what is missing is waiting for the GIL.
+    The kernel counts both; what is missing is waiting for the GIL.
     """
-    ended, shares = threading.Event(), [0.0]
+    ended, shares = threading.Event(), [0.0, 0.0]
 
-    def busy() -> float:
-        ran, waited, _ = map(int, Path(f"/proc/self/task/{threading.get_native_id()}/schedstat").read_text().split())
-        return (ran + waited) / 1e9
+    def seconds() -> Array:
+        words = Path(f"/proc/self/task/{threading.get_native_id()}/schedstat").read_text().split()
+        return np.array([*map(int, words[:2]), 0]) / 1e9 + [0, 0, time.monotonic()]
 
     def count() -> None:
-        start, began = busy(), time.monotonic()
+        start = seconds()
         while not ended.is_set():
             pass
-        shares[0] = (busy() - start) / (time.monotonic() - began)
+        ran, waited, took = seconds() - start
+        shares[:] = [ran / took, waited / took]
 
     thread = threading.Thread(target=count)
     thread.start()
     work()
     ended.set()
     thread.join()
-    return shares[0]
+    return shares[0], shares[1]
 
 
 @pytest.mark.skipif(not Path("/proc/self/schedstat").exists(), reason="the kernel does not count waiting")
@@ -265,13 +277,13 @@ def test_python_goes_on_while_c_works(slow: hadalens.Plan, raw: Array) -> None:
         job.cancel()
 
     def hold() -> None:
-        until = time.monotonic() + 1.0
-        while time.monotonic() < until:
-            pass
+        ctypes.PyDLL(None).usleep(1_000_000)
 
-    assert runnable(compute) >= 0.8
-    if os.getloadavg()[0] <= (os.cpu_count() or 1):  # else threads wait for cores more than for anything else
-        assert runnable(hold) < 0.8
+    assert sum(shares_of_a_thread(compute)) >= 0.8
+    ran, waited = shares_of_a_thread(hold)
+    assert ran < 0.1
+    if waited < 0.5:  # else whoever looks for the GIL waits for a core more than for anything else
+        assert ran + waited < 0.8
 
 
 def resident() -> int:

@@ -22,7 +22,8 @@ typedef hada_status (*attempt)(const char *path, hada_error *err);
 
 enum { REFUSED = 1, READ = 0, ANY = -1 };
 
-static void expect(const char *what, attempt look, const char *path, int wanted)
+/* Returns 0 where it took too long, which is the end of the test where it is the last try. */
+static int ends_soon(const char *what, attempt look, const char *path, int wanted, int last)
 {
     struct rusage usage;
     int code = -1, pipes[2];
@@ -49,8 +50,17 @@ static void expect(const char *what, attempt look, const char *path, int wanted)
         fail_msg("%s: ended with %d: %s", what, code, message);
     if (WEXITSTATUS(code) && strlen(message) < 20)
         fail_msg("%s: no message", what);
-    if (ms > MOST_MS || usage.ru_maxrss > MOST_KIB)
+    if ((ms > MOST_MS && last) || usage.ru_maxrss > MOST_KIB)
         fail_msg("%s: %ld ms, %ld KiB: %s", what, ms, usage.ru_maxrss, message);
+    return ms <= MOST_MS;
+}
+
+/* Whoever shares caches and units of a core lengthens the processor's time as well: once in three tries. */
+static void expect(const char *what, attempt look, const char *path, int wanted)
+{
+    enum { TRIES = 3 };
+    for (int i = 1; i <= TRIES && !ends_soon(what, look, path, wanted, i == TRIES); i++)
+        ;
 }
 
 static hada_status read_tensors(const char *path, hada_error *err)

@@ -224,12 +224,15 @@ def test_ctrl_c_ends_what_asks_nothing_else(what: str, camera: Path) -> None:
     def interrupt(*_: Any) -> None:
         raise KeyboardInterrupt
 
+    def again() -> None:
+        while True:
+            work[what]()
+
     def stopped() -> BaseException | None:
         """Return what the interrupt came from: nothing where Python was at work between two calls."""
         signal.setitimer(signal.ITIMER_REAL, 0.5)
         with pytest.raises(KeyboardInterrupt) as caught:
-            while True:
-                work[what]()
+            again()
         return caught.value.__cause__
 
     before = signal.signal(signal.SIGALRM, interrupt)
@@ -246,7 +249,7 @@ def shares_of_a_thread(work: Any) -> tuple[float, float]:
 
     The kernel counts both; what is missing is waiting for the GIL.
     """
-    ended, shares = threading.Event(), [0.0, 0.0]
+    begun, ended, shares = threading.Event(), threading.Event(), [0.0, 0.0]
 
     def seconds() -> Array:
         words = Path(f"/proc/self/task/{threading.get_native_id()}/schedstat").read_text().split()
@@ -254,6 +257,7 @@ def shares_of_a_thread(work: Any) -> tuple[float, float]:
 
     def count() -> None:
         start = seconds()
+        begun.set()
         while not ended.is_set():
             pass
         ran, waited, took = seconds() - start
@@ -261,6 +265,7 @@ def shares_of_a_thread(work: Any) -> tuple[float, float]:
 
     thread = threading.Thread(target=count)
     thread.start()
+    begun.wait()
     work()
     ended.set()
     thread.join()

@@ -1,14 +1,9 @@
 #include "surface/surface.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
-#include "core/alloc.h"
-#include "refine/variation.h"
-#include "surface/level.h"
-
-static const char what[] = "a surface";
+#include "surface/surface_state.h"
 
 /* A pixel's light is smoothed by so many pixels before its centre of mass is taken. */
 #define BLUR 0.5
@@ -28,23 +23,6 @@ static const char what[] = "a surface";
 /* Pixels on each side of one over which the texture says how sure its depth is. */
 enum { SURE_RADIUS = 2 };
 
-struct hada_surface {
-    hada_slot *slot;
-    hada_surface_camera camera;
-    hada_spectrum_layout layout;
-    hada_surface_level level[HADA_SURFACE_LEVELS];
-    int levels;
-    hada_buffer map, texture, allowed; /* depth in planes, of the last level; the texture; masks of planes */
-    double *light;                     /* [channel] H(0) of the middle depth */
-    double *shift;                     /* [depth] rms, of light from a depth to the next, in pixels */
-    float *power;                      /* [count] mean over channels of the middle depth's |H|^2 */
-    double gradient_power;             /* of white noise in the gradient of the texture's data term, by a run's rule */
-    /* on the host: planes of a level and of the one before, masks; maps of a level and of the one before, in depths of
-     * the camera from the first plane on; textures */
-    float *planes[2], *mask, *depth[2], *sum, *image[2], *confidence;
-    unsigned char *outside;
-};
-
 void hada_surface_rule_init(hada_surface_rule *rule)
 {
     *rule = (hada_surface_rule){.first_steps = 100,
@@ -56,187 +34,16 @@ void hada_surface_rule_init(hada_surface_rule *rule)
                                 .texture_variation = 1.4};
 }
 
-static size_t area_of(const hada_surface_plan *plan)
-{
-    return (size_t)plan->shape.window.rows * (size_t)plan->shape.window.cols;
-}
-
 static hada_map_size size_of(const hada_surface_plan *plan)
 {
     return (hada_map_size){plan->shape.window.rows, plan->shape.window.cols};
-}
-
-/* Values of the planes of a level, and of the largest window, of all levels at most. */
-static size_t plane_values(const hada_surface_plan *plan)
-{
-    return (size_t)plan->shape.planes * (size_t)plan->shape.channels * area_of(plan);
-}
-
-typedef struct sizes {
-    size_t values, area, texture;
-} sizes;
-
-static sizes sizes_of(const hada_surface_plan *plans, int levels)
-{
-    const hada_surface_plan *last = &plans[levels - 1];
-    sizes n = {.texture = (size_t)last->shape.channels * area_of(last)};
-    for (int l = 0; l < levels; l++) {
-        n.area = area_of(&plans[l]) > n.area ? area_of(&plans[l]) : n.area;
-        if (l + 1 < levels && plane_values(&plans[l]) > n.values)
-            n.values = plane_values(&plans[l]);
-    }
-    return n;
-}
-
-static size_t texture_bytes(const sizes *n)
-{
-    return (n->texture + HADA_VARIATION_ROOM) * sizeof(float);
-}
-
-size_t hada_surface_bytes(const hada_context *context, const hada_surface_camera *camera,
-                          const hada_surface_shape *shape, const hada_magnification *magnification)
-{
-    hada_surface_plan plans[HADA_SURFACE_LEVELS];
-    const int levels = hada_surface_levels(context, camera, shape, magnification, plans);
-    const sizes n = sizes_of(plans, levels);
-    size_t bytes = (n.values + n.area) * sizeof(float) + texture_bytes(&n);
-    for (int l = 0; l < levels; l++)
-        bytes += hada_surface_level_bytes(context, &plans[l]);
-    return bytes;
-}
-
-static size_t plane_bytes(const hada_surface_camera *camera, const hada_spectrum_layout *layout)
-{
-    return (size_t)camera->channels * layout->count * 2 * sizeof(float);
-}
-
-size_t hada_surface_making_bytes(const hada_context *context, const hada_surface_camera *camera)
-{
-    const hada_spectrum_layout layout = hada_surface_layout(context, camera->rows, camera->cols);
-    return hada_between_bytes(context, camera) + plane_bytes(camera, &layout);
-}
-
-static hada_status make_arrays(hada_surface *s, const sizes *n, hada_error *err)
-{
-    hada_context *context = s->slot->context;
-    hada_status status = HADA_OK;
-    HADA_TRY(hada_buffer_create(&s->map, context, n->area * sizeof(float), what, err));
-    HADA_TRY(hada_buffer_create(&s->texture, context, texture_bytes(n), what, err));
-    HADA_TRY(hada_buffer_create(&s->allowed, context, n->values * sizeof(float), what, err));
-    for (int i = 0; i < 2; i++) {
-        HADA_TRY(hada_alloc((void **)&s->planes[i], n->values, sizeof(float), what, err));
-        HADA_TRY(hada_alloc((void **)&s->depth[i], n->area, sizeof(float), what, err));
-        HADA_TRY(hada_alloc((void **)&s->image[i], n->area * (size_t)s->camera.channels, sizeof(float), what, err));
-    }
-    HADA_TRY(hada_alloc((void **)&s->outside, n->area, 1, what, err));
-    HADA_TRY(hada_alloc((void **)&s->mask, n->values, sizeof(float), what, err));
-    HADA_TRY(hada_alloc((void **)&s->sum, n->area, sizeof(float), what, err));
-    HADA_TRY(hada_alloc((void **)&s->confidence, n->area, sizeof(float), what, err));
-    HADA_TRY(hada_alloc((void **)&s->light, (size_t)s->camera.channels, sizeof *s->light, what, err));
-    HADA_TRY(hada_alloc((void **)&s->shift, (size_t)s->camera.depths, sizeof *s->shift, what, err));
-    HADA_TRY(hada_alloc((void **)&s->power, s->layout.count, sizeof *s->power, what, err));
-done:
-    return status;
-}
-
-static hada_status make_levels(hada_surface *s, const hada_surface_plan *plans, const hada_magnification *magnification,
-                               hada_error *err)
-{
-    hada_between *between = NULL;
-    hada_buffer plane = {0};
-    hada_status status = HADA_OK;
-    HADA_TRY(hada_between_create(&between, s->slot, &s->camera, magnification, err));
-    HADA_TRY(hada_buffer_create(&plane, s->slot->context, plane_bytes(&s->camera, &s->layout), what, err));
-    for (int l = 0; l < s->levels; l++)
-        HADA_TRY(hada_surface_level_make(&s->level[l], s->slot, &plans[l], between, &plane, err));
-done:
-    hada_between_destroy(&between);
-    hada_buffer_destroy(&plane);
-    return status;
-}
-
-/* A buffer of so many floats that another object holds. */
-static hada_buffer view_of(const hada_surface *s, cl_mem mem, size_t values)
-{
-    return (hada_buffer){s->slot->context, mem, values * sizeof(float), 1};
-}
-
-/* What is known of the camera without a frame. */
-static hada_status measure(hada_surface *s, const hada_magnification *magnification, hada_error *err)
-{
-    const int channels = s->camera.channels, depths = s->camera.depths;
-    const size_t count = s->layout.count, from = s->camera.first + (size_t)(depths / 2 * channels);
-    const hada_buffer otf = view_of(s, s->camera.otf, (s->camera.first + (size_t)(depths * channels)) * count * 2);
-    float *values = NULL;
-    hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc_raw((void **)&values, 2 * count, sizeof *values, what, err));
-    for (size_t c = 0; c < (size_t)channels; c++) {
-        HADA_TRY(hada_buffer_read(&otf, s->slot, (from + c) * count * 2 * sizeof *values, values,
-                                  count * 2 * sizeof *values, err));
-        s->light[c] = values[0];
-        for (size_t i = 0; i < count; i++)
-            s->power[i] += (values[2 * i] * values[2 * i] + values[2 * i + 1] * values[2 * i + 1]) / (float)channels;
-    }
-    for (int k = 0; k < depths; k++)
-        s->shift[k] = depths < 2 ? 0.0
-                                 : hada_magnification_shift(magnification, k < depths - 1 ? k : depths - 2,
-                                                            magnification->spread);
-done:
-    free(values);
-    return status;
-}
-
-hada_status hada_surface_create(hada_surface **out, hada_slot *slot, const hada_surface_camera *camera,
-                                const hada_surface_shape *shape, const hada_magnification *magnification,
-                                hada_error *err)
-{
-    hada_surface_plan plans[HADA_SURFACE_LEVELS];
-    hada_surface *s = NULL;
-    hada_status status = HADA_OK;
-    *out = NULL;
-    HADA_TRY(hada_alloc((void **)&s, 1, sizeof *s, what, err));
-    s->slot = slot;
-    s->camera = *camera;
-    s->layout = hada_surface_layout(slot->context, camera->rows, camera->cols);
-    s->levels = hada_surface_levels(slot->context, camera, shape, magnification, plans);
-    const sizes n = sizes_of(plans, s->levels);
-    HADA_TRY(make_arrays(s, &n, err));
-    HADA_TRY(make_levels(s, plans, magnification, err));
-    HADA_TRY(measure(s, magnification, err));
-    *out = s;
-done:
-    if (status)
-        hada_surface_destroy(&s);
-    return status;
-}
-
-void hada_surface_destroy(hada_surface **pointer)
-{
-    if (!pointer || !*pointer)
-        return;
-    hada_surface *s = *pointer;
-    *pointer = NULL;
-    hada_slot_finish(s->slot, NULL);
-    for (int l = 0; l < s->levels; l++)
-        hada_surface_level_free(&s->level[l]);
-    hada_buffer_destroy(&s->map);
-    hada_buffer_destroy(&s->texture);
-    hada_buffer_destroy(&s->allowed);
-    float *floats[] = {s->planes[0], s->planes[1], s->mask,     s->depth[0],   s->depth[1],
-                       s->sum,       s->image[0],  s->image[1], s->confidence, s->power};
-    for (size_t i = 0; i < HADA_COUNT(floats); i++)
-        free(floats[i]);
-    free(s->outside);
-    free(s->light);
-    free(s->shift);
-    free(s);
 }
 
 /* The scene's mean, over its window and channels, by the frame's light over the PSF's. */
 static hada_status mean_light(const hada_surface *s, cl_mem spectrum, size_t offset, double *mean, hada_error *err)
 {
     const size_t channels = (size_t)s->camera.channels;
-    const hada_buffer view = view_of(s, spectrum, 2 * (offset + channels * s->layout.count));
+    const hada_buffer view = hada_surface_view(s, spectrum, 2 * (offset + channels * s->layout.count));
     double sum = 0.0;
     hada_status status = HADA_OK;
     for (size_t c = 0; c < channels; c++) {
@@ -245,7 +52,7 @@ static hada_status mean_light(const hada_surface *s, cl_mem spectrum, size_t off
                                   sizeof value, err));
         sum += s->light[c] > 0.0 ? value / s->light[c] : 0.0;
     }
-    *mean = sum / ((double)channels * (double)area_of(&s->level[s->levels - 1].plan));
+    *mean = sum / ((double)channels * (double)hada_surface_area(&s->level[s->levels - 1].plan));
 done:
     return status;
 }
@@ -253,7 +60,7 @@ done:
 /* A level's planes on the device. */
 static hada_buffer planes_of(const hada_surface *s, const hada_surface_level *level)
 {
-    return view_of(s, hada_volume_planes(level->volume), plane_values(&level->plan));
+    return hada_surface_view(s, hada_volume_planes(level->volume), hada_surface_values(&level->plan));
 }
 
 /* The planes that a level starts from, where they are allowed: those of the coarser one, interpolated; where it has
@@ -261,7 +68,7 @@ static hada_buffer planes_of(const hada_surface *s, const hada_surface_level *le
 static void start_planes(hada_surface *s, const hada_surface_plan *from, const hada_surface_plan *to)
 {
     const hada_map_place place = hada_surface_level_place(to, from);
-    const size_t few = area_of(from), many = area_of(to), channels = (size_t)to->shape.channels;
+    const size_t few = hada_surface_area(from), many = hada_surface_area(to), channels = (size_t)to->shape.channels;
     const double share = (double)from->steps / to->steps;
     float *blend = s->image[0];
     for (int k = 0; k < to->shape.planes; k++) {
@@ -300,11 +107,11 @@ static hada_status follow(hada_surface *s, int l, hada_error *err)
     const hada_surface_plan *from = &s->level[l - 1].plan, *to = &s->level[l].plan;
     const hada_map_place place = hada_surface_level_place(to, from);
     hada_buffer planes = planes_of(s, &s->level[l]);
-    const size_t bytes = plane_values(to) * sizeof(float);
+    const size_t bytes = hada_surface_values(to) * sizeof(float);
     hada_status status = HADA_OK;
     HADA_TRY(hada_map_band(s->depth[0], size_of(from), to->steps, BAND, to->shape.planes, size_of(to), &place, s->mask,
                            err));
-    spread_mask(s->mask, to->shape.planes, (size_t)to->shape.channels, area_of(to));
+    spread_mask(s->mask, to->shape.planes, (size_t)to->shape.channels, hada_surface_area(to));
     start_planes(s, from, to);
     HADA_TRY(hada_buffer_write(&s->allowed, s->slot, 0, s->mask, bytes, err));
     HADA_TRY(hada_buffer_write(&planes, s->slot, 0, s->planes[0], bytes, err));
@@ -315,7 +122,7 @@ done:
 /* The sum of a level's planes. */
 static void add_planes(const hada_surface *s, const hada_surface_plan *plan, float *image)
 {
-    const size_t values = (size_t)plan->shape.channels * area_of(plan);
+    const size_t values = (size_t)plan->shape.channels * hada_surface_area(plan);
     memset(image, 0, values * sizeof *image);
     for (int k = 0; k < plan->shape.planes; k++)
         for (size_t i = 0; i < values; i++)
@@ -371,12 +178,12 @@ static hada_status solve_planes(hada_surface *s, int l, const hada_surface_rule 
     if (l)
         HADA_TRY(follow(s, l, err));
     else
-        HADA_TRY(hada_buffer_clear(&planes, s->slot, 0, plane_values(plan) * sizeof(float), err));
+        HADA_TRY(hada_buffer_clear(&planes, s->slot, 0, hada_surface_values(plan) * sizeof(float), err));
     HADA_TRY(hada_volume_solve(s->level[l].volume, &solve, l ? s->allowed.mem : NULL, &result->energy[l], err));
-    HADA_TRY(hada_buffer_read(&planes, s->slot, 0, s->planes[0], plane_values(plan) * sizeof(float), err));
+    HADA_TRY(hada_buffer_read(&planes, s->slot, 0, s->planes[0], hada_surface_values(plan) * sizeof(float), err));
     HADA_TRY(hada_map_centre(s->planes[0], plan->shape.planes, plan->shape.channels, size_of(plan), BLUR, s->depth[0],
                              s->sum, err));
-    for (size_t i = 0; i < area_of(plan); i++)
+    for (size_t i = 0; i < hada_surface_area(plan); i++)
         s->depth[0][i] /= (float)plan->steps;
     if (l + 2 < s->levels)
         goto done;
@@ -393,13 +200,14 @@ static hada_status begin_texture(hada_surface *s, int *first, int *last, hada_er
 {
     const hada_surface_plan *from = &s->level[s->levels - 2].plan, *to = &s->level[s->levels - 1].plan;
     const hada_map_place place = hada_surface_level_place(to, from);
-    const size_t area = area_of(to);
+    const size_t area = hada_surface_area(to);
     const float end = (float)(s->camera.depths - 1);
     float least = INFINITY, most = 0.0F;
     hada_status status = HADA_OK;
     add_planes(s, from, s->image[0]);
     for (size_t c = 0; c < (size_t)to->shape.channels; c++)
-        hada_map_resample(s->image[0] + c * area_of(from), size_of(from), s->image[1] + c * area, size_of(to), &place);
+        hada_map_resample(s->image[0] + c * hada_surface_area(from), size_of(from), s->image[1] + c * area, size_of(to),
+                          &place);
     hada_map_resample(s->depth[0], size_of(from), s->depth[1], size_of(to), &place);
     for (size_t i = 0; i < area; i++) {
         s->sum[i] = fminf(fmaxf(s->depth[1][i] * (float)to->steps, 0.0F), (float)(to->shape.planes - 1));
@@ -435,7 +243,7 @@ static hada_status solve_texture(hada_surface *s, const hada_surface_rule *rule,
     HADA_TRY(hada_volume_texture(s->level[s->levels - 1].volume, &solve, s->map.mem, first, last, s->texture.mem,
                                  energy, err));
     HADA_TRY(hada_buffer_read(&s->texture, s->slot, 0, s->image[0],
-                              area_of(plan) * (size_t)plan->shape.channels * sizeof(float), err));
+                              hada_surface_area(plan) * (size_t)plan->shape.channels * sizeof(float), err));
     HADA_TRY(hada_map_confidence(s->image[0], plan->shape.channels, s->depth[1], size_of(plan),
                                  noise_of(s, s->levels - 1, result), s->shift, s->camera.depths, SURE_RADIUS,
                                  s->confidence, err));
@@ -448,7 +256,7 @@ done:
 static hada_status nothing(hada_surface *s, hada_error *err)
 {
     const hada_surface_plan *plan = &s->level[s->levels - 1].plan;
-    const size_t area = area_of(plan);
+    const size_t area = hada_surface_area(plan);
     memset(s->confidence, 0, area * sizeof *s->confidence);
     memset(s->outside, 0, area);
     for (size_t i = 0; i < area; i++)
@@ -491,7 +299,7 @@ hada_status hada_surface_planes(hada_surface *s, cl_mem planes, hada_error *err)
 {
     const hada_surface_level *last = &s->level[s->levels - 1];
     hada_status status = HADA_OK;
-    HADA_TRY(hada_buffer_write(&s->map, s->slot, 0, s->depth[1], area_of(&last->plan) * sizeof(float), err));
+    HADA_TRY(hada_buffer_write(&s->map, s->slot, 0, s->depth[1], hada_surface_area(&last->plan) * sizeof(float), err));
     HADA_TRY(hada_volume_spread(last->volume, s->map.mem, s->texture.mem, s->camera.depths, planes, err));
 done:
     return status;

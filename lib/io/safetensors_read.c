@@ -154,7 +154,8 @@ static hada_status read_header(hada_tensors *tensors, size_t *end, hada_error *e
     for (int i = 7; i >= 0; i--)
         length = length << 8 | bytes[i];
     if (length > HEADER_LIMIT || length < 2 || bytes[8] != '{')
-        return hada_fail(err, HADA_ERROR_FILE_FORMAT, "not a safetensors file (no header of a plausible length)");
+        return hada_fail(err, HADA_ERROR_FILE_FORMAT,
+                         "not a safetensors file, as models and weights are (no header of a plausible length)");
     if (length > tensors->bytes - 8)
         return hada_fail(err, HADA_ERROR_FILE_READ,
                          "the safetensors header has %llu bytes, but the file ends before: it is cut off; get it again",

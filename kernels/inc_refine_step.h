@@ -30,6 +30,30 @@ REFINE_INLINE void refine_add_depth(refine_joint *joint, const hada_refine_step 
     joint->hv_im = fma(h_re, v_im, fma(h_im, v_re, joint->hv_im));
 }
 
+/* The data Y: the frame's spectrum B, or a further step's A - 2 E where a sensor crops. */
+REFINE_INLINE void refine_data(const hada_refine_step *now, __global const float *b, __global const float *a, size_t i,
+                               refine_real e_re, refine_real e_im, refine_real *y_re, refine_real *y_im)
+{
+    if (now->padded && now->start == HADA_REFINE_CONTINUE) {
+        refine_get(a, i, y_re, y_im);
+        *y_re -= 2.0f * e_re;
+        *y_im -= 2.0f * e_im;
+    } else {
+        refine_get(b, i, y_re, y_im);
+    }
+}
+
+/* The next A where a sensor crops: sum H X = Y - f; relaxed against v = Y + E; then A = that + E. */
+REFINE_INLINE void refine_next_split(const hada_refine_step *now, refine_real y_re, refine_real y_im, refine_real e_re,
+                                     refine_real e_im, refine_real f_re, refine_real f_im, refine_real *a_re,
+                                     refine_real *a_im)
+{
+    const refine_real v_re = y_re + e_re, v_im = y_im + e_im;
+    const float over = now->relaxation;
+    *a_re = v_re + e_re + over * (y_re - f_re - v_re);
+    *a_im = v_im + e_im + over * (y_im - f_im - v_im);
+}
+
 /* f = g e, of the data y, and 1 / g. */
 REFINE_INLINE refine_real refine_share_out(const refine_joint *joint, const hada_refine_step *now, refine_real g,
                                            refine_real y_re, refine_real y_im, refine_real *f_re, refine_real *f_im)

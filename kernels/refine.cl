@@ -56,24 +56,18 @@ refine_solve(__global const float *otf, __global const int *list, __global const
             refine_add_depth(&joint, &now, h_re, h_im, u_re, u_im, w_re, w_im);
         }
         refine_real y_re, y_im, e_re = none, e_im = none, f_re, f_im;
-        if (padded && start == HADA_REFINE_CONTINUE) {
-            refine_get(a, i, &y_re, &y_im);
+        if (padded && start == HADA_REFINE_CONTINUE)
             refine_get(e, i, &e_re, &e_im);
-            y_re -= 2.0f * e_re;
-            y_im -= 2.0f * e_im;
-        } else {
-            refine_get(b, i, &y_re, &y_im);
-        }
+        refine_data(&now, b, a, i, e_re, e_im, &y_re, &y_im);
         const refine_real r_re = y_re - joint.hu_re, r_im = y_im - joint.hu_im;
         sum += refine_count(fma(r_re, r_re, r_im * r_im), i, rows, block, cols);
 
         const refine_real g = has_prior ? now.rho + refine_get_real(p, i) : (refine_real)now.rho;
         const refine_real per_g = refine_share_out(&joint, &now, g, y_re, y_im, &f_re, &f_im);
         if (padded) {
-            /* sum H X = Y - f; relaxed against v = Y + E; then A = that + E */
-            const refine_real v_re = y_re + e_re, v_im = y_im + e_im;
-            const float over = now.relaxation;
-            refine_put(a, i, v_re + e_re + over * (y_re - f_re - v_re), v_im + e_im + over * (y_im - f_im - v_im));
+            refine_real a_re, a_im;
+            refine_next_split(&now, y_re, y_im, e_re, e_im, f_re, f_im, &a_re, &a_im);
+            refine_put(a, i, a_re, a_im);
         }
         for (int s = 0; s < depths; ++s) {
             refine_real h_re, h_im, u_re = none, u_im = none, w_re = none, w_im = none;

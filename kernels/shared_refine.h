@@ -71,6 +71,17 @@ typedef struct hada_refine_rows {
 } hada_refine_rows;
 HADA_SHARED_SIZE(hada_refine_rows, 40)
 
+/* The data step where a sensor crops, along the frame's rows (refine_frame_rows.cl). */
+typedef struct hada_refine_data_step {
+    hada_ulong at;           /* where half spectra stand, in complex numbers */
+    hada_ulong frame_offset; /* in floats */
+    unsigned int channels;
+    unsigned int sums; /* the first of them */
+    float scale;       /* 1 / (1 + mu) */
+    int padding;
+} hada_refine_data_step;
+HADA_SHARED_SIZE(hada_refine_data_step, 32)
+
 /* Work-items of a group of these, by work-groups. */
 #define HADA_REFINE_FUSED_GROUP 256
 

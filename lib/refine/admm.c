@@ -159,6 +159,9 @@ static sizes sizes_of(const hada_context *context, const hada_refine_shape *shap
     const int fused = hada_refine_fused_most_slices(context, &layout);
     if (b.slices < fused)
         b.slices = fused;
+    const int rows = (int)hada_refine_fused_frame_slices(shape);
+    if (shape->boundary == HADA_BOUNDARY_PADDED && b.slices < rows)
+        b.slices = rows;
     b.partials = sets * (size_t)b.slices;
     b.partial = ((size_t)shape->max_steps + 2) * b.partials * sizeof(float);
     b.partial += looks * 2 * settling_images * hada_refine_slices(hada_rect_area(&shape->window)) * sizeof(float);

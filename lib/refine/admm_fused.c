@@ -3,12 +3,13 @@
 #include <math.h>
 
 #include "launch/refine_columns.h"
+#include "launch/refine_frame_rows.h"
 #include "launch/refine_group_columns.h"
 #include "launch/refine_group_rows.h"
 #include "launch/refine_group_score.h"
 #include "launch/refine_rows.h"
 
-enum { GROUP_ROWS = 16 }; /* that a work-item of refine_rows takes */
+enum { GROUP_ROWS = 16 }; /* that a work-item of refine_rows or refine_frame_rows takes */
 
 /* How the kernels of a shape of devices do it. */
 typedef struct fused_way {
@@ -16,6 +17,7 @@ typedef struct fused_way {
     int (*columns)(const hada_context *context, const hada_refine_shape *shape, int depths);
     int least_columns;
     int scores; /* 1: it has a kernel for scores */
+    int crops;  /* 1: it has kernels for frames that are cropped */
     hada_status (*prepare)(hada_slot *slot, hada_error *err);
     hada_status (*launch_columns)(const hada_refine_run *run, const hada_refine_step *now, hada_error *err);
     hada_status (*launch_rows)(hada_refiner *refiner, const hada_refine_fused_part *part, int images, hada_error *err);
@@ -23,14 +25,20 @@ typedef struct fused_way {
 
 static const fused_way *way_of(const hada_context *context);
 
+/* Blocks of columns that stand side by side: one of each depth, and of a cropped frame. */
+static int blocks_of(const hada_refine_shape *shape, int depths)
+{
+    return depths + (shape->boundary == HADA_BOUNDARY_PADDED);
+}
+
 static int can_fuse(const hada_context *context, const hada_refine_shape *shape, int depths)
 {
-    return way_of(context)->columns(context, shape, depths) > 0;
+    return way_of(context)->columns(context, shape, blocks_of(shape, depths)) > 0;
 }
 
 int hada_refine_fused_grid(const hada_context *context, const hada_refine_shape *shape)
 {
-    return shape->boundary == HADA_BOUNDARY_CIRCULAR && can_fuse(context, shape, 1);
+    return (shape->boundary == HADA_BOUNDARY_CIRCULAR || way_of(context)->crops) && can_fuse(context, shape, 1);
 }
 
 size_t hada_refine_fused_bytes(const hada_context *context, const hada_refine_shape *shape)
@@ -80,13 +88,13 @@ static double transform(double n)
     return 5.0 * n * log2(n > 2.0 ? n : 2.0);
 }
 
-static hada_refine_rows rows_of(const hada_refiner *refiner, const hada_refine_fused_part *part, int width)
+static hada_refine_rows rows_of(const hada_refiner *refiner, const hada_refine_rect *rect,
+                                const hada_refine_fused_part *part, int width)
 {
-    const hada_refine_rect *window = &refiner->shape.window;
-    return (hada_refine_rows){.row0 = window->row0,
-                              .rows = window->rows,
-                              .col0 = window->col0,
-                              .cols = window->cols,
+    return (hada_refine_rows){.row0 = rect->row0,
+                              .rows = rect->rows,
+                              .col0 = rect->col0,
+                              .cols = rect->cols,
                               .inverse = part->inverse,
                               .clip = part->clip,
                               .forward = part->forward,
@@ -105,11 +113,14 @@ hada_status hada_refine_fused_columns(const hada_refine_run *run, const hada_ref
     const double columns = (refiner->layout.cols / 2 + 1.0) * channels, grid = refiner->layout.rows;
     const int cold = start == HADA_REFINE_COLD, ways = cold ? 1 : 2;
     const int once = all < data->otf_depths ? all : data->otf_depths; /* one that several sets share is read once */
-    hada_slot_cost(refiner->slot,
-                   columns * (8.0 * grid * (once + 1.0 + (start == HADA_REFINE_CONTINUE ? 2.0 : 1.0) * all) +
-                              (now.has_prior ? 4.0 * grid : 0) + 8.0 * ways * all * refiner->shape.window.rows),
-                   columns * (ways * all * transform(grid) + grid * ((cold ? 20.0 : 44.0) * all + 16.0 * run->sets)));
-    refiner->transforms += (size_t)(all * channels);
+    const int crops = run->padded ? run->sets : 0, kept = start == HADA_REFINE_CONTINUE ? 2 : 1;
+    hada_slot_cost(
+        refiner->slot,
+        columns * (8.0 * grid * (once + 1.0 + kept * (all + crops)) + (now.has_prior ? 4.0 * grid : 0) +
+                   8.0 * ways * all * refiner->shape.window.rows + 8.0 * kept * crops * refiner->shape.frame.rows),
+        columns *
+            ((ways * all + kept * crops) * transform(grid) + grid * ((cold ? 20.0 : 44.0) * all + 16.0 * run->sets)));
+    refiner->transforms += (size_t)((all + crops) * channels);
     return way_of(refiner->slot->context)->launch_columns(run, &now, err);
 }
 
@@ -130,7 +141,7 @@ hada_status hada_refine_fused_score(const hada_refine_run *run, const hada_refin
     const hada_refine_data *data = run->data;
     const int columns = run->depths + SCORE_COLUMNS, images = run->sets * run->depths * refiner->shape.channels;
     const int width = way_of(refiner->slot->context)->columns(refiner->slot->context, &refiner->shape, columns);
-    const hada_refine_rows rows = rows_of(refiner, &(hada_refine_fused_part){0}, width);
+    const hada_refine_rows rows = rows_of(refiner, &refiner->shape.window, &(hada_refine_fused_part){0}, width);
     const hada_refine_problem problem = hada_refine_problem_of(run, 0);
     const hada_local scratch = {(size_t)(width * columns * refiner->layout.rows) * 2 * sizeof(float)};
     *slices = parts_of(refiner, width);
@@ -159,6 +170,37 @@ hada_status hada_refine_fused_rows(const hada_refine_run *run, const hada_refine
     return way_of(refiner->slot->context)->launch_rows(refiner, part, images, err);
 }
 
+size_t hada_refine_fused_frame_slices(const hada_refine_shape *shape)
+{
+    return hada_divide_up((size_t)shape->frame.rows, GROUP_ROWS);
+}
+
+hada_status hada_refine_fused_frame(const hada_refine_run *run, const hada_refine_fused_part *part, double mu,
+                                    int place, hada_error *err)
+{
+    hada_refiner *refiner = run->refiner;
+    const hada_refine_rect *frame = &refiner->shape.frame;
+    const int channels = refiner->shape.channels, images = run->sets * channels, ways = part->inverse + part->forward;
+    const hada_refine_rows rows = rows_of(refiner, frame, part, 0);
+    const hada_refine_data_step now = {.at = refiner->split_e,
+                                       .frame_offset = run->data->frame_offset,
+                                       .channels = (unsigned)channels,
+                                       .sums = (unsigned)(refiner->partials * (size_t)place),
+                                       .scale = (float)(1.0 / (1.0 + mu))};
+    const hada_local scratch = {refiner->fused.rows.local_bytes};
+    const hada_range range =
+        hada_range_groups((size_t)images * hada_refine_fused_frame_slices(&refiner->shape), 1, 1, 1);
+    const double all = (double)images * frame->rows;
+    hada_slot_cost(refiner->slot,
+                   all * (8.0 * ways * (refiner->layout.cols / 2 + 1.0) + 4.0 * (ways + part->inverse) * frame->cols),
+                   all * (0.5 * ways * transform(refiner->layout.cols) + 4.0 * part->inverse * frame->cols));
+    refiner->transforms += part->forward ? (size_t)images : 0;
+    return hada_launch_refine_frame_rows(refiner->slot, HADA_PROGRAM_REFINE_FRAME_ROWS_DEFAULT, &range, err,
+                                         .spectra = refiner->split.mem, .duals = refiner->dual.mem,
+                                         .frame = run->data->frame, .partial = refiner->partial.mem, .now = now,
+                                         .rows = rows, .tables = refiner->fused.row_tables.mem, .scratch = scratch);
+}
+
 /* Work-groups of one, a block of columns each. */
 static int lane_columns(const hada_context *context, const hada_refine_shape *shape, int depths)
 {
@@ -170,6 +212,7 @@ static hada_status prepare_lanes(hada_slot *slot, hada_error *err)
     hada_status status = HADA_OK;
     HADA_TRY(hada_prepare_refine_columns(slot, HADA_PROGRAM_REFINE_COLUMNS_DEFAULT, err));
     HADA_TRY(hada_prepare_refine_rows(slot, HADA_PROGRAM_REFINE_ROWS_DEFAULT, err));
+    HADA_TRY(hada_prepare_refine_frame_rows(slot, HADA_PROGRAM_REFINE_FRAME_ROWS_DEFAULT, err));
 done:
     return status;
 }
@@ -179,21 +222,24 @@ static hada_status launch_lane_columns(const hada_refine_run *run, const hada_re
     hada_refiner *refiner = run->refiner;
     const hada_refine_data *data = run->data;
     const hada_own_pass *pass = &refiner->fused.columns;
-    const hada_refine_rows rows = rows_of(refiner, &(hada_refine_fused_part){0}, 0);
-    const hada_local scratch = {pass->local_bytes * (size_t)run->depths};
+    const hada_refine_fused_part none = {0};
+    const hada_refine_rows rows = rows_of(refiner, &refiner->shape.window, &none, 0);
+    const hada_refine_rows frame_rows = rows_of(refiner, &refiner->shape.frame, &none, 0);
+    const hada_local scratch = {pass->local_bytes * (size_t)blocks_of(&refiner->shape, run->depths)};
     const hada_range range =
         hada_range_groups((size_t)refiner->layout.blocks, 1, (size_t)refiner->shape.channels, (size_t)run->sets);
-    return hada_launch_refine_columns(refiner->slot, HADA_PROGRAM_REFINE_COLUMNS_DEFAULT, &range, err,
-                                      .planes = refiner->now_u.mem, .otf = data->otf, .list = refiner->list.mem,
-                                      .frame = data->spectrum, .prior = now->has_prior ? data->prior : data->spectrum,
-                                      .now_w = refiner->now_w.mem, .partial = refiner->partial.mem, .now = *now,
-                                      .rows = rows, .table = pass->table.mem, .scratch = scratch);
+    return hada_launch_refine_columns(
+        refiner->slot, HADA_PROGRAM_REFINE_COLUMNS_DEFAULT, &range, err, .planes = refiner->now_u.mem, .otf = data->otf,
+        .list = refiner->list.mem, .frame = data->spectrum, .prior = now->has_prior ? data->prior : data->spectrum,
+        .now_w = refiner->now_w.mem, .split = run->padded ? refiner->split.mem : refiner->now_w.mem,
+        .partial = refiner->partial.mem, .now = *now, .rows = rows, .frame_rows = frame_rows, .table = pass->table.mem,
+        .scratch = scratch);
 }
 
 static hada_status launch_lane_rows(hada_refiner *refiner, const hada_refine_fused_part *part, int images,
                                     hada_error *err)
 {
-    const hada_refine_rows rows = rows_of(refiner, part, 0);
+    const hada_refine_rows rows = rows_of(refiner, &refiner->shape.window, part, 0);
     const hada_local scratch = {refiner->fused.rows.local_bytes};
     const hada_range range = hada_range_groups((size_t)images * hada_divide_up((size_t)rows.rows, GROUP_ROWS), 1, 1, 1);
     return hada_launch_refine_rows(refiner->slot, HADA_PROGRAM_REFINE_ROWS_DEFAULT, &range, err,
@@ -222,7 +268,7 @@ static hada_status launch_group_columns(const hada_refine_run *run, const hada_r
     hada_refiner *refiner = run->refiner;
     const hada_refine_data *data = run->data;
     const int width = group_columns(refiner->slot->context, &refiner->shape, run->depths);
-    const hada_refine_rows rows = rows_of(refiner, &(hada_refine_fused_part){0}, width);
+    const hada_refine_rows rows = rows_of(refiner, &refiner->shape.window, &(hada_refine_fused_part){0}, width);
     const hada_local scratch = {(size_t)(width * run->depths * refiner->layout.rows) * 2 * sizeof(float)};
     const hada_range range = hada_range_groups(hada_refine_fused_slices(run), HADA_REFINE_FUSED_GROUP,
                                                (size_t)refiner->shape.channels, (size_t)run->sets);
@@ -239,7 +285,7 @@ static hada_status launch_group_rows(hada_refiner *refiner, const hada_refine_fu
 {
     const size_t group = HADA_REFINE_FUSED_GROUP;
     const int pairs = hada_fft_group_pairs(refiner->slot->context, refiner->layout.cols, group);
-    const hada_refine_rows rows = rows_of(refiner, part, pairs);
+    const hada_refine_rows rows = rows_of(refiner, &refiner->shape.window, part, pairs);
     const hada_local scratch = {(size_t)(pairs * refiner->layout.cols) * 2 * sizeof(float)};
     const hada_range range =
         hada_range_groups((size_t)images * hada_divide_up((size_t)rows.rows, 2 * (size_t)pairs), group, 1, 1);
@@ -253,6 +299,7 @@ static const fused_way *way_of(const hada_context *context)
 {
     static const fused_way lanes = {.columns = lane_columns,
                                     .least_columns = HADA_FFT_BLOCK,
+                                    .crops = 1,
                                     .prepare = prepare_lanes,
                                     .launch_columns = launch_lane_columns,
                                     .launch_rows = launch_lane_rows};

@@ -106,6 +106,13 @@ static hada_status constrain(const hada_refine_run *r, const hada_refine_rule *r
                   : hada_refine_tv_step(r->refiner, r->sets * r->depths, theta, rule->tv_colour, fresh, err);
 }
 
+/* Where the sums of a linear step go. Padded: the energies wanted are those within the frame, but of the frame itself;
+ * the last place takes the others. */
+static int place_of(const hada_refine_run *r, int step)
+{
+    return r->padded && step ? r->refiner->shape.max_steps + 1 : step;
+}
+
 /* Step number `step` in passes along columns and along rows. Where the step before was one as well, without total
  * variation, the planes' half spectra stand there. */
 static hada_status iterate_fused(const hada_refine_run *r, const hada_refine_rule *rule, int step, int shrink,
@@ -116,13 +123,18 @@ static hada_status iterate_fused(const hada_refine_run *r, const hada_refine_rul
     const int asked = rule->scored && hada_refine_fused_scores(r->refiner, r->depths);
     const hada_refine_fused_part back = {
         .inverse = 1, .clip = !tv, .forward = !tv && (step + 1 < rule->steps || asked)};
+    const hada_refine_fused_part frame = {.inverse = 1, .forward = step + 1 < rule->steps};
     hada_status status = HADA_OK;
     if (start != HADA_REFINE_COLD && (tv || !step))
         HADA_TRY(hada_refine_fused_rows(r, &forward, err));
-    HADA_TRY(hada_refine_fused_columns(r, rule, start, step, step, err));
+    if (r->padded && start == HADA_REFINE_CONTINUE && !step)
+        HADA_TRY(hada_refine_fused_frame(r, &forward, rule->mu, 0, err));
+    HADA_TRY(hada_refine_fused_columns(r, rule, start, step, place_of(r, step), err));
     HADA_TRY(hada_refine_fused_rows(r, &back, err));
     if (tv)
         HADA_TRY(constrain(r, rule, step, start != HADA_REFINE_CONTINUE, shrink, err));
+    if (r->padded)
+        HADA_TRY(hada_refine_fused_frame(r, &frame, rule->mu, step + 1, err));
     r->refiner->half_there = back.forward;
 done:
     return status;
@@ -134,15 +146,12 @@ static hada_status iterate(const hada_refine_run *r, const hada_refine_rule *rul
 {
     hada_refiner *refiner = r->refiner;
     const int start = step ? HADA_REFINE_CONTINUE : (int)rule->start;
-    /* padded: the energies wanted are those within the frame, but of the frame itself; the last place takes the others
-     */
-    const int place = r->padded && step ? refiner->shape.max_steps + 1 : step;
     hada_status status = HADA_OK;
     if (start != HADA_REFINE_COLD)
         HADA_TRY(hada_refine_planes_forward(r, err));
     if (r->padded && start == HADA_REFINE_CONTINUE)
         HADA_TRY(hada_refine_frame_forward(r, err));
-    HADA_TRY(hada_refine_solve(r, rule, start, step, place, err));
+    HADA_TRY(hada_refine_solve(r, rule, start, step, place_of(r, step), err));
     HADA_TRY(hada_refine_planes_inverse(r, err));
     HADA_TRY(constrain(r, rule, step, start != HADA_REFINE_CONTINUE, shrink, err));
     if (r->padded) {
@@ -159,18 +168,23 @@ static size_t step_slices(const hada_refine_run *r)
     return r->fused ? hada_refine_fused_slices(r) : hada_refine_slices(r->refiner->layout.count);
 }
 
+/* The same within a cropped frame. */
+static size_t frame_slices(const hada_refine_run *r)
+{
+    return r->fused ? hada_refine_fused_frame_slices(&r->refiner->shape) : hada_refine_slices(r->refiner->frame_area);
+}
+
 /* The energies of steps first ... end - 1: see hada_refiner_energy() for what they mean. */
 static hada_status read_energies(const hada_refine_run *r, const hada_refine_rule *rule, int first, int end,
                                  hada_error *err)
 {
     const hada_refiner *refiner = r->refiner;
-    const size_t frame_slices = hada_refine_slices(refiner->frame_area), slices = step_slices(r);
     const size_t width = (size_t)refiner->shape.max_sets;
     hada_status status = HADA_OK;
     HADA_TRY(hada_refine_fetch(r, first, end - first, err));
     for (int step = first; step < end; step++) {
         const int in_frame = r->padded && step;
-        hada_refine_add_up(r, step, refiner->shape.channels, in_frame ? frame_slices : slices,
+        hada_refine_add_up(r, step, refiner->shape.channels, in_frame ? frame_slices(r) : step_slices(r),
                            in_frame ? rule->mu * rule->mu : hada_refine_per_pixel(refiner),
                            refiner->energy + (size_t)step * width);
     }

@@ -225,7 +225,7 @@ hada_refine_shape hada_config_refine(const hada_config *config, const hada_model
 {
     const int steps = config->parting ? hada_refine_most_steps(config->steps, config->depths) : config->steps;
     hada_refine_shape refine = hada_refine_shape_of(hada_model_get_info(model), config->depths, steps);
-    refine.settle = config->parting ? HADA_REFINE_PARTING_DEPTHS : 0;
+    refine.settle = config->parting;
     refine.tv = config->weights.tv > 0;
     refine.shrink = config->weights.shrink > 0;
     return refine;

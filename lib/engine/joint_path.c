@@ -258,7 +258,7 @@ hada_status hada_pipeline_joint(hada_pipeline *pipeline, hada_frame *frame, hada
         goto done;
     }
     const int doubt = may_be_surface(pipeline, count, more),
-              parting = pipeline->setup->config.parting && hada_refine_parts(count);
+              parting = pipeline->setup->config.parting && count > 1;
     HADA_TRY(solve(pipeline, frame, count, parting && !doubt, err));
     if (doubt) {
         HADA_TRY(is_surface(pipeline, frame, count, &surface, &energy, err));

@@ -75,7 +75,7 @@ static double residual_stop(hada_boundary boundary, const hada_refine_rule *rule
 
 void hada_refine_rule_stop(hada_refine_rule *rule, hada_boundary boundary, int depths)
 {
-    if (hada_refine_parts(depths) && rule->tv > 0.0) {
+    if (depths > 1 && rule->tv > 0.0) {
         rule->settle = SETTLED;
         rule->steps = hada_refine_most_steps(rule->steps, depths);
     } else {
@@ -140,8 +140,7 @@ static sizes sizes_of(const hada_context *context, const hada_refine_shape *shap
     b.spectra = images * layout.count * complex_bytes;
     /* total variation's loads reach a vector beyond the last image */
     b.planes = hada_round_up(images * hada_rect_area(&shape->window) + 8, HADA_REFINE_PAD) * sizeof(float);
-    const int settling = shape->settle < shape->max_planes ? shape->settle : shape->max_planes;
-    const size_t settling_images = (size_t)settling * (size_t)shape->channels;
+    const size_t settling_images = shape->settle ? images : 0;
     const size_t looks = hada_refine_looks(context);
     b.kept = looks * settling_images * hada_rect_area(&shape->window) * sizeof(float);
     b.tv = shape->tv ? hada_variation_floats(context, shape->channels, shape->window.rows, shape->window.cols,

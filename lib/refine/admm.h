@@ -29,7 +29,7 @@ typedef struct hada_refine_shape {
     int max_steps;
     int tv;     /* 1: rules may ask for total variation */
     int shrink; /* 1: and for shrinkage with it */
-    int settle; /* so many depths may be asked whether their planes have settled; 0: none */
+    int settle; /* 1: and planes may be asked whether they have settled */
 } hada_refine_shape;
 
 /* The shape for a model: one set of up to max_depths depths. */
@@ -106,14 +106,8 @@ static inline double hada_refine_rho(hada_boundary boundary, double tv)
     return !(tv > 0.0) ? 1e-3 : boundary == HADA_BOUNDARY_PADDED ? 3e-3 : 3.5e-3;
 }
 
-/* Several depths, up to so many, take up to so many times the steps that leave-one-out chose, mostly on scenes of one;
- * more of them would take long, and a copy of all their planes. */
-enum { HADA_REFINE_PARTING = 6, HADA_REFINE_PARTING_DEPTHS = 8 };
-
-static inline int hada_refine_parts(int depths)
-{
-    return depths > 1 && depths <= HADA_REFINE_PARTING_DEPTHS;
-}
+/* Several depths take up to so many times the steps that leave-one-out chose, mostly on scenes of one. */
+enum { HADA_REFINE_PARTING = 6 };
 
 /* Stops a rule that has been weighed where nobody said how many steps to take: where the residual has settled, with
  * several depths and total variation where the planes have, for depths part long after. depths 1: by the residual,

@@ -61,7 +61,7 @@ done:
     return status;
 }
 
-static hada_status check_rule(const hada_refiner *refiner, const hada_refine_rule *rule, int depths, hada_error *err)
+static hada_status check_rule(const hada_refiner *refiner, const hada_refine_rule *rule, hada_error *err)
 {
     if (rule->steps < 1 || rule->steps > refiner->shape.max_steps || !(rule->rho > 0.0) ||
         !(rule->relaxation > 0.0 && rule->relaxation < 2.0) || !(rule->mu > 0.0) || !(rule->growth >= 1.0) ||
@@ -76,10 +76,9 @@ static hada_status check_rule(const hada_refiner *refiner, const hada_refine_rul
     if (rule->tv > 0.0 && (!refiner->shape.tv || (rule->shrink > 0.0 && !refiner->shape.shrink)))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "refinement: this refiner was made without %s",
                          refiner->shape.tv ? "shrinkage" : "total variation");
-    if (rule->settle > 0.0 && depths > refiner->shape.settle)
+    if (rule->settle > 0.0 && !refiner->shape.settle)
         return hada_fail(err, HADA_ERROR_ARGUMENT,
-                         "refinement: this refiner can tell of %d depths whether they have settled, not of %d",
-                         refiner->shape.settle, depths);
+                         "refinement: this refiner was made without telling whether planes have settled");
     return HADA_OK;
 }
 
@@ -238,7 +237,7 @@ hada_status hada_refiner_run(hada_refiner *refiner, const hada_refine_data *data
     hada_status status = HADA_OK;
     refiner->half_there = 0;
     HADA_TRY(begin(&r, refiner, data, sets, depths, list, 0, err));
-    HADA_TRY(check_rule(refiner, rule, depths, err));
+    HADA_TRY(check_rule(refiner, rule, err));
     const int last = shrink_steps(&r, rule);
     int end = rule->steps;
     while (count < end) {

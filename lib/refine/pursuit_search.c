@@ -402,6 +402,12 @@ done:
     return status;
 }
 
+/* Whether the depths follow each other. */
+static int is_row(const hada_set *set)
+{
+    return set->depth[set->count - 1] - set->depth[0] < set->count;
+}
+
 /* Whether a set explains enough of what one of a depth less leaves, once all have parted: by what each of them leaves.
  */
 static int explains(double smaller, double larger)
@@ -428,9 +434,10 @@ done:
  * again, and drops what is then not needed. A single depth hides nothing. */
 static hada_status part(search *s, hada_set *current, hada_error *err)
 {
+    const hada_pursuit_options *o = &s->pursuit->options;
     hada_status status = HADA_OK;
     int added = 0;
-    while (current->count > 1 && current->count < s->pursuit->options.max_depths) {
+    while (current->count > 1 && current->count < o->max_depths) {
         double now, least;
         HADA_TRY(list_missed(s, current, err));
         if (!s->count)
@@ -446,6 +453,8 @@ static hada_status part(search *s, hada_set *current, hada_error *err)
     }
     if (added)
         HADA_TRY(drop_hidden(s, current, err));
+    /* no room for more, and all are needed; in a row they are one or two that stand between depths */
+    s->result->all = added && current->count == o->max_depths && o->max_depths < o->depths && !is_row(current);
 done:
     return status;
 }

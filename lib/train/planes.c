@@ -43,7 +43,7 @@ static hada_refine_shape refine_shape(const hada_model_info *info, int composes)
     const int depths = most_depths(info, composes);
     hada_refine_shape shape =
         hada_refine_shape_of(info, depths, is_refined(info) ? hada_refine_most_steps(info->refine_steps, depths) : 1);
-    shape.settle = depths > 1 ? HADA_REFINE_PARTING_DEPTHS : 0;
+    shape.settle = depths > 1;
     shape.tv = info->refine_tv > 0;
     shape.shrink = info->refine_shrink > 0;
     return shape;

@@ -2,10 +2,10 @@
 
     kernels.py KERNELS_FOLDER OUT_FOLDER
 
-writes OUT/kernels.c (text with includes flattened, programs, what each kernel takes); for each kernels/FILE.cl
-OUT/launch/FILE.h: a struct of named arguments for each kernel, read from its own declaration, and a macro that launches
-it and compiles with exactly these arguments; and copies of kernels/shared_*.h, the only headers of kernels/ that the
-host sees, to OUT/kernels. docs/add-an-operation.md shows how they are used.
+writes OUT/kernels.c (text with includes flattened and without comments, programs, what each kernel takes); for each
+kernels/FILE.cl OUT/launch/FILE.h: a struct of named arguments for each kernel, read from its own declaration, and a
+macro that launches it and compiles with exactly these arguments; and copies of kernels/shared_*.h, the only headers of
+kernels/ that the host sees, to OUT/kernels. docs/add-an-operation.md shows how they are used.
 """
 import re
 import sys
@@ -37,6 +37,16 @@ def flatten(name, text, folder, seen):
 
 def without_comments(text):
     return re.sub(r"//[^\n]*", "", re.sub(r"/\*.*?\*/", " ", text, flags=re.S))
+
+
+def compact(text):
+    """What a compiler reads of a text, on the same lines: without comments, indentation and aligned ends of lines."""
+    def ends_of_lines(comment):
+        return " " + re.sub(r"[^\\\n]|\\(?!\n)", "", comment.group())
+
+    text = re.sub(r"//[^\n]*", "", re.sub(r"/\*.*?\*/", ends_of_lines, text, flags=re.S))
+    lines = (re.sub(r"[ \t]*\\$", r" \\", line.strip()) for line in text.split("\n"))
+    return "\n".join(lines)
 
 
 class Parameter:
@@ -241,7 +251,7 @@ def texts(files):
         if key in names:
             continue
         names[key] = []
-        for number, literal in enumerate(literals(text)):
+        for number, literal in enumerate(literals(compact(text))):
             names[key].append(re.sub(r"\W", "_", f"text_{key}_{number}"))
             out += f"static const char {names[key][-1]}[] =\n    {literal};\n"
     return names, out

@@ -4,6 +4,8 @@
 
 #include "fault.h"
 #include "fault_job.h"
+#include "model/model.h"
+#include "runtime/context.h"
 #include "testing.h"
 
 static int begin(void **state)
@@ -112,12 +114,82 @@ static void tiny_pieces_of_memory_are_refused_with_sizes(void **state)
     fault_pretend = (fault_device){0};
 }
 
+/* A fitter whose end tries refinement on the pairs. */
+static void make_fitter(hada_fitter **fitter, const fault_job *job, hada_context *context)
+{
+    const hada_fit_options options = fault_fit_options();
+    ASSERT_OK(hada_fitter_create(fitter, context, &options, err));
+    for (int pass = 0; pass < 2; pass++)
+        for (int k = 0; k < JOB_DEPTHS * JOB_PAIRS; k++) {
+            const int z = k / JOB_PAIRS, i = k % JOB_PAIRS;
+            ASSERT_OK(pass ? hada_fitter_score(*fitter, z, &job->frame[z][i], &job->scene[z][i], err)
+                           : hada_fitter_add(*fitter, z, &job->frame[z][i], &job->scene[z][i], err));
+        }
+}
+
+static int untried;
+
+static void hear(void *user, hada_log_level level, const char *message)
+{
+    (void)user;
+    untried += level == HADA_LOG_WARNING && strstr(message, "no memory to try refinement") != NULL;
+}
+
+static size_t filter_bytes(const hada_model *model)
+{
+    const hada_model_info *info = &model->info;
+    return 2 * sizeof(float) * (size_t)(info->depths * info->channels) * (size_t)info->grid_rows *
+           (size_t)(info->grid_cols / 2 + 1);
+}
+
+/* Where the trial is short of memory the model is there all the same, and that is said; a device that is lost is an
+ * error wherever it is lost. */
+static void a_fit_goes_on_without_its_trial_for_want_of_memory_alone(void **state)
+{
+    static const cl_int codes[] = {CL_MEM_OBJECT_ALLOCATION_FAILURE, CL_DEVICE_NOT_AVAILABLE};
+    static const hada_status statuses[] = {HADA_ERROR_DEVICE_MEMORY, HADA_ERROR_DEVICE};
+    hada_context_options options;
+    hada_context *context;
+    hada_fitter *fitter;
+    hada_model *tried, *model;
+    hada_context_options_init(&options);
+    options.log = hear;
+    ASSERT_OK(hada_context_create(&context, &options, err));
+    make_fitter(&fitter, *state, context);
+    ASSERT_OK(hada_fitter_finish(fitter, &tried, NULL, err));
+    assert_int_equal(untried, 0);
+    for (int kind = 0; kind < 2; kind++) {
+        int gone_on = 0, failed = 0, reached = 1;
+        for (long n = 1; reached; n += n < 20 ? 3 : n / 3) {
+            hada_error error = {0};
+            untried = 0;
+            fault_lose(&(fault_device_loss){context->cl, n, 1, codes[kind]});
+            const hada_status status = hada_fitter_finish(fitter, &model, NULL, &error);
+            fault_lose(NULL);
+            failed += status != HADA_OK;
+            gone_on += untried;
+            if (status)
+                assert_int_equal(status, statuses[kind]);
+            reached = status || untried;
+            if (!status)
+                assert_memory_equal(model->filter, tried->filter, filter_bytes(model));
+            hada_model_destroy(&model);
+        }
+        assert_true(failed && !gone_on == (codes[kind] == CL_DEVICE_NOT_AVAILABLE));
+    }
+    hada_model_destroy(&tried);
+    hada_fitter_destroy(&fitter);
+    assert_int_equal(hada_context_bytes(context), 0);
+    hada_context_destroy(&context);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(nothing_installed),
         cmocka_unit_test(without_a_compiler_only_binaries_serve),
         cmocka_unit_test(tiny_pieces_of_memory_are_refused_with_sizes),
+        cmocka_unit_test(a_fit_goes_on_without_its_trial_for_want_of_memory_alone),
     };
     return cmocka_run_group_tests(tests, begin, end);
 }

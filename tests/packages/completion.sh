@@ -76,7 +76,7 @@ END
         'reconstruct a.tif -o pla' 'fit --dark non' >typed
     printf '%s\n' 'reconstruct' 'fit --crop-passes' 'fit --boundary padded' 'fit --boundary=padded' 'reconstruct -m a.tif' \
         'reconstruct a.tif -o places' 'fit --dark none' >meant
-    timeout 60 zsh -f person.zsh <typed >ran || fail "zsh did not answer"
+    timeout 300 zsh -f person.zsh <typed >ran || fail "zsh did not answer"
     diff meant ran || fail "zsh completes otherwise (>) than meant (<)"
 fi
 rm -rf "$work"

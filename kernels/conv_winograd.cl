@@ -6,6 +6,21 @@
 #include "inc_conv_winograd_products.h"
 #include "shared_local.h"
 
+/* Asks for what the tiles begin, begin + CONV_PLACES, ... before `end` read: a processor by itself fetches ahead within
+ * a row, of which a tile takes few pixels. Their first two columns are the last ones of the tile before. */
+static inline void conv_fetch_tiles(__global const float *x, int begin, int end, int in_blocks, int rows, int cols)
+{
+    const size_t row_floats = (size_t)(cols + 2) * NET_BLOCK, plane = (rows + 2) * row_floats;
+    for (int tile = begin; tile < end; tile += CONV_PLACES) {
+        const conv_place place = conv_place_of(tile, rows, cols);
+        __global const float *at = x + place.row * row_floats + place.col * NET_BLOCK;
+        for (int b = 0; b < in_blocks; ++b, at += plane)
+            for (int r = 0; r < CONV_REACH; ++r)
+                for (int c = CONV_REACH - CONV_TILE; c < CONV_REACH; ++c)
+                    CONV_FETCH(at + r * row_floats + c * NET_BLOCK);
+    }
+}
+
 __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void
 conv_winograd(__global const float *restrict x, __global const float *restrict weights,
               __global const float *restrict bias, __global float *restrict y, __global const float *restrict mask,
@@ -36,11 +51,14 @@ conv_winograd(__global const float *restrict x, __global const float *restrict w
                          v + b * block_floats + t * NET_BLOCK, v_place);
     }
     for (int group = 0; group < out_blocks / CONV_BLOCKS; ++group) {
-        for (int f = 0; f < CONV_PLACES; ++f)
+        for (int f = 0; f < CONV_PLACES; ++f) {
+            if (group == 0) /* the next work-item's, most likely on the same processor */
+                conv_fetch_tiles(x, first + tiles + f, min(first + 2 * tiles, all), in_blocks, rows, cols);
             for (int t = 0; t < tiles; t += CONV_PIXELS)
                 conv_tile_products(v + f * v_place + t * NET_BLOCK, block_floats,
                                    weights + ((size_t)f * (out_blocks / CONV_BLOCKS) + group) * group_floats, in_blocks,
                                    m + f * m_place + t * NET_BLOCK, block_floats);
+        }
         for (int o = 0; o < CONV_BLOCKS; ++o) {
             const int block = group * CONV_BLOCKS + o, present = out_channels - block * NET_BLOCK;
             const conv_v b = flags & HADA_CONV_HAS_BIAS

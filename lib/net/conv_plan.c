@@ -98,6 +98,9 @@ static void plan_winograd(hada_conv_plan *plan, const hada_context *context, had
         pass->tiles = choice->tiles;
     pass->weight_floats = places * in * out;
     pass->pixels = hada_conv_table_step(plan->block, 0);
+    /* sums of twice the tiles find room in 32 registers, where there is one block of outputs */
+    if (pass->tile == TILE && plan->block == 16 && pass->lanes == plan->block && pass->tiles % (2 * pass->pixels) == 0)
+        pass->pixels *= 2;
     if (pass->tiles && (size_t)pass->tiles <= all)
         return;
     pass->pixels = hada_conv_table_step(plan->block, 1);

@@ -257,8 +257,7 @@ hada_status hada_pipeline_joint(hada_pipeline *pipeline, hada_frame *frame, hada
         HADA_TRY(hada_pipeline_no_pictures(pipeline, frame, err));
         goto done;
     }
-    const int doubt = may_be_surface(pipeline, count, more),
-              parting = pipeline->setup->config.parting && count > 1;
+    const int doubt = may_be_surface(pipeline, count, more), parting = pipeline->setup->config.parting && count > 1;
     HADA_TRY(solve(pipeline, frame, count, parting && !doubt, err));
     if (doubt) {
         HADA_TRY(is_surface(pipeline, frame, count, &surface, &energy, err));

@@ -5,6 +5,7 @@
 #include "core/options.h"
 #include "filter/bank.h"
 #include "filter/gains.h"
+#include "refine/crosstalk.h"
 
 enum {
     LEAST_DEPTHS = 3, /* of a surface: two say nothing of a law between them */
@@ -19,6 +20,7 @@ void hada_plan_options_defaults(hada_plan_options *options, size_t size)
                                    .refine_tv = HADA_AUTO,
                                    .refine_colour = HADA_AUTO,
                                    .refine_shrink = HADA_AUTO,
+                                   .crosstalk = HADA_AUTO,
                                    .enhance = 1,
                                    .batch = HADA_AUTO,
                                    .queues = HADA_AUTO,
@@ -55,6 +57,9 @@ static hada_status check_numbers(const hada_plan_options *options, hada_error *e
         return hada_fail(err, HADA_ERROR_ARGUMENT,
                          "plan options: the threshold of shrinkage is %g; 0 to %g are possible", options->refine_shrink,
                          HADA_REFINE_MOST_SHRINK);
+    if (!isfinite(options->crosstalk) || (options->crosstalk >= 0 && !hada_crosstalk_known(options->crosstalk)))
+        return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: the share of crosstalk is %g; 0 to 1 are possible",
+                         options->crosstalk);
     if ((options->queues < 0 && options->queues != HADA_AUTO) || options->queues > MOST_QUEUES)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "plan options: %d queues; a device can have 1 to %d",
                          options->queues, MOST_QUEUES);
@@ -174,6 +179,7 @@ hada_status hada_config_of(const hada_model *model, const hada_plan_options *opt
     config->weights.tv = options->refine_tv >= 0 ? options->refine_tv : info->refine_tv;
     config->weights.colour = options->refine_colour >= 0 ? options->refine_colour : info->refine_colour;
     config->weights.shrink = options->refine_shrink >= 0 ? options->refine_shrink : info->refine_shrink;
+    config->crosstalk = options->crosstalk >= 0 ? options->crosstalk : HADA_CROSSTALK;
     HADA_TRY(use_classic(info, options, config, err));
     config->joint = config->steps > 0;
     config->pursuit =
@@ -228,6 +234,7 @@ hada_refine_shape hada_config_refine(const hada_config *config, const hada_model
     refine.settle = config->parting;
     refine.tv = config->weights.tv > 0;
     refine.shrink = config->weights.shrink > 0;
+    refine.crosstalk = config->crosstalk > 0 && config->depths > 1;
     return refine;
 }
 

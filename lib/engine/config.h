@@ -21,6 +21,7 @@ typedef struct hada_config {
     hada_refine_weights weights; /* of refinement */
     double share;                /* of refined planes, the rest being those of the linear filters; 1: refined alone */
     int steps;                   /* refinement steps or iterations at most */
+    double crosstalk;            /* share at which a plane halves beside another one; 0: none does */
     int parting;                 /* 1: several depths take more steps, until they have parted */
     int pursuit;                 /* 1: the occupied depths are found */
     hada_scene scene;            /* what it may be taken for; planes where it cannot be a surface */

@@ -137,6 +137,14 @@ static cl_mem planes_of(const hada_pipeline *pipeline)
     return pipeline->classic ? hada_classic_planes(pipeline->classic) : hada_refiner_planes(pipeline->refiner);
 }
 
+/* Several planes fade where others are brighter by far; whoever asked for another method has its planes as they are. */
+static hada_status fade(hada_pipeline *pipeline, int count, hada_error *err)
+{
+    const double share = pipeline->setup->config.crosstalk;
+    return count > 1 && share > 0.0 && !pipeline->classic ? hada_refiner_fade(pipeline->refiner, count, share, err)
+                                                          : HADA_OK;
+}
+
 /* Refined planes and those of the linear filters, as their errors on held-out pairs say (docs/refinement.md). */
 static hada_status blend(hada_pipeline *pipeline, int count, hada_error *err)
 {
@@ -269,6 +277,7 @@ hada_status hada_pipeline_joint(hada_pipeline *pipeline, hada_frame *frame, hada
         if (parting)
             HADA_TRY(solve(pipeline, frame, count, 1, err));
     }
+    HADA_TRY(fade(pipeline, count, err));
     HADA_TRY(blend(pipeline, count, err));
     HADA_TRY(hada_pipeline_enhance(pipeline, frame, planes_of(pipeline), count, 1, err));
     HADA_TRY(hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_enhance, err));

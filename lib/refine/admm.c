@@ -289,6 +289,9 @@ hada_status hada_refiner_create(hada_refiner **out, hada_slot *slot, hada_scratc
     if (shape->tv && shape->shrink)
         HADA_TRY(hada_shrinkage_prepare(&refiner->shrinkage, slot, shape->channels, shape->window.rows,
                                         shape->window.cols, err));
+    if (shape->crosstalk)
+        HADA_TRY(hada_crosstalk_prepare(&refiner->crosstalk, slot, shape->channels, shape->window.rows,
+                                        shape->window.cols, err));
     *out = refiner;
 done:
     if (status)
@@ -315,6 +318,14 @@ void hada_refiner_destroy(hada_refiner **pointer)
     free(refiner->host_partial);
     free(refiner->host_list);
     free(refiner);
+}
+
+hada_status hada_refiner_fade(hada_refiner *refiner, int depths, double share, hada_error *err)
+{
+    refiner->half_there = 0;
+    /* the next run begins anew: room enough, for every plane has a spectrum of the grid there */
+    return hada_crosstalk_fade(&refiner->crosstalk, refiner->slot, refiner->planes.mem, refiner->now_w.mem, depths,
+                               share, err);
 }
 
 cl_mem hada_refiner_planes(const hada_refiner *refiner)

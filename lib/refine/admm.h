@@ -27,9 +27,10 @@ typedef struct hada_refine_shape {
     int max_sets;   /* sets in one run, at most */
     int max_planes; /* sets x depths in one run, at most */
     int max_steps;
-    int tv;     /* 1: rules may ask for total variation */
-    int shrink; /* 1: and for shrinkage with it */
-    int settle; /* 1: and planes may be asked whether they have settled */
+    int tv;        /* 1: rules may ask for total variation */
+    int shrink;    /* 1: and for shrinkage with it */
+    int settle;    /* 1: and planes may be asked whether they have settled */
+    int crosstalk; /* 1: and planes may fade where they are dark beside others */
 } hada_refine_shape;
 
 /* The shape for a model: one set of up to max_depths depths. */
@@ -149,6 +150,10 @@ hada_status hada_refiner_run(hada_refiner *refiner, const hada_refine_data *data
 
 /* The planes: [set][place in the set][channel][window rows][window cols] floats, to be read or (for a warm start)
  * written on the slot's compute queue. */
+/* Fades planes of the last run, of so many depths, where they are dark beside others (refine/crosstalk.h); what is
+ * asked of them afterwards is asked of the faded ones. */
+hada_status hada_refiner_fade(hada_refiner *refiner, int depths, double share, hada_error *err);
+
 cl_mem hada_refiner_planes(const hada_refiner *refiner);
 
 /* Energies that the last run met on its way, sum of squares over pixels and channels. Circular: of

@@ -5,6 +5,7 @@
 #include "fft/fft_fused.h"
 #include "launch/refine.h"
 #include "refine/admm.h"
+#include "refine/crosstalk.h"
 #include "refine/shrinkage.h"
 #include "refine/variation.h"
 
@@ -42,6 +43,7 @@ struct hada_refiner {
     hada_program_refine program; /* in the shape that fits the device and the layout */
     hada_variation variation;
     hada_shrinkage shrinkage;
+    hada_crosstalk crosstalk;
     size_t group; /* work-items of a group in the kernels with sums */
     size_t window_area, frame_area;
     size_t split_e; /* where E begins, in complex numbers */

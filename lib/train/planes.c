@@ -10,6 +10,7 @@
 #include "image/dark.h"
 #include "image/noise.h"
 #include "refine/admm.h"
+#include "refine/crosstalk.h"
 #include "train/light.h"
 
 struct hada_planes {
@@ -43,7 +44,7 @@ static hada_refine_shape refine_shape(const hada_model_info *info, int composes)
     const int depths = most_depths(info, composes);
     hada_refine_shape shape =
         hada_refine_shape_of(info, depths, is_refined(info) ? hada_refine_most_steps(info->refine_steps, depths) : 1);
-    shape.settle = depths > 1;
+    shape.settle = shape.crosstalk = depths > 1;
     shape.tv = info->refine_tv > 0;
     shape.shrink = info->refine_shrink > 0;
     return shape;
@@ -196,6 +197,7 @@ static hada_status refine(hada_planes *planes, int depth, const hada_image *raw,
         .spectrum = planes->stage->spectrum.mem, .frame = planes->stage->raw.mem, .prior = planes->prior.mem};
     hada_refine_rule rule;
     size_t image;
+    hada_status status = HADA_OK;
     const int one[1] = {0}, several = composed->count;
     /* all depths from the first one on, or from the pair's */
     data.otf = hada_bank_otf(planes->bank, several ? 0 : depth, &image, &data.otf_depths);
@@ -208,7 +210,11 @@ static hada_status refine(hada_planes *planes, int depth, const hada_image *raw,
         &rule, info, &weights, depths, hada_model_gain(planes->model),
         hada_noise_unit(raw->data, raw->channels, raw->rows, raw->cols, planes->noise_share, mean_square(planes, raw)));
     hada_refine_rule_stop(&rule, info->boundary, depths);
-    return hada_refiner_run(planes->refiner, &data, &rule, 1, depths, several ? composed->depth : one, NULL, err);
+    HADA_TRY(hada_refiner_run(planes->refiner, &data, &rule, 1, depths, several ? composed->depth : one, NULL, err));
+    if (depths > 1)
+        HADA_TRY(hada_refiner_fade(planes->refiner, depths, HADA_CROSSTALK, err));
+done:
+    return status;
 }
 
 static hada_status filter(hada_planes *planes, int depth, hada_error *err)

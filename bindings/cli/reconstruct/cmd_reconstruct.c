@@ -70,6 +70,11 @@ static const hada_cli_option options[] = {
      "The last steps keep what stands out of the cosine transforms of blocks of 8 x 8 pixels, by this threshold in units "
      "of the weight of total variation. auto takes what the fit measured to pay.",
      ONE_OF(plan.refine_shrink, 0, 100)},
+    {HADA_OPTION_WEIGHT, "crosstalk", 0, "K|auto|0",
+     "share of another depth's light at which refined planes fade (default: auto)",
+     "Refinement leaves a few hundredths of the light of one depth in the planes of others. Around a pixel, a plane that "
+     "has K of the brightest one's light keeps half, and what it loses goes there. auto: 0.12; 0: planes stay as refined.",
+     ONE_OF(plan.crosstalk, 0, 1)},
     {HADA_OPTION_TEXT, "dark", 0, "FILE|auto|none|LEVEL", "dark level of the frames (default: what the model says)",
      "FILE: a dark frame of the camera; auto: each frame's own; LEVEL: a share of full scale.", AT(dark)},
     {HADA_OPTION_FLAG, "repair", 0, NULL, "fill NaN and infinite pixels from their neighbours",

@@ -70,6 +70,8 @@ class Plan(Handle):
         refine_colour: there, weight of differences of colour over those of brightness, 1 to 16; None: the model's.
         refine_shrink: there, where one depth is occupied, threshold of the shrinkage of blocks in units of `refine_tv`,
             0 (none) to 100; None: the model's.
+        crosstalk: where refined planes are dark beside a brighter one, their light goes there: the share of its light
+            at which they keep half, 0 (they stay as refined) to 1; None: 0.12.
         dark: taken off the frames: None (what the model says), "auto" (each frame's own, estimated), a level from 0
             (nothing) to 1, or a dark frame (an array like raw frames).
         repair: NaN and infinite pixels take the median of their neighbours; otherwise such frames are refused.
@@ -107,6 +109,7 @@ class Plan(Handle):
         refine_tv: float | None = None,
         refine_colour: float | None = None,
         refine_shrink: float | None = None,
+        crosstalk: float | None = None,
         dark: Any = None,
         repair: bool = False,
         enhance: bool = True,
@@ -128,6 +131,7 @@ class Plan(Handle):
             refine_tv=refine_tv,
             refine_colour=refine_colour,
             refine_shrink=refine_shrink,
+            crosstalk=crosstalk,
             dark=dark,
             repair=repair,
             enhance=enhance,

@@ -91,6 +91,9 @@ typedef struct hada_plan_options {
     double
         refine_shrink; /* with total variation, where one depth is occupied: threshold of the shrinkage of blocks in the
                           last steps, in units of its weight, 0 to 100; HADA_AUTO (default): the model's; 0: none */
+    double crosstalk; /* where a refined plane is dark beside another one, its light goes to the brightest: the share of
+                         that one's light at which a plane keeps half, at most 1; HADA_AUTO (default): 0.12; 0: planes
+                         stay as refined. Their sum does either way (docs/refinement.md) */
 } hada_plan_options;
 HADA_API void hada_plan_options_defaults(hada_plan_options *options, size_t size);
 static inline void hada_plan_options_init(hada_plan_options *options)

@@ -1,0 +1,140 @@
+/* Crosstalk: a small part of the light of one depth that refinement leaves in the planes of others. Where a plane is
+ * dark beside another one, its light goes to the brightest (docs/refinement.md):
+ *
+ *     w[z] = (1 + k^4) r^4 / (r^4 + k^4),   r = m[z] / max over z of m
+ *     x[z] w[z], and sum over z of (1 - w[z]) x[z] to the plane of the largest m, of equals the first
+ *
+ * m: sum of a plane's channels over pixels up to CROSSTALK_REACH rows and columns away, within the image; k: the share
+ * of the brightest plane's light at which another one halves. Planes stand as [plane][channel][row][col], are not
+ * negative, their sum stays, and so does a plane alone. */
+#include "shared_refine.h"
+
+#ifndef CROSSTALK_WIDTH
+#define CROSSTALK_WIDTH 8
+#endif
+#ifndef CROSSTALK_GROUP
+#define CROSSTALK_GROUP 1
+#endif
+
+#define CROSSTALK_REACH 2
+
+#define CROSSTALK_INLINE static inline __attribute__((always_inline))
+
+#if CROSSTALK_WIDTH == 8
+typedef float8 crosstalk_real;
+typedef int8 crosstalk_int;
+#define CROSSTALK_GET(p)    vload8(0, p)
+#define CROSSTALK_PUT(v, p) vstore8(v, 0, p)
+#else
+typedef float4 crosstalk_real;
+typedef int4 crosstalk_int;
+#define CROSSTALK_GET(p)    vload4(0, p)
+#define CROSSTALK_PUT(v, p) vstore4(v, 0, p)
+#endif
+
+/* The first `count` values from p on, a vector of them at most; what is beyond is 0. */
+CROSSTALK_INLINE crosstalk_real crosstalk_get(__global const float *p, int count)
+{
+    float some[CROSSTALK_WIDTH];
+    if (count >= CROSSTALK_WIDTH)
+        return CROSSTALK_GET(p);
+    for (int i = 0; i < CROSSTALK_WIDTH; ++i)
+        some[i] = i < count ? p[i] : 0.0f;
+    return CROSSTALK_GET(some);
+}
+
+CROSSTALK_INLINE void crosstalk_put(crosstalk_real v, __global float *p, int count)
+{
+    float some[CROSSTALK_WIDTH];
+    if (count >= CROSSTALK_WIDTH) {
+        CROSSTALK_PUT(v, p);
+        return;
+    }
+    CROSSTALK_PUT(v, some);
+    for (int i = 0; i < count; ++i)
+        p[i] = some[i];
+}
+
+/* light[plane][row][col]: a plane's channels, added up along rows. Dimensions: columns by the width, rows, planes. */
+__kernel __attribute__((reqd_work_group_size(CROSSTALK_GROUP, 1, 1))) void
+refine_crosstalk_light(__global const float *planes, __global float *light, hada_refine_window window)
+{
+    const int rows = window.rows, cols = window.cols, channels = window.channels;
+    const int first = (int)get_global_id(0) * CROSSTALK_WIDTH, row = (int)get_global_id(1);
+    const size_t area = (size_t)rows * (size_t)cols, plane = get_global_id(2), at = (size_t)row * (size_t)cols;
+    __global const float *image = planes + plane * (size_t)channels * area + at;
+    __global float *out = light + plane * area + at;
+    if (first >= CROSSTALK_REACH && first + CROSSTALK_WIDTH + CROSSTALK_REACH <= cols) {
+        crosstalk_real sum = (crosstalk_real)0.0f;
+        for (int c = 0; c < channels; ++c)
+            for (int d = -CROSSTALK_REACH; d <= CROSSTALK_REACH; ++d)
+                sum += CROSSTALK_GET(image + (size_t)c * area + first + d);
+        CROSSTALK_PUT(sum, out + first);
+        return;
+    }
+    for (int col = first; col < min(first + CROSSTALK_WIDTH, cols); ++col) {
+        float sum = 0.0f;
+        for (int c = 0; c < channels; ++c)
+            for (int i = max(col - CROSSTALK_REACH, 0); i <= min(col + CROSSTALK_REACH, cols - 1); ++i)
+                sum += image[(size_t)c * area + i];
+        out[col] = sum;
+    }
+}
+
+/* What a pixel keeps of a plane's light. */
+CROSSTALK_INLINE crosstalk_real crosstalk_weight(crosstalk_real light, crosstalk_real most, float k)
+{
+    const crosstalk_real part = light / fmax(most, (crosstalk_real)FLT_MIN);
+    const crosstalk_real square = part * part, power = square * square;
+    return (1.0f + k) * power / (power + k);
+}
+
+/* Columns from `first` on of rows `from` to `to`, added up; as many as there are. */
+CROSSTALK_INLINE crosstalk_real crosstalk_around(__global const float *light, int from, int to, int cols, int first)
+{
+    crosstalk_real sum = (crosstalk_real)0.0f;
+    for (int i = from; i <= to; ++i)
+        sum += crosstalk_get(light + (size_t)i * (size_t)cols + first, cols - first);
+    return sum;
+}
+
+/* On the planes in place; share: k. Dimensions: columns by the width, rows. */
+__kernel __attribute__((reqd_work_group_size(CROSSTALK_GROUP, 1, 1))) void
+refine_crosstalk_fade(__global float *planes, __global const float *light, hada_refine_window window, int depths,
+                      float share)
+{
+    const int rows = window.rows, cols = window.cols, channels = window.channels;
+    const int first = (int)get_global_id(0) * CROSSTALK_WIDTH, row = (int)get_global_id(1);
+    const int from = max(row - CROSSTALK_REACH, 0), to = min(row + CROSSTALK_REACH, rows - 1);
+    const size_t area = (size_t)rows * (size_t)cols, at = (size_t)row * (size_t)cols + (size_t)first;
+    const float k = share * share * share * share;
+    const crosstalk_real none = (crosstalk_real)0.0f;
+    crosstalk_real most = none;
+    crosstalk_int brightest = (crosstalk_int)0;
+    if (first >= cols)
+        return;
+    for (int z = 0; z < depths; ++z) {
+        const crosstalk_real around = crosstalk_around(light + (size_t)z * area, from, to, cols, first);
+        brightest = select(brightest, (crosstalk_int)z, isgreater(around, most));
+        most = fmax(most, around);
+    }
+    for (int c = 0; c < channels; ++c) {
+        __global float *image = planes + (size_t)c * area + at;
+        const size_t step = (size_t)channels * area;
+        crosstalk_real moved = none;
+        for (int z = 0; z < depths; ++z) {
+            const crosstalk_real around = crosstalk_around(light + (size_t)z * area, from, to, cols, first);
+            const crosstalk_real value = crosstalk_get(image + (size_t)z * step, cols - first);
+            const crosstalk_real kept = crosstalk_weight(around, most, k) * value;
+            moved += value - kept;
+            crosstalk_put(kept, image + (size_t)z * step, cols - first);
+        }
+        for (int z = 0; z < depths; ++z) {
+            const crosstalk_int here = brightest == (crosstalk_int)z;
+            if (any(here)) {
+                const crosstalk_real kept = crosstalk_get(image + (size_t)z * step, cols - first);
+                crosstalk_put(kept + select(none, moved, here), image + (size_t)z * step, cols - first);
+            }
+        }
+    }
+}

@@ -52,6 +52,11 @@ expect 0 '' reconstruct "${one[@]}" -o blocks --occupied 100mm --refine 6 --refi
 expect 0 '' reconstruct "${one[@]}" -o edges --occupied 100mm --refine 6 --refine-tv 0.05 --refine-shrink 0 --no-preview
 cmp -s blocks/test01_stack.tif edges/test01_stack.tif && fail '--refine-shrink changed nothing'
 expect 2 '--refine-shrink takes' reconstruct "${one[@]}" -o a --refine-shrink -1
+two=(--occupied all --refine 6 --no-preview)
+expect 0 '' reconstruct "${one[@]}" -o faded "${two[@]}"
+expect 0 '' reconstruct "${one[@]}" -o unfaded "${two[@]}" --crosstalk 0
+cmp -s faded/test01_stack.tif unfaded/test01_stack.tif && fail '--crosstalk 0 changed nothing'
+expect 2 '--crosstalk takes' reconstruct "${one[@]}" -o a --crosstalk 1.5
 expect 2 '--refine takes' reconstruct "${one[@]}" -o a --refine soon
 expect 2 'greater than zero' reconstruct "${one[@]}" -o a --gamma 0
 

@@ -8,6 +8,7 @@
  *   oracle_ref score SPLIT ALPHA RIDGE (ten numbers of hada_ref_grid)   x, b, sums, other, seen, weights
  *   oracle_ref refine ROWS COLS WINDOW(4) PADDED FRAME(4) DEPTHS STEPS RHO RELAXATION MU   otf, prior, image
  *   oracle_ref variation CHANNELS ROWS COLS THETA LENGTH STEPS   planes; gives planes, duals
+ *   oracle_ref crosstalk DEPTHS CHANNELS ROWS COLS SHARE    planes; gives planes
  *   oracle_ref focus MEASURE SUM SIGMA CHANNELS ROWS COLS DEPTHS    planes
  *   oracle_ref crop IN_ROWS IN_COLS CHANNELS ROWS COLS PARTS FACTOR TAPERS INVERT
  *   oracle_ref train SPLIT (ten numbers of hada_ref_grid)   raw frame, filter, gradient of the window
@@ -16,6 +17,7 @@
 
 #include "oracle_words.h"
 #include "ref/ref_convolve.h"
+#include "ref/ref_crosstalk.h"
 #include "ref/ref_fft.h"
 #include "ref/ref_fit.h"
 #include "ref/ref_focus.h"
@@ -196,6 +198,17 @@ static void variation(void)
     free(u);
 }
 
+static void crosstalk(void)
+{
+    const int depths = whole(), channels = whole(), rows = whole(), cols = whole();
+    const double share = number();
+    const size_t values = (size_t)depths * (size_t)channels * (size_t)rows * (size_t)cols;
+    double *planes = take(values);
+    hada_ref_crosstalk(planes, depths, channels, rows, cols, share);
+    give(planes, values);
+    free(planes);
+}
+
 static void focus(void)
 {
     hada_error error;
@@ -270,6 +283,8 @@ int main(int count, char **arguments)
         refine();
     else if (!strcmp(what, "variation"))
         variation();
+    else if (!strcmp(what, "crosstalk"))
+        crosstalk();
     else if (!strcmp(what, "focus"))
         focus();
     else if (!strcmp(what, "crop"))

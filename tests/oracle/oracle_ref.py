@@ -261,6 +261,18 @@ def variation():
           restoration.denoise_tv_chambolle(w[0], weight=0.7, eps=1e-14, max_num_iter=40000) - 5, 1e-4)
 
 
+def crosstalk():
+    depths, channels, rows, cols, share = 3, 2, 13, 17, 0.12
+    x = np.abs(normal(depths, channels, rows, cols)) * np.array([1, 0.3, 0.05])[:, None, None, None]
+    x[:, :, :6, 4:] = x[::-1, :, :6, 4:]
+    m = ndimage.uniform_filter(x.sum(1), size=(1, 5, 5), mode="constant")
+    r = (m / m.max(0)) ** 4
+    kept = x * ((1 + share ** 4) * r / (r + share ** 4))[:, None]
+    best = (np.arange(depths)[:, None, None] == m.argmax(0))[:, None]
+    check("crosstalk", run(["crosstalk", depths, channels, rows, cols, share], x, outputs=[x.shape]),
+          kept + best * (x - kept).sum(0), 1e-12)
+
+
 def edge_filter(light):
     across = ndimage.sobel(light, axis=-1, mode="nearest") / 8
     along = ndimage.sobel(light, axis=-2, mode="nearest") / 8
@@ -413,6 +425,7 @@ leave_one_out()
 refine(False)
 refine(True)
 variation()
+crosstalk()
 focus()
 spectra()
 training()

@@ -189,11 +189,12 @@ def compare(table, found, whole):
     return 1 if failed or gone else 0
 
 
-def renew(table, found, whole):
+def renew(table, found, names):
     """The table with what is found; sorted as the manifest and the files have it."""
     files = list(dict.fromkeys(file for file, *_ in rows_of_gpu()))
-    built, renewed = {row[:2] for row in rows_of_gpu()}, {key[:2] for key in found}
-    kept = {} if whole else {key: figures for key, figures in table.items() if key[:2] in built - renewed}
+    built = {row[:2] for row in rows_of_gpu()}
+    kept = {key: figures for key, figures in table.items()
+            if names and key[:2] in built and not {key[0], key[2]} & set(names)}
     kept.update(found)
     rows = {key: kept[key] for key in sorted(kept, key=lambda key: (files.index(key[0]) if key[0] in files else -1))}
     TABLE.write_text(HEADER + "\n".join(lines_of(rows)) + "\n")
@@ -221,7 +222,7 @@ def main():
         print("\n".join(lines_of(found)))
         return 0
     if options.renew:
-        renew(read_table(), found, not options.names)
+        renew(read_table(), found, options.names)
         return 0
     return compare(read_table(), found, not options.names)
 

@@ -36,17 +36,16 @@ def flatten(name, text, folder, seen):
 
 
 def without_comments(text):
-    return re.sub(r"//[^\n]*", "", re.sub(r"/\*.*?\*/", " ", text, flags=re.S))
-
-
-def compact(text):
-    """What a compiler reads of a text, on the same lines: without comments, indentation and aligned ends of lines."""
+    """A text on the same lines, with a space for each comment."""
     def ends_of_lines(comment):
         return " " + re.sub(r"[^\\\n]|\\(?!\n)", "", comment.group())
 
-    text = re.sub(r"//[^\n]*", "", re.sub(r"/\*.*?\*/", ends_of_lines, text, flags=re.S))
-    lines = (re.sub(r"[ \t]*\\$", r" \\", line.strip()) for line in text.split("\n"))
-    return "\n".join(lines)
+    return re.sub(r"//[^\n]*", "", re.sub(r"/\*.*?\*/", ends_of_lines, text, flags=re.S))
+
+
+def compact(text):
+    """What a compiler reads of a text: without comments, indentation and aligned ends of lines."""
+    return "\n".join(re.sub(r"[ \t]*\\$", r" \\", line.strip()) for line in without_comments(text).split("\n"))
 
 
 class Parameter:

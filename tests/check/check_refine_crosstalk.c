@@ -18,7 +18,7 @@ static hada_status prepare(check_state *state, hada_error *err)
     crosstalk_state *own = check_own(state, sizeof *own);
     const int rows = check_get(state, 'r', 24), cols = check_get(state, 'c', 24), channels = check_get(state, 'k', 1);
     own->depths = check_get(state, 'd', 2);
-    own->share = 0.01 * check_get(state, 'y', 8);
+    own->share = 0.01 * check_get(state, 'y', (int)(100 * HADA_CROSSTALK));
     const size_t area = (size_t)rows * (size_t)cols, plane = (size_t)channels * area;
     const size_t values = (size_t)own->depths * plane;
     float *planes = check_room(state, values * sizeof *planes);

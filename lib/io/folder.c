@@ -90,7 +90,8 @@ hada_status hada_path_stem(char **out, const char *path, hada_error *err)
 
 void hada_error_prefix_path(hada_error *err, const char *path)
 {
-    if (err && (strncmp(err->message, path, strlen(path)) || strncmp(err->message + strlen(path), ": ", 2)))
+    const size_t length = strlen(path);
+    if (err && (strncmp(err->message, path, length) || (err->message[length] != ':' && err->message[length] != ',')))
         hada_error_prefix(err, "%s: ", path);
 }
 

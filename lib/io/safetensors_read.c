@@ -11,6 +11,8 @@
 
 /* The limit of the reference implementation. */
 #define HEADER_LIMIT ((uint64_t)100000000)
+/* Bytes of a file before its header: how long this is. */
+#define LENGTH_BYTES 8
 
 struct hada_tensors {
     json_t *header;
@@ -142,6 +144,18 @@ static hada_status read_meta(hada_tensors *tensors, hada_error *err)
     return HADA_OK;
 }
 
+/* From the first bytes of a file, before memory is taken for all of it. */
+static hada_status read_length(const unsigned char *bytes, uint64_t *length, hada_error *err)
+{
+    *length = 0;
+    for (int i = LENGTH_BYTES - 1; i >= 0; i--)
+        *length = *length << 8 | bytes[i];
+    return *length <= HEADER_LIMIT && *length >= 2 && bytes[LENGTH_BYTES] == '{'
+               ? HADA_OK
+               : hada_fail(err, HADA_ERROR_FILE_FORMAT,
+                           "not a safetensors file, as models and weights are (no header of a plausible length)");
+}
+
 /* The header's text, as JSON; *end: bytes of the file up to the data. */
 static hada_status read_header(hada_tensors *tensors, size_t *end, hada_error *err)
 {
@@ -151,11 +165,7 @@ static hada_status read_header(hada_tensors *tensors, size_t *end, hada_error *e
     json_error_t why;
     hada_status status = HADA_OK;
     HADA_TRY(hada_limits_get(&limits, err));
-    for (int i = 7; i >= 0; i--)
-        length = length << 8 | bytes[i];
-    if (length > HEADER_LIMIT || length < 2 || bytes[8] != '{')
-        return hada_fail(err, HADA_ERROR_FILE_FORMAT,
-                         "not a safetensors file, as models and weights are (no header of a plausible length)");
+    HADA_TRY(read_length(bytes, &length, err));
     if (length > tensors->bytes - 8)
         return hada_fail(err, HADA_ERROR_FILE_READ,
                          "the safetensors header has %llu bytes, but the file ends before: it is cut off; get it again",
@@ -236,11 +246,15 @@ done:
 static hada_status read_file(hada_tensors *tensors, const char *path, hada_error *err)
 {
     int fd = -1;
+    unsigned char first[LENGTH_BYTES + 1];
+    uint64_t length;
     hada_status status = HADA_OK;
     HADA_TRY(hada_input_open(&fd, &tensors->bytes, path, NULL, err));
     if (tensors->bytes < 10)
         HADA_TRY(hada_fail(err, HADA_ERROR_FILE_READ, "%s: not a safetensors file",
                            tensors->bytes ? "the file has fewer than 10 bytes" : "the file is empty"));
+    if (!hada_read_at(fd, first, sizeof first, 0))
+        HADA_TRY(read_length(first, &length, err));
     HADA_TRY(hada_alloc_raw((void **)&tensors->data, tensors->bytes, 1, "the file", err));
     if (hada_read_at(fd, tensors->data, tensors->bytes, 0))
         HADA_TRY(

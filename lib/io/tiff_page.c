@@ -11,6 +11,8 @@
 #define LARGEST_VALUES ((uint64_t)1 << 34)
 /* What no limit refuses: 8 of 1 bit, compressed to an eighth. */
 #define VALUES_A_BYTE 64
+/* Bytes at the beginning of a file that belong to no picture: its header. */
+#define HEADER_BYTES 8
 
 static hada_status damaged(const hada_tiff_handle *handle, hada_error *err)
 {
@@ -148,9 +150,13 @@ uint64_t hada_tiff_page_bytes(const hada_tiff_page *page)
     return row * (uint64_t)page->rows * (page->separate ? (uint64_t)page->samples : 1);
 }
 
-/* What a file claims, against the limits: the page's numbers, and the piece of it that is read at once, which stands
- * beside them (four bytes are as many as a number has). */
-static hada_status check_budget(uint64_t values, uint64_t piece_bytes, uint64_t file_bytes, hada_error *err)
+uint64_t hada_tiff_page_least(const hada_tiff_page *page)
+{
+    return hada_tiff_page_bytes(page) / largest_ratio(page->compression);
+}
+
+/* The piece that is read at once stands beside the numbers (four bytes are as many as a number has). */
+hada_status hada_tiff_budget(uint64_t values, uint64_t piece_bytes, uint64_t file_bytes, hada_error *err)
 {
     hada_limits limits = {.size = sizeof limits};
     const uint64_t piece = piece_bytes / sizeof(float), larger = piece > values ? piece : values;
@@ -205,7 +211,7 @@ hada_status hada_tiff_page_check(TIFF *tif, uint64_t file_bytes, int keep_indice
                          "%u x %u pixels need %llu bytes, more than a file of %llu bytes can hold: it is cut off or "
                          "damaged; get it again",
                          cols, rows, (unsigned long long)pixels, (unsigned long long)file_bytes);
-    HADA_TRY(check_budget((uint64_t)rows * cols * samples, chunk, file_bytes, err));
+    HADA_TRY(hada_tiff_budget((uint64_t)rows * cols * samples, chunk, file_bytes, err));
 done:
     return status;
 }
@@ -277,6 +283,8 @@ hada_status hada_tiff_page_read(TIFF *tif, const hada_tiff_handle *handle, const
             for (uint32_t x = 0; x < across; x++, number++) {
                 hada_tiff_chunk chunk = {buffer,           row_bytes,   plane,     (int)(y * height),
                                          (int)(x * width), (int)height, (int)width};
+                if (TIFFGetStrileOffset(tif, number) < HEADER_BYTES) /* a damaged list, read as zeros */
+                    HADA_TRY(damaged(handle, err));
                 tmsize_t got = tiled ? TIFFReadEncodedTile(tif, number, buffer, (tmsize_t)size)
                                      : TIFFReadEncodedStrip(tif, number, buffer, (tmsize_t)size);
                 uint64_t rows =

@@ -28,8 +28,11 @@ hada_status hada_tiff_page_check(TIFF *tif, uint64_t file_bytes, int keep_indice
 hada_status hada_tiff_page_read(TIFF *tif, const hada_tiff_handle *handle, const hada_tiff_page *page, float *out,
                                 hada_error *err);
 
-/* Bytes of an uncompressed page. */
+/* Bytes of an uncompressed page, and the fewest that it can have in a file. */
 uint64_t hada_tiff_page_bytes(const hada_tiff_page *page);
+uint64_t hada_tiff_page_least(const hada_tiff_page *page);
+/* What a file claims, against the limits: `values` numbers in memory at once, and the bytes of a piece that is read. */
+hada_status hada_tiff_budget(uint64_t values, uint64_t piece_bytes, uint64_t file_bytes, hada_error *err);
 /* Converts an uncompressed page that was read from the file as it stands; `raw` is put into the machine's byte order
  * in place when `swapped`. Not for palettes. */
 void hada_tiff_page_convert(const hada_tiff_page *page, void *raw, int swapped, float *out);

@@ -11,6 +11,7 @@
 #include "io/tiff_chain.h"
 #include "io/tiff_meta.h"
 #include "io/tiff_page.h"
+#include "io/tiff_read.h"
 
 struct hada_tiff_reader {
     char *path, *description;
@@ -19,9 +20,11 @@ struct hada_tiff_reader {
     hada_tiff_stack stack;
     hada_tiff_page first;
     hada_tiff_info info;
-    int grouped;        /* a frame's channels stand on pages of their own */
-    uint64_t raw_at;    /* ImageJ's single directory for many images: where the pixels begin; 0 else */
-    uint64_t raw_bytes; /* of one image there */
+    int grouped;         /* a frame's channels stand on pages of their own */
+    uint64_t raw_at;     /* ImageJ's single directory for many images: where the pixels begin; 0 else */
+    uint64_t raw_bytes;  /* of one image there */
+    unsigned char *seen; /* pages that were read before, and the fewest bytes that these have in a file */
+    uint64_t seen_bytes;
 };
 
 /* Opens libtiff at page number `page` and checks it. */
@@ -78,6 +81,11 @@ static void fill_pixel_size(hada_tiff_reader *reader, TIFF *tif)
     info->slice_spacing = reader->stack.spacing_um;
 }
 
+static uint64_t frame_values(const hada_tiff_info *info)
+{
+    return (uint64_t)info->channels * (uint64_t)info->rows * (uint64_t)info->cols;
+}
+
 static hada_status fill_info(hada_tiff_reader *reader, hada_error *err)
 {
     hada_tiff_info *info = &reader->info;
@@ -99,7 +107,10 @@ static hada_status fill_info(hada_tiff_reader *reader, hada_error *err)
     info->scale = first->scale;
     info->slices = stack->known && stack->slices * stack->times == info->frames ? stack->slices : 1;
     info->times = info->frames / info->slices;
-    return HADA_OK;
+    reader->seen = calloc(reader->chain.count, 1);
+    if (!reader->seen)
+        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the list of pages");
+    return reader->grouped ? hada_tiff_budget(frame_values(info), 0, reader->chain.bytes, err) : HADA_OK;
 }
 
 /* Before libtiff takes memory for it. */
@@ -172,6 +183,7 @@ void hada_tiff_close(hada_tiff_reader **reader)
         close(r->fd);
     hada_tiff_chain_free(&r->chain);
     hada_tiff_stack_free(&r->stack);
+    free(r->seen);
     free(r->path);
     free(r->description);
     free(r);
@@ -191,6 +203,15 @@ const char *hada_tiff_description(const hada_tiff_reader *reader)
 double hada_tiff_encoding(const hada_tiff_reader *reader)
 {
     return hada_text_response(reader->description, "encoding");
+}
+
+hada_status hada_tiff_check_all(const hada_tiff_reader *reader, hada_error *err)
+{
+    const hada_status status =
+        hada_tiff_budget((uint64_t)reader->info.frames * frame_values(&reader->info), 0, reader->chain.bytes, err);
+    if (status)
+        hada_error_prefix(err, "%s: ", reader->path);
+    return status;
 }
 
 size_t hada_tiff_distances(const hada_tiff_reader *reader, double *out, size_t capacity)
@@ -224,16 +245,30 @@ static hada_status read_raw_image(const hada_tiff_reader *reader, size_t number,
     return status;
 }
 
+/* Pages have pixels of their own: a small file whose pages share them could keep a reader busy for hours. */
+static hada_status note_page(hada_tiff_reader *reader, size_t number, const hada_tiff_page *page, hada_error *err)
+{
+    if (reader->seen[number])
+        return HADA_OK;
+    reader->seen[number] = 1;
+    reader->seen_bytes += hada_tiff_page_least(page);
+    return reader->seen_bytes <= reader->chain.bytes
+               ? HADA_OK
+               : hada_fail(err, HADA_ERROR_FILE_READ,
+                           "the pages hold more pixels than the file has bytes for: it is damaged; get it again");
+}
+
 /* Reads a page into *image, which is created for the first page of a frame. */
-static hada_status read_page(const hada_tiff_reader *reader, size_t number, int channel, hada_image *image,
-                             hada_error *err)
+static hada_status read_page(hada_tiff_reader *reader, size_t number, int channel, hada_image *image, hada_error *err)
 {
     hada_tiff_handle handle;
     TIFF *tif = NULL;
     hada_tiff_page page = reader->first;
     hada_status status = HADA_OK;
-    if (!reader->raw_at)
+    if (!reader->raw_at) {
         HADA_TRY(open_page(reader, number, &handle, &tif, &page, err));
+        HADA_TRY(note_page(reader, number, &page, err));
+    }
     if (channel == 0)
         HADA_TRY(hada_image_create(image, reader->grouped ? reader->info.channels : page.channels, page.rows, page.cols,
                                    err));

@@ -7,6 +7,7 @@
 #include "core/alloc.h"
 #include "core/options.h"
 #include "io/folder.h"
+#include "io/tiff_read.h"
 #include "tasks/fit_passes.h"
 
 void hada_psf_task_defaults(hada_psf_task *task, size_t size)
@@ -74,6 +75,7 @@ static hada_status read_pages(pages *of, const char *path, const hada_psf_task *
         hada_error_prefix_path(err, path);
         return status;
     }
+    HADA_TRY(hada_tiff_check_all(reader, err));
     of->count = hada_tiff_get_info(reader)->frames;
     HADA_TRY(hada_alloc((void **)&of->distances_mm, (size_t)of->count, sizeof(double), "distances", err));
     HADA_TRY(hada_alloc((void **)&of->image, (size_t)of->count, sizeof *of->image, "point spread functions", err));

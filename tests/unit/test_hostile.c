@@ -4,8 +4,11 @@
 #include <hadalens/tiff.h>
 #include <sys/resource.h>
 #include <time.h>
+#include <unistd.h>
 
+#include "io/safetensors.h"
 #include "io/tiff_meta.h"
+#include "io/tiff_read.h"
 #include "io_testing.h"
 
 #ifdef HADALENS_SANITIZED
@@ -104,6 +107,118 @@ static void a_small_file_is_not_a_large_picture(void **state)
     assert_int_equal(hada_tiff_load(io_path("fine.tif"), 0, &image, &err), HADA_OK); /* 64 for each byte */
     hada_image_destroy(&image);
     assert_int_equal(hada_limits_set(NULL, &err), HADA_OK);
+}
+
+/* Pages of 1000 x 1000 pixels, which all have the same 16 KB of the file as theirs. */
+static void write_pages(const char *path, uint32_t pages, const char *text)
+{
+    enum { SIDE = 1000, ENTRIES = 10, RUN = 128, PACKED = 2 * (SIDE * SIDE / RUN + 1) };
+    const size_t length = strlen(text) + 1, directory = 2 + 12 * ENTRIES + 4, first = 8 + PACKED + length + length % 2;
+    unsigned char *file = calloc(1, first + pages * directory);
+    memcpy(file, "II*\0", 4);
+    put(file + 4, first, 4);
+    for (size_t i = 0; i < PACKED; i += 2)
+        file[8 + i] = 0x81; /* PackBits: 128 times the next, zero */
+    memcpy(file + 8 + PACKED, text, length);
+    for (uint32_t i = 0; i < pages; i++) {
+        unsigned char *at = put(file + first + i * directory, ENTRIES, 2);
+        at = put_entry(at, 256, 4, 1, SIDE);
+        at = put_entry(at, 257, 4, 1, SIDE);
+        at = put_entry(at, 258, 3, 1, 8);
+        at = put_entry(at, 259, 3, 1, 32773);
+        at = put_entry(at, 262, 3, 1, 1);
+        at = put_entry(at, 270, 2, (uint32_t)length, (uint32_t)(8 + PACKED));
+        at = put_entry(at, 273, 4, 1, 8);
+        at = put_entry(at, 277, 3, 1, 1);
+        at = put_entry(at, 278, 4, 1, SIDE);
+        at = put_entry(at, 279, 4, 1, PACKED);
+        put(at, i + 1 < pages ? first + (i + 1) * directory : 0, 4);
+    }
+    io_write_bytes(path, file, first + pages * directory);
+    free(file);
+}
+
+/* A frame of 600 channels, each a page: 94 KB for 2.4 GB. */
+static void channels_on_pages_are_numbers_too(void **state)
+{
+    (void)state;
+    hada_tiff_reader *reader;
+    hada_error err = {0};
+    static const char *const texts[] = {
+        "ImageJ=1.53\nimages=600\nchannels=600\n",
+        "<OME><Pixels DimensionOrder=\"XYCZT\" SizeC=\"600\" SizeZ=\"1\" SizeT=\"1\"><TiffData/></Pixels></OME>"};
+    for (size_t i = 0; i < 2; i++) {
+        write_pages(io_path("channels.tif"), 600, texts[i]);
+        begin();
+        assert_int_equal(hada_tiff_open(&reader, io_path("channels.tif"), &err), HADA_ERROR_FILE_FORMAT);
+        assert_cheap(&err, "600000000 numbers");
+        assert_cheap(&err, "options.limits pixels=N");
+    }
+}
+
+/* 2,000 pages would be read for minutes, though each is within its limit; one may be read again and again. */
+static void pages_have_pixels_of_their_own(void **state)
+{
+    (void)state;
+    enum { PAGES = 2000 };
+    hada_tiff_reader *reader;
+    hada_image image;
+    hada_error err = {0};
+    int read = 0;
+    hada_status status = HADA_OK;
+    write_pages(io_path("shared.tif"), PAGES, "");
+    begin();
+    assert_int_equal(hada_tiff_open(&reader, io_path("shared.tif"), &err), HADA_OK);
+    assert_int_equal(hada_tiff_get_info(reader)->frames, PAGES);
+    for (; read < PAGES && !status; read += !status) {
+        status = hada_tiff_read(reader, read, &image, &err);
+        hada_image_destroy(&image);
+    }
+    assert_int_equal(status, HADA_ERROR_FILE_READ);
+    assert_true(read > 4 && read < PAGES / 20);
+    assert_cheap(&err, "more pixels than the file has bytes for");
+    for (int i = 0; i < 3; i++) {
+        assert_int_equal(hada_tiff_read(reader, 7, &image, &err), HADA_OK);
+        hada_image_destroy(&image);
+    }
+    /* whoever holds all of them at once is told before */
+    assert_int_equal(hada_tiff_check_all(reader, &err), HADA_ERROR_FILE_FORMAT);
+    assert_non_null(strstr(err.message, "2000000000 numbers"));
+    hada_tiff_close(&reader);
+    write_pages(io_path("few.tif"), 4, "");
+    assert_int_equal(hada_tiff_open(&reader, io_path("few.tif"), &err), HADA_OK);
+    assert_int_equal(hada_tiff_check_all(reader, &err), HADA_OK);
+    hada_tiff_close(&reader);
+}
+
+/* A list of places that cannot be read comes out of libtiff as zeros: the file's header would be the picture. */
+static void a_header_is_no_picture(void **state)
+{
+    (void)state;
+    static unsigned char pixels[64 * 64];
+    hada_image image;
+    hada_error err = {0};
+    size_t bytes;
+    write_grey(io_path("places.tif"), 64, 64, 8, 1, NULL, pixels, sizeof pixels);
+    unsigned char *file = io_read_bytes(io_path("places.tif"), &bytes);
+    put(file + 10 + 6 * 12 + 4 - 12, 0, 4); /* the count of tag 273, the sixth */
+    io_write_bytes(io_path("places.tif"), file, bytes);
+    free(file);
+    assert_int_equal(hada_tiff_load(io_path("places.tif"), 0, &image, &err), HADA_ERROR_FILE_READ);
+}
+
+/* Not a byte of 40 GB is read, nor memory taken for it. */
+static void a_long_file_of_nothing_is_no_model(void **state)
+{
+    (void)state;
+    hada_tensors *tensors;
+    hada_error err = {0};
+    io_write_bytes(io_path("nothing.model"), "", 0);
+    if (truncate(io_path("nothing.model"), (off_t)40 << 30))
+        skip(); /* a file system without holes */
+    begin();
+    assert_int_equal(hada_tensors_open(&tensors, io_path("nothing.model"), &err), HADA_ERROR_FILE_FORMAT);
+    assert_cheap(&err, "no header of a plausible length");
 }
 
 static void open_text(char *text)
@@ -295,6 +410,10 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_small_file_is_not_a_large_picture),
+        cmocka_unit_test(channels_on_pages_are_numbers_too),
+        cmocka_unit_test(pages_have_pixels_of_their_own),
+        cmocka_unit_test(a_header_is_no_picture),
+        cmocka_unit_test(a_long_file_of_nothing_is_no_model),
         cmocka_unit_test(descriptions_cost_what_they_are_long),
         cmocka_unit_test(directories_do_not_overlap),
         cmocka_unit_test(nets_are_no_larger_than_their_files),

@@ -214,7 +214,7 @@ static hada_status add_pages(hada_tiff_reader *reader, hada_image *mean, hada_er
     const size_t count = hada_image_count(mean);
     for (int t = 1; t < frames; t++) {
         HADA_TRY(hada_tiff_read(reader, t, &page, err));
-        if (hada_image_count(&page) != count)
+        if (page.channels != mean->channels || page.rows != mean->rows || page.cols != mean->cols)
             HADA_TRY(hada_fail(err, HADA_ERROR_SIZE, "the pages have different sizes"));
         for (size_t i = 0; i < count; i++)
             mean->data[i] += page.data[i];

@@ -41,15 +41,32 @@ static int by_distance(const void *a, const void *b)
 typedef struct listing {
     char *raw_folder, *scene_folder;
     char **raws, **scenes;
+    char **raws_by_stem; /* the same; scenes stand so anyway */
     int raw_count, scene_count;
 } listing;
 
 static void listing_free(listing *of)
 {
+    free(of->raws_by_stem);
     hada_names_free(&of->raws, &of->raw_count);
     hada_names_free(&of->scenes, &of->scene_count);
     free(of->raw_folder);
     free(of->scene_folder);
+}
+
+/* The stems of names, in the order of their bytes. */
+static int compare_stems(const char *one, const char *two)
+{
+    const size_t length = hada_name_stem(one), other = hada_name_stem(two);
+    const int found = memcmp(one, two, length < other ? length : other);
+    return found ? found : (length > other) - (length < other);
+}
+
+static int by_stem(const void *a, const void *b)
+{
+    const char *const *one = a, *const *two = b;
+    const int found = compare_stems(*one, *two);
+    return found ? found : strcmp(*one, *two);
 }
 
 static hada_status list(listing *of, const char *folder, hada_error *err)
@@ -66,18 +83,29 @@ static hada_status list(listing *of, const char *folder, hada_error *err)
     HADA_TRY(hada_path_kind(of->scene_folder, &scene, err));
     if (scene == HADA_STANDS_FOLDER)
         HADA_TRY(hada_folder_list_tiffs(of->scene_folder, &of->scenes, &of->scene_count, err));
+    if (of->raw_count) {
+        const size_t bytes = (size_t)of->raw_count * sizeof *of->raws;
+        HADA_TRY(hada_alloc((void **)&of->raws_by_stem, 1, bytes, "a data set", err));
+        memcpy(of->raws_by_stem, of->raws, bytes);
+        qsort(of->raws_by_stem, (size_t)of->raw_count, sizeof *of->raws, by_stem);
+    }
+    if (of->scene_count)
+        qsort(of->scenes, (size_t)of->scene_count, sizeof *of->scenes, by_stem);
 done:
     return status;
 }
 
-/* The file of `names` with the same stem as `name`, or NULL. */
+/* The first file of `names`, sorted by stem, with the same stem as `name`, or NULL. */
 static const char *partner(const char *name, char **names, int count)
 {
-    const size_t stem = hada_name_stem(name);
-    for (int i = 0; i < count; i++)
-        if (hada_name_stem(names[i]) == stem && !strncmp(names[i], name, stem))
-            return names[i];
-    return NULL;
+    int first = 0;
+    for (int left = count; left > 0;) {
+        const int half = left / 2;
+        const int before = compare_stems(names[first + half], name) < 0;
+        first += before ? half + 1 : 0;
+        left = before ? left - half - 1 : half;
+    }
+    return first < count && !compare_stems(names[first], name) ? names[first] : NULL;
 }
 
 static void note_incomplete(hada_dataset *set, const char *folder, const char *kind, const char *name,
@@ -109,7 +137,7 @@ static hada_status scan_depth(hada_dataset *set, hada_dataset_depth *depth, hada
         HADA_TRY(hada_path_format(&pair->scene, err, "%s/%s", files.scene_folder, scene));
     }
     for (int i = 0; i < files.scene_count; i++)
-        if (!partner(files.scenes[i], files.raws, files.raw_count))
+        if (!partner(files.scenes[i], files.raws_by_stem, files.raw_count))
             note_incomplete(set, depth->folder, "scene", files.scenes[i], "raw frame");
 done:
     listing_free(&files);

@@ -6,6 +6,7 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+#include <tiffio.h>
 #include <unistd.h>
 
 #include "tasks/fit_store.h"
@@ -161,6 +162,36 @@ static void files_without_partner_are_told(void **state)
     hada_dataset_destroy(&data);
 }
 
+/* Partners are found by what stands before the ending, whatever order whole names have ('-' stands before '.'). */
+static void partners_have_the_same_stem(void **state)
+{
+    (void)state;
+    static const char *const names[] = {"a", "a-b", "a.b", "a b", "a0", "a.", "-", "b"};
+    enum { NAMES = sizeof names / sizeof *names };
+    char path[100];
+    hada_dataset *data;
+    snprintf(set, sizeof set, "%s/stems", root);
+    for (int i = 0; i < NAMES; i++) {
+        snprintf(path, sizeof path, "z5mm/raw/%s.tif", names[i]);
+        put(path, (float)i);
+        snprintf(path, sizeof path, "z5mm/scene/%s.TIFF", names[NAMES - 1 - i]);
+        put(path, 100.0f + (float)(NAMES - 1 - i));
+    }
+    ASSERT_OK(hada_dataset_scan(&data, set, NULL, err));
+    assert_int_equal(hada_dataset_get_info(data)->pairs, NAMES);
+    for (int i = 0; i < NAMES; i++) {
+        hada_image raw, scene;
+        ASSERT_OK(hada_dataset_read(data, 0, i, &raw, &scene, err));
+        assert_true(scene.data[0] == raw.data[0] + 100.0f);
+        hada_image_destroy(&raw);
+        hada_image_destroy(&scene);
+        /* in the order of whole names, which decides what is held out */
+        assert_true(!i || strcmp(hada_dataset_raw_path(data, 0, i - 1), hada_dataset_raw_path(data, 0, i)) < 0);
+    }
+    hada_dataset_destroy(&data);
+    snprintf(set, sizeof set, "%s/set", root);
+}
+
 static void folders_that_are_none_are_refused(void **state)
 {
     (void)state;
@@ -240,6 +271,19 @@ static void dark_frames_are_means_over_pages(void **state)
     assert_int_equal(hada_dark_frame_load(&mean, NULL, at("bad.tif"), &error), HADA_ERROR_NOT_FINITE);
     assert_non_null(strstr(error.message, "bad.tif"));
     assert_null(mean.data);
+    /* as many pixels in another shape */
+    ASSERT_OK(hada_tiff_save(at("shapes.tif"), &page, NULL, err));
+    TIFF *tif = TIFFOpen(at("shapes.tif"), "a");
+    assert_non_null(tif);
+    TIFFSetField(tif, TIFFTAG_IMAGEWIDTH, 4);
+    TIFFSetField(tif, TIFFTAG_IMAGELENGTH, 1);
+    TIFFSetField(tif, TIFFTAG_BITSPERSAMPLE, 32);
+    TIFFSetField(tif, TIFFTAG_SAMPLESPERPIXEL, 1);
+    TIFFSetField(tif, TIFFTAG_SAMPLEFORMAT, SAMPLEFORMAT_IEEEFP);
+    TIFFSetField(tif, TIFFTAG_PHOTOMETRIC, PHOTOMETRIC_MINISBLACK);
+    assert_int_equal(TIFFWriteScanline(tif, page.data, 0, 0), 1);
+    TIFFClose(tif);
+    assert_int_equal(hada_dark_frame_load(&mean, NULL, at("shapes.tif"), &error), HADA_ERROR_SIZE);
     hada_image_destroy(&page);
 }
 
@@ -335,6 +379,7 @@ int main(void)
         TEST(depths_stand_near_to_far_and_pairs_by_name),
         TEST(what_stands_beside_is_found),
         TEST(files_without_partner_are_told),
+        TEST(partners_have_the_same_stem),
         TEST(folders_that_are_none_are_refused),
         TEST(two_parts_have_every_pair_once),
         TEST(dark_frames_are_means_over_pages),

@@ -11,8 +11,9 @@
 #include "core/staged.h"
 #include "core/sync.h"
 
-/* Modes of new files (less what the umask takes) and of those that replace another, until they are whole. */
-enum { NEW_FILE = 0666, HIDDEN_FILE = 0600, PERMISSIONS = 07777 };
+/* Modes of new files (less what the umask takes), of those that replace another, until they are whole, and what these
+ * take over: bits that give a program another's rights go where its content changes, as with any write. */
+enum { NEW_FILE = 0666, HIDDEN_FILE = 0600, PERMISSIONS = 0777 };
 
 static void release(hada_outfile *out)
 {
@@ -91,11 +92,9 @@ static int take_over(const hada_outfile *out)
     if (fstat(out->fd, &mine))
         return -1;
     const int same = mine.st_uid == out->old.st_uid && mine.st_gid == out->old.st_gid;
-    if (!same && fchown(out->fd, out->old.st_uid, out->old.st_gid)) {
-        mode &= (mode_t) ~(S_ISUID | S_ISGID);
-        if (mine.st_gid != out->old.st_gid && fchown(out->fd, (uid_t)-1, out->old.st_gid))
-            mode &= (mode_t)~S_IRWXG | (mode & S_IRWXO) << 3; /* what others may as well */
-    }
+    if (!same && fchown(out->fd, out->old.st_uid, out->old.st_gid) && mine.st_gid != out->old.st_gid &&
+        fchown(out->fd, (uid_t)-1, out->old.st_gid))
+        mode &= (mode_t)~S_IRWXG | (mode & S_IRWXO) << 3; /* what others may as well */
     return fchmod(out->fd, mode);
 }
 

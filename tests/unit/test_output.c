@@ -44,6 +44,10 @@ static void a_new_file_follows_the_umask_and_a_replaced_one_stays_as_it_was(void
     if (root)
         assert_true(what.st_uid == 12 && what.st_gid == 34);
     assert_holds(path, "second");
+    /* but for bits that would give what is new the rights of another */
+    assert_int_equal(chmod(path, 06755), 0);
+    assert_int_equal(hada_file_write(path, "third", 5, &err), HADA_OK);
+    assert_int_equal(mode_of(path), 0755);
 }
 
 static void links_are_followed_and_never_replaced(void **state)

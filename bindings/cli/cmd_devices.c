@@ -64,7 +64,7 @@ static int open_device(hada_cli *cli, const settings *set)
         HADA_TRY(hada_programs_save(context, set->save_binaries, &err));
         hada_cli_say(cli, "Wrote the binaries to %s; use them with --binaries %s.", set->save_binaries,
                      set->save_binaries);
-        json_object_set_new(cli->document, "binaries", json_string(set->save_binaries));
+        json_object_set_new(cli->document, "binaries", hada_cli_json_text(set->save_binaries));
     }
 done:
     hada_cli_close(cli, &context);

@@ -80,9 +80,10 @@ static void tell(hada_cli *cli, const settings *set, const hada_camera *camera, 
     hada_cli_say(cli, "%s: mask %s, fill factor %.3f, PSFs: %s, %d distances (%.1f s)", set->output,
                  hada_mask_word(camera->mask), fill, optics, camera->depths, seconds);
     json_object_update_new(cli->document,
-                           json_pack("{s:s, s:s, s:s, s:o, s:f, s:f, s:o}", "folder", set->output, "mask",
-                                     hada_mask_word(camera->mask), "optics", optics, "fill_factor", hada_cli_real(fill),
-                                     "threshold", curves->threshold, "seconds", seconds, "depths", rows_json(report)));
+                           json_pack("{s:o, s:s, s:s, s:o, s:f, s:f, s:o}", "folder", hada_cli_json_text(set->output),
+                                     "mask", hada_mask_word(camera->mask), "optics", optics, "fill_factor",
+                                     hada_cli_real(fill), "threshold", curves->threshold, "seconds", seconds, "depths",
+                                     rows_json(report)));
 }
 
 static int run(hada_cli *cli, void *user, int count, const char **arguments)

@@ -143,7 +143,7 @@ static hada_status write_registered(hada_cli *cli, const settings *set, const ha
     hada_cli_say(cli, "%s: %d %s at %d %s, scenes of %dx%d", set->output, info->pairs,
                  info->pairs == 1 ? "pair" : "pairs", info->depths, info->depths == 1 ? "distance" : "distances", rows,
                  cols);
-    json_object_set_new(cli->document, "output", json_string(set->output));
+    json_object_set_new(cli->document, "output", hada_cli_json_text(set->output));
     json_object_set_new(cli->document, "window", json_pack("[i, i]", rows, cols));
     return HADA_OK;
 }

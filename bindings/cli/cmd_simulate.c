@@ -101,12 +101,12 @@ static void report_all(hada_cli *cli, const settings *set, const hada_camera *ca
     else if (set->task.tests)
         hada_cli_say(cli, "%s/test: %d test frames with %d occupied depths each, and their truth", set->output,
                      set->task.tests, report->test_depths);
-    json_object_update_new(cli->document,
-                           json_pack("{s:s, s:i, s:i, s:[ii], s:[ii], s:i, s:s, s:i, s:f, s:f}", "dataset", set->output,
-                                     "pairs_per_depth", report->pairs, "tests", report->tests, "size", camera->rows,
-                                     camera->cols, "window", camera->window_rows, camera->window_cols, "channels",
-                                     camera->channels, "mask", hada_mask_word(camera->mask), "lenses", camera->lenses,
-                                     "noise", noise, "seconds", seconds));
+    json_object_update_new(cli->document, json_pack("{s:o, s:i, s:i, s:[ii], s:[ii], s:i, s:s, s:i, s:f, s:f}",
+                                                    "dataset", hada_cli_json_text(set->output), "pairs_per_depth",
+                                                    report->pairs, "tests", report->tests, "size", camera->rows,
+                                                    camera->cols, "window", camera->window_rows, camera->window_cols,
+                                                    "channels", camera->channels, "mask", hada_mask_word(camera->mask),
+                                                    "lenses", camera->lenses, "noise", noise, "seconds", seconds));
     json_object_set_new(cli->document, "light_lost", hada_cli_real(report->light_lost));
     if (!isnan(report->exposure))
         json_object_set_new(cli->document, "exposure", hada_cli_real(report->exposure));

@@ -283,7 +283,7 @@ static hada_status tune(hada_cli *cli, const settings *set, hada_context *contex
                  "\nMilliseconds, medians: transforms of a batch, convolutions of one image. Wrote %s; it serves where "
                  "HADALENS_TUNING names it.",
                  set->output);
-    json_object_set_new(cli->document, "output", json_string(set->output));
+    json_object_set_new(cli->document, "output", hada_cli_json_text(set->output));
 done:
     for (int i = 0; i < todo.job_count; i++)
         hada_net_destroy(&todo.jobs[i].net);

@@ -112,6 +112,7 @@ int hada_cli_program(int argc, char **argv, const hada_cli_ranks *ranks)
     const char *first = argc > 1 ? argv[1] : "--help";
     const char *second = argc > 2 ? argv[2] : NULL;
     int code;
+    hada_cli_hold_streams();
     if (ranks && ranks->communicator.rank && !hada_cli_find_command(first)) /* the first says it for all */
         return HADA_EXIT_OK;
     if (!strcmp(first, "--version") || !strcmp(first, "-V")) {

@@ -60,6 +60,41 @@ kill -s TERM $process
 wait $process
 lacks set .set.hadalens-*
 
+# Limits of a process: a file that may grow no more is a write that fails, the end of its time a signal like others.
+(ulimit -f 16 && "$HADALENS" simulate "${small[@]}" --pairs 4 -o set >stdout 2>stderr)
+code=$?
+[ $code = 3 ] || fail "exit code $code at a limit for files"
+grep -q 'File too large; nothing was left behind' stderr || fail 'a limit for files says nothing'
+lacks set .set.hadalens-*
+(ulimit -St 1 && exec "$HADALENS" simulate "${small[@]}" --pairs 100000 -o set >stdout 2>stderr)
+code=$?
+[ $code = 130 ] || fail "exit code $code after a limit of time"
+lacks set .set.hadalens-*
+
+# Streams that are closed: no file takes their place.
+"$HADALENS" reconstruct "$camera/test/raw/test01.tif" -m "$model" -o open --no-preview >stdout 2>stderr || fail 'with open streams'
+for closed in '>&-' '2>&-' '<&- >&- 2>&-'; do
+    rm -rf closed
+    (eval '"$HADALENS" reconstruct "$camera/test/raw/test01.tif" -m "$model" -o closed --no-preview --verbose' "$closed")
+    code=$?
+    [ "$closed" = '2>&-' ] && want=0 || want=3 # what was asked for on stdout could not be said
+    [ $code = $want ] || fail "exit code $code with $closed"
+    diff -r open closed || fail "other results with $closed"
+done
+
+# Names may hold what terminals obey, and what is no UTF-8.
+odd=$(printf 'odd\377\033[31m\302\233x')
+cp "$camera/test/raw/test01.tif" "$odd.tif"
+expect 0 'odd.\?\[31m\?\?x: .* mm' reconstruct "$odd.tif" -m "$model" -o odd --no-preview
+grep -q "$(printf '\033')" stdout stderr && fail 'a name reached the terminal as it is'
+has "odd/${odd}_aif.tif"
+expect 0 '' reconstruct "$odd.tif" -m "$model" -o odd --no-preview --json
+is_json 'a name that is no text'
+grep -q "\"input\": \"odd$(printf '\357\277\275').u001B\[31m" stdout || fail 'JSON without the name of the input'
+expect 3 '' reconstruct "none $odd.tif" -m "$model" -o odd --json
+grep -q '"message": "none odd' stdout || fail 'JSON without the message'
+grep -q "$(printf '\033')" stderr && fail 'a message reached the terminal as it is'
+
 # Whoever reads our words goes away: an end by SIGPIPE, as of other programs, and nothing half-written.
 (trap - PIPE && exec "$HADALENS" simulate "${small[@]}" --pairs 400 -o set 2>stderr) | true
 code=${PIPESTATUS[0]}

@@ -7,6 +7,8 @@
 #include <hadalens/monitor.h>
 #include <hadalens/status.h>
 #include <jansson.h>
+#include <stdarg.h>
+#include <stdio.h>
 
 #if defined(__GNUC__)
 #define HADA_CLI_PRINTF(f, a) __attribute__((format(printf, f, a)))
@@ -103,6 +105,10 @@ hada_status hada_cli_error(hada_error *err, hada_status status, const char *form
 /* Puts text before a message. */
 void hada_cli_prefix(hada_error *err, const char *format, ...) HADA_CLI_PRINTF(2, 3);
 
+/* Texts hold names that others chose: control characters, which a terminal would obey, become question marks. */
+void hada_cli_clean(char *text);
+void hada_cli_put(FILE *to, const char *format, ...) HADA_CLI_PRINTF(2, 3);
+void hada_cli_put_list(FILE *to, const char *format, va_list arguments) HADA_CLI_PRINTF(2, 0);
 /* Results for a person, on stdout: nothing with --json or --quiet. */
 void hada_cli_say(hada_cli *cli, const char *format, ...) HADA_CLI_PRINTF(2, 3);
 /* Only with --verbose, on stderr. */
@@ -129,6 +135,8 @@ typedef struct hada_cli_member {
 void hada_cli_set(json_t *object, const hada_cli_member *members); /* the last one has no key */
 #define HADA_CLI_SET(object, ...) hada_cli_set(object, (const hada_cli_member[]){__VA_ARGS__, {NULL, 0.0}})
 json_t *hada_cli_error_json(const hada_error *err);
+/* A text that may be of others: what is no UTF-8 (names of files may be anything) becomes U+FFFD. */
+json_t *hada_cli_json_text(const char *text);
 
 /* Opens the device that --device, --binaries and the environment choose. */
 hada_status hada_cli_open(hada_cli *cli, hada_context **out, hada_error *err);
@@ -150,9 +158,12 @@ json_t *hada_cli_device_json(const hada_device_info *device);
 /* "1.5 GiB"; `text` holds at least 16 characters. */
 const char *hada_cli_bytes(char *text, uint64_t bytes);
 
-/* Ctrl-C, SIGTERM, SIGHUP and a pipe that nobody reads any more end the work at the next occasion, so that nothing is
- * left half-written; a second signal ends at once, and only removes what was being written. */
+/* Ctrl-C, SIGTERM, SIGHUP, the end of a limited time and a pipe that nobody reads any more end the work at the next
+ * occasion, so that nothing is left half-written; a second signal ends at once, and only removes what was being
+ * written. */
 void hada_cli_catch_signals(void);
+/* Closed streams stay closed: else the next files would take their places, and have what is printed in them. */
+void hada_cli_hold_streams(void);
 /* Where it was a pipe, ends the program by that signal, in silence, as others do. */
 void hada_cli_end_by_pipe(void);
 int hada_cli_interrupted(void);

@@ -3,11 +3,13 @@
 #include <hadalens/folder.h>
 #include <hadalens/preview.h>
 
+#include <fcntl.h>
 #include <math.h>
 #include <signal.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
+#include <unistd.h>
 
 static volatile sig_atomic_t interrupted;
 
@@ -99,7 +101,7 @@ void hada_cli_say(hada_cli *cli, const char *format, ...)
     hada_cli_progress_hide(cli);
     va_list arguments;
     va_start(arguments, format);
-    vprintf(format, arguments);
+    hada_cli_put_list(stdout, format, arguments);
     va_end(arguments);
     putchar('\n');
     fflush(stdout);
@@ -112,7 +114,7 @@ void hada_cli_detail(hada_cli *cli, const char *format, ...)
     hada_cli_progress_hide(cli);
     va_list arguments;
     va_start(arguments, format);
-    vfprintf(stderr, format, arguments);
+    hada_cli_put_list(stderr, format, arguments);
     va_end(arguments);
     fputc('\n', stderr);
 }
@@ -126,13 +128,13 @@ void hada_cli_warn(hada_cli *cli, const char *format, ...)
     va_end(arguments);
     hada_cli_progress_hide(cli);
     if (!cli->common->quiet)
-        fprintf(stderr, "hadalens %s: note: %s\n", cli->command, text);
+        hada_cli_put(stderr, "hadalens %s: note: %s\n", cli->command, text);
     json_t *list = json_object_get(cli->document, "warnings");
     if (!list) {
         list = json_array();
         json_object_set_new(cli->document, "warnings", list);
     }
-    json_array_append_new(list, json_string(text));
+    json_array_append_new(list, hada_cli_json_text(text));
 }
 
 static int is_word(const char *text, size_t length, const char *word)
@@ -171,12 +173,12 @@ void hada_cli_print_error(hada_cli *cli, hada_error *err)
     translate(err->message);
     hada_cli_progress_hide(cli);
     if (hada_cli_writes(cli))
-        fprintf(stderr, "hadalens %s: %s\n", cli->command, err->message);
+        hada_cli_put(stderr, "hadalens %s: %s\n", cli->command, err->message);
     else
-        fprintf(stderr, "hadalens %s, rank %d of %d: %s\n", cli->command, cli->ranks->communicator.rank,
-                cli->ranks->communicator.count, err->message);
+        hada_cli_put(stderr, "hadalens %s, rank %d of %d: %s\n", cli->command, cli->ranks->communicator.rank,
+                     cli->ranks->communicator.count, err->message);
     if (err->detail[0] && cli->common->verbose)
-        fprintf(stderr, "%s\n", err->detail);
+        hada_cli_put(stderr, "%s\n", err->detail);
     else if (err->detail[0])
         fprintf(stderr, "(--verbose shows more)\n");
 }
@@ -261,18 +263,17 @@ void hada_cli_set(json_t *object, const hada_cli_member *members)
 
 json_t *hada_cli_error_json(const hada_error *err)
 {
-    json_t *object = json_pack("{s:s, s:i, s:s}", "status", hada_status_name(err->status), "exit_code",
-                               hada_cli_exit_code(err->status), "message", err->message);
+    json_t *object = json_pack("{s:s, s:i, s:o}", "status", hada_status_name(err->status), "exit_code",
+                               hada_cli_exit_code(err->status), "message", hada_cli_json_text(err->message));
     if (object && err->detail[0])
-        json_object_set_new(object, "detail", json_string(err->detail));
-    /* A message that is not UTF-8 (a file name may be anything) cannot stand in JSON. */
-    return object ? object : json_pack("{s:s}", "status", hada_status_name(err->status));
+        json_object_set_new(object, "detail", hada_cli_json_text(err->detail));
+    return object;
 }
 
-/* A pipe that nobody reads tells so at every write: once is enough. */
+/* A pipe that nobody reads tells so at every write, a limit of time at every second beyond it: once is enough. */
 static void on_signal(int number)
 {
-    if (interrupted && number != SIGPIPE) {
+    if (interrupted && number != SIGPIPE && number != SIGXCPU) {
         hada_outputs_remove();
         signal(number, SIG_DFL);
         raise(number);
@@ -283,7 +284,7 @@ static void on_signal(int number)
 void hada_cli_catch_signals(void)
 {
     /* SIGUSR2: from batch systems; SIGUSR1 is swallowed by LLVM, which CPU drivers bring */
-    const int numbers[] = {SIGINT, SIGTERM, SIGPIPE, SIGHUP, SIGUSR2};
+    const int numbers[] = {SIGINT, SIGTERM, SIGPIPE, SIGHUP, SIGUSR2, SIGXCPU};
     static int hangups = -1; /* nohup and its like let SIGHUP be ignored; a driver's handler would hide that later */
     struct sigaction now = {.sa_handler = on_signal, .sa_flags = SA_RESTART}, before;
     sigemptyset(&now.sa_mask);
@@ -292,6 +293,14 @@ void hada_cli_catch_signals(void)
     for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++)
         if (numbers[i] != SIGHUP || hangups)
             sigaction(numbers[i], &now, NULL);
+    signal(SIGXFSZ, SIG_IGN); /* a file beyond the limit for files is a write that fails, with a message */
+}
+
+void hada_cli_hold_streams(void)
+{
+    for (int fd = STDIN_FILENO; fd <= STDERR_FILENO; fd++)
+        if (fcntl(fd, F_GETFD) < 0 && open("/dev/null", fd == STDIN_FILENO ? O_WRONLY : O_RDONLY) < 0)
+            return; /* it has the lowest number that is free, this one; and the wrong direction */
 }
 
 void hada_cli_end_by_pipe(void)

@@ -42,7 +42,7 @@ static void draw(hada_cli_progress *progress, const char *note)
     if (share > 0 && share < 1 && passed > 1)
         fprintf(stderr, ", %.0f s left", passed * (1 - share) / share);
     if (note)
-        fprintf(stderr, "  %.40s", note);
+        hada_cli_put(stderr, "  %.40s", note);
     fflush(stderr);
     progress->drawn = 1;
 }

@@ -23,8 +23,9 @@ static json_t *row_json(const hada_evaluation *score)
 {
     static const char *const kinds[] = {"images", "stack", "distance_map"};
     const hada_depth_score *depth = &score->depth;
-    json_t *entry = json_pack("{s:s, s:s, s:s, s:i}", "kind", kinds[score->what], "result", score->result, "truth",
-                              score->truth, "pages", score->pages);
+    json_t *entry =
+        json_pack("{s:s, s:o, s:o, s:i}", "kind", kinds[score->what], "result", hada_cli_json_text(score->result),
+                  "truth", hada_cli_json_text(score->truth), "pages", score->pages);
     if (score->what == HADA_EVALUATED_MAP) {
         HADA_CLI_SET(entry, {"coverage", depth->coverage}, {"within", score->steps_known ? depth->within : NAN},
                      {"mean_error_mm", depth->mean_error_mm}, {"mean_error_steps", depth->mean_steps});

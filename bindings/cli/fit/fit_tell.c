@@ -150,11 +150,11 @@ void hada_cli_fit_tell_model(hada_cli *cli, const char *path, const hada_model *
                  info->depths, info->depths == 1 ? "depth" : "depths", info->raw_rows, info->raw_cols,
                  info->window_rows, info->window_cols, forms[info->form], boundary, response, dark, refine, size,
                  seconds);
-    json_t *entry = json_pack("{s:s, s:s, s:s, s:i, s:[ii], s:[ii], s:[ii], s:i, s:b, s:I}", "file", path, "form",
-                              forms[info->form], "boundary", boundary, "channels", info->channels, "frame",
-                              info->raw_rows, info->raw_cols, "grid", info->grid_rows, info->grid_cols, "window",
-                              info->window_rows, info->window_cols, "refine_steps", info->refine_steps, "half",
-                              info->half, "bytes", (json_int_t)info->bytes);
+    json_t *entry = json_pack("{s:o, s:s, s:s, s:i, s:[ii], s:[ii], s:[ii], s:i, s:b, s:I}", "file",
+                              hada_cli_json_text(path), "form", forms[info->form], "boundary", boundary, "channels",
+                              info->channels, "frame", info->raw_rows, info->raw_cols, "grid", info->grid_rows,
+                              info->grid_cols, "window", info->window_rows, info->window_cols, "refine_steps",
+                              info->refine_steps, "half", info->half, "bytes", (json_int_t)info->bytes);
     json_object_set_new(entry, "distances_mm", hada_cli_reals(info->distances_mm, info->depths));
     HADA_CLI_SET(entry, {"alpha", info->alpha}, {"lambda", info->lambda}, {"dark", info->dark >= 0 ? info->dark : NAN},
                  {"refine_tv", info->refine_tv}, {"refine_colour", info->refine_colour},

@@ -95,7 +95,7 @@ static void begin_file(listener *to, const hada_files_state *state)
 {
     to->entry = json_object();
     to->frames = json_array();
-    json_object_set_new(to->entry, "input", json_string(state->path));
+    json_object_set_new(to->entry, "input", hada_cli_json_text(state->path));
     json_array_append_new(json_object_get(to->cli->document, "files"), to->entry);
 }
 
@@ -105,9 +105,9 @@ static json_t *outputs_json(const hada_files_state *state)
     json_t *outputs = json_object();
     for (int k = 0; k < HADA_OUTPUTS; k++)
         if (state->outputs[k])
-            json_object_set_new(outputs, keys[k], json_string(state->outputs[k]));
+            json_object_set_new(outputs, keys[k], hada_cli_json_text(state->outputs[k]));
     if (state->confidence)
-        json_object_set_new(outputs, "confidence", json_string(state->confidence));
+        json_object_set_new(outputs, "confidence", hada_cli_json_text(state->confidence));
     return outputs;
 }
 
@@ -147,7 +147,7 @@ static void pass_over(listener *to, const hada_files_state *state)
 {
     hada_cli_say(to->cli, "%s: there already", state->name);
     json_array_append_new(json_object_get(to->cli->document, "files"),
-                          json_pack("{s:s, s:b, s:b}", "input", state->path, "ok", 1, "there", 1));
+                          json_pack("{s:o, s:b, s:b}", "input", hada_cli_json_text(state->path), "ok", 1, "there", 1));
 }
 
 void hada_cli_files_tell(void *user, const hada_files_state *state)

@@ -46,8 +46,8 @@ static void tell_begin(listener *to, const hada_train_state *state)
     json_object_set_new(document, "pairs", json_integer(state->learned));
     json_object_set_new(document, "held_out", json_integer(state->held_out));
     json_object_set_new(document, "net_values", json_integer((json_int_t)held_values));
-    json_object_set_new(document, "output", json_string(state->output));
-    json_object_set_new(document, "log", json_string(state->log));
+    json_object_set_new(document, "output", hada_cli_json_text(state->output));
+    json_object_set_new(document, "log", hada_cli_json_text(state->log));
     hada_cli_say(to->cli, "Stage %s, %s; %d pairs to learn from, %d held out, %d %s", stages[use->stage], values,
                  state->learned, state->held_out, state->depths, state->depths == 1 ? "depth" : "depths");
     hada_cli_say(to->cli, "%llu steps of %d pairs (%d at once), every pair %.3g times; %s%s",

@@ -1,0 +1,67 @@
+/* Words that others chose (names of files, texts in them), where a terminal and JSON have rules of their own. */
+#include "cli.h"
+
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* Bytes of the character that begins here, 0 where it is none of UTF-8. */
+static size_t character(const char *at)
+{
+    enum { LONGEST = 4 };
+    for (size_t bytes = 1; bytes <= LONGEST && at[bytes - 1]; bytes++) {
+        json_t *one = json_stringn(at, bytes);
+        json_decref(one);
+        if (one)
+            return bytes;
+    }
+    return 0;
+}
+
+json_t *hada_cli_json_text(const char *text)
+{
+    static const char unknown[] = "\xef\xbf\xbd"; /* U+FFFD */
+    json_t *plain = json_string(text);
+    char *mended = plain || !text ? NULL : malloc((sizeof unknown - 1) * strlen(text) + 1), *to = mended;
+    if (!mended)
+        return plain;
+    for (size_t bytes; *text; text += bytes ? bytes : 1) {
+        bytes = character(text);
+        to = bytes ? (char *)memcpy(to, text, bytes) + bytes : stpcpy(to, unknown);
+    }
+    *to = '\0';
+    plain = json_string(mended);
+    free(mended);
+    return plain;
+}
+
+void hada_cli_clean(char *text)
+{
+    for (unsigned char *at = (unsigned char *)text; *at; at++) {
+        const int control = (*at < ' ' && *at != '\n' && *at != '\t') || *at == 0x7f;
+        const int upper = at[0] == 0xc2 && at[1] >= 0x80 && at[1] < 0xa0; /* U+0080 to U+009F in UTF-8 */
+        if (control || upper)
+            *at = '?';
+        if (upper)
+            at[1] = '?';
+    }
+}
+
+void hada_cli_put(FILE *to, const char *format, ...)
+{
+    va_list arguments;
+    va_start(arguments, format);
+    hada_cli_put_list(to, format, arguments);
+    va_end(arguments);
+}
+
+void hada_cli_put_list(FILE *to, const char *format, va_list arguments)
+{
+    char *text = NULL;
+    if (vasprintf(&text, format, arguments) < 0)
+        return;
+    hada_cli_clean(text);
+    fputs(text, to);
+    free(text);
+}

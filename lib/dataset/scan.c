@@ -195,6 +195,9 @@ static hada_status check(const hada_dataset *set, int skip_incomplete, hada_erro
             return hada_fail(err, HADA_ERROR_DATASET,
                              "%s holds no pair of raw/NAME.tif and scene/NAME.tif; add some or move the folder away",
                              depth->folder);
+        if (depth->distance_mm == 0.0)
+            return hada_fail(err, HADA_ERROR_DATASET, "%s: a distance of 0 mm is not possible; it must be above 0",
+                             depth->folder);
         if (z && depth->distance_mm <= set->depth[z - 1].distance_mm)
             return hada_fail(err, HADA_ERROR_DATASET, "%s and %s stand for the same distance", set->depth[z - 1].folder,
                              depth->folder);

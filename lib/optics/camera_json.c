@@ -130,16 +130,30 @@ static hada_status read_fields(hada_camera *camera, const json_t *object, const 
         camera->seed = strtoull(json_string_value(seed), &end, 10);
         if (*end || end == json_string_value(seed))
             return hada_fail(err, HADA_ERROR_FILE_FORMAT, "'%s': \"seed\" must be a whole number", path);
-    } else if (json_is_integer(seed))
+    } else if (json_is_integer(seed)) {
         camera->seed = (uint64_t)json_integer_value(seed);
+    } else if (seed) {
+        return hada_fail(err, HADA_ERROR_FILE_FORMAT, "'%s': \"seed\" must be a whole number", path);
+    }
     return HADA_OK;
+}
+
+static hada_status read_word(const char **word, const json_t *object, const char *name, const char *path,
+                             hada_error *err)
+{
+    const json_t *value = json_object_get(object, name);
+    *word = json_string_value(value);
+    return !value || *word ? HADA_OK
+                           : hada_fail(err, HADA_ERROR_FILE_FORMAT, "'%s': \"%s\" must be a word", path, name);
 }
 
 static hada_status read_kinds(hada_camera *camera, const json_t *object, const char *path, hada_error *err)
 {
-    const char *mask = json_string_value(json_object_get(object, "mask")),
-               *boundary = json_string_value(json_object_get(object, "boundary")),
-               *optics = json_string_value(json_object_get(object, "optics"));
+    const char *mask, *boundary, *optics;
+    hada_status status = HADA_OK;
+    HADA_TRY(read_word(&mask, object, "mask", path, err));
+    HADA_TRY(read_word(&boundary, object, "boundary", path, err));
+    HADA_TRY(read_word(&optics, object, "optics", path, err));
     if (mask && !(camera->mask = hada_mask_from_word(mask)))
         return hada_fail(err, HADA_ERROR_UNSUPPORTED,
                          "'%s': mask kind '%s' is not known; use \"mla\", \"grid\", \"diffuser\", \"contour\" or "
@@ -168,7 +182,8 @@ static hada_status read_kinds(hada_camera *camera, const json_t *object, const c
     camera->depths = (int)count;
     for (size_t i = 0; i < count; i++)
         camera->distances_mm[i] = json_number_value(json_array_get(distances, i));
-    return HADA_OK;
+done:
+    return status;
 }
 
 hada_status hada_camera_load_sized(hada_camera *callers, size_t size, const char *path, hada_error *err)

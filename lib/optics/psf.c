@@ -125,8 +125,16 @@ hada_status hada_camera_psf_sized(const hada_camera *callers, double distance_mm
     HADA_TRY(hada_image_create(psf, 1, rows, cols, err));
     HADA_TRY(hada_mask_has_lenses(camera) ? trace_lenses(camera, distance_mm, rows, cols, sum, err)
                                           : hada_psf_rays(camera, distance_mm, rows, cols, sum, err));
-    for (size_t i = 0; i < count; i++)
+    float most = 0.0f;
+    for (size_t i = 0; i < count; i++) {
         psf->data[i] = (float)sum[i];
+        most = psf->data[i] > most ? psf->data[i] : most;
+    }
+    if (!(most > 0.0f))
+        HADA_TRY(
+            hada_fail(err, HADA_ERROR_ARGUMENT,
+                      "no light of a point at %g mm reaches a sensor of %d x %d pixels; check the camera's lengths",
+                      distance_mm, rows, cols));
 done:
     free(sum);
     if (status)

@@ -208,6 +208,8 @@ static void folders_that_are_none_are_refused(void **state)
     put("z7mm/raw/a.tif", 1);
     put_pair("z7.0mm", "a", 1);
     REFUSED(1, HADA_ERROR_DATASET, "z7mm", "z7.0mm", "the same distance");
+    put_pair("z0mm", "a", 1);
+    REFUSED(1, HADA_ERROR_DATASET, "z0mm", "above 0");
 }
 
 static void two_parts_have_every_pair_once(void **state)

@@ -214,15 +214,24 @@ static void files(void **state)
     assert_true(fabs(back.pixel_pitch_mm / camera.pixel_pitch_mm - 1.0) < 1e-14);
     for (int i = 0; i < camera.depths; i++)
         assert_true(fabs(back.distances_mm[i] / camera.distances_mm[i] - 1.0) < 1e-14);
-    const char *const bad[] = {
-        "{", "[1]", "{\"rows\": \"many\"}", "{\"rows\": 100}", "{\"distances_mm\": [3, 2]}", "{\"mask\": \"hole\"}"};
-    const hada_status why[] = {HADA_ERROR_FILE_FORMAT, HADA_ERROR_FILE_FORMAT, HADA_ERROR_FILE_FORMAT,
-                               HADA_ERROR_SIZE,        HADA_ERROR_ARGUMENT,    HADA_ERROR_UNSUPPORTED};
-    for (int i = 0; i < 6; i++) {
+    const char *const bad[] = {"{",
+                               "[1]",
+                               "{\"rows\": \"many\"}",
+                               "{\"rows\": 100}",
+                               "{\"distances_mm\": [3, 2]}",
+                               "{\"mask\": \"hole\"}",
+                               "{\"mask\": null}",
+                               "{\"boundary\": 1}",
+                               "{\"optics\": [\"wave\"]}",
+                               "{\"seed\": [1]}",
+                               "{\"seed\": 1.5}"};
+    const hada_status why[] = {HADA_ERROR_FILE_FORMAT, HADA_ERROR_FILE_FORMAT, HADA_ERROR_FILE_FORMAT, HADA_ERROR_SIZE,
+                               HADA_ERROR_ARGUMENT,    HADA_ERROR_UNSUPPORTED, HADA_ERROR_FILE_FORMAT};
+    for (int i = 0; i < (int)(sizeof bad / sizeof *bad); i++) {
         FILE *file = fopen(path, "w");
         fputs(bad[i], file);
         fclose(file);
-        assert_int_equal(hada_camera_load(&back, path, &err), why[i]);
+        assert_int_equal(hada_camera_load(&back, path, &err), why[i < 6 ? i : 6]);
         assert_non_null(strstr(err.message, path));
     }
     unlink(path);
@@ -247,6 +256,13 @@ static void refusals(void **state)
     double x[29], y[29];
     assert_int_equal(hada_camera_lenses(&camera, x, y, &err), HADA_ERROR_ARGUMENT);
     assert_non_null(strstr(err.message, "29 lenses"));
+    camera = preset("sim300");
+    /* lengths that each are possible, and no light that arrives */
+    hada_image psf;
+    camera.distance_mm = 1e6;
+    assert_int_equal(hada_camera_psf(&camera, 100.0, &psf, &err), HADA_ERROR_ARGUMENT);
+    assert_non_null(strstr(err.message, "no light of a point at 100 mm"));
+    assert_null(psf.data);
     camera = preset("sim300");
     camera.size = 4;
     assert_int_equal(hada_camera_check(&camera, &err), HADA_ERROR_ARGUMENT);

@@ -95,10 +95,11 @@ REFINE_INLINE refine_real refine_band(refine_real energy, uint i, uint rows, uin
 }
 #endif
 
-/* The group's sum, as partial[group]: a tree, the same whatever the device does at once. */
+/* The group's sum, as refine_tree[0] of its first item or as partial[group]: a tree, the same whatever the device does
+ * at once. */
 #if REFINE_GROUP > 1
 #define REFINE_LOCAL __local float refine_tree[REFINE_GROUP];
-#define REFINE_PARTIAL(partial, group, value)                                                                          \
+#define REFINE_TREE(value)                                                                                             \
     {                                                                                                                  \
         const uint item = get_local_id(0);                                                                             \
         refine_tree[item] = value;                                                                                     \
@@ -107,7 +108,11 @@ REFINE_INLINE refine_real refine_band(refine_real energy, uint i, uint rows, uin
             if (item < step)                                                                                           \
                 refine_tree[item] += refine_tree[item + step];                                                         \
         }                                                                                                              \
-        if (item == 0)                                                                                                 \
+    }
+#define REFINE_PARTIAL(partial, group, value)                                                                          \
+    {                                                                                                                  \
+        REFINE_TREE(value)                                                                                             \
+        if (get_local_id(0) == 0)                                                                                      \
             (partial)[group] = refine_tree[0];                                                                         \
     }
 #else

@@ -1,9 +1,10 @@
-/* As refine_columns.cl, by work-groups: a group takes `width` columns of one block (2, 4 or 8) of all depths of a set.
+/* As refine_columns.cl, by work-groups: a group takes `width` columns of one block (2, 4 or 8) of all depths of a set,
+ * and where a sensor crops (REFINE_CROPPED, a program of its own) of E and A.
  * Between the transforms the points stand in natural order; the stages backwards leave them in the digit-reversed order
  * of the input. For lengths whose stages all have butterflies.
  *
- * Dimensions: parts of blocks of columns, channels, sets. `scratch`: `width` columns for each depth of a set.
- * partial[set][channel][part]. */
+ * Dimensions: parts of blocks of columns, channels, sets. `scratch`: `width` columns for each depth of a set, and as
+ * many where a sensor crops. partial[set][channel][part]. */
 #include "shared_refine.h"
 #define REFINE_WIDTH 1
 #define REFINE_GROUP HADA_REFINE_FUSED_GROUP
@@ -11,11 +12,16 @@
 #include "inc_refine_step.h"
 #include "shared_fft.h"
 
+#ifndef REFINE_CROPPED
+#define REFINE_CROPPED 0
+#endif
+
 /* The linear step at one frequency, number i of a spectrum; arguments as in refine_columns.cl. `scratch`: U of the
- * first depth there, and those of the others every `each` values on; it takes the next W, parts changed over. */
+ * first depth there, those of the others every `each` values on, and behind them E; it takes the next W and A, parts
+ * changed over. */
 REFINE_INLINE float solve(const hada_refine_step *now, __global const float *h, size_t h_step, __global const int *z,
-                          __global const float *b, __global const float *prior, __global float *w, size_t w_step,
-                          size_t i, __local float2 *scratch, int each)
+                          __global const float *b, __global float *a, __global const float *prior, __global float *w,
+                          size_t w_step, size_t i, __local float2 *scratch, int each)
 {
     const int depths = now->problem.depths, cold = now->start == HADA_REFINE_COLD;
     const int further = now->start == HADA_REFINE_CONTINUE;
@@ -25,10 +31,19 @@ REFINE_INLINE float solve(const hada_refine_step *now, __global const float *h, 
         const float2 last = further ? vload2(i, w + s * w_step) : (float2)0.0f;
         refine_add_depth(&joint, now, h_s.x, h_s.y, u.x, u.y, last.x, last.y);
     }
-    const float2 y = vload2(i, b), r = y - (float2)(joint.hu_re, joint.hu_im);
+    const float2 e = REFINE_CROPPED && further ? scratch[depths * each] : (float2)0.0f;
+    float y_re, y_im;
+    refine_data(now, b, a, i, e.x, e.y, &y_re, &y_im);
+    const float r_re = y_re - joint.hu_re, r_im = y_im - joint.hu_im;
     const float g = now->has_prior ? now->rho + prior[i] : now->rho;
     float f_re, f_im;
-    const float per_g = refine_share_out(&joint, now, g, y.x, y.y, &f_re, &f_im);
+    const float per_g = refine_share_out(&joint, now, g, y_re, y_im, &f_re, &f_im);
+    if (REFINE_CROPPED) {
+        float a_re, a_im;
+        refine_next_split(now, y_re, y_im, e.x, e.y, f_re, f_im, &a_re, &a_im);
+        refine_put(a, i, a_re, a_im);
+        scratch[depths * each] = (float2)(a_im, a_re);
+    }
     for (int s = 0; s < depths; ++s) {
         const float2 h_s = vload2(i, h + z[s] * h_step), u = cold ? (float2)0.0f : scratch[s * each];
         float w_re = 0.0f, w_im = 0.0f;
@@ -38,18 +53,18 @@ REFINE_INLINE float solve(const hada_refine_step *now, __global const float *h, 
         refine_put(w + s * w_step, i, w_re, w_im);
         scratch[s * each] = (float2)(w_im, w_re);
     }
-    return fma(r.x, r.x, r.y * r.y);
+    return fma(r_re, r_re, r_im * r_im);
 }
 
 __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
 refine_group_columns(__global float *planes, __global const float *otf, __global const int *list,
                      __global const float *frame, __global const float *prior, __global float *now_w,
-                     __global float *partial, hada_refine_step now, hada_refine_rows rows, __global const int *table,
-                     __local float2 *scratch)
+                     __global float *split, __global float *partial, hada_refine_step now, hada_refine_rows rows,
+                     hada_refine_rows frame_rows, __global const int *table, __local float2 *scratch)
 {
     REFINE_LOCAL
     const int depths = now.problem.depths, n = table[FFT_LENGTH], stages = table[FFT_STAGES], width = rows.width;
-    const int cold = now.start == HADA_REFINE_COLD, each = n * width;
+    const int cold = now.start == HADA_REFINE_COLD, further = now.start == HADA_REFINE_CONTINUE, each = n * width;
     const fft_side side = fft_side_of(width);
     __global const int *place = table + table[FFT_PLACE];
     __global const float *floats = FFT_FLOATS_OF(table);
@@ -63,7 +78,10 @@ refine_group_columns(__global float *planes, __global const float *otf, __global
     __global const float *p = prior + (now.has_prior ? channel * count : 0);
     __global float *w = now_w + 2 * first * count;
     __global float2 *window = (__global float2 *)planes + (first * blocks + block) * block_values + col;
-    const size_t window_step = (size_t)channels * blocks * block_values;
+    const size_t window_step = (size_t)channels * blocks * block_values, plane = (size_t)set * channels + channel;
+    __global float *a = split + (REFINE_CROPPED ? 2 * plane * count : 0);
+    __global float2 *cropped = (__global float2 *)split + (REFINE_CROPPED ? now.split_e : 0) +
+                               (plane * blocks + block) * (size_t)frame_rows.rows * HADA_FFT_BLOCK + col;
     __global const int *z = list + set * (uint)depths;
     float sum = 0.0f;
 
@@ -76,20 +94,30 @@ refine_group_columns(__global float *planes, __global const float *otf, __global
                 v = window[s * window_step + (size_t)row * HADA_FFT_BLOCK];
             scratch[s * each + place[y] * width + side.w] = v;
         }
+    for (int s = 0; s < (REFINE_CROPPED && further); ++s)
+        FFT_SHARE_SIDE(y, n, side)
+        {
+            const int row = y - frame_rows.row0;
+            float2 v = (float2)0.0f;
+            if ((uint)row < (uint)frame_rows.rows)
+                v = cropped[(size_t)row * HADA_FFT_BLOCK];
+            scratch[depths * each + place[y] * width + side.w] = v;
+        }
     for (int s = 0; s < (cold ? 0 : stages); ++s) {
         FFT_WAIT();
-        fft_stage(scratch, n * depths, side, table + FFT_HEADER + s * FFT_STAGE_INTS, floats, 0);
+        fft_stage(scratch, n * (depths + (REFINE_CROPPED && further)), side, table + FFT_HEADER + s * FFT_STAGE_INTS,
+                  floats, 0);
     }
     FFT_WAIT();
     FFT_SHARE_SIDE(y, n, side)
     {
         const uint i = (block * (uint)n + y) * HADA_FFT_BLOCK + col;
-        sum += refine_count(solve(&now, h, step, z, b, p, w, step, i, scratch + y * width + side.w, each), i, n,
+        sum += refine_count(solve(&now, h, step, z, b, a, p, w, step, i, scratch + y * width + side.w, each), i, n,
                             HADA_FFT_BLOCK, cols);
     }
     for (int s = stages - 1; s >= 0; --s) {
         FFT_WAIT();
-        fft_stage(scratch, n * depths, side, table + FFT_HEADER + s * FFT_STAGE_INTS, floats, 1);
+        fft_stage(scratch, n * (depths + REFINE_CROPPED), side, table + FFT_HEADER + s * FFT_STAGE_INTS, floats, 1);
     }
     /* others have read what is written here */
     barrier(CLK_LOCAL_MEM_FENCE | CLK_GLOBAL_MEM_FENCE);
@@ -97,6 +125,9 @@ refine_group_columns(__global float *planes, __global const float *otf, __global
         FFT_SHARE_SIDE(row, rows.rows, side)
     window[s * window_step + (size_t)row * HADA_FFT_BLOCK] =
         scratch[s * each + place[rows.row0 + row] * width + side.w].yx;
+    for (int s = 0; s < REFINE_CROPPED; ++s)
+        FFT_SHARE_SIDE(row, frame_rows.rows, side)
+    cropped[(size_t)row * HADA_FFT_BLOCK] = scratch[depths * each + place[frame_rows.row0 + row] * width + side.w].yx;
     REFINE_PARTIAL(partial, (now.problem.sums.first + (set * channels + channel) * get_num_groups(0) + get_group_id(0)),
                    sum)
 }

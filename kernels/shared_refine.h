@@ -71,14 +71,14 @@ typedef struct hada_refine_rows {
 } hada_refine_rows;
 HADA_SHARED_SIZE(hada_refine_rows, 40)
 
-/* The data step where a sensor crops, along the frame's rows (refine_frame_rows.cl). */
+/* The data step where a sensor crops, along the frame's rows (refine_frame_rows.cl, refine_group_rows.cl). */
 typedef struct hada_refine_data_step {
     hada_ulong at;           /* where half spectra stand, in complex numbers */
     hada_ulong frame_offset; /* in floats */
     unsigned int channels;
     unsigned int sums; /* the first of them */
     float scale;       /* 1 / (1 + mu) */
-    int padding;
+    int first_group;   /* groups: the first of those that take the frame's rows, behind those of the planes' */
 } hada_refine_data_step;
 HADA_SHARED_SIZE(hada_refine_data_step, 32)
 

@@ -158,7 +158,7 @@ static sizes sizes_of(const hada_context *context, const hada_refine_shape *shap
     const int fused = hada_refine_fused_most_slices(context, &layout);
     if (b.slices < fused)
         b.slices = fused;
-    const int rows = (int)hada_refine_fused_frame_slices(shape);
+    const int rows = (int)hada_refine_fused_frame_slices(context, shape);
     if (shape->boundary == HADA_BOUNDARY_PADDED && b.slices < rows)
         b.slices = rows;
     b.partials = sets * (size_t)b.slices;
@@ -331,11 +331,6 @@ hada_status hada_refiner_fade(hada_refiner *refiner, int depths, double share, h
 cl_mem hada_refiner_planes(const hada_refiner *refiner)
 {
     return refiner->planes.mem;
-}
-
-cl_mem hada_refiner_residual_spectra(const hada_refiner *refiner)
-{
-    return refiner->residual.mem;
 }
 
 double hada_refiner_energy(const hada_refiner *refiner, int set, int step)

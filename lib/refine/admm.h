@@ -181,9 +181,13 @@ hada_status hada_refiner_score(hada_refiner *refiner, const hada_refine_data *da
                                const int *list, int band_rows, int band_cols, double *energy, double *frame,
                                hada_error *err);
 
-/* Padded boundary: the spectra [set][channel][count] of what the sets did not explain at the last
- * hada_refiner_residual(). */
-cl_mem hada_refiner_residual_spectra(const hada_refiner *refiner);
+/* Padded boundary: the spectra [set][channel][count] of what the sets do not explain of the whole grid, in *spectra; no
+ * energy is measured, and nothing waited for. */
+hada_status hada_refiner_residual_spectra(hada_refiner *refiner, const hada_refine_data *data, int sets, int depths,
+                                          const int *list, cl_mem *spectra, hada_error *err);
+
+/* Tells that the slot was waited for since, so that nothing of the host's is read any more. */
+void hada_refiner_waited(hada_refiner *refiner);
 
 /* Two-dimensional transforms of real images that the refiner has enqueued since its creation. */
 size_t hada_refiner_transforms(const hada_refiner *refiner);

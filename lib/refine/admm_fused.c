@@ -11,16 +11,22 @@
 
 enum { GROUP_ROWS = 16 }; /* that a work-item of refine_rows or refine_frame_rows takes */
 
+/* A pass along rows: what is done to planes and to the frame, and the data's step. */
+typedef struct rows_pass {
+    const hada_refine_fused_part *planes, *frame; /* frame: may be NULL */
+    hada_refine_data_step now;
+} rows_pass;
+
 /* How the kernels of a shape of devices do it. */
 typedef struct fused_way {
     /* Columns that a work-group takes of each depth of a set; 0: it cannot. */
     int (*columns)(const hada_context *context, const hada_refine_shape *shape, int depths);
     int least_columns;
     int scores; /* 1: it has a kernel for scores */
-    int crops;  /* 1: it has kernels for frames that are cropped */
-    hada_status (*prepare)(hada_slot *slot, hada_error *err);
+    hada_status (*prepare)(hada_slot *slot, int padded, hada_error *err);
     hada_status (*launch_columns)(const hada_refine_run *run, const hada_refine_step *now, hada_error *err);
-    hada_status (*launch_rows)(hada_refiner *refiner, const hada_refine_fused_part *part, int images, hada_error *err);
+    hada_status (*launch_rows)(const hada_refine_run *run, const rows_pass *pass, hada_error *err);
+    int (*frame_rows)(const hada_context *context, const hada_refine_shape *shape); /* for each sum */
 } fused_way;
 
 static const fused_way *way_of(const hada_context *context);
@@ -38,7 +44,7 @@ static int can_fuse(const hada_context *context, const hada_refine_shape *shape,
 
 int hada_refine_fused_grid(const hada_context *context, const hada_refine_shape *shape)
 {
-    return (shape->boundary == HADA_BOUNDARY_CIRCULAR || way_of(context)->crops) && can_fuse(context, shape, 1);
+    return can_fuse(context, shape, 1);
 }
 
 size_t hada_refine_fused_bytes(const hada_context *context, const hada_refine_shape *shape)
@@ -55,7 +61,7 @@ hada_status hada_refine_fused_make(hada_refiner *refiner, hada_error *err)
     if (!hada_refine_fused_grid(slot->context, shape))
         goto done;
     HADA_TRY(hada_fft_fused_make(&refiner->fused, slot, shape->grid_rows, shape->grid_cols, err));
-    HADA_TRY(way_of(slot->context)->prepare(slot, err));
+    HADA_TRY(way_of(slot->context)->prepare(slot, shape->boundary == HADA_BOUNDARY_PADDED, err));
 done:
     return status;
 }
@@ -79,7 +85,8 @@ static size_t parts_of(const hada_refiner *refiner, int width)
 size_t hada_refine_fused_slices(const hada_refine_run *run)
 {
     const hada_context *context = run->refiner->slot->context;
-    return parts_of(run->refiner, way_of(context)->columns(context, &run->refiner->shape, run->depths));
+    const hada_refine_shape *shape = &run->refiner->shape;
+    return parts_of(run->refiner, way_of(context)->columns(context, shape, blocks_of(shape, run->depths)));
 }
 
 /* The usual count of a transform of n points, in operations. */
@@ -158,47 +165,55 @@ hada_status hada_refine_fused_score(const hada_refine_run *run, const hada_refin
         .problem = problem, .band = *band, .rows = rows, .table = refiner->fused.columns.table.mem, .scratch = scratch);
 }
 
-hada_status hada_refine_fused_rows(const hada_refine_run *run, const hada_refine_fused_part *part, hada_error *err)
+/* What a pass along the rows of so many images costs; touched: arrays of pixels that are read or written. */
+static void cost_rows(const hada_refine_run *run, const hada_refine_fused_part *part, const hada_refine_rect *rect,
+                      int images, int touched, double operations, double *bytes, double *flops)
 {
-    hada_refiner *refiner = run->refiner;
-    const int images = run->sets * run->depths * refiner->shape.channels, ways = part->inverse + part->forward;
-    const int window_rows = refiner->shape.window.rows, cols = refiner->shape.window.cols;
-    const double all = (double)images * window_rows;
-    hada_slot_cost(refiner->slot, all * (8.0 * ways * (refiner->layout.cols / 2 + 1.0) + 4.0 * ways * cols),
-                   all * (0.5 * ways * transform(refiner->layout.cols) + (part->clip ? 1.0 : 0) * cols));
-    refiner->transforms += part->forward ? (size_t)images : 0;
-    return way_of(refiner->slot->context)->launch_rows(refiner, part, images, err);
+    const hada_spectrum_layout *layout = &run->refiner->layout;
+    const int ways = part->inverse + part->forward;
+    const double rows = (double)images * rect->rows;
+    *bytes += rows * (8.0 * ways * (layout->cols / 2 + 1.0) + 4.0 * touched * rect->cols);
+    *flops += rows * (0.5 * ways * transform(layout->cols) + operations * rect->cols);
+    run->refiner->transforms += part->forward ? (size_t)images : 0;
 }
 
-size_t hada_refine_fused_frame_slices(const hada_refine_shape *shape)
+static void cost_planes(const hada_refine_run *run, const hada_refine_fused_part *part, double *bytes, double *flops)
 {
-    return hada_divide_up((size_t)shape->frame.rows, GROUP_ROWS);
+    cost_rows(run, part, &run->refiner->shape.window, run->sets * run->depths * run->refiner->shape.channels,
+              part->inverse + part->forward, part->clip ? 1.0 : 0.0, bytes, flops);
 }
 
-hada_status hada_refine_fused_frame(const hada_refine_run *run, const hada_refine_fused_part *part, double mu,
-                                    int place, hada_error *err)
+static void cost_frame(const hada_refine_run *run, const hada_refine_fused_part *part, double *bytes, double *flops)
+{
+    cost_rows(run, part, &run->refiner->shape.frame, run->sets * run->refiner->shape.channels,
+              2 * part->inverse + part->forward, 4.0 * part->inverse, bytes, flops);
+}
+
+size_t hada_refine_fused_frame_slices(const hada_context *context, const hada_refine_shape *shape)
+{
+    return hada_divide_up((size_t)shape->frame.rows, (size_t)way_of(context)->frame_rows(context, shape));
+}
+
+/* Work-groups along the rows of the frame. */
+static size_t frame_groups(const hada_refine_run *run)
+{
+    const hada_refiner *refiner = run->refiner;
+    return (size_t)(run->sets * refiner->shape.channels) *
+           hada_refine_fused_frame_slices(refiner->slot->context, &refiner->shape);
+}
+
+hada_status hada_refine_fused_rows(const hada_refine_run *run, const hada_refine_fused_part *planes,
+                                   const hada_refine_fused_part *frame, double mu, int place, hada_error *err)
 {
     hada_refiner *refiner = run->refiner;
-    const hada_refine_rect *frame = &refiner->shape.frame;
-    const int channels = refiner->shape.channels, images = run->sets * channels, ways = part->inverse + part->forward;
-    const hada_refine_rows rows = rows_of(refiner, frame, part, 0);
-    const hada_refine_data_step now = {.at = refiner->split_e,
-                                       .frame_offset = run->data->frame_offset,
-                                       .channels = (unsigned)channels,
-                                       .sums = (unsigned)(refiner->partials * (size_t)place),
-                                       .scale = (float)(1.0 / (1.0 + mu))};
-    const hada_local scratch = {refiner->fused.rows.local_bytes};
-    const hada_range range =
-        hada_range_groups((size_t)images * hada_refine_fused_frame_slices(&refiner->shape), 1, 1, 1);
-    const double all = (double)images * frame->rows;
-    hada_slot_cost(refiner->slot,
-                   all * (8.0 * ways * (refiner->layout.cols / 2 + 1.0) + 4.0 * (ways + part->inverse) * frame->cols),
-                   all * (0.5 * ways * transform(refiner->layout.cols) + 4.0 * part->inverse * frame->cols));
-    refiner->transforms += part->forward ? (size_t)images : 0;
-    return hada_launch_refine_frame_rows(refiner->slot, HADA_PROGRAM_REFINE_FRAME_ROWS_DEFAULT, &range, err,
-                                         .spectra = refiner->split.mem, .duals = refiner->dual.mem,
-                                         .frame = run->data->frame, .partial = refiner->partial.mem, .now = now,
-                                         .rows = rows, .tables = refiner->fused.row_tables.mem, .scratch = scratch);
+    const rows_pass pass = {.planes = planes,
+                            .frame = frame,
+                            .now = {.at = refiner->split_e,
+                                    .frame_offset = run->data->frame_offset,
+                                    .channels = (unsigned)refiner->shape.channels,
+                                    .sums = (unsigned)(refiner->partials * (size_t)place),
+                                    .scale = (float)(1.0 / (1.0 + mu))}};
+    return way_of(refiner->slot->context)->launch_rows(run, &pass, err);
 }
 
 /* Work-groups of one, a block of columns each. */
@@ -207,12 +222,13 @@ static int lane_columns(const hada_context *context, const hada_refine_shape *sh
     return hada_fft_fuses(context, shape->grid_rows, shape->grid_cols, depths) ? HADA_FFT_BLOCK : 0;
 }
 
-static hada_status prepare_lanes(hada_slot *slot, hada_error *err)
+static hada_status prepare_lanes(hada_slot *slot, int padded, hada_error *err)
 {
     hada_status status = HADA_OK;
     HADA_TRY(hada_prepare_refine_columns(slot, HADA_PROGRAM_REFINE_COLUMNS_DEFAULT, err));
     HADA_TRY(hada_prepare_refine_rows(slot, HADA_PROGRAM_REFINE_ROWS_DEFAULT, err));
-    HADA_TRY(hada_prepare_refine_frame_rows(slot, HADA_PROGRAM_REFINE_FRAME_ROWS_DEFAULT, err));
+    if (padded)
+        HADA_TRY(hada_prepare_refine_frame_rows(slot, HADA_PROGRAM_REFINE_FRAME_ROWS_DEFAULT, err));
 done:
     return status;
 }
@@ -236,15 +252,46 @@ static hada_status launch_lane_columns(const hada_refine_run *run, const hada_re
         .scratch = scratch);
 }
 
-static hada_status launch_lane_rows(hada_refiner *refiner, const hada_refine_fused_part *part, int images,
-                                    hada_error *err)
+static hada_status launch_lane_frame(const hada_refine_run *run, const rows_pass *pass, hada_error *err)
 {
-    const hada_refine_rows rows = rows_of(refiner, &refiner->shape.window, part, 0);
+    hada_refiner *refiner = run->refiner;
+    const hada_refine_rows rows = rows_of(refiner, &refiner->shape.frame, pass->frame, 0);
+    const hada_local scratch = {refiner->fused.rows.local_bytes};
+    const hada_range range = hada_range_groups(frame_groups(run), 1, 1, 1);
+    double bytes = 0.0, flops = 0.0;
+    cost_frame(run, pass->frame, &bytes, &flops);
+    hada_slot_cost(refiner->slot, bytes, flops);
+    return hada_launch_refine_frame_rows(refiner->slot, HADA_PROGRAM_REFINE_FRAME_ROWS_DEFAULT, &range, err,
+                                         .spectra = refiner->split.mem, .duals = refiner->dual.mem,
+                                         .frame = run->data->frame, .partial = refiner->partial.mem, .now = pass->now,
+                                         .rows = rows, .tables = refiner->fused.row_tables.mem, .scratch = scratch);
+}
+
+static hada_status launch_lane_rows(const hada_refine_run *run, const rows_pass *pass, hada_error *err)
+{
+    hada_refiner *refiner = run->refiner;
+    const int images = run->sets * run->depths * refiner->shape.channels;
+    const hada_refine_rows rows = rows_of(refiner, &refiner->shape.window, pass->planes, 0);
     const hada_local scratch = {refiner->fused.rows.local_bytes};
     const hada_range range = hada_range_groups((size_t)images * hada_divide_up((size_t)rows.rows, GROUP_ROWS), 1, 1, 1);
-    return hada_launch_refine_rows(refiner->slot, HADA_PROGRAM_REFINE_ROWS_DEFAULT, &range, err,
-                                   .spectra = refiner->now_u.mem, .planes = refiner->planes.mem, .rows = rows,
-                                   .tables = refiner->fused.row_tables.mem, .scratch = scratch);
+    double bytes = 0.0, flops = 0.0;
+    hada_status status = HADA_OK;
+    cost_planes(run, pass->planes, &bytes, &flops);
+    hada_slot_cost(refiner->slot, bytes, flops);
+    HADA_TRY(hada_launch_refine_rows(refiner->slot, HADA_PROGRAM_REFINE_ROWS_DEFAULT, &range, err,
+                                     .spectra = refiner->now_u.mem, .planes = refiner->planes.mem, .rows = rows,
+                                     .tables = refiner->fused.row_tables.mem, .scratch = scratch));
+    if (pass->frame)
+        HADA_TRY(launch_lane_frame(run, pass, err));
+done:
+    return status;
+}
+
+static int lane_frame_rows(const hada_context *context, const hada_refine_shape *shape)
+{
+    (void)context;
+    (void)shape;
+    return GROUP_ROWS;
 }
 
 /* Work-groups with local memory. */
@@ -253,11 +300,22 @@ static int group_columns(const hada_context *context, const hada_refine_shape *s
     return hada_fft_group_columns(context, shape->grid_rows, shape->grid_cols, depths, HADA_REFINE_FUSED_GROUP);
 }
 
-static hada_status prepare_groups(hada_slot *slot, hada_error *err)
+/* Frames that are cropped have programs of their own. */
+static hada_program_refine_group_columns group_columns_program(int padded)
+{
+    return padded ? HADA_PROGRAM_REFINE_GROUP_COLUMNS_CROPPED : HADA_PROGRAM_REFINE_GROUP_COLUMNS_DEFAULT;
+}
+
+static hada_program_refine_group_rows group_rows_program(int padded)
+{
+    return padded ? HADA_PROGRAM_REFINE_GROUP_ROWS_CROPPED : HADA_PROGRAM_REFINE_GROUP_ROWS_DEFAULT;
+}
+
+static hada_status prepare_groups(hada_slot *slot, int padded, hada_error *err)
 {
     hada_status status = HADA_OK;
-    HADA_TRY(hada_prepare_refine_group_columns(slot, HADA_PROGRAM_REFINE_GROUP_COLUMNS_DEFAULT, err));
-    HADA_TRY(hada_prepare_refine_group_rows(slot, HADA_PROGRAM_REFINE_GROUP_ROWS_DEFAULT, err));
+    HADA_TRY(hada_prepare_refine_group_columns(slot, group_columns_program(padded), err));
+    HADA_TRY(hada_prepare_refine_group_rows(slot, group_rows_program(padded), err));
     HADA_TRY(hada_prepare_refine_group_score(slot, HADA_PROGRAM_REFINE_GROUP_SCORE_DEFAULT, err));
 done:
     return status;
@@ -267,31 +325,56 @@ static hada_status launch_group_columns(const hada_refine_run *run, const hada_r
 {
     hada_refiner *refiner = run->refiner;
     const hada_refine_data *data = run->data;
-    const int width = group_columns(refiner->slot->context, &refiner->shape, run->depths);
-    const hada_refine_rows rows = rows_of(refiner, &refiner->shape.window, &(hada_refine_fused_part){0}, width);
-    const hada_local scratch = {(size_t)(width * run->depths * refiner->layout.rows) * 2 * sizeof(float)};
+    const int blocks = blocks_of(&refiner->shape, run->depths);
+    const int width = group_columns(refiner->slot->context, &refiner->shape, blocks);
+    const hada_refine_fused_part none = {0};
+    const hada_refine_rows rows = rows_of(refiner, &refiner->shape.window, &none, width);
+    const hada_refine_rows frame_rows = rows_of(refiner, &refiner->shape.frame, &none, width);
+    const hada_local scratch = {(size_t)(width * blocks * refiner->layout.rows) * 2 * sizeof(float)};
     const hada_range range = hada_range_groups(hada_refine_fused_slices(run), HADA_REFINE_FUSED_GROUP,
                                                (size_t)refiner->shape.channels, (size_t)run->sets);
     return hada_launch_refine_group_columns(
-        refiner->slot, HADA_PROGRAM_REFINE_GROUP_COLUMNS_DEFAULT, &range, err, .planes = refiner->now_u.mem,
-        .otf = data->otf, .list = refiner->list.mem, .frame = data->spectrum,
-        .prior = now->has_prior ? data->prior : data->spectrum, .now_w = refiner->now_w.mem,
-        .partial = refiner->partial.mem, .now = *now, .rows = rows, .table = refiner->fused.columns.table.mem,
-        .scratch = scratch);
+        refiner->slot, group_columns_program(run->padded), &range, err, .planes = refiner->now_u.mem, .otf = data->otf,
+        .list = refiner->list.mem, .frame = data->spectrum, .prior = now->has_prior ? data->prior : data->spectrum,
+        .now_w = refiner->now_w.mem, .split = run->padded ? refiner->split.mem : refiner->now_w.mem,
+        .partial = refiner->partial.mem, .now = *now, .rows = rows, .frame_rows = frame_rows,
+        .table = refiner->fused.columns.table.mem, .scratch = scratch);
 }
 
-static hada_status launch_group_rows(hada_refiner *refiner, const hada_refine_fused_part *part, int images,
-                                     hada_error *err)
+static int group_frame_rows(const hada_context *context, const hada_refine_shape *shape)
 {
+    const int pairs = hada_fft_group_pairs(context, shape->grid_cols, HADA_REFINE_FUSED_GROUP);
+    return pairs > 0 ? 2 * pairs : 2; /* the grid cannot be fused: for bounds alone */
+}
+
+/* Planes, and behind them the frame, in one launch. */
+static hada_status launch_group_rows(const hada_refine_run *run, const rows_pass *pass, hada_error *err)
+{
+    hada_refiner *refiner = run->refiner;
     const size_t group = HADA_REFINE_FUSED_GROUP;
     const int pairs = hada_fft_group_pairs(refiner->slot->context, refiner->layout.cols, group);
-    const hada_refine_rows rows = rows_of(refiner, &refiner->shape.window, part, pairs);
+    const int images = run->sets * run->depths * refiner->shape.channels, padded = run->padded;
+    const hada_refine_fused_part none = {0};
+    const hada_refine_rows rows = rows_of(refiner, &refiner->shape.window, pass->planes, pairs);
+    const hada_refine_rows frame_rows =
+        rows_of(refiner, &refiner->shape.frame, pass->frame ? pass->frame : &none, pairs);
     const hada_local scratch = {(size_t)(pairs * refiner->layout.cols) * 2 * sizeof(float)};
-    const hada_range range =
-        hada_range_groups((size_t)images * hada_divide_up((size_t)rows.rows, 2 * (size_t)pairs), group, 1, 1);
-    return hada_launch_refine_group_rows(refiner->slot, HADA_PROGRAM_REFINE_GROUP_ROWS_DEFAULT, &range, err,
-                                         .spectra = refiner->now_u.mem, .planes = refiner->planes.mem, .rows = rows,
-                                         .table = refiner->fused.rows.table.mem, .scratch = scratch);
+    const size_t planes = (size_t)images * hada_divide_up((size_t)rows.rows, 2 * (size_t)pairs);
+    const hada_range range = hada_range_groups(planes + (pass->frame ? frame_groups(run) : 0), group, 1, 1);
+    hada_refine_data_step now = pass->now;
+    double bytes = 0.0, flops = 0.0;
+    now.first_group = (int)planes;
+    cost_planes(run, pass->planes, &bytes, &flops);
+    if (pass->frame)
+        cost_frame(run, pass->frame, &bytes, &flops);
+    hada_slot_cost(refiner->slot, bytes, flops);
+    /* what is not cropped has no frame: some other buffer */
+    return hada_launch_refine_group_rows(
+        refiner->slot, group_rows_program(padded), &range, err, .spectra = refiner->now_u.mem,
+        .planes = refiner->planes.mem, .split = padded ? refiner->split.mem : refiner->now_u.mem,
+        .duals = padded ? refiner->dual.mem : refiner->planes.mem,
+        .frame = padded ? run->data->frame : refiner->planes.mem, .partial = refiner->partial.mem, .now = now,
+        .rows = rows, .frame_rows = frame_rows, .table = refiner->fused.rows.table.mem, .scratch = scratch);
 }
 
 /* The one place that asks for the shape. */
@@ -299,15 +382,16 @@ static const fused_way *way_of(const hada_context *context)
 {
     static const fused_way lanes = {.columns = lane_columns,
                                     .least_columns = HADA_FFT_BLOCK,
-                                    .crops = 1,
                                     .prepare = prepare_lanes,
                                     .launch_columns = launch_lane_columns,
-                                    .launch_rows = launch_lane_rows};
+                                    .launch_rows = launch_lane_rows,
+                                    .frame_rows = lane_frame_rows};
     static const fused_way groups = {.columns = group_columns,
                                      .least_columns = HADA_FFT_LEAST_COLUMNS,
                                      .scores = 1,
                                      .prepare = prepare_groups,
                                      .launch_columns = launch_group_columns,
-                                     .launch_rows = launch_group_rows};
+                                     .launch_rows = launch_group_rows,
+                                     .frame_rows = group_frame_rows};
     return context->shape == HADA_SHAPE_GROUPS ? &groups : &lanes;
 }

@@ -1,8 +1,8 @@
 /* A step of the refinement in two launches: along columns both transforms with the linear step between them, along rows
- * both with the proximal step between them (kernels/refine_columns.cl, refine_rows.cl; by work-groups, and where the
- * frame is not cropped, refine_group_columns.cl, refine_group_rows.cl). Spectra of planes stand nowhere; what stands
- * between the launches are half spectra of rows, in the place of U. A cropped frame takes a third launch along its rows
- * (refine_frame_rows.cl); half spectra of these stand in the place of E. Internal to lib/refine. */
+ * both with the proximal step between them (kernels/refine_columns.cl, refine_rows.cl; by work-groups
+ * refine_group_columns.cl, refine_group_rows.cl). Spectra of planes stand nowhere; what stands between the launches are
+ * half spectra of rows, in the place of U. A cropped frame goes along, half spectra of its rows in the place of E;
+ * lanes take a third launch for these (refine_frame_rows.cl). Internal to lib/refine. */
 #ifndef HADA_REFINE_ADMM_FUSED_H
 #define HADA_REFINE_ADMM_FUSED_H
 
@@ -31,16 +31,16 @@ int hada_refine_fused_scores(const hada_refiner *refiner, int depths);
 hada_status hada_refine_fused_score(const hada_refine_run *run, const hada_refine_band *band, size_t *slices,
                                     hada_error *err);
 
-/* Along rows: half spectra to planes, their non-negative part, and their half spectra; any of the three. */
+/* Along rows: half spectra to pixels, what is done to these, and their half spectra; any of the three. Of planes that
+ * is their non-negative part where `clip` says so, of a cropped frame the data's step. */
 typedef struct hada_refine_fused_part {
     int inverse, clip, forward;
 } hada_refine_fused_part;
-hada_status hada_refine_fused_rows(const hada_refine_run *run, const hada_refine_fused_part *part, hada_error *err);
 
-/* The same for a cropped frame, with the data's step of weight mu for the clip. Its sums go to `place`,
- * [set][channel][slice], so many slices of an image. */
-hada_status hada_refine_fused_frame(const hada_refine_run *run, const hada_refine_fused_part *part, double mu,
-                                    int place, hada_error *err);
-size_t hada_refine_fused_frame_slices(const hada_refine_shape *shape);
+/* The pass along the rows of planes and, unless it is NULL, of the frame, its data's step with the weight mu. The
+ * frame's sums go to `place`, [set][channel][slice], so many slices of an image. */
+hada_status hada_refine_fused_rows(const hada_refine_run *run, const hada_refine_fused_part *planes,
+                                   const hada_refine_fused_part *frame, double mu, int place, hada_error *err);
+size_t hada_refine_fused_frame_slices(const hada_context *context, const hada_refine_shape *shape);
 
 #endif

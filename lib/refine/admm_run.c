@@ -124,16 +124,13 @@ static hada_status iterate_fused(const hada_refine_run *r, const hada_refine_rul
         .inverse = 1, .clip = !tv, .forward = !tv && (step + 1 < rule->steps || asked)};
     const hada_refine_fused_part frame = {.inverse = 1, .forward = step + 1 < rule->steps};
     hada_status status = HADA_OK;
+    const int goes_on = r->padded && start == HADA_REFINE_CONTINUE && !step;
     if (start != HADA_REFINE_COLD && (tv || !step))
-        HADA_TRY(hada_refine_fused_rows(r, &forward, err));
-    if (r->padded && start == HADA_REFINE_CONTINUE && !step)
-        HADA_TRY(hada_refine_fused_frame(r, &forward, rule->mu, 0, err));
+        HADA_TRY(hada_refine_fused_rows(r, &forward, goes_on ? &forward : NULL, rule->mu, 0, err));
     HADA_TRY(hada_refine_fused_columns(r, rule, start, step, place_of(r, step), err));
-    HADA_TRY(hada_refine_fused_rows(r, &back, err));
+    HADA_TRY(hada_refine_fused_rows(r, &back, r->padded ? &frame : NULL, rule->mu, step + 1, err));
     if (tv)
         HADA_TRY(constrain(r, rule, step, start != HADA_REFINE_CONTINUE, shrink, err));
-    if (r->padded)
-        HADA_TRY(hada_refine_fused_frame(r, &frame, rule->mu, step + 1, err));
     r->refiner->half_there = back.forward;
 done:
     return status;
@@ -170,7 +167,9 @@ static size_t step_slices(const hada_refine_run *r)
 /* The same within a cropped frame. */
 static size_t frame_slices(const hada_refine_run *r)
 {
-    return r->fused ? hada_refine_fused_frame_slices(&r->refiner->shape) : hada_refine_slices(r->refiner->frame_area);
+    const hada_refiner *refiner = r->refiner;
+    return r->fused ? hada_refine_fused_frame_slices(refiner->slot->context, &refiner->shape)
+                    : hada_refine_slices(refiner->frame_area);
 }
 
 /* The energies of steps first ... end - 1: see hada_refiner_energy() for what they mean. */
@@ -265,16 +264,39 @@ done:
     return status;
 }
 
+/* The spectra of what the planes leave and sums over these, to the first place. */
+static hada_status explain_spectra(hada_refine_run *r, hada_refiner *refiner, const hada_refine_data *data, int sets,
+                                   int depths, const int *list, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    refiner->half_there = 0;
+    HADA_TRY(begin(r, refiner, data, sets, depths, list, 1, err));
+    HADA_TRY(hada_refine_planes_forward(r, err));
+    HADA_TRY(hada_refine_explain(r, r->padded, err));
+done:
+    return status;
+}
+
+hada_status hada_refiner_residual_spectra(hada_refiner *refiner, const hada_refine_data *data, int sets, int depths,
+                                          const int *list, cl_mem *spectra, hada_error *err)
+{
+    hada_refine_run r;
+    *spectra = refiner->residual.mem;
+    return explain_spectra(&r, refiner, data, sets, depths, list, err);
+}
+
+void hada_refiner_waited(hada_refiner *refiner)
+{
+    refiner->list_busy = 0;
+}
+
 /* Sums of what the planes leave, to the first place; refiner->arriving says of how many slices. */
 static hada_status explain(hada_refine_run *r, hada_refiner *refiner, const hada_refine_data *data, int sets,
                            int depths, const int *list, hada_error *err)
 {
     hada_refine_arriving *arriving = &refiner->arriving;
     hada_status status = HADA_OK;
-    refiner->half_there = 0;
-    HADA_TRY(begin(r, refiner, data, sets, depths, list, 1, err));
-    HADA_TRY(hada_refine_planes_forward(r, err));
-    HADA_TRY(hada_refine_explain(r, r->padded, err));
+    HADA_TRY(explain_spectra(r, refiner, data, sets, depths, list, err));
     if (r->padded) {
         HADA_TRY(hada_refine_frame_inverse(r, &refiner->residual, &refiner->residual_frame, err));
         HADA_TRY(hada_refine_frame_dual(r, refiner->residual_frame.mem, 0, 1.0, 0, err));
@@ -336,7 +358,7 @@ hada_status hada_refiner_score(hada_refiner *refiner, const hada_refine_data *da
     if (depths)
         HADA_TRY(begin(&r, refiner, data, sets, depths, list, 1, err));
     if (fused && !refiner->half_there)
-        HADA_TRY(hada_refine_fused_rows(&r, &forward, err));
+        HADA_TRY(hada_refine_fused_rows(&r, &forward, NULL, 1.0, 0, err));
     if (depths && !fused)
         HADA_TRY(hada_refine_planes_forward(&r, err));
     HADA_TRY(fused ? hada_refine_fused_score(&r, &band, &slices, err) : hada_refine_score(&r, &band, 0, err));

@@ -16,8 +16,9 @@ enum {
     PARTED_STEPS = 64,
     COARSE_SETS = 16, /* sets side by side */
     FINE_SETS = 2,
-    FEW_DEPTHS = 6, /* of a camera: so many are told apart on any grid, and searched for up to the last one */
-    MOST_FOUND = 4  /* of more: a scene that needs more than these counts as one that fills all depths */
+    FINE_SETS_GROUPS = 8, /* on GPUs, of small frames: moves and additions in one look */
+    FEW_DEPTHS = 6,       /* of a camera: so many are told apart on any grid, and searched for up to the last one */
+    MOST_FOUND = 4        /* of more: a scene that needs more than these counts as one that fills all depths */
 };
 
 /* rho begins low, so that depths part, and grows by this a step, so that they settle: eight steps do what a constant
@@ -77,6 +78,7 @@ static void choose_levels(hada_pursuit *p, const hada_context *context, hada_lev
     const hada_pursuit_options *o = &p->options;
     const double shrink = o->shrink;
     const int parts = is_dense(o), fine_steps = parts ? PARTED_STEPS : CONVERGED_STEPS;
+    const int fine_sets = parts && context->shape == HADA_SHAPE_GROUPS ? FINE_SETS_GROUPS : FINE_SETS;
     int ranking = 0, coarse = 0, fine = 0;
     p->parts = parts;
     p->count = 0;
@@ -92,7 +94,7 @@ static void choose_levels(hada_pursuit *p, const hada_context *context, hada_lev
         }
         if (shrink > 1.0) {
             fine = p->count++;
-            specs[fine] = (hada_level_spec){fmax(1.0, shrink / 2.0), shrink, 1, fine_steps, FINE_SETS, 0};
+            specs[fine] = (hada_level_spec){fmax(1.0, shrink / 2.0), shrink, 1, fine_steps, fine_sets, 0};
         }
     }
     p->fidelity[HADA_FIDELITY_RANKING] =

@@ -246,6 +246,7 @@ static hada_status measure(hada_pursuit_level *l, cl_mem spectra, int sets, doub
     HADA_TRY(hada_fft_inverse(l->evidence_inverse, sets, l->evidence.mem, 0, l->evidence_frame.mem, 0, NULL, err));
     HADA_TRY(
         hada_buffer_read(&l->evidence_frame, l->slot, 0, l->host_evidence, (size_t)sets * pixels * sizeof(float), err));
+    hada_refiner_waited(l->refiner);
     for (size_t set = 0; set < (size_t)sets; set++) {
         energy[set] = 0.0;
         for (size_t i = set * pixels; i < (set + 1) * pixels; i++)
@@ -318,6 +319,7 @@ static hada_status residuals(hada_pursuit_level *l, const hada_refine_data *data
 {
     double *frame = hada_level_room(l) && !l->measured ? &l->energy : NULL;
     int rows, cols;
+    cl_mem spectra;
     hada_status status = HADA_OK;
     band_of(l, &rows, &cols);
     if (!l->evidence_inverse) {
@@ -326,8 +328,8 @@ static hada_status residuals(hada_pursuit_level *l, const hada_refine_data *data
         goto done;
     }
     /* where the sensor crops, only what is missing within the frame counts */
-    HADA_TRY(hada_refiner_residual(l->refiner, data, sets, depths, list, residual, err));
-    HADA_TRY(measure(l, hada_refiner_residual_spectra(l->refiner), sets, residual, err));
+    HADA_TRY(hada_refiner_residual_spectra(l->refiner, data, sets, depths, list, &spectra, err));
+    HADA_TRY(measure(l, spectra, sets, residual, err));
 done:
     return status;
 }

@@ -166,6 +166,14 @@ static int reductions_of(const hada_set *current, hada_set *less)
     return current->count;
 }
 
+/* The candidates that leave no more than `most` may have to be told apart more closely. */
+static void rivals_ahead(search *s, double most)
+{
+    for (int i = 0; i < s->count; i++)
+        for (int fidelity = HADA_FIDELITY_CONVERGED; s->energy[i] <= most && fidelity <= HADA_FIDELITY_FINE; fidelity++)
+            hada_residuals_ahead(&s->residuals, (hada_fidelity)fidelity, &s->candidates[i], 1);
+}
+
 /* The best of the moves that leaves less than *current, which takes it. */
 static hada_status move_once(search *s, hada_set *current, hada_fidelity finest, int *moved, hada_error *err)
 {
@@ -179,6 +187,8 @@ static hada_status move_once(search *s, hada_set *current, hada_fidelity finest,
     HADA_TRY(residual_of(s, HADA_FIDELITY_COARSE, current, &now, err));
     moves_ahead(s);
     HADA_TRY(evaluate(s, HADA_FIDELITY_COARSE, err));
+    if (finest == HADA_FIDELITY_FINE)
+        rivals_ahead(s, CLOSE_RATIO * now);
     for (int tried = 0; !*moved && tried < s->count; tried++) {
         const int best = take_best(s, &energy);
         if (energy > CLOSE_RATIO * now)
@@ -442,6 +452,7 @@ static hada_status part(search *s, hada_set *current, hada_error *err)
         HADA_TRY(list_missed(s, current, err));
         if (!s->count)
             break;
+        hada_residuals_ahead(&s->residuals, HADA_FIDELITY_FINE, s->candidates, s->count);
         HADA_TRY(residual_of(s, HADA_FIDELITY_FINE, current, &now, err));
         HADA_TRY(evaluate(s, HADA_FIDELITY_FINE, err));
         const hada_set more = s->candidates[take_best(s, &least)];

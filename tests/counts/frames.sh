@@ -16,7 +16,7 @@ cd "$6"
 # point spread functions, which is quicker than a fit.
 if [ ! -e "$workload.model" ]; then
     pairs=8
-    [ "$workload" = sim512 ] || pairs=1
+    [ "$workload" != paper2022 ] || pairs=1
     rm -rf "$workload"
     "$hadalens" simulate --preset "$workload" --pairs "$pairs" --test 2 --seed 4 --bits 16 \
         -o "$workload" --quiet

@@ -12,6 +12,8 @@ expect 2 "no workload 'nosuch'; there are sim300, sim512, paper2022" bench --wor
 expect 2 'takes two files.*OLD.json NEW.json' bench --compare one.json
 expect 2 'needs -m MODEL and one frame' bench --first-frame -m "$model"
 expect 2 'rounds takes 1 to 200' bench --rounds 201
+expect 2 'net-size is of a net' bench --net-size 64x64
+expect 2 'nosuch' bench -m "$model" "${raws[0]}" --net nosuch --device 0
 expect 2 'not a list of devices' bench --device 0,,1 --quick
 expect 5 'no device' bench --device nosuchdevice --quick
 expect 3 'missing.model' bench -m missing.model "${raws[0]}" -o out --device 0
@@ -70,6 +72,15 @@ PYTHON
 elif command -v xmllint >/dev/null; then
     xmllint --noout out/*.svg || fail "SVG that is not XML"
 fi
+
+# With a net, which no error is told of.
+expect 0 'Latency of a frame' \
+    bench -m "$model" "${raws[@]}" -o net --net compact --net-size 32x32 --quick --rounds 1 --no-start --device 0
+for mode in linear refined; do
+    awk -F, -v name="\"$mode, enhance\"" '$2 == "camera.model+compact" && $3 == "stage" && index($0, name) { seen = 1 }
+        END { exit !seen }' net/bench.csv || fail "no stage 'enhance', $mode"
+done
+! grep -q ',sweep,' net/bench.csv || fail "a sweep of an untrained net"
 
 # Against itself: all ratios are 1. Against a twice as fast one: better where less is better.
 expect 0 '0 better, 0 worse, [0-9]+ within the spread; 0 rows' bench --compare out/bench.json out/bench.json

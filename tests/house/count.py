@@ -76,7 +76,7 @@ def count_sources(root, row):
     row('files of the library and its bindings', len(host))
     row(f'of these, of {SMALL} lines or fewer', small)
     row('lines of the library', lines(lib))
-    row('lines of the command line', lines({path: text for path, text in cli.items() if '/cli/' in path}), 8100)
+    row('lines of the command line', lines({path: text for path, text in cli.items() if '/cli/' in path}), 8150)
     row('lines of the kernels', lines(kernels))
     row('files of more than 500 lines', sum(text.count('\n') > 500 for text in {**host, **kernels}.values()), 0)
     widest = widest_struct(lib)

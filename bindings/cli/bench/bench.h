@@ -91,6 +91,10 @@ hada_status hada_bench_workload_make(hada_bench *bench, hada_bench_workload *wor
 /* A user's model and files; without files a frame is drawn from the model (no truth). */
 hada_status hada_bench_workload_load(hada_bench_workload *workload, const char *model, const char *const *files,
                                      int count, hada_error *err);
+/* Planes go through a new net of this preset behind it, run at rows x cols (0, 0: the window's size): its weights are
+ * random, which takes the time of trained ones. The workload's name takes the preset's behind a `+`. */
+hada_status hada_bench_workload_enhance(hada_bench_workload *workload, const char *preset, int rows, int cols,
+                                        hada_error *err);
 void hada_bench_workload_free(hada_bench_workload *workload);
 int hada_bench_workload_known(const char *name);
 extern const char hada_bench_workload_names[];

@@ -202,3 +202,20 @@ done:
         hada_bench_workload_free(workload);
     return status;
 }
+
+hada_status hada_bench_workload_enhance(hada_bench_workload *workload, const char *preset, int rows, int cols,
+                                        hada_error *err)
+{
+    const size_t used = strlen(workload->name);
+    hada_model *model = NULL;
+    hada_net *net = NULL;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_net_create_preset(&net, preset, hada_model_get_info(workload->model)->channels, SEED, err));
+    HADA_TRY(hada_model_with_enhance(&model, workload->model, net, rows, cols, err));
+    hada_model_destroy(&workload->model);
+    workload->model = model;
+    snprintf(workload->name + used, sizeof workload->name - used, "+%s", preset);
+done:
+    hada_net_destroy(&net);
+    return status;
+}

@@ -12,7 +12,8 @@ enum { MOST_DEVICES = 16, ROUNDS = 9, QUICK_ROUNDS = 3, MOST_ROUNDS = 200 };
 
 typedef struct settings {
     hada_cli_common common;
-    const char *model, *output;
+    const char *model, *output, *net;
+    int net_size[2];
     hada_cli_texts workloads;
     int quick, rounds, compare, first_frame, no_start, no_sweep;
 } settings;
@@ -25,6 +26,10 @@ static const hada_cli_option options[] = {
      "Default: sim512 and paper2022; with --quick sim300.", AT(workloads)},
     {HADA_OPTION_TEXT, "model", 'm', "MODEL", "a camera of your own, with frames of it as arguments",
      "Its frames have no known truth, so errors are told against the dense run alone.", AT(model)},
+    {HADA_OPTION_TEXT, "net", 0, "PRESET", "planes go through a net of this preset, paper or compact, as well",
+     "Its weights are random: that takes the time of trained ones, but run time against error is left out.", AT(net)},
+    {HADA_OPTION_SIZE, "net-size", 0, "HxW", "pixels at which that net runs (default: the window's)", NULL,
+     AT(net_size)},
     {HADA_OPTION_FLAG, "quick", 0, NULL, "a small camera, few rounds: under a minute", NULL, AT(quick)},
     {HADA_OPTION_COUNT, "rounds", 0, "N", "how often each is measured (default: 9, with --quick 3)",
      "Measurements longer than a few seconds stop after three.", AT(rounds)},
@@ -134,7 +139,7 @@ static hada_status measure_workload(hada_bench *bench, const settings *set, hada
     typedef hada_status (*part)(hada_bench *, hada_bench_device *, const hada_bench_workload *, hada_error *);
     static const part parts[] = {hada_bench_latency, hada_bench_throughput, hada_bench_sweep, hada_bench_start};
     static const char *const names[] = {"latency", "throughput", "run time against error", "starts"};
-    const int wanted[] = {1, 1, !set->no_sweep, first && !set->no_start};
+    const int wanted[] = {1, 1, !set->no_sweep && !set->net, first && !set->no_start};
     hada_status status = HADA_OK;
     for (int d = 0; d < count; d++)
         for (int i = 0; i < 4; i++) {
@@ -165,6 +170,8 @@ static hada_status measure_all(hada_bench *bench, const settings *set, hada_benc
     for (int i = set->model ? -1 : 0; i < named; i++) {
         HADA_TRY(i < 0 ? hada_bench_workload_load(&workload, set->model, files, file_count, err)
                        : hada_bench_workload_make(bench, &workload, devices[0].context, names[i], err));
+        if (set->net)
+            HADA_TRY(hada_bench_workload_enhance(&workload, set->net, set->net_size[0], set->net_size[1], err));
         HADA_TRY(measure_workload(bench, set, devices, count, &workload, i == (set->model ? -1 : 0), err));
         hada_bench_workload_free(&workload);
     }
@@ -244,6 +251,8 @@ static int run(hada_cli *cli, void *user, int count, const char **arguments)
             return hada_cli_usage(cli, "'%s' is a frame without its camera; add -m MODEL", arguments[0]);
         if (set->model && !count)
             return hada_cli_usage(cli, "add one or more raw frames of the camera %s", set->model);
+        if (set->net_size[0] && !set->net)
+            return hada_cli_usage(cli, "--net-size is of a net; add --net PRESET");
         if (set->rounds > MOST_ROUNDS)
             return hada_cli_usage(cli, "--rounds takes 1 to %d", MOST_ROUNDS);
         for (int i = 0; i < set->workloads.count; i++)
@@ -259,6 +268,8 @@ static const hada_cli_example examples[] = {
     {"hadalens bench -o results", "the reference workloads on every device: tables, files, figures."},
     {"hadalens bench --quick", "a first impression, in under a minute."},
     {"hadalens bench -m camera.model frame.tif -o results --device 0", "a camera of your own, on one device."},
+    {"hadalens bench --workload paper2022 --net paper --net-size 256x256 --no-start",
+     "the paper's own measure: three channels at 14 depths, enhanced."},
     {"hadalens bench --compare last/bench.json results/bench.json", "faster or slower than before, beyond the spread?"},
     {0},
 };

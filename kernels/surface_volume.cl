@@ -66,15 +66,17 @@ volume_explain(__global const float *otf, ulong offset, __global const float *u,
     }
 }
 
-/* sum = sum - frame, and as partial[channel][slice] its energy over the whole spectrum. Dimensions as before. */
+/* sum = sum - frame, and as partial[channel][slice] its energy over the whole spectrum; with weights, times these after
+ * that. Dimensions as before. */
 __kernel __attribute__((reqd_work_group_size(REFINE_GROUP, 1, 1))) void
-volume_residual(__global float *sum, __global const float *frame, ulong frame_offset, hada_spectrum_shape spectrum,
-                __global float *partial)
+volume_residual(__global float *sum, __global const float *frame, ulong frame_offset, __global const float *weight,
+                int has_weight, hada_spectrum_shape spectrum, __global float *partial)
 {
     REFINE_LOCAL
     const uint count = spectrum.count, channel = get_global_id(1);
     const uint from = get_group_id(0) * HADA_VOLUME_SLICE, to = min(count, from + (uint)HADA_VOLUME_SLICE);
     __global const float *b = frame + 2 * (frame_offset + (size_t)channel * count);
+    __global const float *w = weight + (has_weight ? (size_t)channel * count : 0);
     __global float *s = sum + 2 * (size_t)channel * count;
     refine_real energy = (refine_real)0.0f;
     for (uint i = from + get_local_id(0) * REFINE_WIDTH; i < to; i += REFINE_GROUP * REFINE_WIDTH) {
@@ -83,7 +85,8 @@ volume_residual(__global float *sum, __global const float *frame, ulong frame_of
         refine_get(b, i, &b_re, &b_im);
         s_re -= b_re;
         s_im -= b_im;
-        refine_put(s, i, s_re, s_im);
+        const refine_real p = has_weight ? refine_get_real(w, i) : (refine_real)1.0f;
+        refine_put(s, i, s_re * p, s_im * p);
         energy += refine_count(fma(s_re, s_re, s_im * s_im), i, spectrum.rows, spectrum.block, spectrum.cols);
     }
     REFINE_PARTIAL(partial, (channel * get_num_groups(0) + get_group_id(0)), refine_sum(energy))

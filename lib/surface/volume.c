@@ -18,18 +18,24 @@ enum {
 #define ASTRAY      4.0
 #define ASTRAY_PART 1e-3
 
-static int batch_of(const hada_volume_shape *shape)
+/* On GPUs, which small images leave idle: as many as this many bytes of spectra hold. */
+#define GROUPS_BYTES ((size_t)64 << 20)
+
+static int batch_of(const hada_context *context, const hada_volume_shape *shape)
 {
-    const int most = BATCH / shape->channels > 1 ? BATCH / shape->channels : 1;
+    const hada_spectrum_layout layout = hada_fft_layout(context, shape->rows, shape->cols, HADA_FFT_AUTO);
+    const size_t plane = (size_t)shape->channels * layout.count * 2 * sizeof(float);
+    const int few = BATCH / shape->channels > 1 ? BATCH / shape->channels : 1, held = (int)(GROUPS_BYTES / plane);
+    const int most = context->shape == HADA_SHAPE_GROUPS && held > few ? held : few;
     return shape->planes < most ? shape->planes : most;
 }
 
 enum { PLANS = 4, ROWS = 12 };
 
 /* The transforms; returns how many. */
-static int list_plans(const hada_volume_shape *shape, hada_fft_desc *plans)
+static int list_plans(const hada_context *context, const hada_volume_shape *shape, hada_fft_desc *plans)
 {
-    const int images = batch_of(shape) * shape->channels;
+    const int images = batch_of(context, shape) * shape->channels;
     plans[0] = hada_rect_transform(&shape->window, shape->rows, shape->cols, images, HADA_FFT_FORWARD);
     plans[1] = hada_rect_transform(&shape->window, shape->rows, shape->cols, images, HADA_FFT_INVERSE);
     plans[2] = hada_rect_transform(&shape->frame, shape->rows, shape->cols, shape->channels, HADA_FFT_FORWARD);
@@ -51,13 +57,13 @@ static void list_buffers(const hada_context *context, const hada_volume_shape *s
                  planes = (size_t)shape->planes;
     const size_t unknown = shape->free ? planes : 1, spectrum = channels * layout.count * 2 * sizeof(float);
     const size_t values = (unknown * channels * window + HADA_VARIATION_ROOM) * sizeof(float);
-    const size_t batch = ((size_t)batch_of(shape) * channels * window + HADA_VARIATION_ROOM) * sizeof(float);
+    const size_t batch = ((size_t)batch_of(context, shape) * channels * window + HADA_VARIATION_ROOM) * sizeof(float);
     const size_t duals = sizeof(float) * hada_variation_floats(context, shape->channels, shape->window.rows,
                                                                shape->window.cols, (int)unknown);
     const hada_buffer_row list[ROWS] = {
         {offsetof(hada_volume, otf), planes * spectrum, what},
         {offsetof(hada_volume, weight), spectrum / 2, what},
-        {offsetof(hada_volume, spectra), (size_t)batch_of(shape) * spectrum, what},
+        {offsetof(hada_volume, spectra), (size_t)batch_of(context, shape) * spectrum, what},
         {offsetof(hada_volume, sum), spectrum, what},
         {offsetof(hada_volume, frame),
          hada_volume_is_padded(shape) ? channels * hada_rect_area(&shape->frame) * sizeof(float) : 0, what},
@@ -75,7 +81,7 @@ size_t hada_volume_bytes(const hada_context *context, const hada_volume_shape *s
 {
     hada_fft_desc plans[PLANS];
     hada_buffer_row rows[ROWS];
-    const int count = list_plans(shape, plans);
+    const int count = list_plans(context, shape, plans);
     list_buffers(context, shape, rows);
     size_t bytes = hada_buffer_rows_bytes(rows, ROWS);
     for (int i = 0; i < count; i++)
@@ -127,13 +133,13 @@ hada_status hada_volume_create(hada_volume **out, hada_slot *slot, const hada_vo
     v->slot = slot;
     v->shape = *shape;
     v->layout = hada_fft_layout(slot->context, shape->rows, shape->cols, HADA_FFT_AUTO);
-    v->batch = batch_of(shape);
+    v->batch = batch_of(slot->context, shape);
     v->window_area = hada_rect_area(&shape->window);
     v->frame_area = hada_rect_area(&shape->frame);
     v->slices = slices_of(shape, &v->layout);
     {
         hada_fft **const made[PLANS] = {&v->forward, &v->inverse, &v->frame_forward, &v->frame_inverse};
-        const int count = list_plans(shape, plans);
+        const int count = list_plans(slot->context, shape, plans);
         for (int i = 0; i < count; i++)
             HADA_TRY(hada_fft_create(made[i], slot, &plans[i], err));
     }

@@ -123,38 +123,35 @@ done:
     return status;
 }
 
-/* The same where the sensor sees everything. */
-static hada_status residual_circular(hada_volume *v, hada_error *err)
+/* The same where the sensor sees everything: its spectrum, weighted where that is wanted. */
+static hada_status residual_circular(hada_volume *v, int weighted, hada_error *err)
 {
     const hada_range range = slices(v, v->layout.count, (size_t)v->shape.channels, 1);
     const double values = (double)v->layout.count * v->shape.channels;
     const hada_spectrum_shape shape = hada_spectrum_shape_of(&v->layout);
     hada_status status = HADA_OK;
-    hada_slot_cost(v->slot, 24.0 * values, 6.0 * values);
+    hada_slot_cost(v->slot, (weighted ? 28.0 : 24.0) * values, (weighted ? 8.0 : 6.0) * values);
     HADA_TRY(hada_launch_volume_residual(v->slot, v->program, &range, err, .sum = v->sum.mem,
                                          .frame = v->frame_spectrum, .frame_offset = (cl_ulong)v->spectrum_offset,
+                                         .weight = weighted ? v->weight.mem : v->sum.mem, .has_weight = weighted,
                                          .spectrum = shape, .partial = v->partial.mem));
 done:
     return status;
 }
 
+/* What the spectrum of the model leaves of the frame, its energy, and its weighted spectrum; where the sensor crops,
+ * all of that within it. */
 static hada_status leave_residual(hada_volume *v, hada_error *err)
 {
-    return hada_volume_is_padded(&v->shape) ? residual_padded(v, err) : residual_circular(v, err);
-}
-
-/* The spectrum of the residual, weighted; where the sensor crops, back within it. */
-static hada_status weigh_residual(hada_volume *v, hada_error *err)
-{
-    const int channels = v->shape.channels, padded = hada_volume_is_padded(&v->shape);
+    const int channels = v->shape.channels;
     hada_status status = HADA_OK;
-    if (padded)
-        HADA_TRY(hada_fft_forward(v->frame_forward, channels, v->frame.mem, 0, v->sum.mem, 0, err));
+    if (!hada_volume_is_padded(&v->shape))
+        return residual_circular(v, 1, err);
+    HADA_TRY(residual_padded(v, err));
+    HADA_TRY(hada_fft_forward(v->frame_forward, channels, v->frame.mem, 0, v->sum.mem, 0, err));
     HADA_TRY(weigh_sum(v, err));
-    if (padded) {
-        HADA_TRY(hada_fft_inverse(v->frame_inverse, channels, v->sum.mem, 0, v->frame.mem, 0, NULL, err));
-        HADA_TRY(hada_fft_forward(v->frame_forward, channels, v->frame.mem, 0, v->sum.mem, 0, err));
-    }
+    HADA_TRY(hada_fft_inverse(v->frame_inverse, channels, v->sum.mem, 0, v->frame.mem, 0, NULL, err));
+    HADA_TRY(hada_fft_forward(v->frame_forward, channels, v->frame.mem, 0, v->sum.mem, 0, err));
 done:
     return status;
 }
@@ -193,7 +190,6 @@ hada_status hada_volume_differentiate(hada_volume *v, const hada_volume_unknown 
         HADA_TRY(explain(v, u, first, left < v->batch ? left : v->batch, first > u->first, err));
     }
     HADA_TRY(leave_residual(v, err));
-    HADA_TRY(weigh_residual(v, err));
     for (int first = u->first; first <= u->last; first += v->batch) {
         const int left = u->last - first + 1;
         HADA_TRY(correlate(v, u, first, left < v->batch ? left : v->batch, first > u->first, err));
@@ -256,7 +252,7 @@ hada_status hada_volume_frame_energy(hada_volume *v, double *energy, hada_error 
 {
     hada_status status = HADA_OK;
     HADA_TRY(hada_buffer_clear(&v->sum, v->slot, 0, v->sum.bytes, err));
-    HADA_TRY(leave_residual(v, err));
+    HADA_TRY(hada_volume_is_padded(&v->shape) ? residual_padded(v, err) : residual_circular(v, 0, err));
     HADA_TRY(hada_volume_fetch_energy(v, energy, err));
 done:
     return status;

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # What a frame asks of a device: launches, transfers, waits and arguments of a further frame, held below table.md.
 #   frames.sh WORKLOAD LANES|GROUPS SHIM PRETEND HADALENS WORK
-# WORKLOAD: sim512, crop300 or paper2022, a scene at two depths. GROUPS: the device calls itself a GPU (PRETEND, of
+# WORKLOAD: sim512, crop300 or paper2022, a scene at two depths; surface300, one on a surface, told so. GROUPS: the device calls itself a GPU (PRETEND, of
 # tests/devices/pretend.c). What the library needs once is no part of it: a run over three frames less one over a single
 # frame, halved.
 set -euo pipefail
@@ -18,15 +18,19 @@ if [ ! -e "$workload.model" ]; then
     pairs=8
     [ "$workload" != paper2022 ] || pairs=1
     rm -rf "$workload"
-    "$hadalens" simulate --preset "$workload" --pairs "$pairs" --test 2 --seed 4 --bits 16 \
-        -o "$workload" --quiet
+    scenes=(--preset "$workload" --test 2)
+    [ "$workload" != surface300 ] || scenes=(--preset sim300 --surface slant,hill)
+    "$hadalens" simulate "${scenes[@]}" --pairs "$pairs" --seed 4 --bits 16 -o "$workload" --quiet
     case $workload in
     paper2022) "$hadalens" fit --psf "$workload/psf.tif" --boundary circular --window 383x383 --colour -o part --quiet ;;
     *) "$hadalens" fit "$workload" -o part --quiet ;;
     esac
     mv part "$workload.model"
 fi
-for i in 1 2 3; do ln -sf test02.tif "$workload/test/raw/frame$i.tif"; done
+second=$(ls "$workload/test/raw" | grep -v '^frame' | sed -n 2p)
+for i in 1 2 3; do ln -sf "$second" "$workload/test/raw/frame$i.tif"; done
+paths=(linear refined)
+[ "$workload" != surface300 ] || paths=(surface)
 
 before=$shim disguise=
 [ "$shape" = LANES ] || before=$pretend:$shim disguise=gpu,units=132
@@ -41,9 +45,10 @@ count() {
 }
 
 status=0
-for path in linear refined; do
+for path in "${paths[@]}"; do
     options=()
-    [ "$path" = refined ] || options=(--refine 0)
+    [ "$path" != linear ] || options=(--refine 0)
+    [ "$path" != surface ] || options=(--scene surface)
     count 1 "${options[@]}"
     count 3 "${options[@]}"
     echo "== $workload, $path, $shape"

@@ -259,7 +259,7 @@ static void refusals(void **state)
     camera = preset("sim300");
     /* lengths that each are possible, and no light that arrives */
     hada_image psf;
-    camera.distance_mm = 1e6;
+    camera.aperture_mm = 1e6;
     assert_int_equal(hada_camera_psf(&camera, 100.0, &psf, &err), HADA_ERROR_ARGUMENT);
     assert_non_null(strstr(err.message, "no light of a point at 100 mm"));
     assert_null(psf.data);

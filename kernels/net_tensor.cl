@@ -163,7 +163,7 @@ __kernel void net_beside(__global const float *planes, __global const float *sum
     out[out_offset + values + i] = sum[i] - own;
 }
 
-/* The planes of a frame keep their shares of each value, and add up to `whole`. What no plane holds stays 0. */
+/* The planes of a frame keep their shares of each value, and add up to `whole`. All hold as much of what none held. */
 __kernel void net_share(__global float *planes, __global const float *whole, ulong offset, ulong values, int count)
 {
     const ulong i = get_global_id(0);
@@ -172,7 +172,8 @@ __kernel void net_share(__global float *planes, __global const float *whole, ulo
         return;
     for (int k = 0; k < count; k++)
         total += planes[offset + k * values + i];
-    const float factor = total > 0.0f ? whole[i] / total : 0.0f;
+    const int held = total > 0.0f;
+    const float factor = whole[i] / (held ? total : (float)count);
     for (int k = 0; k < count; k++)
-        planes[offset + k * values + i] *= factor;
+        planes[offset + k * values + i] = factor * (held ? planes[offset + k * values + i] : 1.0f);
 }

@@ -49,7 +49,7 @@ hada_status hada_pipeline_enhance(hada_pipeline *pipeline, hada_frame *frame, cl
     hada_slot_stage(pipeline->slot, "enhance");
     hada_status status = hada_enhance_run(pipeline->enhance, planes, 0, count, together, err);
     hada_enhance_counts(pipeline->enhance, &computed, &left_out);
-    atomic_fetch_add(&frame->enhanced, count);
+    atomic_fetch_add(&frame->enhanced, hada_enhance_acts(pipeline->enhance, count, together) ? count : 0);
     atomic_fetch_add(&frame->tiles, computed);
     atomic_fetch_add(&frame->tiles_left_out, left_out);
     return status;

@@ -357,15 +357,17 @@ done:
 }
 
 /* A net that sees one plane after the other knows of each what is its own, but not that together they must make a
- * whole: the sum is enhanced by itself, and shared out as the planes say. */
+ * whole: the sum is shared out as the planes say, enhanced by itself where the net does more than share. */
 static hada_status share_out(hada_enhance *e, cl_mem planes, size_t offset, int count, hada_error *err)
 {
     const size_t values = (size_t)e->desc.channels * (size_t)e->desc.rows * (size_t)e->desc.cols;
     const hada_range range = hada_layer_flat_range(e->slot, values, 1);
     hada_status status = HADA_OK;
-    HADA_TRY(map_content(e, e->sum.mem, 0, 1, err));
-    HADA_TRY(run_one(e, e->map, e->sum.mem, 0, err));
-    HADA_TRY(run_waiting(e, e->sum.mem, err));
+    if (!e->desc.net->shares) {
+        HADA_TRY(map_content(e, e->sum.mem, 0, 1, err));
+        HADA_TRY(run_one(e, e->map, e->sum.mem, 0, err));
+        HADA_TRY(run_waiting(e, e->sum.mem, err));
+    }
     HADA_TRY(hada_launch_net_share(e->slot, hada_program_net_tensor_of(e->slot), &range, err, .planes = planes,
                                    .whole = e->sum.mem, .offset = offset, .values = values, .count = count));
 done:
@@ -389,12 +391,19 @@ done:
     return status;
 }
 
+int hada_enhance_acts(const hada_enhance *e, int count, int together)
+{
+    return !e->desc.net->shares || e->shape.inputs < 2 || (together && count > 1);
+}
+
 hada_status hada_enhance_run(hada_enhance *e, cl_mem planes, size_t offset, int count, int together, hada_error *err)
 {
     hada_status status = HADA_OK;
     const size_t plane = (size_t)e->desc.channels * (size_t)e->desc.rows * (size_t)e->desc.cols;
     const int most = e->shape.planes;
     e->computed = e->left_out = e->waiting_count = 0;
+    if (!hada_enhance_acts(e, count, together))
+        return HADA_OK;
     if (together)
         HADA_TRY(add_up(e, planes, offset, count, err));
     for (int i = 0; i < count; i += most)

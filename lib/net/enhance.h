@@ -8,7 +8,8 @@
  *
  * A net that takes twice the planes' channels sees beside a plane the light of all others that explain the frame
  * together with it: their sum (before they are enhanced), 0 where there are none. Several such planes keep the shares
- * that come out, of what the net makes of their sum alone. It runs at the window's size. */
+ * that come out, of what the net makes of their sum alone; or of the sum as it is, where the net only shares (`shares`
+ * of its list): that net leaves a plane alone that stands by itself. It runs at the window's size. */
 #ifndef HADA_NET_ENHANCE_H
 #define HADA_NET_ENHANCE_H
 
@@ -45,6 +46,9 @@ void hada_enhance_destroy(hada_enhance **enhance);
  * are all that explain a frame jointly. Waits for the content of so many planes as go at once, not for the end. */
 hada_status hada_enhance_run(hada_enhance *enhance, cl_mem planes, size_t offset, int count, int together,
                              hada_error *err);
+
+/* Whether such a run changes anything, whatever the planes hold. */
+int hada_enhance_acts(const hada_enhance *enhance, int count, int together);
 
 /* How many tiles the last run computed and left out; a plane that is run at once is a tile. */
 void hada_enhance_counts(const hada_enhance *enhance, int *computed, int *left_out);

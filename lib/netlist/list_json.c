@@ -124,6 +124,8 @@ hada_status hada_net_describe(const hada_net *net, char **out, hada_error *err)
     for (int i = 0; i < net->count; i++)
         bad |= json_array_append_new(layers, describe_layer(&net->layers[i]));
     json_t *root = json_pack("{s:s, s:i, s:o}", "format", FORMAT, "colours", net->colours, "layers", layers);
+    if (root && net->shares)
+        bad |= json_object_set_new(root, "shares", json_true());
     *out = bad || !root ? NULL : json_dumps(root, JSON_COMPACT | JSON_REAL_PRECISION(9));
     json_decref(root);
     return *out ? HADA_OK : hada_fail(err, HADA_ERROR_MEMORY, "no memory for a net's description");
@@ -219,6 +221,7 @@ static hada_status read_list(hada_net **out, const json_t *root, uint64_t most, 
                          "this is not the description of a net (format " FORMAT " with a list of layers)");
     const json_int_t count = colours ? json_integer_value(colours) : 1;
     HADA_TRY(hada_net_begin(out, count > 0 && count < 1000 ? (int)count : 0, err));
+    (*out)->shares = json_is_true(json_object_get(root, "shares"));
     for (size_t i = 0; i < json_array_size(layers); i++)
         HADA_TRY(read_layer(*out, (int)i, json_array_get(layers, i), err));
     (*out)->most = most;

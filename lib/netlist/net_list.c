@@ -326,6 +326,7 @@ hada_status hada_net_copy(hada_net **out, const hada_net *net, hada_error *err)
 {
     hada_status status = HADA_OK;
     HADA_TRY(hada_net_begin(out, net->colours, err));
+    (*out)->shares = net->shares;
     for (int i = 0; i < net->count; i++)
         HADA_TRY(hada_net_add(*out, &net->layers[i], NULL, err));
     HADA_TRY(hada_net_finish(*out, err));

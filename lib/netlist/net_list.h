@@ -52,6 +52,7 @@ struct hada_net {
     /* Channels of an image of which each is an image of its own to the net; 1: an image is one. Batch norms then have
      * parameters for each of them (name.0.weight, name.1.weight, ...). */
     int colours;
+    int shares; /* 1: of planes that explain a frame together it says whose light is whose, and leaves their sum */
     hada_parameter *parameters;
     int parameter_count;
     uint64_t most; /* of floats, for a list that others wrote; 0: what memory takes */

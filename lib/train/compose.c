@@ -279,7 +279,7 @@ done:
 }
 
 hada_status hada_compose(hada_composed *out, const hada_pairs *pairs, const hada_model_info *info, uint64_t seed,
-                         int depth, int pair, int variant, hada_image *scene, hada_error *err)
+                         int depth, int pair, int variant, int planes_only, hada_image *scene, hada_error *err)
 {
     scene_plan plan = {.parts = {.rows = scene->rows, .cols = scene->cols}};
     uint64_t number = (uint64_t)pair;
@@ -296,7 +296,7 @@ hada_status hada_compose(hada_composed *out, const hada_pairs *pairs, const hada
         plan_surface(&plan, &random, info->depths, depth);
     else
         plan_objects(&plan, &random, info->depths, depth);
-    out->whole = chance(&random, SEEN_WHOLE);
+    out->whole = chance(&random, SEEN_WHOLE) && !planes_only;
     if (chance(&random, ONE_TOO_MANY))
         add_neighbour(&plan, &random, info->depths);
     out->count = plan.count;

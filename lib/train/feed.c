@@ -40,7 +40,7 @@ static hada_status make(const hada_feed_desc *desc, hada_fed *fed, hada_error *e
     HADA_TRY(hada_pairs_crop(desc->info, &fed->scene, err));
     if (fed->variant)
         HADA_TRY(hada_compose(&fed->composed, desc->pairs, desc->info, desc->seed, fed->depth, fed->pair, fed->variant,
-                              &fed->scene, err));
+                              desc->planes_only, &fed->scene, err));
 done:
     if (status) {
         drop(fed);

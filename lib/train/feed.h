@@ -25,6 +25,7 @@ typedef struct hada_feed_desc {
     const hada_model_info *info;
     hada_augment augment;
     double compose;        /* share of pairs that become scenes of several depths */
+    int planes_only;       /* of which the sum is never to be seen */
     uint64_t seed, first;  /* place to begin at */
     int ahead;             /* pairs kept in memory, with those handed out */
     int batch, skip, take; /* of each `batch` places, `take` behind the first `skip`; batch 0: all */

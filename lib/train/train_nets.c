@@ -11,9 +11,7 @@
 /* A new net sees beside a plane what the other planes of its scene hold, where there are such and it can. */
 static int sees_others(const hada_train_options *options, const hada_model_info *info)
 {
-    const int own_size =
-        !options->net_rows || (options->net_rows == info->window_rows && options->net_cols == info->window_cols);
-    return options->compose > 0.0 && info->refine_steps > 0 && own_size && !strcmp(options->net, "compact");
+    return options->compose > 0.0 && hada_train_may_see_others(options, info);
 }
 
 static hada_status create_with_others(hada_net **out, int channels, uint64_t seed, hada_error *err)
@@ -23,6 +21,17 @@ static hada_status create_with_others(hada_net **out, int channels, uint64_t see
     options.channels = 2 * channels;
     options.out_channels = channels;
     return hada_net_create_unet(out, &options, seed, err);
+}
+
+/* A net that only shares light out does nothing for planes that stand alone. */
+static hada_status check_shares(const hada_net *net, const hada_train_options *options, hada_error *err)
+{
+    if (!net->shares || (options->stage == HADA_STAGE_ENHANCE && options->compose >= 1.0))
+        return HADA_OK;
+    return hada_fail(err, HADA_ERROR_MODEL,
+                     "the model's net only shares light out among planes, which stage enhance teaches by scenes of "
+                     "several depths alone (options.compose 1); for another one give a new net (options.net) and "
+                     "options.compose 0.15");
 }
 
 /* The net that the caller gives, the model's own, or a new one. */
@@ -35,10 +44,12 @@ static hada_status begin_net(hada_net **out, const hada_train_options *options, 
         return hada_net_copy(out, options->net_given, err);
     if (!options->new_net)
         return hada_net_copy(out, hada_model_get_enhance(model), err);
-    if (sees_others(options, hada_model_get_info(model)))
+    if (sees_others(options, hada_model_get_info(model))) {
         HADA_TRY(create_with_others(out, channels, options->seed, err));
-    else
+        (*out)->shares = options->compose >= 1.0;
+    } else {
         HADA_TRY(hada_net_create_preset(out, options->net, channels, options->seed, err));
+    }
     /* Training then begins at the planes as they are, not at noise. */
     if (options->stage != HADA_STAGE_CONVENTIONAL)
         hada_net_start_as_identity(*out);
@@ -60,6 +71,7 @@ static hada_status make_net(hada_net **out, const hada_train_options *options, c
     if (net->channels != channels << others || net->out_channels != channels)
         return hada_fail(err, HADA_ERROR_MODEL, "the net takes %d channel(s) and gives %d; the camera has %d",
                          net->channels, net->out_channels, channels);
+    HADA_TRY(check_shares(*out, options, err));
 done:
     return status;
 }

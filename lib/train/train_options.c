@@ -5,6 +5,7 @@
 
 #include "core/options.h"
 #include "net/optimizer.h"
+#include "netlist/net_list.h"
 #include "train/augment.h"
 
 int hada_stage_has_net(hada_stage stage)
@@ -28,8 +29,10 @@ int hada_stage_keeps(const hada_augment *augment)
     return !augment->shift && !augment->flips && augment->noise <= 0.0 && augment->exposure <= 0.0;
 }
 
-/* The share of scenes of several depths where the caller does not say (docs/training.md). */
-#define COMPOSED 0.15
+/* The share of scenes of several depths where the caller does not say (docs/training.md): of a net for all planes, and
+ * of one that shares light out, as total variation leaves nothing else. */
+#define COMPOSED      0.15
+#define COMPOSED_ONLY 1.0
 
 void hada_train_options_defaults(hada_train_options *options, size_t size, hada_stage stage)
 {
@@ -159,11 +162,32 @@ static void settle_rates(hada_train_options *options)
         options->adversarial = paper ? 8e-3 : 2e-3;
 }
 
-static hada_status settle_compose(hada_train_options *options, const hada_model_info *info, hada_error *err)
+int hada_train_may_see_others(const hada_train_options *options, const hada_model_info *info)
 {
+    const int own_size =
+        !options->net_rows || (options->net_rows == info->window_rows && options->net_cols == info->window_cols);
+    return info->refine_steps > 0 && own_size && !strcmp(options->net, "compact");
+}
+
+/* Whether the net to be trained is one that only shares light out, or becomes one. */
+static int is_for_shares(const hada_train_options *options, const hada_model *model)
+{
+    const hada_model_info *info = hada_model_get_info(model);
+    if (options->stage != HADA_STAGE_ENHANCE)
+        return 0;
+    if (options->net_given)
+        return options->net_given->shares;
+    if (!options->new_net)
+        return hada_model_get_enhance(model)->shares;
+    return info->refine_tv > 0.0 && hada_train_may_see_others(options, info);
+}
+
+static hada_status settle_compose(hada_train_options *options, const hada_model *model, hada_error *err)
+{
+    const hada_model_info *info = hada_model_get_info(model);
     const int can = hada_stage_has_planes(options->stage) && info->has_otf && info->depths > 1;
     if (options->compose == HADA_AUTO)
-        options->compose = can ? COMPOSED : 0.0;
+        options->compose = !can ? 0.0 : is_for_shares(options, model) ? COMPOSED_ONLY : COMPOSED;
     if (!(options->compose >= 0.0 && options->compose <= 1.0))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "scenes of several depths are a share from 0 to 1, not %g",
                          options->compose);
@@ -208,8 +232,8 @@ hada_status hada_train_options_settle(hada_train_options *options, hada_augment 
     HADA_TRY(check_numbers(options, err));
     HADA_TRY(take_augment(augment, given, options->stage, info, err));
     HADA_TRY(settle_form(options, info, err));
-    HADA_TRY(settle_compose(options, info, err));
     settle_stage(options, info);
+    HADA_TRY(settle_compose(options, model, err));
     if (!(options->mse + options->perceptual + options->adversarial + options->variation > 0.0))
         status = hada_fail(err, HADA_ERROR_ARGUMENT, "all losses are off; give one of them a weight");
 done:

@@ -37,4 +37,10 @@ struct hada_trainer {
     hada_snapshot snapshot;
 };
 
+/* Whether the net only says whose light is whose: then it learns from planes of several depths alone. */
+static inline int hada_trainer_shares(const hada_trainer *trainer)
+{
+    return trainer->nets.net && trainer->nets.net->shares;
+}
+
 #endif

@@ -33,6 +33,7 @@ static hada_status start_feed(hada_trainer *trainer, hada_error *err)
                                  .info = &trainer->info,
                                  .augment = trainer->augment,
                                  .compose = options->compose,
+                                 .planes_only = hada_trainer_shares(trainer),
                                  .seed = options->seed,
                                  .first = trainer->progress.place,
                                  .ahead = WAVES_AHEAD * wave,

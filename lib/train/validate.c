@@ -51,7 +51,7 @@ static hada_status read_pair(hada_trainer *trainer, const held_pair *which, hada
     HADA_TRY(hada_pairs_read(&held->pairs, &trainer->info, which->depth, which->pair, raw, scene, err));
     if (which->variant)
         HADA_TRY(hada_compose(composed, &held->pairs, &trainer->info, COMPOSED_SEED, which->depth, which->pair,
-                              which->variant, scene, err));
+                              which->variant, hada_trainer_shares(trainer), scene, err));
 done:
     pthread_mutex_unlock(&held->reading);
     return status;
@@ -83,13 +83,14 @@ done:
     return status;
 }
 
-/* All pairs as they were captured come first, then all in their first variant, and so on. */
+/* All pairs as they were captured come first where the net changes these, then all in their first variant, and so on.
+ */
 static hada_status predict(hada_trainer *trainer, const hada_worker *worker, uint64_t index, int with_raw,
                            prediction *what, hada_error *err)
 {
     const hada_pairs *pairs = &trainer->held_out.pairs;
     const uint64_t total = hada_pairs_total(pairs);
-    held_pair which = {.variant = (int)(index / total)};
+    held_pair which = {.variant = (int)(index / total) + hada_trainer_shares(trainer)};
     hada_status status = HADA_OK;
     *what = (prediction){0};
     hada_pairs_find(pairs, index % total, &which.depth, &which.pair);
@@ -201,7 +202,7 @@ hada_status hada_trainer_validate(hada_trainer *trainer, int most, hada_validati
     if (!all.total)
         return hada_fail(err, HADA_ERROR_STATE, "no pair is held out to validate with");
     if (trainer->options.compose > 0.0)
-        all.total *= 1 + COMPOSED_WAYS;
+        all.total *= COMPOSED_WAYS + !hada_trainer_shares(trainer);
     all.count = most > 0 && (uint64_t)most < all.total ? most : (int)all.total;
     HADA_TRY(hada_alloc((void **)&all.rows, (size_t)all.count, sizeof *all.rows, "validation", err));
     HADA_TRY(hada_workers_run(&trainer->workers, measure_share, &all, err));

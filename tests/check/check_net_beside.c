@@ -75,7 +75,8 @@ static hada_status prepare_share(check_state *state, hada_error *err)
             total += planes[(size_t)n * own->values + i];
         for (int n = 0; n < own->count; n++)
             state->expected[(size_t)n * own->values + i] =
-                total > 0.0 ? planes[(size_t)n * own->values + i] * (double)whole[i] / total : 0.0;
+                total > 0.0 ? planes[(size_t)n * own->values + i] * (double)whole[i] / total
+                            : (double)whole[i] / own->count;
     }
     HADA_TRY(check_upload(state, &own->planes, planes, floats * sizeof *planes, err));
     HADA_TRY(check_upload(state, &own->sum, whole, own->values * sizeof *whole, err));

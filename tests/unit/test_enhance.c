@@ -141,7 +141,8 @@ static void planes_at_once_hold_the_bits_of_one_by_one(void **state)
 }
 
 /* A plane and what all others hold beside it, as they were before any was enhanced; 0 where planes do not belong
- * together. Those that do are shares of their sum, which is enhanced by itself. In tiles the same. */
+ * together. Those that do are shares of their sum, which is enhanced by itself unless the net only shares; that net
+ * leaves others as they are. What no plane claims all hold alike. In tiles the same. */
 static void a_net_may_see_the_other_planes(void **state)
 {
     enum { COUNT = 3, ROWS = 32, COLS = 48, CHANNELS = 2, PLANE = CHANNELS * ROWS * COLS };
@@ -158,15 +159,23 @@ static void a_net_may_see_the_other_planes(void **state)
     ASSERT_OK(hada_net_create_unet(&net, &options, 5, err));
     hada_enhance_desc desc = {.net = net, .channels = CHANNELS, .rows = ROWS, .cols = COLS, .method = HADA_CONV_DIRECT};
     float *before = planes_of(&desc, COUNT);
+    int nobodys = 0;
     ASSERT_OK(hada_net_runner_create(&runner, device->context, net, ROWS, COLS, err));
     ASSERT_OK(hada_image_create(&in, 2 * CHANNELS, ROWS, COLS, err));
-    for (int way = 0; way < 4; way++) {
-        const int together = way & 1, tiled = way >> 1;
+    for (int way = 0; way < 8; way++) {
+        const int together = way & 1, tiled = way >> 1 & 1;
         float *planes = planes_of(&desc, COUNT);
         int computed, left_out;
         desc.tile_rows = desc.tile_cols = 1 + tiled;
+        net->shares = way >> 2;
         run_as(device, &desc, planes, COUNT, together, &computed, &left_out);
-        assert_int_equal(computed, (COUNT + together) * (tiled ? 4 : 1));
+        if (net->shares && !together) {
+            assert_int_equal(computed + left_out, 0);
+            assert_memory_equal(planes, before, COUNT * PLANE * sizeof *planes);
+            free(planes);
+            continue;
+        }
+        assert_int_equal(computed, (COUNT + (together && !net->shares)) * (tiled ? 4 : 1));
         float *expected = calloc((COUNT + 1) * PLANE, sizeof *expected); /* of the planes, and of their sum */
         for (int own = 0; own <= COUNT; own++) {
             for (int k = 0; k < PLANE; k++) {
@@ -181,12 +190,17 @@ static void a_net_may_see_the_other_planes(void **state)
         for (int k = 0; k < COUNT * PLANE; k++) {
             const float *shares = expected + k % PLANE;
             const double total = (double)shares[0] + shares[PLANE] + shares[2 * PLANE];
-            const double factor = !together ? 1.0 : total > 0.0 ? shares[COUNT * PLANE] / total : 0.0;
-            assert_true(fabs(planes[k] - factor * expected[k]) < 1e-4);
+            const double own = !together ? 1.0 : total > 0.0 ? expected[k] / total : 1.0 / COUNT;
+            const float *held = before + k % PLANE;
+            const double sum = (double)held[0] + held[PLANE] + held[2 * PLANE];
+            const double whole = !together ? expected[k] : net->shares ? sum : shares[COUNT * PLANE];
+            nobodys += total <= 0.0;
+            assert_true(fabs(planes[k] - own * whole) < 1e-4);
         }
         free(expected);
         free(planes);
     }
+    assert_true(nobodys > 0);
     desc.net_rows = desc.net_cols = 16; /* it has no other size */
     hada_enhance *enhance;
     hada_error error = {0};

@@ -71,6 +71,7 @@ static void check_round_trip(hada_net *net)
     for (int i = 0; i < net->count; i++)
         assert_memory_equal(&net->layers[i], &again->layers[i], sizeof(hada_layer));
     assert_int_equal(again->floats, net->floats);
+    assert_int_equal(again->shares, net->shares);
     hada_text_destroy(&text);
     hada_text_destroy(&other);
     hada_net_destroy(&again);
@@ -95,6 +96,13 @@ static void descriptions_come_back_as_they_were(void **state)
     hada_unet_options_init(&options);
     options.up_by = HADA_UNET_TRANSPOSED;
     ASSERT_OK(hada_net_create_unet(&net, &options, 1, err));
+    check_round_trip(net);
+    ASSERT_OK(hada_net_create_unet(&net, &options, 1, err));
+    net->shares = 1;
+    hada_net *copy;
+    ASSERT_OK(hada_net_copy(&copy, net, err));
+    assert_int_equal(copy->shares, 1);
+    check_round_trip(copy);
     check_round_trip(net);
 }
 

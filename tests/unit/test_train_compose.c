@@ -79,14 +79,14 @@ static void check_pixel(const hada_composed *composed, size_t i, float truth, se
     all->dark |= !count;
 }
 
-static void check_scene(int variant, uint64_t seed, seen *all)
+static void check_scene(int variant, int planes_only, uint64_t seed, seen *all)
 {
     const hada_pairs pairs = pairs_of(NULL);
     hada_image scene = own_scene(1), again = own_scene(1);
     hada_composed composed, same;
     int own = 0, lit[HADA_COMPOSED_DEPTHS] = {0}, dark = 0;
-    ASSERT_OK(hada_compose(&composed, &pairs, &info, seed, OWN, 1, variant, &scene, err));
-    ASSERT_OK(hada_compose(&same, &pairs, &info, seed, OWN, 1, variant, &again, err));
+    ASSERT_OK(hada_compose(&composed, &pairs, &info, seed, OWN, 1, variant, planes_only, &scene, err));
+    ASSERT_OK(hada_compose(&same, &pairs, &info, seed, OWN, 1, variant, planes_only, &again, err));
     assert_in_range(composed.count, 1, HADA_COMPOSED_DEPTHS);
     assert_int_equal(composed.count, same.count);
     assert_memory_equal(composed.depth, same.depth, sizeof composed.depth);
@@ -117,13 +117,25 @@ static void light_is_moved_and_not_made(void **state)
     seen all = {0};
     for (uint64_t seed = 0; seed < 40; seed++)
         for (int variant = 1; variant <= HADA_COMPOSED_VARIANTS; variant++)
-            check_scene(variant, seed, &all);
+            check_scene(variant, 0, seed, &all);
     /* everything that is to be met comes up in 320 scenes */
     assert_in_range(all.whole, 60, 140);
     assert_in_range(all.told_too_many, 5, 80);
     assert_true(all.others && all.between && all.dark);
     for (int count = 1; count <= HADA_COMPOSED_DEPTHS; count++)
         assert_true(all.planes[count] > 0);
+}
+
+/* A net that shares light out is never shown the sum. */
+static void the_sum_may_be_left_out(void **state)
+{
+    (void)state;
+    seen all = {0};
+    for (uint64_t seed = 0; seed < 20; seed++)
+        for (int variant = 1; variant <= HADA_COMPOSED_VARIANTS; variant++)
+            check_scene(variant, 1, seed, &all);
+    assert_int_equal(all.whole, 0);
+    assert_true(all.others && all.between && all.dark);
 }
 
 static void variants_are_a_share_and_change_by_round(void **state)
@@ -156,7 +168,7 @@ static void a_pair_that_cannot_be_read_is_named(void **state)
         hada_image scene = own_scene(0);
         hada_composed composed;
         hada_error error = {0};
-        const hada_status status = hada_compose(&composed, &pairs, &info, seed, OWN, 0, 1, &scene, &error);
+        const hada_status status = hada_compose(&composed, &pairs, &info, seed, OWN, 0, 1, 0, &scene, &error);
         if (status) {
             failed++;
             assert_int_equal(status, HADA_ERROR_FILE_READ);
@@ -194,7 +206,7 @@ static void small_cameras_are_served(void **state)
         hada_composed composed;
         ASSERT_OK(hada_image_create(&scene, 2, 1, 1, err));
         scene.data[0] = scene.data[1] = 1.0f;
-        ASSERT_OK(hada_compose(&composed, &pairs, &two, seed, 0, 0, 1, &scene, err));
+        ASSERT_OK(hada_compose(&composed, &pairs, &two, seed, 0, 0, 1, 0, &scene, err));
         assert_in_range(composed.count, 1, 2);
         hada_composed_free(&composed);
         hada_image_destroy(&scene);
@@ -205,6 +217,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(light_is_moved_and_not_made),
+        cmocka_unit_test(the_sum_may_be_left_out),
         cmocka_unit_test(variants_are_a_share_and_change_by_round),
         cmocka_unit_test(a_pair_that_cannot_be_read_is_named),
         cmocka_unit_test(small_cameras_are_served),

@@ -147,6 +147,64 @@ static void new_nets_see_the_other_planes(void **state)
     hada_model_destroy(&model);
 }
 
+/* A net of scenes of several depths alone only shares light out: the model keeps that, a plane by itself is not
+ * enhanced, and stages with another aim refuse it. Behind total variation that is what is made. */
+static void a_net_may_only_share_light_out(void **state)
+{
+    (void)state;
+    hada_train_options options = options_of(HADA_STAGE_ENHANCE);
+    hada_validation result = {.size = sizeof result};
+    hada_model *model;
+    hada_trainer *trainer;
+    hada_error error = {0};
+    options.net_given = NULL;
+    for (int by_itself = 0; by_itself < 2; by_itself++) {
+        f.model->info.refine_tv = by_itself ? 0.002 : 0.0;
+        options.compose = by_itself ? HADA_AUTO : 1.0;
+        trainer = make(&options, 1);
+        f.model->info.refine_tv = 0.0;
+        assert_true(hada_trainer_get_options(trainer)->compose == 1.0);
+        assert_int_equal(hada_trainer_get_net(trainer)->shares, 1);
+        if (!by_itself)
+            hada_trainer_destroy(&trainer);
+    }
+    ASSERT_OK(hada_trainer_validate(trainer, 0, &result, err));
+    assert_int_equal(result.pairs, 2 * DEPTHS * HELD); /* none as it was captured */
+    steps(trainer, 2);
+    ASSERT_OK(hada_trainer_model(trainer, &model, err));
+    hada_trainer_destroy(&trainer);
+    assert_int_equal(hada_model_get_enhance(model)->shares, 1);
+    options.compose = HADA_AUTO;
+    options.new_net = 0;
+    ASSERT_OK(hada_trainer_create(&trainer, f.whole, model, &pairs, &held, &options, err));
+    assert_true(hada_trainer_get_options(trainer)->compose == 1.0); /* as the net is */
+    hada_trainer_destroy(&trainer);
+    for (int adversarial = 0; adversarial < 2; adversarial++) {
+        options = options_of(adversarial ? HADA_STAGE_ADVERSARIAL : HADA_STAGE_ENHANCE);
+        options.net_given = NULL;
+        options.compose = adversarial ? 1.0 : 0.5;
+        assert_int_equal(hada_trainer_create(&trainer, f.whole, model, &pairs, &held, &options, &error),
+                         HADA_ERROR_MODEL);
+        assert_non_null(strstr(error.message, "only shares light out"));
+    }
+    for (int depths = 1; depths < 3; depths++) {
+        static const int told[] = {0, 1};
+        hada_plan_options how;
+        hada_plan *plan;
+        hada_result planes = {0};
+        hada_plan_options_init(&how);
+        how.occupied = HADA_OCCUPIED_LIST;
+        how.occupied_list = told;
+        how.occupied_count = depths;
+        ASSERT_OK(hada_plan_create(&plan, f.whole, model, &how, err));
+        ASSERT_OK(hada_plan_run(plan, &f.raw[0][0], &planes, err));
+        assert_int_equal(planes.report->enhanced, depths > 1 ? depths : 0);
+        hada_result_destroy(&planes);
+        hada_plan_destroy(&plan);
+    }
+    hada_model_destroy(&model);
+}
+
 static void composing_that_makes_no_sense_is_refused(void **state)
 {
     (void)state;
@@ -430,6 +488,7 @@ int main(void)
         cmocka_unit_test(new_nets_start_with_the_planes),
         cmocka_unit_test(scenes_of_several_depths_are_learned),
         cmocka_unit_test(new_nets_see_the_other_planes),
+        cmocka_unit_test(a_net_may_only_share_light_out),
         cmocka_unit_test(composing_that_makes_no_sense_is_refused),
         cmocka_unit_test(two_devices_share_a_step),
         cmocka_unit_test(broken_numbers_are_rolled_back),

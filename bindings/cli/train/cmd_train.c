@@ -66,9 +66,10 @@ static const hada_cli_option options[] = {
     {HADA_OPTION_REAL, "exposure", 0, "SHARE", "scale pairs by a factor from 1 - SHARE to 1 + SHARE", NULL,
      AT(augment.exposure)},
     {HADA_OPTION_REAL, "compose", 0, "SHARE",
-     "enhance, adversarial: share of pairs that become scenes of several depths (default: 0.15)",
+     "enhance, adversarial: share of pairs that become scenes of several depths",
      "Parts of a pair's scene are moved to other depths or replaced, and its frame is changed by what the model says "
-     "that this makes. 0 where the model has no transfer functions, or a single depth.",
+     "that this makes. 1: a net that only shares out light among depths and leaves their sum, the default where the model "
+     "refines by total variation (enhance); else 0.15, and 0 where it has no transfer functions or a single depth.",
      AT(how.compose)},
     {HADA_OPTION_CHOICE, "boundary", 0, "circular|padded", "without a model: as for 'hadalens fit'", NULL,
      ONE_OF(task.boundary, HADA_BOUNDARY_CIRCULAR, HADA_BOUNDARY_PADDED)},

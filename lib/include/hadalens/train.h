@@ -122,8 +122,10 @@ typedef struct hada_train_options {
 
     double compose; /* ENHANCE and ADVERSARIAL: the share of pairs that become scenes of several depths: parts of their
                        scene are moved to other depths or replaced, and the captured frame is changed by what the model
-                       says that this makes of it. Planes are then refined together, as reconstruction does. 0: none;
-                       HADA_AUTO (default): 0.15 where the model has transfer functions and several depths, else 0 */
+                       says that this makes of it. Planes are then refined together, as reconstruction does. 0: none; 1:
+                       a new net only shares light out among the planes of a frame: their sum, and planes that stand
+                       alone, stay as they are; HADA_AUTO (default): 0.15 where the model has transfer functions and
+                       several depths (ENHANCE: 1 where it refines by total variation), else 0 */
 
     const hada_communicator *communicator; /* ranks that share the pairs of each step, each with a trainer of its own
                                               from the same arguments: they make the same calls, and all have the same

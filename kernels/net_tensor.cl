@@ -172,8 +172,7 @@ __kernel void net_share(__global float *planes, __global const float *whole, ulo
         return;
     for (int k = 0; k < count; k++)
         total += planes[offset + k * values + i];
-    const int held = total > 0.0f;
-    const float factor = whole[i] / (held ? total : (float)count);
+    const float factor = total > 0.0f ? whole[i] / total : 0.0f, even = total > 0.0f ? 0.0f : whole[i] / (float)count;
     for (int k = 0; k < count; k++)
-        planes[offset + k * values + i] = factor * (held ? planes[offset + k * values + i] : 1.0f);
+        planes[offset + k * values + i] = planes[offset + k * values + i] * factor + even;
 }

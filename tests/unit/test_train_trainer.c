@@ -147,8 +147,7 @@ static void new_nets_see_the_other_planes(void **state)
     hada_model_destroy(&model);
 }
 
-/* A net of scenes of several depths alone only shares light out: the model keeps that, a plane by itself is not
- * enhanced, and stages with another aim refuse it. Behind total variation that is what is made. */
+/* As one that learns from scenes of several depths alone does: the model keeps that, and other stages refuse it. */
 static void a_net_may_only_share_light_out(void **state)
 {
     (void)state;
@@ -175,7 +174,6 @@ static void a_net_may_only_share_light_out(void **state)
     hada_trainer_destroy(&trainer);
     assert_int_equal(hada_model_get_enhance(model)->shares, 1);
     options.compose = HADA_AUTO;
-    options.new_net = 0;
     ASSERT_OK(hada_trainer_create(&trainer, f.whole, model, &pairs, &held, &options, err));
     assert_true(hada_trainer_get_options(trainer)->compose == 1.0); /* as the net is */
     hada_trainer_destroy(&trainer);

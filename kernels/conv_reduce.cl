@@ -29,7 +29,7 @@ __kernel void conv_reduce_weights(__global const float *partial, __global float 
         for (int part = 1; part < parts; ++part)
             sum += CONV_LOAD(partial + part * part_floats + place * NET_BLOCK);
         float lanes[NET_BLOCK];
-        CONV_STORE(sum, lanes);
+        CONV_STORE_IN(__private, sum, lanes);
         for (int k = 0; k < present; ++k) {
             __global float *to = dw + (size_t)k * lane_step + (swapped ? places - 1 - place : place);
             *to = accumulate ? *to + lanes[k] : lanes[k];

@@ -44,7 +44,7 @@ __kernel void conv_winograd_reduce(__global const float *restrict partial, __glo
     dw += dw_offset + ((size_t)block * NET_BLOCK * fine_channels + fine) * 9;
     for (int i = 0; i < 9; ++i) {
         float lanes[NET_BLOCK];
-        CONV_STORE(w[i], lanes);
+        CONV_STORE_IN(__private, w[i], lanes);
         for (int k = 0; k < NET_BLOCK && k < present; ++k) {
             __global float *to = dw + (size_t)k * fine_channels * 9 + i;
             *to = accumulate ? *to + lanes[k] : lanes[k];

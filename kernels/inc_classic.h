@@ -16,7 +16,7 @@ REFINE_INLINE refine_real image_get(__global const float *p, size_t i)
 
 REFINE_INLINE void image_put(__global float *p, size_t i, refine_real v)
 {
-    vstore8(v, 0, p + i);
+    VECTORS_STORE8(__global, v, p + i);
 }
 
 /* The pixels to the left and to the right of `here`, given the one before the first and the one after the last. */

@@ -2,6 +2,7 @@
 #ifndef INC_CONV_H
 #define INC_CONV_H
 
+#include "inc_vectors.h"
 #include "shared_conv.h"
 
 /* Channels in a block: 8 or 16 (lib/net/tensor.h). */
@@ -11,16 +12,18 @@
 #if NET_BLOCK == 16
 typedef float16 conv_v;
 typedef int16 conv_iv;
-#define CONV_LOAD(p)     vload16(0, p)
-#define CONV_STORE(v, p) vstore16(v, 0, p)
-#define CONV_LANES       (int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15)
+#define CONV_LOAD(p)  vload16(0, p)
+#define CONV_STORE_IN VECTORS_STORE16
+#define CONV_LANES    (int16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15)
 #else
 typedef float8 conv_v;
 typedef int8 conv_iv;
-#define CONV_LOAD(p)     vload8(0, p)
-#define CONV_STORE(v, p) vstore8(v, 0, p)
-#define CONV_LANES       (int8)(0, 1, 2, 3, 4, 5, 6, 7)
+#define CONV_LOAD(p)  vload8(0, p)
+#define CONV_STORE_IN VECTORS_STORE8
+#define CONV_LANES    (int8)(0, 1, 2, 3, 4, 5, 6, 7)
 #endif
+/* To global memory; CONV_STORE_IN(space, v, p) to any. */
+#define CONV_STORE(v, p) CONV_STORE_IN(__global, v, p)
 
 /* Asks for the line of a cache at p, which may be anywhere. Compilers for the host's own processor have the builtin,
  * and one space of addresses; others take this for nothing. */

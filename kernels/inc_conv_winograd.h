@@ -75,7 +75,7 @@ static inline void conv_tile_in(__global const float *restrict x, size_t x_row, 
         conv_in_1d(down[r], o);
 #pragma unroll
         for (int c = 0; c < CONV_REACH; ++c)
-            CONV_STORE(o[c], to + (r * CONV_REACH + c) * pitch);
+            CONV_STORE_IN(CONV_MEM, o[c], to + (r * CONV_REACH + c) * pitch);
     }
 }
 

@@ -47,7 +47,7 @@ static inline void conv_tile_back(__global const float *restrict dy, size_t row_
         conv_back_1d(down[r], o);
 #pragma unroll
         for (int c = 0; c < CONV_REACH; ++c)
-            CONV_STORE(o[c], to + (r * CONV_REACH + c) * pitch);
+            CONV_STORE_IN(CONV_MEM, o[c], to + (r * CONV_REACH + c) * pitch);
     }
 }
 

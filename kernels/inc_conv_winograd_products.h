@@ -43,7 +43,7 @@ static inline void conv_tile_products(CONV_MEM const float *restrict v, size_t v
     for (int o = 0; o < CONV_BLOCKS; ++o)
 #pragma unroll
         for (int p = 0; p < CONV_PIXELS; ++p)
-            CONV_STORE(sums[o][p], m + o * m_block + p * NET_BLOCK);
+            CONV_STORE_IN(CONV_MEM, sums[o][p], m + o * m_block + p * NET_BLOCK);
 }
 
 #endif

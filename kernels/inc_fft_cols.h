@@ -53,7 +53,8 @@ FFT_INLINE void fft_put(const fft_columns *columns, int row, float8 re, float8 i
     const int r = row - columns->row0;
     if ((uint)r < (uint)columns->rows_out) {
         FFT_COLS_OUT float *p = columns->out + (size_t)r * 16;
-        FFT_STORE(p, re, im)
+        VECTORS_STORE8(FFT_COLS_OUT, lanes_low(re, im), p);
+        VECTORS_STORE8(FFT_COLS_OUT, lanes_high(re, im), p + 8);
     }
 }
 

@@ -22,10 +22,6 @@
 #define FFT_STATED_SIZE STATED_SIZE
 #endif
 
-#define FFT_STORE(p, re, im)                                                                                           \
-    vstore8(lanes_low(re, im), 0, p);                                                                                  \
-    vstore8(lanes_high(re, im), 1, p);
-
 /* Transposes 8 x 8 floats. */
 FFT_INLINE void fft_transpose(float8 *m)
 {

@@ -139,12 +139,12 @@ FFT_INLINE void fft_rows_forward_task(__global const float *in, ulong pitch, int
         fft_transpose(y + 8);
         FFT_ROWS_OUT float *p = out + (size_t)block * (size_t)rows * 16;
         for (int i = 0; i < min(8, count); ++i) {
-            vstore8(x[i], 0, p + 16 * i);
-            vstore8(x[8 + i], 1, p + 16 * i);
+            VECTORS_STORE8(FFT_ROWS_OUT, x[i], p + 16 * i);
+            VECTORS_STORE8(FFT_ROWS_OUT, x[8 + i], p + 16 * i + 8);
         }
         for (int i = 8; i < count; ++i) {
-            vstore8(y[i - 8], 0, p + 16 * i);
-            vstore8(y[i], 1, p + 16 * i);
+            VECTORS_STORE8(FFT_ROWS_OUT, y[i - 8], p + 16 * i);
+            VECTORS_STORE8(FFT_ROWS_OUT, y[i], p + 16 * i + 8);
         }
     }
 }

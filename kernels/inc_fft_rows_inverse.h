@@ -125,9 +125,9 @@ FFT_INLINE void fft_rows_inverse_task(FFT_ROWS_IN const float *in, int rows_in, 
         fft_transpose(y);
         if (width == 8) {
             for (int i = 0; i < min(8, count); ++i)
-                vstore8(x[i], 0, out + (ulong)i * pitch + start);
+                VECTORS_STORE8(__global, x[i], out + (ulong)i * pitch + start);
             for (int i = 8; i < count; ++i)
-                vstore8(y[i - 8], 0, out + (ulong)i * pitch + start);
+                VECTORS_STORE8(__global, y[i - 8], out + (ulong)i * pitch + start);
         } else {
             for (int i = 0; i < count; ++i) {
                 float line[8];

@@ -4,6 +4,8 @@
 #ifndef INC_LANES_H
 #define INC_LANES_H
 
+#include "inc_vectors.h"
+
 #define LANES_INLINE static inline __attribute__((always_inline))
 
 /* Shuffles of two vectors by the compiler's own operation, where it has one: of vectors put together from components

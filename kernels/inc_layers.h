@@ -7,6 +7,7 @@
 #ifndef INC_LAYERS_H
 #define INC_LAYERS_H
 
+#include "inc_vectors.h"
 #include "shared_net.h"
 
 /* Channels in a block: 8 or 16. */
@@ -71,9 +72,9 @@ NET_INLINE void net_put(net_vector v, __global float *p)
 #if NET_WIDTH == 4
     *(__global float4 *)p = v;
 #elif NET_WIDTH == 16
-    vstore16(v, 0, p);
+    VECTORS_STORE16(__global, v, p);
 #else
-    vstore8(v, 0, p);
+    VECTORS_STORE8(__global, v, p);
 #endif
 }
 

@@ -26,8 +26,8 @@ REFINE_INLINE void refine_get(__global const float *p, size_t i, refine_real *re
 
 REFINE_INLINE void refine_put(__global float *p, size_t i, refine_real re, refine_real im)
 {
-    vstore8(lanes_low(re, im), 0, p + 2 * i);
-    vstore8(lanes_high(re, im), 1, p + 2 * i);
+    VECTORS_STORE8(__global, lanes_low(re, im), p + 2 * i);
+    VECTORS_STORE8(__global, lanes_high(re, im), p + 2 * i + 8);
 }
 
 REFINE_INLINE refine_real refine_get_real(__global const float *p, size_t i)

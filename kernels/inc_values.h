@@ -3,6 +3,8 @@
 #ifndef INC_VALUES_H
 #define INC_VALUES_H
 
+#include "inc_vectors.h"
+
 #ifndef VALUE_WIDTH
 #define VALUE_WIDTH 8
 #endif
@@ -20,7 +22,7 @@ typedef float8 values_v;
 #define VALUES_FIRST(offset) ((long)get_global_id(0) * 8)
 #define VALUES_GET(p)        vload8(0, p)
 #define VALUES_GET_ANY(p)    vload8(0, p)
-#define VALUES_PUT(v, p)     vstore8(v, 0, p)
+#define VALUES_PUT(v, p)     VECTORS_STORE8(__global, v, p)
 #endif
 
 /* Whether all values of a work-item are there. */

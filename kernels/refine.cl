@@ -192,7 +192,7 @@ refine_frame(__global float *a, __global const float *frame, ulong frame_offset,
         if (use_frame)
             v -= vload8(0, b + i);
         v *= scale;
-        vstore8(v, 0, e + i);
+        VECTORS_STORE8(__global, v, e + i);
         lanes = fma(v, v, lanes);
     }
     sum = refine_sum(lanes);
@@ -212,7 +212,7 @@ refine_frame(__global float *a, __global const float *frame, ulong frame_offset,
 __kernel void refine_prox(__global float *w)
 {
     const size_t i = get_global_id(0);
-    vstore8(max(vload8(i, w), 0.0f), i, w);
+    VECTORS_STORE8(__global, max(vload8(i, w), 0.0f), w + 8 * i);
 }
 
 /* From spectra of the whole grid to those of a coarse grid, channels averaged: out[image] = factor * mean over its

@@ -17,7 +17,7 @@ REFINE_INLINE float data_step(__global float *a, __global const float *b, int pi
     float8 lanes = 0.0f;
     for (int i = 0; i < whole; i += 8) {
         const float8 v = (vload8(0, a + i) - vload8(0, b + i)) * scale;
-        vstore8(v, 0, a + i);
+        VECTORS_STORE8(__global, v, a + i);
         lanes = fma(v, v, lanes);
     }
     float sum = refine_sum(lanes);

@@ -25,7 +25,7 @@ __kernel __attribute__((reqd_work_group_size(1, 1, 1))) void refine_rows(__globa
     if (rows.clip) {
         const int whole = pixels / 8 * 8;
         for (int i = 0; i < whole; i += 8)
-            vstore8(max(vload8(0, u + i), 0.0f), 0, u + i);
+            VECTORS_STORE8(__global, max(vload8(0, u + i), 0.0f), u + i);
         for (int i = whole; i < pixels; ++i)
             u[i] = max(u[i], 0.0f);
     }

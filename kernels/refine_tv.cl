@@ -21,7 +21,7 @@ REFINE_INLINE refine_real tv_get(__global const float *p, size_t i)
 
 REFINE_INLINE void tv_put(__global float *p, size_t i, refine_real v)
 {
-    vstore8(v, 0, p + i);
+    VECTORS_STORE8(__global, v, p + i);
 }
 
 /* 0 at the last of a row's pixels */

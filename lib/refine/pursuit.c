@@ -94,7 +94,8 @@ static void choose_levels(hada_pursuit *p, const hada_context *context, hada_lev
         }
         if (shrink > 1.0) {
             fine = p->count++;
-            specs[fine] = (hada_level_spec){fmax(1.0, shrink / 2.0), shrink, 1, fine_steps, fine_sets, 0};
+            /* so many steps are dear: neighbours part by the mean of the channels as well (docs/refinement.md) */
+            specs[fine] = (hada_level_spec){fmax(1.0, shrink / 2.0), shrink, !parts, fine_steps, fine_sets, 0};
         }
     }
     p->fidelity[HADA_FIDELITY_RANKING] =
@@ -147,6 +148,7 @@ hada_status hada_pursuit_create(hada_pursuit **out, hada_slot *slot, hada_scratc
     HADA_TRY(hada_alloc((void **)&p, 1, sizeof *p, "a depth pursuit", err));
     p->slot = slot;
     p->options = o;
+    p->residuals.pursuit = p;
     choose_levels(p, slot->context, specs);
     for (int i = 0; i < p->count; i++)
         HADA_TRY(hada_level_create(&p->levels[i], slot, scratch, &p->options, &specs[i], err));
@@ -164,6 +166,7 @@ void hada_pursuit_destroy(hada_pursuit **pointer)
     hada_pursuit *p = *pointer;
     *pointer = NULL;
     hada_slot_finish(p->slot, NULL);
+    hada_residuals_free(&p->residuals);
     for (int i = 0; i < p->count; i++)
         hada_level_destroy(&p->levels[i]);
     free(p);
@@ -214,16 +217,34 @@ static size_t transforms(const hada_pursuit *p)
     return sum;
 }
 
-hada_status hada_pursuit_run(hada_pursuit *p, cl_mem spectrum, size_t offset, hada_pursuit_result *result,
-                             hada_error *err)
+static hada_status search(hada_pursuit *p, hada_pursuit_result *result, hada_status (*how)(hada_search *, hada_error *),
+                          hada_error *err)
 {
     const double start = hada_seconds();
     const size_t before = transforms(p);
+    hada_search *s;
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_alloc((void **)&s, 1, sizeof *s, "the depth pursuit", err));
+    *s = (hada_search){.pursuit = p, .result = result, .residuals = &p->residuals};
+    status = how(s, err);
+    free(s);
+    result->seconds += hada_seconds() - start;
+    result->transforms += transforms(p) - before;
+done:
+    return status;
+}
+
+hada_status hada_pursuit_run(hada_pursuit *p, cl_mem spectrum, size_t offset, hada_pursuit_result *result,
+                             hada_error *err)
+{
     *result = (hada_pursuit_result){0};
+    hada_residuals_free(&p->residuals);
     for (int i = 0; i < p->count; i++)
         hada_level_set_frame(&p->levels[i], spectrum, offset);
-    hada_status status = hada_pursuit_search(p, result, err);
-    result->seconds = hada_seconds() - start;
-    result->transforms = transforms(p) - before;
-    return status;
+    return search(p, result, hada_search_depths, err);
+}
+
+hada_status hada_pursuit_part(hada_pursuit *p, hada_pursuit_result *result, hada_error *err)
+{
+    return search(p, result, hada_search_hidden, err);
 }

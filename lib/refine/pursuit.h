@@ -43,6 +43,7 @@ typedef struct hada_pursuit_result {
     int rounds;                             /* additions tried, the last one usually in vain */
     double reduction[2 * HADA_PURSUIT_MAX]; /* part of the residual that each addition explained */
     double more;                            /* the last of these, where it was in vain; else 0 */
+    int hides;                              /* 1: depths may hide beside those found: hada_pursuit_part() tells */
     double residual;                        /* |unexplained| / |frame|, of the small images */
     int fine_comparisons;                   /* those that took the finer grid */
     size_t transforms;
@@ -73,5 +74,9 @@ hada_status hada_pursuit_set_power(hada_pursuit *pursuit, int first, int count, 
 /* Searches a frame: its spectrum, [channel][count] complex, dark level removed. On failure *result says nothing. */
 hada_status hada_pursuit_run(hada_pursuit *pursuit, cl_mem spectrum, size_t offset, hada_pursuit_result *result,
                              hada_error *err);
+
+/* Where the last run said that depths may hide: looks for those that few steps do not tell from their neighbours, which
+ * takes longer than the run did. The spectrum is still there; *result is that of the run, and goes on. */
+hada_status hada_pursuit_part(hada_pursuit *pursuit, hada_pursuit_result *result, hada_error *err);
 
 #endif

@@ -1,10 +1,7 @@
 #include "refine/pursuit_search.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
-
-#include "core/alloc.h"
 
 enum { SHORTLIST = 3 /* candidates, first in order, that are evaluated for an addition: docs/refinement.md */ };
 
@@ -28,44 +25,24 @@ enum { SHORTLIST = 3 /* candidates, first in order, that are evaluated for an ad
 #define MOVE_PAIR_TO 0.9
 #define MOVE_TO      0.5
 
-/* Depths as close as this may hide one between or beside them, which explains at least this part of what they leave,
- * once all have parted; one that is not there explained up to 0.10 (docs/refinement.md). */
-enum { CLOSE_DEPTHS = 2 };
-#define HIDDEN_THRESHOLD 0.12
-
-/* A third depth that steps too few for the threshold show: what depths that are not there explained by so many was
- * below this, what others did above. */
-#define GLIMPSE 0.07
-
 /* A scene of many depths: what k of them leave, unmoved, is above MANY_LEAVE / k of the frame's amplitude, and all
  * depths together leave less than the part ALL_LEAVE of the energy that the largest set leaves: between what scenes of
  * three and of all depths left (docs/refinement.md). */
 #define MANY_LEAVE 0.12
 #define ALL_LEAVE  0.55
 
-typedef struct search {
-    hada_pursuit *pursuit;
-    hada_pursuit_result *result;
-    hada_residuals residuals;
-    /* the sets of one size that are to be compared, and what they leave */
-    hada_set candidates[HADA_PURSUIT_DEPTHS];
-    double energy[HADA_PURSUIT_DEPTHS];
-    int count;
-} search;
-
-static hada_status residual_of(search *s, hada_fidelity fidelity, const hada_set *set, double *energy, hada_error *err)
+hada_status hada_search_residual(hada_search *s, hada_fidelity fidelity, const hada_set *set, double *energy,
+                                 hada_error *err)
 {
-    return hada_residuals_of(&s->residuals, fidelity, set, 1, energy, err);
+    return hada_residuals_of(s->residuals, fidelity, set, 1, energy, err);
 }
 
-/* What the candidates leave, into s->energy. */
-static hada_status evaluate(search *s, hada_fidelity fidelity, hada_error *err)
+hada_status hada_search_evaluate(hada_search *s, hada_fidelity fidelity, hada_error *err)
 {
-    return hada_residuals_of(&s->residuals, fidelity, s->candidates, s->count, s->energy, err);
+    return hada_residuals_of(s->residuals, fidelity, s->candidates, s->count, s->energy, err);
 }
 
-/* The candidate that leaves least and was not yet taken; *energy: what it leaves, INFINITY where all are taken. */
-static int take_best(search *s, double *energy)
+int hada_search_take_best(hada_search *s, double *energy)
 {
     int best = 0;
     for (int i = 1; i < s->count; i++)
@@ -77,21 +54,21 @@ static int take_best(search *s, double *energy)
 }
 
 /* The part of what `smaller` leaves that `larger` explains. */
-static hada_status reduction_at(search *s, hada_fidelity fidelity, const hada_set *smaller, const hada_set *larger,
+static hada_status reduction_at(hada_search *s, hada_fidelity fidelity, const hada_set *smaller, const hada_set *larger,
                                 double *reduction, hada_error *err)
 {
     double frame, before, after;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_residuals_frame(&s->residuals, fidelity, &frame, err));
-    hada_residuals_ahead(&s->residuals, fidelity, larger, 1);
-    HADA_TRY(residual_of(s, fidelity, smaller, &before, err));
-    HADA_TRY(residual_of(s, fidelity, larger, &after, err));
+    HADA_TRY(hada_residuals_frame(s->residuals, fidelity, &frame, err));
+    hada_residuals_ahead(s->residuals, fidelity, larger, 1);
+    HADA_TRY(hada_search_residual(s, fidelity, smaller, &before, err));
+    HADA_TRY(hada_search_residual(s, fidelity, larger, &after, err));
     *reduction = before > 0.0 ? (before - after) / (before + MODEL_ERROR * MODEL_ERROR * frame) : 0.0;
 done:
     return status;
 }
 
-static double threshold_of(const search *s, const hada_set *smaller)
+static double threshold_of(const hada_search *s, const hada_set *smaller)
 {
     const double threshold = s->pursuit->options.threshold;
     return smaller->count ? threshold : fmin(threshold, FIRST_THRESHOLD);
@@ -99,7 +76,7 @@ static double threshold_of(const search *s, const hada_set *smaller)
 
 /* The same, as closely as it takes. A larger set converges later, so few steps make its reduction too small, never too
  * large: one that is clearly enough is, one that is not is given more steps. */
-static hada_status reduction_of(search *s, const hada_set *smaller, const hada_set *larger, double *reduction,
+static hada_status reduction_of(hada_search *s, const hada_set *smaller, const hada_set *larger, double *reduction,
                                 hada_error *err)
 {
     const double high = CLOSE_ABOVE * threshold_of(s, smaller), low = CLOSE_BELOW * threshold_of(s, smaller);
@@ -117,7 +94,7 @@ done:
 }
 
 /* Whether `moved` leaves less than `current`, evaluated no closer than `finest`. */
-static hada_status is_better(search *s, const hada_set *current, const hada_set *moved, hada_fidelity finest,
+static hada_status is_better(hada_search *s, const hada_set *current, const hada_set *moved, hada_fidelity finest,
                              int *better, hada_error *err)
 {
     hada_status status = HADA_OK;
@@ -125,9 +102,9 @@ static hada_status is_better(search *s, const hada_set *current, const hada_set 
     for (int fidelity = HADA_FIDELITY_COARSE; fidelity <= (int)finest; fidelity++) {
         double now, then;
         s->result->fine_comparisons += fidelity == HADA_FIDELITY_FINE;
-        hada_residuals_ahead(&s->residuals, (hada_fidelity)fidelity, moved, 1);
-        HADA_TRY(residual_of(s, (hada_fidelity)fidelity, current, &now, err));
-        HADA_TRY(residual_of(s, (hada_fidelity)fidelity, moved, &then, err));
+        hada_residuals_ahead(s->residuals, (hada_fidelity)fidelity, moved, 1);
+        HADA_TRY(hada_search_residual(s, (hada_fidelity)fidelity, current, &now, err));
+        HADA_TRY(hada_search_residual(s, (hada_fidelity)fidelity, moved, &then, err));
         *better = then < now;
         if (then > CLOSE_RATIO * now || now > CLOSE_RATIO * then)
             break;
@@ -137,7 +114,7 @@ done:
 }
 
 /* All sets with one depth moved to a free neighbour; how many. */
-static int moves_of(const search *s, const hada_set *current, hada_set *moves)
+static int moves_of(const hada_search *s, const hada_set *current, hada_set *moves)
 {
     int count = 0;
     for (int place = 0; place < current->count; place++)
@@ -151,15 +128,14 @@ static int moves_of(const search *s, const hada_set *current, hada_set *moves)
 }
 
 /* What the candidates may be moved to next. */
-static void moves_ahead(search *s)
+static void moves_ahead(hada_search *s)
 {
     hada_set next[2 * HADA_PURSUIT_MAX];
     for (int i = 0; i < s->count; i++)
-        hada_residuals_ahead(&s->residuals, HADA_FIDELITY_COARSE, next, moves_of(s, &s->candidates[i], next));
+        hada_residuals_ahead(s->residuals, HADA_FIDELITY_COARSE, next, moves_of(s, &s->candidates[i], next));
 }
 
-/* All sets with a depth less; how many. */
-static int reductions_of(const hada_set *current, hada_set *less)
+int hada_search_reductions(const hada_set *current, hada_set *less)
 {
     for (int place = 0; place < current->count; place++)
         less[place] = hada_set_without(current, place);
@@ -167,15 +143,15 @@ static int reductions_of(const hada_set *current, hada_set *less)
 }
 
 /* The candidates that leave no more than `most` may have to be told apart more closely. */
-static void rivals_ahead(search *s, double most)
+static void rivals_ahead(hada_search *s, double most)
 {
     for (int i = 0; i < s->count; i++)
         for (int fidelity = HADA_FIDELITY_CONVERGED; s->energy[i] <= most && fidelity <= HADA_FIDELITY_FINE; fidelity++)
-            hada_residuals_ahead(&s->residuals, (hada_fidelity)fidelity, &s->candidates[i], 1);
+            hada_residuals_ahead(s->residuals, (hada_fidelity)fidelity, &s->candidates[i], 1);
 }
 
 /* The best of the moves that leaves less than *current, which takes it. */
-static hada_status move_once(search *s, hada_set *current, hada_fidelity finest, int *moved, hada_error *err)
+static hada_status move_once(hada_search *s, hada_set *current, hada_fidelity finest, int *moved, hada_error *err)
 {
     double now, energy;
     hada_status status = HADA_OK;
@@ -183,14 +159,14 @@ static hada_status move_once(search *s, hada_set *current, hada_fidelity finest,
     s->count = moves_of(s, current, s->candidates);
     if (!s->count)
         goto done;
-    hada_residuals_ahead(&s->residuals, HADA_FIDELITY_COARSE, s->candidates, s->count);
-    HADA_TRY(residual_of(s, HADA_FIDELITY_COARSE, current, &now, err));
+    hada_residuals_ahead(s->residuals, HADA_FIDELITY_COARSE, s->candidates, s->count);
+    HADA_TRY(hada_search_residual(s, HADA_FIDELITY_COARSE, current, &now, err));
     moves_ahead(s);
-    HADA_TRY(evaluate(s, HADA_FIDELITY_COARSE, err));
+    HADA_TRY(hada_search_evaluate(s, HADA_FIDELITY_COARSE, err));
     if (finest == HADA_FIDELITY_FINE)
         rivals_ahead(s, CLOSE_RATIO * now);
     for (int tried = 0; !*moved && tried < s->count; tried++) {
-        const int best = take_best(s, &energy);
+        const int best = hada_search_take_best(s, &energy);
         if (energy > CLOSE_RATIO * now)
             break;
         HADA_TRY(is_better(s, current, &s->candidates[best], finest, moved, err));
@@ -201,8 +177,7 @@ done:
     return status;
 }
 
-/* Local search: moves depths of *current to free neighbours while that leaves less. */
-static hada_status move(search *s, hada_set *current, hada_fidelity finest, hada_error *err)
+hada_status hada_search_move(hada_search *s, hada_set *current, hada_fidelity finest, hada_error *err)
 {
     hada_status status = HADA_OK;
     int moved = 1;
@@ -213,14 +188,14 @@ done:
 }
 
 /* Drops depths of *current that the others explain as well. */
-static hada_status prune(search *s, hada_set *current, hada_error *err)
+static hada_status prune(hada_search *s, hada_set *current, hada_error *err)
 {
     hada_status status = HADA_OK;
     while (current->count > 1) {
         double least, reduction;
-        s->count = reductions_of(current, s->candidates);
-        HADA_TRY(evaluate(s, HADA_FIDELITY_COARSE, err));
-        const hada_set less = s->candidates[take_best(s, &least)];
+        s->count = hada_search_reductions(current, s->candidates);
+        HADA_TRY(hada_search_evaluate(s, HADA_FIDELITY_COARSE, err));
+        const hada_set less = s->candidates[hada_search_take_best(s, &least)];
         HADA_TRY(reduction_of(s, &less, current, &reduction, err));
         if (reduction >= s->pursuit->options.threshold)
             break;
@@ -230,9 +205,8 @@ done:
     return status;
 }
 
-/* Lists the sets of one depth more than *current: the SHORTLIST that leave least, evaluated so, of those that leave no
- * more than `most`. */
-static hada_status shortlist(search *s, const hada_set *current, hada_fidelity fidelity, double most, hada_error *err)
+hada_status hada_search_shortlist(hada_search *s, const hada_set *current, hada_fidelity fidelity, double most,
+                                  hada_error *err)
 {
     hada_set first[SHORTLIST];
     double energy;
@@ -242,9 +216,9 @@ static hada_status shortlist(search *s, const hada_set *current, hada_fidelity f
     for (int depth = 0; depth < s->pursuit->options.depths; depth++)
         if (!hada_set_has(current, depth))
             s->candidates[s->count++] = hada_set_with(current, depth);
-    HADA_TRY(evaluate(s, fidelity, err));
+    HADA_TRY(hada_search_evaluate(s, fidelity, err));
     while (count < SHORTLIST && count < s->count) {
-        const int best = take_best(s, &energy);
+        const int best = hada_search_take_best(s, &energy);
         if (energy > most)
             break;
         first[count++] = s->candidates[best];
@@ -256,11 +230,11 @@ done:
 }
 
 /* Of the candidates the one that leaves least; *energy: how much. */
-static hada_status best_candidate(search *s, hada_set *best, double *energy, hada_error *err)
+static hada_status best_candidate(hada_search *s, hada_set *best, double *energy, hada_error *err)
 {
     hada_status status = HADA_OK;
-    HADA_TRY(evaluate(s, HADA_FIDELITY_COARSE, err));
-    *best = s->candidates[take_best(s, energy)];
+    HADA_TRY(hada_search_evaluate(s, HADA_FIDELITY_COARSE, err));
+    *best = s->candidates[hada_search_take_best(s, energy)];
 done:
     return status;
 }
@@ -268,7 +242,7 @@ done:
 /* Whether the frame holds more depths than a set has room for, found out at a pair, before any set is moved: depths
  * are added as they come, and must leave much at every size; all depths together must leave much less than the largest
  * set. *largest is then that set. */
-static hada_status detect_many(search *s, const hada_set *pair, hada_set *largest, int *many, hada_error *err)
+static hada_status detect_many(hada_search *s, const hada_set *pair, hada_set *largest, int *many, hada_error *err)
 {
     const hada_pursuit_options *o = &s->pursuit->options;
     double frame, energy, all;
@@ -277,18 +251,18 @@ static hada_status detect_many(search *s, const hada_set *pair, hada_set *larges
     if (o->full || o->max_depths == o->depths)
         goto done;
     *largest = *pair;
-    HADA_TRY(hada_residuals_frame(&s->residuals, HADA_FIDELITY_COARSE, &frame, err));
-    HADA_TRY(residual_of(s, HADA_FIDELITY_COARSE, pair, &energy, err));
+    HADA_TRY(hada_residuals_frame(s->residuals, HADA_FIDELITY_COARSE, &frame, err));
+    HADA_TRY(hada_search_residual(s, HADA_FIDELITY_COARSE, pair, &energy, err));
     for (;;) {
         const double much = MANY_LEAVE / largest->count;
         if (energy < much * much * frame)
             goto done;
         if (largest->count == o->max_depths)
             break;
-        HADA_TRY(shortlist(s, largest, HADA_FIDELITY_RANKING, INFINITY, err));
+        HADA_TRY(hada_search_shortlist(s, largest, HADA_FIDELITY_RANKING, INFINITY, err));
         HADA_TRY(best_candidate(s, largest, &energy, err));
     }
-    HADA_TRY(hada_residuals_of_all(&s->residuals, &all, err));
+    HADA_TRY(hada_residuals_of_all(s->residuals, &all, err));
     *many = all < ALL_LEAVE * energy;
 done:
     return status;
@@ -296,7 +270,7 @@ done:
 
 /* The best addition to *current: *more is the larger set, moved where that may help. *many: there are more depths than
  * a set has room for. */
-static hada_status best_addition(search *s, const hada_set *current, hada_set *more, int *many, hada_error *err)
+static hada_status best_addition(hada_search *s, const hada_set *current, hada_set *more, int *many, hada_error *err)
 {
     const hada_pursuit_options *o = &s->pursuit->options;
     const int last = current->count + 1 == o->max_depths && o->max_depths < o->depths;
@@ -305,8 +279,8 @@ static hada_status best_addition(search *s, const hada_set *current, hada_set *m
     hada_status status = HADA_OK;
     *many = 0;
     /* where nothing is added, these come next */
-    hada_residuals_ahead(&s->residuals, HADA_FIDELITY_COARSE, less, reductions_of(current, less));
-    HADA_TRY(shortlist(s, current, HADA_FIDELITY_RANKING, INFINITY, err));
+    hada_residuals_ahead(s->residuals, HADA_FIDELITY_COARSE, less, hada_search_reductions(current, less));
+    HADA_TRY(hada_search_shortlist(s, current, HADA_FIDELITY_RANKING, INFINITY, err));
     /* the last one that there is room for: that it is needed says enough, which one it is does not matter */
     if (last) {
         *more = s->candidates[0];
@@ -323,14 +297,14 @@ static hada_status best_addition(search *s, const hada_set *current, hada_set *m
     }
     HADA_TRY(reduction_at(s, HADA_FIDELITY_COARSE, current, more, &reduction, err));
     if (current->count && reduction >= MOVE_FROM && reduction <= (current->count == 1 ? MOVE_PAIR_TO : MOVE_TO))
-        HADA_TRY(move(s, more, HADA_FIDELITY_COARSE, err));
+        HADA_TRY(hada_search_move(s, more, HADA_FIDELITY_COARSE, err));
 done:
     return status;
 }
 
 /* Adds a depth to *found where one explains enough (*added). Where the frame holds too many to tell apart (result->all)
  * *found is the largest set. */
-static hada_status add(search *s, hada_set *found, int *added, hada_error *err)
+static hada_status add(hada_search *s, hada_set *found, int *added, hada_error *err)
 {
     hada_pursuit_result *result = s->result;
     hada_set more;
@@ -350,7 +324,7 @@ done:
     return status;
 }
 
-static hada_status pursue(search *s, hada_set *found, hada_error *err)
+static hada_status pursue(hada_search *s, hada_set *found, hada_error *err)
 {
     const hada_pursuit_options *o = &s->pursuit->options;
     hada_pursuit_result *result = s->result;
@@ -369,7 +343,7 @@ static hada_status pursue(search *s, hada_set *found, hada_error *err)
         if (found->count)
             HADA_TRY(prune(s, found, err));
         if (found->count && room)
-            HADA_TRY(move(s, found, HADA_FIDELITY_FINE, err));
+            HADA_TRY(hada_search_move(s, found, HADA_FIDELITY_FINE, err));
         if (hada_set_same(&before, found)) {
             result->all = !room && o->max_depths < o->depths;
             break;
@@ -379,117 +353,28 @@ done:
     return status;
 }
 
-/* Whether a set has depths within CLOSE_DEPTHS of `depth`, others than it. */
-static int has_near(const hada_set *set, int depth)
+hada_status hada_search_report(hada_search *s, const hada_set *found, int parted, hada_error *err)
 {
-    for (int i = 0; i < set->count; i++)
-        if (set->depth[i] != depth && abs(set->depth[i] - depth) <= CLOSE_DEPTHS)
-            return 1;
-    return 0;
-}
-
-/* Whether `depth` is free and neighbour of one of several close depths. */
-static int is_hidden(const hada_set *set, int depth)
-{
-    int hidden = 0;
-    for (int i = 0; i < set->count; i++)
-        hidden |= abs(set->depth[i] - depth) == 1 && has_near(set, set->depth[i]);
-    return hidden && !hada_set_has(set, depth);
-}
-
-/* All sets of one depth more that may be better once all have parted: the first of those that begin to explain
- * something, and those that hide. */
-static hada_status list_missed(search *s, const hada_set *current, hada_error *err)
-{
-    double now;
-    hada_status status = HADA_OK;
-    HADA_TRY(residual_of(s, HADA_FIDELITY_CONVERGED, current, &now, err));
-    HADA_TRY(shortlist(s, current, HADA_FIDELITY_CONVERGED, (1.0 - GLIMPSE) * now, err));
-    for (int depth = 0; depth < s->pursuit->options.depths; depth++)
-        if (is_hidden(current, depth)) /* once more in the list is no more work */
-            s->candidates[s->count++] = hada_set_with(current, depth);
-done:
-    return status;
-}
-
-/* Whether the depths follow each other. */
-static int is_row(const hada_set *set)
-{
-    return set->depth[set->count - 1] - set->depth[0] < set->count;
-}
-
-/* Whether a set explains enough of what one of a depth less leaves, once all have parted: by what each of them leaves.
- */
-static int explains(double smaller, double larger)
-{
-    return larger <= (1.0 - HIDDEN_THRESHOLD) * smaller;
-}
-
-/* Drops the depth of *current that explains least, unless that is enough. */
-static hada_status drop_hidden(search *s, hada_set *current, hada_error *err)
-{
-    double now, least;
-    hada_status status = HADA_OK;
-    s->count = reductions_of(current, s->candidates);
-    HADA_TRY(residual_of(s, HADA_FIDELITY_FINE, current, &now, err));
-    HADA_TRY(evaluate(s, HADA_FIDELITY_FINE, err));
-    const hada_set less = s->candidates[take_best(s, &least)];
-    if (!explains(least, now))
-        *current = less;
-done:
-    return status;
-}
-
-/* Depths that few steps do not tell from others: adds those that explain enough once all have parted, moves the set
- * again, and drops what is then not needed. A single depth hides nothing. */
-static hada_status part(search *s, hada_set *current, hada_error *err)
-{
-    const hada_pursuit_options *o = &s->pursuit->options;
-    hada_status status = HADA_OK;
-    int added = 0;
-    while (current->count > 1 && current->count < o->max_depths) {
-        double now, least;
-        HADA_TRY(list_missed(s, current, err));
-        if (!s->count)
-            break;
-        hada_residuals_ahead(&s->residuals, HADA_FIDELITY_FINE, s->candidates, s->count);
-        HADA_TRY(residual_of(s, HADA_FIDELITY_FINE, current, &now, err));
-        HADA_TRY(evaluate(s, HADA_FIDELITY_FINE, err));
-        const hada_set more = s->candidates[take_best(s, &least)];
-        if (!explains(now, least))
-            break;
-        *current = more;
-        added = 1;
-        HADA_TRY(move(s, current, HADA_FIDELITY_FINE, err));
-    }
-    if (added)
-        HADA_TRY(drop_hidden(s, current, err));
-    /* no room for more, and all are needed; in a row they are one or two that stand between depths */
-    s->result->all = added && current->count == o->max_depths && o->max_depths < o->depths && !is_row(current);
-done:
-    return status;
-}
-
-hada_status hada_pursuit_search(hada_pursuit *p, hada_pursuit_result *result, hada_error *err)
-{
-    search *s = NULL;
-    hada_set found = {0};
+    const hada_pursuit *p = s->pursuit;
+    hada_pursuit_result *result = s->result;
     double frame, energy;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc((void **)&s, 1, sizeof *s, "the depth pursuit", err));
-    s->pursuit = s->residuals.pursuit = p;
-    s->result = result;
-    HADA_TRY(pursue(s, &found, err));
-    if (p->parts && !result->all)
-        HADA_TRY(part(s, &found, err));
-    HADA_TRY(hada_residuals_frame(&s->residuals, HADA_FIDELITY_COARSE, &frame, err));
-    HADA_TRY(residual_of(s, HADA_FIDELITY_COARSE, &found, &energy, err));
+    HADA_TRY(hada_residuals_frame(s->residuals, HADA_FIDELITY_COARSE, &frame, err));
+    HADA_TRY(hada_search_residual(s, HADA_FIDELITY_COARSE, found, &energy, err));
     result->residual = frame > 0.0 ? sqrt(energy / frame) : 0.0;
-    result->count = found.count;
-    memcpy(result->list, found.depth, sizeof found.depth);
+    result->count = found->count;
+    memcpy(result->list, found->depth, sizeof found->depth);
+    result->hides = p->parts && !parted && !result->all && found->count > 1 && found->count < p->options.max_depths;
 done:
-    if (s)
-        hada_residuals_free(&s->residuals);
-    free(s);
+    return status;
+}
+
+hada_status hada_search_depths(hada_search *s, hada_error *err)
+{
+    hada_set found = {0};
+    hada_status status = HADA_OK;
+    HADA_TRY(pursue(s, &found, err));
+    HADA_TRY(hada_search_report(s, &found, 0, err));
+done:
     return status;
 }

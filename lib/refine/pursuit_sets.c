@@ -50,6 +50,7 @@ void hada_residuals_free(hada_residuals *residuals)
     free(residuals->known);
     residuals->known = NULL;
     residuals->count = residuals->room = 0;
+    residuals->ahead_count = 0;
 }
 
 static hada_pursuit_level *level_of(const hada_residuals *residuals, hada_fidelity fidelity)

@@ -20,15 +20,6 @@ typedef struct hada_effort {
     double growth; /* of rho, a step */
 } hada_effort;
 
-struct hada_pursuit {
-    hada_slot *slot;
-    hada_pursuit_options options; /* zeros replaced */
-    hada_pursuit_level levels[HADA_PURSUIT_LEVELS];
-    int count; /* of levels */
-    hada_effort fidelity[HADA_FIDELITIES];
-    int parts; /* 1: neighbours may be nearly alike, and are parted at the finer grid */
-};
-
 /* Depths in rising order. */
 typedef struct hada_set {
     int count, depth[HADA_PURSUIT_MAX];
@@ -54,6 +45,16 @@ typedef struct hada_residuals {
     int ahead_count;
     hada_set taken[HADA_PURSUIT_DEPTHS]; /* of them those that go along */
 } hada_residuals;
+
+struct hada_pursuit {
+    hada_slot *slot;
+    hada_pursuit_options options; /* zeros replaced */
+    hada_pursuit_level levels[HADA_PURSUIT_LEVELS];
+    int count; /* of levels */
+    hada_effort fidelity[HADA_FIDELITIES];
+    int parts; /* 1: neighbours may be nearly alike, and are parted at the finer grid */
+    hada_residuals residuals;
+};
 
 void hada_residuals_free(hada_residuals *residuals);
 

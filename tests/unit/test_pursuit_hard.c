@@ -116,6 +116,13 @@ static void describe(const hada_pursuit_result *result, char *text, size_t size)
         snprintf(text, size, "all");
 }
 
+static void search(hada_pursuit *pursuit, const tiny_device *device, hada_pursuit_result *result)
+{
+    ASSERT_OK(hada_pursuit_run(pursuit, device->spectrum.mem, 0, result, err));
+    if (result->hides)
+        ASSERT_OK(hada_pursuit_part(pursuit, result, err));
+}
+
 /* Looks at the scenes both ways, which must agree; `wanted` (may be NULL) is what they must find. */
 static void look(fixture *f, const char *what, const char *wanted, hada_pursuit_result *result)
 {
@@ -123,8 +130,8 @@ static void look(fixture *f, const char *what, const char *wanted, hada_pursuit_
     char found[64], whole[64];
     shoot(f);
     tiny_expose_colours(&f->device, &f->camera, f->images);
-    ASSERT_OK(hada_pursuit_run(f->cheap, f->device.spectrum.mem, 0, result, err));
-    ASSERT_OK(hada_pursuit_run(f->full, f->device.spectrum.mem, 0, &full, err));
+    search(f->cheap, &f->device, result);
+    search(f->full, &f->device, &full);
     describe(result, found, sizeof found);
     describe(&full, whole, sizeof whole);
     print_message(
@@ -169,7 +176,7 @@ static void a_depth_hidden_between_neighbours(void **state)
         put(f, 43, first[k] + 2, 0, WINDOW, WINDOW / 2 + 10, WINDOW, 1.0, 7);
         shoot(f);
         tiny_expose_colours(&device, &f->world, f->images);
-        ASSERT_OK(hada_pursuit_run(pursuit, device.spectrum.mem, 0, &result, err));
+        search(pursuit, &device, &result);
         describe(&result, found, sizeof found);
         snprintf(wanted, sizeof wanted, "%d %d %d", first[k], first[k] + 1, first[k] + 2);
         print_message("hidden: found %s of %s, %zu transforms\n", found, wanted, result.transforms);

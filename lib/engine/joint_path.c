@@ -7,32 +7,39 @@
 #include "filter/clip.h"
 #include "image/noise.h"
 
-/* Which computed depths the frame occupies, into pipeline->occupied; *more: the part of what they leave that one more
- * depth would have explained. */
-static hada_status pursue(hada_pipeline *pipeline, hada_frame *frame, int *count, double *more, hada_error *err)
+/* What is known of a frame: `count` depths stand in pipeline->occupied; what its planes leave after a few steps, and a
+ * surface, which then stands in pipeline->surface. */
+typedef struct knowledge {
+    int count;
+    hada_pursuit_result found; /* zeros where depths were told */
+    double planes, surface;    /* energies; negative: not known */
+} knowledge;
+
+static void take_found(hada_pipeline *pipeline, knowledge *k)
 {
-    const int depths = pipeline->setup->config.depths;
-    hada_pursuit_result found;
+    k->count = k->found.all ? pipeline->setup->config.depths : k->found.count;
+    for (int i = 0; i < k->count; i++)
+        pipeline->occupied[i] = k->found.all ? i : k->found.list[i];
+}
+
+/* Which computed depths the frame occupies. */
+static hada_status pursue(hada_pipeline *pipeline, hada_frame *frame, knowledge *k, hada_error *err)
+{
     hada_status status = HADA_OK;
     hada_slot_stage(pipeline->slot, "pursuit");
-    HADA_TRY(hada_pursuit_run(pipeline->pursuit, pipeline->stage->spectrum.mem, 0, &found, err));
-    *count = found.all ? depths : found.count;
-    *more = found.more;
-    for (int i = 0; i < *count; i++)
-        pipeline->occupied[i] = found.all ? i : found.list[i];
+    HADA_TRY(hada_pursuit_run(pipeline->pursuit, pipeline->stage->spectrum.mem, 0, &k->found, err));
+    take_found(pipeline, k);
     hada_frame_progress(frame, 1 + HADA_WORK_PURSUIT);
     HADA_TRY(hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_pursuit, err));
 done:
     return status;
 }
 
-static int take_listed(hada_pipeline *pipeline)
+static void take_listed(hada_pipeline *pipeline, knowledge *k)
 {
-    int count = 0;
     for (int z = 0; z < pipeline->setup->config.depths; z++)
         if (pipeline->setup->listed[z])
-            pipeline->occupied[count++] = z;
-    return count;
+            pipeline->occupied[k->count++] = z;
 }
 
 /* The transfer functions, the spectrum and the frame that stands in the stage. */
@@ -192,35 +199,49 @@ done:
 
 /* A surface has two unknowns of a pixel, its light and its distance. It is tried where the planes take more, and where
  * one more depth would have explained this part of what they leave, which is too little for a plane: the most that any
- * did was 0.08 on flat scenes, nearly always less on two planes, and 0.10 to 0.3 on surfaces that two planes were taken
+ * did was 0.08 on flat scenes, nearly always less on two planes, and 0.09 to 0.3 on surfaces that two planes were taken
  * for, as they are where noise is strong (docs/surfaces.md). */
 enum { SURFACE_UNKNOWNS = 2 };
-#define SURFACE_DOUBT 0.1
+#define SURFACE_DOUBT 0.07
 
-/* What a surface may leave of the frame, in units of what so many planes leave, for it to be one: it has to pay for
- * unknowns that they do without. */
+/* What a surface may leave of the frame, in units of what so many planes leave, for it to be one: against one plane it
+ * has to pay for unknowns that this does without. Surfaces left 0.5 to 1.04 of what the planes did that they were taken
+ * for, on scenes of planes 1.06 times as much and more (docs/surfaces.md). */
 static double surface_leaves(int planes)
 {
-    return planes < SURFACE_UNKNOWNS ? 0.9 : planes == SURFACE_UNKNOWNS ? 1.0 : 1.3;
+    return planes < SURFACE_UNKNOWNS ? 0.9 : 1.05;
 }
 
-/* more: as pursue() has it */
-static int may_be_surface(const hada_pipeline *pipeline, int count, double more)
+static int may_be_surface(const hada_pipeline *pipeline, const knowledge *k)
 {
-    return pipeline->setup->config.scene == HADA_SCENE_AUTO && (count > SURFACE_UNKNOWNS || more >= SURFACE_DOUBT);
+    return pipeline->setup->config.scene == HADA_SCENE_AUTO &&
+           (k->count > SURFACE_UNKNOWNS || k->found.more >= SURFACE_DOUBT);
 }
 
-/* Whether a surface explains the frame as well as `count` planes did. It stands in the pipeline then. */
-static hada_status is_surface(hada_pipeline *pipeline, hada_frame *frame, int count, int *surface, double *energy,
-                              hada_error *err)
+/* What the planes leave: the first steps tell. */
+static hada_status try_planes(hada_pipeline *pipeline, hada_frame *frame, knowledge *k, hada_error *err)
 {
     const hada_report *report = &frame->result->memory->report;
     hada_status status = HADA_OK;
+    if (k->planes >= 0)
+        return HADA_OK;
+    HADA_TRY(solve(pipeline, frame, k->count, 0, err));
     HADA_TRY(hada_slot_finish(pipeline->slot, err));
     hada_pipeline_residual(pipeline, frame);
-    const double planes = report->residual * report->residual * frame->energy;
-    HADA_TRY(hada_pipeline_find_surface(pipeline, frame, surface, energy, err));
-    *surface = *surface && *energy < surface_leaves(count) * planes;
+    k->planes = report->residual * report->residual * frame->energy;
+done:
+    return status;
+}
+
+/* Whether a surface explains the frame as well as the planes do. */
+static hada_status is_surface(hada_pipeline *pipeline, hada_frame *frame, knowledge *k, int *surface, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    HADA_TRY(try_planes(pipeline, frame, k, err));
+    *surface = 1;
+    if (k->surface < 0)
+        HADA_TRY(hada_pipeline_find_surface(pipeline, frame, surface, &k->surface, err));
+    *surface = *surface && k->surface < surface_leaves(k->count) * k->planes;
 done:
     return status;
 }
@@ -249,40 +270,65 @@ static hada_status mark_occupied(hada_pipeline *pipeline, hada_frame *frame, int
     return hada_pipeline_dark_planes(pipeline, frame, err);
 }
 
+/* Depths that hide among those found. */
+static hada_status pursue_hidden(hada_pipeline *pipeline, hada_frame *frame, knowledge *k, hada_error *err)
+{
+    const hada_pursuit_result before = k->found;
+    hada_status status = HADA_OK;
+    hada_slot_stage(pipeline->slot, "pursuit");
+    HADA_TRY(hada_pursuit_part(pipeline->pursuit, &k->found, err));
+    take_found(pipeline, k);
+    if (k->found.all || k->found.count != before.count || memcmp(k->found.list, before.list, sizeof before.list) != 0)
+        k->planes = -1.0;
+    HADA_TRY(hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_pursuit, err));
+done:
+    return status;
+}
+
+/* The depths of the frame, and whether it is a surface. Where that is plain, hidden depths are not looked for, which
+ * takes longer; a third plane that hides makes two leave more than a surface does. */
+static hada_status look(hada_pipeline *pipeline, hada_frame *frame, knowledge *k, int *surface, hada_error *err)
+{
+    hada_status status = HADA_OK;
+    HADA_TRY(pursue(pipeline, frame, k, err));
+    if (may_be_surface(pipeline, k) && (k->count > SURFACE_UNKNOWNS || !k->found.hides))
+        HADA_TRY(is_surface(pipeline, frame, k, surface, err));
+    if (*surface || !k->found.hides)
+        goto done;
+    HADA_TRY(pursue_hidden(pipeline, frame, k, err));
+    if (may_be_surface(pipeline, k))
+        HADA_TRY(is_surface(pipeline, frame, k, surface, err));
+done:
+    return status;
+}
+
 hada_status hada_pipeline_joint(hada_pipeline *pipeline, hada_frame *frame, hada_error *err)
 {
-    int count = 0, surface;
-    double more = 0.0, energy;
+    knowledge k = {.planes = -1.0, .surface = -1.0};
+    int surface = 0;
     hada_status status = HADA_OK;
     if (pipeline->setup->config.scene == HADA_SCENE_SURFACE)
         return only_surface(pipeline, frame, err);
     if (pipeline->setup->config.pursuit)
-        HADA_TRY(pursue(pipeline, frame, &count, &more, err));
+        HADA_TRY(look(pipeline, frame, &k, &surface, err));
     else
-        count = take_listed(pipeline);
-    HADA_TRY(mark_occupied(pipeline, frame, count, err));
-    if (!count) {
+        take_listed(pipeline, &k);
+    if (surface) {
+        HADA_TRY(hada_pipeline_take_surface(pipeline, frame, k.surface, err));
+        goto done;
+    }
+    HADA_TRY(mark_occupied(pipeline, frame, k.count, err));
+    if (!k.count) {
         HADA_TRY(hada_pipeline_no_pictures(pipeline, frame, err));
         goto done;
     }
-    const int doubt = may_be_surface(pipeline, count, more), parting = pipeline->setup->config.parting && count > 1;
-    HADA_TRY(solve(pipeline, frame, count, parting && !doubt, err));
-    if (doubt) {
-        HADA_TRY(is_surface(pipeline, frame, count, &surface, &energy, err));
-        if (surface) {
-            HADA_TRY(hada_pipeline_take_surface(pipeline, frame, energy, err));
-            goto done;
-        }
-        /* first steps tell what planes leave; what they look like takes longer */
-        if (parting)
-            HADA_TRY(solve(pipeline, frame, count, 1, err));
-    }
-    HADA_TRY(fade(pipeline, count, err));
-    HADA_TRY(blend(pipeline, count, err));
-    HADA_TRY(hada_pipeline_enhance(pipeline, frame, planes_of(pipeline), count, 1, err));
+    HADA_TRY(solve(pipeline, frame, k.count, pipeline->setup->config.parting && k.count > 1, err));
+    HADA_TRY(fade(pipeline, k.count, err));
+    HADA_TRY(blend(pipeline, k.count, err));
+    HADA_TRY(hada_pipeline_enhance(pipeline, frame, planes_of(pipeline), k.count, 1, err));
     HADA_TRY(hada_pipeline_lap(pipeline, frame, &frame->result->memory->report.seconds_enhance, err));
-    HADA_TRY(focus(pipeline, frame, count, err));
-    HADA_TRY(read_planes(pipeline, frame, count, err));
+    HADA_TRY(focus(pipeline, frame, k.count, err));
+    HADA_TRY(read_planes(pipeline, frame, k.count, err));
 done:
     return status;
 }

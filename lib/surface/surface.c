@@ -25,7 +25,7 @@ enum { SURE_RADIUS = 2 };
 
 void hada_surface_rule_init(hada_surface_rule *rule)
 {
-    *rule = (hada_surface_rule){.first_steps = 100,
+    *rule = (hada_surface_rule){.first_steps = 70,
                                 .band_steps = 80,
                                 .texture_steps = 12,
                                 .floor = 0.003,
@@ -101,8 +101,27 @@ static void spread_mask(float *mask, int planes, size_t channels, size_t area)
             memmove(mask + (k * channels + c) * area, mask + k * area, area * sizeof *mask);
 }
 
+static int is_dark(const float *plane, size_t area)
+{
+    for (size_t i = 0; i < area; i++)
+        if (plane[i] > 0.0F)
+            return 0;
+    return 1;
+}
+
+/* The planes of a mask for one channel that are allowed anywhere. */
+static void find_range(const float *mask, int planes, size_t area, hada_volume_band *band)
+{
+    band->first = 0;
+    band->last = planes - 1;
+    while (band->first < band->last && is_dark(mask + (size_t)band->first * area, area))
+        band->first++;
+    while (band->last > band->first && is_dark(mask + (size_t)band->last * area, area))
+        band->last--;
+}
+
 /* What a level may fill, and what it starts from, by the one before. */
-static hada_status follow(hada_surface *s, int l, hada_error *err)
+static hada_status follow(hada_surface *s, int l, hada_volume_band *band, hada_error *err)
 {
     const hada_surface_plan *from = &s->level[l - 1].plan, *to = &s->level[l].plan;
     const hada_map_place place = hada_surface_level_place(to, from);
@@ -111,6 +130,7 @@ static hada_status follow(hada_surface *s, int l, hada_error *err)
     hada_status status = HADA_OK;
     HADA_TRY(hada_map_band(s->depth[0], size_of(from), to->steps, BAND, to->shape.planes, size_of(to), &place, s->mask,
                            err));
+    find_range(s->mask, to->shape.planes, hada_surface_area(to), band);
     spread_mask(s->mask, to->shape.planes, (size_t)to->shape.channels, hada_surface_area(to));
     start_planes(s, from, to);
     HADA_TRY(hada_buffer_write(&s->allowed, s->slot, 0, s->mask, bytes, err));
@@ -172,14 +192,15 @@ static hada_status solve_planes(hada_surface *s, int l, const hada_surface_rule 
                                                    : rule->first_variation * mean,
                                     .bound = plan->shape.planes + PLANES_BOUND};
     hada_buffer planes = planes_of(s, &s->level[l]);
+    hada_volume_band band = {.allowed = s->allowed.mem};
     hada_map_rule smooth;
     hada_status status = HADA_OK;
     hada_map_rule_init(&smooth);
     if (l)
-        HADA_TRY(follow(s, l, err));
+        HADA_TRY(follow(s, l, &band, err));
     else
         HADA_TRY(hada_buffer_clear(&planes, s->slot, 0, hada_surface_values(plan) * sizeof(float), err));
-    HADA_TRY(hada_volume_solve(s->level[l].volume, &solve, l ? s->allowed.mem : NULL, &result->energy[l], err));
+    HADA_TRY(hada_volume_solve(s->level[l].volume, &solve, l ? &band : NULL, &result->energy[l], err));
     HADA_TRY(hada_buffer_read(&planes, s->slot, 0, s->planes[0], hada_surface_values(plan) * sizeof(float), err));
     HADA_TRY(hada_map_centre(s->planes[0], plan->shape.planes, plan->shape.channels, size_of(plan), BLUR, s->depth[0],
                              s->sum, err));

@@ -239,14 +239,35 @@ done:
     return status;
 }
 
-hada_status hada_volume_solve(hada_volume *v, const hada_volume_rule *rule, cl_mem allowed, double *energy,
-                              hada_error *err)
+static int is_range(const hada_volume *v, int first, int last)
 {
-    const hada_volume_unknown u = {
-        .last = v->shape.planes - 1, .values = v->planes.mem, .allowed = allowed, .count = hada_volume_values(v)};
+    return first >= 0 && first <= last && last < v->shape.planes;
+}
+
+static hada_status no_range(const hada_volume *v, int first, int last, hada_error *err)
+{
+    return hada_fail(err, HADA_ERROR_ARGUMENT, "a surface: planes %d to %d of %d", first, last, v->shape.planes);
+}
+
+hada_status hada_volume_solve(hada_volume *v, const hada_volume_rule *rule, const hada_volume_band *band,
+                              double *energy, hada_error *err)
+{
+    const hada_volume_unknown u = {.first = band ? band->first : 0,
+                                   .last = band ? band->last : v->shape.planes - 1,
+                                   .values = v->planes.mem,
+                                   .allowed = band ? band->allowed : NULL,
+                                   .count = hada_volume_values(v)};
+    hada_status status = HADA_OK;
     if (!v->shape.free)
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a surface: this volume was made for textures");
-    return run(v, &u, rule, energy, err);
+    if (!is_range(v, u.first, u.last))
+        return no_range(v, u.first, u.last, err);
+    /* no step writes the gradient of dark planes */
+    if (u.first > 0 || u.last < v->shape.planes - 1)
+        HADA_TRY(hada_buffer_clear(&v->gradient, v->slot, 0, v->gradient.bytes, err));
+    HADA_TRY(run(v, &u, rule, energy, err));
+done:
+    return status;
 }
 
 hada_status hada_volume_texture(hada_volume *v, const hada_volume_rule *rule, cl_mem depth, int first, int last,
@@ -258,7 +279,7 @@ hada_status hada_volume_texture(hada_volume *v, const hada_volume_rule *rule, cl
                                    .depth = depth,
                                    .values = texture,
                                    .count = (size_t)v->shape.channels * v->window_area};
-    if (first < 0 || last < first || last >= v->shape.planes)
-        return hada_fail(err, HADA_ERROR_ARGUMENT, "a surface: planes %d to %d of %d", first, last, v->shape.planes);
+    if (!is_range(v, first, last))
+        return no_range(v, first, last, err);
     return run(v, &u, rule, energy, err);
 }

@@ -55,10 +55,16 @@ void hada_volume_set_frame(hada_volume *volume, cl_mem spectrum, size_t spectrum
 cl_mem hada_volume_planes(const hada_volume *volume);
 size_t hada_volume_values(const hada_volume *volume); /* their number */
 
-/* allowed: [plane][channel][window] floats, 1 where a plane may be bright and 0 elsewhere; NULL: everywhere. energy
- * (may be NULL): of what the planes do not explain, before the last step, within the frame. */
-hada_status hada_volume_solve(hada_volume *volume, const hada_volume_rule *rule, cl_mem allowed, double *energy,
-                              hada_error *err);
+/* Where planes may be bright. */
+typedef struct hada_volume_band {
+    cl_mem allowed;  /* [plane][channel][window] floats: 1, and 0 where they are dark */
+    int first, last; /* planes with a 1: the others cost next to nothing */
+} hada_volume_band;
+
+/* band: NULL: everywhere. energy (may be NULL): of what the planes do not explain, before the last step, within the
+ * frame. */
+hada_status hada_volume_solve(hada_volume *volume, const hada_volume_rule *rule, const hada_volume_band *band,
+                              double *energy, hada_error *err);
 
 /* depth: [window] floats, 0 ... planes - 1. texture: [channel][window] floats, where it starts and what it found, with
  * room for HADA_VARIATION_ROOM more. first, last: the planes that any depth touches. */

@@ -89,10 +89,16 @@ done:
     return status;
 }
 
+/* Of several planes the first is left out by a mask. */
+static int first_plane(const volume_state *own)
+{
+    return own->shape.planes > 1;
+}
+
 /* Where a run starts, which planes a pixel has, or how deep it lies. */
 static hada_status make_scene(check_state *state, volume_state *own, double *start, hada_error *err)
 {
-    const size_t room = own->unknown + HADA_VARIATION_ROOM;
+    const size_t room = own->unknown + HADA_VARIATION_ROOM, channels = (size_t)own->shape.channels;
     float *first = check_room(state, room * sizeof *first), *noise = check_room(state, own->area * sizeof *noise);
     float *mask = check_room(state, room * sizeof *mask);
     hada_status status = HADA_OK;
@@ -102,7 +108,7 @@ static hada_status make_scene(check_state *state, volume_state *own, double *sta
     check_fill_normal(state, 1001, mask, own->unknown);
     check_fill_normal(state, 1002, noise, own->area);
     for (size_t i = 0; i < own->unknown; i++) {
-        mask[i] = mask[i] > -0.5f;
+        mask[i] = mask[i] > -0.5f && (int)(i / (own->area * channels)) >= first_plane(own);
         own->mask[i] = mask[i];
         first[i] = first[i] > 0 ? 0.1f * first[i] * (own->is_masked ? mask[i] : 1.0f) : 0.0f;
         start[i] = first[i];
@@ -181,12 +187,12 @@ static hada_status launch(check_state *state, hada_error *err)
     volume_state *own = state->own;
     const size_t bytes = own->unknown * sizeof(float);
     const cl_mem values = own->is_texture ? own->texture.mem : hada_volume_planes(own->volume);
+    const hada_volume_band band = {own->allowed.mem, first_plane(own), own->shape.planes - 1};
     hada_status status = HADA_OK;
     HADA_TRY(hada_buffer_copy(state->slot, own->start.mem, 0, values, 0, bytes, err));
-    HADA_TRY(
-        own->is_texture
-            ? hada_volume_texture(own->volume, &own->rule, own->depth.mem, 0, own->shape.planes - 1, values, NULL, err)
-            : hada_volume_solve(own->volume, &own->rule, own->is_masked ? own->allowed.mem : NULL, NULL, err));
+    HADA_TRY(own->is_texture ? hada_volume_texture(own->volume, &own->rule, own->depth.mem, 0, own->shape.planes - 1,
+                                                   values, NULL, err)
+                             : hada_volume_solve(own->volume, &own->rule, own->is_masked ? &band : NULL, NULL, err));
     HADA_TRY(hada_buffer_copy(state->slot, values, 0, state->out.mem, state->out_offset * sizeof(float), bytes, err));
 done:
     return status;

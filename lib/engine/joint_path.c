@@ -199,17 +199,18 @@ done:
 
 /* A surface has two unknowns of a pixel, its light and its distance. It is tried where the planes take more, and where
  * one more depth would have explained this part of what they leave, which is too little for a plane: the most that any
- * did was 0.08 on flat scenes, nearly always less on two planes, and 0.09 to 0.3 on surfaces that two planes were taken
- * for, as they are where noise is strong (docs/surfaces.md). */
+ * did was 0.075 on flat scenes, nearly always less on two planes, and 0.09 to 0.3 on surfaces that two planes were
+ * taken for, as they are where noise is strong (docs/surfaces.md). */
 enum { SURFACE_UNKNOWNS = 2 };
-#define SURFACE_DOUBT 0.07
+#define SURFACE_DOUBT 0.085
 
 /* What a surface may leave of the frame, in units of what so many planes leave, for it to be one: against one plane it
- * has to pay for unknowns that this does without. Surfaces left 0.5 to 1.04 of what the planes did that they were taken
- * for, on scenes of planes 1.06 times as much and more (docs/surfaces.md). */
+ * has to pay for unknowns that this does without. Surfaces left 0.5 to 1.08 of what the planes did that they were taken
+ * for, on scenes of planes 1.06 times as much and more; a surface that is missed loses more than two neighbours that
+ * are taken for one (docs/surfaces.md). */
 static double surface_leaves(int planes)
 {
-    return planes < SURFACE_UNKNOWNS ? 0.9 : 1.05;
+    return planes < SURFACE_UNKNOWNS ? 0.99 : 1.085;
 }
 
 static int may_be_surface(const hada_pipeline *pipeline, const knowledge *k)

@@ -215,7 +215,7 @@ static double surface_leaves(int planes)
 
 static int may_be_surface(const hada_pipeline *pipeline, const knowledge *k)
 {
-    return pipeline->setup->config.scene == HADA_SCENE_AUTO &&
+    return pipeline->setup->config.scene == HADA_SCENE_AUTO && k->count > 0 &&
            (k->count > SURFACE_UNKNOWNS || k->found.more >= SURFACE_DOUBT);
 }
 

@@ -13,6 +13,7 @@ typedef struct knowledge {
     int count;
     hada_pursuit_result found; /* zeros where depths were told */
     double planes, surface;    /* energies; negative: not known */
+    int solved;                /* 1: the planes of these first steps stand in the refiner */
 } knowledge;
 
 static void take_found(hada_pipeline *pipeline, knowledge *k)
@@ -230,6 +231,7 @@ static hada_status try_planes(hada_pipeline *pipeline, hada_frame *frame, knowle
     HADA_TRY(hada_slot_finish(pipeline->slot, err));
     hada_pipeline_residual(pipeline, frame);
     k->planes = report->residual * report->residual * frame->energy;
+    k->solved = 1;
 done:
     return status;
 }
@@ -278,6 +280,7 @@ static hada_status pursue_hidden(hada_pipeline *pipeline, hada_frame *frame, kno
     hada_status status = HADA_OK;
     hada_slot_stage(pipeline->slot, "pursuit");
     HADA_TRY(hada_pursuit_part(pipeline->pursuit, &k->found, err));
+    k->solved = 0; /* it may have worked in the same memory */
     take_found(pipeline, k);
     if (k->found.all || k->found.count != before.count || memcmp(k->found.list, before.list, sizeof before.list) != 0)
         k->planes = -1.0;
@@ -323,7 +326,9 @@ hada_status hada_pipeline_joint(hada_pipeline *pipeline, hada_frame *frame, hada
         HADA_TRY(hada_pipeline_no_pictures(pipeline, frame, err));
         goto done;
     }
-    HADA_TRY(solve(pipeline, frame, k.count, pipeline->setup->config.parting && k.count > 1, err));
+    const int parting = pipeline->setup->config.parting && k.count > 1;
+    if (parting || !k.solved)
+        HADA_TRY(solve(pipeline, frame, k.count, parting, err));
     HADA_TRY(fade(pipeline, k.count, err));
     HADA_TRY(blend(pipeline, k.count, err));
     HADA_TRY(hada_pipeline_enhance(pipeline, frame, planes_of(pipeline), k.count, 1, err));

@@ -107,10 +107,8 @@ static hada_status fill_info(hada_tiff_reader *reader, hada_error *err)
     info->scale = first->scale;
     info->slices = stack->known && stack->slices * stack->times == info->frames ? stack->slices : 1;
     info->times = info->frames / info->slices;
-    reader->seen = calloc(reader->chain.count, 1);
-    if (!reader->seen)
-        return hada_fail(err, HADA_ERROR_MEMORY, "no memory for the list of pages");
-    return reader->grouped ? hada_tiff_budget(frame_values(info), 0, reader->chain.bytes, err) : HADA_OK;
+    const hada_status status = hada_alloc((void **)&reader->seen, reader->chain.count, 1, "the list of pages", err);
+    return !status && reader->grouped ? hada_tiff_budget(frame_values(info), 0, reader->chain.bytes, err) : status;
 }
 
 /* Before libtiff takes memory for it. */

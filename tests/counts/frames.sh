@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
 # What a frame asks of a device: launches, transfers, waits and arguments of a further frame, held below table.md.
 #   frames.sh WORKLOAD LANES|GROUPS SHIM PRETEND HADALENS WORK
-# WORKLOAD: sim512, crop300 or paper2022, a scene at two depths; surface300, one on a surface, told so. GROUPS: the device calls itself a GPU (PRETEND, of
-# tests/devices/pretend.c). What the library needs once is no part of it: a run over three frames less one over a single
-# frame, halved.
+# WORKLOAD: sim512, crop300 or paper2022, a scene at two depths; surface300, one on a surface, told so. GROUPS: the
+# device calls itself a GPU (PRETEND, of tests/devices/pretend.c). What the library needs once is no part of it: a run
+# over three frames less one over a single frame, halved.
 set -euo pipefail
 [ $# = 6 ] || { sed -n '2,6s/^# \{0,1\}//p' "$0" >&2; exit 2; }
 workload=$1 shape=$2 shim=$(realpath "$3") pretend=$(realpath "$4") hadalens=$(realpath "$5")

@@ -133,6 +133,15 @@ double hada_frame_fixed_level(const hada_setup *setup)
                                                     : 0.0;
 }
 
+static int all_below(const hada_image *image, double level)
+{
+    const size_t count = hada_image_count(image);
+    for (size_t i = 0; i < count; i++)
+        if ((double)image->data[i] > level)
+            return 0;
+    return 1;
+}
+
 /* The report takes the mean of the channels' levels. */
 static hada_status find_levels(hada_frame *frame, hada_error *err)
 {
@@ -149,6 +158,11 @@ static hada_status find_levels(hada_frame *frame, hada_error *err)
             vary ? hada_dark_estimate(image->data + (size_t)channel * pixels, pixels, scratch) : level;
         frame->result->memory->report.dark += frame->levels[channel] / image->channels;
     }
+    if (level > 1.0 && all_below(image, level))
+        HADA_TRY(hada_fail(err, HADA_ERROR_MODEL,
+                           "no pixel of the frame is above the dark level of %g that is taken off: it is one of frames "
+                           "in other units; say options.dark",
+                           level));
 done:
     free(scratch);
     return status;

@@ -86,6 +86,11 @@ double hada_model_noise_share(const hada_model *model)
 /* Of what a model file may claim: far above any camera, and small enough that sizes do not overflow. */
 enum { MOST_DEPTHS = 4096, MOST_CHANNELS = 64, MOST_NET_SIDE = 1 << 20 };
 
+/* Refinement with a rho far above the gain leaves nothing but black; a dark level is one of the frames' own units,
+ * whose widest are counts of 32 bits. */
+#define MOST_RHO  1e3
+#define MOST_DARK 4294967296.0
+
 static int not_negative(double value)
 {
     return isfinite(value) && value >= 0.0;
@@ -100,8 +105,8 @@ hada_status hada_model_info_check(const hada_model_info *info, hada_error *err)
     if (!*hada_form_name(info->form) || !*hada_boundary_name(info->boundary))
         return hada_fail(err, HADA_ERROR_MODEL, "the model's form or boundary is unknown");
     if (!not_negative(info->alpha) || !not_negative(info->lambda) || !not_negative(info->noise) ||
-        !not_negative(info->refine_rho) || !not_negative(info->refine_tv) || !isfinite(info->dark) ||
-        info->refine_steps < 0 || !not_negative(info->refine_shrink) ||
+        !(info->refine_rho >= 0.0 && info->refine_rho <= MOST_RHO) || !not_negative(info->refine_tv) ||
+        !(fabs(info->dark) <= MOST_DARK) || info->refine_steps < 0 || !not_negative(info->refine_shrink) ||
         (info->refine_colour != 0.0 && !(info->refine_colour >= 1.0)) || !isfinite(info->refine_colour))
         return hada_fail(err, HADA_ERROR_MODEL,
                          "the model's alpha, lambda, noise, dark level or refinement settings are not usable numbers");

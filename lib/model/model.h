@@ -69,6 +69,10 @@ hada_status hada_filter_to_half(const float *filter, size_t values, uint16_t *ha
 /* Whether an info makes sense: counts, sizes, numbers, distances in order. Messages begin with "the model". */
 hada_status hada_model_info_check(const hada_model_info *info, hada_error *err);
 
+/* Whether pictures can come from the numbers of a model's tensors: HADA_ERROR_MODEL where some are NaN, infinite,
+ * negative powers, nothing but 0, or beyond what single precision bears. Reads each once. */
+hada_status hada_model_check_numbers(const hada_model *model, hada_error *err);
+
 /* The words of forms and boundaries in files, and back (0 where unknown). */
 const char *hada_form_name(hada_form form);
 const char *hada_boundary_name(hada_boundary boundary);

@@ -294,54 +294,6 @@ done:
     return status;
 }
 
-static int all_finite(const float *values, size_t count, int not_negative)
-{
-    int good = 1; /* without a way out of the loop, which is then as quick as memory */
-    for (size_t i = 0; values && i < count; i++)
-        good &= isfinite(values[i]) && (!not_negative || values[i] >= 0.0f);
-    return good;
-}
-
-static int all_halves_finite(const uint16_t *values, size_t count)
-{
-    int good = 1;
-    for (size_t i = 0; values && i < count; i++)
-        good &= (values[i] & 0x7c00) != 0x7c00; /* an exponent of ones: NaN and infinity */
-    return good;
-}
-
-static int all_usable(const double *values, size_t count)
-{
-    int good = 1;
-    for (size_t i = 0; values && i < count; i++)
-        good &= isfinite(values[i]) && values[i] >= 0.0;
-    return good;
-}
-
-/* Numbers that pictures could not be made with. */
-static hada_status check_numbers(const hada_model *model, const char *path, hada_error *err)
-{
-    const hada_model_info *info = &model->info;
-    const size_t plane = hada_model_plane(model), images = (size_t)info->depths * (size_t)info->channels;
-    const char *wrong = NULL;
-    if (!all_usable(model->pairs, (size_t)info->depths))
-        wrong = "pairs";
-    else if (!all_usable(model->noise_power, images))
-        wrong = "noise_power";
-    else if (!all_finite(model->scene_power, plane, 1))
-        wrong = "scene_power";
-    else if (!all_finite(model->otf, images * plane * 2, 0))
-        wrong = "otf";
-    else if (!all_finite(model->filter, images * plane * 2, 0) ||
-             !all_halves_finite(model->filter_half, images * plane * 2))
-        wrong = "filter";
-    return wrong ? hada_fail(err, HADA_ERROR_MODEL,
-                             "%s: the tensor %s holds numbers that are NaN, infinite or negative where that cannot be; "
-                             "fit again",
-                             path, wrong)
-                 : HADA_OK;
-}
-
 /* Takes the net of a file, where it holds one. */
 static hada_status read_enhance(hada_model *model, const hada_tensors *file, hada_error *err)
 {
@@ -379,8 +331,12 @@ done:
 /* Checks of what was read, and the net. */
 static hada_status complete(hada_model *model, const hada_tensors *file, hada_error *err)
 {
-    const hada_status status = hada_model_info_check(&model->info, err);
-    return status ? status : read_enhance(model, file, err);
+    hada_status status = HADA_OK;
+    HADA_TRY(hada_model_info_check(&model->info, err));
+    HADA_TRY(hada_model_check_numbers(model, err));
+    HADA_TRY(read_enhance(model, file, err));
+done:
+    return status;
 }
 
 static hada_status load(hada_model **out, hada_tensors *file, const char *path, hada_error *err)
@@ -405,7 +361,6 @@ static hada_status load(hada_model **out, hada_tensors *file, const char *path, 
         HADA_TRY(hada_alloc((void **)&model->pairs, (size_t)info.depths, sizeof(double), "the pairs", err));
     }
     HADA_TRY(take_parts(model, file, path, err));
-    HADA_TRY(check_numbers(model, path, err));
     if ((status = complete(model, file, err)) != HADA_OK)
         hada_error_prefix(err, "%s: ", path);
 done:

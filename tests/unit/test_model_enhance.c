@@ -28,6 +28,8 @@ static hada_model *make_model(void)
         model->filter[i] = (float)hada_random_normal(&random);
         model->otf[i] = (float)hada_random_normal(&random);
     }
+    for (size_t i = 0; i < hada_model_plane(model); i++)
+        model->scene_power[i] = 1.0f;
     return model;
 }
 

@@ -219,8 +219,8 @@ static void damaged_files_are_refused(void **state)
     hada_model_destroy(&model);
 }
 
-/* The first number of a tensor becomes another one, in the file. */
-static void poison(const char *path, const char *name, double value)
+/* The first numbers of a tensor become another one, in the file; 0: all of them. */
+static void poison(const char *path, const char *name, double value, size_t count)
 {
     hada_tensors *file;
     ASSERT_OK(hada_tensors_open(&file, path, err));
@@ -232,7 +232,8 @@ static void poison(const char *path, const char *name, double value)
     assert_non_null(out);
     assert_int_equal(fseek(out, -back, SEEK_END), 0);
     const int wide = tensor->type == HADA_F64;
-    assert_int_equal(fwrite(wide ? (const void *)&value : (const void *)&single, wide ? 8 : 4, 1, out), 1);
+    for (size_t i = 0; i < (count ? count : tensor->bytes / (wide ? 8 : 4)); i++)
+        assert_int_equal(fwrite(wide ? (const void *)&value : (const void *)&single, wide ? 8 : 4, 1, out), 1);
     fclose(out);
     hada_tensors_close(&file);
 }
@@ -243,22 +244,34 @@ static void numbers_without_a_picture_are_refused(void **state)
     static const struct {
         const char *name;
         double value;
-    } cases[] = {{"scene_power", (double)NAN},
-                 {"scene_power", -1},
-                 {"noise_power", (double)INFINITY},
-                 {"noise_power", -1},
-                 {"pairs", -2},
-                 {"pairs", (double)NAN},
-                 {"otf", (double)NAN},
-                 {"filter", (double)INFINITY}};
+        size_t count;     /* of numbers, from the first; 0: all */
+        const char *word; /* of the message */
+    } cases[] = {{"scene_power", (double)NAN, 1, "NaN"},
+                 {"scene_power", -1, 1, "negative"},
+                 {"scene_power", 0, 0, "nothing but 0"},
+                 {"scene_power", 1e32, 1, "can be"},
+                 {"noise_power", (double)INFINITY, 1, "infinite"},
+                 {"noise_power", -1, 1, "negative"},
+                 {"noise_power", 1e30, 1, "can be"},
+                 {"pairs", -2, 1, "negative"},
+                 {"pairs", (double)NAN, 1, "NaN"},
+                 {"otf", (double)NAN, 1, "NaN"},
+                 {"otf", 1e30, 1, "otf of depth 0 is 1e+30"},
+                 {"otf", -1e30, 0, "otf of depth 0 is 1e+30"},
+                 {"otf", 1e-30, 0, "otf of depth 0 is 1e-30"},
+                 {"otf", 0, 0, "otf of depth 0 holds nothing but 0"},
+                 {"filter", (double)INFINITY, 1, "infinite"},
+                 {"filter", 1e30, 1, "filter of depth 0 is 1e+30"},
+                 {"filter", 0, 0, "filter of depth 0 holds nothing but 0"}};
     char path[64];
     make_path(path);
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         hada_model *model = make(1), *back;
         hada_error error = {0};
         ASSERT_OK(hada_model_save(model, path, err));
-        poison(path, cases[i].name, cases[i].value);
-        if (hada_model_load(&back, path, &error) != HADA_ERROR_MODEL || !strstr(error.message, cases[i].name))
+        poison(path, cases[i].name, cases[i].value, cases[i].count);
+        if (hada_model_load(&back, path, &error) != HADA_ERROR_MODEL || !strstr(error.message, cases[i].name) ||
+            !strstr(error.message, cases[i].word))
             fail_msg("%s %g: %s", cases[i].name, cases[i].value, error.message);
         assert_null(back);
         hada_model_destroy(&model);

@@ -70,7 +70,10 @@ static void numbers_that_no_camera_has(void **state)
         REFUSED(refine_share, wrong[i], "share of refined planes");
         REFUSED(scene_response, wrong[i], "response of the model's scenes");
     }
-    REFUSED(dark, NAN, "not usable numbers");
+    const double wild[] = {NAN, INFINITY, 1e30, -1e30};
+    for (int i = 0; i < 4; i++)
+        REFUSED(dark, wild[i], "not usable numbers");
+    REFUSED(refine_rho, 1e6, "not usable numbers");
     REFUSED(refine_steps, -1, "not usable numbers");
     REFUSED(refine_colour, 0.5, "not usable numbers");
     REFUSED(refine_share, 1.5, "share of refined planes");

@@ -118,6 +118,30 @@ static void takes_a_dark_level_off(void **state)
     hada_image_destroy(&scene);
 }
 
+/* A level of other units than the frame's, which would leave nothing of it; a frame in those units has no trouble. */
+static void refuses_a_dark_level_above_everything(void **state)
+{
+    const learned_camera *learned = *state;
+    hada_image scene, raw = frame_of_one_depth(learned, 1, &scene);
+    hada_result result = {0};
+    hada_plan *plan;
+    hada_plan_options options;
+    hada_error error;
+    hada_plan_options_init(&options);
+    options.dark = HADA_DARK_LEVEL;
+    options.dark_level = 200.0;
+    ASSERT_OK(hada_plan_create(&plan, learned->context, learned->model, &options, err));
+    assert_int_equal(hada_plan_run(plan, &raw, &result, &error), HADA_ERROR_MODEL);
+    assert_non_null(strstr(error.message, "above the dark level of 200"));
+    for (size_t i = 0; i < hada_image_count(&raw); i++)
+        raw.data[i] = 200.0f + 1000.0f * raw.data[i];
+    ASSERT_OK(hada_plan_run(plan, &raw, &result, err));
+    hada_plan_destroy(&plan);
+    hada_result_destroy(&result);
+    hada_image_destroy(&raw);
+    hada_image_destroy(&scene);
+}
+
 static void refuses_options_that_cannot_work(void **state)
 {
     const learned_camera *learned = *state;
@@ -209,9 +233,13 @@ static void gamma_is_an_exponent_on_the_pictures(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(refuses_frames_of_another_sensor),       cmocka_unit_test(refuses_or_repairs_broken_pixels),
-        cmocka_unit_test(repairs_from_the_nearest_finite_pixels), cmocka_unit_test(takes_a_dark_level_off),
-        cmocka_unit_test(refuses_options_that_cannot_work),       cmocka_unit_test(zero_leaves_open_as_auto_does),
+        cmocka_unit_test(refuses_frames_of_another_sensor),
+        cmocka_unit_test(refuses_or_repairs_broken_pixels),
+        cmocka_unit_test(repairs_from_the_nearest_finite_pixels),
+        cmocka_unit_test(takes_a_dark_level_off),
+        cmocka_unit_test(refuses_a_dark_level_above_everything),
+        cmocka_unit_test(refuses_options_that_cannot_work),
+        cmocka_unit_test(zero_leaves_open_as_auto_does),
         cmocka_unit_test(gamma_is_an_exponent_on_the_pictures),
     };
     return cmocka_run_group_tests(tests, learned_setup, learned_teardown);

@@ -61,7 +61,7 @@ static int open_device(hada_cli *cli, const settings *set)
     json_object_set_new(cli->document, "checked", json_true());
     json_object_set_new(cli->document, "shape", json_string(shape));
     if (set->save_binaries) {
-        HADA_TRY(hada_programs_save(context, set->save_binaries, &err));
+        HADA_TRY(hada_programs_save_with(context, set->save_binaries, &cli->monitor, &err));
         hada_cli_say(cli, "Wrote the binaries to %s; use them with --binaries %s.", set->save_binaries,
                      set->save_binaries);
         json_object_set_new(cli->document, "binaries", hada_cli_json_text(set->save_binaries));

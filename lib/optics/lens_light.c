@@ -23,7 +23,8 @@ static void place_patches(hada_lenses *lenses, double aperture_mm)
         }
 }
 
-hada_status hada_lenses_create(hada_lenses *lenses, const hada_camera *camera, double patch_mm, hada_error *err)
+hada_status hada_lenses_create(hada_lenses *lenses, const hada_camera *camera, double patch_mm,
+                               const hada_monitor *monitor, hada_error *err)
 {
     *lenses = (hada_lenses){0};
     const int whole = !hada_mask_has_lenses(camera);
@@ -40,7 +41,7 @@ hada_status hada_lenses_create(hada_lenses *lenses, const hada_camera *camera, d
     lenses->y = lenses->x + room;
     if (whole) {
         place_patches(lenses, camera->aperture_mm);
-        HADA_TRY(hada_mask_make(&lenses->design, camera, err));
+        HADA_TRY(hada_mask_make_watched(&lenses->design, camera, monitor, err));
     } else {
         lenses->count = camera->lenses;
         HADA_TRY(hada_camera_lenses(camera, lenses->x, lenses->y, err));

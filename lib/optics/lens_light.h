@@ -21,7 +21,8 @@ typedef struct hada_lenses {
 } hada_lenses;
 
 /* patch_mm: the largest side of a patch, for masks that are not made of lenses or round holes. */
-hada_status hada_lenses_create(hada_lenses *lenses, const hada_camera *camera, double patch_mm, hada_error *err);
+hada_status hada_lenses_create(hada_lenses *lenses, const hada_camera *camera, double patch_mm,
+                               const hada_monitor *monitor, hada_error *err);
 void hada_lenses_destroy(hada_lenses *lenses);
 
 /* labels[rows x cols]: the lens whose spot at a distance is nearest to a pixel, with the axis at (axis_row, axis_col).

@@ -52,17 +52,17 @@ static hada_status make_contour(hada_mask_design *design, hada_error *err)
     const hada_camera *camera = &design->camera;
     const double half = camera->aperture_mm / 2.0;
     hada_surface landscape = {0};
-    double *x, *y;
-    int count;
+    hada_contour points;
     hada_status status = HADA_OK;
     HADA_TRY(hada_surface_make(&landscape, camera->seed, camera->correlation_mm, half, err));
     /* points s apart instead of a line change a path of r^2 / 2f by s^2 / 8f */
     double step = fmin(camera->correlation_mm / LINE_POINTS, sqrt(8.0 * camera->focal_length_mm * PATH_ERROR));
     step = fmin(step, camera->pixel_pitch_mm / 4.0);
-    HADA_TRY(hada_contour_points(&landscape, half, fmax(step, camera->aperture_mm / 8192.0), &x, &y, &count, err));
+    step = fmax(step, camera->aperture_mm / 8192.0);
+    HADA_TRY(hada_contour_points(&landscape, half, step, design->monitor, &points, err));
     design->bend = 1.0 / camera->focal_length_mm;
     design->feature = fmin(camera->lens_diameter_mm, camera->aperture_mm);
-    HADA_TRY(hada_sites_make(&design->sites, x, y, count, half, err));
+    HADA_TRY(hada_sites_make(&design->sites, points.x, points.y, points.count, half, err));
 done:
     hada_surface_free(&landscape);
     return status;
@@ -110,7 +110,13 @@ void hada_mask_find_bounds(hada_mask_design *design)
 
 hada_status hada_mask_make(hada_mask_design *design, const hada_camera *callers, hada_error *err)
 {
-    *design = (hada_mask_design){.reach = 0.0};
+    return hada_mask_make_watched(design, callers, NULL, err);
+}
+
+hada_status hada_mask_make_watched(hada_mask_design *design, const hada_camera *callers, const hada_monitor *monitor,
+                                   hada_error *err)
+{
+    *design = (hada_mask_design){.monitor = monitor};
     const hada_camera *camera = &design->camera;
     hada_status status = HADA_OK;
     HADA_TRY(hada_camera_take(&design->camera, callers, err));
@@ -264,11 +270,26 @@ hada_status hada_camera_mask_map(const hada_camera *camera, int rows, int cols, 
                                  hada_image *transmission, hada_error *err)
 {
     hada_mask_design design;
+    hada_status status = HADA_OK;
+    if (thickness_mm)
+        *thickness_mm = (hada_image){0};
+    if (transmission)
+        *transmission = (hada_image){0};
+    HADA_TRY(hada_mask_make(&design, camera, err));
+    HADA_TRY(hada_mask_map(&design, rows, cols, thickness_mm, transmission, err));
+done:
+    hada_mask_free(&design);
+    return status;
+}
+
+hada_status hada_mask_map(const hada_mask_design *design, int rows, int cols, hada_image *thickness_mm,
+                          hada_image *transmission, hada_error *err)
+{
+    const hada_camera *camera = &design->camera;
     hada_image none = {0}, *thickness = thickness_mm ? thickness_mm : &none,
                *open = transmission ? transmission : &none;
     hada_status status = HADA_OK;
     *thickness = *open = (hada_image){0};
-    HADA_TRY(hada_mask_make(&design, camera, err));
     if (thickness_mm)
         HADA_TRY(hada_image_create(thickness, 1, rows, cols, err));
     if (transmission)
@@ -278,14 +299,13 @@ hada_status hada_camera_mask_map(const hada_camera *camera, int rows, int cols, 
         for (int c = 0; c < cols; c++) {
             const size_t at = (size_t)r * (size_t)cols + (size_t)c;
             hada_mask_point point;
-            hada_mask_at(&design, ((c + 0.5) / cols - 0.5) * width, ((r + 0.5) / rows - 0.5) * width, &point);
+            hada_mask_at(design, ((c + 0.5) / cols - 0.5) * width, ((r + 0.5) / rows - 0.5) * width, &point);
             if (thickness_mm)
                 thickness->data[at] = (float)(point.path / (camera->refractive_index - 1.0));
             if (transmission)
                 open->data[at] = (float)hada_mask_open(point.edge, step);
         }
 done:
-    hada_mask_free(&design);
     if (status) {
         hada_image_destroy(thickness);
         hada_image_destroy(open);

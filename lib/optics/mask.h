@@ -3,6 +3,7 @@
 #define HADA_OPTICS_MASK_H
 
 #include <hadalens/camera.h>
+#include <hadalens/monitor.h>
 
 /* Sequences of the random generator (core/random.h), one a purpose. */
 enum { HADA_SEQUENCE_LENSES = 1, HADA_SEQUENCE_SURFACE = 2, HADA_SEQUENCE_CELLS = 3 };
@@ -57,21 +58,28 @@ void hada_sites_free(hada_sites *sites);
 /* The site nearest to a point (the first of equals), and the square of its distance. */
 int hada_sites_nearest(const hada_sites *sites, double x, double y, double *square);
 
-/* Points along the surface's level lines at 0, about `step` apart, in malloc'ed arrays. */
-hada_status hada_contour_points(const hada_surface *surface, double half_width, double step, double **x, double **y,
-                                int *count, hada_error *err);
+/* Points along level lines. */
+typedef struct hada_contour {
+    double *x, *y; /* malloc'ed */
+    int count, room;
+} hada_contour;
+
+/* Points along the surface's level lines at 0, about `step` apart; the monitor is asked on the way. On failure none. */
+hada_status hada_contour_points(const hada_surface *surface, double half_width, double step,
+                                const hada_monitor *monitor, hada_contour *out, hada_error *err);
 
 typedef struct hada_mask_design {
     hada_camera camera;
-    hada_surface surface; /* diffuser */
-    double height;        /* diffuser: optical path of one unit of the surface */
-    hada_sites sites;     /* lenses, holes, contour points */
-    unsigned char *open;  /* aperture of cells: 1 where open */
-    int cells;            /* a side */
-    double slope;         /* a bound of the path's slope, once hada_mask_find_bounds() has looked */
-    double reach;         /* lenses, holes: from a centre to the farthest point that belongs to it; likewise */
-    double feature;       /* width of the smallest opening; 0: the aperture alone */
-    double bend;          /* a typical large value of its second derivative: how far neighbouring rays part */
+    hada_surface surface;        /* diffuser */
+    double height;               /* diffuser: optical path of one unit of the surface */
+    hada_sites sites;            /* lenses, holes, contour points */
+    unsigned char *open;         /* aperture of cells: 1 where open */
+    int cells;                   /* a side */
+    double slope;                /* a bound of the path's slope, once hada_mask_find_bounds() has looked */
+    double reach;                /* lenses, holes: from a centre to the farthest point that belongs to it; likewise */
+    double feature;              /* width of the smallest opening; 0: the aperture alone */
+    double bend;                 /* a typical large value of its second derivative: how far neighbouring rays part */
+    const hada_monitor *monitor; /* asked whether to stop, by whatever goes through the mask; NULL: nobody */
 } hada_mask_design;
 
 typedef struct hada_mask_point {
@@ -82,6 +90,9 @@ typedef struct hada_mask_point {
 } hada_mask_point;
 
 hada_status hada_mask_make(hada_mask_design *design, const hada_camera *camera, hada_error *err);
+/* The same, asking a monitor, which the design keeps. */
+hada_status hada_mask_make_watched(hada_mask_design *design, const hada_camera *camera, const hada_monitor *monitor,
+                                   hada_error *err);
 void hada_mask_free(hada_mask_design *design);
 /* The steepest slope where light passes, and how far the ground of a lens reaches: a scan of the whole mask, which
  * waves need and rays do not. */
@@ -94,5 +105,13 @@ static inline double hada_mask_open(double edge, double step)
     const double share = 0.5 + edge / step;
     return share < 0.0 ? 0.0 : share > 1.0 ? 1.0 : share;
 }
+
+/* hada_camera_mask_map() of a mask that is made. */
+hada_status hada_mask_map(const hada_mask_design *design, int rows, int cols, hada_image *thickness_mm,
+                          hada_image *transmission, hada_error *err);
+
+/* hada_camera_psf_sized(), asking a monitor. */
+hada_status hada_camera_psf_watched(const hada_camera *camera, double distance_mm, int rows, int cols,
+                                    const hada_monitor *monitor, hada_image *psf, hada_error *err);
 
 #endif

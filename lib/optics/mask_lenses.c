@@ -10,6 +10,8 @@
 /* Full darts thrown again from the start, and darts for one lens, before the lenses are said not to fit. */
 #define PLACEMENTS 64
 #define DARTS      4000
+/* Spacings looked at in all placements, a second or two: where lenses fit, far fewer are. */
+#define LOOKS 1e9
 
 /* A point spread evenly over a disc, drawn from the square round it. */
 static void dart(hada_random *random, double radius, double *x, double *y)
@@ -34,12 +36,13 @@ static int keeps(const hada_camera *camera, const double *x, const double *y, in
     return near;
 }
 
-static int place(const hada_camera *camera, hada_random *random, double *x, double *y)
+static int place(const hada_camera *camera, hada_random *random, double *x, double *y, double *looks)
 {
     const double radius = (camera->aperture_mm - camera->minimum_spacing_mm) / 2.0;
     for (int i = 0; i < camera->lenses; i++) {
         int darts = 0, fits = 0;
-        while (!fits && darts++ < DARTS) {
+        while (!fits && darts++ < DARTS && *looks < LOOKS) {
+            *looks += i;
             dart(random, radius, &x[i], &y[i]);
             fits = keeps(camera, x, y, i);
         }
@@ -112,8 +115,9 @@ static hada_status place_at_random(const hada_camera *camera, double *x_mm, doub
 {
     hada_random random;
     hada_random_seed(&random, camera->seed, HADA_SEQUENCE_LENSES);
-    for (int attempt = 0; attempt < PLACEMENTS; attempt++)
-        if (place(camera, &random, x_mm, y_mm))
+    double looks = 0.0;
+    for (int attempt = 0; attempt < PLACEMENTS && looks < LOOKS; attempt++)
+        if (place(camera, &random, x_mm, y_mm, &looks))
             return HADA_OK;
     return hada_fail(err, HADA_ERROR_ARGUMENT,
                      "%d lenses at least %g mm apart do not fit at random into an aperture of %g mm%s; use fewer "

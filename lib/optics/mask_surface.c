@@ -3,6 +3,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
+#include "core/monitor.h"
 #include "core/random.h"
 #include "optics/mask.h"
 
@@ -101,12 +102,7 @@ double hada_surface_at(const hada_surface *surface, double x, double y, double g
     return value;
 }
 
-typedef struct line_points {
-    double *x, *y;
-    int count, room;
-} line_points;
-
-static int add_point(line_points *points, double x, double y)
+static int add_point(hada_contour *points, double x, double y)
 {
     if (points->count == points->room) {
         const int room = points->room ? 2 * points->room : 4096;
@@ -126,17 +122,19 @@ static int add_point(line_points *points, double x, double y)
 }
 
 /* Where the surface changes its sign between neighbours of a lattice, by the straight line between them. */
-hada_status hada_contour_points(const hada_surface *surface, double half_width, double step, double **x, double **y,
-                                int *count, hada_error *err)
+hada_status hada_contour_points(const hada_surface *surface, double half_width, double step,
+                                const hada_monitor *monitor, hada_contour *out, hada_error *err)
 {
     const int half = (int)floor(half_width / step), across = 2 * half + 1;
-    line_points points = {0};
+    hada_contour points = {0};
     void *memory = NULL;
     hada_status status = HADA_OK;
     HADA_TRY(hada_alloc(&memory, 2 * (size_t)across, sizeof(double), "rows of a random surface", err));
     double *above = memory, *here = above + across;
     int room = 1;
+    *out = points;
     for (int r = 0; r < across && room; r++) {
+        HADA_TRY(hada_monitor_check(monitor, err));
         const double at_y = (r - half) * step;
         for (int c = 0; c < across && room; c++) {
             const double at_x = (c - half) * step;
@@ -156,10 +154,8 @@ hada_status hada_contour_points(const hada_surface *surface, double half_width, 
         HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT,
                            "the random landscape has no contour line in the aperture; use a smaller correlation "
                            "length or another seed"));
-    *x = points.x;
-    *y = points.y;
-    *count = points.count;
-    points.x = points.y = NULL;
+    *out = points;
+    points = (hada_contour){0};
 done:
     free(memory);
     free(points.x);

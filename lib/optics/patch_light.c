@@ -8,19 +8,22 @@
 #define LEAST 1e-9 /* of the brightest pixel: there is no ray where there is less */
 
 /* The light of a patch, blurred, on the screen. Patches at the edge of the lattice take what is beyond it. */
-static void trace(hada_patch_light *light, int patch)
+static hada_status trace(hada_patch_light *light, int patch, hada_error *err)
 {
     const hada_lenses *p = light->patches;
     const double half = p->design.camera.aperture_mm / 2.0, centre[2] = {p->x[patch], p->y[patch]};
-    double low[2], high[2];
+    double low[2], high[2], all;
+    hada_status status = HADA_OK;
     for (int k = 0; k < 2; k++) {
         const int i = (int)lrint((centre[k] + half) / p->side - 0.5);
         low[k] = i > 0 ? i * p->side - half : -HUGE_VAL;
         high[k] = i < p->across - 1 ? (i + 1) * p->side - half : HUGE_VAL;
     }
     hada_rays_clear(&light->rays);
-    hada_rays_trace(&light->rays, low, high);
+    HADA_TRY(hada_rays_trace(&light->rays, low, high, &all, err));
     hada_rays_blur(&light->rays);
+done:
+    return status;
 }
 
 /* The pixels of the image where the screen holds light. */
@@ -43,7 +46,7 @@ hada_status hada_patch_light_make(hada_patch_light *light, const hada_lenses *pa
         hada_alloc((void **)&light->all, (size_t)rows * (size_t)cols, sizeof *light->all, "the light of patches", err));
     for (int p = 0; p < patches->count; p++) {
         int first[2], end[2];
-        trace(light, p);
+        HADA_TRY(trace(light, p, err));
         box(light, first, end);
         for (int r = first[0]; r < end[0]; r++)
             for (int c = first[1]; c < end[1]; c++) {
@@ -65,10 +68,11 @@ void hada_patch_light_free(hada_patch_light *light)
     *light = (hada_patch_light){0};
 }
 
-void hada_patch_light_share(hada_patch_light *light, int patch, const int *labels, float *share)
+hada_status hada_patch_light_share(hada_patch_light *light, int patch, const int *labels, float *share, hada_error *err)
 {
     int first[2], end[2];
-    trace(light, patch);
+    hada_status status = HADA_OK;
+    HADA_TRY(trace(light, patch, err));
     box(light, first, end);
     for (int r = 0; r < light->rows; r++)
         for (int c = 0; c < light->cols; c++) {
@@ -79,4 +83,6 @@ void hada_patch_light_share(hada_patch_light *light, int patch, const int *label
             else
                 share[at] = (float)(labels[at] == patch);
         }
+done:
+    return status;
 }

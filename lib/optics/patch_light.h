@@ -24,6 +24,7 @@ hada_status hada_patch_light_make(hada_patch_light *light, const hada_lenses *pa
 void hada_patch_light_free(hada_patch_light *light);
 
 /* The share of a patch; labels: hada_lens_labels() of the patches on the same grid. */
-void hada_patch_light_share(hada_patch_light *light, int patch, const int *labels, float *share);
+hada_status hada_patch_light_share(hada_patch_light *light, int patch, const int *labels, float *share,
+                                   hada_error *err);
 
 #endif

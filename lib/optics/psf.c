@@ -5,11 +5,17 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
+#include "core/monitor.h"
 #include "optics/psf_rays.h"
 
-#define RAYS_ACROSS_LENS 24  /* at least */
-#define RAY_STEP_PIXELS  0.4 /* on the sensor, at most: far below the width of a pixel with its blur */
-#define REACH_MAX        400 /* pixels: six standard deviations of the widest blur, and one */
+#define RAYS_ACROSS_LENS 24   /* at least */
+#define RAY_STEP_PIXELS  0.4  /* on the sensor, at most: far below the width of a pixel with its blur */
+#define HALF_MOST        2000 /* rays on either side of a lens's centre */
+#define REACH_MAX        400  /* pixels: six standard deviations of the widest blur, and one */
+/* What the rays of a PSF may cost, in additions: some twenty seconds. Cameras that can be built need a thousandth. */
+#define STEPS_MOST 2e10
+#define RAY_STEPS  64 /* of a ray that lands nowhere */
+#define PI_QUARTER 0.78539816339744831
 
 typedef struct splat {
     double *sum; /* rows x cols */
@@ -53,78 +59,90 @@ static void add_ray(const splat *s, double row, double col)
 }
 
 /* Whether a point of the mask belongs to lens l: inside the aperture, and no other centre is nearer. */
-static int belongs(const hada_camera *camera, const double *x, const double *y, int l, double qx, double qy)
+static int belongs(const hada_mask_design *design, int l, double qx, double qy)
 {
-    const double half = camera->aperture_mm / 2.0;
+    const double half = design->camera.aperture_mm / 2.0, *x = design->sites.x, *y = design->sites.y;
+    double square;
     if (qx * qx + qy * qy > half * half)
         return 0;
-    const double own = (qx - x[l]) * (qx - x[l]) + (qy - y[l]) * (qy - y[l]);
-    for (int i = 0; i < camera->lenses; i++)
-        if (i != l && (qx - x[i]) * (qx - x[i]) + (qy - y[i]) * (qy - y[i]) < own)
-            return 0;
-    return 1;
+    const int i = hada_sites_nearest(&design->sites, qx, qy, &square);
+    return i == l || !((qx - x[i]) * (qx - x[i]) + (qy - y[i]) * (qy - y[i]) <
+                       (qx - x[l]) * (qx - x[l]) + (qy - y[l]) * (qy - y[l])); /* as near: it belongs to both */
 }
 
-/* All rays of the mask; returns their number. */
-static double trace(const hada_camera *camera, const double *x, const double *y, double distance, const splat *s)
+/* Rays on either side of a lens's centre. */
+static int half_of(const hada_camera *camera, double defocus)
 {
+    const int least = RAYS_ACROSS_LENS / 2;
+    const double wanted = camera->lens_diameter_mm / 2.0 * fabs(defocus) / (RAY_STEP_PIXELS * camera->pixel_pitch_mm);
+    return wanted > least ? wanted < HALF_MOST ? (int)ceil(wanted) : HALF_MOST : least;
+}
+
+/* All rays of the mask; *rays: their number. */
+static hada_status trace(const hada_mask_design *design, double distance, const splat *s, double *rays, hada_error *err)
+{
+    const hada_camera *camera = &design->camera;
+    const double *x = design->sites.x, *y = design->sites.y;
     const double magnification = 1.0 + camera->distance_mm / distance,
                  defocus = camera->mask == HADA_MASK_APERTURE
                                ? magnification
                                : magnification - camera->distance_mm / camera->focal_length_mm,
                  radius = camera->lens_diameter_mm / 2.0, pitch = camera->pixel_pitch_mm;
-    int half = RAYS_ACROSS_LENS / 2;
-    const double wanted = radius * fabs(defocus) / (RAY_STEP_PIXELS * pitch);
-    if (wanted > half)
-        half = wanted < 2000.0 ? (int)ceil(wanted) : 2000;
-    const double step = radius / (half + 0.5);
-    double rays = 0.0;
+    const int half = half_of(camera, defocus);
+    const double step = radius / (half + 0.5), across = 2.0 * s->reach + 1.0;
+    const double steps = PI_QUARTER * camera->lenses * pow(2.0 * half + 1.0, 2.0) * (RAY_STEPS + across * across);
+    hada_status status = HADA_OK;
+    if (steps > STEPS_MOST)
+        return hada_fail(err, HADA_ERROR_UNSUPPORTED,
+                         "%d lenses of %g mm before pixels of %g mm, blurred by %g, take too many rays at %g mm (%.1g "
+                         "steps, at most %.0g are made); use fewer or smaller lenses, larger pixels or less blur",
+                         camera->lenses, camera->lens_diameter_mm, pitch, s->sigma, distance, steps, STEPS_MOST);
     for (int l = 0; l < camera->lenses; l++)
-        for (int i = -half; i <= half; i++)
+        for (int i = -half; i <= half; i++) {
+            HADA_TRY(hada_monitor_check(design->monitor, err));
             for (int j = -half; j <= half; j++) {
                 const double dy = i * step, dx = j * step;
-                if (dx * dx + dy * dy > radius * radius || !belongs(camera, x, y, l, x[l] + dx, y[l] + dy))
+                if (dx * dx + dy * dy > radius * radius || !belongs(design, l, x[l] + dx, y[l] + dy))
                     continue;
-                rays += 1.0;
+                *rays += 1.0;
                 add_ray(s, s->rows / 2 + (y[l] * magnification + dy * defocus) / pitch,
                         s->cols / 2 + (x[l] * magnification + dx * defocus) / pitch);
             }
-    return rays;
-}
-
-static hada_status trace_lenses(const hada_camera *camera, double distance_mm, int rows, int cols, double *sum,
-                                hada_error *err)
-{
-    void *centres = NULL;
-    hada_status status = HADA_OK;
-    HADA_TRY(hada_alloc(&centres, (size_t)camera->lenses, 2 * sizeof(double), "the lens positions", err));
-    double *x = centres, *y = x + camera->lenses;
-    HADA_TRY(hada_camera_lenses(camera, x, y, err));
-    const splat s = {sum, rows, cols, camera->blur_pixels, (int)ceil(6.0 * camera->blur_pixels) + 1};
-    const double rays = trace(camera, x, y, distance_mm, &s);
-    for (size_t i = 0; i < (size_t)rows * (size_t)cols; i++)
-        sum[i] /= rays;
+        }
 done:
-    free(centres);
     return status;
 }
 
-hada_status hada_camera_psf_sized(const hada_camera *callers, double distance_mm, int rows, int cols, hada_image *psf,
-                                  hada_error *err)
+static hada_status trace_lenses(const hada_mask_design *design, double distance_mm, int rows, int cols, double *sum,
+                                hada_error *err)
 {
-    hada_camera own, *camera = &own;
+    const double sigma = design->camera.blur_pixels;
+    const splat s = {sum, rows, cols, sigma, (int)ceil(6.0 * sigma) + 1};
+    double rays = 0.0;
+    hada_status status = HADA_OK;
+    HADA_TRY(trace(design, distance_mm, &s, &rays, err));
+    for (size_t i = 0; i < (size_t)rows * (size_t)cols; i++)
+        sum[i] /= rays;
+done:
+    return status;
+}
+
+hada_status hada_camera_psf_watched(const hada_camera *camera, double distance_mm, int rows, int cols,
+                                    const hada_monitor *monitor, hada_image *psf, hada_error *err)
+{
+    hada_mask_design design = {.monitor = monitor};
     double *sum = NULL;
     const size_t count = hada_size_product((size_t)rows, (size_t)cols);
     hada_status status = HADA_OK;
     *psf = (hada_image){0};
-    HADA_TRY(hada_camera_take(camera, callers, err));
     if (!(distance_mm > 0.0))
         return hada_fail(err, HADA_ERROR_ARGUMENT, "a distance of %g mm is not possible; it must be above 0",
                          distance_mm);
+    HADA_TRY(hada_mask_make_watched(&design, camera, monitor, err));
     HADA_TRY(hada_alloc((void **)&sum, count, sizeof *sum, "a point spread function", err));
     HADA_TRY(hada_image_create(psf, 1, rows, cols, err));
-    HADA_TRY(hada_mask_has_lenses(camera) ? trace_lenses(camera, distance_mm, rows, cols, sum, err)
-                                          : hada_psf_rays(camera, distance_mm, rows, cols, sum, err));
+    HADA_TRY(hada_mask_has_lenses(&design.camera) ? trace_lenses(&design, distance_mm, rows, cols, sum, err)
+                                                  : hada_psf_rays(&design, distance_mm, rows, cols, sum, err));
     float most = 0.0f;
     for (size_t i = 0; i < count; i++) {
         psf->data[i] = (float)sum[i];
@@ -137,9 +155,16 @@ hada_status hada_camera_psf_sized(const hada_camera *callers, double distance_mm
                       distance_mm, rows, cols));
 done:
     free(sum);
+    hada_mask_free(&design);
     if (status)
         hada_image_destroy(psf);
     return status;
+}
+
+hada_status hada_camera_psf_sized(const hada_camera *camera, double distance_mm, int rows, int cols, hada_image *psf,
+                                  hada_error *err)
+{
+    return hada_camera_psf_watched(camera, distance_mm, rows, cols, NULL, psf, err);
 }
 
 hada_status hada_camera_psf(const hada_camera *camera, double distance_mm, hada_image *psf, hada_error *err)

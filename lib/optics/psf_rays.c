@@ -4,6 +4,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
+#include "core/monitor.h"
 #include "optics/psf_rays.h"
 
 #define RAY_STEP_PIXELS 0.35 /* between neighbours on the sensor, about, at most */
@@ -103,16 +104,18 @@ static void ray_range(const hada_rays *rays, double low, double high, int *first
     *last = (int)fmin(half, ceil(fmin(high / rays->step, half)) + 1.0);
 }
 
-double hada_rays_trace(hada_rays *rays, const double low[2], const double high[2])
+hada_status hada_rays_trace(hada_rays *rays, const double low[2], const double high[2], double *all, hada_error *err)
 {
     const hada_camera *camera = &rays->design->camera;
     const double d = camera->distance_mm, magnification = 1.0 + d / rays->distance, pitch = camera->pixel_pitch_mm;
     const double step = rays->step, radius = camera->aperture_mm / 2.0 + step;
     int first[2], last[2];
-    double all = 0.0;
+    hada_status status = HADA_OK;
+    *all = 0.0;
     for (int k = 0; k < 2; k++)
         ray_range(rays, low[k], high[k], &first[k], &last[k]);
-    for (int i = first[1]; i <= last[1]; i++)
+    for (int i = first[1]; i <= last[1]; i++) {
+        HADA_TRY(hada_monitor_check(rays->design->monitor, err));
         for (int j = first[0]; j <= last[0]; j++) {
             const double y = i * step, x = j * step;
             hada_mask_point point;
@@ -122,11 +125,13 @@ double hada_rays_trace(hada_rays *rays, const double low[2], const double high[2
             const double light = hada_mask_open(point.edge, step);
             if (!(light > 0.0))
                 continue;
-            all += light;
+            *all += light;
             add_ray(rays, rays->row0 + (y * magnification + d * point.slope[1]) / pitch,
                     rays->col0 + (x * magnification + d * point.slope[0]) / pitch, light);
         }
-    return all;
+    }
+done:
+    return status;
 }
 
 /* A row or a column outwards, as far as it goes. */
@@ -161,22 +166,20 @@ void hada_rays_clear(hada_rays *rays)
     rays->bottom = rays->right = 0;
 }
 
-hada_status hada_psf_rays(const hada_camera *camera, double distance_mm, int rows, int cols, double *sum,
+hada_status hada_psf_rays(const hada_mask_design *design, double distance_mm, int rows, int cols, double *sum,
                           hada_error *err)
 {
     static const double low[2] = {-HUGE_VAL, -HUGE_VAL}, high[2] = {HUGE_VAL, HUGE_VAL};
-    hada_mask_design design;
     hada_rays rays = {0};
+    double all;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_mask_make(&design, camera, err));
-    HADA_TRY(hada_rays_make(&rays, &design, distance_mm, rows, cols, rows / 2, cols / 2, err));
-    const double all = hada_rays_trace(&rays, low, high);
+    HADA_TRY(hada_rays_make(&rays, design, distance_mm, rows, cols, rows / 2, cols / 2, err));
+    HADA_TRY(hada_rays_trace(&rays, low, high, &all, err));
     hada_rays_blur(&rays);
     for (int r = 0; r < rows; r++)
         for (int c = 0; c < cols; c++)
             sum[(size_t)r * (size_t)cols + (size_t)c] += hada_rays_at(&rays, r, c) / all;
 done:
     hada_rays_free(&rays);
-    hada_mask_free(&design);
     return status;
 }

@@ -23,8 +23,9 @@ hada_status hada_rays_make(hada_rays *rays, const hada_mask_design *design, doub
                            double axis_row, double axis_col, hada_error *err);
 void hada_rays_free(hada_rays *rays);
 
-/* Adds the rays through low <= x < high and so in y (mm); returns their light. Then blurs what is on the screen. */
-double hada_rays_trace(hada_rays *rays, const double low[2], const double high[2]);
+/* Adds the rays through low <= x < high and so in y (mm); *light: theirs. The design's monitor is asked. Then blurs
+ * what is on the screen. */
+hada_status hada_rays_trace(hada_rays *rays, const double low[2], const double high[2], double *light, hada_error *err);
 void hada_rays_blur(hada_rays *rays);
 void hada_rays_clear(hada_rays *rays);
 
@@ -34,7 +35,7 @@ static inline double hada_rays_at(const hada_rays *rays, int row, int col)
 }
 
 /* PSF of a mask without lenses by rays: adds to `sum`, rows x cols, all rays making 1. */
-hada_status hada_psf_rays(const hada_camera *camera, double distance_mm, int rows, int cols, double *sum,
+hada_status hada_psf_rays(const hada_mask_design *design, double distance_mm, int rows, int cols, double *sum,
                           hada_error *err);
 
 #endif

@@ -158,13 +158,19 @@ hada_status hada_simulator_create_with(hada_simulator **out, hada_context *conte
     s->camera = *camera;
     s->psf_images = waves ? camera->channels : 1;
     s->patch_pixels = PATCH_PIXELS;
+    s->monitor = options->monitor;
     set_sizes(s, options);
     if (psf)
         HADA_TRY(keep_psf(s, psf, err));
-    if (waves)
-        HADA_TRY(hada_wave_create(&s->wave, context, camera, NULL, err));
+    if (waves) {
+        hada_wave_options watched;
+        hada_wave_options_init(&watched);
+        watched.monitor = s->monitor;
+        HADA_TRY(hada_wave_create(&s->wave, context, camera, &watched, err));
+    }
     HADA_TRY(hada_alloc((void **)&s->otf, (size_t)camera->depths, sizeof *s->otf, "the transfer functions", err));
     HADA_TRY(hada_slot_create(&s->slot, context, err));
+    hada_slot_watch(s->slot, s->monitor);
     HADA_TRY(make_plans(s, err));
 done:
     if (status)

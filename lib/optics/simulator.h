@@ -32,12 +32,13 @@ typedef struct hada_between {
 
 struct hada_simulator {
     hada_camera camera;
-    hada_image *psf;          /* given ones, one a depth; NULL: by the camera's optics */
-    hada_wave *wave;          /* makes them by wave optics; NULL: geometry */
-    int psf_images;           /* channels of each PSF */
-    hada_extent shift, field; /* of the options; the field at least the window */
-    double patch_pixels;      /* of parallax between neighbouring patches of a mask without lenses, at most */
-    int rows, cols;           /* of the transform: the sensor, or larger where light is cropped */
+    hada_image *psf;             /* given ones, one a depth; NULL: by the camera's optics */
+    hada_wave *wave;             /* makes them by wave optics; NULL: geometry */
+    int psf_images;              /* channels of each PSF */
+    hada_extent shift, field;    /* of the options; the field at least the window */
+    const hada_monitor *monitor; /* asked whether to stop; NULL: nobody */
+    double patch_pixels;         /* of parallax between neighbouring patches of a mask without lenses, at most */
+    int rows, cols;              /* of the transform: the sensor, or larger where light is cropped */
 
     hada_slot *slot;
     hada_fft *forward_psf, *forward_scene, *inverse;

@@ -83,7 +83,7 @@ static hada_status prepare(occluded *o, hada_error *err)
     hada_context *context = s->slot->context;
     const size_t pixels = (size_t)s->rows * (size_t)s->cols;
     hada_status status = HADA_OK;
-    HADA_TRY(hada_lenses_create(&o->lenses, &s->camera, patch_side(o), err));
+    HADA_TRY(hada_lenses_create(&o->lenses, &s->camera, patch_side(o), s->monitor, err));
     if (o->lens != -1 && o->lenses.side > 0.0)
         HADA_TRY(hada_fail(err, HADA_ERROR_ARGUMENT,
                            "a mask of kind '%s' has no lens %d to look through; use -1, the whole mask",
@@ -134,12 +134,12 @@ static hada_status add_lens(occluded *o, int i, const hada_image *psf, int lens,
     hada_simulator *s = o->simulator;
     const int channels = s->camera.channels;
     cl_mem light = is_hidden(o, i) ? o->seen.mem : s->scene.mem;
+    hada_status status = HADA_OK;
     if (o->lenses.side > 0.0)
-        hada_patch_light_share(&o->patch_light, lens, o->labels, o->share);
+        HADA_TRY(hada_patch_light_share(&o->patch_light, lens, o->labels, o->share, err));
     else
         for (size_t k = 0; k < (size_t)s->rows * (size_t)s->cols; k++)
             o->share[k] = (float)(o->labels[k] == lens);
-    hada_status status = HADA_OK;
     HADA_TRY(hada_simulator_make_otf(s, psf, o->share, &o->otf, err));
     HADA_TRY(hide(o, i, lens, err));
     HADA_TRY(hada_fft_forward(s->forward_scene, channels, light, 0, s->spectrum.mem, 0, err));

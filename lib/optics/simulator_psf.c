@@ -28,7 +28,7 @@ static hada_status designed_psf(const hada_simulator *s, double distance, int ro
                                 hada_error *err)
 {
     if (!s->wave)
-        return hada_camera_psf_sized(&s->camera, distance, rows, cols, psf, err);
+        return hada_camera_psf_watched(&s->camera, distance, rows, cols, s->monitor, psf, err);
     const hada_status status = hada_wave_psf(s->wave, distance, rows, cols, psf, err);
     hada_wave_rest(s->wave); /* the next depth is asked for when frames need it, which need the memory too */
     return status;

@@ -28,7 +28,7 @@ static hada_status upload_lenses(hada_wave *wave, hada_error *err)
     int count;
     hada_status status = HADA_OK;
     HADA_TRY(hada_wave_lens_tables(&wave->design, &lenses, &planes, &count, err));
-    wave->area = hada_wave_lens_area(&wave->design, lenses, planes);
+    HADA_TRY(hada_wave_lens_area(&wave->design, lenses, planes, &wave->area, err));
     HADA_TRY(hada_buffer_create_from(&wave->lenses, wave->slot, lenses,
                                      (size_t)wave->design.sites.count * sizeof *lenses, "the lenses", err));
     /* one more than there are: a buffer is never empty */
@@ -55,10 +55,11 @@ hada_status hada_wave_create(hada_wave **out, hada_context *context, const hada_
         return hada_fail(err, HADA_ERROR_ARGUMENT, "stray light of %g is not possible; use 1e-5 to 0.2", options.stray);
     HADA_TRY(hada_alloc((void **)&wave, 1, sizeof *wave, "wave optics", err));
     wave->options = options;
-    HADA_TRY(hada_mask_make(&wave->design, camera, err));
+    HADA_TRY(hada_mask_make_watched(&wave->design, camera, options.monitor, err));
     hada_mask_find_bounds(&wave->design);
     wave->camera = wave->design.camera;
     HADA_TRY(hada_slot_create(&wave->slot, context, err));
+    hada_slot_watch(wave->slot, options.monitor);
     if (by_lens(wave))
         HADA_TRY(upload_lenses(wave, err));
 done:

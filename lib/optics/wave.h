@@ -56,8 +56,9 @@ void hada_wave_phase(const hada_wave_spot *spot, double wavelength_mm, double sh
 hada_status hada_wave_lens_tables(const hada_mask_design *design, hada_wave_lens **lenses, hada_wave_plane **planes,
                                   int *plane_count, hada_error *err);
 
-/* The area of all lenses. */
-double hada_wave_lens_area(const hada_mask_design *design, const hada_wave_lens *lenses, const hada_wave_plane *planes);
+/* The area of all lenses; the design's monitor is asked. */
+hada_status hada_wave_lens_area(const hada_mask_design *design, const hada_wave_lens *lenses,
+                                const hada_wave_plane *planes, double *area, hada_error *err);
 
 /* Launches, each a kernel. Buffers as the kernels' heads say. */
 hada_status hada_wave_launch_pupil(hada_slot *slot, cl_mem field, cl_mem phase, cl_mem lenses, cl_mem planes, int first,

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
+#include "core/monitor.h"
 #include "optics/wave.h"
 
 #define PI                3.14159265358979323846
@@ -108,12 +109,15 @@ done:
     return status;
 }
 
-double hada_wave_lens_area(const hada_mask_design *design, const hada_wave_lens *lenses, const hada_wave_plane *planes)
+hada_status hada_wave_lens_area(const hada_mask_design *design, const hada_wave_lens *lenses,
+                                const hada_wave_plane *planes, double *area, hada_error *err)
 {
     const int across = design->sites.count > 256 ? 64 : 256;
     const double reach = design->reach, step = 2.0 * reach / across, radius = design->camera.lens_diameter_mm / 2.0;
     double sum = 0.0;
-    for (int l = 0; l < design->sites.count; l++)
+    hada_status status = HADA_OK;
+    for (int l = 0; l < design->sites.count; l++) {
+        HADA_TRY(hada_monitor_check(design->monitor, err));
         for (int i = 0; i < across * across; i++) {
             const double u = (i % across + 0.5) * step - reach, v = (i / across + 0.5) * step - reach;
             double edge = fmin(radius - sqrt(u * u + v * v),
@@ -122,7 +126,10 @@ double hada_wave_lens_area(const hada_mask_design *design, const hada_wave_lens 
                 edge = fmin(edge, planes[p].c - planes[p].a * u - planes[p].b * v);
             sum += hada_mask_open(edge, step);
         }
-    return sum * step * step;
+    }
+    *area = sum * step * step;
+done:
+    return status;
 }
 
 typedef struct work {
@@ -230,6 +237,7 @@ hada_status hada_wave_by_lens(hada_wave *wave, double distance_mm, double wavele
     HADA_TRY(work_make(&w, wave, &spot, err));
     for (int first = 0; first < sites->count; first += w.batch) {
         const int count = sites->count - first < w.batch ? sites->count - first : w.batch;
+        HADA_TRY(hada_monitor_check(wave->design.monitor, err));
         for (int i = 0; i < count; i++) {
             double shift;
             float *phase = w.phases + (size_t)i * 4 * (size_t)spot.pitch;

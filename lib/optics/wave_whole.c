@@ -6,6 +6,7 @@
 #include <stdlib.h>
 
 #include "core/alloc.h"
+#include "core/monitor.h"
 #include "optics/wave.h"
 
 #define STRAY_FACTOR 9.8696044 /* pi^2: see wave_lens.c */
@@ -159,7 +160,8 @@ static hada_status upload_mask(const hada_wave *wave, struct hada_wave_work *w, 
     HADA_TRY(hada_alloc_raw((void **)&path, count, sizeof *path, "a mask", err));
     HADA_TRY(hada_alloc_raw((void **)&open, count, sizeof *open, "a mask", err));
     const double middle = 0.5 * (g->points - 1);
-    for (int r = 0; r < g->points; r++)
+    for (int r = 0; r < g->points; r++) {
+        HADA_TRY(hada_monitor_check(wave->design.monitor, err));
         for (int c = 0; c < g->points; c++) {
             const size_t at = (size_t)r * (size_t)g->points + (size_t)c;
             hada_mask_point point;
@@ -169,6 +171,7 @@ static hada_status upload_mask(const hada_wave *wave, struct hada_wave_work *w, 
             open[at] = share;
             w->light += share; /* the area; |T|^2 of softened edges lacks what they scatter */
         }
+    }
     HADA_TRY(hada_buffer_create_from(&w->path, wave->slot, path, count * sizeof(float), "a mask", err));
     HADA_TRY(hada_buffer_create_from(&w->open, wave->slot, open, count * sizeof(float), "a mask", err));
 done:
@@ -357,6 +360,7 @@ hada_status hada_wave_whole(hada_wave *wave, double distance_mm, double waveleng
     const travel t = travel_of(wave, distance_mm, wavelength_mm, path_scale);
     const double width = wave->camera.pixel_pitch_mm / hada_camera_magnification(&wave->camera, distance_mm);
     hada_status status = HADA_OK;
+    HADA_TRY(hada_monitor_check(wave->design.monitor, err));
     HADA_TRY(size_grid(wave, distance_mm, &g, err));
     HADA_TRY(make_work(wave, &g, err));
     HADA_TRY(spread(wave, &t, path_scale, err));

@@ -16,6 +16,7 @@ hada_status hada_optics_plots(const hada_optics_report *report, const char *fold
 hada_status hada_optics_lenses(const hada_camera *camera, const char *folder, hada_error *err);
 
 /* mask.png: the mask's thickness where it is open, or its openings. */
-hada_status hada_optics_mask(const hada_camera *camera, const char *folder, hada_error *err);
+hada_status hada_optics_mask(const hada_camera *camera, const char *folder, const hada_monitor *monitor,
+                             hada_error *err);
 
 #endif

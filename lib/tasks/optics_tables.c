@@ -8,6 +8,7 @@
 #include "core/alloc.h"
 #include "io/folder.h"
 #include "io/text.h"
+#include "optics/mask.h"
 #include "tasks/optics_files.h"
 
 static const struct {
@@ -183,19 +184,23 @@ static void shade(hada_image *open, const hada_image *thickness)
             darkest + (1.0f - darkest) * fminf(fmaxf((thickness->data[i] - low) / (high - low), 0.0f), 1.0f);
 }
 
-hada_status hada_optics_mask(const hada_camera *camera, const char *folder, hada_error *err)
+hada_status hada_optics_mask(const hada_camera *camera, const char *folder, const hada_monitor *monitor,
+                             hada_error *err)
 {
     enum { SIDE = 720 };
     hada_status status = HADA_OK;
     hada_image thickness = {0}, open = {0};
+    hada_mask_design design = {.monitor = monitor};
     char *path = NULL;
     if (!hada_pictures_available())
         return HADA_OK;
     HADA_TRY(hada_path_format(&path, err, "%s/mask.png", folder));
-    HADA_TRY(hada_camera_mask_map(camera, SIDE, SIDE, &thickness, &open, err));
+    HADA_TRY(hada_mask_make_watched(&design, camera, monitor, err));
+    HADA_TRY(hada_mask_map(&design, SIDE, SIDE, &thickness, &open, err));
     shade(&open, &thickness);
     HADA_TRY(hada_png_save(path, &open, 1.0, 1.0, err));
 done:
+    hada_mask_free(&design);
     hada_image_destroy(&thickness);
     hada_image_destroy(&open);
     free(path);

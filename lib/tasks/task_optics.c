@@ -9,6 +9,7 @@
 #include "core/options.h"
 #include "io/folder.h"
 #include "io/text.h"
+#include "optics/mask.h"
 #include "tasks/optics_files.h"
 
 #define PSF_GAMMA 0.4 /* shows the light around spots */
@@ -23,6 +24,7 @@ void hada_optics_task_defaults(hada_optics_task *task, size_t size)
 typedef struct source {
     hada_tiff_reader *reader;
     hada_wave *wave;
+    const hada_monitor *monitor;
 } source;
 
 static hada_status source_open(source *from, const hada_optics_task *task, const hada_camera *camera,
@@ -33,6 +35,7 @@ static hada_status source_open(source *from, const hada_optics_task *task, const
         hada_wave_options waves;
         hada_wave_options_init(&waves);
         waves.coherent = task->coherent;
+        waves.monitor = task->monitor;
         return camera->optics == HADA_OPTICS_WAVE ? hada_wave_create(&from->wave, context, camera, &waves, err)
                                                   : HADA_OK;
     }
@@ -54,7 +57,7 @@ static hada_status source_get(source *from, const hada_camera *camera, int z, ha
     if (from->reader)
         return hada_tiff_read(from->reader, z, psf, err);
     return from->wave ? hada_wave_psf(from->wave, distance, camera->rows, camera->cols, psf, err)
-                      : hada_camera_psf(camera, distance, psf, err);
+                      : hada_camera_psf_watched(camera, distance, camera->rows, camera->cols, from->monitor, psf, err);
 }
 
 static hada_status write_psf(hada_tiff_writer **writer, const hada_camera *camera, const hada_image *psf,
@@ -129,11 +132,11 @@ static hada_status fill_folder(void *user, const char *folder, hada_error *err)
     const hada_camera *camera = r->camera;
     const int holes = camera->mask == HADA_MASK_APERTURE && !(camera->cell_mm > 0.0);
     hada_status status = HADA_OK;
-    source from = {0};
+    source from = {.monitor = r->task->monitor};
     char *path = NULL;
     HADA_TRY(hada_path_format(&path, err, "%s/camera.json", folder));
     HADA_TRY(hada_camera_save(camera, path, err));
-    HADA_TRY(hada_optics_mask(camera, folder, err));
+    HADA_TRY(hada_optics_mask(camera, folder, r->task->monitor, err));
     if (camera->mask == HADA_MASK_MLA || camera->mask == HADA_MASK_GRID || holes)
         HADA_TRY(hada_optics_lenses(camera, folder, err));
     HADA_TRY(source_open(&from, r->task, camera, r->context, err));

@@ -29,6 +29,8 @@ static hada_status take_task(hada_recipe *recipe, const hada_camera *camera, con
     HADA_TRY(HADA_OPTIONS_TAKE(&recipe->camera, camera, hada_camera, err));
     HADA_TRY(HADA_OPTIONS_TAKE(task, callers, hada_simulate_task, err));
     HADA_TRY(HADA_OPTIONS_TAKE(&recipe->simulator_options, task->simulator, hada_simulator_options, err));
+    if (!recipe->simulator_options.monitor)
+        recipe->simulator_options.monitor = task->monitor;
     HADA_TRY(HADA_OPTIONS_TAKE(&recipe->sensor, task->sensor, hada_sensor, err));
     recipe->has_sensor = task->sensor != NULL;
     if (task->pairs < 1 || task->test_depths < 1 || task->tests < 0)

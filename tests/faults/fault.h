@@ -21,6 +21,9 @@ const char *fault_struck(void);
 /* What was made since fault_arm() and still lives. */
 long fault_memory_alive(void);
 long fault_objects_alive(void);
+/* Pieces of memory that stay alive: a driver may give a buffer's memory back from a thread of its own, a moment after
+ * the last command that used it; that thread may wait for its turn. */
+long fault_memory_left(void);
 
 /* What a device pretends to be, whether armed or not. Zero: the truth. */
 typedef struct fault_device {

@@ -5,6 +5,7 @@
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <unistd.h>
 
 #include "fault.h"
 
@@ -53,6 +54,14 @@ const char *fault_struck(void)
 long fault_memory_alive(void)
 {
     return books.memory;
+}
+
+long fault_memory_left(void)
+{
+    enum { LOOK_US = 5000, MOST_LOOKS = 4000 };
+    for (int i = 0; fault_memory_alive() && i < MOST_LOOKS; i++)
+        usleep(LOOK_US);
+    return fault_memory_alive();
 }
 
 long fault_objects_alive(void)

@@ -96,16 +96,6 @@ static const char *struck_name(void)
     return fault_struck() ? fault_struck() : "nothing";
 }
 
-/* Pieces of memory that stay alive: a driver may give a buffer's memory back from a thread of its own, a moment after
- * the last command that used it; that thread may wait for its turn. */
-static long memory_left(void)
-{
-    enum { LOOK_US = 5000, MOST_LOOKS = 4000 };
-    for (int i = 0; fault_memory_alive() && i < MOST_LOOKS; i++)
-        usleep(LOOK_US);
-    return fault_memory_alive();
-}
-
 /* One run with a fault. Returns 1 when it was noticed, 0 when the job went on without harm; counts what is wrong. */
 static int run_one(fault_job *job, const struct stage *stage, fault_kind kind, long n, uint64_t expected, int *wrong)
 {
@@ -117,7 +107,7 @@ static int run_one(fault_job *job, const struct stage *stage, fault_kind kind, l
     job->sum = 0;
     fault_arm(kind, n);
     const hada_status status = stage->run(job, &error);
-    const long memory = memory_left(), objects = fault_objects_alive();
+    const long memory = fault_memory_left(), objects = fault_objects_alive();
     fault_disarm();
     *wrong += memory != 0;
     *wrong += objects != 0;
@@ -176,7 +166,7 @@ static void every_call_may_fail(void **state)
                     fail_msg("%s without faults: %s", stage->name, error.message);
                 fault_chains_listen(NULL, FAULT_SPREAD);
                 if (warm)
-                    assert_true(memory_left() == 0 && fault_objects_alive() == 0);
+                    assert_true(fault_memory_left() == 0 && fault_objects_alive() == 0);
                 calls = fault_disarm();
                 expected = job->sum;
                 sweep(job->folder);

@@ -155,7 +155,7 @@ def test_records_have_every_member(kind: type, struct: str, left_out: set[str]) 
         ),
         (hadalens.simulate, "hada_simulate_task", {"simulator", "monitor"}),
         (hadalens.Net.unet, "hada_unet_options", set()),
-        (hadalens.optics.Wave, "hada_wave_options", set()),
+        (hadalens.optics.Wave, "hada_wave_options", {"monitor"}),
         (hadalens.reconstruct_files, "hada_files_task", {"user", "monitor", "communicator"}),
     ],
 )

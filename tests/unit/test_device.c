@@ -216,6 +216,30 @@ static void save_program(hada_context *context, const char *file, const char *fo
     free(text);
 }
 
+static int stops_at_second(void *user)
+{
+    return ++*(int *)user > 1;
+}
+
+/* Once a program is saved somebody wants to stop: that one is there, no further one is built. */
+static void saving_stops(hada_context *context, const char *folder)
+{
+    char inside[128], command[300];
+    int asked = 0;
+    hada_error error;
+    hada_monitor monitor;
+    hada_monitor_init(&monitor);
+    monitor.user = &asked;
+    monitor.cancelled = stops_at_second;
+    snprintf(inside, sizeof inside, "%s/some", folder);
+    const unsigned before = hada_context_programs_compiled(context);
+    assert_int_equal(hada_programs_save_with(context, inside, &monitor, &error), HADA_ERROR_CANCELLED);
+    assert_int_equal(asked, 2);
+    assert_true(hada_context_programs_compiled(context) <= before + 1);
+    snprintf(command, sizeof command, "test $(ls -A %s | wc -l) = 1 && rm -r %s", inside, inside);
+    assert_int_equal(system(command), 0);
+}
+
 static void offline_binaries_need_no_compiler(void **state)
 {
     (void)state;
@@ -234,6 +258,7 @@ static void offline_binaries_need_no_compiler(void **state)
     ASSERT_OK(hada_context_create(&context, &options, err));
     save_program(context, "selftest", folder);
     assert_int_equal(hada_programs_save(context, "/proc/none/x", &error), HADA_ERROR_FILE_WRITE);
+    saving_stops(context, folder);
     hada_context_destroy(&context);
     options.binaries = folder;
     ASSERT_OK(hada_context_create(&context, &options, err));

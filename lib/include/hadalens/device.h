@@ -4,6 +4,7 @@
 #ifndef HADALENS_DEVICE_H
 #define HADALENS_DEVICE_H
 
+#include <hadalens/monitor.h>
 #include <hadalens/status.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -120,6 +121,10 @@ HADA_API unsigned hada_context_programs_loaded(const hada_context *context);
 /* Builds every kernel of the library for the context's device and writes the binaries with a manifest into `folder`
  * (created when missing), for machines or devices that cannot compile. */
 HADA_API hada_status hada_programs_save(hada_context *context, const char *folder, hada_error *err);
+/* The same, telling a monitor (NULL: nobody) of every program, and asking it whether to stop: HADA_ERROR_CANCELLED
+ * then, and the folder holds what was built before, each file whole. With PoCL all of it takes minutes. */
+HADA_API hada_status hada_programs_save_with(hada_context *context, const char *folder, const hada_monitor *monitor,
+                                             hada_error *err);
 
 #ifdef __cplusplus
 }

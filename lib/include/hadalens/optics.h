@@ -13,6 +13,7 @@
 #include <hadalens/camera.h>
 #include <hadalens/device.h>
 #include <hadalens/image.h>
+#include <hadalens/monitor.h>
 
 #ifdef __cplusplus
 extern "C" {
@@ -27,6 +28,8 @@ typedef struct hada_wave_options {
     int coherent;
     double stray; /* about the share of light that may be left out, scattered at the edges of lenses or openings so
                      far that it leaves the grid that is computed; HADA_AUTO (default): 0.002 */
+    const hada_monitor *monitor; /* asked several times a second whether to stop (then HADA_ERROR_CANCELLED); it must
+                                    last as long as the hada_wave. NULL (default): nobody */
 } hada_wave_options;
 
 HADA_API void hada_wave_options_defaults(hada_wave_options *options, size_t size);

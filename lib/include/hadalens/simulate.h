@@ -8,6 +8,7 @@
 #include <hadalens/camera.h>
 #include <hadalens/device.h>
 #include <hadalens/image.h>
+#include <hadalens/monitor.h>
 #include <hadalens/sensor.h>
 #include <stdint.h>
 
@@ -28,13 +29,16 @@ HADA_API hada_status hada_simulator_create_psf(hada_simulator **out, hada_contex
 
 /* What a simulator can differ in. Start from hada_simulator_options_init(). */
 typedef struct hada_simulator_options {
-    size_t size;                /* sizeof(hada_simulator_options) */
-    const hada_image *psf;      /* as for hada_simulator_create_psf; NULL (default): the camera's own */
-    int shift_rows, shift_cols; /* where the sensor's middle stands from the optical axis, in pixels: the frame holds
-                                   at pixel (r, c) what it would hold at (r + shift_rows, c + shift_cols) */
-    int field_rows, field_cols; /* scenes may be this large, about the middle of the window, so that light from beyond
-                                   the window enters the frame; larger than the sensor with HADA_BOUNDARY_PADDED only.
-                                   0 (default): the window */
+    size_t size;                 /* sizeof(hada_simulator_options) */
+    const hada_image *psf;       /* as for hada_simulator_create_psf; NULL (default): the camera's own */
+    int shift_rows, shift_cols;  /* where the sensor's middle stands from the optical axis, in pixels: the frame holds
+                                    at pixel (r, c) what it would hold at (r + shift_rows, c + shift_cols) */
+    int field_rows, field_cols;  /* scenes may be this large, about the middle of the window, so that light from beyond
+                                    the window enters the frame; larger than the sensor with HADA_BOUNDARY_PADDED only.
+                                    0 (default): the window */
+    const hada_monitor *monitor; /* asked several times a second whether to stop, while PSFs are made and frames are
+                                    rendered (then HADA_ERROR_CANCELLED); it must last as long as the simulator. NULL
+                                    (default): nobody; in hada_simulate_run() the task's */
 } hada_simulator_options;
 HADA_API void hada_simulator_options_defaults(hada_simulator_options *options, size_t size);
 static inline void hada_simulator_options_init(hada_simulator_options *options)

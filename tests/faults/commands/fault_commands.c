@@ -21,7 +21,9 @@
 
 int hada_cli_main(int argc, char **argv);
 
-enum { MOST_WORDS = 32, SECONDS = 300, LAST_EXIT = 7, MOST_JOBS = 64 };
+/* SECONDS: for a run with a fault, so many times as long for what comes before, which may have to compile all kernels.
+ */
+enum { MOST_WORDS = 32, SECONDS = 300, UNDISTURBED = 12, LAST_EXIT = 7, MOST_JOBS = 64 };
 
 /* What a command may leave of its output when it fails: nothing (or what was there before), or some files of it, each
  * whole; what it writes when it succeeds is the same every time, or holds times that it measured. */
@@ -52,6 +54,8 @@ static const fault_command commands[] = {
     {"tune", "tune -o tuning --size 15x14 --rounds 1", "tuning", MEASURED},
     {"bench", "bench -m a.model set/test/raw/test01.tif --quick --no-start --no-sweep -o speed", "speed", MEASURED},
 };
+
+#define COMMANDS (sizeof commands / sizeof *commands)
 
 static const char *const kinds[FAULT_KINDS] = {"none", "memory", "opencl", "map", "file"};
 
@@ -97,12 +101,12 @@ static void run_here(const fault_command *command, const running *job)
     must(!chdir(job->folder), job->folder);
     setenv("TMPDIR", job->folder, 1);
     must(freopen("stdout", "w", stdout) && freopen("stderr", "w", stderr), "stdout");
-    alarm(SECONDS);
+    alarm(job->n ? SECONDS : UNDISTURBED * SECONDS);
     if (fault_choice_asked() && !job->n)
         fault_chains_listen(&job->told->chains, fault_choice_asked());
     fault_arm(job->kind, job->n);
     const int code = hada_cli_main(count, list);
-    job->told->memory = fault_memory_alive();
+    job->told->memory = fault_memory_left();
     job->told->objects = fault_objects_alive();
     job->told->calls = fault_disarm();
     snprintf(job->told->struck, sizeof job->told->struck, "%s", fault_struck() ? fault_struck() : "nothing");
@@ -266,6 +270,17 @@ static void make_jobs(void)
     }
 }
 
+/* Whether a command is asked for, or makes something that one of those takes that are. */
+static int is_needed(size_t c, const char *only)
+{
+    if (!only || !strncmp(only, commands[c].name, strcspn(only, ":")))
+        return 1;
+    for (size_t later = c + 1; later < COMMANDS && commands[c].output; later++)
+        if (strstr(commands[later].words, commands[c].output) && is_needed(later, only))
+            return 1;
+    return 0;
+}
+
 int main(int argc, char **argv)
 {
     const char *only = getenv("FAULT_ONLY");
@@ -275,8 +290,10 @@ int main(int argc, char **argv)
     must(!tree_remove(all.folder) && !mkdir(all.folder, 0700) && !mkdir(all.whole, 0700), all.folder);
     setenv("HADALENS_CACHE", "off", 1); /* PoCL's own serves: what is compiled does not depend on the run before */
     make_jobs();
-    for (size_t c = 0; c < sizeof commands / sizeof *commands; c++) {
+    for (size_t c = 0; c < COMMANDS; c++) {
         const fault_command *command = &commands[c];
+        if (!is_needed(c, only))
+            continue;
         const int skipped = only && strncmp(only, command->name, strcspn(only, ":"));
         for (fault_kind kind = FAULT_MEMORY; kind < FAULT_KINDS; kind++) {
             char name[64];

@@ -1,0 +1,169 @@
+/* Designed cameras whose light takes long can be stopped, wherever they are asked, and leave nothing behind. */
+#include <hadalens/optics.h>
+#include <hadalens/simulate.h>
+#include <string.h>
+
+#include "testing.h"
+
+enum { ROWS = 24, COLS = 30, WINDOW = 12 };
+
+static hada_context *context;
+
+/* Says stop when it is asked for the n-th time; 0: never. */
+typedef struct asked {
+    long count, stop_at;
+} asked;
+
+static int stops(void *user)
+{
+    asked *a = user;
+    return ++a->count == a->stop_at || (a->stop_at && a->count > a->stop_at);
+}
+
+static hada_camera camera_of(hada_mask mask, hada_optics optics)
+{
+    hada_camera camera;
+    ASSERT_OK(hada_camera_preset(&camera, "sim300", err));
+    ASSERT_OK(hada_camera_resize(&camera, ROWS, COLS, WINDOW, WINDOW, err));
+    ASSERT_OK(hada_camera_set_depths(&camera, 100.0, 300.0, 2, err));
+    camera.channels = 1;
+    camera.lenses = 5;
+    camera.optics = optics;
+    ASSERT_OK(hada_camera_set_mask(&camera, mask, err));
+    if (optics == HADA_OPTICS_WAVE && mask != HADA_MASK_MLA) { /* few samples */
+        camera.aperture_mm = 2.0;
+        camera.correlation_mm = 0.5;
+        camera.deflection_mrad = 2.0;
+        camera.lens_diameter_mm = 0.1;
+        camera.minimum_spacing_mm = 0.0;
+    }
+    return camera;
+}
+
+/* A frame of a white window. */
+static hada_status render(const hada_camera *camera, asked *who, hada_image *frame, hada_error *why)
+{
+    hada_simulator *simulator = NULL;
+    hada_simulator_options options;
+    hada_monitor monitor;
+    hada_image white = {0};
+    hada_status status;
+    hada_monitor_init(&monitor);
+    monitor.user = who;
+    monitor.cancelled = stops;
+    hada_simulator_options_init(&options);
+    options.monitor = &monitor;
+    *frame = (hada_image){0};
+    if ((status = hada_simulator_create_with(&simulator, context, camera, &options, why)))
+        return status;
+    ASSERT_OK(hada_image_create(&white, 1, WINDOW, WINDOW, err));
+    for (size_t i = 0; i < hada_image_count(&white); i++)
+        white.data[i] = 1.0f;
+    const hada_plane planes[] = {{0, &white}, {1, &white}};
+    status = hada_simulator_render(simulator, planes, 2, 0.0, 0, frame, why);
+    hada_image_destroy(&white);
+    hada_simulator_destroy(&simulator);
+    return status;
+}
+
+static void stopped_anywhere(void **state)
+{
+    (void)state;
+    static const struct {
+        hada_mask mask;
+        hada_optics optics;
+        long least; /* times that it is asked, at least: for every row of rays, batch of lenses, row of a mask */
+    } cases[] = {{HADA_MASK_MLA, HADA_OPTICS_GEOMETRY, 100},     {HADA_MASK_DIFFUSER, HADA_OPTICS_GEOMETRY, 100},
+                 {HADA_MASK_CONTOUR, HADA_OPTICS_GEOMETRY, 100}, {HADA_MASK_MLA, HADA_OPTICS_WAVE, 7},
+                 {HADA_MASK_DIFFUSER, HADA_OPTICS_WAVE, 100},    {HADA_MASK_CONTOUR, HADA_OPTICS_WAVE, 100}};
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        const hada_camera camera = camera_of(cases[i].mask, cases[i].optics);
+        asked never = {0};
+        hada_image frame;
+        hada_error why;
+        assert_int_equal(render(&camera, &never, &frame, &why), HADA_OK);
+        assert_true(never.count >= cases[i].least);
+        hada_image_destroy(&frame);
+        for (int k = 0; k < 3; k++) { /* at the first, at the last, and between */
+            asked once = {.stop_at = 1 + k * (never.count - 1) / 2};
+            assert_int_equal(render(&camera, &once, &frame, &why), HADA_ERROR_CANCELLED);
+            assert_int_equal(once.count, once.stop_at); /* the work ends there */
+            assert_null(frame.data);
+        }
+    }
+}
+
+/* Stopped once, a simulator does its work when it is asked again. */
+static void goes_on_afterwards(void **state)
+{
+    (void)state;
+    const hada_camera camera = camera_of(HADA_MASK_DIFFUSER, HADA_OPTICS_WAVE);
+    asked who = {.stop_at = 4};
+    hada_monitor monitor;
+    hada_wave_options options;
+    hada_wave *wave;
+    hada_image psf, again;
+    hada_error why;
+    hada_monitor_init(&monitor);
+    monitor.user = &who;
+    monitor.cancelled = stops;
+    hada_wave_options_init(&options);
+    options.monitor = &monitor;
+    ASSERT_OK(hada_wave_create(&wave, context, &camera, &options, err));
+    assert_int_equal(hada_wave_psf(wave, 100.0, ROWS, COLS, &psf, &why), HADA_ERROR_CANCELLED);
+    assert_null(psf.data);
+    who.stop_at = 0;
+    ASSERT_OK(hada_wave_psf(wave, 100.0, ROWS, COLS, &psf, err));
+    hada_wave_destroy(&wave);
+    ASSERT_OK(hada_wave_create(&wave, context, &camera, NULL, err));
+    ASSERT_OK(hada_wave_psf(wave, 100.0, ROWS, COLS, &again, err));
+    assert_memory_equal(psf.data, again.data, hada_image_count(&psf) * sizeof(float));
+    hada_image_destroy(&psf);
+    hada_image_destroy(&again);
+    hada_wave_destroy(&wave);
+}
+
+/* Numbers of a camera that would take hours are refused, whatever file they come from. */
+static void too_much_is_refused(void **state)
+{
+    (void)state;
+    hada_camera camera = camera_of(HADA_MASK_MLA, HADA_OPTICS_GEOMETRY);
+    hada_image psf;
+    hada_error why;
+    double x[4096], y[4096];
+    camera.lenses = 29;
+    camera.pixel_pitch_mm = 1e-6;
+    assert_int_equal(hada_camera_psf(&camera, 100.0, &psf, &why), HADA_ERROR_UNSUPPORTED);
+    assert_non_null(strstr(why.message, "larger pixels"));
+    camera.pixel_pitch_mm = 0.4;
+    assert_int_equal(hada_camera_psf(&camera, 1e-300, &psf, &why), HADA_ERROR_UNSUPPORTED);
+    camera.lenses = 4096;
+    camera.minimum_spacing_mm = 0.0;
+    camera.blur_pixels = 64.0;
+    assert_int_equal(hada_camera_psf(&camera, 100.0, &psf, &why), HADA_ERROR_UNSUPPORTED);
+    assert_null(psf.data);
+    camera.minimum_spacing_mm = 0.16; /* more than fit, by little */
+    assert_int_equal(hada_camera_lenses(&camera, x, y, &why), HADA_ERROR_ARGUMENT);
+    assert_non_null(strstr(why.message, "do not fit"));
+}
+
+static int open_context(void **state)
+{
+    (void)state;
+    hada_error why;
+    return hada_context_create(&context, NULL, &why) != HADA_OK;
+}
+
+static int close_context(void **state)
+{
+    (void)state;
+    hada_context_destroy(&context);
+    return 0;
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(stopped_anywhere), cmocka_unit_test(goes_on_afterwards),
+                                       cmocka_unit_test(too_much_is_refused)};
+    return cmocka_run_group_tests(tests, open_context, close_context);
+}
